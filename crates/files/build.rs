@@ -1,4 +1,4 @@
-//! Tells the library from which commit, for which target and with which compiler it is built.
+//! Records from which commit, for which target and with which compiler the library is built.
 //!
 //! Without git, or outside the project's own repository, the commit is `unknown`; the build never fails for it.
 
@@ -26,7 +26,7 @@ fn main() {
     }
 }
 
-/// The commit checked out, with `-dirty` behind it if a source differs from it.
+/// The commit checked out, with `-dirty` appended if a source differs from it.
 fn commit() -> Option<String> {
     let top = PathBuf::from(output("git", &["rev-parse", "--show-toplevel"])?);
     let here = PathBuf::from(env::var_os("CARGO_MANIFEST_DIR")?).join(ROOT);

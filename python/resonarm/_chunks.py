@@ -1,4 +1,7 @@
-"""Chunks of a map: computed on all cores or on a Dask cluster, kept as they are done."""
+"""Chunks of a map: computed on all cores or on a Dask cluster, kept as they are done.
+
+A chunk is initial states only: each process finds the stable motions itself, which takes a second.
+"""
 
 import hashlib
 import json

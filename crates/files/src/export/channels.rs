@@ -13,8 +13,7 @@ pub(super) fn lead(topic: Topic, origin: &Origin) -> f64 {
     }
 }
 
-/// Hands the values of every wanted sample of a part to `visit`, in order and without a gap; the first sample and how
-/// many there were.
+/// Passes the values of every wanted sample of a part to `visit`, in order and without a gap.
 ///
 /// # Errors
 /// [`ExportError::Recording`] if samples are missing.

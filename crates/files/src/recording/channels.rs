@@ -86,7 +86,7 @@ impl Point {
     }
 }
 
-/// Along which axis of the base frame, or about which.
+/// The axis of the base frame along or about which a channel is measured.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Axis {
     /// Along x.
@@ -179,13 +179,13 @@ pub struct Channels {
 }
 
 impl Channels {
-    /// Those of the two-link arm, with or without the coil of a shaker.
+    /// The channels of the two-link arm, with or without the coil of a shaker.
     pub fn arm(has_coil: bool) -> Channels {
         let states = STATES.into_iter().filter(|channel| has_coil || channel.kind != Kind::Internal).collect();
         Channels { states, readings: READINGS.into() }
     }
 
-    /// Those of a topic are these.
+    /// Sets the channels of a topic.
     pub(super) fn set(&mut self, topic: Topic, channels: &[Channel]) {
         match topic {
             Topic::Samples => self.readings = channels.to_vec(),
@@ -193,12 +193,12 @@ impl Channels {
         }
     }
 
-    /// Those of a topic, vector by vector: its name and its components.
+    /// The vectors of a topic: the name and the components of each.
     pub fn vectors(&self, topic: Topic) -> impl Iterator<Item = (&'static str, &[Channel])> {
         self.of(topic).chunk_by(|one, next| one.vector == next.vector).map(|vector| (vector[0].vector, vector))
     }
 
-    /// Those in the batches of a topic, in order; none of frames, ticks and events.
+    /// The channels in the batches of a topic, in order; empty for frames, ticks and events.
     pub fn of(&self, topic: Topic) -> &[Channel] {
         match topic {
             Topic::States => &self.states,
@@ -222,7 +222,7 @@ pub struct Values {
 }
 
 impl Values {
-    /// Of the first `count` of these numbers.
+    /// The first `count` of `numbers`.
     pub(super) const fn new(numbers: [f64; STATES.len()], count: usize) -> Values {
         Values { numbers, count }
     }

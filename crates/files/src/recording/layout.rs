@@ -158,14 +158,17 @@ pub struct Layout {
 }
 
 impl Layout {
-    /// As it is written.
+    /// The layout in which a message is written.
     pub fn new(channels: &Channels, message_type: MessageType) -> Layout {
         let (fields, channels) = numbered(message_type, channels).unzip();
         let channels: Vec<&Channel> = channels;
         Layout { channels: channels.into_iter().copied().collect(), fields, mark: MARK }
     }
 
-    /// As the schema of a batch says.
+    /// The layout that the schema of a batch states.
+    ///
+    /// # Errors
+    /// [`ChannelsError`]: the schema is damaged, or has other channels than the table.
     pub fn read(message_type: MessageType, schema: &[u8]) -> Result<Layout, ChannelsError> {
         let set = FileSet::decode(schema).map_err(|error| ChannelsError::Schema { cause: error.to_string() })?;
         let mut types = set.files.iter().flat_map(|file| file.messages.iter().map(move |of| (&file.package, of)));
@@ -416,7 +419,7 @@ pub struct Plot {
 }
 
 impl Plot {
-    /// Of the numbers of a row, in the order of the table, those that the message has.
+    /// The message of a row: of its numbers, in the order of the table, those that the message has.
     pub fn new(message_type: MessageType, channels: &Channels, sample: u64, row: &[f64], clipped: u32) -> Plot {
         let fields = numbered(message_type, channels).map(|(field, _)| field);
         let numbers = fields.filter_map(|field| Some((field, *row.get((field - FIRST) as usize)?))).collect();

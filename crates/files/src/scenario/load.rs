@@ -67,7 +67,8 @@ fn bit_error_rate(network: &NetworkSection) -> Result<f64, ScenarioError> {
     }
 }
 
-/// Refuses what can't all be sent with the worst stuffing. `sent` gives what is sent at a sample rate.
+/// Refuses what can't all be sent with the most stuff bits: how many there are depends on the readings, and a bus that
+/// carries the most carries every sample. `sent` gives what is sent at a sample rate.
 ///
 /// The load is a + b · rate, with a of heartbeats and hellos: so the rate that fits is (1 − a)/b.
 fn check<S: Iterator<Item = Stream>>(

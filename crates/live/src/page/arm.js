@@ -5,7 +5,8 @@ import { Clipping } from "./clipped.js";
 
 // The largest vibration drawn, rad.
 const DRAWN_RAD = 0.22;
-// How fast the vibration appears in a stroboscope, Hz.
+// How fast the vibration appears in a stroboscope, Hz: thirty pictures a second of 22 Hz show another motion; lit at its
+// frequency less this one, the arm passes slowly through its real shapes.
 const APPARENT_HZ = 1;
 const [ALPHA1, ALPHA2, B_X, C_X] = [10, 11, 6, 8];
 
