@@ -1,7 +1,7 @@
 //! Stability of a periodic motion by its Floquet multipliers (A. H. Nayfeh, B. Balachandran, "Applied Nonlinear
 //! Dynamics", 1995, Ch. 3).
 //!
-//! A variation y of the motion obeys M y″ + G/ω y′ + S/ω² y = 0 in the phase τ = ωt. Its flow over one period, the
+//! A variation y of the motion satisfies M y″ + G/ω y′ + S/ω² y = 0 in the phase τ = ωt. Its flow over one period, the
 //! monodromy matrix, has the multipliers μ as eigenvalues; the motion is stable if all |μ| < 1. At damping ratios of
 //! 1e-4 the multipliers are within a thousandth of the unit circle, so the flow is integrated by Gauss–Legendre
 //! collocation with four stages, which has no damping of its own: order 8, relative frequency error −(ωh)⁸/25 401 600.

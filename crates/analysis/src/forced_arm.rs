@@ -28,7 +28,7 @@ impl ForcedArm {
         &self.arm
     }
 
-    /// The load at the crest of the sine.
+    /// The peak load of the sine.
     pub fn load(&self) -> Load {
         self.direction.scaled(self.amplitude)
     }

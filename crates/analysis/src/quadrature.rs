@@ -49,13 +49,13 @@ struct AtRest {
 impl AtRest {
     fn of<O: Oscillator>(oscillator: &O, drive: O::Parameter) -> AtRest {
         let rest = Vector2::zeros();
-        let crest = Instant { position: rest, velocity: rest, acceleration: rest, sine: 1.0, cosine: 0.0 };
-        let linear = oscillator.linearise(&crest);
+        let peak = Instant { position: rest, velocity: rest, acceleration: rest, sine: 1.0, cosine: 0.0 };
+        let linear = oscillator.linearise(&peak);
         AtRest {
             stiffness: linear.by_position,
             damping: linear.by_velocity,
             mass: linear.by_acceleration,
-            load: -oscillator.by_parameter(drive, &crest),
+            load: -oscillator.by_parameter(drive, &peak),
         }
     }
 

@@ -14,7 +14,7 @@ pub struct Noise {
     generator: ChaCha8Rng,
 }
 
-/// The copy goes on with the same numbers as the original. The generator has no `Clone`, but gives out its state.
+/// The copy continues with the same numbers as the original. The generator has no `Clone`, but gives out its state.
 impl Clone for Noise {
     fn clone(&self) -> Noise {
         Noise { generator: ChaCha8Rng::deserialize_state(&self.generator.serialize_state()) }

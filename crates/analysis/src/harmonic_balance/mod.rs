@@ -224,7 +224,7 @@ impl<O: Oscillator> HarmonicBalance<O> {
     }
 
     /// An estimate of what the truncation to H harmonics leaves out, rad: the balance fails in the components k > H by
-    /// r̂ₖ, and a harmonic Z(kω)⁻¹ r̂ₖ would mend that, with the mean dynamic stiffness Z = S̄ + ikωḠ − k²ω²M̄. The
+    /// r̂ₖ, and a harmonic Z(kω)⁻¹ r̂ₖ would correct that, with the mean dynamic stiffness Z = S̄ + ikωḠ − k²ω²M̄. The
     /// largest of k = H + 1 … 2H + 1.
     pub fn truncation_error_rad(&self) -> f64 {
         let orders = self.harmonics + 1..=2 * self.harmonics + 1;

@@ -14,7 +14,7 @@ const CORRECTION_LIMIT: f64 = 1e-8;
 const CORRECTION_BOUND: f64 = 10.0;
 /// Two points this near each other, as part of the motion, are one.
 pub(super) const SAME_POINT: f64 = 1e-7;
-/// A multiplier nearer to 1 can't be told from 1: the derivative's own error is near 1e-10.
+/// A multiplier nearer to 1 is indistinguishable from 1: the derivative's own error is near 1e-10.
 const SMALLEST_DECAY: f64 = 1e-9;
 /// Squarings: 2⁴⁰ periods.
 const SQUARINGS: i32 = 40;

@@ -55,8 +55,8 @@ impl<'a> StroboscopicMap<'a> {
         if !(frequency_hz.is_finite() && frequency_hz > 0.0) {
             return Err(TimeDomainError::Frequency { got_hz: frequency_hz });
         }
-        let crest = &sine.amplitude;
-        if !crest.torque_nm.iter().chain(&crest.force_n).all(|value| value.is_finite()) {
+        let peak = &sine.amplitude;
+        if !peak.torque_nm.iter().chain(&peak.force_n).all(|value| value.is_finite()) {
             return Err(TimeDomainError::Load);
         }
         let mut needed: f64 = FEWEST_STEPS;

@@ -19,12 +19,12 @@ const MOST_POINTS: u32 = 1_000_000;
 pub enum SweepParameter {
     /// The frequency of the excitation, Hz, at a constant amplitude.
     Frequency {
-        /// The load at the crest.
+        /// The peak load.
         amplitude: Load,
     },
     /// The amplitude of the excitation at a constant frequency.
     Amplitude {
-        /// The load at the crest for the value 1: 1 N·m or 1 N, say.
+        /// The peak load at the value 1, for example 1 N·m or 1 N.
         unit: Load,
         /// The frequency, Hz.
         frequency_hz: f64,

@@ -188,7 +188,7 @@ fn settled_motion_closes_by_another_scheme() {
         let error = (map.point(&end) - map.point(&settled.end)).norm() / size;
         assert!(error < 1e-8 / map.time_constant_periods(), "{beta2_deg}°: {error}");
         for (amplitude, largest) in settled.amplitude_rad.iter().zip(&largest) {
-            // Between samples of 1/1000 of a period the crest is missed by at most (nπ/1000)²/2 of harmonic n.
+            // Between samples of 1/1000 of a period the peak is missed by at most (nπ/1000)²/2 of harmonic n.
             let missed = amplitude / largest - 1.0;
             assert!((0.0..1e-4).contains(&missed), "{beta2_deg}°: {missed}");
         }
@@ -310,7 +310,7 @@ fn work_stays_what_it_is() {
 }
 
 #[test]
-fn stops_when_it_is_told_to() {
+fn stops_on_request() {
     let arm = fitted(60.0);
     let map = StroboscopicMap::new(&arm, Sine { amplitude: Load::torque_nm(60.0, 0.0), frequency_hz: 22.1 }).unwrap();
     let stopped = settle(&map, &State::default(), &SettleOptions::default(), &|| true).unwrap_err();

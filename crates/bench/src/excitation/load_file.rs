@@ -9,7 +9,7 @@ use thiserror::Error;
 use super::ExcitationError;
 use resonarm_numeric::number::short;
 
-/// What a load file holds: loads in a unit of its own, since they are played with the crest of the amplitude.
+/// Loads of a file, in any unit: they are played with the amplitude as their peak.
 #[derive(Clone, Debug, PartialEq)]
 pub enum LoadFile {
     /// A load for every sample.
@@ -69,12 +69,12 @@ impl LoadFile {
         let _names = lines.next_if(|(_, line)| line.split(',').all(is_name));
         let timed = lines.peek().is_some_and(|(_, line)| line.contains(','));
         let file = if timed { LoadFile::Timed(timed_rows(lines)?) } else { LoadFile::Sampled(sampled_rows(lines)?) };
-        if file.crest() > 0.0 { Ok(file) } else { Err(LoadFileError::NoLoad) }
+        if file.peak() > 0.0 { Ok(file) } else { Err(LoadFileError::NoLoad) }
     }
 
     /// The largest magnitude of a load in it.
-    fn crest(&self) -> f64 {
-        let largest = |crest: f64, load: &f64| crest.max(libm::fabs(*load));
+    fn peak(&self) -> f64 {
+        let largest = |peak: f64, load: &f64| peak.max(libm::fabs(*load));
         match self {
             LoadFile::Sampled(loads) => loads.iter().fold(0.0, largest),
             LoadFile::Timed(rows) => rows.iter().map(|[_, load]| load).fold(0.0, largest),

@@ -17,7 +17,7 @@ pub struct Profile {
     duration_s: f64,
 }
 
-/// The shape in time, with a crest of 1.
+/// The shape in time, with a peak of 1.
 #[derive(Clone, Debug, PartialEq)]
 enum Shape {
     /// Stretches of sine, one after the other.
@@ -195,7 +195,7 @@ fn shape(spec: &ExcitationSpec, rate_hz: f64) -> Result<(Shape, f64), Excitation
     };
     let played = |values: Vec<f64>, periods: u32| {
         let duration_s = values.len() as f64 * f64::from(periods) / rate_hz;
-        (Shape::Samples(synthesis::with_crest_1(values).into()), duration_s)
+        (Shape::Samples(synthesis::with_peak_1(values).into()), duration_s)
     };
     Ok(match spec.profile {
         Waveform::Dwell { frequency_hz, duration_s, .. } => {

@@ -20,8 +20,8 @@ fn played(profile: &Profile) -> Vec<f64> {
     (0..profile.samples()).map(|n| profile.load(n).force_n.y / -8.0).collect()
 }
 
-fn crest(values: &[f64]) -> f64 {
-    values.iter().fold(0.0, |crest, value| value.abs().max(crest))
+fn peak(values: &[f64]) -> f64 {
+    values.iter().fold(0.0, |peak, value| value.abs().max(peak))
 }
 
 fn rms(values: &[f64]) -> f64 {
@@ -65,7 +65,7 @@ proptest! {
     }
 
     #[test]
-    fn noise_has_its_crest_its_band_and_the_bits_of_its_seed(
+    fn noise_has_its_peak_its_band_and_the_bits_of_its_seed(
         from_hz in 5.0..100.0_f64, width_hz in 20.0..300.0_f64, seed: u64,
     ) {
         let to_hz = from_hz + width_hz;
@@ -73,9 +73,9 @@ proptest! {
         let profile = along_y(0.0, random(seed)).unwrap();
         let values = played(&profile);
         prop_assert_eq!(values.len(), 3000);
-        prop_assert!((crest(&values) - 1.0).abs() < 1e-15);
+        prop_assert!((peak(&values) - 1.0).abs() < 1e-15);
         let factor = 1.0 / rms(&values);
-        prop_assert!((2.0..6.0).contains(&factor), "crest factor {}", factor);
+        prop_assert!((2.0..6.0).contains(&factor), "peak factor {}", factor);
         let inside = power(&values, grid(from_hz + 2.0, to_hz - 2.0, 60));
         let below = power(&values, grid(0.0, from_hz - 3.0, 20));
         let above = power(&values, grid(to_hz + 3.0, 499.0, 60));
@@ -96,7 +96,7 @@ proptest! {
         let period = values.len() / 3;
         prop_assert_eq!(period, tenths as usize * 100);
         prop_assert!(values[period..].iter().zip(&values).all(|(later, earlier)| later.to_bits() == earlier.to_bits()));
-        prop_assert!((crest(&values) - 1.0).abs() < 1e-15);
+        prop_assert!((peak(&values) - 1.0).abs() < 1e-15);
         let transform = resonarm_numeric::dft::Lines::new(period, period, 0, period / 2);
         let found = transform.transform(values[..period].iter().map(|value| Complex::new(*value, 0.0)));
         let size = found[first as usize].norm();
@@ -159,7 +159,7 @@ fn noise_follows_its_spectrum() {
         let (mut found, mut expected) = ([0.0; 10], [0.0; 10]);
         for seed in 0..20 {
             let values = played(&along_y(0.0, waveform(bursts, seed)).unwrap());
-            assert!((crest(&values) - 1.0).abs() < 1e-15);
+            assert!((peak(&values) - 1.0).abs() < 1e-15);
             let values = &values[..4000];
             let sigma = rms(values);
             for (part, (found, expected)) in found.iter_mut().zip(&mut expected).enumerate() {
@@ -215,7 +215,7 @@ fn bursts_are_on_and_off_and_differ() {
     };
     let values = played(&along_y(0.1, profile).unwrap());
     assert_eq!(values.len(), 2000);
-    assert!((crest(&values) - 1.0).abs() < 1e-15);
+    assert!((peak(&values) - 1.0).abs() < 1e-15);
     let mut bursts = values.chunks(500);
     for period in bursts.clone() {
         assert!(period[300..].iter().all(|value| *value == 0.0) && period[0] == 0.0);
@@ -240,8 +240,8 @@ fn file(text: &str) -> Result<Profile, ExcitationError> {
 }
 
 #[test]
-fn a_file_of_loads_is_played_with_the_crest_of_the_amplitude() {
-    let values = played(&file("load_n\n1\n\n-4 # the crest\n 2e0\n").unwrap());
+fn the_peak_of_a_played_file_is_the_amplitude() {
+    let values = played(&file("load_n\n1\n\n-4 # the peak\n 2e0\n").unwrap());
     assert_eq!(values, [0.25, -1.0, 0.5]);
 }
 
@@ -275,7 +275,7 @@ fn says_what_noise_cannot_be() {
     let says = |profile| along_y(0.0, profile).unwrap_err().to_string();
     let random = |from_hz, to_hz, duration_s| Waveform::Random { from_hz, to_hz, duration_s, spectrum: None, seed: 0 };
     insta::assert_snapshot!(says(random(10.0, 5.0, 1.0)), @"excitation: `to_hz` is 5: it must be at least `from_hz`");
-    insta::assert_snapshot!(says(random(10.0, 500.0, 1.0)), @"excitation: 500 Hz can't be told at 1000 samples a second: it must be below half of that");
+    insta::assert_snapshot!(says(random(10.0, 500.0, 1.0)), @"excitation: 500 Hz is too high for 1000 samples a second: it must be below half of that");
     insta::assert_snapshot!(says(random(10.1, 10.2, 1.0)), @"excitation: no multiple of 0.9765625 Hz lies from 10.1 to 10.2 Hz: make the band wider, or `duration_s` longer");
     insta::assert_snapshot!(says(random(10.0, 20.0, 1e9)), @"excitation: `duration_s` is 1e12 samples long: it must be from 1 to 4194304");
     let multisine = |period_s, periods| Waveform::Multisine {

@@ -11,7 +11,7 @@ use resonarm_numeric::number::{rounded, short};
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct ExcitationSpec {
-    /// The load at the crest, of noise and files too: no sample has a larger one.
+    /// The peak load, of noise and files too: no sample is larger.
     pub amplitude: Amplitude,
     /// Length of the raised-cosine start and end, s, not negative; of every burst, if there are bursts; of an impulse
     /// none. A sudden start rings the arm's own modes, which take about a minute to die out.
@@ -21,7 +21,7 @@ pub struct ExcitationSpec {
     pub profile: Waveform,
 }
 
-/// The load at the crest: forces at C or torques at the joints, not both, since one command carries one kind.
+/// The peak load: forces at C or torques at the joints, not both, since one command carries one kind.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
 #[serde(default, deny_unknown_fields)]
 pub struct Amplitude {
@@ -160,7 +160,7 @@ pub enum ExcitationError {
         period_s: f64,
     },
     /// A frequency that the samples can't carry.
-    #[error("excitation: {frequency_hz} Hz can't be told at {rate_hz} samples a second: it must be below half of that", frequency_hz = short(.frequency_hz), rate_hz = short(.rate_hz))]
+    #[error("excitation: {frequency_hz} Hz is too high for {rate_hz} samples a second: it must be below half of that", frequency_hz = short(.frequency_hz), rate_hz = short(.rate_hz))]
     AboveNyquist {
         /// The highest frequency asked for, Hz.
         frequency_hz: f64,

@@ -57,10 +57,10 @@ pub(super) fn whole_samples(name: &'static str, length_s: f64, rate_hz: f64) -> 
 }
 
 /// The values divided by the largest magnitude, which is positive unless all are zero.
-pub(super) fn with_crest_1(mut values: Vec<f64>) -> Vec<f64> {
-    let crest = values.iter().fold(0.0_f64, |crest, value| crest.max(libm::fabs(*value)));
-    if crest > 0.0 {
-        values.iter_mut().for_each(|value| *value /= crest);
+pub(super) fn with_peak_1(mut values: Vec<f64>) -> Vec<f64> {
+    let peak = values.iter().fold(0.0_f64, |peak, value| peak.max(libm::fabs(*value)));
+    if peak > 0.0 {
+        values.iter_mut().for_each(|value| *value /= peak);
     }
     values
 }

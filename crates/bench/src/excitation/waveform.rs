@@ -13,7 +13,7 @@ const MOST_STEPS: f64 = 1e5;
 /// Most periods: none is kept, but their samples are counted.
 const MOST_PERIODS: u32 = 1_000_000;
 
-/// A shape in time, with a crest of 1.
+/// A shape in time, with a peak of 1.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(tag = "waveform", rename_all = "kebab-case", deny_unknown_fields)]
 pub enum Waveform {
@@ -67,8 +67,8 @@ pub enum Waveform {
         /// Length of pulse and silence together, s, at least `pulse_s`.
         duration_s: f64,
     },
-    /// Gaussian noise in a band, of a flat spectrum unless another is given. Of its samples the largest is the crest,
-    /// about 4 to 5 times their root mean square.
+    /// Gaussian noise in a band, of a flat spectrum unless another is given. Its largest sample is the peak,
+    /// about 4 to 5 times the root mean square.
     Random {
         /// Lowest frequency, Hz, positive.
         from_hz: f64,
@@ -145,10 +145,10 @@ pub enum SweepLaw {
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "kebab-case")]
 pub enum Phases {
-    /// Evenly distributed over the circle, from the seed: as noise, with a crest factor of about 3 to 4.
+    /// Evenly distributed over the circle, from the seed: like noise, with a peak factor of about 3 to 4.
     #[default]
     Random,
-    /// −π j (j − 1)/J of the j-th of J sines, as a sweep in each period, with a crest factor of about 1.7 (M. R.
+    /// −π j (j − 1)/J of the j-th of J sines, like a sweep in each period, with a peak factor of about 1.7 (M. R.
     /// Schroeder, "Synthesis of Low-Peak-Factor Signals and Binary Sequences With Low Autocorrelation", IEEE Trans.
     /// Inf. Theory 16 (1970)).
     Schroeder,

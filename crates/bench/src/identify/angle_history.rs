@@ -45,7 +45,7 @@ pub struct AngleSettings {
     /// (f/f0)⁴)⁻³: 0.875 at f0, 0.9998 at twice f0.
     pub from_hz: f64,
     /// Whether the arm was at rest before the first reading, and the accelerometers read no gravity. Then the beginning
-    /// is told as well.
+    /// has angles, too.
     pub starts_at_rest: bool,
 }
 
@@ -53,7 +53,7 @@ pub struct AngleSettings {
 #[derive(Clone, Debug, PartialEq)]
 pub struct AngleHistory {
     /// The first reading that has angles. Where a record begins and ends, four periods of the corner have none, as the
-    /// integration knows nothing of what was before and after; only the beginning from rest is told.
+    /// integration knows nothing of what was before and after; only a beginning from rest has them.
     pub first: usize,
     /// α1 and α2 at each reading from there on, rad, but for what is slower than the corner: their means are zero.
     pub alpha_rad: Vec<[f64; 2]>,

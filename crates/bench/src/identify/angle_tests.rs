@@ -137,7 +137,7 @@ fn ideal_readings_tell_the_angles() {
     }
 }
 
-/// A beginning from rest is told from the first reading on; one that is none is left out, as is the end.
+/// A beginning from rest has angles from the first reading on; any other beginning is left out, as is the end.
 #[test]
 fn ends_are_left_out_but_a_beginning_from_rest() {
     let run = run(&ideal(spec(60.0, 0)), 4000, dwell(24.0, 20.0));
@@ -148,7 +148,7 @@ fn ends_are_left_out_but_a_beginning_from_rest() {
         assert_eq!((found.first, found.alpha_rad.len()), (ends, 4000 - 2 * ends));
         let found = run.angles(AngleSettings { starts_at_rest: true, ..settings }).unwrap();
         assert_eq!((found.first, found.alpha_rad.len()), (0, 4000 - ends));
-        // What a sudden start has below the corner is not told: it is little.
+        // What a sudden start has below the corner is missing: it is little.
         let off = difference(&found, &run.alpha_rad);
         assert!(off < 1e-2, "{integration:?}: {off}");
     }
@@ -202,9 +202,9 @@ fn angles_are_those_of_the_states_within_their_deviations() {
     }
 }
 
-/// Gravity in the readings is an offset, and a faulty instrument is told by the residual.
+/// Gravity in the readings is an offset, and the residual shows a faulty instrument.
 #[test]
-fn gravity_is_left_out_and_contradictions_are_told() {
+fn gravity_is_left_out_and_contradictions_are_reported() {
     let mut heavy = spec(60.0, 1);
     heavy.rig.accelerometer_b.gravity_m_s2 = Some(9.80665);
     let (plain, heavy) = (run(&spec(60.0, 1), 4000, dwell(24.0, 40.0)), run(&heavy, 4000, dwell(24.0, 40.0)));

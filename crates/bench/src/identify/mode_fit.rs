@@ -2,7 +2,7 @@
 //!
 //! Force and accelerations go through the same filter before they are sampled, which leaves nothing of what lies beyond
 //! half the sample rate. What is left is then related by the arm's response H as the continuous signals are, and the
-//! transform of M samples obeys, without a window,
+//! transform of M samples satisfies, without a window,
 //!
 //! ```text
 //! Y(k) = H(z_k) U(k) + T(z_k),   z_k = e^(2πik/M)

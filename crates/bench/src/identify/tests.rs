@@ -163,22 +163,22 @@ fn strong_vibration_is_called_not_linear() {
 #[test]
 fn says_what_tells_nothing() {
     let short = Waveform::Random { from_hz: 5.0, to_hz: 80.0, duration_s: 0.2, spectrum: None, seed: 3 };
-    let told = |record: Result<Record, IdentifyError>, band| {
+    let error = |record: Result<Record, IdentifyError>, band| {
         record.and_then(|record| modes(&record, band)).unwrap_err().to_string()
     };
     let spec = spec(60.0);
-    insta::assert_snapshot!(told(recorded(&spec, force(0.0, 5.0), short), BAND), @"the record has 200 samples where 256 are needed: record for longer");
+    insta::assert_snapshot!(error(recorded(&spec, force(0.0, 5.0), short), BAND), @"the record has 200 samples where 256 are needed: record for longer");
     let random = |duration_s| Waveform::Random { from_hz: 5.0, to_hz: 80.0, duration_s, spectrum: None, seed: 3 };
     let torque = Amplitude { torque1_nm: 5.0, ..Amplitude::default() };
-    insta::assert_snapshot!(told(recorded(&spec, torque, random(2.0)), BAND), @"the impedance head reads no force beyond its own noise (0.012 N): the arm must be driven by a force at C, and by a larger one than that");
+    insta::assert_snapshot!(error(recorded(&spec, torque, random(2.0)), BAND), @"the impedance head reads no force beyond its own noise (0.012 N): the arm must be driven by a force at C, and by a larger one than that");
     let record = recorded(&spec, force(0.0, 5.0), random(10.0)).unwrap();
-    insta::assert_snapshot!(told(Ok(record.clone()), Band { from_hz: 200.0, to_hz: 300.0 }), @"the force has no energy from 200 to 300 Hz: drive the arm there, or name the band that was driven");
+    insta::assert_snapshot!(error(Ok(record.clone()), Band { from_hz: 200.0, to_hz: 300.0 }), @"the force has no energy from 200 to 300 Hz: drive the arm there, or name the band that was driven");
     // Peaks of the random force are no modes.
     let between = modes(&record, Band { from_hz: 30.0, to_hz: 36.0 }).unwrap();
     assert!(between.modes.is_empty() && between.rejected.iter().all(|peak| peak.reason == Rejection::NoPole));
     let none = IdentifyError::NoResonance { from_hz: 30.0, to_hz: 36.0 };
     insta::assert_snapshot!(none, @"there is no resonance from 30 to 36 Hz: widen the band, or record for longer");
-    insta::assert_snapshot!(told(Ok(record.clone()), Band { from_hz: 30.0, to_hz: 600.0 }), @"the band from 30 to 600 Hz must rise, from above 0 to below half the sample rate, 1000 Hz");
-    insta::assert_snapshot!(told(Ok(record.clone()), Band { from_hz: 22.0, to_hz: 22.5 }), @"the record has 10000 samples where 32000 are needed: record for longer");
+    insta::assert_snapshot!(error(Ok(record.clone()), Band { from_hz: 30.0, to_hz: 600.0 }), @"the band from 30 to 600 Hz must rise, from above 0 to below half the sample rate, 1000 Hz");
+    insta::assert_snapshot!(error(Ok(record.clone()), Band { from_hz: 22.0, to_hz: 22.5 }), @"the record has 10000 samples where 32000 are needed: record for longer");
     insta::assert_snapshot!(frequency_response(&record, BAND, Averaging::Welch(8)).unwrap_err(), @"a segment of 8 samples has to have from 16 samples to as many as the record, 10000");
 }

@@ -1,6 +1,6 @@
 //! The CAN nodes as state machines without IO: the plant and the exciter controller.
 //!
-//! A node is told of frames and of the time, and asked for frames, deadlines and events:
+//! A node is given frames and the time, and asked for frames, deadlines and events:
 //!
 //! ```text
 //! handle_frame(now, frame) ─┐                    ┌─ next_frame(), frame_sent() → frames to send

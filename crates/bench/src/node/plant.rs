@@ -39,7 +39,7 @@ pub struct PlantNode {
     refused_since_taken: u64,
     refusals: Refusals,
     slipped_periods: u64,
-    /// The index in the command taken in last, not yet told.
+    /// The index in the command taken in last, until [`PlantNode::take_echoed`] takes it.
     echoed: Option<u16>,
     is_leaving: bool,
     /// Why the node faulted last.
@@ -162,7 +162,7 @@ impl PlantNode {
         &self.refusals
     }
 
-    /// Sample periods by which the schedule has moved, as [`PlantNode::slip`] was told.
+    /// Sample periods by which the schedule has moved: the sum of all calls of [`PlantNode::slip`].
     pub fn slipped_periods(&self) -> u64 {
         self.slipped_periods
     }
@@ -172,7 +172,7 @@ impl PlantNode {
         self.hold.ramp_left() > 0
     }
 
-    /// Whether a node that was faulted, disarmed or told to leave has nothing left to do: it is not armed, the load is
+    /// Whether nothing is left to do after a fault, a disarm or [`PlantNode::leave`]: the node is not armed, the load is
     /// zero and all frames are sent.
     pub fn is_quiet(&self) -> bool {
         !self.is_armed() && !self.is_ramping() && !self.link.has_frames()
@@ -186,10 +186,10 @@ impl PlantNode {
         }
         let Some(message) = message else { return };
         match message {
-            Message::Operator(OperatorCommand { request, target: Node::Plant }) => self.obey(now_ns, request),
+            Message::Operator(OperatorCommand { request, target: Node::Plant }) => self.execute(now_ns, request),
             Message::Force(c) => self.take(now_ns, c.sample, Load::force_n(c.force_x_n, c.force_y_n)),
             Message::Torque(c) => self.take(now_ns, c.sample, Load::torque_nm(c.torque1_nm, c.torque2_nm)),
-            Message::ExciterHello(hello) => self.greet(now_ns, hello),
+            Message::ExciterHello(hello) => self.meet(now_ns, hello),
             Message::Heartbeat(Heartbeat { node: Node::Exciter, state }) => self.watch(now_ns, state),
             Message::Capabilities(exciter) => self.partner_samples = exciter.samples_per_frame,
             Message::Emergency(emergency) if emergency.code == EmergencyCode::Leaving => self.part(now_ns, emergency),
@@ -201,15 +201,15 @@ impl PlantNode {
         }
     }
 
-    /// A new partner is answered at once, so that it need not wait for the next hello.
-    fn greet(&mut self, now_ns: u64, hello: Hello) {
+    /// Answers a new partner at once, so that it need not wait for the next hello.
+    fn meet(&mut self, now_ns: u64, hello: Hello) {
         if self.partner.replace(hello).is_none() {
             self.link.send_hello(now_ns);
         }
     }
 
-    /// Does what an operator asks, be it by a frame or at the plant itself, if the plant's state allows it.
-    pub fn obey(&mut self, now_ns: u64, request: OperatorRequest) {
+    /// Executes an operator's request, from a frame or made at the plant itself, if the plant's state allows it.
+    pub fn execute(&mut self, now_ns: u64, request: OperatorRequest) {
         match request {
             OperatorRequest::Arm if self.state() == NodeState::PreOperational => self.arm(now_ns),
             OperatorRequest::Disarm if self.is_armed() => self.exit(now_ns, StateEvent::Disarm),
@@ -399,7 +399,7 @@ impl PlantNode {
         }
     }
 
-    /// Tells that the schedule has moved by `periods` missed sample periods. The sample index goes on without a gap.
+    /// Reports that the schedule has moved by `periods` missed sample periods. The sample index continues without a gap.
     pub fn slip(&mut self, periods: u64) {
         self.slipped_periods = self.slipped_periods.saturating_add(periods);
         let detail = u16::try_from(periods).unwrap_or(u16::MAX);
@@ -443,8 +443,8 @@ impl PlantNode {
         self.link.next_frame()
     }
 
-    /// All frames to send, in their order: [`PlantNode::next_frame`] gives the first, and the one behind it once
-    /// [`PlantNode::frame_sent`] is told.
+    /// All frames to send, in their order: [`PlantNode::next_frame`] returns the first, and the second after
+    /// [`PlantNode::frame_sent`].
     pub fn waiting_frames(&self) -> impl Iterator<Item = Frame> + use<> {
         self.link.waiting_frames()
     }

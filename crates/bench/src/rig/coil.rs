@@ -97,7 +97,7 @@ mod tests {
 
     /// di/dx + λi = (λ/R)(V − Bl p) along the whole step, by a difference quotient, for the velocity of a quartic.
     #[test]
-    fn obeys_the_circuit_s_equation() {
+    fn satisfies_the_circuit_s_equation() {
         let velocity = |x: f64| 0.3 - 0.2 * x + 0.05 * x * x - 0.01 * x * x * x + 0.002 * x * x * x * x;
         let slope = |x: f64| -0.2 + 0.1 * x - 0.03 * x * x + 0.008 * x * x * x;
         let mean_m_s = 0.3 - 0.1 + 0.05 / 3.0 - 0.01 / 4.0 + 0.002 / 5.0;

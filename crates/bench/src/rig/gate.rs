@@ -51,7 +51,7 @@ impl GateSpec {
         }
     }
 
-    /// What the gate is told of a command for `load`, while `held` acts at `rate_hz` samples a second and the travel is
+    /// What the gate checks of a command for `load`, while `held` acts at `rate_hz` samples a second and the travel is
     /// `travel_m`.
     ///
     /// A change Δ at a largest rate r takes Δ/r seconds, f Δ/r sample periods; of force and torque the longer counts.

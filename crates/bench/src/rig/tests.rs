@@ -142,7 +142,7 @@ fn shaker() -> ShakerSpec {
 }
 
 #[test]
-fn the_gate_is_told_of_range_change_and_travel() {
+fn the_gate_checks_range_change_and_travel() {
     let exciter = Exciter::Ideal(ExciterSpec { force_limit_n: 10.0, torque_limit_nm: 20.0 });
     let limits = GateSpec {
         force_rate_limit_n_per_s: Some(500.0),

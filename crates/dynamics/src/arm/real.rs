@@ -25,14 +25,14 @@ pub(crate) trait Real:
     /// Lane by lane: `near` where |key| ≤ `limit`, else `far(key)`.
     #[inline(always)]
     fn where_within(key: Self, limit: f64, near: (Self, Self), far: fn(f64) -> (f64, f64)) -> (Self, Self) {
-        if key.all_within(limit) { near } else { mend(key, limit, near, far) }
+        if key.all_within(limit) { near } else { far_lanes(key, limit, near, far) }
     }
 }
 
 /// The lanes where |key| > `limit` by `far`. Out of line, so that the way without it stays in registers.
 #[cold]
 #[inline(never)]
-fn mend<T: Real>(key: T, limit: f64, near: (T, T), far: fn(f64) -> (f64, f64)) -> (T, T) {
+fn far_lanes<T: Real>(key: T, limit: f64, near: (T, T), far: fn(f64) -> (f64, f64)) -> (T, T) {
     let at = |i: usize| {
         let key = key.lane(i);
         if key.all_within(limit) { (near.0.lane(i), near.1.lane(i)) } else { far(key) }

@@ -50,7 +50,7 @@ impl Excitation for Load {
 /// amplitude · sin(2πft): the excitation of Eqs. (31) and (32).
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct Sine {
-    /// The load at the crest.
+    /// The peak load.
     pub amplitude: Load,
     /// f, Hz.
     pub frequency_hz: f64,

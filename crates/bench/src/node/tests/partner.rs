@@ -89,8 +89,8 @@ fn an_exciter_that_misses_its_samples_waits_for_the_plant_s_word_until_it_has_it
     let mut plant = Transmitter::new(Network::default());
     let emergency = Emergency { node: NodeName::Plant, code: EmergencyCode::PartnerFault, detail: 2, sample: 0 };
     let state = Heartbeat { node: NodeName::Plant, state: NodeState::Fault };
-    let told = [Message::Emergency(emergency), Message::Heartbeat(state)];
-    let [emergency, state] = told.map(|message| plant.frame(&message).unwrap());
+    let messages = [Message::Emergency(emergency), Message::Heartbeat(state)];
+    let [emergency, state] = messages.map(|message| plant.frame(&message).unwrap());
     exciter.handle_frame(bench.now_ns, &emergency);
     assert!(exciter.awaits_reason());
     exciter.handle_frame(bench.now_ns, &state);
@@ -103,7 +103,7 @@ fn other_senders(events: impl Iterator<Item = NodeEvent>) -> usize {
 
 /// Another network at the base of one that plays: with another node id of the plant, or in the other profile.
 #[test]
-fn another_network_at_one_base_is_counted_and_told_by_every_node() {
+fn another_network_at_one_base_is_counted_and_reported_by_every_node() {
     let [one, other] =
         [(1, 2), (3, 4)].map(|(plant, exciter)| Network::default().with_node_ids(plant, exciter).unwrap());
     for other in [other, other.with_profile(WireProfile::Fd)] {
@@ -213,7 +213,7 @@ fn an_exciter_that_ends_asks_to_disarm_at_every_sample_and_commands_no_more() {
 
 /// Timeouts that have passed at one look.
 #[test]
-fn of_timeouts_that_pass_together_one_is_told() {
+fn of_timeouts_that_pass_together_one_is_reported() {
     let mut jammed = Bench::with(Timing::lockstep(1000 * TICK_NS), 10.0);
     jammed.run(100);
     assert!(jammed.plant.is_armed());

@@ -138,7 +138,7 @@ fn an_armed_plant_whose_controller_says_no_more_than_that_it_leaves_disarms_with
 }
 
 #[test]
-fn a_slip_is_told_and_counted_and_is_no_fault() {
+fn a_slip_is_reported_and_counted_and_is_no_fault() {
     let mut bench = Bench::new(0.5);
     bench.run(100);
     bench.now_ns += 150 * TICK_NS;
