@@ -1,4 +1,4 @@
-//! What can go wrong in an analysis, and what to try.
+//! Errors of analyses, with advice.
 
 use alloc::boxed::Box;
 use core::fmt;
@@ -8,7 +8,7 @@ use thiserror::Error;
 use super::continuation::Refusal;
 use resonarm_numeric::number::{rounded, short};
 
-/// A value of what a walk goes along, in its unit.
+/// A value of the parameter of a walk, in its unit.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Place {
     /// λ.
@@ -23,7 +23,7 @@ impl fmt::Display for Place {
     }
 }
 
-/// A unit as it stands behind a number.
+/// A unit after a number.
 struct Behind(&'static str);
 
 impl fmt::Display for Behind {
@@ -43,7 +43,7 @@ pub enum AnalysisError {
         /// Rows of the matrix.
         size: usize,
     },
-    /// There is no solution where one was looked for.
+    /// No solution was found where one was sought.
     #[error("no solution at {at}: {refusal}; try to start elsewhere, away from a resonance, or with less excitation")]
     NoSolution {
         /// λ.
@@ -90,7 +90,7 @@ pub enum AnalysisError {
         /// λ at the last point.
         at: Place,
     },
-    /// The interval is none.
+    /// The interval is invalid.
     #[error(
         "the interval from {from} to {to}{} can't be walked: both ends must be numbers, different, and inside {domain}",
         Behind(unit), from = short(.from), to = short(.to))]
@@ -101,7 +101,7 @@ pub enum AnalysisError {
         to: f64,
         /// The unit of both.
         unit: &'static str,
-        /// What would do.
+        /// The valid values.
         domain: &'static str,
     },
     /// The excitation does not bring a mode to quadrature.
@@ -122,13 +122,13 @@ pub enum AnalysisError {
     },
 }
 
-/// A walk that ended before its end: why, and everything it had found. Where the walk never began that is nothing.
+/// A walk that ended early: the reason, and everything found before. If the walk never began, that is nothing.
 #[derive(Clone, Debug, PartialEq, Error)]
 #[error("{reason}")]
 pub struct EndedEarly<T: fmt::Debug> {
-    /// Why it went no further, where, and what to try.
+    /// Why and where it ended, and what to try.
     pub reason: AnalysisError,
-    /// What it had found.
+    /// The results up to there.
     pub so_far: Box<T>,
 }
 

@@ -1,4 +1,4 @@
-//! Seeded noise and chance, the same on every machine.
+//! Random numbers from a seed, the same on every machine.
 
 use core::f64::consts::TAU;
 
@@ -29,7 +29,7 @@ impl Noise {
         Noise { generator }
     }
 
-    /// The next 64 bits, each 0 or 1 alike.
+    /// The next 64 bits, each 0 or 1 with equal probability.
     pub fn bits(&mut self) -> u64 {
         self.generator.next_u64()
     }
@@ -54,7 +54,7 @@ impl Noise {
 mod tests {
     use super::*;
 
-    /// At every place in a block of the generator, and beyond its end.
+    /// Copies made at every position in a block of the generator, and beyond its end.
     #[test]
     fn a_copy_goes_on_as_the_original() {
         let mut noise = Noise::new(3, 2);

@@ -2,23 +2,23 @@
 
 use core::fmt;
 
-/// A number in as few digits as tell it from every other, at most 17, plain or with a power of ten.
+/// A number in the fewest digits that identify it, at most 17, plain or with a power of ten.
 #[derive(Clone, Copy, Debug)]
 pub struct Short(f64);
 
-/// The number for a message.
+/// Formats a number for a message.
 pub const fn short(value: &f64) -> Short {
     Short(*value)
 }
 
-/// A number with `places` digits behind the point, plain or, from 1e9 on, with a power of ten.
+/// A number with `places` digits after the decimal point, plain or, from 1e9 on, with a power of ten.
 #[derive(Clone, Copy, Debug)]
 pub struct Rounded {
     value: f64,
     places: usize,
 }
 
-/// The number, rounded, for a message.
+/// Formats a number, rounded, for a message.
 pub const fn rounded(value: &f64, places: usize) -> Rounded {
     Rounded { value: *value, places }
 }

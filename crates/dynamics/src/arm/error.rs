@@ -1,4 +1,4 @@
-//! What no arm can be.
+//! Errors of the arm's parameters and pose.
 
 use alloc::string::String;
 
@@ -71,7 +71,7 @@ pub enum ArmError {
     UnknownPreset {
         /// What was given.
         got: String,
-        /// The names there are.
+        /// The existing names.
         known: String,
     },
     /// A preset's text can't be read.
@@ -79,7 +79,7 @@ pub enum ArmError {
     PresetText {
         /// The preset.
         name: &'static str,
-        /// What the TOML reader says.
+        /// The error of the TOML reader.
         reason: String,
     },
 }

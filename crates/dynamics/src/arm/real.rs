@@ -1,7 +1,7 @@
-//! One number or several at once: what the equation of motion is written in.
+//! The number type of the equation of motion: one number, or several at once.
 //!
 //! The same source computes a single arm and several motions side by side, so both give the same bits: each lane sees
-//! the same operations in the same order, every one rounded as IEEE 754 says, and Rust never contracts a·b + c.
+//! the same operations in the same order, each rounded by IEEE 754, and Rust never contracts a·b + c.
 
 use core::ops::{Add, Div, Mul, Neg, Sub};
 
@@ -19,7 +19,7 @@ pub(crate) trait Real:
     fn lane(self, i: usize) -> f64;
     /// The same value in every lane.
     fn splat(value: f64) -> Self;
-    /// Whether every lane is within ± `limit`, as its square says, which the polynomials need anyway; NaN is not.
+    /// Whether every lane is within ± `limit`, by its square, which the polynomials need anyway; NaN is not.
     fn all_within(self, limit: f64) -> bool;
 
     /// Lane by lane: `near` where |key| ≤ `limit`, else `far(key)`.
@@ -29,7 +29,7 @@ pub(crate) trait Real:
     }
 }
 
-/// The lanes where |key| > `limit` by `far`. Out of line, so that the way without it stays in registers.
+/// Replaces the lanes where |key| > `limit` by `far`. Out of line, so that the usual path stays in registers.
 #[cold]
 #[inline(never)]
 fn far_lanes<T: Real>(key: T, limit: f64, near: (T, T), far: fn(f64) -> (f64, f64)) -> (T, T) {
@@ -64,7 +64,7 @@ impl Real for f64 {
     }
 }
 
-/// How many arms go side by side: two registers of AVX2, one of AVX-512, four of SSE2 or NEON.
+/// How many arms are computed side by side: two registers of AVX2, one of AVX-512, four of SSE2 or NEON.
 pub(crate) const LANES: usize = 8;
 
 /// Eight numbers that take every operation together.
@@ -157,7 +157,7 @@ impl Real for Lanes {
     }
 }
 
-// Its own type: of `Lanes`, the compiler keeps the numbers together in a loop over many arms, but not in a step of one.
+// A separate type: the compiler keeps `Lanes` in registers in a loop over many arms, but not in a step of one.
 impl Real for f64x4 {
     const WIDTH: usize = 4;
 
