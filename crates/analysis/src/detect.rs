@@ -18,7 +18,8 @@ use super::{AnalysisError, Floquet, ForcedResponse, Oscillator};
 
 use BifurcationKind::{BranchPoint, Fold, NeimarkSacker, PeriodDoubling};
 
-/// Two branches meet in a segment if they meet within this distance of its ends, in units of Λ.
+/// A branch of doubled period meets the single one in a segment if it does so within this distance of its end, in units
+/// of Λ.
 const REACH: f64 = 0.1;
 /// The most steps down to a smallest magnitude.
 const DESCENT_LIMIT: usize = 8;

@@ -76,7 +76,7 @@ impl Basis {
         basis
     }
 
-    /// Makes it the basis on the points given, rad, in the storage that there is; frequency by frequency by rotation,
+    /// Sets the basis to the given points, rad, in the existing storage, by rotation from each frequency to the next:
     /// cos (k+1)τ + i sin (k+1)τ = (cos kτ + i sin kτ)(cos τ + i sin τ).
     pub fn set(&mut self, harmonics: Harmonics, phases_rad: impl Iterator<Item = f64>) {
         self.harmonics = harmonics;

@@ -32,7 +32,7 @@ pub enum TimeDomainError {
     /// The excitation's amplitude is not finite.
     #[error("the amplitude of the excitation is not finite: torque and force must be numbers")]
     Load,
-    /// Both ends of a sweep must be numbers, different ones.
+    /// Both ends of a sweep must be numbers, and different.
     #[error("a sweep from {from} to {to}: both ends must be numbers, and different", from = short(.from), to = short(.to))]
     Interval {
         /// One end.
@@ -74,12 +74,12 @@ pub enum TimeDomainError {
         /// Why.
         source: IntegrateError,
     },
-    /// Asked to stop.
+    /// A stop was requested.
     #[error("stopped before the motion had settled")]
     Stopped,
 }
 
-/// The reason, with advice for somebody who doesn't choose the rate.
+/// The reason, with advice for users who don't choose the rate.
 fn reason(source: &IntegrateError) -> alloc::string::String {
     match source {
         IntegrateError::NotFinite { t_s } => {

@@ -11,7 +11,7 @@ use crate::Readings;
 use crate::readings::Sums;
 use resonarm_dynamics::arm::State;
 
-/// What a motion measures.
+/// The measurements of a motion.
 pub(super) struct Measured {
     /// max |αᵢ(t)|, rad.
     pub amplitude_rad: [f64; 2],
@@ -65,9 +65,8 @@ pub(super) fn measure(map: &StroboscopicMap, start: &State, periods: u32) -> Res
     Ok(Measured { amplitude_rad: peaks(map, &turns, largest)?, harmonic1_rad, section })
 }
 
-/// What a bench reads of the motion that goes on from `start`, at phase 0, and repeats after `period` periods of the
-/// excitation; of one that has no period, over 64 of the excitation's. The rectangle rule, as for
-/// [`Settled::harmonic1_rad`](super::Settled).
+/// The bench readings of the motion from `start`, at phase 0, over `period` periods of the excitation after which it
+/// repeats, or over 64 if it has no period. By the rectangle rule, as for [`Settled::harmonic1_rad`](super::Settled).
 ///
 /// # Errors
 /// [`TimeDomainError::Integrate`] if a step can't be made.
@@ -91,7 +90,7 @@ fn turn(joint: usize, step: u32, start: &State, end: &State) -> Option<Turn> {
 
 /// The largest |αᵢ|, between the steps too.
 ///
-/// Only turns that reached almost as far as the farthest can hold it: within a step of phase ωh a peak rises above the
+/// Only turns that reach almost as far as the farthest can contain it: within a step of phase ωh a peak rises above the
 /// steps' ends by at most (ωh)²/8 of its height.
 fn peaks(map: &StroboscopicMap, turns: &[Turn], largest: [f64; 2]) -> Result<[f64; 2], TimeDomainError> {
     let mut peaks = largest;
