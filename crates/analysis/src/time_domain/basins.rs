@@ -136,8 +136,8 @@ pub enum Outcome {
 }
 
 /// The stable motions of an arm under a sine: those of the branch over the frequency, and of the doubled branches that
-/// leave it, at this frequency, in order of max |α1|. The branch is walked from ¾ to 4/3 of the frequency; if it ends
-/// early, the error is returned too, and motions beyond are missing.
+/// leave it, at this frequency, in order of max |α1|. The branch is walked from ¾ to 4/3 of the frequency; branches
+/// that end early are returned too, and motions beyond their ends are missing.
 ///
 /// Where two neighbours on a branch lie on both sides of the frequency, Newton's method goes from the motion between
 /// them to a fixed point of the stroboscopic map.

@@ -18,16 +18,16 @@ pub enum LoadFile {
     Timed(Arc<[[f64; 2]]>),
 }
 
-/// Why a text holds no load.
+/// Why a text is not a load file.
 #[derive(Clone, Debug, PartialEq, Error)]
 #[non_exhaustive]
 pub enum LoadFileError {
-    /// Something else than a number.
-    #[error("line {line}: `{got}` is no finite number")]
+    /// A cell is not a number.
+    #[error("line {line}: `{got}` is not a finite number")]
     NotANumber {
         /// The line, from 1 on.
         line: usize,
-        /// What stands there.
+        /// The text there.
         got: String,
     },
     /// A line with another number of columns.
@@ -37,7 +37,7 @@ pub enum LoadFileError {
         line: usize,
         /// Columns in it.
         got: usize,
-        /// What would do.
+        /// The valid number of columns.
         expected: &'static str,
     },
     /// Time that doesn't rise.
@@ -56,8 +56,8 @@ pub enum LoadFileError {
 }
 
 impl LoadFile {
-    /// Reads CSV: a line for every sample with the load, or lines of time, s, and load, between which it runs straight.
-    /// Commas part the columns; empty lines, what follows a `#`, and a first line of names count for nothing.
+    /// Reads CSV: a line with the load for every sample, or lines of time, s, and load, interpolated linearly. Commas
+    /// separate the columns; empty lines, text after a `#`, and a first line of names are ignored.
     ///
     /// # Errors
     /// [`LoadFileError`] names the first line that is wrong.
@@ -81,7 +81,7 @@ impl LoadFile {
         }
     }
 
-    /// The loads at the samples of `rate_hz`, in the file's unit; of a file with times from the first of these on.
+    /// The loads at the samples of `rate_hz`, in the file's unit; those of a file with times start at its first time.
     pub(super) fn samples(&self, rate_hz: f64) -> Result<Vec<f64>, ExcitationError> {
         const ROUNDING: f64 = 1e-6;
         let (rows, period_s) = match self {
@@ -94,7 +94,7 @@ impl LoadFile {
             return Err(ExcitationError::FileTooDense { step_s, period_s });
         }
         let (Some([start_s, first]), Some([end_s, _])) = (rows.first(), rows.last()) else { return Ok(Vec::new()) };
-        // The last sample is the last that is not behind the last point.
+        // The last sample is the last one not after the last point.
         let last = libm::floor((end_s - start_s) * rate_hz + ROUNDING);
         let count = super::synthesis::samples("path", (last + 0.5) / rate_hz, rate_hz)?;
         let at = |n: usize| {

@@ -15,7 +15,7 @@ fn along_y(ramp_s: f64, profile: Waveform) -> Result<Profile, ExcitationError> {
     Profile::new(&ExcitationSpec { amplitude, ramp_s, profile }, RATE_HZ)
 }
 
-/// What is played, over the amplitude.
+/// The played samples over the amplitude.
 fn played(profile: &Profile) -> Vec<f64> {
     (0..profile.samples()).map(|n| profile.load(n).force_n.y / -8.0).collect()
 }
@@ -107,7 +107,8 @@ proptest! {
     }
 }
 
-/// Of the noise of 20 seeds, the power in ten parts of the band is equal within what chance leaves of 20·50 lines each.
+/// Over 20 seeds, the power of noise is equal in ten parts of the band, within the statistical error of 20·50 lines
+/// each.
 #[test]
 fn noise_is_flat_and_normal() {
     let mut parts = [0.0; 10];
@@ -137,8 +138,8 @@ fn level(table: &[[f64; 2]], hz: f64) -> f64 {
     l1 * libm::pow(10.0, 0.1 * slope_db * libm::log2(hz / f1))
 }
 
-/// Of 20 seeds, the power in ten parts of the band is that of the table within what chance leaves of 20·50 lines each,
-/// of noise and of a burst.
+/// Over 20 seeds, the power of noise and of bursts in ten parts of the band is that of the table, within the
+/// statistical error of 20·50 lines each.
 #[test]
 fn noise_follows_its_spectrum() {
     let table = [[50.0, 0.01], [80.0, 0.01], [100.0, 0.16], [120.0, 0.16], [150.0, 0.02]];
@@ -175,7 +176,7 @@ fn noise_follows_its_spectrum() {
     }
 }
 
-/// A flat table has the bits of none, and only the ratios of the levels count, whatever their size.
+/// A flat table gives the same bits as none, and only the ratios of the levels count.
 #[test]
 fn a_flat_spectrum_is_none() {
     let noise = |spectrum: Option<[[f64; 2]; 2]>| {
@@ -226,7 +227,7 @@ fn bursts_are_on_and_off_and_differ() {
     assert_ne!(bursts.next(), bursts.next());
 }
 
-/// The ends of noise and multisines are softened as those of sines.
+/// The ends of noise and multisines are softened like those of sines.
 #[test]
 fn ramps_soften_the_ends() {
     let profile = Waveform::Random { from_hz: 20.0, to_hz: 90.0, duration_s: 4.0, spectrum: None, seed: 1 };
@@ -258,8 +259,8 @@ fn a_file_with_times_runs_straight_between_its_points() {
 #[test]
 fn says_what_is_wrong_with_a_file() {
     let says = |text: &str| LoadFile::parse(text).unwrap_err().to_string();
-    insta::assert_snapshot!(says("1\n2\nthree\n"), @"line 3: `three` is no finite number");
-    insta::assert_snapshot!(says("t,load\n0,1\n1,inf\n"), @"line 3: `inf` is no finite number");
+    insta::assert_snapshot!(says("1\n2\nthree\n"), @"line 3: `three` is not a finite number");
+    insta::assert_snapshot!(says("t,load\n0,1\n1,inf\n"), @"line 3: `inf` is not a finite number");
     insta::assert_snapshot!(says("1\n2,3\n"), @"line 2 has 2 columns: there must be 1, the load, as in the lines before");
     insta::assert_snapshot!(says("0,1,2\n"), @"line 1 has 3 columns: there must be 1, the load, or 2, time and load, in all lines");
     insta::assert_snapshot!(says("0,1\n0.1,2\n0.1,3\n"), @"line 3: time goes from 0.1 to 0.1 s: it must rise");
@@ -276,7 +277,7 @@ fn says_what_noise_cannot_be() {
     let random = |from_hz, to_hz, duration_s| Waveform::Random { from_hz, to_hz, duration_s, spectrum: None, seed: 0 };
     insta::assert_snapshot!(says(random(10.0, 5.0, 1.0)), @"excitation: `to_hz` is 5: it must be at least `from_hz`");
     insta::assert_snapshot!(says(random(10.0, 500.0, 1.0)), @"excitation: 500 Hz is too high for 1000 samples a second: it must be below half of that");
-    insta::assert_snapshot!(says(random(10.1, 10.2, 1.0)), @"excitation: no multiple of 0.9765625 Hz lies from 10.1 to 10.2 Hz: make the band wider, or `duration_s` longer");
+    insta::assert_snapshot!(says(random(10.1, 10.2, 1.0)), @"excitation: no multiple of 0.9765625 Hz is between 10.1 and 10.2 Hz: make the band wider, or `duration_s` longer");
     insta::assert_snapshot!(says(random(10.0, 20.0, 1e9)), @"excitation: `duration_s` is 1e12 samples long: it must be from 1 to 4194304");
     let multisine = |period_s, periods| Waveform::Multisine {
         from_hz: 10.0,
@@ -287,7 +288,7 @@ fn says_what_noise_cannot_be() {
         seed: 0,
     };
     insta::assert_snapshot!(says(multisine(0.0333, 2)), @"excitation: `period_s` is 0.0333: it must be a whole number of samples");
-    insta::assert_snapshot!(says(multisine(0.04, 2)), @"excitation: no multiple of 25 Hz lies from 10 to 20 Hz: make the band wider, or `period_s` longer");
+    insta::assert_snapshot!(says(multisine(0.04, 2)), @"excitation: no multiple of 25 Hz is between 10 and 20 Hz: make the band wider, or `period_s` longer");
     insta::assert_snapshot!(says(multisine(1.0, 0)), @"excitation: `periods` is 0: it must be from 1 to 1000000");
     let bursts = |burst_s, period_s| Waveform::BurstRandom {
         from_hz: 10.0,

@@ -93,7 +93,7 @@ fn reads_from_toml_and_names_unknown_keys() {
     );
 }
 
-/// Every step is kept ready: as many as would fill the memory are an error.
+/// Every step is stored: so many that they would fill the memory are an error.
 #[test]
 fn a_staircase_has_a_bound() {
     let stepped =
@@ -104,7 +104,7 @@ fn a_staircase_has_a_bound() {
     assert_eq!(Profile::new(&stepped(100_000), 1000.0).unwrap().windows().count(), 100_000);
 }
 
-/// A list is played in its order, each sine in whole periods, and read as the steps of a stepped sine are.
+/// A list is played in its order, each sine in whole periods, and read like the steps of a stepped sine.
 #[test]
 fn a_list_of_sines_is_played_in_its_order() {
     let list = |frequencies_hz| force(Waveform::SineList { frequencies_hz, dwell_s: 2.0, settle_s: 0.6 });

@@ -6,10 +6,10 @@ use nalgebra::Complex;
 
 type Column = Vec<Complex<f64>>;
 
-/// A column of which less than this is left, relative, once those before it are taken out, depends on them.
+/// A column depends on those before it if less than this fraction is left after projecting them out.
 const DEPENDENT: f64 = 1e-9;
 
-/// What is left of `target`, and the coefficients of the columns: min |target − Σ x_j column_j|².
+/// The residual of `target`, and the coefficients of the columns: min |target − Σ x_j column_j|².
 ///
 /// Modified Gram–Schmidt, each column twice (Å. Björck, "Solving linear least squares problems by Gram-Schmidt
 /// orthogonalization", BIT 7 (1967)): column_j = Σ_i q_i r_ij with orthonormal q_i; the coefficients follow from r

@@ -180,5 +180,5 @@ fn says_what_tells_nothing() {
     insta::assert_snapshot!(none, @"there is no resonance from 30 to 36 Hz: widen the band, or record for longer");
     insta::assert_snapshot!(error(Ok(record.clone()), Band { from_hz: 30.0, to_hz: 600.0 }), @"the band from 30 to 600 Hz must rise, from above 0 to below half the sample rate, 1000 Hz");
     insta::assert_snapshot!(error(Ok(record.clone()), Band { from_hz: 22.0, to_hz: 22.5 }), @"the record has 10000 samples where 32000 are needed: record for longer");
-    insta::assert_snapshot!(frequency_response(&record, BAND, Averaging::Welch(8)).unwrap_err(), @"a segment of 8 samples has to have from 16 samples to as many as the record, 10000");
+    insta::assert_snapshot!(frequency_response(&record, BAND, Averaging::Welch(8)).unwrap_err(), @"a segment has 8 samples: it must have from 16 to as many as the record, 10000");
 }
