@@ -1,4 +1,4 @@
-//! Readings of the simulated arm with its instruments, identified, against the modes and responses of its equations.
+//! Modes and responses identified from readings of the simulated arm, against those of its equations.
 
 use super::*;
 use alloc::string::ToString;
@@ -39,7 +39,7 @@ fn force(x_n: f64, y_n: f64) -> Amplitude {
     Amplitude { force_x_n: x_n, force_y_n: y_n, ..Amplitude::default() }
 }
 
-/// What the instruments say while a profile is played.
+/// The readings while a profile is played.
 fn recorded(spec: &PlantSpec, amplitude: Amplitude, profile: Waveform) -> Result<Record, IdentifyError> {
     let profile = Profile::new(&ExcitationSpec { amplitude, ramp_s: 0.0, profile }, RATE_HZ).unwrap();
     let mut plant = Plant::new(spec).unwrap();
@@ -56,7 +56,7 @@ fn recorded(spec: &PlantSpec, amplitude: Amplitude, profile: Waveform) -> Result
 const RANDOM: Waveform = Waveform::Random { from_hz: 5.0, to_hz: 80.0, duration_s: 40.0, spectrum: None, seed: 3 };
 const IMPACT: Waveform = Waveform::Impulse { pulse_s: 0.008, duration_s: 30.0 };
 
-/// Frequencies within 0.01 %, damping ratios within 5 %, and both where their deviations say.
+/// Frequencies within 0.01 %, damping ratios within 5 %, and both within their deviations.
 fn assert_found(record: &Record, beta2_deg: f64, part: Part) {
     let found = modes(record, BAND).unwrap().modes;
     let expected = analysis::modes(&arm(beta2_deg));
@@ -87,7 +87,7 @@ fn an_impact_tells_frequencies_and_damping() {
     }
 }
 
-/// Instruments without noise leave what the polynomials can't say of the other mode.
+/// With noiseless instruments the only error is that of the polynomials for the other mode.
 #[test]
 fn ideal_instruments_tell_almost_exactly() {
     let mut ideal = spec(60.0);
@@ -120,7 +120,7 @@ fn the_shape_is_that_of_the_mode() {
     }
 }
 
-/// Far from the resonances, where a segment sees all there is, H1 and H2 are the responses of the equations.
+/// Far from the resonances, where a segment is long enough, H1 and H2 are the responses of the equations.
 #[test]
 fn averaged_responses_are_those_of_the_equations() {
     let far = Band { from_hz: 26.0, to_hz: 32.0 };
@@ -134,7 +134,7 @@ fn averaged_responses_are_those_of_the_equations() {
     for (waveform, averaging, averages) in cases {
         let amplitude = if averaging == Averaging::Single { force(0.0, 400.0) } else { force(0.0, 20.0) };
         let mut spec = spec(60.0);
-        // Damped well, the arm's motion settles within a segment.
+        // With strong damping the arm's motion settles within a segment.
         spec.parameters.damping1_nm_s_rad *= 60.0;
         spec.parameters.damping2_nm_s_rad *= 60.0;
         let damped = FrequencyResponse::new(&Arm::new(spec.parameters, spec.pose).unwrap());
@@ -153,7 +153,7 @@ fn averaged_responses_are_those_of_the_equations() {
     }
 }
 
-/// Strong vibration is not linear, which the residual says.
+/// Strong vibration is not linear, as the residual shows.
 #[test]
 fn strong_vibration_is_called_not_linear() {
     let record = recorded(&spec(60.0), force(0.0, 500.0), RANDOM).unwrap();

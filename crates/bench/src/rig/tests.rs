@@ -11,7 +11,7 @@ fn quiet(range_m_s2: f64, resolution_m_s2: f64) -> AccelerometerSpec {
     AccelerometerSpec { range_m_s2, noise_rms_m_s2, resolution_m_s2, ..AccelerometerSpec::default() }
 }
 
-/// Without noise, counts or range to speak of: what goes in comes out.
+/// Practically without noise, counts or range: readings equal the input.
 fn ideal() -> AccelerometerSpec {
     quiet(1e6, 0.0)
 }
@@ -167,7 +167,7 @@ fn the_gate_checks_range_change_and_travel() {
     let torques = limits.command_check(&exciter, 1000.0, 0.0, [&turned[0], &turned[1]]);
     assert_eq!(torques.change_periods, 12.0);
 
-    // Along the shaker, in whatever direction it points.
+    // Along the shaker, in any direction.
     let [held, load] = [-1.0, 3.0].map(|force_n| Load { force_n: shaker().direction() * force_n, ..Load::default() });
     let along = limits.command_check(&Exciter::Shaker(shaker()), 1000.0, 0.0, [&held, &load]);
     assert!((along.change_periods - 8.0).abs() < 1e-12, "{along:?}");
@@ -211,7 +211,7 @@ fn filters_settle_on_rest_and_have_their_corners() {
     assert!((high - 0.5_f64.sqrt()).abs() < 1e-3 && (low - 0.5_f64.sqrt()).abs() < 3e-3, "{high} {low}");
 }
 
-/// What the sensor clips the filters smooth: no reading is marked. What the converter clips is.
+/// Filters smooth values clipped by the sensor, so no reading is marked. Readings clipped by the converter are.
 #[test]
 fn only_the_converter_marks_what_it_clips() {
     let mut sensor = instrument(&AccelerometerSpec { sensor_range_m_s2: Some(5.0), ..quiet(10.0, 0.0) });

@@ -77,7 +77,7 @@ fn two_samples_go_in_a_frame_once_armed() {
     assert!(held.iter().any(|force| *force > 19.0));
 }
 
-/// Every node on one bus: what one sends all others hear.
+/// Every node on one bus: all others receive the frames of each.
 pub(super) struct Crowd {
     now_ns: u64,
     sample: u64,

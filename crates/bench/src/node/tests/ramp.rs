@@ -1,4 +1,4 @@
-//! How an armed node ends: the ramp, leaving, and what the partner makes of it.
+//! The end of an armed node: the ramp, leaving, and the partner's reaction.
 
 use super::*;
 use resonarm_protocol::{Heartbeat, Receiver};
@@ -37,7 +37,7 @@ fn arming_during_the_ramp_lets_it_go_on_until_the_first_command() {
     tell(&mut plant, &mut transmitter, operator(OperatorRequest::Arm));
     assert!(plant.is_armed());
     assert_eq!(forces(&mut plant, 2), [47.0, 46.0]);
-    // Disarmed again, the same ramp goes on.
+    // Disarmed again, the same ramp continues.
     tell(&mut plant, &mut transmitter, operator(OperatorRequest::Disarm));
     assert_eq!(forces(&mut plant, 1), [45.0]);
     tell(&mut plant, &mut transmitter, operator(OperatorRequest::Arm));

@@ -69,7 +69,7 @@ fn timeouts_of_any_length_never_overflow() {
 }
 
 proptest! {
-    /// Called when it asks to be, a plant whose controller has died faults in time, never before.
+    /// Called at its deadlines, a plant whose controller has died faults in time, never before.
     #[test]
     fn a_plant_asks_to_be_called_in_time(late_ns in prop::collection::vec(0_u64..400_000_000, 400)) {
         let (mut plant, _) = armed();
