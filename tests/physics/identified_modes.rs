@@ -106,7 +106,7 @@ fn errors(found: &Identification, pose: Pose) -> Vec<f64> {
     found.modes.iter().flat_map(of).collect()
 }
 
-/// Of normal errors 95 % are within two deviations.
+/// 95 % of normal errors are within two deviations.
 fn assert_honest(errors: &[f64]) {
     let within = errors.iter().filter(|error| error.abs() < 2.0).count();
     assert!(10 * within >= 9 * errors.len(), "{within} of {} within two deviations", errors.len());
@@ -126,7 +126,7 @@ fn deviations_hold_over_seeds_exciters_and_poses() {
         }
     }
     assert_honest(&all);
-    // What the converter's filter is for: instants of a shaker's force have images of the command in them.
+    // The reason for the converter's filter: instantaneous readings of a shaker's force contain images of the command.
     let folded = identified_by(Converter::Instant, Some(LARGE), POSES[1], random(1), 6.0, 1);
     let worst = errors(&folded, POSES[1]).iter().fold(0.0_f64, |worst, error| worst.max(error.abs()));
     assert!(folded.modes.len() < 2 || worst > 8.0, "{worst} {folded:?}");

@@ -5,8 +5,8 @@
 //! At resonance the work of the excitation's first harmonic balances that of the dampers: the mode lags the force by
 //! 90°. With the force along p · sin Ωt and b₁ the coefficients of sin Ωt this is φᵀM b₁ = 0, φᵀM x being the
 //! coordinate of the linear mode φ. The unknowns are the amplitude A of the excitation and X, the equations are R(X, Ω,
-//! A) = 0 and φᵀM b₁ = 0, and Ω is the parameter of the walk. Without dampers A comes out as zero, and the curve is a
-//! family of free motions: a nonlinear normal mode. A then only keeps the system square.
+//! A) = 0 and φᵀM b₁ = 0, and Ω is the parameter of the walk. Without dampers A is zero, and the curve is a family of
+//! free motions: a nonlinear normal mode. A then only keeps the system square.
 
 use alloc::boxed::Box;
 use alloc::vec;

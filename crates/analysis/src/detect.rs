@@ -142,7 +142,7 @@ impl<O: Oscillator + Clone> Tracer<'_, O> {
         Ok(())
     }
 
-    /// Where the test function is zero, by a search along the branch.
+    /// The point where the test function is zero, by a search along the branch.
     fn zero(
         &mut self,
         kind: BifurcationKind,

@@ -117,7 +117,7 @@ pub enum AnalysisError {
     /// Only folds and period doublings have curves, and only period doublings doubled branches.
     #[error("a {kind} can't be followed this way; try a fold or a period doubling")]
     NotSingular {
-        /// What was given.
+        /// The given value.
         kind: &'static str,
     },
 }

@@ -274,7 +274,7 @@ mod tests {
         assert!((second - 2.0).abs() < 1e-12, "{second}");
     }
 
-    /// Of two peaks of nearly the same height the higher, 1.001, however the grid lies: sin τ + 0.001 cos 2τ, shifted.
+    /// The higher, 1.001, of two peaks of nearly the same height, at any shift against the grid: sin τ + 0.001 cos 2τ.
     #[test]
     fn finds_the_higher_of_two_peaks() {
         let basis = Basis::uniform(Harmonics::Integer(2), 14);

@@ -14,9 +14,9 @@ pub struct MeasuredMotion {
 /// Relative deviations that count as equal distances.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Distances {
-    /// Of the frequency.
+    /// That of the frequency.
     pub frequency: f64,
-    /// Of the amplitude.
+    /// That of the amplitude.
     pub amplitude: f64,
 }
 

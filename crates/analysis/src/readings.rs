@@ -186,7 +186,7 @@ mod tests {
         }
     }
 
-    /// Of c sin 2τ + d sin τ, τ running at half the excitation's frequency: the component at 2τ of sin(c sin 2τ + d sin
+    /// For c sin 2τ + d sin τ, with τ at half the excitation's frequency, the component at 2τ of sin(c sin 2τ + d sin
     /// τ) has the coefficients of e^{±2iτ} in Σ J_m(c) J_n(d) e^{i(2m+n)τ}.
     #[test]
     fn a_doubled_motion_is_read_at_the_excitation() {

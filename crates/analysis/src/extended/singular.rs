@@ -25,7 +25,7 @@ use crate::fourier::Harmonics;
 use crate::harmonic_balance::{FormGradient, Forms};
 use crate::{AnalysisError, Coordinate, HarmonicBalance, Oscillator};
 
-/// What is singular.
+/// The matrix that is singular.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Singularity {
     /// R_x: a multiplier 1, where the branch turns back in λ.
@@ -87,7 +87,7 @@ impl<O: Oscillator> SingularResponse<O> {
         Ok(SingularResponse { balance, kind, lambda, lambda_origin, lambda_scale, mu, forms, gradient, bordered: lu })
     }
 
-    /// What is singular.
+    /// The matrix that is singular.
     pub fn kind(&self) -> Singularity {
         self.kind
     }

@@ -22,7 +22,7 @@ pub enum FrfError {
     /// The frequency is not a number from zero up.
     #[error("frequency {got_hz} Hz: it must be zero or a positive number", got_hz = short(.got_hz))]
     Frequency {
-        /// What was given, Hz.
+        /// The given value, Hz.
         got_hz: f64,
     },
     /// The response is infinite: an arm without dampers at its natural frequency.

@@ -167,7 +167,7 @@ impl Quantity {
 pub struct UnknownTerm {
     /// Drive, response or quantity.
     pub what: &'static str,
-    /// What was given.
+    /// The given value.
     pub got: String,
     /// The existing names.
     pub known: String,

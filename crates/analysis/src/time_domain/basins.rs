@@ -139,8 +139,8 @@ pub enum Outcome {
 /// leave it, at this frequency, in order of max |α1|. The branch is walked from ¾ to 4/3 of the frequency; branches
 /// that end early are returned too, and motions beyond their ends are missing.
 ///
-/// Where two neighbours on a branch lie on both sides of the frequency, Newton's method goes from the motion between
-/// them to a fixed point of the stroboscopic map.
+/// If two neighbours on a branch are on both sides of the frequency, Newton's method leads from the motion between them
+/// to a fixed point of the stroboscopic map.
 ///
 /// # Errors
 /// As [`StroboscopicMap::new`]; [`TimeDomainError::Integrate`] if a motion can't be followed.

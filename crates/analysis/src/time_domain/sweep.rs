@@ -14,7 +14,7 @@ use resonarm_dynamics::integrate::Sine;
 /// Most points of a sweep.
 const MOST_POINTS: u32 = 1_000_000;
 
-/// What is stepped.
+/// The parameter that is stepped.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum SweepParameter {
     /// The frequency of the excitation, Hz, at a constant amplitude.
@@ -91,7 +91,7 @@ impl Grid {
 /// A stepped sweep of one arm.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Sweep {
-    /// What is stepped.
+    /// The parameter that is stepped.
     pub parameter: SweepParameter,
     /// Its values: Hz, or multiples of the unit load.
     pub grid: Grid,

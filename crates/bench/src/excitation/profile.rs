@@ -94,7 +94,7 @@ impl Profile {
     /// Length in samples: the load is zero from this sample on.
     pub fn samples(&self) -> u64 {
         match &self.shape {
-            // A length that comes from whole samples is one, whatever the rounding.
+            // A length of whole samples counts as such despite rounding.
             Shape::Samples(_) => libm::round(self.duration_s * self.rate_hz) as u64,
             Shape::Sines(_) | Shape::Pulse(_) => libm::ceil(self.duration_s * self.rate_hz) as u64,
         }

@@ -67,11 +67,11 @@ pub enum ExcitationError {
     /// A number is impossible.
     #[error("excitation: `{name}` is {got}: it must be {expected}", got = short(.got))]
     Value {
-        /// The value, as it is called in a scenario.
+        /// The name of the value in a scenario.
         name: &'static str,
-        /// What was given.
+        /// The given value.
         got: f64,
-        /// What would do.
+        /// The valid values.
         expected: &'static str,
     },
     /// Nothing to play, or forces and torques at once.
@@ -131,7 +131,7 @@ pub enum ExcitationError {
     /// A spectrum whose end is not that of its band.
     #[error("excitation: `{name}` is {band_hz}, and the breakpoint of `spectrum` there is at {hz} Hz: they must be the same", band_hz = short(.band_hz), hz = short(.hz))]
     BreakpointEnd {
-        /// The end of the band, as it is called in a scenario.
+        /// The name of the end of the band in a scenario.
         name: &'static str,
         /// Its frequency, Hz.
         band_hz: f64,
@@ -141,7 +141,7 @@ pub enum ExcitationError {
     /// More samples than are stored.
     #[error("excitation: `{length}` is {samples} samples long: it must be from 1 to {most}", samples = rounded(.samples, 0))]
     Length {
-        /// The length, as it is called in a scenario.
+        /// The name of the length in a scenario.
         length: &'static str,
         /// Its samples.
         samples: f64,

@@ -149,7 +149,7 @@ fn ends_are_left_out_but_a_beginning_from_rest() {
         assert_eq!((found.first, found.alpha_rad.len()), (ends, 4000 - 2 * ends));
         let found = run.angles(AngleSettings { starts_at_rest: true, ..settings }).unwrap();
         assert_eq!((found.first, found.alpha_rad.len()), (0, 4000 - ends));
-        // What a sudden start has below the corner is missing: it is little.
+        // The small part of a sudden start below the corner is missing.
         let off = difference(&found, &run.alpha_rad);
         assert!(off < 1e-2, "{integration:?}: {off}");
     }

@@ -21,9 +21,9 @@ pub enum IdentifyError {
     /// Too few samples for the request.
     #[error("the record has {samples} samples where {least} are needed: record for longer")]
     TooShort {
-        /// What there is.
+        /// The samples of the record.
         samples: usize,
-        /// What would do.
+        /// The samples needed.
         least: usize,
     },
     /// The head reads nothing but its own noise.
@@ -76,9 +76,9 @@ pub enum IdentifyError {
     /// A record that ends before a double integration has settled.
     #[error("the record has {samples} samples where {least} are needed for angles from {from_hz} Hz on: record for longer, or raise the lower corner", least = rounded(.least, 0), from_hz = rounded(.from_hz, 3))]
     NoMiddle {
-        /// What there is.
+        /// The samples of the record.
         samples: usize,
-        /// What would do.
+        /// The samples needed.
         least: f64,
         /// The corner, Hz.
         from_hz: f64,

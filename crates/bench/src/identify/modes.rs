@@ -87,7 +87,7 @@ pub struct RejectedPeak {
     pub reason: Rejection,
 }
 
-/// Why a peak is no mode.
+/// Why a peak is not a mode.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum Rejection {
     /// The lines around it are described as well without a pole.

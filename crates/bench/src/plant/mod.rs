@@ -91,9 +91,9 @@ pub enum PlantSpecError {
     /// The current of the shaker's coil changes too slowly for the step.
     #[error("rig.shaker: `inductance_h` is {got_h}: at this resistance and step in voltage mode it must be at most {most_h}", got_h = short(.got_h), most_h = short(.most_h))]
     Inductance {
-        /// What was given, H.
+        /// The given value, H.
         got_h: f64,
-        /// What would do, H.
+        /// The largest valid value, H.
         most_h: f64,
     },
     /// The initial state is not finite.
@@ -105,7 +105,7 @@ pub enum PlantSpecError {
          {MOST_STEPS_PER_SAMPLE}"
     )]
     StepsPerSample {
-        /// What was given.
+        /// The given value.
         got: u32,
     },
 }
@@ -130,7 +130,7 @@ pub struct Plant {
     steps_per_sample: u32,
     sample: u64,
     state: State,
-    /// What the converters sampled last: head x, y; B x, y; C x, y.
+    /// The converters' last samples: head x, y; B x, y; C x, y.
     sampled: [f64; Measurement::CHANNELS],
     /// The converters' filter, if they have one, and its sums.
     filter: Option<Filter>,
@@ -206,12 +206,12 @@ impl Plant {
         &self.arm
     }
 
-    /// What drives the arm.
+    /// The exciter of the arm.
     pub fn exciter(&self) -> &Exciter {
         self.rig.exciter()
     }
 
-    /// What is taken of commands beyond what the exciter can produce.
+    /// The limits of commands beyond the exciter's.
     pub fn gate(&self) -> &GateSpec {
         self.rig.gate()
     }

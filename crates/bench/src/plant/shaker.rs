@@ -42,7 +42,7 @@ pub(super) enum Drive {
     Coil {
         /// Coefficients of 1, τ … τ⁴, N.
         polynomial_n: [f64; 5],
-        /// Of e^{−λτ}, N.
+        /// Coefficient of e^{−λτ}, N.
         transient_n: f64,
         /// The unit vector of the force.
         along: Vector2<f64>,

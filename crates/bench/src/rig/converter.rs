@@ -236,7 +236,7 @@ mod tests {
                 let folded: f64 = (1..4000).map(|m| image(m) + image(-m)).sum();
                 let expected = folded / converter.gain(cycles);
                 let seen = converter.images(cycles);
-                // Of order 1 the images beyond the 4000th have 2/4000 of the first.
+                // At order 1 the images beyond the 4000th add up to 2/4000 of the first.
                 assert!((seen - expected).abs() < 3e-4 * expected + 1e-15, "{converter:?} {cycles}: {seen} {expected}");
             }
         }

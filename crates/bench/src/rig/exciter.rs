@@ -14,19 +14,19 @@ pub enum RigError {
     /// A value of the specification is impossible.
     #[error("{instrument}: `{name}` is {got}: it must be {expected}", got = short(.got))]
     Spec {
-        /// The instrument, as it is called in a scenario.
+        /// The name of the instrument in a scenario.
         instrument: &'static str,
-        /// The value, as it is called in a scenario.
+        /// The name of the value in a scenario.
         name: &'static str,
-        /// What was given.
+        /// The given value.
         got: f64,
-        /// What would do.
+        /// The valid values.
         expected: &'static str,
     },
     /// Two keys state the same.
     #[error("{instrument}: `{}` and `{}` state the same: leave one out", names[0], names[1])]
     Both {
-        /// The instrument, as it is called in a scenario.
+        /// The name of the instrument in a scenario.
         instrument: &'static str,
         /// The keys.
         names: [&'static str; 2],
@@ -38,9 +38,9 @@ pub enum RigError {
         number: usize,
         /// The key.
         name: &'static str,
-        /// What was given.
+        /// The given value.
         got: f64,
-        /// What would do.
+        /// The valid values.
         expected: &'static str,
     },
     /// A fault lacks its amount.
@@ -69,7 +69,7 @@ pub enum RigError {
     },
 }
 
-/// What drives the arm.
+/// The exciter of the arm.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum Exciter {
     /// A force or torque that acts as it is commanded.

@@ -33,7 +33,7 @@ pub struct RigSpec {
     /// The shaker, if one drives the arm.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub shaker: Option<ShakerSpec>,
-    /// What is taken of commands beyond what the exciter can produce.
+    /// The limits of commands beyond the exciter's.
     #[serde(skip_serializing_if = "GateSpec::is_open")]
     pub gate: GateSpec,
     /// The sampling of the converters of all instruments.
@@ -50,7 +50,7 @@ pub struct RigSpec {
 }
 
 impl RigSpec {
-    /// What drives the arm.
+    /// The exciter of the arm.
     pub fn drive(&self) -> Exciter {
         self.shaker.map_or(Exciter::Ideal(self.exciter), Exciter::Shaker)
     }
@@ -124,12 +124,12 @@ impl Rig {
         })
     }
 
-    /// What drives the arm.
+    /// The exciter of the arm.
     pub fn exciter(&self) -> &Exciter {
         &self.exciter
     }
 
-    /// What is taken of commands beyond what the exciter can produce.
+    /// The limits of commands beyond the exciter's.
     pub fn gate(&self) -> &GateSpec {
         &self.gate
     }

@@ -31,7 +31,7 @@ impl Reading {
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(remote = "Self", default, deny_unknown_fields)]
 pub struct AccelerometerSpec {
-    /// Largest magnitude that the converter can tell, m/s², positive.
+    /// Largest magnitude of the converter, m/s², positive.
     pub range_m_s2: f64,
     /// Standard deviation of the sensor's noise of a sample, m/s², not negative. `None`, as with a density: none.
     #[serde(default, skip_serializing_if = "Option::is_none")]
@@ -138,7 +138,7 @@ impl AccelerometerSpec {
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(remote = "Self", default, deny_unknown_fields)]
 pub struct ForceSensorSpec {
-    /// Largest magnitude that the converter can tell, N, positive.
+    /// Largest magnitude of the converter, N, positive.
     pub range_n: f64,
     /// Standard deviation of the sensor's noise of a sample, N, not negative. `None`, as with a density: none.
     #[serde(default, skip_serializing_if = "Option::is_none")]
@@ -236,7 +236,7 @@ impl ForceSensorSpec {
     }
 }
 
-/// What states neither noise nor counts in either way has the default's.
+/// A key of noise or counts that is absent in both forms takes its default.
 impl<'de> Deserialize<'de> for AccelerometerSpec {
     fn deserialize<D: Deserializer<'de>>(deserializer: D) -> Result<AccelerometerSpec, D::Error> {
         let (mut spec, default) = (AccelerometerSpec::deserialize(deserializer)?, AccelerometerSpec::default());
@@ -256,7 +256,7 @@ impl Serialize for AccelerometerSpec {
     }
 }
 
-/// What states neither noise nor counts in either way has the default's.
+/// A key of noise or counts that is absent in both forms takes its default.
 impl<'de> Deserialize<'de> for ForceSensorSpec {
     fn deserialize<D: Deserializer<'de>>(deserializer: D) -> Result<ForceSensorSpec, D::Error> {
         let (mut spec, default) = (ForceSensorSpec::deserialize(deserializer)?, ForceSensorSpec::default());

@@ -24,7 +24,7 @@ use resonarm_dynamics::arm::{Attachment, Load};
 const ACROSS_N: f64 = 0.04;
 const ACROSS_SHARE: f64 = 1e-3;
 
-/// What the amplifier holds.
+/// The quantity that the amplifier holds.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "kebab-case")]
 pub enum Amplifier {
@@ -42,7 +42,7 @@ pub struct ShakerSpec {
     /// Direction in which it pushes the tip, against the x axis of the base frame, degrees.
     #[serde(default)]
     pub direction_deg: f64,
-    /// What the amplifier holds.
+    /// The quantity that the amplifier holds.
     #[serde(default)]
     pub amplifier: Amplifier,
     /// Mass of the armature, with the stinger and attached parts, kg, not negative.
@@ -65,7 +65,7 @@ pub struct ShakerSpec {
     pub voltage_limit_v: f64,
 }
 
-/// What trips the amplifier.
+/// The limits that trip the amplifier.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum ShakerLimit {
     /// The displacement of the armature.

@@ -138,7 +138,7 @@ impl AttachedExternal<f64> {
 }
 
 impl<T: Real> AttachedExternal<T> {
-    /// Those of `T::WIDTH` arms side by side.
+    /// The same for `T::WIDTH` arms side by side.
     #[inline(always)]
     pub fn gather(of: impl Fn(usize) -> AttachedExternal<f64>) -> AttachedExternal<T> {
         AttachedExternal {

@@ -11,7 +11,7 @@ use wide::f64x4;
 pub(crate) trait Real:
     Copy + Add<Output = Self> + Sub<Output = Self> + Mul<Output = Self> + Div<Output = Self> + Neg<Output = Self>
 {
-    /// How many numbers these are.
+    /// The number of lanes.
     const WIDTH: usize;
     /// The numbers `of(0)`, `of(1)` … one a lane.
     fn gather(of: impl Fn(usize) -> f64) -> Self;

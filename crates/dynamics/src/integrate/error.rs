@@ -1,4 +1,4 @@
-//! Why a step could not be made.
+//! Errors of integrators.
 
 use thiserror::Error;
 
@@ -12,7 +12,7 @@ pub enum IntegrateError {
     /// The rate is not a positive number.
     #[error("integration rate {got_hz} Hz: it must be a positive number", got_hz = short(.got_hz))]
     Rate {
-        /// What was given, Hz.
+        /// The given value, Hz.
         got_hz: f64,
     },
     /// Steps so short that rounding outweighs the change they make.
@@ -21,7 +21,7 @@ pub enum IntegrateError {
          rounding"
     )]
     RateTooHigh {
-        /// What was given, Hz.
+        /// The given value, Hz.
         got_hz: f64,
         /// The highest rate that would do, Hz.
         most_hz: f64,
@@ -31,7 +31,7 @@ pub enum IntegrateError {
     RateTooLow {
         /// The scheme.
         scheme: Scheme,
-        /// What was given, Hz.
+        /// The given value, Hz.
         got_hz: f64,
         /// The lowest rate that would do, Hz.
         needed_hz: f64,

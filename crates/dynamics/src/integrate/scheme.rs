@@ -99,7 +99,7 @@ impl fmt::Display for Scheme {
 #[derive(Clone, Debug, PartialEq, Eq, Error)]
 #[error("there is no integration scheme `{got}`: the schemes are {known}")]
 pub struct UnknownScheme {
-    /// What was given.
+    /// The given value.
     pub got: String,
     /// The existing names.
     pub known: String,
