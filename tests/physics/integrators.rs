@@ -37,7 +37,7 @@ fn default_scheme_and_rate_add_less_than_a_millionth() {
 /// Free vibration without dampers, far from linear: no symmetric scheme loses or gains energy steadily, beyond
 /// rounding. A drift of 1e-10 in 1e7 steps would be one of 1e-12 here.
 #[test]
-fn energy_of_the_symmetric_schemes_goes_nowhere() {
+fn energy_of_the_symmetric_schemes_does_not_drift() {
     let start = State::new([0.05, -0.08], [0.5, -1.0]);
     for (preset, beta2_deg) in [(Preset::Irb1600Fitted, 60.0), (Preset::Irb1600Table1, 120.0)] {
         let arm = arm(preset, beta2_deg);

@@ -129,7 +129,7 @@ fn check_on(case: &Case, mut plant: Plant) {
 }
 
 #[test]
-fn a_torque_leads_over_both_folds() {
+fn a_torque_walks_over_both_folds() {
     let amplitude = Amplitude { torque1_nm: 20.0, ..Amplitude::default() };
     check(&Case {
         beta1_deg: 0.0,
@@ -143,7 +143,7 @@ fn a_torque_leads_over_both_folds() {
 }
 
 #[test]
-fn a_force_at_the_tip_leads_over_both_folds() {
+fn a_force_at_the_tip_walks_over_both_folds() {
     let amplitude = Amplitude { force_x_n: 14.0, ..Amplitude::default() };
     check(&Case {
         beta1_deg: 30.0,
@@ -188,7 +188,7 @@ fn the_second_mode_is_walked_beside_the_first() {
 /// reading. The tip moves along an arc, so armature and suspension add harmonics to the force, as the square of the
 /// amplitude; at 14 N they are as large as the fundamental, and the motion is no longer that of a pure sine.
 #[test]
-fn a_shaker_s_armature_is_walked_past() {
+fn the_walk_works_with_a_shaker_s_armature() {
     let shaker = ShakerSpec {
         direction_deg: 0.0,
         amplifier: Amplifier::Current,
@@ -222,7 +222,7 @@ fn a_shaker_s_armature_is_walked_past() {
 /// the arm's share. With more force the harmonics of the brake's force would change the response as well; with less,
 /// the head's counts of 0.02 N would be too coarse, so they are finer here.
 #[test]
-fn a_shaker_that_takes_most_of_the_force_is_walked_past() {
+fn the_walk_works_with_a_shaker_that_takes_most_of_the_force() {
     let shaker = Some(ShakerSpec {
         direction_deg: 0.0,
         amplifier: Amplifier::Current,

@@ -19,14 +19,14 @@ pub struct Place {
 
 impl fmt::Display for Place {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        write!(f, "{}{}", rounded(&self.value, 6), Behind(self.unit))
+        write!(f, "{}{}", rounded(&self.value, 6), UnitSuffix(self.unit))
     }
 }
 
 /// A unit after a number.
-struct Behind(&'static str);
+struct UnitSuffix(&'static str);
 
-impl fmt::Display for Behind {
+impl fmt::Display for UnitSuffix {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         let space = if self.0.is_empty() || self.0 == "°" { "" } else { " " };
         write!(f, "{space}{}", self.0)
@@ -93,7 +93,7 @@ pub enum AnalysisError {
     /// The interval is invalid.
     #[error(
         "the interval from {from} to {to}{} can't be walked: both ends must be numbers, different, and inside {domain}",
-        Behind(unit), from = short(.from), to = short(.to))]
+        UnitSuffix(unit), from = short(.from), to = short(.to))]
     Interval {
         /// Where the walk was to start.
         from: f64,

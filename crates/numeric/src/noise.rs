@@ -56,7 +56,7 @@ mod tests {
 
     /// Copies made at every position in a block of the generator, and beyond its end.
     #[test]
-    fn a_copy_goes_on_as_the_original() {
+    fn a_copy_continues_as_the_original() {
         let mut noise = Noise::new(3, 2);
         for taken in 0..100 {
             let (mut copy, number) = (noise.clone(), noise.normal());

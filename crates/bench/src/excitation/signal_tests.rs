@@ -272,7 +272,7 @@ fn says_what_is_wrong_with_a_file() {
 }
 
 #[test]
-fn says_what_noise_cannot_be() {
+fn says_what_is_wrong_with_noise() {
     let says = |profile| along_y(0.0, profile).unwrap_err().to_string();
     let random = |from_hz, to_hz, duration_s| Waveform::Random { from_hz, to_hz, duration_s, spectrum: None, seed: 0 };
     insta::assert_snapshot!(says(random(10.0, 5.0, 1.0)), @"excitation: `to_hz` is 5: it must be at least `from_hz`");
@@ -303,7 +303,7 @@ fn says_what_noise_cannot_be() {
 }
 
 #[test]
-fn says_what_no_spectrum_is() {
+fn says_what_is_wrong_with_a_spectrum() {
     let says = |table: &[[f64; 2]]| {
         let spectrum = Some(Spectrum(table.into()));
         let random = Waveform::Random { from_hz: 10.0, to_hz: 20.0, duration_s: 1.0, spectrum, seed: 0 };

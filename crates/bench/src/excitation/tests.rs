@@ -68,7 +68,7 @@ fn fit_finds_amplitude_and_phase_beside_another_mode() {
 }
 
 #[test]
-fn says_what_cannot_be_played() {
+fn says_why_an_excitation_can_t_be_played() {
     let says = |spec: ExcitationSpec, rate_hz| Profile::new(&spec, rate_hz).unwrap_err().to_string();
     insta::assert_snapshot!(says(force(STEPPED), 40.0), @"excitation: 25 Hz is too high for 40 samples a second: it must be below half of that");
     let short = Waveform::Dwell { frequency_hz: 20.0, duration_s: 1.0, settle_s: 0.8 };

@@ -117,7 +117,7 @@ fn difference(found: &AngleHistory, expected: &[[f64; 2]]) -> f64 {
 
 /// Weak and strong vibration near the first resonance, with ideal instruments.
 #[test]
-fn ideal_readings_tell_the_angles() {
+fn ideal_readings_give_the_angles() {
     for beta2_deg in [60.0, 120.0] {
         let arm = Arm::new(spec(beta2_deg, 0).parameters, spec(beta2_deg, 0).pose).unwrap();
         let hz = analysis::modes(&arm)[0].frequency_hz;
@@ -223,7 +223,7 @@ fn gravity_is_left_out_and_contradictions_are_reported() {
 }
 
 #[test]
-fn says_what_has_no_angles() {
+fn says_why_there_are_no_angles() {
     let mut run = run(&spec(60.0, 0), 1000, dwell(24.0, 1.0));
     let says = |run: &Run, from_hz| {
         let settings = AngleSettings { from_hz, ..run.settings(Integration::Time) };

@@ -66,7 +66,7 @@ mod tests {
     }
 
     #[test]
-    fn a_sine_comes_out_as_it_went_in() {
+    fn a_sine_is_restored() {
         let converter = Converter::Sinc5;
         let sine = |n: usize| libm::sin(core::f64::consts::TAU * 0.06 * n as f64);
         let read: Vec<Pair> = (0..200).map(|n| Pair::new(converter.gain(0.06) * sine(n), 0.0)).collect();

@@ -75,7 +75,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn the_residual_stands_on_every_column_and_dependent_columns_are_left_out() {
+    fn the_residual_is_orthogonal_to_every_column_and_dependent_columns_are_left_out() {
         let wave = |a: f64, b: f64| -> Column {
             (0..9).map(|n| Complex::new(libm::cos(a * f64::from(n)), libm::sin(b * f64::from(n)))).collect()
         };

@@ -74,14 +74,14 @@ fn assert_found(record: &Record, beta2_deg: f64, part: Part) {
 }
 
 #[test]
-fn random_force_tells_frequencies_and_damping() {
+fn random_force_gives_frequencies_and_damping() {
     for beta2_deg in [60.0, 120.0] {
         assert_found(&recorded(&spec(beta2_deg), force(3.0, 4.0), RANDOM).unwrap(), beta2_deg, Part::Forced);
     }
 }
 
 #[test]
-fn an_impact_tells_frequencies_and_damping() {
+fn an_impact_gives_frequencies_and_damping() {
     for beta2_deg in [60.0, 120.0] {
         assert_found(&recorded(&spec(beta2_deg), force(18.0, 24.0), IMPACT).unwrap(), beta2_deg, Part::RingDown);
     }
@@ -89,7 +89,7 @@ fn an_impact_tells_frequencies_and_damping() {
 
 /// With noiseless instruments the only error is that of the polynomials for the other mode.
 #[test]
-fn ideal_instruments_tell_almost_exactly() {
+fn ideal_instruments_are_almost_exact() {
     let mut ideal = spec(60.0);
     let rig = &mut ideal.rig;
     for accelerometer in [&mut rig.accelerometer_b, &mut rig.accelerometer_c] {
@@ -155,13 +155,13 @@ fn averaged_responses_are_those_of_the_equations() {
 
 /// Strong vibration is not linear, as the residual shows.
 #[test]
-fn strong_vibration_is_called_not_linear() {
+fn strong_vibration_is_reported_as_not_linear() {
     let record = recorded(&spec(60.0), force(0.0, 500.0), RANDOM).unwrap();
     assert!(modes(&record, BAND).unwrap().modes.iter().any(|mode| !mode.is_linear));
 }
 
 #[test]
-fn says_what_tells_nothing() {
+fn says_why_a_record_can_t_be_identified() {
     let short = Waveform::Random { from_hz: 5.0, to_hz: 80.0, duration_s: 0.2, spectrum: None, seed: 3 };
     let error = |record: Result<Record, IdentifyError>, band| {
         record.and_then(|record| modes(&record, band)).unwrap_err().to_string()

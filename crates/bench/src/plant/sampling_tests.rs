@@ -141,7 +141,7 @@ fn readings_are_the_weighted_means_of_the_continuous_motion() {
 }
 
 #[test]
-fn a_plant_at_rest_under_gravity_reads_as_it_stands_from_the_first_sample_on() {
+fn a_plant_at_rest_under_gravity_reads_constant_values_from_the_first_sample() {
     for converter in Converter::ALL {
         let mut plant = Plant::new(&PlantSpec { initial: State::default(), ..spec(None, converter, 2) }).unwrap();
         for _ in 0..8 {

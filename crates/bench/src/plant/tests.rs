@@ -34,7 +34,7 @@ fn same_commands_give_the_same_bits() {
 }
 
 #[test]
-fn at_rest_the_instruments_tell_the_held_force() {
+fn at_rest_the_instruments_read_the_held_force() {
     let mut plant = Plant::new(&spec()).unwrap();
     for _ in 0..5 {
         plant.advance(&Load::force_n(50.0, -20.0)).unwrap();
@@ -258,7 +258,7 @@ fn a_shaker_in_voltage_mode_converges_with_the_fifth_order() {
 /// In voltage mode the coil brakes the arm so much that within a minute first its energy and then its current
 /// underflows.
 #[test]
-fn an_arm_that_dies_away_under_its_shaker_goes_on() {
+fn an_arm_whose_motion_dies_out_under_its_shaker_keeps_running() {
     let shaker = ShakerSpec { amplifier: Amplifier::Voltage, resistance_ohm: 2.0, ..SHAKER };
     for exponent in [150, 155, 158, 160, 162, 200, 300, 306, 308, 310, 312, 315] {
         let small = libm::exp10(-f64::from(exponent));

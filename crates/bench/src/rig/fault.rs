@@ -273,14 +273,14 @@ mod tests {
     }
 
     #[test]
-    fn an_axis_stuck_from_the_start_says_what_it_says_at_rest() {
+    fn an_axis_stuck_from_the_start_keeps_its_reading_at_rest() {
         let stuck = "[[faults]]\ninstrument = 'impedance_head'\nkind = 'stuck'\nfrom_s = 0";
         let readings = readings(&spec(stuck), 3);
         assert!(readings.iter().all(|sample| sample.head_force_n == [Reading::default(); 2]));
     }
 
     #[test]
-    fn what_is_added_is_rounded_and_clipped_by_the_converter() {
+    fn additions_are_rounded_and_clipped_by_the_converter() {
         let spike = "[[faults]]\ninstrument = 'accelerometer_b'\naxis = 'x'\nkind = 'spike'\namplitude_m_s2 = 1e4\n\
             from_s = 0.1\nto_s = 0.3";
         let clipped: Vec<_> = readings(&spec(spike), 4).iter().map(|sample| sample.acceleration_b_m_s2[0]).collect();

@@ -40,7 +40,7 @@ fn rounds_to_counts_and_marks_what_is_beyond_the_range() {
 }
 
 #[test]
-fn never_says_more_than_its_range() {
+fn never_reads_more_than_its_range() {
     let read = |range, resolution, truth| instrument(&quiet(range, resolution)).read_x(truth);
     assert_eq!(read(10.3, 0.5, 11.0), Reading { value: 10.0, clipped: true });
     assert_eq!(read(10.3, 0.5, 10.2), Reading { value: 10.0, clipped: false });
@@ -245,7 +245,7 @@ fn bits_count_from_one_end_of_the_range_to_the_other() {
 }
 
 #[test]
-fn what_states_noise_or_counts_its_own_way_has_no_default_beside_it() {
+fn one_form_of_noise_or_counts_replaces_the_default_of_the_other() {
     let read = |text: &str| toml::from_str::<RigSpec>(text).unwrap();
     let rig = read("[accelerometer_b]\nnoise_density_m_s2_per_sqrt_hz = 1e-3\nbits = 16\n[impedance_head]\nbits = 24");
     assert_eq!((rig.accelerometer_b.noise_rms_m_s2, rig.accelerometer_b.resolution_m_s2), (None, None));

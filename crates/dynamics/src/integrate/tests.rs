@@ -93,7 +93,7 @@ fn exponential_schemes_are_exact_under_a_held_load() {
 
 /// A motion so small that its energy underflows counts as rest, not as a failure.
 #[test]
-fn a_motion_whose_energy_underflows_goes_on() {
+fn a_motion_whose_energy_underflows_continues() {
     let arm = arm(Preset::Irb1600Fitted, 20.0, 60.0);
     for scheme in Scheme::ALL {
         for exponent in 150..=170 {
@@ -119,7 +119,7 @@ fn says_which_rate_would_do() {
 
 /// A load that no arm can bear ends in an error, never in a bad number.
 #[test]
-fn refuses_to_go_on_without_a_number() {
+fn a_state_that_is_not_finite_is_an_error() {
     let arm = arm(Preset::Irb1600Fitted, 0.0, 60.0);
     let load = Load::torque_nm(f64::MAX, 0.0);
     for scheme in Scheme::ALL {

@@ -153,7 +153,7 @@ fn side_by_side() -> [Network; 3] {
 }
 
 #[test]
-fn benches_side_by_side_do_not_meddle_with_each_other() {
+fn benches_side_by_side_do_not_disturb_each_other() {
     let networks = side_by_side();
     let mut crowd = Crowd::new(&networks, &networks);
     crowd.run(400);

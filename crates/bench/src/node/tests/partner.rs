@@ -61,7 +61,7 @@ fn refused_in_lockstep([of_plant, of_exciter]: [u64; 2]) -> (PlantNode, ExciterN
 }
 
 #[test]
-fn in_lockstep_a_refused_command_ends_with_its_reason_whoever_waits_longer() {
+fn in_lockstep_a_refused_command_ends_with_its_reason_at_any_timeouts() {
     const SHORT_NS: u64 = 500 * TICK_NS;
     const LONG_NS: u64 = 1000 * TICK_NS;
     for timeouts in [[SHORT_NS, LONG_NS], [LONG_NS, SHORT_NS]] {
@@ -76,7 +76,7 @@ fn in_lockstep_a_refused_command_ends_with_its_reason_whoever_waits_longer() {
 }
 
 #[test]
-fn an_exciter_that_misses_its_samples_waits_for_the_plant_s_word_until_it_has_it() {
+fn an_exciter_that_misses_its_samples_waits_for_the_plant_s_reason() {
     let mut bench = Bench::new(10.0);
     bench.run(300);
     let exciter = bench.exciter.as_mut().unwrap();
@@ -138,7 +138,7 @@ fn a_remote_frame_and_a_refused_request_are_of_no_other_sender() {
 }
 
 #[test]
-fn a_node_that_hears_its_own_heartbeat_has_a_double() {
+fn a_node_that_receives_its_own_heartbeat_has_a_second_sender() {
     let mut bench = Bench::new(10.0);
     bench.run(50);
     let own = |node, network| {

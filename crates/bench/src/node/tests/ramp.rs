@@ -28,7 +28,7 @@ fn forces(plant: &mut PlantNode, samples: usize) -> Vec<f64> {
 }
 
 #[test]
-fn arming_during_the_ramp_lets_it_go_on_until_the_first_command() {
+fn arming_during_the_ramp_lets_it_continue_until_the_first_command() {
     let (mut plant, mut transmitter) = armed();
     tell(&mut plant, &mut transmitter, force(50.0, 4464));
     assert_eq!(forces(&mut plant, 1), [50.0]);
@@ -70,7 +70,7 @@ fn a_failed_simulation_has_nothing_to_ramp() {
 }
 
 #[test]
-fn a_plant_that_leaves_tells_first_disarms_and_ramps() {
+fn a_plant_that_leaves_announces_it_disarms_and_ramps() {
     let (mut plant, mut transmitter) = armed();
     tell(&mut plant, &mut transmitter, force(50.0, 4464));
     messages(&mut plant);
@@ -126,7 +126,7 @@ fn a_controller_stopped_before_it_has_heard_that_the_plant_is_armed_disarms_it()
 }
 
 #[test]
-fn an_armed_plant_whose_controller_says_no_more_than_that_it_leaves_disarms_with_a_ramp() {
+fn an_armed_plant_disarms_with_a_ramp_when_its_controller_only_announces_that_it_leaves() {
     let (mut plant, mut transmitter) = armed();
     tell(&mut plant, &mut transmitter, force(50.0, 4464));
     let leaving = Emergency { node: NodeName::Exciter, code: EmergencyCode::Leaving, detail: 0, sample: 0 };

@@ -29,7 +29,7 @@ fn after_a_jam_the_latest_sample_goes_out_whole_and_no_counter_is_missing() {
 }
 
 #[test]
-fn a_frame_that_the_bus_did_not_take_is_made_anew() {
+fn a_frame_that_the_bus_did_not_take_is_made_again() {
     let mut plant = plant_node();
     plant.start(0);
     while plant.poll_transmit().is_some() {}
@@ -57,7 +57,7 @@ fn emergency_and_heartbeat_go_before_samples() {
 }
 
 #[test]
-fn a_node_that_repeats_itself_in_a_jam_says_it_once() {
+fn a_node_that_repeats_itself_in_a_jam_sends_it_once() {
     let mut bench = Bench::new(0.5);
     // The plant is not polled for a minute; the exciter receives nothing and repeats its request.
     for tick in 0..60_000 {
@@ -71,7 +71,7 @@ fn a_node_that_repeats_itself_in_a_jam_says_it_once() {
 }
 
 #[test]
-fn a_bus_that_takes_nothing_is_lost_for_nodes_at_work_alone() {
+fn a_bus_that_takes_nothing_is_lost_only_for_nodes_at_work() {
     let (mut plant, mut transmitter) = armed();
     let hold = |plant: &mut PlantNode, transmitter: &mut Transmitter, tick: u64| {
         publish(plant, 70_000 + tick);
@@ -123,7 +123,7 @@ fn a_command_that_still_waits_when_the_controller_stops_is_taken_back() {
 
 /// Two heartbeats wait at once, so that a counter advances within the list.
 #[test]
-fn what_waits_is_what_goes_one_by_one() {
+fn waiting_frames_are_sent_one_by_one() {
     let mut plant = plant_node();
     plant.start(0);
     publish(&mut plant, 0);

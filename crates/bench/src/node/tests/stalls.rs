@@ -24,7 +24,7 @@ fn a_controller_that_was_stopped_does_not_take_its_own_silence_for_the_plants() 
 }
 
 #[test]
-fn a_controller_silent_while_the_plant_listens_is_found_out_in_time_also_after_a_stall() {
+fn a_controller_silent_while_the_plant_listens_is_detected_in_time_also_after_a_stall() {
     let mut bench = Bench::new(10.0);
     bench.run(300);
     bench.exciter = None;
