@@ -1,7 +1,7 @@
 //! The arm: two links with compliant joints (Gierlak & Warmiński 2023, IRB 1600), without approximation.
 //!
-//! The joint angles are qᵢ = βᵢ + αᵢ (Eq. 1): the pose β is constant, α is the vibration. The equation of motion (Eq.
-//! 3) is
+//! The joint angles are qᵢ = βᵢ + αᵢ (Eq. 1): the pose β is constant, α is the vibration. Eq. 3, the equation of
+//! motion, is
 //!
 //! ```text
 //! M(α,β) α̈ + C(α,α̇,β) α̇ + D α̇ + K α = u + J(α,β)ᵀ F
