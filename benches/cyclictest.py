@@ -1,5 +1,5 @@
 #!/usr/bin/env python3
-"""How late the plant's loop wakes, beside cyclictest (rt-tests) on the same core: in turns in one run.
+"""Wake-up lateness of the plant's loop and of cyclictest (rt-tests) on the same core, in turns in one run.
 
 A turn is cyclictest, then `resonarm latency`: a bare loop and the plant with its instruments, a controller and a
 recording. All have SCHED_FIFO 80, locked memory and the same core. The medians of the turns' percentiles are printed,
@@ -15,7 +15,7 @@ import subprocess
 import tempfile
 from pathlib import Path
 
-# cyclictest's histogram, µs: what is later counts as this late.
+# Length of cyclictest's histogram, µs: later wake-ups count as this late.
 HISTOGRAM_US = 20_000
 
 
@@ -86,7 +86,7 @@ def main():
     parser.add_argument("--turn-s", type=float, default=10)
     parser.add_argument("--turns", type=int, default=10)
     parser.add_argument("--rates-hz", type=int, nargs="+", default=[1000, 4000, 10000])
-    parser.add_argument("--idle", action="store_true", help="leave the cores' idle states as they are")
+    parser.add_argument("--idle", action="store_true", help="leave the cores' idle states unchanged")
     arguments = parser.parse_args()
     print(f"{'rate':>9}  {'µs':<22} {'p50':>9} {'p99':>9} {'longest':>9}")
     for rate_hz in arguments.rates_hz:

@@ -1,6 +1,6 @@
-//! Samples a second into a recording and out of it, and simulated again: `cargo bench --bench recording`.
+//! Samples a second written to a recording, read from it, and simulated again: `cargo bench --bench recording`.
 //!
-//! A sample is what the bench of `scenarios/bench.toml` makes: a state, readings, four classic frames.
+//! A sample is that of the bench of `scenarios/bench.toml`: a state, readings, four classic frames.
 
 use std::error::Error;
 use std::path::Path;
@@ -82,7 +82,7 @@ fn write_batches(bencher: Bencher) {
     write(bencher, &options, &records);
 }
 
-/// Everything that a run records, compressed.
+/// All records of a run, compressed.
 #[divan::bench]
 fn write_everything(bencher: Bencher) {
     let records: Vec<_> = (0..SAMPLES).filter_map(everything).flatten().collect();
@@ -95,7 +95,7 @@ fn write(bencher: Bencher, options: &Options, records: &[Record]) {
     bencher.counter(ItemsCount::new(SAMPLES)).bench_local(|| record(&path, options, black_box(records)));
 }
 
-/// A recording of everything, in a folder that goes with it.
+/// A recording of everything, with its temporary folder.
 fn recorded() -> Option<(tempfile::TempDir, std::path::PathBuf)> {
     let folder = tempfile::tempdir().ok()?;
     let path = folder.path().join("run.mcap");
@@ -121,15 +121,15 @@ fn read(bencher: Bencher) {
         .bench_local(|| recording.records().map(|records| black_box(records.count())));
 }
 
-/// The peer: the same records by the crate `mcap` from memory, decoded by `prost` from the same schemas and taken apart
-/// as `docs/recording.md` does it in Python.
+/// The peer: the same records by the crate `mcap` from memory, decoded by `prost` from the same schemas and split into
+/// records as `docs/recording.md` does it in Python.
 #[divan::bench]
 fn read_by_mcap(bencher: Bencher) {
     let Some((_folder, path)) = recorded() else { return };
     bencher.counter(ItemsCount::new(SAMPLES)).bench_local(|| by_mcap(&path, Unit::Records).map(black_box).ok());
 }
 
-/// The same as far as messages: columns, not taken apart.
+/// The same up to messages: columns, not split.
 #[divan::bench]
 fn messages_by_mcap(bencher: Bencher) {
     let Some((_folder, path)) = recorded() else { return };
@@ -181,7 +181,7 @@ struct SampleBatch {
     head_force_y_n: Vec<f64>,
 }
 
-/// What the peer gives.
+/// The peer's result.
 #[derive(Clone, Copy, PartialEq)]
 enum Unit {
     Messages,

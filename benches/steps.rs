@@ -45,7 +45,7 @@ fn driven(bencher: Bencher, scheme: Scheme) {
     });
 }
 
-/// A thousand steps as a run at 1 kHz makes them: as many a sample as the scheme's default, the force at the tip held.
+/// A thousand steps as in a run at 1 kHz: the scheme's default number a sample, with the force at the tip held.
 #[divan::bench(args = Scheme::ALL)]
 fn held(bencher: Bencher, scheme: Scheme) {
     let Ok(arm) = arm() else { return };

@@ -113,7 +113,7 @@ fn recordings_without_modes_are_refused() {
     assert_snapshot!(says(&["short.mcap"]), @"resonarm: the record has 150 samples where 256 are needed: record for longer");
     assert_snapshot!(says(&["force.mcap", "--from-hz", "200", "--to-hz", "300"]), @"resonarm: the force has no energy from 200 to 300 Hz: drive the arm there, or name the band that was driven");
     assert_snapshot!(says(&["force.mcap", "--segment-s", "-1"]), @"resonarm: --segment-s: it must be positive");
-    assert_snapshot!(says(&["force.mcap", "--segment-s", "100"]), @"resonarm: a segment of 100000 samples has to have from 16 samples to as many as the record, 4050");
+    assert_snapshot!(says(&["force.mcap", "--segment-s", "100"]), @"resonarm: a segment has 100000 samples: it must have from 16 to as many as the record, 4050");
     assert_snapshot!(says(&["notes.txt"]), @"resonarm: `notes.txt` is not an MCAP file: it begins with `no recor`");
 }
 

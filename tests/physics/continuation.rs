@@ -46,7 +46,7 @@ fn folds_and_peaks_are_those_of_the_oracles_in_both_directions() {
         for (a, b) in found.iter().zip(&back) {
             assert!((a.0 / b.0 - 1.0).abs() < 1e-10, "{} {} Hz", a.0, b.0);
         }
-        // The oracles look at the zone of the first mode.
+        // The oracles cover the zone of the first mode.
         let expected = case["folds"].as_array().unwrap();
         let peak_hz = number(case, "peak_hz");
         let near: Vec<_> = found.iter().filter(|fold| (fold.0 / peak_hz - 1.0).abs() < 0.1).collect();

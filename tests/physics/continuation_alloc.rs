@@ -1,4 +1,4 @@
-//! The inner loop of the continuation takes no memory: the steps of a walk with all their Newton iterations, along a
+//! The inner loop of the continuation doesn't allocate: the steps of a walk with all their Newton iterations, along a
 //! branch and along a curve of folds, and the stability of each motion. The guard aborts the process at the first
 //! allocation.
 
@@ -19,7 +19,7 @@ fn forced() -> ForcedArm {
     ForcedArm::new(arm, Load::torque_nm(1.0, 0.0), 60.0)
 }
 
-/// From 21.5 Hz up, around both folds, where steps are taken back, too.
+/// From 21.5 Hz up, around both folds, where steps are undone, too.
 #[test]
 fn a_walk_around_two_folds_allocates_nothing() {
     let balance = HarmonicBalance::new(forced(), 21.5, 1, HARMONICS);
@@ -28,7 +28,7 @@ fn a_walk_around_two_folds_allocates_nothing() {
     let unknowns = response.balance().dimension();
     let mut walk = Walk::start(&mut response, settings, &vec![0.0; unknowns], 21.5, 1.0).unwrap();
     let mut floquet = Floquet::default();
-    // The first step, and the first stability, take the storage of all that follow: the tables of fewer steps fit in,
+    // The first step and the first stability allocate the storage for all later ones: tables of fewer steps fit in,
     // too.
     walk.advance(&mut response).unwrap();
     floquet.stability(response.balance(), &walk.point().x);

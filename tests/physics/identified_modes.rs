@@ -1,5 +1,5 @@
-//! What `identify` finds in readings of an arm that an ideal exciter or a shaker drives, against the arm's own modes:
-//! the stated deviations hold over seeds, exciters and poses.
+//! Modes found by `identify` in readings of an arm driven by an ideal exciter or a shaker, against the arm's true
+//! modes: the stated deviations hold over seeds, exciters and poses.
 
 use resonarm::analysis::{self, Mode};
 use resonarm::arm::{Arm, Pose, Preset, State};
@@ -92,7 +92,7 @@ fn random(seed: u64) -> Waveform {
     Waveform::Random { from_hz: 10.0, to_hz: 80.0, duration_s: 20.0, spectrum: None, seed }
 }
 
-/// Errors of frequency and damping over their deviations, of each mode that was found; all are the arm's.
+/// Errors of frequency and damping over their deviations, for each mode found; every one must be a mode of the arm.
 fn errors(found: &Identification, pose: Pose) -> Vec<f64> {
     let of = |mode: &resonarm::identify::IdentifiedMode| {
         let near = |of: &Mode| (mode.frequency_hz / of.frequency_hz - 1.0).abs() < 0.01;
@@ -106,7 +106,7 @@ fn errors(found: &Identification, pose: Pose) -> Vec<f64> {
     found.modes.iter().flat_map(of).collect()
 }
 
-/// Of normal errors 95 % are within two deviations.
+/// 95 % of normal errors are within two deviations.
 fn assert_honest(errors: &[f64]) {
     let within = errors.iter().filter(|error| error.abs() < 2.0).count();
     assert!(10 * within >= 9 * errors.len(), "{within} of {} within two deviations", errors.len());
@@ -126,7 +126,7 @@ fn deviations_hold_over_seeds_exciters_and_poses() {
         }
     }
     assert_honest(&all);
-    // What the converter's filter is for: instants of a shaker's force have images of the command in them.
+    // The reason for the converter's filter: instantaneous readings of a shaker's force contain images of the command.
     let folded = identified_by(Converter::Instant, Some(LARGE), POSES[1], random(1), 6.0, 1);
     let worst = errors(&folded, POSES[1]).iter().fold(0.0_f64, |worst, error| worst.max(error.abs()));
     assert!(folded.modes.len() < 2 || worst > 8.0, "{worst} {folded:?}");
@@ -146,7 +146,7 @@ fn a_swept_sine_finds_both_modes_with_every_exciter() {
     assert_honest(&all);
 }
 
-/// A shaker brakes the arm: after an impact there is little to find its own damping by. What is found is right.
+/// A shaker brakes the arm, so an impact shows little of the arm's own damping. The modes found are right.
 #[test]
 fn an_impact_finds_what_it_can() {
     let (mut all, mut missing) = (Vec::new(), 0);

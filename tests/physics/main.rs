@@ -1,4 +1,4 @@
-//! The physics and the analysis of the library: against numbers computed independently, and against each other.
+//! Tests of physics and analysis against independently computed numbers, and against each other.
 #![allow(clippy::unwrap_used, clippy::panic, reason = "a test fails by panicking, its helpers too")]
 
 mod continuation;

@@ -1,4 +1,4 @@
-//! The physics against numbers computed independently; see `tests/oracles/README.md`.
+//! Tests of the physics against independently computed numbers; see `tests/oracles/README.md`.
 
 use resonarm::analysis::modes;
 use resonarm::arm::{Arm, Load, Parameters, Pose, Preset, State};
@@ -62,7 +62,7 @@ fn trajectory_error(case: &Value, scheme: Scheme, rate_hz: f64) -> f64 {
     worst
 }
 
-/// Every scheme of order above four meets every trajectory to 1e-10 at the rate named here.
+/// Every scheme of order above four agrees with every trajectory to 1e-10 at the rate given here.
 #[test]
 fn trajectories_agree() {
     let cases = oracles("trajectories");

@@ -1,5 +1,5 @@
-//! The phase walk against the branches of harmonic balance, which know nothing of it: every settled point is on the
-//! branch, stable or not, by what the accelerometers tell.
+//! The phase walk against the independent branches of harmonic balance: by the accelerometers' readings every settled
+//! point is on the branch, stable or not.
 
 use resonarm::analysis::{
     ArmParameter, BackboneOptions, Branch, BranchOptions, Coordinate, Distances, ForcedArm, MeasuredMotion, backbone,
@@ -27,13 +27,13 @@ struct Case {
     amplitude: Amplitude,
     mode: ModeNumber,
     shaker: Option<ShakerSpec>,
-    /// Unstable motions that the walk meets at least.
+    /// The fewest unstable motions on the walk.
     unstable: usize,
-    /// Tries a point on average, at most.
+    /// The most tries a point, on average.
     tries: f64,
 }
 
-/// Instruments without noise; the converters' counts stay.
+/// Instruments without noise, but with the converters' quantisation.
 fn quiet() -> RigSpec {
     let mut rig = RigSpec::default();
     rig.accelerometer_b.noise_rms_m_s2 = Some(0.0);
@@ -110,8 +110,8 @@ fn check_on(case: &Case, mut plant: Plant) {
     let mut unstable = 0;
     for point in &points {
         assert!(point.settled, "{point:?}");
-        // The load is within 0.11 % of the wanted one. That of an ideal exciter is what it commands; at the same lag
-        // the angle goes with it. That of a shaker is read, with noise.
+        // The load is within 0.11 % of the wanted one. With an ideal exciter it is the command, and the angle at a lag
+        // is proportional to it. With a shaker it is read, with noise.
         let load = case.amplitude.load();
         let part = point.load / libm::hypot(load.force_n.norm(), load.torque_nm.norm());
         assert!((part - 1.0).abs() < 1.1e-3, "{point:?}");
@@ -129,7 +129,7 @@ fn check_on(case: &Case, mut plant: Plant) {
 }
 
 #[test]
-fn a_torque_leads_over_both_folds() {
+fn a_torque_walks_over_both_folds() {
     let amplitude = Amplitude { torque1_nm: 20.0, ..Amplitude::default() };
     check(&Case {
         beta1_deg: 0.0,
@@ -143,7 +143,7 @@ fn a_torque_leads_over_both_folds() {
 }
 
 #[test]
-fn a_force_at_the_tip_leads_over_both_folds() {
+fn a_force_at_the_tip_walks_over_both_folds() {
     let amplitude = Amplitude { force_x_n: 14.0, ..Amplitude::default() };
     check(&Case {
         beta1_deg: 30.0,
@@ -184,11 +184,11 @@ fn the_second_mode_is_walked_beside_the_first() {
     });
 }
 
-/// The force that acts is what the head reads, a part of what the coil gives: the walk keeps that one's fundamental.
-/// The tip moves along an arc, so armature and suspension add harmonics to the force, as the square of the amplitude;
-/// at 14 N they are as large as the fundamental, and the motion is no longer that of a pure sine.
+/// The force on the arm is the head's reading, only part of the coil's force: the walk controls the fundamental of the
+/// reading. The tip moves along an arc, so armature and suspension add harmonics to the force, as the square of the
+/// amplitude; at 14 N they are as large as the fundamental, and the motion is no longer that of a pure sine.
 #[test]
-fn a_shaker_s_armature_is_walked_past() {
+fn the_walk_works_with_a_shaker_s_armature() {
     let shaker = ShakerSpec {
         direction_deg: 0.0,
         amplifier: Amplifier::Current,
@@ -218,11 +218,11 @@ fn a_shaker_s_armature_is_walked_past() {
     }
 }
 
-/// A brake that takes 30 times what the arm does: what is held for a sample acts less by 0.3 %, which is 9 % of the
-/// arm's own. With more force the harmonics of what the brake takes would move the response as well; with less, counts
-/// of 0.02 N in the head would be coarse, and are finer here.
+/// A brake that takes 30 times as much force as the arm: the hold over a sample weakens it by 0.3 %, which is 9 % of
+/// the arm's share. With more force the harmonics of the brake's force would change the response as well; with less,
+/// the head's counts of 0.02 N would be too coarse, so they are finer here.
 #[test]
-fn a_shaker_that_takes_most_of_the_force_is_walked_past() {
+fn the_walk_works_with_a_shaker_that_takes_most_of_the_force() {
     let shaker = Some(ShakerSpec {
         direction_deg: 0.0,
         amplifier: Amplifier::Current,

@@ -1,5 +1,5 @@
-//! Two truths that know nothing of each other: stepped sweeps through time, and branches continued by harmonic balance.
-//! A sweep must settle on the stable stretch that its history implies, and jump where that stretch ends in a fold.
+//! Two independent methods: stepped sweeps in time, and branches continued by harmonic balance. A sweep must settle on
+//! the stable stretch that its history implies, and jump where that stretch ends in a fold.
 
 use resonarm::analysis::time_domain::{
     Direction, Grid, SettleOptions, Settled, StroboscopicMap, Sweep, SweepParameter, settle,
@@ -8,7 +8,7 @@ use resonarm::analysis::{BifurcationKind, BranchOptions, Coordinate, ForcedArm, 
 use resonarm::arm::{Arm, Load, Pose, Preset, State};
 use serde_json::Value;
 
-/// How far a settled amplitude may be from the branch's, as part of it.
+/// The largest relative difference of a settled amplitude from the branch's.
 const TOLERANCE: f64 = 1e-6;
 
 struct Case {
@@ -46,7 +46,7 @@ impl Case {
     }
 
     /// The motion in which the branch that begins at `from_hz` first meets a frequency. A fold turns the branch back,
-    /// so this is a motion before the fold as long as there is one, and after it one of the stretch that is left.
+    /// so this is a motion before the fold if there is one, otherwise one of the remaining stretch.
     fn implied(&self, from_hz: f64, frequency_hz: f64) -> Orbit {
         let options = BranchOptions::new(from_hz, frequency_hz);
         let mut branch = trace(self.forced(), from_hz, Coordinate::FrequencyHz, &options).unwrap();

@@ -203,7 +203,7 @@ fn a_load_file_is_read_from_the_scenarios_folder() {
          from the scenario's folder"
     );
     fs::write(folder.path().join("load.csv"), "1\nx\n").unwrap();
-    assert_eq!(said(Scenario::read(&path)), "load file FOLDER/load.csv: line 2: `x` is no finite number");
+    assert_eq!(said(Scenario::read(&path)), "load file FOLDER/load.csv: line 2: `x` is not a finite number");
     fs::write(folder.path().join("load.csv"), "1\n-2\n").unwrap();
     let scenario = Scenario::read(&path).unwrap();
     let profile = scenario.profile().unwrap();

@@ -1,4 +1,4 @@
-//! As many harmonics as a motion needs, along a walk.
+//! Adapts the number of harmonics to the motion along a walk.
 
 use super::continuation::{System, Walk};
 use super::orbit::BranchOptions;
@@ -7,22 +7,22 @@ use super::{AnalysisError, HarmonicBalance, Oscillator};
 /// Below this fraction of the truncation allowed, the last harmonic is dropped.
 const DROP_SHARE: f64 = 1e-3;
 
-/// Equations whose unknowns end in the Fourier series of a motion.
+/// Equations whose last unknowns are the Fourier series of a motion.
 pub(super) trait Spectral: System {
-    /// What the balance is of.
+    /// The system of the balance.
     type Oscillator: Oscillator;
 
     /// The balance, set to the point last evaluated.
     fn balance_mut(&mut self) -> &mut HarmonicBalance<Self::Oscillator>;
 
-    /// Unknowns before the series.
+    /// The number of unknowns before the series.
     fn others(&self) -> usize;
 
     /// Changes the number of harmonics.
     fn set_harmonics(&mut self, harmonics: usize);
 }
 
-/// More harmonics until the truncation error is small enough; one fewer where the last says nothing.
+/// Adds harmonics until the truncation error is small enough; drops the last if it is negligible.
 pub(super) fn adapt<S: Spectral>(
     system: &mut S,
     walk: &mut Walk,

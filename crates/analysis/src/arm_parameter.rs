@@ -1,4 +1,4 @@
-//! What of a forced arm can be varied, with names, symbols and units.
+//! The parameters of a forced arm that can be varied, with names, symbols and units.
 
 use alloc::string::{String, ToString};
 use core::fmt;
@@ -8,7 +8,7 @@ use thiserror::Error;
 
 use resonarm_dynamics::arm::Parameters;
 
-/// What of a forced arm can be varied.
+/// A parameter of a forced arm that can be varied.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 #[non_exhaustive]
 pub enum ArmParameter {
@@ -63,12 +63,12 @@ impl ArmParameter {
         Self::Damping2,
     ];
 
-    /// The name, as a scenario and the command line have it.
+    /// The name in scenarios and on the command line.
     pub const fn name(self) -> &'static str {
         self.words().0
     }
 
-    /// The symbol, as print has it.
+    /// The symbol in print.
     pub const fn symbol(self) -> &'static str {
         self.words().1
     }
@@ -97,7 +97,7 @@ impl ArmParameter {
         }
     }
 
-    /// Its field among the physical parameters; none for the load's and the pose's.
+    /// Its field among the physical parameters; none for the load and the pose.
     pub(super) fn field(self, parameters: &mut Parameters) -> Option<&mut f64> {
         Some(match self {
             Self::Amplitude | Self::Beta1Deg | Self::Beta2Deg => return None,

@@ -2,11 +2,11 @@
 //! Vibration Problems", 2019, Ch. 4; for the quadrature M. Peeters, G. Kerschen, J. C. Golinval, "Dynamic testing of
 //! nonlinear vibrating structures using nonlinear normal modes", J. Sound Vib. 330 (2011)).
 //!
-//! At resonance the work of the excitation's first harmonic meets that of the dampers: the mode lags the force by 90°.
-//! With the force along p · sin Ωt and b₁ the coefficients of sin Ωt this is φᵀM b₁ = 0, φᵀM x being the coordinate of
-//! the linear mode φ. The unknowns are the amplitude A of the excitation and X, the equations R(X, Ω, A) = 0 and φᵀM b₁
-//! = 0, and Ω is the parameter of the walk. Without dampers A comes out as zero, and the curve is a family of free
-//! motions: a nonlinear normal mode. A then only makes the system square.
+//! At resonance the work of the excitation's first harmonic balances that of the dampers: the mode lags the force by
+//! 90°. With the force along p · sin Ωt and b₁ the coefficients of sin Ωt this is φᵀM b₁ = 0, φᵀM x being the
+//! coordinate of the linear mode φ. The unknowns are the amplitude A of the excitation and X, the equations are R(X, Ω,
+//! A) = 0 and φᵀM b₁ = 0, and Ω is the parameter of the walk. Without dampers A is zero, and the curve is a family of
+//! free motions: a nonlinear normal mode. A then only keeps the system square.
 
 use alloc::boxed::Box;
 use alloc::vec;
@@ -82,7 +82,7 @@ impl<O: Oscillator> Spectral for Quadrature<O> {
 pub struct BackbonePoint {
     /// Ω/2π, Hz.
     pub frequency_hz: f64,
-    /// The excitation's amplitude that keeps the motion up, in the unit of the drive; zero without dampers.
+    /// The excitation's amplitude that sustains the motion, in the unit of the drive; zero without dampers.
     pub drive: f64,
     /// The largest |α1| and |α2| over the period, rad.
     pub amplitude_rad: [f64; 2],
@@ -92,10 +92,10 @@ pub struct BackbonePoint {
     pub coefficients: Vec<f64>,
 }
 
-/// How the frequency goes with the amplitude.
+/// How the frequency changes with the amplitude.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Bending {
-    /// It rises: the curves of response lean to higher frequencies (stiff).
+    /// It rises: the response curves lean to higher frequencies (stiff).
     Hardening,
     /// It falls (soft).
     Softening,
@@ -107,8 +107,8 @@ pub enum Bending {
     Mixed,
 }
 
-/// The forced response around a backbone is looked at this far beyond it, as a part of the change of frequency along
-/// it, and at least this part of the frequency.
+/// The forced response around a backbone is computed this far beyond it, as a fraction of the change of frequency along
+/// it, and at least this fraction of the frequency.
 const MARGIN: [f64; 2] = [0.5, 0.002];
 
 impl Bending {
@@ -129,32 +129,32 @@ impl Bending {
 pub struct Backbone {
     /// Its motions, from small to large.
     pub points: Vec<BackbonePoint>,
-    /// What the walk has cost.
+    /// The work of the walk.
     pub work: Work,
 }
 
-/// How far a backbone is walked.
+/// How far a backbone is followed.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct BackboneOptions {
-    /// The amplitude of the first point, rad: small against the nonlinearity. Where the drive ends the walk at less
-    /// than ten times this, the curve begins at a tenth of that.
+    /// The amplitude of the first point, rad: small against the nonlinearity. If the limit of the drive ends the walk
+    /// at less than ten times this, the curve begins at a tenth of that amplitude.
     pub smallest_rad: f64,
-    /// The walk ends where |α1| or |α2| is this, rad.
+    /// The walk ends where |α1| or |α2| reaches this, rad.
     pub largest_rad: f64,
-    /// Or where the drive is this, in its unit.
+    /// Or where the drive reaches this, in its unit.
     pub largest_drive: f64,
     /// Harmonics, points and steps; `from` and `to` bound the frequency, Hz.
     pub branch: BranchOptions,
 }
 
-/// The first motion is at most this part of that at which the drive ends the walk.
+/// The first motion is at most this fraction of the motion at which the drive ends the walk.
 const START_PART: f64 = 0.1;
 
 /// Follows the backbone of a linear mode (0 the slower, 1 the faster) to larger amplitudes. `drive` is the parameter
 /// that multiplies the excitation. For the nonlinear normal mode give a system without dampers.
 ///
 /// # Errors
-/// [`AnalysisError::NotDriven`] if the excitation can't bring the mode to quadrature; else as [`super::trace`].
+/// [`AnalysisError::NotDriven`] if the excitation can't bring the mode to quadrature; otherwise as [`super::trace`].
 pub fn backbone<O: Oscillator>(
     mut oscillator: O,
     mode: usize,
@@ -223,7 +223,7 @@ fn follow<O: Oscillator>(
 }
 
 impl BackbonePoint {
-    /// How far the motion or its drive is beyond the end of the walk, relative to it: negative before the end.
+    /// How far the motion or its drive is beyond the limit of the walk, relative to it: negative before the end.
     fn beyond(&self, options: &BackboneOptions) -> f64 {
         let amplitude = self.amplitude_rad[0].max(self.amplitude_rad[1]) / options.largest_rad;
         amplitude.max(self.drive.abs() / options.largest_drive) - 1.0
@@ -245,7 +245,7 @@ fn measure<O: Oscillator>(balance: &mut HarmonicBalance<O>, z: &[f64], frequency
 const STILL: f64 = 1e-9;
 
 impl Backbone {
-    /// The frequencies, Hz, between which the forced response around the curve is worth looking at.
+    /// The band, Hz, in which the forced response around the curve is of interest.
     pub fn window_hz(&self) -> [f64; 2] {
         let hz = self.points.iter().map(|point| point.frequency_hz);
         let (low, high) = hz.fold((f64::INFINITY, 0.0_f64), |(low, high), hz| (low.min(hz), high.max(hz)));
@@ -262,7 +262,7 @@ impl Backbone {
     }
 
     /// df/d(a²) at a = 0, Hz/rad², a being the first harmonic of α1 (joint 0) or α2 (joint 1): positive where the mode
-    /// hardens. None where there are less than three points, or the joint doesn't move.
+    /// hardens. None if there are fewer than three points or the joint doesn't move.
     ///
     /// f is even in a. The parabola in s = a² through the first point, one at about ten times its amplitude and one at
     /// about thirty (or the last two of a shorter curve) has this slope at s = 0, with an error of the order of s₂s₃
@@ -285,7 +285,7 @@ impl Backbone {
         slope.is_finite().then_some(slope)
     }
 
-    /// Which way the curve bends, read off the frequencies of its points; none if the frequency doesn't change.
+    /// How the curve bends, from the frequencies of its points; none if the frequency doesn't change.
     pub fn bending(&self) -> Option<Bending> {
         let rises = self.points.windows(2).filter_map(|pair| {
             let change = pair[1].frequency_hz / pair[0].frequency_hz - 1.0;

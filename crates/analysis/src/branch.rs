@@ -12,7 +12,7 @@ use super::orbit::{Bifurcation, BifurcationKind, Branch, BranchOptions, Orbit};
 use super::start::enter;
 use super::{AnalysisError, Coordinate, EndedEarly, Floquet, ForcedResponse, HarmonicBalance, Oscillator};
 
-/// A point with what is tested on it.
+/// A point with the quantities tested at it.
 #[derive(Clone, Debug)]
 pub(super) struct Marked {
     pub point: Point,
@@ -22,7 +22,7 @@ pub(super) struct Marked {
 /// Walks a branch of motions with the period of the excitation from `options.from` to `options.to`.
 ///
 /// # Errors
-/// [`EndedEarly`], with the place, the reason, what to try, and the branch as far as it was walked.
+/// [`EndedEarly`], with the place, the reason, advice, and the branch up to there.
 pub fn trace<O: Oscillator + Clone>(
     oscillator: O,
     frequency_hz: f64,
@@ -41,10 +41,10 @@ pub fn trace<O: Oscillator + Clone>(
 ///
 /// The first step goes along the null vector v: X on the even harmonics of the halved base frequency, v on the odd
 /// ones. The branch ends where it leaves the interval of the options, or at a branch point, where it meets motions of
-/// the single period again: beyond lie the same motions, shifted by one period.
+/// the single period again: beyond are the same motions, shifted by one period.
 ///
 /// # Errors
-/// [`AnalysisError::NotSingular`] if the bifurcation is of another kind; else as [`trace`].
+/// [`AnalysisError::NotSingular`] if the bifurcation is of another kind; otherwise as [`trace`].
 pub fn trace_doubled<O: Oscillator + Clone>(
     oscillator: O,
     bifurcation: &Bifurcation,
@@ -69,8 +69,8 @@ pub fn trace_doubled<O: Oscillator + Clone>(
     Tracer::new(response, options).run(walk)
 }
 
-/// The doubled branches that leave at the period doublings of a branch, each with its end; see [`trace_doubled`]. A
-/// branch that comes back through another of the doublings stands for both.
+/// The doubled branches from the period doublings of a branch, each with its end; see [`trace_doubled`]. A branch that
+/// returns through another of the doublings is listed once for both.
 pub fn trace_doublings<O: Oscillator + Clone>(
     oscillator: &O,
     branch: &Branch,
@@ -114,7 +114,7 @@ fn check<O: Oscillator>(
     if exists { Ok(()) } else { Err(AnalysisError::Interval { from, to, unit: balance.unit(coordinate), domain }) }
 }
 
-/// The walk, with what is computed at each point.
+/// The walk, with the quantities computed at each point.
 pub(super) struct Tracer<'a, O: Oscillator> {
     pub response: ForcedResponse<O>,
     pub options: &'a BranchOptions,
@@ -129,7 +129,7 @@ impl<'a, O: Oscillator + Clone> Tracer<'a, O> {
         Tracer { response, options, floquet: Floquet::default(), branch: Branch::default(), rejoined: false }
     }
 
-    /// The branch, whole or as far as the walk came.
+    /// The branch, whole or up to where the walk ended.
     fn run(mut self, mut walk: Walk) -> Result<Branch, EndedEarly<Branch>> {
         let reason = self.follow(&mut walk).err();
         self.branch.work = walk.work();
@@ -182,7 +182,7 @@ impl<'a, O: Oscillator + Clone> Tracer<'a, O> {
         Ok(Some(point))
     }
 
-    /// Everything about the motion at a point.
+    /// All results for the motion at a point.
     fn mark(&mut self, point: &Point) -> Marked {
         let orbit = self.orbit(&point.x, point.lambda, point.arclength);
         Marked { point: point.clone(), orbit }

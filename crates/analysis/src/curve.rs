@@ -12,7 +12,7 @@ use super::{AnalysisError, Coordinate, EndedEarly, HarmonicBalance, Oscillator, 
 /// A singular motion on a curve of them.
 #[derive(Clone, Debug, PartialEq)]
 pub struct SingularPoint {
-    /// The coordinate of the branch that the bifurcation was found on.
+    /// The coordinate of the branch on which the bifurcation was found.
     pub lambda: f64,
     /// The coordinate that was continued in.
     pub mu: f64,
@@ -29,7 +29,7 @@ pub struct Turn {
     pub is_cusp: bool,
     /// The motion there.
     pub point: SingularPoint,
-    /// How many points of the curve come before it.
+    /// The number of points of the curve before it.
     pub index: usize,
 }
 
@@ -40,15 +40,15 @@ pub struct SingularCurve {
     pub points: Vec<SingularPoint>,
     /// Where it turns back, in order.
     pub turns: Vec<Turn>,
-    /// What the walk has cost.
+    /// The work of the walk.
     pub work: Work,
 }
 
 /// Follows a fold or a period doubling of a branch in `lambda` as `mu` goes from `options.from`, where it was found, to
-/// `options.to`. The curve may turn back (at a cusp it does so sharply); it ends where it leaves the interval.
+/// `options.to`. The curve may turn back, sharply at a cusp; it ends where it leaves the interval.
 ///
 /// # Errors
-/// [`AnalysisError::NotSingular`] if the bifurcation is of another kind; else as [`super::trace`].
+/// [`AnalysisError::NotSingular`] if the bifurcation is of another kind; otherwise as [`super::trace`].
 pub fn trace_singular<O: Oscillator>(
     oscillator: O,
     bifurcation: &Bifurcation,
@@ -66,14 +66,14 @@ pub fn trace_singular<O: Oscillator>(
     }
 }
 
-/// dλ/ds below this part of what it is beside the point is zero: a cusp is located far better.
+/// dλ/ds counts as zero below this fraction of its value beside the point: a cusp is located far more exactly.
 const STANDS: f64 = 1e-4;
 /// Two ends nearer than this, relative, are one point: bifurcations are located to about 1e-12.
 const SAME: f64 = 1e-8;
 
 /// Follows each fold and each period doubling of a branch in `lambda` as `mu` goes from its value there to
-/// `options.to`, each curve with its kind and its end. A curve that comes back through another of these bifurcations
-/// stands for both.
+/// `options.to`, each curve with its kind and its end. A curve that returns through another of these bifurcations is
+/// listed once for both.
 pub fn trace_singular_curves<O: Oscillator + Clone>(
     oscillator: &O,
     branch: &Branch,
@@ -101,13 +101,13 @@ pub fn trace_singular_curves<O: Oscillator + Clone>(
     curves
 }
 
-/// Whether two values of a coordinate at bifurcations are of the same one.
+/// Whether two values of a coordinate belong to the same bifurcation.
 pub(super) fn near(a: f64, b: f64) -> bool {
     libm::fabs(a - b) <= SAME * libm::fabs(b)
 }
 
 impl SingularCurve {
-    /// The points at the value of `mu` with which the curve begins: the first, and the last if the curve comes back.
+    /// The points at the value of `mu` at which the curve begins: the first, and the last if the curve returns to it.
     pub fn on_the_branch(&self) -> impl Iterator<Item = &SingularPoint> {
         let first = self.points.first();
         let back = self.points.last().filter(|last| first.is_some_and(|first| near(last.mu, first.mu)));

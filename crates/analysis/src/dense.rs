@@ -10,7 +10,7 @@ const INVERSE_ITERATIONS: usize = 3;
 /// A square matrix, column by column, and its LU factors with partial pivoting (G. H. Golub, C. F. Van Loan, "Matrix
 /// Computations", 4th edition 2013, Alg. 3.4.1).
 ///
-/// Row exchanges are not applied to the columns of L already done, so solving exchanges as it goes along.
+/// Row exchanges are not applied to the finished columns of L, so solving exchanges rows step by step.
 #[derive(Clone, Debug, Default)]
 pub(super) struct Lu {
     n: usize,
@@ -87,7 +87,7 @@ impl Lu {
     }
 
     /// Unit vectors near the null vectors of A and Aᵀ, where A is nearly singular, by inverse iteration ("Matrix
-    /// Computations", as above, Sec. 8.2.2) from one that has a part in every direction.
+    /// Computations", as above, Sec. 8.2.2) from a vector with a component in every direction.
     pub fn null_vectors(&self) -> [Vec<f64>; 2] {
         let iterate = |solve: &dyn Fn(&mut [f64])| {
             let mut vector: Vec<f64> = (0..self.n).map(|i| 1.0 / (1 + i) as f64).collect();

@@ -1,8 +1,8 @@
-//! What happens between the points of a branch.
+//! Finds bifurcations between the points of a branch.
 //!
-//! Each kind of bifurcation has a test function that changes sign at it. Where it has changed between two points, the
-//! bifurcation is located there. Two of a kind between two points leave the sign as it was; but then the function has
-//! come near zero and gone away again, so a smallest magnitude at the middle one of three points is followed down.
+//! Each kind of bifurcation has a test function that changes sign at it. A change between two points locates one. Two
+//! of a kind between two points leave the sign unchanged, but the function comes near zero between them, so a smallest
+//! magnitude at the middle of three points is followed down.
 
 use alloc::vec;
 use alloc::vec::Vec;
@@ -18,11 +18,12 @@ use super::{AnalysisError, Floquet, ForcedResponse, Oscillator};
 
 use BifurcationKind::{BranchPoint, Fold, NeimarkSacker, PeriodDoubling};
 
-/// Two branches meet in a segment if they do within this distance of its end, in units of Λ.
+/// A branch of doubled period meets the single one in a segment if it does so within this distance of its end, in units
+/// of Λ.
 const REACH: f64 = 0.1;
 /// The most steps down to a smallest magnitude.
 const DESCENT_LIMIT: usize = 8;
-/// Steps before a parabola through the points is believed: the first ones are far apart.
+/// Steps before a parabola through the points is trusted: the first points are far apart.
 const DESCENT_LEAST: usize = 3;
 /// The descent ends when a parabola promises less than this fraction of the value.
 const PROMISE: f64 = 0.2;
@@ -65,15 +66,14 @@ fn crosses(values: [f64; 2]) -> bool {
 }
 
 impl<O: Oscillator + Clone> Tracer<'_, O> {
-    /// Locates what has happened between two neighbouring points, and what may have happened twice by the first of
-    /// them.
+    /// Locates the bifurcations between two neighbouring points, and a possible pair near the first of them.
     pub fn detect(&mut self, older: Option<&Marked>, a: &Marked, b: &Marked) -> Result<(), AnalysisError> {
         let turned = crosses([a, b].map(|marked| marked.point.determinant.sign));
         for kind in [BranchPoint, Fold, PeriodDoubling, NeimarkSacker] {
             let at = |marked: &Marked| value(kind, &marked.point, &marked.orbit.stability);
             let values = [at(a), at(b)];
             if crosses(values) {
-                // A branch that ends in the side of another turns back there: a branch point, and no fold of its own.
+                // A branch that ends on another one turns back there: a branch point, not a fold.
                 if !(kind == Fold && turned) {
                     self.locate(kind, [&a.point, &b.point], values)?;
                 }
@@ -109,7 +109,7 @@ impl<O: Oscillator + Clone> Tracer<'_, O> {
                 self.locate(kind, [&points[half], &point], [sign * f[half], sign * new])?;
                 return self.locate(kind, [&point, &points[half + 1]], [sign * new, sign * f[half + 1]]);
             }
-            // Three points again, the lowest in the middle: the new one goes there, or takes the place of an outer one.
+            // Keeps three points with the lowest in the middle: the new one becomes the middle or an outer one.
             let outer = if new < f[1] { 2 * (1 - half) } else { 2 * half };
             if new < f[1] {
                 points.swap(outer, 1);
@@ -142,7 +142,7 @@ impl<O: Oscillator + Clone> Tracer<'_, O> {
         Ok(())
     }
 
-    /// Where the test function is zero, by a search along the branch.
+    /// The point where the test function is zero, by a search along the branch.
     fn zero(
         &mut self,
         kind: BifurcationKind,
@@ -176,9 +176,8 @@ impl<O: Oscillator + Clone> Tracer<'_, O> {
         Ok((point, null_vector))
     }
 
-    /// A bifurcation by its extended system, from a coarse search, or from a fine one if that led elsewhere: to the
-    /// other one of a close pair. If it leads elsewhere again, the fine search has the last word, and there is no null
-    /// vector.
+    /// A bifurcation by its extended system, from a coarse search, or from a fine one if that converges elsewhere: to
+    /// the other of a close pair. If this fails too, the result is that of the fine search, without a null vector.
     fn by_extended_system(
         &mut self,
         kind: BifurcationKind,
@@ -221,8 +220,8 @@ impl<O: Oscillator + Clone> Tracer<'_, O> {
     }
 }
 
-/// Where the parabola through three points is lowest, between the outer two, and how low; none if it is not lowest
-/// there, or as good as at the middle point.
+/// The minimum of the parabola through three points, between the outer two, and its place; none if there is none, or if
+/// it is practically the middle point.
 fn vertex(s: [f64; 3], f: [f64; 3]) -> Option<(f64, f64)> {
     if f[1] > f[0] || f[1] > f[2] || f[1] <= 0.0 {
         return None;

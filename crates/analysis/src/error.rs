@@ -1,4 +1,4 @@
-//! What can go wrong in an analysis, and what to try.
+//! Errors of analyses, with advice.
 
 use alloc::boxed::Box;
 use core::fmt;
@@ -8,7 +8,7 @@ use thiserror::Error;
 use super::continuation::Refusal;
 use resonarm_numeric::number::{rounded, short};
 
-/// A value of what a walk goes along, in its unit.
+/// A value of the parameter of a walk, in its unit.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Place {
     /// λ.
@@ -19,14 +19,14 @@ pub struct Place {
 
 impl fmt::Display for Place {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        write!(f, "{}{}", rounded(&self.value, 6), Behind(self.unit))
+        write!(f, "{}{}", rounded(&self.value, 6), UnitSuffix(self.unit))
     }
 }
 
-/// A unit as it stands behind a number.
-struct Behind(&'static str);
+/// A unit after a number.
+struct UnitSuffix(&'static str);
 
-impl fmt::Display for Behind {
+impl fmt::Display for UnitSuffix {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         let space = if self.0.is_empty() || self.0 == "°" { "" } else { " " };
         write!(f, "{space}{}", self.0)
@@ -43,7 +43,7 @@ pub enum AnalysisError {
         /// Rows of the matrix.
         size: usize,
     },
-    /// There is no solution where one was looked for.
+    /// No solution was found where one was sought.
     #[error("no solution at {at}: {refusal}; try to start elsewhere, away from a resonance, or with less excitation")]
     NoSolution {
         /// λ.
@@ -90,10 +90,10 @@ pub enum AnalysisError {
         /// λ at the last point.
         at: Place,
     },
-    /// The interval is none.
+    /// The interval is invalid.
     #[error(
         "the interval from {from} to {to}{} can't be walked: both ends must be numbers, different, and inside {domain}",
-        Behind(unit), from = short(.from), to = short(.to))]
+        UnitSuffix(unit), from = short(.from), to = short(.to))]
     Interval {
         /// Where the walk was to start.
         from: f64,
@@ -101,7 +101,7 @@ pub enum AnalysisError {
         to: f64,
         /// The unit of both.
         unit: &'static str,
-        /// What would do.
+        /// The valid values.
         domain: &'static str,
     },
     /// The excitation does not bring a mode to quadrature.
@@ -117,18 +117,18 @@ pub enum AnalysisError {
     /// Only folds and period doublings have curves, and only period doublings doubled branches.
     #[error("a {kind} can't be followed this way; try a fold or a period doubling")]
     NotSingular {
-        /// What was given.
+        /// The given value.
         kind: &'static str,
     },
 }
 
-/// A walk that ended before its end: why, and everything it had found. Where the walk never began that is nothing.
+/// A walk that ended early: the reason, and everything found before. If the walk never began, that is nothing.
 #[derive(Clone, Debug, PartialEq, Error)]
 #[error("{reason}")]
 pub struct EndedEarly<T: fmt::Debug> {
-    /// Why it went no further, where, and what to try.
+    /// Why and where it ended, and what to try.
     pub reason: AnalysisError,
-    /// What it had found.
+    /// The results up to there.
     pub so_far: Box<T>,
 }
 

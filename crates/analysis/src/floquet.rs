@@ -1,10 +1,10 @@
 //! Stability of a periodic motion by its Floquet multipliers (A. H. Nayfeh, B. Balachandran, "Applied Nonlinear
 //! Dynamics", 1995, Ch. 3).
 //!
-//! A variation y of the motion obeys M y″ + G/ω y′ + S/ω² y = 0 in the phase τ = ωt. Its flow over one period, the
+//! A variation y of the motion satisfies M y″ + G/ω y′ + S/ω² y = 0 in the phase τ = ωt. Its flow over one period, the
 //! monodromy matrix, has the multipliers μ as eigenvalues; the motion is stable if all |μ| < 1. At damping ratios of
 //! 1e-4 the multipliers are within a thousandth of the unit circle, so the flow is integrated by Gauss–Legendre
-//! collocation with four stages, which has no damping of its own: order 8, relative frequency error −(ωh)⁸/25 401 600.
+//! collocation with four stages, which has no numerical damping: order 8, relative frequency error −(ωh)⁸/25 401 600.
 //! Where the excitation is so slow that this takes many thousands of steps, Hill's method has the multipliers
 //! ([`super::hill`]).
 //!
@@ -24,15 +24,15 @@ use super::hill::{Hill, Rates};
 use super::{HarmonicBalance, Instant, Oscillator};
 use resonarm_numeric::linear_solve::solve;
 
-/// What rounding leaves of a product of multipliers that is 1.
+/// The rounding error of a product of multipliers that is 1.
 const ROUNDING: f64 = 1e-12;
 /// Stages.
 const S: usize = 4;
-/// Beyond this number of steps a period, Hill's method is quicker.
+/// Beyond this number of steps a period, Hill's method is faster.
 const SLOW_STEPS: usize = 2048;
-/// Hill's method is believed if Liouville's formula holds this well.
+/// Hill's method is accepted if Liouville's formula holds to this error.
 const LIOUVILLE: f64 = 1e-8;
-/// Steps whose tables are made at once.
+/// Steps whose tables are computed together.
 const CHUNK: usize = 2048;
 
 /// The collocation method: a, a², b, bᵀa and c of Butcher's tableau.
@@ -73,7 +73,7 @@ fn lagrange_integral(c: &[f64; S], j: usize, upper: f64) -> f64 {
     (0..S).rev().fold(0.0, |sum, power| (sum + polynomial[power] / (power + 1) as f64) * upper)
 }
 
-/// The multipliers of a motion, and what they say.
+/// The multipliers of a motion, and its stability.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Stability {
     /// μ, the largest magnitude first.
@@ -95,7 +95,7 @@ impl Stability {
 
     /// Π (μᵢμⱼ − 1) over i < j, the determinant of the bialternate product less the identity (Kuznetsov, Ch. 10):
     /// changes sign where a complex pair passes the unit circle, a Neimark–Sacker point, or where two real ones have
-    /// the product 1. Zero where a factor is no more than rounding, as it always is without damping.
+    /// the product 1. Zero if a factor is within rounding of zero, as always without damping.
     pub fn neimark_sacker_test(&self) -> f64 {
         let mu = &self.multipliers;
         let pairs = (0..4).flat_map(|i| (i + 1..4).map(move |j| mu[i] * mu[j] - 1.0));
@@ -105,7 +105,7 @@ impl Stability {
     }
 }
 
-/// What stability has cost.
+/// The work of computing stability.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct StabilityWork {
     /// Motions whose multipliers were computed.
@@ -114,12 +114,12 @@ pub struct StabilityWork {
     pub steps: usize,
 }
 
-/// Computes multipliers; keeps the tables of the last number of harmonics and steps.
+/// Computes multipliers; keeps the tables for the last number of harmonics and steps.
 #[derive(Clone, Debug)]
 pub struct Floquet {
     work: StabilityWork,
     tableau: Tableau,
-    /// Steps a period of the tables, and the first of those that they are for.
+    /// The steps a period of the tables, and the first step that they cover.
     tables: (usize, usize),
     basis: Basis,
     motion: Motion,
@@ -162,7 +162,7 @@ impl Floquet {
         slow.unwrap_or_else(|| self.stability_with(balance, x, steps))
     }
 
-    /// The same by Hill's method: none where that has no answer.
+    /// The same by Hill's method; none if that fails.
     fn stability_by_hill<O: Oscillator>(&mut self, balance: &HarmonicBalance<O>, x: &[f64]) -> Option<Stability> {
         self.basis.set(frequencies(balance), uniform(Hill::SAMPLES));
         self.tables = (0, 0);
@@ -180,12 +180,12 @@ impl Floquet {
         (liouville_defect.abs() < LIOUVILLE).then_some(Stability { multipliers, liouville_defect })
     }
 
-    /// What it has cost.
+    /// Its work.
     pub fn work(&self) -> StabilityWork {
         self.work
     }
 
-    /// The same with a number of steps that is not chosen here.
+    /// The same with a given number of steps.
     fn stability_with<O: Oscillator>(&mut self, balance: &HarmonicBalance<O>, x: &[f64], steps: usize) -> Stability {
         let (monodromy, log_determinant) = self.monodromy(balance, x, steps);
         let multipliers = largest_first(eigenvalues(&monodromy));
@@ -294,14 +294,14 @@ fn largest_first(mut multipliers: [Complex<f64>; 4]) -> [Complex<f64>; 4] {
     multipliers
 }
 
-/// Shifts σ with which eigenvalues are sought as those of M + σ less σ.
+/// Shifts σ: the eigenvalues are those of M + σ less σ.
 const SHIFTS: [f64; 4] = [0.0, 0.5, -0.7, 1.3];
 /// Deflation tolerance and most iterations of the QR algorithm.
 const QR_LIMITS: (f64, usize) = (1e-15, 200);
 
 /// Eigenvalues by the QR algorithm. Its double shift may go round in circles on a matrix that is nearly orthogonal, as
 /// the monodromy matrix of a lightly damped system is; so iterations are bounded, and a multiple of the identity is
-/// added if need be. NaN if all that fails.
+/// added if needed. NaN if that fails too.
 pub(super) fn eigenvalues(matrix: &Matrix4<f64>) -> [Complex<f64>; 4] {
     for shift in SHIFTS {
         let shifted = matrix + Matrix4::identity() * shift;
@@ -350,7 +350,7 @@ mod tests {
             }
             assert!(hill.liouville_defect.abs() < 1e-10, "{hill:?}");
         }
-        // Where the modulation is stronger than the frequencies taken can describe, it has no answer.
+        // It fails where the frequencies taken can't describe the modulation.
         let (balance, orbit) = slow_motion(0.1, 2e4);
         assert_eq!(Floquet::default().stability_by_hill(&balance, &orbit.coefficients), None);
     }

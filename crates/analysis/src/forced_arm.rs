@@ -1,14 +1,14 @@
-//! The arm under load · sin Ωt (Eqs. 31 and 32), as the analysis sees it.
+//! The arm under load · sin Ωt (Eqs. 31 and 32), as a system for the analysis.
 
 use nalgebra::Vector2;
 
 use super::{ArmParameter, Instant, LinearMode, Linearisation, Oscillator};
 use resonarm_dynamics::arm::{Arm, ArmError, Load, Parameters, Pose, State};
 
-/// The part of a parameter by which it is varied where r is not quadratic in it.
+/// The fraction of a parameter by which it is varied if r is not quadratic in it.
 const SMALL_PART: f64 = 1e-4;
 
-/// An arm and the load that shakes it.
+/// An arm and its sinusoidal load.
 #[derive(Clone, Debug, PartialEq)]
 pub struct ForcedArm {
     arm: Arm,
@@ -18,7 +18,7 @@ pub struct ForcedArm {
 
 impl ForcedArm {
     /// The arm under `amplitude` · `direction` · sin Ωt: torques at the joints, a force of any direction at the tip, or
-    /// both. What is attached to the tip is left out: the force between it and the arm is a load on the arm.
+    /// both. An attachment is left out: the force between it and the arm is a load on the arm.
     pub fn new(arm: Arm, direction: Load, amplitude: f64) -> ForcedArm {
         ForcedArm { arm: arm.without_attachment(), direction, amplitude }
     }
@@ -28,7 +28,7 @@ impl ForcedArm {
         &self.arm
     }
 
-    /// The load at the crest of the sine.
+    /// The peak load of the sine.
     pub fn load(&self) -> Load {
         self.direction.scaled(self.amplitude)
     }
@@ -64,9 +64,9 @@ impl ForcedArm {
         Arm::new(parameters, pose)
     }
 
-    /// ∂r/∂p of a physical parameter: r is at most quadratic in each, so that the difference quotient
-    /// (−3 r(p) + 4 r(p+h) − r(p+2h)) / 2h is exact at any h. It looks to larger p, where the arm exists. With gravity
-    /// the sag depends on p, too, and the quotient has an error of the order of h².
+    /// ∂r/∂p of a physical parameter: r is at most quadratic in each, so that the difference quotient (−3 r(p) + 4
+    /// r(p+h) − r(p+2h)) / 2h is exact at any h. It uses larger p, where the arm exists. With gravity the sag depends
+    /// on p, too, and the quotient has an error of the order of h².
     fn by_physical(&self, which: ArmParameter, at: &Instant) -> Vector2<f64> {
         let value = self.parameter(which);
         let part = if self.arm.parameters().gravity.is_some() { SMALL_PART } else { 0.25 };
@@ -138,7 +138,7 @@ impl Oscillator for ForcedArm {
             let by_angle = self.linearise(at).by_position - at_rest;
             let mut turn = Vector2::ith(column, 1.0);
             if self.arm.parameters().gravity.is_some() {
-                // K₀ is positive definite, or there is no such arm.
+                // K₀ is positive definite in every valid arm.
                 let stiffness = self.arm.stiffness_matrix() * turn;
                 turn = at_rest.try_inverse().map_or(Vector2::from_element(f64::NAN), |inverse| inverse * stiffness);
             }

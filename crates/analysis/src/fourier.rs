@@ -76,7 +76,7 @@ impl Basis {
         basis
     }
 
-    /// Makes it the basis on the points given, rad, in the storage that there is; frequency by frequency by rotation,
+    /// Sets the basis to the given points, rad, in the existing storage, by rotation from each frequency to the next:
     /// cos (k+1)τ + i sin (k+1)τ = (cos kτ + i sin kτ)(cos τ + i sin τ).
     pub fn set(&mut self, harmonics: Harmonics, phases_rad: impl Iterator<Item = f64>) {
         self.harmonics = harmonics;
@@ -184,7 +184,7 @@ pub(super) fn zeros(harmonics: usize) -> Vec<f64> {
 ///
 /// A grid of 4H points or more has a point next to the largest value that is at least 0.69 of it: |x″| ≤ H² max |x|
 /// (S. Bernstein, "Sur l'ordre de la meilleure approximation des fonctions continues par des polynômes de degré donné",
-/// 1912), so that over half a spacing at most (π/4)²/2 of it is lost. Every crest of the grid as high as that is
+/// 1912), so that over half a spacing at most (π/4)²/2 of it is lost. Every peak of the grid as high as that is
 /// polished by Newton's method on x′ = 0.
 pub(super) fn largest(basis: &Basis, coefficients: &[f64], motion: &mut Motion) -> [f64; 2] {
     basis.synthesise(coefficients, 1.0, motion);
@@ -192,18 +192,18 @@ pub(super) fn largest(basis: &Basis, coefficients: &[f64], motion: &mut Motion) 
     core::array::from_fn(|dof| {
         let position = &motion.0[dof][0];
         let highest = position[..count].iter().fold(0.0_f64, |highest, value| highest.max(value.abs()));
-        let is_crest = |j: &usize| {
+        let is_peak = |j: &usize| {
             let [before, here, after] =
                 [position[(j + count - 1) % count], position[*j], position[(j + 1) % count]].map(f64::abs);
             here >= 0.69 * highest && here >= before && here >= after
         };
-        let crests = (0..count).filter(is_crest);
-        crests.fold(highest, |largest, j| largest.max(crest(coefficients, dof, TAU * j as f64 / count as f64, count)))
+        let peaks = (0..count).filter(is_peak);
+        peaks.fold(highest, |largest, j| largest.max(peak(coefficients, dof, TAU * j as f64 / count as f64, count)))
     })
 }
 
-/// The height of the crest next to a phase of a grid.
-fn crest(coefficients: &[f64], dof: usize, mut phase_rad: f64, samples: usize) -> f64 {
+/// The height of the peak next to a phase of a grid.
+fn peak(coefficients: &[f64], dof: usize, mut phase_rad: f64, samples: usize) -> f64 {
     let spacing = TAU / samples as f64;
     let [mut value, mut slope, mut curvature] = evaluate(coefficients, dof, phase_rad);
     for _ in 0..4 {
@@ -261,9 +261,9 @@ mod tests {
         }
     }
 
-    /// sin τ + ⅓ sin 3τ has its crests where cos τ + cos 3τ = 2 cos 2τ cos τ = 0: at 45°, with the height √½ + ⅓ √½.
+    /// sin τ + ⅓ sin 3τ has its peaks where cos τ + cos 3τ = 2 cos 2τ cos τ = 0: at 45°, with the height √½ + ⅓ √½.
     #[test]
-    fn finds_the_crest_between_the_samples() {
+    fn finds_the_peak_between_the_samples() {
         let mut coefficients = zeros(3);
         coefficients[4] = 1.0;
         coefficients[12] = 1.0 / 3.0;
@@ -274,9 +274,9 @@ mod tests {
         assert!((second - 2.0).abs() < 1e-12, "{second}");
     }
 
-    /// Of two crests of nearly the same height the higher, 1.001, however the grid lies: sin τ + 0.001 cos 2τ, shifted.
+    /// The higher, 1.001, of two peaks of nearly the same height, at any shift against the grid: sin τ + 0.001 cos 2τ.
     #[test]
-    fn finds_the_higher_of_two_crests() {
+    fn finds_the_higher_of_two_peaks() {
         let basis = Basis::uniform(Harmonics::Integer(2), 14);
         for shift in (0..40).map(|k| f64::from(k) * TAU / 40.0) {
             let mut coefficients = zeros(2);

@@ -13,9 +13,9 @@ const STEP: f64 = 0.125;
 ///
 /// Near mode r a response follows 1/(1 + ix), where x = (f − f_r)/(ζ_r f_r) is the distance in half widths: the
 /// half-power width is 2 ζ_r f_r. Points at x = sinh u with u in even steps h are h half widths apart at the peak, and
-/// a part h of the distance further off; the peak itself, u = 0, is one of them. They go on until they are as far apart
-/// as the even ones, h |f − f_r| = Δf. A mode that is wider than the even steps (ζ_r f_r h ≥ Δf), or without damping
-/// and so infinitely high, has none.
+/// the fraction h of the distance further off; the peak itself, u = 0, is one of them. They end where they are as far
+/// apart as the even ones, h |f − f_r| = Δf. A mode that is wider than the even steps (ζ_r f_r h ≥ Δf), or without
+/// damping and so infinitely high, has none.
 pub fn frequencies_hz(from_hz: f64, to_hz: f64, points: u32, modes: &[Mode]) -> Vec<f64> {
     let last = f64::from(points.max(2) - 1);
     let step_hz = (to_hz - from_hz) / last;
@@ -46,7 +46,7 @@ mod tests {
         libm::sqrt(hz.iter().map(modulus).fold(0.0, f64::max))
     }
 
-    /// The default range and number: even points alone miss most of a peak that lies between two of them.
+    /// The default range and number: even points alone miss most of a peak between two of them.
     #[test]
     fn peaks_are_met_that_even_points_clip() {
         let mut least_of_even = f64::INFINITY;

@@ -10,8 +10,8 @@
 //! ```
 //!
 //! with the Fourier coefficients of P and Q. λ and λ + ik have the same multiplier e^2πλ, so one λ of each mode is
-//! enough, and the conjugates. The mode's frequency is modulated slowly and little, so few k about it matter, where
-//! integration has to take every cycle of the mode. Newton's method for v and λ together (H. Unger, "Nichtlineare
+//! enough, and the conjugates. The mode's frequency is modulated slowly and little, so few k about it matter, while
+//! integration has to follow every cycle of the mode. Newton's method for v and λ together (H. Unger, "Nichtlineare
 //! Behandlung von Eigenwertaufgaben", Z. Angew. Math. Mech. 30 (1950)), from the exponents of the mean:
 //!
 //! ```text
@@ -26,9 +26,9 @@ use nalgebra::{Complex, Matrix2, Matrix4, Vector2};
 use super::dense::Lu;
 use super::floquet::eigenvalues;
 
-/// Frequencies on each side of a mode's: as few of these as do.
+/// Frequencies on each side of a mode's: the smallest sufficient of these numbers.
 const WIDTHS: [usize; 4] = [4, 8, 16, 32];
-/// The part that the outermost frequencies may have of a variation; the error of λ is of the order of its square.
+/// The largest fraction of a variation in the outermost frequencies; the error of λ is of the order of its square.
 const EDGE: f64 = 1e-8;
 /// Newton's limit, and the change of λ, relative, that ends it.
 const NEWTON: (usize, f64) = (12, 1e-14);
@@ -36,7 +36,7 @@ const NEWTON: (usize, f64) = (12, 1e-14);
 /// P and Q, or their Fourier coefficients.
 pub(super) type Rates<T> = (Matrix2<T>, Matrix2<T>);
 
-/// The exponents λ with positive imaginary part, one of each mode, and the storage that finding them takes.
+/// The exponents λ with positive imaginary part, one of each mode, and the storage for finding them.
 #[derive(Clone, Debug, Default)]
 pub(super) struct Hill {
     /// P̂ₘ and Q̂ₘ, m = 0 … 2K; those of −m are the conjugates.
@@ -52,7 +52,7 @@ impl Hill {
     pub const SAMPLES: usize = 4 * WIDTHS[WIDTHS.len() - 1] + 4;
 
     /// λ of both modes, from samples of P and Q at equal distances over the period. None if a mode does not oscillate,
-    /// or more frequencies matter than are taken.
+    /// or if more frequencies matter than are available.
     pub fn exponents(&mut self, rates: &[Rates<f64>]) -> Option<[Complex<f64>; 2]> {
         self.transform(rates);
         let beginnings = self.exponents_of_the_mean()?;

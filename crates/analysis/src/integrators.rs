@@ -1,4 +1,4 @@
-//! What a scheme adds to the arm: its own damping, its own frequency error, its drift of energy.
+//! Errors of the integration schemes: numerical damping, frequency error, drift of energy.
 
 use core::f64::consts::TAU;
 
@@ -9,7 +9,7 @@ use super::modes::{Mode, modes};
 use resonarm_dynamics::arm::{Arm, Load, State};
 use resonarm_dynamics::integrate::{IntegrateError, Integrator, Scheme};
 
-/// A scheme's own error in one natural mode.
+/// The error of a scheme in one natural mode.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize)]
 pub struct ModeError {
     /// The mode's natural frequency, Hz.
@@ -20,12 +20,12 @@ pub struct ModeError {
     pub frequency_error: f64,
 }
 
-/// How the energy of an arm without dampers and load changes, which should not.
+/// The change of energy of an arm without dampers and load, ideally zero.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize)]
 pub struct EnergyDrift {
     /// Steps made.
     pub steps: u32,
-    /// The last of `tenths` less the first.
+    /// The last of `tenths` minus the first.
     pub change: f64,
     /// Largest less smallest energy seen, over the energy at the start.
     pub spread: f64,
@@ -39,21 +39,21 @@ const MODE_STEPS: u32 = 1000;
 /// rounding.
 const MODE_AMPLITUDE_RAD: f64 = 1e-13;
 
-/// The scheme's own damping ratio and relative frequency error in both modes of the arm without its dampers, at
-/// `rate_hz` steps a second, read off the motion in time.
+/// The scheme's damping ratio and relative frequency error in both modes of the arm without its dampers, at `rate_hz`
+/// steps a second, measured from the motion in time.
 ///
 /// The arm starts on a mode φ with an amplitude at which it is linear. Its modal coordinate η = φᵀM0 α follows η̈ =
-/// −ω²η, so that Z = ωη − iη̇ turns as Z₀ e^{iωt}. A Runge–Kutta method makes Zₙ₊₁ = R(iωh) Zₙ of it, R its function of
-/// stability (E. Hairer, G. Wanner, "Solving Ordinary Differential Equations II", 1996, section IV.3), and the
-/// exponential scheme e^{iωh} Zₙ. Written as the motion of an oscillator with the damping ratio ζ and the frequency
-/// (1 + e) ω, to first order in ζ,
+/// −ω²η, so that Z = ωη − iη̇ turns as Z₀ e^{iωt}. A Runge–Kutta method gives Zₙ₊₁ = R(iωh) Zₙ with its stability
+/// function R (E. Hairer, G. Wanner, "Solving Ordinary Differential Equations II", 1996, section IV.3), and the
+/// exponential scheme e^{iωh} Zₙ. As the motion of an oscillator with damping ratio ζ and frequency (1 + e) ω, to first
+/// order in ζ,
 ///
 /// ```text
 /// ln(Zₙ/Z₀) = (i (1 + e) − ζ) n ωh        ζ = −Re ln(Zₙ/Z₀) / (n ωh)        e = Im ln(Zₙ/Z₀) / (n ωh) − 1
 /// ```
 ///
-/// The logarithm is summed step by step, ln(Zₙ₊₁/Zₙ e^{−iωh}), so no turn is lost and e comes without cancellation.
-/// What is left of rounding is about 1e-15.
+/// The logarithm is summed step by step, ln(Zₙ₊₁/Zₙ e^{−iωh}), so no turn is lost and e comes without cancellation. The
+/// remaining rounding error is about 1e-15.
 ///
 /// # Errors
 /// [`IntegrateError`] if the scheme can't carry the arm at this rate.
@@ -96,14 +96,14 @@ fn mode_error(arm: &Arm, integrator: &Integrator, mode: &Mode) -> Result<ModeErr
 ///
 /// Free vibration without dampers is reversible. A symmetric scheme with a fixed step keeps that, and with it, as long
 /// as the motion is quasi-periodic, invariants that differ from the true ones by O(hᵖ) (E. Hairer, C. Lubich, G.
-/// Wanner, "Geometric Numerical Integration", 2006, chapter XI): the energy swings without going anywhere. `spread`
-/// shows the swing, `change` what is left of it. No scheme here is symplectic: in (α, α̇) the momenta Mα̇ are not among
-/// the variables; so for chaotic motion nothing is promised. The mean over a tenth is weighted by s³(1−s)³, s from 0 to
-/// 1 over the tenth: the mean of a quasi-periodic swing over n of its periods then falls as n⁻⁴, not as n⁻¹ (S. Das, Y.
-/// Saiki, E. Sander, J. A. Yorke, "Quantitative quasiperiodicity", Nonlinearity 30 (2017)).
+/// Wanner, "Geometric Numerical Integration", 2006, chapter XI): the energy oscillates without drift. `spread` shows
+/// the oscillation, `change` the drift. No scheme here is symplectic: in (α, α̇) the momenta Mα̇ are not among the
+/// variables; so for chaotic motion nothing is guaranteed. The mean over a tenth is weighted by s³(1−s)³, s from 0 to 1
+/// over the tenth: the mean of a quasi-periodic oscillation over n of its periods then falls as n⁻⁴, not as n⁻¹ (S.
+/// Das, Y. Saiki, E. Sander, J. A. Yorke, "Quantitative quasiperiodicity", Nonlinearity 30 (2017)).
 ///
 /// # Errors
-/// [`IntegrateError`] if the scheme can't carry the arm at this rate or can't go on.
+/// [`IntegrateError`] if the scheme can't carry the arm at this rate or can't make a step.
 pub fn energy_drift(
     arm: &Arm,
     scheme: Scheme,
@@ -122,7 +122,7 @@ pub fn energy_drift(
         let (mut sum, mut weights) = (0.0, 0.0);
         for k in done..end {
             state = integrator.step(&arm, f64::from(k) * integrator.step_s(), &state, &Load::default())?;
-            // Relative to the start before it is summed, so that the sum keeps its digits.
+            // Relative to the start before summing, so that the sum keeps its digits.
             let relative = (arm.energy(&state).total_j() - first_j) / first_j;
             (smallest, largest) = (smallest.min(relative), largest.max(relative));
             let s = (f64::from(k - done) + 0.5) / f64::from(end - done);
@@ -143,7 +143,8 @@ mod tests {
     use crate::tests::arm_at;
     use resonarm_dynamics::arm::{Attachment, Preset};
 
-    /// What linear theory says of each scheme, to the leading term: ζ and the frequency error as powers of z = ωh.
+    /// The prediction of linear theory for each scheme, to the leading term: ζ and the frequency error as powers of z =
+    /// ωh.
     fn theory(scheme: Scheme, z: f64) -> (f64, f64) {
         match scheme {
             Scheme::Rk4 => (libm::pow(z, 5.0) / 144.0, -libm::pow(z, 4.0) / 120.0),
@@ -170,8 +171,8 @@ mod tests {
         }
     }
 
-    /// Where z = ωh is near 1, to all digits: the arguments of the functions of stability, Padé approximants of e^{iz}.
-    /// For gl4 that is two parts of a step.
+    /// Where z = ωh is near 1, to all digits: the arguments of the stability functions, Padé approximants of e^{iz}.
+    /// For gl4 this is a step in two parts.
     #[test]
     fn errors_are_those_of_the_functions_of_stability() {
         let arm = arm_at(Preset::Irb1600Table1, 0.0, 0.0);
@@ -207,7 +208,8 @@ mod tests {
         }
     }
 
-    /// The symmetric schemes keep it to rounding, at an amplitude at which the arm is far from linear; rk4 does not.
+    /// The symmetric schemes conserve energy to rounding, at an amplitude at which the arm is far from linear; rk4 does
+    /// not.
     #[test]
     fn symmetric_schemes_keep_the_energy() {
         let start = State::new([0.05, -0.08], [0.5, -1.0]);
@@ -226,7 +228,7 @@ mod tests {
         ] {
             for scheme in Scheme::ALL.into_iter().filter(|scheme| scheme.is_symmetric()) {
                 let drift = drift(preset, beta2_deg, scheme, rate_hz);
-                // Of gl4 the mean over a tenth keeps some of the swing.
+                // With gl4 the mean over a tenth retains some of the oscillation.
                 assert!(drift.change.abs() < 1e-12 + 1e-2 * drift.spread && drift.spread > 0.0, "{scheme}: {drift:?}");
             }
         }

@@ -1,11 +1,11 @@
-//! Analysis of the arm without waiting for it: what a bench measurement is held against.
+//! Analysis of the arm by computation instead of simulated measurement: the reference for bench measurements.
 //!
 //! The linearised arm: natural [`modes`](mod@modes), frequency responses ([`frf`]). The nonlinear arm: periodic motions
 //! by harmonic balance, their branches by [`continuation`], stability and bifurcations, backbones; and by integration
 //! in time ([`time_domain`]): stepped sweeps, stroboscopic sections, basins of attraction.
 //!
-//! Harmonic balance, and not collocation of a boundary value problem: the arm's forced motions are nearly sinusoidal,
-//! so a few harmonics describe them, where 40 intervals of degree 4 have 640 unknowns.
+//! Harmonic balance is used, not collocation of a boundary value problem: the arm's forced motions are nearly
+//! sinusoidal, so a few harmonics describe them, where 40 intervals of degree 4 have 640 unknowns.
 #![cfg_attr(not(test), no_std)]
 
 extern crate alloc;

@@ -1,4 +1,4 @@
-//! From two neighbouring points with a change of sign between them to the bifurcation itself.
+//! Locates a bifurcation between two neighbouring points where a test function changes sign.
 
 use alloc::vec::Vec;
 
@@ -8,11 +8,11 @@ use super::extended::{SingularResponse, Singularity, crossing};
 use super::fourier::zeros;
 use super::{AnalysisError, Coordinate, ForcedResponse, HarmonicBalance, Oscillator};
 
-/// A search along the branch that starts an extended system ends at this fraction of a segment.
+/// Tolerance, as a fraction of a segment, of a search along the branch before an extended system.
 pub(super) const COARSE: f64 = 1e-2;
-/// One that has the last word ends at this.
+/// Tolerance of a search without an extended system.
 pub(super) const FINE: f64 = 1e-12;
-/// Next to a crossing of branches rounding keeps Newton's method from its end. In a bracket below this fraction of the
+/// Near a crossing of branches rounding keeps Newton's method from converging. In a bracket below this fraction of the
 /// segment the point is then interpolated: its error is of the order of the square.
 const NARROW: f64 = 1e-5;
 /// The most steps of the search along the branch.
@@ -21,7 +21,7 @@ const SEARCH_LIMIT: usize = 60;
 /// The point between `ends` where `test` is zero, by regula falsi with the Illinois modification (M. Dowell, P.
 /// Jarratt, "A modified regula falsi method for computing the root of an equation", BIT 11 (1971)): the bracket always
 /// holds the zero, and the value at an end that stays is halved. Each test is at a point of the branch, found from the
-/// chord of the bracket, so that the search comes as near to a crossing of branches as it likes.
+/// chord of the bracket, so that the search can come as near as needed to a crossing of branches.
 ///
 /// Stops when the bracket or the last step, as a fraction of the segment's arclength, is below `tolerance`, or the test
 /// vanishes.
@@ -64,7 +64,7 @@ pub(super) fn search<S: System>(
     Err(not_located(system, ends))
 }
 
-/// That a bifurcation between two points could not be located.
+/// The error that a bifurcation between two points could not be located.
 pub(super) fn not_located(system: &impl System, ends: [&Point; 2]) -> AnalysisError {
     let [from, to] = ends.map(|end| system.place(end.lambda));
     AnalysisError::NotLocated { from, to }
@@ -78,7 +78,7 @@ pub(super) struct Located<O: Oscillator> {
     pub lambda: f64,
     /// The equations, with the null vector.
     pub singular: SingularResponse<O>,
-    /// What it has cost.
+    /// Its work.
     pub work: Work,
 }
 
@@ -133,8 +133,8 @@ pub(super) fn null_vector<O: Oscillator + Clone>(
     Ok(singular.null_vector().to_vec())
 }
 
-/// Where a branch of doubled period meets the single one: at a period doubling of that, which is located on it, from
-/// the part of `guess` that has the single period. The solution is given as a motion of doubled period.
+/// The point where a branch of doubled period meets the single one: a period doubling of the single one, located on it
+/// from the single-period components of `guess`. The solution is returned as a motion of doubled period.
 pub(super) fn rejoin<O: Oscillator + Clone>(
     response: &ForcedResponse<O>,
     settings: &Settings,
@@ -165,7 +165,7 @@ pub(super) fn doubled(x: &[f64]) -> Vec<f64> {
 }
 
 /// The branch point between `ends`, where the bordered determinant is zero, by its extended system, or by a fine search
-/// if that leads elsewhere; with as many harmonics as the direction of the other branch needs.
+/// if that converges elsewhere; with as many harmonics as the direction of the other branch needs.
 pub(super) fn branch_point<O: Oscillator + Clone>(
     response: &ForcedResponse<O>,
     settings: &Settings,

@@ -1,4 +1,4 @@
-//! Natural modes of the arm linearised in its pose, M0 α̈ + K α = 0; K with the weight's part, if gravity is on.
+//! Natural modes of the arm linearised in its pose, M0 α̈ + K α = 0; K includes the weight if gravity is on.
 
 use core::f64::consts::TAU;
 
@@ -10,10 +10,10 @@ use resonarm_dynamics::arm::Arm;
 /// A natural mode.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize)]
 pub struct Mode {
-    /// Undamped natural frequency, ω/(2π) with K φ = ω² M φ, Hz. Of an eigenvalue λ of the damped arm it is |λ|/(2π),
-    /// but for parts in ζ² that damping leaves which is not proportional.
+    /// Undamped natural frequency, ω/(2π) with K φ = ω² M φ, Hz. For an eigenvalue λ of the damped arm it is |λ|/(2π),
+    /// but for terms in ζ² from damping that is not proportional.
     pub frequency_hz: f64,
-    /// Damping ratio ζ = φᵀDφ/(2ω), dimensionless: the modal one, which leaves out the coupling of the modes by D.
+    /// Damping ratio ζ = φᵀDφ/(2ω), dimensionless: the modal one, without the coupling of the modes by D.
     pub damping_ratio: f64,
     /// φ = (φ1, φ2), rad, normalised to unit modal mass: φᵀM0φ = 1 kg·m². φ1 is positive; where it is zero, φ2 is.
     pub shape: [f64; 2],
@@ -97,8 +97,7 @@ mod tests {
         }
     }
 
-    /// Eq. (26) without coupling (a3 + a2 cos β2 = 0): each joint vibrates alone, and its damping is that of its own
-    /// damper.
+    /// Eq. (26) without coupling (a3 + a2 cos β2 = 0): each joint vibrates alone, and only its own damper damps it.
     #[test]
     fn uncoupled_joints_vibrate_alone() {
         let preset = Preset::Irb1600Fitted.parameters().unwrap();

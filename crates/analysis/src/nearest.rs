@@ -2,7 +2,7 @@
 
 use super::{Branch, Orbit};
 
-/// A measured motion: frequency of the excitation, and what the component at that frequency has of α1 and α2.
+/// A measured motion: frequency of the excitation, and amplitudes of α1 and α2 at that frequency.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct MeasuredMotion {
     /// Hz.
@@ -11,17 +11,17 @@ pub struct MeasuredMotion {
     pub harmonic1_rad: [f64; 2],
 }
 
-/// What counts as equally far, relative.
+/// Relative deviations that count as equal distances.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Distances {
-    /// Of the frequency.
+    /// That of the frequency.
     pub frequency: f64,
-    /// Of the amplitude.
+    /// That of the amplitude.
     pub amplitude: f64,
 }
 
 impl Default for Distances {
-    /// 2e-5 of the frequency and 1e-3 of the amplitude: what a closed loop on the bench reaches.
+    /// 2e-5 of the frequency and 1e-3 of the amplitude: the accuracy of a closed loop on the bench.
     fn default() -> Distances {
         Distances { frequency: 2e-5, amplitude: 1e-3 }
     }
@@ -38,16 +38,15 @@ pub struct Nearest {
     pub frequency_deviation: f64,
     /// Measured over computed amplitudes, less 1.
     pub amplitude_deviation: [f64; 2],
-    /// The distance, 1 where frequency or amplitude is off by what counts as equally far.
+    /// The distance in units of [`Distances`].
     pub distance: f64,
 }
 
 /// The place of the branch nearest to a measured motion by frequency and the amplitude of one joint (0 or 1), in units
-/// of `distances`; `None` of a branch of less than two motions.
+/// of `distances`; `None` for a branch of fewer than two motions.
 ///
 /// Between two motions of the branch the curve is taken as straight: with p the vector from the measured motion to the
-/// first and d that to the second from there, the foot of the perpendicular lies at −p·d/d·d of the way, between 0 and
-/// 1.
+/// first and d that to the second from there, the foot of the perpendicular is at −p·d/d·d of the way, between 0 and 1.
 pub fn nearest(branch: &Branch, measured: &MeasuredMotion, joint: usize, distances: Distances) -> Option<Nearest> {
     let place = |orbit: &Orbit| {
         let frequency = (orbit.frequency_hz / measured.frequency_hz - 1.0) / distances.frequency;

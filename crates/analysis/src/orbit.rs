@@ -1,4 +1,4 @@
-//! Periodic motions, branches of them, and what happens on the way.
+//! Periodic motions, branches of them, and bifurcations.
 
 use alloc::vec::Vec;
 
@@ -9,7 +9,7 @@ use super::continuation::{Settings, Work};
 use super::floquet::{Floquet, Stability, StabilityWork};
 use super::{Coordinate, Oscillator};
 
-/// How far a branch is walked, and how well.
+/// The interval and accuracy of a branch.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct BranchOptions {
     /// The coordinate at the start.
@@ -20,11 +20,11 @@ pub struct BranchOptions {
     pub least_harmonics: usize,
     /// The most harmonics of the excitation.
     pub most_harmonics: usize,
-    /// What the truncation to H harmonics may leave out, relative to the size of the motion.
+    /// The largest truncation error of H harmonics, relative to the size of the motion.
     pub truncation: f64,
     /// The most points.
     pub most_points: usize,
-    /// Steps and scales.
+    /// The settings of the walk.
     pub walk: Settings,
 }
 
@@ -38,14 +38,14 @@ impl BranchOptions {
 }
 
 impl BranchOptions {
-    /// The same between other values, the scale of the coordinate being that of their interval.
+    /// The same between other values, with the scale of the coordinate from their interval.
     pub fn between(&self, from: f64, to: f64) -> BranchOptions {
         let mut options = BranchOptions { from, to, ..*self };
         options.walk.parameter_floor = BranchOptions::new(from, to).walk.parameter_floor;
         options
     }
 
-    /// The end of the interval beyond which a value lies, if it lies beyond one.
+    /// The end of the interval beyond which a value is, if any.
     pub(super) fn left_at(&self, value: f64) -> Option<f64> {
         let (low, high) = (self.from.min(self.to), self.from.max(self.to));
         if value < low {
@@ -128,7 +128,7 @@ pub struct Bifurcation {
     pub kind: BifurcationKind,
     /// The motion there.
     pub orbit: Orbit,
-    /// How many points of the branch come before it.
+    /// The number of points of the branch before it.
     pub index: usize,
     /// The direction of the new motion: for a period doubling the series of frequencies ½, 1½, … that has the
     /// multiplier −1, for a fold the null vector; empty otherwise.
@@ -142,16 +142,16 @@ pub struct Branch {
     pub orbits: Vec<Orbit>,
     /// Its bifurcations in order.
     pub bifurcations: Vec<Bifurcation>,
-    /// What the walk has cost, without the location of bifurcations.
+    /// The work of the walk, without the location of bifurcations.
     pub work: Work,
-    /// What the extended systems of its folds and period doublings have cost.
+    /// The work of the extended systems of its folds and period doublings.
     pub location_work: Work,
-    /// What the stability of its motions has cost, and of those looked at between them.
+    /// The work of the stability of its motions, and of those evaluated between them.
     pub stability_work: StabilityWork,
 }
 
 impl Orbit {
-    /// Everything about the motion X of a balance, at the value of a coordinate at which the balance is.
+    /// All results for the motion X of a balance, at the coordinate value set in the balance.
     pub(super) fn of<O: Oscillator>(
         balance: &mut HarmonicBalance<O>,
         floquet: &mut Floquet,

@@ -1,4 +1,4 @@
-//! What harmonic balance and Floquet theory need to know about a system.
+//! The interface of a system to harmonic balance and Floquet theory.
 
 use nalgebra::{Matrix2, Vector2};
 
@@ -43,7 +43,7 @@ pub struct LinearMode {
 
 /// A system of two degrees of freedom under a harmonic excitation: r(x, ẋ, ẍ, Ωt; p) = 0.
 ///
-/// Nothing more is known of it. A system of one degree of freedom carries a second, uncoupled one.
+/// A system of one degree of freedom has a second, uncoupled one.
 pub trait Oscillator {
     /// Names a parameter p that can be varied.
     type Parameter: Copy + core::fmt::Debug + PartialEq;
@@ -51,7 +51,7 @@ pub trait Oscillator {
     /// The value of a parameter.
     fn parameter(&self, which: Self::Parameter) -> f64;
 
-    /// Sets a parameter, and says whether such a system exists; if not it stays as it was.
+    /// Sets a parameter; returns whether such a system exists. If not, it stays unchanged.
     #[must_use]
     fn set_parameter(&mut self, which: Self::Parameter, value: f64) -> bool;
 

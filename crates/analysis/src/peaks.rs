@@ -1,16 +1,16 @@
-//! Maxima and widths of curves: an amplitude, rad, over a frequency, Hz, point by point; a curve may lean and come
-//! back.
+//! Maxima and widths of curves: an amplitude, rad, over a frequency, Hz, point by point; a curve may turn back in
+//! frequency.
 
 use alloc::vec::Vec;
 
 /// A maximum of an amplitude along a curve.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Maximum {
-    /// Where it is, Hz.
+    /// Its frequency, Hz.
     pub frequency_hz: f64,
-    /// How high, rad.
+    /// Its height, rad.
     pub amplitude_rad: f64,
-    /// How far the amplitude falls before it rises higher again, on the side where it falls less, as a part of the
+    /// How far the amplitude falls before it rises higher again, on the side where it falls less, relative to the
     /// height.
     pub prominence: f64,
 }
@@ -44,7 +44,7 @@ pub fn half_power_width_hz(curve: &[(f64, f64)], all: &[(f64, f64)]) -> Option<f
     Some(high - low)
 }
 
-/// How far the curve falls from a summit before it rises above it, on the side where it falls less, as a part of its
+/// How far the curve falls from a summit before it rises above it, on the side where it falls less, relative to its
 /// height.
 fn prominence(curve: &[(f64, f64)], summit: usize) -> f64 {
     let height = curve[summit].1;
@@ -55,9 +55,9 @@ fn prominence(curve: &[(f64, f64)], summit: usize) -> f64 {
 }
 
 /// The top of the curve through three points whose middle one is the highest: both coordinates are quadratic in the
-/// number of the step, y(t) = y₀ + (y₊ − y₋) t/2 + (y₊ − 2y₀ + y₋) t²/2. The walk takes steps of almost equal length; a
-/// length measured in this plane would be none, for a peak that leans comes back at the frequencies at which it rose.
-/// The top is above the middle point by an eighth of the larger fall to its neighbours at most.
+/// number of the step, y(t) = y₀ + (y₊ − y₋) t/2 + (y₊ − 2y₀ + y₋) t²/2. The walk takes steps of almost equal length;
+/// lengths in this plane would not do, since a leaning peak returns through the frequencies at which it rose. The top
+/// is above the middle point by an eighth of the larger fall to its neighbours at most.
 fn vertex([before, middle, after]: [(f64, f64); 3]) -> [f64; 2] {
     let quadratic = |of: fn(&(f64, f64)) -> f64| {
         let [low, centre, high] = [&before, &middle, &after].map(of);
@@ -69,7 +69,8 @@ fn vertex([before, middle, after]: [(f64, f64); 3]) -> [f64; 2] {
 }
 
 /// The frequency at which a curve passes a level between points `i` and `i + 1`: by the cubic through these and their
-/// neighbours, if the amplitude goes one way through all four and the cubic stays between the two, else by the chord.
+/// neighbours, if the amplitude is monotonic through all four and the cubic stays between the two, otherwise by the
+/// chord.
 fn crossing(curve: &[(f64, f64)], i: usize, level: f64) -> f64 {
     let through = |points: &[(f64, f64)]| -> f64 {
         let weight = |k: usize| -> f64 {

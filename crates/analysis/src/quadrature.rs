@@ -9,9 +9,9 @@
 //! ```
 //!
 //! whatever else the excitation moves (at the point where it acts, the other mode can be most of the motion). The real
-//! part has its extremes at ω (1 ∓ ζ), up to ζ², the half-power points. With that coupling the zero still lies in
-//! between unless the excitation drives the other mode so much more that the mode answers to the dampers rather than to
-//! it.
+//! part has its extremes at ω (1 ∓ ζ), up to ζ², the half-power points. With that coupling the zero is still between
+//! them, unless the excitation drives the other mode so much more that the mode responds to the dampers rather than to
+//! the excitation.
 
 use core::f64::consts::TAU;
 
@@ -22,7 +22,7 @@ use super::{AnalysisError, Instant, LinearMode, Oscillator, Place};
 /// Bisections of the bandwidth: 2⁻⁵² of 2ζω.
 const BISECTIONS: usize = 52;
 
-/// A small motion in quadrature, of unit size, and the excitation that keeps it up.
+/// A small motion in quadrature, of unit size, and the excitation that sustains it.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(super) struct Beginning {
     /// Ω/2π, Hz.
@@ -49,13 +49,13 @@ struct AtRest {
 impl AtRest {
     fn of<O: Oscillator>(oscillator: &O, drive: O::Parameter) -> AtRest {
         let rest = Vector2::zeros();
-        let crest = Instant { position: rest, velocity: rest, acceleration: rest, sine: 1.0, cosine: 0.0 };
-        let linear = oscillator.linearise(&crest);
+        let peak = Instant { position: rest, velocity: rest, acceleration: rest, sine: 1.0, cosine: 0.0 };
+        let linear = oscillator.linearise(&peak);
         AtRest {
             stiffness: linear.by_position,
             damping: linear.by_velocity,
             mass: linear.by_acceleration,
-            load: -oscillator.by_parameter(drive, &crest),
+            load: -oscillator.by_parameter(drive, &peak),
         }
     }
 
@@ -69,7 +69,7 @@ impl AtRest {
         matrix.try_inverse().map_or(Vector2::from_element(Complex::new(f64::NAN, f64::NAN)), |inverse| inverse * load)
     }
 
-    /// φᵀM, of unit length: what measures the modal coordinate.
+    /// φᵀM, of unit length: its product with x is the modal coordinate.
     fn modal(&self, mode: &LinearMode) -> Vector2<f64> {
         self.mass.tr_mul(&mode.shape).normalize()
     }
@@ -94,7 +94,7 @@ impl AtRest {
     }
 }
 
-/// The small motion in quadrature of a mode, 0 or 1. Without damping it is the mode itself, and takes no drive.
+/// The small motion in quadrature of a mode, 0 or 1. Without damping it is the mode itself, and needs no drive.
 ///
 /// # Errors
 /// [`AnalysisError::NotDriven`] if there is none.

@@ -1,5 +1,5 @@
-//! What a bench reads of a periodic motion: displacement, velocity and acceleration of the points B and C at the
-//! frequency of the excitation.
+//! Bench readings of a periodic motion: displacement, velocity and acceleration of the points B and C at the frequency
+//! of the excitation.
 //!
 //! The load is A sin Ωt. A signal x(t) with a = 2/T ∫ x cos Ωt dt and b = 2/T ∫ x sin Ωt dt over the motion's period T
 //! has the component a cos Ωt + b sin Ωt = Im(X e^{iΩt}) at Ω, with
@@ -10,9 +10,9 @@
 //!
 //! A motion that repeats after ν periods of the excitation has T = 2πν/Ω, and this is its component ν. B and C move by
 //! the nonlinear kinematics, so that a joint's sine of amplitude c turns a link of length l with the fundamental 2 l
-//! J₁(c), not l c. What is summed over the samples of a period are velocities, J(α) α̇, and X is their component over
-//! iΩ: the same as of positions, but small motions are not the difference of large numbers. As the load goes to zero, X
-//! goes to A times the receptance of [`FrequencyResponse`](super::FrequencyResponse).
+//! J₁(c), not l c. The sums over the samples of a period are of velocities, J(α) α̇, and X is their component over iΩ:
+//! the same as from positions, but small motions are not differences of large numbers. As the load goes to zero, X goes
+//! to A times the receptance of [`FrequencyResponse`](super::FrequencyResponse).
 
 use core::f64::consts::TAU;
 
@@ -23,17 +23,17 @@ use super::{ArmParameter, BackbonePoint, Coordinate, ForcedArm, Orbit, Oscillato
 use resonarm_dynamics::arm::{Arm, State};
 use resonarm_numeric::Phasor;
 
-/// Samples of a period for each harmonic of the joints' motion. What is read of samples is exact but for the points'
-/// harmonics from 7H up, which are products of at least seven of the joints' harmonics.
+/// Samples of a period for each harmonic of the joints' motion. Readings are exact but for the points' harmonics from
+/// 7H up, which are products of at least seven of the joints' harmonics.
 const SAMPLES_PER_HARMONIC: usize = 8;
-/// Fewest samples of a period: links that turn by several radians have as many harmonics even if the joints have one.
+/// Fewest samples of a period: the points of links that turn by several radians have many harmonics even if the joints
+/// have one.
 const FEWEST_SAMPLES: usize = 64;
 
 /// The component of a motion at the frequency of the excitation, of the joints and of the points B and C.
 ///
-/// All are phasors against sin Ωt, in which the load is: the real part is in phase with the load, the imaginary part
-/// leads it by 90°. The response over the load is what [`FrequencyResponse::at`](super::FrequencyResponse::at) is at
-/// small loads.
+/// All are phasors against sin Ωt, the load: the real part is in phase with the load, the imaginary part leads it by
+/// 90°. At small loads, the response over the load is [`FrequencyResponse::at`](super::FrequencyResponse::at).
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Readings {
     frequency_hz: f64,
@@ -42,8 +42,8 @@ pub struct Readings {
 }
 
 impl Readings {
-    /// Of a motion of `arm` by its Fourier coefficients, as of an orbit, that repeats after `period` periods of the
-    /// excitation.
+    /// The readings of a motion of `arm` by its Fourier coefficients, as those of an orbit. It repeats after `period`
+    /// periods of the excitation.
     fn of_series(arm: &Arm, frequency_hz: f64, period: usize, coefficients: &[f64]) -> Readings {
         let (period, harmonics) = (period.max(1), coefficients.len() / 4);
         let count = (SAMPLES_PER_HARMONIC * harmonics.max(period)).max(FEWEST_SAMPLES).next_power_of_two();
@@ -58,7 +58,7 @@ impl Readings {
         sums.finish(frequency_hz)
     }
 
-    /// Of a motion on a branch that was walked in `coordinate`, by `forced`.
+    /// The readings of a motion on a branch of `forced` in `coordinate`.
     pub fn of_orbit(forced: &ForcedArm, coordinate: Coordinate<ArmParameter>, orbit: &Orbit) -> Readings {
         let read = |arm: &Arm| Readings::of_series(arm, orbit.frequency_hz, orbit.period, &orbit.coefficients);
         match coordinate {
@@ -72,8 +72,8 @@ impl Readings {
         }
     }
 
-    /// Of a motion on a backbone of `arm`. One without dampers has no load: it is read against a sine in quadrature
-    /// with the mode.
+    /// The readings of a motion on a backbone of `arm`. Without dampers there is no load: the phase is against a sine
+    /// in quadrature with the mode.
     pub fn of_backbone(arm: &Arm, point: &BackbonePoint) -> Readings {
         Readings::of_series(arm, point.frequency_hz, 1, &point.coefficients)
     }
@@ -113,7 +113,7 @@ impl<'a> Sums<'a> {
         Sums { arm, samples: 0, sums: [Complex::new(0.0, 0.0); 6] }
     }
 
-    /// Takes in the state at a phase of the excitation, rad.
+    /// Adds the state at a phase of the excitation, rad.
     pub fn add(&mut self, state: &State, phase_rad: f64) {
         let [b, c] = self.arm.point_velocities(state);
         let joints = &state.alpha_dot_rad_s;
@@ -176,7 +176,7 @@ mod tests {
                 ] {
                     near(read.displacement(of), Complex::new(expected, 0.0), 2e-15 * c);
                 }
-                // Joint 2 alone, along the cosine: B stands still, C turns about it a quarter of a period ahead.
+                // Joint 2 alone, along the cosine: B is at rest, C turns about it a quarter of a period ahead.
                 let read = Readings::of_series(&arm, 10.0, 1, &[0.0, 0.0, 0.0, c, 0.0, 0.0]);
                 let link = rest.c_m - rest.b_m;
                 near(read.displacement(Response::BX), Complex::new(0.0, 0.0), 2e-15 * c);
@@ -186,7 +186,7 @@ mod tests {
         }
     }
 
-    /// Of c sin 2τ + d sin τ, τ running at half the excitation's frequency: the component at 2τ of sin(c sin 2τ + d sin
+    /// For c sin 2τ + d sin τ, with τ at half the excitation's frequency, the component at 2τ of sin(c sin 2τ + d sin
     /// τ) has the coefficients of e^{±2iτ} in Σ J_m(c) J_n(d) e^{i(2m+n)τ}.
     #[test]
     fn a_doubled_motion_is_read_at_the_excitation() {
@@ -210,7 +210,7 @@ mod tests {
         assert_eq!(read.frequency_hz(), 20.0);
     }
 
-    /// What `read` says in three quantities is the frequency response times the load, each relative to itself.
+    /// `read` gives the frequency response times the load in all three quantities, within a relative tolerance.
     fn is_the_linear_response(read: &Readings, arm: &Arm, drive: Drive, load: f64, tolerance: f64) {
         let linear = FrequencyResponse::new(arm);
         for of in Response::ALL {
@@ -265,7 +265,7 @@ mod tests {
         assert!(x.im < 0.0 && x.re.abs() < 1e-2 * x.im.abs(), "{x}");
     }
 
-    /// Along a parameter of the arm, the arm is the one with its value there.
+    /// On a branch in a parameter of the arm, readings use the arm with that value.
     #[test]
     fn a_branch_in_an_angle_is_read_at_its_pose() {
         let forced = ForcedArm::new(fitted(20.0, 60.0), Load::torque_nm(1.0, 0.0), 1e-3);

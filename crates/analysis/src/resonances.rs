@@ -1,4 +1,4 @@
-//! Resonances as they stand on a branch over the frequency, and whether a grid of frequencies sees them.
+//! Resonances on a branch over the frequency, with their widths.
 
 use alloc::vec::Vec;
 use core::f64::consts::FRAC_1_SQRT_2;
@@ -9,11 +9,11 @@ use super::orbit::{Branch, BranchOptions, Orbit};
 use super::{Coordinate, EndedEarly, ForcedArm, trace};
 use resonarm_dynamics::arm::{Arm, Load};
 
-/// The largest step along a branch, as part of the motion's size: a resonance is a circle to the walk, and this makes
-/// 60 points of one. The largest of them misses the peak by an eighth of its square at most.
+/// The largest step along a branch, relative to the motion's size: for the walk a resonance is a circle, and gets 60
+/// points. The largest of them misses the peak by an eighth of the step's square at most.
 const SMOOTH_STEP: f64 = 0.1;
 
-/// The forced motions of an arm over the frequency, in steps so small that every resonance is seen.
+/// The forced motions of an arm over the frequency, in steps so small that no resonance is missed.
 ///
 /// # Errors
 /// As [`trace`].
@@ -27,13 +27,13 @@ pub fn forced_response(arm: &Arm, load: &Load, [from_hz, to_hz]: [f64; 2]) -> Re
 /// A maximum of |αᵢ| along a branch over the frequency.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize)]
 pub struct Resonance {
-    /// Which joint, 1 or 2.
+    /// The joint, 1 or 2.
     pub joint: usize,
     /// The frequency of the largest |αᵢ|, Hz.
     pub frequency_hz: f64,
     /// The largest |αᵢ|, rad.
     pub amplitude_rad: f64,
-    /// The width of the frequencies around it at which |αᵢ| is at least 1/√2 of that, Hz.
+    /// The width of the band around it in which |αᵢ| is at least 1/√2 of that, Hz.
     pub width_hz: f64,
 }
 

@@ -14,10 +14,10 @@ pub struct ForcedResponse<O: Oscillator> {
     coordinate: Coordinate<O::Parameter>,
 }
 
-/// Superharmonic resonances, where Ω times one of these is a natural frequency, are not to be stepped over.
+/// Steps must not miss superharmonic resonances, where Ω times one of these is a natural frequency.
 const SUPERHARMONICS: [f64; 3] = [1.0, 2.0, 3.0];
 
-/// Resonances narrower than this relative width are stepped over all the same.
+/// Steps may miss resonances narrower than this relative width.
 const LEAST_DAMPING: f64 = 1e-5;
 
 impl<O: Oscillator> ForcedResponse<O> {

@@ -1,15 +1,15 @@
-//! A branch in one piece: its motions with its bifurcations in their places, and the stretches of one stability.
+//! A branch as one list: its motions with its bifurcations in their places, and its stretches of equal stability.
 
 use alloc::vec::Vec;
 
 use super::orbit::{BifurcationKind, Branch, Orbit};
 
-/// A motion of a branch, in its order.
+/// A motion of a branch, in order.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Row<'a> {
     /// The motion.
     pub orbit: &'a Orbit,
-    /// The bifurcation that it is, if it is one.
+    /// The bifurcation, if it is one.
     pub bifurcation: Option<BifurcationKind>,
 }
 
@@ -45,8 +45,8 @@ pub fn segments<T>(rows: &[T], stable: impl Fn(&T) -> Option<bool>) -> impl Iter
     })
 }
 
-/// The stretches of one stability as one curve, with a point that is no number between them. They end at the
-/// bifurcations themselves, not at the motions next to them.
+/// The stretches of equal stability as one curve, with NaN points between them. They end at the bifurcations
+/// themselves, not at the motions next to them.
 pub fn stretches<T>(
     rows: &[T],
     stable: impl Fn(&T) -> Option<bool>,

@@ -1,4 +1,4 @@
-//! The linearisation along a motion in the frequency domain, and the matrices that are made of it.
+//! The linearisation along a motion in the frequency domain, and the matrices made of it.
 
 use alloc::vec::Vec;
 
@@ -90,8 +90,7 @@ impl Spectrum {
     /// along sin kτ:  f cos lτ → ½ (S(k+l) + S(k−l))      f sin lτ → ½ (C(k−l) − C(k+l))
     /// ```
     ///
-    /// and along 1 half of what the first line says for k = 0. Sums and differences of half-odd frequencies are
-    /// integers.
+    /// and along 1 half of the first line for k = 0. Sums and differences of half-odd frequencies are integers.
     pub fn assemble(
         &mut self,
         harmonics: Harmonics,

@@ -6,12 +6,12 @@ use super::fourier::zeros;
 use super::orbit::BranchOptions;
 use super::{AnalysisError, Coordinate, ForcedResponse, Oscillator};
 
-/// Where motions are looked for if Newton's method does not find one from rest: at these multiples of the frequency,
-/// away from the resonance that is in the way.
+/// Multiples of the frequency at which to start if Newton's method finds no motion from rest: away from the nearby
+/// resonance.
 const DETOURS: [f64; 2] = [0.7, 1.4];
 
-/// Starts a walk at `options.from`: from rest, or, if that is too far, from where a walk in frequency arrives first
-/// that starts away from the resonance, on the side that the walk comes from.
+/// Starts a walk at `options.from`: from rest, or, if that is too far, from the end of a walk in frequency that starts
+/// away from the resonance, on the side that the walk comes from.
 pub(super) fn enter<O: Oscillator + Clone>(
     response: &mut ForcedResponse<O>,
     options: &BranchOptions,
@@ -34,7 +34,7 @@ pub(super) fn enter<O: Oscillator + Clone>(
     Err(first)
 }
 
-/// Walks in frequency from `detour` times the frequency wanted to it, and starts there.
+/// Walks in frequency from `detour` times the wanted frequency to it, and starts there.
 fn approach<O: Oscillator + Clone>(
     response: &mut ForcedResponse<O>,
     options: &BranchOptions,

@@ -1,4 +1,4 @@
-//! The test bench: the arm with its exciter and instruments, what excites and controls it, what is identified from its
+//! The test bench: the arm with its exciter and instruments, its excitation and controllers, identification from its
 //! readings, and both ends as CAN nodes without IO.
 //!
 //! `no_std`: no clock, no thread, no file, no socket; time is an argument.

@@ -24,7 +24,7 @@ impl Fft {
         (2 * self.turns.len()).max(1)
     }
 
-    /// The transform in place. `values` has N elements; of others nothing is changed.
+    /// Transforms `values` in place. A slice of another length than N stays unchanged.
     ///
     /// J. W. Cooley, J. W. Tukey, "An Algorithm for the Machine Calculation of Complex Fourier Series", Math. Comp. 19
     /// (1965): values in bit-reversed order, then log₂ N passes in which two transforms of half the length, E of the
@@ -102,7 +102,7 @@ impl Lines {
         Lines { period, inputs, first, lines, fft, chirp }
     }
 
-    /// The lines of `values`, of which the first `inputs` are used.
+    /// The lines of the first `inputs` of `values`.
     pub fn transform(&self, values: impl IntoIterator<Item = Complex<f64>>) -> Vec<Complex<f64>> {
         let mut work = alloc::vec![Complex::new(0.0, 0.0); self.fft.length()];
         for ((n, value), slot) in values.into_iter().take(self.inputs).enumerate().zip(&mut work) {
@@ -124,7 +124,7 @@ fn turn(j: u64, period: u64) -> Complex<f64> {
     Complex::new(cosine, sine)
 }
 
-/// e^(−πi j²/N); j² is taken less whole turns, 2N, so that no digits are lost.
+/// e^(−πi j²/N); j² is reduced modulo 2N, whole turns, so that no digits are lost.
 fn square_turn(j: u64, period: u64) -> Complex<f64> {
     turn(j * j % (2 * period), period)
 }

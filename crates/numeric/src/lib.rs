@@ -1,4 +1,4 @@
-//! Numbers: in messages, at random from a seed, and their discrete Fourier transform; small systems of equations.
+//! Numbers in messages, random numbers from a seed, discrete Fourier transforms, small systems of equations.
 //!
 //! `no_std`: no clock, no thread, no file, no socket.
 #![cfg_attr(not(test), no_std)]

@@ -1,7 +1,7 @@
 //! Small systems of linear equations.
 //!
-//! The bits of recordings depend on the order of the operations here. Large systems, of which the factors are kept, are
-//! solved by `analysis::dense`.
+//! The bits of recordings depend on the order of the operations here. `analysis::dense` solves large systems and keeps
+//! their factors.
 
 /// Solves matrix · x = `right` in place for M right-hand sides, the columns of `right`; the matrix has n =
 /// `right.len()` rows of n numbers, one after the other. Gauss's elimination with partial pivoting (G. H. Golub, C. F.
@@ -38,7 +38,7 @@ pub fn solve<const M: usize>(flat: &mut [f64], right: &mut [[f64; M]]) -> Option
     for row in (0..n).rev() {
         let (left, solved) = right.split_at_mut(row + 1);
         let own = &flat[row * n..(row + 1) * n];
-        // Each sum has its own order, that of the columns, whatever M is: so have its bits.
+        // Each sum adds in the order of the columns whatever M is, so its bits don't depend on M.
         let mut known = [-0.0; M];
         for (factor, sides) in own[row + 1..].iter().zip(solved) {
             known.iter_mut().zip(sides).for_each(|(sum, side)| *sum += factor * *side);

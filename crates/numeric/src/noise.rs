@@ -1,4 +1,4 @@
-//! Seeded noise and chance, the same on every machine.
+//! Random numbers from a seed, the same on every machine.
 
 use core::f64::consts::TAU;
 
@@ -14,7 +14,7 @@ pub struct Noise {
     generator: ChaCha8Rng,
 }
 
-/// The copy goes on with the same numbers as the original. The generator has no `Clone`, but gives out its state.
+/// The copy continues with the same numbers as the original. The generator has no `Clone`, but gives out its state.
 impl Clone for Noise {
     fn clone(&self) -> Noise {
         Noise { generator: ChaCha8Rng::deserialize_state(&self.generator.serialize_state()) }
@@ -29,7 +29,7 @@ impl Noise {
         Noise { generator }
     }
 
-    /// The next 64 bits, each 0 or 1 alike.
+    /// The next 64 bits, each 0 or 1 with equal probability.
     pub fn bits(&mut self) -> u64 {
         self.generator.next_u64()
     }
@@ -54,9 +54,9 @@ impl Noise {
 mod tests {
     use super::*;
 
-    /// At every place in a block of the generator, and beyond its end.
+    /// Copies made at every position in a block of the generator, and beyond its end.
     #[test]
-    fn a_copy_goes_on_as_the_original() {
+    fn a_copy_continues_as_the_original() {
         let mut noise = Noise::new(3, 2);
         for taken in 0..100 {
             let (mut copy, number) = (noise.clone(), noise.normal());

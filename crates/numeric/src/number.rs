@@ -2,23 +2,23 @@
 
 use core::fmt;
 
-/// A number in as few digits as tell it from every other, at most 17, plain or with a power of ten.
+/// A number in the fewest digits that identify it, at most 17, plain or with a power of ten.
 #[derive(Clone, Copy, Debug)]
 pub struct Short(f64);
 
-/// The number for a message.
+/// Formats a number for a message.
 pub const fn short(value: &f64) -> Short {
     Short(*value)
 }
 
-/// A number with `places` digits behind the point, plain or, from 1e9 on, with a power of ten.
+/// A number with `places` digits after the decimal point, plain or, from 1e9 on, with a power of ten.
 #[derive(Clone, Copy, Debug)]
 pub struct Rounded {
     value: f64,
     places: usize,
 }
 
-/// The number, rounded, for a message.
+/// Formats a number, rounded, for a message.
 pub const fn rounded(value: &f64, places: usize) -> Rounded {
     Rounded { value: *value, places }
 }
@@ -33,7 +33,7 @@ impl fmt::Display for Rounded {
 impl fmt::Display for Short {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         let size = self.0.abs();
-        // Beyond these plain digits go on with zeros: 301 of them for 1e300.
+        // Beyond these, plain notation is mostly zeros: 301 digits for 1e300.
         if size == 0.0 || !size.is_finite() || (1e-5..1e15).contains(&size) {
             write!(f, "{}", self.0)
         } else {
@@ -50,16 +50,16 @@ mod tests {
 
     #[test]
     fn large_and_small_numbers_have_a_power_of_ten() {
-        let told =
+        let texts =
             [0.0, -1.0, 1.0 / 3.0, 65535.0, 1e300, -2.5e-300, f64::NAN, f64::INFINITY].map(|x| short(&x).to_string());
-        assert_eq!(told, ["0", "-1", "0.3333333333333333", "65535", "1e300", "-2.5e-300", "NaN", "inf"]);
+        assert_eq!(texts, ["0", "-1", "0.3333333333333333", "65535", "1e300", "-2.5e-300", "NaN", "inf"]);
     }
 
     #[test]
     fn rounded_numbers_are_bounded() {
-        let told = [0.0, -1.23456, 999_999_999.25, 1e9, -2.55e300, f64::NAN, f64::INFINITY];
-        let told = told.map(|x| rounded(&x, 3).to_string());
-        assert_eq!(told, ["0.000", "-1.235", "999999999.250", "1.000e9", "-2.550e300", "NaN", "inf"]);
+        let texts = [0.0, -1.23456, 999_999_999.25, 1e9, -2.55e300, f64::NAN, f64::INFINITY];
+        let texts = texts.map(|x| rounded(&x, 3).to_string());
+        assert_eq!(texts, ["0.000", "-1.235", "999999999.250", "1.000e9", "-2.550e300", "NaN", "inf"]);
     }
 
     proptest! {

@@ -1,7 +1,7 @@
 //! Pseudo-arclength continuation (H. B. Keller, "Numerical Solution of Bifurcation and Nonlinear Eigenvalue Problems",
 //! 1977; R. Seydel, "Practical Bifurcation and Stability Analysis", 2010, Ch. 4).
 //!
-//! It sees n equations R(x, λ) = 0 and nothing of what they mean. With z = (x, λ) and the unit tangent t, a step
+//! It knows n equations R(x, λ) = 0 and nothing of their meaning. With z = (x, λ) and the unit tangent t, a step
 //! predicts z⁰ = z + s t + ½ s² κ, κ being the change of the tangent per arclength in the step before, and solves
 //!
 //! ```text
@@ -11,14 +11,14 @@
 //! ```
 //!
 //! Scales. The response of a lightly damped arm is a circle in the plane of its Fourier coefficients, up to thousands
-//! of times larger than what surrounds it, and passed within a thousandth of λ. Seen from the size of x itself all of
-//! it is smooth. So lengths are measured relative to X = max(|x|, x₀), afresh at each step, and λ in units of Λ: the
+//! of times larger than what surrounds it, and passed within a thousandth of λ. Relative to the size of x itself all of
+//! it is smooth. So lengths are measured relative to X = max(|x|, x₀), updated at each step, and λ in units of Λ: the
 //! last unknown is λ X/Λ, and a step is at most a fraction of X. A resonance ahead shows in x as 1/(distance) and is
 //! approached geometrically.
 //!
-//! Against jumps and reversals a step is taken back and halved if Newton needs more than its share, if the correction
-//! is more than a fraction of the step, or if the tangent turns by more than an angle: another branch at that distance
-//! would have to be parallel, and a reversal would turn the tangent by 180°.
+//! Against jumps and reversals a step is undone and halved if Newton's method needs too many iterations, if the
+//! correction is more than a fraction of the step, or if the tangent turns by more than an angle: another branch at
+//! that distance would have to be parallel, and a reversal would turn the tangent by 180°.
 
 mod newton;
 mod slices;
@@ -41,7 +41,7 @@ pub trait System {
     fn dimension(&self) -> usize;
 
     /// Writes R(x, λ) into `residual` (n) and its derivatives by x and then λ into `matrix`: n + 1 columns of n + 1
-    /// elements, of which the last is left alone. Says whether the system exists at λ.
+    /// elements, of which the last is not written. Returns whether the system exists at λ.
     #[must_use]
     fn evaluate(&mut self, x: &[f64], lambda: f64, residual: &mut [f64], matrix: &mut [f64]) -> bool;
 
@@ -55,13 +55,13 @@ pub trait System {
         Place { value: lambda, unit: self.unit() }
     }
 
-    /// The largest change of λ from here that is sure not to step over something, in the unit of λ.
+    /// The largest change of λ from here that can't step over a feature of the system, in the unit of λ.
     fn parameter_step_limit(&self, _lambda: f64) -> f64 {
         f64::INFINITY
     }
 }
 
-/// How to walk.
+/// The settings of a walk.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Settings {
     /// Λ as a fraction of λ, and at least `parameter_floor`.
@@ -72,11 +72,11 @@ pub struct Settings {
     pub state_floor: f64,
     /// The largest step, relative to X.
     pub largest_step: f64,
-    /// The smallest step before giving up, relative to X.
+    /// The smallest step, below which the walk ends, relative to X.
     pub smallest_step: f64,
     /// The largest angle between the tangents at the ends of a step, rad.
     pub largest_turn_rad: f64,
-    /// The predictor's error that steps are chosen for, relative to X.
+    /// The predictor's error at which the step length aims, relative to X.
     pub predictor_error: f64,
 }
 
@@ -109,7 +109,7 @@ pub struct Point {
     pub determinant: Determinant,
 }
 
-/// What the walk has cost.
+/// The work of a walk.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct Work {
     /// Evaluations of R and its derivatives.
@@ -118,7 +118,7 @@ pub struct Work {
     pub factorizations: usize,
     /// Steps taken.
     pub steps: usize,
-    /// Steps taken back.
+    /// Steps undone.
     pub rejections: usize,
 }
 
@@ -131,12 +131,12 @@ impl AddAssign for Work {
     }
 }
 
-/// Why a step was not taken.
+/// Why a step was refused.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Refusal {
     /// Newton's method did not converge.
     Newton,
-    /// The correction was too large a part of the step.
+    /// The correction was too large a fraction of the step.
     Correction,
     /// The tangent turned too far.
     Turn,

@@ -7,15 +7,15 @@ use crate::dense::{Determinant, Lu, dot, norm};
 
 /// The most Newton iterations in a step.
 const NEWTON_LIMIT: usize = 6;
-/// The most where the matrix may be nearly singular, as it is by a branch point: Newton's method then only halves the
+/// The most where the matrix may be nearly singular, as near a branch point: Newton's method then only halves the
 /// error.
 pub(super) const PATIENT_LIMIT: usize = 40;
 /// The error, relative to X, at which Newton's method ends. The corrections go as δₖ₊₁ = C δₖ², so after two of them
 /// the next is known as δₖ³/δₖ₋₁² and need not be made if it is below this; a first one must be below it itself.
 const NEWTON_ERROR: f64 = 1e-11;
-/// Only corrections below this are taken to be in the range of quadratic convergence.
+/// Corrections below this count as being in the range of quadratic convergence.
 const NEWTON_RANGE: f64 = 1e-3;
-/// The storage of Newton's method, and its account.
+/// The storage of Newton's method, and its work.
 #[derive(Clone, Debug, Default)]
 pub(super) struct Solver {
     lu: Lu,
@@ -25,7 +25,7 @@ pub(super) struct Solver {
     pub work: Work,
 }
 
-/// A plane that z is sought in: normal·(z − through) = 0, the last component of z being σλ.
+/// The plane in which z is sought: normal·(z − through) = 0, where the last component of z is σλ.
 pub(super) struct Plane<'a> {
     pub normal: &'a [f64],
     pub through: &'a [f64],
@@ -39,7 +39,7 @@ impl Solver {
         self.correct_within(NEWTON_LIMIT, system, plane, size)
     }
 
-    /// The same with another limit; beyond [`NEWTON_LIMIT`] a correction may also grow for once.
+    /// The same with another limit; beyond [`NEWTON_LIMIT`] a correction may also grow once.
     pub fn correct_within(
         &mut self,
         limit: usize,

@@ -8,7 +8,7 @@ use super::{Point, Settings, System};
 use crate::AnalysisError;
 use crate::dense::{dot, norm};
 
-/// Where a branch is cut between two of its points.
+/// How a branch is cut between two of its points.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(crate) enum Cut {
     /// By planes that are perpendicular to their chord.
@@ -93,9 +93,9 @@ impl Slices {
         })
     }
 
-    /// The same, or where the plane passes so near a crossing of branches that rounding keeps Newton's method from its
-    /// end, the point in the plane halfway from there to the farther of a and b. For searches, which ask for where a
-    /// crossing is, and go on from any point between.
+    /// The same; if the plane passes so near a crossing of branches that rounding keeps Newton's method from
+    /// converging, the point in the plane halfway from there to the farther of a and b. For searches for a crossing,
+    /// which can continue from any point between.
     ///
     /// # Errors
     /// [`AnalysisError::NoSolution`] if Newton's method finds neither.

@@ -22,13 +22,14 @@ pub struct Walk {
     sigma: f64,
     step: f64,
     solver: Solver,
-    /// The prediction, and the tangent at the solution: storage of a step.
+    /// Storage of a step: the prediction, and the tangent at the solution.
     through: Vec<f64>,
     tangent: Vec<f64>,
 }
 
 impl Walk {
-    /// Starts at the solution near `x` at `lambda`, towards larger λ if `direction` is positive, else towards smaller.
+    /// Starts at the solution near `x` at `lambda`, towards larger λ if `direction` is positive, otherwise towards
+    /// smaller.
     ///
     /// # Errors
     /// [`AnalysisError::NoSolution`] if Newton's method finds none from there.
@@ -65,7 +66,7 @@ impl Walk {
         Ok(Walk::at(settings, point, sigma, 0.1 * settings.largest_step, solver))
     }
 
-    /// Starts from a point and a direction that are known: dx, and dλ as last element.
+    /// Starts from a known point in a known direction: dx, and dλ as the last element.
     ///
     /// # Errors
     /// [`AnalysisError::NoSolution`] if Newton's method does not find the branch within reach of a small step.
@@ -96,12 +97,12 @@ impl Walk {
         Walk { settings, point, curvature, sigma, step, solver, through: Vec::new(), tangent: Vec::new() }
     }
 
-    /// Where the walk is.
+    /// The current point.
     pub fn point(&self) -> &Point {
         &self.point
     }
 
-    /// What it has cost.
+    /// Its work.
     pub fn work(&self) -> Work {
         self.solver.work
     }
@@ -127,7 +128,7 @@ impl Walk {
         }
     }
 
-    /// The step wanted, no longer than what the system says about λ.
+    /// The step wanted, no longer than the system allows for λ.
     fn limited_step(&self, system: &impl System) -> f64 {
         let size = self.settings.size(&self.point.x);
         let n = self.point.x.len();
@@ -136,7 +137,7 @@ impl Walk {
         if rate * self.step > limit { limit / rate } else { self.step }
     }
 
-    /// One step of the length `step` relative to X, if it is good.
+    /// One step of the length `step` relative to X, if it is accepted.
     fn attempt(&mut self, system: &mut impl System, step: f64) -> Result<(), Refusal> {
         let n = system.dimension();
         let size = self.settings.size(&self.point.x);
@@ -170,7 +171,7 @@ impl Walk {
         self.through.push(self.sigma * self.point.lambda);
     }
 
-    /// Makes the solution in the solver the point of the walk, and the tangent there its tangent.
+    /// Takes the solver's solution and tangent as the point of the walk.
     fn take(&mut self, n: usize, step: f64) {
         self.solver.work.steps += 1;
         self.point.x.copy_from_slice(&self.solver.z[..n]);

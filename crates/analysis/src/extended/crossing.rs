@@ -1,5 +1,4 @@
-//! Neimark–Sacker and branch points by their own extended systems, for Newton's method. With z = (λ, X) and R_z = (R_λ,
-//! R_x):
+//! Neimark–Sacker and branch points by extended systems, for Newton's method. With z = (λ, X) and R_z = (R_λ, R_x):
 //!
 //! - Neimark–Sacker point (Yu. A. Kuznetsov, "Elements of Applied Bifurcation Theory", 2004, Sec. 10.2): R(z) = 0 and
 //!   ψ(z) = 0, where ψ = det(Φ ⊙ Φ − I) = Π (μᵢμⱼ − 1), i < j, is that of the bialternate product of the monodromy
@@ -34,7 +33,7 @@ use crate::{AnalysisError, Floquet, ForcedResponse, Oscillator};
 /// multipliers.
 const DIFFERENCE: f64 = 1e-6;
 
-/// What holds at the point besides R = 0.
+/// The condition at the point besides R = 0.
 enum Condition {
     /// ψ = 0.
     NeimarkSacker(Box<Floquet>),
@@ -42,7 +41,7 @@ enum Condition {
     BranchPoint,
 }
 
-/// The bordered matrix: rows C, as many as R_z has null vectors, and as many columns b as make it square, one or none.
+/// The bordered matrix: rows C, one for each null vector of R_z, and the columns b that make it square, one or none.
 struct Border {
     b: Vec<Vec<f64>>,
     c: Vec<Vec<f64>>,
@@ -58,7 +57,7 @@ struct Crossing<O: Oscillator> {
     lambda_scale: f64,
     /// The step of differences.
     step: f64,
-    /// R, and R_x and R_λ as [`System::evaluate`] has them.
+    /// R, and R_x and R_λ in the layout of [`System::evaluate`].
     residual: Vec<f64>,
     matrix: Vec<f64>,
 }
@@ -91,12 +90,12 @@ fn tangent(point: &Point) -> Vec<f64> {
     core::iter::once(point.tangent[n]).chain(point.tangent[..n].iter().copied()).collect()
 }
 
-/// Λ/X: λ is measured in it, so that it counts as it does along a walk.
+/// Λ/X: the unit of λ, so that λ has the same scale as along a walk.
 fn lambda_scale(settings: &Settings, guess: &Point) -> f64 {
     settings.lambda_scale(guess.lambda) / settings.size(&guess.x)
 }
 
-/// R and its derivatives at a point; whether there is such a system.
+/// Computes R and its derivatives at a point; returns whether the system exists there.
 fn evaluate<O: Oscillator>(
     response: &mut ForcedResponse<O>,
     lambda: f64,
@@ -223,8 +222,8 @@ impl<O: Oscillator> Crossing<O> {
         self.lambda_origin + self.lambda_scale * zeta
     }
 
-    /// ψ, or g, at (ζ, X), and what [`Border::solve`] gives; R and its derivatives are left in `self`. None where there
-    /// is no such system, or a matrix has no inverse.
+    /// ψ, or g, at (ζ, X), and the result of [`Border::solve`]; R and its derivatives are stored in `self`. None if the
+    /// system does not exist there, or a matrix has no inverse.
     fn condition(&mut self, z: &[f64]) -> Option<(Vec<f64>, Vec<Vec<f64>>)> {
         let (lambda, x) = (self.lambda(z[0]), &z[1..]);
         if !evaluate(&mut self.response, lambda, x, &mut self.residual, &mut self.matrix) {

@@ -1,5 +1,5 @@
-//! Bifurcations by extended systems of their own: equations that are regular where those of the branch are not, so that
-//! Newton's method finds the point itself.
+//! Bifurcations by extended systems: equations that are regular where those of the branch are not, so that Newton's
+//! method finds the point itself.
 //!
 //! | | |
 //! | --- | --- |

@@ -1,4 +1,4 @@
-//! Folds and period doublings by their own extended system (Govaerts, "Numerical Methods for Bifurcations of Dynamical
+//! Folds and period doublings by an extended system (Govaerts, "Numerical Methods for Bifurcations of Dynamical
 //! Equilibria", SIAM 2000, Ch. 3: minimally augmented systems).
 //!
 //! With the matrix A(X, λ), which is R_x for a fold and Hill's matrix of half-odd frequencies for a period doubling,
@@ -25,7 +25,7 @@ use crate::fourier::Harmonics;
 use crate::harmonic_balance::{FormGradient, Forms};
 use crate::{AnalysisError, Coordinate, HarmonicBalance, Oscillator};
 
-/// What is singular.
+/// The matrix that is singular.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Singularity {
     /// R_x: a multiplier 1, where the branch turns back in λ.
@@ -44,8 +44,8 @@ impl Singularity {
     }
 }
 
-/// The equations of a singular motion: unknowns z = (λ, X), λ from an origin and in a scale of its own, and a second
-/// coordinate μ to continue in.
+/// The equations of a singular motion: unknowns z = (λ, X), with λ shifted and scaled, and a second coordinate μ to
+/// continue in.
 #[derive(Clone, Debug)]
 pub struct SingularResponse<O: Oscillator> {
     balance: HarmonicBalance<O>,
@@ -65,7 +65,7 @@ impl<O: Oscillator> SingularResponse<O> {
     /// `lambda_scale`. Without a coordinate μ they have one solution, at any value of μ.
     ///
     /// # Errors
-    /// [`AnalysisError::Singular`] if the matrix has no inverse at all there: start a little beside the point.
+    /// [`AnalysisError::Singular`] if the matrix has no inverse at all there: start slightly beside the point.
     pub fn near(
         mut balance: HarmonicBalance<O>,
         kind: Singularity,
@@ -87,7 +87,7 @@ impl<O: Oscillator> SingularResponse<O> {
         Ok(SingularResponse { balance, kind, lambda, lambda_origin, lambda_scale, mu, forms, gradient, bordered: lu })
     }
 
-    /// What is singular.
+    /// The matrix that is singular.
     pub fn kind(&self) -> Singularity {
         self.kind
     }
@@ -109,8 +109,8 @@ impl<O: Oscillator> SingularResponse<O> {
         z
     }
 
-    /// How far the null vector is from being one with all the frequencies that were left out, relative to its size. The
-    /// error of λ is of the order of its square.
+    /// How far the null vector is from one that includes the frequencies left out, relative to its size. The error of λ
+    /// is of the order of its square.
     pub fn null_vector_error(&self) -> f64 {
         self.balance.variation_error(&self.forms)
     }

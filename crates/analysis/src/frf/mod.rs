@@ -22,7 +22,7 @@ pub enum FrfError {
     /// The frequency is not a number from zero up.
     #[error("frequency {got_hz} Hz: it must be zero or a positive number", got_hz = short(.got_hz))]
     Frequency {
-        /// What was given, Hz.
+        /// The given value, Hz.
         got_hz: f64,
     },
     /// The response is infinite: an arm without dampers at its natural frequency.
@@ -34,7 +34,7 @@ pub enum FrfError {
     },
 }
 
-/// The linearised arm, ready to answer at any frequency.
+/// The linearised arm.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct FrequencyResponse {
     mass: Matrix2<f64>,
@@ -166,7 +166,7 @@ mod tests {
         }
     }
 
-    /// The arm started on the steady vibration that H predicts stays on it: amplitude and phase, near both resonances.
+    /// Started on the steady vibration that H predicts, the arm stays on it: amplitude and phase, near both resonances.
     #[test]
     fn predicts_the_small_vibration_of_the_simulated_arm() {
         let arm = arm_at(Preset::Irb1600Fitted, 35.0, 60.0);

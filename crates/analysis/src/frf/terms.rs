@@ -1,4 +1,4 @@
-//! What a frequency response is of: drive, response and quantity, with names, labels and units.
+//! Drive, response and quantity of a frequency response, with names, labels and units.
 
 use alloc::string::{String, ToString};
 use core::fmt;
@@ -36,7 +36,7 @@ impl Drive {
         }
     }
 
-    /// In words, as figures have it.
+    /// In words, for figures.
     pub const fn label(self) -> &'static str {
         match self {
             Drive::Torque1 => "torque at joint 1",
@@ -90,7 +90,7 @@ impl Response {
         }
     }
 
-    /// The symbol, as figures have it.
+    /// The symbol, for figures.
     pub const fn symbol(self) -> &'static str {
         match self {
             Response::Alpha1 => "α1",
@@ -107,7 +107,7 @@ impl Response {
         if self.is_angle() { "rad" } else { "m" }
     }
 
-    /// Whether the motion is an angle; else it is a displacement.
+    /// Whether the motion is an angle, not a displacement.
     pub const fn is_angle(self) -> bool {
         matches!(self, Response::Alpha1 | Response::Alpha2)
     }
@@ -130,7 +130,7 @@ impl Quantity {
     /// Every quantity.
     pub const ALL: [Quantity; 3] = [Quantity::Receptance, Quantity::Mobility, Quantity::Accelerance];
 
-    /// The name by ISO 7626-1, as the command line and documents have it.
+    /// The name by ISO 7626-1, on the command line and in documents.
     pub const fn name(self) -> &'static str {
         match self {
             Quantity::Receptance => "receptance",
@@ -161,15 +161,15 @@ impl Quantity {
     }
 }
 
-/// A text that names no drive, response or quantity.
+/// A text is not the name of a drive, response or quantity.
 #[derive(Clone, Debug, PartialEq, Eq, Error)]
 #[error("there is no {what} `{got}`: it must be one of {known}")]
 pub struct UnknownTerm {
-    /// What was to be named: drive, response or quantity.
+    /// Drive, response or quantity.
     pub what: &'static str,
-    /// What was given.
+    /// The given value.
     pub got: String,
-    /// The names there are.
+    /// The existing names.
     pub known: String,
 }
 
@@ -228,7 +228,7 @@ impl FromStr for Quantity {
 mod tests {
     use super::*;
 
-    /// A name read is what it was written of, on the command line and in documents.
+    /// Reading a name returns the value that was written, on the command line and in documents.
     #[test]
     fn names_are_those_of_documents() {
         fn each<T: Copy + PartialEq + fmt::Debug + fmt::Display + FromStr<Err = UnknownTerm> + Serialize>(all: &[T]) {

@@ -19,14 +19,14 @@ pub(crate) struct Forms {
     pub v: Vec<f64>,
 }
 
-/// Computes derivatives of forms; keeps the storage that this takes.
+/// Computes derivatives of forms, with the storage for it.
 #[derive(Clone, Debug)]
 pub(crate) struct FormGradient {
     basis: Basis,
     weights: Vec<f64>,
     w: Motion,
     v: Motion,
-    /// What multiplies the position, the velocity and the acceleration in the mean, each by degree of freedom.
+    /// The factors of position, velocity and acceleration in the mean, each by degree of freedom.
     rows: [Vec<f64>; 6],
     /// The derivatives by X.
     pub by_x: Vec<f64>,
@@ -49,10 +49,10 @@ impl FormGradient {
     /// For fixed series w and v of the same frequencies as `forms`, the derivatives of wᵀA v, A being the matrix of
     /// [`HarmonicBalance::jacobian`], by X (into `self.by_x`) and by the coordinates (returned in their order).
     ///
-    /// wᵀA v is the mean over the period of W(t)·(S v + G v̇ + M v̈), W being w with the factors of the rows, and
-    /// (S, G, M) change with the motion as the second derivative of r, which is symmetric. So its gradient is the mean
-    /// of W·(∂S φ + ∂G φ̇ + ∂M φ̈) for each φ of X, where ∂ is the derivative along v: a central difference of the
-    /// analytic S, G, M with a step of 1e-5 rad, good to ten digits.
+    /// wᵀA v is the mean over the period of W(t)·(S v + G v̇ + M v̈), W being w with the factors of the rows, and (S,
+    /// G, M) change with the motion as the second derivative of r, which is symmetric. So its gradient is the mean of
+    /// W·(∂S φ + ∂G φ̇ + ∂M φ̈) for each φ of X, where ∂ is the derivative along v: a central difference of the
+    /// analytic S, G, M with a step of 1e-5 rad, exact to ten digits.
     pub fn compute<O: Oscillator, const C: usize>(
         &mut self,
         balance: &mut HarmonicBalance<O>,
@@ -134,7 +134,7 @@ impl FormGradient {
 }
 
 impl<O: Oscillator> HarmonicBalance<O> {
-    /// What [`HarmonicBalance::truncation_error_rad`] is for the motion, for a variation: for the null vector of a
+    /// [`HarmonicBalance::truncation_error_rad`] for a variation in place of the motion: for the null vector of a
     /// matrix of [`HarmonicBalance::jacobian`], relative to its size, how far S v + G v̇ + M v̈ is from zero in the
     /// frequencies beyond those of v.
     pub(crate) fn variation_error(&self, forms: &Forms) -> f64 {

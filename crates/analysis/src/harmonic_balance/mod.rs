@@ -4,13 +4,13 @@
 //! 56 (1989)).
 //!
 //! With the base frequency ω = Ω/ν (ν = 1, or 2 on a branch of doubled period) and τ = ωt, the unknowns are the
-//! coefficients X of α(τ), and the equations ask that the unbalanced torque r(α, α̇, α̈, Ωt) has no component along 1,
-//! cos kτ, sin kτ, k ≤ H. Row k is divided by the stiffness scale and by max(1, (k/ν)²), so that R is in rad and the
-//! rows are of one size.
+//! coefficients X of α(τ), and the equations state that the unbalanced torque r(α, α̇, α̈, Ωt) has no component along
+//! 1, cos kτ, sin kτ, k ≤ H. Row k is divided by the stiffness scale and by max(1, (k/ν)²), so that R is in rad and the
+//! rows have similar size.
 //!
-//! Sampling: r is a product of motions, so its components reach beyond H. With N = 4H + 4 samples what folds back onto
-//! component k ≤ H comes from N − k ≥ 3H + 4, where the series of a smooth motion has long ended; the blocks of the
-//! Jacobian are needed up to component 2H + 1 < N/2.
+//! Sampling: r is a product of motions, so its components reach beyond H. With N = 4H + 4 samples the components that
+//! alias onto k ≤ H are N − k ≥ 3H + 4, where the series of a smooth motion is negligible; the blocks of the Jacobian
+//! are needed up to component 2H + 1 < N/2.
 
 mod forms;
 
@@ -33,7 +33,7 @@ pub enum Coordinate<P> {
     Parameter(P),
 }
 
-/// The balance of one system with a number of harmonics, and the storage it works in.
+/// The balance of one system with a number of harmonics, with its storage.
 #[derive(Clone, Debug)]
 pub struct HarmonicBalance<O: Oscillator> {
     oscillator: O,
@@ -52,7 +52,7 @@ pub struct HarmonicBalance<O: Oscillator> {
     spectrum: Spectrum,
 }
 
-/// Samples for H harmonics; see the head of this module.
+/// Samples for H harmonics; see the module documentation.
 fn samples_for(harmonics: usize) -> usize {
     4 * harmonics + 4
 }
@@ -128,7 +128,7 @@ impl<O: Oscillator> HarmonicBalance<O> {
         }
     }
 
-    /// Sets a coordinate, and says whether such a system exists.
+    /// Sets a coordinate; returns whether such a system exists.
     #[must_use]
     pub fn set_coordinate(&mut self, which: Coordinate<O::Parameter>, value: f64) -> bool {
         match which {
@@ -159,7 +159,7 @@ impl<O: Oscillator> HarmonicBalance<O> {
         Instant { position, velocity, acceleration, sine, cosine }
     }
 
-    /// Evaluates the motion X, its unbalance and the derivatives of it. What follows is about this motion.
+    /// Evaluates the motion X, its unbalance and the derivatives. The following methods are about this motion.
     pub fn linearise(&mut self, x: &[f64]) {
         self.basis.synthesise(x, self.base_rad_s(), &mut self.motion);
         self.linear.clear();
@@ -191,14 +191,14 @@ impl<O: Oscillator> HarmonicBalance<O> {
         }
     }
 
-    /// ∂R/∂X, column by column, columns `stride` apart; or, for half-odd frequencies, the operator that the variations
-    /// of changing sign see (Hill's matrix), whose null vector is a period doubling.
+    /// ∂R/∂X, column by column, columns `stride` apart; or, for half-odd frequencies, the operator on variations that
+    /// change sign each period (Hill's matrix), whose null vector is a period doubling.
     pub(super) fn jacobian(&mut self, harmonics: Harmonics, matrix: &mut [f64], stride: usize) {
         let (omega, stiffness, nu) = (self.base_rad_s(), self.oscillator.stiffness_scale(), self.subharmonic);
         self.spectrum.assemble(harmonics, omega, |order| row_scale(order, nu, stiffness), matrix, stride);
     }
 
-    /// ∂r/∂λ at the sample j for a coordinate λ, where `linear` and `at` belong to it.
+    /// ∂r/∂λ at the sample j for a coordinate λ; `linear` and `at` are those of the sample.
     fn by_coordinate_at(&self, which: Coordinate<O::Parameter>, at: &Instant, linear: &Linearisation) -> Vector2<f64> {
         match which {
             // At constant X, α̇ is in proportion to Ω and α̈ to Ω².
@@ -224,7 +224,7 @@ impl<O: Oscillator> HarmonicBalance<O> {
     }
 
     /// An estimate of what the truncation to H harmonics leaves out, rad: the balance fails in the components k > H by
-    /// r̂ₖ, and a harmonic Z(kω)⁻¹ r̂ₖ would mend that, with the mean dynamic stiffness Z = S̄ + ikωḠ − k²ω²M̄. The
+    /// r̂ₖ, and a harmonic Z(kω)⁻¹ r̂ₖ would correct that, with the mean dynamic stiffness Z = S̄ + ikωḠ − k²ω²M̄. The
     /// largest of k = H + 1 … 2H + 1.
     pub fn truncation_error_rad(&self) -> f64 {
         let orders = self.harmonics + 1..=2 * self.harmonics + 1;

@@ -43,7 +43,7 @@ fn some(branch: &Branch, count: usize) -> impl Iterator<Item = &Orbit> {
     branch.orbits.iter().step_by(branch.orbits.len() / count)
 }
 
-/// Stable or not, small or at the peak: integrated over a period, the motion comes back to where it was.
+/// Stable or not, small or at the peak: integrated over a period, the motion returns to its start.
 #[test]
 fn orbits_close() {
     for (beta2_deg, from, to) in [(60.0, 21.0, 23.5), (120.0, 39.0, 42.0), (0.0, 19.5, 21.3)] {
@@ -58,7 +58,7 @@ fn orbits_close() {
 }
 
 /// The multipliers are the eigenvalues of the derivative of the flow over one period, here by central differences; and
-/// the determinant is what Liouville's formula says.
+/// the determinant is that of Liouville's formula.
 #[test]
 fn multipliers_are_those_of_the_flow() {
     let forced = forced(60.0, 60.0);
@@ -103,8 +103,8 @@ fn assert_same(a: &[(BifurcationKind, f64)], b: &[(BifurcationKind, f64)]) {
 }
 
 /// Near the 1:2 internal resonance the second zone loses its period at strong excitation. The branch of the doubled
-/// period leaves at one period doubling and joins at another, folds and a Neimark–Sacker point on its way; from either
-/// end it is the same, and its motions close after two periods and not after one.
+/// period leaves at one period doubling and joins at another, folds and a Neimark–Sacker point on its way; it is the
+/// same from either end, and its motions close after two periods and not after one.
 #[test]
 fn doubled_branches_join_period_doublings() {
     use BifurcationKind::*;
@@ -136,8 +136,7 @@ fn doubled_branches_join_period_doublings() {
 }
 
 /// The curve of folds through both folds of a branch has a cusp below which there are none; followed from one fold to
-/// weaker excitation it comes back at the other. The curve of period doublings agrees with a branch at another
-/// excitation.
+/// weaker excitation it returns at the other. The curve of period doublings agrees with a branch at another excitation.
 #[test]
 fn curves_in_two_parameters_connect_bifurcations() {
     let amplitude = Coordinate::Parameter(ArmParameter::Amplitude);
@@ -197,7 +196,7 @@ fn first_mode_changes_its_bending_at_the_internal_resonance() {
     assert!(mode(74.0).points.iter().all(|point| point.drive.abs() < 1e-6));
 }
 
-/// A damped backbone is where the peaks are: at the excitation of a branch its point is next to the branch's largest
+/// A damped backbone passes through the peaks: at the excitation of a branch its point is next to the branch's largest
 /// motion.
 #[test]
 fn backbone_passes_through_the_peaks() {
@@ -224,7 +223,7 @@ fn amplitude_as_parameter_finds_the_folds() {
     }
 }
 
-/// Other parameters: the motion at the end of a walk in β2 or in a stiffness is that of an arm made so.
+/// Other parameters: the motion at the end of a walk in β2 or in a stiffness is that of an arm built with this value.
 #[test]
 fn any_parameter_can_be_walked_in() {
     for (parameter, from, to) in [(ArmParameter::Beta2Deg, 40.0, 80.0), (ArmParameter::Stiffness2, 128e3, 100e3)] {
@@ -238,9 +237,9 @@ fn any_parameter_can_be_walked_in() {
     }
 }
 
-/// A walk that starts inside a resonance, where Newton's method from rest may find nothing, and whose points lie
-/// elsewhere, finds the same: also the two close pairs of period doublings, which leave the signs of test functions as
-/// they were.
+/// A walk that starts inside a resonance, where Newton's method from rest may find nothing, and whose points are
+/// elsewhere, finds the same bifurcations, including the two close pairs of period doublings, which leave the signs of
+/// test functions unchanged.
 #[test]
 fn bifurcations_do_not_depend_on_where_the_points_lie() {
     use BifurcationKind::*;

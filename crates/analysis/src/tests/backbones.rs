@@ -1,4 +1,4 @@
-//! Where backbones begin: every preset, pose, mode and excitation.
+//! The first points of backbones, for every preset, pose, mode and excitation.
 
 use alloc::vec::Vec;
 
@@ -6,7 +6,7 @@ use crate::tests::arm_at;
 use crate::*;
 use resonarm_dynamics::arm::{Load, Preset};
 
-/// All loads of one unit that a drive has.
+/// The unit loads of every drive.
 const LOADS: [(&str, [f64; 2], [f64; 2]); 4] = [
     ("torque 1", [1.0, 0.0], [0.0, 0.0]),
     ("torque 2", [0.0, 1.0], [0.0, 0.0]),
@@ -56,7 +56,7 @@ fn begin_everywhere() {
     }
 }
 
-/// A force of any direction at the tip drives both modes, also one that moves the tip mostly in the other: to the same
+/// A force of any direction at the tip drives both modes, even if the other mode dominates at the tip: to the same
 /// curve, up to what the other mode and the dampers add.
 #[test]
 fn hardly_driven_modes_begin_too() {
@@ -78,7 +78,7 @@ fn hardly_driven_modes_begin_too() {
     }
 }
 
-/// A drive that is small for the first amplitude asked for still has a curve, which ends there.
+/// A drive too weak for the first amplitude asked for still gives a curve, which ends there.
 #[test]
 fn weak_drives_have_curves() {
     let forced = ForcedArm::new(arm_at(Preset::Irb1600Fitted, 0.0, 60.0), Load::torque_nm(1.0, 0.0), 0.0);
@@ -91,7 +91,7 @@ fn weak_drives_have_curves() {
 
 /// A force along the straight arm bends neither joint, so it drives no mode.
 #[test]
-fn a_mode_that_is_not_driven_is_said() {
+fn a_mode_that_is_not_driven_is_an_error() {
     let forced = ForcedArm::new(arm_at(Preset::Irb1600Fitted, 0.0, 0.0), Load::force_n(1.0, 0.0), 0.0);
     let says = |forced: &ForcedArm| {
         backbone(forced.clone(), 0, ArmParameter::Amplitude, &options(1e-3, 20.0, 0.5)).unwrap_err().to_string()

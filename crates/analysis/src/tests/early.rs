@@ -1,4 +1,4 @@
-//! Walks that end before their end: what is kept, and what is said.
+//! Walks that end early: results kept, and messages.
 
 use super::arm::{backbone_options, forced};
 use crate::*;
@@ -20,9 +20,9 @@ fn says_where_why_and_what_to_try() {
     insta::assert_snapshot!(says(1e7, &BranchOptions::new(22.0, 23.5)), @"no solution at 22.000000 Hz: Newton's method did not converge; try to start elsewhere, away from a resonance, or with less excitation");
 }
 
-/// The motions and the bifurcations before the end are those of the whole walk.
+/// The motions and bifurcations up to the early end are those of the whole walk.
 #[test]
-fn what_was_walked_is_kept() {
+fn results_before_the_end_are_kept() {
     let options = BranchOptions::new(21.0, 23.5);
     let whole = walk(60.0, &options).unwrap();
     let fold = whole.bifurcations[1].index;
@@ -53,7 +53,7 @@ fn a_walk_ends_where_the_arm_falls() {
     assert!(early.so_far.orbits.len() > 3 && last.value > 0.0, "{last:?}");
 }
 
-/// Curves of folds and backbones keep theirs, too.
+/// Curves of folds and backbones keep their points, too.
 #[test]
 fn curves_and_backbones_are_kept() {
     let branch = walk(60.0, &BranchOptions::new(21.0, 23.5)).unwrap();
@@ -77,7 +77,7 @@ fn curves_and_backbones_are_kept() {
     insta::assert_snapshot!(early, @"the branch has more than 7 points and has come to 22.157512 Hz; try to allow more points or larger steps");
 }
 
-/// A place says its unit: that of what is walked in.
+/// A place is given with the unit of the walk's parameter.
 #[test]
 fn messages_name_the_unit() {
     let says = |load, parameter, from: f64, to: f64| {

@@ -1,4 +1,4 @@
-//! Systems whose bifurcations are known without computing them here.
+//! Systems whose bifurcations are known from the literature.
 
 use nalgebra::{Matrix2, Normed as _, Vector2};
 

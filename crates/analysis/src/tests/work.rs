@@ -1,4 +1,4 @@
-//! What analyses cost is part of what they do: the counts of their work.
+//! The work of analyses, by its counts.
 
 use super::arm::{backbone_options, forced};
 use crate::continuation::Work;
@@ -9,7 +9,7 @@ fn walk(beta2_deg: f64, torque1_nm: f64, from: f64, to: f64) -> Branch {
     trace(forced(beta2_deg, torque1_nm), from, Coordinate::FrequencyHz, &options).unwrap()
 }
 
-/// Motions, evaluations of the equations, factorizations, steps, steps taken back.
+/// Motions, evaluations of the equations, factorizations, steps, steps undone.
 fn counts(motions: usize, work: Work) -> String {
     let Work { evaluations, factorizations, steps, rejections } = work;
     format!(

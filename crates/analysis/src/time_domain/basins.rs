@@ -18,7 +18,7 @@ use crate::{BranchOptions, Coordinate, EndedEarly, ForcedArm, forced_response, t
 use resonarm_dynamics::arm::{Arm, State};
 use resonarm_dynamics::integrate::Sine;
 
-/// The branch is walked between these parts of the frequency to find the motions at it.
+/// The branch is walked between these multiples of the frequency to find the motions at it.
 const WINDOW: [f64; 2] = [0.75, 4.0 / 3.0];
 
 /// A coordinate of the arm's state.
@@ -118,29 +118,29 @@ pub struct StableMotion {
     points: Vec<FixedPoint>,
 }
 
-/// What becomes of an initial state.
+/// The fate of an initial state.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "lowercase")]
 pub enum Outcome {
     /// It reaches a stable motion.
     Reaches {
-        /// Which, from 0.
+        /// Its index.
         motion: usize,
-        /// Periods of the excitation until that was certain.
+        /// Periods of the excitation until this was certain.
         periods: u64,
     },
-    /// Within the wait it comes to none of the stable motions that are known.
+    /// Within the wait it reaches none of the known stable motions.
     Undecided,
-    /// It grows beyond all bounds.
+    /// It grows without bound.
     Diverges,
 }
 
 /// The stable motions of an arm under a sine: those of the branch over the frequency, and of the doubled branches that
-/// leave it, at this frequency, in order of max |α1|. The branch is walked from ¾ to 4/3 of the frequency; where it
-/// ended early, that is given too, and motions beyond are missing.
+/// leave it, at this frequency, in order of max |α1|. The branch is walked from ¾ to 4/3 of the frequency; branches
+/// that end early are returned too, and motions beyond their ends are missing.
 ///
-/// Where two neighbours on a branch lie on both sides of the frequency, Newton's method goes from the motion between
-/// them to a fixed point of the stroboscopic map.
+/// If two neighbours on a branch are on both sides of the frequency, Newton's method leads from the motion between them
+/// to a fixed point of the stroboscopic map.
 ///
 /// # Errors
 /// As [`StroboscopicMap::new`]; [`TimeDomainError::Integrate`] if a motion can't be followed.
@@ -220,13 +220,13 @@ impl StableMotion {
     }
 }
 
-/// What becomes of each initial state, given at phase 0, within `time_constants` of the arm's slowest mode.
+/// The fate of each initial state, given at phase 0, within `time_constants` of the arm's slowest mode.
 ///
 /// All are integrated side by side. After every quarter of a time constant a motion counts as having reached a stable
-/// one if it is within 1e-9 of it, as part of its size, or if it has come into its linear neighbourhood: if over that
-/// quarter it approached as the linearisation at the stable motion says, but for a remainder of at most a quarter of
-/// the decay, from which on the remainder, being of second order, can only fall faster than the deviation itself. What
-/// neither holds of by the end of the wait is undecided.
+/// one if it is within 1e-9 of it, relative to its size, or if it is in its linear neighbourhood: if over that quarter
+/// it approached as the linearisation at the stable motion predicts, but for a remainder of at most a quarter of the
+/// decay; from then on the remainder, of second order, falls faster than the deviation itself. Motions for which
+/// neither holds by the end of the wait are undecided.
 ///
 /// # Errors
 /// [`TimeDomainError::Option`] if the wait is no positive number, [`TimeDomainError::Stopped`] if `stop` said so.
@@ -263,7 +263,7 @@ pub fn outcomes(
                 Outcome::Undecided
             };
         }
-        // The others go on together.
+        // The others continue together.
         let goes_on = |slot: &usize| outcomes[left[*slot]] == Outcome::Undecided;
         let slots: Vec<usize> = (0..left.len()).filter(goes_on).collect();
         (left, states) = slots.into_iter().map(|slot| (left[slot], states[slot])).unzip();
@@ -271,7 +271,7 @@ pub fn outcomes(
     Ok(outcomes)
 }
 
-/// Plain integration, asking now and then whether to stop.
+/// Integrates, checking regularly whether to stop.
 fn advance(
     map: &StroboscopicMap,
     states: &mut [State],

@@ -12,7 +12,7 @@ pub enum TimeDomainError {
     /// The excitation has no period.
     #[error("excitation frequency {got_hz} Hz: it must be a positive number", got_hz = short(.got_hz))]
     Frequency {
-        /// What was given, Hz.
+        /// The given value, Hz.
         got_hz: f64,
     },
     /// A period of the excitation has too many steps.
@@ -20,7 +20,7 @@ pub enum TimeDomainError {
         "excitation frequency {got_hz} Hz: a period would take {steps:.1e} steps, more than {most}; go no lower than \
          {lowest_hz:.2e} Hz, where the motion is quasi-static", got_hz = short(.got_hz))]
     FrequencyTooLow {
-        /// What was given, Hz.
+        /// The given value, Hz.
         got_hz: f64,
         /// Steps that a period would take.
         steps: f64,
@@ -32,7 +32,7 @@ pub enum TimeDomainError {
     /// The excitation's amplitude is not finite.
     #[error("the amplitude of the excitation is not finite: torque and force must be numbers")]
     Load,
-    /// Both ends of a sweep must be numbers, different ones.
+    /// Both ends of a sweep must be numbers, and different.
     #[error("a sweep from {from} to {to}: both ends must be numbers, and different", from = short(.from), to = short(.to))]
     Interval {
         /// One end.
@@ -43,7 +43,7 @@ pub enum TimeDomainError {
     /// A sweep has too few points, or too many.
     #[error("a sweep of {got} points: it must have from 2, one at each end, to {most}")]
     Points {
-        /// What was given.
+        /// The given value.
         got: u32,
         /// Most points of a sweep.
         most: u32,
@@ -63,7 +63,7 @@ pub enum TimeDomainError {
     Option {
         /// Name of the option.
         name: &'static str,
-        /// What was given.
+        /// The given value.
         got: f64,
     },
     /// A step can't be made.
@@ -74,12 +74,12 @@ pub enum TimeDomainError {
         /// Why.
         source: IntegrateError,
     },
-    /// Asked to stop.
+    /// A stop was requested.
     #[error("stopped before the motion had settled")]
     Stopped,
 }
 
-/// The reason, with advice for somebody who doesn't choose the rate.
+/// The reason, with advice for users who don't choose the rate.
 fn reason(source: &IntegrateError) -> alloc::string::String {
     match source {
         IntegrateError::NotFinite { t_s } => {

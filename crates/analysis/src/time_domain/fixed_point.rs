@@ -7,19 +7,19 @@ use resonarm_numeric::linear_solve::solve;
 
 /// Newton's limit: where it converges it needs three to six iterations.
 const MAX_ITERATIONS: usize = 8;
-/// A correction below this part of the motion is the last one: what it leaves is its square times at most 1/(1 − μ),
-/// below 1e-12.
+/// A correction below this fraction of the motion is the last one: the remaining error is its square times at most 1/(1
+/// − μ), below 1e-12.
 const CORRECTION_LIMIT: f64 = 1e-8;
-/// A correction of more than this many times the motion is given up: Newton has lost its way.
+/// Newton's method is given up at a correction of more than this many times the motion.
 const CORRECTION_BOUND: f64 = 10.0;
-/// Two points this near each other, as part of the motion, are one.
+/// Two points this near each other, relative to the motion, are one.
 pub(super) const SAME_POINT: f64 = 1e-7;
-/// A multiplier nearer to 1 can't be told from 1: the derivative's own error is near 1e-10.
+/// A multiplier nearer to 1 is indistinguishable from 1: the derivative's own error is near 1e-10.
 const SMALLEST_DECAY: f64 = 1e-9;
 /// Squarings: 2⁴⁰ periods.
 const SQUARINGS: i32 = 40;
 
-/// A stable fixed point of the map's power: a motion that repeats, and that its neighbours die out towards.
+/// A stable fixed point of the map's power: a motion that repeats, to which its neighbours converge.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(super) struct FixedPoint {
     /// n: periods after which the motion repeats, the fewest.
@@ -27,13 +27,13 @@ pub(super) struct FixedPoint {
     pub point: Vector4<f64>,
     /// Derivative of n periods at the point: the monodromy matrix M.
     derivative: Matrix4<f64>,
-    /// max |μ| of M's eigenvalues: by this factor the slowest transient falls in n periods.
+    /// max |μ| of M's eigenvalues: the slowest transient falls by this factor in n periods.
     pub largest_multiplier: f64,
     /// Q = Σ (Mᵀ)ʲ Mʲ over j ≥ 0.
     norm: Matrix4<f64>,
 }
 
-/// What a motion is measured against, rad; the floor keeps an arm at rest measurable.
+/// The size of a motion, the reference of relative distances, rad; the floor is for an arm at rest.
 pub(super) fn size_rad(point: &Vector4<f64>) -> f64 {
     point.norm().max(1e-12)
 }

@@ -1,4 +1,4 @@
-//! Where two sweeps of the same values, up and down, have come to different motions.
+//! The values at which two sweeps, up and down, have different motions.
 
 use alloc::vec::Vec;
 
@@ -21,7 +21,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn tells_every_interval_in_which_they_differ() {
+    fn finds_every_interval_in_which_they_differ() {
         let up = [1.0, 1.0, 2.0, 3.0, 1.0, 1.0].map(|a| [a, 1.0]);
         let down = [1.0, 1.5, 2.5, 3.0, 1.0 + 1e-9, 1.0].map(|a| [a, 1.0]);
         let at = |amplitudes: [[f64; 2]; 6]| (0..6).map(f64::from).zip(amplitudes).collect::<Vec<_>>();

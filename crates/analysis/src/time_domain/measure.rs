@@ -11,7 +11,7 @@ use crate::Readings;
 use crate::readings::Sums;
 use resonarm_dynamics::arm::State;
 
-/// What a motion measures.
+/// The measurements of a motion.
 pub(super) struct Measured {
     /// max |αᵢ(t)|, rad.
     pub amplitude_rad: [f64; 2],
@@ -62,12 +62,11 @@ pub(super) fn measure(map: &StroboscopicMap, start: &State, periods: u32) -> Res
     }
     let weight = 2.0 / (f64::from(periods) * f64::from(map.steps_per_period()));
     let harmonic1_rad = sums.map(|sum| weight * libm::hypot(sum.re, sum.im));
-    Ok(Measured { amplitude_rad: crests(map, &turns, largest)?, harmonic1_rad, section })
+    Ok(Measured { amplitude_rad: peaks(map, &turns, largest)?, harmonic1_rad, section })
 }
 
-/// What a bench reads of the motion that goes on from `start`, at phase 0, and repeats after `period` periods of the
-/// excitation; of one that has no period, over 64 of the excitation's. The rectangle rule, as for
-/// [`Settled::harmonic1_rad`](super::Settled).
+/// The bench readings of the motion from `start`, at phase 0, over `period` periods of the excitation after which it
+/// repeats, or over 64 if it has no period. By the rectangle rule, as for [`Settled::harmonic1_rad`](super::Settled).
 ///
 /// # Errors
 /// [`TimeDomainError::Integrate`] if a step can't be made.
@@ -91,19 +90,19 @@ fn turn(joint: usize, step: u32, start: &State, end: &State) -> Option<Turn> {
 
 /// The largest |αᵢ|, between the steps too.
 ///
-/// Only turns that reached almost as far as the farthest can hold it: within a step of phase ωh a crest rises above the
+/// Only turns that reach almost as far as the farthest can contain it: within a step of phase ωh a peak rises above the
 /// steps' ends by at most (ωh)²/8 of its height.
-fn crests(map: &StroboscopicMap, turns: &[Turn], largest: [f64; 2]) -> Result<[f64; 2], TimeDomainError> {
-    let mut crests = largest;
+fn peaks(map: &StroboscopicMap, turns: &[Turn], largest: [f64; 2]) -> Result<[f64; 2], TimeDomainError> {
+    let mut peaks = largest;
     for turn in turns.iter().filter(|turn| turn.reached_rad >= 0.8 * largest[turn.joint]) {
-        crests[turn.joint] = crests[turn.joint].max(crest(map, turn)?);
+        peaks[turn.joint] = peaks[turn.joint].max(peak(map, turn)?);
     }
-    Ok(crests)
+    Ok(peaks)
 }
 
 /// |α| where α̇ = 0 within a step: the time by the secant rule and one iteration of Newton's method, t − α̇/α̈, with
 /// the state integrated to that time; what is left of α̇ takes α̇²/(2α̈) off α.
-fn crest(map: &StroboscopicMap, turn: &Turn) -> Result<f64, TimeDomainError> {
+fn peak(map: &StroboscopicMap, turn: &Turn) -> Result<f64, TimeDomainError> {
     let Turn { joint, step, ref start, end_rate_rad_s, .. } = *turn;
     let rate = start.alpha_dot_rad_s[joint];
     let within = |part_s: f64| part_s.clamp(1e-6 * map.step_s(), map.step_s());

@@ -1,12 +1,11 @@
-//! The forced arm by plain stepping through time: the truth that a bench measurement, or a computed branch, is held
-//! against.
+//! The forced arm by integration in time: the reference for bench measurements and computed branches.
 //!
-//! The motion is looked at once a period of the excitation, always at phase 0: that is the [`StroboscopicMap`]. A
-//! motion that repeats after n periods is a fixed point of its nth power, a quasi-periodic one a closed curve, a
-//! chaotic one a scatter. [`settle()`] follows the map until it can prove where the transient ends; [`Sweep`] does so
-//! at one value of a parameter after the other, each from where the last one ended, as a stepped sweep on a bench does.
-//! The points in which a settled motion meets the map's section are its Poincaré section; over a range of a parameter
-//! they are the bifurcation diagram.
+//! The motion is sampled once a period of the excitation, always at phase 0: that is the [`StroboscopicMap`]. A motion
+//! that repeats after n periods is a fixed point of its nth power, a quasi-periodic one a closed curve, a chaotic one a
+//! scatter. [`settle()`] follows the map until it can prove where the transient ends; [`Sweep`] does so for one value
+//! of a parameter after the other, each from where the last one ended, like a stepped sweep on a bench. The points in
+//! which a settled motion meets the map's section are its Poincaré section; over a range of a parameter they are the
+//! bifurcation diagram.
 
 mod basins;
 mod error;

@@ -1,4 +1,4 @@
-//! When a motion has settled: judged by the stroboscopic map, and proved.
+//! Follows a motion until it has settled, proved by the stroboscopic map.
 
 use alloc::vec;
 use alloc::vec::Vec;
@@ -12,9 +12,9 @@ use resonarm_dynamics::arm::State;
 
 /// Longest period looked for, in periods of the excitation.
 const LONGEST_PERIOD: u32 = 8;
-/// Returns are looked at after this part of the slowest time constant of the linear arm.
+/// Returns are checked after this fraction of the slowest time constant of the linear arm.
 pub(super) const STRETCH: f64 = 0.25;
-/// A motion that comes back this near, as part of its size, has settled.
+/// A motion that returns this near, relative to its size, has settled.
 pub(super) const CLOSURE: f64 = 1e-9;
 /// The return after n periods must be this much nearer than the one after 1 to look for a motion of n periods.
 const NEARER: f64 = 0.5;
@@ -24,8 +24,8 @@ pub(super) const UNSETTLED_PERIODS: u32 = 64;
 /// How long to wait, and what to keep.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct SettleOptions {
-    /// Longest wait, in time constants of the slowest mode of the linear arm; what has not settled by then is said to
-    /// be unsettled. Positive.
+    /// Longest wait, in time constants of the slowest mode of the linear arm; a motion that has not settled by then is
+    /// unsettled. Positive.
     pub time_constants: f64,
     /// How many points of the section to keep of a motion that doesn't settle.
     pub section_points: usize,
@@ -42,22 +42,23 @@ impl Default for SettleOptions {
 #[derive(Clone, Debug, PartialEq)]
 pub struct Settled {
     /// Periods of the excitation after which the motion repeats; `None` if it did not settle within the wait: it is
-    /// quasi-periodic, chaotic, of a period longer than 8, or still under way.
+    /// quasi-periodic, chaotic, of a period longer than 8, or still transient.
     pub period: Option<u32>,
     /// Largest magnitude of the Floquet multipliers over the motion's period: below 1, the transients' slowest decay.
     pub largest_multiplier: Option<f64>,
     /// Periods of plain integration until the end of the transient was proved.
     pub settling_periods: u64,
-    /// How far the motion is from where it was, as part of its size, after a quarter of a time constant of plain
+    /// How far the motion is from its start, relative to its size, after a quarter of a time constant of plain
     /// integration; for an unsettled motion its nearest return.
     pub drift: f64,
     /// max |αᵢ(t)| over the motion's period, between the steps too; over 64 periods if it is unsettled. rad.
     pub amplitude_rad: [f64; 2],
     /// Amplitude of αᵢ at the frequency of the excitation, over the same time, rad.
     pub harmonic1_rad: [f64; 2],
-    /// The states at phase 0 of the excitation: as many as the period has, or as many as asked for if it is unsettled.
+    /// The states at phase 0 of the excitation: as many as the period has, or as many as the options keep if it is
+    /// unsettled.
     pub section: Vec<State>,
-    /// The state at phase 0 from which a sweep goes on.
+    /// The state at phase 0 from which a sweep continues.
     pub end: State,
 }
 
@@ -65,12 +66,12 @@ pub struct Settled {
 ///
 /// With damping ratios of 1e-4 a transient takes tens of thousands of periods. So after every quarter of a time
 /// constant Newton's method looks for a motion that repeats near the present one, and the next quarter of plain
-/// integration shows whether the present motion approaches it as its linearisation says it must once nothing else can
-/// become of it (the criterion stands at `FixedPoint::captures`). Only then the transient is cut short. Where no such
-/// motion captures the arm, as after a fold, the transient is integrated to wherever it leads. At the end plain
-/// integration from the motion found must come back to it within 1e-9 of its size.
+/// integration shows whether the present motion approaches it as its linearisation predicts, so that it can only end
+/// there (see `FixedPoint::captures`). Only then is the transient cut short. If no such motion captures the arm, as
+/// after a fold, the whole transient is integrated. At the end plain integration from the motion found must return to
+/// it within 1e-9 of its size.
 ///
-/// `stop` is asked now and then whether to give up.
+/// `stop` is called regularly; `true` ends the wait.
 ///
 /// # Errors
 /// [`TimeDomainError::Option`] if the wait is no positive number, [`TimeDomainError::Integrate`] if a step can't be
@@ -146,7 +147,8 @@ impl Follower<'_> {
         (1..).zip(self.trail.iter().rev().skip(1)).map(move |(periods, past)| (periods, (present - past).norm()))
     }
 
-    /// The motions that repeat near the present one: of one period, and of as many as bring it back nearest.
+    /// The periodic motions near the present one: of one period, and of the number of periods after which it returns
+    /// nearest.
     fn candidates(&self) -> Vec<FixedPoint> {
         let mut periods = vec![1];
         let single = self.returns().next().map_or(0.0, |(_, distance)| distance);
@@ -156,7 +158,7 @@ impl Follower<'_> {
         periods.into_iter().filter_map(|periods| FixedPoint::shoot(self.map, &present, periods)).collect()
     }
 
-    /// Goes on by plain integration from the motion found: it has settled if it stays there.
+    /// Continues by plain integration from the motion found: it has settled if it stays there.
     fn confirm(
         &mut self,
         found: &FixedPoint,
@@ -184,7 +186,7 @@ impl Follower<'_> {
         }))
     }
 
-    /// What there is to say of a motion that doesn't settle.
+    /// The result for a motion that doesn't settle.
     fn unsettled(mut self, section_points: usize) -> Result<Settled, TimeDomainError> {
         let settling_periods = self.periods;
         let nearest = self.returns().map(|(_, distance)| distance).fold(f64::INFINITY, f64::min);

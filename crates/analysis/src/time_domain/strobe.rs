@@ -11,11 +11,11 @@ use resonarm_dynamics::arm::{Arm, State};
 use resonarm_dynamics::ensemble;
 use resonarm_dynamics::integrate::{Excitation, IntegrateError, Integrator, Scheme, Sine};
 
-/// The scheme: no damping worth the name at these steps, and twice to ten times as fast here as the implicit ones.
+/// The scheme: negligible damping at these steps, and two to ten times as fast here as the implicit ones.
 const SCHEME: Scheme = Scheme::Dop853;
 /// The scheme's relative frequency error is this times (ωh)⁸.
 const FREQUENCY_ERROR: f64 = 6.4e-8;
-/// What the scheme may change of a vibration's amplitude, as part of it.
+/// The largest relative error of an amplitude by the scheme.
 const AMPLITUDE_TOLERANCE: f64 = 1e-8;
 /// Fewest steps in a period of the excitation, so that its harmonics are followed too.
 const FEWEST_STEPS: f64 = 40.0;
@@ -23,7 +23,7 @@ const FEWEST_STEPS: f64 = 40.0;
 const MOST_STEPS: u32 = 1_000_000;
 /// Most steps whose loads are kept at once for [`StroboscopicMap::advance_all`].
 const LONGEST_STRETCH: u32 = 4096;
-/// Difference for the map's derivative, as part of the motion's size: the error of central differences, its square
+/// Difference for the map's derivative, relative to the motion's size: the error of central differences, its square
 /// times a sixth of the third derivative, and the rounding, 1e-16 over it, are then both near 1e-11.
 const DIFFERENCE: f64 = 3e-5;
 
@@ -31,8 +31,8 @@ const DIFFERENCE: f64 = 3e-5;
 ///
 /// A period has a whole number of steps N, so each period repeats the same phases exactly. N keeps the frequency error
 /// of the scheme, −6.4e-8 (ωh)⁸ relative, below 1e-8 ζ in both modes: at resonance an amplitude changes by a relative
-/// detuning over ζ, so it is right to about 1e-8. The damping of the scheme, 2.26e-8 (ωh)⁹ against ζ, is less than that
-/// again.
+/// detuning over ζ, so it is exact to about 1e-8. The effect of the scheme's damping, 2.26e-8 (ωh)⁹ against ζ, is
+/// smaller still.
 #[derive(Clone, Debug)]
 pub struct StroboscopicMap<'a> {
     arm: &'a Arm,
@@ -55,8 +55,8 @@ impl<'a> StroboscopicMap<'a> {
         if !(frequency_hz.is_finite() && frequency_hz > 0.0) {
             return Err(TimeDomainError::Frequency { got_hz: frequency_hz });
         }
-        let crest = &sine.amplitude;
-        if !crest.torque_nm.iter().chain(&crest.force_n).all(|value| value.is_finite()) {
+        let peak = &sine.amplitude;
+        if !peak.torque_nm.iter().chain(&peak.force_n).all(|value| value.is_finite()) {
             return Err(TimeDomainError::Load);
         }
         let mut needed: f64 = FEWEST_STEPS;
@@ -109,14 +109,13 @@ impl<'a> StroboscopicMap<'a> {
         self.walk(state, |_step, _state| Ok(()))
     }
 
-    /// The states so many periods after `states`, all at phase 0, side by side; each is to the bit what
-    /// [`StroboscopicMap::advance`] makes of it, and a motion that grows beyond all bounds has a state that is not
-    /// finite.
+    /// The states a number of periods after `states`, all at phase 0, side by side; each has the bits of
+    /// [`StroboscopicMap::advance`], and a motion that grows without bound has a state that is not finite.
     pub fn advance_all(&self, states: &mut [State], periods: u32) {
         let h_s = self.integrator.step_s();
         let loads = |step| ensemble::NODES.map(|part| self.sine.load(self.time_s(step) + part * h_s));
         let stretches = self.steps.div_ceil(LONGEST_STRETCH);
-        // As a rule a period is one stretch, and its loads are computed once for all periods.
+        // Usually a period is one stretch, and its loads are computed once for all periods.
         let (rounds, times) = if stretches == 1 { (1, periods) } else { (periods, 1) };
         for _ in 0..rounds {
             for first in (0..stretches).map(|stretch| stretch * LONGEST_STRETCH) {
@@ -127,7 +126,7 @@ impl<'a> StroboscopicMap<'a> {
         }
     }
 
-    /// One period, showing each step's number, 0 to N − 1, and the state at its start.
+    /// One period; calls back with each step's number, 0 to N − 1, and the state at its start.
     pub(super) fn walk(
         &self,
         state: &State,
@@ -144,7 +143,7 @@ impl<'a> StroboscopicMap<'a> {
         Ok(state)
     }
 
-    /// The state `part_s` after the state at the start of a step; a part of a step.
+    /// The state `part_s` after the start of a step, within the step.
     pub(super) fn part_of_step(&self, step: u32, state: &State, part_s: f64) -> Result<State, TimeDomainError> {
         let integrator = Integrator::new(SCHEME, 1.0 / part_s, self.arm).map_err(|source| self.failed(source))?;
         integrator.step(self.arm, self.time_s(step), state, &self.sine).map_err(|source| self.failed(source))
@@ -170,7 +169,8 @@ impl<'a> StroboscopicMap<'a> {
         TimeDomainError::Integrate { frequency_hz: self.sine.frequency_hz, source }
     }
 
-    /// The state as a point of the section, (α1, α2, α̇1/Ω, α̇2/Ω), rad, Ω = 2πf: all four of the vibration's size.
+    /// The state as a point of the section, (α1, α2, α̇1/Ω, α̇2/Ω), rad, Ω = 2πf: all four of the size of the
+    /// vibration.
     pub(super) fn point(&self, state: &State) -> Vector4<f64> {
         let scale = 1.0 / (TAU * self.sine.frequency_hz);
         let (x, v) = (&state.alpha_rad, state.alpha_dot_rad_s * scale);
@@ -193,7 +193,7 @@ impl<'a> StroboscopicMap<'a> {
     }
 
     /// The derivative of [`StroboscopicMap::image`] by the point, by central differences for a motion of this size;
-    /// `None` where a motion beside it grows beyond all bounds.
+    /// `None` if a motion beside it grows without bound.
     pub(super) fn derivative(&self, point: &Vector4<f64>, periods: u32, size_rad: f64) -> Option<Matrix4<f64>> {
         let difference = DIFFERENCE * size_rad;
         // Ahead and behind of each coordinate in turn.
@@ -206,7 +206,7 @@ impl<'a> StroboscopicMap<'a> {
         self.advance_all(&mut states, periods);
         let mut matrix = Matrix4::zeros();
         for (column, (ends, images)) in points.chunks_exact(2).zip(states.chunks_exact(2)).enumerate() {
-            // What was really added, after rounding.
+            // The difference actually added, after rounding.
             let width = ends[0][column] - ends[1][column];
             let change = self.point(&images[0]) - self.point(&images[1]);
             matrix.set_column(column, &(change / width));

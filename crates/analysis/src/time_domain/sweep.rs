@@ -14,24 +14,24 @@ use resonarm_dynamics::integrate::Sine;
 /// Most points of a sweep.
 const MOST_POINTS: u32 = 1_000_000;
 
-/// What is stepped.
+/// The parameter that is stepped.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum SweepParameter {
     /// The frequency of the excitation, Hz, at a constant amplitude.
     Frequency {
-        /// The load at the crest.
+        /// The peak load.
         amplitude: Load,
     },
     /// The amplitude of the excitation at a constant frequency.
     Amplitude {
-        /// The load at the crest for the value 1: 1 N·m or 1 N, say.
+        /// The peak load at the value 1, for example 1 N·m or 1 N.
         unit: Load,
         /// The frequency, Hz.
         frequency_hz: f64,
     },
 }
 
-/// Which way the values go.
+/// The order of the values.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "lowercase")]
 pub enum Direction {
@@ -51,8 +51,8 @@ impl Grid {
     /// `points` values evenly spaced between two ends, given in either order, both among them.
     ///
     /// # Errors
-    /// [`TimeDomainError::Interval`] unless both ends are numbers and differ, [`TimeDomainError::Points`] for less than
-    /// two points or more than a million.
+    /// [`TimeDomainError::Interval`] unless both ends are numbers and differ, [`TimeDomainError::Points`] for fewer
+    /// than two points or more than a million.
     pub fn new(from: f64, to: f64, points: u32) -> Result<Grid, TimeDomainError> {
         if !(from.is_finite() && to.is_finite() && from != to) {
             return Err(TimeDomainError::Interval { from, to });
@@ -79,7 +79,7 @@ impl Grid {
         &self.values
     }
 
-    /// The values in the order in which they are gone through.
+    /// The values in the order of a sweep.
     pub fn in_order(&self, direction: Direction) -> Vec<f64> {
         match direction {
             Direction::Up => self.values.clone(),
@@ -91,11 +91,11 @@ impl Grid {
 /// A stepped sweep of one arm.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Sweep {
-    /// What is stepped.
+    /// The parameter that is stepped.
     pub parameter: SweepParameter,
     /// Its values: Hz, or multiples of the unit load.
     pub grid: Grid,
-    /// Which way they go.
+    /// Their order.
     pub direction: Direction,
 }
 

@@ -78,8 +78,8 @@ fn small_motions_are_those_of_the_linear_arm() {
 }
 
 /// 60 N·m at joint 1, β2 = 60°: up, the motion jumps where the lower branch ends, 22.1349 Hz; down, where the upper one
-/// ends, 22.0635 Hz (`tests/oracles/oracles.json`): within one step of 2 mHz of the fold. (After steps of 4 mHz the
-/// jump down comes earlier: the step itself throws the motion off.).
+/// ends, 22.0635 Hz (`tests/oracles/oracles.json`): within one step of 2 mHz of the fold. (With steps of 4 mHz the jump
+/// down comes earlier: the step itself disturbs the motion off the branch.)
 #[test]
 fn up_and_down_show_the_hysteresis_between_the_folds() {
     let jump = |direction| {
@@ -114,8 +114,8 @@ fn start_of(orbit: &Orbit) -> State {
     state
 }
 
-/// Against harmonic balance, which knows no time: near a stable motion of the branch time leads to that motion, with
-/// its amplitudes and its multiplier; from an unstable one it leads away to a stable one.
+/// Against harmonic balance: from near a stable motion of the branch the arm settles on it, with its amplitudes and its
+/// multiplier; from an unstable one it moves away to a stable one.
 #[test]
 fn settles_on_the_stable_branches() {
     let arm = fitted(60.0);
@@ -142,7 +142,7 @@ fn settles_on_the_stable_branches() {
     assert!(stable > 10 && unstable > 3, "{stable} {unstable}");
 }
 
-/// The short cut leads where nothing but integration leads: before the jump, through it, after it, and from rest into a
+/// The shortcut ends where integration alone ends: before the jump, through it, after it, and from rest into a
 /// resonance with two stable motions.
 #[test]
 fn ends_where_plain_integration_ends() {
@@ -162,8 +162,8 @@ fn ends_where_plain_integration_ends() {
     }
 }
 
-/// A settled motion closes after its period, by another scheme with far smaller steps too: what one period of the map
-/// adds to the error comes to less than 1e-8 of the amplitude over a time constant.
+/// A settled motion closes after its period, by another scheme with far smaller steps too: the errors of single periods
+/// of the map add up to less than 1e-8 of the amplitude over a time constant.
 #[test]
 fn settled_motion_closes_by_another_scheme() {
     for (beta2_deg, torque1_nm, frequency_hz, period) in
@@ -188,7 +188,7 @@ fn settled_motion_closes_by_another_scheme() {
         let error = (map.point(&end) - map.point(&settled.end)).norm() / size;
         assert!(error < 1e-8 / map.time_constant_periods(), "{beta2_deg}°: {error}");
         for (amplitude, largest) in settled.amplitude_rad.iter().zip(&largest) {
-            // Between samples of 1/1000 of a period the crest is missed by at most (nπ/1000)²/2 of harmonic n.
+            // Between samples of 1/1000 of a period the peak is missed by at most (nπ/1000)²/2 of harmonic n.
             let missed = amplitude / largest - 1.0;
             assert!((0.0..1e-4).contains(&missed), "{beta2_deg}°: {missed}");
         }
@@ -246,7 +246,7 @@ fn finds_the_quasi_periodic_motion_between_the_neimark_sacker_points() {
     }
 }
 
-/// A wait that is too short is said, never taken for a result.
+/// A wait that is too short is reported, never taken for a result.
 #[test]
 fn says_when_a_motion_has_not_settled() {
     let arm = fitted(60.0);
@@ -260,7 +260,7 @@ fn says_when_a_motion_has_not_settled() {
     assert_eq!(settled_from(&map, &unsettled.end).period, Some(1));
 }
 
-/// Without a load the arm comes to rest, from wherever it is.
+/// Without a load the arm comes to rest from any state.
 #[test]
 fn without_a_load_the_arm_comes_to_rest() {
     let arm = fitted(120.0);
@@ -270,8 +270,8 @@ fn without_a_load_the_arm_comes_to_rest() {
     assert!(settled.amplitude_rad.iter().all(|amplitude| *amplitude < 1e-12), "{settled:?}");
 }
 
-/// Up and down an amplitude: both ways visit the same values; they jump where the branch in amplitude has its folds,
-/// and beyond them, where there is but one motion, agree.
+/// Up and down an amplitude: both ways visit the same values; they jump at the folds of the branch in amplitude, and
+/// agree beyond them, where there is only one motion.
 #[test]
 fn amplitude_can_be_stepped() {
     let arm = fitted(60.0);
@@ -295,14 +295,14 @@ fn amplitude_can_be_stepped() {
         }
     }
     let [high, low] = folds[..] else { panic!("{folds:?}") };
-    // Within a step, or within two where the step throws the motion off the end of its branch.
+    // Within a step, or within two if the step disturbs the motion off the end of its branch.
     let (first, last) = (apart[0] - low, high - apart[apart.len() - 1]);
     assert!((0.0..8.0).contains(&first) && (0.0..8.0).contains(&last), "{folds:?} {apart:?}");
 }
 
-/// What the settling costs is part of what it does.
+/// The amount of work is tested too.
 #[test]
-fn work_stays_what_it_is() {
+fn the_amount_of_work_is_unchanged() {
     let (arm, sweep) = (fitted(60.0), frequency_sweep(60.0, (21.0, 23.5, 51), Direction::Up));
     let periods: u64 = swept(&arm, &sweep).iter().map(|(_, settled)| settled.settling_periods).sum();
     let steps = StroboscopicMap::new(&arm, sweep.sines()[0]).unwrap().steps_per_period();
@@ -310,7 +310,7 @@ fn work_stays_what_it_is() {
 }
 
 #[test]
-fn stops_when_it_is_told_to() {
+fn stops_on_request() {
     let arm = fitted(60.0);
     let map = StroboscopicMap::new(&arm, Sine { amplitude: Load::torque_nm(60.0, 0.0), frequency_hz: 22.1 }).unwrap();
     let stopped = settle(&map, &State::default(), &SettleOptions::default(), &|| true).unwrap_err();

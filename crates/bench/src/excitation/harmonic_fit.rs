@@ -13,15 +13,15 @@ pub type SineFit<const N: usize> = HarmonicFit<N, 3>;
 /// Sine fit over a window, of N channels at once, as the samples come in; of the harmonics 1 … (P − 1)/2, so P is odd.
 ///
 /// Each channel is fitted by least squares with y = c + Σ_h (a_h sin hφ + b_h cos hφ), weighted by the Hann window, so
-/// that the arm's own modes, which ring at other frequencies, hardly leak in: with w = sin² π(k+½)/n and the basis p =
-/// (1, sin φ, cos φ, sin 2φ, …), solve (Σ w p pᵀ) x = Σ w y p. The sums of a channel are of the samples that it has:
-/// what was clipped is left out, and does not shift the rest.
+/// that the arm's modes, ringing at other frequencies, hardly leak in: with w = sin² π(k+½)/n and the basis p = (1, sin
+/// φ, cos φ, sin 2φ, …), solve (Σ w p pᵀ) x = Σ w y p. Each channel sums only over its own samples: clipped ones are
+/// left out and do not shift the rest.
 #[derive(Clone, Debug)]
 pub struct HarmonicFit<const N: usize, const P: usize> {
     samples: u64,
     /// Σ w p pᵀ of all samples.
     normal: SMatrix<f64, P, P>,
-    /// The same of a channel that lacks some.
+    /// The sums of a channel that lacks samples.
     own_normals: [Option<SMatrix<f64, P, P>>; N],
     moments: [SVector<f64, P>; N],
     /// Σ w y².
@@ -40,8 +40,8 @@ impl<const N: usize, const P: usize> HarmonicFit<N, P> {
         }
     }
 
-    /// Takes in the sample number `k` of the window (0 is the first), at the phase `phase_cycles` of the drive. A
-    /// channel without a value has no sample.
+    /// Adds the sample number `k` of the window (0 is the first), at the phase `phase_cycles` of the drive. A channel
+    /// without a value has no sample.
     pub fn add(&mut self, k: u64, phase_cycles: f64, values: &[Option<f64>; N]) {
         let taper = libm::sin(PI * ((k as f64 + 0.5) / self.samples as f64));
         let weight = taper * taper;
@@ -88,7 +88,7 @@ impl<const N: usize, const P: usize> HarmonicFit<N, P> {
         Some(all)
     }
 
-    /// The root mean square of what the fit leaves of a channel: √((Σ w y² − xᵀ Σ w y p)/Σ w).
+    /// The root mean square of the residual of a channel: √((Σ w y² − xᵀ Σ w y p)/Σ w).
     pub fn residual_rms(&self, channel: usize) -> Option<f64> {
         let (normal, moment) = (self.normal(channel), &self.moments[channel]);
         let x = normal.cholesky()?.solve(moment);

@@ -9,7 +9,7 @@ use thiserror::Error;
 use super::ExcitationError;
 use resonarm_numeric::number::short;
 
-/// What a load file holds: loads in a unit of its own, since they are played with the crest of the amplitude.
+/// Loads of a file, in any unit: they are played with the amplitude as their peak.
 #[derive(Clone, Debug, PartialEq)]
 pub enum LoadFile {
     /// A load for every sample.
@@ -18,16 +18,16 @@ pub enum LoadFile {
     Timed(Arc<[[f64; 2]]>),
 }
 
-/// Why a text holds no load.
+/// Why a text is not a load file.
 #[derive(Clone, Debug, PartialEq, Error)]
 #[non_exhaustive]
 pub enum LoadFileError {
-    /// Something else than a number.
-    #[error("line {line}: `{got}` is no finite number")]
+    /// A cell is not a number.
+    #[error("line {line}: `{got}` is not a finite number")]
     NotANumber {
         /// The line, from 1 on.
         line: usize,
-        /// What stands there.
+        /// The text there.
         got: String,
     },
     /// A line with another number of columns.
@@ -37,7 +37,7 @@ pub enum LoadFileError {
         line: usize,
         /// Columns in it.
         got: usize,
-        /// What would do.
+        /// The valid number of columns.
         expected: &'static str,
     },
     /// Time that doesn't rise.
@@ -56,8 +56,8 @@ pub enum LoadFileError {
 }
 
 impl LoadFile {
-    /// Reads CSV: a line for every sample with the load, or lines of time, s, and load, between which it runs straight.
-    /// Commas part the columns; empty lines, what follows a `#`, and a first line of names count for nothing.
+    /// Reads CSV: a line with the load for every sample, or lines of time, s, and load, interpolated linearly. Commas
+    /// separate the columns; empty lines, text after a `#`, and a first line of names are ignored.
     ///
     /// # Errors
     /// [`LoadFileError`] names the first line that is wrong.
@@ -69,19 +69,19 @@ impl LoadFile {
         let _names = lines.next_if(|(_, line)| line.split(',').all(is_name));
         let timed = lines.peek().is_some_and(|(_, line)| line.contains(','));
         let file = if timed { LoadFile::Timed(timed_rows(lines)?) } else { LoadFile::Sampled(sampled_rows(lines)?) };
-        if file.crest() > 0.0 { Ok(file) } else { Err(LoadFileError::NoLoad) }
+        if file.peak() > 0.0 { Ok(file) } else { Err(LoadFileError::NoLoad) }
     }
 
     /// The largest magnitude of a load in it.
-    fn crest(&self) -> f64 {
-        let largest = |crest: f64, load: &f64| crest.max(libm::fabs(*load));
+    fn peak(&self) -> f64 {
+        let largest = |peak: f64, load: &f64| peak.max(libm::fabs(*load));
         match self {
             LoadFile::Sampled(loads) => loads.iter().fold(0.0, largest),
             LoadFile::Timed(rows) => rows.iter().map(|[_, load]| load).fold(0.0, largest),
         }
     }
 
-    /// The loads at the samples of `rate_hz`, in the file's unit; of a file with times from the first of these on.
+    /// The loads at the samples of `rate_hz`, in the file's unit; those of a file with times start at its first time.
     pub(super) fn samples(&self, rate_hz: f64) -> Result<Vec<f64>, ExcitationError> {
         const ROUNDING: f64 = 1e-6;
         let (rows, period_s) = match self {
@@ -94,7 +94,7 @@ impl LoadFile {
             return Err(ExcitationError::FileTooDense { step_s, period_s });
         }
         let (Some([start_s, first]), Some([end_s, _])) = (rows.first(), rows.last()) else { return Ok(Vec::new()) };
-        // The last sample is the last that is not behind the last point.
+        // The last sample is the last one not after the last point.
         let last = libm::floor((end_s - start_s) * rate_hz + ROUNDING);
         let count = super::synthesis::samples("path", (last + 0.5) / rate_hz, rate_hz)?;
         let at = |n: usize| {

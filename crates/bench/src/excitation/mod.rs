@@ -1,4 +1,4 @@
-//! What an exciter controller plays on the arm, and how it reads the answer.
+//! Excitation signals of an exciter controller, and the reading of the arm's response.
 
 mod harmonic_fit;
 mod load_file;

@@ -17,14 +17,14 @@ pub struct Profile {
     duration_s: f64,
 }
 
-/// The shape in time, with a crest of 1.
+/// The shape in time, with a peak of 1.
 #[derive(Clone, Debug, PartialEq)]
 enum Shape {
     /// Stretches of sine, one after the other.
     Sines(Vec<Piece>),
     /// A half sine of this length, s.
     Pulse(f64),
-    /// Samples, over and over.
+    /// Samples, repeated.
     Samples(Arc<[f64]>),
 }
 
@@ -52,7 +52,7 @@ impl Piece {
     }
 }
 
-/// When the response to one frequency is read.
+/// The window in which the response to one frequency is read.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Window {
     /// The frequency, Hz.
@@ -67,7 +67,7 @@ impl Profile {
     /// Checks the specification and prepares it for `rate_hz` samples a second.
     ///
     /// # Errors
-    /// [`ExcitationError`] says what can't be played.
+    /// [`ExcitationError`] says why it can't be played.
     pub fn new(spec: &ExcitationSpec, rate_hz: f64) -> Result<Profile, ExcitationError> {
         spec.check(rate_hz)?;
         let (shape, duration_s) = shape(spec, rate_hz)?;
@@ -76,7 +76,7 @@ impl Profile {
         Ok(profile)
     }
 
-    /// What it was made of.
+    /// The specification it was made of.
     pub fn spec(&self) -> &ExcitationSpec {
         &self.spec
     }
@@ -94,7 +94,7 @@ impl Profile {
     /// Length in samples: the load is zero from this sample on.
     pub fn samples(&self) -> u64 {
         match &self.shape {
-            // A length that comes from whole samples is one, whatever the rounding.
+            // A length of whole samples counts as such despite rounding.
             Shape::Samples(_) => libm::round(self.duration_s * self.rate_hz) as u64,
             Shape::Sines(_) | Shape::Pulse(_) => libm::ceil(self.duration_s * self.rate_hz) as u64,
         }
@@ -119,14 +119,15 @@ impl Profile {
     }
 
     /// Amplitude of the load at `frequency_hz` as it acts, N or N·m: a sine that is held over each sample period T is
-    /// smaller than its samples by sin x/x with x = πfT.
+    /// smaller than its samples by the factor sin x/x with x = πfT.
     pub fn held_load(&self, frequency_hz: f64) -> f64 {
         let load = self.spec.amplitude.load();
         let x = PI * frequency_hz / self.rate_hz;
         libm::hypot(load.force_n.norm(), load.torque_nm.norm()) * libm::sin(x) / x
     }
 
-    /// φ/2π of the sine at `samples` sample periods from the start, in cycles, less whole cycles; 0 of what is no sine.
+    /// φ/2π of the sine at `samples` sample periods from the start, in cycles, less whole cycles; 0 if the profile is
+    /// not a sine.
     pub fn phase_cycles(&self, samples: f64) -> f64 {
         fraction(self.cycles(samples / self.rate_hz))
     }
@@ -147,7 +148,7 @@ impl Profile {
 
     /// Raised cosine at both ends: ½ (1 − cos π t/r).
     fn envelope(&self, t_s: f64) -> f64 {
-        // Bursts have edges of their own.
+        // Bursts have their own edges.
         if matches!(self.spec.profile, Waveform::BurstRandom { .. }) {
             return 1.0;
         }
@@ -188,14 +189,14 @@ impl Profile {
     }
 }
 
-/// The shape of an excitation that was checked, and its length, s.
+/// The shape of a checked excitation, and its length, s.
 fn shape(spec: &ExcitationSpec, rate_hz: f64) -> Result<(Shape, f64), ExcitationError> {
     let one = |from_hz, to_hz, duration_s, law| {
         (Shape::Sines(alloc::vec![Piece { start_s: 0.0, duration_s, from_hz, to_hz, law }]), duration_s)
     };
     let played = |values: Vec<f64>, periods: u32| {
         let duration_s = values.len() as f64 * f64::from(periods) / rate_hz;
-        (Shape::Samples(synthesis::with_crest_1(values).into()), duration_s)
+        (Shape::Samples(synthesis::with_peak_1(values).into()), duration_s)
     };
     Ok(match spec.profile {
         Waveform::Dwell { frequency_hz, duration_s, .. } => {
@@ -232,7 +233,7 @@ fn shape(spec: &ExcitationSpec, rate_hz: f64) -> Result<(Shape, f64), Excitation
     })
 }
 
-/// The part after the point; keeps the argument of the sine small, and so its digits.
+/// The fractional part; keeps the argument of the sine small, and so its digits.
 fn fraction(cycles: f64) -> f64 {
     cycles - libm::floor(cycles)
 }

@@ -15,13 +15,13 @@ fn along_y(ramp_s: f64, profile: Waveform) -> Result<Profile, ExcitationError> {
     Profile::new(&ExcitationSpec { amplitude, ramp_s, profile }, RATE_HZ)
 }
 
-/// What is played, over the amplitude.
+/// The played samples over the amplitude.
 fn played(profile: &Profile) -> Vec<f64> {
     (0..profile.samples()).map(|n| profile.load(n).force_n.y / -8.0).collect()
 }
 
-fn crest(values: &[f64]) -> f64 {
-    values.iter().fold(0.0, |crest, value| value.abs().max(crest))
+fn peak(values: &[f64]) -> f64 {
+    values.iter().fold(0.0, |peak, value| value.abs().max(peak))
 }
 
 fn rms(values: &[f64]) -> f64 {
@@ -65,7 +65,7 @@ proptest! {
     }
 
     #[test]
-    fn noise_has_its_crest_its_band_and_the_bits_of_its_seed(
+    fn noise_has_its_peak_its_band_and_the_bits_of_its_seed(
         from_hz in 5.0..100.0_f64, width_hz in 20.0..300.0_f64, seed: u64,
     ) {
         let to_hz = from_hz + width_hz;
@@ -73,9 +73,9 @@ proptest! {
         let profile = along_y(0.0, random(seed)).unwrap();
         let values = played(&profile);
         prop_assert_eq!(values.len(), 3000);
-        prop_assert!((crest(&values) - 1.0).abs() < 1e-15);
+        prop_assert!((peak(&values) - 1.0).abs() < 1e-15);
         let factor = 1.0 / rms(&values);
-        prop_assert!((2.0..6.0).contains(&factor), "crest factor {}", factor);
+        prop_assert!((2.0..6.0).contains(&factor), "peak factor {}", factor);
         let inside = power(&values, grid(from_hz + 2.0, to_hz - 2.0, 60));
         let below = power(&values, grid(0.0, from_hz - 3.0, 20));
         let above = power(&values, grid(to_hz + 3.0, 499.0, 60));
@@ -96,7 +96,7 @@ proptest! {
         let period = values.len() / 3;
         prop_assert_eq!(period, tenths as usize * 100);
         prop_assert!(values[period..].iter().zip(&values).all(|(later, earlier)| later.to_bits() == earlier.to_bits()));
-        prop_assert!((crest(&values) - 1.0).abs() < 1e-15);
+        prop_assert!((peak(&values) - 1.0).abs() < 1e-15);
         let transform = resonarm_numeric::dft::Lines::new(period, period, 0, period / 2);
         let found = transform.transform(values[..period].iter().map(|value| Complex::new(*value, 0.0)));
         let size = found[first as usize].norm();
@@ -107,7 +107,8 @@ proptest! {
     }
 }
 
-/// Of the noise of 20 seeds, the power in ten parts of the band is equal within what chance leaves of 20·50 lines each.
+/// Over 20 seeds, the power of noise is equal in ten parts of the band, within the statistical error of 20·50 lines
+/// each.
 #[test]
 fn noise_is_flat_and_normal() {
     let mut parts = [0.0; 10];
@@ -137,8 +138,8 @@ fn level(table: &[[f64; 2]], hz: f64) -> f64 {
     l1 * libm::pow(10.0, 0.1 * slope_db * libm::log2(hz / f1))
 }
 
-/// Of 20 seeds, the power in ten parts of the band is that of the table within what chance leaves of 20·50 lines each,
-/// of noise and of a burst.
+/// Over 20 seeds, the power of noise and of bursts in ten parts of the band is that of the table, within the
+/// statistical error of 20·50 lines each.
 #[test]
 fn noise_follows_its_spectrum() {
     let table = [[50.0, 0.01], [80.0, 0.01], [100.0, 0.16], [120.0, 0.16], [150.0, 0.02]];
@@ -159,7 +160,7 @@ fn noise_follows_its_spectrum() {
         let (mut found, mut expected) = ([0.0; 10], [0.0; 10]);
         for seed in 0..20 {
             let values = played(&along_y(0.0, waveform(bursts, seed)).unwrap());
-            assert!((crest(&values) - 1.0).abs() < 1e-15);
+            assert!((peak(&values) - 1.0).abs() < 1e-15);
             let values = &values[..4000];
             let sigma = rms(values);
             for (part, (found, expected)) in found.iter_mut().zip(&mut expected).enumerate() {
@@ -175,7 +176,7 @@ fn noise_follows_its_spectrum() {
     }
 }
 
-/// A flat table has the bits of none, and only the ratios of the levels count, whatever their size.
+/// A flat table gives the same bits as none, and only the ratios of the levels count.
 #[test]
 fn a_flat_spectrum_is_none() {
     let noise = |spectrum: Option<[[f64; 2]; 2]>| {
@@ -215,7 +216,7 @@ fn bursts_are_on_and_off_and_differ() {
     };
     let values = played(&along_y(0.1, profile).unwrap());
     assert_eq!(values.len(), 2000);
-    assert!((crest(&values) - 1.0).abs() < 1e-15);
+    assert!((peak(&values) - 1.0).abs() < 1e-15);
     let mut bursts = values.chunks(500);
     for period in bursts.clone() {
         assert!(period[300..].iter().all(|value| *value == 0.0) && period[0] == 0.0);
@@ -226,7 +227,7 @@ fn bursts_are_on_and_off_and_differ() {
     assert_ne!(bursts.next(), bursts.next());
 }
 
-/// The ends of noise and multisines are softened as those of sines.
+/// The ends of noise and multisines are softened like those of sines.
 #[test]
 fn ramps_soften_the_ends() {
     let profile = Waveform::Random { from_hz: 20.0, to_hz: 90.0, duration_s: 4.0, spectrum: None, seed: 1 };
@@ -240,8 +241,8 @@ fn file(text: &str) -> Result<Profile, ExcitationError> {
 }
 
 #[test]
-fn a_file_of_loads_is_played_with_the_crest_of_the_amplitude() {
-    let values = played(&file("load_n\n1\n\n-4 # the crest\n 2e0\n").unwrap());
+fn the_peak_of_a_played_file_is_the_amplitude() {
+    let values = played(&file("load_n\n1\n\n-4 # the peak\n 2e0\n").unwrap());
     assert_eq!(values, [0.25, -1.0, 0.5]);
 }
 
@@ -258,8 +259,8 @@ fn a_file_with_times_runs_straight_between_its_points() {
 #[test]
 fn says_what_is_wrong_with_a_file() {
     let says = |text: &str| LoadFile::parse(text).unwrap_err().to_string();
-    insta::assert_snapshot!(says("1\n2\nthree\n"), @"line 3: `three` is no finite number");
-    insta::assert_snapshot!(says("t,load\n0,1\n1,inf\n"), @"line 3: `inf` is no finite number");
+    insta::assert_snapshot!(says("1\n2\nthree\n"), @"line 3: `three` is not a finite number");
+    insta::assert_snapshot!(says("t,load\n0,1\n1,inf\n"), @"line 3: `inf` is not a finite number");
     insta::assert_snapshot!(says("1\n2,3\n"), @"line 2 has 2 columns: there must be 1, the load, as in the lines before");
     insta::assert_snapshot!(says("0,1,2\n"), @"line 1 has 3 columns: there must be 1, the load, or 2, time and load, in all lines");
     insta::assert_snapshot!(says("0,1\n0.1,2\n0.1,3\n"), @"line 3: time goes from 0.1 to 0.1 s: it must rise");
@@ -271,12 +272,12 @@ fn says_what_is_wrong_with_a_file() {
 }
 
 #[test]
-fn says_what_noise_cannot_be() {
+fn says_what_is_wrong_with_noise() {
     let says = |profile| along_y(0.0, profile).unwrap_err().to_string();
     let random = |from_hz, to_hz, duration_s| Waveform::Random { from_hz, to_hz, duration_s, spectrum: None, seed: 0 };
     insta::assert_snapshot!(says(random(10.0, 5.0, 1.0)), @"excitation: `to_hz` is 5: it must be at least `from_hz`");
-    insta::assert_snapshot!(says(random(10.0, 500.0, 1.0)), @"excitation: 500 Hz can't be told at 1000 samples a second: it must be below half of that");
-    insta::assert_snapshot!(says(random(10.1, 10.2, 1.0)), @"excitation: no multiple of 0.9765625 Hz lies from 10.1 to 10.2 Hz: make the band wider, or `duration_s` longer");
+    insta::assert_snapshot!(says(random(10.0, 500.0, 1.0)), @"excitation: 500 Hz is too high for 1000 samples a second: it must be below half of that");
+    insta::assert_snapshot!(says(random(10.1, 10.2, 1.0)), @"excitation: no multiple of 0.9765625 Hz is between 10.1 and 10.2 Hz: make the band wider, or `duration_s` longer");
     insta::assert_snapshot!(says(random(10.0, 20.0, 1e9)), @"excitation: `duration_s` is 1e12 samples long: it must be from 1 to 4194304");
     let multisine = |period_s, periods| Waveform::Multisine {
         from_hz: 10.0,
@@ -287,7 +288,7 @@ fn says_what_noise_cannot_be() {
         seed: 0,
     };
     insta::assert_snapshot!(says(multisine(0.0333, 2)), @"excitation: `period_s` is 0.0333: it must be a whole number of samples");
-    insta::assert_snapshot!(says(multisine(0.04, 2)), @"excitation: no multiple of 25 Hz lies from 10 to 20 Hz: make the band wider, or `period_s` longer");
+    insta::assert_snapshot!(says(multisine(0.04, 2)), @"excitation: no multiple of 25 Hz is between 10 and 20 Hz: make the band wider, or `period_s` longer");
     insta::assert_snapshot!(says(multisine(1.0, 0)), @"excitation: `periods` is 0: it must be from 1 to 1000000");
     let bursts = |burst_s, period_s| Waveform::BurstRandom {
         from_hz: 10.0,
@@ -302,7 +303,7 @@ fn says_what_noise_cannot_be() {
 }
 
 #[test]
-fn says_what_no_spectrum_is() {
+fn says_what_is_wrong_with_a_spectrum() {
     let says = |table: &[[f64; 2]]| {
         let spectrum = Some(Spectrum(table.into()));
         let random = Waveform::Random { from_hz: 10.0, to_hz: 20.0, duration_s: 1.0, spectrum, seed: 0 };

@@ -7,21 +7,21 @@ use super::Waveform;
 use resonarm_dynamics::arm::Load;
 use resonarm_numeric::number::{rounded, short};
 
-/// What to play: a waveform, how strong, and how gently it starts and ends.
+/// What to play: a waveform, its strength, and the length of its soft start and end.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct ExcitationSpec {
-    /// The load at the crest, of noise and files too: no sample has a larger one.
+    /// The peak load, of noise and files too: no sample is larger.
     pub amplitude: Amplitude,
-    /// Length of the raised-cosine start and end, s, not negative; of every burst, if there are bursts; of an impulse
-    /// none. A sudden start rings the arm's own modes, which take about a minute to die out.
+    /// Length of the raised-cosine start and end, s, not negative; of every burst, if there are bursts; an impulse has
+    /// none. A sudden start rings the arm's modes, which take about a minute to die out.
     #[serde(default)]
     pub ramp_s: f64,
     /// The shape in time.
     pub profile: Waveform,
 }
 
-/// The load at the crest: forces at C or torques at the joints, not both, since one command carries one kind.
+/// The peak load: forces at C or torques at the joints, not both, since one command carries one kind.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
 #[serde(default, deny_unknown_fields)]
 pub struct Amplitude {
@@ -54,24 +54,24 @@ impl Amplitude {
         if self.is_torque() { "N·m" } else { "N" }
     }
 
-    /// Whether the load is torques at the joints (else forces at C).
+    /// Whether the load is torques at the joints, not forces at C.
     pub fn is_torque(&self) -> bool {
         self.torque1_nm != 0.0 || self.torque2_nm != 0.0
     }
 }
 
-/// What can't be played.
+/// Why an excitation can't be played.
 #[derive(Clone, Copy, Debug, PartialEq, Error)]
 #[non_exhaustive]
 pub enum ExcitationError {
     /// A number is impossible.
     #[error("excitation: `{name}` is {got}: it must be {expected}", got = short(.got))]
     Value {
-        /// The value, as it is called in a scenario.
+        /// The name of the value in a scenario.
         name: &'static str,
-        /// What was given.
+        /// The given value.
         got: f64,
-        /// What would do.
+        /// The valid values.
         expected: &'static str,
     },
     /// Nothing to play, or forces and torques at once.
@@ -91,15 +91,15 @@ pub enum ExcitationError {
     },
     /// A band in which there is no frequency to play.
     #[error(
-        "excitation: no multiple of {spacing_hz} Hz lies from {from_hz} to {to_hz} Hz: make the band wider, or `{length}` longer", spacing_hz = short(.spacing_hz), from_hz = short(.from_hz), to_hz = short(.to_hz))]
+        "excitation: no multiple of {spacing_hz} Hz is between {from_hz} and {to_hz} Hz: make the band wider, or `{length}` longer", spacing_hz = short(.spacing_hz), from_hz = short(.from_hz), to_hz = short(.to_hz))]
     NoLine {
         /// Lowest frequency of the band, Hz.
         from_hz: f64,
         /// Highest frequency of the band, Hz.
         to_hz: f64,
-        /// Distance of the frequencies that there are, Hz.
+        /// Spacing of the possible frequencies, Hz.
         spacing_hz: f64,
-        /// The length that gives this distance, as it is called in a scenario.
+        /// The length that sets this spacing, by its key in a scenario.
         length: &'static str,
     },
     /// A table of a spectrum that is too short or too long.
@@ -112,7 +112,7 @@ pub enum ExcitationError {
         /// The most that do.
         most: usize,
     },
-    /// A level that no spectrum has on a logarithmic axis.
+    /// A level that is not positive.
     #[error("excitation: the level of `spectrum` at {hz} Hz is {level}: it must be a positive number", hz = short(.hz), level = short(.level))]
     Level {
         /// The frequency of the breakpoint, Hz.
@@ -128,22 +128,22 @@ pub enum ExcitationError {
         /// Frequency of the next, Hz.
         hz: f64,
     },
-    /// A spectrum that is not as wide as its band.
+    /// A spectrum whose end is not that of its band.
     #[error("excitation: `{name}` is {band_hz}, and the breakpoint of `spectrum` there is at {hz} Hz: they must be the same", band_hz = short(.band_hz), hz = short(.hz))]
     BreakpointEnd {
-        /// The end of the band, as it is called in a scenario.
+        /// The name of the end of the band in a scenario.
         name: &'static str,
         /// Its frequency, Hz.
         band_hz: f64,
         /// Frequency of the first or last breakpoint, Hz.
         hz: f64,
     },
-    /// More samples than are kept ready.
+    /// More samples than are stored.
     #[error("excitation: `{length}` is {samples} samples long: it must be from 1 to {most}", samples = rounded(.samples, 0))]
     Length {
-        /// The length, as it is called in a scenario.
+        /// The name of the length in a scenario.
         length: &'static str,
-        /// The samples that it has.
+        /// Its samples.
         samples: f64,
         /// The most that do.
         most: u32,
@@ -151,7 +151,7 @@ pub enum ExcitationError {
     /// A load file whose text was not read.
     #[error("excitation: the load file was not read: it is read with a scenario file, from that file's folder")]
     FileNotRead,
-    /// A load file with points closer than the samples, which would show frequencies that aren't there.
+    /// A load file with points closer than the samples, which would alias.
     #[error("excitation: the load file has points {step_s} s apart, closer than samples ({period_s} s): filter and thin it out to the sample rate before", step_s = short(.step_s), period_s = short(.period_s))]
     FileTooDense {
         /// Time between two points, s.
@@ -159,8 +159,8 @@ pub enum ExcitationError {
         /// The sample period, s.
         period_s: f64,
     },
-    /// A frequency that the samples can't carry.
-    #[error("excitation: {frequency_hz} Hz can't be told at {rate_hz} samples a second: it must be below half of that", frequency_hz = short(.frequency_hz), rate_hz = short(.rate_hz))]
+    /// A frequency too high for the sample rate.
+    #[error("excitation: {frequency_hz} Hz is too high for {rate_hz} samples a second: it must be below half of that", frequency_hz = short(.frequency_hz), rate_hz = short(.rate_hz))]
     AboveNyquist {
         /// The highest frequency asked for, Hz.
         frequency_hz: f64,

@@ -1,4 +1,4 @@
-//! The shape of a power spectral density as vibration tests state it.
+//! The shape of a power spectral density as in vibration tests.
 
 use alloc::vec::Vec;
 
@@ -9,9 +9,8 @@ use super::ExcitationError;
 /// Most breakpoints: the tables of test standards have at most some tens.
 const MOST_BREAKPOINTS: usize = 1000;
 
-/// Breakpoints (frequency in Hz, level) of a power spectral density, between which it runs straight over logarithmic
-/// axes, as vibration tests state it (IEC 60068-2-64). Only the ratios of the levels count: the amplitude sets the
-/// size.
+/// Breakpoints (frequency in Hz, level) of a power spectral density, with straight lines between them on logarithmic
+/// axes, as in vibration tests (IEC 60068-2-64). Only the ratios of the levels count: the amplitude sets the scale.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
 #[serde(transparent)]
 pub struct Spectrum(pub Vec<[f64; 2]>);
@@ -29,7 +28,7 @@ impl Spectrum {
                 return Err(ExcitationError::Level { hz, level });
             }
         }
-        // What is no number does not rise.
+        // NaN does not rise.
         let rises = |pair: &&[[f64; 2]]| pair[0][0] < pair[1][0];
         if let Some(pair) = points.windows(2).find(|pair| !rises(pair)) {
             return Err(ExcitationError::BreakpointOrder { before_hz: pair[0][0], hz: pair[1][0] });
@@ -42,7 +41,7 @@ impl Spectrum {
         Ok(())
     }
 
-    /// The level at a frequency of the band: ln L runs straight over ln f from breakpoint to breakpoint.
+    /// The level at a frequency of the band: ln L is linear in ln f between breakpoints.
     pub(super) fn level(&self, hz: f64) -> f64 {
         let Spectrum(points) = self;
         let last = points.len().saturating_sub(2);

@@ -9,7 +9,7 @@ use super::{ExcitationError, Phases, Spectrum};
 use resonarm_numeric::dft::{Fft, Lines};
 use resonarm_numeric::noise::Noise;
 
-/// Most samples that are kept ready: 70 minutes at 1 kHz.
+/// Most samples that are stored: 70 minutes at 1 kHz.
 const MOST_SAMPLES: u32 = 1 << 22;
 /// The stream of the seed's numbers, far from those of the instruments and their faults.
 const STREAM: u64 = 1 << 48;
@@ -22,9 +22,9 @@ pub(super) struct Band {
 }
 
 impl Band {
-    /// The multiples of `spacing_hz` in the band, first and number; `length` is what the spacing comes from.
+    /// The multiples of `spacing_hz` in the band, first and number; the spacing follows from `length`.
     fn lines(&self, spacing_hz: f64, length: &'static str) -> Result<(usize, usize), ExcitationError> {
-        // A frequency that is a multiple but for rounding is one.
+        // A frequency that is a multiple but for rounding counts as one.
         const ROUNDING: f64 = 1e-9;
         let first = libm::ceil(self.from_hz / spacing_hz * (1.0 - ROUNDING)).max(1.0);
         let last = libm::floor(self.to_hz / spacing_hz * (1.0 + ROUNDING));
@@ -57,10 +57,10 @@ pub(super) fn whole_samples(name: &'static str, length_s: f64, rate_hz: f64) -> 
 }
 
 /// The values divided by the largest magnitude, which is positive unless all are zero.
-pub(super) fn with_crest_1(mut values: Vec<f64>) -> Vec<f64> {
-    let crest = values.iter().fold(0.0_f64, |crest, value| crest.max(libm::fabs(*value)));
-    if crest > 0.0 {
-        values.iter_mut().for_each(|value| *value /= crest);
+pub(super) fn with_peak_1(mut values: Vec<f64>) -> Vec<f64> {
+    let peak = values.iter().fold(0.0_f64, |peak, value| peak.max(libm::fabs(*value)));
+    if peak > 0.0 {
+        values.iter_mut().for_each(|value| *value /= peak);
     }
     values
 }
@@ -91,7 +91,7 @@ pub(super) fn noise(
     Ok(values.iter().take(samples).map(|value| value.re).collect())
 }
 
-/// Noise that is on for `burst` of every `period` samples, each burst with raised-cosine edges of `ramp` samples.
+/// Noise that is on for the first `burst` of every `period` samples, with raised-cosine edges of `ramp` samples.
 pub(super) fn gate(values: &mut [f64], burst: f64, period: usize, ramp: f64) {
     for (n, value) in values.iter_mut().enumerate() {
         let at = (n % period) as f64;
@@ -116,8 +116,8 @@ pub(super) fn multisine(
 ) -> Result<Vec<f64>, ExcitationError> {
     let (first, count) = band.lines(rate_hz / samples as f64, "period_s")?;
     let mut normal = Noise::new(seed, STREAM);
-    // Re e^(iφ) e^(2πi kn/N) is Re e^(−iφ) e^(−2πi kn/N), which a transform sums up. Two normal numbers point evenly in
-    // all directions.
+    // Re e^(iφ) e^(2πi kn/N) is Re e^(−iφ) e^(−2πi kn/N), which a transform sums up. The direction of two normal
+    // numbers is uniform.
     let unit = |j: usize| {
         let phase = match phases {
             Phases::Random => libm::atan2(normal.normal(), normal.normal()),

@@ -17,8 +17,8 @@ fn stepped_sine_runs_on_without_jumps() {
     let steepest = 10.0 * TAU * 25.0 / 1000.0;
     assert!(loads.windows(2).all(|pair| (pair[1] - pair[0]).abs() <= steepest * 1.001));
     assert_eq!((loads[0], *loads.last().unwrap()), (0.0, 0.0));
-    let crest = loads.iter().fold(0.0_f64, |crest, load| crest.max(load.abs()));
-    assert!((crest - 10.0).abs() < 1e-3);
+    let peak = loads.iter().fold(0.0_f64, |peak, load| peak.max(load.abs()));
+    assert!((peak - 10.0).abs() < 1e-3);
     let windows: Vec<_> = profile.windows().collect();
     assert_eq!(windows.len(), 11);
     assert_eq!((windows[0].frequency_hz, windows[10].frequency_hz), (20.0, 25.0));
@@ -68,9 +68,9 @@ fn fit_finds_amplitude_and_phase_beside_another_mode() {
 }
 
 #[test]
-fn says_what_cannot_be_played() {
+fn says_why_an_excitation_can_t_be_played() {
     let says = |spec: ExcitationSpec, rate_hz| Profile::new(&spec, rate_hz).unwrap_err().to_string();
-    insta::assert_snapshot!(says(force(STEPPED), 40.0), @"excitation: 25 Hz can't be told at 40 samples a second: it must be below half of that");
+    insta::assert_snapshot!(says(force(STEPPED), 40.0), @"excitation: 25 Hz is too high for 40 samples a second: it must be below half of that");
     let short = Waveform::Dwell { frequency_hz: 20.0, duration_s: 1.0, settle_s: 0.8 };
     insta::assert_snapshot!(says(force(short), 1000.0), @"excitation: a step of 1.000 s leaves no time to read its response after settling (0.8 s) and the ramps (0.5 s): make the step longer or the others shorter");
     let negative = Waveform::Dwell { frequency_hz: -20.0, duration_s: 1.0, settle_s: 0.0 };
@@ -93,7 +93,7 @@ fn reads_from_toml_and_names_unknown_keys() {
     );
 }
 
-/// Every step is kept ready: as many as would fill the memory are an error.
+/// Every step is stored: so many that they would fill the memory are an error.
 #[test]
 fn a_staircase_has_a_bound() {
     let stepped =
@@ -104,7 +104,7 @@ fn a_staircase_has_a_bound() {
     assert_eq!(Profile::new(&stepped(100_000), 1000.0).unwrap().windows().count(), 100_000);
 }
 
-/// A list is played in its order, each sine in whole periods, and read as the steps of a stepped sine are.
+/// A list is played in its order, each sine in whole periods, and read like the steps of a stepped sine.
 #[test]
 fn a_list_of_sines_is_played_in_its_order() {
     let list = |frequencies_hz| force(Waveform::SineList { frequencies_hz, dwell_s: 2.0, settle_s: 0.6 });
@@ -115,5 +115,5 @@ fn a_list_of_sines_is_played_in_its_order() {
     let refusal = |frequencies_hz| Profile::new(&list(frequencies_hz), 1000.0).unwrap_err().to_string();
     insta::assert_snapshot!(refusal(vec![]), @"excitation: `frequencies_hz` is 0: it must be from 1 to 100000");
     insta::assert_snapshot!(refusal(vec![20.0, -1.0]), @"excitation: `frequencies_hz` is -1: it must be a positive number");
-    insta::assert_snapshot!(refusal(vec![20.0, 500.0]), @"excitation: 500 Hz can't be told at 1000 samples a second: it must be below half of that");
+    insta::assert_snapshot!(refusal(vec![20.0, 500.0]), @"excitation: 500 Hz is too high for 1000 samples a second: it must be below half of that");
 }

@@ -1,4 +1,4 @@
-//! The shapes in time that there are.
+//! The waveforms.
 
 use alloc::string::String;
 use alloc::vec::Vec;
@@ -8,12 +8,12 @@ use serde::{Deserialize, Serialize};
 use super::spec::{not_negative, positive};
 use super::{ExcitationError, LoadFile, Spectrum};
 
-/// Most frequencies of a stepped sine: each is kept ready to be played.
+/// Most frequencies of a stepped sine: each is stored.
 const MOST_STEPS: f64 = 1e5;
-/// Most periods: none is kept, but their samples are counted.
+/// Most periods: they are not stored, but their samples are counted.
 const MOST_PERIODS: u32 = 1_000_000;
 
-/// A shape in time, with a crest of 1.
+/// A shape in time, with a peak of 1.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(tag = "waveform", rename_all = "kebab-case", deny_unknown_fields)]
 pub enum Waveform {
@@ -26,7 +26,7 @@ pub enum Waveform {
         /// How long to wait before the response is read, s.
         settle_s: f64,
     },
-    /// A staircase of sines; every step is whole periods long, so that the phase runs on.
+    /// A staircase of sines; every step is whole periods long, so that the phase is continuous.
     SteppedSine {
         /// Frequency of the first step, Hz, positive.
         from_hz: f64,
@@ -39,7 +39,7 @@ pub enum Waveform {
         /// How much of each step to wait before its response is read, s.
         settle_s: f64,
     },
-    /// A staircase of sines at frequencies of one's own; as in a stepped sine, every step is whole periods long.
+    /// A staircase of sines at listed frequencies; as in a stepped sine, every step is whole periods long.
     SineList {
         /// The frequencies, Hz, positive, in the order in which they are played; from 1 to 100000 of them.
         frequencies_hz: Vec<f64>,
@@ -48,7 +48,7 @@ pub enum Waveform {
         /// How much of each step to wait before its response is read, s.
         settle_s: f64,
     },
-    /// A sine whose frequency runs from one to the other.
+    /// A sine whose frequency sweeps from one value to another.
     SweptSine {
         /// Frequency at the start, Hz, positive.
         from_hz: f64,
@@ -56,19 +56,19 @@ pub enum Waveform {
         to_hz: f64,
         /// Length, s, positive.
         duration_s: f64,
-        /// How the frequency runs.
+        /// The law of the sweep.
         #[serde(default)]
         law: SweepLaw,
     },
-    /// A half-sine pulse, as of an impact hammer, and silence after it.
+    /// A half-sine pulse, like an impact hammer's, and silence after it.
     Impulse {
         /// Length of the pulse, s, positive.
         pulse_s: f64,
         /// Length of pulse and silence together, s, at least `pulse_s`.
         duration_s: f64,
     },
-    /// Gaussian noise in a band, of a flat spectrum unless another is given. Of its samples the largest is the crest,
-    /// about 4 to 5 times their root mean square.
+    /// Gaussian noise in a band, of a flat spectrum unless another is given. Its largest sample is the peak,
+    /// about 4 to 5 times the root mean square.
     Random {
         /// Lowest frequency, Hz, positive.
         from_hz: f64,
@@ -122,15 +122,15 @@ pub enum Waveform {
     },
     /// Loads from a CSV file: a line for every sample, or time and load.
     File {
-        /// The file, from the folder of the scenario.
+        /// The file, relative to the folder of the scenario.
         path: String,
-        /// What is in it. Text has no such key: who reads the scenario reads the file as well.
+        /// Its content. Scenario text has no such key: reading a scenario file also reads this file.
         #[serde(skip)]
         load: Option<LoadFile>,
     },
 }
 
-/// How the frequency of a swept sine runs from `from_hz`, f0, to `to_hz`, f1, over `duration_s`, T.
+/// The frequency of a swept sine from `from_hz`, f0, to `to_hz`, f1, over `duration_s`, T.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "kebab-case")]
 pub enum SweepLaw {
@@ -145,10 +145,10 @@ pub enum SweepLaw {
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "kebab-case")]
 pub enum Phases {
-    /// Evenly distributed over the circle, from the seed: as noise, with a crest factor of about 3 to 4.
+    /// Evenly distributed over the circle, from the seed: like noise, with a peak factor of about 3 to 4.
     #[default]
     Random,
-    /// −π j (j − 1)/J of the j-th of J sines, as a sweep in each period, with a crest factor of about 1.7 (M. R.
+    /// −π j (j − 1)/J of the j-th of J sines, like a sweep in each period, with a peak factor of about 1.7 (M. R.
     /// Schroeder, "Synthesis of Low-Peak-Factor Signals and Binary Sequences With Low Autocorrelation", IEEE Trans.
     /// Inf. Theory 16 (1970)).
     Schroeder,
@@ -165,7 +165,7 @@ impl Waveform {
         }
     }
 
-    /// How long each sine is at least, s; `None` where no response is read.
+    /// The least length of each sine, s; `None` where no response is read.
     pub fn dwell_s(&self) -> Option<f64> {
         match self {
             Waveform::Dwell { duration_s: dwell_s, .. }
@@ -175,7 +175,7 @@ impl Waveform {
         }
     }
 
-    /// Checks the numbers; the highest frequency in it, Hz.
+    /// Checks the numbers; returns the highest frequency, Hz.
     pub(super) fn check(&self) -> Result<f64, ExcitationError> {
         match *self {
             Waveform::Dwell { frequency_hz, duration_s, settle_s } => {
@@ -241,7 +241,7 @@ impl Waveform {
     }
 }
 
-/// Checks a band; its highest frequency, Hz.
+/// Checks a band; returns its highest frequency, Hz.
 fn band(from_hz: f64, to_hz: f64) -> Result<f64, ExcitationError> {
     positive("from_hz", from_hz)?;
     positive("to_hz", to_hz)?;

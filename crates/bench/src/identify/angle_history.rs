@@ -1,21 +1,21 @@
-//! The joints' angles over time from what the accelerometers read: double integration, then the inverse kinematics.
+//! The joints' angles over time from the accelerometers' readings: double integration, then inverse kinematics.
 //!
-//! So the angles of the arm's measured motion were found: "the acceleration signals were integrated twice to obtain the
-//! point displacements, and then the angular displacements of the links were calculated using the kinematics equations"
-//! (P. Gierlak, J. Warmiński, "Analysis of Bifurcation Vibrations of an Industrial Robot Arm System with Joints
-//! Compliance", *Appl. Sci.* 2023, 13, 11941).
+//! The paper finds the angles of the measured motion in the same way: "the acceleration signals were integrated twice
+//! to obtain the point displacements, and then the angular displacements of the links were calculated using the
+//! kinematics equations" (P. Gierlak, J. Warmiński, "Analysis of Bifurcation Vibrations of an Industrial Robot Arm
+//! System with Joints Compliance", *Appl. Sci.* 2023, 13, 11941).
 //!
 //! A link of length l that turns by θ moves its end, against its start, by l sin θ across its rest position and by −l
-//! (1 − cos θ) along it. With g the high-pass of the [double integration](super::Integration) and d the displacement
-//! that it gives, the part across is
+//! (1 − cos θ) along it. With g the high-pass of the [double integration](super::Integration) and d its displacement,
+//! the component across is
 //!
 //! ```text
 //! d·t/l = g[sin θ]     so that, as g[θ] = θ,     θ = d·t/l + g[θ − sin θ]
 //! ```
 //!
 //! t the unit vector across. Each round gains a factor of θ²/2. Link 1 ends at B and has turned by α1; link 2 goes from
-//! there to C and has turned by α1 + α2. A mean θ0, which no accelerometer tells, matters only in θ0²; that is why
-//! nothing is taken from the part along a link, where it matters in θ0. That part, g[l (1 − cos θ)], says whether the
+//! there to C and has turned by α1 + α2. A mean θ0, which no accelerometer shows, matters only in θ0²; therefore the
+//! component along a link, where it matters in θ0, is not used. That component, g[l (1 − cos θ)], shows whether the
 //! readings are those of two rigid links.
 
 use alloc::vec::Vec;
@@ -28,15 +28,15 @@ use super::{CHANNELS, IdentifyError};
 use crate::rig::{Converter, RigSpec};
 use resonarm_dynamics::arm::Arm;
 
-/// Length of each end, in periods of the corner: by then about 1e-5 is left of how a record begins and ends.
+/// Length of each end, in periods of the corner: by then about 1e-5 is left of the effects of the record's ends.
 const END_PERIODS: f64 = 4.0;
-/// Largest angle, rad: the rounds come to an end well below π/2.
+/// Largest angle, rad: the rounds converge well below π/2.
 const LARGEST_RAD: f64 = 1.0;
-/// Rounds go on until an angle changes by less than this, rad, or so many were made: enough for a factor of 1/2.
+/// Rounds end when no angle changes by more than this, rad, or after [`MOST_ROUNDS`], enough for a factor of 1/2.
 const CHANGE_RAD: f64 = 1e-13;
 const MOST_ROUNDS: usize = 40;
 
-/// How angles are found from accelerations.
+/// Settings of the angles from accelerations.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct AngleSettings {
     /// How the accelerations are integrated twice.
@@ -45,19 +45,19 @@ pub struct AngleSettings {
     /// (f/f0)⁴)⁻³: 0.875 at f0, 0.9998 at twice f0.
     pub from_hz: f64,
     /// Whether the arm was at rest before the first reading, and the accelerometers read no gravity. Then the beginning
-    /// is told as well.
+    /// has angles, too.
     pub starts_at_rest: bool,
 }
 
 /// The joints' angles over a stretch of a record.
 #[derive(Clone, Debug, PartialEq)]
 pub struct AngleHistory {
-    /// The first reading that has angles. Where a record begins and ends, four periods of the corner have none, as the
-    /// integration knows nothing of what was before and after; only the beginning from rest is told.
+    /// The first reading that has angles. At its ends, four periods of the corner have none, as the motion before and
+    /// after the record is unknown; only a beginning from rest has them.
     pub first: usize,
-    /// α1 and α2 at each reading from there on, rad, but for what is slower than the corner: their means are zero.
+    /// α1 and α2 at each reading from there on, rad, without components below the corner: their means are zero.
     pub alpha_rad: Vec<[f64; 2]>,
-    /// Standard deviations of each, rad, by the instruments' white noise; 0 of ideal instruments.
+    /// Standard deviations of each, rad, by the instruments' white noise; 0 for ideal instruments.
     pub deviation_rad: Vec<[f64; 2]>,
     /// Displacements along the links that their turning does not explain, root mean square.
     pub residual: Residual,
@@ -73,23 +73,23 @@ impl AngleHistory {
     }
 }
 
-/// What rigid links leave of the displacements along them, root mean square over both.
+/// The residual of the displacements along rigid links, root mean square over both.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Residual {
-    /// Over what the instruments' noise leaves; `None` of ideal instruments. About 1 if the readings are those of the
-    /// arm and the vibration is weak.
+    /// Over the residual of the instruments' noise; `None` for ideal instruments. About 1 if the readings are those of
+    /// the arm and the vibration is weak.
     pub over_noise: Option<f64>,
-    /// Over the displacements across the links. Of strong vibration it is about as much as the mean angles, rad.
+    /// Over the displacements across the links. In strong vibration it is about as large as the mean angles, rad.
     pub over_displacement: f64,
 }
 
 /// The angles behind the accelerations of B and C along x and y, m/s², read `rate_hz` times a second by the instruments
-/// of `rig` on `arm`, whose converters' droop is taken out. None may be clipped. The rest of the instruments' chains is
-/// not undone.
+/// of `rig` on `arm`, whose converters' droop is corrected. None may be clipped. The rest of the instruments' chains is
+/// not corrected.
 ///
 /// # Errors
-/// [`IdentifyError`] if the corner is none of the record, the record has no more than its ends, a reading is no number,
-/// or the angles are beyond 1 rad.
+/// [`IdentifyError`] if the corner is outside the record's band, the record consists only of its ends, a reading is not
+/// finite, or the angles exceed 1 rad.
 pub fn joint_angles(
     arm: &Arm,
     rate_hz: f64,
@@ -119,7 +119,7 @@ pub fn joint_angles(
     })
 }
 
-/// First reading with angles, the first behind the last, and how many readings an end has.
+/// First reading with angles, the first after the last, and the readings of an end.
 fn stretch(readings: &[[f64; CHANNELS]], rate_hz: f64, settings: AngleSettings) -> Result<[usize; 3], IdentifyError> {
     let AngleSettings { from_hz, starts_at_rest, .. } = settings;
     if !(from_hz > 0.0 && from_hz < 0.5 * rate_hz) {
@@ -138,8 +138,8 @@ fn stretch(readings: &[[f64; CHANNELS]], rate_hz: f64, settings: AngleSettings) 
     Ok([first as usize, samples - end as usize, end as usize])
 }
 
-/// The accelerations of a point, without the droop of the converters. Unless there was rest before, their mean is taken
-/// out: silence before and after a record would make a step of it.
+/// The accelerations of a point, without the droop of the converters. Unless there was rest before, their mean is
+/// removed: with the silence around the record it would be a step.
 fn accelerations(
     readings: &[[f64; CHANNELS]],
     channel: usize,
@@ -176,7 +176,7 @@ fn turns(integrator: &Integrator, across: &[Pair]) -> Result<Vec<Pair>, Identify
     Ok(turns)
 }
 
-/// θ − sin θ; of small angles the rounding, 1e-16 θ, is less than any noise.
+/// θ − sin θ; for small angles the rounding, 1e-16 θ, is below any noise.
 fn less_sin(turn: f64) -> f64 {
     turn - libm::sin(turn)
 }
@@ -217,7 +217,7 @@ impl Links {
         (part(&self.across), part(&self.along))
     }
 
-    /// Standard deviations of α1 and α2, rad, of displacements of B and C with these, m, along x and y alike and
+    /// Standard deviations of α1 and α2, rad, from those of the displacements of B and C, m, equal along x and y and
     /// independent.
     ///
     /// From l sin θ = d·t follows δθ = t·δd/(l cos θ). With s = t/(l cos θ) of each link, δα1 = s1·δB and
@@ -233,8 +233,8 @@ impl Links {
         [b * s1.norm(), libm::hypot(c * s2.norm(), b * (s1 + s2).norm())]
     }
 
-    /// What is left along the links, over the lengths, against displacements across. By noise it is σ_B² of link 1 and
-    /// σ_B² + σ_C² of link 2.
+    /// The residual along the links, over the lengths, given the displacements across. By noise it is σ_B² for link 1
+    /// and σ_B² + σ_C² for link 2.
     fn residual(&self, left: &[Pair], across: &[Pair], noise_m: [f64; 2]) -> Residual {
         let [l1, l2] = self.length_m;
         let mean_square = |values: &[Pair]| {

@@ -43,11 +43,12 @@ struct Run {
     from_hz: f64,
 }
 
-/// Plays a load, a function of the time; the readings of sample 0 are left out, as they are of no middle of a hold.
+/// Plays a load, a function of the time; the readings of sample 0 are left out, as they don't belong to the middle of a
+/// hold.
 fn run(spec: &PlantSpec, samples: usize, load: impl Fn(f64) -> Load) -> Run {
     let mut plant = Plant::new(spec).unwrap();
     let arm = Arm::new(spec.parameters, spec.pose).unwrap();
-    // A reading is of the middle of a hold that began so many holds before the last.
+    // A reading belongs to the middle of a hold that began this many holds before the last.
     let late = spec.rig.converter.holds_late();
     let (mut readings, mut alpha_rad) = (Vec::new(), alloc::vec![spec.initial.alpha_rad.into(); late]);
     plant.measure();
@@ -81,8 +82,8 @@ fn dwell(hz: f64, torque1_nm: f64) -> impl Fn(f64) -> Load {
     move |t_s| Load { torque_nm: [torque1_nm * libm::sin(TAU * hz * t_s), 0.0].into(), ..Load::default() }
 }
 
-/// The angles less what is slow: a running mean with Gaussian weights, 0.06 s of standard deviation, which takes 1e-15
-/// of 22 Hz.
+/// The angles less their slow part: a running mean with Gaussian weights, 0.06 s of standard deviation, which takes
+/// 1e-15 of 22 Hz.
 fn without_slow(alpha_rad: &[[f64; 2]]) -> Vec<[f64; 2]> {
     let reach: isize = 360;
     let weight = |lag: isize| libm::exp(-0.5 * (lag as f64 / 60.0) * (lag as f64 / 60.0));
@@ -96,7 +97,7 @@ fn largest(alpha_rad: &[[f64; 2]], joint: usize) -> f64 {
     alpha_rad.iter().fold(0.0, |largest, alpha| largest.max(alpha[joint].abs()))
 }
 
-/// The angles, and zeros where there are none before.
+/// The angles, with zeros before the first.
 fn padded(found: &AngleHistory) -> Vec<[f64; 2]> {
     let mut padded = alloc::vec![[0.0; 2]; found.first];
     padded.extend(&found.alpha_rad);
@@ -116,7 +117,7 @@ fn difference(found: &AngleHistory, expected: &[[f64; 2]]) -> f64 {
 
 /// Weak and strong vibration near the first resonance, with ideal instruments.
 #[test]
-fn ideal_readings_tell_the_angles() {
+fn ideal_readings_give_the_angles() {
     for beta2_deg in [60.0, 120.0] {
         let arm = Arm::new(spec(beta2_deg, 0).parameters, spec(beta2_deg, 0).pose).unwrap();
         let hz = analysis::modes(&arm)[0].frequency_hz;
@@ -137,7 +138,7 @@ fn ideal_readings_tell_the_angles() {
     }
 }
 
-/// A beginning from rest is told from the first reading on; one that is none is left out, as is the end.
+/// A beginning from rest has angles from the first reading on; any other beginning is left out, as is the end.
 #[test]
 fn ends_are_left_out_but_a_beginning_from_rest() {
     let run = run(&ideal(spec(60.0, 0)), 4000, dwell(24.0, 20.0));
@@ -148,7 +149,7 @@ fn ends_are_left_out_but_a_beginning_from_rest() {
         assert_eq!((found.first, found.alpha_rad.len()), (ends, 4000 - 2 * ends));
         let found = run.angles(AngleSettings { starts_at_rest: true, ..settings }).unwrap();
         assert_eq!((found.first, found.alpha_rad.len()), (0, 4000 - ends));
-        // What a sudden start has below the corner is not told: it is little.
+        // The small part of a sudden start below the corner is missing.
         let off = difference(&found, &run.alpha_rad);
         assert!(off < 1e-2, "{integration:?}: {off}");
     }
@@ -185,7 +186,7 @@ fn stated_deviations_are_those_over_seeds() {
     }
 }
 
-/// Of the arm's own states the angles are right within three deviations, but for what chance leaves beyond.
+/// The angles agree with the arm's states within three deviations, except as often as chance allows.
 #[test]
 fn angles_are_those_of_the_states_within_their_deviations() {
     let run = run(&spec(60.0, 7), 6000, dwell(24.0, 40.0));
@@ -202,16 +203,16 @@ fn angles_are_those_of_the_states_within_their_deviations() {
     }
 }
 
-/// Gravity in the readings is an offset, and a faulty instrument is told by the residual.
+/// Gravity in the readings is an offset, and the residual shows a faulty instrument.
 #[test]
-fn gravity_is_left_out_and_contradictions_are_told() {
+fn gravity_is_left_out_and_contradictions_are_reported() {
     let mut heavy = spec(60.0, 1);
     heavy.rig.accelerometer_b.gravity_m_s2 = Some(9.80665);
     let (plain, heavy) = (run(&spec(60.0, 1), 4000, dwell(24.0, 40.0)), run(&heavy, 4000, dwell(24.0, 40.0)));
     let found = heavy.angles(heavy.settings(Integration::Frequency)).unwrap();
     let expected = plain.angles(plain.settings(Integration::Frequency)).unwrap();
     let off = difference(&found, &padded(&expected));
-    // The counts of B fall otherwise by a part of 0.05 m/s².
+    // The counts of B differ by a fraction of 0.05 m/s².
     assert!(off < 1e-2, "{off}");
     assert!((0.5..2.0).contains(&found.residual.over_noise.unwrap()), "{:?}", found.residual);
     let mut weak = spec(60.0, 1);
@@ -222,7 +223,7 @@ fn gravity_is_left_out_and_contradictions_are_told() {
 }
 
 #[test]
-fn says_what_has_no_angles() {
+fn says_why_there_are_no_angles() {
     let mut run = run(&spec(60.0, 0), 1000, dwell(24.0, 1.0));
     let says = |run: &Run, from_hz| {
         let settings = AngleSettings { from_hz, ..run.settings(Integration::Time) };
@@ -237,7 +238,7 @@ fn says_what_has_no_angles() {
     let error = run.angles(run.settings(Integration::Frequency)).unwrap_err();
     assert!(matches!(error, IdentifyError::TooLarge { most_rad: 1.0, .. }), "{error}");
     let error = IdentifyError::TooLarge { angle_rad: 16.25, most_rad: 1.0 };
-    insta::assert_snapshot!(error, @"the displacements are those of angles of 16.250 rad, and more than 1 rad is no vibration of the arm: look at the readings, or raise the lower corner");
+    insta::assert_snapshot!(error, @"the displacements give angles of up to 16.250 rad, too large for a vibration of the arm (more than 1 rad): check the readings, or raise the lower corner");
     run.readings[17][2] = f64::NAN;
-    insta::assert_snapshot!(says(&run, 20.0), @"reading 17, counted from 0, has an acceleration that is no finite number: no instrument reads such");
+    insta::assert_snapshot!(says(&run, 20.0), @"reading 17, counted from 0, has an acceleration that is not a finite number");
 }

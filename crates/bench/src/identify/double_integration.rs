@@ -1,24 +1,25 @@
 //! Displacements from accelerations: double integration above a lower corner.
 //!
-//! Both ways share one high-pass of phase zero. Butterworth's of second order, run forward and backward, has the gain
-//! H(f) = 1/(1 + (f0/f)⁴) with the corner f0. What it takes away is filtered again, and what passes is added, twice:
-//! what is taken is then (1 − H)³, and the gain
+//! Both methods share one zero-phase high-pass. Butterworth's of second order, run forward and backward, has the gain
+//! H(f) = 1/(1 + (f0/f)⁴) with the corner f0. The part it removes is filtered again, and the part that passes is added,
+//! twice: (1 − H)³ is then removed, and the gain is
 //!
 //! ```text
 //! g(f) = 1 − (1 − H)³ = 1 − (1 + (f/f0)⁴)⁻³      0.875 at f0, 0.9998 at 2 f0
 //! ```
 //!
 //! In the frequency domain the transform of the record, with silence before and after it, is multiplied by −g/ω², which
-//! is zero at ω = 0. In the time domain the filter runs by the bilinear transform, of which tan(πf/rate) takes the
-//! place of f in H, and the accelerations are integrated by the formula of Numerov (B. V. Noumerov, "A method of
+//! is zero at ω = 0. In the time domain the filter runs by the bilinear transform, which replaces f in H by
+//! tan(πf/rate), and the accelerations are integrated by the formula of Numerov (B. V. Noumerov, "A method of
 //! extrapolation of perturbations", Mon. Not. R. Astron. Soc. 84 (1924)),
 //!
 //! ```text
 //! x(n+1) − 2 x(n) + x(n−1) = (a(n+1) + 10 a(n) + a(n−1))/(12 rate²)
 //! ```
 //!
-//! which is right to (ω/rate)⁴/240, where trapezia are to (ω/rate)²/6. The filter run forward has the factor (1 −
-//! z⁻¹)², by which the integration divides: taken together they are one stable section, and no error grows with time.
+//! with an error of (ω/rate)⁴/240, against (ω/rate)²/6 of the trapezoidal rule. The filter run forward has the factor
+//! (1 − z⁻¹)², by which the integration divides: taken together they are one stable section, and no error grows with
+//! time.
 
 use alloc::vec::Vec;
 use core::f64::consts::{PI, SQRT_2, TAU};
@@ -27,10 +28,10 @@ use nalgebra::Complex;
 
 use resonarm_numeric::dft::Fft;
 
-/// Two signals, as those along x and y, in one complex one; every operation here acts on both alike.
+/// Two signals, such as those along x and y, as one complex one; every operation here acts equally on both.
 pub(super) type Pair = Complex<f64>;
 
-/// How accelerations are integrated twice.
+/// The method of double integration.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub enum Integration {
     /// In the frequency domain: the transform of the whole record, over −ω².
@@ -45,7 +46,7 @@ pub(super) struct Integrator {
     way: Way,
     rate_hz: f64,
     corner_hz: f64,
-    /// Lines of the transform of the record and of the silence behind it.
+    /// Lines of the transform of the record and the silence after it.
     lines: usize,
 }
 
@@ -55,8 +56,8 @@ enum Way {
 }
 
 impl Integrator {
-    /// Prepares for `samples` samples with a corner above 0 and below half the rate; behind a record `silence` samples
-    /// are taken as zero, and as many before it.
+    /// Prepares for `samples` samples with a corner above 0 and below half the rate; `silence` samples before and after
+    /// a record count as zero.
     pub fn new(integration: Integration, samples: usize, silence: usize, rate_hz: f64, corner_hz: f64) -> Integrator {
         let fft = Fft::at_least(samples + silence);
         let lines = fft.length();
@@ -70,7 +71,7 @@ impl Integrator {
         Integrator { way, rate_hz, corner_hz, lines }
     }
 
-    /// The displacements, m, of accelerations, m/s²: what g leaves of them.
+    /// The displacements, m, of accelerations, m/s², filtered by g.
     pub fn displacements(&self, accelerations: &[Pair]) -> Vec<Pair> {
         match &self.way {
             Way::Frequency(fft) => self.weighted(fft, accelerations, |hz| -self.gain_s2(hz)),
@@ -82,7 +83,7 @@ impl Integrator {
         }
     }
 
-    /// What g leaves of any signals.
+    /// Any signals filtered by g.
     pub fn passed(&self, values: &[Pair]) -> Vec<Pair> {
         match &self.way {
             Way::Frequency(fft) => self.weighted(fft, values, |hz| gain(fourth(hz / self.corner_hz))),
@@ -95,9 +96,9 @@ impl Integrator {
 
     /// Standard deviation of a displacement over that of white noise in the accelerations, s².
     ///
-    /// A filter of gain G makes from white noise of the variance σ² one of σ² times the mean of |G|² over all lines up
-    /// to the sample rate. Here G is g/ω², or g times Numerov's formula: σ_x² = σ_a² mean(g²/ω⁴). The lines about the
-    /// corner give nearly all of it.
+    /// A filter of gain G multiplies the variance σ² of white noise by the mean of |G|² over all lines up to the sample
+    /// rate. Here G is g/ω², or g times Numerov's formula: σ_x² = σ_a² mean(g²/ω⁴). The lines around the corner
+    /// contribute nearly all of it.
     pub fn noise_gain_s2(&self) -> f64 {
         let half = self.lines / 2;
         let both_signs = |k: usize| if k == half { 1.0 } else { 2.0 };
@@ -140,7 +141,7 @@ impl Integrator {
 /// small.
 fn gain(ratio4: f64) -> f64 {
     let t = 1.0 / (1.0 + ratio4);
-    // Of a ratio without bound everything passes.
+    // An infinite ratio passes unchanged.
     let h = if t > 0.5 { ratio4 * t } else { 1.0 - t };
     h * (1.0 + t + t * t)
 }
@@ -177,7 +178,7 @@ impl Section {
         Section { b: [b, 10.0 * b, b], a: highpass.a }
     }
 
-    /// What it makes of the values, in place, after silence.
+    /// Filters the values in place, starting from silence.
     fn run<'a>(&self, values: impl Iterator<Item = &'a mut Pair>) {
         let ([b0, b1, b2], [a1, a2]) = (self.b, self.a);
         let mut s = [Pair::new(0.0, 0.0); 2];
@@ -201,7 +202,7 @@ fn backward(section: Section, mut values: Vec<Pair>) -> Vec<Pair> {
     values
 }
 
-/// What a high-pass run forward and backward takes away.
+/// The part that a high-pass run forward and backward removes.
 fn taken(passing: Section, values: &[Pair]) -> Vec<Pair> {
     let mut taken = backward(passing, forward(passing, values));
     taken.iter_mut().zip(values).for_each(|(passed, all)| *passed = all - *passed);
@@ -240,7 +241,7 @@ mod tests {
                     integrator.displacements(&(0..4000).map(|n| -turn(n) * (omega * omega)).collect::<Vec<_>>());
                 let passed = integrator.passed(&(0..4000).map(turn).collect::<Vec<_>>());
                 let expected = 1.0 - 1.0 / libm::pow(1.0 + fourth(hz / CORNER_HZ), 3.0);
-                // At 120 Hz Numerov's formula is right to 1.4e-3, and the bilinear transform bends the corner a little.
+                // At 120 Hz Numerov's formula is exact to 1.4e-3, and the bilinear transform bends the corner a little.
                 let close = if integration == Integration::Time { 1.5e-3 * fourth(hz / 120.0) + 2e-4 } else { 1e-5 };
                 for n in 1000..3000 {
                     for found in [displacements[n], passed[n]] {
@@ -252,7 +253,7 @@ mod tests {
         }
     }
 
-    /// Against the filter itself at work on an impulse: Σ of its squared response.
+    /// Against the filter's impulse response: Σ of its squares.
     #[test]
     fn the_noise_gain_is_that_of_the_filter() {
         for integration in WAYS {

@@ -1,4 +1,4 @@
-//! Readings without the droop of the converters that made them.
+//! Readings corrected for the droop of their converters.
 //!
 //! With y = ωT/2 and s = sin² y a converter of order N has the gain (sin y/y)ᴺ ([`Converter::gain`]). Its inverse is a
 //! power series in s,
@@ -8,8 +8,8 @@
 //! ```
 //!
 //! and −4s is the factor 2 cos ωT − 2 of the second difference δ²x = x(n+1) − 2 x(n) + x(n−1). So Σ aₖ (−δ²/4)ᵏ, summed
-//! by Horner's rule, undoes the gain without a delay. Of order 5 the terms left out have 2·10⁻⁷ at a tenth of the
-//! sample rate, and 10⁻⁴ at a fifth.
+//! by Horner's rule, undoes the gain without a delay. At order 5 the omitted terms are 2·10⁻⁷ at a tenth of the sample
+//! rate, and 10⁻⁴ at a fifth.
 
 use alloc::vec::Vec;
 
@@ -66,7 +66,7 @@ mod tests {
     }
 
     #[test]
-    fn a_sine_comes_out_as_it_went_in() {
+    fn a_sine_is_restored() {
         let converter = Converter::Sinc5;
         let sine = |n: usize| libm::sin(core::f64::consts::TAU * 0.06 * n as f64);
         let read: Vec<Pair> = (0..200).map(|n| Pair::new(converter.gain(0.06) * sine(n), 0.0)).collect();

@@ -1,14 +1,14 @@
-//! What can't be identified.
+//! Errors of identification.
 
 use thiserror::Error;
 
 use resonarm_numeric::number::{rounded, short};
 
-/// Why a record tells nothing.
+/// Why a record can't be identified.
 #[derive(Clone, Copy, Debug, PartialEq, Error)]
 #[non_exhaustive]
 pub enum IdentifyError {
-    /// The band is no band of the record.
+    /// The band is not within the record's.
     #[error("the band from {from_hz} to {to_hz} Hz must rise, from above 0 to below half the sample rate, {rate_hz} Hz", from_hz = short(.from_hz), to_hz = short(.to_hz), rate_hz = short(.rate_hz))]
     Band {
         /// Its lowest frequency, Hz.
@@ -18,12 +18,12 @@ pub enum IdentifyError {
         /// The sample rate, Hz.
         rate_hz: f64,
     },
-    /// Too few samples for what is asked.
+    /// Too few samples for the request.
     #[error("the record has {samples} samples where {least} are needed: record for longer")]
     TooShort {
-        /// What there is.
+        /// The samples of the record.
         samples: usize,
-        /// What would do.
+        /// The samples needed.
         least: usize,
     },
     /// The head reads nothing but its own noise.
@@ -41,7 +41,7 @@ pub enum IdentifyError {
         /// Highest frequency of the band, Hz.
         to_hz: f64,
     },
-    /// Nothing resonates.
+    /// There is no resonance.
     #[error("there is no resonance from {from_hz} to {to_hz} Hz: widen the band, or record for longer", from_hz = short(.from_hz), to_hz = short(.to_hz))]
     NoResonance {
         /// Lowest frequency of the band, Hz.
@@ -54,18 +54,18 @@ pub enum IdentifyError {
         "{samples} samples have a reading beyond the range of its sensor: lower the force, or give the sensor more range"
     )]
     Clipped {
-        /// How many.
+        /// Their number.
         samples: usize,
     },
-    /// A segment or period that the record has no room for.
-    #[error("a segment of {segment} samples has to have from 16 samples to as many as the record, {samples}")]
+    /// A segment or period longer than the record, or too short.
+    #[error("a segment has {segment} samples: it must have from 16 to as many as the record, {samples}")]
     Segment {
         /// Its samples.
         segment: usize,
         /// Samples of the record.
         samples: usize,
     },
-    /// No lower corner of a double integration.
+    /// An invalid lower corner of a double integration.
     #[error("the lower corner, {from_hz} Hz, must be above 0 and below half the sample rate, {rate_hz} Hz", from_hz = short(.from_hz), rate_hz = short(.rate_hz))]
     Corner {
         /// The corner, Hz.
@@ -76,27 +76,25 @@ pub enum IdentifyError {
     /// A record that ends before a double integration has settled.
     #[error("the record has {samples} samples where {least} are needed for angles from {from_hz} Hz on: record for longer, or raise the lower corner", least = rounded(.least, 0), from_hz = rounded(.from_hz, 3))]
     NoMiddle {
-        /// What there is.
+        /// The samples of the record.
         samples: usize,
-        /// What would do.
+        /// The samples needed.
         least: f64,
         /// The corner, Hz.
         from_hz: f64,
     },
-    /// A reading that is no number.
-    #[error(
-        "reading {reading}, counted from 0, has an acceleration that is no finite number: no instrument reads such"
-    )]
+    /// A reading that is not a finite number.
+    #[error("reading {reading}, counted from 0, has an acceleration that is not a finite number")]
     NotFinite {
         /// Its index.
         reading: usize,
     },
-    /// Angles beyond what the inverse kinematics are made for.
-    #[error("the displacements are those of angles of {angle_rad} rad, and more than {most_rad} rad is no vibration of the arm: look at the readings, or raise the lower corner", angle_rad = rounded(.angle_rad, 3), most_rad = short(.most_rad))]
+    /// Angles too large for the inverse kinematics.
+    #[error("the displacements give angles of up to {angle_rad} rad, too large for a vibration of the arm (more than {most_rad} rad): check the readings, or raise the lower corner", angle_rad = rounded(.angle_rad, 3), most_rad = short(.most_rad))]
     TooLarge {
         /// The largest angle, rad.
         angle_rad: f64,
-        /// The largest that is found, rad.
+        /// The largest allowed, rad.
         most_rad: f64,
     },
 }

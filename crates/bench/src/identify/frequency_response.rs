@@ -1,4 +1,4 @@
-//! Frequency responses as a bench analyser averages them.
+//! Frequency responses, averaged as by a bench analyser.
 
 use alloc::vec::Vec;
 use core::f64::consts::PI;
@@ -8,26 +8,26 @@ use nalgebra::Complex;
 use super::{Band, CHANNELS, IdentifyError, Record};
 use resonarm_numeric::dft::Lines;
 
-/// How a record is averaged.
+/// The averaging of a record.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Averaging {
-    /// Segments of so many samples, a Hann window each, half overlapping (P. D. Welch, "The Use of Fast Fourier
+    /// Segments of this many samples with a Hann window, half overlapping (P. D. Welch, "The Use of Fast Fourier
     /// Transform for the Estimation of Power Spectra", IEEE Trans. Audio Electroacoust. 15 (1967)): for noise and
-    /// sweeps. A resonance narrower than two lines comes out lower and wider than it is.
+    /// sweeps. A resonance narrower than two lines comes out too low and too wide.
     Welch(usize),
-    /// Periods of so many samples without a window, from the first force on; without the first period, which has the
-    /// transient of the beginning, if more than two are there.
+    /// Periods of this many samples without a window, from the first force on; without the first period, which has the
+    /// initial transient, if there are more than two.
     Periods(usize),
-    /// The whole record once, without a window: for an impact. Of the force only what is not silence counts.
+    /// The whole record once, without a window: for an impact. The silence of the force is set to zero.
     Single,
 }
 
 /// Frequency responses of the accelerations over the force.
 #[derive(Clone, Debug, PartialEq)]
 pub struct FrequencyResponseEstimate {
-    /// How it was averaged.
+    /// The averaging.
     pub averaging: Averaging,
-    /// Over how many segments or periods.
+    /// The number of segments or periods.
     pub averages: usize,
     /// The frequencies, Hz.
     pub frequency_hz: Vec<f64>,
@@ -35,7 +35,7 @@ pub struct FrequencyResponseEstimate {
     pub h1: [Vec<Complex<f64>>; CHANNELS],
     /// The estimate H2 = S_aa/S_af: noise of the force averages out.
     pub h2: [Vec<Complex<f64>>; CHANNELS],
-    /// The coherence γ² = |S_fa|²/(S_ff S_aa) from 0 to 1; `None` without averages, where it is 1 of anything.
+    /// The coherence γ² = |S_fa|²/(S_ff S_aa) from 0 to 1; `None` without averages, where it would always be 1.
     pub coherence: Option<[Vec<f64>; CHANNELS]>,
 }
 
@@ -49,7 +49,7 @@ struct Spectra {
 /// Frequency responses of the accelerations over the force in a band.
 ///
 /// # Errors
-/// [`IdentifyError`] if the record doesn't have the band or the segments, or the force no energy at one of the lines.
+/// [`IdentifyError`] if the band or the segments don't fit the record, or the force has no energy at one of the lines.
 pub fn frequency_response(
     record: &Record,
     band: Band,
@@ -97,7 +97,7 @@ pub fn frequency_response(
     Ok(spectra.estimate(averaging, starts.len(), frequency_hz))
 }
 
-/// The force; of a single record without what is only noise before and after it.
+/// The force; for a single record without the noise before and after it.
 fn force(record: &Record, averaging: Averaging) -> Vec<f64> {
     let [start, end] = record.forced();
     let keep = |n: usize| averaging != Averaging::Single || (start..end).contains(&n);

@@ -6,10 +6,10 @@ use nalgebra::Complex;
 
 type Column = Vec<Complex<f64>>;
 
-/// A column of which less than this is left, relative, once those before it are taken out, depends on them.
+/// A column depends on those before it if less than this fraction is left after projecting them out.
 const DEPENDENT: f64 = 1e-9;
 
-/// What is left of `target`, and the coefficients of the columns: min |target − Σ x_j column_j|².
+/// The residual of `target`, and the coefficients of the columns: min |target − Σ x_j column_j|².
 ///
 /// Modified Gram–Schmidt, each column twice (Å. Björck, "Solving linear least squares problems by Gram-Schmidt
 /// orthogonalization", BIT 7 (1967)): column_j = Σ_i q_i r_ij with orthonormal q_i; the coefficients follow from r
@@ -75,7 +75,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn the_residual_stands_on_every_column_and_dependent_columns_are_left_out() {
+    fn the_residual_is_orthogonal_to_every_column_and_dependent_columns_are_left_out() {
         let wave = |a: f64, b: f64| -> Column {
             (0..9).map(|n| Complex::new(libm::cos(a * f64::from(n)), libm::sin(b * f64::from(n)))).collect()
         };

@@ -1,34 +1,35 @@
 //! One mode fitted to the lines of a discrete Fourier transform in a narrow band around it.
 //!
-//! Force and accelerations go through the same filter before they are sampled, which leaves nothing of what lies beyond
-//! half the sample rate. What is left is then related by the arm's response H as the continuous signals are, and the
-//! transform of M samples obeys, without a window,
+//! Force and accelerations go through the same filter before they are sampled, which removes everything above half the
+//! sample rate. The rest is related by the arm's response H like the continuous signals, and the transform of M samples
+//! satisfies, without a window,
 //!
 //! ```text
 //! Y(k) = H(z_k) U(k) + T(z_k),   z_k = e^(2πik/M)
 //! ```
 //!
-//! where T, with the same poles as H, carries how the stretch begins and ends (R. Pintelon, J. Schoukens, "System
-//! Identification: A Frequency Domain Approach", 2012, section 6.3). Damping so light that no motion dies out during a
-//! record costs nothing: T is part of the model. Near a mode with the pole p,
+//! where T, with the same poles as H, describes the ends of the stretch (R. Pintelon, J. Schoukens, "System
+//! Identification: A Frequency Domain Approach", 2012, section 6.3). A record in which no motion dies out, for lack of
+//! damping, is no problem: T is part of the model. Near a mode with the pole p,
 //!
 //! ```text
 //! H = R/(z − p) + B(z),   T = t/(z − p) + C(z)
 //! ```
 //!
-//! with polynomials B, C for all that is far away: the conjugate pole, the other mode, what follows the force at once
+//! with polynomials B, C for everything distant: the conjugate pole, the other mode, direct feedthrough of the force
 //! (local rational modelling: T. McKelvey, G. Guérin, "Non-parametric frequency response estimation using a local
 //! rational model", 2012). The pole λ of the continuous arm is p = e^{λ/rate} there: 1/(iω − λ) and (1/rate)/(z/p − 1)
-//! differ by a function without a pole, which B takes. R, t and the polynomials are linear; for each p they follow from
-//! linear least squares, and what is left is minimised over the two numbers of p (variable projection: G. H. Golub, V.
-//! Pereyra, "The Differentiation of Pseudo-Inverses and Nonlinear Least Squares Problems Whose Variables Separate",
-//! SIAM J. Numer. Anal. 10 (1973)). So λ = rate · ln p.
+//! differ by a function without a pole, which B absorbs. R, t and the polynomials are linear; for each p they follow
+//! from linear least squares, and the residual is minimised over the two numbers of p (variable projection: G. H.
+//! Golub, V. Pereyra, "The Differentiation of Pseudo-Inverses and Nonlinear Least Squares Problems Whose Variables
+//! Separate", SIAM J. Numer. Anal. 10 (1973)). So λ = rate · ln p.
 //!
-//! A response that begins at rest and dies out goes through an exponential window e^(−γn), which makes p e^(−γ) of p
-//! and leaves nothing of its end: then T is zero.
+//! A response that begins at rest and dies out goes through an exponential window e^(−γn), which turns p into p e^(−γ)
+//! and removes its end: then T is zero.
 //!
 //! An averaged response can't give the modes: the arm rings for minutes, so every segment is short against it, and the
-//! leakage of a window looks like damping. Half a minute of record gives damping ratios to a per cent or two.
+//! leakage of a window looks like damping. This fit finds damping ratios to one or two per cent from half a minute of
+//! record.
 
 use alloc::vec::Vec;
 use core::f64::consts::TAU;
@@ -40,7 +41,7 @@ use super::least_squares::{dot, solve, square};
 
 /// Degree of the polynomials.
 const DEGREE: usize = 2;
-/// Weights follow from the fit, and the fit from the weights: so many rounds.
+/// Rounds: the weights follow from the fit, and the fit from the weights.
 const ROUNDS: usize = 4;
 /// Most steps of a minimisation.
 const MOST_STEPS: usize = 60;
@@ -52,15 +53,15 @@ const DIFFERENCE: f64 = 1e-4;
 pub(super) struct Lines {
     /// The number M of samples that were transformed.
     pub samples: usize,
-    /// Number of the line in the middle, at which frequencies count 0.
+    /// Number of the middle line, the origin of frequencies.
     pub centre: usize,
     /// Number of the first line.
     pub first: usize,
     /// The response.
     pub response: Vec<Complex<f64>>,
-    /// The force; `None` where there is none.
+    /// The force, if any.
     pub force: Option<Vec<Complex<f64>>>,
-    /// γM, if the samples went through an exponential window e^(−γn). Then T is no part of the model.
+    /// γM, if the samples went through an exponential window e^(−γn). Then T is not in the model.
     pub taper: Option<f64>,
     /// Standard deviations of a line's noise: of the response, and of the force.
     pub noise: [f64; 2],
@@ -77,8 +78,8 @@ pub(super) struct Pole {
     pub residual: f64,
     /// How many times as large the residual's square is without the pole, with the polynomials alone.
     pub gain: f64,
-    /// Share of the force's power in the pole's term that is the head's noise; 0 where there is no force. By about as
-    /// much least squares take R for too small, and the pole for another.
+    /// Share of the head's noise in the force's power in the pole's term; 0 without a force. Least squares bias R and
+    /// the pole by about this much.
     pub force_noise_share: f64,
 }
 
@@ -119,8 +120,8 @@ impl Lines {
         Some(Pole { x, deviation, residual, gain, force_noise_share })
     }
 
-    /// Whether T is part of the model: how the stretch begins and ends. A response that begins at rest and dies out has
-    /// none, and T would describe it by itself, with the poles of what drives the arm.
+    /// Whether T, the ends of the stretch, is in the model. A response that begins at rest and dies out has none, and T
+    /// would describe all of it, with the poles of what drives the arm.
     fn has_transient(&self) -> bool {
         self.taper.is_none()
     }
@@ -153,7 +154,7 @@ impl Lines {
         noise / sizes().zip(force).map(|(size, force)| size * force.norm_sqr()).sum::<f64>()
     }
 
-    /// What the best R, t, B and C leave at a pole, weighted, and these.
+    /// The weighted residual of the best R, t, B and C at a pole, and their values.
     fn residual(&self, x: [f64; 2], weights: &[f64]) -> (Vec<Complex<f64>>, Vec<Complex<f64>>) {
         solve(self.columns(0..DEGREE + 2, x, weights), &self.weighted(weights))
     }
@@ -162,7 +163,7 @@ impl Lines {
         self.response.iter().zip(weights).map(|(y, weight)| y * *weight).collect()
     }
 
-    /// Of these shapes, 1/(z − p), then powers of the frequency; first times the force, if there is one, then alone.
+    /// The columns: 1/(z − p), then powers of the frequency; first times the force, if there is one, then alone.
     fn columns(&self, which: Range<usize>, x: [f64; 2], weights: &[f64]) -> Vec<Vec<Complex<f64>>> {
         let shapes: Vec<Vec<Complex<f64>>> = which.map(|which| self.shape(which, x)).collect();
         let forced = self.force.iter().flat_map(|force| {

@@ -1,4 +1,4 @@
-//! The modes in a record.
+//! Finds the modes in a record.
 
 use alloc::vec::Vec;
 use core::f64::consts::TAU;
@@ -10,25 +10,25 @@ use super::mode_fit::{Lines, Pole};
 use super::{Band, CHANNELS, IdentifyError, Record};
 use resonarm_numeric::dft;
 
-/// Most peaks that are looked at.
+/// Most peaks that are examined.
 const MOST_PEAKS: usize = 24;
-/// A peak of the response's power is looked at if it is so many times the median around it.
+/// A peak of the response's power is examined if it is this many times the median around it.
 const STANDS_OUT: f64 = 4.0;
-/// It is a mode if without a pole the square of the residual is so many times as large: a peak of a random force needs
-/// none.
+/// It is a mode if the squared residual is this many times as large without a pole: a peak of a random force needs no
+/// pole.
 const GAIN: f64 = 10.0;
 /// The largest share of noise in the power of the force at a mode.
 pub const MOST_NOISE_SHARE: f64 = 0.01;
-/// Half the width of the band of a fit: at least so many hertz, and so many lines.
+/// Half the width of the band of a fit: at least this many hertz, and this many lines.
 const HALF_WIDTH_HZ: f64 = 0.5;
 const HALF_WIDTH_LINES: f64 = 20.0;
-/// Poles so many lines apart, or fewer, are of one mode.
+/// Poles at most this many lines apart belong to one mode.
 const ONE_MODE_LINES: usize = 2;
 /// The least number of lines of a fit.
 const LEAST_LINES: usize = 16;
-/// γM of the exponential window of a response that dies out: its end counts for a thousandth.
+/// γM of the exponential window of a response that dies out: its end is weighted by a thousandth.
 const TAPER: f64 = 6.9;
-/// Below this residual over noise the arm is called linear.
+/// Below this residual over noise the arm counts as linear.
 const LINEAR: f64 = 3.0;
 
 /// Which part of the record a mode was fitted to.
@@ -37,14 +37,14 @@ const LINEAR: f64 = 3.0;
 pub enum Part {
     /// All of it, under the force.
     Forced,
-    /// What rang down after the force had ended, for it is at least half of the record.
+    /// The ring-down after the force has ended, which is at least half of the record.
     RingDown,
 }
 
-/// A mode as the readings tell it, with standard deviations.
+/// A mode from readings, with standard deviations.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize)]
 pub struct IdentifiedMode {
-    /// Undamped natural frequency, |λ|/(2π) of the eigenvalue λ, Hz: what `modes` states of an arm.
+    /// Undamped natural frequency, |λ|/(2π) of the eigenvalue λ, Hz, as the command `modes` states it.
     pub frequency_hz: f64,
     /// Its standard deviation, Hz.
     pub frequency_deviation_hz: f64,
@@ -52,24 +52,24 @@ pub struct IdentifiedMode {
     pub damping_ratio: f64,
     /// Its standard deviation.
     pub damping_ratio_deviation: f64,
-    /// Amplitudes of acceleration of B along x and y and C along x and y against each other, the largest 1.
+    /// Amplitudes of acceleration of B along x and y and C along x and y relative to the largest, 1.
     pub shape: [f64; CHANNELS],
-    /// Root mean square of what the fit leaves over the instruments' noise: about 1 for a linear arm. Where it is
-    /// larger, the standard deviations are larger by as much.
+    /// Root mean square of the residual over the instruments' noise: about 1 for a linear arm. If it is larger, the
+    /// standard deviations are increased by this factor.
     pub residual: f64,
-    /// Whether the residual is at most three times the noise. Else the arm doesn't vibrate linearly, or not by itself,
-    /// and the numbers are of an equivalent linear arm.
+    /// Whether the residual is at most three times the noise. If not, the arm doesn't vibrate linearly, or is
+    /// disturbed, and the numbers are those of an equivalent linear arm.
     pub is_linear: bool,
     /// Lines of the transform that were fitted.
     pub lines: usize,
-    /// Where they are from.
+    /// The part of the record that they are from.
     pub part: Part,
 }
 
-/// A mode, or why there is none.
+/// A mode, or the reason why there is none.
 type Fitted = Result<IdentifiedMode, Rejection>;
 
-/// The modes in a record, and the peaks that are none.
+/// The modes in a record, and the peaks that are not modes.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Identification {
     /// The modes, in the order of their frequencies.
@@ -78,22 +78,22 @@ pub struct Identification {
     pub rejected: Vec<RejectedPeak>,
 }
 
-/// A peak of the response over the force, or of the response, to which no mode is fitted.
+/// A peak of the response over the force, or of the response, without a mode.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct RejectedPeak {
-    /// Where it is, Hz.
+    /// Its frequency, Hz.
     pub frequency_hz: f64,
-    /// Why it is none.
+    /// Why it is not a mode.
     pub reason: Rejection,
 }
 
-/// Why a peak is no mode.
+/// Why a peak is not a mode.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum Rejection {
     /// The lines around it are described as well without a pole.
     NoPole,
-    /// So large a share of the force's power there is noise of the head, above [`MOST_NOISE_SHARE`], that frequency and
-    /// damping would be biased by more than their deviations.
+    /// The head's noise has a share of the force's power above [`MOST_NOISE_SHARE`], which would bias frequency and
+    /// damping by more than their deviations.
     ForceInNoise {
         /// The share, 0 to 1.
         share: f64,
@@ -107,7 +107,7 @@ struct Stretch<'a> {
     samples: usize,
     /// First and number of the lines in the band.
     band: (usize, usize),
-    /// The first line that is there.
+    /// The first line of the stretch.
     first: usize,
     channels: [Vec<Complex<f64>>; CHANNELS],
     force: Vec<Complex<f64>>,
@@ -118,7 +118,7 @@ struct Stretch<'a> {
 /// The modes whose peaks stand out in the band.
 ///
 /// # Errors
-/// [`IdentifyError`] if the record doesn't have the band, the force no energy in it, or no peak stands out there.
+/// [`IdentifyError`] if the band is not in the record, the force has no energy in it, or no peak stands out there.
 pub fn modes(record: &Record, band: Band) -> Result<Identification, IdentifyError> {
     record.check(band)?;
     check_energy(record, band)?;
@@ -137,7 +137,7 @@ pub fn modes(record: &Record, band: Band) -> Result<Identification, IdentifyErro
             }
         };
         let centre = libm::round(mode.frequency_hz / stretch.spacing_hz()) as usize;
-        // Peaks of the response and of its ratio to the force may be of one mode.
+        // Peaks of the response and of its ratio to the force may belong to one mode.
         if !centres.iter().any(|other| other.abs_diff(centre) <= ONE_MODE_LINES) {
             centres.push(centre);
         }
@@ -156,7 +156,7 @@ pub fn modes(record: &Record, band: Band) -> Result<Identification, IdentifyErro
 /// times that of the noise, and over a thousandth of that at all frequencies, since an end that is not soft leaks.
 fn check_energy(record: &Record, band: Band) -> Result<(), IdentifyError> {
     let [start, end] = record.forced();
-    // Short pulses have few lines of their own: a grid of at least 256 is looked at.
+    // Short pulses have few lines: at least 256 are computed.
     let period = (end - start).max(256);
     let first = libm::floor(band.from_hz * period as f64 / record.rate_hz()) as usize;
     let count = libm::ceil(band.to_hz * period as f64 / record.rate_hz()) as usize + 1 - first;
@@ -173,10 +173,10 @@ fn check_energy(record: &Record, band: Band) -> Result<(), IdentifyError> {
 }
 
 impl<'a> Stretch<'a> {
-    /// What rang down, if that is most of the record, else all of it.
+    /// The ring-down, if that is most of the record, otherwise all of it.
     fn new(record: &'a Record, band: Band) -> Result<Stretch<'a>, IdentifyError> {
         let [_, end] = record.forced();
-        // A shaker's armature goes on to load the arm, by a force that its head reads.
+        // A shaker's armature continues to load the arm, by a force that the head reads.
         let rings_down = !record.has_shaker() && 2 * end <= record.samples();
         let (part, from) = if rings_down { (Part::RingDown, end) } else { (Part::Forced, 0) };
         let samples = record.samples() - from;
@@ -188,7 +188,7 @@ impl<'a> Stretch<'a> {
             let least = libm::ceil(LEAST_LINES as f64 * record.rate_hz() / (band.to_hz - band.from_hz)) as usize;
             return Err(IdentifyError::TooShort { samples, least: least.max(4 * half + 1) });
         }
-        // A fit at the edge reaches beyond the band, that of a broad mode by half its frequency.
+        // A fit at the edge extends beyond the band, for a broad mode by half its frequency.
         let first = (low / 2).min(low.saturating_sub(half + 1));
         let behind = low + count;
         let end = (behind + half).max(behind + behind / 2).min(samples / 2).max(behind + 1);
@@ -210,7 +210,7 @@ impl<'a> Stretch<'a> {
         })
     }
 
-    /// Mean square of the exponential window, 1 without.
+    /// Mean square of the exponential window, 1 without one.
     fn window_power(&self) -> f64 {
         self.taper.map_or(1.0, |taper| -libm::expm1(-2.0 * taper) / (2.0 * taper))
     }
@@ -222,8 +222,8 @@ impl<'a> Stretch<'a> {
 
     /// The lines at which the response over the force stands out, then those at which the response does.
     ///
-    /// A mode is where the ratio has its peak. There a shaker's force drops out, and the response shows arm and
-    /// armature together, elsewhere. A free response has no force to be divided by.
+    /// A mode is at a peak of the ratio. There a shaker's force drops out; the response peaks elsewhere, at the modes
+    /// of arm and armature together. A free response has no force to divide by.
     fn peaks(&self) -> Vec<usize> {
         let mut response = alloc::vec![0.0; self.band.1];
         for (lines, noise) in self.channels.iter().zip(self.record.acceleration_noise_m_s2()) {
@@ -232,7 +232,7 @@ impl<'a> Stretch<'a> {
         if self.part == Part::RingDown {
             return self.peaks_of(&response);
         }
-        // Noise bounds what the force drops to: that of a line is M σ², 3/2 as much under the Hann window.
+        // Noise is the lower bound of the force: that of a line is M σ², 3/2 as much under the Hann window.
         let noise_n = self.record.force_noise_n();
         let least = 1.5 * self.samples as f64 * self.window_power() * (noise_n * noise_n).max(f64::MIN_POSITIVE);
         let mut force = alloc::vec![least; self.band.1];
@@ -243,8 +243,8 @@ impl<'a> Stretch<'a> {
         peaks
     }
 
-    /// Adds `weight` times the power of the band's lines under a Hann window, as a convolution: what leaks falls with
-    /// the third power.
+    /// Adds `weight` times the power of the band's lines under a Hann window, as a convolution: leakage falls with the
+    /// third power.
     fn add_power(&self, power: &mut [f64], lines: &[Complex<f64>], weight: f64) {
         let first = self.band.0;
         for (power, near) in power.iter_mut().zip(lines[first - 1 - self.first..].windows(3)) {
@@ -252,7 +252,7 @@ impl<'a> Stretch<'a> {
         }
     }
 
-    /// The lines of the band at which a power stands out of what surrounds it, the highest first.
+    /// The lines of the band at which a power stands out from its surroundings, the highest first.
     fn peaks_of(&self, power: &[f64]) -> Vec<usize> {
         let (first, count) = self.band;
         let half = half_width(self.spacing_hz());
@@ -265,7 +265,7 @@ impl<'a> Stretch<'a> {
             let mut around: Vec<f64> = (low..high).filter(|k| k.abs_diff(peak) > 4).map(|k| power[k]).collect();
             around.sort_by(f64::total_cmp);
             let median = around.get(around.len() / 2).copied().unwrap_or(f64::INFINITY);
-            // At the edge of what was looked at already there is only the skirt of another peak.
+            // The edge of the part already examined shows only the skirt of another peak.
             let is_top = (peak == 0 || open[peak - 1]) && (peak + 1 == count || open[peak + 1]);
             if is_top && power[peak] > STANDS_OUT * median {
                 peaks.push(first + peak);
@@ -275,7 +275,7 @@ impl<'a> Stretch<'a> {
         peaks
     }
 
-    /// Fits the mode at a line, unless there is none; the nearest other peak is so many lines away.
+    /// Fits the mode at a line, if there is one; the nearest other peak is the given number of lines away.
     fn fit(&self, centre: usize, neighbour: Option<usize>) -> Result<Fitted, IdentifyError> {
         let room = neighbour.map_or(usize::MAX, |lines| lines / 2);
         let mut half = half_width(self.spacing_hz()).min(room);
@@ -309,7 +309,7 @@ impl<'a> Stretch<'a> {
         let force = (self.part == Part::Forced).then(|| self.force[within].to_vec());
         let noises = [root, self.record.force_noise_n() * root];
         let lines = Lines { samples, centre, first, response, force, taper: self.taper, noise: noises };
-        // Far from its peak a pole is that of another one, or of none.
+        // A pole far from the peak belongs to another mode, or to none.
         let is_mode = |pole: &Pole| pole.gain > GAIN && libm::fabs(pole.x[0]) < 0.25 * count as f64;
         let Some(pole) = lines.fit(0.0).filter(is_mode) else { return Ok(Err(Rejection::NoPole)) };
         if pole.force_noise_share > MOST_NOISE_SHARE {
@@ -342,8 +342,8 @@ fn half_width(spacing_hz: f64) -> usize {
 }
 
 /// The real unit vector v for which vᵀy, y the channels in units of their noise, has most power over the lines: near a
-/// mode its shape, all that the channels say of it, while the noise of vᵀy stays 1. It is the eigenvector of Re Σ y y*
-/// of the largest eigenvalue.
+/// mode, its shape, which combines all channels, while the noise of vᵀy stays 1. It is the eigenvector of Re Σ y y* of
+/// the largest eigenvalue.
 fn strongest(channels: &[&[Complex<f64>]; CHANNELS], noise: &[f64; CHANNELS]) -> [f64; CHANNELS] {
     let power = SMatrix::<f64, CHANNELS, CHANNELS>::from_fn(|i, j| {
         let products = channels[i].iter().zip(channels[j]).map(|(a, b)| (a * b.conj()).re);

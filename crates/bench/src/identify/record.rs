@@ -1,4 +1,4 @@
-//! What the instruments said.
+//! Recorded readings for identification.
 
 use alloc::vec::Vec;
 
@@ -10,17 +10,17 @@ pub const CHANNELS: usize = 4;
 
 /// Least samples of a record: with fewer no band has enough lines.
 const LEAST_SAMPLES: usize = 256;
-/// The end of a record is one over this of it.
+/// The end of a record is 1/`END_PART` of it.
 const END_PART: usize = 20;
-/// What is at the end less than so much of the whole, root mean square, decays.
+/// A record decays if the root mean square of its end is below this fraction of that of the whole.
 const DECAYED: f64 = 0.1;
-/// Above so many standard deviations a reading of the head is a force and not noise.
+/// Above this many standard deviations a reading of the head is a force, not noise.
 const CLEAR: f64 = 6.0;
 
-/// Along which direction the force is taken for the one input.
+/// The direction along which the force is the input.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub enum Direction {
-    /// The one along which the head read most: that of the exciter.
+    /// The one with the largest readings of the head: that of the exciter.
     #[default]
     Principal,
     /// Along x.
@@ -38,10 +38,10 @@ pub struct Band {
     pub to_hz: f64,
 }
 
-/// Readings of equal distance in time, and the noise that the instruments are known to have.
+/// Readings at equal intervals, and the known noise of the instruments.
 ///
 /// Force and accelerations of a sample have gone through the same converter ([`crate::rig::Converter`]): their ratio is
-/// the arm's response, but for what the converter folds from beyond half the sample rate.
+/// the arm's response, but for components that the converter folds from above half the sample rate.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Record {
     rate_hz: f64,
@@ -133,7 +133,7 @@ impl Record {
         self.force_noise_n
     }
 
-    /// Standard deviations of the accelerations' noise, m/s²; of ideal instruments as much as rounding leaves.
+    /// Standard deviations of the accelerations' noise, m/s²; for ideal instruments, the rounding error.
     pub(super) fn acceleration_noise_m_s2(&self) -> &[f64; CHANNELS] {
         &self.acceleration_noise_m_s2
     }
@@ -143,7 +143,7 @@ impl Record {
         self.forced
     }
 
-    /// Whether a shaker is bolted to the arm, so that the head reads a force as long as the arm moves.
+    /// Whether a shaker is bolted to the arm, so that the head reads a force while the arm moves.
     pub(super) fn has_shaker(&self) -> bool {
         self.has_shaker
     }
@@ -162,7 +162,7 @@ impl Record {
         })
     }
 
-    /// Checks that a band is one of this record.
+    /// Checks that a band is valid for this record.
     pub(super) fn check(&self, band: Band) -> Result<(), IdentifyError> {
         let Band { from_hz, to_hz } = band;
         if from_hz > 0.0 && from_hz < to_hz && to_hz < 0.5 * self.rate_hz {

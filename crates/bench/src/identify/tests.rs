@@ -1,4 +1,4 @@
-//! Readings of the simulated arm with its instruments, identified, against the modes and responses of its equations.
+//! Modes and responses identified from readings of the simulated arm, against those of its equations.
 
 use super::*;
 use alloc::string::ToString;
@@ -39,7 +39,7 @@ fn force(x_n: f64, y_n: f64) -> Amplitude {
     Amplitude { force_x_n: x_n, force_y_n: y_n, ..Amplitude::default() }
 }
 
-/// What the instruments say while a profile is played.
+/// The readings while a profile is played.
 fn recorded(spec: &PlantSpec, amplitude: Amplitude, profile: Waveform) -> Result<Record, IdentifyError> {
     let profile = Profile::new(&ExcitationSpec { amplitude, ramp_s: 0.0, profile }, RATE_HZ).unwrap();
     let mut plant = Plant::new(spec).unwrap();
@@ -56,7 +56,7 @@ fn recorded(spec: &PlantSpec, amplitude: Amplitude, profile: Waveform) -> Result
 const RANDOM: Waveform = Waveform::Random { from_hz: 5.0, to_hz: 80.0, duration_s: 40.0, spectrum: None, seed: 3 };
 const IMPACT: Waveform = Waveform::Impulse { pulse_s: 0.008, duration_s: 30.0 };
 
-/// Frequencies within 0.01 %, damping ratios within 5 %, and both where their deviations say.
+/// Frequencies within 0.01 %, damping ratios within 5 %, and both within their deviations.
 fn assert_found(record: &Record, beta2_deg: f64, part: Part) {
     let found = modes(record, BAND).unwrap().modes;
     let expected = analysis::modes(&arm(beta2_deg));
@@ -74,22 +74,22 @@ fn assert_found(record: &Record, beta2_deg: f64, part: Part) {
 }
 
 #[test]
-fn random_force_tells_frequencies_and_damping() {
+fn random_force_gives_frequencies_and_damping() {
     for beta2_deg in [60.0, 120.0] {
         assert_found(&recorded(&spec(beta2_deg), force(3.0, 4.0), RANDOM).unwrap(), beta2_deg, Part::Forced);
     }
 }
 
 #[test]
-fn an_impact_tells_frequencies_and_damping() {
+fn an_impact_gives_frequencies_and_damping() {
     for beta2_deg in [60.0, 120.0] {
         assert_found(&recorded(&spec(beta2_deg), force(18.0, 24.0), IMPACT).unwrap(), beta2_deg, Part::RingDown);
     }
 }
 
-/// Instruments without noise leave what the polynomials can't say of the other mode.
+/// With noiseless instruments the only error is that of the polynomials for the other mode.
 #[test]
-fn ideal_instruments_tell_almost_exactly() {
+fn ideal_instruments_are_almost_exact() {
     let mut ideal = spec(60.0);
     let rig = &mut ideal.rig;
     for accelerometer in [&mut rig.accelerometer_b, &mut rig.accelerometer_c] {
@@ -120,7 +120,7 @@ fn the_shape_is_that_of_the_mode() {
     }
 }
 
-/// Far from the resonances, where a segment sees all there is, H1 and H2 are the responses of the equations.
+/// Far from the resonances, where a segment is long enough, H1 and H2 are the responses of the equations.
 #[test]
 fn averaged_responses_are_those_of_the_equations() {
     let far = Band { from_hz: 26.0, to_hz: 32.0 };
@@ -134,7 +134,7 @@ fn averaged_responses_are_those_of_the_equations() {
     for (waveform, averaging, averages) in cases {
         let amplitude = if averaging == Averaging::Single { force(0.0, 400.0) } else { force(0.0, 20.0) };
         let mut spec = spec(60.0);
-        // Damped well, the arm's motion settles within a segment.
+        // With strong damping the arm's motion settles within a segment.
         spec.parameters.damping1_nm_s_rad *= 60.0;
         spec.parameters.damping2_nm_s_rad *= 60.0;
         let damped = FrequencyResponse::new(&Arm::new(spec.parameters, spec.pose).unwrap());
@@ -153,32 +153,32 @@ fn averaged_responses_are_those_of_the_equations() {
     }
 }
 
-/// Strong vibration is not linear, which the residual says.
+/// Strong vibration is not linear, as the residual shows.
 #[test]
-fn strong_vibration_is_called_not_linear() {
+fn strong_vibration_is_reported_as_not_linear() {
     let record = recorded(&spec(60.0), force(0.0, 500.0), RANDOM).unwrap();
     assert!(modes(&record, BAND).unwrap().modes.iter().any(|mode| !mode.is_linear));
 }
 
 #[test]
-fn says_what_tells_nothing() {
+fn says_why_a_record_can_t_be_identified() {
     let short = Waveform::Random { from_hz: 5.0, to_hz: 80.0, duration_s: 0.2, spectrum: None, seed: 3 };
-    let told = |record: Result<Record, IdentifyError>, band| {
+    let error = |record: Result<Record, IdentifyError>, band| {
         record.and_then(|record| modes(&record, band)).unwrap_err().to_string()
     };
     let spec = spec(60.0);
-    insta::assert_snapshot!(told(recorded(&spec, force(0.0, 5.0), short), BAND), @"the record has 200 samples where 256 are needed: record for longer");
+    insta::assert_snapshot!(error(recorded(&spec, force(0.0, 5.0), short), BAND), @"the record has 200 samples where 256 are needed: record for longer");
     let random = |duration_s| Waveform::Random { from_hz: 5.0, to_hz: 80.0, duration_s, spectrum: None, seed: 3 };
     let torque = Amplitude { torque1_nm: 5.0, ..Amplitude::default() };
-    insta::assert_snapshot!(told(recorded(&spec, torque, random(2.0)), BAND), @"the impedance head reads no force beyond its own noise (0.012 N): the arm must be driven by a force at C, and by a larger one than that");
+    insta::assert_snapshot!(error(recorded(&spec, torque, random(2.0)), BAND), @"the impedance head reads no force beyond its own noise (0.012 N): the arm must be driven by a force at C, and by a larger one than that");
     let record = recorded(&spec, force(0.0, 5.0), random(10.0)).unwrap();
-    insta::assert_snapshot!(told(Ok(record.clone()), Band { from_hz: 200.0, to_hz: 300.0 }), @"the force has no energy from 200 to 300 Hz: drive the arm there, or name the band that was driven");
+    insta::assert_snapshot!(error(Ok(record.clone()), Band { from_hz: 200.0, to_hz: 300.0 }), @"the force has no energy from 200 to 300 Hz: drive the arm there, or name the band that was driven");
     // Peaks of the random force are no modes.
     let between = modes(&record, Band { from_hz: 30.0, to_hz: 36.0 }).unwrap();
     assert!(between.modes.is_empty() && between.rejected.iter().all(|peak| peak.reason == Rejection::NoPole));
     let none = IdentifyError::NoResonance { from_hz: 30.0, to_hz: 36.0 };
     insta::assert_snapshot!(none, @"there is no resonance from 30 to 36 Hz: widen the band, or record for longer");
-    insta::assert_snapshot!(told(Ok(record.clone()), Band { from_hz: 30.0, to_hz: 600.0 }), @"the band from 30 to 600 Hz must rise, from above 0 to below half the sample rate, 1000 Hz");
-    insta::assert_snapshot!(told(Ok(record.clone()), Band { from_hz: 22.0, to_hz: 22.5 }), @"the record has 10000 samples where 32000 are needed: record for longer");
-    insta::assert_snapshot!(frequency_response(&record, BAND, Averaging::Welch(8)).unwrap_err(), @"a segment of 8 samples has to have from 16 samples to as many as the record, 10000");
+    insta::assert_snapshot!(error(Ok(record.clone()), Band { from_hz: 30.0, to_hz: 600.0 }), @"the band from 30 to 600 Hz must rise, from above 0 to below half the sample rate, 1000 Hz");
+    insta::assert_snapshot!(error(Ok(record.clone()), Band { from_hz: 22.0, to_hz: 22.5 }), @"the record has 10000 samples where 32000 are needed: record for longer");
+    insta::assert_snapshot!(frequency_response(&record, BAND, Averaging::Welch(8)).unwrap_err(), @"a segment has 8 samples: it must have from 16 to as many as the record, 10000");
 }

@@ -1,4 +1,4 @@
-//! A controller on the wire: what answers the samples that the exciter's node takes in.
+//! A controller carried by the exciter's node: it answers the samples that the node receives.
 
 use alloc::boxed::Box;
 
@@ -10,18 +10,18 @@ use crate::control::{Abort, Answer, Controller, LoadKind, ResponsePoint, SetPoin
 use crate::rig::Measurement;
 use resonarm_dynamics::arm::Load;
 
-/// Responses that wait to be fetched.
+/// Most responses waiting to be fetched.
 const RESPONSES: usize = 16;
-/// Answers that wait to be fetched: those to two samples in a frame.
+/// Most answers waiting to be fetched: those to two samples in a frame.
 const ANSWERS: usize = 2;
 
-/// The exciter controller as a node: the protocol's, with a [`Controller`].
+/// The exciter controller as a node: that of the protocol, with a [`Controller`].
 pub type ExciterNode = node::ExciterNode<Carried>;
 
 /// How a controller's work ended.
 pub type Outcome = node::Outcome<Abort>;
 
-/// A controller that the exciter's node carries over the wire, and the responses it has read.
+/// A controller in the exciter's node, and the responses it has read.
 #[derive(Debug)]
 pub struct Carried {
     controller: Box<dyn Controller>,
@@ -39,17 +39,17 @@ impl Carried {
         self.responses.pop()
     }
 
-    /// The next sample that was answered, and the load that answers it; those that nobody fetched in time are left out.
+    /// The next sample that was answered, and the load that answers it; answers not fetched in time are dropped.
     pub fn poll_answer(&mut self) -> Option<(Measurement, Load)> {
         self.answers.pop()
     }
 
-    /// Leads the controller to `set_point`; `false` if it takes it not.
+    /// Moves the controller to `set_point`; `false` if it does not accept it.
     pub fn steer(&mut self, set_point: &SetPoint) -> bool {
         self.controller.steer(set_point)
     }
 
-    /// The set-point that the controller goes to or holds; `None` if it takes none.
+    /// The set-point that the controller approaches or holds; `None` if it accepts none.
     pub fn set_point(&self) -> Option<SetPoint> {
         self.controller.set_point()
     }
@@ -90,7 +90,7 @@ pub fn carry(network: Network, rate_hz: u16, timing: Timing, controller: Box<dyn
     ExciterNode::new(network, rate_hz, timing, capabilities, Carried::new(controller))
 }
 
-/// What the exciter commands: as much as the wire carries, of one kind.
+/// The exciter's command, within the range of the wire, of one kind.
 fn capabilities(kind: LoadKind) -> Capabilities {
     let (force_limit_n, torque_limit_nm) = match kind {
         LoadKind::Force => (f32::MAX.into(), 0.0),

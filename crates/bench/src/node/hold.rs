@@ -4,7 +4,7 @@ use resonarm_dynamics::arm::Load;
 
 /// The load that acts.
 ///
-/// Released, it goes to zero in n equal steps, one a sample: (n−1)/n, (n−2)/n … 0 of what was held. A new command ends
+/// Released, it goes to zero in n equal steps, one a sample: (n−1)/n, (n−2)/n … 0 of the held load. A new command ends
 /// the ramp.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Hold {
@@ -15,7 +15,7 @@ pub(super) struct Hold {
 }
 
 impl Hold {
-    /// Nothing held; a ramp takes `ramp_samples` samples, at least 1.
+    /// Holds nothing; a ramp takes `ramp_samples` samples, at least 1.
     pub fn new(ramp_samples: u64) -> Hold {
         let zero = Load::default();
         Hold { load: zero, ramp_from: zero, ramp_left: 0, ramp_samples: ramp_samples.max(1) }
@@ -35,7 +35,7 @@ impl Hold {
         }
     }
 
-    /// Lets go at once.
+    /// Drops the load at once.
     pub fn drop_load(&mut self) {
         self.take(Load::default());
     }
@@ -57,7 +57,7 @@ impl Hold {
         &self.load
     }
 
-    /// Samples until the ramp is at its end; 0 if none runs.
+    /// Samples until the ramp ends; 0 if none runs.
     pub fn ramp_left(&self) -> u64 {
         self.ramp_left
     }

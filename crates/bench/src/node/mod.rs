@@ -1,6 +1,6 @@
 //! The CAN nodes as state machines without IO: the plant and the exciter controller.
 //!
-//! A node is told of frames and of the time, and asked for frames, deadlines and events:
+//! A node is given frames and the time, and asked for frames, deadlines and events:
 //!
 //! ```text
 //! handle_frame(now, frame) ─┐                    ┌─ next_frame(), frame_sent() → frames to send
@@ -8,17 +8,17 @@
 //! publish(measurement) ─────┘                    └─ poll_event() → what happened
 //! ```
 //!
-//! A frame is made when it is fetched, so a bus that is full takes it later, with what is newest then: ask for
-//! `next_frame`, and say `frame_sent` once the bus has taken it; `poll_transmit` does both.
+//! A frame is made when it is fetched, so a full bus takes it later with the newest values: get it from `next_frame`,
+//! and call `frame_sent` once the bus has taken it; `poll_transmit` does both.
 //!
-//! To end, call `fault` or `leave` (the exciter: `stop`, or `leave`), and go on calling the node until `is_quiet`: the
-//! load has ramped to zero and all is sent.
+//! To end, call `fault` or `leave` (the exciter: `stop`, or `leave`), and continue to call the node until `is_quiet`:
+//! the load has ramped to zero and all frames are sent.
 //!
-//! The exciter's node, and what it shares with the plant's, are the protocol's ([`resonarm_protocol::node`]); here it
-//! carries a [`Controller`](crate::control::Controller).
+//! The exciter's node and the code shared with the plant's are in the protocol's crate ([`resonarm_protocol::node`]);
+//! here the node carries a [`Controller`](crate::control::Controller).
 //!
-//! Times are nanoseconds of any clock that only goes forward. Nothing here allocates after construction. The rules are
-//! those of the protocol's `SPEC.md`; the states are CANopen's (CiA 301), with its stopped state as fault.
+//! Times are nanoseconds of any monotonic clock. Nothing here allocates after construction. The rules are those of the
+//! protocol's `SPEC.md`; the states are CANopen's (CiA 301), with its stopped state as fault.
 
 mod carried;
 mod hold;

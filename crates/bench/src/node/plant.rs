@@ -14,7 +14,7 @@ use super::{NodeEvent, Refusal, Refusals, Timing};
 use crate::rig::{Exciter, GateSpec, Measurement};
 use resonarm_dynamics::arm::Load;
 
-/// The plant as a node: publishes samples, takes commands, and lets none through unless armed.
+/// The plant as a node: publishes samples, takes commands, and passes them on only while armed.
 #[derive(Clone, Debug)]
 pub struct PlantNode {
     link: Link,
@@ -26,7 +26,7 @@ pub struct PlantNode {
     partner_samples: SamplesPerFrame,
     /// How many samples a frame holds since arming.
     samples_per_frame: SamplesPerFrame,
-    /// The first sample of a frame of two, which goes with the next.
+    /// The first sample of a frame of two, sent with the next.
     first: Option<SensorValues>,
     /// The sample measured last.
     sample: u64,
@@ -34,19 +34,19 @@ pub struct PlantNode {
     travel_m: f64,
     gate: CommandGate,
     hold: Hold,
-    /// When the last command was taken, or the plant was armed, of the time listened.
+    /// When the last command was taken, or the plant was armed, in listening time.
     command_taken_ns: u64,
     refused_since_taken: u64,
     refusals: Refusals,
     slipped_periods: u64,
-    /// The index in the command taken in last, not yet told.
+    /// The index in the command taken in last, until [`PlantNode::take_echoed`] takes it.
     echoed: Option<u16>,
     is_leaving: bool,
     /// Why the node faulted last.
     emergency: Option<Emergency>,
-    /// What the exciter said was wrong, until it says that it is well.
+    /// The exciter's last fault, until it leaves its fault state.
     exciter_fault: Option<Emergency>,
-    /// The same at the fault that the node found last, where that is the reason.
+    /// The exciter's fault that caused the last fault of the node, if any.
     reason: Option<Emergency>,
 }
 
@@ -107,7 +107,7 @@ impl PlantNode {
         self.emergency.filter(|_| self.state() == NodeState::Fault)
     }
 
-    /// What the exciter said was wrong, where the fault that is latched now has its reason there.
+    /// The exciter's fault that caused the latched fault, if any.
     pub fn fault_reason(&self) -> Option<Emergency> {
         self.reason.filter(|_| self.state() == NodeState::Fault)
     }
@@ -117,17 +117,18 @@ impl PlantNode {
         self.link.state() == NodeState::Operational
     }
 
-    /// Whether no answer is awaited to the sample measured last: it has been taken, or the sample goes with the next.
+    /// Whether the sample measured last awaits no answer: the answer has been taken, or the sample is sent with the
+    /// next.
     pub fn is_answered(&self) -> bool {
         self.holds_sample() || self.gate.answered() == Some(self.sample)
     }
 
-    /// Whether the sample published last goes with the next one.
+    /// Whether the sample published last is sent with the next one.
     pub fn holds_sample(&self) -> bool {
         self.first.is_some()
     }
 
-    /// The index of the sample that the command taken in last answers, also if it was refused; once.
+    /// The index of the sample that the last command received answers, also if it was refused; returned once.
     pub fn take_echoed(&mut self) -> Option<u16> {
         self.echoed.take()
     }
@@ -142,17 +143,17 @@ impl PlantNode {
         self.link.refused_frames()
     }
 
-    /// Those of them that came under identifiers which only the plant sends: another network has its base.
+    /// Those of them received under identifiers that only the plant sends: another network uses its base.
     pub fn other_sender_frames(&self) -> u64 {
         self.link.other_sender_frames()
     }
 
-    /// Frames that gaps in the counters say were lost.
+    /// Lost frames, by the gaps in the counters.
     pub fn lost_frames(&self) -> u64 {
         self.link.lost_frames()
     }
 
-    /// Frames that were never sent: newer ones took their place before they could be.
+    /// Frames never sent, because newer ones replaced them.
     pub fn unsent_frames(&self) -> u64 {
         self.link.unsent_frames()
     }
@@ -162,23 +163,23 @@ impl PlantNode {
         &self.refusals
     }
 
-    /// Sample periods by which the schedule has moved, as [`PlantNode::slip`] was told.
+    /// Sample periods by which the schedule has moved: the sum of all calls of [`PlantNode::slip`].
     pub fn slipped_periods(&self) -> u64 {
         self.slipped_periods
     }
 
-    /// Whether the load is on its way to zero.
+    /// Whether the load is ramping to zero.
     pub fn is_ramping(&self) -> bool {
         self.hold.ramp_left() > 0
     }
 
-    /// Whether a node that was faulted, disarmed or told to leave has nothing left to do: it is not armed, the load is
+    /// Whether nothing is left to do after a fault, a disarm or [`PlantNode::leave`]: the node is unarmed, the load is
     /// zero and all frames are sent.
     pub fn is_quiet(&self) -> bool {
         !self.is_armed() && !self.is_ramping() && !self.link.has_frames()
     }
 
-    /// Takes in a frame from the bus; one of another protocol means nothing.
+    /// Handles a frame from the bus; frames of other protocols are ignored.
     pub fn handle_frame(&mut self, now_ns: u64, frame: &Frame) {
         let message = self.link.accept(now_ns, frame);
         if let Some(identifier) = self.link.take_second_sender() {
@@ -186,13 +187,15 @@ impl PlantNode {
         }
         let Some(message) = message else { return };
         match message {
-            Message::Operator(OperatorCommand { request, target: Node::Plant }) => self.obey(now_ns, request),
+            Message::Operator(OperatorCommand { request, target: Node::Plant }) => self.execute(now_ns, request),
             Message::Force(c) => self.take(now_ns, c.sample, Load::force_n(c.force_x_n, c.force_y_n)),
             Message::Torque(c) => self.take(now_ns, c.sample, Load::torque_nm(c.torque1_nm, c.torque2_nm)),
-            Message::ExciterHello(hello) => self.greet(now_ns, hello),
+            Message::ExciterHello(hello) => self.meet(now_ns, hello),
             Message::Heartbeat(Heartbeat { node: Node::Exciter, state }) => self.watch(now_ns, state),
             Message::Capabilities(exciter) => self.partner_samples = exciter.samples_per_frame,
-            Message::Emergency(emergency) if emergency.code == EmergencyCode::Leaving => self.part(now_ns, emergency),
+            Message::Emergency(emergency) if emergency.code == EmergencyCode::Leaving => {
+                self.exciter_left(now_ns, emergency)
+            }
             Message::Emergency(emergency) if !emergency.code.is_notice() => {
                 self.exciter_fault = Some(emergency);
                 self.link.tell(NodeEvent::PartnerEmergency(emergency));
@@ -201,15 +204,15 @@ impl PlantNode {
         }
     }
 
-    /// A new partner is answered at once, so that it need not wait for the next hello.
-    fn greet(&mut self, now_ns: u64, hello: Hello) {
+    /// Answers a new partner at once, so that it need not wait for the next hello.
+    fn meet(&mut self, now_ns: u64, hello: Hello) {
         if self.partner.replace(hello).is_none() {
             self.link.send_hello(now_ns);
         }
     }
 
-    /// Does what an operator asks, be it by a frame or at the plant itself, if the plant's state allows it.
-    pub fn obey(&mut self, now_ns: u64, request: OperatorRequest) {
+    /// Executes an operator's request, from a frame or made at the plant itself, if the plant's state allows it.
+    pub fn execute(&mut self, now_ns: u64, request: OperatorRequest) {
         match request {
             OperatorRequest::Arm if self.state() == NodeState::PreOperational => self.arm(now_ns),
             OperatorRequest::Disarm if self.is_armed() => self.exit(now_ns, StateEvent::Disarm),
@@ -239,7 +242,7 @@ impl PlantNode {
         self.link.transition(now_ns, StateEvent::Arm);
     }
 
-    /// The exciter's own state: a restart or a fault of an armed exciter ends the arming.
+    /// Handles the exciter's state: a restart or a fault of the exciter ends the arming.
     fn watch(&mut self, now_ns: u64, state: NodeState) {
         if state == NodeState::BootUp {
             self.forget_partner();
@@ -252,8 +255,8 @@ impl PlantNode {
         }
     }
 
-    /// The exciter's fault is the plant's, too. Where it waited for a sample in vain since its commands were refused,
-    /// as in lockstep, that is what the plant tells: no valid command came.
+    /// The exciter's fault is the plant's, too. If the exciter timed out waiting for a sample because its commands were
+    /// refused, as in lockstep, the plant reports the cause: no valid command was received.
     fn fault_of_exciter(&mut self, now_ns: u64) {
         let reason = self.exciter_fault;
         let has_waited = reason.is_some_and(|said| said.code == EmergencyCode::SensorTimeout);
@@ -275,7 +278,7 @@ impl PlantNode {
     }
 
     /// The exciter leaves the bus: it is forgotten, and an armed plant disarms.
-    fn part(&mut self, now_ns: u64, emergency: Emergency) {
+    fn exciter_left(&mut self, now_ns: u64, emergency: Emergency) {
         self.forget_partner();
         self.link.tell(NodeEvent::Emergency(emergency));
         if self.is_armed() {
@@ -283,7 +286,7 @@ impl PlantNode {
         }
     }
 
-    /// Every command is taken here or refused with a reason.
+    /// Takes a command, or refuses it with a reason.
     ///
     /// Beyond the travel an operational plant faults: it would be driven on once it swings back.
     fn take(&mut self, now_ns: u64, index: u16, load: Load) {
@@ -351,7 +354,7 @@ impl PlantNode {
         }
     }
 
-    /// A sample a frame, or two: the one with an even index then goes with the next.
+    /// One sample a frame, or two: then the one with an even index is sent with the next.
     fn publish_fd(&mut self, measurement: &Measurement) -> Result<(), EncodeError> {
         let sensors = sample::sensors(measurement);
         if let Some(first) = self.first.take() {
@@ -377,7 +380,7 @@ impl PlantNode {
     }
 
     /// Faults from outside: the simulation failed, its shaker tripped, or ticks were missed. The load ramps to zero; if
-    /// the simulation can't go on or what drives the arm is off, it is let go at once.
+    /// the simulation can't continue or the exciter is off, it is dropped at once.
     pub fn fault(&mut self, now_ns: u64, code: EmergencyCode, detail: u16) {
         debug_assert!(!code.is_notice(), "{code:?} is no fault");
         if matches!(code, EmergencyCode::SimulationFailed | EmergencyCode::ExciterTripped) {
@@ -399,14 +402,14 @@ impl PlantNode {
         }
     }
 
-    /// Tells that the schedule has moved by `periods` missed sample periods. The sample index goes on without a gap.
+    /// Reports that the schedule has moved by `periods` missed sample periods. The sample index continues without gap.
     pub fn slip(&mut self, periods: u64) {
         self.slipped_periods = self.slipped_periods.saturating_add(periods);
         let detail = u16::try_from(periods).unwrap_or(u16::MAX);
         self.link.send_emergency(self.emergency(EmergencyCode::ScheduleSlipped, detail));
     }
 
-    /// Leaves the bus in good order: tells so, and disarms if armed. The plant is not armed again; it has left when
+    /// Leaves the bus in good order: announces it, and disarms if armed. The plant is not armed again; it has left when
     /// [`PlantNode::is_quiet`].
     pub fn leave(&mut self, now_ns: u64) {
         if self.is_leaving {
@@ -422,7 +425,7 @@ impl PlantNode {
         }
     }
 
-    /// Leaves whatever state this is; from armed, the load ramps to zero.
+    /// Leaves the current state; from armed, the load ramps to zero.
     fn exit(&mut self, now_ns: u64, event: StateEvent) {
         if self.is_armed() {
             self.hold.release();
@@ -438,23 +441,23 @@ impl PlantNode {
         Emergency { node: Node::Plant, code, detail, sample: self.sample as u16 }
     }
 
-    /// The next frame to send, as it is now. Ask again after any other call: it may be another by then.
+    /// The next frame to send. Fetch it again after any other call, which may change it.
     pub fn next_frame(&self) -> Option<Frame> {
         self.link.next_frame()
     }
 
-    /// All frames to send, in their order: [`PlantNode::next_frame`] gives the first, and the one behind it once
-    /// [`PlantNode::frame_sent`] is told.
+    /// All frames to send, in their order: [`PlantNode::next_frame`] returns the first, and the second after
+    /// [`PlantNode::frame_sent`].
     pub fn waiting_frames(&self) -> impl Iterator<Item = Frame> + use<> {
         self.link.waiting_frames()
     }
 
-    /// The bus has taken the frame that [`PlantNode::next_frame`] gave.
+    /// Records that the bus has taken the frame of [`PlantNode::next_frame`].
     pub fn frame_sent(&mut self) {
         self.link.frame_sent();
     }
 
-    /// The next frame, as one that is sent.
+    /// The next frame, which then counts as sent.
     pub fn poll_transmit(&mut self) -> Option<Frame> {
         let frame = self.next_frame()?;
         self.frame_sent();

@@ -15,22 +15,22 @@ impl Refusals {
         self.last = Some(refusal);
     }
 
-    /// How many for this reason.
+    /// The number for this reason.
     pub fn count(&self, refusal: Refusal) -> u64 {
         self.counts[refusal as usize - 1]
     }
 
-    /// How many for every reason, in the order of [`Refusal::ALL`].
+    /// The numbers for every reason, in the order of [`Refusal::ALL`].
     pub fn iter(&self) -> impl Iterator<Item = (Refusal, u64)> + '_ {
         Refusal::ALL.into_iter().zip(self.counts)
     }
 
-    /// How many in all.
+    /// The total.
     pub fn total(&self) -> u64 {
         self.counts.iter().sum()
     }
 
-    /// The last one's reason.
+    /// The last reason.
     pub fn last(&self) -> Option<Refusal> {
         self.last
     }

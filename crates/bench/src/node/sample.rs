@@ -40,7 +40,7 @@ pub(super) fn sensors(measurement: &Measurement) -> Sensors {
     Sensors { values, sample: measurement.sample as u16 }
 }
 
-/// Sample `n` from what the instruments read.
+/// Sample `n` of the instruments' readings.
 pub(super) fn from_values(n: u64, values: &SensorValues) -> Measurement {
     let axes = |pair: [Measured; 2]| pair.map(|m| Reading { value: m.value, clipped: m.saturated });
     Measurement {

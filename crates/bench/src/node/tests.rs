@@ -55,7 +55,7 @@ struct Bench {
     exciter: Option<ExciterNode>,
     loads: Vec<Load>,
     plant_events: Vec<NodeEvent>,
-    /// What the wire does to the n-th frame from the exciter: the frames that arrive in its place.
+    /// The effect of the wire on the n-th frame from the exciter: the frames that arrive instead.
     wire: fn(u64, Frame) -> Vec<Frame>,
     carried: u64,
 }
@@ -73,7 +73,7 @@ impl Bench {
         Bench::on([Network::default(); 2], timing, duration_s)
     }
 
-    /// Plant and exciter, each on a network of its own.
+    /// Plant and exciter, each on its own network.
     fn on([of_plant, of_exciter]: [Network; 2], timing: Timing, duration_s: f64) -> Bench {
         let mut plant = PlantNode::new(of_plant, RATE_HZ, timing, Exciter::default());
         let mut exciter = carry(of_exciter, RATE_HZ, timing, dwell(duration_s));
@@ -268,7 +268,8 @@ fn nodes_that_do_not_fit_never_arm() {
 }
 
 proptest! {
-    /// Whatever comes over the bus, an unarmed plant holds no load, and an armed one none beyond the exciter's limits.
+    /// Whatever the frames on the bus, an unarmed plant holds no load, and an armed one none beyond the exciter's
+    /// limits.
     #[test]
     fn no_frames_get_past_the_gate(
         frames in prop::collection::vec((0x200_u16..0x208, prop::collection::vec(any::<u8>(), 0..=8)), 0..200),

@@ -3,11 +3,10 @@
 //! One sample is: [`Plant::measure`], a command from outside, [`Plant::advance`] with the command held (zero-order) up
 //! to the next sample. The same specification and the same commands give the same states and readings, bit for bit.
 //!
-//! A held load jumps at every sample, and the accelerations with it, so a reading belongs to the middle of a hold: of
-//! the last one, or of an earlier one where the converter's filter has a delay ([`Converter`](crate::rig::Converter)).
-//! Force and accelerations of a sample then belong together in phase; read at the edge, the part of the acceleration
-//! that follows the force at once would lag the rest by half a period, an error of a frequency response that reaches
-//! per cents.
+//! A held load jumps at every sample, and the accelerations with it, so a reading belongs to the middle of a hold: the
+//! last one, or an earlier one if the converter's filter has a delay ([`Converter`](crate::rig::Converter)). Force and
+//! accelerations of a sample then agree in phase; read at the edge, the part of the acceleration that follows the force
+//! at once would lag the rest by half a period, an error of up to some per cent in a frequency response.
 
 mod sampling;
 mod shaker;
@@ -47,10 +46,10 @@ pub struct PlantSpec {
     pub seed: u64,
 }
 
-/// What keeps a plant from being made or from going on.
+/// Why a plant can't be advanced.
 #[derive(Clone, Copy, Debug, PartialEq, Error)]
 pub enum PlantError {
-    /// The integrator could not go on; the plant stays at the sample before.
+    /// The integrator could not make a step; the plant stays at the sample before.
     #[error("sample {sample}: {source}")]
     Integrate {
         /// The sample from which the step was tried.
@@ -67,16 +66,16 @@ pub enum PlantError {
     Tripped {
         /// The sample from which the step was tried.
         sample: u64,
-        /// Which limit.
+        /// The quantity that is limited.
         limit: ShakerLimit,
-        /// What there would be, in the limit's unit.
+        /// The value that would result, in the limit's unit.
         got: f64,
-        /// What may be.
+        /// The limit.
         most: f64,
     },
 }
 
-/// Why a specification makes no plant.
+/// Why a specification is invalid.
 #[derive(Clone, Debug, PartialEq, Error)]
 #[non_exhaustive]
 pub enum PlantSpecError {
@@ -92,26 +91,26 @@ pub enum PlantSpecError {
     /// The current of the shaker's coil changes too slowly for the step.
     #[error("rig.shaker: `inductance_h` is {got_h}: at this resistance and step in voltage mode it must be at most {most_h}", got_h = short(.got_h), most_h = short(.most_h))]
     Inductance {
-        /// What was given, H.
+        /// The given value, H.
         got_h: f64,
-        /// What would do, H.
+        /// The largest valid value, H.
         most_h: f64,
     },
     /// The initial state is not finite.
     #[error("the initial state {0:?} is not finite: give four numbers, rad and rad/s")]
     Initial([f64; 4]),
-    /// The middle of a sample period is no integration step, or a sample takes more work than any run has.
+    /// The middle of a sample period is not at an integration step, or a sample has too many steps.
     #[error(
         "`steps_per_sample` is {got}: it must be even, since the instruments sample in the middle, and from 2 to \
          {MOST_STEPS_PER_SAMPLE}"
     )]
     StepsPerSample {
-        /// What was given.
+        /// The given value.
         got: u32,
     },
 }
 
-/// Refuses steps a sample that no plant can have.
+/// Refuses an invalid number of steps a sample.
 ///
 /// # Errors
 /// [`PlantSpecError::StepsPerSample`].
@@ -131,15 +130,15 @@ pub struct Plant {
     steps_per_sample: u32,
     sample: u64,
     state: State,
-    /// What the converters sampled last: head x, y; B x, y; C x, y.
+    /// The converters' last samples: head x, y; B x, y; C x, y.
     sampled: [f64; Measurement::CHANNELS],
     /// The converters' filter, if they have one, and its sums.
     filter: Option<Filter>,
     sums: Sums,
 }
 
-/// Force in the head, N, and accelerations of B and C, m/s², along x and y, at a state of the arm with what is attached
-/// to it; `load` acts on both, and between them is the head.
+/// Force in the head, N, and accelerations of B and C, m/s², along x and y, at a state of the arm with its attachment;
+/// `load` acts on both, and the head is between them.
 fn instant(arm: &Arm, state: &State, load: &Load) -> [f64; Measurement::CHANNELS] {
     let acceleration_rad_s2 = arm.acceleration(state, load);
     let motion = arm.point_accelerations(state, &acceleration_rad_s2);
@@ -151,7 +150,7 @@ impl Plant {
     /// A plant at sample 0.
     ///
     /// # Errors
-    /// [`PlantSpecError`] says what in the specification is impossible.
+    /// [`PlantSpecError`] says which part of the specification is invalid.
     pub fn new(spec: &PlantSpec) -> Result<Plant, PlantSpecError> {
         let rig = Rig::new(&spec.rig, spec.sample_rate_hz, spec.seed)?;
         let mut arm = Arm::new(spec.parameters, spec.pose)?;
@@ -185,7 +184,7 @@ impl Plant {
         })
     }
 
-    /// The plant with the sample at which it stands called `sample`: a run that goes on from there.
+    /// The plant with its current sample numbered `sample`, for a run that continues from there.
     #[must_use]
     pub fn at_sample(self, sample: u64) -> Plant {
         Plant { sample, ..self }
@@ -207,18 +206,18 @@ impl Plant {
         &self.arm
     }
 
-    /// What drives the arm.
+    /// The exciter of the arm.
     pub fn exciter(&self) -> &Exciter {
         self.rig.exciter()
     }
 
-    /// What is taken of commands beyond what the exciter can produce.
+    /// The limits of commands beyond the exciter's.
     pub fn gate(&self) -> &GateSpec {
         self.rig.gate()
     }
 
-    /// How far the point that the exciter acts on is from rest, m: the tip's distance, of a shaker the displacement
-    /// of its armature, without sign.
+    /// The distance from rest of the point that the exciter acts on, m: that of the tip, or of a shaker's armature,
+    /// without sign.
     pub fn travel_m(&self) -> f64 {
         match self.shaker {
             Some(_) => self.arm.attachment_motion(&self.state).0.abs(),
@@ -229,12 +228,12 @@ impl Plant {
         }
     }
 
-    /// The index of the sample at which the plant stands.
+    /// The index of the current sample.
     pub fn sample(&self) -> u64 {
         self.sample
     }
 
-    /// The time of the sample at which the plant stands, s.
+    /// The time of the current sample, s.
     pub fn time_s(&self) -> f64 {
         self.sample as f64 / self.sample_rate_hz
     }
@@ -244,17 +243,16 @@ impl Plant {
         &self.state
     }
 
-    /// What the instruments say at the sample: what their converters sampled, through their chains. Before sample 0 the
-    /// arm has stood for ever with the accelerations that it starts with. Call it once a sample: every call draws new
-    /// noise.
+    /// The readings at the sample: the converters' samples, through the instruments' chains. Before sample 0 all values
+    /// have always been those of the start. Call it once a sample: every call draws new noise.
     pub fn measure(&mut self) -> Measurement {
         self.rig.measure(self.sample, &self.sampled)
     }
 
-    /// Advances to the next sample with `load` held: of a shaker, the force that it would exert were it blocked.
+    /// Advances to the next sample with `load` held: with a shaker, the force that it would exert if it were blocked.
     ///
     /// # Errors
-    /// [`PlantError`] if the step could not be made or the shaker trips; the plant then stays as it was.
+    /// [`PlantError`] if the step could not be made or the shaker trips; the plant then stays unchanged.
     pub fn advance(&mut self, load: &Load) -> Result<(), PlantError> {
         let mut hold =
             Hold { state: self.state, shaker: self.shaker, end: None, sums: self.sums, sampled: self.sampled };
@@ -275,11 +273,11 @@ impl Plant {
     }
 }
 
-/// A hold that is on its way.
+/// A hold in progress.
 struct Hold {
     state: State,
     shaker: Option<Shaker>,
-    /// The motion at the end of the last step, if what drives goes on evenly from there.
+    /// The motion at the end of the last step, if the drive is continuous there.
     end: Option<End>,
     sums: Sums,
     sampled: [f64; Measurement::CHANNELS],

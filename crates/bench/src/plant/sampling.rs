@@ -1,4 +1,4 @@
-//! What the converters sample of the continuous motion, step by step.
+//! Sampling of the continuous motion by the converters, step by step.
 //!
 //! A converter with a filter reads ∫ M_N(u) x(t_n − uT) du ([`Converter`]). Over an integration step of length h, with
 //! τ from 0 to 1, an acceleration is
@@ -7,13 +7,12 @@
 //! a(τ) = a₀ + a₁ τ + a₂ τ² + g e^{−λτ}
 //! ```
 //!
-//! where g is what the transient of a coil's current adds ([`Current`](crate::rig::coil::Current)) and the polynomial
-//! has the rest's value at both ends and its integral, the change of velocity: A = a(0), B = a(1), and the mean m give
-//! a₂ = 3 (A + B) − 6 m and a₁ = B − A − a₂. Velocity and displacement along a shaker follow by integration, and the
-//! head's force is F − m s̈ − c ṡ − k s. So every channel is a polynomial of degree 4 and an exponential, of which the
-//! weighted integrals are sums with constant factors. What is left out falls with (ωh)⁴/720, 2·10⁻⁶ of an amplitude at
-//! 59 Hz and 2000 steps a second, and of a transient, to which the arm answers as well, with (ωh/λ)²: less than 10⁻⁵
-//! there.
+//! where g is from the transient of a coil's current ([`Current`](crate::rig::coil::Current)) and the polynomial has
+//! the values of the rest at both ends and its integral, the change of velocity: A = a(0), B = a(1), and the mean m
+//! give a₂ = 3 (A + B) − 6 m and a₁ = B − A − a₂. Velocity and displacement along a shaker follow by integration, and
+//! the head's force is F − m s̈ − c ṡ − k s. So every channel is a polynomial of degree 4 and an exponential, whose
+//! weighted integrals are sums with constant factors. The relative error is (ωh)⁴/720 of an amplitude, 2·10⁻⁶ at 59 Hz
+//! and 2000 steps a second, and (ωh/λ)² of a transient, to which the arm responds as well: less than 10⁻⁵ there.
 
 use alloc::vec::Vec;
 
@@ -32,22 +31,23 @@ const TERMS: usize = 6;
 /// A channel over a step: coefficients of 1, τ … τ⁴ and of e^{−λτ}.
 type Course = [f64; TERMS];
 
-/// The factors of a step within its hold: of every term, for the reading after this hold and those after the next.
+/// The factors of a step within its hold, for every term: for the reading after this hold and those after the next
+/// ones.
 type Factors = [[f64; TERMS]; MOST_ORDER];
 
-/// Sums of a filter that is on its way: what the readings after this hold and the next have got so far.
+/// Partial sums of a filter: for the readings after this hold and the next ones.
 pub(super) type Sums = [[f64; CHANNELS]; MOST_ORDER];
 
 /// The filter of a converter, prepared for the steps of a hold.
 #[derive(Clone, Debug)]
 pub(super) struct Filter {
-    /// Of every step of a hold.
+    /// For every step of a hold.
     factors: Vec<Factors>,
     order: usize,
     step_s: f64,
     /// λ, infinite without a coil.
     decay: f64,
-    /// The unit vector along which something may be attached to the tip.
+    /// The unit vector of a possible attachment at the tip.
     along: Vector2<f64>,
 }
 
@@ -56,7 +56,7 @@ pub(super) struct Filter {
 pub(super) struct End {
     /// Velocities of B and C, m/s.
     velocity_m_s: [Vector2<f64>; 2],
-    /// Accelerations of B and C without what a coil's transient adds, m/s².
+    /// Accelerations of B and C without those by a coil's transient, m/s².
     acceleration_m_s2: [Vector2<f64>; 2],
 }
 
@@ -68,13 +68,13 @@ impl End {
     }
 }
 
-/// A step that was made, as the converters see it.
+/// A finished step, for the converters.
 pub(super) struct Step<'a> {
     pub arm: &'a Arm,
     pub from: &'a State,
     pub start: End,
     pub end: End,
-    /// What acts on the arm and its armature over the step.
+    /// The drive of the arm and its armature over the step.
     pub drive: &'a Drive,
 }
 
@@ -93,8 +93,8 @@ impl Filter {
         })
     }
 
-    /// The sums of a filter that has seen `values` for ever: of the reading `ahead` holds on those holds have gone by
-    /// that are older than `ahead`.
+    /// The sums of a filter after constant `values`: the sum for the reading `ahead` holds later contains the holds
+    /// older than `ahead`.
     pub fn settled(&self, converter: Converter, values: &[f64; CHANNELS]) -> Sums {
         core::array::from_fn(|ahead| {
             let weight: f64 = (ahead + 1..self.order).map(|piece| converter.piece_integral(piece)).sum();
@@ -102,7 +102,7 @@ impl Filter {
         })
     }
 
-    /// Takes in step `index` of a hold.
+    /// Adds step `index` of a hold.
     pub fn add(&self, sums: &mut Sums, index: usize, step: &Step<'_>) {
         let courses = self.courses(step);
         let Some(factors) = self.factors.get(index) else { return };
@@ -113,7 +113,7 @@ impl Filter {
         }
     }
 
-    /// The hold is over: the readings, and the sums of those after it.
+    /// Ends the hold: returns the readings, and advances the sums to those after it.
     pub fn read(sums: &mut Sums) -> [f64; CHANNELS] {
         let readings = sums[0];
         sums.rotate_left(1);
@@ -144,7 +144,7 @@ impl Filter {
         })
     }
 
-    /// What the coil's transient adds to the accelerations of B and C at the start of the step, m/s².
+    /// The accelerations of B and C by the coil's transient at the start of the step, m/s².
     fn transient(&self, step: &Step<'_>) -> [Vector2<f64>; 2] {
         match step.drive {
             Drive::Coil { transient_n, along, .. } if self.decay.is_finite() => {
@@ -156,7 +156,7 @@ impl Filter {
         }
     }
 
-    /// The force in the head along x and y: F − m s̈ − c ṡ − k s, of an ideal exciter F.
+    /// The force in the head along x and y: F − m s̈ − c ṡ − k s, or F with an ideal exciter.
     fn head(&self, step: &Step<'_>, c: &[Course; 2]) -> [Course; 2] {
         let force = match step.drive {
             Drive::Held(load) => [load.force_n.x, load.force_n.y].map(|force_n| [force_n, 0.0, 0.0, 0.0, 0.0, 0.0]),

@@ -1,4 +1,4 @@
-//! What the converters sample, against the same motion read instant by instant.
+//! The converters' samples against the same motion read on a fine grid.
 
 use super::tests::{SHAKER, shaken};
 use super::*;
@@ -45,7 +45,7 @@ fn fine(shaker: Option<ShakerSpec>) -> Vec<[f64; 6]> {
     all
 }
 
-/// The coil's force: of the current in voltage mode, which without inductance is V/R − Bl ṡ/R.
+/// The coil's force, in voltage mode from the current, which without inductance is V/R − Bl ṡ/R.
 fn acting(shaker: Option<&ShakerSpec>, arm: &Arm, state: &State, command: &Load, current_a: f64) -> Load {
     let Some(shaker) = shaker.filter(|shaker| shaker.amplifier == Amplifier::Voltage) else { return *command };
     let bl = shaker.force_factor_n_a;
@@ -82,7 +82,7 @@ fn runge_kutta(arm: &Arm, shaker: Option<&ShakerSpec>, command: &Load, start: (S
     moved(&mean, h)
 }
 
-/// The readings of every sample by sums over the fine ones; before sample 0 everything stood as it began.
+/// The readings of every sample by sums over the fine ones; before sample 0 all values were those of the start.
 fn expected(converter: Converter, fine: &[[f64; 6]], began: [f64; 6]) -> Vec<[f64; 6]> {
     let n = FINE as usize;
     let weight = |piece: usize, k: usize| converter.piece(piece, (k as f64 + 0.5) / n as f64)[0] / n as f64;
@@ -123,7 +123,7 @@ fn readings_are_the_weighted_means_of_the_continuous_motion() {
         for converter in [Converter::Sinc1, Converter::Sinc3, Converter::Sinc5] {
             for steps_per_sample in [2, 6] {
                 let spec = spec(shaker, converter, steps_per_sample);
-                // What the arm does to a transient of the coil is left out.
+                // The arm's response to a transient of the coil is left out.
                 let has_transient = shaker.is_some_and(|shaker| shaker.inductance_h > 0.0);
                 let bound = if has_transient && steps_per_sample == 2 { 1e-5 } else { 2e-6 };
                 let seen = seen(&spec);
@@ -141,7 +141,7 @@ fn readings_are_the_weighted_means_of_the_continuous_motion() {
 }
 
 #[test]
-fn a_plant_at_rest_under_gravity_reads_as_it_stands_from_the_first_sample_on() {
+fn a_plant_at_rest_under_gravity_reads_constant_values_from_the_first_sample() {
     for converter in Converter::ALL {
         let mut plant = Plant::new(&PlantSpec { initial: State::default(), ..spec(None, converter, 2) }).unwrap();
         for _ in 0..8 {
@@ -166,7 +166,7 @@ fn the_mean_over_a_hold_is_the_change_of_velocity() {
     }
 }
 
-/// The converters look at the motion: they do not change it.
+/// The converters do not change the motion.
 #[test]
 fn states_have_the_same_bits_whatever_the_converter() {
     let preset = Preset::Irb1600Table1.parameters().unwrap();

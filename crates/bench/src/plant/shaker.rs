@@ -1,10 +1,10 @@
 //! Steps of an arm that a shaker drives.
 //!
-//! In current mode the coil's force is held over the step, as that of an ideal exciter is. In voltage mode the current
+//! In current mode the coil's force is held over the step, like that of an ideal exciter. In voltage mode the current
 //! and the motion of the armature depend on each other over the step: the motion gives a polynomial for the velocity,
-//! that the current in closed form, and the current the next motion, until it changes no more. What a pass changes is
-//! smaller than what the one before did by about h Bl²/(R m), m the mass that the coil sees: by a thousand for a shaker
-//! on this arm.
+//! this the current in closed form, and the current the next motion, until nothing changes. Each pass changes less than
+//! the one before by a factor of about h Bl²/(R m), m being the mass that the coil drives: a thousandth for a shaker on
+//! this arm.
 
 use nalgebra::Vector2;
 
@@ -14,14 +14,14 @@ use crate::rig::{Amplifier, ShakerLimit, ShakerSpec};
 use resonarm_dynamics::arm::{Arm, Load, State};
 use resonarm_dynamics::integrate::{Excitation, IntegrateError, Integrator};
 
-/// Passes of a step in voltage mode before it counts as one that can't be made.
+/// Passes of a step in voltage mode before it counts as failed.
 const MOST_PASSES: usize = 30;
 /// Below this current, A, digits of it and of what moves with it underflow: 2⁻¹⁰²² over 2⁻⁵².
 const CURRENT_WHOLE_A: f64 = f64::MIN_POSITIVE / f64::EPSILON;
 /// Change of the current in a pass, relative, below which it is the last.
 const PASS_LIMIT: f64 = 1e-12;
 
-/// A shaker at work.
+/// A shaker.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Shaker {
     spec: ShakerSpec,
@@ -32,7 +32,7 @@ pub(super) struct Shaker {
     course: Current,
 }
 
-/// What drives the arm, and the armature that may be attached to it, over a step.
+/// The drive of the arm, and of an attached armature, over a step.
 #[derive(Clone, Copy, Debug)]
 pub(super) enum Drive {
     /// A load that is held.
@@ -42,7 +42,7 @@ pub(super) enum Drive {
     Coil {
         /// Coefficients of 1, τ … τ⁴, N.
         polynomial_n: [f64; 5],
-        /// Of e^{−λτ}, N.
+        /// Coefficient of e^{−λτ}, N.
         transient_n: f64,
         /// The unit vector of the force.
         along: Vector2<f64>,
@@ -106,8 +106,8 @@ impl Shaker {
         self.current_a
     }
 
-    /// How often a transient of the current decays by e over a step: infinite unless the amplifier holds the voltage of
-    /// a coil with inductance.
+    /// How many times a transient of the current decays by e over a step: infinite unless the amplifier holds the
+    /// voltage of a coil with inductance.
     pub fn decay(&self) -> f64 {
         match self.spec.amplifier {
             Amplifier::Current => f64::INFINITY,
@@ -115,7 +115,7 @@ impl Shaker {
         }
     }
 
-    /// What drove the arm over the last step.
+    /// The drive of the arm over the last step.
     pub fn drive(&self) -> Drive {
         match self.spec.amplifier {
             Amplifier::Current => Drive::Held(self.acting()),
@@ -215,7 +215,7 @@ impl Shaker {
         [displacement_m, velocity_m_s, self.step_s * self.spec.direction().dot(&tip_m_s2)]
     }
 
-    /// The first limit that is exceeded at a state, with what there is and what may be.
+    /// The first limit that is exceeded at a state, with the value and the limit.
     pub fn exceeded(&self, arm: &Arm, state: &State) -> Option<(ShakerLimit, f64, f64)> {
         self.spec.exceeded(self.current_a, arm.attachment_motion(state))
     }

@@ -34,7 +34,7 @@ fn same_commands_give_the_same_bits() {
 }
 
 #[test]
-fn at_rest_the_instruments_tell_the_held_force() {
+fn at_rest_the_instruments_read_the_held_force() {
     let mut plant = Plant::new(&spec()).unwrap();
     for _ in 0..5 {
         plant.advance(&Load::force_n(50.0, -20.0)).unwrap();
@@ -80,7 +80,7 @@ fn says_what_is_wrong_with_a_plant() {
     insta::assert_snapshot!(says(PlantSpec { sample_rate_hz: 0.0, ..spec() }), @"integration rate 0 Hz: it must be a positive number");
 }
 
-/// Of the size of a modal exciter of some hundred newtons.
+/// A shaker of the size of a modal exciter for some hundred newtons.
 pub(super) const SHAKER: ShakerSpec = ShakerSpec {
     direction_deg: 30.0,
     amplifier: Amplifier::Current,
@@ -178,7 +178,7 @@ fn theory(shaker: &ShakerSpec, frequency_hz: f64, force_n: f64) -> (Phasor, Phas
 
 /// In voltage mode the coil damps the arm so much that it settles within seconds. Readings are those of the continuous
 /// motion, through the converter's gain and delay: near the resonance, where the coil's force is many times that in the
-/// head, an instant reads its steps as well.
+/// head, instantaneous readings contain its steps as well.
 #[test]
 fn head_and_tip_are_those_of_linear_theory() {
     let shaker = ShakerSpec { amplifier: Amplifier::Voltage, ..SHAKER };
@@ -217,7 +217,7 @@ fn head_and_tip_are_those_of_linear_theory() {
     }
 }
 
-/// At the resonance of the arm alone, where little force is needed, most of the coil's goes into the armature.
+/// At the resonance of the arm alone, where little force is needed, most of the coil's force moves the armature.
 #[test]
 fn the_force_drops_out_at_the_resonance() {
     let [mode, _] = modes(&Arm::new(spec().parameters, spec().pose).unwrap());
@@ -255,9 +255,10 @@ fn a_shaker_in_voltage_mode_converges_with_the_fifth_order() {
     assert!(errors[0] > 24.0 * errors[1] && errors[1] > 24.0 * errors[2], "{errors:?}");
 }
 
-/// In voltage mode the coil brakes the arm so much that within a minute its energy underflows, and then its current.
+/// In voltage mode the coil brakes the arm so much that within a minute first its energy and then its current
+/// underflows.
 #[test]
-fn an_arm_that_dies_away_under_its_shaker_goes_on() {
+fn an_arm_whose_motion_dies_out_under_its_shaker_keeps_running() {
     let shaker = ShakerSpec { amplifier: Amplifier::Voltage, resistance_ohm: 2.0, ..SHAKER };
     for exponent in [150, 155, 158, 160, 162, 200, 300, 306, 308, 310, 312, 315] {
         let small = libm::exp10(-f64::from(exponent));

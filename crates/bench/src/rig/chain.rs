@@ -1,11 +1,11 @@
-//! An instrument at work: two axes, each from the truth to the reading.
+//! The signal chain of an instrument: two axes, each from the true value to the reading.
 //!
 //! gravity → transverse → gain → sensor's noise → sensor's range → high-pass → low-pass → delay → converter (rounding,
 //! range).
 //!
-//! Faults that add something do so before the converter, those that replace a reading after it.
+//! Faults that add to the signal act before the converter, those that replace a reading after it.
 //!
-//! All of it works on the samples; before sample 0 the instrument has stood still for ever.
+//! The chain works on the samples; before sample 0 the instrument has always been at rest.
 //!
 //! Gravity comes first because an accelerometer can't distinguish it from acceleration: an axis reads its transverse
 //! share of the other axis's gravity, too.
@@ -21,10 +21,10 @@ use resonarm_numeric::noise::Noise;
 
 /// The longest delay, samples.
 const MOST_DELAY_SAMPLES: u32 = 1000;
-/// The most bits of a converter: more than f64 tells of a range.
+/// The most bits of a converter, within the precision of f64.
 const MOST_BITS: u32 = 48;
 
-/// What an instrument's keys are called, with their units.
+/// The keys of an instrument, with their units.
 #[derive(Debug)]
 pub(super) struct Keys {
     pub range: &'static str,
@@ -34,7 +34,7 @@ pub(super) struct Keys {
     pub sensor_range: &'static str,
 }
 
-/// An instrument's specification in whatever unit it has.
+/// An instrument's specification, in the instrument's unit.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct ChainSpec {
     pub instrument: &'static str,
@@ -44,7 +44,7 @@ pub(super) struct ChainSpec {
     pub noise_density: Option<f64>,
     pub resolution: Option<f64>,
     pub bits: Option<u32>,
-    /// What is read along y at rest.
+    /// The reading along y at rest.
     pub gravity: Option<f64>,
     pub transverse: Option<f64>,
     pub gain: Option<f64>,
@@ -54,14 +54,14 @@ pub(super) struct ChainSpec {
     pub delay_samples: Option<u32>,
 }
 
-/// A two-axis instrument at work.
+/// A two-axis instrument.
 #[derive(Clone, Debug)]
 pub(super) struct Instrument {
     gravity: Option<f64>,
     transverse: Option<f64>,
     axes: [Axis; 2],
     faults: Vec<Fault>,
-    /// What it said last.
+    /// Its last reading.
     last: [Reading; 2],
 }
 
@@ -82,7 +82,7 @@ impl Instrument {
         Instrument { faults, ..self }
     }
 
-    /// What it says at sample `sample` of `truth`, along x and y of the base frame.
+    /// Its reading at sample `sample` of `truth`, along x and y of the base frame.
     pub fn read(&mut self, sample: u64, truth: [f64; 2]) -> [Reading; 2] {
         let seen = seen(truth, self.gravity, self.transverse);
         for (index, axis) in self.axes.iter_mut().enumerate() {
@@ -96,14 +96,14 @@ impl Instrument {
     }
 }
 
-/// What the axes see: gravity g along −y is an acceleration g along y, and t is the share of the other axis:
-/// x + t y and y + t x.
+/// The inputs of the axes: gravity g along −y is an acceleration g along y, and t is the share of the other axis: x + t
+/// y and y + t x.
 fn seen([x, y]: [f64; 2], gravity: Option<f64>, transverse: Option<f64>) -> [f64; 2] {
     let y = gravity.map_or(y, |gravity| y + gravity);
     transverse.map_or([x, y], |share| [x + share * y, y + share * x])
 }
 
-/// One axis at work.
+/// One axis.
 #[derive(Clone, Debug)]
 struct Axis {
     gain: f64,
@@ -112,16 +112,16 @@ struct Axis {
     sensor_range: f64,
     highpass: Option<Section>,
     lowpass: Option<Section>,
-    /// What the next samples say, from `oldest` on, around.
+    /// A ring of the delayed values, the next at `oldest`.
     delayed: Vec<f64>,
     oldest: usize,
-    /// What comes to the converter at rest.
+    /// The converter's input at rest.
     rest: f64,
     quantizer: Quantizer,
 }
 
 impl Axis {
-    /// An axis that has seen `rest` for ever.
+    /// An axis settled on `rest`.
     fn new(spec: &ChainSpec, rate_hz: f64, noise: Noise, rest: f64) -> Axis {
         let gain = spec.gain.unwrap_or(1.0);
         let sensor_range = spec.sensor_range.unwrap_or(f64::INFINITY);
@@ -148,7 +148,7 @@ impl Axis {
         self.quantizer.read(self.rest)
     }
 
-    /// What comes to the converter.
+    /// The converter's input.
     fn conditioned(&mut self, seen: f64) -> f64 {
         let noisy = self.gain * seen + self.noise_rms * self.noise.normal();
         let sensed = noisy.clamp(-self.sensor_range, self.sensor_range);
@@ -165,8 +165,7 @@ impl Axis {
     }
 }
 
-/// What a converter does to a value: rounds to the nearest count, and says the last count within the range of what is
-/// beyond.
+/// The converter of a value: rounds to the nearest count, and clips to the last count within the range.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Quantizer {
     /// The last count within the range.
@@ -186,8 +185,8 @@ impl Quantizer {
     }
 }
 
-/// The largest magnitude that a converter says: of whole counts the last within the range. A range that is a whole
-/// number of counts but for the rounding of the two numbers counts as one.
+/// The largest magnitude that a converter reads: the last whole count within the range. A range that is a whole number
+/// of counts but for rounding counts as one.
 fn largest(range: f64, resolution: f64) -> f64 {
     const ROUNDING: f64 = 1e-9;
     if resolution == 0.0 { range } else { libm::floor(range / resolution * (1.0 + ROUNDING)) * resolution }
@@ -202,7 +201,7 @@ impl ChainSpec {
         }
     }
 
-    /// Of n bits 2ⁿ − 1 counts are used, as many below 0 as above: one is range/(2ⁿ⁻¹ − 1).
+    /// With n bits 2ⁿ − 1 counts are used, as many below 0 as above: one count is range/(2ⁿ⁻¹ − 1).
     fn resolution(&self) -> f64 {
         match (self.resolution, self.bits) {
             (_, Some(bits)) => self.range / (libm::exp2(f64::from(bits) - 1.0) - 1.0),
@@ -251,7 +250,7 @@ impl ChainSpec {
         self.within(name, value, "zero or a positive number", |got| got.is_finite() && got >= 0.0)
     }
 
-    /// Refuses a value that is stated and does not fit.
+    /// Refuses a value that is given and invalid.
     fn within(
         &self,
         name: &'static str,

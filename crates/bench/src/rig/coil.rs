@@ -1,8 +1,8 @@
 //! The current in the coil of a shaker in voltage mode over one integration step.
 //!
 //! Over a step of length h the tip's velocity along the shaker is taken as the polynomial p(x) of degree 4 in x = t/h,
-//! 0 ≤ x ≤ 1, that has its value and slope at both ends and its integral, which are known from the states there. With λ
-//! = hR/L the circuit is
+//! 0 ≤ x ≤ 1, with the same values and slopes at both ends and the same integral, which are known from the states
+//! there. With λ = hR/L the circuit is
 //!
 //! ```text
 //! di/dx + λ i = (λ/R) (V − Bl p(x))        i(x) = q(x) + (i(0) − q(0)) e^{−λx}
@@ -74,10 +74,10 @@ impl Coil {
 }
 
 impl Current {
-    /// No current.
+    /// Zero current.
     pub const ZERO: Current = Current { q: [0.0; TERMS], transient_a: 0.0, decay: f64::INFINITY };
 
-    /// The coefficients of q, and i(0) − q(0), which e^{−λx} multiplies; without inductance it is gone at once: 0.
+    /// The coefficients of q, and i(0) − q(0), the factor of e^{−λx}; 0 without inductance.
     pub fn terms(&self) -> ([f64; TERMS], f64) {
         (self.q, if self.decay == f64::INFINITY { 0.0 } else { self.transient_a })
     }
@@ -97,7 +97,7 @@ mod tests {
 
     /// di/dx + λi = (λ/R)(V − Bl p) along the whole step, by a difference quotient, for the velocity of a quartic.
     #[test]
-    fn obeys_the_circuit_s_equation() {
+    fn satisfies_the_circuit_s_equation() {
         let velocity = |x: f64| 0.3 - 0.2 * x + 0.05 * x * x - 0.01 * x * x * x + 0.002 * x * x * x * x;
         let slope = |x: f64| -0.2 + 0.1 * x - 0.03 * x * x + 0.008 * x * x * x;
         let mean_m_s = 0.3 - 0.1 + 0.05 / 3.0 - 0.01 / 4.0 + 0.002 / 5.0;

@@ -1,7 +1,7 @@
-//! How the instruments' converters sample: when, with which gain, and what of the force's steps they let through.
+//! How the instruments' converters sample: instant, gain, and leakage of the force's steps.
 //!
 //! A held command is a staircase, which has images of every frequency f beside all multiples of the sample rate. A
-//! coil, a suspension and the arm change them, and what reads a single instant adds them to f. A converter with a sinc
+//! coil, a suspension and the arm change them, and an instantaneous reading adds them to f. A converter with a sinc
 //! filter of order N reads at t_n = nT
 //!
 //! ```text
@@ -12,7 +12,8 @@
 //! "An Economical Class of Digital Filters for Decimation and Interpolation", 1981); M_N is the cardinal B-spline (I.
 //! J. Schoenberg, "Contributions to the Problem of Approximation of Equidistant Data by Analytic Functions", 1946). Its
 //! gain is (sin πfT/(πfT))ᴺ, with N-fold zeros at all multiples of the rate, and its delay is NT/2 at every frequency.
-//! All channels have the same, so that their ratios hold. N is odd, so that a reading belongs to the middle of a hold.
+//! They are the same for all channels, so that ratios are exact. N is odd, so that a reading belongs to the middle of a
+//! hold.
 
 use core::f64::consts::PI;
 
@@ -21,7 +22,7 @@ use serde::{Deserialize, Serialize};
 /// The highest order N of a converter.
 pub const MOST_ORDER: usize = 5;
 
-/// How the converters of all instruments sample.
+/// The sampling of the converters of all instruments.
 ///
 /// | | delay, samples | gain at 0.05, 0.1 of the rate | attenuation at 0.5, 0.6, 0.8, 0.95 of the rate |
 /// | --- | ---: | ---: | ---: |
@@ -32,13 +33,13 @@ pub const MOST_ORDER: usize = 5;
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "lowercase")]
 pub enum Converter {
-    /// Reads the instant in the middle of the hold, without a filter: what lies above half the sample rate is folded.
+    /// Reads the instant in the middle of the hold, without a filter: components above half the sample rate are folded.
     Instant,
     /// A sinc filter of order 1: the mean over the hold.
     Sinc1,
     /// A sinc filter of order 3.
     Sinc3,
-    /// A sinc filter of order 5, as the fast path of sigma-delta converters has it.
+    /// A sinc filter of order 5, as in the fast path of sigma-delta converters.
     #[default]
     Sinc5,
 }
@@ -47,7 +48,7 @@ impl Converter {
     /// All of them.
     pub const ALL: [Converter; 4] = [Converter::Instant, Converter::Sinc1, Converter::Sinc3, Converter::Sinc5];
 
-    /// Its name, as a scenario has it.
+    /// Its name in a scenario.
     pub const fn name(self) -> &'static str {
         match self {
             Converter::Instant => "instant",
@@ -67,29 +68,29 @@ impl Converter {
         }
     }
 
-    /// How long before its sample a reading was, in sample periods: the delay of the filter.
+    /// The delay of the filter: the time from a reading to its sample, in sample periods.
     pub const fn delay_samples(self) -> f64 {
         0.5 + self.holds_late() as f64
     }
 
-    /// How many holds a reading is later than the middle of the hold that ends with its sample: that of sample n
-    /// belongs to the middle of the hold that began with sample n − 1 − this.
+    /// The number of holds by which a reading lags the middle of the hold that ends with its sample: the reading of
+    /// sample n belongs to the middle of the hold that began with sample n − 1 − this.
     pub const fn holds_late(self) -> usize {
         self.order().saturating_sub(1) / 2
     }
 
-    /// Gain at a frequency of `cycles` cycles a sample: what a reading has of the amplitude of a continuous sine.
+    /// Gain at a frequency of `cycles` cycles a sample: the amplitude of a reading over that of a continuous sine.
     pub fn gain(self, cycles: f64) -> f64 {
         (0..self.order()).fold(1.0, |gain, _| gain * sinc(cycles))
     }
 
-    /// What the staircase of held values has in the readings beyond its fundamental, over the amplitude of the held
-    /// values, once readings are divided by [`Converter::gain`]: the images folded onto a frequency of `cycles` cycles
+    /// The part of the readings of a staircase of held values beyond its fundamental, over the amplitude of the held
+    /// values, after readings are divided by [`Converter::gain`]: the images folded onto a frequency of `cycles` cycles
     /// a sample. In phase with the fundamental.
     ///
     /// The readings of a staircase are Σ_j w_j c_{n−1−j} with w_j the integral of the spline's piece j: of c e^{iωTn}
-    /// they are W = Σ_j w_j cos 2πf(j − (N−1)/2)T times what was held in the middle. The fundamental is sin πfT/(πfT)
-    /// of it. Instants read what was held: W = 1.
+    /// they are W = Σ_j w_j cos 2πf(j − (N−1)/2)T times the value held in the middle. The fundamental is sin πfT/(πfT)
+    /// of it. Instants read the held value: W = 1.
     pub fn images(self, cycles: f64) -> f64 {
         let middle = self.holds_late() as f64;
         let turn = |piece: usize| libm::cos(2.0 * PI * cycles * (piece as f64 - middle));
@@ -126,7 +127,7 @@ impl Converter {
     }
 }
 
-/// Sample rate and converters: all that a controller knows of how its readings come about.
+/// Sample rate and converters: all that a controller knows of its readings.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Sampling {
     /// Samples a second, Hz.
@@ -171,7 +172,7 @@ fn whole_power(x: f64, power: usize) -> f64 {
 mod tests {
     use super::*;
 
-    /// M_N at the age u by N-fold moving means of a fine grid, not by the formula.
+    /// M_N at the age u by N-fold moving means on a fine grid, independent of the formula.
     fn spline_by_means(order: usize, age: f64) -> f64 {
         const FINE: usize = 2000;
         let mut values = vec![1.0; FINE];
@@ -203,7 +204,7 @@ mod tests {
         }
     }
 
-    /// Gain and delay of the weights themselves, by quadrature over a sine.
+    /// Gain and delay of the weights, by quadrature over a sine.
     #[test]
     fn gain_and_delay_are_those_of_the_weights() {
         for converter in [Converter::Sinc1, Converter::Sinc3, Converter::Sinc5] {
@@ -235,7 +236,7 @@ mod tests {
                 let folded: f64 = (1..4000).map(|m| image(m) + image(-m)).sum();
                 let expected = folded / converter.gain(cycles);
                 let seen = converter.images(cycles);
-                // Of order 1 the images beyond the 4000th have 2/4000 of the first.
+                // At order 1 the images beyond the 4000th add up to 2/4000 of the first.
                 assert!((seen - expected).abs() < 3e-4 * expected + 1e-15, "{converter:?} {cycles}: {seen} {expected}");
             }
         }

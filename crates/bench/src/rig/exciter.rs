@@ -7,26 +7,26 @@ use super::ShakerSpec;
 use resonarm_dynamics::arm::Load;
 use resonarm_numeric::number::short;
 
-/// What no rig can be.
+/// Errors of a rig's specification.
 #[derive(Clone, Copy, Debug, PartialEq, Error)]
 #[non_exhaustive]
 pub enum RigError {
     /// A value of the specification is impossible.
     #[error("{instrument}: `{name}` is {got}: it must be {expected}", got = short(.got))]
     Spec {
-        /// The instrument, as it is called in a scenario.
+        /// The name of the instrument in a scenario.
         instrument: &'static str,
-        /// The value, as it is called in a scenario.
+        /// The name of the value in a scenario.
         name: &'static str,
-        /// What was given.
+        /// The given value.
         got: f64,
-        /// What would do.
+        /// The valid values.
         expected: &'static str,
     },
     /// Two keys state the same.
     #[error("{instrument}: `{}` and `{}` state the same: leave one out", names[0], names[1])]
     Both {
-        /// The instrument, as it is called in a scenario.
+        /// The name of the instrument in a scenario.
         instrument: &'static str,
         /// The keys.
         names: [&'static str; 2],
@@ -34,42 +34,42 @@ pub enum RigError {
     /// A number of a fault is impossible.
     #[error("rig.faults, number {number}: `{name}` is {got}: it must be {expected}", got = short(.got))]
     Fault {
-        /// Which fault, from 1 on.
+        /// The number of the fault, from 1.
         number: usize,
         /// The key.
         name: &'static str,
-        /// What was given.
+        /// The given value.
         got: f64,
-        /// What would do.
+        /// The valid values.
         expected: &'static str,
     },
-    /// A fault does not say how much.
+    /// A fault lacks its amount.
     #[error("rig.faults, number {number}: `{key}` is missing: add it, or change `kind`")]
     FaultKeyMissing {
-        /// Which fault, from 1 on.
+        /// The number of the fault, from 1.
         number: usize,
         /// The key that is missing.
         key: &'static str,
     },
-    /// A fault states what it has no use for.
+    /// A fault has a key without use.
     #[error(
         "rig.faults, number {number}: `{key}` says nothing about this kind of fault of this instrument: leave it out"
     )]
     FaultKeyIdle {
-        /// Which fault, from 1 on.
+        /// The number of the fault, from 1.
         number: usize,
         /// The key.
         key: &'static str,
     },
-    /// More faults than a rig takes.
+    /// More faults than a rig allows.
     #[error("rig.faults are {got}: at most {} are taken", super::MOST_FAULTS)]
     TooManyFaults {
-        /// How many there are.
+        /// Their number.
         got: usize,
     },
 }
 
-/// What drives the arm.
+/// The exciter of the arm.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum Exciter {
     /// A force or torque that acts as it is commanded.
@@ -92,7 +92,7 @@ impl Exciter {
         }
     }
 
-    /// Whether it can produce the load, as far as limits and direction go.
+    /// Whether it can produce the load, by limits and direction.
     pub fn can_produce(&self, load: &Load) -> bool {
         match self {
             Exciter::Ideal(spec) => spec.can_produce(load),
@@ -100,8 +100,8 @@ impl Exciter {
         }
     }
 
-    /// How large a load is in what the limits are stated in: the largest force along an axis, a shaker's along it,
-    /// N, and the largest torque at a joint, N·m.
+    /// The size of a load in the quantities of the limits: the largest force along an axis, or along a shaker, N, and
+    /// the largest torque at a joint, N·m.
     pub fn size(&self, load: &Load) -> (f64, f64) {
         let force_n = match self {
             Exciter::Ideal(_) => load.force_n.amax(),
@@ -119,7 +119,7 @@ impl Exciter {
     }
 }
 
-/// An ideal exciter: what is commanded acts on the arm at once and exactly, up to a limit an axis.
+/// An ideal exciter: commands act on the arm at once and exactly, up to a limit for each axis.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(default, deny_unknown_fields)]
 pub struct ExciterSpec {
@@ -130,7 +130,7 @@ pub struct ExciterSpec {
 }
 
 impl Default for ExciterSpec {
-    /// 600 N, 1600 N·m: just inside what the wire's classic profile can say.
+    /// 600 N, 1600 N·m: just inside the range of the wire's classic profile.
     fn default() -> ExciterSpec {
         ExciterSpec { force_limit_n: 600.0, torque_limit_nm: 1600.0 }
     }

@@ -1,8 +1,7 @@
 //! Faults of instruments at stated times.
 //!
 //! Drift, noise and spike are added between delay and converter, which rounds and clips them; a stuck or dropped-out
-//! axis says what it says whatever the converter does. Several faults of an axis act in the order in which they are
-//! stated.
+//! axis replaces the converter's output. Several faults of an axis act in the order of the specification.
 
 use alloc::boxed::Box;
 
@@ -42,15 +41,15 @@ pub enum FaultAxis {
     Both,
 }
 
-/// What is wrong with an axis.
+/// The kind of a fault.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case")]
 pub enum FaultKind {
-    /// It says what it said at the sample before the fault.
+    /// The axis repeats its reading at the sample before the fault.
     Stuck,
-    /// It says zero.
+    /// The axis reads zero.
     Dropout,
-    /// An offset grows evenly from zero.
+    /// An offset grows linearly from zero.
     Drift,
     /// Noise of a cable, Gaussian and white, is added.
     Noise,
@@ -68,7 +67,7 @@ pub struct FaultSpec {
     /// The axes.
     #[serde(default)]
     pub axis: FaultAxis,
-    /// What is wrong.
+    /// The kind.
     pub kind: FaultKind,
     /// Begin, s of simulated time from sample 0, not negative: the first sample is ⌈`from_s` · rate⌉.
     pub from_s: f64,
@@ -96,7 +95,7 @@ pub struct FaultSpec {
 }
 
 impl FaultSpec {
-    /// The key of the number that says how much, if the kind has one: in the unit of the instrument.
+    /// The key of the amount, if the kind has one, in the unit of the instrument.
     fn key(&self) -> Option<&'static str> {
         let force = self.instrument == InstrumentName::ImpedanceHead;
         match self.kind {
@@ -107,7 +106,7 @@ impl FaultSpec {
         }
     }
 
-    /// How much, of a kind that has it.
+    /// The amount, if the kind has one.
     fn size(&self, number: usize) -> Result<f64, RigError> {
         let stated = [
             ("rate_m_s2_per_s", self.rate_m_s2_per_s),
@@ -139,11 +138,11 @@ impl FaultSpec {
     }
 }
 
-/// A fault at work on one instrument.
+/// A fault of one instrument.
 #[derive(Clone, Debug)]
 pub(super) struct Fault {
     axes: [bool; 2],
-    /// The first sample that has it, and the first that hasn't any more.
+    /// The first sample with the fault, and the first after it.
     first: u64,
     end: u64,
     effect: Effect,
@@ -161,7 +160,7 @@ enum Effect {
 }
 
 impl Fault {
-    /// The fault that stands at `index` among those of the rig.
+    /// The fault at `index` among those of the rig.
     pub fn new(spec: &FaultSpec, index: usize, rate_hz: f64, seed: u64) -> Result<Fault, RigError> {
         let number = index + 1;
         if !(spec.from_s.is_finite() && spec.from_s >= 0.0) {
@@ -197,7 +196,7 @@ impl Fault {
         self.axes[axis] && (self.first..self.end).contains(&sample)
     }
 
-    /// What comes to the converter.
+    /// The converter's input.
     pub fn disturbed(&mut self, sample: u64, axis: usize, value: f64) -> f64 {
         if !self.acts(sample, axis) {
             return value;
@@ -210,7 +209,7 @@ impl Fault {
         }
     }
 
-    /// What is said in place of `reading`, `last` having been said at the sample before.
+    /// The reading in place of `reading`; `last` is that of the sample before.
     pub fn said(&self, sample: u64, axis: usize, reading: Reading, last: Reading) -> Reading {
         match self.effect {
             Effect::Stuck if self.acts(sample, axis) => last,
@@ -274,14 +273,14 @@ mod tests {
     }
 
     #[test]
-    fn an_axis_stuck_from_the_start_says_what_it_says_at_rest() {
+    fn an_axis_stuck_from_the_start_keeps_its_reading_at_rest() {
         let stuck = "[[faults]]\ninstrument = 'impedance_head'\nkind = 'stuck'\nfrom_s = 0";
         let readings = readings(&spec(stuck), 3);
         assert!(readings.iter().all(|sample| sample.head_force_n == [Reading::default(); 2]));
     }
 
     #[test]
-    fn what_is_added_is_rounded_and_clipped_by_the_converter() {
+    fn additions_are_rounded_and_clipped_by_the_converter() {
         let spike = "[[faults]]\ninstrument = 'accelerometer_b'\naxis = 'x'\nkind = 'spike'\namplitude_m_s2 = 1e4\n\
             from_s = 0.1\nto_s = 0.3";
         let clipped: Vec<_> = readings(&spec(spike), 4).iter().map(|sample| sample.acceleration_b_m_s2[0]).collect();
@@ -306,7 +305,7 @@ mod tests {
                 *squares += if clean.acceleration_b_m_s2[axis].value < 90.0 { added * added } else { 0.0 };
             }
         }
-        // Along x of 88 samples, along y of the 42 within the range; four standard errors of a variance, √(2/n).
+        // Along x over 88 samples, along y over the 42 within the range; four standard errors of a variance, √(2/n).
         assert!((squares[0] / 87.0 / 0.25 - 1.0).abs() < 0.62, "{squares:?}");
         assert!((squares[1] / 42.0 / 0.25 - 1.0).abs() < 0.88, "{squares:?}");
     }

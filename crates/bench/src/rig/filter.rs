@@ -1,12 +1,12 @@
-//! Filters of a conditioner, on the samples.
+//! Filters of a conditioner, applied to the samples.
 //!
 //! Both are the analog filter by the bilinear transform s = 2 rate (1 − z⁻¹)/(1 + z⁻¹), without prewarping: the
 //! response at frequency f is that of the analog filter at (rate/π) tan(πf/rate), exactly. So gain and phase are right
 //! where the arm vibrates, far below the sample rate: at a twentieth of the rate the analog frequency is 0.8 % higher,
-//! at a tenth 3 %. The corner of a low-pass lies at (rate/π) atan(π·lowpass_hz/rate).
+//! at a tenth 3 %. The corner of a low-pass is at (rate/π) atan(π·lowpass_hz/rate).
 //!
-//! A filter that sees samples can't take away what was folded when they were taken. Here that is little: the arm has
-//! nothing above its second mode but the edges of the held load, and the instruments sample away from those.
+//! A filter of samples can't remove components folded by sampling. Here they are small: the arm has nothing above its
+//! second mode but the edges of the held load, and the instruments sample away from those.
 
 use core::f64::consts::{PI, SQRT_2};
 
@@ -39,7 +39,7 @@ impl Section {
         Section { b: [b, 2.0 * b, b], a, s: [0.0; 2] }
     }
 
-    /// As if the input had been `x` for ever; the output.
+    /// Settles on the constant input `x`; returns the output.
     pub fn settle(&mut self, x: f64) -> f64 {
         let ([b0, b1, b2], [a1, a2]) = (self.b, self.a);
         let y = (b0 + b1 + b2) / (1.0 + a1 + a2) * x;

@@ -1,5 +1,4 @@
-//! What a plant takes of commands beyond what its exciter can produce: how fast a load may change, and how far the arm
-//! may be driven.
+//! Limits of commands beyond the exciter's: how fast a load may change, and how far the arm may be driven.
 
 use serde::{Deserialize, Serialize};
 
@@ -7,7 +6,7 @@ use super::{Exciter, RigError};
 use resonarm_dynamics::arm::Load;
 use resonarm_protocol::{CommandCheck, Limit};
 
-/// The limits of the gate, as a scenario states them; by default none.
+/// The limits of the gate in a scenario; by default none.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
 #[serde(default, deny_unknown_fields)]
 pub struct GateSpec {
@@ -17,7 +16,7 @@ pub struct GateSpec {
     /// Largest rate of change of the torque at each joint, N·m/s, positive.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub torque_rate_limit_nm_per_s: Option<f64>,
-    /// Largest travel, m, positive: displacement of the tip from rest, of a shaker that of its armature.
+    /// Largest travel, m, positive: displacement of the tip from rest, or with a shaker that of its armature.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub travel_limit_m: Option<f64>,
 }
@@ -51,10 +50,10 @@ impl GateSpec {
         }
     }
 
-    /// What the gate is told of a command for `load`, while `held` acts at `rate_hz` samples a second and the travel is
-    /// `travel_m`.
+    /// The values for the gate's check of a command for `load`, while `held` acts at `rate_hz` samples a second and the
+    /// travel is `travel_m`.
     ///
-    /// A change Δ at a largest rate r takes Δ/r seconds, f Δ/r sample periods; of force and torque the longer counts.
+    /// A change Δ at a largest rate r takes Δ/r seconds, f Δ/r sample periods; the longer of force and torque counts.
     pub fn command_check(
         &self,
         exciter: &Exciter,

@@ -1,4 +1,4 @@
-//! What is bolted to the arm: the exciter, the impedance head at C and the accelerometers at B and C.
+//! The rig on the arm: the exciter, the impedance head at C and the accelerometers at B and C.
 
 mod chain;
 pub(crate) mod coil;
@@ -24,19 +24,19 @@ use serde::{Deserialize, Serialize};
 use chain::Instrument;
 use fault::Fault;
 
-/// The instruments of a rig, as a scenario states them.
+/// The instruments of a rig in a scenario.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
 #[serde(default, deny_unknown_fields)]
 pub struct RigSpec {
-    /// What drives the arm, unless a shaker does.
+    /// The ideal exciter, unless a shaker drives the arm.
     pub exciter: ExciterSpec,
     /// The shaker, if one drives the arm.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub shaker: Option<ShakerSpec>,
-    /// What is taken of commands beyond what the exciter can produce.
+    /// The limits of commands beyond the exciter's.
     #[serde(skip_serializing_if = "GateSpec::is_open")]
     pub gate: GateSpec,
-    /// How the converters of all instruments sample.
+    /// The sampling of the converters of all instruments.
     pub converter: Converter,
     /// The accelerometer at the elbow, point B.
     pub accelerometer_b: AccelerometerSpec,
@@ -50,7 +50,7 @@ pub struct RigSpec {
 }
 
 impl RigSpec {
-    /// What drives the arm.
+    /// The exciter of the arm.
     pub fn drive(&self) -> Exciter {
         self.shaker.map_or(Exciter::Ideal(self.exciter), Exciter::Shaker)
     }
@@ -62,8 +62,8 @@ impl RigSpec {
     }
 }
 
-/// What the instruments say at one sample, of the truth in the middle of a hold before it
-/// ([`Converter::delay_samples`]); x and y of the base frame.
+/// The readings of one sample, of the motion in the middle of a hold before it ([`Converter::delay_samples`]); along x
+/// and y of the base frame.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct Measurement {
     /// Index of the sample.
@@ -87,7 +87,7 @@ impl Measurement {
     }
 }
 
-/// The instruments at work: each axis with its own stream of noise, all from one seed.
+/// The instruments: each axis with its own stream of noise, all from one seed.
 #[derive(Clone, Debug)]
 pub struct Rig {
     exciter: Exciter,
@@ -101,7 +101,7 @@ impl Rig {
     /// Checks the specification and seeds the noise. `rate_hz` is the sample rate, Hz, positive.
     ///
     /// # Errors
-    /// [`RigError`] names the first value that no instrument can have.
+    /// [`RigError`] names the first invalid value.
     pub fn new(spec: &RigSpec, rate_hz: f64, seed: u64) -> Result<Rig, RigError> {
         let exciter = spec.drive();
         spec.exciter.check()?;
@@ -124,19 +124,19 @@ impl Rig {
         })
     }
 
-    /// What drives the arm.
+    /// The exciter of the arm.
     pub fn exciter(&self) -> &Exciter {
         &self.exciter
     }
 
-    /// What is taken of commands beyond what the exciter can produce.
+    /// The limits of commands beyond the exciter's.
     pub fn gate(&self) -> &GateSpec {
         &self.gate
     }
 
-    /// What the instruments say at sample `sample` of what their converters sampled: the force in the head along x and
-    /// y, N, and the accelerations of B and C along x and y, m/s². Every call draws new noise and moves the filters on,
-    /// so it is made once a sample.
+    /// The readings at sample `sample` of the converters' samples: the force in the head along x and y, N, and the
+    /// accelerations of B and C along x and y, m/s². Every call draws new noise and advances the filters, so call it
+    /// once a sample.
     pub fn measure(&mut self, sample: u64, sampled: &[f64; Measurement::CHANNELS]) -> Measurement {
         let [hx, hy, bx, by, cx, cy] = *sampled;
         Measurement {

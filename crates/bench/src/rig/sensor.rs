@@ -1,11 +1,11 @@
-//! Instruments as a scenario states them, and what they say.
+//! Specifications of instruments in a scenario, and their readings.
 
 use serde::{Deserialize, Deserializer, Serialize, Serializer};
 
 use super::RigError;
 use super::chain::{ChainSpec, Instrument, Keys};
 
-/// What one axis says.
+/// The reading of one axis.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct Reading {
     /// The value, in the sensor's unit.
@@ -24,14 +24,14 @@ impl Reading {
 
 /// A two-axis accelerometer with conditioner and converter, its axes along x and y of the base frame.
 ///
-/// What acts on the axes goes through, in this order: gravity, transverse sensitivity, gain, the sensor's noise, the
-/// sensor's range, high-pass, low-pass, delay, and the converter with counts and range. The filters see the samples:
-/// they have gain and phase of their analog counterparts at frequencies far below the sample rate, and can't take away
-/// what was folded before.
+/// The signal passes through, in this order: gravity, transverse sensitivity, gain, the sensor's noise, the sensor's
+/// range, high-pass, low-pass, delay, and the converter with counts and range. The filters see the samples: they have
+/// gain and phase of their analog counterparts at frequencies far below the sample rate, and can't remove components
+/// folded before.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(remote = "Self", default, deny_unknown_fields)]
 pub struct AccelerometerSpec {
-    /// Largest magnitude that the converter can tell, m/s², positive.
+    /// Largest magnitude of the converter, m/s², positive.
     pub range_m_s2: f64,
     /// Standard deviation of the sensor's noise of a sample, m/s², not negative. `None`, as with a density: none.
     #[serde(default, skip_serializing_if = "Option::is_none")]
@@ -46,7 +46,7 @@ pub struct AccelerometerSpec {
     /// Bits of the converter over the range from −range to range, 2 to 48, in place of the resolution.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub bits: Option<u32>,
-    /// What it reads of gravity, along y, if it measures static accelerations: g, m/s², not negative.
+    /// The reading of gravity, along y, if it measures static accelerations: g, m/s², not negative.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub gravity_m_s2: Option<f64>,
     /// Share of the other axis that an axis reads, above −1 and below 1.
@@ -138,7 +138,7 @@ impl AccelerometerSpec {
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(remote = "Self", default, deny_unknown_fields)]
 pub struct ForceSensorSpec {
-    /// Largest magnitude that the converter can tell, N, positive.
+    /// Largest magnitude of the converter, N, positive.
     pub range_n: f64,
     /// Standard deviation of the sensor's noise of a sample, N, not negative. `None`, as with a density: none.
     #[serde(default, skip_serializing_if = "Option::is_none")]
@@ -236,7 +236,7 @@ impl ForceSensorSpec {
     }
 }
 
-/// What states neither noise nor counts in either way has the default's.
+/// A key of noise or counts that is absent in both forms takes its default.
 impl<'de> Deserialize<'de> for AccelerometerSpec {
     fn deserialize<D: Deserializer<'de>>(deserializer: D) -> Result<AccelerometerSpec, D::Error> {
         let (mut spec, default) = (AccelerometerSpec::deserialize(deserializer)?, AccelerometerSpec::default());
@@ -256,7 +256,7 @@ impl Serialize for AccelerometerSpec {
     }
 }
 
-/// What states neither noise nor counts in either way has the default's.
+/// A key of noise or counts that is absent in both forms takes its default.
 impl<'de> Deserialize<'de> for ForceSensorSpec {
     fn deserialize<D: Deserializer<'de>>(deserializer: D) -> Result<ForceSensorSpec, D::Error> {
         let (mut spec, default) = (ForceSensorSpec::deserialize(deserializer)?, ForceSensorSpec::default());

@@ -1,7 +1,7 @@
 //! An electrodynamic shaker, bolted through the impedance head to the tip and pushing along one direction.
 //!
 //! The armature, of mass m on a suspension k, c, moves with the tip by s along the direction; the coil pushes it by
-//! Bl·i. What the head reads, and what shakes the arm, is what is left of it (G. F. Lang, "Electrodynamic Shaker
+//! Bl·i. The rest of this force shakes the arm, and the head reads it (G. F. Lang, "Electrodynamic Shaker
 //! Fundamentals", Sound and Vibration, 1997):
 //!
 //! ```text
@@ -9,9 +9,9 @@
 //! L di/dt + R i + Bl ṡ = V
 //! ```
 //!
-//! Near a resonance m s̈ takes most of Bl·i, and H drops out. A command is the force of the blocked shaker: F = Bl·i of
-//! an amplifier in current mode, which holds the current whatever the armature does, and F = Bl·V/R of one in voltage
-//! mode, where the current then follows from the coil and its back-electromotive force.
+//! Near a resonance m s̈ takes most of Bl·i, and H drops out. A command is the force of the blocked shaker: F = Bl·i
+//! with an amplifier in current mode, which holds the current whatever the armature does, and F = Bl·V/R in voltage
+//! mode, where the current follows from the coil and its back-electromotive force.
 
 use nalgebra::Vector2;
 use serde::{Deserialize, Serialize};
@@ -19,12 +19,12 @@ use serde::{Deserialize, Serialize};
 use super::RigError;
 use resonarm_dynamics::arm::{Attachment, Load};
 
-/// How far a force may point across the shaker: two counts of the wire, N, and a share of the force, which is how sines
-/// and cosines are rounded by hand.
+/// How far a force may point across the shaker: two counts of the wire, N, and a share of the force, for sines and
+/// cosines rounded by hand.
 const ACROSS_N: f64 = 0.04;
 const ACROSS_SHARE: f64 = 1e-3;
 
-/// What the amplifier holds.
+/// The quantity that the amplifier holds.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "kebab-case")]
 pub enum Amplifier {
@@ -35,17 +35,17 @@ pub enum Amplifier {
     Voltage,
 }
 
-/// An electrodynamic shaker with its amplifier, as a scenario states it.
+/// An electrodynamic shaker with its amplifier, in a scenario.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct ShakerSpec {
     /// Direction in which it pushes the tip, against the x axis of the base frame, degrees.
     #[serde(default)]
     pub direction_deg: f64,
-    /// What the amplifier holds.
+    /// The quantity that the amplifier holds.
     #[serde(default)]
     pub amplifier: Amplifier,
-    /// Mass of the armature, with the stinger and what is bolted to it, kg, not negative.
+    /// Mass of the armature, with the stinger and attached parts, kg, not negative.
     pub moving_mass_kg: f64,
     /// Stiffness of the suspension, N/m, not negative.
     pub stiffness_n_m: f64,
@@ -65,7 +65,7 @@ pub struct ShakerSpec {
     pub voltage_limit_v: f64,
 }
 
-/// What trips the amplifier.
+/// The limits that trip the amplifier.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum ShakerLimit {
     /// The displacement of the armature.
@@ -77,7 +77,7 @@ pub enum ShakerLimit {
 }
 
 impl ShakerLimit {
-    /// What it is called, its unit, and the key of its limit in a scenario.
+    /// Its description, its unit, and the key of its limit in a scenario.
     pub const fn names(self) -> [&'static str; 3] {
         match self {
             ShakerLimit::Stroke => ["armature's displacement", "m", "stroke_m"],
@@ -155,14 +155,14 @@ impl ShakerSpec {
         across_n.abs() <= rounding_n && load.torque_nm == Vector2::zeros()
     }
 
-    /// Whether a command can be carried out as far as amplifier and direction go.
+    /// Whether a command is within the limits of amplifier and direction.
     pub fn can_produce(&self, load: &Load) -> bool {
         self.is_along(load) && self.along_n(load).abs() <= self.force_limit_n()
     }
 
-    /// The first limit that is exceeded, with what there is and what may be: at a current, a displacement and a
-    /// velocity of the armature. In current mode the amplifier needs R i + Bl ṡ; what a step of the current takes
-    /// through L is left to it.
+    /// The first limit that is exceeded at a current, a displacement and a velocity of the armature, with the value and
+    /// the limit. In current mode the amplifier needs R i + Bl ṡ; the voltage that a step of the current needs across L
+    /// is not counted.
     pub fn exceeded(
         &self,
         current_a: f64,

@@ -11,7 +11,7 @@ fn quiet(range_m_s2: f64, resolution_m_s2: f64) -> AccelerometerSpec {
     AccelerometerSpec { range_m_s2, noise_rms_m_s2, resolution_m_s2, ..AccelerometerSpec::default() }
 }
 
-/// Without noise, counts or range to speak of: what goes in comes out.
+/// Practically without noise, counts or range: readings equal the input.
 fn ideal() -> AccelerometerSpec {
     quiet(1e6, 0.0)
 }
@@ -40,7 +40,7 @@ fn rounds_to_counts_and_marks_what_is_beyond_the_range() {
 }
 
 #[test]
-fn never_says_more_than_its_range() {
+fn never_reads_more_than_its_range() {
     let read = |range, resolution, truth| instrument(&quiet(range, resolution)).read_x(truth);
     assert_eq!(read(10.3, 0.5, 11.0), Reading { value: 10.0, clipped: true });
     assert_eq!(read(10.3, 0.5, 10.2), Reading { value: 10.0, clipped: false });
@@ -142,7 +142,7 @@ fn shaker() -> ShakerSpec {
 }
 
 #[test]
-fn the_gate_is_told_of_range_change_and_travel() {
+fn the_gate_checks_range_change_and_travel() {
     let exciter = Exciter::Ideal(ExciterSpec { force_limit_n: 10.0, torque_limit_nm: 20.0 });
     let limits = GateSpec {
         force_rate_limit_n_per_s: Some(500.0),
@@ -167,7 +167,7 @@ fn the_gate_is_told_of_range_change_and_travel() {
     let torques = limits.command_check(&exciter, 1000.0, 0.0, [&turned[0], &turned[1]]);
     assert_eq!(torques.change_periods, 12.0);
 
-    // Along the shaker, in whatever direction it points.
+    // Along the shaker, in any direction.
     let [held, load] = [-1.0, 3.0].map(|force_n| Load { force_n: shaker().direction() * force_n, ..Load::default() });
     let along = limits.command_check(&Exciter::Shaker(shaker()), 1000.0, 0.0, [&held, &load]);
     assert!((along.change_periods - 8.0).abs() < 1e-12, "{along:?}");
@@ -211,7 +211,7 @@ fn filters_settle_on_rest_and_have_their_corners() {
     assert!((high - 0.5_f64.sqrt()).abs() < 1e-3 && (low - 0.5_f64.sqrt()).abs() < 3e-3, "{high} {low}");
 }
 
-/// What the sensor clips the filters smooth: no reading is marked. What the converter clips is.
+/// Filters smooth values clipped by the sensor, so no reading is marked. Readings clipped by the converter are.
 #[test]
 fn only_the_converter_marks_what_it_clips() {
     let mut sensor = instrument(&AccelerometerSpec { sensor_range_m_s2: Some(5.0), ..quiet(10.0, 0.0) });
@@ -245,7 +245,7 @@ fn bits_count_from_one_end_of_the_range_to_the_other() {
 }
 
 #[test]
-fn what_states_noise_or_counts_its_own_way_has_no_default_beside_it() {
+fn one_form_of_noise_or_counts_replaces_the_default_of_the_other() {
     let read = |text: &str| toml::from_str::<RigSpec>(text).unwrap();
     let rig = read("[accelerometer_b]\nnoise_density_m_s2_per_sqrt_hz = 1e-3\nbits = 16\n[impedance_head]\nbits = 24");
     assert_eq!((rig.accelerometer_b.noise_rms_m_s2, rig.accelerometer_b.resolution_m_s2), (None, None));

@@ -1,7 +1,7 @@
 //! Sine and cosine of β + α: the pose β is constant, the vibration α small.
 //!
-//! sin(β+α) = sin β cos α + cos β sin α, and likewise the cosine, with sin β and cos β computed once. What is left of a
-//! vibration is its [`Turn`], S = sin α and V = cos α − 1, by short polynomials for |α| ≤ 0.4. With z = α² ≤ Z = 0.16,
+//! sin(β+α) = sin β cos α + cos β sin α, and likewise the cosine, with sin β and cos β computed once. A vibration then
+//! enters by its [`Turn`], S = sin α and V = cos α − 1, from short polynomials for |α| ≤ 0.4. With z = α² ≤ Z = 0.16,
 //!
 //! ```text
 //! S = α + (z α) p(z)    V = z q(z)    p = −1/3! + z/5! − …    q = −1/2! + z/4! − …
@@ -12,13 +12,13 @@
 //! the Chebyshev polynomial, Z⁵ (y⁵ − T₅*(y)/512) with y = z/Z and T₅* = 512 y⁵ − 1280 y⁴ + 1120 y³ − 400 y² + 50 y −
 //! 1, which stays within ±1 on 0 ≤ y ≤ 1.
 //!
-//! Length included, with h = sin β and t = cos β times the length, the code sums
+//! With the length included, h = sin β and t = cos β times the length, the code sums
 //!
 //! ```text
 //! C = 1 + V    sin: h C + t S    cos: t C − h S
 //! ```
 //!
-//! and of two turns, that of a link on another,
+//! and for two turns, one link's after the other's,
 //!
 //! ```text
 //! S = (S₁ + S₂) + (S₁V₂ + S₂V₁)    V = (V₁ + V₂) + (V₁V₂ − S₁S₂)
@@ -80,8 +80,8 @@ pub(crate) struct Angle<T> {
 }
 
 impl<T: Real> Turn<T> {
-    /// The turn by an angle. With `FAR` by every one; without it only where [`within_reach`] says so, to the same bits,
-    /// and meaningless elsewhere, without a branch or a call.
+    /// The turn by an angle. With `FAR` it holds for every angle. Without it, it holds only where [`within_reach`] is
+    /// true, with the same bits, and takes no branch or call; elsewhere it is meaningless.
     #[inline(always)]
     pub fn new<const FAR: bool>(alpha_rad: T) -> Turn<T> {
         let z = alpha_rad * alpha_rad;
@@ -124,7 +124,7 @@ impl Angle<f64> {
 }
 
 impl<T: Real> Angle<T> {
-    /// The angles of `T::WIDTH` arms side by side.
+    /// The same for `T::WIDTH` arms side by side.
     #[inline(always)]
     pub fn gather<'a>(of: impl Fn(usize) -> &'a Angle<f64>) -> Angle<T> {
         Angle { sine: T::gather(|i| of(i).sine), cosine: T::gather(|i| of(i).cosine) }
@@ -137,7 +137,7 @@ impl<T: Real> Angle<T> {
         (h * cosine + t * turn.sine, t * cosine - h * turn.sine)
     }
 
-    /// What a turn changes of the cosine, times the length, with all its digits at small turns: t V − h S.
+    /// The change of the cosine by a turn, times the length, exact at small turns too: t V − h S.
     #[inline(always)]
     pub fn cosine_change(&self, turn: Turn<T>) -> T {
         self.cosine * turn.versed - self.sine * turn.sine
@@ -150,7 +150,7 @@ pub(crate) fn within_reach<T: Real>(alpha_rad: T) -> bool {
     alpha_rad.all_within(LIMIT_RAD)
 }
 
-/// S and V; V = −2 sin²(α/2) has all its digits at every angle.
+/// S and V by `libm`; V = −2 sin²(α/2) loses no digits at any angle.
 #[cold]
 fn far(alpha_rad: f64) -> (f64, f64) {
     let half = libm::sin(0.5 * alpha_rad);
@@ -192,7 +192,7 @@ mod tests {
         (s - s_true).abs().max((c - c_true).abs())
     }
 
-    /// Of α up to the limit, evenly and on every scale, with both signs.
+    /// Angles up to the limit, evenly spaced and on every scale, of both signs.
     fn angles(count: i32) -> impl Iterator<Item = f64> {
         (0..=count).flat_map(move |k| {
             let part = f64::from(k) / f64::from(count);
@@ -236,7 +236,7 @@ mod tests {
         assert!(worst <= 12.0 * U && worst > 0.0, "{} u", worst / U);
     }
 
-    /// With the bound of small angles, and of the difference of two cosines 3 u more.
+    /// The bound is that of small angles; the difference of two cosines adds 3 u.
     #[test]
     fn far_angles_are_libms() {
         let angle = Angle::new(1.0);
@@ -249,7 +249,7 @@ mod tests {
         assert!(angle.sincos_plus(f64::NAN).0.is_nan() && angle.sincos_plus(f64::INFINITY).1.is_nan());
     }
 
-    /// Near and far, of every kind of lanes, each lane is the number alone bit for bit.
+    /// Near and far, in every kind of lanes, each lane has the bits of the single number.
     #[test]
     fn lanes_are_the_single_number_bit_for_bit() {
         let some = [0.1, -0.2, 0.4, 0.400_001, f64::NAN, 12.0, -0.0, 1e-300];

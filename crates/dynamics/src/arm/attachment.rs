@@ -1,4 +1,4 @@
-//! What is bolted to the tip and moves with it along one direction, such as the armature of a shaker.
+//! A mass at the tip that moves with it along one direction, such as the armature of a shaker.
 //!
 //! With the unit vector e, w = Jᵀe and the displacement s = e·(C − C at rest) of the tip along it,
 //!
@@ -31,14 +31,14 @@ pub struct Attachment {
     pub direction_deg: f64,
 }
 
-/// An attachment with what is constant about it.
+/// An attachment with its constants.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(super) struct Attached {
     pub(super) attachment: Attachment,
     pub(super) coefficients: AttachedCoefficients<f64>,
 }
 
-/// What is constant about the attachment of one arm, or of several side by side.
+/// The constants of the attachment of one arm, or of several side by side.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(crate) struct AttachedCoefficients<T> {
     /// m, kg; k, N/m; c, N·s/m.
@@ -55,9 +55,9 @@ pub(crate) struct AttachedCoefficients<T> {
 /// The forces from outside under one load on an arm with an attachment.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(crate) struct AttachedExternal<T> {
-    /// Those of the torques and the weight.
+    /// The forces of the torques and the weight.
     torques: External<T>,
-    /// What of the force at the tip acts along the direction, and what across, N.
+    /// The components of the force at the tip along the direction and across it, N.
     along_n: T,
     across_n: T,
 }
@@ -138,7 +138,7 @@ impl AttachedExternal<f64> {
 }
 
 impl<T: Real> AttachedExternal<T> {
-    /// Those of `T::WIDTH` arms side by side.
+    /// The same for `T::WIDTH` arms side by side.
     #[inline(always)]
     pub fn gather(of: impl Fn(usize) -> AttachedExternal<f64>) -> AttachedExternal<T> {
         AttachedExternal {
@@ -189,8 +189,7 @@ impl<T: Real> AttachedCoefficients<T> {
     }
 
     /// α̈: (M + m wwᵀ) α̈ = r − w f with r and M of the arm alone and f at α̈ = 0. The force's share of r is w times
-    /// what of it acts along the direction, and (Q + P, P) times what acts across. What the attachment adds to the
-    /// power is −c ṡ².
+    /// its component along the direction, and (Q + P, P) times the one across. The attachment adds −c ṡ² to the power.
     #[inline(always)]
     fn rates<const FAR: bool>(
         &self,
@@ -245,10 +244,10 @@ impl<T: Real> AttachedCoefficients<T> {
 }
 
 impl Arm {
-    /// The same arm with an attachment at its tip; one that was there gives way.
+    /// The same arm with an attachment at its tip, in place of any it had.
     ///
     /// # Errors
-    /// [`ArmError::Attachment`] names a value that is impossible.
+    /// [`ArmError::Attachment`] names the impossible value.
     pub fn with_attachment(mut self, attachment: Attachment) -> Result<Arm, ArmError> {
         let Attachment { mass_kg, stiffness_n_m, damping_n_s_m, direction_deg } = attachment;
         let not_negative = [("mass_kg", mass_kg), ("stiffness_n_m", stiffness_n_m), ("damping_n_s_m", damping_n_s_m)];
@@ -272,7 +271,7 @@ impl Arm {
         self
     }
 
-    /// What is attached to the tip.
+    /// The attachment at the tip.
     pub fn attachment(&self) -> Option<&Attachment> {
         self.attached.as_ref().map(|attached| &attached.attachment)
     }
@@ -314,7 +313,7 @@ impl Arm {
         self.damping_matrix() + self.attached_at(alpha_rad, |attachment| attachment.damping_n_s_m)
     }
 
-    /// wwᵀ times what `factor` takes from the attachment; zero without one.
+    /// wwᵀ times `factor` of the attachment; zero without one.
     pub(super) fn attached_at(&self, alpha_rad: &Vector2<f64>, factor: impl Fn(&Attachment) -> f64) -> Matrix2<f64> {
         self.attached.as_ref().map_or(Matrix2::zeros(), |attached| {
             let state = State { alpha_rad: *alpha_rad, ..State::default() };
@@ -323,7 +322,7 @@ impl Arm {
         })
     }
 
-    /// k (wwᵀ + s G), N·m/rad: what the attachment's spring adds to the stiffness at a deflection; zero without one.
+    /// k (wwᵀ + s G), N·m/rad: the attachment's part of the stiffness at a deflection; zero without one.
     pub(super) fn attached_stiffness(&self, alpha_rad: &Vector2<f64>) -> Matrix2<f64> {
         self.attached.as_ref().map_or(Matrix2::zeros(), |attached| {
             let along = attached.along(&State { alpha_rad: *alpha_rad, ..State::default() });
@@ -348,7 +347,7 @@ impl Arm {
         self.attachment().map_or(0.0, |attachment| attachment.damping_n_s_m * velocity_m_s * velocity_m_s)
     }
 
-    /// w f: what the attachment adds to the unbalanced torque, N·m.
+    /// w f: the attachment's part of the unbalanced torque, N·m.
     pub(super) fn attached_unbalance_nm(&self, state: &State, acceleration_rad_s2: &Vector2<f64>) -> Vector2<f64> {
         self.attached.as_ref().map_or(Vector2::zeros(), |attached| {
             let along = attached.along(state);
@@ -401,7 +400,7 @@ mod tests {
         arm(Preset::Irb1600Fitted, 20.0, 70.0).with_attachment(ATTACHMENT).unwrap()
     }
 
-    /// What the attachment takes out of the arm, put in as a load, leaves the motion of the arm alone.
+    /// The arm alone moves the same if the attachment's force on it is given as a load.
     #[test]
     fn is_the_arm_alone_under_the_force_that_is_left() {
         let arm = attached();
@@ -415,7 +414,7 @@ mod tests {
         assert!((alone - acceleration).norm() < 1e-9 * acceleration.norm(), "{alone} {acceleration}");
     }
 
-    /// The force along the direction is m s̈ + c ṡ + k s of the tip as it moves.
+    /// The force along the direction is m s̈ + c ṡ + k s of the tip's motion.
     #[test]
     fn its_force_is_that_of_the_tip_s_motion() {
         let arm = attached();

@@ -81,9 +81,9 @@ impl Arm {
 
     /// α̈ and its derivatives at a state.
     ///
-    /// From M α̈ = r follows ∂α̈/∂x = M⁻¹ (∂r/∂x − ∂M/∂x α̈). Only α2 enters M: ∂M/∂α2 = −a2 s [[2, 1], [1, 0]]. In
-    /// r = u + JᵀF − Cα̇ − Dα̇ − Kα the derivative of Cα̇ by α2 replaces s by c, and ∂(JᵀF)/∂α is symmetric, because a
-    /// constant force at C has a potential, as the weight has, whose part of r has the derivative −∂G/∂α: with P =
+    /// From M α̈ = r follows ∂α̈/∂x = M⁻¹ (∂r/∂x − ∂M/∂x α̈). Only α2 enters M: ∂M/∂α2 = −a2 s [[2, 1], [1, 0]]. In r =
+    /// u + JᵀF − Cα̇ − Dα̇ − Kα the derivative of Cα̇ by α2 replaces s by c, and ∂(JᵀF)/∂α is symmetric, because a
+    /// constant force at C has a potential, as has the weight, whose share of r has the derivative −∂G/∂α: with P =
     /// F·(link 2), Q = F·(link 1), both turned as below, ∂(JᵀF)/∂α = −[[Q + P, P], [P, P]].
     pub fn acceleration_jacobian(&self, state: &State, load: &Load) -> AccelerationJacobian {
         if self.attached.is_some() {

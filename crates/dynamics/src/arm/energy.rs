@@ -1,4 +1,4 @@
-//! Energy and power: what the balance of a simulation is checked with.
+//! Energy and power, for the energy balance of a simulation.
 
 use super::kernel::Motion;
 use super::{Arm, Load, State};
@@ -32,8 +32,8 @@ impl Arm {
         }
     }
 
-    /// The rate at which the energy changes, W: what the load puts in less what the dampers take, α̇ᵀ(u + JᵀF) − α̇ᵀDα̇
-    /// − c ṡ².
+    /// The rate at which the energy changes, W: the power of the load less that of the dampers, α̇ᵀ(u + JᵀF) − α̇ᵀDα̇ −
+    /// c ṡ².
     pub fn power_w(&self, state: &State, load: &Load) -> f64 {
         let v = &state.alpha_dot_rad_s;
         let loss_w = v.dot(&(self.damping_matrix() * v)) + self.attached_loss_w(state);

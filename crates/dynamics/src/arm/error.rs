@@ -1,4 +1,4 @@
-//! What no arm can be.
+//! Errors of the arm's parameters and pose.
 
 use alloc::string::String;
 
@@ -12,11 +12,11 @@ pub enum ArmError {
     /// A parameter is outside what is physically possible.
     #[error("arm parameter `{name}` is {got}: it must be {expected}", got = short(.got))]
     Parameter {
-        /// The parameter, as it is called in a scenario.
+        /// The name of the parameter in a scenario.
         name: &'static str,
-        /// What was given.
+        /// The given value.
         got: f64,
-        /// What would do.
+        /// The valid values.
         expected: &'static str,
     },
     /// A value of an attachment is impossible.
@@ -24,17 +24,17 @@ pub enum ArmError {
     Attachment {
         /// The value.
         name: &'static str,
-        /// What was given.
+        /// The given value.
         got: f64,
-        /// What would do.
+        /// The valid values.
         expected: &'static str,
     },
     /// A pose angle is not a usable number.
     #[error("pose angle `{name}` is {got}: it must be a number from -360 to 360 degrees", got = short(.got))]
     Pose {
-        /// The angle, as it is called in a scenario.
+        /// The name of the angle in a scenario.
         name: &'static str,
-        /// What was given, degrees.
+        /// The given value, degrees.
         got: f64,
     },
     /// The springs can't hold the arm's weight in this pose.
@@ -53,7 +53,7 @@ pub enum ArmError {
     SingularMass {
         /// det M over a3 (a1 − a3), dimensionless.
         got: f64,
-        /// What would do.
+        /// The valid values.
         least: f64,
     },
     /// A natural frequency vanishes or overflows.
@@ -69,9 +69,9 @@ pub enum ArmError {
     /// No preset has this name.
     #[error("there is no preset `{got}`: the presets are {known}")]
     UnknownPreset {
-        /// What was given.
+        /// The given value.
         got: String,
-        /// The names there are.
+        /// The existing names.
         known: String,
     },
     /// A preset's text can't be read.
@@ -79,7 +79,7 @@ pub enum ArmError {
     PresetText {
         /// The preset.
         name: &'static str,
-        /// What the TOML reader says.
+        /// The error of the TOML reader.
         reason: String,
     },
 }

@@ -20,9 +20,9 @@ use super::real::Real;
 pub(crate) struct External<T> {
     /// At α = 0, N·m.
     pub at_rest: [T; 2],
-    /// What every link adds to the joints before it, by S and V of its turn, N·m.
+    /// The coefficients of S and V of each link's turn in the torque on the joints before it, N·m.
     links: [[T; 2]; 2],
-    /// Whether it matters where the links point, in any lane: whether there is a force or weight.
+    /// Whether the directions of the links matter in any lane, because of a force or weight.
     pub follows_links: bool,
 }
 
@@ -52,7 +52,7 @@ impl External<f64> {
 }
 
 impl<T: Real> External<T> {
-    /// Those of `T::WIDTH` arms side by side.
+    /// The same for `T::WIDTH` arms side by side.
     #[inline(always)]
     pub fn gather(of: impl Fn(usize) -> External<f64>) -> External<T> {
         External {

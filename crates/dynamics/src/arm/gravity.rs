@@ -16,7 +16,7 @@ use serde::{Deserialize, Serialize};
 
 use super::{Arm, ArmError, Parameters};
 
-/// Gravity, and what the weight of link 1 needs besides [`Parameters`].
+/// Gravity, and the properties of link 1 that its weight needs besides [`Parameters`].
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Gravity {
@@ -94,8 +94,7 @@ impl Arm {
         self.static_deflection_rad
     }
 
-    /// K + ∂G/∂α at a deflection, N·m/rad, and what the spring of an attachment adds: K itself without either.
-    /// Symmetric.
+    /// K + ∂G/∂α at a deflection, with the spring of an attachment, N·m/rad: K itself without either. Symmetric.
     pub fn tangent_stiffness_matrix(&self, alpha_rad: &Vector2<f64>) -> Matrix2<f64> {
         self.stiffness_of_joints_and_weight(alpha_rad) + self.attached_stiffness(alpha_rad)
     }

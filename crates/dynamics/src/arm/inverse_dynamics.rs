@@ -8,7 +8,7 @@ use super::{Arm, Load, State};
 /// The unbalanced torque of a motion and its derivatives.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct InverseDynamics {
-    /// M α̈ + C α̇ + D α̇ + K α − u − JᵀF and what is attached, N·m; zero along a true motion.
+    /// M α̈ + C α̇ + D α̇ + K α − u − JᵀF with the attachment, N·m; zero along a true motion.
     pub unbalance_nm: Vector2<f64>,
     /// ∂/∂α, N·m/rad.
     pub by_alpha: Matrix2<f64>,
@@ -25,7 +25,7 @@ impl Arm {
         if self.attached.is_none() { alone } else { alone + self.attached_unbalance_nm(state, acceleration_rad_s2) }
     }
 
-    /// The same without what is attached.
+    /// The same without the attachment.
     pub(super) fn unbalance_of_arm_nm(
         &self,
         state: &State,

@@ -1,4 +1,4 @@
-//! The equation of motion solved for α̈, for one arm or eight: what every step computes.
+//! The equation of motion solved for α̈, for one arm or eight.
 
 use core::array;
 
@@ -39,7 +39,7 @@ pub(crate) struct Motion<T> {
     pub v: [T; 2],
 }
 
-/// How a motion goes on.
+/// The rates of change of a motion.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(crate) struct Rates<T> {
     /// α̈, rad/s².
@@ -109,8 +109,7 @@ impl<T: Real> Coefficients<T> {
         }
     }
 
-    /// M⁻¹ r by Cramer's rule, with t = a2 cos(β2+α2): M = [[a1 + 2t, a3 + t], [a3 + t, a3]], det M = a3 (a1 − a3) − t²
-    /// > 0.
+    /// M⁻¹ r by Cramer's rule: t = a2 cos(β2+α2), M = [[a1 + 2t, a3 + t], [a3 + t, a3]], det M = a3 (a1 − a3) − t² > 0.
     #[inline(always)]
     pub fn solve_mass(&self, t: T, r: [T; 2]) -> [T; 2] {
         let inverse = T::splat(1.0) / (self.a3_a1_less_a3 - t * t);
@@ -150,9 +149,9 @@ impl<T: Real> Coefficients<T> {
         self.elbow.turned(Turn::new::<FAR>(alpha2_rad))
     }
 
-    /// α̈ from Eq. (3), rad/s². With `FAR` at every angle; without it only where [`Coefficients::within_reach`] holds,
-    /// to the same bits, and without a branch or a call on the way. Without `LINKS` it leaves out where the links
-    /// point, and holds where [`External::follows_links`] is false.
+    /// α̈ from Eq. (3), rad/s². With `FAR` it holds at every angle; without it only where
+    /// [`Coefficients::within_reach`] is true, with the same bits and without a branch or a call. Without `LINKS` it
+    /// ignores the directions of the links, and holds where [`External::follows_links`] is false.
     #[inline(always)]
     pub fn acceleration<const FAR: bool, const LINKS: bool>(
         &self,

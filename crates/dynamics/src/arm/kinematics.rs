@@ -1,4 +1,4 @@
-//! Where the points B (elbow) and C (tip) are and how they move, in the base frame.
+//! Positions, velocities and accelerations of the points B (elbow) and C (tip) in the base frame.
 
 use nalgebra::{Matrix2, Vector2};
 

@@ -1,16 +1,16 @@
-//! The arm: two links with compliant joints (Gierlak & Warmiński 2023, IRB 1600), exactly.
+//! The arm: two links with compliant joints (Gierlak & Warmiński 2023, IRB 1600), without approximation.
 //!
-//! The joint angles are qᵢ = βᵢ + αᵢ (Eq. 1): the pose β is constant, the vibration α is what moves. The equation of
-//! motion (Eq. 3) is
+//! The joint angles are qᵢ = βᵢ + αᵢ (Eq. 1): the pose β is constant, α is the vibration. Eq. 3, the equation of
+//! motion, is
 //!
 //! ```text
 //! M(α,β) α̈ + C(α,α̇,β) α̇ + D α̇ + K α = u + J(α,β)ᵀ F
 //! ```
 //!
-//! with torques u at the joints and a force F at the tip, point C. Point B is the elbow. What is attached to the tip
-//! moves with it ([`Attachment`]), and every method here counts it in. Equation numbers in this module are those of P.
-//! Gierlak, J. Warmiński, "Analysis of Bifurcation Vibrations of an Industrial Robot Arm System with Joints
-//! Compliance", Appl. Sci. 2023, 13, 11941.
+//! with torques u at the joints and a force F at the tip, point C. Point B is the elbow. An [`Attachment`] moves with
+//! the tip, and every method here includes it. Equation numbers in this module are those of P. Gierlak, J. Warmiński,
+//! "Analysis of Bifurcation Vibrations of an Industrial Robot Arm System with Joints Compliance", Appl. Sci. 2023, 13,
+//! 11941.
 
 mod angle;
 pub(crate) mod attachment;
@@ -46,7 +46,7 @@ use nalgebra::Vector2;
 /// The least det M over a3 (a1 − a3) in the straight arm: Cramer's rule then keeps ten digits of α̈.
 const LEAST_DETERMINANT: f64 = 1e-6;
 
-/// An arm with valid parameters in a valid pose: everything constant about it, ready for computing.
+/// An arm with valid parameters in a valid pose, with its constants computed.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Arm {
     parameters: Parameters,
@@ -60,8 +60,8 @@ impl Arm {
     /// Checks the parameters and the pose and makes an arm of them.
     ///
     /// # Errors
-    /// [`ArmError`] names the first value that no arm can have, or says that the joints can't hold the arm's weight, or
-    /// that numbers possible one by one make an arm that can't be computed.
+    /// [`ArmError`] names the first impossible value, or says that the joints can't hold the arm's weight, or that the
+    /// values, possible one by one, don't make an arm that can be computed.
     pub fn new(parameters: Parameters, pose: Pose) -> Result<Arm, ArmError> {
         parameters.check()?;
         pose.validate()?;
@@ -73,8 +73,8 @@ impl Arm {
         Ok(arm)
     }
 
-    /// Checks that M is positive definite at every angle in numbers, too, not by its signs alone: det M = a3 (a1 − a3)
-    /// − a2² cos² is least in the straight arm.
+    /// Checks that M stays positive definite at every angle despite rounding: det M = a3 (a1 − a3) − a2² cos² is least
+    /// in the straight arm.
     fn check(&self) -> Result<(), ArmError> {
         let (whole, a2) = (self.coefficients.a3_a1_less_a3, self.coefficients.a2);
         let got = (whole - a2 * a2) / whole;

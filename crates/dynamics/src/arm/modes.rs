@@ -23,8 +23,8 @@ impl Arm {
     }
 
     /// A bound of the natural angular frequencies at the deflection `alpha_rad`, rad/s: ω1² + ω2² = tr(M⁻¹K), so ω2 is
-    /// less than its root, and near it where ω2 is well above ω1. K is that of the springs alone; what weight adds is
-    /// left out, as it is parts in a thousand of springs that hold an arm still.
+    /// less than its root, and near it where ω2 is well above ω1. K is that of the springs alone: the weight adds
+    /// thousandths to springs that hold an arm still.
     pub fn angular_frequency_bound_rad_s(&self, alpha_rad: &Vector2<f64>) -> f64 {
         let m = self.mass_matrix(alpha_rad);
         let determinant = m.m11 * m.m22 - m.m12 * m.m12;

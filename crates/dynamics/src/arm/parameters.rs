@@ -34,8 +34,8 @@ pub struct Parameters {
 }
 
 impl Parameters {
-    /// Checks that such an arm can exist. With these signs M is positive definite at every angle,
-    /// but for rounding; [`Arm::new`](super::Arm::new) sees to that.
+    /// Checks that such an arm can exist. With these signs M is positive definite at every angle, but for rounding,
+    /// which [`Arm::new`](super::Arm::new) checks.
     pub(super) fn check(&self) -> Result<(), ArmError> {
         let positive = [
             ("inertia1_kg_m2", self.inertia1_kg_m2),
@@ -65,7 +65,7 @@ impl Parameters {
     }
 }
 
-/// Where the arm stands: the constant part β of the joint angles, degrees.
+/// The pose of the arm: the constant part β of the joint angles, degrees.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Pose {
@@ -85,7 +85,7 @@ impl Pose {
     /// Checks that both angles are numbers from −360 to 360 degrees.
     ///
     /// # Errors
-    /// [`ArmError::Pose`] names the angle that is not.
+    /// [`ArmError::Pose`] names the invalid angle.
     pub fn validate(&self) -> Result<(), ArmError> {
         Pose::check(("beta1_deg", self.beta1_deg))?;
         Pose::check(("beta2_deg", self.beta2_deg))

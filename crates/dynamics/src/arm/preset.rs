@@ -29,7 +29,7 @@ impl Preset {
     /// Every preset.
     pub const ALL: [Preset; 2] = [Preset::Irb1600Table1, Preset::Irb1600Fitted];
 
-    /// The name by which it is asked for.
+    /// Its name.
     pub const fn name(self) -> &'static str {
         match self {
             Preset::Irb1600Table1 => "irb1600-table1",
@@ -48,7 +48,7 @@ impl Preset {
     /// The parameters in the preset's file.
     ///
     /// # Errors
-    /// [`ArmError::PresetText`] if the file is not the TOML it should be; tests hold that every preset is.
+    /// [`ArmError::PresetText`] if the file is not valid; tests check that every preset is.
     pub fn parameters(self) -> Result<Parameters, ArmError> {
         let unreadable = |error: toml::de::Error| ArmError::PresetText { name: self.name(), reason: error.to_string() };
         Ok(toml::from_str::<PresetFile>(self.text()).map_err(unreadable)?.parameters)

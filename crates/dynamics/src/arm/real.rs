@@ -1,7 +1,7 @@
-//! One number or several at once: what the equation of motion is written in.
+//! The number type of the equation of motion: one number, or several at once.
 //!
 //! The same source computes a single arm and several motions side by side, so both give the same bits: each lane sees
-//! the same operations in the same order, every one rounded as IEEE 754 says, and Rust never contracts a·b + c.
+//! the same operations in the same order, each rounded by IEEE 754, and Rust never contracts a·b + c.
 
 use core::ops::{Add, Div, Mul, Neg, Sub};
 
@@ -11,7 +11,7 @@ use wide::f64x4;
 pub(crate) trait Real:
     Copy + Add<Output = Self> + Sub<Output = Self> + Mul<Output = Self> + Div<Output = Self> + Neg<Output = Self>
 {
-    /// How many numbers these are.
+    /// The number of lanes.
     const WIDTH: usize;
     /// The numbers `of(0)`, `of(1)` … one a lane.
     fn gather(of: impl Fn(usize) -> f64) -> Self;
@@ -19,20 +19,20 @@ pub(crate) trait Real:
     fn lane(self, i: usize) -> f64;
     /// The same value in every lane.
     fn splat(value: f64) -> Self;
-    /// Whether every lane is within ± `limit`, as its square says, which the polynomials need anyway; NaN is not.
+    /// Whether every lane is within ± `limit`, by its square, which the polynomials need anyway; NaN is not.
     fn all_within(self, limit: f64) -> bool;
 
     /// Lane by lane: `near` where |key| ≤ `limit`, else `far(key)`.
     #[inline(always)]
     fn where_within(key: Self, limit: f64, near: (Self, Self), far: fn(f64) -> (f64, f64)) -> (Self, Self) {
-        if key.all_within(limit) { near } else { mend(key, limit, near, far) }
+        if key.all_within(limit) { near } else { far_lanes(key, limit, near, far) }
     }
 }
 
-/// The lanes where |key| > `limit` by `far`. Out of line, so that the way without it stays in registers.
+/// Replaces the lanes where |key| > `limit` by `far`. Out of line, so that the usual path stays in registers.
 #[cold]
 #[inline(never)]
-fn mend<T: Real>(key: T, limit: f64, near: (T, T), far: fn(f64) -> (f64, f64)) -> (T, T) {
+fn far_lanes<T: Real>(key: T, limit: f64, near: (T, T), far: fn(f64) -> (f64, f64)) -> (T, T) {
     let at = |i: usize| {
         let key = key.lane(i);
         if key.all_within(limit) { (near.0.lane(i), near.1.lane(i)) } else { far(key) }
@@ -64,7 +64,7 @@ impl Real for f64 {
     }
 }
 
-/// How many arms go side by side: two registers of AVX2, one of AVX-512, four of SSE2 or NEON.
+/// How many arms are computed side by side: two registers of AVX2, one of AVX-512, four of SSE2 or NEON.
 pub(crate) const LANES: usize = 8;
 
 /// Eight numbers that take every operation together.
@@ -157,7 +157,7 @@ impl Real for Lanes {
     }
 }
 
-// Its own type: of `Lanes`, the compiler keeps the numbers together in a loop over many arms, but not in a step of one.
+// A separate type: the compiler keeps `Lanes` in registers in a loop over many arms, but not in a step of one.
 impl Real for f64x4 {
     const WIDTH: usize = 4;
 

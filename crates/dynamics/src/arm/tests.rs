@@ -6,7 +6,7 @@ pub(crate) fn arm(preset: Preset, beta1_deg: f64, beta2_deg: f64) -> Arm {
     Arm::new(preset.parameters().unwrap(), Pose { beta1_deg, beta2_deg }).unwrap()
 }
 
-/// Every preset in every pose, without gravity and with it: from that of the moon to that of Jupiter.
+/// Every preset in every pose, without gravity and with it, from the moon's to Jupiter's.
 pub(crate) fn any_arm() -> impl Strategy<Value = Arm> {
     let gravity = (1.6..25.0, 0.0..60.0, 0.0..0.5).prop_map(|(gravity_m_s2, mass1_kg, centre1_m)| Gravity {
         gravity_m_s2,
@@ -83,8 +83,7 @@ proptest! {
         let energy = |dt| arm.energy(&moved(&state, &a, dt)).total_j();
         let difference = |dt: f64| (energy(dt) - energy(-dt)) / (2.0 * dt);
         // L. F. Richardson, "The Approximate Arithmetical Solution by Finite Differences of Physical Problems Involving
-        // Differential Equations", Phil. Trans. R. Soc. A 210 (1911): the error that goes with dt² alone can be 10 W at
-        // 1e7 rad/s².
+        // Differential Equations", Phil. Trans. R. Soc. A 210 (1911): the error in dt² alone can be 10 W at 1e7 rad/s².
         let rate = (4.0 * difference(5e-8) - difference(1e-7)) / 3.0;
         let power = arm.power_w(&state, &load);
         prop_assert!((rate - power).abs() < 1e-4 * (1.0 + power.abs() + rate.abs()).max(1e5), "{rate} {power}");
@@ -132,14 +131,14 @@ proptest! {
         let mirror = |l: &Load| Load { torque_nm: -l.torque_nm, force_n: Vector2::new(l.force_n.x, -l.force_n.y) };
         let mirrored = State { alpha_rad: -state.alpha_rad, alpha_dot_rad_s: -state.alpha_dot_rad_s };
         let a = arm(preset, b1, b2).acceleration(&state, &load);
-        // Without gravity, which knows up from down.
+        // Without gravity, which breaks the symmetry.
         let b = arm(preset, -b1, -b2).acceleration(&mirrored, &mirror(&load));
         prop_assert!((a + b).norm() <= 1e-12 * a.norm());
     }
 }
 
 proptest! {
-    /// α = 0 is where springs and weight balance, it is at rest there, and its energy is the least.
+    /// At α = 0 springs and weight balance, the arm is at rest, and its energy is least.
     #[test]
     fn rests_in_the_static_equilibrium(arm in any_arm(), state in any_state()) {
         let sag = arm.static_deflection_rad();
@@ -152,7 +151,7 @@ proptest! {
     }
 }
 
-/// A hanging arm is a pendulum: without springs worth naming it swings at √(g m lc / I), here for both links as one.
+/// A hanging arm is a pendulum: with negligible springs it swings at √(g m lc / I), here for both links as one.
 #[test]
 fn hanging_arm_with_soft_springs_is_a_pendulum() {
     let preset = Preset::Irb1600Fitted.parameters().unwrap();

@@ -1,4 +1,4 @@
-//! What moves the arm and how it moves.
+//! State and load of the arm.
 
 use nalgebra::Vector2;
 
@@ -41,7 +41,7 @@ impl From<Motion<f64>> for State {
     }
 }
 
-/// What acts on the arm from outside: the right-hand side of Eq. (3).
+/// The load on the arm from outside: the right-hand side of Eq. (3).
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct Load {
     /// u: torques at joints 1 and 2, N·m.

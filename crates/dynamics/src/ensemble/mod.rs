@@ -1,9 +1,9 @@
 //! Many motions of one arm under one excitation at once, side by side in the lanes of the processor.
 //!
-//! Every motion goes as if it were alone: the step is the same source as
-//! [`Integrator::step`](crate::integrate::Integrator::step) makes with `dop853`, generic over one number or eight, so
-//! the states are the same bit for bit, whatever the processor offers. The implicit schemes, the default among them,
-//! don't go side by side: the number of iterations, the pivots and the division of a step differ from motion to motion.
+//! Each motion has the same states, bit for bit, as if it were alone, on every processor: the step is the source of
+//! [`Integrator::step`](crate::integrate::Integrator::step) with `dop853`, generic over one number or eight. The
+//! implicit schemes, the default among them, can't run side by side: the number of iterations, the pivots and the
+//! division of a step differ from motion to motion.
 
 use crate::arm::external::External;
 use crate::arm::kernel::{Coefficients, Motion};
@@ -14,17 +14,17 @@ use crate::integrate::{DOP853, explicit};
 /// Stages of a step.
 pub const STAGES: usize = DOP853.c.len();
 
-/// Where in a step its stages need the load, as parts of the step.
+/// The points in a step at which its stages need the load, as fractions of the step.
 pub const NODES: [f64; STAGES] = DOP853.c;
 
 /// The loads of consecutive steps, each at its [`NODES`].
 pub type Stretch = [[Load; STAGES]];
 
-/// Takes a group of motions through a stretch, so many times.
+/// Takes a group of motions through a stretch of steps a number of times.
 type Kernel<T> = fn(&Coefficients<f64>, f64, &Stretch, u32, &mut Motion<T>);
 
-/// Takes every motion through a stretch of steps of `h_s`, `times` times, with the widest registers the processor has.
-/// A motion that grows beyond all bounds ends in a state that is not finite.
+/// Takes every motion through a stretch of steps of `h_s`, `times` times, with the widest registers of the processor. A
+/// motion that grows without bound ends in a state that is not finite.
 pub fn advance(arm: &Arm, h_s: f64, stretch: &Stretch, times: u32, states: &mut [State]) {
     let arm = &arm.coefficients;
     #[cfg(target_arch = "x86_64")]
@@ -57,7 +57,7 @@ fn side_by_side<T: Real>(
     }
 }
 
-/// The kernel as the target at hand compiles it; the ones below are the same source for wider registers.
+/// The kernel for the registers of the compiler's target; the ones below are the same source for wider registers.
 #[inline(always)]
 fn portable<T: Real>(arm: &Coefficients<f64>, h_s: f64, stretch: &Stretch, times: u32, motion: &mut Motion<T>) {
     let every = Coefficients::<T>::gather(|_lane| arm);
@@ -69,7 +69,7 @@ fn portable<T: Real>(arm: &Coefficients<f64>, h_s: f64, stretch: &Stretch, times
     }
 }
 
-/// The kernel for wider registers of x86-64. FMA stays off: a·b + c is two roundings everywhere.
+/// The kernel for wider registers of x86-64. FMA stays off: a·b + c is rounded twice everywhere.
 #[cfg(target_arch = "x86_64")]
 mod x86 {
     use super::{Coefficients, Lanes, Motion, Stretch, portable};
@@ -77,7 +77,7 @@ mod x86 {
     cpufeatures::new!(avx512_detection, "avx512f");
     cpufeatures::new!(avx2_detection, "avx2");
 
-    /// Whether processor and operating system have AVX-512 F; asked once.
+    /// Whether processor and operating system have AVX-512 F; queried once.
     pub fn has_avx512() -> bool {
         avx512_detection::get()
     }

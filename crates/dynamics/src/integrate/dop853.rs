@@ -3,7 +3,7 @@
 
 use super::explicit::Tableau;
 
-/// Twelve stages, order 8. Row i of `a` has the slopes that stage i starts from.
+/// Twelve stages, order 8. Row i of `a` weights the slopes that stage i starts from.
 pub(crate) const DOP853: Tableau<12> = Tableau {
     a: [
         row(&[]),
@@ -99,7 +99,7 @@ pub(crate) const DOP853: Tableau<12> = Tableau {
     ],
 };
 
-/// A row of `a`: what it gives, and zero from there on.
+/// A row of `a`: the weights given, then zeros.
 const fn row(given: &[f64]) -> [f64; 12] {
     let mut row = [0.0; 12];
     let mut j = 0;

@@ -76,7 +76,7 @@ impl Sub for DoubleDouble {
     }
 }
 
-/// The rounded quotient, then what it leaves over the divisor.
+/// The rounded quotient, then its remainder over the divisor.
 impl Div for DoubleDouble {
     type Output = DoubleDouble;
     fn div(self, other: DoubleDouble) -> DoubleDouble {

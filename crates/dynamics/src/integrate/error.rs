@@ -1,37 +1,37 @@
-//! Why a step could not be made.
+//! Errors of integrators.
 
 use thiserror::Error;
 
 use super::Scheme;
 use resonarm_numeric::number::short;
 
-/// What keeps an integrator from starting or going on.
+/// Why an integrator can't start or make a step.
 #[derive(Clone, Copy, Debug, PartialEq, Error)]
 #[non_exhaustive]
 pub enum IntegrateError {
     /// The rate is not a positive number.
     #[error("integration rate {got_hz} Hz: it must be a positive number", got_hz = short(.got_hz))]
     Rate {
-        /// What was given, Hz.
+        /// The given value, Hz.
         got_hz: f64,
     },
-    /// Steps so short that rounding outweighs what they change.
+    /// Steps so short that rounding outweighs the change they make.
     #[error(
         "integration rate {got_hz:e} Hz: it must be at most {most_hz:e} Hz for this arm; what a shorter step changes is lost in \
          rounding"
     )]
     RateTooHigh {
-        /// What was given, Hz.
+        /// The given value, Hz.
         got_hz: f64,
         /// The highest rate that would do, Hz.
         most_hz: f64,
     },
-    /// The scheme is not stable, or sees less than one step a period, at this rate.
+    /// At this rate the scheme is unstable, or makes less than one step a period.
     #[error("scheme {scheme} can't carry this arm at {got_hz} Hz: its second mode needs at least {needed_hz} Hz", got_hz = short(.got_hz), needed_hz = short(.needed_hz))]
     RateTooLow {
         /// The scheme.
         scheme: Scheme,
-        /// What was given, Hz.
+        /// The given value, Hz.
         got_hz: f64,
         /// The lowest rate that would do, Hz.
         needed_hz: f64,

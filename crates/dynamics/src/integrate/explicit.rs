@@ -14,14 +14,14 @@ pub(crate) struct Tableau<const S: usize> {
 }
 
 /// The classical method (W. Kutta, "Beitrag zur näherungsweisen Integration totaler Differentialgleichungen", Z. Math.
-/// Phys. 46 (1901)), for what [`rk4`] has no formula for.
+/// Phys. 46 (1901)), for arms that [`rk4`] has no formula for.
 pub(super) const RK4: Tableau<4> = Tableau {
     a: [[0.0; 4], [0.5, 0.0, 0.0, 0.0], [0.0, 0.5, 0.0, 0.0], [0.0, 0.0, 1.0, 0.0]],
     b: [1.0 / 6.0, 1.0 / 3.0, 1.0 / 3.0, 1.0 / 6.0],
     c: [0.0, 0.5, 0.5, 1.0],
 };
 
-/// A step h and what the classical method makes of it.
+/// A step h and the multiples of it in the classical method.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(crate) struct Rk4Step<T> {
     /// h, ½h, ⅙h, s.
@@ -57,7 +57,7 @@ impl<T: Real> Rk4Step<T> {
 /// v₂ = v + ½ha₁   v₃ = v + ½ha₂      v₄ = v + ha₃           v⁺ = v + ⅙h(a₁ + 2a₂ + 2a₃ + a₄)
 /// ```
 ///
-/// `external` are those at 0, ½ and 1 of the step: stages 2 and 3 are at the same time.
+/// `external` has the forces at 0, ½ and 1 of the step: stages 2 and 3 are at the same time.
 ///
 /// The step is made as if all angles were small; if one was not, it is made again with the sines of large angles.
 #[inline(always)]
@@ -75,7 +75,7 @@ pub(crate) fn rk4<T: Real>(
     if small { next } else { rk4_far(arm, h, motion, external) }
 }
 
-/// [`rk4`] of a single arm: short enough to stand where it is called when only torques act on it.
+/// [`rk4`] of a single arm: short enough to be inlined when only torques act on it.
 #[inline(always)]
 pub(crate) fn rk4_single(
     arm: &Coefficients<f64>,
@@ -145,8 +145,8 @@ fn rk4_step<T: Real, const FAR: bool, const LINKS: bool>(
     (next, small)
 }
 
-/// One step of a method given by its tableau, of one motion or several side by side; `external` are those at the nodes
-/// cᵢ.
+/// One step of a method given by its tableau, of one motion or several side by side; `external` has the forces at the
+/// nodes cᵢ.
 #[inline(always)]
 pub(crate) fn step<T: Real, const S: usize>(
     tableau: &Tableau<S>,
@@ -175,7 +175,7 @@ fn step_with<T: Real, const S: usize, const LINKS: bool>(
     })
 }
 
-/// One step of a method given by its tableau; `acceleration` gives that of a stage by its index.
+/// One step of a method given by its tableau; `acceleration` computes the acceleration of a stage by its index.
 #[inline(always)]
 pub(super) fn step_by<T: Real, const S: usize>(
     tableau: &Tableau<S>,

@@ -55,7 +55,7 @@ pub(super) fn collocation<const S: usize>(
     let rest = arm.acceleration_jacobian(&State::default(), &Load::default());
     let (p, q) = (rest.by_alpha, rest.by_alpha_dot);
     let linear = [[p.m11, p.m12, q.m11, q.m12], [p.m21, p.m22, q.m21, q.m22]];
-    // Time in units of 1/ω, ω a power of two: L then has entries near one, and going over and back is exact.
+    // Time in units of 1/ω, ω a power of two: L then has entries near one, and the change of units is exact.
     let unit_rad_s = libm::exp2(libm::ceil(libm::log2(arm.angular_frequencies_rad_s()[1])));
     let generator = generator(&linear, unit_rad_s);
     let phase = DoubleDouble::new(unit_rad_s * h_s);

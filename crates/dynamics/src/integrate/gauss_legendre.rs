@@ -115,12 +115,12 @@ impl<const S: usize> Tableau<S> {
     }
 }
 
-/// What the time t changes of a motion without acceleration: x by t v.
+/// The change of a motion without acceleration over the time t: x by t v.
 fn drift(t: DoubleDouble, row: usize, column: usize) -> DoubleDouble {
     if column == row + 2 { t } else { DoubleDouble::default() }
 }
 
-/// What a slope adds: the first factor times it to the angles, the second to the velocities.
+/// The share of a slope: the first factor times it is added to the angles, the second to the velocities.
 fn slope(factors: [DoubleDouble; 2], row: usize, column: usize) -> DoubleDouble {
     if row % 2 == column { factors[row / 2] } else { DoubleDouble::default() }
 }

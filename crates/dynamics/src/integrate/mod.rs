@@ -1,7 +1,7 @@
 //! Fixed-step one-step methods for the arm. No allocation; bounded work per step.
 //!
-//! A step from tₙ to tₙ + h sees the load through [`Excitation`], at the times its stages ask for: a held command is
-//! the same at all of them (zero-order hold), a sine is exact inside the step.
+//! A step from tₙ to tₙ + h evaluates the load ([`Excitation`]) at the times of its stages: a held command is the same
+//! at all of them (zero-order hold), a sine is exact inside the step.
 
 mod collocation;
 mod dop853;
@@ -30,7 +30,7 @@ pub trait Excitation {
     /// The load at the time `t_s`, s since the start of the simulation.
     fn load(&self, t_s: f64) -> Load;
 
-    /// Whether the load is the same at all times, so that it need be asked only once.
+    /// Whether the load is the same at all times, so that one evaluation is enough.
     fn is_constant(&self) -> bool {
         false
     }
@@ -50,7 +50,7 @@ impl Excitation for Load {
 /// amplitude · sin(2πft): the excitation of Eqs. (31) and (32).
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct Sine {
-    /// The load at the crest.
+    /// The peak load.
     pub amplitude: Load,
     /// f, Hz.
     pub frequency_hz: f64,
@@ -66,7 +66,7 @@ impl Excitation for Sine {
 /// than 1e-7 to the damping ratio, and far below it no step changes anything.
 const LEAST_PHASE_RAD: f64 = 1.0 / (1_u32 << 30) as f64;
 
-/// A scheme with a step that it can carry for a given arm.
+/// A scheme with a valid step for a given arm.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Integrator {
     scheme: Scheme,
@@ -74,7 +74,7 @@ pub struct Integrator {
     method: Method,
 }
 
-/// What a scheme computes once.
+/// The constants of a scheme.
 #[derive(Clone, Debug, PartialEq)]
 enum Method {
     Rk4(Rk4Step<f64>),
@@ -106,13 +106,13 @@ impl Method {
 impl Integrator {
     /// Checks that the scheme is stable for `arm` at `rate_hz` steps a second, and computes what is constant.
     ///
-    /// The exponential schemes linearise `arm` at rest; steps of another arm stay right to its order, but not exact
-    /// in the linear part.
+    /// The exponential schemes linearise `arm` at rest; steps of another arm keep the order, but are not exact in the
+    /// linear part.
     ///
     /// # Errors
-    /// [`IntegrateError::Rate`] if the rate is not a positive number, [`IntegrateError::RateTooLow`] with the rate that
-    /// would do if the scheme can't carry the arm's second mode at this rate, [`IntegrateError::RateTooHigh`] if
-    /// rounding outweighs a step.
+    /// [`IntegrateError::Rate`] if the rate is not a positive number, [`IntegrateError::RateTooLow`] with the lowest
+    /// valid rate if the arm's second mode needs a higher one, [`IntegrateError::RateTooHigh`] if rounding outweighs a
+    /// step.
     pub fn new(scheme: Scheme, rate_hz: f64, arm: &Arm) -> Result<Integrator, IntegrateError> {
         if !(rate_hz.is_finite() && rate_hz > 0.0) {
             return Err(IntegrateError::Rate { got_hz: rate_hz });
@@ -144,8 +144,8 @@ impl Integrator {
     ///
     /// # Errors
     /// [`IntegrateError::NoConvergence`] or [`IntegrateError::Unbalanced`] if an implicit scheme can't make the step
-    /// well even in 256 parts, [`IntegrateError::NotFinite`] if the result is not a number. The state given stays what
-    /// it was.
+    /// well even in 256 parts, [`IntegrateError::NotFinite`] if the result is not a number. The given state stays
+    /// unchanged.
     // Inlined, so that the state of a short step stays in registers from step to step.
     #[inline(always)]
     pub fn step(
@@ -178,7 +178,7 @@ impl Integrator {
     }
 }
 
-/// A step of an explicit method of an arm with something at its tip.
+/// A step of an explicit method of an arm with an attachment.
 #[cold]
 fn attached<const S: usize>(
     tableau: &explicit::Tableau<S>,

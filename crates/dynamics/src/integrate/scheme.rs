@@ -12,22 +12,22 @@ use thiserror::Error;
 #[serde(rename_all = "lowercase")]
 pub enum Scheme {
     /// `rk4`: the classical Runge–Kutta method of order 4 (W. Kutta, "Beitrag zur näherungsweisen Integration totaler
-    /// Differentialgleichungen", 1901). Explicit; stable to ωh = 2√2, with a damping ratio of its own of (ωh)⁵/144 and
-    /// a relative frequency error of −(ωh)⁴/120.
+    /// Differentialgleichungen", 1901). Explicit; stable to ωh = 2√2, with a numerical damping ratio of (ωh)⁵/144 and a
+    /// relative frequency error of −(ωh)⁴/120.
     Rk4,
     /// `dop853`: the method of order 8 of Dormand and Prince in the form of E. Hairer, S. P. Nørsett, G. Wanner,
     /// "Solving Ordinary Differential Equations I", 1993, with a fixed step. Explicit, twelve stages; stable to ωh =
-    /// 5.96, with a damping ratio of its own of 2.26e-8 (ωh)⁹ and a relative frequency error of −6.4e-8 (ωh)⁸.
+    /// 5.96, with a numerical damping ratio of 2.26e-8 (ωh)⁹ and a relative frequency error of −6.4e-8 (ωh)⁸.
     Dop853,
     /// `gl4`: Gauss–Legendre with two stages, order 4 (J. C. Butcher, "Implicit Runge–Kutta Processes", Math. Comp. 18
-    /// (1964)). Implicit and symmetric: no damping of its own, relative frequency error −(ωh)⁴/720.
+    /// (1964)). Implicit and symmetric: no numerical damping, relative frequency error −(ωh)⁴/720.
     Gl4,
     /// `gl6`: Gauss–Legendre with three stages, order 6 (Butcher, too). As `gl4`, with −(ωh)⁶/100800.
     Gl6,
     /// `exponential`: exponential collocation at the three Gauss nodes, order 6 (M. Hochbruck, A. Ostermann,
     /// "Exponential Runge–Kutta methods for parabolic problems", Appl. Numer. Math. 53 (2005)). Implicit and symmetric;
     /// the linear arm at rest, with loads up to quadratic in time over a step, is exact at every step length: no
-    /// damping and no frequency error of its own.
+    /// numerical damping and no frequency error.
     Exponential,
     /// `exponential8`: the same at the four Gauss nodes, order 8, with loads up to cubic in time.
     #[default]
@@ -39,7 +39,7 @@ impl Scheme {
     pub const ALL: [Scheme; 6] =
         [Scheme::Rk4, Scheme::Dop853, Scheme::Gl4, Scheme::Gl6, Scheme::Exponential, Scheme::Exponential8];
 
-    /// The name by which it is asked for.
+    /// Its name.
     pub const fn name(self) -> &'static str {
         match self {
             Scheme::Rk4 => "rk4",
@@ -60,8 +60,8 @@ impl Scheme {
         }
     }
 
-    /// Integration steps a sample where a scenario doesn't state them. At 1 kHz the implicit schemes then keep the
-    /// nonlinear terms of strong vibration to 1e-10 in the fitted arm.
+    /// Integration steps a sample if a scenario doesn't set them. At 1 kHz the implicit schemes then keep the nonlinear
+    /// terms of strong vibration to 1e-10 in the fitted arm.
     pub const fn steps_per_sample(self) -> u32 {
         match self {
             Scheme::Exponential8 => 2,
@@ -69,8 +69,8 @@ impl Scheme {
         }
     }
 
-    /// Whether a step back from a step on returns to where it began, so that the scheme has no damping of its own. It
-    /// does where both are made in the same number of parts, as in all but strong vibration.
+    /// Whether a step forward and a step back return to the start, so that the scheme has no numerical damping. They do
+    /// if both are made in the same number of parts, as in all but strong vibration.
     pub const fn is_symmetric(self) -> bool {
         match self {
             Scheme::Rk4 | Scheme::Dop853 => false,
@@ -79,7 +79,7 @@ impl Scheme {
     }
 
     /// The largest ωh of the fastest mode that is accepted: the bound of stability for the explicit schemes, 2√2 for
-    /// `rk4` and 5.96 for `dop853`; the others are stable at every step, and are asked for one step a period, 2π.
+    /// `rk4` and 5.96 for `dop853`; the others are stable at every step, and must make at least one step a period, 2π.
     pub const fn phase_limit_rad(self) -> f64 {
         match self {
             Scheme::Rk4 => 2.0 * core::f64::consts::SQRT_2,
@@ -99,9 +99,9 @@ impl fmt::Display for Scheme {
 #[derive(Clone, Debug, PartialEq, Eq, Error)]
 #[error("there is no integration scheme `{got}`: the schemes are {known}")]
 pub struct UnknownScheme {
-    /// What was given.
+    /// The given value.
     pub got: String,
-    /// The names there are.
+    /// The existing names.
     pub known: String,
 }
 

@@ -53,8 +53,8 @@ fn symmetric_schemes_retrace_their_steps() {
 }
 
 /// Where fixed-point iteration diverges, too: the straight arm of Table 1, 569 Hz, at 1 kHz (ωh = 3.6). The amplitudes
-/// go up to those of the last fold of a strongly driven arm. The dampers take what they take of an accurate solution,
-/// within 5 %.
+/// go up to those of the last fold of a strongly driven arm. The dampers take the same energy as in an accurate
+/// solution, within 5 %.
 #[test]
 fn implicit_schemes_hold_at_every_pose() {
     for (preset, amplitude_rad) in [0.1, 0.3].into_iter().flat_map(|a| Preset::ALL.map(|preset| (preset, a))) {
@@ -80,7 +80,7 @@ fn implicit_schemes_hold_at_every_pose() {
 
 const EXPONENTIAL: [Scheme; 2] = [Scheme::Exponential, Scheme::Exponential8];
 
-/// A held load, too: one step of a millisecond is as right as a thousand of a microsecond by another scheme.
+/// A held load, too: one step of a millisecond is as accurate as a thousand of a microsecond by another scheme.
 #[test]
 fn exponential_schemes_are_exact_under_a_held_load() {
     let arm = arm(Preset::Irb1600Table1, 0.0, 0.0);
@@ -91,9 +91,9 @@ fn exponential_schemes_are_exact_under_a_held_load() {
     }
 }
 
-/// A motion that has died away so far that its energy underflows is at rest, not a failure.
+/// A motion so small that its energy underflows counts as rest, not as a failure.
 #[test]
-fn a_motion_whose_energy_underflows_goes_on() {
+fn a_motion_whose_energy_underflows_continues() {
     let arm = arm(Preset::Irb1600Fitted, 20.0, 60.0);
     for scheme in Scheme::ALL {
         for exponent in 150..=170 {
@@ -119,7 +119,7 @@ fn says_which_rate_would_do() {
 
 /// A load that no arm can bear ends in an error, never in a bad number.
 #[test]
-fn refuses_to_go_on_without_a_number() {
+fn a_state_that_is_not_finite_is_an_error() {
     let arm = arm(Preset::Irb1600Fitted, 0.0, 60.0);
     let load = Load::torque_nm(f64::MAX, 0.0);
     for scheme in Scheme::ALL {

@@ -164,9 +164,9 @@ impl<'a> Bench<'a> {
                 self.record_event(now_ns, name, value);
             });
             match request {
-                Request::Arm => self.node.obey(now_ns, OperatorRequest::Arm),
-                Request::Disarm => self.node.obey(now_ns, OperatorRequest::Disarm),
-                Request::Reset => self.node.obey(now_ns, OperatorRequest::Reset),
+                Request::Arm => self.node.execute(now_ns, OperatorRequest::Arm),
+                Request::Disarm => self.node.execute(now_ns, OperatorRequest::Disarm),
+                Request::Reset => self.node.execute(now_ns, OperatorRequest::Reset),
                 Request::Set(_) => {} // the exciter's
             }
         }

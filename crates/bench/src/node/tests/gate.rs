@@ -38,7 +38,7 @@ impl Driven {
         self.tell(&Message::Force(ForceCommand { force_x_n, force_y_n, sample }));
     }
 
-    /// The load over the next sample period, at the end of which the travel is this.
+    /// The load over the next sample period, which ends with this travel.
     fn tick(&mut self, travel_m: f64) -> Load {
         self.now_ns += TICK_NS;
         self.sample += 1;
@@ -50,7 +50,7 @@ impl Driven {
         load
     }
 
-    /// So many sample periods, all with this travel.
+    /// A number of sample periods, all with this travel.
     fn run(&mut self, ticks: u32, travel_m: f64) {
         for _ in 0..ticks {
             let _ = self.tick(travel_m);

@@ -62,7 +62,7 @@ fn an_index_outside_the_window_is_a_fault() {
 
 #[test]
 fn two_plants_on_one_bus_end_in_a_fault() {
-    // Their counters are the same and their frames come in changing order, so that samples of both get through.
+    // Their counters are the same and their frames arrive in changing order, so that samples of both are accepted.
     for apart in [1_u16, 3, 200, 5_000, 40_000] {
         let (mut exciter, mut first) = playing();
         let mut second = Transmitter::new(Network::default());
@@ -95,7 +95,7 @@ fn refusals_are_counted_by_reason_and_the_fault_names_the_last() {
     for (force_x_n, index) in forces {
         plant.publish(&Measurement { sample: 70_000, ..Measurement::default() }).unwrap();
         let command = ForceCommand { force_x_n, force_y_n: 0.0, sample: index };
-        // What the wire can't say is not sent.
+        // A load that the wire can't carry is not sent.
         if let Ok(frame) = transmitter.frame(&Message::Force(command)) {
             plant.handle_frame(0, &frame);
         }

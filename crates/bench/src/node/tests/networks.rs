@@ -77,7 +77,7 @@ fn two_samples_go_in_a_frame_once_armed() {
     assert!(held.iter().any(|force| *force > 19.0));
 }
 
-/// Every node on one bus: what one sends all others hear.
+/// Every node on one bus: all others receive the frames of each.
 pub(super) struct Crowd {
     now_ns: u64,
     sample: u64,
@@ -153,7 +153,7 @@ fn side_by_side() -> [Network; 3] {
 }
 
 #[test]
-fn benches_side_by_side_do_not_meddle_with_each_other() {
+fn benches_side_by_side_do_not_disturb_each_other() {
     let networks = side_by_side();
     let mut crowd = Crowd::new(&networks, &networks);
     crowd.run(400);

@@ -1,4 +1,4 @@
-//! What a node makes of its partner's faults, and of another network at its base.
+//! A partner's faults, and another network at the same base.
 
 use super::*;
 use crate::rig::ExciterSpec;
@@ -23,7 +23,7 @@ fn a_plant_that_faults_with_its_exciter_has_the_exciter_s_reason() {
     assert_eq!(codes, [(true, EmergencyCode::BusLoss), (false, EmergencyCode::PartnerFault)]);
     let reason = bench.plant.fault_reason().unwrap();
     assert_eq!((reason.node, reason.code), (NodeName::Exciter, EmergencyCode::BusLoss));
-    // The reason belongs to that fault alone.
+    // The reason belongs only to that fault.
     let mut second = exciter_node(10.0);
     second.start(bench.now_ns);
     bench.exciter = Some(second);
@@ -35,7 +35,7 @@ fn a_plant_that_faults_with_its_exciter_has_the_exciter_s_reason() {
     assert_eq!(bench.plant.fault_reason(), None);
 }
 
-/// Plant and exciter in lockstep, where the plant takes no command as large as those that come; who waits how long, ns.
+/// Plant and exciter in lockstep, where the plant refuses the commands as too large; with the timeouts of both, ns.
 fn refused_in_lockstep([of_plant, of_exciter]: [u64; 2]) -> (PlantNode, ExciterNode) {
     let weak = Exciter::Ideal(ExciterSpec { force_limit_n: 1.0, ..ExciterSpec::default() });
     let mut plant = PlantNode::new(Network::default(), RATE_HZ, Timing::lockstep(of_plant), weak);
@@ -61,7 +61,7 @@ fn refused_in_lockstep([of_plant, of_exciter]: [u64; 2]) -> (PlantNode, ExciterN
 }
 
 #[test]
-fn in_lockstep_a_refused_command_ends_with_its_reason_whoever_waits_longer() {
+fn in_lockstep_a_refused_command_ends_with_its_reason_at_any_timeouts() {
     const SHORT_NS: u64 = 500 * TICK_NS;
     const LONG_NS: u64 = 1000 * TICK_NS;
     for timeouts in [[SHORT_NS, LONG_NS], [LONG_NS, SHORT_NS]] {
@@ -76,7 +76,7 @@ fn in_lockstep_a_refused_command_ends_with_its_reason_whoever_waits_longer() {
 }
 
 #[test]
-fn an_exciter_that_misses_its_samples_waits_for_the_plant_s_word_until_it_has_it() {
+fn an_exciter_that_misses_its_samples_waits_for_the_plant_s_reason() {
     let mut bench = Bench::new(10.0);
     bench.run(300);
     let exciter = bench.exciter.as_mut().unwrap();
@@ -85,12 +85,12 @@ fn an_exciter_that_misses_its_samples_waits_for_the_plant_s_word_until_it_has_it
         while exciter.poll_transmit().is_some() {}
     }
     assert!(exciter.awaits_reason());
-    // That the plant faulted for the exciter's fault is no reason.
+    // The plant's fault because of the exciter's fault is not a reason.
     let mut plant = Transmitter::new(Network::default());
     let emergency = Emergency { node: NodeName::Plant, code: EmergencyCode::PartnerFault, detail: 2, sample: 0 };
     let state = Heartbeat { node: NodeName::Plant, state: NodeState::Fault };
-    let told = [Message::Emergency(emergency), Message::Heartbeat(state)];
-    let [emergency, state] = told.map(|message| plant.frame(&message).unwrap());
+    let messages = [Message::Emergency(emergency), Message::Heartbeat(state)];
+    let [emergency, state] = messages.map(|message| plant.frame(&message).unwrap());
     exciter.handle_frame(bench.now_ns, &emergency);
     assert!(exciter.awaits_reason());
     exciter.handle_frame(bench.now_ns, &state);
@@ -101,9 +101,9 @@ fn other_senders(events: impl Iterator<Item = NodeEvent>) -> usize {
     events.filter(|event| matches!(event, NodeEvent::OtherSender(_))).count()
 }
 
-/// Another network at the base of one that plays: with another node id of the plant, or in the other profile.
+/// Another network at the base of an active one: with another node id of the plant, or in the other profile.
 #[test]
-fn another_network_at_one_base_is_counted_and_told_by_every_node() {
+fn another_network_at_one_base_is_counted_and_reported_by_every_node() {
     let [one, other] =
         [(1, 2), (3, 4)].map(|(plant, exciter)| Network::default().with_node_ids(plant, exciter).unwrap());
     for other in [other, other.with_profile(WireProfile::Fd)] {
@@ -124,7 +124,7 @@ fn another_network_at_one_base_is_counted_and_told_by_every_node() {
     }
 }
 
-/// CANopen's question for a heartbeat is a remote frame under its identifier.
+/// CANopen's request for a heartbeat is a remote frame under its identifier.
 #[test]
 fn a_remote_frame_and_a_refused_request_are_of_no_other_sender() {
     let mut bench = Bench::new(0.3);
@@ -138,7 +138,7 @@ fn a_remote_frame_and_a_refused_request_are_of_no_other_sender() {
 }
 
 #[test]
-fn a_node_that_hears_its_own_heartbeat_has_a_double() {
+fn a_node_that_receives_its_own_heartbeat_has_a_second_sender() {
     let mut bench = Bench::new(10.0);
     bench.run(50);
     let own = |node, network| {
@@ -191,7 +191,7 @@ fn a_plant_found_in_fault_is_reset_before_it_is_armed_and_not_by_an_exciter_in_f
     assert_eq!(requests(&mut exciter), [OperatorRequest::Reset, OperatorRequest::Arm]);
 }
 
-/// A plant whose request to disarm was lost has it again with the next sample, and commands no more.
+/// A plant that missed the request to disarm receives it again with the next sample, and no more commands.
 #[test]
 fn an_exciter_that_ends_asks_to_disarm_at_every_sample_and_commands_no_more() {
     let mut bench = Bench::new(10.0);
@@ -211,13 +211,13 @@ fn an_exciter_that_ends_asks_to_disarm_at_every_sample_and_commands_no_more() {
     assert_eq!(requests(exciter), [OperatorRequest::Disarm]);
 }
 
-/// Timeouts that have passed at one look.
+/// Timeouts that have passed at the same check.
 #[test]
-fn of_timeouts_that_pass_together_one_is_told() {
+fn of_timeouts_that_pass_together_one_is_reported() {
     let mut jammed = Bench::with(Timing::lockstep(1000 * TICK_NS), 10.0);
     jammed.run(100);
     assert!(jammed.plant.is_armed());
-    // Its frames wait from the time at which the last command came.
+    // Its frames wait from the time of the last command.
     jammed.plant.publish(&Measurement { sample: jammed.sample + 1, ..Measurement::default() }).unwrap();
     for tick in 1..2000 {
         jammed.plant.handle_deadline(jammed.now_ns + tick * TICK_NS);

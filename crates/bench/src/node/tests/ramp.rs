@@ -1,4 +1,4 @@
-//! How an armed node ends: the ramp, leaving, and what the partner makes of it.
+//! The end of an armed node: the ramp, leaving, and the partner's reaction.
 
 use super::*;
 use resonarm_protocol::{Heartbeat, Receiver};
@@ -28,7 +28,7 @@ fn forces(plant: &mut PlantNode, samples: usize) -> Vec<f64> {
 }
 
 #[test]
-fn arming_during_the_ramp_lets_it_go_on_until_the_first_command() {
+fn arming_during_the_ramp_lets_it_continue_until_the_first_command() {
     let (mut plant, mut transmitter) = armed();
     tell(&mut plant, &mut transmitter, force(50.0, 4464));
     assert_eq!(forces(&mut plant, 1), [50.0]);
@@ -37,7 +37,7 @@ fn arming_during_the_ramp_lets_it_go_on_until_the_first_command() {
     tell(&mut plant, &mut transmitter, operator(OperatorRequest::Arm));
     assert!(plant.is_armed());
     assert_eq!(forces(&mut plant, 2), [47.0, 46.0]);
-    // Disarmed again, the same ramp goes on.
+    // Disarmed again, the same ramp continues.
     tell(&mut plant, &mut transmitter, operator(OperatorRequest::Disarm));
     assert_eq!(forces(&mut plant, 1), [45.0]);
     tell(&mut plant, &mut transmitter, operator(OperatorRequest::Arm));
@@ -70,7 +70,7 @@ fn a_failed_simulation_has_nothing_to_ramp() {
 }
 
 #[test]
-fn a_plant_that_leaves_tells_first_disarms_and_ramps() {
+fn a_plant_that_leaves_announces_it_disarms_and_ramps() {
     let (mut plant, mut transmitter) = armed();
     tell(&mut plant, &mut transmitter, force(50.0, 4464));
     messages(&mut plant);
@@ -126,7 +126,7 @@ fn a_controller_stopped_before_it_has_heard_that_the_plant_is_armed_disarms_it()
 }
 
 #[test]
-fn an_armed_plant_whose_controller_says_no_more_than_that_it_leaves_disarms_with_a_ramp() {
+fn an_armed_plant_disarms_with_a_ramp_when_its_controller_only_announces_that_it_leaves() {
     let (mut plant, mut transmitter) = armed();
     tell(&mut plant, &mut transmitter, force(50.0, 4464));
     let leaving = Emergency { node: NodeName::Exciter, code: EmergencyCode::Leaving, detail: 0, sample: 0 };
@@ -138,7 +138,7 @@ fn an_armed_plant_whose_controller_says_no_more_than_that_it_leaves_disarms_with
 }
 
 #[test]
-fn a_slip_is_told_and_counted_and_is_no_fault() {
+fn a_slip_is_reported_and_counted_and_is_no_fault() {
     let mut bench = Bench::new(0.5);
     bench.run(100);
     bench.now_ns += 150 * TICK_NS;

@@ -1,4 +1,4 @@
-//! What waits to be sent, and what of it is sent after a jam.
+//! Frames that wait to be sent, and those sent after a jam.
 
 use super::*;
 use resonarm_protocol::{Id, ImpedanceHead, Receiver};
@@ -29,7 +29,7 @@ fn after_a_jam_the_latest_sample_goes_out_whole_and_no_counter_is_missing() {
 }
 
 #[test]
-fn a_frame_that_the_bus_did_not_take_is_made_anew() {
+fn a_frame_that_the_bus_did_not_take_is_made_again() {
     let mut plant = plant_node();
     plant.start(0);
     while plant.poll_transmit().is_some() {}
@@ -57,9 +57,9 @@ fn emergency_and_heartbeat_go_before_samples() {
 }
 
 #[test]
-fn a_node_that_repeats_itself_in_a_jam_says_it_once() {
+fn a_node_that_repeats_itself_in_a_jam_sends_it_once() {
     let mut bench = Bench::new(0.5);
-    // Nobody polls the plant for a minute; the exciter hears nothing and asks on.
+    // The plant is not polled for a minute; the exciter receives nothing and repeats its request.
     for tick in 0..60_000 {
         bench.plant.handle_deadline(tick * TICK_NS);
         bench.exciter.as_mut().unwrap().handle_deadline(tick * TICK_NS);
@@ -71,7 +71,7 @@ fn a_node_that_repeats_itself_in_a_jam_says_it_once() {
 }
 
 #[test]
-fn a_bus_that_takes_nothing_is_lost_for_nodes_at_work_alone() {
+fn a_bus_that_takes_nothing_is_lost_only_for_nodes_at_work() {
     let (mut plant, mut transmitter) = armed();
     let hold = |plant: &mut PlantNode, transmitter: &mut Transmitter, tick: u64| {
         publish(plant, 70_000 + tick);
@@ -79,7 +79,7 @@ fn a_bus_that_takes_nothing_is_lost_for_nodes_at_work_alone() {
         plant.handle_frame(tick * TICK_NS, &transmitter.frame(&Message::Force(command)).unwrap());
         plant.handle_deadline(tick * TICK_NS);
     };
-    // Commands come in time, nothing goes out.
+    // Commands arrive in time, nothing is sent.
     (1..20).for_each(|tick| hold(&mut plant, &mut transmitter, tick));
     assert!(plant.is_armed());
     hold(&mut plant, &mut transmitter, 20);
@@ -121,9 +121,9 @@ fn a_command_that_still_waits_when_the_controller_stops_is_taken_back() {
     assert_eq!(ids, [0x200, 0x702].map(Id::Standard));
 }
 
-/// Two heartbeats wait at once, so that a counter goes on within the list.
+/// Two heartbeats wait at once, so that a counter advances within the list.
 #[test]
-fn what_waits_is_what_goes_one_by_one() {
+fn waiting_frames_are_sent_one_by_one() {
     let mut plant = plant_node();
     plant.start(0);
     publish(&mut plant, 0);

@@ -24,7 +24,7 @@ fn a_controller_that_was_stopped_does_not_take_its_own_silence_for_the_plants() 
 }
 
 #[test]
-fn a_controller_silent_while_the_plant_listens_is_found_out_in_time_also_after_a_stall() {
+fn a_controller_silent_while_the_plant_listens_is_detected_in_time_also_after_a_stall() {
     let mut bench = Bench::new(10.0);
     bench.run(300);
     bench.exciter = None;
@@ -69,7 +69,7 @@ fn timeouts_of_any_length_never_overflow() {
 }
 
 proptest! {
-    /// Called when it asks to be, a plant whose controller has died faults in time, never before.
+    /// Called at its deadlines, a plant whose controller has died faults in time, never before.
     #[test]
     fn a_plant_asks_to_be_called_in_time(late_ns in prop::collection::vec(0_u64..400_000_000, 400)) {
         let (mut plant, _) = armed();

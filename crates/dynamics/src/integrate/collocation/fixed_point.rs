@@ -2,11 +2,11 @@
 //!
 //! A correction is ρ times the one before, ρ about h ‖∂N/∂y‖ (E. Hairer, G. Wanner, "Solving Ordinary Differential
 //! Equations II", 1996, section IV.8): for the arm, whose springs are linear, N is quadratic in the state, and ρ a
-//! thousandth at 4000 steps a second. An iteration takes an acceleration a stage, and no derivatives as Newton's method
-//! does.
+//! thousandth at 4000 steps a second. An iteration takes one acceleration a stage and, unlike Newton's method, no
+//! derivatives.
 //!
-//! Rounded matrices would do the same error in every step, so the last iteration uses those of 79 bits: it leaves ρ
-//! times what the ones before it left.
+//! Rounded matrices would make the same error in every step, so the last iteration uses those of 79 bits: it leaves ρ
+//! times the error of the ones before it.
 
 use core::array;
 
@@ -17,11 +17,11 @@ use crate::arm::external::External;
 use crate::arm::kernel::{Coefficients, Motion, Rates};
 use crate::arm::real::Real;
 
-/// Iterations before it is left to Newton's method, with that from the start of the step.
+/// Most iterations, the first included, before Newton's method takes over.
 const MOST_ITERATIONS: usize = 14;
-/// The slowest ρ that is waited for.
+/// The largest ρ that is accepted.
 const SLOWEST: f64 = 1.0 / 16.0;
-/// What may be left, relative to the accelerations: what is left is the same way in many steps, so far below rounding.
+/// Largest remaining error, relative to the accelerations: far below rounding, as it has the same sign in many steps.
 const LEFT_LIMIT: f64 = 1e-18;
 
 /// The equation of motion at all stages of a step.
@@ -29,7 +29,7 @@ trait Equation {
     fn rates(&self, motion: &Motion<Wide>) -> Rates<Wide>;
 }
 
-/// That of the arm alone; `LINKS` as [`Coefficients::acceleration`] has it.
+/// The equation of the arm alone; `LINKS` is that of [`Coefficients::acceleration`].
 struct Alone<const LINKS: bool> {
     arm: Coefficients<Wide>,
     external: External<Wide>,
@@ -42,7 +42,7 @@ impl<const LINKS: bool> Equation for Alone<LINKS> {
     }
 }
 
-/// That of an arm with an attachment.
+/// The equation of an arm with an attachment.
 struct WithAttachment {
     arm: Coefficients<Wide>,
     attached: AttachedCoefficients<Wide>,
@@ -76,18 +76,18 @@ pub(super) fn solve<const S: usize>(stages: &Stages<S>) -> Option<Solution<S>> {
     }
 }
 
-/// What the states of an iteration are made of.
+/// How the states of an iteration are computed.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 enum MadeOf {
     /// The state at the start of the step.
     Start,
-    /// The slopes before, by rounded matrices.
+    /// From the previous slopes, by rounded matrices.
     Rounded,
-    /// The slopes before, by those of 79 bits: the last iteration.
+    /// From the previous slopes, by matrices of 79 bits: the last iteration.
     Whole,
 }
 
-/// One loop for all kinds, so that the code is short: a tick at 1 kHz finds other code in the caches.
+/// One loop for all kinds, so that the code is short: at each tick of 1 kHz it is no longer in the caches.
 #[inline(always)]
 fn iterate<const S: usize>(stages: &Stages<S>, equation: &impl Equation) -> Option<Solution<S>> {
     let (mut made_of, mut slopes, mut before) = (MadeOf::Start, [Wide::splat(0.0); 2], None);
@@ -122,7 +122,7 @@ fn iterate<const S: usize>(stages: &Stages<S>, equation: &impl Equation) -> Opti
     None
 }
 
-/// Σ |aᵢ| over rows and stages, and more than zero.
+/// Σ |aᵢ| over rows and stages, kept above zero.
 #[inline(always)]
 fn size<const S: usize>(a: [Wide; 2]) -> f64 {
     let both = a[0].abs() + a[1].abs();
@@ -130,7 +130,7 @@ fn size<const S: usize>(a: [Wide; 2]) -> f64 {
 }
 
 impl<const S: usize> Stages<'_, S> {
-    /// What is made of the load at every stage, once where it is the same.
+    /// A value of the load at every stage, computed once if the load is the same at all.
     #[inline(always)]
     fn of_loads<E: Copy>(&self, made: impl Fn(&Load) -> E) -> [E; S] {
         if self.held { [made(&self.loads[0]); S] } else { array::from_fn(|i| made(&self.loads[i])) }

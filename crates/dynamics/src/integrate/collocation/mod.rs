@@ -15,8 +15,8 @@
 //! R. I. McLachlan, A. Razakarivony, "Achieving Brouwer's law with implicit Runge–Kutta methods", BIT 48 (2008)). So a
 //! [`Matrix`] has 79 bits.
 //!
-//! Stages are lanes of the crate `wide`: the compiler takes plain arrays apart between sums over stages and matrices,
-//! and a step then takes 1.2 times as long. Its `mul_add` is not used: it rounds once or twice, depending on the
+//! Stages are lanes of the crate `wide`: with plain arrays, which the compiler splits between sums over stages and
+//! matrices, a step takes 1.2 times as long. Its `mul_add` is not used: it rounds once or twice, depending on the
 //! processor.
 
 mod fixed_point;
@@ -33,10 +33,9 @@ use crate::arm::kernel::Motion;
 use crate::arm::real::Real;
 use crate::arm::{Arm, Load, State};
 
-/// A step is divided into 1, 2, 4 … 2^(LEVELS − 1) = 256 parts.
+/// A step has 1, 2, 4 … 2^(LEVELS − 1) = 256 equal parts.
 pub(super) const LEVELS: usize = 9;
-/// The most energy, as part of the energy, that a part of a step may make or lose beyond what load and dampers account
-/// for.
+/// The most energy, relative to the energy, by which a part of a step may miss the work of load and dampers.
 const ENERGY_DEFECT_LIMIT: f64 = 1e-3;
 /// Below this energy, J, digits of it underflow: 2⁻¹⁰²² over 2⁻⁵².
 const ENERGY_WHOLE_J: f64 = f64::MIN_POSITIVE / f64::EPSILON;
@@ -63,7 +62,7 @@ pub(super) struct Step<const S: usize> {
     weights: [Matrix<f64, 2>; S],
 }
 
-/// What a method sets for a step length, by stage, row and column.
+/// The matrices of a method for a step length, by stage, row and column.
 pub(super) struct MethodCoefficients<const S: usize, Start, Stage, End, Weight> {
     /// h, s.
     pub h_s: f64,
@@ -108,8 +107,8 @@ impl<const S: usize> Step<S> {
 /// A matrix of four rows and C columns, by columns; or one in each lane.
 type Columns<T, const C: usize> = [[T; 4]; C];
 
-/// Such a matrix with entries of 79 bits: each is the sum of its first 26 bits and the next 53. Were the first part all
-/// that `f64` holds, its product would be rounded to where the other part is lost, in every step the same way.
+/// Such a matrix with entries of 79 bits: each is the sum of its first 26 bits and the next 53. If the first part had
+/// all 53 bits of `f64`, rounding its product would swallow the second part, the same way in every step.
 #[derive(Clone, Debug, PartialEq)]
 struct Matrix<T, const C: usize> {
     high: Columns<T, C>,
@@ -151,19 +150,18 @@ pub(super) struct Collocation<const S: usize> {
     pub linear: [[f64; 4]; 2],
     /// The step lengths h, h/2, h/4 …
     pub levels: Vec<Step<S>>,
-    /// The level that every step starts from. It is one for all, as far as it can be: where strong vibration swings the
-    /// energy so far in a step that some steps have to be divided and others not, steps follow the state, and that does
-    /// not keep the energy.
+    /// The level that every step starts from, the same for all where possible: steps that depend on the state, as when
+    /// strong vibration makes some be divided and others not, don't conserve the energy.
     pub least_level: usize,
     /// The largest ωh of a part, rad, with ω at the deflection where the step starts.
     pub phase_per_part_rad: f64,
 }
 
 impl<const S: usize> Collocation<S> {
-    /// One step, in equal parts as few as do: far from the pose the arm can be several times as stiff as in it, and a
-    /// part that turns the phase too far finds no stages, or wrong ones. The number of parts is doubled until the
-    /// stages are found in every part and every part keeps its energy balance; the work is bounded, and a step that
-    /// can't be made well is an error.
+    /// One step, in as few equal parts as possible: far from the pose the arm can be several times as stiff, and in a
+    /// part that turns the phase too far the stages are not found, or are wrong. The number of parts is doubled until
+    /// the stages are found and the energy balance holds in every part; the work is bounded, and a step that fails in
+    /// the smallest parts is an error.
     #[inline(never)]
     pub fn step(
         &self,
@@ -181,7 +179,7 @@ impl<const S: usize> Collocation<S> {
         }
     }
 
-    /// One step in the parts of a level.
+    /// One step, in the parts of a level.
     #[inline(always)]
     fn parts(
         &self,
@@ -276,7 +274,7 @@ impl<const S: usize> Step<S> {
         solution: &Solution<S>,
     ) -> Result<State, IntegrateError> {
         let mut change = [0.0; 4];
-        // The small parts first: rounding then stays that of one sum.
+        // The small terms first: rounding is then that of one sum.
         add_product(&mut change, &self.end.low, &stages.y);
         for (weight, slope) in self.weights.iter().zip(&solution.slopes) {
             add_product(&mut change, &weight.low, slope);

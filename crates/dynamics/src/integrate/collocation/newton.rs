@@ -1,6 +1,6 @@
 //! Newton's method for the stages of a step.
 //!
-//! Its matrix has the blocks δᵢⱼ I − (∂α̈/∂y − Λ) Aᵢⱼ. It takes what is stiff exactly, so it converges where
+//! Its matrix has the blocks δᵢⱼ I − (∂α̈/∂y − Λ) Aᵢⱼ. It treats the stiff terms exactly, so it converges where
 //! fixed-point iteration does not.
 
 use core::array;
@@ -11,7 +11,7 @@ use crate::arm::State;
 use crate::arm::real::Real;
 use resonarm_numeric::linear_solve;
 
-/// Where it converges it needs two to five iterations.
+/// Most iterations; where it converges it needs two to five.
 const MOST_ITERATIONS: usize = 8;
 /// A correction below this part of the largest acceleration is the last one: the next would be its square, below
 /// rounding.
