@@ -16,7 +16,7 @@ BEGINNING = 60_000
 
 
 def entry(text, length):
-    """A frame as `cansend` writes it, as the target `protocol_receive` reads it; None for one that it can't be told."""
+    """A frame as `cansend` writes it, as the target `protocol_receive` reads it; None for one that it has no entry for."""
     number, rest = text.split("#", 1)
     if len(number) != 3 or int(number, 16) not in IDENTIFIERS:
         return None

@@ -4,7 +4,7 @@ import math
 from dataclasses import dataclass
 
 Sine = tuple[tuple[float, float], tuple[float, float], float]
-"""Torques at the joints, N·m, and forces at the tip, N, at the crest; the frequency, Hz."""
+"""Torques at the joints, N·m, and forces at the tip, N, at the peak; the frequency, Hz."""
 
 
 @dataclass(frozen=True)

@@ -186,7 +186,7 @@ impl Arm {
     }
 }
 
-/// A sine of Python: torques at the joints, N·m, and forces at the tip, N, at its crest; its frequency, Hz.
+/// A sine of Python: torques at the joints, N·m, and forces at the tip, N, at its peak; its frequency, Hz.
 #[derive(Clone, Copy, Debug, FromPyObject)]
 pub struct SineParts([f64; 2], [f64; 2], f64);
 

@@ -27,7 +27,7 @@ impl Subscriber for Keeper {
     }
 
     fn new_span(&self, _span: &Attributes<'_>) -> Id {
-        // Spans aren't told apart.
+        // All spans have the same identifier.
         Id::from_u64(1)
     }
 

@@ -257,12 +257,12 @@ impl NodeRun {
             }
         };
         let signals = Arc::new(Signals::default());
-        let (told, events) = sync_channel(EVENTS);
+        let (sender, events) = sync_channel(EVENTS);
         let watched = Arc::clone(&signals);
         let work: Box<dyn FnOnce() -> Result<Report, RunError> + Send> = match role {
             "plant" => Box::new(move || {
                 // A full queue loses events; the recording has them.
-                let report = session.plant(bus.as_mut(), &watched, |event| _ = told.try_send(event))?;
+                let report = session.plant(bus.as_mut(), &watched, |event| _ = sender.try_send(event))?;
                 Ok(Report::Plant(Box::new(report)))
             }),
             _ => Box::new(move || {

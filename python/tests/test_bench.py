@@ -279,12 +279,12 @@ def test_a_run_in_real_time_asks_for_its_thread(tmp_path):
     words = [sys.executable, "-c", REAL_TIME, str(ROOT / "scenarios/bench.toml"), str(tmp_path / "run.mcap")]
     run = subprocess.run(words, capture_output=True, text=True, timeout=120, check=False)
     assert run.returncode == 0, run.stderr
-    # What this machine does not permit is told, and nothing else.
+    # Standard error names what this machine does not permit, and nothing else.
     for line in run.stderr.splitlines():
         assert line.startswith("resonarm: ") and ("priority 10" in line or "memory" in line), line
 
 
-def test_a_core_that_is_not_there_is_told(bench_scenario, caplog):
+def test_a_missing_core_is_logged(bench_scenario, caplog):
     resonarm.run(bench_scenario.replace(simulation={"duration_s": 0.1}), "real-time", core=1000)
     assert any("1000" in record.getMessage() for record in caplog.records if record.name == "resonarm"), caplog.text
 

@@ -33,7 +33,7 @@ FORCE_N = np.random.default_rng(4).normal(scale=5, size=FRAMES * WRITE)
 
 
 def output_process(queue, sync, written, commands):
-    """Writes frames while the hardware is ready for them, and stops when it is told."""
+    """Writes frames while the hardware is ready for them, and stops at a command."""
     output = hardware.ResonarmOutput(queue)
     output.set_up_data_output_parameters_and_channels(parameters(), CHANNELS)
     frames = iter(FORCE_N.reshape(FRAMES, 1, WRITE))

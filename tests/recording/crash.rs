@@ -181,13 +181,13 @@ fn check(path: &Path, directory: &Path) -> Outcome<u64> {
     // A flush by the clock may come between the two records of a sample.
     assert!((recording.frames()?.count() as u64).abs_diff(saved) <= 1);
 
-    let mended = directory.join("mended.mcap");
-    let recovered = recover(path, &mended, Existing::Overwrite);
+    let repaired = directory.join("repaired.mcap");
+    let recovered = recover(path, &repaired, Existing::Overwrite);
     if saved == 0 && matches!(recovered, Err(RecordingError::NothingRecovered { .. })) {
         return Ok(0); // killed before the first flush
     }
     assert!(recovered?.missing_samples.is_empty());
-    assert_eq!(Recording::open(&mended)?.states()?.count() as u64, saved);
+    assert_eq!(Recording::open(&repaired)?.states()?.count() as u64, saved);
     Ok(saved)
 }
 

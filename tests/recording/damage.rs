@@ -103,10 +103,10 @@ proptest! {
             bytes[place] ^= flip;
         }
         bytes.truncate(cut.map_or(bytes.len(), |cut| cut.index(bytes.len())));
-        let (path, mended) = (directory.path().join("damaged.mcap"), directory.path().join("mended.mcap"));
+        let (path, repaired) = (directory.path().join("damaged.mcap"), directory.path().join("repaired.mcap"));
         fs::write(&path, &bytes)?;
-        if recover(&path, &mended, Existing::Refuse).is_ok() {
-            let recording = Recording::open(&mended)?;
+        if recover(&path, &repaired, Existing::Refuse).is_ok() {
+            let recording = Recording::open(&repaired)?;
             prop_assert_eq!(recording.integrity(), &Integrity::Unfinished);
             for record in recording.records()? {
                 if let resonarm::recording::Record::State(state) = record? {
@@ -114,9 +114,9 @@ proptest! {
                 }
             }
         } else {
-            prop_assert!(!mended.exists());
+            prop_assert!(!repaired.exists());
         }
-        prop_assert_eq!(fs::read_dir(directory.path())?.count(), 2 + usize::from(mended.exists()));
+        prop_assert_eq!(fs::read_dir(directory.path())?.count(), 2 + usize::from(repaired.exists()));
     }
 
     /// Bytes that only begin like a recording.
@@ -137,13 +137,13 @@ proptest! {
 fn a_cut_recording_is_recovered_whole() -> Outcome {
     let directory = tempfile::tempdir()?;
     let whole = bytes(directory.path())?;
-    let (cut, mended) = (directory.path().join("cut.mcap"), directory.path().join("mended.mcap"));
+    let (cut, repaired) = (directory.path().join("cut.mcap"), directory.path().join("repaired.mcap"));
     fs::write(&cut, &whole[..whole.len() * 2 / 3])?;
     let before = Recording::open(&cut)?;
-    let recovered = recover(&cut, &mended, Existing::Refuse)?;
+    let recovered = recover(&cut, &repaired, Existing::Refuse)?;
     assert_eq!(&recovered.source, before.integrity());
-    assert_eq!(recovered.bytes, fs::metadata(&mended)?.len());
-    let after = Recording::open(&mended)?;
+    assert_eq!(recovered.bytes, fs::metadata(&repaired)?.len());
+    let after = Recording::open(&repaired)?;
     assert_eq!(after.integrity(), &Integrity::Unfinished);
     assert_eq!((after.origin(), after.configuration()), (before.origin(), before.configuration()));
     assert_eq!(after.summary().topics, before.summary().topics);
@@ -157,15 +157,15 @@ fn a_cut_recording_is_recovered_whole() -> Outcome {
 fn a_recording_that_could_not_be_opened_is_not_recovered() -> Outcome {
     let directory = tempfile::tempdir()?;
     let mut whole = bytes(directory.path())?;
-    let (cut, mended) = (directory.path().join("cut.mcap"), directory.path().join("mended.mcap"));
+    let (cut, repaired) = (directory.path().join("cut.mcap"), directory.path().join("repaired.mcap"));
     let key = b"dt_s";
     let place = whole.windows(key.len()).position(|bytes| bytes == key).ok_or("no such key")?;
     whole[place + key.len() + 4] = b'x';
     fs::write(&cut, &whole[..whole.len() * 2 / 3])?;
     let message = |error: RecordingError| error.to_string().replace(&directory.path().display().to_string(), "DIR");
-    let refused = recover(&cut, &mended, Existing::Refuse).map_err(message);
+    let refused = recover(&cut, &repaired, Existing::Refuse).map_err(message);
     assert_eq!(refused.as_ref().err(), Recording::open(&cut).map_err(message).err().as_ref());
-    assert!(refused.is_err_and(|message| message.contains("dt_s")) && !mended.exists());
+    assert!(refused.is_err_and(|message| message.contains("dt_s")) && !repaired.exists());
     Ok(())
 }
 
@@ -174,7 +174,7 @@ fn a_recording_that_could_not_be_opened_is_not_recovered() -> Outcome {
 fn one_wrong_byte_costs_one_chunk() -> Outcome {
     let directory = tempfile::tempdir()?;
     let whole = bytes(directory.path())?;
-    let (path, mended) = (directory.path().join("damaged.mcap"), directory.path().join("mended.mcap"));
+    let (path, repaired) = (directory.path().join("damaged.mcap"), directory.path().join("repaired.mcap"));
     let recorded = states_recorded()?;
     let second = chunk(&whole, 1).ok_or("no second chunk")?;
     let middle = usize::midpoint(second.start, second.end);
@@ -182,8 +182,8 @@ fn one_wrong_byte_costs_one_chunk() -> Outcome {
         let mut bytes = whole.clone();
         bytes[place] ^= 0x41;
         fs::write(&path, &bytes)?;
-        let recovered = recover(&path, &mended, Existing::Overwrite)?;
-        let samples = Recording::open(&mended)?.records()?.filter_map(|record| match record {
+        let recovered = recover(&path, &repaired, Existing::Overwrite)?;
+        let samples = Recording::open(&repaired)?.records()?.filter_map(|record| match record {
             Ok(resonarm::recording::Record::State(state)) => Some(state.sample),
             _ => None,
         });

@@ -1,4 +1,4 @@
-//! What users are told.
+//! Messages to users.
 
 use std::fs;
 

@@ -75,8 +75,8 @@ def test_csv_has_every_value(recorded, tmp_path):
     events = [(str(event.step), event.name, str(event.value)) for event in recording.topics["/events"]]
     assert [(row["sample"], row["name"], row["value"]) for row in rows(tmp_path / "x-events.csv")] == events
     frames = rows(tmp_path / "x-frames.csv")
-    told = [(int(row["sample"]), int(row["identifier"]), row["fd"], bytes.fromhex(row["data"])) for row in frames]
-    assert told == [(frame.step, frame.id, str(int(frame.fd)), frame.data) for frame in recording.frames]
+    exported = [(int(row["sample"]), int(row["identifier"]), row["fd"], bytes.fromhex(row["data"])) for row in frames]
+    assert exported == [(frame.step, frame.id, str(int(frame.fd)), frame.data) for frame in recording.frames]
     assert [row["time_s"] for row in frames] == [f"{frame.time_ns / 1e9:.9f}" for frame in recording.frames]
 
 

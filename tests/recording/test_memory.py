@@ -60,7 +60,7 @@ def recordings(tmp_path_factory):
     [
         ("inspect", "{}.mcap"),
         ("resim", "{}.mcap"),
-        ("recover", "{}-cut.mcap", "{}-mended.mcap"),
+        ("recover", "{}-cut.mcap", "{}-repaired.mcap"),
         ("replay", "{}.mcap", "--bus", "python-can:interface=virtual,channel=memory", "--speed", "0"),
     ],
     ids=lambda command: command[0],
