@@ -331,7 +331,7 @@ def test_an_exciter_does_not_spin(bench_scenario):
         resonarm.Node("exciter", bench_scenario, _resonarm.Hub(2).end(), spin_s="auto")
 
 
-def test_cores_are_kept_awake_or_it_is_told(bench_scenario):
+def test_cores_are_kept_awake_or_a_warning_is_logged(bench_scenario):
     thread = resonarm.run(bench_scenario.replace(simulation={"duration_s": 0.05}), "real-time", cores_awake=True).plant[
         "thread"
     ]

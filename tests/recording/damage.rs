@@ -215,7 +215,7 @@ fn records(bytes: &[u8]) -> impl Iterator<Item = Range<usize>> {
 
 /// In every record of a file its opcode, its length, the beginning, the middle and the end of its content.
 #[test]
-fn a_wrong_byte_in_any_record_is_told() -> Outcome {
+fn a_wrong_byte_in_any_record_is_an_error() -> Outcome {
     let directory = tempfile::tempdir()?;
     let whole = bytes(directory.path())?;
     let recorded = states_recorded()?;
