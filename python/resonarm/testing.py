@@ -219,8 +219,8 @@ class Bench:
     @contextmanager
     def fault(self, kind: NetworkFault, *, node: NodeRole = "plant", **values: Any) -> Iterator[None]:
         """Runs within the block have a fault of the network at a node's end: loss, delay, jitter, reordering,
-        duplication, bit_error, babble, bus_off or link_down, with the keys of `[[network.faults]]`. The faults of a
-        program itself are not applied: use those of the plant."""
+        duplication, bit_error, babble, bus_off or link_down, with the keys of `[[network.faults]]`. Faults at a
+        program's end are not applied: give them to the plant's end."""
         with self._section("network", {"node": node, "kind": kind, **values}):
             yield
 
