@@ -58,7 +58,7 @@ def _place(dtype: np.dtype[Any], name: str) -> int:
 
 def _column(arrow: Any, column: Array, form: np.dtype[Any]) -> Any:
     values = column.view(form) if form.itemsize == 8 else column.astype(form)
-        # Arrow's numbers are in the machine's byte order, which nearly everywhere is little-endian.
+    # Arrow's numbers are in the machine's byte order, which nearly everywhere is little-endian.
     return arrow.array(values.astype(form.newbyteorder("="), copy=False))
 
 

@@ -40,7 +40,7 @@ def computed(chunks: Sequence[Chunk], folder: str | PathLike[str] | None, client
     try:
         yield from threads.map(lambda chunk: _done(chunk, kept), chunks)
     finally:
-            # An interrupt waits for the chunks being computed, and not for the rest.
+        # An interrupt waits for the chunks being computed, and not for the rest.
         threads.shutdown(cancel_futures=True)
 
 
@@ -74,7 +74,7 @@ def _done(chunk: Chunk, folder: Path | None) -> Arrays:
             ) from error
     found = chunk.work(*chunk.arguments)
     if kept is not None:
-            # Whole or not at all: a process killed while it writes leaves no incomplete chunk.
+        # Whole or not at all: a process killed while it writes leaves no incomplete chunk.
         partial = kept.with_suffix(f".{os.getpid()}.part")
         with partial.open("wb") as file:
             np.savez(file, allow_pickle=False, **found)

@@ -57,7 +57,7 @@ class Result:
         column, _, axis = name.rpartition("_")
         rows = self.recording.states if column in LOADS else self.recording.samples
         if column in LOADS and len(rows) and rows["is_end"][-1]:
-                    rows = rows[:-1]  # The state at the end of a run has no load.
+            rows = rows[:-1]  # The state at the end of a run has no load.
         return rows["sample"], rows["time_s"], rows[column][:, "xy".index(axis)]
 
     def _finite(self, name: Signal) -> tuple[Array, Array, Array]:

@@ -102,7 +102,7 @@ class Recording(_resonarm.Recording):
         rows = _checks.rows(rows)
         reader = self.reader(part, *_checks.samples(from_sample, to_sample))
         metadata = _arrow.schema_metadata(path=str(self.path), part=part, dt_s=self.dt_s)
-                # As stored in the file: the numbers can be read even if the scenario is of another version.
+        # As stored in the file: the numbers can be read even if the scenario is of another version.
         if scenario := self.summary["configuration"].get("scenario"):
             metadata["scenario"] = scenario
         dtype, first = rows_of(self, part), True

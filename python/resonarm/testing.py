@@ -141,13 +141,13 @@ class Bench:
 
     def _with_program(self, words: Sequence[str], patience_s: float) -> Result:
         if self.bus == MEMORY:
-                        self.program(words)  # raises an error that says what is missing
+            self.program(words)  # raises an error that says what is missing
         path = self._next()
         with self._plant(self.bus, self._bus_mode, path, patience_s) as plant:
             program = self.program(words)
             while program.is_running and plant.is_running:
                 time.sleep(0.01)
-                            # It learns that the plant leaves.
+            # It learns that the plant leaves.
             ending = time.monotonic() + 10
             while program.is_running and time.monotonic() < ending:
                 time.sleep(0.01)
@@ -183,7 +183,7 @@ class Bench:
         finally:
             self._hub = None
             plant.stop()
-                        # A stop takes effect between two samples, also while a plant waits in lockstep.
+            # A stop takes effect between two samples, also while a plant waits in lockstep.
             ending = time.monotonic() + 60
             while plant.is_running and time.monotonic() < ending:
                 time.sleep(0.005)

@@ -89,7 +89,7 @@ impl BusEnd {
             let received = py.detach(|| {
                 let mut receiver = self.receiver.lock().unwrap_or_else(PoisonError::into_inner);
                 let receiver = receiver.as_mut().ok_or_else(closed)?;
-                        // A frame that is waiting needs no system call.
+                // A frame that is waiting needs no system call.
                 let next = receiver.receive();
                 Ok::<_, PyErr>(match next {
                     None if part_s > 0.0 && receiver.wait(Duration::from_secs_f64(part_s)) => receiver.receive(),

@@ -67,7 +67,7 @@ impl Visit for Text {
 
 /// Keeps log messages from now on.
 pub fn begin() {
-        // Refused if another subscriber is set, which then receives them.
+    // Refused if another subscriber is set, which then receives them.
     let _ = tracing::subscriber::set_global_default(Keeper);
 }
 

@@ -46,7 +46,7 @@ fn toml_value(name: &str, value: &Bound<'_, PyAny>) -> PyResult<toml::Value> {
 /// Two finite numbers. `message` describes an invalid argument, given as Python writes it: a `ValueError`, or a
 /// `TypeError` if it has no numbers.
 pub fn two_numbers(given: &Bound<'_, PyAny>, message: impl Fn(&str) -> String) -> PyResult<[f64; 2]> {
-        // The usual arguments need no list.
+    // The usual arguments need no list.
     if let Ok((first, second)) = given.extract::<(f64, f64)>()
         && first.is_finite()
         && second.is_finite()

@@ -20,7 +20,7 @@ pub fn watched<T: Send>(py: Python<'_>, stop: &(dyn Fn() + Sync), work: impl FnO
         thread::scope(|scope| {
             let work = scope.spawn(move || {
                 let result = work();
-                            // The other side waits for it.
+                // The other side waits for it.
                 let _ = ended.send(());
                 result
             });
