@@ -24,7 +24,7 @@ def whole():
     return response_map(resonarm.Arm(), **GRID)
 
 
-def test_the_map_is_what_the_branch_and_the_linear_arm_say(whole):
+def test_the_map_agrees_with_the_branch_and_the_linear_arm(whole):
     arm = resonarm.Arm(beta2_deg=60)
     folds = arm.continuation("frequency", 21.5, 22.5, torque1_nm=60).bifurcations
     low, high = sorted(folds["value"])
@@ -67,7 +67,7 @@ if __name__ == "__main__":
 """
 
 
-def test_a_map_that_was_killed_goes_on(whole, tmp_path):
+def test_a_killed_map_resumes(whole, tmp_path):
     script = tmp_path / "script.py"
     script.write_text(KILLED)
     folder = tmp_path / "chunks"
@@ -160,7 +160,7 @@ def test_a_map_goes_over_any_load():
         response_map(resonarm.Arm(), frequency_hz=[1.0, 2.0], force_y_n=[0.5], torque2_nm=[1.0])
 
 
-def test_what_makes_no_sense_is_a_value_error():
+def test_invalid_arguments_are_value_errors():
     for hz in ([22.0], [22.0, 21.0], [-1.0, 1.0]):
         with pytest.raises(ValueError, match="two or more positive frequencies that rise"):
             response_map(resonarm.Arm(), frequency_hz=hz, torque1_nm=[1.0])
@@ -177,7 +177,7 @@ response_map(resonarm.Arm(), frequency_hz=[10.0, 11.0], torque1_nm=[1.0], folder
 
 @pytest.mark.parametrize("changed", ["_resonarm.abi3.so", "maps.py", "continuation.py"])
 def test_chunks_of_other_code_are_not_taken(tmp_path, changed):
-    """A byte behind the end of the extension, or a line more of the package, changes nothing but which code it is."""
+    """A byte after the end of the extension, or a line added to the package, changes only the identity of the code."""
     package, folder = tmp_path / "package", tmp_path / "chunks"
     shutil.copytree(Path(resonarm.__file__).parent, package / "resonarm")
 
