@@ -70,7 +70,7 @@ def _done(chunk: Chunk, folder: Path | None) -> Arrays:
                 return dict(file)
         except (ValueError, OSError) as error:
             raise ValueError(
-                f"{kept} is no whole chunk of a map ({error}): remove it, and it is computed anew"
+                f"{kept} is no whole chunk of a map ({error}): remove it, and it is computed again"
             ) from error
     found = chunk.work(*chunk.arguments)
     if kept is not None:

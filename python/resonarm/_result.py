@@ -124,10 +124,10 @@ class Result:
             exciter = f", the exciter {self.exciter['outcome']}" if self.exciter else ""
             what = f"by the fault {fault!r}" if fault else "by a fault"
             self._fail_at_the_end(
-                f"the run was to end {what}: the plant ended {self.plant['outcome']}{exciter}",
+                f"expected the run to end {what}: the plant ended {self.plant['outcome']}{exciter}",
             )
         elif fault is not None and found["name"] != fault:
-            self._fail_at_the_end(f"the plant ended faulted: {_in_words(found)}; the fault was to be {fault!r}")
+            self._fail_at_the_end(f"the plant ended faulted: {_in_words(found)}; expected the fault {fault!r}")
         self._is_fault_expected = True
 
     def assert_no_overrun(self) -> None:
@@ -183,9 +183,9 @@ class Result:
         reached = events["sample"][events["name"] == f"state.{state}"]
         bad_end = None if state == "fault" or self._is_fault_expected else self._bad_end()
         if not len(reached) or reached[0] > within:
-            when = f"at {reached[0] * self.recording.dt_s:g} s" if len(reached) else "never"
+            when = f"reached at {reached[0] * self.recording.dt_s:g} s" if len(reached) else "never reached"
             more = f"; {bad_end}" if bad_end else ""
-            message = f"the state {state} was to be reached within {within_s:g} s, and was {when}{more}"
+            message = f"the state {state} was {when}: expected within {within_s:g} s{more}"
             self.fail(message, "force_n_x", min(within, self.plant["samples"] - 1))
         if bad_end:
             self._fail_at_the_end(bad_end)

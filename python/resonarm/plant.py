@@ -43,7 +43,7 @@ class Plant(_resonarm.Plant):
 
     def _way(self) -> str:
         return (
-            f"a plant stands at sample {self.sample} and goes on from there by advance() or play(); "
+            f"a plant is at sample {self.sample} and continues from there by advance() or play(); "
             "a new Plant(scenario) begins at sample 0"
         )
 

@@ -188,10 +188,10 @@ def test_a_plant_cannot_be_set_to_another_sample(name):
     with pytest.raises(AttributeError) as raised:
         setattr(plant, name, getattr(plant, name))
     assert str(raised.value) == (
-        f"{name} can't be set: a plant stands at sample 1 and goes on from there by advance() or play(); "
+        f"{name} can't be set: a plant is at sample 1 and continues from there by advance() or play(); "
         "a new Plant(scenario) begins at sample 0"
     )
-    with pytest.raises(AttributeError, match=r"'Plant' object has no attribute 'seek': a plant stands at sample 1"):
+    with pytest.raises(AttributeError, match=r"'Plant' object has no attribute 'seek': a plant is at sample 1"):
         plant.seek(100)
     with pytest.raises(AttributeError, match=r"^'Plant' object has no attribute 'colour'$"):
         _ = plant.colour

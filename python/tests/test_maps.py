@@ -136,7 +136,7 @@ def test_a_cluster_gives_the_same_bits_of_basins_and_seeds(basins, tmp_path):
     assert basin_map(DAMPED, folder=tmp_path, **BASINS).identical(basins)
     assert {path: path.stat().st_mtime_ns for path in left} == left, "what was there is not computed again"
     files[0].write_bytes(b"not a chunk")
-    with pytest.raises(ValueError, match=r"is no whole chunk of a map .* remove it, and it is computed anew"):
+    with pytest.raises(ValueError, match=r"is no whole chunk of a map .* remove it, and it is computed again"):
         basin_map(DAMPED, folder=tmp_path, **BASINS)
 
 
@@ -188,7 +188,7 @@ def test_chunks_of_other_code_are_not_taken(tmp_path, changed):
         return {path: path.stat().st_mtime_ns for path in folder.iterdir()}
 
     first = chunks()
-    assert len(first) == 1 and chunks() == first, "the same code goes on from its chunks"
+    assert len(first) == 1 and chunks() == first, "the same code resumes from its chunks"
     with (package / "resonarm" / changed).open("ab") as file:
         file.write(b"\n")
     second = chunks()

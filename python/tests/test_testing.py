@@ -162,7 +162,7 @@ def test_an_expected_fault_is_asserted_before_the_rest(bench):
     with bench.loss(ids=[0x201], direction="receive", from_s=0.15):
         result = bench.run(pulse)
     with pytest.raises(
-        AssertionError, match=r"faulted: command timeout \(code 1\) at sample 169; the fault was to be 'overrun'"
+        AssertionError, match=r"faulted: command timeout \(code 1\) at sample 169; expected the fault 'overrun'"
     ):
         result.assert_faulted("overrun")
     with pytest.raises(AssertionError, match="the plant ended faulted"):
@@ -175,7 +175,7 @@ def test_an_expected_fault_is_asserted_before_the_rest(bench):
         result.assert_force_below(10)
     with pytest.raises(AssertionError, match="the plant ended faulted: command timeout"):
         result.assert_completed()
-    with pytest.raises(AssertionError, match="was to end by a fault: the plant ended disarmed, the exciter finished"):
+    with pytest.raises(AssertionError, match="to end by a fault: the plant ended disarmed, the exciter finished"):
         bench.run(pulse).assert_faulted()
 
 
@@ -183,7 +183,7 @@ def test_every_assertion_fails_if_the_plant_was_never_armed(bench):
     with bench.link_down(from_s=0.0):
         result = bench.run(pulse)
     for assertion in ASSERTIONS.values():
-        with pytest.raises(AssertionError, match=r"the plant was never armed|the state operational was .* never"):
+        with pytest.raises(AssertionError, match=r"the plant was never armed|the state operational was never reached"):
             assertion(result)
     result.assert_state_reached("pre_operational", within_s=0.0)
 

@@ -89,7 +89,7 @@ fn record(path: &Path) -> Outcome {
             writeln!(std::io::stdout(), "sample {sample} {}", slack(latest))?;
         }
     }
-    Err("nobody has killed the recording".into())
+    Err("the recording was not killed".into())
 }
 
 /// A state and a frame that contain their sample.
@@ -114,7 +114,7 @@ fn record_fast(path: &Path) -> Outcome {
             writeln!(std::io::stdout(), "sample {sample} 0")?;
         }
     }
-    Err("nobody has killed the recording".into())
+    Err("the recording was not killed".into())
 }
 
 /// Starts this test again as the process to be killed.
