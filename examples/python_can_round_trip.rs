@@ -7,8 +7,8 @@
 //!
 //! The bridge works on separate threads, as in real time, or on the calling thread, as in lockstep. The other two are
 //! a Python script with `can.Bus`: bare, or reading in a thread of python-can (`can.Notifier` with a
-//! `can.BufferedReader`). Every frame sent is a new message, like a command. Each far end is a thread. Turns of all four
-//! alternate, so that they run under the same load of the machine, and each opens and closes its ends.
+//! `can.BufferedReader`). Every frame sent is a new message, like a command. Each far end is a thread. Turns of all
+//! four alternate, so that they run under the same load of the machine, and each opens and closes its ends.
 
 use std::error::Error;
 use std::thread;

@@ -1,4 +1,4 @@
-"""Writes the first inputs of a run into `fuzz/corpus/`: golden frames, scenarios, the beginnings of recordings, logs."""
+"""Writes the first inputs of a run into `fuzz/corpus/`: golden frames, scenarios, beginnings of recordings, logs."""
 
 import json
 import struct
