@@ -1,8 +1,8 @@
-//! A controller of one's own: it answers the plant's samples on a memory bus with a force against the velocity at the
+//! A custom controller: it answers the plant's samples on a memory bus with a force against the velocity at the
 //! tip, which it integrates from the accelerometer, and so damps a free vibration.
 //!
-//! `cargo run --example controller` prints how far the vibration has died away with it and without it. On
-//! `bus::open(…)` in place of the memory bus the same controller meets `resonarm run --mode lockstep` in another
+//! `cargo run --example controller` prints how far the vibration has died away with it and without it. With
+//! `bus::open(…)` in place of the memory bus the same controller works with `resonarm run --mode lockstep` in another
 //! process.
 
 use std::error::Error;
@@ -29,7 +29,7 @@ fn main() -> Result<(), Box<dyn Error>> {
     if with < 0.5 * without { Ok(()) } else { Err("the controller did not damp the vibration".into()) }
 }
 
-/// What is left of a vibration after a run with a controller of this gain, N per m/s: the largest angular velocity.
+/// The largest angular velocity left after a run with a controller of this gain, N per m/s.
 fn vibration_rad(gain_n_s_m: f64) -> Result<f64, Box<dyn Error>> {
     let text = format!("arm = {{ initial = [1e-4, 0, 0, 0] }}\nsimulation = {{ duration_s = {DURATION_S} }}");
     let scenario = Scenario::parse(&text, "example")?;
@@ -60,7 +60,7 @@ fn control(bus: &mut dyn Bus, gain_n_s_m: f64) -> Result<(), Box<dyn Error>> {
         bus.wait(core::time::Duration::from_secs(1))?;
         while let Some(received) = bus.receive()? {
             match receiver.accept(&received.frame)? {
-                // The plant is there: it must know whom it is armed by.
+                // The plant is there: it must know the exciter that arms it.
                 Some(Message::PlantHello(_)) => {
                     bus.send(&transmitter.frame(&Message::ExciterHello(Hello::new(Profile::Classic, RATE_HZ)))?)?;
                     bus.send(&transmitter.frame(&Message::Operator(arm))?)?;

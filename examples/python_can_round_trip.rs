@@ -1,15 +1,14 @@
-//! How long a frame takes through python-can and back, over the bridge and without it: two ends of one interface, the
-//! far one answers at once.
+//! The round-trip time of a frame through python-can, with and without the bridge: two ends of one interface, of which
+//! the far one answers at once.
 //!
 //! ```text
 //! cargo run --release --features python-can --example python_can_round_trip -- interface=virtual,channel=0
 //! ```
 //!
-//! The bridge works on threads of its own, as in real time, or on the calling thread, as in lockstep. The other two are
-//! a script of Python with `can.Bus`: bare, or reading by a thread of python-can's own (`can.Notifier` with a
-//! `can.BufferedReader`). Every frame sent is a new message, as a command's data are. The far end is a thread each.
-//! Turns of all four follow each other, so that they meet the same load of the machine, and each opens and closes its
-//! ends.
+//! The bridge works on separate threads, as in real time, or on the calling thread, as in lockstep. The other two are
+//! a Python script with `can.Bus`: bare, or reading in a thread of python-can (`can.Notifier` with a
+//! `can.BufferedReader`). Every frame sent is a new message, like a command. Each far end is a thread. Turns of all
+//! four alternate, so that they run under the same load of the machine, and each opens and closes its ends.
 
 use std::error::Error;
 use std::thread;
@@ -24,7 +23,7 @@ use resonarm::protocol::{Frame, Id};
 
 /// Turns of each kind.
 const TURNS: u64 = 10;
-/// Round trips of a turn, after a tenth as many to warm up.
+/// Round trips in a turn, after a tenth as many to warm up.
 const ROUND_TRIPS: u64 = 1000;
 const PATIENCE: Duration = Duration::from_secs(2);
 const REQUEST: u16 = 0x201;
@@ -117,7 +116,7 @@ fn main() -> Result<(), Box<dyn Error>> {
     Ok(())
 }
 
-/// Who reads: threads in between, or the caller.
+/// The reader: threads in between, or the caller.
 #[derive(Clone, Copy, PartialEq)]
 enum Work {
     OnThreads,

@@ -43,7 +43,7 @@ fn main() -> Result<(), Box<dyn Error>> {
     Ok(())
 }
 
-/// What a plant would record at a sample: α1 = 1 mrad · exp(−2t) · cos(2π · 30 Hz · t).
+/// A plant's record at a sample: α1 = 1 mrad · exp(−2t) · cos(2π · 30 Hz · t).
 fn records(sample: u64) -> Result<[Record; 5], Box<dyn Error>> {
     let t = sample as f64 * DT_S;
     let phase = 2.0 * core::f64::consts::PI * 30.0 * t;

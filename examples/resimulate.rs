@@ -10,5 +10,5 @@ fn main() -> Result<(), Box<dyn Error>> {
     let path = std::env::args().nth(1).ok_or("usage: resimulate RECORDING")?;
     let verdict = resimulate(&Recording::open(&path)?)?;
     writeln!(std::io::stdout(), "{} samples, identical: {}", verdict.samples, verdict.identical)?;
-    if verdict.identical { Ok(()) } else { Err("the recorded states are others".into()) }
+    if verdict.identical { Ok(()) } else { Err("the recorded states differ".into()) }
 }

@@ -1,5 +1,5 @@
-//! A long run in real time: plant with all its instruments, bus in memory, controller and recording, with the memory
-//! of the process on the way and every missed deadline with its cause at the end.
+//! A long run in real time: plant with all its instruments, bus in memory, controller and recording. Prints the memory
+//! of the process during the run, and the missed deadlines by cause at the end.
 //!
 //! ```text
 //! cargo run --release --example soak -- RATE_HZ DURATION_S CORE FILE
@@ -16,9 +16,9 @@ use resonarm::recording::Existing;
 use resonarm::run::{BothReport, Mode, Options, RecordTo, Session, Signals};
 use resonarm::scenario::Scenario;
 
-/// How often the memory is looked at.
+/// Interval between measurements of the memory.
 const LOOK: Duration = Duration::from_secs(30);
-/// How long the controller may be held up before the plant takes it for lost, s.
+/// How long the controller may be delayed before the plant considers it lost, s.
 const PATIENCE_S: f64 = 3600.0;
 
 #[allow(
@@ -54,7 +54,7 @@ fn main() -> Result<(), Box<dyn Error>> {
                 println!("{:6.0} s  {}", begun.elapsed().as_secs_f64(), resident());
             }
         });
-        // The plant's thread becomes a real-time one, the watching one is there before it.
+        // The plant's thread becomes a real-time one; the watching thread starts before it.
         let run = scope.spawn(|| session.both(&Signals::default(), |_event| {}));
         let report = run.join();
         ended.store(true, Ordering::Release);
@@ -68,7 +68,7 @@ fn main() -> Result<(), Box<dyn Error>> {
     }
 }
 
-/// The lines of `/proc/self/status` that tell of memory in RAM.
+/// The lines of `/proc/self/status` about memory in RAM.
 fn resident() -> String {
     let status = fs::read_to_string("/proc/self/status").unwrap_or_default();
     let lines = status.lines().filter(|line| line.starts_with("VmRSS") || line.starts_with("RssAnon"));

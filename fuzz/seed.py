@@ -1,4 +1,4 @@
-"""Writes what a run starts from into `fuzz/corpus/`: golden frames, scenarios, the beginnings of recordings, logs."""
+"""Writes the first inputs of a run into `fuzz/corpus/`: golden frames, scenarios, beginnings of recordings, logs."""
 
 import json
 import struct
@@ -11,12 +11,12 @@ PROFILES = ("classic", "fd")
 # The identifiers of the default network, in the order of MessageKind::ALL.
 IDENTIFIERS = (*range(0x200, 0x208), 0x701, 0x702, 0x081, 0x082, *range(0x208, 0x20C))
 REMOTE, FD, LENGTH_IN_DATA = 2 << 5, 3 << 5, 1 << 7
-# As much of a recording as a run with `-max_len=70000` takes.
+# The length of a recording that a run with `-max_len=70000` takes.
 BEGINNING = 60_000
 
 
 def entry(text, length):
-    """A frame as `cansend` writes it, as the target `protocol_receive` reads it; None for one that it can't be told."""
+    """A frame as `cansend` writes it, in the form that `protocol_receive` reads; None if it has no such form."""
     number, rest = text.split("#", 1)
     if len(number) != 3 or int(number, 16) not in IDENTIFIERS:
         return None
@@ -58,7 +58,7 @@ base hex  timestamps absolute
 
 
 def blf(container):
-    """A BLF log of a classical frame and one of CAN FD, in a container that `container` makes of its objects."""
+    """A BLF log of a classical frame and a CAN FD frame, in a container that `container` makes of its objects."""
     classic = struct.pack("<HBBL8s", 1, 0, 8, 0x201, bytes(8))
     fd = struct.pack("<HBBLLBBB5x64s", 1, 1, 9, 0x202, 0, 0, 3, 12, bytes(12))
     objects = b"".join(

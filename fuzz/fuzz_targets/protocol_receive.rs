@@ -1,6 +1,6 @@
-//! A receiver under any stream of frames: it must not panic, and whatever it takes must be what a sender would send.
+//! A receiver under any stream of frames: it must not panic, and must take only frames that a sender would send.
 //!
-//! The first byte of the input chooses the profile. Then comes a row of frames: a head byte, then up to 64 bytes of
+//! The first byte of the input chooses the profile. Frames follow: each a head byte, then up to 64 bytes of
 //! data, as many as the message has. Of the head, bits 0 to 3 choose the identifier, bit 4 makes the CRC right, bits 5
 //! and 6 choose the format, and bit 7 makes the data as long as its first byte says.
 #![no_main]

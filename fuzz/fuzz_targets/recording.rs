@@ -9,14 +9,14 @@ use resonarm::recording::{Existing, Recording, recover};
 fuzz_target!(|bytes: &[u8]| {
     let folder = std::env::temp_dir().join(format!("resonarm-fuzz-{}", std::process::id()));
     fs::create_dir_all(&folder).expect("a folder for the file");
-    let (damaged, mended) = (folder.join("damaged.mcap"), folder.join("mended.mcap"));
+    let (damaged, repaired) = (folder.join("damaged.mcap"), folder.join("repaired.mcap"));
     fs::write(&damaged, bytes).expect("the file");
     if let Ok(recording) = Recording::open(&damaged) {
         let _ = recording.summary();
         let _ = recording.records().map(|records| records.take_while(Result::is_ok).count());
     }
-    if recover(&damaged, &mended, Existing::Overwrite).is_ok() {
-        let recording = Recording::open(&mended).expect("what was recovered can be opened");
+    if recover(&damaged, &repaired, Existing::Overwrite).is_ok() {
+        let recording = Recording::open(&repaired).expect("what was recovered can be opened");
         let records = recording.records().expect("its records");
         records.for_each(|record| drop(record.expect("a whole record")));
     }

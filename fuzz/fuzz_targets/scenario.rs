@@ -1,5 +1,5 @@
-//! Any text as a scenario: it is refused, or all that a run takes from it is made or refused, and it is the same after
-//! it is written and read again.
+//! Any text as a scenario: it is refused, or everything that a run makes from it is made or refused, and it is the same
+//! when written and read again.
 #![no_main]
 
 use libfuzzer_sys::fuzz_target;

@@ -1,4 +1,4 @@
-"""What calls from Python cost: import, stepping in batches and one by one, a round trip on a bus.
+"""The cost of calls from Python: import, stepping in batches and one by one, a round trip on a bus.
 
     python3 python/benches/speed.py [INTERFACE]
 
@@ -51,7 +51,7 @@ def importing():
 
 
 def round_trip(name, near, far):
-    """Median of the time from a frame's sending until its echo is there, µs."""
+    """Median time from sending a frame until its echo is received, µs."""
     import can
 
     def echo():

@@ -29,7 +29,7 @@ AXES = {"x": 0, "y": 1}
 
 
 class Channel(Protocol):
-    """What is used of a row of the channel table."""
+    """The columns of the channel table that are used."""
 
     node_number: str
     node_direction: str
@@ -37,7 +37,7 @@ class Channel(Protocol):
 
 
 class Parameters(Protocol):
-    """What is used of a test's `DataAcquisitionParameters`."""
+    """The parts of a test's `DataAcquisitionParameters` that are used."""
 
     sample_rate: float
     samples_per_read: int
@@ -53,7 +53,7 @@ class ResonarmAcquisition:
         self.plant = resonarm.Plant(self.scenario)
 
     def set_up_data_acquisition_parameters_and_channels(self, test_data: Parameters, channel_data: list[Any]) -> None:
-        """Checks rate and channels. Raises ValueError for what the bench has not."""
+        """Checks rate and channels. Raises ValueError for those that the bench does not have."""
         if test_data.sample_rate != self.scenario.sample_rate_hz or test_data.output_oversample != 1:
             raise ValueError(
                 f"the test has {test_data.sample_rate:g} Hz, {test_data.output_oversample} times as much at the "
@@ -66,17 +66,17 @@ class ResonarmAcquisition:
         self.pending = np.zeros((len(self.outputs), 0))
 
     def start(self) -> None:
-        """Begins anew, with the arm as the scenario has it."""
+        """Restarts with the arm in the scenario's initial state."""
         self.plant = resonarm.Plant(self.scenario)
         self.pending = self.pending[:, :0]
 
     def get_acquisition_delay(self) -> int:
-        """Samples between the writing of a frame and the end of its playing."""
+        """Samples from the writing of a frame to the end of its playing."""
         return self.delay
 
     def read(self) -> NDArray[np.float64]:
-        """The next frame, a row a channel, while the arm moves under what was written; under no force where nothing
-        comes within the time of a frame, as when the output has stopped."""
+        """The next frame, a row for each channel, while the arm moves under the forces written; under no force if no
+        frame is written within the duration of a frame, as when the output has stopped."""
         while self.pending.shape[1] < self.samples_per_read:
             try:
                 written = self.queue.get(timeout=self.frame_s)
@@ -87,7 +87,7 @@ class ResonarmAcquisition:
         return self._played(frame)
 
     def read_remaining(self) -> NDArray[np.float64]:
-        """One sample more, under no force."""
+        """One more sample, under no force."""
         return self._played(np.zeros((len(self.outputs), 1)))
 
     def _played(self, frame: NDArray[np.float64]) -> NDArray[np.float64]:
@@ -97,15 +97,15 @@ class ResonarmAcquisition:
         return np.stack([force_n[:, axis] if name == "force" else rows[name][:, axis] for name, axis in self.channels])
 
     def stop(self) -> None:
-        """Drops what was written and not played."""
+        """Drops frames that were written and not played."""
         self.pending = self.pending[:, :0]
 
     def close(self) -> None:
-        """Nothing is held."""
+        """Nothing to release."""
 
 
 class ResonarmOutput:
-    """Hands what Rattlesnake writes to the acquisition."""
+    """Passes the frames that Rattlesnake writes to the acquisition."""
 
     def __init__(self, queue: "Queue[NDArray[np.float64]]") -> None:
         self.queue = queue
@@ -115,20 +115,20 @@ class ResonarmOutput:
         self.count = sum(bool(channel.feedback_device) for channel in channel_data)
 
     def start(self) -> None:
-        """The acquisition begins with its own start."""
+        """Nothing to do: the acquisition starts by itself."""
 
     def write(self, data: NDArray[np.float64]) -> None:
-        """A frame, a row an output, N. Raises ValueError for another number of rows."""
+        """Writes a frame, a row for each output, N. Raises ValueError for another number of rows."""
         if data.shape[0] != self.count:
             raise ValueError(f"{data.shape[0]} rows were written for {self.count} outputs")
         self.queue.put(np.array(data, np.float64))
 
     def ready_for_new_output(self) -> bool:
-        """Whether everything written was taken."""
+        """Whether every frame written has been taken."""
         return self.queue.empty()
 
     def stop(self) -> None:
-        """Takes back what was not taken."""
+        """Takes back the frames that were not taken."""
         while True:
             try:
                 self.queue.get(timeout=0.01)
@@ -136,7 +136,7 @@ class ResonarmOutput:
                 return
 
     def close(self) -> None:
-        """Nothing is held."""
+        """Nothing to release."""
 
 
 def _channel(channel: Channel) -> tuple[str, int]:

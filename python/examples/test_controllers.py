@@ -1,4 +1,4 @@
-"""A suite for controllers that shake the tip with 2 N at 14 Hz: the emulated one, one in Python, one that is a program.
+"""A suite for controllers that shake the tip with 2 N at 14 Hz: the emulated one, one in Python, and a program.
 
     pytest python/examples --resonarm-bus vcan0
 
@@ -51,7 +51,7 @@ def test_holds_its_force(bench, controller):
 
 
 def test_its_force_drops_when_commands_are_lost(bench, controller):
-    """The plant faults for want of a command, or in lockstep with its exciter, and ramps what it holds to zero."""
+    """The plant faults because no command arrives, or in lockstep because its exciter faults, and ramps to zero."""
     with bench.loss(ids=[0x201], direction="receive", probability=0.8):
         result = bench.run(controller)
     result.assert_faulted()

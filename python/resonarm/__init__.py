@@ -1,8 +1,8 @@
 """Resonarm: the vibration of a robot arm with compliant joints, simulated on a bench and computed by analysis.
 
 SI units throughout, angles of the pose in degrees; a name that is not a typed quantity carries its unit. Vibration
-angles α are deflections of the joints about the pose β. What makes no sense is a `ValueError`, what the system
-refuses an `OSError`, what could not be done a `ResonarmError`; of the wrong type it is a `TypeError`.
+angles α are deflections of the joints about the pose β. Invalid values raise `ValueError`, arguments of the wrong type
+`TypeError`, refusals of the system `OSError`, and valid requests that fail `ResonarmError`.
 """
 
 from ._resonarm import Measurement, Mode, ResonarmError, StableMotion, __version__, presets

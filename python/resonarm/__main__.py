@@ -10,7 +10,7 @@ from ._resonarm import ResonarmError, __version__
 
 
 def main(words: list[str] | None = None) -> int:
-    """Runs a command; the exit code: 0 done, 2 wrong input, 3 something is missing in this environment."""
+    """Runs a command. Returns the exit code: 0 done, 2 wrong input, 3 something is missing in this environment."""
     parser = argparse.ArgumentParser(prog="python3 -m resonarm", description=__doc__)
     parser.add_argument("--version", action="version", version=f"resonarm {__version__}")
     commands = parser.add_subparsers(dest="command", required=True)

@@ -11,14 +11,14 @@ from ._dtypes import Array, pair, unit, words
 
 
 def schema_metadata(**values: Any) -> dict[str, str]:
-    """What a schema says about its recording: texts as they are, else as JSON."""
+    """The metadata of a recording in a schema: texts unchanged, other values as JSON."""
     return {name: value if isinstance(value, str) else json.dumps(value) for name, value in values.items()}
 
 
 def batch(buffer: bytearray, names: list[str], rows: int, dtype: np.dtype[Any], metadata: dict[str, str]) -> Any:
-    """A `pyarrow.RecordBatch` of the columns of words that the extension hands over, and of the names of events.
+    """A `pyarrow.RecordBatch` of the columns of words that the extension passes, and of the names of events.
 
-    Numbers of 8 bytes stay where they are; truth values, shorter integers and payloads, which Arrow packs, are copied.
+    Numbers of 8 bytes are not copied; truth values, shorter integers and payloads, which Arrow packs, are.
     """
     arrow = _extras.require("pyarrow", "arrow")
     columns = np.frombuffer(buffer, "<u8").reshape(-1, rows) if rows else np.empty((dtype.itemsize // 8, 0), "<u8")
@@ -51,19 +51,19 @@ def _named(arrow: Any, columns: Array, dtype: np.dtype[Any]) -> Iterator[tuple[s
 
 
 def _place(dtype: np.dtype[Any], name: str) -> int:
-    """The word in which a field begins."""
+    """The index of a field's first word."""
     _form, offset = (dtype.fields or {name: (dtype, 0)})[name][:2]
     return int(offset) // 8
 
 
 def _column(arrow: Any, column: Array, form: np.dtype[Any]) -> Any:
     values = column.view(form) if form.itemsize == 8 else column.astype(form)
-    # Arrow's numbers have the machine's order of bytes, which nearly everywhere is this one.
+    # Arrow's numbers are in the machine's byte order, which nearly everywhere is little-endian.
     return arrow.array(values.astype(form.newbyteorder("="), copy=False))
 
 
 def _payloads(arrow: Any, own: Array, length: Array) -> Any:
-    """Bytes of so many each: one after the other, and where each begins."""
+    """Byte strings of the given lengths: one after the other, and the offset of each."""
     rows = np.ascontiguousarray(own.T).view(np.uint8)
     values = rows[np.arange(rows.shape[1]) < length[:, None]]
     begins = np.concatenate([[0], np.cumsum(length)]).astype(np.int32)

@@ -1,4 +1,4 @@
-"""What a call was given, checked before it goes over to the extension."""
+"""Checks of arguments before they are passed to the extension."""
 
 import operator
 from collections.abc import Sequence
@@ -11,11 +11,11 @@ from . import _resonarm
 from ._dtypes import NUMBER
 
 LAST = 2**64 - 1
-"""A sample that comes after every other."""
+"""A sample after every other."""
 
 
 def real(name: str, values: ArrayLike) -> NDArray[np.float64]:
-    """Real numbers as an array. Raises TypeError for what has none, and for complex ones."""
+    """Real numbers as an array. Raises TypeError for arguments without numbers, and for complex ones."""
     if values is None:
         raise TypeError(f"{name} is no array of numbers: it is None")
     try:
@@ -59,20 +59,20 @@ def four(name: str, given: Sequence[float]) -> tuple[float, float, float, float]
 
 
 def number(name: str, given: float) -> float:
-    """A real number of whatever type. Raises TypeError for what is none."""
+    """A real number of any type. Raises TypeError for anything else."""
     if isinstance(given, str) or not hasattr(given, "__float__"):
         raise TypeError(f"{name} is {given!r}: it must be a number")
     return float(given)
 
 
 def network(given: Any) -> None:
-    """Raises TypeError for what is no network."""
+    """Raises TypeError unless this is a network."""
     if not isinstance(given, _resonarm.Network):
         raise TypeError(f"a network is a resonarm.Network: this is {type(given).__name__}")
 
 
 def controller(given: Any) -> None:
-    """Raises TypeError for what can't be called with a measurement."""
+    """Raises TypeError unless this can be called with a measurement."""
     if not callable(given):
         raise TypeError(
             "a controller is a function of a Measurement, or a list of the words of a command where a bench runs it: "
@@ -81,7 +81,7 @@ def controller(given: Any) -> None:
 
 
 def scenario(given: Any) -> None:
-    """Raises TypeError for what is no scenario, with the way to one."""
+    """Raises TypeError unless this is a scenario, and says how to get one."""
     if not isinstance(given, _resonarm.Scenario):
         what = "None" if given is None else type(given).__name__
         hint = (

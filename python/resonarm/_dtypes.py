@@ -1,5 +1,5 @@
-"""The types through which NumPy sees the rows of words that the extension hands over (`python/src/rows.rs`): each word
-has its lowest byte first, whatever the machine."""
+"""The types through which NumPy reads the rows of words from the extension (`python/src/rows.rs`): each word is
+little-endian, whatever the machine."""
 
 from typing import Any
 
@@ -12,12 +12,12 @@ Array = NDArray[Any]
 
 
 def words(form: np.dtype[Any]) -> int:
-    """The words that a value takes."""
+    """The number of words of a value."""
     return -(-form.itemsize // 8)
 
 
 def _rows(*fields: tuple[str, str, int]) -> np.dtype[Any]:
-    """Fields of so many values each, each field from a new word of 8 bytes on."""
+    """Fields of the given numbers of values; each field begins at a new word of 8 bytes."""
     little = [(np.dtype(form).newbyteorder("<"), count) for _, form, count in fields]
     formats = [np.dtype((form, (count,))) if count > 1 else form for form, count in little]
     offsets, end = [], 0
@@ -88,7 +88,7 @@ PARTS = {
 
 
 def rows_of(recording: Recording, part: str) -> np.dtype[Any]:
-    """The type of the rows of a part: of states and samples with the vectors that the recording has."""
+    """The type of the rows of a part: for states and samples with the vectors that the recording has."""
     if part in PARTS:
         return PARTS[part]
     mark = ("is_end", "?", 1) if part == "states" else ("clipped", "u8", 1)
@@ -101,7 +101,7 @@ def view(rows: bytearray, dtype: np.dtype[Any]) -> Array:
 
 
 def named(names: list[str], rows: Array, field: str = "kind") -> Array:
-    """The rows with a text before each."""
+    """The rows, each with a text in front."""
     fields = [
         (field, f"U{max(map(len, names), default=1)}"),
         *((name, rows.dtype[name]) for name in rows.dtype.names or ()),
@@ -129,7 +129,7 @@ _UNITS = {
 
 
 def unit(name: str) -> str:
-    """The unit of a column, which its name ends with; empty if it has none."""
+    """The unit of a column, from the end of its name; empty if it has none."""
     return next((unit for ending, unit in _UNITS.items() if name.endswith(ending)), "")
 
 

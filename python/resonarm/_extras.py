@@ -1,4 +1,4 @@
-"""Packages that not every user has."""
+"""Optional packages."""
 
 from importlib import import_module
 from types import ModuleType
@@ -6,7 +6,7 @@ from typing import Any
 
 
 def require(module: str, extra: str) -> ModuleType:
-    """The module, or an error that says which extra of this package brings it."""
+    """The module, or an error that says which extra of this package installs it."""
     try:
         return import_module(module)
     except ModuleNotFoundError as error:
@@ -15,5 +15,5 @@ def require(module: str, extra: str) -> ModuleType:
 
 
 def axes(ax: Any) -> Any:
-    """The matplotlib axes given, or else the current ones."""
+    """The given matplotlib axes, or the current ones."""
     return require("matplotlib.pyplot", "plot").gca() if ax is None else ax

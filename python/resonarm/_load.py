@@ -4,12 +4,12 @@ import math
 from dataclasses import dataclass
 
 Sine = tuple[tuple[float, float], tuple[float, float], float]
-"""Torques at the joints, N·m, and forces at the tip, N, at the crest; the frequency, Hz."""
+"""Torques at the joints, N·m, and forces at the tip, N, at the peak; the frequency, Hz."""
 
 
 @dataclass(frozen=True)
 class Load:
-    """Amplitudes of torques at the joints, N·m, or of forces at the tip, N; None where nothing was given."""
+    """Amplitudes of torques at the joints, N·m, or of forces at the tip, N; None for those not given."""
 
     torque1_nm: float | None = None
     torque2_nm: float | None = None
@@ -32,7 +32,7 @@ class Load:
         return (self.torque1_nm or 0.0, self.torque2_nm or 0.0, self.force_x_n or 0.0, self.force_y_n or 0.0)
 
     def checked(self) -> "Load":
-        """The same, if it is an excitation: either torques or forces, and not 0."""
+        """The same, if it is an excitation: either torques or forces, not all 0."""
         if self.is_torque == self.is_force:
             raise ValueError(
                 "give the excitation: torque1_nm=A, or force_x_n=A and force_y_n=A; torque2_nm=A is one at joint 2"
@@ -46,7 +46,7 @@ class Load:
         return self
 
     def sine(self, frequency_hz: float) -> Sine:
-        """The excitation of a frequency. Raises ValueError for an amplitude that is not finite."""
+        """The excitation at a frequency. Raises ValueError for an amplitude that is not finite."""
         for name, amplitude in vars(self).items():
             if amplitude is not None and not math.isfinite(amplitude):
                 raise ValueError(f"{name} is {amplitude:g}: it must be a finite number")

@@ -11,7 +11,7 @@ from .words import MessageName, NodeRole, Part, Preset, Profile, Verdict
 __version__: str
 
 class ResonarmError(Exception):
-    """What was asked for makes sense, and could not be done."""
+    """A valid request could not be fulfilled."""
 
 def printable(text: str) -> str: ...
 
@@ -131,8 +131,8 @@ _Controller = tuple[Callable[[Measurement], _Load | None], str]
 class Scenario:
     def __new__(cls, text: str = "", *, path: _Path | None = None, folder: _Path | None = None) -> Self: ...
     def replace(self, **sections: dict[str, Any] | None) -> Self:
-        """The same scenario with other values: of each section that is named the keys that are given, whole; a key,
-        or a section, that is None is taken away. Raises ValueError for what is then no scenario."""
+        """The same scenario with other values: the given keys of each named section replace the scenario's; a key or
+        section that is None is removed. Raises ValueError if the result is invalid."""
     def to_toml(self) -> str:
         """The scenario as TOML, with every default written out."""
     def values(self) -> dict[str, Any]:
@@ -141,8 +141,9 @@ class Scenario:
 
 @final
 class Measurement:
-    """What the instruments say at a sample, along x and y of the base frame. A test of a controller may make one by
-    itself; they are equal if all their numbers are. Raises ValueError for bits of `clipped` that are no reading's."""
+    """The readings of the instruments at a sample, along x and y of the base frame. A test of a controller may make one
+    directly; they are equal if all their numbers are. Raises ValueError for bits of `clipped` beyond the six
+    readings."""
 
     def __new__(
         cls,
@@ -173,7 +174,7 @@ class Plant:
     def __new__(cls, scenario: Scenario) -> Self: ...
     @property
     def sample(self) -> int:
-        """The index of the sample at which the plant stands."""
+        """The index of the plant's current sample."""
     @property
     def time_s(self) -> float:
         """The time of that sample, s."""
@@ -184,11 +185,11 @@ class Plant:
     def alpha_dot_rad_s(self) -> tuple[float, float]:
         """Their rates, rad/s."""
     def measure(self) -> Measurement:
-        """What the instruments say at the sample. Every call draws new noise: call it once a sample."""
+        """The readings of the instruments at the sample. Every call draws new noise: call it once a sample."""
     def advance(self, force_n: _Pair | None = None, torque_nm: _Pair | None = None) -> None:
         """Advances to the next sample with a force at the tip, N, and torques at the joints, N·m, held. Raises
-        ValueError for a load that is not finite, ResonarmError if the integrator can't go on or the shaker trips: the
-        plant then stays where it was."""
+        ValueError for a load that is not finite, ResonarmError if the integrator can't continue or the shaker trips:
+        the plant then stays at its sample."""
     def play_rows(self, force_n: bytes, torque_nm: bytes) -> bytearray: ...
 
 class Recording:
@@ -198,20 +199,20 @@ class Recording:
         """The file."""
     @property
     def summary(self) -> dict[str, Any]:
-        """What it says about itself: the document of `resonarm inspect --json`."""
+        """Its summary: the document of `resonarm inspect --json`."""
     @property
     def dt_s(self) -> float:
         """Time from one sample to the next, s."""
     @property
     def damage(self) -> str | None:
-        """What keeps it from being whole, in words; None of a whole one."""
+        """Why it is not whole, in words; None if it is whole."""
     def count(self, part: Part) -> int:
-        """How many records of a part there are."""
+        """The number of records of a part."""
     def channels(self, part: str) -> list[tuple[str, list[str]]]: ...
     def scenario_toml(self) -> str: ...
     def resim(self) -> dict[str, Any]:
         """Simulates the run again from its recorded loads: the document of `resonarm resim --json`, `identical` and
-        where it differs. Raises ResonarmError if it can't be."""
+        the first differences. Raises ResonarmError if the run can't be simulated."""
     def reader(self, part: str, from_sample: int, to_sample: int) -> Reader: ...
 
 @final
@@ -276,13 +277,12 @@ class NodeRun:
     ) -> Self: ...
     @property
     def is_running(self) -> bool:
-        """Whether it runs still."""
+        """Whether it is still running."""
     @property
     def sample(self) -> int:
-        """The sample at which it is."""
+        """Its current sample."""
     def take_events(self) -> list[dict[str, Any]]:
-        """What has happened since the last call: `event` (ready, armed, disarmed, faulted, …) and what belongs to
-        it."""
+        """The events since the last call: `event` (ready, armed, disarmed, faulted, …) and its details."""
     def stop(self) -> None:
         """Asks it to end in order, without waiting."""
     def join(self) -> tuple[dict[str, Any], bytearray]: ...

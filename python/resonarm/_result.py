@@ -1,4 +1,4 @@
-"""What a run of a bench came to, and what must hold of it."""
+"""The result of a bench's run, and assertions about it."""
 
 import math
 from pathlib import Path
@@ -15,15 +15,15 @@ from .words import Fault, NodeState, Signal
 SIGNALS: tuple[Signal, ...] = get_args(Signal)
 LOADS = ("force_n", "torque_nm")
 ROWS = 8
-"""Rows that a failure shows before and behind what failed."""
+"""Rows that a failure shows before and after the failing sample."""
 
 
 class Result:
-    """What a run came to, and what must hold of it. An assertion that fails shows the signal about the failure and
-    names the recording.
+    """The result of a run, with assertions. An assertion that fails shows the signal around the failure and names the
+    recording.
 
-    No assertion passes on a run that a fault or an error ended, whatever it is about; where a fault is what a test
-    wants, `assert_faulted` comes first.
+    No assertion passes on a run that ended by a fault or an error, whatever it is about; a test that expects a fault
+    calls `assert_faulted` first.
     """
 
     def __init__(self, plant: Report, exciter: Report | None, output: str, path: Path) -> None:
@@ -32,11 +32,11 @@ class Result:
         self.exciter = exciter.exciter if exciter else {}
         """The exciter's report; empty if the controller was a program."""
         self.responses = exciter.responses if exciter else plant.responses
-        """What an emulated exciter has read, as `Report.responses`."""
+        """The responses that an emulated exciter read, as `Report.responses`."""
         self.output = output
-        """What a program wrote."""
+        """The output of a program."""
         self.recording = Recording(path)
-        """The recording of the plant."""
+        """The plant's recording."""
         self._is_fault_expected = False
 
     def __repr__(self) -> str:
@@ -45,19 +45,19 @@ class Result:
         return f"<Result: plant {self.plant['outcome']}{exciter}, {self.plant['samples']} samples, {path!r}>"
 
     def signal(self, name: Signal) -> tuple[Array, Array]:
-        """Times, s, and values of a reading by its name, such as `acceleration_c_m_s2_x`, or of the held load
+        """Times, s, and values of a reading, such as `acceleration_c_m_s2_x`, or of the held load, such as
         `force_n_x`."""
         _samples, times, values = self._rows(name)
         return times, values
 
     def _rows(self, name: Signal) -> tuple[Array, Array, Array]:
-        """The samples of a signal, their times and its values."""
+        """The samples, times and values of a signal."""
         if name not in SIGNALS:
             raise ValueError(f"there is no signal {name!r}, only {', '.join(SIGNALS)}")
         column, _, axis = name.rpartition("_")
         rows = self.recording.states if column in LOADS else self.recording.samples
         if column in LOADS and len(rows) and rows["is_end"][-1]:
-            rows = rows[:-1]  # The state in which a run ended has no load.
+            rows = rows[:-1]  # The state at the end of a run has no load.
         return rows["sample"], rows["time_s"], rows[column][:, "xy".index(axis)]
 
     def _finite(self, name: Signal) -> tuple[Array, Array, Array]:
@@ -82,7 +82,7 @@ class Result:
         raise AssertionError("\n".join([message, f"  {name}:", *lines, f"recording: {self.recording.path}"]))
 
     def _bad_end(self) -> str | None:
-        """Which fault or error ended the run, if one did."""
+        """The fault or error that ended the run, in words; None if there was none."""
         fault, error = self.plant["fault"], self.plant["error"]
         if self.plant["outcome"] in ("faulted", "failed") or error:
             why = error or _in_words(fault)
@@ -92,7 +92,7 @@ class Result:
         return None
 
     def _never_armed(self) -> str | None:
-        """Whether nobody ever armed the plant, in words."""
+        """A message if the plant was never armed."""
         if self.plant["outcome"] == "not-armed" or not (self.recording.events["name"] == "state.operational").any():
             return "the plant was never armed: no command acted on the arm"
         return None
@@ -102,7 +102,7 @@ class Result:
         self.fail(why, "force_n_x", self.plant["samples"] - 1)
 
     def _check_end(self) -> None:
-        """Nothing holds of a run that ended badly, or in which nothing was driven."""
+        """Fails if the run ended by a fault or an error, or if the plant was never armed."""
         __tracebackhide__ = True
         if not self._is_fault_expected and (why := self._bad_end() or self._never_armed()):
             self._fail_at_the_end(why)
@@ -116,18 +116,18 @@ class Result:
             self._fail_at_the_end(f"the exciter ended {self.exciter['outcome']}: {self.exciter['reason']}")
 
     def assert_faulted(self, fault: Fault | None = None) -> None:
-        """The plant ended by a fault, by its name in the protocol's specification if one is given, such as command
-        timeout. The other assertions, but for `assert_completed`, hold of what came before it from then on."""
+        """The plant ended by a fault, of this name in the protocol's specification if one is given, such as command
+        timeout. From then on the other assertions, except `assert_completed`, are about the time before the fault."""
         __tracebackhide__ = True
         found = self.plant["fault"]
         if self.plant["outcome"] != "faulted" or found is None:
             exciter = f", the exciter {self.exciter['outcome']}" if self.exciter else ""
             what = f"by the fault {fault!r}" if fault else "by a fault"
             self._fail_at_the_end(
-                f"the run was to end {what}: the plant ended {self.plant['outcome']}{exciter}",
+                f"expected the run to end {what}: the plant ended {self.plant['outcome']}{exciter}",
             )
         elif fault is not None and found["name"] != fault:
-            self._fail_at_the_end(f"the plant ended faulted: {_in_words(found)}; the fault was to be {fault!r}")
+            self._fail_at_the_end(f"the plant ended faulted: {_in_words(found)}; expected the fault {fault!r}")
         self._is_fault_expected = True
 
     def assert_no_overrun(self) -> None:
@@ -140,8 +140,8 @@ class Result:
             self.fail(f"{self.plant['overruns']} deadlines were missed", "force_n_x", at)
 
     def assert_no_refused_command(self) -> None:
-        """Every command that came in whole acted on the arm, and every frame was valid. The answer to the last sample
-        of a run whose duration has passed comes when the plant has left, and doesn't count."""
+        """Every command received without error acted on the arm, and every frame was valid. The answer to the last
+        sample of a run that ends with its duration arrives after the plant has left, and doesn't count."""
         __tracebackhide__ = True
         self._check_end()
         refused = {reason: count for reason, count in self.plant["refused"].items() if count}
@@ -174,7 +174,7 @@ class Result:
                 self.fail(message, name, int(samples[above[0]]))
 
     def assert_state_reached(self, state: NodeState, within_s: float) -> None:
-        """The plant reached a state, such as operational or fault, within a time of its samples, s."""
+        """The plant reached a state, such as operational or fault, within this time of its samples, s."""
         __tracebackhide__ = True
         if state not in get_args(NodeState):
             raise ValueError(f"there is no state {state!r}, only {', '.join(get_args(NodeState))}")
@@ -183,16 +183,16 @@ class Result:
         reached = events["sample"][events["name"] == f"state.{state}"]
         bad_end = None if state == "fault" or self._is_fault_expected else self._bad_end()
         if not len(reached) or reached[0] > within:
-            when = f"at {reached[0] * self.recording.dt_s:g} s" if len(reached) else "never"
+            when = f"reached at {reached[0] * self.recording.dt_s:g} s" if len(reached) else "never reached"
             more = f"; {bad_end}" if bad_end else ""
-            message = f"the state {state} was to be reached within {within_s:g} s, and was {when}{more}"
+            message = f"the state {state} was {when}: expected within {within_s:g} s{more}"
             self.fail(message, "force_n_x", min(within, self.plant["samples"] - 1))
         if bad_end:
             self._fail_at_the_end(bad_end)
 
     def amplitude(self, name: Signal, frequency_hz: float, from_s: float = 0.0, to_s: float = math.inf) -> float:
-        """Amplitude of the sine of a frequency in a signal, by least squares beside an offset, from one time to
-        another, of a period at least. Raises ValueError for times and frequencies of which the run says nothing."""
+        """Amplitude of the sine at a frequency in a signal, by least squares together with an offset, over an interval
+        of at least a period. Raises ValueError for intervals and frequencies that the run can't resolve."""
         __tracebackhide__ = True
         _samples, times, values = self._finite(name)
         chosen = self._span(times, frequency_hz, from_s, to_s)
@@ -202,7 +202,7 @@ class Result:
         return float(np.hypot(fit[0], fit[1]))
 
     def _span(self, times: Array, frequency_hz: float, from_s: float, to_s: float) -> NDArray[np.bool_]:
-        """The rows from one time to another, if they tell of a frequency."""
+        """The rows of an interval, if they resolve the frequency."""
         dt_s = self.recording.dt_s
         if not (math.isfinite(frequency_hz) and frequency_hz > 0):
             raise ValueError(f"frequency_hz is {frequency_hz:g}: it must be a positive number")
@@ -233,8 +233,8 @@ class Result:
         amplitude: float | None = None,
         within: float = 0.02,
     ) -> None:
-        """A signal vibrates evenly at a frequency, Hz: its amplitude in the second half of a time is that of the
-        first, and an expected one if it is given, `within` a part of it."""
+        """A signal vibrates evenly at a frequency, Hz: its amplitude in the second half of an interval equals that in
+        the first, and an expected one if it is given, within the relative tolerance `within`."""
         __tracebackhide__ = True
         self._check_end()
         _number("within", within)
@@ -251,14 +251,14 @@ class Result:
 
 
 def _number(name: str, given: float) -> float:
-    """Raises ValueError for what is no number."""
+    """Raises ValueError unless this is a number."""
     if not math.isfinite(given):
         raise ValueError(f"{name} is {given:g}: it must be a number")
     return given
 
 
 def _in_words(fault: dict[str, Any] | None) -> str:
-    """A fault of a report."""
+    """A fault of a report, in words."""
     if fault is None:
         return "a fault that was not latched"
     detail = f", detail {fault['detail']}" if fault["detail"] else ""

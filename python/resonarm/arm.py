@@ -1,4 +1,4 @@
-"""The arm: modes, frequency responses, its motions under a sine, branches of periodic ones, basins of attraction."""
+"""The arm: modes, frequency responses, motions under a sine, branches of periodic motions, basins of attraction."""
 
 import json
 import math
@@ -23,17 +23,17 @@ class Arm(_resonarm.Arm):
     Vibrations of an Industrial Robot Arm System with Joints Compliance", Appl. Sci. 2023, 13, 11941).
 
     `preset` is one of `resonarm.presets()`; `beta1_deg` is the angle of link 1 against the x axis, `beta2_deg` that
-    of link 2 against link 1, degrees, −360 to 360; `parameters` has those that differ from the preset's, by the names
-    that the attribute `parameters` has, in SI units. Arms are equal if these and the angles are, by whatever preset.
+    of link 2 against link 1, degrees, −360 to 360; `parameters` has those that differ from the preset's, by their names
+    in the attribute `parameters`, in SI units. Arms are equal if all parameters and both angles are.
 
-    Raises ValueError for what no arm can have.
+    Raises ValueError for impossible parameters or angles.
     """
 
     continuation = continuation
     basins = basins
 
     def _value(self) -> tuple[Any, ...]:
-        """What makes an arm equal to another."""
+        """The values that equal arms share."""
         return (self.beta1_deg, self.beta2_deg, json.dumps(self.parameters, sort_keys=True))
 
     def __eq__(self, other: object) -> bool:
@@ -138,7 +138,7 @@ class Arm(_resonarm.Arm):
 
 
 def _steps(duration_s: float, rate_hz: float) -> int:
-    """The whole number of steps that a duration is."""
+    """A duration as a whole number of steps."""
     exact = duration_s * rate_hz
     if not (math.isfinite(exact) and round(exact) >= 1):
         raise ValueError(f"duration_s is {duration_s:g}: it must be a positive number, of one step at least")

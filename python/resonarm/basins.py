@@ -37,11 +37,11 @@ class Basins:
     motions: tuple[_resonarm.StableMotion, ...]
     """The stable motions, by their largest |α1|."""
     motion: NDArray[np.int64]
-    """Which motion each state reaches, from 1; 0 where that is undecided, −1 where it grows beyond all bounds."""
+    """Which motion each state reaches, from 1; 0 where this is undecided, −1 where it grows beyond all bounds."""
     periods: NDArray[np.uint64]
     """Periods of the excitation until that was certain."""
     ended_early: str | None
-    """Why not all stable motions may be known; None if they are."""
+    """Why some stable motions may not be known; None if all are."""
 
     def __repr__(self) -> str:
         counts = [f"{np.count_nonzero(self.motion == k + 1)} reach motion {k + 1}" for k in range(len(self.motions))]
@@ -94,7 +94,7 @@ class Grid:
                 raise ValueError(f"the grid goes from {start:g} to {stop:g}: both must be numbers, and different")
 
     def axis(self, index: int) -> NDArray[np.float64]:
-        """The values of a coordinate, as the command line has them to the last bit."""
+        """The values of a coordinate, equal to those of the command line to the last bit."""
         last = self.points[index] - 1
         places = np.arange(self.points[index])
         return np.asarray((self.start[index] * (last - places) + self.stop[index] * places) / last)
@@ -116,7 +116,7 @@ def pair(name: str, values: Sequence[Any]) -> tuple[Any, Any]:
 
 
 def found(attractors: _resonarm.Attractors, states: NDArray[np.float64], wait: float, on_cores: bool) -> Array:
-    """Rows with the motion that each state reaches, and after how many periods."""
+    """Rows with the motion that each state reaches, and the number of periods it takes."""
     return view(attractors.outcomes(states.astype(NUMBER).tobytes(), wait, on_cores), OUTCOME)
 
 
@@ -137,17 +137,17 @@ def basins(
     time_constants: float = TIME_CONSTANTS,
 ) -> Basins:
     """Which initial states reach which stable motion under A·sin(2πft), over a grid of two coordinates of the state at
-    phase 0, on all cores: what `resonarm basins` computes.
+    phase 0, computed on all cores as by `resonarm basins`.
 
     - `torque1_nm`, `torque2_nm`, or `force_x_n` and `force_y_n`: the amplitude A.
     - `coordinates`: two of alpha1_rad, alpha2_rad, alpha_dot1_rad_s, alpha_dot2_rad_s, by default α1 and α̇1.
     - `start`, `stop`: the first and the last value of each; by default 1.5 times as far as the largest stable motion
       reaches, to both sides.
-    - `points`: how many values of each, from 2 to 1000, by default (41, 41).
-    - `initial`: the state whose other coordinates all have, by default at rest.
-    - `time_constants`: the longest wait, in those of the arm's slowest mode, by default 40.
+    - `points`: the number of values of each, from 2 to 1000, by default (41, 41).
+    - `initial`: the state that gives the other two coordinates, by default at rest.
+    - `time_constants`: the longest wait, in time constants of the arm's slowest mode, by default 40.
 
-    Raises ValueError for what makes no sense, ResonarmError where no stable motion is known. Ctrl-C ends it.
+    Raises ValueError for invalid arguments, ResonarmError where no stable motion is known. Ctrl-C ends it.
     """
     load = Load(torque1_nm, torque2_nm, force_x_n, force_y_n).checked()
     attractors = _resonarm.Attractors(arm, load.sine(frequency_hz))
@@ -168,7 +168,7 @@ def basins(
 def _reach(
     motions: Sequence[_resonarm.StableMotion], coordinates: tuple[str, str], frequency_hz: float
 ) -> tuple[float, float]:
-    """How far the grid goes by default: 1.5 times the largest motion; of a rate that times 2πf."""
+    """The default extent of the grid: 1.5 times the largest motion; for a rate this times 2πf."""
     reaches = []
     for name in coordinates:
         joint = COORDINATES.index(name) % 2 if name in COORDINATES else 0

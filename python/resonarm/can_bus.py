@@ -23,7 +23,7 @@ _lock = threading.Lock()
 
 @dataclass
 class _Bench:
-    """A plant on its bus in memory, while somebody is on it."""
+    """A plant on its bus in memory, running while an end of the bus is open."""
 
     plant: Node
     hub: _resonarm.Hub
@@ -33,14 +33,14 @@ class _Bench:
 
 
 class ResonarmBus(can.BusABC):
-    """One end of the bus of a simulated plant, which lives in this process while somebody is on the bus.
+    """One end of the bus of a simulated plant, which runs in this process while an end of the bus is open.
 
-    `channel` is a name: the first to open it starts the plant, with the other arguments; who opens it later joins. Up
-    to seven ends may be opened while a plant lives. `scenario` is a `resonarm.Scenario` or the path of one. With the
-    `mode` lockstep the plant waits for the answer to each sample, so that time is virtual (`speed` holds it to the
-    clock); with real-time it goes by the clock. `record` names an MCAP file.
+    `channel` is a name: the first end opened with it starts the plant, with the other arguments; later ones join. At
+    most seven ends can be opened in a plant's life. `scenario` is a `resonarm.Scenario` or the path of one. With the
+    `mode` lockstep the plant waits for the answer to each sample, so time is virtual (`speed` holds it to the
+    clock); with real-time it follows the clock. `record` names an MCAP file.
 
-    Messages have the machine's time. Remote frames and error frames can't be sent.
+    The time stamps of messages are the machine's. Remote frames and error frames can't be sent.
     """
 
     def __init__(
@@ -73,7 +73,7 @@ class ResonarmBus(can.BusABC):
 
     @property
     def dropped(self) -> int:
-        """Messages lost to this end, because more than 16384 of another end had not been received."""
+        """Messages lost to this end because more than 16384 messages of another end were waiting."""
         return self._end.dropped
 
     @property
@@ -83,7 +83,7 @@ class ResonarmBus(can.BusABC):
 
     @property
     def report(self) -> Report | None:
-        """The plant's report, after the last end of its bus was shut down."""
+        """The plant's report, available after the last end of its bus was shut down."""
         return self._bench.report
 
     def send(self, msg: can.Message, timeout: float | None = None) -> None:
@@ -115,7 +115,7 @@ class ResonarmBus(can.BusABC):
             raise can.CanOperationError("the bus is closed")
 
     def shutdown(self) -> None:
-        """Leaves the bus; with the last end the plant stops in order."""
+        """Leaves the bus; when the last end leaves, the plant stops in order."""
         super().shutdown()
         if not self._is_open:
             return
@@ -135,7 +135,7 @@ class ResonarmBus(can.BusABC):
 
 @contextmanager
 def served(channel: str, plant: Node, hub: _resonarm.Hub, scenario: Scenario) -> Iterator[None]:
-    """Within the block `can.Bus(interface="resonarm", channel=…)` joins the bus of a plant that runs already."""
+    """Within the block `can.Bus(interface="resonarm", channel=…)` joins the bus of a running plant."""
     bench = _Bench(plant, hub, scenario.values()["network"]["profile"], users=1)
     with _lock:
         _benches[channel] = bench

@@ -38,8 +38,8 @@ def messages(recording: Recording) -> Iterator[can.Message]:
 class McapReader(MessageReader):
     """The frames of a recording as messages, in the order of the file. A message that the plant received has `is_rx`.
 
-    The time stamp is that of the bus where there is one, else when the run loop handled the frame, s of the UNIX
-    epoch; of a run in simulated time alone it counts from its start.
+    The time stamp is that of the bus if there is one, otherwise the time when the run loop handled the frame, s of the
+    UNIX epoch; in a run in simulated time alone it counts from the start of the run.
     """
 
     def __init__(self, file: StringPathLike, **kwargs: Any) -> None:
@@ -49,16 +49,16 @@ class McapReader(MessageReader):
         return messages(self._recording)
 
     def stop(self) -> None:
-        """Nothing is held open."""
+        """Nothing to close."""
 
 
 class McapWriter(MessageWriter):
-    """Writes messages into a recording of frames alone, as `resonarm import` makes one; it replaces a file that is
-    there.
+    """Writes messages into a recording that has only frames, as `resonarm import` makes one; replaces an existing
+    file.
 
-    The file is begun once a tenth of a second of messages is there, or at the end: without one there is none. Error
-    frames and remote frames are left out. It is whole after `stop`. Messages must not be earlier than the first by more
-    than a tenth of a second; of those the earliest is the beginning.
+    The file is created after messages of a tenth of a second, or at the end; without messages there is no file. Error
+    frames and remote frames are left out. The file is complete after `stop`. A message may be up to a tenth of a second
+    earlier than the first one; the recording begins with the earliest.
     """
 
     def __init__(self, file: StringPathLike, *, append: bool = False, **kwargs: Any) -> None:

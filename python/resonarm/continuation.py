@@ -24,7 +24,7 @@ class Curve:
     points: Array
     """Rows with `value` (of the first parameter), `value2` (of the second) and `harmonic1_rad`."""
     turns: Array
-    """Where it turns back in the second parameter; `kind` is `turn`, or `cusp` where two folds meet and vanish."""
+    """Points where it turns back in the second parameter; `kind` is `turn`, or `cusp` where two folds meet."""
 
     def __repr__(self) -> str:
         return f"<Curve of {self.kind}s in {self.parameters[0]} and {self.parameters[1]}: {len(self.points)} points>"
@@ -47,17 +47,17 @@ class Branch:
     """A branch of periodic motions."""
 
     parameter: str
-    """What it was followed in."""
+    """The parameter in which it was followed."""
     points: Array
     """Rows with `value` (of the parameter), `frequency_hz`, `amplitude_rad` (the largest |α1|, |α2|), `harmonic1_rad`
     (of the component at the excitation's frequency), `stable`, `period` (in those of the excitation) and the four
     Floquet `multipliers`, the largest first."""
     bifurcations: Array
-    """The same with `kind` before it: fold, period-doubling, neimark-sacker or branch-point."""
+    """The same columns after `kind`: fold, period-doubling, neimark-sacker or branch-point."""
     doubled: tuple["Branch", ...] = ()
-    """The branches of twice the period that leave at period doublings, where they were asked for."""
+    """The branches of twice the period that leave at period doublings, if requested."""
     curves: tuple[Curve, ...] = ()
-    """The curves of the folds and period doublings, where they were asked for."""
+    """The curves of the folds and period doublings, if requested."""
 
     def __repr__(self) -> str:
         unstable = int(np.count_nonzero(~self.points["stable"]))
@@ -86,7 +86,7 @@ class Branch:
 
 
 class BranchEndedEarly(_resonarm.ResonarmError):
-    """A branch that could not be followed to its end. `branch` is what was found."""
+    """A branch could not be followed to its end. `branch` is the branch up to there."""
 
     def __init__(self, reason: str, branch: Branch) -> None:
         super().__init__(reason)
@@ -126,17 +126,17 @@ def continuation(
     its name, in its SI unit.
 
     - `torque1_nm` and `torque2_nm`, or `force_x_n` and `force_y_n`: the amplitude A of torques at the joints or of a
-      force at the tip. Where the amplitude is what varies, a force gives the direction; without one it is that of the
-      torque at joint 1.
-    - `frequency_hz`: of the excitation, where it is not what varies.
+      force at the tip. If the amplitude varies, a force gives only the direction; without one the load is a torque
+      at joint 1.
+    - `frequency_hz`: of the excitation, if another parameter varies.
     - `doubled`: follow the motions of twice the period that leave at period doublings, too.
     - `curves_in`, `curves_to`: follow each fold and period doubling in a second parameter as well, up to a value.
     - `most_harmonics` (64), `most_points` (20 000), `largest_step` (0.25, relative to the motion's size).
 
-    Raises ValueError for what makes no sense, BranchEndedEarly if the walk ends before `stop`: it has the branch as
-    far as it was followed.
+    Raises ValueError for invalid arguments, BranchEndedEarly if the walk ends before `stop`, with the branch up to
+    there.
     """
-    _resonarm.parameter_label(parameter)  # which says what there is, if it is none
+    _resonarm.parameter_label(parameter)  # an unknown one raises an error with the known names
     load = _direction(parameter, Load(torque1_nm, torque2_nm, force_x_n, force_y_n))
     amplitude = math.hypot(*load)
     if parameter == "frequency":
@@ -170,7 +170,7 @@ def continuation(
 
 
 def _direction(parameter: str, load: Load) -> tuple[float, float, float, float]:
-    """u1, u2, Fx, Fy. Where the amplitude is what varies: a force that gives the direction, else 1 N·m at joint 1."""
+    """u1, u2, Fx, Fy. If the amplitude varies: the direction of the force, or 1 N·m at joint 1 without one."""
     if parameter != "amplitude":
         return load.checked().components
     if load.is_torque:

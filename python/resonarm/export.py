@@ -1,5 +1,5 @@
 """Recordings in the formats that Python's libraries write best, row group by row group, so that a recording may be
-longer than the memory."""
+larger than the memory."""
 
 from collections.abc import Iterator
 from os import PathLike
@@ -27,7 +27,7 @@ def export(
     Columns are those of `Recording.read`, a pair as two columns with `1` and `2` of the joints or `x` and `y` of the
     axes, as in the CSV of `resonarm export`.
 
-    Raises ModuleNotFoundError if the extra `export` is missing, FileExistsError for a file that is there, ValueError
+    Raises ModuleNotFoundError if the extra `export` is missing, FileExistsError for an existing file, ValueError
     for another format.
     """
     writers = {"parquet": _parquet, "mf4": _mf4, "blf": _blf}
@@ -47,7 +47,7 @@ def _named(stem: Path, ending: str, overwrite: bool) -> Path:
 
 
 def columns(rows: Array) -> dict[str, Array]:
-    """The columns of rows of states or samples by the names of the CSV of `resonarm export`: pairs apart."""
+    """The columns of rows of states or samples by the names of the CSV of `resonarm export`: pairs as two columns."""
     found: dict[str, Any] = {}
     for name in rows.dtype.names or ():
         column = rows[name]
@@ -60,7 +60,7 @@ def columns(rows: Array) -> dict[str, Array]:
 
 
 def _parts(recording: Recording, parts: tuple[Part, ...]) -> Iterator[Part]:
-    """Those of the parts that have records."""
+    """The parts that have records."""
     return (part for part in parts if recording.count(part))
 
 

@@ -1,5 +1,5 @@
-"""Maps over pose, amplitude and frequency, over initial states and over seeds: on all cores or on a Dask cluster, to
-the same bits, resumable."""
+"""Maps over pose, amplitude and frequency, over initial states and over seeds: on all cores or on a Dask cluster, with
+identical bits, resumable."""
 
 import json
 import threading
@@ -61,7 +61,7 @@ def response_map(
     folder: Folder = None,
     client: Any = None,
 ) -> Any:
-    """Which periodic motions there are at each frequency, Hz, amplitude and angle β2, degrees. The amplitudes are those
+    """The periodic motions at each frequency, Hz, amplitude and angle β2, degrees. The amplitudes are those
     of one load: a torque at a joint, N·m, or a force at the tip along x or y, N.
 
     An `xarray.Dataset` with units: the numbers of stable and unstable motions and, for each joint, the largest |α| of
@@ -69,11 +69,11 @@ def response_map(
     linear.
 
     Each pair of β2 and amplitude is one branch over the frequencies, a chunk: computed by a Dask `client`, or on all
-    cores of this machine without one, to the same bits. With a `folder`, which a cluster shares, each chunk is kept
-    there as it is done, and a call that was stopped goes on from what it holds. `ended_early` tells the chunks whose
-    branch could not be followed to its end: beyond there are no motions in the map.
+    cores of this machine without one, with identical bits. With a `folder`, which a cluster shares, each chunk is
+    stored when it is finished, and a repeated call resumes from the stored chunks. `ended_early` marks the chunks whose
+    branch could not be followed to its end: beyond it the map has no motions.
 
-    Raises ValueError for frequencies that don't rise, and for what no arm can have.
+    Raises ValueError for frequencies that don't rise, and for impossible poses.
     """
     hz = np.asarray(frequency_hz, dtype=np.float64)
     if hz.ndim != 1 or len(hz) < 2 or not (np.diff(hz) > 0).all() or hz[0] <= 0:
@@ -124,13 +124,13 @@ def basin_map(
     angle β2, degrees, over the same grid from `start` to `stop`.
 
     An `xarray.Dataset` with units: `motion` is which of the stable motions, by their largest |α1|, each state reaches,
-    from 1; 0 where that is undecided, −1 where it grows beyond all bounds; `periods` of the excitation until that was
+    from 1; 0 where this is undecided, −1 where it grows beyond all bounds; `periods` of the excitation until this was
     certain; `amplitude_rad` the largest |α| of each stable motion, NaN beyond their number; `ended_early` where not all
     may be known.
 
     256 states are a chunk; `folder` and `client` are those of `response_map`.
 
-    Raises ValueError for what makes no sense.
+    Raises ValueError for invalid arguments.
     """
     name, amplitudes = _load(torque1_nm, torque2_nm, force_x_n, force_y_n)
     first, last = pair("start", start), pair("stop", stop)
@@ -174,8 +174,8 @@ def basin_map(
 
 
 def seed_map(scenario: Scenario, seeds: Sequence[int], *, folder: Folder = None, client: Any = None) -> Any:
-    """What the exciter reads of the response in free runs of a scenario, with one seed of the instruments' noise after
-    the other.
+    """The responses that the exciter reads in free runs of a scenario, one run for each seed of the instruments'
+    noise.
 
     An `xarray.Dataset` over `seed` and `point`, NaN beyond a run's points: `frequency_hz`, `load` (N or N·m),
     `phase_deg`, complex `head_force_n`, `acceleration_b_m_s2` and `acceleration_c_m_s2` by `axis`, `settled`, and the
@@ -224,7 +224,7 @@ def _dataset(data: dict[str, Any], places: dict[str, list[float]], more: dict[st
 
 
 def _load(*amplitudes: Amplitudes) -> tuple[str, list[float]]:
-    """The load that the map goes over: its name and its amplitudes."""
+    """The load whose amplitudes the map covers: its name and its amplitudes."""
     names = ("torque1_nm", "torque2_nm", "force_x_n", "force_y_n")
     given = [(name, values) for name, values in zip(names, amplitudes, strict=True) if values is not None]
     if len(given) != 1:
@@ -269,7 +269,7 @@ def _attractors_of(
 
 
 def _attractors(arm: Arm, load: str, amplitude: float, hz: float) -> _resonarm.Attractors:
-    """The stable motions, which a process finds once."""
+    """The stable motions, computed once in each process."""
     own = json.dumps(arm.own_parameters)
     with _attractors_lock:
         return _attractors_of(arm.preset, (arm.beta1_deg, arm.beta2_deg), own, load, amplitude, hz)
@@ -288,13 +288,13 @@ def motions_chunk(arm: Arm, load: str, amplitude: float, hz: float) -> Arrays:
 def block_chunk(
     arm: Arm, load: str, amplitude: float, hz: float, states: NDArray[np.float64], time_constants: float
 ) -> Arrays:
-    """What becomes of some initial states."""
+    """The motions that some initial states reach."""
     rows = found(_attractors(arm, load, amplitude, hz), states, time_constants, False)
     return {"motion": np.ascontiguousarray(rows["motion"]), "periods": np.ascontiguousarray(rows["periods"])}
 
 
 def run_chunk(scenario: Scenario, seed: int) -> Arrays:
-    """What the exciter reads in a run with a seed."""
+    """The responses that the exciter reads in a run with a seed."""
     report = run(scenario.replace(simulation={"seed": seed}))
     responses = report.responses
     columns = {name: np.ascontiguousarray(responses[name]) for name in responses.dtype.names or ()}

@@ -17,8 +17,8 @@ class Plant(_resonarm.Plant):
     """The arm of a scenario with its exciter, its instruments and an integrator, at a sample.
 
     One sample is `measure()`, then `advance(force_n=…)` with the load held up to the next. The same scenario and the
-    same loads give the same states and readings, bit for bit. A reading is of a time before its sample, by the delay of
-    the converters: 2.5 samples by default.
+    same loads give the same states and readings, bit for bit. A reading is earlier than its sample by the delay of the
+    converters: 2.5 samples by default.
 
         plant = resonarm.Plant(resonarm.Scenario())
         for _ in range(1000):
@@ -27,7 +27,7 @@ class Plant(_resonarm.Plant):
     """
 
     def __new__(cls, scenario: Scenario | None = None) -> "Plant":
-        """At sample 0 of the scenario. Raises ValueError if it makes no plant."""
+        """Starts at sample 0 of the scenario. Raises ValueError if the scenario can't make a plant."""
         scenario = Scenario() if scenario is None else scenario
         _checks.scenario(scenario)
         return super().__new__(cls, scenario)
@@ -43,7 +43,7 @@ class Plant(_resonarm.Plant):
 
     def _way(self) -> str:
         return (
-            f"a plant stands at sample {self.sample} and goes on from there by advance() or play(); "
+            f"a plant is at sample {self.sample} and continues from there by advance() or play(); "
             "a new Plant(scenario) begins at sample 0"
         )
 
@@ -52,9 +52,9 @@ class Plant(_resonarm.Plant):
         joints, N·m. A row has, before its load acts, `sample`, `alpha_rad`, `alpha_dot_rad_s`, the readings
         `acceleration_b_m_s2`, `acceleration_c_m_s2` and `head_force_n`, and `clipped` (as `Measurement.clipped`).
 
-        Raises ValueError if the loads don't have two columns and the same number of rows, or one is not finite: then
-        nothing is played; TypeError for what are no real numbers; ResonarmError if the integrator can't go on or the
-        shaker trips: the plant then stands at the sample before.
+        Raises ValueError, and plays nothing, if the loads don't have two columns and the same number of rows, or one is
+        not finite; TypeError if they are not real numbers; ResonarmError if the integrator can't continue or the shaker
+        trips: the plant is then at the sample before.
         """
         force, torque = _pairs("force_n", force_n, self.sample), _pairs("torque_nm", torque_nm, self.sample)
         if force is None and torque is None:

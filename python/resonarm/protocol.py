@@ -1,4 +1,4 @@
-"""The protocol's codec, with E2E protection: what `firmware-protocol/SPEC.md` says of frames."""
+"""The protocol's codec, with E2E protection, as `firmware-protocol/SPEC.md` specifies it."""
 
 from dataclasses import dataclass, field
 from typing import Any, Literal, NamedTuple
@@ -20,7 +20,7 @@ class Frame(NamedTuple):
 
     @classmethod
     def of(cls, message: Any) -> "Frame":
-        """The frame of a `can.Message` with data. Raises TypeError for what is no message."""
+        """The frame of a `can.Message` with data. Raises TypeError for anything else."""
         try:
             identifier, extended = message.arbitration_id, message.is_extended_id
             return cls(identifier, extended, bytes(message.data), message.is_fd, message.bitrate_switch)
@@ -31,7 +31,7 @@ class Frame(NamedTuple):
             ) from None
 
     def message(self, **more: Any) -> Any:
-        """The same as a `can.Message`; `more` are other arguments of it, as `timestamp`."""
+        """The frame as a `can.Message`; `more` are its other arguments, such as `timestamp`."""
         return _extras.require("can", "can").Message(
             arbitration_id=self.identifier,
             is_extended_id=self.extended,
@@ -44,7 +44,7 @@ class Frame(NamedTuple):
 
 @dataclass(frozen=True)
 class Decoded:
-    """What a frame says, and what a receiver does with it."""
+    """The content of a frame, and the verdict of a receiver."""
 
     verdict: Verdict
     """`taken`; `refused`, for the `reason`; or `foreign`: of another network or protocol."""
@@ -53,7 +53,7 @@ class Decoded:
     sender: NodeRole | Literal[""] = ""
     """`plant` or `exciter`."""
     signals: dict[str, float] = field(default_factory=dict)
-    """Values by the signals' names in the DBC, in their units; of what is taken alone."""
+    """Values by the signals' names in the DBC, in their units; only of a frame that is taken."""
     reason: str = ""
     """Why it is refused."""
 
@@ -62,7 +62,7 @@ class Network(_resonarm.Network):
     """A plant and an exciter on a bus: `base` identifier (a multiple of 0x10 from 0x180 to 0x570), node ids (1 to
     127), and the `profile` of commands and samples, classic or fd. Networks are equal if all of these are.
 
-    Raises ValueError for what no network can have.
+    Raises ValueError for invalid identifiers and profiles.
     """
 
     def _value(self) -> tuple[int, int, int, str]:
@@ -96,8 +96,8 @@ class Encoder(_resonarm.Encoder):
 
 
 class Decoder(_resonarm.Decoder):
-    """Takes the frames of a network as a receiver does: checks form, E2E protection and content of each, and
-    supervises the counters. `lost` counts the frames that the counters say were lost."""
+    """Decodes the frames of a network as a receiver does: checks form, E2E protection and content of each, and
+    supervises the counters. `lost` is the number of lost frames according to the counters."""
 
     def __new__(cls, network: Network | None = None) -> "Decoder":
         network = Network() if network is None else network
@@ -105,7 +105,7 @@ class Decoder(_resonarm.Decoder):
         return super().__new__(cls, network)
 
     def decode(self, frame: Any) -> Decoded:
-        """What a `Frame`, or a `can.Message` with data, says.
+        """Decodes a `Frame`, or a `can.Message` with data.
 
         Raises TypeError for anything else, ValueError for a frame that no bus carries.
         """

@@ -1,4 +1,4 @@
-"""The pytest plugin: a bench for every test, its recordings kept where the test fails.
+"""The pytest plugin: a bench for every test, whose recordings are kept if the test fails.
 
     @pytest.mark.scenario("scenarios/bench.toml", simulation={"duration_s": 2.0})
     def test_the_controller_survives_a_lossy_bus(bench):
@@ -6,10 +6,10 @@
             result = bench.run(my_controller)
         result.assert_completed()
 
-A test may bring its parts itself: `plant` is a plant that runs on the bench's bus, `bus` a `can.Bus` on it,
-`controller_process` starts a program on it; `bench.result(plant)` has what must hold then.
+A test may start its parts itself: the fixture `plant` is a plant that runs on the bench's bus, `bus` a `can.Bus` on it,
+`controller_process` starts a program on it; assertions are those of `bench.result(plant)`.
 
-A scenario is parametrised by a fixture of one's own named `scenario`, or by several marks' files:
+A scenario is parametrised by a separate fixture named `scenario`, or by several files in the mark:
 `@pytest.mark.scenario("a.toml", "b.toml")` runs the test with each.
 """
 
@@ -32,7 +32,7 @@ _CAN = "280"  # ARPHRD_CAN of Linux's if_arp.h
 
 
 def pytest_addoption(parser: pytest.Parser) -> None:
-    """The bus, and where recordings go."""
+    """Adds options for the bus and for the folder of recordings."""
     group = parser.getgroup("resonarm")
     group.addoption(
         "--resonarm-bus",
@@ -43,7 +43,7 @@ def pytest_addoption(parser: pytest.Parser) -> None:
 
 
 def pytest_configure(config: pytest.Config) -> None:
-    """The mark."""
+    """Registers the mark."""
     config.addinivalue_line(
         "markers", "scenario(*files, **sections): the bench's scenario, or one after the other, with other values"
     )
@@ -59,7 +59,7 @@ def pytest_generate_tests(metafunc: pytest.Metafunc) -> None:
 
 @pytest.fixture
 def scenario(request: pytest.FixtureRequest) -> Scenario:
-    """The scenario of the test's mark, else the default one."""
+    """The scenario of the test's mark, or the default one."""
     mark = request.node.get_closest_marker("scenario")
     if mark is None:
         return Scenario()
@@ -81,22 +81,22 @@ def bench(request: pytest.FixtureRequest, scenario: Scenario) -> Iterator[Bench]
 
 @pytest.fixture
 def plant(bench: Bench) -> Iterator[Node]:
-    """A plant that runs, recorded, on the bench's bus until the test has ended."""
+    """A plant that runs, recorded, on the bench's bus until the test ends."""
     with bench.plant() as plant:
         yield plant
 
 
 @pytest.fixture
 def bus(bench: Bench, plant: Node) -> Iterator[Any]:
-    """A `can.Bus` on the bus of the fixture `plant`; python-can is the extra `can`."""
+    """A `can.Bus` on the bus of the fixture `plant`; needs the extra `can`."""
     with bench.can_bus(plant) as bus:
         yield bus
 
 
 @pytest.fixture
 def controller_process(bench: Bench) -> Iterator[Callable[..., Program]]:
-    """Starts a controller that is a program, by the words of a command, in which `{bus}` stands for the interface; it
-    is ended with the test. A test that fails shows what it wrote."""
+    """Starts a controller program by the words of a command, in which `{bus}` is replaced by the interface; it is
+    stopped after the test. The report of a test that fails shows its output."""
     started: list[Program] = []
 
     def start(*words: str) -> Program:
@@ -114,7 +114,7 @@ _FAILED = pytest.StashKey[bool]()
 
 @pytest.hookimpl(hookwrapper=True)
 def pytest_runtest_makereport(item: pytest.Item, call: pytest.CallInfo[Any]) -> Iterator[None]:
-    """Names the recordings of a test that failed; skips one whose controller has no bus."""
+    """Adds the recordings of a failed test to its report; skips a test whose controller has no bus."""
     outcome: Any = yield
     report = outcome.get_result()
     bench = item.stash.get(_BENCH, None)
@@ -133,7 +133,7 @@ def pytest_runtest_makereport(item: pytest.Item, call: pytest.CallInfo[Any]) -> 
 
 @contextmanager
 def _bus(wanted: str) -> Iterator[str]:
-    """A bus that no other test uses at the same time, whatever process it runs in."""
+    """A bus that no other test uses at the same time, in any process."""
     if wanted == MEMORY:
         yield MEMORY
         return

@@ -16,17 +16,17 @@ from .words import Part
 
 
 class RecordingWarning(UserWarning):
-    """A recording is not whole: what is missing of it is not read."""
+    """A recording is not whole: the missing records are not read."""
 
 
 class Recording(_resonarm.Recording):
-    """A recording whose every checksum has been checked. Records are read from the file when they are asked for.
+    """A recording, with every checksum checked. Records are read from the file on request.
 
     A truncated or damaged file opens as well, with a RecordingWarning: `damage` and `summary["integrity"]` say what is
-    missing, and what comes before the first bad byte can be had. With `strict` it is a ResonarmError.
+    missing, and the records before the first bad byte can be read. With `strict` it is a ResonarmError.
 
-    Pickled, it is its path, which is opened again. Raises OSError if the file can't be read, ValueError if it is no
-    recording.
+    A recording is pickled as its path, and opened again from it. Raises OSError if the file can't be read, ValueError
+    if it is not a recording.
     """
 
     _strict: bool
@@ -54,7 +54,7 @@ class Recording(_resonarm.Recording):
         return Scenario(self.scenario_toml())
 
     def read(self, part: Part, from_sample: int = 0, to_sample: int = LAST) -> Array:
-        """All rows of a part, of the samples from one to another, both among them.
+        """All rows of a part, from one sample to another, both included.
 
         - `states`: `sample`, `time_s`, `alpha_rad`, `alpha_dot_rad_s`, and the load held from there to the next sample:
           `torque_nm`, `force_n`; `coil_current_a` if a shaker has a coil; `is_end` says that nothing was advanced from
@@ -74,7 +74,7 @@ class Recording(_resonarm.Recording):
         return next(self.chunks(part, LAST, from_sample, to_sample))
 
     def chunks(self, part: Part, rows: int = 1 << 16, from_sample: int = 0, to_sample: int = LAST) -> Iterator[Array]:
-        """The same in arrays of so many rows, so that a recording may be longer than the memory; one at least."""
+        """The same in arrays of at most this many rows, for recordings larger than the memory; at least one array."""
         rows = _checks.rows(rows)
         reader = self.reader(part, *_checks.samples(from_sample, to_sample))
         dtype, first = rows_of(self, part), True
@@ -89,20 +89,20 @@ class Recording(_resonarm.Recording):
             first = False
 
     def arrow(self, part: Part, from_sample: int = 0, to_sample: int = LAST) -> Any:
-        """The same as a `pyarrow.Table`, by the extra `arrow`, with the columns of the CSV of `resonarm export`: pairs
-        apart, payloads as bytes. Columns of 8-byte numbers are not copied. Each field's metadata have its `unit`, those
+        """The same as a `pyarrow.Table`, by the extra `arrow`, with the columns of the CSV of `resonarm export`: a pair
+        as two columns, payloads as bytes. 8-byte numbers are not copied. Each field's metadata have its `unit`, those
         of the schema the recording's `path`, `part`, `dt_s` (s) and, if it has one, `scenario` (TOML).
         """
         pyarrow = _extras.require("pyarrow", "arrow")
         return pyarrow.Table.from_batches([next(self.batches(part, LAST, from_sample, to_sample))])
 
     def batches(self, part: Part, rows: int = 1 << 16, from_sample: int = 0, to_sample: int = LAST) -> Iterator[Any]:
-        """The same in `pyarrow.RecordBatch`es of so many rows, so that a recording may be longer than the memory; one
-        at least."""
+        """The same in `pyarrow.RecordBatch`es of at most this many rows, for recordings larger than the
+        memory; at least one batch."""
         rows = _checks.rows(rows)
         reader = self.reader(part, *_checks.samples(from_sample, to_sample))
         metadata = _arrow.schema_metadata(path=str(self.path), part=part, dt_s=self.dt_s)
-        # As it is in the file: a scenario of another version is no reason to withhold the numbers.
+        # As stored in the file: the numbers can be read even if the scenario is of another version.
         if scenario := self.summary["configuration"].get("scenario"):
             metadata["scenario"] = scenario
         dtype, first = rows_of(self, part), True
@@ -157,5 +157,5 @@ class Recording(_resonarm.Recording):
 
 
 def _opened(path: str, strict: bool) -> Recording:
-    """What a pickled recording is."""
+    """The pickled form of a recording."""
     return Recording(path, strict=strict)

@@ -11,10 +11,10 @@ if TYPE_CHECKING:
 
 
 class Scenario(_resonarm.Scenario):
-    """Everything about a run, as `scenarios/README.md` describes it; what the TOML `text` leaves out has its default.
+    """Everything about a run, as `scenarios/README.md` describes it; keys missing in the TOML `text` have defaults.
     Scenarios are equal if all their values are.
 
-    Raises ValueError for what is no scenario, with the message of the command line.
+    Raises ValueError for an invalid scenario, with the message of the command line.
     """
 
     def __new__(
@@ -24,7 +24,7 @@ class Scenario(_resonarm.Scenario):
         path: str | PathLike[str] | None = None,
         folder: str | PathLike[str] | None = None,
     ) -> "Self":
-        """Of a TOML text, whose load file counts from the `folder`; of the file of a `path`."""
+        """Makes it from a TOML text, a load file being relative to `folder`, or from the file of a `path`."""
         is_path = isinstance(text, PathLike) or (isinstance(text, str) and text.endswith(".toml") and "\n" not in text)
         if is_path or not isinstance(text, str):
             what = f": Scenario.load({str(text)!r}) reads a file" if is_path else f", a str: this is {text!r}"
@@ -33,7 +33,7 @@ class Scenario(_resonarm.Scenario):
 
     @classmethod
     def load(cls, path: str | PathLike[str], **sections: dict[str, Any] | None) -> "Scenario":
-        """The scenario of a file, with other values in the place of its own: see `replace`.
+        """The scenario of a file, with some values replaced: see `replace`.
 
         Raises OSError if the file, or the load file that it names, can't be read.
         """

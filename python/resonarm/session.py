@@ -15,27 +15,27 @@ from .words import BusMode, LoadKind, Mode, NodeRole, Overrun, Reading, RealTime
 
 READINGS = ("head_force_n", "acceleration_b_m_s2", "acceleration_c_m_s2")
 Controller = Callable[[_resonarm.Measurement], tuple[float, float] | None]
-"""What answers a sample: called with a `Measurement`, it returns the load to hold up to the next sample, two
-components, or None when its work is done. If it has a method `restart`, that is called where the exciter begins anew
-after a fault."""
+"""A controller answers each sample: called with a `Measurement`, it returns the load to hold until the next sample, two
+components, or None when its work is done. If it has a method `restart`, this is called when the exciter restarts after
+a fault."""
 
 
 @dataclass(frozen=True, repr=False)
 class Report:
-    """What a run came to."""
+    """The report of a run."""
 
     plant: dict[str, Any]
-    """The plant's part: the document of `resonarm run --json`; empty of an exciter alone."""
+    """The plant's report: the document of `resonarm run --json`; empty for an exciter alone."""
     exciter: dict[str, Any]
-    """The exciter's part: `outcome`, `reason`, `samples_played` and counts; empty of a plant alone."""
+    """The exciter's report: `outcome`, `reason`, `samples_played` and counts; empty for a plant alone."""
     responses: Array
-    """What the exciter has read of the response, a row each frequency: `frequency_hz`, `load` (N or N·m), `phase_deg`
+    """The responses that the exciter read, a row for each frequency: `frequency_hz`, `load` (N or N·m), `phase_deg`
     (NaN in open loop), complex `head_force_n`, `acceleration_b_m_s2`, `acceleration_c_m_s2` against the drive's
     phase, `drift`, `settled`, `clipped`, `tries`."""
 
     @property
     def outcome(self) -> str:
-        """How the plant's run ended, else the exciter's: completed, disarmed, …, finished, …"""
+        """How the plant's run ended, or the exciter's without a plant: completed, disarmed, …, finished, …"""
         return str((self.plant or self.exciter)["outcome"])
 
     @property
@@ -92,24 +92,24 @@ def run(
 ) -> Report:
     """Runs plant and exciter of a scenario on a bus inside this process, until the exciter's work is done.
 
-    `mode` is free (simulated time, one loop, as fast as it goes), lockstep (simulated time, the plant waits for each
-    answer; `speed` holds it to the clock: 1 is its speed) or real-time. A `controller` takes the place of the
-    scenario's; `load` says whether it commands a force at the tip (N) or torques at the joints (N·m). `record` names
-    an MCAP file. `patience_s` is how long a plant waits to be armed, `rearm` how often the exciter begins anew after
+    `mode` is free (simulated time, one loop, as fast as possible), lockstep (simulated time, the plant waits for each
+    answer; `speed` is the number of simulated seconds a second) or real-time. A `controller` replaces the scenario's;
+    `load` says whether it commands a force at the tip (N) or torques at the joints (N·m). `record` names
+    an MCAP file. `patience_s` is how long a plant waits to be armed, `rearm` how often the exciter restarts after
     a fault. Ctrl-C ends the run in order.
 
-    In real time `overrun` is what a missed deadline leads to: slip (the default), continue, fault or stop
+    In real time `overrun` is the reaction to a missed deadline: slip (the default), continue, fault or stop
     (`docs/real-time.md`). With `rt` auto the thread of the run, the plant's, asks for what `resonarm run` asks for:
     SCHED_FIFO with the `priority` of 80, or another from 1 to 99, all memory of the process locked, and the `core` if
-    one is given. With require the run does not begin without them. By default only what is given is asked for: a
-    priority, with it the memory, or a core. `cores_awake` holds all cores of the machine out of their idle states as
-    long as the run goes on. What the thread got is `thread` in the plant's report; what it did not get goes to the
-    logger `resonarm`, too. The plant's loop sleeps until `spin_s` seconds before each deadline, a quarter of the
-    period at most, and looks at the clock from there on; auto measures how late sleeps are, off, the default, sleeps
-    until the deadline. What was chosen is `spin` in the plant's report.
+    one is given. With require the run does not begin without them. By default it asks only for the arguments given: a
+    priority, with it the memory, or a core. `cores_awake` keeps all cores of the machine out of their idle states
+    during the run. The settings granted to the thread are `thread` in the plant's report; those refused are also logged
+    by the logger `resonarm`. The plant's loop sleeps until `spin_s` seconds before each deadline, at most a quarter of
+    the period, and then polls the clock; auto measures how late sleeps are, off, the default, sleeps until the
+    deadline. The result is `spin` in the plant's report.
 
-    Raises ValueError and OSError if the run can't begin; what the controller raises, and ValueError or TypeError, with
-    the sample, for a load that is not two finite numbers. What ends a run early is in the report.
+    Raises ValueError and OSError if the run can't begin, exceptions of the controller, and ValueError or TypeError,
+    with the sample, for a load that is not two finite numbers. The report has the reason if a run ends early.
     """
     own = _controller(scenario, controller, load, rearm)
     real_time = (overrun, rt, priority, core, cores_awake, spin_s)
@@ -121,7 +121,7 @@ def run(
 def _controller(
     scenario: Scenario, controller: Controller | None, load: LoadKind, rearm: int
 ) -> tuple[Controller, str] | None:
-    """The controller of one's own with the kind of its load, after a look at what was given."""
+    """The controller given and the kind of its load, checked."""
     _checks.scenario(scenario)
     if rearm < 0:
         raise ValueError(f"rearm is {rearm}: it must be 0 or more")
@@ -134,10 +134,10 @@ def _controller(
 
 
 class Node(_resonarm.NodeRun):
-    """A plant or an exciter that runs on a bus, on a thread of its own, from the moment it is made; as a context
-    manager it is stopped at the end of the block.
+    """A plant or an exciter that runs on a bus, on a separate thread, from its creation on; as a context manager it is
+    stopped at the end of the block.
 
-    `bus` is the address of a bus as on the command line, such as vcan0. Other arguments are those of `run`;
+    `bus` is the address of a bus as on the command line, such as vcan0. The other arguments are those of `run`;
     `end_on_disarm` ends a plant's run when it is disarmed or faults. `spin_s` is for a plant.
     """
 
@@ -171,13 +171,13 @@ class Node(_resonarm.NodeRun):
         return super().__new__(cls, role, scenario, how, bus, own)
 
     def wait(self) -> Report:
-        """The report, after the run has ended by itself. Raises what ended it if it could not begin."""
+        """The report, after the run has ended by itself. Raises the error if it could not begin."""
         report, responses = self.join()
         parts = (report, {}) if "samples" in report else ({}, report)
         return Report(*parts, view(responses, RESPONSE))
 
     def end(self) -> Report:
-        """Ends the run in order; the report."""
+        """Ends the run in order, and returns the report."""
         self.stop()
         return self.wait()
 

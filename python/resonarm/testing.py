@@ -1,6 +1,6 @@
-"""A bench for tests of controllers: runs with faults, and what must hold of them, in the trade's words.
+"""A bench for tests of controllers: runs with faults, and assertions about them.
 
-The pytest plugin (`resonarm.pytest_plugin`) hands one out as the fixture `bench`; it needs nothing of pytest itself.
+The pytest plugin (`resonarm.pytest_plugin`) provides it as the fixture `bench`; it does not depend on pytest.
 """
 
 import atexit
@@ -26,11 +26,11 @@ MEMORY = "memory"
 
 
 class NeedsInterface(Exception):
-    """A controller that is a program needs a CAN interface of the kernel, and the bench has a bus in memory."""
+    """A controller program needs a CAN interface of the kernel, and the bench has a bus in memory."""
 
 
 class Program:
-    """A controller that is a program of its own, from the moment it is made."""
+    """A controller program, running from its creation on."""
 
     def __init__(self, words: Sequence[str], log: Path) -> None:
         self._log = log
@@ -39,16 +39,16 @@ class Program:
 
     @property
     def is_running(self) -> bool:
-        """Whether it runs still."""
+        """Whether it is still running."""
         return self._process.poll() is None
 
     @property
     def output(self) -> str:
-        """What it has written up to now."""
+        """Its output so far."""
         return self._log.read_text(errors="replace")
 
     def wait(self, within_s: float = 60.0) -> int:
-        """Its exit code. AssertionError with its output if it has not ended within a time, s."""
+        """Waits for its end and returns the exit code. Raises AssertionError with its output after this time, s."""
         __tracebackhide__ = True
         try:
             return self._process.wait(within_s)
@@ -56,7 +56,7 @@ class Program:
             raise AssertionError(f"the controller has not ended within {within_s:g} s:\n{self.output}") from None
 
     def end(self) -> None:
-        """Asks it to end, and ends it where it does not within ten seconds."""
+        """Asks it to end, and kills it after ten seconds."""
         self._process.terminate()
         try:
             self._process.wait(10)
@@ -68,14 +68,14 @@ class Program:
 class Bench:
     """A scenario, a bus and a folder for recordings: runs a controller against the simulated plant.
 
-    `scenario` is one or the path of one, by default the default one. `folder` is made if it is missing, and a recording
-    that is there is kept; without one there is a temporary folder, which is gone after a `with` block, else with the
-    process. `bus` is memory or a CAN interface of the kernel, for controllers that are programs.
+    `scenario` is one or the path of one, by default the default one. `folder` is created if missing, and existing
+    recordings in it are kept; without one there is a temporary folder, removed after a `with` block, or with the
+    process. `bus` is memory or a CAN interface of the kernel, for controller programs.
 
-    Runs are in simulated time, so that they are exact on a busy machine. A controller of this process runs in the
-    `mode` free: the times and delays of network faults are simulated, and deadlines are kept as in real time. A program
-    runs in lockstep, in which time waits for its answer: there the times of network faults are by the clock. Another
-    `mode`, lockstep or real-time, is for all of them.
+    Runs are in simulated time, so they are exact on a busy machine. A controller in this process runs in the `mode`
+    free: the times and delays of network faults are simulated, and deadlines hold as in real time. A program runs in
+    lockstep, in which time waits for its answer: there the times of network faults follow the clock. Another `mode`,
+    lockstep or real-time, applies to both.
 
         with Bench("scenarios/bench.toml") as bench, bench.delay(0.002):
             bench.run().assert_completed()
@@ -141,13 +141,13 @@ class Bench:
 
     def _with_program(self, words: Sequence[str], patience_s: float) -> Result:
         if self.bus == MEMORY:
-            self.program(words)  # which says what is missing
+            self.program(words)  # raises an error that says what is missing
         path = self._next()
         with self._plant(self.bus, self._bus_mode, path, patience_s) as plant:
             program = self.program(words)
             while program.is_running and plant.is_running:
                 time.sleep(0.01)
-            # It hears that the plant leaves.
+            # It learns that the plant leaves.
             ending = time.monotonic() + 10
             while program.is_running and time.monotonic() < ending:
                 time.sleep(0.01)
@@ -157,14 +157,14 @@ class Bench:
 
     @property
     def _bus_mode(self) -> BusMode:
-        """The mode of a node on a bus. The mode free has none, which the node then says."""
+        """The mode of a node on a bus. The mode free has no bus; the node reports this."""
         return self.mode or "lockstep"  # type: ignore[return-value]
 
     def _plant(self, end: _resonarm.BusEnd | str, mode: BusMode, path: Path, patience_s: float) -> Node:
         return Node("plant", self.scenario, end, mode, record=path, patience_s=patience_s, end_on_disarm=True)
 
     def _next(self) -> Path:
-        """The file of the next recording; none that is there."""
+        """The file of the next recording, which does not exist yet."""
         count = len(self.recordings) + 1
         while (path := self.folder / f"run-{count}.mcap").exists():
             count += 1
@@ -173,8 +173,8 @@ class Bench:
 
     @contextmanager
     def plant(self, **options: Any) -> Iterator[Node]:
-        """A plant that runs, recorded, on the bench's bus within the block, for whatever is to meet it there: a
-        `can_bus`, a `program`. `options` are those of `Node`. `result` has its report."""
+        """A plant that runs, recorded, on the bench's bus within the block, for a `can_bus` or a `program`. `options`
+        are those of `Node`. `result` has its report."""
         self._hub = _resonarm.Hub(8) if self.bus == MEMORY else None
         near = self.bus if self._hub is None else self._hub.end()
         plant = Node("plant", self.scenario, near, self._bus_mode, record=self._next(), **options)
@@ -183,19 +183,19 @@ class Bench:
         finally:
             self._hub = None
             plant.stop()
-            # A stop is heard between two samples; a plant that waits in lockstep hears it, too.
+            # A stop takes effect between two samples, also while a plant waits in lockstep.
             ending = time.monotonic() + 60
             while plant.is_running and time.monotonic() < ending:
                 time.sleep(0.005)
 
     def result(self, plant: Node) -> Result:
-        """What the run of a `plant` came to: it is asked to end, if it has not."""
+        """The result of a `plant`'s run, which is stopped if it has not ended."""
         return Result(plant.end(), None, "".join(program.output for program in self.programs), self.recordings[-1])
 
     @contextmanager
     def can_bus(self, plant: Node) -> Iterator[Any]:
-        """A `can.Bus` on the bus of a running plant; in memory `can.Bus(interface="resonarm", channel=bus.channel)` is
-        another."""
+        """A `can.Bus` on the bus of a running plant; in memory, `can.Bus(interface="resonarm", channel=bus.channel)`
+        opens another."""
         can = _extras.require("can", "can")
         if self._hub is None:
             is_fd = self.scenario.values()["network"]["profile"] == "fd"
@@ -208,7 +208,7 @@ class Bench:
             yield bus
 
     def program(self, words: Sequence[str]) -> Program:
-        """Starts a controller that is a program: the words of a command, in which `{bus}` stands for the interface.
+        """Starts a controller program by the words of a command, in which `{bus}` is replaced by the interface.
         Raises NeedsInterface on a bus in memory."""
         if self.bus == MEMORY:
             raise NeedsInterface("a controller that is a program needs a CAN interface: --resonarm-bus vcan0")
@@ -219,8 +219,8 @@ class Bench:
     @contextmanager
     def fault(self, kind: NetworkFault, *, node: NodeRole = "plant", **values: Any) -> Iterator[None]:
         """Runs within the block have a fault of the network at a node's end: loss, delay, jitter, reordering,
-        duplication, bit_error, babble, bus_off or link_down, with the keys of `[[network.faults]]`. The faults of a
-        program's own end are not applied: give them to the plant's."""
+        duplication, bit_error, babble, bus_off or link_down, with the keys of `[[network.faults]]`. Faults at a
+        program's end are not applied: give them to the plant's end."""
         with self._section("network", {"node": node, "kind": kind, **values}):
             yield
 
@@ -232,8 +232,8 @@ class Bench:
 
     @contextmanager
     def delay(self, delay_s: float, **values: Any) -> Iterator[None]:
-        """Frames come later by a time, s, and those behind them wait: of simulated time in the mode free, else by the
-        clock."""
+        """Frames are delayed by a time, s, and so are those behind them: simulated time in the mode free, otherwise by
+        the clock."""
         with self.fault("delay", delay_s=delay_s, **values):
             yield
 
@@ -245,7 +245,7 @@ class Bench:
 
     @contextmanager
     def link_down(self, **values: Any) -> Iterator[None]:
-        """Nothing comes in, and nothing that is sent arrives."""
+        """No frame is received, and no frame sent arrives."""
         with self.fault("link_down", **values):
             yield
 

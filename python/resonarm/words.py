@@ -9,7 +9,7 @@ Drive = Literal["torque1", "torque2", "force-x", "force-y"]
 Response = Literal["alpha1", "alpha2", "b-x", "b-y", "c-x", "c-y"]
 """Where a response is taken: at a joint, at the elbow B or at the tip C."""
 Quantity = Literal["receptance", "mobility", "accelerance"]
-"""What a frequency response is of (ISO 7626-1)."""
+"""The quantity of a frequency response (ISO 7626-1)."""
 Scheme = Literal["rk4", "dop853", "gl4", "gl6", "exponential", "exponential8"]
 """An integration scheme."""
 Parameter = Literal[
@@ -28,21 +28,21 @@ Parameter = Literal[
     "damping1_nm_s_rad",
     "damping2_nm_s_rad",
 ]
-"""What a branch is followed in."""
+"""The parameter in which a branch is followed."""
 Coordinate = Literal["alpha1_rad", "alpha2_rad", "alpha_dot1_rad_s", "alpha_dot2_rad_s"]
 """A coordinate of the state."""
 Mode = Literal["free", "lockstep", "real-time"]
-"""What drives the time of a run: nothing but the simulation, the answers of a partner, or the clock."""
+"""What drives the time of a run: only the simulation, the answers of a partner, or the clock."""
 BusMode = Literal["lockstep", "real-time"]
-"""The same of a node on a bus."""
+"""The same for a node on a bus."""
 LoadKind = Literal["force", "torque"]
-"""What a controller commands: a force at the tip, N, or torques at the joints, N·m."""
+"""The load that a controller commands: a force at the tip, N, or torques at the joints, N·m."""
 Overrun = Literal["slip", "continue", "fault", "stop"]
-"""What a missed deadline leads to, in real time."""
+"""The reaction to a missed deadline, in real time."""
 RealTime = Literal["auto", "require", "off"]
-"""How much a thread wants to be a real-time thread."""
+"""How strictly a run in real time needs a real-time thread."""
 Spin = Literal["auto", "off"]
-"""How long a loop looks at the clock before a deadline: as long as its sleeps are late, or not at all."""
+"""How long a loop polls the clock before a deadline: as long as its sleeps are late, or not at all."""
 NodeRole = Literal["plant", "exciter"]
 """A node of a network."""
 Profile = Literal["classic", "fd"]
@@ -69,7 +69,7 @@ MessageName = Literal[
 ]
 """A message, by its name in the DBC."""
 Verdict = Literal["taken", "refused", "foreign"]
-"""What a receiver does with a frame."""
+"""The verdict of a receiver on a frame."""
 Fault = Literal[
     "command timeout",
     "sensor timeout",
@@ -88,13 +88,13 @@ Fault = Literal[
 NetworkFault = Literal[
     "loss", "delay", "jitter", "reordering", "duplication", "bit_error", "babble", "bus_off", "link_down"
 ]
-"""A fault of the network, as `[[network.faults]]` of a scenario has it."""
+"""A fault of the network, as in `[[network.faults]]` of a scenario."""
 Instrument = Literal["accelerometer_b", "accelerometer_c", "impedance_head"]
 """An instrument."""
 SensorFault = Literal["stuck", "dropout", "drift", "noise", "spike"]
-"""A fault of an instrument, as `[[rig.faults]]` of a scenario has it."""
+"""A fault of an instrument, as in `[[rig.faults]]` of a scenario."""
 Part = Literal["states", "samples", "frames", "ticks", "events"]
-"""The records of a recording that belong together."""
+"""A part of a recording: its records of one kind."""
 Reading = Literal["head_force_n", "acceleration_b_m_s2", "acceleration_c_m_s2"]
 """A reading of the instruments, by its name."""
 Signal = Literal[

@@ -104,7 +104,7 @@ impl Arm {
         values::document(py, &self.section.parameters)
     }
 
-    /// What makes the same arm again.
+    /// The arguments that make the same arm again.
     fn __getnewargs_ex__<'py>(&self, py: Python<'py>) -> PyResult<((String,), Bound<'py, PyDict>)> {
         let keywords = PyDict::new(py);
         keywords.set_item("beta1_deg", self.section.beta1_deg)?;
@@ -147,8 +147,8 @@ impl Arm {
         rows.into_bytes(py)
     }
 
-    /// Rows of t, α and α̇ from `initial` on under a sine: with a scheme and steps a second, so many steps, a row every
-    /// so many of them and at the end.
+    /// Rows of t, α and α̇ from `initial` on under a sine. `stepping` is a scheme and the steps a second, `length` the
+    /// number of steps and the number from row to row; the end has a row, too.
     fn motion<'py>(
         &self,
         py: Python<'py>,
@@ -186,7 +186,7 @@ impl Arm {
     }
 }
 
-/// A sine of Python: torques at the joints, N·m, and forces at the tip, N, at its crest; its frequency, Hz.
+/// A sine of Python: torques at the joints, N·m, and forces at the tip, N, at its peak; its frequency, Hz.
 #[derive(Clone, Copy, Debug, FromPyObject)]
 pub struct SineParts([f64; 2], [f64; 2], f64);
 
@@ -210,7 +210,7 @@ pub fn push(rows: &mut Rows, t_s: f64, state: &State) {
     rows.numbers(&[t_s, x.x, x.y, v.x, v.y]);
 }
 
-/// The scheme of a name, or the default one.
+/// The scheme of this name, or the default one.
 fn scheme(name: Option<&str>) -> PyResult<Scheme> {
     name.map_or(Ok(Scheme::default()), str::parse).map_err(errors::value)
 }

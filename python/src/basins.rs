@@ -15,15 +15,15 @@ use crate::errors;
 use crate::rows::{Rows, numbers};
 use crate::watch::watched;
 
-/// Motions that go side by side on one core.
+/// Motions computed side by side on one core.
 const TOGETHER: usize = 64;
-/// Periods between two looks whether to stop.
+/// Periods between two checks whether to stop.
 const AT_ONCE: u32 = 64;
-/// In place of the number of a motion, which counts from 1.
+/// Takes the place of the number of a motion, which counts from 1.
 const UNDECIDED: i64 = 0;
 const DIVERGES: i64 = -1;
 
-/// The states of an array of Python, given as its bytes.
+/// The states in an array of Python, given as its bytes.
 fn states(bytes: &[u8]) -> PyResult<Vec<State>> {
     let numbers = numbers(bytes);
     let (rows, _rest) = numbers.as_chunks::<4>();
@@ -60,7 +60,7 @@ pub fn ensemble<'py>(
     rows.into_bytes(py)
 }
 
-/// A group of motions at the start, after every so many periods and at the end; no further than where it is stopped.
+/// A group of motions at the start, after every so many periods and at the end, or up to where it is stopped.
 fn followed(
     map: &StroboscopicMap<'_>,
     group: &[State],
@@ -129,7 +129,7 @@ pub struct Attractors {
     arm: resonarm::arm::Arm,
     sine: Sine,
     motions: Vec<time_domain::StableMotion>,
-    /// Why a branch that was looked at ended early.
+    /// Why a branch ended early.
     #[pyo3(get)]
     ended_early: Option<String>,
 }
@@ -156,7 +156,7 @@ impl Attractors {
         self.motions.iter().map(motion).collect()
     }
 
-    /// Which motion each initial state reaches, and after how many periods that was certain: on all cores, or on the
+    /// The motion that each initial state reaches, and the number of periods it takes: on all cores, or on the
     /// calling thread alone.
     fn outcomes<'py>(
         &self,

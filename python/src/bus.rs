@@ -9,10 +9,10 @@ use resonarm::bus::memory::{self, MemoryBus, MemoryReceiver, MemorySender};
 use crate::errors;
 use crate::protocol::{FrameParts, parts};
 
-/// Frames that an end keeps of each other end until it receives them: a few seconds of a bench at 1 kHz, for
+/// Frames of each other end that an end keeps until it receives them: a few seconds of a bench at 1 kHz, for
 /// listeners that are slower than simulated time.
 const CAPACITY: usize = 1 << 14;
-/// Between two looks for signals of the system.
+/// Interval of checks for signals of the system.
 const LOOK_S: f64 = 0.05;
 
 /// A bus inside this process.
@@ -23,13 +23,13 @@ pub struct Hub {
 
 #[pymethods]
 impl Hub {
-    /// A bus with so many ends.
+    /// A bus with this number of ends.
     #[new]
     fn new(ends: usize) -> Hub {
         Hub { ends: Mutex::new(memory::hub(ends, CAPACITY)) }
     }
 
-    /// One of its ends, which nobody has had before.
+    /// One of its ends, each given once.
     fn end(&self) -> PyResult<BusEnd> {
         let end = self.ends.lock().unwrap_or_else(PoisonError::into_inner).pop();
         let end = end.ok_or_else(|| errors::failed("all ends of this bus in memory have been given away"))?;
@@ -79,7 +79,7 @@ impl BusEnd {
         Ok(())
     }
 
-    /// The next frame, if one comes within a time, s; without one it waits for ever.
+    /// The next frame, waiting for this time, s, or without one forever; `None` if there is none.
     #[pyo3(signature = (timeout_s = None))]
     fn receive(&self, py: Python<'_>, timeout_s: Option<f64>) -> PyResult<Option<Parts>> {
         self.split();
@@ -89,7 +89,7 @@ impl BusEnd {
             let received = py.detach(|| {
                 let mut receiver = self.receiver.lock().unwrap_or_else(PoisonError::into_inner);
                 let receiver = receiver.as_mut().ok_or_else(closed)?;
-                // What is there already needs no system call.
+                // A frame that is waiting needs no system call.
                 let next = receiver.receive();
                 Ok::<_, PyErr>(match next {
                     None if part_s > 0.0 && receiver.wait(Duration::from_secs_f64(part_s)) => receiver.receive(),

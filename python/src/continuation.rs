@@ -20,7 +20,7 @@ type BranchRows = (Py<PyByteArray>, Vec<&'static str>, Py<PyByteArray>);
 /// Kind, points, places of turns; whether each is a cusp.
 type CurveRows = (&'static str, Py<PyByteArray>, Py<PyByteArray>, Vec<bool>);
 
-/// What was found: the branch and those that leave it at period doublings, curves, and why it ended early if it did.
+/// The results: the branch and those that leave it at period doublings, curves, and why it ended early if it did.
 #[pyclass(frozen, get_all, module = "resonarm._resonarm")]
 pub struct Traced {
     branches: Vec<BranchRows>,
@@ -28,7 +28,7 @@ pub struct Traced {
     ended_early: Option<String>,
 }
 
-/// Name and unit of what a branch can be followed in.
+/// Name and unit of a quantity in which a branch can be followed.
 #[pyfunction]
 pub fn parameter_label(name: &str) -> PyResult<(String, String)> {
     match coordinate("parameter", name)? {
@@ -47,8 +47,8 @@ fn coordinate(flag: &str, name: &str) -> PyResult<Coordinate<ArmParameter>> {
     })
 }
 
-/// Follows the motions of an arm under a load, its direction (u1, u2, Fx, Fy), amplitude and frequency, in a parameter
-/// from one value to another, with at most so many harmonics, points and so long steps.
+/// Follows the motions of an arm under a load (its direction u1, u2, Fx, Fy, its amplitude and frequency) in a
+/// parameter from one value to another, with limits of harmonics, points and step length.
 #[pyfunction]
 pub fn trace_branch(
     py: Python<'_>,
@@ -115,7 +115,7 @@ fn follow(
     Ok((branches, found, early))
 }
 
-/// What was found, whole or not; the first reason why something ended early is kept.
+/// The result of a walk, complete or not; keeps the first reason why one ended early.
 fn keep<T: core::fmt::Debug>(walked: Result<T, EndedEarly<T>>, early: &mut Option<AnalysisError>) -> T {
     walked.unwrap_or_else(|ended| {
         early.get_or_insert(ended.reason);

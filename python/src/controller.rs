@@ -15,7 +15,7 @@ use crate::values;
 /// The exception that ended a controller's work, if one did.
 pub type Raised = Arc<Mutex<Option<PyErr>>>;
 
-/// What is called with each sample: it returns two components of a load, or `None` when the work is done.
+/// Called with each sample: returns two components of a load, or `None` when the work is done.
 pub struct PyController {
     call: Py<PyAny>,
     kind: LoadKind,
@@ -28,7 +28,7 @@ impl fmt::Debug for PyController {
     }
 }
 
-/// Of the name `force` or `torque`.
+/// Parses `force` or `torque`.
 pub fn load_kind(name: &str) -> PyResult<LoadKind> {
     match name {
         "force" => Ok(LoadKind::Force),
@@ -37,7 +37,7 @@ pub fn load_kind(name: &str) -> PyResult<LoadKind> {
     }
 }
 
-/// The two components that a controller has returned for a sample.
+/// The two components that a controller returned for a sample.
 fn load(answer: &Bound<'_, PyAny>, sample: u64) -> PyResult<[f64; 2]> {
     values::two_numbers(answer, |returned| {
         format!(
@@ -47,13 +47,13 @@ fn load(answer: &Bound<'_, PyAny>, sample: u64) -> PyResult<[f64; 2]> {
 }
 
 impl PyController {
-    /// A controller that keeps what `call` raises in `raised`.
+    /// A controller that stores an exception of `call` in `raised`.
     pub fn new(call: &Py<PyAny>, kind: LoadKind, raised: &Raised) -> PyController {
         let call = Python::attach(|py| call.clone_ref(py));
         PyController { call, kind, raised: Arc::clone(raised) }
     }
 
-    /// The result, unless it was raised: then the work is done.
+    /// The result, or the end of the work after an exception.
     fn keep<T>(&self, result: PyResult<T>) -> Option<T> {
         result.map_err(|error| *self.raised.lock().unwrap_or_else(PoisonError::into_inner) = Some(error)).ok()
     }

@@ -18,9 +18,9 @@ use resonarm::replay::ReplayError;
 use resonarm::run::RunError;
 use resonarm::scenario::ScenarioError;
 
-create_exception!(resonarm, ResonarmError, PyException, "What was asked for makes sense, and could not be done.");
+create_exception!(resonarm, ResonarmError, PyException, "A valid request could not be fulfilled.");
 
-/// A text as it may be printed on a terminal: control characters, which a file or its name may bring, are escaped.
+/// Escapes control characters, which a file or its name may contain, so that the text can be printed on a terminal.
 pub fn printable(text: impl Display) -> String {
     let mut found = String::new();
     for character in text.to_string().chars() {
@@ -40,17 +40,17 @@ pub fn printable_text(text: &str) -> String {
     printable(text)
 }
 
-/// A value that makes no sense: `ValueError`.
+/// An invalid value: `ValueError`.
 pub fn value(error: impl Display) -> PyErr {
     PyValueError::new_err(printable(error))
 }
 
-/// What could not be done: `ResonarmError`.
+/// A valid request that failed: `ResonarmError`.
 pub fn failed(error: impl Display) -> PyErr {
     ResonarmError::new_err(printable(error))
 }
 
-/// The system refused: the `OSError` of its kind.
+/// A refusal of the system: the `OSError` of its kind.
 fn refused(kind: io::ErrorKind, error: &impl Display) -> PyErr {
     let message = printable(error);
     match kind {
@@ -62,7 +62,7 @@ fn refused(kind: io::ErrorKind, error: &impl Display) -> PyErr {
     }
 }
 
-/// Of a scenario.
+/// The exception for an error of a scenario.
 pub fn scenario(error: ScenarioError) -> PyErr {
     match &error {
         ScenarioError::Read { source, .. } | ScenarioError::ReadLoad { source, .. } => refused(source.kind(), &error),
@@ -70,7 +70,7 @@ pub fn scenario(error: ScenarioError) -> PyErr {
     }
 }
 
-/// Of a frequency response.
+/// The exception for an error of a frequency response.
 pub fn frf(error: FrfError) -> PyErr {
     match error {
         FrfError::Frequency { .. } => value(error),
@@ -78,7 +78,7 @@ pub fn frf(error: FrfError) -> PyErr {
     }
 }
 
-/// Of an analysis.
+/// The exception for an error of an analysis.
 pub fn analysis(error: AnalysisError) -> PyErr {
     match error {
         AnalysisError::Interval { .. } => value(error),
@@ -86,7 +86,7 @@ pub fn analysis(error: AnalysisError) -> PyErr {
     }
 }
 
-/// Of motions followed through time.
+/// The exception for an error of motions followed through time.
 pub fn time_domain(error: TimeDomainError) -> PyErr {
     match error {
         TimeDomainError::Integrate { .. } | TimeDomainError::Stopped => failed(error),
@@ -94,7 +94,7 @@ pub fn time_domain(error: TimeDomainError) -> PyErr {
     }
 }
 
-/// Of a recording.
+/// The exception for an error of a recording.
 pub fn recording(error: RecordingError) -> PyErr {
     match &error {
         RecordingError::Exists { .. } => refused(io::ErrorKind::AlreadyExists, &error),
@@ -108,7 +108,7 @@ pub fn recording(error: RecordingError) -> PyErr {
     }
 }
 
-/// Of a run that can't begin, or ended early.
+/// The exception for a run that can't begin, or ended early.
 pub fn run(error: RunError) -> PyErr {
     match error {
         RunError::Scenario(error) => scenario(error),
@@ -126,7 +126,7 @@ pub fn run(error: RunError) -> PyErr {
     }
 }
 
-/// Of a bus: `OSError`, but for an address that names none.
+/// The exception for an error of a bus: `OSError`, or `ValueError` for an invalid address.
 pub fn bus(error: BusError) -> PyErr {
     match error {
         BusError::Address { .. } => value(error),
@@ -134,7 +134,7 @@ pub fn bus(error: BusError) -> PyErr {
     }
 }
 
-/// Of a run that is simulated again.
+/// The exception for an error of a resimulation.
 pub fn replay(error: ReplayError) -> PyErr {
     match error {
         ReplayError::Recording(error) => recording(error),

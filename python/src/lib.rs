@@ -1,7 +1,7 @@
-//! The extension module `resonarm._resonarm`: what the Python package `resonarm` calls of the library.
+//! The extension module `resonarm._resonarm`, on which the Python package `resonarm` is built.
 //!
-//! Public names and documentation for users stand in the package, `python/resonarm`. Calls that take long let go of the
-//! interpreter's lock. Arrays go over as rows of words (`rows`), errors as exceptions of a fitting type (`errors`).
+//! Public names and documentation for users are in the package, `python/resonarm`. Long calls release the
+//! interpreter's lock. Arrays are passed as rows of words (`rows`), errors as exceptions of a fitting type (`errors`).
 
 mod arm;
 mod basins;

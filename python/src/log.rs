@@ -1,4 +1,4 @@
-//! Frames written into a recording, one by one.
+//! Writes frames into a recording, one by one.
 
 use core::mem;
 use std::path::{Path, PathBuf};
@@ -12,7 +12,7 @@ use resonarm::recording::{Direction, Existing, Naming};
 use crate::errors;
 use crate::protocol::FrameParts;
 
-/// A recording of frames alone; begun when no frame can come any more that is earlier than all so far.
+/// A recording that has only frames; begun when no earlier frame than those so far can arrive.
 #[pyclass(frozen, module = "resonarm._resonarm")]
 pub struct LogWriter {
     path: PathBuf,
@@ -26,7 +26,7 @@ enum Log {
 }
 
 impl Log {
-    /// Takes a frame in.
+    /// Adds a frame.
     fn push(&mut self, path: &Path, logged: LoggedFrame) -> Result<(), ImportError> {
         let waiting = match self {
             Log::Begun(log) => return log.push(&logged).map(drop),
@@ -42,7 +42,7 @@ impl Log {
         if is_late { self.begin(path) } else { Ok(()) }
     }
 
-    /// Begins the recording with the earliest of the frames that wait, if there are any.
+    /// Begins the recording with the earliest of the waiting frames, if there are any.
     fn begin(&mut self, path: &Path) -> Result<(), ImportError> {
         let Log::Waiting(waiting) = self else { return Ok(()) };
         let Some(earliest) = waiting.iter().min_by_key(|logged| logged.time_ns) else { return Ok(()) };
@@ -65,13 +65,13 @@ fn refused(error: ImportError) -> PyErr {
 
 #[pymethods]
 impl LogWriter {
-    /// Of the file of this path, over what is there.
+    /// Creates the file at this path, or replaces it.
     #[new]
     fn new(path: PathBuf) -> LogWriter {
         LogWriter { path, log: Mutex::new(Log::Waiting(Vec::new())) }
     }
 
-    /// Writes a frame that was seen at a time of the UNIX epoch, ns.
+    /// Writes a frame received at a time of the UNIX epoch, ns.
     fn write(&self, frame: FrameParts, unix_ns: u64, received: bool, interface: String) -> PyResult<()> {
         let direction = if received { Direction::Received } else { Direction::Sent };
         let interface = Some(interface).filter(|name| !name.is_empty());
@@ -79,7 +79,7 @@ impl LogWriter {
         self.log.lock().unwrap_or_else(PoisonError::into_inner).push(&self.path, logged).map_err(refused)
     }
 
-    /// Ends the recording; how many frames are in it.
+    /// Ends the recording; returns the number of frames in it.
     fn finish(&self, py: Python<'_>) -> PyResult<u64> {
         let mut log = self.log.lock().unwrap_or_else(PoisonError::into_inner);
         log.begin(&self.path).map_err(refused)?;

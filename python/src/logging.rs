@@ -1,7 +1,7 @@
-//! What the library logs, for Python's `logging`.
+//! Passes the library's log to Python's `logging`.
 //!
-//! A thread that logs must not wait for the interpreter's lock, so messages are kept until a call from Python hands
-//! them over to the logger `resonarm`.
+//! A thread that logs must not wait for the interpreter's lock, so messages are kept until a call from Python passes
+//! them to the logger `resonarm`.
 
 use core::fmt::{Debug, Write};
 use std::sync::{Mutex, PoisonError};
@@ -13,7 +13,7 @@ use tracing::{Event, Level, Metadata, Subscriber};
 
 use crate::errors;
 
-/// Messages that are kept until they are handed over; later ones are dropped.
+/// Most messages that are kept; later ones are dropped.
 const KEPT: usize = 256;
 
 static MESSAGES: Mutex<Vec<(Level, String)>> = Mutex::new(Vec::new());
@@ -27,7 +27,7 @@ impl Subscriber for Keeper {
     }
 
     fn new_span(&self, _span: &Attributes<'_>) -> Id {
-        // Spans aren't told apart.
+        // All spans have the same identifier.
         Id::from_u64(1)
     }
 
@@ -49,7 +49,7 @@ impl Subscriber for Keeper {
     fn exit(&self, _span: &Id) {}
 }
 
-/// A message, and its fields behind it.
+/// A message, followed by its fields.
 #[derive(Default)]
 struct Text {
     message: String,
@@ -65,13 +65,13 @@ impl Visit for Text {
     }
 }
 
-/// Keeps what is logged from now on.
+/// Keeps log messages from now on.
 pub fn begin() {
-    // Refused where somebody keeps it already, who then has it.
+    // Refused if another subscriber is set, which then receives them.
     let _ = tracing::subscriber::set_global_default(Keeper);
 }
 
-/// Hands over what was logged.
+/// Passes the messages kept to the logger.
 pub fn hand_over(py: Python<'_>) -> PyResult<()> {
     let messages = core::mem::take(&mut *MESSAGES.lock().unwrap_or_else(PoisonError::into_inner));
     if messages.is_empty() {

@@ -11,7 +11,7 @@ use crate::rows::{Rows, numbers};
 use crate::scenario::Scenario;
 use crate::values;
 
-/// What the instruments say at a sample.
+/// The readings of the instruments at a sample.
 #[pyclass(frozen, eq, module = "resonarm._resonarm")]
 #[derive(Debug, PartialEq)]
 pub struct Measurement {
@@ -120,7 +120,7 @@ pub struct Plant {
     inner: plant::Plant,
 }
 
-/// Samples between two looks for signals: some 20 ms of work.
+/// Samples between two checks for signals: some 20 ms of work.
 const SAMPLES_A_LOOK: usize = 1 << 14;
 
 #[pymethods]
@@ -131,7 +131,7 @@ impl Plant {
         Ok(Plant { inner: plant::Plant::new(&spec).map_err(errors::value)? })
     }
 
-    /// The index of the sample at which the plant stands.
+    /// The index of the plant's current sample.
     #[getter]
     fn sample(&self) -> u64 {
         self.inner.sample()
@@ -157,7 +157,7 @@ impl Plant {
         (v.x, v.y)
     }
 
-    /// What the instruments say at the sample. Every call draws new noise: call it once a sample.
+    /// The readings of the instruments at the sample. Every call draws new noise: call it once a sample.
     fn measure(&mut self) -> Measurement {
         self.inner.measure().into()
     }

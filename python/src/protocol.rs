@@ -8,13 +8,13 @@ use resonarm::protocol::{
 
 use crate::errors;
 
-/// The frame of `resonarm.Frame`: identifier, whether it has 29 bits, payload, whether it is one of CAN FD, and whether
-/// that has the bit rate switch. A remote frame has no such form.
+/// The frame of `resonarm.Frame`: identifier, whether it has 29 bits, payload, whether it is a CAN FD frame, and
+/// whether it has the bit rate switch. There is no such form of a remote frame.
 #[derive(Clone, Debug, FromPyObject)]
 pub struct FrameParts(u32, bool, Vec<u8>, bool, bool);
 
 impl FrameParts {
-    /// The frame, if it is one.
+    /// The frame, if the parts are valid.
     pub fn frame(&self) -> PyResult<Frame> {
         let FrameParts(identifier, extended, data, fd, bit_rate_switch) = self;
         let id = match (extended, u16::try_from(*identifier)) {
@@ -89,7 +89,7 @@ impl Network {
         self.inner.profile().name()
     }
 
-    /// What makes the same network again.
+    /// The arguments that make the same network again.
     fn __getnewargs_ex__<'py>(&self, py: Python<'py>) -> PyResult<((), Bound<'py, PyDict>)> {
         let keywords = PyDict::new(py);
         keywords.set_item("base", self.base())?;
@@ -155,10 +155,10 @@ impl Encoder {
     }
 }
 
-/// What became of a frame: verdict, message, sender, signals, reason.
+/// The verdict on a frame: verdict, message, sender, signals, reason.
 type Verdict<'py> = (&'static str, &'static str, String, Bound<'py, PyDict>, String);
 
-/// Takes frames of a network: checks form, E2E protection and content of each, and supervises the counters.
+/// Decodes frames of a network: checks form, E2E protection and content of each, and supervises the counters.
 #[pyclass(subclass, module = "resonarm._resonarm")]
 #[derive(Debug)]
 pub struct Decoder {
@@ -172,13 +172,13 @@ impl Decoder {
         Decoder { inner: protocol::Receiver::new(network.inner) }
     }
 
-    /// Frames that the counters say were lost.
+    /// Frames lost according to the counters.
     #[getter]
     fn lost(&self) -> u64 {
         self.inner.lost()
     }
 
-    /// What a frame says, and whether a receiver takes it.
+    /// The content of a frame, and whether a receiver takes it.
     fn decode_parts<'py>(&mut self, py: Python<'py>, frame: FrameParts) -> PyResult<Verdict<'py>> {
         let signals = PyDict::new(py);
         Ok(match self.inner.accept(&frame.frame()?) {

@@ -1,4 +1,4 @@
-//! Recordings: what they say about themselves, their records as rows, and their runs simulated again.
+//! Recordings: their summaries, their records as rows, and their runs simulated again.
 
 use std::path::PathBuf;
 use std::sync::{Mutex, PoisonError};
@@ -24,7 +24,7 @@ pub struct Recording {
     inner: recording::Recording,
 }
 
-/// The records of one part of a recording, read from the file as they are asked for.
+/// The records of one part of a recording, read from the file on request.
 #[pyclass(frozen, module = "resonarm._resonarm")]
 pub struct Reader {
     records: Mutex<AnyRecords>,
@@ -47,7 +47,7 @@ impl Recording {
         self.inner.path().to_path_buf()
     }
 
-    /// The document of `resonarm inspect --json`, without what only a look at all records tells.
+    /// The document of `resonarm inspect --json`, without the values that need a pass over all records.
     #[getter]
     fn summary<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyAny>> {
         values::document(py, &self.inner.summary())
@@ -59,13 +59,13 @@ impl Recording {
         self.inner.origin().dt_s
     }
 
-    /// How many records of a part there are.
+    /// The number of records of a part.
     fn count(&self, part: &str) -> PyResult<u64> {
         let part = self::part(part)?;
         Ok(self.inner.summary().topics.get(part.topic().name()).map_or(0, |topic| topic.records))
     }
 
-    /// What keeps it from being whole, in words; `None` of a whole one.
+    /// Why it is not whole, in words; `None` if it is whole.
     #[getter]
     fn damage(&self) -> Option<String> {
         let (state, more) = match self.inner.integrity() {
@@ -100,7 +100,7 @@ impl Recording {
         Ok(vectors(self.inner.channels(), self::part(part)?))
     }
 
-    /// Reads a part: states, samples, frames, ticks or events, between two samples, both among them.
+    /// Reads a part: states, samples, frames, ticks or events, from one sample to another, both included.
     fn reader(&self, part: &str, from_sample: u64, to_sample: u64) -> PyResult<Reader> {
         let part = self::part(part)?;
         let records = match part {
@@ -115,7 +115,7 @@ impl Recording {
     }
 }
 
-/// The part of a name.
+/// The part of this name.
 fn part(name: &str) -> PyResult<Part> {
     name.parse().map_err(|unknown| errors::value(format!("part is `{name}`: {unknown}")))
 }
@@ -142,7 +142,7 @@ fn boxed<T: Send + 'static>(
 
 #[pymethods]
 impl Reader {
-    /// The next rows, at most so many, and the names of events; none at the end.
+    /// At most this many of the next rows, and the names of events; no rows at the end.
     fn read<'py>(&self, py: Python<'py>, most_rows: usize) -> PyResult<(Bound<'py, PyByteArray>, Vec<String>)> {
         let (rows, names, _count) = self.gather(py, most_rows)?;
         Ok((rows.into_bytes(py)?, names))
@@ -160,7 +160,7 @@ impl Reader {
 }
 
 impl Reader {
-    /// The next rows, the names of events among them, how many they are.
+    /// The next rows, the names of events in them, and the number of rows.
     fn gather(&self, py: Python<'_>, most_rows: usize) -> PyResult<(Rows, Vec<String>, usize)> {
         let (mut rows, mut names, mut count) = (Rows::default(), Vec::new(), 0);
         py.detach(|| {

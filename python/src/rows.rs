@@ -1,15 +1,15 @@
 //! Rows of 8-byte words: NumPy sees their bytes as structured arrays.
 //!
 //! A row is a whole number of words: a float or an integer each; a truth value or a shorter integer in the first bytes
-//! of a word. Every word goes over with its lowest byte first, whatever the machine; the types that Python looks at
-//! them through say so (`resonarm/_dtypes.py`).
+//! of a word. Every word is little-endian, whatever the machine; the types through which Python reads them say so
+//! (`resonarm/_dtypes.py`).
 
 use pyo3::prelude::*;
 use pyo3::types::PyByteArray;
 
 const WORD: usize = size_of::<u64>();
 
-/// Rows that are being gathered.
+/// Rows being collected.
 #[derive(Debug, Default)]
 pub struct Rows {
     words: Vec<u64>,
@@ -26,7 +26,7 @@ impl Rows {
         self.words.extend(numbers.iter().map(|number| number.to_bits()));
     }
 
-    /// Bytes, filled up with zeros to a whole number of words.
+    /// Bytes, padded with zeros to a whole number of words.
     pub fn bytes(&mut self, bytes: &[u8]) {
         for chunk in bytes.chunks(WORD) {
             let mut word = [0; WORD];
@@ -35,12 +35,12 @@ impl Rows {
         }
     }
 
-    /// The words as bytes, row by row, which are copied once.
+    /// The words as bytes, row by row, copied once.
     pub fn into_bytes(self, py: Python<'_>) -> PyResult<Bound<'_, PyByteArray>> {
         written(py, self.words.len(), self.words.iter())
     }
 
-    /// The words of so many rows as bytes, column by column: the first word of every row, then the second. They are
+    /// The words of this many rows as bytes, column by column: the first word of every row, then the second. They are
     /// copied once.
     pub fn into_columns(self, py: Python<'_>, rows: usize) -> PyResult<Bound<'_, PyByteArray>> {
         let columns = self.words.len().checked_div(rows).unwrap_or(0);
@@ -61,7 +61,7 @@ fn written<'py, 'w>(
     })
 }
 
-/// The numbers of an array of Python, given as its bytes, the lowest byte of each first.
+/// The numbers in an array of Python, given as its bytes, each little-endian.
 pub fn numbers(bytes: &[u8]) -> Vec<f64> {
     let (words, _rest) = bytes.as_chunks::<WORD>();
     words.iter().map(|word| f64::from_le_bytes(*word)).collect()

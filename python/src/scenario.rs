@@ -14,13 +14,13 @@ use crate::values;
 #[derive(Debug)]
 pub struct Scenario {
     pub inner: scenario::Scenario,
-    /// From where the path of a load file counts.
+    /// The folder to which the path of a load file is relative.
     folder: PathBuf,
 }
 
 #[pymethods]
 impl Scenario {
-    /// Of a text, or of a file.
+    /// Reads a text, or a file.
     #[new]
     #[pyo3(signature = (text = "", *, path = None, folder = None))]
     fn new(text: &str, path: Option<PathBuf>, folder: Option<PathBuf>) -> PyResult<Scenario> {
@@ -38,7 +38,7 @@ impl Scenario {
         }
     }
 
-    /// A scenario of the same class with other values: keys of a section, or the section away where it is `None`.
+    /// A scenario of the same class with other values: keys of a section, or the section removed where it is `None`.
     #[pyo3(signature = (**sections))]
     fn replace<'py>(slf: &Bound<'py, Self>, sections: Option<&Bound<'py, PyDict>>) -> PyResult<Bound<'py, PyAny>> {
         let this = slf.get();
@@ -80,7 +80,7 @@ impl Scenario {
         values::document(py, &self.inner)
     }
 
-    /// What makes the same scenario again.
+    /// The arguments that make the same scenario again.
     fn __getnewargs_ex__<'py>(&self, py: Python<'py>) -> PyResult<((String,), Bound<'py, PyDict>)> {
         let keywords = PyDict::new(py);
         keywords.set_item("folder", &self.folder)?;

@@ -1,4 +1,4 @@
-//! Runs: both nodes of a scenario in this process, or one of them on a bus, on a thread of its own.
+//! Runs: both nodes of a scenario in this process, or one of them on a bus, on a separate thread.
 
 use core::fmt::Display;
 use core::time::Duration;
@@ -28,20 +28,20 @@ use crate::values;
 use crate::watch::{joined, watched};
 use crate::{errors, logging};
 
-/// Events that are kept until they are asked for.
+/// Most events that are kept until Python takes them.
 const EVENTS: usize = 1024;
 
-/// How to run, as `resonarm.run` and `resonarm.Node` have it: mode, recording and whether it may be written over,
-/// speed, patience, tries after a fault, whether to end when disarmed, real time.
+/// How to run, in the form of `resonarm.run` and `resonarm.Node`: mode, recording and whether it may be overwritten,
+/// speed, patience, restarts after a fault, whether to end when disarmed, real time.
 #[derive(Debug, FromPyObject)]
 pub struct How(String, Option<PathBuf>, bool, Option<f64>, Option<f64>, u32, bool, RealTime);
 
-/// What is said of a run in real time: what a missed deadline leads to, how much its thread wants to be a real-time
-/// thread, its priority, its core, whether the cores are kept awake, how long its loop spins.
+/// Options of a run in real time: the reaction to a missed deadline, how strictly it needs a real-time thread,
+/// priority, core, whether the cores are kept awake, how long the loop spins.
 #[derive(Debug, FromPyObject)]
 pub struct RealTime(Option<String>, Option<String>, Option<i64>, Option<usize>, bool, Option<SpinGiven>);
 
-/// How long a loop spins before a deadline, as it is given.
+/// How long a loop spins before a deadline, as given.
 #[derive(Debug, FromPyObject)]
 enum SpinGiven {
     /// auto or off.
@@ -67,7 +67,7 @@ impl SpinGiven {
 }
 
 impl RealTime {
-    /// In the options of a run in this mode.
+    /// Sets the options of a run in this mode.
     fn set(self, mode: Mode, options: &mut Options) -> PyResult<()> {
         let RealTime(overrun, rt, priority, core, cores_awake, spin) = self;
         let given = [
@@ -125,7 +125,7 @@ fn fifo_priority(given: i64) -> PyResult<FifoPriority> {
 }
 
 impl How {
-    /// Whether it says how long the loop spins.
+    /// Whether it sets how long the loop spins.
     fn spins(&self) -> bool {
         let How(.., RealTime(.., spin)) = self;
         spin.is_some()
@@ -155,7 +155,7 @@ impl How {
     }
 }
 
-/// The exciter's part of a report.
+/// The exciter's report.
 #[derive(Serialize)]
 struct ExciterDocument {
     #[serde(flatten)]
@@ -197,7 +197,7 @@ pub fn run_both<'py>(
     Ok((documents.0, documents.1, responses(py, &exciter.responses)?))
 }
 
-/// Rows of the responses that an exciter has read.
+/// Rows of the responses that an exciter read.
 fn responses<'py>(py: Python<'py>, points: &[ResponsePoint]) -> PyResult<Bound<'py, PyByteArray>> {
     let mut rows = Rows::default();
     for point in points {
@@ -212,13 +212,13 @@ fn responses<'py>(py: Python<'py>, points: &[ResponsePoint]) -> PyResult<Bound<'
     rows.into_bytes(py)
 }
 
-/// What a node's run came to.
+/// The result of a node's run.
 enum Report {
     Plant(Box<PlantReport>),
     Exciter(Box<ExciterReport>),
 }
 
-/// A node that runs on a bus, on a thread of its own.
+/// A node that runs on a bus, on a separate thread.
 #[pyclass(frozen, subclass, module = "resonarm._resonarm")]
 pub struct NodeRun {
     signals: Arc<Signals>,
@@ -257,12 +257,12 @@ impl NodeRun {
             }
         };
         let signals = Arc::new(Signals::default());
-        let (told, events) = sync_channel(EVENTS);
+        let (sender, events) = sync_channel(EVENTS);
         let watched = Arc::clone(&signals);
         let work: Box<dyn FnOnce() -> Result<Report, RunError> + Send> = match role {
             "plant" => Box::new(move || {
                 // A full queue loses events; the recording has them.
-                let report = session.plant(bus.as_mut(), &watched, |event| _ = told.try_send(event))?;
+                let report = session.plant(bus.as_mut(), &watched, |event| _ = sender.try_send(event))?;
                 Ok(Report::Plant(Box::new(report)))
             }),
             _ => Box::new(move || {
@@ -274,20 +274,20 @@ impl NodeRun {
         Ok(NodeRun { signals, thread, events: Mutex::new(events), raised })
     }
 
-    /// Whether it runs still.
+    /// Whether it is still running.
     #[getter]
     fn is_running(&self) -> bool {
         let thread = self.thread.lock().unwrap_or_else(PoisonError::into_inner);
         thread.as_ref().is_some_and(|thread| !thread.is_finished())
     }
 
-    /// The sample at which it is.
+    /// Its current sample.
     #[getter]
     fn sample(&self) -> u64 {
         self.signals.done()
     }
 
-    /// What has happened since the last call.
+    /// The events since the last call.
     fn take_events<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyAny>> {
         let events = self.events.lock().unwrap_or_else(PoisonError::into_inner);
         values::document(py, &events.try_iter().collect::<Vec<_>>())
@@ -298,7 +298,7 @@ impl NodeRun {
         self.signals.stop();
     }
 
-    /// Its report, after it has ended, and the responses of an exciter. Only the first call has it.
+    /// Its report after its end, and the responses of an exciter. Only the first call returns them.
     fn join<'py>(&self, py: Python<'py>) -> PyResult<(Bound<'py, PyAny>, Bound<'py, PyByteArray>)> {
         let taken = self.thread.lock().unwrap_or_else(PoisonError::into_inner).take();
         let thread = taken.ok_or_else(|| errors::failed("the report of this node was taken before"))?;

@@ -1,4 +1,4 @@
-//! Values of Python as TOML, and documents of the library as values of Python.
+//! Converts values of Python to TOML, and documents of the library to values of Python.
 
 use pyo3::exceptions::PyTypeError;
 use pyo3::prelude::*;
@@ -7,7 +7,7 @@ use serde::Serialize;
 
 use crate::errors;
 
-/// A table of TOML, with the name that it has in messages. A key whose value is `None` is left out.
+/// A table of TOML, with its name for messages. A key whose value is `None` is left out.
 pub fn table(name: &str, dict: &Bound<'_, PyDict>) -> PyResult<toml::Table> {
     let mut table = toml::Table::new();
     for (key, value) in dict {
@@ -43,10 +43,10 @@ fn toml_value(name: &str, value: &Bound<'_, PyAny>) -> PyResult<toml::Value> {
     }
 }
 
-/// Two finite numbers. `message` says what is wrong, of what was given as Python writes it: a `ValueError`, or a
-/// `TypeError` where there are no numbers.
+/// Two finite numbers. `message` describes an invalid argument, given as Python writes it: a `ValueError`, or a
+/// `TypeError` if it has no numbers.
 pub fn two_numbers(given: &Bound<'_, PyAny>, message: impl Fn(&str) -> String) -> PyResult<[f64; 2]> {
-    // What nearly everybody gives needs no list.
+    // The usual arguments need no list.
     if let Ok((first, second)) = given.extract::<(f64, f64)>()
         && first.is_finite()
         && second.is_finite()
@@ -66,7 +66,7 @@ pub fn two_numbers(given: &Bound<'_, PyAny>, message: impl Fn(&str) -> String) -
     }
 }
 
-/// A document as dictionaries, lists and numbers, as it stands in JSON.
+/// A document as dictionaries, lists and numbers, as in JSON.
 pub fn document<'py>(py: Python<'py>, document: &impl Serialize) -> PyResult<Bound<'py, PyAny>> {
     let text = serde_json::to_string(document).map_err(errors::failed)?;
     py.import("json")?.call_method1("loads", (text,))

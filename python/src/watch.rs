@@ -1,4 +1,4 @@
-//! Long work, while signals of the system are heard.
+//! Does long work while checking for signals of the system.
 
 use core::time::Duration;
 use std::sync::mpsc::{RecvTimeoutError, sync_channel};
@@ -8,11 +8,11 @@ use pyo3::prelude::*;
 
 use crate::{errors, logging};
 
-/// Between two looks for signals of the system.
+/// Interval of checks for signals of the system.
 const LOOK: Duration = Duration::from_millis(50);
 
-/// Does `work` on a thread of its own, without the interpreter's lock. A signal whose handler raises, as Ctrl-C, calls
-/// `stop`; what was raised is returned once the work has ended.
+/// Does `work` on a separate thread, without the interpreter's lock. A signal whose handler raises, such as Ctrl-C,
+/// calls `stop`; the exception is returned after the work has ended.
 pub fn watched<T: Send>(py: Python<'_>, stop: &(dyn Fn() + Sync), work: impl FnOnce() -> T + Send) -> PyResult<T> {
     let mut interrupted = None;
     let result = py.detach(|| {
@@ -37,7 +37,7 @@ pub fn watched<T: Send>(py: Python<'_>, stop: &(dyn Fn() + Sync), work: impl FnO
     interrupted.map_or_else(|| joined(result), Err)
 }
 
-/// What a thread has returned.
+/// The value that a thread returned.
 pub fn joined<T>(result: thread::Result<T>) -> PyResult<T> {
     result.map_err(|_panic| errors::failed("the run's thread has died: its message is on standard error"))
 }

@@ -1,4 +1,4 @@
-"""What the tests share."""
+"""Fixtures that the tests share."""
 
 import json
 import os
@@ -15,7 +15,8 @@ PROGRAM = os.environ.get("RESONARM_BIN", ROOT / "target/release/resonarm")
 
 @pytest.fixture(scope="session")
 def command():
-    """Runs the program with `--json`: its document; or what it says, where it is to end with another code than 0."""
+    """Runs the program with `--json` and returns its document; or its messages, where another exit code than 0 is
+    expected."""
 
     def run(*words, code=0):
         done = subprocess.run(
@@ -29,5 +30,5 @@ def command():
 
 @pytest.fixture(scope="session")
 def bench_scenario():
-    """The ready bench, for a second."""
+    """The bench of `scenarios/bench.toml`, for a second."""
     return resonarm.Scenario.load(ROOT / "scenarios/bench.toml", simulation={"duration_s": 1.0})

@@ -42,7 +42,7 @@ def test_a_simulated_motion_is_that_of_the_program(command):
     assert not motion["alpha_rad"][0].any()
 
 
-def test_a_motion_goes_on_from_where_it_was():
+def test_a_motion_can_be_continued():
     arm = resonarm.Arm()
     whole = arm.simulate(0.2, initial=(0.01, 0, 0, 0))
     middle = whole[len(whole) // 2]
@@ -51,7 +51,7 @@ def test_a_motion_goes_on_from_where_it_was():
     assert len(arm.simulate(0.2, every=100)) == 1 + 4
 
 
-def test_parameters_are_those_of_the_preset_but_for_ones_own():
+def test_parameters_are_those_of_the_preset_unless_given():
     arm = resonarm.Arm("irb1600-table1", parameters={"mass2_kg": 40, "gravity": None})
     assert arm.parameters["mass2_kg"] == 40
     assert arm.parameters["inertia2_kg_m2"] == 0.0009
@@ -76,7 +76,7 @@ def test_parameters_are_those_of_the_preset_but_for_ones_own():
         (lambda arm: arm.simulate(1, initial=(float("nan"), 0, 0, 0)), "is not finite"),
     ],
 )
-def test_what_makes_no_sense_is_a_value_error(call, message):
+def test_invalid_arguments_are_value_errors(call, message):
     with pytest.raises(ValueError) as raised:
         call(resonarm.Arm())
     assert message in str(raised.value)

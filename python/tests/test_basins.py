@@ -19,7 +19,7 @@ STATES = np.random.default_rng(2).normal(size=(150, 4)) * [0.2, 0.2, 30.0, 30.0]
 
 @pytest.fixture(scope="module")
 def arm():
-    """With five times the damping, so that motions settle soon."""
+    """The arm with five times the damping, so that motions settle soon."""
     return resonarm.Arm(parameters=DAMPED)
 
 
@@ -61,7 +61,7 @@ def test_cores_and_neighbours_change_no_bit(arm):
         np.testing.assert_array_equal(one[:, 0], whole[:, k])
 
 
-def test_an_ensemble_is_what_its_motions_are_one_by_one(arm):
+def test_an_ensemble_equals_its_motions_one_by_one(arm):
     drive = {"torque2_nm": 30.0}
     last = arm.ensemble(STATES[:5], 8, frequency_hz=20.0, **drive)[-1]
     for state, end in zip(STATES[:5], last, strict=True):
@@ -125,7 +125,7 @@ def test_an_interrupt_ends_an_ensemble():
         (lambda arm: arm.ensemble([(0, 0, 0, 0)], 1, frequency_hz=1e-9), "a period would take"),
     ],
 )
-def test_what_makes_no_sense_is_a_value_error(arm, call, message):
+def test_invalid_arguments_are_value_errors(arm, call, message):
     with pytest.raises(ValueError) as raised:
         call(arm)
     assert message in str(raised.value)

@@ -1,4 +1,4 @@
-"""Scenarios, plant, sessions and recordings: the same bits, however the bench is driven."""
+"""Scenarios, plant, sessions and recordings: the same bits in every way to drive the bench."""
 
 import math
 import pickle
@@ -45,7 +45,7 @@ def test_a_load_file_counts_from_the_scenarios_folder(tmp_path):
         resonarm.Scenario.load(path)
 
 
-def test_a_batch_is_what_samples_one_by_one_are(bench_scenario):
+def test_a_batch_equals_samples_one_by_one(bench_scenario):
     loads = np.random.default_rng(1).normal(scale=20, size=(300, 2))
     batch = resonarm.Plant(bench_scenario).play(force_n=loads)
     plant = resonarm.Plant(bench_scenario)
@@ -59,7 +59,7 @@ def test_a_batch_is_what_samples_one_by_one_are(bench_scenario):
     assert batch["alpha_rad"][-1].any()
 
 
-def test_a_recording_is_what_the_plant_does_with_its_loads(bench_scenario, tmp_path):
+def test_a_recording_equals_the_plant_under_its_loads(bench_scenario, tmp_path):
     report = resonarm.run(bench_scenario, record=tmp_path / "run.mcap")
     recording = report.recording
     states, samples = recording.states, recording.samples
@@ -153,7 +153,7 @@ def test_arrow_has_units_and_copies_no_numbers():
         "force_y_n": "N",
         "is_end": "",
     }
-    # One column behind the other, in the memory that the extension has filled.
+    # The columns one after the other, in the memory that the extension filled.
     numbers = [table[name].chunk(0).buffers()[1].address for name in table.column_names[:-1]]
     assert np.diff(numbers).tolist() == [8 * 300] * 9
 
@@ -194,7 +194,7 @@ def test_files_are_refused_with_the_programs_messages(tmp_path, bench_scenario, 
 
 
 class Dwell:
-    """Ten newtons for half a second. Begins anew only after a fault."""
+    """Ten newtons for half a second. Restarts only after a fault."""
 
     def __init__(self):
         self.restarts = 0
@@ -219,7 +219,7 @@ def test_a_controller_in_python_drives_the_bench(bench_scenario, tmp_path, mode)
     np.testing.assert_array_equal(played["alpha_rad"], states["alpha_rad"])
 
 
-def test_what_a_controller_raises_ends_the_run(bench_scenario):
+def test_an_exception_of_a_controller_ends_the_run(bench_scenario):
     def controller(measured):
         raise KeyError(measured.sample)
 
@@ -242,7 +242,7 @@ def test_an_interrupt_ends_a_run_in_order(tmp_path):
     path = tmp_path / "run.mcap"
     words = [sys.executable, "-c", ENDLESS, str(path)]
     with subprocess.Popen(words, stdout=subprocess.PIPE, text=True) as run:
-        # The first records are flushed: the run goes on.
+        # The first records are flushed: the run is under way.
         while run.poll() is None and not (path.exists() and path.stat().st_size > 50_000):
             time.sleep(0.01)
         run.send_signal(signal.SIGINT)
@@ -252,11 +252,11 @@ def test_an_interrupt_ends_a_run_in_order(tmp_path):
     assert recording.states["is_end"][-1]
 
 
-# In a process of its own, of which all memory is locked.
+# In a separate process, all of whose memory is locked.
 REAL_TIME = """
 import logging, os, sys, resonarm
 logging.basicConfig(format="%(name)s: %(message)s")
-# Whatever this machine does to a thread, the nodes don't take each other for lost.
+# However late this machine runs a thread, the nodes don't consider each other lost.
 network = {"command_timeout_s": 60.0, "partner_timeout_s": 60.0}
 scenario = resonarm.Scenario.load(sys.argv[1], simulation={"duration_s": 0.3}, network=network)
 options = {"overrun": "continue", "priority": 10, "core": max(os.sched_getaffinity(0))}
@@ -279,12 +279,12 @@ def test_a_run_in_real_time_asks_for_its_thread(tmp_path):
     words = [sys.executable, "-c", REAL_TIME, str(ROOT / "scenarios/bench.toml"), str(tmp_path / "run.mcap")]
     run = subprocess.run(words, capture_output=True, text=True, timeout=120, check=False)
     assert run.returncode == 0, run.stderr
-    # What this machine does not permit is told, and nothing else.
+    # Standard error names what this machine does not permit, and nothing else.
     for line in run.stderr.splitlines():
         assert line.startswith("resonarm: ") and ("priority 10" in line or "memory" in line), line
 
 
-def test_a_core_that_is_not_there_is_told(bench_scenario, caplog):
+def test_a_missing_core_is_logged(bench_scenario, caplog):
     resonarm.run(bench_scenario.replace(simulation={"duration_s": 0.1}), "real-time", core=1000)
     assert any("1000" in record.getMessage() for record in caplog.records if record.name == "resonarm"), caplog.text
 
@@ -306,7 +306,7 @@ def test_a_core_that_is_not_there_is_told(bench_scenario, caplog):
         ("free", {"overrun": "slip"}, "overrun is for the mode real-time, and the mode is free: leave it out"),
     ],
 )
-def test_what_real_time_cant_have_is_refused(bench_scenario, tmp_path, mode, options, message):
+def test_invalid_real_time_options_are_refused(bench_scenario, tmp_path, mode, options, message):
     path = tmp_path / "run.mcap"
     with pytest.raises(ValueError) as raised:
         resonarm.run(bench_scenario, mode, record=path, **options)
@@ -331,7 +331,7 @@ def test_an_exciter_does_not_spin(bench_scenario):
         resonarm.Node("exciter", bench_scenario, _resonarm.Hub(2).end(), spin_s="auto")
 
 
-def test_cores_are_kept_awake_or_it_is_told(bench_scenario):
+def test_cores_are_kept_awake_or_a_warning_is_logged(bench_scenario):
     thread = resonarm.run(bench_scenario.replace(simulation={"duration_s": 0.05}), "real-time", cores_awake=True).plant[
         "thread"
     ]
@@ -339,7 +339,7 @@ def test_cores_are_kept_awake_or_it_is_told(bench_scenario):
     assert thread["cores_awake"] != bool(thread["shortfalls"]), thread
 
 
-def test_both_nodes_on_a_bus_of_ones_own(bench_scenario):
+def test_both_nodes_on_a_separate_bus(bench_scenario):
     hub = _resonarm.Hub(3)
     listener, decoder = hub.end(), resonarm.Decoder()
     with resonarm.Node("plant", bench_scenario, hub.end(), "lockstep", end_on_disarm=True) as plant:

@@ -1,4 +1,4 @@
-"""Calls that can't be: each is refused in words that say what was given, where, and what would do."""
+"""Invalid calls: each is refused with a message about the argument, its place and the valid values."""
 
 from pathlib import Path
 
@@ -175,23 +175,23 @@ def frequencies(of):
         ),
     ],
 )
-def test_a_call_that_cant_be(call, kind, message):
+def test_an_invalid_call_is_refused(call, kind, message):
     with pytest.raises(kind) as raised:
         call()
     assert message in str(raised.value)
 
 
 @pytest.mark.parametrize("name", ["sample", "time_s", "alpha_rad", "alpha_dot_rad_s"])
-def test_a_plant_goes_on_from_where_it_is(name):
+def test_a_plant_cannot_be_set_to_another_sample(name):
     plant = resonarm.Plant()
     plant.advance()
     with pytest.raises(AttributeError) as raised:
         setattr(plant, name, getattr(plant, name))
     assert str(raised.value) == (
-        f"{name} can't be set: a plant stands at sample 1 and goes on from there by advance() or play(); "
+        f"{name} can't be set: a plant is at sample 1 and continues from there by advance() or play(); "
         "a new Plant(scenario) begins at sample 0"
     )
-    with pytest.raises(AttributeError, match=r"'Plant' object has no attribute 'seek': a plant stands at sample 1"):
+    with pytest.raises(AttributeError, match=r"'Plant' object has no attribute 'seek': a plant is at sample 1"):
         plant.seek(100)
     with pytest.raises(AttributeError, match=r"^'Plant' object has no attribute 'colour'$"):
         _ = plant.colour
@@ -209,7 +209,7 @@ def test_a_plant_goes_on_from_where_it_is(name):
         ((1.0, "x"), TypeError, "(1.0, 'x')"),
     ],
 )
-def test_what_a_controller_may_not_return_is_named_with_its_sample(bench_scenario, answer, kind, said, mode):
+def test_an_invalid_load_of_a_controller_is_named_with_its_sample(bench_scenario, answer, kind, said, mode):
     def controller(measured):
         return (1.0, 0.0) if measured.sample < 20 else answer
 

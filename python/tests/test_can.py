@@ -1,4 +1,4 @@
-"""python-can on our buses and files, by its own tools."""
+"""python-can on the bus and the files of this package, with its own tools."""
 
 import os
 import pty
@@ -137,7 +137,7 @@ def test_a_log_becomes_a_recording(tmp_path):
 
 
 def test_frames_that_waited_in_a_queue_are_earlier_than_the_first(tmp_path):
-    """Of a plant that began when frames of the exciter's had waited for some ms: from its recording, from a BLF log."""
+    """For a plant that began after frames of the exciter had waited for some ms: from its recording, from a BLF log."""
     messages = list(can.LogReader(LOCKSTEP))
     assert min(message.timestamp for message in messages) < messages[0].timestamp - 0.005
     tool("logconvert", LOCKSTEP, tmp_path / "log.blf")
@@ -145,12 +145,12 @@ def test_frames_that_waited_in_a_queue_are_earlier_than_the_first(tmp_path):
         tool("logconvert", log, tmp_path / "log.mcap")
         expected, got = list(can.LogReader(log)), list(can.LogReader(tmp_path / "log.mcap"))
         assert [(m.arbitration_id, m.data) for m in got] == [(m.arbitration_id, m.data) for m in expected]
-        # As exact as a time of this century is as a 64-bit float.
+        # As exact as a 64-bit float is for a time of this century.
         late_s = [m.timestamp - n.timestamp for m, n in zip(got, expected, strict=True)]
         assert len(got) == len(messages) and np.abs(late_s).max() < 1e-6
 
 
-def test_a_log_that_goes_back_is_refused(tmp_path):
+def test_a_log_whose_time_goes_back_is_refused(tmp_path):
     with can.Logger(tmp_path / "log.mcap") as log:
         log(can.Message(timestamp=2.0))
         with pytest.raises(ValueError, match="1000000000 ns earlier than the first"):

@@ -1,4 +1,4 @@
-"""The codec side by side with hilspy, cantools and the AUTOSAR E2E library, which know the protocol by its DBC."""
+"""The codec compared with hilspy, cantools and the AUTOSAR E2E library, which know the protocol by its DBC."""
 
 import cantools
 import hilspy
@@ -29,7 +29,7 @@ def network(profile):
 
 
 def signals(profile, name, k):
-    """Values that the wire carries exactly; other ones for another k."""
+    """Values that the wire carries exactly, different for each k."""
     found = {}
     for index, signal in enumerate(DBC[profile].get_message_by_name(name).signals):
         if signal.name in OF_THE_PROTECTION:
@@ -58,7 +58,7 @@ def protection(profile):
 
 @pytest.fixture
 def channel(tmp_path):
-    """Opens a candump log by hilspy, by the DBC that the package writes."""
+    """Opens a candump log in hilspy with the DBC that the package writes."""
 
     def opened(profile, log, how=""):
         path = tmp_path / "network.dbc"
@@ -111,7 +111,7 @@ def test_faults_have_the_same_verdict(profile, name, channel, tmp_path):
     encoder, decoder = resonarm.Encoder(network(profile)), resonarm.Decoder(network(profile))
     made = [encoder.encode(name, **signals(profile, name, 1)) for _ in range(40)]
     broken = made[3]._replace(data=made[3].data[:-1] + bytes([made[3].data[-1] ^ 0x10]))
-    # What arrives, and what each makes of it: good, the same again, corrupt, one lost, as many as may be, too many.
+    # The frames that arrive, and the verdicts: good, the same again, corrupt, one lost, as many as allowed, too many.
     arriving = [
         (made[0], "taken", "Ok"),
         (made[1], "taken", "Ok"),

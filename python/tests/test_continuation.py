@@ -51,7 +51,7 @@ def test_the_amplitude_can_vary(command):
     np.testing.assert_array_equal(branch.points["value"], [point["torque1_nm"] for point in document["points"]])
 
 
-def test_doubled_branches_hang_on_theirs():
+def test_doubled_branches_belong_to_their_branch():
     branch = resonarm.Arm(beta2_deg=75).continuation("frequency", 43, 46, torque1_nm=800, doubled=True)
     assert "period-doubling" in branch.bifurcations["kind"]
     assert branch.doubled
@@ -77,7 +77,7 @@ def test_a_branch_that_ends_early_is_kept():
         ({"torque1_nm": 1.0, "curves_in": "foo", "curves_to": 1}, "curves_in is `foo`: it must be one of frequency"),
     ],
 )
-def test_what_makes_no_sense_is_a_value_error(options, message):
+def test_invalid_arguments_are_value_errors(options, message):
     with pytest.raises(ValueError) as raised:
         resonarm.Arm().continuation("frequency", 21, 23, **options)
     assert message in str(raised.value)

@@ -1,4 +1,4 @@
-"""What the documents show works: every block of Python in them runs."""
+"""Every block of Python in the documents runs."""
 
 import re
 from pathlib import Path

@@ -1,4 +1,4 @@
-"""Exports, read back by the libraries they are for."""
+"""Exports, read by the libraries they are for."""
 
 import subprocess
 import sys
@@ -25,7 +25,7 @@ def recording():
 
 @pytest.fixture
 def small_groups(monkeypatch):
-    """Several row groups even of a short recording."""
+    """Makes several row groups even of a short recording."""
     monkeypatch.setattr(export, "ROWS", 300)
 
 
@@ -82,7 +82,7 @@ def test_blf_has_the_frames(recording, tmp_path):
     assert [bytes(message.data) for message in log] == [recording.frame_data(row) for row in frames]
 
 
-def test_files_that_are_there_are_kept(tmp_path):
+def test_existing_files_are_kept(tmp_path):
     (tmp_path / "sweep.blf").write_text("mine")
     with pytest.raises(FileExistsError, match="--overwrite"):
         export.export(SWEEP, "blf", tmp_path / "sweep")

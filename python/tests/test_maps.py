@@ -24,7 +24,7 @@ def whole():
     return response_map(resonarm.Arm(), **GRID)
 
 
-def test_the_map_is_what_the_branch_and_the_linear_arm_say(whole):
+def test_the_map_agrees_with_the_branch_and_the_linear_arm(whole):
     arm = resonarm.Arm(beta2_deg=60)
     folds = arm.continuation("frequency", 21.5, 22.5, torque1_nm=60).bifurcations
     low, high = sorted(folds["value"])
@@ -67,7 +67,7 @@ if __name__ == "__main__":
 """
 
 
-def test_a_map_that_was_killed_goes_on(whole, tmp_path):
+def test_a_killed_map_resumes(whole, tmp_path):
     script = tmp_path / "script.py"
     script.write_text(KILLED)
     folder = tmp_path / "chunks"
@@ -136,7 +136,7 @@ def test_a_cluster_gives_the_same_bits_of_basins_and_seeds(basins, tmp_path):
     assert basin_map(DAMPED, folder=tmp_path, **BASINS).identical(basins)
     assert {path: path.stat().st_mtime_ns for path in left} == left, "what was there is not computed again"
     files[0].write_bytes(b"not a chunk")
-    with pytest.raises(ValueError, match=r"is no whole chunk of a map .* remove it, and it is computed anew"):
+    with pytest.raises(ValueError, match=r"is no whole chunk of a map .* remove it, and it is computed again"):
         basin_map(DAMPED, folder=tmp_path, **BASINS)
 
 
@@ -160,7 +160,7 @@ def test_a_map_goes_over_any_load():
         response_map(resonarm.Arm(), frequency_hz=[1.0, 2.0], force_y_n=[0.5], torque2_nm=[1.0])
 
 
-def test_what_makes_no_sense_is_a_value_error():
+def test_invalid_arguments_are_value_errors():
     for hz in ([22.0], [22.0, 21.0], [-1.0, 1.0]):
         with pytest.raises(ValueError, match="two or more positive frequencies that rise"):
             response_map(resonarm.Arm(), frequency_hz=hz, torque1_nm=[1.0])
@@ -177,7 +177,7 @@ response_map(resonarm.Arm(), frequency_hz=[10.0, 11.0], torque1_nm=[1.0], folder
 
 @pytest.mark.parametrize("changed", ["_resonarm.abi3.so", "maps.py", "continuation.py"])
 def test_chunks_of_other_code_are_not_taken(tmp_path, changed):
-    """A byte behind the end of the extension, or a line more of the package, changes nothing but which code it is."""
+    """A byte after the end of the extension, or a line added to the package, changes only the identity of the code."""
     package, folder = tmp_path / "package", tmp_path / "chunks"
     shutil.copytree(Path(resonarm.__file__).parent, package / "resonarm")
 
@@ -188,7 +188,7 @@ def test_chunks_of_other_code_are_not_taken(tmp_path, changed):
         return {path: path.stat().st_mtime_ns for path in folder.iterdir()}
 
     first = chunks()
-    assert len(first) == 1 and chunks() == first, "the same code goes on from its chunks"
+    assert len(first) == 1 and chunks() == first, "the same code resumes from its chunks"
     with (package / "resonarm" / changed).open("ab") as file:
         file.write(b"\n")
     second = chunks()

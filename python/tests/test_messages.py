@@ -1,4 +1,4 @@
-"""What is wrong with an input is said in the words of the command line, by the exception that fits."""
+"""An invalid input has the message of the command line, and the exception that fits."""
 
 import os
 import re
@@ -18,7 +18,7 @@ BASINS = "basins --frequency-hz 22 --torque1-nm 1"
 
 
 def in_pythons_words(said):
-    """Without the program's name and what clap puts before an error of ours; flags as keywords."""
+    """The message without the program's name and clap's introduction, flags as keywords."""
     said = re.sub(r"^(resonarm: |error: invalid value '[^']*' for '[^']*': )", "", said.strip())
     said = said.partition("\n\nFor more information")[0]
     said = re.sub(r"--([a-z0-9-]+) A\b", lambda flag: flag[1].replace("-", "_") + "=A", said)
@@ -110,5 +110,5 @@ def test_messages_are_those_of_the_program(words, call, kind):
     with pytest.raises(kind) as raised:
         call()
     own = in_pythons_words(str(raised.value))
-    # Either may say more: the program where along a walk, the package what else there is.
+    # Either may say more: the program the place along a walk, the package the other known names.
     assert own in said or said in own, (own, said)

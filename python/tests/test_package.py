@@ -1,4 +1,4 @@
-"""The package: what is typed is there, and nothing is needed but NumPy."""
+"""The package: its types match the extension, and it needs only NumPy."""
 
 import ast
 import subprocess

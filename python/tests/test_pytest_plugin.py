@@ -1,4 +1,4 @@
-"""The pytest plugin, by pytest itself: suites that pass, and suites made to fail whose reports are looked at."""
+"""The pytest plugin, run by pytest: suites that pass, and the reports of suites made to fail."""
 
 import re
 from pathlib import Path
@@ -93,7 +93,7 @@ on memory, <Scenario of Arm('irb1600-fitted', beta1_deg=30, beta2_deg=60): excit
 
 
 def test_the_report_of_a_failure(pytester):
-    """Word for word, but for where the recording is."""
+    """Word for word, except for the folder of the recording."""
     suite = """
 def test_it(bench):
     result = bench.run(lambda measured: (0.25 * measured.sample, 0.0) if measured.sample < 300 else None)

@@ -33,7 +33,7 @@ FORCE_N = np.random.default_rng(4).normal(scale=5, size=FRAMES * WRITE)
 
 
 def output_process(queue, sync, written, commands):
-    """Writes frames while the hardware is ready for them, and stops when it is told."""
+    """Writes frames while the hardware is ready for them, and stops at a command."""
     output = hardware.ResonarmOutput(queue)
     output.set_up_data_output_parameters_and_channels(parameters(), CHANNELS)
     frames = iter(FORCE_N.reshape(FRAMES, 1, WRITE))
@@ -55,7 +55,7 @@ def test_it_is_driven_as_rattlesnakes_processes_drive_hardware():
     queue, sync, written, commands = (context.Queue() for _ in range(4))
     acquisition = hardware.ResonarmAcquisition(SCENARIO, queue)
     acquisition.set_up_data_acquisition_parameters_and_channels(parameters(), CHANNELS)
-    # Longer than a process is stopped: an output that is late here has not stopped.
+    # Longer than a process may be delayed: an output that is late here has not stopped.
     acquisition.frame_s = 60.0
     output = context.Process(target=output_process, args=(queue, sync, written, commands))
     output.start()
@@ -81,7 +81,7 @@ def test_it_is_driven_as_rattlesnakes_processes_drive_hardware():
     np.testing.assert_array_equal(data[3], expected["acceleration_b_m_s2"][:, 1])
 
 
-def test_where_nothing_is_written_the_arm_rings_out():
+def test_without_frames_the_arm_rings_out():
     acquisition = hardware.ResonarmAcquisition(SCENARIO, multiprocessing.Queue())
     acquisition.set_up_data_acquisition_parameters_and_channels(parameters(samples_per_read=20), CHANNELS)
     acquisition.start()
@@ -97,7 +97,7 @@ def test_where_nothing_is_written_the_arm_rings_out():
         ({}, [channel("moment", "", "virtual")], "there is no output 'moment', only force-x, force-y"),
     ],
 )
-def test_what_the_bench_has_not_is_refused(test_data, channels, message):
+def test_settings_that_the_bench_lacks_are_refused(test_data, channels, message):
     acquisition = hardware.ResonarmAcquisition(SCENARIO, multiprocessing.Queue())
     with pytest.raises(ValueError) as raised:
         acquisition.set_up_data_acquisition_parameters_and_channels(parameters(**test_data), channels)

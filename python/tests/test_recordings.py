@@ -1,4 +1,4 @@
-"""Recordings that are not as they should be: damaged, without a scenario, from strangers."""
+"""Faulty recordings: damaged, without a scenario, from other programs."""
 
 import pickle
 import subprocess
@@ -30,7 +30,7 @@ def cut_short(tmp_path):
 
 @pytest.fixture
 def damaged(tmp_path):
-    """A recording of which one byte behind its middle is another."""
+    """A recording with one wrong byte after its middle."""
     path, data = tmp_path / "damaged.mcap", bytearray(LONG.read_bytes())
     data[len(data) * 2 // 3] ^= 1
     path.write_bytes(data)
@@ -38,7 +38,7 @@ def damaged(tmp_path):
 
 
 def foreign(path, changed):
-    """The reference recording, written anew by the package `mcap`, with other metadata."""
+    """The reference recording, written again by the package `mcap`, with other metadata."""
     with SWEEP.open("rb") as source, path.open("wb") as target:
         reader, writer = mcap.reader.make_reader(source), mcap.writer.Writer(target)
         writer.start()
@@ -136,7 +136,7 @@ ESCAPE = "\x1b]0;owned\x07\x9b2J"
 
 
 def test_control_characters_of_a_file_are_escaped(tmp_path):
-    """A name, a scenario and metadata that would command a terminal."""
+    """A name, a scenario and metadata with control sequences for a terminal."""
     scenario = {"scenario": f'[arm]\npreset = "{ESCAPE}"\n'.replace("\x1b", "\\u001b").replace("\x07", "\\u0007")}
     named = foreign(tmp_path / "named\x1b[2J.mcap", {"resonarm.configuration": scenario})
     recording = resonarm.Recording(named)

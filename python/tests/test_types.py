@@ -1,4 +1,4 @@
-"""Words that a call takes are types: a checker finds a wrong one before it runs."""
+"""The words that calls take are types: a type checker finds a wrong one before it runs."""
 
 import re
 import subprocess
@@ -15,7 +15,7 @@ ROOT = Path(__file__).resolve().parents[2]
 
 
 def listed(message):
-    """The words that a message offers."""
+    """The words listed in a message."""
     return set(re.split(r", | or ", re.search(r"(?:one of|are|unknown .*?:|only) ([a-z0-9A-Z_, -]+)", message)[1]))
 
 

@@ -1,4 +1,4 @@
-"""Values and results: compared by what they say, and carried to other processes."""
+"""Values and results: compared by their contents, and passed to other processes."""
 
 import pickle
 from concurrent.futures import ProcessPoolExecutor
@@ -22,13 +22,13 @@ MEASURED = {
 
 @pytest.fixture(scope="module")
 def processes():
-    """A process that has nothing of this one."""
+    """A process that shares nothing with this one."""
     with ProcessPoolExecutor(1, mp_context=get_context("spawn")) as pool:
         yield pool
 
 
 def the_same(found, expected):
-    """By every field, arrays by dtype and every number."""
+    """Equality of every field, arrays by dtype and every number."""
     assert type(found) is type(expected)
     if isinstance(expected, np.ndarray):
         assert found.dtype == expected.dtype

@@ -52,8 +52,8 @@ fn names_in_a_recording_are_escaped() {
     let summary = document(folder.path(), 0, &["inspect", "hostile.mcap", "--json"]);
     assert_eq!(summary["origin"]["interface"], HOSTILE, "a document has the very name");
     let text = resonarm(folder.path(), &["inspect", "hostile.mcap", "--statistics"]).stdout;
-    let is_told = |line: &&str| line.starts_with("bus ") || line.starts_with("frames ") || line.starts_with('\\');
-    assert_snapshot!(text.lines().filter(is_told).collect::<Vec<_>>().join("\n"), @r"
+    let is_shown = |line: &&str| line.starts_with("bus ") || line.starts_with("frames ") || line.starts_with('\\');
+    assert_snapshot!(text.lines().filter(is_shown).collect::<Vec<_>>().join("\n"), @r"
     bus          \u{1b}]0;owned\u{7}\u{9b}2J\rgood\u{202e}dab\u{7f}\nintegrity    complete
     frames       \u{1b}]0;owned\u{7}\u{9b}2J\rgood\u{202e}dab\u{7f}\nintegrity    complete
     \u{1b}]0;owned\u{7}\u{9b}2J\rgood\u{202e}dab\u{7f}\nintegrity    complete            1

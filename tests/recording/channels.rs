@@ -73,7 +73,7 @@ fn a_record_of_other_channels_than_its_recording_is_refused() -> Outcome {
     Ok(())
 }
 
-/// The recording with a name in its schemas replaced by one of the same length; what opening it says.
+/// Replaces a name in a recording's schemas by one of the same length; returns the error of opening it.
 fn renamed(path: &Path, from: &str, to: &str) -> Outcome<String> {
     let bytes = std::fs::read(path)?;
     let options = mcap::WriteOptions::new().library("resonarm test").compression(None);

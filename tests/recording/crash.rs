@@ -1,7 +1,7 @@
 //! A run killed with SIGKILL: the recording holds everything up to the last flush.
 //!
-//! The recorder promises that in time, and a machine may hold up any thread. So the child measures how long its threads
-//! were held up, and only that long may the loss exceed the promise.
+//! The recorder promises this within a time, and a machine may hold up any thread. So the child measures how long its
+//! threads were held up, and the loss may exceed the promise only by that time.
 
 use std::env;
 use std::error::Error;
@@ -18,11 +18,11 @@ use resonarm::recording::{
     RecordingError, StateRecord, recover,
 };
 
-/// Where the child records; its being set makes a test the child.
+/// The file into which the child records; a test is the child if it is set.
 const CHILD: &str = "RESONARM_TEST_CRASH_RECORDING";
 /// Kills of a child that records as fast as it goes.
 const KILLS: u64 = 100;
-/// How many samples such a child flushes, and how many records are on their way at most.
+/// How often such a child flushes, in samples, and how many records are on their way at most.
 const FLUSH_SAMPLES: u64 = 50;
 const CAPACITY: usize = 64;
 /// The promise of the recorder, ms and samples at 1 kHz.
@@ -30,7 +30,7 @@ const INTERVAL: u64 = 100;
 
 type Outcome<T = ()> = Result<T, Box<dyn Error>>;
 
-#[allow(clippy::disallowed_methods)] // the test stands for the run loop, which hands in the clock
+#[allow(clippy::disallowed_methods)] // the test plays the run loop, which passes the clock
 fn now() -> Instant {
     Instant::now()
 }
@@ -56,19 +56,20 @@ fn flush_clock() -> Duration {
     time
 }
 
-/// How much more than the promise may be lost now, ms and samples at 1 kHz, with turns of the writer that took g at
-/// most, and the last samples late by l.
+/// How much more than the promise may be lost now, ms and samples at 1 kHz, if turns of the writer took at most g and
+/// the last samples were late by l.
 ///
-/// The last flush that is whole was begun at a look at time f, and holds what came before the look before, f − g at
-/// least. The look that begins the next comes by f + interval + g, and until it is whole there is none: now is within g
-/// of it. So what is lost came in the time interval + 3g, and in a time t at most t + l samples come.
+/// The last complete flush began at a look at time f, and holds all records up to the look before, f − g at the
+/// earliest. The look that begins the next flush comes by f + interval + g; until that flush is complete, which takes
+/// at most g, now is within interval + 2g of f. So the loss is of a time of interval + 3g, and in a time t at most
+/// t + l samples arrive.
 fn slack(late: Duration) -> u64 {
     let now_ns = clock().as_nanos() as u64;
     let turn_ns = LONGEST_NS.load(Ordering::SeqCst).max(now_ns.saturating_sub(LOOKED_NS.load(Ordering::SeqCst)));
     (3 * turn_ns).div_ceil(1_000_000) + late.as_millis() as u64 + 1
 }
 
-/// Records at 1 kHz, and says every 10th sample, with the slack by then, until it is killed; for a minute at most.
+/// Records at 1 kHz, and prints every 10th sample with the slack at that time, until it is killed; at most a minute.
 fn record(path: &Path) -> Outcome {
     let flush = FlushPolicy::Interval { interval: Duration::from_millis(INTERVAL), clock: flush_clock };
     let options = Options { flush, ..Options::real_time(1e-3, "memory", 1_700_000_000_000_000_000, clock) };
@@ -88,10 +89,10 @@ fn record(path: &Path) -> Outcome {
             writeln!(std::io::stdout(), "sample {sample} {}", slack(latest))?;
         }
     }
-    Err("nobody has killed the recording".into())
+    Err("the recording was not killed".into())
 }
 
-/// A state and a frame that tell their sample.
+/// A state and a frame that contain their sample.
 fn records_at(sample: u64, time_ns: u64) -> Outcome<[Record; 2]> {
     let x = sample as f64;
     let (alpha_rad, alpha_dot_rad_s, torque_nm, force_n) = ([x, -x], [0.5 * x, x], [0.0; 2], [1.0, x]);
@@ -102,7 +103,7 @@ fn records_at(sample: u64, time_ns: u64) -> Outcome<[Record; 2]> {
     Ok([Record::State(state), Record::Frame(FrameRecord { sample, direction, time_ns, bus_timestamp_ns, frame })])
 }
 
-/// Records as fast as it goes, waiting for the writer, and says every 10th sample, until it is killed.
+/// Records as fast as possible, waiting for the writer, and prints every 10th sample, until it is killed.
 fn record_fast(path: &Path) -> Outcome {
     let options = Options { flush: FlushPolicy::Samples(FLUSH_SAMPLES), ..Options::virtual_time(1e-3, "memory") };
     let recorder = Recorder::create(path, &Configuration::new().with("seed", 7), options)?;
@@ -113,7 +114,7 @@ fn record_fast(path: &Path) -> Outcome {
             writeln!(std::io::stdout(), "sample {sample} 0")?;
         }
     }
-    Err("nobody has killed the recording".into())
+    Err("the recording was not killed".into())
 }
 
 /// Starts this test again as the process to be killed.
@@ -123,14 +124,14 @@ fn start(name: &str, path: &Path) -> Outcome<Child> {
     Ok(command.spawn()?)
 }
 
-/// Waits until the child has said sample `sample` and kills it. Returns the last sample it said, and the slack by then.
+/// Waits until the child has printed `sample` and kills it. Returns the last sample it printed, and the slack then.
 fn kill_at(sample: u64, child: &mut Child) -> Outcome<(u64, u64)> {
     let output = child.stdout.take().ok_or("the child has no output")?;
     let mut lines = BufReader::new(output).lines();
     let mut said = || -> Outcome<Option<(u64, u64)>> {
         let Some(line) = lines.next().transpose()? else { return Ok(None) };
-        // The test harness may print before it on the same line; what it prints alone is no sample. The last line may
-        // be cut off.
+        // The test harness may print before it on the same line; its own lines are no samples. The last line may be
+        // cut off.
         let numbers = line.rsplit("sample ").next().and_then(|numbers| numbers.split_once(' '));
         let parsed = numbers.and_then(|(sample, slack)| Some((sample.parse().ok()?, slack.parse().ok()?)));
         Ok(Some(parsed.unwrap_or_default()))
@@ -166,7 +167,7 @@ fn a_killed_run_loses_at_most_the_flush_interval() -> Outcome {
     Ok(())
 }
 
-/// Checks what a kill left: a beginning of the run, without a gap, which can be recovered. Returns how many samples.
+/// Checks the file after a kill: the beginning of the run, without a gap, recoverable. Returns the number of samples.
 fn check(path: &Path, directory: &Path) -> Outcome<u64> {
     let recording = Recording::open(path)?;
     let Integrity::Truncated { last_sample, .. } = recording.integrity() else {
@@ -181,18 +182,18 @@ fn check(path: &Path, directory: &Path) -> Outcome<u64> {
     // A flush by the clock may come between the two records of a sample.
     assert!((recording.frames()?.count() as u64).abs_diff(saved) <= 1);
 
-    let mended = directory.join("mended.mcap");
-    let recovered = recover(path, &mended, Existing::Overwrite);
+    let repaired = directory.join("repaired.mcap");
+    let recovered = recover(path, &repaired, Existing::Overwrite);
     if saved == 0 && matches!(recovered, Err(RecordingError::NothingRecovered { .. })) {
         return Ok(0); // killed before the first flush
     }
     assert!(recovered?.missing_samples.is_empty());
-    assert_eq!(Recording::open(&mended)?.states()?.count() as u64, saved);
+    assert_eq!(Recording::open(&repaired)?.states()?.count() as u64, saved);
     Ok(saved)
 }
 
-/// Whenever a kill comes, all is in the file but what was on its way and what came after the last flush: no clock is in
-/// this promise.
+/// Whenever the kill comes, the file has all records except those on their way and those after the last flush: this
+/// promise depends on no clock.
 #[test]
 fn a_hundred_kills_at_random_moments() -> Outcome {
     if let Some(path) = env::var_os(CHILD) {
@@ -202,7 +203,7 @@ fn a_hundred_kills_at_random_moments() -> Outcome {
     let path = directory.path().join("killed.mcap");
     let mut random = 1_u64;
     for kill in 0..KILLS {
-        // A linear congruential generator (Knuth, MMIX) says after which sample; the child goes on meanwhile.
+        // A linear congruential generator (Knuth, MMIX) chooses the sample; the child continues meanwhile.
         random = random.wrapping_mul(6_364_136_223_846_793_005).wrapping_add(1_442_695_040_888_963_407);
         let kill_after = (random >> 33) % 2000;
         let mut child = start("crash::a_hundred_kills_at_random_moments", &path)?;
@@ -210,7 +211,7 @@ fn a_hundred_kills_at_random_moments() -> Outcome {
         child.kill()?; // in case it was not reached
         let (said, _) = said?;
         let saved = check(&path, directory.path()).map_err(|error| format!("kill {kill} after {said}: {error}"))?;
-        // Two records a sample; what the last one said was pushed whole.
+        // Two records a sample; those of the last sample printed were pushed completely.
         let most_lost = FLUSH_SAMPLES + CAPACITY as u64 / 2 + 1;
         assert!(saved + most_lost > said, "{saved} samples saved of {said} at kill {kill}");
         std::fs::remove_file(&path)?;

@@ -1,4 +1,4 @@
-//! Files cut short and damaged: said precisely, and everything before is given.
+//! Truncated and damaged files: reported precisely, and everything before the damage is read.
 
 use std::fs;
 use std::ops::Range;
@@ -27,7 +27,7 @@ fn states_recorded() -> Outcome<Vec<StateRecord>> {
     (0..SAMPLES).map(state).collect()
 }
 
-/// Reads all that can be read; whatever comes must be a beginning of what was recorded. Returns how many states came.
+/// Reads all readable states, which must be the beginning of those recorded. Returns their number.
 fn read(path: &Path, recorded: &[StateRecord]) -> Outcome<usize> {
     let Ok(recording) = Recording::open(path) else { return Ok(0) };
     let states = recording.states()?.collect::<Result<Vec<_>, _>>()?;
@@ -66,7 +66,7 @@ fn every_cut_gives_what_was_flushed_before() -> Outcome {
 proptest! {
     #![proptest_config(ProptestConfig { cases: 16, failure_persistence: None, ..ProptestConfig::default() })]
 
-    /// One byte anywhere: seen, or of no consequence.
+    /// One wrong byte anywhere is detected or has no effect.
     #[test]
     fn a_wrong_byte_gives_no_wrong_record(
         flips in prop::collection::vec((any::<prop::sample::Index>(), 1..=255_u8), 100),
@@ -80,7 +80,7 @@ proptest! {
             let mut bytes = whole.clone();
             bytes[index.index(whole.len())] ^= flip;
             fs::write(&path, &bytes)?;
-            // A byte that hides a whole chunk is seen as a gap: an error, and no wrong record either.
+            // A byte that hides a whole chunk shows as a gap: an error, and no wrong record either.
             let _seen = read(&path, &recorded);
             if let Ok(recording) = Recording::open(&path) {
                 prop_assert_ne!(recording.integrity(), &Integrity::Complete, "byte {}", index.index(whole.len()));
@@ -88,7 +88,7 @@ proptest! {
         }
     }
 
-    /// Whatever is wrong, what is recovered can be read, and holds nothing but what was recorded.
+    /// Whatever the damage, a recovered file can be read, and holds only recorded states.
     #[test]
     fn what_is_recovered_was_recorded(
         flips in prop::collection::vec((any::<prop::sample::Index>(), 1..=255_u8), 1..4),
@@ -103,10 +103,10 @@ proptest! {
             bytes[place] ^= flip;
         }
         bytes.truncate(cut.map_or(bytes.len(), |cut| cut.index(bytes.len())));
-        let (path, mended) = (directory.path().join("damaged.mcap"), directory.path().join("mended.mcap"));
+        let (path, repaired) = (directory.path().join("damaged.mcap"), directory.path().join("repaired.mcap"));
         fs::write(&path, &bytes)?;
-        if recover(&path, &mended, Existing::Refuse).is_ok() {
-            let recording = Recording::open(&mended)?;
+        if recover(&path, &repaired, Existing::Refuse).is_ok() {
+            let recording = Recording::open(&repaired)?;
             prop_assert_eq!(recording.integrity(), &Integrity::Unfinished);
             for record in recording.records()? {
                 if let resonarm::recording::Record::State(state) = record? {
@@ -114,9 +114,9 @@ proptest! {
                 }
             }
         } else {
-            prop_assert!(!mended.exists());
+            prop_assert!(!repaired.exists());
         }
-        prop_assert_eq!(fs::read_dir(directory.path())?.count(), 2 + usize::from(mended.exists()));
+        prop_assert_eq!(fs::read_dir(directory.path())?.count(), 2 + usize::from(repaired.exists()));
     }
 
     /// Bytes that only begin like a recording.
@@ -137,13 +137,13 @@ proptest! {
 fn a_cut_recording_is_recovered_whole() -> Outcome {
     let directory = tempfile::tempdir()?;
     let whole = bytes(directory.path())?;
-    let (cut, mended) = (directory.path().join("cut.mcap"), directory.path().join("mended.mcap"));
+    let (cut, repaired) = (directory.path().join("cut.mcap"), directory.path().join("repaired.mcap"));
     fs::write(&cut, &whole[..whole.len() * 2 / 3])?;
     let before = Recording::open(&cut)?;
-    let recovered = recover(&cut, &mended, Existing::Refuse)?;
+    let recovered = recover(&cut, &repaired, Existing::Refuse)?;
     assert_eq!(&recovered.source, before.integrity());
-    assert_eq!(recovered.bytes, fs::metadata(&mended)?.len());
-    let after = Recording::open(&mended)?;
+    assert_eq!(recovered.bytes, fs::metadata(&repaired)?.len());
+    let after = Recording::open(&repaired)?;
     assert_eq!(after.integrity(), &Integrity::Unfinished);
     assert_eq!((after.origin(), after.configuration()), (before.origin(), before.configuration()));
     assert_eq!(after.summary().topics, before.summary().topics);
@@ -152,29 +152,29 @@ fn a_cut_recording_is_recovered_whole() -> Outcome {
     Ok(())
 }
 
-/// Metadata carry no checksum: a wrong character in them is seen only when they are read.
+/// Metadata have no checksum: a wrong character in them is detected only when they are read.
 #[test]
 fn a_recording_that_could_not_be_opened_is_not_recovered() -> Outcome {
     let directory = tempfile::tempdir()?;
     let mut whole = bytes(directory.path())?;
-    let (cut, mended) = (directory.path().join("cut.mcap"), directory.path().join("mended.mcap"));
+    let (cut, repaired) = (directory.path().join("cut.mcap"), directory.path().join("repaired.mcap"));
     let key = b"dt_s";
     let place = whole.windows(key.len()).position(|bytes| bytes == key).ok_or("no such key")?;
     whole[place + key.len() + 4] = b'x';
     fs::write(&cut, &whole[..whole.len() * 2 / 3])?;
     let message = |error: RecordingError| error.to_string().replace(&directory.path().display().to_string(), "DIR");
-    let refused = recover(&cut, &mended, Existing::Refuse).map_err(message);
+    let refused = recover(&cut, &repaired, Existing::Refuse).map_err(message);
     assert_eq!(refused.as_ref().err(), Recording::open(&cut).map_err(message).err().as_ref());
-    assert!(refused.is_err_and(|message| message.contains("dt_s")) && !mended.exists());
+    assert!(refused.is_err_and(|message| message.contains("dt_s")) && !repaired.exists());
     Ok(())
 }
 
-/// Wherever one byte of a chunk is wrong, that chunk alone is lost: its length and its opcode included.
+/// One wrong byte anywhere in a chunk, its length and opcode included, loses only that chunk.
 #[test]
 fn one_wrong_byte_costs_one_chunk() -> Outcome {
     let directory = tempfile::tempdir()?;
     let whole = bytes(directory.path())?;
-    let (path, mended) = (directory.path().join("damaged.mcap"), directory.path().join("mended.mcap"));
+    let (path, repaired) = (directory.path().join("damaged.mcap"), directory.path().join("repaired.mcap"));
     let recorded = states_recorded()?;
     let second = chunk(&whole, 1).ok_or("no second chunk")?;
     let middle = usize::midpoint(second.start, second.end);
@@ -182,8 +182,8 @@ fn one_wrong_byte_costs_one_chunk() -> Outcome {
         let mut bytes = whole.clone();
         bytes[place] ^= 0x41;
         fs::write(&path, &bytes)?;
-        let recovered = recover(&path, &mended, Existing::Overwrite)?;
-        let samples = Recording::open(&mended)?.records()?.filter_map(|record| match record {
+        let recovered = recover(&path, &repaired, Existing::Overwrite)?;
+        let samples = Recording::open(&repaired)?.records()?.filter_map(|record| match record {
             Ok(resonarm::recording::Record::State(state)) => Some(state.sample),
             _ => None,
         });
@@ -196,13 +196,13 @@ fn one_wrong_byte_costs_one_chunk() -> Outcome {
     Ok(())
 }
 
-/// Where the chunk with this number stands.
+/// The range of the chunk with this number.
 fn chunk(bytes: &[u8], number: usize) -> Option<Range<usize>> {
     const CHUNK: u8 = 0x06; // MCAP specification, "Chunk"
     records(bytes).filter(|record| bytes[record.start] == CHUNK).nth(number)
 }
 
-/// Where the records of a file stand.
+/// The ranges of the records of a file.
 fn records(bytes: &[u8]) -> impl Iterator<Item = Range<usize>> {
     let mut offset = mcap::MAGIC.len();
     std::iter::from_fn(move || {
@@ -213,9 +213,9 @@ fn records(bytes: &[u8]) -> impl Iterator<Item = Range<usize>> {
     })
 }
 
-/// In every record of a file its opcode, its length, the beginning, the middle and the end of its content.
+/// A wrong byte in the opcode, the length, or the beginning, middle or end of the content of every record.
 #[test]
-fn a_wrong_byte_in_any_record_is_told() -> Outcome {
+fn a_wrong_byte_in_any_record_is_an_error() -> Outcome {
     let directory = tempfile::tempdir()?;
     let whole = bytes(directory.path())?;
     let recorded = states_recorded()?;
@@ -241,7 +241,7 @@ fn a_wrong_byte_in_any_record_is_told() -> Outcome {
     Ok(())
 }
 
-/// Messages that are wrong under right checksums, as another program may write them: cut short, and with a wrong byte.
+/// Invalid messages with correct checksums, as another program may write them: truncated, and with a wrong byte.
 #[test]
 fn a_wrong_message_is_refused_or_read() -> Outcome {
     let directory = tempfile::tempdir()?;
@@ -292,8 +292,8 @@ fn with_chunk(path: &Path, records: &[u8], states: u64) -> Outcome<String> {
     }
 }
 
-/// A few bytes may state, and decompress to, any length: what is refused at the statement or at the first record that
-/// is none takes neither time nor memory.
+/// A few bytes may state, and decompress to, any length. Refusing them at the stated length or at the first invalid
+/// record takes neither time nor memory.
 #[test]
 fn a_chunk_that_claims_too_much_or_holds_no_records_is_refused_at_once() -> Outcome {
     let directory = tempfile::tempdir()?;

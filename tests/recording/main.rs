@@ -1,4 +1,4 @@
-//! Recordings written, read back, cut short, damaged, recovered.
+//! Recordings written, read, truncated, damaged, recovered.
 #![allow(clippy::unwrap_used, clippy::panic, reason = "a test fails by panicking, its helpers too")]
 
 #[cfg(unix)]
@@ -27,10 +27,10 @@ use resonarm::recording::{
     Summary, TickRecord,
 };
 
-/// What tests return: any error fails them.
+/// The result of a test: any error fails it.
 type Outcome<T = ()> = Result<T, Box<dyn Error>>;
 
-/// What a plant records at sample `sample`.
+/// The records of a plant at sample `sample`.
 fn records_of(sample: u64) -> Outcome<Vec<Record>> {
     let x = sample as f64;
     let mut records = vec![
@@ -88,12 +88,12 @@ fn record(path: &Path, options: Options, records: &[Record]) -> Outcome<Summary>
     Ok(recorder.finish(&[("overruns", "0".to_string())])?)
 }
 
-/// What a plant records over samples `0..samples`.
+/// The records of a plant over samples `0..samples`.
 fn run(samples: u64) -> Outcome<Vec<Record>> {
     Ok((0..samples).map(records_of).collect::<Result<Vec<_>, _>>()?.concat())
 }
 
-/// The file once more, with `alter` applied to the data of every message, and its checksums right.
+/// The file written again, with `alter` applied to the data of every message, and with correct checksums.
 fn rewritten(path: &Path, mut alter: impl FnMut(&str, &mut Vec<u8>)) -> Outcome<Vec<u8>> {
     let bytes = std::fs::read(path)?;
     let options = mcap::WriteOptions::new().library("resonarm test").compression(None);

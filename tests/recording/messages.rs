@@ -1,4 +1,4 @@
-//! What users are told.
+//! Messages to users.
 
 use std::fs;
 
@@ -8,7 +8,7 @@ use resonarm::recording::{
 
 use crate::{Outcome, options, record, records_of, run};
 
-/// The error, with the directory of the test taken out.
+/// The error, without the directory of the test.
 fn text<T>(result: Result<T, RecordingError>, directory: &tempfile::TempDir) -> Outcome<String> {
     match result {
         Ok(_) => Err("no error".into()),
@@ -139,7 +139,7 @@ fn of_integrity() -> Outcome {
     let mut bytes = fs::read(&path)?;
     let whole = bytes.clone();
     assert_eq!(integrity(&whole)?, "complete");
-    // The bytes depend on the commit and the compiler, which the head names: their numbers stay out of the snapshot.
+    // The number of bytes depends on the commit and the compiler, named in the head, so the snapshot leaves it out.
     let half = &whole[..whole.len() / 2];
     insta::assert_snapshot!(without_numbers(&integrity(half)?), @"truncated: N of N bytes can be read, up to sample N");
     insta::assert_snapshot!(without_numbers(&integrity(&whole[..1200])?), @"truncated: N of N bytes can be read, which hold no sample");

@@ -1,4 +1,4 @@
-//! Recording from a real-time loop: `push` neither allocates nor frees, whatever becomes of the record.
+//! Recording from a real-time loop: `push` neither allocates nor frees, whether or not the record is kept.
 
 use std::error::Error;
 

@@ -1,5 +1,5 @@
-//! The reference recordings, simulated again: the arithmetic of today is the arithmetic that made them. If a change of
-//! it is meant, `recordings/make` makes them anew.
+//! The reference recordings, simulated again with identical results. After an intended change of the arithmetic
+//! `recordings/make` makes them anew.
 
 use std::path::PathBuf;
 
@@ -11,7 +11,7 @@ use resonarm::rig::Reading;
 use resonarm::run::{Mode, Options, RecordTo, Session, Signals};
 use resonarm::scenario::Scenario;
 
-/// From the project's folder, in which tests run.
+/// Paths are relative to the project's folder, in which tests run.
 const RECORDINGS: &str = "recordings";
 
 fn recordings() -> Vec<PathBuf> {
@@ -57,7 +57,7 @@ fn every_reading_of_the_instruments_is_the_recorded_one() {
     }
 }
 
-/// A free run is a function of its scenario: made again it has the same records, frames and events included.
+/// A free run is a function of its scenario: repeated, it has the same records, frames and events included.
 #[test]
 fn a_free_run_made_again_is_the_recorded_one() {
     let folder = tempfile::tempdir().unwrap();

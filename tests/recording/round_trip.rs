@@ -1,4 +1,4 @@
-//! Whatever goes in comes out, bit for bit.
+//! Every record is read as it was written, bit for bit.
 
 use proptest::prelude::*;
 use resonarm::protocol::{Frame, FrameFormat, Id};
@@ -19,7 +19,7 @@ fn pair() -> impl Strategy<Value = [f64; 2]> {
 fn frame() -> impl Strategy<Value = Frame> {
     let id = prop_oneof![
         (0..=0x7FF_u16).prop_map(Id::Standard),
-        (0..=0x1FFF_FFFF_u32).prop_map(Id::Extended), // small ones too: the format must not be guessed from the number
+        (0..=0x1FFF_FFFF_u32).prop_map(Id::Extended), // small ones too: the number must not decide the format
         (0..=0x7FF_u32).prop_map(Id::Extended),
     ];
     let format = prop_oneof![
@@ -80,7 +80,7 @@ fn any_record(sample: u64, has_coil: bool) -> impl Strategy<Value = Record> {
     ]
 }
 
-/// Samples that mostly follow each other, and now and then jump anywhere, of a plant with or without a coil.
+/// Samples that mostly follow each other and sometimes jump, of a plant with or without a coil.
 fn any_run() -> impl Strategy<Value = (bool, Vec<Record>)> {
     let samples = prop::collection::vec((0..20_u32, any::<u64>()), 0..200).prop_map(|jumps| {
         let samples = jumps.into_iter().scan(0_u64, |sample, (chance, anywhere)| {
@@ -107,7 +107,7 @@ fn any_options() -> impl Strategy<Value = Options> {
     })
 }
 
-/// A record so that equal texts mean equal bits.
+/// A record as text, where equal texts mean equal bits.
 fn exact<Name: AsRef<str>>(record: &Record<Name>) -> String {
     let bits =
         |pairs: &[[f64; 2]]| pairs.iter().map(|pair| format!("{:x?}", pair.map(f64::to_bits))).collect::<String>();
@@ -127,7 +127,7 @@ fn exact<Name: AsRef<str>>(record: &Record<Name>) -> String {
     }
 }
 
-/// The records of each topic in order; between topics a batch may overtake.
+/// The records of each topic in order; batches of different topics may overtake each other.
 fn by_topic<Name: AsRef<str>>(records: &[Record<Name>]) -> [Vec<String>; 5] {
     let mut topics = [const { Vec::new() }; 5];
     for record in records {

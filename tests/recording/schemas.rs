@@ -1,4 +1,4 @@
-//! The checked-in code and descriptors of `proto/` are what the `.proto` files say.
+//! The checked-in code and descriptors of `proto/` match the `.proto` files.
 //!
 //! After an edit of a `.proto` file: `RESONARM_UPDATE_PROTO=1 cargo test --test recording schemas`.
 
@@ -9,13 +9,13 @@ use std::path::{Path, PathBuf};
 use prost_build::Module;
 use protox::prost::Message;
 
-/// One schema a file: a descriptor then holds one message and what it needs, and nothing else.
+/// One schema a file, so that a descriptor holds only one message and its dependencies.
 const NAMES: [&str; 3] = ["event", "frame_batch", "tick_batch"];
 
 /// Path inside `proto/` and content of a generated file.
 type Generated = (PathBuf, Vec<u8>);
 
-/// Everything that is generated from the schemas in `directory`.
+/// All files generated from the schemas in `directory`.
 fn generate(directory: &Path) -> Result<Vec<Generated>, Box<dyn Error>> {
     let mut generated = Vec::new();
     for name in NAMES {

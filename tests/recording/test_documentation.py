@@ -1,4 +1,4 @@
-"""The Python in docs/recording.md does what it says."""
+"""The Python examples in docs/recording.md."""
 
 import re
 import subprocess
@@ -23,7 +23,7 @@ def examples():
 
 
 def printed(example):
-    """What an example prints in the project's folder."""
+    """The output of an example run in the project's folder."""
     ended = subprocess.run([sys.executable, "-c", example], cwd=ROOT, capture_output=True, text=True, timeout=60)
     assert ended.returncode == 0, ended.stderr
     return ended.stdout

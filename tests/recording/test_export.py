@@ -1,5 +1,5 @@
-"""What `resonarm export` writes, opened by independent readers of each format and compared value for value with what
-the package `mcap` reads of the recording."""
+"""Files of `resonarm export`, opened by independent readers of each format and compared value for value with the
+recording as the package `mcap` reads it."""
 
 import csv
 import json
@@ -44,7 +44,7 @@ def export(folder, recording, *arguments):
 
 @pytest.fixture(scope="module", params=["classic", "fd"])
 def recorded(request, tmp_path_factory):
-    """A free run, whose frames come from simulated time, and what the package `mcap` reads of it."""
+    """A free run, whose frames have simulated times, and its contents as the package `mcap` reads them."""
     folder = tmp_path_factory.mktemp(request.param)
     (folder / "run.toml").write_text(DWELL + (FD if request.param == "fd" else ""))
     path = folder / "run.mcap"
@@ -75,8 +75,8 @@ def test_csv_has_every_value(recorded, tmp_path):
     events = [(str(event.step), event.name, str(event.value)) for event in recording.topics["/events"]]
     assert [(row["sample"], row["name"], row["value"]) for row in rows(tmp_path / "x-events.csv")] == events
     frames = rows(tmp_path / "x-frames.csv")
-    told = [(int(row["sample"]), int(row["identifier"]), row["fd"], bytes.fromhex(row["data"])) for row in frames]
-    assert told == [(frame.step, frame.id, str(int(frame.fd)), frame.data) for frame in recording.frames]
+    exported = [(int(row["sample"]), int(row["identifier"]), row["fd"], bytes.fromhex(row["data"])) for row in frames]
+    assert exported == [(frame.step, frame.id, str(int(frame.fd)), frame.data) for frame in recording.frames]
     assert [row["time_s"] for row in frames] == [f"{frame.time_ns / 1e9:.9f}" for frame in recording.frames]
 
 
@@ -160,14 +160,14 @@ def test_viewers_find_every_sample(recorded, tmp_path):
         assert (found == expected).all()
         assert set(schemas[topic][1]["properties"]) == set(rows[topic][0]) == {*names, "sample"}
     assert times["/states"][:3] == [0, 1_000_000, 2_000_000]
-    # Readings of a time before the run stand at its beginning.
+    # Readings from before the run are placed at its beginning.
     assert times["/samples"][:5] == [0, 0, 0, 500_000, 1_500_000]
     assert schemas["/log"][0] == "foxglove.Log"
     assert [log["name"] for log in rows["/log"]] == [event.name for event in recording.topics["/events"]]
     for log in rows["/log"]:
         published(Log.DESCRIPTOR, log)
     declared(Log.DESCRIPTOR, schemas["/log"][1])
-    # The moving arm is there if it is asked for.
+    # The moving arm is only there on request.
     assert set(schemas) == {"/states", "/samples", "/log"}
     assert attached["scenario.toml"] == recording.metadata["resonarm.configuration"]["scenario"]
     assert cantools.database.load_string(attached["resonarm.dbc"]).messages
@@ -181,7 +181,7 @@ def test_viewers_find_every_sample(recorded, tmp_path):
         assert all(type(row[field]) is float for row in rows[topic])
     logs = [panel["topicToRender"] for name, panel in layout["configById"].items() if name.startswith("RosOut!")]
     assert [schemas[topic][0] for topic in logs] == ["foxglove.Log"]
-    # The 3D view shows what `--moving-arm` adds.
+    # The 3D view shows the additions of `--moving-arm`.
     assert [panel["topics"] for name, panel in layout["configById"].items() if name.startswith("3D!")] == [
         {"/arm": {"visible": True}}
     ]
@@ -244,5 +244,5 @@ def test_memory_does_not_grow_with_the_recording(tmp_path):
             assert status == 0
             peaks.append(usage.ru_maxrss)
         peak_kib.append(peaks)
-    # Several times as long, of which chunks and buffers are all that is in memory at once.
+    # Ten times as long, and only chunks and buffers are in memory at once.
     assert all(long < short + 2048 for short, long in zip(*peak_kib, strict=True)), peak_kib

@@ -12,7 +12,7 @@ START_S = 1_785_000_000.123456
 
 
 def messages(count=1):
-    """Frames of all kinds, ten microseconds apart, as often as asked for."""
+    """Frames of all kinds, ten microseconds apart, repeated."""
     kinds = [
         {"arbitration_id": 0x201, "data": bytes(range(8)), "is_rx": True},
         {"arbitration_id": 0x0, "data": b"", "is_rx": False},
@@ -36,7 +36,7 @@ def content(message):
 
 
 def imported(folder, log, *options):
-    """The frames of a recording of the log, and what `import` says."""
+    """The frames of a recording made from the log, and the output of `import`."""
     path = folder / "imported.mcap"
     said = run(RESONARM, "import", log, path, "--overwrite", *options)
     frames = Recording.whole(path).frames
@@ -57,7 +57,7 @@ def write(path, recorded, **options):
     [{}, {"compression_level": 0}, {"max_container_size": 150}, {"compression_level": 0, "max_container_size": 120}],
     ids=["compressed", "stored", "objects over two containers", "stored over two containers"],
 )
-def test_what_python_can_writes_is_read(tmp_path, options):
+def test_logs_of_python_can_are_read(tmp_path, options):
     log = tmp_path / "log.blf"
     write(log, messages(50), **options)
     expected = [message for message in can.BLFReader(log) if not message.is_error_frame]
@@ -65,7 +65,7 @@ def test_what_python_can_writes_is_read(tmp_path, options):
     assert frames == [content(message) for message in expected]
     assert len(frames) == 50 * 7 and "50 lines or objects that are no frames" in said
     since_first = [message.timestamp - expected[0].timestamp for message in expected]
-    # python-can's times are floating-point numbers of the UNIX epoch, good to a quarter of a microsecond.
+    # python-can's times are floating-point numbers of the UNIX epoch, exact to a quarter of a microsecond.
     assert [time_ns * 1e-9 for time_ns in times_ns] == pytest.approx(since_first, abs=1e-6)
 
 
@@ -75,7 +75,7 @@ def test_objects_that_only_vector_writes_are_read(tmp_path):
     with can.BLFWriter(log) as writer:
         classic = blf.CAN_MSG_STRUCT.pack(1, 1, 3, 0x80000123, b"\x01\x02\x03" + bytes(5)) + bytes(8)
         writer._add_object(blf.CAN_MESSAGE2, classic, START_S)
-        # 64 bytes of which two are there; a classical and a remote frame on a channel for CAN FD; a request to send.
+        # A length of 64 with two bytes present; a classical and a remote frame on a CAN FD channel; a request to send.
         for dlc, length, flags, direction, data in [
             (15, 64, 0x3000, 0, b"\x07\x08"),
             (2, 2, 0x0000, 1, b"\x05\x06"),
@@ -88,12 +88,12 @@ def test_objects_that_only_vector_writes_are_read(tmp_path):
     frames, _, said = imported(tmp_path, log)
     assert frames[:3] == [content(message) for message in expected[:3]]
     assert frames[1][-1] == b"\x07\x08" + bytes(62)
-    # python-can gives a remote frame zeros for data, and a request to send as a frame that was sent.
+    # python-can fills the data of a remote frame with zeros, and reads a request to send as a sent frame.
     assert frames[3][:3] == content(expected[3])[:3]
     assert len(frames) == len(expected) - 1 == 4 and "and 1 line or object that is no frame" in said
 
 
-def test_what_is_exported_is_replayed_from_the_import(tmp_path):
+def test_an_exported_log_is_imported_and_replayed(tmp_path):
     recorded = tmp_path / "run.mcap"
     run(RESONARM, "run", "--mode", "free", "--duration-s", "0.5", "--record", recorded)
     run(RESONARM, "export", recorded, "--to", "blf", "--out", tmp_path)

@@ -1,4 +1,4 @@
-"""A recording as independent readers see it: the packages `mcap` and `mcap-protobuf-support`."""
+"""A recording in independent readers: the packages `mcap` and `mcap-protobuf-support`."""
 
 import json
 import math
@@ -19,7 +19,7 @@ SAMPLES = 1234
 
 @pytest.fixture(scope="module")
 def recording(tmp_path_factory):
-    """A file of the example, and what the example said of it."""
+    """A file of the example, and the example's output."""
     path = tmp_path_factory.mktemp("recording") / "run.mcap"
     # Built by `cargo test`, with the features of the tests.
     command = [ROOT / "target/debug/examples/recording", path, str(SAMPLES)]
@@ -81,8 +81,8 @@ def test_states_are_what_was_simulated(messages):
 
 
 def filtered(values, every=10):
-    """Every tenth value through the filter that docs/recording.md states, whose ends go on beyond the ends of the
-    series."""
+    """Every tenth value through the filter that docs/recording.md states; the series is continued beyond its ends by
+    its end values."""
     half = 26 * every
     i = np.arange(-half, half + 1)
     taps = np.kaiser(2 * half + 1, 0.1102 * (80 - 8.7)) * np.sinc(0.9 * i / every)

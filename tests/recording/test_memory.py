@@ -1,4 +1,4 @@
-"""How much memory a recording takes that is read: as much for a long one as for a short one."""
+"""The memory for reading a recording does not depend on its length."""
 
 import os
 import subprocess
@@ -9,9 +9,9 @@ import pytest
 from processes import RESONARM
 
 SHORT_S, LONG_S = 10, 100
-# What may come on top for ten times the file, MiB: `resim` holds blocks of 32768 states of 72 bytes in a vector that
-# grows by doubling, old and new at once, 7 MiB, which a short file doesn't fill; what an allocator keeps differs from
-# run to run.
+# Additional memory allowed for ten times the file, MiB: `resim` holds blocks of 32768 states of 72 bytes in a vector
+# that grows by doubling, old and new at once, 7 MiB, which a short file doesn't fill; the memory that an allocator
+# keeps varies from run to run.
 MORE_MIB = 12
 
 SCENARIO = """
@@ -23,7 +23,7 @@ profile = {{ waveform = "dwell", frequency_hz = 18.0, duration_s = 1000.0, settl
 """
 
 
-# A process begins with the peak of the one that starts it, so that one is small.
+# A process inherits the peak of its parent, so the parent is small.
 MEASURE = """
 import os, subprocess, sys
 process = subprocess.Popen(sys.argv[1:], stdout=subprocess.DEVNULL)
@@ -34,7 +34,7 @@ print(process.returncode, usage.ru_maxrss)
 
 
 def peak_mib(folder, *arguments):
-    """The program's exit code, and the most memory that it had in use (getrusage(2), `ru_maxrss`), MiB."""
+    """The program's exit code, and its peak memory (getrusage(2), `ru_maxrss`), MiB."""
     words = [sys.executable, "-c", MEASURE, Path(RESONARM).resolve(), *arguments]
     said = subprocess.run(words, cwd=folder, capture_output=True, text=True, timeout=600, check=True).stdout
     code, peak_kib = map(int, said.split())
@@ -60,7 +60,7 @@ def recordings(tmp_path_factory):
     [
         ("inspect", "{}.mcap"),
         ("resim", "{}.mcap"),
-        ("recover", "{}-cut.mcap", "{}-mended.mcap"),
+        ("recover", "{}-cut.mcap", "{}-repaired.mcap"),
         ("replay", "{}.mcap", "--bus", "python-can:interface=virtual,channel=memory", "--speed", "0"),
     ],
     ids=lambda command: command[0],

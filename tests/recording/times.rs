@@ -1,4 +1,4 @@
-//! What a message says of its times, its samples and its instruments.
+//! Times, samples and instruments stated in messages.
 
 use std::fs;
 use std::path::Path;
@@ -13,9 +13,9 @@ use resonarm::replay::{resimulate, responses};
 
 use crate::{Outcome, configuration, options, record, rewritten, run};
 
-/// What the machine's clocks read when the loop's clock read 0, ns of the UNIX epoch.
+/// The reading of the machine's clocks when the loop's clock read 0, ns of the UNIX epoch.
 const CLOCK_EPOCH_UNIX_NS: u64 = 1_700_000_000_000_000_000;
-/// What the loop's clock read at the start of the run, ns: the recorder was created some time before.
+/// The reading of the loop's clock at the start of the run, ns: the recorder was created some time before.
 const BEGUN_NS: u64 = 5_000_000_000;
 /// Both together.
 const START_UNIX_NS: u64 = CLOCK_EPOCH_UNIX_NS + BEGUN_NS;
@@ -24,8 +24,8 @@ fn never() -> Duration {
     Duration::ZERO
 }
 
-/// Records sample 7 of a run, of which the loop took in a frame 7.5 ms and an event 7.75 ms after its start; gives
-/// topic, log time and publish time of every message.
+/// Records sample 7 of a run, with a frame taken in 7.5 ms and an event 7.75 ms after its start; returns topic,
+/// log time and publish time of every message.
 fn stamps(path: &Path, options: Options) -> Outcome<Vec<(String, u64, u64)>> {
     let recorder = Recorder::create(path, &configuration(), options)?;
     let mut channel = recorder.channel("plant", 64)?;
@@ -112,14 +112,14 @@ fn a_recording_of_format_3_is_read_as_it_was() -> Outcome {
     let (last, others) = states.split_last().ok_or("no states")?;
     assert!(last.is_end && others.iter().all(|state| !state.is_end && state.coil_current_a.is_none()));
     assert_eq!(recording.channels(), &Channels::arm(false));
-    // Its last digits are those of another arithmetic: the motions are the same to rounding.
+    // Its last digits come from another arithmetic: the motions are equal except for rounding.
     let verdict = resimulate(&recording)?;
     assert!(verdict.samples == states.len() as u64 && verdict.max_drift_rad < 1e-15, "{verdict:?}");
     let (samples, frames) = (recording.samples()?.count(), recording.frames()?.collect::<Result<Vec<_>, _>>()?);
     assert!(samples + 1 >= states.len() && frames.len() > 2 * samples, "{samples} {}", frames.len());
     assert!(!responses(&recording)?.is_empty());
 
-    // The recovered file is of format 3 as well, and a cut of the format of now.
+    // The recovered file is also of format 3, a cut of the current format.
     let directory = tempfile::tempdir()?;
     let [truncated, recovered, part] = ["truncated", "recovered", "part"].map(|name| directory.path().join(name));
     let bytes = fs::read(&path)?;

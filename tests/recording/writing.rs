@@ -1,4 +1,4 @@
-//! The writer: same bytes for the same records, nothing lost unseen.
+//! The writer: same bytes for the same records, and every loss is reported.
 
 use std::fs;
 use std::path::Path;
@@ -90,9 +90,9 @@ fn several_channels_keep_the_order_of_each() -> Outcome {
     Ok(())
 }
 
-/// What was recorded is there, and the end is missing.
+/// The records are there, and the end is missing.
 #[test]
-fn a_recording_that_is_given_up_does_not_look_whole() -> Outcome {
+fn an_abandoned_recording_does_not_look_whole() -> Outcome {
     let directory = tempfile::tempdir()?;
     let path = directory.path().join("run.mcap");
     let recorder = Recorder::create(&path, &configuration(), options())?;
@@ -108,9 +108,9 @@ fn a_recording_that_is_given_up_does_not_look_whole() -> Outcome {
     Ok(())
 }
 
-/// Nothing was recorded: the name is free for another try, and what may be overwritten is there still.
+/// Nothing was recorded: the name is free for another try, and a file to be overwritten is still there.
 #[test]
-fn a_recording_without_a_record_leaves_nothing_when_it_is_given_up() -> Outcome {
+fn an_abandoned_recording_without_a_record_leaves_nothing() -> Outcome {
     let directory = tempfile::tempdir()?;
     let path = directory.path().join("run.mcap");
     let overwrite = Options { existing: Existing::Overwrite, ..options() };
@@ -122,19 +122,19 @@ fn a_recording_without_a_record_leaves_nothing_when_it_is_given_up() -> Outcome 
     drop(Recorder::create(&path, &configuration(), overwrite.clone())?);
     assert_eq!(fs::read_to_string(&path)?, "what was there");
     assert_eq!(fs::read_dir(directory.path())?.count(), 1);
-    // With the first record the file takes the place of the one that was there.
+    // With the first record the file replaces the existing one.
     record(&path, overwrite, &run(3)?)?;
     assert_eq!(Recording::open(&path)?.states()?.count(), 3);
     assert_eq!(fs::read_dir(directory.path())?.count(), 1);
     Ok(())
 }
 
-/// A recording made of others has its name when it is whole, or never.
+/// A recording made from others gets its name when it is whole, or never.
 #[test]
 fn a_cut_that_fails_leaves_what_was_there() -> Outcome {
     let directory = tempfile::tempdir()?;
     let (path, part) = (directory.path().join("run.mcap"), directory.path().join("part.mcap"));
-    // More names of events than are copied, behind states that are.
+    // More names of events than are copied, after states that are.
     let names = (0..1001).map(|name| &*format!("event.{name}").leak());
     let event = |name| Record::Event(Event { sample: 50, time_ns: 0, name, value: 0 });
     record(&path, options(), &run(50)?.into_iter().chain(names.map(event)).collect::<Vec<_>>())?;
@@ -150,9 +150,9 @@ fn a_cut_that_fails_leaves_what_was_there() -> Outcome {
     Ok(())
 }
 
-/// Left by a process of the same number, as processes in containers have.
+/// Left by a process with the same id, as processes in containers have.
 #[test]
-fn a_part_that_a_killed_process_has_left_is_in_nobodys_way() -> Outcome {
+fn a_partial_file_left_by_a_killed_process_is_no_obstacle() -> Outcome {
     let directory = tempfile::tempdir()?;
     let (path, part) = (directory.path().join("run.mcap"), directory.path().join("part.mcap"));
     record(&path, options(), &run(50)?)?;
@@ -181,7 +181,7 @@ fn a_full_disk_is_reported_at_once() -> Outcome {
     }
 }
 
-/// A pipe takes the head of the file and refuses what comes once nobody reads it: as a disk that fills up during the
+/// A pipe takes the head of the file and refuses the rest once nobody reads it, like a disk that fills up during the
 /// run.
 #[test]
 fn a_failure_during_the_run_reaches_the_producer_and_the_end() -> Outcome {
@@ -222,7 +222,7 @@ fn refuses_to_overwrite_unless_asked() -> Outcome {
     Ok(())
 }
 
-/// What happens to a file while it is written.
+/// Changes of a file while it is written.
 enum Lost {
     File,
     Replaced,
@@ -230,7 +230,7 @@ enum Lost {
 }
 
 #[test]
-fn a_recording_that_was_deleted_or_replaced_meanwhile_is_said() -> Outcome {
+fn a_recording_deleted_or_replaced_meanwhile_is_reported() -> Outcome {
     let directory = tempfile::tempdir()?;
     for (number, lost) in [Lost::File, Lost::Replaced, Lost::Folder].into_iter().enumerate() {
         let folder = directory.path().join(number.to_string());

@@ -25,14 +25,14 @@ pub struct Limits {
     pub connections: usize,
     /// How long the head of a request may take, from the opening of the connection or the previous answer.
     pub head: Duration,
-    /// How long a connection may last. A WebSocket may last for ever.
+    /// How long a connection may last. A WebSocket may last forever.
     pub whole: Duration,
 }
 
 /// Limits that a browser at the far end of a slow tunnel meets.
 pub const LIMITS: Limits = Limits { connections: 64, head: Duration::from_secs(5), whole: Duration::from_secs(60) };
 
-/// Accepts connections and answers their requests, for ever.
+/// Accepts connections and answers their requests, forever.
 pub async fn serve(listener: TcpListener, router: Router, limits: Limits) {
     let free = Arc::new(Semaphore::new(limits.connections));
     // The semaphore is never closed.

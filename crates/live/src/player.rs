@@ -29,7 +29,7 @@ const NICE: i32 = 10;
 pub struct Play {
     /// Recorded seconds per second, within [`SPEEDS`](super::message::SPEEDS).
     pub speed: f64,
-    /// How often it is played from beginning to end, where it then stays; `None` for ever.
+    /// How often it is played from beginning to end, where it then stays; `None` forever.
     pub times: Option<u32>,
     /// Whether it stays at its first sample until the first viewer comes.
     pub wait: bool,
@@ -46,7 +46,7 @@ pub fn play(recording: Recording, play: Play) -> Result<Source, LiveError> {
     let for_responses = recording.clone();
     spawn("live-responses", move || {
         match timed_responses(&for_responses) {
-            // If the player has ended, nobody waits for them.
+            // They are not needed after the player has ended.
             Ok(found) => drop(read.send(found)),
             Err(error) => tracing::info!("no responses are shown: {error}"),
         }

@@ -23,7 +23,7 @@ pub enum Flaw {
     NoRamp,
     /// Commands act when it is not armed.
     ActsUnarmed,
-    /// Waits for its partner for ever.
+    /// Waits for its partner forever.
     NoTimeout,
     /// Waits for its partner for twice as long as it must.
     SlowTimeout,
