@@ -16,7 +16,7 @@ use super::error::Operation;
 use super::message::{ErrorFrames, Incoming};
 use super::{PythonCanError, exception, message};
 use resonarm_bus::deadline::Deadline;
-use resonarm_bus::socketcan::Told;
+use resonarm_bus::socketcan::ControllerReports;
 use resonarm_bus::{Filter, Sent};
 
 /// What a driver is asked to wait for at once: some refuse times of centuries.
@@ -56,13 +56,13 @@ impl Direct {
     }
 
     /// Waits for what is given out, and counts the error frames before it.
-    pub(super) fn wait(&mut self, timeout: Duration, told: &mut Told) -> Result<bool, PythonCanError> {
+    pub(super) fn wait(&mut self, timeout: Duration, reports: &mut ControllerReports) -> Result<bool, PythonCanError> {
         let deadline = Deadline::after(timeout);
         while self.came_in.is_none() {
             let left = deadline.remaining();
             match self.take(left.min(LONGEST_WAIT))? {
                 Some(incoming) if incoming.is_given_out() => self.came_in = Some(incoming),
-                Some(incoming) => incoming.note(told),
+                Some(incoming) => incoming.note(reports),
                 None if left.is_zero() => break,
                 None => {}
             }

@@ -127,7 +127,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn says_how_to_mend_it() {
+    fn says_how_to_fix_it() {
         let version = PythonCanError::Version {
             path: "/home/a/.venv".into(),
             environment: "3.12".into(),

@@ -43,7 +43,7 @@ use direct::Direct;
 pub use error::{Operation, PythonCanError};
 use message::{ErrorFrames, Incoming};
 use options::{Options, Value};
-use resonarm_bus::socketcan::Told;
+use resonarm_bus::socketcan::ControllerReports;
 use resonarm_bus::{Bus, BusAddress, BusError, ControllerState, Filter, Received, Sent, Statistics};
 
 /// Frames and error frames that wait to be received at most; what comes in beyond is lost and counted in
@@ -66,7 +66,7 @@ pub struct PythonCan {
     outgoing: Producer<Frame>,
     /// What its controller is called where it tells of itself.
     controller: String,
-    told: Told,
+    reports: ControllerReports,
     incoming: Consumer<Incoming>,
     failures: [Consumer<PythonCanError>; 2],
     requests: mpsc::Sender<FilterRequest>,
@@ -162,7 +162,7 @@ impl PythonCan {
         Ok(PythonCan {
             name: String::from("python-can"),
             controller: String::from("python-can"),
-            told: Told::default(),
+            reports: ControllerReports::default(),
             outgoing,
             incoming,
             failures: [send_failures, receive_failures],
@@ -201,12 +201,12 @@ impl PythonCan {
 
     /// Whether what the threads took in holds something that [`Bus::receive`] gives out. Error frames before that are
     /// counted.
-    fn has_incoming(incoming: &mut Consumer<Incoming>, told: &mut Told) -> bool {
+    fn has_incoming(incoming: &mut Consumer<Incoming>, reports: &mut ControllerReports) -> bool {
         while let Ok(next) = incoming.peek() {
             if next.is_given_out() {
                 return true;
             }
-            next.note(told);
+            next.note(reports);
             let _ = incoming.pop();
         }
         false
@@ -256,7 +256,7 @@ impl Bus for PythonCan {
                 (Err(_), None) => None,
             };
             let Some(next) = next else { return self.check_failures().map(|()| None) };
-            next.note(&mut self.told);
+            next.note(&mut self.reports);
             if next.is_bus_off() {
                 return Err(BusError::BusOff { interface: self.controller.clone() });
             }
@@ -269,16 +269,16 @@ impl Bus for PythonCan {
 
     fn wait(&mut self, timeout: Duration) -> Result<bool, BusError> {
         self.check_open()?;
-        let PythonCan { incoming, told, failures, shared, direct, .. } = self;
-        if PythonCan::has_incoming(incoming, told) {
+        let PythonCan { incoming, reports, failures, shared, direct, .. } = self;
+        if PythonCan::has_incoming(incoming, reports) {
             return Ok(true);
         }
         if let Some(direct) = direct {
-            return Ok(direct.wait(timeout, told)?);
+            return Ok(direct.wait(timeout, reports)?);
         }
-        let is_idle = || !PythonCan::has_incoming(incoming, told) && failures.iter().all(Consumer::is_empty);
+        let is_idle = || !PythonCan::has_incoming(incoming, reports) && failures.iter().all(Consumer::is_empty);
         shared.wait_while(timeout, is_idle);
-        if PythonCan::has_incoming(incoming, told) {
+        if PythonCan::has_incoming(incoming, reports) {
             return Ok(true);
         }
         self.check_failures().map(|()| false)
@@ -302,11 +302,11 @@ impl Bus for PythonCan {
         if let Some(direct) = &self.direct {
             direct.count_drops();
         }
-        Statistics { dropped: self.shared.dropped(), errors: self.told.errors, ..self.statistics }
+        Statistics { dropped: self.shared.dropped(), errors: self.reports.errors, ..self.statistics }
     }
 
     fn controller(&self) -> ControllerState {
-        self.told.state
+        self.reports.state
     }
 
     fn work_on_caller(&mut self) -> Result<(), BusError> {
@@ -383,12 +383,12 @@ fn open_bus(py: Python<'_>, options: &Options) -> Result<(Py<PyAny>, Py<PyAny>),
 /// The socket that python-can's `socketcan` reads from, once it has told its losses, as it is asked to before each
 /// frame.
 fn counting_socket(bus: &Py<PyAny>, py: Python<'_>) -> Result<Py<PyAny>, PythonCanError> {
-    let told = || -> PyResult<Py<PyAny>> {
+    let socket = || -> PyResult<Py<PyAny>> {
         let socket = bus.getattr(py, "socket")?;
         kernel_drops(socket.bind(py))?;
         Ok(socket)
     };
-    told().map_err(|error| exception(py, Operation::Open, error))
+    socket().map_err(|error| exception(py, Operation::Open, error))
 }
 
 /// `can.VALID_INTERFACES` holds the interfaces of python-can and of its installed plug-ins.

@@ -8,7 +8,7 @@ use pyo3::pybacked::PyBackedBytes;
 use pyo3::types::{PyBytes, PyDict, PyList};
 use resonarm_protocol::{Frame, FrameFormat, Id};
 
-use resonarm_bus::socketcan::{ErrorFrame, Told};
+use resonarm_bus::socketcan::{ControllerReports, ErrorFrame};
 use resonarm_bus::{Filter, Received};
 
 /// Timestamps before this (September 2001), in seconds of the UNIX epoch, are taken for an adapter's own clock.
@@ -75,11 +75,11 @@ impl Incoming {
     }
 
     /// Counts it, if it is an error frame.
-    pub(super) fn note(&self, told: &mut Told) {
+    pub(super) fn note(&self, reports: &mut ControllerReports) {
         match self {
             Incoming::Frame(_) => {}
-            Incoming::Error(Some(error)) => told.note(*error),
-            Incoming::Error(None) => told.errors.other += 1,
+            Incoming::Error(Some(error)) => reports.note(*error),
+            Incoming::Error(None) => reports.errors.other += 1,
         }
     }
 }

@@ -61,6 +61,6 @@ mod tests {
     fn a_missing_interface_is_a_shortfall() {
         let shortfall = CoresAwake::request_at(Path::new("/nonexistent/cpu_dma_latency")).unwrap_err();
         assert_eq!(shortfall.wanted, Wanted::CoresAwake);
-        insta::assert_snapshot!(shortfall, @"no cores kept awake: /nonexistent/cpu_dma_latency: No such file or directory (os error 2); to mend: `sudo setfacl -m u:$USER:w /dev/cpu_dma_latency`, or run as root; where there is no such file, boot with `idle=poll`");
+        insta::assert_snapshot!(shortfall, @"no cores kept awake: /nonexistent/cpu_dma_latency: No such file or directory (os error 2); to fix: `sudo setfacl -m u:$USER:w /dev/cpu_dma_latency`, or run as root; where there is no such file, boot with `idle=poll`");
     }
 }

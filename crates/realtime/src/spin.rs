@@ -209,10 +209,10 @@ mod tests {
 
     #[test]
     fn the_lateness_of_most_sleeps_is_spun_for_if_that_is_a_quarter_of_the_period_at_most() {
-        let told = |rate_hz, seldom_ns| choose(Spin::Auto, rate_hz, seldom_ns).unwrap().unwrap().to_string();
-        insta::assert_snapshot!(told(1000.0, 41_000), @"for 41.0 µs before each deadline: of 300 sleeps 99 % were late by up to that");
-        insta::assert_snapshot!(told(1000.0, 300_000), @"off: of 300 sleeps 99 % were late by up to 300.0 µs, more than a quarter of the period");
-        insta::assert_snapshot!(told(10_000.0, 41_000), @"off: of 300 sleeps 99 % were late by up to 41.0 µs, more than a quarter of the period");
+        let choice = |rate_hz, seldom_ns| choose(Spin::Auto, rate_hz, seldom_ns).unwrap().unwrap().to_string();
+        insta::assert_snapshot!(choice(1000.0, 41_000), @"for 41.0 µs before each deadline: of 300 sleeps 99 % were late by up to that");
+        insta::assert_snapshot!(choice(1000.0, 300_000), @"off: of 300 sleeps 99 % were late by up to 300.0 µs, more than a quarter of the period");
+        insta::assert_snapshot!(choice(10_000.0, 41_000), @"off: of 300 sleeps 99 % were late by up to 41.0 µs, more than a quarter of the period");
         assert_eq!(choose(Spin::Auto, 10_000.0, 41_000).unwrap().unwrap().spin_ns(), 0);
     }
 

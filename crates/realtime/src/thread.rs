@@ -11,7 +11,7 @@ use serde::{Deserialize, Serialize};
 use thiserror::Error;
 
 use super::CoresAwake;
-use super::privileges::{allowed_cores, memory_lock_limit_bytes, mend_memory_lock, mend_priority};
+use super::privileges::{allowed_cores, fix_for_memory_lock, fix_for_priority, memory_lock_limit_bytes};
 
 /// How much of its stack [`ThreadSetup::apply`] touches, so that the loop meets no page fault there: 256 KiB.
 pub const PREFAULT_STACK_BYTES: usize = 256 * 1024;
@@ -220,12 +220,12 @@ pub struct Shortfall {
 impl Shortfall {
     fn priority(priority: FifoPriority, error: Errno) -> Self {
         let what = format!("SCHED_FIFO priority {}", priority.get());
-        Self { wanted: Wanted::Priority, what, why: error.to_string(), mend: mend_priority() }
+        Self { wanted: Wanted::Priority, what, why: error.to_string(), mend: fix_for_priority() }
     }
 
     fn memory(error: Errno) -> Self {
         let what = "memory locked into RAM".to_owned();
-        Self { wanted: Wanted::MemoryLock, what, why: error.to_string(), mend: mend_memory_lock() }
+        Self { wanted: Wanted::MemoryLock, what, why: error.to_string(), mend: fix_for_memory_lock() }
     }
 
     fn core(core: usize, error: Errno) -> Self {
@@ -242,7 +242,7 @@ impl Shortfall {
 
 impl fmt::Display for Shortfall {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        write!(f, "no {}: {}; to mend: {}", self.what, self.why, self.mend)
+        write!(f, "no {}: {}; to fix: {}", self.what, self.why, self.mend)
     }
 }
 
@@ -377,14 +377,14 @@ mod tests {
             mend: "choose a core that this process may use: [0, 1]".to_owned(),
             ..Shortfall::core(9, Errno::INVAL)
         };
-        insta::assert_snapshot!(shortfall, @"no core 9: Invalid argument (os error 22); to mend: choose a core that this process may use: [0, 1]");
+        insta::assert_snapshot!(shortfall, @"no core 9: Invalid argument (os error 22); to fix: choose a core that this process may use: [0, 1]");
     }
 
     #[test]
-    fn what_is_refused_is_told_with_the_way_to_mend_it() {
+    fn a_refusal_is_reported_with_its_fix() {
         let said = |shortfall: Shortfall| shortfall.to_string().replace(&program_path(), "PROGRAM");
-        insta::assert_snapshot!(said(Shortfall::priority(FifoPriority::DEFAULT, Errno::PERM)), @"no SCHED_FIFO priority 80: Operation not permitted (os error 1); to mend: `sudo setcap cap_sys_nice,cap_ipc_lock=ep PROGRAM`; or the line `* - rtprio 99` in /etc/security/limits.conf, a new login, and `ulimit -r` tells 99; in a container `--cap-add=SYS_NICE`");
-        insta::assert_snapshot!(said(Shortfall::memory(Errno::NOMEM)), @"no memory locked into RAM: Cannot allocate memory (os error 12); to mend: `sudo setcap cap_sys_nice,cap_ipc_lock=ep PROGRAM`; or the line `* - memlock unlimited` in /etc/security/limits.conf, a new login, and `ulimit -l` tells unlimited; in a container `--cap-add=IPC_LOCK`");
+        insta::assert_snapshot!(said(Shortfall::priority(FifoPriority::DEFAULT, Errno::PERM)), @"no SCHED_FIFO priority 80: Operation not permitted (os error 1); to fix: `sudo setcap cap_sys_nice,cap_ipc_lock=ep PROGRAM`; or the line `* - rtprio 99` in /etc/security/limits.conf, a new login, and `ulimit -r` tells 99; in a container `--cap-add=SYS_NICE`");
+        insta::assert_snapshot!(said(Shortfall::memory(Errno::NOMEM)), @"no memory locked into RAM: Cannot allocate memory (os error 12); to fix: `sudo setcap cap_sys_nice,cap_ipc_lock=ep PROGRAM`; or the line `* - memlock unlimited` in /etc/security/limits.conf, a new login, and `ulimit -l` tells unlimited; in a container `--cap-add=IPC_LOCK`");
     }
 
     #[test]

@@ -21,14 +21,14 @@ const PASSIVE: i32 = CAN_ERR_CRTL_RX_PASSIVE | CAN_ERR_CRTL_TX_PASSIVE;
 
 /// What the controller has told by error frames.
 #[derive(Clone, Copy, Debug, Default)]
-pub struct Told {
+pub struct ControllerReports {
     /// How often, by kind.
     pub errors: ControllerErrors,
     /// The state that it told last.
     pub state: ControllerState,
 }
 
-impl Told {
+impl ControllerReports {
     /// Takes an error frame in.
     pub fn note(&mut self, frame: ErrorFrame) {
         frame.count(&mut self.errors);
@@ -108,7 +108,7 @@ mod tests {
         RawFrame { can_id: 0x2000_0000 | class, len: 8, data, ..KernelFrame::NONE.raw }
     }
 
-    fn told(class: u32, controller: u8) -> (ControllerErrors, Option<ControllerState>) {
+    fn counted(class: u32, controller: u8) -> (ControllerErrors, Option<ControllerState>) {
         let (error, mut errors) = (ErrorFrame::of(&frame(class, controller)).unwrap(), ControllerErrors::default());
         error.count(&mut errors);
         (errors, error.state())
@@ -155,7 +155,7 @@ mod tests {
             ((0x003, 0x00), (NONE, None)),
         ];
         for ((class, controller), expected) in cases {
-            assert_eq!(told(class, controller), expected, "class {class:#x}, byte {controller:#x}");
+            assert_eq!(counted(class, controller), expected, "class {class:#x}, byte {controller:#x}");
         }
         assert_eq!(ASKED_FOR, 0x1EC);
     }

@@ -47,7 +47,7 @@ use self::incoming::{Came, Incoming};
 use super::deadline::Deadline;
 use super::{Bus, BusError, ControllerState, Filter, Received, Sent, Statistics};
 
-pub use error_frame::{ErrorFrame, Told};
+pub use error_frame::{ControllerReports, ErrorFrame};
 pub use interface::interfaces;
 
 /// The place of the frames lost at the receive queue among the `u32` counters of `SO_MEMINFO` (Linux 4.12).
@@ -88,7 +88,7 @@ pub struct SocketCan {
     malformed: u64,
     sent: u64,
     queue_full: u64,
-    told: Told,
+    reports: ControllerReports,
     /// The kernel's count when the socket was closed.
     dropped_at_close: u64,
 }
@@ -123,7 +123,7 @@ impl SocketCan {
             malformed: 0,
             sent: 0,
             queue_full: 0,
-            told: Told::default(),
+            reports: ControllerReports::default(),
             dropped_at_close: 0,
         };
         // The kernel binds to an interface that is down, and leaves ENETDOWN as the pending error of the socket.
@@ -185,7 +185,7 @@ impl SocketCan {
         while let Some(slot) = self.incoming.peek() {
             match ErrorFrame::of(&slot.frame.raw) {
                 Some(error) if error.is_bus_off() => return true,
-                Some(error) => self.told.note(error),
+                Some(error) => self.reports.note(error),
                 None if slot.frame.frame().is_ok() => return true,
                 None => self.malformed += 1,
             }
@@ -254,7 +254,7 @@ impl Bus for SocketCan {
                 self.received += 1;
                 return Ok(Some(Received { frame, timestamp_ns: slot.timestamp_ns() }));
             };
-            self.told.note(error);
+            self.reports.note(error);
             if error.is_bus_off() {
                 return Err(BusError::BusOff { interface: self.interface.clone() });
             }
@@ -294,12 +294,12 @@ impl Bus for SocketCan {
     fn statistics(&self) -> Statistics {
         // That the kernel answers was checked when the socket was opened.
         let dropped = self.socket.as_ref().and_then(|socket| drops(socket).ok()).unwrap_or(self.dropped_at_close);
-        let SocketCan { received, malformed, sent, queue_full, told, .. } = *self;
-        Statistics { received, sent, dropped, malformed, queue_full, errors: told.errors }
+        let SocketCan { received, malformed, sent, queue_full, reports, .. } = *self;
+        Statistics { received, sent, dropped, malformed, queue_full, errors: reports.errors }
     }
 
     fn controller(&self) -> ControllerState {
-        self.told.state
+        self.reports.state
     }
 
     /// The kernel sends what it has queued.

@@ -96,11 +96,11 @@ pub(super) fn largest(amplitude: &Amplitude, exciter: &Exciter, profile: Profile
     let (force_limit_n, torque_limit_nm) = exciter.limits();
     let (limit, scale) = if amplitude.is_torque() { (torque_limit_nm, TORQUE) } else { (force_limit_n, FORCE) };
     let (load, range) = (amplitude.load(), scale.limit(profile));
-    let (size, crest) =
+    let (size, peak) =
         (libm::hypot(load.force_n.norm(), load.torque_nm.norm()), load.force_n.amax().max(load.torque_nm.amax()));
     match exciter {
         // Each axis has its own limit.
-        Exciter::Ideal(_) => limit.min(range) * size / crest,
-        Exciter::Shaker(_) => limit.min(range * size / crest),
+        Exciter::Ideal(_) => limit.min(range) * size / peak,
+        Exciter::Shaker(_) => limit.min(range * size / peak),
     }
 }

@@ -120,7 +120,7 @@ impl fmt::Display for DifferenceKind {
                 write!(f, "the controller does not ask the plant to {expected}; the recorded one did")
             }
             DifferenceKind::Fault { cause, expected } => {
-                write!(f, "the controller faults: {cause}; the recorded one went on with: {expected}")
+                write!(f, "the controller faults: {cause}; the recorded one continues with: {expected}")
             }
         }
     }

@@ -22,21 +22,21 @@ use resonarm_dynamics::arm::Load;
 use resonarm_files::recording::{FrameRecord, Record};
 
 /// What waits in a loop's ring at most: at 1 kHz two seconds.
-const TOLD: usize = 1 << 13;
+const NOTICES: usize = 1 << 13;
 /// Responses that wait at most.
 const RESPONSES: usize = 1 << 8;
 /// Frames that wait at most: two seconds at 1 kHz with four a sample, its command and three of its own; 1 MiB. They
 /// have a ring of their own, so that a jammed bus crowds out nothing else.
 const FRAMES: usize = 1 << 13;
 /// What waits in the ring of the thread beside a loop at most: it tells of missed deadlines alone.
-const TOLD_BESIDE: usize = 1 << 10;
+const NOTICES_BESIDE: usize = 1 << 10;
 /// Requests that wait to be taken.
 const REQUESTS: usize = 64;
 
 /// What a run tells those who watch it.
 #[derive(Clone, Copy, Debug, PartialEq)]
 #[expect(clippy::large_enum_variant, reason = "a loop must not allocate, so that nothing is boxed")]
-pub enum Told {
+pub enum Notice {
     /// What is recorded too: states, readings, ticks, events; frames if they are wanted
     /// ([`Watcher::want_frames`]), those of an exciter as it sees them.
     Record(Record),
@@ -48,7 +48,7 @@ pub enum Told {
     SetPoint(SetPoint),
 }
 
-/// What a loop tells in every sample: [`Told`] without the responses.
+/// What a loop tells in every sample: [`Notice`] without the responses.
 #[derive(Clone, Copy, Debug)]
 enum Often {
     Record(Record),
@@ -56,12 +56,12 @@ enum Often {
     SetPoint(SetPoint),
 }
 
-impl From<Often> for Told {
-    fn from(often: Often) -> Told {
+impl From<Often> for Notice {
+    fn from(often: Often) -> Notice {
         match often {
-            Often::Record(record) => Told::Record(record),
-            Often::Command(command) => Told::Command(command),
-            Often::SetPoint(set_point) => Told::SetPoint(set_point),
+            Often::Record(record) => Notice::Record(record),
+            Often::Command(command) => Notice::Command(command),
+            Often::SetPoint(set_point) => Notice::SetPoint(set_point),
         }
     }
 }
@@ -105,9 +105,9 @@ impl End {
     /// What waits in its ring at most, and how many frames: of two loops on one bus the plant's tells them.
     const fn capacities(self) -> (usize, usize) {
         match self {
-            End::Plant | End::Exciter => (TOLD, FRAMES),
-            End::ExciterBesidePlant => (TOLD, 0),
-            End::CoreWatch => (TOLD_BESIDE, 0),
+            End::Plant | End::Exciter => (NOTICES, FRAMES),
+            End::ExciterBesidePlant => (NOTICES, 0),
+            End::CoreWatch => (NOTICES_BESIDE, 0),
         }
     }
 }
@@ -204,14 +204,14 @@ impl Watched {
 
     /// Tells `told`, or counts it as lost. Never blocks, locks or allocates: for the real-time loop.
     #[inline]
-    pub fn tell(&mut self, told: Told) {
-        let is_told = match told {
-            Told::Record(record) => self.often.push(Often::Record(record)).is_ok(),
-            Told::Command(command) => self.often.push(Often::Command(command)).is_ok(),
-            Told::Response(response) => self.responses.push(response).is_ok(),
-            Told::SetPoint(set_point) => self.often.push(Often::SetPoint(set_point)).is_ok(),
+    pub fn tell(&mut self, notice: Notice) {
+        let is_queued = match notice {
+            Notice::Record(record) => self.often.push(Often::Record(record)).is_ok(),
+            Notice::Command(command) => self.often.push(Often::Command(command)).is_ok(),
+            Notice::Response(response) => self.responses.push(response).is_ok(),
+            Notice::SetPoint(set_point) => self.often.push(Often::SetPoint(set_point)).is_ok(),
         };
-        if !is_told {
+        if !is_queued {
             self.lose();
         }
     }
@@ -220,7 +220,7 @@ impl Watched {
     pub fn tell_set_point(&mut self, set_point: Option<SetPoint>) {
         if let Some(changed) = set_point.filter(|_| set_point != self.set_point) {
             self.set_point = set_point;
-            self.tell(Told::SetPoint(changed));
+            self.tell(Notice::SetPoint(changed));
         }
     }
 
@@ -250,12 +250,12 @@ impl Watched {
 impl Watcher {
     /// Hands over what was told since, at most `most` of each loop, oldest first; then as many responses and as many
     /// frames likewise.
-    pub fn take(&mut self, most: usize, mut hand: impl FnMut(End, &Told)) {
+    pub fn take(&mut self, most: usize, mut hand: impl FnMut(End, &Notice)) {
         self.open.extend(self.opening.try_iter());
         for Opened { end, often, responses, frames, .. } in &mut self.open {
-            drain(often, most, |often| hand(*end, &Told::from(*often)));
-            drain(responses, most, |response| hand(*end, &Told::Response(*response)));
-            drain(frames, most, |frame| hand(*end, &Told::Record(Record::Frame(*frame))));
+            drain(often, most, |often| hand(*end, &Notice::from(*often)));
+            drain(responses, most, |response| hand(*end, &Notice::Response(*response)));
+            drain(frames, most, |frame| hand(*end, &Notice::Record(Record::Frame(*frame))));
         }
         self.open.retain(|opened| !opened.is_over());
     }
@@ -311,29 +311,29 @@ mod tests {
     use super::*;
     use resonarm_files::recording::TickRecord;
 
-    fn tick(sample: u64) -> Told {
-        Told::Record(Record::Tick(TickRecord { sample, wakeup_ns: 0, exec_ns: 0, overruns: 0, cause: None }))
+    fn tick(sample: u64) -> Notice {
+        Notice::Record(Record::Tick(TickRecord { sample, wakeup_ns: 0, exec_ns: 0, overruns: 0, cause: None }))
     }
 
     #[test]
     fn a_full_ring_loses_and_counts_and_never_waits() {
         let (watch, mut watcher) = watch();
         let mut watched = watch.open(End::Plant);
-        (0..TOLD as u64 + 100).for_each(|sample| watched.tell(tick(sample)));
+        (0..NOTICES as u64 + 100).for_each(|sample| watched.tell(tick(sample)));
         assert_eq!(watcher.lost(), 100);
         let mut taken = Vec::new();
-        watcher.take(usize::MAX, |end, told| taken.push((end, *told)));
-        assert!(taken.iter().copied().eq((0..TOLD as u64).map(|sample| (End::Plant, tick(sample)))));
+        watcher.take(usize::MAX, |end, notice| taken.push((end, *notice)));
+        assert!(taken.iter().copied().eq((0..NOTICES as u64).map(|sample| (End::Plant, tick(sample)))));
         watched.tell(tick(7));
         drop(watched);
         taken.clear();
-        watcher.take(usize::MAX, |end, told| taken.push((end, *told)));
+        watcher.take(usize::MAX, |end, notice| taken.push((end, *notice)));
         assert_eq!(taken, [(End::Plant, tick(7))], "what an ended loop has told is there still");
         assert!(watcher.open.is_empty());
     }
 
     #[test]
-    fn frames_are_told_as_long_as_they_are_wanted() {
+    fn frames_are_passed_on_as_long_as_they_are_wanted() {
         let (watch, mut watcher) = watch();
         let mut watched = watch.open(End::Plant);
         let frame = resonarm_protocol::Frame::classic(resonarm_protocol::Id::Standard(0x203), &[1, 2]).unwrap();
@@ -349,8 +349,8 @@ mod tests {
             watched.tell_frame(|| record(sample));
         }
         let mut taken = Vec::new();
-        watcher.take(usize::MAX, |_, told| taken.push(*told));
-        assert_eq!(taken, [1, 2].map(|sample| Told::Record(Record::Frame(record(sample)))));
+        watcher.take(usize::MAX, |_, notice| taken.push(*notice));
+        assert_eq!(taken, [1, 2].map(|sample| Notice::Record(Record::Frame(record(sample)))));
     }
 
     #[test]
@@ -361,22 +361,22 @@ mod tests {
     }
 
     #[test]
-    fn responses_have_a_ring_of_their_own() {
+    fn responses_have_a_separate_ring() {
         let harmonics = [[resonarm_bench::excitation::Phasor::default(); 3]; 6];
-        let response = |load| Told::Response(ResponsePoint::of_harmonics(20.0, load, &harmonics));
+        let response = |load| Notice::Response(ResponsePoint::of_harmonics(20.0, load, &harmonics));
         let (watch, mut watcher) = watch();
         let mut watched = watch.open(End::ExciterBesidePlant);
-        (0..TOLD as u64).for_each(|sample| watched.tell(tick(sample)));
+        (0..NOTICES as u64).for_each(|sample| watched.tell(tick(sample)));
         (0..=RESPONSES).for_each(|n| watched.tell(response(n as f64)));
         assert_eq!(watcher.lost(), 1, "the one for which there is no room beside a full ring of records");
         drop(watched);
         let mut taken = Vec::new();
-        watcher.take(1, |_, told| taken.push(*told));
+        watcher.take(1, |_, notice| taken.push(*notice));
         assert_eq!(taken, [tick(0), response(0.0)]);
         while !watcher.open.is_empty() {
-            watcher.take(usize::MAX, |_, told| taken.push(*told));
+            watcher.take(usize::MAX, |_, notice| taken.push(*notice));
         }
-        assert_eq!(taken.len(), TOLD + RESPONSES);
+        assert_eq!(taken.len(), NOTICES + RESPONSES);
         assert_eq!(taken.last(), Some(&response((RESPONSES - 1) as f64)));
     }
 

@@ -282,14 +282,14 @@ mod tests {
     }
 
     #[test]
-    fn stops_when_it_is_told_to() {
+    fn stops_when_asked_to() {
         let stopped = Control { stop: &|| true, done: &|_done| () };
         assert_eq!(chains().begin(None).unwrap().go_on(&stopped).unwrap().done(), 0);
     }
 
     /// Whichever fails first, the error is that of the first chain.
     #[test]
-    fn the_same_error_is_told_every_time() {
+    fn the_same_error_is_reported_every_time() {
         let mut chains = chains();
         chains.chains.truncate(2);
         let too_much = |frequency_hz| Sine { amplitude: Load::torque_nm(1e9, 0.0), frequency_hz };
