@@ -1,4 +1,4 @@
-//! A loop that is watched takes no memory: what it tells goes into a ring, or is counted as lost. The guard aborts the
+//! A watched loop allocates no memory: its notices go into a ring, or are counted as lost. The guard aborts the
 //! process at the first allocation.
 
 use assert_no_alloc::assert_no_alloc;

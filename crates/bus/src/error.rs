@@ -1,4 +1,4 @@
-//! What can go wrong with a bus, each with the way to mend it.
+//! What can go wrong with a bus, and how to fix it.
 
 use alloc::format;
 use alloc::string::String;
@@ -85,7 +85,7 @@ pub enum BusError {
         /// Its name.
         interface: String,
     },
-    /// The process may not do this.
+    /// The process lacks the permission.
     #[error(
         "{interface}: {action} is not permitted ({source}). SocketCAN needs no privilege, so a sandbox forbids it: allow AF_CAN in its seccomp profile (systemd: RestrictAddressFamilies)"
     )]
@@ -107,7 +107,7 @@ pub enum BusError {
         /// What the kernel answered.
         source: io::Error,
     },
-    /// python-can, or the Python it needs, stands in the way.
+    /// python-can, or the Python it needs, failed.
     #[error(transparent)]
     PythonCan(Box<dyn core::error::Error + Send + Sync>),
 }
@@ -172,7 +172,7 @@ mod tests {
     }
 
     #[test]
-    fn bus_messages_say_how_to_go_on() {
+    fn bus_messages_say_how_to_continue() {
         assert_snapshot!(BusError::Closed, @"the bus is closed");
         assert_snapshot!(BusError::MemoryIsNotShared, @"a memory bus lives inside one process, so there is nobody to meet on it. `resonarm demo` runs plant and exciter together on one; between processes use vcan0 or another CAN interface");
         assert_snapshot!(BusError::NoPythonCan, @"this build has no python-can; `cargo build --release --features python-can` makes one that has");

@@ -1,6 +1,6 @@
 //! python-can's bus on the calling thread, without threads and queues between.
 //!
-//! A frame that goes over two threads costs two wake-ups each way; here the caller does what a script of Python would.
+//! A frame that goes over two threads costs two wake-ups each way; here the caller calls python-can itself.
 
 use alloc::sync::Arc;
 use core::cell::Cell;
@@ -19,10 +19,10 @@ use resonarm_bus::deadline::Deadline;
 use resonarm_bus::socketcan::ControllerReports;
 use resonarm_bus::{Filter, Sent};
 
-/// What a driver is asked to wait for at once: some refuse times of centuries.
+/// The longest time that a driver is asked to wait at once: some refuse times of centuries.
 const LONGEST_WAIT: Duration = Duration::from_secs(1);
 
-/// The bus, and that for which a wait has ended.
+/// The bus, and the message that ended a wait.
 pub(super) struct Direct {
     pub(super) bus: Arc<Py<PyAny>>,
     pub(super) message_class: Py<PyAny>,
@@ -47,7 +47,7 @@ impl Direct {
         })
     }
 
-    /// What has come in, if anything.
+    /// The next incoming message, if any.
     pub(super) fn receive(&mut self) -> Result<Option<Incoming>, PythonCanError> {
         match self.came_in.take() {
             None => self.take(Duration::ZERO),
@@ -55,7 +55,7 @@ impl Direct {
         }
     }
 
-    /// Waits for what is given out, and counts the error frames before it.
+    /// Waits for a message that is given out, and counts the error frames before it.
     pub(super) fn wait(&mut self, timeout: Duration, reports: &mut ControllerReports) -> Result<bool, PythonCanError> {
         let deadline = Deadline::after(timeout);
         while self.came_in.is_none() {
@@ -86,7 +86,7 @@ impl Direct {
                     (true, None) => self.shared.discarded.fetch_add(1, Ordering::Relaxed),
                     (_, incoming) => return Ok(incoming),
                 };
-                // What lies behind it has come in, too.
+                // The frames after it have arrived, too.
                 timeout_s = 0.0;
             }
         })
@@ -100,7 +100,7 @@ impl Direct {
         })
     }
 
-    /// Counts what the kernel has lost up to now. What it can't say leaves the count as it was.
+    /// Counts what the kernel has lost up to now. If it can't say, the count stays.
     pub(super) fn count_drops(&self) {
         let Some(socket) = &self.socket else { return };
         if let Ok(dropped) = Python::attach(|py| kernel_drops(socket.bind(py))) {

@@ -10,8 +10,8 @@ use super::*;
 
 const MS: u64 = 1_000_000;
 
-/// Time passes only by the script: a sleep ends late by the next entry (0 when used up), and work takes what it is
-/// told.
+/// Time passes only by the script: a sleep ends late by the next entry (0 when used up), and work takes the time
+/// given.
 #[derive(Default)]
 struct ScriptedClock {
     now_ns: Cell<u64>,
@@ -373,7 +373,7 @@ fn a_second_on_the_real_clock() {
         assert!(tick.woke_ns >= tick.deadline_ns && tick.woke_ns >= last_woke_ns);
         missed += u64::from(tick.missed);
         last_woke_ns = tick.woke_ns;
-        // A deadline that passed before this tick was either waited for, by a tick up to this one, or reported as missed.
+        // A deadline before this tick was either waited for, by a tick up to this one, or reported as missed.
         assert!((tick.woke_ns - start_ns) / MS < index + 1 + missed);
         periodic.finish(&tick, 0);
     }

@@ -1,4 +1,4 @@
-//! What this process may have of real time: found out by trying, without lasting change.
+//! The real-time privileges of this process: found out by trying, without lasting change.
 
 use std::fs;
 
@@ -14,14 +14,14 @@ use super::thread::{FifoPriority, set_fifo};
 /// The coarsest resolution of the monotonic clock that a periodic loop can live with, ns.
 const CLOCK_RESOLUTION_WANTED_NS: u64 = 1_000;
 
-/// What this process, on this machine, can have of real time.
+/// The real-time privileges of this process on this machine.
 #[derive(Clone, Debug, PartialEq, Eq, Serialize)]
 pub struct Privileges {
     /// The highest priority of `SCHED_FIFO` that a thread got; `None` if refused.
     pub fifo_priority_max: Option<FifoPriority>,
     /// How much memory may be locked into RAM, bytes; `None` without limit.
     pub memory_lock_limit_bytes: Option<u64>,
-    /// The cores the calling thread may run on; `None` if the system doesn't tell (more than 1024 cores).
+    /// The cores the calling thread may run on; `None` if the system doesn't report them (more than 1024 cores).
     pub allowed_cores: Option<Vec<usize>>,
     /// The cores that the kernel keeps free of other threads (`isolcpus`).
     pub isolated_cores: Vec<usize>,
@@ -29,7 +29,7 @@ pub struct Privileges {
     pub clock_resolution_ns: u64,
     /// Whether the kernel is fully preemptible (`PREEMPT_RT`).
     pub preempt_rt: bool,
-    /// The frequency governor of the first allowed core, where the system tells.
+    /// The frequency governor of the first allowed core, where the system reports it.
     pub governor: Option<String>,
 }
 
@@ -51,7 +51,7 @@ impl Privileges {
         }
     }
 
-    /// The same for people: a line each, with the way to mend what could be better.
+    /// The same for people: a line each, with how to fix what could be better.
     pub fn findings(&self) -> Vec<Finding> {
         vec![
             self.scheduling(),
@@ -131,11 +131,11 @@ impl Privileges {
 /// One thing found out about this machine.
 #[derive(Clone, Debug, PartialEq, Eq, Serialize)]
 pub struct Finding {
-    /// About what.
+    /// Its subject.
     pub subject: &'static str,
-    /// How it is.
+    /// Its state.
     pub state: String,
-    /// How it could be better; `None` if it is well.
+    /// How to improve it; `None` if it is well.
     pub mend: Option<String>,
 }
 
@@ -154,7 +154,7 @@ pub(super) fn memory_lock_limit_bytes() -> Option<u64> {
 pub(super) fn fix_for_priority() -> String {
     format!(
         "`sudo setcap cap_sys_nice,cap_ipc_lock=ep {}`; or the line `* - rtprio 99` in /etc/security/limits.conf, a new \
-         login, and `ulimit -r` tells 99; in a container `--cap-add=SYS_NICE`",
+         login, and `ulimit -r` shows 99; in a container `--cap-add=SYS_NICE`",
         program_path()
     )
 }
@@ -162,7 +162,7 @@ pub(super) fn fix_for_priority() -> String {
 pub(super) fn fix_for_memory_lock() -> String {
     format!(
         "`sudo setcap cap_sys_nice,cap_ipc_lock=ep {}`; or the line `* - memlock unlimited` in \
-         /etc/security/limits.conf, a new login, and `ulimit -l` tells unlimited; in a container `--cap-add=IPC_LOCK`",
+         /etc/security/limits.conf, a new login, and `ulimit -l` shows unlimited; in a container `--cap-add=IPC_LOCK`",
         program_path()
     )
 }
@@ -209,7 +209,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn the_probe_tells_what_the_kernel_grants_and_changes_nothing() {
+    fn the_probe_reports_what_the_kernel_grants_and_changes_nothing() {
         let cores_before = allowed_cores().unwrap();
         let probe = Privileges::probe();
         assert_eq!(allowed_cores().unwrap(), cores_before);
@@ -243,8 +243,8 @@ mod tests {
             governor: Some("powersave".to_owned()),
         };
         insta::assert_snapshot!(report(&privileges).replace(&program_path(), "PROGRAM"), @"
-        real-time scheduling: no SCHED_FIFO; to fix: `sudo setcap cap_sys_nice,cap_ipc_lock=ep PROGRAM`; or the line `* - rtprio 99` in /etc/security/limits.conf, a new login, and `ulimit -r` tells 99; in a container `--cap-add=SYS_NICE`
-        memory: at most 8192 KiB may be locked into RAM; to fix: `sudo setcap cap_sys_nice,cap_ipc_lock=ep PROGRAM`; or the line `* - memlock unlimited` in /etc/security/limits.conf, a new login, and `ulimit -l` tells unlimited; in a container `--cap-add=IPC_LOCK`
+        real-time scheduling: no SCHED_FIFO; to fix: `sudo setcap cap_sys_nice,cap_ipc_lock=ep PROGRAM`; or the line `* - rtprio 99` in /etc/security/limits.conf, a new login, and `ulimit -r` shows 99; in a container `--cap-add=SYS_NICE`
+        memory: at most 8192 KiB may be locked into RAM; to fix: `sudo setcap cap_sys_nice,cap_ipc_lock=ep PROGRAM`; or the line `* - memlock unlimited` in /etc/security/limits.conf, a new login, and `ulimit -l` shows unlimited; in a container `--cap-add=IPC_LOCK`
         monotonic clock: resolution 4000000 ns; to fix: boot a kernel with high-resolution timers (CONFIG_HIGH_RES_TIMERS, no `highres=off`)
         kernel preemption: not PREEMPT_RT; to fix: for bounded wake-up latency boot a real-time kernel: `apt install linux-image-rt-amd64` (Debian), `pro enable realtime-kernel` (Ubuntu)
         cores: [0, 1] allowed, [] isolated; to fix: to keep a core for the loop, other threads' work and interrupts off it, boot with `isolcpus=1 nohz_full=1 rcu_nocbs=1 irqaffinity=0`, and pin to it

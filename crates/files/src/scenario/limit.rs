@@ -1,4 +1,4 @@
-//! The load that is asked for against what the exciter can produce and the wire can carry.
+//! Checks the load asked for against what the exciter can produce and the wire can carry.
 
 use super::ScenarioError;
 use resonarm_bench::excitation::Amplitude;
@@ -6,7 +6,7 @@ use resonarm_bench::rig::{Exciter, ExciterSpec, ShakerSpec};
 use resonarm_protocol::Profile;
 use resonarm_protocol::scaling::{FORCE, Scale, TORQUE};
 
-/// Checks the crest of the load that a section asks for, as it is and as the wire rounds it: a command beyond the limit
+/// Checks the peak of the load that a section asks for, exact and as the wire rounds it: a command beyond the limit
 /// would be refused sample by sample.
 pub(super) fn check(
     section: &str,

@@ -33,9 +33,9 @@ pub(super) struct Bench<'a> {
     outage: Option<Outage>,
     /// How it was lost last.
     bus_loss: Option<BusLoss>,
-    /// Whether another sender of the plant's messages has been told.
+    /// Whether another sender of the plant's messages has been reported.
     other_sender_reported: bool,
-    /// What the bus told of its controller last.
+    /// The state of the bus's controller reported last.
     controller: ControllerState,
     /// In real time.
     round_trips: Option<RoundTrips>,

@@ -37,7 +37,7 @@ const SPANS: usize = 256;
 /// What the thread needs of a stack: far more than reading three files takes.
 const STACK_BYTES: usize = 256 * 1024;
 
-/// Deadlines that were missed together, told by the tick after them.
+/// Deadlines that were missed together, reported by the tick after them.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) struct Overrun {
     /// The sample that was late.

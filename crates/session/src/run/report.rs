@@ -248,7 +248,7 @@ pub fn fault_text(emergency: &Emergency, partner: Option<&Emergency>, bus_loss: 
     if is_bus_off {
         text.push_str(", since its controller was bus-off");
     }
-    // The plant tells why it refused commands, which is the reason of both.
+    // The plant says why it refused commands, which is the reason of both.
     let remedy = match (emergency.code, partner) {
         _ if is_bus_off => {
             "check bit rate, wiring and the two terminations of 120 Ω: there were too many transmit errors"
@@ -348,7 +348,7 @@ pub struct BusCounts {
     pub other_sender: u64,
     /// Frames that came in and can't be any: of a length that CAN FD does not have.
     pub malformed: u64,
-    /// What the controller told of errors, on SocketCAN.
+    /// The errors that the controller reported, on SocketCAN.
     pub errors: ControllerErrors,
 }
 

@@ -39,8 +39,8 @@ impl RoundTrips {
         Ok(RoundTrips { departures: vec![None; KEPT], next: 0, times: LatencyHistogram::new()? })
     }
 
-    /// The samples up to `end`, without it, that were not told yet have been given to the bus: when the loop's clock
-    /// read `run_ns` and the UNIX time was `unix_ns`.
+    /// Notes that the samples up to `end`, exclusive, that were not noted before were given to the bus when the loop's
+    /// clock read `run_ns` and the UNIX time was `unix_ns`.
     pub fn depart(&mut self, end: u64, run_ns: u64, unix_ns: u64) {
         for sample in self.next.max(end.saturating_sub(KEPT as u64))..end {
             self.departures[sample as usize % KEPT] = Some(Departure { sample, run_ns, unix_ns });

@@ -1,4 +1,4 @@
-//! A run that is watched while it goes: rings between its loops and whoever watches.
+//! Watching a run: rings between its loops and the watcher.
 //!
 //! ```text
 //! run loop ── Watched::tell ──────► rings of records and commands, of responses ──► Watcher::take
@@ -6,11 +6,11 @@
 //!          ◄─ Watched::request ──── ring of requests ◄──────────────────────────── Watcher::ask
 //! ```
 //!
-//! A slot of a ring is as large as the largest that it takes, and what a loop writes has to leave the other core's
-//! caches. So the few large responses have a ring of their own.
+//! A slot of a ring is as large as its largest entry, and what a loop writes has to leave the other core's caches. So
+//! the few large responses have a separate ring.
 //!
-//! The loop's side never waits: what finds a ring full is lost, and counted. Nothing of the run depends on whether it
-//! is watched. Frames are told only as long as those who watch want them.
+//! The loop's side never waits: an entry that finds a ring full is lost, and counted. The run does not depend on
+//! whether it is watched. Frames are passed on only while the watcher wants them.
 
 use std::sync::atomic::{AtomicBool, AtomicU64, Ordering};
 use std::sync::{Arc, mpsc};
@@ -21,26 +21,26 @@ use resonarm_bench::control::{ResponsePoint, SetPoint};
 use resonarm_dynamics::arm::Load;
 use resonarm_files::recording::{FrameRecord, Record};
 
-/// What waits in a loop's ring at most: at 1 kHz two seconds.
+/// Entries in a loop's ring at most: at 1 kHz two seconds.
 const NOTICES: usize = 1 << 13;
 /// Responses that wait at most.
 const RESPONSES: usize = 1 << 8;
-/// Frames that wait at most: two seconds at 1 kHz with four a sample, its command and three of its own; 1 MiB. They
-/// have a ring of their own, so that a jammed bus crowds out nothing else.
+/// Frames that wait at most: two seconds at 1 kHz with four a sample, its command and the plant's three; 1 MiB. They
+/// have a separate ring, so that a jammed bus crowds out nothing else.
 const FRAMES: usize = 1 << 13;
-/// What waits in the ring of the thread beside a loop at most: it tells of missed deadlines alone.
+/// Entries in the ring of the thread beside a loop at most: it reports missed deadlines only.
 const NOTICES_BESIDE: usize = 1 << 10;
 /// Requests that wait to be taken.
 const REQUESTS: usize = 64;
 
-/// What a run tells those who watch it.
+/// What a run passes to its watcher.
 #[derive(Clone, Copy, Debug, PartialEq)]
 #[expect(clippy::large_enum_variant, reason = "a loop must not allocate, so that nothing is boxed")]
 pub enum Notice {
     /// What is recorded too: states, readings, ticks, events; frames if they are wanted
     /// ([`Watcher::want_frames`]), those of an exciter as it sees them.
     Record(Record),
-    /// What an exciter answers a sample with, where no plant tells its state.
+    /// What an exciter answers a sample with, where no plant passes on its state.
     Command(CommandRecord),
     /// A response that the controller has read.
     Response(ResponsePoint),
@@ -48,7 +48,7 @@ pub enum Notice {
     SetPoint(SetPoint),
 }
 
-/// What a loop tells in every sample: [`Notice`] without the responses.
+/// The notices of every sample: [`Notice`] without the responses.
 #[derive(Clone, Copy, Debug)]
 enum Often {
     Record(Record),
@@ -75,7 +75,7 @@ pub struct CommandRecord {
     pub load: Load,
 }
 
-/// What is asked of a run by somebody who watches it.
+/// A request of the watcher to a run.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum Request {
     /// Arm the plant, as by a frame of the exciter.
@@ -95,14 +95,14 @@ pub enum End {
     Plant,
     /// The exciter's, of a run that has no plant.
     Exciter,
-    /// The exciter's, of a run in which the plant tells the samples.
+    /// The exciter's, of a run in which the plant passes on the samples.
     ExciterBesidePlant,
     /// No loop: the thread beside the plant's that looks at who has its core. It takes no requests.
     CoreWatch,
 }
 
 impl End {
-    /// What waits in its ring at most, and how many frames: of two loops on one bus the plant's tells them.
+    /// Entries in its ring at most, and frames: of two loops on one bus the plant's passes them on.
     const fn capacities(self) -> (usize, usize) {
         match self {
             End::Plant | End::Exciter => (NOTICES, FRAMES),
@@ -112,7 +112,7 @@ impl End {
     }
 }
 
-/// What a session is given to be watched: each run of it opens rings of its own.
+/// What a session needs to be watched: each of its runs opens new rings.
 #[derive(Clone, Debug)]
 pub struct Watch {
     opened: mpsc::Sender<Opened>,
@@ -136,9 +136,9 @@ struct Opened {
 }
 
 impl Opened {
-    /// Whether the loop has ended and all that it told was taken.
+    /// Whether the loop has ended and all its notices were taken.
     fn is_over(&self) -> bool {
-        // First whether it has ended: what it tells between two looks is then there.
+        // First whether it has ended: all its notices are then in the rings.
         self.often.is_abandoned() && self.often.is_empty() && self.responses.is_empty() && self.frames.is_empty()
     }
 }
@@ -151,12 +151,12 @@ pub struct Watched {
     responses: Producer<ResponsePoint>,
     frames: Producer<FrameRecord>,
     requests: Consumer<Request>,
-    /// The set-point that was told last.
+    /// The set-point passed on last.
     set_point: Option<SetPoint>,
     shared: Arc<Shared>,
 }
 
-/// The end of those who watch.
+/// The watcher's end.
 #[derive(Debug)]
 pub struct Watcher {
     opening: mpsc::Receiver<Opened>,
@@ -164,7 +164,7 @@ pub struct Watcher {
     shared: Arc<Shared>,
 }
 
-/// Why a request goes nowhere.
+/// Why a request is not taken.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, thiserror::Error)]
 pub enum NotAsked {
     /// No loop runs that could take it.
@@ -175,7 +175,7 @@ pub enum NotAsked {
     Busy,
 }
 
-/// Both ends: one for [`Session::watched`](super::Session::watched), one for those who watch.
+/// Both ends: one for [`Session::watched`](super::Session::watched), one for the watcher.
 pub fn watch() -> (Watch, Watcher) {
     let ((opened, opening), shared) = (mpsc::channel(), Arc::<Shared>::default());
     (Watch { opened, shared: Arc::clone(&shared) }, Watcher { opening, open: Vec::new(), shared })
@@ -190,7 +190,7 @@ impl Watch {
         let (writer, requests) = RingBuffer::new(REQUESTS);
         let opened =
             Opened { end, often: often_reader, responses: response_reader, frames: frame_reader, requests: writer };
-        // If nobody watches any more, what is told is lost, and counted.
+        // If the watcher is gone, notices are lost, and counted.
         let _nobody = self.opened.send(opened);
         Watched { end, often, responses, frames, requests, set_point: None, shared: Arc::clone(&self.shared) }
     }
@@ -202,7 +202,7 @@ impl Watched {
         self.end
     }
 
-    /// Tells `told`, or counts it as lost. Never blocks, locks or allocates: for the real-time loop.
+    /// Passes `notice` on, or counts it as lost. Never blocks, locks or allocates: for the real-time loop.
     #[inline]
     pub fn tell(&mut self, notice: Notice) {
         let is_queued = match notice {
@@ -216,7 +216,7 @@ impl Watched {
         }
     }
 
-    /// Tells the set-point of a controller, if it takes one and it has changed. Never blocks, locks or allocates.
+    /// Passes on the set-point of a controller, if it takes one and it has changed. Never blocks, locks or allocates.
     pub fn tell_set_point(&mut self, set_point: Option<SetPoint>) {
         if let Some(changed) = set_point.filter(|_| set_point != self.set_point) {
             self.set_point = set_point;
@@ -228,13 +228,13 @@ impl Watched {
         self.shared.lost.fetch_add(1, Ordering::Relaxed);
     }
 
-    /// Whether frames are to be told. Never blocks, locks or allocates.
+    /// Whether frames are wanted. Never blocks, locks or allocates.
     pub fn wants_frames(&self) -> bool {
         self.end.capacities().1 > 0 && self.shared.wants_frames.load(Ordering::Relaxed)
     }
 
-    /// Tells the frame that `make` gives, or counts it as lost, if frames are wanted of this loop. Never blocks, locks
-    /// or allocates.
+    /// Passes on the frame that `make` returns, or counts it as lost, if frames are wanted of this loop. Never blocks,
+    /// locks or allocates.
     pub fn tell_frame(&mut self, make: impl FnOnce() -> FrameRecord) {
         if self.wants_frames() && self.frames.push(make()).is_err() {
             self.lose();
@@ -248,8 +248,8 @@ impl Watched {
 }
 
 impl Watcher {
-    /// Hands over what was told since, at most `most` of each loop, oldest first; then as many responses and as many
-    /// frames likewise.
+    /// Hands over the notices since the last call, at most `most` of each loop, oldest first; then responses and frames
+    /// likewise.
     pub fn take(&mut self, most: usize, mut hand: impl FnMut(End, &Notice)) {
         self.open.extend(self.opening.try_iter());
         for Opened { end, often, responses, frames, .. } in &mut self.open {
@@ -271,7 +271,7 @@ impl Watcher {
         self.shared.lost.load(Ordering::Relaxed)
     }
 
-    /// Says whether the loops are to tell their frames, from now on. At first they don't.
+    /// Sets whether the loops pass on their frames from now on. At first they don't.
     pub fn want_frames(&self, wanted: bool) {
         self.shared.wants_frames.store(wanted, Ordering::Relaxed);
     }
@@ -297,7 +297,7 @@ impl Watcher {
     }
 }
 
-/// Hands over what waits in a ring, at most `most`.
+/// Hands over the entries of a ring, at most `most`.
 fn drain<T>(ring: &mut Consumer<T>, most: usize, hand: impl FnMut(&T)) {
     if let Ok(chunk) = ring.read_chunk(ring.slots().min(most)) {
         let (first, second) = chunk.as_slices();
@@ -328,7 +328,7 @@ mod tests {
         drop(watched);
         taken.clear();
         watcher.take(usize::MAX, |end, notice| taken.push((end, *notice)));
-        assert_eq!(taken, [(End::Plant, tick(7))], "what an ended loop has told is there still");
+        assert_eq!(taken, [(End::Plant, tick(7))], "the notices of an ended loop are still there");
         assert!(watcher.open.is_empty());
     }
 
@@ -354,7 +354,7 @@ mod tests {
     }
 
     #[test]
-    fn a_slot_is_as_small_as_is_said() {
+    fn a_slot_is_as_small_as_documented() {
         assert!(FRAMES * size_of::<FrameRecord>() <= 1 << 20, "{}", size_of::<FrameRecord>());
         assert!(size_of::<Often>() <= size_of::<FrameRecord>() + 16, "{}", size_of::<Often>());
         assert!(2 * size_of::<Often>() <= size_of::<ResponsePoint>(), "{}", size_of::<ResponsePoint>());

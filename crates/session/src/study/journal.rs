@@ -1,4 +1,4 @@
-//! Finished points of a long computation, kept in a file of JSON lines, so that it can be stopped and gone on with.
+//! Finished points of a long computation, kept in a file of JSON lines, so that it can be stopped and resumed.
 //!
 //! The first line says what is computed, and by which build; every other line is a point. A line counts when its end is
 //! written, so a process that is killed loses at most the point it was writing.

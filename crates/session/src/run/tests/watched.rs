@@ -21,7 +21,7 @@ fn events(recording: &Recording) -> Vec<(String, i64)> {
 }
 
 #[test]
-fn a_run_that_is_watched_is_the_same_and_tells_all_that_is_recorded() {
+fn a_watched_run_is_the_same_and_passes_on_all_that_is_recorded() {
     let folder = tempfile::tempdir().unwrap();
     let alone = session(&folder, "alone.mcap").both(&Signals::default(), |_| {}).unwrap();
     let (watch, mut watcher) = watch();
@@ -129,7 +129,7 @@ fn a_set_point_becomes_commands_that_pass_the_gate() {
     let thousandths = (set.load * 1e3).round() as i64;
     let expected = [("request.load_thousandths", thousandths), ("request.frequency_mhz", 15_000)];
     assert!(expected.iter().all(|(name, value)| events.contains(&((*name).to_owned(), *value))), "{events:?}");
-    // What the controller did not take is told by the exciter, beside which the plant records what was asked.
+    // The exciter reports that the controller refused the request; the plant beside it records what was asked.
     let (mut names, mut set_points) = (Vec::new(), Vec::new());
     watcher.take(usize::MAX, |end, one| match (end, one) {
         (End::ExciterBesidePlant, Notice::Record(Record::Event(event))) => names.push(event.name),
@@ -141,9 +141,9 @@ fn a_set_point_becomes_commands_that_pass_the_gate() {
     assert_eq!(set_points, [set]);
 }
 
-/// What an exciter alone sends and receives, as it sees it; that of one beside a plant the plant tells.
+/// The frames of an exciter alone, as it sees them; those of one beside a plant are passed on by the plant.
 #[test]
-fn an_exciter_alone_tells_its_frames_and_one_beside_a_plant_none() {
+fn an_exciter_alone_passes_on_its_frames_and_one_beside_a_plant_none() {
     let [mut near, mut far] = memory::pair(1024);
     let session = Session::new(scenario(), Mode::Lockstep, Options::default()).unwrap();
     let ((alone, mut watcher), (beside, mut plant_watcher)) = (watch(), watch());
