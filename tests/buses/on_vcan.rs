@@ -71,11 +71,11 @@ fn pin() {
 /// Waits until the kernel has handed on every frame that `near` has sent: `witness`, which takes frames of `last`
 /// alone, gets one that was sent after them. The backlog may drop it, too; then the next one tells.
 fn handed_on(near: &mut SocketCan, witness: &mut SocketCan, last: &Frame) {
-    let told = (0..PATIENCE.as_millis()).any(|_| {
+    let is_through = (0..PATIENCE.as_millis()).any(|_| {
         near.send(last).unwrap();
         witness.wait(Duration::from_millis(1)).unwrap()
     });
-    assert!(told, "no frame comes through");
+    assert!(is_through, "no frame comes through");
 }
 
 fn frame(id: u16, data: &[u8]) -> Frame {

@@ -110,9 +110,9 @@ pub fn takes_no_memory((plant_end, mut exciter_end): Pair, profile: &str) {
     assert_eq!((plant.outcome, exciter.outcome), (Outcome::Disarmed, Some(ExciterOutcome::Finished)), "{plant:?}");
     let recording = plant.recording.as_ref().unwrap();
     assert_eq!(recording.lost.values().sum::<u64>(), 0, "{recording:?}");
-    let mut told = 0;
-    watcher.take(usize::MAX, |_, _| told += 1);
-    assert!(told > 700 && bus.sends > 750 && plant.samples > 750, "{told} {} {plant:?}", bus.sends);
+    let mut noticed = 0;
+    watcher.take(usize::MAX, |_, _| noticed += 1);
+    assert!(noticed > 700 && bus.sends > 750 && plant.samples > 750, "{noticed} {} {plant:?}", bus.sends);
     assert_eq!(bus.changed_at, None, "of {} sends", bus.sends);
 }
 

@@ -87,7 +87,7 @@ fn missing_required_privileges_end_the_run() {
     // Cores vary with the machine, privileges with the user.
     let core = said.find("no core 1023: ").unwrap();
     assert!(said.starts_with("resonarm: the thread of the run must be a real-time thread, and has "), "{said}");
-    assert!(said[core..].contains("to mend: choose a core that this process may use: ["), "{said}");
+    assert!(said[core..].contains("to fix: choose a core that this process may use: ["), "{said}");
     assert!(said.trim_end().ends_with("; without it: --rt auto"), "{said}");
 }
 

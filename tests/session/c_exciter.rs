@@ -78,7 +78,7 @@ fn program(network: Network) -> &'static Path {
     })
 }
 
-/// A node in C and one of the library, told the same.
+/// A node in C and one of the library with the same input.
 struct Both {
     process: Child,
     input: Option<ChildStdin>,

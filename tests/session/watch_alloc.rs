@@ -1,4 +1,4 @@
-//! A loop that is watched takes no memory: what it tells goes into a ring, or is counted as lost. The guard aborts the
+//! A watched loop allocates no memory: its notices go into a ring, or are counted as lost. The guard aborts the
 //! process at the first allocation.
 
 use assert_no_alloc::assert_no_alloc;
@@ -6,7 +6,7 @@ use resonarm::arm::Load;
 use resonarm::control::SetPoint;
 use resonarm::protocol::{Frame, FrameFormat, Id};
 use resonarm::recording::{Direction, Event, FrameRecord, Record, TickRecord};
-use resonarm::run::{CommandRecord, End, Request, Told, watch};
+use resonarm::run::{CommandRecord, End, Notice, Request, watch};
 
 #[test]
 fn telling_losing_and_being_asked_allocate_nothing() {
@@ -20,15 +20,15 @@ fn telling_losing_and_being_asked_allocate_nothing() {
     let frame = Frame::new(Id::Standard(0x209), format, &[7; 64]).unwrap();
     let asked = assert_no_alloc(|| {
         for sample in 0..20_000 {
-            watched.tell(Told::Record(Record::Tick(TickRecord {
+            watched.tell(Notice::Record(Record::Tick(TickRecord {
                 sample,
                 wakeup_ns: 1,
                 exec_ns: 2,
                 overruns: 0,
                 cause: None,
             })));
-            watched.tell(Told::Record(Record::Event(Event { sample, time_ns: 0, name: "state.fault", value: 0 })));
-            watched.tell(Told::Command(CommandRecord { sample, load: Load::force_n(1.0, 0.0) }));
+            watched.tell(Notice::Record(Record::Event(Event { sample, time_ns: 0, name: "state.fault", value: 0 })));
+            watched.tell(Notice::Command(CommandRecord { sample, load: Load::force_n(1.0, 0.0) }));
             watched.tell_frame(|| FrameRecord {
                 sample,
                 direction: Direction::Sent,
@@ -45,5 +45,5 @@ fn telling_losing_and_being_asked_allocate_nothing() {
     assert!(lost > 0 && taken > 0, "{lost} lost, {taken} taken");
     assert_eq!(taken + lost, 80_000);
     drop(watcher);
-    assert_no_alloc(|| watched.tell(Told::Command(CommandRecord { sample: 0, load: Load::default() })));
+    assert_no_alloc(|| watched.tell(Notice::Command(CommandRecord { sample: 0, load: Load::default() })));
 }

@@ -132,7 +132,7 @@ def test_an_interface_that_goes_down_ends_the_run_with_a_whole_recording(program
     wait_until(lambda: dump.stdout.count(f" {interface} 205#") > 20, "samples")
     run("ip", "link", "set", interface, "down")
     ended = plant.result(code=3)
-    assert f"{interface} is down. `sudo ip link set {interface} up` mends it" in plant.stderr
+    assert f"{interface} is down. `sudo ip link set {interface} up` brings it up" in plant.stderr
     code = exciter.wait()
     assert code == 3, (exciter.stdout, exciter.stderr)
     assert f"{interface} is down" in exciter.stderr

@@ -28,7 +28,7 @@ pub enum BusAddress {
     PythonCan(Vec<(String, String)>),
 }
 
-/// The words before the colon, as they are typed.
+/// The words before the colon.
 const SOCKETCAN: &str = "socketcan";
 const MEMORY: &str = "memory";
 const PYTHON_CAN: &str = "python-can";
@@ -37,7 +37,7 @@ impl FromStr for BusAddress {
     type Err = BusError;
 
     /// # Errors
-    /// [`BusError::Address`], which says what is wrong and what was probably meant.
+    /// [`BusError::Address`], which says what is wrong and suggests what was probably meant.
     fn from_str(text: &str) -> Result<BusAddress, BusError> {
         parse(text).map_err(|reason| BusError::Address { address: text.to_owned(), reason })
     }

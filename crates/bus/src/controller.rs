@@ -1,15 +1,15 @@
-//! What a CAN controller tells of itself.
+//! The states and errors that a CAN controller reports.
 
 use serde::Serialize;
 
-/// How far a CAN controller has come by the errors that it counts (ISO 11898-1).
+/// A CAN controller's state by its error counters (ISO 11898-1).
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize)]
 pub enum ControllerState {
-    /// Error-active: it takes part. So is one that has told nothing yet.
+    /// Error-active: it takes part. Also that of a controller that has reported nothing yet.
     #[default]
     #[serde(rename = "error-active")]
     Active,
-    /// Error-active still, with 96 transmit or receive errors or more.
+    /// Still error-active, with 96 transmit or receive errors or more.
     #[serde(rename = "error-warning")]
     Warning,
     /// Error-passive, with 128 or more: it takes part, can't destroy the frames of others, and waits before it sends
@@ -33,14 +33,14 @@ impl ControllerState {
     }
 }
 
-/// What the controller of this end has told of errors, by kind: each time it told so counts as one.
+/// The errors that the controller of this end has reported, by kind: each report counts as one.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize)]
 pub struct ControllerErrors {
     /// Faults seen on the wire: of a bit, the stuffing, the form, or the CRC.
     pub protocol: u64,
-    /// Frames that nobody acknowledged.
+    /// Frames that no node acknowledged.
     pub no_ack: u64,
-    /// Its own memory for frames was full.
+    /// The controller's memory for frames was full.
     pub overflow: u64,
     /// It became [`ControllerState::Warning`].
     pub warning: u64,
@@ -50,13 +50,12 @@ pub struct ControllerErrors {
     pub bus_off: u64,
     /// It was started again after that.
     pub restarted: u64,
-    /// Error frames that don't tell a kind: what stands in those of most adapters of python-can differs from maker to
-    /// maker.
+    /// Error frames of unknown kind: most adapters of python-can have a content that differs from maker to maker.
     pub other: u64,
 }
 
 impl ControllerErrors {
-    /// Whether it has told of none.
+    /// Whether it has reported no error.
     pub fn is_none(&self) -> bool {
         *self == ControllerErrors::default()
     }

@@ -1,11 +1,11 @@
-//! The end of a bounded wait: the one place where this module reads a clock.
+//! The end of a bounded wait: the only place where this crate reads a clock.
 
 use core::time::Duration;
 use std::time::Instant;
 
 /// When a wait ends, on the monotonic clock.
 pub struct Deadline {
-    /// `None` lies beyond what the clock can express: never.
+    /// `None` is never: beyond what the clock can express.
     end: Option<Instant>,
 }
 

@@ -1,4 +1,4 @@
-//! What can go wrong with a bus, each with the way to mend it.
+//! What can go wrong with a bus, and how to fix it.
 
 use alloc::format;
 use alloc::string::String;
@@ -85,7 +85,7 @@ pub enum BusError {
         /// Its name.
         interface: String,
     },
-    /// The process may not do this.
+    /// The process lacks the permission.
     #[error(
         "{interface}: {action} is not permitted ({source}). SocketCAN needs no privilege, so a sandbox forbids it: allow AF_CAN in its seccomp profile (systemd: RestrictAddressFamilies)"
     )]
@@ -107,7 +107,7 @@ pub enum BusError {
         /// What the kernel answered.
         source: io::Error,
     },
-    /// python-can, or the Python it needs, stands in the way.
+    /// python-can, or the Python it needs, failed.
     #[error(transparent)]
     PythonCan(Box<dyn core::error::Error + Send + Sync>),
 }
@@ -140,7 +140,7 @@ fn creation(interface: &str) -> String {
 
 fn bring_up(interface: &str) -> String {
     if is_virtual(interface) {
-        format!("`sudo ip link set {interface} up` mends it")
+        format!("`sudo ip link set {interface} up` brings it up")
     } else {
         format!("`sudo ip link set {interface} up type can bitrate 1000000` starts it at 1 Mbit/s")
     }
@@ -172,14 +172,14 @@ mod tests {
     }
 
     #[test]
-    fn bus_messages_say_how_to_go_on() {
+    fn bus_messages_say_how_to_continue() {
         assert_snapshot!(BusError::Closed, @"the bus is closed");
         assert_snapshot!(BusError::MemoryIsNotShared, @"a memory bus lives inside one process, so there is nobody to meet on it. `resonarm demo` runs plant and exciter together on one; between processes use vcan0 or another CAN interface");
         assert_snapshot!(BusError::NoPythonCan, @"this build has no python-can; `cargo build --release --features python-can` makes one that has");
     }
 
     #[test]
-    fn kernel_messages_say_how_to_mend() {
+    fn kernel_messages_say_how_to_fix() {
         assert_snapshot!(BusError::NoSocketCan { source: source(libc::EAFNOSUPPORT) }, @"this kernel has no SocketCAN (Address family not supported by protocol (os error 97)). `sudo modprobe -a can can_raw vcan` loads it (in a container: on its host); a kernel built without CAN needs another. `resonarm demo` needs none");
         let (interface, action) = ("can0".to_string(), "opening the socket");
         assert_snapshot!(BusError::Permission { interface, action, source: source(libc::EPERM) }, @"can0: opening the socket is not permitted (Operation not permitted (os error 1)). SocketCAN needs no privilege, so a sandbox forbids it: allow AF_CAN in its seccomp profile (systemd: RestrictAddressFamilies)");
@@ -196,7 +196,7 @@ mod tests {
         assert_snapshot!(missing("vcan0", &[]), @"there is no interface vcan0 (there are no CAN interfaces). `sudo ip link add vcan0 type vcan && sudo ip link set vcan0 mtu 72 up` makes it");
         assert_snapshot!(missing("can1", &["can0", "vcan0"]), @"there is no interface can1 (CAN interfaces: can0, vcan0). Is the adapter plugged in and its driver loaded? `sudo ip link set can1 up type can bitrate 1000000` starts it at 1 Mbit/s");
         assert_snapshot!(BusError::NotCan { interface: "lo".into() }, @"lo is a network interface, but not a CAN one; `ip -brief link show type vcan` and `type can` list those");
-        assert_snapshot!(BusError::InterfaceDown { interface: "vcan0".into() }, @"vcan0 is down. `sudo ip link set vcan0 up` mends it");
+        assert_snapshot!(BusError::InterfaceDown { interface: "vcan0".into() }, @"vcan0 is down. `sudo ip link set vcan0 up` brings it up");
         assert_snapshot!(BusError::InterfaceDown { interface: "can0".into() }, @"can0 is down. `sudo ip link set can0 up type can bitrate 1000000` starts it at 1 Mbit/s");
         assert_snapshot!(BusError::InterfaceGone { interface: "can0".into() }, @"can0 has been removed: an adapter unplugged, or `ip link del`");
         assert_snapshot!(BusError::BusOff { interface: "can0".into() }, @"the controller of can0 is bus-off: too many transmit errors. Check bit rate, wiring and the two terminations of 120 Ω; `sudo ip link set can0 type can restart-ms 100` lets it come back by itself");

@@ -24,9 +24,9 @@ pub use error::BusError;
 /// Opens the bus that `address` names, with the default options of its backend.
 ///
 /// # Errors
-/// [`BusError`]: what the environment lacks, and how to mend it. [`BusAddress::Memory`] can't be opened by name, see
-/// [`BusError::MemoryIsNotShared`]; nor
-/// [`BusAddress::PythonCan`], which the facade `resonarm` opens: [`BusError::NoPythonCan`].
+/// [`BusError`]: what the environment lacks, and how to fix it. [`BusAddress::Memory`] can't be opened by name
+/// ([`BusError::MemoryIsNotShared`]), nor can [`BusAddress::PythonCan`], which the facade `resonarm` opens
+/// ([`BusError::NoPythonCan`]).
 pub fn open(address: &BusAddress) -> Result<Box<dyn Bus>, BusError> {
     match address {
         BusAddress::SocketCan(interface) => {
@@ -39,8 +39,8 @@ pub fn open(address: &BusAddress) -> Result<Box<dyn Bus>, BusError> {
 
 /// One end of a CAN bus.
 ///
-/// `send` and `receive` never block, lock or allocate, so the real-time loop may call them; `wait` is for everyone
-/// else. A node does not receive the frames it sent itself. Frames come in the order in which they were on the bus.
+/// `send` and `receive` never block, lock or allocate, so the real-time loop may call them; `wait` is for all
+/// other callers. A node does not receive the frames it sent. Frames come in the order in which they were on the bus.
 pub trait Bus: Send {
     /// What the bus is called, as its address has it: `vcan0`, `memory`.
     fn name(&self) -> String;
@@ -61,15 +61,15 @@ pub trait Bus: Send {
         one_by_one(self, frames)
     }
 
-    /// The next frame that has come in, if any. A backend may look for several at a time: `None` then tells that those
-    /// have been received, and the next call looks again.
+    /// The next frame that has come in, if any. A backend may fetch several at a time: `None` then means that
+    /// these have been received, and the next call fetches again.
     ///
     /// # Errors
     /// [`BusError`] if the bus is gone or the backend failed.
     fn receive(&mut self) -> Result<Option<Received>, BusError>;
 
     /// Sleeps until a frame can be received (`true`) or `timeout` has passed (`false`). Unread frames end it at once,
-    /// so it is no way to let time pass: for that there is
+    /// so it is no way to let time pass: use
     /// [`Clock::sleep_until_ns`](resonarm_realtime::Clock::sleep_until_ns).
     ///
     /// # Errors
@@ -84,9 +84,9 @@ pub trait Bus: Send {
     /// [`BusError`] if the backend can't filter so.
     fn set_filters(&mut self, filters: &[Filter]) -> Result<(), BusError>;
 
-    /// Lets the methods of the bus do from now on, on the calling thread, what threads of an adapter do else, and block
-    /// while they do it. It is faster, as nobody has to be woken; a real-time thread must not ask for it. A bus without
-    /// such threads stays as it is.
+    /// Ends the threads of an adapter: from now on the methods of the bus do their work on the calling thread, and
+    /// block while they do. This is faster, as no thread has to be woken; a real-time thread must not call it. Does
+    /// nothing on a bus without such threads.
     ///
     /// # Errors
     /// [`BusError`] if the bus is gone or the backend failed.
@@ -94,16 +94,16 @@ pub trait Bus: Send {
         Ok(())
     }
 
-    /// What this end has seen so far.
+    /// The counts of this end so far.
     fn statistics(&self) -> Statistics;
 
-    /// What the controller of this end told of itself last, up to the frame received last. That of a bus without
-    /// controllers, and of one that does not tell, is [`ControllerState::Active`].
+    /// The state that the controller of this end reported last, up to the frame received last. Where the bus has no
+    /// controllers, or they don't report, [`ControllerState::Active`].
     fn controller(&self) -> ControllerState {
         ControllerState::Active
     }
 
-    /// Leaves the bus; whatever is called afterwards answers [`BusError::Closed`]. Frames queued before are still sent.
+    /// Leaves the bus; every later call answers [`BusError::Closed`]. Frames queued before are still sent.
     ///
     /// # Errors
     /// [`BusError`] if the backend could not leave in order.
@@ -159,7 +159,7 @@ impl<B: Bus + ?Sized> Bus for &mut B {
     }
 }
 
-/// [`Bus::send_all`] where a backend takes one frame at a time.
+/// [`Bus::send_all`] for a backend that takes one frame at a time.
 fn one_by_one<B: Bus + ?Sized>(bus: &mut B, frames: &mut &[Frame]) -> Result<Sent, BusError> {
     while let Some((first, rest)) = frames.split_first() {
         if bus.send(first)? == Sent::QueueFull {
@@ -170,21 +170,21 @@ fn one_by_one<B: Bus + ?Sized>(bus: &mut B, frames: &mut &[Frame]) -> Result<Sen
     Ok(Sent::Queued)
 }
 
-/// What became of a frame given to [`Bus::send`].
+/// The result of [`Bus::send`].
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Sent {
-    /// The frame is on its way.
+    /// The frame is queued.
     Queued,
     /// The transmit queue is full (`ENOBUFS` of SocketCAN); the frame was not taken. Try again later.
     QueueFull,
 }
 
-/// A frame that came in.
+/// A received frame.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Received {
     /// The frame.
     pub frame: Frame,
-    /// When the kernel or the adapter saw it, in nanoseconds of the UNIX epoch, where the backend knows.
+    /// When the kernel or the adapter saw it, in nanoseconds of the UNIX epoch, if the backend knows.
     pub timestamp_ns: Option<u64>,
 }
 
@@ -205,8 +205,8 @@ impl Filter {
     }
 }
 
-/// Filters that let every message of a network through, from whichever node: those that this node alone sends tell of
-/// another sender.
+/// Filters that let every message of a network through, from any node: one that only this node sends reveals a second
+/// sender.
 pub fn network_filters(network: Network) -> [Filter; MessageKind::COUNT] {
     MessageKind::ALL.map(|kind| Filter { id: Id::Standard(kind.id(network)), mask: 0x7FF })
 }
@@ -225,13 +225,12 @@ pub struct Statistics {
     pub sent: u64,
     /// Incoming frames lost because the receive queue was full. What the kernel drops before a frame reaches any socket
     /// (`net.core.netdev_max_backlog`, counted for all interfaces in the second column of `/proc/net/softnet_stat`) is
-    /// not in it; there the counters within the frames tell.
+    /// not included; the counters within the frames show it.
     pub dropped: u64,
-    /// Incoming frames that can't be any, such as one of CAN FD with 9 bytes, which a virtual interface carries all the
-    /// same. They are left out.
+    /// Malformed incoming frames, left out: a virtual interface carries, for example, CAN FD frames of 9 bytes.
     pub malformed: u64,
     /// Calls of [`Bus::send`] and [`Bus::send_all`] that met a full transmit queue.
     pub queue_full: u64,
-    /// What the controller of this end told of errors; nothing where the backend does not tell.
+    /// The errors that the controller of this end reported; none where the backend does not report them.
     pub errors: ControllerErrors,
 }

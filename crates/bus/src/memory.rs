@@ -58,14 +58,14 @@ pub struct MemoryBus {
     open: bool,
 }
 
-/// What an end sends by.
+/// The sending side of an end.
 pub struct MemorySender {
     sequence: Arc<AtomicU64>,
     outgoing: Vec<Outgoing>,
     sent: u64,
 }
 
-/// What an end receives by.
+/// The receiving side of an end.
 pub struct MemoryReceiver {
     incoming: Vec<Consumer<Numbered>>,
     mailbox: Arc<Mailbox>,
@@ -85,7 +85,7 @@ struct Numbered {
     frame: Frame,
 }
 
-/// What the senders tell one receiver beside the frames.
+/// What the senders share with one receiver beside the frames.
 #[derive(Default)]
 struct Mailbox {
     /// Frames that found the ring full.
@@ -300,7 +300,7 @@ mod tests {
 
     /// The answer is sent while another thread waits for the next frame of the same end.
     #[test]
-    fn an_end_in_two_parts_sends_while_it_waits() {
+    fn a_split_end_sends_while_it_waits() {
         let [near, mut far] = pair(8);
         let (mut sender, mut receiver) = near.split();
         let waits = std::thread::spawn(move || {

@@ -134,17 +134,17 @@ impl Stream {
     }
 
     /// Takes a notice of the loop.
-    pub fn notice(&mut self, notice: &run::Told) {
+    pub fn notice(&mut self, notice: &run::Notice) {
         match notice {
-            run::Told::Record(record) => self.record(record),
-            run::Told::Command(CommandRecord { sample, load }) => {
+            run::Notice::Record(record) => self.record(record),
+            run::Notice::Command(CommandRecord { sample, load }) => {
                 if sample.is_multiple_of(PLOT_EVERY) {
                     let (t, f) = (load.torque_nm, load.force_n);
                     let row = [0.0, 0.0, 0.0, 0.0, t.x, t.y, f.x, f.y];
                     self.publish_plot(&Plot::new(MessageType::Command, &self.table, *sample, &row, 0));
                 }
             }
-            run::Told::Response(_) | run::Told::SetPoint(_) => {}
+            run::Notice::Response(_) | run::Notice::SetPoint(_) => {}
         }
     }
 

@@ -109,12 +109,12 @@ impl Model {
     }
 
     /// Takes a notice of the loop.
-    pub fn notice(&mut self, notice: &run::Told) {
+    pub fn notice(&mut self, notice: &run::Notice) {
         match notice {
-            run::Told::Record(record) => self.record(record),
-            run::Told::Command(CommandRecord { sample, load }) => self.rows.command(*sample, load),
-            run::Told::Response(point) => self.response(point),
-            run::Told::SetPoint(set_point) => {
+            run::Notice::Record(record) => self.record(record),
+            run::Notice::Command(CommandRecord { sample, load }) => self.rows.command(*sample, load),
+            run::Notice::Response(point) => self.response(point),
+            run::Notice::SetPoint(set_point) => {
                 self.send(&PageMessage::SetPoint(&SetPointLine::from(*set_point)));
                 self.set_point = Some(*set_point);
             }

@@ -5,9 +5,9 @@ import sys
 
 
 def activate(directory: str, isolated: bool) -> None:
-    """Adds the site-packages in `directory` (and its .pth files) before the interpreter's own.
+    """Adds the site-packages in `directory` (and its .pth files) before the interpreter's.
 
-    With `isolated` the interpreter's own are left out, as `python3 -m venv` does unless told otherwise.
+    With `isolated` the interpreter's are left out, as in an environment of `python3 -m venv` by default.
     """
     if directory in sys.path:
         return

@@ -3,8 +3,8 @@
 //! A receiver sits in `recv` with a timeout; python-can's drivers give up the GIL while they wait. A sender parks
 //! without the GIL until a frame is queued. One thread for both would have to leave `recv` to look for frames to send,
 //! and each frame would wait for up to that timeout. `send` and `recv` of one bus in two threads is what python-can's
-//! own `Notifier` and `ThreadSafeBus` rely on; everything else (`set_filters`, `shutdown`) is done by the receiver
-//! between two `recv`, as the locks of `ThreadSafeBus` would have it.
+//! `Notifier` and `ThreadSafeBus` rely on; everything else (`set_filters`, `shutdown`) is done by the receiver
+//! between two `recv`, as the locks of `ThreadSafeBus` demand.
 
 use alloc::string::ToString;
 use alloc::sync::Arc;
@@ -26,14 +26,14 @@ use resonarm_bus::socketcan::{MEMINFO_BYTES, drops_in};
 
 /// How long `recv` may keep the receiver, in seconds: the delay at most of `set_filters` and `close`.
 const RECEIVE_TIMEOUT_S: f64 = 0.05;
-/// The rest after `recv` failed, so that a dead adapter does not take a whole core.
+/// The pause after `recv` failed, so that a dead adapter does not take a whole core.
 const REST_AFTER_FAILURE: Duration = Duration::from_millis(10);
-/// The rest before a frame that met a full transmit queue is tried again.
+/// The pause before a frame that met a full transmit queue is tried again.
 const REST_AFTER_FULL: Duration = Duration::from_millis(1);
 /// How often, over all frames, a full transmit queue is tried again once the bus is being closed.
 pub(super) const ATTEMPTS_WHEN_CLOSING: u32 = 1000;
 
-/// What both threads and the bus look at.
+/// State shared by both threads and the bus.
 #[derive(Default)]
 pub(super) struct Shared {
     /// This end is leaving, or its threads are.
@@ -56,7 +56,7 @@ impl Shared {
         self.dropped.load(Ordering::Relaxed) + self.dropped_beneath.load(Ordering::Relaxed)
     }
 
-    /// Wakes whoever waits in [`Shared::wait_while`]. The lock is what makes the wake-up impossible to miss.
+    /// Wakes a thread that waits in [`Shared::wait_while`]. With the lock no wake-up is missed.
     fn announce(&self) {
         drop(self.guard.lock().unwrap_or_else(PoisonError::into_inner));
         self.arrival.notify_all();
@@ -147,7 +147,7 @@ pub(super) struct Receiver {
 
 impl Receiver {
     /// Runs until the bus is closing, waits for the sender to empty its queue, and shuts the python-can bus down unless
-    /// the caller goes on with it.
+    /// the caller continues to use it.
     pub(super) fn run(mut self, sender: JoinHandle<()>) -> Result<(), PythonCanError> {
         Python::attach(|py| {
             let bus = self.bus.bind(py).clone();
@@ -167,7 +167,7 @@ impl Receiver {
                     }
                 }
             }
-            // The sender does not panic; were it to, the bus would still have to be shut down.
+            // The sender does not panic; if it did, the bus would still have to be shut down.
             let _ = py.detach(|| sender.join());
             if self.shared.keeps_open.load(Ordering::Acquire) {
                 return Ok(());
@@ -233,8 +233,8 @@ class Driver:
         self.sent.append(message.arbitration_id)
 "#;
 
-    /// Queues frames of these identifiers for a driver, closes, and runs the sender to its end: what the driver got,
-    /// and the failures.
+    /// Queues frames of these identifiers for a driver, closes, runs the sender to its end, and returns what the driver
+    /// got and the failures.
     fn send(full: u32, ids: &[u16]) -> (Vec<u16>, Vec<alloc::string::String>) {
         let (mut queue, outgoing) = RingBuffer::new(ids.len());
         let (failures, mut failed) = RingBuffer::new(16);

@@ -1,6 +1,6 @@
 //! python-can's bus on the calling thread, without threads and queues between.
 //!
-//! A frame that goes over two threads costs two wake-ups each way; here the caller does what a script of Python would.
+//! A frame that goes over two threads costs two wake-ups each way; here the caller calls python-can itself.
 
 use alloc::sync::Arc;
 use core::cell::Cell;
@@ -16,13 +16,13 @@ use super::error::Operation;
 use super::message::{ErrorFrames, Incoming};
 use super::{PythonCanError, exception, message};
 use resonarm_bus::deadline::Deadline;
-use resonarm_bus::socketcan::Told;
+use resonarm_bus::socketcan::ControllerReports;
 use resonarm_bus::{Filter, Sent};
 
-/// What a driver is asked to wait for at once: some refuse times of centuries.
+/// The longest time that a driver is asked to wait at once: some refuse times of centuries.
 const LONGEST_WAIT: Duration = Duration::from_secs(1);
 
-/// The bus, and that for which a wait has ended.
+/// The bus, and the message that ended a wait.
 pub(super) struct Direct {
     pub(super) bus: Arc<Py<PyAny>>,
     pub(super) message_class: Py<PyAny>,
@@ -47,7 +47,7 @@ impl Direct {
         })
     }
 
-    /// What has come in, if anything.
+    /// The next incoming message, if any.
     pub(super) fn receive(&mut self) -> Result<Option<Incoming>, PythonCanError> {
         match self.came_in.take() {
             None => self.take(Duration::ZERO),
@@ -55,14 +55,14 @@ impl Direct {
         }
     }
 
-    /// Waits for what is given out, and counts the error frames before it.
-    pub(super) fn wait(&mut self, timeout: Duration, told: &mut Told) -> Result<bool, PythonCanError> {
+    /// Waits for a message that is given out, and counts the error frames before it.
+    pub(super) fn wait(&mut self, timeout: Duration, reports: &mut ControllerReports) -> Result<bool, PythonCanError> {
         let deadline = Deadline::after(timeout);
         while self.came_in.is_none() {
             let left = deadline.remaining();
             match self.take(left.min(LONGEST_WAIT))? {
                 Some(incoming) if incoming.is_given_out() => self.came_in = Some(incoming),
-                Some(incoming) => incoming.note(told),
+                Some(incoming) => incoming.note(reports),
                 None if left.is_zero() => break,
                 None => {}
             }
@@ -86,7 +86,7 @@ impl Direct {
                     (true, None) => self.shared.discarded.fetch_add(1, Ordering::Relaxed),
                     (_, incoming) => return Ok(incoming),
                 };
-                // What lies behind it has come in, too.
+                // The frames after it have arrived, too.
                 timeout_s = 0.0;
             }
         })
@@ -100,7 +100,7 @@ impl Direct {
         })
     }
 
-    /// Counts what the kernel has lost up to now. What it can't say leaves the count as it was.
+    /// Counts what the kernel has lost up to now. If it can't say, the count stays.
     pub(super) fn count_drops(&self) {
         let Some(socket) = &self.socket else { return };
         if let Ok(dropped) = Python::attach(|py| kernel_drops(socket.bind(py))) {

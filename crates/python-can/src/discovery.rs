@@ -1,8 +1,8 @@
 //! Which Python, which environment, and python-can in it.
 //!
 //! An embedded interpreter knows the directory it was installed in and nothing of virtual environments. So the
-//! environment is looked up here: the one that VIRTUAL_ENV names, else a `.venv` in the working directory or the
-//! nearest of its parents, else none, and the packages of the interpreter itself count.
+//! environment is looked up here: the one that VIRTUAL_ENV names, otherwise a `.venv` in the working directory or
+//! the nearest of its parents, otherwise the packages of the interpreter itself.
 
 use alloc::format;
 use alloc::string::{String, ToString};
@@ -19,7 +19,7 @@ use pyo3::types::PyModule;
 use super::error::Operation;
 use super::{PythonCanError, exception};
 
-/// A release of Python as far as it decides where packages lie and which of them can be loaded.
+/// A release of Python, which decides where packages are and which of them can be loaded.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 struct Version {
     major: u8,
@@ -41,7 +41,7 @@ struct VirtualEnvironment {
     isolated: bool,
 }
 
-/// The module `can`, out of the environment that fits.
+/// Imports the module `can` from the environment found.
 pub(super) fn import_can(py: Python<'_>) -> Result<Bound<'_, PyModule>, PythonCanError> {
     let raised = |error| exception(py, Operation::Import, error);
     let working_directory = env::current_dir().unwrap_or_default();

@@ -17,10 +17,10 @@ pub enum PythonCanError {
     Option {
         /// The option.
         key: String,
-        /// What is wrong with it and how to mend it.
+        /// What is wrong with it and how to fix it.
         reason: String,
     },
-    /// What should be a virtual environment can't be read as one.
+    /// The directory is no virtual environment.
     #[error(
         "`{path}` is not a Python virtual environment: {reason}; make one with `python3 -m venv {path}`, or unset VIRTUAL_ENV"
     )]
@@ -127,7 +127,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn says_how_to_mend_it() {
+    fn says_how_to_fix_it() {
         let version = PythonCanError::Version {
             path: "/home/a/.venv".into(),
             environment: "3.12".into(),

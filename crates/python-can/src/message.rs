@@ -1,4 +1,4 @@
-//! Frames here, `can.Message` there.
+//! Conversion between frames and `can.Message`.
 
 use alloc::vec::Vec;
 
@@ -8,13 +8,13 @@ use pyo3::pybacked::PyBackedBytes;
 use pyo3::types::{PyBytes, PyDict, PyList};
 use resonarm_protocol::{Frame, FrameFormat, Id};
 
-use resonarm_bus::socketcan::{ErrorFrame, Told};
+use resonarm_bus::socketcan::{ControllerReports, ErrorFrame};
 use resonarm_bus::{Filter, Received};
 
-/// Timestamps before this (September 2001), in seconds of the UNIX epoch, are taken for an adapter's own clock.
+/// Timestamps before this (September 2001), in seconds of the UNIX epoch, are taken for an adapter's clock.
 const EARLIEST_EPOCH_S: f64 = 1e9;
 
-/// The `can.Message` that is `frame`; `class` is `can.Message` itself.
+/// `frame` as a `can.Message`; `class` is `can.Message` itself.
 pub(super) fn from_frame<'py>(class: &Bound<'py, PyAny>, frame: &Frame) -> PyResult<Bound<'py, PyAny>> {
     let py = class.py();
     let (is_fd, bitrate_switch, error_state_indicator) = match frame.format() {
@@ -34,18 +34,18 @@ pub(super) fn from_frame<'py>(class: &Bound<'py, PyAny>, frame: &Frame) -> PyRes
     class.call((), Some(&arguments))
 }
 
-/// What an interface of python-can has in its error frames.
+/// The content of an interface's error frames.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) enum ErrorFrames {
     /// The classes of `linux/can/error.h` as identifier, and its content.
     Linux,
-    /// What the maker puts there.
+    /// Up to the maker.
     Other,
 }
 
 impl ErrorFrames {
-    /// Those of an interface: `socketcan` has them from the kernel, `gs_usb` from firmware that the kernel's driver for
-    /// it hands on as they are.
+    /// Those of an interface: `socketcan` has them from the kernel, `gs_usb` from firmware, which
+    /// the kernel's driver passes on unchanged.
     pub(super) fn of(interface: &str) -> ErrorFrames {
         match interface {
             "socketcan" | "gs_usb" => ErrorFrames::Linux,
@@ -54,12 +54,12 @@ impl ErrorFrames {
     }
 }
 
-/// What came in.
+/// An incoming message.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) enum Incoming {
     /// A frame.
     Frame(Received),
-    /// An error frame, and what it tells where that is known.
+    /// An error frame, with its content where that is known.
     Error(Option<ErrorFrame>),
 }
 
@@ -69,22 +69,22 @@ impl Incoming {
         matches!(self, Incoming::Error(Some(error)) if error.is_bus_off())
     }
 
-    /// Whether it comes out of [`Bus::receive`](resonarm_bus::Bus::receive); an error frame else is only counted.
+    /// Whether it comes out of [`Bus::receive`](resonarm_bus::Bus::receive); other error frames are only counted.
     pub(super) fn is_given_out(&self) -> bool {
         matches!(self, Incoming::Frame(_)) || self.is_bus_off()
     }
 
     /// Counts it, if it is an error frame.
-    pub(super) fn note(&self, told: &mut Told) {
+    pub(super) fn note(&self, reports: &mut ControllerReports) {
         match self {
             Incoming::Frame(_) => {}
-            Incoming::Error(Some(error)) => told.note(*error),
-            Incoming::Error(None) => told.errors.other += 1,
+            Incoming::Error(Some(error)) => reports.note(*error),
+            Incoming::Error(None) => reports.errors.other += 1,
         }
     }
 }
 
-/// What a `can.Message` is, or `None` for what ISO 11898-1 has no frame for.
+/// A `can.Message` as a frame, or `None` if ISO 11898-1 has no such frame.
 pub(super) fn to_incoming(message: &Bound<'_, PyAny>, error_frames: ErrorFrames) -> PyResult<Option<Incoming>> {
     let py = message.py();
     let flag = |name| -> PyResult<bool> { message.getattr(name)?.is_truthy() };
@@ -129,7 +129,7 @@ fn linux_error(message: &Bound<'_, PyAny>) -> PyResult<ErrorFrame> {
 /// Seconds of the UNIX epoch, as python-can gives them, in nanoseconds. An f64 resolves 0.24 µs here. Adapters that
 /// count from their own start, or not at all, stay below [`EARLIEST_EPOCH_S`] and give `None`.
 fn epoch_ns(timestamp_s: f64) -> Option<u64> {
-    // Whole and fractional seconds apart: the product of both would round once more.
+    // Whole and fractional seconds separately: the product of both would round once more.
     let whole_s = libm::floor(timestamp_s);
     let known = (EARLIEST_EPOCH_S..u64::MAX as f64 / 1e9).contains(&timestamp_s);
     known.then(|| whole_s as u64 * 1_000_000_000 + libm::rint((timestamp_s - whole_s) * 1e9) as u64)

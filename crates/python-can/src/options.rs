@@ -127,7 +127,7 @@ mod tests {
     }
 
     #[test]
-    fn refuses_what_cannot_be_meant() {
+    fn refuses_contradictory_options() {
         let message = |given: &[(&str, &str)]| Options::parse(&pairs(given)).unwrap_err().to_string();
         insta::assert_snapshot!(message(&[("channel", "0")]), @"python-can option `interface`: missing; name the adapter, for example interface=slcan,channel=/dev/ttyACM0");
         insta::assert_snapshot!(message(&[("interface", "")]), @"python-can option `interface`: missing; name the adapter, for example interface=slcan,channel=/dev/ttyACM0");

@@ -1,4 +1,4 @@
-//! The loop with nothing in it: what the machine gives, to hold a run's figures against.
+//! An empty loop: the machine's latency, to compare a run's figures with.
 
 use super::clock::wait_until;
 use super::{Clock, LatencyHistogram, SampleRate};

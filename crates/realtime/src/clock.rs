@@ -40,7 +40,7 @@ impl SystemClock {
         unix_time_ns().saturating_sub(self.now_ns())
     }
 
-    /// What it reads, as the recorder wants it.
+    /// Its reading, as the recorder wants it.
     pub fn elapsed() -> Duration {
         Duration::from_nanos(SystemClock.now_ns())
     }
@@ -55,8 +55,8 @@ impl Clock for SystemClock {
     fn sleep_until_ns(&self, deadline_ns: u64) {
         let deadline = to_timespec(deadline_ns);
         while let Err(error) = clock_nanosleep_absolute(ClockId::Monotonic, &deadline) {
-            // An absolute sleep is resumed by calling it again. It knows no other error for a valid time; were one to
-            // come, the time would still be kept, by polling.
+            // An absolute sleep is resumed by calling it again. It has no other error for a valid time; if one came,
+            // the deadline would still be kept, by polling.
             if error != Errno::INTR && self.now_ns() >= deadline_ns {
                 return;
             }
@@ -78,12 +78,12 @@ pub(super) fn wait_until(clock: &impl Clock, deadline_ns: u64, spin_ns: u64) {
     }
 }
 
-/// A clock of simulated time: it goes on when it is told to, or slept on. Copies show the same time.
+/// A clock of simulated time: it advances when it is set or slept on. Copies show the same time.
 #[derive(Clone, Debug, Default)]
 pub struct VirtualClock(Arc<AtomicU64>);
 
 impl VirtualClock {
-    /// Goes on to `now_ns`; a time that has passed changes nothing.
+    /// Advances to `now_ns`; a time that has passed changes nothing.
     pub fn advance_to_ns(&self, now_ns: u64) {
         self.0.fetch_max(now_ns, Ordering::Relaxed);
     }

@@ -1,4 +1,4 @@
-//! Who has had the core that a thread runs on, as the kernel counts it: proc(5).
+//! Who used the core that a thread runs on, as the kernel counts it: proc(5).
 
 use std::fs;
 
@@ -14,7 +14,7 @@ pub struct CoreShare {
     before: Option<Counts>,
 }
 
-/// What the kernel has counted so far.
+/// The kernel's counts so far.
 #[derive(Clone, Debug, PartialEq, Eq)]
 struct Counts {
     /// Time that the host took from each core, ns.
@@ -42,7 +42,7 @@ impl CoreShare {
         CoreShare { thread: gettid(), before: None }
     }
 
-    /// What has happened since the last look; `None` at the first, and where the kernel does not tell.
+    /// What has happened since the last look; `None` at the first, and where the kernel does not report it.
     pub fn look(&mut self) -> Option<Share> {
         let folder = format!("/proc/self/task/{}", self.thread.as_raw_pid());
         let read = |path: &str| fs::read_to_string(path).unwrap_or_default();
@@ -107,11 +107,11 @@ mod tests {
     }
 
     #[test]
-    fn the_kernel_tells_of_a_thread_of_this_process() {
+    fn the_kernel_reports_on_a_thread_of_this_process() {
         let mut share = CoreShare::of_this_thread();
         assert_eq!(share.look(), None, "at first there is nothing to compare with");
         let found = std::thread::scope(|scope| scope.spawn(|| share.look()).join().unwrap());
-        // How long it waited is the machine's; that it tells is what is looked at.
+        // How long it waited depends on the machine; only that it is reported is checked.
         assert!(found.is_some());
     }
 }

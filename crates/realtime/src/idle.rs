@@ -6,14 +6,14 @@ use std::path::Path;
 
 use super::{Shortfall, Wanted};
 
-/// The kernel's interface for the longest wake-up latency that a user bears (kernel documentation, "PM Quality Of
+/// The kernel's interface for the longest wake-up latency that a user tolerates (kernel documentation, "PM Quality Of
 /// Service Interface").
 const INTERFACE: &str = "/dev/cpu_dma_latency";
 
 /// Holds all cores out of their idle states, as long as it lives: no wake-up waits for a core to come back from one.
 ///
-/// It acts on the whole machine, costs power and heat, and on a shared machine takes time from the others; so it is
-/// asked for, never a default. The kernel drops the request when the value is dropped or the process ends.
+/// It acts on the whole machine, costs power and heat, and on a shared machine takes time from others; so it must
+/// be asked for. The kernel drops the request when the value is dropped or the process ends.
 #[derive(Debug)]
 pub struct CoresAwake {
     _request: File,
@@ -23,7 +23,7 @@ impl CoresAwake {
     /// Asks the kernel.
     ///
     /// # Errors
-    /// A [`Shortfall`] that tells how to mend it, if the interface is missing or not open to this process.
+    /// A [`Shortfall`] that says how to fix it, if the interface is missing or not open to this process.
     pub fn request() -> Result<Self, Shortfall> {
         Self::request_at(Path::new(INTERFACE))
     }
@@ -31,7 +31,7 @@ impl CoresAwake {
     fn request_at(interface: &Path) -> Result<Self, Shortfall> {
         let write = || -> io::Result<File> {
             let mut file = OpenOptions::new().write(true).open(interface)?;
-            file.write_all(&0_i32.to_ne_bytes())?; // the latency borne, in microseconds
+            file.write_all(&0_i32.to_ne_bytes())?; // the latency tolerated, in microseconds
             Ok(file)
         };
         write().map(|request| Self { _request: request }).map_err(|error| Shortfall {
@@ -61,6 +61,6 @@ mod tests {
     fn a_missing_interface_is_a_shortfall() {
         let shortfall = CoresAwake::request_at(Path::new("/nonexistent/cpu_dma_latency")).unwrap_err();
         assert_eq!(shortfall.wanted, Wanted::CoresAwake);
-        insta::assert_snapshot!(shortfall, @"no cores kept awake: /nonexistent/cpu_dma_latency: No such file or directory (os error 2); to mend: `sudo setfacl -m u:$USER:w /dev/cpu_dma_latency`, or run as root; where there is no such file, boot with `idle=poll`");
+        insta::assert_snapshot!(shortfall, @"no cores kept awake: /nonexistent/cpu_dma_latency: No such file or directory (os error 2); to fix: `sudo setfacl -m u:$USER:w /dev/cpu_dma_latency`, or run as root; where there is no such file, boot with `idle=poll`");
     }
 }

@@ -77,7 +77,7 @@ impl LatencyHistogram {
                 return self.within.highest_equivalent(bucket.value_iterated_to()).min(self.max_ns) as f64 / 1e3;
             }
         }
-        self.max_ns as f64 / 1e3 // the rank lies beyond the bound, where only the longest is known
+        self.max_ns as f64 / 1e3 // the rank is beyond the bound, where only the longest is known
     }
 }
 

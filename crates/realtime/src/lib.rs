@@ -1,6 +1,6 @@
 //! Real time: the sole user of the system's clocks, and of its scheduler.
 //!
-//! A real-time run sets up a thread of its own ([`ThreadSetup::apply`]), then starts a [`Periodic`] loop on it:
+//! A real-time run sets up a separate thread ([`ThreadSetup::apply`]), then starts a [`Periodic`] loop on it:
 //!
 //! ```no_run
 //! use resonarm_realtime::{Action, OverrunPolicy, Periodic, SampleRate, SystemClock, ThreadSetup};

@@ -2,7 +2,7 @@
 
 use serde::Serialize;
 
-/// Why deadlines were missed, as the loop itself can tell: what it did when they passed.
+/// Why deadlines were missed, as far as the loop itself knows: what it did when they passed.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize)]
 #[serde(rename_all = "kebab-case")]
 pub enum OverrunCause {
@@ -37,7 +37,7 @@ impl OverrunCause {
 /// the program's JSON.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize)]
 pub struct OverrunCauses {
-    /// [`OverrunCause::WokeLate`], and nothing is known of who had the core.
+    /// [`OverrunCause::WokeLate`], where it is not known who had the core.
     pub woke_late: u64,
     /// [`OverrunCause::StepLong`], likewise.
     pub step_long: u64,

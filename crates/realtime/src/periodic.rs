@@ -14,7 +14,7 @@
 //!  on time       [0]       [1]       [2]       [3]       [4]       [5]
 //!
 //!  long work     [0]       [1----------------------][2-][3][4]     [5]      d2, d3 pass in tick 1, d4 in tick 3
-//!  missed        0         0                        2   0  1       0        the sum is 3: d2 and d3 told by 2, d4 by 4
+//!  missed        0         0                        2   0  1       0        the sum is 3: d2, d3 counted in 2, d4 in 4
 //!  lateness      ε         ε                        1.5 .9 .2      ε        periods; ε is the wake-up latency
 //!
 //!  late wake-up  [0]       . . . still asleep . . . [1][2][3]      [4]      d2, d3 pass in the sleep until d1
@@ -30,8 +30,8 @@
 //! Each miss has an [`OverrunCause`]: the loop was asleep when the deadline passed, or at work, and then on the bus or
 //! on something else for most of the time.
 //!
-//! What a miss means is the [`OverrunPolicy`]'s matter. Under [`OverrunPolicy::Slip`], the default, a loop behind by
-//! more than [`CATCH_UP_TICKS`] moves its schedule by the whole periods that it is behind, and goes on from there: no
+//! The [`OverrunPolicy`] decides what a miss leads to. Under [`OverrunPolicy::Slip`], the default, a loop behind by
+//! more than [`CATCH_UP_TICKS`] moves its schedule by the whole periods that it is behind, and continues from there: no
 //! burst of stale samples on the bus, and no tick left out either. With s periods slipped so far, tick k is due at
 //! start + (k + s) / rate:
 //!
@@ -45,7 +45,7 @@
 //! ```
 //!
 //! Under the other policies every tick is caught up, and behind by more than [`MAX_LAG_NS`] the loop ends with an
-//! error: the other end of the bus has long stopped to believe in it.
+//! error: the other end of the bus has long given it up.
 
 use core::fmt;
 use core::str::FromStr;
@@ -58,7 +58,7 @@ use super::latency::HistogramError;
 use super::{Clock, LatencyHistogram, OverrunCause, OverrunCauses, Percentiles, SampleRate};
 
 /// How far behind its deadline a tick may be: 1 s. A loop further behind ends with [`PeriodicError::TooFarBehind`].
-/// Only [`OverrunPolicy::Slip`], which catches nothing up that is so old, goes on.
+/// Only [`OverrunPolicy::Slip`], which does not catch up on ticks that old, continues.
 pub const MAX_LAG_NS: u64 = 1_000_000_000;
 
 /// How many ticks a loop that slips catches up: 3. At the highest load that the protocol recommends, 70 % of the wire,
@@ -70,13 +70,13 @@ pub const CATCH_UP_TICKS: u64 = 3;
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "kebab-case")]
 pub enum OverrunPolicy {
-    /// Up to three overdue ticks are run late, marked, and the run goes on; further behind, the schedule moves
-    /// by the periods missed, and that is told ([`Tick::slipped`]). No tick is left out.
+    /// Up to three overdue ticks are run late, marked, and the run continues; further behind, the schedule moves
+    /// by the periods missed, and the tick states it ([`Tick::slipped`]). No tick is left out.
     #[default]
     Slip,
-    /// All overdue ticks are run late, one after another, marked, and the run goes on.
+    /// All overdue ticks are run late, one after another, marked, and the run continues.
     Continue,
-    /// As `Continue`, and each tick that tells of a miss asks for a fault ([`Action::Fault`]): the plant's force goes
+    /// As `Continue`, and each tick that reports a miss asks for a fault ([`Action::Fault`]): the plant's force goes
     /// to zero, and stays there until it is armed again.
     Fault,
     /// The loop ends with [`PeriodicError::Overrun`].
@@ -121,7 +121,7 @@ pub struct UnknownOverrunPolicy {
     pub got: String,
 }
 
-/// What a tick asks of the loop's work.
+/// What a tick asks the loop to do.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Action {
     /// Do the work of the tick.
@@ -141,7 +141,7 @@ pub struct Tick {
     pub woke_ns: u64,
     /// How late that was: `woke_ns - deadline_ns`. The wake-up latency, or how far a tick that catches up is behind.
     pub wakeup_ns: u64,
-    /// Deadlines missed that no tick before has told of; 0 when on time.
+    /// Deadlines missed and not reported by an earlier tick; 0 when on time.
     pub missed: u32,
     /// Why; `None` if none was missed.
     pub cause: Option<OverrunCause>,
@@ -161,7 +161,7 @@ pub struct LoopSummary {
     pub samples: u64,
     /// Deadlines missed.
     pub overruns: u64,
-    /// The same by cause, as far as the loop can tell.
+    /// The same by cause, as far as the loop knows.
     pub overrun_causes: OverrunCauses,
     /// Periods by which the schedule was moved.
     pub slipped: u64,
@@ -171,7 +171,7 @@ pub struct LoopSummary {
     pub exec_us: Option<Percentiles>,
 }
 
-/// A loop that ticks with a fixed rate. The module's text tells what it promises.
+/// A loop that ticks with a fixed rate. The module's text states its guarantees.
 ///
 /// Neither [`Periodic::tick`] nor [`Periodic::finish`] allocates, locks or blocks, save for the sleep itself.
 #[derive(Debug)]
@@ -333,12 +333,12 @@ pub enum PeriodicError {
     Overrun {
         /// The tick that is late.
         index: u64,
-        /// Deadlines missed that no tick before has told of.
+        /// Deadlines missed and not reported by an earlier tick.
         missed: u32,
         /// How late the tick is, ns.
         late_ns: u64,
     },
-    /// The loop can't catch up any more.
+    /// The loop can no longer catch up.
     #[error(
         "the loop is {:.3} s behind at sample {index}, more than the {:.0} s allowed; the machine can't keep \
          this rate, or the process was paused: lower the rate, choose the policy `slip`, or run in lockstep",

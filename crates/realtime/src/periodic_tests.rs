@@ -10,8 +10,8 @@ use super::*;
 
 const MS: u64 = 1_000_000;
 
-/// Time passes only by the script: a sleep ends late by the next entry (0 when used up), and work takes what it is
-/// told.
+/// Time passes only by the script: a sleep ends late by the next entry (0 when used up), and work takes the time
+/// given.
 #[derive(Default)]
 struct ScriptedClock {
     now_ns: Cell<u64>,
@@ -290,10 +290,10 @@ fn the_summary_has_the_keys_of_the_program_s_json() {
 }
 
 proptest! {
-    /// Whatever the delays: every index once and in order, no tick early, and as many misses told as deadlines were
+    /// Whatever the delays: every index once and in order, no tick early, and as many misses reported as deadlines
     /// passed without the loop asleep for them, each with its cause. The oracle counts these one deadline at a time.
     #[test]
-    fn every_miss_is_told_once_with_its_cause(
+    fn every_miss_is_reported_once_with_its_cause(
         rate_hz in 10.0..20_000.0_f64,
         delays_periods in prop::collection::vec((0.0..6.0_f64, 0.0..3.0_f64, 0.0..1.0_f64), 1..60),
         policy in prop::sample::select(OverrunPolicy::ALL.to_vec()),
@@ -303,7 +303,7 @@ proptest! {
         let clock = ScriptedClock::with_wakeups(&[]);
         let mut periodic = Periodic::start(&clock, rate, policy).unwrap();
         let start_ns = periodic.start_ns();
-        let (mut told, mut waited) = (OverrunCauses::default(), 0);
+        let (mut missed, mut waited) = (OverrunCauses::default(), 0);
         let (mut woke_ns, mut of_work) = (0, OverrunCause::StepLong);
         for (index, (wakeup, work, bus)) in delays_periods.iter().enumerate() {
             clock.wakeup_ns.borrow_mut().clear();
@@ -315,7 +315,7 @@ proptest! {
             let cause = if slept { OverrunCause::WokeLate } else { of_work };
             prop_assert_eq!(tick.cause, (tick.missed > 0).then_some(cause));
             prop_assert_eq!(tick.held_up_since_ns, if slept || index == 0 { tick.deadline_ns } else { woke_ns });
-            told.count(cause, u64::from(tick.missed));
+            missed.count(cause, u64::from(tick.missed));
             woke_ns = tick.woke_ns;
             prop_assert_eq!(tick.index, index as u64);
             prop_assert!(tick.woke_ns >= tick.deadline_ns);
@@ -327,13 +327,13 @@ proptest! {
             while start_ns + rate.offset_ns(due) <= woke_ns {
                 due += 1;
             }
-            prop_assert_eq!(told.total() + waited, due);
-            prop_assert_eq!(periodic.summary().overrun_causes, told);
+            prop_assert_eq!(missed.total() + waited, due);
+            prop_assert_eq!(periodic.summary().overrun_causes, missed);
         }
         // The misses of the tick at which a loop ended itself are counted, too.
         let summary = periodic.summary();
         prop_assert_eq!(summary.overruns, summary.overrun_causes.total());
-        prop_assert!(summary.overruns >= told.total());
+        prop_assert!(summary.overruns >= missed.total());
     }
 }
 
@@ -360,7 +360,7 @@ fn a_second_on_the_real_clock() {
     let rate = SampleRate::new(1000.0).unwrap();
     let mut periodic = Periodic::start(&SystemClock, rate, OverrunPolicy::Continue).unwrap();
     let start_ns = periodic.start_ns();
-    let (mut told, mut last_woke_ns) = (0, 0);
+    let (mut missed, mut last_woke_ns) = (0, 0);
     for index in 0..1000 {
         // On a machine stalled for over a second the loop must say so; nothing else may end it.
         let tick = match periodic.tick() {
@@ -371,13 +371,13 @@ fn a_second_on_the_real_clock() {
         assert_eq!(tick.index, index);
         assert_eq!(tick.deadline_ns, start_ns + index * MS);
         assert!(tick.woke_ns >= tick.deadline_ns && tick.woke_ns >= last_woke_ns);
-        told += u64::from(tick.missed);
+        missed += u64::from(tick.missed);
         last_woke_ns = tick.woke_ns;
-        // A deadline that passed before this tick was either waited for, by a tick up to this one, or told as missed.
-        assert!((tick.woke_ns - start_ns) / MS < index + 1 + told);
+        // A deadline before this tick was either waited for, by a tick up to this one, or reported as missed.
+        assert!((tick.woke_ns - start_ns) / MS < index + 1 + missed);
         periodic.finish(&tick, 0);
     }
     let summary = periodic.summary();
-    assert_eq!((summary.samples, summary.overruns, summary.overrun_causes.total()), (1000, told, told));
+    assert_eq!((summary.samples, summary.overruns, summary.overrun_causes.total()), (1000, missed, missed));
     assert!(last_woke_ns - start_ns >= 999 * MS);
 }

@@ -1,4 +1,4 @@
-//! What this process may have of real time: found out by trying, without lasting change.
+//! The real-time privileges of this process: found out by trying, without lasting change.
 
 use std::fs;
 
@@ -14,14 +14,14 @@ use super::thread::{FifoPriority, set_fifo};
 /// The coarsest resolution of the monotonic clock that a periodic loop can live with, ns.
 const CLOCK_RESOLUTION_WANTED_NS: u64 = 1_000;
 
-/// What this process, on this machine, can have of real time.
+/// The real-time privileges of this process on this machine.
 #[derive(Clone, Debug, PartialEq, Eq, Serialize)]
 pub struct Privileges {
     /// The highest priority of `SCHED_FIFO` that a thread got; `None` if refused.
     pub fifo_priority_max: Option<FifoPriority>,
     /// How much memory may be locked into RAM, bytes; `None` without limit.
     pub memory_lock_limit_bytes: Option<u64>,
-    /// The cores the calling thread may run on; `None` if the system doesn't tell (more than 1024 cores).
+    /// The cores the calling thread may run on; `None` if the system doesn't report them (more than 1024 cores).
     pub allowed_cores: Option<Vec<usize>>,
     /// The cores that the kernel keeps free of other threads (`isolcpus`).
     pub isolated_cores: Vec<usize>,
@@ -29,7 +29,7 @@ pub struct Privileges {
     pub clock_resolution_ns: u64,
     /// Whether the kernel is fully preemptible (`PREEMPT_RT`).
     pub preempt_rt: bool,
-    /// The frequency governor of the first allowed core, where the system tells.
+    /// The frequency governor of the first allowed core, where the system reports it.
     pub governor: Option<String>,
 }
 
@@ -51,7 +51,7 @@ impl Privileges {
         }
     }
 
-    /// The same for people: a line each, with the way to mend what could be better.
+    /// The same for people: a line each, with how to fix what could be better.
     pub fn findings(&self) -> Vec<Finding> {
         vec![
             self.scheduling(),
@@ -74,8 +74,8 @@ impl Privileges {
     fn scheduling(&self) -> Finding {
         let (state, mend) = match self.fifo_priority_max {
             Some(max) if max >= FifoPriority::DEFAULT => (format!("SCHED_FIFO up to priority {}", max.get()), None),
-            Some(max) => (format!("SCHED_FIFO only up to priority {}", max.get()), Some(mend_priority())),
-            None => ("no SCHED_FIFO".to_owned(), Some(mend_priority())),
+            Some(max) => (format!("SCHED_FIFO only up to priority {}", max.get()), Some(fix_for_priority())),
+            None => ("no SCHED_FIFO".to_owned(), Some(fix_for_priority())),
         };
         Finding { subject: "real-time scheduling", state, mend }
     }
@@ -83,7 +83,9 @@ impl Privileges {
     fn memory(&self) -> Finding {
         let (state, mend) = match self.memory_lock_limit_bytes {
             None => ("may be locked into RAM without limit".to_owned(), None),
-            Some(limit) => (format!("at most {} KiB may be locked into RAM", limit / 1024), Some(mend_memory_lock())),
+            Some(limit) => {
+                (format!("at most {} KiB may be locked into RAM", limit / 1024), Some(fix_for_memory_lock()))
+            }
         };
         Finding { subject: "memory", state, mend }
     }
@@ -96,7 +98,7 @@ impl Privileges {
 
     fn cores(&self) -> Finding {
         let Some(allowed) = &self.allowed_cores else {
-            return Finding { subject: "cores", state: "not told by this system".to_owned(), mend: None };
+            return Finding { subject: "cores", state: "not reported by this system".to_owned(), mend: None };
         };
         let state = format!("{allowed:?} allowed, {:?} isolated", self.isolated_cores);
         // The only core can't be given away. The last one is as good as any, and not core 0, which serves the
@@ -115,7 +117,7 @@ impl Privileges {
 
     fn frequency_governor(&self) -> Finding {
         let (state, mend) = match self.governor.as_deref() {
-            None => ("not told by this system".to_owned(), None),
+            None => ("not reported by this system".to_owned(), None),
             Some("performance") => ("performance".to_owned(), None),
             Some(other) => (
                 other.to_owned(),
@@ -129,11 +131,11 @@ impl Privileges {
 /// One thing found out about this machine.
 #[derive(Clone, Debug, PartialEq, Eq, Serialize)]
 pub struct Finding {
-    /// About what.
+    /// Its subject.
     pub subject: &'static str,
-    /// How it is.
+    /// Its state.
     pub state: String,
-    /// How it could be better; `None` if it is well.
+    /// How to improve it; `None` if it is well.
     pub mend: Option<String>,
 }
 
@@ -149,18 +151,18 @@ pub(super) fn memory_lock_limit_bytes() -> Option<u64> {
     if capable { None } else { getrlimit(Resource::Memlock).current }
 }
 
-pub(super) fn mend_priority() -> String {
+pub(super) fn fix_for_priority() -> String {
     format!(
         "`sudo setcap cap_sys_nice,cap_ipc_lock=ep {}`; or the line `* - rtprio 99` in /etc/security/limits.conf, a new \
-         login, and `ulimit -r` tells 99; in a container `--cap-add=SYS_NICE`",
+         login, and `ulimit -r` shows 99; in a container `--cap-add=SYS_NICE`",
         program_path()
     )
 }
 
-pub(super) fn mend_memory_lock() -> String {
+pub(super) fn fix_for_memory_lock() -> String {
     format!(
         "`sudo setcap cap_sys_nice,cap_ipc_lock=ep {}`; or the line `* - memlock unlimited` in \
-         /etc/security/limits.conf, a new login, and `ulimit -l` tells unlimited; in a container `--cap-add=IPC_LOCK`",
+         /etc/security/limits.conf, a new login, and `ulimit -l` shows unlimited; in a container `--cap-add=IPC_LOCK`",
         program_path()
     )
 }
@@ -207,7 +209,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn the_probe_tells_what_the_kernel_grants_and_changes_nothing() {
+    fn the_probe_reports_what_the_kernel_grants_and_changes_nothing() {
         let cores_before = allowed_cores().unwrap();
         let probe = Privileges::probe();
         assert_eq!(allowed_cores().unwrap(), cores_before);
@@ -221,16 +223,16 @@ mod tests {
         assert_ne!(policy, (libc::SCHED_FIFO as u32).to_string(), "the calling thread was left under SCHED_FIFO");
     }
 
-    fn told(privileges: &Privileges) -> String {
+    fn report(privileges: &Privileges) -> String {
         let line = |finding: Finding| match finding.mend {
-            Some(mend) => format!("{}: {}; to mend: {mend}", finding.subject, finding.state),
+            Some(mend) => format!("{}: {}; to fix: {mend}", finding.subject, finding.state),
             None => format!("{}: {}", finding.subject, finding.state),
         };
         privileges.findings().into_iter().map(line).collect::<Vec<_>>().join("\n")
     }
 
     #[test]
-    fn a_machine_with_nothing_is_told_what_to_do() {
+    fn a_machine_with_nothing_gets_advice_on_everything() {
         let privileges = Privileges {
             fifo_priority_max: None,
             memory_lock_limit_bytes: Some(8 << 20),
@@ -240,18 +242,18 @@ mod tests {
             preempt_rt: false,
             governor: Some("powersave".to_owned()),
         };
-        insta::assert_snapshot!(told(&privileges).replace(&program_path(), "PROGRAM"), @"
-        real-time scheduling: no SCHED_FIFO; to mend: `sudo setcap cap_sys_nice,cap_ipc_lock=ep PROGRAM`; or the line `* - rtprio 99` in /etc/security/limits.conf, a new login, and `ulimit -r` tells 99; in a container `--cap-add=SYS_NICE`
-        memory: at most 8192 KiB may be locked into RAM; to mend: `sudo setcap cap_sys_nice,cap_ipc_lock=ep PROGRAM`; or the line `* - memlock unlimited` in /etc/security/limits.conf, a new login, and `ulimit -l` tells unlimited; in a container `--cap-add=IPC_LOCK`
-        monotonic clock: resolution 4000000 ns; to mend: boot a kernel with high-resolution timers (CONFIG_HIGH_RES_TIMERS, no `highres=off`)
-        kernel preemption: not PREEMPT_RT; to mend: for bounded wake-up latency boot a real-time kernel: `apt install linux-image-rt-amd64` (Debian), `pro enable realtime-kernel` (Ubuntu)
-        cores: [0, 1] allowed, [] isolated; to mend: to keep a core for the loop, other threads' work and interrupts off it, boot with `isolcpus=1 nohz_full=1 rcu_nocbs=1 irqaffinity=0`, and pin to it
-        frequency governor: powersave; to mend: for steady execution times: `sudo cpupower frequency-set -g performance`
+        insta::assert_snapshot!(report(&privileges).replace(&program_path(), "PROGRAM"), @"
+        real-time scheduling: no SCHED_FIFO; to fix: `sudo setcap cap_sys_nice,cap_ipc_lock=ep PROGRAM`; or the line `* - rtprio 99` in /etc/security/limits.conf, a new login, and `ulimit -r` shows 99; in a container `--cap-add=SYS_NICE`
+        memory: at most 8192 KiB may be locked into RAM; to fix: `sudo setcap cap_sys_nice,cap_ipc_lock=ep PROGRAM`; or the line `* - memlock unlimited` in /etc/security/limits.conf, a new login, and `ulimit -l` shows unlimited; in a container `--cap-add=IPC_LOCK`
+        monotonic clock: resolution 4000000 ns; to fix: boot a kernel with high-resolution timers (CONFIG_HIGH_RES_TIMERS, no `highres=off`)
+        kernel preemption: not PREEMPT_RT; to fix: for bounded wake-up latency boot a real-time kernel: `apt install linux-image-rt-amd64` (Debian), `pro enable realtime-kernel` (Ubuntu)
+        cores: [0, 1] allowed, [] isolated; to fix: to keep a core for the loop, other threads' work and interrupts off it, boot with `isolcpus=1 nohz_full=1 rcu_nocbs=1 irqaffinity=0`, and pin to it
+        frequency governor: powersave; to fix: for steady execution times: `sudo cpupower frequency-set -g performance`
         ");
     }
 
     #[test]
-    fn a_machine_set_up_well_has_nothing_to_mend() {
+    fn a_machine_set_up_well_has_nothing_to_fix() {
         let privileges = Privileges {
             fifo_priority_max: FifoPriority::try_from(99).ok(),
             memory_lock_limit_bytes: None,
@@ -261,7 +263,7 @@ mod tests {
             preempt_rt: true,
             governor: Some("performance".to_owned()),
         };
-        insta::assert_snapshot!(told(&privileges), @"
+        insta::assert_snapshot!(report(&privileges), @"
         real-time scheduling: SCHED_FIFO up to priority 99
         memory: may be locked into RAM without limit
         monotonic clock: resolution 1 ns

@@ -9,7 +9,7 @@ use thiserror::Error;
 use super::{Clock, HistogramError, LatencyHistogram, SampleRate};
 use resonarm_numeric::number::short;
 
-/// The largest part of a period that a loop spins: a quarter, so that a thread that nobody can preempt leaves the
+/// The largest fraction of a period that a loop spins: a quarter, so that a thread that can't be preempted leaves
 /// others most of its core, whatever it has measured.
 const SPIN_PART: u64 = 4;
 /// Sleeps that are measured.
@@ -29,12 +29,12 @@ pub enum Spin {
     For(u64),
 }
 
-/// What was chosen, and why. As JSON it is a part of the document of `resonarm run --json`.
+/// The choice, and why. As JSON it is in the document of `resonarm run --json`.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize)]
 pub struct SpinChoice {
     /// How long the loop spins before each deadline, µs; 0 if it sleeps until the deadline.
     pub spin_us: f64,
-    /// How late 99 % of the sleeps were at most that were measured before the first sample, µs; `None` if the time was
+    /// By how much 99 % of the sleeps measured before the first sample were late at most, µs; `None` if the time was
     /// given.
     pub slept_p99_us: Option<f64>,
     /// The most that is possible at the rate, µs.
@@ -42,7 +42,7 @@ pub struct SpinChoice {
 }
 
 impl Spin {
-    /// Refuses a time that a loop at `rate` can't spin for.
+    /// Refuses a spin time that is too long for a loop at `rate`.
     ///
     /// # Errors
     /// [`SpinError::TooLong`] for a time given that is longer than a quarter of the period.
@@ -149,10 +149,10 @@ impl fmt::Display for Spin {
     }
 }
 
-/// Why a loop can't spin so.
+/// Why a spin time is refused.
 #[derive(Clone, Debug, PartialEq, Error)]
 pub enum SpinError {
-    /// A text that says nothing of it.
+    /// The text is no spin time.
     #[error("`{got}` is none of auto, off and a number of microseconds above 0")]
     Text {
         /// The text.
@@ -209,10 +209,10 @@ mod tests {
 
     #[test]
     fn the_lateness_of_most_sleeps_is_spun_for_if_that_is_a_quarter_of_the_period_at_most() {
-        let told = |rate_hz, seldom_ns| choose(Spin::Auto, rate_hz, seldom_ns).unwrap().unwrap().to_string();
-        insta::assert_snapshot!(told(1000.0, 41_000), @"for 41.0 µs before each deadline: of 300 sleeps 99 % were late by up to that");
-        insta::assert_snapshot!(told(1000.0, 300_000), @"off: of 300 sleeps 99 % were late by up to 300.0 µs, more than a quarter of the period");
-        insta::assert_snapshot!(told(10_000.0, 41_000), @"off: of 300 sleeps 99 % were late by up to 41.0 µs, more than a quarter of the period");
+        let choice = |rate_hz, seldom_ns| choose(Spin::Auto, rate_hz, seldom_ns).unwrap().unwrap().to_string();
+        insta::assert_snapshot!(choice(1000.0, 41_000), @"for 41.0 µs before each deadline: of 300 sleeps 99 % were late by up to that");
+        insta::assert_snapshot!(choice(1000.0, 300_000), @"off: of 300 sleeps 99 % were late by up to 300.0 µs, more than a quarter of the period");
+        insta::assert_snapshot!(choice(10_000.0, 41_000), @"off: of 300 sleeps 99 % were late by up to 41.0 µs, more than a quarter of the period");
         assert_eq!(choose(Spin::Auto, 10_000.0, 41_000).unwrap().unwrap().spin_ns(), 0);
     }
 
@@ -221,7 +221,7 @@ mod tests {
         assert_eq!(choose(Spin::Off, 1000.0, 0).unwrap(), None);
         let choice = choose(Spin::For(250_000), 1000.0, 0).unwrap().unwrap();
         assert_eq!((choice.spin_ns(), choice.slept_p99_us), (250_000, None));
-        // Nanoseconds are thousandths, with no digits behind them.
+        // Nanoseconds are thousandths, the last digits of a time in microseconds.
         assert_eq!(choose(Spin::For(232_063), 1000.0, 0).unwrap().unwrap().spin_us, 232.063);
         insta::assert_snapshot!(choice, @"for 250.0 µs before each deadline, as asked for");
         insta::assert_snapshot!(choose(Spin::For(251_000), 1000.0, 0).unwrap_err(), @"spinning for 251 µs before each deadline: at 1000 Hz at most 250 µs are possible, a quarter of the period, so that others get the core; take less, or auto");

@@ -11,7 +11,7 @@ use serde::{Deserialize, Serialize};
 use thiserror::Error;
 
 use super::CoresAwake;
-use super::privileges::{allowed_cores, memory_lock_limit_bytes, mend_memory_lock, mend_priority};
+use super::privileges::{allowed_cores, fix_for_memory_lock, fix_for_priority, memory_lock_limit_bytes};
 
 /// How much of its stack [`ThreadSetup::apply`] touches, so that the loop meets no page fault there: 256 KiB.
 pub const PREFAULT_STACK_BYTES: usize = 256 * 1024;
@@ -58,7 +58,7 @@ pub struct PriorityError {
 /// What a real-time thread is to have.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct ThreadSetup {
-    /// Scheduling by `SCHED_FIFO` with this priority; `None` leaves the scheduling as it is.
+    /// Scheduling by `SCHED_FIFO` with this priority; `None` leaves the scheduling unchanged.
     pub priority: Option<FifoPriority>,
     /// All memory of the process locked into RAM (`mlockall`).
     pub lock_memory: bool,
@@ -69,7 +69,7 @@ pub struct ThreadSetup {
 }
 
 impl Default for ThreadSetup {
-    /// `SCHED_FIFO` 80, memory locked, no core of its own, idle states as they are.
+    /// `SCHED_FIFO` 80, memory locked, no core reserved, idle states unchanged.
     fn default() -> Self {
         Self { priority: Some(FifoPriority::DEFAULT), lock_memory: true, core: None, cores_awake: false }
     }
@@ -123,11 +123,11 @@ impl ThreadSetup {
 
 impl ThreadSetup {
     /// Leaves the core of the loop to it, if it has one: takes it from the calling thread, and so from all threads that
-    /// this one starts from now on, unless there is no other core for them. What they ask of the kernel, of its network
-    /// above all, is done on their core in part, where no real-time thread is let in before it is done.
+    /// this one starts from now on, unless there is no other core for them. The kernel does
+    /// some of their work, above all of the network, on their core, and no real-time thread runs there meanwhile.
     ///
     /// # Errors
-    /// What the system says.
+    /// The system's error.
     pub fn leave_core(&self) -> std::io::Result<()> {
         let others: Vec<usize> = allowed_cores()?.into_iter().filter(|core| Some(*core) != self.core).collect();
         if self.core.is_none() || others.is_empty() {
@@ -150,7 +150,7 @@ pub struct ThreadReport {
     pub core: Option<usize>,
     /// Whether the cores are held out of their idle states.
     pub cores_awake: bool,
-    /// What was asked for and not to be had.
+    /// What was asked for and refused.
     pub shortfalls: Vec<Shortfall>,
 }
 
@@ -181,7 +181,7 @@ pub enum MemoryLock {
     /// None.
     #[default]
     None,
-    /// What was mapped when the lock was made. What comes later isn't, because the process's limit would make
+    /// What was mapped when the lock was made. Later memory isn't, because the process's limit would make
     /// allocations fail: the loop itself makes none.
     Current,
     /// All, also what will be mapped later.
@@ -204,7 +204,7 @@ pub enum Wanted {
     CoresAwake,
 }
 
-/// Something that was asked for and could not be had.
+/// Something that was asked for and refused.
 #[derive(Clone, Debug, PartialEq, Eq, Serialize)]
 pub struct Shortfall {
     /// What was wanted.
@@ -220,12 +220,12 @@ pub struct Shortfall {
 impl Shortfall {
     fn priority(priority: FifoPriority, error: Errno) -> Self {
         let what = format!("SCHED_FIFO priority {}", priority.get());
-        Self { wanted: Wanted::Priority, what, why: error.to_string(), mend: mend_priority() }
+        Self { wanted: Wanted::Priority, what, why: error.to_string(), mend: fix_for_priority() }
     }
 
     fn memory(error: Errno) -> Self {
         let what = "memory locked into RAM".to_owned();
-        Self { wanted: Wanted::MemoryLock, what, why: error.to_string(), mend: mend_memory_lock() }
+        Self { wanted: Wanted::MemoryLock, what, why: error.to_string(), mend: fix_for_memory_lock() }
     }
 
     fn core(core: usize, error: Errno) -> Self {
@@ -242,7 +242,7 @@ impl Shortfall {
 
 impl fmt::Display for Shortfall {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        write!(f, "no {}: {}; to mend: {}", self.what, self.why, self.mend)
+        write!(f, "no {}: {}; to fix: {}", self.what, self.why, self.mend)
     }
 }
 
@@ -301,12 +301,12 @@ mod tests {
     use super::super::privileges::program_path;
     use super::*;
 
-    /// Runs `body` on a thread of its own, whose settings end with it.
+    /// Runs `body` on a separate thread, whose settings end with it.
     fn on_a_thread<T: Send>(body: impl FnOnce() -> T + Send) -> T {
         std::thread::scope(|scope| scope.spawn(body).join().unwrap())
     }
 
-    /// Policy and priority of the calling thread as the kernel tells them: fields 41 and 40 of `/proc/self/stat`.
+    /// Policy and priority of the calling thread as the kernel reports them: fields 41 and 40 of `/proc/self/stat`.
     fn scheduling() -> (u32, u32) {
         let stat = std::fs::read_to_string("/proc/thread-self/stat").unwrap();
         let after_name: Vec<&str> = stat.rsplit(')').next().unwrap().split_whitespace().collect();
@@ -377,14 +377,14 @@ mod tests {
             mend: "choose a core that this process may use: [0, 1]".to_owned(),
             ..Shortfall::core(9, Errno::INVAL)
         };
-        insta::assert_snapshot!(shortfall, @"no core 9: Invalid argument (os error 22); to mend: choose a core that this process may use: [0, 1]");
+        insta::assert_snapshot!(shortfall, @"no core 9: Invalid argument (os error 22); to fix: choose a core that this process may use: [0, 1]");
     }
 
     #[test]
-    fn what_is_refused_is_told_with_the_way_to_mend_it() {
+    fn a_refusal_is_reported_with_its_fix() {
         let said = |shortfall: Shortfall| shortfall.to_string().replace(&program_path(), "PROGRAM");
-        insta::assert_snapshot!(said(Shortfall::priority(FifoPriority::DEFAULT, Errno::PERM)), @"no SCHED_FIFO priority 80: Operation not permitted (os error 1); to mend: `sudo setcap cap_sys_nice,cap_ipc_lock=ep PROGRAM`; or the line `* - rtprio 99` in /etc/security/limits.conf, a new login, and `ulimit -r` tells 99; in a container `--cap-add=SYS_NICE`");
-        insta::assert_snapshot!(said(Shortfall::memory(Errno::NOMEM)), @"no memory locked into RAM: Cannot allocate memory (os error 12); to mend: `sudo setcap cap_sys_nice,cap_ipc_lock=ep PROGRAM`; or the line `* - memlock unlimited` in /etc/security/limits.conf, a new login, and `ulimit -l` tells unlimited; in a container `--cap-add=IPC_LOCK`");
+        insta::assert_snapshot!(said(Shortfall::priority(FifoPriority::DEFAULT, Errno::PERM)), @"no SCHED_FIFO priority 80: Operation not permitted (os error 1); to fix: `sudo setcap cap_sys_nice,cap_ipc_lock=ep PROGRAM`; or the line `* - rtprio 99` in /etc/security/limits.conf, a new login, and `ulimit -r` shows 99; in a container `--cap-add=SYS_NICE`");
+        insta::assert_snapshot!(said(Shortfall::memory(Errno::NOMEM)), @"no memory locked into RAM: Cannot allocate memory (os error 12); to fix: `sudo setcap cap_sys_nice,cap_ipc_lock=ep PROGRAM`; or the line `* - memlock unlimited` in /etc/security/limits.conf, a new login, and `ulimit -l` shows unlimited; in a container `--cap-add=IPC_LOCK`");
     }
 
     #[test]

@@ -25,7 +25,7 @@ pub(super) fn stream(seed: u64, index: usize, direction: FaultDirection) -> Nois
 pub(super) struct Line {
     faults: Vec<Fault>,
     held: BinaryHeap<Reverse<Held>>,
-    /// Frames put so far: what is due at the same time leaves in this order.
+    /// Frames put so far: those due at the same time leave in this order.
     put: u64,
     /// When the last frame that keeps its place is due, ns.
     last_due_ns: u64,
@@ -65,7 +65,7 @@ impl Ord for Held {
     }
 }
 
-/// A fault at work.
+/// An active fault.
 struct Fault {
     kind: FaultKind,
     span_ns: Range<u64>,
@@ -174,7 +174,7 @@ impl Line {
         self.held.pop().map(|Reverse(held)| held.received)
     }
 
-    /// What waits is lost.
+    /// Discards the waiting frames.
     pub fn clear(&mut self) {
         self.held.clear();
     }

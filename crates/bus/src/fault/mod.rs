@@ -72,12 +72,12 @@ impl<B: Bus, C: Clock> Faulty<B, C> {
         &self.bus
     }
 
-    /// The time since it was opened, ns. Without faults it matters to nothing, and no clock is read.
+    /// The time since it was opened, ns. Without faults it is not needed, and no clock is read.
     fn now_ns(&self) -> u64 {
         if self.is_sound { 0 } else { self.clock.now_ns().saturating_sub(self.start_ns) }
     }
 
-    /// The node's controller may be bus-off: then what waits is lost, and what comes.
+    /// The node's controller may be bus-off: then waiting and incoming frames are lost.
     fn check(&mut self, now_ns: u64) -> Result<(), BusError> {
         if !self.is_open {
             return Err(BusError::Closed);
@@ -95,7 +95,7 @@ impl<B: Bus, C: Clock> Faulty<B, C> {
         Err(BusError::BusOff { interface: self.bus.name() })
     }
 
-    /// Sends what is due, and what a babbling node has to say. `false` if the transmit queue beneath is full.
+    /// Sends the frames that are due, and those of a babbling node. `false` if the transmit queue beneath is full.
     fn pump(&mut self, now_ns: u64) -> Result<bool, BusError> {
         if self.outgoing.is_down(now_ns) {
             return Ok(false);
@@ -114,7 +114,7 @@ impl<B: Bus, C: Clock> Faulty<B, C> {
         Ok(true)
     }
 
-    /// Takes in what has come beneath.
+    /// Takes in the frames received beneath.
     fn take_in(&mut self, now_ns: u64) -> Result<(), BusError> {
         for _ in 0..AT_ONCE {
             if !self.incoming.has_room() {
@@ -237,7 +237,7 @@ impl<B: Bus, C: Clock + Send> Bus for Faulty<B, C> {
         self.bus.controller()
     }
 
-    /// What still waits is sent at once.
+    /// Frames that still wait are sent at once.
     fn close(&mut self) -> Result<(), BusError> {
         if self.is_open {
             self.pump(u64::MAX)?;
@@ -248,7 +248,7 @@ impl<B: Bus, C: Clock + Send> Bus for Faulty<B, C> {
 }
 
 impl<B: VirtualBus, C: Clock + Send> VirtualBus for Faulty<B, C> {
-    /// What is due and waits for room on the bus comes with an event of that bus.
+    /// A frame that is due and waits for room on the bus is sent with an event of that bus.
     fn next_event_ns(&mut self) -> Option<u64> {
         let now_ns = self.now_ns();
         let is_to_come = |next_ns: &u64| *next_ns > now_ns && *next_ns < u64::MAX;

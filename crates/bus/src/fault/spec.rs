@@ -64,7 +64,7 @@ pub enum FaultKind {
     Duplication,
     /// One bit of the content is inverted, as if the frame's own CRC had missed it.
     BitError,
-    /// The node sends frames of random content beside its own.
+    /// The node sends additional frames of random content.
     Babble,
     /// The node's controller is bus-off: it neither sends nor receives, and says so.
     BusOff,
@@ -106,7 +106,7 @@ pub struct FaultSpec {
     pub rate_hz: Option<f64>,
 }
 
-/// Why a fault can't be.
+/// Why a fault is refused.
 #[derive(Clone, Copy, Debug, PartialEq, Error)]
 #[non_exhaustive]
 pub enum FaultError {
@@ -119,7 +119,7 @@ pub enum FaultError {
         name: &'static str,
         /// What was given.
         got: f64,
-        /// What would do.
+        /// What is accepted.
         expected: &'static str,
     },
     /// A fault does not say how much.
@@ -130,7 +130,7 @@ pub enum FaultError {
         /// The key that is missing.
         key: &'static str,
     },
-    /// A fault states what it has no use for.
+    /// A fault states a key that its kind does not use.
     #[error("network.faults, number {number}: `{key}` says nothing about this kind of fault: leave it out")]
     KeyIdle {
         /// Which fault, from 1 on.
@@ -155,7 +155,7 @@ pub enum FaultError {
 /// Checks all faults of a network.
 ///
 /// # Errors
-/// [`FaultError`] names the first that can't be.
+/// [`FaultError`] names the first that is refused.
 pub fn check(faults: &[FaultSpec]) -> Result<(), FaultError> {
     if faults.len() > MOST_FAULTS {
         return Err(FaultError::TooMany { got: faults.len() });
@@ -196,7 +196,7 @@ impl FaultSpec {
         value("rate_hz", rate_hz, "a positive number, at most 100000", positive(rate_hz, BABBLE_MAX_HZ))
     }
 
-    /// That what the kind needs is there, and nothing that it has no use for.
+    /// Checks that all keys that the kind needs are there, and no others.
     fn check_keys(&self, number: usize) -> Result<(), FaultError> {
         use FaultKind::{Babble, BusOff, Delay, Jitter, LinkDown, Reordering};
         let is_late = matches!(self.kind, Delay | Jitter | Reordering);

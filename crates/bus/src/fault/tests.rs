@@ -37,12 +37,12 @@ impl Bench {
         self.clock.advance_to_ns(now_ns);
     }
 
-    /// What the plant has received by now.
+    /// The frames that the plant has received by now.
     fn received(&mut self) -> Vec<Frame> {
         core::iter::from_fn(|| self.plant.receive().unwrap()).map(|received| received.frame).collect()
     }
 
-    /// What has come from the plant by now.
+    /// The frames received from the plant by now.
     fn sent(&mut self) -> Vec<Frame> {
         let _nothing = self.plant.receive().unwrap();
         core::iter::from_fn(|| self.other.receive().unwrap()).map(|received| received.frame).collect()
@@ -113,7 +113,7 @@ fn late_frames_hold_up_those_behind_them_unless_they_are_reordered() {
 }
 
 #[test]
-fn duplicates_and_bit_errors_are_what_they_are_called() {
+fn duplicates_come_twice_and_bit_errors_change_one_bit() {
     let mut bench = Bench::new(&fault("kind = 'duplication'\nfrom_s = 0\ncount = 1\ndirection = 'send'"), 1);
     (0..2).for_each(|k| _ = bench.plant.send(&numbered(k)));
     assert_eq!(bench.sent(), [numbered(0), numbered(0), numbered(1)]);
@@ -134,7 +134,7 @@ fn duplicates_and_bit_errors_are_what_they_are_called() {
 }
 
 #[test]
-fn a_babbling_node_sends_at_its_rate_beside_its_own_frames() {
+fn a_babbling_node_sends_at_its_rate_beside_its_frames() {
     let mut bench =
         Bench::new(&fault("kind = 'babble'\nfrom_s = 0.001\nto_s = 0.0035\nrate_hz = 1000\nids = [5, 0x201]"), 1);
     bench.plant.send(&numbered(0)).unwrap();
@@ -150,7 +150,7 @@ fn a_babbling_node_sends_at_its_rate_beside_its_own_frames() {
 }
 
 #[test]
-fn a_controller_that_is_bus_off_says_so_and_what_came_meanwhile_is_lost() {
+fn a_controller_that_is_bus_off_says_so_and_loses_incoming_frames() {
     let mut bench = Bench::new(&fault("kind = 'bus_off'\nfrom_s = 0.01\nto_s = 0.02"), 1);
     bench.at(10 * MS);
     bench.other.send(&numbered(1)).unwrap();
@@ -165,7 +165,7 @@ fn a_controller_that_is_bus_off_says_so_and_what_came_meanwhile_is_lost() {
 }
 
 #[test]
-fn on_a_line_that_is_cut_nothing_comes_and_the_queue_is_full() {
+fn on_a_line_that_is_cut_nothing_is_received_and_the_queue_is_full() {
     let both = fault("kind = 'link_down'\nfrom_s = 0\nto_s = 0.01");
     let mut bench = Bench::new(&both, 1);
     bench.other.send(&numbered(0)).unwrap();

@@ -26,7 +26,7 @@ struct Stamps {
     stamps: [[c_long; 2]; 3],
 }
 
-/// Room for a frame that comes in.
+/// Room for an incoming frame.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Slot {
     pub frame: KernelFrame,
@@ -51,16 +51,16 @@ impl Slot {
     }
 }
 
-/// What to do if no frame has come.
+/// What to do if there is no frame.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) enum IfNone {
-    /// Come back.
+    /// Return at once.
     Return,
     /// Sleep until one comes, for the socket's receive timeout at most.
     Sleep,
 }
 
-/// Takes in what has come, as many frames as there are slots at most: how many. None is an error of the kind
+/// Receives the frames that have arrived, at most one for each slot, and returns how many. None is an error of the kind
 /// [`io::ErrorKind::WouldBlock`].
 #[allow(unsafe_code, reason = "recvmmsg(2) has no safe wrapper that keeps its memory from call to call")]
 pub(super) fn receive(socket: BorrowedFd<'_>, slots: &mut [Slot; FRAMES], if_none: IfNone) -> io::Result<usize> {
@@ -76,7 +76,7 @@ pub(super) fn receive(socket: BorrowedFd<'_>, slots: &mut [Slot; FRAMES], if_non
         header.msg_hdr.msg_controllen = mem::size_of::<Stamps>() as _;
     }
     // SAFETY: the socket is open as long as it is borrowed. Each header names one vector, and vector and control
-    // message lie in memory of the length stated, borrowed mutably until the call is over. What the kernel writes there
+    // message are in memory of the length stated, borrowed mutably until the call is over. What the kernel writes there
     // are numbers, of which every bit pattern is one.
     let count = unsafe {
         libc::recvmmsg(socket.as_raw_fd(), headers.as_mut_ptr(), FRAMES as c_uint, flags as _, ptr::null_mut())
@@ -90,8 +90,8 @@ pub(super) fn receive(socket: BorrowedFd<'_>, slots: &mut [Slot; FRAMES], if_non
     Ok(count)
 }
 
-/// Queues frames for sending, from the first on, as many as the kernel takes in one go: how many. An error says that it
-/// took none.
+/// Queues frames for sending, from the first on, as many as the kernel takes in one go, and returns how many. On an
+/// error it took none.
 #[allow(unsafe_code, reason = "sendmmsg(2), as recvmmsg(2)")]
 pub(super) fn send(socket: BorrowedFd<'_>, frames: &[Frame]) -> io::Result<usize> {
     let count = frames.len().min(FRAMES);

@@ -13,46 +13,46 @@ use crate::{ControllerErrors, ControllerState};
 pub(super) const ASKED_FOR: u32 =
     CAN_ERR_CRTL | CAN_ERR_PROT | CAN_ERR_ACK | CAN_ERR_BUSOFF | CAN_ERR_BUSERROR | CAN_ERR_RESTARTED;
 
-/// The byte that tells more of a problem of the controller.
+/// The byte that details a problem of the controller.
 const CONTROLLER: usize = 1;
 const OVERFLOW: i32 = CAN_ERR_CRTL_RX_OVERFLOW | CAN_ERR_CRTL_TX_OVERFLOW;
 const WARNING: i32 = CAN_ERR_CRTL_RX_WARNING | CAN_ERR_CRTL_TX_WARNING;
 const PASSIVE: i32 = CAN_ERR_CRTL_RX_PASSIVE | CAN_ERR_CRTL_TX_PASSIVE;
 
-/// What the controller has told by error frames.
+/// What the controller has reported by error frames.
 #[derive(Clone, Copy, Debug, Default)]
-pub struct Told {
-    /// How often, by kind.
+pub struct ControllerReports {
+    /// Errors, by kind.
     pub errors: ControllerErrors,
-    /// The state that it told last.
+    /// The state that it reported last.
     pub state: ControllerState,
 }
 
-impl Told {
-    /// Takes an error frame in.
+impl ControllerReports {
+    /// Adds an error frame.
     pub fn note(&mut self, frame: ErrorFrame) {
         frame.count(&mut self.errors);
         self.state = frame.state().unwrap_or(self.state);
     }
 }
 
-/// What an error frame tells.
+/// The content of an error frame.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct ErrorFrame {
     /// The classes of errors.
     class: u32,
-    /// What the controller tells of itself.
+    /// What the controller reports of itself.
     controller: i32,
 }
 
 impl ErrorFrame {
-    /// What the frame tells, if it is an error frame.
+    /// The content of the frame, if it is an error frame.
     pub(super) fn of(frame: &RawFrame) -> Option<ErrorFrame> {
         let has_class = frame.can_id & CAN_ERR_FLAG != 0;
         has_class.then(|| ErrorFrame::new(frame.can_id, &frame.data))
     }
 
-    /// What an error frame of these classes and this content tells.
+    /// An error frame of these classes and this content.
     pub fn new(class: u32, content: &[u8]) -> ErrorFrame {
         ErrorFrame { class, controller: content.get(CONTROLLER).copied().map_or(0, i32::from) }
     }
@@ -65,8 +65,8 @@ impl ErrorFrame {
     /// Counts it.
     fn count(self, errors: &mut ControllerErrors) {
         let class = |mask: u32| u64::from(self.class & mask != 0);
-        let controller = |mask: i32| u64::from(self.tells_of_controller(mask));
-        // Drivers tell a fault of the wire by either of two classes, or by both.
+        let controller = |mask: i32| u64::from(self.reports_controller(mask));
+        // Drivers report a fault of the wire by either of two classes, or by both.
         errors.protocol += class(CAN_ERR_PROT | CAN_ERR_BUSERROR);
         errors.no_ack += class(CAN_ERR_ACK);
         errors.overflow += controller(OVERFLOW);
@@ -76,22 +76,22 @@ impl ErrorFrame {
         errors.restarted += class(CAN_ERR_RESTARTED);
     }
 
-    /// The state of the controller, if the frame tells of one: the worst.
+    /// The state of the controller, if the frame reports one: the worst.
     fn state(self) -> Option<ControllerState> {
         if self.is_bus_off() {
             Some(ControllerState::BusOff)
-        } else if self.tells_of_controller(PASSIVE) {
+        } else if self.reports_controller(PASSIVE) {
             Some(ControllerState::Passive)
-        } else if self.tells_of_controller(WARNING) {
+        } else if self.reports_controller(WARNING) {
             Some(ControllerState::Warning)
-        } else if self.tells_of_controller(CAN_ERR_CRTL_ACTIVE) || self.class & CAN_ERR_RESTARTED != 0 {
+        } else if self.reports_controller(CAN_ERR_CRTL_ACTIVE) || self.class & CAN_ERR_RESTARTED != 0 {
             Some(ControllerState::Active)
         } else {
             None
         }
     }
 
-    fn tells_of_controller(self, mask: i32) -> bool {
+    fn reports_controller(self, mask: i32) -> bool {
         self.class & CAN_ERR_CRTL != 0 && self.controller & mask != 0
     }
 }
@@ -101,21 +101,21 @@ mod tests {
     use super::super::frame::KernelFrame;
     use super::*;
 
-    /// The numbers of `linux/can/error.h`, as they stand there.
+    /// With the numbers of `linux/can/error.h`.
     fn frame(class: u32, controller: u8) -> RawFrame {
         let mut data = [0; 64];
         data[1] = controller;
         RawFrame { can_id: 0x2000_0000 | class, len: 8, data, ..KernelFrame::NONE.raw }
     }
 
-    fn told(class: u32, controller: u8) -> (ControllerErrors, Option<ControllerState>) {
+    fn counted(class: u32, controller: u8) -> (ControllerErrors, Option<ControllerState>) {
         let (error, mut errors) = (ErrorFrame::of(&frame(class, controller)).unwrap(), ControllerErrors::default());
         error.count(&mut errors);
         (errors, error.state())
     }
 
     #[test]
-    fn each_bit_of_linux_can_error_h_is_counted_as_what_it_is() {
+    fn each_bit_of_linux_can_error_h_is_counted() {
         const NONE: ControllerErrors = ControllerErrors {
             protocol: 0,
             no_ack: 0,
@@ -145,7 +145,7 @@ mod tests {
             ((0x020, 0x00), (ControllerErrors { no_ack: 1, ..NONE }, None)),
             ((0x040, 0x00), (ControllerErrors { bus_off: 1, ..NONE }, Some(ControllerState::BusOff))),
             ((0x100, 0x00), (ControllerErrors { restarted: 1, ..NONE }, Some(ControllerState::Active))),
-            // The byte means nothing without the class; a driver may tell several things in one frame.
+            // The byte means nothing without the class; a driver may report several things in one frame.
             ((0x008, 0x20), (protocol, None)),
             (
                 (0x0AC, 0x20),
@@ -155,7 +155,7 @@ mod tests {
             ((0x003, 0x00), (NONE, None)),
         ];
         for ((class, controller), expected) in cases {
-            assert_eq!(told(class, controller), expected, "class {class:#x}, byte {controller:#x}");
+            assert_eq!(counted(class, controller), expected, "class {class:#x}, byte {controller:#x}");
         }
         assert_eq!(ASKED_FOR, 0x1EC);
     }

@@ -55,7 +55,7 @@ impl From<&Frame> for KernelFrame {
 }
 
 impl KernelFrame {
-    /// The frame that came in, if it is one.
+    /// The received frame, if it is well-formed.
     pub fn frame(&self) -> Result<Frame, FrameError> {
         let KernelFrame { raw: RawFrame { can_id, len, flags, data, .. }, size } = self;
         let id = match can_id {
@@ -68,7 +68,7 @@ impl KernelFrame {
             _ if can_id & CAN_RTR_FLAG != 0 => FrameFormat::Remote,
             _ => FrameFormat::Classic,
         };
-        // The kernel hands on no content that is longer than a frame of its format has room for.
+        // The kernel passes on no content that is longer than the format allows.
         let content = if format == FrameFormat::Remote { &[0; 64] } else { data };
         Frame::new(id, format, content.get(..usize::from(*len)).unwrap_or(content))
     }

@@ -1,4 +1,4 @@
-//! Frames that came in with one call and were not yet handed out.
+//! Frames received with one call and not yet handed out.
 
 use alloc::boxed::Box;
 use std::io;
@@ -6,7 +6,7 @@ use std::os::fd::BorrowedFd;
 
 use super::batch::{self, FRAMES, IfNone, Slot};
 
-/// How a call for what has come ended.
+/// How a receiving call ended.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) enum Came {
     /// There are frames.
@@ -17,17 +17,17 @@ pub(super) enum Came {
     Signal,
 }
 
-/// What the last call brought.
+/// The frames that the last call received.
 pub(super) struct Incoming {
     slots: Box<[Slot; FRAMES]>,
     next: usize,
     len: usize,
-    /// Whether the kernel had no more, which the caller has not been told yet.
+    /// Whether the kernel had no more, which the caller does not know yet.
     is_last: bool,
 }
 
 impl Incoming {
-    /// Nothing yet.
+    /// No frames.
     pub fn new() -> Incoming {
         Incoming { slots: Box::new([Slot::EMPTY; FRAMES]), next: 0, len: 0, is_last: false }
     }
@@ -44,12 +44,12 @@ impl Incoming {
         Some(slot)
     }
 
-    /// Whether a call brought fewer than it could, so that asking the kernel again would tell only that; once.
+    /// Whether the last call received fewer frames than it could, so that the kernel has no more. `true` only once.
     pub fn take_last(&mut self) -> bool {
         core::mem::take(&mut self.is_last)
     }
 
-    /// Asks the kernel for what has come.
+    /// Receives from the kernel.
     pub fn fill(&mut self, socket: BorrowedFd<'_>, if_none: IfNone) -> io::Result<Came> {
         (self.next, self.len, self.is_last) = (0, 0, false);
         match batch::receive(socket, &mut self.slots, if_none) {

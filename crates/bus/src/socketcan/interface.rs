@@ -14,7 +14,7 @@ use socketcan::{CanFdSocket, Socket};
 /// network namespace it was mounted in, which need not be that of the process.
 ///
 /// # Errors
-/// What reading `/proc/self/net/dev` gave.
+/// The error of reading `/proc/self/net/dev`.
 pub fn interfaces() -> io::Result<Vec<String>> {
     let table = fs::read_to_string("/proc/self/net/dev")?;
     let mut names: Vec<String> =

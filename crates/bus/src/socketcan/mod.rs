@@ -1,18 +1,18 @@
 //! CAN interfaces of this Linux, through SocketCAN raw sockets (kernel document `networking/can.rst`).
 //!
-//! **In one call** the kernel takes what there is to send (`sendmmsg`), and hands over what has come (`recvmmsg`), up
-//! to 32 frames. [`Bus::receive`] gives them out one by one. [`Bus::wait`] sleeps in that same call, in which the
+//! **In one call** the kernel takes all frames to send (`sendmmsg`), and hands over all that have arrived (`recvmmsg`),
+//! up to 32. [`Bus::receive`] gives them out one by one. [`Bus::wait`] sleeps in that same call, in which the
 //! socket blocks for a fixed time, and in `poll` only for what is shorter; everything else asks not to block
-//! (`MSG_DONTWAIT`). It looks at the clock only after a sleep in which nothing has come: what that one took beyond its
-//! time, it ends late.
+//! (`MSG_DONTWAIT`). It looks at the clock only after a sleep in which nothing was received, so it can end
+//! late by what that sleep took beyond its time.
 //!
-//! **Error frames** are messages of the local controller, not of the bus. Those that tell of its state and of faults of
+//! **Error frames** are messages of the local controller, not of the bus. Those about its state and about faults of
 //! the wire are asked for, and counted in their place among the frames ([`Statistics::errors`], [`Bus::controller`]).
 //! Bus-off also comes out of [`Bus::receive`], as [`BusError::BusOff`], and the end works again once the controller has
-//! been restarted. Nothing else of them is an error of the bus. A virtual interface has no controller and makes none.
+//! been restarted. No other error frame is an error of the bus. A virtual interface has no controller and makes none.
 //!
-//! **What can't be a frame**, one of CAN FD with 9 bytes, can be written to a virtual interface by anybody. It is
-//! counted ([`Statistics::malformed`]) and left out.
+//! **Malformed frames**, such as one of CAN FD with 9 bytes, can be written to a virtual interface by any process. They
+//! are counted ([`Statistics::malformed`]) and left out.
 //!
 //! **Losses** are read from `SO_MEMINFO`, at the moment they are asked for. `SO_RXQ_OVFL` reports the same kernel
 //! counter, but only with the next frame that comes in after the loss, so never those at the end of a run.
@@ -47,7 +47,7 @@ use self::incoming::{Came, Incoming};
 use super::deadline::Deadline;
 use super::{Bus, BusError, ControllerState, Filter, Received, Sent, Statistics};
 
-pub use error_frame::{ErrorFrame, Told};
+pub use error_frame::{ControllerReports, ErrorFrame};
 pub use interface::interfaces;
 
 /// The place of the frames lost at the receive queue among the `u32` counters of `SO_MEMINFO` (Linux 4.12).
@@ -88,7 +88,7 @@ pub struct SocketCan {
     malformed: u64,
     sent: u64,
     queue_full: u64,
-    told: Told,
+    reports: ControllerReports,
     /// The kernel's count when the socket was closed.
     dropped_at_close: u64,
 }
@@ -97,7 +97,7 @@ impl SocketCan {
     /// Opens `interface` (`can0`, `vcan0`) for classical and FD frames, with kernel timestamps.
     ///
     /// Buffer sizes beyond `net.core.rmem_max` and `wmem_max` are granted to a process with CAP_NET_ADMIN; another gets
-    /// the maximum, which is logged as a warning. [`SocketCan::buffers`] tells what was granted.
+    /// the maximum, which is logged as a warning. [`SocketCan::buffers`] returns what was granted.
     ///
     /// # Errors
     /// [`BusError`] that says what is missing: SocketCAN in the kernel, the interface, its being up, a permission.
@@ -123,7 +123,7 @@ impl SocketCan {
             malformed: 0,
             sent: 0,
             queue_full: 0,
-            told: Told::default(),
+            reports: ControllerReports::default(),
             dropped_at_close: 0,
         };
         // The kernel binds to an interface that is down, and leaves ENETDOWN as the pending error of the socket.
@@ -153,13 +153,13 @@ impl SocketCan {
         }
     }
 
-    /// Asks the kernel for what has come.
+    /// Receives from the kernel.
     fn take_in(&mut self, if_none: IfNone) -> Result<Came, BusError> {
         let socket = self.socket.as_ref().ok_or(BusError::Closed)?;
         self.incoming.fill(socket.as_fd(), if_none).map_err(|source| self.failure("receiving", source))
     }
 
-    /// Sleeps until something comes, `timeout` at most, and takes it in. Returns the time that has passed for certain.
+    /// Sleeps until a frame arrives, `timeout` at most, and takes it in. Returns the time that has certainly passed.
     fn sleep(&mut self, timeout: Duration) -> Result<Duration, BusError> {
         if timeout >= SLEEP_FROM {
             return Ok(match self.take_in(IfNone::Sleep)? {
@@ -179,13 +179,13 @@ impl SocketCan {
         Ok(Duration::ZERO)
     }
 
-    /// Whether what was taken in holds something that [`Bus::receive`] gives out. What stands before that is counted:
-    /// error frames, and what can't be a frame.
+    /// Whether there is a frame that [`Bus::receive`] gives out. Error frames and malformed frames before it are
+    /// counted.
     fn has_frame(&mut self) -> bool {
         while let Some(slot) = self.incoming.peek() {
             match ErrorFrame::of(&slot.frame.raw) {
                 Some(error) if error.is_bus_off() => return true,
-                Some(error) => self.told.note(error),
+                Some(error) => self.reports.note(error),
                 None if slot.frame.frame().is_ok() => return true,
                 None => self.malformed += 1,
             }
@@ -194,7 +194,7 @@ impl SocketCan {
         false
     }
 
-    /// Names what an error of the open socket means.
+    /// Translates an error of the open socket.
     fn failure(&self, action: &'static str, source: io::Error) -> BusError {
         let interface = self.interface.clone();
         match source.raw_os_error() {
@@ -254,7 +254,7 @@ impl Bus for SocketCan {
                 self.received += 1;
                 return Ok(Some(Received { frame, timestamp_ns: slot.timestamp_ns() }));
             };
-            self.told.note(error);
+            self.reports.note(error);
             if error.is_bus_off() {
                 return Err(BusError::BusOff { interface: self.interface.clone() });
             }
@@ -294,12 +294,12 @@ impl Bus for SocketCan {
     fn statistics(&self) -> Statistics {
         // That the kernel answers was checked when the socket was opened.
         let dropped = self.socket.as_ref().and_then(|socket| drops(socket).ok()).unwrap_or(self.dropped_at_close);
-        let SocketCan { received, malformed, sent, queue_full, told, .. } = *self;
-        Statistics { received, sent, dropped, malformed, queue_full, errors: told.errors }
+        let SocketCan { received, malformed, sent, queue_full, reports, .. } = *self;
+        Statistics { received, sent, dropped, malformed, queue_full, errors: reports.errors }
     }
 
     fn controller(&self) -> ControllerState {
-        self.told.state
+        self.reports.state
     }
 
     /// The kernel sends what it has queued.
@@ -312,7 +312,7 @@ impl Bus for SocketCan {
 /// Whether this kernel has SocketCAN raw sockets, loading the modules where it may.
 ///
 /// # Errors
-/// [`BusError::NoSocketCan`], or another [`BusError`] if a socket can't be had for another reason.
+/// [`BusError::NoSocketCan`], or another [`BusError`] if a socket can't be opened for another reason.
 pub fn supported() -> Result<(), BusError> {
     const ANY: &str = "any interface";
     match CanFdSocket::open_addr(&CanAddr::new(0)) {
@@ -324,7 +324,7 @@ pub fn supported() -> Result<(), BusError> {
     }
 }
 
-/// Makes the socket what the module promises, and says what buffers it was granted. An error says what was being done.
+/// Sets the options of the socket, and returns the buffers granted. An error comes with the action that failed.
 fn configure(socket: &CanFdSocket, options: Options) -> Result<Options, (&'static str, io::Error)> {
     let stamps = SOF_TIMESTAMPING_RX_SOFTWARE | SOF_TIMESTAMPING_SOFTWARE | SOF_TIMESTAMPING_OPT_CMSG;
     sockopt::set_socket_timeout(socket, Timeout::Recv, Some(SLEEP)).map_err(|e| ("setting the timeout", e.into()))?;
@@ -334,7 +334,7 @@ fn configure(socket: &CanFdSocket, options: Options) -> Result<Options, (&'stati
     grant_buffers(socket, options).map_err(|e| ("setting the buffer sizes", e.into()))
 }
 
-/// Sets the buffer sizes, past the system's limits where the process may, and reads back what became of it. The kernel
+/// Sets the buffer sizes, past the system's limits where the process may, and reads back the result. The kernel
 /// doubles what it is given, for its own bookkeeping, and reports the double.
 fn grant_buffers(socket: &CanFdSocket, options: Options) -> Result<Options, Errno> {
     if sockopt::set_socket_recv_buffer_size_force(socket, options.receive_buffer_bytes).is_err() {
@@ -364,7 +364,7 @@ fn drops(socket: &CanFdSocket) -> io::Result<u64> {
     drops_in(&counters[..len])
 }
 
-/// The same out of the counters of `SO_MEMINFO`.
+/// The same from the counters of `SO_MEMINFO`.
 pub fn drops_in(counters: &[u8]) -> io::Result<u64> {
     let last = counters.chunks_exact(4).nth(DROPS).and_then(|bytes| bytes.try_into().ok());
     let count = last.map(u32::from_ne_bytes).ok_or_else(|| io::Error::from(io::ErrorKind::UnexpectedEof))?;

@@ -28,7 +28,7 @@ pub enum ErrorState {
 /// | event | transmit errors | receive errors |
 /// | --- | ---: | ---: |
 /// | an error in a frame that it sends | +8 | |
-/// | a frame of its own not acknowledged while it is passive | +0 | |
+/// | a frame that it sends is not acknowledged while it is passive | +0 | |
 /// | an error in a frame of another | | +1 |
 /// | a frame sent | −1, not below 0 | |
 /// | a frame received | | −1, not below 0; from 128 on to 119 |
@@ -93,7 +93,7 @@ pub(super) struct Controller {
     pub suspended_until_ns: u64,
     /// Bus-off: how often 11 recessive bits are still to come.
     pub recovery: Option<u64>,
-    /// Whether anybody holds this end.
+    /// Whether this end is in use.
     pub is_open: bool,
 }
 
@@ -138,7 +138,7 @@ impl Controller {
         }
     }
 
-    /// Leaves the bus if there were too many errors: what it was to send is lost.
+    /// Leaves the bus if there were too many errors; its frames to send are lost.
     pub fn judge(&mut self) {
         if self.counters.state() == ErrorState::BusOff && self.recovery.is_none() {
             self.mailboxes.clear();

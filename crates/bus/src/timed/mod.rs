@@ -6,11 +6,11 @@
 //! - With a bit error rate, a bit that is not what was sent ends a frame with an error frame, and it is sent again.
 //!   Error counters, the passive state, bus-off and recovery follow ISO 11898-1.
 //! - The sender sees the error at its bit and sends an error flag of 6 bits, dominant if it is active. Others see it
-//!   there only if that bit breaks a rule, else by the flag: at the sixth equal bit at the latest. Then come theirs, so
-//!   that the flags together take 6 to 12 bits; the delimiter of 8 bits and the intermission follow.
-//! - A frame that nobody else is there to acknowledge is sent again and again, as on a real bus.
+//!   there only if that bit breaks a rule, otherwise by the flag: at the sixth equal bit at the latest. Then they send
+//!   theirs, so that the flags together take 6 to 12 bits; the delimiter of 8 bits and the intermission follow.
+//! - A frame that no other node acknowledges is sent again and again, as on a real bus.
 //!
-//! Nodes see a bit at the same time and alike: the wire has no length, and no error is that of one receiver alone. Bit
+//! All nodes see the same bit at the same time: the wire has no length, and no error is seen by one receiver alone. Bit
 //! rates and sample points have no tolerance.
 //!
 //! The ends share one state behind a lock. In a free run one loop has all ends and doesn't wait for it; in lockstep two
@@ -39,7 +39,7 @@ pub const MAILBOXES: usize = 3;
 /// Longest sleep between two looks at the inbox in [`Bus::wait`], ns: another thread may send.
 const LOOK_NS: u64 = 100_000;
 
-/// What a bus is.
+/// The parameters of a bus.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Spec {
     /// Its bit rates.
@@ -59,14 +59,14 @@ impl Spec {
     }
 }
 
-/// What went over the bus so far.
+/// The traffic on the bus so far.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct Traffic {
     /// Frames sent.
     pub frames: u64,
     /// Frames that an error ended.
     pub error_frames: u64,
-    /// All bits of both, with error frames and intermissions. With [`Bits::time_ns`] it is how long the bus was taken.
+    /// All bits of both, with error frames and intermissions. With [`Bits::time_ns`] it is how long the bus was busy.
     pub bits: Bits,
 }
 
@@ -101,7 +101,7 @@ impl<C: Clock + Clone> TimedBus<C> {
 }
 
 impl<C: Clock> TimedBus<C> {
-    /// What went over the bus so far.
+    /// The traffic on the bus so far.
     pub fn traffic(&self) -> Traffic {
         self.now().traffic
     }
@@ -112,7 +112,7 @@ impl<C: Clock> TimedBus<C> {
     }
 
     fn lock(&self) -> MutexGuard<'_, Wire> {
-        // Nothing panics while it is held, and if it did, another end could still go on.
+        // Nothing panics while it is held, and if it did, another end could still use it.
         self.wire.lock().unwrap_or_else(PoisonError::into_inner)
     }
 
@@ -211,7 +211,7 @@ impl<C: Clock + Send> Bus for TimedBus<C> {
 }
 
 impl<C> Drop for TimedBus<C> {
-    /// Nobody acknowledges at an end that is gone.
+    /// A dropped end acknowledges nothing.
     fn drop(&mut self) {
         self.wire.lock().unwrap_or_else(PoisonError::into_inner).controllers[self.node].is_open = false;
     }

@@ -41,7 +41,7 @@ impl Bench {
         assert_eq!(self.ends[node].send(frame).unwrap(), Sent::Queued);
     }
 
-    /// What comes in at `node` up to `until_ns`, and when.
+    /// The frames received at `node` up to `until_ns`, and when.
     fn heard(&mut self, node: usize, until_ns: u64) -> Vec<(Frame, u64)> {
         let mut heard = Vec::new();
         loop {
@@ -68,7 +68,7 @@ fn frames_take_their_bits_and_the_lower_identifier_goes_first() {
 }
 
 #[test]
-fn an_urgent_frame_waits_for_the_one_on_the_bus_and_for_those_of_its_own_node() {
+fn an_urgent_frame_waits_for_the_one_on_the_bus_and_for_those_of_its_node() {
     let mut bench = Bench::new(3, Spec::new(MBIT));
     let slow = frame(0x7FF, &[0xFF; 8]);
     bench.send(0, &slow);
@@ -203,7 +203,7 @@ fn error_flags_overlap_as_far_as_the_others_see_the_error_late() {
 #[test]
 fn errors_all_the_time_end_in_bus_off_and_the_controller_comes_back_after_1408_bits() {
     // Of a thousand bits not one is right: every try fails at its first bit, which the other sees by the error flag
-    // alone and answers with its own, after 1 + 12 + 8 + 3 bits.
+    // alone and answers with an error flag, after 1 + 12 + 8 + 3 bits.
     let mut bench = Bench::new(2, Spec { bit_error_rate: 0.999_999, ..Spec::new(MBIT) });
     bench.send(0, &ramp());
     bench.heard(1, 15 * 24 * US);
@@ -228,7 +228,7 @@ fn errors_all_the_time_end_in_bus_off_and_the_controller_comes_back_after_1408_b
     bench.clock.advance_to_ns(back_us * US);
     assert_eq!(bench.ends[0].receive().unwrap(), None);
     assert_eq!(bench.ends[0].error_counters(), ErrorCounters::default());
-    // What was to be sent is not sent any more.
+    // Its frames to send are dropped.
     assert_eq!(bench.ends[0].next_event_ns(), None);
 }
 
@@ -250,7 +250,7 @@ fn frames_of_the_others_let_a_controller_come_back_too() {
 }
 
 #[test]
-fn without_anybody_to_acknowledge_a_controller_becomes_passive_and_goes_on() {
+fn without_anybody_to_acknowledge_a_controller_becomes_passive_and_keeps_sending() {
     let mut bench = Bench::new(2, Spec::new(MBIT));
     drop(bench.ends.pop());
     bench.send(0, &ramp());

@@ -16,7 +16,7 @@ const ERROR_FLAG: u64 = 6;
 const ERROR_DELIMITER: u64 = 8;
 /// End of frame and ACK delimiter: the bits of a frame behind the ACK slot.
 const BEHIND_ACK: u64 = 7 + 1;
-/// What a passive controller waits for after it has sent.
+/// Bits that a passive controller waits after it has sent.
 const SUSPENSION: u64 = 8;
 /// In an FD frame with BRS, the nominal bits behind the data phase, intermission included.
 const FD_TAIL: u64 = 2 + 7 + INTERMISSION;
@@ -68,7 +68,7 @@ impl Wire {
         }
     }
 
-    /// Does what happens before `now_ns`, and what ends then. A frame that can start at `now_ns` has not started:
+    /// Advances to `now_ns`, including a frame that ends then. A frame that can start at `now_ns` has not started:
     /// another that is queued at the same instant may win.
     pub fn advance(&mut self, now_ns: u64) {
         while let Some(at_ns) = self.next_ns().filter(|at_ns| *at_ns <= now_ns) {
@@ -79,7 +79,7 @@ impl Wire {
         }
     }
 
-    /// When the next thing happens, ns, with what has been queued up to `now_ns`: a frame that can start then does.
+    /// When the next event is, ns, with what has been queued up to `now_ns`: a frame that can start then does.
     pub fn next_event_ns(&mut self, now_ns: u64) -> Option<u64> {
         self.advance(now_ns);
         while self.next_ns()? <= now_ns {
@@ -124,7 +124,7 @@ impl Wire {
         Some(self.free_ns + left * self.time_ns(RECESSIVE))
     }
 
-    /// Who wins the bus next, and when: of those that can start first, the one with the lowest identifier.
+    /// Which node wins the bus next, and when: of those that can start first, the one with the lowest identifier.
     fn contest(&self) -> Option<(usize, u64)> {
         let ready = |controller: &Controller| {
             let (frame, since_ns) = controller.mailboxes.front()?;
@@ -248,7 +248,7 @@ fn prefix(whole: Bits, count: u64) -> Bits {
     Bits { nominal: count - data, data }
 }
 
-/// What decides arbitration, the lower the earlier: 11 bits of the identifier, RTR or SRR, IDE, the other 18 bits, RTR,
+/// The arbitration key, the lowest wins: 11 bits of the identifier, RTR or SRR, IDE, the other 18 bits, RTR,
 /// with dominant as 0. In an FD frame the place of RTR is dominant.
 fn arbitration(frame: &Frame) -> u32 {
     let request = u32::from(frame.format() == FrameFormat::Remote);

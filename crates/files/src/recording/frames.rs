@@ -293,21 +293,21 @@ mod tests {
 
     #[test]
     fn a_batch_that_contradicts_itself_is_refused() {
-        let told = |change: fn(&mut FrameBatch)| {
+        let error = |change: fn(&mut FrameBatch)| {
             let mut changed = two();
             change(&mut changed);
             batch(&changed, |_| {}).unwrap_err()
         };
-        insta::assert_snapshot!(told(|batch| batch.length.push(0)), @"a batch of frames with columns of different lengths, 2 rows in `id`");
-        insta::assert_snapshot!(told(|batch| batch.data.push(0)), @"a batch of frames with 6 bytes of payload, expected 5");
-        insta::assert_snapshot!(told(|batch| batch.length[0] = 4), @"a batch of frames with 5 bytes of payload, expected 6");
-        insta::assert_snapshot!(told(|batch| batch.length[0] = u32::MAX), @"a frame of 4294967295 bytes");
-        insta::assert_snapshot!(told(|batch| batch.direction[0] = 0), @"a frame of direction 0");
-        insta::assert_snapshot!(told(|batch| batch.flags[0] = 64), @"a frame with flags 0x40");
-        insta::assert_snapshot!(told(|batch| batch.flags[0] = flag::ERROR_STATE), @"a frame with flags 0x10");
-        insta::assert_snapshot!(told(|batch| batch.flags[0] = flag::TIMED), @"a batch of frames with too few bus timestamps");
-        insta::assert_snapshot!(told(|batch| batch.flags[1] = 0), @"a batch of frames with too many bus timestamps");
-        insta::assert_snapshot!(told(|batch| batch.id[0] = 0x10205), @"a standard frame with identifier 0x10205");
-        insta::assert_snapshot!(told(|batch| batch.id[0] = 0x905), @"identifier 0x905 does not fit 11 bits (at most 0x7FF)");
+        insta::assert_snapshot!(error(|batch| batch.length.push(0)), @"a batch of frames with columns of different lengths, 2 rows in `id`");
+        insta::assert_snapshot!(error(|batch| batch.data.push(0)), @"a batch of frames with 6 bytes of payload, expected 5");
+        insta::assert_snapshot!(error(|batch| batch.length[0] = 4), @"a batch of frames with 5 bytes of payload, expected 6");
+        insta::assert_snapshot!(error(|batch| batch.length[0] = u32::MAX), @"a frame of 4294967295 bytes");
+        insta::assert_snapshot!(error(|batch| batch.direction[0] = 0), @"a frame of direction 0");
+        insta::assert_snapshot!(error(|batch| batch.flags[0] = 64), @"a frame with flags 0x40");
+        insta::assert_snapshot!(error(|batch| batch.flags[0] = flag::ERROR_STATE), @"a frame with flags 0x10");
+        insta::assert_snapshot!(error(|batch| batch.flags[0] = flag::TIMED), @"a batch of frames with too few bus timestamps");
+        insta::assert_snapshot!(error(|batch| batch.flags[1] = 0), @"a batch of frames with too many bus timestamps");
+        insta::assert_snapshot!(error(|batch| batch.id[0] = 0x10205), @"a standard frame with identifier 0x10205");
+        insta::assert_snapshot!(error(|batch| batch.id[0] = 0x905), @"identifier 0x905 does not fit 11 bits (at most 0x7FF)");
     }
 }

@@ -12,7 +12,7 @@ use super::walk::{Part, Walk};
 use super::{Event, Integrity, Record, RecordedFault, RecordingError, SampleRecord, TopicSummary};
 use resonarm_numeric::number::short;
 
-/// How many faults are told one by one; what comes after these is in `/events`.
+/// How many faults are listed one by one; later ones are in `/events`.
 const MOST_FAULTS: usize = 100;
 
 /// What a pass through a file has shown.

@@ -169,7 +169,7 @@ pub(super) mod metadata {
     pub const STATISTICS: &str = "resonarm.statistics";
     /// Records lost in each channel. Last of all: a recording without it was not finished.
     pub const LOST: &str = "resonarm.lost";
-    /// What was mended in a recovered recording.
+    /// What was repaired in a recovered recording.
     pub const RECOVERED: &str = "resonarm.recovered";
 }
 

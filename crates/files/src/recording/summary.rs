@@ -144,7 +144,7 @@ impl RecordedFault {
         RecordedFault { sample, code, partner_code: None }
     }
 
-    /// The fault with the code that the exciter told at a sample, where it is the reason: the plant faults for the
+    /// The fault with the code that the exciter reported at a sample, if that is the reason: the plant faults for the
     /// exciter's fault, or for the commands that it refused before the exciter gave up.
     pub(super) fn with_partner(self, said: Option<(u64, i64)>) -> RecordedFault {
         let is_reason = |at: u64| match self.cause() {

@@ -59,7 +59,7 @@ fn check_instruments(limits: &LimitsSpec, scenario: &Scenario) -> Result<(), Sce
 
 fn check_load(limits: &LimitsSpec, amplitude: &Amplitude, is_controlled: bool) -> Result<(), ScenarioError> {
     let load = amplitude.load();
-    let crest = load.force_n.amax().max(load.torque_nm.amax());
+    let peak = load.force_n.amax().max(load.torque_nm.amax());
     let forces = [("limits.force_n", limits.force_n), ("limits.stuck_above_n", limits.stuck_above_n)];
     let torques = [("limits.torque_nm", limits.torque_nm), ("limits.stuck_above_nm", limits.stuck_above_nm)];
     let (own, other) = if amplitude.is_torque() { (torques, forces) } else { (forces, torques) };
@@ -68,9 +68,9 @@ fn check_load(limits: &LimitsSpec, amplitude: &Amplitude, is_controlled: bool) -
     }
     let [(limit_name, limit), (above_name, above)] = own;
     let expected = "above the amplitude of the load, or the run ends before that is there";
-    refuse_unless(limit_name, limit, expected, |got| got > crest)?;
+    refuse_unless(limit_name, limit, expected, |got| got > peak)?;
     let expected = "below the amplitude of the load, or no axis is ever watched";
-    refuse_unless(above_name, above, expected, |got| got < crest)?;
+    refuse_unless(above_name, above, expected, |got| got < peak)?;
     let expected = "left out: the harmonics of the force are watched of a [control] with forces only";
     refuse_unless("limits.distortion", limits.distortion, expected, |_| is_controlled && !amplitude.is_torque())
 }

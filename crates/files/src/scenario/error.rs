@@ -127,7 +127,7 @@ pub enum ScenarioError {
         limit: f64,
         /// The unit of both.
         unit: &'static str,
-        /// How to mend it.
+        /// How to fix it.
         mend: &'static str,
     },
     /// A load that does not point along the shaker.

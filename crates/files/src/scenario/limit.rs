@@ -1,4 +1,4 @@
-//! The load that is asked for against what the exciter can produce and the wire can carry.
+//! Checks the load asked for against what the exciter can produce and the wire can carry.
 
 use super::ScenarioError;
 use resonarm_bench::excitation::Amplitude;
@@ -6,7 +6,7 @@ use resonarm_bench::rig::{Exciter, ExciterSpec, ShakerSpec};
 use resonarm_protocol::Profile;
 use resonarm_protocol::scaling::{FORCE, Scale, TORQUE};
 
-/// Checks the crest of the load that a section asks for, as it is and as the wire rounds it: a command beyond the limit
+/// Checks the peak of the load that a section asks for, exact and as the wire rounds it: a command beyond the limit
 /// would be refused sample by sample.
 pub(super) fn check(
     section: &str,
@@ -96,11 +96,11 @@ pub(super) fn largest(amplitude: &Amplitude, exciter: &Exciter, profile: Profile
     let (force_limit_n, torque_limit_nm) = exciter.limits();
     let (limit, scale) = if amplitude.is_torque() { (torque_limit_nm, TORQUE) } else { (force_limit_n, FORCE) };
     let (load, range) = (amplitude.load(), scale.limit(profile));
-    let (size, crest) =
+    let (size, peak) =
         (libm::hypot(load.force_n.norm(), load.torque_nm.norm()), load.force_n.amax().max(load.torque_nm.amax()));
     match exciter {
         // Each axis has its own limit.
-        Exciter::Ideal(_) => limit.min(range) * size / crest,
-        Exciter::Shaker(_) => limit.min(range * size / crest),
+        Exciter::Ideal(_) => limit.min(range) * size / peak,
+        Exciter::Shaker(_) => limit.min(range * size / peak),
     }
 }

@@ -1,10 +1,9 @@
 //! A recorded plant played to a live controller, whose commands are compared with the recorded ones: a test of whether
 //! a change of the controller's firmware has changed what it does.
 //!
-//! A controller is a function of the frames it is told, and answers samples by their indices. So the plant's frames are
-//! sent in their order, and before the next is sent, the controller must have done what the recorded one had done by
-//! then: said hello, asked for the same, answered the same sample. How long it takes does not matter, only that it
-//! comes.
+//! A controller is a function of the frames it receives, and answers samples by their indices. So the plant's frames
+//! are sent in their order, and before the next is sent, the controller must have done what the recorded one had done
+//! by then: said hello, asked for the same, answered the same sample. How long it takes does not matter.
 
 use core::fmt;
 use core::ops::ControlFlow;
@@ -120,7 +119,7 @@ impl fmt::Display for DifferenceKind {
                 write!(f, "the controller does not ask the plant to {expected}; the recorded one did")
             }
             DifferenceKind::Fault { cause, expected } => {
-                write!(f, "the controller faults: {cause}; the recorded one went on with: {expected}")
+                write!(f, "the controller faults: {cause}; the recorded one continues with: {expected}")
             }
         }
     }

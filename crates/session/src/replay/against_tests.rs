@@ -117,7 +117,7 @@ fn the_same_controller_passes() {
 }
 
 #[test]
-fn an_amplitude_that_is_off_is_told_with_its_sample_and_passes_within_limits() {
+fn an_amplitude_that_is_off_is_reported_with_its_sample_and_passes_within_limits() {
     let other = SCENARIO.replace("50.0", "51.0");
     let (compared, _) = tested(&other, EXACT);
     insta::assert_snapshot!(said(&compared), @"1: the controller commands [4.8, 0.0, 0.0, 0.0] (force along x, y in N, torques in N·m), recorded is [4.7, 0.0, 0.0, 0.0]");
@@ -130,18 +130,18 @@ fn an_amplitude_that_is_off_is_told_with_its_sample_and_passes_within_limits() {
 }
 
 #[test]
-fn a_controller_that_ends_early_or_late_is_told() {
+fn a_controller_that_ends_early_or_late_is_reported() {
     let (compared, _) = tested(&SCENARIO.replace("duration_s = 0.4", "duration_s = 0.2"), EXACT);
     insta::assert_snapshot!(said(&compared), @"200: the controller does not answer it; the recorded one did");
     let (compared, _) = tested(&SCENARIO.replace("duration_s = 0.4", "duration_s = 0.6"), EXACT);
-    insta::assert_snapshot!(said(&compared), @"400: the controller faults: exciter, code 2: no sensor data in time, at sample 400; the recorded one went on with: disarm");
+    insta::assert_snapshot!(said(&compared), @"400: the controller faults: exciter, code 2: no sensor data in time, at sample 400; the recorded one continues with: disarm");
 }
 
 #[test]
-fn a_controller_that_faults_is_told() {
+fn a_controller_that_faults_is_reported() {
     // It expects other samples a second than the plant says hello with.
     let (compared, _) = tested(&format!("{SCENARIO}\n[simulation]\nrate_hz = 500.0"), EXACT);
-    insta::assert_snapshot!(said(&compared), @"0: the controller faults: exciter, code 5: the partner does not fit (another sample rate), at sample 0; the recorded one went on with: arm");
+    insta::assert_snapshot!(said(&compared), @"0: the controller faults: exciter, code 5: the partner does not fit (another sample rate), at sample 0; the recorded one continues with: arm");
 }
 
 /// A bus on which all that a controller ever says is there at once.

@@ -12,8 +12,8 @@ use resonarm_protocol::{Emergency, EmergencyCode, ForceCommand, Message, Receive
 /// The responses that the controller of the recording's scenario reads from what the plant sent, up to its end or the
 /// first fault.
 ///
-/// A controller is a function of the frames it is told. Told those of the recording it makes the recorded commands
-/// again, and reads what it read in the run. A command that is another shows that another controller was recorded.
+/// A controller is a function of the frames it receives. Given those of the recording, it makes the recorded commands
+/// again, and reads the same responses. A differing command shows that another controller was recorded.
 ///
 /// # Errors
 /// [`ReplayError::Command`] if another controller was recorded; [`ReplayError::Incompatible`] if the recorded plant

@@ -27,7 +27,7 @@ fn record(path: &Path, simulated: &str, stated: &str) -> Recording {
     Recording::open(path).unwrap()
 }
 
-/// Told the recorded frames the controller reads what it read in the run, to the last bit.
+/// Given the recorded frames, the controller reads the same responses as in the run, to the last bit.
 #[test]
 fn responses_are_read_again() {
     let folder = tempfile::tempdir().unwrap();

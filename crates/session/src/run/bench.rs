@@ -5,7 +5,7 @@ use super::outage::Outage;
 use super::record_sink::RecordSink;
 use super::report::NodeFrames;
 use super::round_trip::RoundTrips;
-use super::{BusCounts, BusLoss, Fault, Gauges, Request, RunError, RunEvent, Told, Watched};
+use super::{BusCounts, BusLoss, Fault, Gauges, Notice, Request, RunError, RunEvent, Watched};
 use resonarm_bench::node::{NodeEvent, PlantNode};
 use resonarm_bench::plant::{Plant, PlantError};
 use resonarm_bus::{Bus, BusError, ControllerState, Received, Sent, Statistics};
@@ -33,9 +33,9 @@ pub(super) struct Bench<'a> {
     outage: Option<Outage>,
     /// How it was lost last.
     bus_loss: Option<BusLoss>,
-    /// Whether another sender of the plant's messages has been told.
-    other_sender_told: bool,
-    /// What the bus told of its controller last.
+    /// Whether another sender of the plant's messages has been reported.
+    other_sender_reported: bool,
+    /// The state of the bus's controller reported last.
     controller: ControllerState,
     /// In real time.
     round_trips: Option<RoundTrips>,
@@ -65,7 +65,7 @@ impl<'a> Bench<'a> {
             batch: Vec::with_capacity(FRAMES_SENT_AT_ONCE),
             outage: None,
             bus_loss: None,
-            other_sender_told: false,
+            other_sender_reported: false,
             controller: ControllerState::Active,
             round_trips: None,
             samples: 0,
@@ -152,7 +152,7 @@ impl<'a> Bench<'a> {
     fn tell_watcher(&mut self, record: Record) {
         match (&mut self.watched, record) {
             (Some(watched), Record::Frame(frame)) => watched.tell_frame(|| frame),
-            (Some(watched), record) => watched.tell(Told::Record(record)),
+            (Some(watched), record) => watched.tell(Notice::Record(record)),
             (None, _) => {}
         }
     }
@@ -282,8 +282,8 @@ impl<'a> Bench<'a> {
                 let partner = self.node.fault_reason().as_ref().map(Fault::from);
                 (self.on_event)(RunEvent::Faulted { fault: Fault::from(emergency), partner });
             }
-            NodeEvent::OtherSender(error) if !self.other_sender_told => {
-                self.other_sender_told = true;
+            NodeEvent::OtherSender(error) if !self.other_sender_reported => {
+                self.other_sender_reported = true;
                 let identifier = error.kind().id(self.node.network());
                 (self.on_event)(RunEvent::OtherSender { sample, identifier });
             }

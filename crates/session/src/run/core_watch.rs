@@ -24,7 +24,7 @@ use std::thread::{self, JoinHandle};
 
 use rtrb::{Consumer, Producer, RingBuffer};
 
-use super::{Told, Watched};
+use super::{Notice, Watched};
 use resonarm_files::recording::{Channel, Event, Record};
 use resonarm_realtime::{Clock, CoreShare, OverrunCause, OverrunCauses, STEAL_UNIT_NS, Share, SystemClock, Tick};
 
@@ -37,7 +37,7 @@ const SPANS: usize = 256;
 /// What the thread needs of a stack: far more than reading three files takes.
 const STACK_BYTES: usize = 256 * 1024;
 
-/// Deadlines that were missed together, told by the tick after them.
+/// Deadlines that were missed together, reported by the tick after them.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) struct Overrun {
     /// The sample that was late.
@@ -75,14 +75,14 @@ impl CoreWatch {
     /// # Errors
     /// What the system says if it has no thread left.
     pub fn start(record: Option<Channel>, watched: Option<Watched>) -> std::io::Result<CoreWatch> {
-        let (overruns, told) = RingBuffer::new(OVERRUNS);
+        let (overruns, reported) = RingBuffer::new(OVERRUNS);
         let stop = Arc::new(AtomicBool::new(false));
         let share = CoreShare::of_this_thread();
         let asked = Arc::clone(&stop);
         let thread = thread::Builder::new()
             .name(String::from("core-watch"))
             .stack_size(STACK_BYTES)
-            .spawn(move || look_on(share, told, (record, watched), &asked))?;
+            .spawn(move || look_on(share, reported, (record, watched), &asked))?;
         Ok(CoreWatch { overruns, stop, thread: Some(thread) })
     }
 
@@ -118,7 +118,7 @@ impl Drop for CoreWatch {
 /// The thread's work, until it is asked to stop; then a last time.
 fn look_on(
     mut share: CoreShare,
-    mut told: Consumer<Overrun>,
+    mut reported: Consumer<Overrun>,
     (mut record, mut watched): (Option<Channel>, Option<Watched>),
     stop: &AtomicBool,
 ) -> Found {
@@ -129,7 +129,7 @@ fn look_on(
         thread::park_timeout(LOOK);
         let is_last = stop.load(Ordering::Acquire);
         // First the overruns, then the look: so each is over by the end of the span.
-        let overruns: Vec<Overrun> = core::iter::from_fn(|| told.pop().ok()).collect();
+        let overruns: Vec<Overrun> = core::iter::from_fn(|| reported.pop().ok()).collect();
         let now_ns = SystemClock.now_ns();
         if let Some(share) = share.look() {
             spans.add(Span { from_ns: last_ns, to_ns: now_ns, share }, overruns.is_empty());
@@ -142,7 +142,7 @@ fn look_on(
                 // A full channel counts what it loses.
                 let _counted = channel.push(event);
             }
-            watched.iter_mut().for_each(|watched| watched.tell(Told::Record(event)));
+            watched.iter_mut().for_each(|watched| watched.tell(Notice::Record(event)));
         }
         last_ns = now_ns;
         if is_last {
@@ -301,10 +301,10 @@ mod tests {
         let mut found = Found::default();
         found.count(Taken::Stolen, &overrun(OverrunCause::WokeLate, 58, (0, 1)));
         found.count(Taken::Preempted, &overrun(OverrunCause::BusLong, 2, (0, 1)));
-        let told = OverrunCauses { woke_late: 60, step_long: 4, bus_long: 2, ..OverrunCauses::default() };
-        let moved = found.moved(told);
+        let causes = OverrunCauses { woke_late: 60, step_long: 4, bus_long: 2, ..OverrunCauses::default() };
+        let moved = found.moved(causes);
         assert_eq!(moved, OverrunCauses { woke_late: 2, step_long: 4, bus_long: 0, stolen: 58, preempted: 2 });
-        assert_eq!(moved.total(), told.total());
+        assert_eq!(moved.total(), causes.total());
     }
 
     #[test]
@@ -314,11 +314,11 @@ mod tests {
     }
 
     #[test]
-    fn a_thread_that_is_told_nothing_moves_nothing_and_ends() {
+    fn a_thread_that_finds_nothing_moves_nothing_and_ends() {
         let mut watch = CoreWatch::start(None, None).unwrap();
-        let told = OverrunCauses { step_long: 1, ..OverrunCauses::default() };
+        let causes = OverrunCauses { step_long: 1, ..OverrunCauses::default() };
         // Before the run, so that no span touches it.
         watch.tell(overrun(OverrunCause::StepLong, 1, (0, 1)));
-        assert_eq!(watch.finish(told), told);
+        assert_eq!(watch.finish(causes), causes);
     }
 }

@@ -6,7 +6,7 @@ use core::time::Duration;
 use super::event_record::{event_record, request_records, sample_record};
 use super::outage::{self, Outage};
 use super::report::NodeFrames;
-use super::{BusCounts, BusLoss, CommandRecord, End, ExciterReport, Request, RunError, Signals, Told, Watched};
+use super::{BusCounts, BusLoss, CommandRecord, End, ExciterReport, Notice, Request, RunError, Signals, Watched};
 use resonarm_bench::control::ResponsePoint;
 use resonarm_bench::node::{ExciterNode, Outcome};
 use resonarm_bus::{Bus, BusError, Sent};
@@ -220,7 +220,7 @@ impl<C: Clock> Run<'_, C> {
     fn read_responses(&mut self) {
         while let Some(response) = self.node.controller_mut().poll_response() {
             self.responses.push(response);
-            self.watched.iter_mut().for_each(|watched| watched.tell(Told::Response(response)));
+            self.watched.iter_mut().for_each(|watched| watched.tell(Notice::Response(response)));
         }
     }
 
@@ -316,8 +316,8 @@ impl<C: Clock> Run<'_, C> {
 /// The samples that were answered, and the answers.
 fn tell_answers(node: &mut ExciterNode, watched: &mut Watched) {
     while let Some((measurement, load)) = node.controller_mut().poll_answer() {
-        watched.tell(Told::Record(Record::Sample(sample_record(&measurement))));
-        watched.tell(Told::Command(CommandRecord { sample: measurement.sample, load }));
+        watched.tell(Notice::Record(Record::Sample(sample_record(&measurement))));
+        watched.tell(Notice::Command(CommandRecord { sample: measurement.sample, load }));
     }
 }
 
@@ -330,7 +330,7 @@ fn tell_events(node: &mut ExciterNode, watched: &mut Watched) {
 /// An event at the sample that comes next. When by the clock does not matter to those who watch.
 fn tell_event(node: &ExciterNode, watched: &mut Watched, (name, value): (&'static str, i64)) {
     let event = Event { sample: node.samples_played(), time_ns: 0, name, value };
-    watched.tell(Told::Record(Record::Event(event)));
+    watched.tell(Notice::Record(Record::Event(event)));
 }
 
 /// Hands the controller the set-points that are asked for, and tells which it has; whether it is asked to disarm.

@@ -1,4 +1,4 @@
-//! The end of a run, the same on every path: what is held ramps to zero, the partner is told, what is left is sent.
+//! The end of a run, the same on every path: the load ramps to zero, the partner is notified, queued frames are sent.
 
 use super::bench::Bench;
 use super::pace::Pace;
@@ -76,7 +76,7 @@ pub(super) fn outcome(bench: &Bench, ended: &Result<EndedBy, RunError>) -> Outco
     }
 }
 
-/// Goes on until the load is zero, also where the bus fails: the first of its errors is told at the end.
+/// Continues until the load is zero, even if the bus fails: the first of its errors is returned at the end.
 fn ramp<C: Clock>(bench: &mut Bench, bus: &mut dyn Bus, pace: &mut Pace<'_, C>) -> Result<(), RunError> {
     pace.anchor(bench.sample());
     let mut failed = Ok(());

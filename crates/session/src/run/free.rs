@@ -4,7 +4,7 @@ use super::bench::Bench;
 use super::exciter::steer;
 use super::finish::{EndedBy, outcome};
 use super::pace::Pace;
-use super::{Ending, Outcome, RunError, Signals, Told, Watched};
+use super::{Ending, Notice, Outcome, RunError, Signals, Watched};
 use resonarm_bench::control::ResponsePoint;
 use resonarm_bench::node::ExciterNode;
 use resonarm_bus::{BusError, Sent, Statistics, VirtualBus};
@@ -75,7 +75,7 @@ impl<C: Clock> Free<'_, '_, '_, C> {
         self.exchange()?;
         self.responses.extend(core::iter::from_fn(|| {
             let response = self.exciter.controller_mut().poll_response()?;
-            self.watched.iter_mut().for_each(|watched| watched.tell(Told::Response(response)));
+            self.watched.iter_mut().for_each(|watched| watched.tell(Notice::Response(response)));
             Some(response)
         }));
         if let Some(watched) = &mut self.watched {

@@ -32,8 +32,8 @@
 //! For the same commands the three give the same states, bit for bit. Simulated time may be held to the clock
 //! ([`Speed`]), which changes no state either.
 //!
-//! However a run ends, it ends in order: an armed plant is disarmed, or faults if an error ends it, samples go on while
-//! what is held ramps to zero, and the partner is told.
+//! However a run ends, it ends in order: an armed plant is disarmed, or faults if an error ends it, samples continue
+//! while the load ramps to zero, and the partner is notified.
 
 mod bench;
 mod core_watch;
@@ -67,7 +67,7 @@ pub use report::{
 };
 pub use session::{OnShortfall, Options, RecordTo, Session};
 pub use signals::{BusLoss, RunEvent, Signals};
-pub use watch::{CommandRecord, End, NotAsked, Request, Told, Watch, Watched, Watcher, watch};
+pub use watch::{CommandRecord, End, NotAsked, Notice, Request, Watch, Watched, Watcher, watch};
 
 use self::bench::Bench;
 use self::finish::EndedBy;

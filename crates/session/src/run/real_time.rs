@@ -15,8 +15,8 @@ use resonarm_files::recording::{Record, TickRecord};
 use resonarm_protocol::EmergencyCode;
 use resonarm_realtime::{Action, Clock, OverrunPolicy, Periodic, SampleRate, Spin, Tick};
 
-/// Runs the plant in real time on the calling thread, until its end or until it is asked to stop. Where deadlines are
-/// missed, `overruns` is told.
+/// Runs the plant in real time on the calling thread, until its end or until it is asked to stop. Missed deadlines are
+/// reported to `overruns`.
 pub(super) fn real_time<C: Clock>(
     bench: &mut Bench,
     bus: &mut dyn Bus,

@@ -238,7 +238,7 @@ const fn name(code: EmergencyCode) -> &'static str {
     }
 }
 
-/// A fault in words, with the way to mend it: where `partner` said what is wrong, that and how to mend it.
+/// A fault in words, and how to fix it; where `partner` reported the reason, its fault and fix.
 pub fn fault_text(emergency: &Emergency, partner: Option<&Emergency>, bus_loss: Option<BusLoss>) -> String {
     let mut text = format!("fault of the {emergency}");
     if let Some(said) = partner {
@@ -248,20 +248,20 @@ pub fn fault_text(emergency: &Emergency, partner: Option<&Emergency>, bus_loss: 
     if is_bus_off {
         text.push_str(", since its controller was bus-off");
     }
-    // The plant tells why it refused commands, which is the reason of both.
-    let mend = match (emergency.code, partner) {
+    // The plant says why it refused commands, which is the reason of both.
+    let remedy = match (emergency.code, partner) {
         _ if is_bus_off => {
             "check bit rate, wiring and the two terminations of 120 Ω: there were too many transmit errors"
         }
-        (EmergencyCode::PartnerFault | EmergencyCode::SensorTimeout, Some(said)) => mend(said),
-        _ => mend(emergency),
+        (EmergencyCode::PartnerFault | EmergencyCode::SensorTimeout, Some(said)) => remedy(said),
+        _ => remedy(emergency),
     };
-    let _infallible = write!(text, "; to mend it: {mend}");
+    let _infallible = write!(text, "; to fix it: {remedy}");
     text
 }
 
-/// How to mend a fault.
-fn mend(emergency: &Emergency) -> &'static str {
+/// How to fix a fault.
+fn remedy(emergency: &Emergency) -> &'static str {
     match emergency.code {
         EmergencyCode::CommandTimeout => match Refusal::from_detail(emergency.detail).1 {
             Some(Refusal::OutOfRange) => "lower the excitation, or raise rig.exciter's limits",
@@ -348,7 +348,7 @@ pub struct BusCounts {
     pub other_sender: u64,
     /// Frames that came in and can't be any: of a length that CAN FD does not have.
     pub malformed: u64,
-    /// What the controller told of errors, on SocketCAN.
+    /// The errors that the controller reported, on SocketCAN.
     pub errors: ControllerErrors,
 }
 

@@ -39,8 +39,8 @@ impl RoundTrips {
         Ok(RoundTrips { departures: vec![None; KEPT], next: 0, times: LatencyHistogram::new()? })
     }
 
-    /// The samples up to `end`, without it, that were not told yet have been given to the bus: when the loop's clock
-    /// read `run_ns` and the UNIX time was `unix_ns`.
+    /// Notes that the samples up to `end`, exclusive, that were not noted before were given to the bus when the loop's
+    /// clock read `run_ns` and the UNIX time was `unix_ns`.
     pub fn depart(&mut self, end: u64, run_ns: u64, unix_ns: u64) {
         for sample in self.next.max(end.saturating_sub(KEPT as u64))..end {
             self.departures[sample as usize % KEPT] = Some(Departure { sample, run_ns, unix_ns });
@@ -83,7 +83,7 @@ mod tests {
     }
 
     /// How many, and the longest, µs.
-    fn told(trips: &RoundTrips) -> (u64, f64) {
+    fn summary(trips: &RoundTrips) -> (u64, f64) {
         (trips.times.count(), trips.percentiles().map_or(0.0, |times| times.max))
     }
 
@@ -91,14 +91,14 @@ mod tests {
     fn a_round_trip_ends_with_the_stamp_of_the_first_command_of_its_index() {
         let mut trips = departed(3);
         trips.arrive(1, 3_000_000, Some(UNIX_NS + 1_000_000 + 250_000));
-        assert_eq!(told(&trips), (1, 250.0));
+        assert_eq!(summary(&trips), (1, 250.0));
         // The same again, one that no sample had, and one without a stamp.
         trips.arrive(1, 3_000_000, Some(UNIX_NS + 1_900_000));
         trips.arrive(7, 3_000_000, Some(UNIX_NS + 1_900_000));
         trips.arrive(0, 3_000_000, None);
-        assert_eq!(told(&trips), (1, 250.0));
+        assert_eq!(summary(&trips), (1, 250.0));
         trips.arrive(2, 4_000_000, Some(UNIX_NS + 2_000_000 + 750_000));
-        assert_eq!(told(&trips), (2, 750.0));
+        assert_eq!(summary(&trips), (2, 750.0));
     }
 
     #[test]
@@ -106,11 +106,11 @@ mod tests {
         let mut trips = departed(65536 + 5);
         let stamp_ns = UNIX_NS + 65538 * 1_000_000 + 40_000;
         trips.arrive(2, 65_540_000_000, Some(stamp_ns));
-        assert_eq!(told(&trips), (1, 40.0));
+        assert_eq!(summary(&trips), (1, 40.0));
         trips.arrive(65530, 65_540_000_000, Some(stamp_ns));
-        assert_eq!(told(&trips), (2, 8040.0));
+        assert_eq!(summary(&trips), (2, 8040.0));
         trips.arrive((65536 + 4 - KEPT as u64) as u16, 65_540_000_000, Some(stamp_ns));
-        assert_eq!(told(&trips), (2, 8040.0), "too long ago");
+        assert_eq!(summary(&trips), (2, 8040.0), "too long ago");
     }
 
     #[test]
@@ -119,7 +119,7 @@ mod tests {
         trips.depart(2, 1_000_000, UNIX_NS);
         trips.arrive(0, 2_000_000, Some(UNIX_NS + 100_000));
         trips.arrive(1, 2_000_000, Some(UNIX_NS + 100_000));
-        assert_eq!(told(&trips), (2, 100.0));
+        assert_eq!(summary(&trips), (2, 100.0));
     }
 
     #[test]
@@ -128,6 +128,6 @@ mod tests {
         trips.arrive(0, 3_000_000, Some(UNIX_NS - 1));
         trips.arrive(1, 3_000_000, Some(UNIX_NS + 1_000_000 + 2_000_001));
         trips.arrive(2, 3_000_000, Some(UNIX_NS + 2_000_000 + 1_000_000));
-        assert_eq!(told(&trips), (1, 1000.0));
+        assert_eq!(summary(&trips), (1, 1000.0));
     }
 }

@@ -194,7 +194,7 @@ impl Session {
         &self.scenario
     }
 
-    /// Runs the plant on `bus`, on the calling thread, until its end. What happens on the way is told to `on_event`,
+    /// Runs the plant on `bus`, on the calling thread, until its end. Events are passed to `on_event`,
     /// which in real time must not allocate, lock or block.
     ///
     /// # Errors

@@ -327,8 +327,8 @@ fn a_stall_of_the_plant_is_no_fault_of_the_controller() {
     let stalled = rig.run(Mode::RealTime, &Signals::default());
     assert_eq!((stalled.faults(), stalled.report.outcome), (vec![], Outcome::Disarmed));
     assert_eq!(stalled.exciter.outcome(), Some(ExciterOutcome::Finished));
-    // Told to whoever watches, to the exciter, in the report and in the recording, and the states are those of a run
-    // without it.
+    // The slip is passed to watchers and the exciter, and is in the report and the recording; the states are those of a
+    // run without it.
     let slipped = stalled.report.slipped;
     assert!((295..=301).contains(&slipped) && stalled.report.overruns >= slipped, "{:?}", stalled.report);
     assert_eq!(stalled.exciter.slipped_periods(), slipped);
@@ -368,7 +368,7 @@ fn a_run_that_stops_at_an_overrun_faults_and_ramps_first() {
 }
 
 #[test]
-fn a_failed_simulation_is_told_to_the_controller() {
+fn a_failed_simulation_is_reported_to_the_controller() {
     // As fast as this, the squares of the velocities overflow within a step.
     let text = SCENARIO.replace("beta2_deg = 60.0", "beta2_deg = 60.0, initial = [0.0, 0.0, 1e150, 0.0]");
     let rig = Rig { scenario: Scenario::parse(&text, "test").unwrap(), ..Rig::new() };

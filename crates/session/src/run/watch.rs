@@ -1,4 +1,4 @@
-//! A run that is watched while it goes: rings between its loops and whoever watches.
+//! Watching a run: rings between its loops and the watcher.
 //!
 //! ```text
 //! run loop ── Watched::tell ──────► rings of records and commands, of responses ──► Watcher::take
@@ -6,11 +6,11 @@
 //!          ◄─ Watched::request ──── ring of requests ◄──────────────────────────── Watcher::ask
 //! ```
 //!
-//! A slot of a ring is as large as the largest that it takes, and what a loop writes has to leave the other core's
-//! caches. So the few large responses have a ring of their own.
+//! A slot of a ring is as large as its largest entry, and what a loop writes has to leave the other core's caches. So
+//! the few large responses have a separate ring.
 //!
-//! The loop's side never waits: what finds a ring full is lost, and counted. Nothing of the run depends on whether it
-//! is watched. Frames are told only as long as those who watch want them.
+//! The loop's side never waits: an entry that finds a ring full is lost, and counted. The run does not depend on
+//! whether it is watched. Frames are passed on only while the watcher wants them.
 
 use std::sync::atomic::{AtomicBool, AtomicU64, Ordering};
 use std::sync::{Arc, mpsc};
@@ -21,26 +21,26 @@ use resonarm_bench::control::{ResponsePoint, SetPoint};
 use resonarm_dynamics::arm::Load;
 use resonarm_files::recording::{FrameRecord, Record};
 
-/// What waits in a loop's ring at most: at 1 kHz two seconds.
-const TOLD: usize = 1 << 13;
+/// Entries in a loop's ring at most: at 1 kHz two seconds.
+const NOTICES: usize = 1 << 13;
 /// Responses that wait at most.
 const RESPONSES: usize = 1 << 8;
-/// Frames that wait at most: two seconds at 1 kHz with four a sample, its command and three of its own; 1 MiB. They
-/// have a ring of their own, so that a jammed bus crowds out nothing else.
+/// Frames that wait at most: two seconds at 1 kHz with four a sample, its command and the plant's three; 1 MiB. They
+/// have a separate ring, so that a jammed bus crowds out nothing else.
 const FRAMES: usize = 1 << 13;
-/// What waits in the ring of the thread beside a loop at most: it tells of missed deadlines alone.
-const TOLD_BESIDE: usize = 1 << 10;
+/// Entries in the ring of the thread beside a loop at most: it reports missed deadlines only.
+const NOTICES_BESIDE: usize = 1 << 10;
 /// Requests that wait to be taken.
 const REQUESTS: usize = 64;
 
-/// What a run tells those who watch it.
+/// What a run passes to its watcher.
 #[derive(Clone, Copy, Debug, PartialEq)]
 #[expect(clippy::large_enum_variant, reason = "a loop must not allocate, so that nothing is boxed")]
-pub enum Told {
+pub enum Notice {
     /// What is recorded too: states, readings, ticks, events; frames if they are wanted
     /// ([`Watcher::want_frames`]), those of an exciter as it sees them.
     Record(Record),
-    /// What an exciter answers a sample with, where no plant tells its state.
+    /// What an exciter answers a sample with, where no plant passes on its state.
     Command(CommandRecord),
     /// A response that the controller has read.
     Response(ResponsePoint),
@@ -48,7 +48,7 @@ pub enum Told {
     SetPoint(SetPoint),
 }
 
-/// What a loop tells in every sample: [`Told`] without the responses.
+/// The notices of every sample: [`Notice`] without the responses.
 #[derive(Clone, Copy, Debug)]
 enum Often {
     Record(Record),
@@ -56,12 +56,12 @@ enum Often {
     SetPoint(SetPoint),
 }
 
-impl From<Often> for Told {
-    fn from(often: Often) -> Told {
+impl From<Often> for Notice {
+    fn from(often: Often) -> Notice {
         match often {
-            Often::Record(record) => Told::Record(record),
-            Often::Command(command) => Told::Command(command),
-            Often::SetPoint(set_point) => Told::SetPoint(set_point),
+            Often::Record(record) => Notice::Record(record),
+            Often::Command(command) => Notice::Command(command),
+            Often::SetPoint(set_point) => Notice::SetPoint(set_point),
         }
     }
 }
@@ -75,7 +75,7 @@ pub struct CommandRecord {
     pub load: Load,
 }
 
-/// What is asked of a run by somebody who watches it.
+/// A request of the watcher to a run.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum Request {
     /// Arm the plant, as by a frame of the exciter.
@@ -95,24 +95,24 @@ pub enum End {
     Plant,
     /// The exciter's, of a run that has no plant.
     Exciter,
-    /// The exciter's, of a run in which the plant tells the samples.
+    /// The exciter's, of a run in which the plant passes on the samples.
     ExciterBesidePlant,
     /// No loop: the thread beside the plant's that looks at who has its core. It takes no requests.
     CoreWatch,
 }
 
 impl End {
-    /// What waits in its ring at most, and how many frames: of two loops on one bus the plant's tells them.
+    /// Entries in its ring at most, and frames: of two loops on one bus the plant's passes them on.
     const fn capacities(self) -> (usize, usize) {
         match self {
-            End::Plant | End::Exciter => (TOLD, FRAMES),
-            End::ExciterBesidePlant => (TOLD, 0),
-            End::CoreWatch => (TOLD_BESIDE, 0),
+            End::Plant | End::Exciter => (NOTICES, FRAMES),
+            End::ExciterBesidePlant => (NOTICES, 0),
+            End::CoreWatch => (NOTICES_BESIDE, 0),
         }
     }
 }
 
-/// What a session is given to be watched: each run of it opens rings of its own.
+/// What a session needs to be watched: each of its runs opens new rings.
 #[derive(Clone, Debug)]
 pub struct Watch {
     opened: mpsc::Sender<Opened>,
@@ -136,9 +136,9 @@ struct Opened {
 }
 
 impl Opened {
-    /// Whether the loop has ended and all that it told was taken.
+    /// Whether the loop has ended and all its notices were taken.
     fn is_over(&self) -> bool {
-        // First whether it has ended: what it tells between two looks is then there.
+        // First whether it has ended: all its notices are then in the rings.
         self.often.is_abandoned() && self.often.is_empty() && self.responses.is_empty() && self.frames.is_empty()
     }
 }
@@ -151,12 +151,12 @@ pub struct Watched {
     responses: Producer<ResponsePoint>,
     frames: Producer<FrameRecord>,
     requests: Consumer<Request>,
-    /// The set-point that was told last.
+    /// The set-point passed on last.
     set_point: Option<SetPoint>,
     shared: Arc<Shared>,
 }
 
-/// The end of those who watch.
+/// The watcher's end.
 #[derive(Debug)]
 pub struct Watcher {
     opening: mpsc::Receiver<Opened>,
@@ -164,7 +164,7 @@ pub struct Watcher {
     shared: Arc<Shared>,
 }
 
-/// Why a request goes nowhere.
+/// Why a request is not taken.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, thiserror::Error)]
 pub enum NotAsked {
     /// No loop runs that could take it.
@@ -175,7 +175,7 @@ pub enum NotAsked {
     Busy,
 }
 
-/// Both ends: one for [`Session::watched`](super::Session::watched), one for those who watch.
+/// Both ends: one for [`Session::watched`](super::Session::watched), one for the watcher.
 pub fn watch() -> (Watch, Watcher) {
     let ((opened, opening), shared) = (mpsc::channel(), Arc::<Shared>::default());
     (Watch { opened, shared: Arc::clone(&shared) }, Watcher { opening, open: Vec::new(), shared })
@@ -190,7 +190,7 @@ impl Watch {
         let (writer, requests) = RingBuffer::new(REQUESTS);
         let opened =
             Opened { end, often: often_reader, responses: response_reader, frames: frame_reader, requests: writer };
-        // If nobody watches any more, what is told is lost, and counted.
+        // If the watcher is gone, notices are lost, and counted.
         let _nobody = self.opened.send(opened);
         Watched { end, often, responses, frames, requests, set_point: None, shared: Arc::clone(&self.shared) }
     }
@@ -202,25 +202,25 @@ impl Watched {
         self.end
     }
 
-    /// Tells `told`, or counts it as lost. Never blocks, locks or allocates: for the real-time loop.
+    /// Passes `notice` on, or counts it as lost. Never blocks, locks or allocates: for the real-time loop.
     #[inline]
-    pub fn tell(&mut self, told: Told) {
-        let is_told = match told {
-            Told::Record(record) => self.often.push(Often::Record(record)).is_ok(),
-            Told::Command(command) => self.often.push(Often::Command(command)).is_ok(),
-            Told::Response(response) => self.responses.push(response).is_ok(),
-            Told::SetPoint(set_point) => self.often.push(Often::SetPoint(set_point)).is_ok(),
+    pub fn tell(&mut self, notice: Notice) {
+        let is_queued = match notice {
+            Notice::Record(record) => self.often.push(Often::Record(record)).is_ok(),
+            Notice::Command(command) => self.often.push(Often::Command(command)).is_ok(),
+            Notice::Response(response) => self.responses.push(response).is_ok(),
+            Notice::SetPoint(set_point) => self.often.push(Often::SetPoint(set_point)).is_ok(),
         };
-        if !is_told {
+        if !is_queued {
             self.lose();
         }
     }
 
-    /// Tells the set-point of a controller, if it takes one and it has changed. Never blocks, locks or allocates.
+    /// Passes on the set-point of a controller, if it takes one and it has changed. Never blocks, locks or allocates.
     pub fn tell_set_point(&mut self, set_point: Option<SetPoint>) {
         if let Some(changed) = set_point.filter(|_| set_point != self.set_point) {
             self.set_point = set_point;
-            self.tell(Told::SetPoint(changed));
+            self.tell(Notice::SetPoint(changed));
         }
     }
 
@@ -228,13 +228,13 @@ impl Watched {
         self.shared.lost.fetch_add(1, Ordering::Relaxed);
     }
 
-    /// Whether frames are to be told. Never blocks, locks or allocates.
+    /// Whether frames are wanted. Never blocks, locks or allocates.
     pub fn wants_frames(&self) -> bool {
         self.end.capacities().1 > 0 && self.shared.wants_frames.load(Ordering::Relaxed)
     }
 
-    /// Tells the frame that `make` gives, or counts it as lost, if frames are wanted of this loop. Never blocks, locks
-    /// or allocates.
+    /// Passes on the frame that `make` returns, or counts it as lost, if frames are wanted of this loop. Never blocks,
+    /// locks or allocates.
     pub fn tell_frame(&mut self, make: impl FnOnce() -> FrameRecord) {
         if self.wants_frames() && self.frames.push(make()).is_err() {
             self.lose();
@@ -248,14 +248,14 @@ impl Watched {
 }
 
 impl Watcher {
-    /// Hands over what was told since, at most `most` of each loop, oldest first; then as many responses and as many
-    /// frames likewise.
-    pub fn take(&mut self, most: usize, mut hand: impl FnMut(End, &Told)) {
+    /// Hands over the notices since the last call, at most `most` of each loop, oldest first; then responses and frames
+    /// likewise.
+    pub fn take(&mut self, most: usize, mut hand: impl FnMut(End, &Notice)) {
         self.open.extend(self.opening.try_iter());
         for Opened { end, often, responses, frames, .. } in &mut self.open {
-            drain(often, most, |often| hand(*end, &Told::from(*often)));
-            drain(responses, most, |response| hand(*end, &Told::Response(*response)));
-            drain(frames, most, |frame| hand(*end, &Told::Record(Record::Frame(*frame))));
+            drain(often, most, |often| hand(*end, &Notice::from(*often)));
+            drain(responses, most, |response| hand(*end, &Notice::Response(*response)));
+            drain(frames, most, |frame| hand(*end, &Notice::Record(Record::Frame(*frame))));
         }
         self.open.retain(|opened| !opened.is_over());
     }
@@ -271,7 +271,7 @@ impl Watcher {
         self.shared.lost.load(Ordering::Relaxed)
     }
 
-    /// Says whether the loops are to tell their frames, from now on. At first they don't.
+    /// Sets whether the loops pass on their frames from now on. At first they don't.
     pub fn want_frames(&self, wanted: bool) {
         self.shared.wants_frames.store(wanted, Ordering::Relaxed);
     }
@@ -297,7 +297,7 @@ impl Watcher {
     }
 }
 
-/// Hands over what waits in a ring, at most `most`.
+/// Hands over the entries of a ring, at most `most`.
 fn drain<T>(ring: &mut Consumer<T>, most: usize, hand: impl FnMut(&T)) {
     if let Ok(chunk) = ring.read_chunk(ring.slots().min(most)) {
         let (first, second) = chunk.as_slices();
@@ -311,29 +311,29 @@ mod tests {
     use super::*;
     use resonarm_files::recording::TickRecord;
 
-    fn tick(sample: u64) -> Told {
-        Told::Record(Record::Tick(TickRecord { sample, wakeup_ns: 0, exec_ns: 0, overruns: 0, cause: None }))
+    fn tick(sample: u64) -> Notice {
+        Notice::Record(Record::Tick(TickRecord { sample, wakeup_ns: 0, exec_ns: 0, overruns: 0, cause: None }))
     }
 
     #[test]
     fn a_full_ring_loses_and_counts_and_never_waits() {
         let (watch, mut watcher) = watch();
         let mut watched = watch.open(End::Plant);
-        (0..TOLD as u64 + 100).for_each(|sample| watched.tell(tick(sample)));
+        (0..NOTICES as u64 + 100).for_each(|sample| watched.tell(tick(sample)));
         assert_eq!(watcher.lost(), 100);
         let mut taken = Vec::new();
-        watcher.take(usize::MAX, |end, told| taken.push((end, *told)));
-        assert!(taken.iter().copied().eq((0..TOLD as u64).map(|sample| (End::Plant, tick(sample)))));
+        watcher.take(usize::MAX, |end, notice| taken.push((end, *notice)));
+        assert!(taken.iter().copied().eq((0..NOTICES as u64).map(|sample| (End::Plant, tick(sample)))));
         watched.tell(tick(7));
         drop(watched);
         taken.clear();
-        watcher.take(usize::MAX, |end, told| taken.push((end, *told)));
-        assert_eq!(taken, [(End::Plant, tick(7))], "what an ended loop has told is there still");
+        watcher.take(usize::MAX, |end, notice| taken.push((end, *notice)));
+        assert_eq!(taken, [(End::Plant, tick(7))], "the notices of an ended loop are still there");
         assert!(watcher.open.is_empty());
     }
 
     #[test]
-    fn frames_are_told_as_long_as_they_are_wanted() {
+    fn frames_are_passed_on_as_long_as_they_are_wanted() {
         let (watch, mut watcher) = watch();
         let mut watched = watch.open(End::Plant);
         let frame = resonarm_protocol::Frame::classic(resonarm_protocol::Id::Standard(0x203), &[1, 2]).unwrap();
@@ -349,34 +349,34 @@ mod tests {
             watched.tell_frame(|| record(sample));
         }
         let mut taken = Vec::new();
-        watcher.take(usize::MAX, |_, told| taken.push(*told));
-        assert_eq!(taken, [1, 2].map(|sample| Told::Record(Record::Frame(record(sample)))));
+        watcher.take(usize::MAX, |_, notice| taken.push(*notice));
+        assert_eq!(taken, [1, 2].map(|sample| Notice::Record(Record::Frame(record(sample)))));
     }
 
     #[test]
-    fn a_slot_is_as_small_as_is_said() {
+    fn a_slot_is_as_small_as_documented() {
         assert!(FRAMES * size_of::<FrameRecord>() <= 1 << 20, "{}", size_of::<FrameRecord>());
         assert!(size_of::<Often>() <= size_of::<FrameRecord>() + 16, "{}", size_of::<Often>());
         assert!(2 * size_of::<Often>() <= size_of::<ResponsePoint>(), "{}", size_of::<ResponsePoint>());
     }
 
     #[test]
-    fn responses_have_a_ring_of_their_own() {
+    fn responses_have_a_separate_ring() {
         let harmonics = [[resonarm_bench::excitation::Phasor::default(); 3]; 6];
-        let response = |load| Told::Response(ResponsePoint::of_harmonics(20.0, load, &harmonics));
+        let response = |load| Notice::Response(ResponsePoint::of_harmonics(20.0, load, &harmonics));
         let (watch, mut watcher) = watch();
         let mut watched = watch.open(End::ExciterBesidePlant);
-        (0..TOLD as u64).for_each(|sample| watched.tell(tick(sample)));
+        (0..NOTICES as u64).for_each(|sample| watched.tell(tick(sample)));
         (0..=RESPONSES).for_each(|n| watched.tell(response(n as f64)));
         assert_eq!(watcher.lost(), 1, "the one for which there is no room beside a full ring of records");
         drop(watched);
         let mut taken = Vec::new();
-        watcher.take(1, |_, told| taken.push(*told));
+        watcher.take(1, |_, notice| taken.push(*notice));
         assert_eq!(taken, [tick(0), response(0.0)]);
         while !watcher.open.is_empty() {
-            watcher.take(usize::MAX, |_, told| taken.push(*told));
+            watcher.take(usize::MAX, |_, notice| taken.push(*notice));
         }
-        assert_eq!(taken.len(), TOLD + RESPONSES);
+        assert_eq!(taken.len(), NOTICES + RESPONSES);
         assert_eq!(taken.last(), Some(&response((RESPONSES - 1) as f64)));
     }
 

@@ -178,7 +178,7 @@ impl BasinWalk {
         Ok(BasinWalk { basins: self.basins, parts, journal })
     }
 
-    /// To be called when the results are written: there is nothing to go on with any more.
+    /// To be called when the results are written: there is nothing left to resume.
     ///
     /// # Errors
     /// [`StudyError::Journal`] if the journal can't be removed.

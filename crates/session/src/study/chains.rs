@@ -1,4 +1,4 @@
-//! Chains of motions, each point begun where the one before ended; several chains at a time, stopped and gone on with.
+//! Chains of motions, each point begun where the one before ended; several chains at a time, which can be resumed.
 
 use std::path::Path;
 use std::sync::atomic::{AtomicU64, AtomicUsize, Ordering};
@@ -127,7 +127,7 @@ impl Chains {
         Ok(chains)
     }
 
-    /// Goes on with one chain behind the points known, to its end or until `stop`.
+    /// Continues one chain after the known points, to its end or until `stop`.
     fn follow(
         &self,
         chain: usize,
@@ -204,8 +204,8 @@ impl Walk {
     /// written.
     pub fn go_on(self, control: &Control<'_>) -> Result<Walk, StudyError> {
         let done = AtomicU64::new(self.done() as u64);
-        // The first chain that has failed, if one has. Those before it go on, so that the same error is told every
-        // time.
+        // The first chain that has failed, if one has. Those before it continue, so that the same error is reported
+        // every time.
         let (failed, journal) = (AtomicUsize::new(usize::MAX), Mutex::new(self.journal));
         let finished = |point: &Point| {
             if let Some(journal) = journal.lock().unwrap_or_else(PoisonError::into_inner).as_mut() {
@@ -224,7 +224,7 @@ impl Walk {
         Ok(Walk { chains: self.chains, points, journal: journal.into_inner().unwrap_or_else(PoisonError::into_inner) })
     }
 
-    /// To be called when the results are written: there is nothing to go on with any more.
+    /// To be called when the results are written: there is nothing left to resume.
     ///
     /// # Errors
     /// [`StudyError::Journal`] if the journal can't be removed.
@@ -282,14 +282,14 @@ mod tests {
     }
 
     #[test]
-    fn stops_when_it_is_told_to() {
+    fn stops_when_asked_to() {
         let stopped = Control { stop: &|| true, done: &|_done| () };
         assert_eq!(chains().begin(None).unwrap().go_on(&stopped).unwrap().done(), 0);
     }
 
     /// Whichever fails first, the error is that of the first chain.
     #[test]
-    fn the_same_error_is_told_every_time() {
+    fn the_same_error_is_reported_every_time() {
         let mut chains = chains();
         chains.chains.truncate(2);
         let too_much = |frequency_hz| Sine { amplitude: Load::torque_nm(1e9, 0.0), frequency_hz };
@@ -313,7 +313,7 @@ mod tests {
         insta::assert_snapshot!(refusal.replace(&path.display().to_string(), "FILE"), @"line 2 of FILE is no point that follows: delete the file to begin anew");
     }
 
-    /// What can't be computed ends everything, with the reason: before anything is computed if that can be told.
+    /// A point that can't be computed ends everything, with the reason: before any is computed if it is known then.
     #[test]
     fn says_what_can_not_be_computed() {
         let folder = tempfile::tempdir().unwrap();

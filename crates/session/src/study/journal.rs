@@ -1,4 +1,4 @@
-//! Finished points of a long computation, kept in a file of JSON lines, so that it can be stopped and gone on with.
+//! Finished points of a long computation, kept in a file of JSON lines, so that it can be stopped and resumed.
 //!
 //! The first line says what is computed, and by which build; every other line is a point. A line counts when its end is
 //! written, so a process that is killed loses at most the point it was writing.
@@ -42,7 +42,7 @@ pub enum JournalError {
     },
     /// It holds points of another computation.
     #[error(
-        "{} was begun with {key} = {had}, and this command has {has}: repeat the command that began it to go on with it, or \
+        "{} was begun with {key} = {had}, and this command has {has}: repeat the command that began it to continue it, or \
          take another folder, or delete it", path.display()
     )]
     Differs {
@@ -251,8 +251,8 @@ mod tests {
         (journal, _) = Journal::open::<u32>(&path, &configuration).unwrap();
         journal.append(&1).unwrap();
         drop(journal);
-        insta::assert_snapshot!(says(&path, &json!({ "arm": { "beta2_deg": 90.0, "mass2_kg": 36.0 }, "steps": 3 })), @"DIR/sweep.partial.jsonl was begun with configuration.arm.beta2_deg = 60.0, and this command has 90.0: repeat the command that began it to go on with it, or take another folder, or delete it");
-        insta::assert_snapshot!(says(&path, &json!({ "arm": { "beta2_deg": 60.0, "mass2_kg": 36.0 }, "steps": 4 })), @"DIR/sweep.partial.jsonl was begun with configuration.steps = 3, and this command has 4: repeat the command that began it to go on with it, or take another folder, or delete it");
+        insta::assert_snapshot!(says(&path, &json!({ "arm": { "beta2_deg": 90.0, "mass2_kg": 36.0 }, "steps": 3 })), @"DIR/sweep.partial.jsonl was begun with configuration.arm.beta2_deg = 60.0, and this command has 90.0: repeat the command that began it to continue it, or take another folder, or delete it");
+        insta::assert_snapshot!(says(&path, &json!({ "arm": { "beta2_deg": 60.0, "mass2_kg": 36.0 }, "steps": 4 })), @"DIR/sweep.partial.jsonl was begun with configuration.steps = 3, and this command has 4: repeat the command that began it to continue it, or take another folder, or delete it");
         let header = std::fs::read_to_string(&path).unwrap();
         std::fs::write(&path, format!("{header}three\n")).unwrap();
         insta::assert_snapshot!(says(&path, &configuration), @"line 3 of DIR/sweep.partial.jsonl is no point: delete the file to begin anew");

@@ -1,8 +1,7 @@
-//! Parameter studies: many motions of the arm computed over all cores, in an order that can be stopped and gone on
-//! with.
+//! Parameter studies: many motions of the arm computed over all cores, which can be stopped and resumed.
 //!
 //! [`Chains`] are motions of which each begins where the one before ended, as in a stepped sweep. What is finished goes
-//! into a [`Journal`], so that a study that was stopped, or killed, goes on from there and gives the same bits; so do
+//! into a [`Journal`], so that a study that was stopped, or killed, continues from there and gives the same bits; so do
 //! [`Basins`], which say which initial states reach which stable motion. [`on_all_cores`] spreads independent jobs.
 
 mod basins;
@@ -24,7 +23,7 @@ use resonarm_analysis::time_domain::TimeDomainError;
 pub struct Control<'a> {
     /// Whether to stop; asked now and then.
     pub stop: &'a (dyn Fn() -> bool + Sync),
-    /// Told how many points are finished, after each.
+    /// Called after each point, with the number finished.
     pub done: &'a (dyn Fn(u64) + Sync),
 }
 

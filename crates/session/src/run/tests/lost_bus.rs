@@ -27,7 +27,7 @@ struct LostBus {
     lost_ns: Range<u64>,
     /// What comes in, the last first.
     incoming: Vec<(u64, Frame)>,
-    has_told: bool,
+    has_failed: bool,
 }
 
 impl LostBus {
@@ -57,7 +57,7 @@ impl Bus for LostBus {
         let now_ns = self.clock.now_ns();
         let mut next = self.incoming.pop_if(|(at_ns, _)| *at_ns <= now_ns);
         if self.loss == Loss::Silent && self.is_lost() {
-            if !core::mem::replace(&mut self.has_told, true) {
+            if !core::mem::replace(&mut self.has_failed, true) {
                 return Err(self.off());
             }
             next = None;
@@ -99,23 +99,23 @@ fn exciter_beside(loss: Loss, lost_ns: Range<u64>, rearm: u32) -> (ExciterReport
     let heartbeat = |state| Message::Heartbeat(Heartbeat { node: Node::Plant, state });
     let rate_hz = scenario.wire_rate_hz().unwrap();
     let leaving = Emergency { node: Node::Plant, code: EmergencyCode::Leaving, detail: 0, sample: 0 };
-    let mut told = vec![(0, Message::PlantHello(Hello::new(network.profile(), rate_hz)))];
-    told.extend([200, 300].map(|ms| (ms * MS, heartbeat(NodeState::Operational))));
-    told.extend((0..2).flat_map(sample).map(|message| (310 * MS, message)));
-    told.extend([400, 500, 600].map(|ms| (ms * MS, heartbeat(NodeState::Operational))));
+    let mut messages = vec![(0, Message::PlantHello(Hello::new(network.profile(), rate_hz)))];
+    messages.extend([200, 300].map(|ms| (ms * MS, heartbeat(NodeState::Operational))));
+    messages.extend((0..2).flat_map(sample).map(|message| (310 * MS, message)));
+    messages.extend([400, 500, 600].map(|ms| (ms * MS, heartbeat(NodeState::Operational))));
     if loss == Loss::Silent {
-        told.push((660 * MS, heartbeat(NodeState::Operational)));
+        messages.push((660 * MS, heartbeat(NodeState::Operational)));
     }
-    told.extend((700..1200).step_by(100).map(|ms| (ms * MS, heartbeat(NodeState::PreOperational))));
-    told.extend((1200..1500).step_by(100).map(|ms| (ms * MS, heartbeat(NodeState::Operational))));
-    told.push((1500 * MS, Message::Emergency(leaving)));
+    messages.extend((700..1200).step_by(100).map(|ms| (ms * MS, heartbeat(NodeState::PreOperational))));
+    messages.extend((1200..1500).step_by(100).map(|ms| (ms * MS, heartbeat(NodeState::Operational))));
+    messages.push((1500 * MS, Message::Emergency(leaving)));
     let mut transmitter = Transmitter::new(network);
     let mut incoming: Vec<_> =
-        told.iter().map(|(at_ns, message)| (*at_ns, transmitter.frame(message).unwrap())).collect();
+        messages.iter().map(|(at_ns, message)| (*at_ns, transmitter.frame(message).unwrap())).collect();
     incoming.reverse();
     let clock = ScriptedClock::default();
     let mut node = NodeBus::new(&scenario, Mode::RealTime, &clock).exciter;
-    let mut bus = LostBus { clock: clock.clone(), loss, lost_ns, incoming, has_told: false };
+    let mut bus = LostBus { clock: clock.clone(), loss, lost_ns, incoming, has_failed: false };
     let patience = Patience { wait: None, rearm, plant_ended: None };
     let report = exciter::run(&mut node, &mut bus, &clock, patience, (&Signals::default(), None));
     (report, clock.now_ns())
@@ -165,7 +165,7 @@ fn an_exciter_does_not_wait_without_end_for_its_bus() {
 #[test]
 fn bus_off_is_called_bus_off() {
     let (report, _) = exciter_beside(Loss::Silent, 300 * MS..650 * MS, 0);
-    insta::assert_snapshot!(ExciterEnd::from(&report).reason.unwrap(), @"fault of the exciter, code 9: bus-off, or frames could not be sent (0 frames), at sample 0, since its controller was bus-off; to mend it: check bit rate, wiring and the two terminations of 120 Ω: there were too many transmit errors");
+    insta::assert_snapshot!(ExciterEnd::from(&report).reason.unwrap(), @"fault of the exciter, code 9: bus-off, or frames could not be sent (0 frames), at sample 0, since its controller was bus-off; to fix it: check bit rate, wiring and the two terminations of 120 Ω: there were too many transmit errors");
 }
 
 /// Of the two commands that answer the samples at 0.31 s one takes the other's place.

@@ -49,7 +49,7 @@ fn on_a_bus_that_carries_them_frames_that_take_their_time_change_no_state() {
 }
 
 #[test]
-fn on_a_bus_that_is_too_slow_samples_are_missed_and_told() {
+fn on_a_bus_that_is_too_slow_samples_are_missed_and_reported() {
     let folder = tempfile::tempdir().unwrap();
     let mut session = session("", &folder);
     session.network = Network::Real(Some(timed::Spec::new(BitRates::classical(400_000))));

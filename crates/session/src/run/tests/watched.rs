@@ -21,7 +21,7 @@ fn events(recording: &Recording) -> Vec<(String, i64)> {
 }
 
 #[test]
-fn a_run_that_is_watched_is_the_same_and_tells_all_that_is_recorded() {
+fn a_watched_run_is_the_same_and_passes_on_all_that_is_recorded() {
     let folder = tempfile::tempdir().unwrap();
     let alone = session(&folder, "alone.mcap").both(&Signals::default(), |_| {}).unwrap();
     let (watch, mut watcher) = watch();
@@ -29,10 +29,10 @@ fn a_run_that_is_watched_is_the_same_and_tells_all_that_is_recorded() {
     let seen = session(&folder, "seen.mcap").watched(watch).both(&Signals::default(), |_| {}).unwrap();
     let (recording, bytes) = recorded(&seen.plant);
     assert_eq!(bytes, recorded(&alone.plant).1);
-    let (mut told, mut responses) = (Vec::new(), Vec::new());
+    let (mut records, mut responses) = (Vec::new(), Vec::new());
     watcher.take(usize::MAX, |end, one| match (end, one) {
-        (End::Plant, Told::Record(record)) => told.push(*record),
-        (End::ExciterBesidePlant, Told::Response(point)) => responses.push(*point),
+        (End::Plant, Notice::Record(record)) => records.push(*record),
+        (End::ExciterBesidePlant, Notice::Response(point)) => responses.push(*point),
         other => panic!("{other:?}"),
     });
     assert_eq!(watcher.lost(), 0);
@@ -42,18 +42,18 @@ fn a_run_that_is_watched_is_the_same_and_tells_all_that_is_recorded() {
         _ => None,
     };
     let states: Vec<_> = recording.states().unwrap().map(Result::unwrap).collect();
-    assert_eq!(told.iter().filter_map(pick).collect::<Vec<_>>(), states);
-    let samples = told.iter().filter_map(|record| match record {
+    assert_eq!(records.iter().filter_map(pick).collect::<Vec<_>>(), states);
+    let samples = records.iter().filter_map(|record| match record {
         Record::Sample(sample) => Some(*sample),
         _ => None,
     });
     assert!(samples.eq(recording.samples().unwrap().map(Result::unwrap)));
-    let frames = told.iter().filter_map(|record| match record {
+    let frames = records.iter().filter_map(|record| match record {
         Record::Frame(frame) => Some(*frame),
         _ => None,
     });
     assert!(frames.eq(recording.frames().unwrap().map(Result::unwrap)));
-    let named = told.iter().filter_map(|record| match record {
+    let named = records.iter().filter_map(|record| match record {
         Record::Event(event) => Some((event.name.to_owned(), event.value)),
         _ => None,
     });
@@ -125,25 +125,25 @@ fn a_set_point_becomes_commands_that_pass_the_gate() {
     let (recording, _) = recorded(&report.plant);
     let largest_n = recording.states().unwrap().map(|state| state.unwrap().force_n[0].abs()).fold(0.0, f64::max);
     assert!((largest_n / set.load - 1.0).abs() < 2e-3, "{largest_n}");
-    let told = events(&recording);
+    let events = events(&recording);
     let thousandths = (set.load * 1e3).round() as i64;
     let expected = [("request.load_thousandths", thousandths), ("request.frequency_mhz", 15_000)];
-    assert!(expected.iter().all(|(name, value)| told.contains(&((*name).to_owned(), *value))), "{told:?}");
-    // What the controller did not take is told by the exciter, beside which the plant records what was asked.
+    assert!(expected.iter().all(|(name, value)| events.contains(&((*name).to_owned(), *value))), "{events:?}");
+    // The exciter reports that the controller refused the request; the plant beside it records what was asked.
     let (mut names, mut set_points) = (Vec::new(), Vec::new());
     watcher.take(usize::MAX, |end, one| match (end, one) {
-        (End::ExciterBesidePlant, Told::Record(Record::Event(event))) => names.push(event.name),
-        (End::ExciterBesidePlant, Told::SetPoint(set_point)) => set_points.push(*set_point),
-        (End::Plant | End::CoreWatch, Told::SetPoint(_)) => panic!("only an exciter has a set-point"),
+        (End::ExciterBesidePlant, Notice::Record(Record::Event(event))) => names.push(event.name),
+        (End::ExciterBesidePlant, Notice::SetPoint(set_point)) => set_points.push(*set_point),
+        (End::Plant | End::CoreWatch, Notice::SetPoint(_)) => panic!("only an exciter has a set-point"),
         _ => {}
     });
     assert_eq!(names, ["request.refused"]);
     assert_eq!(set_points, [set]);
 }
 
-/// What an exciter alone sends and receives, as it sees it; that of one beside a plant the plant tells.
+/// The frames of an exciter alone, as it sees them; those of one beside a plant are passed on by the plant.
 #[test]
-fn an_exciter_alone_tells_its_frames_and_one_beside_a_plant_none() {
+fn an_exciter_alone_passes_on_its_frames_and_one_beside_a_plant_none() {
     let [mut near, mut far] = memory::pair(1024);
     let session = Session::new(scenario(), Mode::Lockstep, Options::default()).unwrap();
     let ((alone, mut watcher), (beside, mut plant_watcher)) = (watch(), watch());
@@ -157,7 +157,7 @@ fn an_exciter_alone_tells_its_frames_and_one_beside_a_plant_none() {
     let frames = |watcher: &mut Watcher| {
         let mut frames = Vec::new();
         watcher.take(usize::MAX, |_, one| {
-            if let Told::Record(Record::Frame(frame)) = one {
+            if let Notice::Record(Record::Frame(frame)) = one {
                 frames.push(*frame);
             }
         });
