@@ -1,6 +1,6 @@
 //! Any CAN adapter that the Python package python-can knows, through an embedded interpreter (feature `python-can`).
 //!
-//! Two bridge threads hold the Python side; between them and the caller stand bounded queues, so that the methods of
+//! Two bridge threads hold the Python side; between them and the caller are bounded queues, so that the methods of
 //! [`Bus`] never meet the interpreter's lock. A frame takes tens of microseconds each way; use a native backend where
 //! there is one. A caller that is no real-time thread can do without the threads: [`Bus::work_on_caller`].
 //!
@@ -11,8 +11,8 @@
 //! interface of python-can 4.6 that hands over error frames keeps it up to date, and its PASSIVE is that of a listener
 //! for most.
 //!
-//! Of the frames that are lost before python-can has them, those that found the kernel's receive queue of its
-//! `socketcan` full are counted in [`Statistics::dropped`]; no other driver of python-can tells.
+//! Frames lost before python-can has them are counted in [`Statistics::dropped`] if they met a full receive queue in
+//! the kernel of its `socketcan`; no other driver of python-can reports losses.
 
 extern crate alloc;
 
@@ -43,7 +43,7 @@ use direct::Direct;
 pub use error::{Operation, PythonCanError};
 use message::{ErrorFrames, Incoming};
 use options::{Options, Value};
-use resonarm_bus::socketcan::Told;
+use resonarm_bus::socketcan::ControllerReports;
 use resonarm_bus::{Bus, BusAddress, BusError, ControllerState, Filter, Received, Sent, Statistics};
 
 /// Frames and error frames that wait to be received at most; what comes in beyond is lost and counted in
@@ -59,14 +59,14 @@ const PATIENCE: Duration = Duration::from_secs(3);
 /// One end of a bus behind a python-can interface.
 ///
 /// An exception raised while sending or receiving comes out of the next [`Bus::send`], [`Bus::receive`] or
-/// [`Bus::wait`], once; a frame that could not be sent is lost with it. The bridge goes on, so the caller decides
-/// whether to.
+/// [`Bus::wait`], once; a frame that could not be sent is lost with it. The bridge keeps running; the caller decides
+/// whether to continue.
 pub struct PythonCan {
     name: String,
     outgoing: Producer<Frame>,
-    /// What its controller is called where it tells of itself.
+    /// The name of its controller in messages.
     controller: String,
-    told: Told,
+    reports: ControllerReports,
     incoming: Consumer<Incoming>,
     failures: [Consumer<PythonCanError>; 2],
     requests: mpsc::Sender<FilterRequest>,
@@ -75,7 +75,7 @@ pub struct PythonCan {
     receiver: Option<JoinHandle<()>>,
     outcome: mpsc::Receiver<Result<(), PythonCanError>>,
     statistics: Statistics,
-    /// What the threads work with, for the caller to go on with; `None` once it does, or after the end.
+    /// What the threads work with, to be handed to the caller; `None` once it has it, or after the end.
     spare: Option<Direct>,
     /// The bus on the calling thread, once it works there.
     direct: Option<Direct>,
@@ -84,11 +84,11 @@ pub struct PythonCan {
 impl PythonCan {
     /// Opens `can.Bus(interface=…, channel=…, …)`. `options` are its keyword arguments: `interface` is required,
     /// `channel` stays text, every other value is read as in python-can's configuration files (integer, float, `true`,
-    /// `false`, else text). python-can fills in what its own configuration files and environment variables say. Blocks
-    /// until the driver has opened the adapter (`slcan` waits two seconds unless told `sleep_after_open=0.0`).
+    /// `false`, otherwise text). python-can adds the values of its configuration files and environment variables.
+    /// Blocks until the driver has opened the adapter (`slcan` waits two seconds without `sleep_after_open=0.0`).
     ///
-    /// Python is looked for in VIRTUAL_ENV, else in a `.venv` in the working directory or above it, else in the
-    /// interpreter this program was built with. Ctrl-C stays with this program: no signal handler of Python is
+    /// python-can is looked for in VIRTUAL_ENV, otherwise in a `.venv` in the working directory or above it, otherwise
+    /// in the interpreter this program was built with. Ctrl-C stays with this program: no signal handler of Python is
     /// installed.
     ///
     /// # Errors
@@ -162,7 +162,7 @@ impl PythonCan {
         Ok(PythonCan {
             name: String::from("python-can"),
             controller: String::from("python-can"),
-            told: Told::default(),
+            reports: ControllerReports::default(),
             outgoing,
             incoming,
             failures: [send_failures, receive_failures],
@@ -199,20 +199,19 @@ impl PythonCan {
         Ok(outcome?)
     }
 
-    /// Whether what the threads took in holds something that [`Bus::receive`] gives out. Error frames before that are
-    /// counted.
-    fn has_incoming(incoming: &mut Consumer<Incoming>, told: &mut Told) -> bool {
+    /// Whether the threads took in a frame that [`Bus::receive`] gives out. Error frames before it are counted.
+    fn has_incoming(incoming: &mut Consumer<Incoming>, reports: &mut ControllerReports) -> bool {
         while let Ok(next) = incoming.peek() {
             if next.is_given_out() {
                 return true;
             }
-            next.note(told);
+            next.note(reports);
             let _ = incoming.pop();
         }
         false
     }
 
-    /// The oldest failure not yet told.
+    /// Returns the oldest failure not yet reported.
     fn check_failures(&mut self) -> Result<(), BusError> {
         match self.failures.iter_mut().find_map(|failures| failures.pop().ok()) {
             Some(failure) => Err(failure.into()),
@@ -249,14 +248,14 @@ impl Bus for PythonCan {
     fn receive(&mut self) -> Result<Option<Received>, BusError> {
         self.check_open()?;
         loop {
-            // What the threads have taken in comes first.
+            // Frames that the threads have taken in come first.
             let next = match (self.incoming.pop(), &mut self.direct) {
                 (Ok(incoming), _) => Some(incoming),
                 (Err(_), Some(direct)) => direct.receive()?,
                 (Err(_), None) => None,
             };
             let Some(next) = next else { return self.check_failures().map(|()| None) };
-            next.note(&mut self.told);
+            next.note(&mut self.reports);
             if next.is_bus_off() {
                 return Err(BusError::BusOff { interface: self.controller.clone() });
             }
@@ -269,16 +268,16 @@ impl Bus for PythonCan {
 
     fn wait(&mut self, timeout: Duration) -> Result<bool, BusError> {
         self.check_open()?;
-        let PythonCan { incoming, told, failures, shared, direct, .. } = self;
-        if PythonCan::has_incoming(incoming, told) {
+        let PythonCan { incoming, reports, failures, shared, direct, .. } = self;
+        if PythonCan::has_incoming(incoming, reports) {
             return Ok(true);
         }
         if let Some(direct) = direct {
-            return Ok(direct.wait(timeout, told)?);
+            return Ok(direct.wait(timeout, reports)?);
         }
-        let is_idle = || !PythonCan::has_incoming(incoming, told) && failures.iter().all(Consumer::is_empty);
+        let is_idle = || !PythonCan::has_incoming(incoming, reports) && failures.iter().all(Consumer::is_empty);
         shared.wait_while(timeout, is_idle);
-        if PythonCan::has_incoming(incoming, told) {
+        if PythonCan::has_incoming(incoming, reports) {
             return Ok(true);
         }
         self.check_failures().map(|()| false)
@@ -302,11 +301,11 @@ impl Bus for PythonCan {
         if let Some(direct) = &self.direct {
             direct.count_drops();
         }
-        Statistics { dropped: self.shared.dropped(), errors: self.told.errors, ..self.statistics }
+        Statistics { dropped: self.shared.dropped(), errors: self.reports.errors, ..self.statistics }
     }
 
     fn controller(&self) -> ControllerState {
-        self.told.state
+        self.reports.state
     }
 
     fn work_on_caller(&mut self) -> Result<(), BusError> {
@@ -331,7 +330,7 @@ impl Bus for PythonCan {
 
 impl Drop for PythonCan {
     fn drop(&mut self) {
-        // Whoever wants to know what goes wrong here calls `close`.
+        // To see an error of closing, call `close`.
         let _ = self.close();
     }
 }
@@ -343,7 +342,7 @@ fn spawn(name: &str, run: impl FnOnce() + Send + 'static) -> Result<JoinHandle<(
 /// The release of the python-can that [`PythonCan::open`] would take, as "4.5.0".
 ///
 /// # Errors
-/// [`PythonCanError`] as [`PythonCan::open`] says it: python-can is missing, or the environment doesn't fit.
+/// [`PythonCanError`] as of [`PythonCan::open`]: python-can is missing, or the environment doesn't fit.
 pub fn version() -> Result<String, PythonCanError> {
     start_python()?;
     Python::attach(|py| {
@@ -380,15 +379,15 @@ fn open_bus(py: Python<'_>, options: &Options) -> Result<(Py<PyAny>, Py<PyAny>),
     open().map_err(|error| exception(py, Operation::Open, error))
 }
 
-/// The socket that python-can's `socketcan` reads from, once it has told its losses, as it is asked to before each
-/// frame.
+/// The socket that python-can's `socketcan` reads from, after checking that it reports its losses, which it is asked
+/// before each frame.
 fn counting_socket(bus: &Py<PyAny>, py: Python<'_>) -> Result<Py<PyAny>, PythonCanError> {
-    let told = || -> PyResult<Py<PyAny>> {
+    let socket = || -> PyResult<Py<PyAny>> {
         let socket = bus.getattr(py, "socket")?;
         kernel_drops(socket.bind(py))?;
         Ok(socket)
     };
-    told().map_err(|error| exception(py, Operation::Open, error))
+    socket().map_err(|error| exception(py, Operation::Open, error))
 }
 
 /// `can.VALID_INTERFACES` holds the interfaces of python-can and of its installed plug-ins.

@@ -12,8 +12,8 @@ use super::unit;
 
 /// The readings, and the command.
 const CHANNELS: usize = Measurement::CHANNELS + 1;
-/// Clipped readings are left out of the fit: with five harmonics fitted to the others, amplitudes are right to parts in a
-/// thousand where a third of the readings is clipped.
+/// Clipped readings are left out of the fit: with five harmonics fitted to the others, amplitudes are right to parts in
+/// a thousand where a third of the readings is clipped.
 ///
 /// Constant, and sine and cosine of five orders: a clipped wave needs more of them than an unclipped one, or the rest
 /// is shifted.
