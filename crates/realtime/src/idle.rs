@@ -38,7 +38,7 @@ impl CoresAwake {
             wanted: Wanted::CoresAwake,
             what: "cores kept awake".to_owned(),
             why: format!("{}: {error}", interface.display()),
-            mend: format!("`sudo setfacl -m u:$USER:w {INTERFACE}`, or run as root; where there is no such file, boot with `idle=poll`"),
+            fix: format!("`sudo setfacl -m u:$USER:w {INTERFACE}`, or run as root; where there is no such file, boot with `idle=poll`"),
         })
     }
 }

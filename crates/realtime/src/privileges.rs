@@ -60,7 +60,7 @@ impl Privileges {
             Finding {
                 subject: "kernel preemption",
                 state: if self.preempt_rt { "PREEMPT_RT" } else { "not PREEMPT_RT" }.to_owned(),
-                mend: (!self.preempt_rt).then(|| {
+                fix: (!self.preempt_rt).then(|| {
                     "for bounded wake-up latency boot a real-time kernel: `apt install linux-image-rt-amd64` (Debian), \
                      `pro enable realtime-kernel` (Ubuntu)"
                         .to_owned()
@@ -72,39 +72,39 @@ impl Privileges {
     }
 
     fn scheduling(&self) -> Finding {
-        let (state, mend) = match self.fifo_priority_max {
+        let (state, fix) = match self.fifo_priority_max {
             Some(max) if max >= FifoPriority::DEFAULT => (format!("SCHED_FIFO up to priority {}", max.get()), None),
             Some(max) => (format!("SCHED_FIFO only up to priority {}", max.get()), Some(fix_for_priority())),
             None => ("no SCHED_FIFO".to_owned(), Some(fix_for_priority())),
         };
-        Finding { subject: "real-time scheduling", state, mend }
+        Finding { subject: "real-time scheduling", state, fix }
     }
 
     fn memory(&self) -> Finding {
-        let (state, mend) = match self.memory_lock_limit_bytes {
+        let (state, fix) = match self.memory_lock_limit_bytes {
             None => ("may be locked into RAM without limit".to_owned(), None),
             Some(limit) => {
                 (format!("at most {} KiB may be locked into RAM", limit / 1024), Some(fix_for_memory_lock()))
             }
         };
-        Finding { subject: "memory", state, mend }
+        Finding { subject: "memory", state, fix }
     }
 
     fn clock(&self) -> Finding {
-        let mend = (self.clock_resolution_ns > CLOCK_RESOLUTION_WANTED_NS)
+        let fix = (self.clock_resolution_ns > CLOCK_RESOLUTION_WANTED_NS)
             .then(|| "boot a kernel with high-resolution timers (CONFIG_HIGH_RES_TIMERS, no `highres=off`)".to_owned());
-        Finding { subject: "monotonic clock", state: format!("resolution {} ns", self.clock_resolution_ns), mend }
+        Finding { subject: "monotonic clock", state: format!("resolution {} ns", self.clock_resolution_ns), fix }
     }
 
     fn cores(&self) -> Finding {
         let Some(allowed) = &self.allowed_cores else {
-            return Finding { subject: "cores", state: "not reported by this system".to_owned(), mend: None };
+            return Finding { subject: "cores", state: "not reported by this system".to_owned(), fix: None };
         };
         let state = format!("{allowed:?} allowed, {:?} isolated", self.isolated_cores);
         // The only core can't be given away. The last one is as good as any, and not core 0, which serves the
         // interrupts.
         let spare = allowed.last().filter(|_| allowed.len() > 1 && self.isolated_cores.is_empty());
-        let mend = spare.map(|core| {
+        let fix = spare.map(|core| {
             let others: Vec<String> = allowed.iter().filter(|other| *other != core).map(usize::to_string).collect();
             format!(
                 "to keep a core for the loop, other threads' work and interrupts off it, boot with \
@@ -112,11 +112,11 @@ impl Privileges {
                 others.join(",")
             )
         });
-        Finding { subject: "cores", state, mend }
+        Finding { subject: "cores", state, fix }
     }
 
     fn frequency_governor(&self) -> Finding {
-        let (state, mend) = match self.governor.as_deref() {
+        let (state, fix) = match self.governor.as_deref() {
             None => ("not reported by this system".to_owned(), None),
             Some("performance") => ("performance".to_owned(), None),
             Some(other) => (
@@ -124,7 +124,7 @@ impl Privileges {
                 Some("for steady execution times: `sudo cpupower frequency-set -g performance`".to_owned()),
             ),
         };
-        Finding { subject: "frequency governor", state, mend }
+        Finding { subject: "frequency governor", state, fix }
     }
 }
 
@@ -136,7 +136,8 @@ pub struct Finding {
     /// Its state.
     pub state: String,
     /// How to improve it; `None` if it is well.
-    pub mend: Option<String>,
+    #[serde(rename = "mend")]
+    pub fix: Option<String>,
 }
 
 /// The cores that the calling thread may run on.
@@ -224,8 +225,8 @@ mod tests {
     }
 
     fn report(privileges: &Privileges) -> String {
-        let line = |finding: Finding| match finding.mend {
-            Some(mend) => format!("{}: {}; to fix: {mend}", finding.subject, finding.state),
+        let line = |finding: Finding| match finding.fix {
+            Some(fix) => format!("{}: {}; to fix: {fix}", finding.subject, finding.state),
             None => format!("{}: {}", finding.subject, finding.state),
         };
         privileges.findings().into_iter().map(line).collect::<Vec<_>>().join("\n")

@@ -214,35 +214,36 @@ pub struct Shortfall {
     /// What the system said.
     pub why: String,
     /// How to get it.
-    pub mend: String,
+    #[serde(rename = "mend")]
+    pub fix: String,
 }
 
 impl Shortfall {
     fn priority(priority: FifoPriority, error: Errno) -> Self {
         let what = format!("SCHED_FIFO priority {}", priority.get());
-        Self { wanted: Wanted::Priority, what, why: error.to_string(), mend: fix_for_priority() }
+        Self { wanted: Wanted::Priority, what, why: error.to_string(), fix: fix_for_priority() }
     }
 
     fn memory(error: Errno) -> Self {
         let what = "memory locked into RAM".to_owned();
-        Self { wanted: Wanted::MemoryLock, what, why: error.to_string(), mend: fix_for_memory_lock() }
+        Self { wanted: Wanted::MemoryLock, what, why: error.to_string(), fix: fix_for_memory_lock() }
     }
 
     fn core(core: usize, error: Errno) -> Self {
         let allowed = allowed_cores().map_or_else(|error| error.to_string(), |cores| format!("{cores:?}"));
-        let mend = format!("choose a core that this process may use: {allowed}");
-        Self { wanted: Wanted::Core, what: format!("core {core}"), why: error.to_string(), mend }
+        let fix = format!("choose a core that this process may use: {allowed}");
+        Self { wanted: Wanted::Core, what: format!("core {core}"), why: error.to_string(), fix }
     }
 
     fn timer_slack(error: Errno) -> Self {
-        let mend = "real-time scheduling makes it unnecessary".to_owned();
-        Self { wanted: Wanted::TimerSlack, what: "timers without slack".to_owned(), why: error.to_string(), mend }
+        let fix = "real-time scheduling makes it unnecessary".to_owned();
+        Self { wanted: Wanted::TimerSlack, what: "timers without slack".to_owned(), why: error.to_string(), fix }
     }
 }
 
 impl fmt::Display for Shortfall {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        write!(f, "no {}: {}; to fix: {}", self.what, self.why, self.mend)
+        write!(f, "no {}: {}; to fix: {}", self.what, self.why, self.fix)
     }
 }
 
@@ -374,7 +375,7 @@ mod tests {
             assert_eq!(report.shortfalls[0].wanted, Wanted::Core);
         }
         let shortfall = Shortfall {
-            mend: "choose a core that this process may use: [0, 1]".to_owned(),
+            fix: "choose a core that this process may use: [0, 1]".to_owned(),
             ..Shortfall::core(9, Errno::INVAL)
         };
         insta::assert_snapshot!(shortfall, @"no core 9: Invalid argument (os error 22); to fix: choose a core that this process may use: [0, 1]");

@@ -44,11 +44,11 @@ impl Doctor {
 /// The findings for people, with the fixes.
 pub(crate) fn in_words(findings: &[Finding]) -> String {
     let mut text = String::new();
-    for Finding { subject, state, mend } in findings {
-        let mark = if mend.is_none() { "ok  " } else { "fix " };
+    for Finding { subject, state, fix } in findings {
+        let mark = if fix.is_none() { "ok  " } else { "fix " };
         let _infallible = writeln!(text, "{mark}  {subject:21} {state}");
-        if let Some(mend) = mend {
-            let _infallible = writeln!(text, "      {:21} {mend}", "");
+        if let Some(fix) = fix {
+            let _infallible = writeln!(text, "      {:21} {fix}", "");
         }
     }
     text
@@ -57,8 +57,8 @@ pub(crate) fn in_words(findings: &[Finding]) -> String {
 fn can() -> Finding {
     let subject = "SocketCAN";
     match socketcan::supported() {
-        Ok(()) => Finding { subject, state: String::from("the kernel has it"), mend: None },
-        Err(error) => Finding { subject, state: String::from("not available"), mend: Some(error.to_string()) },
+        Ok(()) => Finding { subject, state: String::from("the kernel has it"), fix: None },
+        Err(error) => Finding { subject, state: String::from("not available"), fix: Some(error.to_string()) },
     }
 }
 
@@ -67,10 +67,10 @@ fn interfaces() -> Finding {
     let create = "`sudo ip link add vcan0 type vcan && sudo ip link set vcan0 mtu 72 up` makes a virtual one";
     match socketcan::interfaces() {
         Ok(names) if names.is_empty() => {
-            Finding { subject, state: String::from("none"), mend: Some(String::from(create)) }
+            Finding { subject, state: String::from("none"), fix: Some(String::from(create)) }
         }
-        Ok(names) => Finding { subject, state: names.join(", "), mend: None },
-        Err(error) => Finding { subject, state: error.to_string(), mend: Some(String::from(create)) },
+        Ok(names) => Finding { subject, state: names.join(", "), fix: None },
+        Err(error) => Finding { subject, state: error.to_string(), fix: Some(String::from(create)) },
     }
 }
 
@@ -78,13 +78,13 @@ fn interfaces() -> Finding {
 fn python_can() -> Finding {
     let subject = "python-can";
     match resonarm::bus::python_can::version() {
-        Ok(version) => Finding { subject, state: version, mend: None },
-        Err(error) => Finding { subject, state: String::from("not available"), mend: Some(error.to_string()) },
+        Ok(version) => Finding { subject, state: version, fix: None },
+        Err(error) => Finding { subject, state: String::from("not available"), fix: Some(error.to_string()) },
     }
 }
 
 #[cfg(not(feature = "python-can"))]
 fn python_can() -> Finding {
-    let mend = "`cargo build --release --features python-can` makes a build that reaches its adapters";
-    Finding { subject: "python-can", state: String::from("not in this build"), mend: Some(String::from(mend)) }
+    let fix = "`cargo build --release --features python-can` makes a build that reaches its adapters";
+    Finding { subject: "python-can", state: String::from("not in this build"), fix: Some(String::from(fix)) }
 }

@@ -40,8 +40,8 @@ pub(super) fn findings() -> Vec<Finding> {
 fn transmit_queues() -> Vec<Finding> {
     let Ok(output) = Command::new("ip").args(["-json", "link", "show"]).output() else {
         let state = String::from("not known: there is no `ip`");
-        let mend = Some(String::from("`sudo apt-get install iproute2`; CAN interfaces are set up with it"));
-        return vec![Finding { subject: "transmit queue", state, mend }];
+        let fix = Some(String::from("`sudo apt-get install iproute2`; CAN interfaces are set up with it"));
+        return vec![Finding { subject: "transmit queue", state, fix }];
     };
     let links: Vec<Link> = serde_json::from_slice(&output.stdout).unwrap_or_default();
     links.iter().filter(|link| link.link_type == "can").map(transmit_queue).collect()
@@ -49,7 +49,7 @@ fn transmit_queues() -> Vec<Finding> {
 
 fn transmit_queue(link: &Link) -> Finding {
     let Link { ifname, qdisc, txqlen, .. } = link;
-    let mend = if qdisc == "noqueue" {
+    let fix = if qdisc == "noqueue" {
         None
     } else if !IN_ORDER.contains(&qdisc.as_str()) && qdisc != "noop" {
         Some(format!(
@@ -62,7 +62,7 @@ fn transmit_queue(link: &Link) -> Finding {
     };
     let state =
         if qdisc == "noqueue" { format!("{ifname}: none") } else { format!("{ifname}: {txqlen} frames, {qdisc}") };
-    Finding { subject: "transmit queue", state, mend }
+    Finding { subject: "transmit queue", state, fix }
 }
 
 /// A limit of the kernel; `None` where it is not visible, as in most containers.
@@ -73,9 +73,8 @@ fn limit(subject: &'static str, name: &str, least: usize, unit: &str) -> Option<
 
 fn judge(subject: &'static str, name: &str, got: usize, least: usize, unit: &str) -> Finding {
     let state = format!("at most {got} {unit} (net.core.{name})");
-    let mend =
-        (got < least).then(|| format!("`sudo sysctl net.core.{name}={least}` allows what this program asks for"));
-    Finding { subject, state, mend }
+    let fix = (got < least).then(|| format!("`sudo sysctl net.core.{name}={least}` allows what this program asks for"));
+    Finding { subject, state, fix }
 }
 
 #[cfg(test)]
@@ -83,7 +82,7 @@ mod tests {
     use super::*;
 
     fn text(finding: &Finding) -> String {
-        format!("{} | {}", finding.state, finding.mend.as_deref().unwrap_or("ok"))
+        format!("{} | {}", finding.state, finding.fix.as_deref().unwrap_or("ok"))
     }
 
     #[test]

@@ -25,18 +25,18 @@ fn finding(root: &Path, name: &str) -> Option<Finding> {
     let driver =
         driver.as_deref().and_then(Path::file_name).map_or("driver unknown".into(), |name| name.to_string_lossy());
     let Some(interrupt) = interrupt(&device) else {
-        return Some(Finding { subject, state: format!("{name}: {driver}, interrupt not known"), mend: None });
+        return Some(Finding { subject, state: format!("{name}: {driver}, interrupt not known"), fix: None });
     };
     let list = format!("proc/irq/{interrupt}/smp_affinity_list");
     let cores = fs::read_to_string(root.join(&list)).map_or(String::from("unknown"), |text| text.trim().to_owned());
-    let mend = cores.parse::<usize>().is_err().then(|| {
+    let fix = cores.parse::<usize>().is_err().then(|| {
         format!(
             "a driver without NAPI (gs_usb before Linux 6.6) lets frames of a burst overtake one another, unless one core \
              takes them in: `echo 0 | sudo tee /{list}`"
         )
     });
     let state = format!("{name}: {driver}, interrupt {interrupt} on cores {cores}");
-    Some(Finding { subject, state, mend })
+    Some(Finding { subject, state, fix })
 }
 
 /// The interrupt of the device, or of the controller that it is plugged into.
@@ -67,8 +67,8 @@ mod tests {
         fs::write(interrupt.join("smp_affinity_list"), cores).unwrap();
         symlink(&device, interface.join("device")).unwrap();
         symlink("../../../../bus/usb/drivers/gs_usb", device.join("driver")).unwrap();
-        let Finding { state, mend, .. } = finding(root, "can0").unwrap();
-        format!("{state} | {}", mend.as_deref().unwrap_or("ok"))
+        let Finding { state, fix, .. } = finding(root, "can0").unwrap();
+        format!("{state} | {}", fix.as_deref().unwrap_or("ok"))
     }
 
     #[test]

@@ -115,7 +115,7 @@ pub enum ScenarioError {
         got_hz: u16,
     },
     /// The excitation is more than the exciter can produce or the wire can carry.
-    #[error("{name} is {got}, beyond {limit_name}, {limit} {unit}: {mend}", got = short(.got), limit = short(.limit))]
+    #[error("{name} is {got}, beyond {limit_name}, {limit} {unit}: {fix}", got = short(.got), limit = short(.limit))]
     BeyondLimit {
         /// The key.
         name: String,
@@ -128,7 +128,7 @@ pub enum ScenarioError {
         /// The unit of both.
         unit: &'static str,
         /// How to fix it.
-        mend: &'static str,
+        fix: &'static str,
     },
     /// A load that does not point along the shaker.
     #[error(

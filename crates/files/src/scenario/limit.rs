@@ -52,8 +52,8 @@ fn check_shaker(
     let (got, limit) = (shaker.along_n(&amplitude.load()).abs(), shaker.force_limit_n());
     if got > limit {
         let (name, limit_name, unit) = (format!("{section}.amplitude"), "the shaker's blocked force", "N");
-        let mend = "lower it, or raise `current_limit_a` or `voltage_limit_v` of `rig.shaker` if it has more";
-        return Err(ScenarioError::BeyondLimit { name, got, limit_name, limit, unit, mend });
+        let fix = "lower it, or raise `current_limit_a` or `voltage_limit_v` of `rig.shaker` if it has more";
+        return Err(ScenarioError::BeyondLimit { name, got, limit_name, limit, unit, fix });
     }
     Ok(())
 }
@@ -73,19 +73,19 @@ fn check_axis(
         Profile::Fd => f64::from(got.abs() as f32),
     };
     if got.abs() > limit || sent > limit {
-        let mend = "lower it, or raise the limit if the exciter has more";
-        return Err(ScenarioError::BeyondLimit { name: name(), got, limit_name, limit, unit, mend });
+        let fix = "lower it, or raise the limit if the exciter has more";
+        return Err(ScenarioError::BeyondLimit { name: name(), got, limit_name, limit, unit, fix });
     }
     let range = scale.limit(profile);
     if sent > range {
-        let mend = "lower it, or take `network.profile = \"fd\"`: a command can't say more";
+        let fix = "lower it, or take `network.profile = \"fd\"`: a command can't say more";
         return Err(ScenarioError::BeyondLimit {
             name: name(),
             got,
             limit_name: "the range of the wire",
             limit: range,
             unit,
-            mend,
+            fix,
         });
     }
     Ok(())
