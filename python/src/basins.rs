@@ -5,8 +5,8 @@ use core::sync::atomic::{AtomicBool, Ordering};
 use pyo3::prelude::*;
 use pyo3::types::PyByteArray;
 use resonarm::analysis::time_domain::{self, Outcome, StateCoordinate, StroboscopicMap, TimeDomainError};
+use resonarm::arm::Sine;
 use resonarm::arm::State;
-use resonarm::integrate::Sine;
 use resonarm::plant::PlantSpecError;
 use resonarm::study::on_all_cores;
 

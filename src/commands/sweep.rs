@@ -16,8 +16,8 @@ use resonarm::analysis::time_domain::{
     Direction, Grid, StroboscopicMap, Sweep as SteppedSweep, SweepParameter, hysteresis,
 };
 use resonarm::analysis::{EndedEarly, Resonance, forced_response};
+use resonarm::arm::Sine;
 use resonarm::arm::{Arm, Load, Pose};
-use resonarm::integrate::Sine;
 use resonarm::scenario::{ArmSection, Scenario};
 use resonarm::study::{Chain, Chains, Point, StudyError, Walk};
 use resonarm_figures::plot::{Axis, Color, Dash, Figure, Legend, Marker, Panel, Series, Style};

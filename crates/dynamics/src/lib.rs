@@ -1,4 +1,5 @@
-//! The equations of motion of the arm, and the one-step methods that integrate them.
+//! The equations of motion of the arm, and the one-step methods that integrate them or any other system that
+//! implements [`integrate::Dynamics`].
 //!
 //! `no_std`: no clock, no thread, no file, no socket.
 #![cfg_attr(not(test), no_std)]
@@ -8,3 +9,4 @@ extern crate alloc;
 pub mod arm;
 pub mod ensemble;
 pub mod integrate;
+mod real;

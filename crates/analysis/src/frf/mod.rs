@@ -127,8 +127,9 @@ mod tests {
     use crate::modes;
     use crate::tests::arm_at;
     use proptest::prelude::*;
+    use resonarm_dynamics::arm::Sine;
     use resonarm_dynamics::arm::{Load, Parameters, Pose, Preset, State};
-    use resonarm_dynamics::integrate::{Integrator, Scheme, Sine};
+    use resonarm_dynamics::integrate::{Integrator, Scheme};
 
     proptest! {
         /// For an arm without dampers H is the sum over its modes φφᵀ/(ω_r² − ω²).

@@ -15,8 +15,8 @@ use super::settle::{CLOSURE, STRETCH};
 use super::{StroboscopicMap, TimeDomainError};
 use crate::orbit::{Branch, Orbit};
 use crate::{BranchOptions, Coordinate, EndedEarly, ForcedArm, forced_response, trace_doublings};
+use resonarm_dynamics::arm::Sine;
 use resonarm_dynamics::arm::{Arm, State};
-use resonarm_dynamics::integrate::Sine;
 
 /// The branch is walked between these multiples of the frequency to find the motions at it.
 const WINDOW: [f64; 2] = [0.75, 4.0 / 3.0];

@@ -7,9 +7,10 @@ use nalgebra::{Matrix4, Vector4};
 
 use super::TimeDomainError;
 use crate::modes;
+use resonarm_dynamics::arm::Sine;
 use resonarm_dynamics::arm::{Arm, State};
 use resonarm_dynamics::ensemble;
-use resonarm_dynamics::integrate::{Excitation, IntegrateError, Integrator, Scheme, Sine};
+use resonarm_dynamics::integrate::{Excitation, IntegrateError, Integrator, Scheme};
 
 /// The scheme: negligible damping at these steps, and two to ten times as fast here as the implicit ones.
 const SCHEME: Scheme = Scheme::Dop853;

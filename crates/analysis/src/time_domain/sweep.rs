@@ -9,7 +9,7 @@ use serde::{Deserialize, Serialize};
 
 use super::TimeDomainError;
 use resonarm_dynamics::arm::Load;
-use resonarm_dynamics::integrate::Sine;
+use resonarm_dynamics::arm::Sine;
 
 /// Most points of a sweep.
 const MOST_POINTS: u32 = 1_000_000;

@@ -74,7 +74,7 @@ struct CoilForce<'a> {
     start_s: f64,
 }
 
-impl Excitation for CoilForce<'_> {
+impl Excitation<Load> for CoilForce<'_> {
     fn load(&self, t_s: f64) -> Load {
         self.shaker.push(self.current.at((t_s - self.start_s) / self.shaker.step_s))
     }

@@ -42,7 +42,7 @@
 //!
 //! Beyond 0.4 `libm` computes S and V.
 
-use super::real::Real;
+use crate::real::Real;
 
 /// Up to this |α| the polynomials hold, rad.
 const LIMIT_RAD: f64 = 0.4;
@@ -169,8 +169,8 @@ fn polynomial<T: Real>(c: &[f64; 5], z: T, z2: T) -> T {
 mod tests {
     use wide::f64x4;
 
-    use super::super::real::{LANES, Lanes};
     use super::*;
+    use crate::real::{LANES, Lanes};
 
     const U: f64 = f64::EPSILON / 2.0;
 

@@ -14,9 +14,10 @@ use nalgebra::{Matrix2, Vector2};
 
 use super::angle::{Angle, Turn};
 use super::external::External;
-use super::kernel::{Coefficients, Motion, Rates};
-use super::real::Real;
+use super::kernel::Coefficients;
 use super::{Arm, ArmError, InverseDynamics, Load, State};
+use crate::integrate::{Motion, Rates};
+use crate::real::Real;
 
 /// A mass on a spring and a damper to the ground that follows the tip along one direction.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -40,7 +41,7 @@ pub(super) struct Attached {
 
 /// The constants of the attachment of one arm, or of several side by side.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub(crate) struct AttachedCoefficients<T> {
+pub(super) struct AttachedCoefficients<T> {
     /// m, kg; k, N/m; c, N·s/m.
     mass_kg: T,
     stiffness_n_m: T,
@@ -54,7 +55,7 @@ pub(crate) struct AttachedCoefficients<T> {
 
 /// The forces from outside under one load on an arm with an attachment.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub(crate) struct AttachedExternal<T> {
+pub(super) struct AttachedExternal<T> {
     /// The forces of the torques and the weight.
     torques: External<T>,
     /// The components of the force at the tip along the direction and across it, N.
@@ -213,7 +214,7 @@ impl<T: Real> AttachedCoefficients<T> {
         let (m11, m22) = (c.a1 + (t + t) + self.mass_kg * w1 * w1, c.a3 + self.mass_kg * w2 * w2);
         let inverse = T::splat(1.0) / (m11 * m22 - m12 * m12);
         Rates {
-            acceleration_rad_s2: [(m22 * r1 - m12 * r2) * inverse, (m11 * r2 - m12 * r1) * inverse],
+            acceleration: [(m22 * r1 - m12 * r2) * inverse, (m11 * r2 - m12 * r1) * inverse],
             power_w: c.power_w(motion.v, force) - damping_n * along.velocity_m_s,
         }
     }
@@ -276,7 +277,7 @@ impl Arm {
         self.attached.as_ref().map(|attached| &attached.attachment)
     }
 
-    pub(crate) fn attached_coefficients(&self) -> Option<&AttachedCoefficients<f64>> {
+    pub(super) fn attached_coefficients(&self) -> Option<&AttachedCoefficients<f64>> {
         self.attached.as_ref().map(|attached| &attached.coefficients)
     }
 

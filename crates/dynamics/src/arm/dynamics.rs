@@ -4,8 +4,8 @@ use nalgebra::{Matrix2, Vector2};
 
 use super::attachment::{AttachedExternal, solved};
 use super::external::External;
-use super::kernel::{Motion, Rates};
 use super::{Arm, Load, State};
+use crate::integrate::{Motion, Rates};
 
 /// Derivatives of α̈ with respect to the state, at one state and load.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -60,22 +60,22 @@ impl Arm {
 
     /// α̈ from Eq. (3), rad/s².
     pub fn acceleration(&self, state: &State, load: &Load) -> Vector2<f64> {
-        self.rates(state, load).acceleration_rad_s2.into()
+        self.rates_at(&state.into(), load).acceleration.into()
     }
 
     /// The same with the power.
     #[inline(always)]
-    pub(crate) fn rates(&self, state: &State, load: &Load) -> Rates<f64> {
-        let (c, motion) = (&self.coefficients, Motion::from(state));
+    pub(super) fn rates_at(&self, motion: &Motion<f64>, load: &Load) -> Rates<f64> {
+        let c = &self.coefficients;
         if let Some(attached) = &self.attached {
             let external = AttachedExternal::new(c, &attached.coefficients, load);
-            return attached.coefficients.rates_anywhere(c, &motion, &external);
+            return attached.coefficients.rates_anywhere(c, motion, &external);
         }
         let external = External::new(c, load);
         if external.follows_links {
-            c.rates_anywhere::<true>(&motion, &external)
+            c.rates_anywhere::<true>(motion, &external)
         } else {
-            c.rates_anywhere::<false>(&motion, &external)
+            c.rates_anywhere::<false>(motion, &external)
         }
     }
 

@@ -1,7 +1,7 @@
 //! Energy and power, for the energy balance of a simulation.
 
-use super::kernel::Motion;
 use super::{Arm, Load, State};
+use crate::integrate::Motion;
 
 /// The energy in the arm, J.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -41,7 +41,7 @@ impl Arm {
     }
 
     /// The energy without the weight's, J.
-    pub(crate) fn energy_of_motion_and_springs_j(&self, motion: &Motion<f64>) -> f64 {
+    pub(super) fn energy_of_motion_and_springs_j(&self, motion: &Motion<f64>) -> f64 {
         let own_j = self.coefficients.energy_j::<true>(motion);
         self.attached.as_ref().map_or(own_j, |attached| own_j + attached.coefficients.energy_j::<true>(motion))
     }

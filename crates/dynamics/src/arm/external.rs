@@ -13,7 +13,7 @@
 use super::Load;
 use super::angle::{Angle, Turn};
 use super::kernel::Coefficients;
-use super::real::Real;
+use crate::real::Real;
 
 /// The forces from outside under one load.
 #[derive(Clone, Copy, Debug, PartialEq)]

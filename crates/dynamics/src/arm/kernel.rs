@@ -5,8 +5,9 @@ use core::array;
 use super::angle::{Angle, Turn, within_reach};
 use super::external::External;
 use super::parameters::Inertia;
-use super::real::Real;
 use super::{Gravity, Parameters};
+use crate::integrate::{Motion, Rates};
+use crate::real::Real;
 
 /// Constants of the equation of motion.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -32,23 +33,6 @@ pub(crate) struct Coefficients<T> {
     pub heavy: bool,
 }
 
-/// α and α̇.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub(crate) struct Motion<T> {
-    pub x: [T; 2],
-    pub v: [T; 2],
-}
-
-/// The rates of change of a motion.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub(crate) struct Rates<T> {
-    /// α̈, rad/s².
-    pub acceleration_rad_s2: [T; 2],
-    /// The rate at which forces from outside, the weight's among them, and dampers change the energy of motion and
-    /// springs, W.
-    pub power_w: T,
-}
-
 impl Coefficients<f64> {
     /// The constants at rest angles of the links, rad.
     pub fn new(p: &Parameters, beta_rad: [f64; 2]) -> Coefficients<f64> {
@@ -68,23 +52,6 @@ impl Coefficients<f64> {
             weight,
             heavy: weight != [0.0; 2],
         }
-    }
-}
-
-impl<T: Real> Motion<T> {
-    /// The motions of `T::WIDTH` arms side by side.
-    #[inline(always)]
-    pub fn gather(of: impl Fn(usize) -> Motion<f64>) -> Motion<T> {
-        Motion {
-            x: [T::gather(|i| of(i).x[0]), T::gather(|i| of(i).x[1])],
-            v: [T::gather(|i| of(i).v[0]), T::gather(|i| of(i).v[1])],
-        }
-    }
-
-    /// The motion of the ith of them.
-    #[inline(always)]
-    pub fn lane(&self, i: usize) -> Motion<f64> {
-        Motion { x: [self.x[0].lane(i), self.x[1].lane(i)], v: [self.v[0].lane(i), self.v[1].lane(i)] }
     }
 }
 
@@ -158,7 +125,7 @@ impl<T: Real> Coefficients<T> {
         motion: &Motion<T>,
         external: &External<T>,
     ) -> [T; 2] {
-        self.rates::<FAR, LINKS>(motion, external).acceleration_rad_s2
+        self.rates::<FAR, LINKS>(motion, external).acceleration
     }
 
     /// The same with the power.
@@ -173,8 +140,8 @@ impl<T: Real> Coefficients<T> {
         } else {
             external.at_rest
         };
-        let acceleration_rad_s2 = self.solve_mass(t, self.torques(motion, h, force));
-        Rates { acceleration_rad_s2, power_w: self.power_w(motion.v, force) }
+        let acceleration = self.solve_mass(t, self.torques(motion, h, force));
+        Rates { acceleration, power_w: self.power_w(motion.v, force) }
     }
 
     /// The same at every angle, and fast at small ones.

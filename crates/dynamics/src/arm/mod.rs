@@ -13,10 +13,12 @@
 //! 11941.
 
 mod angle;
-pub(crate) mod attachment;
+mod attachment;
 mod dynamics;
 mod energy;
 mod error;
+mod excitation;
+pub(crate) mod explicit;
 pub(crate) mod external;
 mod gravity;
 mod inverse_dynamics;
@@ -25,13 +27,14 @@ mod kinematics;
 mod modes;
 mod parameters;
 mod preset;
-pub(crate) mod real;
+mod stages;
 mod types;
 
 pub use attachment::Attachment;
 pub use dynamics::AccelerationJacobian;
 pub use energy::Energy;
 pub use error::ArmError;
+pub use excitation::Sine;
 pub use gravity::Gravity;
 pub use inverse_dynamics::InverseDynamics;
 pub use kinematics::{PointMotion, Points};

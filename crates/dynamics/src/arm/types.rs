@@ -2,7 +2,7 @@
 
 use nalgebra::Vector2;
 
-use super::kernel::Motion;
+use crate::integrate::Motion;
 
 /// The vibration of the arm about its pose.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
@@ -34,6 +34,13 @@ impl From<&State> for Motion<f64> {
     }
 }
 
+impl From<State> for Motion<f64> {
+    #[inline(always)]
+    fn from(state: State) -> Motion<f64> {
+        Motion::from(&state)
+    }
+}
+
 impl From<Motion<f64>> for State {
     #[inline(always)]
     fn from(motion: Motion<f64>) -> State {
@@ -62,6 +69,7 @@ impl Load {
     }
 
     /// The load times a factor (dimensionless).
+    #[inline]
     pub fn scaled(&self, factor: f64) -> Load {
         Load { torque_nm: self.torque_nm * factor, force_n: self.force_n * factor }
     }

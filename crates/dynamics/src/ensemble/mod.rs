@@ -5,11 +5,13 @@
 //! implicit schemes, the default among them, can't run side by side: the number of iterations, the pivots and the
 //! division of a step differ from motion to motion.
 
+use crate::arm::explicit;
 use crate::arm::external::External;
-use crate::arm::kernel::{Coefficients, Motion};
-use crate::arm::real::{Lanes, Real};
+use crate::arm::kernel::Coefficients;
 use crate::arm::{Arm, Load, State};
-use crate::integrate::{DOP853, explicit};
+use crate::integrate::Motion;
+use crate::integrate::dop853::DOP853;
+use crate::real::{Lanes, Real};
 
 /// Stages of a step.
 pub const STAGES: usize = DOP853.c.len();
@@ -113,8 +115,9 @@ mod x86 {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::arm::Sine;
     use crate::arm::tests::any_arm;
-    use crate::integrate::{Excitation, Integrator, Scheme, Sine};
+    use crate::integrate::{Excitation, Integrator, Scheme};
     use alloc::vec::Vec;
     use proptest::prelude::*;
 

@@ -3,7 +3,7 @@
 //! Owren, "Symmetric Exponential Integrators with an Application to the Cubic Schrödinger Equation", Found. Comput.
 //! Math. 8 (2008) ask.
 //!
-//! The arm linearised at rest, y' = L y + B N with B = (0, I)ᵀ, is propagated exactly, and the remainder N = α̈ − Λy,
+//! The system linearised at rest, y' = L y + B N with B = (0, I)ᵀ, is propagated exactly, and the remainder N = ẍ − Λy,
 //! loads included, as the polynomial p through its values at the Gauss nodes: by variation of constants
 //!
 //! ```text
@@ -11,7 +11,7 @@
 //! ∫₀^τ e^{(τ−s)L} B sᵐ ds = m! τᵐ⁺¹ φₘ₊₁(τL) B
 //! ```
 //!
-//! So a linear arm under a load that is constant over the step, or of a degree in time below the number of nodes, is
+//! So a linear system under a load that is constant over the step, or of a degree in time below the number of nodes, is
 //! exact at any step length. All φ come out of one exponential, that of the block matrix (A. H. Al-Mohy, N. J. Higham,
 //! "Computing the Action of the Matrix Exponential", SIAM J. Sci. Comput. 33 (2011), theorem 2.1), for three nodes
 //!
@@ -28,35 +28,35 @@
 use alloc::vec::Vec;
 use core::array;
 
-use super::collocation::{Collocation, LEVELS, MethodCoefficients, Step, least_level};
+use super::collocation::{Collocation, LEVELS, LinearPart, MethodCoefficients, Step, least_level};
 use super::double_double::DoubleDouble;
 use super::gauss_legendre::Nodes;
-use crate::arm::{Arm, Load, State};
+use super::{Dynamics, Jacobian};
 
 /// Most nodes of a method.
 const MOST_NODES: usize = 4;
-/// 4 for y, and 2 for each power of time.
-const SIZE: usize = 4 + 2 * MOST_NODES;
-type Block = [[DoubleDouble; SIZE]; SIZE];
+/// Blocks in a row: two for y, and one for each power of time.
+const BLOCKS: usize = 2 + MOST_NODES;
+/// A matrix of blocks: by row and column of the blocks, then within one.
+type Blocks<const N: usize> = [[[[DoubleDouble; N]; N]; BLOCKS]; BLOCKS];
 
 /// Below this norm τL is small enough for the series.
 const SERIES_NORM: f64 = 1.0 / 64.0;
 /// Terms of the series: 64⁻¹⁶/16! < 1e-41.
 const SERIES_TERMS: u32 = 16;
 
-/// The method at these nodes for `arm`, for steps of `h_s` and their parts. Small vibration turns by
-/// `phase_at_rest_rad` at most in a part, see [`Collocation::least_level`]; the linear arm would need no bound.
-pub(super) fn collocation<const S: usize>(
+/// The method at these nodes for a system, for steps of `h_s` and their parts. Small vibration turns by
+/// `phase_at_rest_rad` at most in a part, see [`Collocation::least_level`]; a linear system would need no bound.
+pub(super) fn collocation<const S: usize, const N: usize>(
     nodes: &Nodes<S>,
     phase_at_rest_rad: f64,
-    arm: &Arm,
+    of: &impl Dynamics<N>,
     h_s: f64,
-) -> Collocation<S> {
-    let rest = arm.acceleration_jacobian(&State::default(), &Load::default());
-    let (p, q) = (rest.by_alpha, rest.by_alpha_dot);
-    let linear = [[p.m11, p.m12, q.m11, q.m12], [p.m21, p.m22, q.m21, q.m22]];
+) -> Collocation<S, N> {
+    let Jacobian { by_position, by_velocity, .. } = of.linear_part();
+    let linear = [by_position, by_velocity];
     // Time in units of 1/ω, ω a power of two: L then has entries near one, and the change of units is exact.
-    let unit_rad_s = libm::exp2(libm::ceil(libm::log2(arm.angular_frequencies_rad_s()[1])));
+    let unit_rad_s = libm::exp2(libm::ceil(libm::log2(of.fastest_rad_s())));
     let generator = generator(&linear, unit_rad_s);
     let phase = DoubleDouble::new(unit_rad_s * h_s);
     let inner = nodes.c.map(|c| powers(&generator, c * phase));
@@ -65,44 +65,60 @@ pub(super) fn collocation<const S: usize>(
         let h_level_s = h_s / f64::from(1_u32 << level);
         step(nodes, array::from_fn(|i| &inner[i][level]), &whole[level], h_level_s, unit_rad_s)
     };
-    let levels: Vec<Step<S>> = (0..LEVELS).map(level).collect();
-    let least_level = least_level(arm, &levels, phase_at_rest_rad);
+    let levels: Vec<Step<S, N>> = (0..LEVELS).map(level).collect();
+    let least_level = least_level(of.fastest_rad_s(), &levels, phase_at_rest_rad);
     Collocation { linear, levels, least_level, phase_per_part_rad: f64::INFINITY }
 }
 
 /// The block matrix above, in units of 1/`unit_rad_s`.
-fn generator(linear: &[[f64; 4]; 2], unit_rad_s: f64) -> Block {
-    let mut block = [[DoubleDouble::default(); SIZE]; SIZE];
-    let one = DoubleDouble::new(1.0);
-    for i in 0..2 {
-        block[i][2 + i] = one;
-        for n in 0..2 {
-            block[2 + i][n] = DoubleDouble::new(linear[i][n] / (unit_rad_s * unit_rad_s));
-            block[2 + i][2 + n] = DoubleDouble::new(linear[i][2 + n] / unit_rad_s);
-        }
-        block[2 + i][4 + i] = one;
+fn generator<const N: usize>(linear: &LinearPart<N>, unit_rad_s: f64) -> Blocks<N> {
+    let mut blocks = zero();
+    let scaled = |part: &[[f64; N]; N], unit: f64| part.map(|row| row.map(|entry| DoubleDouble::new(entry / unit)));
+    blocks[1][0] = scaled(&linear[0], unit_rad_s * unit_rad_s);
+    blocks[1][1] = scaled(&linear[1], unit_rad_s);
+    for row in 0..BLOCKS - 1 {
+        blocks[row][row + 1] = unit();
     }
-    for i in 4..SIZE - 2 {
-        block[i][i + 2] = one;
-    }
-    block
+    blocks
 }
 
-fn product(a: &Block, b: &Block) -> Block {
-    let mut c = [[DoubleDouble::default(); SIZE]; SIZE];
-    for (row, a_row) in c.iter_mut().zip(a) {
-        for (factor, b_row) in a_row.iter().zip(b).filter(|(factor, _)| factor.high != 0.0) {
-            for (sum, value) in row.iter_mut().zip(b_row).filter(|(_, value)| value.high != 0.0) {
-                *sum = *sum + *factor * *value;
+fn zero<const N: usize>() -> Blocks<N> {
+    [[[[DoubleDouble::default(); N]; N]; BLOCKS]; BLOCKS]
+}
+
+fn unit<const N: usize>() -> [[DoubleDouble; N]; N] {
+    array::from_fn(|i| array::from_fn(|j| DoubleDouble::new(if i == j { 1.0 } else { 0.0 })))
+}
+
+fn product<const N: usize>(a: &Blocks<N>, b: &Blocks<N>) -> Blocks<N> {
+    let mut c = zero();
+    for (c, a) in c.iter_mut().zip(a) {
+        for (a, b) in a.iter().zip(b) {
+            for (c, b) in c.iter_mut().zip(b) {
+                add_product(c, a, b);
             }
         }
     }
     c
 }
 
+/// c += a b.
+fn add_product<const N: usize>(c: &mut [[DoubleDouble; N]; N], a: &[[DoubleDouble; N]; N], b: &[[DoubleDouble; N]; N]) {
+    for (c, a) in c.iter_mut().zip(a) {
+        for (factor, b) in a.iter().zip(b).filter(|(factor, _)| factor.high != 0.0) {
+            for (sum, value) in c.iter_mut().zip(b).filter(|(_, value)| value.high != 0.0) {
+                *sum = *sum + *factor * *value;
+            }
+        }
+    }
+}
+
 /// exp(τ W) for τ, τ/2, τ/4 … of all levels.
-fn powers(generator: &Block, tau: DoubleDouble) -> Vec<Block> {
-    let norm = generator.iter().map(|row| row.iter().map(|entry| libm::fabs(entry.high)).sum()).fold(0.0, f64::max);
+fn powers<const N: usize>(generator: &Blocks<N>, tau: DoubleDouble) -> Vec<Blocks<N>> {
+    let row_norm = |blocks: &[[[DoubleDouble; N]; N]; BLOCKS], row: usize| -> f64 {
+        blocks.iter().flat_map(|block| &block[row]).map(|entry| libm::fabs(entry.high)).sum()
+    };
+    let norm = generator.iter().flat_map(|blocks| (0..N).map(|row| row_norm(blocks, row))).fold(0.0, f64::max);
     let needed = libm::ceil(libm::log2(norm * tau.high / SERIES_NORM)).max(0.0) as usize;
     let halvings = needed.max(LEVELS - 1);
     let shortest = DoubleDouble::new(libm::scalbn(1.0, -(halvings as i32))) * tau;
@@ -119,25 +135,39 @@ fn powers(generator: &Block, tau: DoubleDouble) -> Vec<Block> {
 }
 
 /// exp(τ W) = I + τW (I + τW/2 (I + τW/3 (…))).
-fn series(generator: &Block, tau: DoubleDouble) -> Block {
+fn series<const N: usize>(generator: &Blocks<N>, tau: DoubleDouble) -> Blocks<N> {
     let mut sum = identity();
     for k in (1..=SERIES_TERMS).rev() {
         sum = product(generator, &sum);
         let factor = tau / DoubleDouble::new(f64::from(k));
-        sum.as_flattened_mut().iter_mut().for_each(|entry| *entry = *entry * factor);
-        for (i, row) in sum.iter_mut().enumerate() {
-            row[i] = row[i] + DoubleDouble::new(1.0);
+        for entry in sum.as_flattened_mut().as_flattened_mut().as_flattened_mut() {
+            *entry = *entry * factor;
+        }
+        for (i, blocks) in sum.iter_mut().enumerate() {
+            for (n, row) in blocks[i].iter_mut().enumerate() {
+                row[n] = row[n] + DoubleDouble::new(1.0);
+            }
         }
     }
     sum
 }
 
-fn identity() -> Block {
-    array::from_fn(|i| array::from_fn(|j| DoubleDouble::new(if i == j { 1.0 } else { 0.0 })))
+fn identity<const N: usize>() -> Blocks<N> {
+    let mut blocks = zero();
+    for (i, row) in blocks.iter_mut().enumerate() {
+        row[i] = unit();
+    }
+    blocks
 }
 
 /// The step from the exponentials at its nodes and its end.
-fn step<const S: usize>(nodes: &Nodes<S>, inner: [&Block; S], end: &Block, h_s: f64, unit_rad_s: f64) -> Step<S> {
+fn step<const S: usize, const N: usize>(
+    nodes: &Nodes<S>,
+    inner: [&Blocks<N>; S],
+    end: &Blocks<N>,
+    h_s: f64,
+    unit_rad_s: f64,
+) -> Step<S, N> {
     let factors: [[DoubleDouble; S]; S] = array::from_fn(|j| slope_factors(&nodes.c, j, h_s * unit_rad_s));
     Step::new(&MethodCoefficients {
         h_s,
@@ -150,19 +180,27 @@ fn step<const S: usize>(nodes: &Nodes<S>, inner: [&Block; S], end: &Block, h_s: 
     })
 }
 
-/// An entry of e^{τL} − I, back in rad and rad/s.
-fn state_entry(block: &Block, row: usize, column: usize, unit_rad_s: f64) -> DoubleDouble {
-    let unit = [1.0, 1.0, unit_rad_s, unit_rad_s];
+/// An entry of e^{τL} − I, in SI units.
+fn state_entry<const N: usize>(blocks: &Blocks<N>, row: usize, column: usize, unit_rad_s: f64) -> DoubleDouble {
+    let unit = [1.0, unit_rad_s];
     let own = DoubleDouble::new(if row == column { 1.0 } else { 0.0 });
-    (block[row][column] - own) * DoubleDouble::new(unit[row] / unit[column])
+    let entry = blocks[row / N][column / N][row % N][column % N];
+    (entry - own) * DoubleDouble::new(unit[row / N] / unit[column / N])
 }
 
-/// An entry of ∫ e^{(τ−s)L} B ℓⱼ(s/h) ds with Lagrange's polynomial ℓⱼ of node j, back in rad and rad/s: Σ of the
-/// factors times block m.
-fn slope_entry(block: &Block, factors: &[DoubleDouble], row: usize, column: usize, unit_rad_s: f64) -> DoubleDouble {
-    let unit = [unit_rad_s * unit_rad_s, unit_rad_s * unit_rad_s, unit_rad_s, unit_rad_s];
-    let terms = factors.iter().enumerate().map(|(m, factor)| *factor * block[row][4 + 2 * m + column]);
-    terms.fold(DoubleDouble::default(), |sum, term| sum + term) / DoubleDouble::new(unit[row])
+/// An entry of ∫ e^{(τ−s)L} B ℓⱼ(s/h) ds with Lagrange's polynomial ℓⱼ of node j, in SI units: Σ of the factors times
+/// block m.
+fn slope_entry<const N: usize>(
+    blocks: &Blocks<N>,
+    factors: &[DoubleDouble],
+    row: usize,
+    column: usize,
+    unit_rad_s: f64,
+) -> DoubleDouble {
+    let unit = [unit_rad_s * unit_rad_s, unit_rad_s];
+    let of_powers = &blocks[row / N][2..];
+    let terms = factors.iter().zip(of_powers).map(|(factor, block)| *factor * block[row % N][column]);
+    terms.fold(DoubleDouble::default(), |sum, term| sum + term) / DoubleDouble::new(unit[row / N])
 }
 
 /// λⱼₘ m! (ωh)⁻ᵐ of every m, with ℓⱼ = Σ λⱼₘ sᵐ.

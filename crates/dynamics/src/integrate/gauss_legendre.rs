@@ -10,9 +10,9 @@
 use alloc::vec::Vec;
 use core::array;
 
+use super::Dynamics;
 use super::collocation::{Collocation, LEVELS, MethodCoefficients, Step, least_level};
 use super::double_double::DoubleDouble;
-use crate::arm::Arm;
 
 /// A Gauss–Legendre method of S stages; its coefficients are p + q √n with rational p and q.
 pub(super) struct Tableau<const S: usize> {
@@ -78,11 +78,11 @@ pub(super) const GL6: Tableau<3> = Tableau {
 const PHASE_PER_PART_RAD: f64 = 1.5;
 
 impl<const S: usize> Tableau<S> {
-    /// The method for steps of `h_s` of `arm`, and their parts.
-    pub fn collocation(&self, arm: &Arm, h_s: f64) -> Collocation<S> {
-        let levels: Vec<Step<S>> = (0..LEVELS).map(|level| self.step(h_s / f64::from(1_u32 << level))).collect();
-        let least_level = least_level(arm, &levels, self.phase_at_rest_rad);
-        Collocation { linear: [[0.0; 4]; 2], levels, least_level, phase_per_part_rad: PHASE_PER_PART_RAD }
+    /// The method for steps of `h_s` of a system, and their parts.
+    pub fn collocation<const N: usize>(&self, of: &impl Dynamics<N>, h_s: f64) -> Collocation<S, N> {
+        let levels: Vec<Step<S, N>> = (0..LEVELS).map(|level| self.step(h_s / f64::from(1_u32 << level))).collect();
+        let least_level = least_level(of.fastest_rad_s(), &levels, self.phase_at_rest_rad);
+        Collocation { linear: [[[0.0; N]; N]; 2], levels, least_level, phase_per_part_rad: PHASE_PER_PART_RAD }
     }
 
     pub fn nodes(&self) -> Nodes<S> {
@@ -95,7 +95,7 @@ impl<const S: usize> Tableau<S> {
         ratio(p) + ratio(q) * DoubleDouble::new(self.n).sqrt()
     }
 
-    fn step(&self, h_s: f64) -> Step<S> {
+    fn step<const N: usize>(&self, h_s: f64) -> Step<S, N> {
         let a = self.a.map(|row| row.map(|coefficient| self.value(coefficient)));
         let Nodes { b, c } = self.nodes();
         let h = DoubleDouble::new(h_s);
@@ -107,20 +107,20 @@ impl<const S: usize> Tableau<S> {
             h_s,
             c,
             b,
-            start: |i: usize, row, column| drift(c[i] * h, row, column),
-            stage: |i: usize, j: usize, row, column| slope(stages[i][j], row, column),
-            end: |row, column| drift(h, row, column),
-            weight: |j: usize, row, column| slope(weights[j], row, column),
+            start: |i: usize, row, column| drift::<N>(c[i] * h, row, column),
+            stage: |i: usize, j: usize, row, column| slope::<N>(stages[i][j], row, column),
+            end: |row, column| drift::<N>(h, row, column),
+            weight: |j: usize, row, column| slope::<N>(weights[j], row, column),
         })
     }
 }
 
 /// The change of a motion without acceleration over the time t: x by t v.
-fn drift(t: DoubleDouble, row: usize, column: usize) -> DoubleDouble {
-    if column == row + 2 { t } else { DoubleDouble::default() }
+fn drift<const N: usize>(t: DoubleDouble, row: usize, column: usize) -> DoubleDouble {
+    if column == row + N { t } else { DoubleDouble::default() }
 }
 
-/// The share of a slope: the first factor times it is added to the angles, the second to the velocities.
-fn slope(factors: [DoubleDouble; 2], row: usize, column: usize) -> DoubleDouble {
-    if row % 2 == column { factors[row / 2] } else { DoubleDouble::default() }
+/// The share of a slope: the first factor times it is added to the positions, the second to the velocities.
+fn slope<const N: usize>(factors: [DoubleDouble; 2], row: usize, column: usize) -> DoubleDouble {
+    if row % N == column { factors[row / N] } else { DoubleDouble::default() }
 }

@@ -1,9 +1,9 @@
 use super::*;
-use crate::arm::Preset;
 use crate::arm::tests::arm;
+use crate::arm::{Arm, Load, Preset, Sine, State};
 
 /// Integrates from `state` for `steps` steps.
-fn run(arm: &Arm, scheme: Scheme, rate_hz: f64, steps: u32, state: State, excitation: &impl Excitation) -> State {
+fn run(arm: &Arm, scheme: Scheme, rate_hz: f64, steps: u32, state: State, excitation: &impl Excitation<Load>) -> State {
     let integrator = Integrator::new(scheme, rate_hz, arm).unwrap();
     (0..steps).fold(state, |state, k| integrator.step(arm, f64::from(k) / rate_hz, &state, excitation).unwrap())
 }

@@ -11,8 +11,8 @@ use super::{Control, Journal, StudyError, on_all_cores};
 use resonarm_analysis::time_domain::{
     Outcome, StableMotion, StateCoordinate, StroboscopicMap, TimeDomainError, outcomes,
 };
+use resonarm_dynamics::arm::Sine;
 use resonarm_dynamics::arm::{Arm, State};
-use resonarm_dynamics::integrate::Sine;
 
 /// States that are computed side by side, and kept together in the journal.
 const TOGETHER: usize = 64;

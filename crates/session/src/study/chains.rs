@@ -10,8 +10,8 @@ use serde_json::Value;
 use super::{Control, Journal, StudyError, on_all_cores};
 use resonarm_analysis::Readings;
 use resonarm_analysis::time_domain::{SettleOptions, Settled, StroboscopicMap, TimeDomainError, readings, settle};
+use resonarm_dynamics::arm::Sine;
 use resonarm_dynamics::arm::{Arm, State};
-use resonarm_dynamics::integrate::Sine;
 
 /// One arm under one excitation after the other.
 #[derive(Clone, Debug)]

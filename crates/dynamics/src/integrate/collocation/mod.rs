@@ -1,13 +1,13 @@
 //! Implicit methods whose stages are affine in their slopes: Gauss–Legendre and exponential collocation.
 //!
-//! With y = (x, v) = (α, α̇) and a constant 2×4 matrix Λ let N(t, y) = α̈(t, y) − Λ y: Λ = 0 for Gauss–Legendre, the
-//! linear arm for the exponential method. The unknowns are the slopes Nᵢ at the stages,
+//! With y = (x, ẋ) of n coordinates and a constant n×2n matrix Λ let N(t, y) = ẍ(t, y) − Λ y: Λ = 0 for
+//! Gauss–Legendre, the linear part for the exponential method. The unknowns are the slopes Nᵢ at the stages,
 //!
 //! ```text
 //! Yᵢ = y + Sᵢ y + Σⱼ Aᵢⱼ Nⱼ        Gᵢ = Nᵢ − N(tᵢ, Yᵢ) = 0        y⁺ = y + E y + Σⱼ Wⱼ Nⱼ
 //! ```
 //!
-//! with 4×4 matrices Sᵢ, E and 4×2 matrices Aᵢⱼ, Wⱼ that the method sets once for a step length. Fixed-point iteration
+//! with 2n×2n matrices Sᵢ, E and 2n×n matrices Aᵢⱼ, Wⱼ that the method sets once for a step length. Fixed-point iteration
 //! finds them where N changes little over the step, Newton's method elsewhere; both to rounding.
 //!
 //! Rounding in a step is as good as random, and the energy walks with its square root; an error of a matrix is the same
@@ -25,13 +25,9 @@ mod newton;
 use alloc::vec::Vec;
 use core::array;
 
-use wide::f64x4;
-
 use super::double_double::DoubleDouble;
-use super::{Excitation, IntegrateError};
-use crate::arm::kernel::Motion;
-use crate::arm::real::Real;
-use crate::arm::{Arm, Load, State};
+use super::{Dynamics, Excitation, IntegrateError, Motion, StageLoads, Wide};
+use crate::real::Real;
 
 /// A step has 1, 2, 4 … 2^(LEVELS − 1) = 256 equal parts.
 pub(super) const LEVELS: usize = 9;
@@ -40,26 +36,23 @@ const ENERGY_DEFECT_LIMIT: f64 = 1e-3;
 /// Below this energy, J, digits of it underflow: 2⁻¹⁰²² over 2⁻⁵².
 const ENERGY_WHOLE_J: f64 = f64::MIN_POSITIVE / f64::EPSILON;
 
-/// One number a stage; lanes beyond the last stage repeat it.
-type Wide = f64x4;
-
-/// A method of S stages at one step length.
+/// A method of S stages for N coordinates at one step length. Lanes beyond the last stage repeat it.
 #[derive(Clone, Debug, PartialEq)]
-pub(super) struct Step<const S: usize> {
+pub(super) struct Step<const S: usize, const N: usize> {
     /// h, s.
     h_s: f64,
     /// Nodes and weights of the quadrature under the method.
     c: [f64; S],
     b: [f64; S],
     /// Sᵢ.
-    start: Matrix<Wide, 4>,
+    start: Square<Wide, N>,
     /// Aᵢⱼ of every j.
-    stage: [Matrix<Wide, 2>; S],
+    stage: [Matrix<Wide, N>; S],
     /// Aᵢⱼ of every j, rounded.
-    rounded: [Columns<Wide, 2>; S],
+    rounded: [Columns<Wide, N>; S],
     /// E, Wⱼ.
-    end: Matrix<f64, 4>,
-    weights: [Matrix<f64, 2>; S],
+    end: Square<f64, N>,
+    weights: [Matrix<f64, N>; S],
 }
 
 /// The matrices of a method for a step length, by stage, row and column.
@@ -79,7 +72,7 @@ pub(super) struct MethodCoefficients<const S: usize, Start, Stage, End, Weight> 
     pub weight: Weight,
 }
 
-impl<const S: usize> Step<S> {
+impl<const S: usize, const N: usize> Step<S, N> {
     pub fn new(
         of: &MethodCoefficients<
             S,
@@ -88,68 +81,112 @@ impl<const S: usize> Step<S> {
             impl Fn(usize, usize) -> DoubleDouble,
             impl Fn(usize, usize, usize) -> DoubleDouble,
         >,
-    ) -> Step<S> {
+    ) -> Step<S, N> {
         let last = |i: usize| i.min(S - 1);
         let stage = array::from_fn(|j| Matrix::new(|i, row, column| (of.stage)(last(i), j, row, column)));
         Step {
             h_s: of.h_s,
             c: of.c.map(|node| node.high),
             b: of.b.map(|weight| weight.high),
-            start: Matrix::new(|i, row, column| (of.start)(last(i), row, column)),
+            start: Square::new(|i, row, column| (of.start)(last(i), row, column)),
             rounded: array::from_fn(|j| Matrix::rounded(&stage[j])),
             stage,
-            end: Matrix::new(|_, row, column| (of.end)(row, column)),
+            end: Square::new(|_, row, column| (of.end)(row, column)),
             weights: array::from_fn(|j| Matrix::new(|_, row, column| (of.weight)(j, row, column))),
         }
     }
 }
 
-/// A matrix of four rows and C columns, by columns; or one in each lane.
-type Columns<T, const C: usize> = [[T; 4]; C];
+/// A matrix of 2N rows and N columns, by columns; or one in each lane.
+type Columns<T, const N: usize> = [Motion<T, N>; N];
 
 /// Such a matrix with entries of 79 bits: each is the sum of its first 26 bits and the next 53. If the first part had
 /// all 53 bits of `f64`, rounding its product would swallow the second part, the same way in every step.
 #[derive(Clone, Debug, PartialEq)]
-struct Matrix<T, const C: usize> {
-    high: Columns<T, C>,
-    low: Columns<T, C>,
+struct Matrix<T, const N: usize> {
+    high: Columns<T, N>,
+    low: Columns<T, N>,
 }
 
-impl<T: Real, const C: usize> Matrix<T, C> {
+impl<T: Real, const N: usize> Matrix<T, N> {
     /// The matrix with these entries by lane, row and column.
-    fn new(entry: impl Fn(usize, usize, usize) -> DoubleDouble) -> Matrix<T, C> {
+    fn new(entry: impl Fn(usize, usize, usize) -> DoubleDouble) -> Matrix<T, N> {
         let part = |part: fn([f64; 2]) -> f64| {
             columns(|row, column| T::gather(|i| part(entry(i, row, column).head_and_tail())))
         };
         Matrix { high: part(|[high, _]| high), low: part(|[_, low]| low) }
     }
 
-    fn rounded(&self) -> Columns<T, C> {
-        columns(|row, column| self.high[column][row] + self.low[column][row])
+    fn rounded(&self) -> Columns<T, N> {
+        array::from_fn(|column| self.high[column].zip(&self.low[column], |high, low| high + low))
     }
 }
 
-fn columns<T, const C: usize>(entry: impl Fn(usize, usize) -> T) -> Columns<T, C> {
-    array::from_fn(|column| array::from_fn(|row| entry(row, column)))
+fn columns<T, const N: usize>(entry: impl Fn(usize, usize) -> T) -> Columns<T, N> {
+    array::from_fn(|column| Motion {
+        x: array::from_fn(|row| entry(row, column)),
+        v: array::from_fn(|row| entry(N + row, column)),
+    })
 }
 
-/// sum += matrix · y, of two or four columns, in pairs: the processor works on the pairs at the same time.
+/// A matrix of 2N rows and columns: the columns that positions are multiplied by, and those of velocities.
+#[derive(Clone, Debug, PartialEq)]
+struct Square<T, const N: usize> {
+    by_position: Matrix<T, N>,
+    by_velocity: Matrix<T, N>,
+}
+
+impl<T: Real, const N: usize> Square<T, N> {
+    /// The matrix with these entries by lane, row and column.
+    fn new(entry: impl Fn(usize, usize, usize) -> DoubleDouble) -> Square<T, N> {
+        Square {
+            by_position: Matrix::new(&entry),
+            by_velocity: Matrix::new(|i, row, column| entry(i, row, N + column)),
+        }
+    }
+
+    /// sum += the high parts · y.
+    #[inline(always)]
+    fn add_high(&self, sum: &mut Motion<T, N>, y: &Motion<f64, N>) {
+        let (x, v) = (product(&self.by_position.high, &y.x), product(&self.by_velocity.high, &y.v));
+        *sum = sum.zip(&x.zip(&v, |x, v| x + v), |sum, product| sum + product);
+    }
+
+    /// sum += the low parts · y.
+    #[inline(always)]
+    fn add_low(&self, sum: &mut Motion<T, N>, y: &Motion<f64, N>) {
+        let (x, v) = (product(&self.by_position.low, &y.x), product(&self.by_velocity.low, &y.v));
+        *sum = sum.zip(&x.zip(&v, |x, v| x + v), |sum, product| sum + product);
+    }
+}
+
+/// matrix · y.
 #[inline(always)]
-fn add_product<T: Real, const C: usize>(sum: &mut [T; 4], matrix: &Columns<T, C>, y: &[f64; C]) {
-    let pair = |row: usize, n: usize| matrix[n][row] * T::splat(y[n]) + matrix[n + 1][row] * T::splat(y[n + 1]);
-    for (row, sum) in sum.iter_mut().enumerate() {
-        let product = if C == 4 { pair(row, 0) + pair(row, 2) } else { pair(row, 0) };
-        *sum = *sum + product;
-    }
+fn product<T: Real, const N: usize>(matrix: &Columns<T, N>, y: &[f64; N]) -> Motion<T, N> {
+    let times = |n: usize| {
+        let factor = T::splat(y[n]);
+        Motion { x: matrix[n].x.map(|entry| entry * factor), v: matrix[n].v.map(|entry| entry * factor) }
+    };
+    // From the first product on: 0 + (−0) would be 0.
+    (1..N).fold(times(0), |sum, n| sum.zip(&times(n), |sum, product| sum + product))
 }
+
+/// sum += matrix · y.
+#[inline(always)]
+fn add_product<T: Real, const N: usize>(sum: &mut Motion<T, N>, matrix: &Columns<T, N>, y: &[f64; N]) {
+    *sum = sum.zip(&product(matrix, y), |sum, product| sum + product);
+}
+
+/// Λ, by row and column: its share of positions, and of velocities.
+pub(super) type LinearPart<const N: usize> = [[[f64; N]; N]; 2];
 
 /// A method of S stages for the step and its parts.
 #[derive(Clone, Debug, PartialEq)]
-pub(super) struct Collocation<const S: usize> {
+pub(super) struct Collocation<const S: usize, const N: usize> {
     /// Λ.
-    pub linear: [[f64; 4]; 2],
+    pub linear: LinearPart<N>,
     /// The step lengths h, h/2, h/4 …
-    pub levels: Vec<Step<S>>,
+    pub levels: Vec<Step<S, N>>,
     /// The level that every step starts from, the same for all where possible: steps that depend on the state, as when
     /// strong vibration makes some be divided and others not, don't conserve the energy.
     pub least_level: usize,
@@ -157,22 +194,22 @@ pub(super) struct Collocation<const S: usize> {
     pub phase_per_part_rad: f64,
 }
 
-impl<const S: usize> Collocation<S> {
-    /// One step, in as few equal parts as possible: far from the pose the arm can be several times as stiff, and in a
+impl<const S: usize, const N: usize> Collocation<S, N> {
+    /// One step, in as few equal parts as possible: far from rest the arm can be several times as stiff, and in a
     /// part that turns the phase too far the stages are not found, or are wrong. The number of parts is doubled until
     /// the stages are found and the energy balance holds in every part; the work is bounded, and a step that fails in
     /// the smallest parts is an error.
     #[inline(never)]
-    pub fn step(
+    pub fn step<D: Dynamics<N>>(
         &self,
-        arm: &Arm,
+        dynamics: &D,
         t_s: f64,
-        state: &State,
-        excitation: &impl Excitation,
-    ) -> Result<State, IntegrateError> {
-        let mut level = self.first_level(arm, state);
+        y: &Motion<f64, N>,
+        excitation: &impl Excitation<D::Load>,
+    ) -> Result<Motion<f64, N>, IntegrateError> {
+        let mut level = self.first_level(dynamics, y);
         loop {
-            match self.parts(level, arm, t_s, state, excitation) {
+            match self.parts(level, dynamics, t_s, y, excitation) {
                 Err(_) if level + 1 < LEVELS => level += 1,
                 result => return result,
             }
@@ -181,111 +218,110 @@ impl<const S: usize> Collocation<S> {
 
     /// One step, in the parts of a level.
     #[inline(always)]
-    fn parts(
+    fn parts<D: Dynamics<N>>(
         &self,
         level: usize,
-        arm: &Arm,
+        dynamics: &D,
         t_s: f64,
-        state: &State,
-        excitation: &impl Excitation,
-    ) -> Result<State, IntegrateError> {
-        let (step, mut state) = (&self.levels[level], *state);
+        y: &Motion<f64, N>,
+        excitation: &impl Excitation<D::Load>,
+    ) -> Result<Motion<f64, N>, IntegrateError> {
+        let (step, mut y) = (&self.levels[level], *y);
         for k in 0..1_u32 << level {
-            state = step.advance(&self.linear, arm, t_s + f64::from(k) * step.h_s, &state, excitation)?;
+            y = step.advance(&self.linear, dynamics, t_s + f64::from(k) * step.h_s, &y, excitation)?;
         }
-        Ok(state)
+        Ok(y)
     }
 
     /// The first level whose parts keep the phase limit, or else the last.
-    fn first_level(&self, arm: &Arm, state: &State) -> usize {
+    fn first_level(&self, dynamics: &impl Dynamics<N>, y: &Motion<f64, N>) -> usize {
         if self.phase_per_part_rad == f64::INFINITY {
             return self.least_level;
         }
-        let frequency_rad_s = arm.angular_frequency_bound_rad_s(&state.alpha_rad);
-        let within = |step: &Step<S>| frequency_rad_s * step.h_s <= self.phase_per_part_rad;
+        let frequency_rad_s = dynamics.frequency_bound_rad_s(&y.x);
+        let within = |step: &Step<S, N>| frequency_rad_s * step.h_s <= self.phase_per_part_rad;
         self.levels.iter().position(within).unwrap_or(LEVELS - 1).max(self.least_level)
     }
 }
 
-/// The first level whose parts turn small vibration of `arm` by `phase_rad` at most, or else the last.
-pub(super) fn least_level<const S: usize>(arm: &Arm, levels: &[Step<S>], phase_rad: f64) -> usize {
-    let [_, fastest_rad_s] = arm.angular_frequencies_rad_s();
+/// The first level whose parts turn small vibration at `fastest_rad_s` by `phase_rad` at most, or else the last.
+pub(super) fn least_level<const S: usize, const N: usize>(
+    fastest_rad_s: f64,
+    levels: &[Step<S, N>],
+    phase_rad: f64,
+) -> usize {
     levels.iter().position(|step| fastest_rad_s * step.h_s <= phase_rad).unwrap_or(LEVELS - 1)
 }
 
 /// The slopes of the stages.
-type Slopes<const S: usize> = [[f64; 2]; S];
+type Slopes<const S: usize, const N: usize> = [[f64; N]; S];
 
 /// The solved equations of a step.
-struct Solution<const S: usize> {
-    slopes: Slopes<S>,
+struct Solution<const S: usize, const N: usize> {
+    slopes: Slopes<S, N>,
     /// The work that goes into motion and springs over the step, J.
     work_j: f64,
 }
 
 /// The equations of the stages of one step.
-struct Stages<'a, const S: usize> {
-    step: &'a Step<S>,
-    linear: &'a [[f64; 4]; 2],
-    arm: &'a Arm,
-    loads: [Load; S],
-    /// Whether the load is the same at all stages.
-    held: bool,
-    y: [f64; 4],
+struct Stages<'a, D: Dynamics<N>, const S: usize, const N: usize> {
+    step: &'a Step<S, N>,
+    linear: &'a LinearPart<N>,
+    dynamics: &'a D,
+    loads: StageLoads<D::Load, S>,
+    y: Motion<f64, N>,
     /// Sᵢ y.
-    from_start: [Wide; 4],
+    from_start: Motion<Wide, N>,
 }
 
-impl<const S: usize> Step<S> {
+impl<const S: usize, const N: usize> Step<S, N> {
     #[inline(always)]
-    fn advance(
+    fn advance<D: Dynamics<N>>(
         &self,
-        linear: &[[f64; 4]; 2],
-        arm: &Arm,
+        linear: &LinearPart<N>,
+        dynamics: &D,
         t_s: f64,
-        state: &State,
-        excitation: &impl Excitation,
-    ) -> Result<State, IntegrateError> {
-        let y = vector(state);
-        let mut from_start = [Wide::splat(0.0); 4];
-        add_product(&mut from_start, &self.start.low, &y);
-        add_product(&mut from_start, &self.start.high, &y);
+        y: &Motion<f64, N>,
+        excitation: &impl Excitation<D::Load>,
+    ) -> Result<Motion<f64, N>, IntegrateError> {
+        let mut from_start = Motion::splat(0.0);
+        self.start.add_low(&mut from_start, y);
+        self.start.add_high(&mut from_start, y);
         let held = excitation.is_constant();
-        let loads = if held {
+        let at = if held {
             [excitation.load(t_s); S]
         } else {
             array::from_fn(|i| excitation.load(t_s + self.c[i] * self.h_s))
         };
-        let stages = Stages { step: self, linear, arm, loads, held, y, from_start };
+        let loads = StageLoads { at, held };
+        let stages = Stages { step: self, linear, dynamics, loads, y: *y, from_start };
         let solution = match fixed_point::solve(&stages) {
             Some(solution) => solution,
             None => newton::solve(&stages, t_s)?,
         };
-        self.finish(&stages, t_s, state, &solution)
+        self.finish(&stages, t_s, &solution)
     }
 
     /// The state at the end of the step from the solved slopes, if the energy it gained is the work done.
     #[inline(always)]
-    fn finish(
+    fn finish<D: Dynamics<N>>(
         &self,
-        stages: &Stages<S>,
+        stages: &Stages<D, S, N>,
         t_s: f64,
-        state: &State,
-        solution: &Solution<S>,
-    ) -> Result<State, IntegrateError> {
-        let mut change = [0.0; 4];
+        solution: &Solution<S, N>,
+    ) -> Result<Motion<f64, N>, IntegrateError> {
+        let mut change = Motion::splat(0.0);
         // The small terms first: rounding is then that of one sum.
-        add_product(&mut change, &self.end.low, &stages.y);
+        self.end.add_low(&mut change, &stages.y);
         for (weight, slope) in self.weights.iter().zip(&solution.slopes) {
             add_product(&mut change, &weight.low, slope);
         }
         for (weight, slope) in self.weights.iter().zip(&solution.slopes) {
             add_product(&mut change, &weight.high, slope);
         }
-        add_product(&mut change, &self.end.high, &stages.y);
-        let [x1, x2, v1, v2] = array::from_fn(|row| stages.y[row] + change[row]);
-        let next = State::new([x1, x2], [v1, v2]);
-        let [before, after] = [state, &next].map(|state| stages.arm.energy_of_motion_and_springs_j(&state.into()));
+        self.end.add_high(&mut change, &stages.y);
+        let next = stages.y.zip(&change, |y, change| y + change);
+        let [before, after] = [&stages.y, &next].map(|y| stages.dynamics.energy_j(y));
         let defect_j = libm::fabs(after - before - solution.work_j);
         if defect_j <= ENERGY_DEFECT_LIMIT * before.max(after).max(ENERGY_WHOLE_J) {
             Ok(next)
@@ -297,29 +333,27 @@ impl<const S: usize> Step<S> {
     }
 }
 
-impl<const S: usize> Stages<'_, S> {
+impl<D: Dynamics<N>, const S: usize, const N: usize> Stages<'_, D, S, N> {
     /// The slope at the start of the step under the first stage's load.
     #[inline(always)]
-    fn first_slope(&self) -> [f64; 2] {
-        let [x1, x2, v1, v2] = self.y;
-        let start = State::new([x1, x2], [v1, v2]);
-        let acceleration = self.arm.acceleration(&start, &self.loads[0]);
-        self.slope(&Motion::from(&start), acceleration.into())
+    fn first_slope(&self) -> [f64; N] {
+        let acceleration = self.dynamics.rates(&self.y, self.loads.at(0)).acceleration;
+        self.slope(&self.y, acceleration)
     }
 
-    /// N = α̈ − Λy.
+    /// N = ẍ − Λy.
     #[inline(always)]
-    fn slope<T: Real>(&self, y: &Motion<T>, acceleration_rad_s2: [T; 2]) -> [T; 2] {
-        let row = |row: usize| {
-            let [by_x1, by_x2, by_v1, by_v2] = self.linear[row].map(T::splat);
-            acceleration_rad_s2[row] - ((by_x1 * y.x[0] + by_x2 * y.x[1]) + (by_v1 * y.v[0] + by_v2 * y.v[1]))
+    fn slope<T: Real>(&self, y: &Motion<T, N>, acceleration: [T; N]) -> [T; N] {
+        let [by_position, by_velocity] = self.linear;
+        let dot = |row: &[f64; N], of: &[T; N]| {
+            (1..N).fold(T::splat(row[0]) * of[0], |sum, n| sum + T::splat(row[n]) * of[n])
         };
-        [row(0), row(1)]
+        array::from_fn(|row| acceleration[row] - (dot(&by_position[row], &y.x) + dot(&by_velocity[row], &y.v)))
     }
 
     /// All Yᵢ.
     #[inline(always)]
-    fn states(&self, slopes: &[Wide; 2]) -> Motion<Wide> {
+    fn states(&self, slopes: &[Wide; N]) -> Motion<Wide, N> {
         let mut change = self.from_start;
         let at = |j: usize| slopes.map(|slope| slope.lane(j));
         for (j, matrix) in self.step.stage.iter().enumerate() {
@@ -333,9 +367,11 @@ impl<const S: usize> Stages<'_, S> {
 
     /// The states y + `change`.
     #[inline(always)]
-    fn moved(&self, change: &[Wide; 4]) -> Motion<Wide> {
-        let row = |row: usize| Wide::splat(self.y[row]) + change[row];
-        Motion { x: [row(0), row(1)], v: [row(2), row(3)] }
+    fn moved(&self, change: &Motion<Wide, N>) -> Motion<Wide, N> {
+        Motion {
+            x: array::from_fn(|n| Wide::splat(self.y.x[n]) + change.x[n]),
+            v: array::from_fn(|n| Wide::splat(self.y.v[n]) + change.v[n]),
+        }
     }
 
     /// The work that goes into motion and springs over the step, J: h Σ bᵢ times the power at stage i.
@@ -344,9 +380,4 @@ impl<const S: usize> Stages<'_, S> {
         let sum_w: f64 = (0..S).map(|i| self.step.b[i] * power_w(i)).sum();
         self.step.h_s * sum_w
     }
-}
-
-fn vector(state: &State) -> [f64; 4] {
-    let (x, v) = (&state.alpha_rad, &state.alpha_dot_rad_s);
-    [x.x, x.y, v.x, v.y]
 }

@@ -1,14 +1,13 @@
 //! Newton's method for the stages of a step.
 //!
-//! Its matrix has the blocks δᵢⱼ I − (∂α̈/∂y − Λ) Aᵢⱼ. It treats the stiff terms exactly, so it converges where
+//! Its matrix has the blocks δᵢⱼ I − (∂ẍ/∂y − Λ) Aᵢⱼ. It treats the stiff terms exactly, so it converges where
 //! fixed-point iteration does not.
 
 use core::array;
 
-use super::super::IntegrateError;
-use super::{Slopes, Solution, Stages, Wide};
-use crate::arm::State;
-use crate::arm::real::Real;
+use super::super::{Dynamics, IntegrateError, Jacobian, Wide};
+use super::{Slopes, Solution, Stages};
+use crate::real::Real;
 use resonarm_numeric::linear_solve;
 
 /// Most iterations; where it converges it needs two to five.
@@ -23,7 +22,10 @@ const CORRECTION_LIMIT: f64 = 1e-9;
 /// [`IntegrateError::NoConvergence`].
 #[cold]
 #[inline(never)]
-pub(super) fn solve<const S: usize>(stages: &Stages<S>, t_s: f64) -> Result<Solution<S>, IntegrateError> {
+pub(super) fn solve<D: Dynamics<N>, const S: usize, const N: usize>(
+    stages: &Stages<D, S, N>,
+    t_s: f64,
+) -> Result<Solution<S, N>, IntegrateError> {
     let mut slopes = [stages.first_slope(); S];
     let mut correction = f64::INFINITY;
     for _ in 0..MOST_ITERATIONS {
@@ -38,26 +40,29 @@ pub(super) fn solve<const S: usize>(stages: &Stages<S>, t_s: f64) -> Result<Solu
 
 /// One iteration. Returns the correction relative to the largest acceleration and the work of load and dampers over the
 /// step, J; `None` if the matrix is singular.
-fn iterate<const S: usize>(stages: &Stages<S>, slopes: &mut Slopes<S>) -> Option<(f64, f64)> {
-    let mut matrix = [[[[0.0; 2]; S]; 2]; S];
-    let mut residual = [[0.0; 2]; S];
+fn iterate<D: Dynamics<N>, const S: usize, const N: usize>(
+    stages: &Stages<D, S, N>,
+    slopes: &mut Slopes<S, N>,
+) -> Option<(f64, f64)> {
+    let mut matrix = [[[[0.0; N]; S]; N]; S];
+    let mut residual = [[0.0; N]; S];
     let mut largest = f64::MIN_POSITIVE;
-    let states = stages.states(&[0, 1].map(|row| Wide::gather(|i| slopes[i.min(S - 1)][row])));
+    let states = stages.states(&array::from_fn(|row| Wide::gather(|i| slopes[i.min(S - 1)][row])));
     for i in 0..S {
         let stage = states.lane(i);
-        let jacobian = stages.arm.acceleration_jacobian(&State::from(stage), &stages.loads[i]);
-        let acceleration: [f64; 2] = jacobian.acceleration_rad_s2.into();
+        let Jacobian { acceleration, by_position, by_velocity } = stages.dynamics.jacobian(&stage, stages.loads.at(i));
         let slope = stages.slope(&stage, acceleration);
-        let (p, q) = (&jacobian.by_alpha, &jacobian.by_alpha_dot);
-        for row in 0..2 {
+        for row in 0..N {
             largest = largest.max(libm::fabs(acceleration[row]));
             residual[i][row] = slopes[i][row] - slope[row];
-            let lambda = &stages.linear[row];
-            let by_y = [p[(row, 0)], p[(row, 1)], q[(row, 0)], q[(row, 1)]];
-            let by_y: [f64; 4] = array::from_fn(|n| by_y[n] - lambda[n]);
+            let [lambda_x, lambda_v] = [0, 1].map(|half| &stages.linear[half][row]);
+            let by_x: [f64; N] = array::from_fn(|n| by_position[row][n] - lambda_x[n]);
+            let by_v: [f64; N] = array::from_fn(|n| by_velocity[row][n] - lambda_v[n]);
+            let by_y = || by_x.iter().chain(&by_v);
             for (j, (entries, columns)) in matrix[i][row].iter_mut().zip(&stages.step.rounded).enumerate() {
                 for (column, (entry, block)) in entries.iter_mut().zip(columns).enumerate() {
-                    let slope: f64 = by_y.iter().zip(block).map(|(by, entry)| by * entry.lane(i)).sum();
+                    let block = block.x.iter().chain(&block.v);
+                    let slope: f64 = by_y().zip(block).map(|(by, entry)| by * entry.lane(i)).sum();
                     let unit = if i == j && row == column { 1.0 } else { 0.0 };
                     *entry = unit - slope;
                 }
@@ -72,6 +77,6 @@ fn iterate<const S: usize>(stages: &Stages<S>, slopes: &mut Slopes<S>) -> Option
         // NaN counts as infinite.
         size = if libm::fabs(*step) <= size { size } else { libm::fabs(*step) };
     }
-    let power_w = |i: usize| stages.arm.rates(&State::from(states.lane(i)), &stages.loads[i]).power_w;
+    let power_w = |i: usize| stages.dynamics.rates(&states.lane(i), stages.loads.at(i)).power_w;
     Some((size / largest, stages.work_j(power_w)))
 }

@@ -21,7 +21,7 @@ enum Along {
     Y,
 }
 
-impl Excitation for HalfSine {
+impl Excitation<Load> for HalfSine {
     fn load(&self, t_s: f64) -> Load {
         let force_n = if t_s < self.length_s { self.force_n * libm::sin(PI * t_s / self.length_s) } else { 0.0 };
         match self.along {
