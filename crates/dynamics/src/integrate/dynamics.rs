@@ -194,7 +194,13 @@ impl<T, const N: usize> Motion<T, N> {
     where
         T: Copy,
     {
-        Motion { x: array::from_fn(|n| f(self.x[n], other.x[n])), v: array::from_fn(|n| f(self.v[n], other.v[n])) }
+        // In place: the compiler unrolls this loop early, and not one of `array::from_fn`.
+        let mut result = *self;
+        for n in 0..N {
+            result.x[n] = f(self.x[n], other.x[n]);
+            result.v[n] = f(self.v[n], other.v[n]);
+        }
+        result
     }
 }
 
@@ -203,6 +209,6 @@ impl<const N: usize> Motion<f64, N> {
     #[inline(always)]
     pub fn is_finite(&self) -> bool {
         // Without a short cut, so that there is one branch.
-        self.x.iter().chain(&self.v).fold(true, |all, number| all & number.is_finite())
+        (0..N).fold(true, |all, n| all & self.x[n].is_finite() & self.v[n].is_finite())
     }
 }

@@ -11,7 +11,7 @@
 use core::array;
 
 use super::super::{Dynamics, Motion, Rates, SolveStages, StageEquation, Wide};
-use super::{Solution, Stages, add_product};
+use super::{Solution, Stages, add_product, of_stage};
 use crate::real::Real;
 
 /// Most iterations, the first included, before Newton's method takes over.
@@ -69,7 +69,7 @@ fn iterate<D: Dynamics<N>, const S: usize, const N: usize>(
         };
         let Rates { acceleration, power_w } = equation.rates(&states);
         let next = stages.slope(&states, acceleration);
-        let size = size::<S, N>(array::from_fn(|n| next[n] - slopes[n])) / size::<S, N>(acceleration);
+        let size = size::<S, N>(less(next, slopes)) / size::<S, N>(acceleration);
         slopes = next;
         match (made_of, before) {
             (MadeOf::Start, _) => made_of = MadeOf::Rounded,
@@ -84,12 +84,20 @@ fn iterate<D: Dynamics<N>, const S: usize, const N: usize>(
                 before = Some(size);
             }
             (MadeOf::Whole, _) => {
-                let slopes = array::from_fn(|i| slopes.map(|slope| slope.lane(i)));
+                let slopes = array::from_fn(|i| of_stage(&slopes, i));
                 return Some(Solution { slopes, work_j: stages.work_j(|i| power_w.lane(i)) });
             }
         }
     }
     None
+}
+
+#[inline(always)]
+fn less<const N: usize>(mut a: [Wide; N], b: [Wide; N]) -> [Wide; N] {
+    for n in 0..N {
+        a[n] -= b[n];
+    }
+    a
 }
 
 /// Σ |aᵢ| over rows and stages, kept above zero.
@@ -105,7 +113,7 @@ impl<D: Dynamics<N>, const S: usize, const N: usize> Stages<'_, D, S, N> {
     fn rounded(&self, slopes: &[Wide; N]) -> Motion<Wide, N> {
         let mut change = self.from_start;
         for (j, matrix) in self.step.rounded.iter().enumerate() {
-            add_product(&mut change, matrix, &slopes.map(|slope| slope.lane(j)));
+            add_product(&mut change, matrix, &of_stage(slopes, j));
         }
         self.moved(&change)
     }

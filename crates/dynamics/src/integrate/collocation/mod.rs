@@ -163,18 +163,30 @@ impl<T: Real, const N: usize> Square<T, N> {
 /// matrix · y.
 #[inline(always)]
 fn product<T: Real, const N: usize>(matrix: &Columns<T, N>, y: &[f64; N]) -> Motion<T, N> {
-    let times = |n: usize| {
-        let factor = T::splat(y[n]);
-        Motion { x: matrix[n].x.map(|entry| entry * factor), v: matrix[n].v.map(|entry| entry * factor) }
-    };
     // From the first product on: 0 + (−0) would be 0.
-    (1..N).fold(times(0), |sum, n| sum.zip(&times(n), |sum, product| sum + product))
+    let first = Motion::splat(y[0]);
+    let mut sum = matrix[0].zip(&first, |entry, y| entry * y);
+    for n in 1..N {
+        let factor = T::splat(y[n]);
+        sum = sum.zip(&matrix[n], |sum, entry| sum + entry * factor);
+    }
+    sum
 }
 
 /// sum += matrix · y.
 #[inline(always)]
 fn add_product<T: Real, const N: usize>(sum: &mut Motion<T, N>, matrix: &Columns<T, N>, y: &[f64; N]) {
     *sum = sum.zip(&product(matrix, y), |sum, product| sum + product);
+}
+
+/// The slopes of a stage.
+#[inline(always)]
+fn of_stage<const N: usize>(slopes: &[Wide; N], stage: usize) -> [f64; N] {
+    let mut of_stage = [0.0; N];
+    for n in 0..N {
+        of_stage[n] = slopes[n].lane(stage);
+    }
+    of_stage
 }
 
 /// Λ, by row and column: its share of positions, and of velocities.
@@ -348,19 +360,22 @@ impl<D: Dynamics<N>, const S: usize, const N: usize> Stages<'_, D, S, N> {
         let dot = |row: &[f64; N], of: &[T; N]| {
             (1..N).fold(T::splat(row[0]) * of[0], |sum, n| sum + T::splat(row[n]) * of[n])
         };
-        array::from_fn(|row| acceleration[row] - (dot(&by_position[row], &y.x) + dot(&by_velocity[row], &y.v)))
+        let mut slope = acceleration;
+        for row in 0..N {
+            slope[row] = acceleration[row] - (dot(&by_position[row], &y.x) + dot(&by_velocity[row], &y.v));
+        }
+        slope
     }
 
     /// All Yᵢ.
     #[inline(always)]
     fn states(&self, slopes: &[Wide; N]) -> Motion<Wide, N> {
         let mut change = self.from_start;
-        let at = |j: usize| slopes.map(|slope| slope.lane(j));
         for (j, matrix) in self.step.stage.iter().enumerate() {
-            add_product(&mut change, &matrix.low, &at(j));
+            add_product(&mut change, &matrix.low, &of_stage(slopes, j));
         }
         for (j, matrix) in self.step.stage.iter().enumerate() {
-            add_product(&mut change, &matrix.high, &at(j));
+            add_product(&mut change, &matrix.high, &of_stage(slopes, j));
         }
         self.moved(&change)
     }
@@ -368,10 +383,12 @@ impl<D: Dynamics<N>, const S: usize, const N: usize> Stages<'_, D, S, N> {
     /// The states y + `change`.
     #[inline(always)]
     fn moved(&self, change: &Motion<Wide, N>) -> Motion<Wide, N> {
-        Motion {
-            x: array::from_fn(|n| Wide::splat(self.y.x[n]) + change.x[n]),
-            v: array::from_fn(|n| Wide::splat(self.y.v[n]) + change.v[n]),
+        let mut moved = *change;
+        for n in 0..N {
+            moved.x[n] = Wide::splat(self.y.x[n]) + change.x[n];
+            moved.v[n] = Wide::splat(self.y.v[n]) + change.v[n];
         }
+        moved
     }
 
     /// The work that goes into motion and springs over the step, J: h Σ bᵢ times the power at stage i.
