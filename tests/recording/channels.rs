@@ -2,7 +2,7 @@
 
 use std::path::Path;
 
-use resonarm::export::{ExportFormat, Part, Selection, export};
+use resonarm::export::{ExportFormat, RecordingPart, Selection, export};
 use resonarm::recording::channels::{Channels, Kind};
 use resonarm::recording::{Options, Record, Recording, RecordingError, Topic};
 use resonarm::statistics::statistics;
@@ -52,7 +52,7 @@ fn the_current_of_a_coil_is_exported_and_in_the_statistics() -> Outcome {
     let current = found.channels.iter().find(|channel| channel.name == "coil_current_a").ok_or("no current")?;
     assert_eq!((current.least, current.largest), (0.5, 2.5));
     let stem = directory.path().join("run");
-    let selection = Selection { parts: vec![Part::States], samples: 0..=u64::MAX, magnification: None };
+    let selection = Selection { parts: vec![RecordingPart::States], samples: 0..=u64::MAX, magnification: None };
     for format in [ExportFormat::Csv, ExportFormat::Wav, ExportFormat::Uff58, ExportFormat::Foxglove] {
         let files = export(&recording, format, &selection, &stem)?;
         assert!(files[0].columns.contains(&"coil_current_a"), "{format}");

@@ -8,7 +8,7 @@ use super::contents::Contents;
 use super::decode::decode;
 use super::schema::{ARMED_EVENT, DT_S, FAULT_EVENT, OTHER_SENDER_EVENT, OUR_LIBRARY, PARTNER_EVENT, Topic, metadata};
 use super::summary::format;
-use super::walk::{Part, Walk};
+use super::checked_reader::{CheckedReader, TopLevelRecord};
 use super::{Event, Integrity, Record, RecordedFault, RecordingError, SampleRecord, TopicSummary};
 use resonarm_numeric::number::short;
 
@@ -67,15 +67,15 @@ pub(super) struct TopicTally {
 
 /// Passes through the file once.
 pub(super) fn scan(path: &Path) -> Result<Scan, RecordingError> {
-    let mut walk = Walk::open(path)?;
+    let mut reader = CheckedReader::open(path)?;
     let mut metadata = BTreeMap::new();
     let mut library = String::new();
     let mut tally = Tally::default();
     let (readable_bytes, end) = loop {
-        let offset = walk.offset();
-        match walk.next() {
-            Ok(Some(Part::Header(name))) => library = name,
-            Ok(Some(Part::Metadata(name, content))) => {
+        let offset = reader.offset();
+        match reader.next() {
+            Ok(Some(TopLevelRecord::Header(name))) => library = name,
+            Ok(Some(TopLevelRecord::Metadata(name, content))) => {
                 if name == metadata::RECORDING && tally.dt_s.is_none() {
                     // First of all: what a later format means by the rest is not known.
                     format(path, &content)?;
@@ -83,16 +83,16 @@ pub(super) fn scan(path: &Path) -> Result<Scan, RecordingError> {
                 }
                 metadata.entry(name).or_insert(content);
             }
-            Ok(Some(Part::Chunk)) => match tally.clone().with(walk.contents()) {
+            Ok(Some(TopLevelRecord::Chunk)) => match tally.clone().with(reader.contents()) {
                 Ok(with) => tally = with,
-                Err(cause) => break (offset, Err(walk.damaged(offset, cause))),
+                Err(cause) => break (offset, Err(reader.damaged(offset, cause))),
             },
-            Ok(Some(Part::Other)) => {}
+            Ok(Some(TopLevelRecord::Other)) => {}
             Ok(None) => break (offset, Ok(())),
             Err(error) => break (offset, Err(error)),
         }
     };
-    let file_bytes = walk.file_bytes();
+    let file_bytes = reader.file_bytes();
     let last_sample = tally.samples.map(|(_, last)| last);
     let integrity = match end {
         Ok(()) if metadata.contains_key(metadata::LOST) => Integrity::Complete,
