@@ -18,7 +18,7 @@ use crate::{BranchOptions, Coordinate, EndedEarly, ForcedArm, forced_response, t
 use resonarm_dynamics::arm::{Arm, State};
 use resonarm_dynamics::integrate::Sine;
 
-/// The branch is walked between these multiples of the frequency to find the motions at it.
+/// The branch is traced between these multiples of the frequency to find the motions at it.
 const WINDOW: [f64; 2] = [0.75, 4.0 / 3.0];
 
 /// A coordinate of the arm's state.
@@ -136,7 +136,7 @@ pub enum Outcome {
 }
 
 /// The stable motions of an arm under a sine: those of the branch over the frequency, and of the doubled branches that
-/// leave it, at this frequency, in order of max |α1|. The branch is walked from ¾ to 4/3 of the frequency; branches
+/// leave it, at this frequency, in order of max |α1|. The branch is traced from ¾ to 4/3 of the frequency; branches
 /// that end early are returned too, and motions beyond their ends are missing.
 ///
 /// If two neighbours on a branch are on both sides of the frequency, Newton's method leads from the motion between them
@@ -148,8 +148,8 @@ pub fn stable_motions(arm: &Arm, sine: &Sine) -> Result<(Vec<StableMotion>, Vec<
     let map = StroboscopicMap::new(arm, *sine)?;
     let hz = sine.frequency_hz;
     let mut early = Vec::new();
-    let mut keep = |walked: Result<Branch, EndedEarly<Branch>>| {
-        walked.unwrap_or_else(|ended| {
+    let mut keep = |traced: Result<Branch, EndedEarly<Branch>>| {
+        traced.unwrap_or_else(|ended| {
             early.push(ended.clone());
             *ended.so_far
         })

@@ -106,7 +106,7 @@ impl<'a> StroboscopicMap<'a> {
     /// # Errors
     /// [`TimeDomainError::Integrate`] if a step can't be made.
     pub fn advance(&self, state: &State) -> Result<State, TimeDomainError> {
-        self.walk(state, |_step, _state| Ok(()))
+        self.advance_visiting(state, |_step, _state| Ok(()))
     }
 
     /// The states a number of periods after `states`, all at phase 0, side by side; each has the bits of
@@ -127,7 +127,7 @@ impl<'a> StroboscopicMap<'a> {
     }
 
     /// One period; calls back with each step's number, 0 to N − 1, and the state at its start.
-    pub(super) fn walk(
+    pub(super) fn advance_visiting(
         &self,
         state: &State,
         mut visit: impl FnMut(u32, &State) -> Result<(), TimeDomainError>,

@@ -40,7 +40,7 @@ struct Job {
     label: String,
     arm: Arm,
     drive: Drive,
-    walk: Varied,
+    varied: Varied,
 }
 
 /// The quantity that varies along a curve.
@@ -204,7 +204,7 @@ impl Plan {
     pub fn compute(self, done: impl Fn() + Sync) -> Result<Curves, PaperError> {
         let subject = &self.subject;
         let work = |job: &Job| {
-            let branch = match job.walk {
+            let branch = match job.varied {
                 Varied::Frequency { amplitude, range_hz } => {
                     ForcedBranch::over_frequency(subject, &job.arm, (job.drive, amplitude), range_hz)
                 }
@@ -223,8 +223,8 @@ impl Plan {
 
     /// Adds a curve over the frequency and returns its place.
     fn over_frequency(&mut self, label: String, arm: Arm, drive: (Drive, f64), range_hz: [f64; 2]) -> usize {
-        let walk = Varied::Frequency { amplitude: drive.1, range_hz };
-        self.jobs.push(Job { label, arm, drive: drive.0, walk });
+        let varied = Varied::Frequency { amplitude: drive.1, range_hz };
+        self.jobs.push(Job { label, arm, drive: drive.0, varied });
         self.jobs.len() - 1
     }
 
@@ -263,8 +263,8 @@ impl Plan {
         let (five, preset) = (&settings.figure5, self.subject.preset());
         let (largest, frequency_hz) = (*five.largest_torque_nm.of(preset), five.frequency_hz);
         for &beta2_deg in five.beta2_deg.of(preset) {
-            let (arm, walk) = (self.subject.bent(beta2_deg)?, Varied::Amplitude { largest, frequency_hz });
-            self.jobs.push(Job { label: pose(beta2_deg), arm, drive: Drive::Torque1, walk });
+            let (arm, varied) = (self.subject.bent(beta2_deg)?, Varied::Amplitude { largest, frequency_hz });
+            self.jobs.push(Job { label: pose(beta2_deg), arm, drive: Drive::Torque1, varied });
         }
         let (curves, range) = ((0..self.jobs.len()).collect(), Some([0.0, largest]));
         let abscissa = Abscissa::Torque1Nm;
