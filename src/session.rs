@@ -14,7 +14,7 @@ use crate::supervise::Line;
 use resonarm::bus::{Bus, BusAddress, network_filters};
 use resonarm::realtime::Percentiles;
 use resonarm::recording::Existing;
-use resonarm::run::{BusCounts, BusLoss, Fault, Outcome, PlantReport, RecordTo, RunEvent, Session, fault_text};
+use resonarm::run::{BusCounts, BusLoss, Fault, PlantOutcome, PlantReport, RecordTo, RunEvent, Session, fault_text};
 use resonarm_numeric::number::short;
 
 /// Capacity of the ring of events for standard error.
@@ -222,7 +222,7 @@ fn counted(kinds: &[(&str, u64)]) -> Option<String> {
 pub(crate) fn complaint(report: &PlantReport) -> Option<String> {
     let mut text = match (&report.emergency, report.outcome) {
         (Some(emergency), _) => fault_text(emergency, report.partner_fault.as_ref(), report.bus_loss),
-        (None, Outcome::NotArmed) => String::from(
+        (None, PlantOutcome::NotArmed) => String::from(
             "no controller armed the plant, so nothing was done: start one on the same bus, as `resonarm exciter` with the \
              same mode and scenario; --patience-s says how long to wait",
         ),

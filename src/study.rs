@@ -7,7 +7,7 @@ use serde_json::Value;
 
 use crate::failure::Failure;
 use crate::supervise::supervise;
-use resonarm::analysis::time_domain::Outcome;
+use resonarm::analysis::time_domain::BasinOutcome;
 use resonarm::control::Length;
 use resonarm::run::Signals;
 use resonarm::study::{BasinComputation, Basins, ChainComputation, Chains, Control, StudyError};
@@ -32,7 +32,7 @@ pub(crate) fn walk(
 pub(crate) fn basins(
     basins: Basins,
     journal: Option<(&Path, &Value)>,
-) -> Result<Option<(BasinComputation, Vec<Outcome>)>, Failure> {
+) -> Result<Option<(BasinComputation, Vec<BasinOutcome>)>, Failure> {
     let begun = basins.begin(journal)?;
     let (done, total) = (begun.done(), begun.total());
     let ended = watch("basins", "states", [done, total], move |control| begun.compute_missing(control))?;

@@ -8,7 +8,7 @@ use resonarm::bus::fault::{FaultSpec, Faulty, check};
 use resonarm::bus::memory::{self, MemoryBus};
 use resonarm::bus::{Bus, BusError, Sent, VirtualBus};
 use resonarm::control::{Answer, Controller, Length, LoadKind, ResponsePoint};
-use resonarm::node::{self, ExciterNode, Outcome, PlantNode, Timing};
+use resonarm::node::{self, ExciterNode, ExciterOutcome, PlantNode, Timing};
 use resonarm::protocol::{Network, Node, Profile};
 use resonarm::realtime::{Clock, VirtualClock};
 use resonarm::rig::{Exciter, Measurement, Reading};
@@ -260,6 +260,6 @@ fn soak(profile: Profile) -> (u64, u64) {
     assert!(refused.0 > 5_000 && refused.1 > 5_000, "{refused:?}");
     soak.exciter.stop(soak.clock.now_ns());
     (SAMPLES..SAMPLES + 100).for_each(|sample| soak.sample(sample));
-    assert_eq!((soak.exciter.outcome(), soak.plant.is_quiet()), (Some(Outcome::Stopped), true));
+    assert_eq!((soak.exciter.outcome(), soak.plant.is_quiet()), (Some(ExciterOutcome::Stopped), true));
     (plant_sent, exciter_sent)
 }

@@ -118,10 +118,10 @@ pub struct StableMotion {
     points: Vec<FixedPoint>,
 }
 
-/// The fate of an initial state.
+/// What becomes of an initial state.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "lowercase")]
-pub enum Outcome {
+pub enum BasinOutcome {
     /// It reaches a stable motion.
     Reaches {
         /// Its index.
@@ -236,14 +236,14 @@ pub fn outcomes(
     starts: &[State],
     time_constants: f64,
     stop: &dyn Fn() -> bool,
-) -> Result<Vec<Outcome>, TimeDomainError> {
+) -> Result<Vec<BasinOutcome>, TimeDomainError> {
     if !(time_constants.is_finite() && time_constants > 0.0) {
         return Err(TimeDomainError::Option { name: "time_constants", got: time_constants });
     }
     let longest = libm::ceil(time_constants * map.time_constant_periods()) as u64;
     let unit = motions.iter().fold(1, |unit, motion| least_common_multiple(unit, u64::from(motion.period)));
     let stretch = (libm::ceil(STRETCH * map.time_constant_periods()) as u64).max(1).div_ceil(unit) * unit;
-    let mut outcomes = alloc::vec![Outcome::Undecided; starts.len()];
+    let mut outcomes = alloc::vec![BasinOutcome::Undecided; starts.len()];
     let mut left: Vec<usize> = (0..starts.len()).collect();
     let mut states = starts.to_vec();
     let mut periods = 0;
@@ -254,17 +254,17 @@ pub fn outcomes(
         for (slot, state) in states.iter().enumerate() {
             let after = map.point(state);
             outcomes[left[slot]] = if !state.is_finite() {
-                Outcome::Diverges
+                BasinOutcome::Diverges
             } else if let Some(motion) =
                 motions.iter().position(|motion| motion.captures(&before[slot], &after, stretch))
             {
-                Outcome::Reaches { motion, periods }
+                BasinOutcome::Reaches { motion, periods }
             } else {
-                Outcome::Undecided
+                BasinOutcome::Undecided
             };
         }
         // The others continue together.
-        let goes_on = |slot: &usize| outcomes[left[*slot]] == Outcome::Undecided;
+        let goes_on = |slot: &usize| outcomes[left[*slot]] == BasinOutcome::Undecided;
         let slots: Vec<usize> = (0..left.len()).filter(goes_on).collect();
         (left, states) = slots.into_iter().map(|slot| (left[slot], states[slot])).unzip();
     }

@@ -46,7 +46,7 @@ fn the_small_motions_of_figure_4_are_the_linear_response() {
     }
 }
 
-/// The oracles' cases under a torque of 60 N·m, walked as Fig. 4 walks: from 1 to 80 Hz.
+/// The oracles' cases under a torque of 60 N·m, traced as in Fig. 4: from 1 to 80 Hz.
 #[test]
 fn the_folds_of_figure_4_are_those_of_the_oracles() {
     let oracles: Value = serde_json::from_str(include_str!("../../../../tests/oracles/oracles.json")).unwrap();

@@ -8,7 +8,7 @@ use super::outage::{self, Outage};
 use super::report::NodeFrames;
 use super::{BusCounts, BusLoss, CommandRecord, End, ExciterReport, Notice, Request, RunError, Signals, Watched};
 use resonarm_bench::control::ResponsePoint;
-use resonarm_bench::node::{ExciterNode, Outcome};
+use resonarm_bench::node::{ExciterNode, ExciterOutcome};
 use resonarm_bus::{Bus, BusError, Sent};
 use resonarm_files::recording::{Direction, Event, FrameRecord, Record};
 use resonarm_protocol::{Frame, NodeState};
@@ -65,7 +65,7 @@ pub(super) fn run<C: Clock>(
         responses: Vec::new(),
     };
     let answered = run.answer();
-    let left_unheard = matches!(answered, Ok(Answered::PlantEnded)).then_some(Outcome::PlantLeft);
+    let left_unheard = matches!(answered, Ok(Answered::PlantEnded)).then_some(ExciterOutcome::PlantLeft);
     let error = answered.and_then(|_end| run.send_rest()).err();
     let Run { bus, responses, rearmed, bus_loss, .. } = run;
     let counts = BusCounts::new(bus.statistics(), NodeFrames::from(&*node));
@@ -160,7 +160,7 @@ impl<C: Clock> Run<'_, C> {
     /// heard before then can be of before the fault. A bus whose queue takes none for long is given up.
     fn has_ended(&mut self, now_ns: u64) -> bool {
         let Some(outcome) = self.node.outcome() else { return false };
-        let begins_anew = matches!(outcome, Outcome::Faulted(_)) && self.rearmed < self.patience.rearm;
+        let begins_anew = matches!(outcome, ExciterOutcome::Faulted(_)) && self.rearmed < self.patience.rearm;
         if !begins_anew || self.signals.is_stopped() {
             return true;
         }

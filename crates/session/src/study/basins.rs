@@ -9,7 +9,7 @@ use serde_json::Value;
 
 use super::{Control, Journal, StudyError, on_all_cores};
 use resonarm_analysis::time_domain::{
-    Outcome, StableMotion, StateCoordinate, StroboscopicMap, TimeDomainError, outcomes,
+    BasinOutcome, StableMotion, StateCoordinate, StroboscopicMap, TimeDomainError, outcomes,
 };
 use resonarm_dynamics::arm::{Arm, State};
 use resonarm_dynamics::integrate::Sine;
@@ -80,14 +80,14 @@ pub struct Basins {
 #[serde(deny_unknown_fields)]
 struct GridPart {
     part: usize,
-    outcomes: Vec<Outcome>,
+    outcomes: Vec<BasinOutcome>,
 }
 
 /// Basins as far as they are computed, and where they are kept.
 #[derive(Debug)]
 pub struct BasinComputation {
     basins: Basins,
-    parts: Vec<Option<Vec<Outcome>>>,
+    parts: Vec<Option<Vec<BasinOutcome>>>,
     journal: Option<Journal>,
 }
 
@@ -119,7 +119,7 @@ impl Basins {
         (part * TOGETHER..end).map(|index| self.grid.state(index)).collect()
     }
 
-    fn outcomes(&self, part: usize, stop: &dyn Fn() -> bool) -> Result<Option<Vec<Outcome>>, TimeDomainError> {
+    fn outcomes(&self, part: usize, stop: &dyn Fn() -> bool) -> Result<Option<Vec<BasinOutcome>>, TimeDomainError> {
         let map = StroboscopicMap::new(&self.arm, self.sine)?;
         match outcomes(&map, &self.motions, &self.states(part), self.time_constants, stop) {
             Ok(outcomes) => Ok(Some(outcomes)),
@@ -131,8 +131,8 @@ impl Basins {
 
 impl BasinComputation {
     /// What became of the states, in the order of the grid; `None` until all are computed.
-    pub fn outcomes(&self) -> Option<Vec<Outcome>> {
-        let parts: Option<Vec<&Vec<Outcome>>> = self.parts.iter().map(Option::as_ref).collect();
+    pub fn outcomes(&self) -> Option<Vec<BasinOutcome>> {
+        let parts: Option<Vec<&Vec<BasinOutcome>>> = self.parts.iter().map(Option::as_ref).collect();
         parts.map(|parts| parts.into_iter().flatten().copied().collect())
     }
 
@@ -159,7 +159,7 @@ impl BasinComputation {
         let done = AtomicU64::new(self.done() as u64);
         let (failed, journal) = (AtomicBool::new(false), Mutex::new(self.journal));
         let stop = || (control.stop)() || failed.load(Ordering::Relaxed);
-        let compute = |part: usize| -> Result<Option<Vec<Outcome>>, StudyError> {
+        let compute = |part: usize| -> Result<Option<Vec<BasinOutcome>>, StudyError> {
             let Some(outcomes) = self.basins.outcomes(part, &stop)? else { return Ok(None) };
             if let Some(journal) = journal.lock().unwrap_or_else(PoisonError::into_inner).as_mut() {
                 journal.append(&GridPart { part, outcomes: outcomes.clone() })?;
@@ -168,8 +168,8 @@ impl BasinComputation {
             (control.done)(done.fetch_add(more, Ordering::Relaxed) + more);
             Ok(Some(outcomes))
         };
-        let jobs: Vec<(usize, Option<Vec<Outcome>>)> = self.parts.into_iter().enumerate().collect();
-        let work = |(part, known): &(usize, Option<Vec<Outcome>>)| match known {
+        let jobs: Vec<(usize, Option<Vec<BasinOutcome>>)> = self.parts.into_iter().enumerate().collect();
+        let work = |(part, known): &(usize, Option<Vec<BasinOutcome>>)| match known {
             Some(outcomes) => Ok(Some(outcomes.clone())),
             None => compute(*part).inspect_err(|_error| failed.store(true, Ordering::Relaxed)),
         };
@@ -224,12 +224,12 @@ mod tests {
         for (index, outcome) in outcomes.iter().enumerate() {
             let settled = settle(&map, &grid.state(index), &SettleOptions::default(), &|| false).unwrap();
             match outcome {
-                Outcome::Reaches { motion, .. } => {
+                BasinOutcome::Reaches { motion, .. } => {
                     let (a, b) = (motions[*motion].amplitude_rad[0], settled.amplitude_rad[0]);
                     assert!((a / b - 1.0).abs() < 1e-6, "{index}: {a} {b}");
                     reached[*motion] += 1;
                 }
-                other => assert_eq!((settled.period, *other), (None, Outcome::Undecided), "{index}"),
+                other => assert_eq!((settled.period, *other), (None, BasinOutcome::Undecided), "{index}"),
             }
         }
         assert!(reached.iter().all(|count| *count > 5), "{reached:?}");

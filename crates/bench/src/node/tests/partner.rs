@@ -69,7 +69,7 @@ fn in_lockstep_a_refused_command_ends_with_its_reason_at_any_timeouts() {
         let fault = plant.latched_fault().unwrap();
         assert_eq!(fault.code, EmergencyCode::CommandTimeout, "{timeouts:?}: {fault}");
         assert_eq!(Refusal::from_detail(fault.detail), (1, Some(Refusal::OutOfRange)), "{timeouts:?}: {fault}");
-        let Some(Outcome::Faulted(ended)) = exciter.outcome() else { panic!("{:?}", exciter.outcome()) };
+        let Some(ExciterOutcome::Faulted(ended)) = exciter.outcome() else { panic!("{:?}", exciter.outcome()) };
         let said = exciter.plant_fault().unwrap_or(ended);
         assert_eq!((said, exciter.awaits_reason()), (fault, false), "{timeouts:?}");
     }
@@ -147,7 +147,7 @@ fn a_node_that_receives_its_own_heartbeat_has_a_second_sender() {
     };
     let exciter = bench.exciter.as_mut().unwrap();
     exciter.handle_frame(bench.now_ns, &own(NodeName::Exciter, Network::default()));
-    let Some(Outcome::Faulted(fault)) = exciter.outcome() else { panic!("{:?}", exciter.outcome()) };
+    let Some(ExciterOutcome::Faulted(fault)) = exciter.outcome() else { panic!("{:?}", exciter.outcome()) };
     assert_eq!((fault.code, fault.detail), (EmergencyCode::SecondSender, 0x702));
     let mut plant = plant_node();
     plant.start(0);

@@ -94,7 +94,7 @@ fn a_controller_whose_plant_leaves_ends_without_a_fault() {
     let left = bench.loads.len();
     bench.plant.leave(bench.now_ns);
     bench.run(60);
-    assert_eq!(bench.outcome(), Some(Outcome::PlantLeft));
+    assert_eq!(bench.outcome(), Some(ExciterOutcome::PlantLeft));
     assert_eq!(bench.exciter.as_ref().unwrap().state(), NodeState::PreOperational);
     assert!(bench.loads[left].force_n.x != 0.0 && bench.plant.is_quiet());
 }
@@ -106,7 +106,7 @@ fn a_controller_that_leaves_disarms_the_plant_first() {
     bench.exciter.as_mut().unwrap().leave(bench.now_ns);
     bench.run(60);
     let exciter = bench.exciter.as_ref().unwrap();
-    assert_eq!((exciter.outcome(), exciter.is_quiet()), (Some(Outcome::Stopped), true));
+    assert_eq!((exciter.outcome(), exciter.is_quiet()), (Some(ExciterOutcome::Stopped), true));
     assert_eq!(bench.plant.state(), NodeState::PreOperational);
     assert_eq!(bench.emergencies(), [EmergencyCode::Leaving]);
     assert!(!bench.plant.is_ramping());
@@ -121,7 +121,7 @@ fn a_controller_stopped_before_it_has_heard_that_the_plant_is_armed_disarms_it()
     exciter.stop(bench.now_ns);
     assert_eq!((exciter.state(), exciter.outcome()), (NodeState::PreOperational, None));
     bench.run(60);
-    assert_eq!(bench.outcome(), Some(Outcome::Stopped));
+    assert_eq!(bench.outcome(), Some(ExciterOutcome::Stopped));
     assert_eq!((bench.plant.state(), bench.plant.latched_fault()), (NodeState::PreOperational, None));
 }
 
@@ -149,7 +149,7 @@ fn a_slip_is_reported_and_counted_and_is_no_fault() {
     let exciter = bench.exciter.as_ref().unwrap();
     assert_eq!(
         (exciter.slipped_periods(), exciter.missed_samples(), exciter.outcome()),
-        (157, 0, Some(Outcome::Finished))
+        (157, 0, Some(ExciterOutcome::Finished))
     );
     assert_eq!(bench.emergencies(), [EmergencyCode::ScheduleSlipped, EmergencyCode::ScheduleSlipped]);
     assert_eq!(bench.plant.slipped_periods(), 157);
