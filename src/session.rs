@@ -85,8 +85,8 @@ impl EventLog {
             RunEvent::Armed { sample } => format!("armed at sample {sample}"),
             RunEvent::Disarmed { sample } => format!("disarmed at sample {sample}"),
             RunEvent::Faulted { fault, partner: None } => in_words(fault),
-            RunEvent::Faulted { fault, partner: Some(said) } => {
-                format!("{}; the exciter said: {}", in_words(fault), in_words(said))
+            RunEvent::Faulted { fault, partner: Some(partner) } => {
+                format!("{}; the exciter said: {}", in_words(fault), in_words(partner))
             }
             RunEvent::NotArmed { fault } => format!("refused to arm: {} (detail {})", fault.name, fault.detail),
             RunEvent::BusLost { cause: BusLoss::BusOff, .. } => {

@@ -138,10 +138,10 @@ impl Both {
         )
     }
 
-    /// Tells both, compares, and gives the frames that were sent.
-    fn both(&mut self, command: &str, tell: impl FnOnce(&mut ExciterNode)) -> Vec<Frame> {
+    /// Makes both do the same, compares, and gives the frames that were sent.
+    fn both(&mut self, command: &str, act: impl FnOnce(&mut ExciterNode)) -> Vec<Frame> {
         let answer = self.ask(command);
-        tell(&mut self.node);
+        act(&mut self.node);
         let sent: Vec<Frame> =
             if self.is_jammed { Vec::new() } else { core::iter::from_fn(|| self.node.poll_transmit()).collect() };
         let frames: String = sent.iter().map(|frame| format!("{frame} ")).collect();

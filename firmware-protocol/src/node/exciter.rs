@@ -282,7 +282,7 @@ impl<C: Answering> ExciterNode<C> {
     fn heed(&mut self, now_ns: u64, emergency: Emergency) {
         match emergency.code {
             EmergencyCode::ScheduleSlipped => {
-                self.link.tell(NodeEvent::Emergency(emergency));
+                self.link.report(NodeEvent::Emergency(emergency));
                 self.slipped_periods += u64::from(emergency.detail);
             }
             EmergencyCode::Leaving => self.take_leaving(now_ns, emergency),
@@ -292,7 +292,7 @@ impl<C: Answering> ExciterNode<C> {
 
     /// The plant leaves the bus. Before arming, another plant may appear.
     fn take_leaving(&mut self, now_ns: u64, emergency: Emergency) {
-        self.link.tell(NodeEvent::Emergency(emergency));
+        self.link.report(NodeEvent::Emergency(emergency));
         (self.plant_hello, self.plant_state) = (None, None);
         match self.phase {
             Phase::Playing => {
@@ -312,12 +312,12 @@ impl<C: Answering> ExciterNode<C> {
             return;
         }
         if self.phase == Phase::Playing || (self.phase == Phase::Arming && incompatible) {
-            self.link.tell(NodeEvent::Emergency(emergency));
+            self.link.report(NodeEvent::Emergency(emergency));
             self.link.transition(now_ns, StateEvent::Fault);
             self.phase = Phase::Done(ExciterOutcome::Faulted(emergency));
         } else if self.has_missed_samples() && emergency.code != EmergencyCode::PartnerFault {
             // A consequence of this node's own fault is no reason for it.
-            self.link.tell(NodeEvent::PartnerEmergency(emergency));
+            self.link.report(NodeEvent::PartnerEmergency(emergency));
             self.plant_fault = Some(emergency);
         }
     }

@@ -2,7 +2,7 @@
 
 use resonarm::analysis;
 use resonarm_figures::paper::{
-    Abscissa, LabelledCurve, FigureCurves, ForcedBranch, MeasuredPoint, Motion, NaturalFrequencies, Panel, Way,
+    Abscissa, FigureCurves, ForcedBranch, LabelledCurve, MeasuredPoint, Motion, NaturalFrequencies, Panel, Way,
 };
 use resonarm_figures::plot::{self, Axis, Color, Legend, Marker, Note, Series, Style};
 

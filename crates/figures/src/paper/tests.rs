@@ -9,7 +9,7 @@ use nalgebra::Normed as _;
 use serde_json::Value;
 
 use super::claims::judge;
-use super::{LabelledCurve, FigureCurves, Figure, Motion, Plan, Settings};
+use super::{Figure, FigureCurves, LabelledCurve, Motion, Plan, Settings};
 use resonarm_analysis::FrequencyResponse;
 use resonarm_dynamics::arm::{Arm, Pose, Preset};
 

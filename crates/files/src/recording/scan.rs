@@ -44,7 +44,7 @@ pub(super) struct Tally {
     /// The faults of the plant, the first [`MOST_FAULTS`] of them.
     pub faults: Vec<RecordedFault>,
     /// What the exciter said was wrong since the plant was armed, and at which sample, until the plant tells a fault.
-    pub partner_said: Option<(u64, i64)>,
+    pub partner_emergency: Option<(u64, i64)>,
     /// Frames under identifiers that only the plant sends, of another network.
     pub other_sender_frames: u64,
     /// One for each of [`Topic::ALL`].
@@ -166,13 +166,13 @@ impl Tally {
     fn event(&mut self, event: &Event<String>) {
         match event.name.as_str() {
             FAULT_EVENT => {
-                let said = self.partner_said.take();
+                let emergency = self.partner_emergency.take();
                 if self.faults.len() < MOST_FAULTS {
-                    self.faults.push(RecordedFault::new(event.sample, event.value).with_partner(said));
+                    self.faults.push(RecordedFault::new(event.sample, event.value).with_partner(emergency));
                 }
             }
-            PARTNER_EVENT => self.partner_said = Some((event.sample, event.value)),
-            ARMED_EVENT => self.partner_said = None,
+            PARTNER_EVENT => self.partner_emergency = Some((event.sample, event.value)),
+            ARMED_EVENT => self.partner_emergency = None,
             OTHER_SENDER_EVENT => self.other_sender_frames += 1,
             _ => {}
         }

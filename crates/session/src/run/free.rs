@@ -75,7 +75,7 @@ impl<C: Clock> Free<'_, '_, '_, C> {
         self.exchange()?;
         self.responses.extend(core::iter::from_fn(|| {
             let response = self.exciter.controller_mut().poll_response()?;
-            self.watched.iter_mut().for_each(|watched| watched.tell(Notice::Response(response)));
+            self.watched.iter_mut().for_each(|watched| watched.notify(Notice::Response(response)));
             Some(response)
         }));
         if let Some(watched) = &mut self.watched {

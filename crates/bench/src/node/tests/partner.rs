@@ -169,19 +169,19 @@ fn requests(exciter: &mut ExciterNode) -> Vec<OperatorRequest> {
 #[test]
 fn a_plant_found_in_fault_is_reset_before_it_is_armed_and_not_by_an_exciter_in_fault() {
     let mut plant = Transmitter::new(Network::default());
-    let mut tell = |exciter: &mut ExciterNode, now_ns: u64, state| {
+    let mut send_heartbeat = |exciter: &mut ExciterNode, now_ns: u64, state| {
         let heartbeat = Message::Heartbeat(Heartbeat { node: NodeName::Plant, state });
         exciter.handle_frame(now_ns, &plant.frame(&heartbeat).unwrap());
     };
     let hello = Message::PlantHello(Hello::new(WireProfile::Classic, RATE_HZ));
     let mut exciter = exciter_node(1.0);
     exciter.start(0);
-    tell(&mut exciter, 0, NodeState::Fault);
+    send_heartbeat(&mut exciter, 0, NodeState::Fault);
     exciter.handle_frame(0, &Transmitter::new(Network::default()).frame(&hello).unwrap());
     assert_eq!(requests(&mut exciter), [OperatorRequest::Reset, OperatorRequest::Arm]);
-    tell(&mut exciter, TICK_NS, NodeState::PreOperational);
-    tell(&mut exciter, 2 * TICK_NS, NodeState::Operational);
-    tell(&mut exciter, 3 * TICK_NS, NodeState::Fault);
+    send_heartbeat(&mut exciter, TICK_NS, NodeState::PreOperational);
+    send_heartbeat(&mut exciter, 2 * TICK_NS, NodeState::Operational);
+    send_heartbeat(&mut exciter, 3 * TICK_NS, NodeState::Fault);
     assert_eq!(exciter.state(), NodeState::Fault);
     (4..1000).for_each(|tick| exciter.handle_deadline(tick * TICK_NS));
     assert_eq!(requests(&mut exciter), []);

@@ -18,7 +18,7 @@ fn force(force_x_n: f64, sample: u16) -> Message {
     Message::Force(ForceCommand { force_x_n, force_y_n: 0.0, sample })
 }
 
-fn tell(plant: &mut PlantNode, transmitter: &mut Transmitter, message: Message) {
+fn send(plant: &mut PlantNode, transmitter: &mut Transmitter, message: Message) {
     plant.handle_frame(0, &transmitter.frame(&message).unwrap());
 }
 
@@ -30,25 +30,25 @@ fn forces(plant: &mut PlantNode, samples: usize) -> Vec<f64> {
 #[test]
 fn arming_during_the_ramp_lets_it_continue_until_the_first_command() {
     let (mut plant, mut transmitter) = armed();
-    tell(&mut plant, &mut transmitter, force(50.0, 4464));
+    send(&mut plant, &mut transmitter, force(50.0, 4464));
     assert_eq!(forces(&mut plant, 1), [50.0]);
-    tell(&mut plant, &mut transmitter, operator(OperatorRequest::Disarm));
+    send(&mut plant, &mut transmitter, operator(OperatorRequest::Disarm));
     assert_eq!(forces(&mut plant, 2), [49.0, 48.0]);
-    tell(&mut plant, &mut transmitter, operator(OperatorRequest::Arm));
+    send(&mut plant, &mut transmitter, operator(OperatorRequest::Arm));
     assert!(plant.is_armed());
     assert_eq!(forces(&mut plant, 2), [47.0, 46.0]);
     // Disarmed again, the same ramp continues.
-    tell(&mut plant, &mut transmitter, operator(OperatorRequest::Disarm));
+    send(&mut plant, &mut transmitter, operator(OperatorRequest::Disarm));
     assert_eq!(forces(&mut plant, 1), [45.0]);
-    tell(&mut plant, &mut transmitter, operator(OperatorRequest::Arm));
-    tell(&mut plant, &mut transmitter, force(-7.0, 4464));
+    send(&mut plant, &mut transmitter, operator(OperatorRequest::Arm));
+    send(&mut plant, &mut transmitter, force(-7.0, 4464));
     assert_eq!(forces(&mut plant, 2), [-7.0, -7.0]);
 }
 
 #[test]
 fn the_ramp_ends_and_the_node_is_quiet_when_all_is_sent() {
     let (mut plant, mut transmitter) = armed();
-    tell(&mut plant, &mut transmitter, force(50.0, 4464));
+    send(&mut plant, &mut transmitter, force(50.0, 4464));
     plant.fault(0, EmergencyCode::Overrun, 3);
     assert!(plant.is_ramping() && !plant.is_quiet());
     assert_eq!(forces(&mut plant, 50).last(), Some(&0.0));
@@ -60,7 +60,7 @@ fn the_ramp_ends_and_the_node_is_quiet_when_all_is_sent() {
 #[test]
 fn a_failed_simulation_has_nothing_to_ramp() {
     let (mut plant, mut transmitter) = armed();
-    tell(&mut plant, &mut transmitter, force(50.0, 4464));
+    send(&mut plant, &mut transmitter, force(50.0, 4464));
     plant.fault(0, EmergencyCode::SimulationFailed, 0);
     assert!(!plant.is_ramping());
     assert_eq!(
@@ -72,7 +72,7 @@ fn a_failed_simulation_has_nothing_to_ramp() {
 #[test]
 fn a_plant_that_leaves_announces_it_disarms_and_ramps() {
     let (mut plant, mut transmitter) = armed();
-    tell(&mut plant, &mut transmitter, force(50.0, 4464));
+    send(&mut plant, &mut transmitter, force(50.0, 4464));
     messages(&mut plant);
     plant.leave(0);
     plant.leave(0);
@@ -80,7 +80,7 @@ fn a_plant_that_leaves_announces_it_disarms_and_ramps() {
     let disarmed = Heartbeat { node: NodeName::Plant, state: NodeState::PreOperational };
     assert_eq!(messages(&mut plant), [Message::Emergency(leaving), Message::Heartbeat(disarmed)]);
     assert_eq!(plant.latched_fault(), None);
-    tell(&mut plant, &mut transmitter, operator(OperatorRequest::Arm));
+    send(&mut plant, &mut transmitter, operator(OperatorRequest::Arm));
     assert!(!plant.is_armed());
     assert_eq!(messages(&mut plant), [Message::Emergency(leaving)]);
     assert_eq!(forces(&mut plant, 51)[48..], [1.0, 0.0, 0.0]);
@@ -128,12 +128,12 @@ fn a_controller_stopped_before_it_has_heard_that_the_plant_is_armed_disarms_it()
 #[test]
 fn an_armed_plant_disarms_with_a_ramp_when_its_controller_only_announces_that_it_leaves() {
     let (mut plant, mut transmitter) = armed();
-    tell(&mut plant, &mut transmitter, force(50.0, 4464));
+    send(&mut plant, &mut transmitter, force(50.0, 4464));
     let leaving = Emergency { node: NodeName::Exciter, code: EmergencyCode::Leaving, detail: 0, sample: 0 };
-    tell(&mut plant, &mut transmitter, Message::Emergency(leaving));
+    send(&mut plant, &mut transmitter, Message::Emergency(leaving));
     assert_eq!((plant.state(), plant.is_ramping()), (NodeState::PreOperational, true));
     // It must introduce itself again.
-    tell(&mut plant, &mut transmitter, operator(OperatorRequest::Arm));
+    send(&mut plant, &mut transmitter, operator(OperatorRequest::Arm));
     assert!(!plant.is_armed());
 }
 
