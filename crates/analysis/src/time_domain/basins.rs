@@ -264,8 +264,8 @@ pub fn outcomes(
             };
         }
         // The others continue together.
-        let goes_on = |slot: &usize| outcomes[left[*slot]] == BasinOutcome::Undecided;
-        let slots: Vec<usize> = (0..left.len()).filter(goes_on).collect();
+        let is_undecided = |slot: &usize| outcomes[left[*slot]] == BasinOutcome::Undecided;
+        let slots: Vec<usize> = (0..left.len()).filter(is_undecided).collect();
         (left, states) = slots.into_iter().map(|slot| (left[slot], states[slot])).unzip();
     }
     Ok(outcomes)

@@ -24,16 +24,16 @@ pub(super) fn visit(
     mut visit: impl FnMut(&[f64]) -> Result<(), ExportError>,
 ) -> Result<(), ExportError> {
     let mut each = |sample: u64, values: &[f64]| if wanted.contains(&sample) { visit(values) } else { Ok(()) };
-    let goes_on = |sample: u64| sample <= *wanted.end();
+    let is_before_end = |sample: u64| sample <= *wanted.end();
     match part {
         RecordingPart::States => {
-            for record in within(recording.states()?, |record| goes_on(record.sample)) {
+            for record in within(recording.states()?, |record| is_before_end(record.sample)) {
                 let record = record?;
                 each(record.sample, &record.values())?;
             }
         }
         RecordingPart::Samples => {
-            for record in within(recording.samples()?, |record| goes_on(record.sample)) {
+            for record in within(recording.samples()?, |record| is_before_end(record.sample)) {
                 let record = record?;
                 each(record.sample, &record.values())?;
             }
@@ -46,9 +46,9 @@ pub(super) fn visit(
 /// The records up to the first that is beyond what is wanted.
 fn within<T>(
     records: impl Iterator<Item = Result<T, RecordingError>>,
-    goes_on: impl Fn(&T) -> bool,
+    is_before_end: impl Fn(&T) -> bool,
 ) -> impl Iterator<Item = Result<T, RecordingError>> {
-    records.take_while(move |record| record.as_ref().map_or(true, &goes_on))
+    records.take_while(move |record| record.as_ref().map_or(true, &is_before_end))
 }
 
 /// The first sample of a part among the wanted ones, and how many there are.

@@ -396,7 +396,7 @@ fn a_signal_disarms_ramps_and_tells_that_the_plant_leaves() {
 }
 
 #[test]
-fn a_bus_that_is_down_for_a_while_is_a_fault_and_the_run_goes_on() {
+fn a_bus_that_is_down_for_a_while_is_a_fault_and_the_run_continues() {
     for mode in [Mode::RealTime, Mode::Lockstep] {
         let ending = Ending { after_samples: Some(1500), ..Ending::default() };
         let rig = Rig { down_ns: 500 * MS..1200 * MS, ending, speed: Speed::UNPACED, ..Rig::new() };

@@ -2,8 +2,8 @@
 //!
 //! ```text
 //! run loop ── Watched::notify ───────► rings of records and commands, of responses ──► Watcher::take
-//!          ── Watched::notify_frame ─► ring of frames ──────────────────────────────►
-//!          ◄─ Watched::request ─────── ring of requests ◄──────────────────────────── Watcher::ask
+//!          ── Watched::notify_frame ─► ring of frames ───────────────────────────────►
+//!          ◄─ Watched::request ─────── ring of requests ◄───────────────────────────── Watcher::ask
 //! ```
 //!
 //! A slot of a ring is as large as its largest entry, and what a loop writes has to leave the other core's caches. So
