@@ -5,7 +5,7 @@ use core::fmt;
 
 use thiserror::Error;
 
-use super::continuation::Refusal;
+use super::continuation::StepRefusal;
 use resonarm_numeric::number::{rounded, short};
 
 /// A value of the parameter of a continuation, in its unit.
@@ -49,7 +49,7 @@ pub enum AnalysisError {
         /// λ.
         at: Place,
         /// Why.
-        refusal: Refusal,
+        refusal: StepRefusal,
     },
     /// A branch could not be followed further.
     #[error(
@@ -64,7 +64,7 @@ pub enum AnalysisError {
         /// The last step tried.
         step: f64,
         /// Why it was refused.
-        refusal: Refusal,
+        refusal: StepRefusal,
     },
     /// A bifurcation that shows between two points could not be located.
     #[error("a bifurcation between {from} and {to} could not be located; try smaller steps or more harmonics")]

@@ -133,7 +133,7 @@ impl AddAssign for Work {
 
 /// Why a step was refused.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Refusal {
+pub enum StepRefusal {
     /// Newton's method did not converge.
     Newton,
     /// The correction was too large a fraction of the step.
@@ -146,14 +146,14 @@ pub enum Refusal {
     OutOfRange,
 }
 
-impl core::fmt::Display for Refusal {
+impl core::fmt::Display for StepRefusal {
     fn fmt(&self, f: &mut core::fmt::Formatter<'_>) -> core::fmt::Result {
         f.write_str(match self {
-            Refusal::Newton => "Newton's method did not converge",
-            Refusal::Correction => "the solution found was too far from the prediction",
-            Refusal::Turn => "the branch turned too sharply",
-            Refusal::Singular => "the equations were singular or not finite",
-            Refusal::OutOfRange => "no such system exists there",
+            StepRefusal::Newton => "Newton's method did not converge",
+            StepRefusal::Correction => "the solution found was too far from the prediction",
+            StepRefusal::Turn => "the branch turned too sharply",
+            StepRefusal::Singular => "the equations were singular or not finite",
+            StepRefusal::OutOfRange => "no such system exists there",
         })
     }
 }

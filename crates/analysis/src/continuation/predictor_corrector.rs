@@ -4,7 +4,7 @@ use alloc::vec;
 use alloc::vec::Vec;
 
 use super::newton::{Plane, Solver};
-use super::{Point, Refusal, ContinuationSettings, System, Work};
+use super::{Point, StepRefusal, ContinuationSettings, System, Work};
 use crate::AnalysisError;
 use crate::dense::{Determinant, dot, norm};
 
@@ -138,7 +138,7 @@ impl Continuation {
     }
 
     /// One step of the length `step` relative to X, if it is accepted.
-    fn attempt(&mut self, system: &mut impl System, step: f64) -> Result<(), Refusal> {
+    fn attempt(&mut self, system: &mut impl System, step: f64) -> Result<(), StepRefusal> {
         let n = system.dimension();
         let size = self.settings.size(&self.point.x);
         let length = step * size;
@@ -149,12 +149,12 @@ impl Continuation {
         let plane = Plane { normal: &self.point.tangent, through: &self.through, sigma: self.sigma };
         let error = self.solver.correct(system, &plane, size)?;
         if error > CORRECTION_SHARE * step {
-            return Err(Refusal::Correction);
+            return Err(StepRefusal::Correction);
         }
         self.solver.tangent(&mut self.tangent, n)?;
         let turn = libm::acos(dot(&self.tangent, &self.point.tangent).clamp(-1.0, 1.0));
         if turn.is_nan() || turn > self.settings.largest_turn_rad {
-            return Err(Refusal::Turn);
+            return Err(StepRefusal::Turn);
         }
         for ((k, new), old) in self.curvature.iter_mut().zip(&self.tangent).zip(&self.point.tangent) {
             *k = (new - old) / length;
