@@ -16,7 +16,8 @@ use resonarm::recording::Recording;
 use resonarm_numeric::number::short;
 
 /// What can be compared.
-const PARTS: [RecordingPart; 4] = [RecordingPart::States, RecordingPart::Samples, RecordingPart::Frames, RecordingPart::Events];
+const PARTS: [RecordingPart; 4] =
+    [RecordingPart::States, RecordingPart::Samples, RecordingPart::Frames, RecordingPart::Events];
 
 /// Compares two recordings sample by sample: exit code 1 if their records differ beyond the tolerance. Differences in
 /// their configuration are listed, too.

@@ -24,7 +24,12 @@ fn forced() -> ForcedArm {
 fn a_continuation_around_two_folds_allocates_nothing() {
     let balance = HarmonicBalance::new(forced(), 21.5, 1, HARMONICS);
     let mut response = ForcedResponse::new(balance, Coordinate::FrequencyHz);
-    let settings = ContinuationSettings { largest_step: 2.0, largest_turn_rad: 0.5, predictor_error: 0.1, ..ContinuationSettings::default() };
+    let settings = ContinuationSettings {
+        largest_step: 2.0,
+        largest_turn_rad: 0.5,
+        predictor_error: 0.1,
+        ..ContinuationSettings::default()
+    };
     let unknowns = response.balance().dimension();
     let mut continuation = Continuation::start(&mut response, settings, &vec![0.0; unknowns], 21.5, 1.0).unwrap();
     let mut floquet = Floquet::default();

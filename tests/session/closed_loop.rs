@@ -73,6 +73,10 @@ fn a_controller_of_one_s_own_needs_no_excitation() {
         let session = Session::new(scenario, mode, Options::default()).unwrap();
         let session = session.with_controller(|| Box::new(Damper::default()));
         let report = session.both(&Signals::default(), |_event| {}).unwrap();
-        assert_eq!((report.exciter.outcome, report.exciter.samples_played), (Some(ExciterOutcome::Finished), 2001), "{mode}");
+        assert_eq!(
+            (report.exciter.outcome, report.exciter.samples_played),
+            (Some(ExciterOutcome::Finished), 2001),
+            "{mode}"
+        );
     }
 }

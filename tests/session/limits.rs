@@ -23,7 +23,11 @@ fn ended(text: &str, mode: Mode) -> (ExciterOutcome, run::PlantOutcome) {
 /// up for this reason.
 fn abort(work: &str, limits: &str, fault: &str) -> Abort {
     let (limits, fault) = (format!("[limits]\n{limits}\n"), format!("[[rig.faults]]\n{fault}\n"));
-    assert_eq!(ended(&format!("{work}{limits}"), Mode::Free), (ExciterOutcome::Finished, run::PlantOutcome::Disarmed), "{limits}");
+    assert_eq!(
+        ended(&format!("{work}{limits}"), Mode::Free),
+        (ExciterOutcome::Finished, run::PlantOutcome::Disarmed),
+        "{limits}"
+    );
     let unlimited = ended(&format!("{work}{fault}"), Mode::Free).0;
     let (ExciterOutcome::Aborted(abort), plant) = ended(&format!("{work}{limits}{fault}"), Mode::Free) else {
         panic!("{limits} did not catch {fault}");

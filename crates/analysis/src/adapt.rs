@@ -1,6 +1,6 @@
 //! Adapts the number of harmonics to the motion along a continuation.
 
-use super::continuation::{System, Continuation};
+use super::continuation::{Continuation, System};
 use super::orbit::BranchOptions;
 use super::{AnalysisError, HarmonicBalance, Oscillator};
 

@@ -15,7 +15,7 @@ use alloc::vec::Vec;
 use nalgebra::Vector2;
 
 use super::adapt::{Spectral, adapt};
-use super::continuation::{Point, ContinuationSettings, System, Continuation, Work};
+use super::continuation::{Continuation, ContinuationSettings, Point, System, Work};
 use super::fourier::Harmonics;
 use super::locate::{FINE, search};
 use super::orbit::BranchOptions;
@@ -176,9 +176,13 @@ pub fn backbone<O: Oscillator>(
     tangent[5..7].copy_from_slice(beginning.sine.as_slice());
     // Without the nonlinearity the continuation would end at this size of the motion.
     let end_rad = options.largest_drive / beginning.drive;
-    let continuation = ContinuationSettings { state_floor: options.smallest_rad.min(START_PART * end_rad), ..options.branch.continuation };
+    let continuation = ContinuationSettings {
+        state_floor: options.smallest_rad.min(START_PART * end_rad),
+        ..options.branch.continuation
+    };
     let options = BackboneOptions { branch: BranchOptions { continuation, ..options.branch }, ..*options };
-    let mut continuation = Continuation::start_along(&mut system, continuation, &rest, beginning.frequency_hz, &tangent, 1.0)?;
+    let mut continuation =
+        Continuation::start_along(&mut system, continuation, &rest, beginning.frequency_hz, &tangent, 1.0)?;
     let mut curve = Backbone::default();
     let reason = follow(&mut system, &mut continuation, &options, &mut curve.points).err();
     curve.work = continuation.work();

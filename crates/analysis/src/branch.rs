@@ -4,7 +4,7 @@ use alloc::boxed::Box;
 use alloc::vec::Vec;
 
 use super::adapt::{Spectral, adapt};
-use super::continuation::{Point, System, Continuation, at_parameter};
+use super::continuation::{Continuation, Point, System, at_parameter};
 use super::curve::near;
 use super::fourier::zeros;
 use super::locate::doubled;
@@ -65,7 +65,14 @@ pub fn trace_doubled<O: Oscillator + Clone>(
         direction[8 * k + 2..8 * k + 6].copy_from_slice(pair);
     }
     direction.push(0.0);
-    let continuation = Continuation::start_along(&mut response, options.continuation, &x, orbit.value, &direction, FIRST_DOUBLED_STEP)?;
+    let continuation = Continuation::start_along(
+        &mut response,
+        options.continuation,
+        &x,
+        orbit.value,
+        &direction,
+        FIRST_DOUBLED_STEP,
+    )?;
     Tracer::new(response, options).run(continuation)
 }
 

@@ -4,7 +4,7 @@ use alloc::boxed::Box;
 use alloc::vec::Vec;
 
 use super::adapt::adapt;
-use super::continuation::{Cut, Point, Slices, System, Continuation, Work, at_parameter};
+use super::continuation::{Continuation, Cut, Point, Slices, System, Work, at_parameter};
 use super::locate::{FINE, search};
 use super::orbit::{Bifurcation, BifurcationKind, Branch, BranchOptions};
 use super::{AnalysisError, Coordinate, EndedEarly, HarmonicBalance, Oscillator, SingularResponse, Singularity};

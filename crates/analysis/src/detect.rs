@@ -9,7 +9,7 @@ use alloc::vec::Vec;
 
 use super::adapt::Spectral;
 use super::branch::{Marked, Tracer};
-use super::continuation::{Cut, Point, ContinuationSettings, Slices, System, Work};
+use super::continuation::{ContinuationSettings, Cut, Point, Slices, System, Work};
 use super::extended::{Singularity, crossing};
 use super::floquet::Stability;
 use super::locate::{COARSE, FINE, branch_point, not_located, null_vector, polish, rejoin, search};

@@ -3,7 +3,7 @@
 use alloc::vec::Vec;
 
 use super::adapt::Spectral;
-use super::continuation::{Cut, Point, ContinuationSettings, Slices, System, Continuation, Work};
+use super::continuation::{Continuation, ContinuationSettings, Cut, Point, Slices, System, Work};
 use super::extended::{SingularResponse, Singularity, crossing};
 use super::fourier::zeros;
 use super::{AnalysisError, Coordinate, ForcedResponse, HarmonicBalance, Oscillator};

@@ -32,8 +32,17 @@ impl BranchOptions {
     /// From one value to another with the usual settings.
     pub fn new(from: f64, to: f64) -> BranchOptions {
         let floor = 0.05 * (to - from).abs();
-        let continuation = ContinuationSettings { parameter_floor: floor.max(f64::MIN_POSITIVE), ..ContinuationSettings::default() };
-        BranchOptions { from, to, least_harmonics: 3, most_harmonics: 64, truncation: 1e-9, most_points: 20_000, continuation }
+        let continuation =
+            ContinuationSettings { parameter_floor: floor.max(f64::MIN_POSITIVE), ..ContinuationSettings::default() };
+        BranchOptions {
+            from,
+            to,
+            least_harmonics: 3,
+            most_harmonics: 64,
+            truncation: 1e-9,
+            most_points: 20_000,
+            continuation,
+        }
     }
 }
 

@@ -1,7 +1,7 @@
 //! The first motion of a branch.
 
 use super::adapt::{Spectral, adapt};
-use super::continuation::{System, Continuation, at_parameter};
+use super::continuation::{Continuation, System, at_parameter};
 use super::fourier::zeros;
 use super::orbit::BranchOptions;
 use super::{AnalysisError, Coordinate, ForcedResponse, Oscillator};
@@ -51,7 +51,13 @@ fn approach<O: Oscillator + Clone>(
     let wanted_hz = balance.coordinate(Coordinate::FrequencyHz);
     let mut swept = ForcedResponse::new(balance, Coordinate::FrequencyHz);
     let there = BranchOptions { from: detour * wanted_hz, to: wanted_hz, ..*options };
-    let mut continuation = Continuation::start(&mut swept, options.continuation, &zeros(options.least_harmonics), there.from, 1.0 - detour)?;
+    let mut continuation = Continuation::start(
+        &mut swept,
+        options.continuation,
+        &zeros(options.least_harmonics),
+        there.from,
+        1.0 - detour,
+    )?;
     for _ in 0..options.most_points {
         adapt(&mut swept, &mut continuation, &there)?;
         let before = continuation.point().clone();
@@ -59,7 +65,13 @@ fn approach<O: Oscillator + Clone>(
         if (before.lambda - wanted_hz) * (after.lambda - wanted_hz) <= 0.0 {
             let point = at_parameter(&mut swept, &options.continuation, [&before, after], wanted_hz)?;
             response.set_harmonics(swept.balance().harmonics());
-            return Continuation::start(response, options.continuation, &point.x, options.from, options.to - options.from);
+            return Continuation::start(
+                response,
+                options.continuation,
+                &point.x,
+                options.from,
+                options.to - options.from,
+            );
         }
     }
     Err(AnalysisError::TooManyPoints { points: options.most_points, at: swept.place(continuation.point().lambda) })

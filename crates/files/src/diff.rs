@@ -149,7 +149,9 @@ fn row(part: RecordingPart, record: &Record<String>) -> Option<Row> {
             let direction = if frame.direction == Direction::Sent { "sent" } else { "received" };
             text(format!("{direction} {}", frame.frame))
         }
-        (RecordingPart::Events, Record::Event(event)) => text(format!("{} {} at sample {sample}", event.name, event.value)),
+        (RecordingPart::Events, Record::Event(event)) => {
+            text(format!("{} {} at sample {sample}", event.name, event.value))
+        }
         _ => None,
     }
 }
@@ -161,7 +163,12 @@ fn marks(clipped: Clipped) -> String {
     if names.is_empty() { String::from("none") } else { names.join(" and ") }
 }
 
-fn compare(a: &Recording, b: &Recording, part: RecordingPart, options: &DiffOptions) -> Result<PartDifference, RecordingError> {
+fn compare(
+    a: &Recording,
+    b: &Recording,
+    part: RecordingPart,
+    options: &DiffOptions,
+) -> Result<PartDifference, RecordingError> {
     let mut found = Found {
         tolerance: options.tolerance,
         channels: magnitudes(a, part, options)?,
@@ -204,7 +211,11 @@ fn compare(a: &Recording, b: &Recording, part: RecordingPart, options: &DiffOpti
 }
 
 /// The channels of a part with their magnitudes in A, and no difference yet.
-fn magnitudes(a: &Recording, part: RecordingPart, options: &DiffOptions) -> Result<Vec<ChannelDifference>, RecordingError> {
+fn magnitudes(
+    a: &Recording,
+    part: RecordingPart,
+    options: &DiffOptions,
+) -> Result<Vec<ChannelDifference>, RecordingError> {
     let names = a.channels().of(part.topic()).iter().map(|channel| channel.name);
     let mut channels: Vec<_> =
         names.map(|name| ChannelDifference { name, largest: 0.0, sample: 0, magnitude: 0.0 }).collect();

@@ -21,14 +21,14 @@
 //! that distance would have to be parallel, and a reversal would turn the tangent by 180°.
 
 mod newton;
-mod slices;
 mod predictor_corrector;
+mod slices;
 
 use alloc::vec::Vec;
 use core::ops::AddAssign;
 
-pub(super) use slices::{Cut, Slices, at_parameter};
 pub use predictor_corrector::Continuation;
+pub(super) use slices::{Cut, Slices, at_parameter};
 
 use super::Place;
 use super::dense::norm;

@@ -4,7 +4,7 @@ use alloc::vec;
 use alloc::vec::Vec;
 
 use super::newton::{Plane, Solver};
-use super::{Point, StepRefusal, ContinuationSettings, System, Work};
+use super::{ContinuationSettings, Point, StepRefusal, System, Work};
 use crate::AnalysisError;
 use crate::dense::{Determinant, dot, norm};
 
@@ -87,7 +87,8 @@ impl Continuation {
         tangent.iter_mut().for_each(|value| *value /= length);
         let point = Point { x: x.to_vec(), lambda, arclength: 0.0, determinant: Determinant::default(), tangent };
         let mut continuation = Continuation::at(settings, point, sigma, step, Solver::default());
-        continuation.attempt(system, step)
+        continuation
+            .attempt(system, step)
             .map_err(|refusal| AnalysisError::NoSolution { at: system.place(lambda), refusal })?;
         Ok(continuation)
     }

@@ -4,7 +4,7 @@ use alloc::vec;
 use alloc::vec::Vec;
 
 use super::newton::{PATIENT_LIMIT, Plane, Solver};
-use super::{Point, ContinuationSettings, System};
+use super::{ContinuationSettings, Point, System};
 use crate::AnalysisError;
 use crate::dense::{dot, norm};
 

@@ -24,7 +24,7 @@ use alloc::boxed::Box;
 use alloc::vec;
 use alloc::vec::Vec;
 
-use crate::continuation::{Point, ContinuationSettings, System, Continuation, Work};
+use crate::continuation::{Continuation, ContinuationSettings, Point, System, Work};
 use crate::dense::{Lu, dot, normalise};
 use crate::locate::not_located;
 use crate::{AnalysisError, Floquet, ForcedResponse, Oscillator};

@@ -3,7 +3,7 @@
 use std::collections::VecDeque;
 
 use super::super::{BusOff, Stopped, Wire};
-use super::flaws::{ReceiveState, Flaw, SendState};
+use super::flaws::{Flaw, ReceiveState, SendState};
 use resonarm_bench::control::OpenLoop;
 use resonarm_bench::excitation::{Amplitude, ExcitationSpec, Profile as Excitation, Waveform};
 use resonarm_bench::node::{self, ExciterNode, PlantNode, Timing};

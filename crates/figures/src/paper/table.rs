@@ -3,7 +3,7 @@
 use core::fmt::Write;
 
 use super::branch::Stability;
-use super::{FigureCurves, Drive, NaturalFrequencies};
+use super::{Drive, FigureCurves, NaturalFrequencies};
 
 impl FigureCurves {
     /// A line for each motion. `curve` counts from 0; a bifurcation has its kind in the last column.

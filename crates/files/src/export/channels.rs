@@ -55,7 +55,11 @@ fn within<T>(
 ///
 /// # Errors
 /// As [`visit`]; [`ExportError::Recording`] as well if the part has no samples there.
-pub(super) fn span(recording: &Recording, part: RecordingPart, wanted: &RangeInclusive<u64>) -> Result<(u64, u64), ExportError> {
+pub(super) fn span(
+    recording: &Recording,
+    part: RecordingPart,
+    wanted: &RangeInclusive<u64>,
+) -> Result<(u64, u64), ExportError> {
     let first = match part {
         RecordingPart::States => recording.states()?.next().transpose()?.map(|record| record.sample),
         RecordingPart::Samples => recording.samples()?.next().transpose()?.map(|record| record.sample),

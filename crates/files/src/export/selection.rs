@@ -24,7 +24,13 @@ pub enum RecordingPart {
 
 impl RecordingPart {
     /// All parts.
-    pub const ALL: [RecordingPart; 5] = [RecordingPart::States, RecordingPart::Samples, RecordingPart::Frames, RecordingPart::Ticks, RecordingPart::Events];
+    pub const ALL: [RecordingPart; 5] = [
+        RecordingPart::States,
+        RecordingPart::Samples,
+        RecordingPart::Frames,
+        RecordingPart::Ticks,
+        RecordingPart::Events,
+    ];
 
     /// The name, as flags and files have it.
     pub const fn name(self) -> &'static str {
@@ -91,7 +97,8 @@ impl Selection {
     ) -> Result<Selection, ExportError> {
         let samples = samples(recording, from_s, to_s)?;
         let summary = recording.summary();
-        let there = |part: &&RecordingPart| summary.topics.get(part.topic().name()).is_some_and(|topic| topic.records > 0);
+        let there =
+            |part: &&RecordingPart| summary.topics.get(part.topic().name()).is_some_and(|topic| topic.records > 0);
         let mut parts: Vec<RecordingPart> = match parts {
             [] => format.parts().iter().filter(there).copied().collect(),
             parts => parts.to_vec(),

@@ -3,9 +3,9 @@
 use std::collections::VecDeque;
 use std::path::Path;
 
+use super::checked_reader::{CheckedReader, TopLevelRecord};
 use super::decode::decode;
 use super::schema::Topic;
-use super::checked_reader::{CheckedReader, TopLevelRecord};
 use super::{Record, RecordingError};
 
 /// Records of a recording, read from the file chunk by chunk. Ends after the first error.

@@ -4,11 +4,11 @@ use std::collections::BTreeMap;
 use std::path::Path;
 
 use super::channels::Channels;
+use super::checked_reader::{CheckedReader, TopLevelRecord};
 use super::contents::Contents;
 use super::decode::decode;
 use super::schema::{ARMED_EVENT, DT_S, FAULT_EVENT, OTHER_SENDER_EVENT, OUR_LIBRARY, PARTNER_EVENT, Topic, metadata};
 use super::summary::format;
-use super::checked_reader::{CheckedReader, TopLevelRecord};
 use super::{Event, Integrity, Record, RecordedFault, RecordingError, SampleRecord, TopicSummary};
 use resonarm_numeric::number::short;
 

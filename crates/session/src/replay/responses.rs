@@ -48,7 +48,9 @@ pub fn timed_responses(recording: &Recording) -> Result<Vec<(u64, ResponsePoint)
                 }
             }
         }
-        if let Some(ExciterOutcome::Faulted(Emergency { code: EmergencyCode::Incompatible, detail, .. })) = exciter.outcome() {
+        if let Some(ExciterOutcome::Faulted(Emergency { code: EmergencyCode::Incompatible, detail, .. })) =
+            exciter.outcome()
+        {
             return Err(ReplayError::Incompatible { detail });
         }
         let read = core::iter::from_fn(|| exciter.controller_mut().poll_response());

@@ -63,7 +63,8 @@ pub use gauges::{Gauges, Shown};
 pub use mode::{Mode, UnknownMode};
 pub use pace::{Speed, SpeedError};
 pub use report::{
-    BothReport, BusCounts, ExciterReport, Fault, Histograms, Pacing, PlantOutcome, PlantReport, RefusedCommands, fault_text,
+    BothReport, BusCounts, ExciterReport, Fault, Histograms, Pacing, PlantOutcome, PlantReport, RefusedCommands,
+    fault_text,
 };
 pub use session::{OnShortfall, Options, RecordTo, Session};
 pub use signals::{BusLoss, RunEvent, Signals};

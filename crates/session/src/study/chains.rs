@@ -221,7 +221,11 @@ impl ChainComputation {
             points.inspect_err(|_error| _ = failed.fetch_min(*chain, Ordering::Relaxed))
         };
         let points = on_all_cores(&jobs, work, || ()).into_iter().collect::<Result<_, _>>()?;
-        Ok(ChainComputation { chains: self.chains, points, journal: journal.into_inner().unwrap_or_else(PoisonError::into_inner) })
+        Ok(ChainComputation {
+            chains: self.chains,
+            points,
+            journal: journal.into_inner().unwrap_or_else(PoisonError::into_inner),
+        })
     }
 
     /// To be called when the results are written: there is nothing left to resume.
