@@ -3,8 +3,7 @@
 use divan::counter::ItemsCount;
 use divan::{Bencher, black_box};
 use resonarm::analysis::time_domain::StroboscopicMap;
-use resonarm::arm::Sine;
-use resonarm::arm::{Arm, ArmError, Load, Pose, Preset, State};
+use resonarm::arm::{Arm, ArmError, Load, Pose, Preset, Sine, State};
 use resonarm::integrate::{Integrator, Scheme};
 
 const RATE_HZ: f64 = 8000.0;

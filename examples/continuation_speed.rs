@@ -49,11 +49,11 @@ fn peer() -> Result<(), Box<dyn std::error::Error>> {
 fn fig4() -> Result<(), Box<dyn std::error::Error>> {
     let poses = [0.0, 60.0, 120.0, 30.0, 90.0, 150.0].map(forced).into_iter().collect::<Result<Vec<_>, _>>()?;
     let cores = thread::available_parallelism()?.get();
-    let walk = |arms: &[ForcedArm]| arms.iter().map(|arm| branch(arm, 0.5, 80.0)).collect::<Result<Vec<_>, _>>();
+    let trace_all = |arms: &[ForcedArm]| arms.iter().map(|arm| branch(arm, 0.5, 80.0)).collect::<Result<Vec<_>, _>>();
     let (branches, seconds) = timed(|| {
         thread::scope(|scope| {
             let threads: Vec<_> =
-                poses.chunks(poses.len().div_ceil(cores)).map(|arms| scope.spawn(move || walk(arms))).collect();
+                poses.chunks(poses.len().div_ceil(cores)).map(|arms| scope.spawn(move || trace_all(arms))).collect();
             threads.into_iter().map(|thread| thread.join()).collect::<Result<Vec<_>, _>>()
         })
     });

@@ -1,4 +1,4 @@
-//! Walks that end early: their results are kept, and the reason is reported.
+//! Continuations that end early: their results are kept, and the reason is reported.
 
 use core::fmt::Debug;
 
@@ -8,46 +8,46 @@ use crate::failure::{Failure, Verdict};
 use crate::output;
 use resonarm::analysis::{AnalysisError, Backbone, Branch, EndedEarly, SingularCurve};
 
-/// A result that a walk builds point by point.
-pub(crate) trait Walked {
+/// A result that a continuation builds point by point.
+pub(crate) trait CountMotions {
     /// The number of motions in it.
     fn motions(&self) -> usize;
 }
 
-impl Walked for Branch {
+impl CountMotions for Branch {
     fn motions(&self) -> usize {
         self.orbits.len()
     }
 }
 
-impl Walked for SingularCurve {
+impl CountMotions for SingularCurve {
     fn motions(&self) -> usize {
         self.points.len()
     }
 }
 
-impl Walked for Backbone {
+impl CountMotions for Backbone {
     fn motions(&self) -> usize {
         self.points.len()
     }
 }
 
-/// The reasons why a command's walks ended early.
+/// The reasons why a command's continuations ended early.
 #[derive(Debug, Default)]
 pub(crate) struct Early(Vec<Failure>);
 
 impl Early {
-    /// Returns the result of a walk, complete or not. `along` names the quantity that varied.
+    /// Returns the result of a continuation, complete or not. `along` names the quantity that varied.
     ///
-    /// # Errors [`Failure::Walk`] if it holds no motion.
-    pub fn keep<T: Walked + Debug>(
+    /// # Errors [`Failure::BranchEndedEarly`] if it holds no motion.
+    pub fn keep<T: CountMotions + Debug>(
         &mut self,
         along: &'static str,
-        walked: Result<T, EndedEarly<T>>,
+        traced: Result<T, EndedEarly<T>>,
     ) -> Result<T, Failure> {
-        walked.or_else(|EndedEarly { reason, so_far }| {
+        traced.or_else(|EndedEarly { reason, so_far }| {
             let kept = so_far.motions();
-            let failure = Failure::Walk { along, source: reason, kept };
+            let failure = Failure::BranchEndedEarly { along, source: reason, kept };
             if kept == 0 {
                 return Err(failure);
             }
@@ -58,15 +58,15 @@ impl Early {
 
     /// The same for an addition to a result: finding nothing is no failure, unless the request was wrong.
     ///
-    /// # Errors [`Failure::Walk`] if the interval is invalid.
-    pub fn keep_any<T: Walked + Debug>(
+    /// # Errors [`Failure::BranchEndedEarly`] if the interval is invalid.
+    pub fn keep_any<T: CountMotions + Debug>(
         &mut self,
         along: &'static str,
-        walked: Result<T, EndedEarly<T>>,
+        traced: Result<T, EndedEarly<T>>,
     ) -> Result<Option<T>, Failure> {
-        match self.keep(along, walked) {
+        match self.keep(along, traced) {
             Ok(found) => Ok(Some(found)),
-            Err(wrong @ Failure::Walk { source: AnalysisError::Interval { .. }, .. }) => Err(wrong),
+            Err(wrong @ Failure::BranchEndedEarly { source: AnalysisError::Interval { .. }, .. }) => Err(wrong),
             Err(failure) => {
                 self.0.push(failure);
                 Ok(None)
@@ -74,7 +74,7 @@ impl Early {
         }
     }
 
-    /// The reasons, for a document; `None` if every walk was completed.
+    /// The reasons, for a document; `None` if every continuation was completed.
     pub fn document(&self) -> Option<Value> {
         let reasons: Vec<String> = self.0.iter().map(Failure::to_string).collect();
         (!reasons.is_empty()).then(|| json!(reasons))
@@ -88,7 +88,7 @@ impl Early {
     }
 }
 
-/// The end of the message of a walk that ended early: how much of it is kept.
+/// The end of the message of a continuation that ended early: how much of it is kept.
 pub(crate) fn kept(motions: &usize) -> String {
     match motions {
         0 => String::new(),

@@ -6,8 +6,8 @@ use std::process::ExitCode;
 
 use thiserror::Error;
 
+use crate::continuation_flags;
 use crate::ended_early;
-use crate::walk_flags;
 use resonarm::analysis::AnalysisError;
 use resonarm::analysis::time_domain::TimeDomainError;
 use resonarm::arm::ArmError;
@@ -75,8 +75,8 @@ pub(crate) enum Failure {
     Plot(#[from] PlotError),
     #[error(transparent)]
     Analysis(#[from] AnalysisError),
-    #[error("along {along}: {source}{}{}", walk_flags::hint(source), ended_early::kept(kept))]
-    Walk { along: &'static str, source: AnalysisError, kept: usize },
+    #[error("along {along}: {source}{}{}", continuation_flags::hint(source), ended_early::kept(kept))]
+    BranchEndedEarly { along: &'static str, source: AnalysisError, kept: usize },
     #[error(transparent)]
     Paper(#[from] PaperError),
     #[error(transparent)]
@@ -129,7 +129,7 @@ impl Failure {
             Failure::Replay(ReplayError::Simulation(_)) => Exit::Negative,
             Failure::Replay(ReplayError::NoController { .. }) => Exit::Environment,
             Failure::Run(error) => run(error),
-            Failure::Analysis(source) | Failure::Walk { source, .. } => analysis(source),
+            Failure::Analysis(source) | Failure::BranchEndedEarly { source, .. } => analysis(source),
             Failure::Integrate(error) => integrate(error),
             Failure::TimeDomain(error) | Failure::Study(StudyError::TimeDomain(error)) => time_domain(error),
             Failure::Paper(PaperError::Settings(_) | PaperError::Measured(_) | PaperError::Arm(_)) => Exit::Usage,

@@ -283,7 +283,7 @@ mod serving {
         windows.reduce(|(low, high), (hz, _)| (low.min(hz), high.max(hz)))
     }
 
-    /// Walks the branch of motions under `load`.
+    /// Traces the branch of motions under `load`.
     fn compute(scenario: Scenario, load: Load) -> ComputeBranch {
         Box::new(move |low_hz, high_hz| {
             let ends = [low_hz, high_hz];

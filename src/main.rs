@@ -5,6 +5,7 @@
 
 mod commands;
 mod configuration;
+mod continuation_flags;
 mod defaults;
 mod ended_early;
 mod failure;
@@ -26,7 +27,6 @@ mod status;
 mod study;
 mod supervise;
 mod time_range;
-mod walk_flags;
 mod walk_point;
 
 #[cfg(test)]

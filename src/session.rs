@@ -14,7 +14,7 @@ use crate::supervise::Line;
 use resonarm::bus::{Bus, BusAddress, network_filters};
 use resonarm::realtime::Percentiles;
 use resonarm::recording::Existing;
-use resonarm::run::{BusCounts, BusLoss, Fault, Outcome, PlantReport, RecordTo, RunEvent, Session, fault_text};
+use resonarm::run::{BusCounts, BusLoss, Fault, PlantOutcome, PlantReport, RecordTo, RunEvent, Session, fault_text};
 use resonarm_numeric::number::short;
 
 /// Capacity of the ring of events for standard error.
@@ -85,8 +85,8 @@ impl EventLog {
             RunEvent::Armed { sample } => format!("armed at sample {sample}"),
             RunEvent::Disarmed { sample } => format!("disarmed at sample {sample}"),
             RunEvent::Faulted { fault, partner: None } => in_words(fault),
-            RunEvent::Faulted { fault, partner: Some(said) } => {
-                format!("{}; the exciter said: {}", in_words(fault), in_words(said))
+            RunEvent::Faulted { fault, partner: Some(partner) } => {
+                format!("{}; the exciter said: {}", in_words(fault), in_words(partner))
             }
             RunEvent::NotArmed { fault } => format!("refused to arm: {} (detail {})", fault.name, fault.detail),
             RunEvent::BusLost { cause: BusLoss::BusOff, .. } => {
@@ -222,7 +222,7 @@ fn counted(kinds: &[(&str, u64)]) -> Option<String> {
 pub(crate) fn complaint(report: &PlantReport) -> Option<String> {
     let mut text = match (&report.emergency, report.outcome) {
         (Some(emergency), _) => fault_text(emergency, report.partner_fault.as_ref(), report.bus_loss),
-        (None, Outcome::NotArmed) => String::from(
+        (None, PlantOutcome::NotArmed) => String::from(
             "no controller armed the plant, so nothing was done: start one on the same bus, as `resonarm exciter` with the \
              same mode and scenario; --patience-s says how long to wait",
         ),

@@ -7,40 +7,40 @@ use serde_json::Value;
 
 use crate::failure::Failure;
 use crate::supervise::supervise;
-use resonarm::analysis::time_domain::Outcome;
+use resonarm::analysis::time_domain::BasinOutcome;
 use resonarm::control::Length;
 use resonarm::run::Signals;
-use resonarm::study::{BasinWalk, Basins, Chains, Control, StudyError, Walk};
+use resonarm::study::{BasinComputation, Basins, ChainComputation, Chains, Control, StudyError};
 
-/// Walks along the chains, from where the journal ends. `None` if it was stopped early, which is logged.
+/// Computes the chains from where the journal ends. `None` if it was stopped early, which is logged.
 pub(crate) fn walk(
     name: &'static str,
     chains: Chains,
     journal: Option<(&Path, &Value)>,
-) -> Result<Option<Walk>, Failure> {
-    let walk = chains.begin(journal)?;
-    let (done, total) = (walk.done(), walk.total());
-    let walk = watch(name, "points", [done, total], move |control| walk.go_on(control))?;
-    if !walk.is_complete() {
-        stopped("points", [walk.done(), total], walk.is_kept());
+) -> Result<Option<ChainComputation>, Failure> {
+    let begun = chains.begin(journal)?;
+    let (done, total) = (begun.done(), begun.total());
+    let ended = watch(name, "points", [done, total], move |control| begun.compute_missing(control))?;
+    if !ended.is_complete() {
+        stopped("points", [ended.done(), total], ended.is_kept());
         return Ok(None);
     }
-    Ok(Some(walk))
+    Ok(Some(ended))
 }
 
 /// Likewise computes basins, with the outcome of each state.
 pub(crate) fn basins(
     basins: Basins,
     journal: Option<(&Path, &Value)>,
-) -> Result<Option<(BasinWalk, Vec<Outcome>)>, Failure> {
-    let walk = basins.begin(journal)?;
-    let (done, total) = (walk.done(), walk.total());
-    let walk = watch("basins", "states", [done, total], move |control| walk.go_on(control))?;
-    let outcomes = walk.outcomes();
+) -> Result<Option<(BasinComputation, Vec<BasinOutcome>)>, Failure> {
+    let begun = basins.begin(journal)?;
+    let (done, total) = (begun.done(), begun.total());
+    let ended = watch("basins", "states", [done, total], move |control| begun.compute_missing(control))?;
+    let outcomes = ended.outcomes();
     if outcomes.is_none() {
-        stopped("states", [walk.done(), total], walk.is_kept());
+        stopped("states", [ended.done(), total], ended.is_kept());
     }
-    Ok(outcomes.map(|outcomes| (walk, outcomes)))
+    Ok(outcomes.map(|outcomes| (ended, outcomes)))
 }
 
 /// Does the work on a separate thread.

@@ -148,7 +148,7 @@ pub(crate) fn branch(
     let margin = (0.15 * (high - low)).max(1e-3 * high);
     let forced = ForcedArm::new(scenario.build_arm()?, *load, 1.0);
     let mut options = BranchOptions::new(low - margin, high + margin);
-    options.walk.largest_turn_rad = largest_turn_rad;
+    options.continuation.largest_turn_rad = largest_turn_rad;
     Ok(trace(forced, low - margin, Coordinate::FrequencyHz, &options).map_err(AnalysisError::from)?)
 }
 

@@ -6,7 +6,7 @@ from typing import Any, Literal, final
 from numpy.typing import NDArray
 from typing_extensions import Self
 
-from .words import MessageName, NodeRole, Part, Preset, Profile, Verdict
+from .words import MessageName, NodeRole, Preset, Profile, RecordingPart, Verdict
 
 __version__: str
 
@@ -206,7 +206,7 @@ class Recording:
     @property
     def damage(self) -> str | None:
         """Why it is not whole, in words; None if it is whole."""
-    def count(self, part: Part) -> int:
+    def count(self, part: RecordingPart) -> int:
         """The number of records of a part."""
     def channels(self, part: str) -> list[tuple[str, list[str]]]: ...
     def scenario_toml(self) -> str: ...

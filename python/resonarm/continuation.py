@@ -133,8 +133,8 @@ def continuation(
     - `curves_in`, `curves_to`: follow each fold and period doubling in a second parameter as well, up to a value.
     - `most_harmonics` (64), `most_points` (20 000), `largest_step` (0.25, relative to the motion's size).
 
-    Raises ValueError for invalid arguments, BranchEndedEarly if the walk ends before `stop`, with the branch up to
-    there.
+    Raises ValueError for invalid arguments, BranchEndedEarly if the continuation ends before `stop`, with the branch
+    up to there.
     """
     _resonarm.parameter_label(parameter)  # an unknown one raises an error with the known names
     load = _direction(parameter, Load(torque1_nm, torque2_nm, force_x_n, force_y_n))

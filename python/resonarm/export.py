@@ -11,10 +11,10 @@ import numpy as np
 from . import _extras
 from ._dtypes import Array, pair, unit
 from .recording import Recording
-from .words import Format, Part
+from .words import Format, RecordingPart
 
 FORMATS: tuple[Format, ...] = get_args(Format)
-PARTS: tuple[Part, ...] = get_args(Part)
+PARTS: tuple[RecordingPart, ...] = get_args(RecordingPart)
 ROWS = 1 << 16
 
 
@@ -59,7 +59,7 @@ def columns(rows: Array) -> dict[str, Array]:
     return found
 
 
-def _parts(recording: Recording, parts: tuple[Part, ...]) -> Iterator[Part]:
+def _parts(recording: Recording, parts: tuple[RecordingPart, ...]) -> Iterator[RecordingPart]:
     """The parts that have records."""
     return (part for part in parts if recording.count(part))
 

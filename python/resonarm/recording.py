@@ -12,7 +12,7 @@ from . import _arrow, _checks, _extras, _resonarm
 from ._checks import LAST
 from ._dtypes import Array, named, rows_of, view
 from .scenario import Scenario
-from .words import Part
+from .words import RecordingPart
 
 
 class RecordingWarning(UserWarning):
@@ -53,7 +53,7 @@ class Recording(_resonarm.Recording):
         """The scenario of the run. Raises ValueError if the recording has none."""
         return Scenario(self.scenario_toml())
 
-    def read(self, part: Part, from_sample: int = 0, to_sample: int = LAST) -> Array:
+    def read(self, part: RecordingPart, from_sample: int = 0, to_sample: int = LAST) -> Array:
         """All rows of a part, from one sample to another, both included.
 
         - `states`: `sample`, `time_s`, `alpha_rad`, `alpha_dot_rad_s`, and the load held from there to the next sample:
@@ -73,7 +73,9 @@ class Recording(_resonarm.Recording):
         """
         return next(self.chunks(part, LAST, from_sample, to_sample))
 
-    def chunks(self, part: Part, rows: int = 1 << 16, from_sample: int = 0, to_sample: int = LAST) -> Iterator[Array]:
+    def chunks(
+        self, part: RecordingPart, rows: int = 1 << 16, from_sample: int = 0, to_sample: int = LAST
+    ) -> Iterator[Array]:
         """The same in arrays of at most this many rows, for recordings larger than the memory; at least one array."""
         rows = _checks.rows(rows)
         reader = self.reader(part, *_checks.samples(from_sample, to_sample))
@@ -88,7 +90,7 @@ class Recording(_resonarm.Recording):
                 return
             first = False
 
-    def arrow(self, part: Part, from_sample: int = 0, to_sample: int = LAST) -> Any:
+    def arrow(self, part: RecordingPart, from_sample: int = 0, to_sample: int = LAST) -> Any:
         """The same as a `pyarrow.Table`, by the extra `arrow`, with the columns of the CSV of `resonarm export`: a pair
         as two columns, payloads as bytes. 8-byte numbers are not copied. Each field's metadata have its `unit`, those
         of the schema the recording's `path`, `part`, `dt_s` (s) and, if it has one, `scenario` (TOML).
@@ -96,7 +98,9 @@ class Recording(_resonarm.Recording):
         pyarrow = _extras.require("pyarrow", "arrow")
         return pyarrow.Table.from_batches([next(self.batches(part, LAST, from_sample, to_sample))])
 
-    def batches(self, part: Part, rows: int = 1 << 16, from_sample: int = 0, to_sample: int = LAST) -> Iterator[Any]:
+    def batches(
+        self, part: RecordingPart, rows: int = 1 << 16, from_sample: int = 0, to_sample: int = LAST
+    ) -> Iterator[Any]:
         """The same in `pyarrow.RecordBatch`es of at most this many rows, for recordings larger than the
         memory; at least one batch."""
         rows = _checks.rows(rows)

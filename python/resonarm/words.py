@@ -93,7 +93,7 @@ Instrument = Literal["accelerometer_b", "accelerometer_c", "impedance_head"]
 """An instrument."""
 SensorFault = Literal["stuck", "dropout", "drift", "noise", "spike"]
 """A fault of an instrument, as in `[[rig.faults]]` of a scenario."""
-Part = Literal["states", "samples", "frames", "ticks", "events"]
+RecordingPart = Literal["states", "samples", "frames", "ticks", "events"]
 """A part of a recording: its records of one kind."""
 Reading = Literal["head_force_n", "acceleration_b_m_s2", "acceleration_c_m_s2"]
 """A reading of the instruments, by its name."""

@@ -3,8 +3,7 @@
 use pyo3::prelude::*;
 use pyo3::types::{PyByteArray, PyDict};
 use resonarm::analysis::{self, Drive, FrequencyResponse, Quantity, Response};
-use resonarm::arm::Sine;
-use resonarm::arm::{self, Load, Preset, State};
+use resonarm::arm::{self, Load, Preset, Sine, State};
 use resonarm::integrate::{Integrator, Scheme};
 use resonarm::plant::PlantSpecError;
 use resonarm::scenario::{ArmSection, Scenario, SimulationSection};

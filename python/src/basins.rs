@@ -4,9 +4,8 @@ use core::sync::atomic::{AtomicBool, Ordering};
 
 use pyo3::prelude::*;
 use pyo3::types::PyByteArray;
-use resonarm::analysis::time_domain::{self, Outcome, StateCoordinate, StroboscopicMap, TimeDomainError};
-use resonarm::arm::Sine;
-use resonarm::arm::State;
+use resonarm::analysis::time_domain::{self, BasinOutcome, StateCoordinate, StroboscopicMap, TimeDomainError};
+use resonarm::arm::{Sine, State};
 use resonarm::plant::PlantSpecError;
 use resonarm::study::on_all_cores;
 
@@ -175,14 +174,14 @@ impl Attractors {
         } else {
             py.detach(|| groups.iter().map(of).collect())
         };
-        let found: Vec<Vec<Outcome>> =
+        let found: Vec<Vec<BasinOutcome>> =
             found.into_iter().collect::<Result<_, TimeDomainError>>().map_err(errors::time_domain)?;
         let mut rows = Rows::default();
         for outcome in found.into_iter().flatten() {
             let (motion, periods) = match outcome {
-                Outcome::Reaches { motion, periods } => (motion as i64 + 1, periods),
-                Outcome::Undecided => (UNDECIDED, 0),
-                Outcome::Diverges => (DIVERGES, 0),
+                BasinOutcome::Reaches { motion, periods } => (motion as i64 + 1, periods),
+                BasinOutcome::Undecided => (UNDECIDED, 0),
+                BasinOutcome::Diverges => (DIVERGES, 0),
             };
             rows.word(motion.cast_unsigned());
             rows.word(periods);

@@ -72,7 +72,7 @@ pub fn trace_branch(
     let mut options = BranchOptions::new(start, stop);
     options.most_harmonics = most_harmonics;
     options.most_points = most_points;
-    options.walk.largest_step = largest_step;
+    options.continuation.largest_step = largest_step;
     let (branches, curves, early) =
         py.detach(|| follow(&forced, frequency_hz, varied, &options, doubled, curves)).map_err(errors::analysis)?;
     Ok(Traced {
@@ -95,29 +95,29 @@ fn follow(
     let mut early = None;
     let branch = match trace(forced.clone(), frequency_hz, varied, options) {
         Err(ended) if ended.so_far.orbits.is_empty() => return Err(ended.reason),
-        walked => keep(walked, &mut early),
+        traced => keep(traced, &mut early),
     };
     let mut found = Vec::new();
     if let Some((second, to)) = curves {
         let mut options = options.between(0.0, to);
-        options.walk.largest_step = options.walk.largest_step.min(LARGEST_CURVE_STEP);
-        for (kind, walked) in trace_singular_curves(forced, &branch, varied, second, &options) {
-            found.push((kind.name(), keep(walked, &mut early)));
+        options.continuation.largest_step = options.continuation.largest_step.min(LARGEST_CURVE_STEP);
+        for (kind, traced) in trace_singular_curves(forced, &branch, varied, second, &options) {
+            found.push((kind.name(), keep(traced, &mut early)));
         }
     }
     let mut branches = Vec::new();
     if doubled {
-        for walked in trace_doublings(forced, &branch, varied, options) {
-            branches.push(keep(walked, &mut early));
+        for traced in trace_doublings(forced, &branch, varied, options) {
+            branches.push(keep(traced, &mut early));
         }
     }
     branches.insert(0, branch);
     Ok((branches, found, early))
 }
 
-/// The result of a walk, complete or not; keeps the first reason why one ended early.
-fn keep<T: core::fmt::Debug>(walked: Result<T, EndedEarly<T>>, early: &mut Option<AnalysisError>) -> T {
-    walked.unwrap_or_else(|ended| {
+/// The result of a continuation, complete or not; keeps the first reason why one ended early.
+fn keep<T: core::fmt::Debug>(traced: Result<T, EndedEarly<T>>, early: &mut Option<AnalysisError>) -> T {
+    traced.unwrap_or_else(|ended| {
         early.get_or_insert(ended.reason);
         *ended.so_far
     })

@@ -5,7 +5,7 @@ use std::sync::{Mutex, PoisonError};
 
 use pyo3::prelude::*;
 use pyo3::types::PyByteArray;
-use resonarm::export::Part;
+use resonarm::export::RecordingPart;
 use resonarm::protocol::{FrameFormat, Id};
 use resonarm::realtime::OverrunCause;
 use resonarm::recording::channels::Channels;
@@ -104,11 +104,11 @@ impl Recording {
     fn reader(&self, part: &str, from_sample: u64, to_sample: u64) -> PyResult<Reader> {
         let part = self::part(part)?;
         let records = match part {
-            Part::States => boxed(self.inner.states(), Record::State),
-            Part::Samples => boxed(self.inner.samples(), Record::Sample),
-            Part::Frames => boxed(self.inner.frames(), Record::Frame),
-            Part::Ticks => boxed(self.inner.ticks(), Record::Tick),
-            Part::Events => boxed(self.inner.events(), Record::Event),
+            RecordingPart::States => boxed(self.inner.states(), Record::State),
+            RecordingPart::Samples => boxed(self.inner.samples(), Record::Sample),
+            RecordingPart::Frames => boxed(self.inner.frames(), Record::Frame),
+            RecordingPart::Ticks => boxed(self.inner.ticks(), Record::Tick),
+            RecordingPart::Events => boxed(self.inner.events(), Record::Event),
         };
         let records = records.map_err(errors::recording)?;
         Ok(Reader { records: Mutex::new(records), from_sample, to_sample, origin: self.inner.origin().clone() })
@@ -116,7 +116,7 @@ impl Recording {
 }
 
 /// The part of this name.
-fn part(name: &str) -> PyResult<Part> {
+fn part(name: &str) -> PyResult<RecordingPart> {
     name.parse().map_err(|unknown| errors::value(format!("part is `{name}`: {unknown}")))
 }
 
@@ -126,7 +126,7 @@ pub fn arm_channels(part: &str) -> PyResult<Vec<(&'static str, Vec<&'static str>
     Ok(vectors(&Channels::arm(true), self::part(part)?))
 }
 
-fn vectors(channels: &Channels, part: Part) -> Vec<(&'static str, Vec<&'static str>)> {
+fn vectors(channels: &Channels, part: RecordingPart) -> Vec<(&'static str, Vec<&'static str>)> {
     let vectors = channels.vectors(part.topic());
     vectors.map(|(name, components)| (name, components.iter().map(|channel| channel.name).collect())).collect()
 }

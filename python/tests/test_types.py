@@ -35,7 +35,7 @@ KNOWN = [
     (words.Scheme, lambda: resonarm.Arm().simulate(1, scheme="x")),
     (words.Parameter, lambda: resonarm.Arm().continuation("x", 1, 2)),
     (words.Coordinate, lambda: resonarm.Arm().basins(22, torque1_nm=1, coordinates=("x", "y"))),
-    (words.Part, lambda: resonarm.Recording(ROOT / "recordings/fd.mcap").read("x")),
+    (words.RecordingPart, lambda: resonarm.Recording(ROOT / "recordings/fd.mcap").read("x")),
     (words.Mode, lambda: resonarm.run(SCENARIO, "x")),
     (words.Overrun, lambda: resonarm.run(SCENARIO, "real-time", overrun="x")),
     (words.RealTime, lambda: resonarm.run(SCENARIO, "real-time", rt="x")),

@@ -9,6 +9,7 @@ use serde_json::{Map, Value, json};
 
 use crate::commands::continuation::DriveFlags;
 use crate::configuration;
+use crate::continuation_flags::ContinuationFlags;
 use crate::ended_early::Early;
 use crate::failure::{Failure, Verdict};
 use crate::figures::branch_plot;
@@ -17,7 +18,6 @@ use crate::figures::captions;
 use crate::flags::ArmFlags;
 use crate::output::{self, OverwriteFlag};
 use crate::readings::{self, Reader, ReadingsDocument, ReadingsFlag};
-use crate::walk_flags::WalkFlags;
 use resonarm::analysis::{
     ArmParameter, Backbone as Curve, BackboneOptions, BackbonePoint, Bending, Branch, BranchOptions, Coordinate,
     ForcedArm, Readings, backbone, modes, trace,
@@ -61,7 +61,7 @@ pub(crate) struct Backbone {
     #[arg(long, value_name = "RAD", default_value_t = 0.3, allow_hyphen_values = true)]
     to_rad: f64,
     #[command(flatten)]
-    walk: WalkFlags,
+    walk: ContinuationFlags,
     #[command(flatten)]
     readings: ReadingsFlag,
     /// Plot to STEM.svg and STEM.png, over the forced response if an amplitude of the excitation is given; caption, CSV
@@ -346,7 +346,7 @@ impl Drive {
 
 /// Steps small enough for a smooth line.
 fn smooth(options: &mut BranchOptions) {
-    options.walk.largest_step = options.walk.largest_step.min(SMOOTH_STEP);
+    options.continuation.largest_step = options.continuation.largest_step.min(SMOOTH_STEP);
 }
 
 /// Whether the curve hardens or softens, and by how much.

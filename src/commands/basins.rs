@@ -13,9 +13,8 @@ use crate::figures::captions;
 use crate::motion_flags::MotionFlags;
 use crate::{output, study};
 use resonarm::analysis::EndedEarly;
-use resonarm::analysis::time_domain::{Outcome, StableMotion, StateCoordinate, stable_motions};
-use resonarm::arm::Sine;
-use resonarm::arm::State;
+use resonarm::analysis::time_domain::{BasinOutcome, StableMotion, StateCoordinate, stable_motions};
+use resonarm::arm::{Sine, State};
 use resonarm::scenario::Scenario;
 use resonarm::study::{Basins as Study, StateGrid};
 use resonarm_figures::plot::{Axis, Color, Figure, Marker, Panel, Series, Style};
@@ -217,12 +216,12 @@ fn pair<T: Copy>(flag: &str, values: &[T]) -> Result<[T; 2], Failure> {
 }
 
 impl Document {
-    fn new(configuration: Value, grid: &StateGrid, motions: &[StableMotion], outcomes: &[Outcome]) -> Document {
-        let cell = |(index, outcome): (usize, &Outcome)| {
+    fn new(configuration: Value, grid: &StateGrid, motions: &[StableMotion], outcomes: &[BasinOutcome]) -> Document {
+        let cell = |(index, outcome): (usize, &BasinOutcome)| {
             let (motion, periods, name) = match outcome {
-                Outcome::Reaches { motion, periods } => (Some(motion + 1), Some(*periods), "reaches"),
-                Outcome::Undecided => (None, None, "undecided"),
-                Outcome::Diverges => (None, None, "diverges"),
+                BasinOutcome::Reaches { motion, periods } => (Some(motion + 1), Some(*periods), "reaches"),
+                BasinOutcome::Undecided => (None, None, "undecided"),
+                BasinOutcome::Diverges => (None, None, "diverges"),
             };
             Cell { at: grid.values(index), motion, periods, outcome: name }
         };

@@ -8,6 +8,7 @@ use serde::Serialize;
 use serde_json::{Map, Value, json};
 
 use crate::configuration;
+use crate::continuation_flags::ContinuationFlags;
 use crate::ended_early::Early;
 use crate::failure::{Failure, Verdict};
 use crate::figures::branch_plot;
@@ -19,7 +20,6 @@ use crate::interval::{Ends, interval};
 use crate::output::{self, OverwriteFlag};
 use crate::quantity::Quantity;
 use crate::readings::{self, Reader, ReadingsFlag};
-use crate::walk_flags::WalkFlags;
 use resonarm::analysis::{ArmParameter, Bifurcation, Branch, Coordinate, ForcedArm, Orbit, trace, trace_doublings};
 use resonarm::arm::{Arm, Load};
 use resonarm::realtime::{Clock, SystemClock};
@@ -55,7 +55,7 @@ pub(crate) struct Continue {
     #[arg(long, value_name = "F", allow_hyphen_values = true)]
     frequency_hz: Option<f64>,
     #[command(flatten)]
-    walk: WalkFlags,
+    walk: ContinuationFlags,
     /// Also follow the doubled branches that leave at period doublings.
     #[arg(long)]
     doubled: bool,

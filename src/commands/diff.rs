@@ -11,12 +11,13 @@ use crate::flags;
 use crate::output::{self, in_line};
 use crate::time_range::TimeRange;
 use resonarm::diff::{DiffOptions, Difference, PartDifference, diff};
-use resonarm::export::{Part, samples};
+use resonarm::export::{RecordingPart, samples};
 use resonarm::recording::Recording;
 use resonarm_numeric::number::short;
 
 /// What can be compared.
-const PARTS: [Part; 4] = [Part::States, Part::Samples, Part::Frames, Part::Events];
+const PARTS: [RecordingPart; 4] =
+    [RecordingPart::States, RecordingPart::Samples, RecordingPart::Frames, RecordingPart::Events];
 
 /// Compares two recordings sample by sample: exit code 1 if their records differ beyond the tolerance. Differences in
 /// their configuration are listed, too.
@@ -31,8 +32,8 @@ pub(crate) struct Diff {
     #[arg(value_name = "B")]
     b: PathBuf,
     /// Which records, separated by commas: states, samples, frames, events.
-    #[arg(long, value_name = "PARTS", value_delimiter = ',', value_parser = flags::one_of(PARTS, Part::name), default_value = "states,samples")]
-    parts: Vec<Part>,
+    #[arg(long, value_name = "PARTS", value_delimiter = ',', value_parser = flags::one_of(PARTS, RecordingPart::name), default_value = "states,samples")]
+    parts: Vec<RecordingPart>,
     /// How much a channel may differ, relative to its largest magnitude in A; at 0 every bit counts.
     #[arg(long, value_name = "X", default_value_t = 0.0)]
     tolerance: f64,

@@ -14,7 +14,7 @@ use crate::session::{frames_text, other_sender_warning, seconds, set_filters};
 use crate::status::{Status, StatusFlag, Style};
 use crate::supervise::supervise;
 use resonarm::bus::{self, BusAddress};
-use resonarm::node::Outcome;
+use resonarm::node::ExciterOutcome;
 use resonarm::run::{BusCounts, BusLoss, ExciterEnd, ExciterReport, Fault, Mode, Options, RunError, Session, Signals};
 use resonarm::scenario::Scenario;
 
@@ -154,7 +154,7 @@ impl Exciter {
 /// Why the exciter did not complete its task, and what to do; `None` if it did, or if an error says so.
 pub(crate) fn complaint(report: &ExciterReport) -> Option<String> {
     match report.outcome {
-        Some(Outcome::Stopped) if report.samples_played == 0 => {
+        Some(ExciterOutcome::Stopped) if report.samples_played == 0 => {
             Some(String::from("stopped before the plant was armed, so nothing was played"))
         }
         _ => ExciterEnd::of_controller(report).reason,

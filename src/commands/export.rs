@@ -9,7 +9,7 @@ use crate::commands::inspect;
 use crate::failure::{Failure, Verdict};
 use crate::time_range::TimeRange;
 use crate::{flags, output};
-use resonarm::export::{ExportFormat, ExportedFile, Part, Selection, export};
+use resonarm::export::{ExportFormat, ExportedFile, RecordingPart, Selection, export};
 use resonarm::recording::Recording;
 
 /// The end of the help text.
@@ -41,8 +41,8 @@ pub(crate) struct Export {
     #[arg(long, value_name = "STEM")]
     out: Option<PathBuf>,
     /// Which records, separated by commas: states, samples, frames, ticks, events [default: all that the format holds].
-    #[arg(long, value_name = "PARTS", value_delimiter = ',', value_parser = flags::one_of(Part::ALL, Part::name))]
-    parts: Vec<Part>,
+    #[arg(long, value_name = "PARTS", value_delimiter = ',', value_parser = flags::one_of(RecordingPart::ALL, RecordingPart::name))]
+    parts: Vec<RecordingPart>,
     #[command(flatten)]
     range: TimeRange,
     /// Add the moving arm for 3D views, its vibrations drawn X times as large; only foxglove.

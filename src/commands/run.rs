@@ -23,7 +23,7 @@ use crate::status::{Status, StatusFlag, Style};
 use crate::supervise::{Line, supervise};
 use resonarm::bus::{self, BusAddress};
 use resonarm::control::Length;
-use resonarm::node::Outcome as NodeOutcome;
+use resonarm::node::ExciterOutcome;
 use resonarm::realtime::OverrunPolicy;
 use resonarm::run::{ExciterEnd, ExciterReport, Mode, Options, PlantReport, RunError, Session, Signals, Speed};
 use resonarm::scenario::Scenario;
@@ -242,7 +242,7 @@ impl Run {
         let complaints = [
             complaint(&report),
             exciter
-                .filter(|report| report.outcome != Some(NodeOutcome::PlantLeft))
+                .filter(|report| report.outcome != Some(ExciterOutcome::PlantLeft))
                 .and_then(crate::commands::exciter::complaint),
         ];
         other_sender_warning(&report.bus).iter().for_each(|text| tracing::warn!("{text}"));

@@ -16,10 +16,9 @@ use resonarm::analysis::time_domain::{
     Direction, Grid, StroboscopicMap, Sweep as SteppedSweep, SweepParameter, hysteresis,
 };
 use resonarm::analysis::{EndedEarly, Resonance, forced_response};
-use resonarm::arm::Sine;
-use resonarm::arm::{Arm, Load, Pose};
+use resonarm::arm::{Arm, Load, Pose, Sine};
 use resonarm::scenario::{ArmSection, Scenario};
-use resonarm::study::{Chain, Chains, Point, StudyError, Walk};
+use resonarm::study::{Chain, ChainComputation, Chains, Point, StudyError};
 use resonarm_figures::plot::{Axis, Color, Dash, Figure, Legend, Marker, Panel, Series, Style};
 use resonarm_numeric::number::short;
 
@@ -259,7 +258,7 @@ fn differences(up: &SweepDocument, down: &SweepDocument) -> String {
 
 impl Document {
     /// Adds the readings of every point.
-    fn read(&mut self, walked: &Walk) -> Result<(), StudyError> {
+    fn read(&mut self, walked: &ChainComputation) -> Result<(), StudyError> {
         for (sweep, readings) in self.sweeps.iter_mut().zip(walked.readings()?) {
             for (point, read) in sweep.points.iter_mut().zip(readings) {
                 point.readings = Some(ReadingsDocument(read));

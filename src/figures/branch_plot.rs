@@ -103,7 +103,7 @@ mod tests {
         assert_eq!(lines.collect::<Vec<_>>(), expected);
     }
 
-    /// The colours change at the period doublings, although the walk has no motion exactly there.
+    /// The colours change at the period doublings, although the continuation has no motion exactly there.
     #[test]
     fn colours_change_at_the_bifurcations() {
         let (_, branch) = strongly_forced();

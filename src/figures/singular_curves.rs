@@ -6,10 +6,10 @@ use clap::Args;
 use serde_json::{Map, Value, json};
 
 use crate::commands::continuation::DriveFlags;
+use crate::continuation_flags::ContinuationFlags;
 use crate::ended_early::Early;
 use crate::failure::Failure;
 use crate::quantity::Quantity;
-use crate::walk_flags::WalkFlags;
 use resonarm::analysis::{
     BifurcationKind, Branch, ForcedArm, SingularCurve, SingularPoint, Turn, trace_singular_curves,
 };
@@ -63,15 +63,15 @@ impl Curves {
         branch: &Branch,
         first: Quantity,
         (second, to): (Quantity, f64),
-        walk: &WalkFlags,
+        flags: &ContinuationFlags,
         early: &mut Early,
     ) -> Result<Curves, Failure> {
-        let mut options = walk.options(0.0, to)?;
-        options.walk.largest_step = options.walk.largest_step.min(LARGEST_STEP);
-        let walked = trace_singular_curves(forced, branch, first.coordinate, second.coordinate, &options);
+        let mut options = flags.options(0.0, to)?;
+        options.continuation.largest_step = options.continuation.largest_step.min(LARGEST_STEP);
+        let traced = trace_singular_curves(forced, branch, first.coordinate, second.coordinate, &options);
         let mut curves = Vec::new();
-        for (kind, walked) in walked {
-            curves.extend(early.keep_any(second.name, walked)?.map(|curve| BifurcationCurve { kind, curve }));
+        for (kind, traced) in traced {
+            curves.extend(early.keep_any(second.name, traced)?.map(|curve| BifurcationCurve { kind, curve }));
         }
         Ok(Curves { first, second, curves })
     }

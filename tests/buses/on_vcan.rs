@@ -335,7 +335,7 @@ fn what_the_transmit_queue_refuses_of_a_batch_is_left() {
 }
 
 /// Sends error frames, as a controller does, with this byte of its own state. The kernel hands them on as any frame.
-fn tell(controller: &socketcan::CanFdSocket, class: u32, state: libc::c_int) {
+fn send_state(controller: &socketcan::CanFdSocket, class: u32, state: libc::c_int) {
     let message = socketcan::CanErrorFrame::new_error(class, &[0, state as u8, 0, 0, 0, 0, 0, 0]).unwrap();
     controller.write_frame(&message).unwrap();
 }
@@ -368,14 +368,14 @@ fn error_frames_are_counted_and_bus_off_comes_out(interface: &Interface, far: &m
     let mut near = interface.open();
     let controller = socketcan::CanFdSocket::open(interface.0).unwrap();
     near.send(&frame(1, &[])).unwrap();
-    tell(&controller, libc::CAN_ERR_CRTL, libc::CAN_ERR_CRTL_TX_WARNING);
-    tell(&controller, libc::CAN_ERR_CRTL | libc::CAN_ERR_ACK, libc::CAN_ERR_CRTL_TX_PASSIVE);
+    send_state(&controller, libc::CAN_ERR_CRTL, libc::CAN_ERR_CRTL_TX_WARNING);
+    send_state(&controller, libc::CAN_ERR_CRTL | libc::CAN_ERR_ACK, libc::CAN_ERR_CRTL_TX_PASSIVE);
     near.send(&frame(2, &[])).unwrap();
-    tell(&controller, libc::CAN_ERR_LOSTARB, 0);
-    tell(&controller, libc::CAN_ERR_PROT | libc::CAN_ERR_BUSERROR, 0);
-    tell(&controller, libc::CAN_ERR_BUSOFF, 0);
+    send_state(&controller, libc::CAN_ERR_LOSTARB, 0);
+    send_state(&controller, libc::CAN_ERR_PROT | libc::CAN_ERR_BUSERROR, 0);
+    send_state(&controller, libc::CAN_ERR_BUSOFF, 0);
     near.send(&frame(3, &[])).unwrap();
-    tell(&controller, libc::CAN_ERR_RESTARTED, 0);
+    send_state(&controller, libc::CAN_ERR_RESTARTED, 0);
     assert_eq!((next(far).frame, far.controller()), (frame(1, &[]), ControllerState::Active));
     assert_eq!((next(far).frame, far.controller()), (frame(2, &[]), ControllerState::Passive));
     assert!(far.wait(PATIENCE).unwrap(), "bus-off ends a wait");

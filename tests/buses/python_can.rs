@@ -131,7 +131,7 @@ fn virtual_keeps_the_contract_on_the_caller() {
 
 /// What the threads have taken in comes out before what comes later, in order, and the driver is left as it was.
 #[test]
-fn the_caller_goes_on_where_the_threads_were() {
+fn the_caller_continues_where_the_threads_were() {
     let (mut near, mut far) = (virtual_end("taken over"), virtual_end("taken over"));
     let send = |near: &mut PythonCan, numbers: core::ops::Range<u32>| {
         numbers.for_each(|number| assert_eq!(near.send(&frame(number)).unwrap(), Sent::Queued));

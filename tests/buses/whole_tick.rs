@@ -4,11 +4,11 @@
 use std::time::Duration;
 
 use resonarm::bus::{Bus, BusError, Filter, Received, Sent, Statistics, memory};
-use resonarm::node::Outcome as ExciterOutcome;
+use resonarm::node::ExciterOutcome;
 use resonarm::protocol::Frame;
 use resonarm::realtime::Spin;
 use resonarm::recording::Existing;
-use resonarm::run::{Mode, Options, Outcome, RecordTo, Session, Signals, watch};
+use resonarm::run::{Mode, Options, PlantOutcome, RecordTo, Session, Signals, watch};
 use resonarm::scenario::Scenario;
 
 use crate::contract::Pair;
@@ -107,7 +107,7 @@ pub fn takes_no_memory((plant_end, mut exciter_end): Pair, profile: &str) {
         let exciter = scope.spawn(|| session(None).exciter(&mut *exciter_end, &Signals::default()).unwrap());
         (plant.plant(&mut bus, &Signals::default(), |_| {}).unwrap(), exciter.join().unwrap())
     });
-    assert_eq!((plant.outcome, exciter.outcome), (Outcome::Disarmed, Some(ExciterOutcome::Finished)), "{plant:?}");
+    assert_eq!((plant.outcome, exciter.outcome), (PlantOutcome::Disarmed, Some(ExciterOutcome::Finished)), "{plant:?}");
     let recording = plant.recording.as_ref().unwrap();
     assert_eq!(recording.lost.values().sum::<u64>(), 0, "{recording:?}");
     let mut noticed = 0;

@@ -113,7 +113,7 @@ fn a_document_that_the_forced_response_passes_through() {
         let branch = document(&arguments);
         let of = |point: &Value| point["harmonic1_rad"][0].as_f64().unwrap();
         let highest = branch["points"].as_array().unwrap().iter().map(of).fold(0.0, f64::max);
-        // No point of the branch is above the peak, which the walk may miss by a step.
+        // No point of the branch is above the peak, which the continuation may miss by a step.
         let ratio = highest / of(point);
         assert!((0.95..1.000_1).contains(&ratio), "{hz} Hz, {force} N: {ratio}");
     }
@@ -323,8 +323,8 @@ fn curves_that_end_early_leave_the_branch() {
     assert_eq!(early["curves"].as_array().unwrap().len(), 2);
 }
 
-/// `continue` accepts an interval without a resonance, refuses an impossible one, and reports where and why a walk
-/// ended early, and what to try.
+/// `continue` accepts an interval without a resonance, refuses an impossible one, and reports where and why a
+/// continuation ended early, and what to try.
 #[test]
 fn continue_reports_its_failures() {
     assert!(done("continue --torque1-nm=60 --from-hz=3 --to-hz=10").contains("0 of them unstable"));

@@ -103,7 +103,7 @@ fn continue_reads_every_motion() {
     for point in &all {
         assert_eq!(names(&point["readings"]), PLACES, "{point}");
     }
-    // The table follows the order of the walk; one point is enough to check.
+    // The table follows the order of the branch; one point is enough to check.
     let text = fs::read_to_string(folder.path().join("branch.csv")).unwrap();
     assert_eq!(text.lines().count(), all.len() + 1);
     let first: Vec<String> = text.lines().take(2).map(|line| format!("{line}\n")).collect();

@@ -215,7 +215,7 @@ def test_nothing_listens_unless_it_is_asked_for(programs):
     assert "live view" not in run.stderr
 
 
-def test_fifty_viewers_and_five_who_read_nothing_are_served_and_the_run_goes_on(programs):
+def test_fifty_viewers_and_five_who_read_nothing_are_served_and_the_run_continues(programs):
     """A viewer that does not read loses updates, which are counted, and is dropped; others don't wait for that."""
     run = free_run(programs, "--json")
     url, token = address(run)

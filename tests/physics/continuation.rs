@@ -37,9 +37,9 @@ fn folds_and_peaks_are_those_of_the_oracles_in_both_directions() {
     assert_eq!(cases.len(), 6);
     for case in cases {
         let (from, to) = (number(case, "from_hz"), number(case, "to_hz"));
-        let walk =
+        let traced =
             |from, to| trace(forced(case), from, Coordinate::FrequencyHz, &BranchOptions::new(from, to)).unwrap();
-        let (up, down) = (walk(from, to), walk(to, from));
+        let (up, down) = (traced(from, to), traced(to, from));
         let (found, mut back) = (folds(&up), folds(&down));
         back.reverse();
         assert_eq!(found.len(), back.len(), "{case}");
@@ -67,19 +67,19 @@ fn folds_and_peaks_are_those_of_the_oracles_in_both_directions() {
     }
 }
 
-/// Two resonance zones in one walk, at an amplitude at which a walk is easily lost on the way.
+/// Two resonance zones in one continuation, at an amplitude at which it is easily lost on the way.
 #[test]
 fn both_zones_are_walked_whole_in_both_directions() {
     let parameters = Preset::Irb1600Fitted.parameters().unwrap();
     let arm = Arm::new(parameters, Pose { beta1_deg: 30.0, beta2_deg: 120.0 }).unwrap();
     for amplitude_n in [5.0, 20.0, 60.0, 100.0] {
         let forced = ForcedArm::new(arm.clone(), Load::force_n(1.0, 0.0), amplitude_n);
-        let walk = |from, to| {
+        let traced = |from, to| {
             let branch = trace(forced.clone(), from, Coordinate::FrequencyHz, &BranchOptions::new(from, to)).unwrap();
             assert_eq!(branch.orbits.last().unwrap().frequency_hz, to);
             branch
         };
-        let (up, mut down) = (walk(20.0, 60.0), walk(60.0, 20.0));
+        let (up, mut down) = (traced(20.0, 60.0), traced(60.0, 20.0));
         down.bifurcations.reverse();
         // Below 20 N the resonances do not bend far enough for folds; the branch passes both all the same.
         let natural = modes(&arm).map(|mode| mode.frequency_hz);

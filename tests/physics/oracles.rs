@@ -1,8 +1,7 @@
 //! Tests of the physics against independently computed numbers; see `tests/oracles/README.md`.
 
 use resonarm::analysis::modes;
-use resonarm::arm::Sine;
-use resonarm::arm::{Arm, Load, Parameters, Pose, Preset, State};
+use resonarm::arm::{Arm, Load, Parameters, Pose, Preset, Sine, State};
 use resonarm::integrate::{Integrator, Scheme};
 use serde_json::Value;
 

@@ -77,7 +77,7 @@ impl Case {
             (low.min(point.frequency_hz), high.max(point.frequency_hz))
         });
         let mut options = BranchOptions::new(0.98 * low, 1.02 * high);
-        options.walk.largest_turn_rad = 0.01;
+        options.continuation.largest_turn_rad = 0.01;
         options.most_points = 100_000;
         let forced = ForcedArm::new(arm.clone(), self.amplitude.load(), 1.0);
         trace(forced, 0.98 * low, Coordinate::FrequencyHz, &options).unwrap()
@@ -261,8 +261,8 @@ fn the_backbone_is_walked_at_quadrature() {
     let points = case.walk_by(&mut plant, PhaseWalkSpec { points: 9, ..PhaseWalkSpec::backbone(amplitude) });
     let direction = Amplitude { torque1_nm: 1.0, ..amplitude }.load();
     let mut branch = BranchOptions::new(20.0, 24.0);
-    branch.walk.largest_turn_rad = 0.01;
-    branch.walk.largest_step = 0.02;
+    branch.continuation.largest_turn_rad = 0.01;
+    branch.continuation.largest_step = 0.02;
     let options = BackboneOptions { smallest_rad: 1e-3, largest_rad: 1.0, largest_drive: 21.0, branch };
     let computed = backbone(ForcedArm::new(plant.arm().clone(), direction, 1.0), 0, ArmParameter::Amplitude, &options);
     let computed = computed.unwrap().points;
@@ -314,7 +314,7 @@ fn one_amplitude_is_held_by_the_computed_loads() {
         let a = JointAngles::of(point, plant.arm()).harmonic1_rad()[0];
         assert!((a / 0.06 - 1.0).abs() < 2e-3, "{point:?}");
         let mut options = BranchOptions::new(0.1, 1.5 * point.load);
-        options.walk.largest_turn_rad = 0.01;
+        options.continuation.largest_turn_rad = 0.01;
         let coordinate = Coordinate::Parameter(ArmParameter::Amplitude);
         let branch = trace(forced.clone(), point.frequency_hz, coordinate, &options).unwrap();
         let loads = branch.orbits.windows(2).filter_map(|pair| {

@@ -2,12 +2,12 @@
 
 use std::path::Path;
 
-use resonarm::export::{ExportFormat, Part, Selection, export};
+use resonarm::export::{ExportFormat, RecordingPart, Selection, export};
 use resonarm::recording::channels::{Channels, Kind};
 use resonarm::recording::{Options, Record, Recording, RecordingError, Topic};
 use resonarm::statistics::statistics;
 
-use crate::{Outcome, options, record, run};
+use crate::{TestResult, options, record, run};
 
 #[test]
 fn the_documentation_has_the_table() {
@@ -36,7 +36,7 @@ fn only_a_plant_with_a_coil_has_its_current() {
 }
 
 #[test]
-fn the_current_of_a_coil_is_exported_and_in_the_statistics() -> Outcome {
+fn the_current_of_a_coil_is_exported_and_in_the_statistics() -> TestResult {
     let directory = tempfile::tempdir()?;
     let path = directory.path().join("run.mcap");
     let mut records = run(3)?;
@@ -52,7 +52,7 @@ fn the_current_of_a_coil_is_exported_and_in_the_statistics() -> Outcome {
     let current = found.channels.iter().find(|channel| channel.name == "coil_current_a").ok_or("no current")?;
     assert_eq!((current.least, current.largest), (0.5, 2.5));
     let stem = directory.path().join("run");
-    let selection = Selection { parts: vec![Part::States], samples: 0..=u64::MAX, magnification: None };
+    let selection = Selection { parts: vec![RecordingPart::States], samples: 0..=u64::MAX, magnification: None };
     for format in [ExportFormat::Csv, ExportFormat::Wav, ExportFormat::Uff58, ExportFormat::Foxglove] {
         let files = export(&recording, format, &selection, &stem)?;
         assert!(files[0].columns.contains(&"coil_current_a"), "{format}");
@@ -64,7 +64,7 @@ fn the_current_of_a_coil_is_exported_and_in_the_statistics() -> Outcome {
 }
 
 #[test]
-fn a_record_of_other_channels_than_its_recording_is_refused() -> Outcome {
+fn a_record_of_other_channels_than_its_recording_is_refused() -> TestResult {
     let directory = tempfile::tempdir()?;
     let options = Options { channels: Channels::arm(true), ..options() };
     let refused = record(&directory.path().join("run.mcap"), options, &run(1)?).err().ok_or("it was written")?;
@@ -74,7 +74,7 @@ fn a_record_of_other_channels_than_its_recording_is_refused() -> Outcome {
 }
 
 /// Replaces a name in a recording's schemas by one of the same length; returns the error of opening it.
-fn renamed(path: &Path, from: &str, to: &str) -> Outcome<String> {
+fn renamed(path: &Path, from: &str, to: &str) -> TestResult<String> {
     let bytes = std::fs::read(path)?;
     let options = mcap::WriteOptions::new().library("resonarm test").compression(None);
     let mut writer = options.create(std::io::Cursor::new(Vec::new()))?;
@@ -101,7 +101,7 @@ fn renamed(path: &Path, from: &str, to: &str) -> Outcome<String> {
 }
 
 #[test]
-fn the_channels_of_a_recording_are_checked() -> Outcome {
+fn the_channels_of_a_recording_are_checked() -> TestResult {
     let directory = tempfile::tempdir()?;
     let path = directory.path().join("run.mcap");
     record(&path, options(), &run(3)?)?;

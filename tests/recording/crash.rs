@@ -28,7 +28,7 @@ const CAPACITY: usize = 64;
 /// The promise of the recorder, ms and samples at 1 kHz.
 const INTERVAL: u64 = 100;
 
-type Outcome<T = ()> = Result<T, Box<dyn Error>>;
+type TestResult<T = ()> = Result<T, Box<dyn Error>>;
 
 #[allow(clippy::disallowed_methods)] // the test plays the run loop, which passes the clock
 fn now() -> Instant {
@@ -70,7 +70,7 @@ fn slack(late: Duration) -> u64 {
 }
 
 /// Records at 1 kHz, and prints every 10th sample with the slack at that time, until it is killed; at most a minute.
-fn record(path: &Path) -> Outcome {
+fn record(path: &Path) -> TestResult {
     let flush = FlushPolicy::Interval { interval: Duration::from_millis(INTERVAL), clock: flush_clock };
     let options = Options { flush, ..Options::real_time(1e-3, "memory", 1_700_000_000_000_000_000, clock) };
     let recorder = Recorder::create(path, &Configuration::new().with("seed", 7), options)?;
@@ -93,7 +93,7 @@ fn record(path: &Path) -> Outcome {
 }
 
 /// A state and a frame that contain their sample.
-fn records_at(sample: u64, time_ns: u64) -> Outcome<[Record; 2]> {
+fn records_at(sample: u64, time_ns: u64) -> TestResult<[Record; 2]> {
     let x = sample as f64;
     let (alpha_rad, alpha_dot_rad_s, torque_nm, force_n) = ([x, -x], [0.5 * x, x], [0.0; 2], [1.0, x]);
     let state =
@@ -104,7 +104,7 @@ fn records_at(sample: u64, time_ns: u64) -> Outcome<[Record; 2]> {
 }
 
 /// Records as fast as possible, waiting for the writer, and prints every 10th sample, until it is killed.
-fn record_fast(path: &Path) -> Outcome {
+fn record_fast(path: &Path) -> TestResult {
     let options = Options { flush: FlushPolicy::Samples(FLUSH_SAMPLES), ..Options::virtual_time(1e-3, "memory") };
     let recorder = Recorder::create(path, &Configuration::new().with("seed", 7), options)?;
     let mut channel = recorder.channel("plant", CAPACITY)?;
@@ -118,17 +118,17 @@ fn record_fast(path: &Path) -> Outcome {
 }
 
 /// Starts this test again as the process to be killed.
-fn start(name: &str, path: &Path) -> Outcome<Child> {
+fn start(name: &str, path: &Path) -> TestResult<Child> {
     let mut command = Command::new(env::current_exe()?);
     command.args(["--exact", name, "--nocapture"]).env(CHILD, path).stdout(Stdio::piped());
     Ok(command.spawn()?)
 }
 
 /// Waits until the child has printed `sample` and kills it. Returns the last sample it printed, and the slack then.
-fn kill_at(sample: u64, child: &mut Child) -> Outcome<(u64, u64)> {
+fn kill_at(sample: u64, child: &mut Child) -> TestResult<(u64, u64)> {
     let output = child.stdout.take().ok_or("the child has no output")?;
     let mut lines = BufReader::new(output).lines();
-    let mut said = || -> Outcome<Option<(u64, u64)>> {
+    let mut said = || -> TestResult<Option<(u64, u64)>> {
         let Some(line) = lines.next().transpose()? else { return Ok(None) };
         // The test harness may print before it on the same line; its own lines are no samples. The last line may be
         // cut off.
@@ -149,7 +149,7 @@ fn kill_at(sample: u64, child: &mut Child) -> Outcome<(u64, u64)> {
 }
 
 #[test]
-fn a_killed_run_loses_at_most_the_flush_interval() -> Outcome {
+fn a_killed_run_loses_at_most_the_flush_interval() -> TestResult {
     if let Some(path) = env::var_os(CHILD) {
         return record(Path::new(&path));
     }
@@ -168,7 +168,7 @@ fn a_killed_run_loses_at_most_the_flush_interval() -> Outcome {
 }
 
 /// Checks the file after a kill: the beginning of the run, without a gap, recoverable. Returns the number of samples.
-fn check(path: &Path, directory: &Path) -> Outcome<u64> {
+fn check(path: &Path, directory: &Path) -> TestResult<u64> {
     let recording = Recording::open(path)?;
     let Integrity::Truncated { last_sample, .. } = recording.integrity() else {
         return Err(format!("killed, but {:?}", recording.integrity()).into());
@@ -195,7 +195,7 @@ fn check(path: &Path, directory: &Path) -> Outcome<u64> {
 /// Whenever the kill comes, the file has all records except those on their way and those after the last flush: this
 /// promise depends on no clock.
 #[test]
-fn a_hundred_kills_at_random_moments() -> Outcome {
+fn a_hundred_kills_at_random_moments() -> TestResult {
     if let Some(path) = env::var_os(CHILD) {
         return record_fast(Path::new(&path));
     }

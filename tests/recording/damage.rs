@@ -7,19 +7,19 @@ use std::path::Path;
 use proptest::prelude::*;
 use resonarm::recording::{Existing, FlushPolicy, Integrity, Options, Recording, RecordingError, StateRecord, recover};
 
-use crate::{Outcome, options, record, rewritten, run};
+use crate::{TestResult, options, record, rewritten, run};
 
 const SAMPLES: u64 = 300;
 
 /// The bytes of a recording of 300 samples in chunks of 50.
-fn bytes(directory: &Path) -> Outcome<Vec<u8>> {
+fn bytes(directory: &Path) -> TestResult<Vec<u8>> {
     let path = directory.join("whole.mcap");
     record(&path, Options { flush: FlushPolicy::Samples(50), ..options() }, &run(SAMPLES)?)?;
     Ok(fs::read(path)?)
 }
 
 /// The states that were recorded.
-fn states_recorded() -> Outcome<Vec<StateRecord>> {
+fn states_recorded() -> TestResult<Vec<StateRecord>> {
     let state = |sample| match crate::records_of(sample)?[0] {
         resonarm::recording::Record::State(record) => Ok(record),
         other => Err(format!("{other:?} is not a state").into()),
@@ -28,7 +28,7 @@ fn states_recorded() -> Outcome<Vec<StateRecord>> {
 }
 
 /// Reads all readable states, which must be the beginning of those recorded. Returns their number.
-fn read(path: &Path, recorded: &[StateRecord]) -> Outcome<usize> {
+fn read(path: &Path, recorded: &[StateRecord]) -> TestResult<usize> {
     let Ok(recording) = Recording::open(path) else { return Ok(0) };
     let states = recording.states()?.collect::<Result<Vec<_>, _>>()?;
     assert!(recorded.starts_with(&states), "states that were never recorded");
@@ -39,7 +39,7 @@ fn read(path: &Path, recorded: &[StateRecord]) -> Outcome<usize> {
 }
 
 #[test]
-fn every_cut_gives_what_was_flushed_before() -> Outcome {
+fn every_cut_gives_what_was_flushed_before() -> TestResult {
     let directory = tempfile::tempdir()?;
     let whole = bytes(directory.path())?;
     let recorded = states_recorded()?;
@@ -134,7 +134,7 @@ proptest! {
 }
 
 #[test]
-fn a_cut_recording_is_recovered_whole() -> Outcome {
+fn a_cut_recording_is_recovered_whole() -> TestResult {
     let directory = tempfile::tempdir()?;
     let whole = bytes(directory.path())?;
     let (cut, repaired) = (directory.path().join("cut.mcap"), directory.path().join("repaired.mcap"));
@@ -154,7 +154,7 @@ fn a_cut_recording_is_recovered_whole() -> Outcome {
 
 /// Metadata have no checksum: a wrong character in them is detected only when they are read.
 #[test]
-fn a_recording_that_could_not_be_opened_is_not_recovered() -> Outcome {
+fn a_recording_that_could_not_be_opened_is_not_recovered() -> TestResult {
     let directory = tempfile::tempdir()?;
     let mut whole = bytes(directory.path())?;
     let (cut, repaired) = (directory.path().join("cut.mcap"), directory.path().join("repaired.mcap"));
@@ -171,7 +171,7 @@ fn a_recording_that_could_not_be_opened_is_not_recovered() -> Outcome {
 
 /// One wrong byte anywhere in a chunk, its length and opcode included, loses only that chunk.
 #[test]
-fn one_wrong_byte_costs_one_chunk() -> Outcome {
+fn one_wrong_byte_costs_one_chunk() -> TestResult {
     let directory = tempfile::tempdir()?;
     let whole = bytes(directory.path())?;
     let (path, repaired) = (directory.path().join("damaged.mcap"), directory.path().join("repaired.mcap"));
@@ -215,7 +215,7 @@ fn records(bytes: &[u8]) -> impl Iterator<Item = Range<usize>> {
 
 /// A wrong byte in the opcode, the length, or the beginning, middle or end of the content of every record.
 #[test]
-fn a_wrong_byte_in_any_record_is_an_error() -> Outcome {
+fn a_wrong_byte_in_any_record_is_an_error() -> TestResult {
     let directory = tempfile::tempdir()?;
     let whole = bytes(directory.path())?;
     let recorded = states_recorded()?;
@@ -243,7 +243,7 @@ fn a_wrong_byte_in_any_record_is_an_error() -> Outcome {
 
 /// Invalid messages with correct checksums, as another program may write them: truncated, and with a wrong byte.
 #[test]
-fn a_wrong_message_is_refused_or_read() -> Outcome {
+fn a_wrong_message_is_refused_or_read() -> TestResult {
     let directory = tempfile::tempdir()?;
     let (path, altered) = (directory.path().join("whole.mcap"), directory.path().join("altered.mcap"));
     record(&path, Options { batch_samples: 10, ..options() }, &run(60)?)?;
@@ -270,7 +270,7 @@ fn a_wrong_message_is_refused_or_read() -> Outcome {
 }
 
 /// A recording whose chunk is `records`, compressed, and states a length once decompressed.
-fn with_chunk(path: &Path, records: &[u8], states: u64) -> Outcome<String> {
+fn with_chunk(path: &Path, records: &[u8], states: u64) -> TestResult<String> {
     record(path, Options { existing: Existing::Overwrite, ..options() }, &run(3)?)?;
     let whole = fs::read(path)?;
     let first = chunk(&whole, 0).ok_or("no chunk")?;
@@ -295,7 +295,7 @@ fn with_chunk(path: &Path, records: &[u8], states: u64) -> Outcome<String> {
 /// A few bytes may state, and decompress to, any length. Refusing them at the stated length or at the first invalid
 /// record takes neither time nor memory.
 #[test]
-fn a_chunk_that_claims_too_much_or_holds_no_records_is_refused_at_once() -> Outcome {
+fn a_chunk_that_claims_too_much_or_holds_no_records_is_refused_at_once() -> TestResult {
     let directory = tempfile::tempdir()?;
     let path = directory.path().join("run.mcap");
     // A frame of Zstandard (RFC 8878): no checksum, its length in 8 bytes, 128 KiB of zeros as one byte and a count.

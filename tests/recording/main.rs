@@ -28,10 +28,10 @@ use resonarm::recording::{
 };
 
 /// The result of a test: any error fails it.
-type Outcome<T = ()> = Result<T, Box<dyn Error>>;
+type TestResult<T = ()> = Result<T, Box<dyn Error>>;
 
 /// The records of a plant at sample `sample`.
-fn records_of(sample: u64) -> Outcome<Vec<Record>> {
+fn records_of(sample: u64) -> TestResult<Vec<Record>> {
     let x = sample as f64;
     let mut records = vec![
         Record::State(StateRecord {
@@ -81,7 +81,7 @@ fn options() -> Options {
 }
 
 /// Records `records` into `path`.
-fn record(path: &Path, options: Options, records: &[Record]) -> Outcome<Summary> {
+fn record(path: &Path, options: Options, records: &[Record]) -> TestResult<Summary> {
     let recorder = Recorder::create(path, &configuration(), options)?;
     let mut channel = recorder.channel("plant", 256)?;
     records.iter().try_for_each(|record| channel.push_blocking(*record))?;
@@ -89,12 +89,12 @@ fn record(path: &Path, options: Options, records: &[Record]) -> Outcome<Summary>
 }
 
 /// The records of a plant over samples `0..samples`.
-fn run(samples: u64) -> Outcome<Vec<Record>> {
+fn run(samples: u64) -> TestResult<Vec<Record>> {
     Ok((0..samples).map(records_of).collect::<Result<Vec<_>, _>>()?.concat())
 }
 
 /// The file written again, with `alter` applied to the data of every message, and with correct checksums.
-fn rewritten(path: &Path, mut alter: impl FnMut(&str, &mut Vec<u8>)) -> Outcome<Vec<u8>> {
+fn rewritten(path: &Path, mut alter: impl FnMut(&str, &mut Vec<u8>)) -> TestResult<Vec<u8>> {
     let bytes = std::fs::read(path)?;
     let options = mcap::WriteOptions::new().library("resonarm test").compression(None);
     let mut writer = options.create(std::io::Cursor::new(Vec::new()))?;

@@ -6,10 +6,10 @@ use resonarm::recording::{
     Compression, Configuration, Existing, FlushPolicy, Integrity, Options, Recorder, Recording, RecordingError, recover,
 };
 
-use crate::{Outcome, options, record, records_of, run};
+use crate::{TestResult, options, record, records_of, run};
 
 /// The error, without the directory of the test.
-fn text<T>(result: Result<T, RecordingError>, directory: &tempfile::TempDir) -> Outcome<String> {
+fn text<T>(result: Result<T, RecordingError>, directory: &tempfile::TempDir) -> TestResult<String> {
     match result {
         Ok(_) => Err("no error".into()),
         Err(error) => Ok(error.to_string().replace(&format!("{}/", directory.path().display()), "")),
@@ -17,7 +17,7 @@ fn text<T>(result: Result<T, RecordingError>, directory: &tempfile::TempDir) -> 
 }
 
 #[test]
-fn of_files_that_cannot_be_created() -> Outcome {
+fn of_files_that_cannot_be_created() -> TestResult {
     let directory = tempfile::tempdir()?;
     let create = |name: &str| Recorder::create(directory.path().join(name), &Configuration::new(), options());
     let _there = create("run.mcap")?;
@@ -31,7 +31,7 @@ fn of_files_that_cannot_be_created() -> Outcome {
 }
 
 #[test]
-fn of_options_that_make_no_sense() -> Outcome {
+fn of_options_that_make_no_sense() -> TestResult {
     let directory = tempfile::tempdir()?;
     let path = directory.path().join("run.mcap");
     let create = |options| text(Recorder::create(&path, &Configuration::new(), options), &directory);
@@ -49,10 +49,10 @@ fn of_options_that_make_no_sense() -> Outcome {
 }
 
 #[test]
-fn of_files_that_are_no_recordings() -> Outcome {
+fn of_files_that_are_no_recordings() -> TestResult {
     let directory = tempfile::tempdir()?;
     let path = directory.path().join("file");
-    let open = |bytes: &[u8]| -> Outcome<String> {
+    let open = |bytes: &[u8]| -> TestResult<String> {
         fs::write(&path, bytes)?;
         text(Recording::open(&path), &directory)
     };
@@ -69,7 +69,7 @@ fn of_files_that_are_no_recordings() -> Outcome {
 }
 
 /// A file with the given metadata `resonarm.recording` and one topic.
-fn foreign(about: &[(&str, &str)], topic: &str, schema: &str) -> Outcome<Vec<u8>> {
+fn foreign(about: &[(&str, &str)], topic: &str, schema: &str) -> TestResult<Vec<u8>> {
     let options = mcap::WriteOptions::new().compression(None);
     let mut writer = options.create(std::io::Cursor::new(Vec::new()))?;
     let metadata = about.iter().map(|(key, value)| (key.to_string(), value.to_string())).collect();
@@ -82,7 +82,7 @@ fn foreign(about: &[(&str, &str)], topic: &str, schema: &str) -> Outcome<Vec<u8>
 }
 
 #[test]
-fn of_recordings_of_another_kind() -> Outcome {
+fn of_recordings_of_another_kind() -> TestResult {
     let directory = tempfile::tempdir()?;
     let path = directory.path().join("run.mcap");
     let good = [("format", "3"), ("dt_s", "0.001"), ("time", "simulated"), ("plot_every_samples", "10")];
@@ -104,7 +104,7 @@ fn of_recordings_of_another_kind() -> Outcome {
 }
 
 #[test]
-fn of_gaps() -> Outcome {
+fn of_gaps() -> TestResult {
     let directory = tempfile::tempdir()?;
     let path = directory.path().join("run.mcap");
     let records = [0, 1, 2, 7, 8, 20].map(|sample| records_of(sample).map(|records| records[0]));
@@ -127,12 +127,12 @@ fn without_numbers(text: &str) -> String {
 }
 
 #[test]
-fn of_integrity() -> Outcome {
+fn of_integrity() -> TestResult {
     let directory = tempfile::tempdir()?;
     let (path, cut) = (directory.path().join("run.mcap"), directory.path().join("cut.mcap"));
     let options = Options { compression: Compression::None, flush: FlushPolicy::Samples(50), ..options() };
     record(&path, options, &run(200)?)?;
-    let integrity = |bytes: &[u8]| -> Outcome<String> {
+    let integrity = |bytes: &[u8]| -> TestResult<String> {
         fs::write(&cut, bytes)?;
         Ok(Recording::open(&cut)?.integrity().to_string())
     };
@@ -158,7 +158,7 @@ fn of_integrity() -> Outcome {
 }
 
 #[test]
-fn of_recoveries() -> Outcome {
+fn of_recoveries() -> TestResult {
     let directory = tempfile::tempdir()?;
     let (path, cut) = (directory.path().join("run.mcap"), directory.path().join("cut.mcap"));
     record(&path, options(), &run(200)?)?;

@@ -9,7 +9,7 @@ use resonarm::recording::{
     SampleRecord, StateRecord, TickRecord,
 };
 
-use crate::{Outcome, options, record, run};
+use crate::{TestResult, options, record, run};
 
 /// Any pair of doubles, every NaN among them.
 fn pair() -> impl Strategy<Value = [f64; 2]> {
@@ -162,7 +162,7 @@ proptest! {
 }
 
 #[test]
-fn a_recording_says_what_was_said_of_it() -> Outcome {
+fn a_recording_says_what_was_said_of_it() -> TestResult {
     let directory = tempfile::tempdir()?;
     let path = directory.path().join("run.mcap");
     let options = Options { dt_s: 1.0 / 3000.0, ..options() };

@@ -11,7 +11,7 @@ use resonarm::recording::{
 };
 use resonarm::replay::{resimulate, responses};
 
-use crate::{Outcome, configuration, options, record, rewritten, run};
+use crate::{TestResult, configuration, options, record, rewritten, run};
 
 /// The reading of the machine's clocks when the loop's clock read 0, ns of the UNIX epoch.
 const CLOCK_EPOCH_UNIX_NS: u64 = 1_700_000_000_000_000_000;
@@ -26,7 +26,7 @@ fn never() -> Duration {
 
 /// Records sample 7 of a run, with a frame taken in 7.5 ms and an event 7.75 ms after its start; returns topic,
 /// log time and publish time of every message.
-fn stamps(path: &Path, options: Options) -> Outcome<Vec<(String, u64, u64)>> {
+fn stamps(path: &Path, options: Options) -> TestResult<Vec<(String, u64, u64)>> {
     let recorder = Recorder::create(path, &configuration(), options)?;
     let mut channel = recorder.channel("plant", 64)?;
     channel.begin(BEGUN_NS);
@@ -52,7 +52,7 @@ fn expected(log_ns: u64, publish_ns: u64) -> Vec<(String, u64, u64)> {
 type Kind = fn(f64, &str, u64, fn() -> Duration) -> Options;
 
 #[test]
-fn log_times_are_simulated_and_publish_times_the_walls() -> Outcome {
+fn log_times_are_simulated_and_publish_times_the_walls() -> TestResult {
     let directory = tempfile::tempdir()?;
     let path = directory.path().join("run.mcap");
     let options = |kind: Kind| Options {
@@ -83,12 +83,12 @@ fn log_times_are_simulated_and_publish_times_the_walls() -> Outcome {
 
 /// The same scenario on another day is another run.
 #[test]
-fn parts_of_two_runs_are_not_joined() -> Outcome {
+fn parts_of_two_runs_are_not_joined() -> TestResult {
     let directory = tempfile::tempdir()?;
     let path = |name: &str| directory.path().join(name);
     for (name, first, epoch_ns) in [("a", 0, 0), ("b", 10, 0), ("c", 10, 5)] {
         let options = Options::real_time(1e-3, "vcan0", CLOCK_EPOCH_UNIX_NS + epoch_ns, never);
-        let records = (first..first + 10).map(crate::records_of).collect::<Outcome<Vec<_>>>()?.concat();
+        let records = (first..first + 10).map(crate::records_of).collect::<TestResult<Vec<_>>>()?.concat();
         record(&path(name), options, &records)?;
     }
     let [a, b, c] = ["a", "b", "c"].map(|name| Recording::open(path(name)));
@@ -102,7 +102,7 @@ fn parts_of_two_runs_are_not_joined() -> Outcome {
 }
 
 #[test]
-fn a_recording_of_format_3_is_read_as_it_was() -> Outcome {
+fn a_recording_of_format_3_is_read_as_it_was() -> TestResult {
     let path = Path::new(env!("CARGO_MANIFEST_DIR")).join("tests/recording/format-3.mcap");
     let recording = Recording::open(&path)?;
     let origin = recording.origin();
@@ -137,7 +137,7 @@ fn a_recording_of_format_3_is_read_as_it_was() -> Outcome {
 }
 
 #[test]
-fn the_end_of_a_run_and_what_was_clipped_are_marked() -> Outcome {
+fn the_end_of_a_run_and_what_was_clipped_are_marked() -> TestResult {
     let directory = tempfile::tempdir()?;
     let path = directory.path().join("run.mcap");
     let mut records = run(250)?;
@@ -171,7 +171,7 @@ fn the_end_of_a_run_and_what_was_clipped_are_marked() -> Outcome {
 }
 
 #[test]
-fn a_batch_that_states_another_period_is_damage() -> Outcome {
+fn a_batch_that_states_another_period_is_damage() -> TestResult {
     let directory = tempfile::tempdir()?;
     let path = directory.path().join("run.mcap");
     record(&path, Options { batch_samples: 100, ..options() }, &run(300)?)?;

@@ -8,10 +8,10 @@ use resonarm::recording::{
     recover,
 };
 
-use crate::{Outcome, configuration, options, record, records_of, run};
+use crate::{TestResult, configuration, options, record, records_of, run};
 
 #[test]
-fn the_same_records_give_the_same_bytes() -> Outcome {
+fn the_same_records_give_the_same_bytes() -> TestResult {
     let directory = tempfile::tempdir()?;
     let (one, two) = (directory.path().join("one.mcap"), directory.path().join("two.mcap"));
     let records = run(2500)?;
@@ -29,7 +29,7 @@ fn the_same_records_give_the_same_bytes() -> Outcome {
 }
 
 #[test]
-fn a_full_channel_loses_records_and_says_so() -> Outcome {
+fn a_full_channel_loses_records_and_says_so() -> TestResult {
     let directory = tempfile::tempdir()?;
     let path = directory.path().join("run.mcap");
     let recorder = Recorder::create(&path, &configuration(), options())?;
@@ -62,7 +62,7 @@ fn a_full_channel_loses_records_and_says_so() -> Outcome {
 }
 
 #[test]
-fn several_channels_keep_the_order_of_each() -> Outcome {
+fn several_channels_keep_the_order_of_each() -> TestResult {
     let directory = tempfile::tempdir()?;
     let path = directory.path().join("run.mcap");
     let recorder = Recorder::create(&path, &configuration(), options())?;
@@ -92,7 +92,7 @@ fn several_channels_keep_the_order_of_each() -> Outcome {
 
 /// The records are there, and the end is missing.
 #[test]
-fn an_abandoned_recording_does_not_look_whole() -> Outcome {
+fn an_abandoned_recording_does_not_look_whole() -> TestResult {
     let directory = tempfile::tempdir()?;
     let path = directory.path().join("run.mcap");
     let recorder = Recorder::create(&path, &configuration(), options())?;
@@ -110,7 +110,7 @@ fn an_abandoned_recording_does_not_look_whole() -> Outcome {
 
 /// Nothing was recorded: the name is free for another try, and a file to be overwritten is still there.
 #[test]
-fn an_abandoned_recording_without_a_record_leaves_nothing() -> Outcome {
+fn an_abandoned_recording_without_a_record_leaves_nothing() -> TestResult {
     let directory = tempfile::tempdir()?;
     let path = directory.path().join("run.mcap");
     let overwrite = Options { existing: Existing::Overwrite, ..options() };
@@ -131,7 +131,7 @@ fn an_abandoned_recording_without_a_record_leaves_nothing() -> Outcome {
 
 /// A recording made from others gets its name when it is whole, or never.
 #[test]
-fn a_cut_that_fails_leaves_what_was_there() -> Outcome {
+fn a_cut_that_fails_leaves_what_was_there() -> TestResult {
     let directory = tempfile::tempdir()?;
     let (path, part) = (directory.path().join("run.mcap"), directory.path().join("part.mcap"));
     // More names of events than are copied, after states that are.
@@ -152,7 +152,7 @@ fn a_cut_that_fails_leaves_what_was_there() -> Outcome {
 
 /// Left by a process with the same id, as processes in containers have.
 #[test]
-fn a_partial_file_left_by_a_killed_process_is_no_obstacle() -> Outcome {
+fn a_partial_file_left_by_a_killed_process_is_no_obstacle() -> TestResult {
     let directory = tempfile::tempdir()?;
     let (path, part) = (directory.path().join("run.mcap"), directory.path().join("part.mcap"));
     record(&path, options(), &run(50)?)?;
@@ -170,7 +170,7 @@ fn a_partial_file_left_by_a_killed_process_is_no_obstacle() -> Outcome {
 
 /// `/dev/full` takes no byte: every write fails as on a full disk.
 #[test]
-fn a_full_disk_is_reported_at_once() -> Outcome {
+fn a_full_disk_is_reported_at_once() -> TestResult {
     let full = Options { existing: Existing::Overwrite, ..options() };
     match Recorder::create("/dev/full", &configuration(), full) {
         Err(error @ RecordingError::Write { .. }) => {
@@ -184,7 +184,7 @@ fn a_full_disk_is_reported_at_once() -> Outcome {
 /// A pipe takes the head of the file and refuses the rest once nobody reads it, like a disk that fills up during the
 /// run.
 #[test]
-fn a_failure_during_the_run_reaches_the_producer_and_the_end() -> Outcome {
+fn a_failure_during_the_run_reaches_the_producer_and_the_end() -> TestResult {
     let directory = tempfile::tempdir()?;
     let path = directory.path().join("pipe");
     let made = std::process::Command::new("mkfifo").arg(&path).status()?;
@@ -210,7 +210,7 @@ fn a_failure_during_the_run_reaches_the_producer_and_the_end() -> Outcome {
 }
 
 #[test]
-fn refuses_to_overwrite_unless_asked() -> Outcome {
+fn refuses_to_overwrite_unless_asked() -> TestResult {
     let directory = tempfile::tempdir()?;
     let path: &Path = &directory.path().join("run.mcap");
     record(path, options(), &run(3)?)?;
@@ -230,7 +230,7 @@ enum Lost {
 }
 
 #[test]
-fn a_recording_deleted_or_replaced_meanwhile_is_reported() -> Outcome {
+fn a_recording_deleted_or_replaced_meanwhile_is_reported() -> TestResult {
     let directory = tempfile::tempdir()?;
     for (number, lost) in [Lost::File, Lost::Replaced, Lost::Folder].into_iter().enumerate() {
         let folder = directory.path().join(number.to_string());

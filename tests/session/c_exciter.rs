@@ -11,7 +11,7 @@ use std::sync::OnceLock;
 
 use resonarm::arm::Load;
 use resonarm::control::{Abort, Answer, Controller, Length, LoadKind, ResponsePoint};
-use resonarm::node::{self, ExciterNode, Outcome, PlantNode, Timing};
+use resonarm::node::{self, ExciterNode, ExciterOutcome, PlantNode, Timing};
 use resonarm::protocol::header::Header;
 use resonarm::protocol::{
     Emergency, EmergencyCode, Frame, FrameFormat, Heartbeat, Hello, Id, Message, MessageKind, Network, Node, NodeState,
@@ -112,11 +112,11 @@ impl Both {
         let node = &self.node;
         let (number, fault) = match node.outcome() {
             None => (0, None),
-            Some(Outcome::Finished) => (1, None),
-            Some(Outcome::Aborted(_)) => (2, None),
-            Some(Outcome::Stopped) => (3, None),
-            Some(Outcome::PlantLeft) => (4, None),
-            Some(Outcome::Faulted(emergency)) => (5, Some(emergency)),
+            Some(ExciterOutcome::Finished) => (1, None),
+            Some(ExciterOutcome::Aborted(_)) => (2, None),
+            Some(ExciterOutcome::Stopped) => (3, None),
+            Some(ExciterOutcome::PlantLeft) => (4, None),
+            Some(ExciterOutcome::Faulted(emergency)) => (5, Some(emergency)),
         };
         let fault = fault.map_or(String::new(), |Emergency { node, code, detail, sample }| {
             format!(" {} {} {detail} {sample}", node.number(), code as u16)
@@ -138,10 +138,10 @@ impl Both {
         )
     }
 
-    /// Tells both, compares, and gives the frames that were sent.
-    fn both(&mut self, command: &str, tell: impl FnOnce(&mut ExciterNode)) -> Vec<Frame> {
+    /// Makes both do the same, compares, and gives the frames that were sent.
+    fn both(&mut self, command: &str, act: impl FnOnce(&mut ExciterNode)) -> Vec<Frame> {
         let answer = self.ask(command);
-        tell(&mut self.node);
+        act(&mut self.node);
         let sent: Vec<Frame> =
             if self.is_jammed { Vec::new() } else { core::iter::from_fn(|| self.node.poll_transmit()).collect() };
         let frames: String = sent.iter().map(|frame| format!("{frame} ")).collect();
@@ -273,7 +273,7 @@ impl Bench {
         self.send_to_plant(&sent);
     }
 
-    fn outcome(&self) -> Option<Outcome> {
+    fn outcome(&self) -> Option<ExciterOutcome> {
         self.both.node.outcome()
     }
 
@@ -398,9 +398,9 @@ fn c_and_rust_end_alike_on_a_faithful_wire() {
                 Some(Id::Standard(0x080 + if wire == Wire::Classic { 2 } else { 4 }))
             );
             let number = match bench.outcome() {
-                Some(Outcome::Finished) => 1,
-                Some(Outcome::Aborted(_)) => 2,
-                Some(Outcome::Faulted(_)) => 5,
+                Some(ExciterOutcome::Finished) => 1,
+                Some(ExciterOutcome::Aborted(_)) => 2,
+                Some(ExciterOutcome::Faulted(_)) => 5,
                 other => panic!("{other:?}"),
             };
             assert_eq!((number, bench.has_pairs), (expected, matches!(wire, Wire::Fd(SamplesPerFrame::Two))));
@@ -422,7 +422,7 @@ fn c_and_rust_do_the_same_whatever_the_wire_does() {
                 continue;
             };
             let now_ns = bench.now_ns;
-            if let Outcome::Faulted(fault) = outcome {
+            if let ExciterOutcome::Faulted(fault) = outcome {
                 codes[fault.code as usize] += 1;
                 bench.both.both(&format!("rearm {now_ns}"), |node| {
                     assert!(node.rearm(now_ns));
@@ -430,8 +430,8 @@ fn c_and_rust_do_the_same_whatever_the_wire_does() {
                 continue;
             }
             outcomes[match outcome {
-                Outcome::Finished => 1,
-                Outcome::Stopped => 3,
+                ExciterOutcome::Finished => 1,
+                ExciterOutcome::Stopped => 3,
                 _ => 4,
             }] += 1;
             bench.both.both(&format!("leave {now_ns}"), |node| node.leave(now_ns));

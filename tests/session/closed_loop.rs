@@ -3,7 +3,7 @@
 
 use resonarm::arm::Load;
 use resonarm::control::{Answer, Controller, Length, LoadKind, ResponsePoint};
-use resonarm::node::Outcome;
+use resonarm::node::ExciterOutcome;
 use resonarm::rig::Measurement;
 use resonarm::run::{BothReport, Mode, Options, Session, Signals};
 use resonarm::scenario::Scenario;
@@ -18,7 +18,7 @@ fn both(text: &str, mode: Mode) -> BothReport {
 #[test]
 fn a_walk_in_lockstep_is_the_free_one_bit_for_bit() {
     let [free, lockstep] = [Mode::Free, Mode::Lockstep].map(|mode| both(WALK, mode));
-    assert_eq!(free.exciter.outcome, Some(Outcome::Finished));
+    assert_eq!(free.exciter.outcome, Some(ExciterOutcome::Finished));
     assert_eq!((free.exciter.responses.len(), free.plant.bus.e2e_errors), (3, 0));
     assert_eq!(free.exciter.responses, lockstep.exciter.responses);
     assert_eq!(free.exciter.samples_played, lockstep.exciter.samples_played);
@@ -29,8 +29,8 @@ fn a_walk_in_lockstep_is_the_free_one_bit_for_bit() {
 fn a_controller_that_gives_up_disarms() {
     let deaf = format!("{WALK}[rig.accelerometer_b]\nrange_m_s2 = 50.0\n");
     let report = both(&deaf, Mode::Free);
-    assert!(matches!(report.exciter.outcome, Some(Outcome::Aborted(_))), "{:?}", report.exciter.outcome);
-    assert_eq!(report.plant.outcome, resonarm::run::Outcome::Disarmed);
+    assert!(matches!(report.exciter.outcome, Some(ExciterOutcome::Aborted(_))), "{:?}", report.exciter.outcome);
+    assert_eq!(report.plant.outcome, resonarm::run::PlantOutcome::Disarmed);
 }
 
 /// Pushes against the velocity at the tip, which it integrates from the accelerometer.
@@ -73,6 +73,10 @@ fn a_controller_of_one_s_own_needs_no_excitation() {
         let session = Session::new(scenario, mode, Options::default()).unwrap();
         let session = session.with_controller(|| Box::new(Damper::default()));
         let report = session.both(&Signals::default(), |_event| {}).unwrap();
-        assert_eq!((report.exciter.outcome, report.exciter.samples_played), (Some(Outcome::Finished), 2001), "{mode}");
+        assert_eq!(
+            (report.exciter.outcome, report.exciter.samples_played),
+            (Some(ExciterOutcome::Finished), 2001),
+            "{mode}"
+        );
     }
 }

@@ -4,7 +4,7 @@
 use resonarm::control::{CancelHarmonics, ModeNumber};
 use resonarm::excitation::Amplitude;
 use resonarm::experiment::{Zone, ZoneExperiment, score};
-use resonarm::node::Outcome;
+use resonarm::node::ExciterOutcome;
 use resonarm::scenario::Scenario;
 
 /// A light armature on a suspension that brakes: the arm settles with a time constant of 1.6 s in place of 45 s. In
@@ -28,7 +28,7 @@ fn a_folded_zone_is_measured_as_it_is_computed() {
     };
     let measured = ZoneExperiment::new(&[zone]).measure(&scenario).unwrap().pop().unwrap();
     for run in measured.runs() {
-        assert_eq!(run.outcome, Some(Outcome::Finished));
+        assert_eq!(run.outcome, Some(ExciterOutcome::Finished));
     }
     let score = score(&scenario.build_arm().unwrap(), &zone, &measured).unwrap();
     assert_eq!(score.folds_hz.len(), 2);

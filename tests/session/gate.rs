@@ -6,7 +6,7 @@ use resonarm::arm::Load;
 use resonarm::protocol::{EmergencyCode, Refusal, Trip};
 use resonarm::recording::{Existing, Recording};
 use resonarm::replay::resimulate;
-use resonarm::run::{ExciterEnd, Mode, Options, Outcome, PlantReport, RecordTo, Session, Signals, fault_text};
+use resonarm::run::{ExciterEnd, Mode, Options, PlantOutcome, PlantReport, RecordTo, Session, Signals, fault_text};
 use resonarm::scenario::Scenario;
 
 /// A state as far as the gate is concerned: the load held from it on, and how far the tip is from rest, m.
@@ -58,7 +58,7 @@ fn an_impulse_is_refused_where_the_rate_of_change_is_limited() {
     assert!(fast.outcome.is_good() && fast.refused.rate_of_change == 0, "{fast:?}");
 
     let (slow, moments) = run(&format!("{impulse}[rig.gate]\nforce_rate_limit_n_per_s = 5000.0\n"), Mode::Free, &path);
-    assert_eq!(slow.outcome, Outcome::Faulted);
+    assert_eq!(slow.outcome, PlantOutcome::Faulted);
     let emergency = slow.emergency.unwrap();
     assert_eq!(emergency.code, EmergencyCode::CommandTimeout);
     assert_eq!(Refusal::from_detail(emergency.detail).1, Some(Refusal::RateOfChange));
@@ -106,7 +106,7 @@ fn an_arm_driven_beyond_its_travel_is_let_go_at_once() {
         assert!(free.outcome.is_good(), "{free:?}");
         let limit_m = 0.5 * moments.iter().map(|moment| moment.travel_m).fold(0.0, f64::max);
         let (report, moments) = run(&format!("{dwell}[rig.gate]\ntravel_limit_m = {limit_m}\n"), mode, &path);
-        assert_eq!((report.outcome, report.refused.travel), (Outcome::Faulted, 1));
+        assert_eq!((report.outcome, report.refused.travel), (PlantOutcome::Faulted, 1));
         assert_eq!(events(&path, "plant.command.travel"), 1);
         let emergency = report.emergency.unwrap();
         assert_eq!((emergency.code, emergency.detail), (EmergencyCode::ExciterTripped, Trip::Travel as u16));

@@ -1,7 +1,7 @@
 //! Faults of instruments, each caught by the limit that is there for it.
 
 use resonarm::control::Abort;
-use resonarm::node::Outcome;
+use resonarm::node::ExciterOutcome;
 use resonarm::run::{self, Mode, Options, Session, Signals};
 use resonarm::scenario::Scenario;
 
@@ -13,7 +13,7 @@ const TORQUE_WALK: &str =
     "rig.exciter.torque_limit_nm = 100\n[control]\nlaw = 'phase-walk'\namplitude = { torque1_nm = 10.0 }\npoints = 3\n";
 
 /// How the exciter's work ended, with the plant's outcome.
-fn ended(text: &str, mode: Mode) -> (Outcome, run::Outcome) {
+fn ended(text: &str, mode: Mode) -> (ExciterOutcome, run::PlantOutcome) {
     let session = Session::new(Scenario::parse(text, "test").unwrap(), mode, Options::default()).unwrap();
     let report = session.both(&Signals::default(), |_event| {}).unwrap();
     (report.exciter.outcome.unwrap(), report.plant.outcome)
@@ -23,13 +23,17 @@ fn ended(text: &str, mode: Mode) -> (Outcome, run::Outcome) {
 /// up for this reason.
 fn abort(work: &str, limits: &str, fault: &str) -> Abort {
     let (limits, fault) = (format!("[limits]\n{limits}\n"), format!("[[rig.faults]]\n{fault}\n"));
-    assert_eq!(ended(&format!("{work}{limits}"), Mode::Free), (Outcome::Finished, run::Outcome::Disarmed), "{limits}");
+    assert_eq!(
+        ended(&format!("{work}{limits}"), Mode::Free),
+        (ExciterOutcome::Finished, run::PlantOutcome::Disarmed),
+        "{limits}"
+    );
     let unlimited = ended(&format!("{work}{fault}"), Mode::Free).0;
-    let (Outcome::Aborted(abort), plant) = ended(&format!("{work}{limits}{fault}"), Mode::Free) else {
+    let (ExciterOutcome::Aborted(abort), plant) = ended(&format!("{work}{limits}{fault}"), Mode::Free) else {
         panic!("{limits} did not catch {fault}");
     };
-    assert_eq!(plant, run::Outcome::Disarmed);
-    assert_ne!(unlimited, Outcome::Aborted(abort));
+    assert_eq!(plant, run::PlantOutcome::Disarmed);
+    assert_ne!(unlimited, ExciterOutcome::Aborted(abort));
     abort
 }
 
@@ -96,6 +100,6 @@ fn limits_end_a_run_in_lockstep_as_in_a_free_one() {
     let fault = "[[rig.faults]]\ninstrument = 'accelerometer_c'\naxis = 'x'\nkind = 'stuck'\nfrom_s = 0.2\n";
     let text = format!("{DWELL}[limits]\nstuck_samples = 100\n{fault}");
     let free = ended(&text, Mode::Free);
-    assert!(matches!(free.0, Outcome::Aborted(_)), "{free:?}");
+    assert!(matches!(free.0, ExciterOutcome::Aborted(_)), "{free:?}");
     assert_eq!(ended(&text, Mode::Lockstep), free);
 }

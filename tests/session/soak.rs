@@ -8,7 +8,7 @@ use resonarm::bus::fault::{FaultSpec, Faulty, check};
 use resonarm::bus::memory::{self, MemoryBus};
 use resonarm::bus::{Bus, BusError, Sent, VirtualBus};
 use resonarm::control::{Answer, Controller, Length, LoadKind, ResponsePoint};
-use resonarm::node::{self, ExciterNode, Outcome, PlantNode, Timing};
+use resonarm::node::{self, ExciterNode, ExciterOutcome, PlantNode, Timing};
 use resonarm::protocol::{Network, Node, Profile};
 use resonarm::realtime::{Clock, VirtualClock};
 use resonarm::rig::{Exciter, Measurement, Reading};
@@ -196,7 +196,7 @@ impl Soak {
 
     /// A controller that faulted begins anew. One that took a late heartbeat for the plant's wish to end has ended, and
     /// another takes its place.
-    fn go_on(&mut self) {
+    fn continue_run(&mut self) {
         let now_ns = self.clock.now_ns();
         if self.exciter.outcome().is_some() {
             self.anew += 1;
@@ -246,7 +246,7 @@ fn soak(profile: Profile) -> (u64, u64) {
     let mut soak = Soak::new(profile);
     for sample in 0..SAMPLES {
         soak.sample(sample);
-        soak.go_on();
+        soak.continue_run();
         // Sound for 2 s: long enough for a node that faulted last to be reset and armed again.
         if sample > (SOUND_S + 2) * 1000 {
             assert!(soak.plant.is_answered(), "sample {sample}: {:?}", soak.plant.state());
@@ -260,6 +260,6 @@ fn soak(profile: Profile) -> (u64, u64) {
     assert!(refused.0 > 5_000 && refused.1 > 5_000, "{refused:?}");
     soak.exciter.stop(soak.clock.now_ns());
     (SAMPLES..SAMPLES + 100).for_each(|sample| soak.sample(sample));
-    assert_eq!((soak.exciter.outcome(), soak.plant.is_quiet()), (Some(Outcome::Stopped), true));
+    assert_eq!((soak.exciter.outcome(), soak.plant.is_quiet()), (Some(ExciterOutcome::Stopped), true));
     (plant_sent, exciter_sent)
 }

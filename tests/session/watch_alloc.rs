@@ -9,7 +9,7 @@ use resonarm::recording::{Direction, Event, FrameRecord, Record, TickRecord};
 use resonarm::run::{CommandRecord, End, Notice, Request, watch};
 
 #[test]
-fn telling_losing_and_being_asked_allocate_nothing() {
+fn notices_losses_and_requests_allocate_nothing() {
     let (watch, mut watcher) = watch();
     watcher.want_frames(true);
     let mut watched = watch.open(End::Exciter);
@@ -20,16 +20,16 @@ fn telling_losing_and_being_asked_allocate_nothing() {
     let frame = Frame::new(Id::Standard(0x209), format, &[7; 64]).unwrap();
     let asked = assert_no_alloc(|| {
         for sample in 0..20_000 {
-            watched.tell(Notice::Record(Record::Tick(TickRecord {
+            watched.notify(Notice::Record(Record::Tick(TickRecord {
                 sample,
                 wakeup_ns: 1,
                 exec_ns: 2,
                 overruns: 0,
                 cause: None,
             })));
-            watched.tell(Notice::Record(Record::Event(Event { sample, time_ns: 0, name: "state.fault", value: 0 })));
-            watched.tell(Notice::Command(CommandRecord { sample, load: Load::force_n(1.0, 0.0) }));
-            watched.tell_frame(|| FrameRecord {
+            watched.notify(Notice::Record(Record::Event(Event { sample, time_ns: 0, name: "state.fault", value: 0 })));
+            watched.notify(Notice::Command(CommandRecord { sample, load: Load::force_n(1.0, 0.0) }));
+            watched.notify_frame(|| FrameRecord {
                 sample,
                 direction: Direction::Sent,
                 time_ns: 0,
@@ -45,5 +45,5 @@ fn telling_losing_and_being_asked_allocate_nothing() {
     assert!(lost > 0 && taken > 0, "{lost} lost, {taken} taken");
     assert_eq!(taken + lost, 80_000);
     drop(watcher);
-    assert_no_alloc(|| watched.tell(Notice::Command(CommandRecord { sample: 0, load: Load::default() })));
+    assert_no_alloc(|| watched.notify(Notice::Command(CommandRecord { sample: 0, load: Load::default() })));
 }

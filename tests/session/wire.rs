@@ -4,7 +4,7 @@ use std::path::Path;
 
 use resonarm::control::ControlSpec;
 use resonarm::excitation::Waveform;
-use resonarm::node::Outcome;
+use resonarm::node::ExciterOutcome;
 use resonarm::protocol::bits::{BitRates, Bits, of};
 use resonarm::protocol::{Message, Profile, Receiver, SPEC};
 use resonarm::realtime::{Clock, SystemClock};
@@ -61,7 +61,7 @@ fn a_force_is_held_over_the_fd_bus_at_2_khz_with_2_mbit_s_and_at_3_9_khz_with_5(
         let scenario = scenario(rate_hz, data_hz, 3, 1.5);
         let path = folder.path().join("run.mcap");
         let report = both(&scenario, Mode::Free, &path);
-        assert_eq!((report.exciter.outcome, report.exciter.missed_samples), (Some(Outcome::Finished), 0));
+        assert_eq!((report.exciter.outcome, report.exciter.missed_samples), (Some(ExciterOutcome::Finished), 0));
         let refused = report.plant.refused;
         assert_eq!(
             [refused.not_armed, refused.late, refused.out_of_order, refused.repeated, refused.out_of_range],
@@ -96,7 +96,7 @@ fn in_lockstep_frames_take_their_time_by_the_clock_and_change_no_reading() {
     let begun_ns = SystemClock.now_ns();
     let lockstep = both(&timed, Mode::Lockstep, &path);
     let took_ns = SystemClock.now_ns() - begun_ns;
-    assert_eq!(lockstep.exciter.outcome, Some(Outcome::Finished));
+    assert_eq!(lockstep.exciter.outcome, Some(ExciterOutcome::Finished));
     assert_eq!(lockstep.exciter.responses, free.exciter.responses);
     let (ages, bits) = ages(&timed, &path);
     assert_eq!(ages.len(), 1, "{ages:?}");

@@ -94,7 +94,7 @@ def test_both_ends_outlive_an_interface_that_goes_down_and_up(programs, tmp_path
 
 
 @pytest.mark.parametrize("bus", ["%s", "python-can:interface=socketcan,channel=%s"], ids=["native", "python-can"])
-def test_a_plant_goes_on_while_its_controller_tells_of_errors_and_tells_them(programs, tmp_path, interface, wire, bus):
+def test_a_plant_continues_and_says_so_while_its_controller_reports_errors(programs, tmp_path, interface, wire, bus):
     plant, exciter = start(programs, tmp_path, bus % interface, "real-time", 60.0, rearm=0)
     wire.commands(20)
     states = [(TX_WARNING, "error-warning"), (TX_PASSIVE, "error-passive"), (ACTIVE, "error-active")]

@@ -131,7 +131,7 @@ def test_an_interface_without_can_fd_is_refused_with_the_way_to_mend_it(tmp_path
     assert f"{interface} does not carry CAN FD frames" in plant.stderr and "mtu 72" in plant.stderr
 
 
-def test_two_plants_at_one_base_say_so_and_go_on(tmp_path, programs):
+def test_two_plants_at_one_base_say_so_and_continue(tmp_path, programs):
     """Their node ids differ, so that each refuses what the other sends."""
     plants = []
     for plant_id in (1, 3):

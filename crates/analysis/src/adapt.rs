@@ -1,6 +1,6 @@
-//! Adapts the number of harmonics to the motion along a walk.
+//! Adapts the number of harmonics to the motion along a continuation.
 
-use super::continuation::{System, Walk};
+use super::continuation::{Continuation, System};
 use super::orbit::BranchOptions;
 use super::{AnalysisError, HarmonicBalance, Oscillator};
 
@@ -25,13 +25,13 @@ pub(super) trait Spectral: System {
 /// Adds harmonics until the truncation error is small enough; drops the last if it is negligible.
 pub(super) fn adapt<S: Spectral>(
     system: &mut S,
-    walk: &mut Walk,
+    continuation: &mut Continuation,
     options: &BranchOptions,
 ) -> Result<(), AnalysisError> {
     loop {
-        let point = walk.point();
+        let point = continuation.point();
         let series = &point.x[system.others()..];
-        let size = options.walk.size(series);
+        let size = options.continuation.size(series);
         let last = series[series.len() - 4..].iter().fold(0.0, |largest: f64, value| largest.max(value.abs()));
         let balance = system.balance_mut();
         balance.linearise(series);
@@ -43,12 +43,12 @@ pub(super) fn adapt<S: Spectral>(
                 return Err(AnalysisError::TooManyHarmonics { at: system.place(point.lambda), harmonics });
             }
             system.set_harmonics(harmonics + 1 + harmonics / 8);
-            walk.resize(system)?;
+            continuation.resize(system)?;
             continue;
         }
         if harmonics > options.least_harmonics * subharmonic && error.max(last) < DROP_SHARE * allowed {
             system.set_harmonics(harmonics - 1);
-            walk.resize(system)?;
+            continuation.resize(system)?;
         }
         return Ok(());
     }

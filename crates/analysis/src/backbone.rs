@@ -5,8 +5,8 @@
 //! At resonance the work of the excitation's first harmonic balances that of the dampers: the mode lags the force by
 //! 90°. With the force along p · sin Ωt and b₁ the coefficients of sin Ωt this is φᵀM b₁ = 0, φᵀM x being the
 //! coordinate of the linear mode φ. The unknowns are the amplitude A of the excitation and X, the equations are R(X, Ω,
-//! A) = 0 and φᵀM b₁ = 0, and Ω is the parameter of the walk. Without dampers A is zero, and the curve is a family of
-//! free motions: a nonlinear normal mode. A then only keeps the system square.
+//! A) = 0 and φᵀM b₁ = 0, and Ω is the parameter of the continuation. Without dampers A is zero, and the curve is a
+//! family of free motions: a nonlinear normal mode. A then only keeps the system square.
 
 use alloc::boxed::Box;
 use alloc::vec;
@@ -15,7 +15,7 @@ use alloc::vec::Vec;
 use nalgebra::Vector2;
 
 use super::adapt::{Spectral, adapt};
-use super::continuation::{Point, Settings, System, Walk, Work};
+use super::continuation::{Continuation, ContinuationSettings, Point, System, Work};
 use super::fourier::Harmonics;
 use super::locate::{FINE, search};
 use super::orbit::BranchOptions;
@@ -129,17 +129,17 @@ impl Bending {
 pub struct Backbone {
     /// Its motions, from small to large.
     pub points: Vec<BackbonePoint>,
-    /// The work of the walk.
+    /// The work of the continuation.
     pub work: Work,
 }
 
 /// How far a backbone is followed.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct BackboneOptions {
-    /// The amplitude of the first point, rad: small against the nonlinearity. If the limit of the drive ends the walk
-    /// at less than ten times this, the curve begins at a tenth of that amplitude.
+    /// The amplitude of the first point, rad: small against the nonlinearity. If the limit of the drive ends the
+    /// continuation at less than ten times this, the curve begins at a tenth of that amplitude.
     pub smallest_rad: f64,
-    /// The walk ends where |α1| or |α2| reaches this, rad.
+    /// The continuation ends where |α1| or |α2| reaches this, rad.
     pub largest_rad: f64,
     /// Or where the drive reaches this, in its unit.
     pub largest_drive: f64,
@@ -147,7 +147,7 @@ pub struct BackboneOptions {
     pub branch: BranchOptions,
 }
 
-/// The first motion is at most this fraction of the motion at which the drive ends the walk.
+/// The first motion is at most this fraction of the motion at which the drive ends the continuation.
 const START_PART: f64 = 0.1;
 
 /// Follows the backbone of a linear mode (0 the slower, 1 the faster) to larger amplitudes. `drive` is the parameter
@@ -174,39 +174,43 @@ pub fn backbone<O: Oscillator>(
     tangent[0] = beginning.drive / system.balance.oscillator().stiffness_scale();
     tangent[3..5].copy_from_slice(beginning.cosine.as_slice());
     tangent[5..7].copy_from_slice(beginning.sine.as_slice());
-    // Without the nonlinearity the walk would end at this size of the motion.
+    // Without the nonlinearity the continuation would end at this size of the motion.
     let end_rad = options.largest_drive / beginning.drive;
-    let walk = Settings { state_floor: options.smallest_rad.min(START_PART * end_rad), ..options.branch.walk };
-    let options = BackboneOptions { branch: BranchOptions { walk, ..options.branch }, ..*options };
-    let mut walk = Walk::start_along(&mut system, walk, &rest, beginning.frequency_hz, &tangent, 1.0)?;
+    let continuation = ContinuationSettings {
+        state_floor: options.smallest_rad.min(START_PART * end_rad),
+        ..options.branch.continuation
+    };
+    let options = BackboneOptions { branch: BranchOptions { continuation, ..options.branch }, ..*options };
+    let mut continuation =
+        Continuation::start_along(&mut system, continuation, &rest, beginning.frequency_hz, &tangent, 1.0)?;
     let mut curve = Backbone::default();
-    let reason = follow(&mut system, &mut walk, &options, &mut curve.points).err();
-    curve.work = walk.work();
+    let reason = follow(&mut system, &mut continuation, &options, &mut curve.points).err();
+    curve.work = continuation.work();
     match reason {
         None => Ok(curve),
         Some(reason) => Err(EndedEarly { reason, so_far: Box::new(curve) }),
     }
 }
 
-/// Walks to where the motion or the drive is large enough, or the frequency outside.
+/// Continues to where the motion or the drive is large enough, or the frequency outside.
 fn follow<O: Oscillator>(
     system: &mut Quadrature<O>,
-    walk: &mut Walk,
+    continuation: &mut Continuation,
     options: &BackboneOptions,
     points: &mut Vec<BackbonePoint>,
 ) -> Result<(), AnalysisError> {
     let branch = &options.branch;
     let mut before: Option<(Point, f64)> = None;
     loop {
-        adapt(system, walk, branch)?;
-        let here = walk.point().clone();
+        adapt(system, continuation, branch)?;
+        let here = continuation.point().clone();
         let motion = measure(&mut system.balance, &here.x, here.lambda);
         let over = motion.beyond(options);
         if let Some((last, short)) = before.as_ref().filter(|_| over > 0.0) {
             let test = |system: &mut Quadrature<O>, point: &Point| {
                 measure(&mut system.balance, &point.x, point.lambda).beyond(options)
             };
-            let end = search(system, &branch.walk, [last, &here], [*short, over], FINE, test)?;
+            let end = search(system, &branch.continuation, [last, &here], [*short, over], FINE, test)?;
             points.push(measure(&mut system.balance, &end.x, end.lambda));
             return Ok(());
         }
@@ -218,12 +222,13 @@ fn follow<O: Oscillator>(
             return Err(AnalysisError::TooManyPoints { points: points.len(), at: system.place(here.lambda) });
         }
         before = Some((here, over));
-        walk.advance(system)?;
+        continuation.advance(system)?;
     }
 }
 
 impl BackbonePoint {
-    /// How far the motion or its drive is beyond the limit of the walk, relative to it: negative before the end.
+    /// How far the motion or its drive is beyond the limit of the continuation, relative to it: negative before the
+    /// end.
     fn beyond(&self, options: &BackboneOptions) -> f64 {
         let amplitude = self.amplitude_rad[0].max(self.amplitude_rad[1]) / options.largest_rad;
         amplitude.max(self.drive.abs() / options.largest_drive) - 1.0

@@ -1,10 +1,10 @@
-//! Branches of periodic motions: walked from one value of a coordinate to another, with stability and bifurcations.
+//! Branches of periodic motions: traced from one value of a coordinate to another, with stability and bifurcations.
 
 use alloc::boxed::Box;
 use alloc::vec::Vec;
 
 use super::adapt::{Spectral, adapt};
-use super::continuation::{Point, System, Walk, at_parameter};
+use super::continuation::{Continuation, Point, System, at_parameter};
 use super::curve::near;
 use super::fourier::zeros;
 use super::locate::doubled;
@@ -19,7 +19,7 @@ pub(super) struct Marked {
     pub orbit: Orbit,
 }
 
-/// Walks a branch of motions with the period of the excitation from `options.from` to `options.to`.
+/// Traces a branch of motions with the period of the excitation from `options.from` to `options.to`.
 ///
 /// # Errors
 /// [`EndedEarly`], with the place, the reason, advice, and the branch up to there.
@@ -32,11 +32,11 @@ pub fn trace<O: Oscillator + Clone>(
     let mut balance = HarmonicBalance::new(oscillator, frequency_hz, 1, options.least_harmonics);
     check(&mut balance, coordinate, options)?;
     let mut response = ForcedResponse::new(balance, coordinate);
-    let walk = enter(&mut response, options)?;
-    Tracer::new(response, options).run(walk)
+    let continuation = enter(&mut response, options)?;
+    Tracer::new(response, options).run(continuation)
 }
 
-/// Walks the branch of motions of twice the excitation's period that leaves a period doubling of a branch in
+/// Traces the branch of motions of twice the excitation's period that leaves a period doubling of a branch in
 /// `coordinate`.
 ///
 /// The first step goes along the null vector v: X on the even harmonics of the halved base frequency, v on the odd
@@ -65,8 +65,15 @@ pub fn trace_doubled<O: Oscillator + Clone>(
         direction[8 * k + 2..8 * k + 6].copy_from_slice(pair);
     }
     direction.push(0.0);
-    let walk = Walk::start_along(&mut response, options.walk, &x, orbit.value, &direction, FIRST_DOUBLED_STEP)?;
-    Tracer::new(response, options).run(walk)
+    let continuation = Continuation::start_along(
+        &mut response,
+        options.continuation,
+        &x,
+        orbit.value,
+        &direction,
+        FIRST_DOUBLED_STEP,
+    )?;
+    Tracer::new(response, options).run(continuation)
 }
 
 /// The doubled branches from the period doublings of a branch, each with its end; see [`trace_doubled`]. A branch that
@@ -79,8 +86,8 @@ pub fn trace_doublings<O: Oscillator + Clone>(
 ) -> Vec<Result<Branch, EndedEarly<Branch>>> {
     let mut branches: Vec<Result<Branch, EndedEarly<Branch>>> = Vec::new();
     for doubling in branch.bifurcations.iter().filter(|found| found.kind == BifurcationKind::PeriodDoubling) {
-        let ends_here = |walked: &Result<Branch, _>| {
-            let end = walked.as_ref().ok().and_then(|branch| branch.bifurcations.last());
+        let ends_here = |traced: &Result<Branch, _>| {
+            let end = traced.as_ref().ok().and_then(|branch| branch.bifurcations.last());
             end.is_some_and(|end| {
                 end.kind == BifurcationKind::BranchPoint && near(end.orbit.value, doubling.orbit.value)
             })
@@ -114,7 +121,7 @@ fn check<O: Oscillator>(
     if exists { Ok(()) } else { Err(AnalysisError::Interval { from, to, unit: balance.unit(coordinate), domain }) }
 }
 
-/// The walk, with the quantities computed at each point.
+/// A continuation with the quantities computed at each point.
 pub(super) struct Tracer<'a, O: Oscillator> {
     pub response: ForcedResponse<O>,
     pub options: &'a BranchOptions,
@@ -129,10 +136,10 @@ impl<'a, O: Oscillator + Clone> Tracer<'a, O> {
         Tracer { response, options, floquet: Floquet::default(), branch: Branch::default(), rejoined: false }
     }
 
-    /// The branch, whole or up to where the walk ended.
-    fn run(mut self, mut walk: Walk) -> Result<Branch, EndedEarly<Branch>> {
-        let reason = self.follow(&mut walk).err();
-        self.branch.work = walk.work();
+    /// The branch, whole or up to where the continuation ended.
+    fn run(mut self, mut continuation: Continuation) -> Result<Branch, EndedEarly<Branch>> {
+        let reason = self.follow(&mut continuation).err();
+        self.branch.work = continuation.work();
         self.branch.stability_work = self.floquet.work();
         let branch = self.in_order();
         match reason {
@@ -141,20 +148,20 @@ impl<'a, O: Oscillator + Clone> Tracer<'a, O> {
         }
     }
 
-    fn follow(&mut self, walk: &mut Walk) -> Result<(), AnalysisError> {
-        adapt(&mut self.response, walk, self.options)?;
+    fn follow(&mut self, continuation: &mut Continuation) -> Result<(), AnalysisError> {
+        adapt(&mut self.response, continuation, self.options)?;
         let mut older = None;
-        let mut before = self.mark(walk.point());
+        let mut before = self.mark(continuation.point());
         self.branch.orbits.push(before.orbit.clone());
         loop {
             if self.branch.orbits.len() >= self.options.most_points {
                 let at = self.response.place(before.point.lambda);
                 return Err(AnalysisError::TooManyPoints { points: self.options.most_points, at });
             }
-            walk.advance(&mut self.response)?;
-            adapt(&mut self.response, walk, self.options)?;
-            let end = self.end(&before.point, walk.point())?;
-            let after = self.mark(end.as_ref().unwrap_or(walk.point()));
+            continuation.advance(&mut self.response)?;
+            adapt(&mut self.response, continuation, self.options)?;
+            let end = self.end(&before.point, continuation.point())?;
+            let after = self.mark(end.as_ref().unwrap_or(continuation.point()));
             self.branch.orbits.push(after.orbit.clone());
             self.detect(older.as_ref(), &before, &after)?;
             if end.is_some() || self.rejoined {
@@ -178,7 +185,7 @@ impl<'a, O: Oscillator + Clone> Tracer<'a, O> {
     /// If the branch has left the interval, the point where it did.
     fn end(&mut self, a: &Point, b: &Point) -> Result<Option<Point>, AnalysisError> {
         let Some(limit) = self.options.left_at(b.lambda) else { return Ok(None) };
-        let point = at_parameter(&mut self.response, &self.options.walk, [a, b], limit)?;
+        let point = at_parameter(&mut self.response, &self.options.continuation, [a, b], limit)?;
         Ok(Some(point))
     }
 
@@ -193,13 +200,13 @@ impl<'a, O: Oscillator + Clone> Tracer<'a, O> {
         let balance = self.response.balance_mut();
         // The coordinate was valid when the point was solved for.
         let _ = balance.set_coordinate(coordinate, value);
-        let (walked, needed) = (balance.harmonics(), x.len() / 4);
-        if walked == needed {
+        let (current, needed) = (balance.harmonics(), x.len() / 4);
+        if current == needed {
             return Orbit::of(balance, &mut self.floquet, x, value, arclength);
         }
         balance.set_harmonics(needed);
         let orbit = Orbit::of(balance, &mut self.floquet, x, value, arclength);
-        balance.set_harmonics(walked);
+        balance.set_harmonics(current);
         orbit
     }
 }

@@ -4,7 +4,7 @@ use alloc::boxed::Box;
 use alloc::vec::Vec;
 
 use super::adapt::adapt;
-use super::continuation::{Cut, Point, Slices, System, Walk, Work, at_parameter};
+use super::continuation::{Continuation, Cut, Point, Slices, System, Work, at_parameter};
 use super::locate::{FINE, search};
 use super::orbit::{Bifurcation, BifurcationKind, Branch, BranchOptions};
 use super::{AnalysisError, Coordinate, EndedEarly, HarmonicBalance, Oscillator, SingularResponse, Singularity};
@@ -40,7 +40,7 @@ pub struct SingularCurve {
     pub points: Vec<SingularPoint>,
     /// Where it turns back, in order.
     pub turns: Vec<Turn>,
-    /// The work of the walk.
+    /// The work of the continuation.
     pub work: Work,
 }
 
@@ -56,10 +56,10 @@ pub fn trace_singular<O: Oscillator>(
     mu: Coordinate<O::Parameter>,
     options: &BranchOptions,
 ) -> Result<SingularCurve, EndedEarly<SingularCurve>> {
-    let (mut singular, mut walk) = begin(oscillator, bifurcation, lambda, mu, options)?;
+    let (mut singular, mut continuation) = begin(oscillator, bifurcation, lambda, mu, options)?;
     let mut curve = SingularCurve::default();
-    let reason = follow(&mut singular, &mut walk, options, &mut curve).err();
-    curve.work = walk.work();
+    let reason = follow(&mut singular, &mut continuation, options, &mut curve).err();
+    curve.work = continuation.work();
     match reason {
         None => Ok(curve),
         Some(reason) => Err(EndedEarly { reason, so_far: Box::new(curve) }),
@@ -115,14 +115,14 @@ impl SingularCurve {
     }
 }
 
-/// The equations, and a walk that begins at the bifurcation.
+/// The equations, and a continuation that begins at the bifurcation.
 fn begin<O: Oscillator>(
     oscillator: O,
     bifurcation: &Bifurcation,
     lambda: Coordinate<O::Parameter>,
     mu: Coordinate<O::Parameter>,
     options: &BranchOptions,
-) -> Result<(SingularResponse<O>, Walk), AnalysisError> {
+) -> Result<(SingularResponse<O>, Continuation), AnalysisError> {
     let kind = match bifurcation.kind {
         BifurcationKind::Fold => Singularity::Fold,
         BifurcationKind::PeriodDoubling => Singularity::PeriodDoubling,
@@ -137,34 +137,34 @@ fn begin<O: Oscillator>(
         return Err(AnalysisError::Interval { from, to, unit, domain: "the range of the second coordinate" });
     }
     let x = &orbit.coefficients;
-    let scale = options.walk.lambda_scale(orbit.value) / options.walk.size(x);
+    let scale = options.continuation.lambda_scale(orbit.value) / options.continuation.size(x);
     let mut singular = SingularResponse::near(balance, kind, lambda, Some(mu), scale, x)?;
     let start = singular.join(orbit.value, x);
-    let walk = Walk::start(&mut singular, options.walk, &start, from, to - from)?;
-    Ok((singular, walk))
+    let continuation = Continuation::start(&mut singular, options.continuation, &start, from, to - from)?;
+    Ok((singular, continuation))
 }
 
-/// Walks to the end of the interval.
+/// Continues to the end of the interval.
 fn follow<O: Oscillator>(
     singular: &mut SingularResponse<O>,
-    walk: &mut Walk,
+    continuation: &mut Continuation,
     options: &BranchOptions,
     curve: &mut SingularCurve,
 ) -> Result<(), AnalysisError> {
     loop {
-        adapt(singular, walk, options)?;
-        curve.points.push(singular_point(singular, walk.point()));
-        let (before, points) = (walk.point().clone(), curve.points.len());
+        adapt(singular, continuation, options)?;
+        curve.points.push(singular_point(singular, continuation.point()));
+        let (before, points) = (continuation.point().clone(), curve.points.len());
         if points >= options.most_points {
             return Err(AnalysisError::TooManyPoints { points, at: singular.place(before.lambda) });
         }
-        let after = walk.advance(singular)?;
+        let after = continuation.advance(singular)?;
         if along_mu(&before) * along_mu(after) < 0.0 {
             let (is_cusp, point) = turn(singular, options, [&before, after])?;
             curve.turns.push(Turn { is_cusp, point, index: points });
         }
         if let Some(limit) = options.left_at(after.lambda) {
-            let last = at_parameter(singular, &options.walk, [&before, after], limit)?;
+            let last = at_parameter(singular, &options.continuation, [&before, after], limit)?;
             curve.points.push(singular_point(singular, &last));
             return Ok(());
         }
@@ -188,11 +188,11 @@ fn turn<O: Oscillator>(
     ends: [&Point; 2],
 ) -> Result<(bool, SingularPoint), AnalysisError> {
     let n = singular.dimension();
-    let mut slices = Slices::new(n, &options.walk, ends, Cut::Chord);
+    let mut slices = Slices::new(n, &options.continuation, ends, Cut::Chord);
     let solved = [slices.solve(singular, ends, 0.0)?, slices.solve(singular, ends, 1.0)?];
     let values = [along_mu(&solved[0]), along_mu(&solved[1])];
     let ends = [&solved[0], &solved[1]];
-    let point = search(singular, &options.walk, ends, values, FINE, |_, point| along_mu(point))?;
+    let point = search(singular, &options.continuation, ends, values, FINE, |_, point| along_mu(point))?;
     let by_lambda = libm::fabs(point.tangent[0]);
     let beside = libm::fabs(solved[0].tangent[0]).max(libm::fabs(solved[1].tangent[0]));
     Ok((by_lambda < STANDS * beside, singular_point(singular, &point)))

@@ -9,7 +9,7 @@ use alloc::vec::Vec;
 
 use super::adapt::Spectral;
 use super::branch::{Marked, Tracer};
-use super::continuation::{Cut, Point, Settings, Slices, System, Work};
+use super::continuation::{ContinuationSettings, Cut, Point, Slices, System, Work};
 use super::extended::{Singularity, crossing};
 use super::floquet::Stability;
 use super::locate::{COARSE, FINE, branch_point, not_located, null_vector, polish, rejoin, search};
@@ -101,7 +101,7 @@ impl<O: Oscillator + Clone> Tracer<'_, O> {
             }
             let half = usize::from(lowest > s[1]);
             let ends = [&points[half], &points[half + 1]];
-            let mut slices = Slices::new(self.response.dimension(), &self.options.walk, ends, Cut::Chord);
+            let mut slices = Slices::new(self.response.dimension(), &self.options.continuation, ends, Cut::Chord);
             let fraction = (lowest - s[half]) / (s[half + 1] - s[half]);
             let point = slices.solve_beside(&mut self.response, ends, fraction)?;
             let new = sign * test(kind, &mut self.response, &mut self.floquet, &point);
@@ -152,7 +152,7 @@ impl<O: Oscillator + Clone> Tracer<'_, O> {
     ) -> Result<Point, AnalysisError> {
         let floquet = &mut self.floquet;
         let function = |response: &mut ForcedResponse<O>, point: &Point| test(kind, response, floquet, point);
-        search(&mut self.response, &self.options.walk, ends, values, tolerance, function)
+        search(&mut self.response, &self.options.continuation, ends, values, tolerance, function)
     }
 
     /// A fold or a period doubling, with its null vector.
@@ -171,7 +171,7 @@ impl<O: Oscillator + Clone> Tracer<'_, O> {
         let (point, found) = self.by_extended_system(kind, ends, values, solve)?;
         let null_vector = match found {
             Some(null_vector) => null_vector,
-            None => null_vector(&self.response, &self.options.walk, singularity, &point)?,
+            None => null_vector(&self.response, &self.options.continuation, singularity, &point)?,
         };
         Ok((point, null_vector))
     }
@@ -183,9 +183,9 @@ impl<O: Oscillator + Clone> Tracer<'_, O> {
         kind: BifurcationKind,
         ends: [&Point; 2],
         values: [f64; 2],
-        solve: impl Fn(&ForcedResponse<O>, &Settings, &Point) -> Result<(Point, Vec<f64>, Work), AnalysisError>,
+        solve: impl Fn(&ForcedResponse<O>, &ContinuationSettings, &Point) -> Result<(Point, Vec<f64>, Work), AnalysisError>,
     ) -> Result<(Point, Option<Vec<f64>>), AnalysisError> {
-        let settings = &self.options.walk;
+        let settings = &self.options.continuation;
         let mut last = None;
         for tolerance in [COARSE, FINE] {
             let guess = self.zero(kind, ends, values, tolerance)?;
@@ -204,7 +204,7 @@ impl<O: Oscillator + Clone> Tracer<'_, O> {
 
     /// A branch point: for a branch of doubled period first where it meets the single one.
     fn crossing(&mut self, ends: [&Point; 2]) -> Result<Point, AnalysisError> {
-        let settings = &self.options.walk;
+        let settings = &self.options.continuation;
         if self.response.balance().subharmonic() == 2 {
             let end = ends[1];
             let reach = REACH * settings.lambda_scale(end.lambda);

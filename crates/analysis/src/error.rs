@@ -5,10 +5,10 @@ use core::fmt;
 
 use thiserror::Error;
 
-use super::continuation::Refusal;
+use super::continuation::StepRefusal;
 use resonarm_numeric::number::{rounded, short};
 
-/// A value of the parameter of a walk, in its unit.
+/// A value of the parameter of a continuation, in its unit.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Place {
     /// λ.
@@ -49,7 +49,7 @@ pub enum AnalysisError {
         /// λ.
         at: Place,
         /// Why.
-        refusal: Refusal,
+        refusal: StepRefusal,
     },
     /// A branch could not be followed further.
     #[error(
@@ -64,7 +64,7 @@ pub enum AnalysisError {
         /// The last step tried.
         step: f64,
         /// Why it was refused.
-        refusal: Refusal,
+        refusal: StepRefusal,
     },
     /// A bifurcation that shows between two points could not be located.
     #[error("a bifurcation between {from} and {to} could not be located; try smaller steps or more harmonics")]
@@ -95,7 +95,7 @@ pub enum AnalysisError {
         "the interval from {from} to {to}{} can't be walked: both ends must be numbers, different, and inside {domain}",
         UnitSuffix(unit), from = short(.from), to = short(.to))]
     Interval {
-        /// Where the walk was to start.
+        /// Where the continuation was to start.
         from: f64,
         /// Where it was to end.
         to: f64,
@@ -122,7 +122,7 @@ pub enum AnalysisError {
     },
 }
 
-/// A walk that ended early: the reason, and everything found before. If the walk never began, that is nothing.
+/// A continuation that ended early: the reason, and everything found before. If it never began, that is nothing.
 #[derive(Clone, Debug, PartialEq, Error)]
 #[error("{reason}")]
 pub struct EndedEarly<T: fmt::Debug> {

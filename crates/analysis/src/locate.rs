@@ -3,7 +3,7 @@
 use alloc::vec::Vec;
 
 use super::adapt::Spectral;
-use super::continuation::{Cut, Point, Settings, Slices, System, Walk, Work};
+use super::continuation::{Continuation, ContinuationSettings, Cut, Point, Slices, System, Work};
 use super::extended::{SingularResponse, Singularity, crossing};
 use super::fourier::zeros;
 use super::{AnalysisError, Coordinate, ForcedResponse, HarmonicBalance, Oscillator};
@@ -27,7 +27,7 @@ const SEARCH_LIMIT: usize = 60;
 /// vanishes.
 pub(super) fn search<S: System>(
     system: &mut S,
-    settings: &Settings,
+    settings: &ContinuationSettings,
     ends: [&Point; 2],
     values: [f64; 2],
     tolerance: f64,
@@ -91,7 +91,7 @@ const MORE_HARMONICS: (usize, usize) = (2, 16);
 /// null vector needs.
 pub(super) fn polish<O: Oscillator + Clone>(
     response: &ForcedResponse<O>,
-    settings: &Settings,
+    settings: &ContinuationSettings,
     kind: Singularity,
     guess: &Point,
 ) -> Result<Located<O>, AnalysisError> {
@@ -104,15 +104,15 @@ pub(super) fn polish<O: Oscillator + Clone>(
     let scale = settings.lambda_scale(guess.lambda) / settings.size(&guess.x);
     let mut singular = SingularResponse::near(balance, kind, coordinate, None, scale, &guess.x)?;
     let start = singular.join(guess.lambda, &guess.x);
-    let mut walk = Walk::start(&mut singular, *settings, &start, 0.0, 1.0).map_err(|_| lost.clone())?;
+    let mut continuation = Continuation::start(&mut singular, *settings, &start, 0.0, 1.0).map_err(|_| lost.clone())?;
     for _ in 0..MORE_HARMONICS.1 {
-        let (lambda, x) = singular.split(&walk.point().x);
+        let (lambda, x) = singular.split(&continuation.point().x);
         if singular.null_vector_error() < NULL_VECTOR_ERROR {
-            return Ok(Located { x: x.to_vec(), lambda, singular, work: walk.work() });
+            return Ok(Located { x: x.to_vec(), lambda, singular, work: continuation.work() });
         }
         let harmonics = singular.balance().harmonics() + MORE_HARMONICS.0;
         singular.set_harmonics(harmonics);
-        walk.resize(&mut singular).map_err(|_| lost.clone())?;
+        continuation.resize(&mut singular).map_err(|_| lost.clone())?;
     }
     Err(lost)
 }
@@ -120,7 +120,7 @@ pub(super) fn polish<O: Oscillator + Clone>(
 /// The null vector of the nearly singular matrix at a point of the branch.
 pub(super) fn null_vector<O: Oscillator + Clone>(
     response: &ForcedResponse<O>,
-    settings: &Settings,
+    settings: &ContinuationSettings,
     kind: Singularity,
     point: &Point,
 ) -> Result<Vec<f64>, AnalysisError> {
@@ -137,7 +137,7 @@ pub(super) fn null_vector<O: Oscillator + Clone>(
 /// from the single-period components of `guess`. The solution is returned as a motion of doubled period.
 pub(super) fn rejoin<O: Oscillator + Clone>(
     response: &ForcedResponse<O>,
-    settings: &Settings,
+    settings: &ContinuationSettings,
     guess: &Point,
 ) -> Result<Point, AnalysisError> {
     let balance = response.balance();
@@ -168,7 +168,7 @@ pub(super) fn doubled(x: &[f64]) -> Vec<f64> {
 /// if that converges elsewhere; with as many harmonics as the direction of the other branch needs.
 pub(super) fn branch_point<O: Oscillator + Clone>(
     response: &ForcedResponse<O>,
-    settings: &Settings,
+    settings: &ContinuationSettings,
     ends: [&Point; 2],
 ) -> Result<(Point, Work), AnalysisError> {
     let mut response = response.clone();

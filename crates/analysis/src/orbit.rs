@@ -5,7 +5,7 @@ use alloc::vec::Vec;
 use nalgebra::Complex;
 
 use super::HarmonicBalance;
-use super::continuation::{Settings, Work};
+use super::continuation::{ContinuationSettings, Work};
 use super::floquet::{Floquet, Stability, StabilityWork};
 use super::{Coordinate, Oscillator};
 
@@ -24,16 +24,25 @@ pub struct BranchOptions {
     pub truncation: f64,
     /// The most points.
     pub most_points: usize,
-    /// The settings of the walk.
-    pub walk: Settings,
+    /// The settings of the continuation.
+    pub continuation: ContinuationSettings,
 }
 
 impl BranchOptions {
     /// From one value to another with the usual settings.
     pub fn new(from: f64, to: f64) -> BranchOptions {
         let floor = 0.05 * (to - from).abs();
-        let walk = Settings { parameter_floor: floor.max(f64::MIN_POSITIVE), ..Settings::default() };
-        BranchOptions { from, to, least_harmonics: 3, most_harmonics: 64, truncation: 1e-9, most_points: 20_000, walk }
+        let continuation =
+            ContinuationSettings { parameter_floor: floor.max(f64::MIN_POSITIVE), ..ContinuationSettings::default() };
+        BranchOptions {
+            from,
+            to,
+            least_harmonics: 3,
+            most_harmonics: 64,
+            truncation: 1e-9,
+            most_points: 20_000,
+            continuation,
+        }
     }
 }
 
@@ -41,7 +50,7 @@ impl BranchOptions {
     /// The same between other values, with the scale of the coordinate from their interval.
     pub fn between(&self, from: f64, to: f64) -> BranchOptions {
         let mut options = BranchOptions { from, to, ..*self };
-        options.walk.parameter_floor = BranchOptions::new(from, to).walk.parameter_floor;
+        options.continuation.parameter_floor = BranchOptions::new(from, to).continuation.parameter_floor;
         options
     }
 
@@ -142,7 +151,7 @@ pub struct Branch {
     pub orbits: Vec<Orbit>,
     /// Its bifurcations in order.
     pub bifurcations: Vec<Bifurcation>,
-    /// The work of the walk, without the location of bifurcations.
+    /// The work of the continuation, without the location of bifurcations.
     pub work: Work,
     /// The work of the extended systems of its folds and period doublings.
     pub location_work: Work,

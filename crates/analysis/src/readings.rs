@@ -146,8 +146,7 @@ mod tests {
     use crate::{
         BackboneOptions, BranchOptions, Drive, FrequencyResponse, Quantity, backbone, modes, trace, trace_doublings,
     };
-    use resonarm_dynamics::arm::Sine;
-    use resonarm_dynamics::arm::{Load, Preset};
+    use resonarm_dynamics::arm::{Load, Preset, Sine};
 
     fn fitted(beta1_deg: f64, beta2_deg: f64) -> Arm {
         arm_at(Preset::Irb1600Fitted, beta1_deg, beta2_deg)

@@ -9,8 +9,8 @@ use super::orbit::{Branch, BranchOptions, Orbit};
 use super::{Coordinate, EndedEarly, ForcedArm, trace};
 use resonarm_dynamics::arm::{Arm, Load};
 
-/// The largest step along a branch, relative to the motion's size: for the walk a resonance is a circle, and gets 60
-/// points. The largest of them misses the peak by an eighth of the step's square at most.
+/// The largest step along a branch, relative to the motion's size: for the continuation a resonance is a circle, and
+/// gets 60 points. The largest of them misses the peak by an eighth of the step's square at most.
 const SMOOTH_STEP: f64 = 0.1;
 
 /// The forced motions of an arm over the frequency, in steps so small that no resonance is missed.
@@ -19,7 +19,7 @@ const SMOOTH_STEP: f64 = 0.1;
 /// As [`trace`].
 pub fn forced_response(arm: &Arm, load: &Load, [from_hz, to_hz]: [f64; 2]) -> Result<Branch, EndedEarly<Branch>> {
     let mut options = BranchOptions::new(from_hz, to_hz);
-    options.walk.largest_step = SMOOTH_STEP;
+    options.continuation.largest_step = SMOOTH_STEP;
     let forced = ForcedArm::new(arm.clone(), *load, 1.0);
     trace(forced, from_hz, Coordinate::FrequencyHz, &options)
 }

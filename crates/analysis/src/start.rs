@@ -1,7 +1,7 @@
 //! The first motion of a branch.
 
 use super::adapt::{Spectral, adapt};
-use super::continuation::{System, Walk, at_parameter};
+use super::continuation::{Continuation, System, at_parameter};
 use super::fourier::zeros;
 use super::orbit::BranchOptions;
 use super::{AnalysisError, Coordinate, ForcedResponse, Oscillator};
@@ -10,16 +10,16 @@ use super::{AnalysisError, Coordinate, ForcedResponse, Oscillator};
 /// resonance.
 const DETOURS: [f64; 2] = [0.7, 1.4];
 
-/// Starts a walk at `options.from`: from rest, or, if that is too far, from the end of a walk in frequency that starts
-/// away from the resonance, on the side that the walk comes from.
+/// Starts a continuation at `options.from`: from rest, or, if that is too far, from the end of one in frequency that
+/// starts away from the resonance, on the side that it comes from.
 pub(super) fn enter<O: Oscillator + Clone>(
     response: &mut ForcedResponse<O>,
     options: &BranchOptions,
-) -> Result<Walk, AnalysisError> {
+) -> Result<Continuation, AnalysisError> {
     let direction = options.to - options.from;
     let rest = zeros(response.balance().harmonics());
-    let first = match Walk::start(response, options.walk, &rest, options.from, direction) {
-        Ok(walk) => return Ok(walk),
+    let first = match Continuation::start(response, options.continuation, &rest, options.from, direction) {
+        Ok(continuation) => return Ok(continuation),
         Err(error) => error,
     };
     let mut detours = DETOURS;
@@ -27,19 +27,19 @@ pub(super) fn enter<O: Oscillator + Clone>(
         detours.reverse();
     }
     for detour in detours {
-        if let Ok(walk) = approach(response, options, detour) {
-            return Ok(walk);
+        if let Ok(continuation) = approach(response, options, detour) {
+            return Ok(continuation);
         }
     }
     Err(first)
 }
 
-/// Walks in frequency from `detour` times the wanted frequency to it, and starts there.
+/// Continues in frequency from `detour` times the wanted frequency to it, and starts there.
 fn approach<O: Oscillator + Clone>(
     response: &mut ForcedResponse<O>,
     options: &BranchOptions,
     detour: f64,
-) -> Result<Walk, AnalysisError> {
+) -> Result<Continuation, AnalysisError> {
     let coordinate = response.coordinate();
     let mut balance = response.balance().clone();
     balance.set_harmonics(options.least_harmonics);
@@ -51,16 +51,28 @@ fn approach<O: Oscillator + Clone>(
     let wanted_hz = balance.coordinate(Coordinate::FrequencyHz);
     let mut swept = ForcedResponse::new(balance, Coordinate::FrequencyHz);
     let there = BranchOptions { from: detour * wanted_hz, to: wanted_hz, ..*options };
-    let mut walk = Walk::start(&mut swept, options.walk, &zeros(options.least_harmonics), there.from, 1.0 - detour)?;
+    let mut continuation = Continuation::start(
+        &mut swept,
+        options.continuation,
+        &zeros(options.least_harmonics),
+        there.from,
+        1.0 - detour,
+    )?;
     for _ in 0..options.most_points {
-        adapt(&mut swept, &mut walk, &there)?;
-        let before = walk.point().clone();
-        let after = walk.advance(&mut swept)?;
+        adapt(&mut swept, &mut continuation, &there)?;
+        let before = continuation.point().clone();
+        let after = continuation.advance(&mut swept)?;
         if (before.lambda - wanted_hz) * (after.lambda - wanted_hz) <= 0.0 {
-            let point = at_parameter(&mut swept, &options.walk, [&before, after], wanted_hz)?;
+            let point = at_parameter(&mut swept, &options.continuation, [&before, after], wanted_hz)?;
             response.set_harmonics(swept.balance().harmonics());
-            return Walk::start(response, options.walk, &point.x, options.from, options.to - options.from);
+            return Continuation::start(
+                response,
+                options.continuation,
+                &point.x,
+                options.from,
+                options.to - options.from,
+            );
         }
     }
-    Err(AnalysisError::TooManyPoints { points: options.most_points, at: swept.place(walk.point().lambda) })
+    Err(AnalysisError::TooManyPoints { points: options.most_points, at: swept.place(continuation.point().lambda) })
 }

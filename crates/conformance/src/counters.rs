@@ -42,8 +42,8 @@ pub(super) struct Counters {
 
 impl Counters {
     /// Takes a frame of the node, and the receiver's result for it.
-    pub fn note(&mut self, network: Network, frame: &Frame, said: &Result<Option<Message>, DecodeError>) {
-        let (kind, sample) = match said {
+    pub fn note(&mut self, network: Network, frame: &Frame, decoded: &Result<Option<Message>, DecodeError>) {
+        let (kind, sample) = match decoded {
             Ok(Some(Message::Heartbeat(heartbeat))) => {
                 if heartbeat.state == NodeState::BootUp {
                     self.boot();

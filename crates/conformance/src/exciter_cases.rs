@@ -219,9 +219,9 @@ fn stops_at(t: &mut Tester, state: NodeState) -> Result<(), Stop> {
     t.send_state(state)?;
     ends(t, from, NodeState::Fault)?;
     let at = |holds: &dyn Fn(&Message) -> bool| t.heard[from..].iter().find(|h| holds(&h.message)).map(|h| h.at_ns);
-    let Some(said_ns) = at(&|message| emergency(message).is_some()) else { return Ok(()) };
-    let told_ns = at(&|message| is_state(message, NodeState::Fault)).unwrap_or(said_ns);
-    match told_ns.checked_sub(said_ns) {
+    let Some(emergency_ns) = at(&|message| emergency(message).is_some()) else { return Ok(()) };
+    let heartbeat_ns = at(&|message| is_state(message, NodeState::Fault)).unwrap_or(emergency_ns);
+    match heartbeat_ns.checked_sub(emergency_ns) {
         None => failed("its heartbeat fault comes before its emergency"),
         Some(late_ns) if late_ns > AT_ONCE_NS => {
             not_at_once(format!("its heartbeat fault comes {} after its emergency, not at once", ms(late_ns)))

@@ -31,17 +31,17 @@ impl Controller {
     }
 
     pub fn go_off(&mut self, until_ns: u64) -> io::Result<()> {
-        self.say(BUS_OFF)?;
+        self.send_error_frame(BUS_OFF)?;
         self.on_at_ns = Some(until_ns);
         Ok(())
     }
 
     pub fn restart(&mut self) -> io::Result<()> {
         self.on_at_ns = None;
-        self.say(RESTARTED)
+        self.send_error_frame(RESTARTED)
     }
 
-    fn say(&self, class: u32) -> io::Result<()> {
+    fn send_error_frame(&self, class: u32) -> io::Result<()> {
         let frame = CanErrorFrame::new_error(class, &[]).map_err(io::Error::other)?;
         self.socket.write_frame(&frame)
     }

@@ -11,11 +11,11 @@ use resonarm_protocol::{Message, SamplesPerFrame};
 
 /// Skips the case unless the last capabilities of the node under test state it.
 fn can(t: &Tester) -> Result<(), Stop> {
-    let said = t.heard.iter().rev().find_map(|heard| match heard.message {
+    let stated = t.heard.iter().rev().find_map(|heard| match heard.message {
         Message::Capabilities(capabilities) => Some(capabilities.samples_per_frame),
         _ => None,
     });
-    match said {
+    match stated {
         Some(SamplesPerFrame::Two) => Ok(()),
         _ => skipped("its capabilities don't state it"),
     }

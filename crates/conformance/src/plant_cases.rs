@@ -119,13 +119,13 @@ pub(super) fn states(t: &mut Tester) -> Result<(), Stop> {
     t.send(&Message::Heartbeat(Heartbeat { node: Node::Exciter, state: Fault }))?;
     let from = t.heard.len();
     becomes(t, Fault)?;
-    let Some(said) = t.heard[from..].iter().position(|heard| emergency(&heard.message).is_some()) else {
+    let Some(before) = t.heard[from..].iter().position(|heard| emergency(&heard.message).is_some()) else {
         return failed("the heartbeat fault comes without an emergency before it");
     };
-    if t.heard[from..from + said].iter().any(|heard| is_state(&heard.message, Fault)) {
+    if t.heard[from..from + before].iter().any(|heard| is_state(&heard.message, Fault)) {
         return failed("the heartbeat fault comes before its emergency");
     }
-    at_once(t, from + said, "its heartbeat fault after its emergency", Fault)?;
+    at_once(t, from + before, "its heartbeat fault after its emergency", Fault)?;
     stays(t, Fault, &[Arm, Disarm])
 }
 
@@ -164,8 +164,8 @@ fn becomes(t: &mut Tester, state: NodeState) -> Result<(), Stop> {
 /// The heartbeat of a state was sent at once after index `from` of the log: by the plant's samples, which stop when it
 /// is stopped. A request takes some samples to arrive, and a plant that catches up makes 3 at once.
 fn at_once(t: &mut Tester, from: usize, what: &str, state: NodeState) -> Result<(), Stop> {
-    let said = t.heard[from..].iter().position(|heard| is_state(&heard.message, state)).unwrap_or(0);
-    let late = t.heard[from..from + said].iter().filter(|heard| is_sample(&heard.message)).count();
+    let before = t.heard[from..].iter().position(|heard| is_state(&heard.message, state)).unwrap_or(0);
+    let late = t.heard[from..from + before].iter().filter(|heard| is_sample(&heard.message)).count();
     let most = samples(t, AT_ONCE_NS) + 4 + samples(t, t.held_up_ns);
     t.note(format!("{late} samples before its heartbeat {state}"));
     match late > usize::from(most) {

@@ -358,10 +358,10 @@ impl<'w> Tester<'w> {
         if let Some(load) = &mut self.load {
             load.count(frame);
         }
-        let said = self.receiver.accept(frame);
-        self.traffic.note(self.network, frame, &said);
-        self.counters.note(self.network, frame, &said);
-        let message = match said {
+        let decoded = self.receiver.accept(frame);
+        self.traffic.note(self.network, frame, &decoded);
+        self.counters.note(self.network, frame, &decoded);
+        let message = match decoded {
             Ok(Some(message)) if message.kind().sender() == self.tested => message,
             Ok(_) | Err(_) => return Ok(()),
         };

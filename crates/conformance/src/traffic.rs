@@ -110,8 +110,8 @@ impl Commands {
 
 impl Traffic {
     /// Takes a frame, and the receiver's result for it.
-    pub(super) fn note(&mut self, network: Network, frame: &Frame, said: &Result<Option<Message>, DecodeError>) {
-        match said {
+    pub(super) fn note(&mut self, network: Network, frame: &Frame, decoded: &Result<Option<Message>, DecodeError>) {
+        match decoded {
             Ok(Some(message)) => {
                 *self.taken.entry(message.kind()).or_default() += 1;
                 self.commands.note(message);

@@ -9,7 +9,7 @@ use std::collections::BTreeMap;
 
 use serde::Serialize;
 
-use crate::export::Part;
+use crate::export::RecordingPart;
 use crate::recording::channels::READINGS;
 use crate::recording::{Clipped, Direction, Record, Recording, RecordingError};
 use resonarm_numeric::number::short;
@@ -17,9 +17,9 @@ use resonarm_numeric::number::short;
 /// What is compared.
 #[derive(Clone, Debug, PartialEq)]
 pub struct DiffOptions {
-    /// The records. Those of the real-time loop's punctuality, [`Part::Ticks`], are never the same twice: they are left
-    /// out.
-    pub parts: Vec<Part>,
+    /// The records. Those of the real-time loop's punctuality, [`RecordingPart::Ticks`], are never the same twice: they
+    /// are left out.
+    pub parts: Vec<RecordingPart>,
     /// How much a channel may differ, as a share of its largest magnitude in the first recording; at 0 every bit
     /// counts.
     pub tolerance: f64,
@@ -99,7 +99,7 @@ pub struct KeyDifference {
 /// # Errors
 /// [`RecordingError`] if one of them can't be read.
 pub fn diff(a: &Recording, b: &Recording, options: &DiffOptions) -> Result<Difference, RecordingError> {
-    let parts = options.parts.iter().filter(|part| **part != Part::Ticks);
+    let parts = options.parts.iter().filter(|part| **part != RecordingPart::Ticks);
     let parts = parts.map(|part| compare(a, b, *part, options)).collect::<Result<Vec<_>, _>>()?;
     let is_same = |part: &PartDifference| part.first_difference.is_none() && part.only_in_a == 0 && part.only_in_b == 0;
     Ok(Difference {
@@ -123,7 +123,7 @@ struct Row {
 /// The records of a part, as they are compared.
 fn rows<'r>(
     recording: &'r Recording,
-    part: Part,
+    part: RecordingPart,
     samples: &RangeInclusive<u64>,
 ) -> Result<impl Iterator<Item = Result<Row, RecordingError>> + use<'r>, RecordingError> {
     let (samples, mut count) = (samples.clone(), 0);
@@ -138,18 +138,20 @@ fn rows<'r>(
     }))
 }
 
-fn row(part: Part, record: &Record<String>) -> Option<Row> {
+fn row(part: RecordingPart, record: &Record<String>) -> Option<Row> {
     let sample = record.sample();
     let numbers = |numbers: &[f64], text| Some(Row { key: sample, sample, numbers: numbers.to_vec(), text });
     let text = |text: String| Some(Row { key: 0, sample, numbers: Vec::new(), text });
     match (part, record) {
-        (Part::States, Record::State(state)) => numbers(&state.values(), u8::from(state.is_end).to_string()),
-        (Part::Samples, Record::Sample(readings)) => numbers(&readings.values(), marks(readings.clipped)),
-        (Part::Frames, Record::Frame(frame)) => {
+        (RecordingPart::States, Record::State(state)) => numbers(&state.values(), u8::from(state.is_end).to_string()),
+        (RecordingPart::Samples, Record::Sample(readings)) => numbers(&readings.values(), marks(readings.clipped)),
+        (RecordingPart::Frames, Record::Frame(frame)) => {
             let direction = if frame.direction == Direction::Sent { "sent" } else { "received" };
             text(format!("{direction} {}", frame.frame))
         }
-        (Part::Events, Record::Event(event)) => text(format!("{} {} at sample {sample}", event.name, event.value)),
+        (RecordingPart::Events, Record::Event(event)) => {
+            text(format!("{} {} at sample {sample}", event.name, event.value))
+        }
         _ => None,
     }
 }
@@ -161,7 +163,12 @@ fn marks(clipped: Clipped) -> String {
     if names.is_empty() { String::from("none") } else { names.join(" and ") }
 }
 
-fn compare(a: &Recording, b: &Recording, part: Part, options: &DiffOptions) -> Result<PartDifference, RecordingError> {
+fn compare(
+    a: &Recording,
+    b: &Recording,
+    part: RecordingPart,
+    options: &DiffOptions,
+) -> Result<PartDifference, RecordingError> {
     let mut found = Found {
         tolerance: options.tolerance,
         channels: magnitudes(a, part, options)?,
@@ -204,7 +211,11 @@ fn compare(a: &Recording, b: &Recording, part: Part, options: &DiffOptions) -> R
 }
 
 /// The channels of a part with their magnitudes in A, and no difference yet.
-fn magnitudes(a: &Recording, part: Part, options: &DiffOptions) -> Result<Vec<ChannelDifference>, RecordingError> {
+fn magnitudes(
+    a: &Recording,
+    part: RecordingPart,
+    options: &DiffOptions,
+) -> Result<Vec<ChannelDifference>, RecordingError> {
     let names = a.channels().of(part.topic()).iter().map(|channel| channel.name);
     let mut channels: Vec<_> =
         names.map(|name| ChannelDifference { name, largest: 0.0, sample: 0, magnitude: 0.0 }).collect();
@@ -226,16 +237,16 @@ struct Found {
 }
 
 impl Found {
-    fn take(&mut self, part: Part, left: &Row, right: &Row) {
+    fn take(&mut self, part: RecordingPart, left: &Row, right: &Row) {
         self.part.compared += 1;
         let sample = left.sample;
         let (a, b) = (&left.text, &right.text);
         if a != b {
             let what = match part {
-                Part::States => "is_end",
-                Part::Samples => "clipped",
-                Part::Frames => "frame",
-                Part::Events | Part::Ticks => "event",
+                RecordingPart::States => "is_end",
+                RecordingPart::Samples => "clipped",
+                RecordingPart::Frames => "frame",
+                RecordingPart::Events | RecordingPart::Ticks => "event",
             };
             let first = || FirstDifference { sample, what, a: a.clone(), b: b.clone() };
             self.part.first_difference.get_or_insert_with(first);

@@ -11,7 +11,7 @@ use crate::scenario::Scenario;
 
 /// What is in a recording, in numbers.
 #[derive(Clone, Debug, Default, PartialEq, Serialize)]
-pub struct Statistics {
+pub struct RecordingStatistics {
     /// States, loads and readings, channel by channel.
     pub channels: Vec<ChannelStatistics>,
     /// Messages of the network, by name.
@@ -45,12 +45,12 @@ pub struct ChannelStatistics {
 ///
 /// # Errors
 /// [`RecordingError`] if it can't be read.
-pub fn statistics(recording: &Recording) -> Result<Statistics, RecordingError> {
+pub fn statistics(recording: &Recording) -> Result<RecordingStatistics, RecordingError> {
     let network = Scenario::from_configuration(recording.configuration()).ok().and_then(|found| found.network().ok());
     // Each end has counters of its own, and hears the other's frames alone.
     let mut receivers = [(); 2].map(|()| Receiver::new(network.unwrap_or_default()));
     let mut sums = [Topic::States, Topic::Samples].map(|topic| Sums::new(recording.channels().of(topic)));
-    let mut found = Statistics::default();
+    let mut found = RecordingStatistics::default();
     for record in recording.records()? {
         match record? {
             // The end of a run has a state and no load.

@@ -300,7 +300,7 @@ impl Subscriptions {
     }
 
     /// Takes a client's message; returns an error message if it is wrong.
-    pub fn said(&mut self, text: &str) -> Option<Message> {
+    pub fn receive(&mut self, text: &str) -> Option<Message> {
         match serde_json::from_str(text) {
             Ok(Said::Subscribe { subscriptions }) => {
                 let refused: Vec<String> = subscriptions.iter().filter_map(|one| self.subscribe(*one).err()).collect();
@@ -405,7 +405,7 @@ mod tests {
         let mut stream = Stream::new(1e-3, 1_000, "vcan0", None, Channels::default());
         let mut subscriptions = Subscriptions::new(stream.channels());
         let subscribe = r#"{"op":"subscribe","subscriptions":[{"id":7,"channelId":5},{"id":8,"channelId":99}]}"#;
-        let Some(Message::Text(refused)) = subscriptions.said(subscribe) else { panic!("nothing refused") };
+        let Some(Message::Text(refused)) = subscriptions.receive(subscribe) else { panic!("nothing refused") };
         assert_eq!(refused.as_str(), r#"{"level":2,"message":"there is no channel 99","op":"status"}"#);
         stream.record(&Record::<&str>::Tick(TickRecord {
             sample: 2,
@@ -423,10 +423,10 @@ mod tests {
         assert_eq!(u64::from_le_bytes(bytes[5..13].try_into().unwrap()), 2_001_000);
         let batch = proto::TickBatch::decode(&bytes[13..]).unwrap();
         assert_eq!((batch.first_step, batch.exec_ns), (2, vec![2]));
-        assert!(subscriptions.said(r#"{"op":"unsubscribe","subscriptionIds":[7]}"#).is_none());
+        assert!(subscriptions.receive(r#"{"op":"unsubscribe","subscriptionIds":[7]}"#).is_none());
         assert_eq!(published.iter().flat_map(|message| subscriptions.frames(message)).count(), 0);
         for nonsense in ["", "[]", r#"{"op":"advertise","channels":[]}"#, "{\"op\":\"subscribe\"}"] {
-            assert!(subscriptions.said(nonsense).is_some(), "{nonsense}");
+            assert!(subscriptions.receive(nonsense).is_some(), "{nonsense}");
         }
     }
 }

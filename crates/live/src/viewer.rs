@@ -99,7 +99,7 @@ async fn send_updates(
                 Err(RecvError::Lagged(lost)) => return Ok(lost),
                 Err(RecvError::Closed) => return Err(LetGo::Gone),
             },
-            said = socket.recv() => match said {
+            received = socket.recv() => match received {
                 Some(Ok(Message::Text(asked))) => answer(shared, &asked, nonsense),
                 Some(Ok(Message::Binary(_))) => refuse("a request is text", nonsense),
                 Some(Ok(Message::Ping(_) | Message::Pong(_))) => None,
@@ -154,9 +154,9 @@ pub async fn stream(mut socket: WebSocket, counted: Counted) {
                 }
                 Err(RecvError::Closed) => return,
             },
-            said = socket.recv() => {
-                let answer = match said {
-                    Some(Ok(Message::Text(said))) => subscriptions.said(&said),
+            received = socket.recv() => {
+                let answer = match received {
+                    Some(Ok(Message::Text(text))) => subscriptions.receive(&text),
                     Some(Ok(Message::Binary(_))) => Some(foxglove::status("resonarm takes no binary messages")),
                     Some(Ok(Message::Ping(_) | Message::Pong(_))) => None,
                     Some(Ok(Message::Close(_)) | Err(_)) | None => return,

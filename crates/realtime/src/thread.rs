@@ -367,7 +367,7 @@ mod tests {
     }
 
     #[test]
-    fn a_core_that_is_not_there_is_a_shortfall_and_the_run_goes_on() {
+    fn a_core_that_is_not_there_is_a_shortfall_and_the_run_continues() {
         for core in [CpuSet::MAX_CPU - 1, CpuSet::MAX_CPU] {
             let setup = ThreadSetup { priority: None, lock_memory: false, core: Some(core), cores_awake: false };
             let (report, _awake) = on_a_thread(|| setup.apply());

@@ -42,7 +42,7 @@ pub trait Answering {
 
 /// How a controller's work ended; `A` is its reason to give up.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub enum Outcome<A> {
+pub enum ExciterOutcome<A> {
     /// The controller finished and the plant is disarmed.
     Finished,
     /// The controller gave up, and the plant is disarmed.

@@ -10,7 +10,7 @@ use crate::{
     StateEvent, TorqueCommand,
 };
 
-use super::answering::{Answer, Answering, Outcome};
+use super::answering::{Answer, Answering, ExciterOutcome};
 
 /// Time between two attempts to arm or disarm the plant, ns.
 const RETRY_NS: u64 = 100_000_000;
@@ -88,7 +88,7 @@ impl<C: Answering> ExciterNode<C> {
     }
 
     /// How the work ended, once it has.
-    pub fn outcome(&self) -> Option<Outcome<C::Abort>> {
+    pub fn outcome(&self) -> Option<ExciterOutcome<C::Abort>> {
         match self.phase {
             Phase::Done(outcome) => Some(outcome),
             _ => None,
@@ -147,7 +147,7 @@ impl<C: Answering> ExciterNode<C> {
     }
 
     fn has_missed_samples(&self) -> bool {
-        let Phase::Done(Outcome::Faulted(own)) = &self.phase else { return false };
+        let Phase::Done(ExciterOutcome::Faulted(own)) = &self.phase else { return false };
         (own.node, own.code) == (Node::Exciter, EmergencyCode::SensorTimeout)
     }
 
@@ -164,9 +164,9 @@ impl<C: Answering> ExciterNode<C> {
     /// Ends the work now: disarms the plant, even if it was only asked to arm. The outcome follows the plant's answer.
     pub fn stop(&mut self, now_ns: u64) {
         match self.phase {
-            Phase::Playing => self.disarm(now_ns, Outcome::Stopped),
-            Phase::Arming if self.plant_hello.is_some() => self.disarm(now_ns, Outcome::Stopped),
-            Phase::Arming => self.phase = Phase::Done(Outcome::Stopped),
+            Phase::Playing => self.disarm(now_ns, ExciterOutcome::Stopped),
+            Phase::Arming if self.plant_hello.is_some() => self.disarm(now_ns, ExciterOutcome::Stopped),
+            Phase::Arming => self.phase = Phase::Done(ExciterOutcome::Stopped),
             Phase::Disarming(_) | Phase::Done(_) => {}
         }
     }
@@ -174,7 +174,7 @@ impl<C: Answering> ExciterNode<C> {
     /// Starts over after a fault: resets itself, arms the plant, and restarts the controller. `false` if no fault
     /// ended the work, or the node leaves.
     pub fn rearm(&mut self, now_ns: u64) -> bool {
-        if !matches!(self.phase, Phase::Done(Outcome::Faulted(_))) || self.leave != Leave::Stay {
+        if !matches!(self.phase, Phase::Done(ExciterOutcome::Faulted(_))) || self.leave != Leave::Stay {
             return false;
         }
         self.link.transition(now_ns, StateEvent::Reset);
@@ -271,7 +271,7 @@ impl<C: Answering> ExciterNode<C> {
             (Phase::Playing, NodeState::BootUp | NodeState::Fault) => {
                 self.fault(now_ns, EmergencyCode::PartnerFault, u16::from(Node::Plant.number()));
             }
-            (Phase::Playing, NodeState::PreOperational) => self.disarm(now_ns, Outcome::Stopped),
+            (Phase::Playing, NodeState::PreOperational) => self.disarm(now_ns, ExciterOutcome::Stopped),
             (Phase::Disarming(outcome), NodeState::PreOperational | NodeState::Fault) => {
                 self.phase = Phase::Done(outcome)
             }
@@ -282,7 +282,7 @@ impl<C: Answering> ExciterNode<C> {
     fn heed(&mut self, now_ns: u64, emergency: Emergency) {
         match emergency.code {
             EmergencyCode::ScheduleSlipped => {
-                self.link.tell(NodeEvent::Emergency(emergency));
+                self.link.report(NodeEvent::Emergency(emergency));
                 self.slipped_periods += u64::from(emergency.detail);
             }
             EmergencyCode::Leaving => self.take_leaving(now_ns, emergency),
@@ -292,11 +292,11 @@ impl<C: Answering> ExciterNode<C> {
 
     /// The plant leaves the bus. Before arming, another plant may appear.
     fn take_leaving(&mut self, now_ns: u64, emergency: Emergency) {
-        self.link.tell(NodeEvent::Emergency(emergency));
+        self.link.report(NodeEvent::Emergency(emergency));
         (self.plant_hello, self.plant_state) = (None, None);
         match self.phase {
             Phase::Playing => {
-                self.phase = Phase::Done(Outcome::PlantLeft);
+                self.phase = Phase::Done(ExciterOutcome::PlantLeft);
                 self.link.transition(now_ns, StateEvent::Disarm);
             }
             Phase::Disarming(outcome) => self.phase = Phase::Done(outcome),
@@ -312,12 +312,12 @@ impl<C: Answering> ExciterNode<C> {
             return;
         }
         if self.phase == Phase::Playing || (self.phase == Phase::Arming && incompatible) {
-            self.link.tell(NodeEvent::Emergency(emergency));
+            self.link.report(NodeEvent::Emergency(emergency));
             self.link.transition(now_ns, StateEvent::Fault);
-            self.phase = Phase::Done(Outcome::Faulted(emergency));
+            self.phase = Phase::Done(ExciterOutcome::Faulted(emergency));
         } else if self.has_missed_samples() && emergency.code != EmergencyCode::PartnerFault {
             // A consequence of this node's own fault is no reason for it.
-            self.link.tell(NodeEvent::PartnerEmergency(emergency));
+            self.link.report(NodeEvent::PartnerEmergency(emergency));
             self.plant_fault = Some(emergency);
         }
     }
@@ -371,8 +371,8 @@ impl<C: Answering> ExciterNode<C> {
             Answer::HoldTorque { torque1_nm, torque2_nm } => {
                 return Some(Message::Torque(TorqueCommand { torque1_nm, torque2_nm, sample: index }));
             }
-            Answer::Finished => Outcome::Finished,
-            Answer::Aborted(abort) => Outcome::Aborted(abort),
+            Answer::Finished => ExciterOutcome::Finished,
+            Answer::Aborted(abort) => ExciterOutcome::Aborted(abort),
         };
         self.disarm(now_ns, outcome);
         None
@@ -396,7 +396,7 @@ impl<C: Answering> ExciterNode<C> {
         self.request(OperatorRequest::Arm);
     }
 
-    fn disarm(&mut self, now_ns: u64, outcome: Outcome<C::Abort>) {
+    fn disarm(&mut self, now_ns: u64, outcome: ExciterOutcome<C::Abort>) {
         self.phase = Phase::Disarming(outcome);
         self.retry_at_ns = now_ns.saturating_add(RETRY_NS);
         self.request(OperatorRequest::Disarm);
@@ -412,7 +412,7 @@ impl<C: Answering> ExciterNode<C> {
         let emergency = self.emergency(code, detail);
         self.link.send_emergency(emergency);
         self.link.transition(now_ns, StateEvent::Fault);
-        self.phase = Phase::Done(Outcome::Faulted(emergency));
+        self.phase = Phase::Done(ExciterOutcome::Faulted(emergency));
     }
 
     fn emergency(&self, code: EmergencyCode, detail: u16) -> Emergency {

@@ -249,7 +249,7 @@ impl Link {
     }
 
     /// Reports an event.
-    pub fn tell(&mut self, event: NodeEvent) {
+    pub fn report(&mut self, event: NodeEvent) {
         self.events.push(event);
     }
 

@@ -58,7 +58,7 @@ mod queue;
 mod sequence;
 mod timing;
 
-pub use answering::{Answer, Answering, Outcome};
+pub use answering::{Answer, Answering, ExciterOutcome};
 pub use event::NodeEvent;
 pub use exciter::ExciterNode;
 pub use link::Link;

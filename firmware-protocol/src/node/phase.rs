@@ -1,6 +1,6 @@
 //! The phases of an exciter's work, and of leaving the bus.
 
-use super::answering::Outcome;
+use super::answering::ExciterOutcome;
 
 /// The phase of the work.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -10,9 +10,9 @@ pub(super) enum Phase<A> {
     /// Answering samples.
     Playing,
     /// Disarming the plant, for this outcome.
-    Disarming(Outcome<A>),
+    Disarming(ExciterOutcome<A>),
     /// The work has ended with this outcome.
-    Done(Outcome<A>),
+    Done(ExciterOutcome<A>),
 }
 
 /// The phase of leaving the bus.

@@ -17,7 +17,7 @@ pub(crate) struct Experiment {
 #[derive(Debug, Subcommand)]
 pub(crate) enum Kind {
     Fig9(fig9::Fig9),
-    Walk(walk::Walk),
+    Walk(walk::WalkExperiment),
 }
 
 impl Experiment {

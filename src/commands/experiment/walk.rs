@@ -29,7 +29,7 @@ use resonarm_numeric::number::short;
 /// Phase walk: a closed loop holds one motion after another, stable or not, at constant amplitude of the load, from a
 /// lag of the response behind the load of 10° to 170°. Amplitudes are computed from the accelerometers.
 #[derive(Debug, Args)]
-pub(crate) struct Walk {
+pub(crate) struct WalkExperiment {
     #[command(flatten)]
     session: SessionFlags,
     #[command(flatten)]
@@ -71,7 +71,7 @@ struct Document<'a> {
     wall_s: f64,
 }
 
-impl Walk {
+impl WalkExperiment {
     /// The scenario of the flags, with the walk in it.
     pub(crate) fn scenario(&self) -> Result<Scenario, Failure> {
         let mut scenario = self.session.scenario(|| Ok(Scenario::default()))?;

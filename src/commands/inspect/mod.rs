@@ -11,7 +11,7 @@ use serde::Serialize;
 use crate::failure::{Failure, Verdict};
 use crate::output::{self, in_line};
 use resonarm::recording::{Integrity, Origin, Recording, RecordingSummary, RunTime};
-use resonarm::statistics::{ChannelStatistics, Statistics, statistics};
+use resonarm::statistics::{ChannelStatistics, RecordingStatistics, statistics};
 use resonarm_figures::plot::Figure;
 
 /// Shows a recording: its run, its problems and faults, its contents, and whether it is whole (if not, exit code 1).
@@ -41,7 +41,7 @@ struct Document<'a> {
     problems: Vec<Problem>,
     /// With --statistics.
     #[serde(skip_serializing_if = "Option::is_none")]
-    statistics: Option<Statistics>,
+    statistics: Option<RecordingStatistics>,
 }
 
 impl Inspect {
@@ -77,7 +77,7 @@ struct Problem {
 }
 
 /// Problems of a run or its recording, except its integrity.
-fn problems(summary: &RecordingSummary, statistics: Option<&Statistics>) -> Vec<Problem> {
+fn problems(summary: &RecordingSummary, statistics: Option<&RecordingStatistics>) -> Vec<Problem> {
     let mut problems = Vec::new();
     let mut problem = |kind, what| problems.push(Problem { kind, what });
     summary.faults.iter().for_each(|fault| problem("fault", fault.to_string()));
@@ -143,7 +143,7 @@ fn plotting_text(origin: &Origin) -> String {
     }
 }
 
-fn text(summary: &RecordingSummary, problems: &[Problem], statistics: Option<&Statistics>) -> String {
+fn text(summary: &RecordingSummary, problems: &[Problem], statistics: Option<&RecordingStatistics>) -> String {
     let mut text = String::new();
     let mut line = |name: &str, value: String| {
         let _infallible = writeln!(text, "{:12} {}", in_line(name), in_line(&value));
@@ -184,7 +184,7 @@ fn text(summary: &RecordingSummary, problems: &[Problem], statistics: Option<&St
     text
 }
 
-fn statistics_text(statistics: &Statistics) -> String {
+fn statistics_text(statistics: &RecordingStatistics) -> String {
     let mut text = format!("\n{:24} {:>12} {:>12} {:>12} {:>12}\n", "channel", "least", "largest", "mean", "rms");
     for ChannelStatistics { name, least, largest, mean, rms } in &statistics.channels {
         let _infallible = writeln!(text, "{name:24} {least:12.4e} {largest:12.4e} {mean:12.4e} {rms:12.4e}");
@@ -193,7 +193,7 @@ fn statistics_text(statistics: &Statistics) -> String {
     for (name, count) in counts.chain(statistics.events.iter().map(|(name, count)| (name.as_str(), count))) {
         let _infallible = writeln!(text, "{:24} {count:12}", in_line(name));
     }
-    let Statistics { lost_frames, foreign_frames, .. } = statistics;
+    let RecordingStatistics { lost_frames, foreign_frames, .. } = statistics;
     let _infallible =
         writeln!(text, "{:24} {lost_frames:12}\n{:24} {foreign_frames:12}", "lost frames", "foreign frames");
     text

@@ -2,7 +2,7 @@
 
 use resonarm::analysis;
 use resonarm_figures::paper::{
-    Abscissa, Curve, Curves, ForcedBranch, MeasuredPoint, Motion, NaturalFrequencies, Panel, Way,
+    Abscissa, FigureCurves, ForcedBranch, LabelledCurve, MeasuredPoint, Motion, NaturalFrequencies, Panel, Way,
 };
 use resonarm_figures::plot::{self, Axis, Color, Legend, Marker, Note, Series, Style};
 
@@ -25,7 +25,7 @@ pub(super) fn natural_frequencies(presets: &[NaturalFrequencies]) -> plot::Figur
 }
 
 /// A figure of branches.
-pub(super) fn curves(curves: &Curves) -> plot::Figure {
+pub(super) fn curves(curves: &FigureCurves) -> plot::Figure {
     let mut figure = plot::Figure::new(curves.title.clone()).subtitle(curves.conditions.clone());
     for (index, panel) in curves.panels.iter().enumerate() {
         let drawn = draw(curves, panel);
@@ -46,7 +46,7 @@ const MARGIN: f64 = 0.08;
 /// A logarithmic panel shows amplitudes from its highest peak down to this fraction of it.
 const DECADES: f64 = 1e-5;
 
-fn draw(curves: &Curves, panel: &Panel) -> plot::Panel {
+fn draw(curves: &FigureCurves, panel: &Panel) -> plot::Panel {
     let link = panel.link - 1;
     let branches = || panel.curves.iter().filter_map(|index| curves.curves.get(*index));
     let range = panel.range.unwrap_or_else(|| shown(branches().map(|curve| &curve.branch), panel));
@@ -134,7 +134,7 @@ fn with_names<'a>(
     mut drawn: plot::Panel,
     panel: &Panel,
     range: [f64; 2],
-    curves: impl Iterator<Item = &'a Curve>,
+    curves: impl Iterator<Item = &'a LabelledCurve>,
 ) -> plot::Panel {
     let mut rows: [Vec<Note>; 2] = Default::default();
     for curve in curves {

@@ -17,7 +17,7 @@ fn an_own_heartbeat_is_a_double_and_another_network_at_the_base_is_counted() {
         assert_eq!((bench.both.node.other_sender_frames(), bench.outcome()), (2, None));
         let heartbeat = Message::Heartbeat(Heartbeat { node: Node::Exciter, state: NodeState::Operational });
         bench.deliver(&Transmitter::new(network).frame(&heartbeat).unwrap());
-        let Some(Outcome::Faulted(fault)) = bench.outcome() else { panic!("{:?}", bench.outcome()) };
+        let Some(ExciterOutcome::Faulted(fault)) = bench.outcome() else { panic!("{:?}", bench.outcome()) };
         assert_eq!(fault.code, EmergencyCode::SecondSender);
         bench.both.end();
     }
@@ -30,7 +30,7 @@ fn the_plant_s_word_after_a_sensor_timeout_is_kept() {
     let mut bench = Bench::new(Wire::Classic, timings()[1], plan, 1);
     (0..100).for_each(|_| bench.tick());
     bench.silence_for(60);
-    let Some(Outcome::Faulted(fault)) = bench.outcome() else { panic!("{:?}", bench.outcome()) };
+    let Some(ExciterOutcome::Faulted(fault)) = bench.outcome() else { panic!("{:?}", bench.outcome()) };
     assert_eq!(fault.code, EmergencyCode::SensorTimeout);
     let emergency = |code| Message::Emergency(Emergency { node: Node::Plant, code, detail: 1281, sample: 0 });
     let mut plant = Transmitter::new(Wire::Classic.network());

@@ -21,14 +21,14 @@
 //! that distance would have to be parallel, and a reversal would turn the tangent by 180°.
 
 mod newton;
+mod predictor_corrector;
 mod slices;
-mod walk;
 
 use alloc::vec::Vec;
 use core::ops::AddAssign;
 
+pub use predictor_corrector::Continuation;
 pub(super) use slices::{Cut, Slices, at_parameter};
-pub use walk::Walk;
 
 use super::Place;
 use super::dense::norm;
@@ -61,9 +61,9 @@ pub trait System {
     }
 }
 
-/// The settings of a walk.
+/// The settings of a continuation.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Settings {
+pub struct ContinuationSettings {
     /// Λ as a fraction of λ, and at least `parameter_floor`.
     pub parameter_fraction: f64,
     /// The least Λ, in the unit of λ, positive.
@@ -72,7 +72,7 @@ pub struct Settings {
     pub state_floor: f64,
     /// The largest step, relative to X.
     pub largest_step: f64,
-    /// The smallest step, below which the walk ends, relative to X.
+    /// The smallest step, below which the continuation ends, relative to X.
     pub smallest_step: f64,
     /// The largest angle between the tangents at the ends of a step, rad.
     pub largest_turn_rad: f64,
@@ -80,9 +80,9 @@ pub struct Settings {
     pub predictor_error: f64,
 }
 
-impl Default for Settings {
-    fn default() -> Settings {
-        Settings {
+impl Default for ContinuationSettings {
+    fn default() -> ContinuationSettings {
+        ContinuationSettings {
             parameter_fraction: 0.2,
             parameter_floor: 1e-6,
             state_floor: 1e-6,
@@ -109,7 +109,7 @@ pub struct Point {
     pub determinant: Determinant,
 }
 
-/// The work of a walk.
+/// The work of a continuation.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct Work {
     /// Evaluations of R and its derivatives.
@@ -133,7 +133,7 @@ impl AddAssign for Work {
 
 /// Why a step was refused.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Refusal {
+pub enum StepRefusal {
     /// Newton's method did not converge.
     Newton,
     /// The correction was too large a fraction of the step.
@@ -146,19 +146,19 @@ pub enum Refusal {
     OutOfRange,
 }
 
-impl core::fmt::Display for Refusal {
+impl core::fmt::Display for StepRefusal {
     fn fmt(&self, f: &mut core::fmt::Formatter<'_>) -> core::fmt::Result {
         f.write_str(match self {
-            Refusal::Newton => "Newton's method did not converge",
-            Refusal::Correction => "the solution found was too far from the prediction",
-            Refusal::Turn => "the branch turned too sharply",
-            Refusal::Singular => "the equations were singular or not finite",
-            Refusal::OutOfRange => "no such system exists there",
+            StepRefusal::Newton => "Newton's method did not converge",
+            StepRefusal::Correction => "the solution found was too far from the prediction",
+            StepRefusal::Turn => "the branch turned too sharply",
+            StepRefusal::Singular => "the equations were singular or not finite",
+            StepRefusal::OutOfRange => "no such system exists there",
         })
     }
 }
 
-impl Settings {
+impl ContinuationSettings {
     /// Λ.
     pub(crate) fn lambda_scale(&self, lambda: f64) -> f64 {
         (self.parameter_fraction * lambda.abs()).max(self.parameter_floor)

@@ -2,7 +2,7 @@
 
 use alloc::vec::Vec;
 
-use super::{Refusal, System, Work};
+use super::{StepRefusal, System, Work};
 use crate::dense::{Determinant, Lu, dot, norm};
 
 /// The most Newton iterations in a step.
@@ -35,7 +35,7 @@ pub(super) struct Plane<'a> {
 impl Solver {
     /// Newton's method from `plane.through` to the branch; the result is left in `self.z`, and the factors of the
     /// bordered matrix near it in `self.lu`. Returns the first correction, relative to `size`.
-    pub fn correct(&mut self, system: &mut impl System, plane: &Plane, size: f64) -> Result<f64, Refusal> {
+    pub fn correct(&mut self, system: &mut impl System, plane: &Plane, size: f64) -> Result<f64, StepRefusal> {
         self.correct_within(NEWTON_LIMIT, system, plane, size)
     }
 
@@ -46,7 +46,7 @@ impl Solver {
         system: &mut impl System,
         plane: &Plane,
         size: f64,
-    ) -> Result<f64, Refusal> {
+    ) -> Result<f64, StepRefusal> {
         let n = system.dimension();
         self.z.clear();
         self.z.extend_from_slice(plane.through);
@@ -58,7 +58,7 @@ impl Solver {
             self.z.iter_mut().zip(&self.right).for_each(|(z, correction)| *z -= correction);
             let correction = norm(&self.right) / size;
             if !correction.is_finite() {
-                return Err(Refusal::Singular);
+                return Err(StepRefusal::Singular);
             }
             if iteration == 0 {
                 first = correction;
@@ -73,25 +73,25 @@ impl Solver {
             }
             before = correction;
         }
-        Err(Refusal::Newton)
+        Err(StepRefusal::Newton)
     }
 
     /// R into `right` and the factors of the bordered matrix into `lu`, at `z`.
-    fn linearise(&mut self, system: &mut impl System, plane: &Plane) -> Result<(), Refusal> {
+    fn linearise(&mut self, system: &mut impl System, plane: &Plane) -> Result<(), StepRefusal> {
         let n = system.dimension();
         let matrix = self.lu.zeroed(n + 1);
         self.right.clear();
         self.right.resize(n + 1, 0.0);
         self.work.evaluations += 1;
         if !system.evaluate(&self.z[..n], self.z[n] / plane.sigma, &mut self.right[..n], matrix) {
-            return Err(Refusal::OutOfRange);
+            return Err(StepRefusal::OutOfRange);
         }
         matrix[n * (n + 1)..].iter_mut().for_each(|by_lambda| *by_lambda /= plane.sigma);
         for (column, normal) in matrix.chunks_exact_mut(n + 1).zip(plane.normal) {
             column[n] = *normal;
         }
         self.work.factorizations += 1;
-        self.lu.factor().map_err(|_| Refusal::Singular)
+        self.lu.factor().map_err(|_| StepRefusal::Singular)
     }
 
     /// The bordered determinant of the last iteration.
@@ -100,14 +100,14 @@ impl Solver {
     }
 
     /// The unit vector along the branch, from the factors of the last iteration; `tangent` receives it.
-    pub fn tangent(&self, tangent: &mut Vec<f64>, n: usize) -> Result<(), Refusal> {
+    pub fn tangent(&self, tangent: &mut Vec<f64>, n: usize) -> Result<(), StepRefusal> {
         tangent.clear();
         tangent.resize(n + 1, 0.0);
         tangent[n] = 1.0;
         self.lu.solve(tangent);
         let length = norm(tangent);
         if !(length.is_finite() && length > 0.0) {
-            return Err(Refusal::Singular);
+            return Err(StepRefusal::Singular);
         }
         tangent.iter_mut().for_each(|value| *value /= length);
         Ok(())

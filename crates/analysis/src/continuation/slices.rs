@@ -4,7 +4,7 @@ use alloc::vec;
 use alloc::vec::Vec;
 
 use super::newton::{PATIENT_LIMIT, Plane, Solver};
-use super::{Point, Settings, System};
+use super::{ContinuationSettings, Point, System};
 use crate::AnalysisError;
 use crate::dense::{dot, norm};
 
@@ -29,7 +29,7 @@ pub(crate) struct Slices {
 
 impl Slices {
     /// Planes between `a` and `b` for a system of n unknowns.
-    pub fn new(n: usize, settings: &Settings, [a, b]: [&Point; 2], cut: Cut) -> Slices {
+    pub fn new(n: usize, settings: &ContinuationSettings, [a, b]: [&Point; 2], cut: Cut) -> Slices {
         let size = settings.size(&a.x).max(settings.size(&b.x));
         let sigma = size / settings.lambda_scale(a.lambda);
         let mut slices = Slices { sigma, size, normal: vec![], n, solver: Solver::default() };
@@ -116,7 +116,7 @@ impl Slices {
 /// [`AnalysisError::NoSolution`] if Newton's method does not find it.
 pub(crate) fn at_parameter(
     system: &mut impl System,
-    settings: &Settings,
+    settings: &ContinuationSettings,
     ends: [&Point; 2],
     lambda: f64,
 ) -> Result<Point, AnalysisError> {
@@ -127,7 +127,7 @@ pub(crate) fn at_parameter(
 
 #[cfg(test)]
 mod tests {
-    use super::super::Walk;
+    use super::super::Continuation;
     use super::*;
 
     /// x (x − λ) = 0: the branches x = 0 and x = λ cross at λ = 0.
@@ -147,9 +147,9 @@ mod tests {
 
     #[test]
     fn a_plane_through_a_crossing_of_branches_has_one_beside_it() {
-        let settings = Settings::default();
+        let settings = ContinuationSettings::default();
         let [a, b] = [-1.0, 3.0]
-            .map(|lambda| Walk::start(&mut Crossing, settings, &[0.0], lambda, 1.0).unwrap().point().clone());
+            .map(|lambda| Continuation::start(&mut Crossing, settings, &[0.0], lambda, 1.0).unwrap().point().clone());
         let (a, b) = (Point { arclength: 0.0, ..a }, Point { arclength: 4.0, ..b });
         let mut slices = Slices::new(1, &settings, [&a, &b], Cut::Parameter);
         let at = |slices: &mut Slices, fraction| slices.solve_beside(&mut Crossing, [&a, &b], fraction).unwrap();

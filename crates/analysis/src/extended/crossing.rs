@@ -24,7 +24,7 @@ use alloc::boxed::Box;
 use alloc::vec;
 use alloc::vec::Vec;
 
-use crate::continuation::{Point, Settings, System, Walk, Work};
+use crate::continuation::{Continuation, ContinuationSettings, Point, System, Work};
 use crate::dense::{Lu, dot, normalise};
 use crate::locate::not_located;
 use crate::{AnalysisError, Floquet, ForcedResponse, Oscillator};
@@ -65,7 +65,7 @@ struct Crossing<O: Oscillator> {
 /// The Neimark–Sacker point near `guess`.
 pub(crate) fn neimark_sacker<O: Oscillator + Clone>(
     response: &ForcedResponse<O>,
-    settings: &Settings,
+    settings: &ContinuationSettings,
     guess: &Point,
 ) -> Result<(Point, Work), AnalysisError> {
     let border = Border { b: vec![], c: vec![tangent(guess)], lu: Lu::default() };
@@ -76,7 +76,7 @@ pub(crate) fn neimark_sacker<O: Oscillator + Clone>(
 /// The branch point near `guess`.
 pub(crate) fn branch_point<O: Oscillator + Clone>(
     response: &ForcedResponse<O>,
-    settings: &Settings,
+    settings: &ContinuationSettings,
     guess: &Point,
 ) -> Result<(Point, Work), AnalysisError> {
     let mut response = response.clone();
@@ -90,8 +90,8 @@ fn tangent(point: &Point) -> Vec<f64> {
     core::iter::once(point.tangent[n]).chain(point.tangent[..n].iter().copied()).collect()
 }
 
-/// Λ/X: the unit of λ, so that λ has the same scale as along a walk.
-fn lambda_scale(settings: &Settings, guess: &Point) -> f64 {
+/// Λ/X: the unit of λ, so that λ has the same scale as along a continuation.
+fn lambda_scale(settings: &ContinuationSettings, guess: &Point) -> f64 {
     settings.lambda_scale(guess.lambda) / settings.size(&guess.x)
 }
 
@@ -114,7 +114,7 @@ impl Border {
     /// From the tangent t at `guess` and the null vectors of R_z bordered by t.
     fn near<O: Oscillator>(
         response: &mut ForcedResponse<O>,
-        settings: &Settings,
+        settings: &ContinuationSettings,
         guess: &Point,
     ) -> Result<Border, AnalysisError> {
         let n = response.dimension();
@@ -183,7 +183,7 @@ fn orthonormalise(vectors: &mut [Vec<f64>]) {
 impl<O: Oscillator + Clone> Crossing<O> {
     fn near(
         response: &ForcedResponse<O>,
-        settings: &Settings,
+        settings: &ContinuationSettings,
         guess: &Point,
         condition: Condition,
         border: Border,
@@ -201,14 +201,14 @@ impl<O: Oscillator + Clone> Crossing<O> {
     }
 
     /// Newton's method from `guess`.
-    fn solve(mut self, settings: &Settings, guess: &Point) -> Result<(Point, Work), AnalysisError> {
+    fn solve(mut self, settings: &ContinuationSettings, guess: &Point) -> Result<(Point, Work), AnalysisError> {
         let mut start = vec![0.0; self.dimension()];
         let x = 1..=guess.x.len();
         start[x.clone()].copy_from_slice(&guess.x);
-        let walk = Walk::start(&mut self, *settings, &start, 0.0, 1.0)
+        let continuation = Continuation::start(&mut self, *settings, &start, 0.0, 1.0)
             .map_err(|_| not_located(&self.response, [guess, guess]))?;
-        let found = &walk.point().x;
-        Ok((Point { x: found[x].to_vec(), lambda: self.lambda(found[0]), ..guess.clone() }, walk.work()))
+        let found = &continuation.point().x;
+        Ok((Point { x: found[x].to_vec(), lambda: self.lambda(found[0]), ..guess.clone() }, continuation.work()))
     }
 }
 

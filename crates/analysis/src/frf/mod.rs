@@ -127,8 +127,7 @@ mod tests {
     use crate::modes;
     use crate::tests::arm_at;
     use proptest::prelude::*;
-    use resonarm_dynamics::arm::Sine;
-    use resonarm_dynamics::arm::{Load, Parameters, Pose, Preset, State};
+    use resonarm_dynamics::arm::{Load, Parameters, Pose, Preset, Sine, State};
     use resonarm_dynamics::integrate::{Integrator, Scheme};
 
     proptest! {

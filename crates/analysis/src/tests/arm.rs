@@ -6,8 +6,7 @@ use nalgebra::{Matrix4, Normed as _};
 
 use crate::tests::arm_at;
 use crate::*;
-use resonarm_dynamics::arm::Sine;
-use resonarm_dynamics::arm::{Load, Preset, State};
+use resonarm_dynamics::arm::{Load, Preset, Sine, State};
 use resonarm_dynamics::integrate::{Integrator, Scheme};
 
 pub(super) fn forced(beta2_deg: f64, torque1_nm: f64) -> ForcedArm {
@@ -114,7 +113,7 @@ fn doubled_branches_join_period_doublings() {
     let branch = trace(forced.clone(), 40.0, Coordinate::FrequencyHz, &options).unwrap();
     let kinds: Vec<_> = branch.bifurcations.iter().map(|b| b.kind).collect();
     assert_eq!(kinds, [PeriodDoubling, Fold, PeriodDoubling, Fold, PeriodDoubling, PeriodDoubling]);
-    let walk = |i: usize| {
+    let traced = |i: usize| {
         let branch = trace_doubled(forced.clone(), &branch.bifurcations[i], Coordinate::FrequencyHz, &options).unwrap();
         let end = branch.bifurcations.last().unwrap();
         assert_eq!(end.kind, BranchPoint);
@@ -122,7 +121,7 @@ fn doubled_branches_join_period_doublings() {
     };
     assert_eq!(trace_doublings(&forced, &branch, Coordinate::FrequencyHz, &options).len(), 2);
     for (i, j) in [(0, 2), (4, 5)] {
-        let ((mut there, branch_there), (mut back, _)) = (walk(i), walk(j));
+        let ((mut there, branch_there), (mut back, _)) = (traced(i), traced(j));
         let (first, last) = (branch.bifurcations[i].orbit.frequency_hz, branch.bifurcations[j].orbit.frequency_hz);
         assert!((there.pop().unwrap().1 / last - 1.0).abs() < 1e-10);
         assert!((back.pop().unwrap().1 / first - 1.0).abs() < 1e-10);
@@ -224,33 +223,34 @@ fn amplitude_as_parameter_finds_the_folds() {
     }
 }
 
-/// Other parameters: the motion at the end of a walk in β2 or in a stiffness is that of an arm built with this value.
+/// Other parameters: the motion at the end of a continuation in β2 or in a stiffness is that of an arm built with this
+/// value.
 #[test]
-fn any_parameter_can_be_walked_in() {
+fn any_parameter_can_be_continued_in() {
     for (parameter, from, to) in [(ArmParameter::Beta2Deg, 40.0, 80.0), (ArmParameter::Stiffness2, 128e3, 100e3)] {
         let coordinate = Coordinate::Parameter(parameter);
         let mut arm = forced(40.0, 30.0);
-        let walked = trace(arm.clone(), 24.0, coordinate, &BranchOptions::new(from, to)).unwrap();
+        let traced = trace(arm.clone(), 24.0, coordinate, &BranchOptions::new(from, to)).unwrap();
         assert!(arm.set_parameter(parameter, to));
         let direct = trace(arm, 24.0, Coordinate::FrequencyHz, &BranchOptions::new(24.0, 24.1)).unwrap();
-        let (a, b) = (walked.orbits.last().unwrap().amplitude_rad[0], direct.orbits[0].amplitude_rad[0]);
+        let (a, b) = (traced.orbits.last().unwrap().amplitude_rad[0], direct.orbits[0].amplitude_rad[0]);
         assert!((a / b - 1.0).abs() < 1e-8, "{parameter:?}: {a} {b}");
     }
 }
 
-/// A walk that starts inside a resonance, where Newton's method from rest may find nothing, and whose points are
-/// elsewhere, finds the same bifurcations, including the two close pairs of period doublings, which leave the signs of
-/// test functions unchanged.
+/// A continuation that starts inside a resonance, where Newton's method from rest may find nothing, and whose points
+/// are elsewhere, finds the same bifurcations, including the two close pairs of period doublings, which leave the signs
+/// of test functions unchanged.
 #[test]
 fn bifurcations_do_not_depend_on_where_the_points_lie() {
     use BifurcationKind::*;
-    let walk =
+    let traced =
         |from| trace(forced(60.0, 200.0), from, Coordinate::FrequencyHz, &BranchOptions::new(from, 21.0)).unwrap();
-    let expected = found(&walk(22.6));
+    let expected = found(&traced(22.6));
     let kinds: Vec<_> = expected.iter().map(|b| b.0).collect();
     assert_eq!(kinds, [PeriodDoubling, PeriodDoubling, Fold, PeriodDoubling, PeriodDoubling, Fold]);
     for from in [22.12, 22.13, 22.14, 22.15, 22.16, 22.3, 24.0] {
-        assert_same(&found(&walk(from)), &expected);
+        assert_same(&found(&traced(from)), &expected);
     }
 }
 

@@ -1,10 +1,10 @@
-//! Walks that end early: results kept, and messages.
+//! Continuations that end early: results kept, and messages.
 
 use super::arm::{backbone_options, forced};
 use crate::*;
 use resonarm_dynamics::arm::{Arm, Gravity, Load, Parameters, Pose, Preset};
 
-fn walk(torque1_nm: f64, options: &BranchOptions) -> Result<Branch, EndedEarly<Branch>> {
+fn traced(torque1_nm: f64, options: &BranchOptions) -> Result<Branch, EndedEarly<Branch>> {
     trace(forced(60.0, torque1_nm), options.from, Coordinate::FrequencyHz, options)
 }
 
@@ -20,28 +20,28 @@ fn says_where_why_and_what_to_try() {
     insta::assert_snapshot!(says(1e7, &BranchOptions::new(22.0, 23.5)), @"no solution at 22.000000 Hz: Newton's method did not converge; try to start elsewhere, away from a resonance, or with less excitation");
 }
 
-/// The motions and bifurcations up to the early end are those of the whole walk.
+/// The motions and bifurcations up to the early end are those of the whole continuation.
 #[test]
 fn results_before_the_end_are_kept() {
     let options = BranchOptions::new(21.0, 23.5);
-    let whole = walk(60.0, &options).unwrap();
+    let whole = traced(60.0, &options).unwrap();
     let fold = whole.bifurcations[1].index;
     for most_points in [1, 10, fold + 2] {
-        let early = walk(60.0, &BranchOptions { most_points, ..options }).unwrap_err();
+        let early = traced(60.0, &BranchOptions { most_points, ..options }).unwrap_err();
         assert_eq!(early.so_far.orbits, whole.orbits[..most_points]);
         let before = whole.bifurcations.iter().filter(|event| event.index < most_points).count();
         assert_eq!(early.so_far.bifurcations, whole.bifurcations[..before]);
         assert_eq!(early.so_far.work.steps, most_points - 1);
         assert_eq!(AnalysisError::from(early.clone()), early.reason);
     }
-    let none = walk(60.0, &BranchOptions::new(-1.0, 23.5)).unwrap_err();
+    let none = traced(60.0, &BranchOptions::new(-1.0, 23.5)).unwrap_err();
     assert_eq!(*none.so_far, Branch::default());
 }
 
-/// Springs of 200 N·m/rad do not hold the arm upright: as β1 goes from hanging (−90°) to hanging (270°) the walk ends
-/// where the arm falls.
+/// Springs of 200 N·m/rad do not hold the arm upright: as β1 goes from hanging (−90°) to hanging (270°) the
+/// continuation ends where the arm falls.
 #[test]
-fn a_walk_ends_where_the_arm_falls() {
+fn a_continuation_ends_where_the_arm_falls() {
     let gravity = Some(Gravity { gravity_m_s2: 9.806_65, mass1_kg: 0.0, centre1_m: 0.0 });
     let parameters = Parameters { stiffness1_nm_rad: 200.0, gravity, ..Preset::Irb1600Fitted.parameters().unwrap() };
     let arm = Arm::new(parameters, Pose { beta1_deg: -90.0, beta2_deg: 0.0 }).unwrap();
@@ -56,7 +56,7 @@ fn a_walk_ends_where_the_arm_falls() {
 /// Curves of folds and backbones keep their points, too.
 #[test]
 fn curves_and_backbones_are_kept() {
-    let branch = walk(60.0, &BranchOptions::new(21.0, 23.5)).unwrap();
+    let branch = traced(60.0, &BranchOptions::new(21.0, 23.5)).unwrap();
     let amplitude = Coordinate::Parameter(ArmParameter::Amplitude);
     let folds = |options: &BranchOptions| {
         trace_singular(forced(60.0, 60.0), &branch.bifurcations[0], Coordinate::FrequencyHz, amplitude, options)
@@ -77,7 +77,7 @@ fn curves_and_backbones_are_kept() {
     insta::assert_snapshot!(early, @"the branch has more than 7 points and has come to 22.157512 Hz; try to allow more points or larger steps");
 }
 
-/// A place is given with the unit of the walk's parameter.
+/// A place is given with the unit of the continuation's parameter.
 #[test]
 fn messages_name_the_unit() {
     let says = |load, parameter, from: f64, to: f64| {

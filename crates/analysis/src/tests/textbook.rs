@@ -2,7 +2,7 @@
 
 use nalgebra::{Matrix2, Normed as _, Vector2};
 
-use crate::continuation::Settings;
+use crate::continuation::ContinuationSettings;
 use crate::*;
 
 /// In the first degree of freedom the equation named, in the second ÿ + ẏ + 7y = 0.
@@ -167,7 +167,7 @@ fn mathieu_doubles_its_period_at_the_characteristic_values() {
     let coordinate = Coordinate::Parameter(());
     let options = |from, to| {
         let options = BranchOptions::new(from, to);
-        BranchOptions { walk: Settings { state_floor: 0.1, ..options.walk }, ..options }
+        BranchOptions { continuation: ContinuationSettings { state_floor: 0.1, ..options.continuation }, ..options }
     };
     let branch = trace(mathieu.clone(), frequency_hz, coordinate, &options(-0.6, 2.5)).unwrap();
     let expected = [

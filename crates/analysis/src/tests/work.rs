@@ -4,7 +4,7 @@ use super::arm::{backbone_options, forced};
 use crate::continuation::Work;
 use crate::*;
 
-fn walk(beta2_deg: f64, torque1_nm: f64, from: f64, to: f64) -> Branch {
+fn traced(beta2_deg: f64, torque1_nm: f64, from: f64, to: f64) -> Branch {
     let options = BranchOptions::new(from, to);
     trace(forced(beta2_deg, torque1_nm), from, Coordinate::FrequencyHz, &options).unwrap()
 }
@@ -25,12 +25,12 @@ fn of_branch(branch: &Branch) -> String {
 
 #[test]
 fn branches() {
-    insta::assert_snapshot!(of_branch(&walk(60.0, 60.0, 21.0, 23.5)), @r"
+    insta::assert_snapshot!(of_branch(&traced(60.0, 60.0, 21.0, 23.5)), @r"
     70 motions: 191 evaluations, 191 factorizations, 69 steps, 0 back
     2 bifurcations: 6 evaluations, 6 factorizations, 0 steps, 0 back
     stability of 78 motions: 3668 steps
     ");
-    insta::assert_snapshot!(of_branch(&walk(60.0, 60.0, 80.0, 0.5)), @r"
+    insta::assert_snapshot!(of_branch(&traced(60.0, 60.0, 80.0, 0.5)), @r"
     283 motions: 668 evaluations, 668 factorizations, 282 steps, 3 back
     2 bifurcations: 6 evaluations, 6 factorizations, 0 steps, 0 back
     stability of 368 motions: 32894 steps
@@ -39,7 +39,7 @@ fn branches() {
 
 #[test]
 fn doubled_branches() {
-    let branch = walk(75.0, 800.0, 40.0, 50.0);
+    let branch = traced(75.0, 800.0, 40.0, 50.0);
     insta::assert_snapshot!(of_branch(&branch), @r"
     59 motions: 173 evaluations, 173 factorizations, 58 steps, 0 back
     6 bifurcations: 19 evaluations, 19 factorizations, 0 steps, 0 back
@@ -63,9 +63,9 @@ fn curves_in_two_parameters() {
         let curve = trace_singular(forced, bifurcation, Coordinate::FrequencyHz, amplitude, &options).unwrap();
         counts(curve.points.len(), curve.work)
     };
-    let folds = walk(60.0, 60.0, 21.0, 23.5).bifurcations;
+    let folds = traced(60.0, 60.0, 21.0, 23.5).bifurcations;
     insta::assert_snapshot!(curve(60.0, 60.0, 5.0, &folds[0]), @"81 motions: 183 evaluations, 183 factorizations, 80 steps, 2 back");
-    let doublings = walk(75.0, 800.0, 40.0, 50.0).bifurcations;
+    let doublings = traced(75.0, 800.0, 40.0, 50.0).bifurcations;
     insta::assert_snapshot!(curve(75.0, 800.0, 1200.0, &doublings[5]), @"12 motions: 24 evaluations, 24 factorizations, 11 steps, 0 back");
 }
 

@@ -15,10 +15,9 @@ use super::settle::{CLOSURE, STRETCH};
 use super::{StroboscopicMap, TimeDomainError};
 use crate::orbit::{Branch, Orbit};
 use crate::{BranchOptions, Coordinate, EndedEarly, ForcedArm, forced_response, trace_doublings};
-use resonarm_dynamics::arm::Sine;
-use resonarm_dynamics::arm::{Arm, State};
+use resonarm_dynamics::arm::{Arm, Sine, State};
 
-/// The branch is walked between these multiples of the frequency to find the motions at it.
+/// The branch is traced between these multiples of the frequency to find the motions at it.
 const WINDOW: [f64; 2] = [0.75, 4.0 / 3.0];
 
 /// A coordinate of the arm's state.
@@ -118,10 +117,10 @@ pub struct StableMotion {
     points: Vec<FixedPoint>,
 }
 
-/// The fate of an initial state.
+/// What becomes of an initial state.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "lowercase")]
-pub enum Outcome {
+pub enum BasinOutcome {
     /// It reaches a stable motion.
     Reaches {
         /// Its index.
@@ -136,7 +135,7 @@ pub enum Outcome {
 }
 
 /// The stable motions of an arm under a sine: those of the branch over the frequency, and of the doubled branches that
-/// leave it, at this frequency, in order of max |α1|. The branch is walked from ¾ to 4/3 of the frequency; branches
+/// leave it, at this frequency, in order of max |α1|. The branch is traced from ¾ to 4/3 of the frequency; branches
 /// that end early are returned too, and motions beyond their ends are missing.
 ///
 /// If two neighbours on a branch are on both sides of the frequency, Newton's method leads from the motion between them
@@ -148,8 +147,8 @@ pub fn stable_motions(arm: &Arm, sine: &Sine) -> Result<(Vec<StableMotion>, Vec<
     let map = StroboscopicMap::new(arm, *sine)?;
     let hz = sine.frequency_hz;
     let mut early = Vec::new();
-    let mut keep = |walked: Result<Branch, EndedEarly<Branch>>| {
-        walked.unwrap_or_else(|ended| {
+    let mut keep = |traced: Result<Branch, EndedEarly<Branch>>| {
+        traced.unwrap_or_else(|ended| {
             early.push(ended.clone());
             *ended.so_far
         })
@@ -236,14 +235,14 @@ pub fn outcomes(
     starts: &[State],
     time_constants: f64,
     stop: &dyn Fn() -> bool,
-) -> Result<Vec<Outcome>, TimeDomainError> {
+) -> Result<Vec<BasinOutcome>, TimeDomainError> {
     if !(time_constants.is_finite() && time_constants > 0.0) {
         return Err(TimeDomainError::Option { name: "time_constants", got: time_constants });
     }
     let longest = libm::ceil(time_constants * map.time_constant_periods()) as u64;
     let unit = motions.iter().fold(1, |unit, motion| least_common_multiple(unit, u64::from(motion.period)));
     let stretch = (libm::ceil(STRETCH * map.time_constant_periods()) as u64).max(1).div_ceil(unit) * unit;
-    let mut outcomes = alloc::vec![Outcome::Undecided; starts.len()];
+    let mut outcomes = alloc::vec![BasinOutcome::Undecided; starts.len()];
     let mut left: Vec<usize> = (0..starts.len()).collect();
     let mut states = starts.to_vec();
     let mut periods = 0;
@@ -254,18 +253,18 @@ pub fn outcomes(
         for (slot, state) in states.iter().enumerate() {
             let after = map.point(state);
             outcomes[left[slot]] = if !state.is_finite() {
-                Outcome::Diverges
+                BasinOutcome::Diverges
             } else if let Some(motion) =
                 motions.iter().position(|motion| motion.captures(&before[slot], &after, stretch))
             {
-                Outcome::Reaches { motion, periods }
+                BasinOutcome::Reaches { motion, periods }
             } else {
-                Outcome::Undecided
+                BasinOutcome::Undecided
             };
         }
         // The others continue together.
-        let goes_on = |slot: &usize| outcomes[left[*slot]] == Outcome::Undecided;
-        let slots: Vec<usize> = (0..left.len()).filter(goes_on).collect();
+        let is_undecided = |slot: &usize| outcomes[left[*slot]] == BasinOutcome::Undecided;
+        let slots: Vec<usize> = (0..left.len()).filter(is_undecided).collect();
         (left, states) = slots.into_iter().map(|slot| (left[slot], states[slot])).unzip();
     }
     Ok(outcomes)

@@ -43,7 +43,7 @@ pub(super) fn measure(map: &StroboscopicMap, start: &State, periods: u32) -> Res
         if period < periods {
             section.push(state);
         }
-        state = map.walk(&state, |step, state| {
+        state = map.advance_visiting(&state, |step, state| {
             if let Some((last_step, last_state)) = last {
                 for joint in 0..2 {
                     turns.extend(turn(joint, last_step, &last_state, state));
@@ -73,7 +73,7 @@ pub(super) fn measure(map: &StroboscopicMap, start: &State, periods: u32) -> Res
 pub fn readings(map: &StroboscopicMap, start: &State, period: Option<u32>) -> Result<Readings, TimeDomainError> {
     let (mut sums, mut state) = (Sums::new(map.arm()), *start);
     for _ in 0..period.unwrap_or(UNSETTLED_PERIODS).max(1) {
-        state = map.walk(&state, |step, state| {
+        state = map.advance_visiting(&state, |step, state| {
             sums.add(state, TAU * f64::from(step) / f64::from(map.steps_per_period()));
             Ok(())
         })?;

@@ -7,8 +7,7 @@ use nalgebra::{Matrix4, Vector4};
 
 use super::TimeDomainError;
 use crate::modes;
-use resonarm_dynamics::arm::Sine;
-use resonarm_dynamics::arm::{Arm, State};
+use resonarm_dynamics::arm::{Arm, Sine, State};
 use resonarm_dynamics::ensemble;
 use resonarm_dynamics::integrate::{Excitation, IntegrateError, Integrator, Scheme};
 
@@ -107,7 +106,7 @@ impl<'a> StroboscopicMap<'a> {
     /// # Errors
     /// [`TimeDomainError::Integrate`] if a step can't be made.
     pub fn advance(&self, state: &State) -> Result<State, TimeDomainError> {
-        self.walk(state, |_step, _state| Ok(()))
+        self.advance_visiting(state, |_step, _state| Ok(()))
     }
 
     /// The states a number of periods after `states`, all at phase 0, side by side; each has the bits of
@@ -128,7 +127,7 @@ impl<'a> StroboscopicMap<'a> {
     }
 
     /// One period; calls back with each step's number, 0 to N − 1, and the state at its start.
-    pub(super) fn walk(
+    pub(super) fn advance_visiting(
         &self,
         state: &State,
         mut visit: impl FnMut(u32, &State) -> Result<(), TimeDomainError>,

@@ -8,8 +8,7 @@ use alloc::vec::Vec;
 use serde::{Deserialize, Serialize};
 
 use super::TimeDomainError;
-use resonarm_dynamics::arm::Load;
-use resonarm_dynamics::arm::Sine;
+use resonarm_dynamics::arm::{Load, Sine};
 
 /// Most points of a sweep.
 const MOST_POINTS: u32 = 1_000_000;

@@ -7,8 +7,7 @@ use crate::tests::arm_at;
 use crate::{
     ArmParameter, Bifurcation, BifurcationKind, BranchOptions, Coordinate, ForcedArm, FrequencyResponse, Orbit, trace,
 };
-use resonarm_dynamics::arm::Sine;
-use resonarm_dynamics::arm::{Arm, Load, Parameters, Pose, Preset, State};
+use resonarm_dynamics::arm::{Arm, Load, Parameters, Pose, Preset, Sine, State};
 use resonarm_dynamics::integrate::{Integrator, Scheme};
 
 fn fitted(beta2_deg: f64) -> Arm {

@@ -292,10 +292,10 @@ impl Harmonic {
             let (change, effect) = (self.command_n - command_n, head_n - head_before_n);
             let expected = self.ratio * derived_transfer * change;
             let of_motion = head_n - self.ratio * derived_transfer * self.command_n;
-            let telling =
+            let is_conclusive =
                 size(expected) > CANCELLED * fundamental_n && off * size(of_motion) < STRANGE * size(expected);
             let ratio = effect / change / derived_transfer;
-            if telling && (1.0 / LARGEST_RATIO..LARGEST_RATIO).contains(&size(ratio)) {
+            if is_conclusive && (1.0 / LARGEST_RATIO..LARGEST_RATIO).contains(&size(ratio)) {
                 self.ratio = ratio;
             }
         }

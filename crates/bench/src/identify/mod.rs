@@ -19,7 +19,7 @@ pub use angle_history::{AngleHistory, AngleSettings, Residual, joint_angles};
 pub use double_integration::Integration;
 pub use error::IdentifyError;
 pub use frequency_response::{Averaging, FrequencyResponseEstimate, frequency_response};
-pub use modes::{Identification, IdentifiedMode, MOST_NOISE_SHARE, Part, RejectedPeak, Rejection, modes};
+pub use modes::{FittedPart, Identification, IdentifiedMode, MOST_NOISE_SHARE, RejectedPeak, Rejection, modes};
 pub use record::{Band, CHANNELS, Direction, Record};
 
 #[cfg(test)]

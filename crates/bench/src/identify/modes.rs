@@ -34,7 +34,7 @@ const LINEAR: f64 = 3.0;
 /// Which part of the record a mode was fitted to.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize)]
 #[serde(rename_all = "kebab-case")]
-pub enum Part {
+pub enum FittedPart {
     /// All of it, under the force.
     Forced,
     /// The ring-down after the force has ended, which is at least half of the record.
@@ -63,7 +63,7 @@ pub struct IdentifiedMode {
     /// Lines of the transform that were fitted.
     pub lines: usize,
     /// The part of the record that they are from.
-    pub part: Part,
+    pub part: FittedPart,
 }
 
 /// A mode, or the reason why there is none.
@@ -103,7 +103,7 @@ pub enum Rejection {
 /// A stretch of a record, transformed without a window, in and around a band.
 struct Stretch<'a> {
     record: &'a Record,
-    part: Part,
+    part: FittedPart,
     samples: usize,
     /// First and number of the lines in the band.
     band: (usize, usize),
@@ -178,7 +178,7 @@ impl<'a> Stretch<'a> {
         let [_, end] = record.forced();
         // A shaker's armature continues to load the arm, by a force that the head reads.
         let rings_down = !record.has_shaker() && 2 * end <= record.samples();
-        let (part, from) = if rings_down { (Part::RingDown, end) } else { (Part::Forced, 0) };
+        let (part, from) = if rings_down { (FittedPart::RingDown, end) } else { (FittedPart::Forced, 0) };
         let samples = record.samples() - from;
         let spacing_hz = record.rate_hz() / samples as f64;
         let low = libm::ceil(band.from_hz / spacing_hz).max(1.0) as usize;
@@ -193,7 +193,7 @@ impl<'a> Stretch<'a> {
         let behind = low + count;
         let end = (behind + half).max(behind + behind / 2).min(samples / 2).max(behind + 1);
         let transform = dft::Lines::new(samples, samples, first, end - first);
-        let taper = (part == Part::Forced && record.dies_out()).then_some(TAPER);
+        let taper = (part == FittedPart::Forced && record.dies_out()).then_some(TAPER);
         let window = |n: usize| taper.map_or(1.0, |taper| libm::exp(-taper * n as f64 / samples as f64));
         let windowed = |(n, value): (usize, &f64)| Complex::new(value * window(n), 0.0);
         let lines = |values: &[f64]| transform.transform(values[from..].iter().enumerate().map(windowed));
@@ -229,7 +229,7 @@ impl<'a> Stretch<'a> {
         for (lines, noise) in self.channels.iter().zip(self.record.acceleration_noise_m_s2()) {
             self.add_power(&mut response, lines, 1.0 / (noise * noise));
         }
-        if self.part == Part::RingDown {
+        if self.part == FittedPart::RingDown {
             return self.peaks_of(&response);
         }
         // Noise is the lower bound of the force: that of a line is M σ², 3/2 as much under the Hann window.
@@ -306,7 +306,7 @@ impl<'a> Stretch<'a> {
         let response =
             (0..count).map(|k| (0..CHANNELS).map(|i| channels[i][k] * (combination[i] / noise[i])).sum()).collect();
         let root = libm::sqrt(samples as f64 * self.window_power());
-        let force = (self.part == Part::Forced).then(|| self.force[within].to_vec());
+        let force = (self.part == FittedPart::Forced).then(|| self.force[within].to_vec());
         let noises = [root, self.record.force_noise_n() * root];
         let lines = Lines { samples, centre, first, response, force, taper: self.taper, noise: noises };
         // A pole far from the peak belongs to another mode, or to none.

@@ -57,7 +57,7 @@ const RANDOM: Waveform = Waveform::Random { from_hz: 5.0, to_hz: 80.0, duration_
 const IMPACT: Waveform = Waveform::Impulse { pulse_s: 0.008, duration_s: 30.0 };
 
 /// Frequencies within 0.01 %, damping ratios within 5 %, and both within their deviations.
-fn assert_found(record: &Record, beta2_deg: f64, part: Part) {
+fn assert_found(record: &Record, beta2_deg: f64, part: FittedPart) {
     let found = modes(record, BAND).unwrap().modes;
     let expected = analysis::modes(&arm(beta2_deg));
     assert_eq!(found.len(), 2, "{found:?}");
@@ -76,14 +76,14 @@ fn assert_found(record: &Record, beta2_deg: f64, part: Part) {
 #[test]
 fn random_force_gives_frequencies_and_damping() {
     for beta2_deg in [60.0, 120.0] {
-        assert_found(&recorded(&spec(beta2_deg), force(3.0, 4.0), RANDOM).unwrap(), beta2_deg, Part::Forced);
+        assert_found(&recorded(&spec(beta2_deg), force(3.0, 4.0), RANDOM).unwrap(), beta2_deg, FittedPart::Forced);
     }
 }
 
 #[test]
 fn an_impact_gives_frequencies_and_damping() {
     for beta2_deg in [60.0, 120.0] {
-        assert_found(&recorded(&spec(beta2_deg), force(18.0, 24.0), IMPACT).unwrap(), beta2_deg, Part::RingDown);
+        assert_found(&recorded(&spec(beta2_deg), force(18.0, 24.0), IMPACT).unwrap(), beta2_deg, FittedPart::RingDown);
     }
 }
 

@@ -19,7 +19,7 @@ const ANSWERS: usize = 2;
 pub type ExciterNode = node::ExciterNode<Carried>;
 
 /// How a controller's work ended.
-pub type Outcome = node::Outcome<Abort>;
+pub type ExciterOutcome = node::ExciterOutcome<Abort>;
 
 /// A controller in the exciter's node, and the responses it has read.
 #[derive(Debug)]

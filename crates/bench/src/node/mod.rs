@@ -26,7 +26,7 @@ mod plant;
 mod refusals;
 mod sample;
 
-pub use carried::{Carried, ExciterNode, Outcome, carry};
+pub use carried::{Carried, ExciterNode, ExciterOutcome, carry};
 pub use plant::PlantNode;
 pub use refusals::Refusals;
 pub use resonarm_protocol::Refusal;

@@ -198,7 +198,7 @@ impl PlantNode {
             }
             Message::Emergency(emergency) if !emergency.code.is_notice() => {
                 self.exciter_fault = Some(emergency);
-                self.link.tell(NodeEvent::PartnerEmergency(emergency));
+                self.link.report(NodeEvent::PartnerEmergency(emergency));
             }
             _ => {}
         }
@@ -280,7 +280,7 @@ impl PlantNode {
     /// The exciter leaves the bus: it is forgotten, and an armed plant disarms.
     fn exciter_left(&mut self, now_ns: u64, emergency: Emergency) {
         self.forget_partner();
-        self.link.tell(NodeEvent::Emergency(emergency));
+        self.link.report(NodeEvent::Emergency(emergency));
         if self.is_armed() {
             self.exit(now_ns, StateEvent::Disarm);
         }
@@ -302,7 +302,7 @@ impl PlantNode {
             Err(refusal) => {
                 self.refused_since_taken += 1;
                 self.refusals.add(refusal);
-                self.link.tell(NodeEvent::Refused(refusal));
+                self.link.report(NodeEvent::Refused(refusal));
                 if refusal == Refusal::Travel {
                     self.fault(now_ns, EmergencyCode::ExciterTripped, Trip::Travel as u16);
                 }

@@ -115,7 +115,7 @@ impl Bench {
         (0..ticks).for_each(|_| self.tick());
     }
 
-    fn outcome(&self) -> Option<Outcome> {
+    fn outcome(&self) -> Option<ExciterOutcome> {
         self.exciter.as_ref().and_then(ExciterNode::outcome)
     }
 
@@ -132,7 +132,7 @@ impl Bench {
 fn plays_a_profile_from_arming_to_disarming() {
     let mut bench = Bench::new(0.5);
     bench.run(600);
-    assert_eq!(bench.outcome(), Some(Outcome::Finished));
+    assert_eq!(bench.outcome(), Some(ExciterOutcome::Finished));
     assert_eq!(bench.plant.state(), NodeState::PreOperational);
     let expected = profile(0.5);
     // The wire has 50 counts a newton.
@@ -166,7 +166,7 @@ fn a_dead_controller_brings_the_force_to_zero_in_time_and_latches() {
     second.start(bench.now_ns);
     bench.exciter = Some(second);
     bench.run(600);
-    assert_eq!(bench.outcome(), Some(Outcome::Finished));
+    assert_eq!(bench.outcome(), Some(ExciterOutcome::Finished));
     assert!(bench.loads[died + 500..].iter().any(|load| load.force_n.x.abs() > 15.0));
 }
 
@@ -179,7 +179,7 @@ fn a_controller_that_lost_the_plant_faults() {
         exciter.handle_deadline(bench.now_ns + tick * TICK_NS);
         while exciter.poll_transmit().is_some() {}
     }
-    let Some(Outcome::Faulted(emergency)) = exciter.outcome() else { panic!("{:?}", exciter.outcome()) };
+    let Some(ExciterOutcome::Faulted(emergency)) = exciter.outcome() else { panic!("{:?}", exciter.outcome()) };
     assert_eq!((emergency.node, emergency.code), (NodeName::Exciter, EmergencyCode::SensorTimeout));
 }
 
@@ -201,7 +201,7 @@ fn lost_repeated_and_corrupt_commands_do_no_harm() {
     bench.run(20);
     bench.wire = bad;
     bench.run(1500);
-    assert_eq!(bench.outcome(), Some(Outcome::Finished));
+    assert_eq!(bench.outcome(), Some(ExciterOutcome::Finished));
     assert!(bench.plant.refused_frames() > 200 && bench.plant.lost_frames() > 100);
     assert!(bench.loads.iter().all(|load| load.force_n.x.abs() <= 20.0));
     assert_eq!(bench.emergencies(), []);
@@ -255,7 +255,7 @@ fn nodes_that_do_not_fit_never_arm() {
     while let Some(frame) = plant.poll_transmit() {
         exciter.handle_frame(0, &frame);
     }
-    let Some(Outcome::Faulted(emergency)) = exciter.outcome() else { panic!("{:?}", exciter.outcome()) };
+    let Some(ExciterOutcome::Faulted(emergency)) = exciter.outcome() else { panic!("{:?}", exciter.outcome()) };
     assert_eq!((emergency.code, emergency.detail), (EmergencyCode::Incompatible, 4));
 
     let mut transmitter = Transmitter::new(Network::default());

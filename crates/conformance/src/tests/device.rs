@@ -3,7 +3,7 @@
 use std::collections::VecDeque;
 
 use super::super::{BusOff, Stopped, Wire};
-use super::flaws::{Ears, Flaw, Mouth};
+use super::flaws::{Flaw, ReceiveState, SendState};
 use resonarm_bench::control::OpenLoop;
 use resonarm_bench::excitation::{Amplitude, ExcitationSpec, Profile as Excitation, Waveform};
 use resonarm_bench::node::{self, ExciterNode, PlantNode, Timing};
@@ -37,9 +37,9 @@ fn timing(mode: Mode) -> Timing {
 
 /// A node as seen from the bus.
 pub trait Device {
-    fn hear(&mut self, now_ns: u64, frame: &Frame);
+    fn handle_frame(&mut self, now_ns: u64, frame: &Frame);
     fn tick(&mut self, now_ns: u64);
-    fn say(&mut self) -> Option<Frame>;
+    fn poll_transmit(&mut self) -> Option<Frame>;
     /// Its controller is bus-off.
     fn lose_bus(&mut self, _now_ns: u64) {}
 }
@@ -48,9 +48,9 @@ pub trait Device {
 pub struct Nobody;
 
 impl Device for Nobody {
-    fn hear(&mut self, _: u64, _: &Frame) {}
+    fn handle_frame(&mut self, _: u64, _: &Frame) {}
     fn tick(&mut self, _: u64) {}
-    fn say(&mut self) -> Option<Frame> {
+    fn poll_transmit(&mut self) -> Option<Frame> {
         None
     }
 }
@@ -106,7 +106,7 @@ impl Virtual {
             return;
         }
         for frame in self.waiting.drain(..) {
-            self.device.hear(self.ticked_ns, &frame);
+            self.device.handle_frame(self.ticked_ns, &frame);
         }
         self.device.tick(self.ticked_ns);
         if self.ticked_ns >= self.off_until_ns {
@@ -115,7 +115,7 @@ impl Virtual {
     }
 
     fn collect(&mut self) {
-        self.frames.extend(std::iter::from_fn(|| self.device.say()));
+        self.frames.extend(std::iter::from_fn(|| self.device.poll_transmit()));
     }
 }
 
@@ -132,7 +132,7 @@ impl Wire for Virtual {
             self.waiting.push(*frame);
             return Ok(());
         }
-        self.device.hear(self.now_ns, frame);
+        self.device.handle_frame(self.now_ns, frame);
         self.collect();
         Ok(())
     }
@@ -178,8 +178,8 @@ pub struct PlantDevice {
     pub counters: [u8; 16],
     /// Makes the frames that the node believes it heard.
     pub transmitter: Transmitter,
-    pub ears: Ears,
-    pub mouth: Mouth,
+    pub receive_state: ReceiveState,
+    pub send_state: SendState,
 }
 
 impl PlantDevice {
@@ -213,8 +213,8 @@ impl PlantDevice {
             is_awaited: false,
             counters: [0; 16],
             transmitter: Transmitter::new(network),
-            ears: Ears::default(),
-            mouth: Mouth::default(),
+            receive_state: ReceiveState::default(),
+            send_state: SendState::default(),
         }
     }
 }
@@ -270,15 +270,15 @@ fn limits(flaw: Option<Flaw>) -> GateSpec {
 }
 
 impl Device for PlantDevice {
-    fn hear(&mut self, now_ns: u64, frame: &Frame) {
+    fn handle_frame(&mut self, now_ns: u64, frame: &Frame) {
         for frame in self.alter_heard(frame) {
             self.node.handle_frame(now_ns, &frame);
         }
     }
 
     fn tick(&mut self, now_ns: u64) {
-        self.ears = self.ears.rested();
-        self.mouth.now_ns = now_ns;
+        self.receive_state = self.receive_state.rested();
+        self.send_state.now_ns = now_ns;
         self.node.handle_deadline(now_ns);
         match self.mode {
             Mode::Lockstep if self.waits() => {}
@@ -300,10 +300,10 @@ impl Device for PlantDevice {
         self.node.bus_lost(now_ns);
     }
 
-    fn say(&mut self) -> Option<Frame> {
+    fn poll_transmit(&mut self) -> Option<Frame> {
         loop {
-            let Some(frame) = self.node.poll_transmit() else { return self.mouth.due() };
-            if let Some(frame) = self.alter_said(frame) {
+            let Some(frame) = self.node.poll_transmit() else { return self.send_state.due() };
+            if let Some(frame) = self.alter_sent(frame) {
                 return Some(frame);
             }
         }
@@ -318,8 +318,8 @@ pub struct ExciterDevice {
     pub is_dead: bool,
     /// Makes the frames that the node believes it heard.
     pub transmitter: Transmitter,
-    pub ears: Ears,
-    pub mouth: Mouth,
+    pub receive_state: ReceiveState,
+    pub send_state: SendState,
 }
 
 impl ExciterDevice {
@@ -351,8 +351,8 @@ impl ExciterDevice {
             flaw,
             is_dead: false,
             transmitter: Transmitter::new(network),
-            ears: Ears::default(),
-            mouth: Mouth::default(),
+            receive_state: ReceiveState::default(),
+            send_state: SendState::default(),
         }
     }
 
@@ -365,7 +365,7 @@ impl ExciterDevice {
 }
 
 impl Device for ExciterDevice {
-    fn hear(&mut self, now_ns: u64, frame: &Frame) {
+    fn handle_frame(&mut self, now_ns: u64, frame: &Frame) {
         for frame in self.alter_heard(frame) {
             self.node.handle_frame(now_ns, &frame);
         }
@@ -373,8 +373,8 @@ impl Device for ExciterDevice {
     }
 
     fn tick(&mut self, now_ns: u64) {
-        self.ears = self.ears.rested();
-        self.mouth.now_ns = now_ns;
+        self.receive_state = self.receive_state.rested();
+        self.send_state.now_ns = now_ns;
         if !self.node.is_quiet() {
             self.node.handle_deadline(now_ns);
             self.leave(now_ns);
@@ -385,10 +385,10 @@ impl Device for ExciterDevice {
         self.node.bus_lost(now_ns);
     }
 
-    fn say(&mut self) -> Option<Frame> {
+    fn poll_transmit(&mut self) -> Option<Frame> {
         loop {
-            let Some(frame) = self.node.poll_transmit() else { return self.mouth.due() };
-            if let Some(frame) = self.alter_said(frame) {
+            let Some(frame) = self.node.poll_transmit() else { return self.send_state.due() };
+            if let Some(frame) = self.alter_sent(frame) {
                 return Some(frame);
             }
         }
@@ -409,27 +409,27 @@ impl StartedAgain {
 }
 
 impl Device for StartedAgain {
-    fn hear(&mut self, now_ns: u64, frame: &Frame) {
+    fn handle_frame(&mut self, now_ns: u64, frame: &Frame) {
         match now_ns < self.listens_from_ns {
             true => self.waiting.push(*frame),
-            false => self.exciter.hear(now_ns, frame),
+            false => self.exciter.handle_frame(now_ns, frame),
         }
     }
 
     fn tick(&mut self, now_ns: u64) {
         if now_ns >= self.listens_from_ns {
             for frame in self.waiting.drain(..) {
-                self.exciter.hear(now_ns, &frame);
+                self.exciter.handle_frame(now_ns, &frame);
             }
         }
-        if self.exciter.node.is_quiet() && self.exciter.mouth.is_empty() {
+        if self.exciter.node.is_quiet() && self.exciter.send_state.is_empty() {
             self.exciter = ExciterDevice::with(self.exciter.network, self.exciter.flaw);
         }
         self.exciter.tick(now_ns);
     }
 
-    fn say(&mut self) -> Option<Frame> {
-        self.exciter.say()
+    fn poll_transmit(&mut self) -> Option<Frame> {
+        self.exciter.poll_transmit()
     }
 
     fn lose_bus(&mut self, now_ns: u64) {

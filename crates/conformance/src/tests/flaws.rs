@@ -113,9 +113,9 @@ pub enum Flaw {
     Impatient,
 }
 
-/// State of the frames heard that a flaw needs.
+/// State of the frames received that a flaw needs.
 #[derive(Clone, Copy, Debug, Default)]
-pub struct Ears {
+pub struct ReceiveState {
     distracted_ticks: u8,
     refused: u32,
     has_heard_pair: bool,
@@ -125,15 +125,15 @@ pub struct Ears {
 
 /// State of the frames sent that a flaw needs.
 #[derive(Clone, Debug, Default)]
-pub struct Mouth {
+pub struct SendState {
     pub now_ns: u64,
-    said_state: Option<NodeState>,
+    last_state: Option<NodeState>,
     counters: [u8; MessageKind::COUNT],
     /// Delayed frames, with their times.
     late: VecDeque<(u64, Frame)>,
 }
 
-impl Mouth {
+impl SendState {
     /// A delayed frame that is due.
     pub fn due(&mut self) -> Option<Frame> {
         let (at_ns, frame) = *self.late.front()?;
@@ -160,9 +160,9 @@ impl Mouth {
                 Some(rewritten(network, &frame, |data| data[1] = data[1] & 0xF0 | counter))
             }
             Some(Flaw::Late(state)) if !is_protected => {
-                let before = self.said_state;
-                let is_late = !says_nothing_new(&frame, network, &mut self.said_state)
-                    && self.said_state == Some(state)
+                let before = self.last_state;
+                let is_late = !repeats_state(&frame, network, &mut self.last_state)
+                    && self.last_state == Some(state)
                     && before.is_some_and(|before| before != NodeState::BootUp);
                 if is_late {
                     self.late.push_back((self.now_ns + 80_000_000, frame));
@@ -173,7 +173,7 @@ impl Mouth {
             Some(Flaw::OtherStart) if is_protected => Some(with_crc(network, frame, 0x1D, 0xFF, 0)),
             Some(Flaw::OtherDataId) if is_protected => Some(with_crc(network, frame, 0x1D, 0x00, 0x0100)),
             Some(Flaw::WrongHash) => Some(hashed_wrongly(network, frame)),
-            Some(Flaw::NoHeartbeats) if says_nothing_new(&frame, network, &mut self.said_state) => None,
+            Some(Flaw::NoHeartbeats) if repeats_state(&frame, network, &mut self.last_state) => None,
             Some(Flaw::HidesBusLoss) if reports_bus_loss(network, &frame) => None,
             _ => Some(frame),
         }
@@ -206,10 +206,10 @@ fn rebased(network: Network, frame: &Frame) -> Frame {
     }
 }
 
-impl Ears {
+impl ReceiveState {
     /// At the next tick.
-    pub fn rested(self) -> Ears {
-        Ears { distracted_ticks: self.distracted_ticks.saturating_sub(1), ..self }
+    pub fn rested(self) -> ReceiveState {
+        ReceiveState { distracted_ticks: self.distracted_ticks.saturating_sub(1), ..self }
     }
 
     /// Whether the flaw has the node miss this frame.
@@ -258,9 +258,9 @@ fn hashed_wrongly(network: Network, frame: Frame) -> Frame {
     }
 }
 
-fn says_nothing_new(frame: &Frame, network: Network, said: &mut Option<NodeState>) -> bool {
+fn repeats_state(frame: &Frame, network: Network, last: &mut Option<NodeState>) -> bool {
     let Some(Message::Heartbeat(Heartbeat { state, .. })) = read(network, frame) else { return false };
-    said.replace(state) == Some(state)
+    last.replace(state) == Some(state)
 }
 
 fn reports_bus_loss(network: Network, frame: &Frame) -> bool {
@@ -272,7 +272,7 @@ impl PlantDevice {
     pub fn alter_heard(&mut self, frame: &Frame) -> Vec<Frame> {
         let network = self.network;
         let frame = &if self.flaw == Some(Flaw::AnyBase) { rebased(network, frame) } else { *frame };
-        if self.ears.misses(self.flaw, network, frame) {
+        if self.receive_state.misses(self.flaw, network, frame) {
             return vec![];
         }
         let Some(kind) = kind(network, frame) else { return vec![*frame] };
@@ -310,13 +310,13 @@ impl PlantDevice {
             (Some(Flaw::TakesOlder), Some(Message::Force(command))) => {
                 let newest = (self.sample as u16).wrapping_sub(1);
                 let is_old = |answered: u16| (1..0x8000).contains(&answered.wrapping_sub(command.sample));
-                match self.ears.answered.filter(|answered| is_old(*answered)) {
+                match self.receive_state.answered.filter(|answered| is_old(*answered)) {
                     Some(_) if newest.wrapping_sub(command.sample) <= 20 => {
                         rewritten(network, frame, |data| data[6..8].copy_from_slice(&newest.to_le_bytes()))
                     }
                     Some(_) => *frame,
                     None => {
-                        self.ears.answered = Some(command.sample);
+                        self.receive_state.answered = Some(command.sample);
                         *frame
                     }
                 }
@@ -341,7 +341,7 @@ impl PlantDevice {
     }
 
     /// The frame sent instead.
-    pub fn alter_said(&mut self, frame: Frame) -> Option<Frame> {
+    pub fn alter_sent(&mut self, frame: Frame) -> Option<Frame> {
         let network = self.network;
         match (self.flaw, kind(network, &frame)) {
             (Some(Flaw::LosesCount), Some(MessageKind::AccelerometerB)) => {
@@ -356,7 +356,7 @@ impl PlantDevice {
             (Some(Flaw::ForgetsLimits), Some(MessageKind::PlantCapabilities)) => {
                 Some(rewritten(network, &frame, |data| data[8..12].copy_from_slice(&600_f32.to_le_bytes())))
             }
-            _ => self.mouth.alter(self.flaw, network, frame),
+            _ => self.send_state.alter(self.flaw, network, frame),
         }
     }
 }
@@ -366,7 +366,7 @@ impl ExciterDevice {
     pub fn alter_heard(&mut self, frame: &Frame) -> Vec<Frame> {
         let network = self.network;
         let frame = &if self.flaw == Some(Flaw::AnyBase) { rebased(network, frame) } else { *frame };
-        if self.ears.misses(self.flaw, network, frame) {
+        if self.receive_state.misses(self.flaw, network, frame) {
             return vec![];
         }
         let Some(_) = kind(network, frame) else { return vec![*frame] };
@@ -408,7 +408,7 @@ impl ExciterDevice {
     }
 
     /// The frame sent instead.
-    pub fn alter_said(&mut self, frame: Frame) -> Option<Frame> {
+    pub fn alter_sent(&mut self, frame: Frame) -> Option<Frame> {
         let network = self.network;
         if self.is_dead {
             return None;
@@ -424,7 +424,7 @@ impl ExciterDevice {
                 Some(rewritten(network, &frame, |data| data[8..12].copy_from_slice(&10_f32.to_le_bytes())))
             }
             (Some(_), Some(Message::Force(command))) => self.alter_command(frame, command),
-            _ => self.mouth.alter(self.flaw, network, frame),
+            _ => self.send_state.alter(self.flaw, network, frame),
         }
     }
 
@@ -432,7 +432,7 @@ impl ExciterDevice {
         let network = self.network;
         let by = match self.flaw {
             Some(Flaw::AnswersNext) => 1,
-            Some(Flaw::AnswersFirst) if self.ears.has_heard_pair => u16::MAX,
+            Some(Flaw::AnswersFirst) if self.receive_state.has_heard_pair => u16::MAX,
             Some(Flaw::AnswersLast) => u16::MAX,
             Some(Flaw::Unscaled) => {
                 let count = command.force_x_n.round() as i16;
@@ -445,7 +445,7 @@ impl ExciterDevice {
                     data[2..4].fill(0);
                 }));
             }
-            _ => return self.mouth.alter(self.flaw, network, frame),
+            _ => return self.send_state.alter(self.flaw, network, frame),
         };
         Some(rewritten(network, &frame, |data| {
             let at = if data.len() == 8 { 6 } else { 4 };

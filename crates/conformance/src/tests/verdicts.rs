@@ -99,7 +99,7 @@ fn a_node_that_forgets_the_limits_it_states_fails_the_case_for_it() {
 }
 
 /// The report on a node with a flaw, by the case for it.
-fn said(flaw: Flaw, case_id: &str) -> String {
+fn report(flaw: Flaw, case_id: &str) -> String {
     let network = Network::default();
     let tested = if case_id.starts_with("plant") { Node::Plant } else { Node::Exciter };
     let case = cases(tested, Mode::RealTime).find(|case| case.id == case_id).unwrap();
@@ -120,17 +120,17 @@ fn said(flaw: Flaw, case_id: &str) -> String {
 
 #[test]
 fn the_reason_describes_the_flaw() {
-    insta::assert_snapshot!(said(Flaw::StepsBy(2), "plant-counters"), @"failed: the counter of ImpedanceHead is 2 for sample 1 after 0 for sample 0: a step of 2, not 1");
-    insta::assert_snapshot!(said(Flaw::OneCounter, "exciter-counters"), @"failed: the first OperatorCommand after its boot has the counter 2, not 0");
-    insta::assert_snapshot!(said(Flaw::Late(NodeState::PreOperational), "plant-states"), @"failed: its heartbeat pre-operational after the request comes 80 samples late, not at once");
-    insta::assert_snapshot!(said(Flaw::Late(NodeState::Operational), "exciter-state-changes"), @"failed: it answers 80 samples before its heartbeat operational, which comes at once");
-    insta::assert_snapshot!(said(Flaw::IgnoresReset, "plant-reset"), @"failed: in fault it ignores the reset: no heartbeat pre-operational within 150 ms");
-    insta::assert_snapshot!(said(Flaw::CountsWallClock, "plant-stopped"), @"failed: stopped for 400 ms it takes its own silence for its partner's: plant, code 1: no valid command in time (none was refused), at sample 209");
-    insta::assert_snapshot!(said(Flaw::NeverLeaves, "exciter-leaves"), @"failed: it is silent for 1000 ms, and did not say before that it leaves");
-    insta::assert_snapshot!(said(Flaw::WrongHash, "plant-hello"), @"failed: its hello doesn't fit this program's (another DBC): version 1.2, DBC hash 0x066601, profile classic, 1000 Hz, not version 1.2, DBC hash 0x066600, profile classic, 1000 Hz");
-    insta::assert_snapshot!(said(Flaw::NoLatch, "plant-states"), @"failed: in the state fault the request arm makes it pre-operational");
-    insta::assert_snapshot!(said(Flaw::TakesOlder, "plant-older-command"), @"failed: it acts: the head reads -5.00 N at sample 260");
-    insta::assert_snapshot!(said(Flaw::BelievesHellos, "plant-arms-for-a-hello"), @"failed: it arms all the same: no hello seen");
+    insta::assert_snapshot!(report(Flaw::StepsBy(2), "plant-counters"), @"failed: the counter of ImpedanceHead is 2 for sample 1 after 0 for sample 0: a step of 2, not 1");
+    insta::assert_snapshot!(report(Flaw::OneCounter, "exciter-counters"), @"failed: the first OperatorCommand after its boot has the counter 2, not 0");
+    insta::assert_snapshot!(report(Flaw::Late(NodeState::PreOperational), "plant-states"), @"failed: its heartbeat pre-operational after the request comes 80 samples late, not at once");
+    insta::assert_snapshot!(report(Flaw::Late(NodeState::Operational), "exciter-state-changes"), @"failed: it answers 80 samples before its heartbeat operational, which comes at once");
+    insta::assert_snapshot!(report(Flaw::IgnoresReset, "plant-reset"), @"failed: in fault it ignores the reset: no heartbeat pre-operational within 150 ms");
+    insta::assert_snapshot!(report(Flaw::CountsWallClock, "plant-stopped"), @"failed: stopped for 400 ms it takes its own silence for its partner's: plant, code 1: no valid command in time (none was refused), at sample 209");
+    insta::assert_snapshot!(report(Flaw::NeverLeaves, "exciter-leaves"), @"failed: it is silent for 1000 ms, and did not say before that it leaves");
+    insta::assert_snapshot!(report(Flaw::WrongHash, "plant-hello"), @"failed: its hello doesn't fit this program's (another DBC): version 1.2, DBC hash 0x066601, profile classic, 1000 Hz, not version 1.2, DBC hash 0x066600, profile classic, 1000 Hz");
+    insta::assert_snapshot!(report(Flaw::NoLatch, "plant-states"), @"failed: in the state fault the request arm makes it pre-operational");
+    insta::assert_snapshot!(report(Flaw::TakesOlder, "plant-older-command"), @"failed: it acts: the head reads -5.00 N at sample 260");
+    insta::assert_snapshot!(report(Flaw::BelievesHellos, "plant-arms-for-a-hello"), @"failed: it arms all the same: no hello seen");
 }
 
 /// Only the machine's clock shows the delay, so the node fails at the third time.
@@ -157,7 +157,7 @@ fn an_exciter_whose_heartbeat_is_late_each_time_fails() {
 
 #[test]
 fn a_wrong_crc_is_shown_beside_the_right_one() {
-    insta::assert_snapshot!(said(Flaw::OtherPolynomial, "plant-hello"), @r"
+    insta::assert_snapshot!(report(Flaw::OtherPolynomial, "plant-hello"), @r"
     failed: its hello is wrong: PlantHello refused: CRC 0xD7 instead of 0x5E: 206#D70012006606E803, with the right CRC 206#5E0012006606E803 (3 times)
     PlantHello refused: CRC 0xD7 instead of 0x5E: 206#D70012006606E803, with the right CRC 206#5E0012006606E803 (3 times)
     ImpedanceHead refused: CRC 0x2E instead of 0xF0: 203#2E00000000000000, with the right CRC 203#F000000000000000 (996 times)
@@ -167,15 +167,15 @@ fn a_wrong_crc_is_shown_beside_the_right_one() {
     AccelerometerC refused: counter 11 after 1, a step of more than 4: 205#650B000000001703
     ImpedanceHead refused: counter 5 after 14, a step of more than 4: 203#C405000000009803
     ");
-    insta::assert_snapshot!(said(Flaw::OtherStart, "exciter-hello"), @r"
+    insta::assert_snapshot!(report(Flaw::OtherStart, "exciter-hello"), @r"
     failed: its hello is wrong: ExciterHello refused: CRC 0xF4 instead of 0x77: 207#F40012006606E803, with the right CRC 207#770012006606E803 (3 times)
     ExciterHello refused: CRC 0xF4 instead of 0x77: 207#F40012006606E803, with the right CRC 207#770012006606E803 (3 times)
     ");
-    insta::assert_snapshot!(said(Flaw::OtherDataId, "exciter-hello"), @r"
+    insta::assert_snapshot!(report(Flaw::OtherDataId, "exciter-hello"), @r"
     failed: its hello is wrong: ExciterHello refused: CRC 0x28 instead of 0x77: 207#280012006606E803, with the right CRC 207#770012006606E803 (3 times)
     ExciterHello refused: CRC 0x28 instead of 0x77: 207#280012006606E803, with the right CRC 207#770012006606E803 (3 times)
     ");
-    insta::assert_snapshot!(said(Flaw::OtherDataId, "plant-states"), @r"
+    insta::assert_snapshot!(report(Flaw::OtherDataId, "plant-states"), @r"
     inconclusive: no hello of a plant came: is it on this bus, with this base, these node ids and this profile? Instead came: PlantHello refused: CRC 0x01 instead of 0x5E: 206#010012006606E803, with the right CRC 206#5E0012006606E803 (4 times)
     PlantHello refused: CRC 0x01 instead of 0x5E: 206#010012006606E803, with the right CRC 206#5E0012006606E803 (4 times)
     ImpedanceHead refused: CRC 0xC1 instead of 0x9E: 203#C10A00000000581B, with the right CRC 203#9E0A00000000581B (2000 times)
@@ -186,9 +186,9 @@ fn a_wrong_crc_is_shown_beside_the_right_one() {
 
 #[test]
 fn a_sine_that_is_not_the_expected_one_is_explained() {
-    insta::assert_snapshot!(said(Flaw::Unscaled, "exciter-sine"), @"failed: it commands 0.4018 N, 0.0201 times the amplitude; expected are 20 N at 15 Hz along force_x_n. Is it sent without the factor of its counts?");
-    insta::assert_snapshot!(said(Flaw::Swapped, "exciter-sine"), @"failed: with the bytes of each value the other way round it commands 20.0012 N; expected are 20 N at 15 Hz along force_x_n. Is its byte order wrong?");
-    insta::assert_snapshot!(said(Flaw::OtherAxis, "exciter-sine"), @"failed: it commands 20.0012 N along force_y_n; expected are 20 N at 15 Hz along force_x_n");
+    insta::assert_snapshot!(report(Flaw::Unscaled, "exciter-sine"), @"failed: it commands 0.4018 N, 0.0201 times the amplitude; expected are 20 N at 15 Hz along force_x_n. Is it sent without the factor of its counts?");
+    insta::assert_snapshot!(report(Flaw::Swapped, "exciter-sine"), @"failed: with the bytes of each value the other way round it commands 20.0012 N; expected are 20 N at 15 Hz along force_x_n. Is its byte order wrong?");
+    insta::assert_snapshot!(report(Flaw::OtherAxis, "exciter-sine"), @"failed: it commands 20.0012 N along force_y_n; expected are 20 N at 15 Hz along force_x_n");
 }
 
 #[test]

@@ -121,13 +121,13 @@ pub(super) fn by_name<S: Serializer>(preset: &Preset, serializer: S) -> Result<S
     serializer.serialize_str(preset.name())
 }
 
-/// The largest step, relative to the size of the motion: a resonance is a circle in the walk's coordinates, and gets 60
-/// points.
+/// The largest step, relative to the size of the motion: a resonance is a circle in the continuation's coordinates, and
+/// gets 60 points.
 const SMOOTH_STEP: f64 = 0.1;
 
 fn options(from: f64, to: f64) -> BranchOptions {
     let mut options = BranchOptions::new(from, to);
-    options.walk.largest_step = SMOOTH_STEP;
+    options.continuation.largest_step = SMOOTH_STEP;
     options
 }
 

@@ -40,7 +40,7 @@ struct Job {
     label: String,
     arm: Arm,
     drive: Drive,
-    walk: Varied,
+    varied: Varied,
 }
 
 /// The quantity that varies along a curve.
@@ -65,7 +65,7 @@ pub struct Panel {
     pub range: Option<[f64; 2]>,
     /// Whether each curve is labelled with its name; if not, there is one curve, or the title has all names.
     pub names: bool,
-    /// The curves, as indices in [`Curves::curves`].
+    /// The curves, as indices in [`FigureCurves::curves`].
     pub curves: Vec<usize>,
 }
 
@@ -81,7 +81,7 @@ pub enum Abscissa {
 
 /// A branch with its name in the figure.
 #[derive(Clone, Debug, PartialEq, Serialize)]
-pub struct Curve {
+pub struct LabelledCurve {
     /// Its name.
     pub label: String,
     /// Its motions.
@@ -91,7 +91,7 @@ pub struct Curve {
 
 /// A figure's data.
 #[derive(Clone, Debug, PartialEq, Serialize)]
-pub struct Curves {
+pub struct FigureCurves {
     /// Which figure.
     pub figure: Figure,
     /// The preset.
@@ -106,7 +106,7 @@ pub struct Curves {
     /// Its panels.
     pub panels: Vec<Panel>,
     /// Its curves.
-    pub curves: Vec<Curve>,
+    pub curves: Vec<LabelledCurve>,
     /// Points measured on a bench, drawn over the curves of every panel.
     #[serde(skip_serializing_if = "Vec::is_empty")]
     pub measured: Vec<MeasuredPoint>,
@@ -201,10 +201,10 @@ impl Plan {
     ///
     /// # Errors
     /// [`PaperError::Analysis`] says which curve could not be followed, where and why.
-    pub fn compute(self, done: impl Fn() + Sync) -> Result<Curves, PaperError> {
+    pub fn compute(self, done: impl Fn() + Sync) -> Result<FigureCurves, PaperError> {
         let subject = &self.subject;
         let work = |job: &Job| {
-            let branch = match job.walk {
+            let branch = match job.varied {
                 Varied::Frequency { amplitude, range_hz } => {
                     ForcedBranch::over_frequency(subject, &job.arm, (job.drive, amplitude), range_hz)
                 }
@@ -212,19 +212,19 @@ impl Plan {
                     ForcedBranch::over_amplitude(subject, &job.arm, (job.drive, largest), frequency_hz)
                 }
             };
-            branch.map(|branch| Curve { label: job.label.clone(), branch })
+            branch.map(|branch| LabelledCurve { label: job.label.clone(), branch })
         };
         let curves = on_all_cores(&self.jobs, work, done).into_iter().collect::<Result<Vec<_>, _>>()?;
         let (figure, preset, title) = (self.figure, self.subject.preset(), self.title.to_string());
         let (parameters, conditions) = (*self.subject.parameters(), self.conditions);
         let (panels, measured) = (self.panels, self.measured);
-        Ok(Curves { figure, preset, parameters, title, conditions, panels, curves, measured })
+        Ok(FigureCurves { figure, preset, parameters, title, conditions, panels, curves, measured })
     }
 
     /// Adds a curve over the frequency and returns its place.
     fn over_frequency(&mut self, label: String, arm: Arm, drive: (Drive, f64), range_hz: [f64; 2]) -> usize {
-        let walk = Varied::Frequency { amplitude: drive.1, range_hz };
-        self.jobs.push(Job { label, arm, drive: drive.0, walk });
+        let varied = Varied::Frequency { amplitude: drive.1, range_hz };
+        self.jobs.push(Job { label, arm, drive: drive.0, varied });
         self.jobs.len() - 1
     }
 
@@ -263,8 +263,8 @@ impl Plan {
         let (five, preset) = (&settings.figure5, self.subject.preset());
         let (largest, frequency_hz) = (*five.largest_torque_nm.of(preset), five.frequency_hz);
         for &beta2_deg in five.beta2_deg.of(preset) {
-            let (arm, walk) = (self.subject.bent(beta2_deg)?, Varied::Amplitude { largest, frequency_hz });
-            self.jobs.push(Job { label: pose(beta2_deg), arm, drive: Drive::Torque1, walk });
+            let (arm, varied) = (self.subject.bent(beta2_deg)?, Varied::Amplitude { largest, frequency_hz });
+            self.jobs.push(Job { label: pose(beta2_deg), arm, drive: Drive::Torque1, varied });
         }
         let (curves, range) = ((0..self.jobs.len()).collect(), Some([0.0, largest]));
         let abscissa = Abscissa::Torque1Nm;

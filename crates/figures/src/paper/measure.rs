@@ -54,8 +54,8 @@ impl ForcedBranch {
         largest
     }
 
-    /// Frequencies, Hz, and amplitudes of a link, rad, at the steps of the walk. Bifurcations are left out: one can be
-    /// so near to a step that the slope between them is dominated by rounding.
+    /// Frequencies, Hz, and amplitudes of a link, rad, at the steps of the continuation. Bifurcations are left out: one
+    /// can be so near to a step that the slope between them is dominated by rounding.
     fn curve(&self, link: usize) -> Vec<(f64, f64)> {
         let steps = self.motions.iter().filter(|motion| motion.bifurcation.is_none());
         steps.map(|motion| (motion.frequency_hz, motion.amplitude_rad[link])).collect()

@@ -16,7 +16,7 @@ mod table;
 
 pub use branch::{Drive, ForcedBranch, Motion};
 pub use error::PaperError;
-pub use figure::{Abscissa, Curve, Curves, Figure, NaturalFrequencies, Panel, Plan, natural_frequencies};
+pub use figure::{Abscissa, Figure, FigureCurves, LabelledCurve, NaturalFrequencies, Panel, Plan, natural_frequencies};
 pub use measured::{MeasuredError, MeasuredPoint, MeasuredZone, MeasuredZones, Way};
 pub use settings::{Settings, SettingsError};
 pub use subject::Subject;

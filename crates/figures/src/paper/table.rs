@@ -3,9 +3,9 @@
 use core::fmt::Write;
 
 use super::branch::Stability;
-use super::{Curves, Drive, NaturalFrequencies};
+use super::{Drive, FigureCurves, NaturalFrequencies};
 
-impl Curves {
+impl FigureCurves {
     /// A line for each motion. `curve` counts from 0; a bifurcation has its kind in the last column.
     pub fn csv(&self) -> String {
         let mut text = String::from(

@@ -9,11 +9,11 @@ use nalgebra::Normed as _;
 use serde_json::Value;
 
 use super::claims::judge;
-use super::{Curve, Curves, Figure, Motion, Plan, Settings};
+use super::{Figure, FigureCurves, LabelledCurve, Motion, Plan, Settings};
 use resonarm_analysis::FrequencyResponse;
 use resonarm_dynamics::arm::{Arm, Pose, Preset};
 
-fn curves(figure: Figure, preset: Preset, settings: &Settings) -> Curves {
+fn curves(figure: Figure, preset: Preset, settings: &Settings) -> FigureCurves {
     Plan::new(figure, preset, settings).unwrap().compute(|| ()).unwrap()
 }
 
@@ -46,7 +46,7 @@ fn the_small_motions_of_figure_4_are_the_linear_response() {
     }
 }
 
-/// The oracles' cases under a torque of 60 N·m, walked as Fig. 4 walks: from 1 to 80 Hz.
+/// The oracles' cases under a torque of 60 N·m, traced as in Fig. 4: from 1 to 80 Hz.
 #[test]
 fn the_folds_of_figure_4_are_those_of_the_oracles() {
     let oracles: Value = serde_json::from_str(include_str!("../../../../tests/oracles/oracles.json")).unwrap();
@@ -61,7 +61,7 @@ fn the_folds_of_figure_4_are_those_of_the_oracles() {
                 continue;
             }
             let (from, to) = (case["from_hz"].as_f64().unwrap(), case["to_hz"].as_f64().unwrap());
-            let pose = |curve: &&Curve| Some(curve.branch.beta2_deg) == case["beta2_deg"].as_f64();
+            let pose = |curve: &&LabelledCurve| Some(curve.branch.beta2_deg) == case["beta2_deg"].as_f64();
             let branch = &figure.curves.iter().find(pose).unwrap().branch;
             let folds: Vec<&Motion> = branch.within([from, to]).filter(|motion| motion.bifurcation.is_some()).collect();
             assert_eq!(folds.len(), case["folds"].as_array().unwrap().len());

@@ -2,7 +2,7 @@
 
 use core::ops::RangeInclusive;
 
-use super::{ExportError, Part};
+use super::{ExportError, RecordingPart};
 use crate::recording::{Origin, Recording, RecordingError, Topic};
 
 /// How long before its sample a channel was read, in samples: the delay of the instruments' converters.
@@ -19,26 +19,26 @@ pub(super) fn lead(topic: Topic, origin: &Origin) -> f64 {
 /// [`ExportError::Recording`] if samples are missing.
 pub(super) fn visit(
     recording: &Recording,
-    part: Part,
+    part: RecordingPart,
     wanted: &RangeInclusive<u64>,
     mut visit: impl FnMut(&[f64]) -> Result<(), ExportError>,
 ) -> Result<(), ExportError> {
     let mut each = |sample: u64, values: &[f64]| if wanted.contains(&sample) { visit(values) } else { Ok(()) };
-    let goes_on = |sample: u64| sample <= *wanted.end();
+    let is_before_end = |sample: u64| sample <= *wanted.end();
     match part {
-        Part::States => {
-            for record in within(recording.states()?, |record| goes_on(record.sample)) {
+        RecordingPart::States => {
+            for record in within(recording.states()?, |record| is_before_end(record.sample)) {
                 let record = record?;
                 each(record.sample, &record.values())?;
             }
         }
-        Part::Samples => {
-            for record in within(recording.samples()?, |record| goes_on(record.sample)) {
+        RecordingPart::Samples => {
+            for record in within(recording.samples()?, |record| is_before_end(record.sample)) {
                 let record = record?;
                 each(record.sample, &record.values())?;
             }
         }
-        Part::Frames | Part::Ticks | Part::Events => {}
+        RecordingPart::Frames | RecordingPart::Ticks | RecordingPart::Events => {}
     }
     Ok(())
 }
@@ -46,20 +46,24 @@ pub(super) fn visit(
 /// The records up to the first that is beyond what is wanted.
 fn within<T>(
     records: impl Iterator<Item = Result<T, RecordingError>>,
-    goes_on: impl Fn(&T) -> bool,
+    is_before_end: impl Fn(&T) -> bool,
 ) -> impl Iterator<Item = Result<T, RecordingError>> {
-    records.take_while(move |record| record.as_ref().map_or(true, &goes_on))
+    records.take_while(move |record| record.as_ref().map_or(true, &is_before_end))
 }
 
 /// The first sample of a part among the wanted ones, and how many there are.
 ///
 /// # Errors
 /// As [`visit`]; [`ExportError::Recording`] as well if the part has no samples there.
-pub(super) fn span(recording: &Recording, part: Part, wanted: &RangeInclusive<u64>) -> Result<(u64, u64), ExportError> {
+pub(super) fn span(
+    recording: &Recording,
+    part: RecordingPart,
+    wanted: &RangeInclusive<u64>,
+) -> Result<(u64, u64), ExportError> {
     let first = match part {
-        Part::States => recording.states()?.next().transpose()?.map(|record| record.sample),
-        Part::Samples => recording.samples()?.next().transpose()?.map(|record| record.sample),
-        Part::Frames | Part::Ticks | Part::Events => None,
+        RecordingPart::States => recording.states()?.next().transpose()?.map(|record| record.sample),
+        RecordingPart::Samples => recording.samples()?.next().transpose()?.map(|record| record.sample),
+        RecordingPart::Frames | RecordingPart::Ticks | RecordingPart::Events => None,
     };
     let records = recording.summary().topics.get(part.topic().name()).map_or(0, |topic| topic.records);
     let Some(first) = first else { return Ok((*wanted.start(), 0)) };

@@ -11,7 +11,7 @@ use std::path::PathBuf;
 use resonarm_protocol::{FrameFormat, Id};
 
 use super::channels::lead;
-use super::{ExportError, ExportedFile, Part, Selection};
+use super::{ExportError, ExportedFile, RecordingPart, Selection};
 use crate::recording::channels::Channels;
 use crate::recording::{Direction, Event, Existing, FrameRecord, Origin, Record, Recording, TickRecord};
 use crate::staged::Staged;
@@ -19,15 +19,15 @@ use resonarm_numeric::number::short;
 use resonarm_realtime::OverrunCause;
 
 /// Names of the columns.
-fn columns(channels: &Channels, part: Part) -> Vec<&'static str> {
+fn columns(channels: &Channels, part: RecordingPart) -> Vec<&'static str> {
     let own: &[&str] = match part {
-        Part::States => &["is_end"],
-        Part::Samples => &["clipped"],
-        Part::Frames => {
+        RecordingPart::States => &["is_end"],
+        RecordingPart::Samples => &["clipped"],
+        RecordingPart::Frames => {
             &["bus_unix_ns", "direction", "identifier", "extended", "remote", "fd", "brs", "esi", "length", "data"]
         }
-        Part::Ticks => &["wakeup_ns", "exec_ns", "overruns", "cause"],
-        Part::Events => &["name", "value"],
+        RecordingPart::Ticks => &["wakeup_ns", "exec_ns", "overruns", "cause"],
+        RecordingPart::Events => &["name", "value"],
     };
     let of_channels = channels.of(part.topic()).iter().map(|channel| channel.name);
     ["sample", "time_s"].into_iter().chain(of_channels).chain(own.iter().copied()).collect()
@@ -35,7 +35,7 @@ fn columns(channels: &Channels, part: Part) -> Vec<&'static str> {
 
 /// A table that is being written.
 struct Table {
-    part: Part,
+    part: RecordingPart,
     out: BufWriter<File>,
     staged: Staged,
     file: ExportedFile,
@@ -45,7 +45,7 @@ struct Table {
 pub(super) fn write(
     recording: &Recording,
     selection: &Selection,
-    files: Vec<(PathBuf, Vec<Part>)>,
+    files: Vec<(PathBuf, Vec<RecordingPart>)>,
 ) -> Result<Vec<ExportedFile>, ExportError> {
     let mut tables = Vec::new();
     for (path, parts) in files {
@@ -63,7 +63,7 @@ pub(super) fn write(
 }
 
 impl Table {
-    fn create(path: PathBuf, channels: &Channels, part: Part) -> Result<Table, ExportError> {
+    fn create(path: PathBuf, channels: &Channels, part: RecordingPart) -> Result<Table, ExportError> {
         let (columns, failed) = (columns(channels, part), |source| ExportError::Write { path: path.clone(), source });
         let (staged, file) = Staged::create(&path, Existing::Overwrite).map_err(failed)?;
         let mut out = BufWriter::new(file);

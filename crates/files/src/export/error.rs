@@ -5,7 +5,7 @@ use std::path::PathBuf;
 
 use thiserror::Error;
 
-use super::{ExportFormat, Part};
+use super::{ExportFormat, RecordingPart};
 use crate::recording::RecordingError;
 use crate::scenario::ScenarioError;
 use resonarm_numeric::number::short;
@@ -27,11 +27,11 @@ pub enum ExportError {
     },
     /// The format can't hold what was asked for.
     #[error("{format} holds no {part}, only {}; csv holds all", names(.format.parts()))]
-    Part {
+    RecordingPart {
         /// The format.
         format: ExportFormat,
         /// What was asked for.
-        part: Part,
+        part: RecordingPart,
     },
     /// The moving arm in a format that has no room for it.
     #[error("{format} holds no moving arm, only foxglove does")]
@@ -85,7 +85,7 @@ pub enum ExportError {
     },
 }
 
-fn names(parts: &[Part]) -> String {
+fn names(parts: &[RecordingPart]) -> String {
     parts.iter().map(|part| part.name()).collect::<Vec<_>>().join(", ")
 }
 
@@ -106,10 +106,10 @@ fn unknown_format(got: &str) -> String {
     }
 }
 
-/// A text that names no [`Part`].
+/// A text that names no [`RecordingPart`].
 #[derive(Clone, Debug, PartialEq, Eq, Error)]
-#[error("it is one of {}", names(&Part::ALL))]
-pub struct UnknownPart {
+#[error("it is one of {}", names(&RecordingPart::ALL))]
+pub struct UnknownRecordingPart {
     /// The text.
     pub got: String,
 }

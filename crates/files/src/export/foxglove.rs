@@ -16,7 +16,7 @@ use serde_json::{Map, Value, json};
 
 use super::channels::lead;
 use super::scene::{self, Scene};
-use super::{ExportError, ExportedFile, Part, Selection};
+use super::{ExportError, ExportedFile, RecordingPart, Selection};
 use crate::recording::channels::Channels;
 use crate::recording::{Event, Existing, Origin, Record, RecordedFault, Recording};
 use crate::scenario::Scenario;
@@ -47,7 +47,7 @@ impl Topic {
 pub(super) fn write(
     recording: &Recording,
     selection: &Selection,
-    files: Vec<(PathBuf, Vec<Part>)>,
+    files: Vec<(PathBuf, Vec<RecordingPart>)>,
 ) -> Result<Vec<ExportedFile>, ExportError> {
     files.into_iter().map(|(path, parts)| copy(recording, selection, path, &parts)).collect()
 }
@@ -56,7 +56,7 @@ fn copy(
     recording: &Recording,
     selection: &Selection,
     path: PathBuf,
-    parts: &[Part],
+    parts: &[RecordingPart],
 ) -> Result<ExportedFile, ExportError> {
     let scene = selection.magnification.map(|factor| Scene::new(recording, factor)).transpose()?;
     let failed = |error: McapError| write_error(&path, error);
@@ -102,15 +102,15 @@ fn write_error(path: &Path, error: McapError) -> ExportError {
 }
 
 /// Declares the topic of a part and its schema.
-fn declare(writer: &mut Writer<BufWriter<File>>, channels: &Channels, part: Part) -> Result<Topic, McapError> {
+fn declare(writer: &mut Writer<BufWriter<File>>, channels: &Channels, part: RecordingPart) -> Result<Topic, McapError> {
     let (topic, name, schema) = match part {
-        Part::Events => (String::from("/log"), "foxglove.Log", log_schema()),
+        RecordingPart::Events => (String::from("/log"), "foxglove.Log", log_schema()),
         part => {
             let numbers = channels.of(part.topic()).iter();
             let mut properties: Map<String, Value> =
                 numbers.map(|channel| (channel.name.to_owned(), json!({ "type": "number" }))).collect();
             properties.insert(String::from("sample"), json!({ "type": "integer" }));
-            let name = if part == Part::States { "resonarm.StateRow" } else { "resonarm.SampleRow" };
+            let name = if part == RecordingPart::States { "resonarm.StateRow" } else { "resonarm.SampleRow" };
             (format!("/{part}"), name, json!({ "type": "object", "properties": properties }))
         }
     };
@@ -158,9 +158,9 @@ fn log_schema() -> Value {
 }
 
 /// Part, time and content of a record's message.
-fn message(recording: &Recording, record: &Record<String>) -> Option<(Part, u64, Value)> {
+fn message(recording: &Recording, record: &Record<String>) -> Option<(RecordingPart, u64, Value)> {
     let origin = recording.origin();
-    let row = |part: Part| {
+    let row = |part: RecordingPart| {
         let sample = record.sample();
         let (channels, values) = (recording.channels().of(part.topic()), record.values());
         let fields = channels.iter().zip(&*values).map(|(channel, value)| (channel.name.to_owned(), json!(value)));
@@ -169,11 +169,11 @@ fn message(recording: &Recording, record: &Record<String>) -> Option<(Part, u64,
         Some((part, sample_ns(origin, sample, lead(part.topic(), origin)), Value::Object(fields)))
     };
     match record {
-        Record::State(_) => row(Part::States),
-        Record::Sample(_) => row(Part::Samples),
+        Record::State(_) => row(RecordingPart::States),
+        Record::Sample(_) => row(RecordingPart::Samples),
         Record::Event(event) => {
             let time_ns = sample_ns(origin, event.sample, 0.0);
-            Some((Part::Events, time_ns, log(event, time_ns)))
+            Some((RecordingPart::Events, time_ns, log(event, time_ns)))
         }
         Record::Frame(_) | Record::Tick(_) => None,
     }

@@ -3,7 +3,7 @@
 use std::io::BufWriter;
 use std::path::PathBuf;
 
-use super::{ExportError, ExportedFile, Part, Selection};
+use super::{ExportError, ExportedFile, RecordingPart, Selection};
 use crate::can_log::{LogFormat, LoggedFrame};
 use crate::recording::{Existing, FrameRecord, Origin, Recording, RecordingError};
 use crate::staged::Staged;
@@ -18,7 +18,7 @@ pub(super) fn write(
     recording: &Recording,
     format: LogFormat,
     selection: &Selection,
-    files: Vec<(PathBuf, Vec<Part>)>,
+    files: Vec<(PathBuf, Vec<RecordingPart>)>,
 ) -> Result<Vec<ExportedFile>, ExportError> {
     let origin = recording.origin();
     let logged = || {

@@ -21,8 +21,8 @@ use std::path::{Path, PathBuf};
 use crate::can_log::LogFormat;
 use crate::recording::Recording;
 
-pub use error::{ExportError, UnknownExportFormat, UnknownPart};
-pub use selection::{Part, Selection, samples};
+pub use error::{ExportError, UnknownExportFormat, UnknownRecordingPart};
+pub use selection::{RecordingPart, Selection, samples};
 
 /// What a recording is exported to.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -64,22 +64,22 @@ impl ExportFormat {
     }
 
     /// What it can hold.
-    pub const fn parts(self) -> &'static [Part] {
+    pub const fn parts(self) -> &'static [RecordingPart] {
         match self {
-            ExportFormat::Csv => &Part::ALL,
-            ExportFormat::Log(_) => &[Part::Frames],
-            ExportFormat::Foxglove => &[Part::States, Part::Samples, Part::Events],
-            ExportFormat::Uff58 | ExportFormat::Wav => &[Part::States, Part::Samples],
+            ExportFormat::Csv => &RecordingPart::ALL,
+            ExportFormat::Log(_) => &[RecordingPart::Frames],
+            ExportFormat::Foxglove => &[RecordingPart::States, RecordingPart::Samples, RecordingPart::Events],
+            ExportFormat::Uff58 | ExportFormat::Wav => &[RecordingPart::States, RecordingPart::Samples],
         }
     }
 
     /// Checks that the format can hold what is selected.
     ///
     /// # Errors
-    /// [`ExportError::Part`], [`ExportError::MovingArm`] and [`ExportError::Magnification`].
+    /// [`ExportError::RecordingPart`], [`ExportError::MovingArm`] and [`ExportError::Magnification`].
     pub fn check(self, selection: &Selection) -> Result<(), ExportError> {
         if let Some(part) = selection.parts.iter().find(|part| !self.parts().contains(part)) {
-            return Err(ExportError::Part { format: self, part: *part });
+            return Err(ExportError::RecordingPart { format: self, part: *part });
         }
         match selection.magnification {
             Some(_) if self != ExportFormat::Foxglove => Err(ExportError::MovingArm { format: self }),
@@ -89,7 +89,7 @@ impl ExportFormat {
     }
 
     /// The files that STEM stands for, with what is in each.
-    pub fn files(self, stem: &Path, parts: &[Part]) -> Vec<(PathBuf, Vec<Part>)> {
+    pub fn files(self, stem: &Path, parts: &[RecordingPart]) -> Vec<(PathBuf, Vec<RecordingPart>)> {
         let named = |ending: String| {
             let mut name = stem.as_os_str().to_owned();
             name.push(ending);

@@ -4,12 +4,12 @@ use core::fmt;
 use core::ops::RangeInclusive;
 use core::str::FromStr;
 
-use super::{ExportError, ExportFormat, UnknownPart};
+use super::{ExportError, ExportFormat, UnknownRecordingPart};
 use crate::recording::{Recording, Topic};
 
 /// A kind of records.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
-pub enum Part {
+pub enum RecordingPart {
     /// States of the arm and the load held from each sample to the next.
     States,
     /// What the instruments said.
@@ -22,45 +22,51 @@ pub enum Part {
     Events,
 }
 
-impl Part {
+impl RecordingPart {
     /// All parts.
-    pub const ALL: [Part; 5] = [Part::States, Part::Samples, Part::Frames, Part::Ticks, Part::Events];
+    pub const ALL: [RecordingPart; 5] = [
+        RecordingPart::States,
+        RecordingPart::Samples,
+        RecordingPart::Frames,
+        RecordingPart::Ticks,
+        RecordingPart::Events,
+    ];
 
     /// The name, as flags and files have it.
     pub const fn name(self) -> &'static str {
         match self {
-            Part::States => "states",
-            Part::Samples => "samples",
-            Part::Frames => "frames",
-            Part::Ticks => "ticks",
-            Part::Events => "events",
+            RecordingPart::States => "states",
+            RecordingPart::Samples => "samples",
+            RecordingPart::Frames => "frames",
+            RecordingPart::Ticks => "ticks",
+            RecordingPart::Events => "events",
         }
     }
 
     /// The topic with these records.
     pub const fn topic(self) -> Topic {
         match self {
-            Part::States => Topic::States,
-            Part::Samples => Topic::Samples,
-            Part::Frames => Topic::Frames,
-            Part::Ticks => Topic::Ticks,
-            Part::Events => Topic::Events,
+            RecordingPart::States => Topic::States,
+            RecordingPart::Samples => Topic::Samples,
+            RecordingPart::Frames => Topic::Frames,
+            RecordingPart::Ticks => Topic::Ticks,
+            RecordingPart::Events => Topic::Events,
         }
     }
 }
 
-impl fmt::Display for Part {
+impl fmt::Display for RecordingPart {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         f.write_str(self.name())
     }
 }
 
-impl FromStr for Part {
-    type Err = UnknownPart;
+impl FromStr for RecordingPart {
+    type Err = UnknownRecordingPart;
 
-    fn from_str(text: &str) -> Result<Part, UnknownPart> {
-        let found = Part::ALL.into_iter().find(|part| part.name() == text);
-        found.ok_or_else(|| UnknownPart { got: text.to_owned() })
+    fn from_str(text: &str) -> Result<RecordingPart, UnknownRecordingPart> {
+        let found = RecordingPart::ALL.into_iter().find(|part| part.name() == text);
+        found.ok_or_else(|| UnknownRecordingPart { got: text.to_owned() })
     }
 }
 
@@ -68,7 +74,7 @@ impl FromStr for Part {
 #[derive(Clone, Debug, PartialEq)]
 pub struct Selection {
     /// Which records, in order and each at most once.
-    pub parts: Vec<Part>,
+    pub parts: Vec<RecordingPart>,
     /// Of which samples.
     pub samples: RangeInclusive<u64>,
     /// The moving arm as well, its vibrations drawn so many times as large; only [`ExportFormat::Foxglove`] holds it.
@@ -85,14 +91,15 @@ impl Selection {
     pub fn of(
         recording: &Recording,
         format: ExportFormat,
-        parts: &[Part],
+        parts: &[RecordingPart],
         from_s: Option<f64>,
         to_s: Option<f64>,
     ) -> Result<Selection, ExportError> {
         let samples = samples(recording, from_s, to_s)?;
         let summary = recording.summary();
-        let there = |part: &&Part| summary.topics.get(part.topic().name()).is_some_and(|topic| topic.records > 0);
-        let mut parts: Vec<Part> = match parts {
+        let there =
+            |part: &&RecordingPart| summary.topics.get(part.topic().name()).is_some_and(|topic| topic.records > 0);
+        let mut parts: Vec<RecordingPart> = match parts {
             [] => format.parts().iter().filter(there).copied().collect(),
             parts => parts.to_vec(),
         };

@@ -8,7 +8,7 @@ use std::io::{self, BufWriter, Write};
 use std::path::PathBuf;
 
 use super::channels::{lead, span, visit};
-use super::{ExportError, ExportedFile, Part, Selection};
+use super::{ExportError, ExportedFile, RecordingPart, Selection};
 use crate::recording::channels::{Axis, Channel, Quantity};
 use crate::recording::{Existing, Recording};
 use crate::staged::Staged;
@@ -48,7 +48,7 @@ const fn direction(axis: Axis) -> u32 {
 pub(super) fn write(
     recording: &Recording,
     selection: &Selection,
-    files: Vec<(PathBuf, Vec<Part>)>,
+    files: Vec<(PathBuf, Vec<RecordingPart>)>,
 ) -> Result<Vec<ExportedFile>, ExportError> {
     let mut exported = Vec::new();
     for (path, parts) in files {

@@ -6,7 +6,7 @@ use std::path::{Path, PathBuf};
 use hound::{Error, SampleFormat, WavSpec, WavWriter};
 
 use super::channels::{span, visit};
-use super::{ExportError, ExportedFile, Part, Selection};
+use super::{ExportError, ExportedFile, RecordingPart, Selection};
 use crate::recording::{Existing, Recording};
 use crate::staged::Staged;
 
@@ -19,7 +19,7 @@ const HEADS: u64 = 256;
 pub(super) fn write(
     recording: &Recording,
     selection: &Selection,
-    files: Vec<(PathBuf, Vec<Part>)>,
+    files: Vec<(PathBuf, Vec<RecordingPart>)>,
 ) -> Result<Vec<ExportedFile>, ExportError> {
     let sample_rate = whole_rate_hz(recording.origin().dt_s)?;
     let mut exported = Vec::new();

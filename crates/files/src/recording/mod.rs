@@ -20,6 +20,7 @@
 mod batch;
 mod build_info;
 pub mod channels;
+mod checked_reader;
 mod contents;
 mod cut;
 mod decimate;
@@ -41,7 +42,6 @@ mod schema;
 mod sink;
 mod source;
 mod summary;
-mod walk;
 mod writer;
 
 pub use batch::{Batch, Batcher};

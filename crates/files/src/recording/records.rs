@@ -3,14 +3,14 @@
 use std::collections::VecDeque;
 use std::path::Path;
 
+use super::checked_reader::{CheckedReader, TopLevelRecord};
 use super::decode::decode;
 use super::schema::Topic;
-use super::walk::{Part, Walk};
 use super::{Record, RecordingError};
 
 /// Records of a recording, read from the file chunk by chunk. Ends after the first error.
 pub struct Records<T> {
-    walk: Walk,
+    walk: CheckedReader,
     readable_bytes: u64,
     topics: &'static [Topic],
     pick: fn(Record<String>) -> Option<T>,
@@ -25,7 +25,7 @@ impl<T> Records<T> {
         topics: &'static [Topic],
         pick: fn(Record<String>) -> Option<T>,
     ) -> Result<Records<T>, RecordingError> {
-        Ok(Records { walk: Walk::open(path)?, readable_bytes, topics, pick, queue: VecDeque::new() })
+        Ok(Records { walk: CheckedReader::open(path)?, readable_bytes, topics, pick, queue: VecDeque::new() })
     }
 
     /// Reads on until there is a record to hand out or the good part ends.
@@ -33,7 +33,7 @@ impl<T> Records<T> {
         while self.queue.is_empty() && self.walk.offset() < self.readable_bytes {
             let offset = self.walk.offset();
             match self.walk.next()? {
-                Some(Part::Chunk) => {
+                Some(TopLevelRecord::Chunk) => {
                     for message in self.walk.contents().messages() {
                         if self.topics.contains(&message.message_type.topic()) {
                             decode(message, &mut |record| self.queue.extend((self.pick)(record)))
@@ -42,7 +42,7 @@ impl<T> Records<T> {
                         }
                     }
                 }
-                Some(Part::Header(_) | Part::Metadata(..) | Part::Other) => {}
+                Some(TopLevelRecord::Header(_) | TopLevelRecord::Metadata(..) | TopLevelRecord::Other) => {}
                 None => return Ok(()),
             }
         }

@@ -4,11 +4,11 @@ use std::collections::BTreeMap;
 use std::path::Path;
 
 use super::channels::Channels;
+use super::checked_reader::{CheckedReader, TopLevelRecord};
 use super::contents::Contents;
 use super::decode::decode;
 use super::schema::{ARMED_EVENT, DT_S, FAULT_EVENT, OTHER_SENDER_EVENT, OUR_LIBRARY, PARTNER_EVENT, Topic, metadata};
 use super::summary::format;
-use super::walk::{Part, Walk};
 use super::{Event, Integrity, Record, RecordedFault, RecordingError, SampleRecord, TopicSummary};
 use resonarm_numeric::number::short;
 
@@ -44,7 +44,7 @@ pub(super) struct Tally {
     /// The faults of the plant, the first [`MOST_FAULTS`] of them.
     pub faults: Vec<RecordedFault>,
     /// What the exciter said was wrong since the plant was armed, and at which sample, until the plant tells a fault.
-    pub partner_said: Option<(u64, i64)>,
+    pub partner_emergency: Option<(u64, i64)>,
     /// Frames under identifiers that only the plant sends, of another network.
     pub other_sender_frames: u64,
     /// One for each of [`Topic::ALL`].
@@ -67,15 +67,15 @@ pub(super) struct TopicTally {
 
 /// Passes through the file once.
 pub(super) fn scan(path: &Path) -> Result<Scan, RecordingError> {
-    let mut walk = Walk::open(path)?;
+    let mut reader = CheckedReader::open(path)?;
     let mut metadata = BTreeMap::new();
     let mut library = String::new();
     let mut tally = Tally::default();
     let (readable_bytes, end) = loop {
-        let offset = walk.offset();
-        match walk.next() {
-            Ok(Some(Part::Header(name))) => library = name,
-            Ok(Some(Part::Metadata(name, content))) => {
+        let offset = reader.offset();
+        match reader.next() {
+            Ok(Some(TopLevelRecord::Header(name))) => library = name,
+            Ok(Some(TopLevelRecord::Metadata(name, content))) => {
                 if name == metadata::RECORDING && tally.dt_s.is_none() {
                     // First of all: what a later format means by the rest is not known.
                     format(path, &content)?;
@@ -83,16 +83,16 @@ pub(super) fn scan(path: &Path) -> Result<Scan, RecordingError> {
                 }
                 metadata.entry(name).or_insert(content);
             }
-            Ok(Some(Part::Chunk)) => match tally.clone().with(walk.contents()) {
+            Ok(Some(TopLevelRecord::Chunk)) => match tally.clone().with(reader.contents()) {
                 Ok(with) => tally = with,
-                Err(cause) => break (offset, Err(walk.damaged(offset, cause))),
+                Err(cause) => break (offset, Err(reader.damaged(offset, cause))),
             },
-            Ok(Some(Part::Other)) => {}
+            Ok(Some(TopLevelRecord::Other)) => {}
             Ok(None) => break (offset, Ok(())),
             Err(error) => break (offset, Err(error)),
         }
     };
-    let file_bytes = walk.file_bytes();
+    let file_bytes = reader.file_bytes();
     let last_sample = tally.samples.map(|(_, last)| last);
     let integrity = match end {
         Ok(()) if metadata.contains_key(metadata::LOST) => Integrity::Complete,
@@ -166,13 +166,13 @@ impl Tally {
     fn event(&mut self, event: &Event<String>) {
         match event.name.as_str() {
             FAULT_EVENT => {
-                let said = self.partner_said.take();
+                let emergency = self.partner_emergency.take();
                 if self.faults.len() < MOST_FAULTS {
-                    self.faults.push(RecordedFault::new(event.sample, event.value).with_partner(said));
+                    self.faults.push(RecordedFault::new(event.sample, event.value).with_partner(emergency));
                 }
             }
-            PARTNER_EVENT => self.partner_said = Some((event.sample, event.value)),
-            ARMED_EVENT => self.partner_said = None,
+            PARTNER_EVENT => self.partner_emergency = Some((event.sample, event.value)),
+            ARMED_EVENT => self.partner_emergency = None,
             OTHER_SENDER_EVENT => self.other_sender_frames += 1,
             _ => {}
         }

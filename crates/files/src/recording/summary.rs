@@ -146,13 +146,13 @@ impl RecordedFault {
 
     /// The fault with the code that the exciter reported at a sample, if that is the reason: the plant faults for the
     /// exciter's fault, or for the commands that it refused before the exciter gave up.
-    pub(super) fn with_partner(self, said: Option<(u64, i64)>) -> RecordedFault {
+    pub(super) fn with_partner(self, emergency: Option<(u64, i64)>) -> RecordedFault {
         let is_reason = |at: u64| match self.cause() {
             Some(EmergencyCode::PartnerFault) => true,
             Some(EmergencyCode::CommandTimeout) => at == self.sample,
             _ => false,
         };
-        let partner_code = said.filter(|(at, _)| is_reason(*at)).map(|(_, code)| code);
+        let partner_code = emergency.filter(|(at, _)| is_reason(*at)).map(|(_, code)| code);
         RecordedFault { partner_code, ..self }
     }
 

@@ -12,7 +12,7 @@ pub use zone::{Zone, ZoneExperiment, ZoneMeasured};
 
 use crate::run::{Mode, Options, RunError, Session, Signals};
 use resonarm_bench::control::{ControlSpec, ResponsePoint};
-use resonarm_bench::node::Outcome;
+use resonarm_bench::node::ExciterOutcome;
 use resonarm_files::scenario::Scenario;
 
 /// What a controller has read in one run.
@@ -21,7 +21,7 @@ pub struct Measured {
     /// The responses, in the order in which they were read.
     pub points: Vec<ResponsePoint>,
     /// How the run ended.
-    pub outcome: Option<Outcome>,
+    pub outcome: Option<ExciterOutcome>,
     /// Length of the run, s of simulated time.
     pub simulated_s: f64,
 }

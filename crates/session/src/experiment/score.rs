@@ -108,7 +108,7 @@ fn computed_branch(arm: &Arm, zone: &Zone) -> Result<Branch, AnalysisError> {
     let [low_hz, high_hz] = zone.range_hz;
     let margin_hz = MARGIN * (high_hz - low_hz);
     let mut options = BranchOptions::new(low_hz - margin_hz, high_hz + margin_hz);
-    options.walk.largest_turn_rad = STRAIGHT_RAD;
+    options.continuation.largest_turn_rad = STRAIGHT_RAD;
     let forced = ForcedArm::new(arm.clone(), zone.amplitude.load(), 1.0);
     Ok(trace(forced, low_hz - margin_hz, Coordinate::FrequencyHz, &options)?)
 }
@@ -116,7 +116,7 @@ fn computed_branch(arm: &Arm, zone: &Zone) -> Result<Branch, AnalysisError> {
 fn computed_backbone(arm: &Arm, zone: &Zone) -> Result<Backbone, AnalysisError> {
     let [low_hz, high_hz] = zone.range_hz;
     let mut branch = BranchOptions::new(low_hz, high_hz);
-    branch.walk.largest_turn_rad = STRAIGHT_RAD;
+    branch.continuation.largest_turn_rad = STRAIGHT_RAD;
     let options = BackboneOptions { smallest_rad: 1e-4, largest_rad: 1.0, largest_drive: 1.0, branch };
     let forced = ForcedArm::new(arm.clone(), zone.amplitude.load(), 0.0);
     let mode = usize::from(u8::from(zone.mode_number) - 1);

@@ -4,7 +4,7 @@ use alloc::collections::BTreeMap;
 
 use super::ReplayError;
 use resonarm_bench::control::ResponsePoint;
-use resonarm_bench::node::{self, Outcome};
+use resonarm_bench::node::{self, ExciterOutcome};
 use resonarm_files::recording::{Direction, Recording};
 use resonarm_files::scenario::Scenario;
 use resonarm_protocol::{Emergency, EmergencyCode, ForceCommand, Message, Receiver, TorqueCommand};
@@ -48,7 +48,9 @@ pub fn timed_responses(recording: &Recording) -> Result<Vec<(u64, ResponsePoint)
                 }
             }
         }
-        if let Some(Outcome::Faulted(Emergency { code: EmergencyCode::Incompatible, detail, .. })) = exciter.outcome() {
+        if let Some(ExciterOutcome::Faulted(Emergency { code: EmergencyCode::Incompatible, detail, .. })) =
+            exciter.outcome()
+        {
             return Err(ReplayError::Incompatible { detail });
         }
         let read = core::iter::from_fn(|| exciter.controller_mut().poll_response());

@@ -128,19 +128,19 @@ impl<'a> Bench<'a> {
     pub fn start(&mut self, clock_ns: u64, now_ns: u64) {
         self.records.begin(clock_ns);
         self.node.start(now_ns);
-        self.tell_events(now_ns);
+        self.report_events(now_ns);
         (self.on_event)(RunEvent::Ready);
     }
 
     /// Records a record that the loop itself makes.
     pub fn record(&mut self, record: Record) {
-        self.tell_watcher(record);
+        self.notify_watcher(record);
         self.records.record(record);
     }
 
-    /// Tells those who watch, and not the recording, how punctual a sample in simulated time was.
-    pub fn tell_pace(&mut self, sample: u64, wakeup_ns: u64, exec_ns: u64) {
-        self.tell_watcher(Record::Tick(TickRecord { sample, wakeup_ns, exec_ns, overruns: 0, cause: None }));
+    /// Notifies those who watch, and not the recording, of how punctual a sample in simulated time was.
+    pub fn notify_pace(&mut self, sample: u64, wakeup_ns: u64, exec_ns: u64) {
+        self.notify_watcher(Record::Tick(TickRecord { sample, wakeup_ns, exec_ns, overruns: 0, cause: None }));
     }
 
     /// Shows whoever reads `gauges` the sample, how late it was, its work, and the deadlines missed before it.
@@ -149,16 +149,16 @@ impl<'a> Bench<'a> {
         gauges.set(&self.held, self.node.state());
     }
 
-    fn tell_watcher(&mut self, record: Record) {
+    fn notify_watcher(&mut self, record: Record) {
         match (&mut self.watched, record) {
-            (Some(watched), Record::Frame(frame)) => watched.tell_frame(|| frame),
-            (Some(watched), record) => watched.tell(Notice::Record(record)),
+            (Some(watched), Record::Frame(frame)) => watched.notify_frame(|| frame),
+            (Some(watched), record) => watched.notify(Notice::Record(record)),
             (None, _) => {}
         }
     }
 
     /// Does what those who watch ask for, by the node's own gate, and records it.
-    fn obey_watcher(&mut self, now_ns: u64) {
+    fn handle_requests(&mut self, now_ns: u64) {
         while let Some(request) = self.watched.as_mut().and_then(Watched::request) {
             request_records(&request).into_iter().flatten().for_each(|(name, value)| {
                 self.record_event(now_ns, name, value);
@@ -202,7 +202,7 @@ impl<'a> Bench<'a> {
 
     /// Takes in everything that has come over the bus.
     pub fn receive(&mut self, now_ns: u64, bus: &mut dyn Bus) -> Result<(), RunError> {
-        self.obey_watcher(now_ns);
+        self.handle_requests(now_ns);
         let mut outcome = Ok(());
         for _ in 0..FRAMES_AT_ONCE {
             match bus.receive() {
@@ -249,19 +249,19 @@ impl<'a> Bench<'a> {
     /// Does what is due, and records what happened.
     pub fn handle_deadline(&mut self, now_ns: u64) {
         self.node.handle_deadline(now_ns);
-        self.tell_events(now_ns);
+        self.report_events(now_ns);
     }
 
-    fn tell_events(&mut self, now_ns: u64) {
+    fn report_events(&mut self, now_ns: u64) {
         while let Some(event) = self.node.poll_event() {
             let (name, value) = event_record(&event);
             self.record_event(now_ns, name, value);
-            self.tell(&event);
+            self.report(&event);
         }
     }
 
-    /// Tells what somebody watching the run wants to know.
-    fn tell(&mut self, event: &NodeEvent) {
+    /// Reports what somebody watching the run wants to know.
+    fn report(&mut self, event: &NodeEvent) {
         let sample = self.sample();
         match event {
             NodeEvent::State { to: NodeState::Operational, .. } => {

@@ -86,8 +86,8 @@ impl CoreWatch {
         Ok(CoreWatch { overruns, stop, thread: Some(thread) })
     }
 
-    /// Tells of an overrun. Never blocks, locks or allocates; one that finds the ring full keeps the loop's cause.
-    pub fn tell(&mut self, overrun: Overrun) {
+    /// Reports an overrun. Never blocks, locks or allocates; one that finds the ring full keeps the loop's cause.
+    pub fn report(&mut self, overrun: Overrun) {
         let _full = self.overruns.push(overrun);
     }
 
@@ -142,7 +142,7 @@ fn look_on(
                 // A full channel counts what it loses.
                 let _counted = channel.push(event);
             }
-            watched.iter_mut().for_each(|watched| watched.tell(Notice::Record(event)));
+            watched.iter_mut().for_each(|watched| watched.notify(Notice::Record(event)));
         }
         last_ns = now_ns;
         if is_last {
@@ -318,7 +318,7 @@ mod tests {
         let mut watch = CoreWatch::start(None, None).unwrap();
         let causes = OverrunCauses { step_long: 1, ..OverrunCauses::default() };
         // Before the run, so that no span touches it.
-        watch.tell(overrun(OverrunCause::StepLong, 1, (0, 1)));
+        watch.report(overrun(OverrunCause::StepLong, 1, (0, 1)));
         assert_eq!(watch.finish(causes), causes);
     }
 }

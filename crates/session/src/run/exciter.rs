@@ -8,7 +8,7 @@ use super::outage::{self, Outage};
 use super::report::NodeFrames;
 use super::{BusCounts, BusLoss, CommandRecord, End, ExciterReport, Notice, Request, RunError, Signals, Watched};
 use resonarm_bench::control::ResponsePoint;
-use resonarm_bench::node::{ExciterNode, Outcome};
+use resonarm_bench::node::{ExciterNode, ExciterOutcome};
 use resonarm_bus::{Bus, BusError, Sent};
 use resonarm_files::recording::{Direction, Event, FrameRecord, Record};
 use resonarm_protocol::{Frame, NodeState};
@@ -65,7 +65,7 @@ pub(super) fn run<C: Clock>(
         responses: Vec::new(),
     };
     let answered = run.answer();
-    let left_unheard = matches!(answered, Ok(Answered::PlantEnded)).then_some(Outcome::PlantLeft);
+    let left_unheard = matches!(answered, Ok(Answered::PlantEnded)).then_some(ExciterOutcome::PlantLeft);
     let error = answered.and_then(|_end| run.send_rest()).err();
     let Run { bus, responses, rearmed, bus_loss, .. } = run;
     let counts = BusCounts::new(bus.statistics(), NodeFrames::from(&*node));
@@ -138,7 +138,7 @@ impl<C: Clock> Run<'_, C> {
             // What a lost bus did not take waits for the next look.
             let sent = self.survive(now_ns, sent)?.unwrap_or(true);
             self.read_responses();
-            self.tell_watcher(now_ns);
+            self.serve_watcher(now_ns);
             self.signals.set_responses(self.responses.len());
             self.signals.set_done(self.node.samples_played());
             if self.patience.plant_ended.is_none() {
@@ -160,7 +160,7 @@ impl<C: Clock> Run<'_, C> {
     /// heard before then can be of before the fault. A bus whose queue takes none for long is given up.
     fn has_ended(&mut self, now_ns: u64) -> bool {
         let Some(outcome) = self.node.outcome() else { return false };
-        let begins_anew = matches!(outcome, Outcome::Faulted(_)) && self.rearmed < self.patience.rearm;
+        let begins_anew = matches!(outcome, ExciterOutcome::Faulted(_)) && self.rearmed < self.patience.rearm;
         if !begins_anew || self.signals.is_stopped() {
             return true;
         }
@@ -182,7 +182,7 @@ impl<C: Clock> Run<'_, C> {
     fn take_in(&mut self, now_ns: u64) -> Result<(), BusError> {
         while let Some(received) = self.bus.receive()? {
             self.outage.iter_mut().for_each(Outage::hear);
-            self.tell_frame(Direction::Received, received.timestamp_ns, received.frame);
+            self.notify_frame(Direction::Received, received.timestamp_ns, received.frame);
             self.node.handle_frame(now_ns, &received.frame);
             // An answer must not wait for the frames behind the sample.
             self.transmit()?;
@@ -220,16 +220,16 @@ impl<C: Clock> Run<'_, C> {
     fn read_responses(&mut self) {
         while let Some(response) = self.node.controller_mut().poll_response() {
             self.responses.push(response);
-            self.watched.iter_mut().for_each(|watched| watched.tell(Notice::Response(response)));
+            self.watched.iter_mut().for_each(|watched| watched.notify(Notice::Response(response)));
         }
     }
 
-    /// Tells those who watch what happened, and does what they ask for.
-    fn tell_watcher(&mut self, now_ns: u64) {
+    /// Notifies those who watch of what happened, and does what they ask for.
+    fn serve_watcher(&mut self, now_ns: u64) {
         let Some(watched) = &mut self.watched else { return };
         if watched.end() == End::Exciter {
-            tell_answers(self.node, watched);
-            tell_events(self.node, watched);
+            notify_answers(self.node, watched);
+            notify_events(self.node, watched);
         }
         if steer(self.node, watched) {
             self.node.leave(now_ns);
@@ -266,21 +266,21 @@ impl<C: Clock> Run<'_, C> {
             self.jammed_since_ns = None;
             let controller = self.bus.controller();
             self.outage = self.outage.filter(|outage| !outage.is_over(controller));
-            self.tell_frame(Direction::Sent, None, frame);
+            self.notify_frame(Direction::Sent, None, frame);
         }
         Ok(true)
     }
 
-    /// Tells those who watch an exciter alone of a frame, as it sees it: what comes takes effect in the sample that
+    /// Notifies those who watch an exciter alone of a frame, as it sees it: what comes takes effect in the sample that
     /// comes next, what is sent tells of the sample before.
-    fn tell_frame(&mut self, direction: Direction, bus_timestamp_ns: Option<u64>, frame: Frame) {
+    fn notify_frame(&mut self, direction: Direction, bus_timestamp_ns: Option<u64>, frame: Frame) {
         let (next, start_ns, clock) = (self.node.samples_played(), self.start_ns, self.clock);
         let Some(watched) = self.watched.as_mut().filter(|watched| watched.end() == End::Exciter) else { return };
         let sample = match direction {
             Direction::Received => next,
             Direction::Sent => next.saturating_sub(1),
         };
-        watched.tell_frame(|| FrameRecord {
+        watched.notify_frame(|| FrameRecord {
             sample,
             direction,
             time_ns: clock.now_ns().saturating_sub(start_ns),
@@ -314,23 +314,23 @@ impl<C: Clock> Run<'_, C> {
 }
 
 /// The samples that were answered, and the answers.
-fn tell_answers(node: &mut ExciterNode, watched: &mut Watched) {
+fn notify_answers(node: &mut ExciterNode, watched: &mut Watched) {
     while let Some((measurement, load)) = node.controller_mut().poll_answer() {
-        watched.tell(Notice::Record(Record::Sample(sample_record(&measurement))));
-        watched.tell(Notice::Command(CommandRecord { sample: measurement.sample, load }));
+        watched.notify(Notice::Record(Record::Sample(sample_record(&measurement))));
+        watched.notify(Notice::Command(CommandRecord { sample: measurement.sample, load }));
     }
 }
 
-fn tell_events(node: &mut ExciterNode, watched: &mut Watched) {
+fn notify_events(node: &mut ExciterNode, watched: &mut Watched) {
     while let Some(event) = node.poll_event() {
-        tell_event(node, watched, event_record(&event));
+        notify_event(node, watched, event_record(&event));
     }
 }
 
 /// An event at the sample that comes next. When by the clock does not matter to those who watch.
-fn tell_event(node: &ExciterNode, watched: &mut Watched, (name, value): (&'static str, i64)) {
+fn notify_event(node: &ExciterNode, watched: &mut Watched, (name, value): (&'static str, i64)) {
     let event = Event { sample: node.samples_played(), time_ns: 0, name, value };
-    watched.tell(Notice::Record(Record::Event(event)));
+    watched.notify(Notice::Record(Record::Event(event)));
 }
 
 /// Hands the controller the set-points that are asked for, and tells which it has; whether it is asked to disarm.
@@ -340,14 +340,14 @@ pub(super) fn steer(node: &mut ExciterNode, watched: &mut Watched) -> bool {
         disarm |= request == Request::Disarm;
         // A plant beside it records the request.
         if watched.end() == End::Exciter {
-            request_records(&request).into_iter().flatten().for_each(|record| tell_event(node, watched, record));
+            request_records(&request).into_iter().flatten().for_each(|record| notify_event(node, watched, record));
         }
         if let Request::Set(set_point) = &request
             && !node.controller_mut().steer(set_point)
         {
-            tell_event(node, watched, ("request.refused", 0));
+            notify_event(node, watched, ("request.refused", 0));
         }
     }
-    watched.tell_set_point(node.controller().set_point());
+    watched.notify_set_point(node.controller().set_point());
     disarm
 }

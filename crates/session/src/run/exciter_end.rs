@@ -3,7 +3,7 @@
 use serde::Serialize;
 
 use super::{ExciterReport, fault_text};
-use resonarm_bench::node::Outcome;
+use resonarm_bench::node::ExciterOutcome;
 
 /// How an exciter ended, as a part of a document.
 #[derive(Clone, Debug, PartialEq, Eq, Serialize)]
@@ -16,15 +16,15 @@ pub struct ExciterEnd {
 
 impl ExciterEnd {
     /// The end of a controller's work; without an outcome it was stopped.
-    pub fn of(outcome: Option<&Outcome>) -> ExciterEnd {
+    pub fn of(outcome: Option<&ExciterOutcome>) -> ExciterEnd {
         let (outcome, reason) = match outcome {
-            Some(Outcome::Finished) => ("finished", None),
-            Some(Outcome::Aborted(abort)) => ("aborted", Some(abort.to_string())),
-            Some(Outcome::Faulted(emergency)) => ("faulted", Some(fault_text(emergency, None, None))),
-            Some(Outcome::PlantLeft) => {
+            Some(ExciterOutcome::Finished) => ("finished", None),
+            Some(ExciterOutcome::Aborted(abort)) => ("aborted", Some(abort.to_string())),
+            Some(ExciterOutcome::Faulted(emergency)) => ("faulted", Some(fault_text(emergency, None, None))),
+            Some(ExciterOutcome::PlantLeft) => {
                 ("plant-left", Some(String::from("the plant left the bus before the excitation was over")))
             }
-            Some(Outcome::Stopped) | None => ("stopped", None),
+            Some(ExciterOutcome::Stopped) | None => ("stopped", None),
         };
         ExciterEnd { outcome, reason }
     }

@@ -2,7 +2,7 @@
 
 use super::bench::Bench;
 use super::pace::Pace;
-use super::{Outcome, RunError};
+use super::{PlantOutcome, RunError};
 use resonarm_bus::Bus;
 use resonarm_protocol::EmergencyCode;
 use resonarm_realtime::{Clock, PeriodicError};
@@ -34,7 +34,7 @@ pub(super) fn finish<C: Clock>(
     bus: &mut dyn Bus,
     pace: &mut Pace<'_, C>,
     ended: Result<EndedBy, RunError>,
-) -> (Outcome, Option<RunError>) {
+) -> (PlantOutcome, Option<RunError>) {
     let now_ns = pace.now_ns();
     match &ended {
         Ok(_) => {}
@@ -51,7 +51,7 @@ pub(super) fn finish<C: Clock>(
     let rest = [ramped, send_rest(bench, bus, pace)];
     let mut errors = ended.err().into_iter().chain(rest.into_iter().filter_map(Result::err));
     match errors.next() {
-        Some(error) => (Outcome::Failed, Some(error)),
+        Some(error) => (PlantOutcome::Failed, Some(error)),
         None => (outcome, None),
     }
 }
@@ -63,16 +63,16 @@ fn missed(error: &PeriodicError) -> u64 {
     }
 }
 
-pub(super) fn outcome(bench: &Bench, ended: &Result<EndedBy, RunError>) -> Outcome {
+pub(super) fn outcome(bench: &Bench, ended: &Result<EndedBy, RunError>) -> PlantOutcome {
     let nothing_done = !bench.was_armed() && bench.samples() == 0;
     match ended {
-        Err(_) => Outcome::Failed,
-        Ok(_) if bench.node().latched_fault().is_some() => Outcome::Faulted,
-        Ok(EndedBy::Patience) => Outcome::NotArmed,
-        Ok(_) if nothing_done => Outcome::NotArmed,
-        Ok(EndedBy::Duration) => Outcome::Completed,
-        Ok(EndedBy::Disarm) => Outcome::Disarmed,
-        Ok(EndedBy::Signal) => Outcome::Stopped,
+        Err(_) => PlantOutcome::Failed,
+        Ok(_) if bench.node().latched_fault().is_some() => PlantOutcome::Faulted,
+        Ok(EndedBy::Patience) => PlantOutcome::NotArmed,
+        Ok(_) if nothing_done => PlantOutcome::NotArmed,
+        Ok(EndedBy::Duration) => PlantOutcome::Completed,
+        Ok(EndedBy::Disarm) => PlantOutcome::Disarmed,
+        Ok(EndedBy::Signal) => PlantOutcome::Stopped,
     }
 }
 

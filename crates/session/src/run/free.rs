@@ -4,7 +4,7 @@ use super::bench::Bench;
 use super::exciter::steer;
 use super::finish::{EndedBy, outcome};
 use super::pace::Pace;
-use super::{Ending, Notice, Outcome, RunError, Signals, Watched};
+use super::{Ending, Notice, PlantOutcome, RunError, Signals, Watched};
 use resonarm_bench::control::ResponsePoint;
 use resonarm_bench::node::ExciterNode;
 use resonarm_bus::{BusError, Sent, Statistics, VirtualBus};
@@ -36,13 +36,13 @@ pub(super) struct Free<'r, 'b, 'c, C: Clock> {
 
 impl<C: Clock> Free<'_, '_, '_, C> {
     /// Runs until the exciter has finished, the duration has passed, or the run is asked to stop.
-    pub fn run(&mut self) -> (Outcome, Option<RunError>) {
+    pub fn run(&mut self) -> (PlantOutcome, Option<RunError>) {
         let ended = self.samples();
         let outcome = outcome(self.bench, &ended);
         let simulates = !matches!(ended, Err(RunError::Plant(_)));
         let rest = self.finish(simulates);
         match ended.err().or(rest.err()) {
-            Some(error) => (Outcome::Failed, Some(error)),
+            Some(error) => (PlantOutcome::Failed, Some(error)),
             None => (outcome, None),
         }
     }
@@ -75,7 +75,7 @@ impl<C: Clock> Free<'_, '_, '_, C> {
         self.exchange()?;
         self.responses.extend(core::iter::from_fn(|| {
             let response = self.exciter.controller_mut().poll_response()?;
-            self.watched.iter_mut().for_each(|watched| watched.tell(Notice::Response(response)));
+            self.watched.iter_mut().for_each(|watched| watched.notify(Notice::Response(response)));
             Some(response)
         }));
         if let Some(watched) = &mut self.watched {

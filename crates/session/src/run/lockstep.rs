@@ -86,7 +86,7 @@ impl<C: Clock> Lockstep<'_, '_, '_, C> {
             now_ns = self.pace.now_ns();
             let exec_ns = published_ns - begun_ns + (now_ns - answered_ns);
             self.exec.record(exec_ns);
-            self.bench.tell_pace(self.bench.sample() - 1, self.pace.lag_ns(), exec_ns);
+            self.bench.notify_pace(self.bench.sample() - 1, self.pace.lag_ns(), exec_ns);
             self.bench.show(self.signals.gauges(), self.pace.lag_ns(), exec_ns, 0);
             self.signals.set_done(self.bench.sample());
         }

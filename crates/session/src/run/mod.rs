@@ -5,7 +5,7 @@
 //!
 //! ```
 //! use resonarm_bus::memory;
-//! use resonarm_session::run::{Mode, Options, Outcome, Session, Signals};
+//! use resonarm_session::run::{Mode, Options, PlantOutcome, Session, Signals};
 //! use resonarm_files::scenario::Scenario;
 //!
 //! let mut ends = memory::hub(2, 1024);
@@ -14,7 +14,7 @@
 //! let options = Options { patience: Some(std::time::Duration::from_millis(10)), ..Options::default() };
 //! let session = Session::new(Scenario::default(), Mode::Lockstep, options)?;
 //! let report = session.plant(&mut plant, &Signals::default(), |event| println!("{event:?}"))?;
-//! assert_eq!(report.outcome, Outcome::NotArmed); // nobody holds the other end
+//! assert_eq!(report.outcome, PlantOutcome::NotArmed); // nobody holds the other end
 //! # Ok::<(), Box<dyn std::error::Error>>(())
 //! ```
 //!
@@ -63,7 +63,8 @@ pub use gauges::{Gauges, Shown};
 pub use mode::{Mode, UnknownMode};
 pub use pace::{Speed, SpeedError};
 pub use report::{
-    BothReport, BusCounts, ExciterReport, Fault, Histograms, Outcome, Pacing, PlantReport, RefusedCommands, fault_text,
+    BothReport, BusCounts, ExciterReport, Fault, Histograms, Pacing, PlantOutcome, PlantReport, RefusedCommands,
+    fault_text,
 };
 pub use session::{OnShortfall, Options, RecordTo, Session};
 pub use signals::{BusLoss, RunEvent, Signals};

@@ -16,7 +16,7 @@ use resonarm_realtime::{LatencyHistogram, OverrunCauses, Percentiles, SpinChoice
 /// How a plant's run ended.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize)]
 #[serde(rename_all = "kebab-case")]
-pub enum Outcome {
+pub enum PlantOutcome {
     /// Its duration has passed.
     Completed,
     /// The controller disarmed the plant.
@@ -31,10 +31,10 @@ pub enum Outcome {
     Failed,
 }
 
-impl Outcome {
+impl PlantOutcome {
     /// Whether the run did what it was for.
     pub const fn is_good(self) -> bool {
-        matches!(self, Outcome::Completed | Outcome::Disarmed | Outcome::Stopped)
+        matches!(self, PlantOutcome::Completed | PlantOutcome::Disarmed | PlantOutcome::Stopped)
     }
 }
 
@@ -43,7 +43,7 @@ impl Outcome {
 #[derive(Debug, Serialize)]
 pub struct PlantReport {
     /// How it ended.
-    pub outcome: Outcome,
+    pub outcome: PlantOutcome,
     /// The fault that was latched at the end, if one was.
     pub fault: Option<Fault>,
     /// The same as the protocol has it.
@@ -96,7 +96,7 @@ pub struct PlantReport {
 
 impl PlantReport {
     /// What a run of `bench` came to, without its timing.
-    pub(super) fn new(bench: &Bench, bus: BusCounts, outcome: Outcome, error: Option<RunError>) -> PlantReport {
+    pub(super) fn new(bench: &Bench, bus: BusCounts, outcome: PlantOutcome, error: Option<RunError>) -> PlantReport {
         let emergency = bench.node().latched_fault();
         PlantReport {
             outcome,
@@ -137,7 +137,7 @@ pub struct Histograms {
 #[derive(Debug)]
 pub struct ExciterReport {
     /// How it ended; `None` if an error ended it.
-    pub outcome: Option<node::Outcome>,
+    pub outcome: Option<node::ExciterOutcome>,
     /// What the plant said was wrong, where that is why the exciter missed its samples.
     pub partner_fault: Option<Emergency>,
     /// How the bus was lost, the last time that it was.
@@ -162,7 +162,7 @@ impl ExciterReport {
     /// The fault that ended it, if one did.
     pub fn fault(&self) -> Option<&Emergency> {
         match &self.outcome {
-            Some(node::Outcome::Faulted(emergency)) => Some(emergency),
+            Some(node::ExciterOutcome::Faulted(emergency)) => Some(emergency),
             _ => None,
         }
     }
@@ -180,9 +180,9 @@ pub struct BothReport {
 impl BothReport {
     /// How the exciter ended: where the run was asked to stop, by these signals, it was stopped, although it knows only
     /// that the plant has left.
-    pub fn exciter_outcome(&self, signals: &Signals) -> Option<node::Outcome> {
+    pub fn exciter_outcome(&self, signals: &Signals) -> Option<node::ExciterOutcome> {
         match self.exciter.outcome {
-            Some(node::Outcome::PlantLeft) if signals.is_stopped() => Some(node::Outcome::Stopped),
+            Some(node::ExciterOutcome::PlantLeft) if signals.is_stopped() => Some(node::ExciterOutcome::Stopped),
             outcome => outcome,
         }
     }

@@ -128,7 +128,7 @@ pub struct Session {
     ending: Ending,
     /// In place of the scenario's controller.
     controller: Option<MakeController>,
-    /// To whom the loops tell what they do.
+    /// Who is notified of what the loops do.
     watch: Option<Watch>,
 }
 
@@ -172,7 +172,7 @@ impl Session {
         Session { controller: Some(MakeController(Arc::new(make))), ..self }
     }
 
-    /// The same session, watched: its loops tell what they do, and take requests.
+    /// The same session, watched: its loops report what they do, and take requests.
     #[must_use]
     pub fn watched(self, watch: Watch) -> Session {
         Session { watch: Some(watch), ..self }
@@ -245,8 +245,8 @@ impl Session {
         mut watch: Option<CoreWatch>,
     ) -> Result<PlantReport, RunError> {
         let how = (self.rate, self.options.overrun, self.options.spin);
-        let mut tell = |overrun| watch.iter_mut().for_each(|watch| watch.tell(overrun));
-        let report = real_time(bench, bus, &SystemClock, how, self.ending, (signals, &mut tell))?;
+        let mut report_overrun = |overrun| watch.iter_mut().for_each(|watch| watch.report(overrun));
+        let report = real_time(bench, bus, &SystemClock, how, self.ending, (signals, &mut report_overrun))?;
         let causes = report.overrun_causes;
         Ok(PlantReport { overrun_causes: watch.map_or(causes, |watch| watch.finish(causes)), ..report })
     }

@@ -8,7 +8,7 @@ use std::sync::atomic::{AtomicU64, Ordering};
 use super::lockstep::lockstep;
 use super::real_time::real_time;
 use super::*;
-use resonarm_bench::node::{self, ExciterNode, Outcome as ExciterOutcome};
+use resonarm_bench::node::{self, ExciterNode, ExciterOutcome};
 use resonarm_bus::{Bus, BusError, Filter, Received, Sent, Statistics, memory};
 use resonarm_files::recording::{Existing, Record, Recording};
 use resonarm_files::scenario::Scenario;
@@ -249,7 +249,7 @@ fn all_loops_give_the_same_states() {
     let free = session.both(&Signals::default(), |_| {}).unwrap();
     assert_eq!(free.exciter.outcome, Some(ExciterOutcome::Finished));
     assert_eq!(lockstep.exciter.outcome(), Some(ExciterOutcome::Finished));
-    assert_eq!((free.plant.outcome, lockstep.report.outcome), (Outcome::Disarmed, Outcome::Disarmed));
+    assert_eq!((free.plant.outcome, lockstep.report.outcome), (PlantOutcome::Disarmed, PlantOutcome::Disarmed));
     assert_eq!((free.plant.samples, free.plant.steps), (lockstep.report.samples, lockstep.report.steps));
     assert_eq!(free.exciter.responses.len(), 3);
     let states = lockstep.states();
@@ -273,7 +273,7 @@ fn both_ends_on_a_memory_bus_give_those_states_too() {
     let session = Session::new(scenario(), Mode::Lockstep, Options { record, ..Options::default() }).unwrap();
     let report = session.both(&Signals::default(), |_| {}).unwrap();
     assert_eq!(report.exciter.outcome, Some(ExciterOutcome::Finished));
-    assert_eq!((report.plant.outcome, report.plant.bus.e2e_errors), (Outcome::Disarmed, 0));
+    assert_eq!((report.plant.outcome, report.plant.bus.e2e_errors), (PlantOutcome::Disarmed, 0));
     let expected = Rig::new().run(Mode::Lockstep, &Signals::default());
     assert!(states_of(&Recording::open(&path).unwrap()) == expected.states());
 }
@@ -325,7 +325,7 @@ fn a_stall_of_the_plant_is_no_fault_of_the_controller() {
     let rig = Rig::new();
     rig.clock.stall(500 * MS + MS / 2, 300 * MS);
     let stalled = rig.run(Mode::RealTime, &Signals::default());
-    assert_eq!((stalled.faults(), stalled.report.outcome), (vec![], Outcome::Disarmed));
+    assert_eq!((stalled.faults(), stalled.report.outcome), (vec![], PlantOutcome::Disarmed));
     assert_eq!(stalled.exciter.outcome(), Some(ExciterOutcome::Finished));
     // The slip is passed to watchers and the exciter, and is in the report and the recording; the states are those of a
     // run without it.
@@ -353,7 +353,7 @@ fn a_run_that_slips_outlives_more_than_a_second() {
     let rig = Rig::new();
     rig.clock.stall(500 * MS, 5000 * MS);
     let stalled = rig.run(Mode::RealTime, &Signals::default());
-    assert_eq!((stalled.faults(), stalled.report.outcome), (vec![], Outcome::Disarmed));
+    assert_eq!((stalled.faults(), stalled.report.outcome), (vec![], PlantOutcome::Disarmed));
 }
 
 #[test]
@@ -361,7 +361,7 @@ fn a_run_that_stops_at_an_overrun_faults_and_ramps_first() {
     let rig = Rig { overrun: OverrunPolicy::Stop, ..Rig::new() };
     rig.clock.stall(500 * MS, 10 * MS);
     let stopped = rig.run(Mode::RealTime, &Signals::default());
-    assert_eq!(stopped.report.outcome, Outcome::Failed);
+    assert_eq!(stopped.report.outcome, PlantOutcome::Failed);
     assert!(matches!(stopped.report.error, Some(RunError::Periodic(_))), "{:?}", stopped.report.error);
     assert_eq!(code_of(&stopped), Some(EmergencyCode::Overrun));
     assert_ramped(&stopped);
@@ -387,7 +387,7 @@ fn a_signal_disarms_ramps_and_tells_that_the_plant_leaves() {
         let rig = Rig { scenario: Scenario::parse(&text, "test").unwrap(), ..rig };
         let ending = Ending { after_samples: rig.scenario.duration_samples().unwrap(), ..Ending::default() };
         let left = Rig { ending, ..rig }.run(mode, &signals);
-        assert_eq!((left.report.outcome, left.faults()), (Outcome::Completed, vec![]), "{mode}");
+        assert_eq!((left.report.outcome, left.faults()), (PlantOutcome::Completed, vec![]), "{mode}");
         assert_eq!(left.exciter.outcome(), Some(ExciterOutcome::PlantLeft), "{mode}");
         assert_ramped(&left);
         // The samples of the ramp come on top.
@@ -396,7 +396,7 @@ fn a_signal_disarms_ramps_and_tells_that_the_plant_leaves() {
 }
 
 #[test]
-fn a_bus_that_is_down_for_a_while_is_a_fault_and_the_run_goes_on() {
+fn a_bus_that_is_down_for_a_while_is_a_fault_and_the_run_continues() {
     for mode in [Mode::RealTime, Mode::Lockstep] {
         let ending = Ending { after_samples: Some(1500), ..Ending::default() };
         let rig = Rig { down_ns: 500 * MS..1200 * MS, ending, speed: Speed::UNPACED, ..Rig::new() };
@@ -451,7 +451,7 @@ fn an_exciter_alone_gives_up_and_a_plant_alone_has_a_patience() {
     insta::assert_snapshot!(report.error.unwrap(), @"no plant was heard within 0.05 s: start one with `resonarm run` on the same bus, with the same rate and base identifier");
     let mut events = Vec::new();
     let report = session.plant(&mut near, &Signals::default(), |event| events.push(event)).unwrap();
-    assert_eq!((report.outcome, report.samples, report.steps), (Outcome::NotArmed, 0, 0));
+    assert_eq!((report.outcome, report.samples, report.steps), (PlantOutcome::NotArmed, 0, 0));
     assert_eq!(events, [RunEvent::Ready]);
 }
 
@@ -461,7 +461,7 @@ fn a_plant_that_is_stopped_before_it_did_anything_did_nothing() {
     let signals = Signals::default();
     signals.stop();
     let session = Session::new(scenario(), Mode::Lockstep, Options::default()).unwrap();
-    assert_eq!(session.plant(&mut near, &signals, |_| {}).unwrap().outcome, Outcome::NotArmed);
+    assert_eq!(session.plant(&mut near, &signals, |_| {}).unwrap().outcome, PlantOutcome::NotArmed);
 }
 
 #[test]

@@ -1,9 +1,9 @@
 //! Watching a run: rings between its loops and the watcher.
 //!
 //! ```text
-//! run loop ── Watched::tell ──────► rings of records and commands, of responses ──► Watcher::take
-//!          ── Watched::tell_frame ► ring of frames ─────────────────────────────►
-//!          ◄─ Watched::request ──── ring of requests ◄──────────────────────────── Watcher::ask
+//! run loop ── Watched::notify ───────► rings of records and commands, of responses ──► Watcher::take
+//!          ── Watched::notify_frame ─► ring of frames ───────────────────────────────►
+//!          ◄─ Watched::request ─────── ring of requests ◄───────────────────────────── Watcher::ask
 //! ```
 //!
 //! A slot of a ring is as large as its largest entry, and what a loop writes has to leave the other core's caches. So
@@ -204,7 +204,7 @@ impl Watched {
 
     /// Passes `notice` on, or counts it as lost. Never blocks, locks or allocates: for the real-time loop.
     #[inline]
-    pub fn tell(&mut self, notice: Notice) {
+    pub fn notify(&mut self, notice: Notice) {
         let is_queued = match notice {
             Notice::Record(record) => self.often.push(Often::Record(record)).is_ok(),
             Notice::Command(command) => self.often.push(Often::Command(command)).is_ok(),
@@ -217,10 +217,10 @@ impl Watched {
     }
 
     /// Passes on the set-point of a controller, if it takes one and it has changed. Never blocks, locks or allocates.
-    pub fn tell_set_point(&mut self, set_point: Option<SetPoint>) {
+    pub fn notify_set_point(&mut self, set_point: Option<SetPoint>) {
         if let Some(changed) = set_point.filter(|_| set_point != self.set_point) {
             self.set_point = set_point;
-            self.tell(Notice::SetPoint(changed));
+            self.notify(Notice::SetPoint(changed));
         }
     }
 
@@ -235,7 +235,7 @@ impl Watched {
 
     /// Passes on the frame that `make` returns, or counts it as lost, if frames are wanted of this loop. Never blocks,
     /// locks or allocates.
-    pub fn tell_frame(&mut self, make: impl FnOnce() -> FrameRecord) {
+    pub fn notify_frame(&mut self, make: impl FnOnce() -> FrameRecord) {
         if self.wants_frames() && self.frames.push(make()).is_err() {
             self.lose();
         }
@@ -319,12 +319,12 @@ mod tests {
     fn a_full_ring_loses_and_counts_and_never_waits() {
         let (watch, mut watcher) = watch();
         let mut watched = watch.open(End::Plant);
-        (0..NOTICES as u64 + 100).for_each(|sample| watched.tell(tick(sample)));
+        (0..NOTICES as u64 + 100).for_each(|sample| watched.notify(tick(sample)));
         assert_eq!(watcher.lost(), 100);
         let mut taken = Vec::new();
         watcher.take(usize::MAX, |end, notice| taken.push((end, *notice)));
         assert!(taken.iter().copied().eq((0..NOTICES as u64).map(|sample| (End::Plant, tick(sample)))));
-        watched.tell(tick(7));
+        watched.notify(tick(7));
         drop(watched);
         taken.clear();
         watcher.take(usize::MAX, |end, notice| taken.push((end, *notice)));
@@ -346,7 +346,7 @@ mod tests {
         };
         for (sample, wanted) in [(0, None), (1, Some(true)), (2, None), (3, Some(false))] {
             wanted.into_iter().for_each(|wanted| watcher.want_frames(wanted));
-            watched.tell_frame(|| record(sample));
+            watched.notify_frame(|| record(sample));
         }
         let mut taken = Vec::new();
         watcher.take(usize::MAX, |_, notice| taken.push(*notice));
@@ -366,8 +366,8 @@ mod tests {
         let response = |load| Notice::Response(ResponsePoint::of_harmonics(20.0, load, &harmonics));
         let (watch, mut watcher) = watch();
         let mut watched = watch.open(End::ExciterBesidePlant);
-        (0..NOTICES as u64).for_each(|sample| watched.tell(tick(sample)));
-        (0..=RESPONSES).for_each(|n| watched.tell(response(n as f64)));
+        (0..NOTICES as u64).for_each(|sample| watched.notify(tick(sample)));
+        (0..=RESPONSES).for_each(|n| watched.notify(response(n as f64)));
         assert_eq!(watcher.lost(), 1, "the one for which there is no room beside a full ring of records");
         drop(watched);
         let mut taken = Vec::new();

@@ -9,10 +9,9 @@ use serde_json::Value;
 
 use super::{Control, Journal, StudyError, on_all_cores};
 use resonarm_analysis::time_domain::{
-    Outcome, StableMotion, StateCoordinate, StroboscopicMap, TimeDomainError, outcomes,
+    BasinOutcome, StableMotion, StateCoordinate, StroboscopicMap, TimeDomainError, outcomes,
 };
-use resonarm_dynamics::arm::Sine;
-use resonarm_dynamics::arm::{Arm, State};
+use resonarm_dynamics::arm::{Arm, Sine, State};
 
 /// States that are computed side by side, and kept together in the journal.
 const TOGETHER: usize = 64;
@@ -78,16 +77,16 @@ pub struct Basins {
 /// What became of some neighbours in the grid.
 #[derive(Clone, Debug, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
-struct Part {
+struct GridPart {
     part: usize,
-    outcomes: Vec<Outcome>,
+    outcomes: Vec<BasinOutcome>,
 }
 
 /// Basins as far as they are computed, and where they are kept.
 #[derive(Debug)]
-pub struct BasinWalk {
+pub struct BasinComputation {
     basins: Basins,
-    parts: Vec<Option<Vec<Outcome>>>,
+    parts: Vec<Option<Vec<BasinOutcome>>>,
     journal: Option<Journal>,
 }
 
@@ -97,13 +96,13 @@ impl Basins {
     /// # Errors
     /// [`StudyError::TimeDomain`] for an excitation under which nothing can be computed, [`StudyError::Journal`] for a
     /// journal that can't be used.
-    pub fn begin(self, journal: Option<(&Path, &Value)>) -> Result<BasinWalk, StudyError> {
+    pub fn begin(self, journal: Option<(&Path, &Value)>) -> Result<BasinComputation, StudyError> {
         StroboscopicMap::new(&self.arm, self.sine)?;
         let mut parts = vec![None; self.grid.len().div_ceil(TOGETHER)];
         let journal = match journal {
             Some((path, configuration)) => {
-                let (journal, known) = Journal::open::<Part>(path, configuration)?;
-                for (k, Part { part, outcomes }) in known.into_iter().enumerate() {
+                let (journal, known) = Journal::open::<GridPart>(path, configuration)?;
+                for (k, GridPart { part, outcomes }) in known.into_iter().enumerate() {
                     let place = parts.get_mut(part).filter(|_| outcomes.len() == self.states(part).len());
                     *place.ok_or_else(|| journal.damaged(k + 2, "part of this grid"))? = Some(outcomes);
                 }
@@ -111,7 +110,7 @@ impl Basins {
             }
             None => None,
         };
-        Ok(BasinWalk { basins: self, parts, journal })
+        Ok(BasinComputation { basins: self, parts, journal })
     }
 
     fn states(&self, part: usize) -> Vec<State> {
@@ -119,7 +118,7 @@ impl Basins {
         (part * TOGETHER..end).map(|index| self.grid.state(index)).collect()
     }
 
-    fn outcomes(&self, part: usize, stop: &dyn Fn() -> bool) -> Result<Option<Vec<Outcome>>, TimeDomainError> {
+    fn outcomes(&self, part: usize, stop: &dyn Fn() -> bool) -> Result<Option<Vec<BasinOutcome>>, TimeDomainError> {
         let map = StroboscopicMap::new(&self.arm, self.sine)?;
         match outcomes(&map, &self.motions, &self.states(part), self.time_constants, stop) {
             Ok(outcomes) => Ok(Some(outcomes)),
@@ -129,10 +128,10 @@ impl Basins {
     }
 }
 
-impl BasinWalk {
+impl BasinComputation {
     /// What became of the states, in the order of the grid; `None` until all are computed.
-    pub fn outcomes(&self) -> Option<Vec<Outcome>> {
-        let parts: Option<Vec<&Vec<Outcome>>> = self.parts.iter().map(Option::as_ref).collect();
+    pub fn outcomes(&self) -> Option<Vec<BasinOutcome>> {
+        let parts: Option<Vec<&Vec<BasinOutcome>>> = self.parts.iter().map(Option::as_ref).collect();
         parts.map(|parts| parts.into_iter().flatten().copied().collect())
     }
 
@@ -155,27 +154,27 @@ impl BasinWalk {
     ///
     /// # Errors
     /// [`StudyError::TimeDomain`] if nothing can be computed, [`StudyError::Journal`] if the journal can't be written.
-    pub fn go_on(self, control: &Control<'_>) -> Result<BasinWalk, StudyError> {
+    pub fn compute_missing(self, control: &Control<'_>) -> Result<BasinComputation, StudyError> {
         let done = AtomicU64::new(self.done() as u64);
         let (failed, journal) = (AtomicBool::new(false), Mutex::new(self.journal));
         let stop = || (control.stop)() || failed.load(Ordering::Relaxed);
-        let compute = |part: usize| -> Result<Option<Vec<Outcome>>, StudyError> {
+        let compute = |part: usize| -> Result<Option<Vec<BasinOutcome>>, StudyError> {
             let Some(outcomes) = self.basins.outcomes(part, &stop)? else { return Ok(None) };
             if let Some(journal) = journal.lock().unwrap_or_else(PoisonError::into_inner).as_mut() {
-                journal.append(&Part { part, outcomes: outcomes.clone() })?;
+                journal.append(&GridPart { part, outcomes: outcomes.clone() })?;
             }
             let more = outcomes.len() as u64;
             (control.done)(done.fetch_add(more, Ordering::Relaxed) + more);
             Ok(Some(outcomes))
         };
-        let jobs: Vec<(usize, Option<Vec<Outcome>>)> = self.parts.into_iter().enumerate().collect();
-        let work = |(part, known): &(usize, Option<Vec<Outcome>>)| match known {
+        let jobs: Vec<(usize, Option<Vec<BasinOutcome>>)> = self.parts.into_iter().enumerate().collect();
+        let work = |(part, known): &(usize, Option<Vec<BasinOutcome>>)| match known {
             Some(outcomes) => Ok(Some(outcomes.clone())),
             None => compute(*part).inspect_err(|_error| failed.store(true, Ordering::Relaxed)),
         };
         let parts = on_all_cores(&jobs, work, || ()).into_iter().collect::<Result<_, _>>()?;
         let journal = journal.into_inner().unwrap_or_else(PoisonError::into_inner);
-        Ok(BasinWalk { basins: self.basins, parts, journal })
+        Ok(BasinComputation { basins: self.basins, parts, journal })
     }
 
     /// To be called when the results are written: there is nothing left to resume.
@@ -218,18 +217,18 @@ mod tests {
         let basins = basins([9, 8]);
         assert_eq!(basins.motions.len(), 2, "{:?}", basins.motions);
         let (arm, sine, grid, motions) = (basins.arm.clone(), basins.sine, basins.grid, basins.motions.clone());
-        let outcomes = basins.begin(None).unwrap().go_on(&QUIET).unwrap().outcomes().unwrap();
+        let outcomes = basins.begin(None).unwrap().compute_missing(&QUIET).unwrap().outcomes().unwrap();
         let map = StroboscopicMap::new(&arm, sine).unwrap();
         let mut reached = [0; 2];
         for (index, outcome) in outcomes.iter().enumerate() {
             let settled = settle(&map, &grid.state(index), &SettleOptions::default(), &|| false).unwrap();
             match outcome {
-                Outcome::Reaches { motion, .. } => {
+                BasinOutcome::Reaches { motion, .. } => {
                     let (a, b) = (motions[*motion].amplitude_rad[0], settled.amplitude_rad[0]);
                     assert!((a / b - 1.0).abs() < 1e-6, "{index}: {a} {b}");
                     reached[*motion] += 1;
                 }
-                other => assert_eq!((settled.period, *other), (None, Outcome::Undecided), "{index}"),
+                other => assert_eq!((settled.period, *other), (None, BasinOutcome::Undecided), "{index}"),
             }
         }
         assert!(reached.iter().all(|count| *count > 5), "{reached:?}");
@@ -237,11 +236,11 @@ mod tests {
 
     /// Stopped after any part, it goes on to the same outcomes.
     #[test]
-    fn goes_on_as_if_never_stopped() {
+    fn continues_as_if_never_stopped() {
         let folder = tempfile::tempdir().unwrap();
         let path = folder.path().join("journal");
         let configuration = serde_json::json!({});
-        let whole = basins([10, 20]).begin(Some((&path, &configuration))).unwrap().go_on(&QUIET).unwrap();
+        let whole = basins([10, 20]).begin(Some((&path, &configuration))).unwrap().compute_missing(&QUIET).unwrap();
         let text = std::fs::read_to_string(&path).unwrap();
         let outcomes = whole.outcomes().unwrap();
         drop(whole);
@@ -250,7 +249,7 @@ mod tests {
         std::fs::write(&path, lines[..3].concat() + &lines[3][..9]).unwrap();
         let resumed = basins([10, 20]).begin(Some((&path, &configuration))).unwrap();
         assert!(resumed.outcomes().is_none() && resumed.done() < 200 && resumed.done() > 0);
-        let resumed = resumed.go_on(&QUIET).unwrap();
+        let resumed = resumed.compute_missing(&QUIET).unwrap();
         assert_eq!(resumed.outcomes().unwrap(), outcomes);
         resumed.finish().unwrap();
         assert!(!path.exists());

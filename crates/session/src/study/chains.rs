@@ -10,8 +10,7 @@ use serde_json::Value;
 use super::{Control, Journal, StudyError, on_all_cores};
 use resonarm_analysis::Readings;
 use resonarm_analysis::time_domain::{SettleOptions, Settled, StroboscopicMap, TimeDomainError, readings, settle};
-use resonarm_dynamics::arm::Sine;
-use resonarm_dynamics::arm::{Arm, State};
+use resonarm_dynamics::arm::{Arm, Sine, State};
 
 /// One arm under one excitation after the other.
 #[derive(Clone, Debug)]
@@ -85,21 +84,21 @@ impl Point {
     }
 }
 
-/// A walk along chains: its points so far, and where they are kept.
+/// Chains as far as they are computed, and where their points are kept.
 #[derive(Debug)]
-pub struct Walk {
+pub struct ChainComputation {
     chains: Chains,
     points: Vec<Vec<Point>>,
     journal: Option<Journal>,
 }
 
 impl Chains {
-    /// A walk along the chains, with the points that are in the journal for this configuration.
+    /// The computation, with the points that are in the journal for this configuration.
     ///
     /// # Errors
     /// [`StudyError::TimeDomain`] for an excitation under which nothing can be computed, [`StudyError::Journal`] for a
     /// journal that can't be used.
-    pub fn begin(self, journal: Option<(&Path, &Value)>) -> Result<Walk, StudyError> {
+    pub fn begin(self, journal: Option<(&Path, &Value)>) -> Result<ChainComputation, StudyError> {
         for chain in &self.chains {
             for sine in &chain.excitations {
                 StroboscopicMap::new(&chain.arm, *sine)?;
@@ -112,7 +111,7 @@ impl Chains {
             }
             None => (vec![Vec::new(); self.chains.len()], None),
         };
-        Ok(Walk { chains: self, points, journal })
+        Ok(ChainComputation { chains: self, points, journal })
     }
 
     /// The points of a journal by chain; those of one chain follow each other in it.
@@ -152,7 +151,7 @@ impl Chains {
     }
 }
 
-impl Walk {
+impl ChainComputation {
     /// The points of each chain.
     pub fn points(&self) -> &[Vec<Point>] {
         &self.points
@@ -202,7 +201,7 @@ impl Walk {
     /// # Errors
     /// [`StudyError::TimeDomain`] if a motion can't be computed, [`StudyError::Journal`] if the journal can't be
     /// written.
-    pub fn go_on(self, control: &Control<'_>) -> Result<Walk, StudyError> {
+    pub fn compute_missing(self, control: &Control<'_>) -> Result<ChainComputation, StudyError> {
         let done = AtomicU64::new(self.done() as u64);
         // The first chain that has failed, if one has. Those before it continue, so that the same error is reported
         // every time.
@@ -217,11 +216,15 @@ impl Walk {
         let jobs: Vec<(usize, Vec<Point>)> = self.points.into_iter().enumerate().collect();
         let work = |(chain, known): &(usize, Vec<Point>)| {
             let stop = || (control.stop)() || failed.load(Ordering::Relaxed) < *chain;
-            let walked = self.chains.follow(*chain, known.clone(), &stop, &finished);
-            walked.inspect_err(|_error| _ = failed.fetch_min(*chain, Ordering::Relaxed))
+            let points = self.chains.follow(*chain, known.clone(), &stop, &finished);
+            points.inspect_err(|_error| _ = failed.fetch_min(*chain, Ordering::Relaxed))
         };
         let points = on_all_cores(&jobs, work, || ()).into_iter().collect::<Result<_, _>>()?;
-        Ok(Walk { chains: self.chains, points, journal: journal.into_inner().unwrap_or_else(PoisonError::into_inner) })
+        Ok(ChainComputation {
+            chains: self.chains,
+            points,
+            journal: journal.into_inner().unwrap_or_else(PoisonError::into_inner),
+        })
     }
 
     /// To be called when the results are written: there is nothing left to resume.
@@ -251,19 +254,19 @@ mod tests {
         Chains { chains, start: State::default(), options: SettleOptions::default() }
     }
 
-    fn walk(chains: Chains, journal: Option<(&Path, &Value)>) -> Result<Walk, StudyError> {
-        chains.begin(journal)?.go_on(&Control { stop: &|| false, done: &|_done| () })
+    fn computed(chains: Chains, journal: Option<(&Path, &Value)>) -> Result<ChainComputation, StudyError> {
+        chains.begin(journal)?.compute_missing(&Control { stop: &|| false, done: &|_done| () })
     }
 
     /// Killed after any number of points, in the middle of a line: the rest comes out the same, bit for bit.
     #[test]
-    fn goes_on_as_if_never_stopped() {
+    fn continues_as_if_never_stopped() {
         let folder = tempfile::tempdir().unwrap();
         let path = folder.path().join("journal");
         let configuration = json!({});
-        let whole = walk(chains(), Some((&path, &configuration))).unwrap();
+        let whole = computed(chains(), Some((&path, &configuration))).unwrap();
         assert!(whole.is_complete() && whole.points.iter().all(|chain| chain.len() == 5));
-        let unkept = walk(chains(), None).unwrap();
+        let unkept = computed(chains(), None).unwrap();
         assert_eq!(unkept.points, whole.points);
         let text = std::fs::read_to_string(&path).unwrap();
         let points = whole.points.clone();
@@ -273,7 +276,7 @@ mod tests {
         for kept in [1, 7, 15, 16] {
             let torn = lines.get(kept).map_or("", |line| &line[..line.len() / 2]);
             std::fs::write(&path, lines[..kept].concat() + torn).unwrap();
-            let resumed = walk(chains(), Some((&path, &configuration))).unwrap();
+            let resumed = computed(chains(), Some((&path, &configuration))).unwrap();
             assert_eq!(resumed.points, points, "{kept} lines");
             assert_eq!(std::fs::read_to_string(&path).unwrap().lines().count(), 16);
             resumed.finish().unwrap();
@@ -284,7 +287,7 @@ mod tests {
     #[test]
     fn stops_when_asked_to() {
         let stopped = Control { stop: &|| true, done: &|_done| () };
-        assert_eq!(chains().begin(None).unwrap().go_on(&stopped).unwrap().done(), 0);
+        assert_eq!(chains().begin(None).unwrap().compute_missing(&stopped).unwrap().done(), 0);
     }
 
     /// Whichever fails first, the error is that of the first chain.
@@ -295,7 +298,7 @@ mod tests {
         let too_much = |frequency_hz| Sine { amplitude: Load::torque_nm(1e9, 0.0), frequency_hz };
         chains.chains[0].excitations[1] = too_much(21.0);
         chains.chains[1].excitations[0] = too_much(23.0);
-        let error = walk(chains, None).unwrap_err().to_string();
+        let error = computed(chains, None).unwrap_err().to_string();
         assert!(error.starts_with("excited at 21 Hz: "), "{error}");
     }
 
@@ -309,7 +312,7 @@ mod tests {
         let settled = settle(&map, &State::default(), &SettleOptions::default(), &|| false).unwrap();
         journal.append(&Point::new(0, 1, &settled)).unwrap();
         drop(journal);
-        let refusal = walk(chains(), Some((&path, &json!({})))).unwrap_err().to_string();
+        let refusal = computed(chains(), Some((&path, &json!({})))).unwrap_err().to_string();
         insta::assert_snapshot!(refusal.replace(&path.display().to_string(), "FILE"), @"line 2 of FILE is no point that follows: delete the file to begin anew");
     }
 
@@ -320,10 +323,10 @@ mod tests {
         let path = folder.path().join("journal");
         let mut bad = chains();
         bad.chains[1].excitations[4].frequency_hz = -1.0;
-        insta::assert_snapshot!(walk(bad, Some((&path, &json!({})))).unwrap_err(), @"excitation frequency -1 Hz: it must be a positive number");
+        insta::assert_snapshot!(computed(bad, Some((&path, &json!({})))).unwrap_err(), @"excitation frequency -1 Hz: it must be a positive number");
         assert!(!path.exists());
         let mut beyond = chains();
         beyond.chains[1].excitations[1].amplitude = Load::torque_nm(1e12, 0.0);
-        insta::assert_snapshot!(walk(beyond, None).unwrap_err(), @"excited at 22.14 Hz: the motion grows beyond all bounds, 1.08e-3 s after phase 0; try less excitation");
+        insta::assert_snapshot!(computed(beyond, None).unwrap_err(), @"excited at 22.14 Hz: the motion grows beyond all bounds, 1.08e-3 s after phase 0; try less excitation");
     }
 }

@@ -11,8 +11,8 @@ mod parallel;
 
 use thiserror::Error;
 
-pub use basins::{BasinWalk, Basins, StateGrid};
-pub use chains::{Chain, Chains, Point, Walk};
+pub use basins::{BasinComputation, Basins, StateGrid};
+pub use chains::{Chain, ChainComputation, Chains, Point};
 pub use journal::{Journal, JournalError};
 pub use parallel::on_all_cores;
 

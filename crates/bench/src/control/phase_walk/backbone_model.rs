@@ -23,7 +23,7 @@ struct Finding {
 
 /// The curve that is fitted over A².
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-enum Curve {
+enum FittedCurve {
     Line,
     Parabola,
 }
@@ -122,8 +122,8 @@ impl BackboneModel {
     /// (ω₀², κ) at the amplitude.
     fn at(&self, amplitude_rad: f64) -> (f64, f64) {
         let square = amplitude_rad * amplitude_rad;
-        let stiffness = self.predict(square, Curve::Parabola, |finding| finding.stiffness);
-        let damping = self.predict(square, Curve::Line, |finding| finding.damping);
+        let stiffness = self.predict(square, FittedCurve::Parabola, |finding| finding.stiffness);
+        let damping = self.predict(square, FittedCurve::Line, |finding| finding.damping);
         (stiffness, damping)
     }
 
@@ -135,7 +135,7 @@ impl BackboneModel {
     }
 
     /// The value at `square` by weighted least squares.
-    fn predict(&self, square: f64, curve: Curve, value: impl Fn(&Finding) -> f64) -> f64 {
+    fn predict(&self, square: f64, curve: FittedCurve, value: impl Fn(&Finding) -> f64) -> f64 {
         let scale = self.findings.iter().fold(square, |most, finding| most.max(finding.square)).max(f64::MIN_POSITIVE);
         let Some(origin) = self.findings.last().map(&value) else { return 0.0 };
         let (mut normal, mut moment) = (Matrix3::zeros(), Vector3::zeros());
@@ -143,7 +143,7 @@ impl BackboneModel {
         let mut recency = 1.0;
         for finding in self.findings.iter().rev() {
             let x = (finding.square - square) / scale;
-            let p = Vector3::new(1.0, x, if curve == Curve::Parabola { x * x } else { 0.0 });
+            let p = Vector3::new(1.0, x, if curve == FittedCurve::Parabola { x * x } else { 0.0 });
             let far = 1.0 + (x / REACH) * (x / REACH);
             let variance = finding.deviation * finding.deviation + LEAST_DEVIATION * LEAST_DEVIATION;
             let weight = recency / (far * far * variance);
@@ -154,8 +154,8 @@ impl BackboneModel {
         }
         let pull = PULL * total;
         normal.m22 += match curve {
-            Curve::Parabola => pull,
-            Curve::Line => pull + 1.0 / (SLOPE * SLOPE),
+            FittedCurve::Parabola => pull,
+            FittedCurve::Line => pull + 1.0 / (SLOPE * SLOPE),
         };
         normal.m33 += pull;
         normal.cholesky().map_or(origin, |cholesky| origin + cholesky.solve(&moment).x)

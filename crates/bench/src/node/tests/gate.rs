@@ -25,17 +25,17 @@ impl Driven {
         Driven { plant: plant.with_limits(LIMITS), transmitter, now_ns: 0, sample: 70_000 }
     }
 
-    fn tell(&mut self, message: &Message) {
+    fn send(&mut self, message: &Message) {
         self.plant.handle_frame(self.now_ns, &self.transmitter.frame(message).unwrap());
     }
 
     fn ask(&mut self, request: OperatorRequest) {
-        self.tell(&Message::Operator(OperatorCommand { request, target: NodeName::Plant }));
+        self.send(&Message::Operator(OperatorCommand { request, target: NodeName::Plant }));
     }
 
     fn force(&mut self, force_x_n: f64, force_y_n: f64) {
         let sample = self.sample as u16;
-        self.tell(&Message::Force(ForceCommand { force_x_n, force_y_n, sample }));
+        self.send(&Message::Force(ForceCommand { force_x_n, force_y_n, sample }));
     }
 
     /// The load over the next sample period, which ends with this travel.
@@ -88,9 +88,9 @@ fn a_torque_in_place_of_a_force_changes_both() {
     let torque =
         |torque1_nm, sample| Message::Torque(resonarm_protocol::TorqueCommand { torque1_nm, torque2_nm: 0.0, sample });
     let sample = driven.sample as u16;
-    driven.tell(&torque(2.05, sample));
+    driven.send(&torque(2.05, sample));
     assert_eq!(driven.tick(0.0), Load::force_n(1.0, 0.0));
-    driven.tell(&torque(-2.0, sample + 1));
+    driven.send(&torque(-2.0, sample + 1));
     assert_eq!(driven.tick(0.0), Load::torque_nm(-2.0, 0.0));
     assert_eq!(driven.plant.refusals().count(Refusal::RateOfChange), 1);
 }

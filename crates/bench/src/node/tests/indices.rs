@@ -26,7 +26,7 @@ fn sample(exciter: &mut ExciterNode, plant: &mut Transmitter, sample: u16) {
 
 fn fault(exciter: &ExciterNode) -> Option<(EmergencyCode, u16)> {
     match exciter.outcome() {
-        Some(Outcome::Faulted(emergency)) => Some((emergency.code, emergency.detail)),
+        Some(ExciterOutcome::Faulted(emergency)) => Some((emergency.code, emergency.detail)),
         _ => None,
     }
 }

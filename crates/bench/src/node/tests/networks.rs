@@ -11,7 +11,7 @@ fn fd() -> Network {
 fn the_fd_profile_plays_from_arming_to_disarming() {
     let mut bench = Bench::on([fd(); 2], Timing::real_time(RATE_HZ), 0.5);
     bench.run(600);
-    assert_eq!(bench.outcome(), Some(Outcome::Finished));
+    assert_eq!(bench.outcome(), Some(ExciterOutcome::Finished));
     let expected = profile(0.5);
     let single = |n: u64| f64::from(expected.load(n).force_n.x as f32);
     let seen = bench.loads.iter().map(|load| load.force_n.x).skip_while(|force| *force == 0.0);
@@ -48,7 +48,7 @@ fn nodes_of_different_profiles_never_arm_and_say_why() {
     for networks in [[fd(), Network::default()], [Network::default(), fd()]] {
         let mut bench = Bench::on(networks, Timing::real_time(RATE_HZ), 0.5);
         bench.run(100);
-        let Some(Outcome::Faulted(emergency)) = bench.outcome() else { panic!("{:?}", bench.outcome()) };
+        let Some(ExciterOutcome::Faulted(emergency)) = bench.outcome() else { panic!("{:?}", bench.outcome()) };
         assert_eq!((emergency.code, emergency.detail), (EmergencyCode::Incompatible, Mismatch::Profile as u16));
         assert!(bench.loads.iter().all(|load| *load == Load::default()));
     }
@@ -63,7 +63,7 @@ fn two_samples_go_in_a_frame_once_armed() {
         PlantNode::new(fd(), RATE_HZ, timing, Exciter::default()).with_samples_per_frame(SamplesPerFrame::Two);
     bench.plant.start(0);
     bench.run(600);
-    assert_eq!(bench.outcome(), Some(Outcome::Finished));
+    assert_eq!(bench.outcome(), Some(ExciterOutcome::Finished));
     let exciter = bench.exciter.as_ref().unwrap();
     assert_eq!((exciter.missed_samples(), exciter.unsent_frames(), bench.plant.refusals().total()), (0, 0, 0));
     assert_eq!(exciter.samples_played(), profile(0.5).samples() + 1);
@@ -138,7 +138,7 @@ impl Crowd {
 
     pub fn faults(&self) -> Vec<Option<EmergencyCode>> {
         let of_exciter = |exciter: &ExciterNode| match exciter.outcome() {
-            Some(Outcome::Faulted(Emergency { node: NodeName::Exciter, code, .. })) => Some(code),
+            Some(ExciterOutcome::Faulted(Emergency { node: NodeName::Exciter, code, .. })) => Some(code),
             _ => None,
         };
         let of_plant = |plant: &PlantNode| plant.latched_fault().map(|emergency| emergency.code);
@@ -159,7 +159,7 @@ fn benches_side_by_side_do_not_disturb_each_other() {
     crowd.run(400);
     let mut alone = Crowd::new(&networks[..1], &networks[..1]);
     alone.run(400);
-    assert!(crowd.exciters.iter().all(|exciter| exciter.outcome() == Some(Outcome::Finished)));
+    assert!(crowd.exciters.iter().all(|exciter| exciter.outcome() == Some(ExciterOutcome::Finished)));
     assert!(crowd.plants.iter().all(|plant| plant.refused_frames() == 0 && plant.refusals().total() == 0));
     assert_eq!(crowd.loads[0], alone.loads[0]);
     assert_eq!(crowd.loads[1], alone.loads[0]);
@@ -192,7 +192,7 @@ fn a_second_exciter_is_found_by_both_and_the_load_goes_to_zero() {
 fn an_exciter_that_has_ended_arms_no_plant_that_starts_again() {
     let mut bench = Bench::new(0.3);
     bench.run(400);
-    assert_eq!(bench.outcome(), Some(Outcome::Finished));
+    assert_eq!(bench.outcome(), Some(ExciterOutcome::Finished));
     bench.plant = plant_node();
     bench.plant.start(bench.now_ns);
     bench.run(300);
@@ -209,5 +209,5 @@ fn an_operator_s_request_is_no_second_sender() {
     let frame = operator.frame(&Message::Operator(request)).unwrap();
     bench.exciter.as_mut().unwrap().handle_frame(bench.now_ns, &frame);
     bench.run(400);
-    assert_eq!(bench.outcome(), Some(Outcome::Finished));
+    assert_eq!(bench.outcome(), Some(ExciterOutcome::Finished));
 }

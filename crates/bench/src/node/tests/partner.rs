@@ -69,7 +69,7 @@ fn in_lockstep_a_refused_command_ends_with_its_reason_at_any_timeouts() {
         let fault = plant.latched_fault().unwrap();
         assert_eq!(fault.code, EmergencyCode::CommandTimeout, "{timeouts:?}: {fault}");
         assert_eq!(Refusal::from_detail(fault.detail), (1, Some(Refusal::OutOfRange)), "{timeouts:?}: {fault}");
-        let Some(Outcome::Faulted(ended)) = exciter.outcome() else { panic!("{:?}", exciter.outcome()) };
+        let Some(ExciterOutcome::Faulted(ended)) = exciter.outcome() else { panic!("{:?}", exciter.outcome()) };
         let said = exciter.plant_fault().unwrap_or(ended);
         assert_eq!((said, exciter.awaits_reason()), (fault, false), "{timeouts:?}");
     }
@@ -147,7 +147,7 @@ fn a_node_that_receives_its_own_heartbeat_has_a_second_sender() {
     };
     let exciter = bench.exciter.as_mut().unwrap();
     exciter.handle_frame(bench.now_ns, &own(NodeName::Exciter, Network::default()));
-    let Some(Outcome::Faulted(fault)) = exciter.outcome() else { panic!("{:?}", exciter.outcome()) };
+    let Some(ExciterOutcome::Faulted(fault)) = exciter.outcome() else { panic!("{:?}", exciter.outcome()) };
     assert_eq!((fault.code, fault.detail), (EmergencyCode::SecondSender, 0x702));
     let mut plant = plant_node();
     plant.start(0);
@@ -169,19 +169,19 @@ fn requests(exciter: &mut ExciterNode) -> Vec<OperatorRequest> {
 #[test]
 fn a_plant_found_in_fault_is_reset_before_it_is_armed_and_not_by_an_exciter_in_fault() {
     let mut plant = Transmitter::new(Network::default());
-    let mut tell = |exciter: &mut ExciterNode, now_ns: u64, state| {
+    let mut send_heartbeat = |exciter: &mut ExciterNode, now_ns: u64, state| {
         let heartbeat = Message::Heartbeat(Heartbeat { node: NodeName::Plant, state });
         exciter.handle_frame(now_ns, &plant.frame(&heartbeat).unwrap());
     };
     let hello = Message::PlantHello(Hello::new(WireProfile::Classic, RATE_HZ));
     let mut exciter = exciter_node(1.0);
     exciter.start(0);
-    tell(&mut exciter, 0, NodeState::Fault);
+    send_heartbeat(&mut exciter, 0, NodeState::Fault);
     exciter.handle_frame(0, &Transmitter::new(Network::default()).frame(&hello).unwrap());
     assert_eq!(requests(&mut exciter), [OperatorRequest::Reset, OperatorRequest::Arm]);
-    tell(&mut exciter, TICK_NS, NodeState::PreOperational);
-    tell(&mut exciter, 2 * TICK_NS, NodeState::Operational);
-    tell(&mut exciter, 3 * TICK_NS, NodeState::Fault);
+    send_heartbeat(&mut exciter, TICK_NS, NodeState::PreOperational);
+    send_heartbeat(&mut exciter, 2 * TICK_NS, NodeState::Operational);
+    send_heartbeat(&mut exciter, 3 * TICK_NS, NodeState::Fault);
     assert_eq!(exciter.state(), NodeState::Fault);
     (4..1000).for_each(|tick| exciter.handle_deadline(tick * TICK_NS));
     assert_eq!(requests(&mut exciter), []);

@@ -102,7 +102,7 @@ fn bus_off_faults_both_nodes_at_work() {
     assert_eq!(bench.plant.latched_fault().map(|fault| fault.code), Some(EmergencyCode::BusLoss));
     let exciter = bench.exciter.as_mut().unwrap();
     exciter.bus_lost(bench.now_ns);
-    assert!(matches!(exciter.outcome(), Some(Outcome::Faulted(Emergency { code: EmergencyCode::BusLoss, .. }))));
+    assert!(matches!(exciter.outcome(), Some(ExciterOutcome::Faulted(Emergency { code: EmergencyCode::BusLoss, .. }))));
 }
 
 #[test]

@@ -65,7 +65,7 @@ fn timeouts_of_any_length_never_overflow() {
     bench.run(300);
     assert!(bench.plant.is_armed());
     bench.run(300);
-    assert_eq!((bench.outcome(), bench.emergencies()), (Some(Outcome::Finished), alloc::vec![]));
+    assert_eq!((bench.outcome(), bench.emergencies()), (Some(ExciterOutcome::Finished), alloc::vec![]));
 }
 
 proptest! {

@@ -37,7 +37,7 @@ fn on_a_bus_that_carries_them_frames_that_take_their_time_change_no_state() {
         let timed = format!("{network}{rates}");
         let (report, late, bytes) = free(&session(&timed, &folder));
         assert_eq!(report.exciter.outcome, Some(ExciterOutcome::Finished));
-        assert_eq!((report.plant.outcome, report.exciter.missed_samples), (Outcome::Disarmed, 0));
+        assert_eq!((report.plant.outcome, report.exciter.missed_samples), (PlantOutcome::Disarmed, 0));
         assert_eq!((report.plant.bus.dropped, report.plant.refused.late), (0, 0));
         // Armed some samples later, and the disarm is taken in before the sample after.
         let (late_moving, prompt_moving) = (moving(&late), moving(&prompt));

@@ -70,7 +70,7 @@ fn a_disarm_that_is_asked_for_is_recorded_and_ends_the_run_in_order() {
         }
     };
     let report = session(&folder, "run.mcap").watched(watch).both(&Signals::default(), ask).unwrap();
-    assert_eq!((report.plant.outcome, report.exciter.outcome), (Outcome::Disarmed, Some(ExciterOutcome::Stopped)));
+    assert_eq!((report.plant.outcome, report.exciter.outcome), (PlantOutcome::Disarmed, Some(ExciterOutcome::Stopped)));
     let events = events(&recorded(&report.plant).0);
     let place = |name: &str| events.iter().position(|(found, _)| found == name);
     let order = [
@@ -95,7 +95,7 @@ fn a_plant_without_a_partner_is_not_armed_by_asking() {
         RunEvent::NotArmed { fault } => refused.push(fault.code),
         other => panic!("{other:?}"),
     });
-    assert_eq!(report.unwrap().outcome, Outcome::NotArmed);
+    assert_eq!(report.unwrap().outcome, PlantOutcome::NotArmed);
     assert_eq!(refused, [EmergencyCode::Incompatible as u16]);
 }
 
@@ -118,7 +118,7 @@ fn a_set_point_becomes_commands_that_pass_the_gate() {
         }
     });
     let report = report.unwrap();
-    assert_eq!(report.plant.outcome, Outcome::Completed);
+    assert_eq!(report.plant.outcome, PlantOutcome::Completed);
     assert_eq!(report.plant.refused, RefusedCommands::default());
     let [point] = &report.exciter.responses[..] else { panic!("{:?}", report.exciter.responses) };
     assert!((point.load / set.load - 1.0).abs() < 1e-3 && point.frequency_hz == 15.0, "{point:?}");

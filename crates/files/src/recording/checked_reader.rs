@@ -1,4 +1,4 @@
-//! One pass through a recording, record by record, with every checksum checked before anything is handed out.
+//! Reads a recording once, record by record, with every checksum checked before anything is handed out.
 
 use std::collections::BTreeMap;
 use std::fs::File;
@@ -18,8 +18,8 @@ const READ: usize = 1 << 16;
 /// Opcode and length before every record, bytes (MCAP specification, "Records").
 const RECORD_HEAD: u64 = 9;
 
-/// A pass through a file.
-pub(super) struct Walk {
+/// Reads a file from beginning to end.
+pub(super) struct CheckedReader {
     path: PathBuf,
     file: BufReader<File>,
     file_bytes: u64,
@@ -29,21 +29,21 @@ pub(super) struct Walk {
     contents: Contents,
 }
 
-/// What comes next in the file.
-pub(super) enum Part {
+/// A record at the top level of the file.
+pub(super) enum TopLevelRecord {
     /// The head of the file: which library wrote it.
     Header(String),
     /// A metadata record: name and content.
     Metadata(String, BTreeMap<String, String>),
-    /// Messages: they are in [`Walk::contents`] until the next part is read.
+    /// Messages: they are in [`CheckedReader::contents`] until the next record is read.
     Chunk,
-    /// Something that carries no data: an index, a statistic.
+    /// One that carries no data: an index, a statistic.
     Other,
 }
 
-impl Walk {
+impl CheckedReader {
     /// Starts at the beginning of the file.
-    pub fn open(path: &Path) -> Result<Walk, RecordingError> {
+    pub fn open(path: &Path) -> Result<CheckedReader, RecordingError> {
         let failed = |source| RecordingError::Open { path: path.to_path_buf(), source: Arc::new(source) };
         let mut file = BufReader::with_capacity(1 << 16, source::open(path)?);
         let file_bytes = file.get_ref().metadata().map_err(failed)?.len();
@@ -58,7 +58,7 @@ impl Walk {
             .with_validate_summary_section_crc(true)
             .with_check_finishes_after_end_magic(true)
             .with_record_length_limit(LONGEST);
-        Ok(Walk {
+        Ok(CheckedReader {
             path: path.to_path_buf(),
             file,
             file_bytes,
@@ -90,8 +90,8 @@ impl Walk {
     }
 
     /// What comes next, `None` at the end of a whole file. After an error there is nothing more to be had.
-    pub fn next(&mut self) -> Result<Option<Part>, RecordingError> {
-        self.next_part().map_err(|fault| {
+    pub fn next(&mut self) -> Result<Option<TopLevelRecord>, RecordingError> {
+        self.next_top_level().map_err(|fault| {
             let (path, offset) = (self.path.clone(), self.offset);
             match fault {
                 Fault::Truncated => RecordingError::Truncated { path, offset, file_bytes: self.file_bytes },
@@ -105,15 +105,15 @@ impl Walk {
         })
     }
 
-    fn next_part(&mut self) -> Result<Option<Part>, Fault> {
+    fn next_top_level(&mut self) -> Result<Option<TopLevelRecord>, Fault> {
         let Some(opcode) = self.next_record()? else { return Ok(None) };
         let body = core::mem::take(&mut self.body);
-        let part = self.part(opcode, &body);
+        let record = self.top_level(opcode, &body);
         self.body = body;
-        if part.is_ok() {
+        if record.is_ok() {
             self.offset += RECORD_HEAD + self.body.len() as u64;
         }
-        part.map(Some)
+        record.map(Some)
     }
 
     /// Puts the next record into `self.body` and returns its opcode.
@@ -136,20 +136,20 @@ impl Walk {
     }
 
     /// Makes sense of a record at the top level of the file.
-    fn part(&mut self, opcode: u8, body: &[u8]) -> Result<Part, Fault> {
+    fn top_level(&mut self, opcode: u8, body: &[u8]) -> Result<TopLevelRecord, Fault> {
         match opcode {
             op::HEADER => match parse(opcode, body)? {
-                McapRecord::Header(header) => Ok(Part::Header(header.library)),
-                _ => Ok(Part::Other),
+                McapRecord::Header(header) => Ok(TopLevelRecord::Header(header.library)),
+                _ => Ok(TopLevelRecord::Other),
             },
-            op::CHUNK => self.contents.read_chunk(body).map(|()| Part::Chunk),
+            op::CHUNK => self.contents.read_chunk(body).map(|()| TopLevelRecord::Chunk),
             op::METADATA => match parse(opcode, body)? {
-                McapRecord::Metadata(metadata) => Ok(Part::Metadata(metadata.name, metadata.metadata)),
-                _ => Ok(Part::Other),
+                McapRecord::Metadata(metadata) => Ok(TopLevelRecord::Metadata(metadata.name, metadata.metadata)),
+                _ => Ok(TopLevelRecord::Other),
             },
             op::MESSAGE => Err(Fault::Damaged(String::from("a message outside a chunk"))),
             0 => Err(Fault::Damaged(String::from("a record with opcode 0"))),
-            _ => Ok(Part::Other),
+            _ => Ok(TopLevelRecord::Other),
         }
     }
 }

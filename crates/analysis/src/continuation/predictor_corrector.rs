@@ -1,20 +1,20 @@
-//! The walk along a branch: predictor, corrector and choice of steps.
+//! The continuation along a branch: predictor, corrector and choice of steps.
 
 use alloc::vec;
 use alloc::vec::Vec;
 
 use super::newton::{Plane, Solver};
-use super::{Point, Refusal, Settings, System, Work};
+use super::{ContinuationSettings, Point, StepRefusal, System, Work};
 use crate::AnalysisError;
 use crate::dense::{Determinant, dot, norm};
 
 /// The largest correction, as a fraction of the step.
 const CORRECTION_SHARE: f64 = 0.3;
 
-/// A walk along a branch.
+/// A continuation along a branch.
 #[derive(Clone, Debug)]
-pub struct Walk {
-    settings: Settings,
+pub struct Continuation {
+    settings: ContinuationSettings,
     point: Point,
     /// κ = Δt/s of the step before, in the scaling of `point`.
     curvature: Vec<f64>,
@@ -27,7 +27,7 @@ pub struct Walk {
     tangent: Vec<f64>,
 }
 
-impl Walk {
+impl Continuation {
     /// Starts at the solution near `x` at `lambda`, towards larger λ if `direction` is positive, otherwise towards
     /// smaller.
     ///
@@ -35,11 +35,11 @@ impl Walk {
     /// [`AnalysisError::NoSolution`] if Newton's method finds none from there.
     pub fn start(
         system: &mut impl System,
-        settings: Settings,
+        settings: ContinuationSettings,
         x: &[f64],
         lambda: f64,
         direction: f64,
-    ) -> Result<Walk, AnalysisError> {
+    ) -> Result<Continuation, AnalysisError> {
         let n = system.dimension();
         let mut solver = Solver::default();
         let mut normal = vec![0.0; n + 1];
@@ -63,7 +63,7 @@ impl Walk {
             .map_err(|refusal| AnalysisError::NoSolution { at: system.place(lambda), refusal })?;
         let point =
             Point { x: through[..n].to_vec(), lambda, arclength: 0.0, determinant: solver.determinant(), tangent };
-        Ok(Walk::at(settings, point, sigma, 0.1 * settings.largest_step, solver))
+        Ok(Continuation::at(settings, point, sigma, 0.1 * settings.largest_step, solver))
     }
 
     /// Starts from a known point in a known direction: dx, and dλ as the last element.
@@ -72,12 +72,12 @@ impl Walk {
     /// [`AnalysisError::NoSolution`] if Newton's method does not find the branch within reach of a small step.
     pub fn start_along(
         system: &mut impl System,
-        settings: Settings,
+        settings: ContinuationSettings,
         x: &[f64],
         lambda: f64,
         direction: &[f64],
         step: f64,
-    ) -> Result<Walk, AnalysisError> {
+    ) -> Result<Continuation, AnalysisError> {
         let n = system.dimension();
         let size = settings.size(x);
         let sigma = size / settings.lambda_scale(lambda);
@@ -86,15 +86,16 @@ impl Walk {
         let length = norm(&tangent);
         tangent.iter_mut().for_each(|value| *value /= length);
         let point = Point { x: x.to_vec(), lambda, arclength: 0.0, determinant: Determinant::default(), tangent };
-        let mut walk = Walk::at(settings, point, sigma, step, Solver::default());
-        walk.attempt(system, step)
+        let mut continuation = Continuation::at(settings, point, sigma, step, Solver::default());
+        continuation
+            .attempt(system, step)
             .map_err(|refusal| AnalysisError::NoSolution { at: system.place(lambda), refusal })?;
-        Ok(walk)
+        Ok(continuation)
     }
 
-    fn at(settings: Settings, point: Point, sigma: f64, step: f64, solver: Solver) -> Walk {
+    fn at(settings: ContinuationSettings, point: Point, sigma: f64, step: f64, solver: Solver) -> Continuation {
         let curvature = vec![0.0; point.tangent.len()];
-        Walk { settings, point, curvature, sigma, step, solver, through: Vec::new(), tangent: Vec::new() }
+        Continuation { settings, point, curvature, sigma, step, solver, through: Vec::new(), tangent: Vec::new() }
     }
 
     /// The current point.
@@ -138,7 +139,7 @@ impl Walk {
     }
 
     /// One step of the length `step` relative to X, if it is accepted.
-    fn attempt(&mut self, system: &mut impl System, step: f64) -> Result<(), Refusal> {
+    fn attempt(&mut self, system: &mut impl System, step: f64) -> Result<(), StepRefusal> {
         let n = system.dimension();
         let size = self.settings.size(&self.point.x);
         let length = step * size;
@@ -149,12 +150,12 @@ impl Walk {
         let plane = Plane { normal: &self.point.tangent, through: &self.through, sigma: self.sigma };
         let error = self.solver.correct(system, &plane, size)?;
         if error > CORRECTION_SHARE * step {
-            return Err(Refusal::Correction);
+            return Err(StepRefusal::Correction);
         }
         self.solver.tangent(&mut self.tangent, n)?;
         let turn = libm::acos(dot(&self.tangent, &self.point.tangent).clamp(-1.0, 1.0));
         if turn.is_nan() || turn > self.settings.largest_turn_rad {
-            return Err(Refusal::Turn);
+            return Err(StepRefusal::Turn);
         }
         for ((k, new), old) in self.curvature.iter_mut().zip(&self.tangent).zip(&self.point.tangent) {
             *k = (new - old) / length;
@@ -164,14 +165,14 @@ impl Walk {
         Ok(())
     }
 
-    /// Sets the prediction to the point of the walk.
+    /// Sets the prediction to the point of the continuation.
     fn begin_at_point(&mut self) {
         self.through.clear();
         self.through.extend_from_slice(&self.point.x);
         self.through.push(self.sigma * self.point.lambda);
     }
 
-    /// Takes the solver's solution and tangent as the point of the walk.
+    /// Takes the solver's solution and tangent as the point of the continuation.
     fn take(&mut self, n: usize, step: f64) {
         self.solver.work.steps += 1;
         self.point.x.copy_from_slice(&self.solver.z[..n]);

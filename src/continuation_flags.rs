@@ -1,5 +1,5 @@
-//! Flags for the walk along a branch, shared by `continue` and `backbone`, and hints which of them help if a walk ends
-//! early.
+//! Flags for the continuation along a branch, shared by `continue` and `backbone`, and hints which of them help if one
+//! ends early.
 
 use clap::Args;
 
@@ -7,9 +7,9 @@ use crate::failure::Failure;
 use resonarm::analysis::{AnalysisError, BranchOptions};
 use resonarm_numeric::number::short;
 
-/// Settings of the walk along a branch.
+/// Settings of the continuation along a branch.
 #[derive(Clone, Debug, Args)]
-pub(crate) struct WalkFlags {
+pub(crate) struct ContinuationFlags {
     /// Most harmonics that a motion may take.
     #[arg(long, value_name = "N", default_value_t = 64, value_parser = clap::value_parser!(u16).range(3..=1000))]
     most_harmonics: u16,
@@ -24,8 +24,8 @@ pub(crate) struct WalkFlags {
 /// The smallest fraction accepted.
 const SHORTEST_STEP: f64 = 1e-6;
 
-impl WalkFlags {
-    /// The options of a walk from one value to another.
+impl ContinuationFlags {
+    /// The options of a continuation from one value to another.
     pub fn options(&self, from: f64, to: f64) -> Result<BranchOptions, Failure> {
         if !(SHORTEST_STEP..=1.0).contains(&self.largest_step) {
             return Err(Failure::Usage(format!(
@@ -36,7 +36,7 @@ impl WalkFlags {
         let mut options = BranchOptions::new(from, to);
         options.most_harmonics = usize::from(self.most_harmonics);
         options.most_points = self.most_points as usize;
-        options.walk.largest_step = self.largest_step;
+        options.continuation.largest_step = self.largest_step;
         Ok(options)
     }
 }
