@@ -191,7 +191,7 @@ impl Plant {
             py.detach(|| {
                 part.iter().try_for_each(|load| {
                     let measured = self.inner.measure();
-                    push(&mut rows, self.inner.state(), &measured);
+                    push(&mut rows, &self.inner.state(), &measured);
                     self.inner.advance(load)
                 })
             })

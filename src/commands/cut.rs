@@ -8,8 +8,9 @@ use crate::commands::inspect;
 use crate::failure::{Failure, Verdict};
 use crate::output;
 use crate::time_range::TimeRange;
+use resonarm::cut::{cut, merge};
 use resonarm::export::samples;
-use resonarm::recording::{Existing, Recording, Summary, cut, merge};
+use resonarm::recording::{Existing, Recording, Summary};
 
 /// Copies a range of time into a separate recording, which `resim`, `replay` and all other commands accept.
 #[derive(Debug, Args)]

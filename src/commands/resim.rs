@@ -8,7 +8,8 @@ use crate::commands::inspect;
 use crate::failure::{Failure, Verdict};
 use crate::output;
 use resonarm::recording::{Recording, build_info};
-use resonarm::replay::{self, resimulate};
+use resonarm::replay::{self, ReadingsVerdict, resimulate, resimulate_readings};
+use serde::Serialize;
 
 /// Simulates a recorded run again from its recorded loads and says whether every state is identical (if not, or if the
 /// recording is damaged, exit code 1).
@@ -16,6 +17,9 @@ use resonarm::replay::{self, resimulate};
 pub(crate) struct Resim {
     /// The recording, an MCAP file.
     file: PathBuf,
+    /// Simulate the instruments as well, and compare every reading.
+    #[arg(long)]
+    readings: bool,
     /// Print one JSON document.
     #[arg(long)]
     json: bool,
@@ -33,17 +37,29 @@ impl Resim {
                 then.target
             );
         }
-        let verdict = resimulate(&recording)?;
+        let states = resimulate(&recording)?;
+        let readings = self.readings.then(|| resimulate_readings(&recording)).transpose()?;
+        let identical = states.identical && readings.as_ref().is_none_or(|readings| readings.identical);
+        let document = Document { states, readings };
         if self.json {
-            output::print_json(&verdict)?;
+            output::print_json(&document)?;
         } else {
-            output::print(&text(&verdict))?;
+            output::print(&text(&document))?;
         }
-        Ok(Verdict::of(verdict.identical))
+        Ok(Verdict::of(identical))
     }
 }
 
-fn text(verdict: &replay::Verdict) -> String {
+/// What is printed as JSON.
+#[derive(Debug, Serialize)]
+struct Document {
+    #[serde(flatten)]
+    states: replay::Verdict,
+    #[serde(skip_serializing_if = "Option::is_none")]
+    readings: Option<ReadingsVerdict>,
+}
+
+fn text(Document { states: verdict, readings }: &Document) -> String {
     let mut text = inspect::integrity_note(&verdict.integrity).map_or(String::new(), |note| note + "\n");
     let samples = verdict.samples;
     text += &match (verdict.first_divergence, verdict.identical) {
@@ -56,5 +72,11 @@ fn text(verdict: &replay::Verdict) -> String {
         (None, true) => format!("identical: {samples} samples, bit for bit\n"),
         (None, false) => format!("not identical: only {samples} samples can be compared, which agree bit for bit\n"),
     };
+    if let Some(ReadingsVerdict { samples, first_divergence, .. }) = readings {
+        text += &match first_divergence {
+            Some(sample) => format!("readings differ from sample {sample} on, of {samples} samples\n"),
+            None => format!("readings identical: {samples} samples, bit for bit\n"),
+        };
+    }
     text
 }

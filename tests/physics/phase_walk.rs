@@ -48,7 +48,16 @@ impl Case {
     }
 
     fn plant_with(&self, rig: RigSpec) -> Plant {
-        let spec = PlantSpec {
+        Plant::new(&self.spec(rig)).unwrap()
+    }
+
+    /// The arm, with the armature of a shaker.
+    fn arm(&self) -> Arm {
+        self.spec(quiet()).arm().unwrap()
+    }
+
+    fn spec(&self, rig: RigSpec) -> PlantSpec {
+        PlantSpec {
             parameters: Preset::Irb1600Fitted.parameters().unwrap(),
             pose: Pose { beta1_deg: self.beta1_deg, beta2_deg: self.beta2_deg },
             initial: State::default(),
@@ -57,8 +66,7 @@ impl Case {
             steps_per_sample: 4,
             rig: RigSpec { shaker: self.shaker, ..rig },
             seed: 1,
-        };
-        Plant::new(&spec).unwrap()
+        }
     }
 
     fn walk(&self, plant: &mut Plant) -> Vec<ResponsePoint> {
@@ -68,7 +76,7 @@ impl Case {
     fn walk_by(&self, plant: &mut Plant, spec: PhaseWalkSpec) -> Vec<ResponsePoint> {
         let spec = PhaseWalkSpec { mode_number: self.mode, ..spec };
         let limit = if self.amplitude.is_torque() { 1600.0 } else { 600.0 };
-        drive(&mut PhaseWalk::new(spec, &plant.arm().clone(), SAMPLING, limit).unwrap(), plant)
+        drive(&mut PhaseWalk::new(spec, &self.arm(), SAMPLING, limit).unwrap(), plant)
     }
 
     /// The branch around the points, in steps so small that it is straight between its motions.
@@ -104,7 +112,8 @@ fn check(case: &Case) {
 
 fn check_on(case: &Case, mut plant: Plant) {
     let points = case.walk(&mut plant);
-    let branch = case.branch(plant.arm(), &points);
+    let arm = case.arm();
+    let branch = case.branch(&arm, &points);
     // The joint that moves most in the mode.
     let joint = usize::from(u8::from(case.mode) - 1);
     let mut unstable = 0;
@@ -116,7 +125,7 @@ fn check_on(case: &Case, mut plant: Plant) {
         let part = point.load / libm::hypot(load.force_n.norm(), load.torque_nm.norm());
         assert!((part - 1.0).abs() < 1.1e-3, "{point:?}");
         let scale = if case.shaker.is_none() { part } else { 1.0 };
-        let harmonic1_rad = JointAngles::of(point, plant.arm()).harmonic1_rad().map(|angle_rad| angle_rad / scale);
+        let harmonic1_rad = JointAngles::of(point, &case.arm()).harmonic1_rad().map(|angle_rad| angle_rad / scale);
         let measured = MeasuredMotion { frequency_hz: point.frequency_hz, harmonic1_rad };
         let place = nearest(&branch, &measured, joint, BOUNDS).unwrap();
         let distance = place.distance;
@@ -264,11 +273,11 @@ fn the_backbone_is_walked_at_quadrature() {
     branch.continuation.largest_turn_rad = 0.01;
     branch.continuation.largest_step = 0.02;
     let options = BackboneOptions { smallest_rad: 1e-3, largest_rad: 1.0, largest_drive: 21.0, branch };
-    let computed = backbone(ForcedArm::new(plant.arm().clone(), direction, 1.0), 0, ArmParameter::Amplitude, &options);
+    let computed = backbone(ForcedArm::new(case.arm(), direction, 1.0), 0, ArmParameter::Amplitude, &options);
     let computed = computed.unwrap().points;
     for (point, load) in points.iter().zip((0..9).map(|k| 2.0 + 2.25 * f64::from(k))) {
         assert!(point.settled && (point.load / load - 1.0).abs() < 1.5e-3, "{load}: {point:?}");
-        let a = JointAngles::of(point, plant.arm()).harmonic1_rad()[0];
+        let a = JointAngles::of(point, &case.arm()).harmonic1_rad()[0];
         let after = computed.iter().position(|motion| motion.harmonic1_rad[0] > a).unwrap();
         let (low, high) = (&computed[after - 1], &computed[after]);
         let share = (a - low.harmonic1_rad[0]) / (high.harmonic1_rad[0] - low.harmonic1_rad[0]);
@@ -305,13 +314,13 @@ fn one_amplitude_is_held_by_the_computed_loads() {
         points: 9,
         cancel_harmonics: CancelHarmonics::NONE,
     };
-    let points = drive(&mut PhaseWalk::at_one_amplitude(spec, plant.arm(), SAMPLING, 1600.0).unwrap(), &mut plant);
+    let points = drive(&mut PhaseWalk::at_one_amplitude(spec, &case.arm(), SAMPLING, 1600.0).unwrap(), &mut plant);
     assert_eq!(points.len(), 9);
     let direction = Amplitude { torque1_nm: 1.0, ..amplitude }.load();
-    let forced = ForcedArm::new(plant.arm().clone(), direction, 1.0);
+    let forced = ForcedArm::new(case.arm(), direction, 1.0);
     for (point, frequency_hz) in points.iter().zip((0..9).map(|k| 22.13 + 0.005 * f64::from(k))) {
         assert!(point.settled && (point.frequency_hz - frequency_hz).abs() < 1e-9, "{point:?}");
-        let a = JointAngles::of(point, plant.arm()).harmonic1_rad()[0];
+        let a = JointAngles::of(point, &case.arm()).harmonic1_rad()[0];
         assert!((a / 0.06 - 1.0).abs() < 2e-3, "{point:?}");
         let mut options = BranchOptions::new(0.1, 1.5 * point.load);
         options.continuation.largest_turn_rad = 0.01;

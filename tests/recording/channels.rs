@@ -3,9 +3,12 @@
 use std::path::Path;
 
 use resonarm::export::{ExportFormat, RecordingPart, Selection, export};
-use resonarm::recording::channels::{Channels, Kind};
+use resonarm::plant::Plant;
+use resonarm::recording::channels::Channels;
 use resonarm::recording::{Options, Record, Recording, RecordingError, Topic};
+use resonarm::scenario::Scenario;
 use resonarm::statistics::statistics;
+use resonarm::structure::Kind;
 
 use crate::{TestResult, options, record, run};
 
@@ -33,6 +36,16 @@ fn only_a_plant_with_a_coil_has_its_current() {
     let names = |has_coil| Channels::arm(has_coil).of(Topic::States).iter().map(|channel| channel.name).collect();
     let (without, with): (Vec<_>, Vec<_>) = (names(false), names(true));
     assert_eq!(with.split_last(), Some((&"coil_current_a", without.as_slice())));
+}
+
+/// What a run records is what the structure says of itself.
+#[test]
+fn the_channels_of_the_arm_s_structure_are_the_table() {
+    for (name, has_coil) in [("demo", false), ("shaker", true)] {
+        let scenario = Scenario::read(Path::new(&format!("scenarios/{name}.toml"))).unwrap();
+        let plant = Plant::new(&scenario.plant_spec().unwrap()).unwrap();
+        assert_eq!(Channels::of_structure(plant.structure()), Channels::arm(has_coil));
+    }
 }
 
 #[test]

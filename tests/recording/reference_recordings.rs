@@ -42,7 +42,7 @@ fn every_reading_of_the_instruments_is_the_recorded_one() {
         let mut readings = 0;
         for (state, sample) in recording.states().unwrap().zip(recording.samples().unwrap()) {
             let (state, sample) = (state.unwrap(), sample.unwrap());
-            assert_eq!(*plant.state(), State::new(state.alpha_rad, state.alpha_dot_rad_s));
+            assert_eq!(plant.state(), State::new(state.alpha_rad, state.alpha_dot_rad_s));
             let measured = plant.measure();
             let values = |pair: [Reading; 2]| pair.map(|reading| reading.value.to_bits());
             let recorded = |pair: [f64; 2]| pair.map(f64::to_bits);

@@ -4,10 +4,11 @@ use std::fs;
 use std::path::Path;
 use std::time::Duration;
 
+use resonarm::cut::{cut, merge};
 use resonarm::protocol::{Frame, Id};
 use resonarm::recording::{
     Clipped, Direction, Event, Existing, FrameRecord, Integrity, Options, Record, Recorder, Recording, RunTime,
-    SampleRecord, StateRecord, channels::Channels, cut, merge, recover,
+    SampleRecord, StateRecord, channels::Channels, recover,
 };
 use resonarm::replay::{resimulate, responses};
 

@@ -3,8 +3,9 @@
 use std::fs;
 use std::path::Path;
 
+use resonarm::cut::cut;
 use resonarm::recording::{
-    Event, Existing, FlushPolicy, Integrity, Options, Pushed, Record, Recorder, Recording, RecordingError, Topic, cut,
+    Event, Existing, FlushPolicy, Integrity, Options, Pushed, Record, Recorder, Recording, RecordingError, Topic,
     recover,
 };
 

@@ -1,7 +1,8 @@
 //! Parts of runs, simulated again.
 
-use resonarm::recording::{self, Existing, Recording};
-use resonarm::replay::resimulate;
+use resonarm::cut;
+use resonarm::recording::{Existing, Recording};
+use resonarm::replay::{resimulate, resimulate_readings};
 use resonarm::run::{Mode, Options, RecordTo, Session, Signals};
 use resonarm::scenario::Scenario;
 
@@ -28,13 +29,57 @@ fn cuts_of_every_kind_of_run_are_simulated_again() {
         let readings: Vec<_> = whole.samples().unwrap().map(Result::unwrap).collect();
         let (_, last) = whole.summary().samples.unwrap();
         for first in (0..last).step_by(23) {
-            recording::cut(&whole, first..=last, &part, Existing::Overwrite).unwrap();
+            cut::cut(&whole, first..=last, &part, Existing::Overwrite).unwrap();
             let part = Recording::open(&part).unwrap();
             assert_eq!(part.channels(), whole.channels());
             let verdict = resimulate(&part).unwrap();
             assert!(verdict.identical && verdict.samples == last - first + 1, "{rig} from {first}: {verdict:?}");
             assert!(part.samples().unwrap().map(Result::unwrap).eq(readings[first as usize..].iter().copied()));
+            let verdict = resimulate_readings(&part).unwrap();
+            assert!(verdict.identical && verdict.samples == last - first + 1, "{rig} from {first}: {verdict:?}");
         }
+    }
+}
+
+const CONDITIONED: &str = "[rig]
+converter = 'sinc3'
+accelerometer_b = { highpass_hz = 1.0, lowpass_hz = 200.0, delay_samples = 40 }
+impedance_head = { delay_samples = 3, range_n = 15.0 }
+[[rig.faults]]
+instrument = 'accelerometer_c'
+kind = 'noise'
+rms_m_s2 = 0.3
+from_s = 0.05
+to_s = 0.15
+[excitation]
+amplitude = { force_x_n = 20.0 }
+profile = { waveform = 'dwell', frequency_hz = 18.0, duration_s = 0.3, settle_s = 0.1 }
+";
+
+/// Filters, delays and noise of a fault continue in a cut, in a cut of it, and in both joined again.
+#[test]
+fn the_readings_of_a_cut_are_simulated_again() {
+    let directory = tempfile::tempdir().unwrap();
+    let path = |name: &str| directory.path().join(name);
+    let record = Some(RecordTo { path: path("whole.mcap"), existing: Existing::Refuse });
+    let scenario = Scenario::parse(CONDITIONED, "test").unwrap();
+    let session = Session::new(scenario, Mode::Free, Options { record, ..Options::default() }).unwrap();
+    assert!(session.both(&Signals::default(), |_event| {}).unwrap().plant.error.is_none());
+    let open = |name: &str| Recording::open(path(name)).unwrap();
+    let identical = |name: &str, samples: u64| {
+        let verdict = resimulate_readings(&open(name)).unwrap();
+        assert!(verdict.identical && verdict.samples == samples, "{name}: {verdict:?}");
+    };
+    let (whole, refuse) = (open("whole.mcap"), Existing::Refuse);
+    let (_, last) = whole.summary().samples.unwrap();
+    identical("whole.mcap", last + 1);
+    cut::cut(&whole, 100..=last, &path("part.mcap"), refuse).unwrap();
+    cut::cut(&open("part.mcap"), 140..=last, &path("end.mcap"), refuse).unwrap();
+    cut::cut(&open("part.mcap"), 100..=139, &path("middle.mcap"), refuse).unwrap();
+    cut::merge(&[&open("middle.mcap"), &open("end.mcap")], &path("joined.mcap"), refuse).unwrap();
+    for (name, first) in [("part.mcap", 100), ("end.mcap", 140), ("joined.mcap", 100)] {
+        identical(name, last - first + 1);
+        assert!(open(name).samples().unwrap().any(|sample| sample.unwrap().clipped.any()));
     }
 }
 
@@ -53,7 +98,7 @@ fn a_cut_of_a_run_in_voltage_mode_is_simulated_again() {
     assert!(session.both(&Signals::default(), |_event| {}).unwrap().plant.error.is_none());
     let whole = Recording::open(&whole).unwrap();
     assert!(resimulate(&whole).unwrap().identical);
-    recording::cut(&whole, 203..=311, &part, Existing::Refuse).unwrap();
+    cut::cut(&whole, 203..=311, &part, Existing::Refuse).unwrap();
     let verdict = resimulate(&Recording::open(&part).unwrap()).unwrap();
     assert!(verdict.identical && verdict.samples == 109, "{verdict:?}");
     // The readings of the cut are still those of the converters' delay before.

@@ -12,3 +12,4 @@ pub mod identify;
 pub mod node;
 pub mod plant;
 pub mod rig;
+pub mod structure;

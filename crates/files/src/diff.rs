@@ -9,9 +9,10 @@ use std::collections::BTreeMap;
 
 use serde::Serialize;
 
+use crate::continued::without_plant;
 use crate::export::RecordingPart;
-use crate::recording::channels::READINGS;
 use crate::recording::{Clipped, Direction, Record, Recording, RecordingError};
+use resonarm_bench::structure::READINGS;
 use resonarm_numeric::number::short;
 
 /// What is compared.
@@ -289,7 +290,7 @@ fn entries(recording: &Recording) -> BTreeMap<String, String> {
         ("recording.git_commit", origin.build.git_commit.clone()),
     ];
     let mut entries = BTreeMap::from(own.map(|(key, value)| (key.to_owned(), value)));
-    for (key, text) in recording.configuration().iter() {
+    for (key, text) in without_plant(recording.configuration()) {
         match text.parse::<toml::Table>() {
             // A number or a word alone is no document.
             Ok(table) if text.contains('=') => flatten(key, &toml::Value::Table(table), &mut entries),

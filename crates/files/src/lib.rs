@@ -3,6 +3,8 @@
 extern crate alloc;
 
 pub mod can_log;
+pub mod continued;
+pub mod cut;
 pub mod diff;
 pub mod export;
 pub mod import;

@@ -5,9 +5,9 @@ use std::collections::BTreeMap;
 use resonarm_protocol::{DecodeError, Receiver};
 use serde::Serialize;
 
-use crate::recording::channels::Channel;
 use crate::recording::{Direction, Record, Recording, RecordingError, Topic};
 use crate::scenario::Scenario;
+use resonarm_bench::structure::Channel;
 
 /// What is in a recording, in numbers.
 #[derive(Clone, Debug, Default, PartialEq, Serialize)]

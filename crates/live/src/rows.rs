@@ -2,13 +2,13 @@
 
 use std::collections::VecDeque;
 
+use resonarm_bench::structure::{self, Channel, Kind, STATES};
 use resonarm_dynamics::arm::Load;
-use resonarm_files::recording::channels::{self, Channel, Kind, STATES};
 use resonarm_files::recording::{SampleRecord, StateRecord};
 
 /// What the numbers of a sample are, in their order: load, readings of the head, accelerations, angles.
 const SHOWN: [&Channel; 12] = {
-    let (state, reading) = (&STATES, &channels::READINGS);
+    let (state, reading) = (&STATES, &structure::READINGS);
     [
         &state[4],
         &state[5],
@@ -31,8 +31,8 @@ pub fn names() -> [&'static str; SHOWN.len()] {
 }
 
 /// What the bits that mark clipped readings stand for, the lowest first.
-pub fn clipped_bits() -> [&'static str; channels::READINGS.len()] {
-    channels::READINGS.map(|channel| channel.name)
+pub fn clipped_bits() -> [&'static str; structure::READINGS.len()] {
+    structure::READINGS.map(|channel| channel.name)
 }
 
 /// The numbers of a sample; NaN where nothing is known.

@@ -29,6 +29,12 @@ impl Noise {
         Noise { generator }
     }
 
+    /// Continues behind the first `normals` normal numbers of the stream.
+    pub fn seek(&mut self, normals: u64) {
+        // A normal number takes two of 64 bits, in words of 32.
+        self.generator.set_word_pos(4 * u128::from(normals));
+    }
+
     /// The next 64 bits, each 0 or 1 with equal probability.
     pub fn bits(&mut self) -> u64 {
         self.generator.next_u64()
@@ -64,6 +70,19 @@ mod tests {
             let mut ahead = noise.clone();
             for k in 0..40 {
                 assert_eq!(copy.normal().to_bits(), ahead.normal().to_bits(), "{k} after {taken}");
+            }
+        }
+    }
+
+    #[test]
+    fn a_stream_continues_behind_any_number() {
+        for taken in 0..70 {
+            let (mut noise, mut sought) = (Noise::new(3, 2), Noise::new(3, 2));
+            (0..taken).for_each(|_| assert!(noise.normal().is_finite()));
+            sought.bits();
+            sought.seek(taken);
+            for _ in 0..70 {
+                assert_eq!(noise.normal().to_bits(), sought.normal().to_bits(), "{taken}");
             }
         }
     }

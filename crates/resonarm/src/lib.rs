@@ -55,10 +55,10 @@
 //! `README.md` says how to run the program, `DESIGN.md` why things are so.
 
 pub use resonarm_analysis as analysis;
-pub use resonarm_bench::{control, excitation, identify, node, plant, rig};
+pub use resonarm_bench::{control, excitation, identify, node, plant, rig, structure};
 pub use resonarm_conformance as conformance;
 pub use resonarm_dynamics::{arm, integrate};
-pub use resonarm_files::{can_log, diff, export, import, recording, scenario, statistics, toml_error};
+pub use resonarm_files::{can_log, cut, diff, export, import, recording, scenario, statistics, toml_error};
 pub use resonarm_protocol as protocol;
 pub use resonarm_realtime as realtime;
 pub use resonarm_session::{experiment, replay, run, study};

@@ -1,8 +1,8 @@
 //! A small figure of a recording: angles, load and readings over time.
 
 use crate::failure::Failure;
-use resonarm::recording::channels::{Channel, Kind, Quantity};
 use resonarm::recording::{Record, Recording, RecordingSummary, Topic};
+use resonarm::structure::{Channel, Kind, Quantity};
 use resonarm_figures::plot::{Axis, Color, Figure, Panel, Series};
 
 /// Spans of time; each is drawn by its least and its largest value, about two spans a px.

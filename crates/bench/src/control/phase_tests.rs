@@ -13,7 +13,7 @@ use resonarm_dynamics::integrate::Scheme;
 const FORCE_N: f64 = 0.01;
 const RATE_HZ: f64 = 1000.0;
 
-fn plant(converter: Converter) -> Plant {
+fn spec(converter: Converter) -> PlantSpec {
     let accelerometer =
         AccelerometerSpec { noise_rms_m_s2: Some(0.0), resolution_m_s2: Some(0.0), ..AccelerometerSpec::default() };
     let head = ForceSensorSpec { noise_rms_n: Some(0.0), resolution_n: Some(0.0), ..ForceSensorSpec::default() };
@@ -23,7 +23,7 @@ fn plant(converter: Converter) -> Plant {
     let preset = Preset::default().parameters().unwrap();
     let [damping1_nm_s_rad, damping2_nm_s_rad] =
         [preset.damping1_nm_s_rad, preset.damping2_nm_s_rad].map(|damping| 100.0 * damping);
-    Plant::new(&PlantSpec {
+    PlantSpec {
         parameters: Parameters { damping1_nm_s_rad, damping2_nm_s_rad, ..preset },
         pose: Pose { beta1_deg: 20.0, beta2_deg: 60.0 },
         initial: State::default(),
@@ -32,8 +32,7 @@ fn plant(converter: Converter) -> Plant {
         steps_per_sample: 4,
         rig,
         seed: 1,
-    })
-    .unwrap()
+    }
 }
 
 /// The first response that a controller reads from sample `from` on; `before` is called before each of its answers.
@@ -43,7 +42,7 @@ fn read<C: Controller>(
     from: u64,
     mut before: impl FnMut(&mut C, u64),
 ) -> ResponsePoint {
-    let mut plant = plant(converter);
+    let mut plant = Plant::new(&spec(converter)).unwrap();
     loop {
         before(controller, plant.sample());
         let answer = controller.answer(&plant.measure());
@@ -57,7 +56,7 @@ fn read<C: Controller>(
 
 /// Acceleration of the tip along x over a force there.
 fn accelerance(frequency_hz: f64) -> Phasor {
-    let arm = plant(Converter::Instant).arm().clone();
+    let arm = spec(Converter::Instant).arm().unwrap();
     let receptance = FrequencyResponse::new(&arm).receptance_matrix(frequency_hz).unwrap();
     let tip = arm.tip_jacobian(&Vector2::zeros()).transpose() * Vector2::new(1.0, 0.0);
     let at = |n: usize| receptance[(n / 2, n % 2)] * (tip[n / 2] * tip[n % 2]);

@@ -53,7 +53,7 @@ fn run(spec: &PlantSpec, samples: usize, load: impl Fn(f64) -> Load) -> Run {
     let (mut readings, mut alpha_rad) = (Vec::new(), alloc::vec![spec.initial.alpha_rad.into(); late]);
     plant.measure();
     for k in 0..samples {
-        let before = *plant.state();
+        let before = plant.state();
         plant.advance(&load(k as f64 / RATE_HZ)).unwrap();
         let [_, _, bx, by, cx, cy] = plant.measure().readings().map(|reading| reading.value);
         readings.push([bx, by, cx, cy]);

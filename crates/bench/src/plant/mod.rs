@@ -1,4 +1,4 @@
-//! The plant: the arm, its instruments and an integrator, sample by sample.
+//! The plant: a structure and its instruments, sample by sample.
 //!
 //! One sample is: [`Plant::measure`], a command from outside, [`Plant::advance`] with the command held (zero-order) up
 //! to the next sample. The same specification and the same commands give the same states and readings, bit for bit.
@@ -8,18 +8,23 @@
 //! accelerations of a sample then agree in phase; read at the edge, the part of the acceleration that follows the force
 //! at once would lag the rest by half a period, an error of up to some per cent in a frequency response.
 
+mod driven_arm;
 mod sampling;
 mod shaker;
 
-use nalgebra::Vector2;
+use alloc::boxed::Box;
+use alloc::vec;
+use alloc::vec::Vec;
+use core::ops::Deref;
+
 use thiserror::Error;
 
 use crate::rig::{Exciter, GateSpec, Measurement, Rig, RigError, RigSpec, ShakerLimit};
+use crate::structure::{STATES, Structure, StructureError};
+use driven_arm::DrivenArm;
 use resonarm_dynamics::arm::{Arm, ArmError, Load, Parameters, Pose, State};
-use resonarm_dynamics::integrate::{IntegrateError, Integrator, Scheme};
+use resonarm_dynamics::integrate::{IntegrateError, Scheme};
 use resonarm_numeric::number::{rounded, short};
-use sampling::{End, Filter, Step, Sums};
-use shaker::{Drive, Shaker};
 
 /// The most integration steps a sample: 250 times the default.
 pub const MOST_STEPS_PER_SAMPLE: u32 = 1000;
@@ -73,6 +78,30 @@ pub enum PlantError {
         /// The limit.
         most: f64,
     },
+    /// A saved state of another plant.
+    #[error("a saved state of {got} numbers: the instruments of this plant have gathered more or fewer")]
+    Saved {
+        /// The numbers given.
+        got: usize,
+    },
+    /// The structure can't take up a state, or has other inputs.
+    #[error("sample {sample}: {source}")]
+    Structure {
+        /// The sample.
+        sample: u64,
+        /// Why.
+        source: StructureError,
+    },
+}
+
+impl PlantError {
+    fn new(sample: u64, source: StructureError) -> PlantError {
+        match source {
+            StructureError::Integrate(source) => PlantError::Integrate { sample, source },
+            StructureError::Tripped { limit, got, most } => PlantError::Tripped { sample, limit, got, most },
+            source => PlantError::Structure { sample, source },
+        }
+    }
 }
 
 /// Why a specification is invalid.
@@ -119,94 +148,98 @@ pub fn check_steps_per_sample(got: u32) -> Result<(), PlantSpecError> {
     if fits { Ok(()) } else { Err(PlantSpecError::StepsPerSample { got }) }
 }
 
-/// A plant at a sample.
-#[derive(Clone, Debug)]
-pub struct Plant {
-    arm: Arm,
-    integrator: Integrator,
-    rig: Rig,
-    shaker: Option<Shaker>,
-    sample_rate_hz: f64,
-    steps_per_sample: u32,
-    sample: u64,
-    state: State,
-    /// The converters' last samples: head x, y; B x, y; C x, y.
-    sampled: [f64; Measurement::CHANNELS],
-    /// The converters' filter, if they have one, and its sums.
-    filter: Option<Filter>,
-    sums: Sums,
+impl PlantSpec {
+    /// The arm, with the shaker's armature at its tip if there is one.
+    ///
+    /// # Errors
+    /// [`ArmError`] if it is impossible.
+    pub fn arm(&self) -> Result<Arm, ArmError> {
+        let arm = Arm::new(self.parameters, self.pose)?;
+        match &self.rig.shaker {
+            Some(shaker) => arm.with_attachment(shaker.armature()),
+            None => Ok(arm),
+        }
+    }
 }
 
-/// Force in the head, N, and accelerations of B and C, m/s², along x and y, at a state of the arm with its attachment;
-/// `load` acts on both, and the head is between them.
-fn instant(arm: &Arm, state: &State, load: &Load) -> [f64; Measurement::CHANNELS] {
-    let acceleration_rad_s2 = arm.acceleration(state, load);
-    let motion = arm.point_accelerations(state, &acceleration_rad_s2);
-    let head_n = load.force_n - arm.attachment_force_n(state, &acceleration_rad_s2);
-    [head_n.x, head_n.y, motion.b_m_s2.x, motion.b_m_s2.y, motion.c_m_s2.x, motion.c_m_s2.y]
+/// The most states of a structure.
+const MOST_STATES: usize = STATES.len();
+
+/// The states of a structure at a sample, in the order of its channels; without allocation.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct States {
+    numbers: [f64; MOST_STATES],
+    count: usize,
+}
+
+impl Deref for States {
+    type Target = [f64];
+
+    fn deref(&self) -> &[f64] {
+        &self.numbers[..self.count]
+    }
+}
+
+/// A structure with its instruments at a sample.
+#[derive(Clone, Debug)]
+pub struct Plant {
+    structure: Box<dyn Structure>,
+    rig: Rig,
+    sample_rate_hz: f64,
+    sample: u64,
 }
 
 impl Plant {
-    /// A plant at sample 0.
+    /// A plant of the arm at sample 0.
     ///
     /// # Errors
     /// [`PlantSpecError`] says which part of the specification is invalid.
     pub fn new(spec: &PlantSpec) -> Result<Plant, PlantSpecError> {
         let rig = Rig::new(&spec.rig, spec.sample_rate_hz, spec.seed)?;
-        let mut arm = Arm::new(spec.parameters, spec.pose)?;
-        if let Some(shaker) = &spec.rig.shaker {
-            arm = arm.with_attachment(shaker.armature())?;
-        }
-        if !spec.initial.is_finite() {
-            let (x, v) = (&spec.initial.alpha_rad, &spec.initial.alpha_dot_rad_s);
-            return Err(PlantSpecError::Initial([x.x, x.y, v.x, v.y]));
-        }
-        check_steps_per_sample(spec.steps_per_sample)?;
-        let rate_hz = spec.sample_rate_hz * f64::from(spec.steps_per_sample);
-        let integrator = Integrator::new(spec.scheme, rate_hz, &arm)?;
-        let shaker = spec.rig.shaker.map(|shaker| Shaker::new(shaker, integrator.step_s())).transpose()?;
-        let decay = shaker.as_ref().map_or(f64::INFINITY, Shaker::decay);
-        let filter = Filter::new(spec, integrator.step_s(), decay);
-        let sampled = instant(&arm, &spec.initial, &Load::default());
-        let settled = |filter: &Filter| filter.settled(spec.rig.converter, &sampled);
-        Ok(Plant {
-            sums: filter.as_ref().map(settled).unwrap_or_default(),
-            shaker,
-            integrator,
-            sampled,
-            filter,
-            arm,
-            rig,
-            sample_rate_hz: spec.sample_rate_hz,
-            steps_per_sample: spec.steps_per_sample,
-            sample: 0,
-            state: spec.initial,
-        })
+        Ok(Plant::of(Box::new(DrivenArm::new(spec)?), rig, spec.sample_rate_hz))
     }
 
-    /// The plant with its current sample numbered `sample`, for a run that continues from there.
-    #[must_use]
-    pub fn at_sample(self, sample: u64) -> Plant {
-        Plant { sample, ..self }
+    /// A plant of any structure whose inputs and outputs are those of the rig, at sample 0.
+    pub fn of(structure: Box<dyn Structure>, rig: Rig, sample_rate_hz: f64) -> Plant {
+        Plant { structure, rig, sample_rate_hz, sample: 0 }
     }
 
-    /// The plant with a current in its shaker's coil, A; unchanged without a shaker.
-    #[must_use]
-    pub fn with_coil_current(self, current_a: f64) -> Plant {
-        Plant { shaker: self.shaker.map(|shaker| shaker.with_current(current_a)), ..self }
+    /// The plant at sample `sample` in the states of that sample. Its motion continues from there; its readings do not,
+    /// as converters and instruments have gathered nothing: for them see [`Plant::restored`].
+    ///
+    /// # Errors
+    /// [`PlantError::Structure`] if these are not the states of the structure.
+    pub fn at(mut self, sample: u64, states: &[f64]) -> Result<Plant, PlantError> {
+        self.structure.restore(states).map_err(|source| PlantError::new(sample, source))?;
+        self.sample = sample;
+        Ok(self)
     }
 
-    /// The current in the coil of the shaker at the sample, A; `None` without a shaker.
-    pub fn coil_current_a(&self) -> Option<f64> {
-        self.shaker.as_ref().map(Shaker::current_a)
+    /// All that a run at the sample depends on, before its [`Plant::measure`]: the states, and what converters and
+    /// instruments have gathered.
+    pub fn save(&self) -> Vec<f64> {
+        let mut saved = vec![0.0; self.structure.saved_len()];
+        self.structure.save(&mut saved);
+        saved.extend(self.rig.gathered());
+        saved
     }
 
-    /// The arm, with the shaker's armature at its tip if there is one.
-    pub fn arm(&self) -> &Arm {
-        &self.arm
+    /// The plant at sample `sample` as [`Plant::save`] had it there: motion and readings continue with the same bits.
+    ///
+    /// # Errors
+    /// [`PlantError::Structure`], [`PlantError::Saved`] if it was another plant.
+    pub fn restored(self, sample: u64, saved: &[f64]) -> Result<Plant, PlantError> {
+        let (structure, instruments) = saved.split_at(self.structure.saved_len().min(saved.len()));
+        let mut plant = self.at(sample, structure)?;
+        if plant.rig.restore(sample, instruments) { Ok(plant) } else { Err(PlantError::Saved { got: saved.len() }) }
     }
 
-    /// The exciter of the arm.
+    /// The structure under test.
+    pub fn structure(&self) -> &dyn Structure {
+        &*self.structure
+    }
+
+    /// The exciter.
     pub fn exciter(&self) -> &Exciter {
         self.rig.exciter()
     }
@@ -219,13 +252,7 @@ impl Plant {
     /// The distance from rest of the point that the exciter acts on, m: that of the tip, or of a shaker's armature,
     /// without sign.
     pub fn travel_m(&self) -> f64 {
-        match self.shaker {
-            Some(_) => self.arm.attachment_motion(&self.state).0.abs(),
-            None => {
-                let tip_m = |alpha_rad| self.arm.points(alpha_rad).c_m;
-                (tip_m(&self.state.alpha_rad) - tip_m(&Vector2::zeros())).norm()
-            }
-        }
+        self.structure.travel_m()
     }
 
     /// The index of the current sample.
@@ -238,15 +265,25 @@ impl Plant {
         self.sample as f64 / self.sample_rate_hz
     }
 
+    /// The states at the sample, as [`Structure::states`] names them.
+    pub fn states(&self) -> States {
+        let mut states = States { numbers: [0.0; MOST_STATES], count: self.structure.states().len().min(MOST_STATES) };
+        self.structure.save(&mut states.numbers[..states.count]);
+        states
+    }
+
     /// The state of the arm at the sample.
-    pub fn state(&self) -> &State {
-        &self.state
+    pub fn state(&self) -> State {
+        let [x1, x2, v1, v2, ..] = self.states().numbers;
+        State::new([x1, x2], [v1, v2])
     }
 
     /// The readings at the sample: the converters' samples, through the instruments' chains. Before sample 0 all values
     /// have always been those of the start. Call it once a sample: every call draws new noise.
     pub fn measure(&mut self) -> Measurement {
-        self.rig.measure(self.sample, &self.sampled)
+        let mut sampled = [0.0; Measurement::CHANNELS];
+        self.structure.sense(&mut sampled);
+        self.rig.measure(self.sample, &sampled)
     }
 
     /// Advances to the next sample with `load` held: with a shaker, the force that it would exert if it were blocked.
@@ -254,65 +291,17 @@ impl Plant {
     /// # Errors
     /// [`PlantError`] if the step could not be made or the shaker trips; the plant then stays unchanged.
     pub fn advance(&mut self, load: &Load) -> Result<(), PlantError> {
-        let mut hold =
-            Hold { state: self.state, shaker: self.shaker, end: None, sums: self.sums, sampled: self.sampled };
-        for part in 0..self.steps_per_sample {
-            hold.step(self, part, load).map_err(|source| PlantError::Integrate { sample: self.sample, source })?;
-        }
-        if let Some((limit, got, most)) =
-            hold.shaker.as_ref().and_then(|shaker| shaker.exceeded(&self.arm, &hold.state))
-        {
-            return Err(PlantError::Tripped { sample: self.sample, limit, got, most });
-        }
-        if self.filter.is_some() {
-            hold.sampled = Filter::read(&mut hold.sums);
-        }
-        (self.state, self.shaker, self.sums, self.sampled) = (hold.state, hold.shaker, hold.sums, hold.sampled);
+        let (u, f) = (&load.torque_nm, &load.force_n);
+        let advanced = self.structure.advance(self.time_s(), &[u.x, u.y, f.x, f.y]);
+        advanced.map_err(|source| PlantError::new(self.sample, source))?;
         self.sample += 1;
-        Ok(())
-    }
-}
-
-/// A hold in progress.
-struct Hold {
-    state: State,
-    shaker: Option<Shaker>,
-    /// The motion at the end of the last step, if the drive is continuous there.
-    end: Option<End>,
-    sums: Sums,
-    sampled: [f64; Measurement::CHANNELS],
-}
-
-impl Hold {
-    /// Makes step `part` of the hold.
-    fn step(&mut self, plant: &Plant, part: u32, load: &Load) -> Result<(), IntegrateError> {
-        let t_s = plant.time_s() + f64::from(part) * plant.integrator.step_s();
-        let from = self.state;
-        self.state = match &mut self.shaker {
-            None => plant.integrator.step(&plant.arm, t_s, &from, load),
-            Some(shaker) => shaker.step(&plant.integrator, &plant.arm, t_s, &from, load),
-        }?;
-        match &plant.filter {
-            Some(filter) => {
-                let drive = self.shaker.as_ref().map_or(Drive::Held(*load), Shaker::drive);
-                let at = |state: &State, tau: f64| End::new(&plant.arm, state, &drive.steady(tau));
-                let start = self.end.unwrap_or_else(|| at(&from, 0.0));
-                let end = at(&self.state, 1.0);
-                let step = Step { arm: &plant.arm, from: &from, start, end, drive: &drive };
-                filter.add(&mut self.sums, part as usize, &step);
-                self.end = matches!(drive, Drive::Held(_)).then_some(end);
-            }
-            None if 2 * (part + 1) == plant.steps_per_sample => {
-                let acting = self.shaker.as_ref().map_or(*load, Shaker::acting);
-                self.sampled = instant(&plant.arm, &self.state, &acting);
-            }
-            None => {}
-        }
         Ok(())
     }
 }
 
 #[cfg(test)]
 mod sampling_tests;
+#[cfg(test)]
+mod structure_tests;
 #[cfg(test)]
 mod tests;

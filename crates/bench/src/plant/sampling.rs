@@ -43,6 +43,7 @@ pub(super) type Sums = [[f64; CHANNELS]; MOST_ORDER];
 pub(super) struct Filter {
     /// For every step of a hold.
     factors: Vec<Factors>,
+    converter: Converter,
     order: usize,
     step_s: f64,
     /// λ, infinite without a coil.
@@ -86,6 +87,7 @@ impl Filter {
         let factors = |step: u32| core::array::from_fn(|piece| factors(converter, piece, step, steps, decay));
         (converter != Converter::Instant).then(|| Filter {
             factors: (0..steps).map(factors).collect(),
+            converter,
             order: converter.order(),
             step_s,
             decay,
@@ -95,9 +97,9 @@ impl Filter {
 
     /// The sums of a filter after constant `values`: the sum for the reading `ahead` holds later contains the holds
     /// older than `ahead`.
-    pub fn settled(&self, converter: Converter, values: &[f64; CHANNELS]) -> Sums {
+    pub fn settled(&self, values: &[f64; CHANNELS]) -> Sums {
         core::array::from_fn(|ahead| {
-            let weight: f64 = (ahead + 1..self.order).map(|piece| converter.piece_integral(piece)).sum();
+            let weight: f64 = (ahead + 1..self.order).map(|piece| self.converter.piece_integral(piece)).sum();
             values.map(|value| weight * value)
         })
     }

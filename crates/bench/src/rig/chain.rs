@@ -82,6 +82,33 @@ impl Instrument {
         Instrument { faults, ..self }
     }
 
+    /// What its axes have gathered, and its last reading: a number each, of a reading two.
+    pub fn gathered(&self) -> impl Iterator<Item = f64> {
+        let last = self.last.iter().flat_map(|reading| [reading.value, f64::from(u8::from(reading.clipped))]);
+        self.axes
+            .clone()
+            .into_iter()
+            .flat_map(|mut axis| axis.gathered().map(|number| *number).collect::<Vec<_>>())
+            .chain(last)
+    }
+
+    /// Continues at a sample with what [`Instrument::gathered`] gave; returns whether there were enough numbers.
+    pub fn restore(&mut self, sample: u64, numbers: &mut impl Iterator<Item = f64>) -> bool {
+        for axis in &mut self.axes {
+            axis.noise.seek(sample);
+            for to in axis.gathered() {
+                let Some(number) = numbers.next() else { return false };
+                *to = number;
+            }
+        }
+        for last in &mut self.last {
+            let (Some(value), Some(clipped)) = (numbers.next(), numbers.next()) else { return false };
+            *last = Reading { value, clipped: clipped != 0.0 };
+        }
+        self.faults.iter_mut().for_each(|fault| fault.seek(sample));
+        true
+    }
+
     /// Its reading at sample `sample` of `truth`, along x and y of the base frame.
     pub fn read(&mut self, sample: u64, truth: [f64; 2]) -> [Reading; 2] {
         let seen = seen(truth, self.gravity, self.transverse);
@@ -142,6 +169,14 @@ impl Axis {
             rest,
             quantizer: Quantizer::new(spec.range, spec.resolution()),
         }
+    }
+
+    /// What filters and delay have gathered, the oldest delayed value first.
+    fn gathered(&mut self) -> impl Iterator<Item = &mut f64> {
+        self.delayed.rotate_left(self.oldest);
+        self.oldest = 0;
+        let sections = self.highpass.iter_mut().chain(&mut self.lowpass);
+        sections.flat_map(|section| section.gathered()).chain(&mut self.delayed)
     }
 
     fn at_rest(&self) -> Reading {

@@ -196,6 +196,14 @@ impl Fault {
         self.axes[axis] && (self.first..self.end).contains(&sample)
     }
 
+    /// Continues at a sample, as if it had acted on all before.
+    pub fn seek(&mut self, sample: u64) {
+        let before = sample.clamp(self.first, self.end) - self.first;
+        if let Effect::Noise(_, noise) = &mut self.effect {
+            noise.iter_mut().for_each(|noise| noise.seek(before));
+        }
+    }
+
     /// The converter's input.
     pub fn disturbed(&mut self, sample: u64, axis: usize, value: f64) -> f64 {
         if !self.acts(sample, axis) {

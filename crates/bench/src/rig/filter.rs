@@ -39,6 +39,11 @@ impl Section {
         Section { b: [b, 2.0 * b, b], a, s: [0.0; 2] }
     }
 
+    /// What it has gathered.
+    pub fn gathered(&mut self) -> &mut [f64; 2] {
+        &mut self.s
+    }
+
     /// Settles on the constant input `x`; returns the output.
     pub fn settle(&mut self, x: f64) -> f64 {
         let ([b0, b1, b2], [a1, a2]) = (self.b, self.a);

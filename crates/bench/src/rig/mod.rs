@@ -124,6 +124,20 @@ impl Rig {
         })
     }
 
+    /// What filters, delays and faults of the instruments have gathered at a sample, before its reading.
+    pub fn gathered(&self) -> Vec<f64> {
+        [&self.head, &self.accelerometer_b, &self.accelerometer_c].into_iter().flat_map(Instrument::gathered).collect()
+    }
+
+    /// Continues at sample `sample` with what [`Rig::gathered`] gave there; returns `false` if it was of another rig,
+    /// and the rig is then not to be used.
+    #[must_use]
+    pub fn restore(&mut self, sample: u64, gathered: &[f64]) -> bool {
+        let mut numbers = gathered.iter().copied();
+        let instruments = [&mut self.head, &mut self.accelerometer_b, &mut self.accelerometer_c];
+        instruments.into_iter().all(|instrument| instrument.restore(sample, &mut numbers)) && numbers.next().is_none()
+    }
+
     /// The exciter of the arm.
     pub fn exciter(&self) -> &Exciter {
         &self.exciter

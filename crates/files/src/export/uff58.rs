@@ -9,9 +9,9 @@ use std::path::PathBuf;
 
 use super::channels::{lead, span, visit};
 use super::{ExportError, ExportedFile, RecordingPart, Selection};
-use crate::recording::channels::{Axis, Channel, Quantity};
 use crate::recording::{Existing, Recording};
 use crate::staged::Staged;
+use resonarm_bench::structure::{Axis, Channel, Quantity};
 
 /// Begins and ends a dataset.
 const DELIMITER: &str = "    -1";

@@ -13,9 +13,10 @@ use thiserror::Error;
 
 use super::Topic;
 use super::batch::Batch;
-use super::channels::{Channel, Channels, Kind, READINGS, STATES, Values};
+use super::channels::{Channels, Values};
 use super::schema::MessageType;
 use super::{Clipped, SampleRecord, StateRecord};
+use resonarm_bench::structure::{Channel, Kind, READINGS, STATES};
 
 /// Fields of every message.
 const STEP: u32 = 1;

@@ -22,7 +22,6 @@ mod build_info;
 pub mod channels;
 mod checked_reader;
 mod contents;
-mod cut;
 mod decimate;
 mod decode;
 mod error;
@@ -46,7 +45,6 @@ mod writer;
 
 pub use batch::{Batch, Batcher};
 pub use build_info::{BuildInfo, build_info};
-pub use cut::{cut, merge};
 pub use error::RecordingError;
 pub use frames::FrameBatcher;
 pub use layout::ChannelsError;

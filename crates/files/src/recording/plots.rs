@@ -1,10 +1,11 @@
 //! The plotting topics: states, loads and readings once more, every n-th sample, a message each.
 
-use super::channels::{Channels, Kind};
+use super::channels::Channels;
 use super::decimate::{Decimated, Decimator};
 use super::layout::Plot;
 use super::schema::MessageType;
 use super::{SampleRecord, StateRecord, Topic};
+use resonarm_bench::structure::Kind;
 
 /// The value as it is plotted: what the filter made, which is good to 1e-4 of the amplitude, rounded to 24 bits, since
 /// the bits below can't be compressed. A value of no filter stays as it is.

@@ -4,6 +4,7 @@ use resonarm_protocol::Frame;
 
 use super::Topic;
 use super::channels::Values;
+use resonarm_dynamics::arm::Load;
 use resonarm_realtime::OverrunCause;
 
 /// One thing worth recording.
@@ -82,6 +83,20 @@ pub struct StateRecord {
 }
 
 impl StateRecord {
+    /// The record of a plant's states, as its structure names them, and of a load.
+    pub fn new(sample: u64, states: &[f64], load: &Load, is_end: bool) -> StateRecord {
+        let state = |n: usize| states.get(n).copied().unwrap_or(f64::NAN);
+        StateRecord {
+            sample,
+            alpha_rad: [state(0), state(1)],
+            alpha_dot_rad_s: [state(2), state(3)],
+            torque_nm: load.torque_nm.into(),
+            force_n: load.force_n.into(),
+            coil_current_a: states.get(4).copied(),
+            is_end,
+        }
+    }
+
     /// Its numbers in the order of [`Topic::States`](super::Topic::States).
     pub fn values(&self) -> Values {
         let ([a, b], [c, d], [e, f], [g, h]) = (self.alpha_rad, self.alpha_dot_rad_s, self.torque_nm, self.force_n);

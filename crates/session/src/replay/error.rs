@@ -55,6 +55,15 @@ pub enum ReplayError {
         /// Whether the scenario is known.
         has_scenario: bool,
     },
+    /// What the instruments have gathered before the first sample is not known.
+    #[error(
+        "the recording begins at sample {sample} without what its instruments had gathered until then, so readings can't be \
+         compared: cut it anew from the whole run, or compare the states alone"
+    )]
+    NoInstruments {
+        /// The first sample.
+        sample: u64,
+    },
     /// The current of the shaker's coil at the first sample is not known.
     #[error(
         "the recording begins at sample {sample} and does not hold the current in the coil of its shaker, as format 3 \

@@ -4,12 +4,14 @@
 mod against;
 mod error;
 mod player;
+mod readings;
 mod resimulation;
 mod responses;
 
 pub use against::{Compared, Difference, DifferenceKind, Regression, play_against};
 pub use error::ReplayError;
 pub use player::{Playback, Played, play};
+pub use readings::{ReadingsVerdict, resimulate_readings};
 pub use resimulation::{Verdict, resimulate};
 pub use responses::{responses, timed_responses};
 

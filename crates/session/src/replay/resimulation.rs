@@ -4,7 +4,8 @@ use super::ReplayError;
 use crate::study::on_all_cores;
 use resonarm_bench::plant::{Plant, PlantSpec};
 use resonarm_bench::rig::Amplifier;
-use resonarm_dynamics::arm::{Load, State};
+use resonarm_dynamics::arm::Load;
+use resonarm_files::continued::is_recorded;
 use resonarm_files::import::IMPORTED_FROM;
 use resonarm_files::recording::{Integrity, Recording, StateRecord};
 use resonarm_files::scenario::Scenario;
@@ -80,14 +81,17 @@ pub fn resimulate(recording: &Recording) -> Result<Verdict, ReplayError> {
 
 /// The plant in a recorded state.
 fn plant(spec: &PlantSpec, record: &StateRecord) -> Result<Plant, ReplayError> {
-    let plant = Plant::new(&PlantSpec { initial: state(record), ..spec.clone() })?.at_sample(record.sample);
-    match (spec.rig.shaker, record.coil_current_a) {
-        (None, _) => Ok(plant),
-        (Some(_), Some(current_a)) => Ok(plant.with_coil_current(current_a)),
+    let ([x1, x2], [v1, v2]) = (record.alpha_rad, record.alpha_dot_rad_s);
+    let current_a = match (spec.rig.shaker, record.coil_current_a) {
+        (None, _) => None,
+        (Some(_), Some(current_a)) => Some(current_a),
         // At sample 0 the coil has none, and an amplifier in current mode sets it with the load.
-        (Some(shaker), None) if record.sample == 0 || shaker.amplifier == Amplifier::Current => Ok(plant),
-        (Some(_), None) => Err(ReplayError::NoCurrent { sample: record.sample }),
-    }
+        (Some(shaker), None) if record.sample == 0 || shaker.amplifier == Amplifier::Current => Some(0.0),
+        (Some(_), None) => return Err(ReplayError::NoCurrent { sample: record.sample }),
+    };
+    let states = [x1, x2, v1, v2, current_a.unwrap_or(0.0)];
+    let count = if current_a.is_some() { 5 } else { 4 };
+    Ok(Plant::new(spec)?.at(record.sample, &states[..count])?)
 }
 
 /// Whether every state of the block follows from the one before, tried on all cores. If not, or if it can't be tried,
@@ -135,29 +139,14 @@ fn compare(verdict: &mut Verdict, plant: &Plant, record: &StateRecord) {
     if !is_recorded(plant, record) {
         verdict.identical = false;
         verdict.first_divergence.get_or_insert(record.sample);
-        let drift_rad = (plant.state().alpha_rad - state(record).alpha_rad).amax();
+        let [[x1, x2], [y1, y2]] = [plant.state().alpha_rad.into(), record.alpha_rad];
+        let drift_rad = (x1 - y1).abs().max((x2 - y2).abs());
         verdict.max_drift_rad = verdict.max_drift_rad.max(drift_rad);
     }
 }
 
-/// Whether state and current are the recorded ones, bit for bit; the current where it is recorded.
-fn is_recorded(plant: &Plant, record: &StateRecord) -> bool {
-    let current = |current_a: Option<f64>| current_a.map(f64::to_bits);
-    bits(plant.state()) == bits(&state(record))
-        && (record.coil_current_a.is_none() || current(plant.coil_current_a()) == current(record.coil_current_a))
-}
-
-fn bits(state: &State) -> [u64; 4] {
-    let (x, v) = (state.alpha_rad, state.alpha_dot_rad_s);
-    [x.x, x.y, v.x, v.y].map(f64::to_bits)
-}
-
-fn state(record: &StateRecord) -> State {
-    State::new(record.alpha_rad, record.alpha_dot_rad_s)
-}
-
 /// The recorded load, if the plant's exciter can have produced it.
-fn load(record: &StateRecord, plant: &Plant) -> Result<Load, ReplayError> {
+pub(super) fn load(record: &StateRecord, plant: &Plant) -> Result<Load, ReplayError> {
     let load = Load { torque_nm: record.torque_nm.into(), force_n: record.force_n.into() };
     let exciter = plant.exciter();
     if exciter.can_produce(&load) {

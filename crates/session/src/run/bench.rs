@@ -310,7 +310,9 @@ impl<'a> Bench<'a> {
         if let Err(error) = self.plant.advance(&load) {
             let (code, detail) = match error {
                 PlantError::Tripped { .. } => (EmergencyCode::ExciterTripped, Trip::Shaker as u16),
-                PlantError::Integrate { .. } => (EmergencyCode::SimulationFailed, 0),
+                PlantError::Integrate { .. } | PlantError::Structure { .. } | PlantError::Saved { .. } => {
+                    (EmergencyCode::SimulationFailed, 0)
+                }
             };
             self.node.fault(now_ns, code, detail);
             return Err(RunError::Plant(error));
@@ -325,17 +327,8 @@ impl<'a> Bench<'a> {
 
     /// Records the state at the sample, with the load held from it on.
     fn record_state(&mut self, load: &Load, is_end: bool) {
-        let state = self.plant.state();
-        let record = StateRecord {
-            sample: self.sample(),
-            alpha_rad: state.alpha_rad.into(),
-            alpha_dot_rad_s: state.alpha_dot_rad_s.into(),
-            torque_nm: load.torque_nm.into(),
-            force_n: load.force_n.into(),
-            coil_current_a: self.plant.coil_current_a(),
-            is_end,
-        };
-        self.record(Record::State(record));
+        let states = self.plant.states();
+        self.record(Record::State(StateRecord::new(self.sample(), &states, load, is_end)));
     }
 
     fn record_sent(&mut self, now_ns: u64, frame: Frame) {

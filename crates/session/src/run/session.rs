@@ -446,7 +446,7 @@ impl Session {
         options.existing = *existing;
         options.plot_every_samples = self.scenario.recording.plot_every_samples;
         options.reading_delay_samples = self.scenario.rig.converter.delay_samples();
-        options.channels = Channels::arm(self.scenario.rig.shaker.is_some());
+        options.channels = Channels::of_structure(self.plant.structure());
         Ok(Some(Recorder::create(path, &self.scenario.configuration(self.mode.name())?, options)?))
     }
 }

@@ -14,7 +14,7 @@ fn sampling(rate_hz: f64) -> Sampling {
 }
 
 /// Damping of 40 N·s/m at the tip, so that the arm settles within a second and the force still drops out.
-fn plant(amplifier: Amplifier) -> Plant {
+fn plant_spec(amplifier: Amplifier) -> PlantSpec {
     let shaker = ShakerSpec {
         direction_deg: 0.0,
         amplifier,
@@ -28,7 +28,7 @@ fn plant(amplifier: Amplifier) -> Plant {
         current_limit_a: 30.0,
         voltage_limit_v: 200.0,
     };
-    Plant::new(&PlantSpec {
+    PlantSpec {
         parameters: Preset::default().parameters().unwrap(),
         pose: Pose { beta1_deg: 30.0, beta2_deg: 60.0 },
         initial: State::default(),
@@ -37,12 +37,15 @@ fn plant(amplifier: Amplifier) -> Plant {
         steps_per_sample: 2,
         rig: RigSpec { shaker: Some(shaker), ..RigSpec::default() },
         seed: 1,
-    })
-    .unwrap()
+    }
+}
+
+fn plant(amplifier: Amplifier) -> Plant {
+    Plant::new(&plant_spec(amplifier)).unwrap()
 }
 
 fn arm() -> Arm {
-    plant(Amplifier::Current).arm().clone()
+    plant_spec(Amplifier::Current).arm().unwrap()
 }
 
 fn stepped(force_x_n: f64, settle_s: f64) -> ForceControlSpec {

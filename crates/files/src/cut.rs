@@ -4,7 +4,8 @@ use core::ops::RangeInclusive;
 use std::collections::BTreeSet;
 use std::path::Path;
 
-use super::{
+use crate::continued::{PLANT, noted, without_plant};
+use crate::recording::{
     Configuration, Event, Existing, FlushPolicy, Integrity, Naming, Options, Origin, Record, Recorder, Recording,
     RecordingError, RunTime, Summary, TimeBase,
 };
@@ -18,7 +19,8 @@ const NAMES: usize = 1000;
 
 /// Copies the records of some samples into a new recording, which can be replayed and simulated again as the old one
 /// can. What the old one says of the run stays; what it says of its own build goes under the keys `cut.version` and
-/// `cut.git_commit`. Messages for plotting are made anew.
+/// `cut.git_commit`, and what the plant has gathered before the first sample under `cut.plant`, if the run up to there
+/// can be simulated again. Messages for plotting are made anew.
 ///
 /// # Errors
 /// [`RecordingError`] if the recording can't be read or the new one not be written; [`RecordingError::SameFile`] if
@@ -30,7 +32,8 @@ pub fn cut(
     path: &Path,
     existing: Existing,
 ) -> Result<Summary, RecordingError> {
-    join(&[recording], samples, path, existing)
+    let first = recording.summary().samples.map_or(0, |(first, _)| first.max(*samples.start()));
+    join(&[recording], samples, path, existing, (first > 0).then(|| noted(recording, first)).flatten())
 }
 
 /// Joins recordings of one run that follow each other, as [`cut`] makes them.
@@ -46,7 +49,8 @@ pub fn merge(recordings: &[&Recording], path: &Path, existing: Existing) -> Resu
         // Behind a part without a record stands what follows the part before it.
         last = behind.summary().samples.or(last);
     }
-    join(recordings, 0..=u64::MAX, path, existing)
+    let noted = recordings.first().and_then(|first| first.configuration().get(PLANT)).map(str::to_owned);
+    join(recordings, 0..=u64::MAX, path, existing, noted)
 }
 
 /// Refuses a recording that is not of the same run, or has no later samples than `last`.
@@ -82,7 +86,7 @@ fn began(origin: &Origin) -> String {
 
 /// What two parts of a run have in common.
 fn of_the_run(recording: &Recording) -> Vec<(&str, &str)> {
-    recording.configuration().iter().collect()
+    without_plant(recording.configuration()).collect()
 }
 
 fn join(
@@ -90,6 +94,7 @@ fn join(
     samples: RangeInclusive<u64>,
     path: &Path,
     existing: Existing,
+    plant: Option<String>,
 ) -> Result<Summary, RecordingError> {
     let Some(first) = recordings.first() else {
         return Err(RecordingError::Option {
@@ -103,7 +108,7 @@ fn join(
             return Err(RecordingError::SameFile { path: path.to_path_buf() });
         }
     }
-    let recorder = Recorder::create(path, &configuration(first), options(first, existing))?;
+    let recorder = Recorder::create(path, &configuration(first, plant), options(first, existing))?;
     let mut channel = recorder.channel("cut", CAPACITY)?;
     let (mut names, mut is_empty) = (Names::default(), true);
     for recording in recordings {
@@ -123,11 +128,13 @@ fn join(
     recorder.finish(&[("cut_from_whole_recordings", is_whole.to_string())])
 }
 
-/// What a part says of the run: the same as the whole, and which build recorded it.
-fn configuration(recording: &Recording) -> Configuration {
+/// What a part says of the run: the same as the whole, which build recorded it, and the plant at its first sample.
+fn configuration(recording: &Recording, plant: Option<String>) -> Configuration {
     let build = &recording.origin().build;
     let cut = [("cut.version", &build.version), ("cut.git_commit", &build.git_commit)];
-    let there = recording.configuration().clone();
+    let there = without_plant(recording.configuration());
+    let there = there.fold(Configuration::new(), |there, (key, value)| there.with(key, value));
+    let there = plant.into_iter().fold(there, |there, plant| there.with(PLANT, plant));
     cut.into_iter().fold(there, |configuration, (key, value)| match configuration.get(key) {
         Some(_) => configuration,
         None => configuration.with(key, value),

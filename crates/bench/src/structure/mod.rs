@@ -1,0 +1,101 @@
+//! A structure under test as the bench knows it: channels that act on it and that it answers in, one step a sample.
+
+mod channel;
+
+pub use channel::{Axis, Channel, Kind, Point, Quantity, READINGS, STATES};
+
+use alloc::boxed::Box;
+use core::fmt;
+
+use thiserror::Error;
+
+use crate::rig::ShakerLimit;
+use resonarm_dynamics::integrate::IntegrateError;
+
+/// A structure with what drives it and the converters that sample it.
+///
+/// A plant calls it once a sample: [`Structure::sense`], then [`Structure::advance`] with the loads that are held up to
+/// the next sample. Numbers stand in the order of its channels, in their units. The same numbers give the same bits.
+pub trait Structure: fmt::Debug + Send + Sync {
+    /// What acts on it.
+    fn inputs(&self) -> &[Channel];
+
+    /// What the converters sample.
+    fn outputs(&self) -> &[Channel];
+
+    /// The states from which, with the inputs, those of the next sample follow: coordinates, their rates, states of
+    /// devices.
+    fn states(&self) -> &[Channel];
+
+    /// How many numbers [`Structure::save`] writes: the states, and what the converters have gathered for the next
+    /// samples.
+    fn saved_len(&self) -> usize;
+
+    /// Advances from the sample at `time_s`, s, to the next with the inputs held (zero-order).
+    ///
+    /// # Errors
+    /// [`StructureError`]; the structure then stays at the sample.
+    fn advance(&mut self, time_s: f64, inputs: &[f64]) -> Result<(), StructureError>;
+
+    /// Writes the outputs as the converters sample them at the sample.
+    fn sense(&self, outputs: &mut [f64]);
+
+    /// Writes the states and what the converters have gathered.
+    fn save(&self, saved: &mut [f64]);
+
+    /// Takes up what [`Structure::save`] wrote. With the states alone, the converters have always sampled the outputs
+    /// at these states without a load.
+    ///
+    /// # Errors
+    /// [`StructureError::Saved`] if the numbers are more or fewer, or one is not finite; nothing changes then.
+    fn restore(&mut self, saved: &[f64]) -> Result<(), StructureError>;
+
+    /// The distance of the point that the exciter acts on from rest, m, without sign.
+    fn travel_m(&self) -> f64;
+
+    /// A copy in the same state.
+    fn boxed_clone(&self) -> Box<dyn Structure>;
+}
+
+impl Clone for Box<dyn Structure> {
+    fn clone(&self) -> Box<dyn Structure> {
+        self.boxed_clone()
+    }
+}
+
+/// Why a structure can't go to the next sample, or to a saved state.
+#[derive(Clone, Copy, Debug, PartialEq, Error)]
+#[non_exhaustive]
+pub enum StructureError {
+    /// The integrator could not make a step.
+    #[error(transparent)]
+    Integrate(#[from] IntegrateError),
+    /// The shaker's amplifier switched off.
+    #[error("the {what} would be {got} {unit}, and {most} {unit} is its limit", what = .limit.names()[0], unit = .limit.names()[1])]
+    Tripped {
+        /// The quantity that is limited.
+        limit: ShakerLimit,
+        /// The value that would result, in the limit's unit.
+        got: f64,
+        /// The limit.
+        most: f64,
+    },
+    /// Another number of loads than the structure has inputs.
+    #[error("{got} loads: the structure has {expected} inputs")]
+    Inputs {
+        /// Loads given.
+        got: usize,
+        /// The number of inputs.
+        expected: usize,
+    },
+    /// Saved numbers that are not of this structure.
+    #[error("a saved state of {got} finite numbers: the structure has {states}, or {all} with its converters")]
+    Saved {
+        /// Numbers given, up to the first that is not finite.
+        got: usize,
+        /// The number of states.
+        states: usize,
+        /// [`Structure::saved_len`].
+        all: usize,
+    },
+}

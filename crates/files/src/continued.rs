@@ -1,0 +1,63 @@
+//! The plant of a recording at its first sample: from the scenario if the recording begins with the run, else from what
+//! [`cut`](crate::cut::cut) has kept.
+
+use crate::recording::{Configuration, Recording, StateRecord};
+use crate::scenario::Scenario;
+use resonarm_bench::plant::Plant;
+use resonarm_dynamics::arm::Load;
+
+/// The key of a cut's configuration that holds the plant at its first sample: states, and what converters and
+/// instruments have gathered, as numbers with a space between.
+pub const PLANT: &str = "cut.plant";
+
+/// The plant at the first sample of the recording, whose readings continue from there. `None` if it begins in the
+/// middle of a run and does not hold the plant, or its scenario makes none.
+pub fn plant(recording: &Recording) -> Option<Plant> {
+    let scenario = Scenario::from_configuration(recording.configuration()).ok()?;
+    let plant = Plant::new(&scenario.plant_spec().ok()?).ok()?;
+    let first = recording.summary().samples?.0;
+    match recording.configuration().get(PLANT) {
+        None => (first == 0).then_some(plant),
+        Some(text) => {
+            let numbers = text.split(' ').map(str::parse).collect::<Result<Vec<f64>, _>>().ok()?;
+            plant.restored(first, &numbers).ok()
+        }
+    }
+}
+
+/// What is noted of the plant in a cut that begins at sample `first`: the run, simulated again up to there. `None` if
+/// it can't be, or its states are not the recorded ones.
+pub(crate) fn noted(recording: &Recording, first: u64) -> Option<String> {
+    let mut plant = plant(recording)?;
+    for record in recording.states().ok()? {
+        let record = record.ok()?;
+        if record.sample != plant.sample() || !is_recorded(&plant, &record) {
+            return None;
+        }
+        if record.sample == first {
+            let numbers = plant.save();
+            return Some(numbers.iter().map(|number| format!("{number:e}")).collect::<Vec<_>>().join(" "));
+        }
+        plant.measure();
+        plant.advance(&load(&record)).ok()?;
+    }
+    None
+}
+
+/// The load of a record.
+fn load(record: &StateRecord) -> Load {
+    Load { torque_nm: record.torque_nm.into(), force_n: record.force_n.into() }
+}
+
+/// Whether the states of the plant are the recorded ones, bit for bit; the current in a coil where it is recorded.
+pub fn is_recorded(plant: &Plant, record: &StateRecord) -> bool {
+    let ([x1, x2], [v1, v2]) = (record.alpha_rad, record.alpha_dot_rad_s);
+    let recorded = [Some(x1), Some(x2), Some(v1), Some(v2), record.coil_current_a];
+    let same = |(state, recorded): (&f64, Option<f64>)| recorded.is_none_or(|it| it.to_bits() == state.to_bits());
+    plant.states().iter().zip(recorded).all(same)
+}
+
+/// What a recording says of itself but for the plant at its first sample.
+pub(crate) fn without_plant(configuration: &Configuration) -> impl Iterator<Item = (&str, &str)> {
+    configuration.iter().filter(|(key, _)| *key != PLANT)
+}

@@ -1,0 +1,60 @@
+//! The readings of a run simulated again.
+
+use super::ReplayError;
+use super::resimulation::load;
+use resonarm_bench::rig::{Measurement, Reading};
+use resonarm_files::continued;
+use resonarm_files::recording::{Recording, SampleRecord};
+
+/// Whether the readings of a run, simulated again, are the recorded ones.
+#[derive(Clone, Debug, PartialEq, serde::Serialize)]
+pub struct ReadingsVerdict {
+    /// Whether every reading, and whether it was clipped, is the recorded one, bit for bit.
+    pub identical: bool,
+    /// Samples compared, of six readings each.
+    pub samples: u64,
+    /// The first sample with a reading that differs.
+    pub first_divergence: Option<u64>,
+}
+
+/// Simulates arm and instruments again from the recorded loads, one sample after the other, and compares every reading.
+///
+/// # Errors
+/// [`ReplayError::NoInstruments`] if the recording begins in the middle of a run without what the instruments have
+/// gathered until then, or its scenario makes no plant; else as [`resimulate`](super::resimulate).
+pub fn resimulate_readings(recording: &Recording) -> Result<ReadingsVerdict, ReplayError> {
+    let sample = recording.summary().samples.map_or(0, |(first, _)| first);
+    let mut plant = continued::plant(recording).ok_or(ReplayError::NoInstruments { sample })?;
+    let mut readings = recording.samples()?;
+    let mut next = readings.next().transpose()?;
+    let mut verdict = ReadingsVerdict { identical: true, samples: 0, first_divergence: None };
+    for state in recording.states()? {
+        let state = state?;
+        let measured = plant.measure();
+        if let Some(recorded) = next.filter(|recorded| recorded.sample == state.sample) {
+            verdict.samples += 1;
+            if !is_recorded(&measured, &recorded) {
+                verdict.identical = false;
+                verdict.first_divergence.get_or_insert(recorded.sample);
+            }
+            next = readings.next().transpose()?;
+        }
+        if !state.is_end {
+            plant.advance(&load(&state, &plant)?)?;
+        }
+    }
+    Ok(verdict)
+}
+
+fn is_recorded(measured: &Measurement, recorded: &SampleRecord) -> bool {
+    let SampleRecord { acceleration_b_m_s2, acceleration_c_m_s2, head_force_n, clipped, .. } = recorded;
+    let pairs = [
+        (measured.acceleration_b_m_s2, acceleration_b_m_s2, clipped.acceleration_b),
+        (measured.acceleration_c_m_s2, acceleration_c_m_s2, clipped.acceleration_c),
+        (measured.head_force_n, head_force_n, clipped.head_force),
+    ];
+    let same = |reading: Reading, value: f64, clipped| {
+        reading.value.to_bits() == value.to_bits() && reading.clipped == clipped
+    };
+    pairs.iter().all(|(reading, value, clipped)| (0..2).all(|axis| same(reading[axis], value[axis], clipped[axis])))
+}
