@@ -6,12 +6,12 @@
 mod commands;
 mod configuration;
 mod defaults;
+mod drive;
 mod ended_early;
 mod failure;
 mod figures;
 mod file_size;
 mod flags;
-mod interval;
 mod live;
 mod logging;
 mod motion_flags;
@@ -20,12 +20,12 @@ mod output;
 mod progress;
 mod quantity;
 mod readings;
+mod recordings;
 mod responses;
 mod session;
 mod status;
 mod study;
 mod supervise;
-mod time_range;
 mod walk_flags;
 mod walk_point;
 

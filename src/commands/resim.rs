@@ -4,9 +4,9 @@ use std::path::PathBuf;
 
 use clap::Args;
 
-use crate::commands::inspect;
 use crate::failure::{Failure, Verdict};
-use crate::output;
+use crate::output::JsonFlag;
+use crate::recordings::integrity_note;
 use resonarm::recording::{Recording, build_info};
 use resonarm::replay::{self, resimulate};
 
@@ -16,9 +16,8 @@ use resonarm::replay::{self, resimulate};
 pub(crate) struct Resim {
     /// The recording, an MCAP file.
     file: PathBuf,
-    /// Print one JSON document.
-    #[arg(long)]
-    json: bool,
+    #[command(flatten)]
+    json: JsonFlag,
 }
 
 impl Resim {
@@ -34,17 +33,13 @@ impl Resim {
             );
         }
         let verdict = resimulate(&recording)?;
-        if self.json {
-            output::print_json(&verdict)?;
-        } else {
-            output::print(&text(&verdict))?;
-        }
+        self.json.show(&verdict, || text(&verdict), &[])?;
         Ok(Verdict::of(verdict.identical))
     }
 }
 
 fn text(verdict: &replay::Verdict) -> String {
-    let mut text = inspect::integrity_note(&verdict.integrity).map_or(String::new(), |note| note + "\n");
+    let mut text = integrity_note(&verdict.integrity).map_or(String::new(), |note| note + "\n");
     let samples = verdict.samples;
     text += &match (verdict.first_divergence, verdict.identical) {
         (Some(sample), _) => {

@@ -5,12 +5,11 @@ use std::path::Path;
 use nalgebra::Vector2;
 
 use super::{Bench, BenchPoint, Configuration};
-use crate::commands::inspect;
 use crate::failure::Failure;
+use crate::recordings;
 use resonarm::arm::{Arm, Load};
 use resonarm::control::{JointAngles, ResponsePoint};
 use resonarm::excitation::Phasor;
-use resonarm::recording::Recording;
 use resonarm::replay;
 use resonarm::scenario::Scenario;
 
@@ -20,13 +19,10 @@ const HOW: &str = "responses are read with [control] or with an [excitation] wit
 
 /// The responses in a recording, with arm, pose and load of its scenario.
 pub(super) fn read(file: &Path) -> Result<Bench, Failure> {
-    let recording = Recording::open(file)?;
-    if let Some(note) = inspect::integrity_note(recording.integrity()) {
-        tracing::warn!("{note}");
-    }
+    let recording = recordings::open(file)?;
     let scenario = Scenario::from_configuration(recording.configuration())?;
     let name = file.display();
-    let none = |why: &str| Failure::Usage(format!("{name} holds no responses: {why}; {HOW}"));
+    let none = |why: &str| Failure::usage(format!("{name} holds no responses: {why}; {HOW}"));
     if scenario.excitation.is_none() && scenario.control.is_none() {
         return Err(none("its scenario does not say what the exciter played"));
     }

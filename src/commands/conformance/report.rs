@@ -1,6 +1,5 @@
 //! The report: text, JSON, JUnit XML.
 
-use core::fmt::Write;
 use std::collections::BTreeMap;
 
 use serde::Serialize;
@@ -111,21 +110,21 @@ impl Row {
     pub fn text(&self) -> String {
         let mut text = format!("{:12}  {:26} {}", self.verdict, self.case, self.title);
         if !self.measured.is_empty() {
-            let _infallible = write!(text, " ({})", self.measured.join("; "));
+            text += &format!(" ({})", self.measured.join("; "));
         }
         text.push('\n');
         if let Some(reason) = &self.reason {
-            let _infallible = writeln!(text, "{:14}{reason}  {}", "", self.requirements.join(" "));
+            text += &format!("{:14}{reason}  {}\n", "", self.requirements.join(" "));
         }
         if matches!(self.verdict, "failed" | "inconclusive") {
-            let _infallible = writeln!(text, "{:14}heard: {}", "", counted(&self.heard, "nothing"));
+            text += &format!("{:14}heard: {}\n", "", counted(&self.heard, "nothing"));
             if !self.others.is_empty() {
                 let others = counted(&self.others, "");
-                let _infallible = writeln!(text, "{:14}heard with other identifiers: {others}", "");
+                text += &format!("{:14}heard with other identifiers: {others}\n", "");
             }
         }
         for refused in &self.refused {
-            let _infallible = writeln!(text, "{:14}{}", "", refused.text);
+            text += &format!("{:14}{}\n", "", refused.text);
         }
         text
     }
@@ -248,20 +247,19 @@ impl Document {
         );
         let commands = self.commands.text();
         if !commands.is_empty() {
-            let _infallible = writeln!(text, "commanded: {commands}");
+            text += &format!("commanded: {commands}\n");
         }
         if let Some(Summary { path, bytes, lost, .. }) = &self.recording {
             let lost = lost.values().sum::<u64>();
-            let _infallible = writeln!(text, "recording: {}, {bytes} bytes, {lost} records lost", path.display());
+            text += &format!("recording: {}, {bytes} bytes, {lost} records lost\n", path.display());
         }
         text
     }
 
     pub fn junit(&self) -> String {
         let mut text = String::from("<?xml version=\"1.0\" encoding=\"UTF-8\"?>\n<testsuites>\n");
-        let _infallible = writeln!(
-            text,
-            "  <testsuite name=\"resonarm conformance {}\" tests=\"{}\" failures=\"{}\" skipped=\"{}\">",
+        text += &format!(
+            "  <testsuite name=\"resonarm conformance {}\" tests=\"{}\" failures=\"{}\" skipped=\"{}\">\n",
             self.role,
             self.cases.len(),
             self.failed,

@@ -70,7 +70,7 @@ impl NetworkFlags {
         Network::new(self.base.0)
             .and_then(|network| network.with_node_ids(self.plant_id, self.exciter_id))
             .map(|network| network.with_profile(self.profile))
-            .map_err(|error| Failure::Usage(error.to_string()))
+            .map_err(|error| Failure::usage(error.to_string()))
     }
 }
 
