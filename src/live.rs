@@ -82,8 +82,6 @@ pub(crate) struct ShownRole {
     /// The steered sine, if there is one.
     pub steered: Option<Steered>,
 }
-
-/// A role.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(crate) enum Role {
     Plant,

@@ -67,14 +67,6 @@ impl DirectionFlag {
     }
 }
 
-/// The name of a direction in results.
-pub(crate) const fn direction_name(direction: Direction) -> &'static str {
-    match direction {
-        Direction::Up => "up",
-        Direction::Down => "down",
-    }
-}
-
 impl MotionFlags {
     /// The scenario, with the initial state of the flags in it.
     pub fn scenario(&self) -> Result<Scenario, Failure> {

@@ -38,8 +38,6 @@ const PLACES: [(&str, Response); 4] =
     [("b_x", Response::BX), ("b_y", Response::BY), ("c_x", Response::CX), ("c_y", Response::CY)];
 
 type Of = fn(&Readings, Response) -> Phasor;
-
-/// Names and units.
 const QUANTITIES: [(&str, &str, Of); 3] = [
     ("displacement", "m", Readings::displacement),
     ("velocity", "m_s", Readings::velocity),

@@ -44,8 +44,6 @@ impl From<&ResponsePoint> for ResponseDocument {
         }
     }
 }
-
-/// The responses as JSON.
 pub(crate) fn documents(responses: &[ResponsePoint]) -> Vec<ResponseDocument> {
     responses.iter().map(ResponseDocument::from).collect()
 }

@@ -61,7 +61,6 @@ pub(crate) fn event_ring() -> (Producer<RunEvent>, Consumer<RunEvent>) {
 pub(crate) struct EventLog {
     pub events: Consumer<RunEvent>,
     pub json: bool,
-    /// The name of the bus.
     pub bus: String,
 }
 
@@ -138,7 +137,6 @@ pub(crate) fn frames_text(bus: &BusCounts) -> String {
 /// The report of a plant's run, with its arm, as JSON.
 #[derive(Serialize)]
 pub(crate) struct PlantDocument<'a> {
-    /// The arm and its pose.
     pub configuration: Value,
     #[serde(flatten)]
     pub report: &'a PlantReport,

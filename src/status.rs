@@ -49,8 +49,6 @@ pub(crate) enum Style {
     /// No line: standard error holds JSON.
     Off,
 }
-
-/// Writes the status line.
 pub(crate) struct Status {
     style: Style,
     /// The gauges at the beginning of the window, and its time, ns.
@@ -125,8 +123,6 @@ impl Window {
         }
     }
 }
-
-/// The text of the line.
 fn words(shown: &Shown, window: Option<&Window>, responses: u64) -> String {
     let mut text = String::from(match shown.state {
         NodeState::BootUp => "starting",

@@ -46,8 +46,6 @@ impl Line {
     pub fn without_progress(&mut self) {
         self.pace = None;
     }
-
-    /// Whether standard error is a terminal.
     pub fn is_on_terminal(&self) -> bool {
         self.is_on_terminal
     }

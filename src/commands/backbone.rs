@@ -227,8 +227,6 @@ impl Backbone {
             wall_s,
         }
     }
-
-    /// The heading of the table.
     fn head(&self, scenario: &Scenario, document: &Document, drive: &Drive) -> String {
         let what = if self.undamped {
             String::from("nonlinear normal mode of the arm without dampers")
@@ -245,8 +243,6 @@ impl Backbone {
             document.linear_frequency_hz
         )
     }
-
-    /// A line for each point, for people.
     fn table(&self, drive: &Drive, curve: &Curve) -> String {
         let drive_head = if self.undamped { String::new() } else { format!("   {:>12}", drive.words.unit) };
         let mut text = format!("  frequency Hz   largest |α1| rad   largest |α2| rad{drive_head}\n");
@@ -298,8 +294,6 @@ impl Backbone {
         });
         Ok([figure.write(stem)?.to_vec(), files].concat())
     }
-
-    /// The forced response around the curve.
     fn response(&self, forced: &ForcedArm, curve: &Curve, early: &mut Early) -> Result<Option<Branch>, Failure> {
         let [low, high] = curve.window_hz();
         let mut options = self.walk.options(BranchOptions::new(low, high))?;
@@ -308,8 +302,6 @@ impl Backbone {
         early.keep_any("frequency_hz of the forced response", walked)
     }
 }
-
-/// Steps small enough for a smooth line.
 fn smooth(options: &mut BranchOptions) {
     options.walk.largest_step = options.walk.largest_step.min(SMOOTH_STEP);
 }

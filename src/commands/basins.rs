@@ -75,8 +75,6 @@ pub(crate) struct Basins {
     )]
     points: Vec<u32>,
 }
-
-/// A stable motion in results.
 #[derive(Serialize)]
 struct MotionDocument {
     period: u32,
@@ -91,7 +89,6 @@ struct MotionDocument {
 /// An initial state in results.
 #[derive(Serialize)]
 struct Cell {
-    /// Its two coordinates.
     at: [f64; 2],
     /// Which motion it reaches, from 1.
     motion: Option<usize>,
@@ -103,7 +100,6 @@ struct Cell {
 
 #[derive(Serialize)]
 struct Document {
-    /// What the results depend on.
     configuration: Value,
     coordinates: [StateCoordinate; 2],
     motions: Vec<MotionDocument>,

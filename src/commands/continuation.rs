@@ -121,8 +121,6 @@ impl Varied {
         self.quantity.coordinate == Coordinate::Parameter(ArmParameter::Amplitude)
     }
 }
-
-/// The result.
 struct Found {
     branch: Branch,
     doubled: Vec<Branch>,
@@ -154,15 +152,14 @@ impl Found {
 
     fn document(&self, configuration: Value, varied: &Varied, wall_s: f64) -> Document {
         let reader = self.reader.as_ref();
-        let points = |branch: &Branch| branch.orbits.iter().map(|orbit| point(varied, orbit, reader)).collect();
-        let event = |event: &Bifurcation| bifurcation(varied, event, reader);
-        let events = |branch: &Branch| branch.bifurcations.iter().map(event).collect();
-        let doubled = |branch: &Branch| DoubledBranch { points: points(branch), bifurcations: events(branch) };
+        let document = |branch: &Branch| BranchDocument {
+            points: branch.orbits.iter().map(|orbit| point(varied, orbit, reader)).collect(),
+            bifurcations: branch.bifurcations.iter().map(|event| bifurcation(varied, event, reader)).collect(),
+        };
         Document {
             configuration,
-            points: points(&self.branch),
-            bifurcations: events(&self.branch),
-            doubled: self.doubled.iter().map(doubled).collect(),
+            branch: document(&self.branch),
+            doubled: self.doubled.iter().map(document).collect(),
             curves: self.curves.as_ref().map(Curves::document),
             ended_early: self.early.document(),
             wall_s,
@@ -203,10 +200,10 @@ impl Found {
 struct Document {
     /// What the results depend on; the load is that of the value 1 where the amplitude varies.
     configuration: Value,
-    points: Vec<Value>,
-    bifurcations: Vec<Value>,
+    #[serde(flatten)]
+    branch: BranchDocument,
     #[serde(skip_serializing_if = "Vec::is_empty")]
-    doubled: Vec<DoubledBranch>,
+    doubled: Vec<BranchDocument>,
     #[serde(skip_serializing_if = "Option::is_none")]
     curves: Option<Value>,
     #[serde(skip_serializing_if = "Option::is_none")]
@@ -215,7 +212,7 @@ struct Document {
 }
 
 #[derive(Serialize)]
-struct DoubledBranch {
+struct BranchDocument {
     points: Vec<Value>,
     bifurcations: Vec<Value>,
 }

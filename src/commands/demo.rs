@@ -57,14 +57,11 @@ struct Document<'a> {
     figures: Vec<PathBuf>,
     points: &'a [WalkPoint],
 }
-
-/// The demo's scenario.
 pub(crate) fn scenario() -> Result<Scenario, Failure> {
     Ok(Scenario::parse(include_str!("../../scenarios/demo.toml"), "scenarios/demo.toml")?)
 }
 
 impl Demo {
-    /// The scenario of the flags.
     pub(crate) fn scenario(&self) -> Result<Scenario, Failure> {
         self.arm.scenario_or(scenario)
     }

@@ -68,7 +68,6 @@ pub(crate) fn scenario() -> Result<Scenario, Failure> {
 }
 
 impl Exciter {
-    /// The scenario of the flags.
     pub(crate) fn scenario(&self) -> Result<Scenario, Failure> {
         self.session.scenario_or(scenario)
     }

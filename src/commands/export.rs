@@ -9,8 +9,6 @@ use crate::flags;
 use crate::output::{self, JsonFlag, OverwriteFlag};
 use crate::recordings::{self, TimeRange};
 use resonarm::export::{ExportFormat, ExportedFile, Part, Selection, export};
-
-/// The end of the help text.
 const HELP: &str = "\
 Formats and their files:
   csv      STEM-PART.csv  a table a part; the names of the columns have the units

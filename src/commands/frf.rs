@@ -73,7 +73,6 @@ pub(crate) const fn style(response: Response) -> Style {
 
 #[derive(Serialize)]
 struct Document {
-    /// The arm and its pose.
     configuration: Value,
     drive: Drive,
     quantity: Quantity,

@@ -138,7 +138,6 @@ struct ResponseCurve {
 }
 
 impl Identify {
-    /// The domain in which accelerations are integrated.
     pub(crate) fn domain(&self) -> Domain {
         self.integration.unwrap_or(Domain::Frequency)
     }

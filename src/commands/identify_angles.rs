@@ -39,10 +39,7 @@ impl Domain {
         }
     }
 }
-
-/// The request.
 pub(crate) struct Request<'a> {
-    /// The CSV file.
     pub csv: &'a Path,
     pub domain: Domain,
     pub from_hz: Option<f64>,
@@ -63,7 +60,6 @@ struct Document {
     /// Times of the first and the last row.
     from_s: f64,
     to_s: f64,
-    /// Largest magnitudes of α1 and α2.
     largest_rad: [f64; 2],
     /// Largest standard deviations of α1 and α2.
     deviation_rad: [f64; 2],

@@ -44,7 +44,6 @@ const COST_STEPS: u32 = 500;
 
 #[derive(Serialize)]
 struct Document {
-    /// The arm and its pose.
     configuration: Value,
     /// The same for people.
     #[serde(skip)]

@@ -47,7 +47,6 @@ pub(crate) struct Modes {
 
 #[derive(Serialize)]
 struct Document {
-    /// The arm and its pose.
     configuration: Value,
     modes: [Mode; 2],
 }

@@ -7,7 +7,7 @@ use serde_json::{Map, Value, json};
 use crate::failure::{Failure, Verdict};
 use crate::figures::captions;
 use crate::flags;
-use crate::motion_flags::{DirectionFlag, MotionFlags, direction_name, or_empty};
+use crate::motion_flags::{DirectionFlag, MotionFlags, or_empty};
 use crate::quantity::{Ends, Quantity, interval};
 use crate::study;
 use resonarm::analysis::Coordinate;
@@ -93,8 +93,6 @@ struct Stepped {
     load: Load,
     sweeps: Vec<Sweep>,
 }
-
-/// A motion in results.
 #[derive(Serialize)]
 struct MotionDocument {
     #[serde(skip_serializing_if = "Option::is_none")]
@@ -287,7 +285,7 @@ impl Document {
     fn csv(&self, name: &str) -> String {
         let mut text = format!("direction,{name},period,alpha1_rad,alpha2_rad,alpha_dot1_rad_s,alpha_dot2_rad_s\n");
         for motion in &self.motions {
-            let (direction, period) = (or_empty(motion.direction.map(direction_name)), or_empty(motion.period));
+            let (direction, period) = (or_empty(motion.direction.map(Direction::name)), or_empty(motion.period));
             for [x1, x2, v1, v2] in &motion.section {
                 text += &format!("{direction},{},{period},{x1},{x2},{v1},{v2}\n", motion.value);
             }
@@ -307,7 +305,7 @@ fn diagram(document: &Document, stepped: &Stepped) -> Figure {
                 Direction::Up => (Color::Blue, 3.5),
                 Direction::Down => (Color::Vermillion, 2.0),
             };
-            let direction = direction_name(sweep.direction);
+            let direction = sweep.direction.name();
             // Periodic motions as a few points, others as a cloud of small ones.
             for (repeats, label, size) in [
                 (true, format!("stepped {direction}"), size),

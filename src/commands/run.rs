@@ -93,7 +93,6 @@ pub(crate) fn default_scenario(mode: Mode) -> Result<Scenario> {
 }
 
 impl Run {
-    /// The scenario of the flags.
     pub(crate) fn scenario(&self) -> Result<Scenario> {
         self.session.scenario_or(|| default_scenario(self.mode))
     }

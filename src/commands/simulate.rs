@@ -114,21 +114,21 @@ impl Simulate {
         if !(exact.is_finite() && steps >= 1.0) {
             return Err(Failure::value("--duration-s", self.duration_s, "it must be a positive number"));
         }
+        let steps_text = |count: f64| {
+            let [duration_s, rate_hz] = [self.duration_s, rate_hz].map(|value| short(&value).to_string());
+            format!("--duration-s {duration_s} is {} steps at {rate_hz} Hz", short(&count))
+        };
         if steps > MOST_STEPS as f64 {
             return Err(Failure::usage(format!(
-                "--duration-s {} is {} steps at {} Hz: at most {MOST_STEPS} are possible; take a shorter time or a lower rate",
-                short(&self.duration_s),
-                short(&steps),
-                short(&rate_hz)
+                "{}: at most {MOST_STEPS} are possible; take a shorter time or a lower rate",
+                steps_text(steps)
             )));
         }
         if (exact - steps).abs() > 1e-6 {
             let nearest_s = steps / rate_hz;
             return Err(Failure::usage(format!(
-                "--duration-s {} is {} steps at {} Hz, not a whole number: take {}, or another rate",
-                short(&self.duration_s),
-                short(&exact),
-                short(&rate_hz),
+                "{}, not a whole number: take {}, or another rate",
+                steps_text(exact),
                 short(&nearest_s)
             )));
         }

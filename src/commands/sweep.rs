@@ -7,7 +7,7 @@ use serde_json::Value;
 use crate::failure::{Failure, Verdict};
 use crate::figures::captions::{self, degrees};
 use crate::flags;
-use crate::motion_flags::{DirectionFlag, MotionFlags, direction_name, or_empty};
+use crate::motion_flags::{DirectionFlag, MotionFlags, or_empty};
 use crate::readings::{self, ReadingsDocument, ReadingsFlag};
 use crate::study;
 use resonarm::analysis::Resonance;
@@ -65,8 +65,6 @@ struct InPose {
     /// Resonances narrower than the steps.
     stepped_over: Vec<Resonance>,
 }
-
-/// A sweep in results.
 #[derive(Serialize)]
 struct SweepDocument {
     beta1_deg: f64,
@@ -76,8 +74,6 @@ struct SweepDocument {
     stepped_over: Vec<Resonance>,
     points: Vec<PointDocument>,
 }
-
-/// A point of a sweep in results.
 #[derive(Serialize)]
 struct PointDocument {
     frequency_hz: f64,
@@ -93,7 +89,6 @@ struct PointDocument {
 
 #[derive(Serialize)]
 struct Document {
-    /// What the results depend on.
     configuration: Value,
     sweeps: Vec<SweepDocument>,
 }
@@ -246,7 +241,7 @@ impl Document {
         let mut text = String::new();
         for same in self.by_pose() {
             for sweep in same {
-                let direction = direction_name(sweep.direction);
+                let direction = sweep.direction.name();
                 text += &format!("β2 = {}, stepped {direction}: ", degrees(sweep.beta2_deg));
                 text.push_str(&sweep.periods(time_constants));
                 for joint in 0..2 {
@@ -269,8 +264,6 @@ impl Document {
         }
         text
     }
-
-    /// The sweeps of each pose.
     fn by_pose(&self) -> impl Iterator<Item = &[SweepDocument]> {
         self.sweeps.chunk_by(|a, b| a.beta2_deg == b.beta2_deg)
     }
@@ -290,7 +283,7 @@ impl Document {
                     "{},{},{},{},{a1},{a2},{h1},{h2},{},{},{},{:e}{read}\n",
                     sweep.beta1_deg,
                     sweep.beta2_deg,
-                    direction_name(sweep.direction),
+                    sweep.direction.name(),
                     point.frequency_hz,
                     or_empty(point.period),
                     or_empty(point.largest_multiplier),
@@ -335,7 +328,7 @@ fn panel(sweeps: &[SweepDocument], joint: usize) -> Panel {
             Direction::Up => (Color::Blue, Marker::Circle),
             Direction::Down => (Color::Vermillion, Marker::Square),
         };
-        let name = direction_name(sweep.direction);
+        let name = sweep.direction.name();
         let line = sweep.points.iter().map(|point| (point.frequency_hz, point.amplitude_rad[joint])).collect();
         panel = panel.with(Series::line(name, color, line).unlabelled().style(Style::Line {
             color,

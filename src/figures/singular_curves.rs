@@ -73,8 +73,6 @@ impl Curves {
         }
         Ok(Curves { first, second, curves })
     }
-
-    /// The curves as JSON.
     pub fn document(&self) -> Value {
         let point = |point: &SingularPoint| {
             let mut document = json!({ "harmonic1_rad": point.harmonic1_rad });
@@ -106,8 +104,6 @@ impl Curves {
         }
         text
     }
-
-    /// The ends of each curve.
     pub fn text(&self) -> String {
         let (first, second) = (self.first.name, self.second.name);
         if self.curves.is_empty() {
@@ -150,8 +146,6 @@ impl Curves {
         Figure::new("Bifurcations of the forced arm in two parameters").subtitle(conditions).with(panel)
     }
 }
-
-/// The name of a turn in results.
 fn turn_name(turn: &Turn) -> &'static str {
     if turn.is_cusp { "cusp" } else { "turn" }
 }

@@ -87,7 +87,6 @@ struct Compared {
     frequency_hz: f64,
     harmonic1_rad: [f64; 2],
     settled: bool,
-    /// The computed motion.
     computed_frequency_hz: f64,
     computed_harmonic1_rad: [f64; 2],
     computed_stable: bool,

@@ -4,7 +4,7 @@ mod report;
 
 use std::path::PathBuf;
 
-use clap::{Args, ValueEnum, value_parser};
+use clap::{Args, value_parser};
 
 use crate::commands::protocol::NetworkFlags;
 use crate::failure::{Failure, Verdict};
@@ -29,8 +29,8 @@ pub(crate) struct Conformance {
     #[arg(long, value_name = "BUS")]
     bus: String,
     /// The node under test. An exciter must be restarted whenever it ends, as by a loop in a shell.
-    #[arg(long)]
-    role: Role,
+    #[arg(long, value_parser = flags::one_of(Node::ALL, role))]
+    role: Node,
     /// The mode of the node: each has its specific cases.
     #[arg(long, value_parser = flags::one_of(ON_A_BUS, Mode::name), default_value_t = Mode::RealTime)]
     mode: Mode,
@@ -109,18 +109,10 @@ fn check_carried(network: Network, flag: &str, force_n: Option<f64>) -> Result<(
     }
 }
 
-#[derive(Clone, Copy, Debug, ValueEnum)]
-enum Role {
-    Plant,
-    Exciter,
-}
-
-impl From<Role> for Node {
-    fn from(role: Role) -> Node {
-        match role {
-            Role::Plant => Node::Plant,
-            Role::Exciter => Node::Exciter,
-        }
+fn role(node: Node) -> &'static str {
+    match node {
+        Node::Plant => "plant",
+        Node::Exciter => "exciter",
     }
 }
 
@@ -143,7 +135,7 @@ impl Conformance {
             Ok(recording) => (recording, None),
             Err(error) => (None, Some(error)),
         };
-        let document = report::Document::new(self.role.into(), rows, commands, recording);
+        let document = report::Document::new(self.role, rows, commands, recording);
         self.write_report(&document)?;
         lost.map_or_else(|| bus.close(), Err)?;
         unrecorded.map_or(Ok(()), Err)?;
@@ -185,11 +177,9 @@ impl Conformance {
         network: Network,
         settings: Settings,
     ) -> Result<Option<Evidence>, RecordingError> {
-        let (existing, run) = (existing(self.overwrite.overwrite), (self.role.into(), network, settings));
+        let (existing, run) = (existing(self.overwrite.overwrite), (self.role, network, settings));
         self.record.clone().map(|path| Evidence::create(path, existing, interface, run)).transpose()
     }
-
-    /// Prints and writes the report.
     fn write_report(&self, document: &report::Document) -> Result<(), Failure> {
         if let Some(path) = &self.junit {
             output::write(path.clone(), &document.junit())?;
@@ -236,8 +226,7 @@ impl Conformance {
         if let Some((flag, unit, ..)) = all.into_iter().find(|(_, _, given, _)| given.is_some_and(is_wrong)) {
             return Err(Failure::usage(format!("{flag} must be a number above 0 {unit}")));
         }
-        let role = Node::from(self.role);
-        let of_other = |of: &Option<Node>| of.is_some_and(|of| of != role);
+        let of_other = |of: &Option<Node>| of.is_some_and(|of| of != self.role);
         if let Some((flag, _, _, Some(other))) = all.into_iter().find(|(.., given, of)| given.is_some() && of_other(of))
         {
             return Err(Failure::usage(format!("{flag} is for --role {other}: leave it out")));
@@ -275,7 +264,7 @@ impl Conformance {
     }
 
     fn cases(&self) -> Result<Vec<Case>, Failure> {
-        let all = || conformance::cases(self.role.into(), self.mode);
+        let all = || conformance::cases(self.role, self.mode);
         if let Some(unknown) = self.cases.iter().find(|wanted| !all().any(|case| case.id.starts_with(wanted.as_str())))
         {
             let names = all().map(|case| case.id).collect::<Vec<_>>().join(", ");

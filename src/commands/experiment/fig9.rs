@@ -60,7 +60,6 @@ pub(crate) struct Fig9 {
 
 /// Most steps of a stepped sine, in addition to those of the walk.
 const MOST_STEPS: f64 = 1e4;
-/// Points of each backbone.
 const BACKBONE_POINTS: usize = 10;
 
 #[derive(Serialize)]
@@ -103,7 +102,6 @@ struct Computed<'a> {
 }
 
 impl Fig9 {
-    /// The scenario of the flags.
     pub(crate) fn scenario(&self) -> Result<Scenario, Failure> {
         self.session.scenario_or(scenario)
     }
@@ -199,8 +197,6 @@ fn measure(scenario: &Scenario, zones: &[Zone], experiment: ZoneExperiment) -> R
     let length = Length::Responses(zones.iter().map(|zone| zone.responses() as u64).sum());
     Ok(supervise("experiment", length, on_tick, move |_| experiment.measure(&scenario))??)
 }
-
-/// The bench of the experiment.
 pub(crate) fn scenario() -> Result<Scenario, Failure> {
     Ok(Scenario::parse(include_str!("../../../scenarios/fig9.toml"), "scenarios/fig9.toml")?)
 }

@@ -36,7 +36,6 @@ pub(crate) struct Inspect {
 struct Document<'a> {
     #[serde(flatten)]
     summary: &'a RecordingSummary,
-    /// Problems of the run or its recording.
     problems: Vec<Problem>,
     /// With --statistics.
     #[serde(skip_serializing_if = "Option::is_none")]
@@ -65,7 +64,6 @@ impl Inspect {
 struct Problem {
     /// `fault`, `other sender`, `clipped`, `gap`, `lost` or `refused`.
     kind: &'static str,
-    /// Its description.
     what: String,
 }
 

@@ -23,8 +23,6 @@ pub(super) fn natural_frequencies(presets: &[NaturalFrequencies]) -> plot::Figur
     }
     figure
 }
-
-/// A figure of branches.
 pub(super) fn curves(curves: &Curves) -> plot::Figure {
     let mut figure = plot::Figure::new(curves.title.clone()).subtitle(curves.conditions.clone());
     for (index, panel) in curves.panels.iter().enumerate() {
@@ -146,8 +144,6 @@ fn with_names<'a>(
     }
     rows.into_iter().filter(|row| !row.is_empty()).fold(drawn, plot::Panel::row)
 }
-
-/// The place of a curve's name.
 enum Named {
     /// Over its peak in each zone that has one.
     Peaks([Option<(f64, f64)>; 2]),

@@ -67,12 +67,8 @@ enum What {
     /// All of these.
     All,
 }
-
-/// The figures with curves.
 const CURVES: [(What, Figure); 4] =
     [(What::Fig4, Figure::Fig4), (What::Fig5, Figure::Fig5), (What::Fig7, Figure::Fig7), (What::Fig9, Figure::Fig9)];
-
-/// The results.
 #[derive(Serialize)]
 struct Document {
     figures: Vec<Made>,
@@ -80,8 +76,6 @@ struct Document {
     claims: Option<Report>,
     wall_s: f64,
 }
-
-/// A figure that was made.
 #[derive(Serialize)]
 struct Made {
     figure: &'static str,
@@ -198,8 +192,6 @@ impl Paper {
 fn since(start_ns: u64) -> f64 {
     SystemClock.now_ns().saturating_sub(start_ns) as f64 * 1e-9
 }
-
-/// Writes a figure and its data.
 fn save(
     folder: &Path,
     name: &'static str,

@@ -45,15 +45,9 @@ struct Counts {
     /// Lines that hold no frame.
     unreadable_lines: u64,
 }
+/// Whether a receiver takes a frame; none of another protocol.
+type Verdicted = Result<Option<Message>, DecodeError>;
 
-/// The verdict on a frame.
-enum Verdicted {
-    Taken(Message),
-    Refused(DecodeError),
-    Foreign,
-}
-
-/// The state of decoding.
 struct Decoding {
     receiver: Receiver,
     counts: Counts,
@@ -97,11 +91,7 @@ impl Decoding {
     }
 
     fn frame(&mut self, line: &LogLine) -> Result<(), Failure> {
-        let verdict = match self.receiver.accept(&line.frame) {
-            Ok(Some(message)) => Verdicted::Taken(message),
-            Ok(None) => Verdicted::Foreign,
-            Err(error) => Verdicted::Refused(error),
-        };
+        let verdict = self.receiver.accept(&line.frame);
         self.counts.add(&verdict);
         match &mut self.rows {
             Some([frames, _]) => frames.push(row(line, &verdict)),
@@ -118,8 +108,6 @@ impl Decoding {
         }
         Ok(())
     }
-
-    /// Prints the totals.
     fn finish(mut self) -> Result<Verdict, Failure> {
         self.counts.lost = self.receiver.lost();
         let Counts { frames, refused, unreadable_lines, .. } = self.counts;
@@ -151,9 +139,9 @@ impl Counts {
     fn add(&mut self, verdict: &Verdicted) {
         self.frames += 1;
         match verdict {
-            Verdicted::Taken(_) => self.taken += 1,
-            Verdicted::Refused(_) => self.refused += 1,
-            Verdicted::Foreign => self.foreign += 1,
+            Ok(Some(_)) => self.taken += 1,
+            Err(_) => self.refused += 1,
+            Ok(None) => self.foreign += 1,
         }
     }
 
@@ -173,16 +161,14 @@ impl Counts {
 fn row(line: &LogLine, verdict: &Verdicted) -> Value {
     let mut row = json!({ "frame": line.frame.to_string(), "time_s": line.time_s, "interface": line.interface });
     let (outcome, more) = match verdict {
-        Verdicted::Taken(message) => {
+        Ok(Some(message)) => {
             let mut signals = Map::new();
             message.signals(|name, value| drop(signals.insert(name.to_owned(), json!(value))));
             let kind = message.kind();
             ("taken", json!({ "message": kind.name(), "sender": kind.sender().to_string(), "signals": signals }))
         }
-        Verdicted::Refused(error) => {
-            ("refused", json!({ "message": error.kind().name(), "reason": error.to_string() }))
-        }
-        Verdicted::Foreign => ("foreign", json!({})),
+        Err(error) => ("refused", json!({ "message": error.kind().name(), "reason": error.to_string() })),
+        Ok(None) => ("foreign", json!({})),
     };
     row["verdict"] = json!(outcome);
     if let (Some(row), Value::Object(more)) = (row.as_object_mut(), more) {
@@ -198,7 +184,7 @@ fn text(line: &LogLine, verdict: &Verdicted) -> String {
     }
     text += &format!("{}  ", line.frame);
     match verdict {
-        Verdicted::Taken(message) => {
+        Ok(Some(message)) => {
             text += &format!("{}", message.kind());
             message.signals(|name, value| {
                 text += &format!(" {name}={}", short(&value));
@@ -207,10 +193,10 @@ fn text(line: &LogLine, verdict: &Verdicted) -> String {
                 text += &format!(" ({emergency})");
             }
         }
-        Verdicted::Refused(error) => {
+        Err(error) => {
             text += &format!("{error}");
         }
-        Verdicted::Foreign => text.push_str("not of this network"),
+        Ok(None) => text.push_str("not of this network"),
     }
     text.push('\n');
     text

@@ -44,6 +44,16 @@ pub enum Direction {
     Down,
 }
 
+impl Direction {
+    /// The name in results.
+    pub const fn name(self) -> &'static str {
+        match self {
+            Direction::Up => "up",
+            Direction::Down => "down",
+        }
+    }
+}
+
 /// The values of a sweep, rising.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Grid {

@@ -2,11 +2,13 @@
 //! over time, and which modes of the scenario's arm were found.
 
 mod angles;
+mod load;
 mod missing;
 
 use thiserror::Error;
 
 pub use angles::{RecordedAngles, has_faulty_accelerometer};
+pub use load::{acting_load, common_load};
 pub use missing::{MissingMode, Reason, missing_modes, mode_numbers};
 
 use resonarm_bench::excitation::Waveform;
