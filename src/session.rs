@@ -11,7 +11,7 @@ use serde_json::Value;
 use crate::failure::Failure;
 use crate::recordings::existing;
 use crate::supervise::Line;
-use resonarm::bus::{Bus, BusAddress, network_filters};
+use resonarm::bus::{self, Bus, BusAddress, network_filters};
 use resonarm::realtime::Percentiles;
 use resonarm::run::{BusCounts, BusLoss, Fault, Outcome, PlantReport, RecordTo, RunEvent, Session, fault_text};
 use resonarm_numeric::number::short;
@@ -43,13 +43,15 @@ pub(crate) fn seconds(flag: &str, given_s: f64) -> Result<Duration, Failure> {
     })
 }
 
-/// Makes the kernel pass only the frames of the session's network, for a run that neither records nor shows others.
-/// Other adapters may filter in software, and then lose the reports on their controller.
-pub(crate) fn set_filters(bus: &mut dyn Bus, address: &BusAddress, session: &Session) -> Result<(), Failure> {
-    match address {
-        BusAddress::SocketCan(_) => Ok(bus.set_filters(&network_filters(session.scenario().network()?))?),
-        BusAddress::Memory | BusAddress::PythonCan(_) => Ok(()),
+/// Opens the bus of a session. Unless `all` frames are recorded or shown, the kernel passes only those of the session's
+/// network; other adapters may filter in software, and then lose the reports on their controller.
+pub(crate) fn open_bus(address: &BusAddress, session: &Session, all: bool) -> Result<Box<dyn Bus>, Failure> {
+    session.leave_core();
+    let mut bus = bus::open(address)?;
+    if let (false, BusAddress::SocketCan(_)) = (all, address) {
+        bus.set_filters(&network_filters(session.scenario().network()?))?;
     }
+    Ok(bus)
 }
 
 /// A ring for a run's events, so that its loop need not wait for standard error.

@@ -8,10 +8,10 @@ use crate::flags::{self, SessionFlags, ThreadFlags};
 use crate::live::{LiveFlags, Role, ShownRole, SteerFlag};
 use crate::output::JsonFlag;
 use crate::responses::{self, ResponseDocument};
-use crate::session::{frames_text, other_sender_warning, seconds, set_filters};
+use crate::session::{frames_text, open_bus, other_sender_warning, seconds};
 use crate::status::{Status, StatusFlag, Style};
 use crate::supervise::supervise;
-use resonarm::bus::{self, BusAddress};
+use resonarm::bus::BusAddress;
 use resonarm::node::Outcome;
 use resonarm::run::{BusCounts, BusLoss, ExciterEnd, ExciterReport, Fault, Mode, Options, RunError, Session, Signals};
 use resonarm::scenario::Scenario;
@@ -86,11 +86,7 @@ impl Exciter {
         let session = Session::new(scenario, self.mode, options)?;
         let (session, steered) = self.steer.steered(session)?;
         let length = session.controller()?.length();
-        session.leave_core();
-        let mut bus = bus::open(&address)?;
-        if self.live.live.is_none() {
-            set_filters(bus.as_mut(), &address, &session)?;
-        }
+        let mut bus = open_bus(&address, &session, self.live.live.is_some())?;
         let shown_role =
             ShownRole { role: Role::Exciter, place: address.to_string(), interface: bus.name(), json: false, steered };
         let (session, _serving) = self.live.watched(session, &shown_role)?;

@@ -15,8 +15,7 @@ use crate::live::{LiveFlags, Role, ShownRole, SteerFlag};
 use crate::output::JsonFlag;
 use crate::responses::{self, ResponseDocument};
 use crate::session::{
-    EventLog, PlantDocument, RecordFlags, complaint, event_ring, other_sender_warning, report_text, seconds,
-    set_filters,
+    EventLog, PlantDocument, RecordFlags, complaint, event_ring, open_bus, other_sender_warning, report_text, seconds,
 };
 use crate::status::{Status, StatusFlag, Style};
 use crate::supervise::{Line, supervise};
@@ -138,11 +137,7 @@ impl Run {
         }
         let configuration = configuration::of_arm(session.scenario())?;
         let address: BusAddress = bus.parse()?;
-        session.leave_core();
-        let mut bus = bus::open(&address)?;
-        if self.record.record.is_none() && self.live.live.is_none() {
-            set_filters(bus.as_mut(), &address, &session)?;
-        }
+        let mut bus = open_bus(&address, &session, self.record.record.is_some() || self.live.live.is_some())?;
         let shown_role = ShownRole {
             role: Role::Plant,
             place: address.to_string(),

@@ -139,4 +139,12 @@ mod tests {
         }
         assert_eq!(resonances.len(), 4, "{resonances:?}");
     }
+
+    #[test]
+    fn a_response_around_one_frequency_goes_a_thousandth_beyond_it() {
+        let arm = arm_at(Preset::Irb1600Fitted, 0.0, 60.0);
+        let branch = response_around(&arm, &Load::torque_nm(1e-3, 0.0), [30.0; 2], 0.1).unwrap();
+        let ends = [branch.orbits.first(), branch.orbits.last()].map(|orbit| orbit.unwrap().frequency_hz);
+        assert!((ends[0] - 29.97).abs() < 1e-9 && (ends[1] - 30.03).abs() < 1e-9, "{ends:?}");
+    }
 }

@@ -29,3 +29,20 @@ pub fn path(arm: &Arm, sine: &Sine, start: &State, periods: u32) -> Result<Vec<S
     }
     Ok(path)
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::tests::arm_at;
+    use resonarm_dynamics::arm::{Load, Preset};
+
+    #[test]
+    fn a_path_has_the_same_number_of_states_in_every_period() {
+        let arm = arm_at(Preset::Irb1600Fitted, 0.0, 60.0);
+        let start = State::new([0.0; 2], [0.0; 2]);
+        for frequency_hz in [2.0, 22.0] {
+            let path = path(&arm, &Sine { amplitude: Load::default(), frequency_hz }, &start, 2).unwrap();
+            assert_eq!((path.len(), path[800]), (801, start));
+        }
+    }
+}

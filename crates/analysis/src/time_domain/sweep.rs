@@ -174,3 +174,21 @@ impl SweepParameter {
         }
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::tests::arm_at;
+    use resonarm_dynamics::arm::Preset;
+
+    /// A resonance is narrower than 0.1 Hz: few steps miss it, and frequencies without a number of steps don't.
+    #[test]
+    fn frequencies_resolve_a_resonance_or_say_that_they_do_not() {
+        let (arm, load) = (arm_at(Preset::Irb1600Fitted, 0.0, 60.0), Load::torque_nm(1.0, 0.0));
+        let few = SweepFrequencies::new(&arm, &load, [22.3, 21.9], Some(5)).unwrap();
+        assert_eq!((few.grid.values().len(), few.stepped_over.len()), (5, 2));
+        let all = SweepFrequencies::new(&arm, &load, [22.3, 21.9], None).unwrap();
+        let values = all.grid.values();
+        assert!(values.len() > 110 && all.stepped_over.is_empty() && all.unknown_beyond.is_none(), "{values:?}");
+    }
+}

@@ -95,3 +95,15 @@ pub fn averaging(waveform: Option<&Waveform>, record: &Record) -> Averaging {
 pub fn samples_in(time_s: f64, record: &Record) -> usize {
     libm::round(time_s * record.rate_hz()) as usize
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_band_is_that_of_what_was_played() {
+        assert_eq!(band(None, 100.0), Band { from_hz: 1.0, to_hz: 40.0 });
+        let list = Waveform::SineList { frequencies_hz: vec![30.0, 20.0], dwell_s: 1.0, settle_s: 0.0 };
+        assert_eq!(band(Some(&list), 1000.0), Band { from_hz: 20.0, to_hz: 30.0 });
+    }
+}
