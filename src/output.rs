@@ -10,7 +10,7 @@ use std::path::{Path, PathBuf};
 use clap::Args;
 use serde::Serialize;
 
-use crate::failure::Failure;
+use crate::failure::{Failure, Verdict};
 use resonarm_figures::plot::{Figure, beside};
 
 /// Writes text to standard output, with its control characters escaped.
@@ -29,18 +29,21 @@ pub(crate) struct JsonFlag {
 }
 
 impl JsonFlag {
-    /// Prints a document: with --json as JSON; otherwise as text, with the names of the files that were written.
+    /// Ends a command with its document: prints it with --json as JSON, otherwise as text, with the names of the files
+    /// that were written.
     pub fn show(
         self,
         document: &impl Serialize,
         text: impl FnOnce() -> String,
         written: &[PathBuf],
-    ) -> Result<(), Failure> {
+    ) -> Result<Verdict, Failure> {
         if self.json {
-            return print_json(document);
+            print_json(document)?;
+        } else {
+            print(&text())?;
+            self.list(written)?;
         }
-        print(&text())?;
-        self.list(written)
+        Ok(Verdict::Positive)
     }
 
     /// Without --json: prints the names of files that were written, if there are any.

@@ -107,7 +107,7 @@ impl Exciter {
         }
     }
 
-    fn print(&self, report: &ExciterReport) -> Result<(), Failure> {
+    fn print(&self, report: &ExciterReport) -> Result<Verdict, Failure> {
         let document = Document {
             end: ExciterEnd::from(report),
             fault: report.fault().map(Fault::from),

@@ -64,8 +64,7 @@ impl Export {
         output::note(&format!("writing {}", output::listed(&targets)));
         let files = export(&recording, self.to, &selection, &stem)?;
         let document = serde_json::json!({ "format": self.to.name(), "files": &files });
-        self.json.show(&document, || text(&files), &[])?;
-        Ok(Verdict::Positive)
+        self.json.show(&document, || text(&files), &[])
     }
 
     /// The beginning of the names of the files.

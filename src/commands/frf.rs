@@ -98,8 +98,7 @@ impl Frf {
         let drawn = || (self.figure(&scenario, &document, (&arm, &linear)), table(&document));
         let files = output::plot(self.plot.as_deref(), &document, drawn)?;
         let text = || if files.is_empty() { table(&document) } else { String::new() };
-        self.json.show(&document, text, &files)?;
-        Ok(Verdict::Positive)
+        self.json.show(&document, text, &files)
     }
 
     fn wanted(&self) -> Vec<Response> {

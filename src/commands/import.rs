@@ -48,8 +48,7 @@ impl Import {
             existing: existing(self.overwrite),
         };
         let imported = import(&self.log, format, &self.output, &options)?;
-        self.json.show(&imported, || text(&imported), &[])?;
-        Ok(Verdict::Positive)
+        self.json.show(&imported, || text(&imported), &[])
     }
 
     fn by_ending(&self) -> Result<LogFormat, Failure> {

@@ -90,8 +90,7 @@ impl Integrators {
         let default_scheme = Scheme::default();
         let document =
             Document { configuration, arm: arm_in_pose, rate_hz, default_scheme, natural_frequencies_hz, schemes };
-        self.json.show(&document, || document.table(self.drift_steps), &[])?;
-        Ok(Verdict::Positive)
+        self.json.show(&document, || document.table(self.drift_steps), &[])
     }
 
     /// If a scheme fails, its row says why; an invalid rate ends the command.

@@ -69,20 +69,19 @@ impl Modes {
         self.overwrite.check_stem(self.plot.as_deref(), output::PLOTTED)?;
         let scenario = self.arm.scenario()?;
         match (self.from_beta2_deg, self.to_beta2_deg) {
-            (Some(from_deg), Some(to_deg)) => self.over(&scenario, from_deg, to_deg)?,
-            _ => self.in_pose(&scenario)?,
+            (Some(from_deg), Some(to_deg)) => self.over(&scenario, from_deg, to_deg),
+            _ => self.in_pose(&scenario),
         }
-        Ok(Verdict::Positive)
     }
 
-    fn in_pose(&self, scenario: &Scenario) -> Result<(), Failure> {
+    fn in_pose(&self, scenario: &Scenario) -> Result<Verdict, Failure> {
         let arm = scenario.build_arm()?;
         let modes = modes(&arm);
         let document = Document { configuration: configuration::of_arm(scenario)?, modes };
         self.json.show(&document, || document.text(scenario, &arm), &[])
     }
 
-    fn over(&self, scenario: &Scenario, from_deg: f64, to_deg: f64) -> Result<(), Failure> {
+    fn over(&self, scenario: &Scenario, from_deg: f64, to_deg: f64) -> Result<Verdict, Failure> {
         // False for NaN, too.
         let rises = -360.0 <= from_deg && from_deg < to_deg && to_deg <= 360.0;
         if !rises {

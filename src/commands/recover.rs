@@ -28,8 +28,7 @@ pub(crate) struct Recover {
 impl Recover {
     pub fn execute(&self) -> Result<Verdict, Failure> {
         let recovered = recover(&self.file, &self.output, existing(self.overwrite))?;
-        self.json.show(&recovered, || text(&recovered), &[])?;
-        Ok(Verdict::Positive)
+        self.json.show(&recovered, || text(&recovered), &[])
     }
 }
 

@@ -103,8 +103,7 @@ impl Simulate {
                  α = {x1:+.12e}, {x2:+.12e} rad\nα̇ = {v1:+.12e}, {v2:+.12e} rad/s\n"
             )
         };
-        self.json.show(&document, text, &[])?;
-        Ok(Verdict::Positive)
+        self.json.show(&document, text, &[])
     }
 
     /// The duration as a whole number of steps.

@@ -128,8 +128,7 @@ impl Compare {
         };
         let figure = || walk_point::drawn("Measured on computed", &scenario, &load, &branch, &measured);
         let files = output::plot(self.plot.as_deref(), &document, || (figure(), csv(&document.points)))?;
-        self.json.show(&document, || text(&document), &files)?;
-        Ok(Verdict::Positive)
+        self.json.show(&document, || text(&document), &files)
     }
 
     fn read(&self) -> Result<Bench, Failure> {

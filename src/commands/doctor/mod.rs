@@ -30,8 +30,7 @@ impl Doctor {
         findings.extend(reception::findings());
         findings.extend(Privileges::probe().findings());
         let document = Document { findings };
-        self.json.show(&document, || in_words(&document.findings), &[])?;
-        Ok(Verdict::Positive)
+        self.json.show(&document, || in_words(&document.findings), &[])
     }
 }
 

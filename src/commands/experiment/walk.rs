@@ -147,8 +147,8 @@ impl Walk {
         let arm = scenario.build_arm()?;
         let points: Vec<WalkPoint> = exciter.responses.iter().map(|point| WalkPoint::new(point, &arm)).collect();
         let simulated_s = plant.samples as f64 / scenario.simulation.rate_hz;
-        let unit = scenario.control.as_ref().map_or("", |control| control.amplitude().unit());
-        let load = scenario.control.as_ref().map_or(Load::default(), |control| control.amplitude().load());
+        let amplitude = scenario.control.as_ref().map(|control| *control.amplitude()).unwrap_or_default();
+        let (unit, load) = (amplitude.unit(), amplitude.load());
         let configuration = configuration::of(scenario, &load)?;
         let document = Document { configuration, points: &points, end, simulated_s, wall_s };
         let mut files = Vec::new();
