@@ -147,17 +147,17 @@ mod tests {
                 Kind::Walk(command) => of(command.scenario()),
             },
             Simulate(command) => {
-                let scenario = command.scenario().unwrap();
+                let scenario = command.arm.scenario().unwrap();
                 format!("{:?} {scenario:?}", command.scheme_and_rate(&scenario).unwrap())
             }
             Integrators(command) => {
-                let scenario = command.scenario().unwrap();
+                let scenario = command.arm.scenario().unwrap();
                 format!("{} {scenario:?}", command.rate_hz(&scenario))
             }
-            Modes(command) => of(command.scenario()),
-            Frf(command) => of(command.scenario()),
-            Continue(command) => of(command.scenario()),
-            Backbone(command) => of(command.scenario()),
+            Modes(command) => of(command.arm.scenario()),
+            Frf(command) => of(command.arm.scenario()),
+            Continue(command) => of(command.arm.scenario()),
+            Backbone(command) => of(command.arm.scenario()),
             Sweep(command) => of(command.motion.scenario()),
             Poincare(command) => of(command.motion.scenario()),
             Basins(command) => of(command.motion.scenario()),

@@ -1,5 +1,6 @@
 //! Errors that end a command, and their exit codes.
 
+use core::fmt::Display;
 use std::io;
 use std::path::PathBuf;
 use std::process::ExitCode;
@@ -13,6 +14,7 @@ use resonarm::analysis::time_domain::TimeDomainError;
 use resonarm::arm::ArmError;
 use resonarm::bus::BusError;
 use resonarm::export::ExportError;
+use resonarm::identification::IdentificationError;
 use resonarm::identify::IdentifyError;
 use resonarm::import::ImportError;
 use resonarm::integrate::IntegrateError;
@@ -25,6 +27,7 @@ use resonarm::scenario::ScenarioError;
 use resonarm::study::{JournalError, StudyError};
 use resonarm_figures::paper::PaperError;
 use resonarm_figures::plot::PlotError;
+use resonarm_numeric::number::short;
 
 /// The verdict of a command that completed.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -66,6 +69,8 @@ pub(crate) enum Failure {
     Import(#[from] ImportError),
     #[error(transparent)]
     Identify(#[from] IdentifyError),
+    #[error(transparent)]
+    Identification(#[from] IdentificationError),
     #[error(transparent)]
     Run(#[from] RunError),
     #[cfg(feature = "live")]
@@ -114,6 +119,16 @@ impl From<io::Error> for Failure {
 }
 
 impl Failure {
+    /// A wrong request, or wrong input.
+    pub fn usage(problem: impl Into<String>) -> Failure {
+        Failure::Usage(problem.into())
+    }
+
+    /// A flag with a value that it can't have.
+    pub fn value(flag: &str, got: f64, why: impl Display) -> Failure {
+        Failure::usage(format!("{flag} is {}: {why}", short(&got)))
+    }
+
     pub fn exit_code(&self) -> ExitCode {
         ExitCode::from(self.exit() as u8)
     }
@@ -125,7 +140,8 @@ impl Failure {
             Failure::Replay(ReplayError::Bus(error)) => bus(error),
             Failure::Replay(ReplayError::Recording(error))
             | Failure::Export(ExportError::Recording(error))
-            | Failure::Import(ImportError::Recording(error)) => recording(error),
+            | Failure::Import(ImportError::Recording(error))
+            | Failure::Identification(IdentificationError::Recording(error)) => recording(error),
             Failure::Replay(ReplayError::Simulation(_)) => Exit::Negative,
             Failure::Replay(ReplayError::NoController { .. }) => Exit::Environment,
             Failure::Run(error) => run(error),

@@ -1,17 +1,17 @@
 //! Flags that several subcommands share.
 
-use core::fmt;
 use std::path::PathBuf;
 
-use clap::Args;
 use clap::builder::{PossibleValuesParser, RangedI64ValueParser, TypedValueParser};
+use clap::{Args, ValueEnum};
 
 use crate::failure::Failure;
+use resonarm::arm::State;
 use resonarm::integrate::Scheme;
+use resonarm::plant::PlantSpecError;
 use resonarm::realtime::{FifoPriority, Spin, ThreadSetup};
 use resonarm::run::OnShortfall;
 use resonarm::scenario::Scenario;
-use resonarm_numeric::number::short;
 use resonarm_numeric::seed;
 
 /// The number of points in a range; the maximum fits easily in memory and in a figure.
@@ -70,33 +70,15 @@ pub(crate) struct SessionFlags {
 }
 
 /// How strictly a run in real time needs a real-time thread.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
-pub(crate) enum RealTimeThread {
-    /// Uses what the system grants and reports the rest.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, ValueEnum)]
+enum RealTimeThread {
+    // Uses what the system grants and reports the rest. No documentation: the help would repeat that of the flag.
     #[default]
     Auto,
-    /// Refuses to run without all of it.
+    // Refuses to run without all of it.
     Require,
-    /// Asks for nothing.
+    // Asks for nothing.
     Off,
-}
-
-impl RealTimeThread {
-    const ALL: [Self; 3] = [Self::Auto, Self::Require, Self::Off];
-
-    fn name(self) -> &'static str {
-        match self {
-            Self::Auto => "auto",
-            Self::Require => "require",
-            Self::Off => "off",
-        }
-    }
-}
-
-impl fmt::Display for RealTimeThread {
-    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        f.pad(self.name())
-    }
 }
 
 /// Whether the real-time loop spins.
@@ -113,7 +95,7 @@ pub(crate) struct SpinFlag {
 pub(crate) struct ThreadFlags {
     /// Real-time scheduling, locked memory and the core: auto takes what the system grants and reports the rest,
     /// require refuses to run without them, off does not ask.
-    #[arg(long, value_parser = one_of(RealTimeThread::ALL, RealTimeThread::name), default_value_t)]
+    #[arg(long, value_enum, default_value_t)]
     rt: RealTimeThread,
     /// Core to pin the real-time loop to; recorder, live view and python-can adapters move off it if there is another.
     #[arg(long, value_name = "N")]
@@ -130,11 +112,11 @@ pub(crate) struct ThreadFlags {
 impl ThreadFlags {
     /// The settings to ask for; `None` with --rt off.
     pub fn setup(&self) -> Result<Option<ThreadSetup>, Failure> {
-        let priority = FifoPriority::try_from(self.priority).map_err(|error| Failure::Usage(error.to_string()))?;
+        let priority = FifoPriority::try_from(self.priority).map_err(|error| Failure::usage(error.to_string()))?;
         let cores_awake = self.cores_awake;
         let setup = ThreadSetup { priority: Some(priority), core: self.core, cores_awake, ..ThreadSetup::default() };
         let left_out =
-            |asked: &str| Err(Failure::Usage(format!("{asked} asks for what --rt off leaves out: give one of them")));
+            |asked: &str| Err(Failure::usage(format!("{asked} asks for what --rt off leaves out: give one of them")));
         match (self.rt, self.core) {
             (RealTimeThread::Off, Some(core)) => left_out(&format!("--core {core}")),
             (RealTimeThread::Off, None) if cores_awake => left_out("--cores-awake"),
@@ -153,8 +135,13 @@ impl ThreadFlags {
 }
 
 impl ArmFlags {
+    /// The scenario of the file, or the usual one, with the flags applied.
+    pub fn scenario(&self) -> Result<Scenario, Failure> {
+        self.scenario_or(|| Ok(Scenario::default()))
+    }
+
     /// The scenario of the file, or `default`, with the flags applied.
-    pub fn scenario(&self, default: impl FnOnce() -> Result<Scenario, Failure>) -> Result<Scenario, Failure> {
+    pub fn scenario_or(&self, default: impl FnOnce() -> Result<Scenario, Failure>) -> Result<Scenario, Failure> {
         let mut scenario = match &self.scenario {
             Some(path) => Scenario::read(path)?,
             None => default()?,
@@ -172,18 +159,13 @@ impl ArmFlags {
 impl SessionFlags {
     /// Refuses --duration-s for work that ends by itself, and says why.
     pub fn refuse_duration(&self, why: &str) -> Result<(), Failure> {
-        match self.duration_s {
-            Some(duration_s) => {
-                let duration_s = short(&duration_s);
-                Err(Failure::Usage(format!("--duration-s is {duration_s}: {why}, leave it out")))
-            }
-            None => Ok(()),
-        }
+        let refused = |duration_s| Err(Failure::value("--duration-s", duration_s, format!("{why}, leave it out")));
+        self.duration_s.map_or(Ok(()), refused)
     }
 
     /// The scenario of the file, or `default`, with the flags applied.
-    pub fn scenario(&self, default: impl FnOnce() -> Result<Scenario, Failure>) -> Result<Scenario, Failure> {
-        let mut scenario = self.arm.scenario(default)?;
+    pub fn scenario_or(&self, default: impl FnOnce() -> Result<Scenario, Failure>) -> Result<Scenario, Failure> {
+        let mut scenario = self.arm.scenario_or(default)?;
         let simulation = &mut scenario.simulation;
         simulation.rate_hz = self.rate_hz.unwrap_or(simulation.rate_hz);
         simulation.seed = self.seed.unwrap_or(simulation.seed);
@@ -195,12 +177,23 @@ impl SessionFlags {
     }
 }
 
-/// The failure for a flag whose value was refused with `error`.
-pub(crate) fn refused(flag: &str, error: &impl core::fmt::Display) -> Failure {
-    Failure::Usage(format!("{flag}: {error}"))
+/// The initial state of --initial or of the scenario: α1, α2, rad, α̇1, α̇2, rad/s.
+pub(crate) fn initial(given: Option<&[f64]>, scenario: &Scenario) -> Result<[f64; 4], Failure> {
+    let initial = given.map_or(Ok(scenario.arm.initial), <[f64; 4]>::try_from).map_err(|_wrong_count| {
+        let count = given.map_or(0, <[f64]>::len);
+        Failure::usage(format!("--initial has {count} numbers: it needs four, α1,α2,α̇1,α̇2 in rad and rad/s"))
+    })?;
+    let is_finite = initial.iter().all(|value| value.is_finite());
+    if is_finite { Ok(initial) } else { Err(PlantSpecError::Initial(initial).into()) }
+}
+pub(crate) fn state([x1, x2, v1, v2]: [f64; 4]) -> State {
+    State::new([x1, x2], [v1, v2])
 }
 
-/// The scheme of this name.
+/// The failure for a flag whose value was refused with `error`.
+pub(crate) fn refused(flag: &str, error: &impl core::fmt::Display) -> Failure {
+    Failure::usage(format!("{flag}: {error}"))
+}
 pub(crate) fn parse_scheme(name: &str) -> Result<Scheme, Failure> {
-    name.parse().map_err(|error: resonarm::integrate::UnknownScheme| Failure::Usage(error.to_string()))
+    name.parse().map_err(|error: resonarm::integrate::UnknownScheme| Failure::usage(error.to_string()))
 }

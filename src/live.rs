@@ -1,7 +1,5 @@
 //! `--live`: shows a run or a recording in a browser.
 
-use std::sync::Arc;
-
 use clap::Args;
 
 use crate::failure::Failure;
@@ -62,14 +60,12 @@ pub(crate) struct Showing {
 /// Shows a recording until a signal stops it.
 pub(crate) fn show(flags: &LiveFlags, recording: Recording, showing: Showing) -> Result<(), Failure> {
     let _live = serving::of_recording(flags, recording, showing)?;
-    let signals = Arc::new(Signals::default());
-    let watched = Arc::clone(&signals);
-    let until_stopped = move || {
-        while !watched.is_stopped() {
+    let until_stopped = |signals: &Signals| {
+        while !signals.is_stopped() {
             SystemClock.sleep_until_ns(SystemClock.now_ns() + LOOK_NS);
         }
     };
-    supervise("live view", &signals, Length::Unknown, |_line| {}, until_stopped)
+    supervise("live view", Length::Unknown, |_, _| {}, until_stopped)
 }
 
 /// Which role of a session is shown, and on what.
@@ -86,8 +82,6 @@ pub(crate) struct ShownRole {
     /// The steered sine, if there is one.
     pub steered: Option<Steered>,
 }
-
-/// A role.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(crate) enum Role {
     Plant,
@@ -132,9 +126,9 @@ mod serving {
     }
 
     fn missing() -> Failure {
-        Failure::Usage(String::from(
+        Failure::usage(
             "--live: this program was built without it: build one by `cargo build --release --features live`",
-        ))
+        )
     }
 }
 
@@ -144,9 +138,8 @@ mod serving {
 
     use super::{Failure, LiveFlags, Role, Serving, Session, Showing, ShownRole};
     use crate::output;
-    use crate::walk_point::{self, Drawn};
-    use resonarm::analysis::{BifurcationKind, Branch, Row, segments};
-    use resonarm::arm::Load;
+    use resonarm::analysis::{BifurcationKind, Branch, Row, response_around, segments};
+    use resonarm::arm::{Arm, Load};
     use resonarm::realtime::unix_time_ns;
     use resonarm::recording::Recording;
     use resonarm::recording::channels::Channels;
@@ -156,7 +149,6 @@ mod serving {
         About, Action, BranchLines, ComputeBranch, Live, LiveError, Model, Options, Origins, Play, SPEEDS, Shown,
         Source, Steering, play, serve,
     };
-    use resonarm_numeric::number::short;
 
     /// Largest turn between two motions of the computed branch: coarser than in a figure, and faster to compute.
     const TURN_RAD: f64 = 0.1;
@@ -191,19 +183,14 @@ mod serving {
             // An exciter knows no angles.
             arm: (shown_role.role != Role::Exciter).then(|| arm.clone()),
             table: Channels::arm(scenario.rig.shaker.is_some()),
-            model: Model::new(about, arm),
+            model: Model::new(about, arm.clone()),
             source: Source::Run(watcher),
             // A steered load is not that of the scenario.
-            compute: load(scenario)
-                .filter(|_| responds && shown_role.steered.is_none())
-                .map(|load| compute(scenario.clone(), load)),
+            compute: load(scenario).filter(|_| responds && shown_role.steered.is_none()).map(|load| compute(arm, load)),
             range_hz: if responds { range_hz(scenario) } else { None },
             start_unix_ns: unix_time_ns(),
         };
-        let options = Options { address: parse(address)?, origins: Origins::new(origins)? };
-        let live = serve(&options, shown)?;
-        announce(&live, shown_role.json);
-        Ok(Serving { watch, _live: live })
+        Ok(Serving { watch, _live: begin(address, origins, shown, shown_role.json)? })
     }
 
     /// Serves a recording, and prints its URL; the view ends when the returned value is dropped.
@@ -211,8 +198,7 @@ mod serving {
         let Showing { speed, times, wait } = showing;
         if !SPEEDS.contains(&speed) {
             let (least, most) = (SPEEDS.start(), SPEEDS.end());
-            let why = format!("--speed is {}: with --live it must be from {least} to {most}", short(&speed));
-            return Err(Failure::Usage(why));
+            return Err(Failure::value("--speed", speed, format!("with --live it must be from {least} to {most}")));
         }
         let scenario = Scenario::from_configuration(recording.configuration())?;
         let arm = scenario.build_arm()?;
@@ -224,22 +210,21 @@ mod serving {
             interface: recording.origin().interface.clone(),
             arm: Some(arm.clone()),
             table: recording.channels().clone(),
-            model: Model::new(about, arm),
-            compute: load(&scenario).map(|load| compute(scenario.clone(), load)),
+            model: Model::new(about, arm.clone()),
+            compute: load(&scenario).map(|load| compute(arm, load)),
             range_hz: range_hz(&scenario),
             start_unix_ns: recording.origin().log_start_ns(),
             source: play(recording, Play { speed, times: (times > 0).then_some(times), wait })?,
         };
-        let address = flags.live.as_deref().unwrap_or("127.0.0.1");
-        let options = Options { address: parse(address)?, origins: Origins::new(&flags.live_origin)? };
-        let live = serve(&options, shown)?;
-        announce(&live, false);
-        Ok(live)
+        begin(flags.live.as_deref().unwrap_or("127.0.0.1"), &flags.live_origin, shown, false)
     }
 
-    /// Prints the URL of the page.
-    fn announce(live: &Live, json: bool) {
+    /// Begins to serve, and prints the URL of the page.
+    fn begin(address: &str, origins: &[String], shown: Shown, json: bool) -> Result<Live, Failure> {
+        let options = Options { address: parse(address)?, origins: Origins::new(origins)? };
+        let live = serve(&options, shown)?;
         announcement(&live.url_with_token(), live.address(), json).iter().for_each(|line| output::note(line));
+        Ok(live)
     }
 
     /// The lines with the page's URL and a warning if other machines reach it.
@@ -283,17 +268,13 @@ mod serving {
         windows.reduce(|(low, high), (hz, _)| (low.min(hz), high.max(hz)))
     }
 
-    /// Traces the branch of motions under `load`.
-    fn compute(scenario: Scenario, load: Load) -> ComputeBranch {
-        Box::new(move |low_hz, high_hz| {
-            let ends = [low_hz, high_hz];
-            let ends = ends.map(|frequency_hz| Drawn { frequency_hz, amplitude_rad: [0.0; 2], settled: true });
-            match walk_point::branch(&scenario, &load, &ends, TURN_RAD) {
-                Ok(branch) => Some(lines(&branch)),
-                Err(error) => {
-                    tracing::warn!("the branch of the live view can't be computed: {error}");
-                    None
-                }
+    /// Walks the branch of motions under `load`.
+    fn compute(arm: Arm, load: Load) -> ComputeBranch {
+        Box::new(move |low_hz, high_hz| match response_around(&arm, &load, [low_hz, high_hz], TURN_RAD) {
+            Ok(branch) => Some(lines(&branch)),
+            Err(error) => {
+                tracing::warn!("the branch of the live view can't be computed: {error}");
+                None
             }
         })
     }

@@ -41,7 +41,7 @@ fn filter(level: LevelFilter, directives: &str) -> Result<Targets, Failure> {
     let mut filter = Targets::new().with_default(level);
     for directive in directives.split(',').map(str::trim).filter(|directive| !directive.is_empty()) {
         let asked: Targets = directive.parse().map_err(|error| {
-            Failure::Usage(format!(
+            Failure::usage(format!(
                 "{VARIABLE}: `{directive}`: {error}; it is a level (off, error, warn, info, debug, trace) or target=level, \
                  as `debug` or `resonarm_bus=trace`"
             ))

@@ -7,12 +7,12 @@ mod commands;
 mod configuration;
 mod continuation_flags;
 mod defaults;
+mod drive;
 mod ended_early;
 mod failure;
 mod figures;
 mod file_size;
 mod flags;
-mod interval;
 mod live;
 mod logging;
 mod motion_flags;
@@ -21,12 +21,13 @@ mod output;
 mod progress;
 mod quantity;
 mod readings;
+mod recordings;
 mod responses;
 mod session;
 mod status;
 mod study;
 mod supervise;
-mod time_range;
+mod walk_flags;
 mod walk_point;
 
 #[cfg(test)]

@@ -3,17 +3,18 @@
 use std::path::PathBuf;
 
 use clap::{Args, ValueEnum};
+use serde::Serialize;
 use serde_json::{Value, json};
 
-use crate::commands::continuation::DriveFlags;
 use crate::configuration;
+use crate::drive::DriveFlags;
 use crate::failure::Failure;
-use crate::flags::ArmFlags;
-use crate::output::{self, OverwriteFlag};
-use resonarm::analysis::time_domain::{Direction, SettleOptions};
-use resonarm::arm::{Load, State};
-use resonarm::plant::PlantSpecError;
+use crate::flags::{self, ArmFlags};
+use crate::output::{self, JsonFlag, OverwriteFlag};
+use resonarm::analysis::time_domain::{Direction, Grid, SettleOptions, Sweep, SweepParameter};
+use resonarm::arm::Load;
 use resonarm::scenario::Scenario;
+use resonarm_figures::plot::{Figure, beside};
 
 /// The arm, its excitation and initial state, how long to wait, and where the results go.
 #[derive(Clone, Debug, Args)]
@@ -23,20 +24,19 @@ pub(crate) struct MotionFlags {
     #[command(flatten)]
     pub drive: DriveFlags,
     /// State in which the first motion begins: α1,α2 in rad, α̇1,α̇2 in rad/s [default: that of the scenario, at rest].
-    #[arg(long, value_name = "α1,α2,α̇1,α̇2", allow_hyphen_values = true, value_delimiter = ',', num_args = 1)]
+    #[arg(long, value_name = "α1,α2,α̇1,α̇2", value_delimiter = ',', num_args = 1)]
     initial: Option<Vec<f64>>,
     /// Longest wait for a motion to settle, in time constants of the arm's slowest mode.
-    #[arg(long, value_name = "N", default_value_t = SettleOptions::default().time_constants, allow_hyphen_values = true)]
+    #[arg(long, value_name = "N", default_value_t = SettleOptions::default().time_constants)]
     pub time_constants: f64,
     /// Folder for the results: CSV, JSON, and figures as SVG and PNG with captions. A stopped run resumes from what it
     /// holds.
     #[arg(long, value_name = "DIR")]
-    pub out: Option<PathBuf>,
+    out: Option<PathBuf>,
     #[command(flatten)]
     overwrite: OverwriteFlag,
-    /// Print one JSON document.
-    #[arg(long)]
-    pub json: bool,
+    #[command(flatten)]
+    json: JsonFlag,
 }
 
 /// The directions of stepping.
@@ -59,38 +59,20 @@ impl DirectionFlag {
             DirectionFlag::Both => &[Direction::Up, Direction::Down],
         }
     }
-}
 
-/// The name of a direction in results.
-pub(crate) const fn direction_name(direction: Direction) -> &'static str {
-    match direction {
-        Direction::Up => "up",
-        Direction::Down => "down",
+    /// The sweeps over the values of a grid.
+    pub fn sweeps(self, parameter: SweepParameter, grid: &Grid) -> Vec<Sweep> {
+        let sweep = |direction: &Direction| Sweep { parameter, grid: grid.clone(), direction: *direction };
+        self.directions().iter().map(sweep).collect()
     }
 }
 
 impl MotionFlags {
     /// The scenario, with the initial state of the flags in it.
     pub fn scenario(&self) -> Result<Scenario, Failure> {
-        let mut scenario = self.arm.scenario(|| Ok(Scenario::default()))?;
-        if let Some(values) = &self.initial {
-            scenario.arm.initial = <[f64; 4]>::try_from(values.as_slice()).map_err(|_wrong_count| {
-                let count = values.len();
-                Failure::Usage(format!("--initial has {count} numbers: it needs four, α1,α2,α̇1,α̇2 in rad and rad/s"))
-            })?;
-        }
-        let initial = scenario.arm.initial;
-        if initial.iter().all(|value| value.is_finite()) {
-            Ok(scenario)
-        } else {
-            Err(PlantSpecError::Initial(initial).into())
-        }
-    }
-
-    /// The state in which the first motion begins.
-    pub fn start(scenario: &Scenario) -> State {
-        let [x1, x2, v1, v2] = scenario.arm.initial;
-        State::new([x1, x2], [v1, v2])
+        let mut scenario = self.arm.scenario()?;
+        scenario.arm.initial = flags::initial(self.initial.as_deref(), &scenario)?;
+        Ok(scenario)
     }
 
     /// How long to wait, and how many points of the section to keep if a motion doesn't settle.
@@ -104,6 +86,23 @@ impl MotionFlags {
         self.overwrite.check_stem(Some(&out.join(name)), output::PLOTTED)?;
         std::fs::create_dir_all(out).map_err(|source| Failure::Write { path: out.clone(), source })?;
         Ok(Some(out.join(name).with_extension("partial.jsonl")))
+    }
+
+    /// Prints a document, then writes its table, itself and its figure to the folder, if there is one.
+    pub fn show(
+        &self,
+        name: &str,
+        document: &impl Serialize,
+        text: impl FnOnce() -> String,
+        csv: impl FnOnce() -> String,
+        figure: impl FnOnce() -> Result<Figure, Failure>,
+    ) -> Result<(), Failure> {
+        self.json.show(document, text, &[])?;
+        let Some(stem) = self.out.as_ref().map(|out| out.join(name)) else { return Ok(()) };
+        let csv = output::write(beside(&stem, ".csv"), &csv())?;
+        let json = output::write_json(beside(&stem, ".json"), document)?;
+        let drawn = figure()?.write(&stem)?;
+        self.json.list(&[&[csv, json][..], &drawn].concat())
     }
 
     /// Everything in these flags that results depend on.

@@ -10,7 +10,7 @@ use std::path::{Path, PathBuf};
 use clap::Args;
 use serde::Serialize;
 
-use crate::failure::Failure;
+use crate::failure::{Failure, Verdict};
 use resonarm_figures::plot::{Figure, beside};
 
 /// Writes text to standard output, with its control characters escaped.
@@ -18,6 +18,43 @@ pub(crate) fn print(text: &str) -> Result<(), Failure> {
     let mut out = io::stdout().lock();
     out.write_all(printable(text).as_bytes())?;
     Ok(out.flush()?)
+}
+
+/// How a command prints its document.
+#[derive(Clone, Copy, Debug, Args)]
+pub(crate) struct JsonFlag {
+    /// Print one JSON document.
+    #[arg(long)]
+    pub json: bool,
+}
+
+impl JsonFlag {
+    /// Ends a command with its document: prints it with --json as JSON, otherwise as text, with the names of the files
+    /// that were written.
+    pub fn show(
+        self,
+        document: &impl Serialize,
+        text: impl FnOnce() -> String,
+        written: &[PathBuf],
+    ) -> Result<Verdict, Failure> {
+        if self.json {
+            print_json(document)?;
+        } else {
+            print(&text())?;
+            self.list(written)?;
+        }
+        Ok(Verdict::Positive)
+    }
+
+    /// Without --json: prints the names of files that were written, if there are any.
+    pub fn list(self, written: &[PathBuf]) -> Result<(), Failure> {
+        if self.json || written.is_empty() { Ok(()) } else { print(&format!("written to {}\n", listed(written))) }
+    }
+}
+
+/// The names of files, with commas between them.
+pub(crate) fn listed(files: &[PathBuf]) -> String {
+    files.iter().map(|path| path.display().to_string()).collect::<Vec<_>>().join(", ")
 }
 
 /// Writes one JSON document to standard output.
@@ -72,23 +109,19 @@ pub(crate) fn write_json(path: PathBuf, value: &impl Serialize) -> Result<PathBu
 /// The endings of the files of a figure: the figure, its caption, the data.
 pub(crate) const PLOTTED: &[&str] = &[".svg", ".png", ".txt", ".csv", ".json"];
 
-/// Writes a figure, its caption and its data to `stem` with [`PLOTTED`] appended, and returns the paths.
+/// With --plot STEM: writes the figure, its caption and the data, as a table and as the document, to STEM with
+/// [`PLOTTED`] appended. Returns the paths.
 pub(crate) fn plot(
-    stem: &Path,
-    figure: &Figure,
-    csv: &str,
+    stem: Option<&Path>,
     document: &impl Serialize,
+    figure_and_csv: impl FnOnce() -> (Figure, String),
 ) -> Result<Vec<PathBuf>, Failure> {
+    let Some(stem) = stem else { return Ok(Vec::new()) };
+    let (figure, csv) = figure_and_csv();
     let mut files = figure.write(stem)?.to_vec();
-    files.push(write(beside(stem, ".csv"), csv)?);
+    files.push(write(beside(stem, ".csv"), &csv)?);
     files.push(write_json(beside(stem, ".json"), document)?);
     Ok(files)
-}
-
-/// Lists the written files on standard output.
-pub(crate) fn print_written(files: &[PathBuf]) -> Result<(), Failure> {
-    let names: Vec<_> = files.iter().map(|path| path.display().to_string()).collect();
-    print(&format!("written to {}\n", names.join(", ")))
 }
 
 /// Writes a line to standard error, with its control characters escaped.

@@ -69,6 +69,13 @@ fn words(name: &str, done: Done, after_s: u64) -> String {
     }
 }
 
+/// Does work, and measures how long it takes, s.
+pub(crate) fn timed<T>(work: impl FnOnce() -> T) -> (T, f64) {
+    let start_ns = SystemClock.now_ns();
+    let done = work();
+    (done, SystemClock.now_ns().saturating_sub(start_ns) as f64 * 1e-9)
+}
+
 /// Shows progress until it is dropped: a bar on a terminal after two seconds, elsewhere lines.
 pub(crate) struct Progress {
     bar: ProgressBar,

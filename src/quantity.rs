@@ -1,6 +1,7 @@
-//! The quantities in which a branch can be followed, by their names on the command line.
+//! The quantities in which a branch can be followed, by their names on the command line, and the flags of their
+//! interval.
 
-use crate::commands::continuation::DriveFlags;
+use crate::drive::DriveFlags;
 use crate::failure::Failure;
 use resonarm::analysis::{ArmParameter, Coordinate, UnknownArmParameter};
 
@@ -11,7 +12,7 @@ pub(crate) struct Quantity {
     pub name: &'static str,
     pub coordinate: Coordinate<ArmParameter>,
     /// The suffix of `--from` and `--to`, as `-hz`.
-    pub unit: &'static str,
+    unit: &'static str,
     /// For people, with its unit.
     pub label: String,
 }
@@ -20,18 +21,35 @@ impl Quantity {
     /// The quantity that `flag` names; an amplitude is that of the drive.
     pub fn parse(flag: &str, name: &str, drive: &DriveFlags) -> Result<Quantity, Failure> {
         if name == FREQUENCY {
-            let label = String::from("excitation frequency (Hz)");
-            return Ok(Quantity { name: "frequency_hz", coordinate: Coordinate::FrequencyHz, unit: "-hz", label });
+            return Ok(Quantity::frequency());
         }
         let which: ArmParameter = name.parse().map_err(|_unknown: UnknownArmParameter| unknown(flag, name))?;
-        let with_suffix = |unit| (which.name(), unit, format!("{} ({})", which.symbol(), which.unit()));
-        let (name, unit, label) = match which {
-            ArmParameter::Amplitude if drive.is_force() => ("force_n", "-n", String::from("force at C (N)")),
-            ArmParameter::Amplitude => ("torque1_nm", "-nm", String::from("torque at joint 1 (N·m)")),
-            ArmParameter::Beta1Deg | ArmParameter::Beta2Deg => with_suffix("-deg"),
-            _ => with_suffix(""),
+        let unit = match which {
+            ArmParameter::Amplitude => return Ok(Quantity::amplitude(drive)),
+            ArmParameter::Beta1Deg | ArmParameter::Beta2Deg => "-deg",
+            _ => "",
         };
-        Ok(Quantity { name, coordinate: Coordinate::Parameter(which), unit, label })
+        let label = format!("{} ({})", which.symbol(), which.unit());
+        Ok(Quantity { name: which.name(), coordinate: Coordinate::Parameter(which), unit, label })
+    }
+
+    /// The frequency of the excitation.
+    pub fn frequency() -> Quantity {
+        let label = String::from("excitation frequency (Hz)");
+        Quantity { name: "frequency_hz", coordinate: Coordinate::FrequencyHz, unit: "-hz", label }
+    }
+
+    /// The amplitude of the excitation.
+    pub fn amplitude(drive: &DriveFlags) -> Quantity {
+        let words = drive.words();
+        let coordinate = Coordinate::Parameter(ArmParameter::Amplitude);
+        let label = format!("{} ({})", words.what, words.unit);
+        Quantity { name: words.name, coordinate, unit: words.suffix, label }
+    }
+
+    /// Both ends of its interval, among the flags `given`; `parameter` names it in messages.
+    pub fn interval(&self, parameter: &str, given: &[Ends]) -> Result<(f64, f64), Failure> {
+        Ok(interval(parameter, Some(self.unit), given)?.unwrap_or_default())
     }
 }
 
@@ -40,5 +58,51 @@ const FREQUENCY: &str = "frequency";
 
 fn unknown(flag: &str, got: &str) -> Failure {
     let known: Vec<&str> = core::iter::once(FREQUENCY).chain(ArmParameter::ALL.map(ArmParameter::name)).collect();
-    Failure::Usage(format!("{flag} is `{got}`: it must be one of {}", known.join(", ")))
+    Failure::usage(format!("{flag} is `{got}`: it must be one of {}", known.join(", ")))
+}
+
+/// A pair of flags, `--from-UNIT a --to-UNIT b`, with their values.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct Ends {
+    /// The suffix of `--from` and `--to`, as `-hz`.
+    pub unit: &'static str,
+    pub from: Option<f64>,
+    pub to: Option<f64>,
+}
+
+/// Both ends of the interval in the unit wanted; with `None` no interval is allowed. Ends in another unit are refused.
+pub(crate) fn interval(parameter: &str, wanted: Option<&str>, given: &[Ends]) -> Result<Option<(f64, f64)>, Failure> {
+    let needs = wanted.map_or_else(String::new, |unit| format!(": its interval is --from{unit} a --to{unit} b"));
+    for Ends { unit, from, to } in given.iter().filter(|ends| Some(ends.unit) != wanted) {
+        let end = match (from, to) {
+            (Some(_), _) => "from",
+            (None, Some(_)) => "to",
+            (None, None) => continue,
+        };
+        return Err(Failure::usage(format!("--{end}{unit} is not for {parameter}{needs}")));
+    }
+    let Some(unit) = wanted else { return Ok(None) };
+    let ends = given.iter().find(|ends| ends.unit == unit);
+    match ends.map(|ends| (ends.from, ends.to)) {
+        Some((Some(from), Some(to))) => Ok(Some((from, to))),
+        _ => Err(Failure::usage(format!("{parameter} needs its interval: --from{unit} a --to{unit} b"))),
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn takes_the_ends_in_the_unit_wanted_and_no_others() {
+        let ends = |unit, from, to| Ends { unit, from, to };
+        let given = [ends("-hz", Some(20.0), Some(23.0)), ends("-nm", None, None)];
+        assert_eq!(interval("a sweep", Some("-hz"), &given).unwrap(), Some((20.0, 23.0)));
+        assert_eq!(interval("a section", None, &given[1..]).unwrap(), None);
+        let says = |wanted, given: &[Ends]| interval("--parameter amplitude", wanted, given).unwrap_err().to_string();
+        insta::assert_snapshot!(says(Some("-nm"), &given), @"--from-hz is not for --parameter amplitude: its interval is --from-nm a --to-nm b");
+        insta::assert_snapshot!(says(Some("-nm"), &[ends("-nm", None, Some(1.0))]), @"--parameter amplitude needs its interval: --from-nm a --to-nm b");
+        insta::assert_snapshot!(says(Some("-nm"), &[]), @"--parameter amplitude needs its interval: --from-nm a --to-nm b");
+        insta::assert_snapshot!(says(None, &[ends("", None, Some(1.0))]), @"--to is not for --parameter amplitude");
+    }
 }

@@ -1,8 +1,6 @@
 //! The readings a bench would take of computed motions, in the documents and tables of every command for periodic
 //! motions.
 
-use core::fmt::Write;
-
 use clap::Args;
 use serde::{Serialize, Serializer};
 use serde_json::{Map, Value, json};
@@ -40,8 +38,6 @@ const PLACES: [(&str, Response); 4] =
     [("b_x", Response::BX), ("b_y", Response::BY), ("c_x", Response::CX), ("c_y", Response::CY)];
 
 type Of = fn(&Readings, Response) -> Phasor;
-
-/// Names and units.
 const QUANTITIES: [(&str, &str, Of); 3] = [
     ("displacement", "m", Readings::displacement),
     ("velocity", "m_s", Readings::velocity),
@@ -89,8 +85,7 @@ impl ReadingsDocument {
         for (_, place) in PLACES {
             for (_, unit, of) in QUANTITIES {
                 for (component, _, value) in components(of(&self.0, place), unit) {
-                    let _infallible =
-                        if component == "lag" { write!(text, ",{value}") } else { write!(text, ",{value:e}") };
+                    text += &if component == "lag" { format!(",{value}") } else { format!(",{value:e}") };
                 }
             }
         }
@@ -126,7 +121,7 @@ pub(crate) fn columns(wanted: bool) -> String {
     for (place, _) in PLACES {
         for (quantity, unit, _) in QUANTITIES {
             for (component, unit, _) in components(Phasor::default(), unit) {
-                let _infallible = write!(text, ",{place}_{quantity}_{component}_{unit}");
+                text += &format!(",{place}_{quantity}_{component}_{unit}");
             }
         }
     }

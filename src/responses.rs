@@ -1,7 +1,5 @@
 //! The responses that an exciter read, as documents and as a table.
 
-use core::fmt::Write;
-
 use serde::Serialize;
 
 use resonarm::control::ResponsePoint;
@@ -46,8 +44,6 @@ impl From<&ResponsePoint> for ResponseDocument {
         }
     }
 }
-
-/// The responses as JSON.
 pub(crate) fn documents(responses: &[ResponsePoint]) -> Vec<ResponseDocument> {
     responses.iter().map(ResponseDocument::from).collect()
 }
@@ -59,9 +55,8 @@ pub(crate) fn table(responses: &[ResponsePoint]) -> String {
         text.push_str("\n  frequency     head force   B            C            drift\n");
     }
     for point in responses {
-        let _infallible = writeln!(
-            text,
-            "  {:9.5} Hz {:8.3} N {:8.2} m/s² {:8.2} m/s² {:7.3} {}",
+        text += &format!(
+            "  {:9.5} Hz {:8.3} N {:8.2} m/s² {:8.2} m/s² {:7.3} {}\n",
             point.frequency_hz,
             magnitude(&point.head_force_n),
             magnitude(&point.acceleration_b_m_s2),

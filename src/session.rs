@@ -1,6 +1,5 @@
 //! Flags of a session and its report in words, for `run`, `exciter` and `demo`.
 
-use core::fmt::Write;
 use core::time::Duration;
 use std::path::PathBuf;
 
@@ -10,11 +9,11 @@ use serde::Serialize;
 use serde_json::Value;
 
 use crate::failure::Failure;
+use crate::recordings::existing;
 use crate::supervise::Line;
-use resonarm::bus::{Bus, BusAddress, network_filters};
+use resonarm::bus::{self, Bus, BusAddress, network_filters};
 use resonarm::realtime::Percentiles;
-use resonarm::recording::Existing;
-use resonarm::run::{BusCounts, BusLoss, Fault, PlantOutcome, PlantReport, RecordTo, RunEvent, Session, fault_text};
+use resonarm::run::{BusCounts, BusLoss, Fault, Outcome, PlantReport, RecordTo, RunEvent, Session, fault_text};
 use resonarm_numeric::number::short;
 
 /// Capacity of the ring of events for standard error.
@@ -33,25 +32,26 @@ pub(crate) struct RecordFlags {
 
 impl RecordFlags {
     pub fn target(&self) -> Option<RecordTo> {
-        let existing = if self.overwrite { Existing::Overwrite } else { Existing::Refuse };
-        self.record.clone().map(|path| RecordTo { path, existing })
+        self.record.clone().map(|path| RecordTo { path, existing: existing(self.overwrite) })
     }
 }
 
 /// Converts the value of a flag in seconds.
 pub(crate) fn seconds(flag: &str, given_s: f64) -> Result<Duration, Failure> {
     Duration::try_from_secs_f64(given_s).map_err(|error| {
-        Failure::Usage(format!("{flag} is {}: {error}; it is a time in seconds, 0 or more", short(&given_s)))
+        Failure::usage(format!("{flag} is {}: {error}; it is a time in seconds, 0 or more", short(&given_s)))
     })
 }
 
-/// Makes the kernel pass only the frames of the session's network, for a run that neither records nor shows others.
-/// Other adapters may filter in software, and then lose the reports on their controller.
-pub(crate) fn set_filters(bus: &mut dyn Bus, address: &BusAddress, session: &Session) -> Result<(), Failure> {
-    match address {
-        BusAddress::SocketCan(_) => Ok(bus.set_filters(&network_filters(session.scenario().network()?))?),
-        BusAddress::Memory | BusAddress::PythonCan(_) => Ok(()),
+/// Opens the bus of a session. Unless `all` frames are recorded or shown, the kernel passes only those of the session's
+/// network; other adapters may filter in software, and then lose the reports on their controller.
+pub(crate) fn open_bus(address: &BusAddress, session: &Session, all: bool) -> Result<Box<dyn Bus>, Failure> {
+    session.leave_core();
+    let mut bus = bus::open(address)?;
+    if let (false, BusAddress::SocketCan(_)) = (all, address) {
+        bus.set_filters(&network_filters(session.scenario().network()?))?;
     }
+    Ok(bus)
 }
 
 /// A ring for a run's events, so that its loop need not wait for standard error.
@@ -63,7 +63,6 @@ pub(crate) fn event_ring() -> (Producer<RunEvent>, Consumer<RunEvent>) {
 pub(crate) struct EventLog {
     pub events: Consumer<RunEvent>,
     pub json: bool,
-    /// The name of the bus.
     pub bus: String,
 }
 
@@ -129,10 +128,10 @@ pub(crate) fn frames_text(bus: &BusCounts) -> String {
     let BusCounts { received, sent, dropped, e2e_errors, other_sender, malformed, .. } = bus;
     let mut text = format!("{received} received, {sent} sent, {dropped} dropped, {e2e_errors} refused");
     if *other_sender > 0 {
-        let _infallible = write!(text, " ({other_sender} of another network under this node's identifiers)");
+        text += &format!(" ({other_sender} of another network under this node's identifiers)");
     }
     if *malformed > 0 {
-        let _infallible = write!(text, ", {malformed} malformed");
+        text += &format!(", {malformed} malformed");
     }
     text
 }
@@ -140,7 +139,6 @@ pub(crate) fn frames_text(bus: &BusCounts) -> String {
 /// The report of a plant's run, with its arm, as JSON.
 #[derive(Serialize)]
 pub(crate) struct PlantDocument<'a> {
-    /// The arm and its pose.
     pub configuration: Value,
     #[serde(flatten)]
     pub report: &'a PlantReport,
@@ -150,23 +148,21 @@ pub(crate) struct PlantDocument<'a> {
 pub(crate) fn report_text(report: &PlantReport) -> String {
     let mut text = format!("samples      {}, of {} integration steps", report.samples, report.steps);
     if report.slipped > 0 {
-        let _infallible =
-            write!(text, ", {} overruns, schedule slipped by {} periods", report.overruns, report.slipped);
+        text += &format!(", {} overruns, schedule slipped by {} periods", report.overruns, report.slipped);
     } else if report.pacing.is_none() && report.wakeup_us.is_some() {
-        let _infallible = write!(text, ", {} overruns", report.overruns);
+        text += &format!(", {} overruns", report.overruns);
     }
     text.push('\n');
     if report.overruns > 0 {
         let counts = counted(&report.overrun_causes.in_words()).unwrap_or_default();
-        let _infallible = writeln!(text, "overruns     {counts}");
+        text += &format!("overruns     {counts}\n");
     }
     if let Some(spin) = &report.spin {
-        let _infallible = writeln!(text, "spinning     {spin}");
+        text += &format!("spinning     {spin}\n");
     }
     if let Some(pacing) = report.pacing {
-        let _infallible = writeln!(
-            text,
-            "pacing       speed {}, at most {:.3} s behind the clock, {:.3} s at the end",
+        text += &format!(
+            "pacing       speed {}, at most {:.3} s behind the clock, {:.3} s at the end\n",
             pacing.speed, pacing.longest_lag_s, pacing.lag_s
         );
     }
@@ -174,13 +170,12 @@ pub(crate) fn report_text(report: &PlantReport) -> String {
         [("wake-up", report.wakeup_us), ("execution", report.exec_us), ("round trip", report.round_trip_us)];
     for (name, latency) in latencies {
         if let Some(Percentiles { p50, p99, p99_9, p99_99, max }) = latency {
-            let _infallible = writeln!(
-                text,
-                "{name:12} p50 {p50:.1} µs, p99 {p99:.1}, p99.9 {p99_9:.1}, p99.99 {p99_99:.1}, max {max:.1}"
+            text += &format!(
+                "{name:12} p50 {p50:.1} µs, p99 {p99:.1}, p99.9 {p99_9:.1}, p99.99 {p99_99:.1}, max {max:.1}\n"
             );
         }
     }
-    let _infallible = writeln!(text, "frames       {}", frames_text(&report.bus));
+    text += &format!("frames       {}\n", frames_text(&report.bus));
     let errors = &report.bus.errors;
     let counts = counted(&[
         ("faults on the wire", errors.protocol),
@@ -206,8 +201,7 @@ pub(crate) fn report_text(report: &PlantReport) -> String {
     reasons.iter().for_each(|reasons| text.push_str(&format!("refused      commands: {reasons}\n")));
     if let Some(summary) = &report.recording {
         let lost: u64 = summary.lost.values().sum();
-        let _infallible =
-            writeln!(text, "recording    {}, {} bytes, {lost} records lost", summary.path.display(), summary.bytes);
+        text += &format!("recording    {}, {} bytes, {lost} records lost\n", summary.path.display(), summary.bytes);
     }
     text
 }
@@ -229,8 +223,7 @@ pub(crate) fn complaint(report: &PlantReport) -> Option<String> {
         (None, _) => return None,
     };
     if report.overruns > 0 {
-        let _infallible = write!(
-            text,
+        text += &format!(
             "; this process missed {} deadlines itself (see `wake-up`): on a machine that stalls, --mode lockstep gives exact \
              results",
             report.overruns

@@ -1,7 +1,6 @@
 //! A run's status line on standard error: rewritten in place on a terminal, elsewhere written periodically with
 //! --status-s.
 
-use core::fmt::Write;
 use core::time::Duration;
 
 use clap::Args;
@@ -12,7 +11,6 @@ use crate::supervise::Line;
 use resonarm::protocol::NodeState;
 use resonarm::realtime::{Clock, SystemClock};
 use resonarm::run::{Shown, Signals};
-use resonarm_numeric::number::short;
 
 /// Interval at which the line on a terminal is rewritten, ns.
 const ANEW_NS: u64 = 200_000_000;
@@ -24,7 +22,7 @@ const WINDOW_NS: u64 = 1_000_000_000;
 pub(crate) struct StatusFlag {
     /// Write a line with rate, load, lateness, force and state to standard error at this interval, s, where that is no
     /// terminal. A terminal always shows it.
-    #[arg(long, value_name = "S", allow_hyphen_values = true)]
+    #[arg(long, value_name = "S")]
     status_s: Option<f64>,
 }
 
@@ -33,10 +31,9 @@ impl StatusFlag {
     pub fn every(self) -> Result<Option<Duration>, Failure> {
         let every = self.status_s.map(|given_s| seconds("--status-s", given_s)).transpose()?;
         match (self.status_s, every) {
-            (Some(given_s), Some(Duration::ZERO)) => Err(Failure::Usage(format!(
-                "--status-s is {}: it is the time from line to line in seconds, above 0",
-                short(&given_s)
-            ))),
+            (Some(given_s), Some(Duration::ZERO)) => {
+                Err(Failure::value("--status-s", given_s, "it is the time from line to line in seconds, above 0"))
+            }
             (_, every) => Ok(every),
         }
     }
@@ -52,8 +49,6 @@ pub(crate) enum Style {
     /// No line: standard error holds JSON.
     Off,
 }
-
-/// Writes the status line.
 pub(crate) struct Status {
     style: Style,
     /// The gauges at the beginning of the window, and its time, ns.
@@ -83,7 +78,7 @@ impl Status {
     }
 
     /// Writes the line if it is due.
-    pub fn write(&mut self, signals: &Signals, line: &mut Line) {
+    pub fn write(&mut self, line: &mut Line, signals: &Signals) {
         let every = match self.style {
             Style::People { every } => every,
             Style::Off => return line.without_progress(),
@@ -128,8 +123,6 @@ impl Window {
         }
     }
 }
-
-/// The text of the line.
 fn words(shown: &Shown, window: Option<&Window>, responses: u64) -> String {
     let mut text = String::from(match shown.state {
         NodeState::BootUp => "starting",
@@ -138,24 +131,24 @@ fn words(shown: &Shown, window: Option<&Window>, responses: u64) -> String {
         NodeState::Fault => "fault",
     });
     if let Some(Window { rate_hz, load, latest_ns, held }) = window {
-        let _infallible = write!(text, ", {rate_hz:.0} samples/s");
+        text += &format!(", {rate_hz:.0} samples/s");
         if let Some(load) = load {
-            let _infallible = write!(text, ", load {:.1} %", 100.0 * load);
+            text += &format!(", load {:.1} %", 100.0 * load);
         }
         if *latest_ns > 0 {
-            let _infallible = write!(text, ", late {:.0} µs", *latest_ns as f64 * 1e-3);
+            text += &format!(", late {:.0} µs", *latest_ns as f64 * 1e-3);
         }
         for (magnitude, unit) in held.iter().zip(["N", "N·m"]) {
             if *magnitude > 0.0 {
-                let _infallible = write!(text, ", {magnitude:.1} {unit}");
+                text += &format!(", {magnitude:.1} {unit}");
             }
         }
     }
     if responses > 0 {
-        let _infallible = write!(text, ", {responses} responses");
+        text += &format!(", {responses} responses");
     }
     if shown.overruns > 0 {
-        let _infallible = write!(text, ", {} overruns", shown.overruns);
+        text += &format!(", {} overruns", shown.overruns);
     }
     text
 }

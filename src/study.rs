@@ -1,7 +1,6 @@
 //! Parameter studies with a progress bar, Ctrl-C, and messages about what is kept.
 
-use std::path::Path;
-use std::sync::Arc;
+use std::path::PathBuf;
 
 use serde_json::Value;
 
@@ -16,13 +15,14 @@ use resonarm::study::{BasinComputation, Basins, ChainComputation, Chains, Contro
 pub(crate) fn walk(
     name: &'static str,
     chains: Chains,
-    journal: Option<(&Path, &Value)>,
-) -> Result<Option<ChainComputation>, Failure> {
-    let begun = chains.begin(journal)?;
-    let (done, total) = (begun.done(), begun.total());
-    let ended = watch(name, "points", [done, total], move |control| begun.compute_missing(control))?;
-    if !ended.is_complete() {
-        stopped("points", [ended.done(), total], ended.is_kept());
+    journal: Option<PathBuf>,
+    configuration: &Value,
+) -> Result<Option<Walk>, Failure> {
+    let walk = chains.begin(journal.as_deref().map(|path| (path, configuration)))?;
+    let (done, total) = (walk.done(), walk.total());
+    let walk = watch(name, "points", [done, total], move |control| walk.go_on(control))?;
+    if !walk.is_complete() {
+        stopped("points", [walk.done(), total], walk.is_kept());
         return Ok(None);
     }
     Ok(Some(ended))
@@ -31,12 +31,13 @@ pub(crate) fn walk(
 /// Likewise computes basins, with the outcome of each state.
 pub(crate) fn basins(
     basins: Basins,
-    journal: Option<(&Path, &Value)>,
-) -> Result<Option<(BasinComputation, Vec<BasinOutcome>)>, Failure> {
-    let begun = basins.begin(journal)?;
-    let (done, total) = (begun.done(), begun.total());
-    let ended = watch("basins", "states", [done, total], move |control| begun.compute_missing(control))?;
-    let outcomes = ended.outcomes();
+    journal: Option<PathBuf>,
+    configuration: &Value,
+) -> Result<Option<(BasinWalk, Vec<Outcome>)>, Failure> {
+    let walk = basins.begin(journal.as_deref().map(|path| (path, configuration)))?;
+    let (done, total) = (walk.done(), walk.total());
+    let walk = watch("basins", "states", [done, total], move |control| walk.go_on(control))?;
+    let outcomes = walk.outcomes();
     if outcomes.is_none() {
         stopped("states", [ended.done(), total], ended.is_kept());
     }
@@ -53,13 +54,11 @@ fn watch<T: Send + 'static>(
     if done > 0 {
         tracing::warn!("resuming after {done} of {total} {what}");
     }
-    let signals = Arc::new(Signals::default());
-    let watched = Arc::clone(&signals);
-    let work = move || {
-        let (stop, done) = (|| watched.is_stopped(), |points| watched.set_done(points));
+    let work = move |signals: &Signals| {
+        let (stop, done) = (|| signals.is_stopped(), |points| signals.set_done(points));
         work(&Control { stop: &stop, done: &done })
     };
-    Ok(supervise(name, &signals, Length::Samples(total as u64), |_line| {}, work)??)
+    Ok(supervise(name, Length::Samples(total as u64), |_, _| {}, work)??)
 }
 
 fn stopped(what: &str, [done, total]: [usize; 2], is_kept: bool) {

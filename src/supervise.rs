@@ -46,8 +46,6 @@ impl Line {
     pub fn without_progress(&mut self) {
         self.pace = None;
     }
-
-    /// Whether standard error is a terminal.
     pub fn is_on_terminal(&self) -> bool {
         self.is_on_terminal
     }
@@ -99,11 +97,12 @@ impl Line {
 /// known; `on_tick` is called periodically with the last line of a terminal, and once at the end.
 pub(crate) fn supervise<T: Send + 'static>(
     name: &'static str,
-    signals: &Arc<Signals>,
     length: Length,
-    mut on_tick: impl FnMut(&mut Line),
-    work: impl FnOnce() -> T + Send + 'static,
+    mut on_tick: impl FnMut(&mut Line, &Signals),
+    work: impl FnOnce(&Signals) -> T + Send + 'static,
 ) -> Result<T, Failure> {
+    let signals = Arc::new(Signals::default());
+    let watched = Arc::clone(&signals);
     let start = |source| Failure::Start { what: name, source };
     let runtime = tokio::runtime::Builder::new_current_thread().enable_all().build().map_err(start)?;
     // Before the work begins, so that a signal at its very start also stops it.
@@ -115,14 +114,14 @@ pub(crate) fn supervise<T: Send + 'static>(
     let worker = thread::Builder::new()
         .name(name.to_string())
         .spawn(move || {
-            let result = work();
+            let result = work(&watched);
             let _nobody_waits = done.send(());
             result
         })
         .map_err(start)?;
     let mut line = Line::new(name, length);
-    runtime.block_on(watch(signals, listening, &mut line, &mut on_tick, finished));
-    on_tick(&mut line);
+    runtime.block_on(watch(&signals, listening, &mut line, &mut on_tick, finished));
+    on_tick(&mut line, &signals);
     line.bar.finish_and_clear();
     worker.join().map_err(|_panic| Failure::Panic(name))
 }
@@ -132,7 +131,7 @@ async fn watch(
     signals: &Signals,
     Listening { mut interrupt, mut terminate, mut hangup }: Listening,
     line: &mut Line,
-    on_tick: &mut impl FnMut(&mut Line),
+    on_tick: &mut impl FnMut(&mut Line, &Signals),
     finished: impl Future<Output = Result<(), oneshot::error::RecvError>>,
 ) {
     let mut beat = tokio::time::interval(PROGRESS);
@@ -147,7 +146,7 @@ async fn watch(
             Some(_) = async { hangup.as_mut()?.recv().await } => ask_to_stop(signals, &mut asked),
             _ = beat.tick() => {
                 line.set_progress(signals);
-                on_tick(line);
+                on_tick(line, signals);
             }
         }
     }

@@ -1,17 +1,15 @@
 //! Points of a phase walk, for documents, tables and figures.
 
-use core::fmt::Write;
-
 use serde::Serialize;
 
 use crate::failure::Failure;
 use crate::figures::branch_plot;
 use crate::figures::captions;
-use resonarm::analysis::{AnalysisError, Branch, BranchOptions, Coordinate, ForcedArm, trace};
+use resonarm::analysis::{Branch, response_around};
 use resonarm::arm::{Arm, Load};
 use resonarm::control::{ControlSpec, JointAngles, ResponsePoint};
 use resonarm::scenario::Scenario;
-use resonarm_figures::plot::{Axis, Color, Figure, Legend, Marker, Panel, Series, Style};
+use resonarm_figures::plot::{Color, Figure, Marker, Panel, Series};
 
 /// A point of a walk, as the controller read it.
 #[derive(Clone, Copy, Debug, Serialize)]
@@ -61,9 +59,8 @@ impl WalkPoint {
 pub(crate) fn table(points: &[WalkPoint], unit: &str) -> String {
     let mut text = format!("  {:>12}  {:>7}  {:>10}  {:>10}  {:>10}  tries\n", "frequency", "lag", "load", "α1", "α2");
     for point in points {
-        let _infallible = writeln!(
-            text,
-            "  {:9.5} Hz  {:6.2}°  {:>10}  {:7.5} rad {:8.5} rad  {:4}  {}",
+        text += &format!(
+            "  {:9.5} Hz  {:6.2}°  {:>10}  {:7.5} rad {:8.5} rad  {:4}  {}\n",
             point.frequency_hz,
             point.phase_deg,
             format!("{:.3} {unit}", point.excitation),
@@ -85,18 +82,30 @@ fn remark(point: &WalkPoint) -> &'static str {
     }
 }
 
+/// The columns of points in tables; `unit` is that of the load.
+pub(crate) fn columns(unit: &str) -> String {
+    let unit = if unit == "N" { "n" } else { "nm" };
+    format!(
+        "frequency_hz,phase_deg,excitation_{unit},harmonic1_alpha1_rad,harmonic1_alpha2_rad,\
+         largest_alpha1_rad,largest_alpha2_rad,settled,tries"
+    )
+}
+
+impl WalkPoint {
+    /// Its cells in these columns.
+    pub fn cells(&self) -> String {
+        let WalkPoint { frequency_hz, phase_deg, excitation, settled, tries, .. } = self;
+        let ([h1, h2], [a1, a2]) = (self.harmonic1_rad, self.amplitude_rad);
+        format!("{frequency_hz},{phase_deg},{excitation},{h1},{h2},{a1},{a2},{settled},{tries}")
+    }
+}
+
 /// The points as CSV; `unit` is that of the load.
 pub(crate) fn csv(points: &[WalkPoint], unit: &str) -> String {
-    let unit = if unit == "N" { "n" } else { "nm" };
-    let mut text = format!(
-        "frequency_hz,phase_deg,excitation_{unit},harmonic1_alpha1_rad,harmonic1_alpha2_rad,\
-         largest_alpha1_rad,largest_alpha2_rad,settled,tries,clipped_alpha1,clipped_alpha2\n"
-    );
+    let mut text = columns(unit) + ",clipped_alpha1,clipped_alpha2\n";
     for point in points {
-        let ([h1, h2], [a1, a2], [c1, c2]) = (point.harmonic1_rad, point.amplitude_rad, point.clipped);
-        let WalkPoint { frequency_hz, phase_deg, excitation, settled, tries, .. } = point;
-        let _infallible =
-            writeln!(text, "{frequency_hz},{phase_deg},{excitation},{h1},{h2},{a1},{a2},{settled},{tries},{c1},{c2}");
+        let [c1, c2] = point.clipped;
+        text += &format!("{},{c1},{c2}\n", point.cells());
     }
     text
 }
@@ -141,27 +150,17 @@ pub(crate) fn branch(
     points: &[Drawn],
     largest_turn_rad: f64,
 ) -> Result<Branch, Failure> {
-    let (low, high) = points.iter().fold((f64::INFINITY, 0.0_f64), |(low, high), point| {
-        (low.min(point.frequency_hz), high.max(point.frequency_hz))
-    });
-    // A single point gets a thousandth to each side.
-    let margin = (0.15 * (high - low)).max(1e-3 * high);
-    let forced = ForcedArm::new(scenario.build_arm()?, *load, 1.0);
-    let mut options = BranchOptions::new(low - margin, high + margin);
-    options.continuation.largest_turn_rad = largest_turn_rad;
-    Ok(trace(forced, low - margin, Coordinate::FrequencyHz, &options).map_err(AnalysisError::from)?)
+    let hz = points.iter().map(|point| point.frequency_hz);
+    let (low_hz, high_hz) = hz.fold((f64::INFINITY, 0.0_f64), |(low, high), hz| (low.min(hz), high.max(hz)));
+    Ok(response_around(&scenario.build_arm()?, load, [low_hz, high_hz], largest_turn_rad)?)
 }
 
 /// Points over a branch.
 pub(crate) fn drawn(title: &str, scenario: &Scenario, load: &Load, branch: &Branch, points: &[Drawn]) -> Figure {
     let conditions = captions::pose(&scenario.arm).and(captions::load(load));
-    let mut figure = Figure::new(title).subtitle(conditions);
-    for joint in 0..2 {
-        let panel = Panel::new(Axis::linear("frequency (Hz)"), Axis::linear(captions::largest(joint)));
-        let panel = with_points(branch_plot::with_branches(panel, &[branch], joint), points, joint);
-        figure = figure.with(if joint == 1 { panel.legend(Legend::None) } else { panel });
-    }
-    figure
+    branch_plot::of_joints(Figure::new(title).subtitle(conditions), "frequency (Hz)", |panel, joint| {
+        with_points(branch_plot::with_branches(panel, &[branch], joint), points, joint)
+    })
 }
 
 /// Filled markers where a point settled, open ones where it did not.
@@ -169,11 +168,8 @@ fn with_points(mut panel: Panel, points: &[Drawn], joint: usize) -> Panel {
     for (label, settled) in [("read, settled", true), ("read, not settled", false)] {
         let read = points.iter().filter(|point| point.settled == settled);
         let places: Vec<_> = read.map(|point| (point.frequency_hz, point.amplitude_rad[joint])).collect();
-        if !places.is_empty() {
-            let (color, shape) = (Color::Vermillion, Marker::Triangle);
-            let style = Style::Markers { color, shape, size: 6.0, filled: settled };
-            panel = panel.with(Series::markers(label, color, shape, places).style(style));
-        }
+        panel =
+            panel.with_any(Series::markers(label, Color::Vermillion, Marker::Triangle, places).marked(6.0, settled));
     }
     panel
 }

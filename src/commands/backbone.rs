@@ -1,32 +1,29 @@
 //! `resonarm backbone`: how the frequency of a resonance changes with its amplitude.
 
-use core::fmt::Write;
 use std::path::{Path, PathBuf};
 
 use clap::Args;
 use serde::Serialize;
-use serde_json::{Map, Value, json};
+use serde_json::{Value, json};
 
-use crate::commands::continuation::DriveFlags;
 use crate::configuration;
-use crate::continuation_flags::ContinuationFlags;
+use crate::drive::{AmplitudeWords, DriveFlags};
 use crate::ended_early::Early;
 use crate::failure::{Failure, Verdict};
 use crate::figures::branch_plot;
 use crate::figures::branch_table::csv;
 use crate::figures::captions;
 use crate::flags::ArmFlags;
-use crate::output::{self, OverwriteFlag};
+use crate::output::{self, JsonFlag, OverwriteFlag};
+use crate::progress::timed;
 use crate::readings::{self, Reader, ReadingsDocument, ReadingsFlag};
 use resonarm::analysis::{
     ArmParameter, Backbone as Curve, BackboneOptions, BackbonePoint, Bending, Branch, BranchOptions, Coordinate,
     ForcedArm, Readings, backbone, modes, trace,
 };
 use resonarm::arm::Load;
-use resonarm::realtime::{Clock, SystemClock};
 use resonarm::scenario::Scenario;
-use resonarm_figures::plot::{Axis, Color, Dash, Figure, Legend, Panel, Series, Style, beside};
-use resonarm_numeric::number::short;
+use resonarm_figures::plot::{Color, Dash, Figure, Series, Style, beside};
 
 const EXAMPLES: &str = "\
 Examples:
@@ -48,7 +45,7 @@ const UNUSUAL: &str = " With --undamped there is no load, and sin Ωt is in quad
 #[command(after_long_help = readings::help_after(EXAMPLES, UNUSUAL))]
 pub(crate) struct Backbone {
     #[command(flatten)]
-    arm: ArmFlags,
+    pub(crate) arm: ArmFlags,
     /// Linear mode in which the curve begins: 1, the slower, or 2.
     #[arg(long, value_name = "N", default_value_t = 1, value_parser = clap::value_parser!(u8).range(1..=2))]
     mode: u8,
@@ -58,7 +55,7 @@ pub(crate) struct Backbone {
     #[command(flatten)]
     drive: DriveFlags,
     /// The curve ends where |α1| or |α2| reaches this, rad, or where the excitation reaches the amplitude given.
-    #[arg(long, value_name = "RAD", default_value_t = 0.3, allow_hyphen_values = true)]
+    #[arg(long, value_name = "RAD", default_value_t = 0.3)]
     to_rad: f64,
     #[command(flatten)]
     walk: ContinuationFlags,
@@ -70,25 +67,18 @@ pub(crate) struct Backbone {
     plot: Option<PathBuf>,
     #[command(flatten)]
     overwrite: OverwriteFlag,
-    /// Print one JSON document.
-    #[arg(long)]
-    json: bool,
+    #[command(flatten)]
+    json: JsonFlag,
 }
 
-/// The curve begins at this fraction of the largest amplitude: there the frequency is that of the linear arm to 1e-5 of
-/// its change.
-const SMALLEST_PART: f64 = 1.0 / 300.0;
-/// The largest amplitude that can be asked for, rad: the links have then turned over.
-const LARGEST_RAD: f64 = core::f64::consts::PI;
 /// Largest step of a drawn curve, as a fraction of the motion's size.
 const SMOOTH_STEP: f64 = 0.05;
 
-/// The excitation: its direction, its amplitude if one is given, and its names in results and figures.
+/// The excitation: its direction, and its amplitude if one is given.
 struct Drive {
     direction: Load,
     amplitude: Option<f64>,
-    name: &'static str,
-    unit: &'static str,
+    words: AmplitudeWords,
 }
 
 #[derive(Serialize)]
@@ -108,24 +98,17 @@ struct Document {
 }
 
 impl Backbone {
-    /// The scenario of the flags.
-    pub(crate) fn scenario(&self) -> Result<Scenario, Failure> {
-        self.arm.scenario(|| Ok(Scenario::default()))
-    }
-
     pub fn execute(&self) -> Result<Verdict, Failure> {
         self.overwrite.check_stem(self.plot.as_deref(), &[output::PLOTTED, &["-response.csv"]].concat())?;
-        let scenario = self.scenario()?;
+        let scenario = self.arm.scenario()?;
         let arm = scenario.build_arm()?;
         let drive = self.drive()?;
         let linear_hz = modes(&arm)[usize::from(self.mode - 1)].frequency_hz;
         let options = self.options(&drive, linear_hz)?;
-        let clock = SystemClock;
-        let start_ns = clock.now_ns();
         let damped = ForcedArm::new(arm, drive.direction, 0.0);
         let mut early = Early::default();
-        let curve = self.curve(&damped, &options, &mut early)?;
-        let wall_s = clock.now_ns().saturating_sub(start_ns) as f64 * 1e-9;
+        let (curve, wall_s) = timed(|| self.curve(&damped, &options, &mut early));
+        let curve = curve?;
         let mut files = Vec::new();
         if let Some(stem) = &self.plot {
             let mut options = options;
@@ -141,45 +124,33 @@ impl Backbone {
             files.push(output::write(beside(stem, ".csv"), &self.csv(&drive, &curve, &readings))?);
             files.push(output::write_json(beside(stem, ".json"), &document)?);
         }
-        if self.json {
-            output::print_json(&document)?;
-        } else {
+        let text = || {
             // With --plot the points are in the files.
             let table = if self.plot.is_none() { self.table(&drive, &curve) } else { String::new() };
             let head = self.head(&scenario, &document, &drive);
-            output::print(&format!("{head}\n\n{table}{}\n", reading(&document, &curve)))?;
-            if self.plot.is_some() {
-                output::print_written(&files)?;
-            }
-        }
+            format!("{head}\n\n{table}{}\n", reading(&document, &curve))
+        };
+        self.json.show(&document, text, &files)?;
         early.verdict()
     }
 
     /// The excitation; a torque at joint 1 if none is named.
     fn drive(&self) -> Result<Drive, Failure> {
-        let DriveFlags { torque1_nm, force_x_n, force_y_n } = &self.drive;
-        if torque1_nm.is_none() && force_x_n.is_none() && force_y_n.is_none() {
-            let direction = Load::torque_nm(1.0, 0.0);
-            return Ok(Drive { direction, amplitude: None, name: "torque1_nm", unit: "N·m" });
-        }
-        let (direction, amplitude) = self.drive.direction()?;
-        let (name, unit) = if torque1_nm.is_some() { ("torque1_nm", "N·m") } else { ("force_n", "N") };
-        Ok(Drive { direction, amplitude: Some(amplitude), name, unit })
+        let (words, given) = (self.drive.words(), self.drive.is_given());
+        let (direction, amplitude) = if given { self.drive.direction()? } else { (Load::torque_nm(1.0, 0.0), 1.0) };
+        Ok(Drive { direction, amplitude: given.then_some(amplitude), words })
     }
 
     fn options(&self, drive: &Drive, linear_hz: f64) -> Result<BackboneOptions, Failure> {
-        let largest_rad = self.to_rad;
-        if !(largest_rad > 0.0 && largest_rad <= LARGEST_RAD) {
-            let refusal =
-                format!("--to-rad is {}: it must be above 0 and at most {LARGEST_RAD:.4} rad", short(&largest_rad));
-            return Err(Failure::Usage(refusal));
+        let most_rad = BackboneOptions::LARGEST_RAD;
+        if !(self.to_rad > 0.0 && self.to_rad <= most_rad) {
+            let why = format!("it must be above 0 and at most {most_rad:.4} rad");
+            return Err(Failure::value("--to-rad", self.to_rad, why));
         }
-        Ok(BackboneOptions {
-            smallest_rad: SMALLEST_PART * largest_rad,
-            largest_rad,
-            largest_drive: drive.amplitude.unwrap_or(f64::INFINITY),
-            branch: self.walk.options(0.1 * linear_hz, 10.0 * linear_hz)?,
-        })
+        let mut options = BackboneOptions::new(linear_hz, self.to_rad);
+        options.largest_drive = drive.amplitude.unwrap_or(options.largest_drive);
+        options.branch = self.walk.options(options.branch)?;
+        Ok(options)
     }
 
     fn curve(&self, damped: &ForcedArm, options: &BackboneOptions, early: &mut Early) -> Result<Curve, Failure> {
@@ -208,7 +179,7 @@ impl Backbone {
     /// A line for each point, with the units in the names of the columns.
     fn csv(&self, drive: &Drive, curve: &Curve, readings: &[ReadingsDocument]) -> String {
         let columns = readings::columns(self.readings.readings);
-        let head = if self.undamped { String::new() } else { format!(",{}", drive.name) };
+        let head = if self.undamped { String::new() } else { format!(",{}", drive.words.name) };
         let mut text = format!(
             "frequency_hz,amplitude1_rad,amplitude2_rad,harmonic1_alpha1_rad,harmonic1_alpha2_rad{head}{columns}\n"
         );
@@ -216,7 +187,7 @@ impl Backbone {
             let ([a1, a2], [h1, h2]) = (point.amplitude_rad, point.harmonic1_rad);
             let amount = if self.undamped { String::new() } else { format!(",{}", point.drive.abs()) };
             let read = readings.get(index).map_or_else(String::new, ReadingsDocument::cells);
-            let _infallible = writeln!(text, "{},{a1},{a2},{h1},{h2}{amount}{read}", point.frequency_hz);
+            text += &format!("{},{a1},{a2},{h1},{h2}{amount}{read}\n", point.frequency_hz);
         }
         text
     }
@@ -230,17 +201,17 @@ impl Backbone {
         wall_s: f64,
     ) -> Document {
         let point = |(index, point): (usize, &BackbonePoint)| {
-            let mut map = Map::new();
-            map.insert(String::from("frequency_hz"), json!(point.frequency_hz));
-            map.insert(String::from("amplitude_rad"), json!(point.amplitude_rad));
-            map.insert(String::from("harmonic1_rad"), json!(point.harmonic1_rad));
+            let BackbonePoint { frequency_hz, amplitude_rad, harmonic1_rad, .. } = point;
+            let mut document = json!({
+                "frequency_hz": frequency_hz, "amplitude_rad": amplitude_rad, "harmonic1_rad": harmonic1_rad,
+            });
             if !self.undamped {
-                map.insert(String::from(drive.name), json!(point.drive.abs()));
+                document[drive.words.name] = json!(point.drive.abs());
             }
             if let Some(read) = readings.get(index) {
-                map.insert(String::from("readings"), read.value());
+                document["readings"] = read.value();
             }
-            Value::Object(map)
+            document
         };
         Document {
             configuration,
@@ -255,13 +226,11 @@ impl Backbone {
             wall_s,
         }
     }
-
-    /// The heading of the table.
     fn head(&self, scenario: &Scenario, document: &Document, drive: &Drive) -> String {
         let what = if self.undamped {
             String::from("nonlinear normal mode of the arm without dampers")
         } else {
-            format!("in phase quadrature with a {}", drive.what())
+            format!("in phase quadrature with a {}", drive.words.what)
         };
         let arm = &scenario.arm;
         format!(
@@ -273,15 +242,13 @@ impl Backbone {
             document.linear_frequency_hz
         )
     }
-
-    /// A line for each point, for people.
     fn table(&self, drive: &Drive, curve: &Curve) -> String {
-        let drive_head = if self.undamped { String::new() } else { format!("   {:>12}", drive.unit) };
+        let drive_head = if self.undamped { String::new() } else { format!("   {:>12}", drive.words.unit) };
         let mut text = format!("  frequency Hz   largest |α1| rad   largest |α2| rad{drive_head}\n");
         for point in &curve.points {
             let [a1, a2] = point.amplitude_rad;
             let amount = if self.undamped { String::new() } else { format!("   {:12.4}", point.drive.abs()) };
-            let _infallible = writeln!(text, "  {:12.6}   {a1:16.8}   {a2:16.8}{amount}", point.frequency_hz);
+            text += &format!("  {:12.6}   {a1:16.8}   {a2:16.8}{amount}\n", point.frequency_hz);
         }
         text.push('\n');
         text
@@ -313,38 +280,27 @@ impl Backbone {
             files.push(output::write(beside(stem, "-response.csv"), &table)?);
         }
         let name = if self.undamped { "nonlinear normal mode" } else { "phase quadrature" };
-        let response_to = |amplitude: f64| format!("response to a {} of {amplitude} {}", drive.what(), drive.unit);
+        let response_to =
+            |amplitude: f64| format!("response to a {} of {amplitude} {}", drive.words.what, drive.words.unit);
         let with = drive.amplitude.map_or(String::new(), response_to);
-        let mut figure =
+        let figure =
             Figure::new(format!("Backbone of mode {}", self.mode)).subtitle(captions::pose(&scenario.arm).and(with));
-        for joint in 0..2 {
-            let panel = Panel::new(Axis::linear("frequency (Hz)"), Axis::linear(captions::largest(joint)));
+        let figure = branch_plot::of_joints(figure, "frequency (Hz)", |panel, joint| {
             let points = curve.points.iter().map(|point| (point.frequency_hz, point.amplitude_rad[joint])).collect();
             let style = Style::Line { color: Color::Black, width: 1.2, dash: Dash::Chain };
             let panel = branch_plot::with_branches(panel, &branches, joint);
-            let panel = panel.with(Series::line(name, Color::Black, points).style(style));
-            figure = figure.with(if joint == 0 { panel } else { panel.legend(Legend::None) });
-        }
+            panel.with(Series::line(name, Color::Black, points).style(style))
+        });
         Ok([figure.write(stem)?.to_vec(), files].concat())
     }
-
-    /// The forced response around the curve.
     fn response(&self, forced: &ForcedArm, curve: &Curve, early: &mut Early) -> Result<Option<Branch>, Failure> {
         let [low, high] = curve.window_hz();
-        let mut options = self.walk.options(low, high)?;
+        let mut options = self.walk.options(BranchOptions::new(low, high))?;
         smooth(&mut options);
         let walked = trace(forced.clone(), options.from, Coordinate::FrequencyHz, &options);
         early.keep_any("frequency_hz of the forced response", walked)
     }
 }
-
-impl Drive {
-    fn what(&self) -> &'static str {
-        if self.name == "torque1_nm" { "torque at joint 1" } else { "force at C" }
-    }
-}
-
-/// Steps small enough for a smooth line.
 fn smooth(options: &mut BranchOptions) {
     options.continuation.largest_step = options.continuation.largest_step.min(SMOOTH_STEP);
 }
@@ -362,7 +318,7 @@ fn reading(document: &Document, curve: &Curve) -> String {
         last.amplitude_rad[joint]
     );
     if let Some(curvature) = document.curvature_hz_rad2[joint] {
-        let _infallible = write!(text, "; at small amplitudes a of α{}, df/d(a²) = {curvature:+.5} Hz/rad²", joint + 1);
+        text += &format!("; at small amplitudes a of α{}, df/d(a²) = {curvature:+.5} Hz/rad²", joint + 1);
     }
     text
 }

@@ -1,27 +1,22 @@
 //! `resonarm basins`: which initial states reach which stable motion.
 
-use core::f64::consts::TAU;
-use core::fmt::Write;
-use std::path::{Path, PathBuf};
-
 use clap::Args;
 use serde::Serialize;
 use serde_json::{Value, json};
 
 use crate::failure::{Failure, Verdict};
 use crate::figures::captions;
-use crate::motion_flags::MotionFlags;
-use crate::{output, study};
+use crate::flags;
+use crate::motion_flags::{MotionFlags, or_empty};
+use crate::study;
 use resonarm::analysis::EndedEarly;
-use resonarm::analysis::time_domain::{BasinOutcome, StableMotion, StateCoordinate, stable_motions};
-use resonarm::arm::{Sine, State};
-use resonarm::scenario::Scenario;
+use resonarm::analysis::time_domain::{Outcome, StableMotion, StateCoordinate, reach, stable_motions};
+use resonarm::arm::State;
+use resonarm::integrate::Sine;
 use resonarm::study::{Basins as Study, StateGrid};
-use resonarm_figures::plot::{Axis, Color, Figure, Marker, Panel, Series, Style};
+use resonarm_figures::plot::{Axis, Color, Figure, Marker, Panel, Series};
 use resonarm_numeric::number::short;
 
-/// Without --to, the grid reaches this many times as far as the largest stable motion.
-const REACH: f64 = 1.5;
 /// Most values of a coordinate.
 const MOST: u32 = 1000;
 /// Width of the drawn grid, px: the marks of its cells touch.
@@ -50,7 +45,7 @@ pub(crate) struct Basins {
     #[command(flatten)]
     pub(crate) motion: MotionFlags,
     /// Excitation frequency, Hz.
-    #[arg(long, value_name = "F", allow_hyphen_values = true)]
+    #[arg(long, value_name = "F")]
     frequency_hz: f64,
     /// The two coordinates that vary: alpha1_rad, alpha2_rad, alpha_dot1_rad_s, alpha_dot2_rad_s. The others are those
     /// of
@@ -64,10 +59,10 @@ pub(crate) struct Basins {
     )]
     coordinates: Vec<StateCoordinate>,
     /// First value of each [default: minus the last].
-    #[arg(long, value_name = "X,Y", allow_hyphen_values = true, value_delimiter = ',', num_args = 1)]
+    #[arg(long, value_name = "X,Y", value_delimiter = ',', num_args = 1)]
     from: Option<Vec<f64>>,
     /// Last value of each [default: 1.5 times as far as the largest stable motion reaches].
-    #[arg(long, value_name = "X,Y", allow_hyphen_values = true, value_delimiter = ',', num_args = 1)]
+    #[arg(long, value_name = "X,Y", value_delimiter = ',', num_args = 1)]
     to: Option<Vec<f64>>,
     /// Number of values of each, evenly spaced, from 2 to 1000.
     #[arg(
@@ -80,8 +75,6 @@ pub(crate) struct Basins {
     )]
     points: Vec<u32>,
 }
-
-/// A stable motion in results.
 #[derive(Serialize)]
 struct MotionDocument {
     period: u32,
@@ -96,7 +89,6 @@ struct MotionDocument {
 /// An initial state in results.
 #[derive(Serialize)]
 struct Cell {
-    /// Its two coordinates.
     at: [f64; 2],
     /// Which motion it reaches, from 1.
     motion: Option<usize>,
@@ -108,7 +100,6 @@ struct Cell {
 
 #[derive(Serialize)]
 struct Document {
-    /// What the results depend on.
     configuration: Value,
     coordinates: [StateCoordinate; 2],
     motions: Vec<MotionDocument>,
@@ -134,7 +125,7 @@ impl Basins {
             );
             return Ok(Verdict::Negative);
         }
-        let grid = self.grid(&motions, MotionFlags::start(&scenario))?;
+        let grid = self.grid(&motions, flags::state(scenario.arm.initial))?;
         let mut configuration = self.motion.configuration(&scenario, &load)?;
         configuration["basins"] = json!({
             "frequency_hz": self.frequency_hz,
@@ -145,20 +136,15 @@ impl Basins {
         });
         let journal = self.motion.make_out("basins")?;
         let basins = Study { arm, sine, motions: motions.clone(), grid, time_constants: self.motion.time_constants };
-        let walked = study::basins(basins, journal.as_deref().map(|path| (path, &configuration)))?;
+        let walked = study::basins(basins, journal, &configuration)?;
         let Some((walk, outcomes)) = walked else { return Ok(Verdict::Negative) };
         let document = Document::new(configuration, &grid, &motions, &outcomes);
-        if self.motion.json {
-            output::print_json(&document)?;
-        } else {
-            output::print(&document.summary(self.motion.time_constants))?;
-        }
-        if let Some(out) = &self.motion.out {
-            let files = self.write(out, &scenario, &grid, &document)?;
-            if !self.motion.json {
-                output::print_written(&files)?;
-            }
-        }
+        let figure = || {
+            let conditions = captions::pose(&scenario.arm).and(captions::load(&load));
+            Ok(document.figure(&grid).subtitle(conditions.and(format!("{} Hz", self.frequency_hz))))
+        };
+        let (text, csv) = (|| document.summary(self.motion.time_constants), || document.csv());
+        self.motion.show("basins", &document, text, csv, figure)?;
         walk.finish()?;
         Ok(Verdict::Positive)
     }
@@ -167,52 +153,30 @@ impl Basins {
         let coordinates = pair("--coordinates", &self.coordinates)?;
         if coordinates[0] == coordinates[1] {
             let refusal = format!("--coordinates has {} twice: give two", coordinates[0].name());
-            return Err(Failure::Usage(refusal));
+            return Err(Failure::usage(refusal));
         }
         let counts = pair("--points", &self.points)?;
         if let Some(count) = counts.iter().find(|count| !(2..=MOST).contains(*count)) {
-            return Err(Failure::Usage(format!("--points has {count}: it must be from 2 to {MOST}")));
+            return Err(Failure::usage(format!("--points has {count}: it must be from 2 to {MOST}")));
         }
-        let reach = |coordinate: StateCoordinate| {
-            let (joint, rate) = coordinate.joint();
-            let largest = motions.iter().fold(0.0_f64, |largest, motion| largest.max(motion.amplitude_rad[joint]));
-            REACH * largest * if rate { TAU * self.frequency_hz } else { 1.0 }
-        };
+        let reach = |coordinate| reach(motions, coordinate, self.frequency_hz);
         let to = self.to.as_ref().map_or_else(|| Ok(coordinates.map(reach)), |to| pair("--to", to))?;
         let from = self.from.as_ref().map_or_else(|| Ok(to.map(|to| -to)), |from| pair("--from", from))?;
         let ends = [0, 1].map(|axis| [from[axis], to[axis]]);
         match ends.iter().find(|[from, to]| !(from.is_finite() && to.is_finite() && from != to)) {
             Some([from, to]) => {
                 let (from, to) = (short(from), short(to));
-                Err(Failure::Usage(format!("the grid goes from {from} to {to}: both must be numbers, and different")))
+                Err(Failure::usage(format!("the grid goes from {from} to {to}: both must be numbers, and different")))
             }
             None => Ok(StateGrid { coordinates, ends, counts: counts.map(|count| count as usize), others }),
         }
-    }
-
-    fn write(
-        &self,
-        out: &Path,
-        scenario: &Scenario,
-        grid: &StateGrid,
-        document: &Document,
-    ) -> Result<Vec<PathBuf>, Failure> {
-        let mut files = vec![
-            output::write(out.join("basins.csv"), &document.csv())?,
-            output::write_json(out.join("basins.json"), document)?,
-        ];
-        let load = captions::load(&self.motion.drive.load()?);
-        let conditions = captions::pose(&scenario.arm).and(load).and(format!("{} Hz", self.frequency_hz));
-        let figure = document.figure(grid).subtitle(conditions);
-        files.extend(figure.write(&out.join("basins"))?);
-        Ok(files)
     }
 }
 
 /// Two values of a flag.
 fn pair<T: Copy>(flag: &str, values: &[T]) -> Result<[T; 2], Failure> {
     let count = values.len();
-    <[T; 2]>::try_from(values).map_err(|_count| Failure::Usage(format!("{flag} has {count} values: it needs two, X,Y")))
+    <[T; 2]>::try_from(values).map_err(|_count| Failure::usage(format!("{flag} has {count} values: it needs two, X,Y")))
 }
 
 impl Document {
@@ -250,23 +214,21 @@ impl Document {
         for (k, motion) in self.motions.iter().enumerate() {
             let [a1, a2] = motion.amplitude_rad;
             let period = if motion.period == 1 { String::new() } else { format!(", {} periods", motion.period) };
-            let _infallible = writeln!(
-                text,
-                "motion {}: largest |α1| {a1:.6} rad, |α2| {a2:.6} rad{period}; reached by {} of {all} states",
+            text += &format!(
+                "motion {}: largest |α1| {a1:.6} rad, |α2| {a2:.6} rad{period}; reached by {} of {all} states\n",
                 k + 1,
                 motion.reached_by
             );
         }
         if self.undecided > 0 {
-            let _infallible = writeln!(
-                text,
+            text += &format!(
                 "undecided: {} states come to none of these within {time_constants} time constants (try more \
-                 --time-constants)",
+                 --time-constants)\n",
                 self.undecided
             );
         }
         if self.diverging > 0 {
-            let _infallible = writeln!(text, "beyond all bounds: {} states", self.diverging);
+            text += &format!("beyond all bounds: {} states\n", self.diverging);
         }
         text
     }
@@ -275,9 +237,8 @@ impl Document {
         let [x, y] = self.coordinates.map(StateCoordinate::name);
         let mut text = format!("{x},{y},outcome,motion,periods\n");
         for Cell { at: [x, y], motion, periods, outcome } in &self.cells {
-            let (motion, periods) =
-                (motion.map_or(String::new(), |k| k.to_string()), periods.map_or(String::new(), |n| n.to_string()));
-            let _infallible = writeln!(text, "{x},{y},{outcome},{motion},{periods}");
+            let (motion, periods) = (or_empty(*motion), or_empty(*periods));
+            text += &format!("{x},{y},{outcome},{motion},{periods}\n");
         }
         text
     }
@@ -293,20 +254,15 @@ impl Document {
         let colors = [Color::SkyBlue, Color::Vermillion, Color::Yellow, Color::Green, Color::Purple, Color::Blue];
         for (k, motion) in self.motions.iter().enumerate() {
             let color = colors[k % colors.len()];
-            let style = Style::Markers { color, shape: Marker::Square, size, filled: true };
             let label = format!("reaches motion {}: |α₁| to {:.3} rad", k + 1, motion.amplitude_rad[0]);
             let points = cells(&|cell| cell.motion == Some(k + 1));
-            if !points.is_empty() {
-                panel = panel.with(Series::markers(label, color, Marker::Square, points).style(style));
-            }
+            panel = panel.with_any(Series::markers(label, color, Marker::Square, points).marked(size, true));
         }
         for (outcome, label, color) in
             [("undecided", "undecided", Color::Grey), ("diverges", "beyond all bounds", Color::Black)]
         {
             let points = cells(&|cell| cell.outcome == outcome);
-            if !points.is_empty() {
-                panel = panel.with(Series::markers(label, color, Marker::Cross, points));
-            }
+            panel = panel.with_any(Series::markers(label, color, Marker::Cross, points));
         }
         let place = |which: StateCoordinate| StateCoordinate::ALL.iter().position(|other| *other == which).unwrap_or(0);
         let sections = self.motions.iter().flat_map(|motion| &motion.section);

@@ -1,14 +1,13 @@
 //! `resonarm continue`: branches of periodic motions, their stability and bifurcations.
 
-use core::fmt::Write;
 use std::path::{Path, PathBuf};
 
 use clap::Args;
 use serde::Serialize;
-use serde_json::{Map, Value, json};
+use serde_json::{Value, json};
 
 use crate::configuration;
-use crate::continuation_flags::ContinuationFlags;
+use crate::drive::DriveFlags;
 use crate::ended_early::Early;
 use crate::failure::{Failure, Verdict};
 use crate::figures::branch_plot;
@@ -16,13 +15,15 @@ use crate::figures::branch_table::csv;
 use crate::figures::captions;
 use crate::figures::singular_curves::{CurveFlags, Curves};
 use crate::flags::ArmFlags;
-use crate::interval::{Ends, interval};
-use crate::output::{self, OverwriteFlag};
-use crate::quantity::Quantity;
+use crate::output::{self, JsonFlag, OverwriteFlag};
+use crate::progress::timed;
+use crate::quantity::{Ends, Quantity};
 use crate::readings::{self, Reader, ReadingsFlag};
-use resonarm::analysis::{ArmParameter, Bifurcation, Branch, Coordinate, ForcedArm, Orbit, trace, trace_doublings};
-use resonarm::arm::{Arm, Load};
-use resonarm::realtime::{Clock, SystemClock};
+use crate::walk_flags::WalkFlags;
+use resonarm::analysis::{
+    ArmParameter, Bifurcation, Branch, BranchOptions, Coordinate, ForcedArm, Orbit, trace, trace_doublings,
+};
+use resonarm::arm::Load;
 use resonarm::scenario::Scenario;
 use resonarm_figures::plot::{Subtitle, beside};
 use resonarm_numeric::number::short;
@@ -43,7 +44,7 @@ A walk that ends early prints what it found, says why on standard error, and end
 #[command(after_long_help = readings::help_after(EXAMPLES, ""))]
 pub(crate) struct Continue {
     #[command(flatten)]
-    arm: ArmFlags,
+    pub(crate) arm: ArmFlags,
     #[command(flatten)]
     drive: DriveFlags,
     /// What varies: frequency, amplitude, beta1_deg, beta2_deg, or a parameter of the arm as a scenario calls it.
@@ -52,7 +53,7 @@ pub(crate) struct Continue {
     #[command(flatten)]
     range: RangeFlags,
     /// Excitation frequency if it does not vary, Hz.
-    #[arg(long, value_name = "F", allow_hyphen_values = true)]
+    #[arg(long, value_name = "F")]
     frequency_hz: Option<f64>,
     #[command(flatten)]
     walk: ContinuationFlags,
@@ -69,57 +70,42 @@ pub(crate) struct Continue {
     plot: Option<PathBuf>,
     #[command(flatten)]
     overwrite: OverwriteFlag,
-    /// Print one JSON document.
-    #[arg(long)]
-    json: bool,
-}
-
-/// The excitation A·sin(2πft): torque at joint 1, or a force at the tip.
-#[derive(Clone, Debug, Args)]
-pub(crate) struct DriveFlags {
-    /// Amplitude of a torque at joint 1, N·m.
-    #[arg(long, value_name = "A", allow_hyphen_values = true, conflicts_with_all = ["force_x_n", "force_y_n"])]
-    pub torque1_nm: Option<f64>,
-    /// Amplitude of a force at point C along x, N.
-    #[arg(long, value_name = "A", allow_hyphen_values = true)]
-    pub force_x_n: Option<f64>,
-    /// Amplitude of a force at point C along y, N.
-    #[arg(long, value_name = "A", allow_hyphen_values = true)]
-    pub force_y_n: Option<f64>,
+    #[command(flatten)]
+    json: JsonFlag,
 }
 
 /// The interval of what varies, in its unit.
 #[derive(Clone, Debug, Args)]
 struct RangeFlags {
     /// First frequency, Hz.
-    #[arg(long, value_name = "F", allow_hyphen_values = true)]
+    #[arg(long, value_name = "F")]
     from_hz: Option<f64>,
     /// Last frequency, Hz; below the first for a walk down.
-    #[arg(long, value_name = "F", allow_hyphen_values = true)]
+    #[arg(long, value_name = "F")]
     to_hz: Option<f64>,
     /// First torque amplitude, N·m.
-    #[arg(long, value_name = "A", allow_hyphen_values = true)]
+    #[arg(long, value_name = "A")]
     from_nm: Option<f64>,
     /// Last torque amplitude, N·m.
-    #[arg(long, value_name = "A", allow_hyphen_values = true)]
+    #[arg(long, value_name = "A")]
     to_nm: Option<f64>,
     /// First force amplitude, N.
-    #[arg(long, value_name = "A", allow_hyphen_values = true)]
+    #[arg(long, value_name = "A")]
     from_n: Option<f64>,
     /// Last force amplitude, N.
-    #[arg(long, value_name = "A", allow_hyphen_values = true)]
+    #[arg(long, value_name = "A")]
     to_n: Option<f64>,
     /// First angle, degrees.
-    #[arg(long, value_name = "DEG", allow_hyphen_values = true)]
+    #[arg(long, value_name = "DEG")]
     from_deg: Option<f64>,
     /// Last angle, degrees.
-    #[arg(long, value_name = "DEG", allow_hyphen_values = true)]
+    #[arg(long, value_name = "DEG")]
     to_deg: Option<f64>,
     /// First value of a parameter of the arm, in its SI unit.
-    #[arg(long, value_name = "X", allow_hyphen_values = true)]
+    #[arg(long, value_name = "X")]
     from: Option<f64>,
     /// Last value of a parameter of the arm.
-    #[arg(long, value_name = "X", allow_hyphen_values = true)]
+    #[arg(long, value_name = "X")]
     to: Option<f64>,
 }
 
@@ -135,8 +121,6 @@ impl Varied {
         self.quantity.coordinate == Coordinate::Parameter(ArmParameter::Amplitude)
     }
 }
-
-/// The result.
 struct Found {
     branch: Branch,
     doubled: Vec<Branch>,
@@ -144,7 +128,6 @@ struct Found {
     /// Reads the motions, if readings are wanted.
     reader: Option<Reader>,
     early: Early,
-    wall_s: f64,
 }
 
 impl Found {
@@ -167,21 +150,49 @@ impl Found {
         Ok(files)
     }
 
-    fn document(&self, configuration: Value, varied: &Varied) -> Document {
+    fn document(&self, configuration: Value, varied: &Varied, wall_s: f64) -> Document {
         let reader = self.reader.as_ref();
-        let points = |branch: &Branch| branch.orbits.iter().map(|orbit| point(varied, orbit, reader)).collect();
-        let event = |event: &Bifurcation| bifurcation(varied, event, reader);
-        let events = |branch: &Branch| branch.bifurcations.iter().map(event).collect();
-        let doubled = |branch: &Branch| DoubledBranch { points: points(branch), bifurcations: events(branch) };
+        let document = |branch: &Branch| BranchDocument {
+            points: branch.orbits.iter().map(|orbit| point(varied, orbit, reader)).collect(),
+            bifurcations: branch.bifurcations.iter().map(|event| bifurcation(varied, event, reader)).collect(),
+        };
         Document {
             configuration,
-            points: points(&self.branch),
-            bifurcations: events(&self.branch),
-            doubled: self.doubled.iter().map(doubled).collect(),
+            branch: document(&self.branch),
+            doubled: self.doubled.iter().map(document).collect(),
             curves: self.curves.as_ref().map(Curves::document),
             ended_early: self.early.document(),
-            wall_s: self.wall_s,
+            wall_s,
         }
+    }
+
+    fn text(&self, varied: &Varied, wall_s: f64) -> String {
+        let mut text = String::new();
+        for (k, branch) in core::iter::once(&self.branch).chain(&self.doubled).enumerate() {
+            let unstable = branch.orbits.iter().filter(|orbit| !orbit.is_stable()).count();
+            let which = if k == 0 { String::from("branch") } else { format!("doubled branch {k}") };
+            let largest = branch.orbits.iter().fold([0.0_f64; 2], |largest, orbit| {
+                [largest[0].max(orbit.amplitude_rad[0]), largest[1].max(orbit.amplitude_rad[1])]
+            });
+            text += &format!(
+                "{which}: {} motions, {unstable} of them unstable; largest |α1| {:.6} rad, |α2| {:.6} rad\n",
+                branch.orbits.len(),
+                largest[0],
+                largest[1]
+            );
+            for event in &branch.bifurcations {
+                let [h1, h2] = event.orbit.harmonic1_rad;
+                text += &format!(
+                    "  {:16} {} = {:.9}   first harmonic α1 {h1:.9} rad, α2 {h2:.9} rad\n",
+                    event.kind.name(),
+                    varied.quantity.name,
+                    event.orbit.value
+                );
+            }
+        }
+        text.push_str(&self.curves.as_ref().map_or_else(String::new, Curves::text));
+        text += &format!("in {:.3} s\n", wall_s);
+        text
     }
 }
 
@@ -189,10 +200,10 @@ impl Found {
 struct Document {
     /// What the results depend on; the load is that of the value 1 where the amplitude varies.
     configuration: Value,
-    points: Vec<Value>,
-    bifurcations: Vec<Value>,
+    #[serde(flatten)]
+    branch: BranchDocument,
     #[serde(skip_serializing_if = "Vec::is_empty")]
-    doubled: Vec<DoubledBranch>,
+    doubled: Vec<BranchDocument>,
     #[serde(skip_serializing_if = "Option::is_none")]
     curves: Option<Value>,
     #[serde(skip_serializing_if = "Option::is_none")]
@@ -201,46 +212,9 @@ struct Document {
 }
 
 #[derive(Serialize)]
-struct DoubledBranch {
+struct BranchDocument {
     points: Vec<Value>,
     bifurcations: Vec<Value>,
-}
-
-impl DriveFlags {
-    /// The direction of the load, with a largest component of 1, and its amplitude.
-    pub fn direction(&self) -> Result<(Load, f64), Failure> {
-        let load = match (self.torque1_nm, self.force_x_n, self.force_y_n) {
-            (Some(torque), None, None) => Load::torque_nm(torque, 0.0),
-            (None, x, y) if x.is_some() || y.is_some() => Load::force_n(x.unwrap_or(0.0), y.unwrap_or(0.0)),
-            _ => {
-                return Err(Failure::Usage(String::from(
-                    "give the excitation: --torque1-nm A, or --force-x-n A and --force-y-n A",
-                )));
-            }
-        };
-        let amplitude = if self.torque1_nm.is_some() { load.torque_nm.x.abs() } else { load.force_n.norm() };
-        if !amplitude.is_finite() || amplitude == 0.0 {
-            return Err(Failure::Usage(format!(
-                "the excitation's amplitude, of --torque1-nm or --force-x-n and --force-y-n, is {}: it must be a finite number other than 0",
-                short(&amplitude)
-            )));
-        }
-        Ok((load.scaled(1.0 / amplitude), amplitude))
-    }
-
-    /// The peak load, exactly as given.
-    pub fn load(&self) -> Result<Load, Failure> {
-        let _checked = self.direction()?;
-        Ok(match self.torque1_nm {
-            Some(torque) => Load::torque_nm(torque, 0.0),
-            None => Load::force_n(self.force_x_n.unwrap_or(0.0), self.force_y_n.unwrap_or(0.0)),
-        })
-    }
-
-    /// Whether a force is named.
-    pub fn is_force(&self) -> bool {
-        self.force_x_n.is_some() || self.force_y_n.is_some()
-    }
 }
 
 impl RangeFlags {
@@ -256,22 +230,17 @@ impl RangeFlags {
 }
 
 impl Continue {
-    /// The scenario of the flags.
-    pub(crate) fn scenario(&self) -> Result<Scenario, Failure> {
-        self.arm.scenario(|| Ok(Scenario::default()))
-    }
-
     pub fn execute(&self) -> Result<Verdict, Failure> {
         self.overwrite.check_stem(
             self.plot.as_deref(),
             &[output::PLOTTED, &["-curves.svg", "-curves.png", "-curves.txt", "-curves.csv"]].concat(),
         )?;
-        let scenario = self.scenario()?;
+        let scenario = self.arm.scenario()?;
         let arm = scenario.build_arm()?;
         let varied = self.varied()?;
         let second = self.curves.second(&varied.quantity, &self.drive)?;
-        let forced = self.forced_arm(arm, &varied)?;
-        let load = self.load(&varied)?;
+        let (direction, amplitude, load) = self.excitation(&varied)?;
+        let forced = (ForcedArm::new(arm, direction, amplitude), self.frequency_hz(&varied)?);
         let mut configuration = configuration::of(&scenario, &load)?;
         configuration["continue"] = json!({
             "parameter": varied.quantity.name,
@@ -282,21 +251,15 @@ impl Continue {
         let conditions = self.conditions(&scenario, &load, &[&varied.quantity]);
         let on_curves =
             second.as_ref().map(|(second, _)| self.conditions(&scenario, &load, &[&varied.quantity, second]));
-        let found = self.follow(forced, &varied, second)?;
-        let document = found.document(configuration, &varied);
+        let (found, wall_s) = timed(|| self.follow(forced, &varied, second));
+        let found = found?;
+        let document = found.document(configuration, &varied, wall_s);
         let mut files = Vec::new();
         if let Some(stem) = &self.plot {
             files = found.plot(stem, &varied, conditions, on_curves.unwrap_or_default())?;
             files.push(output::write_json(beside(stem, ".json"), &document)?);
         }
-        if self.json {
-            output::print_json(&document)?;
-        } else {
-            output::print(&text(&varied, &found))?;
-            if self.plot.is_some() {
-                output::print_written(&files)?;
-            }
-        }
+        self.json.show(&document, || found.text(&varied, wall_s), &files)?;
         found.early.verdict()
     }
 
@@ -317,9 +280,7 @@ impl Continue {
         varied: &Varied,
         second: Option<(Quantity, f64)>,
     ) -> Result<Found, Failure> {
-        let clock = SystemClock;
-        let start_ns = clock.now_ns();
-        let options = self.walk.options(varied.from, varied.to)?;
+        let options = self.walk.options(BranchOptions::new(varied.from, varied.to))?;
         let Quantity { name, coordinate, .. } = varied.quantity;
         let mut early = Early::default();
         let branch = early.keep(name, trace(forced.clone(), frequency_hz, coordinate, &options))?;
@@ -332,114 +293,68 @@ impl Continue {
         let curves = second
             .map(|second| Curves::trace(&forced, &branch, varied.quantity.clone(), second, &self.walk, &mut early))
             .transpose()?;
-        let wall_s = clock.now_ns().saturating_sub(start_ns) as f64 * 1e-9;
         let reader = self.readings.readings.then_some(Reader { forced, coordinate });
-        Ok(Found { branch, doubled, curves, reader, early, wall_s })
+        Ok(Found { branch, doubled, curves, reader, early })
     }
 
-    /// The excitation. An amplitude that varies needs no value, only a direction: a torque, unless a force is named.
-    fn drive(&self, varied: &Varied) -> Result<DriveFlags, Failure> {
-        if !varied.is_amplitude() {
-            return Ok(self.drive.clone());
-        }
-        if self.drive.torque1_nm.is_some() {
-            let refusal = "the amplitude is what varies: leave --torque1-nm out";
-            return Err(Failure::Usage(String::from(refusal)));
-        }
-        let torque1_nm = if self.drive.is_force() { None } else { Some(1.0) };
-        Ok(DriveFlags { torque1_nm, ..self.drive.clone() })
+    /// The excitation's direction and amplitude, and the peak load: where the amplitude varies, that of the value 1.
+    fn excitation(&self, varied: &Varied) -> Result<(Load, f64, Load), Failure> {
+        let ((direction, amplitude), load) = if varied.is_amplitude() {
+            let found = self.drive.direction_of("varies")?;
+            (found, found.0)
+        } else {
+            (self.drive.direction()?, self.drive.load()?)
+        };
+        Ok((direction, amplitude, load))
     }
 
-    /// The peak load; where the amplitude varies, that of the value 1.
-    fn load(&self, varied: &Varied) -> Result<Load, Failure> {
-        let drive = self.drive(varied)?;
-        if varied.is_amplitude() { Ok(drive.direction()?.0) } else { drive.load() }
-    }
-
-    /// The forced arm at the start, and its excitation frequency.
-    fn forced_arm(&self, arm: Arm, varied: &Varied) -> Result<(ForcedArm, f64), Failure> {
-        let (direction, amplitude) = self.drive(varied)?.direction()?;
-        let frequency_hz = match (varied.quantity.coordinate, self.frequency_hz) {
-            (Coordinate::FrequencyHz, None) => varied.from,
+    /// The excitation frequency at the start.
+    fn frequency_hz(&self, varied: &Varied) -> Result<f64, Failure> {
+        match (varied.quantity.coordinate, self.frequency_hz) {
+            (Coordinate::FrequencyHz, None) => Ok(varied.from),
             (Coordinate::FrequencyHz, Some(_)) => {
-                return Err(Failure::Usage(String::from(
-                    "--frequency-hz is for runs in another parameter: leave it out",
-                )));
+                Err(Failure::usage("--frequency-hz is for runs in another parameter: leave it out"))
             }
-            (_, Some(hz)) if hz.is_finite() && hz > 0.0 => hz,
+            (_, Some(hz)) if hz.is_finite() && hz > 0.0 => Ok(hz),
             (_, got) => {
                 let got = got.map_or(String::from("missing"), |hz| short(&hz).to_string());
-                return Err(Failure::Usage(format!("--frequency-hz is {got}: it must be a positive number")));
+                Err(Failure::usage(format!("--frequency-hz is {got}: it must be a positive number")))
             }
-        };
-        Ok((ForcedArm::new(arm, direction, amplitude), frequency_hz))
+        }
     }
 
     fn varied(&self) -> Result<Varied, Failure> {
         let quantity = Quantity::parse("--parameter", &self.parameter, &self.drive)?;
         let parameter = format!("--parameter {}", self.parameter);
-        let (from, to) = interval(&parameter, Some(quantity.unit), &self.range.ends())?.unwrap_or_default();
+        let (from, to) = quantity.interval(&parameter, &self.range.ends())?;
         Ok(Varied { quantity, from, to })
     }
 }
 
 /// A motion as JSON, with the quantity that varies beside the frequency.
 fn point(varied: &Varied, orbit: &Orbit, reader: Option<&Reader>) -> Value {
-    let mut map = place(varied, orbit, reader);
-    let multipliers: Vec<[f64; 2]> = orbit.multipliers().iter().map(|z| [z.re, z.im]).collect();
-    map.insert(String::from("amplitude_rad"), json!(orbit.amplitude_rad));
-    map.insert(String::from("harmonic1_rad"), json!(orbit.harmonic1_rad));
-    map.insert(String::from("stable"), json!(orbit.is_stable()));
-    map.insert(String::from("multipliers"), json!(multipliers));
-    Value::Object(map)
+    let mut point = place(varied, orbit, reader);
+    point["stable"] = json!(orbit.is_stable());
+    point["multipliers"] = orbit.multipliers().iter().map(|z| json!([z.re, z.im])).collect();
+    point
 }
 
 fn bifurcation(varied: &Varied, bifurcation: &Bifurcation, reader: Option<&Reader>) -> Value {
-    let mut map = place(varied, &bifurcation.orbit, reader);
-    map.insert(String::from("kind"), json!(bifurcation.kind.name()));
-    map.insert(String::from("harmonic1_rad"), json!(bifurcation.orbit.harmonic1_rad));
-    map.insert(String::from("amplitude_rad"), json!(bifurcation.orbit.amplitude_rad));
-    Value::Object(map)
+    let mut point = place(varied, &bifurcation.orbit, reader);
+    point["kind"] = json!(bifurcation.kind.name());
+    point
 }
 
 /// The keys that points and bifurcations share.
-fn place(varied: &Varied, orbit: &Orbit, reader: Option<&Reader>) -> Map<String, Value> {
-    let mut map = Map::new();
-    map.insert(String::from("frequency_hz"), json!(orbit.frequency_hz));
-    map.insert(String::from(varied.quantity.name), json!(orbit.value));
+fn place(varied: &Varied, orbit: &Orbit, reader: Option<&Reader>) -> Value {
+    let mut place = json!({
+        "frequency_hz": orbit.frequency_hz,
+        "amplitude_rad": orbit.amplitude_rad,
+        "harmonic1_rad": orbit.harmonic1_rad,
+    });
+    place[varied.quantity.name] = json!(orbit.value);
     if let Some(reader) = reader {
-        map.insert(String::from("readings"), reader.read(orbit).value());
+        place["readings"] = reader.read(orbit).value();
     }
-    map
-}
-
-fn text(varied: &Varied, found: &Found) -> String {
-    let mut text = String::new();
-    for (k, branch) in core::iter::once(&found.branch).chain(&found.doubled).enumerate() {
-        let unstable = branch.orbits.iter().filter(|orbit| !orbit.is_stable()).count();
-        let which = if k == 0 { String::from("branch") } else { format!("doubled branch {k}") };
-        let largest = branch.orbits.iter().fold([0.0_f64; 2], |largest, orbit| {
-            [largest[0].max(orbit.amplitude_rad[0]), largest[1].max(orbit.amplitude_rad[1])]
-        });
-        let _infallible = writeln!(
-            text,
-            "{which}: {} motions, {unstable} of them unstable; largest |α1| {:.6} rad, |α2| {:.6} rad",
-            branch.orbits.len(),
-            largest[0],
-            largest[1]
-        );
-        for event in &branch.bifurcations {
-            let [h1, h2] = event.orbit.harmonic1_rad;
-            let _infallible = writeln!(
-                text,
-                "  {:16} {} = {:.9}   first harmonic α1 {h1:.9} rad, α2 {h2:.9} rad",
-                event.kind.name(),
-                varied.quantity.name,
-                event.orbit.value
-            );
-        }
-    }
-    text.push_str(&found.curves.as_ref().map_or_else(String::new, Curves::text));
-    let _infallible = writeln!(text, "in {:.3} s", found.wall_s);
-    text
+    place
 }

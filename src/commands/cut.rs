@@ -4,13 +4,11 @@ use std::path::PathBuf;
 
 use clap::Args;
 
-use crate::commands::inspect;
 use crate::failure::{Failure, Verdict};
-use crate::output;
-use crate::time_range::TimeRange;
-use resonarm::cut::{cut, merge};
+use crate::output::JsonFlag;
+use crate::recordings::{TimeRange, existing, open_one};
 use resonarm::export::samples;
-use resonarm::recording::{Existing, Recording, Summary};
+use resonarm::recording::{Summary, cut, merge};
 
 /// Copies a range of time into a separate recording, which `resim`, `replay` and all other commands accept.
 #[derive(Debug, Args)]
@@ -24,9 +22,8 @@ pub(crate) struct Cut {
     /// Overwrite the new recording if it exists.
     #[arg(long)]
     overwrite: bool,
-    /// Print one JSON document.
-    #[arg(long)]
-    json: bool,
+    #[command(flatten)]
+    json: JsonFlag,
 }
 
 /// Joins recordings of one run that follow each other, as `cut` makes them.
@@ -41,14 +38,13 @@ pub(crate) struct Merge {
     /// Overwrite the new recording if it exists.
     #[arg(long)]
     overwrite: bool,
-    /// Print one JSON document.
-    #[arg(long)]
-    json: bool,
+    #[command(flatten)]
+    json: JsonFlag,
 }
 
 impl Cut {
     pub fn execute(&self) -> Result<Verdict, Failure> {
-        let recording = open(&self.file)?;
+        let recording = open_one(&self.file)?;
         let samples = samples(&recording, self.range.from_s, self.range.to_s)?;
         print(&cut(&recording, samples, &self.output, existing(self.overwrite))?, self.json)
     }
@@ -56,29 +52,13 @@ impl Cut {
 
 impl Merge {
     pub fn execute(&self) -> Result<Verdict, Failure> {
-        let recordings = self.files.iter().map(open).collect::<Result<Vec<_>, _>>()?;
+        let recordings = self.files.iter().map(open_one).collect::<Result<Vec<_>, _>>()?;
         let recordings: Vec<_> = recordings.iter().collect();
         print(&merge(&recordings, &self.out, existing(self.overwrite))?, self.json)
     }
 }
 
-const fn existing(overwrite: bool) -> Existing {
-    if overwrite { Existing::Overwrite } else { Existing::Refuse }
-}
-
-fn open(path: &PathBuf) -> Result<Recording, Failure> {
-    let recording = Recording::open(path)?;
-    if let Some(note) = inspect::integrity_note(recording.integrity()) {
-        tracing::warn!("{}: {note}", path.display());
-    }
-    Ok(recording)
-}
-
-fn print(summary: &Summary, json: bool) -> Result<Verdict, Failure> {
-    if json {
-        output::print_json(summary)?;
-    } else {
-        output::print(&format!("{}: {} samples, {} bytes\n", summary.path.display(), summary.samples, summary.bytes))?;
-    }
-    Ok(Verdict::Positive)
+fn print(summary: &Summary, json: JsonFlag) -> Result<Verdict, Failure> {
+    let Summary { path, samples, bytes, .. } = summary;
+    json.show(summary, || format!("{}: {samples} samples, {bytes} bytes\n", path.display()), &[])
 }

@@ -2,22 +2,21 @@
 
 use core::time::Duration;
 use std::path::PathBuf;
-use std::sync::Arc;
 
 use clap::Args;
 use serde::Serialize;
 
-use crate::commands::demo_report;
 use crate::commands::exciter::complaint as complaint_of_exciter;
 use crate::configuration;
 use crate::failure::{Failure, Verdict};
 use crate::flags::{self, ArmFlags};
 use crate::live::{LiveFlags, Role, ShownRole};
-use crate::output;
+use crate::output::{self, JsonFlag};
 use crate::session::{PlantDocument, complaint, report_text};
 use crate::status::{Status, Style};
-use crate::supervise::{Line, supervise};
+use crate::supervise::supervise;
 use crate::walk_point::{self, WalkPoint};
+use resonarm::analysis::modes;
 use resonarm::control::ControlSpec;
 use resonarm::realtime::ThreadSetup;
 use resonarm::recording::Existing;
@@ -38,7 +37,7 @@ pub(crate) struct Demo {
     #[arg(long, value_parser = flags::one_of([Mode::Lockstep, Mode::RealTime], Mode::name), default_value_t = Mode::Lockstep)]
     mode: Mode,
     /// Simulated seconds a second in lockstep; 0 is as fast as possible.
-    #[arg(long, value_name = "X", allow_hyphen_values = true)]
+    #[arg(long, value_name = "X")]
     speed: Option<f64>,
     /// Folder for demo.mcap, response.svg, response.png and its caption, response.txt; those of an earlier demo are
     /// overwritten.
@@ -46,9 +45,8 @@ pub(crate) struct Demo {
     out: PathBuf,
     #[command(flatten)]
     live: LiveFlags,
-    /// Print one JSON document.
-    #[arg(long)]
-    json: bool,
+    #[command(flatten)]
+    json: JsonFlag,
 }
 
 #[derive(Serialize)]
@@ -59,16 +57,13 @@ struct Document<'a> {
     figures: Vec<PathBuf>,
     points: &'a [WalkPoint],
 }
-
-/// The demo's scenario.
 pub(crate) fn scenario() -> Result<Scenario, Failure> {
     Ok(Scenario::parse(include_str!("../../scenarios/demo.toml"), "scenarios/demo.toml")?)
 }
 
 impl Demo {
-    /// The scenario of the flags.
     pub(crate) fn scenario(&self) -> Result<Scenario, Failure> {
-        self.arm.scenario(scenario)
+        self.arm.scenario_or(scenario)
     }
 
     /// Simulated seconds a second.
@@ -95,11 +90,11 @@ impl Demo {
             patience: Some(PATIENCE),
             ..Options::default()
         };
-        let introduction = demo_report::introduction(&scenario, &control, self.mode, options.speed)?;
+        let introduction = introduction(&scenario, &control, self.mode, options.speed)?;
         let session = Session::new(scenario.clone(), self.mode, options)?;
         let length = session.controller()?.length();
         std::fs::create_dir_all(&self.out).map_err(|source| Failure::Write { path: self.out.clone(), source })?;
-        if !self.json {
+        if !self.json.json {
             output::print(&introduction)?;
         }
         let shown_role = ShownRole {
@@ -110,11 +105,9 @@ impl Demo {
             steered: None,
         };
         let (session, _serving) = self.live.watched(session, &shown_role)?;
-        let signals = Arc::new(Signals::default());
-        let (watched, shown) = (Arc::clone(&signals), Arc::clone(&signals));
         let mut status = Status::new(Style::People { every: None });
-        let on_tick = |line: &mut Line| status.write(&shown, line);
-        let report = supervise("plant", &signals, length, on_tick, move || session.both(&watched, |_| {}))??;
+        let work = move |signals: &Signals| session.both(signals, |_| {});
+        let report = supervise("plant", length, |line, signals| status.write(line, signals), work)??;
         self.conclude(&scenario, &control, report)
     }
 
@@ -130,17 +123,17 @@ impl Demo {
             Some(figure) => figure.write(&self.out.join("response"))?.to_vec(),
             None => Vec::new(),
         };
-        if self.json {
-            let plant = PlantDocument { configuration: configuration::of_arm(scenario)?, report: &plant };
-            output::print_json(&Document { plant, figures, points: &points })?;
-        } else {
-            output::print(&walk_point::table(&points, control.amplitude().unit()))?;
-            output::print(&format!("\n{}", report_text(&plant)))?;
-            let paths: Vec<_> = figures.iter().map(|path: &PathBuf| path.display().to_string()).collect();
-            if !paths.is_empty() {
-                output::print(&format!("plot         {}\n", paths.join(", ")))?;
-            }
-        }
+        let document = Document {
+            plant: PlantDocument { configuration: configuration::of_arm(scenario)?, report: &plant },
+            figures,
+            points: &points,
+        };
+        let text = || {
+            let plotted = output::listed(&document.figures);
+            let plotted = if plotted.is_empty() { plotted } else { format!("plot         {plotted}\n") };
+            walk_point::table(&points, control.amplitude().unit()) + "\n" + &report_text(&plant) + &plotted
+        };
+        self.json.show(&document, text, &[])?;
         let complaints = [complaint(&plant), complaint_of_exciter(&exciter)];
         complaints.iter().flatten().for_each(|text| tracing::error!("{text}"));
         match plant.error.or(exciter.error) {
@@ -148,4 +141,41 @@ impl Demo {
             None => Ok(Verdict::of(complaints.iter().all(Option::is_none) && plant.outcome.is_good())),
         }
     }
+}
+
+/// Describes the run that is about to start.
+fn introduction(scenario: &Scenario, control: &ControlSpec, mode: Mode, speed: Speed) -> Result<String, Failure> {
+    let [first, second] = modes(&scenario.build_arm()?);
+    let settling_s = 1.0 / (core::f64::consts::TAU * first.frequency_hz * first.damping_ratio);
+    let pace = match (mode, speed.times()) {
+        (Mode::RealTime, _) => String::from("in real time"),
+        (_, 0.0) => String::from("in lockstep, as fast as it goes"),
+        (_, times) => format!("in lockstep at {times} times the speed of the clock"),
+    };
+    let (amplitude, unit) = (control.amplitude(), control.amplitude().unit());
+    let load = amplitude.load();
+    let size = libm::hypot(load.force_n.norm(), load.torque_nm.norm());
+    let law = match control {
+        ControlSpec::PhaseWalk(walk) => {
+            let (points, from, to) = (walk.points, walk.from_lag_deg, walk.to_lag_deg);
+            format!("phase walk of {points} points at {size} {unit}, lags {from}° to {to}°")
+        }
+        ControlSpec::ForceControl(_) => format!("force control at {size} {unit}"),
+        ControlSpec::ResponseControl(spec) => {
+            format!("response control at {} rad, {} to {} Hz", spec.angle_rad, spec.from_hz, spec.to_hz)
+        }
+    };
+    Ok(format!(
+        "arm          {} at β1 = {}°, β2 = {}°\n\
+         modes        {:.2} Hz (damping ratio {:.1e}, time constant {settling_s:.0} s), {:.2} Hz\n\
+         control      {law}\n\
+         bus          in memory, {} samples a second, {pace}\n\n",
+        scenario.arm.label(),
+        scenario.arm.beta1_deg,
+        scenario.arm.beta2_deg,
+        first.frequency_hz,
+        first.damping_ratio,
+        second.frequency_hz,
+        scenario.simulation.rate_hz,
+    ))
 }

@@ -1,15 +1,13 @@
 //! `resonarm diff`: two recordings compared.
 
-use core::fmt::Write;
 use std::path::PathBuf;
 
 use clap::Args;
 
-use crate::commands::inspect;
 use crate::failure::{Failure, Verdict};
 use crate::flags;
-use crate::output::{self, in_line};
-use crate::time_range::TimeRange;
+use crate::output::{JsonFlag, in_line};
+use crate::recordings::{TimeRange, warn_of_one};
 use resonarm::diff::{DiffOptions, Difference, PartDifference, diff};
 use resonarm::export::{RecordingPart, samples};
 use resonarm::recording::Recording;
@@ -39,33 +37,24 @@ pub(crate) struct Diff {
     tolerance: f64,
     #[command(flatten)]
     range: TimeRange,
-    /// Print one JSON document.
-    #[arg(long)]
-    json: bool,
+    #[command(flatten)]
+    json: JsonFlag,
 }
 
 impl Diff {
     pub fn execute(&self) -> Result<Verdict, Failure> {
         if self.tolerance < 0.0 {
-            return Err(Failure::Usage(format!("--tolerance is {}: it must be 0 or more", short(&self.tolerance))));
+            return Err(Failure::value("--tolerance", self.tolerance, "it must be 0 or more"));
         }
         let (a, b) = (Recording::open(&self.a)?, Recording::open(&self.b)?);
-        for recording in [&a, &b] {
-            if let Some(note) = inspect::integrity_note(recording.integrity()) {
-                tracing::warn!("{}: {note}", recording.path().display());
-            }
-        }
+        [&a, &b].into_iter().for_each(warn_of_one);
         let samples = match (self.range.from_s, self.range.to_s) {
             (None, None) => 0..=u64::MAX,
             (from_s, to_s) => samples(&a, from_s, to_s)?,
         };
         let options = DiffOptions { parts: self.parts.clone(), tolerance: self.tolerance, samples };
         let difference = diff(&a, &b, &options)?;
-        if self.json {
-            output::print_json(&difference)?;
-        } else {
-            output::print(&text(&difference))?;
-        }
+        self.json.show(&difference, || text(&difference), &[])?;
         Ok(Verdict::of(difference.same))
     }
 }
@@ -75,7 +64,7 @@ fn text(difference: &Difference) -> String {
     difference.parts.iter().for_each(|part| text.push_str(&part_text(part)));
     for entry in &difference.configuration {
         let [a, b] = [&entry.a, &entry.b].map(|value| in_line(value.as_deref().unwrap_or("absent")));
-        let _infallible = writeln!(text, "{}: {a} in A, {b} in B", in_line(&entry.key));
+        text += &format!("{}: {a} in A, {b} in B\n", in_line(&entry.key));
     }
     text
 }
@@ -85,28 +74,21 @@ fn part_text(part: &PartDifference) -> String {
     let mut text = format!("{part}: {compared} compared");
     for (count, place) in [(only_in_a, "A"), (only_in_b, "B")] {
         if *count > 0 {
-            let _infallible = write!(text, ", {count} in {place} alone");
+            text += &format!(", {count} in {place} alone");
         }
     }
-    let _infallible = match first_difference {
+    text += &match first_difference {
         Some(first) => {
-            writeln!(
-                text,
-                "; first difference at sample {}: {} is {} in A, {} in B",
-                first.sample,
-                first.what,
-                in_line(&first.a),
-                in_line(&first.b)
-            )
+            let [a, b] = [&first.a, &first.b].map(|value| in_line(value));
+            format!("; first difference at sample {}: {} is {a} in A, {b} in B\n", first.sample, first.what)
         }
-        None if channels.is_empty() => writeln!(text, "; all the same"),
-        None => writeln!(text, "; all within the tolerance"),
+        None if channels.is_empty() => String::from("; all the same\n"),
+        None => String::from("; all within the tolerance\n"),
     };
     for channel in channels {
         let (largest, magnitude) = (short(&channel.largest), short(&channel.magnitude));
         let (name, sample) = (channel.name, channel.sample);
-        let _infallible =
-            writeln!(text, "  {name}: at most {largest} apart, at sample {sample}; at most {magnitude} in A");
+        text += &format!("  {name}: at most {largest} apart, at sample {sample}; at most {magnitude} in A\n");
     }
     text
 }

@@ -1,20 +1,18 @@
 //! `resonarm exciter`: the emulated exciter controller on a bus.
 
-use std::sync::Arc;
-
 use clap::Args;
 use serde::Serialize;
 
 use crate::failure::{Failure, Verdict};
 use crate::flags::{self, SessionFlags, ThreadFlags};
 use crate::live::{LiveFlags, Role, ShownRole, SteerFlag};
-use crate::output;
+use crate::output::JsonFlag;
 use crate::responses::{self, ResponseDocument};
-use crate::session::{frames_text, other_sender_warning, seconds, set_filters};
+use crate::session::{frames_text, open_bus, other_sender_warning, seconds};
 use crate::status::{Status, StatusFlag, Style};
 use crate::supervise::supervise;
-use resonarm::bus::{self, BusAddress};
-use resonarm::node::ExciterOutcome;
+use resonarm::bus::BusAddress;
+use resonarm::node::Outcome;
 use resonarm::run::{BusCounts, BusLoss, ExciterEnd, ExciterReport, Fault, Mode, Options, RunError, Session, Signals};
 use resonarm::scenario::Scenario;
 
@@ -33,7 +31,7 @@ pub(crate) struct Exciter {
     #[command(flatten)]
     thread: ThreadFlags,
     /// How long to wait for a plant that can be armed, s.
-    #[arg(long, value_name = "S", default_value_t = 10.0, allow_hyphen_values = true)]
+    #[arg(long, value_name = "S", default_value_t = 10.0)]
     patience_s: f64,
     /// How often to restart after a fault: reset and arm the plant, and begin from the start.
     #[arg(long, value_name = "N", default_value_t = 0)]
@@ -44,9 +42,8 @@ pub(crate) struct Exciter {
     steer: SteerFlag,
     #[command(flatten)]
     status: StatusFlag,
-    /// Print one JSON document.
-    #[arg(long)]
-    json: bool,
+    #[command(flatten)]
+    json: JsonFlag,
 }
 
 #[derive(Serialize)]
@@ -71,9 +68,8 @@ pub(crate) fn scenario() -> Result<Scenario, Failure> {
 }
 
 impl Exciter {
-    /// The scenario of the flags.
     pub(crate) fn scenario(&self) -> Result<Scenario, Failure> {
-        self.session.scenario(scenario)
+        self.session.scenario_or(scenario)
     }
 
     pub fn execute(&self) -> Result<Verdict, Failure> {
@@ -90,28 +86,17 @@ impl Exciter {
         let session = Session::new(scenario, self.mode, options)?;
         let (session, steered) = self.steer.steered(session)?;
         let length = session.controller()?.length();
-        session.leave_core();
-        let mut bus = bus::open(&address)?;
-        if self.live.live.is_none() {
-            set_filters(bus.as_mut(), &address, &session)?;
-        }
+        let mut bus = open_bus(&address, &session, self.live.live.is_some())?;
         let shown_role =
             ShownRole { role: Role::Exciter, place: address.to_string(), interface: bus.name(), json: false, steered };
         let (session, _serving) = self.live.watched(session, &shown_role)?;
-        let signals = Arc::new(Signals::default());
-        let (watched, shown) = (Arc::clone(&signals), Arc::clone(&signals));
         let mut status = Status::new(Style::People { every: self.status.every()? });
-        let report = supervise(
-            "exciter",
-            &signals,
-            length,
-            |line| status.write(&shown, line),
-            move || {
-                let report = session.exciter(bus.as_mut(), &watched)?;
-                let error = report.error.or(bus.close().err().map(RunError::from));
-                Ok::<_, RunError>(ExciterReport { error, ..report })
-            },
-        )??;
+        let work = move |signals: &Signals| {
+            let report = session.exciter(bus.as_mut(), signals)?;
+            let error = report.error.or(bus.close().err().map(RunError::from));
+            Ok::<_, RunError>(ExciterReport { error, ..report })
+        };
+        let report = supervise("exciter", length, |line, signals| status.write(line, signals), work)??;
         self.print(&report)?;
         other_sender_warning(&report.bus).iter().for_each(|text| tracing::warn!("{text}"));
         let complaint = complaint(&report);
@@ -122,32 +107,27 @@ impl Exciter {
         }
     }
 
-    fn print(&self, report: &ExciterReport) -> Result<(), Failure> {
-        let end = ExciterEnd::from(report);
-        if self.json {
-            return output::print_json(&Document {
-                end,
-                fault: report.fault().map(Fault::from),
-                partner_fault: report.partner_fault.as_ref().map(Fault::from),
-                bus_loss: report.bus_loss,
-                error: report.error.as_ref().map(RunError::to_string),
-                samples_played: report.samples_played,
-                missed_samples: report.missed_samples,
-                slipped_periods: report.slipped_periods,
-                rearmed: report.rearmed,
-                bus: report.bus,
-                responses: responses::documents(&report.responses),
-            });
-        }
-        let mut text = format!(
-            "{} after {} samples, {} missed; frames: {}\n",
-            end.outcome,
-            report.samples_played,
-            report.missed_samples,
-            frames_text(&report.bus)
-        );
-        text.push_str(&responses::table(&report.responses));
-        output::print(&text)
+    fn print(&self, report: &ExciterReport) -> Result<Verdict, Failure> {
+        let document = Document {
+            end: ExciterEnd::from(report),
+            fault: report.fault().map(Fault::from),
+            partner_fault: report.partner_fault.as_ref().map(Fault::from),
+            bus_loss: report.bus_loss,
+            error: report.error.as_ref().map(RunError::to_string),
+            samples_played: report.samples_played,
+            missed_samples: report.missed_samples,
+            slipped_periods: report.slipped_periods,
+            rearmed: report.rearmed,
+            bus: report.bus,
+            responses: responses::documents(&report.responses),
+        };
+        let Document { end: ExciterEnd { outcome, .. }, samples_played, missed_samples, bus, .. } = &document;
+        let text = || {
+            let frames = frames_text(bus);
+            format!("{outcome} after {samples_played} samples, {missed_samples} missed; frames: {frames}\n")
+                + &responses::table(&report.responses)
+        };
+        self.json.show(&document, text, &[])
     }
 }
 

@@ -1,18 +1,14 @@
 //! `resonarm export`: a recording in the formats of other tools.
 
-use core::fmt::Write;
 use std::path::PathBuf;
 
 use clap::Args;
 
-use crate::commands::inspect;
 use crate::failure::{Failure, Verdict};
-use crate::time_range::TimeRange;
-use crate::{flags, output};
-use resonarm::export::{ExportFormat, ExportedFile, RecordingPart, Selection, export};
-use resonarm::recording::Recording;
-
-/// The end of the help text.
+use crate::flags;
+use crate::output::{self, JsonFlag, OverwriteFlag};
+use crate::recordings::{self, TimeRange};
+use resonarm::export::{ExportFormat, ExportedFile, Part, Selection, export};
 const HELP: &str = "\
 Formats and their files:
   csv      STEM-PART.csv  a table a part; the names of the columns have the units
@@ -46,21 +42,17 @@ pub(crate) struct Export {
     #[command(flatten)]
     range: TimeRange,
     /// Add the moving arm for 3D views, its vibrations drawn X times as large; only foxglove.
-    #[arg(long, value_name = "X", allow_hyphen_values = true)]
+    #[arg(long, value_name = "X")]
     moving_arm: Option<f64>,
     #[command(flatten)]
-    overwrite: output::OverwriteFlag,
-    /// Print one JSON document.
-    #[arg(long)]
-    json: bool,
+    overwrite: OverwriteFlag,
+    #[command(flatten)]
+    json: JsonFlag,
 }
 
 impl Export {
     pub fn execute(&self) -> Result<Verdict, Failure> {
-        let recording = Recording::open(&self.file)?;
-        if let Some(note) = inspect::integrity_note(recording.integrity()) {
-            tracing::warn!("{note}");
-        }
+        let recording = recordings::open(&self.file)?;
         let stem = self.stem();
         let TimeRange { from_s, to_s } = self.range;
         let chosen = Selection::of(&recording, self.to, &self.parts, from_s, to_s)?;
@@ -69,15 +61,10 @@ impl Export {
         let targets: Vec<PathBuf> = self.to.files(&stem, &selection.parts).into_iter().map(|(path, _)| path).collect();
         self.overwrite.check(targets.iter().cloned())?;
         output::check_folder(&stem)?;
-        let names: Vec<_> = targets.iter().map(|path| path.display().to_string()).collect();
-        output::note(&format!("writing {}", names.join(", ")));
+        output::note(&format!("writing {}", output::listed(&targets)));
         let files = export(&recording, self.to, &selection, &stem)?;
-        if self.json {
-            output::print_json(&serde_json::json!({ "format": self.to.name(), "files": files }))?;
-        } else {
-            output::print(&text(&files))?;
-        }
-        Ok(Verdict::Positive)
+        let document = serde_json::json!({ "format": self.to.name(), "files": &files });
+        self.json.show(&document, || text(&files), &[])
     }
 
     /// The beginning of the names of the files.
@@ -94,9 +81,9 @@ impl Export {
 fn text(files: &[ExportedFile]) -> String {
     let mut text = String::new();
     for ExportedFile { path, rows, columns } in files {
-        let _infallible = match columns[..] {
-            [] => writeln!(text, "{}: {rows} frames", path.display()),
-            _ => writeln!(text, "{}: {rows} rows of {}", path.display(), columns.join(", ")),
+        text += &match columns[..] {
+            [] => format!("{}: {rows} frames\n", path.display()),
+            _ => format!("{}: {rows} rows of {}\n", path.display(), columns.join(", ")),
         };
     }
     text

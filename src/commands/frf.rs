@@ -1,10 +1,8 @@
 //! `resonarm frf`: frequency responses of the linearised arm.
 
-use core::fmt::Write;
 use std::path::PathBuf;
 
 use clap::Args;
-use nalgebra::Complex;
 use serde::Serialize;
 use serde_json::Value;
 
@@ -12,8 +10,8 @@ use crate::configuration;
 use crate::failure::{Failure, Verdict};
 use crate::figures::captions;
 use crate::flags::{self, ArmFlags};
-use crate::output::{self, OverwriteFlag};
-use resonarm::analysis::{Drive, FrequencyResponse, Quantity, Response, frequencies_hz, modes};
+use crate::output::{self, JsonFlag, OverwriteFlag};
+use resonarm::analysis::{Drive, FrequencyResponse, Quantity, Response, continuous_phase, frequencies_hz, modes};
 use resonarm::arm::Arm;
 use resonarm::scenario::Scenario;
 use resonarm_figures::plot::{Axis, Color, Dash, Figure, Panel, Series, Style};
@@ -26,7 +24,7 @@ use resonarm_numeric::number::short;
 #[derive(Debug, Args)]
 pub(crate) struct Frf {
     #[command(flatten)]
-    arm: ArmFlags,
+    pub(crate) arm: ArmFlags,
     /// What drives the arm.
     #[arg(long, value_parser = flags::one_of(Drive::ALL, Drive::name), default_value_t = Drive::Torque1)]
     drive: Drive,
@@ -50,9 +48,8 @@ pub(crate) struct Frf {
     plot: Option<PathBuf>,
     #[command(flatten)]
     overwrite: OverwriteFlag,
-    /// Print one JSON document.
-    #[arg(long)]
-    json: bool,
+    #[command(flatten)]
+    json: JsonFlag,
 }
 
 /// Beyond any vibration of an arm; its square is still finite.
@@ -76,7 +73,6 @@ pub(crate) const fn style(response: Response) -> Style {
 
 #[derive(Serialize)]
 struct Document {
-    /// The arm and its pose.
     configuration: Value,
     drive: Drive,
     quantity: Quantity,
@@ -93,30 +89,16 @@ struct ResponseCurve {
 }
 
 impl Frf {
-    /// The scenario of the flags.
-    pub(crate) fn scenario(&self) -> Result<Scenario, Failure> {
-        self.arm.scenario(|| Ok(Scenario::default()))
-    }
-
     pub fn execute(&self) -> Result<Verdict, Failure> {
         self.overwrite.check_stem(self.plot.as_deref(), output::PLOTTED)?;
-        let scenario = self.scenario()?;
+        let scenario = self.arm.scenario()?;
         let arm = scenario.build_arm()?;
         let linear = FrequencyResponse::new(&arm);
         let document = self.compute(&scenario, (&arm, &linear))?;
-        let files = match &self.plot {
-            Some(stem) => {
-                let figure = self.figure(&scenario, &document, (&arm, &linear));
-                Some(output::plot(stem, &figure, &table(&document), &document)?)
-            }
-            None => None,
-        };
-        match (self.json, files) {
-            (true, _) => output::print_json(&document)?,
-            (false, Some(files)) => output::print_written(&files)?,
-            (false, None) => output::print(&table(&document))?,
-        }
-        Ok(Verdict::Positive)
+        let drawn = || (self.figure(&scenario, &document, (&arm, &linear)), table(&document));
+        let files = output::plot(self.plot.as_deref(), &document, drawn)?;
+        let text = || if files.is_empty() { table(&document) } else { String::new() };
+        self.json.show(&document, text, &files)
     }
 
     fn wanted(&self) -> Vec<Response> {
@@ -131,7 +113,7 @@ impl Frf {
     fn compute(&self, scenario: &Scenario, (arm, linear): (&Arm, &FrequencyResponse)) -> Result<Document, Failure> {
         let (from, to) = (self.from_hz, self.to_hz);
         if !(from >= 0.0 && to > from && to <= HIGHEST_HZ) {
-            return Err(Failure::Usage(format!(
+            return Err(Failure::usage(format!(
                 "--from-hz {} --to-hz {}: the frequencies must rise from 0 or above, to {HIGHEST_HZ:e} at most",
                 short(&from),
                 short(&to)
@@ -146,7 +128,7 @@ impl Frf {
             let value = |hz: &f64| linear.at(quantity, drive, response, *hz).map(|z| [z.re, z.im]);
             let value = frequency_hz.iter().map(value).collect::<Result<_, _>>();
             let unit = self.unit(response);
-            Ok(ResponseCurve { response, unit, value: value.map_err(|error| Failure::Usage(error.to_string()))? })
+            Ok(ResponseCurve { response, unit, value: value.map_err(|error| Failure::usage(error.to_string()))? })
         };
         let responses = self.wanted().into_iter().map(curve).collect::<Result<_, Failure>>()?;
         Ok(Document { configuration: configuration::of_arm(scenario)?, drive, quantity, frequency_hz, responses })
@@ -184,68 +166,18 @@ fn table(document: &Document) -> String {
         let name = response.name().replace('-', "_");
         let unit = unit.replace(' ', "_").replace("/s²", "_s2").replace("/s", "_s");
         let unit = unit.replace("N·m", "nm").replace('N', "n");
-        let _infallible = write!(text, ",{name}_modulus_{unit},{name}_phase_deg");
+        text += &format!(",{name}_modulus_{unit},{name}_phase_deg");
     }
     text.push('\n');
     for (k, hz) in document.frequency_hz.iter().enumerate() {
-        let _infallible = write!(text, "{hz}");
+        text += &format!("{hz}");
         for curve in &document.responses {
             let [re, im] = curve.value[k];
-            let _infallible = write!(text, ",{:e},{}", libm::hypot(re, im), libm::atan2(im, re).to_degrees());
+            text += &format!(",{:e},{}", libm::hypot(re, im), libm::atan2(im, re).to_degrees());
         }
         text.push('\n');
     }
     text
-}
-
-/// If the phases at two frequencies differ by more than this, rad, the phase is computed in between.
-const LARGEST_TURN_RAD: f64 = 0.5;
-/// Most halvings of a gap between two frequencies; a jump in the remaining gap is a real jump.
-const MOST_HALVINGS: u32 = 40;
-
-/// The phase over frequency, degrees, without jumps at the ends of the circle: it begins within ±180° and is continuous
-/// from there, through every zero and through the peaks at the natural frequencies. Without a response there is no
-/// phase.
-fn continuous_phase(
-    frequency_hz: &[f64],
-    natural_hz: [f64; 2],
-    at: &dyn Fn(f64) -> Option<Complex<f64>>,
-) -> Vec<(f64, f64)> {
-    let at = |hz: f64| at(hz).filter(|value| value.norm_sqr() > 0.0);
-    let mut before: Option<(f64, Complex<f64>, f64)> = None;
-    let point = |hz: &f64| {
-        let Some(value) = at(*hz) else { return (*hz, f64::NAN) };
-        let phase_rad = match before {
-            None => libm::atan2(value.im, value.re),
-            Some((from_hz, from, phase_rad)) => phase_rad + turn_rad(&at, (from_hz, from), (*hz, value), MOST_HALVINGS),
-        };
-        before = Some((*hz, value, phase_rad));
-        (*hz, phase_rad.to_degrees())
-    };
-    let [from_hz, to_hz] = [frequency_hz.first(), frequency_hz.last()].map(|end| end.copied().unwrap_or_default());
-    let between = natural_hz.into_iter().filter(|hz| (from_hz..=to_hz).contains(hz) && !frequency_hz.contains(hz));
-    let mut all: Vec<f64> = frequency_hz.iter().copied().chain(between).collect();
-    all.sort_by(f64::total_cmp);
-    all.iter().map(point).filter(|(hz, _)| frequency_hz.contains(hz)).collect()
-}
-
-/// The change of phase from one frequency to another, rad.
-fn turn_rad(
-    at: &dyn Fn(f64) -> Option<Complex<f64>>,
-    from: (f64, Complex<f64>),
-    to: (f64, Complex<f64>),
-    halvings: u32,
-) -> f64 {
-    let ratio = to.1 / from.1;
-    let turn = libm::atan2(ratio.im, ratio.re);
-    let middle_hz = 0.5 * (from.0 + to.0);
-    match at(middle_hz).filter(|_| halvings > 0 && turn.abs() > LARGEST_TURN_RAD) {
-        Some(value) => {
-            let middle = (middle_hz, value);
-            turn_rad(at, from, middle, halvings - 1) + turn_rad(at, middle, to, halvings - 1)
-        }
-        None => turn,
-    }
 }
 
 /// Phases in degrees with a gap wherever they jump from one end of the circle to the other.
@@ -258,33 +190,4 @@ pub(crate) fn broken_at_wraps(points: Vec<(f64, f64)>) -> Vec<(f64, f64)> {
         broken.push(point);
     }
     broken
-}
-
-#[cfg(test)]
-#[allow(clippy::unwrap_used, reason = "a test fails by panicking")]
-mod tests {
-    use super::*;
-
-    /// Each pole lowers the phase by half a turn, the zero of a drive point between them raises it again, however
-    /// coarse the frequencies are.
-    #[test]
-    fn the_phase_goes_on_through_every_peak_and_zero() {
-        let arm = Scenario::default().build_arm().unwrap();
-        let linear = FrequencyResponse::new(&arm);
-        let natural_hz = modes(&arm).map(|mode| mode.frequency_hz);
-        for points in [3, 30, 801] {
-            let hz = frequencies_hz(1.0, 500.0, points, &[]);
-            for (response, expected_deg) in [(Response::Alpha1, -180.0), (Response::Alpha2, -360.0)] {
-                let at = |hz: f64| linear.at(Quantity::Receptance, Drive::Torque1, response, hz).ok();
-                let phase = continuous_phase(&hz, natural_hz, &at);
-                let (first, last) = (phase[0].1, phase[phase.len() - 1].1);
-                assert!((last - first - expected_deg).abs() < 1.0, "{response:?}, {points}: {first} {last}");
-                for (hz, deg) in phase {
-                    let value = at(hz).unwrap();
-                    let turns = (deg - libm::atan2(value.im, value.re).to_degrees()) / 360.0;
-                    assert!((turns - turns.round()).abs() < 1e-9, "{response:?} at {hz} Hz: {deg}");
-                }
-            }
-        }
-    }
 }

@@ -1,6 +1,5 @@
 //! `resonarm identify`: modes and frequency responses from the readings in a recording.
 
-use core::fmt::Write;
 use std::path::PathBuf;
 
 use clap::{Args, ValueEnum};
@@ -9,15 +8,15 @@ use serde_json::Value;
 
 use crate::commands::frf::{broken_at_wraps, style};
 use crate::commands::identify_angles::{self, Domain, Request};
-use crate::commands::identify_missing::{self, MissingMode};
-use crate::commands::inspect;
 use crate::configuration;
 use crate::failure::{Failure, Verdict};
 use crate::figures::captions;
 use crate::flags;
-use crate::output::{self, OverwriteFlag};
+use crate::output::{self, JsonFlag, OverwriteFlag};
+use crate::recordings;
 use resonarm::analysis::{self, Response};
 use resonarm::excitation::Waveform;
+use resonarm::identification::{MissingMode, averaging, band, missing_modes, mode_numbers, record, samples_in};
 use resonarm::identify::{
     self, Averaging, Band, CHANNELS, Direction, FrequencyResponseEstimate, Identification, IdentifiedMode,
     IdentifyError, Record,
@@ -71,9 +70,8 @@ pub(crate) struct Identify {
     integration: Option<Domain>,
     #[command(flatten)]
     overwrite: OverwriteFlag,
-    /// Print one JSON document.
-    #[arg(long)]
-    json: bool,
+    #[command(flatten)]
+    json: JsonFlag,
 }
 
 /// Directions by their names.
@@ -100,11 +98,6 @@ impl Input {
 /// The channels, in the order of [`Record`].
 const RESPONSES: [Response; CHANNELS] = [Response::BX, Response::BY, Response::CX, Response::CY];
 const UNIT: &str = "m/s² per N";
-/// Number of averaged segments of a record without periods.
-const SEGMENTS: usize = 8;
-/// Highest frequency if nothing else gives one, as a fraction of the sample rate and in Hz.
-const HIGHEST_PART: f64 = 0.4;
-const HIGHEST_HZ: f64 = 100.0;
 
 #[derive(Serialize)]
 struct Document {
@@ -145,7 +138,6 @@ struct ResponseCurve {
 }
 
 impl Identify {
-    /// The domain in which accelerations are integrated.
     pub(crate) fn domain(&self) -> Domain {
         self.integration.unwrap_or(Domain::Frequency)
     }
@@ -153,10 +145,7 @@ impl Identify {
     pub fn execute(&self) -> Result<Verdict, Failure> {
         self.overwrite.check_stem(self.plot.as_deref(), output::PLOTTED)?;
         self.overwrite.check(self.angles.clone())?;
-        let recording = Recording::open(&self.file)?;
-        if let Some(note) = inspect::integrity_note(recording.integrity()) {
-            tracing::warn!("{note}");
-        }
+        let recording = recordings::open(&self.file)?;
         let scenario = Scenario::from_configuration(recording.configuration())?;
         if let Some(csv) = &self.angles {
             let domain = self.domain();
@@ -179,24 +168,17 @@ impl Identify {
         if scenario.reads_images() {
             tracing::warn!("{READS_IMAGES}");
         }
-        let files = match &self.plot {
-            Some(stem) => Some(output::plot(stem, &figure(&scenario, &document), &document.csv(), &document)?),
-            None => None,
-        };
-        if self.json {
-            output::print_json(&document)?;
-        } else {
-            output::print(&document.text())?;
-            files.map_or(Ok(()), |files| output::print_written(&files))?;
-        }
+        let drawn = || (figure(&scenario, &document), document.csv());
+        let files = output::plot(self.plot.as_deref(), &document, drawn)?;
+        self.json.show(&document, || document.text(), &files)?;
         Ok(Verdict::of(!document.modes.is_empty()))
     }
 
     fn compute(&self, recording: &Recording, scenario: &Scenario) -> Result<Document, Failure> {
-        let rate_hz = 1.0 / recording.origin().dt_s;
-        let record = read(recording, scenario, rate_hz, self.input.direction())?;
+        let record = record(recording, scenario, self.input.direction())?;
         let waveform = scenario.excitation.as_ref().map(|excitation| &excitation.profile);
-        let band = self.band(waveform, rate_hz);
+        let usual = band(waveform, record.rate_hz());
+        let band = Band { from_hz: self.from_hz.unwrap_or(usual.from_hz), to_hz: self.to_hz.unwrap_or(usual.to_hz) };
         let averaging = self.averaging(waveform, &record)?;
         let estimate = identify::frequency_response(&record, band, averaging)?;
         let found = match identify::modes(&record, band) {
@@ -205,14 +187,14 @@ impl Identify {
             Err(error) => return Err(error.into()),
         };
         let arm = analysis::modes(&scenario.build_arm()?);
-        let numbers = identify_missing::numbers(&found.modes, &arm);
-        let missing = identify_missing::missing(&found, &numbers, &arm, band);
+        let numbers = mode_numbers(&found.modes, &arm);
+        let missing = missing_modes(&found, &numbers, &arm, band);
         let numbered = numbers.into_iter().zip(found.modes);
         Ok(Document {
             configuration: configuration::of_arm(scenario)?,
             recording: self.file.display().to_string(),
             samples: record.samples(),
-            duration_s: record.samples() as f64 / rate_hz,
+            duration_s: record.samples() as f64 / record.rate_hz(),
             direction: record.direction(),
             from_hz: band.from_hz,
             to_hz: band.to_hz,
@@ -229,63 +211,14 @@ impl Identify {
         })
     }
 
-    /// The band of the flags, or that of the excitation.
-    fn band(&self, waveform: Option<&Waveform>, rate_hz: f64) -> Band {
-        let highest_hz = HIGHEST_PART * rate_hz;
-        let (from_hz, to_hz) = match waveform {
-            Some(
-                Waveform::SteppedSine { from_hz, to_hz, .. }
-                | Waveform::SweptSine { from_hz, to_hz, .. }
-                | Waveform::Random { from_hz, to_hz, .. }
-                | Waveform::BurstRandom { from_hz, to_hz, .. }
-                | Waveform::Multisine { from_hz, to_hz, .. },
-            ) => (from_hz.min(*to_hz), from_hz.max(*to_hz)),
-            Some(Waveform::SineList { frequencies_hz, .. }) => {
-                let ends = |(low, high): (f64, f64), hz: &f64| (low.min(*hz), high.max(*hz));
-                frequencies_hz.iter().fold((f64::INFINITY, 0.0), ends)
-            }
-            Some(Waveform::Impulse { pulse_s, .. }) => (1.0, highest_hz.min(1.0 / pulse_s)),
-            Some(Waveform::Dwell { .. } | Waveform::File { .. }) | None => (1.0, highest_hz.min(HIGHEST_HZ)),
-        };
-        Band { from_hz: self.from_hz.unwrap_or(from_hz), to_hz: self.to_hz.unwrap_or(to_hz) }
-    }
-
-    /// The averaging that suits the excitation; by segments if their length was given.
+    /// The averaging of the flags, or the one that suits the excitation.
     fn averaging(&self, waveform: Option<&Waveform>, record: &Record) -> Result<Averaging, Failure> {
-        let samples = |length_s: f64| libm::round(length_s * record.rate_hz()) as usize;
-        if let Some(segment_s) = self.segment_s {
-            let averaging = Averaging::Welch(samples(segment_s));
-            return if segment_s > 0.0 {
-                Ok(averaging)
-            } else {
-                Err(flags::refused("--segment-s", &"it must be positive"))
-            };
-        }
-        Ok(match waveform {
-            Some(Waveform::Impulse { .. }) => Averaging::Single,
-            Some(Waveform::Multisine { period_s, .. } | Waveform::BurstRandom { period_s, .. }) => {
-                Averaging::Periods(samples(*period_s))
-            }
-            _ => Averaging::Welch(record.samples() / SEGMENTS),
-        })
-    }
-}
-
-/// The readings of a recording. Those of sample 0 are left out: they only show the initial state.
-fn read(recording: &Recording, scenario: &Scenario, rate_hz: f64, input: Direction) -> Result<Record, Failure> {
-    let (mut rows, mut clipped) = (Vec::new(), 0);
-    for sample in recording.samples()? {
-        let sample = sample?;
-        clipped += usize::from(sample.clipped.any());
-        let ([bx, by], [cx, cy]) = (sample.acceleration_b_m_s2, sample.acceleration_c_m_s2);
-        if sample.sample > 0 {
-            rows.push((sample.head_force_n, [bx, by, cx, cy]));
+        match self.segment_s {
+            None => Ok(averaging(waveform, record)),
+            Some(segment_s) if segment_s > 0.0 => Ok(Averaging::Welch(samples_in(segment_s, record))),
+            Some(_) => Err(flags::refused("--segment-s", &"it must be positive")),
         }
     }
-    if clipped > 0 {
-        return Err(IdentifyError::Clipped { samples: clipped }.into());
-    }
-    Ok(Record::new(rate_hz, &scenario.rig, rows, input)?)
 }
 
 fn curves(estimate: &FrequencyResponseEstimate) -> Vec<ResponseCurve> {
@@ -314,9 +247,8 @@ impl Document {
         for NumberedMode { mode: number, found: mode } in &self.modes {
             let number = number.map_or(String::from("–"), |number| number.to_string());
             let [bx, by, cx, cy] = mode.shape.map(to_three_places);
-            let _infallible = writeln!(
-                text,
-                "  {number:>4}   {:14.6} ± {:.0e}   {:.3e} ± {:.0e}   {:14.2}   {bx:+.3} {by:+.3} {cx:+.3} {cy:+.3}",
+            text += &format!(
+                "  {number:>4}   {:14.6} ± {:.0e}   {:.3e} ± {:.0e}   {:14.2}   {bx:+.3} {by:+.3} {cx:+.3} {cy:+.3}\n",
                 mode.frequency_hz,
                 mode.frequency_deviation_hz,
                 mode.damping_ratio,
@@ -333,16 +265,16 @@ impl Document {
         for ResponseCurve { response, coherence, .. } in &self.responses {
             let name = response.name().replace('-', "_");
             for estimate in ["h1", "h2"] {
-                let _infallible = write!(text, ",{name}_{estimate}_modulus_m_s2_per_n,{name}_{estimate}_phase_deg");
+                text += &format!(",{name}_{estimate}_modulus_m_s2_per_n,{name}_{estimate}_phase_deg");
             }
             text += &coherence.as_ref().map_or(String::new(), |_| format!(",{name}_coherence"));
         }
         text.push('\n');
         for (k, hz) in self.frequency_hz.iter().enumerate() {
-            let _infallible = write!(text, "{hz}");
+            text += &format!("{hz}");
             for ResponseCurve { h1, h2, coherence, .. } in &self.responses {
                 for [re, im] in [h1[k], h2[k]] {
-                    let _infallible = write!(text, ",{:e},{}", libm::hypot(re, im), libm::atan2(im, re).to_degrees());
+                    text += &format!(",{:e},{}", libm::hypot(re, im), libm::atan2(im, re).to_degrees());
                 }
                 text += &coherence.as_ref().map_or(String::new(), |coherence| format!(",{}", coherence[k]));
             }

@@ -5,10 +5,11 @@ use std::path::PathBuf;
 use clap::Args;
 
 use crate::failure::{Failure, Verdict};
-use crate::{flags, output};
+use crate::flags;
+use crate::output::JsonFlag;
+use crate::recordings::existing;
 use resonarm::can_log::LogFormat;
 use resonarm::import::{ImportOptions, Imported, import};
-use resonarm::recording::Existing;
 use resonarm::scenario::Scenario;
 
 /// Makes a recording of a CAN log, for `replay`, and with --scenario for `compare`. It has no states of the arm, so
@@ -31,9 +32,8 @@ pub(crate) struct Import {
     /// Overwrite the new recording if it exists.
     #[arg(long)]
     overwrite: bool,
-    /// Print one JSON document.
-    #[arg(long)]
-    json: bool,
+    #[command(flatten)]
+    json: JsonFlag,
 }
 
 impl Import {
@@ -45,15 +45,10 @@ impl Import {
         let options = ImportOptions {
             scenario: self.scenario.as_deref().map(Scenario::read).transpose()?,
             interface: self.interface.clone(),
-            existing: if self.overwrite { Existing::Overwrite } else { Existing::Refuse },
+            existing: existing(self.overwrite),
         };
         let imported = import(&self.log, format, &self.output, &options)?;
-        if self.json {
-            output::print_json(&imported)?;
-        } else {
-            output::print(&text(&imported))?;
-        }
-        Ok(Verdict::Positive)
+        self.json.show(&imported, || text(&imported), &[])
     }
 
     fn by_ending(&self) -> Result<LogFormat, Failure> {
@@ -62,7 +57,7 @@ impl Import {
         found.ok_or_else(|| {
             let log = self.log.display();
             let names = LogFormat::ALL.map(LogFormat::name).join(", ");
-            Failure::Usage(format!("{log}: the ending does not say the format: give it by --from, one of {names}"))
+            Failure::usage(format!("{log}: the ending does not say the format: give it by --from, one of {names}"))
         })
     }
 }

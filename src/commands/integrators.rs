@@ -1,6 +1,5 @@
 //! `resonarm integrators`: the error and the cost of each scheme.
 
-use core::fmt::Write;
 use core::hint::black_box;
 
 use clap::Args;
@@ -10,7 +9,7 @@ use serde_json::Value;
 use crate::configuration;
 use crate::failure::{Failure, Verdict};
 use crate::flags::{self, ArmFlags};
-use crate::output;
+use crate::output::JsonFlag;
 use crate::progress::Progress;
 use resonarm::analysis::{EnergyDrift, ModeError, energy_drift, mode_errors, modes};
 use resonarm::arm::{Arm, Load, State};
@@ -26,16 +25,15 @@ use resonarm::scenario::{ArmSection, Scenario};
 )]
 pub(crate) struct Integrators {
     #[command(flatten)]
-    arm: ArmFlags,
+    pub(crate) arm: ArmFlags,
     /// Integration steps a second, else as many as the scenario has.
-    #[arg(long, value_name = "HZ", allow_hyphen_values = true)]
+    #[arg(long, value_name = "HZ")]
     rate_hz: Option<f64>,
     /// Steps of free vibration over which the energy is monitored, at least 10.
     #[arg(long, value_name = "N", default_value_t = 100_000, value_parser = clap::value_parser!(u32).range(10..))]
     drift_steps: u32,
-    /// Print one JSON document.
-    #[arg(long)]
-    json: bool,
+    #[command(flatten)]
+    json: JsonFlag,
 }
 
 /// Where the free vibration starts: an amplitude at which the arm is far from linear.
@@ -46,7 +44,6 @@ const COST_STEPS: u32 = 500;
 
 #[derive(Serialize)]
 struct Document {
-    /// The arm and its pose.
     configuration: Value,
     /// The same for people.
     #[serde(skip)]
@@ -69,18 +66,13 @@ struct Row {
 }
 
 impl Integrators {
-    /// The scenario of the flags.
-    pub(crate) fn scenario(&self) -> Result<Scenario, Failure> {
-        self.arm.scenario(|| Ok(Scenario::default()))
-    }
-
     /// Integration steps a second.
     pub(crate) fn rate_hz(&self, scenario: &Scenario) -> f64 {
         self.rate_hz.unwrap_or(scenario.simulation.step_rate_hz())
     }
 
     pub fn execute(&self) -> Result<Verdict, Failure> {
-        let scenario = self.scenario()?;
+        let scenario = self.arm.scenario()?;
         let arm = scenario.build_arm()?;
         let rate_hz = self.rate_hz(&scenario);
         let progress = Progress::new("integrators", Scheme::ALL.len(), "schemes");
@@ -98,12 +90,7 @@ impl Integrators {
         let default_scheme = Scheme::default();
         let document =
             Document { configuration, arm: arm_in_pose, rate_hz, default_scheme, natural_frequencies_hz, schemes };
-        if self.json {
-            output::print_json(&document)?;
-        } else {
-            output::print(&document.table(self.drift_steps))?;
-        }
-        Ok(Verdict::Positive)
+        self.json.show(&document, || document.table(self.drift_steps), &[])
     }
 
     /// If a scheme fails, its row says why; an invalid rate ends the command.
@@ -149,10 +136,9 @@ impl Document {
         let mut text =
             format!("{}, {} steps a second; default scheme: {}\n\n", self.arm, self.rate_hz, self.default_scheme);
         let [low, high] = self.natural_frequencies_hz.map(|frequency_hz| format!("{frequency_hz:.2} Hz"));
-        let _infallible = writeln!(
-            text,
+        text += &format!(
             "                        {:<22}  {:<22}  energy, {drift_steps} steps\n  \
-             scheme       order     damping   frequency     damping   frequency    change   spread   ns a step",
+             scheme       order     damping   frequency     damping   frequency    change   spread   ns a step\n",
             format!("mode 1: {low}"),
             format!("mode 2: {high}"),
         );
@@ -185,7 +171,7 @@ impl Row {
             self.scheme, self.order
         );
         if let Some(reason) = &self.refused {
-            let _infallible = writeln!(line, "                 {reason}");
+            line += &format!("                 {reason}\n");
         }
         line
     }

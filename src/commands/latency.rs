@@ -1,6 +1,5 @@
 //! `resonarm latency`: how punctual the real-time loop is on this machine, compared with a loop that does nothing.
 
-use core::fmt::Write;
 use std::path::PathBuf;
 use std::thread;
 
@@ -11,7 +10,8 @@ use crate::commands::doctor;
 use crate::failure::{Failure, Verdict};
 use crate::figures::latency_figure::{self, HistogramFlag, LatencyCurve};
 use crate::flags::{SpinFlag, ThreadFlags};
-use crate::output::{self, OverwriteFlag};
+use crate::output::{JsonFlag, OverwriteFlag};
+use crate::recordings::existing;
 use crate::session::seconds;
 use resonarm::realtime::{
     Finding, LatencyHistogram, Percentiles, Privileges, SampleRate, SpinChoice, SystemClock, ThreadReport, ThreadSetup,
@@ -35,7 +35,7 @@ pub(crate) struct Latency {
     #[arg(long, value_name = "HZ", value_delimiter = ',', default_value = "1000")]
     rate_hz: Vec<f64>,
     /// How long a turn is, s.
-    #[arg(long, value_name = "S", default_value_t = 1.0, allow_hyphen_values = true)]
+    #[arg(long, value_name = "S", default_value_t = 1.0)]
     turn_s: f64,
     /// Turns of each loop at each rate.
     #[arg(long, value_name = "N", default_value_t = 5, value_parser = clap::value_parser!(u16).range(1..))]
@@ -51,9 +51,8 @@ pub(crate) struct Latency {
     histogram: HistogramFlag,
     #[command(flatten)]
     overwrite: OverwriteFlag,
-    /// Print one JSON document.
-    #[arg(long)]
-    json: bool,
+    #[command(flatten)]
+    json: JsonFlag,
 }
 
 /// How long the controller may be delayed before the plant considers it lost, s.
@@ -105,7 +104,7 @@ impl Latency {
         let setup = self.thread.setup()?;
         seconds("--turn-s", self.turn_s)?;
         self.histogram.check(self.overwrite.overwrite)?;
-        let mut existing = if self.overwrite.overwrite { Existing::Overwrite } else { Existing::Refuse };
+        let mut existing = existing(self.overwrite.overwrite);
         // All are checked before the first is run.
         for rate_hz in &self.rate_hz {
             self.session(*rate_hz, setup, existing)?;
@@ -127,12 +126,8 @@ impl Latency {
             latency_figure::write(path, &thread, &panels)?;
         }
         let document = Document { thread: got, rates, findings: Privileges::probe().findings() };
-        if self.json {
-            output::print_json(&document)?;
-        } else {
-            output::print(&(table(&document) + "\n" + &doctor::in_words(&document.findings)))?;
-        }
-        Ok(Verdict::Positive)
+        let text = || table(&document) + "\n" + &doctor::in_words(&document.findings);
+        self.json.show(&document, text, &[])
     }
 
     /// A plant and a controller that drives it below the first resonance for a turn.
@@ -181,10 +176,7 @@ impl Latency {
                 let (overruns, spin, counted) = (plant.overruns, plant.spin, [Some(bare.1), late, exec]);
                 Ok(Turn { bare: percentiles, plant: wakeup, execution, overruns, lost_records, spin, counted })
             }
-            _ => Err(Failure::Usage(format!(
-                "--turn-s is {}: at {rate_hz} Hz there is no sample in it",
-                short(&self.turn_s)
-            ))),
+            _ => Err(Failure::value("--turn-s", self.turn_s, format!("at {rate_hz} Hz there is no sample in it"))),
         }
     }
 }
@@ -245,23 +237,21 @@ fn table(document: &Document) -> String {
         Some(report) => format!("threads: {report}\n"),
         None => String::from("threads: ordinary ones\n"),
     };
-    let _infallible =
-        writeln!(text, "{:>9}  {:<22} {:>9} {:>9} {:>9} {:>9}", "rate", "µs", "p50", "p99", "p99.9", "longest");
+    text += &format!("{:>9}  {:<22} {:>9} {:>9} {:>9} {:>9}\n", "rate", "µs", "p50", "p99", "p99.9", "longest");
     for at in &document.rates {
         let rows = [("late, bare loop", at.bare_us), ("late, plant", at.plant_us), ("work, plant", at.execution_us)];
         for (name, Percentiles { p50, p99, p99_9, max, .. }) in rows {
             let rate = format!("{} Hz", short(&at.rate_hz));
-            let _infallible = writeln!(text, "{rate:>9}  {name:<22} {p50:>9.1} {p99:>9.1} {p99_9:>9.1} {max:>9.1}");
+            text += &format!("{rate:>9}  {name:<22} {p50:>9.1} {p99:>9.1} {p99_9:>9.1} {max:>9.1}\n");
         }
         let AtRate { ratio_p50, ratio_p99, overruns, lost_records, .. } = at;
         let lost = if *lost_records == 0 { String::new() } else { format!(", {lost_records} records lost") };
-        let _infallible = writeln!(
-            text,
-            "{:>9}  {:<22} {ratio_p50:>9.2} {ratio_p99:>9.2}            {overruns} overruns{lost}",
+        text += &format!(
+            "{:>9}  {:<22} {ratio_p50:>9.2} {ratio_p99:>9.2}            {overruns} overruns{lost}\n",
             "", "plant over bare loop"
         );
         if let Some(spin) = &at.spin {
-            let _infallible = writeln!(text, "{:>9}  spinning {spin}", "");
+            text += &format!("{:>9}  spinning {spin}\n", "");
         }
     }
     text

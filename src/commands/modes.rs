@@ -1,6 +1,5 @@
 //! `resonarm modes`: the natural modes of the linearised arm, in one pose or over β2.
 
-use core::fmt::Write;
 use std::path::PathBuf;
 
 use clap::Args;
@@ -11,7 +10,7 @@ use crate::configuration;
 use crate::failure::{Failure, Verdict};
 use crate::figures::captions;
 use crate::flags::{self, ArmFlags};
-use crate::output::{self, OverwriteFlag};
+use crate::output::{self, JsonFlag, OverwriteFlag};
 use resonarm::analysis::{Mode, modes};
 use resonarm::arm::Arm;
 use resonarm::scenario::{ArmSection, Scenario};
@@ -27,7 +26,7 @@ use resonarm_numeric::number::short;
 #[derive(Debug, Args)]
 pub(crate) struct Modes {
     #[command(flatten)]
-    arm: ArmFlags,
+    pub(crate) arm: ArmFlags,
     /// First β2 of a range, degrees.
     #[arg(long, value_name = "DEG", requires = "to_beta2_deg", conflicts_with = "beta2_deg")]
     from_beta2_deg: Option<f64>,
@@ -42,14 +41,12 @@ pub(crate) struct Modes {
     plot: Option<PathBuf>,
     #[command(flatten)]
     overwrite: OverwriteFlag,
-    /// Print one JSON document.
-    #[arg(long)]
-    json: bool,
+    #[command(flatten)]
+    json: JsonFlag,
 }
 
 #[derive(Serialize)]
 struct Document {
-    /// The arm and its pose.
     configuration: Value,
     modes: [Mode; 2],
 }
@@ -68,52 +65,27 @@ struct InPose {
 }
 
 impl Modes {
-    /// The scenario of the flags.
-    pub(crate) fn scenario(&self) -> Result<Scenario, Failure> {
-        self.arm.scenario(|| Ok(Scenario::default()))
-    }
-
     pub fn execute(&self) -> Result<Verdict, Failure> {
         self.overwrite.check_stem(self.plot.as_deref(), output::PLOTTED)?;
-        let scenario = self.scenario()?;
+        let scenario = self.arm.scenario()?;
         match (self.from_beta2_deg, self.to_beta2_deg) {
-            (Some(from_deg), Some(to_deg)) => self.over(&scenario, from_deg, to_deg)?,
-            _ => self.in_pose(&scenario)?,
+            (Some(from_deg), Some(to_deg)) => self.over(&scenario, from_deg, to_deg),
+            _ => self.in_pose(&scenario),
         }
-        Ok(Verdict::Positive)
     }
 
-    fn in_pose(&self, scenario: &Scenario) -> Result<(), Failure> {
+    fn in_pose(&self, scenario: &Scenario) -> Result<Verdict, Failure> {
         let arm = scenario.build_arm()?;
         let modes = modes(&arm);
-        if self.json {
-            return output::print_json(&Document { configuration: configuration::of_arm(scenario)?, modes });
-        }
-        let mut text = format!(
-            "{} at β1 = {}°, β2 = {}°\n{}\n  mode   undamped frequency   damping ratio   α2/α1\n",
-            scenario.arm.label(),
-            scenario.arm.beta1_deg,
-            scenario.arm.beta2_deg,
-            sag_text(&arm)
-        );
-        for (k, mode) in modes.iter().enumerate() {
-            let ratio = mode.shape[1] / mode.shape[0];
-            let _infallible = writeln!(
-                text,
-                "  {:4}   {:15.2} Hz   {:13.3e}   {ratio:+.4}",
-                k + 1,
-                mode.frequency_hz,
-                mode.damping_ratio
-            );
-        }
-        output::print(&text)
+        let document = Document { configuration: configuration::of_arm(scenario)?, modes };
+        self.json.show(&document, || document.text(scenario, &arm), &[])
     }
 
-    fn over(&self, scenario: &Scenario, from_deg: f64, to_deg: f64) -> Result<(), Failure> {
+    fn over(&self, scenario: &Scenario, from_deg: f64, to_deg: f64) -> Result<Verdict, Failure> {
         // False for NaN, too.
         let rises = -360.0 <= from_deg && from_deg < to_deg && to_deg <= 360.0;
         if !rises {
-            return Err(Failure::Usage(format!(
+            return Err(Failure::usage(format!(
                 "--from-beta2-deg {} --to-beta2-deg {}: the poses must rise from one angle to the other, within -360 to 360",
                 short(&from_deg),
                 short(&to_deg)
@@ -132,15 +104,32 @@ impl Modes {
             ["beta2_deg", "static_deflection_rad"].into_iter().for_each(|varied| drop(arm.remove(varied)));
         }
         let document = RangeDocument { configuration, poses };
-        let files = match &self.plot {
-            Some(stem) => Some(output::plot(stem, &document.figure(&scenario.arm), &document.csv(), &document)?),
-            None => None,
-        };
-        match (self.json, files) {
-            (true, _) => output::print_json(&document),
-            (false, Some(files)) => output::print_written(&files),
-            (false, None) => output::print(&document.csv()),
+        let drawn = || (document.figure(&scenario.arm), document.csv());
+        let files = output::plot(self.plot.as_deref(), &document, drawn)?;
+        let text = || if files.is_empty() { document.csv() } else { String::new() };
+        self.json.show(&document, text, &files)
+    }
+}
+
+impl Document {
+    fn text(&self, scenario: &Scenario, arm: &Arm) -> String {
+        let mut text = format!(
+            "{} at β1 = {}°, β2 = {}°\n{}\n  mode   undamped frequency   damping ratio   α2/α1\n",
+            scenario.arm.label(),
+            scenario.arm.beta1_deg,
+            scenario.arm.beta2_deg,
+            sag_text(arm)
+        );
+        for (k, mode) in self.modes.iter().enumerate() {
+            let ratio = mode.shape[1] / mode.shape[0];
+            text += &format!(
+                "  {:4}   {:15.2} Hz   {:13.3e}   {ratio:+.4}\n",
+                k + 1,
+                mode.frequency_hz,
+                mode.damping_ratio
+            );
         }
+        text
     }
 }
 
@@ -161,12 +150,12 @@ impl RangeDocument {
     fn csv(&self) -> String {
         let mut text = String::from("beta2_deg");
         for k in 1..=2 {
-            let _infallible = write!(text, ",frequency{k}_hz,damping_ratio{k},shape{k}_alpha1,shape{k}_alpha2");
+            text += &format!(",frequency{k}_hz,damping_ratio{k},shape{k}_alpha1,shape{k}_alpha2");
         }
         for InPose { beta2_deg, modes } in &self.poses {
-            let _infallible = write!(text, "\n{beta2_deg}");
+            text += &format!("\n{beta2_deg}");
             for Mode { frequency_hz, damping_ratio, shape: [first, second] } in modes {
-                let _infallible = write!(text, ",{frequency_hz},{damping_ratio:e},{first},{second}");
+                text += &format!(",{frequency_hz},{damping_ratio:e},{first},{second}");
             }
         }
         text.push('\n');

@@ -1,24 +1,22 @@
 //! `resonarm poincare`: Poincaré sections, and bifurcation diagrams made of them.
 
-use core::fmt::Write;
-use std::path::{Path, PathBuf};
-
 use clap::{Args, ValueEnum};
 use serde::Serialize;
 use serde_json::{Map, Value, json};
 
-use crate::commands::continuation::DriveFlags;
 use crate::failure::{Failure, Verdict};
 use crate::figures::captions;
-use crate::interval::{Ends, interval};
-use crate::motion_flags::{DirectionFlag, MotionFlags, direction_name, or_empty};
-use crate::{output, study};
-use resonarm::analysis::time_domain::{Direction, Grid, Sweep, SweepParameter};
-use resonarm::arm::{Arm, Load, Sine, State};
-use resonarm::integrate::{Integrator, Scheme};
+use crate::flags;
+use crate::motion_flags::{DirectionFlag, MotionFlags, or_empty};
+use crate::quantity::{Ends, Quantity, interval};
+use crate::study;
+use resonarm::analysis::Coordinate;
+use resonarm::analysis::time_domain::{Direction, Grid, Sweep, SweepParameter, path};
+use resonarm::arm::{Load, State};
+use resonarm::integrate::Sine;
 use resonarm::scenario::Scenario;
 use resonarm::study::{Chain, Chains, Point};
-use resonarm_figures::plot::{Axis, Color, Figure, Legend, Marker, Panel, Series, Style};
+use resonarm_figures::plot::{Axis, Color, Figure, Legend, Marker, Panel, Series};
 
 /// Points of the section to keep if a motion doesn't settle: of a single motion, and at each value of a diagram.
 const SECTION_POINTS: usize = 2000;
@@ -38,7 +36,7 @@ pub(crate) struct Poincare {
     #[command(flatten)]
     pub(crate) motion: MotionFlags,
     /// Excitation frequency, Hz; not with --parameter frequency.
-    #[arg(long, value_name = "F", allow_hyphen_values = true)]
+    #[arg(long, value_name = "F")]
     frequency_hz: Option<f64>,
     /// Quantity to step for a bifurcation diagram [default: nothing, one section].
     #[arg(long, value_enum)]
@@ -69,35 +67,32 @@ enum ParameterFlag {
 #[derive(Clone, Debug, Args)]
 struct RangeFlags {
     /// One end of the frequencies, Hz.
-    #[arg(long, value_name = "F", allow_hyphen_values = true)]
+    #[arg(long, value_name = "F")]
     from_hz: Option<f64>,
     /// The other end, Hz.
-    #[arg(long, value_name = "F", allow_hyphen_values = true)]
+    #[arg(long, value_name = "F")]
     to_hz: Option<f64>,
     /// One end of the torques at joint 1, N·m.
-    #[arg(long, value_name = "A", allow_hyphen_values = true)]
+    #[arg(long, value_name = "A")]
     from_nm: Option<f64>,
     /// The other end, N·m.
-    #[arg(long, value_name = "A", allow_hyphen_values = true)]
+    #[arg(long, value_name = "A")]
     to_nm: Option<f64>,
     /// One end of the forces at C, N.
-    #[arg(long, value_name = "A", allow_hyphen_values = true)]
+    #[arg(long, value_name = "A")]
     from_n: Option<f64>,
     /// The other end, N.
-    #[arg(long, value_name = "A", allow_hyphen_values = true)]
+    #[arg(long, value_name = "A")]
     to_n: Option<f64>,
 }
 
-/// The stepped quantity, with its names in results and in figures.
+/// What is stepped; without sweeps nothing.
 struct Stepped {
-    name: &'static str,
-    axis: &'static str,
+    quantity: Quantity,
     /// The peak load; for the value 1 where the amplitude is stepped.
     load: Load,
     sweeps: Vec<Sweep>,
 }
-
-/// A motion in results.
 #[derive(Serialize)]
 struct MotionDocument {
     #[serde(skip_serializing_if = "Option::is_none")]
@@ -139,7 +134,7 @@ impl Poincare {
         let chains = self.chains(&scenario, &stepped)?;
         let mut configuration = self.motion.configuration(&scenario, &stepped.load)?;
         configuration["poincare"] = json!({
-            "parameter": stepped.name,
+            "parameter": stepped.quantity.name,
             "frequency_hz": self.frequency_hz,
             "values": stepped.sweeps.iter().map(|sweep| sweep.grid.values()).map(|v| [v.first(), v.last()]).collect::<Vec<_>>(),
             "directions": stepped.sweeps.iter().map(|sweep| sweep.direction).collect::<Vec<_>>(),
@@ -147,20 +142,11 @@ impl Poincare {
             "points": self.section_points(),
         });
         let journal = self.motion.make_out("poincare")?;
-        let walked = study::walk("section", chains, journal.as_deref().map(|path| (path, &configuration)))?;
+        let walked = study::walk("section", chains, journal, &configuration)?;
         let Some(walked) = walked else { return Ok(Verdict::Negative) };
         let document = self.document(configuration, &stepped, walked.points());
-        if self.motion.json {
-            output::print_json(&document)?;
-        } else {
-            output::print(&document.summary(self.motion.time_constants))?;
-        }
-        if let Some(out) = &self.motion.out {
-            let files = self.write(out, &scenario, &stepped, &document)?;
-            if !self.motion.json {
-                output::print_written(&files)?;
-            }
-        }
+        let (text, csv) = (|| document.summary(self.motion.time_constants), || document.csv(stepped.quantity.name));
+        self.motion.show("poincare", &document, text, csv, || self.figure(&scenario, &stepped, &document))?;
         walked.finish()?;
         Ok(Verdict::Positive)
     }
@@ -172,64 +158,34 @@ impl Poincare {
 
     /// The frequency that isn't stepped.
     fn frequency(&self) -> Result<f64, Failure> {
-        self.frequency_hz
-            .ok_or_else(|| Failure::Usage(String::from("give the excitation's frequency: --frequency-hz F")))
+        self.frequency_hz.ok_or_else(|| Failure::usage("give the excitation's frequency: --frequency-hz F"))
     }
 
     fn stepped(&self) -> Result<Stepped, Failure> {
-        match self.parameter {
+        let (drive, given) = (&self.motion.drive, self.range.ends());
+        let (parameter, quantity, load) = match self.parameter {
             None => {
                 self.frequency()?;
-                interval("a section without --parameter", None, &self.range.ends())?;
-                let load = self.motion.drive.load()?;
-                Ok(Stepped { name: "frequency_hz", axis: "", load, sweeps: Vec::new() })
+                interval("a section without --parameter", None, &given)?;
+                return Ok(Stepped { quantity: Quantity::frequency(), load: drive.load()?, sweeps: Vec::new() });
             }
-            Some(ParameterFlag::Frequency) if self.frequency_hz.is_some() => Err(Failure::Usage(String::from(
-                "--frequency-hz is for a section or a diagram in amplitude: leave it out",
-            ))),
-            Some(ParameterFlag::Frequency) => {
-                let load = self.motion.drive.load()?;
-                let ends = self.interval("--parameter frequency", "-hz")?;
-                let parameter = SweepParameter::Frequency { amplitude: load };
-                self.steps("frequency_hz", "excitation frequency (Hz)", load, parameter, ends)
+            Some(ParameterFlag::Frequency) if self.frequency_hz.is_some() => {
+                let refusal = "--frequency-hz is for a section or a diagram in amplitude: leave it out";
+                return Err(Failure::usage(refusal));
             }
+            Some(ParameterFlag::Frequency) => ("--parameter frequency", Quantity::frequency(), drive.load()?),
             Some(ParameterFlag::Amplitude) => {
-                let DriveFlags { torque1_nm, force_x_n, force_y_n } = &self.motion.drive;
-                let is_force = force_x_n.is_some() || force_y_n.is_some();
-                if torque1_nm.is_some() {
-                    let refusal = "the amplitude is what is stepped: leave --torque1-nm out";
-                    return Err(Failure::Usage(String::from(refusal)));
-                }
-                let (name, axis, unit) = if is_force {
-                    ("force_n", "force at C (N)", "-n")
-                } else {
-                    ("torque1_nm", "torque at joint 1 (N·m)", "-nm")
-                };
-                let load = if is_force { self.motion.drive.direction()?.0 } else { Load::torque_nm(1.0, 0.0) };
-                let ends = self.interval("--parameter amplitude", unit)?;
-                let parameter = SweepParameter::Amplitude { unit: load, frequency_hz: self.frequency()? };
-                self.steps(name, axis, load, parameter, ends)
+                let (direction, _) = drive.direction_of("is stepped")?;
+                ("--parameter amplitude", Quantity::amplitude(drive), direction)
             }
-        }
-    }
-
-    fn interval(&self, parameter: &str, unit: &str) -> Result<(f64, f64), Failure> {
-        Ok(interval(parameter, Some(unit), &self.range.ends())?.unwrap_or_default())
-    }
-
-    fn steps(
-        &self,
-        name: &'static str,
-        axis: &'static str,
-        load: Load,
-        parameter: SweepParameter,
-        (from, to): (f64, f64),
-    ) -> Result<Stepped, Failure> {
-        let grid = Grid::new(from, to, self.steps)?;
-        let directions = self.direction.directions().iter();
-        let sweep = |direction: &Direction| Sweep { parameter, grid: grid.clone(), direction: *direction };
-        let sweeps = directions.map(sweep).collect();
-        Ok(Stepped { name, axis, load, sweeps })
+        };
+        let (from, to) = quantity.interval(parameter, &given)?;
+        let parameter = match quantity.coordinate {
+            Coordinate::FrequencyHz => SweepParameter::Frequency { amplitude: load },
+            Coordinate::Parameter(_) => SweepParameter::Amplitude { unit: load, frequency_hz: self.frequency()? },
+        };
+        let sweeps = self.direction.sweeps(parameter, &Grid::new(from, to, self.steps)?);
+        Ok(Stepped { quantity, load, sweeps })
     }
 
     fn chains(&self, scenario: &Scenario, stepped: &Stepped) -> Result<Chains, Failure> {
@@ -240,13 +196,13 @@ impl Poincare {
         };
         let chains = excitations.into_iter().map(|excitations| Chain { arm: arm.clone(), excitations }).collect();
         let options = self.motion.options(self.section_points());
-        Ok(Chains { chains, start: MotionFlags::start(scenario), options })
+        Ok(Chains { chains, start: flags::state(scenario.arm.initial), options })
     }
 
     fn document(&self, configuration: Value, stepped: &Stepped, points: &[Vec<Point>]) -> Document {
         let motion = |direction, value: f64, point: &Point| MotionDocument {
             direction,
-            place: Map::from_iter([(String::from(stepped.name), json!(value))]),
+            place: Map::from_iter([(String::from(stepped.quantity.name), json!(value))]),
             period: point.period,
             settling_periods: point.settling_periods,
             drift: point.drift,
@@ -265,80 +221,43 @@ impl Poincare {
         Document { configuration, motions }
     }
 
-    fn write(
-        &self,
-        out: &Path,
-        scenario: &Scenario,
-        stepped: &Stepped,
-        document: &Document,
-    ) -> Result<Vec<PathBuf>, Failure> {
-        let mut files = vec![
-            output::write(out.join("poincare.csv"), &document.csv(stepped.name))?,
-            output::write_json(out.join("poincare.json"), document)?,
-        ];
+    fn figure(&self, scenario: &Scenario, stepped: &Stepped, document: &Document) -> Result<Figure, Failure> {
         let pose = captions::pose(&scenario.arm);
         let hz = self.frequency_hz.map_or(String::new(), |hz| format!("{hz} Hz"));
         let (load, direction) = (captions::load(&stepped.load), captions::direction(&stepped.load));
-        let figure = match self.parameter {
+        Ok(match self.parameter {
             None => self.section_figure(scenario, stepped, document)?.subtitle(pose.and(load).and(hz)),
             Some(ParameterFlag::Frequency) => diagram(document, stepped).subtitle(pose.and(load)),
             Some(ParameterFlag::Amplitude) => diagram(document, stepped).subtitle(pose.and(direction).and(hz)),
-        };
-        files.extend(figure.write(&out.join("poincare"))?);
-        Ok(files)
+        })
     }
-}
 
-impl Poincare {
     /// The section in the planes of both joints, over the path of the motion if it is periodic: its few points alone
     /// would show little.
     fn section_figure(&self, scenario: &Scenario, stepped: &Stepped, document: &Document) -> Result<Figure, Failure> {
         let sine = Sine { amplitude: stepped.load, frequency_hz: self.frequency()? };
         let motion = document.motions.first();
-        let repeating = motion.and_then(|motion| Some((*motion.section.first()?, motion.period?)));
+        let repeating = motion.and_then(|motion| Some((motion.section.first()?, motion.period?)));
         let path = match repeating {
-            Some((start, periods)) => path(&scenario.build_arm()?, &sine, start, periods)?,
+            Some((start, periods)) => path(&scenario.build_arm()?, &sine, &flags::state(*start), periods)?,
             None => Vec::new(),
         };
         let mut figure = Figure::new("Poincaré section at phase 0 of the excitation");
         figure.columns = 2;
         for joint in 0..2 {
             let plane = |state: &[f64; 4]| (state[joint], state[2 + joint]);
+            let on_path = |state: &State| (state.alpha_rad[joint], state.alpha_dot_rad_s[joint]);
             let points: Vec<_> = document.motions.iter().flat_map(|motion| &motion.section).map(plane).collect();
             let size = if points.len() > 20 { 2.0 } else { 6.0 };
-            let style = Style::Markers { color: Color::Blue, shape: Marker::Circle, size, filled: true };
             let alpha = captions::ALPHA[joint];
             let [x, y] = [format!("{alpha} (rad)"), format!("d{alpha}/dt (rad/s)")].map(Axis::linear);
-            let mut panel = Panel::new(x, y).legend(if joint == 0 { Legend::Auto } else { Legend::None });
-            if !path.is_empty() {
-                panel = panel.with(Series::line("motion", Color::Grey, path.iter().map(plane).collect()));
-            }
-            figure =
-                figure.with(panel.with(Series::markers("section", Color::Blue, Marker::Circle, points).style(style)));
+            let panel = Panel::new(x, y).legend(if joint == 0 { Legend::Auto } else { Legend::None });
+            let panel = panel.with_any(Series::line("motion", Color::Grey, path.iter().map(on_path).collect()));
+            let section = Series::markers("section", Color::Blue, Marker::Circle, points);
+            figure = figure.with(panel.with(section.marked(size, true)));
         }
         Ok(figure)
     }
-}
-
-/// States of a path between two points of a section, and the least rate at which it is integrated, Hz.
-const PATH_STATES: f64 = 400.0;
-const PATH_RATE_HZ: f64 = 4000.0;
-
-/// The states of a motion over its `periods` periods of the excitation, from its state at phase 0.
-fn path(arm: &Arm, sine: &Sine, start: [f64; 4], periods: u32) -> Result<Vec<[f64; 4]>, Failure> {
-    let least = (PATH_RATE_HZ / sine.frequency_hz / PATH_STATES).ceil().max(1.0);
-    let steps_per_state = least.min(1000.0) as u32;
-    let rate_hz = PATH_STATES * f64::from(steps_per_state) * sine.frequency_hz;
-    let integrator = Integrator::new(Scheme::default(), rate_hz, arm)?;
-    let mut state = State::new([start[0], start[1]], [start[2], start[3]]);
-    let mut path = vec![start];
-    for step in 1..=PATH_STATES as u32 * steps_per_state * periods {
-        state = integrator.step(arm, f64::from(step - 1) / rate_hz, &state, sine)?;
-        if step % steps_per_state == 0 {
-            path.push([state.alpha_rad.x, state.alpha_rad.y, state.alpha_dot_rad_s.x, state.alpha_dot_rad_s.y]);
-        }
-    }
-    Ok(path)
 }
 
 impl Document {
@@ -351,13 +270,12 @@ impl Document {
         for period in periods {
             let count = self.motions.iter().filter(|motion| motion.period == period).count();
             let motions = if count == 1 { "motion" } else { "motions" };
-            let _infallible = match period {
-                Some(1) => writeln!(text, "{count} {motions} with the period of the excitation"),
-                Some(period) => writeln!(text, "{count} {motions} of {period} periods of the excitation"),
-                None => writeln!(
-                    text,
+            text += &match period {
+                Some(1) => format!("{count} {motions} with the period of the excitation\n"),
+                Some(period) => format!("{count} {motions} of {period} periods of the excitation\n"),
+                None => format!(
                     "{count} {motions} not settled within {time_constants} time constants: quasi-periodic, chaotic, of a \
-                     period above 8, or still settling (try more --time-constants)"
+                     period above 8, or still settling (try more --time-constants)\n"
                 ),
             };
         }
@@ -367,9 +285,9 @@ impl Document {
     fn csv(&self, name: &str) -> String {
         let mut text = format!("direction,{name},period,alpha1_rad,alpha2_rad,alpha_dot1_rad_s,alpha_dot2_rad_s\n");
         for motion in &self.motions {
-            let (direction, period) = (or_empty(motion.direction.map(direction_name)), or_empty(motion.period));
+            let (direction, period) = (or_empty(motion.direction.map(Direction::name)), or_empty(motion.period));
             for [x1, x2, v1, v2] in &motion.section {
-                let _infallible = writeln!(text, "{direction},{},{period},{x1},{x2},{v1},{v2}", motion.value);
+                text += &format!("{direction},{},{period},{x1},{x2},{v1},{v2}\n", motion.value);
             }
         }
         text
@@ -381,13 +299,13 @@ fn diagram(document: &Document, stepped: &Stepped) -> Figure {
     let mut figure = Figure::new("Bifurcation diagram: the section at phase 0 of the excitation");
     for joint in 0..2 {
         let axis = Axis::linear(format!("{} (rad)", captions::ALPHA[joint]));
-        let mut panel = Panel::new(Axis::linear(stepped.axis), axis);
+        let mut panel = Panel::new(Axis::linear(&stepped.quantity.label), axis);
         for sweep in &stepped.sweeps {
             let (color, size) = match sweep.direction {
                 Direction::Up => (Color::Blue, 3.5),
                 Direction::Down => (Color::Vermillion, 2.0),
             };
-            let direction = direction_name(sweep.direction);
+            let direction = sweep.direction.name();
             // Periodic motions as a few points, others as a cloud of small ones.
             for (repeats, label, size) in [
                 (true, format!("stepped {direction}"), size),
@@ -397,11 +315,8 @@ fn diagram(document: &Document, stepped: &Stepped) -> Figure {
                 let motions = motions
                     .filter(|motion| motion.direction == Some(sweep.direction) && motion.period.is_some() == repeats);
                 let points = motions.flat_map(|motion| motion.section.iter().map(|state| (motion.value, state[joint])));
-                let points: Vec<_> = points.collect();
-                if !points.is_empty() {
-                    let style = Style::Markers { color, shape: Marker::Circle, size, filled: true };
-                    panel = panel.with(Series::markers(label, color, Marker::Circle, points).style(style));
-                }
+                let series = Series::markers(label, color, Marker::Circle, points.collect());
+                panel = panel.with_any(series.marked(size, true));
             }
         }
         figure = figure.with(if joint == 1 { panel.legend(Legend::None) } else { panel });

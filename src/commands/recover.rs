@@ -4,10 +4,10 @@ use std::path::PathBuf;
 
 use clap::Args;
 
-use crate::commands::inspect;
 use crate::failure::{Failure, Verdict};
-use crate::output;
-use resonarm::recording::{Existing, Recovered, recover};
+use crate::output::JsonFlag;
+use crate::recordings::{existing, integrity_note};
+use resonarm::recording::{Recovered, recover};
 
 /// Writes the readable records of a truncated or damaged recording into a whole one, for tools that accept only whole
 /// files. Damaged chunks are left out and listed. The old file is not changed; if it has no readable record, no file is
@@ -21,26 +21,19 @@ pub(crate) struct Recover {
     /// Overwrite the new file if it exists.
     #[arg(long)]
     overwrite: bool,
-    /// Print one JSON document.
-    #[arg(long)]
-    json: bool,
+    #[command(flatten)]
+    json: JsonFlag,
 }
 
 impl Recover {
     pub fn execute(&self) -> Result<Verdict, Failure> {
-        let existing = if self.overwrite { Existing::Overwrite } else { Existing::Refuse };
-        let recovered = recover(&self.file, &self.output, existing)?;
-        if self.json {
-            output::print_json(&recovered)?;
-        } else {
-            output::print(&text(&recovered))?;
-        }
-        Ok(Verdict::Positive)
+        let recovered = recover(&self.file, &self.output, existing(self.overwrite))?;
+        self.json.show(&recovered, || text(&recovered), &[])
     }
 }
 
 fn text(recovered: &Recovered) -> String {
-    let mut text = inspect::integrity_note(&recovered.source).unwrap_or_default() + "\n";
+    let mut text = integrity_note(&recovered.source).unwrap_or_default() + "\n";
     let mut line = |line: String| text.extend([&line, "\n"]);
     for chunk in &recovered.lost_chunks {
         let times = chunk.log_times_ns.map_or(String::new(), |(first, last)| {

@@ -1,17 +1,15 @@
 //! `resonarm replay`: sends recorded frames to a bus, for any listener or against a live controller.
 
 use std::path::PathBuf;
-use std::sync::Arc;
 
 use clap::{Args, ValueEnum};
 
-use crate::commands::inspect;
 use crate::failure::{Failure, Verdict};
 use crate::live::{self, LiveFlags, Showing};
-use crate::output;
+use crate::output::JsonFlag;
+use crate::recordings::{self, TimeRange};
 use crate::session::seconds;
 use crate::supervise::supervise;
-use crate::time_range::TimeRange;
 use resonarm::bus::{self, Bus, BusAddress};
 use resonarm::control::Length;
 use resonarm::export;
@@ -37,7 +35,7 @@ pub(crate) struct Replay {
     #[arg(long, value_name = "BUS", required_unless_present = "live", conflicts_with = "live")]
     bus: Option<String>,
     /// Times the recorded speed, from 0.001 to 1000000, with --live to 1000; 0 is as fast as possible, not with --live.
-    #[arg(long, value_name = "X", default_value_t = 1.0, allow_hyphen_values = true)]
+    #[arg(long, value_name = "X", default_value_t = 1.0)]
     speed: f64,
     #[command(flatten)]
     selection: SelectionFlags,
@@ -105,8 +103,6 @@ fn identifier(text: &str) -> Result<Id, String> {
     let frame = format!("{text}#").parse::<Frame>();
     frame.map(|frame| frame.id()).map_err(|error| format!("{error}; write 3 hexadecimal digits, or 8"))
 }
-
-/// Two identifiers.
 fn mapping(text: &str) -> Result<(Id, Id), String> {
     let (from, to) = text.split_once('=').ok_or("write it as 203=213")?;
     Ok((identifier(from)?, identifier(to)?))
@@ -115,39 +111,34 @@ fn mapping(text: &str) -> Result<(Id, Id), String> {
 impl Replay {
     pub fn execute(&self) -> Result<Verdict, Failure> {
         let address = self.bus.as_deref().map(str::parse::<BusAddress>).transpose()?;
-        let recording = Recording::open(&self.file)?;
-        if let Some(note) = inspect::integrity_note(recording.integrity()) {
-            tracing::warn!("{note}");
-        }
+        let recording = recordings::open(&self.file)?;
         let Some(address) = address else {
             let SelectionFlags { range, times, .. } = &self.selection;
             if range.from_s.or(range.to_s).is_some() {
-                return Err(Failure::Usage(String::from(
-                    "--from-s and --to-s are for --bus: `resonarm cut` copies a range of time",
-                )));
+                return Err(Failure::usage("--from-s and --to-s are for --bus: `resonarm cut` copies a range of time"));
             }
             live::show(&self.live, recording, Showing { speed: self.speed, times: *times, wait: self.wait })?;
             return Ok(Verdict::Positive);
         };
+        let json = JsonFlag { json: self.json };
         if self.against.against {
             let regression = self.regression()?;
             let compared =
                 on_bus(&address, move |bus, signals| play_against(&recording, bus, &SystemClock, regression, signals))?;
-            return self.print_compared(&compared);
+            json.show(&compared, || text(&compared), &[])?;
+            return Ok(Verdict::of(compared.first_difference.is_none()));
         }
         let playback = self.playback(&recording)?;
         let played = on_bus(&address, move |bus, signals| play(&recording, bus, &SystemClock, &playback, signals))?;
-        if self.json {
-            output::print_json(&played)?;
-        } else {
-            output::print(&format!(
+        let text = || {
+            format!(
                 "{} frames of {:.3} recorded seconds sent to {address}, the latest {:.3} ms late\n",
                 played.frames,
                 played.recorded_s,
                 played.latest_s * 1e3
-            ))?;
-        }
-        Ok(Verdict::Positive)
+            )
+        };
+        json.show(&played, text, &[])
     }
 
     fn playback(&self, recording: &Recording) -> Result<Playback, Failure> {
@@ -168,19 +159,10 @@ impl Replay {
         let AgainstFlags { limit_n, limit_nm, patience_s, .. } = self.against;
         for (flag, limit) in [("--limit-n", limit_n), ("--limit-nm", limit_nm)] {
             if limit < 0.0 {
-                return Err(Failure::Usage(format!("{flag} is {}: it must be 0 or more", short(&limit))));
+                return Err(Failure::value(flag, limit, "it must be 0 or more"));
             }
         }
         Ok(Regression { speed: self.speed, limit_n, limit_nm, patience: seconds("--patience-s", patience_s)? })
-    }
-
-    fn print_compared(&self, compared: &Compared) -> Result<Verdict, Failure> {
-        if self.json {
-            output::print_json(compared)?;
-        } else {
-            output::print(&text(compared))?;
-        }
-        Ok(Verdict::of(compared.first_difference.is_none()))
     }
 }
 
@@ -190,20 +172,12 @@ fn on_bus<T: Send + 'static>(
     work: impl FnOnce(&mut dyn Bus, &Signals) -> Result<T, ReplayError> + Send + 'static,
 ) -> Result<T, Failure> {
     let mut bus = bus::open(address)?;
-    let signals = Arc::new(Signals::default());
-    let watched = Arc::clone(&signals);
-    let result = supervise(
-        "replay",
-        &signals,
-        Length::Unknown,
-        |_line| {},
-        move || {
-            let result = work(bus.as_mut(), &watched);
-            let closed = bus.close();
-            result.and_then(|done| closed.map(|()| done).map_err(Into::into))
-        },
-    )?;
-    Ok(result?)
+    let work = move |signals: &Signals| {
+        let result = work(bus.as_mut(), signals);
+        let closed = bus.close();
+        result.and_then(|done| closed.map(|()| done).map_err(Into::into))
+    };
+    Ok(supervise("replay", Length::Unknown, |_, _| {}, work)??)
 }
 
 fn text(compared: &Compared) -> String {

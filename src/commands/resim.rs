@@ -4,9 +4,9 @@ use std::path::PathBuf;
 
 use clap::Args;
 
-use crate::commands::inspect;
 use crate::failure::{Failure, Verdict};
-use crate::output;
+use crate::output::JsonFlag;
+use crate::recordings::integrity_note;
 use resonarm::recording::{Recording, build_info};
 use resonarm::replay::{self, ReadingsVerdict, resimulate, resimulate_readings};
 use serde::Serialize;
@@ -17,12 +17,8 @@ use serde::Serialize;
 pub(crate) struct Resim {
     /// The recording, an MCAP file.
     file: PathBuf,
-    /// Simulate the instruments as well, and compare every reading.
-    #[arg(long)]
-    readings: bool,
-    /// Print one JSON document.
-    #[arg(long)]
-    json: bool,
+    #[command(flatten)]
+    json: JsonFlag,
 }
 
 impl Resim {
@@ -37,30 +33,14 @@ impl Resim {
                 then.target
             );
         }
-        let states = resimulate(&recording)?;
-        let readings = self.readings.then(|| resimulate_readings(&recording)).transpose()?;
-        let identical = states.identical && readings.as_ref().is_none_or(|readings| readings.identical);
-        let document = Document { states, readings };
-        if self.json {
-            output::print_json(&document)?;
-        } else {
-            output::print(&text(&document))?;
-        }
-        Ok(Verdict::of(identical))
+        let verdict = resimulate(&recording)?;
+        self.json.show(&verdict, || text(&verdict), &[])?;
+        Ok(Verdict::of(verdict.identical))
     }
 }
 
-/// What is printed as JSON.
-#[derive(Debug, Serialize)]
-struct Document {
-    #[serde(flatten)]
-    states: replay::Verdict,
-    #[serde(skip_serializing_if = "Option::is_none")]
-    readings: Option<ReadingsVerdict>,
-}
-
-fn text(Document { states: verdict, readings }: &Document) -> String {
-    let mut text = inspect::integrity_note(&verdict.integrity).map_or(String::new(), |note| note + "\n");
+fn text(verdict: &replay::Verdict) -> String {
+    let mut text = integrity_note(&verdict.integrity).map_or(String::new(), |note| note + "\n");
     let samples = verdict.samples;
     text += &match (verdict.first_divergence, verdict.identical) {
         (Some(sample), _) => {

@@ -1,7 +1,6 @@
 //! `resonarm run`: the plant on a bus.
 
 use std::path::Path;
-use std::sync::Arc;
 
 use clap::Args;
 use serde::Serialize;
@@ -13,11 +12,10 @@ use crate::failure::{Failure, Verdict};
 use crate::figures::latency_figure::{self, HistogramFlag, LatencyCurve};
 use crate::flags::{self, SessionFlags, SpinFlag, ThreadFlags};
 use crate::live::{LiveFlags, Role, ShownRole, SteerFlag};
-use crate::output;
+use crate::output::JsonFlag;
 use crate::responses::{self, ResponseDocument};
 use crate::session::{
-    EventLog, PlantDocument, RecordFlags, complaint, event_ring, other_sender_warning, report_text, seconds,
-    set_filters,
+    EventLog, PlantDocument, RecordFlags, complaint, event_ring, open_bus, other_sender_warning, report_text, seconds,
 };
 use crate::status::{Status, StatusFlag, Style};
 use crate::supervise::{Line, supervise};
@@ -42,7 +40,7 @@ pub(crate) struct Run {
     #[command(flatten)]
     session: SessionFlags,
     /// Simulated seconds a second in lockstep and free; 0 is as fast as possible.
-    #[arg(long, value_name = "X", default_value_t = 0.0, allow_hyphen_values = true)]
+    #[arg(long, value_name = "X", default_value_t = 0.0)]
     speed: f64,
     #[command(flatten)]
     record: RecordFlags,
@@ -50,7 +48,7 @@ pub(crate) struct Run {
     #[arg(long)]
     stop_on_disarm: bool,
     /// How long to wait for a controller to arm the plant, s [default: without end].
-    #[arg(long, value_name = "S", allow_hyphen_values = true)]
+    #[arg(long, value_name = "S")]
     patience_s: Option<f64>,
     /// Reaction to a missed deadline in real time: slip, continue, fault, stop.
     #[arg(long, value_name = "POLICY", default_value_t)]
@@ -67,9 +65,8 @@ pub(crate) struct Run {
     steer: SteerFlag,
     #[command(flatten)]
     status: StatusFlag,
-    /// Print one JSON document.
-    #[arg(long)]
-    json: bool,
+    #[command(flatten)]
+    json: JsonFlag,
     /// Write events to standard error as JSON, one object a line: ready, armed, disarmed, faulted, slipped …
     #[arg(long)]
     json_events: bool,
@@ -95,9 +92,8 @@ pub(crate) fn default_scenario(mode: Mode) -> Result<Scenario> {
 }
 
 impl Run {
-    /// The scenario of the flags.
     pub(crate) fn scenario(&self) -> Result<Scenario> {
-        self.session.scenario(|| default_scenario(self.mode))
+        self.session.scenario_or(|| default_scenario(self.mode))
     }
 
     pub fn execute(&self) -> Result<Verdict> {
@@ -115,7 +111,7 @@ impl Run {
         self.histogram.check(self.record.overwrite)?;
         let session = Session::new(self.scenario()?, self.mode, options)?;
         if let (Mode::Free, Some(path)) = (self.mode, &self.histogram.histogram) {
-            return Err(Failure::Usage(format!(
+            return Err(Failure::usage(format!(
                 "--histogram {}: a run in the mode free has no schedule to be late for; take real-time or lockstep",
                 path.display()
             )));
@@ -128,24 +124,20 @@ impl Run {
 
     fn run_on_bus(&self, session: Session) -> Result<Verdict> {
         let Some(bus) = &self.bus else {
-            return Err(Failure::Usage(format!(
+            return Err(Failure::usage(format!(
                 "--bus is missing: name the bus, as --bus vcan0; --mode {} has one, --mode free has none",
                 self.mode
             )));
         };
         if self.steer.steer {
-            return Err(Failure::Usage(format!(
+            return Err(Failure::usage(format!(
                 "--steer is for --mode free; in the mode {} the exciter on the bus is steered: `resonarm exciter --live --steer`",
                 self.mode
             )));
         }
         let configuration = configuration::of_arm(session.scenario())?;
         let address: BusAddress = bus.parse()?;
-        session.leave_core();
-        let mut bus = bus::open(&address)?;
-        if self.record.record.is_none() && self.live.live.is_none() {
-            set_filters(bus.as_mut(), &address, &session)?;
-        }
+        let mut bus = open_bus(&address, &session, self.record.record.is_some() || self.live.live.is_some())?;
         let shown_role = ShownRole {
             role: Role::Plant,
             place: address.to_string(),
@@ -154,26 +146,20 @@ impl Run {
             steered: None,
         };
         let (session, _serving) = self.live.watched(session, &shown_role)?;
-        let signals = Arc::new(Signals::default());
         let (mut event_sender, events) = event_ring();
         let mut log = EventLog { events, json: self.json_events, bus: address.to_string() };
         let length = session.scenario().duration_samples()?.map_or(Length::Unknown, Length::Samples);
-        let (watched, shown) = (Arc::clone(&signals), Arc::clone(&signals));
         let mut status = self.status()?;
-        let report = supervise(
-            "plant",
-            &signals,
-            length,
-            |line| {
-                log.write(line);
-                status.write(&shown, line);
-            },
-            move || {
-                // If the ring is full, events are missing from the log, but not from the recording.
-                let report = session.plant(bus.as_mut(), &watched, |event| _ = event_sender.push(event))?;
-                Ok::<_, RunError>(close(report, bus.close()))
-            },
-        )??;
+        let on_tick = |line: &mut Line, signals: &Signals| {
+            log.write(line);
+            status.write(line, signals);
+        };
+        let work = move |signals: &Signals| {
+            // If the ring is full, events are missing from the log, but not from the recording.
+            let report = session.plant(bus.as_mut(), signals, |event| _ = event_sender.push(event))?;
+            Ok::<_, RunError>(close(report, bus.close()))
+        };
+        let report = supervise("plant", length, on_tick, work)??;
         self.conclude(configuration, report, None)
     }
 
@@ -183,7 +169,6 @@ impl Run {
         }
         let configuration = configuration::of_arm(session.scenario())?;
         let (session, steered) = self.steer.steered(session)?;
-        let signals = Arc::new(Signals::default());
         let length = match session.scenario().duration_samples()? {
             Some(samples) => Length::Samples(samples),
             None => session.controller()?.length(),
@@ -196,10 +181,9 @@ impl Run {
             steered,
         };
         let (session, _serving) = self.live.watched(session, &shown_role)?;
-        let (watched, shown) = (Arc::clone(&signals), Arc::clone(&signals));
         let mut status = self.status()?;
-        let on_tick = |line: &mut Line| status.write(&shown, line);
-        let report = supervise("plant", &signals, length, on_tick, move || session.both(&watched, |_| {}))??;
+        let work = move |signals: &Signals| session.both(signals, |_| {});
+        let report = supervise("plant", length, |line, signals| status.write(line, signals), work)??;
         self.conclude(configuration, report.plant, Some(&report.exciter))
     }
 
@@ -207,9 +191,9 @@ impl Run {
         match (self.json_events, self.status.every()?) {
             (false, every) => Ok(Status::new(Style::People { every })),
             (true, None) => Ok(Status::new(Style::Off)),
-            (true, Some(_)) => Err(Failure::Usage(String::from(
-                "--status-s and --json-events both write to standard error: give one of them",
-            ))),
+            (true, Some(_)) => {
+                Err(Failure::usage("--status-s and --json-events both write to standard error: give one of them"))
+            }
         }
     }
 
@@ -230,14 +214,13 @@ impl Run {
         if let Some(path) = &self.histogram.histogram {
             self.draw(path, &report)?;
         }
-        if self.json {
-            let responses = exciter.map(|report| responses::documents(&report.responses));
-            let plant = PlantDocument { configuration, report: &report };
-            output::print_json(&Document { plant, exciter: exciter.map(ExciterEnd::from), responses })?;
-        } else {
-            let read = exciter.map_or(String::new(), |report| responses::table(&report.responses));
-            output::print(&(report_text(&report) + &read))?;
-        }
+        let document = Document {
+            plant: PlantDocument { configuration, report: &report },
+            exciter: exciter.map(ExciterEnd::from),
+            responses: exciter.map(|report| responses::documents(&report.responses)),
+        };
+        let read = || exciter.map_or(String::new(), |report| responses::table(&report.responses));
+        self.json.show(&document, || report_text(&report) + &read(), &[])?;
         // With a duration the plant may leave before the excitation is over: no complaint.
         let complaints = [
             complaint(&report),

@@ -7,11 +7,10 @@ use serde_json::{Value, json};
 use crate::configuration;
 use crate::failure::{Failure, Verdict};
 use crate::flags::{self, ArmFlags, parse_scheme};
-use crate::output;
-use resonarm::arm::{Load, Sine, State};
-use resonarm::integrate::{Integrator, Scheme};
-use resonarm::plant::PlantSpecError;
-use resonarm::realtime::{Clock, SystemClock};
+use crate::output::JsonFlag;
+use crate::progress::timed;
+use resonarm::arm::Load;
+use resonarm::integrate::{Integrator, Scheme, Sine};
 use resonarm::scenario::{Scenario, SimulationSection};
 use resonarm_numeric::number::short;
 
@@ -19,7 +18,7 @@ use resonarm_numeric::number::short;
 #[derive(Debug, Args)]
 pub(crate) struct Simulate {
     #[command(flatten)]
-    arm: ArmFlags,
+    pub(crate) arm: ArmFlags,
     /// Initial state: α1,α2 in rad, α̇1,α̇2 in rad/s [default: that of the scenario, at rest].
     #[arg(long, value_name = "α1,α2,α̇1,α̇2", value_delimiter = ',', num_args = 1)]
     initial: Option<Vec<f64>>,
@@ -44,9 +43,8 @@ pub(crate) struct Simulate {
     /// Length, s, a whole number of steps.
     #[arg(long, value_name = "T")]
     duration_s: f64,
-    /// Print one JSON document.
-    #[arg(long)]
-    json: bool,
+    #[command(flatten)]
+    json: JsonFlag,
 }
 
 #[derive(Serialize)]
@@ -64,11 +62,6 @@ struct Document {
 const MOST_STEPS: u64 = 10_000_000_000;
 
 impl Simulate {
-    /// The scenario of the flags.
-    pub(crate) fn scenario(&self) -> Result<Scenario, Failure> {
-        self.arm.scenario(|| Ok(Scenario::default()))
-    }
-
     /// The scheme, and the integration steps a second.
     pub(crate) fn scheme_and_rate(&self, scenario: &Scenario) -> Result<(Scheme, f64), Failure> {
         let scheme = self.scheme.as_deref().map_or(Ok(scenario.simulation.scheme), parse_scheme)?;
@@ -77,7 +70,7 @@ impl Simulate {
     }
 
     pub fn execute(&self) -> Result<Verdict, Failure> {
-        let scenario = self.scenario()?;
+        let scenario = self.arm.scenario()?;
         let arm = scenario.build_arm()?;
         let (scheme, rate_hz) = self.scheme_and_rate(&scenario)?;
         let integrator = Integrator::new(scheme, rate_hz, &arm).map_err(|error| match self.rate_hz {
@@ -86,38 +79,31 @@ impl Simulate {
         })?;
         let steps = self.steps(rate_hz)?;
         let excitation = self.excitation()?;
-
-        let clock = SystemClock;
-        let start_ns = clock.now_ns();
-        let initial = self.initial(&scenario)?;
-        let mut state = initial;
-        for k in 0..steps {
-            state = integrator.step(&arm, k as f64 / rate_hz, &state, &excitation)?;
-        }
+        let initial = flags::initial(self.initial.as_deref(), &scenario)?;
+        let step = |state, k: u64| integrator.step(&arm, k as f64 / rate_hz, &state, &excitation);
+        let (end, wall_s) = timed(|| (0..steps).try_fold(flags::state(initial), step));
+        let end = end?;
         let mut configuration = configuration::of(&scenario, &excitation.amplitude)?;
         configuration["excitation_hz"] = json!(excitation.frequency_hz);
-        configuration["initial"] =
-            json!([<[f64; 2]>::from(initial.alpha_rad), initial.alpha_dot_rad_s.into()].concat());
+        configuration["initial"] = json!(initial);
         configuration["scheme"] = json!(scheme);
         configuration["rate_hz"] = json!(rate_hz);
         let document = Document {
             configuration,
             t_s: steps as f64 / rate_hz,
-            alpha_rad: state.alpha_rad.into(),
-            alpha_dot_rad_s: state.alpha_dot_rad_s.into(),
+            alpha_rad: end.alpha_rad.into(),
+            alpha_dot_rad_s: end.alpha_dot_rad_s.into(),
             steps,
-            wall_s: clock.now_ns().saturating_sub(start_ns) as f64 * 1e-9,
+            wall_s,
         };
-        if self.json {
-            output::print_json(&document)?;
-        } else {
-            let Document { t_s, alpha_rad: [x1, x2], alpha_dot_rad_s: [v1, v2], wall_s, .. } = document;
-            output::print(&format!(
+        let Document { t_s, alpha_rad: [x1, x2], alpha_dot_rad_s: [v1, v2], .. } = document;
+        let text = || {
+            format!(
                 "t = {t_s} s after {steps} steps of {scheme} at {rate_hz} Hz, in {wall_s:.3} s\n\
                  α = {x1:+.12e}, {x2:+.12e} rad\nα̇ = {v1:+.12e}, {v2:+.12e} rad/s\n"
-            ))?;
-        }
-        Ok(Verdict::Positive)
+            )
+        };
+        self.json.show(&document, text, &[])
     }
 
     /// The duration as a whole number of steps.
@@ -125,54 +111,34 @@ impl Simulate {
         let exact = self.duration_s * rate_hz;
         let steps = exact.round();
         if !(exact.is_finite() && steps >= 1.0) {
-            return Err(Failure::Usage(format!(
-                "--duration-s is {}: it must be a positive number",
-                short(&self.duration_s)
-            )));
+            return Err(Failure::value("--duration-s", self.duration_s, "it must be a positive number"));
         }
+        let steps_text = |count: f64| {
+            let [duration_s, rate_hz] = [self.duration_s, rate_hz].map(|value| short(&value).to_string());
+            format!("--duration-s {duration_s} is {} steps at {rate_hz} Hz", short(&count))
+        };
         if steps > MOST_STEPS as f64 {
-            return Err(Failure::Usage(format!(
-                "--duration-s {} is {} steps at {} Hz: at most {MOST_STEPS} are possible; take a shorter time or a lower rate",
-                short(&self.duration_s),
-                short(&steps),
-                short(&rate_hz)
+            return Err(Failure::usage(format!(
+                "{}: at most {MOST_STEPS} are possible; take a shorter time or a lower rate",
+                steps_text(steps)
             )));
         }
         if (exact - steps).abs() > 1e-6 {
             let nearest_s = steps / rate_hz;
-            return Err(Failure::Usage(format!(
-                "--duration-s {} is {} steps at {} Hz, not a whole number: take {}, or another rate",
-                short(&self.duration_s),
-                short(&exact),
-                short(&rate_hz),
+            return Err(Failure::usage(format!(
+                "{}, not a whole number: take {}, or another rate",
+                steps_text(exact),
                 short(&nearest_s)
             )));
         }
         Ok(steps as u64)
     }
 
-    fn initial(&self, scenario: &Scenario) -> Result<State, Failure> {
-        let values = match self.initial.as_deref() {
-            None => scenario.arm.initial,
-            Some(&[x1, x2, v1, v2]) => [x1, x2, v1, v2],
-            Some(other) => {
-                return Err(Failure::Usage(format!(
-                    "--initial has {} numbers: it needs four, α1,α2,α̇1,α̇2 in rad and rad/s",
-                    other.len()
-                )));
-            }
-        };
-        let state = State::new([values[0], values[1]], [values[2], values[3]]);
-        if state.is_finite() { Ok(state) } else { Err(PlantSpecError::Initial(values).into()) }
-    }
-
     fn excitation(&self) -> Result<Sine, Failure> {
         let amplitudes = [self.torque1_nm, self.force_x_n, self.force_y_n];
         if self.excitation_hz <= 0.0 && amplitudes.iter().any(|amplitude| *amplitude != 0.0) {
-            return Err(Failure::Usage(format!(
-                "--excitation-hz is {}: an excitation A·sin(2πft) needs a positive frequency",
-                short(&self.excitation_hz)
-            )));
+            let why = "an excitation A·sin(2πft) needs a positive frequency";
+            return Err(Failure::value("--excitation-hz", self.excitation_hz, why));
         }
         let force_n = [self.force_x_n, self.force_y_n].into();
         let amplitude = Load { torque_nm: [self.torque1_nm, 0.0].into(), force_n };

@@ -1,22 +1,18 @@
 //! `resonarm sweep`: stepped-sine sweeps in the time domain.
 
-use core::fmt::Write;
-use std::path::{Path, PathBuf};
-
 use clap::Args;
 use serde::Serialize;
 use serde_json::Value;
 
 use crate::failure::{Failure, Verdict};
 use crate::figures::captions::{self, degrees};
-use crate::motion_flags::{DirectionFlag, MotionFlags, direction_name, or_empty};
+use crate::flags;
+use crate::motion_flags::{DirectionFlag, MotionFlags, or_empty};
 use crate::readings::{self, ReadingsDocument, ReadingsFlag};
-use crate::{output, study};
-use resonarm::analysis::time_domain::{
-    Direction, Grid, StroboscopicMap, Sweep as SteppedSweep, SweepParameter, hysteresis,
-};
-use resonarm::analysis::{EndedEarly, Resonance, forced_response};
-use resonarm::arm::{Arm, Load, Pose, Sine};
+use crate::study;
+use resonarm::analysis::Resonance;
+use resonarm::analysis::time_domain::{Direction, Sweep as SteppedSweep, SweepFrequencies, SweepParameter, hysteresis};
+use resonarm::arm::{Arm, Load, Pose};
 use resonarm::scenario::{ArmSection, Scenario};
 use resonarm::study::{Chain, ChainComputation, Chains, Point, StudyError};
 use resonarm_figures::plot::{Axis, Color, Dash, Figure, Legend, Marker, Panel, Series, Style};
@@ -39,10 +35,10 @@ pub(crate) struct Sweep {
     #[command(flatten)]
     pub(crate) motion: MotionFlags,
     /// One end of the frequencies, Hz.
-    #[arg(long, value_name = "F", allow_hyphen_values = true)]
+    #[arg(long, value_name = "F")]
     from_hz: f64,
     /// The other end, Hz.
-    #[arg(long, value_name = "F", allow_hyphen_values = true)]
+    #[arg(long, value_name = "F")]
     to_hz: f64,
     /// Number of frequencies, evenly spaced, both ends among them; a resonance between two of them is reported
     /// [default: 101, and between them as many as the resonances of the forced response need].
@@ -52,7 +48,7 @@ pub(crate) struct Sweep {
     #[arg(long, value_enum, default_value_t)]
     direction: DirectionFlag,
     /// Sweep at each of these angles β2 instead of one, degrees.
-    #[arg(long, value_name = "DEG,…", allow_hyphen_values = true, value_delimiter = ',', conflicts_with = "beta2_deg")]
+    #[arg(long, value_name = "DEG,…", value_delimiter = ',', conflicts_with = "beta2_deg")]
     over_beta2_deg: Vec<f64>,
     #[command(flatten)]
     readings: ReadingsFlag,
@@ -60,9 +56,6 @@ pub(crate) struct Sweep {
 
 /// Amplitudes with a relative difference above this belong to different motions: each was proved to have settled.
 const DIFFERENT: f64 = 1e-6;
-
-/// Evenly spaced frequencies without --steps.
-const STEPS: u32 = 101;
 
 /// The sweeps of one pose.
 struct InPose {
@@ -72,8 +65,6 @@ struct InPose {
     /// Resonances narrower than the steps.
     stepped_over: Vec<Resonance>,
 }
-
-/// A sweep in results.
 #[derive(Serialize)]
 struct SweepDocument {
     beta1_deg: f64,
@@ -83,8 +74,6 @@ struct SweepDocument {
     stepped_over: Vec<Resonance>,
     points: Vec<PointDocument>,
 }
-
-/// A point of a sweep in results.
 #[derive(Serialize)]
 struct PointDocument {
     frequency_hz: f64,
@@ -100,7 +89,6 @@ struct PointDocument {
 
 #[derive(Serialize)]
 struct Document {
-    /// What the results depend on.
     configuration: Value,
     sweeps: Vec<SweepDocument>,
 }
@@ -121,23 +109,14 @@ impl Sweep {
         });
         let journal = self.motion.make_out("sweep")?;
         let chains = self.chains(&scenario, &poses);
-        let walked = study::walk("sweep", chains, journal.as_deref().map(|path| (path, &configuration)))?;
+        let walked = study::walk("sweep", chains, journal, &configuration)?;
         let Some(walked) = walked else { return Ok(Verdict::Negative) };
         let mut document = document(configuration, &poses, walked.points());
         if self.readings.readings {
             document.read(&walked)?;
         }
-        if self.motion.json {
-            output::print_json(&document)?;
-        } else {
-            output::print(&document.summary(self.motion.time_constants))?;
-        }
-        if let Some(out) = &self.motion.out {
-            let files = document.write(out, &scenario, &load)?;
-            if !self.motion.json {
-                output::print_written(&files)?;
-            }
-        }
+        let (text, csv) = (|| document.summary(self.motion.time_constants), || document.csv());
+        self.motion.show("sweep", &document, text, csv, || Ok(document.figure(&scenario, &load)))?;
         walked.finish()?;
         Ok(Verdict::Positive)
     }
@@ -147,7 +126,7 @@ impl Sweep {
         let angles = &self.over_beta2_deg;
         match angles.iter().enumerate().find(|(at, angle)| angles[..*at].contains(angle)) {
             Some((_, angle)) => {
-                Err(Failure::Usage(format!("--over-beta2-deg has {} twice: give each angle once", short(angle))))
+                Err(Failure::usage(format!("--over-beta2-deg has {} twice: give each angle once", short(angle))))
             }
             None => Ok(()),
         }
@@ -165,23 +144,13 @@ impl Sweep {
 
     /// The sweeps of one pose; without --steps, over frequencies that resolve its resonances.
     fn in_pose(&self, arm: Arm, pose: Pose, load: &Load) -> Result<InPose, Failure> {
-        let mut grid = Grid::new(self.from_hz, self.to_hz, self.steps.unwrap_or(STEPS))?;
-        let step_hz = grid.values()[1] - grid.values()[0];
-        let ends = [self.from_hz.min(self.to_hz), self.from_hz.max(self.to_hz)];
-        // Refuses invalid sweeps before the search for resonances.
-        StroboscopicMap::new(&arm, Sine { amplitude: *load, frequency_hz: ends[0] })?;
-        let branch = forced_response(&arm, load, ends).unwrap_or_else(|EndedEarly { reason, so_far }| {
+        let ends = [self.from_hz, self.to_hz];
+        let SweepFrequencies { grid, stepped_over, unknown_beyond } =
+            SweepFrequencies::new(&arm, load, ends, self.steps)?;
+        if let Some(reason) = unknown_beyond {
             tracing::warn!("β2 = {}: resonances are not looked for beyond: {reason}", degrees(pose.beta2_deg));
-            *so_far
-        });
-        let mut stepped_over = Vec::new();
-        match self.steps {
-            None => grid = grid.with(branch.stable_frequencies_hz()),
-            Some(_) => stepped_over.extend(branch.resonances().into_iter().filter(|found| found.width_hz < step_hz)),
         }
-        let parameter = SweepParameter::Frequency { amplitude: *load };
-        let sweep = |direction: &Direction| SteppedSweep { parameter, grid: grid.clone(), direction: *direction };
-        let sweeps = self.direction.directions().iter().map(sweep).collect();
+        let sweeps = self.direction.sweeps(SweepParameter::Frequency { amplitude: *load }, &grid);
         Ok(InPose { pose, arm, sweeps, stepped_over })
     }
 
@@ -189,7 +158,7 @@ impl Sweep {
     fn chains(&self, scenario: &Scenario, poses: &[InPose]) -> Chains {
         let of = |pose: &InPose, sweep: &SteppedSweep| Chain { arm: pose.arm.clone(), excitations: sweep.sines() };
         let chains = poses.iter().flat_map(|pose| pose.sweeps.iter().map(move |sweep| of(pose, sweep))).collect();
-        Chains { chains, start: MotionFlags::start(scenario), options: self.motion.options(0) }
+        Chains { chains, start: flags::state(scenario.arm.initial), options: self.motion.options(0) }
     }
 }
 
@@ -228,10 +197,10 @@ impl SweepDocument {
         let unsettled = count(|period| period.is_none());
         let mut text = format!("{} motions", self.points.len());
         if longer > 0 {
-            let _infallible = write!(text, ", {longer} of them of a longer period than the excitation");
+            text += &format!(", {longer} of them of a longer period than the excitation");
         }
         if unsettled > 0 {
-            let _infallible = write!(text, ", {unsettled} not settled within {time_constants} time constants");
+            text += &format!(", {unsettled} not settled within {time_constants} time constants");
         }
         text.push('\n');
         text
@@ -251,7 +220,7 @@ fn differences(up: &SweepDocument, down: &SweepDocument) -> String {
     let down: Vec<_> = down.points.iter().rev().map(motion).collect();
     let mut text = String::new();
     for [first, last] in hysteresis(&up, &down, DIFFERENT) {
-        let _infallible = writeln!(text, "  up and down differ from {first:.6} to {last:.6} Hz");
+        text += &format!("  up and down differ from {first:.6} to {last:.6} Hz\n");
     }
     if text.is_empty() { String::from("  up and down agree\n") } else { text }
 }
@@ -272,23 +241,21 @@ impl Document {
         let mut text = String::new();
         for same in self.by_pose() {
             for sweep in same {
-                let direction = direction_name(sweep.direction);
-                let _infallible = write!(text, "β2 = {}, stepped {direction}: ", degrees(sweep.beta2_deg));
+                let direction = sweep.direction.name();
+                text += &format!("β2 = {}, stepped {direction}: ", degrees(sweep.beta2_deg));
                 text.push_str(&sweep.periods(time_constants));
                 for joint in 0..2 {
                     let points = sweep.points.iter().map(|point| (point.amplitude_rad[joint], point.frequency_hz));
                     if let Some((amplitude, hz)) = points.max_by(|a, b| a.0.total_cmp(&b.0)) {
-                        let _infallible =
-                            writeln!(text, "  largest |α{}|  {amplitude:.6} rad at {hz:.6} Hz", joint + 1);
+                        text += &format!("  largest |α{}|  {amplitude:.6} rad at {hz:.6} Hz\n", joint + 1);
                     }
                 }
             }
             for found in same.first().iter().flat_map(|sweep| &sweep.stepped_over) {
                 let Resonance { joint, frequency_hz, amplitude_rad, width_hz } = found;
-                let _infallible = writeln!(
-                    text,
+                text += &format!(
                     "  stepped over: the resonance of α{joint} at {frequency_hz:.6} Hz, {amplitude_rad:.6} rad in the forced \
-                     response, is {width_hz:.6} Hz wide, less than a step; take more --steps, or none"
+                     response, is {width_hz:.6} Hz wide, less than a step; take more --steps, or none\n"
                 );
             }
             if let [up, down] = same {
@@ -297,8 +264,6 @@ impl Document {
         }
         text
     }
-
-    /// The sweeps of each pose.
     fn by_pose(&self) -> impl Iterator<Item = &[SweepDocument]> {
         self.sweeps.chunk_by(|a, b| a.beta2_deg == b.beta2_deg)
     }
@@ -314,12 +279,11 @@ impl Document {
             for point in &sweep.points {
                 let ([a1, a2], [h1, h2]) = (point.amplitude_rad, point.harmonic1_rad);
                 let read = point.readings.as_ref().map_or_else(String::new, ReadingsDocument::cells);
-                let _infallible = writeln!(
-                    text,
-                    "{},{},{},{},{a1},{a2},{h1},{h2},{},{},{},{:e}{read}",
+                text += &format!(
+                    "{},{},{},{},{a1},{a2},{h1},{h2},{},{},{},{:e}{read}\n",
                     sweep.beta1_deg,
                     sweep.beta2_deg,
-                    direction_name(sweep.direction),
+                    sweep.direction.name(),
                     point.frequency_hz,
                     or_empty(point.period),
                     or_empty(point.largest_multiplier),
@@ -353,14 +317,6 @@ impl Document {
         }
         figure
     }
-
-    /// Writes all files; returns their paths.
-    fn write(&self, out: &Path, scenario: &Scenario, load: &Load) -> Result<Vec<PathBuf>, Failure> {
-        let mut files =
-            vec![output::write(out.join("sweep.csv"), &self.csv())?, output::write_json(out.join("sweep.json"), self)?];
-        files.extend(self.figure(scenario, load).write(&out.join("sweep"))?);
-        Ok(files)
-    }
 }
 
 /// The sweeps of one pose.
@@ -372,8 +328,7 @@ fn panel(sweeps: &[SweepDocument], joint: usize) -> Panel {
             Direction::Up => (Color::Blue, Marker::Circle),
             Direction::Down => (Color::Vermillion, Marker::Square),
         };
-        let name = direction_name(sweep.direction);
-        let marks = Style::Markers { color, shape, size: 3.5, filled: sweep.direction == Direction::Up };
+        let name = sweep.direction.name();
         let line = sweep.points.iter().map(|point| (point.frequency_hz, point.amplitude_rad[joint])).collect();
         panel = panel.with(Series::line(name, color, line).unlabelled().style(Style::Line {
             color,
@@ -382,10 +337,9 @@ fn panel(sweeps: &[SweepDocument], joint: usize) -> Panel {
         }));
         for (settled, label) in [(true, format!("stepped {name}")), (false, format!("stepped {name}, not settled"))] {
             let points = sweep.curve(joint, settled);
-            if !points.is_empty() {
-                let series = Series::markers(label, color, if settled { shape } else { Marker::Cross }, points);
-                panel = panel.with(if settled { series.style(marks) } else { series });
-            }
+            let series = Series::markers(label, color, if settled { shape } else { Marker::Cross }, points);
+            let is_filled = sweep.direction == Direction::Up;
+            panel = panel.with_any(if settled { series.marked(3.5, is_filled) } else { series });
         }
     }
     panel

@@ -5,15 +5,18 @@ use resonarm_figures::plot::{Axis, Color, Figure, Legend, Marker, Panel, Series,
 
 use crate::figures::captions;
 
-/// Two panels, |α1| and |α2| over what varies.
-pub(crate) fn figure(conditions: Subtitle, axis_label: &str, branches: &[&Branch]) -> Figure {
-    let mut figure = Figure::new("Periodic motions of the forced arm").subtitle(conditions);
-    for joint in 0..2 {
-        let panel = Panel::new(Axis::linear(axis_label), Axis::linear(captions::largest(joint)));
-        let panel = if joint == 1 { panel.legend(Legend::None) } else { panel };
-        figure = figure.with(with_branches(panel, branches, joint));
-    }
-    figure
+/// The figure with two panels, |α1| and |α2| over what `x` says; the legend is in the first.
+pub(crate) fn of_joints(figure: Figure, x: &str, drawn: impl Fn(Panel, usize) -> Panel) -> Figure {
+    (0..2).fold(figure, |figure, joint| {
+        let panel = drawn(Panel::new(Axis::linear(x), Axis::linear(captions::largest(joint))), joint);
+        figure.with(if joint == 0 { panel } else { panel.legend(Legend::None) })
+    })
+}
+
+/// The branches in such panels.
+pub(crate) fn figure(conditions: Subtitle, x: &str, branches: &[&Branch]) -> Figure {
+    let figure = Figure::new("Periodic motions of the forced arm").subtitle(conditions);
+    of_joints(figure, x, |panel, joint| with_branches(panel, branches, joint))
 }
 
 /// Width of the lines of doubled branches, px: half of that of the others.
@@ -41,9 +44,7 @@ pub(crate) fn with_branches(mut panel: Panel, branches: &[&Branch], joint: usize
     ] {
         let events = branches.iter().flat_map(|branch| &branch.bifurcations).filter(|event| event.kind == kind);
         let points: Vec<_> = events.map(|event| (event.orbit.value, event.orbit.amplitude_rad[joint])).collect();
-        if !points.is_empty() {
-            panel = panel.with(Series::markers(label, Color::Black, shape, points));
-        }
+        panel = panel.with_any(Series::markers(label, Color::Black, shape, points));
     }
     panel
 }

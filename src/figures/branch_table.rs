@@ -1,7 +1,5 @@
 //! Branches as tables: comma-separated values (RFC 4180), with the units in the names of the columns.
 
-use core::fmt::Write;
-
 use crate::readings::{self, Reader};
 use resonarm::analysis::{BifurcationKind, Branch, Orbit};
 
@@ -27,9 +25,8 @@ pub(crate) fn csv(varied: &str, branches: &[&Branch], reader: Option<&Reader>) -
             let bifurcation = row.bifurcation.map_or("", BifurcationKind::name);
             let largest = row.orbit.multipliers().iter().fold(0.0_f64, |largest, mu| largest.max(mu.norm_sqr())).sqrt();
             let read = reader.map_or_else(String::new, |reader| reader.read(row.orbit).cells());
-            let _infallible = writeln!(
-                text,
-                "{number},{value}{frequency_hz},{a1},{a2},{h1},{h2},{largest},{stability},{bifurcation}{read}"
+            text += &format!(
+                "{number},{value}{frequency_hz},{a1},{a2},{h1},{h2},{largest},{stability},{bifurcation}{read}\n"
             );
         }
     }

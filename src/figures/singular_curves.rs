@@ -1,17 +1,14 @@
 //! Curves of folds and period doublings in the plane of two parameters.
 
-use core::fmt::Write;
-
 use clap::Args;
-use serde_json::{Map, Value, json};
+use serde_json::{Value, json};
 
-use crate::commands::continuation::DriveFlags;
-use crate::continuation_flags::ContinuationFlags;
+use crate::drive::DriveFlags;
 use crate::ended_early::Early;
 use crate::failure::Failure;
 use crate::quantity::Quantity;
 use resonarm::analysis::{
-    BifurcationKind, Branch, ForcedArm, SingularCurve, SingularPoint, Turn, trace_singular_curves,
+    BifurcationKind, Branch, BranchOptions, ForcedArm, SingularCurve, SingularPoint, Turn, trace_singular_curves,
 };
 use resonarm_figures::plot::{Axis, Color, Dash, Figure, Marker, Panel, Series, Style, Subtitle};
 
@@ -22,7 +19,7 @@ pub(crate) struct CurveFlags {
     #[arg(long, value_name = "NAME", requires = "curves_to")]
     curves_in: Option<String>,
     /// Where the curves end, in the unit of the second parameter; they begin at its value on the branch.
-    #[arg(long, value_name = "X", allow_hyphen_values = true, requires = "curves_in")]
+    #[arg(long, value_name = "X", requires = "curves_in")]
     curves_to: Option<f64>,
 }
 
@@ -47,7 +44,7 @@ impl CurveFlags {
         let (Some(name), Some(to)) = (&self.curves_in, self.curves_to) else { return Ok(None) };
         let second = Quantity::parse("--curves-in", name, drive)?;
         if second.name == first.name {
-            return Err(Failure::Usage(format!(
+            return Err(Failure::usage(format!(
                 "--curves-in {name} is what the branch is followed in already: name another parameter"
             )));
         }
@@ -66,39 +63,31 @@ impl Curves {
         flags: &ContinuationFlags,
         early: &mut Early,
     ) -> Result<Curves, Failure> {
-        let mut options = flags.options(0.0, to)?;
-        options.continuation.largest_step = options.continuation.largest_step.min(LARGEST_STEP);
-        let traced = trace_singular_curves(forced, branch, first.coordinate, second.coordinate, &options);
+        let mut options = walk.options(BranchOptions::new(0.0, to))?;
+        options.walk.largest_step = options.walk.largest_step.min(LARGEST_STEP);
+        let walked = trace_singular_curves(forced, branch, first.coordinate, second.coordinate, &options);
         let mut curves = Vec::new();
         for (kind, traced) in traced {
             curves.extend(early.keep_any(second.name, traced)?.map(|curve| BifurcationCurve { kind, curve }));
         }
         Ok(Curves { first, second, curves })
     }
-
-    /// The curves as JSON.
     pub fn document(&self) -> Value {
-        let place = |point: &SingularPoint| {
-            let mut map = Map::new();
-            map.insert(String::from(self.first.name), json!(point.lambda));
-            map.insert(String::from(self.second.name), json!(point.mu));
-            map.insert(String::from("harmonic1_rad"), json!(point.harmonic1_rad));
-            map
+        let point = |point: &SingularPoint| {
+            let mut document = json!({ "harmonic1_rad": point.harmonic1_rad });
+            document[self.first.name] = json!(point.lambda);
+            document[self.second.name] = json!(point.mu);
+            document
         };
-        let point = |point: &SingularPoint| Value::Object(place(point));
-        let curve = |curve: &BifurcationCurve| {
-            let points: Vec<Value> = curve.curve.points.iter().map(point).collect();
-            let turns: Vec<Value> = curve
-                .curve
-                .turns
-                .iter()
-                .map(|turn| {
-                    let mut map = place(&turn.point);
-                    map.insert(String::from("kind"), json!(turn_name(turn)));
-                    Value::Object(map)
-                })
-                .collect();
-            json!({ "kind": curve.kind.name(), "points": points, "turns": turns })
+        let turn = |turn: &Turn| {
+            let mut document = point(&turn.point);
+            document["kind"] = json!(turn_name(turn));
+            document
+        };
+        let curve = |BifurcationCurve { kind, curve }: &BifurcationCurve| {
+            let points: Vec<Value> = curve.points.iter().map(point).collect();
+            let turns: Vec<Value> = curve.turns.iter().map(turn).collect();
+            json!({ "kind": kind.name(), "points": points, "turns": turns })
         };
         Value::Array(self.curves.iter().map(curve).collect())
     }
@@ -109,13 +98,11 @@ impl Curves {
         let mut text = format!("curve,kind,{first},{second},harmonic1_alpha1_rad,harmonic1_alpha2_rad\n");
         for (number, BifurcationCurve { kind, curve }) in self.curves.iter().enumerate() {
             for SingularPoint { lambda, mu, harmonic1_rad: [h1, h2], .. } in &curve.points {
-                let _infallible = writeln!(text, "{number},{},{lambda},{mu},{h1},{h2}", kind.name());
+                text += &format!("{number},{},{lambda},{mu},{h1},{h2}\n", kind.name());
             }
         }
         text
     }
-
-    /// The ends of each curve.
     pub fn text(&self) -> String {
         let (first, second) = (self.first.name, self.second.name);
         if self.curves.is_empty() {
@@ -125,11 +112,10 @@ impl Curves {
         for BifurcationCurve { kind, curve: SingularCurve { points, turns, .. } } in &self.curves {
             let place = |point: &SingularPoint| format!("{first} = {:.6}, {second} = {:.6}", point.lambda, point.mu);
             let ends = [points.first(), points.last()].map(|end| end.map_or_else(String::new, place));
-            let _infallible =
-                writeln!(text, "curve of {}s: {} points from {} to {}", kind.name(), points.len(), ends[0], ends[1]);
+            text += &format!("curve of {}s: {} points from {} to {}\n", kind.name(), points.len(), ends[0], ends[1]);
             for turn in turns {
                 let SingularPoint { lambda, mu, .. } = turn.point;
-                let _infallible = writeln!(text, "  {} at {first} = {lambda:.9}, {second} = {mu:.9}", turn_name(turn));
+                text += &format!("  {} at {first} = {lambda:.9}, {second} = {mu:.9}\n", turn_name(turn));
             }
         }
         text
@@ -150,21 +136,15 @@ impl Curves {
             }
         }
         // A curve that returns to the branch also ends on it.
-        let starts: Vec<_> =
+        let starts =
             self.curves.iter().flat_map(|curve| curve.curve.on_the_branch()).map(|p| (p.lambda, p.mu)).collect();
-        if !starts.is_empty() {
-            panel = panel.with(Series::markers("on the branch", Color::Grey, Marker::Circle, starts));
-        }
+        panel = panel.with_any(Series::markers("on the branch", Color::Grey, Marker::Circle, starts));
         let cusps = self.curves.iter().flat_map(|curve| &curve.curve.turns).filter(|turn| turn.is_cusp);
-        let cusps: Vec<_> = cusps.map(|turn| (turn.point.lambda, turn.point.mu)).collect();
-        if !cusps.is_empty() {
-            panel = panel.with(Series::markers("cusp", Color::Black, Marker::Diamond, cusps));
-        }
+        let cusps = cusps.map(|turn| (turn.point.lambda, turn.point.mu)).collect();
+        panel = panel.with_any(Series::markers("cusp", Color::Black, Marker::Diamond, cusps));
         Figure::new("Bifurcations of the forced arm in two parameters").subtitle(conditions).with(panel)
     }
 }
-
-/// The name of a turn in results.
 fn turn_name(turn: &Turn) -> &'static str {
     if turn.is_cusp { "cusp" } else { "turn" }
 }

@@ -54,20 +54,12 @@ fn with_view(panel: Panel, view: &View, joint: usize) -> Panel {
         ("phase walk", Color::Green, Marker::Circle, view.walk),
         ("phase lock", Color::Black, Marker::Diamond, view.backbone),
     ] {
-        panel = marked(panel, label, (color, shape), points, joint);
+        // Settled points; the others are only in the data.
+        let settled = points.iter().filter(|point| point.settled);
+        let places = settled.map(|point| (point.frequency_hz, point.amplitude_rad[joint])).collect();
+        panel = panel.with_any(Series::markers(label, color, shape, places).marked(5.0, false));
     }
     panel
-}
-
-/// Settled points; the others are only in the data.
-fn marked(panel: Panel, label: &str, (color, shape): (Color, Marker), points: &[WalkPoint], joint: usize) -> Panel {
-    let settled = points.iter().filter(|point| point.settled);
-    let places: Vec<_> = settled.map(|point| (point.frequency_hz, point.amplitude_rad[joint])).collect();
-    if places.is_empty() {
-        return panel;
-    }
-    let style = Style::Markers { color, shape, size: 5.0, filled: false };
-    panel.with(Series::markers(label, color, shape, places).style(style))
 }
 
 /// The range where a zone bends: five times the distance of its folds, or where the walk's lag is from 20° to 160°, or

@@ -147,7 +147,27 @@ pub struct BackboneOptions {
     pub branch: BranchOptions,
 }
 
-/// The first motion is at most this fraction of the motion at which the drive ends the continuation.
+/// A backbone begins at this fraction of its largest amplitude: there the frequency is that of the linear arm to 1e-5
+/// of its change.
+const SMALLEST_PART: f64 = 1.0 / 300.0;
+
+impl BackboneOptions {
+    /// The largest amplitude of use, rad: the links have then turned over.
+    pub const LARGEST_RAD: f64 = core::f64::consts::PI;
+
+    /// Up to an amplitude, rad, at any load, from a mode of this natural frequency, Hz, between a tenth of it and ten
+    /// times it.
+    pub fn new(linear_hz: f64, largest_rad: f64) -> BackboneOptions {
+        BackboneOptions {
+            smallest_rad: SMALLEST_PART * largest_rad,
+            largest_rad,
+            largest_drive: f64::INFINITY,
+            branch: BranchOptions::new(0.1 * linear_hz, 10.0 * linear_hz),
+        }
+    }
+}
+
+/// The first motion is at most this fraction of the motion at which the drive ends the walk.
 const START_PART: f64 = 0.1;
 
 /// Follows the backbone of a linear mode (0 the slower, 1 the faster) to larger amplitudes. `drive` is the parameter

@@ -51,7 +51,7 @@ pub use error::{AnalysisError, EndedEarly, Place};
 pub use extended::{SingularResponse, Singularity};
 pub use floquet::{Floquet, Stability, StabilityWork};
 pub use forced_arm::ForcedArm;
-pub use frf::{Drive, FrequencyResponse, FrfError, Quantity, Response, UnknownTerm};
+pub use frf::{Drive, FrequencyResponse, FrfError, Quantity, Response, UnknownTerm, continuous_phase};
 pub use grid::frequencies_hz;
 pub use harmonic_balance::{Coordinate, HarmonicBalance};
 pub use integrators::{EnergyDrift, ModeError, energy_drift, mode_errors};
@@ -61,7 +61,7 @@ pub use orbit::{Bifurcation, BifurcationKind, Branch, BranchOptions, Orbit};
 pub use oscillator::{Instant, LinearMode, Linearisation, Oscillator};
 pub use peaks::{Maximum, half_power_width_hz, maxima};
 pub use readings::Readings;
-pub use resonances::{Resonance, forced_response};
+pub use resonances::{Resonance, forced_response, response_around};
 pub use response::ForcedResponse;
 pub use rows::{Row, segments, stretches};
 

@@ -29,24 +29,29 @@ pub struct BranchOptions {
 }
 
 impl BranchOptions {
+    /// The usual most harmonics of the excitation.
+    pub const MOST_HARMONICS: usize = 64;
+    /// The usual most points.
+    pub const MOST_POINTS: usize = 20_000;
+    /// The usual largest step, relative to the motion's size.
+    pub const LARGEST_STEP: f64 = 0.25;
+
     /// From one value to another with the usual settings.
     pub fn new(from: f64, to: f64) -> BranchOptions {
         let floor = 0.05 * (to - from).abs();
-        let continuation =
-            ContinuationSettings { parameter_floor: floor.max(f64::MIN_POSITIVE), ..ContinuationSettings::default() };
+        let parameter_floor = floor.max(f64::MIN_POSITIVE);
+        let walk = Settings { parameter_floor, largest_step: Self::LARGEST_STEP, ..Settings::default() };
         BranchOptions {
             from,
             to,
             least_harmonics: 3,
-            most_harmonics: 64,
+            most_harmonics: Self::MOST_HARMONICS,
             truncation: 1e-9,
-            most_points: 20_000,
-            continuation,
+            most_points: Self::MOST_POINTS,
+            walk,
         }
     }
-}
 
-impl BranchOptions {
     /// The same between other values, with the scale of the coordinate from their interval.
     pub fn between(&self, from: f64, to: f64) -> BranchOptions {
         let mut options = BranchOptions { from, to, ..*self };

@@ -6,7 +6,7 @@ use core::f64::consts::FRAC_1_SQRT_2;
 use serde::Serialize;
 
 use super::orbit::{Branch, BranchOptions, Orbit};
-use super::{Coordinate, EndedEarly, ForcedArm, trace};
+use super::{AnalysisError, Coordinate, EndedEarly, ForcedArm, trace};
 use resonarm_dynamics::arm::{Arm, Load};
 
 /// The largest step along a branch, relative to the motion's size: for the continuation a resonance is a circle, and
@@ -22,6 +22,29 @@ pub fn forced_response(arm: &Arm, load: &Load, [from_hz, to_hz]: [f64; 2]) -> Re
     options.continuation.largest_step = SMOOTH_STEP;
     let forced = ForcedArm::new(arm.clone(), *load, 1.0);
     trace(forced, from_hz, Coordinate::FrequencyHz, &options)
+}
+
+/// The forced motions of an arm are computed this far beyond the frequencies of interest: a part of their distance, and
+/// at least a part of the highest.
+const MARGIN: [f64; 2] = [0.15, 1e-3];
+
+/// The forced motions of an arm around two frequencies, Hz, which may be equal, in steps that turn by
+/// `largest_turn_rad` at most.
+///
+/// # Errors
+/// [`AnalysisError`] if the branch can't be followed from one end to the other.
+pub fn response_around(
+    arm: &Arm,
+    load: &Load,
+    [a_hz, b_hz]: [f64; 2],
+    largest_turn_rad: f64,
+) -> Result<Branch, AnalysisError> {
+    let (low_hz, high_hz) = (a_hz.min(b_hz), a_hz.max(b_hz));
+    let margin_hz = (MARGIN[0] * (high_hz - low_hz)).max(MARGIN[1] * high_hz);
+    let mut options = BranchOptions::new(low_hz - margin_hz, high_hz + margin_hz);
+    options.walk.largest_turn_rad = largest_turn_rad;
+    let forced = ForcedArm::new(arm.clone(), *load, 1.0);
+    Ok(trace(forced, options.from, Coordinate::FrequencyHz, &options)?)
 }
 
 /// A maximum of |αᵢ| along a branch over the frequency.
@@ -115,5 +138,13 @@ mod tests {
             }
         }
         assert_eq!(resonances.len(), 4, "{resonances:?}");
+    }
+
+    #[test]
+    fn a_response_around_one_frequency_goes_a_thousandth_beyond_it() {
+        let arm = arm_at(Preset::Irb1600Fitted, 0.0, 60.0);
+        let branch = response_around(&arm, &Load::torque_nm(1e-3, 0.0), [30.0; 2], 0.1).unwrap();
+        let ends = [branch.orbits.first(), branch.orbits.last()].map(|orbit| orbit.unwrap().frequency_hz);
+        assert!((ends[0] - 29.97).abs() < 1e-9 && (ends[1] - 30.03).abs() < 1e-9, "{ends:?}");
     }
 }

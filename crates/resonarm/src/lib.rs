@@ -44,6 +44,7 @@
 //! | [`can_log`] | frames in the log files of other tools |
 //! | [`diff`], [`statistics`] | two recordings compared; what is in one, in numbers |
 //! | [`export`], [`import`] | recordings in the formats of other tools, and logs of them as recordings |
+//! | [`identification`] | what a recording says about its arm, by the methods of [`identify`] |
 //! | [`experiment`] | whole experiments of several runs, scored against what is computed |
 //! | [`study`] | sweeps, basins of attraction and other studies over all cores, which can be interrupted and resumed |
 //! | [`toml_error`] | what is wrong with a scenario or settings as TOML |
@@ -61,7 +62,7 @@ pub use resonarm_dynamics::{arm, integrate};
 pub use resonarm_files::{can_log, cut, diff, export, import, recording, scenario, statistics, toml_error};
 pub use resonarm_protocol as protocol;
 pub use resonarm_realtime as realtime;
-pub use resonarm_session::{experiment, replay, run, study};
+pub use resonarm_session::{experiment, identification, replay, run, study};
 
 /// CAN buses: those of the crate `resonarm-bus`, and with the feature `python-can` any adapter that python-can knows.
 pub mod bus {

@@ -1,9 +1,10 @@
-//! Runs: both ends of the bench on a bus, in real time, in lockstep or free; replay of recordings; experiments and
-//! studies.
+//! Runs: both ends of the bench on a bus, in real time, in lockstep or free; replay of recordings, and identification
+//! from them; experiments and studies.
 
 extern crate alloc;
 
 pub mod experiment;
+pub mod identification;
 pub mod replay;
 pub mod run;
 pub mod study;

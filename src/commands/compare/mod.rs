@@ -2,7 +2,6 @@
 
 mod recording;
 
-use core::fmt::Write;
 use std::path::PathBuf;
 
 use clap::Args;
@@ -11,7 +10,7 @@ use serde_json::Value;
 
 use crate::configuration;
 use crate::failure::{Failure, Verdict};
-use crate::output::{self, OverwriteFlag};
+use crate::output::{self, JsonFlag, OverwriteFlag};
 use crate::walk_point;
 use resonarm::analysis::{Distances, MeasuredMotion, Nearest, nearest};
 use resonarm::arm::{Load, Parameters};
@@ -43,9 +42,8 @@ pub(crate) struct Compare {
     plot: Option<PathBuf>,
     #[command(flatten)]
     overwrite: OverwriteFlag,
-    /// Print one JSON document.
-    #[arg(long)]
-    json: bool,
+    #[command(flatten)]
+    json: JsonFlag,
 }
 
 /// Largest turn between two motions of the computed branch: with this it is straight between them to a tenth of the
@@ -89,7 +87,6 @@ struct Compared {
     frequency_hz: f64,
     harmonic1_rad: [f64; 2],
     settled: bool,
-    /// The computed motion.
     computed_frequency_hz: f64,
     computed_harmonic1_rad: [f64; 2],
     computed_stable: bool,
@@ -129,22 +126,9 @@ impl Compare {
             largest_amplitude_deviation: [0, 1].map(|joint| largest(&|point| point.amplitude_deviation[joint])),
             points,
         };
-        let files = match &self.plot {
-            Some(stem) => {
-                let figure = walk_point::drawn("Measured on computed", &scenario, &load, &branch, &measured);
-                output::plot(stem, &figure, &csv(&document.points), &document)?
-            }
-            None => Vec::new(),
-        };
-        if self.json {
-            output::print_json(&document)?;
-        } else {
-            output::print(&text(&document))?;
-            if !files.is_empty() {
-                output::print_written(&files)?;
-            }
-        }
-        Ok(Verdict::Positive)
+        let figure = || walk_point::drawn("Measured on computed", &scenario, &load, &branch, &measured);
+        let files = output::plot(self.plot.as_deref(), &document, || (figure(), csv(&document.points)))?;
+        self.json.show(&document, || text(&document), &files)
     }
 
     fn read(&self) -> Result<Bench, Failure> {
@@ -157,9 +141,9 @@ impl Compare {
         } else {
             text_file::read_numbers(&self.file)
         };
-        let text = read.map_err(|source| Failure::Usage(format!("{name} can't be read: {source}")))?;
+        let text = read.map_err(|source| Failure::usage(format!("{name} can't be read: {source}")))?;
         serde_json::from_str(&text)
-            .map_err(|source| Failure::Usage(format!("{name} is no document of `experiment walk --json`: {source}")))
+            .map_err(|source| Failure::usage(format!("{name} is no document of `experiment walk --json`: {source}")))
     }
 
     /// Arm, pose and load of the points, if they are on one branch.
@@ -167,7 +151,7 @@ impl Compare {
         let Configuration { name: arm_name, preset, parameters, beta1_deg, beta2_deg, torque_nm, force_n } =
             &bench.configuration;
         let name = self.file.display();
-        let usage = |problem: String| Failure::Usage(format!("{name}: {problem}"));
+        let usage = |problem: String| Failure::usage(format!("{name}: {problem}"));
         if bench.points.is_empty() {
             return Err(usage(String::from("it has no points")));
         }
@@ -236,9 +220,8 @@ fn text(document: &Document) -> String {
         let ([h1, h2], [d1, d2]) = (point.harmonic1_rad, point.amplitude_deviation);
         let stability = if point.computed_stable { "stable" } else { "unstable" };
         let remark = if point.settled { "" } else { ", point not settled" };
-        let _infallible = writeln!(
-            text,
-            "  {:9.5} Hz  {h1:7.5} rad  {h2:7.5} rad  {:+12.2e}  {:+8.3} %  {:+8.3} %  {stability}{remark}",
+        text += &format!(
+            "  {:9.5} Hz  {h1:7.5} rad  {h2:7.5} rad  {:+12.2e}  {:+8.3} %  {:+8.3} %  {stability}{remark}\n",
             point.frequency_hz,
             point.frequency_deviation,
             100.0 * d1,
@@ -246,9 +229,8 @@ fn text(document: &Document) -> String {
         );
     }
     let [a1, a2] = document.largest_amplitude_deviation;
-    let _infallible = writeln!(
-        text,
-        "largest of settled points: {:.1e} in frequency, {:.3} % in α1, {:.3} % in α2",
+    text += &format!(
+        "largest of settled points: {:.1e} in frequency, {:.3} % in α1, {:.3} % in α2\n",
         document.largest_frequency_deviation,
         100.0 * a1,
         100.0 * a2
@@ -265,9 +247,8 @@ fn csv(points: &[Compared]) -> String {
         let ([h1, h2], [c1, c2]) = (point.harmonic1_rad, point.computed_harmonic1_rad);
         let [d1, d2] = point.amplitude_deviation;
         let Compared { frequency_hz, settled, computed_frequency_hz, computed_stable, frequency_deviation, .. } = point;
-        let _infallible = writeln!(
-            text,
-            "{frequency_hz},{h1},{h2},{settled},{computed_frequency_hz},{c1},{c2},{computed_stable},{frequency_deviation},{d1},{d2}"
+        text += &format!(
+            "{frequency_hz},{h1},{h2},{settled},{computed_frequency_hz},{c1},{c2},{computed_stable},{frequency_deviation},{d1},{d2}\n"
         );
     }
     text

@@ -2,15 +2,12 @@
 
 use std::path::Path;
 
-use nalgebra::Vector2;
-
 use super::{Bench, BenchPoint, Configuration};
-use crate::commands::inspect;
 use crate::failure::Failure;
-use resonarm::arm::{Arm, Load};
+use crate::recordings;
+use resonarm::arm::Arm;
 use resonarm::control::{JointAngles, ResponsePoint};
-use resonarm::excitation::Phasor;
-use resonarm::recording::Recording;
+use resonarm::identification::{acting_load, common_load};
 use resonarm::replay;
 use resonarm::scenario::Scenario;
 
@@ -20,13 +17,10 @@ const HOW: &str = "responses are read with [control] or with an [excitation] wit
 
 /// The responses in a recording, with arm, pose and load of its scenario.
 pub(super) fn read(file: &Path) -> Result<Bench, Failure> {
-    let recording = Recording::open(file)?;
-    if let Some(note) = inspect::integrity_note(recording.integrity()) {
-        tracing::warn!("{note}");
-    }
+    let recording = recordings::open(file)?;
     let scenario = Scenario::from_configuration(recording.configuration())?;
     let name = file.display();
-    let none = |why: &str| Failure::Usage(format!("{name} holds no responses: {why}; {HOW}"));
+    let none = |why: &str| Failure::usage(format!("{name} holds no responses: {why}; {HOW}"));
     if scenario.excitation.is_none() && scenario.control.is_none() {
         return Err(none("its scenario does not say what the exciter played"));
     }
@@ -36,7 +30,8 @@ pub(super) fn read(file: &Path) -> Result<Bench, Failure> {
     }
     let arm = scenario.build_arm()?;
     let points = responses.iter().map(|response| point(response, &scenario, &arm)).collect::<Result<Vec<_>, _>>()?;
-    let load = load(&scenario, &points);
+    let acting: Vec<f64> = points.iter().filter_map(|point| point.excitation).collect();
+    let load = common_load(&scenario, &acting);
     let configuration = Configuration {
         name: scenario.arm.name.clone(),
         preset: scenario.arm.preset.clone(),
@@ -56,33 +51,7 @@ fn point(response: &ResponsePoint, scenario: &Scenario, arm: &Arm) -> Result<Ben
         frequency_hz: response.frequency_hz,
         harmonic1_rad: angles.harmonic1_rad(),
         amplitude_rad: angles.amplitude_rad,
-        excitation: Some(acting(response, scenario, arm)?),
+        excitation: Some(acting_load(response, scenario, arm)?),
         settled: response.settled,
     })
-}
-
-/// Amplitude of the load that acted, N or N·m: in open loop a shaker's force on the arm differs from the commanded one.
-///
-/// The converters fold images of the held command onto the fundamental; of these the head reads the share that acts on
-/// the arm far above the natural frequencies.
-fn acting(response: &ResponsePoint, scenario: &Scenario, arm: &Arm) -> Result<f64, Failure> {
-    let (Some(spec), Some(shaker)) = (&scenario.excitation, &scenario.rig.shaker) else { return Ok(response.load) };
-    let command_n = spec.amplitude.load().force_n;
-    let share = arm.clone().with_attachment(shaker.armature())?.high_frequency_force_share();
-    let images = share * scenario.sampling().images(response.frequency_hz);
-    let head = Vector2::from(response.head_force_n) - command_n.map(|command_n| Phasor::new(images * command_n, 0.0));
-    Ok(head.map(|axis| axis.norm_sqr()).sum().sqrt())
-}
-
-/// The load of all points: under control the one held by the law, in open loop the mean of those that acted.
-fn load(scenario: &Scenario, points: &[BenchPoint]) -> Load {
-    match (&scenario.control, &scenario.excitation) {
-        (Some(control), _) => control.amplitude().load(),
-        (None, Some(excitation)) => {
-            let load = excitation.amplitude.load();
-            let acting = points.iter().filter_map(|point| point.excitation).sum::<f64>() / points.len() as f64;
-            load.scaled(acting / libm::hypot(load.force_n.norm(), load.torque_nm.norm()))
-        }
-        (None, None) => Load::default(),
-    }
 }

@@ -4,18 +4,19 @@ mod report;
 
 use std::path::PathBuf;
 
-use clap::{Args, ValueEnum, value_parser};
+use clap::{Args, value_parser};
 
 use crate::commands::protocol::NetworkFlags;
 use crate::failure::{Failure, Verdict};
 use crate::flags;
-use crate::output;
+use crate::output::{self, JsonFlag, OverwriteFlag};
+use crate::recordings::existing;
 use crate::session::seconds;
 use report::Row;
 use resonarm::bus::{self, BusAddress, BusError};
 use resonarm::conformance::{self, BusWire, Case, Commands, Evidence, ExpectedSine, Finding, Settings, SineAmplitude};
 use resonarm::protocol::{EncodeError, ForceCommand, Message, Network, Node, Profile};
-use resonarm::recording::{Existing, RecordingError};
+use resonarm::recording::RecordingError;
 use resonarm::run::Mode;
 use resonarm_numeric::number::short;
 use resonarm_numeric::seed;
@@ -28,8 +29,8 @@ pub(crate) struct Conformance {
     #[arg(long, value_name = "BUS")]
     bus: String,
     /// The node under test. An exciter must be restarted whenever it ends, as by a loop in a shell.
-    #[arg(long)]
-    role: Role,
+    #[arg(long, value_parser = flags::one_of(Node::ALL, role))]
+    role: Node,
     /// The mode of the node: each has its specific cases.
     #[arg(long, value_parser = flags::one_of(ON_A_BUS, Mode::name), default_value_t = Mode::RealTime)]
     mode: Mode,
@@ -53,13 +54,13 @@ pub(crate) struct Conformance {
     #[arg(long, value_name = "N")]
     beyond_travel_n: Option<f64>,
     /// How long to wait for the node under test, s.
-    #[arg(long, value_name = "S", default_value_t = 10.0, allow_hyphen_values = true)]
+    #[arg(long, value_name = "S", default_value_t = 10.0)]
     patience_s: f64,
     /// Bit rate of the bus, Hz: some cases are also tried at 70 % of it [default: they are not].
     #[arg(long, value_name = "HZ", value_parser = value_parser!(u32).range(10_000..=1_000_000))]
     bit_rate_hz: Option<u32>,
     /// How long to send random good and bad frames, s; 0 sends none.
-    #[arg(long, value_name = "S", default_value_t = 5.0, allow_hyphen_values = true)]
+    #[arg(long, value_name = "S", default_value_t = 5.0)]
     soak_s: f64,
     /// Frequency of the sine that the exciter is set up to command, Hz, with its amplitude [default: no sine is
     /// expected].
@@ -77,9 +78,8 @@ pub(crate) struct Conformance {
     /// Seed of the random frames, and the first bit to damage; each further damaged frame has the next bit wrong.
     #[arg(long, value_name = "N", value_parser = seed::parse, default_value_t = 0)]
     seed: u64,
-    /// Print one JSON document.
-    #[arg(long)]
-    json: bool,
+    #[command(flatten)]
+    json: JsonFlag,
     /// Also write the report as JUnit XML.
     #[arg(long, value_name = "FILE")]
     junit: Option<PathBuf>,
@@ -87,7 +87,7 @@ pub(crate) struct Conformance {
     #[arg(long, value_name = "FILE")]
     record: Option<PathBuf>,
     #[command(flatten)]
-    overwrite: output::OverwriteFlag,
+    overwrite: OverwriteFlag,
 }
 
 /// The modes of a node on a bus.
@@ -101,7 +101,7 @@ fn check_carried(network: Network, flag: &str, force_n: Option<f64>) -> Result<(
         Err(EncodeError::OutOfRange { limit, .. }) => {
             let more = if profile == Profile::Classic { ": --profile fd carries more" } else { "" };
             let (force_n, limit) = (short(&force_n), short(&limit));
-            Err(Failure::Usage(format!(
+            Err(Failure::usage(format!(
                 "{flag} is {force_n} N, and commands of the {profile} profile go to ±{limit} N{more}"
             )))
         }
@@ -109,18 +109,10 @@ fn check_carried(network: Network, flag: &str, force_n: Option<f64>) -> Result<(
     }
 }
 
-#[derive(Clone, Copy, Debug, ValueEnum)]
-enum Role {
-    Plant,
-    Exciter,
-}
-
-impl From<Role> for Node {
-    fn from(role: Role) -> Node {
-        match role {
-            Role::Plant => Node::Plant,
-            Role::Exciter => Node::Exciter,
-        }
+fn role(node: Node) -> &'static str {
+    match node {
+        Node::Plant => "plant",
+        Node::Exciter => "exciter",
     }
 }
 
@@ -143,7 +135,7 @@ impl Conformance {
             Ok(recording) => (recording, None),
             Err(error) => (None, Some(error)),
         };
-        let document = report::Document::new(self.role.into(), rows, commands, recording);
+        let document = report::Document::new(self.role, rows, commands, recording);
         self.write_report(&document)?;
         lost.map_or_else(|| bus.close(), Err)?;
         unrecorded.map_or(Ok(()), Err)?;
@@ -171,7 +163,7 @@ impl Conformance {
                     Row::new(case, &finding)
                 }
             };
-            if !self.json {
+            if !self.json.json {
                 output::print(&row.text())?;
             }
             rows.push(row);
@@ -185,17 +177,14 @@ impl Conformance {
         network: Network,
         settings: Settings,
     ) -> Result<Option<Evidence>, RecordingError> {
-        let existing = if self.overwrite.overwrite { Existing::Overwrite } else { Existing::Refuse };
-        let run = (self.role.into(), network, settings);
+        let (existing, run) = (existing(self.overwrite.overwrite), (self.role, network, settings));
         self.record.clone().map(|path| Evidence::create(path, existing, interface, run)).transpose()
     }
-
-    /// Prints and writes the report.
-    fn write_report(&self, document: &report::Document) -> Result<(), Failure> {
+    fn write_report(&self, document: &report::Document) -> Result<Verdict, Failure> {
         if let Some(path) = &self.junit {
             output::write(path.clone(), &document.junit())?;
         }
-        if self.json { output::print_json(document) } else { output::print(&document.summary()) }
+        self.json.show(document, || document.summary(), &[])
     }
 
     fn settings(&self, network: Network) -> Result<Settings, Failure> {
@@ -218,40 +207,35 @@ impl Conformance {
 
     /// Refuses forces that are invalid, beyond the profile's range, or not used for the role.
     fn check_forces(&self, network: Network) -> Result<(), Failure> {
-        let of_plant = [
-            ("--beyond-n", "N", self.beyond_n),
-            ("--beyond-n-per-s", "N/s", self.beyond_n_per_s),
-            ("--beyond-travel-n", "N", self.beyond_travel_n),
-        ];
-        let of_exciter = [
-            ("--expect-frequency-hz", "Hz", self.expect_frequency_hz),
-            ("--expect-force-n", "N", self.expect_force_n),
-            ("--expect-torque-nm", "N m", self.expect_torque_nm),
-        ];
-        let all = [("--force-n", "N", Some(self.force_n))].into_iter().chain(of_plant).chain(of_exciter);
-        if let Some((flag, unit, _)) =
-            all.into_iter().find(|(.., given)| given.is_some_and(|n| !n.is_finite() || n <= 0.0))
-        {
-            return Err(Failure::Usage(format!("{flag} must be a number above 0 {unit}")));
-        }
-        let (others, other) = match self.role {
-            Role::Plant => (of_exciter, Node::Exciter),
-            Role::Exciter => (of_plant, Node::Plant),
-        };
-        if let Some((flag, ..)) = others.into_iter().find(|(.., given)| given.is_some()) {
-            return Err(Failure::Usage(format!("{flag} is for --role {other}: leave it out")));
-        }
-        for (flag, force_n) in [
+        let [force, beyond, beyond_travel] = [
             ("--force-n", Some(self.force_n)),
             ("--beyond-n", self.beyond_n),
             ("--beyond-travel-n", self.beyond_travel_n),
-        ] {
-            check_carried(network, flag, force_n)?;
+        ];
+        let (of_plant, of_exciter) = (Some(Node::Plant), Some(Node::Exciter));
+        let all = [
+            (force.0, "N", force.1, None),
+            (beyond.0, "N", beyond.1, of_plant),
+            ("--beyond-n-per-s", "N/s", self.beyond_n_per_s, of_plant),
+            (beyond_travel.0, "N", beyond_travel.1, of_plant),
+            ("--expect-frequency-hz", "Hz", self.expect_frequency_hz, of_exciter),
+            ("--expect-force-n", "N", self.expect_force_n, of_exciter),
+            ("--expect-torque-nm", "N m", self.expect_torque_nm, of_exciter),
+        ];
+        let is_wrong = |n: f64| !n.is_finite() || n <= 0.0;
+        if let Some((flag, unit, ..)) = all.into_iter().find(|(_, _, given, _)| given.is_some_and(is_wrong)) {
+            return Err(Failure::usage(format!("{flag} must be a number above 0 {unit}")));
         }
+        let of_other = |of: &Option<Node>| of.is_some_and(|of| of != self.role);
+        if let Some((flag, _, _, Some(other))) = all.into_iter().find(|(.., given, of)| given.is_some() && of_other(of))
+        {
+            return Err(Failure::usage(format!("{flag} is for --role {other}: leave it out")));
+        }
+        [force, beyond, beyond_travel].into_iter().try_for_each(|(flag, n)| check_carried(network, flag, n))?;
         let force_n = self.force_n;
-        for (flag, given) in [("--beyond-n", self.beyond_n), ("--beyond-travel-n", self.beyond_travel_n)] {
+        for (flag, given) in [beyond, beyond_travel] {
             if let Some(beyond_n) = given.filter(|beyond_n| *beyond_n <= force_n) {
-                return Err(Failure::Usage(format!(
+                return Err(Failure::usage(format!(
                     "{flag} is {beyond_n} N, and --force-n {force_n} N: it must be larger"
                 )));
             }
@@ -263,7 +247,7 @@ impl Conformance {
         let amplitude = match (self.expect_force_n, self.expect_torque_nm) {
             (Some(_), Some(_)) => {
                 let both = "--expect-force-n and --expect-torque-nm exclude each other: a command is one of them";
-                return Err(Failure::Usage(String::from(both)));
+                return Err(Failure::usage(both));
             }
             (Some(force_n), None) => Some(SineAmplitude::ForceN(force_n)),
             (None, torque_nm) => torque_nm.map(SineAmplitude::TorqueNm),
@@ -274,17 +258,17 @@ impl Conformance {
             _ => {
                 let half = "a sine is expected by its frequency and its amplitude: --expect-frequency-hz with \
                             --expect-force-n or --expect-torque-nm";
-                Err(Failure::Usage(String::from(half)))
+                Err(Failure::usage(half))
             }
         }
     }
 
     fn cases(&self) -> Result<Vec<Case>, Failure> {
-        let all = || conformance::cases(self.role.into(), self.mode);
+        let all = || conformance::cases(self.role, self.mode);
         if let Some(unknown) = self.cases.iter().find(|wanted| !all().any(|case| case.id.starts_with(wanted.as_str())))
         {
             let names = all().map(|case| case.id).collect::<Vec<_>>().join(", ");
-            return Err(Failure::Usage(format!("there is no case {unknown:?}, only {names}")));
+            return Err(Failure::usage(format!("there is no case {unknown:?}, only {names}")));
         }
         let is_wanted =
             |case: &Case| self.cases.is_empty() || self.cases.iter().any(|w| case.id.starts_with(w.as_str()));

@@ -1,6 +1,5 @@
 //! The report: text, JSON, JUnit XML.
 
-use core::fmt::Write;
 use std::collections::BTreeMap;
 
 use serde::Serialize;
@@ -10,8 +9,6 @@ use resonarm::conformance::{Case, Check, Commands, Finding, REQUIREMENTS, Range,
 use resonarm::protocol::Node;
 use resonarm::recording::Summary;
 use resonarm_numeric::number::short;
-
-/// The result of one case.
 #[derive(Serialize)]
 pub(super) struct Row {
     case: &'static str,
@@ -111,21 +108,21 @@ impl Row {
     pub fn text(&self) -> String {
         let mut text = format!("{:12}  {:26} {}", self.verdict, self.case, self.title);
         if !self.measured.is_empty() {
-            let _infallible = write!(text, " ({})", self.measured.join("; "));
+            text += &format!(" ({})", self.measured.join("; "));
         }
         text.push('\n');
         if let Some(reason) = &self.reason {
-            let _infallible = writeln!(text, "{:14}{reason}  {}", "", self.requirements.join(" "));
+            text += &format!("{:14}{reason}  {}\n", "", self.requirements.join(" "));
         }
         if matches!(self.verdict, "failed" | "inconclusive") {
-            let _infallible = writeln!(text, "{:14}heard: {}", "", counted(&self.heard, "nothing"));
+            text += &format!("{:14}heard: {}\n", "", counted(&self.heard, "nothing"));
             if !self.others.is_empty() {
                 let others = counted(&self.others, "");
-                let _infallible = writeln!(text, "{:14}heard with other identifiers: {others}", "");
+                text += &format!("{:14}heard with other identifiers: {others}\n", "");
             }
         }
         for refused in &self.refused {
-            let _infallible = writeln!(text, "{:14}{}", "", refused.text);
+            text += &format!("{:14}{}\n", "", refused.text);
         }
         text
     }
@@ -143,8 +140,6 @@ impl Row {
         )
     }
 }
-
-/// Names with their counts.
 fn counted(counts: &BTreeMap<String, u64>, none: &str) -> String {
     if counts.is_empty() {
         return String::from(none);
@@ -156,8 +151,6 @@ fn counted(counts: &BTreeMap<String, u64>, none: &str) -> String {
 fn escaped(text: &str) -> String {
     output::in_line(text).replace('&', "&amp;").replace('<', "&lt;").replace('>', "&gt;").replace('"', "&quot;")
 }
-
-/// All cases.
 #[derive(Serialize)]
 pub(super) struct Document {
     role: String,
@@ -168,44 +161,18 @@ pub(super) struct Document {
     not_run: usize,
     cases: Vec<Row>,
     /// The ranges of an exciter's commands.
-    commands: CommandsRow,
+    commands: BTreeMap<&'static str, Option<[f64; 2]>>,
     recording: Option<Summary>,
     /// Requirements that no case can test.
     untested: Vec<Untested>,
 }
 
-/// The ranges of the commands, smallest and largest; null where there were none.
-#[derive(Serialize)]
-struct CommandsRow {
-    force_x_n: Option<[f64; 2]>,
-    force_y_n: Option<[f64; 2]>,
-    torque1_nm: Option<[f64; 2]>,
-    torque2_nm: Option<[f64; 2]>,
-}
-
-impl CommandsRow {
-    fn new(commands: &Commands) -> CommandsRow {
-        let ends = |range: Option<Range>| range.map(|Range { min, max }| [min, max]);
-        CommandsRow {
-            force_x_n: ends(commands.force_x_n),
-            force_y_n: ends(commands.force_y_n),
-            torque1_nm: ends(commands.torque1_nm),
-            torque2_nm: ends(commands.torque2_nm),
-        }
-    }
-
-    fn text(&self) -> String {
-        let ranges = [
-            ("force_x_n", "N", self.force_x_n),
-            ("force_y_n", "N", self.force_y_n),
-            ("torque1_nm", "N m", self.torque1_nm),
-            ("torque2_nm", "N m", self.torque2_nm),
-        ];
-        let stated = ranges.into_iter().filter_map(|(name, unit, range)| {
-            range.map(|[min, max]| format!("{name} {} to {} {unit}", short(&min), short(&max)))
-        });
-        stated.collect::<Vec<_>>().join(", ")
-    }
+/// The ranges of the commands by their names, smallest and largest; none where there were none.
+fn ranges(commands: &Commands) -> BTreeMap<&'static str, Option<[f64; 2]>> {
+    let Commands { force_x_n, force_y_n, torque1_nm, torque2_nm, .. } = *commands;
+    let all =
+        [("force_x_n", force_x_n), ("force_y_n", force_y_n), ("torque1_nm", torque1_nm), ("torque2_nm", torque2_nm)];
+    all.map(|(name, range)| (name, range.map(|Range { min, max }| [min, max]))).into()
 }
 
 #[derive(Serialize)]
@@ -230,7 +197,7 @@ impl Document {
             skipped: count("skipped"),
             not_run: count(NOT_RUN),
             untested: untested.collect(),
-            commands: CommandsRow::new(&commands),
+            commands: ranges(&commands),
             cases,
             recording,
         }
@@ -246,22 +213,25 @@ impl Document {
             "{} passed, {} failed, {} inconclusive, {} skipped, {} not run\n",
             self.passed, self.failed, self.inconclusive, self.skipped, self.not_run
         );
-        let commands = self.commands.text();
-        if !commands.is_empty() {
-            let _infallible = writeln!(text, "commanded: {commands}");
+        let stated = self.commands.iter().filter_map(|(name, range)| {
+            let unit = if name.starts_with("force") { "N" } else { "N m" };
+            range.map(|[min, max]| format!("{name} {} to {} {unit}", short(&min), short(&max)))
+        });
+        let stated = stated.collect::<Vec<_>>().join(", ");
+        if !stated.is_empty() {
+            text += &format!("commanded: {stated}\n");
         }
         if let Some(Summary { path, bytes, lost, .. }) = &self.recording {
             let lost = lost.values().sum::<u64>();
-            let _infallible = writeln!(text, "recording: {}, {bytes} bytes, {lost} records lost", path.display());
+            text += &format!("recording: {}, {bytes} bytes, {lost} records lost\n", path.display());
         }
         text
     }
 
     pub fn junit(&self) -> String {
         let mut text = String::from("<?xml version=\"1.0\" encoding=\"UTF-8\"?>\n<testsuites>\n");
-        let _infallible = writeln!(
-            text,
-            "  <testsuite name=\"resonarm conformance {}\" tests=\"{}\" failures=\"{}\" skipped=\"{}\">",
+        text += &format!(
+            "  <testsuite name=\"resonarm conformance {}\" tests=\"{}\" failures=\"{}\" skipped=\"{}\">\n",
             self.role,
             self.cases.len(),
             self.failed,

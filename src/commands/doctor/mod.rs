@@ -3,22 +3,19 @@
 mod queues;
 mod reception;
 
-use core::fmt::Write;
-
 use clap::Args;
 use serde::Serialize;
 
 use crate::failure::{Failure, Verdict};
-use crate::output;
+use crate::output::JsonFlag;
 use resonarm::bus::socketcan;
 use resonarm::realtime::{Finding, Privileges};
 
 /// Says what this machine supports (CAN, real-time privileges, clock) and how to fix what is missing.
 #[derive(Debug, Args)]
 pub(crate) struct Doctor {
-    /// Print one JSON document.
-    #[arg(long)]
-    json: bool,
+    #[command(flatten)]
+    json: JsonFlag,
 }
 
 #[derive(Serialize)]
@@ -32,12 +29,8 @@ impl Doctor {
         findings.extend(queues::findings());
         findings.extend(reception::findings());
         findings.extend(Privileges::probe().findings());
-        if self.json {
-            output::print_json(&Document { findings })?;
-        } else {
-            output::print(&in_words(&findings))?;
-        }
-        Ok(Verdict::Positive)
+        let document = Document { findings };
+        self.json.show(&document, || in_words(&document.findings), &[])
     }
 }
 
@@ -46,9 +39,9 @@ pub(crate) fn in_words(findings: &[Finding]) -> String {
     let mut text = String::new();
     for Finding { subject, state, fix } in findings {
         let mark = if fix.is_none() { "ok  " } else { "fix " };
-        let _infallible = writeln!(text, "{mark}  {subject:21} {state}");
+        text += &format!("{mark}  {subject:21} {state}\n");
         if let Some(fix) = fix {
-            let _infallible = writeln!(text, "      {:21} {fix}", "");
+            text += &format!("      {:21} {fix}\n", "");
         }
     }
     text

@@ -1,6 +1,5 @@
 //! `resonarm experiment fig9`: both resonance zones of the paper's measured position, on the emulated bench.
 
-use core::fmt::Write;
 use std::path::PathBuf;
 use std::sync::Arc;
 
@@ -14,13 +13,13 @@ use resonarm::arm::{Arm, Pose};
 use crate::failure::{Failure, Verdict};
 use crate::figures::zone_figure;
 use crate::flags::SessionFlags;
-use crate::output::{self, OverwriteFlag};
+use crate::output::{self, JsonFlag, OverwriteFlag};
+use crate::progress::timed;
 use crate::supervise::{Line, supervise};
-use crate::walk_point::WalkPoint;
+use crate::walk_point::{self, WalkPoint};
 use resonarm::control::{CancelHarmonics, Length, ModeNumber};
 use resonarm::excitation::Amplitude;
 use resonarm::experiment::{Measured, Score, Zone, ZoneExperiment, ZoneMeasured, score};
-use resonarm::realtime::{Clock, SystemClock};
 use resonarm::run::{ExciterEnd, Signals};
 use resonarm::scenario::Scenario;
 use resonarm_numeric::number::short;
@@ -33,19 +32,19 @@ pub(crate) struct Fig9 {
     #[command(flatten)]
     session: SessionFlags,
     /// Force in the first zone, N.
-    #[arg(long, value_name = "N", default_value_t = 100.0, allow_hyphen_values = true)]
+    #[arg(long, value_name = "N", default_value_t = 100.0)]
     first_force_n: f64,
     /// Force in the second zone, N: above about 16 N accelerations exceed the range of the wire, 1638 m/s².
-    #[arg(long, value_name = "N", default_value_t = 15.0, allow_hyphen_values = true)]
+    #[arg(long, value_name = "N", default_value_t = 15.0)]
     second_force_n: f64,
     /// Lowest frequency, Hz. The zones meet halfway between the natural frequencies.
-    #[arg(long, value_name = "F", default_value_t = 26.0, allow_hyphen_values = true)]
+    #[arg(long, value_name = "F", default_value_t = 26.0)]
     from_hz: f64,
     /// Highest frequency, Hz.
-    #[arg(long, value_name = "F", default_value_t = 46.0, allow_hyphen_values = true)]
+    #[arg(long, value_name = "F", default_value_t = 46.0)]
     to_hz: f64,
     /// Largest step of the sines, Hz; near the resonance the steps are smaller.
-    #[arg(long, value_name = "F", default_value_t = 0.5, allow_hyphen_values = true)]
+    #[arg(long, value_name = "F", default_value_t = 0.5)]
     step_hz: f64,
     /// Number of points of each walk.
     #[arg(long, value_name = "N", default_value_t = 40, value_parser = clap::value_parser!(u16).range(3..=1000))]
@@ -55,28 +54,26 @@ pub(crate) struct Fig9 {
     plot: Option<PathBuf>,
     #[command(flatten)]
     overwrite: OverwriteFlag,
-    /// Print one JSON document.
-    #[arg(long)]
-    json: bool,
+    #[command(flatten)]
+    json: JsonFlag,
 }
 
 /// Most steps of a stepped sine, in addition to those of the walk.
 const MOST_STEPS: f64 = 1e4;
-/// Points of each backbone.
 const BACKBONE_POINTS: usize = 10;
 
 #[derive(Serialize)]
-struct Document {
+struct Document<'a> {
     configuration: Value,
     /// Whether it was stopped before all was measured.
     interrupted: bool,
-    zones: Vec<ZoneDocument>,
+    zones: Vec<ZoneDocument<'a>>,
     simulated_s: f64,
     wall_s: f64,
 }
 
 #[derive(Serialize)]
-struct ZoneDocument {
+struct ZoneDocument<'a> {
     mode_number: u8,
     force_n: [f64; 2],
     range_hz: [f64; 2],
@@ -86,7 +83,7 @@ struct ZoneDocument {
     down: Run,
     /// The comparison with the computed response; none if a run did not finish, since the measurement is then
     /// incomplete.
-    computed: Option<Computed>,
+    computed: Option<Computed<'a>>,
 }
 
 /// The responses that a controller read, and how it ended.
@@ -98,21 +95,15 @@ struct Run {
 }
 
 #[derive(Serialize)]
-struct Computed {
-    folds_hz: Vec<f64>,
-    /// Points of the walk where the computed motion is unstable.
-    unstable_points: usize,
-    settled_points: usize,
-    largest_frequency_deviation: f64,
-    largest_amplitude_deviation: f64,
-    largest_backbone_deviation: f64,
+struct Computed<'a> {
+    #[serde(flatten)]
+    score: &'a Score,
     jumps: Option<Value>,
 }
 
 impl Fig9 {
-    /// The scenario of the flags.
     pub(crate) fn scenario(&self) -> Result<Scenario, Failure> {
-        self.session.scenario(scenario)
+        self.session.scenario_or(scenario)
     }
 
     pub fn execute(&self) -> Result<Verdict, Failure> {
@@ -124,9 +115,8 @@ impl Fig9 {
         experiment.check(&scenario)?;
         self.overwrite.check_stem(self.plot.as_deref(), output::PLOTTED)?;
         self.plot.as_deref().map_or(Ok(()), output::check_folder)?;
-        let start_ns = SystemClock.now_ns();
-        let measured = measure(&scenario, &zones, experiment)?;
-        let wall_s = SystemClock.now_ns().saturating_sub(start_ns) as f64 * 1e-9;
+        let (measured, wall_s) = timed(|| measure(&scenario, &zones, experiment));
+        let measured = measured?;
         let scores = zones.iter().zip(&measured).map(|(zone, measured)| score(&arm, zone, measured));
         let scores = scores.collect::<Result<Vec<_>, _>>()?;
         let results = zones.iter().zip(&measured).zip(&scores);
@@ -140,20 +130,12 @@ impl Fig9 {
             simulated_s: measured.iter().map(ZoneMeasured::simulated_s).sum(),
             wall_s,
         };
-        let mut files = Vec::new();
-        if let Some(stem) = &self.plot {
+        let drawn = || {
             let views: Vec<_> = document.zones.iter().zip(&scores).map(|(zone, score)| zone.view(score)).collect();
-            let figure = zone_figure::figure(&scenario, &views, interrupted);
-            files = output::plot(stem, &figure, &csv(&document.zones), &document)?;
-        }
-        if self.json {
-            output::print_json(&document)?;
-        } else {
-            output::print(&text(&document))?;
-            if !files.is_empty() {
-                output::print_written(&files)?;
-            }
-        }
+            (zone_figure::figure(&scenario, &views, interrupted), csv(&document.zones))
+        };
+        let files = output::plot(self.plot.as_deref(), &document, drawn)?;
+        self.json.show(&document, || text(&document), &files)?;
         if interrupted {
             tracing::error!(
                 "interrupted: zones whose runs have not all finished are not judged; the same command begins from the start"
@@ -168,27 +150,23 @@ impl Fig9 {
         let halfway_hz = 0.5 * (first_hz + second_hz);
         for (flag, got_n) in [("--first-force-n", self.first_force_n), ("--second-force-n", self.second_force_n)] {
             if !(got_n.is_finite() && got_n > 0.0) {
-                return Err(Failure::Usage(format!("{flag} is {}: it must be a positive number", short(&got_n))));
+                return Err(Failure::value(flag, got_n, "it must be a positive number"));
             }
         }
         let Pose { beta1_deg, beta2_deg } = arm.pose();
         let pose = format!("at β1 = {}°, β2 = {}°", short(&beta1_deg), short(&beta2_deg));
-        let (from_hz, to_hz) = (short(&self.from_hz), short(&self.to_hz));
         if !(self.from_hz > 0.0 && self.from_hz < first_hz) {
-            return Err(Failure::Usage(format!(
-                "--from-hz is {from_hz}: it must be above 0 and below the first natural frequency, {first_hz:.2} Hz {pose}"
-            )));
+            let why = format!("it must be above 0 and below the first natural frequency, {first_hz:.2} Hz {pose}");
+            return Err(Failure::value("--from-hz", self.from_hz, why));
         }
         if !(self.to_hz.is_finite() && self.to_hz > second_hz) {
-            return Err(Failure::Usage(format!(
-                "--to-hz is {to_hz}: it must be above the second natural frequency, {second_hz:.2} Hz {pose}"
-            )));
+            let why = format!("it must be above the second natural frequency, {second_hz:.2} Hz {pose}");
+            return Err(Failure::value("--to-hz", self.to_hz, why));
         }
         if !(self.step_hz > 0.0 && self.to_hz - self.from_hz <= MOST_STEPS * self.step_hz) {
-            return Err(Failure::Usage(format!(
-                "--step-hz is {}: it must be positive, and {from_hz} to {to_hz} Hz at most {MOST_STEPS} of it",
-                short(&self.step_hz),
-            )));
+            let (from_hz, to_hz) = (short(&self.from_hz), short(&self.to_hz));
+            let why = format!("it must be positive, and {from_hz} to {to_hz} Hz at most {MOST_STEPS} of it");
+            return Err(Failure::value("--step-hz", self.step_hz, why));
         }
         let zone = |mode_number, force_x_n, range_hz| Zone {
             mode_number,
@@ -208,19 +186,17 @@ impl Fig9 {
 
 /// All runs, with one progress bar over them.
 fn measure(scenario: &Scenario, zones: &[Zone], experiment: ZoneExperiment) -> Result<Vec<ZoneMeasured>, Failure> {
-    let (experiment, signals, scenario) = (Arc::new(experiment), Arc::new(Signals::default()), scenario.clone());
-    let (watched, whole) = (Arc::clone(&experiment), Arc::clone(&signals));
-    let on_tick = move |_line: &mut Line| {
+    let (experiment, scenario) = (Arc::new(experiment), scenario.clone());
+    let watched = Arc::clone(&experiment);
+    let on_tick = move |_: &mut Line, whole: &Signals| {
         whole.set_responses(watched.responses() as usize);
         if whole.is_stopped() {
             watched.stop();
         }
     };
     let length = Length::Responses(zones.iter().map(|zone| zone.responses() as u64).sum());
-    Ok(supervise("experiment", &signals, length, on_tick, move || experiment.measure(&scenario))??)
+    Ok(supervise("experiment", length, on_tick, move |_| experiment.measure(&scenario))??)
 }
-
-/// The bench of the experiment.
 pub(crate) fn scenario() -> Result<Scenario, Failure> {
     Ok(Scenario::parse(include_str!("../../../scenarios/fig9.toml"), "scenarios/fig9.toml")?)
 }
@@ -241,8 +217,8 @@ impl Run {
     }
 }
 
-impl ZoneDocument {
-    fn new(zone: &Zone, measured: &ZoneMeasured, score: &Score, arm: &Arm) -> ZoneDocument {
+impl<'a> ZoneDocument<'a> {
+    fn new(zone: &Zone, measured: &ZoneMeasured, score: &'a Score, arm: &Arm) -> ZoneDocument<'a> {
         let [walk, backbone, up, down] = measured.runs().map(|run| Run::new(run, arm));
         let jumps = score.jumps.map(|[up, down]| {
             let jump = |jump: resonarm::experiment::Jump| {
@@ -250,15 +226,6 @@ impl ZoneDocument {
             };
             json!({ "up": jump(up), "down": jump(down) })
         });
-        let computed = Computed {
-            folds_hz: score.folds_hz.clone(),
-            unstable_points: score.unstable_points,
-            settled_points: score.settled_points,
-            largest_frequency_deviation: score.largest_frequency_deviation,
-            largest_amplitude_deviation: score.largest_amplitude_deviation,
-            largest_backbone_deviation: score.largest_backbone_deviation,
-            jumps,
-        };
         let have_finished = [&walk, &backbone, &up, &down].iter().all(|run| run.end.is_finished());
         ZoneDocument {
             mode_number: zone.mode_number.into(),
@@ -268,7 +235,7 @@ impl ZoneDocument {
             backbone,
             up,
             down,
-            computed: have_finished.then_some(computed),
+            computed: have_finished.then_some(Computed { score, jumps }),
         }
     }
 
@@ -276,7 +243,7 @@ impl ZoneDocument {
         [("walk", &self.walk), ("backbone", &self.backbone), ("up", &self.up), ("down", &self.down)]
     }
 
-    fn view<'a>(&'a self, score: &'a Score) -> zone_figure::View<'a> {
+    fn view(&'a self, score: &'a Score) -> zone_figure::View<'a> {
         zone_figure::View {
             joint: usize::from(self.mode_number - 1),
             force_n: self.force_n[0],
@@ -292,15 +259,14 @@ impl ZoneDocument {
 fn text(document: &Document) -> String {
     let mut text = String::new();
     for zone in &document.zones {
-        let _infallible = writeln!(text, "zone {}: {} N along x", zone.mode_number, zone.force_n[0]);
+        text += &format!("zone {}: {} N along x\n", zone.mode_number, zone.force_n[0]);
         for (name, run) in zone.runs() {
             let reason = run.end.reason.as_ref().map_or(String::new(), |reason| format!(": {reason}"));
             let distortion = run.distortion().map_or(String::new(), |distortion| {
                 format!(", distortion of the force up to {:.1} %", 100.0 * distortion)
             });
-            let _infallible = writeln!(
-                text,
-                "  {name:<9} {:4} points, {} settled{distortion}, {}{reason}",
+            text += &format!(
+                "  {name:<9} {:4} points, {} settled{distortion}, {}{reason}\n",
                 run.points.len(),
                 run.settled(),
                 run.end.outcome
@@ -313,13 +279,13 @@ fn text(document: &Document) -> String {
     }
     let minutes = document.simulated_s / 60.0;
     let interrupted = if document.interrupted { "interrupted after " } else { "" };
-    let _infallible = writeln!(text, "{interrupted}{minutes:.0} simulated minutes in {:.0} s", document.wall_s);
+    text += &format!("{interrupted}{minutes:.0} simulated minutes in {:.0} s\n", document.wall_s);
     text
 }
 
-impl Computed {
+impl Computed<'_> {
     fn text(&self, mode_number: u8) -> String {
-        let folds: Vec<_> = self.folds_hz.iter().map(|hz| format!("{hz:.6} Hz")).collect();
+        let folds: Vec<_> = self.score.folds_hz.iter().map(|hz| format!("{hz:.6} Hz")).collect();
         let folds = if folds.is_empty() { String::from("none") } else { folds.join(", ") };
         let jumps = self.jumps.as_ref().map_or(String::from("none: up and down are the same"), |jumps| {
             let between = |way: &str| {
@@ -332,29 +298,20 @@ impl Computed {
             "  folds     computed: {folds}\n  jumps     measured: {jumps}\n  \
              walk      {} points on the unstable part; at most {:.1e} off in frequency, {:.3} % in α{mode_number}\n  \
              backbone  at most {:.1e} off in frequency\n",
-            self.unstable_points,
-            self.largest_frequency_deviation,
-            100.0 * self.largest_amplitude_deviation,
-            self.largest_backbone_deviation,
+            self.score.unstable_points,
+            self.score.largest_frequency_deviation,
+            100.0 * self.score.largest_amplitude_deviation,
+            self.score.largest_backbone_deviation,
         )
     }
 }
 
 fn csv(zones: &[ZoneDocument]) -> String {
-    let mut text = String::from(
-        "zone,run,frequency_hz,phase_deg,excitation_n,harmonic1_alpha1_rad,harmonic1_alpha2_rad,\
-         largest_alpha1_rad,largest_alpha2_rad,settled,tries\n",
-    );
+    let mut text = format!("zone,run,{}\n", walk_point::columns("N"));
     for zone in zones {
         for (name, run) in zone.runs() {
             for point in &run.points {
-                let ([h1, h2], [a1, a2]) = (point.harmonic1_rad, point.amplitude_rad);
-                let WalkPoint { frequency_hz, phase_deg, excitation, settled, tries, .. } = point;
-                let _infallible = writeln!(
-                    text,
-                    "{},{name},{frequency_hz},{phase_deg},{excitation},{h1},{h2},{a1},{a2},{settled},{tries}",
-                    zone.mode_number
-                );
+                text += &format!("{},{name},{}\n", zone.mode_number, point.cells());
             }
         }
     }

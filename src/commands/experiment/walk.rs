@@ -2,27 +2,26 @@
 //! backbone, in a closed loop.
 
 use std::path::PathBuf;
-use std::sync::Arc;
 
 use clap::Args;
 use serde::Serialize;
 use serde_json::Value;
 
-use crate::commands::continuation::DriveFlags;
 use crate::configuration;
+use crate::drive::DriveFlags;
 use resonarm::arm::Load;
 
 use crate::failure::{Failure, Verdict};
 use crate::flags::SessionFlags;
-use crate::output::{self, OverwriteFlag};
+use crate::output::{self, JsonFlag, OverwriteFlag};
+use crate::progress::timed;
+use crate::recordings::existing;
 use crate::supervise::supervise;
 use crate::walk_point::{self, WalkPoint};
 use resonarm::control::{ControlSpec, ModeNumber, PhaseWalkSpec};
 use resonarm::excitation::Amplitude;
-use resonarm::realtime::{Clock, SystemClock};
-use resonarm::recording::Existing;
 use resonarm::rig::ShakerSpec;
-use resonarm::run::{BothReport, ExciterEnd, Mode, Options, RecordTo, Session, Signals};
+use resonarm::run::{BothReport, ExciterEnd, Mode, Options, RecordTo, RunError, Session, Signals};
 use resonarm::scenario::Scenario;
 use resonarm_numeric::number::short;
 
@@ -56,9 +55,8 @@ pub(crate) struct WalkExperiment {
     plot: Option<PathBuf>,
     #[command(flatten)]
     overwrite: OverwriteFlag,
-    /// Print one JSON document.
-    #[arg(long)]
-    json: bool,
+    #[command(flatten)]
+    json: JsonFlag,
 }
 
 #[derive(Serialize)]
@@ -74,7 +72,7 @@ struct Document<'a> {
 impl WalkExperiment {
     /// The scenario of the flags, with the walk in it.
     pub(crate) fn scenario(&self) -> Result<Scenario, Failure> {
-        let mut scenario = self.session.scenario(|| Ok(Scenario::default()))?;
+        let mut scenario = self.session.scenario_or(|| Ok(Scenario::default()))?;
         scenario.control = Some(ControlSpec::PhaseWalk(self.spec(&scenario)?));
         scenario.excitation = None;
         Ok(scenario)
@@ -83,17 +81,18 @@ impl WalkExperiment {
     pub fn execute(&self) -> Result<Verdict, Failure> {
         self.overwrite.check_stem(self.plot.as_deref(), output::PLOTTED)?;
         let scenario = self.scenario()?;
-        let existing = if self.overwrite.overwrite { Existing::Overwrite } else { Existing::Refuse };
+        let existing = existing(self.overwrite.overwrite);
         let record = self.record.clone().map(|path| RecordTo { path, existing });
         let options = Options { record, ..Options::default() };
         let session = Session::new(scenario.clone(), Mode::Free, options)?;
         let length = session.controller()?.length();
-        let start_ns = SystemClock.now_ns();
-        let signals = Arc::new(Signals::default());
-        let watched = Arc::clone(&signals);
-        let report = supervise("walk", &signals, length, |_line| {}, move || session.both(&watched, |_| {}))??;
-        let wall_s = SystemClock.now_ns().saturating_sub(start_ns) as f64 * 1e-9;
-        self.conclude(&scenario, report, &signals, wall_s)
+        let work = move |signals: &Signals| {
+            let report = session.both(signals, |_| {})?;
+            Ok::<_, RunError>((ExciterEnd::of(report.exciter_outcome(signals).as_ref()), report))
+        };
+        let (done, wall_s) = timed(|| supervise("walk", length, |_, _| {}, work));
+        let (end, report) = done??;
+        self.conclude(&scenario, &end, report, wall_s)
     }
 
     /// The walk of the flags, or of the scenario, or the default.
@@ -109,7 +108,7 @@ impl WalkExperiment {
             spec = PhaseWalkSpec { mode_number, points, ..PhaseWalkSpec::backbone(amplitude) };
         }
         if let Some(mode) = self.mode_number {
-            spec.mode_number = ModeNumber::try_from(mode).map_err(|error| Failure::Usage(error.to_string()))?;
+            spec.mode_number = ModeNumber::try_from(mode).map_err(|error| Failure::usage(error.to_string()))?;
         }
         spec.points = self.points.unwrap_or(spec.points);
         Ok(spec)
@@ -122,11 +121,11 @@ impl WalkExperiment {
         let of_scenario = of_scenario.or(scenario.excitation.as_ref().map(|excitation| &excitation.amplitude));
         match (self.force_n, &scenario.rig.shaker, of_scenario) {
             (Some(force_n), Some(shaker), _) => Ok(along(shaker, force_n)),
-            (Some(force_n), None, _) => Err(Failure::Usage(format!(
+            (Some(force_n), None, _) => Err(Failure::usage(format!(
                 "--force-n {} acts along a shaker, and the scenario has none: add [rig.shaker], or give --force-x-n and --force-y-n",
                 short(&force_n)
             ))),
-            (None, _, Some(amplitude)) if drive.torque1_nm.is_none() && !drive.is_force() => Ok(*amplitude),
+            (None, _, Some(amplitude)) if !drive.is_given() => Ok(*amplitude),
             (None, _, _) => {
                 let Load { torque_nm, force_n } = drive.load()?;
                 let (force_x_n, force_y_n) = (force_n.x, force_n.y);
@@ -138,44 +137,36 @@ impl WalkExperiment {
     fn conclude(
         &self,
         scenario: &Scenario,
-        report: BothReport,
-        signals: &Signals,
+        end: &ExciterEnd,
+        BothReport { plant, exciter }: BothReport,
         wall_s: f64,
     ) -> Result<Verdict, Failure> {
-        let end = ExciterEnd::of(report.exciter_outcome(signals).as_ref());
-        let BothReport { plant, exciter } = report;
         if let Some(error) = plant.error.or(exciter.error) {
             return Err(error.into());
         }
         let arm = scenario.build_arm()?;
         let points: Vec<WalkPoint> = exciter.responses.iter().map(|point| WalkPoint::new(point, &arm)).collect();
         let simulated_s = plant.samples as f64 / scenario.simulation.rate_hz;
-        let unit = scenario.control.as_ref().map_or("", |control| control.amplitude().unit());
-        let load = scenario.control.as_ref().map_or(Load::default(), |control| control.amplitude().load());
+        let amplitude = scenario.control.as_ref().map(|control| *control.amplitude()).unwrap_or_default();
+        let (unit, load) = (amplitude.unit(), amplitude.load());
         let configuration = configuration::of(scenario, &load)?;
-        let document = Document { configuration, points: &points, end: &end, simulated_s, wall_s };
+        let document = Document { configuration, points: &points, end, simulated_s, wall_s };
         let mut files = Vec::new();
         if let (Some(stem), Some(control)) = (&self.plot, &scenario.control)
             && let Some(figure) = walk_point::figure(scenario, control, &points)?
         {
-            files = output::plot(stem, &figure, &walk_point::csv(&points, unit), &document)?;
+            files = output::plot(Some(stem), &document, || (figure, walk_point::csv(&points, unit)))?;
         }
-        if self.json {
-            output::print_json(&document)?;
-        } else {
+        let text = || {
             let settled = points.iter().filter(|point| point.settled).count();
-            if self.plot.is_none() {
-                output::print(&walk_point::table(&points, unit))?;
-            }
-            output::print(&format!(
-                "{}: {} points, {settled} settled, in {simulated_s:.1} simulated seconds ({wall_s:.1} s)\n",
+            let table = if self.plot.is_none() { walk_point::table(&points, unit) } else { String::new() };
+            format!(
+                "{table}{}: {} points, {settled} settled, in {simulated_s:.1} simulated seconds ({wall_s:.1} s)\n",
                 end.outcome,
                 points.len()
-            ))?;
-            if !files.is_empty() {
-                output::print_written(&files)?;
-            }
-        }
+            )
+        };
+        self.json.show(&document, text, &files)?;
         if let Some(reason) = &end.reason {
             tracing::error!("{reason}");
         }

@@ -2,14 +2,14 @@
 
 mod plot;
 
-use core::fmt::Write;
 use std::path::PathBuf;
 
 use clap::Args;
 use serde::Serialize;
 
 use crate::failure::{Failure, Verdict};
-use crate::output::{self, in_line};
+use crate::output::{JsonFlag, OverwriteFlag, in_line};
+use crate::recordings::integrity_note;
 use resonarm::recording::{Integrity, Origin, Recording, RecordingSummary, RunTime};
 use resonarm::statistics::{ChannelStatistics, RecordingStatistics, statistics};
 use resonarm_figures::plot::Figure;
@@ -27,17 +27,15 @@ pub(crate) struct Inspect {
     #[arg(long, value_name = "STEM")]
     plot: Option<PathBuf>,
     #[command(flatten)]
-    overwrite: output::OverwriteFlag,
-    /// Print one JSON document.
-    #[arg(long)]
-    json: bool,
+    overwrite: OverwriteFlag,
+    #[command(flatten)]
+    json: JsonFlag,
 }
 
 #[derive(Serialize)]
 struct Document<'a> {
     #[serde(flatten)]
     summary: &'a RecordingSummary,
-    /// Problems of the run or its recording.
     problems: Vec<Problem>,
     /// With --statistics.
     #[serde(skip_serializing_if = "Option::is_none")]
@@ -55,14 +53,8 @@ impl Inspect {
             Some(stem) => plot::figure(&recording, &summary)?.write(stem)?.to_vec(),
             None => Vec::new(),
         };
-        if self.json {
-            output::print_json(&Document { summary: &summary, problems, statistics })?;
-        } else {
-            output::print(&text(&summary, &problems, statistics.as_ref()))?;
-            if !written.is_empty() {
-                output::print_written(&written)?;
-            }
-        }
+        let document = Document { summary: &summary, problems, statistics };
+        self.json.show(&document, || document.text(), &written)?;
         Ok(Verdict::of(summary.integrity == Integrity::Complete))
     }
 }
@@ -72,7 +64,6 @@ impl Inspect {
 struct Problem {
     /// `fault`, `other sender`, `clipped`, `gap`, `lost` or `refused`.
     kind: &'static str,
-    /// Its description.
     what: String,
 }
 
@@ -106,23 +97,6 @@ fn problems(summary: &RecordingSummary, statistics: Option<&RecordingStatistics>
     problems
 }
 
-/// The note on a recording that is not whole.
-pub(crate) fn integrity_note(integrity: &Integrity) -> Option<String> {
-    let last = |sample: &Option<u64>| sample.map_or(String::from("no sample"), |last| format!("samples up to {last}"));
-    match integrity {
-        Integrity::Complete => None,
-        Integrity::Unfinished => Some(String::from("the recording was recovered from a truncated or damaged one")),
-        Integrity::Truncated { readable_bytes, file_bytes, last_sample } => Some(format!(
-            "the recording is truncated: {readable_bytes} of {file_bytes} bytes can be read, {}",
-            last(last_sample)
-        )),
-        Integrity::Damaged { readable_bytes, file_bytes, last_sample, cause } => Some(format!(
-            "the recording is damaged ({cause}): {readable_bytes} of {file_bytes} bytes can be read, {}",
-            last(last_sample)
-        )),
-    }
-}
-
 fn time_text(origin: &Origin) -> String {
     let time = match origin.time {
         RunTime::Simulated => "simulated time",
@@ -143,58 +117,63 @@ fn plotting_text(origin: &Origin) -> String {
     }
 }
 
-fn text(summary: &RecordingSummary, problems: &[Problem], statistics: Option<&RecordingStatistics>) -> String {
-    let mut text = String::new();
-    let mut line = |name: &str, value: String| {
-        let _infallible = writeln!(text, "{:12} {}", in_line(name), in_line(&value));
-    };
-    line("file", format!("{}, {} bytes", summary.path.display(), summary.file_bytes));
-    line("integrity", integrity_note(&summary.integrity).unwrap_or_else(|| String::from("complete")));
-    if let Some((first, last)) = summary.samples {
+impl Document<'_> {
+    fn text(&self) -> String {
+        let Document { summary, problems, statistics } = self;
+        let mut text = String::new();
+        let mut line = |name: &str, value: String| {
+            text += &format!("{:12} {}\n", in_line(name), in_line(&value));
+        };
+        line("file", format!("{}, {} bytes", summary.path.display(), summary.file_bytes));
+        line("integrity", integrity_note(&summary.integrity).unwrap_or_else(|| String::from("complete")));
+        if let Some((first, last)) = summary.samples {
+            line(
+                "samples",
+                format!("{first} to {last}, {:.3} s at {} s a sample", summary.duration_s, summary.origin.dt_s),
+            );
+        }
+        for problem in problems {
+            line(problem.kind, problem.what.clone());
+        }
+        line("format", format!("{}, {}", summary.origin.format, time_text(&summary.origin)));
+        line("plotting", plotting_text(&summary.origin));
+        line("bus", summary.origin.interface.clone());
         line(
-            "samples",
-            format!("{first} to {last}, {:.3} s at {} s a sample", summary.duration_s, summary.origin.dt_s),
+            "build",
+            format!(
+                "{} {}, {}",
+                summary.origin.build.version, summary.origin.build.git_commit, summary.origin.build.target
+            ),
         );
+        for (topic, contents) in &summary.topics {
+            line(
+                topic,
+                format!("{} messages, {} records, {} bytes", contents.messages, contents.records, contents.bytes),
+            );
+        }
+        for (key, value) in &summary.statistics {
+            line(key, value.clone());
+        }
+        if let Some(statistics) = statistics {
+            text.push_str(&statistics_text(statistics));
+        }
+        for (key, value) in &summary.configuration {
+            text += &format!("\n[{}]\n{}\n", in_line(key), value.trim_end());
+        }
+        text
     }
-    for problem in problems {
-        line(problem.kind, problem.what.clone());
-    }
-    line("format", format!("{}, {}", summary.origin.format, time_text(&summary.origin)));
-    line("plotting", plotting_text(&summary.origin));
-    line("bus", summary.origin.interface.clone());
-    line(
-        "build",
-        format!(
-            "{} {}, {}",
-            summary.origin.build.version, summary.origin.build.git_commit, summary.origin.build.target
-        ),
-    );
-    for (topic, contents) in &summary.topics {
-        line(topic, format!("{} messages, {} records, {} bytes", contents.messages, contents.records, contents.bytes));
-    }
-    for (key, value) in &summary.statistics {
-        line(key, value.clone());
-    }
-    if let Some(statistics) = statistics {
-        text.push_str(&statistics_text(statistics));
-    }
-    for (key, value) in &summary.configuration {
-        let _infallible = write!(text, "\n[{}]\n{}\n", in_line(key), value.trim_end());
-    }
-    text
 }
 
 fn statistics_text(statistics: &RecordingStatistics) -> String {
     let mut text = format!("\n{:24} {:>12} {:>12} {:>12} {:>12}\n", "channel", "least", "largest", "mean", "rms");
     for ChannelStatistics { name, least, largest, mean, rms } in &statistics.channels {
-        let _infallible = writeln!(text, "{name:24} {least:12.4e} {largest:12.4e} {mean:12.4e} {rms:12.4e}");
+        text += &format!("{name:24} {least:12.4e} {largest:12.4e} {mean:12.4e} {rms:12.4e}\n");
     }
     let counts = statistics.messages.iter().map(|(name, count)| (*name, count));
     for (name, count) in counts.chain(statistics.events.iter().map(|(name, count)| (name.as_str(), count))) {
-        let _infallible = writeln!(text, "{:24} {count:12}", in_line(name));
+        text += &format!("{:24} {count:12}\n", in_line(name));
     }
-    let RecordingStatistics { lost_frames, foreign_frames, .. } = statistics;
-    let _infallible =
-        writeln!(text, "{:24} {lost_frames:12}\n{:24} {foreign_frames:12}", "lost frames", "foreign frames");
+    let Statistics { lost_frames, foreign_frames, .. } = statistics;
+    text += &format!("{:24} {lost_frames:12}\n{:24} {foreign_frames:12}\n", "lost frames", "foreign frames");
     text
 }

@@ -88,7 +88,7 @@ pub(super) fn figure(recording: &Recording, summary: &RecordingSummary) -> Resul
         }
     }
     match figure.panels[..] {
-        [] => Err(Failure::Usage(format!("{}: there is nothing to plot", recording.path().display()))),
+        [] => Err(Failure::usage(format!("{}: there is nothing to plot", recording.path().display()))),
         _ => Ok(figure),
     }
 }

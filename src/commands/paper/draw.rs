@@ -4,7 +4,7 @@ use resonarm::analysis;
 use resonarm_figures::paper::{
     Abscissa, FigureCurves, ForcedBranch, LabelledCurve, MeasuredPoint, Motion, NaturalFrequencies, Panel, Way,
 };
-use resonarm_figures::plot::{self, Axis, Color, Legend, Marker, Note, Series, Style};
+use resonarm_figures::plot::{self, Axis, Color, Legend, Marker, Note, Series};
 
 /// Fig. 3, a panel for each preset.
 pub(super) fn natural_frequencies(presets: &[NaturalFrequencies]) -> plot::Figure {
@@ -23,9 +23,7 @@ pub(super) fn natural_frequencies(presets: &[NaturalFrequencies]) -> plot::Figur
     }
     figure
 }
-
-/// A figure of branches.
-pub(super) fn curves(curves: &FigureCurves) -> plot::Figure {
+pub(super) fn curves(curves: &Curves) -> plot::Figure {
     let mut figure = plot::Figure::new(curves.title.clone()).subtitle(curves.conditions.clone());
     for (index, panel) in curves.panels.iter().enumerate() {
         let drawn = draw(curves, panel);
@@ -85,11 +83,8 @@ fn with_points(mut drawn: plot::Panel, measured: &[MeasuredPoint], link: usize) 
             Way::Walk => (Color::Green, Marker::Circle),
         };
         let points = measured.iter().filter(|point| point.way == way);
-        let points: Vec<_> = points.map(|point| (point.frequency_hz, point.amplitude_rad[link])).collect();
-        if !points.is_empty() {
-            let style = Style::Markers { color, shape, size: 5.0, filled: false };
-            drawn = drawn.with(Series::markers(way.label(), color, shape, points).style(style));
-        }
+        let points = points.map(|point| (point.frequency_hz, point.amplitude_rad[link])).collect();
+        drawn = drawn.with_any(Series::markers(way.label(), color, shape, points).marked(5.0, false));
     }
     drawn
 }
@@ -149,8 +144,6 @@ fn with_names<'a>(
     }
     rows.into_iter().filter(|row| !row.is_empty()).fold(drawn, plot::Panel::row)
 }
-
-/// The place of a curve's name.
 enum Named {
     /// Over its peak in each zone that has one.
     Peaks([Option<(f64, f64)>; 2]),

@@ -9,7 +9,7 @@ use clap::{Args, ValueEnum};
 use serde::Serialize;
 
 use crate::failure::{Failure, Verdict};
-use crate::output::{self, OverwriteFlag};
+use crate::output::{self, JsonFlag, OverwriteFlag};
 use crate::progress::Progress;
 use resonarm::arm::Preset;
 use resonarm::realtime::{Clock, SystemClock};
@@ -45,9 +45,8 @@ pub(crate) struct Paper {
     /// TOML file in place of scenarios/paper/settings.toml, which is built in.
     #[arg(long, value_name = "FILE")]
     settings: Option<PathBuf>,
-    /// Print one JSON document.
-    #[arg(long)]
-    json: bool,
+    #[command(flatten)]
+    json: JsonFlag,
 }
 
 /// The figure or the statements to compute.
@@ -68,12 +67,8 @@ enum What {
     /// All of these.
     All,
 }
-
-/// The figures with curves.
 const CURVES: [(What, Figure); 4] =
     [(What::Fig4, Figure::Fig4), (What::Fig5, Figure::Fig5), (What::Fig7, Figure::Fig7), (What::Fig9, Figure::Fig9)];
-
-/// The results.
 #[derive(Serialize)]
 struct Document {
     figures: Vec<Made>,
@@ -81,8 +76,6 @@ struct Document {
     claims: Option<Report>,
     wall_s: f64,
 }
-
-/// A figure that was made.
 #[derive(Serialize)]
 struct Made {
     figure: &'static str,
@@ -110,11 +103,7 @@ impl Paper {
             document.claims = Some(self.claims(&settings)?);
         }
         document.wall_s = since(start_ns);
-        if self.json {
-            output::print_json(&document)?;
-        } else {
-            output::print(&text_of(&document))?;
-        }
+        self.json.show(&document, || text_of(&document), &[])?;
         Ok(Verdict::of(document.claims.is_none_or(|report| report.is_complete())))
     }
 
@@ -150,7 +139,7 @@ impl Paper {
     fn measured(&self) -> Result<Option<MeasuredZones>, Failure> {
         match &self.measured {
             Some(_) if self.what != What::Fig9 => {
-                Err(Failure::Usage(String::from("--measured is for `paper fig9`: leave it out, or make that figure")))
+                Err(Failure::usage("--measured is for `paper fig9`: leave it out, or make that figure"))
             }
             Some(path) => Ok(Some(MeasuredZones::read(path).map_err(PaperError::from)?)),
             None => Ok(None),
@@ -160,7 +149,7 @@ impl Paper {
     /// The folder for the files; required for figures.
     fn folder(&self) -> Result<Option<&Path>, Failure> {
         match &self.out {
-            None if self.what != What::Claims => Err(Failure::Usage(String::from("figures need a folder: --out DIR"))),
+            None if self.what != What::Claims => Err(Failure::usage("figures need a folder: --out DIR")),
             folder => Ok(folder.as_deref()),
         }
     }
@@ -203,8 +192,6 @@ impl Paper {
 fn since(start_ns: u64) -> f64 {
     SystemClock.now_ns().saturating_sub(start_ns) as f64 * 1e-9
 }
-
-/// Writes a figure and its data.
 fn save(
     folder: &Path,
     name: &'static str,
@@ -223,8 +210,7 @@ fn save(
 fn text_of(document: &Document) -> String {
     let mut text = String::new();
     for made in &document.figures {
-        let files: Vec<String> = made.files.iter().map(|file| file.display().to_string()).collect();
-        text.push_str(&format!("{} in {:.2} s: {}\n", made.figure, made.wall_s, files.join(", ")));
+        text += &format!("{} in {:.2} s: {}\n", made.figure, made.wall_s, output::listed(&made.files));
     }
     if let Some(report) = &document.claims {
         text.push_str(&report.text());

@@ -1,6 +1,5 @@
 //! `resonarm protocol decode`: explains frames.
 
-use core::fmt::Write;
 use std::io::{self, BufRead};
 use std::path::Path;
 
@@ -11,7 +10,7 @@ use serde_json::{Map, Value, json};
 use super::NetworkFlags;
 use super::log_line::LogLine;
 use crate::failure::{Failure, Verdict};
-use crate::output;
+use crate::output::{self, JsonFlag};
 use resonarm::protocol::{DecodeError, Message, Receiver};
 use resonarm_numeric::number::short;
 
@@ -26,9 +25,8 @@ pub(super) struct Decode {
     frames: Vec<String>,
     #[command(flatten)]
     network: NetworkFlags,
-    /// Print one JSON document.
-    #[arg(long)]
-    json: bool,
+    #[command(flatten)]
+    json: JsonFlag,
 }
 
 /// Number of characters shown of a line without a frame.
@@ -47,15 +45,9 @@ struct Counts {
     /// Lines that hold no frame.
     unreadable_lines: u64,
 }
+/// Whether a receiver takes a frame; none of another protocol.
+type Verdicted = Result<Option<Message>, DecodeError>;
 
-/// The verdict on a frame.
-enum Verdicted {
-    Taken(Message),
-    Refused(DecodeError),
-    Foreign,
-}
-
-/// The state of decoding.
 struct Decoding {
     receiver: Receiver,
     counts: Counts,
@@ -68,7 +60,7 @@ impl Decode {
         let mut decoding = Decoding {
             receiver: Receiver::new(self.network.network()?),
             counts: Counts::default(),
-            rows: self.json.then(Default::default),
+            rows: self.json.json.then(Default::default),
         };
         if self.frames.is_empty() {
             decoding.lines(io::stdin().lock())?;
@@ -85,7 +77,7 @@ impl Decoding {
     /// Decodes every line of a log. Other lines are reported and left out.
     fn lines(&mut self, log: impl BufRead) -> Result<(), Failure> {
         for (line, number) in log.split(b'\n').zip(1..) {
-            let line = line.map_err(|error| Failure::Usage(format!("standard input can't be read: {error}")))?;
+            let line = line.map_err(|error| Failure::usage(format!("standard input can't be read: {error}")))?;
             let line = String::from_utf8_lossy(&line);
             if line.trim().is_empty() {
                 continue;
@@ -99,11 +91,7 @@ impl Decoding {
     }
 
     fn frame(&mut self, line: &LogLine) -> Result<(), Failure> {
-        let verdict = match self.receiver.accept(&line.frame) {
-            Ok(Some(message)) => Verdicted::Taken(message),
-            Ok(None) => Verdicted::Foreign,
-            Err(error) => Verdicted::Refused(error),
-        };
+        let verdict = self.receiver.accept(&line.frame);
         self.counts.add(&verdict);
         match &mut self.rows {
             Some([frames, _]) => frames.push(row(line, &verdict)),
@@ -120,8 +108,6 @@ impl Decoding {
         }
         Ok(())
     }
-
-    /// Prints the totals.
     fn finish(mut self) -> Result<Verdict, Failure> {
         self.counts.lost = self.receiver.lost();
         let Counts { frames, refused, unreadable_lines, .. } = self.counts;
@@ -143,7 +129,7 @@ fn parse(line: &str) -> Result<LogLine, String> {
 
 /// An argument that is no frame may be the name of a file with frames.
 fn not_a_frame(argument: &str, reason: String) -> Failure {
-    Failure::Usage(match Path::new(argument).is_file() {
+    Failure::usage(match Path::new(argument).is_file() {
         true => format!("{reason}. It is a file: `resonarm protocol decode < {argument}` reads it"),
         false => reason,
     })
@@ -153,9 +139,9 @@ impl Counts {
     fn add(&mut self, verdict: &Verdicted) {
         self.frames += 1;
         match verdict {
-            Verdicted::Taken(_) => self.taken += 1,
-            Verdicted::Refused(_) => self.refused += 1,
-            Verdicted::Foreign => self.foreign += 1,
+            Ok(Some(_)) => self.taken += 1,
+            Err(_) => self.refused += 1,
+            Ok(None) => self.foreign += 1,
         }
     }
 
@@ -165,7 +151,7 @@ impl Counts {
             "{frames} frames: {taken} taken, {refused} refused, {foreign} of other protocols; {lost} lost before them"
         );
         if *unreadable_lines > 0 {
-            let _infallible = write!(text, "; {unreadable_lines} lines without a frame");
+            text += &format!("; {unreadable_lines} lines without a frame");
         }
         text.push('\n');
         text
@@ -175,16 +161,14 @@ impl Counts {
 fn row(line: &LogLine, verdict: &Verdicted) -> Value {
     let mut row = json!({ "frame": line.frame.to_string(), "time_s": line.time_s, "interface": line.interface });
     let (outcome, more) = match verdict {
-        Verdicted::Taken(message) => {
+        Ok(Some(message)) => {
             let mut signals = Map::new();
             message.signals(|name, value| drop(signals.insert(name.to_owned(), json!(value))));
             let kind = message.kind();
             ("taken", json!({ "message": kind.name(), "sender": kind.sender().to_string(), "signals": signals }))
         }
-        Verdicted::Refused(error) => {
-            ("refused", json!({ "message": error.kind().name(), "reason": error.to_string() }))
-        }
-        Verdicted::Foreign => ("foreign", json!({})),
+        Err(error) => ("refused", json!({ "message": error.kind().name(), "reason": error.to_string() })),
+        Ok(None) => ("foreign", json!({})),
     };
     row["verdict"] = json!(outcome);
     if let (Some(row), Value::Object(more)) = (row.as_object_mut(), more) {
@@ -196,23 +180,23 @@ fn row(line: &LogLine, verdict: &Verdicted) -> Value {
 fn text(line: &LogLine, verdict: &Verdicted) -> String {
     let mut text = String::new();
     if let (Some(time_s), Some(interface)) = (line.time_s, &line.interface) {
-        let _infallible = write!(text, "({time_s:.6}) {interface} ");
+        text += &format!("({time_s:.6}) {interface} ");
     }
-    let _infallible = write!(text, "{}  ", line.frame);
+    text += &format!("{}  ", line.frame);
     match verdict {
-        Verdicted::Taken(message) => {
-            let _infallible = write!(text, "{}", message.kind());
+        Ok(Some(message)) => {
+            text += &format!("{}", message.kind());
             message.signals(|name, value| {
-                let _infallible = write!(text, " {name}={}", short(&value));
+                text += &format!(" {name}={}", short(&value));
             });
             if let Message::Emergency(emergency) = message {
-                let _infallible = write!(text, " ({emergency})");
+                text += &format!(" ({emergency})");
             }
         }
-        Verdicted::Refused(error) => {
-            let _infallible = write!(text, "{error}");
+        Err(error) => {
+            text += &format!("{error}");
         }
-        Verdicted::Foreign => text.push_str("not of this network"),
+        Ok(None) => text.push_str("not of this network"),
     }
     text.push('\n');
     text

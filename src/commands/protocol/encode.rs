@@ -33,20 +33,20 @@ impl Encode {
             used.push(name);
             signals.iter().find(|(given, _)| *given == name).map(|(_, value)| *value)
         });
-        let message = message.map_err(|error| Failure::Usage(error.to_string()))?;
+        let message = message.map_err(|error| Failure::usage(error.to_string()))?;
         if let Some((unknown, _)) = signals.iter().find(|(given, _)| !used.contains(given)) {
-            return Err(Failure::Usage(format!("{kind} has no signal {unknown}, only {}", used.join(", "))));
+            return Err(Failure::usage(format!("{kind} has no signal {unknown}, only {}", used.join(", "))));
         }
         let most = kind.form(network.profile()).and_then(|form| form.protection).map_or(0, |p| p.counter_max());
         if self.counter > most {
-            return Err(Failure::Usage(format!("--counter is {}: of {kind} it goes from 0 to {most}", self.counter)));
+            return Err(Failure::usage(format!("--counter is {}: of {kind} it goes from 0 to {most}", self.counter)));
         }
         let mut transmitter = Transmitter::new(network);
         let mut frame = transmitter.frame(&message);
         for _ in 0..self.counter {
             frame = transmitter.frame(&message);
         }
-        let frame = frame.map_err(|error| Failure::Usage(error.to_string()))?;
+        let frame = frame.map_err(|error| Failure::usage(error.to_string()))?;
         output::print(&format!("{frame}\n"))?;
         Ok(Verdict::Positive)
     }
@@ -55,7 +55,7 @@ impl Encode {
         let known = MessageKind::ALL.into_iter().find(|kind| kind.name().eq_ignore_ascii_case(&self.message));
         known.ok_or_else(|| {
             let names = MessageKind::ALL.map(MessageKind::name).join(", ");
-            Failure::Usage(format!("there is no message {:?}, only {names}", self.message))
+            Failure::usage(format!("there is no message {:?}, only {names}", self.message))
         })
     }
 }
@@ -68,5 +68,5 @@ fn signal(text: &str) -> Result<(&str, f64), Failure> {
     };
     text.split_once('=')
         .and_then(|(name, value)| Some((name, number(value)?)))
-        .ok_or_else(|| Failure::Usage(format!("{text:?} is not of the form signal=number")))
+        .ok_or_else(|| Failure::usage(format!("{text:?} is not of the form signal=number")))
 }

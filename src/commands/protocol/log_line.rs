@@ -10,7 +10,6 @@ pub(super) struct LogLine {
     pub time_s: Option<f64>,
     /// Its interface, if the log has it.
     pub interface: Option<String>,
-    /// The frame.
     pub frame: Frame,
 }
 

@@ -70,20 +70,20 @@ impl NetworkFlags {
         Network::new(self.base.0)
             .and_then(|network| network.with_node_ids(self.plant_id, self.exciter_id))
             .map(|network| network.with_profile(self.profile))
-            .map_err(|error| Failure::Usage(error.to_string()))
+            .map_err(|error| Failure::usage(error.to_string()))
     }
 }
 
 impl Protocol {
     pub fn execute(&self) -> Result<Verdict, Failure> {
-        match &self.action {
-            Action::Spec => output::print(SPEC).map(|()| Verdict::Positive),
-            Action::Dbc(flags) => output::print(&dbc::Dbc(flags.network()?).to_string()).map(|()| Verdict::Positive),
-            Action::Header(flags) => {
-                output::print(&header::Header(flags.network()?).to_string()).map(|()| Verdict::Positive)
-            }
-            Action::Decode(decode) => decode.execute(),
-            Action::Encode(encode) => encode.execute(),
-        }
+        let text = match &self.action {
+            Action::Spec => SPEC.to_owned(),
+            Action::Dbc(flags) => dbc::Dbc(flags.network()?).to_string(),
+            Action::Header(flags) => header::Header(flags.network()?).to_string(),
+            Action::Decode(decode) => return decode.execute(),
+            Action::Encode(encode) => return encode.execute(),
+        };
+        output::print(&text)?;
+        Ok(Verdict::Positive)
     }
 }

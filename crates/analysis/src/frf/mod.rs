@@ -11,8 +11,10 @@ use thiserror::Error;
 use resonarm_dynamics::arm::Arm;
 use resonarm_numeric::number::short;
 
+mod phase;
 mod terms;
 
+pub use phase::continuous_phase;
 pub use terms::{Drive, Quantity, Response, UnknownTerm};
 
 /// Why there is no frequency response.

@@ -117,7 +117,18 @@ pub struct StableMotion {
     points: Vec<FixedPoint>,
 }
 
-/// What becomes of an initial state.
+/// A grid of initial states reaches this many times as far as the largest stable motion.
+const REACH: f64 = 1.5;
+
+/// How far a grid of initial states goes in a coordinate to show what surrounds the motions under an excitation of this
+/// frequency.
+pub fn reach(motions: &[StableMotion], coordinate: StateCoordinate, frequency_hz: f64) -> f64 {
+    let (joint, rate) = coordinate.joint();
+    let largest = motions.iter().fold(0.0_f64, |largest, motion| largest.max(motion.amplitude_rad[joint]));
+    REACH * largest * if rate { TAU * frequency_hz } else { 1.0 }
+}
+
+/// The fate of an initial state.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "lowercase")]
 pub enum BasinOutcome {

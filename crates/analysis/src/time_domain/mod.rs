@@ -12,17 +12,19 @@ mod error;
 mod fixed_point;
 mod hysteresis;
 mod measure;
+mod path;
 mod settle;
 mod strobe;
 mod sweep;
 
-pub use basins::{BasinOutcome, StableMotion, StateCoordinate, UnknownStateCoordinate, outcomes, stable_motions};
+pub use basins::{Outcome, StableMotion, StateCoordinate, UnknownStateCoordinate, outcomes, reach, stable_motions};
 pub use error::TimeDomainError;
 pub use hysteresis::hysteresis;
 pub use measure::readings;
+pub use path::path;
 pub use settle::{SettleOptions, Settled, settle};
 pub use strobe::StroboscopicMap;
-pub use sweep::{Direction, Grid, Sweep, SweepParameter};
+pub use sweep::{Direction, Grid, Sweep, SweepFrequencies, SweepParameter};
 
 #[cfg(test)]
 mod tests;

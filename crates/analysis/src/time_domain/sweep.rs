@@ -1,17 +1,21 @@
 //! Stepped sweeps: a parameter of the excitation set to one value after the other, the motion carried over.
 //!
-//! A resonance of the arm is 0.004 Hz wide, and even steps over a few hertz miss it. So the command `sweep` without
-//! `--steps` also takes the frequencies of the stable motions of the computed branch, which are dense along a peak.
+//! A resonance of the arm is 0.004 Hz wide, and even steps over a few hertz miss it. So [`SweepFrequencies`] without a
+//! number of steps has the frequencies of the stable motions of the computed branch, too, which are dense along a peak.
 
 use alloc::vec::Vec;
 
 use serde::{Deserialize, Serialize};
 
-use super::TimeDomainError;
-use resonarm_dynamics::arm::{Load, Sine};
+use super::{StroboscopicMap, TimeDomainError};
+use crate::{AnalysisError, EndedEarly, Resonance, forced_response};
+use resonarm_dynamics::arm::{Arm, Load};
+use resonarm_dynamics::integrate::Sine;
 
 /// Most points of a sweep.
 const MOST_POINTS: u32 = 1_000_000;
+/// Evenly spaced frequencies of a sweep whose number is not given.
+const STEPS: u32 = 101;
 
 /// The parameter that is stepped.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -38,6 +42,16 @@ pub enum Direction {
     Up,
     /// From the highest.
     Down,
+}
+
+impl Direction {
+    /// The name in results.
+    pub const fn name(self) -> &'static str {
+        match self {
+            Direction::Up => "up",
+            Direction::Down => "down",
+        }
+    }
 }
 
 /// The values of a sweep, rising.
@@ -87,6 +101,47 @@ impl Grid {
     }
 }
 
+/// The frequencies of a sweep, Hz, and what they miss.
+#[derive(Clone, Debug, PartialEq)]
+pub struct SweepFrequencies {
+    /// The frequencies.
+    pub grid: Grid,
+    /// The resonances that are narrower than the steps.
+    pub stepped_over: Vec<Resonance>,
+    /// Why the resonances are known only in a part of the interval; none if they are known in all of it.
+    pub unknown_beyond: Option<AnalysisError>,
+}
+
+impl SweepFrequencies {
+    /// `steps` frequencies between two ends, evenly spaced; without a number 101, and between them as many as the
+    /// resonances of the forced response need.
+    ///
+    /// # Errors
+    /// As [`Grid::new`] and [`StroboscopicMap::new`].
+    pub fn new(
+        arm: &Arm,
+        load: &Load,
+        [from_hz, to_hz]: [f64; 2],
+        steps: Option<u32>,
+    ) -> Result<SweepFrequencies, TimeDomainError> {
+        let mut grid = Grid::new(from_hz, to_hz, steps.unwrap_or(STEPS))?;
+        let step_hz = grid.values[1] - grid.values[0];
+        let ends = [from_hz.min(to_hz), from_hz.max(to_hz)];
+        // Refuses invalid sweeps before the search for resonances.
+        StroboscopicMap::new(arm, Sine { amplitude: *load, frequency_hz: ends[0] })?;
+        let (branch, unknown_beyond) = match forced_response(arm, load, ends) {
+            Ok(branch) => (branch, None),
+            Err(EndedEarly { reason, so_far }) => (*so_far, Some(reason)),
+        };
+        let mut stepped_over = Vec::new();
+        match steps {
+            None => grid = grid.with(branch.stable_frequencies_hz()),
+            Some(_) => stepped_over.extend(branch.resonances().into_iter().filter(|found| found.width_hz < step_hz)),
+        }
+        Ok(SweepFrequencies { grid, stepped_over, unknown_beyond })
+    }
+}
+
 /// A stepped sweep of one arm.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Sweep {
@@ -117,5 +172,23 @@ impl SweepParameter {
             SweepParameter::Frequency { amplitude } => Sine { amplitude, frequency_hz: value },
             SweepParameter::Amplitude { unit, frequency_hz } => Sine { amplitude: unit.scaled(value), frequency_hz },
         }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::tests::arm_at;
+    use resonarm_dynamics::arm::Preset;
+
+    /// A resonance is narrower than 0.1 Hz: few steps miss it, and frequencies without a number of steps don't.
+    #[test]
+    fn frequencies_resolve_a_resonance_or_say_that_they_do_not() {
+        let (arm, load) = (arm_at(Preset::Irb1600Fitted, 0.0, 60.0), Load::torque_nm(1.0, 0.0));
+        let few = SweepFrequencies::new(&arm, &load, [22.3, 21.9], Some(5)).unwrap();
+        assert_eq!((few.grid.values().len(), few.stepped_over.len()), (5, 2));
+        let all = SweepFrequencies::new(&arm, &load, [22.3, 21.9], None).unwrap();
+        let values = all.grid.values();
+        assert!(values.len() > 110 && all.stepped_over.is_empty() && all.unknown_beyond.is_none(), "{values:?}");
     }
 }

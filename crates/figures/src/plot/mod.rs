@@ -165,6 +165,12 @@ impl Panel {
         self
     }
 
+    /// The same, unless the series has no points.
+    #[must_use]
+    pub fn with_any(self, series: Series) -> Self {
+        if series.points.is_empty() { self } else { self.with(series) }
+    }
+
     /// The panel with names in a row above these points, side by side in the order of the points, each with a line down
     /// to its point. For peaks too near to each other for [`Panel::notes`]. A name whose point is outside of the axes
     /// isn't drawn.
@@ -279,6 +285,15 @@ impl Series {
     /// Markers of the usual size.
     pub fn markers(label: impl Into<String>, color: Color, shape: Marker, points: Vec<(f64, f64)>) -> Self {
         Self { label: Some(label.into()), points, style: Style::Markers { color, shape, size: 6.0, filled: true } }
+    }
+
+    /// The series with markers of another size, px, which are open unless they are `filled`; a line stays as it is.
+    #[must_use]
+    pub fn marked(mut self, new_size: f64, is_filled: bool) -> Self {
+        if let Style::Markers { size, filled, .. } = &mut self.style {
+            (*size, *filled) = (new_size, is_filled);
+        }
+        self
     }
 
     /// The series in another style.

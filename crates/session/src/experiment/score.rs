@@ -1,5 +1,7 @@
 //! What was measured in a zone, against what is computed.
 
+use serde::Serialize;
+
 use super::{Zone, ZoneMeasured};
 use resonarm_analysis::time_domain::hysteresis;
 use resonarm_analysis::{
@@ -18,11 +20,13 @@ const MARGIN: f64 = 0.02;
 const DIFFERENT: f64 = 0.05;
 
 /// What is computed of a zone, and how far off the measured points are.
-#[derive(Clone, Debug)]
+#[derive(Clone, Debug, Serialize)]
 pub struct Score {
     /// The response at the zone's force.
+    #[serde(skip)]
     pub branch: Branch,
     /// The backbone up to it.
+    #[serde(skip)]
     pub backbone: Backbone,
     /// The frequencies of the computed folds, Hz, ascending.
     pub folds_hz: Vec<f64>,
@@ -38,6 +42,7 @@ pub struct Score {
     /// The largest deviation of the backbone's points in frequency, relative, at their amplitudes.
     pub largest_backbone_deviation: f64,
     /// Where the sine up and the sine down jumped, in this order; none if both met the same motions.
+    #[serde(skip)]
     pub jumps: Option<[Jump; 2]>,
 }
 

@@ -4,8 +4,8 @@ use core::fmt::{self, Display, Formatter};
 
 use serde::Serialize;
 
-use resonarm::analysis::Mode;
-use resonarm::identify::{Band, Identification, IdentifiedMode, MOST_NOISE_SHARE, Rejection};
+use resonarm_analysis::Mode;
+use resonarm_bench::identify::{Band, Identification, IdentifiedMode, MOST_NOISE_SHARE, Rejection};
 
 /// Largest relative distance of a found mode from the arm's: arms of the same make differ by less.
 const SAME_MODE: f64 = 0.15;
@@ -14,11 +14,12 @@ const NEAR: f64 = 0.05;
 
 /// A mode of the scenario's arm that was not found.
 #[derive(Clone, Debug, PartialEq, Serialize)]
-pub(crate) struct MissingMode {
+pub struct MissingMode {
     /// Its number.
     pub mode: u8,
     /// Its undamped natural frequency in the scenario, Hz.
     pub frequency_hz: f64,
+    /// Why.
     #[serde(flatten)]
     pub reason: Reason,
 }
@@ -26,7 +27,7 @@ pub(crate) struct MissingMode {
 /// Why it was not found.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize)]
 #[serde(rename_all = "kebab-case", tag = "reason")]
-pub(crate) enum Reason {
+pub enum Reason {
     /// No peak is near it.
     NoPeak,
     /// There is a peak, but no mode can be fitted to it.
@@ -66,7 +67,7 @@ impl Display for MissingMode {
 }
 
 /// The number of each mode that was found: that of the nearest of the arm's modes, each used once.
-pub(crate) fn numbers(found: &[IdentifiedMode], arm: &[Mode; 2]) -> Vec<Option<u8>> {
+pub fn mode_numbers(found: &[IdentifiedMode], arm: &[Mode; 2]) -> Vec<Option<u8>> {
     let off = |mode: &IdentifiedMode, of: &Mode| libm::fabs(libm::log(mode.frequency_hz / of.frequency_hz));
     let nearest = |of: &Mode| {
         let near = found.iter().enumerate().filter(|(_, mode)| off(mode, of) < SAME_MODE);
@@ -85,7 +86,7 @@ pub(crate) fn numbers(found: &[IdentifiedMode], arm: &[Mode; 2]) -> Vec<Option<u
 }
 
 /// The arm's modes in the band that were not found.
-pub(crate) fn missing(found: &Identification, numbers: &[Option<u8>], arm: &[Mode; 2], band: Band) -> Vec<MissingMode> {
+pub fn missing_modes(found: &Identification, numbers: &[Option<u8>], arm: &[Mode; 2], band: Band) -> Vec<MissingMode> {
     let is_missing = |(number, mode): &(u8, &Mode)| {
         (band.from_hz..=band.to_hz).contains(&mode.frequency_hz) && !numbers.contains(&Some(*number))
     };

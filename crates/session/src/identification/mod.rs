@@ -1,0 +1,109 @@
+//! Identification from recordings: the readings and the settings that suit what the exciter played, the joints' angles
+//! over time, and which modes of the scenario's arm were found.
+
+mod angles;
+mod load;
+mod missing;
+
+use thiserror::Error;
+
+pub use angles::{RecordedAngles, has_faulty_accelerometer};
+pub use load::{acting_load, common_load};
+pub use missing::{MissingMode, Reason, missing_modes, mode_numbers};
+
+use resonarm_bench::excitation::Waveform;
+use resonarm_bench::identify::{Averaging, Band, Direction, IdentifyError, Record};
+use resonarm_files::recording::{Recording, RecordingError};
+use resonarm_files::scenario::{Scenario, ScenarioError};
+
+/// Why nothing can be identified from a recording.
+#[derive(Debug, Error)]
+#[non_exhaustive]
+pub enum IdentificationError {
+    /// The recording can't be read.
+    #[error(transparent)]
+    Recording(#[from] RecordingError),
+    /// Its scenario has no arm.
+    #[error(transparent)]
+    Scenario(#[from] ScenarioError),
+    /// Its readings say too little.
+    #[error(transparent)]
+    Identify(#[from] IdentifyError),
+}
+
+/// Number of averaged segments of a record without periods.
+const SEGMENTS: usize = 8;
+/// Highest frequency if nothing else gives one, as a fraction of the sample rate and in Hz.
+const HIGHEST_PART: f64 = 0.4;
+const HIGHEST_HZ: f64 = 100.0;
+
+/// The readings of a recording of `scenario`, with the force along `input` as their cause. Those of sample 0 are left
+/// out: they only show the initial state.
+///
+/// # Errors
+/// [`IdentificationError`] if the recording can't be read, a reading is clipped, or nothing drives the arm.
+pub fn record(recording: &Recording, scenario: &Scenario, input: Direction) -> Result<Record, IdentificationError> {
+    let rate_hz = 1.0 / recording.origin().dt_s;
+    let (mut rows, mut clipped) = (Vec::new(), 0);
+    for sample in recording.samples()? {
+        let sample = sample?;
+        clipped += usize::from(sample.clipped.any());
+        let ([bx, by], [cx, cy]) = (sample.acceleration_b_m_s2, sample.acceleration_c_m_s2);
+        if sample.sample > 0 {
+            rows.push((sample.head_force_n, [bx, by, cx, cy]));
+        }
+    }
+    if clipped > 0 {
+        return Err(IdentifyError::Clipped { samples: clipped }.into());
+    }
+    Ok(Record::new(rate_hz, &scenario.rig, rows, input)?)
+}
+
+/// The band in which a recorded excitation says something about the arm, at `rate_hz` samples a second.
+pub fn band(waveform: Option<&Waveform>, rate_hz: f64) -> Band {
+    let highest_hz = HIGHEST_PART * rate_hz;
+    let (from_hz, to_hz) = match waveform {
+        Some(
+            Waveform::SteppedSine { from_hz, to_hz, .. }
+            | Waveform::SweptSine { from_hz, to_hz, .. }
+            | Waveform::Random { from_hz, to_hz, .. }
+            | Waveform::BurstRandom { from_hz, to_hz, .. }
+            | Waveform::Multisine { from_hz, to_hz, .. },
+        ) => (from_hz.min(*to_hz), from_hz.max(*to_hz)),
+        Some(Waveform::SineList { frequencies_hz, .. }) => {
+            let ends = |(low, high): (f64, f64), hz: &f64| (low.min(*hz), high.max(*hz));
+            frequencies_hz.iter().fold((f64::INFINITY, 0.0), ends)
+        }
+        Some(Waveform::Impulse { pulse_s, .. }) => (1.0, highest_hz.min(1.0 / pulse_s)),
+        Some(Waveform::Dwell { .. } | Waveform::File { .. }) | None => (1.0, highest_hz.min(HIGHEST_HZ)),
+    };
+    Band { from_hz, to_hz }
+}
+
+/// The averaging that suits an excitation.
+pub fn averaging(waveform: Option<&Waveform>, record: &Record) -> Averaging {
+    match waveform {
+        Some(Waveform::Impulse { .. }) => Averaging::Single,
+        Some(Waveform::Multisine { period_s, .. } | Waveform::BurstRandom { period_s, .. }) => {
+            Averaging::Periods(samples_in(*period_s, record))
+        }
+        _ => Averaging::Welch(record.samples() / SEGMENTS),
+    }
+}
+
+/// The samples of a record in a time, s.
+pub fn samples_in(time_s: f64, record: &Record) -> usize {
+    libm::round(time_s * record.rate_hz()) as usize
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_band_is_that_of_what_was_played() {
+        assert_eq!(band(None, 100.0), Band { from_hz: 1.0, to_hz: 40.0 });
+        let list = Waveform::SineList { frequencies_hz: vec![30.0, 20.0], dwell_s: 1.0, settle_s: 0.0 };
+        assert_eq!(band(Some(&list), 1000.0), Band { from_hz: 20.0, to_hz: 30.0 });
+    }
+}

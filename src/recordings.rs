@@ -1,0 +1,61 @@
+//! What the commands on recordings share.
+
+use std::path::Path;
+
+use clap::Args;
+
+use crate::failure::Failure;
+use resonarm::recording::{Existing, Integrity, Recording};
+
+/// A range of simulated time: its beginning and its end.
+#[derive(Clone, Copy, Debug, Args)]
+pub(crate) struct TimeRange {
+    /// From this simulated time on, s [default: the beginning].
+    #[arg(long, value_name = "S")]
+    pub from_s: Option<f64>,
+    /// Up to this simulated time, s [default: the end].
+    #[arg(long, value_name = "S")]
+    pub to_s: Option<f64>,
+}
+
+/// Opens a recording, and warns if it is not whole.
+pub(crate) fn open(path: &Path) -> Result<Recording, Failure> {
+    let recording = Recording::open(path)?;
+    integrity_note(recording.integrity()).iter().for_each(|note| tracing::warn!("{note}"));
+    Ok(recording)
+}
+
+/// Likewise opens one of several recordings.
+pub(crate) fn open_one(path: impl AsRef<Path>) -> Result<Recording, Failure> {
+    let recording = Recording::open(path)?;
+    warn_of_one(&recording);
+    Ok(recording)
+}
+
+/// Warns if one of several recordings is not whole.
+pub(crate) fn warn_of_one(recording: &Recording) {
+    let path = recording.path().display();
+    integrity_note(recording.integrity()).iter().for_each(|note| tracing::warn!("{path}: {note}"));
+}
+
+/// The note on a recording that is not whole.
+pub(crate) fn integrity_note(integrity: &Integrity) -> Option<String> {
+    let last = |sample: &Option<u64>| sample.map_or(String::from("no sample"), |last| format!("samples up to {last}"));
+    match integrity {
+        Integrity::Complete => None,
+        Integrity::Unfinished => Some(String::from("the recording was recovered from a truncated or damaged one")),
+        Integrity::Truncated { readable_bytes, file_bytes, last_sample } => Some(format!(
+            "the recording is truncated: {readable_bytes} of {file_bytes} bytes can be read, {}",
+            last(last_sample)
+        )),
+        Integrity::Damaged { readable_bytes, file_bytes, last_sample, cause } => Some(format!(
+            "the recording is damaged ({cause}): {readable_bytes} of {file_bytes} bytes can be read, {}",
+            last(last_sample)
+        )),
+    }
+}
+
+/// What happens to a recording that is there already.
+pub(crate) const fn existing(overwrite: bool) -> Existing {
+    if overwrite { Existing::Overwrite } else { Existing::Refuse }
+}
