@@ -23,7 +23,7 @@ pub(crate) struct ContinuationFlags {
 /// The smallest fraction accepted.
 const SHORTEST_STEP: f64 = 1e-6;
 
-impl WalkFlags {
+impl ContinuationFlags {
     /// The options with these settings.
     pub fn options(&self, mut options: BranchOptions) -> Result<BranchOptions, Failure> {
         if !(SHORTEST_STEP..=1.0).contains(&self.largest_step) {

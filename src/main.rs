@@ -27,7 +27,6 @@ mod session;
 mod status;
 mod study;
 mod supervise;
-mod walk_flags;
 mod walk_point;
 
 #[cfg(test)]

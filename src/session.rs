@@ -13,7 +13,7 @@ use crate::recordings::existing;
 use crate::supervise::Line;
 use resonarm::bus::{self, Bus, BusAddress, network_filters};
 use resonarm::realtime::Percentiles;
-use resonarm::run::{BusCounts, BusLoss, Fault, Outcome, PlantReport, RecordTo, RunEvent, Session, fault_text};
+use resonarm::run::{BusCounts, BusLoss, Fault, PlantOutcome, PlantReport, RecordTo, RunEvent, Session, fault_text};
 use resonarm_numeric::number::short;
 
 /// Capacity of the ring of events for standard error.

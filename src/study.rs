@@ -12,17 +12,17 @@ use resonarm::run::Signals;
 use resonarm::study::{BasinComputation, Basins, ChainComputation, Chains, Control, StudyError};
 
 /// Computes the chains from where the journal ends. `None` if it was stopped early, which is logged.
-pub(crate) fn walk(
+pub(crate) fn chains(
     name: &'static str,
     chains: Chains,
     journal: Option<PathBuf>,
     configuration: &Value,
-) -> Result<Option<Walk>, Failure> {
-    let walk = chains.begin(journal.as_deref().map(|path| (path, configuration)))?;
-    let (done, total) = (walk.done(), walk.total());
-    let walk = watch(name, "points", [done, total], move |control| walk.go_on(control))?;
-    if !walk.is_complete() {
-        stopped("points", [walk.done(), total], walk.is_kept());
+) -> Result<Option<ChainComputation>, Failure> {
+    let begun = chains.begin(journal.as_deref().map(|path| (path, configuration)))?;
+    let (done, total) = (begun.done(), begun.total());
+    let ended = watch(name, "points", [done, total], move |control| begun.compute_missing(control))?;
+    if !ended.is_complete() {
+        stopped("points", [ended.done(), total], ended.is_kept());
         return Ok(None);
     }
     Ok(Some(ended))
@@ -33,11 +33,11 @@ pub(crate) fn basins(
     basins: Basins,
     journal: Option<PathBuf>,
     configuration: &Value,
-) -> Result<Option<(BasinWalk, Vec<Outcome>)>, Failure> {
-    let walk = basins.begin(journal.as_deref().map(|path| (path, configuration)))?;
-    let (done, total) = (walk.done(), walk.total());
-    let walk = watch("basins", "states", [done, total], move |control| walk.go_on(control))?;
-    let outcomes = walk.outcomes();
+) -> Result<Option<(BasinComputation, Vec<BasinOutcome>)>, Failure> {
+    let begun = basins.begin(journal.as_deref().map(|path| (path, configuration)))?;
+    let (done, total) = (begun.done(), begun.total());
+    let ended = watch("basins", "states", [done, total], move |control| begun.compute_missing(control))?;
+    let outcomes = ended.outcomes();
     if outcomes.is_none() {
         stopped("states", [ended.done(), total], ended.is_kept());
     }

@@ -7,6 +7,7 @@ use serde::Serialize;
 use serde_json::{Value, json};
 
 use crate::configuration;
+use crate::continuation_flags::ContinuationFlags;
 use crate::drive::{AmplitudeWords, DriveFlags};
 use crate::ended_early::Early;
 use crate::failure::{Failure, Verdict};

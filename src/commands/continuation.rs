@@ -7,6 +7,7 @@ use serde::Serialize;
 use serde_json::{Value, json};
 
 use crate::configuration;
+use crate::continuation_flags::ContinuationFlags;
 use crate::drive::DriveFlags;
 use crate::ended_early::Early;
 use crate::failure::{Failure, Verdict};
@@ -19,7 +20,6 @@ use crate::output::{self, JsonFlag, OverwriteFlag};
 use crate::progress::timed;
 use crate::quantity::{Ends, Quantity};
 use crate::readings::{self, Reader, ReadingsFlag};
-use crate::walk_flags::WalkFlags;
 use resonarm::analysis::{
     ArmParameter, Bifurcation, Branch, BranchOptions, Coordinate, ForcedArm, Orbit, trace, trace_doublings,
 };

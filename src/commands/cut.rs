@@ -7,8 +7,9 @@ use clap::Args;
 use crate::failure::{Failure, Verdict};
 use crate::output::JsonFlag;
 use crate::recordings::{TimeRange, existing, open_one};
+use resonarm::cut::{cut, merge};
 use resonarm::export::samples;
-use resonarm::recording::{Summary, cut, merge};
+use resonarm::recording::Summary;
 
 /// Copies a range of time into a separate recording, which `resim`, `replay` and all other commands accept.
 #[derive(Debug, Args)]

@@ -12,7 +12,7 @@ use crate::session::{frames_text, open_bus, other_sender_warning, seconds};
 use crate::status::{Status, StatusFlag, Style};
 use crate::supervise::supervise;
 use resonarm::bus::BusAddress;
-use resonarm::node::Outcome;
+use resonarm::node::ExciterOutcome;
 use resonarm::run::{BusCounts, BusLoss, ExciterEnd, ExciterReport, Fault, Mode, Options, RunError, Session, Signals};
 use resonarm::scenario::Scenario;
 

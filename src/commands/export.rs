@@ -8,7 +8,7 @@ use crate::failure::{Failure, Verdict};
 use crate::flags;
 use crate::output::{self, JsonFlag, OverwriteFlag};
 use crate::recordings::{self, TimeRange};
-use resonarm::export::{ExportFormat, ExportedFile, Part, Selection, export};
+use resonarm::export::{ExportFormat, ExportedFile, RecordingPart, Selection, export};
 const HELP: &str = "\
 Formats and their files:
   csv      STEM-PART.csv  a table a part; the names of the columns have the units

@@ -12,8 +12,7 @@ use crate::quantity::{Ends, Quantity, interval};
 use crate::study;
 use resonarm::analysis::Coordinate;
 use resonarm::analysis::time_domain::{Direction, Grid, Sweep, SweepParameter, path};
-use resonarm::arm::{Load, State};
-use resonarm::integrate::Sine;
+use resonarm::arm::{Load, Sine, State};
 use resonarm::scenario::Scenario;
 use resonarm::study::{Chain, Chains, Point};
 use resonarm_figures::plot::{Axis, Color, Figure, Legend, Marker, Panel, Series};
@@ -142,7 +141,7 @@ impl Poincare {
             "points": self.section_points(),
         });
         let journal = self.motion.make_out("poincare")?;
-        let walked = study::walk("section", chains, journal, &configuration)?;
+        let walked = study::chains("section", chains, journal, &configuration)?;
         let Some(walked) = walked else { return Ok(Verdict::Negative) };
         let document = self.document(configuration, &stepped, walked.points());
         let (text, csv) = (|| document.summary(self.motion.time_constants), || document.csv(stepped.quantity.name));

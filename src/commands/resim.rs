@@ -17,6 +17,9 @@ use serde::Serialize;
 pub(crate) struct Resim {
     /// The recording, an MCAP file.
     file: PathBuf,
+    /// Simulate the instruments as well, and compare every reading.
+    #[arg(long)]
+    readings: bool,
     #[command(flatten)]
     json: JsonFlag,
 }
@@ -33,13 +36,25 @@ impl Resim {
                 then.target
             );
         }
-        let verdict = resimulate(&recording)?;
-        self.json.show(&verdict, || text(&verdict), &[])?;
-        Ok(Verdict::of(verdict.identical))
+        let states = resimulate(&recording)?;
+        let readings = self.readings.then(|| resimulate_readings(&recording)).transpose()?;
+        let identical = states.identical && readings.as_ref().is_none_or(|readings| readings.identical);
+        let document = Document { states, readings };
+        self.json.show(&document, || text(&document), &[])?;
+        Ok(Verdict::of(identical))
     }
 }
 
-fn text(verdict: &replay::Verdict) -> String {
+/// What is printed as JSON.
+#[derive(Debug, Serialize)]
+struct Document {
+    #[serde(flatten)]
+    states: replay::Verdict,
+    #[serde(skip_serializing_if = "Option::is_none")]
+    readings: Option<ReadingsVerdict>,
+}
+
+fn text(Document { states: verdict, readings }: &Document) -> String {
     let mut text = integrity_note(&verdict.integrity).map_or(String::new(), |note| note + "\n");
     let samples = verdict.samples;
     text += &match (verdict.first_divergence, verdict.identical) {

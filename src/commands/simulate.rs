@@ -9,8 +9,8 @@ use crate::failure::{Failure, Verdict};
 use crate::flags::{self, ArmFlags, parse_scheme};
 use crate::output::JsonFlag;
 use crate::progress::timed;
-use resonarm::arm::Load;
-use resonarm::integrate::{Integrator, Scheme, Sine};
+use resonarm::arm::{Load, Sine};
+use resonarm::integrate::{Integrator, Scheme};
 use resonarm::scenario::{Scenario, SimulationSection};
 use resonarm_numeric::number::short;
 

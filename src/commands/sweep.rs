@@ -109,7 +109,7 @@ impl Sweep {
         });
         let journal = self.motion.make_out("sweep")?;
         let chains = self.chains(&scenario, &poses);
-        let walked = study::walk("sweep", chains, journal, &configuration)?;
+        let walked = study::chains("sweep", chains, journal, &configuration)?;
         let Some(walked) = walked else { return Ok(Verdict::Negative) };
         let mut document = document(configuration, &poses, walked.points());
         if self.readings.readings {

@@ -3,6 +3,7 @@
 use clap::Args;
 use serde_json::{Value, json};
 
+use crate::continuation_flags::ContinuationFlags;
 use crate::drive::DriveFlags;
 use crate::ended_early::Early;
 use crate::failure::Failure;
@@ -63,9 +64,10 @@ impl Curves {
         flags: &ContinuationFlags,
         early: &mut Early,
     ) -> Result<Curves, Failure> {
-        let mut options = walk.options(BranchOptions::new(0.0, to))?;
-        options.walk.largest_step = options.walk.largest_step.min(LARGEST_STEP);
-        let walked = trace_singular_curves(forced, branch, first.coordinate, second.coordinate, &options);
+        let mut options = flags.options(BranchOptions::new(0.0, to))?;
+        let largest_step = &mut options.continuation.largest_step;
+        *largest_step = largest_step.min(LARGEST_STEP);
+        let traced = trace_singular_curves(forced, branch, first.coordinate, second.coordinate, &options);
         let mut curves = Vec::new();
         for (kind, traced) in traced {
             curves.extend(early.keep_any(second.name, traced)?.map(|curve| BifurcationCurve { kind, curve }));

@@ -167,7 +167,7 @@ impl BackboneOptions {
     }
 }
 
-/// The first motion is at most this fraction of the motion at which the drive ends the walk.
+/// The first motion is at most this fraction of the motion at which the drive ends the continuation.
 const START_PART: f64 = 0.1;
 
 /// Follows the backbone of a linear mode (0 the slower, 1 the faster) to larger amplitudes. `drive` is the parameter

@@ -40,7 +40,11 @@ impl BranchOptions {
     pub fn new(from: f64, to: f64) -> BranchOptions {
         let floor = 0.05 * (to - from).abs();
         let parameter_floor = floor.max(f64::MIN_POSITIVE);
-        let walk = Settings { parameter_floor, largest_step: Self::LARGEST_STEP, ..Settings::default() };
+        let continuation = ContinuationSettings {
+            parameter_floor,
+            largest_step: Self::LARGEST_STEP,
+            ..ContinuationSettings::default()
+        };
         BranchOptions {
             from,
             to,
@@ -48,7 +52,7 @@ impl BranchOptions {
             most_harmonics: Self::MOST_HARMONICS,
             truncation: 1e-9,
             most_points: Self::MOST_POINTS,
-            walk,
+            continuation,
         }
     }
 

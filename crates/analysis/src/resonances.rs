@@ -42,7 +42,7 @@ pub fn response_around(
     let (low_hz, high_hz) = (a_hz.min(b_hz), a_hz.max(b_hz));
     let margin_hz = (MARGIN[0] * (high_hz - low_hz)).max(MARGIN[1] * high_hz);
     let mut options = BranchOptions::new(low_hz - margin_hz, high_hz + margin_hz);
-    options.walk.largest_turn_rad = largest_turn_rad;
+    options.continuation.largest_turn_rad = largest_turn_rad;
     let forced = ForcedArm::new(arm.clone(), *load, 1.0);
     Ok(trace(forced, options.from, Coordinate::FrequencyHz, &options)?)
 }

@@ -173,7 +173,7 @@ fn statistics_text(statistics: &RecordingStatistics) -> String {
     for (name, count) in counts.chain(statistics.events.iter().map(|(name, count)| (name.as_str(), count))) {
         text += &format!("{:24} {count:12}\n", in_line(name));
     }
-    let Statistics { lost_frames, foreign_frames, .. } = statistics;
+    let RecordingStatistics { lost_frames, foreign_frames, .. } = statistics;
     text += &format!("{:24} {lost_frames:12}\n{:24} {foreign_frames:12}\n", "lost frames", "foreign frames");
     text
 }

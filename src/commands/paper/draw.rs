@@ -23,7 +23,7 @@ pub(super) fn natural_frequencies(presets: &[NaturalFrequencies]) -> plot::Figur
     }
     figure
 }
-pub(super) fn curves(curves: &Curves) -> plot::Figure {
+pub(super) fn curves(curves: &FigureCurves) -> plot::Figure {
     let mut figure = plot::Figure::new(curves.title.clone()).subtitle(curves.conditions.clone());
     for (index, panel) in curves.panels.iter().enumerate() {
         let drawn = draw(curves, panel);

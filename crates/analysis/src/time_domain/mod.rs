@@ -17,7 +17,9 @@ mod settle;
 mod strobe;
 mod sweep;
 
-pub use basins::{Outcome, StableMotion, StateCoordinate, UnknownStateCoordinate, outcomes, reach, stable_motions};
+pub use basins::{
+    BasinOutcome, StableMotion, StateCoordinate, UnknownStateCoordinate, outcomes, reach, stable_motions,
+};
 pub use error::TimeDomainError;
 pub use hysteresis::hysteresis;
 pub use measure::readings;

@@ -3,8 +3,8 @@
 use alloc::vec;
 use alloc::vec::Vec;
 
-use resonarm_dynamics::arm::{Arm, State};
-use resonarm_dynamics::integrate::{IntegrateError, Integrator, Scheme, Sine};
+use resonarm_dynamics::arm::{Arm, Sine, State};
+use resonarm_dynamics::integrate::{IntegrateError, Integrator, Scheme};
 
 /// States of a path in a period of the excitation, and the least rate at which it is integrated, Hz.
 const STATES: f64 = 400.0;

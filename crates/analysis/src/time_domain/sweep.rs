@@ -9,8 +9,7 @@ use serde::{Deserialize, Serialize};
 
 use super::{StroboscopicMap, TimeDomainError};
 use crate::{AnalysisError, EndedEarly, Resonance, forced_response};
-use resonarm_dynamics::arm::{Arm, Load};
-use resonarm_dynamics::integrate::Sine;
+use resonarm_dynamics::arm::{Arm, Load, Sine};
 
 /// Most points of a sweep.
 const MOST_POINTS: u32 = 1_000_000;
