@@ -186,6 +186,7 @@ pub(crate) fn initial(given: Option<&[f64]>, scenario: &Scenario) -> Result<[f64
     let is_finite = initial.iter().all(|value| value.is_finite());
     if is_finite { Ok(initial) } else { Err(PlantSpecError::Initial(initial).into()) }
 }
+
 pub(crate) fn state([x1, x2, v1, v2]: [f64; 4]) -> State {
     State::new([x1, x2], [v1, v2])
 }
@@ -194,6 +195,7 @@ pub(crate) fn state([x1, x2, v1, v2]: [f64; 4]) -> State {
 pub(crate) fn refused(flag: &str, error: &impl core::fmt::Display) -> Failure {
     Failure::usage(format!("{flag}: {error}"))
 }
+
 pub(crate) fn parse_scheme(name: &str) -> Result<Scheme, Failure> {
     name.parse().map_err(|error: resonarm::integrate::UnknownScheme| Failure::usage(error.to_string()))
 }

@@ -82,6 +82,7 @@ pub(crate) struct ShownRole {
     /// The steered sine, if there is one.
     pub steered: Option<Steered>,
 }
+
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(crate) enum Role {
     Plant,

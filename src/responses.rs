@@ -44,6 +44,7 @@ impl From<&ResponsePoint> for ResponseDocument {
         }
     }
 }
+
 pub(crate) fn documents(responses: &[ResponsePoint]) -> Vec<ResponseDocument> {
     responses.iter().map(ResponseDocument::from).collect()
 }

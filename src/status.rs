@@ -49,6 +49,7 @@ pub(crate) enum Style {
     /// No line: standard error holds JSON.
     Off,
 }
+
 pub(crate) struct Status {
     style: Style,
     /// The gauges at the beginning of the window, and its time, ns.
@@ -123,6 +124,7 @@ impl Window {
         }
     }
 }
+
 fn words(shown: &Shown, window: Option<&Window>, responses: u64) -> String {
     let mut text = String::from(match shown.state {
         NodeState::BootUp => "starting",

@@ -46,6 +46,7 @@ impl Line {
     pub fn without_progress(&mut self) {
         self.pace = None;
     }
+
     pub fn is_on_terminal(&self) -> bool {
         self.is_on_terminal
     }

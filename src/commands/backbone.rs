@@ -227,6 +227,7 @@ impl Backbone {
             wall_s,
         }
     }
+
     fn head(&self, scenario: &Scenario, document: &Document, drive: &Drive) -> String {
         let what = if self.undamped {
             String::from("nonlinear normal mode of the arm without dampers")
@@ -243,6 +244,7 @@ impl Backbone {
             document.linear_frequency_hz
         )
     }
+
     fn table(&self, drive: &Drive, curve: &Curve) -> String {
         let drive_head = if self.undamped { String::new() } else { format!("   {:>12}", drive.words.unit) };
         let mut text = format!("  frequency Hz   largest |α1| rad   largest |α2| rad{drive_head}\n");
@@ -294,6 +296,7 @@ impl Backbone {
         });
         Ok([figure.write(stem)?.to_vec(), files].concat())
     }
+
     fn response(&self, forced: &ForcedArm, curve: &Curve, early: &mut Early) -> Result<Option<Branch>, Failure> {
         let [low, high] = curve.window_hz();
         let mut options = self.walk.options(BranchOptions::new(low, high))?;
@@ -302,6 +305,7 @@ impl Backbone {
         early.keep_any("frequency_hz of the forced response", walked)
     }
 }
+
 fn smooth(options: &mut BranchOptions) {
     options.continuation.largest_step = options.continuation.largest_step.min(SMOOTH_STEP);
 }

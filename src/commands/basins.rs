@@ -74,6 +74,7 @@ pub(crate) struct Basins {
     )]
     points: Vec<u32>,
 }
+
 #[derive(Serialize)]
 struct MotionDocument {
     period: u32,

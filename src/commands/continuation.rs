@@ -121,6 +121,7 @@ impl Varied {
         self.quantity.coordinate == Coordinate::Parameter(ArmParameter::Amplitude)
     }
 }
+
 struct Found {
     branch: Branch,
     doubled: Vec<Branch>,

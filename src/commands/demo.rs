@@ -57,6 +57,7 @@ struct Document<'a> {
     figures: Vec<PathBuf>,
     points: &'a [WalkPoint],
 }
+
 pub(crate) fn scenario() -> Result<Scenario, Failure> {
     Ok(Scenario::parse(include_str!("../../scenarios/demo.toml"), "scenarios/demo.toml")?)
 }

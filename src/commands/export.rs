@@ -9,6 +9,7 @@ use crate::flags;
 use crate::output::{self, JsonFlag, OverwriteFlag};
 use crate::recordings::{self, TimeRange};
 use resonarm::export::{ExportFormat, ExportedFile, RecordingPart, Selection, export};
+
 const HELP: &str = "\
 Formats and their files:
   csv      STEM-PART.csv  a table a part; the names of the columns have the units

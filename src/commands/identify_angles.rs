@@ -39,6 +39,7 @@ impl Domain {
         }
     }
 }
+
 pub(crate) struct Request<'a> {
     pub csv: &'a Path,
     pub domain: Domain,

@@ -92,6 +92,7 @@ struct Stepped {
     load: Load,
     sweeps: Vec<Sweep>,
 }
+
 #[derive(Serialize)]
 struct MotionDocument {
     #[serde(skip_serializing_if = "Option::is_none")]

@@ -103,6 +103,7 @@ fn identifier(text: &str) -> Result<Id, String> {
     let frame = format!("{text}#").parse::<Frame>();
     frame.map(|frame| frame.id()).map_err(|error| format!("{error}; write 3 hexadecimal digits, or 8"))
 }
+
 fn mapping(text: &str) -> Result<(Id, Id), String> {
     let (from, to) = text.split_once('=').ok_or("write it as 203=213")?;
     Ok((identifier(from)?, identifier(to)?))

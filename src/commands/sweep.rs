@@ -65,6 +65,7 @@ struct InPose {
     /// Resonances narrower than the steps.
     stepped_over: Vec<Resonance>,
 }
+
 #[derive(Serialize)]
 struct SweepDocument {
     beta1_deg: f64,
@@ -74,6 +75,7 @@ struct SweepDocument {
     stepped_over: Vec<Resonance>,
     points: Vec<PointDocument>,
 }
+
 #[derive(Serialize)]
 struct PointDocument {
     frequency_hz: f64,
@@ -264,6 +266,7 @@ impl Document {
         }
         text
     }
+
     fn by_pose(&self) -> impl Iterator<Item = &[SweepDocument]> {
         self.sweeps.chunk_by(|a, b| a.beta2_deg == b.beta2_deg)
     }

@@ -74,6 +74,7 @@ impl Curves {
         }
         Ok(Curves { first, second, curves })
     }
+
     pub fn document(&self) -> Value {
         let point = |point: &SingularPoint| {
             let mut document = json!({ "harmonic1_rad": point.harmonic1_rad });
@@ -105,6 +106,7 @@ impl Curves {
         }
         text
     }
+
     pub fn text(&self) -> String {
         let (first, second) = (self.first.name, self.second.name);
         if self.curves.is_empty() {
@@ -147,6 +149,7 @@ impl Curves {
         Figure::new("Bifurcations of the forced arm in two parameters").subtitle(conditions).with(panel)
     }
 }
+
 fn turn_name(turn: &Turn) -> &'static str {
     if turn.is_cusp { "cusp" } else { "turn" }
 }

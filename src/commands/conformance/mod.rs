@@ -180,6 +180,7 @@ impl Conformance {
         let (existing, run) = (existing(self.overwrite.overwrite), (self.role, network, settings));
         self.record.clone().map(|path| Evidence::create(path, existing, interface, run)).transpose()
     }
+
     fn write_report(&self, document: &report::Document) -> Result<Verdict, Failure> {
         if let Some(path) = &self.junit {
             output::write(path.clone(), &document.junit())?;

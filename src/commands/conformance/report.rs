@@ -9,6 +9,7 @@ use resonarm::conformance::{Case, Check, Commands, Finding, REQUIREMENTS, Range,
 use resonarm::protocol::Node;
 use resonarm::recording::Summary;
 use resonarm_numeric::number::short;
+
 #[derive(Serialize)]
 pub(super) struct Row {
     case: &'static str,
@@ -140,6 +141,7 @@ impl Row {
         )
     }
 }
+
 fn counted(counts: &BTreeMap<String, u64>, none: &str) -> String {
     if counts.is_empty() {
         return String::from(none);
@@ -151,6 +153,7 @@ fn counted(counts: &BTreeMap<String, u64>, none: &str) -> String {
 fn escaped(text: &str) -> String {
     output::in_line(text).replace('&', "&amp;").replace('<', "&lt;").replace('>', "&gt;").replace('"', "&quot;")
 }
+
 #[derive(Serialize)]
 pub(super) struct Document {
     role: String,

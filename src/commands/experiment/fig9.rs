@@ -197,6 +197,7 @@ fn measure(scenario: &Scenario, zones: &[Zone], experiment: ZoneExperiment) -> R
     let length = Length::Responses(zones.iter().map(|zone| zone.responses() as u64).sum());
     Ok(supervise("experiment", length, on_tick, move |_| experiment.measure(&scenario))??)
 }
+
 pub(crate) fn scenario() -> Result<Scenario, Failure> {
     Ok(Scenario::parse(include_str!("../../../scenarios/fig9.toml"), "scenarios/fig9.toml")?)
 }

@@ -23,6 +23,7 @@ pub(super) fn natural_frequencies(presets: &[NaturalFrequencies]) -> plot::Figur
     }
     figure
 }
+
 pub(super) fn curves(curves: &FigureCurves) -> plot::Figure {
     let mut figure = plot::Figure::new(curves.title.clone()).subtitle(curves.conditions.clone());
     for (index, panel) in curves.panels.iter().enumerate() {
@@ -144,6 +145,7 @@ fn with_names<'a>(
     }
     rows.into_iter().filter(|row| !row.is_empty()).fold(drawn, plot::Panel::row)
 }
+
 enum Named {
     /// Over its peak in each zone that has one.
     Peaks([Option<(f64, f64)>; 2]),

@@ -67,6 +67,7 @@ enum What {
     /// All of these.
     All,
 }
+
 const CURVES: [(What, Figure); 4] =
     [(What::Fig4, Figure::Fig4), (What::Fig5, Figure::Fig5), (What::Fig7, Figure::Fig7), (What::Fig9, Figure::Fig9)];
 #[derive(Serialize)]
@@ -76,6 +77,7 @@ struct Document {
     claims: Option<Report>,
     wall_s: f64,
 }
+
 #[derive(Serialize)]
 struct Made {
     figure: &'static str,
@@ -192,6 +194,7 @@ impl Paper {
 fn since(start_ns: u64) -> f64 {
     SystemClock.now_ns().saturating_sub(start_ns) as f64 * 1e-9
 }
+
 fn save(
     folder: &Path,
     name: &'static str,

@@ -45,6 +45,7 @@ struct Counts {
     /// Lines that hold no frame.
     unreadable_lines: u64,
 }
+
 /// Whether a receiver takes a frame; none of another protocol.
 type Verdicted = Result<Option<Message>, DecodeError>;
 
@@ -108,6 +109,7 @@ impl Decoding {
         }
         Ok(())
     }
+
     fn finish(mut self) -> Result<Verdict, Failure> {
         self.counts.lost = self.receiver.lost();
         let Counts { frames, refused, unreadable_lines, .. } = self.counts;
