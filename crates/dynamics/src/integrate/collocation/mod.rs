@@ -7,8 +7,8 @@
 //! Yᵢ = y + Sᵢ y + Σⱼ Aᵢⱼ Nⱼ        Gᵢ = Nᵢ − N(tᵢ, Yᵢ) = 0        y⁺ = y + E y + Σⱼ Wⱼ Nⱼ
 //! ```
 //!
-//! with 2n×2n matrices Sᵢ, E and 2n×n matrices Aᵢⱼ, Wⱼ that the method sets once for a step length. Fixed-point iteration
-//! finds them where N changes little over the step, Newton's method elsewhere; both to rounding.
+//! with 2n×2n matrices Sᵢ, E and 2n×n matrices Aᵢⱼ, Wⱼ that the method sets once for a step length. Fixed-point
+//! iteration finds them where N changes little over the step, Newton's method elsewhere; both to rounding.
 //!
 //! Rounding in a step is as good as random, and the energy walks with its square root; an error of a matrix is the same
 //! in every step, and moves the energy steadily: rounded to 2⁻⁵³, by 1e-12 to 1e-10 of itself in 1e7 steps (E. Hairer,
