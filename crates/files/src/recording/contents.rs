@@ -148,7 +148,12 @@ impl Contents {
     pub fn read_record(&mut self, opcode: u8, body: &[u8]) -> Result<(), Fault> {
         match parse(opcode, body)? {
             McapRecord::Schema { header, data } => {
-                self.schemas.insert(header.id, (header.name, data.into_owned()));
+                let schema = (header.name, data.into_owned());
+                // The first one counts: those in chunks have a checksum, and come before the copies at the end.
+                if self.schemas.get(&header.id).is_some_and(|known| *known != schema) {
+                    return Err(Fault::Damaged(format!("another schema {} than before", header.id)));
+                }
+                self.schemas.insert(header.id, schema);
             }
             McapRecord::Channel(channel) => {
                 let topic = Topic::ALL.into_iter().find(|topic| topic.name() == channel.topic);
