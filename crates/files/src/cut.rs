@@ -4,12 +4,12 @@ use core::ops::RangeInclusive;
 use std::collections::BTreeSet;
 use std::path::Path;
 
-use crate::continued::{PLANT, noted, without_plant};
 use crate::recording::{
     Configuration, Event, Existing, FlushPolicy, Integrity, Naming, Options, Origin, Record, Recorder, Recording,
     RecordingError, RunTime, Summary, TimeBase,
 };
 use crate::staged::same_file;
+use crate::starting_plant::{PLANT, noted, without_plant};
 use resonarm_numeric::number::short;
 
 /// Records that wait for the writer at most.

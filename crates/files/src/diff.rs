@@ -9,9 +9,9 @@ use std::collections::BTreeMap;
 
 use serde::Serialize;
 
-use crate::continued::without_plant;
 use crate::export::RecordingPart;
 use crate::recording::{Clipped, Direction, Record, Recording, RecordingError};
+use crate::starting_plant::without_plant;
 use resonarm_bench::structure::READINGS;
 use resonarm_numeric::number::short;
 

@@ -3,7 +3,6 @@
 extern crate alloc;
 
 pub mod can_log;
-pub mod continued;
 pub mod cut;
 pub mod diff;
 pub mod export;
@@ -11,6 +10,7 @@ pub mod import;
 pub mod recording;
 pub mod scenario;
 mod staged;
+pub mod starting_plant;
 pub mod statistics;
 pub mod text_file;
 pub mod toml_error;

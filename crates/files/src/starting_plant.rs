@@ -1,10 +1,9 @@
 //! The plant of a recording at its first sample: from the scenario if the recording begins with the run, else from what
-//! [`cut`](crate::cut::cut) has kept.
+//! [`cut`](crate::cut::cut) has noted.
 
 use crate::recording::{Configuration, Recording, StateRecord};
 use crate::scenario::Scenario;
 use resonarm_bench::plant::Plant;
-use resonarm_dynamics::arm::Load;
 
 /// The key of a cut's configuration that holds the plant at its first sample: states, and what converters and
 /// instruments have gathered, as numbers with a space between.
@@ -39,14 +38,9 @@ pub(crate) fn noted(recording: &Recording, first: u64) -> Option<String> {
             return Some(numbers.iter().map(|number| format!("{number:e}")).collect::<Vec<_>>().join(" "));
         }
         plant.measure();
-        plant.advance(&load(&record)).ok()?;
+        plant.advance(&record.load()).ok()?;
     }
     None
-}
-
-/// The load of a record.
-fn load(record: &StateRecord) -> Load {
-    Load { torque_nm: record.torque_nm.into(), force_n: record.force_n.into() }
 }
 
 /// Whether the states of the plant are the recorded ones, bit for bit; the current in a coil where it is recorded.

@@ -9,11 +9,9 @@ use super::sampling::{End, Filter, Step, Sums};
 use super::shaker::{Drive, Shaker};
 use super::{PlantSpec, PlantSpecError};
 use crate::rig::Measurement;
-use crate::structure::{Channel, Kind, READINGS, STATES, Structure, StructureError};
+use crate::structure::{Channel, Kind, LOADS, OUTPUTS, STATES, Structure, StructureError};
 use resonarm_dynamics::arm::{Arm, Load, State};
 use resonarm_dynamics::integrate::{IntegrateError, Integrator};
-
-const OUTPUTS: usize = Measurement::CHANNELS;
 
 /// The arm at a sample.
 #[derive(Clone, Debug)]
@@ -22,9 +20,7 @@ pub(super) struct DrivenArm {
     integrator: Integrator,
     steps_per_sample: u32,
     filter: Option<Filter>,
-    inputs: Vec<Channel>,
     states: Vec<Channel>,
-    outputs: [Channel; OUTPUTS],
     now: Now,
 }
 
@@ -34,14 +30,25 @@ struct Now {
     state: State,
     shaker: Option<Shaker>,
     /// The converters' last samples: head x, y; B x, y; C x, y.
-    sampled: [f64; OUTPUTS],
+    sampled: [f64; Measurement::CHANNELS],
     /// The sums of the converters' filter, if they have one.
     sums: Sums,
 }
 
+/// A hold in progress.
+struct Hold {
+    /// When it began, s.
+    start_s: f64,
+    load: Load,
+    /// The motion at the end of the last step, if the drive is continuous there.
+    end: Option<End>,
+    /// What the next sample will be.
+    next: Now,
+}
+
 /// Force in the head, N, and accelerations of B and C, m/s², along x and y, at a state of the arm with its attachment;
 /// `load` acts on both, and the head is between them.
-pub(super) fn instant(arm: &Arm, state: &State, load: &Load) -> [f64; OUTPUTS] {
+pub(super) fn instant(arm: &Arm, state: &State, load: &Load) -> [f64; Measurement::CHANNELS] {
     let acceleration_rad_s2 = arm.acceleration(state, load);
     let motion = arm.point_accelerations(state, &acceleration_rad_s2);
     let head_n = load.force_n - arm.attachment_force_n(state, &acceleration_rad_s2);
@@ -63,19 +70,9 @@ impl DrivenArm {
         let decay = shaker.as_ref().map_or(f64::INFINITY, Shaker::decay);
         let filter = Filter::new(spec, integrator.step_s(), decay);
         let is_state = |kind: Kind| kind == Kind::State || (kind == Kind::Internal && shaker.is_some());
-        let of = |wanted: &dyn Fn(Kind) -> bool| STATES.into_iter().filter(|it| wanted(it.kind)).collect();
-        let [bx, by, cx, cy, hx, hy] = READINGS;
-        let now = Now { state: spec.initial, shaker, sampled: [0.0; OUTPUTS], sums: Sums::default() };
-        let mut driven = DrivenArm {
-            arm,
-            integrator,
-            steps_per_sample: spec.steps_per_sample,
-            filter,
-            inputs: of(&|kind| kind == Kind::Load),
-            states: of(&is_state),
-            outputs: [hx, hy, bx, by, cx, cy],
-            now,
-        };
+        let states = STATES.into_iter().filter(|channel| is_state(channel.kind)).collect();
+        let now = Now { state: spec.initial, shaker, sampled: Default::default(), sums: Sums::default() };
+        let mut driven = DrivenArm { arm, integrator, steps_per_sample: spec.steps_per_sample, filter, states, now };
         driven.settle();
         Ok(driven)
     }
@@ -86,16 +83,10 @@ impl DrivenArm {
         self.now.sums = self.filter.as_ref().map(|filter| filter.settled(&self.now.sampled)).unwrap_or_default();
     }
 
-    /// Makes step `part` of a hold that starts at `time_s`; `end` is the motion at the end of the last step, if the
-    /// drive is continuous there.
-    fn step(
-        &self,
-        next: &mut Now,
-        end: &mut Option<End>,
-        (time_s, part): (f64, u32),
-        load: &Load,
-    ) -> Result<(), IntegrateError> {
-        let t_s = time_s + f64::from(part) * self.integrator.step_s();
+    /// Makes step `part` of a hold.
+    fn step(&self, hold: &mut Hold, part: u32) -> Result<(), IntegrateError> {
+        let Hold { start_s, load, end, next } = hold;
+        let t_s = *start_s + f64::from(part) * self.integrator.step_s();
         let from = next.state;
         next.state = match &mut next.shaker {
             None => self.integrator.step(&self.arm, t_s, &from, load),
@@ -123,11 +114,11 @@ impl DrivenArm {
 
 impl Structure for DrivenArm {
     fn inputs(&self) -> &[Channel] {
-        &self.inputs
+        &LOADS
     }
 
     fn outputs(&self) -> &[Channel] {
-        &self.outputs
+        &OUTPUTS
     }
 
     fn states(&self) -> &[Channel] {
@@ -135,18 +126,19 @@ impl Structure for DrivenArm {
     }
 
     fn saved_len(&self) -> usize {
-        self.states.len() + OUTPUTS + if self.filter.is_some() { self.now.sums.as_flattened().len() } else { 0 }
+        self.states.len() + OUTPUTS.len() + if self.filter.is_some() { self.now.sums.as_flattened().len() } else { 0 }
     }
 
     fn advance(&mut self, time_s: f64, inputs: &[f64]) -> Result<(), StructureError> {
         let [u1, u2, fx, fy] = *inputs else {
-            return Err(StructureError::Inputs { got: inputs.len(), expected: self.inputs.len() });
+            return Err(StructureError::Inputs { got: inputs.len(), expected: LOADS.len() });
         };
         let load = Load { torque_nm: Vector2::new(u1, u2), force_n: Vector2::new(fx, fy) };
-        let (mut next, mut end) = (self.now, None);
+        let mut hold = Hold { start_s: time_s, load, end: None, next: self.now };
         for part in 0..self.steps_per_sample {
-            self.step(&mut next, &mut end, (time_s, part), &load)?;
+            self.step(&mut hold, part)?;
         }
+        let next = &mut hold.next;
         let exceeded = next.shaker.as_ref().and_then(|shaker| shaker.exceeded(&self.arm, &next.state));
         if let Some((limit, got, most)) = exceeded {
             return Err(StructureError::Tripped { limit, got, most });
@@ -154,7 +146,7 @@ impl Structure for DrivenArm {
         if self.filter.is_some() {
             next.sampled = Filter::read(&mut next.sums);
         }
-        self.now = next;
+        self.now = hold.next;
         Ok(())
     }
 

@@ -20,7 +20,7 @@ use core::ops::Deref;
 use thiserror::Error;
 
 use crate::rig::{Exciter, GateSpec, Measurement, Rig, RigError, RigSpec, ShakerLimit};
-use crate::structure::{STATES, Structure, StructureError};
+use crate::structure::{LOADS, OUTPUTS, STATES, Structure, StructureError};
 use driven_arm::DrivenArm;
 use resonarm_dynamics::arm::{Arm, ArmError, Load, Parameters, Pose, State};
 use resonarm_dynamics::integrate::{IntegrateError, Scheme};
@@ -128,6 +128,19 @@ pub enum PlantSpecError {
     /// The initial state is not finite.
     #[error("the initial state {0:?} is not finite: give four numbers, rad and rad/s")]
     Initial([f64; 4]),
+    /// A structure with other channels than a plant takes.
+    #[error(
+        "the structure has {inputs} inputs, {outputs} outputs and {states} states: a plant takes the {} loads and {} \
+         outputs of the arm, in their order, and at most {MOST_STATES} states", LOADS.len(), OUTPUTS.len()
+    )]
+    Channels {
+        /// The number of its inputs.
+        inputs: usize,
+        /// The number of its outputs.
+        outputs: usize,
+        /// The number of its states.
+        states: usize,
+    },
     /// The middle of a sample period is not at an integration step, or a sample has too many steps.
     #[error(
         "`steps_per_sample` is {got}: it must be even, since the instruments sample in the middle, and from 2 to \
@@ -196,12 +209,20 @@ impl Plant {
     /// [`PlantSpecError`] says which part of the specification is invalid.
     pub fn new(spec: &PlantSpec) -> Result<Plant, PlantSpecError> {
         let rig = Rig::new(&spec.rig, spec.sample_rate_hz, spec.seed)?;
-        Ok(Plant::of(Box::new(DrivenArm::new(spec)?), rig, spec.sample_rate_hz))
+        Plant::of(Box::new(DrivenArm::new(spec)?), rig, spec.sample_rate_hz)
     }
 
-    /// A plant of any structure whose inputs and outputs are those of the rig, at sample 0.
-    pub fn of(structure: Box<dyn Structure>, rig: Rig, sample_rate_hz: f64) -> Plant {
-        Plant { structure, rig, sample_rate_hz, sample: 0 }
+    /// A plant of any structure with the loads and outputs of the arm, [`LOADS`] and [`OUTPUTS`], at sample 0 of
+    /// `sample_rate_hz` samples a second, Hz, positive.
+    ///
+    /// # Errors
+    /// [`PlantSpecError::Channels`] if it has other loads or outputs, or more states than [`STATES`].
+    pub fn of(structure: Box<dyn Structure>, rig: Rig, sample_rate_hz: f64) -> Result<Plant, PlantSpecError> {
+        let (inputs, outputs, states) = (structure.inputs(), structure.outputs(), structure.states().len());
+        if inputs != LOADS || outputs != OUTPUTS || states > MOST_STATES {
+            return Err(PlantSpecError::Channels { inputs: inputs.len(), outputs: outputs.len(), states });
+        }
+        Ok(Plant { structure, rig, sample_rate_hz, sample: 0 })
     }
 
     /// The plant at sample `sample` in the states of that sample. Its motion continues from there; its readings do not,
@@ -217,7 +238,7 @@ impl Plant {
 
     /// All that a run at the sample depends on, before its [`Plant::measure`]: the states, and what converters and
     /// instruments have gathered.
-    pub fn save(&self) -> Vec<f64> {
+    pub fn save(&mut self) -> Vec<f64> {
         let mut saved = vec![0.0; self.structure.saved_len()];
         self.structure.save(&mut saved);
         saved.extend(self.rig.gathered());
@@ -267,12 +288,12 @@ impl Plant {
 
     /// The states at the sample, as [`Structure::states`] names them.
     pub fn states(&self) -> States {
-        let mut states = States { numbers: [0.0; MOST_STATES], count: self.structure.states().len().min(MOST_STATES) };
+        let mut states = States { numbers: [0.0; MOST_STATES], count: self.structure.states().len() };
         self.structure.save(&mut states.numbers[..states.count]);
         states
     }
 
-    /// The state of the arm at the sample.
+    /// The state of the arm at the sample: the first four states of the structure.
     pub fn state(&self) -> State {
         let [x1, x2, v1, v2, ..] = self.states().numbers;
         State::new([x1, x2], [v1, v2])

@@ -82,14 +82,10 @@ impl Instrument {
         Instrument { faults, ..self }
     }
 
-    /// What its axes have gathered, and its last reading: a number each, of a reading two.
-    pub fn gathered(&self) -> impl Iterator<Item = f64> {
-        let last = self.last.iter().flat_map(|reading| [reading.value, f64::from(u8::from(reading.clipped))]);
-        self.axes
-            .clone()
-            .into_iter()
-            .flat_map(|mut axis| axis.gathered().map(|number| *number).collect::<Vec<_>>())
-            .chain(last)
+    /// What its axes have gathered, and its last reading, value and mark.
+    pub fn gathered(&mut self) -> impl Iterator<Item = f64> {
+        let last = self.last.into_iter().flat_map(|reading| [reading.value, f64::from(u8::from(reading.clipped))]);
+        self.axes.iter_mut().flat_map(Axis::gathered).map(|number| *number).chain(last)
     }
 
     /// Continues at a sample with what [`Instrument::gathered`] gave; returns whether there were enough numbers.
@@ -117,7 +113,7 @@ impl Instrument {
             let value = self.faults.iter_mut().fold(value, |value, fault| fault.disturbed(sample, index, value));
             let (reading, last) = (axis.quantizer.read(value), self.last[index]);
             self.last[index] =
-                self.faults.iter().fold(reading, |reading, fault| fault.said(sample, index, reading, last));
+                self.faults.iter().fold(reading, |reading, fault| fault.replaced(sample, index, reading, last));
         }
         self.last
     }

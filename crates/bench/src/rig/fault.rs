@@ -218,7 +218,7 @@ impl Fault {
     }
 
     /// The reading in place of `reading`; `last` is that of the sample before.
-    pub fn said(&self, sample: u64, axis: usize, reading: Reading, last: Reading) -> Reading {
+    pub fn replaced(&self, sample: u64, axis: usize, reading: Reading, last: Reading) -> Reading {
         match self.effect {
             Effect::Stuck if self.acts(sample, axis) => last,
             Effect::Dropout if self.acts(sample, axis) => Reading::default(),

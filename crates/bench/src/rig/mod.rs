@@ -125,8 +125,9 @@ impl Rig {
     }
 
     /// What filters, delays and faults of the instruments have gathered at a sample, before its reading.
-    pub fn gathered(&self) -> Vec<f64> {
-        [&self.head, &self.accelerometer_b, &self.accelerometer_c].into_iter().flat_map(Instrument::gathered).collect()
+    pub fn gathered(&mut self) -> Vec<f64> {
+        let instruments = [&mut self.head, &mut self.accelerometer_b, &mut self.accelerometer_c];
+        instruments.into_iter().flat_map(Instrument::gathered).collect()
     }
 
     /// Continues at sample `sample` with what [`Rig::gathered`] gave there; returns `false` if it was of another rig,

@@ -166,3 +166,10 @@ pub const READINGS: [Channel; 6] = [
     reading(4, "head_force_x_n", "head_force_n", Point::TipC, Axis::X),
     reading(5, "head_force_y_n", "head_force_n", Point::TipC, Axis::Y),
 ];
+
+/// The loads on the arm, in the order in which a plant takes them.
+pub const LOADS: [Channel; 4] = [STATES[4], STATES[5], STATES[6], STATES[7]];
+
+/// What the arm's instruments read, in the order of [`Measurement::readings`](crate::rig::Measurement::readings).
+pub const OUTPUTS: [Channel; READINGS.len()] =
+    [READINGS[4], READINGS[5], READINGS[0], READINGS[1], READINGS[2], READINGS[3]];

@@ -2,7 +2,7 @@
 
 mod channel;
 
-pub use channel::{Axis, Channel, Kind, Point, Quantity, READINGS, STATES};
+pub use channel::{Axis, Channel, Kind, LOADS, OUTPUTS, Point, Quantity, READINGS, STATES};
 
 use alloc::boxed::Box;
 use core::fmt;

@@ -102,6 +102,7 @@ pub(crate) fn step<T: Real, const S: usize>(
     }
 }
 
+// A function, and not two closures in the one above: with those the lanes are not computed side by side.
 #[inline(always)]
 fn step_with<T: Real, const S: usize, const LINKS: bool>(
     tableau: &Tableau<S>,

@@ -99,14 +99,15 @@ impl Dynamics<2> for Arm {
     fn explicit_step(
         &self,
         method: &ExplicitMethod,
-        [t_s, h_s]: [f64; 2],
+        t_s: f64,
         motion: &Motion<f64>,
         excitation: &impl Excitation<Load>,
     ) -> Motion<f64> {
         if self.attached.is_some() {
-            return attached_step(self, method, [t_s, h_s], motion, excitation);
+            return attached_step(self, method, t_s, motion, excitation);
         }
-        match &method.0 {
+        let h_s = method.step_s;
+        match &method.kind {
             Explicit::Rk4(h) => {
                 let at = |part: f64| External::new(&self.coefficients, &excitation.load(t_s + part * h_s));
                 explicit::rk4(&self.coefficients, h, motion, &[at(0.0), at(0.5), at(1.0)])
@@ -124,9 +125,9 @@ impl Dynamics<2> for Arm {
 fn attached_step(
     arm: &Arm,
     method: &ExplicitMethod,
-    [t_s, h_s]: [f64; 2],
+    t_s: f64,
     motion: &Motion<f64>,
     excitation: &impl Excitation<Load>,
 ) -> Motion<f64> {
-    by_stages(method, [t_s, h_s], motion, |t_s, stage| arm.rates_at(stage, &excitation.load(t_s)).acceleration)
+    by_stages(method, t_s, motion, |t_s, stage| arm.rates_at(stage, &excitation.load(t_s)).acceleration)
 }

@@ -127,18 +127,16 @@ pub trait Dynamics<const N: usize> {
         solve.solve(&OneByOne { dynamics: self, loads })
     }
 
-    /// A step of `h_s` by an explicit method from `motion` at the time `t_s`. Override it for a formula of its own.
+    /// A step of an explicit method from `motion` at the time `t_s`, s. Override it for a formula of its own.
     #[inline(always)]
     fn explicit_step(
         &self,
         method: &ExplicitMethod,
-        [t_s, h_s]: [f64; 2],
+        t_s: f64,
         motion: &Motion<f64, N>,
         excitation: &impl Excitation<Self::Load>,
     ) -> Motion<f64, N> {
-        explicit::by_stages(method, [t_s, h_s], motion, |t_s, stage| {
-            self.rates(stage, &excitation.load(t_s)).acceleration
-        })
+        explicit::by_stages(method, t_s, motion, |t_s, stage| self.rates(stage, &excitation.load(t_s)).acceleration)
     }
 }
 

@@ -23,7 +23,11 @@ pub(crate) const RK4: Tableau<4> = Tableau {
 
 /// An explicit method for steps of one length.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub struct ExplicitMethod(pub(crate) Explicit);
+pub struct ExplicitMethod {
+    /// h, s.
+    pub(crate) step_s: f64,
+    pub(crate) kind: Explicit,
+}
 
 /// Which method.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -63,11 +67,12 @@ impl Rk4Step {
 #[inline(always)]
 pub(crate) fn by_stages<const N: usize>(
     method: &ExplicitMethod,
-    [t_s, h_s]: [f64; 2],
+    t_s: f64,
     motion: &Motion<f64, N>,
     acceleration: impl Fn(f64, &Motion<f64, N>) -> [f64; N],
 ) -> Motion<f64, N> {
-    match method.0 {
+    let h_s = method.step_s;
+    match method.kind {
         Explicit::Rk4(_) => step_by(&RK4, h_s, motion, |i, stage| acceleration(t_s + RK4.c[i] * h_s, stage)),
         Explicit::Dop853 => step_by(&DOP853, h_s, motion, |i, stage| acceleration(t_s + DOP853.c[i] * h_s, stage)),
     }

@@ -45,10 +45,14 @@ enum Method<const N: usize> {
 }
 
 impl<const N: usize> Method<N> {
+    fn explicit(step_s: f64, kind: Explicit) -> Method<N> {
+        Method::Explicit(ExplicitMethod { step_s, kind })
+    }
+
     fn new(scheme: Scheme, of: &impl Dynamics<N>, step_s: f64) -> Method<N> {
         match scheme {
-            Scheme::Rk4 => Method::Explicit(ExplicitMethod(Explicit::Rk4(Rk4Step::new(step_s)))),
-            Scheme::Dop853 => Method::Explicit(ExplicitMethod(Explicit::Dop853)),
+            Scheme::Rk4 => Method::explicit(step_s, Explicit::Rk4(Rk4Step::new(step_s))),
+            Scheme::Dop853 => Method::explicit(step_s, Explicit::Dop853),
             Scheme::Gl4 => Method::TwoStages(Box::new(gauss_legendre::GL4.collocation(of, step_s))),
             Scheme::Gl6 => Method::ThreeStages(Box::new(gauss_legendre::GL6.collocation(of, step_s))),
             Scheme::Exponential => {
@@ -117,7 +121,7 @@ impl<const N: usize> Integrator<N> {
     ) -> Result<D::State, IntegrateError> {
         let (h_s, motion) = (self.step_s, (*state).into());
         let next = match &self.method {
-            Method::Explicit(method) => dynamics.explicit_step(method, [t_s, h_s], &motion, excitation),
+            Method::Explicit(method) => dynamics.explicit_step(method, t_s, &motion, excitation),
             Method::TwoStages(method) => method.step(dynamics, t_s, &motion, excitation)?,
             Method::ThreeStages(method) => method.step(dynamics, t_s, &motion, excitation)?,
             Method::FourStages(method) => method.step(dynamics, t_s, &motion, excitation)?,

@@ -83,18 +83,9 @@ pub struct StateRecord {
 }
 
 impl StateRecord {
-    /// The record of a plant's states, as its structure names them, and of a load.
-    pub fn new(sample: u64, states: &[f64], load: &Load, is_end: bool) -> StateRecord {
-        let state = |n: usize| states.get(n).copied().unwrap_or(f64::NAN);
-        StateRecord {
-            sample,
-            alpha_rad: [state(0), state(1)],
-            alpha_dot_rad_s: [state(2), state(3)],
-            torque_nm: load.torque_nm.into(),
-            force_n: load.force_n.into(),
-            coil_current_a: states.get(4).copied(),
-            is_end,
-        }
+    /// The load held from the sample on.
+    pub fn load(&self) -> Load {
+        Load { torque_nm: self.torque_nm.into(), force_n: self.force_n.into() }
     }
 
     /// Its numbers in the order of [`Topic::States`](super::Topic::States).

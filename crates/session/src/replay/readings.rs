@@ -3,8 +3,8 @@
 use super::ReplayError;
 use super::resimulation::load;
 use resonarm_bench::rig::{Measurement, Reading};
-use resonarm_files::continued;
 use resonarm_files::recording::{Recording, SampleRecord};
+use resonarm_files::starting_plant;
 
 /// Whether the readings of a run, simulated again, are the recorded ones.
 #[derive(Clone, Debug, PartialEq, serde::Serialize)]
@@ -17,14 +17,16 @@ pub struct ReadingsVerdict {
     pub first_divergence: Option<u64>,
 }
 
-/// Simulates arm and instruments again from the recorded loads, one sample after the other, and compares every reading.
+/// Simulates arm and instruments again from the recorded loads, one sample after the other, and compares the readings
+/// of every sample whose state is recorded, too.
 ///
 /// # Errors
+/// [`ReplayError::Empty`] if there is no such sample.
 /// [`ReplayError::NoInstruments`] if the recording begins in the middle of a run without what the instruments have
 /// gathered until then, or its scenario makes no plant; else as [`resimulate`](super::resimulate).
 pub fn resimulate_readings(recording: &Recording) -> Result<ReadingsVerdict, ReplayError> {
     let sample = recording.summary().samples.map_or(0, |(first, _)| first);
-    let mut plant = continued::plant(recording).ok_or(ReplayError::NoInstruments { sample })?;
+    let mut plant = starting_plant::plant(recording).ok_or(ReplayError::NoInstruments { sample })?;
     let mut readings = recording.samples()?;
     let mut next = readings.next().transpose()?;
     let mut verdict = ReadingsVerdict { identical: true, samples: 0, first_divergence: None };
@@ -43,7 +45,7 @@ pub fn resimulate_readings(recording: &Recording) -> Result<ReadingsVerdict, Rep
             plant.advance(&load(&state, &plant)?)?;
         }
     }
-    Ok(verdict)
+    if verdict.samples == 0 { Err(ReplayError::Empty { what: "readings" }) } else { Ok(verdict) }
 }
 
 fn is_recorded(measured: &Measurement, recorded: &SampleRecord) -> bool {

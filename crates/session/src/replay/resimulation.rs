@@ -5,10 +5,10 @@ use crate::study::on_all_cores;
 use resonarm_bench::plant::{Plant, PlantSpec};
 use resonarm_bench::rig::Amplifier;
 use resonarm_dynamics::arm::Load;
-use resonarm_files::continued::is_recorded;
 use resonarm_files::import::IMPORTED_FROM;
 use resonarm_files::recording::{Integrity, Recording, StateRecord};
 use resonarm_files::scenario::Scenario;
+use resonarm_files::starting_plant::is_recorded;
 
 /// Whether a run, simulated again, is the recorded one.
 #[derive(Clone, Debug, PartialEq, serde::Serialize)]
@@ -56,7 +56,8 @@ pub fn resimulate(recording: &Recording) -> Result<Verdict, ReplayError> {
     let identical = !matches!(integrity, Integrity::Damaged { .. });
     let mut verdict =
         Verdict { identical, integrity, samples: 1, steps: 0, first_divergence: None, max_drift_rad: 0.0 };
-    let mut plant = plant(&spec, &first)?;
+    let fresh = Plant::new(&spec)?;
+    let mut plant = plant(&fresh, &spec, &first)?;
     load(&first, &plant)?;
     let mut block = vec![first];
     loop {
@@ -67,10 +68,10 @@ pub fn resimulate(recording: &Recording) -> Result<Verdict, ReplayError> {
         if block.len() == 1 {
             return Ok(verdict);
         }
-        if verdict.first_divergence.is_none() && agrees(&spec, &block) {
+        if verdict.first_divergence.is_none() && agrees(&fresh, &spec, &block) {
             verdict.samples += block.len() as u64 - 1;
             verdict.steps += u64::from(spec.steps_per_sample) * (block.len() as u64 - 1);
-            plant = self::plant(&spec, &last)?;
+            plant = self::plant(&fresh, &spec, &last)?;
         } else {
             follow(&mut verdict, &mut plant, &block, spec.steps_per_sample)?;
         }
@@ -79,8 +80,8 @@ pub fn resimulate(recording: &Recording) -> Result<Verdict, ReplayError> {
     }
 }
 
-/// The plant in a recorded state.
-fn plant(spec: &PlantSpec, record: &StateRecord) -> Result<Plant, ReplayError> {
+/// The plant in a recorded state. `fresh` is the plant at its start, which takes longer to make than to copy.
+fn plant(fresh: &Plant, spec: &PlantSpec, record: &StateRecord) -> Result<Plant, ReplayError> {
     let ([x1, x2], [v1, v2]) = (record.alpha_rad, record.alpha_dot_rad_s);
     let current_a = match (spec.rig.shaker, record.coil_current_a) {
         (None, _) => None,
@@ -89,18 +90,20 @@ fn plant(spec: &PlantSpec, record: &StateRecord) -> Result<Plant, ReplayError> {
         (Some(shaker), None) if record.sample == 0 || shaker.amplifier == Amplifier::Current => Some(0.0),
         (Some(_), None) => return Err(ReplayError::NoCurrent { sample: record.sample }),
     };
-    let states = [x1, x2, v1, v2, current_a.unwrap_or(0.0)];
-    let count = if current_a.is_some() { 5 } else { 4 };
-    Ok(Plant::new(spec)?.at(record.sample, &states[..count])?)
+    let plant = fresh.clone();
+    Ok(match current_a {
+        Some(current_a) => plant.at(record.sample, &[x1, x2, v1, v2, current_a])?,
+        None => plant.at(record.sample, &[x1, x2, v1, v2])?,
+    })
 }
 
 /// Whether every state of the block follows from the one before, tried on all cores. If not, or if it can't be tried,
 /// one after the other tells why.
-fn agrees(spec: &PlantSpec, block: &[StateRecord]) -> bool {
+fn agrees(fresh: &Plant, spec: &PlantSpec, block: &[StateRecord]) -> bool {
     let starts: Vec<usize> = (0..block.len() - 1).step_by(PART).collect();
     let part = |start: &usize| {
         let records = &block[*start..block.len().min(start + PART + 1)];
-        let mut plant = plant(spec, &records[0]).ok()?;
+        let mut plant = plant(fresh, spec, &records[0]).ok()?;
         let agree = records.windows(2).all(|pair| {
             let advanced = load(&pair[0], &plant).is_ok_and(|load| plant.advance(&load).is_ok());
             advanced && is_recorded(&plant, &pair[1])
@@ -147,7 +150,7 @@ fn compare(verdict: &mut Verdict, plant: &Plant, record: &StateRecord) {
 
 /// The recorded load, if the plant's exciter can have produced it.
 pub(super) fn load(record: &StateRecord, plant: &Plant) -> Result<Load, ReplayError> {
-    let load = Load { torque_nm: record.torque_nm.into(), force_n: record.force_n.into() };
+    let load = record.load();
     let exciter = plant.exciter();
     if exciter.can_produce(&load) {
         return Ok(load);

@@ -327,8 +327,16 @@ impl<'a> Bench<'a> {
 
     /// Records the state at the sample, with the load held from it on.
     fn record_state(&mut self, load: &Load, is_end: bool) {
-        let states = self.plant.states();
-        self.record(Record::State(StateRecord::new(self.sample(), &states, load, is_end)));
+        let (states, state) = (self.plant.states(), self.plant.state());
+        self.record(Record::State(StateRecord {
+            sample: self.sample(),
+            alpha_rad: state.alpha_rad.into(),
+            alpha_dot_rad_s: state.alpha_dot_rad_s.into(),
+            torque_nm: load.torque_nm.into(),
+            force_n: load.force_n.into(),
+            coil_current_a: states.get(4).copied(),
+            is_end,
+        }));
     }
 
     fn record_sent(&mut self, now_ns: u64, frame: Frame) {

@@ -129,35 +129,32 @@ fn columns<T, const N: usize>(entry: impl Fn(usize, usize) -> T) -> Columns<T, N
     })
 }
 
-/// A matrix of 2N rows and columns: the columns that positions are multiplied by, and those of velocities.
+/// A matrix of 2N rows and columns, as [`Matrix`]: the columns that positions are multiplied by, and those of
+/// velocities.
 #[derive(Clone, Debug, PartialEq)]
 struct Square<T, const N: usize> {
-    by_position: Matrix<T, N>,
-    by_velocity: Matrix<T, N>,
+    high: [Columns<T, N>; 2],
+    low: [Columns<T, N>; 2],
 }
 
 impl<T: Real, const N: usize> Square<T, N> {
     /// The matrix with these entries by lane, row and column.
     fn new(entry: impl Fn(usize, usize, usize) -> DoubleDouble) -> Square<T, N> {
-        Square {
-            by_position: Matrix::new(&entry),
-            by_velocity: Matrix::new(|i, row, column| entry(i, row, N + column)),
-        }
+        let half = |half: usize| Matrix::new(|i, row, column| entry(i, row, half * N + column));
+        let [positions, velocities] = [half(0), half(1)];
+        Square { high: [positions.high, velocities.high], low: [positions.low, velocities.low] }
     }
+}
 
-    /// sum += the high parts · y.
-    #[inline(always)]
-    fn add_high(&self, sum: &mut Motion<T, N>, y: &Motion<f64, N>) {
-        let (x, v) = (product(&self.by_position.high, &y.x), product(&self.by_velocity.high, &y.v));
-        *sum = sum.zip(&x.zip(&v, |x, v| x + v), |sum, product| sum + product);
-    }
-
-    /// sum += the low parts · y.
-    #[inline(always)]
-    fn add_low(&self, sum: &mut Motion<T, N>, y: &Motion<f64, N>) {
-        let (x, v) = (product(&self.by_position.low, &y.x), product(&self.by_velocity.low, &y.v));
-        *sum = sum.zip(&x.zip(&v, |x, v| x + v), |sum, product| sum + product);
-    }
+/// sum += matrix · y of a square one.
+#[inline(always)]
+fn add_square_product<T: Real, const N: usize>(
+    sum: &mut Motion<T, N>,
+    [by_position, by_velocity]: &[Columns<T, N>; 2],
+    y: &Motion<f64, N>,
+) {
+    let (x, v) = (product(by_position, &y.x), product(by_velocity, &y.v));
+    *sum = sum.zip(&x.zip(&v, |x, v| x + v), |sum, product| sum + product);
 }
 
 /// matrix · y.
@@ -297,8 +294,8 @@ impl<const S: usize, const N: usize> Step<S, N> {
         excitation: &impl Excitation<D::Load>,
     ) -> Result<Motion<f64, N>, IntegrateError> {
         let mut from_start = Motion::splat(0.0);
-        self.start.add_low(&mut from_start, y);
-        self.start.add_high(&mut from_start, y);
+        add_square_product(&mut from_start, &self.start.low, y);
+        add_square_product(&mut from_start, &self.start.high, y);
         let held = excitation.is_constant();
         let at = if held {
             [excitation.load(t_s); S]
@@ -324,14 +321,14 @@ impl<const S: usize, const N: usize> Step<S, N> {
     ) -> Result<Motion<f64, N>, IntegrateError> {
         let mut change = Motion::splat(0.0);
         // The small terms first: rounding is then that of one sum.
-        self.end.add_low(&mut change, &stages.y);
+        add_square_product(&mut change, &self.end.low, &stages.y);
         for (weight, slope) in self.weights.iter().zip(&solution.slopes) {
             add_product(&mut change, &weight.low, slope);
         }
         for (weight, slope) in self.weights.iter().zip(&solution.slopes) {
             add_product(&mut change, &weight.high, slope);
         }
-        self.end.add_high(&mut change, &stages.y);
+        add_square_product(&mut change, &self.end.high, &stages.y);
         let next = stages.y.zip(&change, |y, change| y + change);
         let [before, after] = [&stages.y, &next].map(|y| stages.dynamics.energy_j(y));
         let defect_j = libm::fabs(after - before - solution.work_j);
