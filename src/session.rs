@@ -95,7 +95,7 @@ impl EventLog {
                 format!("{bus} is down: waiting for a while in case it comes back")
             }
             RunEvent::OtherSender { sample, identifier } => format!(
-                "a frame of another network arrived under {identifier:#05X}, which only this plant sends, at sample {sample}: \
+                "a frame of another network arrived under 0x{identifier}, which only this plant sends, at sample {sample}: \
                  {OTHER_SENDER}"
             ),
             RunEvent::BusBack { .. } => format!("{bus} is back: a controller can reset and arm the plant"),
@@ -235,6 +235,7 @@ pub(crate) fn complaint(report: &PlantReport) -> Option<String> {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use resonarm::protocol::Id;
     use resonarm::realtime::OverrunCauses;
 
     #[test]
@@ -248,7 +249,7 @@ mod tests {
         insta::assert_snapshot!(said(RunEvent::Faulted { fault: ours, partner: Some(partner) }), @"fault 4 (partner fault) at sample 300; the exciter said: fault 2 (sensor timeout) at sample 300");
         insta::assert_snapshot!(said(RunEvent::BusLost { sample: 7, cause: BusLoss::BusOff }), @"the controller of can0 is bus-off: waiting for a while in case it comes back");
         insta::assert_snapshot!(said(RunEvent::BusLost { sample: 7, cause: BusLoss::Down }), @"can0 is down: waiting for a while in case it comes back");
-        insta::assert_snapshot!(said(RunEvent::OtherSender { sample: 7, identifier: 0x203 }), @"a frame of another network arrived under 0x203, which only this plant sends, at sample 7: two networks have the same base; give each a different one (network.base_id)");
+        insta::assert_snapshot!(said(RunEvent::OtherSender { sample: 7, identifier: Id::Standard(0x203) }), @"a frame of another network arrived under 0x203, which only this plant sends, at sample 7: two networks have the same base; give each a different one (network.base_id)");
     }
 
     #[test]

@@ -21,12 +21,15 @@
 //! protocol's `SPEC.md`; the states are CANopen's (CiA 301), with its stopped state as fault.
 
 mod carried;
+mod guard;
 mod hold;
+mod interface;
 mod plant;
 mod refusals;
 mod sample;
 
 pub use carried::{Carried, ExciterNode, ExciterOutcome, carry};
+pub use interface::{FrameCounts, FrameFault, PlantInterface, PublishError, PublishedSample, WireEvent};
 pub use plant::PlantNode;
 pub use refusals::Refusals;
 pub use resonarm_protocol::Refusal;

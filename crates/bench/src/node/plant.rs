@@ -1,14 +1,13 @@
 //! The plant's node: every command to the arm passes its gate.
 
 use resonarm_protocol::{
-    Capabilities, CommandGate, Emergency, EmergencyCode, EncodeError, Frame, Heartbeat, Hello, Message, Mismatch,
-    Network, Node, NodeState, OperatorCommand, OperatorRequest, Profile, SamplesPerFrame, SensorPair, SensorValues,
-    StateEvent, Trip,
+    Capabilities, Emergency, EmergencyCode, EncodeError, Frame, Heartbeat, Hello, Message, Mismatch, Network, Node,
+    NodeState, OperatorCommand, OperatorRequest, Profile, SamplesPerFrame, SensorPair, SensorValues, StateEvent, Trip,
 };
 
 use resonarm_protocol::node::Link;
 
-use super::hold::Hold;
+use super::guard::Guard;
 use super::sample;
 use super::{NodeEvent, Refusal, Refusals, Timing};
 use crate::rig::{Exciter, GateSpec, Measurement};
@@ -18,9 +17,7 @@ use resonarm_dynamics::arm::Load;
 #[derive(Clone, Debug)]
 pub struct PlantNode {
     link: Link,
-    timing: Timing,
-    exciter: Exciter,
-    limits: GateSpec,
+    guard: Guard,
     partner: Option<Hello>,
     /// The most samples in a frame that the exciter takes.
     partner_samples: SamplesPerFrame,
@@ -28,16 +25,6 @@ pub struct PlantNode {
     samples_per_frame: SamplesPerFrame,
     /// The first sample of a frame of two, sent with the next.
     first: Option<SensorValues>,
-    /// The sample measured last.
-    sample: u64,
-    /// The travel at that sample, m.
-    travel_m: f64,
-    gate: CommandGate,
-    hold: Hold,
-    /// When the last command was taken, or the plant was armed, in listening time.
-    command_taken_ns: u64,
-    refused_since_taken: u64,
-    refusals: Refusals,
     slipped_periods: u64,
     /// The index in the command taken in last, until [`PlantNode::take_echoed`] takes it.
     echoed: Option<u16>,
@@ -58,20 +45,11 @@ impl PlantNode {
             Capabilities { node: Node::Plant, samples_per_frame: SamplesPerFrame::One, force_limit_n, torque_limit_nm };
         PlantNode {
             link: Link::new(network, rate_hz, timing, capabilities),
-            timing,
-            exciter,
-            limits: GateSpec::default(),
+            guard: Guard::new(rate_hz, &timing, exciter),
             partner: None,
             partner_samples: SamplesPerFrame::One,
             samples_per_frame: SamplesPerFrame::One,
             first: None,
-            sample: 0,
-            travel_m: 0.0,
-            gate: CommandGate::new(timing.command_age_ns, rate_hz),
-            hold: Hold::new(timing.ramp_ns.saturating_mul(rate_hz.into()).div_ceil(1_000_000_000)),
-            command_taken_ns: 0,
-            refused_since_taken: 0,
-            refusals: Refusals::default(),
             slipped_periods: 0,
             echoed: None,
             is_leaving: false,
@@ -88,8 +66,9 @@ impl PlantNode {
     }
 
     /// The node with limits of its gate.
-    pub fn with_limits(self, limits: GateSpec) -> PlantNode {
-        PlantNode { limits, ..self }
+    pub fn with_limits(mut self, limits: GateSpec) -> PlantNode {
+        self.guard.set_limits(limits);
+        self
     }
 
     /// Boots: boot-up heartbeat, pre-operational, hello.
@@ -120,7 +99,7 @@ impl PlantNode {
     /// Whether the sample measured last awaits no answer: the answer has been taken, or the sample is sent with the
     /// next.
     pub fn is_answered(&self) -> bool {
-        self.holds_sample() || self.gate.answered() == Some(self.sample)
+        self.holds_sample() || self.guard.is_answered()
     }
 
     /// Whether the sample published last is sent with the next one.
@@ -160,7 +139,7 @@ impl PlantNode {
 
     /// Valid commands that did not reach the arm, by reason.
     pub fn refusals(&self) -> &Refusals {
-        &self.refusals
+        self.guard.refusals()
     }
 
     /// Sample periods by which the schedule has moved: the sum of all calls of [`PlantNode::slip`].
@@ -170,7 +149,7 @@ impl PlantNode {
 
     /// Whether the load is ramping to zero.
     pub fn is_ramping(&self) -> bool {
-        self.hold.ramp_left() > 0
+        self.guard.ramp_left() > 0
     }
 
     /// Whether nothing is left to do after a fault, a disarm or [`PlantNode::leave`]: the node is unarmed, the load is
@@ -235,10 +214,8 @@ impl PlantNode {
             self.link.send_emergency(self.emergency(EmergencyCode::Incompatible, mismatch as u16));
             return;
         }
-        self.gate.arm();
+        self.guard.arm(self.link.listening());
         self.samples_per_frame = self.link.samples_per_frame().min(self.partner_samples);
-        self.command_taken_ns = self.link.listening().listened_ns();
-        self.refused_since_taken = 0;
         self.link.transition(now_ns, StateEvent::Arm);
     }
 
@@ -260,7 +237,7 @@ impl PlantNode {
     fn fault_of_exciter(&mut self, now_ns: u64) {
         let reason = self.exciter_fault;
         let has_waited = reason.is_some_and(|said| said.code == EmergencyCode::SensorTimeout);
-        if has_waited && self.refused_since_taken > 0 {
+        if has_waited && self.guard.has_refused() {
             self.command_timeout(now_ns);
         } else {
             self.fault(now_ns, EmergencyCode::PartnerFault, u16::from(Node::Exciter.number()));
@@ -269,8 +246,7 @@ impl PlantNode {
     }
 
     fn command_timeout(&mut self, now_ns: u64) {
-        let last = self.refusals.last().filter(|_| self.refused_since_taken > 0);
-        self.fault(now_ns, EmergencyCode::CommandTimeout, Refusal::detail(self.refused_since_taken, last));
+        self.fault(now_ns, EmergencyCode::CommandTimeout, self.guard.timeout_detail());
     }
 
     fn forget_partner(&mut self) {
@@ -291,21 +267,10 @@ impl PlantNode {
     /// Beyond the travel an operational plant faults: it would be driven on once it swings back.
     fn take(&mut self, now_ns: u64, index: u16, load: Load) {
         self.echoed = Some(index);
-        let rate_hz = f64::from(self.link.hello().rate_hz);
-        let check = self.limits.command_check(&self.exciter, rate_hz, self.travel_m, [self.hold.load(), &load]);
-        match self.gate.take(self.state(), self.sample, index, &check) {
-            Ok(()) => {
-                self.hold.take(load);
-                self.command_taken_ns = self.link.listening().listened_ns();
-                self.refused_since_taken = 0;
-            }
-            Err(refusal) => {
-                self.refused_since_taken += 1;
-                self.refusals.add(refusal);
-                self.link.report(NodeEvent::Refused(refusal));
-                if refusal == Refusal::Travel {
-                    self.fault(now_ns, EmergencyCode::ExciterTripped, Trip::Travel as u16);
-                }
+        if let Err(refusal) = self.guard.take(self.link.state(), self.link.listening(), index, load) {
+            self.link.report(NodeEvent::Refused(refusal));
+            if refusal == Refusal::Travel {
+                self.fault(now_ns, EmergencyCode::ExciterTripped, Trip::Travel as u16);
             }
         }
     }
@@ -316,10 +281,9 @@ impl PlantNode {
         if !self.is_armed() {
             return;
         }
-        let (listening, timing) = (self.link.listening(), &self.timing);
         if self.link.is_jammed() {
             self.fault(now_ns, EmergencyCode::BusLoss, self.link.not_sent());
-        } else if listening.has_passed(self.command_taken_ns, timing.command_timeout_ns) {
+        } else if self.guard.is_timed_out(self.link.listening()) {
             self.command_timeout(now_ns);
         } else if self.link.is_partner_lost() {
             self.fault(now_ns, EmergencyCode::HeartbeatLost, u16::from(Node::Exciter.number()));
@@ -332,13 +296,12 @@ impl PlantNode {
         if !self.is_armed() {
             return link;
         }
-        let command = self.link.listening().next_look_ns(self.command_taken_ns, self.timing.command_timeout_ns);
-        link.min(command).min(self.link.partner_deadline_ns())
+        link.min(self.guard.deadline_ns(self.link.listening())).min(self.link.partner_deadline_ns())
     }
 
     /// States the travel at the sample that is published next, m. By default it is zero.
     pub fn set_travel(&mut self, travel_m: f64) {
-        self.travel_m = travel_m;
+        self.guard.set_travel(travel_m);
     }
 
     /// Publishes a sample: impedance head, accelerometer B, accelerometer C; in the FD profile all in one frame, alone
@@ -347,7 +310,7 @@ impl PlantNode {
     /// # Errors
     /// [`EncodeError`] if a value is not a number; the frames before it are sent.
     pub fn publish(&mut self, measurement: &Measurement) -> Result<(), EncodeError> {
-        self.sample = measurement.sample;
+        self.guard.measured(measurement.sample);
         match self.link.network().profile() {
             Profile::Classic => sample::classic(measurement).iter().try_for_each(|message| self.link.send(message)),
             Profile::Fd => self.publish_fd(measurement),
@@ -376,16 +339,14 @@ impl PlantNode {
     /// The ramp of n samples holds the last command times (n−1)/n, (n−2)/n … 0. Arming doesn't end it; the first
     /// command taken does.
     pub fn load(&mut self) -> Load {
-        self.hold.next()
+        self.guard.load()
     }
 
     /// Faults from outside: the simulation failed, its shaker tripped, or ticks were missed. The load ramps to zero; if
     /// the simulation can't continue or the exciter is off, it is dropped at once.
     pub fn fault(&mut self, now_ns: u64, code: EmergencyCode, detail: u16) {
         debug_assert!(!code.is_notice(), "{code:?} is no fault");
-        if matches!(code, EmergencyCode::SimulationFailed | EmergencyCode::ExciterTripped) {
-            self.hold.drop_load();
-        }
+        self.guard.fault(code);
         if self.state() == NodeState::Fault {
             return;
         }
@@ -417,7 +378,7 @@ impl PlantNode {
         }
         self.is_leaving = true;
         if self.is_armed() {
-            self.hold.release();
+            self.guard.release();
         }
         self.link.send_emergency(self.emergency(EmergencyCode::Leaving, self.ramp_detail()));
         if self.is_armed() {
@@ -428,17 +389,17 @@ impl PlantNode {
     /// Leaves the current state; from armed, the load ramps to zero.
     fn exit(&mut self, now_ns: u64, event: StateEvent) {
         if self.is_armed() {
-            self.hold.release();
+            self.guard.release();
         }
         self.link.transition(now_ns, event);
     }
 
     fn ramp_detail(&self) -> u16 {
-        u16::try_from(self.hold.ramp_left()).unwrap_or(u16::MAX)
+        u16::try_from(self.guard.ramp_left()).unwrap_or(u16::MAX)
     }
 
     fn emergency(&self, code: EmergencyCode, detail: u16) -> Emergency {
-        Emergency { node: Node::Plant, code, detail, sample: self.sample as u16 }
+        Emergency { node: Node::Plant, code, detail, sample: self.guard.sample() as u16 }
     }
 
     /// The next frame to send. Fetch it again after any other call, which may change it.

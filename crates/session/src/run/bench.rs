@@ -3,10 +3,9 @@
 use super::event_record::{controller_record, event_record, request_records, sample_record};
 use super::outage::Outage;
 use super::record_sink::RecordSink;
-use super::report::NodeFrames;
 use super::round_trip::RoundTrips;
 use super::{BusCounts, BusLoss, Fault, Gauges, Notice, Request, RunError, RunEvent, Watched};
-use resonarm_bench::node::{NodeEvent, PlantNode};
+use resonarm_bench::node::{PlantInterface, PublishedSample, WireEvent};
 use resonarm_bench::plant::{Plant, PlantError};
 use resonarm_bus::{Bus, BusError, ControllerState, Received, Sent, Statistics};
 use resonarm_dynamics::arm::Load;
@@ -22,7 +21,7 @@ const FRAMES_SENT_AT_ONCE: usize = 16;
 /// The plant, its node and where its records go.
 pub(super) struct Bench<'a> {
     plant: Plant,
-    node: PlantNode,
+    node: Box<dyn PlantInterface>,
     steps_per_sample: u32,
     records: RecordSink,
     watched: Option<Watched>,
@@ -49,7 +48,7 @@ pub(super) struct Bench<'a> {
 impl<'a> Bench<'a> {
     pub fn new(
         plant: Plant,
-        node: PlantNode,
+        node: Box<dyn PlantInterface>,
         steps_per_sample: u32,
         records: RecordSink,
         watched: Option<Watched>,
@@ -90,13 +89,13 @@ impl<'a> Bench<'a> {
         self.plant.sample() * u64::from(self.steps_per_sample)
     }
 
-    pub fn node(&self) -> &PlantNode {
-        &self.node
+    pub fn node(&self) -> &dyn PlantInterface {
+        &*self.node
     }
 
     /// What was counted so far, with a bus that has counted `statistics`.
     pub fn counts(&self, statistics: Statistics) -> BusCounts {
-        BusCounts::new(statistics, NodeFrames::from(&self.node))
+        BusCounts::new(statistics, self.node.frames())
     }
 
     /// How the bus was lost last, if it was.
@@ -261,34 +260,33 @@ impl<'a> Bench<'a> {
     }
 
     /// Reports what somebody watching the run wants to know.
-    fn report(&mut self, event: &NodeEvent) {
+    fn report(&mut self, event: &WireEvent) {
         let sample = self.sample();
         match event {
-            NodeEvent::State { to: NodeState::Operational, .. } => {
+            WireEvent::State { to: NodeState::Operational, .. } => {
                 self.was_armed = true;
                 (self.on_event)(RunEvent::Armed { sample });
             }
-            NodeEvent::State { from: NodeState::Operational, to } => {
+            WireEvent::State { from: NodeState::Operational, to } => {
                 self.left_armed = true;
                 if *to == NodeState::PreOperational {
                     (self.on_event)(RunEvent::Disarmed { sample });
                 }
             }
-            NodeEvent::Emergency(emergency) if emergency.code == EmergencyCode::Incompatible => {
+            WireEvent::Emergency(emergency) if emergency.code == EmergencyCode::Incompatible => {
                 (self.on_event)(RunEvent::NotArmed { fault: Fault::from(emergency) });
             }
-            NodeEvent::Emergency(emergency) if emergency.code.is_notice() => {}
-            NodeEvent::Emergency(emergency) => {
+            WireEvent::Emergency(emergency) if emergency.code.is_notice() => {}
+            WireEvent::Emergency(emergency) => {
                 let partner = self.node.fault_reason().as_ref().map(Fault::from);
                 (self.on_event)(RunEvent::Faulted { fault: Fault::from(emergency), partner });
             }
-            NodeEvent::OtherSender(error) if !self.other_sender_reported => {
+            WireEvent::OtherSender(identifier) if !self.other_sender_reported => {
                 self.other_sender_reported = true;
-                let identifier = error.kind().id(self.node.network());
-                (self.on_event)(RunEvent::OtherSender { sample, identifier });
+                (self.on_event)(RunEvent::OtherSender { sample, identifier: *identifier });
             }
-            NodeEvent::State { .. } | NodeEvent::Refused(_) | NodeEvent::Frame(_) => {}
-            NodeEvent::PartnerEmergency(_) | NodeEvent::OtherSender(_) => {}
+            WireEvent::State { .. } | WireEvent::Refused(_) | WireEvent::Frame(_) => {}
+            WireEvent::PartnerEmergency(_) | WireEvent::OtherSender(_) => {}
         }
     }
 
@@ -297,8 +295,8 @@ impl<'a> Bench<'a> {
         let measurement = self.plant.measure();
         self.samples += 1;
         self.record(Record::Sample(sample_record(&measurement)));
-        self.node.set_travel(self.plant.travel_m());
-        Ok(self.node.publish(&measurement)?)
+        let (states, travel_m) = (self.plant.states(), self.plant.travel_m());
+        Ok(self.node.publish(&PublishedSample { measurement: &measurement, states: &states, travel_m })?)
     }
 
     /// Advances to the next sample with the command that is held now. If the simulation fails the node faults, and the
@@ -349,7 +347,7 @@ impl<'a> Bench<'a> {
         loop {
             let mut batch = core::mem::take(&mut self.batch);
             batch.clear();
-            batch.extend(self.node.waiting_frames().take(FRAMES_SENT_AT_ONCE));
+            self.node.waiting_frames(FRAMES_SENT_AT_ONCE, &mut batch);
             let outcome = self.send(now_ns, bus, &batch);
             let is_more = batch.len() == FRAMES_SENT_AT_ONCE;
             self.batch = batch;

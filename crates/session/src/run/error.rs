@@ -2,12 +2,12 @@
 
 use thiserror::Error;
 
+use resonarm_bench::node::PublishError;
 use resonarm_bench::plant::{PlantError, PlantSpecError};
 use resonarm_bus::BusError;
 use resonarm_files::recording::RecordingError;
 use resonarm_files::scenario::ScenarioError;
 use resonarm_numeric::number::short;
-use resonarm_protocol::EncodeError;
 use resonarm_realtime::{HistogramError, PeriodicError, RateError, Shortfall, SpinError};
 
 use super::{Mode, SpeedError};
@@ -65,7 +65,7 @@ pub enum RunError {
     Plant(#[from] PlantError),
     /// A measurement could not be put on the wire.
     #[error("a measurement can't be sent: {0}")]
-    Encode(#[from] EncodeError),
+    Encode(#[from] PublishError),
     /// The system has no thread left for the run.
     #[error(
         "the run needs a thread more, and the system gives none: {source}; end other programs, or raise `ulimit -u`"

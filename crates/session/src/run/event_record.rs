@@ -1,10 +1,10 @@
 //! What a node tells of itself, what is asked of it and what it measures, as it is recorded.
 
-use resonarm_protocol::node::NodeEvent;
 use resonarm_protocol::{EmergencyCode, Node, NodeState, Refusal};
 
 use super::Request;
 use resonarm_bench::control::SetPoint;
+use resonarm_bench::node::{FrameFault, WireEvent};
 use resonarm_bench::rig::{Measurement, Reading};
 use resonarm_bus::ControllerState;
 use resonarm_files::recording::{Clipped, SampleRecord};
@@ -33,22 +33,22 @@ pub(super) const fn controller_record(state: ControllerState) -> &'static str {
 }
 
 /// The name and the number under which the event is recorded.
-pub(super) const fn event_record(event: &NodeEvent) -> (&'static str, i64) {
+pub(super) const fn event_record(event: &WireEvent) -> (&'static str, i64) {
     match event {
-        NodeEvent::State { to: NodeState::BootUp, .. } => ("state.boot_up", 0),
-        NodeEvent::State { to: NodeState::PreOperational, .. } => ("state.pre_operational", 0),
-        NodeEvent::State { to: NodeState::Operational, .. } => ("state.operational", 0),
-        NodeEvent::State { to: NodeState::Fault, .. } => ("state.fault", 0),
-        NodeEvent::Emergency(emergency) => match (emergency.code, emergency.node) {
+        WireEvent::State { to: NodeState::BootUp, .. } => ("state.boot_up", 0),
+        WireEvent::State { to: NodeState::PreOperational, .. } => ("state.pre_operational", 0),
+        WireEvent::State { to: NodeState::Operational, .. } => ("state.operational", 0),
+        WireEvent::State { to: NodeState::Fault, .. } => ("state.fault", 0),
+        WireEvent::Emergency(emergency) => match (emergency.code, emergency.node) {
             (EmergencyCode::ScheduleSlipped, _) => ("schedule.slipped", emergency.detail as i64),
             (EmergencyCode::Leaving, Node::Plant) => ("plant.leaving", emergency.detail as i64),
             (EmergencyCode::Leaving, Node::Exciter) => ("exciter.leaving", 0),
             (code, _) => ("emergency", code as i64),
         },
-        NodeEvent::Refused(refusal) => (refusal_name(*refusal), 0),
-        NodeEvent::PartnerEmergency(emergency) => ("partner.emergency", emergency.code as i64),
-        NodeEvent::Frame(_) => ("frame.refused", 0),
-        NodeEvent::OtherSender(_) => ("frame.other_sender", 0),
+        WireEvent::Refused(refusal) => (refusal_name(*refusal), 0),
+        WireEvent::PartnerEmergency(emergency) => ("partner.emergency", emergency.code as i64),
+        WireEvent::Frame(FrameFault::Protocol) => ("frame.refused", 0),
+        WireEvent::OtherSender(_) => ("frame.other_sender", 0),
     }
 }
 

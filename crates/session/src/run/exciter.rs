@@ -5,10 +5,10 @@ use core::time::Duration;
 
 use super::event_record::{event_record, request_records, sample_record};
 use super::outage::{self, Outage};
-use super::report::NodeFrames;
+use super::report::exciter_frames;
 use super::{BusCounts, BusLoss, CommandRecord, End, ExciterReport, Notice, Request, RunError, Signals, Watched};
 use resonarm_bench::control::ResponsePoint;
-use resonarm_bench::node::{ExciterNode, ExciterOutcome};
+use resonarm_bench::node::{ExciterNode, ExciterOutcome, WireEvent};
 use resonarm_bus::{Bus, BusError, Sent};
 use resonarm_files::recording::{Direction, Event, FrameRecord, Record};
 use resonarm_protocol::{Frame, NodeState};
@@ -68,7 +68,7 @@ pub(super) fn run<C: Clock>(
     let left_unheard = matches!(answered, Ok(Answered::PlantEnded)).then_some(ExciterOutcome::PlantLeft);
     let error = answered.and_then(|_end| run.send_rest()).err();
     let Run { bus, responses, rearmed, bus_loss, .. } = run;
-    let counts = BusCounts::new(bus.statistics(), NodeFrames::from(&*node));
+    let counts = BusCounts::new(bus.statistics(), exciter_frames(node));
     let report = ExciterReport::new(node, error);
     ExciterReport { outcome: left_unheard.or(report.outcome), responses, rearmed, bus: counts, bus_loss, ..report }
 }
@@ -323,7 +323,7 @@ fn notify_answers(node: &mut ExciterNode, watched: &mut Watched) {
 
 fn notify_events(node: &mut ExciterNode, watched: &mut Watched) {
     while let Some(event) = node.poll_event() {
-        notify_event(node, watched, event_record(&event));
+        notify_event(node, watched, event_record(&WireEvent::of(&event, node.network())));
     }
 }
 

@@ -7,7 +7,7 @@ use serde::{Serialize, Serializer};
 use super::bench::Bench;
 use super::{BusLoss, RunError, Signals};
 use resonarm_bench::control::ResponsePoint;
-use resonarm_bench::node::{self, ExciterNode, PlantNode, Refusals};
+use resonarm_bench::node::{self, ExciterNode, FrameCounts, Refusals};
 use resonarm_bus::{ControllerErrors, Statistics};
 use resonarm_files::recording::Summary;
 use resonarm_protocol::{Emergency, EmergencyCode, Refusal, Trip};
@@ -353,7 +353,7 @@ pub struct BusCounts {
 }
 
 impl BusCounts {
-    pub(super) fn new(statistics: Statistics, frames: NodeFrames) -> BusCounts {
+    pub(super) fn new(statistics: Statistics, frames: FrameCounts) -> BusCounts {
         BusCounts {
             received: statistics.received,
             sent: statistics.sent,
@@ -366,34 +366,12 @@ impl BusCounts {
     }
 }
 
-/// What a node counted, in frames.
-#[derive(Clone, Copy, Debug)]
-pub(super) struct NodeFrames {
-    /// Never sent.
-    pub unsent: u64,
-    /// Refused.
-    pub refused: u64,
-    /// Refused under identifiers that only the node sends.
-    pub other_sender: u64,
-}
-
-impl From<&ExciterNode> for NodeFrames {
-    fn from(node: &ExciterNode) -> NodeFrames {
-        NodeFrames {
-            unsent: node.unsent_frames(),
-            refused: node.refused_frames(),
-            other_sender: node.other_sender_frames(),
-        }
-    }
-}
-
-impl From<&PlantNode> for NodeFrames {
-    fn from(node: &PlantNode) -> NodeFrames {
-        NodeFrames {
-            unsent: node.unsent_frames(),
-            refused: node.refused_frames(),
-            other_sender: node.other_sender_frames(),
-        }
+/// What an exciter's node counted of frames.
+pub(super) fn exciter_frames(node: &ExciterNode) -> FrameCounts {
+    FrameCounts {
+        unsent: node.unsent_frames(),
+        refused: node.refused_frames(),
+        other_sender: node.other_sender_frames(),
     }
 }
 

@@ -14,7 +14,7 @@ use super::lockstep::lockstep;
 use super::pace::{Pace, Speed, SpeedError};
 use super::real_time::real_time;
 use super::record_sink::RecordSink;
-use super::report::NodeFrames;
+use super::report::exciter_frames;
 use super::{BothReport, BusCounts, End, Ending, ExciterReport, Mode, PlantReport, RunError, RunEvent, Signals, Watch};
 use resonarm_bench::control::Controller;
 use resonarm_bench::node::{self, ExciterNode, PlantNode, Timing};
@@ -372,7 +372,7 @@ impl Session {
             pacing: pace.report(),
             ..PlantReport::new(&bench, bus, outcome, error)
         };
-        let bus = BusCounts::new(far.statistics(), NodeFrames::from(&exciter));
+        let bus = BusCounts::new(far.statistics(), exciter_frames(&exciter));
         let exciter = ExciterReport { responses, bus, ..ExciterReport::new(&exciter, None) };
         drop(bench);
         Ok(BothReport { plant: finish_recording(recorder, plant), exciter })
@@ -427,7 +427,7 @@ impl Session {
         };
         let watched = self.watch.as_ref().map(|watch| watch.open(End::Plant));
         let steps = self.scenario.simulation.steps_per_sample();
-        Ok(Bench::new(self.plant.clone(), node, steps, records, watched, on_event))
+        Ok(Bench::new(self.plant.clone(), Box::new(node), steps, records, watched, on_event))
     }
 
     /// Creates the recording.

@@ -2,10 +2,11 @@
 
 use core::sync::atomic::{AtomicBool, AtomicU64, Ordering};
 
-use serde::Serialize;
+use serde::{Serialize, Serializer};
 
 use super::{Fault, Gauges};
 use resonarm_bus::{BusError, ControllerState};
+use resonarm_protocol::Id;
 
 /// What the run's threads and the rest of the program tell each other.
 #[derive(Debug, Default)]
@@ -126,7 +127,8 @@ pub enum RunEvent {
         /// The sample.
         sample: u64,
         /// The identifier.
-        identifier: u16,
+        #[serde(serialize_with = "as_number")]
+        identifier: Id,
     },
     /// The controller of the plant's end is in another state: by itself that ends nothing.
     Controller {
@@ -135,4 +137,8 @@ pub enum RunEvent {
         /// The state.
         state: ControllerState,
     },
+}
+
+fn as_number<S: Serializer>(identifier: &Id, serializer: S) -> Result<S::Ok, S::Error> {
+    serializer.serialize_u32(identifier.raw())
 }

@@ -1,0 +1,154 @@
+//! What a command passes on its way to the structure, whatever wire it came over: the gate with its limits, the hold,
+//! and the time for which it is valid.
+
+use resonarm_protocol::node::Listening;
+use resonarm_protocol::{CommandGate, EmergencyCode, NodeState, Refusal};
+
+use super::hold::Hold;
+use super::{Refusals, Timing};
+use crate::rig::{Exciter, GateSpec};
+use resonarm_dynamics::arm::Load;
+
+/// The gate of a plant's node, with the load that acts.
+#[derive(Clone, Debug)]
+pub(super) struct Guard {
+    exciter: Exciter,
+    limits: GateSpec,
+    rate_hz: u16,
+    timeout_ns: u64,
+    gate: CommandGate,
+    hold: Hold,
+    /// The sample measured last.
+    sample: u64,
+    /// The travel at that sample, m.
+    travel_m: f64,
+    /// When the last command was taken, or the plant was armed, in listening time.
+    taken_ns: u64,
+    refused_since_taken: u64,
+    refusals: Refusals,
+}
+
+impl Guard {
+    /// A guard of an exciter with its own limits alone, for `rate_hz` samples a second.
+    pub fn new(rate_hz: u16, timing: &Timing, exciter: Exciter) -> Guard {
+        Guard {
+            exciter,
+            limits: GateSpec::default(),
+            rate_hz,
+            timeout_ns: timing.command_timeout_ns,
+            gate: CommandGate::new(timing.command_age_ns, rate_hz),
+            hold: Hold::new(timing.ramp_ns.saturating_mul(rate_hz.into()).div_ceil(1_000_000_000)),
+            sample: 0,
+            travel_m: 0.0,
+            taken_ns: 0,
+            refused_since_taken: 0,
+            refusals: Refusals::default(),
+        }
+    }
+
+    /// Sets the limits beyond the exciter's.
+    pub fn set_limits(&mut self, limits: GateSpec) {
+        self.limits = limits;
+    }
+
+    /// States the travel at the sample that is measured next, m.
+    pub fn set_travel(&mut self, travel_m: f64) {
+        self.travel_m = travel_m;
+    }
+
+    /// A sample has been measured.
+    pub fn measured(&mut self, sample: u64) {
+        self.sample = sample;
+    }
+
+    /// The sample measured last.
+    pub fn sample(&self) -> u64 {
+        self.sample
+    }
+
+    /// The plant is armed: no sample has been answered since.
+    pub fn arm(&mut self, listening: &Listening) {
+        self.gate.arm();
+        self.taken_ns = listening.listened_ns();
+        self.refused_since_taken = 0;
+    }
+
+    /// Holds the load of a command that answers the sample of index `index`, if the plant's state and all limits allow.
+    ///
+    /// # Errors
+    /// Why not; it is counted.
+    pub fn take(&mut self, state: NodeState, listening: &Listening, index: u16, load: Load) -> Result<(), Refusal> {
+        let rate_hz = f64::from(self.rate_hz);
+        let check = self.limits.command_check(&self.exciter, rate_hz, self.travel_m, [self.hold.load(), &load]);
+        match self.gate.take(state, self.sample, index, &check) {
+            Ok(()) => {
+                self.hold.take(load);
+                self.taken_ns = listening.listened_ns();
+                self.refused_since_taken = 0;
+                Ok(())
+            }
+            Err(refusal) => {
+                self.refuse(refusal);
+                Err(refusal)
+            }
+        }
+    }
+
+    /// Counts a command that was refused before the gate.
+    pub fn refuse(&mut self, refusal: Refusal) {
+        self.refused_since_taken += 1;
+        self.refusals.add(refusal);
+    }
+
+    /// Whether commands have been refused since the last one that was taken.
+    pub fn has_refused(&self) -> bool {
+        self.refused_since_taken > 0
+    }
+
+    /// Whether the sample measured last has its answer.
+    pub fn is_answered(&self) -> bool {
+        self.gate.answered() == Some(self.sample)
+    }
+
+    /// Whether an armed plant has listened for longer than the timeout since the last command that was taken.
+    pub fn is_timed_out(&self, listening: &Listening) -> bool {
+        listening.has_passed(self.taken_ns, self.timeout_ns)
+    }
+
+    /// When to check [`Guard::is_timed_out`] next, ns.
+    pub fn deadline_ns(&self, listening: &Listening) -> u64 {
+        listening.next_look_ns(self.taken_ns, self.timeout_ns)
+    }
+
+    /// The detail of [`EmergencyCode::CommandTimeout`].
+    pub fn timeout_detail(&self) -> u16 {
+        Refusal::detail(self.refused_since_taken, self.refusals.last().filter(|_| self.has_refused()))
+    }
+
+    /// Valid commands that were refused, by reason.
+    pub fn refusals(&self) -> &Refusals {
+        &self.refusals
+    }
+
+    /// Starts the ramp to zero.
+    pub fn release(&mut self) {
+        self.hold.release();
+    }
+
+    /// Drops the load at once in a fault of this code after which the exciter acts no more.
+    pub fn fault(&mut self, code: EmergencyCode) {
+        if matches!(code, EmergencyCode::SimulationFailed | EmergencyCode::ExciterTripped) {
+            self.hold.drop_load();
+        }
+    }
+
+    /// The load of the next sample period: one step down the ramp, if one runs.
+    pub fn load(&mut self) -> Load {
+        self.hold.next()
+    }
+
+    /// Samples until the ramp ends; 0 if none runs.
+    pub fn ramp_left(&self) -> u64 {
+        self.hold.ramp_left()
+    }
+}

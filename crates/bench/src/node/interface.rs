@@ -1,0 +1,265 @@
+//! The plant's node as a run loop knows it, whatever protocol it speaks on the wire.
+
+use alloc::vec::Vec;
+use core::fmt;
+
+use resonarm_protocol::node::NodeEvent;
+use resonarm_protocol::{Emergency, EmergencyCode, Frame, Id, Network, NodeState, OperatorRequest, Refusal};
+
+use super::{PlantNode, Refusals};
+use crate::rig::Measurement;
+use resonarm_dynamics::arm::Load;
+
+/// The plant's node: frames and the time go in, frames, loads and events come out. Nothing allocates after
+/// construction.
+pub trait PlantInterface: fmt::Debug + Send {
+    /// Boots the node.
+    fn start(&mut self, now_ns: u64);
+
+    /// The node's state.
+    fn state(&self) -> NodeState;
+
+    /// Whether commands reach the structure.
+    fn is_armed(&self) -> bool {
+        self.state() == NodeState::Operational
+    }
+
+    /// Whether the sample published last awaits no command.
+    fn is_answered(&self) -> bool;
+
+    /// Whether the load is ramping to zero.
+    fn is_ramping(&self) -> bool;
+
+    /// The fault that is latched now, if one is.
+    fn latched_fault(&self) -> Option<Emergency>;
+
+    /// The partner's fault that caused the latched fault, if any.
+    fn fault_reason(&self) -> Option<Emergency>;
+
+    /// The index of the sample that the last command received answers, returned once; `None` always if commands have
+    /// none.
+    fn take_echoed(&mut self) -> Option<u16>;
+
+    /// Whether the sample published last is sent with the next one.
+    fn holds_sample(&self) -> bool;
+
+    /// Valid commands that did not reach the structure, by reason.
+    fn refusals(&self) -> &Refusals;
+
+    /// What was counted of frames.
+    fn frames(&self) -> FrameCounts;
+
+    /// Handles a frame from the bus; frames of other nodes are ignored.
+    fn handle_frame(&mut self, now_ns: u64, frame: &Frame);
+
+    /// Executes an operator's request made at the plant itself, if the node's state allows it.
+    fn execute(&mut self, now_ns: u64, request: OperatorRequest);
+
+    /// Does what is due. Call it after the frames received, and before [`PlantInterface::load`].
+    fn handle_deadline(&mut self, now_ns: u64);
+
+    /// When [`PlantInterface::handle_deadline`] is to be called next, at the latest, ns.
+    fn next_deadline_ns(&self) -> u64;
+
+    /// Publishes a sample.
+    ///
+    /// # Errors
+    /// [`PublishError`] if a value is not a number.
+    fn publish(&mut self, sample: &PublishedSample) -> Result<(), PublishError>;
+
+    /// The load to hold from the sample published last to the next. Call it once a sample.
+    fn load(&mut self) -> Load;
+
+    /// Faults from outside.
+    fn fault(&mut self, now_ns: u64, code: EmergencyCode, detail: u16);
+
+    /// The bus is off: an armed plant faults.
+    fn bus_lost(&mut self, now_ns: u64);
+
+    /// Leaves the bus in good order.
+    fn leave(&mut self, now_ns: u64);
+
+    /// Reports that the schedule has moved by `periods` missed sample periods.
+    fn slip(&mut self, periods: u64);
+
+    /// Appends at most `most` of the frames to send, in their order.
+    fn waiting_frames(&self, most: usize, frames: &mut Vec<Frame>);
+
+    /// Records that the bus has taken the first of the waiting frames.
+    fn frame_sent(&mut self);
+
+    /// The next event.
+    fn poll_event(&mut self) -> Option<WireEvent>;
+}
+
+/// A sample as a node publishes it.
+#[derive(Clone, Copy, Debug)]
+pub struct PublishedSample<'a> {
+    /// The readings of the instruments.
+    pub measurement: &'a Measurement,
+    /// The states of the structure at the sample, in the order of its channels.
+    pub states: &'a [f64],
+    /// The distance of the driven point from rest at the sample, m.
+    pub travel_m: f64,
+}
+
+/// Why a sample can't be published.
+#[derive(Clone, Copy, Debug, PartialEq, thiserror::Error)]
+pub enum PublishError {
+    /// The protocol can't encode it.
+    #[error(transparent)]
+    Encode(#[from] resonarm_protocol::EncodeError),
+}
+
+/// What a node counted of frames.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub struct FrameCounts {
+    /// Never sent, as newer ones replaced them.
+    pub unsent: u64,
+    /// Refused for their checks.
+    pub refused: u64,
+    /// Refused under identifiers that only the plant sends.
+    pub other_sender: u64,
+}
+
+/// An event of a node, whatever protocol it speaks.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub enum WireEvent {
+    /// The node changed its state.
+    State {
+        /// The state before.
+        from: NodeState,
+        /// The state now.
+        to: NodeState,
+    },
+    /// The node faulted, or refused to arm, with the reason; or a notice, its own or the partner's.
+    Emergency(Emergency),
+    /// The partner reports why it has faulted.
+    PartnerEmergency(Emergency),
+    /// A command was refused.
+    Refused(Refusal),
+    /// A frame was refused for one of its checks.
+    Frame(FrameFault),
+    /// A frame was refused whose identifier only this node sends.
+    OtherSender(Id),
+}
+
+impl WireEvent {
+    /// An event of a node of Resonarm's protocol on `network`.
+    pub fn of(event: &NodeEvent, network: Network) -> WireEvent {
+        match *event {
+            NodeEvent::State { from, to } => WireEvent::State { from, to },
+            NodeEvent::Emergency(emergency) => WireEvent::Emergency(emergency),
+            NodeEvent::PartnerEmergency(emergency) => WireEvent::PartnerEmergency(emergency),
+            NodeEvent::Refused(refusal) => WireEvent::Refused(refusal),
+            NodeEvent::Frame(_) => WireEvent::Frame(FrameFault::Protocol),
+            NodeEvent::OtherSender(error) => WireEvent::OtherSender(Id::Standard(error.kind().id(network))),
+        }
+    }
+}
+
+/// Which of its checks a frame failed.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum FrameFault {
+    /// A check of the protocol of Resonarm: E2E, length or values.
+    Protocol,
+}
+
+impl PlantInterface for PlantNode {
+    fn start(&mut self, now_ns: u64) {
+        PlantNode::start(self, now_ns);
+    }
+
+    fn state(&self) -> NodeState {
+        PlantNode::state(self)
+    }
+
+    fn is_answered(&self) -> bool {
+        PlantNode::is_answered(self)
+    }
+
+    fn is_ramping(&self) -> bool {
+        PlantNode::is_ramping(self)
+    }
+
+    fn latched_fault(&self) -> Option<Emergency> {
+        PlantNode::latched_fault(self)
+    }
+
+    fn fault_reason(&self) -> Option<Emergency> {
+        PlantNode::fault_reason(self)
+    }
+
+    fn take_echoed(&mut self) -> Option<u16> {
+        PlantNode::take_echoed(self)
+    }
+
+    fn holds_sample(&self) -> bool {
+        PlantNode::holds_sample(self)
+    }
+
+    fn refusals(&self) -> &Refusals {
+        PlantNode::refusals(self)
+    }
+
+    fn frames(&self) -> FrameCounts {
+        FrameCounts {
+            unsent: self.unsent_frames(),
+            refused: self.refused_frames(),
+            other_sender: self.other_sender_frames(),
+        }
+    }
+
+    fn handle_frame(&mut self, now_ns: u64, frame: &Frame) {
+        PlantNode::handle_frame(self, now_ns, frame);
+    }
+
+    fn execute(&mut self, now_ns: u64, request: OperatorRequest) {
+        PlantNode::execute(self, now_ns, request);
+    }
+
+    fn handle_deadline(&mut self, now_ns: u64) {
+        PlantNode::handle_deadline(self, now_ns);
+    }
+
+    fn next_deadline_ns(&self) -> u64 {
+        PlantNode::next_deadline_ns(self)
+    }
+
+    fn publish(&mut self, sample: &PublishedSample) -> Result<(), PublishError> {
+        self.set_travel(sample.travel_m);
+        Ok(PlantNode::publish(self, sample.measurement)?)
+    }
+
+    fn load(&mut self) -> Load {
+        PlantNode::load(self)
+    }
+
+    fn fault(&mut self, now_ns: u64, code: EmergencyCode, detail: u16) {
+        PlantNode::fault(self, now_ns, code, detail);
+    }
+
+    fn bus_lost(&mut self, now_ns: u64) {
+        PlantNode::bus_lost(self, now_ns);
+    }
+
+    fn leave(&mut self, now_ns: u64) {
+        PlantNode::leave(self, now_ns);
+    }
+
+    fn slip(&mut self, periods: u64) {
+        PlantNode::slip(self, periods);
+    }
+
+    fn waiting_frames(&self, most: usize, frames: &mut Vec<Frame>) {
+        frames.extend(PlantNode::waiting_frames(self).take(most));
+    }
+
+    fn frame_sent(&mut self) {
+        PlantNode::frame_sent(self);
+    }
+
+    fn poll_event(&mut self) -> Option<WireEvent> {
+        Some(WireEvent::of(&PlantNode::poll_event(self)?, self.network()))
+    }
+}
