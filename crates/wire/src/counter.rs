@@ -1,0 +1,216 @@
+//! Alive counters: a number that counts up by one with every frame, from 0 to one below the number of its values, then
+//! from 0 again.
+
+use thiserror::Error;
+
+use crate::layout::{InsertError, Layout, Number};
+
+/// Why a signal can't be a counter.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Error)]
+pub enum CounterError {
+    /// A floating-point number.
+    #[error("it is a floating-point number: a counter is an integer")]
+    Float,
+    /// Fewer than two values, or more than the bits can say.
+    #[error("it has {got} values: with {bits} bits a counter has 2 to {most}")]
+    Values {
+        /// The values given.
+        got: u64,
+        /// The bits of the signal.
+        bits: u8,
+        /// The most values that do.
+        most: u64,
+    },
+}
+
+/// Where a counter lies and how far it counts. Every value of this type is valid: the constructor checks.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Counter {
+    layout: Layout,
+    values: u64,
+}
+
+impl Counter {
+    /// A counter from 0 to `values` − 1. Its bits count as an integer without sign, even if the layout has a sign.
+    ///
+    /// # Errors
+    /// [`CounterError`] if it is no integer, or can't have so many values. At most 2⁶⁴ − 1 are taken.
+    pub fn new(layout: Layout, values: u64) -> Result<Counter, CounterError> {
+        if layout.number() == Number::Float {
+            return Err(CounterError::Float);
+        }
+        let most = layout.mask().saturating_add(1);
+        if !(2..=most).contains(&values) {
+            return Err(CounterError::Values { got: values, bits: layout.bits(), most });
+        }
+        Ok(Counter { layout, values })
+    }
+
+    /// Where its bits lie.
+    pub const fn layout(&self) -> &Layout {
+        &self.layout
+    }
+
+    /// How many values it has.
+    pub const fn values(&self) -> u64 {
+        self.values
+    }
+
+    /// The counter of a payload, which may be beyond its values; None if the payload ends before it.
+    pub fn read(&self, payload: &[u8]) -> Option<u64> {
+        self.layout.extract_u64(payload)
+    }
+
+    /// Writes a counter.
+    ///
+    /// # Errors
+    /// [`InsertError`] if it doesn't fit the bits or the payload.
+    pub fn write(&self, value: u64, payload: &mut [u8]) -> Result<(), InsertError> {
+        self.layout.insert_u64(value, payload)
+    }
+
+    /// The counter after `value`.
+    pub const fn after(&self, value: u64) -> u64 {
+        if value >= self.values - 1 { 0 } else { value + 1 }
+    }
+}
+
+/// How a counter follows the one before.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Step {
+    /// There was none before.
+    First,
+    /// It is the next.
+    Next,
+    /// Frames were lost, or an older one comes again: the counter can't tell which. How many are accepted is for the
+    /// receiver to say.
+    Lost {
+        /// The frames lost, if they were: at least 1, at most two below the number of values.
+        frames: u64,
+    },
+}
+
+/// A counter that no frame in order has.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Error)]
+pub enum CounterFault {
+    /// The counter of the frame before: a repetition, or exactly as many were lost as there are values, less one.
+    #[error("counter {counter} comes again")]
+    Repeated {
+        /// The counter.
+        counter: u64,
+    },
+    /// The counter is beyond its values.
+    #[error("counter {counter} is beyond {}", values - 1)]
+    Beyond {
+        /// The counter.
+        counter: u64,
+        /// How many values it has.
+        values: u64,
+    },
+}
+
+/// The check of the counters of one message.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub struct CounterCheck {
+    last: Option<u64>,
+}
+
+impl CounterCheck {
+    /// A check that has seen no counter.
+    pub const fn new() -> CounterCheck {
+        CounterCheck { last: None }
+    }
+
+    /// The counter of the last frame, beyond its values or not seen before left out.
+    pub const fn last(&self) -> Option<u64> {
+        self.last
+    }
+
+    /// Judges the counter of a frame.
+    ///
+    /// δ = (counter − last) mod n with the n values: 1 is the next, more means δ − 1 lost, 0 is a repetition. The counter
+    /// is kept as the last one even if it is repeated.
+    ///
+    /// # Errors
+    /// [`CounterFault`] if it is repeated or beyond the values; the latter leaves the check as it was.
+    pub const fn check(&mut self, counter: &Counter, value: u64) -> Result<Step, CounterFault> {
+        if value >= counter.values {
+            return Err(CounterFault::Beyond { counter: value, values: counter.values });
+        }
+        let Some(last) = self.last else {
+            self.last = Some(value);
+            return Ok(Step::First);
+        };
+        self.last = Some(value);
+        // Without the sum value + n, which may be beyond u64. A last counter is below n, unless that of another message.
+        let delta = if value >= last { value - last } else { counter.values - last % counter.values + value };
+        match delta {
+            0 => Err(CounterFault::Repeated { counter: value }),
+            1 => Ok(Step::Next),
+            more => Ok(Step::Lost { frames: more - 1 }),
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::layout::ByteOrder;
+
+    fn counter(bits: u64, values: u64) -> Result<Counter, CounterError> {
+        Counter::new(Layout::new(4, bits, ByteOrder::Intel, Number::Unsigned, 16).unwrap(), values)
+    }
+
+    #[test]
+    fn judges_every_pair_of_counters() {
+        for values in [2, 15, 16] {
+            let counter = counter(4, values).unwrap();
+            for last in 0..values {
+                for value in 0..values {
+                    let mut check = CounterCheck::new();
+                    assert_eq!(check.check(&counter, last), Ok(Step::First));
+                    let expected = match (value + values - last) % values {
+                        0 => Err(CounterFault::Repeated { counter: value }),
+                        1 => Ok(Step::Next),
+                        delta => Ok(Step::Lost { frames: delta - 1 }),
+                    };
+                    assert_eq!(check.check(&counter, value), expected, "{last} then {value} of {values}");
+                    assert_eq!(check.check(&counter, counter.after(value)), Ok(Step::Next));
+                }
+            }
+        }
+    }
+
+    #[test]
+    fn a_counter_beyond_its_values_is_forgotten() {
+        let counter = counter(4, 15).unwrap();
+        let mut check = CounterCheck::new();
+        assert_eq!(check.check(&counter, 14), Ok(Step::First));
+        assert_eq!(check.check(&counter, 15), Err(CounterFault::Beyond { counter: 15, values: 15 }));
+        assert_eq!(check.last(), Some(14));
+        assert_eq!(check.check(&counter, 0), Ok(Step::Next));
+        assert_eq!(CounterFault::Beyond { counter: 15, values: 15 }.to_string(), "counter 15 is beyond 14");
+    }
+
+    #[test]
+    fn reads_and_writes() {
+        let counter = counter(4, 15).unwrap();
+        let mut payload = [0xFF; 2];
+        counter.write(3, &mut payload).unwrap();
+        assert_eq!((payload, counter.read(&payload)), ([0x3F, 0xFF], Some(3)));
+        assert_eq!(counter.read(&[]), None);
+        assert!(counter.write(16, &mut payload).is_err());
+    }
+
+    #[test]
+    fn refuses_values_that_the_bits_cannot_say() {
+        assert_eq!(counter(4, 17), Err(CounterError::Values { got: 17, bits: 4, most: 16 }));
+        assert_eq!(counter(4, 1), Err(CounterError::Values { got: 1, bits: 4, most: 16 }));
+        let float = Layout::new(0, 32, ByteOrder::Intel, Number::Float, 8).unwrap();
+        assert_eq!(Counter::new(float, 16), Err(CounterError::Float));
+        let widest = counter(64, u64::MAX).unwrap();
+        let mut check = CounterCheck::new();
+        assert_eq!(check.check(&widest, u64::MAX - 1), Ok(Step::First));
+        assert_eq!(check.check(&widest, 0), Ok(Step::Next));
+    }
+}

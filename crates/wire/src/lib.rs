@@ -1,0 +1,26 @@
+//! Frames of a user's own protocol: where a signal lies in a payload and what it stands for, alive counters, checksums.
+//!
+//! `no_std`: no clock, no thread, no file, no socket. Memory is allocated where something is constructed; to decode, to
+//! encode and to check allocates nothing. A payload may be shorter or longer than its message: what is read are
+//! the bits of the signal asked for, and no others.
+//!
+//! | | |
+//! | --- | --- |
+//! | [`layout`] | the bits of a signal, in the numbering of DBC files |
+//! | [`signal`] | a layout with scale and offset: physical values |
+//! | [`multiplex`] | in which payloads a signal is present |
+//! | [`counter`] | alive counters |
+//! | [`checksum`] | CRCs and sums in one parametric form, and the profiles of AUTOSAR in it |
+#![cfg_attr(not(test), no_std)]
+#![forbid(unsafe_code)]
+
+extern crate alloc;
+
+//pub mod checksum;
+pub mod counter;
+pub mod layout;
+pub mod multiplex;
+pub mod signal;
+
+/// The most bytes that the payload of a frame has: those of CAN FD (ISO 11898-1).
+pub const PAYLOAD_MAX_BYTES: usize = 64;

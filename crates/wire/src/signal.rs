@@ -1,0 +1,244 @@
+//! Physical values of signals: value = scale · raw + offset.
+
+use thiserror::Error;
+
+use crate::layout::{InsertError, Layout, Number};
+
+/// The most bits of an integer that an f64 holds exactly.
+pub const F64_INTEGER_BITS: u8 = 53;
+
+/// Why a signal can't have a physical value.
+#[derive(Clone, Copy, Debug, PartialEq, Error)]
+pub enum SignalError {
+    /// The scale is zero or no finite number.
+    #[error("its factor is {got}: it must be a finite number other than 0")]
+    Scale {
+        /// The scale given.
+        got: f64,
+    },
+    /// The offset is no finite number.
+    #[error("its offset is {got}: it must be a finite number")]
+    Offset {
+        /// The offset given.
+        got: f64,
+    },
+    /// The integer has more bits than an f64 holds.
+    #[error("it is an integer of {bits} bits: up to {F64_INTEGER_BITS} keep every bit in a floating-point number")]
+    BeyondF64 {
+        /// The bits of the integer.
+        bits: u8,
+    },
+    /// The largest or the smallest value is no finite number.
+    #[error("with factor {scale} and offset {offset} its values go beyond the range of floating-point numbers")]
+    Range {
+        /// The scale given.
+        scale: f64,
+        /// The offset given.
+        offset: f64,
+    },
+}
+
+/// Why a value can't be put into a payload.
+#[derive(Clone, Copy, Debug, PartialEq, Error)]
+pub enum EncodeError {
+    /// NaN or an infinity.
+    #[error("{value} is no finite number")]
+    NotFinite {
+        /// The value.
+        value: f64,
+    },
+    /// The value is beyond what the bits can say.
+    #[error("{value} is outside of {least} to {most}, the range of its bits")]
+    OutOfRange {
+        /// The value.
+        value: f64,
+        /// The least value that the bits can say.
+        least: f64,
+        /// The largest value that the bits can say.
+        most: f64,
+    },
+    /// The payload can't take it.
+    #[error(transparent)]
+    Insert(#[from] InsertError),
+}
+
+/// A signal with a physical value. Every value of this type is valid: the constructor checks.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Signal {
+    layout: Layout,
+    scale: f64,
+    offset: f64,
+}
+
+impl Signal {
+    /// A signal of the value scale · raw + offset, in the unit of both.
+    ///
+    /// # Errors
+    /// [`SignalError`] if the scale is 0 or not finite, the offset is not finite, the raw number is an integer of more
+    /// than 53 bits, which an f64 would round, or an integer's largest value is not finite.
+    pub fn new(layout: Layout, scale: f64, offset: f64) -> Result<Signal, SignalError> {
+        if !scale.is_finite() || scale == 0.0 {
+            return Err(SignalError::Scale { got: scale });
+        }
+        if !offset.is_finite() {
+            return Err(SignalError::Offset { got: offset });
+        }
+        if layout.number() != Number::Float && layout.bits() > F64_INTEGER_BITS {
+            return Err(SignalError::BeyondF64 { bits: layout.bits() });
+        }
+        let signal = Signal { layout, scale, offset };
+        if layout.number() != Number::Float && !signal.ends().iter().all(|end| end.is_finite()) {
+            return Err(SignalError::Range { scale, offset });
+        }
+        Ok(signal)
+    }
+
+    /// Where its bits lie.
+    pub const fn layout(&self) -> &Layout {
+        &self.layout
+    }
+
+    /// The value of one count, in the unit of the signal.
+    pub const fn scale(&self) -> f64 {
+        self.scale
+    }
+
+    /// The value at raw 0, in the unit of the signal.
+    pub const fn offset(&self) -> f64 {
+        self.offset
+    }
+
+    /// The value in a payload, None if the payload ends before the signal. A floating-point signal may be NaN or
+    /// infinite: whoever uses the value refuses it.
+    pub fn decode(&self, payload: &[u8]) -> Option<f64> {
+        self.layout.extract_f64(payload).map(|raw| self.value(raw))
+    }
+
+    /// Writes the nearest value that the bits can say, (value − offset) / scale rounded, halves to even counts, and
+    /// leaves all other bits as they are.
+    ///
+    /// # Errors
+    /// [`EncodeError`] if the value is not finite or outside of [`Signal::range`] by half a count or more, or the payload
+    /// ends before the signal; the payload is then unchanged.
+    pub fn encode(&self, value: f64, payload: &mut [u8]) -> Result<(), EncodeError> {
+        if !value.is_finite() {
+            return Err(EncodeError::NotFinite { value });
+        }
+        let raw = (value - self.offset) / self.scale;
+        let raw = if self.layout.number() == Number::Float { raw } else { libm::rint(raw) };
+        // Written so that a raw number that is not finite, by an offset or a scale at the ends of f64, is out of range.
+        if !(self.raw_ends()[0]..=self.raw_ends()[1]).contains(&raw) {
+            let [least, most] = self.range();
+            return Err(EncodeError::OutOfRange { value, least, most });
+        }
+        Ok(self.layout.insert_f64(raw, payload)?)
+    }
+
+    /// The least and the largest value that the bits can say, in the unit of the signal: what is beyond is refused by
+    /// [`Signal::encode`]. A floating-point signal with a large scale may have infinite ones.
+    pub fn range(&self) -> [f64; 2] {
+        let [one, other] = self.ends();
+        [one.min(other), one.max(other)]
+    }
+
+    /// The distance of neighbouring values, in the unit of the signal; None for a floating-point signal, where it depends
+    /// on the value.
+    pub fn resolution(&self) -> Option<f64> {
+        (self.layout.number() != Number::Float).then_some(self.scale.abs())
+    }
+
+    fn value(&self, raw: f64) -> f64 {
+        raw * self.scale + self.offset
+    }
+
+    fn ends(&self) -> [f64; 2] {
+        self.raw_ends().map(|raw| self.value(raw))
+    }
+
+    /// The least and the largest raw number: of n bits 0 to 2ⁿ − 1, or −2ⁿ⁻¹ to 2ⁿ⁻¹ − 1.
+    fn raw_ends(&self) -> [f64; 2] {
+        let mask = self.layout.mask();
+        match self.layout.number() {
+            Number::Unsigned => [0.0, mask as f64],
+            Number::Signed => [-((mask / 2) as f64) - 1.0, (mask / 2) as f64],
+            Number::Float if self.layout.bits() == 32 => [-f64::from(f32::MAX), f64::from(f32::MAX)],
+            Number::Float => [f64::MIN, f64::MAX],
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use proptest::prelude::*;
+
+    use super::*;
+    use crate::layout::{ByteOrder, LayoutError};
+
+    fn signal(bits: u64, number: Number, scale: f64, offset: f64) -> Result<Signal, SignalError> {
+        let layout: Result<Layout, LayoutError> = Layout::new(8, bits, ByteOrder::Intel, number, 16);
+        Signal::new(layout.unwrap(), scale, offset)
+    }
+
+    proptest! {
+        #[test]
+        fn every_raw_number_comes_back(bits in 1_u64..=53, raw in any::<u64>(), signed in any::<bool>(), down in any::<bool>()) {
+            let scale = if down { -0.02 } else { 0.02 };
+            let number = if signed { Number::Signed } else { Number::Unsigned };
+            let signal = signal(bits, number, scale, -40.0).unwrap();
+            let mut payload = [0x77; 16];
+            signal.layout().insert_u64(raw & signal.layout().mask(), &mut payload).unwrap();
+            let value = signal.decode(&payload).unwrap();
+            let [least, most] = signal.range();
+            prop_assert!((least..=most).contains(&value));
+            // Near 2⁵³ counts the offset takes the last bits of the sum.
+            if bits < 45 {
+                let before = payload;
+                signal.encode(value, &mut payload).unwrap();
+                prop_assert_eq!(payload, before);
+            }
+        }
+    }
+
+    #[test]
+    fn rounds_to_the_nearest_and_never_limits() {
+        let signal = signal(8, Number::Signed, 0.5, 0.0).unwrap();
+        assert_eq!(signal.range(), [-64.0, 63.5]);
+        assert_eq!(signal.resolution(), Some(0.5));
+        let mut payload = [0; 4];
+        for (value, raw) in [(1.2, 2), (1.3, 3), (0.25, 0), (0.75, 2), (-64.2, -128), (63.74, 127)] {
+            signal.encode(value, &mut payload).unwrap();
+            assert_eq!(signal.layout().extract_i64(&payload), Some(raw), "{value}");
+        }
+        let beyond = EncodeError::OutOfRange { value: 63.8, least: -64.0, most: 63.5 };
+        assert_eq!(signal.encode(63.8, &mut payload), Err(beyond));
+        assert_eq!(beyond.to_string(), "63.8 is outside of -64 to 63.5, the range of its bits");
+        let infinite = Err(EncodeError::NotFinite { value: f64::INFINITY });
+        assert_eq!(signal.encode(f64::INFINITY, &mut payload), infinite);
+        let short = EncodeError::Insert(InsertError::Short { got: 1, needed: 2 });
+        assert_eq!(signal.encode(0.0, &mut payload[..1]), Err(short));
+        assert_eq!(signal.decode(&payload[..1]), None);
+    }
+
+    #[test]
+    fn a_floating_point_signal_may_be_nan_and_is_never_made_so() {
+        let signal = signal(32, Number::Float, 1.0, 0.0).unwrap();
+        let mut payload = [0xFF; 5];
+        assert!(signal.decode(&payload).unwrap().is_nan());
+        assert!(signal.encode(f64::NAN, &mut payload).is_err());
+        assert!(signal.encode(1e39, &mut payload).is_err());
+        signal.encode(0.1, &mut payload).unwrap();
+        assert_eq!(signal.decode(&payload), Some(f64::from(0.1_f32)));
+        assert_eq!(signal.resolution(), None);
+    }
+
+    #[test]
+    fn refuses_what_has_no_value() {
+        assert_eq!(signal(8, Number::Signed, 0.0, 0.0), Err(SignalError::Scale { got: 0.0 }));
+        assert_eq!(signal(8, Number::Signed, f64::INFINITY, 0.0), Err(SignalError::Scale { got: f64::INFINITY }));
+        assert!(signal(8, Number::Signed, 1.0, f64::NAN).is_err());
+        assert_eq!(signal(54, Number::Unsigned, 1.0, 0.0), Err(SignalError::BeyondF64 { bits: 54 }));
+        assert!(signal(53, Number::Unsigned, 1.0, 0.0).is_ok());
+        assert_eq!(signal(8, Number::Signed, 1e307, 0.0), Err(SignalError::Range { scale: 1e307, offset: 0.0 }));
+        assert!(signal(64, Number::Float, 1.0, 0.0).is_ok());
+    }
+}
