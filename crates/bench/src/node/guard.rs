@@ -130,6 +130,11 @@ impl Guard {
         &self.refusals
     }
 
+    /// Holds a load that is a part of the one held: that of a drive which has stopped is left out.
+    pub fn reduce(&mut self, load: Load) {
+        self.hold.take(load);
+    }
+
     /// Starts the ramp to zero.
     pub fn release(&mut self) {
         self.hold.release();

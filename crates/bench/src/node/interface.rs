@@ -83,7 +83,7 @@ pub trait PlantInterface: fmt::Debug + Send {
     fn slip(&mut self, periods: u64);
 
     /// Appends at most `most` of the frames to send, in their order.
-    fn waiting_frames(&self, most: usize, frames: &mut Vec<Frame>);
+    fn waiting_frames(&mut self, most: usize, frames: &mut Vec<Frame>);
 
     /// Records that the bus has taken the first of the waiting frames.
     fn frame_sent(&mut self);
@@ -109,6 +109,14 @@ pub enum PublishError {
     /// The protocol can't encode it.
     #[error(transparent)]
     Encode(#[from] resonarm_protocol::EncodeError),
+    /// A reading is no number.
+    #[error("{name} is {got}")]
+    NotFinite {
+        /// The name of the reading.
+        name: &'static str,
+        /// What it is.
+        got: f64,
+    },
 }
 
 /// What a node counted of frames.
@@ -120,6 +128,8 @@ pub struct FrameCounts {
     pub refused: u64,
     /// Refused under identifiers that only the plant sends.
     pub other_sender: u64,
+    /// Values in frames that were sent which their signals could not say: these say the nearest that they can.
+    pub limited_values: u64,
 }
 
 /// An event of a node, whatever protocol it speaks.
@@ -163,6 +173,26 @@ impl WireEvent {
 pub enum FrameFault {
     /// A check of the protocol of Resonarm: E2E, length or values.
     Protocol,
+    /// A check of a user's message.
+    Mapped {
+        /// The identifier.
+        id: Id,
+        /// The check.
+        check: FrameCheck,
+    },
+}
+
+/// The checks of a user's message.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum FrameCheck {
+    /// The payload ends before a signal.
+    Length,
+    /// The checksum is wrong.
+    Checksum,
+    /// The counter repeats, or more frames were lost than are allowed.
+    Counter,
+    /// A signal is no finite number.
+    Value,
 }
 
 impl PlantInterface for PlantNode {
@@ -207,6 +237,7 @@ impl PlantInterface for PlantNode {
             unsent: self.unsent_frames(),
             refused: self.refused_frames(),
             other_sender: self.other_sender_frames(),
+            limited_values: 0,
         }
     }
 
@@ -251,7 +282,7 @@ impl PlantInterface for PlantNode {
         PlantNode::slip(self, periods);
     }
 
-    fn waiting_frames(&self, most: usize, frames: &mut Vec<Frame>) {
+    fn waiting_frames(&mut self, most: usize, frames: &mut Vec<Frame>) {
         frames.extend(PlantNode::waiting_frames(self).take(most));
     }
 

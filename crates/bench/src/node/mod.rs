@@ -24,12 +24,13 @@ mod carried;
 mod guard;
 mod hold;
 mod interface;
+pub mod mapped;
 mod plant;
 mod refusals;
 mod sample;
 
 pub use carried::{Carried, ExciterNode, ExciterOutcome, carry};
-pub use interface::{FrameCounts, FrameFault, PlantInterface, PublishError, PublishedSample, WireEvent};
+pub use interface::{FrameCheck, FrameCounts, FrameFault, PlantInterface, PublishError, PublishedSample, WireEvent};
 pub use plant::PlantNode;
 pub use refusals::Refusals;
 pub use resonarm_protocol::Refusal;

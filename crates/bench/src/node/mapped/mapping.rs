@@ -1,0 +1,298 @@
+//! What the messages of a user's protocol mean to the plant.
+
+use alloc::vec::Vec;
+
+use crate::rig::Measurement;
+use resonarm_dynamics::arm::Load;
+use resonarm_protocol::{EmergencyCode, FrameFormat, Id, NodeState};
+use resonarm_wire::checksum::Checksum;
+use resonarm_wire::counter::Counter;
+use resonarm_wire::multiplex::Presence;
+use resonarm_wire::signal::Signal;
+
+/// The messages of a wire, each identifier once.
+#[derive(Clone, Debug)]
+pub struct Mapping {
+    /// The messages that the plant takes.
+    pub incoming: Vec<Incoming>,
+    /// The messages that the plant sends, in the order in which they are sent.
+    pub outgoing: Vec<Outgoing>,
+    /// How the plant is armed.
+    pub arming: Arming,
+    /// What answers a sample in lockstep.
+    pub lockstep: Lockstep,
+}
+
+/// How a plant is armed.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Arming {
+    /// By a message: [`EventSignal::arm`].
+    Message,
+    /// By the operator at the plant.
+    Operator,
+    /// By the first commands, if their load is below a hundredth of the exciter's limits; once, and never after a fault.
+    ZeroCommand,
+}
+
+/// What answers a sample in lockstep.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Lockstep {
+    /// One frame of each command message, received after the sample was sent.
+    Command,
+    /// The message marked as [`Incoming::is_sync`]; the commands received before it act.
+    Sync,
+}
+
+/// Counter and checksum of a message.
+#[derive(Clone, Debug, Default)]
+pub struct Protection {
+    /// The alive counter.
+    pub counter: Option<Counter>,
+    /// The most frames that may be lost in a row.
+    pub most_lost: u64,
+    /// The checksum.
+    pub checksum: Option<Checksum>,
+}
+
+/// A signal, and in which payloads it is.
+#[derive(Clone, Debug)]
+pub struct MappedSignal {
+    /// The signal.
+    pub signal: Signal,
+    /// Where it is multiplexed.
+    pub presence: Presence,
+}
+
+impl MappedSignal {
+    /// Its value in a payload: `Ok(None)` if the payload is multiplexed to others.
+    ///
+    /// # Errors
+    /// [`Short`] if the payload ends before it.
+    pub(super) fn decode(&self, payload: &[u8]) -> Result<Option<f64>, Short> {
+        match self.presence.is_in(payload) {
+            Some(true) => self.signal.decode(payload).map(Some).ok_or(Short),
+            Some(false) => Ok(None),
+            None => Err(Short),
+        }
+    }
+}
+
+/// A payload that ends before a signal.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(super) struct Short;
+
+/// A message that the plant takes.
+#[derive(Clone, Debug)]
+pub struct Incoming {
+    /// Its identifier.
+    pub id: Id,
+    /// Its counter and checksum.
+    pub protection: Protection,
+    /// The number of the drive that it is for, from 0: each drive is armed by itself.
+    pub drive: usize,
+    /// The loads in it.
+    pub commands: Vec<CommandSignal>,
+    /// For how long they are valid in real time, ns of listening.
+    pub timeout_ns: u64,
+    /// What else it asks for.
+    pub events: Vec<EventSignal>,
+    /// Whether it is the message that answers samples in lockstep, and asks for [`Trigger::Sync`].
+    pub is_sync: bool,
+}
+
+/// A load in a message: scale · value + offset, in N or N·m.
+#[derive(Clone, Debug)]
+pub struct CommandSignal {
+    /// The signal.
+    pub signal: MappedSignal,
+    /// N or N·m for one unit of the signal.
+    pub scale: f64,
+    /// N or N·m at 0.
+    pub offset: f64,
+    /// What it acts as.
+    pub input: LoadInput,
+}
+
+/// What acts on the arm.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub enum LoadInput {
+    /// Torque at joint 1.
+    Torque1,
+    /// Torque at joint 2.
+    Torque2,
+    /// Force at the tip along x.
+    ForceX,
+    /// Force at the tip along y.
+    ForceY,
+    /// Force at the tip along this unit vector: that of a shaker.
+    Along([f64; 2]),
+}
+
+impl LoadInput {
+    /// The load of one of its units, times `value`.
+    pub fn load(self, value: f64) -> Load {
+        match self {
+            LoadInput::Torque1 => Load::torque_nm(value, 0.0),
+            LoadInput::Torque2 => Load::torque_nm(0.0, value),
+            LoadInput::ForceX => Load::force_n(value, 0.0),
+            LoadInput::ForceY => Load::force_n(0.0, value),
+            LoadInput::Along([x, y]) => Load::force_n(value * x, value * y),
+        }
+    }
+}
+
+/// A signal, or a whole message, that asks for something.
+#[derive(Clone, Debug)]
+pub struct EventSignal {
+    /// The signal; `None`: every frame of the message asks for the only action.
+    pub signal: Option<MappedSignal>,
+    /// When it counts.
+    pub counts: Counts,
+    /// What its values ask for.
+    pub actions: Vec<(f64, Action)>,
+    /// Values of which it must have one before commands of its drive count; empty: no such condition.
+    pub required: Vec<f64>,
+}
+
+/// When a value asks for its action.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Counts {
+    /// When the signal changes to it, or is received for the first time: for signals that are sent all the time.
+    OnChange,
+    /// In every frame: for messages that are sent once.
+    InEveryFrame,
+}
+
+/// What a message asks for.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Action {
+    /// To arm the drive.
+    Arm,
+    /// To disarm the drive.
+    Disarm,
+    /// To clear a fault.
+    Reset,
+    /// To stop at once: a fault.
+    Stop,
+}
+
+/// A message that the plant sends.
+#[derive(Clone, Debug)]
+pub struct Outgoing {
+    /// Its identifier.
+    pub id: Id,
+    /// Its format.
+    pub format: FrameFormat,
+    /// Its payload before the signals are written into it; as long as the message.
+    pub payload: Vec<u8>,
+    /// Its counter and checksum.
+    pub protection: Protection,
+    /// The drive of whose state it says something.
+    pub drive: usize,
+    /// When it is sent.
+    pub trigger: Trigger,
+    /// Whether it is sent when it is asked for, too: by a remote frame, or one without data.
+    pub is_on_request: bool,
+    /// What is in it.
+    pub signals: Vec<ReadingSignal>,
+}
+
+/// When a message is sent.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Trigger {
+    /// Every so many samples, at least 1.
+    Every(u64),
+    /// Every so many nanoseconds of the clock.
+    Period(u64),
+    /// At each message marked as [`Incoming::is_sync`].
+    Sync,
+    /// On request alone.
+    Request,
+}
+
+/// A signal that the plant writes.
+#[derive(Clone, Debug)]
+pub struct ReadingSignal {
+    /// The signal.
+    pub signal: MappedSignal,
+    /// What it says.
+    pub source: Source,
+}
+
+/// What a signal says.
+#[derive(Clone, Debug)]
+pub enum Source {
+    /// scale · value + offset of a value of the plant, in the unit of the signal.
+    Value {
+        /// The value.
+        value: Value,
+        /// Units of the signal for one of the value's.
+        scale: f64,
+        /// The value of the signal at 0.
+        offset: f64,
+    },
+    /// A number for each state of the drive: boot-up, pre-operational, operational, fault.
+    State([f64; 4]),
+    /// A number for the latched fault: that of its code, else `other`; `none` without a fault.
+    Reason {
+        /// Without a fault.
+        none: f64,
+        /// Of a fault that has no number here.
+        other: f64,
+        /// Of faults by their codes.
+        codes: Vec<(EmergencyCode, f64)>,
+    },
+    /// The index of the sample, modulo this.
+    Sample {
+        /// One more than the largest index.
+        modulus: f64,
+    },
+}
+
+/// A value of the plant at the sample published last.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Value {
+    /// A reading, by its place in [`OUTPUTS`](crate::structure::OUTPUTS).
+    Reading(usize),
+    /// 1 if the reading was beyond the range of its sensor, else 0.
+    Clipped(usize),
+    /// A state of the structure, by its place among its states.
+    State(usize),
+    /// A load that is held, by its place in [`LOADS`](crate::structure::LOADS).
+    Load(usize),
+}
+
+/// The values of the plant at a sample.
+#[derive(Clone, Copy, Debug, Default)]
+pub(super) struct Values {
+    pub sample: u64,
+    pub readings: [f64; Measurement::CHANNELS],
+    pub clipped: [bool; Measurement::CHANNELS],
+    pub states: [f64; MOST_STATES],
+    pub load: Load,
+}
+
+/// The most states of a structure that can be read.
+pub(super) const MOST_STATES: usize = 16;
+
+impl Values {
+    pub fn get(&self, value: Value) -> f64 {
+        let Load { torque_nm, force_n } = &self.load;
+        match value {
+            Value::Reading(place) => self.readings.get(place).copied().unwrap_or(0.0),
+            Value::Clipped(place) => self.clipped.get(place).map_or(0.0, |clipped| f64::from(u8::from(*clipped))),
+            Value::State(place) => self.states.get(place).copied().unwrap_or(0.0),
+            Value::Load(place) => [torque_nm.x, torque_nm.y, force_n.x, force_n.y].get(place).copied().unwrap_or(0.0),
+        }
+    }
+}
+
+/// The place of a state in the numbers of [`Source::State`].
+pub(super) const fn place(state: NodeState) -> usize {
+    match state {
+        NodeState::BootUp => 0,
+        NodeState::PreOperational => 1,
+        NodeState::Operational => 2,
+        NodeState::Fault => 3,
+    }
+}

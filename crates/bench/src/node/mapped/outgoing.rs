@@ -1,0 +1,111 @@
+//! The messages that a mapped plant sends.
+
+use super::mapping::{Outgoing, Source, Trigger, Values, place};
+use resonarm_protocol::{Emergency, Frame, NodeState};
+use resonarm_wire::PAYLOAD_MAX_BYTES;
+use resonarm_wire::signal::{EncodeError, Signal};
+
+/// What is said of a drive.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Said {
+    pub state: NodeState,
+    pub fault: Option<Emergency>,
+}
+
+/// A message with what is sent of it next.
+#[derive(Clone, Debug)]
+pub(super) struct Sender {
+    pub message: Outgoing,
+    counter: u64,
+    waits: bool,
+    due_ns: u64,
+    /// Values of the frame made last that its signals could not say.
+    limited: u64,
+}
+
+impl Sender {
+    pub fn new(message: Outgoing) -> Sender {
+        Sender { message, counter: 0, waits: false, due_ns: 0, limited: 0 }
+    }
+
+    /// Whether a frame of it waits.
+    pub fn waits(&self) -> bool {
+        self.waits
+    }
+
+    /// Lets a frame wait. Returns `false` if one waited already, which is then sent with newer values.
+    pub fn queue(&mut self) -> bool {
+        !core::mem::replace(&mut self.waits, true)
+    }
+
+    /// When it is due by the clock, ns.
+    pub fn due_ns(&self) -> Option<u64> {
+        matches!(self.message.trigger, Trigger::Period(_)).then_some(self.due_ns)
+    }
+
+    /// Whether it is due by the clock; the next time is then a period later, and never in the past.
+    pub fn take_due(&mut self, now_ns: u64) -> bool {
+        let Trigger::Period(period_ns) = self.message.trigger else { return false };
+        if now_ns < self.due_ns {
+            return false;
+        }
+        self.due_ns = self.due_ns.saturating_add(period_ns).max(now_ns);
+        true
+    }
+
+    /// The frame with these values; `None` if no frame can be.
+    pub fn frame(&mut self, values: &Values, said: &Said) -> Option<Frame> {
+        let mut bytes = [0; PAYLOAD_MAX_BYTES];
+        let payload = bytes.get_mut(..self.message.payload.len())?;
+        payload.copy_from_slice(&self.message.payload);
+        self.limited = 0;
+        for reading in &self.message.signals {
+            // A multiplexed signal is written where its switch, a constant of the payload, selects it.
+            if reading.signal.presence.is_in(payload) != Some(false) {
+                let value = said_by(&reading.source, values, said);
+                self.limited += u64::from(write(&reading.signal.signal, value, payload));
+            }
+        }
+        let protection = &self.message.protection;
+        if let Some(counter) = &protection.counter {
+            counter.write(self.counter, payload).ok()?;
+        }
+        if let Some(checksum) = &protection.checksum {
+            checksum.write(self.message.id, payload).ok()?;
+        }
+        Frame::new(self.message.id, self.message.format, payload).ok()
+    }
+
+    /// The frame made last has been sent. Returns how many values its signals could not say.
+    pub fn sent(&mut self) -> u64 {
+        self.waits = false;
+        if let Some(counter) = &self.message.protection.counter {
+            self.counter = counter.after(self.counter);
+        }
+        self.limited
+    }
+}
+
+/// Writes a value, the nearest that the bits can say; returns whether it was another by more than rounding.
+fn write(signal: &Signal, value: f64, payload: &mut [u8]) -> bool {
+    match signal.encode(value, payload) {
+        Ok(()) => false,
+        Err(EncodeError::OutOfRange { value, least, most }) => {
+            let _written = signal.encode(value.clamp(least, most), payload);
+            true
+        }
+        Err(_) => true,
+    }
+}
+
+fn said_by(source: &Source, values: &Values, said: &Said) -> f64 {
+    match source {
+        Source::Value { value, scale, offset } => scale * values.get(*value) + offset,
+        Source::State(numbers) => numbers[place(said.state)],
+        Source::Reason { none, other, codes } => match said.fault {
+            None => *none,
+            Some(fault) => codes.iter().find(|(code, _)| *code == fault.code).map_or(*other, |(_, number)| *number),
+        },
+        Source::Sample { modulus } => libm::fmod(values.sample as f64, *modulus),
+    }
+}
