@@ -160,7 +160,15 @@ impl Layout {
             ByteOrder::Motorola => 8 * bytes - first_bit - bits,
         };
         let (first, last) = (first as u8, (needed - 1) as u8);
-        Ok(Layout { start_bit: start_bit as u16, bits: bits as u8, byte_order, number, first, last, shift: shift as u8 })
+        Ok(Layout {
+            start_bit: start_bit as u16,
+            bits: bits as u8,
+            byte_order,
+            number,
+            first,
+            last,
+            shift: shift as u8,
+        })
     }
 
     /// The start bit: the least significant bit for Intel, the most significant one for Motorola.
