@@ -16,7 +16,7 @@
 
 extern crate alloc;
 
-//pub mod checksum;
+pub mod checksum;
 pub mod counter;
 pub mod layout;
 pub mod multiplex;

@@ -1,0 +1,368 @@
+//! Checksums of frames in one parametric form: a CRC or a sum over the payload and what stands before and behind it.
+//!
+//! The bytes that go in, in order: the parts `before`; the bytes of the payload without those left out, from the first
+//! to the last or reversed; the parts `after`. The checksum's own bits never go in: see [`Own`]. [`preset`] has the
+//! profiles of AUTOSAR and other common ones in this form.
+
+mod algorithm;
+pub mod preset;
+
+use alloc::vec::Vec;
+
+use thiserror::Error;
+
+use crate::PAYLOAD_MAX_BYTES;
+use crate::layout::{Bits, ByteOrder, InsertError, Layout, Number};
+use resonarm_protocol::Id;
+
+pub use algorithm::{Algorithm, Crc, Sum};
+pub use preset::{DataId, Preset, PresetError, UnknownPreset};
+
+/// Why there can't be such a checksum.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Error)]
+pub enum ChecksumError {
+    /// No bits, or too many.
+    #[error("a checksum of {got} bits: 1 to 64 do")]
+    Width {
+        /// The bits given.
+        got: u8,
+    },
+    /// A parameter has more bits than the checksum.
+    #[error("{name} {got:#x} does not fit the {width} bits of the checksum")]
+    Parameter {
+        /// Which.
+        name: &'static str,
+        /// Its value.
+        got: u64,
+        /// The bits of the checksum.
+        width: u8,
+    },
+    /// The signal has another number of bits than what is computed.
+    #[error("its signal has {got} bits, and the checksum {expected}")]
+    PlaceBits {
+        /// The bits of the signal.
+        got: u8,
+        /// The bits of what is computed.
+        expected: u8,
+    },
+    /// The signal is a floating-point number.
+    #[error("its signal is a floating-point number: a checksum is an integer")]
+    Float,
+    /// A byte left out that no payload has.
+    #[error("byte {got} is left out, and a payload has at most {PAYLOAD_MAX_BYTES}, counted from 0")]
+    LeftOut {
+        /// The byte.
+        got: usize,
+    },
+    /// A table or a list of bytes with nothing in it.
+    #[error("a table without values")]
+    EmptyTable,
+    /// An identifier or length of no bytes, or more than it can have.
+    #[error("{what} of {got} bytes: 1 to {most} do")]
+    PartBytes {
+        /// Which.
+        what: &'static str,
+        /// The bytes given.
+        got: u8,
+        /// The most bytes.
+        most: u8,
+    },
+}
+
+/// Why a frame has no right checksum.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Error)]
+pub enum ChecksumFault {
+    /// The payload ends before the checksum, or before a signal that it depends on.
+    #[error("the payload has {got} bytes, and its checksum needs {needed}")]
+    Short {
+        /// The bytes of the payload.
+        got: usize,
+        /// The bytes needed.
+        needed: usize,
+    },
+    /// The checksum is wrong.
+    #[error("the checksum is {got:#x}, and {expected:#x} is right")]
+    Wrong {
+        /// The checksum in the payload.
+        got: u64,
+        /// What is computed.
+        expected: u64,
+    },
+    /// A fixed field that belongs to the protection is wrong.
+    #[error("the {field} in the payload is {got:#x}, and {expected:#x} is right")]
+    Field {
+        /// Which.
+        field: FieldKind,
+        /// What the payload says.
+        got: u64,
+        /// What is right.
+        expected: u64,
+    },
+}
+
+/// A part that stands before or behind the bytes of the payload.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub enum Part {
+    /// The low bytes of the frame's identifier, 1 to 4 of them.
+    Id {
+        /// How many.
+        bytes: u8,
+        /// In which order.
+        order: ByteOrder,
+    },
+    /// The low bytes of the length of the payload, in bytes; 1 to 8 of them.
+    Length {
+        /// How many.
+        bytes: u8,
+        /// In which order.
+        order: ByteOrder,
+    },
+    /// Constants.
+    Bytes(Vec<u8>),
+    /// The byte of a table at the counter, modulo the length of the table.
+    ByCounter {
+        /// The counter in the payload.
+        counter: Layout,
+        /// The table, at least one byte.
+        table: Vec<u8>,
+    },
+}
+
+/// How the bytes that belong to the checksum alone go in. Of a byte that it shares, its own bits are zero.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub enum Own {
+    /// Not at all.
+    #[default]
+    LeftOut,
+    /// As zeros.
+    Zero,
+}
+
+/// A number that belongs to the protection and has a fixed place in the payload.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum FieldKind {
+    /// The length of the payload, bytes.
+    Length,
+    /// The data id, or a part of it.
+    DataId,
+}
+
+impl core::fmt::Display for FieldKind {
+    fn fmt(&self, f: &mut core::fmt::Formatter<'_>) -> core::fmt::Result {
+        f.write_str(match self {
+            FieldKind::Length => "length",
+            FieldKind::DataId => "data id",
+        })
+    }
+}
+
+/// A fixed field: written before the checksum is computed, and checked with it.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Field {
+    /// What it says.
+    pub kind: FieldKind,
+    /// Where it lies.
+    pub layout: Layout,
+    /// The data id, or the part of it; not used for the length.
+    value: u64,
+}
+
+/// The checksum of a message. Every value of this type is valid: the constructors check.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct Checksum {
+    algorithm: Algorithm,
+    place: Layout,
+    own: Own,
+    left_out: u64,
+    reversed: bool,
+    before: Vec<Part>,
+    after: Vec<Part>,
+    fields: Vec<Field>,
+    /// The checksum's own bits.
+    own_bits: Bits,
+}
+
+impl Checksum {
+    /// A checksum at `place` over all other bytes of the payload, in their order, and nothing else. Its bits count as an
+    /// integer without sign, even if the layout has a sign.
+    ///
+    /// # Errors
+    /// [`ChecksumError`] if the place is no integer of the width of the algorithm.
+    pub fn new(algorithm: Algorithm, place: Layout) -> Result<Checksum, ChecksumError> {
+        if place.number() == Number::Float {
+            return Err(ChecksumError::Float);
+        }
+        if place.bits() != algorithm.width() {
+            return Err(ChecksumError::PlaceBits { got: place.bits(), expected: algorithm.width() });
+        }
+        let own_bits = place.occupied();
+        let (own, left_out, reversed) = (Own::LeftOut, 0, false);
+        let (before, after, fields) = (Vec::new(), Vec::new(), Vec::new());
+        Ok(Checksum { algorithm, place, own, left_out, reversed, before, after, fields, own_bits })
+    }
+
+    /// The same with the bytes that are its own in this way.
+    #[must_use]
+    pub fn with_own(self, own: Own) -> Checksum {
+        Checksum { own, ..self }
+    }
+
+    /// The same with the bytes of the payload from the last to the first.
+    #[must_use]
+    pub fn reversed(self) -> Checksum {
+        Checksum { reversed: true, ..self }
+    }
+
+    /// The same without these bytes of the payload, counted from 0.
+    ///
+    /// # Errors
+    /// [`ChecksumError::LeftOut`] if no payload has a byte.
+    pub fn without(self, bytes: &[usize]) -> Result<Checksum, ChecksumError> {
+        let mut left_out = self.left_out;
+        for byte in bytes {
+            if *byte >= PAYLOAD_MAX_BYTES {
+                return Err(ChecksumError::LeftOut { got: *byte });
+            }
+            left_out |= 1 << byte;
+        }
+        Ok(Checksum { left_out, ..self })
+    }
+
+    /// The same with these parts, in their order, before and behind the bytes of the payload.
+    ///
+    /// # Errors
+    /// [`ChecksumError`] if a table is empty, its counter no integer, or an identifier or a length has no or too many bytes.
+    pub fn with_parts(self, before: Vec<Part>, after: Vec<Part>) -> Result<Checksum, ChecksumError> {
+        for part in before.iter().chain(&after) {
+            match part {
+                Part::Id { bytes: 1..=4, .. } | Part::Length { bytes: 1..=8, .. } | Part::Bytes(_) => {}
+                Part::Id { bytes, .. } => {
+                    return Err(ChecksumError::PartBytes { what: "an identifier", got: *bytes, most: 4 });
+                }
+                Part::Length { bytes, .. } => {
+                    return Err(ChecksumError::PartBytes { what: "a length", got: *bytes, most: 8 });
+                }
+                Part::ByCounter { table, .. } if table.is_empty() => return Err(ChecksumError::EmptyTable),
+                Part::ByCounter { counter, .. } if counter.number() == Number::Float => {
+                    return Err(ChecksumError::Float);
+                }
+                Part::ByCounter { .. } => {}
+            }
+        }
+        Ok(Checksum { before, after, ..self })
+    }
+
+    fn with_fields(self, fields: Vec<Field>) -> Checksum {
+        Checksum { fields, ..self }
+    }
+
+    /// Where the checksum lies.
+    pub const fn place(&self) -> &Layout {
+        &self.place
+    }
+
+    /// The fields that are written and checked with the checksum.
+    pub fn fields(&self) -> &[Field] {
+        &self.fields
+    }
+
+    /// The bytes that a payload has at least: those of the checksum, its fields and the counters of its tables.
+    pub fn needed_bytes(&self) -> usize {
+        let counters = self.before.iter().chain(&self.after).map(|part| match part {
+            Part::ByCounter { counter, .. } => counter.needed_bytes(),
+            _ => 0,
+        });
+        let fields = self.fields.iter().map(|field| field.layout.needed_bytes());
+        counters.chain(fields).fold(self.place.needed_bytes(), usize::max)
+    }
+
+    /// What the checksum of a frame with this identifier and payload has to be, whatever its own bits and the fields are;
+    /// None if the payload ends before something that it depends on.
+    pub fn compute(&self, id: Id, payload: &[u8]) -> Option<u64> {
+        if payload.len() < self.needed_bytes() {
+            return None;
+        }
+        let mut state = self.parts(&self.before, self.algorithm.begin(), id, payload)?;
+        for position in 0..payload.len() {
+            let byte = if self.reversed { payload.len() - 1 - position } else { position };
+            let own = self.own_bits.in_byte(byte);
+            let is_out = byte < PAYLOAD_MAX_BYTES && self.left_out >> byte & 1 == 1;
+            if !(is_out || own == u8::MAX && self.own == Own::LeftOut) {
+                state = self.algorithm.step(state, payload[byte] & !own);
+            }
+        }
+        Some(self.algorithm.end(self.parts(&self.after, state, id, payload)?))
+    }
+
+    fn parts(&self, parts: &[Part], begin: u64, id: Id, payload: &[u8]) -> Option<u64> {
+        let mut state = begin;
+        for part in parts {
+            state = match part {
+                Part::Id { bytes, order } => self.number(state, u64::from(id.raw()), *bytes, *order),
+                Part::Length { bytes, order } => self.number(state, payload.len() as u64, *bytes, *order),
+                Part::Bytes(bytes) => bytes.iter().fold(state, |state, byte| self.algorithm.step(state, *byte)),
+                Part::ByCounter { counter, table } => {
+                    let entry = counter.extract_u64(payload)? % table.len() as u64;
+                    self.algorithm.step(state, table[entry as usize])
+                }
+            };
+        }
+        Some(state)
+    }
+
+    fn number(&self, state: u64, number: u64, bytes: u8, order: ByteOrder) -> u64 {
+        (0..bytes).fold(state, |state, position| {
+            let byte = if order == ByteOrder::Intel { position } else { bytes - 1 - position };
+            self.algorithm.step(state, (number >> (8 * byte)) as u8)
+        })
+    }
+
+    /// Writes the fields, then the checksum. All other content, with the counter, is in the payload before.
+    ///
+    /// # Errors
+    /// [`InsertError`] if the payload is too short, or too long for its length field; it may then have some of the fields.
+    pub fn write(&self, id: Id, payload: &mut [u8]) -> Result<(), InsertError> {
+        let short = InsertError::Short { got: payload.len(), needed: self.needed_bytes() };
+        for field in &self.fields {
+            let value = field.right(payload);
+            field.layout.insert_u64(value, payload)?;
+        }
+        let checksum = self.compute(id, payload).ok_or(short)?;
+        self.place.insert_u64(checksum, payload)
+    }
+
+    /// Checks the checksum of a frame, then the fields.
+    ///
+    /// # Errors
+    /// [`ChecksumFault`]: the frame must not be used.
+    pub fn check(&self, id: Id, payload: &[u8]) -> Result<(), ChecksumFault> {
+        let short = ChecksumFault::Short { got: payload.len(), needed: self.needed_bytes() };
+        let (Some(got), Some(expected)) = (self.place.extract_u64(payload), self.compute(id, payload)) else {
+            return Err(short);
+        };
+        if got != expected {
+            return Err(ChecksumFault::Wrong { got, expected });
+        }
+        for field in &self.fields {
+            let expected = field.right(payload);
+            let got = field.layout.extract_u64(payload).ok_or(short)?;
+            if got != expected {
+                return Err(ChecksumFault::Field { field: field.kind, got, expected });
+            }
+        }
+        Ok(())
+    }
+}
+
+impl Field {
+    /// What it has to say in this payload.
+    const fn right(&self, payload: &[u8]) -> u64 {
+        match self.kind {
+            FieldKind::Length => payload.len() as u64,
+            FieldKind::DataId => self.value,
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests;
