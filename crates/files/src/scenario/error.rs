@@ -4,6 +4,7 @@ use std::path::PathBuf;
 
 use thiserror::Error;
 
+use super::WireError;
 use crate::toml_error::TomlError;
 use resonarm_bench::control::ControlError;
 use resonarm_bench::excitation::{ExcitationError, LoadFileError};
@@ -77,6 +78,9 @@ pub enum ScenarioError {
     /// A fault of the network is impossible.
     #[error(transparent)]
     Fault(#[from] FaultError),
+    /// The user's own protocol can't be mapped so.
+    #[error(transparent)]
+    Wire(#[from] WireError),
     /// The base identifier or the node ids are impossible.
     #[error("network: {0}")]
     Network(#[from] NetworkError),

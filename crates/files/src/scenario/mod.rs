@@ -10,9 +10,11 @@ mod limit;
 mod load;
 mod network;
 mod provenance;
+pub mod wire;
 
 pub use error::ScenarioError;
 pub use network::NetworkSection;
+pub use wire::{WireError, WireSection};
 
 use std::path::Path;
 
@@ -41,6 +43,9 @@ pub struct Scenario {
     pub simulation: SimulationSection,
     /// The CAN network.
     pub network: NetworkSection,
+    /// The user's own protocol, in place of Resonarm's.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub wire: Option<WireSection>,
     /// The instruments.
     pub rig: RigSpec,
     /// What a recording holds.
@@ -155,11 +160,15 @@ impl Scenario {
     ///
     /// # Errors
     /// [`ScenarioError::Read`] if the file can't be read, [`ScenarioError::Parse`] if it is no scenario;
-    /// [`ScenarioError::ReadLoad`] and [`ScenarioError::LoadFile`] of the load file.
+    /// [`ScenarioError::ReadLoad`] and [`ScenarioError::LoadFile`] of the load file; [`ScenarioError::Wire`] of the DBC.
     pub fn read(path: &Path) -> Result<Scenario, ScenarioError> {
         let text = text_file::read(path).map_err(|source| ScenarioError::Read { path: path.to_path_buf(), source })?;
         let mut scenario = Scenario::parse(&text, &path.display().to_string())?;
-        scenario.read_load(path.parent().unwrap_or(Path::new("")))?;
+        let folder = path.parent().unwrap_or(Path::new(""));
+        scenario.read_load(folder)?;
+        if let Some(wire) = &mut scenario.wire {
+            wire.read(folder)?;
+        }
         Ok(scenario)
     }
 

@@ -7,6 +7,8 @@ use resonarm_protocol::{PROTOCOL_VERSION, dbc};
 
 /// The key of the scenario in a recording's configuration.
 const SCENARIO: &str = "scenario";
+/// The key of the DBC of the scenario's own protocol.
+const DBC: &str = "wire_dbc";
 
 impl Scenario {
     /// What a recording says about the run: the whole scenario, the run loop, the protocol.
@@ -14,8 +16,11 @@ impl Scenario {
     /// # Errors
     /// As [`Scenario::to_toml`].
     pub fn configuration(&self, run_loop: &str) -> Result<Configuration, ScenarioError> {
-        Ok(Configuration::new()
-            .with(SCENARIO, self.to_toml()?)
+        let mut configuration = Configuration::new().with(SCENARIO, self.to_toml()?);
+        if let Some(text) = self.wire.as_ref().and_then(|wire| wire.text.clone()) {
+            configuration = configuration.with(DBC, text);
+        }
+        Ok(configuration
             .with("run_loop", run_loop)
             .with("protocol_version", format!("{}.{}", PROTOCOL_VERSION >> 4, PROTOCOL_VERSION & 0xF))
             .with("protocol_dbc_crc32", format!("{:08x}", dbc::hash(self.network.profile))))
@@ -30,6 +35,9 @@ impl Scenario {
         let text = configuration.get(SCENARIO).ok_or(ScenarioError::NotInRecording)?;
         // What was run is not judged again.
         let mut scenario = Scenario::parse_unchecked(text, "the recording's scenario")?;
+        if let Some(wire) = &mut scenario.wire {
+            wire.text = configuration.get(DBC).map(str::to_string);
+        }
         if !states_a_converter(text) {
             scenario.rig.converter = Converter::Instant;
         }

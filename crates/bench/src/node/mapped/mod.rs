@@ -144,9 +144,10 @@ impl MappedNode {
                 self.act(now_ns, Some(self.receivers[index].message.drive), action);
             }
         }
+        let waits_for_set = self.waits_for_set();
         let receiver = &mut self.receivers[index];
         if receiver.is_command() {
-            let is_second = receiver.is_new() && self.waits_for_set();
+            let is_second = receiver.is_new() && waits_for_set;
             if receiver.receive(frame.data())? && is_second {
                 self.guard.refuse(Refusal::Repeated);
                 self.events.push(WireEvent::Refused(Refusal::Repeated));

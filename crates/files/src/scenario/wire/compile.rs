@@ -1,0 +1,402 @@
+//! From names of a DBC to what the plant's node works with.
+
+use std::collections::BTreeMap;
+
+use super::conversion::{factor, known};
+use super::error::{Place, WireError};
+use super::signals::{Used, checksum, counter, quantity};
+use super::{
+    ArmSpec, CommandSpec, EventSpec, InputSpec, LockstepSpec, OnSpec, ReadingSpec, RequestSpec, SourceSpec,
+    WireSection,
+};
+use crate::dbc::{Database, Message, Signal};
+use crate::scenario::Scenario;
+use resonarm_bench::node::mapped::mapping::{
+    Action, Arming, CommandSignal, Counts, EventSignal, Incoming, LoadInput, Lockstep, MappedSignal, Mapping, Outgoing,
+    Protection, ReadingSignal, Source, Trigger, Value,
+};
+use resonarm_bench::rig::Exciter;
+use resonarm_bench::structure::Quantity;
+use resonarm_protocol::Id;
+
+/// The mapping of a scenario's wire.
+pub(super) fn mapping(scenario: &Scenario, section: &WireSection) -> Result<Mapping, WireError> {
+    let database = section.database()?;
+    let mut compiler = Compiler { scenario, section, database: &database, incoming: BTreeMap::new() };
+    compiler.check_node()?;
+    if section.commands.is_empty() {
+        return Err(WireError::NoCommands);
+    }
+    section.commands.iter().try_for_each(|spec| compiler.command(spec))?;
+    section.events.iter().try_for_each(|spec| compiler.event(spec))?;
+    compiler.sync()?;
+    let outgoing: Vec<Outgoing> =
+        section.readings.iter().map(|spec| compiler.reading(spec)).collect::<Result<_, _>>()?;
+    for (place, message) in section.readings.iter().enumerate() {
+        if section.readings[..place].iter().any(|other| other.message == message.message) {
+            let place = Place::message("wire.readings", &message.message);
+            return Err(WireError::Message { place, problem: "it stands in `readings` twice" });
+        }
+    }
+    let incoming: Vec<Incoming> = compiler.incoming.into_values().collect();
+    let arming = arming(section, &incoming)?;
+    let lockstep = match section.lockstep {
+        Some(LockstepSpec::Sync) => Lockstep::Sync,
+        Some(LockstepSpec::Command) | None => Lockstep::Command,
+    };
+    Ok(Mapping { incoming, outgoing, arming, lockstep })
+}
+
+fn arming(section: &WireSection, incoming: &[Incoming]) -> Result<Arming, WireError> {
+    let arms = |event: &EventSignal| event.actions.iter().any(|(_, action)| *action == Action::Arm);
+    match section.arm {
+        Some(ArmSpec::Operator) => Ok(Arming::Operator),
+        Some(ArmSpec::ZeroCommand) => Ok(Arming::ZeroCommand),
+        None if incoming.iter().any(|message| message.events.iter().any(arms)) => Ok(Arming::Message),
+        None => Err(WireError::NoArming),
+    }
+}
+
+struct Compiler<'a> {
+    scenario: &'a Scenario,
+    section: &'a WireSection,
+    database: &'a Database,
+    /// By their identifiers, standard ones first.
+    incoming: BTreeMap<Id, Incoming>,
+}
+
+impl Compiler<'_> {
+    fn check_node(&self) -> Result<(), WireError> {
+        let Some(node) = &self.section.node else { return Ok(()) };
+        if self.database.nodes().contains(node) {
+            return Ok(());
+        }
+        let suggestion = super::signals::near(node, self.database.nodes().iter().map(String::as_str));
+        Err(WireError::NoNode { got: node.clone(), suggestion })
+    }
+
+    /// A message that comes from others, or `is_own` that the plant's node sends.
+    fn message(&self, key: &'static str, name: &str, is_own: bool) -> Result<&Message, WireError> {
+        let message = self.database.message(name)?;
+        let Some(node) = &self.section.node else { return Ok(message) };
+        let senders = message.senders();
+        if senders.contains(node) == is_own || senders.is_empty() {
+            return Ok(message);
+        }
+        let expected = if is_own {
+            format!("readings are sent by {node} (`wire.node`)")
+        } else {
+            format!("commands are sent by others than {node} (`wire.node`)")
+        };
+        Err(WireError::Sender { place: Place::message(key, name), senders: senders.join(", "), expected })
+    }
+
+    fn command(&mut self, spec: &CommandSpec) -> Result<(), WireError> {
+        const KEY: &str = "wire.commands";
+        let place = Place::message(KEY, &spec.message);
+        let message = self.message(KEY, &spec.message, false)?;
+        let timeout_s = spec.timeout_s.unwrap_or(self.scenario.network.command_timeout_s);
+        if !(timeout_s > 0.0 && timeout_s <= 3600.0) {
+            let expected = "a positive number of seconds, at most 3600";
+            return Err(WireError::Number { place, name: "timeout_s", got: timeout_s, expected });
+        }
+        if let Some(period_s) = message.cycle_time_ms().map(|cycle_ms| 1e-3 * cycle_ms)
+            && timeout_s < 2.0 * period_s
+        {
+            return Err(WireError::Timeout { place, timeout_s, period_s });
+        }
+        let mut used = Used::default();
+        let commands = self.inputs(spec, message, &mut used)?;
+        if commands.is_empty() {
+            return Err(WireError::Message {
+                place,
+                problem: "it has no load: give `force_x_n`, `force_y_n`, `force_n`, `torque1_nm` or `torque2_nm`",
+            });
+        }
+        let protection = protection(&place, message, (&spec.counter, &spec.checksum), &mut used)?;
+        let incoming = Incoming {
+            id: message.id(),
+            protection,
+            drive: spec.drive,
+            commands,
+            timeout_ns: libm::round(timeout_s * 1e9) as u64,
+            events: Vec::new(),
+            is_sync: false,
+        };
+        if self.incoming.insert(message.id(), incoming).is_some() {
+            return Err(WireError::Message { place, problem: "it stands in `commands` twice" });
+        }
+        Ok(())
+    }
+
+    fn inputs(
+        &self,
+        spec: &CommandSpec,
+        message: &Message,
+        used: &mut Used,
+    ) -> Result<Vec<CommandSignal>, WireError> {
+        let along = match &self.scenario.rig.drive() {
+            Exciter::Shaker(shaker) => Some(shaker.direction()),
+            Exciter::Ideal(_) => None,
+        };
+        let is_shaker = along.is_some();
+        let candidates = [
+            ("force_x_n", &spec.force_x_n, LoadInput::ForceX),
+            ("force_y_n", &spec.force_y_n, LoadInput::ForceY),
+            ("force_n", &spec.force_n, LoadInput::Along(along.unwrap_or([0.0; 2]))),
+            ("torque1_nm", &spec.torque1_nm, LoadInput::Torque1),
+            ("torque2_nm", &spec.torque2_nm, LoadInput::Torque2),
+        ];
+        let mut commands = Vec::new();
+        for (name, input, kind) in candidates {
+            let Some(input) = input else { continue };
+            let place = Place::signal("wire.commands", &spec.message, &input.signal);
+            let problem = match (kind, is_shaker) {
+                (LoadInput::Along(_), false) => Some("is along the shaker, and the scenario has no [rig.shaker]"),
+                (LoadInput::Torque1 | LoadInput::Torque2, true) => Some("is a torque, and a shaker exerts none"),
+                (LoadInput::ForceX | LoadInput::ForceY, true) => {
+                    Some("is along an axis, and a shaker pushes along its own: map the signal to `force_n`")
+                }
+                _ => None,
+            };
+            if let Some(problem) = problem {
+                return Err(WireError::Input { place, input: name, problem });
+            }
+            self.check_input_once(&place, name, kind)?;
+            used.take(&place, name)?;
+            let signal = message.signal(&input.signal)?;
+            let quantity = if name.starts_with("force") { Quantity::Force } else { Quantity::Torque };
+            let (scale, offset) = input_scale(&place, input, signal, quantity)?;
+            commands.push(CommandSignal { signal: mapped(signal), scale, offset, input: kind });
+        }
+        Ok(commands)
+    }
+
+    fn check_input_once(&self, place: &Place, name: &'static str, kind: LoadInput) -> Result<(), WireError> {
+        let others = self.incoming.values().filter(|message| message.commands.iter().any(|c| c.input == kind));
+        let other = others.map(|message| message.id).next();
+        let Some(id) = other else { return Ok(()) };
+        let other = self.database.message_by_id(id).map_or(String::new(), |message| message.name().to_string());
+        Err(WireError::InputTwice { place: place.clone(), input: name, other })
+    }
+
+    fn event(&mut self, spec: &EventSpec) -> Result<(), WireError> {
+        const KEY: &str = "wire.events";
+        let place = Place::message(KEY, &spec.message);
+        let message = self.message(KEY, &spec.message, false)?;
+        let lists =
+            [(&spec.arm, Action::Arm), (&spec.disarm, Action::Disarm), (&spec.reset, Action::Reset), (&spec.stop, Action::Stop)];
+        let mut actions: Vec<(f64, Action)> = Vec::new();
+        for (values, action) in lists {
+            for value in values {
+                if actions.iter().any(|(other, _)| other == value) {
+                    let problem = "a value of it asks for two things";
+                    return Err(WireError::Message { place, problem });
+                }
+                actions.push((*value, action));
+            }
+        }
+        let signal = match (&spec.signal, spec.on_frame) {
+            (Some(name), None) if !(actions.is_empty() && spec.require.is_empty()) => {
+                Some(mapped(message.signal(name)?))
+            }
+            (None, Some(request)) if actions.is_empty() && spec.require.is_empty() => {
+                actions.push((0.0, action(request)));
+                None
+            }
+            _ => {
+                let problem = "give `signal` with `arm`, `disarm`, `reset`, `stop` or `require`, or `on_frame` alone";
+                return Err(WireError::Message { place, problem });
+            }
+        };
+        let protection = protection(&place, message, (&spec.counter, &spec.checksum), &mut Used::default())?;
+        let counts = if spec.every_frame { Counts::InEveryFrame } else { Counts::OnChange };
+        let event = EventSignal { signal, counts, actions, required: spec.require.clone() };
+        let id = message.id();
+        let incoming = self.incoming.entry(id).or_insert_with(|| bare(id, spec.drive));
+        if protection.counter.is_some() || protection.checksum.is_some() {
+            if incoming.protection.counter.is_some() || incoming.protection.checksum.is_some() {
+                return Err(WireError::Message { place, problem: "its counter and checksum are given twice" });
+            }
+            incoming.protection = protection;
+        }
+        if incoming.drive != spec.drive {
+            return Err(WireError::Message { place, problem: "it is given for two drives" });
+        }
+        incoming.events.push(event);
+        Ok(())
+    }
+
+    fn sync(&mut self) -> Result<(), WireError> {
+        let is_needed = self.section.lockstep == Some(LockstepSpec::Sync)
+            || self.section.readings.iter().any(|spec| spec.on == Some(OnSpec::Sync));
+        match (&self.section.sync, is_needed) {
+            (Some(name), true) => {
+                let id = self.message("wire.sync", name, false)?.id();
+                self.incoming.entry(id).or_insert_with(|| bare(id, 0)).is_sync = true;
+                Ok(())
+            }
+            (None, true) => Err(WireError::Sync { problem: "name the message that synchronises" }),
+            (Some(_), false) => Err(WireError::Sync {
+                problem: "nothing waits for it: give `lockstep = \"sync\"`, or readings with `on = \"sync\"`, or leave it out",
+            }),
+            (None, false) => Ok(()),
+        }
+    }
+
+    fn reading(&self, spec: &ReadingSpec) -> Result<Outgoing, WireError> {
+        const KEY: &str = "wire.readings";
+        let place = Place::message(KEY, &spec.message);
+        let message = self.message(KEY, &spec.message, true)?;
+        if self.incoming.contains_key(&message.id()) {
+            return Err(WireError::Message { place, problem: "the plant takes it, and can't send it as well" });
+        }
+        let mut used = Used::default();
+        let mut payload = vec![0; message.length()];
+        let mut signals = Vec::new();
+        for (name, source) in &spec.signals {
+            let place = Place::signal(KEY, &spec.message, name);
+            used.take(&place, "a reading")?;
+            let signal = message.signal(name)?;
+            match source.constant {
+                Some(value) if source_count(source) == 1 => {
+                    signal.wire().encode(value, &mut payload).map_err(|_range| WireError::Number {
+                        place,
+                        name: "constant",
+                        got: value,
+                        expected: "a number that the signal can say",
+                    })?;
+                }
+                _ => signals.push(self.source(&place, source, signal)?),
+            }
+        }
+        let protection = protection(&place, message, (&spec.counter, &spec.checksum), &mut used)?;
+        Ok(Outgoing {
+            id: message.id(),
+            format: message.format(),
+            payload,
+            protection,
+            drive: spec.drive,
+            trigger: self.trigger(&place, spec, message)?,
+            is_on_request: spec.on_request || spec.on == Some(OnSpec::Remote),
+            signals,
+        })
+    }
+
+    fn trigger(&self, place: &Place, spec: &ReadingSpec, message: &Message) -> Result<Trigger, WireError> {
+        let number = |name, got, expected| Err(WireError::Number { place: place.clone(), name, got, expected });
+        match (spec.every, spec.period_s, spec.on) {
+            (Some(0), None, None) => number("every", 0.0, "at least 1"),
+            (Some(every), None, None) => Ok(Trigger::Every(every)),
+            (None, Some(got), None) if !(1e-4..=3600.0).contains(&got) => {
+                number("period_s", got, "from 0.0001 to 3600 s")
+            }
+            (None, Some(period_s), None) => Ok(Trigger::Period(libm::round(period_s * 1e9) as u64)),
+            (None, None, Some(OnSpec::Remote)) => Ok(Trigger::Request),
+            (None, None, Some(OnSpec::Sync)) => Ok(Trigger::Sync),
+            (None, None, None) => self.cycle(place, message),
+            _ => Err(WireError::Message { place: place.clone(), problem: "give one of `every`, `period_s` and `on`" }),
+        }
+    }
+
+    /// The cycle time of the DBC, in samples.
+    fn cycle(&self, place: &Place, message: &Message) -> Result<Trigger, WireError> {
+        let Some(cycle_ms) = message.cycle_time_ms().filter(|cycle_ms| *cycle_ms > 0.0) else {
+            let problem = "the DBC has no cycle time of it: give `every`, `period_s` or `on`";
+            return Err(WireError::Message { place: place.clone(), problem });
+        };
+        let (period_s, rate_hz) = (1e-3 * cycle_ms, self.scenario.simulation.rate_hz);
+        let samples = period_s * rate_hz;
+        let whole = libm::round(samples);
+        if whole < 1.0 || (samples - whole).abs() > 1e-6 * whole {
+            return Err(WireError::Cycle { place: place.clone(), period_s, samples, rate_hz });
+        }
+        Ok(Trigger::Every(whole as u64))
+    }
+
+    fn source(&self, place: &Place, spec: &SourceSpec, signal: &Signal) -> Result<ReadingSignal, WireError> {
+        let got = source_count(spec);
+        if got != 1 {
+            return Err(WireError::Sources { place: place.clone(), got });
+        }
+        let source = match (&spec.quantity, &spec.clipped, &spec.state, &spec.reason) {
+            (Some(name), ..) => quantity::source(self.scenario, place, name, spec, signal)?,
+            (_, Some(name), ..) => {
+                let value = Value::Clipped(quantity::reading(place, name)?);
+                Source::Value { value, scale: 1.0, offset: 0.0 }
+            }
+            (.., Some(states), _) => super::signals::states(place, states)?,
+            (.., Some(reasons)) => super::signals::reasons(place, reasons)?,
+            _ => Source::Sample { modulus: signal.wire().range()[1] + 1.0 },
+        };
+        Ok(ReadingSignal { signal: mapped(signal), source })
+    }
+}
+
+fn source_count(spec: &SourceSpec) -> usize {
+    let named = [spec.quantity.is_some(), spec.clipped.is_some(), spec.state.is_some(), spec.reason.is_some()];
+    named.into_iter().chain([spec.constant.is_some(), spec.sample]).filter(|given| *given).count()
+}
+
+fn action(request: RequestSpec) -> Action {
+    match request {
+        RequestSpec::Arm => Action::Arm,
+        RequestSpec::Disarm => Action::Disarm,
+        RequestSpec::Reset => Action::Reset,
+        RequestSpec::Stop => Action::Stop,
+    }
+}
+
+/// A message without a load, counter or checksum.
+fn bare(id: Id, drive: usize) -> Incoming {
+    let (commands, events) = (Vec::new(), Vec::new());
+    Incoming { id, protection: Protection::default(), drive, commands, timeout_ns: 0, events, is_sync: false }
+}
+
+fn mapped(signal: &Signal) -> MappedSignal {
+    MappedSignal { signal: *signal.wire(), presence: signal.presence().clone() }
+}
+
+fn protection(
+    place: &Place,
+    message: &Message,
+    (counter_spec, checksum_spec): (&Option<super::CounterSpec>, &Option<super::ChecksumSpec>),
+    used: &mut Used,
+) -> Result<Protection, WireError> {
+    let preset = checksum_spec.as_ref().map(|spec| super::signals::preset(place, spec)).transpose()?;
+    let counter = counter_spec.as_ref().map(|spec| counter(place, spec, message, preset, used)).transpose()?;
+    let layout = counter.as_ref().map(|counter| *counter.layout());
+    let checksum = match (checksum_spec, preset) {
+        (Some(spec), Some(preset)) => Some(checksum(place, (spec, preset), message, layout, used)?),
+        _ => None,
+    };
+    let most_lost = counter_spec.as_ref().and_then(|spec| spec.most_lost).unwrap_or(3);
+    Ok(Protection { counter, most_lost, checksum })
+}
+
+/// N or N·m for one unit of a signal, and at 0.
+fn input_scale(
+    place: &Place,
+    input: &InputSpec,
+    signal: &Signal,
+    quantity: Quantity,
+) -> Result<(f64, f64), WireError> {
+    let finite = |name, value: Option<f64>, default: f64, expected| match value.unwrap_or(default) {
+        got if got.is_finite() && (got != 0.0 || default == 0.0) => Ok(got),
+        got => Err(WireError::Number { place: place.clone(), name, got, expected }),
+    };
+    let gear = finite("gear_ratio", input.gear_ratio, 1.0, "a number other than 0")?;
+    let offset = finite("offset", input.offset, 0.0, "a finite number")?;
+    let constant = finite("constant_per_a", input.constant_per_a, 1.0, "a number other than 0")?;
+    let of_signal = if input.constant_per_a.is_some() { Quantity::Current } else { quantity };
+    let scale = match input.scale {
+        Some(_) => finite("scale", input.scale, 1.0, "a number other than 0")?,
+        None => factor(of_signal, signal.unit()).ok_or_else(|| WireError::Unit {
+            place: place.clone(),
+            got: signal.unit().to_string(),
+            expected: of_signal.unit(),
+            known: known(of_signal),
+        })?,
+    };
+    Ok((scale * constant * gear, offset))
+}

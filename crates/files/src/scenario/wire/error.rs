@@ -1,0 +1,275 @@
+//! What is wrong with the mapping of a user's protocol.
+
+use std::fmt;
+use std::path::PathBuf;
+
+use thiserror::Error;
+
+use crate::dbc::DbcError;
+use resonarm_numeric::number::short;
+use resonarm_wire::checksum::{PresetError, UnknownPreset};
+use resonarm_wire::counter::CounterError;
+
+/// A key of `[wire]`, with the message and the signal that it names.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct Place {
+    /// The key, such as `wire.commands`.
+    pub key: &'static str,
+    /// The message.
+    pub message: String,
+    /// The signal, if it is about one.
+    pub signal: Option<String>,
+}
+
+impl fmt::Display for Place {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        write!(f, "{}: message {}", self.key, self.message)?;
+        self.signal.as_ref().map_or(Ok(()), |signal| write!(f, ", signal {signal}"))
+    }
+}
+
+/// Why a protocol can't be mapped so.
+#[derive(Debug, Error)]
+#[non_exhaustive]
+pub enum WireError {
+    /// The DBC can't be read.
+    #[error("can't read the DBC {}: {source}; `wire.dbc` counts from the scenario's folder", path.display())]
+    Read {
+        /// The file.
+        path: PathBuf,
+        /// Why.
+        source: std::io::Error,
+    },
+    /// The DBC has not been read.
+    #[error("the DBC that `wire.dbc` names has not been read: a scenario of text alone has no folder to read it from")]
+    NotRead,
+    /// The DBC, or what is asked of it.
+    #[error(transparent)]
+    Dbc(#[from] DbcError),
+    /// There is no such node.
+    #[error("wire.node: the DBC has no node {got:?}{}", nearest(.suggestion))]
+    NoNode {
+        /// The name.
+        got: String,
+        /// The nearest name that there is.
+        suggestion: Option<String>,
+    },
+    /// A message that the wrong node sends.
+    #[error("{place}: it is sent by {senders}, and {expected}")]
+    Sender {
+        /// Where.
+        place: Place,
+        /// The senders in the DBC.
+        senders: String,
+        /// Who has to send it.
+        expected: String,
+    },
+    /// A message without anything mapped, or mapped twice.
+    #[error("{place}: {problem}")]
+    Message {
+        /// Where.
+        place: Place,
+        /// What is wrong.
+        problem: &'static str,
+    },
+    /// A signal that is used twice.
+    #[error("{place}: it is mapped twice, as {one} and as {other}")]
+    Twice {
+        /// Where.
+        place: Place,
+        /// The first use.
+        one: String,
+        /// The second.
+        other: String,
+    },
+    /// A load that two signals command.
+    #[error("{place}: it commands {input}, as signal {other} does already: leave one out")]
+    InputTwice {
+        /// Where.
+        place: Place,
+        /// The load.
+        input: &'static str,
+        /// The other signal.
+        other: String,
+    },
+    /// A load that the exciter of the scenario never takes.
+    #[error("{place}: {input} {problem}")]
+    Input {
+        /// Where.
+        place: Place,
+        /// The load.
+        input: &'static str,
+        /// What is wrong.
+        problem: &'static str,
+    },
+    /// A unit that does not go into the quantity's.
+    #[error("{place}: its unit {got:?} is none that becomes {expected}: give `scale`, {expected} for one of it{}", known(.known))]
+    Unit {
+        /// Where.
+        place: Place,
+        /// The unit of the signal.
+        got: String,
+        /// The unit of the quantity.
+        expected: &'static str,
+        /// The units that are converted.
+        known: &'static str,
+    },
+    /// A number that can't be.
+    #[error("{place}: `{name}` is {got}: it must be {expected}", got = short(.got))]
+    Number {
+        /// Where.
+        place: Place,
+        /// The key.
+        name: &'static str,
+        /// What was given.
+        got: f64,
+        /// What would do.
+        expected: &'static str,
+    },
+    /// There is no such quantity.
+    #[error("{place}: there is no quantity {got:?}{}; there are {known}", nearest(.suggestion))]
+    Quantity {
+        /// Where.
+        place: Place,
+        /// The name.
+        got: String,
+        /// The nearest name.
+        suggestion: Option<String>,
+        /// All of them.
+        known: String,
+    },
+    /// There is no such state or fault.
+    #[error("{place}: there is no {what} {got:?}{}; there are {known}", nearest(.suggestion))]
+    Name {
+        /// Where.
+        place: Place,
+        /// A state or a fault.
+        what: &'static str,
+        /// The name.
+        got: String,
+        /// The nearest name.
+        suggestion: Option<String>,
+        /// All of them.
+        known: String,
+    },
+    /// A signal that can't say what it has to.
+    #[error(
+        "{place}: it says {least} to {most} {unit}, and {what} goes from {from} to {to}: widen the signal, or lower {limit}",
+        least = short(.least), most = short(.most), from = short(.from), to = short(.to)
+    )]
+    Range {
+        /// Where.
+        place: Place,
+        /// The least that it can say, in its unit.
+        least: f64,
+        /// The largest.
+        most: f64,
+        /// Its unit.
+        unit: String,
+        /// What it has to say.
+        what: String,
+        /// The least of that, in the same unit.
+        from: f64,
+        /// The largest.
+        to: f64,
+        /// The key that limits it.
+        limit: &'static str,
+    },
+    /// Not one of the keys that say what a signal says.
+    #[error(
+        "{place}: it has {got} of the keys `quantity`, `clipped`, `state`, `reason`, `constant` and `sample`: give one"
+    )]
+    Sources {
+        /// Where.
+        place: Place,
+        /// How many it has.
+        got: usize,
+    },
+    /// A counter that can't be.
+    #[error("{place}: {source}")]
+    Counter {
+        /// Where.
+        place: Place,
+        /// Why.
+        source: CounterError,
+    },
+    /// A checksum that can't be.
+    #[error("{place}: {source}")]
+    Checksum {
+        /// Where.
+        place: Place,
+        /// Why.
+        source: PresetError,
+    },
+    /// The name of no checksum.
+    #[error("{place}: {source}")]
+    Preset {
+        /// Where.
+        place: Place,
+        /// Why.
+        source: UnknownPreset,
+    },
+    /// A time that is no whole number of samples.
+    #[error(
+        "{place}: its cycle time in the DBC, {period_s} s, is {samples} samples at {rate_hz} Hz: give `every`, or a rate of which it is a \
+         whole number", period_s = short(.period_s), samples = short(.samples), rate_hz = short(.rate_hz)
+    )]
+    Cycle {
+        /// Where.
+        place: Place,
+        /// The cycle time, s.
+        period_s: f64,
+        /// The same in samples.
+        samples: f64,
+        /// Samples a second, Hz.
+        rate_hz: f64,
+    },
+    /// A timeout that every second frame would exceed.
+    #[error(
+        "{place}: `timeout_s` is {timeout_s}, and the DBC sends it every {period_s} s: give at least two of its cycles",
+        timeout_s = short(.timeout_s), period_s = short(.period_s)
+    )]
+    Timeout {
+        /// Where.
+        place: Place,
+        /// The timeout, s.
+        timeout_s: f64,
+        /// The cycle time, s.
+        period_s: f64,
+    },
+    /// Nothing arms the plant.
+    #[error(
+        "[wire] has nothing that arms the plant: give an event with `arm`, or `arm = \"operator\"` (in the live view), or \
+         `arm = \"zero-command\"` (by first commands near zero)"
+    )]
+    NoArming,
+    /// Nothing commands a load.
+    #[error("[wire] has no commands: a plant without a load has nothing to do; give [[wire.commands]]")]
+    NoCommands,
+    /// `sync` is needed, or of no use.
+    #[error("wire.sync: {problem}")]
+    Sync {
+        /// What is wrong.
+        problem: &'static str,
+    },
+    /// Lockstep needs a wire that answers.
+    #[error("[wire] says nothing of lockstep: give `lockstep = \"command\"` or `lockstep = \"sync\"`, or run in real time")]
+    NoLockstep,
+    /// The bus can't carry the messages.
+    #[error(
+        "the messages of [wire] are up to {percent:.1} % of what network.bit_rate_hz carries, and a bus for control is loaded to 80 % at \
+         most: send readings less often, or raise the bit rate"
+    )]
+    Overload {
+        /// The load, %.
+        percent: f64,
+    },
+}
+
+fn nearest(suggestion: &Option<String>) -> String {
+    suggestion.as_ref().map_or(String::new(), |name| format!("; is it {name:?}?"))
+}
+
+fn known(units: &str) -> String {
+    format!(" (converted by themselves: {units})")
+}

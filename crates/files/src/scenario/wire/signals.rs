@@ -1,0 +1,133 @@
+//! Signals of a mapping: what is used for what, counters and checksums, numbers for states and faults.
+
+use std::collections::{BTreeMap, HashMap};
+
+use super::error::{Place, WireError};
+use super::{ChecksumSpec, CounterSpec, DataIdSpec};
+use crate::dbc::Message;
+use resonarm_bench::node::mapped::mapping::Source;
+use resonarm_protocol::EmergencyCode;
+use resonarm_wire::checksum::{Checksum, DataId, Preset};
+use resonarm_wire::counter::Counter;
+use resonarm_wire::layout::Layout;
+
+pub(super) mod quantity;
+
+/// The names of the states, in the order of their numbers.
+const STATES: [&str; 4] = ["boot-up", "pre-operational", "operational", "fault"];
+/// Every fault that a mapped plant can have, by name.
+const REASONS: [(&str, EmergencyCode); 7] = [
+    ("command-timeout", EmergencyCode::CommandTimeout),
+    ("stop", EmergencyCode::PartnerFault),
+    ("overrun", EmergencyCode::Overrun),
+    ("bus-loss", EmergencyCode::BusLoss),
+    ("sequence", EmergencyCode::SampleSequence),
+    ("exciter-tripped", EmergencyCode::ExciterTripped),
+    ("simulation-failed", EmergencyCode::SimulationFailed),
+];
+
+impl Place {
+    /// A message.
+    pub(super) fn message(key: &'static str, message: &str) -> Place {
+        Place { key, message: message.to_string(), signal: None }
+    }
+
+    /// A signal of a message.
+    pub(super) fn signal(key: &'static str, message: &str, signal: &str) -> Place {
+        Place { signal: Some(signal.to_string()), ..Place::message(key, message) }
+    }
+
+    /// A signal of the same message.
+    fn of(&self, signal: &str) -> Place {
+        Place { signal: Some(signal.to_string()), ..self.clone() }
+    }
+}
+
+/// What each signal of a message is used for.
+#[derive(Default)]
+pub(super) struct Used(HashMap<String, String>);
+
+impl Used {
+    /// The signal of `place` is used as `what`.
+    pub fn take(&mut self, place: &Place, what: &str) -> Result<(), WireError> {
+        let signal = place.signal.clone().unwrap_or_default();
+        match self.0.insert(signal, what.to_string()) {
+            None => Ok(()),
+            Some(one) => Err(WireError::Twice { place: place.clone(), one, other: what.to_string() }),
+        }
+    }
+}
+
+/// The name that is nearest to `got`.
+pub(super) fn near<'a>(got: &str, known: impl Iterator<Item = &'a str>) -> Option<String> {
+    let near = known.map(|name| (strsim::normalized_damerau_levenshtein(got, name), name));
+    let (similarity, name) = near.max_by(|a, b| a.0.total_cmp(&b.0))?;
+    (similarity > 0.5).then(|| name.to_string())
+}
+
+/// The alive counter of a message.
+pub(super) fn counter(
+    place: &Place,
+    spec: &CounterSpec,
+    message: &Message,
+    preset: Option<Preset>,
+    used: &mut Used,
+) -> Result<Counter, WireError> {
+    let place = place.of(&spec.signal);
+    used.take(&place, "the counter")?;
+    let layout = *message.signal(&spec.signal)?.wire().layout();
+    let all = 1_u64.checked_shl(layout.bits().into()).unwrap_or(u64::MAX);
+    let values = spec.values.or(preset.and_then(Preset::counter_values)).unwrap_or(all);
+    Counter::new(layout, values).map_err(|source| WireError::Counter { place, source })
+}
+
+/// The preset of a checksum.
+pub(super) fn preset(place: &Place, spec: &ChecksumSpec) -> Result<Preset, WireError> {
+    spec.preset.parse().map_err(|source| WireError::Preset { place: place.of(&spec.signal), source })
+}
+
+/// The checksum of a message.
+pub(super) fn checksum(
+    place: &Place,
+    (spec, preset): (&ChecksumSpec, Preset),
+    message: &Message,
+    counter: Option<Layout>,
+    used: &mut Used,
+) -> Result<Checksum, WireError> {
+    let place = place.of(&spec.signal);
+    used.take(&place, "the checksum")?;
+    let layout = *message.signal(&spec.signal)?.wire().layout();
+    let data_id = match &spec.data_id {
+        None => DataId::None,
+        Some(DataIdSpec::One(id)) => DataId::One(*id),
+        Some(DataIdSpec::ByCounter(ids)) => DataId::ByCounter(*ids),
+    };
+    let checksum = preset.checksum(layout, counter, &data_id, message.length());
+    checksum.map_err(|source| WireError::Checksum { place, source })
+}
+
+/// A number for each state.
+pub(super) fn states(place: &Place, numbers: &BTreeMap<String, f64>) -> Result<Source, WireError> {
+    check_names(place, "state", numbers, &STATES)?;
+    Ok(Source::State(STATES.map(|name| numbers.get(name).copied().unwrap_or(0.0))))
+}
+
+/// A number for each fault.
+pub(super) fn reasons(place: &Place, numbers: &BTreeMap<String, f64>) -> Result<Source, WireError> {
+    let known: Vec<&str> = REASONS.iter().map(|(name, _)| *name).chain(["none", "other"]).collect();
+    check_names(place, "fault", numbers, &known)?;
+    let codes = REASONS.iter().filter_map(|(name, code)| Some((*code, *numbers.get(*name)?))).collect();
+    let number = |name, default| numbers.get(name).copied().unwrap_or(default);
+    Ok(Source::Reason { none: number("none", 0.0), other: number("other", 1.0), codes })
+}
+
+fn check_names(
+    place: &Place,
+    what: &'static str,
+    numbers: &BTreeMap<String, f64>,
+    known: &[&str],
+) -> Result<(), WireError> {
+    let Some(got) = numbers.keys().find(|name| !known.contains(&name.as_str())) else { return Ok(()) };
+    let suggestion = near(got, known.iter().copied());
+    Err(WireError::Name { place: place.clone(), what, got: got.clone(), suggestion, known: known.join(", ") })
+}

@@ -1,0 +1,129 @@
+//! Quantities of the plant that signals say.
+
+use crate::dbc::Signal;
+use crate::scenario::Scenario;
+use crate::scenario::wire::conversion::{factor, known};
+use crate::scenario::wire::error::{Place, WireError};
+use crate::scenario::wire::{SourceSpec, signals::near};
+use resonarm_bench::node::mapped::mapping::{Source, Value};
+use resonarm_bench::structure::{Channel, Kind, LOADS, OUTPUTS, Quantity, STATES};
+
+/// The channels that a signal can say, with their values: readings, states and held loads.
+fn channels() -> impl Iterator<Item = (Channel, Value)> {
+    let readings = OUTPUTS.into_iter().enumerate().map(|(place, channel)| (channel, Value::Reading(place)));
+    let loads = LOADS.into_iter().enumerate().map(|(place, channel)| (channel, Value::Load(place)));
+    let states = STATES.into_iter().filter(|channel| channel.kind != Kind::Load).enumerate();
+    readings.chain(states.map(|(place, channel)| (channel, Value::State(place)))).chain(loads)
+}
+
+fn find(place: &Place, name: &str, is_reading: bool) -> Result<(Channel, Value), WireError> {
+    let candidates = || channels().filter(|(_, value)| !is_reading || matches!(value, Value::Reading(_)));
+    candidates().find(|(channel, _)| channel.name == name).ok_or_else(|| {
+        let names: Vec<&str> = candidates().map(|(channel, _)| channel.name).collect();
+        let suggestion = near(name, names.iter().copied());
+        WireError::Quantity { place: place.clone(), got: name.to_string(), suggestion, known: names.join(", ") }
+    })
+}
+
+/// The place of a reading.
+pub(in crate::scenario::wire) fn reading(place: &Place, name: &str) -> Result<usize, WireError> {
+    match find(place, name, true)? {
+        (_, Value::Reading(index)) => Ok(index),
+        _ => Ok(0),
+    }
+}
+
+/// A signal that says a quantity.
+pub(in crate::scenario::wire) fn source(
+    scenario: &Scenario,
+    place: &Place,
+    name: &str,
+    spec: &SourceSpec,
+    signal: &Signal,
+) -> Result<Source, WireError> {
+    let (channel, value) = find(place, name, false)?;
+    if channel.kind == Kind::Internal && scenario.rig.shaker.is_none() {
+        let problem = "is a state of the shaker, and the scenario has no [rig.shaker]";
+        return Err(WireError::Input { place: place.clone(), input: channel.name, problem });
+    }
+    let scale = scale(place, spec, &channel, signal)?;
+    let offset = spec.offset.unwrap_or(0.0);
+    if !offset.is_finite() {
+        let expected = "a finite number";
+        return Err(WireError::Number { place: place.clone(), name: "offset", got: offset, expected });
+    }
+    if let Some((most, limit)) = largest(scenario, &channel) {
+        check_range(place, signal, &channel, (scale * most, offset), limit)?;
+    }
+    Ok(Source::Value { value, scale, offset })
+}
+
+/// Units of the signal for one of the quantity's.
+///
+/// Behind a gear of ratio n a motor turns n times as far and fast, and has 1/n of the torque.
+fn scale(place: &Place, spec: &SourceSpec, channel: &Channel, signal: &Signal) -> Result<f64, WireError> {
+    let checked = |name, value: Option<f64>| match value {
+        Some(got) if !got.is_finite() || got == 0.0 => {
+            let expected = "a number other than 0";
+            Err(WireError::Number { place: place.clone(), name, got, expected })
+        }
+        value => Ok(value),
+    };
+    let (scale, gear) = (checked("scale", spec.scale)?, checked("gear_ratio", spec.gear_ratio)?.unwrap_or(1.0));
+    let constant = checked("constant_per_a", spec.constant_per_a)?;
+    let quantity = if constant.is_some() { Quantity::Current } else { channel.quantity };
+    let of_motor = match channel.quantity {
+        Quantity::Angle | Quantity::AngularVelocity => gear,
+        _ => 1.0 / gear,
+    };
+    let units = match scale {
+        Some(scale) => scale,
+        None => match factor(quantity, signal.unit()) {
+            Some(factor) => 1.0 / factor,
+            None => {
+                let (got, expected) = (signal.unit().to_string(), quantity.unit());
+                return Err(WireError::Unit { place: place.clone(), got, expected, known: known(quantity) });
+            }
+        },
+    };
+    Ok(units * of_motor / constant.unwrap_or(1.0))
+}
+
+/// The largest magnitude of a quantity that has a limit, and the key that limits it.
+fn largest(scenario: &Scenario, channel: &Channel) -> Option<(f64, &'static str)> {
+    let rig = &scenario.rig;
+    let (force_n, torque_nm) = rig.drive().limits();
+    match channel.vector {
+        "acceleration_b_m_s2" => Some((rig.accelerometer_b.range_m_s2, "rig.accelerometer_b.range_m_s2")),
+        "acceleration_c_m_s2" => Some((rig.accelerometer_c.range_m_s2, "rig.accelerometer_c.range_m_s2")),
+        "head_force_n" => Some((rig.impedance_head.range_n, "rig.impedance_head.range_n")),
+        "force_n" => Some((force_n, "rig.exciter.force_limit_n")),
+        "torque_nm" => Some((torque_nm, "rig.exciter.torque_limit_nm")),
+        _ => None,
+    }
+}
+
+fn check_range(
+    place: &Place,
+    signal: &Signal,
+    channel: &Channel,
+    (most, offset): (f64, f64),
+    limit: &'static str,
+) -> Result<(), WireError> {
+    let [least, largest] = signal.wire().range();
+    let (from, to) = (offset - most.abs(), offset + most.abs());
+    let count = signal.wire().resolution().unwrap_or(0.0);
+    if from >= least - count && to <= largest + count {
+        return Ok(());
+    }
+    Err(WireError::Range {
+        place: place.clone(),
+        least,
+        most: largest,
+        unit: signal.unit().to_string(),
+        what: channel.name.to_string(),
+        from,
+        to,
+        limit,
+    })
+}
