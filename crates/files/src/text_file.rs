@@ -7,6 +7,9 @@ use std::path::Path;
 /// The largest file of settings that is read, bytes: a scenario has thousands at most, and a device may have no end.
 const LIMIT: u64 = 1 << 20;
 
+/// The largest file of a network that is read, bytes: the largest public DBC files have 3 MiB.
+const NETWORK_LIMIT: u64 = 1 << 24;
+
 /// The largest file of numbers that is read, bytes: millions of them.
 const NUMBERS_LIMIT: u64 = 1 << 26;
 
@@ -26,11 +29,24 @@ pub fn read_numbers(path: &Path) -> Result<String> {
     read_at_most(path, NUMBERS_LIMIT)
 }
 
+/// The bytes of a file or pipe that describes a network, in any encoding of text.
+///
+/// # Errors
+/// What the system says; [`ErrorKind::FileTooLarge`] beyond 16 MiB.
+pub fn read_network(path: &Path) -> Result<Vec<u8>> {
+    bytes_at_most(path, NETWORK_LIMIT)
+}
+
 fn read_at_most(path: &Path, limit: u64) -> Result<String> {
+    String::from_utf8(bytes_at_most(path, limit)?)
+        .map_err(|error| Error::new(ErrorKind::InvalidData, format!("it is no text: {error}")))
+}
+
+fn bytes_at_most(path: &Path, limit: u64) -> Result<Vec<u8>> {
     let mut bytes = Vec::new();
     File::open(path)?.take(limit + 1).read_to_end(&mut bytes)?;
     if bytes.len() as u64 > limit {
         return Err(Error::new(ErrorKind::FileTooLarge, format!("it is larger than {} MiB", limit >> 20)));
     }
-    String::from_utf8(bytes).map_err(|error| Error::new(ErrorKind::InvalidData, format!("it is no text: {error}")))
+    Ok(bytes)
 }
