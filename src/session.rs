@@ -11,7 +11,7 @@ use serde_json::Value;
 use crate::failure::Failure;
 use crate::recordings::existing;
 use crate::supervise::Line;
-use resonarm::bus::{self, Bus, BusAddress, network_filters};
+use resonarm::bus::{self, Bus, BusAddress};
 use resonarm::realtime::Percentiles;
 use resonarm::run::{BusCounts, BusLoss, Fault, PlantOutcome, PlantReport, RecordTo, RunEvent, Session, fault_text};
 use resonarm_numeric::number::short;
@@ -49,7 +49,7 @@ pub(crate) fn open_bus(address: &BusAddress, session: &Session, all: bool) -> Re
     session.leave_core();
     let mut bus = bus::open(address)?;
     if let (false, BusAddress::SocketCan(_)) = (all, address) {
-        bus.set_filters(&network_filters(session.scenario().network()?))?;
+        bus.set_filters(&session.filters()?)?;
     }
     Ok(bus)
 }

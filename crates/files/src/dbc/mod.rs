@@ -29,6 +29,7 @@ use error::nearest;
 
 pub use codec::{Codec, CodecError};
 pub use error::{DbcError, Problem};
+pub(crate) use text::decode;
 
 /// A DBC file.
 #[derive(Clone, Debug)]

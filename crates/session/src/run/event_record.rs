@@ -4,7 +4,7 @@ use resonarm_protocol::{EmergencyCode, Node, NodeState, Refusal};
 
 use super::Request;
 use resonarm_bench::control::SetPoint;
-use resonarm_bench::node::{FrameFault, WireEvent};
+use resonarm_bench::node::{FrameCheck, FrameFault, WireEvent};
 use resonarm_bench::rig::{Measurement, Reading};
 use resonarm_bus::ControllerState;
 use resonarm_files::recording::{Clipped, SampleRecord};
@@ -19,6 +19,16 @@ const fn refusal_name(refusal: Refusal) -> &'static str {
         Refusal::OutOfRange => "plant.command.out_of_range",
         Refusal::RateOfChange => "plant.command.rate_of_change",
         Refusal::Travel => "plant.command.travel",
+    }
+}
+
+/// The name under which a refused frame of a user's protocol is recorded.
+const fn check_name(check: FrameCheck) -> &'static str {
+    match check {
+        FrameCheck::Length => "frame.length",
+        FrameCheck::Checksum => "frame.checksum",
+        FrameCheck::Counter => "frame.counter",
+        FrameCheck::Value => "frame.value",
     }
 }
 
@@ -48,6 +58,7 @@ pub(super) const fn event_record(event: &WireEvent) -> (&'static str, i64) {
         WireEvent::Refused(refusal) => (refusal_name(*refusal), 0),
         WireEvent::PartnerEmergency(emergency) => ("partner.emergency", emergency.code as i64),
         WireEvent::Frame(FrameFault::Protocol) => ("frame.refused", 0),
+        WireEvent::Frame(FrameFault::Mapped { id, check }) => (check_name(*check), id.raw() as i64),
         WireEvent::OtherSender(_) => ("frame.other_sender", 0),
     }
 }

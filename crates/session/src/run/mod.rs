@@ -48,6 +48,7 @@ mod lockstep;
 mod mode;
 mod outage;
 mod pace;
+mod parts;
 mod real_time;
 mod record_sink;
 mod report;

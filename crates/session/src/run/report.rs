@@ -372,6 +372,7 @@ pub(super) fn exciter_frames(node: &ExciterNode) -> FrameCounts {
         unsent: node.unsent_frames(),
         refused: node.refused_frames(),
         other_sender: node.other_sender_frames(),
+        limited_values: 0,
     }
 }
 

@@ -13,22 +13,19 @@ use super::free::Free;
 use super::lockstep::lockstep;
 use super::pace::{Pace, Speed, SpeedError};
 use super::real_time::real_time;
-use super::record_sink::RecordSink;
 use super::report::exciter_frames;
 use super::{BothReport, BusCounts, End, Ending, ExciterReport, Mode, PlantReport, RunError, RunEvent, Signals, Watch};
 use resonarm_bench::control::Controller;
-use resonarm_bench::node::{self, ExciterNode, PlantNode, Timing};
+use resonarm_bench::node::Timing;
+use resonarm_bench::node::mapped::mapping::Mapping;
 use resonarm_bench::plant::Plant;
 use resonarm_bus::fault::Faulty;
 use resonarm_bus::{Bus, VirtualBus, memory, timed};
-use resonarm_files::recording::channels::Channels;
-use resonarm_files::recording::{self, Existing, Recorder};
-use resonarm_files::scenario::Scenario;
+use resonarm_files::recording::{Existing, Recorder};
+use resonarm_files::scenario::{Scenario, ScenarioError, WireError};
 use resonarm_protocol::Node;
 use resonarm_realtime::{Clock, OverrunPolicy, SampleRate, Spin, SystemClock, ThreadSetup, VirtualClock};
 
-/// Records on their way to the writer: at 1 kHz about four seconds of everything.
-const RECORDS_CAPACITY: usize = 1 << 15;
 /// Overruns with another cause on their way to the writer.
 const CORE_RECORDS_CAPACITY: usize = 1 << 10;
 /// Frames that fit a memory bus in each direction.
@@ -118,18 +115,20 @@ impl core::fmt::Debug for MakeController {
 /// A scenario ready to run: plant on a bus, exciter on a bus, or both.
 #[derive(Clone, Debug)]
 pub struct Session {
-    scenario: Scenario,
-    mode: Mode,
+    pub(super) scenario: Scenario,
+    pub(super) mode: Mode,
     pub(super) options: Options,
     rate: SampleRate,
     pub(super) timing: Timing,
     pub(super) network: Network,
-    plant: Plant,
+    pub(super) plant: Plant,
+    /// What the messages of the scenario's own protocol mean, if it has one.
+    pub(super) mapping: Option<Mapping>,
     ending: Ending,
     /// In place of the scenario's controller.
     controller: Option<MakeController>,
     /// Who is notified of what the loops do.
-    watch: Option<Watch>,
+    pub(super) watch: Option<Watch>,
 }
 
 impl Session {
@@ -151,6 +150,12 @@ impl Session {
             (Mode::Lockstep, _) | (Mode::Free, Network::Ideal) => scenario.lockstep_timing()?,
         };
         scenario.network()?;
+        let mapping = scenario.mapping()?;
+        if let (Some(wire), Mode::Lockstep) = (&scenario.wire, mode)
+            && wire.lockstep.is_none()
+        {
+            return Err(ScenarioError::from(WireError::NoLockstep).into());
+        }
         let plant = Plant::new(&scenario.plant_spec()?)?;
         let rate = SampleRate::new(scenario.simulation.rate_hz)?;
         check_speed(options.speed, mode, rate, timing.partner_timeout_ns)?;
@@ -162,7 +167,19 @@ impl Session {
             on_disarm: options.end_on_disarm,
             patience_ns: options.patience.map(|patience| u64::try_from(patience.as_nanos()).unwrap_or(u64::MAX)),
         };
-        Ok(Session { scenario, mode, options, rate, timing, network, plant, ending, controller: None, watch: None })
+        Ok(Session {
+            scenario,
+            mode,
+            options,
+            rate,
+            timing,
+            network,
+            plant,
+            mapping,
+            ending,
+            controller: None,
+            watch: None,
+        })
     }
 
     /// The same session with a controller of one's own in place of the scenario's; every run of the exciter asks for
@@ -403,51 +420,6 @@ impl Session {
     /// An end with the faults that the scenario gives to `node`.
     fn with_faults<B: Bus, C: Clock>(&self, bus: B, clock: C, node: Node) -> Faulty<B, C> {
         Faulty::new(bus, clock, &self.scenario.network.faults, node, self.scenario.simulation.seed)
-    }
-
-    fn exciter_node(&self) -> Result<ExciterNode, RunError> {
-        let (network, rate_hz) = (self.scenario.network()?, self.scenario.wire_rate_hz()?);
-        Ok(node::carry(network, rate_hz, self.timing, self.controller()?))
-    }
-
-    pub(super) fn bench<'a>(
-        &self,
-        recorder: Option<&Recorder>,
-        on_event: &'a mut dyn FnMut(RunEvent),
-    ) -> Result<Bench<'a>, RunError> {
-        let (network, rate_hz) = (self.scenario.network()?, self.scenario.wire_rate_hz()?);
-        let node = PlantNode::new(network, rate_hz, self.timing, *self.plant.exciter())
-            .with_limits(*self.plant.gate())
-            .with_samples_per_frame(self.scenario.network.samples_per_frame()?);
-        let channel = recorder.map(|recorder| recorder.channel("plant", RECORDS_CAPACITY)).transpose()?;
-        let records = match (channel, self.mode) {
-            (None, _) => RecordSink::Off,
-            (Some(channel), Mode::RealTime) => RecordSink::Lossy(channel),
-            (Some(channel), Mode::Lockstep | Mode::Free) => RecordSink::Whole(channel),
-        };
-        let watched = self.watch.as_ref().map(|watch| watch.open(End::Plant));
-        let steps = self.scenario.simulation.steps_per_sample();
-        Ok(Bench::new(self.plant.clone(), Box::new(node), steps, records, watched, on_event))
-    }
-
-    /// Creates the recording.
-    pub(super) fn recorder(&self, interface: &str) -> Result<Option<Recorder>, RunError> {
-        let Some(RecordTo { path, existing }) = &self.options.record else { return Ok(None) };
-        let dt_s = 1.0 / self.scenario.simulation.rate_hz;
-        let mut options = match self.mode {
-            Mode::RealTime => {
-                recording::Options::real_time(dt_s, interface, SystemClock.epoch_unix_ns(), SystemClock::elapsed)
-            }
-            Mode::Lockstep => {
-                recording::Options::lockstep(dt_s, interface, SystemClock.epoch_unix_ns(), SystemClock::elapsed)
-            }
-            Mode::Free => recording::Options::virtual_time(dt_s, interface),
-        };
-        options.existing = *existing;
-        options.plot_every_samples = self.scenario.recording.plot_every_samples;
-        options.reading_delay_samples = self.scenario.rig.converter.delay_samples();
-        options.channels = Channels::of_structure(self.plant.structure());
-        Ok(Some(Recorder::create(path, &self.scenario.configuration(self.mode.name())?, options)?))
     }
 }
 

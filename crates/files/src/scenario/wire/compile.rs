@@ -6,8 +6,7 @@ use super::conversion::{factor, known};
 use super::error::{Place, WireError};
 use super::signals::{Used, checksum, counter, quantity};
 use super::{
-    ArmSpec, CommandSpec, EventSpec, InputSpec, LockstepSpec, OnSpec, ReadingSpec, RequestSpec, SourceSpec,
-    WireSection,
+    ArmSpec, CommandSpec, EventSpec, InputSpec, LockstepSpec, OnSpec, ReadingSpec, RequestSpec, SourceSpec, WireSection,
 };
 use crate::dbc::{Database, Message, Signal};
 use crate::scenario::Scenario;
@@ -129,14 +128,9 @@ impl Compiler<'_> {
         Ok(())
     }
 
-    fn inputs(
-        &self,
-        spec: &CommandSpec,
-        message: &Message,
-        used: &mut Used,
-    ) -> Result<Vec<CommandSignal>, WireError> {
+    fn inputs(&self, spec: &CommandSpec, message: &Message, used: &mut Used) -> Result<Vec<CommandSignal>, WireError> {
         let along = match &self.scenario.rig.drive() {
-            Exciter::Shaker(shaker) => Some(shaker.direction()),
+            Exciter::Shaker(shaker) => Some(shaker.direction().into()),
             Exciter::Ideal(_) => None,
         };
         let is_shaker = along.is_some();
@@ -184,8 +178,12 @@ impl Compiler<'_> {
         const KEY: &str = "wire.events";
         let place = Place::message(KEY, &spec.message);
         let message = self.message(KEY, &spec.message, false)?;
-        let lists =
-            [(&spec.arm, Action::Arm), (&spec.disarm, Action::Disarm), (&spec.reset, Action::Reset), (&spec.stop, Action::Stop)];
+        let lists = [
+            (&spec.arm, Action::Arm),
+            (&spec.disarm, Action::Disarm),
+            (&spec.reset, Action::Reset),
+            (&spec.stop, Action::Stop),
+        ];
         let mut actions: Vec<(f64, Action)> = Vec::new();
         for (values, action) in lists {
             for value in values {
@@ -375,12 +373,7 @@ fn protection(
 }
 
 /// N or N·m for one unit of a signal, and at 0.
-fn input_scale(
-    place: &Place,
-    input: &InputSpec,
-    signal: &Signal,
-    quantity: Quantity,
-) -> Result<(f64, f64), WireError> {
+fn input_scale(place: &Place, input: &InputSpec, signal: &Signal, quantity: Quantity) -> Result<(f64, f64), WireError> {
     let finite = |name, value: Option<f64>, default: f64, expected| match value.unwrap_or(default) {
         got if got.is_finite() && (got != 0.0 || default == 0.0) => Ok(got),
         got => Err(WireError::Number { place: place.clone(), name, got, expected }),

@@ -11,13 +11,8 @@ const DEGREE_RAD: f64 = TURN_RAD / 360.0;
 /// A unit by its names, without blanks, and what one of it is in the quantity's own unit.
 type Unit = (&'static [&'static str], f64);
 
-const FORCE: [Unit; 5] = [
-    (&["N"], 1.0),
-    (&["mN"], 1e-3),
-    (&["daN"], 10.0),
-    (&["kN"], 1e3),
-    (&["lbf"], 4.448_221_615_260_5),
-];
+const FORCE: [Unit; 5] =
+    [(&["N"], 1.0), (&["mN"], 1e-3), (&["daN"], 10.0), (&["kN"], 1e3), (&["lbf"], 4.448_221_615_260_5)];
 const TORQUE: [Unit; 4] = [
     (&["Nm", "N.m", "N*m", "N·m", "N-m"], 1.0),
     (&["mNm", "mN.m", "mN*m", "mN·m"], 1e-3),
@@ -79,7 +74,10 @@ mod tests {
         assert_eq!(factor(Quantity::Acceleration, "m / s^2"), Some(1.0));
         assert_eq!(factor(Quantity::Acceleration, "mg"), Some(9.80665e-3));
         assert_eq!(factor(Quantity::Torque, "N·m"), Some(1.0));
-        assert_eq!(factor(Quantity::AngularVelocity, "rpm").map(|rpm| (60.0 * rpm - TURN_RAD).abs() < 1e-15), Some(true));
+        assert_eq!(
+            factor(Quantity::AngularVelocity, "rpm").map(|rpm| (60.0 * rpm - TURN_RAD).abs() < 1e-15),
+            Some(true)
+        );
         assert_eq!(factor(Quantity::Angle, "rev"), Some(TURN_RAD));
         assert_eq!(factor(Quantity::Force, "Nm"), None);
         assert_eq!(factor(Quantity::Force, ""), None);

@@ -103,7 +103,7 @@ pub enum WireError {
         problem: &'static str,
     },
     /// A unit that does not go into the quantity's.
-    #[error("{place}: its unit {got:?} is none that becomes {expected}: give `scale`, {expected} for one of it{}", known(.known))]
+    #[error("{place}: its unit {got:?} is none that becomes {expected}: give `scale`, {expected} for one of it{}", converted(.known))]
     Unit {
         /// Where.
         place: Place,
@@ -253,7 +253,9 @@ pub enum WireError {
         problem: &'static str,
     },
     /// Lockstep needs a wire that answers.
-    #[error("[wire] says nothing of lockstep: give `lockstep = \"command\"` or `lockstep = \"sync\"`, or run in real time")]
+    #[error(
+        "[wire] says nothing of lockstep: give `lockstep = \"command\"` or `lockstep = \"sync\"`, or run in real time"
+    )]
     NoLockstep,
     /// The bus can't carry the messages.
     #[error(
@@ -270,6 +272,6 @@ fn nearest(suggestion: &Option<String>) -> String {
     suggestion.as_ref().map_or(String::new(), |name| format!("; is it {name:?}?"))
 }
 
-fn known(units: &str) -> String {
+fn converted(units: &str) -> String {
     format!(" (converted by themselves: {units})")
 }

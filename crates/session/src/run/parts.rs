@@ -1,0 +1,92 @@
+//! The parts of a run, made from a session: nodes, bench, recording, filters of the bus.
+
+use super::bench::Bench;
+use super::record_sink::RecordSink;
+use super::session::RecordTo;
+use super::{End, Mode, RunError, RunEvent, Session};
+use resonarm_bench::node::mapped::{self, MappedNode};
+use resonarm_bench::node::{self, ExciterNode, PlantInterface, PlantNode};
+use resonarm_bus::{Filter, network_filters};
+use resonarm_files::recording::channels::Channels;
+use resonarm_files::recording::{self, Recorder};
+use resonarm_protocol::Id;
+use resonarm_realtime::SystemClock;
+
+/// Records on their way to the writer: at 1 kHz about four seconds of everything.
+const RECORDS_CAPACITY: usize = 1 << 15;
+
+impl Session {
+    /// The filters that let the messages of the session's protocol through, also those that only its own node sends: they
+    /// reveal a second sender.
+    ///
+    /// # Errors
+    /// [`RunError::Scenario`] for an impossible network.
+    pub fn filters(&self) -> Result<Vec<Filter>, RunError> {
+        let exactly = |id: Id| Filter { id, mask: if matches!(id, Id::Standard(_)) { 0x7FF } else { 0x1FFF_FFFF } };
+        Ok(match &self.mapping {
+            None => network_filters(self.scenario.network()?).to_vec(),
+            Some(mapping) => {
+                let incoming = mapping.incoming.iter().map(|message| message.id);
+                incoming.chain(mapping.outgoing.iter().map(|message| message.id)).map(exactly).collect()
+            }
+        })
+    }
+
+    /// The exciter's node.
+    pub(super) fn exciter_node(&self) -> Result<ExciterNode, RunError> {
+        if self.mapping.is_some() {
+            return Err(RunError::WireWithoutExciter);
+        }
+        let (network, rate_hz) = (self.scenario.network()?, self.scenario.wire_rate_hz()?);
+        Ok(node::carry(network, rate_hz, self.timing, self.controller()?))
+    }
+
+    /// The plant's node, of the scenario's own protocol or of Resonarm's.
+    fn plant_node(&self) -> Result<Box<dyn PlantInterface>, RunError> {
+        let (network, rate_hz) = (self.scenario.network()?, self.scenario.wire_rate_hz()?);
+        let (exciter, limits) = (*self.plant.exciter(), *self.plant.gate());
+        if let Some(mapping) = &self.mapping {
+            let pace = if self.mode == Mode::Lockstep { mapped::Pace::Lockstep } else { mapped::Pace::Clock };
+            return Ok(Box::new(MappedNode::new(mapping.clone(), (rate_hz, pace), self.timing, exciter, limits)));
+        }
+        let node = PlantNode::new(network, rate_hz, self.timing, exciter).with_limits(limits);
+        Ok(Box::new(node.with_samples_per_frame(self.scenario.network.samples_per_frame()?)))
+    }
+
+    pub(super) fn bench<'a>(
+        &self,
+        recorder: Option<&Recorder>,
+        on_event: &'a mut dyn FnMut(RunEvent),
+    ) -> Result<Bench<'a>, RunError> {
+        let node = self.plant_node()?;
+        let channel = recorder.map(|recorder| recorder.channel("plant", RECORDS_CAPACITY)).transpose()?;
+        let records = match (channel, self.mode) {
+            (None, _) => RecordSink::Off,
+            (Some(channel), Mode::RealTime) => RecordSink::Lossy(channel),
+            (Some(channel), Mode::Lockstep | Mode::Free) => RecordSink::Whole(channel),
+        };
+        let watched = self.watch.as_ref().map(|watch| watch.open(End::Plant));
+        let steps = self.scenario.simulation.steps_per_sample();
+        Ok(Bench::new(self.plant.clone(), node, steps, records, watched, on_event))
+    }
+
+    /// Creates the recording.
+    pub(super) fn recorder(&self, interface: &str) -> Result<Option<Recorder>, RunError> {
+        let Some(RecordTo { path, existing }) = &self.options.record else { return Ok(None) };
+        let dt_s = 1.0 / self.scenario.simulation.rate_hz;
+        let mut options = match self.mode {
+            Mode::RealTime => {
+                recording::Options::real_time(dt_s, interface, SystemClock.epoch_unix_ns(), SystemClock::elapsed)
+            }
+            Mode::Lockstep => {
+                recording::Options::lockstep(dt_s, interface, SystemClock.epoch_unix_ns(), SystemClock::elapsed)
+            }
+            Mode::Free => recording::Options::virtual_time(dt_s, interface),
+        };
+        options.existing = *existing;
+        options.plot_every_samples = self.scenario.recording.plot_every_samples;
+        options.reading_delay_samples = self.scenario.rig.converter.delay_samples();
+        options.channels = Channels::of_structure(self.plant.structure());
+        Ok(Some(Recorder::create(path, &self.scenario.configuration(self.mode.name())?, options)?))
+    }
+}
