@@ -41,6 +41,7 @@
 //! | [`run`] | runs: a [`Session`](run::Session) puts a scenario, both ends, a bus, a recording and the pace together |
 //! | [`conformance`] | whether a node on a bus keeps the protocol |
 //! | [`replay`] | recordings: their frames sent again, their runs simulated again |
+//! | [`wire`], [`dbc`] | frames of a user's own protocol: signals, counters, checksums; DBC files |
 //! | [`can_log`] | frames in the log files of other tools |
 //! | [`diff`], [`statistics`] | two recordings compared; what is in one, in numbers |
 //! | [`export`], [`import`] | recordings in the formats of other tools, and logs of them as recordings |
@@ -59,10 +60,11 @@ pub use resonarm_analysis as analysis;
 pub use resonarm_bench::{control, excitation, identify, node, plant, rig, structure};
 pub use resonarm_conformance as conformance;
 pub use resonarm_dynamics::{arm, integrate};
-pub use resonarm_files::{can_log, cut, diff, export, import, recording, scenario, statistics, toml_error};
+pub use resonarm_files::{can_log, cut, dbc, diff, export, import, recording, scenario, statistics, toml_error};
 pub use resonarm_protocol as protocol;
 pub use resonarm_realtime as realtime;
 pub use resonarm_session::{experiment, identification, replay, run, study};
+pub use resonarm_wire as wire;
 
 /// CAN buses: those of the crate `resonarm-bus`, and with the feature `python-can` any adapter that python-can knows.
 pub mod bus {

@@ -128,8 +128,8 @@ impl CounterCheck {
 
     /// Judges the counter of a frame.
     ///
-    /// δ = (counter − last) mod n with the n values: 1 is the next, more means δ − 1 lost, 0 is a repetition. The counter
-    /// is kept as the last one even if it is repeated.
+    /// δ = (counter − last) mod n with the n values: 1 is the next, more means δ − 1 lost, 0 is a repetition. The
+    /// counter is kept as the last one even if it is repeated.
     ///
     /// # Errors
     /// [`CounterFault`] if it is repeated or beyond the values; the latter leaves the check as it was.
@@ -142,7 +142,8 @@ impl CounterCheck {
             return Ok(Step::First);
         };
         self.last = Some(value);
-        // Without the sum value + n, which may be beyond u64. A last counter is below n, unless that of another message.
+        // Without the sum value + n, which may be beyond u64. A last counter is below n, unless that of another
+        // message.
         let delta = if value >= last { value - last } else { counter.values - last % counter.values + value };
         match delta {
             0 => Err(CounterFault::Repeated { counter: value }),

@@ -1,7 +1,7 @@
 //! The bits of a signal in a payload, numbered as in DBC files.
 //!
-//! Bit n is bit n mod 8 of byte ⌊n / 8⌋, bit 0 the least significant of its byte. A signal is a run of bits in one of two
-//! orders, and its start bit is:
+//! Bit n is bit n mod 8 of byte ⌊n / 8⌋, bit 0 the least significant of its byte. A signal is a run of bits in one of
+//! two orders, and its start bit is:
 //!
 //! - Intel (`@1` in a DBC): the *least* significant bit; the following ones have the numbers start + 1, start + 2, …
 //! - Motorola (`@0`): the *most* significant bit; the following ones go down to bit 0 of the byte, then from bit 7 of

@@ -1,6 +1,7 @@
 //! Multiplexed signals: present in a payload only if a switch, another signal of it, has one of some values.
 //!
-//! A switch may be multiplexed itself (extended multiplexing), so that the presence of a signal is a chain of conditions.
+//! A switch may be multiplexed itself (extended multiplexing), so that the presence of a signal is a chain of
+//! conditions.
 
 use alloc::vec::Vec;
 use core::ops::RangeInclusive;
@@ -117,8 +118,8 @@ impl Presence {
         &self.conditions
     }
 
-    /// Whether the signal is present in a payload. None if the payload ends before a switch that decides: an inner switch
-    /// does not if an outer one has said no.
+    /// Whether the signal is present in a payload. None if the payload ends before a switch that decides: an inner
+    /// switch does not if an outer one has said no.
     pub fn is_in(&self, payload: &[u8]) -> Option<bool> {
         for condition in &self.conditions {
             if !condition.holds(payload)? {

@@ -118,8 +118,8 @@ impl Signal {
     /// leaves all other bits as they are.
     ///
     /// # Errors
-    /// [`EncodeError`] if the value is not finite or outside of [`Signal::range`] by half a count or more, or the payload
-    /// ends before the signal; the payload is then unchanged.
+    /// [`EncodeError`] if the value is not finite or outside of [`Signal::range`] by more than half a count, or the
+    /// payload ends before the signal; the payload is then unchanged.
     pub fn encode(&self, value: f64, payload: &mut [u8]) -> Result<(), EncodeError> {
         if !value.is_finite() {
             return Err(EncodeError::NotFinite { value });
@@ -141,8 +141,8 @@ impl Signal {
         [one.min(other), one.max(other)]
     }
 
-    /// The distance of neighbouring values, in the unit of the signal; None for a floating-point signal, where it depends
-    /// on the value.
+    /// The distance of neighbouring values, in the unit of the signal; None for a floating-point signal, where it
+    /// depends on the value.
     pub fn resolution(&self) -> Option<f64> {
         (self.layout.number() != Number::Float).then_some(self.scale.abs())
     }
@@ -181,7 +181,9 @@ mod tests {
 
     proptest! {
         #[test]
-        fn every_raw_number_comes_back(bits in 1_u64..=53, raw in any::<u64>(), signed in any::<bool>(), down in any::<bool>()) {
+        fn every_raw_number_comes_back(
+            bits in 1_u64..=53, raw in any::<u64>(), signed in any::<bool>(), down in any::<bool>()
+        ) {
             let scale = if down { -0.02 } else { 0.02 };
             let number = if signed { Number::Signed } else { Number::Unsigned };
             let signal = signal(bits, number, scale, -40.0).unwrap();

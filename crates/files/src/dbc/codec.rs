@@ -104,8 +104,8 @@ impl<'a> Codec<'a> {
     /// Writes these values into a payload, whatever its switches are, and leaves all other bits as they are.
     ///
     /// # Errors
-    /// [`CodecError`] if a value is beyond its signal or comes twice, or a signal has a problem; the payload may then have
-    /// some of the values.
+    /// [`CodecError`] if a value is beyond its signal or comes twice, or a signal has a problem; the payload may then
+    /// have some of the values.
     pub fn encode_into(&self, values: &[(&str, f64)], payload: &mut [u8]) -> Result<(), CodecError> {
         for (signal, value) in self.resolve(values)? {
             signal.wire().encode(value, payload).map_err(|source| CodecError::Value {

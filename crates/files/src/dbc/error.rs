@@ -169,6 +169,12 @@ pub enum Problem {
         /// The name of the switch.
         switch: String,
     },
+    /// A mark that `SG_MUL_VAL_` does not list.
+    #[error("it is marked m{mark}, and its SG_MUL_VAL_ does not list {mark}")]
+    UnlistedMark {
+        /// The value of the switch that the mark says.
+        mark: u64,
+    },
     /// A switch that can't be used.
     #[error("its switch {switch} can't be used: {problem}")]
     Switch {

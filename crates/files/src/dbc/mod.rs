@@ -4,10 +4,11 @@
 //! if just that one is asked for; [`Database::problems`] lists it all. Two signals that share bits are both wrong, for
 //! the file doesn't say which.
 //!
-//! From the attributes in use with many tools come the format of a frame (`VFrameFormat`, by its number or its word, and
-//! `CANFD_BRS`), the cycle time (`GenMsgCycleTime`) and long names (`SystemMessageLongSymbol`,
-//! `SystemSignalLongSymbol`, `SystemNodeLongSymbol`). A message without `VFrameFormat`, or with `J1939PG`, is a classical
-//! frame; a CAN FD frame without `CANFD_BRS` switches its bit rate. 29-bit identifiers are those written with bit 31.
+//! From the attributes in use with many tools come the format of a frame (`VFrameFormat`, by its number or its word,
+//! and `CANFD_BRS`), the cycle time (`GenMsgCycleTime`) and long names (`SystemMessageLongSymbol`,
+//! `SystemSignalLongSymbol`, `SystemNodeLongSymbol`). A message without `VFrameFormat`, or with `J1939PG`, is a
+//! classical frame; a CAN FD frame without `CANFD_BRS` switches its bit rate. 29-bit identifiers are those written with
+//! bit 31.
 
 mod attributes;
 mod build;
@@ -262,8 +263,8 @@ impl Signal {
         self.is_switch
     }
 
-    /// The least and the largest value that the file allows, in its unit; None if the file says nothing, which it does by
-    /// two zeros. What the bits can say is another range: [`WireSignal::range`].
+    /// The least and the largest value that the file allows, in its unit; None if the file says nothing, which it does
+    /// by two zeros. What the bits can say is another range: [`WireSignal::range`].
     pub const fn limits(&self) -> Option<[f64; 2]> {
         self.limits
     }
@@ -283,7 +284,8 @@ impl Signal {
         &self.receivers
     }
 
-    /// Its value in a payload; None if it is not in it: the payload is too short, or it is multiplexed and not selected.
+    /// Its value in a payload; None if it is not in it: the payload is too short, or it is multiplexed and not
+    /// selected.
     pub fn decode(&self, payload: &[u8]) -> Option<f64> {
         if self.presence.is_in(payload)? { self.wire.decode(payload) } else { None }
     }

@@ -79,14 +79,22 @@ fn selected_by(
     signal: &can_dbc::Signal,
     switches: Option<&Switches<'_>>,
 ) -> Result<Option<Selection>, Problem> {
+    let mark = match signal.multiplexer_indicator {
+        MultiplexIndicator::MultiplexedSignal(value) | MultiplexIndicator::MultiplexorAndMultiplexedSignal(value) => {
+            Some(value)
+        }
+        MultiplexIndicator::Multiplexor | MultiplexIndicator::Plain => None,
+    };
     if let Some((switch, values)) = switches.and_then(|of| of.extended.get(signal.name.as_str())) {
         let position = message.signals.iter().position(|other| other.name == *switch);
         let position = position.ok_or_else(|| Problem::UnknownSwitch { switch: switch.to_string() })?;
-        return Ok(Some((position, values.clone())));
+        // Tools disagree on a mark outside of the list: it selects for some, for others it doesn't.
+        return match mark.filter(|mark| !values.iter().any(|range| range.contains(mark))) {
+            Some(mark) => Err(Problem::UnlistedMark { mark }),
+            None => Ok(Some((position, values.clone()))),
+        };
     }
-    let (MultiplexIndicator::MultiplexedSignal(value) | MultiplexIndicator::MultiplexorAndMultiplexedSignal(value)) =
-        signal.multiplexer_indicator
-    else {
+    let Some(value) = mark else {
         return Ok(None);
     };
     let is_switch = |other: &can_dbc::Signal| other.multiplexer_indicator == MultiplexIndicator::Multiplexor;

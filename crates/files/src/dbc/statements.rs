@@ -1,7 +1,7 @@
 //! The lines of messages and signals in the text of a DBC, and what has to be taken out before it is parsed.
 //!
-//! The parser takes every identifier without bit 31 modulo 2¹⁶, and an identifier beyond 32 bits as an error of the whole
-//! file. So messages with an impossible identifier are found here, and blanked out with all that refers to them.
+//! The parser takes every identifier without bit 31 modulo 2¹⁶, and an identifier beyond 32 bits as an error of the
+//! whole file. So messages with an impossible identifier are found here, and blanked out with all that refers to them.
 
 use std::collections::BTreeSet;
 

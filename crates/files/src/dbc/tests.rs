@@ -137,6 +137,7 @@ BO_ 9 Switches: 8 A
  SG_ named m1 : 24|8@1+ (1,0) [0|0] "" A
  SG_ round m1M : 32|8@1+ (1,0) [0|0] "" A
  SG_ beyond m300 : 40|8@1+ (1,0) [0|0] "" A
+ SG_ marked m2 : 48|8@1+ (1,0) [0|0] "" A
 BO_ 10 Outside: 1 A
  SG_ switch M : 4|8@1+ (1,0) [0|0] "" A
  SG_ after m1 : 0|4@1+ (1,0) [0|0] "" A
@@ -148,6 +149,7 @@ SIG_VALTYPE_ 7 half : 1;
 SG_MUL_VAL_ 9 named nothing 1-1;
 SG_MUL_VAL_ 9 round round 1-1;
 SG_MUL_VAL_ 9 beyond first 300-301;
+SG_MUL_VAL_ 9 marked first 3-4;
 "#;
 
 #[test]
@@ -188,8 +190,9 @@ fn what_is_wrong_is_an_error_if_it_is_asked_for() {
     bench.dbc, line 32: signal named of Switches: its switch "nothing" is no signal of the message
     bench.dbc, line 33: signal round of Switches: its switches select each other in a circle
     bench.dbc, line 34: signal beyond of Switches: the switch can't be 300: it goes up to 255
-    bench.dbc, line 36: signal switch of Outside: from start bit 4 its 8 bits take 2 bytes, and the payload has 1
-    bench.dbc, line 37: signal after of Outside: its switch switch can't be used: from start bit 4 its 8 bits take 2 bytes, and the payload has 1
+    bench.dbc, line 35: signal marked of Switches: it is marked m2, and its SG_MUL_VAL_ does not list 2
+    bench.dbc, line 37: signal switch of Outside: from start bit 4 its 8 bits take 2 bytes, and the payload has 1
+    bench.dbc, line 38: signal after of Outside: its switch switch can't be used: from start bit 4 its 8 bits take 2 bytes, and the payload has 1
     "#);
 }
 

@@ -2,8 +2,8 @@
 
 use std::borrow::Cow;
 
-/// The characters of the bytes 0x80 to 0x9F in code page 1252 of Windows; its five unused bytes are the control characters
-/// of these numbers. All other bytes are the first 256 characters of Unicode.
+/// The characters of the bytes 0x80 to 0x9F in code page 1252 of Windows; its five unused bytes are the control
+/// characters of these numbers. All other bytes are the first 256 characters of Unicode.
 const FROM_0X80: [char; 32] = [
     '€', '\u{81}', '‚', 'ƒ', '„', '…', '†', '‡', 'ˆ', '‰', 'Š', '‹', 'Œ', '\u{8D}', 'Ž', '\u{8F}', '\u{90}', '‘', '’',
     '“', '”', '•', '–', '—', '˜', '™', 'š', '›', 'œ', '\u{9D}', 'ž', 'Ÿ',

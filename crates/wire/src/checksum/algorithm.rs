@@ -24,8 +24,8 @@ pub struct Crc {
 }
 
 impl Crc {
-    /// A CRC of `width` bits, 1 to 64, in the usual parameters: the generator `polynomial` without its highest power, most
-    /// significant bit first also if `reflect`; the `start` value of the register; `xor_out`, added to the result;
+    /// A CRC of `width` bits, 1 to 64, in the usual parameters: the generator `polynomial` without its highest power,
+    /// most significant bit first also if `reflect`; the `start` value of the register; `xor_out`, added to the result;
     /// `reflect`, whether bytes and result are mirrored.
     ///
     /// # Errors

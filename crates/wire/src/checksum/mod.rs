@@ -183,8 +183,8 @@ pub struct Checksum {
 }
 
 impl Checksum {
-    /// A checksum at `place` over all other bytes of the payload, in their order, and nothing else. Its bits count as an
-    /// integer without sign, even if the layout has a sign.
+    /// A checksum at `place` over all other bytes of the payload, in their order, and nothing else. Its bits count as
+    /// an integer without sign, even if the layout has a sign.
     ///
     /// # Errors
     /// [`ChecksumError`] if the place is no integer of the width of the algorithm.
@@ -231,7 +231,8 @@ impl Checksum {
     /// The same with these parts, in their order, before and behind the bytes of the payload.
     ///
     /// # Errors
-    /// [`ChecksumError`] if a table is empty, its counter no integer, or an identifier or a length has no or too many bytes.
+    /// [`ChecksumError`] if a table is empty, its counter no integer, or an identifier or a length has no or too many
+    /// bytes.
     pub fn with_parts(self, before: Vec<Part>, after: Vec<Part>) -> Result<Checksum, ChecksumError> {
         for part in before.iter().chain(&after) {
             match part {
@@ -276,8 +277,8 @@ impl Checksum {
         counters.chain(fields).fold(self.place.needed_bytes(), usize::max)
     }
 
-    /// What the checksum of a frame with this identifier and payload has to be, whatever its own bits and the fields are;
-    /// None if the payload ends before something that it depends on.
+    /// What the checksum of a frame with this identifier and payload has to be, whatever its own bits and the fields
+    /// are; None if the payload ends before something that it depends on.
     pub fn compute(&self, id: Id, payload: &[u8]) -> Option<u64> {
         if payload.len() < self.needed_bytes() {
             return None;
@@ -320,7 +321,8 @@ impl Checksum {
     /// Writes the fields, then the checksum. All other content, with the counter, is in the payload before.
     ///
     /// # Errors
-    /// [`InsertError`] if the payload is too short, or too long for its length field; it may then have some of the fields.
+    /// [`InsertError`] if the payload is too short, or too long for its length field; it may then have some of the
+    /// fields.
     pub fn write(&self, id: Id, payload: &mut [u8]) -> Result<(), InsertError> {
         let short = InsertError::Short { got: payload.len(), needed: self.needed_bytes() };
         for field in &self.fields {

@@ -3,19 +3,20 @@
 //! Where a profile fixes the places of its numbers, they count from the checksum, so that a header may stand anywhere
 //! in the payload (`offset` in the standard). The checksum lies at the byte c:
 //!
-//! | preset | checksum | counter, values | others in the payload |
+//! | preset | checksum | counter, values | others |
 //! | --- | --- | --- | --- |
 //! | `autosar-p1`, `-p1-alternating`, `-p1-low` | 8 bits | 4 bits anywhere, 15 | |
-//! | `autosar-p1-nibble` | 8 bits | 4 bits anywhere, 15 | bits 8 to 11 of the data id: high half of byte c + 1 |
+//! | `autosar-p1-nibble` | 8 bits | 4 bits anywhere, 15 | high half of byte c + 1: bits 8 to 11 of the data id |
 //! | `autosar-p2` | 8 bits | low half of byte c + 1, 16 | |
-//! | `autosar-p4` | 32 bits, Motorola | 16 bits from byte c − 6, Motorola, 65536 | from byte c − 8 the length, 16 bits; from byte c − 4 the data id, 32 bits; Motorola |
-//! | `autosar-p5` | 16 bits, Intel | byte c + 2, 256 | |
-//! | `autosar-p6` | 16 bits, Motorola | byte c + 4, 256 | from byte c + 2 the length, 16 bits, Motorola |
-//! | `autosar-p7` | 64 bits, Motorola | 32 bits from byte c + 12, Motorola, 2³² | from byte c + 8 the length, from byte c + 16 the data id; 32 bits, Motorola |
+//! | `autosar-p4` | 32 bits | c − 6, 16 bits, 65536 | c − 8: length, 16 bits; c − 4: data id, 32 bits |
+//! | `autosar-p5` | 16 bits, Intel | c + 2, 8 bits, 256 | |
+//! | `autosar-p6` | 16 bits | c + 4, 8 bits, 256 | c + 2: length, 16 bits |
+//! | `autosar-p7` | 64 bits | c + 12, 32 bits, 2³² | c + 8: length, c + 16: data id, 32 bits each |
 //! | `autosar-p11` | 8 bits | 4 bits anywhere, 15 | |
 //! | `autosar-p11-nibble` | 8 bits | 4 bits anywhere, 15 | as `autosar-p1-nibble` |
 //! | `crc8-j1850`, `crc8-2f`, `sum`, `xor` | 8 bits | any | |
 //!
+//! Profiles 4, 6 and 7 have all their numbers in Motorola's byte order; profile 5 has Intel's.
 //! The length is that of the whole payload. It and the data id are written and checked with the checksum
 //! ([`Checksum::fields`]); the counter is not, see [`crate::counter`].
 
@@ -229,8 +230,8 @@ impl Preset {
     /// Its checksum at `place`, in payloads of `payload_bytes`. The counter is that of the message, if it has one.
     ///
     /// # Errors
-    /// [`PresetError`] if checksum or counter are not where the profile has them, a number of the profile would lie outside
-    /// of the payload, or the data id is not of the preset's kind or too large.
+    /// [`PresetError`] if checksum or counter are not where the profile has them, a number of the profile would lie
+    /// outside of the payload, or the data id is not of the preset's kind or too large.
     pub fn checksum(
         self,
         place: Layout,

@@ -1,0 +1,244 @@
+"""Holds DBC files, signals and checksums to tools that know nothing of our code: cantools and hilspy decode and encode
+the same frames, autosar-e2e computes the same checksums.
+
+The example `dbc_frames` answers all lines of a file in one process. `RESONARM_DBC_FILES` names a folder with more DBC
+files; those that cantools refuses are left out.
+"""
+
+import functools
+import importlib.metadata
+import json
+import math
+import operator
+import os
+import random
+import subprocess
+from pathlib import Path
+
+import cantools
+import hilspy
+import pytest
+from e2e import crc, p01, p02, p04, p05, p06, p07, p11
+
+ROOT = Path(__file__).parents[2]
+TARGET = Path(os.environ.get("CARGO_TARGET_DIR", ROOT / "target"))
+PROGRAM = Path(os.environ.get("RESONARM_DBC_FRAMES", TARGET / "debug/examples/dbc_frames"))
+OWN = sorted((Path(__file__).parent / "dbc").glob("*.dbc")) + sorted((ROOT / "firmware-protocol").glob("*.dbc"))
+DECODED, ENCODED = 60_000, 40_000
+F64_BITS = 53
+
+
+def public_files():
+    """The DBC files of the package odrive-can, and those of a folder of the user's."""
+    try:
+        installed = importlib.metadata.files("odrive-can") or []
+    except importlib.metadata.PackageNotFoundError:
+        installed = []
+    yield from (Path(file.locate()) for file in installed if file.suffix == ".dbc")
+    if folder := os.environ.get("RESONARM_DBC_FILES"):
+        yield from sorted(Path(folder).rglob("*.dbc"))
+
+
+FILES = [*OWN, *public_files()]
+EACH = 1 / min(len(FILES), 10)
+
+
+def answers(path, lines):
+    """What the program says to each line."""
+    said = subprocess.run([PROGRAM, path], input="\n".join(lines), capture_output=True, text=True, check=True)
+    found = [json.loads(line) for line in said.stdout.splitlines()]
+    assert len(found) == len(lines)
+    return found
+
+
+def load(path):
+    try:
+        database = cantools.database.load_file(path, strict=path in OWN)
+    except Exception as error:  # cantools raises many kinds at files that break rules
+        if path in OWN:
+            raise
+        pytest.skip(f"cantools refuses it: {error}")
+    identifiers = [message.frame_id for message in database.messages]
+    unique = [message for message in database.messages if identifiers.count(message.frame_id) == 1]
+    return [message for message in unique if message.length <= (64 if message.is_fd else 8)]
+
+
+def text(message, data):
+    identifier = f"{message.frame_id:0{8 if message.is_extended_frame else 3}X}"
+    return f"{identifier}#{'#1' if message.is_fd else ''}{data.hex().upper()}"
+
+
+def problems(path):
+    """The signals and messages that the program takes for wrong: `a of Message`, `Message`."""
+    (answer,) = answers(path, ["problems"])
+    return {line.split(", ", 1)[1].split(":")[0] for line in answer["problems"]}
+
+
+def is_usable(message, signal, wrong):
+    return f"{signal} of {message.name}" not in wrong
+
+
+def number(value):
+    """Of a value as either writes it; NaN is equal to NaN."""
+    value = float(value)
+    return "nan" if math.isnan(value) else value
+
+
+def random_data(rng, message):
+    """Random bytes; of a few the payload ends early."""
+    length = message.length
+    if length and rng.random() < 0.05:
+        shorter = [size for size in (*range(9), 12, 16, 20, 24, 32, 48) if size < length]
+        length = rng.choice(shorter)
+    return rng.randbytes(length)
+
+
+def decoded(message, data):
+    """cantools' values; None where it takes a payload for wrong: one whose switch has no such value."""
+    try:
+        return message.decode(data, decode_choices=False, allow_truncated=True)
+    except cantools.database.DecodeError:
+        return None
+
+
+def cases(rng, messages, count):
+    """Messages in turn, with random payloads and their values."""
+    for k in range(count):
+        message = messages[k % len(messages)]
+        data = random_data(rng, message)
+        if (values := decoded(message, data)) is not None:
+            yield message, data, values
+
+
+@pytest.mark.parametrize("path", FILES, ids=lambda path: path.name)
+def test_frames_decode_as_by_cantools(path):
+    messages, wrong, rng = load(path), problems(path), random.Random(1)
+    messages = [message for message in messages if message.name not in wrong]
+    if not messages:
+        pytest.skip("no message without problems")
+    compared = list(cases(rng, messages, round(DECODED * EACH)))
+    found = answers(path, ["decode " + text(message, data) for message, data, _ in compared])
+    for (message, data, values), ours in zip(compared, found, strict=True):
+        assert ours["message"] == message.name
+        expected = {name: number(value) for name, value in values.items() if is_usable(message, name, wrong)}
+        assert {name: number(value) for name, value in ours["signals"].items()} == expected, text(message, data)
+    assert len(compared) > (0.5 * DECODED * EACH if path in OWN else 0)
+
+
+def to_encode(rng, message, values):
+    """The values, off by up to 0.4 counts where the range allows; floats finite."""
+    changed = {}
+    for name, value in values.items():
+        signal = message.get_signal_by_name(name)
+        if signal.is_float:
+            value = value if math.isfinite(value) and abs(value) < 1e30 else rng.uniform(-1e6, 1e6)
+        elif not (signal.is_multiplexer or signal.length > F64_BITS - 8):
+            raw = round((value - signal.offset) / signal.scale)
+            ends = (
+                (-(1 << signal.length - 1), (1 << signal.length - 1) - 1)
+                if signal.is_signed
+                else (0, (1 << signal.length) - 1)
+            )
+            value += 0.4 * rng.uniform(-1, 1) * signal.scale if raw not in ends else 0
+        changed[name] = float(value)
+    return changed
+
+
+@pytest.mark.parametrize("path", FILES, ids=lambda path: path.name)
+def test_values_encode_as_by_cantools(path):
+    messages, wrong, rng = load(path), problems(path), random.Random(2)
+    messages = [
+        message
+        for message in messages
+        if message.name not in wrong and all(is_usable(message, signal.name, wrong) for signal in message.signals)
+    ]
+    if not messages:
+        pytest.skip("no message without problems")
+    compared = [
+        (message, to_encode(rng, message, values))
+        for message, data, values in cases(rng, messages, round(ENCODED * EACH))
+        if len(data) == message.length
+    ]
+    found = answers(path, [f"encode {message.name} {json.dumps(values)}" for message, values in compared])
+    for (message, values), ours in zip(compared, found, strict=True):
+        expected = text(message, message.encode(values, strict=False))
+        assert ours.get("frame") == expected, (message.name, values, ours)
+
+
+@pytest.mark.parametrize("path", OWN, ids=lambda path: path.name)
+def test_frames_decode_as_by_hilspy(path, tmp_path):
+    """hilspy takes no payload that ends early, and no long names."""
+    messages, rng = load(path), random.Random(3)
+    compared = [case for case in cases(rng, messages, 400) if len(case[1]) == case[0].length]
+    log = tmp_path / "frames.log"
+    frames = [text(message, data) for message, data, _ in compared]
+    log.write_text("".join(f"({k}.000000) vcan0 {frame}\n" for k, frame in enumerate(frames)))
+    found, seen = answers(path, ["decode " + frame for frame in frames]), 0
+    with hilspy.open(f"file://{log}?format=candump", f"dbc:{path}", decode_choices=False) as channel:
+        for ours, frame in zip(found, frames, strict=True):
+            message = channel.recv(timeout=10)
+            assert message.name == ours["message"]
+            for name, value in ours["signals"].items():
+                if len(name) > 32:
+                    continue
+                assert number(message[name]) == (
+                    value if value == "nan" else pytest.approx(number(value), rel=1e-12)
+                ), frame
+                seen += 1
+    assert seen > 0
+
+
+# By preset: the library's function with its options, start bit and bits of the checksum, the least payload.
+PROFILES = {
+    "autosar-p1": (p01.e2e_p01_protect, {"data_id_mode": p01.E2E_P01_DATAID_BOTH}, 0, 8, 2, 0xFFFF),
+    "autosar-p1-alternating": (p01.e2e_p01_protect, {"data_id_mode": p01.E2E_P01_DATAID_ALT}, 0, 8, 2, 0xFFFF),
+    "autosar-p1-low": (p01.e2e_p01_protect, {"data_id_mode": p01.E2E_P01_DATAID_LOW}, 0, 8, 2, 0xFF),
+    "autosar-p1-nibble": (p01.e2e_p01_protect, {"data_id_mode": p01.E2E_P01_DATAID_NIBBLE}, 0, 8, 2, 0xFFF),
+    "autosar-p2": (p02.e2e_p02_protect, {}, 0, 8, 2, None),
+    "autosar-p4": (p04.e2e_p04_protect, {}, 71, 32, 12, 0xFFFF_FFFF),
+    "autosar-p5": (p05.e2e_p05_protect, {}, 0, 16, 3, 0xFFFF),
+    "autosar-p6": (p06.e2e_p06_protect, {}, 7, 16, 5, 0xFFFF),
+    "autosar-p7": (p07.e2e_p07_protect, {}, 7, 64, 20, 0xFFFF_FFFF),
+    "autosar-p11": (p11.e2e_p11_protect, {"data_id_mode": p11.E2E_P11_DATAID_BOTH}, 0, 8, 2, 0xFFFF),
+    "autosar-p11-nibble": (p11.e2e_p11_protect, {"data_id_mode": p11.E2E_P11_DATAID_NIBBLE}, 0, 8, 2, 0xFFF),
+}
+LENGTHS = (*range(2, 9), 12, 16, 20, 24, 32, 48, 64)
+
+
+@pytest.mark.parametrize("preset", PROFILES)
+def test_checksums_are_those_of_autosar_e2e(preset):
+    protect, options, start, bits, least, most = PROFILES[preset]
+    rng, lines, expected = random.Random(4), [], []
+    for _ in range(1000):
+        data = bytearray(rng.randbytes(rng.choice([length for length in LENGTHS if length >= least])))
+        if bits == 8:
+            # 15 is no counter of profiles 1 and 11.
+            data[1] = data[1] & 0xF0 | rng.randrange(16 if preset == "autosar-p2" else 15)
+        data_id = rng.randbytes(16) if most is None else rng.randint(0, most)
+        offset = 0 if preset == "autosar-p2" or len(data) < least + 8 else rng.choice([0, 8])
+        words = ",".join(map(str, data_id)) if most is None else str(data_id)
+        lines.append(f"checksum {preset} {start + 8 * offset} {bits} {words} 123##1{data.hex()}")
+        shift = {"offset": offset} if offset else {}
+        protect(data, data_id, increment_counter=False, **options, **shift)
+        expected.append({"frame": f"123##1{data.hex().upper()}"})
+    assert answers(OWN[0], lines) == expected
+
+
+SIMPLE = {
+    "crc8-j1850": crc.calculate_crc8,
+    "crc8-2f": crc.calculate_crc8_h2f,
+    "sum": lambda data: sum(data) & 0xFF,
+    "xor": lambda data: functools.reduce(operator.xor, data, 0),
+}
+
+
+@pytest.mark.parametrize("preset", SIMPLE)
+def test_checksums_without_a_data_id(preset):
+    rng, lines, expected = random.Random(5), [], []
+    for _ in range(1000):
+        data = bytearray(rng.randbytes(rng.choice(LENGTHS)))
+        place = rng.randrange(len(data))
+        lines.append(f"checksum {preset} {8 * place} 8 - 123##1{data.hex()}")
+        data[place] = SIMPLE[preset](bytes(data[:place] + data[place + 1 :]))
+        expected.append({"frame": f"123##1{data.hex().upper()}"})
+    assert answers(OWN[0], lines) == expected
