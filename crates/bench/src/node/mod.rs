@@ -28,6 +28,7 @@ pub mod mapped;
 mod plant;
 mod refusals;
 mod sample;
+mod wire;
 
 pub use carried::{Carried, ExciterNode, ExciterOutcome, carry};
 pub use interface::{FrameCheck, FrameCounts, FrameFault, PlantInterface, PublishError, PublishedSample, WireEvent};
@@ -35,6 +36,7 @@ pub use plant::PlantNode;
 pub use refusals::Refusals;
 pub use resonarm_protocol::Refusal;
 pub use resonarm_protocol::node::{NodeEvent, Timing};
+pub use wire::WireSpec;
 
 #[cfg(test)]
 mod tests;

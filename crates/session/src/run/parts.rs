@@ -4,7 +4,7 @@ use super::bench::Bench;
 use super::record_sink::RecordSink;
 use super::session::RecordTo;
 use super::{End, Mode, RunError, RunEvent, Session};
-use resonarm_bench::node::mapped::{self, MappedNode};
+use resonarm_bench::node::mapped::Pace;
 use resonarm_bench::node::{self, ExciterNode, PlantInterface, PlantNode};
 use resonarm_bus::{Filter, network_filters};
 use resonarm_files::recording::channels::Channels;
@@ -23,18 +23,15 @@ impl Session {
     /// [`RunError::Scenario`] for an impossible network.
     pub fn filters(&self) -> Result<Vec<Filter>, RunError> {
         let exactly = |id: Id| Filter { id, mask: if matches!(id, Id::Standard(_)) { 0x7FF } else { 0x1FFF_FFFF } };
-        Ok(match &self.mapping {
+        Ok(match &self.wire {
             None => network_filters(self.scenario.network()?).to_vec(),
-            Some(mapping) => {
-                let incoming = mapping.incoming.iter().map(|message| message.id);
-                incoming.chain(mapping.outgoing.iter().map(|message| message.id)).map(exactly).collect()
-            }
+            Some(wire) => wire.ids().into_iter().map(exactly).collect(),
         })
     }
 
     /// The exciter's node.
     pub(super) fn exciter_node(&self) -> Result<ExciterNode, RunError> {
-        if self.mapping.is_some() {
+        if self.wire.is_some() {
             return Err(RunError::WireWithoutExciter);
         }
         let (network, rate_hz) = (self.scenario.network()?, self.scenario.wire_rate_hz()?);
@@ -45,9 +42,9 @@ impl Session {
     fn plant_node(&self) -> Result<Box<dyn PlantInterface>, RunError> {
         let (network, rate_hz) = (self.scenario.network()?, self.scenario.wire_rate_hz()?);
         let (exciter, limits) = (*self.plant.exciter(), *self.plant.gate());
-        if let Some(mapping) = &self.mapping {
-            let pace = if self.mode == Mode::Lockstep { mapped::Pace::Lockstep } else { mapped::Pace::Clock };
-            return Ok(Box::new(MappedNode::new(mapping.clone(), (rate_hz, pace), self.timing, exciter, limits)));
+        if let Some(wire) = &self.wire {
+            let pace = if self.mode == Mode::Lockstep { Pace::Lockstep } else { Pace::Clock };
+            return Ok(wire.node((rate_hz, pace), self.timing, exciter, limits));
         }
         let node = PlantNode::new(network, rate_hz, self.timing, exciter).with_limits(limits);
         Ok(Box::new(node.with_samples_per_frame(self.scenario.network.samples_per_frame()?)))

@@ -16,8 +16,7 @@ use super::real_time::real_time;
 use super::report::exciter_frames;
 use super::{BothReport, BusCounts, End, Ending, ExciterReport, Mode, PlantReport, RunError, RunEvent, Signals, Watch};
 use resonarm_bench::control::Controller;
-use resonarm_bench::node::Timing;
-use resonarm_bench::node::mapped::mapping::Mapping;
+use resonarm_bench::node::{Timing, WireSpec};
 use resonarm_bench::plant::Plant;
 use resonarm_bus::fault::Faulty;
 use resonarm_bus::{Bus, VirtualBus, memory, timed};
@@ -122,8 +121,8 @@ pub struct Session {
     pub(super) timing: Timing,
     pub(super) network: Network,
     pub(super) plant: Plant,
-    /// What the messages of the scenario's own protocol mean, if it has one.
-    pub(super) mapping: Option<Mapping>,
+    /// The scenario's own protocol, if it has one.
+    pub(super) wire: Option<WireSpec>,
     ending: Ending,
     /// In place of the scenario's controller.
     controller: Option<MakeController>,
@@ -150,9 +149,9 @@ impl Session {
             (Mode::Lockstep, _) | (Mode::Free, Network::Ideal) => scenario.lockstep_timing()?,
         };
         scenario.network()?;
-        let mapping = scenario.mapping()?;
-        if let (Some(wire), Mode::Lockstep) = (&scenario.wire, mode)
-            && wire.lockstep.is_none()
+        let wire = scenario.wire_spec()?;
+        if let (Some(section), Mode::Lockstep) = (&scenario.wire, mode)
+            && section.lockstep.is_none()
         {
             return Err(ScenarioError::from(WireError::NoLockstep).into());
         }
@@ -175,7 +174,7 @@ impl Session {
             timing,
             network,
             plant,
-            mapping,
+            wire,
             ending,
             controller: None,
             watch: None,

@@ -16,7 +16,7 @@ pub use error::{Place, WireError};
 use super::{Scenario, ScenarioError};
 use crate::dbc::{self, Database};
 use crate::text_file;
-use resonarm_bench::node::mapped::mapping::Mapping;
+use resonarm_bench::node::WireSpec;
 
 /// The user's own protocol, in place of Resonarm's.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
@@ -316,14 +316,14 @@ impl WireSection {
 }
 
 impl Scenario {
-    /// What the messages of the scenario's own protocol mean, if it has one.
+    /// The scenario's own protocol, if it has one.
     ///
     /// # Errors
     /// [`ScenarioError::Wire`] says what in `[wire]` can't be.
-    pub fn mapping(&self) -> Result<Option<Mapping>, ScenarioError> {
+    pub fn wire_spec(&self) -> Result<Option<WireSpec>, ScenarioError> {
         let Some(section) = &self.wire else { return Ok(None) };
         let mapping = compile::mapping(self, section)?;
         load::check(self, section, &mapping)?;
-        Ok(Some(mapping))
+        Ok(Some(WireSpec::Mapped(mapping)))
     }
 }

@@ -1,0 +1,44 @@
+//! The protocol that the plant speaks, in place of Resonarm's.
+
+use alloc::boxed::Box;
+use alloc::vec::Vec;
+
+use super::mapped::mapping::Mapping;
+use super::mapped::{MappedNode, Pace};
+use super::{PlantInterface, Timing};
+use crate::rig::{Exciter, GateSpec};
+use resonarm_protocol::Id;
+
+/// A protocol of the user's.
+#[derive(Clone, Debug)]
+pub enum WireSpec {
+    /// Messages of a DBC.
+    Mapped(Mapping),
+}
+
+impl WireSpec {
+    /// The plant's node, of `rate_hz` samples a second, for an exciter of these limits and those of its gate.
+    pub fn node(
+        &self,
+        (rate_hz, pace): (u16, Pace),
+        timing: Timing,
+        exciter: Exciter,
+        limits: GateSpec,
+    ) -> Box<dyn PlantInterface> {
+        match self {
+            WireSpec::Mapped(mapping) => {
+                Box::new(MappedNode::new(mapping.clone(), (rate_hz, pace), timing, exciter, limits))
+            }
+        }
+    }
+
+    /// The identifiers of all its messages.
+    pub fn ids(&self) -> Vec<Id> {
+        match self {
+            WireSpec::Mapped(mapping) => {
+                let incoming = mapping.incoming.iter().map(|message| message.id);
+                incoming.chain(mapping.outgoing.iter().map(|message| message.id)).collect()
+            }
+        }
+    }
+}
