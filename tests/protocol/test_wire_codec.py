@@ -24,7 +24,7 @@ ROOT = Path(__file__).parents[2]
 TARGET = Path(os.environ.get("CARGO_TARGET_DIR", ROOT / "target"))
 PROGRAM = Path(os.environ.get("RESONARM_DBC_FRAMES", TARGET / "debug/examples/dbc_frames"))
 OWN = sorted((Path(__file__).parent / "dbc").glob("*.dbc")) + sorted((ROOT / "firmware-protocol").glob("*.dbc"))
-DECODED, ENCODED = 60_000, 40_000
+DECODED, ENCODED = 65_000, 44_000
 F64_BITS = 53
 
 
