@@ -3,6 +3,7 @@
 mod compile;
 mod conversion;
 mod error;
+mod lacks;
 mod load;
 mod signals;
 
@@ -12,6 +13,7 @@ use std::path::{Path, PathBuf};
 use serde::{Deserialize, Serialize};
 
 pub use error::{Place, WireError};
+pub use lacks::WireLack;
 
 use super::{Scenario, ScenarioError};
 use crate::dbc::{self, Database};
@@ -327,3 +329,6 @@ impl Scenario {
         Ok(Some(WireSpec::Mapped(mapping)))
     }
 }
+
+#[cfg(test)]
+mod tests;
