@@ -237,6 +237,24 @@ pub enum WireError {
         /// The cycle time, s.
         period_s: f64,
     },
+    /// Drives without a preset, a preset without drives, or keys of a DBC beside them.
+    #[error("[wire]: {problem}")]
+    Drives {
+        /// What is wrong.
+        problem: &'static str,
+    },
+    /// A number of a drive that can't be.
+    #[error("wire.drives, number {}: `{name}` is {got}: it must be {expected}", .place + 1, got = short(.got))]
+    Drive {
+        /// Its place, from 0.
+        place: usize,
+        /// The key.
+        name: &'static str,
+        /// What was given.
+        got: f64,
+        /// What would do.
+        expected: &'static str,
+    },
     /// Nothing arms the plant.
     #[error(
         "[wire] has nothing that arms the plant: give an event with `arm`, or `arm = \"operator\"` (in the live view), or \

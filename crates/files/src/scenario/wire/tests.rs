@@ -1,7 +1,7 @@
 //! Mappings, good and bad.
 
 use super::*;
-use resonarm_bench::node::mapped::mapping::{Arming, Mapping, Trigger};
+use resonarm_bench::node::mapped::mapping::{Arming, LoadInput, Mapping, Trigger};
 
 const DBC: &str = include_str!("tests/bench.dbc");
 const SCENARIO: &str = include_str!("tests/bench.toml");
@@ -115,4 +115,54 @@ fn signals_of_the_dbc_that_are_refused() {
     insta::assert_snapshot!(dbc_says("SG_ Force :", "SG_ Force m1 :"), @"bench.dbc, line 10: signal Force of Drive: it is multiplexed, and the message has no switch, a signal marked M");
     insta::assert_snapshot!(dbc_says("BO_ 256 Drive: 8", "BO_ 256 Drive: 9"), @"bench.dbc, line 9: message Drive: its length is 9 bytes: a classical frame has 0 to 8; if it is CAN FD, its attribute VFrameFormat has to be StandardCAN_FD or ExtendedCAN_FD");
     insta::assert_snapshot!(dbc_says("BO_ 256 Drive: 8", "BO_ 4096 Drive: 8"), @"bench.dbc, line 9: message Drive: identifier 4096 does not fit 11 bits: with 29 bits it is written as 2147487744, with bit 31");
+}
+
+fn odrive(keys: &str) -> Result<Mapping, String> {
+    compiled(&format!("[wire]\npreset = 'odrive'\n{keys}"), "")
+}
+
+#[test]
+fn a_preset_has_the_messages_of_its_drives() {
+    let two = "{ node_id = 0, joint = 2 }, { node_id = 5, joint = 1, gear_ratio = 8.0, torque_constant_nm_a = 0.1 }";
+    let mapping = odrive(&format!("drives = [{two}]")).unwrap();
+    let ids: Vec<u32> = mapping.incoming.iter().map(|message| message.id.raw()).collect();
+    assert_eq!(ids, [0x02, 0x07, 0x0B, 0x0E, 0x18, 0xA2, 0xA7, 0xAB, 0xAE, 0xB8]);
+    let torque = &mapping.incoming[8].commands[0];
+    assert_eq!((torque.scale, torque.input), (8.0, LoadInput::Torque1));
+    let ids: Vec<u32> = mapping.outgoing.iter().map(|message| message.id.raw()).collect();
+    assert_eq!(ids, [0x01, 0x03, 0x09, 0x14, 0x15, 0x17, 0x1C, 0xA1, 0xA3, 0xA9, 0xB4, 0xB5, 0xB7, 0xBC]);
+    assert_eq!(mapping.outgoing[2].trigger, Trigger::Every(10));
+    let lockstep = odrive("lockstep = 'command'\ndrives = [{ node_id = 0, joint = 2 }]").unwrap();
+    assert_eq!(lockstep.outgoing[2].trigger, Trigger::Every(1));
+}
+
+#[test]
+fn drives_that_are_refused() {
+    let says = |keys: &str| odrive(keys).unwrap_err();
+    let found = [
+        says(""),
+        says("dbc = 'bench.dbc'"),
+        says("drives = [{ node_id = 64, joint = 1 }]"),
+        says("drives = [{ node_id = 0, joint = 3 }]"),
+        says("drives = [{ node_id = 0, joint = 1 }, { node_id = 0, joint = 2 }]"),
+        says("drives = [{ node_id = 0, joint = 1, gear_ratio = 0.0 }]"),
+        says("drives = [{ node_id = 0, joint = 1, torque_constant_nm_a = -1.0 }]"),
+        says("timeout_s = 0.0\ndrives = [{ node_id = 0, joint = 1 }]"),
+        says(
+            "drives = [{ node_id = 0, joint = 1 }]\n[rig.shaker]\nmoving_mass_kg = 1\nstiffness_n_m = 1\ndamping_n_s_m = 1\nforce_factor_n_a = 1\nresistance_ohm = 1\ninductance_h = 0\nstroke_m = 1\ncurrent_limit_a = 1\nvoltage_limit_v = 1",
+        ),
+        compiled("[wire]\ndrives = [{ node_id = 0, joint = 1 }]", "").unwrap_err(),
+    ];
+    insta::assert_snapshot!(found.join("\n"), @r#"
+    [wire]: a preset needs at least one drive: drives = [{ node_id = 0, joint = 1 }]
+    [wire]: with a `preset` the messages are given: leave out `dbc`, `node`, `arm`, `sync`, `commands`, `events` and `readings`
+    wire.drives, number 1: `node_id` is 64: it must be from 0 to 63, and another than those before
+    wire.drives, number 1: `joint` is 3: it must be 1 or 2, and another than those before
+    wire.drives, number 2: `node_id` is 0: it must be from 0 to 63, and another than those before
+    wire.drives, number 1: `gear_ratio` is 0: it must be a number other than 0
+    wire.drives, number 1: `torque_constant_nm_a` is -1: it must be a positive number
+    wire.commands: message Axis0_Set_Input_Torque: `timeout_s` is 0: it must be a positive number of seconds, at most 3600
+    [wire]: a drive exerts a torque, and a shaker takes none: leave out [rig.shaker]
+    [wire]: `drives` and `timeout_s` belong to a `preset`: give one, as "odrive"
+    "#);
 }
