@@ -198,6 +198,14 @@ fn loads_act_while_it_is_armed_and_no_longer() {
 }
 
 #[test]
+fn a_load_just_before_it_is_armed_is_counted_as_refused() {
+    let mut rig = Rig::new();
+    rig.send(DRIVE, 500, false);
+    rig.node.execute(0, OperatorRequest::Arm);
+    assert_eq!((force_n(rig.tick()), rig.refusals(Refusal::NotArmed)), (0.0, 1));
+}
+
+#[test]
 fn what_the_exciter_cannot_produce_is_refused_and_counted() {
     let mut rig = Rig::new();
     rig.send(DRIVE, 500, true);
