@@ -12,6 +12,8 @@ use std::path::{Path, PathBuf};
 use serde::{Deserialize, Serialize};
 
 pub use error::{Place, WireError};
+pub(crate) use signals::quantity::channel;
+pub(crate) use signals::{REASONS, STATES};
 
 use super::{Scenario, ScenarioError};
 use crate::dbc::{self, Database};
