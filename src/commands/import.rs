@@ -9,7 +9,7 @@ use crate::flags;
 use crate::output::JsonFlag;
 use crate::recordings::existing;
 use resonarm::can_log::LogFormat;
-use resonarm::import::{ImportOptions, Imported, import};
+use resonarm::import::{ImportOptions, Imported, Missing, WireImport, import};
 use resonarm::scenario::Scenario;
 
 /// Makes a recording of a CAN log, for `replay`, and with --scenario for `compare`. It has no states of the arm, so
@@ -63,13 +63,57 @@ impl Import {
 }
 
 fn text(imported: &Imported) -> String {
-    let Imported { path, frames, of_other_interfaces, others, duration_s } = imported;
+    let Imported { path, frames, of_other_interfaces, others, duration_s, wire } = imported;
     let frames_of = if *frames == 1 { "frame of" } else { "frames of" };
     let others_of =
         if *others == 1 { "line or object that is no frame" } else { "lines or objects that are no frames" };
+    let of_wire = wire.as_ref().map_or(String::new(), wire_text);
     format!(
         "{}: {frames} {frames_of} {duration_s:.3} s; left out {of_other_interfaces} of other interfaces and \
-         {others} {others_of}\n",
+         {others} {others_of}\n{of_wire}",
         path.display()
     )
+}
+
+/// What was gathered from the frames of the scenario's own protocol, and what is missing.
+fn wire_text(wire: &WireImport) -> String {
+    let mut text = match wire.missing_readings.is_empty() {
+        true => format!(
+            "readings of {} samples; {} samples missing in {} gaps, {} left out for want of some of their frames\n",
+            wire.samples, wire.missing_samples, wire.gaps, wire.incomplete_samples
+        ),
+        false => format!("no readings: {}\n", missing_text(&wire.missing_readings)),
+    };
+    text += &match wire.missing_states.is_empty() {
+        true => format!("states and commanded loads of {} samples\n", wire.states),
+        false => {
+            format!("no states and loads, which are in the frames alone: {}\n", missing_text(&wire.missing_states))
+        }
+    };
+    if wire.is_placed_by_time {
+        text += "a message with readings has neither index nor counter: its frames are placed by their time stamps\n";
+    }
+    for (message, frames) in &wire.refused_frames {
+        text += &format!("{frames} frames of {message} left out: checksum, counter, length or a number is wrong\n");
+    }
+    let WireImport { repeated_frames, lost_frames, .. } = wire;
+    if repeated_frames + lost_frames > 0 {
+        text += &format!(
+            "{repeated_frames} frames left out that repeat a sample or are late; {lost_frames} lost, by the counters\n"
+        );
+    }
+    text
+}
+
+/// The channels that are missing, by why.
+fn missing_text(missing: &[Missing]) -> String {
+    let of = |is_carried: bool| {
+        let names = missing.iter().filter(|of| of.is_carried == is_carried).map(|of| of.channel);
+        names.collect::<Vec<_>>().join(", ")
+    };
+    match [of(false), of(true)] {
+        [none, some] if some.is_empty() => format!("the wire does not carry {none}"),
+        [none, some] if none.is_empty() => format!("the wire does not carry {some} every sample"),
+        [none, some] => format!("the wire does not carry {none}, nor {some} every sample"),
+    }
 }

@@ -56,11 +56,6 @@ impl Checked {
         Checked { protection: protection.clone(), counter: CounterCheck::new() }
     }
 
-    /// The protection.
-    pub const fn protection(&self) -> &Protection {
-        &self.protection
-    }
-
     /// Checks checksum and counter of a frame, as the plant does; returns how the counter follows, `None` without one.
     /// More frames lost than are allowed are no fault here.
     ///
