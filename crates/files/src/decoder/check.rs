@@ -43,6 +43,17 @@ pub enum Fault {
     },
 }
 
+impl Fault {
+    /// What is wrong, without its numbers.
+    pub const fn kind(&self) -> &'static str {
+        match self {
+            Fault::Checksum(_) => "checksum",
+            Fault::Counter(_) | Fault::Lost { .. } => "counter",
+            Fault::Short { .. } | Fault::NotFinite { .. } => "form or content",
+        }
+    }
+}
+
 /// Counter and checksum of a message, with the counter that came last.
 #[derive(Clone, Debug)]
 pub(crate) struct Checked {

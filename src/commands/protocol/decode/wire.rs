@@ -146,10 +146,16 @@ fn message_text(message: &DecodedMessage) -> String {
         text += &format!(" ({means})");
     }
     for signal in &message.signals {
-        text += &format!(" {}", signal_text(signal));
+        if let Some(value) = signal.value {
+            text += &format!(" {}", signal_text(signal, value));
+        }
     }
     if message.bytes != message.expected_bytes {
         text += &format!("; {} of {} bytes", message.bytes, message.expected_bytes);
+    }
+    let beyond: Vec<&str> = message.beyond().map(|signal| signal.name.as_str()).collect();
+    if !beyond.is_empty() {
+        text += &format!(", beyond them {}", beyond.join(", "));
     }
     if let Outcome::Taken { lost: lost @ 1.. } = message.outcome {
         text += &format!("; {lost} lost before it");
@@ -157,9 +163,10 @@ fn message_text(message: &DecodedMessage) -> String {
     text
 }
 
-fn signal_text(signal: &DecodedSignal) -> String {
-    let Some(value) = signal.value else { return format!("{} is beyond the frame", signal.name) };
-    let mut text = format!("{}={}", signal.name, short(&value));
+fn signal_text(signal: &DecodedSignal, value: f64) -> String {
+    // The last digits of a product of count and factor mean nothing.
+    let shown = format!("{value:.14e}").parse().unwrap_or(value);
+    let mut text = format!("{}={}", signal.name, short(&shown));
     if !signal.unit.is_empty() {
         text += &format!(" {}", signal.unit);
     }
