@@ -329,3 +329,7 @@ fn sample_record(sample: u64, row: &Row<{ OUTPUTS.len() }>) -> SampleRecord {
         clipped: Clipped { acceleration_b: pair(2), acceleration_c: pair(4), head_force: pair(0) },
     }
 }
+
+#[cfg(test)]
+#[path = "wire_tests.rs"]
+mod tests;
