@@ -97,12 +97,14 @@ fn wire_text(wire: &WireImport) -> String {
         text += "a message with readings has neither index nor counter: its frames are placed by their time stamps\n";
     }
     for (message, frames) in &wire.refused_frames {
-        text += &format!("{frames} frames of {message} left out: checksum, counter, length or a number is wrong\n");
+        text += &format!(
+            "left out of {message}: {frames}, for a wrong checksum, counter or length, or a value that is no number\n"
+        );
     }
     let WireImport { repeated_frames, lost_frames, .. } = wire;
     if repeated_frames + lost_frames > 0 {
         text += &format!(
-            "{repeated_frames} frames left out that repeat a sample or are late; {lost_frames} lost, by the counters\n"
+            "left out since they repeat a sample or are late: {repeated_frames}; lost, by the counters: {lost_frames}\n"
         );
     }
     text

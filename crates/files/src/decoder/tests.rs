@@ -68,7 +68,10 @@ fn loads_and_requests_have_their_meaning() {
     assert_eq!(first.outcome, Outcome::Taken { lost: 0 });
     assert_eq!(meanings(&first), "load torque1_nm=50; arm; loads count; counter");
     assert_eq!((first.signals[0].unit.as_str(), first.signals[1].text.as_deref()), ("mA", Some("on")));
-    assert_eq!(meanings(&message(&mut decoder, "100#E8030101")), "load torque1_nm=50; arm, unchanged; loads count; counter");
+    assert_eq!(
+        meanings(&message(&mut decoder, "100#E8030101")),
+        "load torque1_nm=50; arm, unchanged; loads count; counter"
+    );
     let off = message(&mut decoder, "100#18FCFF03");
     assert_eq!((off.outcome, decoder.lost()), (Outcome::Taken { lost: 1 }, 1));
     assert_eq!(off.signals[1].text.as_deref(), Some("off"));
@@ -83,7 +86,10 @@ fn what_is_wrong_is_named() {
     let repeated = message(&mut decoder, "100#0000FF00");
     let Outcome::Refused(fault) = repeated.outcome else { panic!("{:?}", repeated.outcome) };
     assert_eq!((fault.to_string().as_str(), fault.kind()), ("counter 0 comes again", "counter"));
-    assert_eq!(meanings(&message(&mut decoder, "100#00000101")), "load torque1_nm=0; arm, unchanged; loads count; counter");
+    assert_eq!(
+        meanings(&message(&mut decoder, "100#00000101")),
+        "load torque1_nm=0; arm, unchanged; loads count; counter"
+    );
     let short = message(&mut decoder, "200#0100");
     assert_eq!(short.outcome.to_owned(), Outcome::Refused(Fault::Short { got: 2, signal: "Alpha1".into() }));
     assert_eq!(short.beyond().map(|signal| signal.name.as_str()).collect::<Vec<_>>(), ["Alpha1", "Fault"]);
@@ -96,7 +102,10 @@ fn readings_are_in_their_si_unit() {
     let mut decoder = decoder();
     // 2 mrad as a floating-point number.
     let angle = message(&mut decoder, "200#010000004003");
-    assert_eq!(angle.signals.iter().map(|signal| signal.name.as_str()).collect::<Vec<_>>(), ["Which", "Alpha1", "Fault"]);
+    assert_eq!(
+        angle.signals.iter().map(|signal| signal.name.as_str()).collect::<Vec<_>>(),
+        ["Which", "Alpha1", "Fault"]
+    );
     assert_eq!(meanings(&angle), "alpha1_rad=0.002; command-timeout");
     assert_eq!(meanings(&message(&mut decoder, "200#010000000007")), "alpha1_rad=0; no reason");
     // Multiplexed to a signal that is not mapped.

@@ -13,10 +13,10 @@ use super::DISORDER_NS;
 use super::index::{Anchor, FrameIndex, Numbering, Placed};
 use super::loads::Loads;
 use super::rows::{Row, Rows};
-use crate::decoder::Checked;
+use crate::decoder::{Checked, Fault};
 use crate::recording::{Clipped, Direction, Record, SampleRecord, StateRecord};
 use crate::scenario::{Scenario, ScenarioError};
-use resonarm_wire::counter::Step;
+use resonarm_wire::counter::{CounterFault, Step};
 
 /// The states of the arm.
 const ARM_STATES: usize = 4;
@@ -141,9 +141,16 @@ impl Gatherer {
 
     fn read(&mut self, place: usize, frame: &Frame, time_ns: u64) -> Option<u64> {
         let reader = &mut self.readers[place];
-        let Some((step, raw)) = reader.check(frame) else {
-            *self.found.refused_frames.entry(reader.name.clone()).or_default() += 1;
-            return None;
+        let (step, raw) = match reader.check(frame) {
+            Ok(found) => found,
+            Err(Unusable::Repeated) => {
+                self.found.repeated_frames += 1;
+                return None;
+            }
+            Err(Unusable::Wrong) => {
+                *self.found.refused_frames.entry(reader.name.clone()).or_default() += 1;
+                return None;
+            }
         };
         if let Some(Step::Lost { frames }) = step {
             self.found.lost_frames += frames;
@@ -222,10 +229,18 @@ impl Reader {
         self.index.numbering() == Numbering::Time
     }
 
-    /// How the counter follows, and what numbers the frame; `None` if the frame can't be used.
-    fn check(&mut self, frame: &Frame) -> Option<(Option<Step>, Option<u64>)> {
-        let payload = frame.data();
-        let step = self.checked.step(frame).ok()?;
+    /// How the counter follows, and what numbers the frame.
+    fn check(&mut self, frame: &Frame) -> Result<(Option<Step>, Option<u64>), Unusable> {
+        let step = self.checked.step(frame).map_err(|fault| match fault {
+            Fault::Counter(CounterFault::Repeated { .. }) => Unusable::Repeated,
+            _ => Unusable::Wrong,
+        })?;
+        Ok((step, self.number(frame.data()).ok_or(Unusable::Wrong)?))
+    }
+
+    /// What numbers a frame, if its message has something that does; `None` if the payload ends before a signal, or one is
+    /// no number.
+    fn number(&self, payload: &[u8]) -> Option<Option<u64>> {
         let mut index = None;
         for ReadingSignal { signal, source } in &self.message.signals {
             if signal.presence.is_in(payload)? {
@@ -235,13 +250,20 @@ impl Reader {
                 }
             }
         }
-        let raw = match self.index.numbering() {
+        Some(match self.index.numbering() {
             Numbering::Sample(_) => Some(index?),
             Numbering::Counter(_) => Some(self.message.protection.counter.as_ref()?.read(payload)?),
             Numbering::Time => None,
-        };
-        Some((step, raw))
+        })
     }
+}
+
+/// Why a frame of readings can't be used.
+enum Unusable {
+    /// Its counter is that of the frame before.
+    Repeated,
+    /// Its checksum, counter or length is wrong, or a signal is no number.
+    Wrong,
 }
 
 /// Whether a message is sent every sample: by the samples, or by a clock of their rate.

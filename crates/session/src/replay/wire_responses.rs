@@ -52,7 +52,8 @@ fn start(recording: &Recording, scenario: &Scenario, profile: &Profile) -> Resul
     let half = half_count(&mapping);
     let commands = commands(recording, scenario, &mapping)?;
     let is_load = |load: &[f64; 4]| load.iter().any(|part| part.abs() > half);
-    let first = commands.iter().find(|(_, load)| is_load(load)).map(|(sample, _)| *sample).ok_or(ReplayError::NoLoad)?;
+    let first =
+        commands.iter().find(|(_, load)| is_load(load)).map(|(sample, _)| *sample).ok_or(ReplayError::NoLoad)?;
     let expected = |index: u64| parts(&profile.load(index));
     let ahead = (0..profile.samples()).find(|index| is_load(&expected(*index))).ok_or(ReplayError::NoLoad)?;
     let start = first.saturating_sub(ahead);
@@ -87,7 +88,8 @@ fn commands(
             && let Some(load) = load(&mapping.incoming[place], record.frame.data())
         {
             held[place] = load;
-            commands.insert(record.sample, held.iter().fold([0.0; 4], |sum, one| [0, 1, 2, 3].map(|i| sum[i] + one[i])));
+            commands
+                .insert(record.sample, held.iter().fold([0.0; 4], |sum, one| [0, 1, 2, 3].map(|i| sum[i] + one[i])));
         }
     }
     Ok(commands)
