@@ -81,9 +81,23 @@ impl FrameIndex {
         // An older frame is no place to count from.
         if self.last.is_none_or(|last| sample > last.sample) {
             let FrameIndex { order, numbering, .. } = *self;
+            let time_ns = self.followed(sample, time_ns);
             self.last = Some(Anchor { sample, raw, time_ns, order, numbering });
         }
         Placed::At(sample)
+    }
+
+    /// The time to count from. If time stamps alone number the frames, it follows theirs by a part of the difference, so
+    /// that neither late frames nor another speed of the log's clock add up.
+    fn followed(&self, sample: u64, time_ns: u64) -> u64 {
+        const PART: f64 = 1.0 / 16.0;
+        match (self.numbering, self.last) {
+            (Numbering::Time, Some(last)) => {
+                let expected_ns = last.time_ns as f64 + (sample - last.sample) as f64 * 1e9 / self.rate_hz;
+                libm::round(expected_ns + PART * (time_ns as f64 - expected_ns)) as u64
+            }
+            _ => time_ns,
+        }
     }
 
     /// Samples from the frame before.
@@ -151,6 +165,12 @@ mod tests {
         let at = |us: u64| us * 1000;
         let found = [0, 1200, 1700, 4100].map(|us| index.place(None, None, at(us), None));
         assert_eq!(found, [At(0), At(1), At(2), At(4)]);
+        // A clock that is 0.1 % fast, and frames that are late by up to 0.3 ms.
+        let mut index = FrameIndex::new(0, Numbering::Time, 1000.0);
+        for sample in 0..5000 {
+            let time_ns = sample * 1_001_000 + sample * 7919 % 300 * 1000;
+            assert_eq!(index.place(None, None, time_ns, None), At(sample), "{time_ns}");
+        }
     }
 
     /// In lockstep a sample may take any time.

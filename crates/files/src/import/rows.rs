@@ -89,7 +89,7 @@ mod tests {
     #[test]
     fn whole_samples_come_in_order_and_others_are_counted() {
         let mut rows = Rows::<2>::new(0b11, 2);
-        let mut add = |rows: &mut Rows<2>, sample, message: u32| {
+        let add = |rows: &mut Rows<2>, sample, message: u32| {
             rows.add(sample, message, |row| row.values[message as usize] = sample as f64);
         };
         for (sample, message) in [(1, 0), (1, 1), (0, 1), (0, 0), (2, 0), (3, 0), (3, 1)] {

@@ -123,7 +123,7 @@ pub enum ReplayError {
     /// What a controller on the scenario's own protocol played is not known.
     #[error(
         "the controller on the scenario's own [wire] is not Resonarm's: its responses are read with the [excitation] that it \
-         played, without [control], and the scenario has none"
+         played, not with [control]"
     )]
     NoExcitation,
     /// No command on the scenario's own protocol has a load.
