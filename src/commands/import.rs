@@ -15,8 +15,8 @@ use resonarm::scenario::Scenario;
 /// Makes a recording of a CAN log, for `replay`, and with --scenario for `compare`. It has no states of the arm, so
 /// `resim` does not accept it. The log is read twice and never held in memory.
 ///
-/// With a scenario that has [wire] the recording also has the readings of the bench that was logged, for `identify`, if its
-/// protocol carries all of them every sample; what is missing is named. Samples that are not in the log are gaps.
+/// With a scenario that has [wire] the recording also has the readings of the bench that was logged, for `identify`, if
+/// its protocol carries all of them every sample; what is missing is named. Samples that are not in the log are gaps.
 #[derive(Debug, Args)]
 pub(crate) struct Import {
     /// The log: of `candump -L`, or ASC or BLF of Vector's tools.

@@ -1,11 +1,12 @@
 //! Logs of other tools as recordings.
 //!
-//! An imported recording of Resonarm's protocol holds frames alone. It can be replayed; with the scenario of the network
-//! that was logged, what its controller read can be read again (`replay::responses` of the crate `resonarm-session`).
-//! It has no states, so it can't be simulated again.
+//! An imported recording of Resonarm's protocol holds frames alone. It can be replayed; with the scenario of the
+//! network that was logged, what its controller read can be read again (`replay::responses` of the crate
+//! `resonarm-session`). It has no states, so it can't be simulated again.
 //!
-//! With a scenario that has a protocol of its own the recording holds readings as well, if that carries all of them every
-//! sample, and likewise states with the commanded loads. Nothing is interpolated: what is not in the log is a gap.
+//! With a scenario that has a protocol of its own the recording holds readings as well, if that carries all of them
+//! every sample, and likewise states with the commanded loads. Nothing is interpolated: what is not in the log is a
+//! gap.
 
 mod index;
 mod loads;

@@ -1,8 +1,8 @@
 //! Frames of a user's own protocol explained: by a DBC alone, or also by what a scenario's `[wire]` makes of them.
 //!
-//! A decoder listens as the plant and its controller do: it checks length, checksum and counter of every mapped message,
-//! and keeps the last value of every signal with requests. What the plant refuses for another reason, such as a load
-//! beyond a limit, is not in a frame.
+//! A decoder listens as the plant and its controller do: it checks length, checksum and counter of every mapped
+//! message, and keeps the last value of every signal with requests. What the plant refuses for another reason, such as
+//! a load beyond a limit, is not in a frame.
 
 mod check;
 mod explained;

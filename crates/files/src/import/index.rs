@@ -42,7 +42,8 @@ pub(super) struct Anchor {
 /// Places the frames of one message.
 ///
 /// Index and counter go round: how often is taken from the time stamps, the nearest number of samples to the time since
-/// the frame before. A frame whose counter is the next and whose index is, too, follows the one before, whatever the time.
+/// the frame before. A frame whose counter is the next and whose index is, too, follows the one before, whatever the
+/// time.
 #[derive(Clone, Debug)]
 pub(super) struct FrameIndex {
     order: usize,
@@ -87,8 +88,8 @@ impl FrameIndex {
         Placed::At(sample)
     }
 
-    /// The time to count from. If time stamps alone number the frames, it follows theirs by a part of the difference, so
-    /// that neither late frames nor another speed of the log's clock add up.
+    /// The time to count from. If time stamps alone number the frames, it follows theirs by a part of the difference,
+    /// so that neither late frames nor another speed of the log's clock add up.
     fn followed(&self, sample: u64, time_ns: u64) -> u64 {
         const PART: f64 = 1.0 / 16.0;
         match (self.numbering, self.last) {

@@ -44,8 +44,8 @@ pub struct WireImport {
     pub repeated_frames: u64,
     /// Frames lost, according to the counters of readings and commands.
     pub lost_frames: u64,
-    /// Whether a message with readings has neither an index of the sample nor a counter, so that its frames are placed by
-    /// their time stamps.
+    /// Whether a message with readings has neither an index of the sample nor a counter, so that its frames are placed
+    /// by their time stamps.
     pub is_placed_by_time: bool,
 }
 
@@ -238,8 +238,8 @@ impl Reader {
         Ok((step, self.number(frame.data()).ok_or(Unusable::Wrong)?))
     }
 
-    /// What numbers a frame, if its message has something that does; `None` if the payload ends before a signal, or one is
-    /// no number.
+    /// What numbers a frame, if its message has something that does; `None` if the payload ends before a signal, or one
+    /// is no number.
     fn number(&self, payload: &[u8]) -> Option<Option<u64>> {
         let mut index = None;
         for ReadingSignal { signal, source } in &self.message.signals {
@@ -311,8 +311,8 @@ fn directions(mapping: &Mapping) -> BTreeMap<Id, Direction> {
     incoming.chain(mapping.outgoing.iter().map(|message| (message.id, Direction::Sent))).collect()
 }
 
-/// Writes a reading in its SI unit, and whether it is beyond its range: as a mark says, or at the end of what its signal
-/// can say, where a plant limits it.
+/// Writes a reading in its SI unit, and whether it is beyond its range: as a mark says, or at the end of what its
+/// signal can say, where a plant limits it.
 fn write_reading(of: &ReadingSignal, payload: &[u8], row: &mut Row<{ OUTPUTS.len() }>) {
     let (Some(got), Source::Value { value, scale, offset }) = (value_of(of, payload), &of.source) else { return };
     let (Value::Reading(place) | Value::Clipped(place)) = *value else { return };

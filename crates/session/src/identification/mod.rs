@@ -50,8 +50,8 @@ const HIGHEST_HZ: f64 = 100.0;
 /// out: they only show the initial state.
 ///
 /// # Errors
-/// [`IdentificationError`] if the recording can't be read or has no readings, a reading is clipped, or nothing drives the
-/// arm.
+/// [`IdentificationError`] if the recording can't be read or has no readings, a reading is clipped, or nothing drives
+/// the arm.
 pub fn record(recording: &Recording, scenario: &Scenario, input: Direction) -> Result<Record, IdentificationError> {
     check_readings(recording)?;
     let rate_hz = 1.0 / recording.origin().dt_s;

@@ -19,9 +19,9 @@ use resonarm_files::scenario::Scenario;
 /// The responses, each with the sample by which it was read.
 ///
 /// # Errors
-/// [`ReplayError::NoExcitation`] if the scenario has no excitation or also a control, [`ReplayError::NoLoad`] if no command
-/// has a load, [`ReplayError::Command`] if one has another than the excitation; [`ReplayError`] if the recording has no
-/// readings or gaps.
+/// [`ReplayError::NoExcitation`] if the scenario has no excitation or also a control, [`ReplayError::NoLoad`] if no
+/// command has a load, [`ReplayError::Command`] if one has another than the excitation; [`ReplayError`] if the
+/// recording has no readings or gaps.
 pub(super) fn timed_responses(
     recording: &Recording,
     scenario: &Scenario,

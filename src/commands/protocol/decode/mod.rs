@@ -37,13 +37,13 @@ pub(super) struct Decode {
     #[arg(value_name = "FRAME")]
     frames: Vec<String>,
     /// TOML file with the scenario of the frames: its network, or its own protocol, [wire].
-    #[arg(long, value_name = "FILE", conflicts_with_all = ["dbc", "recording", "base", "plant_id", "exciter_id", "profile"])]
+    #[arg(long, value_name = "FILE", conflicts_with_all = NETWORK)]
     scenario: Option<PathBuf>,
     /// DBC file of the frames.
-    #[arg(long, value_name = "FILE", conflicts_with_all = ["recording", "base", "plant_id", "exciter_id", "profile"])]
+    #[arg(long, value_name = "FILE", conflicts_with_all = NETWORK, conflicts_with = "scenario")]
     dbc: Option<PathBuf>,
     /// Explain the frames in a recording, by the protocol of its scenario; times count from its beginning.
-    #[arg(long, value_name = "FILE", conflicts_with_all = ["frames", "base", "plant_id", "exciter_id", "profile"])]
+    #[arg(long, value_name = "FILE", conflicts_with_all = NETWORK, conflicts_with_all = ["frames", "scenario", "dbc"])]
     recording: Option<PathBuf>,
     #[command(flatten)]
     network: NetworkFlags,
@@ -51,6 +51,8 @@ pub(super) struct Decode {
     json: JsonFlag,
 }
 
+/// The flags that say which network, which a file says otherwise.
+const NETWORK: [&str; 4] = ["base", "plant_id", "exciter_id", "profile"];
 /// Number of characters shown of a line without a frame.
 const SHOWN_CHARS: usize = 80;
 
