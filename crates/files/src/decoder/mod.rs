@@ -41,10 +41,10 @@ impl Decoder {
     /// # Errors
     /// [`ScenarioError::Wire`] says what in `[wire]` can't be.
     pub fn of_scenario(scenario: &Scenario) -> Result<Option<Decoder>, ScenarioError> {
-        let (Some(section), Some(WireSpec::Mapped(mapping))) = (&scenario.wire, scenario.wire_spec()?) else {
+        let (Some(database), Some(WireSpec::Mapped(mapping))) = (scenario.wire_database()?, scenario.wire_spec()?)
+        else {
             return Ok(None);
         };
-        let database = section.database()?;
         let mapped = mapped(&database, &mapping);
         Ok(Some(Decoder { database, mapped, lost: 0 }))
     }

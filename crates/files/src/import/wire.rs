@@ -84,10 +84,11 @@ pub(super) struct Gatherer {
 impl Gatherer {
     /// The gatherer of a scenario; `None` if it has no protocol of its own.
     pub fn new(scenario: &Scenario) -> Result<Option<Gatherer>, ScenarioError> {
-        let (Some(section), Some(WireSpec::Mapped(mapping))) = (&scenario.wire, scenario.wire_spec()?) else {
+        let (Some(database), Some(WireSpec::Mapped(mapping))) = (scenario.wire_database()?, scenario.wire_spec()?)
+        else {
             return Ok(None);
         };
-        let (database, rate_hz) = (section.database()?, scenario.simulation.rate_hz);
+        let rate_hz = scenario.simulation.rate_hz;
         let name = |id| database.message_by_id(id).map_or(String::new(), |message| message.name().to_string());
         let of_sample = mapping.outgoing.iter().filter(|message| is_every_sample(message, &mapping, rate_hz));
         let readers: Vec<Reader> = of_sample

@@ -16,7 +16,7 @@ use alloc::vec;
 use alloc::vec::Vec;
 
 use super::guard::Guard;
-use super::interface::{FrameCheck, FrameCounts, FrameFault, PlantInterface, PublishError, PublishedSample, WireEvent};
+use super::interface::{FrameCheck, FrameCounts, FrameFault, PlantInterface, WireEvent};
 use super::{Refusal, Timing};
 use crate::rig::{Exciter, GateSpec};
 use incoming::{Receiver, plus};
@@ -24,9 +24,7 @@ use mapping::{Action, Arming, Lockstep, Mapping, Trigger, Values};
 use outgoing::{Said, Sender};
 use resonarm_dynamics::arm::Load;
 use resonarm_protocol::node::{Listening, Queue};
-use resonarm_protocol::{
-    Emergency, EmergencyCode, Frame, FrameFormat, Id, Node, NodeState, OperatorRequest, StateEvent, Trip,
-};
+use resonarm_protocol::{Emergency, EmergencyCode, Frame, FrameFormat, Id, Node, NodeState, StateEvent, Trip};
 
 /// Most events that wait to be fetched.
 const EVENTS: usize = 64;

@@ -6,7 +6,7 @@ use std::path::PathBuf;
 use thiserror::Error;
 
 use crate::dbc::DbcError;
-use resonarm_numeric::number::short;
+use resonarm_numeric::number::{rounded, short};
 use resonarm_wire::checksum::{PresetError, UnknownPreset};
 use resonarm_wire::counter::CounterError;
 
@@ -103,7 +103,7 @@ pub enum WireError {
         problem: &'static str,
     },
     /// A unit that does not go into the quantity's.
-    #[error("{place}: its unit {got:?} is none that becomes {expected}: give `scale`, {expected} for one of it{}", converted(.known))]
+    #[error("{place}: its unit {got:?} is none of {known}, which become {expected}: give `scale`, {}", scale_of(.place, .expected))]
     Unit {
         /// Where.
         place: Place,
@@ -155,7 +155,7 @@ pub enum WireError {
     /// A signal that can't say what it has to.
     #[error(
         "{place}: it says {least} to {most} {unit}, and {what} goes from {from} to {to}: widen the signal, or lower {limit}",
-        least = short(.least), most = short(.most), from = short(.from), to = short(.to)
+        least = short(.least), most = short(.most), from = rounded(.from, 6), to = rounded(.to, 6)
     )]
     Range {
         /// Where.
@@ -237,6 +237,24 @@ pub enum WireError {
         /// The cycle time, s.
         period_s: f64,
     },
+    /// Drives without a preset, a preset without drives, or keys of a DBC beside them.
+    #[error("[wire]: {problem}")]
+    Drives {
+        /// What is wrong.
+        problem: &'static str,
+    },
+    /// A number of a drive that can't be.
+    #[error("wire.drives, number {}: `{name}` is {got}: it must be {expected}", .place + 1, got = short(.got))]
+    Drive {
+        /// Its place, from 0.
+        place: usize,
+        /// The key.
+        name: &'static str,
+        /// What was given.
+        got: f64,
+        /// What would do.
+        expected: &'static str,
+    },
     /// Nothing arms the plant.
     #[error(
         "[wire] has nothing that arms the plant: give an event with `arm`, or `arm = \"operator\"` (in the live view), or \
@@ -272,6 +290,7 @@ fn nearest(suggestion: &Option<String>) -> String {
     suggestion.as_ref().map_or(String::new(), |name| format!("; is it {name:?}?"))
 }
 
-fn converted(units: &str) -> String {
-    format!(" (converted by themselves: {units})")
+fn scale_of(place: &Place, unit: &str) -> String {
+    let is_reading = place.key == "wire.readings";
+    if is_reading { format!("its value for 1 {unit}") } else { format!("the {unit} of its value 1") }
 }

@@ -2,8 +2,11 @@
 
 mod compile;
 mod conversion;
+mod drives;
 mod error;
+mod lacks;
 mod load;
+mod odrive;
 mod signals;
 
 use std::collections::BTreeMap;
@@ -11,7 +14,9 @@ use std::path::{Path, PathBuf};
 
 use serde::{Deserialize, Serialize};
 
+pub use drives::{DriveSpec, PresetSpec};
 pub use error::{Place, WireError};
+pub use lacks::WireLack;
 pub(crate) use signals::quantity::channel;
 pub(crate) use signals::{REASONS, STATES};
 
@@ -24,7 +29,17 @@ use resonarm_bench::node::WireSpec;
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
 #[serde(default, deny_unknown_fields)]
 pub struct WireSection {
+    /// A protocol of drives, in place of a DBC.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub preset: Option<PresetSpec>,
+    /// Its drives.
+    #[serde(skip_serializing_if = "Vec::is_empty")]
+    pub drives: Vec<DriveSpec>,
+    /// For how long its torques are valid in real time, s; without it 0.5.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub timeout_s: Option<f64>,
     /// The DBC file; its path counts from the scenario's folder.
+    #[serde(skip_serializing_if = "is_empty")]
     pub dbc: PathBuf,
     /// The plant's node in it, the sender of all readings; without it senders are not checked.
     #[serde(skip_serializing_if = "Option::is_none")]
@@ -50,6 +65,10 @@ pub struct WireSection {
     /// The text of the DBC, once it is read.
     #[serde(skip)]
     pub text: Option<String>,
+}
+
+fn is_empty(path: &Path) -> bool {
+    path.as_os_str().is_empty()
 }
 
 /// How a plant is armed without a message for it.
@@ -296,11 +315,14 @@ pub enum DataIdSpec {
 }
 
 impl WireSection {
-    /// Reads the DBC; its path counts from `folder`.
+    /// Reads the DBC, if the messages are not those of a preset; its path counts from `folder`.
     ///
     /// # Errors
     /// [`WireError::Read`].
     pub fn read(&mut self, folder: &Path) -> Result<(), WireError> {
+        if self.preset.is_some() {
+            return Ok(());
+        }
         let path = folder.join(&self.dbc);
         let bytes = text_file::read_network(&path).map_err(|source| WireError::Read { path, source })?;
         self.text = Some(dbc::decode(&bytes).into_owned());
@@ -324,8 +346,23 @@ impl Scenario {
     /// [`ScenarioError::Wire`] says what in `[wire]` can't be.
     pub fn wire_spec(&self) -> Result<Option<WireSpec>, ScenarioError> {
         let Some(section) = &self.wire else { return Ok(None) };
+        let expanded = section.expanded(self)?;
+        let section = expanded.as_ref().unwrap_or(section);
         let mapping = compile::mapping(self, section)?;
         load::check(self, section, &mapping)?;
         Ok(Some(WireSpec::Mapped(mapping)))
     }
+
+    /// The DBC of the scenario's own protocol, or of its preset, if it has one.
+    ///
+    /// # Errors
+    /// [`ScenarioError::Wire`] if it was not read, or is none.
+    pub(crate) fn wire_database(&self) -> Result<Option<Database>, ScenarioError> {
+        let Some(section) = &self.wire else { return Ok(None) };
+        let expanded = section.expanded(self)?;
+        Ok(Some(expanded.as_ref().unwrap_or(section).database()?))
+    }
 }
+
+#[cfg(test)]
+mod tests;
