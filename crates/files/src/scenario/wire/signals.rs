@@ -14,9 +14,9 @@ use resonarm_wire::layout::Layout;
 pub(super) mod quantity;
 
 /// The names of the states, in the order of their numbers.
-const STATES: [&str; 4] = ["boot-up", "pre-operational", "operational", "fault"];
+pub(crate) const STATES: [&str; 4] = ["boot-up", "pre-operational", "operational", "fault"];
 /// Every fault that a mapped plant can have, by name.
-const REASONS: [(&str, EmergencyCode); 7] = [
+pub(crate) const REASONS: [(&str, EmergencyCode); 7] = [
     ("command-timeout", EmergencyCode::CommandTimeout),
     ("stop", EmergencyCode::PartnerFault),
     ("overrun", EmergencyCode::Overrun),
