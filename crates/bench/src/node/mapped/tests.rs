@@ -8,7 +8,9 @@ use alloc::vec;
 
 use super::mapping::*;
 use super::*;
+use crate::node::{PublishError, PublishedSample};
 use crate::rig::{ExciterSpec, Measurement, Reading};
+use resonarm_protocol::OperatorRequest;
 use resonarm_wire::checksum::{DataId, Preset};
 use resonarm_wire::counter::Counter;
 use resonarm_wire::layout::{ByteOrder, Layout, Number};
