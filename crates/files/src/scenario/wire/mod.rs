@@ -15,7 +15,7 @@ use std::path::{Path, PathBuf};
 use serde::{Deserialize, Serialize};
 
 pub use drives::{DriveSpec, PresetSpec};
-pub use error::{Place, WireError};
+pub use error::{Names, Place, WireError};
 pub use lacks::WireLack;
 pub(crate) use signals::quantity::channel;
 pub(crate) use signals::{REASONS, STATES};

@@ -26,23 +26,6 @@ pub(crate) const REASONS: [(&str, EmergencyCode); 7] = [
     ("simulation-failed", EmergencyCode::SimulationFailed),
 ];
 
-impl Place {
-    /// A message.
-    pub(super) fn message(key: &'static str, message: &str) -> Place {
-        Place { key, message: message.to_string(), signal: None }
-    }
-
-    /// A signal of a message.
-    pub(super) fn signal(key: &'static str, message: &str, signal: &str) -> Place {
-        Place { signal: Some(signal.to_string()), ..Place::message(key, message) }
-    }
-
-    /// A signal of the same message.
-    fn of(&self, signal: &str) -> Place {
-        Place { signal: Some(signal.to_string()), ..self.clone() }
-    }
-}
-
 /// What each signal of a message is used for.
 #[derive(Default)]
 pub(super) struct Used(HashMap<String, String>);
