@@ -23,7 +23,9 @@ use resonarm::bus::{self, BusAddress};
 use resonarm::control::Length;
 use resonarm::node::ExciterOutcome;
 use resonarm::realtime::OverrunPolicy;
-use resonarm::run::{ExciterEnd, ExciterReport, Mode, Options, PlantReport, RunError, Session, Signals, Speed};
+use resonarm::run::{
+    ExciterEnd, ExciterReport, Mode, Options, PlantOutcome, PlantReport, RunError, Session, Signals, Speed,
+};
 use resonarm::scenario::Scenario;
 use resonarm::scenario::WireSection;
 use resonarm_figures::plot::Color;
@@ -140,6 +142,7 @@ impl Run {
         for lack in session.scenario().wire.iter().flat_map(WireSection::lacks) {
             tracing::warn!("[wire] {lack}");
         }
+        let arming = session.scenario().wire.as_ref().map(WireSection::arming);
         let address: BusAddress = bus.parse()?;
         let mut bus = open_bus(&address, &session, self.record.record.is_some() || self.live.live.is_some())?;
         let shown_role = ShownRole {
@@ -164,6 +167,9 @@ impl Run {
             Ok::<_, RunError>(close(report, bus.close()))
         };
         let report = supervise("plant", length, on_tick, work)??;
+        if let (PlantOutcome::NotArmed, Some(arming)) = (report.outcome, arming) {
+            tracing::error!("[wire] the plant is armed by {arming}: no such frame came");
+        }
         self.conclude(configuration, report, None)
     }
 

@@ -2,7 +2,8 @@
 
 use thiserror::Error;
 
-use super::{ArmSpec, WireSection};
+use super::{ArmSpec, PresetSpec, WireSection};
+use resonarm_numeric::number::short;
 
 /// Something that a protocol lacks.
 #[derive(Clone, Debug, PartialEq, Eq, Error)]
@@ -34,6 +35,27 @@ pub enum WireLack {
 }
 
 impl WireSection {
+    /// What arms the plant, in words.
+    pub fn arming(&self) -> String {
+        let of_event = |event: &super::EventSpec| match (&event.signal, event.on_frame) {
+            (Some(signal), _) if !event.arm.is_empty() => {
+                let values: Vec<String> = event.arm.iter().map(|value| short(value).to_string()).collect();
+                Some(format!("message {} with {signal} = {}", event.message, values.join(" or ")))
+            }
+            (None, Some(super::RequestSpec::Arm)) => Some(format!("message {}", event.message)),
+            _ => None,
+        };
+        let events: Vec<String> = self.events.iter().filter_map(of_event).collect();
+        match (self.preset, self.arm) {
+            (Some(PresetSpec::Odrive), _) => String::from("Set_Axis_State with 8, closed loop control"),
+            (None, Some(ArmSpec::Operator)) => String::from("the operator in the live view (--live)"),
+            (None, Some(ArmSpec::ZeroCommand)) => {
+                String::from("commands below a hundredth of the exciter's limits, the first that come")
+            }
+            (None, None) => events.join(", or "),
+        }
+    }
+
     /// What the protocol lacks.
     pub fn lacks(&self) -> Vec<WireLack> {
         let mut lacks = vec![WireLack::Echo];
@@ -56,7 +78,7 @@ impl WireSection {
         }
         let resets =
             |event: &super::EventSpec| !event.reset.is_empty() || event.on_frame == Some(super::RequestSpec::Reset);
-        if !self.events.iter().any(resets) {
+        if self.preset.is_none() && !self.events.iter().any(resets) {
             lacks.push(WireLack::Reset);
         }
         lacks

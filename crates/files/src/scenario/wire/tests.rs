@@ -50,6 +50,23 @@ fn a_mapping_has_the_messages_in_si_units() {
 }
 
 #[test]
+fn what_arms_and_what_is_lacking_is_said_in_words() {
+    let section = |text: &str| scenario(text, DBC).unwrap().wire.unwrap();
+    let lacks = |text: &str| section(text).lacks().iter().map(|lack| format!("{lack}\n")).collect::<String>();
+    assert_eq!(section(SCENARIO).arming(), "message Drive with Enable = 1");
+    insta::assert_snapshot!(lacks(SCENARIO), @"commands name no sample: how old one is, and how long a round trip takes, can't be measured");
+    let bare = "[wire]\ndbc = 'bench.dbc'\narm = 'zero-command'\n[[wire.commands]]\nmessage = 'Drive'\nforce_x_n = { signal = 'Force' }";
+    assert_eq!(section(bare).arming(), "commands below a hundredth of the exciter's limits, the first that come");
+    insta::assert_snapshot!(lacks(bare), @"
+    commands name no sample: how old one is, and how long a round trip takes, can't be measured
+    message Drive has no counter: a repeated or an old frame counts as new
+    message Drive has no checksum: damage that the controller's CRC misses acts as a load
+    no message arms the plant: its first commands near zero do, and after a fault nothing does
+    no message clears a fault: the operator does, in the live view (--live), or a new run
+    ");
+}
+
+#[test]
 fn a_scenario_with_a_wire_survives_a_recording() {
     let scenario = scenario(SCENARIO, DBC).unwrap();
     let configuration = scenario.configuration("real-time").unwrap();
