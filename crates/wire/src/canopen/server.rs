@@ -352,14 +352,13 @@ impl Server {
             let pdo = Pdo { direction: TRANSMIT, number };
             let period_ns = pdo.event_timer_ns(&self.dictionary);
             if self.is_event_driven(pdo) && period_ns > 0 && now_ns >= self.transmit[place].due_ns {
-                let due_ns = self.transmit[place].due_ns.saturating_add(period_ns);
-                self.transmit[place].due_ns = due_ns.max(now_ns);
+                self.transmit[place].due_ns = next(self.transmit[place].due_ns, period_ns, now_ns);
                 self.queue(place, now_ns);
             }
         }
         let period_ns = self.heartbeat_ns();
         if self.state != NmtState::Initialising && period_ns > 0 && now_ns >= self.heartbeat_due_ns {
-            self.heartbeat_due_ns = self.heartbeat_due_ns.saturating_add(period_ns).max(now_ns);
+            self.heartbeat_due_ns = next(self.heartbeat_due_ns, period_ns, now_ns);
             self.push(HEARTBEAT_BASE, &[self.state.byte()]);
         }
     }
@@ -457,4 +456,10 @@ impl Server {
         let mapped = Pdo { direction: TRANSMIT, number: place as u16 }.mapped(&self.dictionary);
         mapped.filter_map(|address| self.dictionary.entry(address).ok()).filter(|entry| entry.is_limited).count() as u64
     }
+}
+
+/// When something is due again that was due at `due_ns`: on the beat, or, if that has passed, a period from now.
+const fn next(due_ns: u64, period_ns: u64, now_ns: u64) -> u64 {
+    let beat_ns = due_ns.saturating_add(period_ns);
+    if beat_ns > now_ns { beat_ns } else { now_ns.saturating_add(period_ns) }
 }
