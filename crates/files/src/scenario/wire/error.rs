@@ -257,6 +257,78 @@ pub enum WireError {
         "[wire] says nothing of lockstep: give `lockstep = \"command\"` or `lockstep = \"sync\"`, or run in real time"
     )]
     NoLockstep,
+    /// A key of a mapping, with a preset.
+    #[error("wire.{key}: it maps messages of a DBC, and `preset = \"{preset}\"` has its own: leave one of them out")]
+    NotOfPreset {
+        /// The key.
+        key: &'static str,
+        /// The preset.
+        preset: &'static str,
+    },
+    /// A key of a preset, without one.
+    #[error("wire.{key}: it is of a preset, as `preset = \"cia402\"`, and there is none: leave it out")]
+    OfPreset {
+        /// The key.
+        key: &'static str,
+    },
+    /// Nothing says which protocol it is.
+    #[error("[wire] says no protocol: give `dbc`, the file with the messages, or `preset`")]
+    NeitherDbcNorPreset,
+    /// Only SYNC answers samples.
+    #[error("wire.lockstep: with `preset = \"{preset}\"` a SYNC answers a sample: give `lockstep = \"sync\"`")]
+    LockstepBySync {
+        /// The preset.
+        preset: &'static str,
+    },
+    /// A preset without drives.
+    #[error("wire.drives: `preset = \"{preset}\"` needs a drive for joint 1 or joint 2, or one for each")]
+    NoDrives {
+        /// The preset.
+        preset: &'static str,
+    },
+    /// A shaker exerts no torque.
+    #[error("wire.drives: a drive exerts a torque at a joint, and [rig.shaker] exerts none: leave one of them out")]
+    DrivesOfShaker,
+    /// A number of a drive that can't be.
+    #[error("wire.drives: `{name}` of drive {number} is {got}: it must be {expected}", got = short(.got))]
+    DriveNumber {
+        /// Which drive, from 1.
+        number: usize,
+        /// The key.
+        name: &'static str,
+        /// What was given.
+        got: f64,
+        /// What would do.
+        expected: &'static str,
+    },
+    /// Two drives that are the same.
+    #[error("wire.drives: `{name}` of drive {number} is {got}, as that of drive {other}")]
+    DriveTwice {
+        /// Which drive, from 1.
+        number: usize,
+        /// The one before.
+        other: usize,
+        /// The key.
+        name: &'static str,
+        /// What both have.
+        got: u32,
+    },
+    /// A drive without something that its preset needs.
+    #[error("wire.drives: drive {number} has no `{name}`, which `preset = \"{preset}\"` needs")]
+    DriveWithout {
+        /// Which drive, from 1.
+        number: usize,
+        /// The key.
+        name: &'static str,
+        /// The preset.
+        preset: &'static str,
+    },
+    /// A timeout of drives that can't be.
+    #[error("wire.timeout_s is {got}: it must be a positive number of seconds, at most 3600", got = short(.got))]
+    TimeoutOfDrives {
+        /// What was given, s.
+        got: f64,
+    },
     /// The bus can't carry the messages.
     #[error(
         "the messages of [wire] are up to {percent:.1} % of what network.bit_rate_hz carries, and a bus for control is loaded to 80 % at \

@@ -1,7 +1,8 @@
-//! The user's own protocol in a scenario: which messages of a DBC are loads, requests and readings.
+//! The user's own protocol in a scenario: which messages of a DBC are loads, requests and readings, or a preset.
 
 mod compile;
 mod conversion;
+mod drives;
 mod error;
 mod load;
 mod signals;
@@ -11,6 +12,7 @@ use std::path::{Path, PathBuf};
 
 use serde::{Deserialize, Serialize};
 
+pub use drives::{DriveSection, PresetSpec};
 pub use error::{Place, WireError};
 
 use super::{Scenario, ScenarioError};
@@ -22,7 +24,11 @@ use resonarm_bench::node::WireSpec;
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
 #[serde(default, deny_unknown_fields)]
 pub struct WireSection {
-    /// The DBC file; its path counts from the scenario's folder.
+    /// A protocol whose messages are known, in place of a DBC.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub preset: Option<PresetSpec>,
+    /// The DBC file; its path counts from the scenario's folder. Empty with a preset.
+    #[serde(skip_serializing_if = "is_empty")]
     pub dbc: PathBuf,
     /// The plant's node in it, the sender of all readings; without it senders are not checked.
     #[serde(skip_serializing_if = "Option::is_none")]
@@ -36,6 +42,12 @@ pub struct WireSection {
     /// The message that synchronises, for `lockstep = "sync"` and readings with `on = "sync"`.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub sync: Option<String>,
+    /// With a preset: for how long a command is valid in real time, s; without it `network.command_timeout_s`.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub timeout_s: Option<f64>,
+    /// With a preset: its drives.
+    #[serde(skip_serializing_if = "Vec::is_empty")]
+    pub drives: Vec<DriveSection>,
     /// The messages with loads.
     #[serde(skip_serializing_if = "Vec::is_empty")]
     pub commands: Vec<CommandSpec>,
@@ -294,11 +306,15 @@ pub enum DataIdSpec {
 }
 
 impl WireSection {
-    /// Reads the DBC; its path counts from `folder`.
+    /// Reads the DBC, unless a preset is in its place; its path counts from `folder`.
     ///
     /// # Errors
-    /// [`WireError::Read`].
+    /// [`WireError::Read`], [`WireError::NeitherDbcNorPreset`].
     pub fn read(&mut self, folder: &Path) -> Result<(), WireError> {
+        if self.preset.is_some() {
+            return Ok(());
+        }
+        drives::check_no_preset(self)?;
         let path = folder.join(&self.dbc);
         let bytes = text_file::read_network(&path).map_err(|source| WireError::Read { path, source })?;
         self.text = Some(dbc::decode(&bytes).into_owned());
@@ -322,8 +338,16 @@ impl Scenario {
     /// [`ScenarioError::Wire`] says what in `[wire]` can't be.
     pub fn wire_spec(&self) -> Result<Option<WireSpec>, ScenarioError> {
         let Some(section) = &self.wire else { return Ok(None) };
+        if let Some(PresetSpec::Cia402) = section.preset {
+            return Ok(Some(WireSpec::Cia402(drives::cia402(self, section)?)));
+        }
+        drives::check_no_preset(section)?;
         let mapping = compile::mapping(self, section)?;
         load::check(self, section, &mapping)?;
         Ok(Some(WireSpec::Mapped(mapping)))
     }
+}
+
+fn is_empty(path: &Path) -> bool {
+    path.as_os_str().is_empty()
 }
