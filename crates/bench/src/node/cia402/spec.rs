@@ -1,9 +1,11 @@
 //! The drives of a plant, and the object dictionary that each has.
 
+use alloc::string::{String, ToString};
 use alloc::vec;
 use alloc::vec::Vec;
 
 use resonarm_wire::canopen::dictionary::{Access, Dictionary, Entry, Kind, Mappable, Object, Text, Value, at};
+use resonarm_wire::canopen::eds::Eds;
 use resonarm_wire::canopen::{EVENT_TYPE, PdoDefaults, add_pdos, mapping_word};
 
 /// The only mode of operation: cyclic synchronous torque (CiA 402-2).
@@ -69,6 +71,17 @@ impl DriveSpec {
         self.gear_ratio * f64::from(self.encoder_counts_per_turn) / core::f64::consts::TAU
     }
 
+    /// The electronic data sheet (CiA 306-1) for a file of this name, by a program of this version.
+    pub fn eds(&self, file: &str, version: &str) -> String {
+        let dictionary = self.dictionary();
+        let product = self.name();
+        Eds { dictionary: &dictionary, node_id: self.node_id, file, product, version }.to_string()
+    }
+
+    fn name(&self) -> &'static str {
+        ["Resonarm joint 1", "Resonarm joint 2"][self.joint.place()]
+    }
+
     /// The object dictionary after a reset.
     pub fn dictionary(&self) -> Dictionary {
         let mut dictionary = Dictionary::new();
@@ -80,8 +93,8 @@ impl DriveSpec {
 
     fn add_communication(&self, dictionary: &mut Dictionary) {
         use Access::{Const, ReadOnly, ReadWrite};
-        let (name, id) = (["Resonarm joint 1", "Resonarm joint 2"][self.joint.place()], u32::from(self.node_id));
-        let name = Text::new(name.as_bytes()).map_or(Value::U8(0), Value::Text);
+        let id = u32::from(self.node_id);
+        let name = Text::new(self.name().as_bytes()).map_or(Value::U8(0), Value::Text);
         dictionary.variable(0x1000, Entry::new(0, "Device type", Const, Value::U32(0x0002_0192)));
         let register = Entry::new(0, "Error register", ReadOnly, Value::U8(0));
         dictionary.variable(0x1001, register.mappable(Mappable::Transmit));
