@@ -54,10 +54,10 @@ impl SdoServer {
     pub fn handle(&mut self, request: &[u8; SDO_BYTES], dictionary: &Dictionary) -> Step {
         let address = at(u16::from_le_bytes([request[1], request[2]]), request[3]);
         let outcome = match request[0] >> 5 {
-            0 => self.download_segment(request).map_err(|(address, abort)| (address, abort)),
+            0 => self.download_segment(request),
             1 => self.download(request, address, dictionary).map_err(|abort| (address, abort)),
             2 => self.upload(address, dictionary).map_err(|abort| (address, abort)),
-            3 => self.upload_segment(request).map_err(|(address, abort)| (address, abort)),
+            3 => self.upload_segment(request),
             4 => {
                 self.transfer = Transfer::None;
                 return Step::Nothing;

@@ -241,6 +241,11 @@ impl Server {
         pdo::check(&self.dictionary, address, value)?;
         device.write(address, value)?;
         self.dictionary.store(address, value);
+        // What waits of a PDO that is set up anew is not sent: it may be disabled.
+        let number = address.index.wrapping_sub(TRANSMIT.communication);
+        if let Some(transmit) = self.transmit.get_mut(usize::from(number)) {
+            *transmit = Transmit::default();
+        }
         Ok(())
     }
 

@@ -186,7 +186,7 @@ impl Cia402Node {
 
     /// The plant's state and the load follow the states of the drives, and the object dictionaries show them.
     fn settle(&mut self) {
-        let is_stopped = self.drives.iter_mut().fold(false, |any, drive| drive.axis.take_stopped() || any);
+        let is_stopped = self.drives.iter_mut().filter_map(|drive| drive.axis.take_stopped().then_some(())).count() > 0;
         let is_any_enabled = self.drives.iter().any(|drive| drive.axis.is_enabled());
         if self.state == NodeState::Fault && self.drives.iter().any(|drive| !drive.axis.state().is_fault()) {
             self.transition(StateEvent::Reset);

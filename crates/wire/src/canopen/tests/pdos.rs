@@ -140,3 +140,13 @@ fn what_no_pdo_can_be_is_aborted() {
     assert_eq!(master.write(0x1800, 2, &[253]), Ok(()));
     assert_eq!(master.write(0x1800, 3, &[1, 0]), Err(0x0800_0022), "enabled");
 }
+
+#[test]
+fn what_waits_of_a_pdo_that_is_disabled_is_not_sent() {
+    let mut master = Master::new();
+    master.send(NMT_ID, &START);
+    master.send(SYNC_ID, &[]);
+    assert_eq!(master.server.waiting(), 1);
+    master.send(0x605, &[0x23, 0x00, 0x18, 1, 0x85, 0x01, 0, 0x80]);
+    assert_eq!(texts(&master.frames()), ["585#6000180100000000"]);
+}
