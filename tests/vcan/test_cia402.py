@@ -178,3 +178,23 @@ def test_what_a_master_may_not_do_is_aborted(programs, drives, tmp_path):
             master.network.sync.transmit()
         wait_until(lambda: arrived == [6], "the PDO")
     assert plant.stop() == 0
+
+
+def test_the_example_of_the_documents_runs(programs, tmp_path):
+    text = (Path(__file__).parents[2] / "docs" / "canopen.md").read_text()
+    blocks = {name: text.split(f"```{name}\n")[1].split("```")[0] for name in ("toml", "python")}
+    scenario, example = tmp_path / "drives.toml", tmp_path / "example.py"
+    scenario.write_text(blocks["toml"])
+    sheet = run(RESONARM, "protocol", "eds", "--scenario", scenario, "--node-id", 1)
+    (tmp_path / "joint1.eds").write_text(sheet)
+    code = blocks["python"].replace('"can0"', '"vcan0"').replace("joint1.eds", str(tmp_path / "joint1.eds"))
+    example.write_text(code)
+    plant = start(programs, scenario, "real-time", tmp_path / "run.mcap")
+    master = programs.start("example", sys.executable, example)
+    assert master.wait() == 0, master.stderr
+    assert plant.stop() == 0
+    assert plant.result()["fault"] is None
+    positions = [int(line) for line in master.stdout.split()]
+    # 50 N·m turn joint 1 by 90 µrad, 1503 counts, and a little more as 2 Hz is not rest.
+    assert 1400 < max(positions) < 1800
+    assert -1800 < min(positions) < -1400

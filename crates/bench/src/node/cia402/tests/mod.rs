@@ -3,6 +3,7 @@
 mod faults;
 mod hostile;
 mod lockstep;
+mod masters;
 mod torques;
 
 use super::*;
