@@ -107,7 +107,8 @@ impl EventLog {
 }
 
 /// What to do about another sender.
-const OTHER_SENDER: &str = "two networks have the same base; give each a different one (network.base_id)";
+const OTHER_SENDER: &str = "two networks have the same base; give each a different one (network.base_id), or end the other program \
+    that sends this plant's messages";
 
 fn in_words(fault: &Fault) -> String {
     format!("fault {} ({}) at sample {}", fault.code, fault.name, fault.sample)
@@ -125,13 +126,16 @@ pub(crate) fn other_sender_warning(bus: &BusCounts) -> Option<String> {
 
 /// The counts of a node's frames.
 pub(crate) fn frames_text(bus: &BusCounts) -> String {
-    let BusCounts { received, sent, dropped, e2e_errors, other_sender, malformed, .. } = bus;
+    let BusCounts { received, sent, dropped, e2e_errors, other_sender, malformed, limited_values, .. } = bus;
     let mut text = format!("{received} received, {sent} sent, {dropped} dropped, {e2e_errors} refused");
     if *other_sender > 0 {
         text += &format!(" ({other_sender} of another network under this node's identifiers)");
     }
     if *malformed > 0 {
         text += &format!(", {malformed} malformed");
+    }
+    if *limited_values > 0 {
+        text += &format!("; {limited_values} values beyond their signals, which said the nearest that they can");
     }
     text
 }

@@ -25,6 +25,7 @@ use resonarm::node::ExciterOutcome;
 use resonarm::realtime::OverrunPolicy;
 use resonarm::run::{ExciterEnd, ExciterReport, Mode, Options, PlantReport, RunError, Session, Signals, Speed};
 use resonarm::scenario::Scenario;
+use resonarm::scenario::WireSection;
 use resonarm_figures::plot::Color;
 
 /// Runs the plant: the simulated arm with its sensors, as a node on a CAN bus.
@@ -136,6 +137,9 @@ impl Run {
             )));
         }
         let configuration = configuration::of_arm(session.scenario())?;
+        for lack in session.scenario().wire.iter().flat_map(WireSection::lacks) {
+            tracing::warn!("[wire] {lack}");
+        }
         let address: BusAddress = bus.parse()?;
         let mut bus = open_bus(&address, &session, self.record.record.is_some() || self.live.live.is_some())?;
         let shown_role = ShownRole {

@@ -24,7 +24,7 @@ ROOT = Path(__file__).parents[2]
 TARGET = Path(os.environ.get("CARGO_TARGET_DIR", ROOT / "target"))
 PROGRAM = Path(os.environ.get("RESONARM_DBC_FRAMES", TARGET / "debug/examples/dbc_frames"))
 OWN = sorted((Path(__file__).parent / "dbc").glob("*.dbc")) + sorted((ROOT / "firmware-protocol").glob("*.dbc"))
-DECODED, ENCODED = 60_000, 40_000
+DECODED, ENCODED = 65_000, 44_000
 F64_BITS = 53
 
 
@@ -117,12 +117,14 @@ def test_frames_decode_as_by_cantools(path):
     if not messages:
         pytest.skip("no message without problems")
     compared = list(cases(rng, messages, round(DECODED * EACH)))
+    if not compared and path not in OWN:
+        pytest.skip("cantools decodes no frame")
     found = answers(path, ["decode " + text(message, data) for message, data, _ in compared])
     for (message, data, values), ours in zip(compared, found, strict=True):
         assert ours["message"] == message.name
         expected = {name: number(value) for name, value in values.items() if is_usable(message, name, wrong)}
         assert {name: number(value) for name, value in ours["signals"].items()} == expected, text(message, data)
-    assert len(compared) > (0.5 * DECODED * EACH if path in OWN else 0)
+    assert path not in OWN or len(compared) > 0.5 * DECODED * EACH
 
 
 def to_encode(rng, message, values):

@@ -213,3 +213,79 @@ fn a_load_file_is_read_from_the_scenarios_folder() {
     let written = scenario.to_toml().unwrap();
     assert!(written.contains("path = \"load.csv\"") && !written.contains("20.0, "), "{written}");
 }
+
+/// A wire with every key.
+const WIRE: &str = r#"
+dbc = "bench.dbc"
+node = "Shaker"
+arm = "operator"
+lockstep = "sync"
+sync = "Sync"
+[[commands]]
+message = "Drive"
+timeout_s = 1.0
+drive = 0
+counter = { signal = "Alive", values = 15, most_lost = 3 }
+checksum = { signal = "Crc", preset = "autosar-p1", data_id = 1 }
+force_x_n = { signal = "A", scale = 1.0, offset = 0.0 }
+force_y_n = { signal = "B" }
+force_n = { signal = "C", constant_per_a = 1.0 }
+torque1_nm = { signal = "D", gear_ratio = 2.0 }
+torque2_nm = { signal = "E" }
+[[events]]
+message = "Drive"
+signal = "F"
+arm = [1]
+disarm = [2]
+reset = [3]
+stop = [4]
+require = [5]
+on_frame = "arm"
+every_frame = true
+drive = 0
+[[readings]]
+message = "Meas"
+every = 1
+period_s = 1.0
+on = "sync"
+on_request = true
+drive = 0
+signals.A = { quantity = "alpha1_rad", gear_ratio = 1.0, scale = 1.0, offset = 0.0, constant_per_a = 1.0 }
+signals.B = { clipped = "head_force_x_n" }
+signals.C = { state = { fault = 1 } }
+signals.D = { reason = { none = 1 } }
+signals.E = { constant = 1 }
+signals.F = { sample = true }
+"#;
+
+#[test]
+fn every_key_of_a_users_protocol_is_documented() {
+    let wire: resonarm::scenario::WireSection = toml::from_str(WIRE).unwrap();
+    let Value::Table(written) = Value::try_from(&wire).unwrap() else { panic!("no table") };
+    let text = fs::read_to_string(folder("docs/own-protocol.md")).unwrap();
+    let mut keys = Vec::new();
+    collect(&written, &mut keys);
+    assert!(keys.len() > 40, "{keys:?}");
+    // In the tables and the text: alone, behind a section, or in an example of a table.
+    let stated = |key: &String| {
+        ["`KEY`", ".KEY`", " KEY =", "{ KEY ="].iter().any(|form| text.contains(&form.replace("KEY", key)))
+    };
+    let missing: Vec<_> = keys.iter().filter(|key| !stated(key)).collect();
+    assert!(missing.is_empty(), "{missing:?}");
+}
+
+/// The keys of a table and those below, but for sections and the names of signals, states and faults.
+fn collect(table: &Table, keys: &mut Vec<String>) {
+    for (key, value) in table {
+        let sections = ["commands", "events", "readings", "signals"];
+        let is_name = key.len() == 1 || ["fault", "none"].contains(&key.as_str()) || sections.contains(&key.as_str());
+        if !is_name {
+            keys.push(key.clone());
+        }
+        match value {
+            Value::Table(below) => collect(below, keys),
+            Value::Array(all) => all.iter().filter_map(Value::as_table).for_each(|below| collect(below, keys)),
+            _ => {}
+        }
+    }
+}

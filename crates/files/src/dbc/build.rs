@@ -170,7 +170,7 @@ impl<'a> File<'a> {
             let name = self.attributes.signal_name(message.id, &signal.name);
             let value = match (&layouts[position], &presences[position]) {
                 (Err(problem), _) | (_, Err(problem)) => Err(problem.clone()),
-                (Ok(layout), Ok(presence)) => self.signal(message, signal, &name, *layout, presence, switches),
+                (Ok(layout), Ok(presence)) => self.signal(message, signal, &name, *layout, presence),
             };
             let line = line.signals.get(position).map_or(line.line, |(_, line)| *line);
             signals.push(Named { name, symbol: signal.name.clone(), line, value });
@@ -203,7 +203,6 @@ impl<'a> File<'a> {
         name: &str,
         layout: Layout,
         presence: &Presence,
-        switches: Option<&Switches<'_>>,
     ) -> Result<Signal, Problem> {
         let limits = [&signal.min, &signal.max].map(|limit| match limit {
             NumericValue::Uint(limit) => *limit as f64,
@@ -214,7 +213,7 @@ impl<'a> File<'a> {
             name: name.to_string(),
             wire: WireSignal::new(layout, signal.factor, signal.offset)?,
             presence: presence.clone(),
-            is_switch: super::multiplexing::is_switch(signal, switches),
+            is_switch: super::multiplexing::is_switch(signal),
             limits: (limits != [0.0, 0.0]).then_some(limits),
             unit: signal.unit.clone(),
             values: self.values.get(&(message.id, signal.name.as_str())).cloned().unwrap_or_default(),

@@ -169,6 +169,12 @@ pub enum Problem {
         /// The name of the switch.
         switch: String,
     },
+    /// A switch that isn't marked as one.
+    #[error("SG_MUL_VAL_ says that {switch} is its switch, and {switch} is not marked M")]
+    UnmarkedSwitch {
+        /// The switch.
+        switch: String,
+    },
     /// A mark that `SG_MUL_VAL_` does not list.
     #[error("it is marked m{mark}, and its SG_MUL_VAL_ does not list {mark}")]
     UnlistedMark {

@@ -35,13 +35,12 @@ impl<'a> Switches<'a> {
     }
 }
 
-/// Whether a signal selects others.
-pub(super) fn is_switch(signal: &can_dbc::Signal, switches: Option<&Switches<'_>>) -> bool {
-    let marked = matches!(
+/// Whether a signal is marked as one that selects others.
+pub(super) fn is_switch(signal: &can_dbc::Signal) -> bool {
+    matches!(
         signal.multiplexer_indicator,
         MultiplexIndicator::Multiplexor | MultiplexIndicator::MultiplexorAndMultiplexedSignal(_)
-    );
-    marked || switches.is_some_and(|of| of.extended.values().any(|(switch, _)| *switch == signal.name))
+    )
 }
 
 /// In which payloads each signal of a message is present, or why that can't be said.
@@ -88,6 +87,9 @@ fn selected_by(
     if let Some((switch, values)) = switches.and_then(|of| of.extended.get(signal.name.as_str())) {
         let position = message.signals.iter().position(|other| other.name == *switch);
         let position = position.ok_or_else(|| Problem::UnknownSwitch { switch: switch.to_string() })?;
+        if !is_switch(&message.signals[position]) {
+            return Err(Problem::UnmarkedSwitch { switch: switch.to_string() });
+        }
         // Tools disagree on a mark outside of the list: it selects for some, for others it doesn't.
         return match mark.filter(|mark| !values.iter().any(|range| range.contains(mark))) {
             Some(mark) => Err(Problem::UnlistedMark { mark }),
@@ -97,8 +99,8 @@ fn selected_by(
     let Some(value) = mark else {
         return Ok(None);
     };
-    let is_switch = |other: &can_dbc::Signal| other.multiplexer_indicator == MultiplexIndicator::Multiplexor;
-    let mut all = (0..).zip(&message.signals).filter(|(_, other)| is_switch(other)).map(|(position, _)| position);
+    let is_outermost = |other: &can_dbc::Signal| other.multiplexer_indicator == MultiplexIndicator::Multiplexor;
+    let mut all = (0..).zip(&message.signals).filter(|(_, other)| is_outermost(other)).map(|(position, _)| position);
     match (all.next(), all.next()) {
         (None, _) => Err(Problem::NoSwitch),
         (Some(position), None) => Ok(Some((position, vec![value..=value]))),

@@ -138,6 +138,7 @@ BO_ 9 Switches: 8 A
  SG_ round m1M : 32|8@1+ (1,0) [0|0] "" A
  SG_ beyond m300 : 40|8@1+ (1,0) [0|0] "" A
  SG_ marked m2 : 48|8@1+ (1,0) [0|0] "" A
+ SG_ plain m1 : 56|8@1+ (1,0) [0|0] "" A
 BO_ 10 Outside: 1 A
  SG_ switch M : 4|8@1+ (1,0) [0|0] "" A
  SG_ after m1 : 0|4@1+ (1,0) [0|0] "" A
@@ -150,6 +151,7 @@ SG_MUL_VAL_ 9 named nothing 1-1;
 SG_MUL_VAL_ 9 round round 1-1;
 SG_MUL_VAL_ 9 beyond first 300-301;
 SG_MUL_VAL_ 9 marked first 3-4;
+SG_MUL_VAL_ 9 plain marked 1-1;
 "#;
 
 #[test]
@@ -191,8 +193,9 @@ fn what_is_wrong_is_an_error_if_it_is_asked_for() {
     bench.dbc, line 33: signal round of Switches: its switches select each other in a circle
     bench.dbc, line 34: signal beyond of Switches: the switch can't be 300: it goes up to 255
     bench.dbc, line 35: signal marked of Switches: it is marked m2, and its SG_MUL_VAL_ does not list 2
-    bench.dbc, line 37: signal switch of Outside: from start bit 4 its 8 bits take 2 bytes, and the payload has 1
-    bench.dbc, line 38: signal after of Outside: its switch switch can't be used: from start bit 4 its 8 bits take 2 bytes, and the payload has 1
+    bench.dbc, line 36: signal plain of Switches: SG_MUL_VAL_ says that marked is its switch, and marked is not marked M
+    bench.dbc, line 38: signal switch of Outside: from start bit 4 its 8 bits take 2 bytes, and the payload has 1
+    bench.dbc, line 39: signal after of Outside: its switch switch can't be used: from start bit 4 its 8 bits take 2 bytes, and the payload has 1
     "#);
 }
 
@@ -226,4 +229,46 @@ fn reads_code_page_1252() {
     let text = b"VERSION \"\"\nBO_ 1 Drive: 8 A\n SG_ a : 0|8@1+ (1,0) [0|0] \"\xB0C\" A\n";
     let database = Database::parse(text, "bench.dbc").unwrap();
     assert_eq!(database.message("Drive").unwrap().signal("a").unwrap().unit(), "°C");
+}
+
+/// A text with some bytes changed, or cut off, is read or refused, and never ends the program.
+#[test]
+fn damaged_texts_are_read_or_refused() {
+    let mut state = 1_u64;
+    let mut random = |below: usize| {
+        // The multiplier of Knuth's MMIX; the upper bits are the random ones.
+        state = state.wrapping_mul(6_364_136_223_846_793_005).wrapping_add(1_442_695_040_888_963_407);
+        (state >> 33) as usize % below
+    };
+    let tokens =
+        ["SG_", "BO_", "\"", "m", "M", "9999999999999999999999", "-", "0", ":", ";", "\n", " ", "64", "//", "\u{FF}"];
+    let (mut read, mut refused) = (0, 0);
+    for text in [BENCH, WRONG].repeat(300) {
+        let mut text = text.as_bytes().to_vec();
+        for _ in 0..=random(3) {
+            let at = random(text.len());
+            let token = tokens[random(tokens.len())].bytes();
+            text.splice(at..(at + random(4)).min(text.len()), token);
+        }
+        if random(4) == 0 {
+            text.truncate(random(text.len()));
+        }
+        match Database::parse(&text, "bench.dbc") {
+            Ok(database) => {
+                database.problems();
+                for message in database.messages() {
+                    for length in 0..=64 {
+                        let values: Vec<_> = message.codec().decode(&[0xA5; 64][..length]).collect();
+                        let _ = message.codec().encode(&values);
+                    }
+                }
+                read += 1;
+            }
+            Err(error) => {
+                assert!(error.to_string().starts_with("bench.dbc"), "{error}");
+                refused += 1;
+            }
+        }
+    }
+    assert!(read > 50 && refused > 50, "{read} read, {refused} refused");
 }

@@ -269,7 +269,7 @@ fn remedy(emergency: &Emergency) -> &'static str {
                 "lower the excitation or its frequency, lengthen its ramp, or raise rig.gate's limits of the rate of change"
             }
             _ => {
-                "the controller was held up or has gone: give it a core of its own, raise network.command_timeout_s, or \
+                "the controller was held up or has gone: give it a core of its own, raise network.command_timeout_s (on a [wire] of yours the message's timeout_s), or \
                  take --mode lockstep, where time waits"
             }
         },
@@ -348,8 +348,16 @@ pub struct BusCounts {
     pub other_sender: u64,
     /// Frames that came in and can't be any: of a length that CAN FD does not have.
     pub malformed: u64,
+    /// Values that signals of a user's protocol could not say, so that they said the nearest that they can; left out of
+    /// documents if there are none.
+    #[serde(skip_serializing_if = "is_zero")]
+    pub limited_values: u64,
     /// The errors that the controller reported, on SocketCAN.
     pub errors: ControllerErrors,
+}
+
+fn is_zero(count: &u64) -> bool {
+    *count == 0
 }
 
 impl BusCounts {
@@ -361,6 +369,7 @@ impl BusCounts {
             e2e_errors: frames.refused,
             other_sender: frames.other_sender,
             malformed: statistics.malformed,
+            limited_values: frames.limited_values,
             errors: statistics.errors,
         }
     }

@@ -33,7 +33,7 @@ pub struct DriveSpec {
     pub node_id: u8,
     /// The joint.
     pub joint: Joint,
-    /// Turns of the motor for one of the joint, positive. The gearbox has no losses.
+    /// Turns of the motor for one of the joint, not 0. The gearbox has no losses.
     pub gear_ratio: f64,
     /// The rated torque of the motor, mN·m (object 6076).
     pub rated_torque_mnm: u32,

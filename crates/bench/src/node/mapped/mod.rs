@@ -8,6 +8,7 @@
 //! and none is armed again but by a message.
 
 mod incoming;
+mod interface;
 pub mod mapping;
 mod outgoing;
 
@@ -15,18 +16,15 @@ use alloc::vec;
 use alloc::vec::Vec;
 
 use super::guard::Guard;
-use super::interface::{FrameCheck, FrameCounts, FrameFault, PlantInterface, PublishError, PublishedSample, WireEvent};
-use super::{Refusal, Refusals, Timing};
+use super::interface::{FrameCheck, FrameCounts, FrameFault, PlantInterface, WireEvent};
+use super::{Refusal, Timing};
 use crate::rig::{Exciter, GateSpec};
-use crate::structure::OUTPUTS;
 use incoming::{Receiver, plus};
 use mapping::{Action, Arming, Lockstep, Mapping, Trigger, Values};
 use outgoing::{Said, Sender};
 use resonarm_dynamics::arm::Load;
 use resonarm_protocol::node::{Listening, Queue};
-use resonarm_protocol::{
-    Emergency, EmergencyCode, Frame, FrameFormat, Id, Node, NodeState, OperatorRequest, StateEvent, Trip,
-};
+use resonarm_protocol::{Emergency, EmergencyCode, Frame, FrameFormat, Id, Node, NodeState, StateEvent, Trip};
 
 /// Most events that wait to be fetched.
 const EVENTS: usize = 64;
@@ -38,6 +36,17 @@ pub enum Pace {
     Clock,
     /// When the sample published last has its answer; the timeout is that of the run.
     Lockstep,
+}
+
+/// How far the sample published last is, in lockstep.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+enum Round {
+    /// None was published since arming.
+    NotBegun,
+    /// It awaits its answer.
+    Open,
+    /// It has its answer.
+    Answered,
 }
 
 /// The plant as a node of a user's protocol.
@@ -57,8 +66,9 @@ pub struct MappedNode {
     listening: Listening,
     /// Whether the plant was armed by a first command, or is not to be any more.
     has_begun: bool,
-    /// In lockstep by [`Lockstep::Sync`]: whether the sample published last has its answer.
-    is_synced: bool,
+    /// Whether a sample was published: commands answer one.
+    has_published: bool,
+    round: Round,
     is_leaving: bool,
     jammed_since_ns: Option<u64>,
     values: Values,
@@ -93,7 +103,8 @@ impl MappedNode {
             drives: vec![false; drives.map_or(1, |last| last + 1)],
             listening: Listening::new(timing.look_period_ns),
             has_begun: false,
-            is_synced: false,
+            has_published: false,
+            round: Round::NotBegun,
             is_leaving: false,
             jammed_since_ns: None,
             values: Values::default(),
@@ -144,23 +155,40 @@ impl MappedNode {
                 self.act(now_ns, Some(self.receivers[index].message.drive), action);
             }
         }
-        let waits_for_set = self.waits_for_set();
-        let receiver = &mut self.receivers[index];
-        if receiver.is_command() {
-            let is_second = receiver.is_new() && waits_for_set;
-            if receiver.receive(frame.data())? && is_second {
-                self.guard.refuse(Refusal::Repeated);
-                self.events.push(WireEvent::Refused(Refusal::Repeated));
-                self.fault(now_ns, EmergencyCode::SampleSequence, self.values.sample as u16);
-            }
+        if self.receivers[index].is_command() {
+            self.receive(now_ns, index, frame)?;
         }
         if self.receivers[index].message.is_sync {
             self.synchronise(now_ns);
         }
-        if self.waits_for_set() && self.has_set() {
+        if self.waits_for_set() && self.round == Round::Open && self.has_set() {
             self.judge(now_ns);
         }
         Ok(())
+    }
+
+    /// Takes in a load. In lockstep by commands, one before the first sample answers none, and a second one for the same
+    /// sample would shift all later ones.
+    fn receive(&mut self, now_ns: u64, index: usize, frame: &Frame) -> Result<(), FrameCheck> {
+        let (waits_for_set, round) = (self.waits_for_set(), self.round);
+        let receiver = &mut self.receivers[index];
+        let is_second = receiver.is_new() || round == Round::Answered;
+        if !receiver.receive(frame.data())? || !waits_for_set {
+            return Ok(());
+        }
+        if round == Round::NotBegun {
+            receiver.judged(false, &self.listening);
+            self.refuse(Refusal::NotArmed);
+        } else if is_second {
+            self.refuse(Refusal::Repeated);
+            self.fault(now_ns, EmergencyCode::SampleSequence, self.values.sample as u16);
+        }
+        Ok(())
+    }
+
+    fn refuse(&mut self, refusal: Refusal) {
+        self.guard.refuse(refusal);
+        self.events.push(WireEvent::Refused(refusal));
     }
 
     /// Whether commands are judged as soon as there is one of each armed drive.
@@ -176,11 +204,14 @@ impl MappedNode {
 
     fn synchronise(&mut self, now_ns: u64) {
         if self.pace == Pace::Lockstep && self.lockstep == Lockstep::Sync && self.is_armed() {
-            if self.is_synced {
-                return self.fault(now_ns, EmergencyCode::SampleSequence, self.values.sample as u16);
+            match self.round {
+                Round::NotBegun => {}
+                Round::Open => {
+                    self.judge(now_ns);
+                    self.round = Round::Answered;
+                }
+                Round::Answered => self.fault(now_ns, EmergencyCode::SampleSequence, self.values.sample as u16),
             }
-            self.judge(now_ns);
-            self.is_synced = true;
         } else {
             self.queue_all(Trigger::Sync);
         }
@@ -207,6 +238,7 @@ impl MappedNode {
         }
         if self.state == NodeState::PreOperational {
             self.guard.arm(&self.listening);
+            self.round = Round::NotBegun;
             self.transition(StateEvent::Arm);
         }
         self.has_begun = true;
@@ -245,7 +277,7 @@ impl MappedNode {
 
     /// Judges the loads that were received, as the answer to the sample published last.
     fn judge(&mut self, now_ns: u64) {
-        if !self.receivers.iter().any(Receiver::is_new) {
+        if !self.has_published || !self.receivers.iter().any(Receiver::is_new) {
             return;
         }
         if self.arming == Arming::ZeroCommand && !self.has_begun && self.is_nearly_zero() {
@@ -258,6 +290,9 @@ impl MappedNode {
         let outcome = self.guard.take(state, &self.listening, index, self.shares());
         let listening = &self.listening;
         self.receivers.iter_mut().for_each(|receiver| receiver.judged(outcome.is_ok(), listening));
+        if outcome.is_ok() && self.lockstep == Lockstep::Command {
+            self.round = Round::Answered;
+        }
         if let Err(refusal) = outcome {
             self.events.push(WireEvent::Refused(refusal));
             if refusal == Refusal::Travel {
@@ -313,186 +348,5 @@ impl MappedNode {
     }
 }
 
-impl PlantInterface for MappedNode {
-    fn start(&mut self, now_ns: u64) {
-        self.listening.start(now_ns);
-        self.transition(StateEvent::Started);
-    }
-
-    fn state(&self) -> NodeState {
-        self.state
-    }
-
-    fn is_answered(&self) -> bool {
-        match self.lockstep {
-            Lockstep::Command => self.guard.is_answered(),
-            Lockstep::Sync => self.is_synced,
-        }
-    }
-
-    fn is_ramping(&self) -> bool {
-        self.guard.ramp_left() > 0
-    }
-
-    fn latched_fault(&self) -> Option<Emergency> {
-        self.fault.filter(|_| self.state == NodeState::Fault)
-    }
-
-    fn fault_reason(&self) -> Option<Emergency> {
-        None
-    }
-
-    fn take_echoed(&mut self) -> Option<u16> {
-        None
-    }
-
-    fn holds_sample(&self) -> bool {
-        false
-    }
-
-    fn refusals(&self) -> &Refusals {
-        self.guard.refusals()
-    }
-
-    fn frames(&self) -> FrameCounts {
-        self.frames
-    }
-
-    fn handle_frame(&mut self, now_ns: u64, frame: &Frame) {
-        self.listening.look(now_ns);
-        if let Some(sender) = self.senders.iter().position(|sender| sender.message.id == frame.id()) {
-            return self.handle_own(sender, frame);
-        }
-        let Some(index) = self.receivers.iter().position(|receiver| receiver.message.id == frame.id()) else { return };
-        if frame.format() == FrameFormat::Remote {
-            return;
-        }
-        if let Err(check) = self.handle_message(now_ns, index, frame) {
-            self.refuse_frame(frame.id(), check);
-        }
-    }
-
-    fn execute(&mut self, now_ns: u64, request: OperatorRequest) {
-        self.act(
-            now_ns,
-            None,
-            match request {
-                OperatorRequest::Arm => Action::Arm,
-                OperatorRequest::Disarm => Action::Disarm,
-                OperatorRequest::Reset => Action::Reset,
-            },
-        );
-    }
-
-    fn handle_deadline(&mut self, now_ns: u64) {
-        self.listening.look(now_ns);
-        if self.pace == Pace::Clock || !self.is_armed() {
-            self.judge(now_ns);
-        }
-        for sender in 0..self.senders.len() {
-            if self.senders[sender].take_due(now_ns) {
-                self.queue(sender);
-            }
-        }
-        if !self.is_armed() {
-            return;
-        }
-        let (listening, timeout_ns) = (&self.listening, self.timing.command_timeout_ns);
-        if self.jammed_since_ns.is_some_and(|since_ns| listening.has_passed(since_ns, timeout_ns)) {
-            self.fault(now_ns, EmergencyCode::BusLoss, self.not_sent());
-        } else if self.awaited().any(|receiver| receiver.is_timed_out(self.timeout_ns(receiver), listening)) {
-            self.fault(now_ns, EmergencyCode::CommandTimeout, self.guard.timeout_detail());
-        }
-    }
-
-    fn next_deadline_ns(&self) -> u64 {
-        let periodic = self.senders.iter().filter_map(Sender::due_ns).min();
-        let command = self.awaited().map(|receiver| receiver.deadline_ns(self.timeout_ns(receiver), &self.listening));
-        periodic.into_iter().chain(command).min().unwrap_or(u64::MAX)
-    }
-
-    fn publish(&mut self, sample: &PublishedSample) -> Result<(), PublishError> {
-        let PublishedSample { measurement, states, travel_m } = sample;
-        self.guard.measured(measurement.sample);
-        self.guard.set_travel(*travel_m);
-        self.is_synced = false;
-        self.values.sample = measurement.sample;
-        for (place, reading) in measurement.readings().iter().enumerate() {
-            if !reading.value.is_finite() {
-                return Err(PublishError::NotFinite { name: OUTPUTS[place].name, got: reading.value });
-            }
-            (self.values.readings[place], self.values.clipped[place]) = (reading.value, reading.clipped);
-        }
-        self.values.states.iter_mut().zip(*states).for_each(|(to, from)| *to = *from);
-        for sender in 0..self.senders.len() {
-            let is_due = match self.senders[sender].message.trigger {
-                Trigger::Every(samples) => measurement.sample.is_multiple_of(samples),
-                Trigger::Sync => self.pace == Pace::Lockstep && self.lockstep == Lockstep::Sync,
-                Trigger::Period(_) | Trigger::Request => false,
-            };
-            if is_due {
-                self.queue(sender);
-            }
-        }
-        Ok(())
-    }
-
-    fn load(&mut self) -> Load {
-        self.values.load = self.guard.load();
-        self.values.load
-    }
-
-    fn fault(&mut self, _now_ns: u64, code: EmergencyCode, detail: u16) {
-        debug_assert!(!code.is_notice(), "{code:?} is no fault");
-        self.guard.fault(code);
-        if self.state == NodeState::Fault {
-            return;
-        }
-        let emergency = Emergency { node: Node::Plant, code, detail, sample: self.guard.sample() as u16 };
-        self.fault = Some(emergency);
-        self.has_begun = true;
-        self.events.push(WireEvent::Emergency(emergency));
-        self.exit(StateEvent::Fault);
-    }
-
-    fn bus_lost(&mut self, now_ns: u64) {
-        if self.is_armed() {
-            self.fault(now_ns, EmergencyCode::BusLoss, self.not_sent());
-        }
-    }
-
-    fn leave(&mut self, _now_ns: u64) {
-        self.is_leaving = true;
-        if self.is_armed() {
-            self.exit(StateEvent::Disarm);
-        }
-    }
-
-    fn slip(&mut self, periods: u64) {
-        let detail = u16::try_from(periods).unwrap_or(u16::MAX);
-        let sample = self.guard.sample() as u16;
-        let notice = Emergency { node: Node::Plant, code: EmergencyCode::ScheduleSlipped, detail, sample };
-        self.events.push(WireEvent::Emergency(notice));
-    }
-
-    fn waiting_frames(&mut self, most: usize, frames: &mut Vec<Frame>) {
-        for sender in 0..self.senders.len() {
-            if frames.len() < most && self.senders[sender].waits() {
-                let said = self.said(self.senders[sender].message.drive);
-                frames.extend(self.senders[sender].frame(&self.values, &said));
-            }
-        }
-    }
-
-    fn frame_sent(&mut self) {
-        if let Some(sender) = self.senders.iter_mut().find(|sender| sender.waits()) {
-            self.frames.limited_values += sender.sent();
-        }
-        let is_waiting = self.senders.iter().any(Sender::waits);
-        self.jammed_since_ns = is_waiting.then(|| self.listening.listened_ns());
-    }
-
-    fn poll_event(&mut self) -> Option<WireEvent> {
-        self.events.pop()
-    }
-}
+#[cfg(test)]
+mod tests;

@@ -6,7 +6,7 @@ use std::path::PathBuf;
 use thiserror::Error;
 
 use crate::dbc::DbcError;
-use resonarm_numeric::number::short;
+use resonarm_numeric::number::{rounded, short};
 use resonarm_wire::checksum::{PresetError, UnknownPreset};
 use resonarm_wire::counter::CounterError;
 
@@ -103,7 +103,7 @@ pub enum WireError {
         problem: &'static str,
     },
     /// A unit that does not go into the quantity's.
-    #[error("{place}: its unit {got:?} is none that becomes {expected}: give `scale`, {expected} for one of it{}", converted(.known))]
+    #[error("{place}: its unit {got:?} is none of {known}, which become {expected}: give `scale`, {}", scale_of(.place, .expected))]
     Unit {
         /// Where.
         place: Place,
@@ -155,7 +155,7 @@ pub enum WireError {
     /// A signal that can't say what it has to.
     #[error(
         "{place}: it says {least} to {most} {unit}, and {what} goes from {from} to {to}: widen the signal, or lower {limit}",
-        least = short(.least), most = short(.most), from = short(.from), to = short(.to)
+        least = short(.least), most = short(.most), from = rounded(.from, 6), to = rounded(.to, 6)
     )]
     Range {
         /// Where.
@@ -237,6 +237,24 @@ pub enum WireError {
         /// The cycle time, s.
         period_s: f64,
     },
+    /// Drives without a preset, a preset without drives, or keys of a DBC beside them.
+    #[error("[wire]: {problem}")]
+    Drives {
+        /// What is wrong.
+        problem: &'static str,
+    },
+    /// A number of a drive that can't be.
+    #[error("wire.drives, number {}: `{name}` is {got}: it must be {expected}", .place + 1, got = short(.got))]
+    Drive {
+        /// Its place, from 0.
+        place: usize,
+        /// The key.
+        name: &'static str,
+        /// What was given.
+        got: f64,
+        /// What would do.
+        expected: &'static str,
+    },
     /// Nothing arms the plant.
     #[error(
         "[wire] has nothing that arms the plant: give an event with `arm`, or `arm = \"operator\"` (in the live view), or \
@@ -257,20 +275,6 @@ pub enum WireError {
         "[wire] says nothing of lockstep: give `lockstep = \"command\"` or `lockstep = \"sync\"`, or run in real time"
     )]
     NoLockstep,
-    /// A key of a mapping, with a preset.
-    #[error("wire.{key}: it maps messages of a DBC, and `preset = \"{preset}\"` has its own: leave one of them out")]
-    NotOfPreset {
-        /// The key.
-        key: &'static str,
-        /// The preset.
-        preset: &'static str,
-    },
-    /// A key of a preset, without one.
-    #[error("wire.{key}: it is of a preset, as `preset = \"cia402\"`, and there is none: leave it out")]
-    OfPreset {
-        /// The key.
-        key: &'static str,
-    },
     /// Nothing says which protocol it is.
     #[error("[wire] says no protocol: give `dbc`, the file with the messages, or `preset`")]
     NeitherDbcNorPreset,
@@ -280,44 +284,21 @@ pub enum WireError {
         /// The preset.
         preset: &'static str,
     },
-    /// A preset without drives.
-    #[error("wire.drives: `preset = \"{preset}\"` needs a drive for joint 1 or joint 2, or one for each")]
-    NoDrives {
+    /// A drive without something that its preset needs.
+    #[error("wire.drives, number {}: it has no `{name}`, which `preset = \"{preset}\"` needs", .place + 1)]
+    DriveWithout {
+        /// Its place, from 0.
+        place: usize,
+        /// The key.
+        name: &'static str,
         /// The preset.
         preset: &'static str,
     },
-    /// A shaker exerts no torque.
-    #[error("wire.drives: a drive exerts a torque at a joint, and [rig.shaker] exerts none: leave one of them out")]
-    DrivesOfShaker,
-    /// A number of a drive that can't be.
-    #[error("wire.drives: `{name}` of drive {number} is {got}: it must be {expected}", got = short(.got))]
-    DriveNumber {
-        /// Which drive, from 1.
-        number: usize,
-        /// The key.
-        name: &'static str,
-        /// What was given.
-        got: f64,
-        /// What would do.
-        expected: &'static str,
-    },
-    /// Two drives that are the same.
-    #[error("wire.drives: `{name}` of drive {number} is {got}, as that of drive {other}")]
-    DriveTwice {
-        /// Which drive, from 1.
-        number: usize,
-        /// The one before.
-        other: usize,
-        /// The key.
-        name: &'static str,
-        /// What both have.
-        got: u32,
-    },
-    /// A drive without something that its preset needs.
-    #[error("wire.drives: drive {number} has no `{name}`, which `preset = \"{preset}\"` needs")]
-    DriveWithout {
-        /// Which drive, from 1.
-        number: usize,
+    /// A drive with something that its preset does not know.
+    #[error("wire.drives, number {}: `{name}` is not a key of `preset = \"{preset}\"`: leave it out", .place + 1)]
+    DriveWith {
+        /// Its place, from 0.
+        place: usize,
         /// The key.
         name: &'static str,
         /// The preset.
@@ -344,6 +325,7 @@ fn nearest(suggestion: &Option<String>) -> String {
     suggestion.as_ref().map_or(String::new(), |name| format!("; is it {name:?}?"))
 }
 
-fn converted(units: &str) -> String {
-    format!(" (converted by themselves: {units})")
+fn scale_of(place: &Place, unit: &str) -> String {
+    let is_reading = place.key == "wire.readings";
+    if is_reading { format!("its value for 1 {unit}") } else { format!("the {unit} of its value 1") }
 }

@@ -1,10 +1,13 @@
 //! The user's own protocol in a scenario: which messages of a DBC are loads, requests and readings, or a preset.
 
+mod cia402;
 mod compile;
 mod conversion;
 mod drives;
 mod error;
+mod lacks;
 mod load;
+mod odrive;
 mod signals;
 
 use std::collections::BTreeMap;
@@ -12,8 +15,9 @@ use std::path::{Path, PathBuf};
 
 use serde::{Deserialize, Serialize};
 
-pub use drives::{DriveSection, PresetSpec};
+pub use drives::{DriveSpec, PresetSpec};
 pub use error::{Place, WireError};
+pub use lacks::WireLack;
 
 use super::{Scenario, ScenarioError};
 use crate::dbc::{self, Database};
@@ -24,10 +28,16 @@ use resonarm_bench::node::WireSpec;
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
 #[serde(default, deny_unknown_fields)]
 pub struct WireSection {
-    /// A protocol whose messages are known, in place of a DBC.
+    /// A protocol of drives, in place of a DBC.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub preset: Option<PresetSpec>,
-    /// The DBC file; its path counts from the scenario's folder. Empty with a preset.
+    /// Its drives.
+    #[serde(skip_serializing_if = "Vec::is_empty")]
+    pub drives: Vec<DriveSpec>,
+    /// For how long its torques are valid in real time, s; without it 0.5.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub timeout_s: Option<f64>,
+    /// The DBC file; its path counts from the scenario's folder.
     #[serde(skip_serializing_if = "is_empty")]
     pub dbc: PathBuf,
     /// The plant's node in it, the sender of all readings; without it senders are not checked.
@@ -42,12 +52,6 @@ pub struct WireSection {
     /// The message that synchronises, for `lockstep = "sync"` and readings with `on = "sync"`.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub sync: Option<String>,
-    /// With a preset: for how long a command is valid in real time, s; without it `network.command_timeout_s`.
-    #[serde(skip_serializing_if = "Option::is_none")]
-    pub timeout_s: Option<f64>,
-    /// With a preset: its drives.
-    #[serde(skip_serializing_if = "Vec::is_empty")]
-    pub drives: Vec<DriveSection>,
     /// The messages with loads.
     #[serde(skip_serializing_if = "Vec::is_empty")]
     pub commands: Vec<CommandSpec>,
@@ -60,6 +64,10 @@ pub struct WireSection {
     /// The text of the DBC, once it is read.
     #[serde(skip)]
     pub text: Option<String>,
+}
+
+fn is_empty(path: &Path) -> bool {
+    path.as_os_str().is_empty()
 }
 
 /// How a plant is armed without a message for it.
@@ -306,15 +314,15 @@ pub enum DataIdSpec {
 }
 
 impl WireSection {
-    /// Reads the DBC, unless a preset is in its place; its path counts from `folder`.
+    /// Reads the DBC, if the messages are not those of a preset; its path counts from `folder`.
     ///
     /// # Errors
-    /// [`WireError::Read`], [`WireError::NeitherDbcNorPreset`].
+    /// [`WireError::Read`].
     pub fn read(&mut self, folder: &Path) -> Result<(), WireError> {
         if self.preset.is_some() {
             return Ok(());
         }
-        drives::check_no_preset(self)?;
+        self.check_no_preset()?;
         let path = folder.join(&self.dbc);
         let bytes = text_file::read_network(&path).map_err(|source| WireError::Read { path, source })?;
         self.text = Some(dbc::decode(&bytes).into_owned());
@@ -338,16 +346,16 @@ impl Scenario {
     /// [`ScenarioError::Wire`] says what in `[wire]` can't be.
     pub fn wire_spec(&self) -> Result<Option<WireSpec>, ScenarioError> {
         let Some(section) = &self.wire else { return Ok(None) };
-        if let Some(PresetSpec::Cia402) = section.preset {
-            return Ok(Some(WireSpec::Cia402(drives::cia402(self, section)?)));
+        if section.preset == Some(PresetSpec::Cia402) {
+            return Ok(Some(WireSpec::Cia402(cia402::spec(self, section)?)));
         }
-        drives::check_no_preset(section)?;
+        let expanded = section.expanded(self)?;
+        let section = expanded.as_ref().unwrap_or(section);
         let mapping = compile::mapping(self, section)?;
         load::check(self, section, &mapping)?;
         Ok(Some(WireSpec::Mapped(mapping)))
     }
 }
 
-fn is_empty(path: &Path) -> bool {
-    path.as_os_str().is_empty()
-}
+#[cfg(test)]
+mod tests;

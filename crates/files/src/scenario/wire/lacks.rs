@@ -1,0 +1,67 @@
+//! What a user's protocol lacks, and what that costs.
+
+use thiserror::Error;
+
+use super::{ArmSpec, WireSection};
+
+/// Something that a protocol lacks.
+#[derive(Clone, Debug, PartialEq, Eq, Error)]
+pub enum WireLack {
+    /// Commands that don't name the sample that they answer.
+    #[error("commands name no sample: how old one is, and how long a round trip takes, can't be measured")]
+    Echo,
+    /// No counter in a message.
+    #[error("message {message} has no counter: a repeated or an old frame counts as new")]
+    Counter {
+        /// The message.
+        message: String,
+    },
+    /// No checksum in a message.
+    #[error("message {message} has no checksum: damage that the controller's CRC misses acts as a load")]
+    Checksum {
+        /// The message.
+        message: String,
+    },
+    /// No message that arms.
+    #[error("no message arms the plant: the operator does, in the live view (--live)")]
+    ArmedByOperator,
+    /// No message that arms, nor an operator.
+    #[error("no message arms the plant: its first commands near zero do, and after a fault nothing does")]
+    ArmedByCommands,
+    /// No message that clears a fault.
+    #[error("no message clears a fault: the operator does, in the live view (--live), or a new run")]
+    Reset,
+}
+
+impl WireSection {
+    /// What the protocol lacks.
+    pub fn lacks(&self) -> Vec<WireLack> {
+        let mut lacks = vec![WireLack::Echo];
+        if self.preset == Some(super::PresetSpec::Cia402) {
+            return lacks;
+        }
+        for command in &self.commands {
+            // Counter and checksum of a message are given once, with its commands or its events.
+            let event = self.events.iter().filter(|event| event.message == command.message);
+            let has = |of_event: fn(&super::EventSpec) -> bool, own: bool| own || event.clone().any(of_event);
+            let message = command.message.clone();
+            if !has(|event| event.counter.is_some(), command.counter.is_some()) {
+                lacks.push(WireLack::Counter { message: message.clone() });
+            }
+            if !has(|event| event.checksum.is_some(), command.checksum.is_some()) {
+                lacks.push(WireLack::Checksum { message });
+            }
+        }
+        match self.arm {
+            Some(ArmSpec::Operator) => lacks.push(WireLack::ArmedByOperator),
+            Some(ArmSpec::ZeroCommand) => lacks.push(WireLack::ArmedByCommands),
+            None => {}
+        }
+        let resets =
+            |event: &super::EventSpec| !event.reset.is_empty() || event.on_frame == Some(super::RequestSpec::Reset);
+        if !self.events.iter().any(resets) {
+            lacks.push(WireLack::Reset);
+        }
+        lacks
+    }
+}

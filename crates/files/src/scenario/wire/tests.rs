@@ -1,0 +1,168 @@
+//! Mappings, good and bad.
+
+use super::*;
+use resonarm_bench::node::mapped::mapping::{Arming, LoadInput, Mapping, Trigger};
+
+const DBC: &str = include_str!("tests/bench.dbc");
+const SCENARIO: &str = include_str!("tests/bench.toml");
+
+fn scenario(text: &str, dbc: &str) -> Result<Scenario, ScenarioError> {
+    let mut scenario = Scenario::parse(text, "bench.toml")?;
+    if let Some(wire) = &mut scenario.wire {
+        wire.text = Some(dbc.to_string());
+    }
+    Ok(scenario)
+}
+
+/// The mapping of the scenario with one text in place of another.
+fn changed(old: &str, new: &str) -> Result<Mapping, String> {
+    assert!(SCENARIO.contains(old), "{old}");
+    compiled(&SCENARIO.replace(old, new), DBC)
+}
+
+fn compiled(text: &str, dbc: &str) -> Result<Mapping, String> {
+    match scenario(text, dbc).and_then(|scenario| scenario.wire_spec()) {
+        Ok(Some(WireSpec::Mapped(mapping))) => Ok(mapping),
+        Ok(_) => Err(String::from("no mapping")),
+        Err(error) => Err(error.to_string()),
+    }
+}
+
+fn says(old: &str, new: &str) -> String {
+    changed(old, new).unwrap_err()
+}
+
+/// As `says`, of a change of the DBC.
+fn dbc_says(old: &str, new: &str) -> String {
+    assert!(DBC.contains(old), "{old}");
+    compiled(SCENARIO, &DBC.replace(old, new)).unwrap_err()
+}
+
+#[test]
+fn a_mapping_has_the_messages_in_si_units() {
+    let mapping = compiled(SCENARIO, DBC).unwrap();
+    let [drive] = &mapping.incoming[..] else { panic!("{:?}", mapping.incoming) };
+    assert_eq!((drive.commands[0].scale, drive.events.len(), drive.timeout_ns), (1.0, 2, 100_000_000));
+    assert_eq!(mapping.arming, Arming::Message);
+    let triggers: Vec<Trigger> = mapping.outgoing.iter().map(|message| message.trigger).collect();
+    assert_eq!(triggers, [Trigger::Every(1), Trigger::Every(10)]);
+    assert!(changed("{ signal = \"Force\" }", "{ signal = \"Force\", scale = 4.0 }").is_ok());
+}
+
+#[test]
+fn a_scenario_with_a_wire_survives_a_recording() {
+    let scenario = scenario(SCENARIO, DBC).unwrap();
+    let configuration = scenario.configuration("real-time").unwrap();
+    let read = Scenario::from_configuration(&configuration).unwrap();
+    assert_eq!(read.wire, scenario.wire);
+    assert!(read.wire_spec().unwrap().is_some());
+}
+
+#[test]
+fn commands_that_are_refused() {
+    insta::assert_snapshot!(says("message = \"Drive\"\nforce_x_n", "message = \"Driv\"\nforce_x_n"), @r#"
+    bench.dbc has no message "Driv"
+    Did you mean "Drive"?
+    "#);
+    insta::assert_snapshot!(says("signal = \"Force\"", "signal = \"Forc\""), @r#"
+    bench.dbc, line 9: message Drive has no signal "Forc"
+    Did you mean "Force"?
+    "#);
+    insta::assert_snapshot!(says("force_x_n = { signal = \"Force\" }", "force_x_n = { signal = \"Force\" }\nforce_y_n = { signal = \"Force\" }"), @"wire.commands: message Drive, signal Force: it is mapped twice, as force_x_n and as force_y_n");
+    insta::assert_snapshot!(says("force_x_n = { signal = \"Force\" }", "torque1_nm = { signal = \"Force\" }"), @r#"wire.commands: message Drive, signal Force: its unit "N" is none of Nm, mNm, Ncm, kNm, which become N·m: give `scale`, the N·m of its value 1"#);
+    insta::assert_snapshot!(says("force_x_n = { signal = \"Force\" }", "force_n = { signal = \"Force\" }"), @"wire.commands: message Drive, signal Force: force_n is along the shaker, and the scenario has no [rig.shaker]");
+    insta::assert_snapshot!(says("force_x_n = { signal = \"Force\" }\n", ""), @"wire.commands: message Drive: it has no load: give `force_x_n`, `force_y_n`, `force_n`, `torque1_nm` or `torque2_nm`");
+    insta::assert_snapshot!(says("signal = \"Force\" }", "signal = \"Force\", scale = 0.0 }"), @"wire.commands: message Drive, signal Force: `scale` is 0: it must be a number other than 0");
+    insta::assert_snapshot!(says("counter = { signal = \"Alive\" }\nchecksum = { signal = \"Crc\", preset = \"autosar-p1\", data_id = 0x123 }", "counter = { signal = \"Crc\" }\nchecksum = { signal = \"Crc\", preset = \"autosar-p1\", data_id = 0x123 }"), @"wire.commands: message Drive, signal Crc: it is mapped twice, as the counter and as the checksum");
+    insta::assert_snapshot!(says("\"autosar-p1\", data_id = 0x123", "\"autosar-p3\", data_id = 0x123"), @r#"wire.commands: message Drive, signal Crc: there is no checksum "autosar-p3": there are autosar-p1, autosar-p1-alternating, autosar-p1-low, autosar-p1-nibble, autosar-p2, autosar-p4, autosar-p5, autosar-p6, autosar-p7, autosar-p11, autosar-p11-nibble, crc8-j1850, crc8-2f, sum, xor"#);
+    insta::assert_snapshot!(says("\"autosar-p1\", data_id = 0x123", "\"autosar-p1\", data_id = 0x12345"), @"wire.commands: message Drive, signal Crc: autosar-p1: data id 0x12345 is beyond 0xffff");
+    insta::assert_snapshot!(says("timeout_s = 0.1", "timeout_s = 0.001"), @"wire.commands: message Drive: `timeout_s` is 0.001, and the DBC sends it every 0.001 s: give at least two of its cycles");
+    insta::assert_snapshot!(says("timeout_s = 0.1", "timeout_s = -1.0"), @"wire.commands: message Drive: `timeout_s` is -1: it must be a positive number of seconds, at most 3600");
+    insta::assert_snapshot!(dbc_says("[-655|655] \"N\"", "[-655|655] \"kp\""), @r#"wire.commands: message Drive, signal Force: its unit "kp" is none of N, mN, daN, kN, lbf, which become N: give `scale`, the N of its value 1"#);
+    insta::assert_snapshot!(dbc_says("Alive : 48|4@1+ (1,0) [0|14] \"\" Shaker", "Alive : 48|3@1+ (1,0) [0|7] \"\" Shaker"), @"wire.commands: message Drive, signal Alive: it has 15 values: with 3 bits a counter has 2 to 8");
+}
+
+#[test]
+fn nodes_events_and_lockstep_that_are_refused() {
+    insta::assert_snapshot!(says("node = \"Shaker\"", "node = \"Shakr\""), @r#"wire.node: the DBC has no node "Shakr"; is it "Shaker"?"#);
+    insta::assert_snapshot!(says("node = \"Shaker\"", "node = \"Controller\""), @"wire.commands: message Drive: it is sent by Controller, and commands are sent by others than Controller (`wire.node`)");
+    insta::assert_snapshot!(says("arm = [1]\n", ""), @r#"[wire] has nothing that arms the plant: give an event with `arm`, or `arm = "operator"` (in the live view), or `arm = "zero-command"` (by first commands near zero)"#);
+    insta::assert_snapshot!(says("arm = [1]", "arm = [1]\nreset = [1]"), @"wire.events: message Drive: a value of it asks for two things");
+    insta::assert_snapshot!(says("lockstep = \"command\"", "lockstep = \"sync\""), @"wire.sync: name the message that synchronises");
+    insta::assert_snapshot!(says("lockstep = \"command\"", "sync = \"Drive\""), @r#"wire.sync: nothing waits for it: give `lockstep = "sync"`, or readings with `on = "sync"`, or leave it out"#);
+}
+
+#[test]
+fn readings_that_are_refused() {
+    insta::assert_snapshot!(says("quantity = \"acceleration_c_x_m_s2\"", "quantity = \"acceleration_d_x_m_s2\""), @r#"wire.readings: message Meas, signal AccX: there is no quantity "acceleration_d_x_m_s2"; is it "acceleration_c_x_m_s2"?; there are head_force_x_n, head_force_y_n, acceleration_b_x_m_s2, acceleration_b_y_m_s2, acceleration_c_x_m_s2, acceleration_c_y_m_s2, alpha1_rad, alpha2_rad, alpha1_dot_rad_s, alpha2_dot_rad_s, coil_current_a, torque1_nm, torque2_nm, force_x_n, force_y_n"#);
+    insta::assert_snapshot!(says("quantity = \"acceleration_c_x_m_s2\"", "quantity = \"coil_current_a\""), @"wire.readings: message Meas, signal AccX: coil_current_a is a state of the shaker, and the scenario has no [rig.shaker]");
+    insta::assert_snapshot!(says("quantity = \"acceleration_c_x_m_s2\"", "quantity = \"head_force_x_n\""), @r#"wire.readings: message Meas, signal AccX: its unit "g" is none of N, mN, daN, kN, lbf, which become N: give `scale`, its value for 1 N"#);
+    insta::assert_snapshot!(says("sample = true", "sample = true, constant = 3"), @"wire.readings: message Meas, signal Sample: it has 2 of the keys `quantity`, `clipped`, `state`, `reason`, `constant` and `sample`: give one");
+    insta::assert_snapshot!(says("pre-operational = 1", "preoperational = 1"), @r#"wire.readings: message Meas, signal State: there is no state "preoperational"; is it "pre-operational"?; there are boot-up, pre-operational, operational, fault"#);
+    insta::assert_snapshot!(says("command-timeout = 1", "timeout = 1"), @r#"wire.readings: message Meas, signal Reason: there is no fault "timeout"; there are command-timeout, stop, overrun, bus-loss, sequence, exciter-tripped, simulation-failed, none, other"#);
+    insta::assert_snapshot!(says("every = 10\n", ""), @"wire.readings: message Pose: the DBC has no cycle time of it: give `every`, `period_s` or `on`");
+    insta::assert_snapshot!(says("every = 10", "every = 0"), @"wire.readings: message Pose: `every` is 0: it must be at least 1");
+    insta::assert_snapshot!(says("rate_hz = 1000", "rate_hz = 1500"), @"wire.readings: message Meas: its cycle time in the DBC, 0.001 s, is 1.5 samples at 1500 Hz: give `every`, or a rate of which it is a whole number");
+    insta::assert_snapshot!(says("rate_hz = 1000", "rate_hz = 1000\n[network]\nbit_rate_hz = 250000"), @"the messages of [wire] are up to 117.0 % of what network.bit_rate_hz carries, and a bus for control is loaded to 80 % at most: send readings less often, or raise the bit rate");
+    insta::assert_snapshot!(dbc_says("AccX : 0|16@1- (0.01,0) [-327|327] \"g\"", "AccX : 0|16@1- (0.001,0) [-32|32] \"g\""), @"wire.readings: message Meas, signal AccX: it says -32.768 to 32.767 g, and acceleration_c_x_m_s2 goes from -163.154594 to 163.154594: widen the signal, or lower rig.accelerometer_c.range_m_s2");
+}
+
+#[test]
+fn signals_of_the_dbc_that_are_refused() {
+    insta::assert_snapshot!(dbc_says("Force : 0|16@1- (0.02,0)", "Force : 0|16@1- (0,0)"), @"bench.dbc, line 10: signal Force of Drive: its factor is 0: it must be a finite number other than 0");
+    insta::assert_snapshot!(dbc_says("Force : 0|16@1- (0.02,0)", "Force : 56|16@1- (0.02,0)"), @"bench.dbc, line 10: signal Force of Drive: from start bit 56 its 16 bits take 9 bytes, and the payload has 8");
+    insta::assert_snapshot!(dbc_says("Enable : 16|1@1+", "Enable : 8|1@1+"), @"bench.dbc, line 10: signal Force of Drive: bit 8 is also of Enable, in line 11");
+    insta::assert_snapshot!(dbc_says("SG_ Force :", "SG_ Force m1 :"), @"bench.dbc, line 10: signal Force of Drive: it is multiplexed, and the message has no switch, a signal marked M");
+    insta::assert_snapshot!(dbc_says("BO_ 256 Drive: 8", "BO_ 256 Drive: 9"), @"bench.dbc, line 9: message Drive: its length is 9 bytes: a classical frame has 0 to 8; if it is CAN FD, its attribute VFrameFormat has to be StandardCAN_FD or ExtendedCAN_FD");
+    insta::assert_snapshot!(dbc_says("BO_ 256 Drive: 8", "BO_ 4096 Drive: 8"), @"bench.dbc, line 9: message Drive: identifier 4096 does not fit 11 bits: with 29 bits it is written as 2147487744, with bit 31");
+}
+
+fn odrive(keys: &str) -> Result<Mapping, String> {
+    compiled(&format!("[wire]\npreset = 'odrive'\n{keys}"), "")
+}
+
+#[test]
+fn a_preset_has_the_messages_of_its_drives() {
+    let two = "{ node_id = 0, joint = 2 }, { node_id = 5, joint = 1, gear_ratio = 8.0, torque_constant_nm_a = 0.1 }";
+    let mapping = odrive(&format!("drives = [{two}]")).unwrap();
+    let ids: Vec<u32> = mapping.incoming.iter().map(|message| message.id.raw()).collect();
+    assert_eq!(ids, [0x02, 0x07, 0x0B, 0x0E, 0x18, 0xA2, 0xA7, 0xAB, 0xAE, 0xB8]);
+    let torque = &mapping.incoming[8].commands[0];
+    assert_eq!((torque.scale, torque.input), (8.0, LoadInput::Torque1));
+    let ids: Vec<u32> = mapping.outgoing.iter().map(|message| message.id.raw()).collect();
+    assert_eq!(ids, [0x01, 0x03, 0x09, 0x14, 0x15, 0x17, 0x1C, 0xA1, 0xA3, 0xA9, 0xB4, 0xB5, 0xB7, 0xBC]);
+    assert_eq!(mapping.outgoing[2].trigger, Trigger::Every(10));
+    let lockstep = odrive("lockstep = 'command'\ndrives = [{ node_id = 0, joint = 2 }]").unwrap();
+    assert_eq!(lockstep.outgoing[2].trigger, Trigger::Every(1));
+}
+
+#[test]
+fn drives_that_are_refused() {
+    let says = |keys: &str| odrive(keys).unwrap_err();
+    let found = [
+        says(""),
+        says("dbc = 'bench.dbc'"),
+        says("drives = [{ node_id = 64, joint = 1 }]"),
+        says("drives = [{ node_id = 0, joint = 3 }]"),
+        says("drives = [{ node_id = 0, joint = 1 }, { node_id = 0, joint = 2 }]"),
+        says("drives = [{ node_id = 0, joint = 1, gear_ratio = 0.0 }]"),
+        says("drives = [{ node_id = 0, joint = 1, torque_constant_nm_a = -1.0 }]"),
+        says("timeout_s = 0.0\ndrives = [{ node_id = 0, joint = 1 }]"),
+        says(
+            "drives = [{ node_id = 0, joint = 1 }]\n[rig.shaker]\nmoving_mass_kg = 1\nstiffness_n_m = 1\ndamping_n_s_m = 1\nforce_factor_n_a = 1\nresistance_ohm = 1\ninductance_h = 0\nstroke_m = 1\ncurrent_limit_a = 1\nvoltage_limit_v = 1",
+        ),
+        compiled("[wire]\ndrives = [{ node_id = 0, joint = 1 }]", "").unwrap_err(),
+    ];
+    insta::assert_snapshot!(found.join("\n"), @r#"
+    [wire]: a preset needs at least one drive: drives = [{ node_id = 0, joint = 1 }]
+    [wire]: with a `preset` the messages are given: leave out `dbc`, `node`, `arm`, `sync`, `commands`, `events` and `readings`
+    wire.drives, number 1: `node_id` is 64: it must be from 0 to 63, and another than those before
+    wire.drives, number 1: `joint` is 3: it must be 1 or 2, and another than those before
+    wire.drives, number 2: `node_id` is 0: it must be from 0 to 63, and another than those before
+    wire.drives, number 1: `gear_ratio` is 0: it must be a number other than 0
+    wire.drives, number 1: `torque_constant_nm_a` is -1: it must be a positive number
+    wire.commands: message Axis0_Set_Input_Torque: `timeout_s` is 0: it must be a positive number of seconds, at most 3600
+    [wire]: a drive exerts a torque, and a shaker takes none: leave out [rig.shaker]
+    [wire]: `drives` and `timeout_s` belong to a `preset`: give one, as "odrive"
+    "#);
+}
