@@ -84,7 +84,7 @@ impl LogWriter {
         let mut log = self.log.lock().unwrap_or_else(PoisonError::into_inner);
         log.begin(&self.path).map_err(refused)?;
         match mem::replace(&mut *log, Log::Waiting(Vec::new())) {
-            Log::Begun(log) => py.detach(|| log.finish()).map_err(refused),
+            Log::Begun(log) => py.detach(|| log.finish()).map(|(frames, _)| frames).map_err(refused),
             Log::Waiting(_) => Ok(0),
         }
     }

@@ -9,11 +9,14 @@ use crate::flags;
 use crate::output::JsonFlag;
 use crate::recordings::existing;
 use resonarm::can_log::LogFormat;
-use resonarm::import::{ImportOptions, Imported, import};
+use resonarm::import::{ImportOptions, Imported, Missing, WireImport, import};
 use resonarm::scenario::Scenario;
 
 /// Makes a recording of a CAN log, for `replay`, and with --scenario for `compare`. It has no states of the arm, so
 /// `resim` does not accept it. The log is read twice and never held in memory.
+///
+/// With a scenario that has [wire] the recording also has the readings of the bench that was logged, for `identify`, if
+/// its protocol carries all of them every sample; what is missing is named. Samples that are not in the log are gaps.
 #[derive(Debug, Args)]
 pub(crate) struct Import {
     /// The log: of `candump -L`, or ASC or BLF of Vector's tools.
@@ -63,13 +66,59 @@ impl Import {
 }
 
 fn text(imported: &Imported) -> String {
-    let Imported { path, frames, of_other_interfaces, others, duration_s } = imported;
+    let Imported { path, frames, of_other_interfaces, others, duration_s, wire } = imported;
     let frames_of = if *frames == 1 { "frame of" } else { "frames of" };
     let others_of =
         if *others == 1 { "line or object that is no frame" } else { "lines or objects that are no frames" };
+    let of_wire = wire.as_ref().map_or(String::new(), wire_text);
     format!(
         "{}: {frames} {frames_of} {duration_s:.3} s; left out {of_other_interfaces} of other interfaces and \
-         {others} {others_of}\n",
+         {others} {others_of}\n{of_wire}",
         path.display()
     )
+}
+
+/// What was gathered from the frames of the scenario's own protocol, and what is missing.
+fn wire_text(wire: &WireImport) -> String {
+    let mut text = match wire.missing_readings.is_empty() {
+        true => format!(
+            "readings of {} samples; {} samples missing in {} gaps, {} left out for want of some of their frames\n",
+            wire.samples, wire.missing_samples, wire.gaps, wire.incomplete_samples
+        ),
+        false => format!("no readings: {}\n", missing_text(&wire.missing_readings)),
+    };
+    text += &match wire.missing_states.is_empty() {
+        true => format!("states and commanded loads of {} samples\n", wire.states),
+        false => {
+            format!("no states and loads, which are in the frames alone: {}\n", missing_text(&wire.missing_states))
+        }
+    };
+    if wire.is_placed_by_time {
+        text += "a message with readings has neither index nor counter: its frames are placed by their time stamps\n";
+    }
+    for (message, frames) in &wire.refused_frames {
+        text += &format!(
+            "left out of {message}: {frames}, for a wrong checksum, counter or length, or a value that is no number\n"
+        );
+    }
+    let WireImport { repeated_frames, lost_frames, .. } = wire;
+    if repeated_frames + lost_frames > 0 {
+        text += &format!(
+            "left out since they repeat a sample or are late: {repeated_frames}; lost, by the counters: {lost_frames}\n"
+        );
+    }
+    text
+}
+
+/// The channels that are missing, by why.
+fn missing_text(missing: &[Missing]) -> String {
+    let of = |is_carried: bool| {
+        let names = missing.iter().filter(|of| of.is_carried == is_carried).map(|of| of.channel);
+        names.collect::<Vec<_>>().join(", ")
+    };
+    match [of(false), of(true)] {
+        [none, some] if some.is_empty() => format!("the wire does not carry {none}"),
+        [none, some] if none.is_empty() => format!("the wire does not carry {some} every sample"),
+        [none, some] => format!("the wire does not carry {none}, nor {some} every sample"),
+    }
 }

@@ -24,6 +24,7 @@ mod readings;
 mod recordings;
 mod signals;
 mod time_domain;
+mod wire;
 
 use std::path::Path;
 use std::process::{Command, Stdio};

@@ -1,13 +1,22 @@
 //! Logs of other tools as recordings.
 //!
-//! An imported recording holds frames alone. It can be replayed; with the scenario of the network that was logged, what
-//! its controller read can be read again (`replay::responses` of the crate `resonarm-session`). It has no states, so
-//! it can't be simulated again.
+//! An imported recording of Resonarm's protocol holds frames alone. It can be replayed; with the scenario of the
+//! network that was logged, what its controller read can be read again (`replay::responses` of the crate
+//! `resonarm-session`). It has no states, so it can't be simulated again.
+//!
+//! With a scenario that has a protocol of its own the recording holds readings as well, if that carries all of them
+//! every sample, and likewise states with the commanded loads. Nothing is interpolated: what is not in the log is a
+//! gap.
+
+mod index;
+mod loads;
+mod rows;
+mod wire;
 
 use std::fs;
 use std::path::{Path, PathBuf};
 
-use resonarm_protocol::{MessageKind, Network, Node};
+use resonarm_protocol::{Frame, MessageKind, Network, Node};
 use thiserror::Error;
 
 use crate::can_log::{CanLogError, LogFormat, LoggedFrame, LoggedFrames, read};
@@ -17,6 +26,9 @@ use crate::recording::{
 };
 use crate::scenario::{Scenario, ScenarioError};
 use crate::staged::{file_kind, same_file};
+
+use wire::Gatherer;
+pub use wire::{Missing, WireImport};
 
 /// The key in a recording's configuration of the log that it was imported from.
 pub const IMPORTED_FROM: &str = "imported_from";
@@ -48,6 +60,9 @@ pub struct Imported {
     pub others: u64,
     /// Time from the first frame to the last, s.
     pub duration_s: f64,
+    /// What was gathered from the frames, if the scenario has a protocol of its own.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub wire: Option<WireImport>,
 }
 
 /// Why a log can't be imported.
@@ -108,14 +123,18 @@ pub enum ImportError {
 /// receives stamps frames that waited in a queue with when they came. The earliest is the beginning.
 pub const DISORDER_NS: u64 = 100_000_000;
 
-/// A recording of frames alone, written frame by frame. Sample k begins k sample periods after the beginning. Frames
+/// A recording of frames, written frame by frame. Sample k begins k sample periods after the beginning. Frames
 /// of the network go the way that their senders have; of others the log says it, or they count as received by the
 /// plant.
+///
+/// With a protocol of the scenario's own the recording has its readings, too. Their first sample is that of their time;
+/// from there on samples are counted as the frames say, and other frames belong to the newest one.
 pub struct FrameLog {
     recorder: Recorder,
     channel: Channel,
     log: PathBuf,
     network: Network,
+    wire: Option<Gatherer>,
     rate_hz: f64,
     first_ns: u64,
     frames: u64,
@@ -138,6 +157,7 @@ impl FrameLog {
             Some(scenario) => (scenario.network()?, scenario.simulation.rate_hz),
             None => (Network::default(), 1000.0),
         };
+        let wire = options.scenario.as_ref().map(Gatherer::new).transpose()?.flatten();
         let configuration = match &options.scenario {
             Some(scenario) => scenario.configuration("none")?,
             None => Configuration::new(),
@@ -153,7 +173,8 @@ impl FrameLog {
         };
         let recorder = Recorder::create(path, &configuration, options)?;
         let channel = recorder.channel("log", CAPACITY)?;
-        Ok(FrameLog { recorder, channel, log: log.to_path_buf(), network, rate_hz, first_ns: first.time_ns, frames: 0 })
+        let (log, first_ns) = (log.to_path_buf(), first.time_ns);
+        Ok(FrameLog { recorder, channel, log, network, wire, rate_hz, first_ns, frames: 0 })
     }
 
     /// Writes a frame, and returns its time since the beginning, ns.
@@ -166,18 +187,48 @@ impl FrameLog {
             frame: self.frames + 1,
             early_ns: self.first_ns - logged.time_ns,
         })?;
-        self.channel.push_blocking(Record::Frame(record(logged, time_ns, self.rate_hz, self.network)))?;
+        let frame = self.record(logged, time_ns);
+        self.channel.push_blocking(Record::Frame(frame))?;
         self.frames += 1;
+        self.push_gathered(false)?;
         Ok(time_ns)
     }
 
-    /// Ends the recording, and returns how many frames are in it.
+    /// Writes what was gathered from the frames.
+    fn push_gathered(&mut self, is_end: bool) -> Result<(), ImportError> {
+        let Some(wire) = &mut self.wire else { return Ok(()) };
+        while let Some(record) = wire.next(is_end) {
+            self.channel.push_blocking(record)?;
+        }
+        Ok(())
+    }
+
+    /// A logged frame as the plant would have recorded it.
+    fn record(&mut self, logged: &LoggedFrame, time_ns: u64) -> FrameRecord {
+        let frame = logged.frame;
+        let of_wire = self.wire.as_mut().map(|wire| (wire.direction(frame.id()), wire.add(&frame, time_ns)));
+        let (direction, sample) = match of_wire {
+            Some(known) => known,
+            None => (direction(self.network, &frame), None),
+        };
+        FrameRecord {
+            sample: sample.unwrap_or(libm::floor(time_ns as f64 * 1e-9 * self.rate_hz) as u64),
+            direction: direction.or(logged.direction).unwrap_or(Direction::Received),
+            time_ns,
+            bus_timestamp_ns: None,
+            frame,
+        }
+    }
+
+    /// Ends the recording, and returns how many frames are in it, and what was gathered from them if the scenario has a
+    /// protocol of its own.
     ///
     /// # Errors
     /// [`ImportError::Recording`].
-    pub fn finish(self) -> Result<u64, ImportError> {
+    pub fn finish(mut self) -> Result<(u64, Option<WireImport>), ImportError> {
+        self.push_gathered(true)?;
         self.recorder.finish(&[("frames", self.frames.to_string())])?;
-        Ok(self.frames)
+        Ok((self.frames, self.wire.map(Gatherer::finish)))
     }
 }
 
@@ -195,8 +246,14 @@ pub fn import(log: &Path, format: LogFormat, path: &Path, options: &ImportOption
     }
     let first = check(log, format, options)?;
     let mut written = FrameLog::create(log, format.name(), &first, (path, Naming::Whole), options)?;
-    let mut imported =
-        Imported { path: path.to_path_buf(), frames: 0, of_other_interfaces: 0, others: 0, duration_s: 0.0 };
+    let mut imported = Imported {
+        path: path.to_path_buf(),
+        frames: 0,
+        of_other_interfaces: 0,
+        others: 0,
+        duration_s: 0.0,
+        wire: None,
+    };
     let mut frames = read(log, format)?;
     for logged in &mut frames {
         let logged = logged?;
@@ -208,7 +265,7 @@ pub fn import(log: &Path, format: LogFormat, path: &Path, options: &ImportOption
         imported.duration_s = imported.duration_s.max(time_ns as f64 * 1e-9);
     }
     imported.others = frames.others();
-    imported.frames = written.finish()?;
+    (imported.frames, imported.wire) = written.finish()?;
     Ok(imported)
 }
 
@@ -251,19 +308,10 @@ fn wanted(frames: LoggedFrames, interface: Option<&str>) -> impl Iterator<Item =
     })
 }
 
-/// A logged frame as the plant would have recorded it.
-fn record(logged: &LoggedFrame, time_ns: u64, rate_hz: f64, network: Network) -> FrameRecord {
-    let sender = MessageKind::from_id(network, logged.frame.id()).map(MessageKind::sender);
-    let direction = match (sender, logged.direction) {
-        (Some(Node::Plant), _) => Direction::Sent,
-        (Some(Node::Exciter), _) => Direction::Received,
-        (None, direction) => direction.unwrap_or(Direction::Received),
-    };
-    FrameRecord {
-        sample: libm::floor(time_ns as f64 * 1e-9 * rate_hz) as u64,
-        direction,
-        time_ns,
-        bus_timestamp_ns: None,
-        frame: logged.frame,
+/// Which way a frame of the network goes.
+fn direction(network: Network, frame: &Frame) -> Option<Direction> {
+    match MessageKind::from_id(network, frame.id()).map(MessageKind::sender)? {
+        Node::Plant => Some(Direction::Sent),
+        Node::Exciter => Some(Direction::Received),
     }
 }

@@ -5,6 +5,7 @@ extern crate alloc;
 pub mod can_log;
 pub mod cut;
 pub mod dbc;
+pub mod decoder;
 pub mod diff;
 pub mod export;
 pub mod import;

@@ -5,7 +5,8 @@ use std::collections::BTreeMap;
 use resonarm_protocol::{DecodeError, Receiver};
 use serde::Serialize;
 
-use crate::recording::{Direction, Record, Recording, RecordingError, Topic};
+use crate::decoder::{Decoded, DecodedMessage, Decoder, Outcome};
+use crate::recording::{Direction, FrameRecord, Record, Recording, RecordingError, Topic};
 use crate::scenario::Scenario;
 use resonarm_bench::structure::Channel;
 
@@ -14,8 +15,8 @@ use resonarm_bench::structure::Channel;
 pub struct RecordingStatistics {
     /// States, loads and readings, channel by channel.
     pub channels: Vec<ChannelStatistics>,
-    /// Messages of the network, by name.
-    pub messages: BTreeMap<&'static str, u64>,
+    /// Messages of the network, or of the scenario's own protocol, by name.
+    pub messages: BTreeMap<String, u64>,
     /// Frames of the network that a receiver refuses, by what is wrong with them.
     pub refused_frames: BTreeMap<String, u64>,
     /// Frames lost on the bus, as the counters of those that came tell.
@@ -46,9 +47,7 @@ pub struct ChannelStatistics {
 /// # Errors
 /// [`RecordingError`] if it can't be read.
 pub fn statistics(recording: &Recording) -> Result<RecordingStatistics, RecordingError> {
-    let network = Scenario::from_configuration(recording.configuration()).ok().and_then(|found| found.network().ok());
-    // Each end has counters of its own, and hears the other's frames alone.
-    let mut receivers = [(); 2].map(|()| Receiver::new(network.unwrap_or_default()));
+    let mut listener = Listener::of(recording);
     let mut sums = [Topic::States, Topic::Samples].map(|topic| Sums::new(recording.channels().of(topic)));
     let mut found = RecordingStatistics::default();
     for record in recording.records()? {
@@ -57,21 +56,63 @@ pub fn statistics(recording: &Recording) -> Result<RecordingStatistics, Recordin
             Record::State(state) if state.is_end => {}
             Record::State(state) => sums[0].add(&state.values()),
             Record::Sample(readings) => sums[1].add(&readings.values()),
-            Record::Frame(frame) => {
-                let receiver = &mut receivers[usize::from(frame.direction == Direction::Sent)];
-                match receiver.accept(&frame.frame) {
-                    Ok(Some(message)) => *found.messages.entry(message.kind().name()).or_insert(0) += 1,
-                    Ok(None) => found.foreign_frames += 1,
-                    Err(error) => *found.refused_frames.entry(reason(&error)).or_insert(0) += 1,
-                }
-            }
+            Record::Frame(frame) => listener.hear(&frame, &mut found),
             Record::Event(event) => *found.events.entry(event.name).or_insert(0) += 1,
             Record::Tick(_) => {}
         }
     }
-    found.lost_frames = receivers.iter().map(Receiver::lost).sum();
+    found.lost_frames = listener.lost();
     found.channels = sums.iter().flat_map(Sums::channels).collect();
     Ok(found)
+}
+
+/// What counts the frames of a recording.
+enum Listener {
+    /// Of Resonarm's protocol. Each end has counters of its own, and hears the other's frames alone.
+    Network([Receiver; 2]),
+    /// Of the scenario's own protocol.
+    Wire(Box<Decoder>),
+}
+
+impl Listener {
+    fn of(recording: &Recording) -> Listener {
+        let scenario = Scenario::from_configuration(recording.configuration()).ok();
+        if let Some(decoder) = scenario.as_ref().and_then(|scenario| Decoder::of_scenario(scenario).ok().flatten()) {
+            return Listener::Wire(Box::new(decoder));
+        }
+        let network = scenario.and_then(|scenario| scenario.network().ok()).unwrap_or_default();
+        Listener::Network([(); 2].map(|()| Receiver::new(network)))
+    }
+
+    fn hear(&mut self, record: &FrameRecord, found: &mut RecordingStatistics) {
+        let mut refused = |reason: String| *found.refused_frames.entry(reason).or_insert(0) += 1;
+        match self {
+            Listener::Network(receivers) => {
+                let receiver = &mut receivers[usize::from(record.direction == Direction::Sent)];
+                match receiver.accept(&record.frame) {
+                    Ok(Some(message)) => *found.messages.entry(message.kind().name().to_owned()).or_insert(0) += 1,
+                    Ok(None) => found.foreign_frames += 1,
+                    Err(error) => refused(reason(&error)),
+                }
+            }
+            Listener::Wire(decoder) => match decoder.decode(&record.frame) {
+                Decoded::Message(DecodedMessage { message, outcome: Outcome::Refused(fault), .. }) => {
+                    refused(format!("{message}: {}", fault.kind()));
+                }
+                Decoded::Message(DecodedMessage { message, .. }) | Decoded::Request { message, .. } => {
+                    *found.messages.entry(message).or_insert(0) += 1;
+                }
+                Decoded::Foreign => found.foreign_frames += 1,
+            },
+        }
+    }
+
+    fn lost(&self) -> u64 {
+        match self {
+            Listener::Network(receivers) => receivers.iter().map(Receiver::lost).sum(),
+            Listener::Wire(decoder) => decoder.lost(),
+        }
+    }
 }
 
 /// What is wrong with a frame, without its numbers.

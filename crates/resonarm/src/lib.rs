@@ -42,6 +42,7 @@
 //! | [`conformance`] | whether a node on a bus keeps the protocol |
 //! | [`replay`] | recordings: their frames sent again, their runs simulated again |
 //! | [`wire`], [`dbc`] | frames of a user's own protocol: signals, counters, checksums; DBC files |
+//! | [`decoder`] | frames explained by a DBC, and by what its messages mean to the plant |
 //! | [`can_log`] | frames in the log files of other tools |
 //! | [`diff`], [`statistics`] | two recordings compared; what is in one, in numbers |
 //! | [`export`], [`import`] | recordings in the formats of other tools, and logs of them as recordings |
@@ -60,7 +61,9 @@ pub use resonarm_analysis as analysis;
 pub use resonarm_bench::{control, excitation, identify, node, plant, rig, structure};
 pub use resonarm_conformance as conformance;
 pub use resonarm_dynamics::{arm, integrate};
-pub use resonarm_files::{can_log, cut, dbc, diff, export, import, recording, scenario, statistics, toml_error};
+pub use resonarm_files::{
+    can_log, cut, dbc, decoder, diff, export, import, recording, scenario, statistics, toml_error,
+};
 pub use resonarm_protocol as protocol;
 pub use resonarm_realtime as realtime;
 pub use resonarm_session::{experiment, identification, replay, run, study};

@@ -169,7 +169,7 @@ fn statistics_text(statistics: &RecordingStatistics) -> String {
     for ChannelStatistics { name, least, largest, mean, rms } in &statistics.channels {
         text += &format!("{name:24} {least:12.4e} {largest:12.4e} {mean:12.4e} {rms:12.4e}\n");
     }
-    let counts = statistics.messages.iter().map(|(name, count)| (*name, count));
+    let counts = statistics.messages.iter().map(|(name, count)| (name.as_str(), count));
     for (name, count) in counts.chain(statistics.events.iter().map(|(name, count)| (name.as_str(), count))) {
         text += &format!("{:24} {count:12}\n", in_line(name));
     }

@@ -199,13 +199,18 @@ fn log(event: &Event<String>, time_ns: u64) -> Value {
     json!({ "timestamp": time(time_ns), "level": level, "message": message, "name": name, "file": "", "line": 0 })
 }
 
-/// Attaches the scenario, and the DBC of its network.
+/// Attaches the scenario, and the DBC of its network or of its own protocol.
 fn attach(recording: &Recording, writer: &mut Writer<BufWriter<File>>) -> Result<(), McapError> {
     let scenario = recording.configuration().get("scenario");
-    let network = Scenario::from_configuration(recording.configuration()).ok().and_then(|found| found.network().ok());
+    let found = Scenario::from_configuration(recording.configuration()).ok();
+    let dbc = found.and_then(|found| match &found.wire {
+        Some(wire) => wire.text.clone().map(|text| ("wire.dbc", text)),
+        None => found.network().ok().map(|network| ("resonarm.dbc", Dbc(network).to_string())),
+    });
+    let (dbc_name, dbc) = dbc.unzip();
     let files = [
         ("scenario.toml", "application/toml", scenario.map(str::to_owned)),
-        ("resonarm.dbc", "text/plain", network.map(|network| Dbc(network).to_string())),
+        (dbc_name.unwrap_or("resonarm.dbc"), "text/plain", dbc),
     ];
     for (name, media_type, text) in files {
         let Some(text) = text else { continue };

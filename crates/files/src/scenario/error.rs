@@ -80,7 +80,7 @@ pub enum ScenarioError {
     Fault(#[from] FaultError),
     /// The user's own protocol can't be mapped so.
     #[error(transparent)]
-    Wire(#[from] WireError),
+    Wire(Box<WireError>),
     /// The base identifier or the node ids are impossible.
     #[error("network: {0}")]
     Network(#[from] NetworkError),
@@ -189,4 +189,10 @@ fn carried(BitRates { nominal_hz, data_hz }: BitRates) -> String {
 
 fn raised(enough: Option<(&str, f64)>) -> String {
     enough.map_or(String::new(), |(name, least_hz)| format!(", or raise {name} to {least_hz}"))
+}
+
+impl From<WireError> for ScenarioError {
+    fn from(error: WireError) -> ScenarioError {
+        ScenarioError::Wire(Box::new(error))
+    }
 }

@@ -85,6 +85,7 @@ pub fn has_faulty_accelerometer(scenario: &Scenario) -> bool {
 fn read(recording: &Recording) -> Result<Readings, IdentificationError> {
     let mut readings = Readings { accelerations_m_s2: Vec::new(), first_sample: 0 };
     let mut clipped = 0;
+    super::check_readings(recording)?;
     for sample in recording.samples()? {
         let sample = sample?;
         if sample.sample == 0 {

@@ -13,6 +13,7 @@ pub use missing::{MissingMode, Reason, missing_modes, mode_numbers};
 
 use resonarm_bench::excitation::Waveform;
 use resonarm_bench::identify::{Averaging, Band, Direction, IdentifyError, Record};
+use resonarm_files::import::IMPORTED_FROM;
 use resonarm_files::recording::{Recording, RecordingError};
 use resonarm_files::scenario::{Scenario, ScenarioError};
 
@@ -26,6 +27,14 @@ pub enum IdentificationError {
     /// Its scenario has no arm.
     #[error(transparent)]
     Scenario(#[from] ScenarioError),
+    /// It was imported from a log that has no readings.
+    #[error(
+        "the recording was imported from {log} and has no readings: `import` names those that its wire does not carry"
+    )]
+    NoReadings {
+        /// The log.
+        log: String,
+    },
     /// Its readings say too little.
     #[error(transparent)]
     Identify(#[from] IdentifyError),
@@ -41,8 +50,10 @@ const HIGHEST_HZ: f64 = 100.0;
 /// out: they only show the initial state.
 ///
 /// # Errors
-/// [`IdentificationError`] if the recording can't be read, a reading is clipped, or nothing drives the arm.
+/// [`IdentificationError`] if the recording can't be read or has no readings, a reading is clipped, or nothing drives
+/// the arm.
 pub fn record(recording: &Recording, scenario: &Scenario, input: Direction) -> Result<Record, IdentificationError> {
+    check_readings(recording)?;
     let rate_hz = 1.0 / recording.origin().dt_s;
     let (mut rows, mut clipped) = (Vec::new(), 0);
     for sample in recording.samples()? {
@@ -57,6 +68,16 @@ pub fn record(recording: &Recording, scenario: &Scenario, input: Direction) -> R
         return Err(IdentifyError::Clipped { samples: clipped }.into());
     }
     Ok(Record::new(rate_hz, &scenario.rig, rows, input)?)
+}
+
+/// Refuses a log without readings.
+fn check_readings(recording: &Recording) -> Result<(), IdentificationError> {
+    match recording.configuration().get(IMPORTED_FROM) {
+        Some(log) if recording.samples()?.next().is_none() => {
+            Err(IdentificationError::NoReadings { log: log.to_owned() })
+        }
+        _ => Ok(()),
+    }
 }
 
 /// The band in which a recorded excitation says something about the arm, at `rate_hz` samples a second.

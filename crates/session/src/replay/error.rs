@@ -120,6 +120,15 @@ pub enum ReplayError {
         /// The [`Mismatch`] by its number.
         detail: u16,
     },
+    /// What a controller on the scenario's own protocol played is not known.
+    #[error(
+        "the controller on the scenario's own [wire] is not Resonarm's: its responses are read with the [excitation] that it \
+         played, not with [control]"
+    )]
+    NoExcitation,
+    /// No command on the scenario's own protocol has a load.
+    #[error("no command in the recording has a load, so nothing says when the excitation began")]
+    NoLoad,
     /// Another controller was recorded than that of the scenario in the recording.
     #[error(
         "the recorded command at sample {sample} is {got:?} (force along x, y in N, torques in N\u{b7}m), by the scenario in the recording it \

@@ -15,9 +15,13 @@ use resonarm_protocol::{Emergency, EmergencyCode, ForceCommand, Message, Receive
 /// A controller is a function of the frames it receives. Given those of the recording, it makes the recorded commands
 /// again, and reads the same responses. A differing command shows that another controller was recorded.
 ///
+/// The controller on a scenario's own protocol is not Resonarm's. Its commands must be the scenario's excitation, within
+/// half a count of its signals; the responses are then read from the recorded readings.
+///
 /// # Errors
 /// [`ReplayError::Command`] if another controller was recorded; [`ReplayError::Incompatible`] if the recorded plant
-/// speaks another version of the protocol; [`ReplayError`] if the recording can't be read or its scenario makes no
+/// speaks another version of the protocol; with a protocol of the scenario's own [`ReplayError::NoExcitation`] and
+/// [`ReplayError::NoLoad`]; [`ReplayError`] if the recording can't be read or its scenario makes no
 /// controller.
 pub fn responses(recording: &Recording) -> Result<Vec<ResponsePoint>, ReplayError> {
     Ok(timed_responses(recording)?.into_iter().map(|(_, response)| response).collect())
@@ -29,6 +33,9 @@ pub fn responses(recording: &Recording) -> Result<Vec<ResponsePoint>, ReplayErro
 /// As [`responses`].
 pub fn timed_responses(recording: &Recording) -> Result<Vec<(u64, ResponsePoint)>, ReplayError> {
     let scenario = Scenario::from_configuration(recording.configuration())?;
+    if scenario.wire.is_some() {
+        return super::wire_responses::timed_responses(recording, &scenario);
+    }
     let network = scenario.network()?;
     let (mut made, mut recorded) = (Receiver::new(network), Receiver::new(network));
     let mut exciter =

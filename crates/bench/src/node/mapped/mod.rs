@@ -243,12 +243,16 @@ impl MappedNode {
         }
         self.has_begun = true;
         let is_meant = |number: usize| drive.is_none_or(|drive| drive == number);
-        let (drives, listening) = (&self.drives, &self.listening);
-        let mut newly = self.receivers.iter_mut().filter(|receiver| {
-            let number = receiver.message.drive;
-            is_meant(number) && !drives[number]
-        });
-        newly.by_ref().for_each(|receiver| receiver.restart(listening));
+        for receiver in 0..self.receivers.len() {
+            let number = self.receivers[receiver].message.drive;
+            if is_meant(number) && !self.drives[number] {
+                // A load that was received before the drive was armed never acts.
+                if self.receivers[receiver].is_new() {
+                    self.refuse(Refusal::NotArmed);
+                }
+                self.receivers[receiver].restart(&self.listening);
+            }
+        }
         (0..self.drives.len()).filter(|number| is_meant(*number)).for_each(|number| self.drives[number] = true);
     }
 

@@ -8,7 +8,9 @@ use alloc::vec;
 
 use super::mapping::*;
 use super::*;
+use crate::node::{PublishError, PublishedSample};
 use crate::rig::{ExciterSpec, Measurement, Reading};
+use resonarm_protocol::OperatorRequest;
 use resonarm_wire::checksum::{DataId, Preset};
 use resonarm_wire::counter::Counter;
 use resonarm_wire::layout::{ByteOrder, Layout, Number};
@@ -195,6 +197,14 @@ fn loads_act_while_it_is_armed_and_no_longer() {
     let ramp: Vec<f64> = (0..51).map(|_| force_n(rig.tick())).collect();
     assert_eq!((ramp[0], ramp[48], ramp[49], ramp[50]), (-4.9, -0.1, 0.0, 0.0));
     assert_eq!(rig.node.state(), NodeState::PreOperational);
+}
+
+#[test]
+fn a_load_just_before_it_is_armed_is_counted_as_refused() {
+    let mut rig = Rig::new();
+    rig.send(DRIVE, 500, false);
+    rig.node.execute(0, OperatorRequest::Arm);
+    assert_eq!((force_n(rig.tick()), rig.refusals(Refusal::NotArmed)), (0.0, 1));
 }
 
 #[test]

@@ -1,6 +1,7 @@
 //! What is wrong with the mapping of a user's protocol.
 
 use std::fmt;
+use std::ops::Deref;
 use std::path::PathBuf;
 
 use thiserror::Error;
@@ -12,13 +13,42 @@ use resonarm_wire::counter::CounterError;
 
 /// A key of `[wire]`, with the message and the signal that it names.
 #[derive(Clone, Debug, PartialEq, Eq)]
-pub struct Place {
+pub struct Place(Box<Names>);
+
+/// What a [`Place`] names.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct Names {
     /// The key, such as `wire.commands`.
     pub key: &'static str,
     /// The message.
     pub message: String,
     /// The signal, if it is about one.
     pub signal: Option<String>,
+}
+
+impl Deref for Place {
+    type Target = Names;
+
+    fn deref(&self) -> &Names {
+        &self.0
+    }
+}
+
+impl Place {
+    /// A message.
+    pub(super) fn message(key: &'static str, message: &str) -> Place {
+        Place(Box::new(Names { key, message: message.to_string(), signal: None }))
+    }
+
+    /// A signal of a message.
+    pub(super) fn signal(key: &'static str, message: &str, signal: &str) -> Place {
+        Place(Box::new(Names { key, message: message.to_string(), signal: Some(signal.to_string()) }))
+    }
+
+    /// A signal of the same message.
+    pub(super) fn of(&self, signal: &str) -> Place {
+        Place::signal(self.key, &self.message, signal)
+    }
 }
 
 impl fmt::Display for Place {

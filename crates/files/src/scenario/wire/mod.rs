@@ -16,8 +16,10 @@ use std::path::{Path, PathBuf};
 use serde::{Deserialize, Serialize};
 
 pub use drives::{DriveSpec, PresetSpec};
-pub use error::{Place, WireError};
+pub use error::{Names, Place, WireError};
 pub use lacks::WireLack;
+pub(crate) use signals::quantity::channel;
+pub(crate) use signals::{REASONS, STATES};
 
 use super::{Scenario, ScenarioError};
 use crate::dbc::{self, Database};
@@ -354,6 +356,16 @@ impl Scenario {
         let mapping = compile::mapping(self, section)?;
         load::check(self, section, &mapping)?;
         Ok(Some(WireSpec::Mapped(mapping)))
+    }
+
+    /// The DBC of the scenario's own protocol, or of its preset, if it has one.
+    ///
+    /// # Errors
+    /// [`ScenarioError::Wire`] if it was not read, or is none.
+    pub(crate) fn wire_database(&self) -> Result<Option<Database>, ScenarioError> {
+        let Some(section) = &self.wire else { return Ok(None) };
+        let expanded = section.expanded(self)?;
+        Ok(Some(expanded.as_ref().unwrap_or(section).database()?))
     }
 }
 

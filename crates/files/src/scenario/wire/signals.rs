@@ -14,9 +14,9 @@ use resonarm_wire::layout::Layout;
 pub(super) mod quantity;
 
 /// The names of the states, in the order of their numbers.
-const STATES: [&str; 4] = ["boot-up", "pre-operational", "operational", "fault"];
+pub(crate) const STATES: [&str; 4] = ["boot-up", "pre-operational", "operational", "fault"];
 /// Every fault that a mapped plant can have, by name.
-const REASONS: [(&str, EmergencyCode); 7] = [
+pub(crate) const REASONS: [(&str, EmergencyCode); 7] = [
     ("command-timeout", EmergencyCode::CommandTimeout),
     ("stop", EmergencyCode::PartnerFault),
     ("overrun", EmergencyCode::Overrun),
@@ -25,23 +25,6 @@ const REASONS: [(&str, EmergencyCode); 7] = [
     ("exciter-tripped", EmergencyCode::ExciterTripped),
     ("simulation-failed", EmergencyCode::SimulationFailed),
 ];
-
-impl Place {
-    /// A message.
-    pub(super) fn message(key: &'static str, message: &str) -> Place {
-        Place { key, message: message.to_string(), signal: None }
-    }
-
-    /// A signal of a message.
-    pub(super) fn signal(key: &'static str, message: &str, signal: &str) -> Place {
-        Place { signal: Some(signal.to_string()), ..Place::message(key, message) }
-    }
-
-    /// A signal of the same message.
-    fn of(&self, signal: &str) -> Place {
-        Place { signal: Some(signal.to_string()), ..self.clone() }
-    }
-}
 
 /// What each signal of a message is used for.
 #[derive(Default)]

@@ -16,6 +16,15 @@ fn channels() -> impl Iterator<Item = (Channel, Value)> {
     readings.chain(states.map(|(place, channel)| (channel, Value::State(place)))).chain(loads)
 }
 
+/// The channel of a value; for [`Value::Clipped`] that of the reading.
+pub(crate) fn channel(value: Value) -> Option<Channel> {
+    let of = match value {
+        Value::Clipped(place) => Value::Reading(place),
+        value => value,
+    };
+    channels().find(|(_, other)| *other == of).map(|(channel, _)| channel)
+}
+
 fn find(place: &Place, name: &str, is_reading: bool) -> Result<(Channel, Value), WireError> {
     let candidates = || channels().filter(|(_, value)| !is_reading || matches!(value, Value::Reading(_)));
     candidates().find(|(channel, _)| channel.name == name).ok_or_else(|| {

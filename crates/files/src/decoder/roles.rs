@@ -1,0 +1,223 @@
+//! What the messages of a mapping are, signal by signal.
+
+use std::collections::HashMap;
+
+use super::check::{Checked, Fault};
+use super::explained::Meaning;
+use super::name_of;
+use crate::dbc::Message;
+use crate::scenario::wire::{REASONS, STATES, channel};
+use resonarm_bench::node::mapped::mapping::{
+    Action, CommandSignal, Counts, EventSignal, Incoming, LoadInput, MappedSignal, Outgoing, Protection, Source, Value,
+};
+use resonarm_bench::structure::{Channel, Quantity};
+use resonarm_protocol::Frame;
+use resonarm_wire::layout::Layout;
+
+/// What a signal is to the plant.
+#[derive(Clone, Debug)]
+enum Role {
+    Counter,
+    Checksum,
+    Load(CommandSignal),
+    Event(EventSignal, Option<f64>),
+    Quantity { channel: Channel, scale: f64, offset: f64 },
+    Clipped(Channel),
+    Said(Source),
+}
+
+/// What the signals of a message are to the plant.
+#[derive(Clone, Debug)]
+pub(super) struct MessageRoles {
+    checked: Checked,
+    /// By the names of the signals.
+    roles: HashMap<String, Vec<Role>>,
+    /// What every frame asks for.
+    requests: Vec<Action>,
+    is_sync: bool,
+    is_on_request: bool,
+    /// The signals without which a frame is refused.
+    needed: Vec<(String, MappedSignal)>,
+}
+
+impl MessageRoles {
+    /// The roles of a message that the plant takes.
+    pub fn incoming(message: &Message, of: &Incoming) -> MessageRoles {
+        let mut roles = MessageRoles::protected(message, &of.protection);
+        roles.is_sync = of.is_sync;
+        for command in &of.commands {
+            roles.add(message, &command.signal, Role::Load(command.clone()));
+        }
+        for event in &of.events {
+            match &event.signal {
+                Some(signal) => roles.add(message, signal, Role::Event(event.clone(), None)),
+                None => roles.requests.extend(event.actions.iter().map(|(_, action)| *action)),
+            }
+        }
+        roles
+    }
+
+    /// The roles of a message that the plant sends.
+    pub fn outgoing(message: &Message, of: &Outgoing) -> MessageRoles {
+        let mut roles = MessageRoles::protected(message, &of.protection);
+        roles.is_on_request = of.is_on_request;
+        for reading in &of.signals {
+            let role = match &reading.source {
+                Source::Value { value, scale, offset } => match (channel(*value), value) {
+                    (Some(channel), Value::Clipped(_)) => Role::Clipped(channel),
+                    (Some(channel), _) => Role::Quantity { channel, scale: *scale, offset: *offset },
+                    (None, _) => continue,
+                },
+                source => Role::Said(source.clone()),
+            };
+            roles.add(message, &reading.signal, role);
+        }
+        roles
+    }
+
+    fn protected(message: &Message, protection: &Protection) -> MessageRoles {
+        let mut roles = MessageRoles {
+            checked: Checked::new(protection),
+            roles: HashMap::new(),
+            requests: Vec::new(),
+            is_sync: false,
+            is_on_request: false,
+            needed: Vec::new(),
+        };
+        let mut at = |layout: &Layout, role: Role| {
+            let found = message.signals().find(|signal| signal.wire().layout().is_same_place(layout));
+            if let Some(signal) = found {
+                roles.roles.entry(signal.name().to_string()).or_default().push(role);
+            }
+        };
+        if let Some(counter) = &protection.counter {
+            at(counter.layout(), Role::Counter);
+        }
+        if let Some(checksum) = &protection.checksum {
+            at(checksum.place(), Role::Checksum);
+        }
+        roles
+    }
+
+    fn add(&mut self, message: &Message, signal: &MappedSignal, role: Role) {
+        let Some(name) = name_of(message, signal) else { return };
+        self.needed.push((name.clone(), signal.clone()));
+        self.roles.entry(name).or_default().push(role);
+    }
+
+    /// Whether the message is sent when it is asked for.
+    pub const fn is_on_request(&self) -> bool {
+        self.is_on_request
+    }
+
+    /// Whether the message answers samples in lockstep, or asks for readings.
+    pub const fn is_sync(&self) -> bool {
+        self.is_sync
+    }
+
+    /// What every frame asks for.
+    pub fn requests(&self) -> &[Action] {
+        &self.requests
+    }
+
+    /// Checks a frame; returns how many were lost before it.
+    ///
+    /// # Errors
+    /// [`Fault`]: its receiver must not use it.
+    pub fn check(&mut self, frame: &Frame) -> Result<u64, Fault> {
+        let lost = self.checked.lost(frame)?;
+        let payload = frame.data();
+        for (name, signal) in &self.needed {
+            let value = match signal.presence.is_in(payload) {
+                Some(false) => continue,
+                Some(true) => signal.signal.decode(payload),
+                None => None,
+            };
+            let value = value.ok_or_else(|| Fault::Short { got: payload.len(), signal: name.clone() })?;
+            if !value.is_finite() {
+                return Err(Fault::NotFinite { signal: name.clone(), value });
+            }
+        }
+        Ok(lost)
+    }
+
+    /// What a signal of this value means; with `is_taken` it counts as the last one.
+    pub fn meanings(&mut self, signal: &str, value: f64, is_taken: bool) -> Vec<Meaning> {
+        let Some(roles) = self.roles.get_mut(signal) else { return Vec::new() };
+        roles.iter_mut().flat_map(|role| role.meanings(value, is_taken)).collect()
+    }
+}
+
+impl Role {
+    fn meanings(&mut self, value: f64, is_taken: bool) -> Vec<Meaning> {
+        match self {
+            Role::Counter => vec![Meaning::Counter],
+            Role::Checksum => vec![Meaning::Checksum],
+            Role::Load(of) => {
+                let (name, quantity) = load(of.input);
+                vec![Meaning::Load { name, value: of.scale * value + of.offset, unit: quantity.unit() }]
+            }
+            Role::Event(event, before) => {
+                let is_new = event.counts == Counts::InEveryFrame || *before != Some(value);
+                if is_taken {
+                    *before = Some(value);
+                }
+                let asked = event.actions.iter().filter(|(asking, _)| *asking == value);
+                let request = asked.map(|(_, action)| Meaning::Request { action: action_name(*action), is_new });
+                let required = (!event.required.is_empty())
+                    .then(|| Meaning::Required { is_fulfilled: event.required.contains(&value) });
+                request.chain(required).collect()
+            }
+            Role::Quantity { channel, scale, offset } => {
+                let (name, unit) = (channel.name, channel.quantity.unit());
+                vec![Meaning::Quantity { name, value: (value - *offset) / *scale, unit }]
+            }
+            Role::Clipped(channel) => vec![Meaning::Clipped { name: channel.name, is_clipped: value != 0.0 }],
+            Role::Said(source) => said(source, value).into_iter().collect(),
+        }
+    }
+}
+
+fn said(source: &Source, value: f64) -> Option<Meaning> {
+    match source {
+        Source::State(numbers) => {
+            let name = STATES.iter().zip(numbers).find(|(_, number)| **number == value).map(|(name, _)| *name);
+            Some(Meaning::State { name })
+        }
+        Source::Reason { none, other, codes } => {
+            let named = |code| REASONS.iter().find(|(_, known)| *known == code).map(|(name, _)| *name);
+            let name = match value {
+                value if value == *none => Some("none"),
+                value => match codes.iter().find(|(_, number)| *number == value) {
+                    Some((code, _)) => named(*code),
+                    None if value == *other => Some("other"),
+                    None => None,
+                },
+            };
+            Some(Meaning::Reason { name })
+        }
+        Source::Sample { .. } => Some(Meaning::Sample),
+        Source::Value { .. } => None,
+    }
+}
+
+/// The key of a load in a scenario, and what it is.
+const fn load(input: LoadInput) -> (&'static str, Quantity) {
+    match input {
+        LoadInput::Torque1 => ("torque1_nm", Quantity::Torque),
+        LoadInput::Torque2 => ("torque2_nm", Quantity::Torque),
+        LoadInput::ForceX => ("force_x_n", Quantity::Force),
+        LoadInput::ForceY => ("force_y_n", Quantity::Force),
+        LoadInput::Along(_) => ("force_n", Quantity::Force),
+    }
+}
+
+/// The key of a request in a scenario.
+pub(super) const fn action_name(action: Action) -> &'static str {
+    match action {
+        Action::Arm => "arm",
+        Action::Disarm => "disarm",
+        Action::Reset => "reset",
+        Action::Stop => "stop",
+    }
+}

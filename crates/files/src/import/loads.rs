@@ -1,0 +1,151 @@
+//! The loads that commands of a user's protocol ask for.
+
+use std::collections::BTreeMap;
+
+use super::wire::WireImport;
+use crate::decoder::Checked;
+use resonarm_bench::node::mapped::mapping::{Action, Arming, Counts, Incoming, MappedSignal, Mapping};
+use resonarm_dynamics::arm::Load;
+use resonarm_protocol::{Frame, Id};
+
+/// A message with loads or requests.
+#[derive(Debug)]
+struct Command {
+    message: Incoming,
+    name: String,
+    checked: Checked,
+    /// The last value of each event's signal.
+    values: Vec<Option<f64>>,
+    load: Load,
+}
+
+/// The commanded load from sample to sample, of armed drives.
+#[derive(Debug)]
+pub(super) struct Loads {
+    /// Whether the changes are wanted.
+    is_wanted: bool,
+    commands: Vec<Command>,
+    armed: Vec<bool>,
+    /// The load from these samples on.
+    changes: BTreeMap<u64, Load>,
+    /// The load before them.
+    before: Load,
+}
+
+impl Loads {
+    /// No load; `is_wanted` if [`Loads::at`] will be asked. Drives that no message arms count as armed.
+    pub fn new(mapping: &Mapping, is_wanted: bool, name: impl Fn(Id) -> String) -> Loads {
+        let drives = mapping.incoming.iter().map(|message| message.drive + 1).max().unwrap_or(1);
+        let command = |message: &Incoming| Command {
+            checked: Checked::new(&message.protection),
+            name: name(message.id),
+            values: vec![None; message.events.len()],
+            load: Load::default(),
+            message: message.clone(),
+        };
+        Loads {
+            is_wanted,
+            commands: mapping.incoming.iter().map(command).collect(),
+            armed: vec![mapping.arming != Arming::Message; drives],
+            changes: BTreeMap::new(),
+            before: Load::default(),
+        }
+    }
+
+    /// Takes in a frame of sample `now`, if it is one of a command or a request.
+    pub fn add(&mut self, frame: &Frame, now: u64, found: &mut WireImport) {
+        let Some(place) = self.commands.iter().position(|command| command.message.id == frame.id()) else { return };
+        let command = &mut self.commands[place];
+        let lost = match command.checked.lost(frame) {
+            Ok(lost) => lost,
+            Err(_) => {
+                *found.refused_frames.entry(command.name.clone()).or_default() += 1;
+                return;
+            }
+        };
+        found.lost_frames += lost;
+        let (actions, is_whole) = command.take(frame.data());
+        if !is_whole {
+            *found.refused_frames.entry(command.name.clone()).or_default() += 1;
+        }
+        let drive = command.message.drive;
+        for action in actions {
+            match action {
+                Action::Arm => self.armed[drive] = true,
+                Action::Disarm => self.drop_load(|other| other == drive),
+                Action::Stop => self.drop_load(|_| true),
+                Action::Reset => {}
+            }
+        }
+        let load = self.commands.iter().filter(|command| self.armed[command.message.drive]).fold(
+            Load::default(),
+            |Load { torque_nm, force_n }, command| Load {
+                torque_nm: torque_nm + command.load.torque_nm,
+                force_n: force_n + command.load.force_n,
+            },
+        );
+        if self.is_wanted {
+            self.changes.insert(now, load);
+        }
+    }
+
+    /// The load held from a sample on; later ones are asked for next.
+    pub fn at(&mut self, sample: u64) -> Load {
+        while let Some(entry) = self.changes.first_entry().filter(|entry| *entry.key() <= sample) {
+            self.before = entry.remove();
+        }
+        self.before
+    }
+
+    fn drop_load(&mut self, is_meant: impl Fn(usize) -> bool) {
+        self.armed.iter_mut().enumerate().filter(|(drive, _)| is_meant(*drive)).for_each(|(_, armed)| *armed = false);
+        let meant = self.commands.iter_mut().filter(|command| is_meant(command.message.drive));
+        meant.for_each(|command| command.load = Load::default());
+    }
+}
+
+impl Command {
+    /// What a payload asks for; `false` if it ends before a signal of it, or one is no number: its load stays then.
+    fn take(&mut self, payload: &[u8]) -> (Vec<Action>, bool) {
+        let mut actions = Vec::new();
+        for (event, before) in self.message.events.iter().zip(&mut self.values) {
+            let Some(signal) = &event.signal else {
+                actions.extend(event.actions.iter().map(|(_, action)| *action));
+                continue;
+            };
+            let value = match decode(signal, payload) {
+                Ok(Some(value)) => value,
+                Ok(None) => continue,
+                Err(Unusable) => return (actions, false),
+            };
+            let is_new = before.replace(value) != Some(value) || event.counts == Counts::InEveryFrame;
+            let asked = event.actions.iter().filter(|(asking, _)| is_new && *asking == value);
+            actions.extend(asked.map(|(_, action)| *action));
+        }
+        let mut load = Load::default();
+        for command in &self.message.commands {
+            match decode(&command.signal, payload) {
+                Ok(Some(value)) => {
+                    let share = command.input.load(command.scale * value + command.offset);
+                    load.torque_nm += share.torque_nm;
+                    load.force_n += share.force_n;
+                }
+                Ok(None) => return (actions, true),
+                Err(Unusable) => return (actions, false),
+            }
+        }
+        self.load = load;
+        (actions, true)
+    }
+}
+
+/// A payload that ends before a signal, or a signal that is no number.
+struct Unusable;
+
+/// The value of a signal; `None` if the payload is multiplexed to others.
+fn decode(of: &MappedSignal, payload: &[u8]) -> Result<Option<f64>, Unusable> {
+    if !of.presence.is_in(payload).ok_or(Unusable)? {
+        return Ok(None);
+    }
+    of.signal.decode(payload).filter(|value| value.is_finite()).map(Some).ok_or(Unusable)
+}

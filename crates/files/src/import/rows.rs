@@ -1,0 +1,109 @@
+//! Numbers of samples gathered from several messages.
+
+use std::collections::BTreeMap;
+
+/// The numbers of a sample, as far as they came.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub(super) struct Row<const N: usize> {
+    /// The numbers; those that did not come are not used.
+    pub values: [f64; N],
+    /// The number of each is one bit: beyond the range of its sensor.
+    pub clipped: u32,
+    came: u64,
+}
+
+/// Gathers the numbers of samples, and gives those of which every message came, in order.
+#[derive(Clone, Debug)]
+pub(super) struct Rows<const N: usize> {
+    /// One bit for each message.
+    needed: u64,
+    hold: u64,
+    waiting: BTreeMap<u64, Row<N>>,
+    newest: u64,
+    next: Option<u64>,
+    /// Samples of which something came, and not everything.
+    pub incomplete: u64,
+    /// Frames of samples that were given up before, or of a message that came for the sample already.
+    pub too_late: u64,
+}
+
+impl<const N: usize> Rows<N> {
+    /// `needed` has one bit for each message; a sample waits for the missing until one is `hold` samples newer.
+    pub fn new(needed: u64, hold: u64) -> Rows<N> {
+        Rows { needed, hold, waiting: BTreeMap::new(), newest: 0, next: None, incomplete: 0, too_late: 0 }
+    }
+
+    /// Whether the message of this number is needed.
+    pub const fn needs(&self, message: u32) -> bool {
+        self.needed >> message & 1 == 1
+    }
+
+    /// Takes in what a message says of a sample.
+    pub fn add(&mut self, sample: u64, message: u32, write: impl FnOnce(&mut Row<N>)) {
+        let is_past = self.next.is_some_and(|next| sample < next);
+        let row =
+            (!is_past).then(|| self.waiting.entry(sample).or_insert(Row { values: [0.0; N], clipped: 0, came: 0 }));
+        match row.filter(|row| row.came >> message & 1 == 0) {
+            Some(row) => {
+                row.came |= 1 << message;
+                write(row);
+            }
+            None => self.too_late += 1,
+        }
+        self.newest = self.newest.max(sample);
+    }
+
+    /// The next whole sample, if there is one and no older one can come.
+    pub fn next(&mut self) -> Option<(u64, Row<N>)> {
+        self.take(self.hold)
+    }
+
+    /// The same after the last frame.
+    pub fn next_of_rest(&mut self) -> Option<(u64, Row<N>)> {
+        self.take(0)
+    }
+
+    fn take(&mut self, hold: u64) -> Option<(u64, Row<N>)> {
+        loop {
+            let (&sample, row) = self.waiting.first_key_value()?;
+            let is_whole = row.came == self.needed;
+            // What is held from a sample on is known when the next begins.
+            let is_due = self.next == Some(sample) && is_whole && sample < self.newest;
+            if !is_due && hold > 0 && self.newest - sample <= hold {
+                return None;
+            }
+            let (_, row) = self.waiting.pop_first()?;
+            self.next = Some(sample + 1);
+            if is_whole {
+                return Some((sample, row));
+            }
+            self.incomplete += 1;
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn whole_samples_come_in_order_and_others_are_counted() {
+        let mut rows = Rows::<2>::new(0b11, 2);
+        let add = |rows: &mut Rows<2>, sample, message: u32| {
+            rows.add(sample, message, |row| row.values[message as usize] = sample as f64);
+        };
+        for (sample, message) in [(1, 0), (1, 1), (0, 1), (0, 0), (2, 0), (3, 0), (3, 1)] {
+            add(&mut rows, sample, message);
+        }
+        // Older ones may still come.
+        assert_eq!(rows.next().map(|(sample, _)| sample), Some(0));
+        assert_eq!(rows.next().map(|(sample, row)| (sample, row.values)), Some((1, [1.0, 1.0])));
+        assert_eq!(rows.next(), None);
+        add(&mut rows, 5, 1);
+        assert_eq!(rows.next().map(|(sample, _)| sample), Some(3));
+        add(&mut rows, 2, 1);
+        add(&mut rows, 5, 1);
+        assert_eq!((rows.next(), rows.next_of_rest()), (None, None));
+        assert_eq!((rows.incomplete, rows.too_late), (2, 2));
+    }
+}

@@ -1,0 +1,358 @@
+//! Readings, states and loads in the frames of a scenario's own protocol.
+
+use std::collections::BTreeMap;
+
+use resonarm_bench::node::WireSpec;
+use resonarm_bench::node::mapped::mapping::{Lockstep, Mapping, Outgoing, ReadingSignal, Source, Trigger, Value};
+use resonarm_bench::structure::{Channel, Kind, OUTPUTS, STATES};
+use resonarm_protocol::{Frame, FrameFormat, Id};
+use resonarm_wire::layout::Number;
+use serde::Serialize;
+
+use super::DISORDER_NS;
+use super::index::{Anchor, FrameIndex, Numbering, Placed};
+use super::loads::Loads;
+use super::rows::{Row, Rows};
+use crate::decoder::{Checked, Fault};
+use crate::recording::{Clipped, Direction, Record, SampleRecord, StateRecord};
+use crate::scenario::{Scenario, ScenarioError};
+use resonarm_wire::counter::{CounterFault, Step};
+
+/// The states of the arm.
+const ARM_STATES: usize = 4;
+
+/// What was gathered from the frames of a scenario's own protocol.
+#[derive(Clone, Debug, Default, PartialEq, Serialize)]
+pub struct WireImport {
+    /// Samples with readings in the recording.
+    pub samples: u64,
+    /// The readings that the wire does not carry every sample: if there is one, the recording has no readings.
+    pub missing_readings: Vec<Missing>,
+    /// Samples with states and loads in the recording.
+    pub states: u64,
+    /// The states that the wire does not carry every sample: if there is one, the recording has no states and loads.
+    pub missing_states: Vec<Missing>,
+    /// Gaps between the samples with readings.
+    pub gaps: u64,
+    /// Samples in these gaps.
+    pub missing_samples: u64,
+    /// Samples left out because some of their frames are not in the log.
+    pub incomplete_samples: u64,
+    /// Frames left out: their checksum, counter or length is wrong, or a signal is no number; by message.
+    pub refused_frames: BTreeMap<String, u64>,
+    /// Frames left out since they repeat a sample, or are more than [`DISORDER_NS`] late.
+    pub repeated_frames: u64,
+    /// Frames lost, according to the counters of readings and commands.
+    pub lost_frames: u64,
+    /// Whether a message with readings has neither an index of the sample nor a counter, so that its frames are placed
+    /// by their time stamps.
+    pub is_placed_by_time: bool,
+}
+
+/// A channel that the wire does not carry every sample.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize)]
+pub struct Missing {
+    /// Its name.
+    pub channel: &'static str,
+    /// Whether the wire carries it now and then; else it does not at all.
+    pub is_carried: bool,
+}
+
+/// A message that the plant sends every sample.
+#[derive(Debug)]
+struct Reader {
+    message: Outgoing,
+    name: String,
+    checked: Checked,
+    index: FrameIndex,
+}
+
+/// Gathers readings, states and loads frame by frame.
+#[derive(Debug)]
+pub(super) struct Gatherer {
+    ids: BTreeMap<Id, Direction>,
+    readers: Vec<Reader>,
+    loads: Loads,
+    readings: Option<Rows<{ OUTPUTS.len() }>>,
+    states: Option<Rows<ARM_STATES>>,
+    /// The frame placed last.
+    last: Option<Anchor>,
+    last_sample: Option<u64>,
+    found: WireImport,
+}
+
+impl Gatherer {
+    /// The gatherer of a scenario; `None` if it has no protocol of its own.
+    pub fn new(scenario: &Scenario) -> Result<Option<Gatherer>, ScenarioError> {
+        let (Some(database), Some(WireSpec::Mapped(mapping))) = (scenario.wire_database()?, scenario.wire_spec()?)
+        else {
+            return Ok(None);
+        };
+        let rate_hz = scenario.simulation.rate_hz;
+        let name = |id| database.message_by_id(id).map_or(String::new(), |message| message.name().to_string());
+        let of_sample = mapping.outgoing.iter().filter(|message| is_every_sample(message, &mapping, rate_hz));
+        let readers: Vec<Reader> = of_sample
+            .enumerate()
+            .map(|(order, message)| Reader::new(message, name(message.id), (order, rate_hz)))
+            .collect();
+        let hold = libm::ceil(DISORDER_NS as f64 * 1e-9 * rate_hz) as u64 + 1;
+        let (readings, missing_readings) = rows(&OUTPUTS, &mapping, &readers, hold, Value::Reading);
+        let (states, missing_states) = rows(&STATES[..ARM_STATES], &mapping, &readers, hold, Value::State);
+        let is_used = |order: usize| {
+            let bit = order as u32;
+            readings.as_ref().is_some_and(|rows| rows.needs(bit)) || states.as_ref().is_some_and(|rows| rows.needs(bit))
+        };
+        let is_placed_by_time = (0..).zip(&readers).any(|(order, reader)| is_used(order) && reader.is_placed_by_time());
+        Ok(Some(Gatherer {
+            ids: directions(&mapping),
+            loads: Loads::new(&mapping, states.is_some(), name),
+            readings,
+            states,
+            readers,
+            last: None,
+            last_sample: None,
+            found: WireImport { missing_readings, missing_states, is_placed_by_time, ..WireImport::default() },
+        }))
+    }
+
+    /// Which way the frames of an identifier go; `None` if the mapping has no message with it.
+    pub fn direction(&self, id: Id) -> Option<Direction> {
+        self.ids.get(&id).copied()
+    }
+
+    /// Takes in a frame. Returns the sample that it belongs to, if readings tell it.
+    pub fn add(&mut self, frame: &Frame, time_ns: u64) -> Option<u64> {
+        if frame.format() == FrameFormat::Remote {
+            return self.now();
+        }
+        match self.readers.iter().position(|reader| reader.message.id == frame.id()) {
+            Some(place) => self.read(place, frame, time_ns).or(self.now()),
+            None => {
+                let now = self.now();
+                self.loads.add(frame, now.unwrap_or(0), &mut self.found);
+                now
+            }
+        }
+    }
+
+    /// The newest sample.
+    fn now(&self) -> Option<u64> {
+        self.last.map(|last| last.sample)
+    }
+
+    fn read(&mut self, place: usize, frame: &Frame, time_ns: u64) -> Option<u64> {
+        let reader = &mut self.readers[place];
+        let (step, raw) = match reader.check(frame) {
+            Ok(found) => found,
+            Err(Unusable::Repeated) => {
+                self.found.repeated_frames += 1;
+                return None;
+            }
+            Err(Unusable::Wrong) => {
+                *self.found.refused_frames.entry(reader.name.clone()).or_default() += 1;
+                return None;
+            }
+        };
+        if let Some(Step::Lost { frames }) = step {
+            self.found.lost_frames += frames;
+        }
+        let sample = match reader.index.place(raw, step, time_ns, self.last) {
+            Placed::At(sample) => sample,
+            Placed::Repeated | Placed::Before => {
+                self.found.repeated_frames += 1;
+                return None;
+            }
+        };
+        if self.last.is_none_or(|last| sample >= last.sample) {
+            self.last = reader.index.last();
+        }
+        let (payload, message, signals) = (frame.data(), place as u32, &reader.message.signals);
+        if let Some(rows) = self.readings.as_mut().filter(|rows| rows.needs(message)) {
+            rows.add(sample, message, |row| signals.iter().for_each(|signal| write_reading(signal, payload, row)));
+        }
+        if let Some(rows) = self.states.as_mut().filter(|rows| rows.needs(message)) {
+            rows.add(sample, message, |row| signals.iter().for_each(|signal| write_state(signal, payload, row)));
+        }
+        Some(sample)
+    }
+
+    /// The next record; after the last frame `is_end`.
+    pub fn next(&mut self, is_end: bool) -> Option<Record> {
+        let readings = self.readings.as_mut().and_then(|rows| if is_end { rows.next_of_rest() } else { rows.next() });
+        if let Some((sample, row)) = readings {
+            self.found.samples += 1;
+            if let Some(missing @ 1..) = self.last_sample.map(|last| sample - last - 1) {
+                self.found.gaps += 1;
+                self.found.missing_samples += missing;
+            }
+            self.last_sample = Some(sample);
+            return Some(Record::Sample(sample_record(sample, &row)));
+        }
+        let states = self.states.as_mut().and_then(|rows| if is_end { rows.next_of_rest() } else { rows.next() });
+        let (sample, row) = states?;
+        self.found.states += 1;
+        let (load, [a, b, c, d]) = (self.loads.at(sample), row.values);
+        Some(Record::State(StateRecord {
+            sample,
+            alpha_rad: [a, b],
+            alpha_dot_rad_s: [c, d],
+            torque_nm: load.torque_nm.into(),
+            force_n: load.force_n.into(),
+            coil_current_a: None,
+            is_end: false,
+        }))
+    }
+
+    /// What was gathered.
+    pub fn finish(self) -> WireImport {
+        let mut found = self.found;
+        if let Some(rows) = &self.readings {
+            found.incomplete_samples = rows.incomplete;
+            found.repeated_frames += rows.too_late;
+        }
+        found
+    }
+}
+
+impl Reader {
+    fn new(message: &Outgoing, name: String, (order, rate_hz): (usize, f64)) -> Reader {
+        let of_signal = message.signals.iter().find_map(|signal| match signal.source {
+            Source::Sample { modulus } if modulus >= 2.0 => Some(Numbering::Sample(modulus as u64)),
+            _ => None,
+        });
+        let of_counter = message.protection.counter.as_ref().map(|counter| Numbering::Counter(counter.values()));
+        let numbering = of_signal.or(of_counter).unwrap_or(Numbering::Time);
+        let (checked, index) = (Checked::new(&message.protection), FrameIndex::new(order, numbering, rate_hz));
+        Reader { message: message.clone(), name, checked, index }
+    }
+
+    fn is_placed_by_time(&self) -> bool {
+        self.index.numbering() == Numbering::Time
+    }
+
+    /// How the counter follows, and what numbers the frame.
+    fn check(&mut self, frame: &Frame) -> Result<(Option<Step>, Option<u64>), Unusable> {
+        let step = self.checked.step(frame).map_err(|fault| match fault {
+            Fault::Counter(CounterFault::Repeated { .. }) => Unusable::Repeated,
+            _ => Unusable::Wrong,
+        })?;
+        Ok((step, self.number(frame.data()).ok_or(Unusable::Wrong)?))
+    }
+
+    /// What numbers a frame, if its message has something that does; `None` if the payload ends before a signal, or one
+    /// is no number.
+    fn number(&self, payload: &[u8]) -> Option<Option<u64>> {
+        let mut index = None;
+        for ReadingSignal { signal, source } in &self.message.signals {
+            if signal.presence.is_in(payload)? {
+                let value = signal.signal.decode(payload).filter(|value| value.is_finite())?;
+                if matches!(source, Source::Sample { .. }) {
+                    index = (value >= 0.0).then(|| libm::rint(value) as u64);
+                }
+            }
+        }
+        Some(match self.index.numbering() {
+            Numbering::Sample(_) => Some(index?),
+            Numbering::Counter(_) => Some(self.message.protection.counter.as_ref()?.read(payload)?),
+            Numbering::Time => None,
+        })
+    }
+}
+
+/// Why a frame of readings can't be used.
+enum Unusable {
+    /// Its counter is that of the frame before.
+    Repeated,
+    /// Its checksum, counter or length is wrong, or a signal is no number.
+    Wrong,
+}
+
+/// Whether a message is sent every sample: by the samples, or by a clock of their rate.
+fn is_every_sample(message: &Outgoing, mapping: &Mapping, rate_hz: f64) -> bool {
+    match message.trigger {
+        Trigger::Every(samples) => samples == 1,
+        Trigger::Period(period_ns) => (period_ns as f64 * 1e-9 * rate_hz - 1.0).abs() < 1e-6,
+        Trigger::Sync => mapping.lockstep == Lockstep::Sync,
+        Trigger::Request => false,
+    }
+}
+
+/// Rows of `channels`, if the messages of every sample carry all of them, and what is missing.
+fn rows<const N: usize>(
+    channels: &[Channel],
+    mapping: &Mapping,
+    readers: &[Reader],
+    hold: u64,
+    value: fn(usize) -> Value,
+) -> (Option<Rows<N>>, Vec<Missing>) {
+    let carries = |message: &Outgoing, of: Value| {
+        message.signals.iter().any(|signal| matches!(signal.source, Source::Value { value, .. } if value == of))
+    };
+    let (mut needed, mut missing) = (0, Vec::new());
+    for (place, channel) in channels.iter().enumerate() {
+        match readers.iter().position(|reader| carries(&reader.message, value(place))) {
+            Some(order) => needed |= 1_u64 << order,
+            None => {
+                let is_carried = mapping.outgoing.iter().any(|message| carries(message, value(place)));
+                missing.push(Missing { channel: channel.name, is_carried });
+            }
+        }
+        let clips = readers.iter().position(|reader| carries(&reader.message, Value::Clipped(place)));
+        if let (Some(order), Kind::Reading { .. }) = (clips, channel.kind) {
+            needed |= 1_u64 << order;
+        }
+    }
+    // Beyond as many messages as there are bits.
+    let is_possible = missing.is_empty() && readers.len() <= 64;
+    (is_possible.then(|| Rows::new(needed, hold)), missing)
+}
+
+fn directions(mapping: &Mapping) -> BTreeMap<Id, Direction> {
+    let incoming = mapping.incoming.iter().map(|message| (message.id, Direction::Received));
+    incoming.chain(mapping.outgoing.iter().map(|message| (message.id, Direction::Sent))).collect()
+}
+
+/// Writes a reading in its SI unit, and whether it is beyond its range: as a mark says, or at the end of what its
+/// signal can say, where a plant limits it.
+fn write_reading(of: &ReadingSignal, payload: &[u8], row: &mut Row<{ OUTPUTS.len() }>) {
+    let (Some(got), Source::Value { value, scale, offset }) = (value_of(of, payload), &of.source) else { return };
+    let (Value::Reading(place) | Value::Clipped(place)) = *value else { return };
+    let is_clipped = match value {
+        Value::Reading(_) => {
+            row.values[place] = (got - offset) / scale;
+            of.signal.signal.layout().number() != Number::Float && of.signal.signal.range().contains(&got)
+        }
+        _ => got != 0.0,
+    };
+    row.clipped |= u32::from(is_clipped) << place;
+}
+
+fn write_state(of: &ReadingSignal, payload: &[u8], row: &mut Row<ARM_STATES>) {
+    let (Some(got), Source::Value { value: Value::State(place), scale, offset }) = (value_of(of, payload), &of.source)
+    else {
+        return;
+    };
+    if let Some(state) = row.values.get_mut(*place) {
+        *state = (got - offset) / scale;
+    }
+}
+
+fn value_of(of: &ReadingSignal, payload: &[u8]) -> Option<f64> {
+    if of.signal.presence.is_in(payload)? { of.signal.signal.decode(payload) } else { None }
+}
+
+fn sample_record(sample: u64, row: &Row<{ OUTPUTS.len() }>) -> SampleRecord {
+    let [head_x, head_y, b_x, b_y, c_x, c_y] = row.values;
+    let pair = |place: usize| [row.clipped >> place & 1 == 1, row.clipped >> (place + 1) & 1 == 1];
+    SampleRecord {
+        sample,
+        acceleration_b_m_s2: [b_x, b_y],
+        acceleration_c_m_s2: [c_x, c_y],
+        head_force_n: [head_x, head_y],
+        clipped: Clipped { acceleration_b: pair(2), acceleration_c: pair(4), head_force: pair(0) },
+    }
+}
+
+#[cfg(test)]
+#[path = "wire_tests.rs"]
+mod tests;

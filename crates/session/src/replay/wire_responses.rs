@@ -1,0 +1,130 @@
+//! The responses to a controller on a scenario's own protocol, read from the readings in a recording.
+//!
+//! Such a controller is not Resonarm's, so it is not run again. It must have played the excitation of the scenario:
+//! every commanded load is that of the excitation, within half a count of its signals, at most a sample early or late.
+
+use alloc::collections::BTreeMap;
+
+use super::ReplayError;
+use resonarm_bench::control::{Answer, ResponsePoint};
+use resonarm_bench::excitation::Profile;
+use resonarm_bench::node::WireSpec;
+use resonarm_bench::node::mapped::mapping::{Incoming, Mapping};
+use resonarm_bench::rig::{Measurement, Reading};
+use resonarm_dynamics::arm::Load;
+use resonarm_files::decoder::{Decoded, DecodedMessage, Decoder, Outcome};
+use resonarm_files::recording::{Direction, Recording, SampleRecord};
+use resonarm_files::scenario::Scenario;
+
+/// The responses, each with the sample by which it was read.
+///
+/// # Errors
+/// [`ReplayError::NoExcitation`] if the scenario has no excitation or also a control, [`ReplayError::NoLoad`] if no
+/// command has a load, [`ReplayError::Command`] if one has another than the excitation; [`ReplayError`] if the
+/// recording has no readings or gaps.
+pub(super) fn timed_responses(
+    recording: &Recording,
+    scenario: &Scenario,
+) -> Result<Vec<(u64, ResponsePoint)>, ReplayError> {
+    if scenario.excitation.is_none() || scenario.control.is_some() {
+        return Err(ReplayError::NoExcitation);
+    }
+    let start = start(recording, scenario, &scenario.profile()?)?;
+    let mut controller = scenario.controller()?;
+    controller.restart();
+    let mut responses = Vec::new();
+    for sample in recording.samples()? {
+        let sample = sample?;
+        let Some(index) = sample.sample.checked_sub(start) else { continue };
+        let answer = controller.answer(&measurement(index, &sample));
+        let read = core::iter::from_fn(|| controller.poll_response());
+        responses.extend(read.map(|response| (sample.sample, response)));
+        if !matches!(answer, Answer::Hold(_)) {
+            break;
+        }
+    }
+    Ok(responses)
+}
+
+/// The sample from which the excitation was played: the first commanded load is its first.
+fn start(recording: &Recording, scenario: &Scenario, profile: &Profile) -> Result<u64, ReplayError> {
+    let Some(WireSpec::Mapped(mapping)) = scenario.wire_spec()? else { return Err(ReplayError::NoLoad) };
+    let half = half_count(&mapping);
+    let commands = commands(recording, scenario, &mapping)?;
+    let is_load = |load: &[f64; 4]| load.iter().any(|part| part.abs() > half);
+    let first =
+        commands.iter().find(|(_, load)| is_load(load)).map(|(sample, _)| *sample).ok_or(ReplayError::NoLoad)?;
+    let expected = |index: u64| parts(&profile.load(index));
+    let ahead = (0..profile.samples()).find(|index| is_load(&expected(*index))).ok_or(ReplayError::NoLoad)?;
+    let start = first.saturating_sub(ahead);
+    for (sample, got) in commands.range(first..) {
+        let index = sample - start;
+        if index >= profile.samples() {
+            break;
+        }
+        let near = |index: u64| got.iter().zip(expected(index)).all(|(got, of)| (got - of).abs() <= half);
+        if !(index.saturating_sub(1)..=index + 1).any(near) {
+            return Err(ReplayError::Command { sample: *sample, got: *got, expected: expected(index) });
+        }
+    }
+    Ok(start)
+}
+
+/// The commanded load from these samples on: force along x and y, N, and torques at the joints, N·m.
+fn commands(
+    recording: &Recording,
+    scenario: &Scenario,
+    mapping: &Mapping,
+) -> Result<BTreeMap<u64, [f64; 4]>, ReplayError> {
+    let Some(mut decoder) = Decoder::of_scenario(scenario)? else { return Ok(BTreeMap::new()) };
+    let mut held = vec![[0.0; 4]; mapping.incoming.len()];
+    let mut commands = BTreeMap::new();
+    for record in recording.frames()? {
+        let record = record?;
+        let decoded = decoder.decode(&record.frame);
+        let is_taken = matches!(decoded, Decoded::Message(DecodedMessage { outcome: Outcome::Taken { .. }, .. }));
+        let place = mapping.incoming.iter().position(|message| message.id == record.frame.id());
+        if let (true, Direction::Received, Some(place)) = (is_taken, record.direction, place)
+            && let Some(load) = load(&mapping.incoming[place], record.frame.data())
+        {
+            held[place] = load;
+            commands
+                .insert(record.sample, held.iter().fold([0.0; 4], |sum, one| [0, 1, 2, 3].map(|i| sum[i] + one[i])));
+        }
+    }
+    Ok(commands)
+}
+
+/// The load in a payload, if it has one.
+fn load(message: &Incoming, payload: &[u8]) -> Option<[f64; 4]> {
+    let mut sum = [0.0; 4];
+    for command in &message.commands {
+        let value = command.signal.presence.is_in(payload)?.then(|| command.signal.signal.decode(payload))??;
+        let share = parts(&command.input.load(command.scale * value + command.offset));
+        sum.iter_mut().zip(share).for_each(|(sum, part)| *sum += part);
+    }
+    (!message.commands.is_empty()).then_some(sum)
+}
+
+fn parts(load: &Load) -> [f64; 4] {
+    [load.force_n.x, load.force_n.y, load.torque_nm.x, load.torque_nm.y]
+}
+
+/// Half the largest count of all loads, N or N·m, with the rounding of its arithmetic.
+fn half_count(mapping: &Mapping) -> f64 {
+    let signals = mapping.incoming.iter().flat_map(|message| &message.commands);
+    let counts = signals.map(|command| command.signal.signal.resolution().unwrap_or(0.0) * command.scale.abs());
+    0.5 * counts.fold(0.0, f64::max) * (1.0 + 1e-6) + 1e-9
+}
+
+fn measurement(index: u64, sample: &SampleRecord) -> Measurement {
+    let pair = |values: [f64; 2], clipped: [bool; 2]| {
+        [Reading { value: values[0], clipped: clipped[0] }, Reading { value: values[1], clipped: clipped[1] }]
+    };
+    Measurement {
+        sample: index,
+        head_force_n: pair(sample.head_force_n, sample.clipped.head_force),
+        acceleration_b_m_s2: pair(sample.acceleration_b_m_s2, sample.clipped.acceleration_b),
+        acceleration_c_m_s2: pair(sample.acceleration_c_m_s2, sample.clipped.acceleration_c),
+    }
+}
