@@ -358,12 +358,15 @@ impl Scenario {
         Ok(Some(WireSpec::Mapped(mapping)))
     }
 
-    /// The DBC of the scenario's own protocol, or of its preset, if it has one.
+    /// The DBC of the scenario's own protocol, or of its preset, if it has one: CANopen drives have none.
     ///
     /// # Errors
     /// [`ScenarioError::Wire`] if it was not read, or is none.
     pub(crate) fn wire_database(&self) -> Result<Option<Database>, ScenarioError> {
         let Some(section) = &self.wire else { return Ok(None) };
+        if section.preset == Some(PresetSpec::Cia402) {
+            return Ok(None);
+        }
         let expanded = section.expanded(self)?;
         Ok(Some(expanded.as_ref().unwrap_or(section).database()?))
     }
