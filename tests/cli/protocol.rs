@@ -136,3 +136,29 @@ fn the_name_of_a_log_as_a_frame_is_refused_with_the_way_to_read_it() {
     std::fs::write(folder.path().join("can0.log"), LOG).unwrap();
     assert_snapshot!(complaint(folder.path(), 2, &["protocol", "decode", "can0.log"]), @r#"resonarm: "can0.log": there is no `#` between identifier and data, as in 123#1122. It is a file: `resonarm protocol decode < can0.log` reads it"#);
 }
+
+const DRIVES: &str = "[wire]\npreset = \"cia402\"\ndrives = [\n\
+    { node_id = 3, joint = 1, gear_ratio = 100.0, rated_torque_nm = 1.0, encoder_counts_per_turn = 65536 },\n\
+    { node_id = 4, joint = 2, gear_ratio = 50.0, rated_torque_nm = 0.5, encoder_counts_per_turn = 4096 },\n]\n";
+
+#[test]
+fn the_data_sheet_of_a_drive_is_that_of_its_scenario() {
+    let folder = tempfile::tempdir().unwrap();
+    std::fs::write(folder.path().join("drives.toml"), DRIVES).unwrap();
+    std::fs::write(folder.path().join("other.toml"), "").unwrap();
+    let of =
+        |more: &[&str]| resonarm(folder.path(), &[&["protocol", "eds", "--scenario", "drives.toml"], more].concat());
+    let sheet = of(&["--node-id", "4"]);
+    assert_eq!((sheet.code, sheet.stderr.as_str()), (0, ""));
+    for part in ["FileName=resonarm-4.eds\n", "ProductName=Resonarm joint 2\n", "DefaultValue=$NODEID+0x180\n"] {
+        assert!(sheet.stdout.contains(part), "{part}");
+    }
+    let rated = sheet.stdout.split("[6076]\n").nth(1).unwrap();
+    assert!(rated.starts_with(
+        "ParameterName=Motor rated torque\nObjectType=0x7\nDataType=0x0007\nAccessType=const\nDefaultValue=500\n"
+    ));
+    assert_snapshot!(of(&[]).stderr.trim(), @"resonarm: the scenario has drives with the node ids 3 and 4: give --node-id");
+    assert_snapshot!(of(&["--node-id", "5"]).stderr.trim(), @"resonarm: --node-id is 5: the scenario has drives with the node ids 3 and 4");
+    let none = complaint(folder.path(), 2, &["protocol", "eds", "--scenario", "other.toml"]);
+    assert_snapshot!(none, @r#"resonarm: other.toml has no CANopen drives: give it [wire] with `preset = "cia402"`"#);
+}

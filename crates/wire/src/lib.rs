@@ -11,11 +11,13 @@
 //! | [`multiplex`] | in which payloads a signal is present |
 //! | [`counter`] | alive counters |
 //! | [`checksum`] | CRCs and sums in one parametric form, and the profiles of AUTOSAR in it |
+//! | [`canopen`] | a CANopen node without IO, and the state machine of drives |
 #![cfg_attr(not(test), no_std)]
 #![forbid(unsafe_code)]
 
 extern crate alloc;
 
+pub mod canopen;
 pub mod checksum;
 pub mod counter;
 pub mod layout;

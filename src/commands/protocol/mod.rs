@@ -1,6 +1,7 @@
-//! `resonarm protocol`: the specification, DBC and C header of the wire, and decoding and encoding of frames.
+//! `resonarm protocol`: the specification, DBC and C header of the wire, decoding and encoding of frames, the EDS of drives.
 
 mod decode;
+mod eds;
 mod encode;
 mod log_line;
 
@@ -10,7 +11,7 @@ use crate::failure::{Failure, Verdict};
 use crate::{flags, output};
 use resonarm::protocol::{DEFAULT_BASE, Network, Node, Profile, SPEC, dbc, header};
 
-/// Prints the specification, DBC and C header of the wire; decodes and encodes frames.
+/// Prints the specification, DBC and C header of the wire; decodes and encodes frames; prints the EDS of a drive.
 #[derive(Debug, Args)]
 pub(crate) struct Protocol {
     #[command(subcommand)]
@@ -26,6 +27,7 @@ enum Action {
     /// Prints the C header of a network: identifiers, data ids, lengths, scaling, times, hash of the DBC.
     Header(NetworkFlags),
     Decode(decode::Decode),
+    Eds(eds::Eds),
     Encode(encode::Encode),
 }
 
@@ -81,6 +83,7 @@ impl Protocol {
             Action::Dbc(flags) => dbc::Dbc(flags.network()?).to_string(),
             Action::Header(flags) => header::Header(flags.network()?).to_string(),
             Action::Decode(decode) => return decode.execute(),
+            Action::Eds(eds) => return eds.execute(),
             Action::Encode(encode) => return encode.execute(),
         };
         output::print(&text)?;

@@ -21,6 +21,7 @@
 //! protocol's `SPEC.md`; the states are CANopen's (CiA 301), with its stopped state as fault.
 
 mod carried;
+pub mod cia402;
 mod guard;
 mod hold;
 mod interface;

@@ -3,6 +3,7 @@
 use alloc::boxed::Box;
 use alloc::vec::Vec;
 
+use super::cia402::{Cia402Node, Cia402Spec};
 use super::mapped::mapping::Mapping;
 use super::mapped::{MappedNode, Pace};
 use super::{PlantInterface, Timing};
@@ -14,6 +15,8 @@ use resonarm_protocol::Id;
 pub enum WireSpec {
     /// Messages of a DBC.
     Mapped(Mapping),
+    /// CANopen drives.
+    Cia402(Cia402Spec),
 }
 
 impl WireSpec {
@@ -29,16 +32,18 @@ impl WireSpec {
             WireSpec::Mapped(mapping) => {
                 Box::new(MappedNode::new(mapping.clone(), (rate_hz, pace), timing, exciter, limits))
             }
+            WireSpec::Cia402(spec) => Box::new(Cia402Node::new(spec, (rate_hz, pace), timing, exciter, limits)),
         }
     }
 
-    /// The identifiers of all its messages.
-    pub fn ids(&self) -> Vec<Id> {
+    /// The identifiers of all its messages; `None` if a master chooses some of them during the run: any of 11 bits.
+    pub fn ids(&self) -> Option<Vec<Id>> {
         match self {
             WireSpec::Mapped(mapping) => {
                 let incoming = mapping.incoming.iter().map(|message| message.id);
-                incoming.chain(mapping.outgoing.iter().map(|message| message.id)).collect()
+                Some(incoming.chain(mapping.outgoing.iter().map(|message| message.id)).collect())
             }
+            WireSpec::Cia402(_) => None,
         }
     }
 }

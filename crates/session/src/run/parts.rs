@@ -25,7 +25,10 @@ impl Session {
         let exactly = |id: Id| Filter { id, mask: if matches!(id, Id::Standard(_)) { 0x7FF } else { 0x1FFF_FFFF } };
         Ok(match &self.wire {
             None => network_filters(self.scenario.network()?).to_vec(),
-            Some(wire) => wire.ids().into_iter().map(exactly).collect(),
+            Some(wire) => match wire.ids() {
+                Some(ids) => ids.into_iter().map(exactly).collect(),
+                None => vec![Filter { id: Id::Standard(0), mask: 0 }],
+            },
         })
     }
 

@@ -15,22 +15,60 @@ pub(super) const TIMEOUT_S: f64 = 0.5;
 pub enum PresetSpec {
     /// ODrive's CANSimple, in torque control.
     Odrive,
+    /// CANopen drives in cyclic synchronous torque (CiA 301, CiA 402).
+    Cia402,
+}
+
+impl PresetSpec {
+    /// Its name in a scenario.
+    pub const fn name(self) -> &'static str {
+        match self {
+            PresetSpec::Odrive => "odrive",
+            PresetSpec::Cia402 => "cia402",
+        }
+    }
+
+    /// The node ids that it has.
+    const fn node_ids(self) -> ([u8; 2], &'static str) {
+        match self {
+            PresetSpec::Odrive => ([0, 63], "from 0 to 63, and another than those before"),
+            PresetSpec::Cia402 => ([1, 127], "from 1 to 127, and another than those before"),
+        }
+    }
 }
 
 /// A drive.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct DriveSpec {
-    /// The number of its node, 0 to 63.
+    /// The number of its node: 0 to 63, of CANopen 1 to 127.
     pub node_id: u8,
     /// The joint that it turns, 1 or 2.
     pub joint: u8,
     /// Turns of the motor for one of the joint, not 0; without it 1.
     #[serde(default = "one")]
     pub gear_ratio: f64,
-    /// The motor's torque for 1 A, N·m/A; without it currents are not sent.
+    /// ODrive: the motor's torque for 1 A, N·m/A; without it currents are not sent.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub torque_constant_nm_a: Option<f64>,
+    /// CANopen: the rated torque of the motor, N·m, a whole number of mN·m.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub rated_torque_nm: Option<f64>,
+    /// CANopen: counts of the encoder for a turn of the motor.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub encoder_counts_per_turn: Option<u32>,
+}
+
+impl DriveSpec {
+    /// A key that belongs to another preset.
+    fn foreign_key(&self, preset: PresetSpec) -> Option<&'static str> {
+        let given = [
+            ("torque_constant_nm_a", PresetSpec::Odrive, self.torque_constant_nm_a.is_some()),
+            ("rated_torque_nm", PresetSpec::Cia402, self.rated_torque_nm.is_some()),
+            ("encoder_counts_per_turn", PresetSpec::Cia402, self.encoder_counts_per_turn.is_some()),
+        ];
+        given.into_iter().find(|(_, of, is_given)| *is_given && *of != preset).map(|(name, _, _)| name)
+    }
 }
 
 fn one() -> f64 {
@@ -41,17 +79,36 @@ impl WireSection {
     /// The section with the messages of its preset, if it has one.
     ///
     /// # Errors
-    /// [`WireError::Preset`], [`WireError::Drive`].
+    /// [`WireError::Drives`], [`WireError::Drive`], [`WireError::DriveWith`], [`WireError::NeitherDbcNorPreset`].
     pub(super) fn expanded(&self, scenario: &Scenario) -> Result<Option<WireSection>, WireError> {
-        let Some(preset) = self.preset else {
-            return if self.drives.is_empty() && self.timeout_s.is_none() {
-                Ok(None)
-            } else {
-                Err(WireError::Drives {
-                    problem: "`drives` and `timeout_s` belong to a `preset`: give one, as \"odrive\"",
-                })
-            };
-        };
+        match self.preset {
+            None => self.check_no_preset().map(|()| None),
+            Some(preset) => {
+                self.check_preset(scenario, preset)?;
+                Ok(Some(odrive::section(self, scenario.simulation.rate_hz)))
+            }
+        }
+    }
+
+    /// Refuses the keys of a preset where there is none.
+    ///
+    /// # Errors
+    /// [`WireError::Drives`], [`WireError::NeitherDbcNorPreset`].
+    pub(super) fn check_no_preset(&self) -> Result<(), WireError> {
+        if !self.drives.is_empty() || self.timeout_s.is_some() {
+            return Err(WireError::Drives {
+                problem: "`drives` and `timeout_s` belong to a `preset`: give one, as \"odrive\"",
+            });
+        }
+        let is_nothing = self.dbc.as_os_str().is_empty() && self.text.is_none();
+        if is_nothing { Err(WireError::NeitherDbcNorPreset) } else { Ok(()) }
+    }
+
+    /// What all presets demand: no keys of a DBC, and drives that can be.
+    ///
+    /// # Errors
+    /// [`WireError::Drives`], [`WireError::Drive`], [`WireError::DriveWith`].
+    pub(super) fn check_preset(&self, scenario: &Scenario, preset: PresetSpec) -> Result<(), WireError> {
         let own = [
             self.dbc != std::path::PathBuf::new(),
             self.node.is_some(),
@@ -67,13 +124,10 @@ impl WireSection {
                           `events` and `readings`",
             });
         }
-        self.check_drives(scenario)?;
-        match preset {
-            PresetSpec::Odrive => Ok(Some(odrive::section(self, scenario.simulation.rate_hz))),
-        }
+        self.check_drives(scenario, preset)
     }
 
-    fn check_drives(&self, scenario: &Scenario) -> Result<(), WireError> {
+    fn check_drives(&self, scenario: &Scenario, preset: PresetSpec) -> Result<(), WireError> {
         if self.drives.is_empty() {
             let problem = "a preset needs at least one drive: drives = [{ node_id = 0, joint = 1 }]";
             return Err(WireError::Drives { problem });
@@ -86,14 +140,19 @@ impl WireSection {
         for (place, drive) in self.drives.iter().enumerate() {
             let number = |name, got, expected| Err(WireError::Drive { place, name, got, expected });
             let before = &self.drives[..place];
-            if drive.node_id > 63 || before.iter().any(|other| other.node_id == drive.node_id) {
-                return number("node_id", drive.node_id.into(), "from 0 to 63, and another than those before");
+            let ([least, most], expected) = preset.node_ids();
+            let is_known = (least..=most).contains(&drive.node_id);
+            if !is_known || before.iter().any(|other| other.node_id == drive.node_id) {
+                return number("node_id", drive.node_id.into(), expected);
             }
             if !(1..=2).contains(&drive.joint) || before.iter().any(|other| other.joint == drive.joint) {
                 return number("joint", drive.joint.into(), "1 or 2, and another than those before");
             }
             if !drive.gear_ratio.is_finite() || drive.gear_ratio == 0.0 {
                 return number("gear_ratio", drive.gear_ratio, "a number other than 0");
+            }
+            if let Some(name) = drive.foreign_key(preset) {
+                return Err(WireError::DriveWith { place, name, preset: preset.name() });
             }
             if let Some(got) = drive.torque_constant_nm_a.filter(|got| !(got.is_finite() && *got > 0.0)) {
                 return number("torque_constant_nm_a", got, "a positive number");

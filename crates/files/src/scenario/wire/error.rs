@@ -305,6 +305,41 @@ pub enum WireError {
         "[wire] says nothing of lockstep: give `lockstep = \"command\"` or `lockstep = \"sync\"`, or run in real time"
     )]
     NoLockstep,
+    /// Nothing says which protocol it is.
+    #[error("[wire] says no protocol: give `dbc`, the file with the messages, or `preset`")]
+    NeitherDbcNorPreset,
+    /// Only SYNC answers samples.
+    #[error("wire.lockstep: with `preset = \"{preset}\"` a SYNC answers a sample: give `lockstep = \"sync\"`")]
+    LockstepBySync {
+        /// The preset.
+        preset: &'static str,
+    },
+    /// A drive without something that its preset needs.
+    #[error("wire.drives, number {}: it has no `{name}`, which `preset = \"{preset}\"` needs", .place + 1)]
+    DriveWithout {
+        /// Its place, from 0.
+        place: usize,
+        /// The key.
+        name: &'static str,
+        /// The preset.
+        preset: &'static str,
+    },
+    /// A drive with something that its preset does not know.
+    #[error("wire.drives, number {}: `{name}` is not a key of `preset = \"{preset}\"`: leave it out", .place + 1)]
+    DriveWith {
+        /// Its place, from 0.
+        place: usize,
+        /// The key.
+        name: &'static str,
+        /// The preset.
+        preset: &'static str,
+    },
+    /// A timeout of drives that can't be.
+    #[error("wire.timeout_s is {got}: it must be a positive number of seconds, at most 3600", got = short(.got))]
+    TimeoutOfDrives {
+        /// What was given, s.
+        got: f64,
+    },
     /// The bus can't carry the messages.
     #[error(
         "the messages of [wire] are up to {percent:.1} % of what network.bit_rate_hz carries, and a bus for control is loaded to 80 % at \

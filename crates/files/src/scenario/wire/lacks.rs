@@ -59,6 +59,9 @@ impl WireSection {
     /// What the protocol lacks.
     pub fn lacks(&self) -> Vec<WireLack> {
         let mut lacks = vec![WireLack::Echo];
+        if self.preset == Some(super::PresetSpec::Cia402) {
+            return lacks;
+        }
         for command in &self.commands {
             // Counter and checksum of a message are given once, with its commands or its events.
             let event = self.events.iter().filter(|event| event.message == command.message);

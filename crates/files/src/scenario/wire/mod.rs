@@ -1,5 +1,6 @@
-//! The user's own protocol in a scenario: which messages of a DBC are loads, requests and readings.
+//! The user's own protocol in a scenario: which messages of a DBC are loads, requests and readings, or a preset.
 
+mod cia402;
 mod compile;
 mod conversion;
 mod drives;
@@ -323,6 +324,7 @@ impl WireSection {
         if self.preset.is_some() {
             return Ok(());
         }
+        self.check_no_preset()?;
         let path = folder.join(&self.dbc);
         let bytes = text_file::read_network(&path).map_err(|source| WireError::Read { path, source })?;
         self.text = Some(dbc::decode(&bytes).into_owned());
@@ -346,6 +348,9 @@ impl Scenario {
     /// [`ScenarioError::Wire`] says what in `[wire]` can't be.
     pub fn wire_spec(&self) -> Result<Option<WireSpec>, ScenarioError> {
         let Some(section) = &self.wire else { return Ok(None) };
+        if section.preset == Some(PresetSpec::Cia402) {
+            return Ok(Some(WireSpec::Cia402(cia402::spec(self, section)?)));
+        }
         let expanded = section.expanded(self)?;
         let section = expanded.as_ref().unwrap_or(section);
         let mapping = compile::mapping(self, section)?;
@@ -353,12 +358,15 @@ impl Scenario {
         Ok(Some(WireSpec::Mapped(mapping)))
     }
 
-    /// The DBC of the scenario's own protocol, or of its preset, if it has one.
+    /// The DBC of the scenario's own protocol, or of its preset, if it has one: CANopen drives have none.
     ///
     /// # Errors
     /// [`ScenarioError::Wire`] if it was not read, or is none.
     pub(crate) fn wire_database(&self) -> Result<Option<Database>, ScenarioError> {
         let Some(section) = &self.wire else { return Ok(None) };
+        if section.preset == Some(PresetSpec::Cia402) {
+            return Ok(None);
+        }
         let expanded = section.expanded(self)?;
         Ok(Some(expanded.as_ref().unwrap_or(section).database()?))
     }

@@ -1,0 +1,447 @@
+//! The plant's node as one or two CANopen drives in the mode cyclic synchronous torque (CiA 301 v4.2, CiA 402-2).
+//!
+//! Targets pass the same gate as the commands of Resonarm's protocol: those of all enabled drives are composed to one
+//! load, which is judged once a sample, or in lockstep at SYNC; a refused one is counted and never acts. A drive
+//! acts only on targets that it has received since it was enabled.
+//!
+//! The plant is operational while a drive is in operation enabled. A fault stops all drives, each of which sends an
+//! emergency and stays in fault until its own fault reset; none is enabled but by controlwords.
+//!
+//! In lockstep a SYNC answers the sample published last: what the drives received before it acts from that sample on,
+//! and the PDOs that it asks for are sent with the next sample. While no drive is enabled they are sent at once.
+
+mod axis;
+mod spec;
+#[cfg(test)]
+mod tests;
+
+use alloc::vec::Vec;
+
+use super::guard::Guard;
+use super::interface::{FrameCheck, FrameCounts, FrameFault, PlantInterface, PublishError, PublishedSample, WireEvent};
+use super::mapped::Pace;
+use super::{Refusal, Refusals, Timing};
+use crate::rig::{Exciter, GateSpec};
+use crate::structure::STATES;
+use axis::Axis;
+use resonarm_dynamics::arm::Load;
+use resonarm_protocol::node::{Listening, Queue};
+use resonarm_protocol::{Emergency, EmergencyCode, Frame, Id, Node, NodeState, OperatorRequest, StateEvent, Trip};
+use resonarm_wire::canopen::dictionary::at;
+use resonarm_wire::canopen::{Handled, Server};
+pub use spec::{Cia402Spec, DriveSpec, Joint, TORQUE_MODE};
+
+/// Most events that wait to be fetched.
+const EVENTS: usize = 64;
+
+/// The error code of a fault on the wire, in emergencies and object 603F (CiA 301, table 26; CiA 402-2).
+///
+/// | fault | code |
+/// | --- | --- |
+/// | no target in time | 8250: RPDO timeout |
+/// | the bus was lost, or took no frames | 8100: communication |
+/// | a second SYNC for one sample, in lockstep | 8200: protocol error |
+/// | the exciter tripped | FF01 |
+/// | ticks were missed | FF02 |
+/// | the simulation failed | 6100: internal software |
+/// | others | 1000: generic error |
+pub const fn error_code(code: EmergencyCode) -> u16 {
+    match code {
+        EmergencyCode::CommandTimeout => 0x8250,
+        EmergencyCode::BusLoss => 0x8100,
+        EmergencyCode::SampleSequence => 0x8200,
+        EmergencyCode::ExciterTripped => 0xFF01,
+        EmergencyCode::Overrun => 0xFF02,
+        EmergencyCode::SimulationFailed => 0x6100,
+        _ => 0x1000,
+    }
+}
+
+/// The error register (object 1001): bit 0 for any error, 4 for those of communication, 7 for those of Resonarm's own.
+const fn error_register(code: u16) -> u8 {
+    match code >> 12 {
+        0x8 => 0x11,
+        0xF => 0x81,
+        _ => 0x01,
+    }
+}
+
+#[derive(Clone, Debug)]
+struct Drive {
+    server: Server,
+    axis: Axis,
+}
+
+impl Drive {
+    /// Writes into the object dictionary what the state is.
+    fn show(&mut self) {
+        let code = self.axis.fault_code().map_or(0, error_code);
+        let register = if code == 0 { 0 } else { error_register(code) };
+        let is_over = code == 0 && self.server.dictionary().number(at(0x603F, 0)) != 0;
+        for (index, number) in [
+            (0x1001, f64::from(register)),
+            (0x603F, f64::from(code)),
+            (0x6041, f64::from(self.axis.statusword())),
+            (0x6061, f64::from(self.axis.mode())),
+        ] {
+            self.server.set(at(index, 0), number);
+        }
+        if is_over {
+            self.server.emergency(0, 0, [0; 5]);
+        }
+    }
+
+    /// Writes into the object dictionary where the joint is, and the torque that has acted up to the sample.
+    fn measure(&mut self, states: &[f64], held: &Load) -> Result<(), PublishError> {
+        let (spec, place) = (*self.axis.spec(), self.axis.spec().joint.place());
+        let mut moved = [0.0; 2];
+        for (value, place) in moved.iter_mut().zip([place, place + 2]) {
+            *value = states.get(place).copied().unwrap_or(f64::NAN);
+            if !value.is_finite() {
+                return Err(PublishError::NotFinite { name: STATES[place].name, got: *value });
+            }
+        }
+        let torque_nm = [held.torque_nm.x, held.torque_nm.y][place];
+        let [angle_rad, rate_rad_s] = moved;
+        self.server.set(at(0x6064, 0), angle_rad * spec.counts_per_rad());
+        self.server.set(at(0x606C, 0), rate_rad_s * spec.counts_per_rad());
+        self.server.set(at(0x6077, 0), torque_nm / spec.torque_step_nm());
+        Ok(())
+    }
+
+    fn load(&self, torque_nm: f64) -> Load {
+        match self.axis.spec().joint {
+            Joint::First => Load::torque_nm(torque_nm, 0.0),
+            Joint::Second => Load::torque_nm(0.0, torque_nm),
+        }
+    }
+}
+
+/// The plant as CANopen drives.
+#[derive(Clone, Debug)]
+pub struct Cia402Node {
+    drives: Vec<Drive>,
+    timeout_ns: u64,
+    pace: Pace,
+    timing: Timing,
+    guard: Guard,
+    state: NodeState,
+    listening: Listening,
+    /// The time of the last call that stated one.
+    now_ns: u64,
+    /// In lockstep: whether the sample published last has its answer.
+    is_synced: bool,
+    jammed_since_ns: Option<u64>,
+    /// The load from the sample before to the one published last.
+    held: Load,
+    fault: Option<Emergency>,
+    events: Queue<WireEvent, EVENTS>,
+    frames: FrameCounts,
+}
+
+impl Cia402Node {
+    /// A node that publishes `rate_hz` samples a second for an exciter of these limits and those of its gate.
+    pub fn new(
+        spec: &Cia402Spec,
+        (rate_hz, pace): (u16, Pace),
+        timing: Timing,
+        exciter: Exciter,
+        limits: GateSpec,
+    ) -> Cia402Node {
+        let mut guard = Guard::new(rate_hz, &timing, exciter);
+        guard.set_limits(limits);
+        let drive = |drive: &DriveSpec| Drive {
+            server: Server::new(drive.node_id, drive.dictionary()),
+            axis: Axis::new(*drive),
+        };
+        Cia402Node {
+            drives: spec.drives.iter().map(drive).collect(),
+            timeout_ns: if pace == Pace::Clock { spec.timeout_ns } else { timing.command_timeout_ns },
+            pace,
+            timing,
+            guard,
+            state: NodeState::BootUp,
+            listening: Listening::new(timing.look_period_ns),
+            now_ns: 0,
+            is_synced: false,
+            jammed_since_ns: None,
+            held: Load::default(),
+            fault: None,
+            events: Queue::new(),
+            frames: FrameCounts::default(),
+        }
+    }
+
+    fn transition(&mut self, event: StateEvent) -> bool {
+        let Some(to) = self.state.next(event) else { return false };
+        let from = core::mem::replace(&mut self.state, to);
+        self.events.push(WireEvent::State { from, to });
+        true
+    }
+
+    fn look(&mut self, now_ns: u64) {
+        self.listening.look(now_ns);
+        self.now_ns = now_ns;
+    }
+
+    /// The plant's state and the load follow the states of the drives, and the object dictionaries show them.
+    fn settle(&mut self) {
+        let is_stopped = self.drives.iter_mut().filter_map(|drive| drive.axis.take_stopped().then_some(())).count() > 0;
+        let is_any_enabled = self.drives.iter().any(|drive| drive.axis.is_enabled());
+        if self.state == NodeState::Fault && self.drives.iter().any(|drive| !drive.axis.state().is_fault()) {
+            self.transition(StateEvent::Reset);
+            self.fault = None;
+        }
+        if is_any_enabled && self.state == NodeState::PreOperational {
+            self.guard.arm(&self.listening);
+            self.transition(StateEvent::Arm);
+        } else if !is_any_enabled && self.is_armed() {
+            self.guard.release();
+            self.transition(StateEvent::Disarm);
+        } else if is_stopped && self.is_armed() {
+            // Of a drive beside others, or one that halts: it drops, as that of a motor without current does.
+            self.guard.reduce(self.sum(|axis| axis.acting_nm()));
+        }
+        let (listening, is_reaction_over) = (self.listening, self.guard.ramp_left() == 0);
+        for drive in &mut self.drives {
+            drive.axis.restart(&listening);
+            if is_reaction_over {
+                drive.axis.end_reaction();
+            }
+            drive.show();
+        }
+        if self.drives.iter().any(|drive| drive.server.waiting() > 0) {
+            self.jammed_since_ns.get_or_insert(self.listening.listened_ns());
+        }
+    }
+
+    fn sum(&self, of: impl Fn(&Axis) -> f64) -> Load {
+        self.drives.iter().fold(Load::default(), |sum, drive| {
+            let load = drive.load(of(&drive.axis));
+            Load { torque_nm: sum.torque_nm + load.torque_nm, force_n: sum.force_n }
+        })
+    }
+
+    /// Judges the targets that were received, as the answer to the sample published last.
+    fn judge(&mut self, now_ns: u64) {
+        if self.guard.is_answered() || !self.drives.iter().any(|drive| drive.axis.is_new()) {
+            return;
+        }
+        let (index, load) = (self.guard.sample() as u16, self.sum(Axis::share_nm));
+        let outcome = self.guard.take(self.state, &self.listening, index, load);
+        let listening = self.listening;
+        self.drives.iter_mut().for_each(|drive| drive.axis.judged(outcome.is_ok(), &listening));
+        if let Err(refusal) = outcome {
+            self.events.push(WireEvent::Refused(refusal));
+            if refusal == Refusal::Travel {
+                self.fault(now_ns, EmergencyCode::ExciterTripped, Trip::Travel as u16);
+            }
+        }
+    }
+
+    fn synchronise(&mut self, now_ns: u64, was_armed: bool) {
+        if self.pace == Pace::Lockstep && was_armed && self.is_armed() {
+            if self.is_synced {
+                return self.fault(now_ns, EmergencyCode::SampleSequence, self.guard.sample() as u16);
+            }
+            self.judge(now_ns);
+            self.is_synced = true;
+        } else {
+            self.drives.iter_mut().for_each(|drive| drive.server.release(now_ns));
+        }
+    }
+
+    fn refuse_frame(&mut self, id: Id) {
+        self.frames.refused += 1;
+        self.events.push(WireEvent::Frame(FrameFault::Mapped { id, check: FrameCheck::Length }));
+    }
+
+    fn not_sent(&self) -> u16 {
+        let waiting: usize = self.drives.iter().map(|drive| drive.server.waiting()).sum();
+        u16::try_from(self.frames().unsent.saturating_add(waiting as u64)).unwrap_or(u16::MAX)
+    }
+}
+
+impl PlantInterface for Cia402Node {
+    fn start(&mut self, now_ns: u64) {
+        self.listening.start(now_ns);
+        self.now_ns = now_ns;
+        self.drives.iter_mut().for_each(|drive| drive.server.boot(now_ns));
+        self.transition(StateEvent::Started);
+        self.settle();
+    }
+
+    fn state(&self) -> NodeState {
+        self.state
+    }
+
+    fn is_answered(&self) -> bool {
+        match self.pace {
+            Pace::Clock => self.guard.is_answered(),
+            Pace::Lockstep => self.is_synced,
+        }
+    }
+
+    fn is_ramping(&self) -> bool {
+        self.guard.ramp_left() > 0
+    }
+
+    fn latched_fault(&self) -> Option<Emergency> {
+        self.fault.filter(|_| self.state == NodeState::Fault)
+    }
+
+    fn fault_reason(&self) -> Option<Emergency> {
+        None
+    }
+
+    fn take_echoed(&mut self) -> Option<u16> {
+        None
+    }
+
+    fn holds_sample(&self) -> bool {
+        false
+    }
+
+    fn refusals(&self) -> &Refusals {
+        self.guard.refusals()
+    }
+
+    fn frames(&self) -> FrameCounts {
+        FrameCounts { unsent: self.drives.iter().map(|drive| drive.server.unsent()).sum(), ..self.frames }
+    }
+
+    fn handle_frame(&mut self, now_ns: u64, frame: &Frame) {
+        self.look(now_ns);
+        let (was_armed, mut is_sync) = (self.is_armed(), false);
+        for place in 0..self.drives.len() {
+            let Drive { server, axis } = &mut self.drives[place];
+            match server.handle_frame(now_ns, frame, axis) {
+                Handled::Foreign | Handled::Taken => {}
+                Handled::Sync => is_sync = true,
+                Handled::Nmt(command) => axis.manage(command),
+                Handled::Short => self.refuse_frame(frame.id()),
+                Handled::OtherSender => {
+                    self.frames.other_sender += 1;
+                    self.events.push(WireEvent::OtherSender(frame.id()));
+                }
+            }
+        }
+        self.settle();
+        if is_sync {
+            self.synchronise(now_ns, was_armed);
+            self.settle();
+        }
+    }
+
+    /// A master enables drives, and nobody beside it: an operator can only disarm them, and reset their faults.
+    fn execute(&mut self, now_ns: u64, request: OperatorRequest) {
+        self.look(now_ns);
+        match request {
+            OperatorRequest::Arm => {}
+            OperatorRequest::Disarm => self.drives.iter_mut().for_each(|drive| drive.axis.disable()),
+            OperatorRequest::Reset => self.drives.iter_mut().for_each(|drive| drive.axis.reset()),
+        }
+        self.settle();
+    }
+
+    fn handle_deadline(&mut self, now_ns: u64) {
+        self.look(now_ns);
+        if self.pace == Pace::Clock {
+            self.judge(now_ns);
+        }
+        self.drives.iter_mut().for_each(|drive| drive.server.handle_deadline(now_ns));
+        self.settle();
+        if !self.is_armed() {
+            return;
+        }
+        let (listening, timeout_ns) = (self.listening, self.timing.command_timeout_ns);
+        if self.jammed_since_ns.is_some_and(|since_ns| listening.has_passed(since_ns, timeout_ns)) {
+            self.fault(now_ns, EmergencyCode::BusLoss, self.not_sent());
+        } else if self.drives.iter().any(|drive| drive.axis.is_timed_out(self.timeout_ns, &listening)) {
+            self.fault(now_ns, EmergencyCode::CommandTimeout, self.guard.timeout_detail());
+        }
+    }
+
+    fn next_deadline_ns(&self) -> u64 {
+        let timers = self.drives.iter().filter_map(|drive| drive.server.next_deadline_ns());
+        let timeout = |drive: &Drive| drive.axis.deadline_ns(self.timeout_ns, &self.listening);
+        timers.chain(self.drives.iter().filter_map(timeout)).min().unwrap_or(u64::MAX)
+    }
+
+    fn publish(&mut self, sample: &PublishedSample) -> Result<(), PublishError> {
+        let PublishedSample { measurement, states, travel_m } = sample;
+        self.guard.measured(measurement.sample);
+        self.guard.set_travel(*travel_m);
+        self.is_synced = false;
+        let (held, now_ns) = (self.held, self.now_ns);
+        for drive in &mut self.drives {
+            drive.measure(states, &held)?;
+            drive.server.sampled(now_ns);
+            drive.server.release(now_ns);
+        }
+        self.settle();
+        Ok(())
+    }
+
+    fn load(&mut self) -> Load {
+        self.held = self.guard.load();
+        self.held
+    }
+
+    fn fault(&mut self, _now_ns: u64, code: EmergencyCode, detail: u16) {
+        debug_assert!(!code.is_notice(), "{code:?} is no fault");
+        self.guard.fault(code);
+        if self.state == NodeState::Fault {
+            return;
+        }
+        let sample = self.guard.sample() as u16;
+        let emergency = Emergency { node: Node::Plant, code, detail, sample };
+        self.fault = Some(emergency);
+        self.events.push(WireEvent::Emergency(emergency));
+        if self.is_armed() {
+            self.guard.release();
+        }
+        self.transition(StateEvent::Fault);
+        let ([a, b], [c, d], number) = (detail.to_le_bytes(), sample.to_le_bytes(), error_code(code));
+        for drive in &mut self.drives {
+            drive.axis.fail(code);
+            drive.server.emergency(number, error_register(number), [a, b, c, d, 0]);
+        }
+        self.settle();
+    }
+
+    fn bus_lost(&mut self, now_ns: u64) {
+        if self.is_armed() {
+            self.fault(now_ns, EmergencyCode::BusLoss, self.not_sent());
+        }
+    }
+
+    fn leave(&mut self, now_ns: u64) {
+        self.look(now_ns);
+        self.drives.iter_mut().for_each(|drive| drive.axis.leave());
+        self.settle();
+    }
+
+    fn slip(&mut self, periods: u64) {
+        let detail = u16::try_from(periods).unwrap_or(u16::MAX);
+        let sample = self.guard.sample() as u16;
+        let notice = Emergency { node: Node::Plant, code: EmergencyCode::ScheduleSlipped, detail, sample };
+        self.events.push(WireEvent::Emergency(notice));
+    }
+
+    fn waiting_frames(&mut self, most: usize, frames: &mut Vec<Frame>) {
+        self.drives.iter().for_each(|drive| drive.server.frames(most, frames));
+    }
+
+    fn frame_sent(&mut self) {
+        if let Some(drive) = self.drives.iter_mut().find(|drive| drive.server.waiting() > 0) {
+            self.frames.limited_values += drive.server.sent();
+        }
+        let is_waiting = self.drives.iter().any(|drive| drive.server.waiting() > 0);
+        self.jammed_since_ns = is_waiting.then(|| self.listening.listened_ns());
+    }
+
+    fn poll_event(&mut self) -> Option<WireEvent> {
+        self.events.pop()
+    }
+}

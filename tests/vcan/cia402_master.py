@@ -1,0 +1,81 @@
+"""A CANopen master by `canopen`, unmodified: two drives of the arm in the mode cyclic synchronous torque.
+
+As a program it commands sines until it is killed, and prints the positions of each cycle.
+"""
+
+import math
+import sys
+import threading
+import time
+
+import canopen
+from canopen.profiles.p402 import BaseNode402
+
+MODE = "CYCLIC SYNCHRONOUS TORQUE"
+PATIENCE_S = 60
+
+
+class Master:
+    """Both drives, each with the data sheet that the program has made of it."""
+
+    def __init__(self, interface, sheets):
+        self.network = canopen.Network()
+        self.network.connect(interface="socketcan", channel=interface)
+        self.nodes = [self.network.add_node(BaseNode402(number, str(path))) for number, path in sheets.items()]
+        self.received = threading.Condition()
+        self.positions = {}
+
+    def __enter__(self):
+        return self
+
+    def __exit__(self, *_):
+        self.network.disconnect()
+
+    def set_up(self):
+        for node in self.nodes:
+            node.sdo.RESPONSE_TIMEOUT = PATIENCE_S
+            node.TIMEOUT_CHECK_TPDO = node.TIMEOUT_SWITCH_STATE_SINGLE = node.TIMEOUT_SWITCH_STATE_FINAL = PATIENCE_S
+            node.TIMEOUT_SWITCH_OP_MODE = PATIENCE_S
+            node.nmt.state = "OPERATIONAL"
+            node.setup_402_state_machine()
+            node.tpdo[2].add_callback(lambda pdo, node=node: self.arrived(node.id, pdo))
+
+    def arm(self):
+        for node in self.nodes:
+            node.op_mode = MODE
+            node.state = "OPERATION ENABLED"
+
+    def arrived(self, number, pdo):
+        with self.received:
+            self.positions[number] = pdo[0x6064].raw
+            self.received.notify_all()
+
+    def cycle(self, targets, timeout_s=PATIENCE_S):
+        """Targets by RPDO 1 and a SYNC; the positions that it asks for."""
+        with self.received:
+            self.positions.clear()
+        for node, target in zip(self.nodes, targets, strict=True):
+            node.rpdo[1][0x6040].raw = 0x0F
+            node.rpdo[1][0x6071].raw = target
+            node.rpdo[1].transmit()
+        self.network.sync.transmit()
+        with self.received:
+            assert self.received.wait_for(lambda: len(self.positions) == len(self.nodes), timeout_s), self.positions
+            return [self.positions[node.id] for node in self.nodes]
+
+
+def sines():
+    """Commands sines until it is killed."""
+    interface, *paths = sys.argv[1:]
+    with Master(interface, dict(enumerate(paths, 1))) as master:
+        master.set_up()
+        master.arm()
+        start = time.monotonic()
+        while True:
+            phase = 2 * math.pi * 2.0 * (time.monotonic() - start)
+            print(*master.cycle([round(500 * math.sin(phase)), round(200 * math.cos(phase))]), flush=True)
+            time.sleep(0.005)
+
+
+if __name__ == "__main__":
+    sines()
