@@ -22,7 +22,8 @@ pub struct LogWriter {
 enum Log {
     /// The frames so far.
     Waiting(Vec<LoggedFrame>),
-    Begun(FrameLog),
+    /// The recording.
+    Begun(Box<FrameLog>),
 }
 
 impl Log {
@@ -51,7 +52,7 @@ impl Log {
         for logged in waiting.iter() {
             log.push(logged)?;
         }
-        *self = Log::Begun(log);
+        *self = Log::Begun(Box::new(log));
         Ok(())
     }
 }

@@ -36,7 +36,7 @@ struct Wire {
 impl Wire {
     fn new(folder: &Path) -> Wire {
         let scenario = Scenario::read(&folder.join("bench.toml")).unwrap();
-        let WireSpec::Mapped(mapping) = scenario.wire_spec().unwrap().unwrap();
+        let Some(WireSpec::Mapped(mapping)) = scenario.wire_spec().unwrap() else { panic!("no mapping") };
         Wire { database: Database::read(&folder.join("bench.dbc")).unwrap(), mapping }
     }
 

@@ -48,6 +48,7 @@ impl WireSection {
         let events: Vec<String> = self.events.iter().filter_map(of_event).collect();
         match (self.preset, self.arm) {
             (Some(PresetSpec::Odrive), _) => String::from("Set_Axis_State with 8, closed loop control"),
+            (Some(PresetSpec::Cia402), _) => String::from("a controlword that enables operation, 0x0F, in the mode 10"),
             (None, Some(ArmSpec::Operator)) => String::from("the operator in the live view (--live)"),
             (None, Some(ArmSpec::ZeroCommand)) => {
                 String::from("commands below a hundredth of the exciter's limits, the first that come")
