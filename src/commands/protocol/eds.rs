@@ -10,8 +10,8 @@ use resonarm::node::WireSpec;
 use resonarm::node::cia402::DriveSpec;
 use resonarm::scenario::Scenario;
 
-/// Prints the EDS (CiA 306) of a drive of a scenario with `preset = "cia402"`, for CANopen masters: object dictionary with
-/// its values after power-on.
+/// Prints the EDS (CiA 306) of a drive of a scenario with `preset = "cia402"`, for CANopen masters: object dictionary
+/// with its values after power-on.
 #[derive(Debug, Args)]
 pub(super) struct Eds {
     /// The scenario file.

@@ -140,8 +140,8 @@ impl Value {
         })
     }
 
-    /// The value of the same type nearest to a number, rounded, and whether it is another by more than rounding. What is
-    /// no number is 0 and counts as limited, and so does anything for a string.
+    /// The value of the same type nearest to a number, rounded, and whether it is another by more than rounding. What
+    /// is no number is 0 and counts as limited, and so does anything for a string.
     pub fn nearest(&self, number: f64) -> (Value, bool) {
         let (least, most) = match self {
             Value::U8(_) => (0.0, f64::from(u8::MAX)),

@@ -1,8 +1,8 @@
 //! A CANopen node without IO (CiA 301 v4.2): object dictionary, SDO server, network management, PDOs, emergencies.
 //!
-//! [`Server`] is given frames and the time, and asked for frames. What a value means is up to a [`Device`], which judges
-//! every write of the master before it is stored: a write that it aborts changes nothing. Memory is allocated where
-//! something is constructed, and nowhere else.
+//! [`Server`] is given frames and the time, and asked for frames. What a value means is up to a [`Device`], which
+//! judges every write of the master before it is stored: a write that it aborts changes nothing.
+//! Memory is allocated where something is constructed, and nowhere else.
 //!
 //! | identifier | what | direction |
 //! | --- | --- | --- |

@@ -174,7 +174,8 @@ fn check_communication(dictionary: &Dictionary, pdo: Pdo, subindex: u8, number: 
     }
 }
 
-/// An identifier may not change while its PDO is enabled, and must not be one of those that CiA 301 restricts (table 38).
+/// An identifier may not change while its PDO is enabled, and must not be one of those that CiA 301 restricts (table
+/// 38).
 fn check_id(before: Option<u16>, word: u32) -> Result<(), Abort> {
     if word & !(DISABLED | NO_REMOTE | 0x7FF) != 0 {
         return Err(Abort::Value);
