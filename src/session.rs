@@ -253,7 +253,7 @@ mod tests {
         insta::assert_snapshot!(said(RunEvent::Faulted { fault: ours, partner: Some(partner) }), @"fault 4 (partner fault) at sample 300; the exciter said: fault 2 (sensor timeout) at sample 300");
         insta::assert_snapshot!(said(RunEvent::BusLost { sample: 7, cause: BusLoss::BusOff }), @"the controller of can0 is bus-off: waiting for a while in case it comes back");
         insta::assert_snapshot!(said(RunEvent::BusLost { sample: 7, cause: BusLoss::Down }), @"can0 is down: waiting for a while in case it comes back");
-        insta::assert_snapshot!(said(RunEvent::OtherSender { sample: 7, identifier: Id::Standard(0x203) }), @"a frame of another network arrived under 0x203, which only this plant sends, at sample 7: two networks have the same base; give each a different one (network.base_id)");
+        insta::assert_snapshot!(said(RunEvent::OtherSender { sample: 7, identifier: Id::Standard(0x203) }), @"a frame of another network arrived under 0x203, which only this plant sends, at sample 7: two networks have the same base; give each a different one (network.base_id), or end the other program that sends this plant's messages");
     }
 
     #[test]
@@ -263,7 +263,7 @@ mod tests {
         assert_eq!(other_sender_warning(&bus), None);
         let bus = BusCounts { other_sender: 5, malformed: 1, ..bus };
         insta::assert_snapshot!(frames_text(&bus), @"30 received, 40 sent, 0 dropped, 7 refused (5 of another network under this node's identifiers), 1 malformed");
-        insta::assert_snapshot!(other_sender_warning(&bus).unwrap(), @"5 frames of another network arrived under identifiers that only this node sends: two networks have the same base; give each a different one (network.base_id)");
+        insta::assert_snapshot!(other_sender_warning(&bus).unwrap(), @"5 frames of another network arrived under identifiers that only this node sends: two networks have the same base; give each a different one (network.base_id), or end the other program that sends this plant's messages");
     }
 
     #[test]

@@ -136,7 +136,7 @@ class ResonarmBus(can.BusABC):
 @contextmanager
 def served(channel: str, plant: Node, hub: _resonarm.Hub, scenario: Scenario) -> Iterator[None]:
     """Within the block `can.Bus(interface="resonarm", channel=…)` joins the bus of a running plant."""
-    bench = _Bench(plant, hub, scenario.values()["network"]["profile"], users=1)
+    bench = _Bench(plant, hub, _profile(scenario), users=1)
     with _lock:
         _benches[channel] = bench
     try:
@@ -144,6 +144,12 @@ def served(channel: str, plant: Node, hub: _resonarm.Hub, scenario: Scenario) ->
     finally:
         with _lock:
             _benches.pop(channel, None)
+
+
+def _profile(scenario: Scenario) -> str:
+    """Which frames the bus has; a protocol of the user's own may have those of CAN FD."""
+    values = scenario.values()
+    return "fd" if "wire" in values else str(values["network"]["profile"])
 
 
 def _start(
@@ -158,4 +164,4 @@ def _start(
     hub = _resonarm.Hub(ENDS)
     options: dict[str, Any] = {"speed": speed, "record": record, "overwrite": overwrite}
     plant = Node("plant", scenario, hub.end(), mode, **options)
-    return _Bench(plant, hub, scenario.values()["network"]["profile"])
+    return _Bench(plant, hub, _profile(scenario))

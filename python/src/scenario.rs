@@ -32,7 +32,7 @@ impl Scenario {
             None => {
                 let folder = folder.unwrap_or_default();
                 let mut inner = scenario::Scenario::parse(text, "the scenario").map_err(errors::scenario)?;
-                inner.read_load(&folder).map_err(errors::scenario)?;
+                inner.read_files(&folder).map_err(errors::scenario)?;
                 Ok(Scenario { inner, folder })
             }
         }

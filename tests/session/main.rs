@@ -21,3 +21,5 @@ mod soak;
 #[cfg(debug_assertions)]
 mod watch_alloc;
 mod wire;
+#[cfg(debug_assertions)]
+mod wires_alloc;

@@ -164,19 +164,19 @@ impl Scenario {
     pub fn read(path: &Path) -> Result<Scenario, ScenarioError> {
         let text = text_file::read(path).map_err(|source| ScenarioError::Read { path: path.to_path_buf(), source })?;
         let mut scenario = Scenario::parse(&text, &path.display().to_string())?;
-        let folder = path.parent().unwrap_or(Path::new(""));
-        scenario.read_load(folder)?;
-        if let Some(wire) = &mut scenario.wire {
-            wire.read(folder)?;
-        }
+        scenario.read_files(path.parent().unwrap_or(Path::new("")))?;
         Ok(scenario)
     }
 
-    /// Reads the load file of the excitation, if it has one; its path counts from `folder`.
+    /// Reads the files that the scenario names, the load of its excitation and the DBC of its wire, if it has them; their
+    /// paths count from `folder`.
     ///
     /// # Errors
-    /// [`ScenarioError::ReadLoad`] and [`ScenarioError::LoadFile`].
-    pub fn read_load(&mut self, folder: &Path) -> Result<(), ScenarioError> {
+    /// [`ScenarioError::ReadLoad`] and [`ScenarioError::LoadFile`] of the load, [`ScenarioError::Wire`] of the DBC.
+    pub fn read_files(&mut self, folder: &Path) -> Result<(), ScenarioError> {
+        if let Some(wire) = &mut self.wire {
+            wire.read(folder)?;
+        }
         let profile = self.excitation.as_mut().map(|spec| &mut spec.profile);
         let Some(Waveform::File { path, load }) = profile else { return Ok(()) };
         let path = folder.join(path);
@@ -189,7 +189,7 @@ impl Scenario {
     }
 
     /// Reads a scenario from its text; `origin` is what to call it in messages. A load file that it names is not read,
-    /// so that an excitation of it can't be played before [`Scenario::read_load`].
+    /// so that an excitation of it can't be played before [`Scenario::read_files`].
     ///
     /// # Errors
     /// [`ScenarioError::Parse`] if it is no scenario, and what [`Scenario::check`] finds.

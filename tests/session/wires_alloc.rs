@@ -1,0 +1,69 @@
+//! The nodes of users' own protocols take no memory once they are made.
+
+use assert_no_alloc::assert_no_alloc;
+
+use resonarm::node::mapped::Pace;
+use resonarm::node::{PlantInterface, PublishedSample, Timing};
+use resonarm::protocol::{Frame, FrameFormat, Id};
+use resonarm::rig::{Exciter, GateSpec, Measurement};
+use resonarm::scenario::Scenario;
+
+/// A node of the wire of this scenario, without counters and checksums.
+fn node(text: &str) -> Box<dyn PlantInterface> {
+    let mut scenario = Scenario::parse(text, "test.toml").unwrap();
+    if let Some(wire) = &mut scenario.wire {
+        wire.text = Some(include_str!("../../examples/own-protocol/bench.dbc").to_string());
+    }
+    let wire = scenario.wire_spec().unwrap().unwrap();
+    let mut node = wire.node((1000, Pace::Clock), Timing::real_time(1000), Exciter::default(), GateSpec::default());
+    node.start(0);
+    node
+}
+
+/// A thousand samples with these frames in each; how many frames were sent.
+fn run(node: &mut dyn PlantInterface, frames: &[Frame]) -> usize {
+    let (mut sent, mut batch) = (0, Vec::with_capacity(64));
+    assert_no_alloc(|| {
+        for sample in 0..1000 {
+            let now_ns = 1_000_000 * sample;
+            frames.iter().for_each(|frame| node.handle_frame(now_ns, frame));
+            node.handle_deadline(now_ns);
+            node.load();
+            let measurement = Measurement { sample, ..Measurement::default() };
+            let published = PublishedSample { measurement: &measurement, states: &[1e-6; 4], travel_m: 0.0 };
+            node.publish(&published).unwrap();
+            batch.clear();
+            node.waiting_frames(64, &mut batch);
+            batch.iter().for_each(|_| node.frame_sent());
+            sent += batch.len();
+            while node.poll_event().is_some() {}
+        }
+    });
+    sent
+}
+
+fn frame(id: u16, data: &[u8]) -> Frame {
+    Frame::new(Id::Standard(id), FrameFormat::Classic, data).unwrap()
+}
+
+#[test]
+fn a_mapped_node_takes_no_memory() {
+    let mut node = node(include_str!("../../examples/own-protocol/bench.toml"));
+    let refused = frame(0x100, &[1; 8]);
+    assert_eq!(run(&mut *node, &[refused, frame(0x200, &[0; 8])]), 1100);
+    assert_eq!(node.frames().refused, 1000);
+}
+
+#[test]
+fn drives_take_no_memory() {
+    let mut node = node("wire = { preset = 'odrive', drives = [{ node_id = 0, joint = 1 }] }");
+    let mode = frame(0x0B, &[1, 0, 0, 0, 1, 0, 0, 0]);
+    let torque = frame(0x0E, &1.0_f32.to_le_bytes());
+    run(&mut *node, &[mode, frame(0x07, &[8, 0, 0, 0]), torque]);
+    assert!(node.is_armed());
+    let mut node = crate::wires_alloc::node(include_str!("../../examples/canopen/drives.toml"));
+    let (start, sync) = (frame(0, &[1, 0]), frame(0x80, &[]));
+    let upload = frame(0x601, &[0x40, 0x18, 0x10, 1, 0, 0, 0, 0]);
+    let target = frame(0x201, &[0x0F, 0, 10, 0]);
+    assert!(run(&mut *node, &[start, upload, target, sync]) > 1000);
+}
