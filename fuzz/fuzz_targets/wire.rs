@@ -15,8 +15,8 @@ const SCENARIOS: [&str; 3] = [
     include_str!("../../examples/canopen/drives.toml"),
 ];
 
-/// Ten bytes a frame: the low byte of the identifier, its high bits with the format, the data; each ends a sample if its
-/// last byte is odd.
+/// Ten bytes a frame: the low byte of the identifier, its high bits with the format, the data; each ends a sample if
+/// its last byte is odd.
 fuzz_target!(|input: &[u8]| {
     let Some((&first, frames)) = input.split_first() else { return };
     let mut scenario = Scenario::parse(SCENARIOS[usize::from(first) % 3], "fuzz").expect("a scenario");

@@ -1,4 +1,4 @@
-"""The interface `resonarm` of python-can with a protocol of the user's own: examples/own-protocol without a CAN interface."""
+"""The interface `resonarm` of python-can with a protocol of the user's own, examples/own-protocol."""
 
 import importlib.util
 from pathlib import Path

@@ -78,7 +78,8 @@ def test_the_example_as_its_text_says_in_lockstep(programs, tmp_path):
     common = ["--mode", "lockstep", "--stop-on-disarm", "--json", "--record", path]
     plant = programs.resonarm("run", "--bus", "vcan0", "--scenario", FOLDER / "bench.toml", *common)
     wait_until(lambda: "ready on" in plant.stderr, "the plant to be on the bus")
-    controller = programs.start("controller", sys.executable, FOLDER / "controller.py", "vcan0", "--timeout-s", PATIENCE_S)
+    arguments = [FOLDER / "controller.py", "vcan0", "--timeout-s", PATIENCE_S]
+    controller = programs.start("controller", sys.executable, *arguments)
     seen, report = controller.result(), plant.result()
     assert (seen["readings"], seen["poses"], seen["last"]["State"]) == (2000, 200, OPERATIONAL)
     assert (report["outcome"], report["bus"]["e2e_errors"], report["bus"]["dropped"]) == ("disarmed", 0, 0)

@@ -1,4 +1,5 @@
-//! `resonarm protocol`: the specification, DBC and C header of the wire, decoding and encoding of frames, the EDS of drives.
+//! `resonarm protocol`: the specification, DBC and C header of the wire, decoding and encoding of frames, the EDS of
+//! drives.
 
 mod decode;
 mod eds;

@@ -160,7 +160,8 @@ impl Scenario {
     ///
     /// # Errors
     /// [`ScenarioError::Read`] if the file can't be read, [`ScenarioError::Parse`] if it is no scenario;
-    /// [`ScenarioError::ReadLoad`] and [`ScenarioError::LoadFile`] of the load file; [`ScenarioError::Wire`] of the DBC.
+    /// [`ScenarioError::ReadLoad`] and [`ScenarioError::LoadFile`] of the load file; [`ScenarioError::Wire`] of the
+    /// DBC.
     pub fn read(path: &Path) -> Result<Scenario, ScenarioError> {
         let text = text_file::read(path).map_err(|source| ScenarioError::Read { path: path.to_path_buf(), source })?;
         let mut scenario = Scenario::parse(&text, &path.display().to_string())?;
@@ -168,8 +169,8 @@ impl Scenario {
         Ok(scenario)
     }
 
-    /// Reads the files that the scenario names, the load of its excitation and the DBC of its wire, if it has them; their
-    /// paths count from `folder`.
+    /// Reads the files that the scenario names, the load of its excitation and the DBC of its wire, if it has them;
+    /// their paths count from `folder`.
     ///
     /// # Errors
     /// [`ScenarioError::ReadLoad`] and [`ScenarioError::LoadFile`] of the load, [`ScenarioError::Wire`] of the DBC.

@@ -15,8 +15,8 @@ use resonarm_protocol::{Emergency, EmergencyCode, ForceCommand, Message, Receive
 /// A controller is a function of the frames it receives. Given those of the recording, it makes the recorded commands
 /// again, and reads the same responses. A differing command shows that another controller was recorded.
 ///
-/// The controller on a scenario's own protocol is not Resonarm's. Its commands must be the scenario's excitation, within
-/// half a count of its signals; the responses are then read from the recorded readings.
+/// The controller on a scenario's own protocol is not Resonarm's. Its commands must be the scenario's excitation,
+/// within half a count of its signals; the responses are then read from the recorded readings.
 ///
 /// # Errors
 /// [`ReplayError::Command`] if another controller was recorded; [`ReplayError::Incompatible`] if the recorded plant

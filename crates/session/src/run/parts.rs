@@ -16,8 +16,8 @@ use resonarm_realtime::SystemClock;
 const RECORDS_CAPACITY: usize = 1 << 15;
 
 impl Session {
-    /// The filters that let the messages of the session's protocol through, also those that only its own node sends: they
-    /// reveal a second sender.
+    /// The filters that let the messages of the session's protocol through, also those that only its own node sends:
+    /// they reveal a second sender.
     ///
     /// # Errors
     /// [`RunError::Scenario`] for an impossible network.

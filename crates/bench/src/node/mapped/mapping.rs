@@ -26,11 +26,12 @@ pub struct Mapping {
 /// How a plant is armed.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Arming {
-    /// By a message: [`EventSignal::arm`].
+    /// By a message: [`Action::Arm`].
     Message,
     /// By the operator at the plant.
     Operator,
-    /// By the first commands, if their load is below a hundredth of the exciter's limits; once, and never after a fault.
+    /// By the first commands, if their load is below a hundredth of the exciter's limits; once, and never after a
+    /// fault.
     ZeroCommand,
 }
 

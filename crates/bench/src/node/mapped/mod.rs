@@ -4,8 +4,8 @@
 //! answer to the sample published last, and are judged together, once a sample. What a command does not say keeps the
 //! share of the load that was taken last, for as long as that is valid.
 //!
-//! A drive is armed by its messages; the plant is operational as long as one drive is armed. A fault disarms all of them,
-//! and none is armed again but by a message.
+//! A drive is armed by its messages; the plant is operational as long as one drive is armed. A fault disarms all of
+//! them, and none is armed again but by a message.
 
 mod incoming;
 mod interface;
@@ -167,8 +167,8 @@ impl MappedNode {
         Ok(())
     }
 
-    /// Takes in a load. In lockstep by commands, one before the first sample answers none, and a second one for the same
-    /// sample would shift all later ones.
+    /// Takes in a load. In lockstep by commands, one before the first sample answers none, and a second one for the
+    /// same sample would shift all later ones.
     fn receive(&mut self, now_ns: u64, index: usize, frame: &Frame) -> Result<(), FrameCheck> {
         let (waits_for_set, round) = (self.waits_for_set(), self.round);
         let receiver = &mut self.receivers[index];
@@ -256,8 +256,8 @@ impl MappedNode {
         (0..self.drives.len()).filter(|number| is_meant(*number)).for_each(|number| self.drives[number] = true);
     }
 
-    /// Disarms a drive, or all. With the last the load ramps to zero; that of a drive beside others is dropped, as that of
-    /// a motor without current is.
+    /// Disarms a drive, or all. With the last the load ramps to zero; that of a drive beside others is dropped, as that
+    /// of a motor without current is.
     fn disarm(&mut self, drive: Option<usize>) {
         let is_meant = |number: usize| drive.is_none_or(|drive| drive == number);
         if !self.is_armed() || !(0..self.drives.len()).any(|number| is_meant(number) && self.drives[number]) {

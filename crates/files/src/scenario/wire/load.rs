@@ -11,8 +11,9 @@ use resonarm_protocol::{FrameFormat, Id};
 /// The largest share of a bus for control that the messages may take: above, those of low priority wait for long.
 const MOST: f64 = 0.8;
 
-/// Refuses messages that the bus, if the scenario names its bit rate, can't carry, each with the most stuff bits that there
-/// can be. A command whose cycle time the DBC doesn't say comes once a sample; what is sent on request counts as nothing.
+/// Refuses messages that the bus, if the scenario names its bit rate, can't carry, each with the most stuff bits that
+/// there can be. A command whose cycle time the DBC doesn't say comes once a sample; what is sent on request counts as
+/// nothing.
 pub(super) fn check(scenario: &Scenario, section: &WireSection, mapping: &Mapping) -> Result<(), ScenarioError> {
     let Some(spec) = scenario.bus_of_bit_rate()? else { return Ok(()) };
     let (database, rate_hz) = (section.database()?, scenario.simulation.rate_hz);

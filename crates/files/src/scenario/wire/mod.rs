@@ -287,7 +287,8 @@ pub struct CounterSpec {
     /// How many values it has; without it as many as its bits, or as the checksum's profile says.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub values: Option<u64>,
-    /// The most frames that may be lost in a row; without it 3, as with the largest step of 4 of AUTOSAR's profiles here.
+    /// The most frames that may be lost in a row; without it 3, as with the largest step of 4 of AUTOSAR's profiles
+    /// here.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub most_lost: Option<u64>,
 }

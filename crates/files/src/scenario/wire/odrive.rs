@@ -1,9 +1,9 @@
 //! The plant as ODrive motor controllers, one a joint: the messages of CANSimple for torque control.
 //!
-//! An identifier is the node's number times 32 plus that of the command; numbers are little-endian (ODrive, CAN protocol,
-//! firmware 0.6: Heartbeat, Set_Axis_State, Set_Controller_Mode, Set_Input_Torque, Get_Encoder_Estimates and others).
-//! An axis turns `gear_ratio` times for one turn of the joint: the motor's angle is n times the joint's, the joint's torque
-//! n times the motor's.
+//! An identifier is the node's number times 32 plus that of the command; numbers are little-endian (ODrive, CAN
+//! protocol, firmware 0.6: Heartbeat, Set_Axis_State, Set_Controller_Mode, Set_Input_Torque, Get_Encoder_Estimates and
+//! others). An axis turns `gear_ratio` times for one turn of the joint: the motor's angle is n times the joint's, the
+//! joint's torque n times the motor's.
 
 use std::collections::BTreeMap;
 use std::fmt::Write;
