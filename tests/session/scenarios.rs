@@ -243,6 +243,21 @@ require = [5]
 on_frame = "arm"
 every_frame = true
 drive = 0
+[[events]]
+message = "Other"
+[events.checksum]
+signal = "Crc"
+algorithm = "crc"
+polynomial = 1
+start = 1
+xor_out = 1
+reflect = true
+subtract = true
+reversed = true
+own_as_zero = true
+leave_out = [1]
+before = [1, { id_bytes = 2, motorola = true }]
+after = [{ length_bytes = 1 }, { by_counter = [1, 2] }]
 [[readings]]
 message = "Meas"
 every = 1

@@ -4,7 +4,7 @@ use std::collections::BTreeMap;
 
 use super::conversion::{factor, known};
 use super::error::{Place, WireError};
-use super::signals::{Used, checksum, counter, quantity};
+use super::signals::{Used, counter, quantity};
 use super::{
     ArmSpec, CommandSpec, EventSpec, InputSpec, LockstepSpec, OnSpec, ReadingSpec, RequestSpec, SourceSpec, WireSection,
 };
@@ -361,13 +361,10 @@ fn protection(
     (counter_spec, checksum_spec): (&Option<super::CounterSpec>, &Option<super::ChecksumSpec>),
     used: &mut Used,
 ) -> Result<Protection, WireError> {
-    let preset = checksum_spec.as_ref().map(|spec| super::signals::preset(place, spec)).transpose()?;
+    let preset = checksum_spec.as_ref().map(|spec| spec.known(place)).transpose()?.flatten();
     let counter = counter_spec.as_ref().map(|spec| counter(place, spec, message, preset, used)).transpose()?;
     let layout = counter.as_ref().map(|counter| *counter.layout());
-    let checksum = match (checksum_spec, preset) {
-        (Some(spec), Some(preset)) => Some(checksum(place, (spec, preset), message, layout, used)?),
-        _ => None,
-    };
+    let checksum = checksum_spec.as_ref().map(|spec| spec.checksum(place, message, layout, used)).transpose()?;
     let most_lost = counter_spec.as_ref().and_then(|spec| spec.most_lost).unwrap_or(3);
     Ok(Protection { counter, most_lost, checksum })
 }

@@ -8,7 +8,7 @@ use thiserror::Error;
 
 use crate::dbc::DbcError;
 use resonarm_numeric::number::{rounded, short};
-use resonarm_wire::checksum::{PresetError, UnknownPreset};
+use resonarm_wire::checksum::{ChecksumError, PresetError, UnknownPreset};
 use resonarm_wire::counter::CounterError;
 
 /// A key of `[wire]`, with the message and the signal that it names.
@@ -230,6 +230,14 @@ pub enum WireError {
         place: Place,
         /// Why.
         source: PresetError,
+    },
+    /// An algorithm that can't be.
+    #[error("{place}: {source}")]
+    Algorithm {
+        /// Where.
+        place: Place,
+        /// Why.
+        source: ChecksumError,
     },
     /// The name of no checksum.
     #[error("{place}: {source}")]

@@ -1,5 +1,6 @@
 //! The user's own protocol in a scenario: which messages of a DBC are loads, requests and readings, or a preset.
 
+mod checksum;
 mod cia402;
 mod compile;
 mod conversion;
@@ -15,6 +16,7 @@ use std::path::{Path, PathBuf};
 
 use serde::{Deserialize, Serialize};
 
+pub use checksum::{AlgorithmSpec, ChecksumSpec, DataIdSpec, PartSpec};
 pub use drives::{DriveSpec, PresetSpec};
 pub use error::{Names, Place, WireError};
 pub use lacks::WireLack;
@@ -291,29 +293,6 @@ pub struct CounterSpec {
     /// here.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub most_lost: Option<u64>,
-}
-
-/// A checksum.
-#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
-#[serde(deny_unknown_fields)]
-pub struct ChecksumSpec {
-    /// Its signal.
-    pub signal: String,
-    /// Its kind, by name.
-    pub preset: String,
-    /// The data id, or of profile 2 the 16 that there are.
-    #[serde(skip_serializing_if = "Option::is_none")]
-    pub data_id: Option<DataIdSpec>,
-}
-
-/// The data id of a checksum.
-#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
-#[serde(untagged)]
-pub enum DataIdSpec {
-    /// One number.
-    One(u32),
-    /// One for each value of the counter.
-    ByCounter([u8; 16]),
 }
 
 impl WireSection {

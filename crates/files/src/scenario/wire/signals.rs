@@ -2,14 +2,13 @@
 
 use std::collections::{BTreeMap, HashMap};
 
+use super::CounterSpec;
 use super::error::{Place, WireError};
-use super::{ChecksumSpec, CounterSpec, DataIdSpec};
 use crate::dbc::Message;
 use resonarm_bench::node::mapped::mapping::Source;
 use resonarm_protocol::EmergencyCode;
-use resonarm_wire::checksum::{Checksum, DataId, Preset};
+use resonarm_wire::checksum::Preset;
 use resonarm_wire::counter::Counter;
-use resonarm_wire::layout::Layout;
 
 pub(super) mod quantity;
 
@@ -62,31 +61,6 @@ pub(super) fn counter(
     let all = 1_u64.checked_shl(layout.bits().into()).unwrap_or(u64::MAX);
     let values = spec.values.or(preset.and_then(Preset::counter_values)).unwrap_or(all);
     Counter::new(layout, values).map_err(|source| WireError::Counter { place, source })
-}
-
-/// The preset of a checksum.
-pub(super) fn preset(place: &Place, spec: &ChecksumSpec) -> Result<Preset, WireError> {
-    spec.preset.parse().map_err(|source| WireError::Preset { place: place.of(&spec.signal), source })
-}
-
-/// The checksum of a message.
-pub(super) fn checksum(
-    place: &Place,
-    (spec, preset): (&ChecksumSpec, Preset),
-    message: &Message,
-    counter: Option<Layout>,
-    used: &mut Used,
-) -> Result<Checksum, WireError> {
-    let place = place.of(&spec.signal);
-    used.take(&place, "the checksum")?;
-    let layout = *message.signal(&spec.signal)?.wire().layout();
-    let data_id = match &spec.data_id {
-        None => DataId::None,
-        Some(DataIdSpec::One(id)) => DataId::One(*id),
-        Some(DataIdSpec::ByCounter(ids)) => DataId::ByCounter(*ids),
-    };
-    let checksum = preset.checksum(layout, counter, &data_id, message.length());
-    checksum.map_err(|source| WireError::Checksum { place, source })
 }
 
 /// A number for each state.
