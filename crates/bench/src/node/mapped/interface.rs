@@ -177,7 +177,11 @@ impl PlantInterface for MappedNode {
         for sender in 0..self.senders.len() {
             if frames.len() < most && self.senders[sender].waits() {
                 let said = self.said(self.senders[sender].message.drive);
-                frames.extend(self.senders[sender].frame(&self.values, &said));
+                match self.senders[sender].frame(&self.values, &said) {
+                    Some(frame) => frames.push(frame),
+                    // A mapping that was not checked: its message is never sent.
+                    None => self.frames.unsent += u64::from(self.senders[sender].give_up()),
+                }
             }
         }
     }

@@ -76,6 +76,11 @@ impl Sender {
         Frame::new(self.message.id, self.message.format, payload).ok()
     }
 
+    /// Lets no frame of it wait. Returns whether one did.
+    pub fn give_up(&mut self) -> bool {
+        core::mem::take(&mut self.waits)
+    }
+
     /// The frame made last has been sent. Returns how many values its signals could not say.
     pub fn sent(&mut self) -> u64 {
         self.waits = false;
