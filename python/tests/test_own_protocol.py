@@ -5,6 +5,7 @@ from pathlib import Path
 
 import can
 import pytest
+
 import resonarm
 
 FOLDER = Path(__file__).parents[2] / "examples" / "own-protocol"
