@@ -79,6 +79,25 @@ def logs():
     yield "blf-deflated", b"\2" + blf(lambda objects: (2, zlib.compress(objects)))
 
 
+def databases():
+    """A payload and a DBC each."""
+    for folder in ("firmware-protocol", "examples/own-protocol", "tests/protocol/dbc"):
+        for path in sorted(ROOT.glob(f"{folder}/*.dbc")):
+            yield path.name, bytes(64) + path.read_bytes()
+
+
+def wires():
+    """Requests of ODrive (state, mode, torque) and of CANopen (start, mode of operation, states with a target)."""
+
+    def frame(number, data):
+        return struct.pack("<H8s", number | (8 - len(data)) << 12, data)
+
+    arm = [(0x07, b"\x08\0\0\0"), (0x0B, b"\1\0\0\0\1\0\0\0"), (0x0E, struct.pack("<f", 1.0) + bytes(3) + b"\1")]
+    drive = [(0, b"\1\0"), (0x601, bytes.fromhex("2f6060000a000000")), (0x201, b"\x06\0\0\0"), (0x201, b"\x0f\0\x0a\0")]
+    for first, frames in ((1, arm), (2, drive)):
+        yield str(first), bytes([first]) + b"".join(frame(*entry) for entry in frames)
+
+
 def write(target, files):
     folder = CORPUS / target
     folder.mkdir(parents=True, exist_ok=True)
@@ -90,4 +109,6 @@ if __name__ == "__main__":
     write("protocol_receive", streams())
     write("scenario", ((path.name, path.read_bytes()) for path in sorted(ROOT.glob("scenarios/*.toml"))))
     write("can_log", logs())
+    write("dbc", databases())
+    write("wire", wires())
     write("recording", ((path.stem, path.read_bytes()[:BEGINNING]) for path in sorted(ROOT.glob("recordings/*.mcap"))))
