@@ -3,7 +3,7 @@
 use alloc::vec;
 use alloc::vec::Vec;
 
-use super::mapping::{Action, Counts, Incoming, Short};
+use super::mapping::{Action, Counts, Incoming, MappedSignal, Short};
 use crate::node::FrameCheck;
 use resonarm_dynamics::arm::Load;
 use resonarm_protocol::Frame;
@@ -37,35 +37,36 @@ impl Receiver {
         !self.message.commands.is_empty()
     }
 
-    /// Checks counter and checksum. Returns how many frames were lost before.
+    /// Checks checksum, counter and every signal that is used, before any of them asks for something.
     ///
     /// # Errors
     /// The check that failed: the frame must not be used.
-    pub fn check(&mut self, frame: &Frame) -> Result<u64, FrameCheck> {
+    pub fn check(&mut self, frame: &Frame) -> Result<(), FrameCheck> {
         let (payload, protection) = (frame.data(), &self.message.protection);
         if let Some(checksum) = &protection.checksum {
             checksum.check(frame.id(), payload).map_err(|_wrong| FrameCheck::Checksum)?;
         }
-        let Some(counter) = &protection.counter else { return Ok(0) };
-        let value = counter.read(payload).ok_or(FrameCheck::Length)?;
-        match self.counter.check(counter, value) {
-            Ok(Step::First | Step::Next) => Ok(0),
-            Ok(Step::Lost { frames }) if frames <= protection.most_lost => Ok(frames),
-            Ok(Step::Lost { .. }) | Err(_) => Err(FrameCheck::Counter),
+        if let Some(counter) = &protection.counter {
+            let value = counter.read(payload).ok_or(FrameCheck::Length)?;
+            match self.counter.check(counter, value) {
+                Ok(Step::First | Step::Next) => {}
+                Ok(Step::Lost { frames }) if frames <= protection.most_lost => {}
+                Ok(Step::Lost { .. }) | Err(_) => return Err(FrameCheck::Counter),
+            }
         }
+        let events = self.message.events.iter().filter_map(|event| event.signal.as_ref());
+        let mut used = events.chain(self.message.commands.iter().map(|command| &command.signal));
+        used.try_for_each(|signal| value(signal, payload).map(drop))
     }
 
     /// What event `index` of the message asks for in this payload.
     ///
     /// # Errors
-    /// [`FrameCheck`] if the payload ends before its signal, or the signal is no number.
+    /// As [`Receiver::check`], which finds all of them.
     pub fn action(&mut self, index: usize, payload: &[u8]) -> Result<Option<Action>, FrameCheck> {
         let event = &self.message.events[index];
         let Some(signal) = &event.signal else { return Ok(event.actions.first().map(|(_, action)| *action)) };
-        let Some(value) = signal.decode(payload).map_err(|Short| FrameCheck::Length)? else { return Ok(None) };
-        if value.is_nan() {
-            return Err(FrameCheck::Value);
-        }
+        let Some(value) = value(signal, payload)? else { return Ok(None) };
         let before = self.values[index].replace(value);
         let counts = event.counts == Counts::InEveryFrame || before != Some(value);
         let asked = event.actions.iter().find(|(asking, _)| *asking == value).map(|(_, action)| *action);
@@ -83,16 +84,11 @@ impl Receiver {
     /// Takes in the load of a payload; `false` if it is multiplexed to other signals.
     ///
     /// # Errors
-    /// [`FrameCheck`] if the payload ends before a signal, or one is no finite number.
+    /// As [`Receiver::check`], which finds all of them.
     pub fn receive(&mut self, payload: &[u8]) -> Result<bool, FrameCheck> {
         let mut load = Load::default();
         for command in &self.message.commands {
-            let Some(value) = command.signal.decode(payload).map_err(|Short| FrameCheck::Length)? else {
-                return Ok(false);
-            };
-            if !value.is_finite() {
-                return Err(FrameCheck::Value);
-            }
+            let Some(value) = value(&command.signal, payload)? else { return Ok(false) };
             load = plus(load, command.input.load(command.scale * value + command.offset));
         }
         self.pending = Some(load);
@@ -129,6 +125,14 @@ impl Receiver {
     /// When to check that next, ns.
     pub fn deadline_ns(&self, timeout_ns: u64, listening: &Listening) -> u64 {
         listening.next_look_ns(self.taken_ns, timeout_ns)
+    }
+}
+
+/// The finite value of a signal; `None` if the payload is multiplexed to others.
+fn value(signal: &MappedSignal, payload: &[u8]) -> Result<Option<f64>, FrameCheck> {
+    match signal.decode(payload).map_err(|Short| FrameCheck::Length)? {
+        Some(value) if !value.is_finite() => Err(FrameCheck::Value),
+        value => Ok(value),
     }
 }
 

@@ -287,6 +287,7 @@ impl MappedNode {
         if self.arming == Arming::ZeroCommand && !self.has_begun && self.is_nearly_zero() {
             return self.arm(None);
         }
+        self.refuse_unarmed();
         let is_ready =
             self.receivers.iter().all(|receiver| receiver.is_ready() || !self.drives[receiver.message.drive]);
         let state = if is_ready { self.state } else { NodeState::PreOperational };
@@ -301,6 +302,17 @@ impl MappedNode {
             self.events.push(WireEvent::Refused(refusal));
             if refusal == Refusal::Travel {
                 self.fault(now_ns, EmergencyCode::ExciterTripped, Trip::Travel as u16);
+            }
+        }
+    }
+
+    /// Beside an armed drive, what was sent to one that is not is refused by itself.
+    fn refuse_unarmed(&mut self) {
+        for receiver in 0..self.receivers.len() {
+            let Receiver { message, .. } = &self.receivers[receiver];
+            if self.is_armed() && !self.drives[message.drive] && self.receivers[receiver].is_new() {
+                self.receivers[receiver].judged(false, &self.listening);
+                self.refuse(Refusal::NotArmed);
             }
         }
     }

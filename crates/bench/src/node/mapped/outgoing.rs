@@ -43,13 +43,14 @@ impl Sender {
         matches!(self.message.trigger, Trigger::Period(_)).then_some(self.due_ns)
     }
 
-    /// Whether it is due by the clock; the next time is then a period later, and never in the past.
+    /// Whether it is due by the clock. The next time is a period after the last, or after now if that has passed.
     pub fn take_due(&mut self, now_ns: u64) -> bool {
         let Trigger::Period(period_ns) = self.message.trigger else { return false };
         if now_ns < self.due_ns {
             return false;
         }
-        self.due_ns = self.due_ns.saturating_add(period_ns).max(now_ns);
+        let next_ns = self.due_ns.saturating_add(period_ns);
+        self.due_ns = if next_ns > now_ns { next_ns } else { now_ns.saturating_add(period_ns) };
         true
     }
 

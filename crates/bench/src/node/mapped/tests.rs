@@ -266,6 +266,7 @@ fn two_drives_add_and_a_fault_of_one_stops_both() {
     rig.send(DRIVE, 50, true);
     rig.send(SECOND, 100, false);
     assert_eq!(rig.tick().torque_nm.as_slice(), [1.0, 0.0], "the second is not armed");
+    assert_eq!(rig.refusals(Refusal::NotArmed), 1, "what it was sent is counted");
     rig.send(SECOND, 100, true);
     assert_eq!(rig.tick().torque_nm.as_slice(), [1.0, 2.0]);
     for _ in 0..10 {

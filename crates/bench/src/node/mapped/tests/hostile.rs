@@ -86,6 +86,23 @@ fn hostile(bytes: &mut Bytes, old: &Frame) -> Frame {
     Frame::new(id, format, &payload[..length]).unwrap()
 }
 
+/// The frame would arm, but for the end of its load.
+#[test]
+fn a_refused_frame_asks_for_nothing() {
+    let mut message = drive(DRIVE, 0, LoadInput::ForceX);
+    message.protection = Protection::default();
+    message.commands[0].signal = signal(24, 32, Number::Float, 1.0);
+    let mut rig = Rig::of(mapping(vec![message]), Pace::Clock);
+    let not_a_number = f32::NAN.to_le_bytes();
+    let [a, b, c, d] = not_a_number;
+    for payload in [&[0, 0, 1, 0][..], &[0, 0, 1, a, b, c, d, 0]] {
+        rig.node.handle_frame(0, &Frame::new(DRIVE, FrameFormat::Classic, payload).unwrap());
+        rig.tick();
+        assert_eq!(rig.node.state(), NodeState::PreOperational, "{payload:?}");
+    }
+    assert_eq!(rig.node.frames().refused, 2);
+}
+
 #[test]
 fn each_check_says_what_it_found() {
     let mut rig = Rig::new();

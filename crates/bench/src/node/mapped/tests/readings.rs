@@ -53,6 +53,12 @@ fn messages_are_sent_by_samples_by_the_clock_on_sync_and_on_request() {
         rig.tick();
     }
     assert_eq!(rig.sent.len(), 5, "at 1, 3, 6, 8 and 10 ms");
+    rig.now_ns += 100 * TICK_NS;
+    let before = rig.sent.len();
+    for _ in 0..4 {
+        rig.tick();
+    }
+    assert_eq!(rig.sent.len() - before, 2, "after a stop the next is a period later: at once, and after 2.5 ms");
     let mut rig = of(Outgoing { trigger: Trigger::Request, is_on_request: true, ..meas() });
     rig.tick();
     assert_eq!(rig.sent.len(), 0);
