@@ -2,9 +2,8 @@
 
 use divan::counter::ItemsCount;
 use divan::{Bencher, black_box};
-use resonarm::node::mapped::Pace;
 use resonarm::node::mapped::mapping::Mapping;
-use resonarm::node::{PlantInterface, PublishedSample, Timing, WireSpec};
+use resonarm::node::{PlantInterface, PublishedSample, TimeBase, Timing, WireSpec};
 use resonarm::protocol::{Frame, FrameFormat};
 use resonarm::rig::{Exciter, GateSpec, Measurement};
 use resonarm::scenario::Scenario;
@@ -27,7 +26,7 @@ fn mapping() -> Option<Mapping> {
 
 fn node(mapping: &Mapping) -> Box<dyn PlantInterface> {
     let (exciter, limits) = (Exciter::default(), GateSpec::default());
-    WireSpec::Mapped(mapping.clone()).node((1000, Pace::Clock), Timing::real_time(1000), exciter, limits)
+    WireSpec::Mapped(mapping.clone()).node((1000, TimeBase::Clock), Timing::real_time(1000), exciter, limits)
 }
 
 /// Frames of the command message, one for each value of its counter.

@@ -2,8 +2,7 @@
 #![no_main]
 
 use libfuzzer_sys::fuzz_target;
-use resonarm::node::mapped::Pace;
-use resonarm::node::{PublishedSample, Timing};
+use resonarm::node::{PublishedSample, TimeBase, Timing};
 use resonarm::protocol::{Frame, FrameFormat, Id, NodeState};
 use resonarm::rig::{Exciter, GateSpec, Measurement};
 use resonarm::scenario::Scenario;
@@ -15,8 +14,8 @@ const SCENARIOS: [&str; 3] = [
     include_str!("../../examples/canopen/drives.toml"),
 ];
 
-/// Ten bytes a frame: the low byte of the identifier, its high bits with the format, the data; each ends a sample if
-/// its last byte is odd.
+// Ten bytes a frame: the low byte of the identifier, its high bits with the format, the data; each ends a sample if
+// its last byte is odd.
 fuzz_target!(|input: &[u8]| {
     let Some((&first, frames)) = input.split_first() else { return };
     let mut scenario = Scenario::parse(SCENARIOS[usize::from(first) % 3], "fuzz").expect("a scenario");
@@ -25,8 +24,8 @@ fuzz_target!(|input: &[u8]| {
     }
     let wire = scenario.wire_spec().expect("a wire").expect("a wire");
     let exciter = Exciter::default();
-    let pace = if first & 0x80 == 0 { Pace::Clock } else { Pace::Lockstep };
-    let mut node = wire.node((1000, pace), Timing::real_time(1000), exciter, GateSpec::default());
+    let time_base = if first & 0x80 == 0 { TimeBase::Clock } else { TimeBase::Lockstep };
+    let mut node = wire.node((1000, time_base), Timing::real_time(1000), exciter, GateSpec::default());
     node.start(0);
     let (mut now_ns, mut sample, mut sent) = (0, 0, Vec::with_capacity(64));
     for chunk in frames.chunks_exact(10) {

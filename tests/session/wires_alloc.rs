@@ -2,8 +2,7 @@
 
 use assert_no_alloc::assert_no_alloc;
 
-use resonarm::node::mapped::Pace;
-use resonarm::node::{PlantInterface, PublishedSample, Timing};
+use resonarm::node::{PlantInterface, PublishedSample, TimeBase, Timing};
 use resonarm::protocol::{Frame, FrameFormat, Id};
 use resonarm::rig::{Exciter, GateSpec, Measurement};
 use resonarm::scenario::Scenario;
@@ -15,7 +14,7 @@ fn node(text: &str) -> Box<dyn PlantInterface> {
         wire.text = Some(include_str!("../../examples/own-protocol/bench.dbc").to_string());
     }
     let wire = scenario.wire_spec().unwrap().unwrap();
-    let mut node = wire.node((1000, Pace::Clock), Timing::real_time(1000), Exciter::default(), GateSpec::default());
+    let mut node = wire.node((1000, TimeBase::Clock), Timing::real_time(1000), Exciter::default(), GateSpec::default());
     node.start(0);
     node
 }

@@ -9,6 +9,7 @@ pub mod decoder;
 pub mod diff;
 pub mod export;
 pub mod import;
+mod nearest;
 pub mod recording;
 pub mod scenario;
 mod staged;

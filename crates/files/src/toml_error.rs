@@ -5,6 +5,8 @@ use alloc::string::{String, ToString};
 
 use thiserror::Error;
 
+use crate::nearest::nearest;
+
 /// Why a TOML text is not what it should be.
 #[derive(Clone, Debug, PartialEq, Eq, Error)]
 #[error("{origin}: {message}{}", suggestion.as_ref().map_or(String::new(), |s| format!("\nDid you mean `{s}`?")))]
@@ -53,7 +55,5 @@ fn suggestion(message: &str) -> Option<String> {
         return None;
     }
     let known = expected.split('`').skip(1).step_by(2);
-    let near = known.map(|name| (strsim::normalized_damerau_levenshtein(got, name), name));
-    let (similarity, name) = near.max_by(|a, b| a.0.total_cmp(&b.0))?;
-    (similarity > 0.5).then(|| name.to_string())
+    nearest(got, known)
 }

@@ -33,15 +33,20 @@ pub trait PlantInterface: fmt::Debug + Send {
     /// The fault that is latched now, if one is.
     fn latched_fault(&self) -> Option<Emergency>;
 
-    /// The partner's fault that caused the latched fault, if any.
-    fn fault_reason(&self) -> Option<Emergency>;
+    /// The partner's fault that caused the latched fault, if the protocol has one.
+    fn fault_reason(&self) -> Option<Emergency> {
+        None
+    }
 
-    /// The index of the sample that the last command received answers, returned once; `None` always if commands have
-    /// none.
-    fn take_echoed(&mut self) -> Option<u16>;
+    /// The index of the sample that the last command received answers, returned once; `None` if commands have none.
+    fn take_echoed(&mut self) -> Option<u16> {
+        None
+    }
 
     /// Whether the sample published last is sent with the next one.
-    fn holds_sample(&self) -> bool;
+    fn holds_sample(&self) -> bool {
+        false
+    }
 
     /// Valid commands that did not reach the structure, by reason.
     fn refusals(&self) -> &Refusals;

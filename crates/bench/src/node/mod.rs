@@ -27,6 +27,7 @@ mod hold;
 mod interface;
 pub mod mapped;
 mod plant;
+mod plant_state;
 mod refusals;
 mod sample;
 mod wire;
@@ -37,7 +38,7 @@ pub use plant::PlantNode;
 pub use refusals::Refusals;
 pub use resonarm_protocol::Refusal;
 pub use resonarm_protocol::node::{NodeEvent, Timing};
-pub use wire::WireSpec;
+pub use wire::{TimeBase, WireSpec};
 
 #[cfg(test)]
 mod tests;

@@ -4,11 +4,20 @@ use alloc::boxed::Box;
 use alloc::vec::Vec;
 
 use super::cia402::{Cia402Node, Cia402Spec};
+use super::mapped::MappedNode;
 use super::mapped::mapping::Mapping;
-use super::mapped::{MappedNode, Pace};
 use super::{PlantInterface, Timing};
 use crate::rig::{Exciter, GateSpec};
 use resonarm_protocol::Id;
+
+/// When the commands of a user's protocol are judged.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum TimeBase {
+    /// At the deadline of each sample; each message, or drive, has its own timeout.
+    Clock,
+    /// When the sample published last has its answer; the timeout is that of the run.
+    Lockstep,
+}
 
 /// A protocol of the user's.
 #[derive(Clone, Debug)]
@@ -23,16 +32,16 @@ impl WireSpec {
     /// The plant's node, of `rate_hz` samples a second, for an exciter of these limits and those of its gate.
     pub fn node(
         &self,
-        (rate_hz, pace): (u16, Pace),
+        (rate_hz, time_base): (u16, TimeBase),
         timing: Timing,
         exciter: Exciter,
         limits: GateSpec,
     ) -> Box<dyn PlantInterface> {
         match self {
             WireSpec::Mapped(mapping) => {
-                Box::new(MappedNode::new(mapping.clone(), (rate_hz, pace), timing, exciter, limits))
+                Box::new(MappedNode::new(mapping.clone(), (rate_hz, time_base), timing, exciter, limits))
             }
-            WireSpec::Cia402(spec) => Box::new(Cia402Node::new(spec, (rate_hz, pace), timing, exciter, limits)),
+            WireSpec::Cia402(spec) => Box::new(Cia402Node::new(spec, (rate_hz, time_base), timing, exciter, limits)),
         }
     }
 

@@ -218,10 +218,3 @@ fn length_rule(format: &FrameFormat) -> &'static str {
         }
     }
 }
-
-/// The name nearest to an unknown one, if one is near.
-pub(super) fn nearest<'a>(got: &str, names: impl Iterator<Item = &'a str>) -> Option<String> {
-    let near = names.map(|name| (strsim::normalized_damerau_levenshtein(got, name), name));
-    let (similarity, name) = near.max_by(|a, b| a.0.total_cmp(&b.0))?;
-    (similarity > 0.5).then(|| name.to_string())
-}

@@ -25,8 +25,8 @@ use resonarm_protocol::{FrameFormat, Id};
 use resonarm_wire::multiplex::Presence;
 use resonarm_wire::signal::Signal as WireSignal;
 
+use crate::nearest::nearest;
 use crate::text_file;
-use error::nearest;
 
 pub use codec::{Codec, CodecError};
 pub use error::{DbcError, Problem};

@@ -4,8 +4,7 @@ use super::bench::Bench;
 use super::record_sink::RecordSink;
 use super::session::RecordTo;
 use super::{End, Mode, RunError, RunEvent, Session};
-use resonarm_bench::node::mapped::Pace;
-use resonarm_bench::node::{self, ExciterNode, PlantInterface, PlantNode};
+use resonarm_bench::node::{self, ExciterNode, PlantInterface, PlantNode, TimeBase};
 use resonarm_bus::{Filter, network_filters};
 use resonarm_files::recording::channels::Channels;
 use resonarm_files::recording::{self, Recorder};
@@ -46,8 +45,8 @@ impl Session {
         let (network, rate_hz) = (self.scenario.network()?, self.scenario.wire_rate_hz()?);
         let (exciter, limits) = (*self.plant.exciter(), *self.plant.gate());
         if let Some(wire) = &self.wire {
-            let pace = if self.mode == Mode::Lockstep { Pace::Lockstep } else { Pace::Clock };
-            return Ok(wire.node((rate_hz, pace), self.timing, exciter, limits));
+            let time_base = if self.mode == Mode::Lockstep { TimeBase::Lockstep } else { TimeBase::Clock };
+            return Ok(wire.node((rate_hz, time_base), self.timing, exciter, limits));
         }
         let node = PlantNode::new(network, rate_hz, self.timing, exciter).with_limits(limits);
         Ok(Box::new(node.with_samples_per_frame(self.scenario.network.samples_per_frame()?)))

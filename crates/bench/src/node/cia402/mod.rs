@@ -17,22 +17,17 @@ mod tests;
 
 use alloc::vec::Vec;
 
-use super::guard::Guard;
-use super::interface::{FrameCheck, FrameCounts, FrameFault, PlantInterface, PublishError, PublishedSample, WireEvent};
-use super::mapped::Pace;
-use super::{Refusal, Refusals, Timing};
+use super::interface::{FrameCheck, FrameCounts, PlantInterface, PublishError, PublishedSample, WireEvent};
+use super::plant_state::PlantState;
+use super::{Refusal, Refusals, TimeBase, Timing};
 use crate::rig::{Exciter, GateSpec};
 use crate::structure::STATES;
 use axis::Axis;
 use resonarm_dynamics::arm::Load;
-use resonarm_protocol::node::{Listening, Queue};
-use resonarm_protocol::{Emergency, EmergencyCode, Frame, Id, Node, NodeState, OperatorRequest, StateEvent, Trip};
+use resonarm_protocol::{Emergency, EmergencyCode, Frame, NodeState, OperatorRequest, StateEvent, Trip};
 use resonarm_wire::canopen::dictionary::at;
 use resonarm_wire::canopen::{Handled, Server};
 pub use spec::{Cia402Spec, DriveSpec, Joint, TORQUE_MODE};
-
-/// Most events that wait to be fetched.
-const EVENTS: usize = 64;
 
 /// The error code of a fault on the wire, in emergencies and object 603F (CiA 301, table 26; CiA 402-2).
 ///
@@ -122,65 +117,42 @@ impl Drive {
 pub struct Cia402Node {
     drives: Vec<Drive>,
     timeout_ns: u64,
-    pace: Pace,
-    timing: Timing,
-    guard: Guard,
-    state: NodeState,
-    listening: Listening,
+    time_base: TimeBase,
+    plant: PlantState,
     /// The time of the last call that stated one.
     now_ns: u64,
     /// In lockstep: whether the sample published last has its answer.
     is_synced: bool,
-    jammed_since_ns: Option<u64>,
     /// The load from the sample before to the one published last.
     held: Load,
-    fault: Option<Emergency>,
-    events: Queue<WireEvent, EVENTS>,
-    frames: FrameCounts,
 }
 
 impl Cia402Node {
     /// A node that publishes `rate_hz` samples a second for an exciter of these limits and those of its gate.
     pub fn new(
         spec: &Cia402Spec,
-        (rate_hz, pace): (u16, Pace),
+        (rate_hz, time_base): (u16, TimeBase),
         timing: Timing,
         exciter: Exciter,
         limits: GateSpec,
     ) -> Cia402Node {
-        let mut guard = Guard::new(rate_hz, &timing, exciter);
-        guard.set_limits(limits);
         let drive = |drive: &DriveSpec| Drive {
             server: Server::new(drive.node_id, drive.dictionary()),
             axis: Axis::new(*drive),
         };
         Cia402Node {
             drives: spec.drives.iter().map(drive).collect(),
-            timeout_ns: if pace == Pace::Clock { spec.timeout_ns } else { timing.command_timeout_ns },
-            pace,
-            timing,
-            guard,
-            state: NodeState::BootUp,
-            listening: Listening::new(timing.look_period_ns),
+            timeout_ns: if time_base == TimeBase::Clock { spec.timeout_ns } else { timing.command_timeout_ns },
+            time_base,
+            plant: PlantState::new(rate_hz, &timing, exciter, limits),
             now_ns: 0,
             is_synced: false,
-            jammed_since_ns: None,
             held: Load::default(),
-            fault: None,
-            events: Queue::new(),
-            frames: FrameCounts::default(),
         }
     }
 
-    fn transition(&mut self, event: StateEvent) -> bool {
-        let Some(to) = self.state.next(event) else { return false };
-        let from = core::mem::replace(&mut self.state, to);
-        self.events.push(WireEvent::State { from, to });
-        true
-    }
-
     fn look(&mut self, now_ns: u64) {
-        self.listening.look(now_ns);
+        self.plant.listening.look(now_ns);
         self.now_ns = now_ns;
     }
 
@@ -188,21 +160,19 @@ impl Cia402Node {
     fn settle(&mut self) {
         let is_stopped = self.drives.iter_mut().filter_map(|drive| drive.axis.take_stopped().then_some(())).count() > 0;
         let is_any_enabled = self.drives.iter().any(|drive| drive.axis.is_enabled());
-        if self.state == NodeState::Fault && self.drives.iter().any(|drive| !drive.axis.state().is_fault()) {
-            self.transition(StateEvent::Reset);
-            self.fault = None;
+        if self.plant.state() == NodeState::Fault && self.drives.iter().any(|drive| !drive.axis.state().is_fault()) {
+            self.plant.transition(StateEvent::Reset);
         }
-        if is_any_enabled && self.state == NodeState::PreOperational {
-            self.guard.arm(&self.listening);
-            self.transition(StateEvent::Arm);
+        if is_any_enabled && self.plant.state() == NodeState::PreOperational {
+            self.plant.guard.arm(&self.plant.listening);
+            self.plant.transition(StateEvent::Arm);
         } else if !is_any_enabled && self.is_armed() {
-            self.guard.release();
-            self.transition(StateEvent::Disarm);
+            self.plant.transition(StateEvent::Disarm);
         } else if is_stopped && self.is_armed() {
             // Of a drive beside others, or one that halts: it drops, as that of a motor without current does.
-            self.guard.reduce(self.sum(|axis| axis.acting_nm()));
+            self.plant.guard.reduce(self.sum(|axis| axis.acting_nm()));
         }
-        let (listening, is_reaction_over) = (self.listening, self.guard.ramp_left() == 0);
+        let (listening, is_reaction_over) = (self.plant.listening, self.plant.guard.ramp_left() == 0);
         for drive in &mut self.drives {
             drive.axis.restart(&listening);
             if is_reaction_over {
@@ -211,7 +181,7 @@ impl Cia402Node {
             drive.show();
         }
         if self.drives.iter().any(|drive| drive.server.waiting() > 0) {
-            self.jammed_since_ns.get_or_insert(self.listening.listened_ns());
+            self.plant.frame_waits();
         }
     }
 
@@ -224,15 +194,15 @@ impl Cia402Node {
 
     /// Judges the targets that were received, as the answer to the sample published last.
     fn judge(&mut self, now_ns: u64) {
-        if self.guard.is_answered() || !self.drives.iter().any(|drive| drive.axis.is_new()) {
+        if self.plant.guard.is_answered() || !self.drives.iter().any(|drive| drive.axis.is_new()) {
             return;
         }
-        let (index, load) = (self.guard.sample() as u16, self.sum(Axis::share_nm));
-        let outcome = self.guard.take(self.state, &self.listening, index, load);
-        let listening = self.listening;
+        let (index, load) = (self.plant.guard.sample() as u16, self.sum(Axis::share_nm));
+        let outcome = self.plant.guard.take(self.plant.state(), &self.plant.listening, index, load);
+        let listening = self.plant.listening;
         self.drives.iter_mut().for_each(|drive| drive.axis.judged(outcome.is_ok(), &listening));
         if let Err(refusal) = outcome {
-            self.events.push(WireEvent::Refused(refusal));
+            self.plant.report_refusal(refusal);
             if refusal == Refusal::Travel {
                 self.fault(now_ns, EmergencyCode::ExciterTripped, Trip::Travel as u16);
             }
@@ -240,20 +210,15 @@ impl Cia402Node {
     }
 
     fn synchronise(&mut self, now_ns: u64, was_armed: bool) {
-        if self.pace == Pace::Lockstep && was_armed && self.is_armed() {
+        if self.time_base == TimeBase::Lockstep && was_armed && self.is_armed() {
             if self.is_synced {
-                return self.fault(now_ns, EmergencyCode::SampleSequence, self.guard.sample() as u16);
+                return self.fault(now_ns, EmergencyCode::SampleSequence, self.plant.guard.sample() as u16);
             }
             self.judge(now_ns);
             self.is_synced = true;
         } else {
             self.drives.iter_mut().for_each(|drive| drive.server.release(now_ns));
         }
-    }
-
-    fn refuse_frame(&mut self, id: Id) {
-        self.frames.refused += 1;
-        self.events.push(WireEvent::Frame(FrameFault::Mapped { id, check: FrameCheck::Length }));
     }
 
     fn not_sent(&self) -> u16 {
@@ -264,50 +229,37 @@ impl Cia402Node {
 
 impl PlantInterface for Cia402Node {
     fn start(&mut self, now_ns: u64) {
-        self.listening.start(now_ns);
         self.now_ns = now_ns;
         self.drives.iter_mut().for_each(|drive| drive.server.boot(now_ns));
-        self.transition(StateEvent::Started);
+        self.plant.start(now_ns);
         self.settle();
     }
 
     fn state(&self) -> NodeState {
-        self.state
+        self.plant.state()
     }
 
     fn is_answered(&self) -> bool {
-        match self.pace {
-            Pace::Clock => self.guard.is_answered(),
-            Pace::Lockstep => self.is_synced,
+        match self.time_base {
+            TimeBase::Clock => self.plant.guard.is_answered(),
+            TimeBase::Lockstep => self.is_synced,
         }
     }
 
     fn is_ramping(&self) -> bool {
-        self.guard.ramp_left() > 0
+        self.plant.guard.ramp_left() > 0
     }
 
     fn latched_fault(&self) -> Option<Emergency> {
-        self.fault.filter(|_| self.state == NodeState::Fault)
-    }
-
-    fn fault_reason(&self) -> Option<Emergency> {
-        None
-    }
-
-    fn take_echoed(&mut self) -> Option<u16> {
-        None
-    }
-
-    fn holds_sample(&self) -> bool {
-        false
+        self.plant.latched_fault()
     }
 
     fn refusals(&self) -> &Refusals {
-        self.guard.refusals()
+        self.plant.guard.refusals()
     }
 
     fn frames(&self) -> FrameCounts {
-        FrameCounts { unsent: self.drives.iter().map(|drive| drive.server.unsent()).sum(), ..self.frames }
+        FrameCounts { unsent: self.drives.iter().map(|drive| drive.server.unsent()).sum(), ..self.plant.frames }
     }
 
     fn handle_frame(&mut self, now_ns: u64, frame: &Frame) {
@@ -319,10 +271,9 @@ impl PlantInterface for Cia402Node {
                 Handled::Foreign | Handled::Taken => {}
                 Handled::Sync => is_sync = true,
                 Handled::Nmt(command) => axis.manage(command),
-                Handled::Short => self.refuse_frame(frame.id()),
+                Handled::Short => self.plant.refuse_frame(frame.id(), FrameCheck::Length),
                 Handled::OtherSender => {
-                    self.frames.other_sender += 1;
-                    self.events.push(WireEvent::OtherSender(frame.id()));
+                    self.plant.refuse_sender(frame.id());
                 }
             }
         }
@@ -346,7 +297,7 @@ impl PlantInterface for Cia402Node {
 
     fn handle_deadline(&mut self, now_ns: u64) {
         self.look(now_ns);
-        if self.pace == Pace::Clock {
+        if self.time_base == TimeBase::Clock {
             self.judge(now_ns);
         }
         self.drives.iter_mut().for_each(|drive| drive.server.handle_deadline(now_ns));
@@ -354,24 +305,24 @@ impl PlantInterface for Cia402Node {
         if !self.is_armed() {
             return;
         }
-        let (listening, timeout_ns) = (self.listening, self.timing.command_timeout_ns);
-        if self.jammed_since_ns.is_some_and(|since_ns| listening.has_passed(since_ns, timeout_ns)) {
+        let listening = self.plant.listening;
+        if self.plant.is_jammed() {
             self.fault(now_ns, EmergencyCode::BusLoss, self.not_sent());
         } else if self.drives.iter().any(|drive| drive.axis.is_timed_out(self.timeout_ns, &listening)) {
-            self.fault(now_ns, EmergencyCode::CommandTimeout, self.guard.timeout_detail());
+            self.fault(now_ns, EmergencyCode::CommandTimeout, self.plant.guard.timeout_detail());
         }
     }
 
     fn next_deadline_ns(&self) -> u64 {
         let timers = self.drives.iter().filter_map(|drive| drive.server.next_deadline_ns());
-        let timeout = |drive: &Drive| drive.axis.deadline_ns(self.timeout_ns, &self.listening);
+        let timeout = |drive: &Drive| drive.axis.deadline_ns(self.timeout_ns, &self.plant.listening);
         timers.chain(self.drives.iter().filter_map(timeout)).min().unwrap_or(u64::MAX)
     }
 
     fn publish(&mut self, sample: &PublishedSample) -> Result<(), PublishError> {
         let PublishedSample { measurement, states, travel_m } = sample;
-        self.guard.measured(measurement.sample);
-        self.guard.set_travel(*travel_m);
+        self.plant.guard.measured(measurement.sample);
+        self.plant.guard.set_travel(*travel_m);
         self.is_synced = false;
         let (held, now_ns) = (self.held, self.now_ns);
         for drive in &mut self.drives {
@@ -384,24 +335,12 @@ impl PlantInterface for Cia402Node {
     }
 
     fn load(&mut self) -> Load {
-        self.held = self.guard.load();
+        self.held = self.plant.guard.load();
         self.held
     }
 
     fn fault(&mut self, _now_ns: u64, code: EmergencyCode, detail: u16) {
-        debug_assert!(!code.is_notice(), "{code:?} is no fault");
-        self.guard.fault(code);
-        if self.state == NodeState::Fault {
-            return;
-        }
-        let sample = self.guard.sample() as u16;
-        let emergency = Emergency { node: Node::Plant, code, detail, sample };
-        self.fault = Some(emergency);
-        self.events.push(WireEvent::Emergency(emergency));
-        if self.is_armed() {
-            self.guard.release();
-        }
-        self.transition(StateEvent::Fault);
+        let Some(Emergency { sample, .. }) = self.plant.fail(code, detail) else { return };
         let ([a, b], [c, d], number) = (detail.to_le_bytes(), sample.to_le_bytes(), error_code(code));
         for drive in &mut self.drives {
             drive.axis.fail(code);
@@ -423,10 +362,7 @@ impl PlantInterface for Cia402Node {
     }
 
     fn slip(&mut self, periods: u64) {
-        let detail = u16::try_from(periods).unwrap_or(u16::MAX);
-        let sample = self.guard.sample() as u16;
-        let notice = Emergency { node: Node::Plant, code: EmergencyCode::ScheduleSlipped, detail, sample };
-        self.events.push(WireEvent::Emergency(notice));
+        self.plant.slip(periods);
     }
 
     fn waiting_frames(&mut self, most: usize, frames: &mut Vec<Frame>) {
@@ -435,13 +371,12 @@ impl PlantInterface for Cia402Node {
 
     fn frame_sent(&mut self) {
         if let Some(drive) = self.drives.iter_mut().find(|drive| drive.server.waiting() > 0) {
-            self.frames.limited_values += drive.server.sent();
+            self.plant.frames.limited_values += drive.server.sent();
         }
-        let is_waiting = self.drives.iter().any(|drive| drive.server.waiting() > 0);
-        self.jammed_since_ns = is_waiting.then(|| self.listening.listened_ns());
+        self.plant.frame_sent(self.drives.iter().any(|drive| drive.server.waiting() > 0));
     }
 
     fn poll_event(&mut self) -> Option<WireEvent> {
-        self.events.pop()
+        self.plant.poll_event()
     }
 }

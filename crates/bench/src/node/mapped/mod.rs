@@ -15,28 +15,15 @@ mod outgoing;
 use alloc::vec;
 use alloc::vec::Vec;
 
-use super::guard::Guard;
-use super::interface::{FrameCheck, FrameCounts, FrameFault, PlantInterface, WireEvent};
-use super::{Refusal, Timing};
+use super::interface::{FrameCheck, PlantInterface};
+use super::plant_state::PlantState;
+use super::{Refusal, TimeBase, Timing};
 use crate::rig::{Exciter, GateSpec};
 use incoming::{Receiver, plus};
 use mapping::{Action, Arming, Lockstep, Mapping, Trigger, Values};
-use outgoing::{Said, Sender};
+use outgoing::{Sender, Status};
 use resonarm_dynamics::arm::Load;
-use resonarm_protocol::node::{Listening, Queue};
-use resonarm_protocol::{Emergency, EmergencyCode, Frame, FrameFormat, Id, Node, NodeState, StateEvent, Trip};
-
-/// Most events that wait to be fetched.
-const EVENTS: usize = 64;
-
-/// When commands are judged.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Pace {
-    /// At the deadline of each sample; each message has its own timeout.
-    Clock,
-    /// When the sample published last has its answer; the timeout is that of the run.
-    Lockstep,
-}
+use resonarm_protocol::{EmergencyCode, Frame, FrameFormat, Node, NodeState, StateEvent, Trip};
 
 /// How far the sample published last is, in lockstep.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -56,38 +43,30 @@ pub struct MappedNode {
     senders: Vec<Sender>,
     arming: Arming,
     lockstep: Lockstep,
-    pace: Pace,
+    time_base: TimeBase,
     timing: Timing,
     exciter: Exciter,
-    guard: Guard,
-    state: NodeState,
+    plant: PlantState,
     /// Whether each drive is armed.
     drives: Vec<bool>,
-    listening: Listening,
     /// Whether the plant was armed by a first command, or is not to be any more.
     has_begun: bool,
     /// Whether a sample was published: commands answer one.
     has_published: bool,
     round: Round,
     is_leaving: bool,
-    jammed_since_ns: Option<u64>,
     values: Values,
-    fault: Option<Emergency>,
-    events: Queue<WireEvent, EVENTS>,
-    frames: FrameCounts,
 }
 
 impl MappedNode {
     /// A node that publishes `rate_hz` samples a second for an exciter of these limits and those of its gate.
     pub fn new(
         mapping: Mapping,
-        (rate_hz, pace): (u16, Pace),
+        (rate_hz, time_base): (u16, TimeBase),
         timing: Timing,
         exciter: Exciter,
         limits: GateSpec,
     ) -> MappedNode {
-        let mut guard = Guard::new(rate_hz, &timing, exciter);
-        guard.set_limits(limits);
         let of_messages = mapping.incoming.iter().map(|message| message.drive);
         let drives = of_messages.chain(mapping.outgoing.iter().map(|message| message.drive)).max();
         MappedNode {
@@ -95,44 +74,23 @@ impl MappedNode {
             senders: mapping.outgoing.into_iter().map(Sender::new).collect(),
             arming: mapping.arming,
             lockstep: mapping.lockstep,
-            pace,
+            time_base,
             timing,
             exciter,
-            guard,
-            state: NodeState::BootUp,
+            plant: PlantState::new(rate_hz, &timing, exciter, limits),
             drives: vec![false; drives.map_or(1, |last| last + 1)],
-            listening: Listening::new(timing.look_period_ns),
             has_begun: false,
             has_published: false,
             round: Round::NotBegun,
             is_leaving: false,
-            jammed_since_ns: None,
             values: Values::default(),
-            fault: None,
-            events: Queue::new(),
-            frames: FrameCounts::default(),
         }
     }
 
-    fn transition(&mut self, event: StateEvent) -> bool {
-        let Some(to) = self.state.next(event) else { return false };
-        let from = core::mem::replace(&mut self.state, to);
-        self.events.push(WireEvent::State { from, to });
-        true
-    }
-
-    /// Leaves the state; from armed, the load ramps to zero.
+    /// Leaves the state, with all drives.
     fn exit(&mut self, event: StateEvent) {
-        if self.is_armed() {
-            self.guard.release();
-        }
         self.drives.fill(false);
-        self.transition(event);
-    }
-
-    fn refuse_frame(&mut self, id: Id, check: FrameCheck) {
-        self.frames.refused += 1;
-        self.events.push(WireEvent::Frame(FrameFault::Mapped { id, check }));
+        self.plant.transition(event);
     }
 
     /// A frame with an identifier that the plant sends: a request, or another sender.
@@ -142,8 +100,7 @@ impl MappedNode {
         if asks && message.is_on_request {
             self.queue(sender);
         } else if !asks {
-            self.frames.other_sender += 1;
-            self.events.push(WireEvent::OtherSender(frame.id()));
+            self.plant.refuse_sender(frame.id());
         }
     }
 
@@ -177,23 +134,18 @@ impl MappedNode {
             return Ok(());
         }
         if round == Round::NotBegun {
-            receiver.judged(false, &self.listening);
-            self.refuse(Refusal::NotArmed);
+            receiver.judged(false, &self.plant.listening);
+            self.plant.refuse(Refusal::NotArmed);
         } else if is_second {
-            self.refuse(Refusal::Repeated);
+            self.plant.refuse(Refusal::Repeated);
             self.fault(now_ns, EmergencyCode::SampleSequence, self.values.sample as u16);
         }
         Ok(())
     }
 
-    fn refuse(&mut self, refusal: Refusal) {
-        self.guard.refuse(refusal);
-        self.events.push(WireEvent::Refused(refusal));
-    }
-
     /// Whether commands are judged as soon as there is one of each armed drive.
     fn waits_for_set(&self) -> bool {
-        self.pace == Pace::Lockstep && self.lockstep == Lockstep::Command && self.is_armed()
+        self.time_base == TimeBase::Lockstep && self.lockstep == Lockstep::Command && self.is_armed()
     }
 
     fn has_set(&self) -> bool {
@@ -203,7 +155,7 @@ impl MappedNode {
     }
 
     fn synchronise(&mut self, now_ns: u64) {
-        if self.pace == Pace::Lockstep && self.lockstep == Lockstep::Sync && self.is_armed() {
+        if self.time_base == TimeBase::Lockstep && self.lockstep == Lockstep::Sync && self.is_armed() {
             match self.round {
                 Round::NotBegun => {}
                 Round::Open => {
@@ -223,9 +175,7 @@ impl MappedNode {
             Action::Arm => {}
             Action::Disarm => self.disarm(drive),
             Action::Reset => {
-                if self.transition(StateEvent::Reset) {
-                    self.fault = None;
-                }
+                self.plant.transition(StateEvent::Reset);
             }
             Action::Stop => self.fault(now_ns, EmergencyCode::PartnerFault, u16::from(Node::Exciter.number())),
         }
@@ -233,13 +183,13 @@ impl MappedNode {
 
     /// Arms a drive, or all.
     fn arm(&mut self, drive: Option<usize>) {
-        if !matches!(self.state, NodeState::PreOperational | NodeState::Operational) {
+        if !matches!(self.plant.state(), NodeState::PreOperational | NodeState::Operational) {
             return;
         }
-        if self.state == NodeState::PreOperational {
-            self.guard.arm(&self.listening);
+        if self.plant.state() == NodeState::PreOperational {
+            self.plant.guard.arm(&self.plant.listening);
             self.round = Round::NotBegun;
-            self.transition(StateEvent::Arm);
+            self.plant.transition(StateEvent::Arm);
         }
         self.has_begun = true;
         let is_meant = |number: usize| drive.is_none_or(|drive| drive == number);
@@ -248,9 +198,9 @@ impl MappedNode {
             if is_meant(number) && !self.drives[number] {
                 // A load that was received before the drive was armed never acts.
                 if self.receivers[receiver].is_new() {
-                    self.refuse(Refusal::NotArmed);
+                    self.plant.refuse(Refusal::NotArmed);
                 }
-                self.receivers[receiver].restart(&self.listening);
+                self.receivers[receiver].restart(&self.plant.listening);
             }
         }
         (0..self.drives.len()).filter(|number| is_meant(*number)).for_each(|number| self.drives[number] = true);
@@ -267,10 +217,10 @@ impl MappedNode {
             return self.exit(StateEvent::Disarm);
         }
         (0..self.drives.len()).filter(|number| is_meant(*number)).for_each(|number| self.drives[number] = false);
-        let listening = &self.listening;
+        let listening = &self.plant.listening;
         let stopped = self.receivers.iter_mut().filter(|receiver| is_meant(receiver.message.drive));
         stopped.for_each(|receiver| receiver.restart(listening));
-        self.guard.reduce(self.shares());
+        self.plant.guard.reduce(self.shares());
     }
 
     /// The sum of all armed drives' shares of the load.
@@ -281,25 +231,25 @@ impl MappedNode {
 
     /// Judges the loads that were received, as the answer to the sample published last.
     fn judge(&mut self, now_ns: u64) {
+        self.refuse_unarmed();
         if !self.has_published || !self.receivers.iter().any(Receiver::is_new) {
             return;
         }
         if self.arming == Arming::ZeroCommand && !self.has_begun && self.is_nearly_zero() {
             return self.arm(None);
         }
-        self.refuse_unarmed();
         let is_ready =
             self.receivers.iter().all(|receiver| receiver.is_ready() || !self.drives[receiver.message.drive]);
-        let state = if is_ready { self.state } else { NodeState::PreOperational };
-        let index = self.guard.sample() as u16;
-        let outcome = self.guard.take(state, &self.listening, index, self.shares());
-        let listening = &self.listening;
+        let state = if is_ready { self.plant.state() } else { NodeState::PreOperational };
+        let index = self.plant.guard.sample() as u16;
+        let outcome = self.plant.guard.take(state, &self.plant.listening, index, self.shares());
+        let listening = &self.plant.listening;
         self.receivers.iter_mut().for_each(|receiver| receiver.judged(outcome.is_ok(), listening));
         if outcome.is_ok() && self.lockstep == Lockstep::Command {
             self.round = Round::Answered;
         }
         if let Err(refusal) = outcome {
-            self.events.push(WireEvent::Refused(refusal));
+            self.plant.report_refusal(refusal);
             if refusal == Refusal::Travel {
                 self.fault(now_ns, EmergencyCode::ExciterTripped, Trip::Travel as u16);
             }
@@ -311,8 +261,8 @@ impl MappedNode {
         for receiver in 0..self.receivers.len() {
             let Receiver { message, .. } = &self.receivers[receiver];
             if self.is_armed() && !self.drives[message.drive] && self.receivers[receiver].is_new() {
-                self.receivers[receiver].judged(false, &self.listening);
-                self.refuse(Refusal::NotArmed);
+                self.receivers[receiver].judged(false, &self.plant.listening);
+                self.plant.refuse(Refusal::NotArmed);
             }
         }
     }
@@ -327,9 +277,9 @@ impl MappedNode {
 
     fn queue(&mut self, sender: usize) {
         if !self.senders[sender].queue() {
-            self.frames.unsent += 1;
+            self.plant.frames.unsent += 1;
         }
-        self.jammed_since_ns.get_or_insert(self.listening.listened_ns());
+        self.plant.frame_waits();
     }
 
     fn queue_all(&mut self, trigger: Trigger) {
@@ -340,16 +290,17 @@ impl MappedNode {
         }
     }
 
-    fn said(&self, drive: usize) -> Said {
-        let is_idle = self.state == NodeState::Operational && !self.drives[drive];
-        let state = if is_idle { NodeState::PreOperational } else { self.state };
-        Said { state, fault: self.latched_fault() }
+    /// What readings say of a drive.
+    fn status(&self, drive: usize) -> Status {
+        let is_idle = self.plant.state() == NodeState::Operational && !self.drives[drive];
+        let state = if is_idle { NodeState::PreOperational } else { self.plant.state() };
+        Status { state, fault: self.latched_fault() }
     }
 
     fn timeout_ns(&self, receiver: &Receiver) -> u64 {
-        match self.pace {
-            Pace::Clock => receiver.message.timeout_ns,
-            Pace::Lockstep => self.timing.command_timeout_ns,
+        match self.time_base {
+            TimeBase::Clock => receiver.message.timeout_ns,
+            TimeBase::Lockstep => self.timing.command_timeout_ns,
         }
     }
 
@@ -360,7 +311,7 @@ impl MappedNode {
 
     fn not_sent(&self) -> u16 {
         let waiting = self.senders.iter().filter(|sender| sender.waits()).count() as u64;
-        u16::try_from(self.frames.unsent.saturating_add(waiting)).unwrap_or(u16::MAX)
+        u16::try_from(self.plant.frames.unsent.saturating_add(waiting)).unwrap_or(u16::MAX)
     }
 }
 

@@ -5,9 +5,9 @@ use resonarm_protocol::{Emergency, Frame, NodeState};
 use resonarm_wire::PAYLOAD_MAX_BYTES;
 use resonarm_wire::signal::{EncodeError, Signal};
 
-/// What is said of a drive.
+/// State and fault of a drive.
 #[derive(Clone, Copy, Debug)]
-pub(super) struct Said {
+pub(super) struct Status {
     pub state: NodeState,
     pub fault: Option<Emergency>,
 }
@@ -55,7 +55,7 @@ impl Sender {
     }
 
     /// The frame with these values; `None` if no frame can be.
-    pub fn frame(&mut self, values: &Values, said: &Said) -> Option<Frame> {
+    pub fn frame(&mut self, values: &Values, status: &Status) -> Option<Frame> {
         let mut bytes = [0; PAYLOAD_MAX_BYTES];
         let payload = bytes.get_mut(..self.message.payload.len())?;
         payload.copy_from_slice(&self.message.payload);
@@ -63,7 +63,7 @@ impl Sender {
         for reading in &self.message.signals {
             // A multiplexed signal is written where its switch, a constant of the payload, selects it.
             if reading.signal.presence.is_in(payload) != Some(false) {
-                let value = said_by(&reading.source, values, said);
+                let value = value_of(&reading.source, values, status);
                 self.limited += u64::from(write(&reading.signal.signal, value, payload));
             }
         }
@@ -104,11 +104,11 @@ fn write(signal: &Signal, value: f64, payload: &mut [u8]) -> bool {
     }
 }
 
-fn said_by(source: &Source, values: &Values, said: &Said) -> f64 {
+fn value_of(source: &Source, values: &Values, status: &Status) -> f64 {
     match source {
         Source::Value { value, scale, offset } => scale * values.get(*value) + offset,
-        Source::State(numbers) => numbers[place(said.state)],
-        Source::Reason { none, other, codes } => match said.fault {
+        Source::State(numbers) => numbers[place(status.state)],
+        Source::Reason { none, other, codes } => match status.fault {
             None => *none,
             Some(fault) => codes.iter().find(|(code, _)| *code == fault.code).map_or(*other, |(_, number)| *number),
         },

@@ -8,9 +8,9 @@ use alloc::vec;
 
 use super::mapping::*;
 use super::*;
-use crate::node::{PublishError, PublishedSample};
+use crate::node::{FrameFault, PublishError, PublishedSample, WireEvent};
 use crate::rig::{ExciterSpec, Measurement, Reading};
-use resonarm_protocol::OperatorRequest;
+use resonarm_protocol::{Id, OperatorRequest};
 use resonarm_wire::checksum::{DataId, Preset};
 use resonarm_wire::counter::Counter;
 use resonarm_wire::layout::{ByteOrder, Layout, Number};
@@ -108,19 +108,19 @@ pub struct Rig {
 
 impl Rig {
     pub fn new() -> Rig {
-        Rig::of(mapping(vec![drive(DRIVE, 0, LoadInput::ForceX)]), Pace::Clock)
+        Rig::of(mapping(vec![drive(DRIVE, 0, LoadInput::ForceX)]), TimeBase::Clock)
     }
 
-    pub fn of(mapping: Mapping, pace: Pace) -> Rig {
-        let timing = match pace {
-            Pace::Clock => Timing::real_time(RATE_HZ),
-            Pace::Lockstep => Timing::lockstep(1_000_000_000),
+    pub fn of(mapping: Mapping, time_base: TimeBase) -> Rig {
+        let timing = match time_base {
+            TimeBase::Clock => Timing::real_time(RATE_HZ),
+            TimeBase::Lockstep => Timing::lockstep(1_000_000_000),
         };
         let limits = GateSpec::default();
-        let mut node = MappedNode::new(mapping, (RATE_HZ, pace), timing, exciter(), limits);
+        let mut node = MappedNode::new(mapping, (RATE_HZ, time_base), timing, exciter(), limits);
         node.start(0);
         let mut rig = Rig { node, now_ns: 0, sample: 0, counters: [0; 2], events: vec![], sent: vec![] };
-        if pace == Pace::Clock {
+        if time_base == TimeBase::Clock {
             rig.publish(0.0);
             rig.sent.clear();
         }
@@ -262,7 +262,7 @@ fn of_two_frames_in_a_sample_the_newest_acts() {
 #[test]
 fn two_drives_add_and_a_fault_of_one_stops_both() {
     let messages = vec![drive(DRIVE, 0, LoadInput::Torque1), drive(SECOND, 1, LoadInput::Torque2)];
-    let mut rig = Rig::of(mapping(messages), Pace::Clock);
+    let mut rig = Rig::of(mapping(messages), TimeBase::Clock);
     rig.send(DRIVE, 50, true);
     rig.send(SECOND, 100, false);
     assert_eq!(rig.tick().torque_nm.as_slice(), [1.0, 0.0], "the second is not armed");
@@ -290,7 +290,7 @@ fn two_drives_add_and_a_fault_of_one_stops_both() {
 fn commands_near_zero_arm_once_where_nothing_else_does() {
     let mut message = drive(DRIVE, 0, LoadInput::ForceX);
     message.events.clear();
-    let mut rig = Rig::of(Mapping { arming: Arming::ZeroCommand, ..mapping(vec![message]) }, Pace::Clock);
+    let mut rig = Rig::of(Mapping { arming: Arming::ZeroCommand, ..mapping(vec![message]) }, TimeBase::Clock);
     rig.send(DRIVE, 500, false);
     rig.tick();
     assert_eq!(rig.node.state(), NodeState::PreOperational, "10 N is not near zero");
@@ -314,7 +314,7 @@ fn a_condition_has_to_hold_before_loads_count() {
     let condition = EventSignal { signal: mode, counts: Counts::InEveryFrame, actions: vec![], required: vec![1.0] };
     message.events.push(condition);
     message.protection = Protection::default();
-    let mut rig = Rig::of(mapping(vec![message]), Pace::Clock);
+    let mut rig = Rig::of(mapping(vec![message]), TimeBase::Clock);
     let frame = |mode| Frame::new(DRIVE, FrameFormat::Classic, &[100, 0, 1, mode]).unwrap();
     rig.node.handle_frame(0, &frame(2));
     assert_eq!((force_n(rig.tick()), rig.refusals(Refusal::NotArmed)), (0.0, 1));

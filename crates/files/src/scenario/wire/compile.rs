@@ -9,6 +9,7 @@ use super::{
     ArmSpec, CommandSpec, EventSpec, InputSpec, LockstepSpec, OnSpec, ReadingSpec, RequestSpec, SourceSpec, WireSection,
 };
 use crate::dbc::{Database, Message, Signal};
+use crate::nearest::nearest;
 use crate::scenario::Scenario;
 use resonarm_bench::node::mapped::mapping::{
     Action, Arming, CommandSignal, Counts, EventSignal, Incoming, LoadInput, Lockstep, MappedSignal, Mapping, Outgoing,
@@ -70,7 +71,7 @@ impl Compiler<'_> {
         if self.database.nodes().contains(node) {
             return Ok(());
         }
-        let suggestion = super::signals::near(node, self.database.nodes().iter().map(String::as_str));
+        let suggestion = nearest(node, self.database.nodes().iter().map(String::as_str));
         Err(WireError::NoNode { got: node.clone(), suggestion })
     }
 

@@ -5,6 +5,7 @@ use std::collections::{BTreeMap, HashMap};
 use super::CounterSpec;
 use super::error::{Place, WireError};
 use crate::dbc::Message;
+use crate::nearest::nearest;
 use resonarm_bench::node::mapped::mapping::Source;
 use resonarm_protocol::EmergencyCode;
 use resonarm_wire::checksum::Preset;
@@ -38,13 +39,6 @@ impl Used {
             Some(one) => Err(WireError::Twice { place: place.clone(), one, other: what.to_string() }),
         }
     }
-}
-
-/// The name that is nearest to `got`.
-pub(super) fn near<'a>(got: &str, known: impl Iterator<Item = &'a str>) -> Option<String> {
-    let near = known.map(|name| (strsim::normalized_damerau_levenshtein(got, name), name));
-    let (similarity, name) = near.max_by(|a, b| a.0.total_cmp(&b.0))?;
-    (similarity > 0.5).then(|| name.to_string())
 }
 
 /// The alive counter of a message.
@@ -85,6 +79,6 @@ fn check_names(
     known: &[&str],
 ) -> Result<(), WireError> {
     let Some(got) = numbers.keys().find(|name| !known.contains(&name.as_str())) else { return Ok(()) };
-    let suggestion = near(got, known.iter().copied());
+    let suggestion = nearest(got, known.iter().copied());
     Err(WireError::Name { place: place.clone(), what, got: got.clone(), suggestion, known: known.join(", ") })
 }

@@ -4,7 +4,7 @@ use super::*;
 
 /// A held torque, then silence.
 fn timed_out() -> Bench {
-    let mut bench = Bench::new(2, Pace::Clock);
+    let mut bench = Bench::new(2, TimeBase::Clock);
     bench.enable(&NODES);
     bench.target(1, 10);
     bench.target(2, 10);
@@ -66,7 +66,7 @@ fn each_drive_has_its_own_reset_on_a_rising_edge() {
 
 #[test]
 fn refused_targets_are_no_sign_of_life() {
-    let mut bench = Bench::new(1, Pace::Clock);
+    let mut bench = Bench::new(1, TimeBase::Clock);
     bench.enable(&[1]);
     for _ in 0..=TIMEOUT_NS / TICK_NS {
         bench.target(1, i16::MAX);
@@ -79,7 +79,7 @@ fn refused_targets_are_no_sign_of_life() {
 #[test]
 fn network_management_switches_drives_off() {
     for command in [0x02, 0x80, 0x81, 0x82] {
-        let mut bench = Bench::new(1, Pace::Clock);
+        let mut bench = Bench::new(1, TimeBase::Clock);
         bench.enable(&[1]);
         bench.target(1, 10);
         bench.tick();
@@ -95,13 +95,13 @@ fn network_management_switches_drives_off() {
 
 #[test]
 fn a_lost_bus_and_frames_that_are_not_taken_are_faults() {
-    let mut bench = Bench::new(1, Pace::Clock);
+    let mut bench = Bench::new(1, TimeBase::Clock);
     bench.node.bus_lost(0);
     assert_eq!(bench.node.state(), NodeState::PreOperational);
     bench.enable(&[1]);
     bench.node.bus_lost(0);
     assert_eq!(bench.node.latched_fault().map(|fault| fault.code), Some(EmergencyCode::BusLoss));
-    let mut bench = Bench::new(1, Pace::Clock);
+    let mut bench = Bench::new(1, TimeBase::Clock);
     bench.enable(&[1]);
     bench.is_jammed = true;
     let timeout_ns = Timing::real_time(RATE_HZ).command_timeout_ns;
@@ -115,7 +115,7 @@ fn a_lost_bus_and_frames_that_are_not_taken_are_faults() {
 
 #[test]
 fn the_end_of_a_run_switches_off_for_good_and_an_operator_never_enables() {
-    let mut bench = Bench::new(1, Pace::Clock);
+    let mut bench = Bench::new(1, TimeBase::Clock);
     bench.node.execute(0, OperatorRequest::Arm);
     assert_eq!(bench.node.state(), NodeState::PreOperational);
     bench.enable(&[1]);

@@ -39,8 +39,8 @@ impl Random {
 fn random_frames_never_give_a_load_while_disabled() {
     let mut random = Random(20260);
     let mut enabled = 0;
-    for pace in [Pace::Clock, Pace::Lockstep] {
-        let mut bench = Bench::new(2, pace);
+    for time_base in [TimeBase::Clock, TimeBase::Lockstep] {
+        let mut bench = Bench::new(2, time_base);
         let mut ramps_nm = f64::INFINITY;
         for frame in 0..100_000 {
             bench.node.handle_frame(bench.now_ns, &random.frame());

@@ -19,7 +19,7 @@ fn sample(bench: &mut Bench, targets: [i16; 2]) -> (Vec<Frame>, [f64; 2]) {
 
 #[test]
 fn what_came_before_a_sync_acts_from_the_sample_on() {
-    let mut bench = Bench::new(2, Pace::Lockstep);
+    let mut bench = Bench::new(2, TimeBase::Lockstep);
     bench.enable(&NODES);
     let (frames, torques_nm) = sample(&mut bench, [10, 20]);
     assert_eq!((frames.len(), torques_nm), (0, [1.0, 2.0]));
@@ -32,7 +32,7 @@ fn what_came_before_a_sync_acts_from_the_sample_on() {
 
 #[test]
 fn a_second_sync_for_a_sample_is_a_fault() {
-    let mut bench = Bench::new(2, Pace::Lockstep);
+    let mut bench = Bench::new(2, TimeBase::Lockstep);
     bench.enable(&NODES);
     sample(&mut bench, [10, 20]);
     bench.send(0x80, &[]);
@@ -43,7 +43,7 @@ fn a_second_sync_for_a_sample_is_a_fault() {
 
 #[test]
 fn while_no_drive_is_enabled_a_sync_is_answered_at_once() {
-    let mut bench = Bench::new(1, Pace::Lockstep);
+    let mut bench = Bench::new(1, TimeBase::Lockstep);
     bench.send(0, &[1, 0]);
     bench.frames();
     bench.send(0x80, &[]);

@@ -35,7 +35,7 @@ impl Bench {
 /// sends all of them at every SYNC.
 #[test]
 fn a_master_may_enable_before_it_sets_a_mode_and_halt_until_a_target() {
-    let mut bench = Bench::new(1, Pace::Clock);
+    let mut bench = Bench::new(1, TimeBase::Clock);
     bench.write(1, 0x6081, &1000_u32.to_le_bytes()).unwrap();
     bench.write(1, 0x6083, &2000_u32.to_le_bytes()).unwrap();
     assert_eq!(bench.sdo(1, [0x2F, 0xC2, 0x60, 1, 50, 0, 0, 0])[0], 0x60);
@@ -65,7 +65,7 @@ fn a_master_may_enable_before_it_sets_a_mode_and_halt_until_a_target() {
 /// The newest RPDO of each kind counts, and a SYNC without one leaves the torque as it is until the timeout.
 #[test]
 fn a_sync_alone_is_no_sign_of_life() {
-    let mut bench = Bench::new(1, Pace::Clock);
+    let mut bench = Bench::new(1, TimeBase::Clock);
     bench.enable(&[1]);
     bench.target(1, 10);
     bench.tick();

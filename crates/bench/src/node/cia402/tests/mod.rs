@@ -9,6 +9,7 @@ mod torques;
 use super::*;
 use crate::rig::Measurement;
 use resonarm_protocol::FrameFormat;
+use resonarm_protocol::Id;
 
 const RATE_HZ: u16 = 1000;
 const TICK_NS: u64 = 1_000_000;
@@ -41,13 +42,13 @@ struct Bench {
 }
 
 impl Bench {
-    fn new(drives: usize, pace: Pace) -> Bench {
-        let timing = match pace {
-            Pace::Clock => Timing::real_time(RATE_HZ),
-            Pace::Lockstep => Timing::lockstep(1_000_000_000),
+    fn new(drives: usize, time_base: TimeBase) -> Bench {
+        let timing = match time_base {
+            TimeBase::Clock => Timing::real_time(RATE_HZ),
+            TimeBase::Lockstep => Timing::lockstep(1_000_000_000),
         };
         let (exciter, limits) = (Exciter::default(), GateSpec::default());
-        let mut node = Cia402Node::new(&spec(drives), (RATE_HZ, pace), timing, exciter, limits);
+        let mut node = Cia402Node::new(&spec(drives), (RATE_HZ, time_base), timing, exciter, limits);
         node.start(0);
         let (states, events) = ([0.0; 4], Vec::new());
         let mut bench = Bench {

@@ -4,7 +4,7 @@ use super::*;
 
 #[test]
 fn targets_of_both_drives_are_one_load() {
-    let mut bench = Bench::new(2, Pace::Clock);
+    let mut bench = Bench::new(2, TimeBase::Clock);
     bench.tick();
     bench.enable(&NODES);
     bench.target(1, 10);
@@ -23,7 +23,7 @@ fn targets_of_both_drives_are_one_load() {
 
 #[test]
 fn a_drive_acts_only_on_targets_received_since_it_was_enabled() {
-    let mut bench = Bench::new(1, Pace::Clock);
+    let mut bench = Bench::new(1, TimeBase::Clock);
     bench.send(0, &[1, 0]);
     bench.write(1, 0x6071, &100_i16.to_le_bytes()).unwrap();
     bench.tick();
@@ -39,7 +39,7 @@ fn a_drive_acts_only_on_targets_received_since_it_was_enabled() {
 
 #[test]
 fn halt_and_other_modes_have_no_torque() {
-    let mut bench = Bench::new(1, Pace::Clock);
+    let mut bench = Bench::new(1, TimeBase::Clock);
     bench.enable(&[1]);
     bench.target(1, 10);
     bench.tick();
@@ -66,7 +66,7 @@ fn halt_and_other_modes_have_no_torque() {
 
 #[test]
 fn a_refused_target_never_acts_and_is_counted() {
-    let mut bench = Bench::new(1, Pace::Clock);
+    let mut bench = Bench::new(1, TimeBase::Clock);
     bench.enable(&[1]);
     bench.target(1, 10);
     bench.tick();
@@ -85,7 +85,7 @@ fn a_refused_target_never_acts_and_is_counted() {
 
 #[test]
 fn a_drive_switched_off_beside_another_drops_its_torque_and_the_last_one_ramps() {
-    let mut bench = Bench::new(2, Pace::Clock);
+    let mut bench = Bench::new(2, TimeBase::Clock);
     bench.enable(&NODES);
     bench.target(1, 10);
     bench.target(2, 10);
@@ -104,7 +104,7 @@ fn a_drive_switched_off_beside_another_drops_its_torque_and_the_last_one_ramps()
 
 #[test]
 fn positions_are_counts_of_the_motor_and_are_limited_and_counted() {
-    let mut bench = Bench::new(2, Pace::Clock);
+    let mut bench = Bench::new(2, TimeBase::Clock);
     bench.enable(&NODES);
     bench.states = [core::f64::consts::TAU, -core::f64::consts::PI, 0.5, -0.25];
     bench.tick();

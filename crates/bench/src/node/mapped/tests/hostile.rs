@@ -92,7 +92,7 @@ fn a_refused_frame_asks_for_nothing() {
     let mut message = drive(DRIVE, 0, LoadInput::ForceX);
     message.protection = Protection::default();
     message.commands[0].signal = signal(24, 32, Number::Float, 1.0);
-    let mut rig = Rig::of(mapping(vec![message]), Pace::Clock);
+    let mut rig = Rig::of(mapping(vec![message]), TimeBase::Clock);
     let not_a_number = f32::NAN.to_le_bytes();
     let [a, b, c, d] = not_a_number;
     for payload in [&[0, 0, 1, 0][..], &[0, 0, 1, a, b, c, d, 0]] {

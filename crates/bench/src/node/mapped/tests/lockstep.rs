@@ -9,7 +9,7 @@ fn two(lockstep: Lockstep) -> Rig {
         let protection = Protection::default();
         messages.push(Incoming { id: SYNC, protection, drive: 0, commands, timeout_ns: 0, events, is_sync: true });
     }
-    let mut rig = Rig::of(Mapping { lockstep, ..mapping(messages) }, Pace::Lockstep);
+    let mut rig = Rig::of(Mapping { lockstep, ..mapping(messages) }, TimeBase::Lockstep);
     rig.send(DRIVE, 0, true);
     assert!(rig.node.is_armed());
     rig.publish(0.0);

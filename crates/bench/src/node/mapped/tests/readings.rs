@@ -4,7 +4,7 @@ use super::*;
 
 fn of(outgoing: Outgoing) -> Rig {
     let incoming = vec![drive(DRIVE, 0, LoadInput::ForceX)];
-    Rig::of(Mapping { outgoing: vec![outgoing], ..mapping(incoming) }, Pace::Clock)
+    Rig::of(Mapping { outgoing: vec![outgoing], ..mapping(incoming) }, TimeBase::Clock)
 }
 
 #[test]

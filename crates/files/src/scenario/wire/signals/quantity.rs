@@ -1,10 +1,11 @@
 //! Quantities of the plant that signals say.
 
 use crate::dbc::Signal;
+use crate::nearest::nearest;
 use crate::scenario::Scenario;
+use crate::scenario::wire::SourceSpec;
 use crate::scenario::wire::conversion::{factor, known};
 use crate::scenario::wire::error::{Place, WireError};
-use crate::scenario::wire::{SourceSpec, signals::near};
 use resonarm_bench::node::mapped::mapping::{Source, Value};
 use resonarm_bench::structure::{Channel, Kind, LOADS, OUTPUTS, Quantity, STATES};
 
@@ -25,21 +26,16 @@ pub(crate) fn channel(value: Value) -> Option<Channel> {
     channels().find(|(_, other)| *other == of).map(|(channel, _)| channel)
 }
 
-fn find(place: &Place, name: &str, is_reading: bool) -> Result<(Channel, Value), WireError> {
-    let candidates = || channels().filter(|(_, value)| !is_reading || matches!(value, Value::Reading(_)));
-    candidates().find(|(channel, _)| channel.name == name).ok_or_else(|| {
-        let names: Vec<&str> = candidates().map(|(channel, _)| channel.name).collect();
-        let suggestion = near(name, names.iter().copied());
-        WireError::Quantity { place: place.clone(), got: name.to_string(), suggestion, known: names.join(", ") }
-    })
+fn unknown(place: &Place, name: &str, known: impl Iterator<Item = Channel>) -> WireError {
+    let names: Vec<&str> = known.map(|channel| channel.name).collect();
+    let suggestion = nearest(name, names.iter().copied());
+    WireError::Quantity { place: place.clone(), got: name.to_string(), suggestion, known: names.join(", ") }
 }
 
 /// The place of a reading.
 pub(in crate::scenario::wire) fn reading(place: &Place, name: &str) -> Result<usize, WireError> {
-    match find(place, name, true)? {
-        (_, Value::Reading(index)) => Ok(index),
-        _ => Ok(0),
-    }
+    let index = OUTPUTS.iter().position(|channel| channel.name == name);
+    index.ok_or_else(|| unknown(place, name, OUTPUTS.into_iter()))
 }
 
 /// A signal that says a quantity.
@@ -50,7 +46,8 @@ pub(in crate::scenario::wire) fn source(
     spec: &SourceSpec,
     signal: &Signal,
 ) -> Result<Source, WireError> {
-    let (channel, value) = find(place, name, false)?;
+    let found = channels().find(|(channel, _)| channel.name == name);
+    let (channel, value) = found.ok_or_else(|| unknown(place, name, channels().map(|(channel, _)| channel)))?;
     if channel.kind == Kind::Internal && scenario.rig.shaker.is_none() {
         let problem = "is a state of the shaker, and the scenario has no [rig.shaker]";
         return Err(WireError::Input { place: place.clone(), input: channel.name, problem });
