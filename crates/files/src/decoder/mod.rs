@@ -10,7 +10,6 @@ mod roles;
 
 use std::collections::HashMap;
 
-pub(crate) use check::Checked;
 pub use check::Fault;
 pub use explained::{Decoded, DecodedMessage, DecodedSignal, Meaning, Outcome};
 

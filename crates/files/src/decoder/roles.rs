@@ -2,13 +2,14 @@
 
 use std::collections::HashMap;
 
-use super::check::{Checked, Fault};
+use super::check::Fault;
 use super::explained::Meaning;
 use super::name_of;
 use crate::dbc::Message;
 use crate::scenario::wire::{REASONS, STATES, channel};
 use resonarm_bench::node::mapped::mapping::{
-    Action, CommandSignal, Counts, EventSignal, Incoming, LoadInput, MappedSignal, Outgoing, Protection, Source, Value,
+    Action, CommandSignal, Counts, EventSignal, Incoming, LoadInput, MappedSignal, Outgoing, Protection,
+    ProtectionCheck, Source, Value,
 };
 use resonarm_bench::structure::{Channel, Quantity};
 use resonarm_protocol::Frame;
@@ -29,7 +30,7 @@ enum Role {
 /// What the signals of a message are to the plant.
 #[derive(Clone, Debug)]
 pub(super) struct MessageRoles {
-    checked: Checked,
+    protection: ProtectionCheck,
     /// By the names of the signals.
     roles: HashMap<String, Vec<Role>>,
     /// What every frame asks for.
@@ -77,7 +78,7 @@ impl MessageRoles {
 
     fn protected(message: &Message, protection: &Protection) -> MessageRoles {
         let mut roles = MessageRoles {
-            checked: Checked::new(protection),
+            protection: ProtectionCheck::new(protection),
             roles: HashMap::new(),
             requests: Vec::new(),
             is_sync: false,
@@ -125,18 +126,10 @@ impl MessageRoles {
     /// # Errors
     /// [`Fault`]: its receiver must not use it.
     pub fn check(&mut self, frame: &Frame) -> Result<u64, Fault> {
-        let lost = self.checked.lost(frame)?;
+        let lost = self.protection.lost(frame)?;
         let payload = frame.data();
         for (name, signal) in &self.needed {
-            let value = match signal.presence.is_in(payload) {
-                Some(false) => continue,
-                Some(true) => signal.signal.decode(payload),
-                None => None,
-            };
-            let value = value.ok_or_else(|| Fault::Short { got: payload.len(), signal: name.clone() })?;
-            if !value.is_finite() {
-                return Err(Fault::NotFinite { signal: name.clone(), value });
-            }
+            signal.read(payload).map_err(|unreadable| Fault::of_signal(name, payload.len(), unreadable))?;
         }
         Ok(lost)
     }

@@ -3,8 +3,7 @@
 use std::collections::BTreeMap;
 
 use super::wire::WireImport;
-use crate::decoder::Checked;
-use resonarm_bench::node::mapped::mapping::{Action, Arming, Counts, Incoming, MappedSignal, Mapping};
+use resonarm_bench::node::mapped::mapping::{Action, Arming, Counts, Incoming, Mapping, ProtectionCheck, Unreadable};
 use resonarm_dynamics::arm::Load;
 use resonarm_protocol::{Frame, Id};
 
@@ -13,7 +12,7 @@ use resonarm_protocol::{Frame, Id};
 struct Command {
     message: Incoming,
     name: String,
-    checked: Checked,
+    protection: ProtectionCheck,
     /// The last value of each event's signal.
     values: Vec<Option<f64>>,
     load: Load,
@@ -37,7 +36,7 @@ impl Loads {
     pub fn new(mapping: &Mapping, is_wanted: bool, name: impl Fn(Id) -> String) -> Loads {
         let drives = mapping.incoming.iter().map(|message| message.drive + 1).max().unwrap_or(1);
         let command = |message: &Incoming| Command {
-            checked: Checked::new(&message.protection),
+            protection: ProtectionCheck::new(&message.protection),
             name: name(message.id),
             values: vec![None; message.events.len()],
             load: Load::default(),
@@ -56,7 +55,7 @@ impl Loads {
     pub fn add(&mut self, frame: &Frame, now: u64, found: &mut WireImport) {
         let Some(place) = self.commands.iter().position(|command| command.message.id == frame.id()) else { return };
         let command = &mut self.commands[place];
-        let lost = match command.checked.lost(frame) {
+        let lost = match command.protection.lost(frame) {
             Ok(lost) => lost,
             Err(_) => {
                 *found.refused_frames.entry(command.name.clone()).or_default() += 1;
@@ -64,10 +63,10 @@ impl Loads {
             }
         };
         found.lost_frames += lost;
-        let (actions, is_whole) = command.take(frame.data());
-        if !is_whole {
+        let Ok(actions) = command.take(frame.data()) else {
             *found.refused_frames.entry(command.name.clone()).or_default() += 1;
-        }
+            return;
+        };
         let drive = command.message.drive;
         for action in actions {
             match action {
@@ -105,47 +104,24 @@ impl Loads {
 }
 
 impl Command {
-    /// What a payload asks for; `false` if it ends before a signal of it, or one is no number: its load stays then.
-    fn take(&mut self, payload: &[u8]) -> (Vec<Action>, bool) {
+    /// Takes in a load, and returns what the payload asks for.
+    ///
+    /// # Errors
+    /// [`Unreadable`] if a signal can't be read: the plant refuses the frame then, whatever else it asks for.
+    fn take(&mut self, payload: &[u8]) -> Result<Vec<Action>, Unreadable> {
+        self.message.check(payload)?;
         let mut actions = Vec::new();
         for (event, before) in self.message.events.iter().zip(&mut self.values) {
             let Some(signal) = &event.signal else {
                 actions.extend(event.actions.iter().map(|(_, action)| *action));
                 continue;
             };
-            let value = match decode(signal, payload) {
-                Ok(Some(value)) => value,
-                Ok(None) => continue,
-                Err(Unusable) => return (actions, false),
-            };
+            let Some(value) = signal.read(payload)? else { continue };
             let is_new = before.replace(value) != Some(value) || event.counts == Counts::InEveryFrame;
             let asked = event.actions.iter().filter(|(asking, _)| is_new && *asking == value);
             actions.extend(asked.map(|(_, action)| *action));
         }
-        let mut load = Load::default();
-        for command in &self.message.commands {
-            match decode(&command.signal, payload) {
-                Ok(Some(value)) => {
-                    let share = command.input.load(command.scale * value + command.offset);
-                    load.torque_nm += share.torque_nm;
-                    load.force_n += share.force_n;
-                }
-                Ok(None) => return (actions, true),
-                Err(Unusable) => return (actions, false),
-            }
-        }
-        self.load = load;
-        (actions, true)
+        self.load = self.message.load(payload)?.unwrap_or(self.load);
+        Ok(actions)
     }
-}
-
-/// A payload that ends before a signal, or a signal that is no number.
-struct Unusable;
-
-/// The value of a signal; `None` if the payload is multiplexed to others.
-fn decode(of: &MappedSignal, payload: &[u8]) -> Result<Option<f64>, Unusable> {
-    if !of.presence.is_in(payload).ok_or(Unusable)? {
-        return Ok(None);
-    }
-    of.signal.decode(payload).filter(|value| value.is_finite()).map(Some).ok_or(Unusable)
 }

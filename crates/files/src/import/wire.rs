@@ -3,7 +3,9 @@
 use std::collections::BTreeMap;
 
 use resonarm_bench::node::WireSpec;
-use resonarm_bench::node::mapped::mapping::{Lockstep, Mapping, Outgoing, ReadingSignal, Source, Trigger, Value};
+use resonarm_bench::node::mapped::mapping::{
+    Lockstep, Mapping, Outgoing, ProtectionCheck, ProtectionFault, ReadingSignal, Source, Trigger, Value,
+};
 use resonarm_bench::structure::{Channel, Kind, OUTPUTS, STATES};
 use resonarm_protocol::{Frame, FrameFormat, Id};
 use resonarm_wire::layout::Number;
@@ -13,7 +15,6 @@ use super::DISORDER_NS;
 use super::index::{Anchor, FrameIndex, Numbering, Placed};
 use super::loads::Loads;
 use super::rows::{Row, Rows};
-use crate::decoder::{Checked, Fault};
 use crate::recording::{Clipped, Direction, Record, SampleRecord, StateRecord};
 use crate::scenario::{Scenario, ScenarioError};
 use resonarm_wire::counter::{CounterFault, Step};
@@ -63,7 +64,7 @@ pub struct Missing {
 struct Reader {
     message: Outgoing,
     name: String,
-    checked: Checked,
+    protection: ProtectionCheck,
     index: FrameIndex,
 }
 
@@ -222,8 +223,8 @@ impl Reader {
         });
         let of_counter = message.protection.counter.as_ref().map(|counter| Numbering::Counter(counter.values()));
         let numbering = of_signal.or(of_counter).unwrap_or(Numbering::Time);
-        let (checked, index) = (Checked::new(&message.protection), FrameIndex::new(order, numbering, rate_hz));
-        Reader { message: message.clone(), name, checked, index }
+        let protection = ProtectionCheck::new(&message.protection);
+        Reader { message: message.clone(), name, protection, index: FrameIndex::new(order, numbering, rate_hz) }
     }
 
     fn is_placed_by_time(&self) -> bool {
@@ -232,8 +233,8 @@ impl Reader {
 
     /// How the counter follows, and what numbers the frame.
     fn check(&mut self, frame: &Frame) -> Result<(Option<Step>, Option<u64>), Unusable> {
-        let step = self.checked.step(frame).map_err(|fault| match fault {
-            Fault::Counter(CounterFault::Repeated { .. }) => Unusable::Repeated,
+        let step = self.protection.step(frame).map_err(|fault| match fault {
+            ProtectionFault::Counter(CounterFault::Repeated { .. }) => Unusable::Repeated,
             _ => Unusable::Wrong,
         })?;
         Ok((step, self.number(frame.data()).ok_or(Unusable::Wrong)?))
@@ -244,11 +245,8 @@ impl Reader {
     fn number(&self, payload: &[u8]) -> Option<Option<u64>> {
         let mut index = None;
         for ReadingSignal { signal, source } in &self.message.signals {
-            if signal.presence.is_in(payload)? {
-                let value = signal.signal.decode(payload).filter(|value| value.is_finite())?;
-                if matches!(source, Source::Sample { .. }) {
-                    index = (value >= 0.0).then(|| libm::rint(value) as u64);
-                }
+            if let (Some(value), Source::Sample { .. }) = (signal.read(payload).ok()?, source) {
+                index = (value >= 0.0).then(|| libm::rint(value) as u64);
             }
         }
         Some(match self.index.numbering() {
@@ -315,7 +313,7 @@ fn directions(mapping: &Mapping) -> BTreeMap<Id, Direction> {
 /// Writes a reading in its SI unit, and whether it is beyond its range: as a mark says, or at the end of what its
 /// signal can say, where a plant limits it.
 fn write_reading(of: &ReadingSignal, payload: &[u8], row: &mut Row<{ OUTPUTS.len() }>) {
-    let (Some(got), Source::Value { value, scale, offset }) = (value_of(of, payload), &of.source) else { return };
+    let (Ok(Some(got)), Source::Value { value, scale, offset }) = (of.signal.read(payload), &of.source) else { return };
     let (Value::Reading(place) | Value::Clipped(place)) = *value else { return };
     let is_clipped = match value {
         Value::Reading(_) => {
@@ -328,17 +326,14 @@ fn write_reading(of: &ReadingSignal, payload: &[u8], row: &mut Row<{ OUTPUTS.len
 }
 
 fn write_state(of: &ReadingSignal, payload: &[u8], row: &mut Row<ARM_STATES>) {
-    let (Some(got), Source::Value { value: Value::State(place), scale, offset }) = (value_of(of, payload), &of.source)
+    let (Ok(Some(got)), Source::Value { value: Value::State(place), scale, offset }) =
+        (of.signal.read(payload), &of.source)
     else {
         return;
     };
     if let Some(state) = row.values.get_mut(*place) {
         *state = (got - offset) / scale;
     }
-}
-
-fn value_of(of: &ReadingSignal, payload: &[u8]) -> Option<f64> {
-    if of.signal.presence.is_in(payload)? { of.signal.signal.decode(payload) } else { None }
 }
 
 fn sample_record(sample: u64, row: &Row<{ OUTPUTS.len() }>) -> SampleRecord {

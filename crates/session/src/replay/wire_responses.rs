@@ -9,7 +9,7 @@ use super::ReplayError;
 use resonarm_bench::control::{Answer, ResponsePoint};
 use resonarm_bench::excitation::Profile;
 use resonarm_bench::node::WireSpec;
-use resonarm_bench::node::mapped::mapping::{Incoming, Mapping};
+use resonarm_bench::node::mapped::mapping::Mapping;
 use resonarm_bench::rig::{Measurement, Reading};
 use resonarm_dynamics::arm::Load;
 use resonarm_files::decoder::{Decoded, DecodedMessage, Decoder, Outcome};
@@ -85,25 +85,14 @@ fn commands(
         let is_taken = matches!(decoded, Decoded::Message(DecodedMessage { outcome: Outcome::Taken { .. }, .. }));
         let place = mapping.incoming.iter().position(|message| message.id == record.frame.id());
         if let (true, Direction::Received, Some(place)) = (is_taken, record.direction, place)
-            && let Some(load) = load(&mapping.incoming[place], record.frame.data())
+            && let Ok(Some(load)) = mapping.incoming[place].load(record.frame.data())
         {
-            held[place] = load;
+            held[place] = parts(&load);
             commands
                 .insert(record.sample, held.iter().fold([0.0; 4], |sum, one| [0, 1, 2, 3].map(|i| sum[i] + one[i])));
         }
     }
     Ok(commands)
-}
-
-/// The load in a payload, if it has one.
-fn load(message: &Incoming, payload: &[u8]) -> Option<[f64; 4]> {
-    let mut sum = [0.0; 4];
-    for command in &message.commands {
-        let value = command.signal.presence.is_in(payload)?.then(|| command.signal.signal.decode(payload))??;
-        let share = parts(&command.input.load(command.scale * value + command.offset));
-        sum.iter_mut().zip(share).for_each(|(sum, part)| *sum += part);
-    }
-    (!message.commands.is_empty()).then_some(sum)
 }
 
 fn parts(load: &Load) -> [f64; 4] {

@@ -3,18 +3,17 @@
 use alloc::vec;
 use alloc::vec::Vec;
 
-use super::mapping::{Action, Counts, Incoming, MappedSignal, Short};
+use super::mapping::{Action, Counts, Incoming, ProtectionCheck, ProtectionFault, Unreadable};
 use crate::node::FrameCheck;
 use resonarm_dynamics::arm::Load;
 use resonarm_protocol::Frame;
 use resonarm_protocol::node::Listening;
-use resonarm_wire::counter::{CounterCheck, Step};
 
 /// A message with what was received of it.
 #[derive(Clone, Debug)]
 pub(super) struct Receiver {
     pub message: Incoming,
-    counter: CounterCheck,
+    protection: ProtectionCheck,
     /// The last value of each event's signal.
     values: Vec<Option<f64>>,
     /// The load received last, until it is judged.
@@ -28,8 +27,8 @@ pub(super) struct Receiver {
 impl Receiver {
     pub fn new(message: Incoming) -> Receiver {
         let values = vec![None; message.events.len()];
-        let (counter, taken) = (CounterCheck::new(), Load::default());
-        Receiver { message, counter, values, pending: None, taken, taken_ns: 0 }
+        let protection = ProtectionCheck::new(&message.protection);
+        Receiver { message, protection, values, pending: None, taken: Load::default(), taken_ns: 0 }
     }
 
     /// Whether it commands a load.
@@ -42,21 +41,12 @@ impl Receiver {
     /// # Errors
     /// The check that failed: the frame must not be used.
     pub fn check(&mut self, frame: &Frame) -> Result<(), FrameCheck> {
-        let (payload, protection) = (frame.data(), &self.message.protection);
-        if let Some(checksum) = &protection.checksum {
-            checksum.check(frame.id(), payload).map_err(|_wrong| FrameCheck::Checksum)?;
-        }
-        if let Some(counter) = &protection.counter {
-            let value = counter.read(payload).ok_or(FrameCheck::Length)?;
-            match self.counter.check(counter, value) {
-                Ok(Step::First | Step::Next) => {}
-                Ok(Step::Lost { frames }) if frames <= protection.most_lost => {}
-                Ok(Step::Lost { .. }) | Err(_) => return Err(FrameCheck::Counter),
-            }
-        }
-        let events = self.message.events.iter().filter_map(|event| event.signal.as_ref());
-        let mut used = events.chain(self.message.commands.iter().map(|command| &command.signal));
-        used.try_for_each(|signal| value(signal, payload).map(drop))
+        self.protection.lost(frame).map_err(|fault| match fault {
+            ProtectionFault::Short { .. } => FrameCheck::Length,
+            ProtectionFault::Checksum(_) => FrameCheck::Checksum,
+            ProtectionFault::Counter(_) | ProtectionFault::Lost { .. } => FrameCheck::Counter,
+        })?;
+        Ok(self.message.check(frame.data())?)
     }
 
     /// What event `index` of the message asks for in this payload.
@@ -66,7 +56,7 @@ impl Receiver {
     pub fn action(&mut self, index: usize, payload: &[u8]) -> Result<Option<Action>, FrameCheck> {
         let event = &self.message.events[index];
         let Some(signal) = &event.signal else { return Ok(event.actions.first().map(|(_, action)| *action)) };
-        let Some(value) = value(signal, payload)? else { return Ok(None) };
+        let Some(value) = signal.read(payload)? else { return Ok(None) };
         let before = self.values[index].replace(value);
         let counts = event.counts == Counts::InEveryFrame || before != Some(value);
         let asked = event.actions.iter().find(|(asking, _)| *asking == value).map(|(_, action)| *action);
@@ -86,13 +76,9 @@ impl Receiver {
     /// # Errors
     /// As [`Receiver::check`], which finds all of them.
     pub fn receive(&mut self, payload: &[u8]) -> Result<bool, FrameCheck> {
-        let mut load = Load::default();
-        for command in &self.message.commands {
-            let Some(value) = value(&command.signal, payload)? else { return Ok(false) };
-            load = plus(load, command.input.load(command.scale * value + command.offset));
-        }
-        self.pending = Some(load);
-        Ok(true)
+        let load = self.message.load(payload)?;
+        self.pending = load.or(self.pending);
+        Ok(load.is_some())
     }
 
     /// Whether a load waits to be judged.
@@ -128,11 +114,12 @@ impl Receiver {
     }
 }
 
-/// The finite value of a signal; `None` if the payload is multiplexed to others.
-fn value(signal: &MappedSignal, payload: &[u8]) -> Result<Option<f64>, FrameCheck> {
-    match signal.decode(payload).map_err(|Short| FrameCheck::Length)? {
-        Some(value) if !value.is_finite() => Err(FrameCheck::Value),
-        value => Ok(value),
+impl From<Unreadable> for FrameCheck {
+    fn from(unreadable: Unreadable) -> FrameCheck {
+        match unreadable {
+            Unreadable::Short => FrameCheck::Length,
+            Unreadable::NotFinite(_) => FrameCheck::Value,
+        }
     }
 }
 

@@ -2,11 +2,10 @@
 
 use alloc::vec::Vec;
 
+pub use super::protection::{Protection, ProtectionCheck, ProtectionFault};
 use crate::rig::Measurement;
 use resonarm_dynamics::arm::Load;
 use resonarm_protocol::{EmergencyCode, FrameFormat, Id, NodeState};
-use resonarm_wire::checksum::Checksum;
-use resonarm_wire::counter::Counter;
 use resonarm_wire::multiplex::Presence;
 use resonarm_wire::signal::Signal;
 
@@ -44,17 +43,6 @@ pub enum Lockstep {
     Sync,
 }
 
-/// Counter and checksum of a message.
-#[derive(Clone, Debug, Default)]
-pub struct Protection {
-    /// The alive counter.
-    pub counter: Option<Counter>,
-    /// The most frames that may be lost in a row.
-    pub most_lost: u64,
-    /// The checksum.
-    pub checksum: Option<Checksum>,
-}
-
 /// A signal, and in which payloads it is.
 #[derive(Clone, Debug)]
 pub struct MappedSignal {
@@ -65,22 +53,32 @@ pub struct MappedSignal {
 }
 
 impl MappedSignal {
-    /// Its value in a payload: `Ok(None)` if the payload is multiplexed to others.
+    /// Its finite value in a payload; `None` if the payload is multiplexed to others.
     ///
     /// # Errors
-    /// [`Short`] if the payload ends before it.
-    pub(super) fn decode(&self, payload: &[u8]) -> Result<Option<f64>, Short> {
+    /// [`Unreadable`] if the payload ends before it, or it is NaN or infinite.
+    pub fn read(&self, payload: &[u8]) -> Result<Option<f64>, Unreadable> {
         match self.presence.is_in(payload) {
-            Some(true) => self.signal.decode(payload).map(Some).ok_or(Short),
-            Some(false) => Ok(None),
-            None => Err(Short),
+            Some(true) => {}
+            Some(false) => return Ok(None),
+            None => return Err(Unreadable::Short),
+        }
+        match self.signal.decode(payload) {
+            Some(value) if value.is_finite() => Ok(Some(value)),
+            Some(value) => Err(Unreadable::NotFinite(value)),
+            None => Err(Unreadable::Short),
         }
     }
 }
 
-/// A payload that ends before a signal.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub(super) struct Short;
+/// Why a signal has no value in a payload.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub enum Unreadable {
+    /// The payload ends before it.
+    Short,
+    /// It is NaN or infinite.
+    NotFinite(f64),
+}
 
 /// A message that the plant takes.
 #[derive(Clone, Debug)]
@@ -99,6 +97,32 @@ pub struct Incoming {
     pub events: Vec<EventSignal>,
     /// Whether it is the message that answers samples in lockstep, and asks for [`Trigger::Sync`].
     pub is_sync: bool,
+}
+
+impl Incoming {
+    /// Whether every signal that it uses can be read in a payload.
+    ///
+    /// # Errors
+    /// [`Unreadable`] of the first that can't.
+    pub fn check(&self, payload: &[u8]) -> Result<(), Unreadable> {
+        let events = self.events.iter().filter_map(|event| event.signal.as_ref());
+        let mut used = events.chain(self.commands.iter().map(|command| &command.signal));
+        used.try_for_each(|signal| signal.read(payload).map(drop))
+    }
+
+    /// The load in a payload; `None` if the message has none, or the payload is multiplexed to others.
+    ///
+    /// # Errors
+    /// [`Unreadable`] of the first signal that can't be read.
+    pub fn load(&self, payload: &[u8]) -> Result<Option<Load>, Unreadable> {
+        let mut sum = Load::default();
+        for command in &self.commands {
+            let Some(value) = command.signal.read(payload)? else { return Ok(None) };
+            let Load { torque_nm, force_n } = command.input.load(command.scale * value + command.offset);
+            sum = Load { torque_nm: sum.torque_nm + torque_nm, force_n: sum.force_n + force_n };
+        }
+        Ok((!self.commands.is_empty()).then_some(sum))
+    }
 }
 
 /// A load in a message: scale · value + offset, in N or N·m.

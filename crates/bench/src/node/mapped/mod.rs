@@ -11,6 +11,7 @@ mod incoming;
 mod interface;
 pub mod mapping;
 mod outgoing;
+mod protection;
 
 use alloc::vec;
 use alloc::vec::Vec;
