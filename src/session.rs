@@ -135,7 +135,7 @@ pub(crate) fn frames_text(bus: &BusCounts) -> String {
         text += &format!(", {malformed} malformed");
     }
     if *limited_values > 0 {
-        text += &format!("; {limited_values} values beyond their signals, which said the nearest that they can");
+        text += &format!("; {limited_values} values were beyond the range of their signals, and the nearest was sent");
     }
     text
 }

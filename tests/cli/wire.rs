@@ -306,7 +306,7 @@ fn readings_of_a_log_are_those_of_the_bench() {
 fn what_a_log_lacks_is_a_gap() {
     let folder = bench();
     let folder = folder.path();
-    // More are lost than the index of a sample can say.
+    // More are lost than the index of a sample can count.
     logged(folder, RANDOM, |sample| !(1000..1700).contains(&sample) && sample != 3000);
     let log = fs::read_to_string(folder.join("bench.log")).unwrap();
     let wrong = |(number, line): (usize, &str)| match number {

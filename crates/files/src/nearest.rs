@@ -1,4 +1,4 @@
-//! The known name that somebody probably meant.
+//! The known name nearest to one that is not known.
 
 /// The name nearest to `got`, by the edits between them (Damerau–Levenshtein), if more than half of it agrees.
 pub(crate) fn nearest<'a>(got: &str, names: impl Iterator<Item = &'a str>) -> Option<String> {

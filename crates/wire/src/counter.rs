@@ -11,7 +11,7 @@ pub enum CounterError {
     /// A floating-point number.
     #[error("it is a floating-point number: a counter is an integer")]
     Float,
-    /// Fewer than two values, or more than the bits can say.
+    /// Fewer than two values, or more than the bits can represent.
     #[error("it has {got} values: with {bits} bits a counter has 2 to {most}")]
     Values {
         /// The values given.

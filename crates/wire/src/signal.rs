@@ -47,14 +47,14 @@ pub enum EncodeError {
         /// The value.
         value: f64,
     },
-    /// The value is beyond what the bits can say.
+    /// The value is beyond what the bits can represent.
     #[error("{value} is outside of {least} to {most}, the range of its bits")]
     OutOfRange {
         /// The value.
         value: f64,
-        /// The least value that the bits can say.
+        /// The least value that the bits can represent.
         least: f64,
-        /// The largest value that the bits can say.
+        /// The largest value that the bits can represent.
         most: f64,
     },
     /// The payload can't take it.
@@ -114,8 +114,8 @@ impl Signal {
         self.layout.extract_f64(payload).map(|raw| self.value(raw))
     }
 
-    /// Writes the nearest value that the bits can say, (value − offset) / scale rounded, halves to even counts, and
-    /// leaves all other bits as they are.
+    /// Writes the nearest value that the bits can represent, (value − offset) / scale rounded, halves to even counts,
+    /// and leaves all other bits as they are.
     ///
     /// # Errors
     /// [`EncodeError`] if the value is not finite or outside of [`Signal::range`] by more than half a count, or the
@@ -134,8 +134,8 @@ impl Signal {
         Ok(self.layout.insert_f64(raw, payload)?)
     }
 
-    /// The least and the largest value that the bits can say, in the unit of the signal: what is beyond is refused by
-    /// [`Signal::encode`]. A floating-point signal with a large scale may have infinite ones.
+    /// The least and the largest value that the bits can represent, in the unit of the signal: what is beyond is
+    /// refused by [`Signal::encode`]. A floating-point signal with a large scale may have infinite ones.
     pub fn range(&self) -> [f64; 2] {
         let [one, other] = self.ends();
         [one.min(other), one.max(other)]

@@ -133,7 +133,7 @@ pub struct FrameCounts {
     pub refused: u64,
     /// Refused under identifiers that only the plant sends.
     pub other_sender: u64,
-    /// Values in frames that were sent which their signals could not say: these say the nearest that they can.
+    /// Values in frames that were sent which their signals could not represent: the nearest was sent.
     pub limited_values: u64,
 }
 

@@ -53,8 +53,8 @@ impl PlantState {
         self.state
     }
 
-    /// Follows the table of states; returns `false` if it has no such event in this state. A load that acts ramps to zero
-    /// when it leaves operational, and a fault is forgotten when it is reset.
+    /// Follows the table of states; returns `false` if it has no such event in this state. A load that acts ramps to
+    /// zero when it leaves operational, and a fault is forgotten when it is reset.
     pub fn transition(&mut self, event: StateEvent) -> bool {
         let Some(to) = self.state.next(event) else { return false };
         let from = core::mem::replace(&mut self.state, to);

@@ -264,7 +264,7 @@ impl Signal {
     }
 
     /// The least and the largest value that the file allows, in its unit; None if the file says nothing, which it does
-    /// by two zeros. What the bits can say is another range: [`WireSignal::range`].
+    /// by two zeros. What the bits can represent is another range: [`WireSignal::range`].
     pub const fn limits(&self) -> Option<[f64; 2]> {
         self.limits
     }

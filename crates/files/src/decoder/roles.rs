@@ -24,7 +24,7 @@ enum Role {
     Event(EventSignal, Option<f64>),
     Quantity { channel: Channel, scale: f64, offset: f64 },
     Clipped(Channel),
-    Said(Source),
+    Report(Source),
 }
 
 /// What the signals of a message are to the plant.
@@ -69,7 +69,7 @@ impl MessageRoles {
                     (Some(channel), _) => Role::Quantity { channel, scale: *scale, offset: *offset },
                     (None, _) => continue,
                 },
-                source => Role::Said(source.clone()),
+                source => Role::Report(source.clone()),
             };
             roles.add(message, &reading.signal, role);
         }
@@ -166,12 +166,12 @@ impl Role {
                 vec![Meaning::Quantity { name, value: (value - *offset) / *scale, unit }]
             }
             Role::Clipped(channel) => vec![Meaning::Clipped { name: channel.name, is_clipped: value != 0.0 }],
-            Role::Said(source) => said(source, value).into_iter().collect(),
+            Role::Report(source) => report(source, value).into_iter().collect(),
         }
     }
 }
 
-fn said(source: &Source, value: f64) -> Option<Meaning> {
+fn report(source: &Source, value: f64) -> Option<Meaning> {
     match source {
         Source::State(numbers) => {
             let name = STATES.iter().zip(numbers).find(|(_, number)| **number == value).map(|(name, _)| *name);

@@ -311,7 +311,7 @@ fn directions(mapping: &Mapping) -> BTreeMap<Id, Direction> {
 }
 
 /// Writes a reading in its SI unit, and whether it is beyond its range: as a mark says, or at the end of what its
-/// signal can say, where a plant limits it.
+/// signal can represent, where a plant limits it.
 fn write_reading(of: &ReadingSignal, payload: &[u8], row: &mut Row<{ OUTPUTS.len() }>) {
     let (Ok(Some(got)), Source::Value { value, scale, offset }) = (of.signal.read(payload), &of.source) else { return };
     let (Value::Reading(place) | Value::Clipped(place)) = *value else { return };

@@ -348,7 +348,7 @@ pub struct BusCounts {
     pub other_sender: u64,
     /// Frames that came in and can't be any: of a length that CAN FD does not have.
     pub malformed: u64,
-    /// Values that signals of a user's protocol could not say, so that they said the nearest that they can; left out of
+    /// Values that signals of a user's protocol could not say, so that the nearest was sent; left out of
     /// documents if there are none.
     #[serde(skip_serializing_if = "is_zero")]
     pub limited_values: u64,

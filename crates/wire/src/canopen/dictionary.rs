@@ -346,7 +346,8 @@ impl Dictionary {
         self.entry(address).ok().and_then(|entry| entry.value.number()).unwrap_or(0)
     }
 
-    /// Sets a value of the node's own, the nearest that its type can say; an address without an entry changes nothing.
+    /// Sets a value of the node's own, the nearest that its type can represent; an address without an entry changes
+    /// nothing.
     pub fn set(&mut self, address: Address, number: f64) {
         if let Some(entry) = self.entry_mut(address) {
             (entry.value, entry.is_limited) = entry.value.nearest(number);

@@ -152,7 +152,7 @@ impl Server {
         &self.dictionary
     }
 
-    /// Sets a value of the node's own, the nearest that its type can say.
+    /// Sets a value of the node's own, the nearest that its type can represent.
     pub fn set(&mut self, address: Address, number: f64) {
         self.dictionary.set(address, number);
     }

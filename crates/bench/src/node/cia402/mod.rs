@@ -284,7 +284,7 @@ impl PlantInterface for Cia402Node {
         }
     }
 
-    /// A master enables drives, and nobody beside it: an operator can only disarm them, and reset their faults.
+    /// Only a master enables drives: an operator can disarm them and reset their faults.
     fn execute(&mut self, now_ns: u64, request: OperatorRequest) {
         self.look(now_ns);
         match request {

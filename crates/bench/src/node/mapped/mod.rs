@@ -1,8 +1,8 @@
 //! The plant's node on a user's own protocol: its messages are mapped to loads, requests and readings.
 //!
 //! Commands pass the same gate as those of Resonarm's protocol. They have no index, so the newest frames count as the
-//! answer to the sample published last, and are judged together, once a sample. What a command does not say keeps the
-//! share of the load that was taken last, for as long as that is valid.
+//! answer to the sample published last, and are judged together, once a sample. A message that has not come
+//! again keeps its share of the load for as long as its timeout.
 //!
 //! A drive is armed by its messages; the plant is operational as long as one drive is armed. A fault disarms all of
 //! them, and none is armed again but by a message.

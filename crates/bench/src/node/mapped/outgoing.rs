@@ -19,7 +19,7 @@ pub(super) struct Sender {
     counter: u64,
     waits: bool,
     due_ns: u64,
-    /// Values of the frame made last that its signals could not say.
+    /// Values of the frame made last that its signals could not represent.
     limited: u64,
 }
 
@@ -82,7 +82,7 @@ impl Sender {
         core::mem::take(&mut self.waits)
     }
 
-    /// The frame made last has been sent. Returns how many values its signals could not say.
+    /// The frame made last has been sent. Returns how many values its signals could not represent.
     pub fn sent(&mut self) -> u64 {
         self.waits = false;
         if let Some(counter) = &self.message.protection.counter {
@@ -92,7 +92,7 @@ impl Sender {
     }
 }
 
-/// Writes a value, the nearest that the bits can say; returns whether it was another by more than rounding.
+/// Writes a value, the nearest that the bits can represent; returns whether it was another by more than rounding.
 fn write(signal: &Signal, value: f64, payload: &mut [u8]) -> bool {
     match signal.encode(value, payload) {
         Ok(()) => false,

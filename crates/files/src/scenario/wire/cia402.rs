@@ -90,7 +90,7 @@ mod tests {
         insta::assert_snapshot!(said(&wire(&format!("arm = \"operator\"\n{DRIVES}"))), @"[wire]: with a `preset` the messages are given: leave out `dbc`, `node`, `arm`, `sync`, `commands`, `events` and `readings`");
         insta::assert_snapshot!(said(&format!("[wire]\ndbc = \"a.dbc\"\n{DRIVES}")), @r#"[wire]: `drives` and `timeout_s` belong to a `preset`: give one, as "odrive""#);
         insta::assert_snapshot!(said("[wire]\ndbc = \"a.dbc\"\ntimeout_s = 1.0\n"), @r#"[wire]: `drives` and `timeout_s` belong to a `preset`: give one, as "odrive""#);
-        insta::assert_snapshot!(said("[wire]\nnode = \"Arm\"\n"), @"[wire] says no protocol: give `dbc`, the file with the messages, or `preset`");
+        insta::assert_snapshot!(said("[wire]\nnode = \"Arm\"\n"), @"[wire] names no protocol: give `dbc`, the file with the messages, or `preset`");
         insta::assert_snapshot!(said(&wire(&format!("lockstep = \"command\"\n{DRIVES}"))), @r#"wire.lockstep: with `preset = "cia402"` a SYNC answers a sample: give `lockstep = "sync"`"#);
     }
 

@@ -263,7 +263,7 @@ impl Compiler<'_> {
                         place,
                         name: "constant",
                         got: value,
-                        expected: "a number that the signal can say",
+                        expected: "a number within the signal's range",
                     })?;
                 }
                 _ => signals.push(self.source(&place, source, signal)?),

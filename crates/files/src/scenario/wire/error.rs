@@ -182,15 +182,15 @@ pub enum WireError {
         /// All of them.
         known: String,
     },
-    /// A signal that can't say what it has to.
+    /// A signal with a range too small for its quantity.
     #[error(
-        "{place}: it says {least} to {most} {unit}, and {what} goes from {from} to {to}: widen the signal, or lower {limit}",
+        "{place}: its range is {least} to {most} {unit}, and {what} goes from {from} to {to}: widen the signal, or lower {limit}",
         least = short(.least), most = short(.most), from = rounded(.from, 6), to = rounded(.to, 6)
     )]
     Range {
         /// Where.
         place: Place,
-        /// The least that it can say, in its unit.
+        /// The least that it can represent, in its unit.
         least: f64,
         /// The largest.
         most: f64,
@@ -314,7 +314,7 @@ pub enum WireError {
     )]
     NoLockstep,
     /// Nothing says which protocol it is.
-    #[error("[wire] says no protocol: give `dbc`, the file with the messages, or `preset`")]
+    #[error("[wire] names no protocol: give `dbc`, the file with the messages, or `preset`")]
     NeitherDbcNorPreset,
     /// Only SYNC answers samples.
     #[error("wire.lockstep: with `preset = \"{preset}\"` a SYNC answers a sample: give `lockstep = \"sync\"`")]

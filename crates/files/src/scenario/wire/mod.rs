@@ -276,7 +276,7 @@ pub struct SourceSpec {
     /// Always this.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub constant: Option<f64>,
-    /// Whether it is the index of the sample, modulo what the signal can say.
+    /// Whether it is the index of the sample, modulo what the signal can represent.
     pub sample: bool,
 }
 

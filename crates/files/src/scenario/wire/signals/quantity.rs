@@ -9,7 +9,7 @@ use crate::scenario::wire::error::{Place, WireError};
 use resonarm_bench::node::mapped::mapping::{Source, Value};
 use resonarm_bench::structure::{Channel, Kind, LOADS, OUTPUTS, Quantity, STATES};
 
-/// The channels that a signal can say, with their values: readings, states and held loads.
+/// The channels that a signal can carry, with their values: readings, states and held loads.
 fn channels() -> impl Iterator<Item = (Channel, Value)> {
     let readings = OUTPUTS.into_iter().enumerate().map(|(place, channel)| (channel, Value::Reading(place)));
     let loads = LOADS.into_iter().enumerate().map(|(place, channel)| (channel, Value::Load(place)));
