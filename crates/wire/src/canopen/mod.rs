@@ -33,7 +33,7 @@ mod tests;
 
 pub use abort::Abort;
 pub use nmt::{NmtCommand, NmtState};
-pub use pdo::{EVENT_TYPE, PDOS, PdoDefaults, add_pdos, mapping_word};
+pub use pdo::{EVENT_TYPE, EnabledPdo, PDOS, PdoDefaults, add_pdos, enabled_pdos, mapping_word};
 pub use server::{Device, Handled, Server};
 
 /// The identifier of network management.
