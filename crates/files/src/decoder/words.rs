@@ -117,29 +117,36 @@ pub(super) fn error_register(register: u8) -> String {
     if set.is_empty() { String::from("no error") } else { set.join(", ") }
 }
 
-/// An error code: one that the drives of this program send, else its class (CiA 301, table 26).
-pub(super) const fn error(code: u16) -> &'static str {
-    match code {
-        0x0000..=0x00FF => "no error, or it is over",
-        0x6100 => "internal software: the simulation failed",
-        0x8100 => "communication: the bus was lost, or took no frames",
-        0x8250 => "RPDO timeout: no target was taken in time",
-        0x8200 => "protocol error: a second SYNC for one sample",
-        0xFF01 => "the exciter tripped, by travel",
-        0xFF02 => "ticks were missed",
-        0x1000..=0x1FFF => "generic error",
-        0x2000..=0x2FFF => "current",
-        0x3000..=0x3FFF => "voltage",
-        0x4000..=0x4FFF => "temperature",
-        0x5000..=0x5FFF => "hardware of the device",
-        0x6000..=0x6FFF => "software of the device",
-        0x7000..=0x7FFF => "additional modules",
-        0x8100..=0x81FF => "communication",
-        0x8200..=0x82FF => "protocol error",
-        0x8000..=0x8FFF => "monitoring",
-        0x9000..=0x9FFF => "external error",
-        0xF000..=0xF0FF => "additional functions",
-        0xFF00..=0xFFFF => "specific to the device",
+/// The error codes that the drives of this program send.
+const ERRORS: [(u16, &str); 6] = [
+    (0x6100, "internal software: the simulation failed"),
+    (0x8100, "communication: the bus was lost, or took no frames"),
+    (0x8200, "protocol error: a second SYNC for one sample"),
+    (0x8250, "RPDO timeout: no target was taken in time"),
+    (0xFF01, "the exciter tripped, by travel"),
+    (0xFF02, "ticks were missed"),
+];
+
+/// An error code in words, or its class (CiA 301, table 26).
+pub(super) fn error(code: u16) -> &'static str {
+    if let Some((_, words)) = ERRORS.iter().find(|(own, _)| *own == code) {
+        return words;
+    }
+    match code >> 8 {
+        0x00 => "no error, or it is over",
+        0x10..=0x1F => "generic error",
+        0x20..=0x2F => "current",
+        0x30..=0x3F => "voltage",
+        0x40..=0x4F => "temperature",
+        0x50..=0x5F => "hardware of the device",
+        0x60..=0x6F => "software of the device",
+        0x70..=0x7F => "additional modules",
+        0x81 => "communication",
+        0x82 => "protocol error",
+        0x80 | 0x83..=0x8F => "monitoring",
+        0x90..=0x9F => "external error",
+        0xF0 => "additional functions",
+        0xFF => "specific to the device",
         _ => "no code of CiA 301",
     }
 }
