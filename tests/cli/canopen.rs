@@ -178,7 +178,7 @@ fn states_and_torques_of_a_log_are_those_of_the_bench() {
             ");
         } else {
             assert_snapshot!(said.stdout, @"
-            bus.mcap: 5260 frames of 3.148 s; left out 0 of other interfaces and 0 lines or objects that are no frames
+            bus.mcap: 5260 frames of 3.149 s; left out 0 of other interfaces and 0 lines or objects that are no frames
             no readings: the wire does not carry head_force_x_n, head_force_y_n, acceleration_b_x_m_s2, acceleration_b_y_m_s2, acceleration_c_x_m_s2, acceleration_c_y_m_s2
             states and commanded loads of 1050 samples; 0 samples missing in 0 gaps, 0 left out for want of some of their frames
             ");
@@ -198,7 +198,7 @@ fn states_and_torques_of_a_log_are_those_of_the_bench() {
             }
         }
     }
-    assert_snapshot!(complaint(folder, 2, &["compare", "bus.mcap"]), @"resonarm: bus.mcap: the recording was imported from bus.log and has no readings, by which responses are read: `import` names those that its wire does not carry");
+    assert_snapshot!(complaint(folder, 2, &["compare", "bus.mcap"]), @"resonarm: the recording was imported from bus.log and has no readings, by which responses are read: `import` names those that its wire does not carry");
     assert_snapshot!(complaint(folder, 2, &["identify", "bus.mcap"]), @"resonarm: the recording was imported from bus.log and has no readings: `import` names those that its wire does not carry");
 }
 
