@@ -146,3 +146,7 @@ fn measurement(index: u64, sample: &SampleRecord) -> Measurement {
         acceleration_c_m_s2: pair(sample.acceleration_c_m_s2, sample.clipped.acceleration_c),
     }
 }
+
+#[cfg(test)]
+#[path = "wire_responses_tests.rs"]
+mod tests;
