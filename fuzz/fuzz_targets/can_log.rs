@@ -17,7 +17,8 @@ fuzz_target!(|input: &[u8]| {
     fs::create_dir_all(&folder).expect("a folder for the files");
     let (path, imported) = (folder.join("log"), folder.join("imported.mcap"));
     fs::write(&path, log).expect("the log");
-    let options = ImportOptions { scenario: None, interface: None, existing: Existing::Overwrite, clock: SampleClock::default() };
+    let options =
+        ImportOptions { scenario: None, interface: None, existing: Existing::Overwrite, clock: SampleClock::default() };
     if let Ok(done) = import(&path, format, &imported, &options) {
         let recording = Recording::open(&imported).expect("what was imported can be opened");
         let frames = recording.frames().expect("its frames").map(|frame| frame.expect("a whole frame"));

@@ -47,7 +47,12 @@ impl Log {
     fn begin(&mut self, path: &Path) -> Result<(), ImportError> {
         let Log::Waiting(waiting) = self else { return Ok(()) };
         let Some(earliest) = waiting.iter().min_by_key(|logged| logged.time_ns) else { return Ok(()) };
-        let options = ImportOptions { scenario: None, interface: None, existing: Existing::Overwrite, clock: SampleClock::default() };
+        let options = ImportOptions {
+            scenario: None,
+            interface: None,
+            existing: Existing::Overwrite,
+            clock: SampleClock::default(),
+        };
         let mut log = FrameLog::create(path, "python-can", earliest, (path, Naming::FirstRecord), &options)?;
         for logged in waiting.iter() {
             log.push(logged)?;

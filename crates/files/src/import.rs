@@ -5,8 +5,8 @@
 //! `resonarm-session`). It has no states, so it can't be simulated again.
 //!
 //! With a scenario that has a protocol of its own the recording holds readings as well, if that carries all of them
-//! every sample, and likewise states with the commanded loads; CANopen drives have states and loads. Nothing is interpolated: what is not in the log is a
-//! gap.
+//! every sample, and likewise states with the commanded loads; CANopen drives have states and loads. Nothing is
+//! interpolated: what is not in the log is a gap.
 
 mod drives;
 mod index;

@@ -1,5 +1,5 @@
-//! Frames of a user's own protocol explained: by a DBC alone, or also by what a scenario's `[wire]` makes of them, which
-//! may also be CANopen drives.
+//! Frames of a user's own protocol explained: by a DBC alone, or also by what a scenario's `[wire]` makes of them,
+//! which may also be CANopen drives.
 //!
 //! A decoder listens as the plant and its controller do: it checks length, checksum and counter of every mapped
 //! message, and keeps the last value of every signal with requests. What the plant refuses for another reason, such as

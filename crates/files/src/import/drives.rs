@@ -88,7 +88,8 @@ impl DriveGatherer {
         *self.found.refused_frames.entry(message.to_string()).or_default() += 1;
     }
 
-    /// Takes in the states that a PDO carries. One at the end of what 32 bits can represent is none: the drive limits it.
+    /// Takes in the states that a PDO carries. One at the end of what 32 bits can represent is none: the drive limits
+    /// it.
     fn read(&mut self, spec: &DriveSpec, number: u16, values: &[(Address, Value)], time_ns: u64) {
         let states = values.iter().filter_map(|(address, value)| {
             let joint = usize::from(spec.joint == Joint::Second);

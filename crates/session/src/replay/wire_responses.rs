@@ -1,8 +1,8 @@
 //! The responses to a controller on a scenario's own protocol, read from the readings in a recording.
 //!
 //! Such a controller is not Resonarm's, so it is not run again. It must have played the excitation of the scenario:
-//! every commanded load is that of the excitation, within half a count of its signals, at most a sample early or late. Of
-//! CANopen drives the loads are the targets, and a count is a thousandth of the rated torque.
+//! every commanded load is that of the excitation, within half a count of its signals, at most a sample early or late.
+//! Of CANopen drives the loads are the targets, and a count is a thousandth of the rated torque.
 
 use alloc::collections::BTreeMap;
 

@@ -113,8 +113,8 @@ mod tests {
         insta::assert_snapshot!(said(&format!("{shaker}\n{}", wire(DRIVES))), @"[wire]: a drive exerts a torque, and a shaker takes none: leave out [rig.shaker]");
     }
 
-    /// Bits at 1 kHz with the most stuff bits, and three of intermission: SYNC 55; of each drive an RPDO of 4 bytes, 95, a
-    /// TPDO of 8 bytes, 135, and, 100 times a second, one of 5 bytes, 105; a heartbeat a second, 65.
+    /// Bits at 1 kHz with the most stuff bits, and three of intermission: SYNC 55; of each drive an RPDO of 4 bytes,
+    /// 95, a TPDO of 8 bytes, 135, and, 100 times a second, one of 5 bytes, 105; a heartbeat a second, 65.
     #[test]
     fn a_bus_that_can_not_carry_the_drives_is_refused() {
         let at = |rate: u32, bit_rate: u32| {

@@ -48,8 +48,8 @@ fn received_per_second(database: &Database, id: Id, rate_hz: f64) -> f64 {
     cycle_ms.filter(|cycle_ms| *cycle_ms > 0.0).map_or(rate_hz, |cycle_ms| 1e3 / cycle_ms)
 }
 
-/// The same of CANopen drives with the PDOs that they have after power-on. SYNC comes once a sample, and with it a target
-/// for each drive; what has an event timer is sent by that. A SYNC has no data, as its counter is optional.
+/// The same of CANopen drives with the PDOs that they have after power-on. SYNC comes once a sample, and with it a
+/// target for each drive; what has an event timer is sent by that. A SYNC has no data, as its counter is optional.
 pub(super) fn check_drives(scenario: &Scenario, spec: &Cia402Spec) -> Result<(), ScenarioError> {
     let Some(bus) = scenario.bus_of_bit_rate()? else { return Ok(()) };
     let frames = |bytes: usize, per_second: f64| {

@@ -141,3 +141,60 @@ fn frames_that_break_the_rules_differ_from_foreign_ones() {
         assert_eq!(bus.hear(foreign), Heard::Foreign, "{foreign}");
     }
 }
+
+/// SplitMix64.
+struct Random(u64);
+
+impl Random {
+    fn below(&mut self, most: usize) -> usize {
+        self.0 = self.0.wrapping_add(0x9E37_79B9_7F4A_7C15);
+        let z = (self.0 ^ self.0 >> 30).wrapping_mul(0xBF58_476D_1CE4_E5B9);
+        let z = (z ^ z >> 27).wrapping_mul(0x94D0_49BB_1331_11EB);
+        ((z ^ z >> 31) % most as u64) as usize
+    }
+
+    /// A request that is often one that a node understands: PDO parameters, segments, or anything.
+    fn request(&mut self) -> [u8; 8] {
+        let mut request = [(); 8].map(|()| self.below(256) as u8);
+        let indices = [0x1008_u16, 0x1017, 0x1400, 0x1600, 0x1601, 0x1800, 0x1A00, 0x2003];
+        let [low, high] = indices[self.below(indices.len())].to_le_bytes();
+        (request[1], request[2], request[3]) = (low, high, self.below(4) as u8);
+        let commands = [0x23, 0x2B, 0x2F, 0x22, 0x20, 0x21, 0x40, 0x60, 0x70, 0x00, 0x10, 0x01, 0x11, 0x80];
+        request[0] = commands[self.below(commands.len())];
+        let words = [0x8000_0205_u32, 0x205, 0x185, 0x8000_0185, 0x2000_0010, 0x2004_0020, 0, 1, 2, 4];
+        if self.below(3) > 0 {
+            request[4..].copy_from_slice(&words[self.below(words.len())].to_le_bytes());
+        }
+        request
+    }
+}
+
+/// The first steps of a mapping by CiA 301: RPDO 1 disabled, no entries, the first entry.
+const DISABLE: [u8; 8] = [0x23, 0x00, 0x14, 1, 0x05, 0x02, 0, 0x80];
+const NO_ENTRIES: [u8; 8] = [0x2F, 0x00, 0x16, 0, 0, 0, 0, 0];
+const MAP: [u8; 8] = [0x23, 0x00, 0x16, 1, 0x20, 0, 0x04, 0x20];
+
+/// Whatever a master asks for, the listener has the node's parameters of communication.
+#[test]
+fn a_listener_has_the_parameters_of_the_node_after_any_requests() {
+    let mut random = Random(7);
+    let mut bus = Bus::new();
+    let mut mappings = 0;
+    for _ in 0..50_000 {
+        match random.below(200) {
+            0 => drop(bus.send(NMT_ID, &[[1, 2, 0x80, 0x81, 0x82][random.below(5)], NODE])),
+            1 => [DISABLE, NO_ENTRIES, MAP].iter().for_each(|request| drop(bus.send(0x605, request))),
+            _ => drop(bus.send(0x605, &random.request())),
+        }
+        let [ours, theirs] = [bus.listener.dictionary(), bus.master.server.dictionary()];
+        for (ours, theirs) in ours.objects().iter().zip(theirs.objects()).filter(|(object, _)| object.index < 0x2000) {
+            let values = |object: &crate::canopen::dictionary::Object| {
+                object.entries.iter().map(|entry| entry.value).collect::<Vec<_>>()
+            };
+            assert_eq!(values(ours), values(theirs), "{:x}", ours.index);
+        }
+        mappings += usize::from(theirs.number(at(0x1600, 1)) == 0x2004_0020);
+    }
+    // The requests do set mappings.
+    assert!(mappings > 100, "{mappings}");
+}
