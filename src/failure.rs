@@ -230,6 +230,7 @@ fn run(error: &RunError) -> Exit {
         | RunError::Spin(_)
         | RunError::FreeHasNoBus
         | RunError::WireWithoutExciter
+        | RunError::WireLacks(_)
         | RunError::BitErrors { .. }
         | RunError::TimedInRealTime { .. } => Exit::Usage,
         RunError::NoRealTimeThread { .. }

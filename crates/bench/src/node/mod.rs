@@ -22,6 +22,7 @@
 
 mod carried;
 pub mod cia402;
+mod exciter_interface;
 mod guard;
 mod hold;
 mod interface;
@@ -33,6 +34,7 @@ mod sample;
 mod wire;
 
 pub use carried::{Carried, ExciterNode, ExciterOutcome, carry};
+pub use exciter_interface::ExciterInterface;
 pub use interface::{FrameCheck, FrameCounts, FrameFault, PlantInterface, PublishError, PublishedSample, WireEvent};
 pub use plant::PlantNode;
 pub use refusals::Refusals;
