@@ -14,7 +14,7 @@ pub mod wire;
 
 pub use error::ScenarioError;
 pub use network::NetworkSection;
-pub use wire::{WireError, WireLack, WireSection};
+pub use wire::{LockstepSpec, WireError, WireLack, WireSection};
 
 use std::path::Path;
 

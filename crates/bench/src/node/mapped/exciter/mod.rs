@@ -367,7 +367,7 @@ impl MappedExciter {
         if let Some(state) = heard.state {
             self.watch(now_ns, self.listeners[place].drive(), state);
         }
-        if is_first && self.phase == Phase::Arming {
+        if is_first && self.phase == Phase::Arming && self.lockstep.is_none() {
             self.ask_for_arming(now_ns);
         }
         self.answer_if_whole(now_ns);
