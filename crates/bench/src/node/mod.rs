@@ -32,6 +32,7 @@ mod plant_state;
 mod refusals;
 mod sample;
 mod wire;
+mod work;
 
 pub use carried::{Carried, ExciterNode, ExciterOutcome, carry};
 pub use exciter_interface::ExciterInterface;

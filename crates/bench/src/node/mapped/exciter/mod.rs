@@ -22,39 +22,16 @@ use self::page::{Ask, Page};
 use self::samples::Samples;
 use super::mapping::{Arming, Lockstep, Mapping};
 use crate::control::{Answer, Controller};
-use crate::node::{Carried, ExciterOutcome, FrameCounts, TimeBase, Timing, WireEvent};
+use crate::node::work::{Phase, Unanswered, Work};
+use crate::node::{ExciterOutcome, TimeBase, Timing};
 use crate::rig::Measurement;
 use crate::structure::LOADS;
 use resonarm_dynamics::arm::Load;
-use resonarm_protocol::node::{Listening, Queue};
-use resonarm_protocol::{Emergency, EmergencyCode, Id, Node, NodeState, StateEvent};
+use resonarm_protocol::{Emergency, EmergencyCode, NodeState};
 
-/// Most events that wait to be fetched.
-const EVENTS: usize = 64;
-/// Time between two attempts to arm or disarm the plant, ns. In lockstep longer than a busy machine stops a process: a
-/// second command would count as the answer to the first sample.
-const RETRY_NS: u64 = 100_000_000;
-const LOCKSTEP_RETRY_NS: u64 = 400_000_000;
 /// How often a plant that was asked to arm says that it is not before it is asked from the start: more than can be on
 /// their way.
 const UNARMED: u32 = 4;
-/// How often a plant that is silent, or that says it is armed, is asked to disarm.
-const SILENT_TRIES: u32 = 3;
-const DEAF_TRIES: u32 = 30;
-
-/// The phase of the work.
-#[derive(Clone, Copy, Debug, PartialEq)]
-enum Phase {
-    /// Arming the plant.
-    Arming,
-    /// Answering samples.
-    Playing,
-    /// Disarming the plant, for this outcome.
-    Disarming(ExciterOutcome),
-    /// The work has ended with this outcome.
-    Done(ExciterOutcome),
-}
-
 /// A drive that takes commands.
 #[derive(Clone, Copy, Debug)]
 struct Drive {
@@ -81,33 +58,20 @@ pub struct MappedExciter {
     listeners: Vec<Listener>,
     samples: Samples,
     drives: Vec<Drive>,
-    carried: Carried,
     lockstep: Option<Lockstep>,
-    timing: Timing,
-    listening: Listening,
-    phase: Phase,
-    state: NodeState,
+    work: Work,
     /// The load that is commanded.
     load: Load,
     /// Pages that wait to be sent, with what they ask for.
     queue: VecDeque<(usize, Ask)>,
-    /// Since when, in time listened, frames wait and none was sent.
-    jammed_since_ns: Option<u64>,
-    retry_at_ns: u64,
-    tries: u32,
     /// How often the plant has said that it is not armed since it was asked to.
     unarmed: u32,
     begins_anew: bool,
     /// Whether the plant was on the bus when it was asked to arm last.
     is_asked: bool,
-    is_leaving: bool,
-    has_heard: bool,
-    heard_since_asked: bool,
     reason: Option<Reason>,
     /// When the readings have to be asked for next, and how often, ns of the clock.
     sync: Option<(u64, u64)>,
-    frames: FrameCounts,
-    events: Queue<WireEvent, EVENTS>,
 }
 
 impl MappedExciter {
@@ -133,26 +97,14 @@ impl MappedExciter {
             samples: Samples::new(&listeners, every),
             pages,
             listeners,
-            carried: Carried::new(controller),
             lockstep,
-            timing,
-            listening: Listening::new(timing.look_period_ns),
-            phase: Phase::Arming,
-            state: NodeState::BootUp,
+            work: Work::new(time_base, timing, controller),
             load: Load::default(),
-            jammed_since_ns: None,
-            retry_at_ns: 0,
-            tries: 0,
             unarmed: 0,
             begins_anew: false,
             is_asked: false,
-            is_leaving: false,
-            has_heard: false,
-            heard_since_asked: false,
             reason: None,
             sync: comes_on_sync.then_some((0, period_ns)),
-            frames: FrameCounts::default(),
-            events: Queue::new(),
         };
         exciter.check(mapping)?;
         exciter.check_load(&Load::default())?;
@@ -176,7 +128,7 @@ impl MappedExciter {
                 return Err(ExciterLack::Disarming { drive: *number });
             }
         }
-        let needs = self.carried.needs();
+        let needs = self.work.carried.needs();
         let is_lacking = |place: &usize| needs[*place] && (self.samples.every > 1 || !self.reads(*place));
         let needed: Vec<usize> = (0..Measurement::CHANNELS).filter(is_lacking).collect();
         if needed.is_empty() { Ok(()) } else { Err(ExciterLack::Readings { needed }) }
@@ -219,20 +171,14 @@ impl MappedExciter {
         remarks.into_iter().flatten().collect()
     }
 
-    fn transition(&mut self, event: StateEvent) {
-        let Some(to) = self.state.next(event) else { return };
-        let from = core::mem::replace(&mut self.state, to);
-        self.events.push(WireEvent::State { from, to });
-    }
-
     /// Lets a page wait to be sent. One that waits already is sent with the newest load.
     fn push(&mut self, page: usize, ask: Ask) {
         if self.queue.contains(&(page, ask)) {
-            self.frames.unsent += 1;
+            self.work.frames.unsent += 1;
             return;
         }
         self.queue.push_back((page, ask));
-        self.jammed_since_ns.get_or_insert(self.listening.listened_ns());
+        self.work.frame_waits();
     }
 
     /// Lets all pages wait that ask for this.
@@ -247,13 +193,8 @@ impl MappedExciter {
     /// Asks for nothing that waits any more, and for no load.
     fn clear(&mut self) {
         self.queue.clear();
-        (self.load, self.jammed_since_ns) = (Load::default(), None);
-    }
-
-    fn retry(&mut self, now_ns: u64) {
-        let period_ns = if self.lockstep.is_some() { LOCKSTEP_RETRY_NS } else { RETRY_NS };
-        self.retry_at_ns = now_ns.saturating_add(period_ns);
-        self.heard_since_asked = false;
+        self.load = Load::default();
+        self.work.frame_sent(false);
     }
 
     /// Asks the plant to arm. A signal that counts when it changes goes back to rest before only if the plant says that
@@ -261,7 +202,7 @@ impl MappedExciter {
     ///
     /// A plant in lockstep that waits for the answer to a sample is armed already, and will say so.
     fn ask_for_arming(&mut self, now_ns: u64) {
-        self.retry(now_ns);
+        self.work.asked(now_ns);
         if self.lockstep.is_some() && self.samples.is_whole && self.unarmed < UNARMED {
             return;
         }
@@ -277,46 +218,32 @@ impl MappedExciter {
         (self.begins_anew, self.unarmed) = (false, 0);
         self.samples.is_whole &= self.says_state();
         // In lockstep a plant says nothing before it is armed.
-        self.is_asked = self.has_heard || self.lockstep.is_some();
+        self.is_asked = self.work.has_heard || self.lockstep.is_some();
     }
 
     /// The plant is armed: its samples are answered from the next whole one on, or from one that waits.
     fn begin(&mut self, now_ns: u64) {
-        self.phase = Phase::Playing;
-        self.samples.heard_ns = self.listening.listened_ns();
-        self.transition(StateEvent::Arm);
+        self.work.begin();
         self.answer_if_whole(now_ns);
     }
 
     fn disarm(&mut self, now_ns: u64, outcome: ExciterOutcome) {
-        self.phase = Phase::Disarming(outcome);
-        self.tries = 0;
-        self.transition(StateEvent::Disarm);
+        self.work.disarm(outcome);
         self.ask_for_disarming(now_ns);
     }
 
     fn ask_for_disarming(&mut self, now_ns: u64) {
-        self.tries += 1;
-        self.retry(now_ns);
+        self.work.asked(now_ns);
         self.clear();
         self.ask(Ask::Disarm);
     }
 
-    /// The plant has not said that it is disarmed. One that is silent has stopped or has ended its run; its own timeout
-    /// disarms it in any case.
+    /// The plant has not said that it is disarmed.
     fn disarm_again(&mut self, now_ns: u64, outcome: ExciterOutcome) {
-        if !self.heard_since_asked && self.tries >= SILENT_TRIES {
-            self.phase = Phase::Done(outcome);
-        } else if self.tries >= DEAF_TRIES {
-            self.fault(self.own(EmergencyCode::PartnerFault, u16::from(Node::Plant.number())));
-        } else {
-            self.ask_for_disarming(now_ns);
-        }
-    }
-
-    fn stop(&mut self, now_ns: u64) {
-        if matches!(self.phase, Phase::Arming | Phase::Playing) {
-            self.disarm(now_ns, ExciterOutcome::Stopped);
+        match self.work.unanswered() {
+            Unanswered::Ask => self.ask_for_disarming(now_ns),
+            Unanswered::Ended => self.work.phase = Phase::Done(outcome),
+            Unanswered::Deaf => self.fault(self.work.of_plant(None)),
         }
     }
 
@@ -324,42 +251,21 @@ impl MappedExciter {
     fn fault(&mut self, emergency: Emergency) {
         self.clear();
         self.ask(Ask::Disarm);
-        self.events.push(WireEvent::Emergency(emergency));
-        self.transition(StateEvent::Fault);
-        self.phase = Phase::Done(ExciterOutcome::Faulted(emergency));
-    }
-
-    fn own(&self, code: EmergencyCode, detail: u16) -> Emergency {
-        Emergency { node: Node::Exciter, code, detail, sample: self.last_sample() }
-    }
-
-    fn last_sample(&self) -> u16 {
-        self.samples.answered.unwrap_or(0) as u16
+        self.work.fault(emergency);
     }
 
     /// The plant's fault, by what its readings say of it.
     fn fault_of_plant(&mut self) {
-        let emergency = match self.reason {
-            Some(Reason::Code(code)) => Emergency { node: Node::Plant, code, detail: 0, sample: self.last_sample() },
-            Some(Reason::Other) | None => self.own(EmergencyCode::PartnerFault, u16::from(Node::Plant.number())),
+        let code = match self.reason {
+            Some(Reason::Code(code)) => Some(code),
+            Some(Reason::Other) | None => None,
         };
-        self.fault(emergency);
-    }
-
-    /// Another node sends this one's messages: either of the two may control the plant.
-    fn meet_second_sender(&mut self, id: Id) {
-        self.frames.refused += 1;
-        self.frames.other_sender += 1;
-        self.events.push(WireEvent::OtherSender(id));
-        if !matches!(self.phase, Phase::Done(_)) {
-            self.fault(self.own(EmergencyCode::SecondSender, id.raw() as u16));
-        }
+        self.fault(self.work.of_plant(code));
     }
 
     /// A frame of the plant.
     fn take(&mut self, now_ns: u64, place: usize, heard: Heard) {
-        let is_first = !core::mem::replace(&mut self.has_heard, true);
-        self.heard_since_asked = true;
+        let is_first = self.work.hear();
         self.reason = heard.fault.or(self.reason.filter(|_| heard.state.is_none()));
         if self.listeners[place].is_of_sample && heard.ahead > 0 {
             self.samples.join(&mut self.listeners, place, heard.ahead);
@@ -367,7 +273,7 @@ impl MappedExciter {
         if let Some(state) = heard.state {
             self.watch(now_ns, self.listeners[place].drive(), state);
         }
-        if is_first && self.phase == Phase::Arming && self.lockstep.is_none() {
+        if is_first && self.work.phase == Phase::Arming && self.lockstep.is_none() {
             self.ask_for_arming(now_ns);
         }
         self.answer_if_whole(now_ns);
@@ -378,7 +284,7 @@ impl MappedExciter {
             return;
         };
         drive.state = Some(state);
-        match (self.phase, state) {
+        match (self.work.phase, state) {
             (Phase::Arming, NodeState::PreOperational) => self.unarmed = self.unarmed.saturating_add(1),
             (Phase::Arming, NodeState::Operational) if self.drives.iter().all(|drive| drive.is_armed(true)) => {
                 self.begin(now_ns);
@@ -386,7 +292,7 @@ impl MappedExciter {
             (Phase::Playing, NodeState::BootUp | NodeState::Fault) => self.fault_of_plant(),
             (Phase::Playing, NodeState::PreOperational) => self.disarm(now_ns, ExciterOutcome::Stopped),
             (Phase::Disarming(outcome), _) if !self.drives.iter().any(|drive| drive.is_armed(false)) => {
-                self.phase = Phase::Done(outcome);
+                self.work.phase = Phase::Done(outcome);
             }
             _ => {}
         }
@@ -397,11 +303,12 @@ impl MappedExciter {
         if self.is_armed_unsaid() {
             return self.begin(now_ns);
         }
-        if self.phase != Phase::Playing || !core::mem::take(&mut self.samples.is_whole) {
+        if self.work.phase != Phase::Playing || !core::mem::take(&mut self.samples.is_whole) {
             return;
         }
-        let measurement = self.samples.next(self.listening.listened_ns());
-        match self.carried.answer_sample(&measurement) {
+        let ahead = core::mem::take(&mut self.samples.ahead);
+        let measurement = self.samples.measurement(self.work.next_sample(ahead, self.samples.every));
+        match self.work.carried.answer_sample(&measurement) {
             Answer::Hold(load) if page::can_command(&self.pages, &load) => {
                 self.load = load;
                 for page in 0..self.pages.len() {
@@ -411,7 +318,7 @@ impl MappedExciter {
                     }
                 }
             }
-            Answer::Hold(_) => self.fault(self.own(EmergencyCode::CommandOutOfRange, 0)),
+            Answer::Hold(_) => self.fault(self.work.own(EmergencyCode::CommandOutOfRange, 0)),
             Answer::Finished => self.disarm(now_ns, ExciterOutcome::Finished),
             Answer::Aborted(abort) => self.disarm(now_ns, ExciterOutcome::Aborted(abort)),
         }
@@ -419,7 +326,7 @@ impl MappedExciter {
 
     /// Whether the plant is armed by all that is known: it says no state, was asked to arm, and sends samples.
     fn is_armed_unsaid(&self) -> bool {
-        let is_asked = self.phase == Phase::Arming && self.is_asked && self.queue.is_empty();
+        let is_asked = self.work.phase == Phase::Arming && self.is_asked && self.queue.is_empty();
         is_asked && self.samples.is_whole && !self.says_state()
     }
 
@@ -430,10 +337,10 @@ impl MappedExciter {
 
     /// Nothing waits to be sent any more: a plant that says no state has disarmed.
     fn all_is_sent(&mut self) {
-        if let Phase::Disarming(outcome) = self.phase
+        if let Phase::Disarming(outcome) = self.work.phase
             && !self.says_state()
         {
-            self.phase = Phase::Done(outcome);
+            self.work.phase = Phase::Done(outcome);
         }
     }
 }

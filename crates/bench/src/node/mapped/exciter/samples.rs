@@ -15,14 +15,9 @@ pub(super) struct Samples {
     closing: usize,
     pub counting: usize,
     /// Samples since the one that was answered last.
-    ahead: u64,
+    pub ahead: u64,
     /// Whether a whole one waits for its answer.
     pub is_whole: bool,
-    /// The index of the one that was answered last, from 0.
-    pub answered: Option<u64>,
-    pub missed: u64,
-    /// When the last whole one came, in time listened.
-    pub heard_ns: u64,
 }
 
 impl Samples {
@@ -38,20 +33,11 @@ impl Samples {
             counting,
             ahead: 0,
             is_whole: false,
-            answered: None,
-            missed: 0,
-            heard_ns: 0,
         }
     }
 
-    /// The whole sample that waits, counted from the first one after the plant was armed.
-    pub fn next(&mut self, listened_ns: u64) -> Measurement {
-        let ahead = core::mem::take(&mut self.ahead).max(1);
-        let sample = self.answered.map_or(0, |last| last.saturating_add(ahead));
-        if self.answered.is_some() {
-            self.missed += (ahead / self.every).saturating_sub(1);
-        }
-        (self.answered, self.heard_ns) = (Some(sample), listened_ns);
+    /// The whole sample that waits, with this index.
+    pub fn measurement(&self, sample: u64) -> Measurement {
         let reading = |place: usize| Reading { value: self.readings[place], clipped: self.clipped >> place & 1 == 1 };
         let pair = |place: usize| [reading(place), reading(place + 1)];
         Measurement { sample, head_force_n: pair(0), acceleration_b_m_s2: pair(2), acceleration_c_m_s2: pair(4) }
@@ -59,7 +45,7 @@ impl Samples {
 
     /// Forgets all samples.
     pub fn restart(&mut self) {
-        (self.ahead, self.is_whole, self.answered) = (0, false, None);
+        (self.ahead, self.is_whole) = (0, false);
     }
 
     /// A part of a sample has come, so many samples after the one before.

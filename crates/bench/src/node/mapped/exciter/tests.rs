@@ -12,9 +12,9 @@ use crate::control::{Controller, Length, LoadKind, ResponsePoint};
 use crate::node::mapped::MappedNode;
 use crate::node::mapped::mapping::*;
 use crate::node::mapped::tests::*;
-use crate::node::{ExciterInterface, FrameCheck, FrameFault, PlantInterface, PublishedSample, Refusals};
+use crate::node::{ExciterInterface, FrameCheck, FrameFault, PlantInterface, PublishedSample, Refusals, WireEvent};
 use crate::rig::{GateSpec, Reading};
-use resonarm_protocol::{Frame, FrameFormat, OperatorRequest, Refusal};
+use resonarm_protocol::{Frame, FrameFormat, Id, Node, OperatorRequest, Refusal};
 
 /// Holds one count more along x at each sample, and ends after some.
 #[derive(Debug)]
@@ -354,7 +354,8 @@ fn first_commands_of_zero_arm_where_nothing_else_does() {
 #[test]
 fn a_load_beyond_its_signal_is_a_fault_and_nothing_is_sent_of_it() {
     let mut pair = Pair::new(100_000);
-    pair.exciter.samples.answered = Some(40_000);
+    pair.exciter.work.next_sample(1, 1);
+    pair.exciter.work.next_sample(40_000, 1);
     pair.ticks(3);
     assert_eq!(pair.fault(), Some((Node::Exciter, EmergencyCode::CommandOutOfRange)));
     assert!(!pair.plant.is_armed() && pair.plant.latched_fault().is_none());
