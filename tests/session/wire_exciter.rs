@@ -10,9 +10,9 @@ use resonarm::scenario::{LockstepSpec, Scenario};
 
 const DWELL: &str = "[excitation]\namplitude = { force_y_n = 6.0 }\n\
     profile = { waveform = 'dwell', frequency_hz = 18.0, duration_s = 0.6, settle_s = 0.2 }\n";
-const DRIVES: &str = "[wire]\npreset = 'odrive'\ntimeout_s = 5.0\n\
-    drives = [{ node_id = 0, joint = 1, gear_ratio = 10.0 }, { node_id = 1, joint = 2 }]\n\
-    [excitation]\namplitude = { torque1_nm = 20.0, torque2_nm = 5.0 }\n\
+const ODRIVE: &str = "[wire]\npreset = 'odrive'\ntimeout_s = 5.0\n\
+    drives = [{ node_id = 0, joint = 1, gear_ratio = 10.0 }, { node_id = 1, joint = 2 }]\n";
+const TORQUES: &str = "[excitation]\namplitude = { torque1_nm = 20.0, torque2_nm = 5.0 }\n\
     profile = { waveform = 'dwell', frequency_hz = 18.0, duration_s = 0.6, settle_s = 0.2 }\n";
 
 /// The bench of `tests/cli/wire`, which carries all readings each sample.
@@ -120,11 +120,15 @@ fn in_real_time_it_plays_in_one_process() {
 }
 
 #[test]
-fn drives_of_odrive_are_armed_and_turn_both_joints() {
+fn drives_are_armed_and_turn_both_joints() {
     let folder = tempfile::tempdir().unwrap();
     let path = folder.path().join("run.mcap");
-    for (lockstep, mode) in [("", Mode::Free), ("[wire]\nlockstep = 'command'", Mode::Lockstep)] {
-        let scenario = scenario(&DRIVES.replace("[wire]", if lockstep.is_empty() { "[wire]" } else { lockstep }));
+    let in_lockstep = ODRIVE.replace("[wire]", "[wire]\nlockstep = 'command'");
+    let cia402 = include_str!("../../examples/canopen/drives.toml");
+    for (wire, mode) in
+        [(ODRIVE, Mode::Free), (&in_lockstep, Mode::Lockstep), (cia402, Mode::Free), (cia402, Mode::Lockstep)]
+    {
+        let scenario = scenario(&format!("{wire}\n{TORQUES}"));
         let report = both(&scenario, mode, &path);
         assert_eq!(report.plant.outcome, PlantOutcome::Disarmed, "{report:?}");
         assert_eq!(report.exciter.outcome, Some(ExciterOutcome::Finished), "{report:?}");
@@ -135,7 +139,7 @@ fn drives_of_odrive_are_armed_and_turn_both_joints() {
             .unwrap()
             .map(Result::unwrap)
             .fold([0.0_f64; 2], |most, state| [most[0].max(state.torque_nm[0]), most[1].max(state.torque_nm[1])]);
-        assert!((most[0] - 20.0).abs() < 0.5 && (most[1] - 5.0).abs() < 0.2, "{most:?}");
+        assert!((most[0] - 20.0).abs() < 0.5 && (most[1] - 5.0).abs() < 0.2, "{mode} {most:?}");
     }
 }
 
@@ -158,5 +162,5 @@ fn what_the_wire_lacks_is_refused_before_anything_is_written() {
     blind.wire.as_mut().unwrap().readings[1].every = Some(5);
     insta::assert_snapshot!(said(blind), @"the control is closed on head_force_x_n, head_force_y_n, and no message of every sample says them: give a [[wire.readings]] with `every = 1` and that `quantity`");
     let cia402 = format!("{}\n{DWELL}", include_str!("../../examples/canopen/drives.toml"));
-    insta::assert_snapshot!(said(scenario(&cia402)), @r#"the scenario has `preset = "cia402"`, whose master is yours: run the plant on a bus, in real time or lockstep; the emulated exciter speaks Resonarm's protocol, that of a DBC and `preset = "odrive"`"#);
+    insta::assert_snapshot!(said(scenario(&cia402)), @"the exciter's load has force_y_n, and no drive of wire.drives exerts so much of it: change the excitation");
 }

@@ -97,6 +97,22 @@ def test_two_axes_of_odrive(programs, tmp_path, lockstep):
     assert "identical" in run(RESONARM, "resim", path)
 
 
+@pytest.mark.parametrize("in_lockstep", [False, True])
+def test_canopen_drives(programs, tmp_path, in_lockstep):
+    text = (EXAMPLES / "canopen" / "drives.toml").read_text().replace("timeout_s = 0.5", "timeout_s = 5.0")
+    scenario = write(tmp_path, PATIENT + text + EXCITATION.format(load="torque1_nm = 20.0, torque2_nm = 10.0"))
+    path = tmp_path / "run.mcap"
+    if in_lockstep:
+        both = session(tmp_path, "vcan0", "vcan0", scenario)
+        plant, exciter = both.plant, both.exciter
+    else:
+        plant, exciter = in_real_time(programs, scenario, path)
+    assert (plant["outcome"], exciter["outcome"]) == ("disarmed", "finished")
+    torques = abs(Recording.whole(path).states[:, 4:6]).max(axis=0)
+    assert torques.tolist() == pytest.approx([20.0, 10.0], rel=0.05)
+    assert "identical" in run(RESONARM, "resim", path)
+
+
 class Spring:
     """Somebody's plant: a mass of 1 g that follows the force at once, by python-can and cantools, which answers each
     command with a reading."""

@@ -1,10 +1,12 @@
 //! The exciter's node as a run loop knows it, whatever protocol it speaks on the wire.
 
+use alloc::vec::Vec;
 use core::fmt;
 
 use resonarm_protocol::{Emergency, Frame, NodeState};
 
-use super::{Carried, ExciterNode, ExciterOutcome, FrameCounts, WireEvent};
+use super::{Carried, ExciterLack, ExciterNode, ExciterOutcome, ExciterRemark, FrameCounts, WireEvent};
+use resonarm_dynamics::arm::Load;
 
 /// The exciter's node with its controller: frames and the time go in, frames and events come out. Nothing allocates
 /// after construction.
@@ -53,6 +55,19 @@ pub trait ExciterInterface: fmt::Debug + Send {
 
     /// The controller, to steer it and to fetch what it has read.
     fn carried_mut(&mut self) -> &mut Carried;
+
+    /// Refuses a load that the wire can't command; of Resonarm's protocol the encoder does.
+    ///
+    /// # Errors
+    /// [`ExciterLack`] names the part that can't be.
+    fn check_load(&self, _load: &Load) -> Result<(), ExciterLack> {
+        Ok(())
+    }
+
+    /// What the exciter can't know on this wire.
+    fn remarks(&self) -> Vec<ExciterRemark> {
+        Vec::new()
+    }
 
     /// Handles a frame from the bus; frames of other nodes are ignored.
     fn handle_frame(&mut self, now_ns: u64, frame: &Frame);

@@ -23,6 +23,7 @@
 mod carried;
 pub mod cia402;
 mod exciter_interface;
+mod exciter_lack;
 mod guard;
 mod hold;
 mod interface;
@@ -36,6 +37,7 @@ mod work;
 
 pub use carried::{Carried, ExciterNode, ExciterOutcome, carry};
 pub use exciter_interface::ExciterInterface;
+pub use exciter_lack::{ExciterLack, ExciterRemark};
 pub use interface::{FrameCheck, FrameCounts, FrameFault, PlantInterface, PublishError, PublishedSample, WireEvent};
 pub use plant::PlantNode;
 pub use refusals::Refusals;

@@ -2,8 +2,7 @@
 
 use thiserror::Error;
 
-use resonarm_bench::node::PublishError;
-use resonarm_bench::node::mapped::exciter::ExciterLack;
+use resonarm_bench::node::{ExciterLack, PublishError};
 use resonarm_bench::plant::{PlantError, PlantSpecError};
 use resonarm_bus::BusError;
 use resonarm_files::recording::RecordingError;
@@ -31,12 +30,6 @@ pub enum RunError {
     /// A bus was given to a run without one.
     #[error("the mode free has no bus: plant and exciter run in one loop; take the mode lockstep")]
     FreeHasNoBus,
-    /// An exciter was asked for on a wire that it does not speak.
-    #[error(
-        "the scenario has `preset = \"cia402\"`, whose master is yours: run the plant on a bus, in real time or lockstep; the \
-         emulated exciter speaks Resonarm's protocol, that of a DBC and `preset = \"odrive\"`"
-    )]
-    WireWithoutExciter,
     /// A wire lacks something for the exciter.
     #[error(transparent)]
     WireLacks(#[from] ExciterLack),

@@ -4,8 +4,7 @@ use super::bench::Bench;
 use super::record_sink::RecordSink;
 use super::session::{Network, RecordTo};
 use super::{End, Mode, RunError, RunEvent, Session};
-use resonarm_bench::node::mapped::exciter::{ExciterRemark, MappedExciter};
-use resonarm_bench::node::{self, ExciterInterface, PlantInterface, PlantNode, TimeBase, WireSpec};
+use resonarm_bench::node::{self, ExciterInterface, ExciterRemark, PlantInterface, PlantNode, TimeBase};
 use resonarm_bus::{Filter, network_filters};
 use resonarm_files::recording::channels::Channels;
 use resonarm_files::recording::{self, Recorder};
@@ -34,18 +33,12 @@ impl Session {
 
     /// The exciter's node, of the scenario's own protocol or of Resonarm's.
     pub(super) fn exciter_node(&self) -> Result<Box<dyn ExciterInterface>, RunError> {
-        if self.wire.is_some() {
-            return Ok(Box::new(self.mapped_exciter()?));
-        }
         let (network, rate_hz) = (self.scenario.network()?, self.scenario.wire_rate_hz()?);
-        Ok(Box::new(node::carry(network, rate_hz, self.timing, self.controller()?)))
-    }
-
-    /// The exciter on the scenario's own protocol.
-    fn mapped_exciter(&self) -> Result<MappedExciter, RunError> {
-        let Some(WireSpec::Mapped(mapping)) = &self.wire else { return Err(RunError::WireWithoutExciter) };
-        let rate = (self.scenario.wire_rate_hz()?, self.time_base());
-        let node = MappedExciter::new(mapping, rate, self.timing, self.controller()?)?;
+        let controller = self.controller()?;
+        let Some(wire) = &self.wire else {
+            return Ok(Box::new(node::carry(network, rate_hz, self.timing, controller)));
+        };
+        let node = wire.exciter((rate_hz, self.time_base()), self.timing, controller)?;
         if let Some(amplitude) = self.scenario.amplitude().filter(|_| !self.has_own_controller()) {
             node.check_load(&amplitude.load())?;
         }
@@ -57,7 +50,7 @@ impl Session {
     /// # Errors
     /// [`RunError::WireLacks`] if it can't drive the plant by it.
     pub fn exciter_remarks(&self) -> Result<Vec<ExciterRemark>, RunError> {
-        self.wire.as_ref().map_or(Ok(Vec::new()), |_| Ok(self.mapped_exciter()?.remarks()))
+        Ok(self.exciter_node()?.remarks())
     }
 
     /// When the commands of the scenario's own protocol are judged. A free run on which every frame is there at once is

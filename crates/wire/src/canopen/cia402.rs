@@ -130,6 +130,14 @@ impl DriveState {
         }
     }
 
+    /// The state that a statusword says; `None` if its bits are those of none.
+    pub fn of(statusword: u16) -> Option<DriveState> {
+        // Bit 5, quick stop, says nothing in these.
+        let is_free = |state: DriveState| !matches!(state.bits(), 0x07 | 0x21 | 0x23 | 0x27);
+        let mask = |state| if is_free(state) { 0x4F } else { 0x6F };
+        DriveState::ALL.into_iter().find(|state| statusword & mask(*state) == state.bits())
+    }
+
     /// Whether it is a fault.
     pub const fn is_fault(self) -> bool {
         matches!(self, DriveState::FaultReactionActive | DriveState::Fault)
@@ -144,3 +152,21 @@ pub const REMOTE: u16 = 1 << 9;
 pub const LIMITED: u16 = 1 << 11;
 /// The bit of a statusword that says, in a cyclic mode, that the drive follows its target.
 pub const FOLLOWS: u16 = 1 << 12;
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_statusword_says_its_state_whatever_its_other_bits() {
+        for state in DriveState::ALL {
+            for other in [0, VOLTAGE, REMOTE | LIMITED, FOLLOWS | 0x8000] {
+                assert_eq!(DriveState::of(state.bits() | other), Some(state));
+            }
+        }
+        // Bit 5 says nothing of a drive that is switched off or in fault.
+        assert_eq!(DriveState::of(0x60), Some(DriveState::SwitchOnDisabled));
+        assert_eq!(DriveState::of(0x28), Some(DriveState::Fault));
+        assert_eq!(DriveState::of(0x05), None);
+    }
+}

@@ -1,8 +1,13 @@
 //! The mapped exciter as a run loop knows it.
 
-use super::{Ask, MappedExciter};
+use alloc::vec::Vec;
+
+use super::{Ask, MappedExciter, page};
 use crate::node::work::Phase;
-use crate::node::{Carried, ExciterInterface, ExciterOutcome, FrameCounts, WireEvent};
+use crate::node::{Carried, ExciterInterface, ExciterLack, ExciterOutcome, ExciterRemark, FrameCounts, WireEvent};
+use crate::rig::Measurement;
+use crate::structure::LOADS;
+use resonarm_dynamics::arm::Load;
 use resonarm_protocol::{EmergencyCode, Frame, FrameFormat, NodeState};
 
 impl MappedExciter {
@@ -67,6 +72,33 @@ impl ExciterInterface for MappedExciter {
 
     fn carried_mut(&mut self) -> &mut Carried {
         &mut self.work.carried
+    }
+
+    fn check_load(&self, load: &Load) -> Result<(), ExciterLack> {
+        if page::can_command(&self.pages, load) {
+            return Ok(());
+        }
+        let Load { torque_nm, force_n } = load;
+        let parts = [
+            Load::torque_nm(torque_nm.x, 0.0),
+            Load::torque_nm(0.0, torque_nm.y),
+            Load::force_n(force_n.x, 0.0),
+            Load::force_n(0.0, force_n.y),
+        ];
+        let part = parts.iter().position(|part| !page::can_command(&self.pages, part));
+        Err(ExciterLack::Load { part: part.map_or("several parts", |place| LOADS[place].name) })
+    }
+
+    fn remarks(&self) -> Vec<ExciterRemark> {
+        let unread: Vec<usize> = (0..Measurement::CHANNELS).filter(|place| !self.reads(*place)).collect();
+        let every = self.samples.every;
+        let remarks = [
+            (!unread.is_empty()).then_some(ExciterRemark::Unread { unread }),
+            (every > 1).then_some(ExciterRemark::Sparse { every }),
+            self.drives.iter().any(|drive| !drive.says_state).then_some(ExciterRemark::State),
+            (self.listeners[self.samples.counting].counts() == 0).then_some(ExciterRemark::Index),
+        ];
+        remarks.into_iter().flatten().collect()
     }
 
     fn handle_frame(&mut self, now_ns: u64, frame: &Frame) {

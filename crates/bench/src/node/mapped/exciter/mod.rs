@@ -6,7 +6,6 @@
 //! known by its readings alone: silence while it is armed is a fault.
 
 mod interface;
-mod lack;
 mod listener;
 mod page;
 mod samples;
@@ -16,16 +15,14 @@ use alloc::collections::VecDeque;
 use alloc::vec;
 use alloc::vec::Vec;
 
-pub use self::lack::{ExciterLack, ExciterRemark};
 use self::listener::{Heard, Listener, Reason};
 use self::page::{Ask, Page};
 use self::samples::Samples;
 use super::mapping::{Arming, Lockstep, Mapping};
 use crate::control::{Answer, Controller};
 use crate::node::work::{Phase, Unanswered, Work};
-use crate::node::{ExciterOutcome, TimeBase, Timing};
+use crate::node::{ExciterInterface, ExciterLack, ExciterOutcome, TimeBase, Timing};
 use crate::rig::Measurement;
-use crate::structure::LOADS;
 use resonarm_dynamics::arm::Load;
 use resonarm_protocol::{Emergency, EmergencyCode, NodeState};
 
@@ -137,38 +134,6 @@ impl MappedExciter {
     /// Whether each sample has this reading.
     fn reads(&self, place: usize) -> bool {
         self.listeners.iter().any(|listener| listener.is_of_sample && listener.says(place))
-    }
-
-    /// Refuses a load that the wire can't command.
-    ///
-    /// # Errors
-    /// [`ExciterLack::Load`].
-    pub fn check_load(&self, load: &Load) -> Result<(), ExciterLack> {
-        if page::can_command(&self.pages, load) {
-            return Ok(());
-        }
-        let Load { torque_nm, force_n } = load;
-        let parts = [
-            Load::torque_nm(torque_nm.x, 0.0),
-            Load::torque_nm(0.0, torque_nm.y),
-            Load::force_n(force_n.x, 0.0),
-            Load::force_n(0.0, force_n.y),
-        ];
-        let part = parts.iter().position(|part| !page::can_command(&self.pages, part));
-        Err(ExciterLack::Load { part: part.map_or("several parts", |place| LOADS[place].name) })
-    }
-
-    /// What the exciter can't know on this wire.
-    pub fn remarks(&self) -> Vec<ExciterRemark> {
-        let unread: Vec<usize> = (0..Measurement::CHANNELS).filter(|place| !self.reads(*place)).collect();
-        let every = self.samples.every;
-        let remarks = [
-            (!unread.is_empty()).then_some(ExciterRemark::Unread { unread }),
-            (every > 1).then_some(ExciterRemark::Sparse { every }),
-            self.drives.iter().any(|drive| !drive.says_state).then_some(ExciterRemark::State),
-            (self.listeners[self.samples.counting].counts() == 0).then_some(ExciterRemark::Index),
-        ];
-        remarks.into_iter().flatten().collect()
     }
 
     /// Lets a page wait to be sent. One that waits already is sent with the newest load.

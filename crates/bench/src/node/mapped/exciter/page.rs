@@ -6,7 +6,7 @@
 use alloc::vec;
 use alloc::vec::Vec;
 
-use super::lack::ExciterLack;
+use crate::node::ExciterLack;
 use crate::node::mapped::incoming::plus;
 use crate::node::mapped::mapping::{Action, Arming, CommandSignal, Counts, EventSignal, Incoming, Mapping, Protection};
 use resonarm_dynamics::arm::Load;

@@ -12,7 +12,7 @@ use crate::control::{Controller, Length, LoadKind, ResponsePoint};
 use crate::node::mapped::MappedNode;
 use crate::node::mapped::mapping::*;
 use crate::node::mapped::tests::*;
-use crate::node::{ExciterInterface, FrameCheck, FrameFault, PlantInterface, PublishedSample, Refusals, WireEvent};
+use crate::node::{ExciterRemark, FrameCheck, FrameFault, PlantInterface, PublishedSample, Refusals, WireEvent};
 use crate::rig::{GateSpec, Reading};
 use resonarm_protocol::{Frame, FrameFormat, Id, Node, OperatorRequest, Refusal};
 

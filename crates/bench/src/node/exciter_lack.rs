@@ -1,4 +1,4 @@
-//! What a mapping lacks for a controller of ours, and what that costs.
+//! What a user's protocol lacks for a controller of ours, and what that costs.
 
 use alloc::vec::Vec;
 
@@ -9,7 +9,7 @@ use thiserror::Error;
 use crate::structure::OUTPUTS;
 use resonarm_protocol::Id;
 
-/// Why no exciter of ours can drive a plant by a mapping.
+/// Why no exciter of ours can drive a plant by a protocol.
 #[derive(Clone, Debug, PartialEq, Error)]
 pub enum ExciterLack {
     /// Only an operator arms the plant.
@@ -50,6 +50,21 @@ pub enum ExciterLack {
     Readings {
         /// Their places in [`OUTPUTS`].
         needed: Vec<usize>,
+    },
+    /// A loop is closed on readings, which drives do not have.
+    #[error(
+        "the control is closed on {}, and CANopen drives say angles and torques alone: give an [excitation]",
+        Names(needed)
+    )]
+    Drives {
+        /// Their places in [`OUTPUTS`].
+        needed: Vec<usize>,
+    },
+    /// The load has a part that no drive exerts.
+    #[error("the exciter's load has {part}, and no drive of wire.drives exerts so much of it: change the excitation")]
+    Torque {
+        /// What can't be commanded, with its unit.
+        part: &'static str,
     },
     /// The load has a part that no signal commands.
     #[error(
