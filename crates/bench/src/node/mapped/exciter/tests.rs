@@ -1,5 +1,6 @@
 //! A mapped exciter and a mapped plant in virtual time, frame by frame.
 
+mod hostile;
 mod lacks;
 mod pages;
 
@@ -61,6 +62,8 @@ struct Pair {
     /// What becomes of the frames of the plant.
     damage: fn(u64, Frame) -> Option<Frame>,
     frames: u64,
+    /// The frames of the plant.
+    sent: Vec<Frame>,
     events: Vec<WireEvent>,
 }
 
@@ -74,7 +77,8 @@ impl Pair {
         let exciter_node = MappedExciter::new(&mapping, rate, timing, steps(samples)).unwrap();
         let plant = MappedNode::new(mapping, rate, timing, exciter(), GateSpec::default());
         let damage = |_, frame| Some(frame);
-        let mut pair = Pair { plant, exciter: exciter_node, now_ns: 0, sample: 0, damage, frames: 0, events: vec![] };
+        let (sent, events) = (vec![], vec![]);
+        let mut pair = Pair { plant, exciter: exciter_node, now_ns: 0, sample: 0, damage, frames: 0, sent, events };
         pair.plant.start(0);
         pair.exciter.start(0);
         pair.exchange();
@@ -94,6 +98,7 @@ impl Pair {
             if let Some(frame) = frames.pop() {
                 self.plant.frame_sent();
                 self.frames += 1;
+                self.sent.push(frame);
                 if let Some(frame) = (self.damage)(self.frames, frame) {
                     self.exciter.handle_frame(self.now_ns, &frame);
                 }
