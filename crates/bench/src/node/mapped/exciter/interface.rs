@@ -34,6 +34,8 @@ impl MappedExciter {
 impl ExciterInterface for MappedExciter {
     fn start(&mut self, now_ns: u64) {
         self.work.start(now_ns);
+        // A plant that does not say its state may be in fault, with an enable that is still set.
+        self.begins_anew = !self.says_state();
         // In real time the load in a frame that arms answers the sample before: a plant that has none is not asked yet.
         if self.lockstep.is_some() { self.ask_for_arming(now_ns) } else { self.work.asked(now_ns) }
     }

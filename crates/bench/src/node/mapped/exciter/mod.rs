@@ -239,6 +239,7 @@ impl MappedExciter {
             self.watch(now_ns, self.listeners[place].drive(), state);
         }
         if is_first && self.work.phase == Phase::Arming && self.lockstep.is_none() {
+            self.begins_anew |= !self.says_state();
             self.ask_for_arming(now_ns);
         }
         self.answer_if_whole(now_ns);

@@ -275,15 +275,18 @@ fn a_plant_that_somebody_disarms_ends_the_work() {
     assert_eq!(pair.exciter.outcome(), Some(ExciterOutcome::Stopped));
 }
 
+/// A frame with the enable, of a controller that has gone.
+fn enable_by_another(pair: &mut Pair) {
+    let mut payload = [0, 0, 1, 0, 0, 0, 14, 0];
+    protection(0x123).checksum.unwrap().write(DRIVE, &mut payload).unwrap();
+    pair.plant.handle_frame(0, &Frame::new(DRIVE, FrameFormat::Classic, &payload).unwrap());
+    assert!(pair.plant.is_armed());
+}
+
 #[test]
 fn enable_that_is_held_goes_back_to_rest_before_it_arms_again() {
     let mut pair = Pair::new(1000);
-    let held = |pair: &mut Pair, counter| {
-        let mut payload = [0, 0, 1, 0, 0, 0, counter, 0];
-        protection(0x123).checksum.unwrap().write(DRIVE, &mut payload).unwrap();
-        pair.plant.handle_frame(0, &Frame::new(DRIVE, FrameFormat::Classic, &payload).unwrap());
-    };
-    held(&mut pair, 14);
+    enable_by_another(&mut pair);
     pair.plant.execute(0, OperatorRequest::Disarm);
     pair.ticks(200);
     assert!(pair.plant.is_armed() && pair.exciter.samples_played() > 50);
@@ -343,8 +346,14 @@ fn a_plant_without_a_word_of_its_state_counts_as_armed_once_it_was_asked() {
     assert_eq!(counts(&pair.ticks(4)), [0, 1, 2, 3]);
     pair.tick();
     assert_eq!((pair.exciter.outcome(), pair.plant.is_armed()), (Some(ExciterOutcome::Finished), false));
-    let mut pair = Pair::of(silent, TimeBase::Lockstep, 3);
+    let mut pair = Pair::of(silent.clone(), TimeBase::Lockstep, 3);
     assert_eq!(counts(&pair.ticks(3)), [1, 2, 3]);
+    // The enable of another controller is still set, and the plant is in fault.
+    let mut pair = Pair::of(silent, TimeBase::Clock, 3);
+    enable_by_another(&mut pair);
+    pair.plant.fault(0, EmergencyCode::CommandTimeout, 0);
+    pair.ticks(3);
+    assert!(pair.plant.is_armed());
 }
 
 #[test]
