@@ -1,5 +1,5 @@
-"""The emulated exciter on protocols of others: by the DBC of examples/own-protocol and by ODrive's messages, it drives the
-plant, and a plant that knows nothing of Resonarm."""
+"""The emulated exciter on protocols of others, by the DBC of examples/own-protocol, ODrive's messages and CANopen: it
+drives the plant, and a plant that knows nothing of Resonarm."""
 
 import importlib.util
 import json

@@ -28,8 +28,8 @@ use resonarm_realtime::{Clock, OverrunPolicy, SampleRate, Spin, SystemClock, Thr
 const CORE_RECORDS_CAPACITY: usize = 1 << 10;
 /// Frames that fit a memory bus in each direction.
 const BUS_CAPACITY: usize = 1024;
-/// How long a free run on a bus with faults or bit rates, or by a protocol of the user's, may take to arm the plant, ns of
-/// simulated time.
+/// How long a free run on a bus with faults or bit rates, or by a protocol of the user's, may take to arm the plant, ns
+/// of simulated time.
 const ARMING_NS: u64 = 10_000_000_000;
 
 /// Where to record.

@@ -8,10 +8,10 @@
 //! controlword                     06                    07             0F
 //! ```
 //!
-//! A sample is the positions of all drives, which they send at SYNC: in real time a SYNC every sample period, in lockstep
-//! behind the targets that it makes act. The first sample in lockstep is answered without having heard its positions.
-//! The mapping of the PDOs is that of the drives after power-on: RPDO 1 controlword and target, TPDO 1 statusword, mode and
-//! torque, TPDO 2 position and velocity.
+//! A sample is the positions of all drives, which they send at SYNC: in real time a SYNC every sample period, in
+//! lockstep behind the targets that it makes act. The first sample in lockstep is answered without having heard its
+//! positions. The mapping of the PDOs is that of the drives after power-on: RPDO 1 controlword and target, TPDO 1
+//! statusword, mode and torque, TPDO 2 position and velocity.
 
 use alloc::boxed::Box;
 use alloc::collections::VecDeque;

@@ -122,7 +122,7 @@ fn it_enables_the_drives_commands_each_sample_and_shuts_them_down() {
 }
 
 #[test]
-fn a_fault_is_told_by_the_emergency_and_reset_before_it_arms_again() {
+fn the_emergency_names_a_fault_which_is_reset_before_it_arms_again() {
     let mut pair = Pair::new(TimeBase::Clock, 1000);
     pair.ticks(100);
     assert!(pair.bench.node.is_armed());

@@ -85,7 +85,7 @@ impl Listener {
         self.message.drive
     }
 
-    /// Whether it says the state of its drive, so that operational is told from the others.
+    /// Whether it says the state of its drive, so that operational differs from the others.
     pub fn says_state(&self) -> bool {
         self.message.signals.iter().any(|signal| match &signal.source {
             Source::State([boot_up, idle, armed, fault]) => ![boot_up, idle, fault].contains(&armed),

@@ -7,8 +7,8 @@ fn number(noise: &mut Noise) -> u64 {
     noise.normal().to_bits().wrapping_mul(0x9E37_79B9_7F4A_7C15) >> 20
 }
 
-/// Between good frames those with flipped bits, cut ones, old ones and those of other messages: no load is commanded but
-/// those of the controller for a sample that was sent, and whatever ends the work, the plant is disarmed.
+/// Between good frames those with flipped bits, cut ones, old ones and those of other messages: no load is commanded
+/// but those of the controller for a sample that was sent, and whatever ends the work, the plant is disarmed.
 #[test]
 fn of_hostile_frames_none_is_answered() {
     let mut noise = Noise::new(11, 0);

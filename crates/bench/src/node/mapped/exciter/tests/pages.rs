@@ -39,8 +39,8 @@ fn conditions_come_before_what_arms() {
     let arm = requests(0x10, vec![event(0, 8, vec![(8.0, Action::Arm), (1.0, Action::Disarm)], vec![])]);
     let mode = requests(0x20, vec![event(0, 8, vec![], vec![3.0, 4.0]), event(8, 8, vec![], vec![5.0])]);
     let sent = arming(vec![arm, mode, force()]);
-    let told: Vec<_> = sent.iter().map(|frame| (frame.id().raw(), frame.data()[0], frame.data()[1])).collect();
-    assert_eq!(told, [(0x20, 3, 5), (0x10, 8, 0)]);
+    let asked: Vec<_> = sent.iter().map(|frame| (frame.id().raw(), frame.data()[0], frame.data()[1])).collect();
+    assert_eq!(asked, [(0x20, 3, 5), (0x10, 8, 0)]);
 }
 
 #[test]
