@@ -229,7 +229,7 @@ fn run(error: &RunError) -> Exit {
         | RunError::Speed(_)
         | RunError::Spin(_)
         | RunError::FreeHasNoBus
-        | RunError::WireWithoutExciter
+        | RunError::WireLacks(_)
         | RunError::BitErrors { .. }
         | RunError::TimedInRealTime { .. } => Exit::Usage,
         RunError::NoRealTimeThread { .. }

@@ -86,6 +86,7 @@ impl Exciter {
         let session = Session::new(scenario, self.mode, options)?;
         let (session, steered) = self.steer.steered(session)?;
         let length = session.controller()?.length();
+        warn_of_wire(&session)?;
         let mut bus = open_bus(&address, &session, self.live.live.is_some())?;
         let shown_role =
             ShownRole { role: Role::Exciter, place: address.to_string(), interface: bus.name(), json: false, steered };
@@ -129,6 +130,12 @@ impl Exciter {
         };
         self.json.show(&document, text, &[])
     }
+}
+
+/// Warns of what the exciter can't know on the scenario's own protocol.
+pub(crate) fn warn_of_wire(session: &Session) -> Result<(), Failure> {
+    session.exciter_remarks()?.iter().for_each(|remark| tracing::warn!("[wire] {remark}"));
+    Ok(())
 }
 
 /// Why the exciter did not complete its task, and what to do; `None` if it did, or if an error says so.

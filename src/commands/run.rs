@@ -6,8 +6,8 @@ use clap::Args;
 use serde::Serialize;
 use serde_json::Value;
 
+use crate::commands::exciter::warn_of_wire;
 use crate::configuration;
-
 use crate::failure::{Failure, Verdict};
 use crate::figures::latency_figure::{self, HistogramFlag, LatencyCurve};
 use crate::flags::{self, SessionFlags, SpinFlag, ThreadFlags};
@@ -179,6 +179,7 @@ impl Run {
         }
         let configuration = configuration::of_arm(session.scenario())?;
         let (session, steered) = self.steer.steered(session)?;
+        warn_of_wire(&session)?;
         let length = match session.scenario().duration_samples()? {
             Some(samples) => Length::Samples(samples),
             None => session.controller()?.length(),

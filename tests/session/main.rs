@@ -21,5 +21,6 @@ mod soak;
 #[cfg(debug_assertions)]
 mod watch_alloc;
 mod wire;
+mod wire_exciter;
 #[cfg(debug_assertions)]
 mod wires_alloc;

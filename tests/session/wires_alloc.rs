@@ -1,8 +1,8 @@
-//! The nodes of users' own protocols take no memory once they are made.
+//! The nodes of users' own protocols, of the plant and of the exciter, take no memory once they are made.
 
 use assert_no_alloc::assert_no_alloc;
 
-use resonarm::node::{PlantInterface, PublishedSample, TimeBase, Timing};
+use resonarm::node::{ExciterInterface, PlantInterface, PublishedSample, TimeBase, Timing};
 use resonarm::protocol::{Frame, FrameFormat, Id};
 use resonarm::rig::{Exciter, GateSpec, Measurement};
 use resonarm::scenario::Scenario;
@@ -65,4 +65,62 @@ fn drives_take_no_memory() {
     let upload = frame(0x601, &[0x40, 0x18, 0x10, 1, 0, 0, 0, 0]);
     let target = frame(0x201, &[0x0F, 0, 10, 0]);
     assert!(run(&mut *node, &[start, upload, target, sync]) > 1000);
+}
+
+/// The exciter of the wire of this scenario, with its excitation.
+fn exciter(text: &str, excitation: &str) -> Box<dyn ExciterInterface> {
+    let mut scenario = Scenario::parse(&format!("{text}\n{excitation}"), "test.toml").unwrap();
+    if let Some(wire) = &mut scenario.wire {
+        wire.text = Some(include_str!("../../examples/own-protocol/bench.dbc").to_string());
+    }
+    let wire = scenario.wire_spec().unwrap().unwrap();
+    let controller = scenario.controller().unwrap();
+    wire.exciter((1000, TimeBase::Clock), Timing::real_time(1000), controller).unwrap()
+}
+
+/// Five hundred samples of both ends in virtual time; how many the exciter answered.
+fn run_both(plant: &mut dyn PlantInterface, exciter: &mut dyn ExciterInterface) -> u64 {
+    let mut batch = Vec::with_capacity(64);
+    exciter.start(0);
+    assert_no_alloc(|| {
+        for sample in 0..500 {
+            let now_ns = 1_000_000 * sample;
+            let measurement = Measurement { sample, ..Measurement::default() };
+            let published = PublishedSample { measurement: &measurement, states: &[1e-6; 4], travel_m: 0.0 };
+            plant.publish(&published).unwrap();
+            for _ in 0..4 {
+                plant.handle_deadline(now_ns);
+                exciter.handle_deadline(now_ns);
+                batch.clear();
+                plant.waiting_frames(64, &mut batch);
+                batch.iter().for_each(|_| plant.frame_sent());
+                batch.iter().for_each(|frame| exciter.handle_frame(now_ns, frame));
+                while let Some(frame) = exciter.next_frame() {
+                    exciter.frame_sent();
+                    plant.handle_frame(now_ns, &frame);
+                }
+            }
+            plant.load();
+            while plant.poll_event().is_some() || exciter.poll_event().is_some() {}
+            while exciter.carried_mut().poll_answer().is_some() {}
+        }
+    });
+    exciter.samples_played()
+}
+
+#[test]
+fn exciters_take_no_memory() {
+    let sine = |load: &str| {
+        format!(
+            "[excitation]\namplitude = {{ {load} }}\nprofile = {{ waveform = 'dwell', frequency_hz = 20, duration_s = 9, settle_s = 8 }}"
+        )
+    };
+    for (text, load) in [
+        (include_str!("../../examples/own-protocol/bench.toml"), "force_x_n = 5"),
+        (include_str!("../../examples/odrive/drives.toml"), "torque1_nm = 5"),
+        (include_str!("../../examples/canopen/drives.toml"), "torque2_nm = 5"),
+    ] {
+        let answered = run_both(&mut *node(text), &mut *exciter(text, &sine(load)));
+        assert!(answered > 300, "{answered} {text}");
+    }
 }

@@ -147,6 +147,10 @@ impl Controller for Limited {
         self.inner.load_kind()
     }
 
+    fn needs(&self) -> [bool; CHANNELS] {
+        self.inner.needs()
+    }
+
     fn restart(&mut self) {
         self.inner.restart();
         self.axes = [Watched::default(); CHANNELS];

@@ -80,6 +80,12 @@ pub trait Controller: Debug + Send {
     /// The kind of load that [`Answer::Hold`] carries; the components of the other kind are zero.
     fn load_kind(&self) -> LoadKind;
 
+    /// The readings that it can't do without, in the order of [`OUTPUTS`](crate::structure::OUTPUTS): those on which it
+    /// closes a loop. A reading that the wire does not carry is NaN in the samples.
+    fn needs(&self) -> [bool; Measurement::CHANNELS] {
+        [false; Measurement::CHANNELS]
+    }
+
     /// Restarts, at sample 0.
     fn restart(&mut self);
 

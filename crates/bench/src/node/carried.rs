@@ -30,7 +30,7 @@ pub struct Carried {
 }
 
 impl Carried {
-    fn new(controller: Box<dyn Controller>) -> Carried {
+    pub(super) fn new(controller: Box<dyn Controller>) -> Carried {
         Carried { controller, responses: Queue::new(), answers: Queue::new() }
     }
 
@@ -55,22 +55,39 @@ impl Carried {
     }
 }
 
-impl Answering for Carried {
-    type Abort = Abort;
+impl Carried {
+    /// The readings that the controller can't do without.
+    pub(super) fn needs(&self) -> [bool; Measurement::CHANNELS] {
+        self.controller.needs()
+    }
 
-    fn restart(&mut self) {
+    /// Starts over, at sample 0.
+    pub(super) fn restart(&mut self) {
         self.controller.restart();
     }
 
-    fn answer(&mut self, sample: u64, values: &SensorValues) -> node::Answer<Abort> {
-        let measurement = sample::from_values(sample, values);
-        let answer = self.controller.answer(&measurement);
+    /// Lets the controller answer a sample, and keeps what it has read.
+    pub(super) fn answer_sample(&mut self, measurement: &Measurement) -> Answer {
+        let answer = self.controller.answer(measurement);
         if let Answer::Hold(load) = answer {
-            self.answers.push((measurement, load));
+            self.answers.push((*measurement, load));
         }
         while let Some(point) = self.controller.poll_response() {
             self.responses.push(point);
         }
+        answer
+    }
+}
+
+impl Answering for Carried {
+    type Abort = Abort;
+
+    fn restart(&mut self) {
+        Carried::restart(self);
+    }
+
+    fn answer(&mut self, sample: u64, values: &SensorValues) -> node::Answer<Abort> {
+        let answer = self.answer_sample(&sample::from_values(sample, values));
         match (answer, self.controller.load_kind()) {
             (Answer::Hold(load), LoadKind::Force) => {
                 node::Answer::HoldForce { force_x_n: load.force_n.x, force_y_n: load.force_n.y }

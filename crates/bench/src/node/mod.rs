@@ -22,6 +22,8 @@
 
 mod carried;
 pub mod cia402;
+mod exciter_interface;
+mod exciter_lack;
 mod guard;
 mod hold;
 mod interface;
@@ -31,8 +33,11 @@ mod plant_state;
 mod refusals;
 mod sample;
 mod wire;
+mod work;
 
 pub use carried::{Carried, ExciterNode, ExciterOutcome, carry};
+pub use exciter_interface::ExciterInterface;
+pub use exciter_lack::{ExciterLack, ExciterRemark};
 pub use interface::{FrameCheck, FrameCounts, FrameFault, PlantInterface, PublishError, PublishedSample, WireEvent};
 pub use plant::PlantNode;
 pub use refusals::Refusals;

@@ -3,10 +3,12 @@
 use alloc::boxed::Box;
 use alloc::vec::Vec;
 
-use super::cia402::{Cia402Node, Cia402Spec};
+use super::cia402::{Cia402Exciter, Cia402Node, Cia402Spec};
 use super::mapped::MappedNode;
+use super::mapped::exciter::MappedExciter;
 use super::mapped::mapping::Mapping;
-use super::{PlantInterface, Timing};
+use super::{ExciterInterface, ExciterLack, PlantInterface, Timing};
+use crate::control::Controller;
 use crate::rig::{Exciter, GateSpec};
 use resonarm_protocol::Id;
 
@@ -43,6 +45,22 @@ impl WireSpec {
             }
             WireSpec::Cia402(spec) => Box::new(Cia402Node::new(spec, (rate_hz, time_base), timing, exciter, limits)),
         }
+    }
+
+    /// The exciter's node, the other end, which lets `controller` answer `rate_hz` samples a second.
+    ///
+    /// # Errors
+    /// [`ExciterLack`] says what the protocol lacks for it.
+    pub fn exciter(
+        &self,
+        rate: (u16, TimeBase),
+        timing: Timing,
+        controller: Box<dyn Controller>,
+    ) -> Result<Box<dyn ExciterInterface>, ExciterLack> {
+        Ok(match self {
+            WireSpec::Mapped(mapping) => Box::new(MappedExciter::new(mapping, rate, timing, controller)?),
+            WireSpec::Cia402(spec) => Box::new(Cia402Exciter::new(spec, rate, timing, controller)?),
+        })
     }
 
     /// The identifiers of all its messages; `None` if a master chooses some of them during the run: any of 11 bits.

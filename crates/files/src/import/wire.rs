@@ -4,12 +4,11 @@ use std::collections::BTreeMap;
 
 use resonarm_bench::node::WireSpec;
 use resonarm_bench::node::mapped::mapping::{
-    Lockstep, Mapping, Outgoing, ProtectionCheck, ProtectionFault, ReadingSignal, Source, Trigger, Value,
+    Lockstep, Mapping, Outgoing, ProtectionCheck, ProtectionFault, ReadingSignal, Said, Source, Trigger, Value,
 };
 use resonarm_bench::structure::{Channel, Kind, OUTPUTS, STATES};
 use resonarm_dynamics::arm::Load;
 use resonarm_protocol::{Frame, FrameFormat, Id};
-use resonarm_wire::layout::Number;
 use serde::Serialize;
 
 use super::DISORDER_NS;
@@ -330,14 +329,13 @@ fn directions(mapping: &Mapping) -> BTreeMap<Id, Direction> {
 /// Writes a reading in its SI unit, and whether it is beyond its range: as a mark says, or at the end of what its
 /// signal can represent, where a plant limits it.
 fn write_reading(of: &ReadingSignal, payload: &[u8], row: &mut Row<{ OUTPUTS.len() }>) {
-    let (Ok(Some(got)), Source::Value { value, scale, offset }) = (of.signal.read(payload), &of.source) else { return };
-    let (Value::Reading(place) | Value::Clipped(place)) = *value else { return };
-    let is_clipped = match value {
-        Value::Reading(_) => {
-            row.values[place] = (got - offset) / scale;
-            of.signal.signal.layout().number() != Number::Float && of.signal.signal.range().contains(&got)
+    let (place, is_clipped) = match of.reading(payload) {
+        Ok(Some(Said::Value { place, value, is_at_end })) => {
+            row.values[place] = value;
+            (place, is_at_end)
         }
-        _ => got != 0.0,
+        Ok(Some(Said::Clipped { place, is_clipped })) => (place, is_clipped),
+        Ok(None) | Err(_) => return,
     };
     row.clipped |= u32::from(is_clipped) << place;
 }

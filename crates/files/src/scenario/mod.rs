@@ -14,7 +14,7 @@ pub mod wire;
 
 pub use error::ScenarioError;
 pub use network::NetworkSection;
-pub use wire::{WireError, WireLack, WireSection};
+pub use wire::{LockstepSpec, WireError, WireLack, WireSection};
 
 use std::path::Path;
 
@@ -24,7 +24,7 @@ use crate::text_file;
 use crate::toml_error::TomlError;
 use resonarm_analysis::modes;
 use resonarm_bench::control::{ControlSpec, Controller, Limited, LimitsSpec, OpenLoop, Steered};
-use resonarm_bench::excitation::{ExcitationSpec, LoadFile, Profile, Waveform};
+use resonarm_bench::excitation::{Amplitude, ExcitationSpec, LoadFile, Profile, Waveform};
 use resonarm_bench::plant::{self, PlantSpec};
 use resonarm_bench::rig::{Converter, RigSpec, Sampling};
 use resonarm_dynamics::arm::{Arm, Parameters, Pose, Preset, State};
@@ -357,15 +357,19 @@ impl Scenario {
         }
     }
 
+    /// Amplitude and direction of the load of the control or of the excitation, if there is one.
+    pub fn amplitude(&self) -> Option<&Amplitude> {
+        let control = self.control.as_ref().map(ControlSpec::amplitude);
+        control.or(self.excitation.as_ref().map(|excitation| &excitation.amplitude))
+    }
+
     /// A controller that is steered, along the load of the scenario's control or excitation.
     ///
     /// # Errors
     /// [`ScenarioError::NoExcitation`] if it has neither.
     pub fn steered(&self) -> Result<Steered, ScenarioError> {
         self.check()?;
-        let control = self.control.as_ref().map(ControlSpec::amplitude);
-        let excitation = self.excitation.as_ref().map(|excitation| &excitation.amplitude);
-        let amplitude = control.or(excitation).ok_or(ScenarioError::NoExcitation)?;
+        let amplitude = self.amplitude().ok_or(ScenarioError::NoExcitation)?;
         let limit = limit::largest(amplitude, &self.rig.drive(), self.network.profile);
         let load = amplitude.load();
         let direction = load.scaled(1.0 / libm::hypot(load.force_n.norm(), load.torque_nm.norm()));

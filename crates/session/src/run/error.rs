@@ -2,7 +2,7 @@
 
 use thiserror::Error;
 
-use resonarm_bench::node::PublishError;
+use resonarm_bench::node::{ExciterLack, PublishError};
 use resonarm_bench::plant::{PlantError, PlantSpecError};
 use resonarm_bus::BusError;
 use resonarm_files::recording::RecordingError;
@@ -30,12 +30,9 @@ pub enum RunError {
     /// A bus was given to a run without one.
     #[error("the mode free has no bus: plant and exciter run in one loop; take the mode lockstep")]
     FreeHasNoBus,
-    /// An exciter was asked for on a wire of the user's own.
-    #[error(
-        "the scenario has a [wire], on which the controller is yours: run the plant on a bus, in real time or lockstep; for the \
-         emulated exciter leave [wire] out"
-    )]
-    WireWithoutExciter,
+    /// A wire lacks something for the exciter.
+    #[error(transparent)]
+    WireLacks(#[from] ExciterLack),
     /// Bit errors were asked of a bus that can't be made to have them.
     #[error(
         "network.bit_error_rate is {bit_error_rate}: the bus of the mode {mode} has the bit errors that it has; leave it out, \

@@ -5,10 +5,9 @@ use core::time::Duration;
 
 use super::event_record::{event_record, request_records, sample_record};
 use super::outage::{self, Outage};
-use super::report::exciter_frames;
 use super::{BusCounts, BusLoss, CommandRecord, End, ExciterReport, Notice, Request, RunError, Signals, Watched};
 use resonarm_bench::control::ResponsePoint;
-use resonarm_bench::node::{ExciterNode, ExciterOutcome, WireEvent};
+use resonarm_bench::node::{ExciterInterface, ExciterOutcome};
 use resonarm_bus::{Bus, BusError, Sent};
 use resonarm_files::recording::{Direction, Event, FrameRecord, Record};
 use resonarm_protocol::{Frame, NodeState};
@@ -43,7 +42,7 @@ impl Patience<'_> {
 
 /// Runs the exciter on the calling thread until its profile is played, it faults, or it is asked to stop.
 pub(super) fn run<C: Clock>(
-    node: &mut ExciterNode,
+    node: &mut dyn ExciterInterface,
     bus: &mut dyn Bus,
     clock: &C,
     patience: Patience<'_>,
@@ -68,7 +67,7 @@ pub(super) fn run<C: Clock>(
     let left_unheard = matches!(answered, Ok(Answered::PlantEnded)).then_some(ExciterOutcome::PlantLeft);
     let error = answered.and_then(|_end| run.send_rest()).err();
     let Run { bus, responses, rearmed, bus_loss, .. } = run;
-    let counts = BusCounts::new(bus.statistics(), exciter_frames(node));
+    let counts = BusCounts::new(bus.statistics(), node.frames());
     let report = ExciterReport::new(node, error);
     ExciterReport { outcome: left_unheard.or(report.outcome), responses, rearmed, bus: counts, bus_loss, ..report }
 }
@@ -83,7 +82,7 @@ enum Answered {
 
 impl ExciterReport {
     /// What the work of `node` came to, without its responses and what was counted on the bus.
-    pub(super) fn new(node: &ExciterNode, error: Option<RunError>) -> ExciterReport {
+    pub(super) fn new(node: &dyn ExciterInterface, error: Option<RunError>) -> ExciterReport {
         ExciterReport {
             outcome: node.outcome(),
             partner_fault: node.plant_fault(),
@@ -100,7 +99,7 @@ impl ExciterReport {
 }
 
 struct Run<'r, C: Clock> {
-    node: &'r mut ExciterNode,
+    node: &'r mut dyn ExciterInterface,
     bus: &'r mut dyn Bus,
     clock: &'r C,
     start_ns: u64,
@@ -143,6 +142,9 @@ impl<C: Clock> Run<'_, C> {
             self.signals.set_done(self.node.samples_played());
             if self.patience.plant_ended.is_none() {
                 self.signals.gauges().set_answered(self.node.samples_played(), self.node.state());
+            }
+            if plant_ended {
+                self.node.plant_ended(now_ns);
             }
             if self.has_ended(now_ns) {
                 return Ok(Answered::Node);
@@ -218,7 +220,7 @@ impl<C: Clock> Run<'_, C> {
     }
 
     fn read_responses(&mut self) {
-        while let Some(response) = self.node.controller_mut().poll_response() {
+        while let Some(response) = self.node.carried_mut().poll_response() {
             self.responses.push(response);
             self.watched.iter_mut().for_each(|watched| watched.notify(Notice::Response(response)));
         }
@@ -314,27 +316,27 @@ impl<C: Clock> Run<'_, C> {
 }
 
 /// The samples that were answered, and the answers.
-fn notify_answers(node: &mut ExciterNode, watched: &mut Watched) {
-    while let Some((measurement, load)) = node.controller_mut().poll_answer() {
+fn notify_answers(node: &mut dyn ExciterInterface, watched: &mut Watched) {
+    while let Some((measurement, load)) = node.carried_mut().poll_answer() {
         watched.notify(Notice::Record(Record::Sample(sample_record(&measurement))));
         watched.notify(Notice::Command(CommandRecord { sample: measurement.sample, load }));
     }
 }
 
-fn notify_events(node: &mut ExciterNode, watched: &mut Watched) {
+fn notify_events(node: &mut dyn ExciterInterface, watched: &mut Watched) {
     while let Some(event) = node.poll_event() {
-        notify_event(node, watched, event_record(&WireEvent::of(&event, node.network())));
+        notify_event(node, watched, event_record(&event));
     }
 }
 
 /// An event at the sample that comes next. When by the clock does not matter to those who watch.
-fn notify_event(node: &ExciterNode, watched: &mut Watched, (name, value): (&'static str, i64)) {
+fn notify_event(node: &dyn ExciterInterface, watched: &mut Watched, (name, value): (&'static str, i64)) {
     let event = Event { sample: node.samples_played(), time_ns: 0, name, value };
     watched.notify(Notice::Record(Record::Event(event)));
 }
 
 /// Hands the controller the set-points that are asked for, and tells which it has; whether it is asked to disarm.
-pub(super) fn steer(node: &mut ExciterNode, watched: &mut Watched) -> bool {
+pub(super) fn steer(node: &mut dyn ExciterInterface, watched: &mut Watched) -> bool {
     let mut disarm = false;
     while let Some(request) = watched.request() {
         disarm |= request == Request::Disarm;
@@ -343,11 +345,11 @@ pub(super) fn steer(node: &mut ExciterNode, watched: &mut Watched) -> bool {
             request_records(&request).into_iter().flatten().for_each(|record| notify_event(node, watched, record));
         }
         if let Request::Set(set_point) = &request
-            && !node.controller_mut().steer(set_point)
+            && !node.carried_mut().steer(set_point)
         {
             notify_event(node, watched, ("request.refused", 0));
         }
     }
-    watched.notify_set_point(node.controller().set_point());
+    watched.notify_set_point(node.carried().set_point());
     disarm
 }

@@ -6,7 +6,7 @@ use super::finish::{EndedBy, outcome};
 use super::pace::Pace;
 use super::{Ending, Notice, PlantOutcome, RunError, Signals, Watched};
 use resonarm_bench::control::ResponsePoint;
-use resonarm_bench::node::ExciterNode;
+use resonarm_bench::node::ExciterInterface;
 use resonarm_bus::{BusError, Sent, Statistics, VirtualBus};
 use resonarm_realtime::{Clock, SampleRate, VirtualClock};
 
@@ -17,7 +17,7 @@ const SEND_LIMIT_NS: u64 = 500_000_000;
 /// scenario gives the same recording byte for byte.
 pub(super) struct Free<'r, 'b, 'c, C: Clock> {
     pub bench: &'r mut Bench<'b>,
-    pub exciter: &'r mut ExciterNode,
+    pub exciter: &'r mut dyn ExciterInterface,
     /// The plant's end of the bus.
     pub near: &'r mut dyn VirtualBus,
     /// The exciter's.
@@ -74,7 +74,7 @@ impl<C: Clock> Free<'_, '_, '_, C> {
         self.bench.measure()?;
         self.exchange()?;
         self.responses.extend(core::iter::from_fn(|| {
-            let response = self.exciter.controller_mut().poll_response()?;
+            let response = self.exciter.carried_mut().poll_response()?;
             self.watched.iter_mut().for_each(|watched| watched.notify(Notice::Response(response)));
             Some(response)
         }));
@@ -99,6 +99,7 @@ impl<C: Clock> Free<'_, '_, '_, C> {
     /// As [`finish`](super::finish::finish), in simulated time.
     fn finish(&mut self, simulates: bool) -> Result<(), RunError> {
         self.bench.leave(self.now_ns());
+        self.exciter.plant_ended(self.now_ns());
         while simulates && self.bench.node().is_ramping() {
             self.pass_sample()?;
             self.measure()?;

@@ -2,9 +2,9 @@
 
 use super::bench::Bench;
 use super::record_sink::RecordSink;
-use super::session::RecordTo;
+use super::session::{Network, RecordTo};
 use super::{End, Mode, RunError, RunEvent, Session};
-use resonarm_bench::node::{self, ExciterNode, PlantInterface, PlantNode, TimeBase};
+use resonarm_bench::node::{self, ExciterInterface, ExciterRemark, PlantInterface, PlantNode, TimeBase};
 use resonarm_bus::{Filter, network_filters};
 use resonarm_files::recording::channels::Channels;
 use resonarm_files::recording::{self, Recorder};
@@ -31,13 +31,37 @@ impl Session {
         })
     }
 
-    /// The exciter's node.
-    pub(super) fn exciter_node(&self) -> Result<ExciterNode, RunError> {
-        if self.wire.is_some() {
-            return Err(RunError::WireWithoutExciter);
-        }
+    /// The exciter's node, of the scenario's own protocol or of Resonarm's.
+    pub(super) fn exciter_node(&self) -> Result<Box<dyn ExciterInterface>, RunError> {
         let (network, rate_hz) = (self.scenario.network()?, self.scenario.wire_rate_hz()?);
-        Ok(node::carry(network, rate_hz, self.timing, self.controller()?))
+        let controller = self.controller()?;
+        let Some(wire) = &self.wire else {
+            return Ok(Box::new(node::carry(network, rate_hz, self.timing, controller)));
+        };
+        let node = wire.exciter((rate_hz, self.time_base()), self.timing, controller)?;
+        if let Some(amplitude) = self.scenario.amplitude().filter(|_| !self.has_own_controller()) {
+            node.check_load(&amplitude.load())?;
+        }
+        Ok(node)
+    }
+
+    /// What the emulated exciter can't know on the scenario's own protocol; nothing without one.
+    ///
+    /// # Errors
+    /// [`RunError::WireLacks`] if it can't drive the plant by it.
+    pub fn exciter_remarks(&self) -> Result<Vec<ExciterRemark>, RunError> {
+        Ok(self.exciter_node()?.remarks())
+    }
+
+    /// When the commands of the scenario's own protocol are judged. A free run on which every frame is there at once is
+    /// a lockstep within one loop, if the wire has it, and gives the same bits.
+    fn time_base(&self) -> TimeBase {
+        let has_lockstep = self.scenario.wire.as_ref().is_some_and(|wire| wire.lockstep.is_some());
+        match (self.mode, self.network) {
+            (Mode::Lockstep, _) => TimeBase::Lockstep,
+            (Mode::Free, Network::Ideal) if has_lockstep => TimeBase::Lockstep,
+            (Mode::RealTime | Mode::Free, _) => TimeBase::Clock,
+        }
     }
 
     /// The plant's node, of the scenario's own protocol or of Resonarm's.
@@ -45,8 +69,7 @@ impl Session {
         let (network, rate_hz) = (self.scenario.network()?, self.scenario.wire_rate_hz()?);
         let (exciter, limits) = (*self.plant.exciter(), *self.plant.gate());
         if let Some(wire) = &self.wire {
-            let time_base = if self.mode == Mode::Lockstep { TimeBase::Lockstep } else { TimeBase::Clock };
-            return Ok(wire.node((rate_hz, time_base), self.timing, exciter, limits));
+            return Ok(wire.node((rate_hz, self.time_base()), self.timing, exciter, limits));
         }
         let node = PlantNode::new(network, rate_hz, self.timing, exciter).with_limits(limits);
         Ok(Box::new(node.with_samples_per_frame(self.scenario.network.samples_per_frame()?)))

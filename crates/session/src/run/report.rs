@@ -7,7 +7,7 @@ use serde::{Serialize, Serializer};
 use super::bench::Bench;
 use super::{BusLoss, RunError, Signals};
 use resonarm_bench::control::ResponsePoint;
-use resonarm_bench::node::{self, ExciterNode, FrameCounts, Refusals};
+use resonarm_bench::node::{self, FrameCounts, Refusals};
 use resonarm_bus::{ControllerErrors, Statistics};
 use resonarm_files::recording::Summary;
 use resonarm_protocol::{Emergency, EmergencyCode, Refusal, Trip};
@@ -372,16 +372,6 @@ impl BusCounts {
             limited_values: frames.limited_values,
             errors: statistics.errors,
         }
-    }
-}
-
-/// What an exciter's node counted of frames.
-pub(super) fn exciter_frames(node: &ExciterNode) -> FrameCounts {
-    FrameCounts {
-        unsent: node.unsent_frames(),
-        refused: node.refused_frames(),
-        other_sender: node.other_sender_frames(),
-        limited_values: 0,
     }
 }
 

@@ -13,7 +13,6 @@ use super::free::Free;
 use super::lockstep::lockstep;
 use super::pace::{Pace, Speed, SpeedError};
 use super::real_time::real_time;
-use super::report::exciter_frames;
 use super::{BothReport, BusCounts, End, Ending, ExciterReport, Mode, PlantReport, RunError, RunEvent, Signals, Watch};
 use resonarm_bench::control::Controller;
 use resonarm_bench::node::{Timing, WireSpec};
@@ -29,7 +28,8 @@ use resonarm_realtime::{Clock, OverrunPolicy, SampleRate, Spin, SystemClock, Thr
 const CORE_RECORDS_CAPACITY: usize = 1 << 10;
 /// Frames that fit a memory bus in each direction.
 const BUS_CAPACITY: usize = 1024;
-/// How long a free run on a bus with faults or bit rates may take to arm the plant, ns of simulated time.
+/// How long a free run on a bus with faults or bit rates, or by a protocol of the user's, may take to arm the plant, ns
+/// of simulated time.
 const ARMING_NS: u64 = 10_000_000_000;
 
 /// Where to record.
@@ -205,6 +205,11 @@ impl Session {
         }
     }
 
+    /// Whether the controller is one of the caller's own, in place of the scenario's.
+    pub(super) fn has_own_controller(&self) -> bool {
+        self.controller.is_some()
+    }
+
     /// The scenario.
     pub fn scenario(&self) -> &Scenario {
         &self.scenario
@@ -284,7 +289,7 @@ impl Session {
         if self.mode == Mode::Lockstep {
             bus.work_on_caller()?;
         }
-        Ok(exciter::run(&mut node, bus, &SystemClock, patience, (signals, watched)))
+        Ok(exciter::run(&mut *node, bus, &SystemClock, patience, (signals, watched)))
     }
 
     /// What a recording of [`Session::both`] calls the bus between them.
@@ -331,7 +336,7 @@ impl Session {
             // Started before this thread becomes a real-time one and leaves the loop's core, so that it stays an
             // ordinary thread on any: it asks of the kernel only to be woken, and confined it is late more often.
             // The plant keeps the count of samples; the exciter only listens for the stop.
-            let work = move || exciter::run(&mut node, &mut far, &SystemClock, patience, (signals, watched));
+            let work = move || exciter::run(&mut *node, &mut far, &SystemClock, patience, (signals, watched));
             let controller = thread::Builder::new()
                 .name(String::from("exciter"))
                 .spawn_scoped(scope, work)
@@ -368,14 +373,14 @@ impl Session {
         let [mut near, mut far] = self.virtual_ends(&clock);
         let mut run = Free {
             bench: &mut bench,
-            exciter: &mut exciter,
+            exciter: &mut *exciter,
             near: near.as_mut(),
             far: far.as_mut(),
             clock,
             rate: self.rate,
             pace: Pace::start(&SystemClock, self.rate, self.options.speed)?,
             ending: self.ending,
-            arming_ns: if self.network == Network::Ideal { 0 } else { ARMING_NS },
+            arming_ns: if self.network == Network::Ideal && self.wire.is_none() { 0 } else { ARMING_NS },
             signals,
             watched,
             responses: Vec::new(),
@@ -388,8 +393,8 @@ impl Session {
             pacing: pace.report(),
             ..PlantReport::new(&bench, bus, outcome, error)
         };
-        let bus = BusCounts::new(far.statistics(), exciter_frames(&exciter));
-        let exciter = ExciterReport { responses, bus, ..ExciterReport::new(&exciter, None) };
+        let bus = BusCounts::new(far.statistics(), exciter.frames());
+        let exciter = ExciterReport { responses, bus, ..ExciterReport::new(&*exciter, None) };
         drop(bench);
         Ok(BothReport { plant: finish_recording(recorder, plant), exciter })
     }

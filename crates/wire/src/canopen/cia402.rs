@@ -185,3 +185,21 @@ pub const REMOTE: u16 = 1 << 9;
 pub const LIMITED: u16 = 1 << 11;
 /// The bit of a statusword that says, in a cyclic mode, that the drive follows its target.
 pub const FOLLOWS: u16 = 1 << 12;
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_statusword_says_its_state_whatever_its_other_bits() {
+        for state in DriveState::ALL {
+            for other in [0, VOLTAGE, REMOTE | LIMITED, FOLLOWS | 0x8000] {
+                assert_eq!(DriveState::of(state.bits() | other), Some(state));
+            }
+        }
+        // Bit 5 says nothing of a drive that is switched off or in fault.
+        assert_eq!(DriveState::of(0x60), Some(DriveState::SwitchOnDisabled));
+        assert_eq!(DriveState::of(0x28), Some(DriveState::Fault));
+        assert_eq!(DriveState::of(0x05), None);
+    }
+}

@@ -384,6 +384,12 @@ impl Controller for ForceControl {
         LoadKind::Force
     }
 
+    /// The driving point: whether a response is settled shows in its acceleration. Of B only a notch.
+    fn needs(&self) -> [bool; Measurement::CHANNELS] {
+        let b = self.notches_m_s2[0].is_some();
+        [true, true, b, b, true, true]
+    }
+
     fn restart(&mut self) {
         let start = Stage::Ramp { from: Phasor::new(0.0, 0.0), since: 0 };
         self.cancellation.iter_mut().for_each(Cancellation::forget);

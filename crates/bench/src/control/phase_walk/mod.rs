@@ -426,6 +426,13 @@ impl Controller for PhaseWalk {
         if self.plan.amplitude().is_torque() { LoadKind::Torque } else { LoadKind::Force }
     }
 
+    /// The angle of the followed link is that of the accelerations, and the acting force that of the head.
+    fn needs(&self) -> [bool; Measurement::CHANNELS] {
+        let head = self.load_kind() == LoadKind::Force;
+        let c = self.model.link == Link::Second;
+        [head, head, true, true, c, c]
+    }
+
     fn restart(&mut self) {
         let room = (mem::take(&mut self.backbone), self.cancellation.take(), mem::take(&mut self.responses));
         *self =

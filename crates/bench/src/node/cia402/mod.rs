@@ -11,6 +11,7 @@
 //! and the PDOs that it asks for are sent with the next sample. While no drive is enabled they are sent at once.
 
 mod axis;
+mod master;
 mod spec;
 #[cfg(test)]
 mod tests;
@@ -23,6 +24,7 @@ use super::{Refusal, Refusals, TimeBase, Timing};
 use crate::rig::{Exciter, GateSpec};
 use crate::structure::STATES;
 use axis::Axis;
+pub use master::Cia402Exciter;
 use resonarm_dynamics::arm::Load;
 use resonarm_protocol::{Emergency, EmergencyCode, Frame, NodeState, OperatorRequest, StateEvent, Trip};
 use resonarm_wire::canopen::dictionary::at;

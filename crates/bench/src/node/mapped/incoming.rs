@@ -41,11 +41,7 @@ impl Receiver {
     /// # Errors
     /// The check that failed: the frame must not be used.
     pub fn check(&mut self, frame: &Frame) -> Result<(), FrameCheck> {
-        self.protection.lost(frame).map_err(|fault| match fault {
-            ProtectionFault::Short { .. } => FrameCheck::Length,
-            ProtectionFault::Checksum(_) => FrameCheck::Checksum,
-            ProtectionFault::Counter(_) | ProtectionFault::Lost { .. } => FrameCheck::Counter,
-        })?;
+        self.protection.lost(frame)?;
         Ok(self.message.check(frame.data())?)
     }
 
@@ -119,6 +115,16 @@ impl From<Unreadable> for FrameCheck {
         match unreadable {
             Unreadable::Short => FrameCheck::Length,
             Unreadable::NotFinite(_) => FrameCheck::Value,
+        }
+    }
+}
+
+impl From<ProtectionFault> for FrameCheck {
+    fn from(fault: ProtectionFault) -> FrameCheck {
+        match fault {
+            ProtectionFault::Short { .. } => FrameCheck::Length,
+            ProtectionFault::Checksum(_) => FrameCheck::Checksum,
+            ProtectionFault::Counter(_) | ProtectionFault::Lost { .. } => FrameCheck::Counter,
         }
     }
 }

@@ -6,6 +6,7 @@ pub use super::protection::{Protection, ProtectionCheck, ProtectionFault};
 use crate::rig::Measurement;
 use resonarm_dynamics::arm::Load;
 use resonarm_protocol::{EmergencyCode, FrameFormat, Id, NodeState};
+use resonarm_wire::layout::Number;
 use resonarm_wire::multiplex::Presence;
 use resonarm_wire::signal::Signal;
 
@@ -85,6 +86,10 @@ pub enum Unreadable {
 pub struct Incoming {
     /// Its identifier.
     pub id: Id,
+    /// The format in which a controller sends it.
+    pub format: FrameFormat,
+    /// Its length, bytes.
+    pub length: usize,
     /// Its counter and checksum.
     pub protection: Protection,
     /// The number of the drive that it is for, from 0: each drive is armed by itself.
@@ -138,6 +143,13 @@ pub struct CommandSignal {
     pub input: LoadInput,
 }
 
+impl CommandSignal {
+    /// The value of the signal for its part of a load: (part − offset) / scale.
+    pub fn value(&self, load: &Load) -> f64 {
+        (self.input.part(load) - self.offset) / self.scale
+    }
+}
+
 /// What acts on the arm.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum LoadInput {
@@ -162,6 +174,18 @@ impl LoadInput {
             LoadInput::ForceX => Load::force_n(value, 0.0),
             LoadInput::ForceY => Load::force_n(0.0, value),
             LoadInput::Along([x, y]) => Load::force_n(value * x, value * y),
+        }
+    }
+
+    /// Its part of a load, N or N·m: the inverse of [`LoadInput::load`] for a load that it can make alone.
+    pub fn part(self, load: &Load) -> f64 {
+        let Load { torque_nm, force_n } = load;
+        match self {
+            LoadInput::Torque1 => torque_nm.x,
+            LoadInput::Torque2 => torque_nm.y,
+            LoadInput::ForceX => force_n.x,
+            LoadInput::ForceY => force_n.y,
+            LoadInput::Along([x, y]) => force_n.x * x + force_n.y * y,
         }
     }
 }
@@ -242,6 +266,47 @@ pub struct ReadingSignal {
     pub signal: MappedSignal,
     /// What it says.
     pub source: Source,
+}
+
+impl ReadingSignal {
+    /// What a payload says of a reading of the plant; `None` if the signal says something else, or is not in it.
+    ///
+    /// # Errors
+    /// [`Unreadable`] if the payload ends before it, or it is NaN or infinite.
+    pub fn reading(&self, payload: &[u8]) -> Result<Option<Said>, Unreadable> {
+        let Some(got) = self.signal.read(payload)? else { return Ok(None) };
+        let Source::Value { value, scale, offset } = &self.source else { return Ok(None) };
+        let signal = &self.signal.signal;
+        Ok(match *value {
+            Value::Reading(place) => {
+                let is_at_end = signal.layout().number() != Number::Float && signal.range().contains(&got);
+                Some(Said::Value { place, value: (got - offset) / scale, is_at_end })
+            }
+            Value::Clipped(place) => Some(Said::Clipped { place, is_clipped: got != 0.0 }),
+            Value::State(_) | Value::Load(_) => None,
+        })
+    }
+}
+
+/// What a signal says of a reading, by the place of that in [`OUTPUTS`](crate::structure::OUTPUTS).
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub enum Said {
+    /// Its value.
+    Value {
+        /// The place of the reading.
+        place: usize,
+        /// The value, in its SI unit.
+        value: f64,
+        /// Whether the signal is at an end of what it can represent, where a plant limits it.
+        is_at_end: bool,
+    },
+    /// Whether it was beyond the range of its sensor.
+    Clipped {
+        /// The place of the reading.
+        place: usize,
+        /// Whether it was.
+        is_clipped: bool,
+    },
 }
 
 /// What a signal says.

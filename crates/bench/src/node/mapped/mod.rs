@@ -7,6 +7,7 @@
 //! A drive is armed by its messages; the plant is operational as long as one drive is armed. A fault disarms all of
 //! them, and none is armed again but by a message.
 
+pub mod exciter;
 mod incoming;
 mod interface;
 pub mod mapping;

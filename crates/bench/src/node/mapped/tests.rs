@@ -54,6 +54,8 @@ pub fn drive(id: Id, drive: usize, input: LoadInput) -> Incoming {
     };
     Incoming {
         id,
+        format: FrameFormat::Classic,
+        length: 8,
         protection: protection(0x123),
         drive,
         commands: vec![CommandSignal {

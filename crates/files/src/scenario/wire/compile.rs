@@ -115,13 +115,10 @@ impl Compiler<'_> {
         }
         let protection = protection(&place, message, (&spec.counter, &spec.checksum), &mut used)?;
         let incoming = Incoming {
-            id: message.id(),
             protection,
-            drive: spec.drive,
             commands,
             timeout_ns: libm::round(timeout_s * 1e9) as u64,
-            events: Vec::new(),
-            is_sync: false,
+            ..bare(message, spec.drive)
         };
         if self.incoming.insert(message.id(), incoming).is_some() {
             return Err(WireError::Message { place, problem: "it stands in `commands` twice" });
@@ -211,8 +208,8 @@ impl Compiler<'_> {
         let protection = protection(&place, message, (&spec.counter, &spec.checksum), &mut Used::default())?;
         let counts = if spec.every_frame { Counts::InEveryFrame } else { Counts::OnChange };
         let event = EventSignal { signal, counts, actions, required: spec.require.clone() };
-        let id = message.id();
-        let incoming = self.incoming.entry(id).or_insert_with(|| bare(id, spec.drive));
+        let empty = bare(message, spec.drive);
+        let incoming = self.incoming.entry(empty.id).or_insert(empty);
         if protection.counter.is_some() || protection.checksum.is_some() {
             if incoming.protection.counter.is_some() || incoming.protection.checksum.is_some() {
                 return Err(WireError::Message { place, problem: "its counter and checksum are given twice" });
@@ -231,8 +228,8 @@ impl Compiler<'_> {
             || self.section.readings.iter().any(|spec| spec.on == Some(OnSpec::Sync));
         match (&self.section.sync, is_needed) {
             (Some(name), true) => {
-                let id = self.message("wire.sync", name, false)?.id();
-                self.incoming.entry(id).or_insert_with(|| bare(id, 0)).is_sync = true;
+                let empty = bare(self.message("wire.sync", name, false)?, 0);
+                self.incoming.entry(empty.id).or_insert(empty).is_sync = true;
                 Ok(())
             }
             (None, true) => Err(WireError::Sync { problem: "name the message that synchronises" }),
@@ -347,9 +344,18 @@ fn action(request: RequestSpec) -> Action {
 }
 
 /// A message without a load, counter or checksum.
-fn bare(id: Id, drive: usize) -> Incoming {
-    let (commands, events) = (Vec::new(), Vec::new());
-    Incoming { id, protection: Protection::default(), drive, commands, timeout_ns: 0, events, is_sync: false }
+fn bare(message: &Message, drive: usize) -> Incoming {
+    Incoming {
+        id: message.id(),
+        format: message.format(),
+        length: message.length(),
+        protection: Protection::default(),
+        drive,
+        commands: Vec::new(),
+        timeout_ns: 0,
+        events: Vec::new(),
+        is_sync: false,
+    }
 }
 
 fn mapped(signal: &Signal) -> MappedSignal {

@@ -1,5 +1,6 @@
 //! Drives as a master sees them, in virtual time.
 
+mod exciter;
 mod faults;
 mod hostile;
 mod lockstep;

@@ -5,9 +5,8 @@ use super::*;
 fn two(lockstep: Lockstep) -> Rig {
     let mut messages = vec![drive(DRIVE, 0, LoadInput::ForceX), drive(SECOND, 0, LoadInput::ForceY)];
     if lockstep == Lockstep::Sync {
-        let (commands, events) = (vec![], vec![]);
-        let protection = Protection::default();
-        messages.push(Incoming { id: SYNC, protection, drive: 0, commands, timeout_ns: 0, events, is_sync: true });
+        let bare = Incoming { protection: Protection::default(), length: 0, ..drive(SYNC, 0, LoadInput::ForceX) };
+        messages.push(Incoming { commands: vec![], events: vec![], is_sync: true, ..bare });
     }
     let mut rig = Rig::of(Mapping { lockstep, ..mapping(messages) }, TimeBase::Lockstep);
     rig.send(DRIVE, 0, true);

@@ -1,0 +1,464 @@
+//! The exciter as a CANopen master of drives in cyclic synchronous torque (CiA 301 v4.2, CiA 402-2).
+//!
+//! It starts the drives by network management, sets their mode by SDO, enables them by controlwords, one for each
+//! statusword that it hears, and then commands a target torque for each joint with each sample:
+//!
+//! ```text
+//! statusword   switch on disabled ─► ready to switch on ─► switched on ─► operation enabled
+//! controlword                     06                    07             0F
+//! ```
+//!
+//! A sample is the positions of all drives, which they send at SYNC: in real time a SYNC every sample period, in
+//! lockstep behind the targets that it makes act. The first sample in lockstep is answered without having heard its
+//! positions. The mapping of the PDOs is that of the drives after power-on: RPDO 1 controlword and target, TPDO 1
+//! statusword, mode and torque, TPDO 2 position and velocity.
+
+use alloc::boxed::Box;
+use alloc::collections::VecDeque;
+use alloc::vec::Vec;
+
+use super::error_code;
+use super::spec::{Cia402Spec, DriveSpec, Joint, TORQUE_MODE};
+use crate::control::{Answer, Controller};
+use crate::node::work::{Phase, Unanswered, Work};
+use crate::node::{
+    Carried, ExciterInterface, ExciterLack, ExciterOutcome, ExciterRemark, FrameCheck, FrameCounts, TimeBase, Timing,
+    WireEvent,
+};
+use crate::rig::{Measurement, Reading};
+use crate::structure::LOADS;
+use resonarm_dynamics::arm::Load;
+use resonarm_protocol::{Emergency, EmergencyCode, Frame, FrameFormat, Id, NodeState};
+use resonarm_wire::canopen::cia402::DriveState;
+use resonarm_wire::canopen::{EMERGENCY_BASE, HEARTBEAT_BASE, NMT_ID, SDO_REQUEST_BASE, SYNC_ID};
+
+/// Plus the node id: RPDO 1, TPDO 1 and TPDO 2.
+const COMMAND_BASE: u16 = 0x200;
+const STATUS_BASE: u16 = 0x180;
+const MOTION_BASE: u16 = 0x280;
+/// The state operational in a heartbeat.
+const OPERATIONAL: u8 = 5;
+/// Controlwords: disable voltage, shutdown, switch on, enable operation, fault reset.
+const DISABLE_VOLTAGE: u16 = 0x00;
+const SHUTDOWN: u16 = 0x06;
+const SWITCH_ON: u16 = 0x07;
+const ENABLE: u16 = 0x0F;
+const RESET: u16 = 0x80;
+
+/// A frame that waits, made when it is sent.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+enum Message {
+    /// Network management: start.
+    Start(usize),
+    /// The mode of operation, by SDO.
+    Mode(usize),
+    /// A controlword with the target.
+    Control(usize, u16),
+    /// SYNC.
+    Sync,
+}
+
+/// A drive as the master knows it.
+#[derive(Clone, Copy, Debug)]
+struct Slave {
+    spec: DriveSpec,
+    /// By its last statusword; `None` before the first.
+    state: Option<DriveState>,
+    /// Whether it is in the mode of torques.
+    has_mode: bool,
+    /// Whether its position has come since the last sample.
+    has_position: bool,
+    /// The target torque, thousandths of the rated torque.
+    target: i16,
+}
+
+impl Slave {
+    /// The identifier of one of its messages.
+    fn id(&self, base: u16) -> Id {
+        Id::Standard(base + u16::from(self.spec.node_id))
+    }
+
+    /// The target for its part of a load, the nearest; `None` if it is beyond 16 bits.
+    fn target_of(&self, load: &Load) -> Option<i16> {
+        let torque_nm = [load.torque_nm.x, load.torque_nm.y][self.spec.joint.place()];
+        let target = libm::rint(torque_nm / self.spec.torque_step_nm());
+        (f64::from(i16::MIN)..=f64::from(i16::MAX)).contains(&target).then_some(target as i16)
+    }
+
+    /// The controlwords that follow from its state on the way to operation enabled.
+    fn next_controlwords(&self) -> &'static [u16] {
+        match self.state {
+            Some(DriveState::SwitchOnDisabled) => &[SHUTDOWN],
+            Some(DriveState::ReadyToSwitchOn) => &[SWITCH_ON],
+            Some(DriveState::SwitchedOn) => &[ENABLE],
+            Some(DriveState::QuickStopActive) => &[DISABLE_VOLTAGE],
+            // Bit 7 has to rise.
+            Some(DriveState::Fault) => &[DISABLE_VOLTAGE, RESET],
+            Some(DriveState::NotReady | DriveState::FaultReactionActive | DriveState::OperationEnabled) | None => &[],
+        }
+    }
+}
+
+/// The exciter as a master of the drives, with its controller.
+#[derive(Debug)]
+pub struct Cia402Exciter {
+    slaves: Vec<Slave>,
+    work: Work,
+    time_base: TimeBase,
+    queue: VecDeque<Message>,
+    /// In real time: when the next SYNC is due, and their period, ns of the clock.
+    sync_at_ns: u64,
+    sync_period_ns: u64,
+    /// SYNCs since the sample that was answered last.
+    syncs: u64,
+}
+
+impl Cia402Exciter {
+    /// A master that lets `controller` answer these drives with `rate_hz` samples a second.
+    ///
+    /// # Errors
+    /// [`ExciterLack::Drives`] if the controller needs readings.
+    pub fn new(
+        spec: &Cia402Spec,
+        (rate_hz, time_base): (u16, TimeBase),
+        timing: Timing,
+        controller: Box<dyn Controller>,
+    ) -> Result<Cia402Exciter, ExciterLack> {
+        let slave =
+            |drive: &DriveSpec| Slave { spec: *drive, state: None, has_mode: false, has_position: false, target: 0 };
+        let slaves: Vec<Slave> = spec.drives.iter().map(slave).collect();
+        let work = Work::new(time_base, timing, controller);
+        let needs = work.carried.needs();
+        let needed: Vec<usize> = (0..Measurement::CHANNELS).filter(|place| needs[*place]).collect();
+        if !needed.is_empty() {
+            return Err(ExciterLack::Drives { needed });
+        }
+        Ok(Cia402Exciter {
+            // Of each drive a start, a mode and every controlword, and SYNC.
+            queue: VecDeque::with_capacity(7 * slaves.len() + 1),
+            slaves,
+            work,
+            time_base,
+            sync_at_ns: 0,
+            sync_period_ns: 1_000_000_000 / u64::from(rate_hz.max(1)),
+            syncs: 0,
+        })
+    }
+
+    /// Lets a frame wait. One that waits already is sent with the newest target.
+    fn push(&mut self, message: Message) {
+        if self.queue.contains(&message) {
+            self.work.frames.unsent += 1;
+            return;
+        }
+        self.queue.push_back(message);
+        self.work.frame_waits();
+    }
+
+    fn control(&mut self, controlword: u16) {
+        (0..self.slaves.len()).for_each(|place| self.push(Message::Control(place, controlword)));
+    }
+
+    /// Asks for nothing that waits any more, and for no torque.
+    fn clear(&mut self) {
+        self.queue.clear();
+        self.slaves.iter_mut().for_each(|slave| slave.target = 0);
+        self.work.frame_sent(false);
+    }
+
+    /// Starts the drives that were not heard.
+    fn ask_for_arming(&mut self, now_ns: u64) {
+        self.work.asked(now_ns);
+        for place in 0..self.slaves.len() {
+            if self.slaves[place].state.is_none() {
+                self.push(Message::Start(place));
+            }
+        }
+    }
+
+    fn ask_for_disarming(&mut self, now_ns: u64) {
+        self.work.asked(now_ns);
+        self.clear();
+        self.control(SHUTDOWN);
+    }
+
+    fn disarm(&mut self, now_ns: u64, outcome: ExciterOutcome) {
+        self.work.disarm(outcome);
+        self.ask_for_disarming(now_ns);
+    }
+
+    fn disarm_again(&mut self, now_ns: u64, outcome: ExciterOutcome) {
+        match self.work.unanswered() {
+            Unanswered::Ask => self.ask_for_disarming(now_ns),
+            Unanswered::Ended => self.work.phase = Phase::Done(outcome),
+            Unanswered::Deaf => self.fault(self.work.of_plant(None)),
+        }
+    }
+
+    /// Ends the work; the drives are asked to shut down, once.
+    fn fault(&mut self, emergency: Emergency) {
+        self.clear();
+        self.control(SHUTDOWN);
+        self.work.fault(emergency);
+    }
+
+    /// A statusword has come: the next step on the way, or the end of the work.
+    fn watch(&mut self, now_ns: u64, place: usize) {
+        let (state, all) = (self.slaves[place].state, |slaves: &[Slave], enabled: bool| {
+            slaves.iter().all(|slave| (slave.state == Some(DriveState::OperationEnabled)) == enabled)
+        });
+        match self.work.phase {
+            Phase::Arming if all(&self.slaves, true) => self.begin(now_ns),
+            Phase::Arming if !self.slaves[place].has_mode => self.push(Message::Mode(place)),
+            Phase::Arming => {
+                let words = self.slaves[place].next_controlwords();
+                words.iter().for_each(|word| self.push(Message::Control(place, *word)));
+            }
+            Phase::Playing if state.is_some_and(DriveState::is_fault) => self.fault(self.work.of_plant(None)),
+            Phase::Playing if state != Some(DriveState::OperationEnabled) => {
+                self.disarm(now_ns, ExciterOutcome::Stopped);
+            }
+            Phase::Disarming(outcome) if all(&self.slaves, false) => self.work.phase = Phase::Done(outcome),
+            Phase::Playing | Phase::Disarming(_) | Phase::Done(_) => {}
+        }
+    }
+
+    /// All drives are enabled. In lockstep the plant waits for the answer to a sample whose positions nobody asked for.
+    fn begin(&mut self, now_ns: u64) {
+        self.work.begin();
+        self.slaves.iter_mut().for_each(|slave| slave.has_position = false);
+        self.syncs = 0;
+        if self.time_base == TimeBase::Lockstep {
+            self.answer(now_ns);
+        }
+    }
+
+    /// A drive's position has come.
+    fn take_position(&mut self, now_ns: u64, place: usize) {
+        self.slaves[place].has_position = true;
+        if self.work.phase == Phase::Playing && self.slaves.iter().all(|slave| slave.has_position) {
+            self.slaves.iter_mut().for_each(|slave| slave.has_position = false);
+            self.answer(now_ns);
+        }
+    }
+
+    fn answer(&mut self, now_ns: u64) {
+        let sample = self.work.next_sample(core::mem::take(&mut self.syncs), 1);
+        let none = [Reading { value: f64::NAN, clipped: false }; 2];
+        let measurement =
+            Measurement { sample, head_force_n: none, acceleration_b_m_s2: none, acceleration_c_m_s2: none };
+        match self.work.carried.answer_sample(&measurement) {
+            Answer::Hold(load) if self.check_load(&load).is_ok() => {
+                self.slaves.iter_mut().for_each(|slave| slave.target = slave.target_of(&load).unwrap_or(0));
+                self.control(ENABLE);
+                if self.time_base == TimeBase::Lockstep {
+                    self.push(Message::Sync);
+                }
+            }
+            Answer::Hold(_) => self.fault(self.work.own(EmergencyCode::CommandOutOfRange, 0)),
+            Answer::Finished => self.disarm(now_ns, ExciterOutcome::Finished),
+            Answer::Aborted(abort) => self.disarm(now_ns, ExciterOutcome::Aborted(abort)),
+        }
+    }
+
+    /// In real time the positions are asked for every sample period.
+    fn synchronise(&mut self, now_ns: u64) {
+        if self.time_base == TimeBase::Lockstep || self.work.phase != Phase::Playing || now_ns < self.sync_at_ns {
+            return;
+        }
+        let next_ns = self.sync_at_ns.saturating_add(self.sync_period_ns);
+        self.sync_at_ns = if next_ns > now_ns { next_ns } else { now_ns.saturating_add(self.sync_period_ns) };
+        self.syncs += 1;
+        self.push(Message::Sync);
+    }
+
+    /// A frame of drive `place`.
+    ///
+    /// # Errors
+    /// [`FrameCheck::Length`] if it is too short.
+    fn hear(&mut self, now_ns: u64, place: usize, frame: &Frame) -> Result<(), FrameCheck> {
+        let (slave, id, data) = (self.slaves[place], frame.id(), frame.data());
+        if id == slave.id(STATUS_BASE) {
+            let [low, high, mode, ..] = data else { return Err(FrameCheck::Length) };
+            self.slaves[place].state = DriveState::of(u16::from_le_bytes([*low, *high]));
+            self.slaves[place].has_mode = *mode == TORQUE_MODE as u8;
+            self.watch(now_ns, place);
+        } else if id == slave.id(MOTION_BASE) {
+            if data.len() < 8 {
+                return Err(FrameCheck::Length);
+            }
+            self.take_position(now_ns, place);
+        } else if id == slave.id(HEARTBEAT_BASE) {
+            let state = data.first().ok_or(FrameCheck::Length)?;
+            if self.work.phase == Phase::Arming && *state != OPERATIONAL {
+                self.push(Message::Start(place));
+            }
+        } else {
+            let [low, high, ..] = data else { return Err(FrameCheck::Length) };
+            let code = u16::from_le_bytes([*low, *high]);
+            if self.work.phase == Phase::Playing && code != 0 {
+                let known = EmergencyCode::ALL.into_iter().find(|known| error_code(*known) == code);
+                self.fault(self.work.of_plant(known.filter(|known| error_code(*known) != error_code(OTHER))));
+            }
+        }
+        Ok(())
+    }
+
+    fn not_sent(&self) -> u16 {
+        u16::try_from(self.work.frames.unsent.saturating_add(self.queue.len() as u64)).unwrap_or(u16::MAX)
+    }
+
+    fn frame(&self, message: Message) -> Option<Frame> {
+        let classic = |id, data: &[u8]| Frame::classic(id, data).ok();
+        match message {
+            Message::Start(place) => classic(Id::Standard(NMT_ID), &[1, self.slaves[place].spec.node_id]),
+            Message::Mode(place) => {
+                // Expedited, of one byte: object 6060.
+                let request = [0x2F, 0x60, 0x60, 0, TORQUE_MODE as u8, 0, 0, 0];
+                classic(self.slaves[place].id(SDO_REQUEST_BASE), &request)
+            }
+            Message::Control(place, controlword) => {
+                let slave = &self.slaves[place];
+                let ([a, b], [c, d]) = (controlword.to_le_bytes(), slave.target.to_le_bytes());
+                classic(slave.id(COMMAND_BASE), &[a, b, c, d])
+            }
+            Message::Sync => classic(Id::Standard(SYNC_ID), &[]),
+        }
+    }
+}
+
+/// A fault whose error code is that of all that have none of their own.
+const OTHER: EmergencyCode = EmergencyCode::Incompatible;
+
+impl ExciterInterface for Cia402Exciter {
+    fn start(&mut self, now_ns: u64) {
+        self.work.start(now_ns);
+        self.ask_for_arming(now_ns);
+    }
+
+    fn state(&self) -> NodeState {
+        self.work.state()
+    }
+
+    fn outcome(&self) -> Option<ExciterOutcome> {
+        self.work.outcome()
+    }
+
+    fn has_heard_plant(&self) -> bool {
+        self.work.has_heard
+    }
+
+    fn samples_played(&self) -> u64 {
+        self.work.samples_played()
+    }
+
+    fn missed_samples(&self) -> u64 {
+        self.work.missed_samples()
+    }
+
+    fn is_quiet(&self) -> bool {
+        self.work.outcome().is_some() && self.queue.is_empty()
+    }
+
+    fn frames(&self) -> FrameCounts {
+        self.work.frames
+    }
+
+    fn carried(&self) -> &Carried {
+        &self.work.carried
+    }
+
+    fn carried_mut(&mut self) -> &mut Carried {
+        &mut self.work.carried
+    }
+
+    fn check_load(&self, load: &Load) -> Result<(), ExciterLack> {
+        let Load { torque_nm, force_n } = load;
+        let has = |joint| self.slaves.iter().any(|slave| slave.spec.joint == joint && slave.target_of(load).is_some());
+        let can = [
+            torque_nm.x == 0.0 || has(Joint::First),
+            torque_nm.y == 0.0 || has(Joint::Second),
+            force_n.x == 0.0,
+            force_n.y == 0.0,
+        ];
+        match can.iter().position(|can| !can) {
+            None => Ok(()),
+            Some(place) => Err(ExciterLack::Torque { part: LOADS[place].name }),
+        }
+    }
+
+    fn remarks(&self) -> Vec<ExciterRemark> {
+        alloc::vec![ExciterRemark::Unread { unread: (0..Measurement::CHANNELS).collect() }]
+    }
+
+    fn handle_frame(&mut self, now_ns: u64, frame: &Frame) {
+        self.work.listening.look(now_ns);
+        if frame.format() == FrameFormat::Remote {
+            return;
+        }
+        let id = frame.id();
+        let heard = [STATUS_BASE, MOTION_BASE, HEARTBEAT_BASE, EMERGENCY_BASE];
+        if self.slaves.iter().any(|slave| slave.id(COMMAND_BASE) == id) {
+            self.work.second_sender(id).into_iter().for_each(|emergency| self.fault(emergency));
+        } else if let Some(place) = self.slaves.iter().position(|slave| heard.iter().any(|base| slave.id(*base) == id))
+        {
+            self.work.hear();
+            if let Err(check) = self.hear(now_ns, place, frame) {
+                self.work.refuse_frame(id, check);
+            }
+        }
+    }
+
+    fn handle_deadline(&mut self, now_ns: u64) {
+        self.work.listening.look(now_ns);
+        self.synchronise(now_ns);
+        match self.work.phase {
+            Phase::Arming if self.work.is_due(now_ns) => self.ask_for_arming(now_ns),
+            Phase::Disarming(outcome) if self.work.is_due(now_ns) => self.disarm_again(now_ns, outcome),
+            _ => self.work.timed_out(self.not_sent()).into_iter().for_each(|emergency| self.fault(emergency)),
+        }
+    }
+
+    fn next_deadline_ns(&self) -> u64 {
+        let is_clocked = self.time_base == TimeBase::Clock && self.work.phase == Phase::Playing;
+        self.work.deadline_ns().min(if is_clocked { self.sync_at_ns } else { u64::MAX })
+    }
+
+    fn rearm(&mut self, now_ns: u64) -> bool {
+        if !self.work.rearm(now_ns) {
+            return false;
+        }
+        self.slaves.iter_mut().for_each(|slave| slave.state = None);
+        self.clear();
+        true
+    }
+
+    fn leave(&mut self, now_ns: u64) {
+        if self.work.leave() {
+            self.disarm(now_ns, ExciterOutcome::Stopped);
+        }
+    }
+
+    fn bus_lost(&mut self, _now_ns: u64) {
+        if self.work.phase == Phase::Playing {
+            self.fault(self.work.own(EmergencyCode::BusLoss, self.not_sent()));
+        }
+    }
+
+    fn plant_ended(&mut self, _now_ns: u64) {
+        self.work.plant_ended();
+    }
+
+    fn next_frame(&mut self) -> Option<Frame> {
+        self.frame(*self.queue.front()?)
+    }
+
+    fn frame_sent(&mut self) {
+        self.queue.pop_front();
+        self.work.frame_sent(!self.queue.is_empty());
+    }
+
+    fn poll_event(&mut self) -> Option<WireEvent> {
+        self.work.poll_event()
+    }
+}

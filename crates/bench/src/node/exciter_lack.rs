@@ -1,0 +1,128 @@
+//! What a user's protocol lacks for a controller of ours, and what that costs.
+
+use alloc::vec::Vec;
+
+use core::fmt;
+
+use thiserror::Error;
+
+use crate::structure::OUTPUTS;
+use resonarm_protocol::Id;
+
+/// Why no exciter of ours can drive a plant by a protocol.
+#[derive(Clone, Debug, PartialEq, Error)]
+pub enum ExciterLack {
+    /// Only an operator arms the plant.
+    #[error(
+        "[wire] `arm = \"operator\"`: no message arms the plant, so the emulated exciter can't; give an event with `arm`, or \
+         `arm = \"zero-command\"`"
+    )]
+    Operator,
+    /// Nothing arms a drive.
+    #[error(
+        "[wire] has no event that arms drive {drive}, which takes commands: give one with `arm` and `drive = {drive}`"
+    )]
+    Arming {
+        /// The drive.
+        drive: usize,
+    },
+    /// Nothing disarms a drive.
+    #[error(
+        "[wire] has no event that disarms drive {drive}: the emulated exciter could end only by silence, a fault; give one with \
+         `disarm` and `drive = {drive}`"
+    )]
+    Disarming {
+        /// The drive.
+        drive: usize,
+    },
+    /// No readings come by themselves.
+    #[error(
+        "[wire] has no readings that are sent again and again, so the emulated exciter has nothing to answer: give a \
+         [[wire.readings]] with `every`, `period_s` or `on = \"sync\"`"
+    )]
+    NoSamples,
+    /// A loop is closed on readings that the wire does not carry with each sample.
+    #[error(
+        "the control is closed on {}, and no message of every sample says {}: give a [[wire.readings]] with `every = 1` and \
+         that `quantity`",
+        Names(needed), if needed.len() == 1 { "it" } else { "them" }
+    )]
+    Readings {
+        /// Their places in [`OUTPUTS`].
+        needed: Vec<usize>,
+    },
+    /// A loop is closed on readings, which drives do not have.
+    #[error(
+        "the control is closed on {}, and CANopen drives say angles and torques alone: give an [excitation]",
+        Names(needed)
+    )]
+    Drives {
+        /// Their places in [`OUTPUTS`].
+        needed: Vec<usize>,
+    },
+    /// The load has a part that no drive exerts.
+    #[error("the exciter's load has {part}, and no drive of wire.drives exerts so much of it: change the excitation")]
+    Torque {
+        /// What can't be commanded, with its unit.
+        part: &'static str,
+    },
+    /// The load has a part that no signal commands.
+    #[error(
+        "the exciter's load has {part}, and no signal of [[wire.commands]] commands so much of it: map it there, or change the \
+         excitation"
+    )]
+    Load {
+        /// What can't be commanded, with its unit.
+        part: &'static str,
+    },
+    /// Signals that have to be in one payload are multiplexed apart.
+    #[error("message 0x{:X}: its loads are multiplexed apart, and no payload has all of them: map them in one", id.raw())]
+    Multiplexed {
+        /// The message.
+        id: Id,
+    },
+    /// A signal that always asks for something.
+    #[error("message 0x{:X}: every value of a signal in [[wire.events]] asks for something, and none for nothing", id.raw())]
+    Rest {
+        /// The message.
+        id: Id,
+    },
+}
+
+/// What an exciter can't know on a wire.
+#[derive(Clone, Debug, PartialEq, Error)]
+pub enum ExciterRemark {
+    /// Readings that it does not get.
+    #[error("no message with every answered sample says {}: what the exciter reads of it is no number", Names(unread))]
+    Unread {
+        /// Their places in [`OUTPUTS`].
+        unread: Vec<usize>,
+    },
+    /// Samples that it does not get.
+    #[error("readings come every {every} samples: so often the exciter answers")]
+    Sparse {
+        /// Every how many.
+        every: u64,
+    },
+    /// The plant's state is not sent.
+    #[error(
+        "no reading says the plant's `state`: it counts as armed once it was asked, and a fault of it shows as silence"
+    )]
+    State,
+    /// Neither an index nor a counter.
+    #[error("readings have neither `sample` nor a counter: samples that were lost are not noticed")]
+    Index,
+}
+
+struct Names<'a>(&'a [usize]);
+
+impl fmt::Display for Names<'_> {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        let names = self.0.iter().filter_map(|place| OUTPUTS.get(*place)).map(|channel| channel.name);
+        for (number, name) in names.enumerate() {
+            f.write_str(if number == 0 { "" } else { ", " })?;
+            f.write_str(name)?;
+        }
+        Ok(())
+    }
+}

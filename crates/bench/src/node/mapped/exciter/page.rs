@@ -1,0 +1,252 @@
+//! What a mapped exciter sends: the frames in which it asks the plant for something, or commands a load.
+//!
+//! A message whose signals are multiplexed apart has several pages: payloads with other values of the switches. Signals
+//! that are not mapped are zero.
+
+use alloc::vec;
+use alloc::vec::Vec;
+
+use crate::node::ExciterLack;
+use crate::node::mapped::incoming::plus;
+use crate::node::mapped::mapping::{Action, Arming, CommandSignal, Counts, EventSignal, Incoming, Mapping, Protection};
+use resonarm_dynamics::arm::Load;
+use resonarm_protocol::{Frame, FrameFormat, Id};
+use resonarm_wire::PAYLOAD_MAX_BYTES;
+use resonarm_wire::layout::Layout;
+use resonarm_wire::multiplex::Presence;
+use resonarm_wire::signal::Signal;
+
+/// The most raw values of a signal that are looked through for one that asks for nothing.
+const REST_VALUES: u32 = 256;
+
+/// What the plant is asked for, in the order of a signal's values.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(super) enum Ask {
+    /// Nothing.
+    Rest,
+    /// To clear a fault.
+    Reset,
+    /// To arm, and to stay armed: every command of a load.
+    Arm,
+    /// To disarm.
+    Disarm,
+}
+
+impl Ask {
+    const ALL: [Ask; 4] = [Ask::Rest, Ask::Reset, Ask::Arm, Ask::Disarm];
+
+    const fn action(self) -> Option<Action> {
+        match self {
+            Ask::Rest => None,
+            Ask::Reset => Some(Action::Reset),
+            Ask::Arm => Some(Action::Arm),
+            Ask::Disarm => Some(Action::Disarm),
+        }
+    }
+}
+
+/// An event's signal with its value for each [`Ask`].
+#[derive(Clone, Debug)]
+struct Asking {
+    signal: Signal,
+    values: [f64; 4],
+}
+
+/// A payload of a message.
+#[derive(Clone, Debug)]
+pub(super) struct Page {
+    /// The place of its message among all of the mapping.
+    pub message: usize,
+    id: Id,
+    format: FrameFormat,
+    /// With its switches, else zeros.
+    template: Vec<u8>,
+    /// The switches that have a value in the template.
+    switches: Vec<Layout>,
+    protection: Protection,
+    commands: Vec<CommandSignal>,
+    events: Vec<Asking>,
+    /// For which [`Ask`] it has to be sent.
+    asks: [bool; 4],
+    /// Whether it only sets conditions of commands, and comes before what arms.
+    pub is_condition: bool,
+    /// Whether it synchronises.
+    pub is_sync: bool,
+}
+
+impl Page {
+    fn new(place: usize, message: &Incoming) -> Page {
+        Page {
+            message: place,
+            id: message.id,
+            format: message.format,
+            template: vec![0; message.length],
+            switches: Vec::new(),
+            protection: message.protection.clone(),
+            commands: Vec::new(),
+            events: Vec::new(),
+            asks: [false; 4],
+            is_condition: false,
+            is_sync: false,
+        }
+    }
+
+    /// Whether it is of the message of this identifier.
+    pub fn is_of(&self, id: Id) -> bool {
+        self.id == id
+    }
+
+    /// Whether it commands a load.
+    pub fn is_command(&self) -> bool {
+        !self.commands.is_empty()
+    }
+
+    /// Whether it has to be sent to ask for this.
+    pub fn asks(&self, ask: Ask) -> bool {
+        self.asks[ask as usize]
+    }
+
+    /// Sets the switches so that a signal is in the payload; `false`, without a change, if one of them has another
+    /// value already.
+    fn select(&mut self, presence: &Presence) -> bool {
+        let (mut template, mut switches) = (self.template.clone(), self.switches.clone());
+        for condition in presence.conditions() {
+            let is_set = switches.iter().any(|switch| switch.is_same_place(condition.switch()));
+            if is_set && condition.holds(&template) != Some(true) {
+                return false;
+            }
+            if !is_set {
+                let first = condition.values().first().map_or(0, |range| *range.start());
+                if condition.switch().insert_u64(first, &mut template).is_err() {
+                    return false;
+                }
+                switches.push(*condition.switch());
+            }
+        }
+        (self.template, self.switches) = (template, switches);
+        true
+    }
+
+    /// Takes in an event; its signal is in the page.
+    fn add(&mut self, id: Id, event: &EventSignal) -> Result<(), ExciterLack> {
+        let has = |action| event.actions.iter().any(|(_, asked)| *asked == action);
+        for ask in Ask::ALL {
+            self.asks[ask as usize] |= ask.action().is_some_and(has);
+        }
+        let is_change = event.counts == Counts::OnChange && event.signal.is_some();
+        self.asks[Ask::Rest as usize] |= is_change && (has(Action::Arm) || has(Action::Reset));
+        self.asks[Ask::Arm as usize] |= !event.required.is_empty();
+        if let Some(signal) = &event.signal {
+            let values = values(event, &signal.signal).ok_or(ExciterLack::Rest { id })?;
+            self.events.push(Asking { signal: signal.signal, values });
+        }
+        Ok(())
+    }
+
+    /// The frame that asks for this, with a load; `None` if its signals can't represent the load.
+    pub fn frame(&self, ask: Ask, load: &Load, counter: u64) -> Option<Frame> {
+        let mut bytes = [0; PAYLOAD_MAX_BYTES];
+        let payload = bytes.get_mut(..self.template.len())?;
+        payload.copy_from_slice(&self.template);
+        for event in &self.events {
+            event.signal.encode(event.values[ask as usize], payload).ok()?;
+        }
+        for command in &self.commands {
+            command.signal.signal.encode(command.value(load), payload).ok()?;
+        }
+        if let Some(of) = &self.protection.counter {
+            of.write(counter, payload).ok()?;
+        }
+        if let Some(checksum) = &self.protection.checksum {
+            checksum.write(self.id, payload).ok()?;
+        }
+        Frame::new(self.id, self.format, payload).ok()
+    }
+
+    /// The counter after `counter`.
+    pub fn after(&self, counter: u64) -> u64 {
+        self.protection.counter.as_ref().map_or(0, |of| of.after(counter))
+    }
+
+    /// The load that it commands of `load`.
+    fn share(&self, load: &Load) -> Load {
+        let parts = self.commands.iter().map(|command| command.input.load(command.input.part(load)));
+        parts.fold(Load::default(), plus)
+    }
+}
+
+/// The values of an event's signal by [`Ask`]; `None` if every value of the signal asks for something that must not be.
+///
+/// At rest it is what disarms, and while the plant is armed what arms it; without such a value it asks for nothing. A
+/// condition keeps its value.
+fn values(event: &EventSignal, signal: &Signal) -> Option<[f64; 4]> {
+    let of = |action| event.actions.iter().find(|(_, asked)| *asked == action).map(|(value, _)| *value);
+    let [least, most] = signal.range();
+    let asks = |value: &f64| event.actions.iter().any(|(asking, _)| asking == value);
+    let mut raw = (0..REST_VALUES).map(|raw| f64::from(raw) * signal.scale() + signal.offset());
+    let neutral = raw.find(|value| (least..=most).contains(value) && !asks(value));
+    let condition = event.required.first().copied();
+    let rest = condition.or(of(Action::Disarm)).or(neutral).or(of(Action::Reset)).or(of(Action::Arm))?;
+    let armed = of(Action::Arm).or(condition).or(neutral).unwrap_or(rest);
+    Some([rest, of(Action::Reset).unwrap_or(rest), armed, of(Action::Disarm).unwrap_or(rest)])
+}
+
+/// The pages of a mapping, those that only set conditions first, and those that synchronise last.
+///
+/// # Errors
+/// [`ExciterLack`] says why no controller can speak to the plant so.
+pub(super) fn pages(mapping: &Mapping) -> Result<Vec<Page>, ExciterLack> {
+    let mut pages = Vec::new();
+    for (place, message) in mapping.incoming.iter().enumerate() {
+        let mut own = of_message(place, message)?;
+        if mapping.arming == Arming::ZeroCommand {
+            own.iter_mut().filter(|page| page.is_command()).for_each(|page| page.asks[Ask::Arm as usize] = true);
+        }
+        pages.append(&mut own);
+    }
+    pages.sort_by_key(|page| (page.is_sync, !page.is_condition, page.message));
+    Ok(pages)
+}
+
+fn of_message(place: usize, message: &Incoming) -> Result<Vec<Page>, ExciterLack> {
+    let mut pages = Vec::new();
+    if !message.commands.is_empty() || message.is_sync || message.events.is_empty() {
+        let mut page = Page::new(place, message);
+        if !message.commands.iter().all(|command| page.select(&command.signal.presence)) {
+            return Err(ExciterLack::Multiplexed { id: message.id });
+        }
+        page.commands = message.commands.clone();
+        page.is_sync = message.is_sync && message.commands.is_empty();
+        pages.push(page);
+    }
+    for event in &message.events {
+        let presence = event.signal.as_ref().map_or(Presence::ALWAYS, |signal| signal.presence.clone());
+        let place = match pages.iter_mut().position(|page| page.select(&presence)) {
+            Some(place) => place,
+            None => {
+                let mut page = Page::new(place, message);
+                if !page.select(&presence) {
+                    return Err(ExciterLack::Multiplexed { id: message.id });
+                }
+                pages.push(page);
+                pages.len() - 1
+            }
+        };
+        pages[place].add(message.id, event)?;
+    }
+    for page in &mut pages {
+        let arms = message.events.iter().any(|event| event.actions.iter().any(|(_, action)| *action == Action::Arm));
+        page.is_condition = !arms && !page.is_command() && page.asks(Ask::Arm);
+    }
+    Ok(pages)
+}
+
+/// Whether the pages can command the load: every part of it has a signal, within its range.
+pub(super) fn can_command(pages: &[Page], load: &Load) -> bool {
+    let commanded = pages.iter().fold(Load::default(), |sum, page| plus(sum, page.share(load)));
+    let off_n = (commanded.force_n - load.force_n).amax();
+    let off_nm = (commanded.torque_nm - load.torque_nm).amax();
+    // Rounding of a shaker's direction.
+    let is_whole = off_n <= 1e-9 * (1.0 + load.force_n.amax()) && off_nm <= 1e-9 * (1.0 + load.torque_nm.amax());
+    is_whole && pages.iter().all(|page| page.frame(Ask::Arm, load, 0).is_some())
+}
