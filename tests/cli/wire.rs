@@ -382,3 +382,13 @@ fn responses_to_a_controller_of_the_user_are_compared() {
     assert!(compare("other.toml").contains("another controller was recorded"));
     assert_snapshot!(compare("bench.toml"), @"resonarm: other.mcap holds no responses: its scenario does not say what the exciter played; responses are read with [control] or with an [excitation] with `dwell`, `stepped-sine` or `sine-list`: `resonarm experiment walk --torque1-nm 20 --record walk.mcap` makes such a recording");
 }
+
+/// The scenario that the page on own protocols names.
+#[test]
+fn the_exciter_plays_the_example_on_its_own_protocol() {
+    let folder = tempfile::tempdir().unwrap();
+    let scenario = concat!(env!("CARGO_MANIFEST_DIR"), "/examples/own-protocol/exciter.toml");
+    resonarm(folder.path(), &["run", "--mode", "free", "--scenario", scenario, "--record", "free.mcap"]);
+    let verdict = document(folder.path(), 0, &["resim", "free.mcap", "--json"]);
+    assert_eq!((verdict["identical"].as_bool(), verdict["samples"].as_u64()), (Some(true), Some(2002)));
+}
