@@ -59,6 +59,20 @@ def in_real_time(programs, scenario, path):
     return plant.result(), exciter.result()
 
 
+def both_torques_act(programs, folder, scenario, in_lockstep):
+    """A whole run of two processes, in which 20 and 10 N·m act at the joints."""
+    path = folder / "run.mcap"
+    if in_lockstep:
+        both = session(folder, "vcan0", "vcan0", scenario)
+        plant, exciter = both.plant, both.exciter
+    else:
+        plant, exciter = in_real_time(programs, scenario, path)
+    assert (plant["outcome"], exciter["outcome"]) == ("disarmed", "finished")
+    torques = abs(Recording.whole(path).states[:, 4:6]).max(axis=0)
+    assert torques.tolist() == pytest.approx([20.0, 10.0], rel=0.05)
+    assert "identical" in run(RESONARM, "resim", path)
+
+
 def test_in_lockstep_the_dbc_gives_the_bits_of_a_free_run(tmp_path):
     scenario = own_protocol(tmp_path)
     lockstep = session(tmp_path, "vcan0", "vcan0", scenario)
@@ -85,32 +99,14 @@ def test_in_real_time_by_the_dbc(programs, tmp_path):
 
 @pytest.mark.parametrize("lockstep", ["", 'lockstep = "command"'])
 def test_two_axes_of_odrive(programs, tmp_path, lockstep):
-    scenario, path = odrive(tmp_path, lockstep), tmp_path / "run.mcap"
-    if lockstep:
-        both = session(tmp_path, "vcan0", "vcan0", scenario)
-        plant, exciter = both.plant, both.exciter
-    else:
-        plant, exciter = in_real_time(programs, scenario, path)
-    assert (plant["outcome"], exciter["outcome"]) == ("disarmed", "finished")
-    torques = abs(Recording.whole(path).states[:, 4:6]).max(axis=0)
-    assert torques.tolist() == pytest.approx([20.0, 10.0], rel=0.05)
-    assert "identical" in run(RESONARM, "resim", path)
+    both_torques_act(programs, tmp_path, odrive(tmp_path, lockstep), in_lockstep=bool(lockstep))
 
 
 @pytest.mark.parametrize("in_lockstep", [False, True])
 def test_canopen_drives(programs, tmp_path, in_lockstep):
     text = (EXAMPLES / "canopen" / "drives.toml").read_text().replace("timeout_s = 0.5", "timeout_s = 5.0")
     scenario = write(tmp_path, PATIENT + text + EXCITATION.format(load="torque1_nm = 20.0, torque2_nm = 10.0"))
-    path = tmp_path / "run.mcap"
-    if in_lockstep:
-        both = session(tmp_path, "vcan0", "vcan0", scenario)
-        plant, exciter = both.plant, both.exciter
-    else:
-        plant, exciter = in_real_time(programs, scenario, path)
-    assert (plant["outcome"], exciter["outcome"]) == ("disarmed", "finished")
-    torques = abs(Recording.whole(path).states[:, 4:6]).max(axis=0)
-    assert torques.tolist() == pytest.approx([20.0, 10.0], rel=0.05)
-    assert "identical" in run(RESONARM, "resim", path)
+    both_torques_act(programs, tmp_path, scenario, in_lockstep)
 
 
 class Spring:

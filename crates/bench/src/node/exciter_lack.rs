@@ -1,7 +1,6 @@
 //! What a user's protocol lacks for a controller of ours, and what that costs.
 
 use alloc::vec::Vec;
-
 use core::fmt;
 
 use thiserror::Error;
@@ -82,7 +81,7 @@ pub enum ExciterLack {
         id: Id,
     },
     /// A signal that always asks for something.
-    #[error("message 0x{:X}: every value of a signal in [[wire.events]] asks for something, and none for nothing", id.raw())]
+    #[error("message 0x{:X}: every value of a signal in [[wire.events]] asks for something: leave at least one value out of `arm`, `disarm` and `reset`", id.raw())]
     Rest {
         /// The message.
         id: Id,
@@ -114,6 +113,7 @@ pub enum ExciterRemark {
     Index,
 }
 
+/// The names of outputs, by their places.
 struct Names<'a>(&'a [usize]);
 
 impl fmt::Display for Names<'_> {

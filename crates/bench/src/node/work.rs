@@ -16,7 +16,7 @@ const RETRY_NS: u64 = 100_000_000;
 const LOCKSTEP_RETRY_NS: u64 = 400_000_000;
 /// How often a plant that is silent, or that says it is armed, is asked to disarm.
 const SILENT_TRIES: u32 = 3;
-const DEAF_TRIES: u32 = 30;
+const ARMED_TRIES: u32 = 30;
 
 /// The phase of the work.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -37,9 +37,9 @@ pub(super) enum Unanswered {
     /// It is asked again.
     Ask,
     /// It is silent: it has stopped or ended its run, and its own timeout disarms it in any case.
-    Ended,
+    Silent,
     /// It says that it is armed, again and again.
-    Deaf,
+    StillArmed,
 }
 
 /// The work of an exciter: its controller and phase, state, events and counts.
@@ -172,9 +172,9 @@ impl Work {
     /// What follows when the plant has not said in time that it is disarmed.
     pub fn unanswered(&mut self) -> Unanswered {
         if !self.heard_since_asked && self.tries >= SILENT_TRIES {
-            Unanswered::Ended
-        } else if self.tries >= DEAF_TRIES {
-            Unanswered::Deaf
+            Unanswered::Silent
+        } else if self.tries >= ARMED_TRIES {
+            Unanswered::StillArmed
         } else {
             self.tries += 1;
             Unanswered::Ask

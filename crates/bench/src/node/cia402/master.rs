@@ -159,7 +159,7 @@ impl Cia402Exciter {
         (0..self.slaves.len()).for_each(|place| self.push(Message::Control(place, controlword)));
     }
 
-    /// Asks for nothing that waits any more, and for no torque.
+    /// Drops the frames that wait, and commands no torque.
     fn clear(&mut self) {
         self.queue.clear();
         self.slaves.iter_mut().for_each(|slave| slave.target = 0);
@@ -190,8 +190,8 @@ impl Cia402Exciter {
     fn disarm_again(&mut self, now_ns: u64, outcome: ExciterOutcome) {
         match self.work.unanswered() {
             Unanswered::Ask => self.ask_for_disarming(now_ns),
-            Unanswered::Ended => self.work.phase = Phase::Done(outcome),
-            Unanswered::Deaf => self.fault(self.work.of_plant(None)),
+            Unanswered::Silent => self.work.phase = Phase::Done(outcome),
+            Unanswered::StillArmed => self.fault(self.work.of_plant(None)),
         }
     }
 
@@ -327,7 +327,7 @@ impl Cia402Exciter {
     }
 }
 
-/// A fault whose error code is that of all that have none of their own.
+/// A fault with the error code that stands for all faults without a code of their own.
 const OTHER: EmergencyCode = EmergencyCode::Incompatible;
 
 impl ExciterInterface for Cia402Exciter {

@@ -29,6 +29,7 @@ use resonarm_protocol::{Emergency, EmergencyCode, NodeState};
 /// How often a plant that was asked to arm says that it is not before it is asked from the start: more than can be on
 /// their way.
 const UNARMED: u32 = 4;
+
 /// A drive that takes commands.
 #[derive(Clone, Copy, Debug)]
 struct Drive {
@@ -155,7 +156,7 @@ impl MappedExciter {
         }
     }
 
-    /// Asks for nothing that waits any more, and for no load.
+    /// Drops the frames that wait, and commands no load.
     fn clear(&mut self) {
         self.queue.clear();
         self.load = Load::default();
@@ -207,8 +208,8 @@ impl MappedExciter {
     fn disarm_again(&mut self, now_ns: u64, outcome: ExciterOutcome) {
         match self.work.unanswered() {
             Unanswered::Ask => self.ask_for_disarming(now_ns),
-            Unanswered::Ended => self.work.phase = Phase::Done(outcome),
-            Unanswered::Deaf => self.fault(self.work.of_plant(None)),
+            Unanswered::Silent => self.work.phase = Phase::Done(outcome),
+            Unanswered::StillArmed => self.fault(self.work.of_plant(None)),
         }
     }
 

@@ -35,7 +35,7 @@ fn what_it_can_t_do_without_is_named_with_the_key_to_add() {
         let event = EventSignal { signal: Some(one), ..message.events[0].clone() };
         message.events[0] = EventSignal { actions: vec![(0.0, Action::Stop), (1.0, Action::Stop)], ..event };
     });
-    insta::assert_snapshot!(lack(&restless, nothing), @"message 0x100: every value of a signal in [[wire.events]] asks for something, and none for nothing");
+    insta::assert_snapshot!(lack(&restless, nothing), @"message 0x100: every value of a signal in [[wire.events]] asks for something: leave at least one value out of `arm`, `disarm` and `reset`");
     let apart = of_message(|message| {
         let switch = Layout::new(32, 8, ByteOrder::Intel, Number::Unsigned, 8).unwrap();
         let on = |value: u64| Presence::new(vec![Condition::new(switch, vec![value..=value]).unwrap()]);
