@@ -15,12 +15,10 @@ mod shaker;
 use alloc::boxed::Box;
 use alloc::vec;
 use alloc::vec::Vec;
-use core::ops::Deref;
-
 use thiserror::Error;
 
 use crate::rig::{Exciter, GateSpec, Measurement, Rig, RigError, RigSpec, ShakerLimit};
-use crate::structure::{LOADS, OUTPUTS, STATES, Structure, StructureError};
+use crate::structure::{Kind, LOADS, MOST_STATES, OUTPUTS, States, Structure, StructureError};
 use driven_arm::DrivenArm;
 use resonarm_dynamics::arm::{Arm, ArmError, Load, Parameters, Pose, State};
 use resonarm_dynamics::integrate::{IntegrateError, Scheme};
@@ -175,29 +173,13 @@ impl PlantSpec {
     }
 }
 
-/// The most states of a structure.
-const MOST_STATES: usize = STATES.len();
-
-/// The states of a structure at a sample, in the order of its channels; without allocation.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub struct States {
-    numbers: [f64; MOST_STATES],
-    count: usize,
-}
-
-impl Deref for States {
-    type Target = [f64];
-
-    fn deref(&self) -> &[f64] {
-        &self.numbers[..self.count]
-    }
-}
-
 /// A structure with its instruments at a sample.
 #[derive(Clone, Debug)]
 pub struct Plant {
     structure: Box<dyn Structure>,
     rig: Rig,
+    /// How many of the states are coordinates and rates.
+    moving: usize,
     sample_rate_hz: f64,
     sample: u64,
 }
@@ -222,7 +204,8 @@ impl Plant {
         if inputs != LOADS || outputs != OUTPUTS || states > MOST_STATES {
             return Err(PlantSpecError::Channels { inputs: inputs.len(), outputs: outputs.len(), states });
         }
-        Ok(Plant { structure, rig, sample_rate_hz, sample: 0 })
+        let moving = structure.states().iter().filter(|channel| channel.kind == Kind::State).count();
+        Ok(Plant { structure, rig, moving, sample_rate_hz, sample: 0 })
     }
 
     /// The plant at sample `sample` in the states of that sample. Its motion continues from there; its readings do not,
@@ -288,15 +271,12 @@ impl Plant {
 
     /// The states at the sample, as [`Structure::states`] names them.
     pub fn states(&self) -> States {
-        let mut states = States { numbers: [0.0; MOST_STATES], count: self.structure.states().len() };
-        self.structure.save(&mut states.numbers[..states.count]);
-        states
+        States::written(self.moving, self.structure.states().len(), |numbers| self.structure.save(numbers))
     }
 
     /// The state of the arm at the sample: the first four states of the structure.
     pub fn state(&self) -> State {
-        let [x1, x2, v1, v2, ..] = self.states().numbers;
-        State::new([x1, x2], [v1, v2])
+        self.states().arm()
     }
 
     /// The readings at the sample: the converters' samples, through the instruments' chains. Before sample 0 all values

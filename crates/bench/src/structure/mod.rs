@@ -1,8 +1,13 @@
 //! A structure under test as the bench knows it: channels that act on it and that it answers in, one step a sample.
 
 mod channel;
+mod states;
 
-pub use channel::{Axis, Channel, Kind, LOADS, OUTPUTS, Point, Quantity, READINGS, STATES};
+pub use channel::{
+    Axis, Channel, Coordinates, Kind, LOADS, OUTPUTS, Point, Quantity, READINGS, STATES, coordinate_channels,
+    element_channel, known_states,
+};
+pub use states::{MOST_COORDINATES, MOST_ELEMENT_STATES, MOST_STATES, States};
 
 use alloc::boxed::Box;
 use core::fmt;

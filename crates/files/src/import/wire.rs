@@ -6,7 +6,8 @@ use resonarm_bench::node::WireSpec;
 use resonarm_bench::node::mapped::mapping::{
     Lockstep, Mapping, Outgoing, ProtectionCheck, ProtectionFault, ReadingSignal, Source, Trigger, Value,
 };
-use resonarm_bench::structure::{Channel, Kind, OUTPUTS, STATES};
+use resonarm_bench::structure::{Channel, Kind, OUTPUTS, STATES, States};
+use resonarm_dynamics::arm::State;
 use resonarm_protocol::{Frame, FrameFormat, Id};
 use resonarm_wire::layout::Number;
 use serde::Serialize;
@@ -195,11 +196,9 @@ impl Gatherer {
         let (load, [a, b, c, d]) = (self.loads.at(sample), row.values);
         Some(Record::State(StateRecord {
             sample,
-            alpha_rad: [a, b],
-            alpha_dot_rad_s: [c, d],
+            states: States::of_arm(&State::new([a, b], [c, d]), None),
             torque_nm: load.torque_nm.into(),
             force_n: load.force_n.into(),
-            coil_current_a: None,
             is_end: false,
         }))
     }
