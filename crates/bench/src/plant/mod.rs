@@ -9,6 +9,7 @@
 //! at once would lag the rest by half a period, an error of up to some per cent in a frequency response.
 
 mod driven_arm;
+mod driven_assembly;
 mod sampling;
 mod shaker;
 
@@ -20,8 +21,11 @@ use thiserror::Error;
 use crate::rig::{Exciter, GateSpec, Measurement, Rig, RigError, RigSpec, ShakerLimit};
 use crate::structure::{Kind, LOADS, MOST_STATES, OUTPUTS, States, Structure, StructureError};
 use driven_arm::DrivenArm;
+use driven_assembly::DrivenAssembly;
+pub use driven_assembly::{Placed, Places, TestedAssembly};
 use resonarm_dynamics::arm::{Arm, ArmError, Load, Parameters, Pose, State};
 use resonarm_dynamics::integrate::{IntegrateError, Scheme};
+use resonarm_dynamics::structure::StepError;
 use resonarm_numeric::number::{rounded, short};
 
 /// The most integration steps a sample: 250 times the default.
@@ -34,8 +38,10 @@ pub struct PlantSpec {
     pub parameters: Parameters,
     /// The arm's pose.
     pub pose: Pose,
-    /// The state at sample 0.
+    /// The arm's state at sample 0.
     pub initial: State,
+    /// The structure in place of the arm, if it is another.
+    pub structure: Option<TestedAssembly>,
     /// The integration scheme.
     pub scheme: Scheme,
     /// Samples a second, Hz, positive.
@@ -115,6 +121,12 @@ pub enum PlantSpecError {
     /// The scheme can't carry the arm at this rate.
     #[error(transparent)]
     Integrate(#[from] IntegrateError),
+    /// No steps can be made of the structure at this rate.
+    #[error(transparent)]
+    Step(#[from] StepError),
+    /// The structure can't begin in its initial state.
+    #[error(transparent)]
+    Start(#[from] StructureError),
     /// The current of the shaker's coil changes too slowly for the step.
     #[error("rig.shaker: `inductance_h` is {got_h}: at this resistance and step in voltage mode it must be at most {most_h}", got_h = short(.got_h), most_h = short(.most_h))]
     Inductance {
@@ -185,13 +197,17 @@ pub struct Plant {
 }
 
 impl Plant {
-    /// A plant of the arm at sample 0.
+    /// A plant of the arm, or of the structure in its place, at sample 0.
     ///
     /// # Errors
     /// [`PlantSpecError`] says which part of the specification is invalid.
     pub fn new(spec: &PlantSpec) -> Result<Plant, PlantSpecError> {
         let rig = Rig::new(&spec.rig, spec.sample_rate_hz, spec.seed)?;
-        Plant::of(Box::new(DrivenArm::new(spec)?), rig, spec.sample_rate_hz)
+        let structure: Box<dyn Structure> = match &spec.structure {
+            None => Box::new(DrivenArm::new(spec)?),
+            Some(tested) => Box::new(DrivenAssembly::new(spec, tested)?),
+        };
+        Plant::of(structure, rig, spec.sample_rate_hz)
     }
 
     /// A plant of any structure with the loads and outputs of the arm, [`LOADS`] and [`OUTPUTS`], at sample 0 of
@@ -298,6 +314,13 @@ impl Plant {
         self.sample += 1;
         Ok(())
     }
+}
+
+/// Writes `numbers`, as many as there is room for; returns the rest.
+fn write<'a>(to: &'a mut [f64], numbers: &[f64]) -> &'a mut [f64] {
+    let (head, rest) = to.split_at_mut(numbers.len().min(to.len()));
+    head.iter_mut().zip(numbers).for_each(|(to, number)| *to = *number);
+    rest
 }
 
 #[cfg(test)]

@@ -5,7 +5,7 @@ use alloc::borrow::Cow;
 use alloc::format;
 use alloc::vec::Vec;
 
-use super::states::{MOST_COORDINATES, MOST_ELEMENT_STATES};
+use super::states::{MOST_COORDINATES, MOST_ELEMENTS};
 
 /// What a channel is to the plant.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -56,6 +56,9 @@ pub enum Quantity {
     ModalVelocity,
     /// Length: the deflection of an element's spring.
     Length,
+    /// The branch of its law that an element is on: 0 within a gap, open or sticking; 1 or −1 beyond the gap, in
+    /// contact or slipping on the positive or the negative side.
+    Branch,
 }
 
 impl Quantity {
@@ -71,6 +74,7 @@ impl Quantity {
             Quantity::ModalDisplacement => "m·√kg",
             Quantity::ModalVelocity => "m·√kg/s",
             Quantity::Length => "m",
+            Quantity::Branch => "1",
         }
     }
 }
@@ -223,8 +227,10 @@ const MODAL: [&str; MOST_COORDINATES] = names!("q", "_m_sqrt_kg":
     1 2 3 4 5 6 7 8 9 10 11 12 13 14 15 16 17 18 19 20 21 22 23 24 25 26 27 28 29 30 31 32);
 const MODAL_DOT: [&str; MOST_COORDINATES] = names!("q", "_dot_m_sqrt_kg_s":
     1 2 3 4 5 6 7 8 9 10 11 12 13 14 15 16 17 18 19 20 21 22 23 24 25 26 27 28 29 30 31 32);
-const ELEMENT_M: [&str; MOST_ELEMENT_STATES] = names!("element", "_m": 1 2 3 4 5 6 7 8 9 10 11 12 13 14 15 16);
-const ELEMENT_RAD: [&str; MOST_ELEMENT_STATES] = names!("element", "_rad": 1 2 3 4 5 6 7 8 9 10 11 12 13 14 15 16);
+const ELEMENT_M: [&str; MOST_ELEMENTS] = names!("element", "_m": 1 2 3 4 5 6 7 8 9 10 11 12 13 14 15 16);
+const ELEMENT_RAD: [&str; MOST_ELEMENTS] = names!("element", "_rad": 1 2 3 4 5 6 7 8 9 10 11 12 13 14 15 16);
+
+const ELEMENT_BRANCH: [&str; MOST_ELEMENTS] = names!("element", "_branch": 1 2 3 4 5 6 7 8 9 10 11 12 13 14 15 16);
 
 /// What the coordinates of a structure are.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -270,9 +276,17 @@ pub fn coordinate_channels(of: Coordinates, count: usize) -> Vec<Channel> {
 pub fn element_channel(index: usize, is_at_joint: bool) -> Option<Channel> {
     let (names, quantity): (&[&'static str], _) =
         if is_at_joint { (&ELEMENT_RAD, Quantity::Angle) } else { (&ELEMENT_M, Quantity::Length) };
-    let name = *names.get(index)?;
+    Some(of_element(names.get(index)?, index, quantity))
+}
+
+/// The channel of the branch that element `index`, from 0, is on; `None` beyond the table.
+pub fn branch_channel(index: usize) -> Option<Channel> {
+    Some(of_element(ELEMENT_BRANCH.get(index)?, index, Quantity::Branch))
+}
+
+const fn of_element(name: &'static str, index: usize, quantity: Quantity) -> Channel {
     let point = Point::Element(index as u8 + 1);
-    Some(Channel { name, vector: name, kind: Kind::Internal, quantity, point, axis: Axis::Scalar })
+    Channel { name, vector: name, kind: Kind::Internal, quantity, point, axis: Axis::Scalar }
 }
 
 /// Every channel of states and loads that a recording can have, in the order of files and tables: coordinates, rates,
@@ -280,6 +294,8 @@ pub fn element_channel(index: usize, is_at_joint: bool) -> Option<Channel> {
 pub fn known_states() -> Vec<Channel> {
     let joints = coordinate_channels(Coordinates::Joints, ALPHA.len());
     let modes = coordinate_channels(Coordinates::Modes, MODAL.len());
-    let elements = (0..MOST_ELEMENT_STATES).flat_map(|index| [true, false].map(|at| element_channel(index, at)));
-    joints.into_iter().chain(modes).chain(LOADS).chain([STATES[8]]).chain(elements.flatten()).collect()
+    let elements = (0..MOST_ELEMENTS).flat_map(|index| [true, false].map(|at| element_channel(index, at)));
+    let branches = (0..MOST_ELEMENTS).map(branch_channel);
+    let internal = elements.chain(branches).flatten();
+    joints.into_iter().chain(modes).chain(LOADS).chain([STATES[8]]).chain(internal).collect()
 }

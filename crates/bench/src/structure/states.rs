@@ -6,10 +6,10 @@ use resonarm_dynamics::arm::State;
 
 /// The most coordinates of a structure: modes, or joints.
 pub const MOST_COORDINATES: usize = 32;
-/// The most states of its elements.
-pub const MOST_ELEMENT_STATES: usize = 16;
-/// The most states of a structure: coordinates, their rates, the current of a coil, states of elements.
-pub const MOST_STATES: usize = 2 * MOST_COORDINATES + 1 + MOST_ELEMENT_STATES;
+/// The most elements, each with at most one state and a branch.
+pub const MOST_ELEMENTS: usize = 16;
+/// The most states of a structure: coordinates, their rates, the current of a coil, states and branches of elements.
+pub const MOST_STATES: usize = 2 * MOST_COORDINATES + 1 + 2 * MOST_ELEMENTS;
 
 /// The states of a structure at a sample, in the order of its channels: coordinates, their rates, and what belongs to
 /// devices and elements. A value without allocation, which passes through rings.

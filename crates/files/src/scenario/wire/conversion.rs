@@ -52,6 +52,7 @@ const fn units(quantity: Quantity) -> (&'static [Unit], &'static str) {
         Quantity::AngularVelocity => (&RATE, "rad/s, mrad/s, deg/s, rev/s, rpm"),
         Quantity::Current => (&CURRENT, "A, mA"),
         Quantity::Length => (&LENGTH, "m, mm, um"),
+        Quantity::Branch => (&[(&["", "1"], 1.0)], "1"),
         Quantity::ModalDisplacement => (&[(&["m·√kg"], 1.0)], "m·√kg"),
         Quantity::ModalVelocity => (&[(&["m·√kg/s"], 1.0)], "m·√kg/s"),
     }
