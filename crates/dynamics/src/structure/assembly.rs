@@ -6,7 +6,7 @@ use alloc::string::{String, ToString};
 use alloc::vec;
 use alloc::vec::Vec;
 
-use super::chain::Chain;
+use super::chain::{Chain, LinearisedSlices};
 use super::element::Element;
 use super::error::StructureError;
 use super::modal::{Modal, shape_name};
@@ -96,6 +96,15 @@ impl Linearised {
             by_position: matrix.clone(),
             by_velocity: matrix.clone(),
             by_acceleration: matrix,
+        }
+    }
+
+    fn slices(&mut self) -> LinearisedSlices<'_> {
+        LinearisedSlices {
+            unbalance: &mut self.unbalance,
+            by_position: &mut self.by_position,
+            by_velocity: &mut self.by_velocity,
+            by_acceleration: &mut self.by_acceleration,
         }
     }
 }
@@ -349,10 +358,18 @@ impl Assembly {
         }
     }
 
-    /// Writes the same with its derivatives, exact.
+    /// Writes q̈ of a motion under generalised forces, without the elements.
+    pub fn accelerate(&self, q: &[f64], v: &[f64], force: &[f64], out: &mut [f64]) {
+        match &self.body {
+            Body::Chain(chain) => chain.acceleration([q, v], force, out),
+            Body::Modal(modal) => modal.acceleration([q, v], force, out),
+        }
+    }
+
+    /// Writes [`Assembly::unbalance`] with its derivatives, exact.
     pub fn linearise(&self, q: &[f64], v: &[f64], a: &[f64], force: &[f64], at: &mut Linearised) {
         match &self.body {
-            Body::Chain(chain) => chain.linearise([q, v, a], force, at),
+            Body::Chain(chain) => chain.linearise([q, v, a], force, at.slices()),
             Body::Modal(modal) => modal.linearise([q, v, a], force, at),
         }
     }

@@ -141,8 +141,8 @@ impl Law {
                 by_sign(pressed > 0.0 && pushing > 0.0, false)
             }
             Law::Friction { stiffness, slip } => {
-                let force = stiffness * state;
-                by_sign(force >= slip && velocity > 0.0, force <= -slip && velocity < 0.0)
+                let most = slip / stiffness;
+                by_sign(state >= most && velocity > 0.0, state <= -most && velocity < 0.0)
             }
             Law::Lugre { .. } => by_sign(velocity >= 0.0, true),
         }
@@ -186,7 +186,8 @@ impl Law {
                 self.contact(position, velocity).map(|margin| Some((margin, Inner)))
             }
             (Law::Friction { stiffness, slip }, Inner) => {
-                [Some((slip - stiffness * state, Upper)), Some((slip + stiffness * state, Lower))]
+                let most = slip / stiffness;
+                [Some((most - state, Upper)), Some((most + state, Lower))]
             }
             (Law::Friction { .. }, Upper) => one(velocity, Inner),
             (Law::Friction { .. }, Lower) => one(-velocity, Inner),
@@ -264,6 +265,31 @@ impl Law {
                 }
             }
             _ => StateRate::default(),
+        }
+    }
+
+    /// The steepest stiffness, N/m, and damping, N·s/m, that it may have within `reach_s`, s, and the rate at which its
+    /// state decays, 1/s: of elements with a branch as if it were on the stiffest.
+    pub(super) fn steepest(&self, position: f64, velocity: f64, reach_s: f64) -> [f64; 3] {
+        let reach = position.abs() + velocity.abs() * reach_s;
+        match *self {
+            Law::Cubic { stiffness3, stiffness5 } => {
+                let square = reach * reach;
+                [square * (3.0 * stiffness3.abs() + 5.0 * stiffness5.abs() * square), 0.0, 0.0]
+            }
+            Law::Gap { stiffness, .. } | Law::Friction { stiffness, .. } => [stiffness, 0.0, 0.0],
+            Law::KelvinVoigt { stiffness, damping, .. } => [stiffness, damping, 0.0],
+            Law::HuntCrossley { stiffness, damping, gap, side } => {
+                let depth = (side.sign() * position + velocity.abs() * reach_s - gap).max(0.0);
+                let root = libm::sqrt(depth);
+                let pushing = 1.0 + damping * velocity.abs();
+                [1.5 * stiffness * root * pushing, stiffness * depth * root * damping, 0.0]
+            }
+            Law::Lugre { bristle_stiffness, bristle_damping, viscous, coulomb, .. } => {
+                let decay = bristle_stiffness * velocity.abs() / coulomb;
+                [bristle_stiffness, bristle_damping + viscous, decay]
+            }
+            Law::Tanh { slip, velocity: scale } => [0.0, slip / scale, 0.0],
         }
     }
 

@@ -30,8 +30,8 @@ const DECAY: f64 = 1.0;
 const MOST_PARTS: u32 = 256;
 /// The most switches of a step that are located.
 const MOST_EVENTS: u32 = 64;
-/// The parts after a contact of Hunt and Crossley closes or opens, where its force goes with the time to the power 1.5,
-/// start with this share of their length, and double.
+/// The parts after a contact of Hunt and Crossley closes, where its force goes with the time to the power 1.5, start
+/// with this share of their length, and double; before it opens they become as short.
 const FIRST_SHARE: f64 = 1.0 / 64.0;
 
 /// The state of a structure with elements.
@@ -210,7 +210,7 @@ impl Piecewise {
         least
     }
 
-    /// Switches the elements that have left their branch; whether one of them is a contact of Hunt and Crossley.
+    /// Switches the elements that have left their branch; whether a contact of Hunt and Crossley closes.
     fn switch(&mut self, state: &mut State) -> bool {
         let mut rough = false;
         for i in 0..self.assembly.elements().len() {
@@ -220,13 +220,24 @@ impl Piecewise {
             if let Some((_, to)) = margins.into_iter().flatten().find(|(margin, _)| *margin < 0.0) {
                 self.branches[i] = to;
                 self.events += 1;
-                rough |= matches!(element.law, Law::HuntCrossley { .. });
+                rough |= to == Branch::Upper && matches!(element.law, Law::HuntCrossley { .. });
                 if let Some(own) = element.state {
                     state.z[own] = element.law.state_on(to, state.z[own]);
                 }
             }
         }
         rough
+    }
+
+    /// Whether a contact of Hunt and Crossley ends at a state.
+    fn opens_roughly(&self, state: &State) -> bool {
+        let opens = |(i, element): (usize, &Element)| {
+            let (position, velocity) = self.element_motion(i, element, state);
+            let mut margins = element.law.margins(self.branches[i], position, velocity, 0.0).into_iter().flatten();
+            self.branches[i] == Branch::Upper && margins.any(|(margin, _)| margin < 0.0)
+        };
+        let elements = self.assembly.elements().iter().enumerate();
+        elements.filter(|(_, element)| matches!(element.law, Law::HuntCrossley { .. })).any(opens)
     }
 
     /// In how many parts the next `h_s` are made from a state.
@@ -279,6 +290,12 @@ impl Piecewise {
                 };
                 locate(h_s, self.margin(&state, &self.branches), trial)
             };
+            if after_s < h_s && after_s > FIRST_SHARE * part_s && self.opens_roughly(&next) {
+                // Towards the end of such a contact half of the way each time.
+                state = self.moved(&state, &first, &self.branches, load, 0.5 * after_s);
+                done_s += 0.5 * after_s;
+                continue;
+            }
             // The last part ends with the step.
             done_s = if after_s == left_s { self.step_s } else { done_s + after_s };
             state = next;

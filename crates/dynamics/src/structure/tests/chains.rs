@@ -107,8 +107,7 @@ proptest! {
         let drive = ["joint1", "joint2", "tip.x", "tip.y"].map(|name| assembly.dof(name).unwrap());
         let mut stepper = Stepper::new(&assembly, &drive, Scheme::Exponential8, 4000.0).unwrap();
         stepper.restore(&[x[0], x[1], v[0], v[1]]).unwrap();
-        let [mut seen, load] = [[0.0; 2], [0.0; 2]];
-        let _ = load;
+        let mut seen = [0.0; 2];
         stepper.acceleration(&[torque[0], torque[1], force[0], force[1]], &mut seen).unwrap();
         let (state, load) = (State::new(x, v), Load { torque_nm: torque.into(), force_n: force.into() });
         let expected = arm.acceleration(&state, &load);
@@ -188,7 +187,7 @@ fn check_matrix(matrix: &[f64], columns: &[Vec<f64>]) {
     for (column, seen) in columns.iter().enumerate() {
         for (row, seen) in seen.iter().enumerate() {
             let exact = matrix[row * columns.len() + column];
-            assert!((exact - seen).abs() < 1e-7 * largest, "{row} {column}: {exact} {seen}");
+            assert!((exact - seen).abs() < 1e-6 * largest, "{row} {column}: {exact} {seen}");
         }
     }
 }
