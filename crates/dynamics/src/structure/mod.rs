@@ -33,7 +33,7 @@ pub use modes::StructureMode;
 pub use spec::{
     Axis, BodySpec, ChainSpec, ElementSpec, Law, Link, ModalSpec, ModeSpec, Place, ShapeSpec, Side, StructureSpec,
 };
-pub use step::{StepError, Stepper};
+pub use step::{StepError, StepLoad, Stepper};
 
 /// The most links of a chain.
 pub const MOST_LINKS: usize = 8;

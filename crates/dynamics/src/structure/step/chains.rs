@@ -4,8 +4,8 @@ use alloc::boxed::Box;
 use alloc::vec::Vec;
 use core::array;
 
-use super::{Engine, StateRef, StepError};
-use crate::integrate::{Dynamics, IntegrateError, Integrator, Motion, Scheme};
+use super::{Engine, StateRef, StepError, StepLoad};
+use crate::integrate::{Dynamics, Excitation, IntegrateError, Integrator, Motion, Scheme};
 use crate::structure::assembly::{Assembly, At, Dof};
 use crate::structure::chain::Chain;
 use crate::structure::links::{Links, LinksLoad};
@@ -74,6 +74,20 @@ impl<const N: usize> Stepped<N> {
     }
 }
 
+/// Loads that vary over a step.
+struct Varying<'a, const N: usize> {
+    of: &'a Stepped<N>,
+    load: &'a StepLoad<'a>,
+}
+
+impl<const N: usize> Excitation<LinksLoad<f64, N>> for Varying<'_, N> {
+    fn load(&self, t_s: f64) -> LinksLoad<f64, N> {
+        let LinksLoad { torque_nm, force_n } = self.of.load(self.load.numbers());
+        let factor = self.load.factor(t_s);
+        LinksLoad { torque_nm: torque_nm.map(|of| factor * of), force_n: force_n.map(|of| of.map(|of| factor * of)) }
+    }
+}
+
 impl<const N: usize> Engine for Stepped<N> {
     fn state(&self) -> StateRef<'_> {
         StateRef { q: &self.motion.x, v: &self.motion.v, z: &[], branches: &[] }
@@ -83,8 +97,11 @@ impl<const N: usize> Engine for Stepped<N> {
         self.motion = Motion { x: array::from_fn(|i| state.q[i]), v: array::from_fn(|i| state.v[i]) };
     }
 
-    fn advance(&mut self, t_s: f64, load: &[f64]) -> Result<(), StepError> {
-        self.motion = self.integrator.step(&self.links, t_s, &self.motion, &self.load(load))?;
+    fn advance(&mut self, t_s: f64, load: &StepLoad<'_>) -> Result<(), StepError> {
+        self.motion = match load {
+            StepLoad::Held(load) => self.integrator.step(&self.links, t_s, &self.motion, &self.load(load)),
+            StepLoad::Sine { .. } => self.integrator.step(&self.links, t_s, &self.motion, &Varying { of: self, load }),
+        }?;
         Ok(())
     }
 

@@ -30,7 +30,7 @@ trait Engine: fmt::Debug + Send + Sync {
     /// Takes up a state; the slices are of the right lengths.
     fn set(&mut self, state: StateRef);
     /// One step from the time `t_s`, s. After an error the state is as before.
-    fn advance(&mut self, t_s: f64, load: &[f64]) -> Result<(), StepError>;
+    fn advance(&mut self, t_s: f64, load: &StepLoad<'_>) -> Result<(), StepError>;
     /// Writes q̈ at the state.
     fn acceleration(&self, load: &[f64], out: &mut [f64]);
     /// Switches so far, and steps whose switches were not all located.
@@ -44,6 +44,37 @@ trait Engine: fmt::Debug + Send + Sync {
 impl Clone for Box<dyn Engine> {
     fn clone(&self) -> Box<dyn Engine> {
         self.boxed_clone()
+    }
+}
+
+/// The loads over a step, one for each degree of freedom of the drive.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub enum StepLoad<'a> {
+    /// The same over the step, N or N·m.
+    Held(&'a [f64]),
+    /// amplitude · sin(Ωt), exact inside the step.
+    Sine {
+        /// The peaks, N or N·m.
+        amplitude: &'a [f64],
+        /// Ω, rad/s.
+        omega_rad_s: f64,
+    },
+}
+
+impl StepLoad<'_> {
+    /// Held loads, or peaks.
+    const fn numbers(&self) -> &[f64] {
+        match self {
+            StepLoad::Held(numbers) | StepLoad::Sine { amplitude: numbers, .. } => numbers,
+        }
+    }
+
+    /// What the numbers are to be multiplied by at a time.
+    fn factor(&self, t_s: f64) -> f64 {
+        match self {
+            StepLoad::Held(_) => 1.0,
+            StepLoad::Sine { omega_rad_s, .. } => libm::sin(omega_rad_s * t_s),
+        }
     }
 }
 
@@ -131,7 +162,15 @@ impl Stepper {
     /// implicit scheme can't make the step; [`StepError::TooStiff`] if the elements, pressed this far or moved this
     /// fast, need shorter steps; [`StepError::NotFinite`]. The state is then as before.
     pub fn advance(&mut self, t_s: f64, load: &[f64]) -> Result<(), StepError> {
-        self.check_loads(load)?;
+        self.advance_under(t_s, &StepLoad::Held(load))
+    }
+
+    /// The same under loads that may vary over the step.
+    ///
+    /// # Errors
+    /// As [`Stepper::advance`].
+    pub fn advance_under(&mut self, t_s: f64, load: &StepLoad<'_>) -> Result<(), StepError> {
+        self.check_loads(load.numbers())?;
         self.engine.advance(t_s, load)
     }
 

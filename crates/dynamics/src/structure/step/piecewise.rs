@@ -14,7 +14,7 @@ use alloc::vec::Vec;
 use core::f64::consts::TAU;
 
 use super::locate::{Located, locate};
-use super::{Engine, StateRef, StepError, rows};
+use super::{Engine, StateRef, StepError, StepLoad, rows};
 use crate::integrate::dop853::DOP853;
 use crate::structure::assembly::{Assembly, Body, Dof};
 use crate::structure::element::{Branch, Element};
@@ -47,6 +47,14 @@ pub(super) struct State {
 struct Slope {
     acceleration: [f64; MOST_COORDINATES],
     z: [f64; MOST_ELEMENTS],
+}
+
+/// Where a part of a step starts.
+#[derive(Clone, Copy, Debug)]
+struct Start {
+    state: State,
+    slope: Slope,
+    t_s: f64,
 }
 
 pub(super) type Branches = [Branch; MOST_ELEMENTS];
@@ -131,16 +139,17 @@ impl Piecewise {
     }
 
     /// ẍ and ż on the branches.
-    fn slope(&self, state: &State, branches: &Branches, load: &[f64]) -> Slope {
+    fn slope(&self, state: &State, branches: &Branches, (load, t_s): (&StepLoad<'_>, f64)) -> Slope {
         let n = self.assembly.coordinates();
         let (mut force, mut z, mut row) = ([0.0; MOST_COORDINATES], [0.0; MOST_ELEMENTS], [0.0; MOST_COORDINATES]);
         let is_modal = matches!(self.assembly.body, Body::Modal(_));
-        for (i, (dof, load)) in self.drive.iter().zip(load).enumerate() {
+        let factor = load.factor(t_s);
+        for (i, (dof, load)) in self.drive.iter().zip(load.numbers()).enumerate() {
             if !is_modal {
                 self.assembly.direction(*dof, &state.q[..n], &mut row);
             }
             let row = if is_modal { &self.drive_rows[i * n..(i + 1) * n] } else { &row[..n] };
-            force.iter_mut().zip(row).for_each(|(force, w)| *force += w * load);
+            force.iter_mut().zip(row).for_each(|(force, w)| *force += w * (factor * load));
         }
         for (i, element) in self.assembly.elements().iter().enumerate() {
             let (position, velocity) = self.element_motion(i, element, state);
@@ -163,8 +172,9 @@ impl Piecewise {
         Slope { acceleration, z }
     }
 
-    /// One step of the method from a state whose slope is known.
-    fn moved(&self, from: &State, first: &Slope, branches: &Branches, load: &[f64], h_s: f64) -> State {
+    /// One step of the method.
+    fn moved(&self, from: &Start, branches: &Branches, load: &StepLoad<'_>, h_s: f64) -> State {
+        let Start { state: from, slope: first, t_s } = from;
         let (n, m) = (self.assembly.coordinates(), self.assembly.element_states());
         let mut velocities = [from.v; DOP853.c.len()];
         let mut slopes = [*first; DOP853.c.len()];
@@ -188,9 +198,13 @@ impl Piecewise {
         for i in 1..DOP853.c.len() {
             let stage = combined(&DOP853.a[i][..i], &velocities, &slopes);
             velocities[i] = stage.v;
-            slopes[i] = self.slope(&stage, branches, load);
+            slopes[i] = self.slope(&stage, branches, (load, t_s + DOP853.c[i] * h_s));
         }
         combined(&DOP853.b, &velocities, &slopes)
+    }
+
+    fn start(&self, state: &State, load: &StepLoad<'_>, t_s: f64) -> Start {
+        Start { state: *state, slope: self.slope(state, &self.branches, (load, t_s)), t_s }
     }
 
     /// The least of the margins; negative where an element has left its branch. NaN counts as negative.
@@ -260,7 +274,7 @@ impl Piecewise {
     }
 
     /// One step; the number of switches beyond [`MOST_EVENTS`] makes it a fallback.
-    fn whole_step(&mut self, t_s: f64, load: &[f64]) -> Result<State, StepError> {
+    fn whole_step(&mut self, t_s: f64, load: &StepLoad<'_>) -> Result<State, StepError> {
         let (mut state, mut done_s, mut share, first_event) = (self.state, 0.0, 1.0, self.events);
         // Every pass makes a part or switches, and both are bounded.
         loop {
@@ -281,10 +295,10 @@ impl Piecewise {
             let part_s = left_s / f64::from(self.parts(t_s, left_s, &state)?);
             let h_s = share * part_s;
             share = (2.0 * share).min(1.0);
-            let first = self.slope(&state, &self.branches, load);
+            let start = self.start(&state, load, t_s + done_s);
             let Located { state: next, after_s } = {
                 let trial = |h_s: f64| {
-                    let next = self.moved(&state, &first, &self.branches, load, h_s);
+                    let next = self.moved(&start, &self.branches, load, h_s);
                     let margin = self.margin(&next, &self.branches);
                     (next, margin)
                 };
@@ -292,7 +306,7 @@ impl Piecewise {
             };
             if after_s < h_s && after_s > FIRST_SHARE * part_s && self.opens_roughly(&next) {
                 // Towards the end of such a contact half of the way each time.
-                state = self.moved(&state, &first, &self.branches, load, 0.5 * after_s);
+                state = self.moved(&start, &self.branches, load, 0.5 * after_s);
                 done_s += 0.5 * after_s;
                 continue;
             }
@@ -306,14 +320,14 @@ impl Piecewise {
     }
 
     /// The rest of a step without looking for switches: each part on the branches that hold where it starts.
-    fn unlocated(&mut self, t_s: f64, done_s: f64, mut state: State, load: &[f64]) -> Result<State, StepError> {
+    fn unlocated(&mut self, t_s: f64, done_s: f64, mut state: State, load: &StepLoad<'_>) -> Result<State, StepError> {
         let left_s = self.step_s - done_s;
         let parts = self.parts(t_s, left_s, &state)?;
         let h_s = left_s / f64::from(parts);
-        for _ in 0..parts {
+        for part in 0..parts {
             self.set_branches(&mut state);
-            let first = self.slope(&state, &self.branches, load);
-            state = self.moved(&state, &first, &self.branches, load, h_s);
+            let start = self.start(&state, load, t_s + done_s + f64::from(part) * h_s);
+            state = self.moved(&start, &self.branches, load, h_s);
         }
         self.set_branches(&mut state);
         if self.is_finite(&state) { Ok(state) } else { Err(StepError::NotFinite { t_s: t_s + self.step_s }) }
@@ -352,7 +366,7 @@ impl Engine for Piecewise {
         self.branches[..branches.len()].copy_from_slice(branches);
     }
 
-    fn advance(&mut self, t_s: f64, load: &[f64]) -> Result<(), StepError> {
+    fn advance(&mut self, t_s: f64, load: &StepLoad<'_>) -> Result<(), StepError> {
         let (branches, counters) = (self.branches, [self.events, self.fallbacks]);
         match self.whole_step(t_s, load) {
             Ok(state) => {
@@ -368,7 +382,7 @@ impl Engine for Piecewise {
     }
 
     fn acceleration(&self, load: &[f64], out: &mut [f64]) {
-        let slope = self.slope(&self.state, &self.branches, load);
+        let slope = self.slope(&self.state, &self.branches, (&StepLoad::Held(load), 0.0));
         out.iter_mut().zip(slope.acceleration).for_each(|(out, acceleration)| *out = acceleration);
     }
 

@@ -38,3 +38,24 @@ fn modes_without_elements_are_exact() {
         );
     }
 }
+
+/// The exact flow against explicit steps, which an element of no stiffness makes the stepper take.
+#[test]
+fn a_sine_acts_inside_the_step() {
+    let weak = grounded(along("tip", Axis::X), Law::Cubic { stiffness3: f64::MIN_POSITIVE, stiffness5: 0.0 });
+    let ends = [vec![], vec![weak]].map(|elements| {
+        let assembly = two_modes(elements);
+        let drive = [assembly.dof("tip.x").unwrap(), assembly.dof("mid.x").unwrap()];
+        let mut stepper = Stepper::new(&assembly, &drive, Scheme::Exponential8, 200.0).unwrap();
+        let load = StepLoad::Sine { amplitude: &[5.0, -2.0], omega_rad_s: 6.3 * 21.0 };
+        (0..400).for_each(|k| stepper.advance_under(f64::from(k) / 200.0, &load).unwrap());
+        let mut end = vec![0.0; stepper.states()];
+        end[..2].copy_from_slice(stepper.position());
+        end[2..].copy_from_slice(stepper.velocity());
+        end
+    });
+    let largest = ends[0].iter().fold(0.0_f64, |largest, number| largest.max(number.abs()));
+    for (exact, explicit) in ends[0].iter().zip(&ends[1]) {
+        assert!((exact - explicit).abs() < 1e-8 * largest, "{ends:?}");
+    }
+}
