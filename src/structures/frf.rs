@@ -13,6 +13,7 @@ use resonarm::analysis::Quantity;
 use resonarm::analysis::structure::LinearResponse;
 use resonarm::plant::TestedAssembly;
 use resonarm::scenario::Scenario;
+use resonarm::structure::{Assembly, Dof};
 use resonarm_figures::plot::{Axis, Color, Figure, Panel, Series};
 
 /// What is asked for.
@@ -51,33 +52,41 @@ struct ResponseCurve<'a> {
 
 /// Prints or plots the frequency responses.
 pub(crate) fn show(scenario: &Scenario, tested: &TestedAssembly, asked: Asked<'_>) -> Result<Verdict, Failure> {
-    let (assembly, linear) = (&tested.assembly, LinearResponse::new(&tested.assembly));
+    let assembly = &tested.assembly;
     let drive = dof("--drive", asked.drive, assembly)?;
-    let wanted = if asked.responses.is_empty() { vec![asked.drive] } else { asked.responses };
-    let curve = |response: &&'_ str| -> Result<ResponseCurve<'_>, Failure> {
-        let at = dof("--response", response, assembly)?;
-        let value = |hz: &f64| linear.at(asked.quantity, drive, at, *hz).map(|z| [z.re, z.im]);
-        let value = asked.frequency_hz.iter().map(value).collect::<Result<_, _>>();
-        let time = match asked.quantity {
-            Quantity::Receptance => "",
-            Quantity::Mobility => "/s",
-            Quantity::Accelerance => "/s²",
-        };
-        let unit = format!("{}{time} per {}", displacement_unit(at), load_unit(drive));
-        Ok(ResponseCurve { response, unit, value: value.map_err(|error| Failure::usage(error.to_string()))? })
-    };
     let document = Document {
         configuration: configuration::of_arm(scenario)?,
         coordinates: configuration::coordinates(assembly),
         drive: asked.drive,
         quantity: asked.quantity,
         frequency_hz: asked.frequency_hz.clone(),
-        responses: wanted.iter().map(curve).collect::<Result<_, _>>()?,
+        responses: curves(&asked, assembly, drive)?,
     };
     let drawn = || (figure(&document, &label(scenario, tested)), table(&document));
     let files = output::plot(asked.plot, &document, drawn)?;
     let text = || if files.is_empty() { table(&document) } else { String::new() };
     asked.json.show(&document, text, &files)
+}
+
+/// The responses, of the drive itself if none is named.
+fn curves<'a>(asked: &Asked<'a>, assembly: &Assembly, drive: Dof) -> Result<Vec<ResponseCurve<'a>>, Failure> {
+    let linear = LinearResponse::new(assembly);
+    let wanted = if asked.responses.is_empty() { vec![asked.drive] } else { asked.responses.clone() };
+    let time = match asked.quantity {
+        Quantity::Receptance => "",
+        Quantity::Mobility => "/s",
+        Quantity::Accelerance => "/s²",
+    };
+    let mut curves = Vec::with_capacity(wanted.len());
+    for response in wanted {
+        let at = dof("--response", response, assembly)?;
+        let value = |hz: &f64| linear.at(asked.quantity, drive, at, *hz).map(|z| [z.re, z.im]);
+        let value = asked.frequency_hz.iter().map(value).collect::<Result<_, _>>();
+        let value = value.map_err(|error| Failure::usage(error.to_string()))?;
+        let unit = format!("{}{time} per {}", displacement_unit(at), load_unit(drive));
+        curves.push(ResponseCurve { response, unit, value });
+    }
+    Ok(curves)
 }
 
 /// CSV: frequency, then modulus and phase of each response.

@@ -39,7 +39,9 @@ impl StructureDriveFlags {
     pub fn dof(&self, assembly: &Assembly) -> Result<(Dof, &str), Failure> {
         let Some(name) = &self.drive else {
             let known = assembly.dof_names().join(", ");
-            return Err(Failure::usage(format!("give the excitation of the structure: --drive DOF --amplitude A, with DOF one of {known}")));
+            return Err(Failure::usage(format!(
+                "give the excitation of the structure: --drive DOF --amplitude A, with DOF one of {known}"
+            )));
         };
         Ok((dof("--drive", name, assembly)?, name))
     }
@@ -57,6 +59,14 @@ impl StructureDriveFlags {
             None => Err(Failure::usage("give the amplitude of the excitation: --amplitude A")),
         }
     }
+}
+
+/// The refusal of a load of the arm on a structure.
+pub(crate) fn arm_drive(assembly: &Assembly) -> Failure {
+    let known = assembly.dof_names().join(", ");
+    Failure::usage(format!(
+        "the scenario has a [structure]: give its load by --drive DOF --amplitude A, with DOF one of {known}"
+    ))
 }
 
 /// The degree of freedom that a flag names.
@@ -80,7 +90,12 @@ pub(crate) fn label(scenario: &Scenario, tested: &TestedAssembly) -> String {
     let n = tested.assembly.coordinates();
     let plain = match section.map(|section| section.kind.name()) {
         Some("chain") => format!("chain of {n} {}", if n == 1 { "link" } else { "links" }),
-        Some("arm") => format!("{} at β1 = {}°, β2 = {}°", scenario.arm.label(), short(&scenario.arm.beta1_deg), short(&scenario.arm.beta2_deg)),
+        Some("arm") => format!(
+            "{} at β1 = {}°, β2 = {}°",
+            scenario.arm.label(),
+            short(&scenario.arm.beta1_deg),
+            short(&scenario.arm.beta2_deg)
+        ),
         _ => format!("{n} {}", if n == 1 { "mode" } else { "modes" }),
     };
     let name = section.and_then(|section| section.name.clone()).unwrap_or(plain);

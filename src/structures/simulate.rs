@@ -10,7 +10,7 @@ use crate::progress::timed;
 use resonarm::integrate::Scheme;
 use resonarm::plant::TestedAssembly;
 use resonarm::scenario::Scenario;
-use resonarm::structure::{Dof, Stepper};
+use resonarm::structure::{Dof, StepLoad, Stepper};
 
 /// What is simulated.
 pub(crate) struct Asked<'a> {
@@ -54,7 +54,10 @@ pub(crate) fn show(scenario: &Scenario, tested: &TestedAssembly, asked: Asked<'_
     let initial = asked.initial.unwrap_or(&tested.initial);
     if initial.len() != 2 * n {
         let got = initial.len();
-        return Err(Failure::usage(format!("--initial has {got} numbers: give {}, the coordinates and their rates", 2 * n)));
+        return Err(Failure::usage(format!(
+            "--initial has {got} numbers: give {}, the coordinates and their rates",
+            2 * n
+        )));
     }
     let drive: Vec<Dof> = asked.drive.iter().map(|(dof, _)| *dof).collect();
     let failed = |error: resonarm::structure::StepError| Failure::usage(error.to_string());
@@ -62,8 +65,9 @@ pub(crate) fn show(scenario: &Scenario, tested: &TestedAssembly, asked: Asked<'_
     let start: Vec<f64> = initial.iter().copied().chain(vec![0.0; assembly.element_states()]).collect();
     stepper.restore(&start).map_err(failed)?;
     let (done, wall_s) = timed(|| {
-        let omega = core::f64::consts::TAU * asked.excitation_hz;
-        let load = |t_s: f64, loads: &mut [f64]| loads.fill(asked.amplitude * libm::sin(omega * t_s));
+        let amplitude = vec![asked.amplitude; drive.len()];
+        let omega_rad_s = core::f64::consts::TAU * asked.excitation_hz;
+        let load = StepLoad::Sine { amplitude: &amplitude, omega_rad_s };
         (0..asked.steps).try_for_each(|k| stepper.advance_under(k as f64 / rate_hz, &load))
     });
     done.map_err(failed)?;
@@ -93,7 +97,8 @@ pub(crate) fn show(scenario: &Scenario, tested: &TestedAssembly, asked: Asked<'_
 
 impl Document {
     fn text(&self, rate_hz: f64) -> String {
-        let mut text = format!("t = {} s after {} steps at {rate_hz} Hz, in {:.3} s\n", self.t_s, self.steps, self.wall_s);
+        let mut text =
+            format!("t = {} s after {} steps at {rate_hz} Hz, in {:.3} s\n", self.t_s, self.steps, self.wall_s);
         let numbers = |numbers: &[f64]| numbers.iter().map(|x| format!("{x:+.12e}")).collect::<Vec<_>>().join(", ");
         text += &format!("position {}\nvelocity {}\n", numbers(&self.position), numbers(&self.velocity));
         if !self.element_states.is_empty() {

@@ -75,7 +75,7 @@ pub mod structure {
     pub use resonarm_bench::structure::*;
     pub use resonarm_dynamics::structure::{
         Assembly, BodySpec, Branch, ChainSpec, CoordinateUnit, Dof, Element, ElementSpec, Law, Linear, Linearised,
-        Link, ModalSpec, ModeSpec, Place, Reaction, ShapeSpec, Side, StateRate, StepError, Stepper,
+        Link, ModalSpec, ModeSpec, Place, Reaction, ShapeSpec, Side, StateRate, StepError, StepLoad, Stepper,
         StructureError as SpecError, StructureMode, StructureSpec,
     };
 }

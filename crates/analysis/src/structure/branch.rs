@@ -76,8 +76,7 @@ pub(super) fn adapt(
             return Ok(());
         }
         balance.evaluate_motion(x);
-        let (error, allowed, harmonics) =
-            (balance.truncation_error(), branch.truncation * size, balance.harmonics());
+        let (error, allowed, harmonics) = (balance.truncation_error(), branch.truncation * size, balance.harmonics());
         if error > allowed {
             if harmonics < branch.most_harmonics {
                 balance.set_harmonics((harmonics + 1 + harmonics / 8).min(branch.most_harmonics));
@@ -166,9 +165,7 @@ impl Tracer<'_> {
             adapt(&mut self.balance, continuation, self.options)?;
             let reached = continuation.point();
             let end = match branch.left_at(reached.lambda) {
-                Some(limit) => {
-                    Some(at_parameter(&mut self.balance, &branch.continuation, [&before, reached], limit)?)
-                }
+                Some(limit) => Some(at_parameter(&mut self.balance, &branch.continuation, [&before, reached], limit)?),
                 None => None,
             };
             let after = end.clone().unwrap_or_else(|| reached.clone());
@@ -194,8 +191,7 @@ impl Tracer<'_> {
             return Ok(());
         }
         let settings = &self.options.branch.continuation;
-        let point =
-            search(&mut self.balance, settings, [a, b], values, FRACTION, |_, point: &Point| direction(point))?;
+        let point = search(&mut self.balance, settings, [a, b], values, FRACTION, |_, point: &Point| direction(point))?;
         let (orbit, index) = (self.orbit(&point), self.branch.orbits.len());
         self.branch.bifurcations.push(Bifurcation { kind: BifurcationKind::Fold, orbit, index });
         Ok(())

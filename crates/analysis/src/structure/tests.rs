@@ -68,7 +68,13 @@ fn branch_of(case: &Value) -> Branch {
     let forced = Forced::new(assembly, drive, number(case, "force_n"));
     let ends = [number(case, "from_hz"), number(case, "to_hz")];
     let options = TraceOptions::new(&forced, Coordinate::FrequencyHz, ends, vec![read]);
-    match trace(&forced, 20.0, Coordinate::FrequencyHz, &options) { Ok(b) => b, Err(e) => { println!("{e}"); *e.so_far } }
+    match trace(&forced, 20.0, Coordinate::FrequencyHz, &options) {
+        Ok(b) => b,
+        Err(e) => {
+            println!("{e}");
+            *e.so_far
+        }
+    }
 }
 
 #[test]
@@ -77,10 +83,18 @@ fn branches_have_the_folds_and_peaks_of_independent_code() {
         let start = std::time::Instant::now();
         let branch = branch_of(&case);
         let peak = branch.orbits.iter().max_by(|a, b| a.readings[0].largest.total_cmp(&b.readings[0].largest)).unwrap();
-        println!("{} {:?} points {} work {:?}", case["elements"][0]["kind"], start.elapsed(), branch.orbits.len(), branch.work);
+        println!(
+            "{} {:?} points {} work {:?}",
+            case["elements"][0]["kind"],
+            start.elapsed(),
+            branch.orbits.len(),
+            branch.work
+        );
         println!("  peak {} {} H {}", peak.frequency_hz, peak.readings[0].largest, peak.harmonics);
         println!("  oracle {} {}", case["peak_near_hz"], case["peak_amplitude_m"]);
-        for b in &branch.bifurcations { println!("   {} {:?}", b.kind.name(), (b.orbit.value, b.orbit.readings[0].largest, b.orbit.harmonics)); }
+        for b in &branch.bifurcations {
+            println!("   {} {:?}", b.kind.name(), (b.orbit.value, b.orbit.readings[0].largest, b.orbit.harmonics));
+        }
         println!("{}", case["folds"]);
     }
 }
