@@ -251,8 +251,14 @@ impl Scenario {
     /// The arm's parameters: the preset's, with the scenario's own in their place.
     ///
     /// # Errors
-    /// [`ScenarioError::Arm`] for an unknown preset, [`ScenarioError::Parse`] for an unknown or unreadable parameter.
+    /// [`ScenarioError::Arm`] for an unknown preset, [`ScenarioError::Parse`] for an unknown or unreadable parameter;
+    /// [`ScenarioError::NotTheArm`] if the scenario has a structure in the arm's place.
     pub fn parameters(&self) -> Result<Parameters, ScenarioError> {
+        if self.structure.is_some() { Err(ScenarioError::NotTheArm) } else { self.arm_parameters() }
+    }
+
+    /// The same whatever the structure is: elements act on an arm of these parameters.
+    fn arm_parameters(&self) -> Result<Parameters, ScenarioError> {
         let preset = self.arm.preset.parse::<Preset>()?.parameters()?;
         let mut table =
             toml::Table::try_from(preset).map_err(|error| ScenarioError::Write { reason: error.to_string() })?;
@@ -270,9 +276,6 @@ impl Scenario {
     /// # Errors
     /// [`ScenarioError`] if there is no such arm, or the scenario has a structure in its place.
     pub fn build_arm(&self) -> Result<Arm, ScenarioError> {
-        if self.structure.is_some() {
-            return Err(ScenarioError::NotTheArm);
-        }
         Ok(Arm::new(self.parameters()?, self.pose())?)
     }
 
@@ -283,7 +286,7 @@ impl Scenario {
     /// [`Scenario::parameters`] finds.
     pub fn tested_structure(&self) -> Result<Option<TestedAssembly>, ScenarioError> {
         let Some(section) = &self.structure else { return Ok(None) };
-        let parameters = self.parameters()?;
+        let parameters = self.arm_parameters()?;
         Ok(Some(section.tested(|| (parameters, self.pose()), &self.rig)?))
     }
 
@@ -294,7 +297,7 @@ impl Scenario {
     pub fn plant_spec(&self) -> Result<PlantSpec, ScenarioError> {
         let [x1, x2, v1, v2] = self.arm.initial;
         Ok(PlantSpec {
-            parameters: self.parameters()?,
+            parameters: self.arm_parameters()?,
             pose: self.pose(),
             initial: State::new([x1, x2], [v1, v2]),
             structure: self.tested_structure()?,
