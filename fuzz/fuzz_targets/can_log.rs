@@ -7,7 +7,7 @@ use std::fs;
 
 use libfuzzer_sys::fuzz_target;
 use resonarm::can_log::LogFormat;
-use resonarm::import::{ImportOptions, import};
+use resonarm::import::{ImportOptions, SampleClock, import};
 use resonarm::recording::{Existing, Recording};
 
 fuzz_target!(|input: &[u8]| {
@@ -17,7 +17,8 @@ fuzz_target!(|input: &[u8]| {
     fs::create_dir_all(&folder).expect("a folder for the files");
     let (path, imported) = (folder.join("log"), folder.join("imported.mcap"));
     fs::write(&path, log).expect("the log");
-    let options = ImportOptions { scenario: None, interface: None, existing: Existing::Overwrite };
+    let options =
+        ImportOptions { scenario: None, interface: None, existing: Existing::Overwrite, clock: SampleClock::default() };
     if let Ok(done) = import(&path, format, &imported, &options) {
         let recording = Recording::open(&imported).expect("what was imported can be opened");
         let frames = recording.frames().expect("its frames").map(|frame| frame.expect("a whole frame"));

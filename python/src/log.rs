@@ -6,7 +6,7 @@ use std::sync::{Mutex, PoisonError};
 
 use pyo3::prelude::*;
 use resonarm::can_log::LoggedFrame;
-use resonarm::import::{DISORDER_NS, FrameLog, ImportError, ImportOptions};
+use resonarm::import::{DISORDER_NS, FrameLog, ImportError, ImportOptions, SampleClock};
 use resonarm::recording::{Direction, Existing, Naming};
 
 use crate::errors;
@@ -47,7 +47,12 @@ impl Log {
     fn begin(&mut self, path: &Path) -> Result<(), ImportError> {
         let Log::Waiting(waiting) = self else { return Ok(()) };
         let Some(earliest) = waiting.iter().min_by_key(|logged| logged.time_ns) else { return Ok(()) };
-        let options = ImportOptions { scenario: None, interface: None, existing: Existing::Overwrite };
+        let options = ImportOptions {
+            scenario: None,
+            interface: None,
+            existing: Existing::Overwrite,
+            clock: SampleClock::default(),
+        };
         let mut log = FrameLog::create(path, "python-can", earliest, (path, Naming::FirstRecord), &options)?;
         for logged in waiting.iter() {
             log.push(logged)?;

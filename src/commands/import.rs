@@ -9,14 +9,15 @@ use crate::flags;
 use crate::output::JsonFlag;
 use crate::recordings::existing;
 use resonarm::can_log::LogFormat;
-use resonarm::import::{ImportOptions, Imported, Missing, WireImport, import};
+use resonarm::import::{ImportOptions, Imported, Missing, SampleClock, WireImport, import};
 use resonarm::scenario::Scenario;
 
 /// Makes a recording of a CAN log, for `replay`, and with --scenario for `compare`. It has no states of the arm, so
 /// `resim` does not accept it. The log is read twice and never held in memory.
 ///
 /// With a scenario that has [wire] the recording also has the readings of the bench that was logged, for `identify`, if
-/// its protocol carries all of them every sample; what is missing is named. Samples that are not in the log are gaps.
+/// its protocol carries all of them every sample; what is missing is named. CANopen drives have no readings, but states
+/// and commanded torques. Samples that are not in the log are gaps.
 #[derive(Debug, Args)]
 pub(crate) struct Import {
     /// The log: of `candump -L`, or ASC or BLF of Vector's tools.
@@ -32,6 +33,9 @@ pub(crate) struct Import {
     /// The interface, or the channel, whose frames are imported; needed if the log has more than one.
     #[arg(long, value_name = "NAME")]
     interface: Option<String>,
+    /// Count samples of CANopen drives by SYNC: each is one, as in lockstep; else the time stamps do.
+    #[arg(long, requires = "scenario")]
+    by_sync: bool,
     /// Overwrite the new recording if it exists.
     #[arg(long)]
     overwrite: bool,
@@ -49,6 +53,7 @@ impl Import {
             scenario: self.scenario.as_deref().map(Scenario::read).transpose()?,
             interface: self.interface.clone(),
             existing: existing(self.overwrite),
+            clock: if self.by_sync { SampleClock::Sync } else { SampleClock::TimeStamps },
         };
         let imported = import(&self.log, format, &self.output, &options)?;
         self.json.show(&imported, || text(&imported), &[])
@@ -88,7 +93,12 @@ fn wire_text(wire: &WireImport) -> String {
         false => format!("no readings: {}\n", missing_text(&wire.missing_readings)),
     };
     text += &match wire.missing_states.is_empty() {
-        true => format!("states and commanded loads of {} samples\n", wire.states),
+        true if wire.missing_readings.is_empty() => format!("states and commanded loads of {} samples\n", wire.states),
+        true => format!(
+            "states and commanded loads of {} samples; {} samples missing in {} gaps, {} left out for want of some of \
+             their frames\n",
+            wire.states, wire.missing_samples, wire.gaps, wire.incomplete_samples
+        ),
         false => {
             format!("no states and loads, which are in the frames alone: {}\n", missing_text(&wire.missing_states))
         }

@@ -5,9 +5,10 @@
 //! `resonarm-session`). It has no states, so it can't be simulated again.
 //!
 //! With a scenario that has a protocol of its own the recording holds readings as well, if that carries all of them
-//! every sample, and likewise states with the commanded loads. Nothing is interpolated: what is not in the log is a
-//! gap.
+//! every sample, and likewise states with the commanded loads; CANopen drives have states and loads. Nothing is
+//! interpolated: what is not in the log is a gap.
 
+mod drives;
 mod index;
 mod loads;
 mod rows;
@@ -16,6 +17,7 @@ mod wire;
 use std::fs;
 use std::path::{Path, PathBuf};
 
+use resonarm_bench::node::WireSpec;
 use resonarm_protocol::{Frame, MessageKind, Network, Node};
 use thiserror::Error;
 
@@ -27,6 +29,7 @@ use crate::recording::{
 use crate::scenario::{Scenario, ScenarioError};
 use crate::staged::{file_kind, same_file};
 
+use drives::DriveGatherer;
 use wire::Gatherer;
 pub use wire::{Missing, WireImport};
 
@@ -45,6 +48,61 @@ pub struct ImportOptions {
     pub interface: Option<String>,
     /// What to do if the recording is there already.
     pub existing: Existing,
+    /// What counts the samples of CANopen drives.
+    pub clock: SampleClock,
+}
+
+/// What counts the samples in the log of a bus whose frames have neither index nor counter.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub enum SampleClock {
+    /// The time stamps, at the rate of the scenario.
+    #[default]
+    TimeStamps,
+    /// SYNC: each begins a sample, as in lockstep, where a sample may take any time.
+    Sync,
+}
+
+/// What gathers from the frames of a scenario's own protocol.
+enum WireLog {
+    /// Messages of a DBC.
+    Mapped(Box<Gatherer>),
+    /// CANopen drives.
+    Drives(Box<DriveGatherer>),
+}
+
+impl WireLog {
+    fn new(scenario: &Scenario, clock: SampleClock) -> Result<Option<WireLog>, ImportError> {
+        if let Some(WireSpec::Cia402(spec)) = scenario.wire_spec()? {
+            let drives = DriveGatherer::new(&spec, scenario.simulation.rate_hz, clock);
+            return Ok(Some(WireLog::Drives(Box::new(drives))));
+        }
+        if clock == SampleClock::Sync {
+            return Err(ImportError::NoSync);
+        }
+        Ok(Gatherer::new(scenario)?.map(|gatherer| WireLog::Mapped(Box::new(gatherer))))
+    }
+
+    /// Takes in a frame; which way it goes, and its sample, as far as that is known.
+    fn add(&mut self, frame: &Frame, time_ns: u64) -> (Option<Direction>, Option<u64>) {
+        match self {
+            WireLog::Mapped(gatherer) => (gatherer.direction(frame.id()), gatherer.add(frame, time_ns)),
+            WireLog::Drives(gatherer) => gatherer.add(frame, time_ns),
+        }
+    }
+
+    fn next(&mut self, is_end: bool) -> Option<Record> {
+        match self {
+            WireLog::Mapped(gatherer) => gatherer.next(is_end),
+            WireLog::Drives(gatherer) => gatherer.next(is_end),
+        }
+    }
+
+    fn finish(self) -> WireImport {
+        match self {
+            WireLog::Mapped(gatherer) => gatherer.finish(),
+            WireLog::Drives(gatherer) => gatherer.finish(),
+        }
+    }
 }
 
 /// What was imported.
@@ -75,6 +133,11 @@ pub enum ImportError {
     /// The recording can't be written.
     #[error(transparent)]
     Recording(#[from] RecordingError),
+    /// SYNC counts samples of CANopen drives alone.
+    #[error(
+        "SYNC counts the samples of CANopen drives alone: give a scenario that has [wire] with `preset = \"cia402\"`"
+    )]
+    NoSync,
     /// The scenario has no network or rate.
     #[error(transparent)]
     Scenario(#[from] ScenarioError),
@@ -134,7 +197,7 @@ pub struct FrameLog {
     channel: Channel,
     log: PathBuf,
     network: Network,
-    wire: Option<Gatherer>,
+    wire: Option<WireLog>,
     rate_hz: f64,
     first_ns: u64,
     frames: u64,
@@ -157,7 +220,11 @@ impl FrameLog {
             Some(scenario) => (scenario.network()?, scenario.simulation.rate_hz),
             None => (Network::default(), 1000.0),
         };
-        let wire = options.scenario.as_ref().map(Gatherer::new).transpose()?.flatten();
+        let wire = match &options.scenario {
+            Some(scenario) => WireLog::new(scenario, options.clock)?,
+            None if options.clock == SampleClock::Sync => return Err(ImportError::NoSync),
+            None => None,
+        };
         let configuration = match &options.scenario {
             Some(scenario) => scenario.configuration("none")?,
             None => Configuration::new(),
@@ -206,7 +273,7 @@ impl FrameLog {
     /// A logged frame as the plant would have recorded it.
     fn record(&mut self, logged: &LoggedFrame, time_ns: u64) -> FrameRecord {
         let frame = logged.frame;
-        let of_wire = self.wire.as_mut().map(|wire| (wire.direction(frame.id()), wire.add(&frame, time_ns)));
+        let of_wire = self.wire.as_mut().map(|wire| wire.add(&frame, time_ns));
         let (direction, sample) = match of_wire {
             Some(known) => known,
             None => (direction(self.network, &frame), None),
@@ -228,7 +295,7 @@ impl FrameLog {
     pub fn finish(mut self) -> Result<(u64, Option<WireImport>), ImportError> {
         self.push_gathered(true)?;
         self.recorder.finish(&[("frames", self.frames.to_string())])?;
-        Ok((self.frames, self.wire.map(Gatherer::finish)))
+        Ok((self.frames, self.wire.map(WireLog::finish)))
     }
 }
 

@@ -3,6 +3,7 @@
 use thiserror::Error;
 
 use resonarm_bench::node::mapped::mapping::{ProtectionFault, Unreadable};
+use resonarm_wire::canopen::listen::Malformed;
 
 /// Why the receiver of a message refuses a frame of it.
 #[derive(Clone, Debug, PartialEq, Error)]
@@ -27,6 +28,9 @@ pub enum Fault {
         /// Its value.
         value: f64,
     },
+    /// A frame of CANopen that breaks its rules.
+    #[error(transparent)]
+    CanOpen(#[from] Malformed),
 }
 
 impl Fault {
@@ -35,9 +39,10 @@ impl Fault {
         match self {
             Fault::Protection(ProtectionFault::Checksum(_)) => "checksum",
             Fault::Protection(ProtectionFault::Counter(_) | ProtectionFault::Lost { .. }) => "counter",
-            Fault::Protection(ProtectionFault::Short { .. }) | Fault::Short { .. } | Fault::NotFinite { .. } => {
-                "form or content"
-            }
+            Fault::Protection(ProtectionFault::Short { .. })
+            | Fault::Short { .. }
+            | Fault::NotFinite { .. }
+            | Fault::CanOpen(_) => "form or content",
         }
     }
 }

@@ -14,7 +14,7 @@ use resonarm_wire::layout::Number;
 /// A frame explained.
 #[derive(Clone, Debug, PartialEq)]
 pub enum Decoded {
-    /// No message of the DBC has its identifier, or the one that has it can't be used.
+    /// No message of the DBC has its identifier, or the one that has it can't be used; of CANopen drives, none has it.
     Foreign,
     /// It asks for a message: a remote frame, or one without data of a message that is sent on request.
     Request {
@@ -46,7 +46,7 @@ pub enum Outcome {
 pub struct DecodedMessage {
     /// Its name.
     pub message: String,
-    /// The nodes that send it, according to the DBC.
+    /// The nodes that send it, according to the DBC; of CANopen drives the master, or a node and its joint.
     pub senders: Vec<String>,
     /// What its receiver makes of it.
     pub outcome: Outcome,
@@ -76,7 +76,7 @@ pub struct DecodedSignal {
     pub value: Option<f64>,
     /// Its unit, as in the DBC; empty without one.
     pub unit: String,
-    /// The text that the DBC's value table has for it.
+    /// The text that the DBC's value table has for it, or CANopen's words.
     pub text: Option<String>,
     /// What it means to the plant.
     pub means: Vec<Meaning>,
@@ -142,6 +142,33 @@ pub enum Meaning {
     },
     /// The index of the sample.
     Sample,
+    /// A step of the transfer of an object of a CANopen drive.
+    Object {
+        /// What the frame does: `read`, `value of`, `write`, `written`, `abort` and those of segments.
+        action: &'static str,
+        /// The object; `None` if no frame before says which it is.
+        object: Option<ObjectName>,
+    },
+}
+
+/// An object of a CANopen drive.
+#[derive(Clone, Debug, PartialEq, Eq, Serialize)]
+pub struct ObjectName {
+    /// Its index.
+    pub index: u16,
+    /// Its subindex.
+    pub subindex: u8,
+    /// Its name, and that of the entry if it has several.
+    pub name: String,
+}
+
+impl fmt::Display for ObjectName {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        match self {
+            ObjectName { index, subindex: 0, name } => write!(f, "{index:04X} {name}"),
+            ObjectName { index, subindex, name } => write!(f, "{index:04X}:{subindex:02X} {name}"),
+        }
+    }
 }
 
 impl fmt::Display for Meaning {
@@ -161,6 +188,8 @@ impl fmt::Display for Meaning {
             Meaning::State { name } => f.write_str(name.unwrap_or("no state")),
             Meaning::Reason { name } => f.write_str(name.unwrap_or("no reason")),
             Meaning::Sample => f.write_str("sample"),
+            Meaning::Object { action, object: None } => write!(f, "{action} an object that no frame before names"),
+            Meaning::Object { action, object: Some(object) } => write!(f, "{action} {object}"),
         }
     }
 }

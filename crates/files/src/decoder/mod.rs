@@ -1,20 +1,27 @@
-//! Frames of a user's own protocol explained: by a DBC alone, or also by what a scenario's `[wire]` makes of them.
+//! Frames of a user's own protocol explained: by a DBC alone, or also by what a scenario's `[wire]` makes of them,
+//! which may also be CANopen drives.
 //!
 //! A decoder listens as the plant and its controller do: it checks length, checksum and counter of every mapped
 //! message, and keeps the last value of every signal with requests. What the plant refuses for another reason, such as
 //! a load beyond a limit, is not in a frame.
+//!
+//! Of CANopen drives the PDOs have the mapping of the scenario, until the frames say otherwise: a decoder follows what
+//! the master writes and the drives confirm.
 
 mod check;
+mod drives;
 mod explained;
 mod roles;
+mod words;
 
 use std::collections::HashMap;
 
 pub use check::Fault;
-pub use explained::{Decoded, DecodedMessage, DecodedSignal, Meaning, Outcome};
+pub use explained::{Decoded, DecodedMessage, DecodedSignal, Meaning, ObjectName, Outcome};
 
 use crate::dbc::{Database, Message};
 use crate::scenario::{Scenario, ScenarioError};
+use drives::Drives;
 use resonarm_bench::node::WireSpec;
 use resonarm_bench::node::mapped::mapping::Mapping;
 use resonarm_protocol::{Frame, FrameFormat, Id};
@@ -23,16 +30,24 @@ use roles::MessageRoles;
 /// Explains the frames of a bus one after another.
 #[derive(Clone, Debug)]
 pub struct Decoder {
-    database: Database,
-    /// What each mapped message is, by its identifier.
-    mapped: HashMap<Id, MessageRoles>,
+    protocol: Protocol,
     lost: u64,
+}
+
+#[derive(Clone, Debug)]
+enum Protocol {
+    Dbc {
+        database: Box<Database>,
+        /// What each mapped message is, by its identifier.
+        mapped: HashMap<Id, MessageRoles>,
+    },
+    CanOpen(Drives),
 }
 
 impl Decoder {
     /// A decoder by a DBC alone: signals have values, and no meaning to the plant.
     pub fn new(database: Database) -> Decoder {
-        Decoder { database, mapped: HashMap::new(), lost: 0 }
+        Decoder { protocol: Protocol::Dbc { database: Box::new(database), mapped: HashMap::new() }, lost: 0 }
     }
 
     /// The decoder of a scenario's own protocol; `None` if the scenario has no `[wire]`.
@@ -40,22 +55,28 @@ impl Decoder {
     /// # Errors
     /// [`ScenarioError::Wire`] says what in `[wire]` can't be.
     pub fn of_scenario(scenario: &Scenario) -> Result<Option<Decoder>, ScenarioError> {
-        let (Some(database), Some(WireSpec::Mapped(mapping))) = (scenario.wire_database()?, scenario.wire_spec()?)
-        else {
-            return Ok(None);
+        let protocol = match (scenario.wire_spec()?, scenario.wire_database()?) {
+            (Some(WireSpec::Cia402(spec)), _) => Protocol::CanOpen(Drives::new(&spec)),
+            (Some(WireSpec::Mapped(mapping)), Some(database)) => {
+                let mapped = mapped(&database, &mapping);
+                Protocol::Dbc { database: Box::new(database), mapped }
+            }
+            (Some(WireSpec::Mapped(_)), None) | (None, _) => return Ok(None),
         };
-        let mapped = mapped(&database, &mapping);
-        Ok(Some(Decoder { database, mapped, lost: 0 }))
+        Ok(Some(Decoder { protocol, lost: 0 }))
     }
 
-    /// The DBC.
-    pub const fn database(&self) -> &Database {
-        &self.database
+    /// Whether the frames are those of CANopen drives, else of a DBC.
+    pub const fn is_canopen(&self) -> bool {
+        matches!(self.protocol, Protocol::CanOpen(_))
     }
 
     /// Whether it knows what messages mean to the plant.
     pub fn is_mapped(&self) -> bool {
-        !self.mapped.is_empty()
+        match &self.protocol {
+            Protocol::Dbc { mapped, .. } => !mapped.is_empty(),
+            Protocol::CanOpen(_) => true,
+        }
     }
 
     /// Frames lost so far, according to the counters of mapped messages.
@@ -65,8 +86,12 @@ impl Decoder {
 
     /// Explains the next frame on the bus.
     pub fn decode(&mut self, frame: &Frame) -> Decoded {
-        let Some(message) = self.database.message_by_id(frame.id()) else { return Decoded::Foreign };
-        let mut roles = self.mapped.get_mut(&frame.id());
+        let (database, mapped) = match &mut self.protocol {
+            Protocol::Dbc { database, mapped } => (database, mapped),
+            Protocol::CanOpen(drives) => return drives.decode(frame),
+        };
+        let Some(message) = database.message_by_id(frame.id()) else { return Decoded::Foreign };
+        let mut roles = mapped.get_mut(&frame.id());
         let is_answered = roles.as_ref().is_some_and(|roles| roles.is_on_request());
         if frame.format() == FrameFormat::Remote || (is_answered && frame.data().is_empty()) {
             return Decoded::Request { message: message.name().to_string(), is_answered };

@@ -25,10 +25,31 @@ pub(super) struct Loads {
     is_wanted: bool,
     commands: Vec<Command>,
     armed: Vec<bool>,
+    changes: LoadChanges,
+}
+
+/// A load that changes from sample to sample.
+#[derive(Debug, Default)]
+pub(super) struct LoadChanges {
     /// The load from these samples on.
     changes: BTreeMap<u64, Load>,
     /// The load before them.
     before: Load,
+}
+
+impl LoadChanges {
+    /// The load is this from a sample on.
+    pub fn insert(&mut self, sample: u64, load: Load) {
+        self.changes.insert(sample, load);
+    }
+
+    /// The load held from a sample on; later ones are asked for next.
+    pub fn at(&mut self, sample: u64) -> Load {
+        while let Some(entry) = self.changes.first_entry().filter(|entry| *entry.key() <= sample) {
+            self.before = entry.remove();
+        }
+        self.before
+    }
 }
 
 impl Loads {
@@ -46,8 +67,7 @@ impl Loads {
             is_wanted,
             commands: mapping.incoming.iter().map(command).collect(),
             armed: vec![mapping.arming != Arming::Message; drives],
-            changes: BTreeMap::new(),
-            before: Load::default(),
+            changes: LoadChanges::default(),
         }
     }
 
@@ -90,10 +110,7 @@ impl Loads {
 
     /// The load held from a sample on; later ones are asked for next.
     pub fn at(&mut self, sample: u64) -> Load {
-        while let Some(entry) = self.changes.first_entry().filter(|entry| *entry.key() <= sample) {
-            self.before = entry.remove();
-        }
-        self.before
+        self.changes.at(sample)
     }
 
     fn drop_load(&mut self, is_meant: impl Fn(usize) -> bool) {

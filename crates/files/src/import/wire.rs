@@ -7,7 +7,7 @@ use resonarm_bench::node::mapped::mapping::{
     Lockstep, Mapping, Outgoing, ProtectionCheck, ProtectionFault, ReadingSignal, Source, Trigger, Value,
 };
 use resonarm_bench::structure::{Channel, Kind, OUTPUTS, STATES, States};
-use resonarm_dynamics::arm::State;
+use resonarm_dynamics::arm::{Load, State};
 use resonarm_protocol::{Frame, FrameFormat, Id};
 use resonarm_wire::layout::Number;
 use serde::Serialize;
@@ -21,7 +21,7 @@ use crate::scenario::{Scenario, ScenarioError};
 use resonarm_wire::counter::{CounterFault, Step};
 
 /// The states of the arm.
-const ARM_STATES: usize = 4;
+pub(super) const ARM_STATES: usize = 4;
 
 /// What was gathered from the frames of a scenario's own protocol.
 #[derive(Clone, Debug, Default, PartialEq, Serialize)]
@@ -32,9 +32,10 @@ pub struct WireImport {
     pub missing_readings: Vec<Missing>,
     /// Samples with states and loads in the recording.
     pub states: u64,
-    /// The states that the wire does not carry every sample: if there is one, the recording has no states and loads.
+    /// The states that the wire does not carry every sample, or of drives those that no frame has: if there is one, the
+    /// recording has no states and loads.
     pub missing_states: Vec<Missing>,
-    /// Gaps between the samples with readings.
+    /// Gaps between the samples with readings, or if there are none, with states.
     pub gaps: u64,
     /// Samples in these gaps.
     pub missing_samples: u64,
@@ -69,6 +70,28 @@ struct Reader {
     index: FrameIndex,
 }
 
+/// Counts the gaps between the samples of a recording: those of its readings, or without any of its states.
+#[derive(Debug, Default)]
+pub(super) struct Gaps {
+    last: Option<u64>,
+}
+
+impl Gaps {
+    /// The next sample, later than the one before.
+    pub fn count(&mut self, sample: u64, found: &mut WireImport) {
+        if let Some(missing @ 1..) = self.last.map(|last| sample - last - 1) {
+            found.gaps += 1;
+            found.missing_samples += missing;
+        }
+        self.last = Some(sample);
+    }
+}
+
+/// How many samples a sample waits for frames that are late.
+pub(super) fn hold(rate_hz: f64) -> u64 {
+    libm::ceil(DISORDER_NS as f64 * 1e-9 * rate_hz) as u64 + 1
+}
+
 /// Gathers readings, states and loads frame by frame.
 #[derive(Debug)]
 pub(super) struct Gatherer {
@@ -79,7 +102,7 @@ pub(super) struct Gatherer {
     states: Option<Rows<ARM_STATES>>,
     /// The frame placed last.
     last: Option<Anchor>,
-    last_sample: Option<u64>,
+    gaps: Gaps,
     found: WireImport,
 }
 
@@ -97,7 +120,7 @@ impl Gatherer {
             .enumerate()
             .map(|(order, message)| Reader::new(message, name(message.id), (order, rate_hz)))
             .collect();
-        let hold = libm::ceil(DISORDER_NS as f64 * 1e-9 * rate_hz) as u64 + 1;
+        let hold = hold(rate_hz);
         let (readings, missing_readings) = rows(&OUTPUTS, &mapping, &readers, hold, Value::Reading);
         let (states, missing_states) = rows(&STATES[..ARM_STATES], &mapping, &readers, hold, Value::State);
         let is_used = |order: usize| {
@@ -112,7 +135,7 @@ impl Gatherer {
             states,
             readers,
             last: None,
-            last_sample: None,
+            gaps: Gaps::default(),
             found: WireImport { missing_readings, missing_states, is_placed_by_time, ..WireImport::default() },
         }))
     }
@@ -183,30 +206,25 @@ impl Gatherer {
         let readings = self.readings.as_mut().and_then(|rows| if is_end { rows.next_of_rest() } else { rows.next() });
         if let Some((sample, row)) = readings {
             self.found.samples += 1;
-            if let Some(missing @ 1..) = self.last_sample.map(|last| sample - last - 1) {
-                self.found.gaps += 1;
-                self.found.missing_samples += missing;
-            }
-            self.last_sample = Some(sample);
+            self.gaps.count(sample, &mut self.found);
             return Some(Record::Sample(sample_record(sample, &row)));
         }
         let states = self.states.as_mut().and_then(|rows| if is_end { rows.next_of_rest() } else { rows.next() });
         let (sample, row) = states?;
         self.found.states += 1;
-        let (load, [a, b, c, d]) = (self.loads.at(sample), row.values);
-        Some(Record::State(StateRecord {
-            sample,
-            states: States::of_arm(&State::new([a, b], [c, d]), None),
-            torque_nm: load.torque_nm.into(),
-            force_n: load.force_n.into(),
-            is_end: false,
-        }))
+        if self.readings.is_none() {
+            self.gaps.count(sample, &mut self.found);
+        }
+        Some(Record::State(state_record(sample, &row, self.loads.at(sample))))
     }
 
     /// What was gathered.
     pub fn finish(self) -> WireImport {
         let mut found = self.found;
         if let Some(rows) = &self.readings {
+            found.incomplete_samples = rows.incomplete;
+            found.repeated_frames += rows.too_late;
+        } else if let Some(rows) = &self.states {
             found.incomplete_samples = rows.incomplete;
             found.repeated_frames += rows.too_late;
         }
@@ -332,6 +350,18 @@ fn write_state(of: &ReadingSignal, payload: &[u8], row: &mut Row<ARM_STATES>) {
     };
     if let Some(state) = row.values.get_mut(*place) {
         *state = (got - offset) / scale;
+    }
+}
+
+/// The states of a sample, with the load from it on.
+pub(super) fn state_record(sample: u64, row: &Row<ARM_STATES>, load: Load) -> StateRecord {
+    let [a, b, c, d] = row.values;
+    StateRecord {
+        sample,
+        states: States::of_arm(&State::new([a, b], [c, d]), None),
+        torque_nm: load.torque_nm.into(),
+        force_n: load.force_n.into(),
+        is_end: false,
     }
 }
 

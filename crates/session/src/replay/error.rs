@@ -126,6 +126,15 @@ pub enum ReplayError {
          played, not with [control]"
     )]
     NoExcitation,
+    /// It was imported from a log that has no readings.
+    #[error(
+        "the recording was imported from {log} and has no readings, by which responses are read: `import` names those that its wire does \
+         not carry"
+    )]
+    NoReadings {
+        /// The log.
+        log: String,
+    },
     /// No command on the scenario's own protocol has a load.
     #[error("no command in the recording has a load, so nothing says when the excitation began")]
     NoLoad,

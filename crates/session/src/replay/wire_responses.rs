@@ -2,6 +2,7 @@
 //!
 //! Such a controller is not Resonarm's, so it is not run again. It must have played the excitation of the scenario:
 //! every commanded load is that of the excitation, within half a count of its signals, at most a sample early or late.
+//! Of CANopen drives the loads are the targets, and a count is a thousandth of the rated torque.
 
 use alloc::collections::BTreeMap;
 
@@ -9,10 +10,13 @@ use super::ReplayError;
 use resonarm_bench::control::{Answer, ResponsePoint};
 use resonarm_bench::excitation::Profile;
 use resonarm_bench::node::WireSpec;
+use resonarm_bench::node::cia402::Cia402Spec;
 use resonarm_bench::node::mapped::mapping::Mapping;
 use resonarm_bench::rig::{Measurement, Reading};
 use resonarm_dynamics::arm::Load;
 use resonarm_files::decoder::{Decoded, DecodedMessage, Decoder, Outcome};
+use resonarm_files::drives::Targets;
+use resonarm_files::import::IMPORTED_FROM;
 use resonarm_files::recording::{Direction, Recording, SampleRecord};
 use resonarm_files::scenario::Scenario;
 
@@ -20,14 +24,17 @@ use resonarm_files::scenario::Scenario;
 ///
 /// # Errors
 /// [`ReplayError::NoExcitation`] if the scenario has no excitation or also a control, [`ReplayError::NoLoad`] if no
-/// command has a load, [`ReplayError::Command`] if one has another than the excitation; [`ReplayError`] if the
-/// recording has no readings or gaps.
+/// command has a load, [`ReplayError::Command`] if one has another than the excitation, [`ReplayError::NoReadings`] if
+/// the recording was imported without readings; [`ReplayError`] if it can't be read.
 pub(super) fn timed_responses(
     recording: &Recording,
     scenario: &Scenario,
 ) -> Result<Vec<(u64, ResponsePoint)>, ReplayError> {
     if scenario.excitation.is_none() || scenario.control.is_some() {
         return Err(ReplayError::NoExcitation);
+    }
+    if let (Some(log), None) = (recording.configuration().get(IMPORTED_FROM), recording.samples()?.next()) {
+        return Err(ReplayError::NoReadings { log: log.to_owned() });
     }
     let start = start(recording, scenario, &scenario.profile()?)?;
     let mut controller = scenario.controller()?;
@@ -48,9 +55,14 @@ pub(super) fn timed_responses(
 
 /// The sample from which the excitation was played: the first commanded load is its first.
 fn start(recording: &Recording, scenario: &Scenario, profile: &Profile) -> Result<u64, ReplayError> {
-    let Some(WireSpec::Mapped(mapping)) = scenario.wire_spec()? else { return Err(ReplayError::NoLoad) };
-    let half = half_count(&mapping);
-    let commands = commands(recording, scenario, &mapping)?;
+    let (half, commands) = match scenario.wire_spec()? {
+        Some(WireSpec::Mapped(mapping)) => (half_count(&mapping), commands(recording, scenario, &mapping)?),
+        Some(WireSpec::Cia402(spec)) => {
+            let steps = spec.drives.iter().map(|drive| drive.torque_step_nm().abs());
+            (with_rounding(0.5 * steps.fold(0.0, f64::max)), targets(recording, &spec)?)
+        }
+        None => return Err(ReplayError::NoLoad),
+    };
     let is_load = |load: &[f64; 4]| load.iter().any(|part| part.abs() > half);
     let first =
         commands.iter().find(|(_, load)| is_load(load)).map(|(sample, _)| *sample).ok_or(ReplayError::NoLoad)?;
@@ -95,6 +107,19 @@ fn commands(
     Ok(commands)
 }
 
+/// The same of CANopen drives.
+fn targets(recording: &Recording, spec: &Cia402Spec) -> Result<BTreeMap<u64, [f64; 4]>, ReplayError> {
+    let mut targets = Targets::new(spec);
+    let mut commands = BTreeMap::new();
+    for record in recording.frames()? {
+        let record = record?;
+        if !targets.hear(&record.frame).is_empty() && record.direction == Direction::Received {
+            commands.insert(record.sample, parts(&targets.load()));
+        }
+    }
+    Ok(commands)
+}
+
 fn parts(load: &Load) -> [f64; 4] {
     [load.force_n.x, load.force_n.y, load.torque_nm.x, load.torque_nm.y]
 }
@@ -103,7 +128,11 @@ fn parts(load: &Load) -> [f64; 4] {
 fn half_count(mapping: &Mapping) -> f64 {
     let signals = mapping.incoming.iter().flat_map(|message| &message.commands);
     let counts = signals.map(|command| command.signal.signal.resolution().unwrap_or(0.0) * command.scale.abs());
-    0.5 * counts.fold(0.0, f64::max) * (1.0 + 1e-6) + 1e-9
+    with_rounding(0.5 * counts.fold(0.0, f64::max))
+}
+
+fn with_rounding(half: f64) -> f64 {
+    half * (1.0 + 1e-6) + 1e-9
 }
 
 fn measurement(index: u64, sample: &SampleRecord) -> Measurement {
@@ -117,3 +146,7 @@ fn measurement(index: u64, sample: &SampleRecord) -> Measurement {
         acceleration_c_m_s2: pair(sample.acceleration_c_m_s2, sample.clipped.acceleration_c),
     }
 }
+
+#[cfg(test)]
+#[path = "wire_responses_tests.rs"]
+mod tests;

@@ -54,8 +54,32 @@ pub enum Abort {
 }
 
 impl Abort {
+    /// Every reason.
+    pub const ALL: [Abort; 15] = [
+        Abort::Toggle,
+        Abort::Command,
+        Abort::WriteOnly,
+        Abort::ReadOnly,
+        Abort::NoObject,
+        Abort::NotMappable,
+        Abort::MappingLength,
+        Abort::Length,
+        Abort::LengthTooHigh,
+        Abort::LengthTooLow,
+        Abort::NoSubindex,
+        Abort::Value,
+        Abort::ValueTooHigh,
+        Abort::ValueTooLow,
+        Abort::DeviceState,
+    ];
+
     /// The code on the wire.
     pub const fn code(self) -> u32 {
         self as u32
+    }
+
+    /// The reason with this code; `None` of one that no node here gives.
+    pub fn of(code: u32) -> Option<Abort> {
+        Abort::ALL.into_iter().find(|abort| abort.code() == code)
     }
 }

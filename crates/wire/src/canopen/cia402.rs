@@ -67,6 +67,18 @@ impl Command {
             _ => Command::EnableOperation,
         }
     }
+
+    /// Its name in CiA 402.
+    pub const fn name(self) -> &'static str {
+        match self {
+            Command::Shutdown => "shutdown",
+            Command::SwitchOn => "switch on",
+            Command::EnableOperation => "enable operation",
+            Command::DisableVoltage => "disable voltage",
+            Command::QuickStop => "quick stop",
+            Command::FaultReset => "fault reset",
+        }
+    }
 }
 
 /// Whether a controlword halts: the drive stays enabled, without torque.
@@ -127,6 +139,35 @@ impl DriveState {
             DriveState::QuickStopActive => 0x07,
             DriveState::FaultReactionActive => 0x0F,
             DriveState::Fault => 0x08,
+        }
+    }
+
+    /// The state in a statusword; `None` if its bits are those of none. In quick stop active and in those that are
+    /// enabled bit 5 tells, in the others it has no meaning.
+    pub fn of(statusword: u16) -> Option<DriveState> {
+        DriveState::ALL.into_iter().find(|state| {
+            let mask = match state {
+                DriveState::NotReady
+                | DriveState::SwitchOnDisabled
+                | DriveState::FaultReactionActive
+                | DriveState::Fault => 0x4F,
+                _ => 0x6F,
+            };
+            statusword & mask == state.bits()
+        })
+    }
+
+    /// Its name in CiA 402.
+    pub const fn name(self) -> &'static str {
+        match self {
+            DriveState::NotReady => "not ready to switch on",
+            DriveState::SwitchOnDisabled => "switch on disabled",
+            DriveState::ReadyToSwitchOn => "ready to switch on",
+            DriveState::SwitchedOn => "switched on",
+            DriveState::OperationEnabled => "operation enabled",
+            DriveState::QuickStopActive => "quick stop active",
+            DriveState::FaultReactionActive => "fault reaction active",
+            DriveState::Fault => "fault",
         }
     }
 

@@ -331,9 +331,14 @@ impl Dictionary {
     /// # Errors
     /// [`Abort::NoObject`] or [`Abort::NoSubindex`].
     pub fn entry(&self, address: Address) -> Result<&Entry, Abort> {
-        let place = self.objects.binary_search_by_key(&address.index, |object| object.index);
-        let object = place.ok().and_then(|place| self.objects.get(place)).ok_or(Abort::NoObject)?;
+        let object = self.object(address.index).ok_or(Abort::NoObject)?;
         object.entries.iter().find(|entry| entry.subindex == address.subindex).ok_or(Abort::NoSubindex)
+    }
+
+    /// The object of an index.
+    pub fn object(&self, index: u16) -> Option<&Object> {
+        let place = self.objects.binary_search_by_key(&index, |object| object.index).ok()?;
+        self.objects.get(place)
     }
 
     fn entry_mut(&mut self, address: Address) -> Option<&mut Entry> {

@@ -14,6 +14,8 @@
 //! | 580 + node, 600 + node | SDO, answer and request | both |
 //! | 700 + node | boot-up and heartbeat | from the node |
 //!
+//! [`listen`] explains the frames between a node and its master to one who only listens.
+//!
 //! Left out, and aborted or ignored: block transfer, node guarding, SDO clients, time stamps, LSS, CAN FD, 29-bit
 //! identifiers.
 
@@ -21,6 +23,8 @@ mod abort;
 pub mod cia402;
 pub mod dictionary;
 pub mod eds;
+pub mod listen;
+mod nmt;
 mod pdo;
 mod sdo;
 mod server;
@@ -28,8 +32,9 @@ mod server;
 mod tests;
 
 pub use abort::Abort;
-pub use pdo::{EVENT_TYPE, PDOS, PdoDefaults, add_pdos, mapping_word};
-pub use server::{Device, Handled, NmtCommand, NmtState, Server};
+pub use nmt::{NmtCommand, NmtState};
+pub use pdo::{EVENT_TYPE, EnabledPdo, PDOS, PdoDefaults, add_pdos, enabled_pdos, mapping_word};
+pub use server::{Device, Handled, Server};
 
 /// The identifier of network management.
 pub const NMT_ID: u16 = 0x000;

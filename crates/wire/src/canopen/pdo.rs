@@ -143,6 +143,31 @@ impl Pdo {
     }
 }
 
+/// A PDO that is enabled.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct EnabledPdo {
+    /// Whether the node sends it, else it receives it.
+    pub is_sent: bool,
+    /// The transmission type.
+    pub kind: u8,
+    /// Of one that is sent: the event timer, ms; 0: none.
+    pub event_timer_ms: u16,
+    /// The bytes of the mapped entries.
+    pub bytes: usize,
+}
+
+/// The PDOs that are enabled in a dictionary: those that the node receives, then those that it sends.
+pub fn enabled_pdos(dictionary: &Dictionary) -> impl Iterator<Item = EnabledPdo> + '_ {
+    let all =
+        [RECEIVE, TRANSMIT].into_iter().flat_map(|direction| (0..PDOS).map(move |number| Pdo { direction, number }));
+    all.filter(|pdo| pdo.id(dictionary).is_some()).map(|pdo| EnabledPdo {
+        is_sent: pdo.direction == TRANSMIT,
+        kind: pdo.kind(dictionary),
+        event_timer_ms: if pdo.direction == TRANSMIT { pdo.communication(dictionary, 5) as u16 } else { 0 },
+        bytes: pdo.mapped(dictionary).filter_map(|at| dictionary.entry(at).ok()).map(|entry| entry.value.len()).sum(),
+    })
+}
+
 fn address_of(word: u32) -> Address {
     at((word >> 16) as u16, (word >> 8) as u8)
 }

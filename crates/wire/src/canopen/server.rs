@@ -5,7 +5,9 @@ use alloc::vec::Vec;
 use super::dictionary::{Address, Dictionary, TEXT_MAX_BYTES, Value, at};
 use super::pdo::{self, PDOS, Pdo, RECEIVE, TRANSMIT};
 use super::sdo::{SDO_BYTES, SdoServer, Step};
-use super::{Abort, EMERGENCY_BASE, HEARTBEAT_BASE, NMT_ID, SDO_ANSWER_BASE, SDO_REQUEST_BASE, SYNC_ID};
+use super::{
+    Abort, EMERGENCY_BASE, HEARTBEAT_BASE, NMT_ID, NmtCommand, NmtState, SDO_ANSWER_BASE, SDO_REQUEST_BASE, SYNC_ID,
+};
 use resonarm_protocol::{Frame, FrameFormat, Id};
 
 /// Frames that wait, beside PDOs.
@@ -20,58 +22,6 @@ pub trait Device {
     /// # Errors
     /// [`Abort`]: the value is not stored.
     fn write(&mut self, address: Address, value: Value) -> Result<(), Abort>;
-}
-
-/// The state of a node's communication (CiA 301, section 7.3.2).
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum NmtState {
-    /// Before boot-up.
-    Initialising,
-    /// SDOs, and no PDOs.
-    PreOperational,
-    /// SDOs and PDOs.
-    Operational,
-    /// Network management and heartbeat alone.
-    Stopped,
-}
-
-impl NmtState {
-    const fn byte(self) -> u8 {
-        match self {
-            NmtState::Initialising => 0,
-            NmtState::Stopped => 4,
-            NmtState::Operational => 5,
-            NmtState::PreOperational => 127,
-        }
-    }
-}
-
-/// A command of network management.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum NmtCommand {
-    /// To operational.
-    Start,
-    /// To stopped.
-    Stop,
-    /// To pre-operational.
-    PreOperational,
-    /// All values as after power-on, and boot-up.
-    ResetNode,
-    /// The values of communication as after power-on, and boot-up.
-    ResetCommunication,
-}
-
-impl NmtCommand {
-    const fn of(byte: u8) -> Option<NmtCommand> {
-        match byte {
-            0x01 => Some(NmtCommand::Start),
-            0x02 => Some(NmtCommand::Stop),
-            0x80 => Some(NmtCommand::PreOperational),
-            0x81 => Some(NmtCommand::ResetNode),
-            0x82 => Some(NmtCommand::ResetCommunication),
-            _ => None,
-        }
-    }
 }
 
 /// What a frame was.

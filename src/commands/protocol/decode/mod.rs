@@ -27,8 +27,10 @@ use wire::WireFrames;
 /// Without the flags below the frames are those of Resonarm's protocol. With a scenario that has [wire], or a recording
 /// of one, they are those of its DBC: signals have their unit, the text of their value table, and in brackets what they
 /// mean to the plant; lengths, checksums and counters of mapped messages are checked. Whether the plant accepts a load
-/// depends on its limits and its state as well. With --dbc alone signals have values, and nothing but the length is
-/// checked. The exit code is 1 if a frame is refused or too short.
+/// depends on its limits and its state as well. Those of CANopen drives are explained by their objects: network
+/// management, PDOs by the mapping that the frames set, SDOs with the reason of an abort, control- and statusword in
+/// words. With --dbc alone signals have values, and nothing but the length is checked. The exit code is 1 if a frame is
+/// refused or too short.
 #[derive(Debug, Args)]
 pub(super) struct Decode {
     /// Frames as cansend takes them, such as 201#8A00F40183FF3412; without any, lines of frames or of `candump -L` from

@@ -76,6 +76,7 @@ impl Explains for WireFrames {
 
     fn text(&mut self, line: &LogLine) -> String {
         match self.decode(line).0 {
+            Decoded::Foreign if self.decoder.is_canopen() => String::from("of none of the drives"),
             Decoded::Foreign => String::from("of no message in the DBC"),
             Decoded::Request { message, is_answered: true } => format!("{message} requested"),
             Decoded::Request { message, is_answered: false } => {
@@ -99,6 +100,11 @@ impl Explains for WireFrames {
 
     fn counts_text(&self) -> String {
         let Counts { frames, taken, refused, decoded, short, requests, foreign, lost } = &self.counts;
+        if self.decoder.is_canopen() {
+            return format!(
+                "{frames} frames: {taken} taken, {refused} refused, {requests} requests, {foreign} of none of the drives"
+            );
+        }
         let mapped = match self.decoder.is_mapped() {
             true => format!("{taken} taken, {refused} refused, {decoded} of messages that are not mapped"),
             false => format!("{decoded} decoded"),
@@ -140,7 +146,8 @@ fn message_row(message: &DecodedMessage) -> Map<String, Value> {
 fn message_text(message: &DecodedMessage) -> String {
     let mut text = message.message.clone();
     if let Outcome::Refused(fault) = &message.outcome {
-        text += &format!(" refused: {fault};");
+        text += &format!(" refused: {fault}");
+        text += if message.signals.is_empty() { "" } else { ";" };
     }
     for means in &message.means {
         text += &format!(" ({means})");

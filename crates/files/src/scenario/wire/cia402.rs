@@ -112,4 +112,21 @@ mod tests {
         let shaker = std::fs::read_to_string(path).unwrap();
         insta::assert_snapshot!(said(&format!("{shaker}\n{}", wire(DRIVES))), @"[wire]: a drive exerts a torque, and a shaker takes none: leave out [rig.shaker]");
     }
+
+    /// Bits at 1 kHz with the most stuff bits, and three of intermission: SYNC 55; of each drive an RPDO of 4 bytes,
+    /// 95, a TPDO of 8 bytes, 135, and, 100 times a second, one of 5 bytes, 105; a heartbeat a second, 65.
+    #[test]
+    fn a_bus_that_can_not_carry_the_drives_is_refused() {
+        let at = |rate: u32, bit_rate: u32| {
+            let head = format!("[simulation]\nrate_hz = {rate}\n[network]\nbit_rate_hz = {bit_rate}\n");
+            spec(&format!("{head}{}", wire(DRIVES)))
+        };
+        assert!(at(1000, 1_000_000).is_ok() && at(500, 500_000).is_ok());
+        insta::assert_snapshot!(at(1000, 500_000).unwrap_err(), @"the frames of the drives, with a SYNC and a target for each drive once a sample, are up to 107.2 % of what network.bit_rate_hz carries, and a bus for control is loaded to 80 % at most: lower simulation.rate_hz, or raise the bit rate");
+        insta::assert_snapshot!(at(2000, 1_000_000).unwrap_err(), @"the frames of the drives, with a SYNC and a target for each drive once a sample, are up to 105.1 % of what network.bit_rate_hz carries, and a bus for control is loaded to 80 % at most: lower simulation.rate_hz, or raise the bit rate");
+        // One drive asks for less.
+        let one = DRIVES.lines().filter(|line| !line.contains("node_id = 2")).collect::<Vec<_>>().join("\n");
+        let head = "[simulation]\nrate_hz = 1000\n[network]\nbit_rate_hz = 500000\n";
+        assert!(spec(&format!("{head}{}", wire(&one))).is_ok());
+    }
 }

@@ -357,6 +357,15 @@ pub enum WireError {
         /// The load, %.
         percent: f64,
     },
+    /// The bus can't carry the frames of CANopen drives.
+    #[error(
+        "the frames of the drives, with a SYNC and a target for each drive once a sample, are up to {percent:.1} % of what \
+         network.bit_rate_hz carries, and a bus for control is loaded to 80 % at most: lower simulation.rate_hz, or raise the bit rate"
+    )]
+    OverloadByDrives {
+        /// The load, %.
+        percent: f64,
+    },
 }
 
 fn nearest(suggestion: &Option<String>) -> String {

@@ -3,10 +3,13 @@
 use super::{WireError, WireSection};
 use crate::dbc::Database;
 use crate::scenario::{Scenario, ScenarioError};
+use resonarm_bench::node::cia402::Cia402Spec;
 use resonarm_bench::node::mapped::mapping::{Mapping, Trigger};
 use resonarm_protocol::bits::{Bits, IdFormat, Stuffing, bounds};
 use resonarm_protocol::load::share;
 use resonarm_protocol::{FrameFormat, Id};
+use resonarm_wire::canopen::dictionary::at;
+use resonarm_wire::canopen::{EnabledPdo, enabled_pdos};
 
 /// The largest share of a bus for control that the messages may take: above, those of low priority wait for long.
 const MOST: f64 = 0.8;
@@ -43,4 +46,33 @@ pub(super) fn check(scenario: &Scenario, section: &WireSection, mapping: &Mappin
 fn received_per_second(database: &Database, id: Id, rate_hz: f64) -> f64 {
     let cycle_ms = database.message_by_id(id).and_then(|message| message.cycle_time_ms());
     cycle_ms.filter(|cycle_ms| *cycle_ms > 0.0).map_or(rate_hz, |cycle_ms| 1e3 / cycle_ms)
+}
+
+/// The same of CANopen drives with the PDOs that they have after power-on. SYNC comes once a sample, and with it a
+/// target for each drive; what has an event timer is sent by that. A SYNC has no data, as its counter is optional.
+pub(super) fn check_drives(scenario: &Scenario, spec: &Cia402Spec) -> Result<(), ScenarioError> {
+    let Some(bus) = scenario.bus_of_bit_rate()? else { return Ok(()) };
+    let frames = |bytes: usize, per_second: f64| {
+        let one = bounds(IdFormat::Standard, FrameFormat::Classic, bytes, Stuffing::Worst);
+        one.times(libm::ceil(per_second) as u64)
+    };
+    let rate_hz = scenario.simulation.rate_hz;
+    let mut bits = frames(0, rate_hz);
+    for drive in &spec.drives {
+        let heartbeat_ms = drive.dictionary().number(at(0x1017, 0));
+        if heartbeat_ms > 0 {
+            bits = bits.plus(frames(1, 1e3 / heartbeat_ms as f64));
+        }
+        for pdo in enabled_pdos(&drive.dictionary()) {
+            let per_second = match pdo {
+                EnabledPdo { is_sent: true, kind: 254 | 255, event_timer_ms: ms @ 1.., .. } => 1e3 / f64::from(ms),
+                EnabledPdo { is_sent: true, kind: every @ 2..=240, .. } => rate_hz / f64::from(every),
+                EnabledPdo { is_sent: true, kind: 241..=253, .. } => 0.0,
+                EnabledPdo { .. } => rate_hz,
+            };
+            bits = bits.plus(frames(pdo.bytes, per_second));
+        }
+    }
+    let load = share(bits, bus.rates);
+    if load <= MOST { Ok(()) } else { Err(WireError::OverloadByDrives { percent: 100.0 * load }.into()) }
 }

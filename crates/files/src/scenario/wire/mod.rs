@@ -329,7 +329,9 @@ impl Scenario {
     pub fn wire_spec(&self) -> Result<Option<WireSpec>, ScenarioError> {
         let Some(section) = &self.wire else { return Ok(None) };
         if section.preset == Some(PresetSpec::Cia402) {
-            return Ok(Some(WireSpec::Cia402(cia402::spec(self, section)?)));
+            let spec = cia402::spec(self, section)?;
+            load::check_drives(self, &spec)?;
+            return Ok(Some(WireSpec::Cia402(spec)));
         }
         let expanded = section.expanded(self)?;
         let section = expanded.as_ref().unwrap_or(section);

@@ -1,5 +1,6 @@
 //! A small node, as a master sees it.
 
+mod listening;
 mod objects;
 mod pdos;
 mod states;

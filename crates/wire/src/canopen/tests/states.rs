@@ -108,3 +108,22 @@ fn an_eds_says_what_the_dictionary_does() {
     let list = eds.split("[OptionalObjects]\nSupportedObjects=").nth(1).unwrap();
     assert_eq!(list.lines().next(), Some((dictionary.objects().len() - 1).to_string().as_str()));
 }
+
+#[test]
+fn a_statusword_has_the_state_of_its_bits() {
+    use cia402::DriveState;
+    // Bits without a meaning for the state, all set.
+    for state in DriveState::ALL {
+        let others = match state {
+            DriveState::NotReady
+            | DriveState::SwitchOnDisabled
+            | DriveState::FaultReactionActive
+            | DriveState::Fault => !0x4F,
+            _ => !0x6F,
+        };
+        assert_eq!(DriveState::of(state.bits()), Some(state));
+        assert_eq!(DriveState::of(state.bits() | others), Some(state));
+    }
+    assert_eq!(DriveState::of(0x22), None);
+    assert!(Abort::ALL.iter().all(|abort| Abort::of(abort.code()) == Some(*abort)));
+}

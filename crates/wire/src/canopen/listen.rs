@@ -1,0 +1,437 @@
+//! What the frames of a node say, for one who only listens: a log's reader knows neither the node nor the master.
+//!
+//! A [`Listener`] begins with the object dictionary after a reset, and follows what the frames say of it: values that
+//! the node confirms as written, those that it gives when it is asked, PDOs, resets. PDOs are read by the mapping that
+//! follows from that; one that the master has changed before the first frame is not known.
+
+use alloc::vec::Vec;
+
+use super::dictionary::{Address, Dictionary, TEXT_MAX_BYTES, Value, at};
+use super::pdo::{PDOS, Pdo, RECEIVE, TRANSMIT};
+use super::sdo::SDO_BYTES;
+use super::{
+    EMERGENCY_BASE, HEARTBEAT_BASE, NMT_ID, NODE_ID_MAX, NmtCommand, NmtState, SDO_ANSWER_BASE, SDO_REQUEST_BASE,
+    SYNC_ID,
+};
+use resonarm_protocol::{Frame, FrameFormat, Id};
+use thiserror::Error;
+
+/// What a frame says.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub enum Heard {
+    /// Nothing to or of this node.
+    Foreign,
+    /// A command of network management.
+    Nmt {
+        /// What it asks for.
+        command: NmtCommand,
+        /// The node that is meant; 0: all.
+        node: u8,
+    },
+    /// SYNC, with its counter if it has one.
+    Sync(Option<u8>),
+    /// The node's communication is in this state; initialising: the boot-up message.
+    Heartbeat(NmtState),
+    /// An emergency.
+    Emergency {
+        /// The error code, 0 when the error is over.
+        code: u16,
+        /// The error register, object 1001.
+        register: u8,
+        /// The manufacturer's bytes.
+        more: [u8; 5],
+    },
+    /// A PDO.
+    Pdo {
+        /// Its number, from 1.
+        number: u16,
+        /// Whether the node sends it.
+        is_sent: bool,
+        /// The mapped objects and their values.
+        values: Vec<(Address, Value)>,
+        /// The first mapped object that the frame ends before: the node refuses it.
+        missing: Option<Address>,
+    },
+    /// A remote frame that asks for a PDO of the node.
+    PdoRequest {
+        /// Its number, from 1.
+        number: u16,
+        /// Whether the node answers when it is operational.
+        is_answered: bool,
+    },
+    /// A service data object.
+    Sdo(Sdo),
+    /// A frame of the node's identifiers that breaks the rules.
+    Malformed {
+        /// Which.
+        of: Part,
+        /// What is wrong.
+        fault: Malformed,
+    },
+}
+
+/// The frames of a node other than PDOs.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Part {
+    /// Network management.
+    Nmt,
+    /// Emergencies.
+    Emergency,
+    /// Boot-up and heartbeat.
+    Heartbeat,
+    /// SDO requests.
+    Request,
+    /// SDO answers.
+    Answer,
+}
+
+/// Bytes of an object.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub enum Content {
+    /// A value of the object's type.
+    Value(Value),
+    /// Bytes of an object that is not known, or of another length than its type's.
+    Bytes(Vec<u8>),
+}
+
+/// What an SDO says (CiA 301, section 7.2.4).
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub enum Sdo {
+    /// The master asks for a value.
+    Read(Address),
+    /// The node gives it.
+    Given(Address, Content),
+    /// The master writes a value.
+    Write(Address, Content),
+    /// The node has written it, or lets the segments come.
+    Confirmed(Address),
+    /// Segments follow.
+    Announced {
+        /// The object.
+        address: Address,
+        /// The bytes that it will have, if that is said.
+        bytes: Option<u32>,
+    },
+    /// A segment.
+    Segment {
+        /// The object; `None` if no frame before says it.
+        address: Option<Address>,
+        /// Bytes in it.
+        bytes: usize,
+        /// With the last: the whole.
+        whole: Option<Content>,
+    },
+    /// The next segment is asked for.
+    NextSegment(Option<Address>),
+    /// The segment has come.
+    SegmentTaken(Option<Address>),
+    /// The transfer is aborted.
+    Aborted {
+        /// The object.
+        address: Address,
+        /// Why, as on the wire.
+        code: u32,
+    },
+}
+
+/// What is wrong with a frame.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Error)]
+#[non_exhaustive]
+pub enum Malformed {
+    /// Too few or too many bytes.
+    #[error("it has {got} bytes, and {expected} belong into it")]
+    Length {
+        /// The bytes that it has.
+        got: usize,
+        /// The bytes that it must have.
+        expected: usize,
+    },
+    /// No command of network management.
+    #[error("{got:#04x} is no command of network management: 0x01, 0x02, 0x80, 0x81 and 0x82 are")]
+    NmtCommand {
+        /// The first byte.
+        got: u8,
+    },
+    /// A node id that none has.
+    #[error("{got} is no node id: 0 is all nodes, 1 to {NODE_ID_MAX} is one")]
+    NodeId {
+        /// The second byte.
+        got: u8,
+    },
+    /// No state of a node.
+    #[error("{got:#04x} is no state of a node: 0x00, 0x04, 0x05 and 0x7f are")]
+    NmtState {
+        /// The byte.
+        got: u8,
+    },
+    /// A command that SDOs don't have, or that these nodes don't know: that of a block transfer.
+    #[error("{got:#04x} is no command of a transfer, expedited or in segments")]
+    SdoCommand {
+        /// The first byte.
+        got: u8,
+    },
+    /// A remote frame: only PDOs are asked for.
+    #[error("it is a remote frame, and a data frame belongs here")]
+    Remote,
+}
+
+/// A transfer that is not over.
+#[derive(Clone, Debug)]
+struct Transfer {
+    address: Address,
+    is_write: bool,
+    bytes: Vec<u8>,
+    /// All of them have come.
+    is_whole: bool,
+}
+
+/// Listens to one node and its master.
+#[derive(Clone, Debug)]
+pub struct Listener {
+    node_id: u8,
+    dictionary: Dictionary,
+    transfer: Option<Transfer>,
+}
+
+impl Listener {
+    /// A listener to a node that has this dictionary after a reset.
+    pub const fn new(node_id: u8, dictionary: Dictionary) -> Listener {
+        Listener { node_id, dictionary, transfer: None }
+    }
+
+    /// The node id.
+    pub const fn node_id(&self) -> u8 {
+        self.node_id
+    }
+
+    /// The object dictionary, as far as the frames have said what it holds.
+    pub const fn dictionary(&self) -> &Dictionary {
+        &self.dictionary
+    }
+
+    /// Takes in the next frame on the bus.
+    pub fn hear(&mut self, frame: &Frame) -> Heard {
+        let Id::Standard(id) = frame.id() else { return Heard::Foreign };
+        let is_remote = frame.format() == FrameFormat::Remote;
+        if !is_remote && frame.format() != FrameFormat::Classic {
+            return Heard::Foreign;
+        }
+        let (own, data) = (u16::from(self.node_id), frame.data());
+        let part = match id {
+            SYNC_ID if !is_remote => return Heard::Sync(data.first().copied()),
+            NMT_ID => Part::Nmt,
+            id if id == EMERGENCY_BASE + own => Part::Emergency,
+            id if id == HEARTBEAT_BASE + own => Part::Heartbeat,
+            id if id == SDO_REQUEST_BASE + own => Part::Request,
+            id if id == SDO_ANSWER_BASE + own => Part::Answer,
+            id => return self.hear_pdo(id, is_remote, data),
+        };
+        let heard = match part {
+            _ if is_remote => Err(Malformed::Remote),
+            Part::Nmt => self.hear_nmt(data),
+            Part::Emergency => exactly::<8>(data).map(|&[low, high, register, a, b, c, d, e]| Heard::Emergency {
+                code: u16::from_le_bytes([low, high]),
+                register,
+                more: [a, b, c, d, e],
+            }),
+            Part::Heartbeat => self.hear_heartbeat(data),
+            Part::Request => exactly(data).and_then(|data| self.hear_request(data)).map(Heard::Sdo),
+            Part::Answer => exactly(data).and_then(|data| self.hear_answer(data)).map(Heard::Sdo),
+        };
+        heard.unwrap_or_else(|fault| Heard::Malformed { of: part, fault })
+    }
+
+    fn hear_nmt(&mut self, data: &[u8]) -> Result<Heard, Malformed> {
+        let &[byte, node] = exactly::<2>(data)?;
+        if node > NODE_ID_MAX {
+            return Err(Malformed::NodeId { got: node });
+        }
+        let command = NmtCommand::of(byte).ok_or(Malformed::NmtCommand { got: byte })?;
+        if node == 0 || node == self.node_id {
+            match command {
+                NmtCommand::ResetNode => self.reset(u16::MAX),
+                NmtCommand::ResetCommunication => self.reset(0x1FFF),
+                NmtCommand::Start | NmtCommand::Stop | NmtCommand::PreOperational => {}
+            }
+        }
+        Ok(Heard::Nmt { command, node })
+    }
+
+    /// A node that boots has at least reset its communication.
+    fn hear_heartbeat(&mut self, data: &[u8]) -> Result<Heard, Malformed> {
+        let &[byte] = exactly::<1>(data)?;
+        let state = NmtState::of(byte).ok_or(Malformed::NmtState { got: byte })?;
+        if state == NmtState::Initialising {
+            self.reset(0x1FFF);
+        }
+        Ok(Heard::Heartbeat(state))
+    }
+
+    fn reset(&mut self, last: u16) {
+        self.dictionary.reset(0x1000..=last);
+        self.transfer = None;
+    }
+
+    fn hear_pdo(&mut self, id: u16, is_remote: bool, data: &[u8]) -> Heard {
+        for number in 0..PDOS {
+            for direction in [TRANSMIT, RECEIVE] {
+                let pdo = Pdo { direction, number };
+                let is_sent = direction == TRANSMIT;
+                if pdo.id(&self.dictionary) != Some(id) {
+                    continue;
+                }
+                if is_remote {
+                    let is_answered = is_sent && pdo.allows_remote(&self.dictionary);
+                    return Heard::PdoRequest { number: number + 1, is_answered };
+                }
+                let (values, missing) = self.mapped(pdo, data);
+                if missing.is_none() {
+                    values.iter().for_each(|(address, value)| self.dictionary.store(*address, *value));
+                }
+                return Heard::Pdo { number: number + 1, is_sent, values, missing };
+            }
+        }
+        Heard::Foreign
+    }
+
+    /// The values in a PDO, and the first object that it ends before.
+    fn mapped(&self, pdo: Pdo, data: &[u8]) -> (Vec<(Address, Value)>, Option<Address>) {
+        let (mut values, mut place) = (Vec::new(), 0);
+        for address in pdo.mapped(&self.dictionary) {
+            let Ok(entry) = self.dictionary.entry(address) else { continue };
+            let end = place + entry.value.len();
+            match data.get(place..end).and_then(|bytes| entry.value.decode(bytes).ok()) {
+                Some(value) => values.push((address, value)),
+                None => return (values, Some(address)),
+            }
+            place = end;
+        }
+        (values, None)
+    }
+
+    fn hear_request(&mut self, request: &[u8; SDO_BYTES]) -> Result<Sdo, Malformed> {
+        let address = address_of(request);
+        Ok(match request[0] >> 5 {
+            0 => self.hear_segment(request, true),
+            1 => {
+                let is_expedited = request[0] & 2 != 0;
+                let bytes = if is_expedited { self.expedited(request, address) } else { Vec::new() };
+                self.transfer =
+                    Some(Transfer { address, is_write: true, bytes: bytes.clone(), is_whole: is_expedited });
+                match is_expedited {
+                    true => Sdo::Write(address, self.content(address, bytes)),
+                    false => Sdo::Announced { address, bytes: announced(request) },
+                }
+            }
+            2 => {
+                self.transfer = Some(Transfer { address, is_write: false, bytes: Vec::new(), is_whole: false });
+                Sdo::Read(address)
+            }
+            3 => Sdo::NextSegment(self.transfer.as_ref().map(|transfer| transfer.address)),
+            4 => self.aborted(request, address),
+            _ => return Err(Malformed::SdoCommand { got: request[0] }),
+        })
+    }
+
+    fn hear_answer(&mut self, answer: &[u8; SDO_BYTES]) -> Result<Sdo, Malformed> {
+        let address = address_of(answer);
+        Ok(match answer[0] >> 5 {
+            0 => self.hear_segment(answer, false),
+            1 => {
+                let transfer = self.transfer.take();
+                let of = transfer.as_ref().map(|transfer| transfer.address);
+                self.confirm(transfer);
+                Sdo::SegmentTaken(of)
+            }
+            2 if answer[0] & 2 != 0 => {
+                self.transfer = None;
+                let content = self.content(address, self.expedited(answer, address));
+                self.learn(address, &content);
+                Sdo::Given(address, content)
+            }
+            2 => {
+                self.transfer = Some(Transfer { address, is_write: false, bytes: Vec::new(), is_whole: false });
+                Sdo::Announced { address, bytes: announced(answer) }
+            }
+            3 => {
+                let transfer = self.transfer.take().filter(|transfer| transfer.is_write && transfer.address == address);
+                self.confirm(transfer);
+                Sdo::Confirmed(address)
+            }
+            4 => self.aborted(answer, address),
+            _ => return Err(Malformed::SdoCommand { got: answer[0] }),
+        })
+    }
+
+    /// A transfer that the node confirms: the value is written, or more segments come.
+    fn confirm(&mut self, transfer: Option<Transfer>) {
+        match transfer {
+            Some(Transfer { address, is_write: true, bytes, is_whole: true }) => {
+                self.learn(address, &self.content(address, bytes));
+            }
+            unfinished => self.transfer = unfinished,
+        }
+    }
+
+    fn hear_segment(&mut self, data: &[u8; SDO_BYTES], is_write: bool) -> Sdo {
+        let bytes = 7 - usize::from(data[0] >> 1 & 7);
+        let is_last = data[0] & 1 != 0;
+        let Some(transfer) = self.transfer.as_mut().filter(|transfer| transfer.is_write == is_write) else {
+            return Sdo::Segment { address: None, bytes, whole: None };
+        };
+        // More than the longest string is no value of such a node.
+        let room = TEXT_MAX_BYTES.saturating_sub(transfer.bytes.len()).min(bytes);
+        transfer.bytes.extend(&data[1..=room]);
+        transfer.is_whole = is_last;
+        let address = transfer.address;
+        let whole = is_last.then(|| transfer.bytes.clone()).map(|bytes| self.content(address, bytes));
+        if let (Some(content), false) = (&whole, is_write) {
+            self.learn(address, content);
+            self.transfer = None;
+        }
+        Sdo::Segment { address: Some(address), bytes, whole }
+    }
+
+    fn aborted(&mut self, data: &[u8; SDO_BYTES], address: Address) -> Sdo {
+        self.transfer = None;
+        Sdo::Aborted { address, code: word(data) }
+    }
+
+    /// The bytes of an expedited transfer: as many as it says, or as the object's type has.
+    fn expedited(&self, data: &[u8; SDO_BYTES], address: Address) -> Vec<u8> {
+        let unused = usize::from(data[0] >> 2 & 3);
+        let of_type = || self.dictionary.entry(address).map_or(4, |entry| entry.value.len().min(4));
+        let len = if data[0] & 1 != 0 { 4 - unused } else { of_type() };
+        data[4..4 + len].to_vec()
+    }
+
+    fn content(&self, address: Address, bytes: Vec<u8>) -> Content {
+        let entry = self.dictionary.entry(address).ok();
+        match entry.and_then(|entry| entry.value.decode(&bytes).ok()) {
+            Some(value) => Content::Value(value),
+            None => Content::Bytes(bytes),
+        }
+    }
+
+    fn learn(&mut self, address: Address, content: &Content) {
+        if let Content::Value(value) = content {
+            self.dictionary.store(address, *value);
+        }
+    }
+}
+
+fn exactly<const N: usize>(data: &[u8]) -> Result<&[u8; N], Malformed> {
+    data.try_into().map_err(|_| Malformed::Length { got: data.len(), expected: N })
+}
+
+fn address_of(data: &[u8; SDO_BYTES]) -> Address {
+    at(u16::from_le_bytes([data[1], data[2]]), data[3])
+}
+
+fn word(data: &[u8; SDO_BYTES]) -> u32 {
+    u32::from_le_bytes([data[4], data[5], data[6], data[7]])
+}
+
+fn announced(data: &[u8; SDO_BYTES]) -> Option<u32> {
+    (data[0] & 1 != 0).then(|| word(data))
+}
