@@ -8,6 +8,7 @@ use std::path::Path;
 use divan::counter::ItemsCount;
 use divan::{Bencher, black_box};
 use prost::Message;
+use resonarm::arm::State;
 use resonarm::protocol::{Frame, Id};
 use resonarm::recording::{
     Clipped, Compression, Configuration, Direction, Existing, FrameRecord, Options, Record, Recorder, Recording,
@@ -16,6 +17,7 @@ use resonarm::recording::{
 use resonarm::replay::resimulate;
 use resonarm::run::{self, Mode, RecordTo, Session, Signals};
 use resonarm::scenario::Scenario;
+use resonarm::structure::States;
 
 const RATE_HZ: f64 = 1000.0;
 const SAMPLES: u64 = 50_000;
@@ -32,11 +34,9 @@ fn motion(sample: u64) -> [Record; 2] {
     let reading = |scale: f64| pair(scale).map(|value| libm::round(value * 100.0) / 100.0);
     let state = StateRecord {
         sample,
-        alpha_rad: pair(1e-3),
-        alpha_dot_rad_s: pair(0.1),
+        states: States::of_arm(&State::new(pair(1e-3), pair(0.1)), None),
         torque_nm: [0.0; 2],
         force_n: reading(80.0),
-        coil_current_a: None,
         is_end: false,
     };
     let readings = SampleRecord {

@@ -6,11 +6,13 @@ use std::env;
 use std::error::Error;
 use std::io::Write;
 
+use resonarm::arm::State;
 use resonarm::protocol::{Frame, Id};
 use resonarm::recording::{
     Clipped, Configuration, Direction, Event, Existing, FrameRecord, Options, Record, Recorder, Recording,
     SampleRecord, StateRecord, TickRecord,
 };
+use resonarm::structure::States;
 
 /// Time from one sample to the next, s.
 const DT_S: f64 = 1e-3;
@@ -33,7 +35,7 @@ fn main() -> Result<(), Box<dyn Error>> {
 
     let recording = Recording::open(&path)?;
     let peak_rad =
-        recording.states()?.try_fold(0.0_f64, |peak, state| state.map(|state| peak.max(state.alpha_rad[0])))?;
+        recording.states()?.try_fold(0.0_f64, |peak, state| state.map(|state| peak.max(state.alpha_rad()[0])))?;
     let mut output = std::io::stdout();
     serde_json::to_writer(
         &mut output,
@@ -56,11 +58,9 @@ fn records(sample: u64) -> Result<[Record; 5], Box<dyn Error>> {
     Ok([
         Record::State(StateRecord {
             sample,
-            alpha_rad: [alpha, -0.5 * alpha],
-            alpha_dot_rad_s: [-2.0 * alpha, alpha],
+            states: States::of_arm(&State::new([alpha, -0.5 * alpha], [-2.0 * alpha, alpha]), None),
             torque_nm: [0.0, 0.0],
             force_n: [10.0 * libm::sin(phase), 0.0],
-            coil_current_a: None,
             is_end: false,
         }),
         Record::Sample(SampleRecord {

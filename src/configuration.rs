@@ -5,9 +5,14 @@ use serde_json::{Value, json};
 use crate::failure::Failure;
 use resonarm::arm::Load;
 use resonarm::scenario::Scenario;
+use resonarm::structure::{Assembly, Channel, CoordinateUnit, Coordinates, coordinate_channels};
 
-/// The arm with all its parameters, and its pose: results of every command depend on them.
+/// The arm with all its parameters, and its pose, or the structure in its place: results of every command depend on
+/// them.
 pub(crate) fn of_arm(scenario: &Scenario) -> Result<Value, Failure> {
+    if let Some(tested) = scenario.tested_structure()? {
+        return Ok(json!({ "structure": scenario.structure, "coordinates": coordinates(&tested.assembly) }));
+    }
     let mut configuration = json!({
         "preset": scenario.arm.preset,
         "parameters": scenario.parameters()?,
@@ -23,6 +28,17 @@ pub(crate) fn of_arm(scenario: &Scenario) -> Result<Value, Failure> {
         configuration["name"] = json!(name);
     }
     Ok(configuration)
+}
+
+/// Name and unit of each coordinate of a structure.
+pub(crate) fn coordinates(assembly: &Assembly) -> Value {
+    let of = match assembly.coordinate_unit() {
+        CoordinateUnit::Radian => Coordinates::Joints,
+        CoordinateUnit::MetreRootKilogram => Coordinates::Modes,
+    };
+    let channels = coordinate_channels(of, assembly.coordinates());
+    let coordinate = |channel: &Channel| json!({ "name": channel.name, "unit": channel.quantity.unit() });
+    channels.iter().take(assembly.coordinates()).map(coordinate).collect()
 }
 
 /// The same, and the peak load.

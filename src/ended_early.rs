@@ -6,7 +6,7 @@ use serde_json::{Value, json};
 
 use crate::failure::{Failure, Verdict};
 use crate::output;
-use resonarm::analysis::{AnalysisError, Backbone, Branch, EndedEarly, SingularCurve};
+use resonarm::analysis::{AnalysisError, Backbone, Branch, EndedEarly, SingularCurve, structure};
 
 /// A result that a continuation builds point by point.
 pub(crate) trait CountMotions {
@@ -15,6 +15,12 @@ pub(crate) trait CountMotions {
 }
 
 impl CountMotions for Branch {
+    fn motions(&self) -> usize {
+        self.orbits.len()
+    }
+}
+
+impl CountMotions for structure::Branch {
     fn motions(&self) -> usize {
         self.orbits.len()
     }

@@ -25,6 +25,7 @@ mod recordings;
 mod responses;
 mod session;
 mod status;
+mod structures;
 mod study;
 mod supervise;
 mod walk_point;

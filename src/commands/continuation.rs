@@ -18,12 +18,14 @@ use crate::figures::singular_curves::{CurveFlags, Curves};
 use crate::flags::ArmFlags;
 use crate::output::{self, JsonFlag, OverwriteFlag};
 use crate::progress::timed;
-use crate::quantity::{Ends, Quantity};
+use crate::quantity::{self, Ends, Quantity};
 use crate::readings::{self, Reader, ReadingsFlag};
+use crate::structures::{self, StructureDriveFlags};
 use resonarm::analysis::{
-    ArmParameter, Bifurcation, Branch, BranchOptions, Coordinate, ForcedArm, Orbit, trace, trace_doublings,
+    ArmParameter, Bifurcation, Branch, BranchOptions, Coordinate, ForcedArm, Orbit, structure, trace, trace_doublings,
 };
 use resonarm::arm::Load;
+use resonarm::plant::TestedAssembly;
 use resonarm::scenario::Scenario;
 use resonarm_figures::plot::{Subtitle, beside};
 use resonarm_numeric::number::short;
@@ -36,10 +38,12 @@ Examples:
   resonarm continue --parameter mass2_kg --torque1-nm 60 --frequency-hz 22 --from 40 --to 60
   resonarm continue --torque1-nm 60 --from-hz 21 --to-hz 23 --curves-in amplitude --curves-to 5
   resonarm continue --torque1-nm 800 --beta2-deg 75 --from-hz 40 --to-hz 50 --doubled
+  resonarm continue --scenario bracket.toml --drive tip.x --amplitude 10 --from-hz 18 --to-hz 26
 
 A walk that ends early prints what it found, says why on standard error, and ends with exit code 1.";
 
-/// Follows periodic motions of the forced arm in a parameter, with stability and bifurcations, around folds.
+/// Follows periodic motions of the forced arm, or of a scenario's structure, in a parameter, with stability and
+/// bifurcations, around folds.
 #[derive(Debug, Args)]
 #[command(after_long_help = readings::help_after(EXAMPLES, ""))]
 pub(crate) struct Continue {
@@ -47,6 +51,11 @@ pub(crate) struct Continue {
     pub(crate) arm: ArmFlags,
     #[command(flatten)]
     drive: DriveFlags,
+    #[command(flatten)]
+    structure: StructureDriveFlags,
+    /// Of a structure: where the motion is read, separated by commas [default: where it is driven].
+    #[arg(long, value_name = "DOF", value_delimiter = ',', requires = "drive")]
+    at: Vec<String>,
     /// What varies: frequency, amplitude, beta1_deg, beta2_deg, or a parameter of the arm as a scenario calls it.
     #[arg(long, value_name = "NAME", default_value = "frequency")]
     parameter: String,
@@ -237,6 +246,10 @@ impl Continue {
             &[output::PLOTTED, &["-curves.svg", "-curves.png", "-curves.txt", "-curves.csv"]].concat(),
         )?;
         let scenario = self.arm.scenario()?;
+        if let Some(tested) = scenario.tested_structure()? {
+            return self.of_structure(&scenario, &tested);
+        }
+        self.structure.refuse()?;
         let arm = scenario.build_arm()?;
         let varied = self.varied()?;
         let second = self.curves.second(&varied.quantity, &self.drive)?;
@@ -262,6 +275,50 @@ impl Continue {
         }
         self.json.show(&document, || found.text(&varied, wall_s), &files)?;
         found.early.verdict()
+    }
+
+    /// A structure in place of the arm.
+    fn of_structure(&self, scenario: &Scenario, tested: &TestedAssembly) -> Result<Verdict, Failure> {
+        if self.drive.is_given() {
+            return Err(structures::arm_drive(&tested.assembly));
+        }
+        let drive = self.structure.dof(&tested.assembly)?;
+        let ends = self.range.ends();
+        let (coordinate, amplitude, frequency_hz, suffix) = match self.parameter.as_str() {
+            "frequency" if self.frequency_hz.is_some() => {
+                return Err(Failure::usage("--frequency-hz is for runs in another parameter: leave it out"));
+            }
+            "frequency" => (structure::Coordinate::FrequencyHz, self.structure.needed_amplitude()?, None, "-hz"),
+            "amplitude" if self.structure.amplitude().is_some() => {
+                return Err(Failure::usage("the amplitude is what varies: leave --amplitude out"));
+            }
+            "amplitude" => {
+                let suffix = if drive.0.is_angle() { "-nm" } else { "-n" };
+                (structure::Coordinate::Amplitude, 1.0, Some(self.positive_frequency_hz()?), suffix)
+            }
+            other => {
+                let what = format!("--parameter {other}: of a structure vary frequency or amplitude");
+                return Err(Failure::usage(what));
+            }
+        };
+        if self.doubled || self.curves.are_given() || self.readings.readings {
+            let what = "--doubled, --curves-in and --readings are for the two-link arm: leave them out";
+            return Err(Failure::usage(what));
+        }
+        let (from, to) =
+            quantity::interval(&format!("--parameter {}", self.parameter), Some(suffix), &ends)?.unwrap_or_default();
+        let asked = structures::continuation::Asked {
+            drive,
+            amplitude,
+            frequency_hz: frequency_hz.unwrap_or(from),
+            coordinate,
+            ends: [from, to],
+            at: &self.at,
+            settings: &|options| self.walk.options(options),
+            plot: self.plot.as_deref(),
+            json: self.json,
+        };
+        structures::continuation::show(scenario, tested, &asked)
     }
 
     /// A figure's subtitle: the arm, its pose and the excitation, without the quantities that vary.
@@ -316,8 +373,14 @@ impl Continue {
             (Coordinate::FrequencyHz, Some(_)) => {
                 Err(Failure::usage("--frequency-hz is for runs in another parameter: leave it out"))
             }
-            (_, Some(hz)) if hz.is_finite() && hz > 0.0 => Ok(hz),
-            (_, got) => {
+            _ => self.positive_frequency_hz(),
+        }
+    }
+
+    fn positive_frequency_hz(&self) -> Result<f64, Failure> {
+        match self.frequency_hz {
+            Some(hz) if hz.is_finite() && hz > 0.0 => Ok(hz),
+            got => {
                 let got = got.map_or(String::from("missing"), |hz| short(&hz).to_string());
                 Err(Failure::usage(format!("--frequency-hz is {got}: it must be a positive number")))
             }

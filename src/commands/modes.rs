@@ -11,13 +11,15 @@ use crate::failure::{Failure, Verdict};
 use crate::figures::captions;
 use crate::flags::{self, ArmFlags};
 use crate::output::{self, JsonFlag, OverwriteFlag};
+use crate::structures;
 use resonarm::analysis::{Mode, modes};
 use resonarm::arm::Arm;
 use resonarm::scenario::{ArmSection, Scenario};
 use resonarm_figures::plot::{Axis, Color, Figure, Panel, Series};
 use resonarm_numeric::number::short;
 
-/// Undamped natural frequencies, damping ratios and mode shapes of the arm in its pose, or over a range of β2.
+/// Undamped natural frequencies, damping ratios and mode shapes of the arm in its pose, or over a range of β2; or of a
+/// scenario's structure.
 ///
 /// With gravity, α = 0 is the arm at rest under its weight; β is the pose with relaxed springs, before it sags.
 ///
@@ -75,6 +77,9 @@ impl Modes {
     }
 
     fn in_pose(&self, scenario: &Scenario) -> Result<Verdict, Failure> {
+        if let Some(tested) = scenario.tested_structure()? {
+            return structures::modes::show(scenario, &tested, self.json);
+        }
         let arm = scenario.build_arm()?;
         let modes = modes(&arm);
         let document = Document { configuration: configuration::of_arm(scenario)?, modes };

@@ -9,17 +9,21 @@ use crate::failure::{Failure, Verdict};
 use crate::flags::{self, ArmFlags, parse_scheme};
 use crate::output::JsonFlag;
 use crate::progress::timed;
+use crate::structures::{self, StructureDriveFlags};
 use resonarm::arm::{Load, Sine};
 use resonarm::integrate::{Integrator, Scheme};
+use resonarm::plant::TestedAssembly;
 use resonarm::scenario::{Scenario, SimulationSection};
 use resonarm_numeric::number::short;
 
-/// Simulates the arm under A·sin(2πft), exact inside the step, and prints the state at the end.
+/// Simulates the arm, or a scenario's structure, under A·sin(2πft), exact inside the step, and prints the state at the
+/// end.
 #[derive(Debug, Args)]
 pub(crate) struct Simulate {
     #[command(flatten)]
     pub(crate) arm: ArmFlags,
-    /// Initial state: α1,α2 in rad, α̇1,α̇2 in rad/s [default: that of the scenario, at rest].
+    /// Initial state: α1,α2 in rad, α̇1,α̇2 in rad/s; of a structure its coordinates and their rates [default: that of the
+    /// scenario, at rest].
     #[arg(long, value_name = "α1,α2,α̇1,α̇2", value_delimiter = ',', num_args = 1)]
     initial: Option<Vec<f64>>,
     /// Torque at joint 1, N·m.
@@ -31,6 +35,8 @@ pub(crate) struct Simulate {
     /// Force at point C along y, N.
     #[arg(long, value_name = "A", default_value_t = 0.0)]
     force_y_n: f64,
+    #[command(flatten)]
+    drive: StructureDriveFlags,
     /// Frequency f of the excitation, Hz.
     #[arg(long, value_name = "F", default_value_t = 0.0)]
     excitation_hz: f64,
@@ -71,6 +77,10 @@ impl Simulate {
 
     pub fn execute(&self) -> Result<Verdict, Failure> {
         let scenario = self.arm.scenario()?;
+        if let Some(tested) = scenario.tested_structure()? {
+            return self.of_structure(&scenario, &tested);
+        }
+        self.drive.refuse()?;
         let arm = scenario.build_arm()?;
         let (scheme, rate_hz) = self.scheme_and_rate(&scenario)?;
         let integrator = Integrator::new(scheme, rate_hz, &arm).map_err(|error| match self.rate_hz {
@@ -106,6 +116,27 @@ impl Simulate {
         self.json.show(&document, text, &[])
     }
 
+    /// A structure in place of the arm.
+    fn of_structure(&self, scenario: &Scenario, tested: &TestedAssembly) -> Result<Verdict, Failure> {
+        if [self.torque1_nm, self.force_x_n, self.force_y_n].iter().any(|amplitude| *amplitude != 0.0) {
+            return Err(structures::arm_drive(&tested.assembly));
+        }
+        let drive = self.drive.drive.as_ref().map(|_| self.drive.dof(&tested.assembly)).transpose()?;
+        let amplitude = if drive.is_some() { self.drive.needed_amplitude()? } else { 0.0 };
+        self.check_excitation(amplitude != 0.0)?;
+        let (scheme, rate_hz) = self.scheme_and_rate(scenario)?;
+        let asked = structures::simulate::Asked {
+            initial: self.initial.as_deref(),
+            drive,
+            amplitude,
+            excitation_hz: self.excitation_hz,
+            scheme: (scheme, rate_hz),
+            steps: self.steps(rate_hz)?,
+            json: self.json,
+        };
+        structures::simulate::show(scenario, tested, asked)
+    }
+
     /// The duration as a whole number of steps.
     fn steps(&self, rate_hz: f64) -> Result<u64, Failure> {
         let exact = self.duration_s * rate_hz;
@@ -134,12 +165,17 @@ impl Simulate {
         Ok(steps as u64)
     }
 
-    fn excitation(&self) -> Result<Sine, Failure> {
-        let amplitudes = [self.torque1_nm, self.force_x_n, self.force_y_n];
-        if self.excitation_hz <= 0.0 && amplitudes.iter().any(|amplitude| *amplitude != 0.0) {
+    fn check_excitation(&self, has_amplitude: bool) -> Result<(), Failure> {
+        if self.excitation_hz <= 0.0 && has_amplitude {
             let why = "an excitation A·sin(2πft) needs a positive frequency";
             return Err(Failure::value("--excitation-hz", self.excitation_hz, why));
         }
+        Ok(())
+    }
+
+    fn excitation(&self) -> Result<Sine, Failure> {
+        let amplitudes = [self.torque1_nm, self.force_x_n, self.force_y_n];
+        self.check_excitation(amplitudes.iter().any(|amplitude| *amplitude != 0.0))?;
         let force_n = [self.force_x_n, self.force_y_n].into();
         let amplitude = Load { torque_nm: [self.torque1_nm, 0.0].into(), force_n };
         Ok(Sine { amplitude, frequency_hz: self.excitation_hz })

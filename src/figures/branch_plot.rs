@@ -22,6 +22,14 @@ pub(crate) fn figure(conditions: Subtitle, x: &str, branches: &[&Branch]) -> Fig
 /// Width of the lines of doubled branches, px: half of that of the others.
 const THIN: f64 = 0.8;
 
+/// The kinds of bifurcation with their label and mark.
+pub(crate) const BIFURCATIONS: [(BifurcationKind, &str, Marker); 4] = [
+    (BifurcationKind::Fold, "fold", Marker::Circle),
+    (BifurcationKind::PeriodDoubling, "period doubling", Marker::Square),
+    (BifurcationKind::NeimarkSacker, "Neimark–Sacker", Marker::Triangle),
+    (BifurcationKind::BranchPoint, "branch point", Marker::Diamond),
+];
+
 /// The panel with the branches of one joint's amplitude and their bifurcations: the first branch, then those of doubled
 /// period.
 pub(crate) fn with_branches(mut panel: Panel, branches: &[&Branch], joint: usize) -> Panel {
@@ -36,12 +44,7 @@ pub(crate) fn with_branches(mut panel: Panel, branches: &[&Branch], joint: usize
             });
         }
     }
-    for (kind, label, shape) in [
-        (BifurcationKind::Fold, "fold", Marker::Circle),
-        (BifurcationKind::PeriodDoubling, "period doubling", Marker::Square),
-        (BifurcationKind::NeimarkSacker, "Neimark–Sacker", Marker::Triangle),
-        (BifurcationKind::BranchPoint, "branch point", Marker::Diamond),
-    ] {
+    for (kind, label, shape) in BIFURCATIONS {
         let events = branches.iter().flat_map(|branch| &branch.bifurcations).filter(|event| event.kind == kind);
         let points: Vec<_> = events.map(|event| (event.orbit.value, event.orbit.amplitude_rad[joint])).collect();
         panel = panel.with_any(Series::markers(label, Color::Black, shape, points));

@@ -40,6 +40,11 @@ struct BifurcationCurve {
 const LARGEST_STEP: f64 = 0.08;
 
 impl CurveFlags {
+    /// Whether curves are wanted.
+    pub const fn are_given(&self) -> bool {
+        self.curves_in.is_some()
+    }
+
     /// The second quantity and where the curves end, if curves are wanted.
     pub fn second(&self, first: &Quantity, drive: &DriveFlags) -> Result<Option<(Quantity, f64)>, Failure> {
         let (Some(name), Some(to)) = (&self.curves_in, self.curves_to) else { return Ok(None) };

@@ -4,8 +4,10 @@ use std::fs;
 use std::path::Path;
 
 use insta::assert_snapshot;
+use resonarm::arm::State;
 use resonarm::recording::channels::Channels;
 use resonarm::recording::{Clipped, Configuration, Options, Record, Recorder, SampleRecord, StateRecord};
+use resonarm::structure::States;
 
 use crate::{complaint, document, resonarm};
 
@@ -89,11 +91,9 @@ fn marked(folder: &Path, name: &str, is_end: bool, clipped: Clipped, coil_curren
         let clipped = if sample == 1 { clipped } else { Clipped::NONE };
         let state = StateRecord {
             sample,
-            alpha_rad: zero,
-            alpha_dot_rad_s: zero,
+            states: States::of_arm(&State::new(zero, zero), coil_current_a),
             torque_nm: zero,
             force_n: zero,
-            coil_current_a,
             is_end,
         };
         channel.push_blocking(Record::State(state)).unwrap();

@@ -5,6 +5,7 @@ use std::path::Path;
 
 use insta::assert_snapshot;
 use resonarm::recording::{Event, Options, Record, Recorder, Recording};
+use resonarm::structure::States;
 
 use crate::{complaint, document, resonarm};
 
@@ -94,7 +95,9 @@ fn alter(from: &Path, to: &Path, sample: u64) {
     for record in recording.states().unwrap() {
         let mut record = record.unwrap();
         if record.sample == sample {
-            record.alpha_rad[0] = record.alpha_rad[0].next_up();
+            let mut state = record.states.arm();
+            state.alpha_rad.x = state.alpha_rad.x.next_up();
+            record.states = States::of_arm(&state, None);
         }
         channel.push_blocking(Record::State(record)).unwrap();
     }

@@ -67,6 +67,7 @@ fn identified_by(
         parameters: Preset::default().parameters().unwrap(),
         pose,
         initial: State::default(),
+        structure: None,
         scheme: Scheme::default(),
         sample_rate_hz: RATE_HZ,
         steps_per_sample: 2,

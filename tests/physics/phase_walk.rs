@@ -61,6 +61,7 @@ impl Case {
             parameters: Preset::Irb1600Fitted.parameters().unwrap(),
             pose: Pose { beta1_deg: self.beta1_deg, beta2_deg: self.beta2_deg },
             initial: State::default(),
+            structure: None,
             scheme: Scheme::default(),
             sample_rate_hz: RATE_HZ,
             steps_per_sample: 4,

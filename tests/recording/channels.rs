@@ -9,6 +9,7 @@ use resonarm::recording::{Options, Record, Recording, RecordingError, Topic};
 use resonarm::scenario::Scenario;
 use resonarm::statistics::statistics;
 use resonarm::structure::Kind;
+use resonarm::structure::States;
 
 use crate::{TestResult, options, record, run};
 
@@ -55,7 +56,7 @@ fn the_current_of_a_coil_is_exported_and_in_the_statistics() -> TestResult {
     let mut records = run(3)?;
     for record in &mut records {
         if let Record::State(state) = record {
-            state.coil_current_a = Some(0.5 + state.sample as f64);
+            state.states = States::of_arm(&state.states.arm(), Some(0.5 + state.sample as f64));
         }
     }
     let options = Options { channels: Channels::arm(true), ..options() };

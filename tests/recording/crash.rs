@@ -12,11 +12,13 @@ use std::sync::atomic::{AtomicU64, Ordering};
 use std::thread;
 use std::time::{Duration, Instant};
 
+use resonarm::arm::State;
 use resonarm::protocol::{Frame, Id};
 use resonarm::recording::{
     Configuration, Direction, Existing, FlushPolicy, FrameRecord, Integrity, Options, Record, Recorder, Recording,
     RecordingError, StateRecord, recover,
 };
+use resonarm::structure::States;
 
 /// The file into which the child records; a test is the child if it is set.
 const CHILD: &str = "RESONARM_TEST_CRASH_RECORDING";
@@ -96,8 +98,13 @@ fn record(path: &Path) -> TestResult {
 fn records_at(sample: u64, time_ns: u64) -> TestResult<[Record; 2]> {
     let x = sample as f64;
     let (alpha_rad, alpha_dot_rad_s, torque_nm, force_n) = ([x, -x], [0.5 * x, x], [0.0; 2], [1.0, x]);
-    let state =
-        StateRecord { sample, alpha_rad, alpha_dot_rad_s, torque_nm, force_n, coil_current_a: None, is_end: false };
+    let state = StateRecord {
+        sample,
+        states: States::of_arm(&State::new(alpha_rad, alpha_dot_rad_s), None),
+        torque_nm,
+        force_n,
+        is_end: false,
+    };
     let frame = Frame::classic(Id::Standard(0x203), &sample.to_le_bytes())?;
     let (direction, bus_timestamp_ns) = (Direction::Sent, None);
     Ok([Record::State(state), Record::Frame(FrameRecord { sample, direction, time_ns, bus_timestamp_ns, frame })])
@@ -177,7 +184,7 @@ fn check(path: &Path, directory: &Path) -> TestResult<u64> {
     let saved = last_sample.map_or(0, |last| last + 1);
     let states = recording.states()?.collect::<Result<Vec<_>, _>>()?;
     assert_eq!(states.len() as u64, saved);
-    let is_whole = |(state, k): (&StateRecord, u64)| state.sample == k && state.alpha_rad == [k as f64, -(k as f64)];
+    let is_whole = |(state, k): (&StateRecord, u64)| state.sample == k && state.alpha_rad() == [k as f64, -(k as f64)];
     assert!(states.iter().zip(0..).all(is_whole));
     // A flush by the clock may come between the two records of a sample.
     assert!((recording.frames()?.count() as u64).abs_diff(saved) <= 1);

@@ -20,12 +20,14 @@ mod writing;
 use std::error::Error;
 use std::path::Path;
 
+use resonarm::arm::State;
 use resonarm::protocol::{Frame, Id};
 use resonarm::realtime::OverrunCause;
 use resonarm::recording::{
     Clipped, Configuration, Direction, Event, FrameRecord, Options, Record, Recorder, SampleRecord, StateRecord,
     Summary, TickRecord,
 };
+use resonarm::structure::States;
 
 /// The result of a test: any error fails it.
 type TestResult<T = ()> = Result<T, Box<dyn Error>>;
@@ -36,11 +38,9 @@ fn records_of(sample: u64) -> TestResult<Vec<Record>> {
     let mut records = vec![
         Record::State(StateRecord {
             sample,
-            alpha_rad: [1e-3 * x, -1e-4 * x],
-            alpha_dot_rad_s: [0.1 + x, 0.2 - x],
+            states: States::of_arm(&State::new([1e-3 * x, -1e-4 * x], [0.1 + x, 0.2 - x]), None),
             torque_nm: [0.0, -0.0],
             force_n: [x / 3.0, 1.0],
-            coil_current_a: None,
             is_end: false,
         }),
         Record::Sample(SampleRecord {

@@ -3,11 +3,13 @@
 use std::error::Error;
 
 use assert_no_alloc::assert_no_alloc;
+use resonarm::arm::State;
 use resonarm::protocol::{Frame, Id};
 use resonarm::recording::{
     Clipped, Configuration, Direction, Event, FrameRecord, Options, Pushed, Record, Recorder, RecordingError,
     SampleRecord, StateRecord, TickRecord,
 };
+use resonarm::structure::States;
 
 #[test]
 fn push_does_not_allocate() -> Result<(), Box<dyn Error>> {
@@ -26,11 +28,9 @@ fn push_does_not_allocate() -> Result<(), Box<dyn Error>> {
         let records = [
             Record::State(StateRecord {
                 sample,
-                alpha_rad,
-                alpha_dot_rad_s,
+                states: States::of_arm(&State::new(alpha_rad, alpha_dot_rad_s), None),
                 torque_nm,
                 force_n,
-                coil_current_a: None,
                 is_end: false,
             }),
             Record::Sample(SampleRecord { sample, acceleration_b_m_s2, acceleration_c_m_s2, head_force_n, clipped }),

@@ -1,6 +1,7 @@
 //! Every record is read as it was written, bit for bit.
 
 use proptest::prelude::*;
+use resonarm::arm::State;
 use resonarm::protocol::{Frame, FrameFormat, Id};
 use resonarm::realtime::OverrunCause;
 use resonarm::recording::channels::Channels;
@@ -8,6 +9,7 @@ use resonarm::recording::{
     Clipped, Compression, Direction, Event, FlushPolicy, FrameRecord, Integrity, Options, Record, Recording,
     SampleRecord, StateRecord, TickRecord,
 };
+use resonarm::structure::States;
 
 use crate::{TestResult, options, record, run};
 
@@ -52,11 +54,9 @@ fn any_record(sample: u64, has_coil: bool) -> impl Strategy<Value = Record> {
                 let is_end = sample % 7 == 3;
                 Record::State(StateRecord {
                     sample,
-                    alpha_rad,
-                    alpha_dot_rad_s,
+                    states: States::of_arm(&State::new(alpha_rad, alpha_dot_rad_s), coil_current_a),
                     torque_nm,
                     force_n,
-                    coil_current_a,
                     is_end,
                 })
             }
@@ -113,8 +113,8 @@ fn exact<Name: AsRef<str>>(record: &Record<Name>) -> String {
         |pairs: &[[f64; 2]]| pairs.iter().map(|pair| format!("{:x?}", pair.map(f64::to_bits))).collect::<String>();
     match record {
         Record::State(r) => {
-            let numbers = bits(&[r.alpha_rad, r.alpha_dot_rad_s, r.torque_nm, r.force_n]);
-            let current = r.coil_current_a.map(f64::to_bits);
+            let numbers = bits(&[r.alpha_rad(), r.alpha_dot_rad_s(), r.torque_nm, r.force_n]);
+            let current = r.states.internal().first().copied().map(f64::to_bits);
             format!("{} {} {current:x?} {numbers}", r.sample, r.is_end)
         }
         Record::Sample(r) => {

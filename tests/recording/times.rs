@@ -4,6 +4,7 @@ use std::fs;
 use std::path::Path;
 use std::time::Duration;
 
+use resonarm::arm::State;
 use resonarm::cut::{cut, merge};
 use resonarm::protocol::{Frame, Id};
 use resonarm::recording::{
@@ -11,6 +12,7 @@ use resonarm::recording::{
     SampleRecord, StateRecord, channels::Channels, recover,
 };
 use resonarm::replay::{resimulate, responses};
+use resonarm::structure::States;
 
 use crate::{TestResult, configuration, options, record, rewritten, run};
 
@@ -111,7 +113,7 @@ fn a_recording_of_format_3_is_read_as_it_was() -> TestResult {
     assert_eq!((recording.integrity(), recording.summary().clipped_samples), (&Integrity::Complete, 0));
     let states = recording.states()?.collect::<Result<Vec<_>, _>>()?;
     let (last, others) = states.split_last().ok_or("no states")?;
-    assert!(last.is_end && others.iter().all(|state| !state.is_end && state.coil_current_a.is_none()));
+    assert!(last.is_end && others.iter().all(|state| !state.is_end && state.states.internal().is_empty()));
     assert_eq!(recording.channels(), &Channels::arm(false));
     // Its last digits come from another arithmetic: the motions are equal except for rounding.
     let verdict = resimulate(&recording)?;
@@ -144,11 +146,9 @@ fn the_end_of_a_run_and_what_was_clipped_are_marked() -> TestResult {
     let mut records = run(250)?;
     let end = StateRecord {
         sample: 250,
-        alpha_rad: [0.1, 0.2],
-        alpha_dot_rad_s: [0.3, 0.4],
+        states: States::of_arm(&State::new([0.1, 0.2], [0.3, 0.4]), None),
         torque_nm: [0.0; 2],
         force_n: [0.0; 2],
-        coil_current_a: None,
         is_end: true,
     };
     let at_the_limit = |clipped| SampleRecord {

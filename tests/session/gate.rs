@@ -28,7 +28,7 @@ fn run(text: &str, mode: Mode, path: &Path) -> (PlantReport, Vec<Moment>) {
     let moments = recording.states().unwrap().map(|state| {
         let state = state.unwrap();
         let load = Load { force_n: state.force_n.into(), torque_nm: state.torque_nm.into() };
-        Moment { load, travel_m: (tip_m(state.alpha_rad) - tip_m([0.0; 2])).norm() }
+        Moment { load, travel_m: (tip_m(state.alpha_rad()) - tip_m([0.0; 2])).norm() }
     });
     (report, moments.collect())
 }

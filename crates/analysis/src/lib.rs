@@ -41,6 +41,7 @@ mod response;
 mod rows;
 mod spectrum;
 mod start;
+pub mod structure;
 pub mod time_domain;
 
 pub use arm_parameter::{ArmParameter, UnknownArmParameter};

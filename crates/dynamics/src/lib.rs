@@ -1,4 +1,4 @@
-//! The equations of motion of the arm, and the one-step methods that integrate them or any other system that
+//! The equations of motion of the arm and of other structures, and the one-step methods that integrate them or any other system that
 //! implements [`integrate::Dynamics`].
 //!
 //! `no_std`: no clock, no thread, no file, no socket.
@@ -10,3 +10,4 @@ pub mod arm;
 pub mod ensemble;
 pub mod integrate;
 mod real;
+pub mod structure;

@@ -43,12 +43,11 @@ pub(crate) fn noted(recording: &Recording, first: u64) -> Option<String> {
     None
 }
 
-/// Whether the states of the plant are the recorded ones, bit for bit; the current in a coil where it is recorded.
+/// Whether the states of the plant are the recorded ones, bit for bit; those of devices where they are recorded.
 pub fn is_recorded(plant: &Plant, record: &StateRecord) -> bool {
-    let ([x1, x2], [v1, v2]) = (record.alpha_rad, record.alpha_dot_rad_s);
-    let recorded = [Some(x1), Some(x2), Some(v1), Some(v2), record.coil_current_a];
-    let same = |(state, recorded): (&f64, Option<f64>)| recorded.is_none_or(|it| it.to_bits() == state.to_bits());
-    plant.states().iter().zip(recorded).all(same)
+    let states = plant.states();
+    let same = |(state, recorded): (&f64, &f64)| recorded.to_bits() == state.to_bits();
+    states.moving().len() == record.states.moving().len() && states.iter().zip(&*record.states).all(same)
 }
 
 /// What a recording says of itself but for the plant at its first sample.

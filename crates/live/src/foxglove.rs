@@ -345,6 +345,8 @@ mod tests {
     use prost::Message as _;
 
     use super::*;
+    use resonarm_bench::structure::States;
+    use resonarm_dynamics::arm::State;
     use resonarm_files::recording::{Direction, FrameRecord, TickRecord};
     use resonarm_files::scenario::Scenario;
 
@@ -382,11 +384,9 @@ mod tests {
             let (alpha_rad, alpha_dot_rad_s) = ([1e-3, 0.0], zero);
             let state = StateRecord {
                 sample,
-                alpha_rad,
-                alpha_dot_rad_s,
+                states: States::of_arm(&State::new(alpha_rad, alpha_dot_rad_s), None),
                 torque_nm: zero,
                 force_n: zero,
-                coil_current_a: None,
                 is_end: false,
             };
             stream.record(&Record::<&str>::State(state));

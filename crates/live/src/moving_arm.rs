@@ -39,7 +39,7 @@ impl MovingArm {
 
     /// Takes a state.
     pub fn state(&mut self, state: &StateRecord) {
-        let [a1, a2] = state.alpha_rad;
+        let [a1, a2] = state.alpha_rad();
         self.largest_rad = self.largest_rad.max(a1.abs()).max((a1 + a2).abs());
         self.newest = Some(*state);
     }
@@ -47,12 +47,13 @@ impl MovingArm {
     /// The sample and the message of the newest state since the last call; `time_ns` returns the time of a
     /// sample.
     pub fn take(&mut self, time_ns: impl Fn(u64) -> u64) -> Option<(u64, Value)> {
-        let StateRecord { sample, alpha_rad, .. } = self.newest.take()?;
+        let state = self.newest.take()?;
         self.before_rad.push_back(core::mem::take(&mut self.largest_rad));
         self.before_rad.drain(..self.before_rad.len().saturating_sub(UPDATES));
         let largest_rad = self.before_rad.iter().copied().fold(0.0, f64::max);
         self.magnification = magnification(largest_rad, self.magnification);
-        Some((sample, scene::message(&self.arm, &alpha_rad, self.magnification, time_ns(sample))))
+        let time_ns = time_ns(state.sample);
+        Some((state.sample, scene::message(&self.arm, &state.alpha_rad(), self.magnification, time_ns)))
     }
 }
 
@@ -73,17 +74,17 @@ fn magnification(largest_rad: f64, now: f64) -> f64 {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use resonarm_bench::structure::States;
+    use resonarm_dynamics::arm::State;
     use resonarm_files::scenario::Scenario;
 
     fn state(sample: u64, alpha_rad: [f64; 2]) -> StateRecord {
         let zero = [0.0; 2];
         StateRecord {
             sample,
-            alpha_rad,
-            alpha_dot_rad_s: zero,
+            states: States::of_arm(&State::new(alpha_rad, zero), None),
             torque_nm: zero,
             force_n: zero,
-            coil_current_a: None,
             is_end: false,
         }
     }

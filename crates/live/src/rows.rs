@@ -86,7 +86,7 @@ pub struct Rows {
 impl Rows {
     /// Takes a state with its load. The load at the end of a run is meaningless.
     pub fn state(&mut self, record: &StateRecord) {
-        let ([t1, t2], [fx, fy], [a1, a2]) = (record.torque_nm, record.force_n, record.alpha_rad);
+        let ([t1, t2], [fx, fy], [a1, a2]) = (record.torque_nm, record.force_n, record.alpha_rad());
         let load = if record.is_end { [f64::NAN; 4] } else { [t1, t2, fx, fy] };
         self.put(record.sample, LOAD, &[(0, &load), (10, &[a1, a2])]);
     }

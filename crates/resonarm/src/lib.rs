@@ -31,7 +31,8 @@
 //! | [`integrate`] | one-step methods, for one motion or several side by side |
 //! | [`analysis`] | modes, frequency responses, continuation and stability of forced motions |
 //! | [`excitation`], [`rig`] | what is played on the arm; exciter, impedance head, accelerometers |
-//! | [`plant`] | the arm with its instruments, sample by sample |
+//! | [`structure`] | structures under test: chains of links, vibration modes, elements; their channels |
+//! | [`plant`] | the arm, or another structure, with its instruments, sample by sample |
 //! | [`identify`] | frequency responses, modes and joint angles from what the instruments said |
 //! | [`control`] | exciter controllers: what answers a sample |
 //! | [`node`] | plant and exciter controller as CAN nodes without IO |
@@ -58,7 +59,7 @@
 //! `README.md` says how to run the program, `DESIGN.md` why things are so.
 
 pub use resonarm_analysis as analysis;
-pub use resonarm_bench::{control, excitation, identify, node, plant, rig, structure};
+pub use resonarm_bench::{control, excitation, identify, node, plant, rig};
 pub use resonarm_conformance as conformance;
 pub use resonarm_dynamics::{arm, integrate};
 pub use resonarm_files::{
@@ -68,6 +69,16 @@ pub use resonarm_protocol as protocol;
 pub use resonarm_realtime as realtime;
 pub use resonarm_session::{experiment, identification, replay, run, study};
 pub use resonarm_wire as wire;
+
+/// Structures: the channels by which a plant knows one; chains of links, vibration modes, and elements at their points.
+pub mod structure {
+    pub use resonarm_bench::structure::*;
+    pub use resonarm_dynamics::structure::{
+        Assembly, BodySpec, Branch, ChainSpec, CoordinateUnit, Dof, Element, ElementSpec, Law, Linear, Linearised,
+        Link, ModalSpec, ModeSpec, Place, Reaction, ShapeSpec, Side, StateRate, StepError, StepLoad, Stepper,
+        StructureError as SpecError, StructureMode, StructureSpec,
+    };
+}
 
 /// CAN buses: those of the crate `resonarm-bus`, and with the feature `python-can` any adapter that python-can knows.
 pub mod bus {

@@ -152,7 +152,7 @@ impl Quantity {
     }
 
     /// (iω)ⁿ for the nth derivative.
-    pub(super) fn factor(self, omega_rad_s: f64) -> Complex<f64> {
+    pub(crate) fn factor(self, omega_rad_s: f64) -> Complex<f64> {
         match self {
             Quantity::Receptance => Complex::new(1.0, 0.0),
             Quantity::Mobility => Complex::new(0.0, omega_rad_s),

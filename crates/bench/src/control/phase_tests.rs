@@ -27,6 +27,7 @@ fn spec(converter: Converter) -> PlantSpec {
         parameters: Parameters { damping1_nm_s_rad, damping2_nm_s_rad, ..preset },
         pose: Pose { beta1_deg: 20.0, beta2_deg: 60.0 },
         initial: State::default(),
+        structure: None,
         scheme: Scheme::default(),
         sample_rate_hz: RATE_HZ,
         steps_per_sample: 4,

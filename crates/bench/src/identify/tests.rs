@@ -22,6 +22,7 @@ fn spec(beta2_deg: f64) -> PlantSpec {
         parameters: Preset::default().parameters().unwrap(),
         pose: Pose { beta1_deg: 0.0, beta2_deg },
         initial: State::default(),
+        structure: None,
         scheme: Scheme::default(),
         sample_rate_hz: RATE_HZ,
         steps_per_sample: 4,

@@ -7,7 +7,7 @@ use nalgebra::Vector2;
 
 use super::sampling::{End, Filter, Step, Sums};
 use super::shaker::{Drive, Shaker};
-use super::{PlantSpec, PlantSpecError};
+use super::{PlantSpec, PlantSpecError, write};
 use crate::rig::Measurement;
 use crate::structure::{Channel, Kind, LOADS, OUTPUTS, STATES, Structure, StructureError};
 use resonarm_dynamics::arm::{Arm, Load, State};
@@ -200,11 +200,4 @@ impl Structure for DrivenArm {
     fn boxed_clone(&self) -> Box<dyn Structure> {
         Box::new(self.clone())
     }
-}
-
-/// Writes `numbers`, as many as there is room for; returns the rest.
-fn write<'a>(to: &'a mut [f64], numbers: &[f64]) -> &'a mut [f64] {
-    let (head, rest) = to.split_at_mut(numbers.len().min(to.len()));
-    head.iter_mut().zip(numbers).for_each(|(to, number)| *to = *number);
-    rest
 }

@@ -9,21 +9,23 @@
 //! at once would lag the rest by half a period, an error of up to some per cent in a frequency response.
 
 mod driven_arm;
+mod driven_assembly;
 mod sampling;
 mod shaker;
 
 use alloc::boxed::Box;
 use alloc::vec;
 use alloc::vec::Vec;
-use core::ops::Deref;
-
 use thiserror::Error;
 
 use crate::rig::{Exciter, GateSpec, Measurement, Rig, RigError, RigSpec, ShakerLimit};
-use crate::structure::{LOADS, OUTPUTS, STATES, Structure, StructureError};
+use crate::structure::{Kind, LOADS, MOST_STATES, OUTPUTS, States, Structure, StructureError};
 use driven_arm::DrivenArm;
+use driven_assembly::DrivenAssembly;
+pub use driven_assembly::{Placed, Places, TestedAssembly};
 use resonarm_dynamics::arm::{Arm, ArmError, Load, Parameters, Pose, State};
 use resonarm_dynamics::integrate::{IntegrateError, Scheme};
+use resonarm_dynamics::structure::StepError;
 use resonarm_numeric::number::{rounded, short};
 
 /// The most integration steps a sample: 250 times the default.
@@ -36,8 +38,10 @@ pub struct PlantSpec {
     pub parameters: Parameters,
     /// The arm's pose.
     pub pose: Pose,
-    /// The state at sample 0.
+    /// The arm's state at sample 0.
     pub initial: State,
+    /// The structure in place of the arm, if it is another.
+    pub structure: Option<TestedAssembly>,
     /// The integration scheme.
     pub scheme: Scheme,
     /// Samples a second, Hz, positive.
@@ -117,6 +121,12 @@ pub enum PlantSpecError {
     /// The scheme can't carry the arm at this rate.
     #[error(transparent)]
     Integrate(#[from] IntegrateError),
+    /// No steps can be made of the structure at this rate.
+    #[error(transparent)]
+    Step(#[from] StepError),
+    /// The structure can't begin in its initial state.
+    #[error(transparent)]
+    Start(#[from] StructureError),
     /// The current of the shaker's coil changes too slowly for the step.
     #[error("rig.shaker: `inductance_h` is {got_h}: at this resistance and step in voltage mode it must be at most {most_h}", got_h = short(.got_h), most_h = short(.most_h))]
     Inductance {
@@ -175,41 +185,29 @@ impl PlantSpec {
     }
 }
 
-/// The most states of a structure.
-const MOST_STATES: usize = STATES.len();
-
-/// The states of a structure at a sample, in the order of its channels; without allocation.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub struct States {
-    numbers: [f64; MOST_STATES],
-    count: usize,
-}
-
-impl Deref for States {
-    type Target = [f64];
-
-    fn deref(&self) -> &[f64] {
-        &self.numbers[..self.count]
-    }
-}
-
 /// A structure with its instruments at a sample.
 #[derive(Clone, Debug)]
 pub struct Plant {
     structure: Box<dyn Structure>,
     rig: Rig,
+    /// How many of the states are coordinates and rates.
+    moving: usize,
     sample_rate_hz: f64,
     sample: u64,
 }
 
 impl Plant {
-    /// A plant of the arm at sample 0.
+    /// A plant of the arm, or of the structure in its place, at sample 0.
     ///
     /// # Errors
     /// [`PlantSpecError`] says which part of the specification is invalid.
     pub fn new(spec: &PlantSpec) -> Result<Plant, PlantSpecError> {
         let rig = Rig::new(&spec.rig, spec.sample_rate_hz, spec.seed)?;
-        Plant::of(Box::new(DrivenArm::new(spec)?), rig, spec.sample_rate_hz)
+        let structure: Box<dyn Structure> = match &spec.structure {
+            None => Box::new(DrivenArm::new(spec)?),
+            Some(tested) => Box::new(DrivenAssembly::new(spec, tested)?),
+        };
+        Plant::of(structure, rig, spec.sample_rate_hz)
     }
 
     /// A plant of any structure with the loads and outputs of the arm, [`LOADS`] and [`OUTPUTS`], at sample 0 of
@@ -222,7 +220,8 @@ impl Plant {
         if inputs != LOADS || outputs != OUTPUTS || states > MOST_STATES {
             return Err(PlantSpecError::Channels { inputs: inputs.len(), outputs: outputs.len(), states });
         }
-        Ok(Plant { structure, rig, sample_rate_hz, sample: 0 })
+        let moving = structure.states().iter().filter(|channel| channel.kind == Kind::State).count();
+        Ok(Plant { structure, rig, moving, sample_rate_hz, sample: 0 })
     }
 
     /// The plant at sample `sample` in the states of that sample. Its motion continues from there; its readings do not,
@@ -288,15 +287,12 @@ impl Plant {
 
     /// The states at the sample, as [`Structure::states`] names them.
     pub fn states(&self) -> States {
-        let mut states = States { numbers: [0.0; MOST_STATES], count: self.structure.states().len() };
-        self.structure.save(&mut states.numbers[..states.count]);
-        states
+        States::written(self.moving, self.structure.states().len(), |numbers| self.structure.save(numbers))
     }
 
     /// The state of the arm at the sample: the first four states of the structure.
     pub fn state(&self) -> State {
-        let [x1, x2, v1, v2, ..] = self.states().numbers;
-        State::new([x1, x2], [v1, v2])
+        self.states().arm()
     }
 
     /// The readings at the sample: the converters' samples, through the instruments' chains. Before sample 0 all values
@@ -318,6 +314,13 @@ impl Plant {
         self.sample += 1;
         Ok(())
     }
+}
+
+/// Writes `numbers`, as many as there is room for; returns the rest.
+fn write<'a>(to: &'a mut [f64], numbers: &[f64]) -> &'a mut [f64] {
+    let (head, rest) = to.split_at_mut(numbers.len().min(to.len()));
+    head.iter_mut().zip(numbers).for_each(|(to, number)| *to = *number);
+    rest
 }
 
 #[cfg(test)]

@@ -56,9 +56,9 @@ pub(super) struct Filter {
 #[derive(Clone, Copy, Debug)]
 pub(super) struct End {
     /// Velocities of B and C, m/s.
-    velocity_m_s: [Vector2<f64>; 2],
+    pub velocity_m_s: [Vector2<f64>; 2],
     /// Accelerations of B and C without those by a coil's transient, m/s².
-    acceleration_m_s2: [Vector2<f64>; 2],
+    pub acceleration_m_s2: [Vector2<f64>; 2],
 }
 
 impl End {
@@ -106,10 +106,21 @@ impl Filter {
 
     /// Adds step `index` of a hold.
     pub fn add(&self, sums: &mut Sums, index: usize, step: &Step<'_>) {
-        let courses = self.courses(step);
+        self.add_courses(sums, index, &self.courses(step));
+    }
+
+    /// Adds step `index` of a hold between the motions at its ends, under a force that an ideal exciter holds, N.
+    pub fn add_held(&self, sums: &mut Sums, index: usize, start: &End, end: &End, force_n: [f64; 2]) {
+        let [b, c] = self.accelerations([start, end], &[Vector2::zeros(); 2]);
+        let [hx, hy] = force_n.map(|force_n| [force_n, 0.0, 0.0, 0.0, 0.0, 0.0]);
+        self.add_courses(sums, index, &[hx, hy, b[0], b[1], c[0], c[1]]);
+    }
+
+    #[inline(always)]
+    fn add_courses(&self, sums: &mut Sums, index: usize, courses: &[Course; CHANNELS]) {
         let Some(factors) = self.factors.get(index) else { return };
         for (sums, factors) in sums.iter_mut().zip(factors).take(self.order) {
-            for (sum, course) in sums.iter_mut().zip(&courses) {
+            for (sum, course) in sums.iter_mut().zip(courses) {
                 *sum += factors.iter().zip(course).map(|(factor, term)| factor * term).sum::<f64>();
             }
         }
@@ -125,20 +136,21 @@ impl Filter {
 
     /// The channels over a step: head x, y; B x, y; C x, y.
     fn courses(&self, step: &Step<'_>) -> [Course; CHANNELS] {
-        let [b, c] = self.accelerations(step);
+        let [b, c] = self.accelerations([&step.start, &step.end], &self.transient(step));
         let [hx, hy] = self.head(step, &c);
         [hx, hy, b[0], b[1], c[0], c[1]]
     }
 
-    /// Accelerations of B and C along x and y.
-    fn accelerations(&self, step: &Step<'_>) -> [[Course; 2]; 2] {
-        let transient = self.transient(step);
+    /// Accelerations of B and C along x and y between the motions at the ends of a step, with those by a coil's
+    /// transient at its start.
+    #[inline(always)]
+    fn accelerations(&self, ends: [&End; 2], transient: &[Vector2<f64>; 2]) -> [[Course; 2]; 2] {
         // ∫ e^{−λτ} dτ.
         let mean = if self.decay.is_infinite() { 0.0 } else { -libm::expm1(-self.decay) / self.decay };
         core::array::from_fn(|point| {
             core::array::from_fn(|axis| {
                 let of = |end: &End| (end.velocity_m_s[point][axis], end.acceleration_m_s2[point][axis]);
-                let ((v0, a0), (v1, a1)) = (of(&step.start), of(&step.end));
+                let [(v0, a0), (v1, a1)] = ends.map(of);
                 let g = transient[point][axis];
                 let square = 3.0 * (a0 + a1) - 6.0 * ((v1 - v0) / self.step_s - g * mean);
                 [a0, a1 - a0 - square, square, 0.0, 0.0, g]

@@ -180,12 +180,12 @@ fn any_structure_takes_the_place_of_the_arm() {
         AccelerometerSpec { noise_rms_m_s2: Some(0.0), resolution_m_s2: Some(0.0), ..AccelerometerSpec::default() };
     let head = ForceSensorSpec { noise_rms_n: Some(0.0), resolution_n: Some(0.0), ..ForceSensorSpec::default() };
     let spec = RigSpec { accelerometer_c: quiet, impedance_head: head, ..RigSpec::default() };
-    let channels = [LOADS.to_vec(), OUTPUTS.to_vec(), STATES[..2].to_vec()];
+    let channels = [LOADS.to_vec(), OUTPUTS.to_vec(), crate::structure::STATES[..2].to_vec()];
     let mass = Mass { channels, state: [0.0; 2], force_n: 0.0 };
     let rig = || Rig::new(&spec, 1000.0, 1).unwrap();
     let mut other = mass.clone();
     other.channels[1].swap(0, 2);
-    insta::assert_snapshot!(Plant::of(Box::new(other), rig(), 1000.0).unwrap_err(), @"the structure has 4 inputs, 6 outputs and 2 states: a plant takes the 4 loads and 6 outputs of the arm, in their order, and at most 9 states");
+    insta::assert_snapshot!(Plant::of(Box::new(other), rig(), 1000.0).unwrap_err(), @"the structure has 4 inputs, 6 outputs and 2 states: a plant takes the 4 loads and 6 outputs of the arm, in their order, and at most 97 states");
     let mut plant = Plant::of(Box::new(mass), rig(), 1000.0).unwrap();
     let omega = libm::sqrt(STIFFNESS_N_M / MASS_KG);
     for sample in 1..2000 {

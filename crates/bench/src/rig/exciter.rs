@@ -3,7 +3,7 @@
 use serde::{Deserialize, Serialize};
 use thiserror::Error;
 
-use super::ShakerSpec;
+use super::{PlaceName, ShakerSpec};
 use resonarm_dynamics::arm::Load;
 use resonarm_numeric::number::short;
 
@@ -127,12 +127,15 @@ pub struct ExciterSpec {
     pub force_limit_n: f64,
     /// Largest torque at each joint, N·m, positive.
     pub torque_limit_nm: f64,
+    /// Where it acts on a structure; on the two-link arm it acts at C.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub at: Option<PlaceName>,
 }
 
 impl Default for ExciterSpec {
     /// 600 N, 1600 N·m: just inside the range of the wire's classic profile.
     fn default() -> ExciterSpec {
-        ExciterSpec { force_limit_n: 600.0, torque_limit_nm: 1600.0 }
+        ExciterSpec { force_limit_n: 600.0, torque_limit_nm: 1600.0, at: None }
     }
 }
 

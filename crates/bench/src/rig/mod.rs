@@ -7,6 +7,7 @@ mod exciter;
 mod fault;
 mod filter;
 mod gate;
+mod place;
 mod sensor;
 mod shaker;
 
@@ -14,6 +15,7 @@ pub use converter::{Converter, Sampling};
 pub use exciter::{Exciter, ExciterSpec, RigError};
 pub use fault::{FaultAxis, FaultKind, FaultSpec, InstrumentName, MOST_FAULTS};
 pub use gate::GateSpec;
+pub use place::PlaceName;
 pub use sensor::{AccelerometerSpec, ForceSensorSpec, Reading};
 pub use shaker::{Amplifier, ShakerLimit, ShakerSpec};
 

@@ -2,8 +2,8 @@
 
 use serde::{Deserialize, Deserializer, Serialize, Serializer};
 
-use super::RigError;
 use super::chain::{ChainSpec, Instrument, Keys};
+use super::{PlaceName, RigError};
 
 /// The reading of one axis.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
@@ -31,6 +31,9 @@ impl Reading {
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(remote = "Self", default, deny_unknown_fields)]
 pub struct AccelerometerSpec {
+    /// Where it is on a structure; on the two-link arm its name says so.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub at: Option<PlaceName>,
     /// Largest magnitude of the converter, m/s², positive.
     pub range_m_s2: f64,
     /// Standard deviation of the sensor's noise of a sample, m/s², not negative. `None`, as with a density: none.
@@ -73,6 +76,7 @@ impl Default for AccelerometerSpec {
     /// ±1600 m/s², 0.02 m/s² of noise, and 0.05 m/s² a count as on the wire.
     fn default() -> AccelerometerSpec {
         AccelerometerSpec {
+            at: None,
             range_m_s2: 1600.0,
             noise_rms_m_s2: Some(0.02),
             noise_density_m_s2_per_sqrt_hz: None,

@@ -94,14 +94,16 @@ fn says_what_is_wrong_with_an_instrument() {
     insta::assert_snapshot!(says(resolution), @"rig.accelerometer_c: `resolution_m_s2` is -0.5: it must be zero or a positive number");
     let coarse = RigSpec { accelerometer_c: quiet(1.0, 1.5), ..RigSpec::default() };
     insta::assert_snapshot!(says(coarse), @"rig.accelerometer_c: `resolution_m_s2` is 1.5: it must be at most the range, or no count is within it");
-    let limit =
-        RigSpec { exciter: ExciterSpec { force_limit_n: f64::NAN, torque_limit_nm: 1.0 }, ..RigSpec::default() };
+    let limit = RigSpec {
+        exciter: ExciterSpec { force_limit_n: f64::NAN, torque_limit_nm: 1.0, at: None },
+        ..RigSpec::default()
+    };
     insta::assert_snapshot!(says(limit), @"rig.exciter: `force_limit_n` is NaN: it must be a positive number");
 }
 
 #[test]
 fn exciter_knows_its_limits() {
-    let exciter = ExciterSpec { force_limit_n: 10.0, torque_limit_nm: 20.0 };
+    let exciter = ExciterSpec { force_limit_n: 10.0, torque_limit_nm: 20.0, at: None };
     assert!(exciter.can_produce(&Load::force_n(10.0, -10.0)));
     assert!(!exciter.can_produce(&Load::force_n(0.0, -10.001)));
     assert!(exciter.can_produce(&Load::torque_nm(20.0, 0.0)));
@@ -143,7 +145,7 @@ fn shaker() -> ShakerSpec {
 
 #[test]
 fn the_gate_checks_range_change_and_travel() {
-    let exciter = Exciter::Ideal(ExciterSpec { force_limit_n: 10.0, torque_limit_nm: 20.0 });
+    let exciter = Exciter::Ideal(ExciterSpec { force_limit_n: 10.0, torque_limit_nm: 20.0, at: None });
     let limits = GateSpec {
         force_rate_limit_n_per_s: Some(500.0),
         torque_rate_limit_nm_per_s: Some(250.0),

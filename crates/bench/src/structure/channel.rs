@@ -1,6 +1,12 @@
 //! The one table of channels: everything that names, orders or describes a state, a load or a reading takes it from
 //! here.
 
+use alloc::borrow::Cow;
+use alloc::format;
+use alloc::vec::Vec;
+
+use super::states::{MOST_COORDINATES, MOST_ELEMENTS};
+
 /// What a channel is to the plant.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Kind {
@@ -44,6 +50,15 @@ pub enum Quantity {
     Acceleration,
     /// Electric current.
     Current,
+    /// A modal coordinate, of a shape that is normalised to the modal mass 1 kg.
+    ModalDisplacement,
+    /// Its rate.
+    ModalVelocity,
+    /// Length: the deflection of an element's spring.
+    Length,
+    /// The branch of its law that an element is on: 0 within a gap, open or sticking; 1 or −1 beyond the gap, in
+    /// contact or slipping on the positive or the negative side.
+    Branch,
 }
 
 impl Quantity {
@@ -56,28 +71,54 @@ impl Quantity {
             Quantity::Force => "N",
             Quantity::Acceleration => "m/s²",
             Quantity::Current => "A",
+            Quantity::ModalDisplacement => "m·√kg",
+            Quantity::ModalVelocity => "m·√kg/s",
+            Quantity::Length => "m",
+            Quantity::Branch => "1",
         }
     }
 }
 
-/// A point of the arm: the joints 1, at the base, and 2, the elbow B; the tip C.
+/// Where a channel is: at a point of the arm, which has the joints 1, at the base, and 2, the elbow B, and the tip C; or
+/// at one of another structure, of which the loads and readings have the names of the arm's (the exciter acts at C).
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Point {
     /// The base.
-    Joint1 = 1,
+    Joint1,
     /// The elbow.
-    Joint2B = 2,
+    Joint2B,
     /// The tip.
-    TipC = 3,
+    TipC,
+    /// A joint of a chain, from 1 at the base.
+    Joint(u8),
+    /// None: a mode, from 1.
+    Mode(u8),
+    /// An element, from 1.
+    Element(u8),
 }
 
 impl Point {
     /// In words.
-    pub const fn name(self) -> &'static str {
+    pub fn name(self) -> Cow<'static, str> {
         match self {
-            Point::Joint1 => "joint 1",
-            Point::Joint2B => "joint 2, B",
-            Point::TipC => "tip C",
+            Point::Joint1 => "joint 1".into(),
+            Point::Joint2B => "joint 2, B".into(),
+            Point::TipC => "tip C".into(),
+            Point::Joint(joint) => format!("joint {joint}").into(),
+            Point::Mode(mode) => format!("mode {mode}").into(),
+            Point::Element(element) => format!("element {element}").into(),
+        }
+    }
+
+    /// The number of its node in files that number nodes.
+    pub const fn node(self) -> u32 {
+        match self {
+            Point::Joint1 => 1,
+            Point::Joint2B => 2,
+            Point::TipC => 3,
+            Point::Joint(joint) => 10 + joint as u32,
+            Point::Mode(mode) => 100 + mode as u32,
+            Point::Element(element) => 200 + element as u32,
         }
     }
 }
@@ -173,3 +214,88 @@ pub const LOADS: [Channel; 4] = [STATES[4], STATES[5], STATES[6], STATES[7]];
 /// What the arm's instruments read, in the order of [`Measurement::readings`](crate::rig::Measurement::readings).
 pub const OUTPUTS: [Channel; READINGS.len()] =
     [READINGS[4], READINGS[5], READINGS[0], READINGS[1], READINGS[2], READINGS[3]];
+
+/// `$before` n `$after` for every n.
+macro_rules! names {
+    ($before:literal, $after:literal: $($n:literal)*) => { [$(concat!($before, $n, $after)),*] };
+}
+
+/// Names of angles, of modal coordinates, of states of elements, and of the rates of the first two.
+const ALPHA: [&str; 8] = names!("alpha", "_rad": 1 2 3 4 5 6 7 8);
+const ALPHA_DOT: [&str; 8] = names!("alpha", "_dot_rad_s": 1 2 3 4 5 6 7 8);
+const MODAL: [&str; MOST_COORDINATES] = names!("q", "_m_sqrt_kg":
+    1 2 3 4 5 6 7 8 9 10 11 12 13 14 15 16 17 18 19 20 21 22 23 24 25 26 27 28 29 30 31 32);
+const MODAL_DOT: [&str; MOST_COORDINATES] = names!("q", "_dot_m_sqrt_kg_s":
+    1 2 3 4 5 6 7 8 9 10 11 12 13 14 15 16 17 18 19 20 21 22 23 24 25 26 27 28 29 30 31 32);
+const ELEMENT_M: [&str; MOST_ELEMENTS] = names!("element", "_m": 1 2 3 4 5 6 7 8 9 10 11 12 13 14 15 16);
+const ELEMENT_RAD: [&str; MOST_ELEMENTS] = names!("element", "_rad": 1 2 3 4 5 6 7 8 9 10 11 12 13 14 15 16);
+
+const ELEMENT_BRANCH: [&str; MOST_ELEMENTS] = names!("element", "_branch": 1 2 3 4 5 6 7 8 9 10 11 12 13 14 15 16);
+
+/// What the coordinates of a structure are.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Coordinates {
+    /// Angles of joints, each against its angle at rest, rad.
+    Joints,
+    /// Coordinates of modes whose shapes are normalised to the modal mass 1 kg, m·√kg.
+    Modes,
+}
+
+/// The channels of `count` coordinates and their rates; at most 8 joints, [`MOST_COORDINATES`] modes.
+pub fn coordinate_channels(of: Coordinates, count: usize) -> Vec<Channel> {
+    let rows: [(&[&'static str], &'static str, Quantity); 2] = match of {
+        Coordinates::Joints => {
+            [(&ALPHA, "alpha_rad", Quantity::Angle), (&ALPHA_DOT, "alpha_dot_rad_s", Quantity::AngularVelocity)]
+        }
+        Coordinates::Modes => [
+            (&MODAL, "q_m_sqrt_kg", Quantity::ModalDisplacement),
+            (&MODAL_DOT, "q_dot_m_sqrt_kg_s", Quantity::ModalVelocity),
+        ],
+    };
+    let channel = |name: &'static str, number: u8, vector, quantity| match of {
+        Coordinates::Joints => state(
+            name,
+            vector,
+            quantity,
+            [Point::Joint1, Point::Joint2B].get(usize::from(number) - 1).copied().unwrap_or(Point::Joint(number)),
+        ),
+        Coordinates::Modes => Channel { axis: Axis::Scalar, ..state(name, vector, quantity, Point::Mode(number)) },
+    };
+    let row = |(names, vector, quantity): (&[&'static str], _, _)| {
+        names
+            .iter()
+            .take(count)
+            .zip(1..)
+            .map(|(name, number)| channel(name, number, vector, quantity))
+            .collect::<Vec<_>>()
+    };
+    rows.into_iter().flat_map(row).collect()
+}
+
+/// The channel of the state of element `index`, from 0, at a joint or elsewhere; `None` beyond the table.
+pub fn element_channel(index: usize, is_at_joint: bool) -> Option<Channel> {
+    let (names, quantity): (&[&'static str], _) =
+        if is_at_joint { (&ELEMENT_RAD, Quantity::Angle) } else { (&ELEMENT_M, Quantity::Length) };
+    Some(of_element(names.get(index)?, index, quantity))
+}
+
+/// The channel of the branch that element `index`, from 0, is on; `None` beyond the table.
+pub fn branch_channel(index: usize) -> Option<Channel> {
+    Some(of_element(ELEMENT_BRANCH.get(index)?, index, Quantity::Branch))
+}
+
+const fn of_element(name: &'static str, index: usize, quantity: Quantity) -> Channel {
+    let point = Point::Element(index as u8 + 1);
+    Channel { name, vector: name, kind: Kind::Internal, quantity, point, axis: Axis::Scalar }
+}
+
+/// Every channel of states and loads that a recording can have, in the order of files and tables: coordinates, rates,
+/// loads, the current of a coil, states of elements.
+pub fn known_states() -> Vec<Channel> {
+    let joints = coordinate_channels(Coordinates::Joints, ALPHA.len());
+    let modes = coordinate_channels(Coordinates::Modes, MODAL.len());
+    let elements = (0..MOST_ELEMENTS).flat_map(|index| [true, false].map(|at| element_channel(index, at)));
+    let branches = (0..MOST_ELEMENTS).map(branch_channel);
+    let internal = elements.chain(branches).flatten();
+    joints.into_iter().chain(modes).chain(LOADS).chain([STATES[8]]).chain(internal).collect()
+}

@@ -1,8 +1,13 @@
 //! A structure under test as the bench knows it: channels that act on it and that it answers in, one step a sample.
 
 mod channel;
+mod states;
 
-pub use channel::{Axis, Channel, Kind, LOADS, OUTPUTS, Point, Quantity, READINGS, STATES};
+pub use channel::{
+    Axis, Channel, Coordinates, Kind, LOADS, OUTPUTS, Point, Quantity, READINGS, STATES, branch_channel,
+    coordinate_channels, element_channel, known_states,
+};
+pub use states::{MOST_COORDINATES, MOST_ELEMENTS, MOST_STATES, States};
 
 use alloc::boxed::Box;
 use core::fmt;
@@ -11,6 +16,7 @@ use thiserror::Error;
 
 use crate::rig::ShakerLimit;
 use resonarm_dynamics::integrate::IntegrateError;
+use resonarm_dynamics::structure::StepError;
 
 /// A structure with what drives it and the converters that sample it.
 ///
@@ -79,6 +85,17 @@ pub enum StructureError {
         got: f64,
         /// The limit.
         most: f64,
+    },
+    /// A step of a chain or of modes could not be made.
+    #[error(transparent)]
+    Step(#[from] StepError),
+    /// A load on an input that the structure doesn't have.
+    #[error("{name} is {got}: nothing of the structure takes this load; command 0, or place the exciter elsewhere")]
+    NoInput {
+        /// The load.
+        name: &'static str,
+        /// Its value, in its unit.
+        got: f64,
     },
     /// Another number of loads than the structure has inputs.
     #[error("{got} loads: the structure has {expected} inputs")]

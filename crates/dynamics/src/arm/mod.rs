@@ -12,7 +12,7 @@
 //! "Analysis of Bifurcation Vibrations of an Industrial Robot Arm System with Joints Compliance", Appl. Sci. 2023, 13,
 //! 11941.
 
-mod angle;
+pub(crate) mod angle;
 mod attachment;
 mod dynamics;
 mod energy;

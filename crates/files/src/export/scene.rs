@@ -41,7 +41,7 @@ impl Scene {
 
     /// The message of a state.
     pub fn message(&self, state: &StateRecord, time_ns: u64) -> Value {
-        message(&self.arm, &state.alpha_rad, self.magnification, time_ns)
+        message(&self.arm, &state.alpha_rad(), self.magnification, time_ns)
     }
 }
 

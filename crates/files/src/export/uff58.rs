@@ -31,6 +31,10 @@ const fn ordinate(quantity: Quantity) -> (u32, &'static str, &'static str, [i32;
         Quantity::Force => (13, "Force", "N", [0, 1, 0]),
         Quantity::Acceleration => (12, "Acceleration", "m/s^2", [1, 0, 0]),
         Quantity::Current => (1, "Current", "A", [0, 0, 0]),
+        Quantity::ModalDisplacement => (1, "Modal displacement", "m*sqrt(kg)", [0, 0, 0]),
+        Quantity::ModalVelocity => (1, "Modal velocity", "m*sqrt(kg)/s", [0, 0, 0]),
+        Quantity::Length => (8, "Deflection", "m", [1, 0, 0]),
+        Quantity::Branch => (1, "Branch", "1", [0, 0, 0]),
     }
 }
 
@@ -103,7 +107,7 @@ fn head(out: &mut impl Write, recording: &Recording, channel: &Channel, abscissa
     // What it is, where it comes from, and three lines without use.
     writeln!(out, "{:80}\n{file:80}\n{:80}\n{:80}\n{:80}", channel.name, "NONE", "NONE", "NONE")?;
     // A response in time at a node, which has no reference.
-    let (node, direction) = (channel.point as u32, direction(channel.axis));
+    let (node, direction) = (channel.point.node(), direction(channel.axis));
     writeln!(out, "{:5}{:10}{:5}{:10} {:10}{node:10}{direction:4} {:10}{:10}{:4}", 1, 0, 0, 0, "NONE", "NONE", 0, 0)?;
     // Real numbers of double precision at even distances.
     let (start, step) = (e13(abscissa.start_s), e13(abscissa.dt_s));

@@ -6,8 +6,8 @@ use resonarm_bench::node::WireSpec;
 use resonarm_bench::node::mapped::mapping::{
     Lockstep, Mapping, Outgoing, ProtectionCheck, ProtectionFault, ReadingSignal, Said, Source, Trigger, Value,
 };
-use resonarm_bench::structure::{Channel, Kind, OUTPUTS, STATES};
-use resonarm_dynamics::arm::Load;
+use resonarm_bench::structure::{Channel, Kind, OUTPUTS, STATES, States};
+use resonarm_dynamics::arm::{Load, State};
 use resonarm_protocol::{Frame, FrameFormat, Id};
 use serde::Serialize;
 
@@ -356,11 +356,9 @@ pub(super) fn state_record(sample: u64, row: &Row<ARM_STATES>, load: Load) -> St
     let [a, b, c, d] = row.values;
     StateRecord {
         sample,
-        alpha_rad: [a, b],
-        alpha_dot_rad_s: [c, d],
+        states: States::of_arm(&State::new([a, b], [c, d]), None),
         torque_nm: load.torque_nm.into(),
         force_n: load.force_n.into(),
-        coil_current_a: None,
         is_end: false,
     }
 }

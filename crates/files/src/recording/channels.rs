@@ -3,7 +3,7 @@
 use core::ops::Deref;
 
 use super::Topic;
-use resonarm_bench::structure::{Channel, Kind, READINGS, STATES, Structure};
+use resonarm_bench::structure::{Channel, Kind, LOADS, MOST_STATES, READINGS, STATES, Structure};
 
 /// The channels of a plant.
 #[derive(Clone, Debug, PartialEq, Eq)]
@@ -64,14 +64,25 @@ impl Default for Channels {
 /// The numbers of a record in the order of its channels.
 #[derive(Clone, Copy, Debug)]
 pub struct Values {
-    numbers: [f64; STATES.len()],
+    numbers: [f64; MOST_NUMBERS],
     count: usize,
 }
 
+/// The most numbers of a record: all states and loads.
+pub(super) const MOST_NUMBERS: usize = MOST_STATES + LOADS.len();
+
 impl Values {
-    /// The first `count` of `numbers`.
-    pub(super) const fn new(numbers: [f64; STATES.len()], count: usize) -> Values {
-        Values { numbers, count }
+    /// The numbers of these vectors, in order, at most [`MOST_NUMBERS`].
+    pub(super) fn new(vectors: &[&[f64]]) -> Values {
+        let mut values = Values { numbers: [0.0; MOST_NUMBERS], count: 0 };
+        for vector in vectors {
+            let end = values.count + vector.len();
+            if let Some(to) = values.numbers.get_mut(values.count..end) {
+                to.copy_from_slice(vector);
+                values.count = end;
+            }
+        }
+        values
     }
 }
 

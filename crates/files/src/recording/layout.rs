@@ -13,10 +13,10 @@ use thiserror::Error;
 
 use super::Topic;
 use super::batch::Batch;
-use super::channels::{Channels, Values};
+use super::channels::{Channels, MOST_NUMBERS, Values};
 use super::schema::MessageType;
 use super::{Clipped, SampleRecord, StateRecord};
-use resonarm_bench::structure::{Channel, Kind, READINGS, STATES};
+use resonarm_bench::structure::{Channel, Kind, Point, READINGS, States, known_states};
 
 /// Fields of every message.
 const STEP: u32 = 1;
@@ -156,14 +156,21 @@ pub struct Layout {
     /// The field of each.
     fields: Vec<u32>,
     mark: u32,
+    /// How many of the channels are coordinates and rates.
+    moving: usize,
 }
 
 impl Layout {
+    fn of(channels: Vec<Channel>, fields: Vec<u32>, mark: u32) -> Layout {
+        let moving = channels.iter().filter(|channel| channel.kind == Kind::State).count();
+        Layout { channels, fields, mark, moving }
+    }
+
     /// The layout in which a message is written.
     pub fn new(channels: &Channels, message_type: MessageType) -> Layout {
         let (fields, channels) = numbered(message_type, channels).unzip();
         let channels: Vec<&Channel> = channels;
-        Layout { channels: channels.into_iter().copied().collect(), fields, mark: MARK }
+        Layout::of(channels.into_iter().copied().collect(), fields, MARK)
     }
 
     /// The layout that the schema of a batch states.
@@ -175,9 +182,9 @@ impl Layout {
         let mut types = set.files.iter().flat_map(|file| file.messages.iter().map(move |of| (&file.package, of)));
         let found = types.find(|(package, of)| format!("{package}.{}", of.name) == message_type.name());
         let missing = || ChannelsError::Schema { cause: format!("it has no message `{}`", message_type.name()) };
-        let (known, mark_name, mark_type): (&[Channel], _, _) = match message_type {
-            MessageType::StepBatch => (&STATES, "last_row_is_end", (OPTIONAL, BOOL)),
-            _ => (&READINGS, "clipped", (REPEATED, UINT32)),
+        let (known, mark_name, mark_type) = match message_type {
+            MessageType::StepBatch => (known_states(), "last_row_is_end", (OPTIONAL, BOOL)),
+            _ => (READINGS.to_vec(), "clipped", (REPEATED, UINT32)),
         };
         let (mut mark, mut places) = (None, vec![None; known.len()]);
         let mut numbers = Vec::new();
@@ -202,20 +209,36 @@ impl Layout {
             numbers.push(number);
         }
         let mark = mark.ok_or(ChannelsError::Missing { name: mark_name })?;
-        let missing =
-            known.iter().zip(&places).find(|(channel, place)| place.is_none() && channel.kind != Kind::Internal);
-        if let Some((channel, _)) = missing {
-            return Err(ChannelsError::Missing { name: channel.name });
+        if let Some(name) = missing_channel(&known, |place| places[place].is_some()) {
+            return Err(ChannelsError::Missing { name });
         }
         let (channels, fields) =
             known.iter().zip(places).filter_map(|(channel, place)| Some((*channel, place?))).unzip();
-        Ok(Layout { channels, fields, mark })
+        Ok(Layout::of(channels, fields, mark))
     }
 
     /// The channels, in the order of the table.
     pub fn channels(&self) -> &[Channel] {
         &self.channels
     }
+}
+
+/// The first channel that a recording lacks: a load, a reading, a coordinate or a rate up to the last joint or mode of
+/// which there is a state. Without any state it is the first of the arm.
+fn missing_channel(known: &[Channel], is_there: impl Fn(usize) -> bool) -> Option<&'static str> {
+    let of_motion = || known.iter().enumerate().filter(|(_, of)| of.kind == Kind::State);
+    let last = |axis| {
+        let there = of_motion().filter(|(place, of)| of.axis == axis && is_there(*place));
+        there.map(|(_, of)| of.point.node()).max()
+    };
+    let has_none = of_motion().all(|(place, _)| !is_there(place));
+    let is_needed = |channel: &Channel| match channel.kind {
+        Kind::Load | Kind::Reading { .. } => true,
+        Kind::Internal => false,
+        Kind::State if has_none => channel.point == Point::Joint1,
+        Kind::State => last(channel.axis).is_some_and(|node| channel.point.node() <= node),
+    };
+    known.iter().enumerate().find(|(place, of)| is_needed(of) && !is_there(*place)).map(|(_, of)| of.name)
 }
 
 /// A record of numbers in the order of the table, with a mark.
@@ -229,8 +252,9 @@ pub trait Numbers: Copy + core::fmt::Debug + Send + Sync {
     fn values(&self) -> Values;
     /// Whether it is the end of a run, or which readings are clipped.
     fn mark(&self) -> u32;
-    /// The record; `None` if there are too few numbers, or the mark means nothing.
-    fn of(sample: u64, values: &[f64], mark: u32) -> Option<Self>;
+    /// The record of numbers of which the first `moving` are coordinates and rates; `None` if there are too few, or the
+    /// mark means nothing.
+    fn of(sample: u64, values: &[f64], moving: usize, mark: u32) -> Option<Self>;
 }
 
 impl Numbers for StateRecord {
@@ -248,17 +272,11 @@ impl Numbers for StateRecord {
         self.is_end.into()
     }
 
-    fn of(sample: u64, values: &[f64], mark: u32) -> Option<StateRecord> {
-        let ([a, b, c, d, e, f, g, h], coil) = values.split_first_chunk()?;
-        Some(StateRecord {
-            sample,
-            alpha_rad: [*a, *b],
-            alpha_dot_rad_s: [*c, *d],
-            torque_nm: [*e, *f],
-            force_n: [*g, *h],
-            coil_current_a: coil.first().copied(),
-            is_end: mark != 0,
-        })
+    fn of(sample: u64, values: &[f64], moving: usize, mark: u32) -> Option<StateRecord> {
+        let (moving, rest) = values.split_at_checked(moving)?;
+        let ([e, f, g, h], internal) = rest.split_first_chunk()?;
+        let (states, torque_nm, force_n) = (States::new(moving, internal)?, [*e, *f], [*g, *h]);
+        Some(StateRecord { sample, states, torque_nm, force_n, is_end: mark != 0 })
     }
 }
 
@@ -277,7 +295,7 @@ impl Numbers for SampleRecord {
         self.clipped.bits()
     }
 
-    fn of(sample: u64, values: &[f64], mark: u32) -> Option<SampleRecord> {
+    fn of(sample: u64, values: &[f64], _moving: usize, mark: u32) -> Option<SampleRecord> {
         let ([a, b, c, d, e, f], _) = values.split_first_chunk()?;
         let (acceleration_b_m_s2, acceleration_c_m_s2, head_force_n) = ([*a, *b], [*c, *d], [*e, *f]);
         let clipped = Clipped::from_bits(mark)?;
@@ -396,7 +414,7 @@ impl<R: Numbers> Batch for NumberBatch<R> {
     }
 
     fn row(&self, index: usize) -> Option<R> {
-        let mut values = [0.0; STATES.len()];
+        let mut values = [0.0; MOST_NUMBERS];
         for (value, column) in values.iter_mut().zip(&self.columns) {
             *value = *column.get(index)?;
         }
@@ -404,7 +422,7 @@ impl<R: Numbers> Batch for NumberBatch<R> {
             true => u32::from(self.ends && index + 1 == self.columns[0].len()),
             false => *self.clipped.get(index)?,
         };
-        R::of(self.first_sample.checked_add(index as u64)?, &values[..self.columns.len()], mark)
+        R::of(self.first_sample.checked_add(index as u64)?, values.get(..self.columns.len())?, self.layout.moving, mark)
     }
 }
 

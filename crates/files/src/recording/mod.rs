@@ -39,6 +39,7 @@ mod salvage;
 mod scan;
 mod schema;
 mod sink;
+pub mod slots;
 mod source;
 mod summary;
 mod writer;

@@ -4,6 +4,7 @@ use resonarm_protocol::Frame;
 
 use super::Topic;
 use super::channels::Values;
+use resonarm_bench::structure::States;
 use resonarm_dynamics::arm::Load;
 use resonarm_realtime::OverrunCause;
 
@@ -13,7 +14,7 @@ use resonarm_realtime::OverrunCause;
 /// [`String`] when read back.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum Record<Name = &'static str> {
-    /// The state of the arm at a sample and the load held over it.
+    /// The states of the structure at a sample and the load held over it.
     State(StateRecord),
     /// What the sensors said at a sample.
     Sample(SampleRecord),
@@ -53,30 +54,26 @@ impl<Name> Record<Name> {
         match self {
             Record::State(record) => record.values(),
             Record::Sample(record) => record.values(),
-            Record::Frame(_) | Record::Tick(_) | Record::Event(_) => Values::new([0.0; 9], 0),
+            Record::Frame(_) | Record::Tick(_) | Record::Event(_) => Values::new(&[]),
         }
     }
 }
 
-/// The arm at sample `sample`, and the load held (zero-order) from `sample` to `sample + 1`.
+/// The structure at sample `sample`, and the load held (zero-order) from `sample` to `sample + 1`.
 ///
-/// From these alone the run can be simulated again bit for bit: state, current and load of a sample give state and
-/// current of the next.
+/// From these alone the run can be simulated again bit for bit: states and load of a sample give the states of the
+/// next.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct StateRecord {
     /// Index of the sample; sample k is at k times the sample period.
     pub sample: u64,
-    /// α1, α2: vibration angles, rad.
-    pub alpha_rad: [f64; 2],
-    /// α̇1, α̇2, rad/s.
-    pub alpha_dot_rad_s: [f64; 2],
+    /// Coordinates, their rates, and states of devices and elements, in the order of the recording's channels; of the
+    /// arm α1, α2, α̇1, α̇2, and the current in the coil of its shaker, which recordings of format 3 do not hold.
+    pub states: States,
     /// Torques at joints 1 and 2, N·m.
     pub torque_nm: [f64; 2],
     /// Force at point C along x and y, N; of a shaker, the force that it would exert were it blocked.
     pub force_n: [f64; 2],
-    /// Current in the coil of the shaker at the sample, A; `None` without a shaker, and in recordings of format 3,
-    /// which do not hold it.
-    pub coil_current_a: Option<f64>,
     /// Whether this is the end of the run: nothing was advanced from here, so the load was not held, is 0 and means
     /// nothing.
     pub is_end: bool,
@@ -90,9 +87,17 @@ impl StateRecord {
 
     /// Its numbers in the order of [`Topic::States`](super::Topic::States).
     pub fn values(&self) -> Values {
-        let ([a, b], [c, d], [e, f], [g, h]) = (self.alpha_rad, self.alpha_dot_rad_s, self.torque_nm, self.force_n);
-        let (coil, count) = self.coil_current_a.map_or((0.0, 8), |current_a| (current_a, 9));
-        Values::new([a, b, c, d, e, f, g, h, coil], count)
+        Values::new(&[self.states.moving(), &self.torque_nm, &self.force_n, self.states.internal()])
+    }
+
+    /// α1, α2 of the arm, rad.
+    pub fn alpha_rad(&self) -> [f64; 2] {
+        self.states.arm().alpha_rad.into()
+    }
+
+    /// α̇1, α̇2 of the arm, rad/s.
+    pub fn alpha_dot_rad_s(&self) -> [f64; 2] {
+        self.states.arm().alpha_dot_rad_s.into()
     }
 }
 
@@ -114,8 +119,7 @@ pub struct SampleRecord {
 impl SampleRecord {
     /// Its numbers in the order of [`Topic::Samples`](super::Topic::Samples).
     pub fn values(&self) -> Values {
-        let ([a, b], [c, d], [e, f]) = (self.acceleration_b_m_s2, self.acceleration_c_m_s2, self.head_force_n);
-        Values::new([a, b, c, d, e, f, 0.0, 0.0, 0.0], 6)
+        Values::new(&[&self.acceleration_b_m_s2, &self.acceleration_c_m_s2, &self.head_force_n])
     }
 }
 

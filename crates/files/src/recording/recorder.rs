@@ -7,6 +7,7 @@ use std::sync::{Arc, OnceLock, mpsc};
 use std::thread::{self, JoinHandle, Thread};
 use std::time::Duration;
 
+use super::slots::{self, MOST_SLOTS, Slot};
 use super::writer::{Control, Ending, Source, Writer};
 use super::{Configuration, Options, Record, RecordingError, Topic};
 
@@ -71,7 +72,7 @@ pub enum Pushed {
 /// One producer's way into a recording: a ring that takes records without waiting.
 #[derive(Debug)]
 pub struct Channel {
-    ring: rtrb::Producer<Record>,
+    ring: rtrb::Producer<Slot>,
     lost: Arc<AtomicU64>,
     shared: Arc<Shared>,
     writer: Thread,
@@ -102,7 +103,8 @@ impl Recorder {
         Ok(Recorder { control, shared, thread: Some(thread) })
     }
 
-    /// Opens a channel that holds up to `capacity` records. Losses are counted under `name`.
+    /// Opens a channel that holds up to `capacity` records, of states beyond the five of the arm one for every twelve
+    /// more; at least one. Losses are counted under `name`.
     ///
     /// # Errors
     /// [`RecordingError::Option`] if `capacity` is 0; the failure of the recorder, if it has failed.
@@ -111,7 +113,7 @@ impl Recorder {
             let (option, got, expected) = ("capacity", String::from("0"), "at least 1 record");
             return Err(RecordingError::Option { option, got, expected });
         }
-        let (ring, records) = rtrb::RingBuffer::new(capacity);
+        let (ring, records) = rtrb::RingBuffer::new(capacity.max(MOST_SLOTS));
         let lost = Arc::new(AtomicU64::new(0));
         let source = Source::new(name.to_string(), records, Arc::clone(&lost));
         match (&self.thread, self.control.send(Control::Open(source))) {
@@ -194,8 +196,9 @@ impl Channel {
     }
 
     /// Records `record`, or counts it as lost. Never blocks, locks or allocates: for the real-time loop.
+    #[inline]
     pub fn push(&mut self, record: Record) -> Pushed {
-        if !self.ring.is_abandoned() && self.ring.push(record).is_ok() {
+        if !self.ring.is_abandoned() && slots::push(&mut self.ring, &record) {
             Pushed::Stored
         } else {
             self.lost.fetch_add(1, Ordering::Release);
@@ -208,7 +211,7 @@ impl Channel {
     /// # Errors
     /// The failure of the recorder; [`RecordingError::Finished`] if it was finished.
     pub fn push_blocking(&mut self, record: Record) -> Result<(), RecordingError> {
-        while self.ring.is_full() && !self.ring.is_abandoned() {
+        while slots::is_full(&self.ring, &record) && !self.ring.is_abandoned() {
             self.writer.unpark();
             thread::park_timeout(FULL_WAIT);
         }

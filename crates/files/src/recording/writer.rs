@@ -14,6 +14,7 @@ use super::recorder::{Shared, Summary};
 use super::schema::proto::{self, TickBatch};
 use super::schema::{DT_S, FORMAT, MessageType, READING_DELAY, Topic, metadata};
 use super::sink::{Sink, Stamp};
+use super::slots::{self, Slot};
 use super::{
     Configuration, FlushPolicy, FrameRecord, Naming, Options, Record, RecordingError, SampleRecord, StateRecord,
     TickRecord, TimeBase, build_info, decimate,
@@ -47,14 +48,14 @@ pub(super) enum Ending {
 #[derive(Debug)]
 pub(super) struct Source {
     name: String,
-    records: rtrb::Consumer<Record>,
+    records: rtrb::Consumer<Slot>,
     lost: Arc<AtomicU64>,
     lost_reported: u64,
 }
 
 impl Source {
     /// The receiving end of the channel `name`.
-    pub fn new(name: String, records: rtrb::Consumer<Record>, lost: Arc<AtomicU64>) -> Source {
+    pub fn new(name: String, records: rtrb::Consumer<Slot>, lost: Arc<AtomicU64>) -> Source {
         Source { name, records, lost, lost_reported: 0 }
     }
 }
@@ -192,7 +193,7 @@ impl Writer {
         let mut taken = 0;
         for index in 0..self.sources.len() {
             for _ in 0..TURN {
-                let Ok(record) = self.sources[index].records.pop() else { break };
+                let Some(record) = slots::pop_record(&mut self.sources[index].records) else { break };
                 self.write(&record)?;
                 taken += 1;
             }
@@ -204,7 +205,7 @@ impl Writer {
     fn take_rest(&mut self) -> Result<(), RecordingError> {
         for index in 0..self.sources.len() {
             for _ in 0..self.sources[index].records.slots() {
-                let Ok(record) = self.sources[index].records.pop() else { break };
+                let Some(record) = slots::pop_record(&mut self.sources[index].records) else { break };
                 self.write(&record)?;
             }
         }

@@ -18,6 +18,6 @@ fn the_first_record_has_the_start_of_the_run_whenever_it_comes() {
     assert!(writer.take_commands().is_none());
     assert_eq!((writer.take_records().unwrap(), writer.times.start_unix_ns), (0, None));
     shared.start_clock_ns.store(5_000, Ordering::Release);
-    ring.push(Record::Event(Event { sample: 0, time_ns: 0, name: "state.boot_up", value: 0 })).unwrap();
+    assert!(slots::push(&mut ring, &Record::Event(Event { sample: 0, time_ns: 0, name: "state.boot_up", value: 0 })));
     assert_eq!((writer.take_records().unwrap(), writer.times.start_unix_ns), (1, Some(EPOCH_NS + 5_000)));
 }

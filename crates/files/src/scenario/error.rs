@@ -4,7 +4,7 @@ use std::path::PathBuf;
 
 use thiserror::Error;
 
-use super::WireError;
+use super::{StructureSectionError, WireError};
 use crate::toml_error::TomlError;
 use resonarm_bench::control::ControlError;
 use resonarm_bench::excitation::{ExcitationError, LoadFileError};
@@ -81,6 +81,12 @@ pub enum ScenarioError {
     /// The user's own protocol can't be mapped so.
     #[error(transparent)]
     Wire(Box<WireError>),
+    /// What only the two-link arm has is asked for of another structure.
+    #[error("the scenario has a [structure]: this needs the two-link arm without elements")]
+    NotTheArm,
+    /// The structure is impossible, or the rig doesn't fit it.
+    #[error(transparent)]
+    Structure(#[from] StructureSectionError),
     /// The base identifier or the node ids are impossible.
     #[error("network: {0}")]
     Network(#[from] NetworkError),

@@ -10,10 +10,12 @@ mod limit;
 mod load;
 mod network;
 mod provenance;
+pub mod structure;
 pub mod wire;
 
 pub use error::ScenarioError;
 pub use network::NetworkSection;
+pub use structure::{StructureSection, StructureSectionError};
 pub use wire::{LockstepSpec, WireError, WireLack, WireSection};
 
 use std::path::Path;
@@ -25,7 +27,7 @@ use crate::toml_error::TomlError;
 use resonarm_analysis::modes;
 use resonarm_bench::control::{ControlSpec, Controller, Limited, LimitsSpec, OpenLoop, Steered};
 use resonarm_bench::excitation::{Amplitude, ExcitationSpec, LoadFile, Profile, Waveform};
-use resonarm_bench::plant::{self, PlantSpec};
+use resonarm_bench::plant::{self, PlantSpec, TestedAssembly};
 use resonarm_bench::rig::{Converter, RigSpec, Sampling};
 use resonarm_dynamics::arm::{Arm, Parameters, Pose, Preset, State};
 use resonarm_dynamics::integrate::Scheme;
@@ -39,6 +41,9 @@ pub const MOST_SAMPLES: u64 = 1_000_000_000_000;
 pub struct Scenario {
     /// The arm and how it starts.
     pub arm: ArmSection,
+    /// The structure in place of the arm, or elements on the arm.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub structure: Option<StructureSection>,
     /// The simulation: rate, scheme, seed, length.
     pub simulation: SimulationSection,
     /// The CAN network.
@@ -246,8 +251,14 @@ impl Scenario {
     /// The arm's parameters: the preset's, with the scenario's own in their place.
     ///
     /// # Errors
-    /// [`ScenarioError::Arm`] for an unknown preset, [`ScenarioError::Parse`] for an unknown or unreadable parameter.
+    /// [`ScenarioError::Arm`] for an unknown preset, [`ScenarioError::Parse`] for an unknown or unreadable parameter;
+    /// [`ScenarioError::NotTheArm`] if the scenario has a structure in the arm's place.
     pub fn parameters(&self) -> Result<Parameters, ScenarioError> {
+        if self.structure.is_some() { Err(ScenarioError::NotTheArm) } else { self.arm_parameters() }
+    }
+
+    /// The same whatever the structure is: elements act on an arm of these parameters.
+    fn arm_parameters(&self) -> Result<Parameters, ScenarioError> {
         let preset = self.arm.preset.parse::<Preset>()?.parameters()?;
         let mut table =
             toml::Table::try_from(preset).map_err(|error| ScenarioError::Write { reason: error.to_string() })?;
@@ -263,9 +274,20 @@ impl Scenario {
     /// The arm in its pose.
     ///
     /// # Errors
-    /// [`ScenarioError`] if there is no such arm.
+    /// [`ScenarioError`] if there is no such arm, or the scenario has a structure in its place.
     pub fn build_arm(&self) -> Result<Arm, ScenarioError> {
         Ok(Arm::new(self.parameters()?, self.pose())?)
+    }
+
+    /// The structure in place of the arm, if the scenario has one: with its initial state, and where the rig is on it.
+    ///
+    /// # Errors
+    /// [`ScenarioError::Structure`] if it makes none, or the rig does not fit it; of an arm with elements what
+    /// [`Scenario::parameters`] finds.
+    pub fn tested_structure(&self) -> Result<Option<TestedAssembly>, ScenarioError> {
+        let Some(section) = &self.structure else { return Ok(None) };
+        let parameters = self.arm_parameters()?;
+        Ok(Some(section.tested(|| (parameters, self.pose()), &self.rig)?))
     }
 
     /// Everything that makes the plant.
@@ -275,9 +297,10 @@ impl Scenario {
     pub fn plant_spec(&self) -> Result<PlantSpec, ScenarioError> {
         let [x1, x2, v1, v2] = self.arm.initial;
         Ok(PlantSpec {
-            parameters: self.parameters()?,
+            parameters: self.arm_parameters()?,
             pose: self.pose(),
             initial: State::new([x1, x2], [v1, v2]),
+            structure: self.tested_structure()?,
             scheme: self.simulation.scheme,
             sample_rate_hz: self.simulation.rate_hz,
             steps_per_sample: self.simulation.steps_per_sample(),

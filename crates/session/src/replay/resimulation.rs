@@ -4,6 +4,7 @@ use super::ReplayError;
 use crate::study::on_all_cores;
 use resonarm_bench::plant::{Plant, PlantSpec};
 use resonarm_bench::rig::Amplifier;
+use resonarm_bench::structure::States;
 use resonarm_dynamics::arm::Load;
 use resonarm_files::import::IMPORTED_FROM;
 use resonarm_files::recording::{Integrity, Recording, StateRecord};
@@ -30,7 +31,7 @@ pub struct Verdict {
 }
 
 /// Samples that are in memory at a time: some MB.
-const BLOCK: usize = 1 << 15;
+const BLOCK: usize = 1 << 14;
 /// Samples that a core takes at a time: some milliseconds of work.
 const PART: usize = 1 << 11;
 
@@ -82,19 +83,15 @@ pub fn resimulate(recording: &Recording) -> Result<Verdict, ReplayError> {
 
 /// The plant in a recorded state. `fresh` is the plant at its start, which takes longer to make than to copy.
 fn plant(fresh: &Plant, spec: &PlantSpec, record: &StateRecord) -> Result<Plant, ReplayError> {
-    let ([x1, x2], [v1, v2]) = (record.alpha_rad, record.alpha_dot_rad_s);
-    let current_a = match (spec.rig.shaker, record.coil_current_a) {
-        (None, _) => None,
-        (Some(_), Some(current_a)) => Some(current_a),
+    let states = match (spec.rig.shaker, record.states.internal()) {
         // At sample 0 the coil has none, and an amplifier in current mode sets it with the load.
-        (Some(shaker), None) if record.sample == 0 || shaker.amplifier == Amplifier::Current => Some(0.0),
-        (Some(_), None) => return Err(ReplayError::NoCurrent { sample: record.sample }),
+        (Some(shaker), []) if record.sample == 0 || shaker.amplifier == Amplifier::Current => {
+            States::of_arm(&record.states.arm(), Some(0.0))
+        }
+        (Some(_), []) => return Err(ReplayError::NoCurrent { sample: record.sample }),
+        _ => record.states,
     };
-    let plant = fresh.clone();
-    Ok(match current_a {
-        Some(current_a) => plant.at(record.sample, &[x1, x2, v1, v2, current_a])?,
-        None => plant.at(record.sample, &[x1, x2, v1, v2])?,
-    })
+    Ok(fresh.clone().at(record.sample, &states)?)
 }
 
 /// Whether every state of the block follows from the one before, tried on all cores. If not, or if it can't be tried,
@@ -142,9 +139,9 @@ fn compare(verdict: &mut Verdict, plant: &Plant, record: &StateRecord) {
     if !is_recorded(plant, record) {
         verdict.identical = false;
         verdict.first_divergence.get_or_insert(record.sample);
-        let [[x1, x2], [y1, y2]] = [plant.state().alpha_rad.into(), record.alpha_rad];
-        let drift_rad = (x1 - y1).abs().max((x2 - y2).abs());
-        verdict.max_drift_rad = verdict.max_drift_rad.max(drift_rad);
+        let (states, recorded) = (plant.states(), record.states.coordinates());
+        let drifts = states.coordinates().iter().zip(recorded).map(|(one, other)| (one - other).abs());
+        verdict.max_drift_rad = drifts.fold(verdict.max_drift_rad, f64::max);
     }
 }
 

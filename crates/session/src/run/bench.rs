@@ -325,14 +325,11 @@ impl<'a> Bench<'a> {
 
     /// Records the state at the sample, with the load held from it on.
     fn record_state(&mut self, load: &Load, is_end: bool) {
-        let (states, state) = (self.plant.states(), self.plant.state());
         self.record(Record::State(StateRecord {
             sample: self.sample(),
-            alpha_rad: state.alpha_rad.into(),
-            alpha_dot_rad_s: state.alpha_dot_rad_s.into(),
+            states: self.plant.states(),
             torque_nm: load.torque_nm.into(),
             force_n: load.force_n.into(),
-            coil_current_a: states.get(4).copied(),
             is_end,
         }));
     }

@@ -217,7 +217,7 @@ impl Rig {
 /// Every state and the load held from there on, as bits.
 fn states_of(recording: &Recording) -> Vec<[u64; 8]> {
     let bits = |record: resonarm_files::recording::StateRecord| {
-        let ([a, b], [c, d]) = (record.alpha_rad, record.alpha_dot_rad_s);
+        let ([a, b], [c, d]) = (record.alpha_rad(), record.alpha_dot_rad_s());
         let ([e, f], [g, h]) = (record.torque_nm, record.force_n);
         [a, b, c, d, e, f, g, h].map(f64::to_bits)
     };

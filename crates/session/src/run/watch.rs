@@ -19,6 +19,7 @@ use rtrb::{Consumer, Producer, RingBuffer};
 
 use resonarm_bench::control::{ResponsePoint, SetPoint};
 use resonarm_dynamics::arm::Load;
+use resonarm_files::recording::slots::{self, Entry, Slot};
 use resonarm_files::recording::{FrameRecord, Record};
 
 /// Entries in a loop's ring at most: at 1 kHz two seconds.
@@ -48,20 +49,19 @@ pub enum Notice {
     SetPoint(SetPoint),
 }
 
-/// The notices of every sample: [`Notice`] without the responses.
+/// What an exciter notifies of beside records and responses.
 #[derive(Clone, Copy, Debug)]
 enum Often {
-    Record(Record),
     Command(CommandRecord),
     SetPoint(SetPoint),
 }
 
-impl From<Often> for Notice {
-    fn from(often: Often) -> Notice {
-        match often {
-            Often::Record(record) => Notice::Record(record),
-            Often::Command(command) => Notice::Command(command),
-            Often::SetPoint(set_point) => Notice::SetPoint(set_point),
+impl From<Entry<Often>> for Notice {
+    fn from(entry: Entry<Often>) -> Notice {
+        match entry {
+            Entry::Record(record) => Notice::Record(record),
+            Entry::Other(Often::Command(command)) => Notice::Command(command),
+            Entry::Other(Often::SetPoint(set_point)) => Notice::SetPoint(set_point),
         }
     }
 }
@@ -129,7 +129,7 @@ struct Shared {
 #[derive(Debug)]
 struct Opened {
     end: End,
-    often: Consumer<Often>,
+    often: Consumer<Slot<Often>>,
     responses: Consumer<ResponsePoint>,
     frames: Consumer<FrameRecord>,
     requests: Producer<Request>,
@@ -147,7 +147,7 @@ impl Opened {
 #[derive(Debug)]
 pub struct Watched {
     end: End,
-    often: Producer<Often>,
+    often: Producer<Slot<Often>>,
     responses: Producer<ResponsePoint>,
     frames: Producer<FrameRecord>,
     requests: Consumer<Request>,
@@ -206,10 +206,10 @@ impl Watched {
     #[inline]
     pub fn notify(&mut self, notice: Notice) {
         let is_queued = match notice {
-            Notice::Record(record) => self.often.push(Often::Record(record)).is_ok(),
-            Notice::Command(command) => self.often.push(Often::Command(command)).is_ok(),
+            Notice::Record(record) => slots::push(&mut self.often, &record),
+            Notice::Command(command) => slots::push_other(&mut self.often, Often::Command(command)),
             Notice::Response(response) => self.responses.push(response).is_ok(),
-            Notice::SetPoint(set_point) => self.often.push(Often::SetPoint(set_point)).is_ok(),
+            Notice::SetPoint(set_point) => slots::push_other(&mut self.often, Often::SetPoint(set_point)),
         };
         if !is_queued {
             self.lose();
@@ -253,7 +253,10 @@ impl Watcher {
     pub fn take(&mut self, most: usize, mut hand: impl FnMut(End, &Notice)) {
         self.open.extend(self.opening.try_iter());
         for Opened { end, often, responses, frames, .. } in &mut self.open {
-            drain(often, most, |often| hand(*end, &Notice::from(*often)));
+            for _ in 0..most.min(often.slots()) {
+                let Some(entry) = slots::pop(often) else { break };
+                hand(*end, &Notice::from(entry));
+            }
             drain(responses, most, |response| hand(*end, &Notice::Response(*response)));
             drain(frames, most, |frame| hand(*end, &Notice::Record(Record::Frame(*frame))));
         }
@@ -356,8 +359,8 @@ mod tests {
     #[test]
     fn a_slot_is_as_small_as_documented() {
         assert!(FRAMES * size_of::<FrameRecord>() <= 1 << 20, "{}", size_of::<FrameRecord>());
-        assert!(size_of::<Often>() <= size_of::<FrameRecord>() + 16, "{}", size_of::<Often>());
-        assert!(2 * size_of::<Often>() <= size_of::<ResponsePoint>(), "{}", size_of::<ResponsePoint>());
+        assert!(size_of::<Slot<Often>>() <= size_of::<FrameRecord>() + 16, "{}", size_of::<Slot<Often>>());
+        assert!(2 * size_of::<Slot<Often>>() <= size_of::<ResponsePoint>(), "{}", size_of::<ResponsePoint>());
     }
 
     #[test]

@@ -32,6 +32,7 @@ fn plant_spec(amplifier: Amplifier) -> PlantSpec {
         parameters: Preset::default().parameters().unwrap(),
         pose: Pose { beta1_deg: 30.0, beta2_deg: 60.0 },
         initial: State::default(),
+        structure: None,
         scheme: Scheme::default(),
         sample_rate_hz: 1000.0,
         steps_per_sample: 2,

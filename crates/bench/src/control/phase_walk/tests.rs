@@ -27,6 +27,7 @@ fn plant(beta2_deg: f64, rig: RigSpec) -> Plant {
         parameters: Preset::default().parameters().unwrap(),
         pose: Pose { beta1_deg: 0.0, beta2_deg },
         initial: State::default(),
+        structure: None,
         scheme: Scheme::default(),
         sample_rate_hz: 1000.0,
         steps_per_sample: 2,

@@ -28,7 +28,7 @@ pub const COUNT_N: f64 = 0.02;
 
 /// Up to 100 N along each axis, and 50 N·m at each joint.
 pub fn exciter() -> Exciter {
-    Exciter::Ideal(ExciterSpec { force_limit_n: 100.0, torque_limit_nm: 50.0 })
+    Exciter::Ideal(ExciterSpec { force_limit_n: 100.0, torque_limit_nm: 50.0, at: None })
 }
 
 pub fn signal(start: u64, bits: u64, number: Number, scale: f64) -> MappedSignal {

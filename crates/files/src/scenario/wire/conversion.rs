@@ -40,6 +40,7 @@ const RATE: [Unit; 5] = [
     (&["rev/s", "turn/s", "turns/s"], TURN_RAD),
     (&["rpm", "1/min", "rev/min", "RPM"], TURN_RAD / 60.0),
 ];
+const LENGTH: [Unit; 3] = [(&["m"], 1.0), (&["mm"], 1e-3), (&["um", "µm"], 1e-6)];
 const CURRENT: [Unit; 2] = [(&["A"], 1.0), (&["mA"], 1e-3)];
 
 const fn units(quantity: Quantity) -> (&'static [Unit], &'static str) {
@@ -50,6 +51,10 @@ const fn units(quantity: Quantity) -> (&'static [Unit], &'static str) {
         Quantity::Angle => (&ANGLE, "rad, mrad, urad, deg, mdeg, rev"),
         Quantity::AngularVelocity => (&RATE, "rad/s, mrad/s, deg/s, rev/s, rpm"),
         Quantity::Current => (&CURRENT, "A, mA"),
+        Quantity::Length => (&LENGTH, "m, mm, um"),
+        Quantity::Branch => (&[(&["", "1"], 1.0)], "1"),
+        Quantity::ModalDisplacement => (&[(&["m·√kg"], 1.0)], "m·√kg"),
+        Quantity::ModalVelocity => (&[(&["m·√kg/s"], 1.0)], "m·√kg/s"),
     }
 }
 

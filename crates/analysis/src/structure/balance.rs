@@ -1,0 +1,387 @@
+//! Harmonic balance of a structure, by alternating between frequency and time; see `crate::harmonic_balance` for the
+//! method and [`super::unknowns`] for what is solved for.
+//!
+//! The unknowns X are the coefficients of 1, cos kτ, sin kτ, k = 1 … H, each of all m unknowns. Of a chain row k is the
+//! unbalance over the stiffness scale and max(1, k²), of modes the displacement less what the forces make of it.
+
+use alloc::vec;
+use alloc::vec::Vec;
+use core::f64::consts::TAU;
+
+use nalgebra::Complex;
+
+use resonarm_dynamics::structure::{Dof, Law, Linear};
+
+use super::linear::dynamic_stiffness_solve;
+use super::samples::Samples;
+use super::spectral::{operator, project};
+use super::unknowns::{Body, Compliance, Unknowns, direction_at_rest};
+use super::{Coordinate, Forced};
+use crate::continuation::System;
+
+/// Samples of a structure with a law that isn't smooth: what a kink between two of them changes in the harmonics is of
+/// the order of the square of their distance.
+const ROUGH_SAMPLES: usize = 512;
+/// Steps must not miss superharmonic resonances, where Ω times one of these is a natural frequency.
+const SUPERHARMONICS: [f64; 3] = [1.0, 2.0, 3.0];
+/// Steps may miss resonances narrower than this relative width.
+const LEAST_DAMPING: f64 = 1e-5;
+
+/// The balance of a structure as one coordinate varies.
+#[derive(Clone, Debug)]
+pub(super) struct Balance {
+    pub forced: Forced,
+    pub unknowns: Unknowns,
+    pub coordinate: Coordinate,
+    pub frequency_hz: f64,
+    pub samples: Samples,
+    harmonics: usize,
+    linear: Linear,
+    /// Of a chain: what its rows are divided by, N·m.
+    scale: f64,
+    compliances: Vec<Compliance>,
+    /// ∂Q̂/∂X, column by column, and Q̂ and ∂Q̂/∂Ω/2π.
+    operator: Vec<f64>,
+    load: Vec<f64>,
+    by_frequency: Vec<f64>,
+}
+
+/// The size of the unknowns under a static unit drive: m or rad over N or N·m.
+pub(super) fn unit_deflection(forced: &Forced) -> f64 {
+    let unknowns = Unknowns::new(forced);
+    match &unknowns.body {
+        Body::Condensed(condensed) => {
+            let mut compliance = Compliance::default();
+            condensed.compliance(0.0, &mut compliance);
+            libm::sqrt(compliance.drive.iter().map(|[h, _]| h.re * h.re).sum())
+        }
+        Body::Chain => {
+            let mut motion: Vec<_> =
+                direction_at_rest(&forced.assembly, forced.drive).iter().map(|&w| Complex::new(w, 0.0)).collect();
+            let solved = dynamic_stiffness_solve(&forced.assembly.linear(), 0.0, &mut motion);
+            solved.map_or(f64::NAN, |()| libm::sqrt(motion.iter().map(|q| q.re * q.re).sum()))
+        }
+    }
+}
+
+/// Points of the period for H harmonics, so that what aliases onto them is negligible: a power of degree d has
+/// components up to dH, of which those from N − H on alias.
+fn samples_for(forced: &Forced, harmonics: usize) -> usize {
+    let of_law = |law: &Law| match law {
+        Law::Cubic { stiffness5, .. } if *stiffness5 == 0.0 => 4 * harmonics + 4,
+        Law::Cubic { .. } => 6 * harmonics + 6,
+        Law::Tanh { .. } => (12 * harmonics).max(ROUGH_SAMPLES / 4),
+        _ => ROUGH_SAMPLES,
+    };
+    let needed = forced.assembly.elements().iter().map(|element| of_law(element.law()));
+    needed.fold(4 * harmonics + 4, usize::max)
+}
+
+impl Balance {
+    pub fn new(forced: &Forced, frequency_hz: f64, coordinate: Coordinate, harmonics: usize) -> Balance {
+        let unknowns = Unknowns::new(forced);
+        let linear = forced.assembly.linear();
+        let n = linear.coordinates();
+        let scale = (0..n).map(|i| linear.stiffness[i * n + i]).fold(0.0, f64::max);
+        let samples = Samples::new(forced, &unknowns);
+        let forced = forced.clone();
+        let mut balance = Balance {
+            forced,
+            unknowns,
+            coordinate,
+            frequency_hz,
+            samples,
+            harmonics,
+            linear,
+            scale,
+            compliances: vec![],
+            operator: vec![],
+            load: vec![],
+            by_frequency: vec![],
+        };
+        balance.set_harmonics(harmonics);
+        balance
+    }
+
+    /// Changes H.
+    pub fn set_harmonics(&mut self, harmonics: usize) {
+        self.harmonics = harmonics;
+        let samples = samples_for(&self.forced, harmonics);
+        self.samples.set(2 * harmonics + 1, samples);
+        self.compliances.resize(2 * harmonics + 1, Compliance::default());
+    }
+
+    /// H.
+    pub fn harmonics(&self) -> usize {
+        self.harmonics
+    }
+
+    /// Sets the coordinate; returns whether such a motion exists.
+    #[must_use]
+    pub fn set_value(&mut self, value: f64) -> bool {
+        match self.coordinate {
+            Coordinate::FrequencyHz => self.frequency_hz = value,
+            Coordinate::Amplitude => self.forced.amplitude = value,
+        }
+        value.is_finite() && (value > 0.0 || self.coordinate == Coordinate::Amplitude)
+    }
+
+    /// Ω, rad/s.
+    pub fn omega_rad_s(&self) -> f64 {
+        TAU * self.frequency_hz
+    }
+
+    /// The motion X and the forces along it. The following methods are about this motion.
+    pub fn evaluate_motion(&mut self, x: &[f64]) {
+        let (m, omega) = (self.unknowns.count(), self.omega_rad_s());
+        self.samples.synthesise(x, m, omega);
+        self.samples.evaluate(&self.forced, &self.unknowns, self.frequency_hz);
+        self.load.clear();
+        self.load.resize(x.len(), 0.0);
+        let (count, load) = (self.samples.count(), &mut self.load);
+        for i in 0..m {
+            let signal = &self.samples.load[i * count..(i + 1) * count];
+            project(&self.samples, signal, self.harmonics, |row, value| load[row * m + i] = value);
+        }
+    }
+
+    /// Q̂ₖ of a harmonic up to 2H as complex numbers, of u = Re(U e^{ikτ}).
+    fn load_harmonic(&self, k: usize) -> Vec<Complex<f64>> {
+        let count = self.samples.count();
+        let of = |i: usize| {
+            let signal = &self.samples.load[i * count..(i + 1) * count];
+            let (c, s) = self.samples.basis.project(k - 1, signal);
+            Complex::new(c, -s)
+        };
+        (0..self.unknowns.count()).map(of).collect()
+    }
+
+    /// An estimate of what the truncation to H harmonics leaves out, in the unit of u: the largest of the harmonics k =
+    /// H + 1 … 2H + 1 that the linear structure makes of what the balance misses there.
+    pub fn truncation_error(&self) -> f64 {
+        let mut compliance = Compliance::default();
+        let missing = |k: usize| {
+            let (rate, mut load) = (k as f64 * self.omega_rad_s(), self.load_harmonic(k));
+            match &self.unknowns.body {
+                Body::Chain => dynamic_stiffness_solve(&self.linear, rate, &mut load)
+                    .map_or(f64::INFINITY, |()| libm::sqrt(load.iter().map(|q| q.norm_sqr()).sum())),
+                Body::Condensed(condensed) => {
+                    condensed.compliance(rate, &mut compliance);
+                    let m = load.len();
+                    let row = |i: usize| (0..m).map(|j| compliance.places[i * m + j][0] * load[j]).sum::<Complex<_>>();
+                    libm::sqrt((0..m).map(|i| row(i).norm_sqr()).sum())
+                }
+            }
+        };
+        (self.harmonics + 1..=2 * self.harmonics + 1).map(missing).fold(0.0, f64::max)
+    }
+
+    /// ∂Q̂/∂X with the states' part into `self.operator`, and ∂Q̂/∂(Ω/2π) at constant X.
+    fn linearise(&mut self) {
+        let (m, omega, harmonics) = (self.unknowns.count(), self.omega_rad_s(), self.harmonics);
+        let (size, count) = (self.load.len(), self.samples.count());
+        self.operator.resize(size * size, 0.0);
+        operator(&self.samples, m, harmonics, omega, &mut self.operator);
+        self.by_frequency.clear();
+        self.by_frequency.resize(size, 0.0);
+        let mut signal = vec![0.0; count];
+        for i in 0..m {
+            // At constant X, u̇ is in proportion to Ω and ü to Ω².
+            for (j, value) in signal.iter_mut().enumerate() {
+                let along = |d: usize| {
+                    let by = |k: usize| self.samples.by[d][(i * m + k) * count + j] * self.samples.motion[d][j * m + k];
+                    (0..m).map(by).sum::<f64>()
+                };
+                *value = (along(1) + 2.0 * along(2)) / self.frequency_hz;
+            }
+            let out = &mut self.by_frequency;
+            project(&self.samples, &signal, harmonics, |row, value| out[row * m + i] = value);
+        }
+        self.add_histories();
+    }
+
+    /// The part of the derivatives by way of the elements' states.
+    fn add_histories(&mut self) {
+        let (m, size) = (self.unknowns.count(), self.load.len());
+        let (rows, count) = (size / m, self.samples.count());
+        let (samples, operator, by_frequency) = (&self.samples, &mut self.operator, &mut self.by_frequency);
+        for history in &samples.histories {
+            let element = &self.forced.assembly.elements()[history.element];
+            let moves = |i: &usize| (0..count).any(|j| history.direction[j * m + i] != 0.0);
+            let active: Vec<usize> = (0..m).filter(moves).collect();
+            let basis = |j: usize| samples.functions(j, rows);
+            let add = |j: usize, by: &[f64]| {
+                let by_state = match *element.law() {
+                    Law::Friction { stiffness, .. } => stiffness,
+                    _ => element.force(history.position[j], history.velocity[j], history.state[j]).by_state,
+                };
+                let functions = samples.functions(j, rows).0;
+                for &i in &active {
+                    let factor = by_state * history.direction[j * m + i] / count as f64;
+                    for (r, function) in functions.iter().enumerate() {
+                        let weight = factor * function * if r == 0 { 1.0 } else { 2.0 };
+                        let row = r * m + i;
+                        by_frequency[row] += weight * by[by.len() - 1];
+                        for (c, value) in by[..by.len() - 1].iter().enumerate() {
+                            let column = c / active.len() * m + active[c % active.len()];
+                            operator[column * size + row] += weight * value;
+                        }
+                    }
+                }
+            };
+            if !active.is_empty() {
+                history.derivative(m, &active, basis, self.frequency_hz, add);
+            }
+        }
+    }
+
+    /// The rows of a chain: Q̂ over their scales.
+    fn chain_rows(&self, lambda: usize, residual: &mut [f64], matrix: &mut [f64]) {
+        let (m, size, count) = (self.unknowns.count(), self.load.len(), self.samples.count());
+        let scale = |row: usize| {
+            let k = (row / m).div_ceil(2) as f64;
+            1.0 / (self.scale * (k * k).max(1.0))
+        };
+        let mut by_drive = vec![0.0; size];
+        if self.coordinate == Coordinate::Amplitude {
+            for i in 0..m {
+                let signal = &self.samples.by_drive[i * count..(i + 1) * count];
+                project(&self.samples, signal, self.harmonics, |row, value| by_drive[row * m + i] = value);
+            }
+        }
+        for row in 0..size {
+            residual[row] = self.load[row] * scale(row);
+            for column in 0..size {
+                matrix[column * (size + 1) + row] = self.operator[column * size + row] * scale(row);
+            }
+            let by = match self.coordinate {
+                Coordinate::FrequencyHz => self.by_frequency[row],
+                Coordinate::Amplitude => by_drive[row],
+            };
+            matrix[lambda + row] = by * scale(row);
+        }
+    }
+
+    /// The rows of modes. With U = c − is of a harmonic c cos + s sin, H U has the coefficients Re H c + Im H s and Re H
+    /// s − Im H c.
+    fn condensed_rows(&mut self, x: &[f64], lambda: usize, residual: &mut [f64], matrix: &mut [f64]) {
+        let (m, size, omega) = (self.unknowns.count(), x.len(), self.omega_rad_s());
+        let Body::Condensed(condensed) = &self.unknowns.body else { return };
+        let (by_frequency, amplitude) = (self.coordinate == Coordinate::FrequencyHz, self.forced.amplitude);
+        for k in 0..=self.harmonics {
+            let compliance = &mut self.compliances[k];
+            condensed.compliance(k as f64 * omega, compliance);
+            let times = |h: Complex<f64>, c: f64, s: f64| [h.re * c + h.im * s, h.re * s - h.im * c];
+            // The rows of cos and sin; of 1 for k = 0.
+            let first = (2 * k).saturating_sub(1) * m;
+            let second = 2 * k * m;
+            let parts = if k == 0 { 1 } else { 2 };
+            let sine = |of: &[f64], j: usize| if k == 0 { 0.0 } else { of[second + j] };
+            for i in 0..m {
+                let rows = [first + i, second + i];
+                let [mut value, mut slope] = [[0.0; 2]; 2];
+                (0..parts).for_each(|part| value[part] = x[rows[part]]);
+                for j in 0..m {
+                    let [h, by_rate] = compliance.places[i * m + j];
+                    let part = times(h, self.load[first + j], sine(&self.load, j));
+                    let by = times(h, self.by_frequency[first + j], sine(&self.by_frequency, j));
+                    let turned = times(by_rate * (TAU * k as f64), self.load[first + j], sine(&self.load, j));
+                    for d in 0..2 {
+                        value[d] += part[d];
+                        slope[d] += by[d] + turned[d];
+                    }
+                    for column in 0..size {
+                        let by = &self.operator[column * size..(column + 1) * size];
+                        let product = times(h, by[first + j], sine(by, j));
+                        (0..parts).for_each(|d| matrix[column * (size + 1) + rows[d]] += product[d]);
+                    }
+                }
+                if k == 1 {
+                    let [h, by_rate] = compliance.drive[i];
+                    let (driven, turned) = (times(h, 0.0, 1.0), times(by_rate * TAU, 0.0, 1.0));
+                    for d in 0..2 {
+                        value[d] -= amplitude * driven[d];
+                        slope[d] = if by_frequency { slope[d] - amplitude * turned[d] } else { -driven[d] };
+                    }
+                } else if !by_frequency {
+                    slope = [0.0; 2];
+                }
+                for d in 0..parts {
+                    residual[rows[d]] = value[d];
+                    matrix[rows[d] * (size + 1) + rows[d]] += 1.0;
+                    matrix[lambda + rows[d]] = slope[d];
+                }
+            }
+        }
+    }
+
+    /// The displacement at a degree of freedom, as a series, for the motion last evaluated.
+    pub fn displacement(&self, dof: Dof) -> Vec<f64> {
+        let (m, count, omega) = (self.unknowns.count(), self.samples.count(), self.omega_rad_s());
+        let Body::Condensed(condensed) = &self.unknowns.body else {
+            let at = |j: usize| self.forced.assembly.displacement(dof, &self.samples.motion[0][j * m..(j + 1) * m]);
+            let signal: Vec<f64> = (0..count).map(at).collect();
+            let orders = 2 * self.harmonics + 1;
+            let mut series = vec![0.0; 2 * orders + 1];
+            project(&self.samples, &signal, orders, |row, value| series[row] = value);
+            return series;
+        };
+        let direction = direction_at_rest(&self.forced.assembly, dof);
+        let mut series = Vec::with_capacity(2 * self.harmonics + 1);
+        for k in 0..=self.harmonics {
+            let load = |i: usize| match k {
+                0 => Complex::new(self.load[i], 0.0),
+                _ => Complex::new(self.load[(2 * k - 1) * m + i], -self.load[2 * k * m + i]),
+            };
+            let loads: Vec<_> = (0..m).map(load).collect();
+            let drive = Complex::new(0.0, if k == 1 { -self.forced.amplitude } else { 0.0 });
+            let x = condensed.harmonic(k as f64 * omega, &direction, drive, &loads);
+            series.push(x.re);
+            if k > 0 {
+                series.push(-x.im);
+            }
+        }
+        series
+    }
+}
+
+impl System for Balance {
+    fn dimension(&self) -> usize {
+        self.unknowns.count() * (2 * self.harmonics + 1)
+    }
+
+    fn evaluate(&mut self, x: &[f64], lambda: f64, residual: &mut [f64], matrix: &mut [f64]) -> bool {
+        if !self.set_value(lambda) {
+            return false;
+        }
+        self.evaluate_motion(x);
+        self.linearise();
+        let last = x.len() * (x.len() + 1);
+        match self.unknowns.body {
+            Body::Chain => self.chain_rows(last, residual, matrix),
+            Body::Condensed(_) => self.condensed_rows(x, last, residual, matrix),
+        }
+        true
+    }
+
+    fn unit(&self) -> &'static str {
+        match self.coordinate {
+            Coordinate::FrequencyHz => "Hz",
+            Coordinate::Amplitude => self.forced.unit(),
+        }
+    }
+
+    /// Half the way to the nearest linear resonance, or, on top of it, half of its half-power bandwidth.
+    fn parameter_step_limit(&self, lambda: f64) -> f64 {
+        if self.coordinate != Coordinate::FrequencyHz {
+            return f64::INFINITY;
+        }
+        let limits = self.forced.assembly.modes().iter().flat_map(|mode| {
+            SUPERHARMONICS.map(|order| {
+                let resonance_hz = mode.frequency_hz / order;
+                (0.5 * (lambda - resonance_hz).abs()).max(mode.damping_ratio.max(LEAST_DAMPING) * resonance_hz)
+            })
+        });
+        limits.fold(f64::INFINITY, f64::min)
+    }
+}

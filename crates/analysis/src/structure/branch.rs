@@ -1,0 +1,231 @@
+//! Branches of a structure's periodic motions: traced from one value of a coordinate to another, with folds, peaks,
+//! stability and other bifurcations.
+
+use alloc::boxed::Box;
+use alloc::vec::Vec;
+
+use nalgebra::Complex;
+use resonarm_dynamics::structure::Dof;
+
+use super::balance::Balance;
+use super::orbit::{Bifurcation, Branch, Orbit, Reading, TraceOptions};
+use super::spectral::largest;
+use super::{Coordinate, Forced};
+use crate::continuation::{Continuation, Point, System, at_parameter};
+use crate::locate::search;
+use crate::{AnalysisError, BifurcationKind, EndedEarly};
+
+/// Below this fraction of the truncation allowed, the last harmonic is dropped.
+const DROP_SHARE: f64 = 1e-3;
+/// Multiples of the frequency at which to start if Newton's method finds no motion from rest.
+const DETOURS: [f64; 2] = [0.7, 1.4];
+/// A fold or a peak is located to this fraction of its segment; the coordinate is then exact to the square.
+const FRACTION: f64 = 1e-7;
+
+/// Traces a branch of motions with the period of the drive from `options.branch.from` to `options.branch.to`. The
+/// coordinate that doesn't vary is `frequency_hz`, or the amplitude of `forced`.
+///
+/// # Errors
+/// [`EndedEarly`], with the place, the reason, advice, and the branch up to there.
+pub fn trace(
+    forced: &Forced,
+    frequency_hz: f64,
+    coordinate: Coordinate,
+    options: &TraceOptions,
+) -> Result<Branch, EndedEarly<Branch>> {
+    let mut balance = Balance::new(forced, frequency_hz, coordinate, options.branch.least_harmonics);
+    check(&mut balance, options)?;
+    let mut continuation = enter(&mut balance, options)?;
+    let mut tracer = Tracer { balance, options, branch: Branch::default() };
+    let reason = tracer.follow(&mut continuation).err();
+    let mut branch = tracer.branch;
+    branch.work = continuation.work();
+    branch.bifurcations.sort_by(|a, b| a.orbit.arclength.total_cmp(&b.orbit.arclength));
+    match reason {
+        None => Ok(branch),
+        Some(reason) => Err(EndedEarly { reason, so_far: Box::new(branch) }),
+    }
+}
+
+/// Both ends, and the frequency, must be numbers at which the system exists.
+fn check(balance: &mut Balance, options: &TraceOptions) -> Result<(), AnalysisError> {
+    let (from, to, unit) = (options.branch.from, options.branch.to, balance.unit());
+    let domain = match balance.coordinate {
+        Coordinate::FrequencyHz => "the positive frequencies",
+        Coordinate::Amplitude => "the amplitudes of the drive",
+    };
+    let known = balance.coordinate == Coordinate::FrequencyHz
+        || (balance.frequency_hz.is_finite() && balance.frequency_hz > 0.0);
+    let exists = from != to && balance.set_value(to) && balance.set_value(from);
+    if exists && known { Ok(()) } else { Err(AnalysisError::Interval { from, to, unit, domain }) }
+}
+
+/// Adds harmonics until the truncation error is small enough, or as many as are allowed for a law that isn't smooth;
+/// drops the last if it is negligible.
+pub(super) fn adapt(
+    balance: &mut Balance,
+    continuation: &mut Continuation,
+    options: &TraceOptions,
+) -> Result<(), AnalysisError> {
+    let (branch, smooth) = (&options.branch, balance.forced.assembly.is_smooth());
+    loop {
+        let (x, lambda) = (&continuation.point().x, continuation.point().lambda);
+        let (size, m) = (branch.continuation.size(x), balance.unknowns.count());
+        let last = x[x.len() - 2 * m..].iter().fold(0.0, |largest: f64, value| largest.max(value.abs()));
+        if !balance.set_value(lambda) {
+            return Ok(());
+        }
+        balance.evaluate_motion(x);
+        let (error, allowed, harmonics) = (balance.truncation_error(), branch.truncation * size, balance.harmonics());
+        if error > allowed {
+            if harmonics < branch.most_harmonics {
+                balance.set_harmonics((harmonics + 1 + harmonics / 8).min(branch.most_harmonics));
+                continuation.resize(balance)?;
+                continue;
+            }
+            if smooth {
+                return Err(AnalysisError::TooManyHarmonics { at: balance.place(lambda), harmonics });
+            }
+        } else if harmonics > branch.least_harmonics && error.max(last) < DROP_SHARE * allowed {
+            balance.set_harmonics(harmonics - 1);
+            continuation.resize(balance)?;
+        }
+        return Ok(());
+    }
+}
+
+/// Starts at `options.branch.from`: from rest, or, if that is too far, from the end of a continuation in frequency that
+/// starts away from the resonance.
+fn enter(balance: &mut Balance, options: &TraceOptions) -> Result<Continuation, AnalysisError> {
+    let branch = &options.branch;
+    let direction = branch.to - branch.from;
+    let rest = alloc::vec![0.0; balance.dimension()];
+    let first = match Continuation::start(balance, branch.continuation, &rest, branch.from, direction) {
+        Ok(continuation) => return Ok(continuation),
+        Err(error) => error,
+    };
+    let mut detours = DETOURS;
+    if balance.coordinate == Coordinate::FrequencyHz && direction < 0.0 {
+        detours.reverse();
+    }
+    for detour in detours {
+        if let Ok(continuation) = approach(balance, options, detour) {
+            return Ok(continuation);
+        }
+    }
+    Err(first)
+}
+
+/// Continues in frequency from `detour` times the wanted frequency to it, and starts there.
+fn approach(balance: &mut Balance, options: &TraceOptions, detour: f64) -> Result<Continuation, AnalysisError> {
+    let branch = &options.branch;
+    // The interval was checked.
+    let _ = balance.set_value(branch.from);
+    let mut swept = balance.clone();
+    swept.coordinate = Coordinate::FrequencyHz;
+    let wanted_hz = balance.frequency_hz;
+    swept.set_harmonics(branch.least_harmonics);
+    let rest = alloc::vec![0.0; swept.dimension()];
+    let mut continuation =
+        Continuation::start(&mut swept, branch.continuation, &rest, detour * wanted_hz, 1.0 - detour)?;
+    for _ in 0..branch.most_points {
+        adapt(&mut swept, &mut continuation, options)?;
+        let before = continuation.point().clone();
+        let after = continuation.advance(&mut swept)?;
+        if (before.lambda - wanted_hz) * (after.lambda - wanted_hz) <= 0.0 {
+            let point = at_parameter(&mut swept, &branch.continuation, [&before, after], wanted_hz)?;
+            balance.set_harmonics(swept.harmonics());
+            let direction = branch.to - branch.from;
+            return Continuation::start(balance, branch.continuation, &point.x, branch.from, direction);
+        }
+    }
+    Err(AnalysisError::TooManyPoints { points: branch.most_points, at: swept.place(continuation.point().lambda) })
+}
+
+/// A continuation with the quantities computed at each point.
+struct Tracer<'a> {
+    balance: Balance,
+    options: &'a TraceOptions,
+    branch: Branch,
+}
+
+impl Tracer<'_> {
+    fn follow(&mut self, continuation: &mut Continuation) -> Result<(), AnalysisError> {
+        let branch = &self.options.branch;
+        adapt(&mut self.balance, continuation, self.options)?;
+        let mut points: Vec<Point> = Vec::new();
+        let mut before = continuation.point().clone();
+        self.push(&before);
+        loop {
+            if self.branch.orbits.len() >= branch.most_points {
+                let at = self.balance.place(before.lambda);
+                return Err(AnalysisError::TooManyPoints { points: branch.most_points, at });
+            }
+            continuation.advance(&mut self.balance)?;
+            adapt(&mut self.balance, continuation, self.options)?;
+            let reached = continuation.point();
+            let end = match branch.left_at(reached.lambda) {
+                Some(limit) => Some(at_parameter(&mut self.balance, &branch.continuation, [&before, reached], limit)?),
+                None => None,
+            };
+            let after = end.clone().unwrap_or_else(|| reached.clone());
+            self.detect(&before, &after)?;
+            self.push(&after);
+            points.push(core::mem::replace(&mut before, after));
+            if end.is_some() {
+                return Ok(());
+            }
+        }
+    }
+
+    fn push(&mut self, point: &Point) {
+        let orbit = self.orbit(point);
+        self.branch.orbits.push(orbit);
+    }
+
+    /// Locates the fold between two neighbouring points, if there is one.
+    fn detect(&mut self, a: &Point, b: &Point) -> Result<(), AnalysisError> {
+        let direction = |point: &Point| point.tangent.last().copied().unwrap_or(0.0);
+        let values = [direction(a), direction(b)];
+        if values[0] * values[1] >= 0.0 {
+            return Ok(());
+        }
+        let settings = &self.options.branch.continuation;
+        let point = search(&mut self.balance, settings, [a, b], values, FRACTION, |_, point: &Point| direction(point))?;
+        let (orbit, index) = (self.orbit(&point), self.branch.orbits.len());
+        self.branch.bifurcations.push(Bifurcation { kind: BifurcationKind::Fold, orbit, index });
+        Ok(())
+    }
+
+    /// All results for the motion at a point.
+    fn orbit(&mut self, point: &Point) -> Orbit {
+        let (current, needed) = (self.balance.harmonics(), point.x.len() / self.balance.unknowns.count() / 2);
+        if current != needed {
+            self.balance.set_harmonics(needed);
+        }
+        // The coordinate was valid when the point was solved for.
+        let _ = self.balance.set_value(point.lambda);
+        self.balance.evaluate_motion(&point.x);
+        let orbit = Orbit {
+            value: point.lambda,
+            frequency_hz: self.balance.frequency_hz,
+            drive: self.balance.forced.amplitude,
+            readings: self.options.read.iter().map(|&dof| reading(&self.balance, dof)).collect(),
+            stability: None,
+            harmonics: needed,
+            coefficients: point.x.clone(),
+            arclength: point.arclength,
+        };
+        if current != needed {
+            self.balance.set_harmonics(current);
+        }
+        orbit
+    }
+}
+
+/// The motion at a degree of freedom, of the motion last evaluated.
+fn reading(balance: &Balance, dof: Dof) -> Reading {
+    let series = balance.displacement(dof);
+    let largest = largest(&balance.samples, &series);
+    Reading { largest, mean: series[0], harmonic1: Complex::new(series[2], series[1]) }
+}

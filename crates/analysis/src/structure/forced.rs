@@ -1,0 +1,65 @@
+//! A structure under a sinusoidal drive.
+
+use core::fmt;
+
+use resonarm_dynamics::structure::{Assembly, Dof};
+
+/// A structure and its drive, amplitude · sin Ωt: a force along an axis at a point, or a torque at a joint.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Forced {
+    pub(super) assembly: Assembly,
+    pub(super) drive: Dof,
+    pub(super) amplitude: f64,
+}
+
+impl Forced {
+    /// The structure under amplitude · sin Ωt at `drive`, one of its degrees of freedom; N, or N·m at a joint.
+    pub fn new(assembly: Assembly, drive: Dof, amplitude: f64) -> Forced {
+        Forced { assembly, drive, amplitude }
+    }
+
+    /// The structure.
+    pub fn assembly(&self) -> &Assembly {
+        &self.assembly
+    }
+
+    /// Where it is driven.
+    pub fn drive(&self) -> Dof {
+        self.drive
+    }
+
+    /// The peak of the drive, N, or N·m at a joint.
+    pub fn amplitude(&self) -> f64 {
+        self.amplitude
+    }
+
+    /// The unit of the drive.
+    pub fn unit(&self) -> &'static str {
+        if self.drive.is_angle() { "N·m" } else { "N" }
+    }
+}
+
+/// What varies along a branch.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Coordinate {
+    /// Ω/2π, Hz.
+    FrequencyHz,
+    /// The peak of the drive, N, or N·m at a joint.
+    Amplitude,
+}
+
+impl Coordinate {
+    /// The name in results.
+    pub const fn name(self) -> &'static str {
+        match self {
+            Coordinate::FrequencyHz => "frequency_hz",
+            Coordinate::Amplitude => "amplitude",
+        }
+    }
+}
+
+impl fmt::Display for Coordinate {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.pad(self.name())
+    }
+}

@@ -1,0 +1,100 @@
+//! Frequency responses of a structure's linear part at rest.
+//!
+//! For q = Re(Q e^{iωt}) the linear equation M q̈ + D q̇ + K q = p is Z Q = P with the dynamic stiffness
+//! Z = K − ω²M + iωD, for any damping. A unit force at a degree of freedom is P = ∂x/∂q, and the response there ∂x/∂q·Q.
+
+use alloc::vec;
+use alloc::vec::Vec;
+use core::f64::consts::TAU;
+
+use nalgebra::Complex;
+
+use resonarm_dynamics::structure::{Assembly, Dof, Linear};
+
+use crate::frf::{FrfError, Quantity};
+
+/// The linear part of a structure, with the slopes at rest of its smooth elements.
+#[derive(Clone, Debug, PartialEq)]
+pub struct LinearResponse {
+    assembly: Assembly,
+    linear: Linear,
+}
+
+impl LinearResponse {
+    /// Linearises a structure at rest.
+    pub fn new(assembly: &Assembly) -> LinearResponse {
+        LinearResponse { assembly: assembly.clone(), linear: assembly.linear() }
+    }
+
+    /// The response over the drive, complex: its modulus is the ratio of the amplitudes, its argument the phase by
+    /// which the response leads. Units: m or rad, per s⁰, s¹ or s² as `quantity` says, over N, or N·m at a joint.
+    ///
+    /// # Errors
+    /// [`FrfError::Frequency`] if the frequency is negative or no number, [`FrfError::Unbounded`] if Z has no inverse.
+    pub fn at(
+        &self,
+        quantity: Quantity,
+        drive: Dof,
+        response: Dof,
+        frequency_hz: f64,
+    ) -> Result<Complex<f64>, FrfError> {
+        if !(frequency_hz.is_finite() && frequency_hz >= 0.0) {
+            return Err(FrfError::Frequency { got_hz: frequency_hz });
+        }
+        let omega = TAU * frequency_hz;
+        let mut motion = self.direction(drive).iter().map(|&p| Complex::new(p, 0.0)).collect::<Vec<_>>();
+        dynamic_stiffness_solve(&self.linear, omega, &mut motion).ok_or(FrfError::Unbounded { frequency_hz })?;
+        let displacement: Complex<f64> = motion.iter().zip(self.direction(response)).map(|(q, w)| q * w).sum();
+        if !(displacement.re.is_finite() && displacement.im.is_finite()) {
+            return Err(FrfError::Unbounded { frequency_hz });
+        }
+        Ok(displacement * quantity.factor(omega))
+    }
+
+    /// ∂x/∂q at rest.
+    fn direction(&self, dof: Dof) -> Vec<f64> {
+        let n = self.assembly.coordinates();
+        let (rest, mut direction) = (vec![0.0; n], vec![0.0; n]);
+        self.assembly.direction(dof, &rest, &mut direction);
+        direction
+    }
+}
+
+/// Z Q = P in place, Z = K − ω²M + iωD. `None` if Z has no inverse.
+pub(super) fn dynamic_stiffness_solve(of: &Linear, omega: f64, right: &mut [Complex<f64>]) -> Option<()> {
+    let entries = of.stiffness.iter().zip(&of.mass).zip(&of.damping);
+    let mut z: Vec<Complex<f64>> = entries.map(|((k, m), d)| Complex::new(k - omega * omega * m, omega * d)).collect();
+    solve(&mut z, right)
+}
+
+/// A x = b in place, A by rows: Gauss's elimination with partial pivoting (G. H. Golub, C. F. Van Loan, "Matrix
+/// Computations", 4th edition 2013, section 3.4). `None` if A is singular or not finite.
+fn solve(matrix: &mut [Complex<f64>], right: &mut [Complex<f64>]) -> Option<()> {
+    let n = right.len();
+    for column in 0..n {
+        let size = |row: usize| matrix[row * n + column].norm_sqr();
+        let pivot = (column + 1..n).fold(column, |best, row| if size(row) > size(best) { row } else { best });
+        let largest = size(pivot);
+        if !(largest.is_finite() && largest > 0.0) {
+            return None;
+        }
+        if pivot != column {
+            (column..n).for_each(|k| matrix.swap(pivot * n + k, column * n + k));
+            right.swap(pivot, column);
+        }
+        for row in column + 1..n {
+            let factor = matrix[row * n + column] / matrix[column * n + column];
+            for k in column + 1..n {
+                let above = matrix[column * n + k];
+                matrix[row * n + k] -= factor * above;
+            }
+            let above = right[column];
+            right[row] -= factor * above;
+        }
+    }
+    for row in (0..n).rev() {
+        let known: Complex<f64> = (row + 1..n).map(|k| matrix[row * n + k] * right[k]).sum();
+        right[row] = (right[row] - known) / matrix[row * n + row];
+    }
+    Some(())
+}

@@ -1,0 +1,25 @@
+//! Analysis of any structure: a planar chain of links or vibration modes, with point elements.
+//!
+//! Of the linear part: frequency responses ([`LinearResponse`]); its modes are
+//! [`Assembly::modes`](resonarm_dynamics::structure::Assembly::modes). Of all of it: periodic motions under a sinusoidal
+//! drive by harmonic balance, their branches by continuation ([`trace`]), with folds, peaks and stability.
+//!
+//! The two-link arm has its own analysis, in the rest of this crate.
+
+mod balance;
+mod branch;
+mod forced;
+mod history;
+mod linear;
+mod orbit;
+mod samples;
+mod spectral;
+mod unknowns;
+
+pub use branch::trace;
+pub use forced::{Coordinate, Forced};
+pub use linear::LinearResponse;
+pub use orbit::{Assess, Bifurcation, Branch, Orbit, Reading, Stability, TraceOptions};
+
+#[cfg(test)]
+mod tests;

@@ -1,0 +1,325 @@
+//! A motion of the unknowns on points of its period: the forces of the elements there, the unbalance of a chain, and
+//! their derivatives.
+
+use alloc::vec;
+use alloc::vec::Vec;
+use core::f64::consts::TAU;
+
+use resonarm_dynamics::structure::{Element, Law, Linearised, MOST_COORDINATES, MOST_LINKS, Reaction};
+
+use super::Forced;
+use super::history::{History, has_history};
+use super::unknowns::{Body, Unknowns};
+use crate::fourier::{Basis, Harmonics, uniform};
+
+/// Signals over a period.
+#[derive(Clone, Debug)]
+pub(super) struct Samples {
+    pub basis: Basis,
+    /// 1, cos kτ, sin kτ, … at each sample, and their derivatives by time.
+    functions: Vec<f64>,
+    rates: Vec<f64>,
+    omega_rad_s: f64,
+    /// u, u̇, ü, sample by sample.
+    pub motion: [Vec<f64>; 3],
+    /// Q = Σ w f, of a chain with the unbalance: unknown by unknown.
+    pub load: Vec<f64>,
+    /// ∂Q/∂u, ∂Q/∂u̇, ∂Q/∂ü without the states' part, pair of unknowns by pair.
+    pub by: [Vec<f64>; 3],
+    /// ∂Q/∂(peak of the drive) of a chain, unknown by unknown.
+    pub by_drive: Vec<f64>,
+    pub histories: Vec<History>,
+    linearised: Linearised,
+}
+
+/// An element in a position of the unknowns.
+pub(super) struct Geometry {
+    pub position: f64,
+    pub velocity: f64,
+    /// ∂x/∂u.
+    pub direction: [f64; MOST_COORDINATES],
+    /// ∂²x/∂u² by rows and ∂v/∂u, of a chain.
+    curvature: Option<([f64; MOST_LINKS * MOST_LINKS], [f64; MOST_LINKS])>,
+}
+
+impl Samples {
+    /// For the elements of a structure; [`Samples::set`] comes next.
+    pub fn new(forced: &Forced, unknowns: &Unknowns) -> Samples {
+        let with_state = forced.assembly.elements().iter().enumerate().filter(|(_, element)| has_history(element));
+        Samples {
+            basis: Basis::uniform(Harmonics::Integer(0), 0),
+            functions: vec![],
+            rates: vec![],
+            omega_rad_s: 0.0,
+            motion: Default::default(),
+            load: vec![],
+            by: Default::default(),
+            by_drive: vec![],
+            histories: with_state.map(|(at, _)| History::new(at)).collect(),
+            linearised: Linearised::new(unknowns.count()),
+        }
+    }
+
+    /// N points, and functions up to the harmonic `harmonics`.
+    pub fn set(&mut self, harmonics: usize, samples: usize) {
+        self.basis.set(Harmonics::Integer(harmonics), uniform(samples));
+        let count = 2 * harmonics + 1;
+        self.functions.clear();
+        self.functions.resize(samples * count, 1.0);
+        for k in 1..=harmonics {
+            let (cosines, sines) = self.basis.tables(k - 1);
+            for j in 0..samples {
+                self.functions[j * count + 2 * k - 1] = cosines[j];
+                self.functions[j * count + 2 * k] = sines[j];
+            }
+        }
+        self.omega_rad_s = 0.0;
+    }
+
+    /// N.
+    pub fn count(&self) -> usize {
+        self.basis.samples()
+    }
+
+    /// Functions a sample.
+    fn functions_count(&self) -> usize {
+        self.basis.harmonics().rows()
+    }
+
+    /// The first `rows` functions at a sample.
+    pub fn functions_at(&self, j: usize, rows: usize) -> &[f64] {
+        &self.functions[j * self.functions_count()..][..rows]
+    }
+
+    /// The first `rows` functions at a sample, and their rates.
+    pub fn functions(&self, j: usize, rows: usize) -> (&[f64], &[f64]) {
+        let start = j * self.functions_count();
+        (&self.functions[start..start + rows], &self.rates[start..start + rows])
+    }
+
+    fn set_rate(&mut self, omega_rad_s: f64) {
+        if omega_rad_s == self.omega_rad_s && self.rates.len() == self.functions.len() {
+            return;
+        }
+        self.omega_rad_s = omega_rad_s;
+        self.rates.clear();
+        self.rates.resize(self.functions.len(), 0.0);
+        let count = self.functions_count();
+        for (rates, functions) in self.rates.chunks_exact_mut(count).zip(self.functions.chunks_exact(count)) {
+            for k in 1..=count / 2 {
+                let rate = k as f64 * omega_rad_s;
+                rates[2 * k - 1] = -rate * functions[2 * k];
+                rates[2 * k] = rate * functions[2 * k - 1];
+            }
+        }
+    }
+
+    /// u, u̇ and ü of a series of `unknowns` unknowns.
+    pub fn synthesise(&mut self, x: &[f64], unknowns: usize, omega_rad_s: f64) {
+        self.set_rate(omega_rad_s);
+        let (samples, rows, all) = (self.count(), x.len() / unknowns, self.functions_count());
+        for signal in &mut self.motion {
+            signal.clear();
+            signal.resize(samples * unknowns, 0.0);
+        }
+        let [position, velocity, acceleration] = &mut self.motion;
+        for j in 0..samples {
+            let (functions, rates) = (&self.functions[j * all..][..rows], &self.rates[j * all..][..rows]);
+            let at = j * unknowns;
+            for (r, row) in x.chunks_exact(unknowns).enumerate() {
+                let order = r.div_ceil(2) as f64 * omega_rad_s;
+                for (i, &c) in row.iter().enumerate() {
+                    position[at + i] += c * functions[r];
+                    velocity[at + i] += c * rates[r];
+                    acceleration[at + i] -= c * order * order * functions[r];
+                }
+            }
+        }
+    }
+
+    /// Q and its derivatives along the motion.
+    pub fn evaluate(&mut self, forced: &Forced, unknowns: &Unknowns, frequency_hz: f64) {
+        let (samples, m) = (self.count(), unknowns.count());
+        self.load.clear();
+        self.load.resize(m * samples, 0.0);
+        for signal in &mut self.by {
+            signal.clear();
+            signal.resize(m * m * samples, 0.0);
+        }
+        self.histories.iter_mut().for_each(History::clear);
+        if let Body::Chain = unknowns.body {
+            self.unbalance(forced, m);
+        }
+        let step_s = TAU / (self.omega_rad_s * samples as f64);
+        for (e, element) in forced.assembly.elements().iter().enumerate() {
+            let mut geometries: Vec<Geometry> = Vec::new();
+            let history = self.histories.iter().position(|history| history.element == e);
+            for j in 0..samples {
+                let [u, v] = [0, 1].map(|d| &self.motion[d][j * m..(j + 1) * m]);
+                let geometry = geometry(forced, unknowns, e, u, v);
+                if let Some(history) = history {
+                    let history = &mut self.histories[history];
+                    history.position.push(geometry.position);
+                    history.velocity.push(geometry.velocity);
+                    history.direction.extend_from_slice(&geometry.direction[..m]);
+                    geometries.push(geometry);
+                } else {
+                    let reaction = between_samples(element, &geometry, step_s);
+                    self.add(j, m, &geometry, &reaction);
+                }
+            }
+            if let Some(history) = history {
+                self.histories[history].run(element.law(), step_s, frequency_hz);
+                for (j, geometry) in geometries.iter().enumerate() {
+                    let z = self.histories[history].state[j];
+                    let reaction = element_force(element, geometry, z);
+                    self.add(j, m, geometry, &reaction);
+                }
+            }
+        }
+    }
+
+    /// The unbalance of a chain under its drive.
+    fn unbalance(&mut self, forced: &Forced, n: usize) {
+        let samples = self.count();
+        self.by_drive.clear();
+        self.by_drive.resize(n * samples, 0.0);
+        let mut direction = [0.0; MOST_COORDINATES];
+        for j in 0..samples {
+            let [u, v, a] = [0, 1, 2].map(|d| &self.motion[d][j * n..(j + 1) * n]);
+            let sine = libm::sin(TAU * j as f64 / samples as f64);
+            forced.assembly.direction(forced.drive, u, &mut direction);
+            let force = direction.map(|w| w * forced.amplitude * sine);
+            forced.assembly.linearise(u, v, a, &force[..n], &mut self.linearised);
+            let by_position = &mut self.linearised.by_position;
+            forced.assembly.add_curvature(forced.drive, u, -forced.amplitude * sine, by_position);
+            for i in 0..n {
+                self.load[i * samples + j] = self.linearised.unbalance[i];
+                self.by_drive[i * samples + j] = -direction[i] * sine;
+            }
+            let of = &self.linearised;
+            let matrices = [&of.by_position, &of.by_velocity, &of.by_acceleration];
+            for (signal, matrix) in self.by.iter_mut().zip(matrices) {
+                (0..n * n).for_each(|pair| signal[pair * samples + j] = matrix[pair]);
+            }
+        }
+    }
+
+    /// Adds w f and its derivatives at a sample: ∂(w f) = f ∂w + w (f_x wᵀ du + f_v (wᵀ du̇ + ∂v/∂u du)).
+    fn add(&mut self, j: usize, m: usize, at: &Geometry, reaction: &Reaction) {
+        let samples = self.count();
+        let Reaction { force, by_position, by_velocity, .. } = *reaction;
+        for i in 0..m {
+            let w = at.direction[i];
+            self.load[i * samples + j] += w * force;
+            for k in 0..m {
+                let cell = (i * m + k) * samples + j;
+                let mut stiffness = w * at.direction[k] * by_position;
+                if let Some((curvature, turning)) = &at.curvature {
+                    stiffness += force * curvature[i * m + k] + by_velocity * w * turning[k];
+                }
+                self.by[0][cell] += stiffness;
+                self.by[1][cell] += w * at.direction[k] * by_velocity;
+            }
+        }
+    }
+}
+
+/// An element at u and u̇.
+pub(super) fn geometry(forced: &Forced, unknowns: &Unknowns, element: usize, u: &[f64], v: &[f64]) -> Geometry {
+    let mut direction = [0.0; MOST_COORDINATES];
+    if let Body::Condensed(condensed) = &unknowns.body {
+        let place = condensed.of_element[element];
+        direction[place] = 1.0;
+        return Geometry { position: u[place], velocity: v[place], direction, curvature: None };
+    }
+    let (assembly, element, n) = (&forced.assembly, &forced.assembly.elements()[element], u.len());
+    assembly.element_direction(element, u, &mut direction);
+    let velocity = direction.iter().zip(v).map(|(w, v)| w * v).sum();
+    let position = assembly.element_displacement(element, u);
+    if element.at().is_angle() {
+        return Geometry { position, velocity, direction, curvature: None };
+    }
+    let (mut curvature, mut turning) = ([0.0; MOST_LINKS * MOST_LINKS], [0.0; MOST_LINKS]);
+    assembly.add_curvature(element.at(), u, 1.0, &mut curvature);
+    if let Some(to) = element.to() {
+        assembly.add_curvature(to, u, -1.0, &mut curvature);
+    }
+    for (turning, row) in turning.iter_mut().zip(curvature.chunks_exact(n)) {
+        *turning = row.iter().zip(v).map(|(c, v)| c * v).sum();
+    }
+    Geometry { position, velocity, direction, curvature: Some((curvature, turning)) }
+}
+
+/// The force of an element at a state.
+pub(super) fn element_force(element: &Element, at: &Geometry, state: f64) -> Reaction {
+    let mut reaction = element.force(at.position, at.velocity, state);
+    if let Law::Friction { stiffness, .. } = *element.law() {
+        // The state, which is held within its reach, has all of the force.
+        reaction = Reaction { force: stiffness * state, by_state: stiffness, ..Reaction::default() };
+    }
+    reaction
+}
+
+/// The force of an element without a state as it counts at a sample: where a contact opens or closes within half an
+/// interval h, its mean over the interval around the sample with x moving at v. So the mean over the samples, and its
+/// derivative, change continuously with the motion, though the law has a kink, or a jump to c δ̇ where a damped contact
+/// closes.
+fn between_samples(element: &Element, at: &Geometry, step_s: f64) -> Reaction {
+    let plain = || element.force(at.position, at.velocity, 0.0);
+    match *element.law() {
+        Law::Gap { stiffness, gap } => {
+            let [upper, lower] = [1.0, -1.0].map(|sign| {
+                let ramp = Ramp::new(sign * at.position - gap, sign * at.velocity, step_s);
+                (sign * ramp.mean, ramp.by_position, sign * ramp.by_velocity)
+            });
+            Reaction {
+                force: stiffness * (upper.0 + lower.0),
+                by_position: stiffness * (upper.1 + lower.1),
+                by_velocity: stiffness * (upper.2 + lower.2),
+                by_state: 0.0,
+            }
+        }
+        Law::KelvinVoigt { stiffness, damping, gap, side } => {
+            let sign = side.sign();
+            let (depth, rate) = (sign * at.position - gap, sign * at.velocity);
+            if depth.abs() >= 0.5 * rate.abs() * step_s || (damping > 0.0 && rate < 0.0) {
+                return plain();
+            }
+            let ramp = Ramp::new(depth, rate, step_s);
+            // The damper acts for the part ½ + δ/(δ̇ h) of the interval.
+            Reaction {
+                force: sign * (stiffness * ramp.mean + damping * (0.5 * rate + depth / step_s)),
+                by_position: stiffness * ramp.by_position + damping / step_s,
+                by_velocity: stiffness * sign * ramp.by_velocity + 0.5 * damping,
+                by_state: 0.0,
+            }
+        }
+        _ => plain(),
+    }
+}
+
+/// The mean of max(δ + δ̇ t, 0) for |t| < h/2, and its derivatives: with r = |δ̇| h/2 it is (δ + r)²/(4r) for |δ| < r.
+struct Ramp {
+    mean: f64,
+    by_position: f64,
+    by_velocity: f64,
+}
+
+impl Ramp {
+    fn new(depth: f64, rate: f64, step_s: f64) -> Ramp {
+        let reach = 0.5 * rate.abs() * step_s;
+        if depth <= -reach {
+            return Ramp { mean: 0.0, by_position: 0.0, by_velocity: 0.0 };
+        }
+        if depth >= reach {
+            return Ramp { mean: depth, by_position: 1.0, by_velocity: 0.0 };
+        }
+        let part = 0.5 * (depth + reach) / reach;
+        Ramp {
+            mean: 0.5 * (depth + reach) * part,
+            by_position: part,
+            by_velocity: 0.5 * part * (1.0 - part) * rate.signum() * step_s,
+        }
+    }
+}

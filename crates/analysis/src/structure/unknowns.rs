@@ -1,0 +1,151 @@
+//! What harmonic balance solves for.
+//!
+//! Of a chain all its coordinates: every force is nonlinear in them. Of modes only the displacements u of the elements,
+//! each place once: with the compliance H(s) = Σ φφᵀ/(ω² + 2ζω s + s²) the harmonics obey
+//!
+//! ```text
+//! uₖ + H_uu(ikΩ) Qₖ(u) − H_ud(ikΩ) pₖ = 0
+//! ```
+//!
+//! Q being the forces at the places, p the drive's at d. The number of modes costs only the sums in H.
+
+use alloc::vec;
+use alloc::vec::Vec;
+use core::f64::consts::TAU;
+
+use nalgebra::Complex;
+
+use resonarm_dynamics::structure::{Assembly, BodySpec, Dof};
+
+use super::Forced;
+
+/// The unknowns of a structure.
+#[derive(Clone, Debug)]
+pub(super) struct Unknowns {
+    pub body: Body,
+    count: usize,
+}
+
+#[derive(Clone, Debug)]
+pub(super) enum Body {
+    /// The coordinates.
+    Chain,
+    /// The displacements of the elements.
+    Condensed(Condensed),
+}
+
+/// Modes seen from the places of the elements.
+#[derive(Clone, Debug)]
+pub(super) struct Condensed {
+    /// The place of each element.
+    pub of_element: Vec<usize>,
+    /// φ of each mode at each place.
+    pub places: Vec<Vec<f64>>,
+    /// φ of each mode at the drive.
+    pub drive: Vec<f64>,
+    /// ω, rad/s, and ζ.
+    pub modes: Vec<[f64; 2]>,
+}
+
+/// H between places at one frequency, and its derivative by ω.
+#[derive(Clone, Debug, Default)]
+pub(super) struct Compliance {
+    /// Between the places, by rows.
+    pub places: Vec<[Complex<f64>; 2]>,
+    /// From the drive to the places.
+    pub drive: Vec<[Complex<f64>; 2]>,
+}
+
+impl Unknowns {
+    pub fn new(forced: &Forced) -> Unknowns {
+        let assembly = &forced.assembly;
+        match &assembly.spec().body {
+            BodySpec::Chain(_) => Unknowns { body: Body::Chain, count: assembly.coordinates() },
+            BodySpec::Modal(modal) => {
+                let modes = modal.modes.iter().map(|mode| [TAU * mode.frequency_hz, mode.damping_ratio]).collect();
+                let condensed = Condensed::new(forced, modes);
+                let count = condensed.places.len();
+                Unknowns { body: Body::Condensed(condensed), count }
+            }
+        }
+    }
+
+    /// m.
+    pub fn count(&self) -> usize {
+        self.count
+    }
+}
+
+/// ∂x/∂q at rest.
+pub(super) fn direction_at_rest(assembly: &Assembly, dof: Dof) -> Vec<f64> {
+    let n = assembly.coordinates();
+    let (rest, mut direction) = (vec![0.0; n], vec![0.0; n]);
+    assembly.direction(dof, &rest, &mut direction);
+    direction
+}
+
+impl Condensed {
+    /// Without elements the one place is that of the drive.
+    fn new(forced: &Forced, modes: Vec<[f64; 2]>) -> Condensed {
+        let assembly = &forced.assembly;
+        let (mut ends, mut places, mut of_element) = (vec![], vec![], vec![]);
+        let drive = direction_at_rest(assembly, forced.drive);
+        for element in assembly.elements() {
+            let own = (element.at(), element.to());
+            let place = ends.iter().position(|ends| *ends == own).unwrap_or(ends.len());
+            if place == ends.len() {
+                ends.push(own);
+                let mut direction = vec![0.0; modes.len()];
+                assembly.element_direction(element, &vec![0.0; modes.len()], &mut direction);
+                places.push(direction);
+            }
+            of_element.push(place);
+        }
+        if places.is_empty() {
+            places.push(drive.clone());
+        }
+        Condensed { of_element, places, drive, modes }
+    }
+
+    /// Each mode's 1/(ω² + 2ζω s + s²) at s = i `rate`, and its derivative by the rate.
+    fn poles(&self, rate_rad_s: f64) -> impl Iterator<Item = [Complex<f64>; 2]> + '_ {
+        self.modes.iter().map(move |&[omega, zeta]| {
+            let value = Complex::new(omega * omega - rate_rad_s * rate_rad_s, 2.0 * zeta * omega * rate_rad_s).inv();
+            let slope = -value * value * Complex::new(-2.0 * rate_rad_s, 2.0 * zeta * omega);
+            [value, slope]
+        })
+    }
+
+    /// H at a frequency, rad/s.
+    pub fn compliance(&self, rate_rad_s: f64, out: &mut Compliance) {
+        let (m, zero) = (self.places.len(), [Complex::new(0.0, 0.0); 2]);
+        out.places.clear();
+        out.places.resize(m * m, zero);
+        out.drive.clear();
+        out.drive.resize(m, zero);
+        for (mode, pole) in self.poles(rate_rad_s).enumerate() {
+            for i in 0..m {
+                let phi = self.places[i][mode];
+                for d in 0..2 {
+                    for k in 0..m {
+                        out.places[i * m + k][d] += pole[d] * (phi * self.places[k][mode]);
+                    }
+                    out.drive[i][d] += pole[d] * (phi * self.drive[mode]);
+                }
+            }
+        }
+    }
+
+    /// The harmonic of a displacement along `direction`: Σ φ/(…) (φ_d p − Σ φ_j Q_j), from the drive's p and Q.
+    pub fn harmonic(&self, rate_rad_s: f64, direction: &[f64], p: Complex<f64>, q: &[Complex<f64>]) -> Complex<f64> {
+        let mut sum = Complex::new(0.0, 0.0);
+        for (mode, [pole, _]) in self.poles(rate_rad_s).enumerate() {
+            let mut force = p * self.drive[mode];
+            for (place, q) in self.places.iter().zip(q) {
+                force -= q * place[mode];
+            }
+            sum += pole * force * direction[mode];
+        }
+        sum
+    }
+}

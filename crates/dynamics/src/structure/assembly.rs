@@ -1,0 +1,435 @@
+//! A valid structure: its places, its equation of motion, its elements.
+
+use alloc::boxed::Box;
+use alloc::format;
+use alloc::string::{String, ToString};
+use alloc::vec;
+use alloc::vec::Vec;
+
+use super::chain::{Chain, LinearisedSlices};
+use super::element::Element;
+use super::error::StructureError;
+use super::modal::{Modal, shape_name};
+use super::modes::{StructureMode, modes};
+use super::spec::{Axis, BodySpec, Place, StructureSpec};
+
+/// The unit of the coordinates.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum CoordinateUnit {
+    /// rad: deflections of joints.
+    Radian,
+    /// m·√kg: modal coordinates.
+    MetreRootKilogram,
+}
+
+impl CoordinateUnit {
+    /// The unit as text.
+    pub const fn name(self) -> &'static str {
+        match self {
+            CoordinateUnit::Radian => "rad",
+            CoordinateUnit::MetreRootKilogram => "m·√kg",
+        }
+    }
+}
+
+/// A degree of freedom that forces act on and that is read: a place of one [`Assembly`], which makes it.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Dof(pub(super) At);
+
+/// What a [`Dof`] is.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(super) enum At {
+    /// The end of the first `links` links of a chain, along an axis.
+    Point { links: usize, axis: Axis },
+    /// A joint of a chain, from 0.
+    Joint(usize),
+    /// A shape of a modal structure.
+    Shape(usize),
+}
+
+impl Dof {
+    /// Whether it is an angle, rad, on which a torque acts, N·m; else it is a displacement, m, on which a force acts, N.
+    pub fn is_angle(self) -> bool {
+        matches!(self.0, At::Joint(_))
+    }
+}
+
+/// The linear part of a structure at rest, by rows of n numbers: M q̈ + D q̇ + K q = p. With the slopes at rest of smooth
+/// elements; others are left out.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Linear {
+    coordinates: usize,
+    /// M; kg·m² of a chain, dimensionless of modes.
+    pub mass: Vec<f64>,
+    /// D; N·m·s/rad, or 1/s.
+    pub damping: Vec<f64>,
+    /// K; N·m/rad, or 1/s².
+    pub stiffness: Vec<f64>,
+}
+
+impl Linear {
+    /// n.
+    pub fn coordinates(&self) -> usize {
+        self.coordinates
+    }
+}
+
+/// The unbalance of a motion and its derivatives, matrices by rows of n numbers.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Linearised {
+    /// M(q) a + c(q, v) + D v + K q + g(q) − g(0) − p.
+    pub unbalance: Vec<f64>,
+    /// ∂/∂q.
+    pub by_position: Vec<f64>,
+    /// ∂/∂v.
+    pub by_velocity: Vec<f64>,
+    /// ∂/∂a = M(q).
+    pub by_acceleration: Vec<f64>,
+}
+
+impl Linearised {
+    /// Room for n coordinates.
+    pub fn new(coordinates: usize) -> Linearised {
+        let matrix = vec![0.0; coordinates * coordinates];
+        Linearised {
+            unbalance: vec![0.0; coordinates],
+            by_position: matrix.clone(),
+            by_velocity: matrix.clone(),
+            by_acceleration: matrix,
+        }
+    }
+
+    fn slices(&mut self) -> LinearisedSlices<'_> {
+        LinearisedSlices {
+            unbalance: &mut self.unbalance,
+            by_position: &mut self.by_position,
+            by_velocity: &mut self.by_velocity,
+            by_acceleration: &mut self.by_acceleration,
+        }
+    }
+}
+
+/// What vibrates.
+#[derive(Clone, Debug, PartialEq)]
+pub(super) enum Body {
+    Chain(Box<Chain>),
+    Modal(Modal),
+}
+
+/// A valid structure at rest.
+///
+/// Positions and velocities are slices of n numbers, generalised forces too. A [`Dof`] must be one of this assembly.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Assembly {
+    spec: StructureSpec,
+    pub(super) body: Body,
+    elements: Vec<Element>,
+    element_states: usize,
+    modes: Vec<StructureMode>,
+}
+
+impl Assembly {
+    /// Checks a specification and computes the constants.
+    ///
+    /// # Errors
+    /// [`StructureError`] names the first value, name or pair of elements that is impossible, or says that the joints
+    /// can't hold the weight, or that the values, possible one by one, don't make a structure that can be computed.
+    pub fn new(spec: &StructureSpec) -> Result<Assembly, StructureError> {
+        let body = match &spec.body {
+            BodySpec::Chain(chain) => Body::Chain(Box::new(Chain::new(chain)?)),
+            BodySpec::Modal(modal) => Body::Modal(Modal::new(modal)?),
+        };
+        let mut assembly =
+            Assembly { spec: spec.clone(), body, elements: Vec::new(), element_states: 0, modes: Vec::new() };
+        assembly.elements = super::check::elements(&assembly, &spec.elements)?;
+        assembly.element_states = assembly.elements.iter().filter(|element| element.state.is_some()).count();
+        assembly.modes = modes(&assembly.linear())
+            .filter(|modes| modes.iter().all(|mode| mode.frequency_hz.is_finite() && mode.frequency_hz > 0.0))
+            .ok_or_else(|| assembly.impossible_frequencies())?;
+        Ok(assembly)
+    }
+
+    /// From the smallest and largest ratio of the diagonals of K and M, since the modes are not known.
+    fn impossible_frequencies(&self) -> StructureError {
+        let (linear, n) = (self.linear(), self.coordinates());
+        let hz = |i: usize| libm::sqrt(linear.stiffness[i * n + i] / linear.mass[i * n + i]) / core::f64::consts::TAU;
+        let range = |pick: fn(f64, f64) -> f64| (0..n).map(hz).reduce(pick).unwrap_or(f64::NAN);
+        StructureError::Frequencies { lowest_hz: range(f64::min), highest_hz: range(f64::max) }
+    }
+
+    /// What it was made of.
+    pub fn spec(&self) -> &StructureSpec {
+        &self.spec
+    }
+
+    /// The number n of coordinates.
+    pub fn coordinates(&self) -> usize {
+        match &self.body {
+            Body::Chain(chain) => chain.n,
+            Body::Modal(modal) => modal.omega_rad_s.len(),
+        }
+    }
+
+    /// The number of states of elements: one for each with a [state](super::Law::has_state), in the order of the elements.
+    pub fn element_states(&self) -> usize {
+        self.element_states
+    }
+
+    /// The unit of the coordinates.
+    pub fn coordinate_unit(&self) -> CoordinateUnit {
+        match self.body {
+            Body::Chain(_) => CoordinateUnit::Radian,
+            Body::Modal(_) => CoordinateUnit::MetreRootKilogram,
+        }
+    }
+
+    /// The names of the points: of a chain `joint1`, which is fixed, to the joint of its last link, and `tip`; of modes
+    /// those of the shapes.
+    pub fn points(&self) -> Vec<String> {
+        match &self.body {
+            Body::Chain(chain) => (0..=chain.n).map(|links| chain_point(chain.n, links)).collect(),
+            Body::Modal(modal) => modal.points(),
+        }
+    }
+
+    /// The names of all degrees of freedom: `point.axis` and, of a chain, the joints.
+    pub fn dof_names(&self) -> Vec<String> {
+        match &self.body {
+            Body::Chain(chain) => {
+                let points = (1..=chain.n).map(|links| chain_point(chain.n, links));
+                let along = points.flat_map(|point| ["x", "y"].map(|axis| format!("{point}.{axis}")));
+                along.chain((0..chain.n).map(|joint| chain_point(chain.n, joint))).collect()
+            }
+            Body::Modal(modal) => modal.shapes.iter().map(shape_name).collect(),
+        }
+    }
+
+    /// The degree of freedom of a name: `tip.x`, `joint2.y`; in a chain `joint2` is the deflection of joint 2.
+    ///
+    /// # Errors
+    /// [`StructureError::UnknownPlace`] lists the names.
+    pub fn dof(&self, name: &str) -> Result<Dof, StructureError> {
+        let found = match &self.body {
+            Body::Chain(chain) => chain_dof(chain.n, name),
+            Body::Modal(modal) => modal.shapes.iter().position(|shape| shape_name(shape) == name).map(At::Shape),
+        };
+        let unknown =
+            || StructureError::UnknownPlace { got: name.to_string(), known: self.dof_names().as_slice().join(", ") };
+        found.map(Dof).ok_or_else(unknown)
+    }
+
+    /// The degree of freedom of a place.
+    ///
+    /// # Errors
+    /// [`StructureError::UnknownPlace`], [`StructureError::UnknownJoint`], [`StructureError::NoJoints`].
+    pub fn place(&self, place: &Place) -> Result<Dof, StructureError> {
+        match (place, &self.body) {
+            (Place::Dof { .. }, _) => self.dof(&place_name(place)),
+            (&Place::Joint(got), Body::Modal(_)) => Err(StructureError::NoJoints { got }),
+            (&Place::Joint(joint), Body::Chain(chain)) if (1..=chain.n).contains(&joint) => {
+                Ok(Dof(At::Joint(joint - 1)))
+            }
+            (&Place::Joint(got), Body::Chain(chain)) => Err(StructureError::UnknownJoint { got, most: chain.n }),
+        }
+    }
+
+    /// Whether it never moves: the start of a chain's first link.
+    pub(super) fn is_fixed(&self, dof: Dof) -> bool {
+        matches!(dof.0, At::Point { links: 0, .. })
+    }
+
+    /// The elements.
+    pub fn elements(&self) -> &[Element] {
+        &self.elements
+    }
+
+    /// Whether all elements are smooth, so that no step meets a switch.
+    pub fn is_smooth(&self) -> bool {
+        self.elements.iter().all(|element| element.law.is_smooth())
+    }
+
+    /// Writes ∂x/∂q of a degree of freedom, n numbers: m or rad over the coordinates' unit.
+    pub fn direction(&self, dof: Dof, q: &[f64], out: &mut [f64]) {
+        match (dof.0, &self.body) {
+            (At::Point { links, axis }, Body::Chain(chain)) => chain.direction_m(links, axis, q, out),
+            (At::Joint(joint), _) => {
+                out[..self.coordinates()].fill(0.0);
+                out[joint] = 1.0;
+            }
+            (At::Shape(shape), Body::Modal(modal)) => {
+                let by_mode = &modal.shapes[shape].by_mode;
+                out[..by_mode.len()].copy_from_slice(by_mode);
+            }
+            _ => out[..self.coordinates()].fill(f64::NAN),
+        }
+    }
+
+    /// Adds `factor` ∂²x/∂q² of a degree of freedom to an n × n matrix by rows; zero but for points of a chain.
+    pub fn add_curvature(&self, dof: Dof, q: &[f64], factor: f64, matrix: &mut [f64]) {
+        if let (At::Point { links, axis }, Body::Chain(chain)) = (dof.0, &self.body) {
+            let (n, outer) = (chain.n, chain.curvature_m(links, axis, q));
+            for (k, entry) in matrix[..n * n].iter_mut().enumerate() {
+                *entry += factor * outer[(k / n).max(k % n)];
+            }
+        }
+    }
+
+    /// The displacement from rest, m or rad.
+    pub fn displacement(&self, dof: Dof, q: &[f64]) -> f64 {
+        match (dof.0, &self.body) {
+            (At::Point { links, axis }, Body::Chain(chain)) => chain.displacement_m(links, axis, q),
+            (At::Joint(joint), _) => q[joint],
+            (At::Shape(shape), Body::Modal(modal)) => dot(&modal.shapes[shape].by_mode, q),
+            _ => f64::NAN,
+        }
+    }
+
+    /// The velocity, m/s or rad/s.
+    pub fn velocity(&self, dof: Dof, q: &[f64], v: &[f64]) -> f64 {
+        let mut direction = [0.0; super::MOST_COORDINATES];
+        self.direction(dof, q, &mut direction);
+        dot(&direction, v)
+    }
+
+    /// The acceleration, m/s² or rad/s²: of a point of a chain with the centripetal one.
+    pub fn acceleration(&self, dof: Dof, q: &[f64], v: &[f64], a: &[f64]) -> f64 {
+        let along = self.velocity(dof, q, a);
+        let (At::Point { links, axis }, Body::Chain(chain)) = (dof.0, &self.body) else { return along };
+        // vᵀ ∂²x/∂q² v: the sum from joint k out is the same for all pairs up to k.
+        let (outer, mut sum, mut before) = (chain.curvature_m(links, axis, q), 0.0, 0.0);
+        for (curvature, v) in outer.iter().zip(v) {
+            let turning = before + v;
+            sum += curvature * (turning * turning - before * before);
+            before = turning;
+        }
+        along + sum
+    }
+
+    /// The displacement of an element: of one end less that of the other.
+    pub fn element_displacement(&self, element: &Element, q: &[f64]) -> f64 {
+        let at = self.displacement(element.at, q);
+        element.to.map_or(at, |to| at - self.displacement(to, q))
+    }
+
+    /// The velocity of an element.
+    pub fn element_velocity(&self, element: &Element, q: &[f64], v: &[f64]) -> f64 {
+        let at = self.velocity(element.at, q, v);
+        element.to.map_or(at, |to| at - self.velocity(to, q, v))
+    }
+
+    /// Writes ∂x/∂q of an element.
+    pub fn element_direction(&self, element: &Element, q: &[f64], out: &mut [f64]) {
+        self.direction(element.at, q, out);
+        if let Some(to) = element.to {
+            let mut other = [0.0; super::MOST_COORDINATES];
+            self.direction(to, q, &mut other);
+            out.iter_mut().zip(&other[..self.coordinates()]).for_each(|(entry, other)| *entry -= other);
+        }
+    }
+
+    /// The linear part at rest, with that of smooth elements.
+    pub fn linear(&self) -> Linear {
+        let n = self.coordinates();
+        let (rest, mut at) = (vec![0.0; n], Linearised::new(n));
+        self.linearise(&rest, &rest, &rest, &rest, &mut at);
+        let mut direction = vec![0.0; n];
+        for element in self.elements.iter().filter(|element| element.law.is_smooth()) {
+            self.element_direction(element, &rest, &mut direction);
+            let reaction = element.force(0.0, 0.0, 0.0);
+            for k in 0..n * n {
+                let pair = direction[k / n] * direction[k % n];
+                at.by_position[k] += reaction.by_position * pair;
+                at.by_velocity[k] += reaction.by_velocity * pair;
+            }
+        }
+        Linear { coordinates: n, mass: at.by_acceleration, damping: at.by_velocity, stiffness: at.by_position }
+    }
+
+    /// The natural modes at rest, with the linear part of smooth elements, by frequency.
+    pub fn modes(&self) -> &[StructureMode] {
+        &self.modes
+    }
+
+    /// Writes the unbalance of a motion under generalised forces, without the elements: N·m of a chain, N/√kg of modes.
+    pub fn unbalance(&self, q: &[f64], v: &[f64], a: &[f64], force: &[f64], out: &mut [f64]) {
+        match &self.body {
+            Body::Chain(chain) => chain.unbalance([q, v, a], force, out),
+            Body::Modal(modal) => modal.unbalance([q, v, a], force, out),
+        }
+    }
+
+    /// Writes q̈ of a motion under generalised forces, without the elements.
+    pub fn accelerate(&self, q: &[f64], v: &[f64], force: &[f64], out: &mut [f64]) {
+        match &self.body {
+            Body::Chain(chain) => chain.acceleration([q, v], force, out),
+            Body::Modal(modal) => modal.acceleration([q, v], force, out),
+        }
+    }
+
+    /// Writes [`Assembly::unbalance`] with its derivatives, exact.
+    pub fn linearise(&self, q: &[f64], v: &[f64], a: &[f64], force: &[f64], at: &mut Linearised) {
+        match &self.body {
+            Body::Chain(chain) => chain.linearise([q, v, a], force, at.slices()),
+            Body::Modal(modal) => modal.linearise([q, v, a], force, at),
+        }
+    }
+
+    /// The energy of motion, springs and weight, zero at rest, without the elements, J.
+    pub fn energy_j(&self, q: &[f64], v: &[f64]) -> f64 {
+        match &self.body {
+            Body::Chain(chain) => chain.energy_j(q, v),
+            Body::Modal(modal) => modal.energy_j(q, v),
+        }
+    }
+
+    /// The power that the dampers turn into heat, without the elements, W.
+    pub fn loss_w(&self, v: &[f64]) -> f64 {
+        match &self.body {
+            Body::Chain(chain) => chain.loss_w(v),
+            Body::Modal(modal) => modal.loss_w(v),
+        }
+    }
+
+    /// The energy stored in the elements at their states, J.
+    pub fn element_energy_j(&self, q: &[f64], states: &[f64]) -> f64 {
+        let energy = |element: &Element| element.energy_j(self.element_displacement(element, q), element.own(states));
+        self.elements.iter().map(energy).sum()
+    }
+
+    /// The power that the elements turn into heat, W.
+    pub fn element_loss_w(&self, q: &[f64], v: &[f64], states: &[f64]) -> f64 {
+        let loss = |element: &Element| {
+            let (position, velocity) = (self.element_displacement(element, q), self.element_velocity(element, q, v));
+            element.loss_w(position, velocity, element.own(states))
+        };
+        self.elements.iter().map(loss).sum()
+    }
+}
+
+fn dot(a: &[f64], b: &[f64]) -> f64 {
+    a.iter().zip(b).map(|(a, b)| a * b).sum()
+}
+
+/// The name of the point at the end of the first `links` links.
+fn chain_point(n: usize, links: usize) -> String {
+    if links == n { "tip".to_string() } else { format!("joint{}", links + 1) }
+}
+
+fn chain_dof(n: usize, name: &str) -> Option<At> {
+    let point = |name: &str| (0..=n).find(|&links| chain_point(n, links) == name);
+    match name.split_once('.') {
+        None => point(name).filter(|&joint| joint < n).map(At::Joint),
+        Some((start, axis)) => {
+            let axis = [Axis::X, Axis::Y].into_iter().find(|known| known.name() == axis)?;
+            point(start).map(|links| At::Point { links, axis })
+        }
+    }
+}
+
+/// A place in words.
+pub(super) fn place_name(place: &Place) -> String {
+    match place {
+        Place::Dof { point, axis } => format!("{point}.{axis}"),
+        Place::Joint(joint) => format!("joint {joint}"),
+    }
+}

@@ -1,0 +1,357 @@
+//! A planar chain of links with compliant joints: the equation of motion of any number of links.
+//!
+//! With the turns φ = Tq of the links from rest, T lower triangular of ones, their angles θ = θ₀ + φ, masses m, lengths
+//! l, centres of mass lc and inertias I,
+//!
+//! ```text
+//! c_ii = I_i + m_i lc_i² + l_i² Σ_{k>i} m_k        c_ij = l_i (m_j lc_j + l_j Σ_{k>j} m_k) for i < j
+//! Tᵀ [Σ_j c_ij cos(θ_i − θ_j) φ̈_j + Σ_j c_ij sin(θ_i − θ_j) φ̇_j² + w_i (cos θ_i − cos θ₀_i)] + D q̇ + K q = p
+//! w_i = g (m_i lc_i + l_i Σ_{k>i} m_k)
+//! ```
+//!
+//! by Lagrange's equations from the kinetic energy ½ Σ c_ij cos(θ_i − θ_j) φ̇_i φ̇_j. Two links are Eq. (3) of the arm.
+//! Tᵀ sums a row from each joint outwards, TᵀAT does so over rows and columns.
+
+use alloc::format;
+
+use super::MOST_LINKS;
+use super::error::StructureError;
+use super::spec::{Axis, ChainSpec, Link};
+use crate::arm::angle::{Angle, Turn};
+
+/// One number a link.
+pub(super) type PerLink<T = f64> = [T; MOST_LINKS];
+
+/// Newton's limit for the equilibrium under the weight.
+const MAX_ITERATIONS: usize = 50;
+/// A correction below this, rad, is the last one.
+const CORRECTION_LIMIT_RAD: f64 = 1e-9;
+
+/// The constants of a chain; entries beyond its n links are zero.
+#[derive(Clone, Debug, PartialEq)]
+pub(super) struct Chain {
+    pub n: usize,
+    /// c, kg·m², symmetric.
+    pub inertia: PerLink<PerLink>,
+    /// l, m, and p_j = m_j lc_j + l_j Σ_{k>j} m_k, kg·m.
+    pub length_m: PerLink,
+    pub moment_kg_m: PerLink,
+    /// w, N·m.
+    pub weight_nm: PerLink,
+    /// k, N·m/rad, and d, N·m·s/rad.
+    pub stiffness: PerLink,
+    pub damping: PerLink,
+    /// θ₀.
+    pub rest: PerLink<Angle<f64>>,
+    /// How far the joints sag under the weight, rad.
+    pub sag_rad: PerLink,
+}
+
+/// Where [`Chain::linearise`] writes.
+pub(super) struct LinearisedSlices<'a> {
+    pub unbalance: &'a mut [f64],
+    pub by_position: &'a mut [f64],
+    pub by_velocity: &'a mut [f64],
+    pub by_acceleration: &'a mut [f64],
+}
+
+/// The links in a position.
+struct Turned {
+    turn: PerLink<Turn<f64>>,
+    sine: PerLink,
+    cosine: PerLink,
+}
+
+impl Turned {
+    /// sin(θ_i − θ_j) and cos(θ_i − θ_j).
+    fn between(&self, i: usize, j: usize) -> (f64, f64) {
+        let ([si, ci], [sj, cj]) = ([self.sine[i], self.cosine[i]], [self.sine[j], self.cosine[j]]);
+        (si * cj - ci * sj, ci * cj + si * sj)
+    }
+}
+
+/// φ = T q of the first n.
+fn summed(q: &[f64]) -> PerLink {
+    let (mut sums, mut sum) = ([0.0; MOST_LINKS], 0.0);
+    for (entry, q) in sums.iter_mut().zip(q) {
+        sum += q;
+        *entry = sum;
+    }
+    sums
+}
+
+/// Tᵀ of a vector, in place.
+fn sum_outwards(of: &mut [f64]) {
+    for i in (1..of.len()).rev() {
+        of[i - 1] += of[i];
+    }
+}
+
+/// TᵀAT of an n × n matrix by rows, in place.
+fn sum_both_outwards(n: usize, matrix: &mut [f64]) {
+    for row in matrix.chunks_exact_mut(n) {
+        sum_outwards(row);
+    }
+    for i in (n..n * n).rev() {
+        matrix[i - n] += matrix[i];
+    }
+}
+
+impl Chain {
+    /// A chain at rest.
+    pub fn new(spec: &ChainSpec) -> Result<Chain, StructureError> {
+        let n = spec.links.len();
+        if !(1..=MOST_LINKS).contains(&n) {
+            return Err(StructureError::Count { what: "links", got: n, least: 1, most: MOST_LINKS });
+        }
+        for (i, link) in spec.links.iter().enumerate() {
+            check(i, link)?;
+        }
+        let gravity_m_s2 = spec.gravity_m_s2;
+        if !(gravity_m_s2.is_finite() && gravity_m_s2 >= 0.0) {
+            let (part, expected) = ("chain".into(), "zero or a positive number");
+            return Err(StructureError::Value { part, name: "gravity_m_s2", got: gravity_m_s2, expected });
+        }
+        let mut chain = Chain::relaxed(&spec.links, gravity_m_s2);
+        let relaxed = summed(&per_link(&spec.links, |link| link.angle_deg.to_radians()));
+        chain.sag_rad = chain.equilibrium(&relaxed).ok_or(StructureError::Collapse { gravity_m_s2 })?;
+        let sagged = summed(&chain.sag_rad);
+        for i in 0..n {
+            chain.rest[i] = Angle::new(relaxed[i] + sagged[i]);
+        }
+        Ok(chain)
+    }
+
+    /// The constants but for the angles.
+    fn relaxed(links: &[Link], gravity_m_s2: f64) -> Chain {
+        let n = links.len();
+        let mut inertia = [[0.0; MOST_LINKS]; MOST_LINKS];
+        let (mut outside_kg, mut weight_nm, mut moment_kg_m) = (0.0, [0.0; MOST_LINKS], [0.0; MOST_LINKS]);
+        for j in (0..n).rev() {
+            let Link { length_m, mass_kg, centre_of_mass_m, inertia_kg_m2, .. } = links[j];
+            let moment = mass_kg * centre_of_mass_m + length_m * outside_kg;
+            (moment_kg_m[j], weight_nm[j]) = (moment, gravity_m_s2 * moment);
+            let about_joint = mass_kg * (centre_of_mass_m * centre_of_mass_m);
+            inertia[j][j] = inertia_kg_m2 + about_joint + length_m * length_m * outside_kg;
+            for i in 0..j {
+                inertia[i][j] = links[i].length_m * moment;
+                inertia[j][i] = inertia[i][j];
+            }
+            outside_kg += mass_kg;
+        }
+        Chain {
+            n,
+            inertia,
+            length_m: per_link(links, |link| link.length_m),
+            moment_kg_m,
+            weight_nm,
+            stiffness: per_link(links, |link| link.stiffness_nm_rad),
+            damping: per_link(links, |link| link.damping_nm_s_rad),
+            rest: [Angle { sine: 0.0, cosine: 0.0 }; MOST_LINKS],
+            sag_rad: [0.0; MOST_LINKS],
+        }
+    }
+
+    /// The sag s with K s + Tᵀ[w cos(θ + Ts)] = 0 from relaxed springs, by Newton's method; `None` if no equilibrium is
+    /// found, or the one found is not stable.
+    fn equilibrium(&self, relaxed_rad: &PerLink) -> Option<PerLink> {
+        let (n, mut sag) = (self.n, [0.0; MOST_LINKS]);
+        if self.weight_nm == [0.0; MOST_LINKS] {
+            return Some(sag);
+        }
+        for _ in 0..MAX_ITERATIONS {
+            let sagged = summed(&sag[..n]);
+            let (mut residual, mut tangent) = ([0.0; MOST_LINKS], [0.0; MOST_LINKS * MOST_LINKS]);
+            for i in 0..n {
+                let (sine, cosine) = libm::sincos(relaxed_rad[i] + sagged[i]);
+                residual[i] = self.weight_nm[i] * cosine;
+                tangent[i * n + i] = -self.weight_nm[i] * sine;
+            }
+            sum_outwards(&mut residual[..n]);
+            sum_both_outwards(n, &mut tangent[..n * n]);
+            for i in 0..n {
+                residual[i] += self.stiffness[i] * sag[i];
+                tangent[i * n + i] += self.stiffness[i];
+            }
+            super::modes::cholesky(n, &mut tangent[..n * n])?;
+            super::modes::solve_cholesky(n, &tangent[..n * n], &mut residual[..n]);
+            let largest = residual.iter().fold(0.0_f64, |largest, change| largest.max(change.abs()));
+            sag.iter_mut().zip(&residual).for_each(|(sag, change)| *sag -= change);
+            if largest < CORRECTION_LIMIT_RAD {
+                return Some(sag);
+            }
+        }
+        None
+    }
+
+    fn turned(&self, q: &[f64]) -> Turned {
+        let turn = summed(&q[..self.n]).map(Turn::new::<true>);
+        let (mut sine, mut cosine) = ([0.0; MOST_LINKS], [0.0; MOST_LINKS]);
+        for i in 0..self.n {
+            (sine[i], cosine[i]) = self.rest[i].turned(turn[i]);
+        }
+        Turned { turn, sine, cosine }
+    }
+
+    /// The unbalance under generalised forces.
+    pub fn unbalance(&self, [q, v, a]: [&[f64]; 3], force: &[f64], out: &mut [f64]) {
+        let (n, links, rate, acceleration) = (self.n, self.turned(q), summed(&v[..self.n]), summed(&a[..self.n]));
+        for (i, out) in out[..n].iter_mut().enumerate() {
+            *out = self.weight_nm[i] * self.cosine_change(&links, i);
+            for j in 0..n {
+                let (sine, cosine) = links.between(i, j);
+                *out += self.inertia[i][j] * (cosine * acceleration[j] + sine * (rate[j] * rate[j]));
+            }
+        }
+        sum_outwards(&mut out[..n]);
+        for i in 0..n {
+            out[i] += self.damping[i] * v[i] + self.stiffness[i] * q[i] - force[i];
+        }
+    }
+
+    /// Writes q̈ under generalised forces: M from its Cholesky factors.
+    pub fn acceleration(&self, [q, v]: [&[f64]; 2], force: &[f64], out: &mut [f64]) {
+        let (n, links, mut mass) = (self.n, self.turned(q), [0.0; MOST_LINKS * MOST_LINKS]);
+        let mass = &mut mass[..n * n];
+        for (k, entry) in mass.iter_mut().enumerate() {
+            let (i, j) = (k / n, k % n);
+            *entry = self.inertia[i][j] * if i == j { 1.0 } else { links.between(i, j).1 };
+        }
+        sum_both_outwards(n, mass);
+        self.unbalance([q, v, &[0.0; MOST_LINKS]], force, out);
+        out[..n].iter_mut().for_each(|entry| *entry = -*entry);
+        if super::modes::cholesky(n, mass).is_some() {
+            super::modes::solve_cholesky(n, mass, out);
+        } else {
+            out[..n].fill(f64::NAN);
+        }
+    }
+
+    /// cos θ_i − cos θ₀_i.
+    fn cosine_change(&self, links: &Turned, i: usize) -> f64 {
+        links.turn[i].weighed(-self.rest[i].sine, self.rest[i].cosine)
+    }
+
+    /// The unbalance and its derivatives. With r_i the bracket above, s and c of θ_i − θ_j,
+    ///
+    /// ```text
+    /// ∂r_i/∂φ_j = c_ij (s φ̈_j − c φ̇_j²) for j ≠ i     ∂r_i/∂φ_i = −Σ_{j≠i} of these − w_i sin θ_i
+    /// ∂r_i/∂φ̇_j = 2 c_ij s φ̇_j                        ∂r_i/∂φ̈_j = c_ij c
+    /// ```
+    ///
+    /// Matrices are n × n, by rows, with nothing beside.
+    pub fn linearise(&self, [q, v, a]: [&[f64]; 3], force: &[f64], at: LinearisedSlices) {
+        let (n, links, rate, acceleration) = (self.n, self.turned(q), summed(&v[..self.n]), summed(&a[..self.n]));
+        let LinearisedSlices { unbalance, by_position, by_velocity, by_acceleration } = at;
+        self.unbalance([q, v, a], force, unbalance);
+        for i in 0..n {
+            by_position[i * n + i] = -self.weight_nm[i] * links.sine[i];
+            let mut others = 0.0;
+            for j in 0..n {
+                let ((sine, cosine), inertia) = (links.between(i, j), self.inertia[i][j]);
+                by_velocity[i * n + j] = if i == j { 0.0 } else { 2.0 * inertia * sine * rate[j] };
+                by_acceleration[i * n + j] = if i == j { inertia } else { inertia * cosine };
+                if i != j {
+                    let entry = inertia * (sine * acceleration[j] - cosine * (rate[j] * rate[j]));
+                    by_position[i * n + j] = entry;
+                    others += entry;
+                }
+            }
+            by_position[i * n + i] -= others;
+        }
+        for matrix in [&mut *by_position, &mut *by_velocity, &mut *by_acceleration] {
+            sum_both_outwards(n, matrix);
+        }
+        for i in 0..n {
+            by_position[i * n + i] += self.stiffness[i];
+            by_velocity[i * n + i] += self.damping[i];
+        }
+    }
+
+    /// The energy of motion, of springs, and of the weight less its value and slope at rest, J.
+    pub fn energy_j(&self, q: &[f64], v: &[f64]) -> f64 {
+        let (n, links, rate) = (self.n, self.turned(q), summed(&v[..self.n]));
+        let turned_rad = summed(&q[..n]);
+        let (mut kinetic, mut springs, mut weight_j) = (0.0, 0.0, 0.0);
+        for i in 0..n {
+            for j in 0..n {
+                kinetic += self.inertia[i][j] * links.between(i, j).1 * (rate[i] * rate[j]);
+            }
+            springs += self.stiffness[i] * (q[i] * q[i]);
+            // sin θ − sin θ₀ − cos θ₀ φ.
+            let Angle { sine, cosine } = self.rest[i];
+            weight_j += self.weight_nm[i] * (links.turn[i].weighed(cosine, sine) - cosine * turned_rad[i]);
+        }
+        0.5 * (kinetic + springs) + weight_j
+    }
+
+    /// q̇ᵀDq̇, W.
+    pub fn loss_w(&self, v: &[f64]) -> f64 {
+        self.damping.iter().zip(v).map(|(damping, v)| damping * (v * v)).sum()
+    }
+
+    /// How far the point at the end of the first `links` links is from rest, m.
+    pub fn displacement_m(&self, links: usize, axis: Axis, q: &[f64]) -> f64 {
+        let turned = self.turned(q);
+        let along = |i: usize| {
+            let Angle { sine, cosine } = self.rest[i];
+            let (p, q) = if axis == Axis::X { (-sine, cosine) } else { (cosine, sine) };
+            self.length_m[i] * turned.turn[i].weighed(p, q)
+        };
+        (0..links).map(along).sum()
+    }
+
+    /// Its derivative, by each coordinate: Σ over the links from the joint out of l (−sin θ, cos θ), m.
+    pub fn direction_m(&self, links: usize, axis: Axis, q: &[f64], out: &mut [f64]) {
+        let turned = self.turned(q);
+        for (i, entry) in out[..self.n].iter_mut().enumerate() {
+            let turn = if axis == Axis::X { -turned.sine[i] } else { turned.cosine[i] };
+            *entry = if i < links { self.length_m[i] * turn } else { 0.0 };
+        }
+        sum_outwards(&mut out[..self.n]);
+    }
+
+    /// The second derivative: of each pair of coordinates the sum from the outer joint out of −l (cos θ, sin θ), m.
+    pub fn curvature_m(&self, links: usize, axis: Axis, q: &[f64]) -> PerLink {
+        let (turned, mut sums) = (self.turned(q), [0.0; MOST_LINKS]);
+        for (i, entry) in sums[..links].iter_mut().enumerate() {
+            *entry = -self.length_m[i] * if axis == Axis::X { turned.cosine[i] } else { turned.sine[i] };
+        }
+        sum_outwards(&mut sums[..self.n]);
+        sums
+    }
+}
+
+fn per_link(links: &[Link], of: impl Fn(&Link) -> f64) -> PerLink {
+    let mut numbers = [0.0; MOST_LINKS];
+    numbers.iter_mut().zip(links).for_each(|(number, link)| *number = of(link));
+    numbers
+}
+
+/// Checks that such a link can exist.
+fn check(index: usize, link: &Link) -> Result<(), StructureError> {
+    let refuse = |name: &'static str, got: f64, expected: &'static str| {
+        Err(StructureError::Value { part: format!("link {}", index + 1), name, got, expected })
+    };
+    let positive = [
+        ("length_m", link.length_m),
+        ("mass_kg", link.mass_kg),
+        ("inertia_kg_m2", link.inertia_kg_m2),
+        ("stiffness_nm_rad", link.stiffness_nm_rad),
+    ];
+    for (name, got) in positive {
+        if !(got.is_finite() && got > 0.0) {
+            return refuse(name, got, "a positive number");
+        }
+    }
+    if !link.centre_of_mass_m.is_finite() {
+        return refuse("centre_of_mass_m", link.centre_of_mass_m, "a finite number");
+    }
+    if !(link.damping_nm_s_rad.is_finite() && link.damping_nm_s_rad >= 0.0) {
+        return refuse("damping_nm_s_rad", link.damping_nm_s_rad, "zero or a positive number");
+    }
+    if !(-360.0..=360.0).contains(&link.angle_deg) {
+        return refuse("angle_deg", link.angle_deg, "a number from -360 to 360 degrees");
+    }
+    Ok(())
+}

@@ -1,0 +1,352 @@
+//! Point elements: their force, its derivatives, their energy and loss, and the branches that they are smooth on.
+//!
+//! On each [`Branch`] a law is an analytic function, which holds a little beyond the branch too: what an integrator
+//! needs that makes a step with the branch frozen and then looks for where it ends, where a *margin* becomes negative.
+
+use super::assembly::Dof;
+use super::spec::{Law, Side};
+
+/// The part of its law that an element is on.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub enum Branch {
+    /// Within the gap; open; sticking. A smooth law has this branch alone.
+    #[default]
+    Inner,
+    /// Beyond the gap at positive displacement; in contact; slipping, or moving, in positive direction.
+    Upper,
+    /// Beyond the gap at negative displacement; slipping, or moving, in negative direction.
+    Lower,
+}
+
+/// The force of an element and its derivatives; units are those of [`Law`].
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct Reaction {
+    /// f, which acts on the structure as −f.
+    pub force: f64,
+    /// ∂f/∂x.
+    pub by_position: f64,
+    /// ∂f/∂v.
+    pub by_velocity: f64,
+    /// ∂f/∂z.
+    pub by_state: f64,
+}
+
+/// The rate of an element's state and its derivatives.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct StateRate {
+    /// ż.
+    pub rate: f64,
+    /// ∂ż/∂v.
+    pub by_velocity: f64,
+    /// ∂ż/∂z.
+    pub by_state: f64,
+}
+
+/// An element of an [`Assembly`](super::Assembly).
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Element {
+    pub(super) law: Law,
+    pub(super) at: Dof,
+    pub(super) to: Option<Dof>,
+    pub(super) state: Option<usize>,
+}
+
+impl Element {
+    /// Its law.
+    pub fn law(&self) -> &Law {
+        &self.law
+    }
+
+    /// Where it acts.
+    pub fn at(&self) -> Dof {
+        self.at
+    }
+
+    /// Its other end; `None` is the ground.
+    pub fn to(&self) -> Option<Dof> {
+        self.to
+    }
+
+    /// The place of its state among those of the assembly, if it has one.
+    pub fn state(&self) -> Option<usize> {
+        self.state
+    }
+
+    /// Its state among those of the assembly; 0 for a law without.
+    pub(super) fn own(&self, states: &[f64]) -> f64 {
+        self.state.map_or(0.0, |state| states[state])
+    }
+
+    /// Its force at a displacement from rest, a velocity and a state (0 for a law without).
+    pub fn force(&self, position: f64, velocity: f64, state: f64) -> Reaction {
+        self.law.reaction(self.branch(position, velocity, state), position, velocity, state)
+    }
+
+    /// The rate of its state; zero for a law without.
+    pub fn state_rate(&self, position: f64, velocity: f64, state: f64) -> StateRate {
+        self.law.state_rate(self.branch(position, velocity, state), velocity, state)
+    }
+
+    /// The branch that it is on. Where two meet, the one that the motion leads into.
+    pub fn branch(&self, position: f64, velocity: f64, state: f64) -> Branch {
+        self.law.branch(position, velocity, state)
+    }
+
+    /// The energy stored in it, J. Where a contact would pull, its spring relaxes without force, and [`Element::loss_w`]
+    /// counts that.
+    pub fn energy_j(&self, position: f64, state: f64) -> f64 {
+        self.law.energy_j(position, state)
+    }
+
+    /// The power that it turns into heat, not negative, W: f v − ∂E/∂x v − ∂E/∂z ż.
+    pub fn loss_w(&self, position: f64, velocity: f64, state: f64) -> f64 {
+        let branch = self.branch(position, velocity, state);
+        let force = self.law.reaction(branch, position, velocity, state).force;
+        let (by_position, by_state) = self.law.energy_gradient(position, state);
+        let rate = self.law.state_rate(branch, velocity, state).rate;
+        (force - by_position) * velocity - by_state * rate
+    }
+}
+
+/// x beyond a gap on either side.
+fn beyond(position: f64, gap: f64) -> f64 {
+    (position - gap).max(0.0) + (position + gap).min(0.0)
+}
+
+/// x^1.5, zero below 0.
+fn power_three_halves(x: f64) -> f64 {
+    if x > 0.0 { x * libm::sqrt(x) } else { 0.0 }
+}
+
+/// g(v) of LuGre and its derivative.
+fn stribeck_force(coulomb: f64, breakaway: f64, stribeck: f64, velocity: f64) -> (f64, f64) {
+    let ratio = velocity / stribeck;
+    let bell = (breakaway - coulomb) * libm::exp(-ratio * ratio);
+    (coulomb + bell, -2.0 * ratio / stribeck * bell)
+}
+
+impl Law {
+    pub(super) fn branch(&self, position: f64, velocity: f64, state: f64) -> Branch {
+        let by_sign = |up: bool, down: bool| match (up, down) {
+            (true, _) => Branch::Upper,
+            (_, true) => Branch::Lower,
+            _ => Branch::Inner,
+        };
+        match *self {
+            Law::Cubic { .. } | Law::Tanh { .. } => Branch::Inner,
+            // Without a gap it is a spring on both sides.
+            Law::Gap { gap, .. } => by_sign(gap == 0.0 || position > gap, position < -gap),
+            Law::KelvinVoigt { .. } | Law::HuntCrossley { .. } => {
+                let [pressed, pushing] = self.contact(position, velocity);
+                by_sign(pressed > 0.0 && pushing > 0.0, false)
+            }
+            Law::Friction { stiffness, slip } => {
+                let most = slip / stiffness;
+                by_sign(state >= most && velocity > 0.0, state <= -most && velocity < 0.0)
+            }
+            Law::Lugre { .. } => by_sign(velocity >= 0.0, true),
+        }
+    }
+
+    /// δ, and what else must be positive for a contact to push: (k δ + c δ̇)/k, or 1 + λ δ̇.
+    fn contact(&self, position: f64, velocity: f64) -> [f64; 2] {
+        match *self {
+            Law::KelvinVoigt { stiffness, damping, gap, side } => {
+                let (depth, rate) = pressed(side, position, velocity, gap);
+                [depth, depth + damping / stiffness * rate]
+            }
+            Law::HuntCrossley { damping, gap, side, .. } => {
+                let (depth, rate) = pressed(side, position, velocity, gap);
+                [depth, 1.0 + damping * rate]
+            }
+            _ => [0.0, 0.0],
+        }
+    }
+
+    /// The margins of a branch, each with the branch that the element goes to where it becomes negative.
+    pub(super) fn margins(
+        &self,
+        branch: Branch,
+        position: f64,
+        velocity: f64,
+        state: f64,
+    ) -> [Option<(f64, Branch)>; 2] {
+        use Branch::{Inner, Lower, Upper};
+        let one = |margin: f64, to: Branch| [Some((margin, to)), None];
+        match (*self, branch) {
+            (Law::Gap { gap: 0.0, .. } | Law::Cubic { .. } | Law::Tanh { .. }, _) => [None, None],
+            (Law::Gap { gap, .. }, Inner) => [Some((gap - position, Upper)), Some((gap + position, Lower))],
+            (Law::Gap { gap, .. }, Upper) => one(position - gap, Inner),
+            (Law::Gap { gap, .. }, Lower) => one(-position - gap, Inner),
+            (Law::KelvinVoigt { .. } | Law::HuntCrossley { .. }, Inner) => {
+                let [pressed, pushing] = self.contact(position, velocity);
+                one(-pressed.min(pushing), Upper)
+            }
+            (Law::KelvinVoigt { .. } | Law::HuntCrossley { .. }, _) => {
+                self.contact(position, velocity).map(|margin| Some((margin, Inner)))
+            }
+            (Law::Friction { stiffness, slip }, Inner) => {
+                let most = slip / stiffness;
+                [Some((most - state, Upper)), Some((most + state, Lower))]
+            }
+            (Law::Friction { .. }, Upper) => one(velocity, Inner),
+            (Law::Friction { .. }, Lower) => one(-velocity, Inner),
+            (Law::Lugre { .. }, Lower) => one(-velocity, Upper),
+            (Law::Lugre { .. }, _) => one(velocity, Lower),
+        }
+    }
+
+    /// The force on a branch.
+    pub(super) fn reaction(&self, branch: Branch, position: f64, velocity: f64, state: f64) -> Reaction {
+        let spring = |force: f64, by_position: f64| Reaction { force, by_position, ..Reaction::default() };
+        match *self {
+            Law::Cubic { stiffness3, stiffness5 } => {
+                let square = position * position;
+                let by_position = square * (3.0 * stiffness3 + 5.0 * stiffness5 * square);
+                spring(position * square * (stiffness3 + stiffness5 * square), by_position)
+            }
+            Law::Gap { stiffness, gap } => match branch {
+                Branch::Inner => Reaction::default(),
+                Branch::Upper => spring(stiffness * (position - gap), stiffness),
+                Branch::Lower => spring(stiffness * (position + gap), stiffness),
+            },
+            Law::KelvinVoigt { .. } | Law::HuntCrossley { .. } if branch == Branch::Inner => Reaction::default(),
+            Law::KelvinVoigt { stiffness, damping, gap, side } => {
+                let (depth, rate) = pressed(side, position, velocity, gap);
+                let force = side.sign() * (stiffness * depth + damping * rate);
+                Reaction { force, by_position: stiffness, by_velocity: damping, by_state: 0.0 }
+            }
+            Law::HuntCrossley { stiffness, damping, gap, side } => {
+                let (depth, rate) = pressed(side, position, velocity, gap);
+                let (power, pushing) = (power_three_halves(depth), 1.0 + damping * rate);
+                Reaction {
+                    force: side.sign() * stiffness * power * pushing,
+                    by_position: 1.5 * stiffness * libm::sqrt(depth.max(0.0)) * pushing,
+                    by_velocity: stiffness * power * damping,
+                    by_state: 0.0,
+                }
+            }
+            Law::Friction { stiffness, slip } => match branch {
+                Branch::Inner => Reaction { force: stiffness * state, by_state: stiffness, ..Reaction::default() },
+                Branch::Upper => spring(slip, 0.0),
+                Branch::Lower => spring(-slip, 0.0),
+            },
+            Law::Lugre { bristle_stiffness, bristle_damping, viscous, .. } => {
+                let rate = self.state_rate(branch, velocity, state);
+                Reaction {
+                    force: bristle_stiffness * state + bristle_damping * rate.rate + viscous * velocity,
+                    by_position: 0.0,
+                    by_velocity: bristle_damping * rate.by_velocity + viscous,
+                    by_state: bristle_stiffness + bristle_damping * rate.by_state,
+                }
+            }
+            Law::Tanh { slip, velocity: scale } => {
+                let share = libm::tanh(velocity / scale);
+                let by_velocity = slip / scale * (1.0 - share) * (1.0 + share);
+                Reaction { force: slip * share, by_velocity, ..Reaction::default() }
+            }
+        }
+    }
+
+    /// ż on a branch.
+    pub(super) fn state_rate(&self, branch: Branch, velocity: f64, state: f64) -> StateRate {
+        match *self {
+            Law::Friction { .. } if branch == Branch::Inner => {
+                StateRate { rate: velocity, by_velocity: 1.0, by_state: 0.0 }
+            }
+            Law::Lugre { bristle_stiffness, coulomb, breakaway, stribeck, .. } => {
+                let (g, slope) = stribeck_force(coulomb, breakaway, stribeck, velocity);
+                let sign = if branch == Branch::Lower { -1.0 } else { 1.0 };
+                let by_state = -bristle_stiffness * (sign * velocity) / g;
+                StateRate {
+                    rate: velocity + by_state * state,
+                    by_velocity: 1.0 - bristle_stiffness * sign * state / g * (1.0 - velocity * slope / g),
+                    by_state,
+                }
+            }
+            _ => StateRate::default(),
+        }
+    }
+
+    /// The steepest stiffness, N/m, and damping, N·s/m, that it may have within `reach_s`, s, and the rate at which its
+    /// state decays, 1/s: of elements with a branch as if it were on the stiffest.
+    pub(super) fn steepest(&self, position: f64, velocity: f64, reach_s: f64) -> [f64; 3] {
+        let reach = position.abs() + velocity.abs() * reach_s;
+        match *self {
+            Law::Cubic { stiffness3, stiffness5 } => {
+                let square = reach * reach;
+                [square * (3.0 * stiffness3.abs() + 5.0 * stiffness5.abs() * square), 0.0, 0.0]
+            }
+            Law::Gap { stiffness, .. } | Law::Friction { stiffness, .. } => [stiffness, 0.0, 0.0],
+            Law::KelvinVoigt { stiffness, damping, .. } => [stiffness, damping, 0.0],
+            Law::HuntCrossley { stiffness, damping, gap, side } => {
+                let depth = (side.sign() * position + velocity.abs() * reach_s - gap).max(0.0);
+                let root = libm::sqrt(depth);
+                let pushing = 1.0 + damping * velocity.abs();
+                [1.5 * stiffness * root * pushing, stiffness * depth * root * damping, 0.0]
+            }
+            Law::Lugre { bristle_stiffness, bristle_damping, viscous, coulomb, .. } => {
+                let decay = bristle_stiffness * velocity.abs() / coulomb;
+                [bristle_stiffness, bristle_damping + viscous, decay]
+            }
+            Law::Tanh { slip, velocity: scale } => [0.0, slip / scale, 0.0],
+        }
+    }
+
+    /// The state where a branch begins: slipping friction keeps it.
+    pub(super) fn state_on(&self, branch: Branch, state: f64) -> f64 {
+        match (*self, branch) {
+            (Law::Friction { stiffness, slip }, Branch::Upper) => slip / stiffness,
+            (Law::Friction { stiffness, slip }, Branch::Lower) => -slip / stiffness,
+            _ => state,
+        }
+    }
+
+    fn energy_j(&self, position: f64, state: f64) -> f64 {
+        match *self {
+            Law::Cubic { stiffness3, stiffness5 } => {
+                let square = position * position;
+                square * square * (0.25 * stiffness3 + stiffness5 * square / 6.0)
+            }
+            Law::Gap { stiffness, gap } => {
+                let stretch = beyond(position, gap);
+                0.5 * stiffness * stretch * stretch
+            }
+            Law::KelvinVoigt { stiffness, gap, side, .. } => {
+                let depth = (side.sign() * position - gap).max(0.0);
+                0.5 * stiffness * depth * depth
+            }
+            Law::HuntCrossley { stiffness, gap, side, .. } => {
+                let depth = side.sign() * position - gap;
+                0.4 * stiffness * power_three_halves(depth) * depth
+            }
+            Law::Friction { stiffness, .. } | Law::Lugre { bristle_stiffness: stiffness, .. } => {
+                0.5 * stiffness * state * state
+            }
+            Law::Tanh { .. } => 0.0,
+        }
+    }
+
+    /// ∂E/∂x and ∂E/∂z.
+    fn energy_gradient(&self, position: f64, state: f64) -> (f64, f64) {
+        match *self {
+            Law::Cubic { .. } => (self.reaction(Branch::Inner, position, 0.0, state).force, 0.0),
+            Law::Gap { stiffness, gap } => (stiffness * beyond(position, gap), 0.0),
+            Law::KelvinVoigt { stiffness, gap, side, .. } => {
+                (side.sign() * stiffness * (side.sign() * position - gap).max(0.0), 0.0)
+            }
+            Law::HuntCrossley { stiffness, gap, side, .. } => {
+                (side.sign() * stiffness * power_three_halves(side.sign() * position - gap), 0.0)
+            }
+            Law::Friction { stiffness, .. } | Law::Lugre { bristle_stiffness: stiffness, .. } => {
+                (0.0, stiffness * state)
+            }
+            Law::Tanh { .. } => (0.0, 0.0),
+        }
+    }
+}
+
+/// δ and δ̇.
+fn pressed(side: Side, position: f64, velocity: f64, gap: f64) -> (f64, f64) {
+    (side.sign() * position - gap, side.sign() * velocity)
+}

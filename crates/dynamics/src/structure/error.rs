@@ -1,0 +1,136 @@
+//! Errors of structures.
+
+use alloc::string::String;
+
+use thiserror::Error;
+
+use resonarm_numeric::number::short;
+
+/// Why a specification is not a structure, or a name not a place of it.
+#[derive(Clone, Debug, PartialEq, Error)]
+#[non_exhaustive]
+pub enum StructureError {
+    /// No parts of a kind, or too many.
+    #[error("{got} {what}: a structure has {least} to {most}")]
+    Count {
+        /// The parts: links, modes, shapes, elements.
+        what: &'static str,
+        /// How many are given.
+        got: usize,
+        /// The valid numbers.
+        least: usize,
+        /// The valid numbers.
+        most: usize,
+    },
+    /// A value is impossible.
+    #[error("{part}: `{name}` is {got}: it must be {expected}", got = short(.got))]
+    Value {
+        /// The part that it belongs to, such as `link 2`.
+        part: String,
+        /// The value.
+        name: &'static str,
+        /// The given value.
+        got: f64,
+        /// The valid values.
+        expected: &'static str,
+    },
+    /// A shape with a number too few or too many.
+    #[error("shape `{name}` has {got} numbers: it must have one for each of the {expected} modes")]
+    Shape {
+        /// Point and axis.
+        name: String,
+        /// How many are given.
+        got: usize,
+        /// The number of modes.
+        expected: usize,
+    },
+    /// The name of a point that names can't be made of.
+    #[error("the name of a point is `{got}`: it must have at least one character, and no dot")]
+    PointName {
+        /// The given name.
+        got: String,
+    },
+    /// Two shapes of one point and axis.
+    #[error("there are two shapes `{name}`: a point has one for each axis")]
+    ShapeTwice {
+        /// Point and axis.
+        name: String,
+    },
+    /// No place has this name.
+    #[error("there is no `{got}` in this structure: there are {known}")]
+    UnknownPlace {
+        /// The given name.
+        got: String,
+        /// The existing names.
+        known: String,
+    },
+    /// A joint that the structure doesn't have.
+    #[error("there is no joint {got}: the chain has joints 1 to {most}")]
+    UnknownJoint {
+        /// The given number.
+        got: usize,
+        /// The number of joints.
+        most: usize,
+    },
+    /// A joint of a structure without joints.
+    #[error("joint {got}: a structure of modes has no joints; name a point and an axis")]
+    NoJoints {
+        /// The given number.
+        got: usize,
+    },
+    /// An element at a place that doesn't move.
+    #[error("element {element} acts at `{place}`, which doesn't move: leave `to` out for the ground")]
+    Fixed {
+        /// The number of the element, from 1.
+        element: usize,
+        /// The place.
+        place: String,
+    },
+    /// An element between a joint and a point.
+    #[error("element {element} is between `{at}` and `{to}`: both ends must be points, or both joints")]
+    MixedEnds {
+        /// The number of the element, from 1.
+        element: usize,
+        /// One end.
+        at: String,
+        /// The other.
+        to: String,
+    },
+    /// An element with both ends at one place.
+    #[error("element {element} has both ends at `{at}`: they must differ")]
+    SameEnds {
+        /// The number of the element, from 1.
+        element: usize,
+        /// The place.
+        at: String,
+    },
+    /// Two contacts that meet at one place.
+    #[error("elements {first} and {second} are both contacts at `{at}` on the same side: make one of them")]
+    Overlap {
+        /// Number of the first element, from 1.
+        first: usize,
+        /// Number of the second.
+        second: usize,
+        /// The place.
+        at: String,
+    },
+    /// The springs can't hold the weight.
+    #[error(
+        "the joints can't hold the chain's weight at {gravity_m_s2} m/s²: no stable equilibrium is found from these angles; \
+         raise the stiffnesses or lower the masses", gravity_m_s2 = short(.gravity_m_s2))]
+    Collapse {
+        /// The acceleration of gravity, m/s².
+        gravity_m_s2: f64,
+    },
+    /// A natural frequency vanishes or overflows, or the modes can't be computed.
+    #[error(
+        "the structure's natural frequencies come out as {lowest_hz:e} to {highest_hz:e} Hz: they must be positive and finite; \
+         stiffnesses and inertias are out of proportion"
+    )]
+    Frequencies {
+        /// The lowest, Hz.
+        lowest_hz: f64,
+        /// The highest, Hz.
+        highest_hz: f64,
+    },
+}

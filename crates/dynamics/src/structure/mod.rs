@@ -1,0 +1,48 @@
+//! Structures other than the two-link arm: a planar chain of links with compliant joints, or vibration modes; with
+//! point elements, linear or not, between two of their points or a point and the ground.
+//!
+//! A [`StructureSpec`] says what a structure is made of, an [`Assembly`] is a valid one. Its equation of motion in n
+//! coordinates q, counted from rest, is
+//!
+//! ```text
+//! M(q) q̈ + c(q, q̇) + D q̇ + K q + g(q) − g(0) + Σ w(q) f(x, ẋ, z) = p
+//! ```
+//!
+//! with the generalised forces p, and for each element its force f, its displacement x(q) from rest, w = ∂x/∂q, and
+//! for some an inner state z. The left side without the elements, less p, is the *unbalance*.
+//!
+//! A chain has the deflections of its joints as coordinates, rad; modes have modal coordinates, m·√kg.
+
+mod arm;
+mod assembly;
+mod chain;
+mod check;
+mod element;
+mod error;
+mod links;
+mod modal;
+mod modes;
+mod smooth;
+mod spec;
+mod step;
+
+pub use assembly::{Assembly, CoordinateUnit, Dof, Linear, Linearised};
+pub use element::{Branch, Element, Reaction, StateRate};
+pub use error::StructureError;
+pub use modes::StructureMode;
+pub use spec::{
+    Axis, BodySpec, ChainSpec, ElementSpec, Law, Link, ModalSpec, ModeSpec, Place, ShapeSpec, Side, StructureSpec,
+};
+pub use step::{StepError, StepLoad, Stepper};
+
+/// The most links of a chain.
+pub const MOST_LINKS: usize = 8;
+/// The most modes of a modal structure.
+pub const MOST_MODES: usize = 32;
+/// The most elements of a structure.
+pub const MOST_ELEMENTS: usize = 16;
+/// The most coordinates of a structure.
+pub const MOST_COORDINATES: usize = if MOST_LINKS > MOST_MODES { MOST_LINKS } else { MOST_MODES };
+
+#[cfg(test)]
+mod tests;

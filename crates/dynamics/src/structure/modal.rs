@@ -1,0 +1,131 @@
+//! A structure known by its modes: q̈ + 2ζω q̇ + ω² q = Φᵀf with mass-normalised shapes Φ.
+
+use alloc::format;
+use alloc::string::{String, ToString};
+use alloc::vec::Vec;
+use core::f64::consts::TAU;
+
+use super::error::StructureError;
+use super::spec::{ModalSpec, ShapeSpec};
+use super::{Linearised, MOST_MODES};
+
+/// The most shapes: points that forces act on and that are read, one for each axis.
+const MOST_SHAPES: usize = 256;
+
+/// The constants of the modes.
+#[derive(Clone, Debug, PartialEq)]
+pub(super) struct Modal {
+    /// ω, rad/s.
+    pub omega_rad_s: Vec<f64>,
+    /// ζ.
+    pub damping_ratio: Vec<f64>,
+    pub shapes: Vec<ShapeSpec>,
+}
+
+impl Modal {
+    pub fn new(spec: &ModalSpec) -> Result<Modal, StructureError> {
+        let counts = [("modes", spec.modes.len(), MOST_MODES), ("shapes", spec.shapes.len(), MOST_SHAPES)];
+        for (what, got, most) in counts {
+            if !(1..=most).contains(&got) {
+                return Err(StructureError::Count { what, got, least: 1, most });
+            }
+        }
+        for (i, mode) in spec.modes.iter().enumerate() {
+            let part = || format!("mode {}", i + 1);
+            let (got, name) = (mode.frequency_hz, "frequency_hz");
+            if !(got.is_finite() && got > 0.0) {
+                return Err(StructureError::Value { part: part(), name, got, expected: "a positive number" });
+            }
+            let (got, name) = (mode.damping_ratio, "damping_ratio");
+            if !(0.0..1.0).contains(&got) {
+                return Err(StructureError::Value { part: part(), name, got, expected: "a number from 0 to below 1" });
+            }
+        }
+        for (i, shape) in spec.shapes.iter().enumerate() {
+            check(shape, spec.modes.len(), &spec.shapes[..i])?;
+        }
+        Ok(Modal {
+            omega_rad_s: spec.modes.iter().map(|mode| TAU * mode.frequency_hz).collect(),
+            damping_ratio: spec.modes.iter().map(|mode| mode.damping_ratio).collect(),
+            shapes: spec.shapes.clone(),
+        })
+    }
+
+    /// Every mode's ω and 2ζω, rad/s.
+    fn constants(&self) -> impl Iterator<Item = (f64, f64)> + '_ {
+        self.omega_rad_s.iter().zip(&self.damping_ratio).map(|(&omega, &zeta)| (omega, 2.0 * zeta * omega))
+    }
+
+    pub fn unbalance(&self, [q, v, a]: [&[f64]; 3], force: &[f64], out: &mut [f64]) {
+        for (i, (omega, damping)) in self.constants().enumerate() {
+            out[i] = a[i] + damping * v[i] + omega * omega * q[i] - force[i];
+        }
+    }
+
+    pub fn acceleration(&self, [q, v]: [&[f64]; 2], force: &[f64], out: &mut [f64]) {
+        for (i, (omega, damping)) in self.constants().enumerate() {
+            out[i] = force[i] - damping * v[i] - omega * omega * q[i];
+        }
+    }
+
+    pub fn linearise(&self, motion: [&[f64]; 3], force: &[f64], at: &mut Linearised) {
+        self.unbalance(motion, force, &mut at.unbalance);
+        let n = self.omega_rad_s.len();
+        for matrix in [&mut at.by_position, &mut at.by_velocity, &mut at.by_acceleration] {
+            matrix[..n * n].fill(0.0);
+        }
+        for (i, (omega, damping)) in self.constants().enumerate() {
+            let diagonal = i * n + i;
+            at.by_position[diagonal] = omega * omega;
+            at.by_velocity[diagonal] = damping;
+            at.by_acceleration[diagonal] = 1.0;
+        }
+    }
+
+    /// ½ Σ q̇² + ω² q², J.
+    pub fn energy_j(&self, q: &[f64], v: &[f64]) -> f64 {
+        let mode = |(i, &omega): (usize, &f64)| v[i] * v[i] + (omega * q[i]) * (omega * q[i]);
+        0.5 * self.omega_rad_s.iter().enumerate().map(mode).sum::<f64>()
+    }
+
+    /// Σ 2ζω q̇², W.
+    pub fn loss_w(&self, v: &[f64]) -> f64 {
+        self.constants().zip(v).map(|((_, damping), v)| damping * (v * v)).sum()
+    }
+
+    /// The names of its points, each once, in the order of the shapes.
+    pub fn points(&self) -> Vec<String> {
+        let mut points: Vec<String> = Vec::new();
+        for shape in &self.shapes {
+            if !points.contains(&shape.point) {
+                points.push(shape.point.to_string());
+            }
+        }
+        points
+    }
+}
+
+/// `point.axis`.
+pub(super) fn shape_name(shape: &ShapeSpec) -> String {
+    format!("{}.{}", shape.point, shape.axis)
+}
+
+fn check(shape: &ShapeSpec, modes: usize, before: &[ShapeSpec]) -> Result<(), StructureError> {
+    if shape.point.is_empty() || shape.point.contains('.') {
+        return Err(StructureError::PointName { got: shape.point.clone() });
+    }
+    let (name, got) = (shape_name(shape), shape.by_mode.len());
+    if before.iter().any(|other| other.point == shape.point && other.axis == shape.axis) {
+        return Err(StructureError::ShapeTwice { name });
+    }
+    if got != modes {
+        return Err(StructureError::Shape { name, got, expected: modes });
+    }
+    match shape.by_mode.iter().find(|number| !number.is_finite()) {
+        Some(&got) => {
+            let part = format!("shape {name}");
+            Err(StructureError::Value { part, name: "by_mode", got, expected: "a finite number" })
+        }
+        None => Ok(()),
+    }
+}

@@ -1,0 +1,252 @@
+//! Natural modes of a structure at rest.
+
+use alloc::vec;
+use alloc::vec::Vec;
+use core::f64::consts::TAU;
+
+use nalgebra::Complex;
+
+use super::Linear;
+
+/// Sweeps of Jacobi's rotations: each squares what is left off the diagonal, and matrices of 32 rows need about eight.
+const MOST_SWEEPS: usize = 50;
+/// Iterations for an eigenvalue of the damped structure, which converge cubically.
+const MOST_ITERATIONS: usize = 30;
+
+/// A natural mode of a structure at rest.
+#[derive(Clone, Debug, PartialEq)]
+pub struct StructureMode {
+    /// Undamped natural frequency ω/(2π) with K φ = ω² M φ, Hz.
+    pub frequency_hz: f64,
+    /// Damping ratio −Re λ/|λ| of the damped structure's eigenvalue λ that belongs to the mode, dimensionless. It is
+    /// φᵀDφ/(2ω) where the damping is modal, and where that is 1 or more.
+    pub damping_ratio: f64,
+    /// φ in the structure's coordinates, of unit modal mass, φᵀMφ = 1; its largest entry is positive.
+    pub shape: Vec<f64>,
+}
+
+/// The modes of a linear structure, by frequency. `None` if M or K is not positive definite, or not finite.
+///
+/// With K = L Lᵀ and y = Lᵀφ the eigenproblem is S y = λ y for S = L⁻¹ M L⁻ᵀ and λ = 1/ω²; S becomes diagonal by cyclic
+/// rotations (C. G. J. Jacobi, 1846; G. H. Golub, C. F. Van Loan, "Matrix Computations", 4th edition 2013, section
+/// 8.5). From yᵀy = 1 follows φᵀMφ = 1 for φ = ω L⁻ᵀy.
+pub(super) fn modes(of: &Linear) -> Option<Vec<StructureMode>> {
+    let n = of.coordinates();
+    let mut factor = of.stiffness.clone();
+    cholesky(n, &mut factor)?;
+    let mut s = of.mass.clone();
+    // L⁻¹ M, by columns since M is symmetric, then (L⁻¹ M) L⁻ᵀ by rows.
+    for row in s.chunks_exact_mut(n) {
+        solve_lower(n, &factor, row);
+    }
+    let mut s = transposed(n, &s);
+    for row in s.chunks_exact_mut(n) {
+        solve_lower(n, &factor, row);
+    }
+    let mut vectors = diagonalise(n, &mut s)?;
+    let mut modes = Vec::with_capacity(n);
+    for (i, y) in vectors.chunks_exact_mut(n).enumerate() {
+        let omega = 1.0 / libm::sqrt(s[i * n + i]);
+        solve_upper(n, &factor, y);
+        let largest = y.iter().fold(0.0_f64, |largest, &y| if y.abs() > largest.abs() { y } else { largest });
+        let scale = omega * largest.signum();
+        let shape: Vec<f64> = y.iter().map(|y| scale * y).collect();
+        if !(omega.is_finite() && shape.iter().all(|entry| entry.is_finite())) {
+            return None;
+        }
+        modes.push(StructureMode { frequency_hz: omega / TAU, damping_ratio: 0.0, shape });
+    }
+    modes.sort_by(|a, b| a.frequency_hz.total_cmp(&b.frequency_hz));
+    add_damping(of, &mut modes);
+    Some(modes)
+}
+
+/// Makes a symmetric matrix diagonal; the eigenvectors are the rows of the result.
+///
+/// A rotation by the angle of tangent t in the plane of p and q removes s_pq: t = sign(θ)/(|θ| + √(1 + θ²)) with θ =
+/// (s_qq − s_pp)/(2 s_pq), c = 1/√(1 + t²), s = t c.
+fn diagonalise(n: usize, s: &mut [f64]) -> Option<Vec<f64>> {
+    let mut vectors = vec![0.0; n * n];
+    (0..n).for_each(|i| vectors[i * n + i] = 1.0);
+    for _ in 0..MOST_SWEEPS {
+        let mut turned = false;
+        for p in 0..n {
+            for q in p + 1..n {
+                let off = s[p * n + q];
+                if !off.is_finite() {
+                    return None;
+                }
+                // Relative to both diagonals, so that small eigenvalues keep their digits.
+                if off.abs() <= f64::EPSILON * 0.125 * libm::sqrt(s[p * n + p].abs() * s[q * n + q].abs()) {
+                    continue;
+                }
+                turned = true;
+                let theta = (s[q * n + q] - s[p * n + p]) / (2.0 * off);
+                let t = libm::copysign(1.0 / (theta.abs() + libm::sqrt(1.0 + theta * theta)), theta);
+                rotate(n, s, &mut vectors, [p, q], t);
+            }
+        }
+        if !turned {
+            return Some(vectors);
+        }
+    }
+    None
+}
+
+fn rotate(n: usize, s: &mut [f64], vectors: &mut [f64], [p, q]: [usize; 2], t: f64) {
+    let cosine = 1.0 / libm::sqrt(1.0 + t * t);
+    let sine = t * cosine;
+    let turn = |values: &mut [f64], a: usize, b: usize| {
+        let (x, y) = (values[a], values[b]);
+        (values[a], values[b]) = (cosine * x - sine * y, sine * x + cosine * y);
+    };
+    for k in 0..n {
+        turn(s, p * n + k, q * n + k);
+        turn(vectors, p * n + k, q * n + k);
+    }
+    for k in 0..n {
+        turn(s, k * n + p, k * n + q);
+    }
+    (s[p * n + q], s[q * n + p]) = (0.0, 0.0);
+}
+
+/// The damping ratios. In modal coordinates the damped eigenproblem is (λ² + λ C + Ω²) u = 0 with C = ΦᵀDΦ.
+fn add_damping(of: &Linear, modes: &mut [StructureMode]) {
+    let n = modes.len();
+    let mut damping = vec![0.0; n * n];
+    for i in 0..n {
+        for j in 0..n {
+            let row = |k: usize| (0..n).map(|m| of.damping[k * n + m] * modes[j].shape[m]).sum::<f64>();
+            damping[i * n + j] = (0..n).map(|k| modes[i].shape[k] * row(k)).sum();
+        }
+    }
+    let omega: Vec<f64> = modes.iter().map(|mode| TAU * mode.frequency_hz).collect();
+    for (k, mode) in modes.iter_mut().enumerate() {
+        let modal = damping[k * n + k] / (2.0 * omega[k]);
+        mode.damping_ratio = if modal < 1.0 { damped_ratio(&omega, &damping, k).unwrap_or(modal) } else { modal };
+    }
+}
+
+/// −Re λ/|λ| of the eigenvalue that belongs to mode k, by Rayleigh's functional from the mode on (J. W. Strutt, Lord
+/// Rayleigh; for symmetric quadratic problems P. Lancaster, "Lambda-matrices and Vibrating Systems", 1966): u solves
+/// (λ² + λ C + Ω²) u⁺ = u, and λ uᵀu λ + λ uᵀCu + uᵀΩ²u = 0. `None` if it doesn't converge, or leaves the mode.
+fn damped_ratio(omega: &[f64], damping: &[f64], k: usize) -> Option<f64> {
+    let n = omega.len();
+    let mut u = vec![Complex::new(0.0, 0.0); n];
+    u[k] = Complex::new(1.0, 0.0);
+    let mut lambda = Complex::new(0.0, omega[k]);
+    for _ in 0..MOST_ITERATIONS {
+        let [mut mass, mut damper, mut stiffness] = [Complex::new(0.0, 0.0); 3];
+        for i in 0..n {
+            mass += u[i] * u[i];
+            stiffness += u[i] * u[i] * (omega[i] * omega[i]);
+            (0..n).for_each(|j| damper += u[i] * u[j] * damping[i * n + j]);
+        }
+        let root = square_root(damper * damper - mass * stiffness * 4.0);
+        let roots = [(-damper + root) / (mass * 2.0), (-damper - root) / (mass * 2.0)];
+        let next = if roots[0].im >= roots[1].im { roots[0] } else { roots[1] };
+        let change = size(next - lambda);
+        lambda = next;
+        if !change.is_finite() || lambda.im <= 0.0 {
+            return None;
+        }
+        if change <= 4.0 * f64::EPSILON * size(lambda) {
+            return Some(-lambda.re / size(lambda));
+        }
+        let mut matrix: Vec<Complex<f64>> = damping.iter().map(|&entry| lambda * entry).collect();
+        (0..n).for_each(|i| matrix[i * n + i] += lambda * lambda + omega[i] * omega[i]);
+        // Exactly singular at an exact eigenvalue, which then is found.
+        if solve_complex(n, &mut matrix, &mut u).is_none() {
+            return Some(-lambda.re / size(lambda));
+        }
+        let largest = u.iter().map(|entry| size(*entry)).fold(0.0, f64::max);
+        u.iter_mut().for_each(|entry| *entry /= Complex::new(largest, 0.0));
+        if size(u[k]) < 0.5 {
+            return None;
+        }
+    }
+    None
+}
+
+fn size(z: Complex<f64>) -> f64 {
+    libm::hypot(z.re, z.im)
+}
+
+fn square_root(z: Complex<f64>) -> Complex<f64> {
+    let length = size(z);
+    let re = libm::sqrt(0.5 * (length + z.re).max(0.0));
+    let im = libm::sqrt(0.5 * (length - z.re).max(0.0));
+    Complex::new(re, libm::copysign(im, z.im))
+}
+
+/// Gauss's elimination with partial pivoting.
+fn solve_complex(n: usize, matrix: &mut [Complex<f64>], right: &mut [Complex<f64>]) -> Option<()> {
+    for column in 0..n {
+        let sizes = (column..n).map(|row| size(matrix[row * n + column]));
+        let (pivot, largest) =
+            sizes.enumerate().fold((0, 0.0), |best, (i, size)| if size > best.1 { (i, size) } else { best });
+        if !(largest > 0.0 && largest.is_finite()) {
+            return None;
+        }
+        (0..n).for_each(|k| matrix.swap((column + pivot) * n + k, column * n + k));
+        right.swap(column + pivot, column);
+        for row in column + 1..n {
+            let factor = matrix[row * n + column] / matrix[column * n + column];
+            for k in column..n {
+                let above = matrix[column * n + k];
+                matrix[row * n + k] -= factor * above;
+            }
+            let above = right[column];
+            right[row] -= factor * above;
+        }
+    }
+    for row in (0..n).rev() {
+        let known: Complex<f64> = (row + 1..n).map(|k| matrix[row * n + k] * right[k]).sum();
+        right[row] = (right[row] - known) / matrix[row * n + row];
+    }
+    Some(())
+}
+
+fn transposed(n: usize, matrix: &[f64]) -> Vec<f64> {
+    (0..n * n).map(|k| matrix[k % n * n + k / n]).collect()
+}
+
+/// A = L Lᵀ in place, L in the lower triangle. `None` if A is not positive definite.
+pub(super) fn cholesky(n: usize, a: &mut [f64]) -> Option<()> {
+    for i in 0..n {
+        for j in 0..=i {
+            let known: f64 = (0..j).map(|k| a[i * n + k] * a[j * n + k]).sum();
+            let rest = a[i * n + j] - known;
+            if i > j {
+                a[i * n + j] = rest / a[j * n + j];
+            } else if rest > 0.0 && rest.is_finite() {
+                a[i * n + i] = libm::sqrt(rest);
+            } else {
+                return None;
+            }
+        }
+    }
+    Some(())
+}
+
+/// L Lᵀ x = b in place.
+pub(super) fn solve_cholesky(n: usize, factor: &[f64], b: &mut [f64]) {
+    solve_lower(n, factor, b);
+    solve_upper(n, factor, b);
+}
+
+/// L x = b in place.
+fn solve_lower(n: usize, factor: &[f64], b: &mut [f64]) {
+    for i in 0..n {
+        let known: f64 = (0..i).map(|k| factor[i * n + k] * b[k]).sum();
+        b[i] = (b[i] - known) / factor[i * n + i];
+    }
+}
+
+/// Lᵀ x = b in place.
+fn solve_upper(n: usize, factor: &[f64], b: &mut [f64]) {
+    for i in (0..n).rev() {
+        let known: f64 = (i + 1..n).map(|k| factor[k * n + i] * b[k]).sum();
+        b[i] = (b[i] - known) / factor[i * n + i];
+    }
+}

@@ -1,0 +1,270 @@
+//! What a structure is made of, as a scenario says it; [`Assembly::new`](super::Assembly::new) checks it.
+
+use alloc::string::String;
+use alloc::vec::Vec;
+use core::fmt;
+
+use serde::{Deserialize, Serialize};
+
+/// A link of a planar chain and the joint at its start.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct Link {
+    /// Length l from its joint to the next, or to the tip, m, positive.
+    pub length_m: f64,
+    /// Mass m, kg, positive.
+    pub mass_kg: f64,
+    /// Distance lc of the centre of mass from its joint along the link, m; negative behind the joint.
+    pub centre_of_mass_m: f64,
+    /// Moment of inertia I about the centre of mass, kg·m², positive.
+    pub inertia_kg_m2: f64,
+    /// Angle β against the link before, of the first link against the x axis, with the spring relaxed, degrees, −360 to
+    /// 360.
+    pub angle_deg: f64,
+    /// Stiffness k of its joint, N·m/rad, positive.
+    pub stiffness_nm_rad: f64,
+    /// Viscous damping d of its joint, N·m·s/rad, not negative.
+    pub damping_nm_s_rad: f64,
+}
+
+/// A planar chain of links, from the base out.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct ChainSpec {
+    /// The links, 1 to [`MOST_LINKS`](super::MOST_LINKS).
+    pub links: Vec<Link>,
+    /// Acceleration of gravity along −y, m/s², not negative; 0 is none. The coordinates count from the equilibrium
+    /// under the weight.
+    #[serde(default)]
+    pub gravity_m_s2: f64,
+}
+
+/// A vibration mode.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct ModeSpec {
+    /// Undamped natural frequency, Hz, positive.
+    pub frequency_hz: f64,
+    /// Damping ratio, dimensionless, from 0 to below 1.
+    pub damping_ratio: f64,
+}
+
+/// A direction of the base frame.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Serialize, Deserialize)]
+#[serde(rename_all = "lowercase")]
+pub enum Axis {
+    /// Along x.
+    X,
+    /// Along y.
+    Y,
+    /// Along z; a planar chain has none.
+    Z,
+}
+
+impl Axis {
+    /// Every axis.
+    pub const ALL: [Axis; 3] = [Axis::X, Axis::Y, Axis::Z];
+
+    /// Its name: `x`, `y`, `z`.
+    pub const fn name(self) -> &'static str {
+        match self {
+            Axis::X => "x",
+            Axis::Y => "y",
+            Axis::Z => "z",
+        }
+    }
+}
+
+impl fmt::Display for Axis {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.pad(self.name())
+    }
+}
+
+/// How far every mode moves a point along an axis.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct ShapeSpec {
+    /// Name of the point, without a dot, such as `tip`.
+    pub point: String,
+    /// The axis.
+    pub axis: Axis,
+    /// φ of each mode, mass-normalised, 1/√kg: the displacement is Σ φ q.
+    pub by_mode: Vec<f64>,
+}
+
+/// A structure known by its modes.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct ModalSpec {
+    /// The modes, 1 to [`MOST_MODES`](super::MOST_MODES).
+    pub modes: Vec<ModeSpec>,
+    /// The points that forces act on and that are read, at least one.
+    pub shapes: Vec<ShapeSpec>,
+}
+
+/// What vibrates.
+#[derive(Clone, Debug, PartialEq)]
+pub enum BodySpec {
+    /// A planar chain of links with compliant joints.
+    Chain(ChainSpec),
+    /// Vibration modes.
+    Modal(ModalSpec),
+}
+
+/// Which way along its axis a contact is.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "lowercase")]
+pub enum Side {
+    /// Towards positive displacements.
+    #[default]
+    Positive,
+    /// Towards negative displacements.
+    Negative,
+}
+
+impl Side {
+    /// 1 or −1.
+    pub const fn sign(self) -> f64 {
+        match self {
+            Side::Positive => 1.0,
+            Side::Negative => -1.0,
+        }
+    }
+}
+
+/// How the force f of an element follows from its displacement x from rest, its velocity v and its state z.
+///
+/// Units are N and m of an element along an axis, N·m and rad of one at a joint. f opposes the motion: it acts on the
+/// structure as −f.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub enum Law {
+    /// f = k3 x³ + k5 x⁵: a spring that hardens, or softens.
+    Cubic {
+        /// k3, N/m³.
+        stiffness3: f64,
+        /// k5, N/m⁵.
+        stiffness5: f64,
+    },
+    /// f = k (max(x − g, 0) + min(x + g, 0)): backlash, or a stop on both sides.
+    Gap {
+        /// k, N/m, positive.
+        stiffness: f64,
+        /// g, m, not negative.
+        gap: f64,
+    },
+    /// Contact on one side, f = max(0, k δ + c δ̇) for δ = x − g > 0 (W. Voigt, 1892): it never pulls.
+    KelvinVoigt {
+        /// k, N/m, positive.
+        stiffness: f64,
+        /// c, N·s/m, not negative.
+        damping: f64,
+        /// g, m, not negative.
+        gap: f64,
+        /// Which side.
+        side: Side,
+    },
+    /// Contact on one side, f = k δ^1.5 max(0, 1 + λ δ̇) for δ = x − g > 0 (K. H. Hunt, F. R. E. Crossley, "Coefficient
+    /// of Restitution Interpreted as Damping in Vibroimpact", J. Appl. Mech. 42 (1975)): it never pulls.
+    HuntCrossley {
+        /// k, N/m^1.5, positive.
+        stiffness: f64,
+        /// λ, s/m, not negative.
+        damping: f64,
+        /// g, m, not negative.
+        gap: f64,
+        /// Which side.
+        side: Side,
+    },
+    /// Elastic Coulomb friction, f = k z with ż = v while |k z| < R, else k z = ±R (G. M. Jenkins, "Analysis of the
+    /// Stress-Strain Relationships in Reactor Grade Graphite", Br. J. Appl. Phys. 13 (1962)).
+    Friction {
+        /// k, N/m, positive.
+        stiffness: f64,
+        /// R, N, positive.
+        slip: f64,
+    },
+    /// f = σ0 z + σ1 ż + σ2 v with ż = v − σ0 |v| z / g(v) and g = Fc + (Fs − Fc) exp(−(v/vs)²) (C. Canudas de Wit, H.
+    /// Olsson, K. J. Åström, P. Lischinsky, "A New Model for Control of Systems with Friction", IEEE Trans. Automatic
+    /// Control 40 (1995)).
+    Lugre {
+        /// σ0, N/m, positive.
+        bristle_stiffness: f64,
+        /// σ1, N·s/m, not negative.
+        bristle_damping: f64,
+        /// σ2, N·s/m, not negative.
+        viscous: f64,
+        /// Fc, N, positive: the force of slow sliding.
+        coulomb: f64,
+        /// Fs, N, at least Fc: the force of breaking away.
+        breakaway: f64,
+        /// vs, m/s, positive: the velocity of G. Stribeck.
+        stribeck: f64,
+    },
+    /// f = R tanh(v/v0): Coulomb friction, smoothed.
+    Tanh {
+        /// R, N, positive.
+        slip: f64,
+        /// v0, m/s, positive.
+        velocity: f64,
+    },
+}
+
+impl Law {
+    /// Its name: `cubic`, `gap`, `kelvin-voigt`, `hunt-crossley`, `friction`, `lugre`, `tanh`.
+    pub const fn name(&self) -> &'static str {
+        match self {
+            Law::Cubic { .. } => "cubic",
+            Law::Gap { .. } => "gap",
+            Law::KelvinVoigt { .. } => "kelvin-voigt",
+            Law::HuntCrossley { .. } => "hunt-crossley",
+            Law::Friction { .. } => "friction",
+            Law::Lugre { .. } => "lugre",
+            Law::Tanh { .. } => "tanh",
+        }
+    }
+
+    /// Whether the force is analytic in displacement and velocity, without branches and without a state.
+    pub const fn is_smooth(&self) -> bool {
+        matches!(self, Law::Cubic { .. } | Law::Tanh { .. })
+    }
+
+    /// Whether there is a state z.
+    pub const fn has_state(&self) -> bool {
+        matches!(self, Law::Friction { .. } | Law::Lugre { .. })
+    }
+}
+
+/// Where an element acts.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub enum Place {
+    /// At a point, along an axis.
+    Dof {
+        /// Name of the point, one of [`Assembly::points`](super::Assembly::points).
+        point: String,
+        /// The axis.
+        axis: Axis,
+    },
+    /// At a joint of a chain, about it; joint 1 is at the base.
+    Joint(usize),
+}
+
+/// A point element.
+#[derive(Clone, Debug, PartialEq)]
+pub struct ElementSpec {
+    /// Where it acts; its displacement is that of this place less that of the other.
+    pub at: Place,
+    /// Its other end, of the same kind; `None` is the ground.
+    pub to: Option<Place>,
+    /// Its law.
+    pub law: Law,
+}
+
+/// A structure.
+#[derive(Clone, Debug, PartialEq)]
+pub struct StructureSpec {
+    /// What vibrates.
+    pub body: BodySpec,
+    /// The elements, at most [`MOST_ELEMENTS`](super::MOST_ELEMENTS).
+    pub elements: Vec<ElementSpec>,
+}

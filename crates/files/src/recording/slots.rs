@@ -1,0 +1,191 @@
+//! Records in a ring of small slots: a record of many states takes several, so that the others stay short to copy.
+
+use core::convert::Infallible;
+
+use resonarm_bench::structure::{MOST_STATES, States};
+
+use super::{Event, FrameRecord, Record, SampleRecord, StateRecord, TickRecord};
+
+/// States in the first slot: those of the arm with a coil.
+const FIRST: usize = 5;
+/// States in each slot after it.
+const NEXT: usize = 12;
+
+/// The most slots of a record.
+pub const MOST_SLOTS: usize = 1 + (MOST_STATES - FIRST).div_ceil(NEXT);
+
+/// A record, a part of it, or something else of the ring's owner.
+#[derive(Clone, Copy, Debug)]
+pub struct Slot<Other = Infallible>(Content<Other>);
+
+#[derive(Clone, Copy, Debug)]
+enum Content<Other> {
+    State(Head),
+    /// States of the record that began before.
+    States([f64; NEXT]),
+    Sample(SampleRecord),
+    Frame(FrameRecord),
+    Tick(TickRecord),
+    Event(Event),
+    Other(Other),
+}
+
+/// What is in a ring.
+#[derive(Clone, Copy, Debug, PartialEq)]
+#[expect(clippy::large_enum_variant, reason = "it is handed on at once, and a loop that makes one must not allocate")]
+pub enum Entry<Other = Infallible> {
+    /// A record.
+    Record(Record),
+    /// Something else.
+    Other(Other),
+}
+
+/// The beginning of a record of states.
+#[derive(Clone, Copy, Debug)]
+struct Head {
+    sample: u64,
+    torque_nm: [f64; 2],
+    force_n: [f64; 2],
+    first: [f64; FIRST],
+    moving: u8,
+    count: u8,
+    is_end: bool,
+}
+
+/// How many slots a record takes.
+fn slots_for(record: &Record) -> usize {
+    match record {
+        Record::State(state) => 1 + state.states.len().saturating_sub(FIRST).div_ceil(NEXT),
+        Record::Sample(_) | Record::Frame(_) | Record::Tick(_) | Record::Event(_) => 1,
+    }
+}
+
+/// The first numbers of a slice, with zeros in place of those that it lacks.
+fn padded<const N: usize>(numbers: &[f64]) -> [f64; N] {
+    let mut padded = [0.0; N];
+    padded.iter_mut().zip(numbers).for_each(|(to, number)| *to = *number);
+    padded
+}
+
+/// The first slot of a record.
+#[inline(always)]
+fn first<Other>(record: &Record) -> Slot<Other> {
+    Slot(match record {
+        Record::State(state) => Content::State(Head {
+            sample: state.sample,
+            torque_nm: state.torque_nm,
+            force_n: state.force_n,
+            first: padded(&state.states),
+            moving: state.states.moving().len() as u8,
+            count: state.states.len() as u8,
+            is_end: state.is_end,
+        }),
+        Record::Sample(sample) => Content::Sample(*sample),
+        Record::Frame(frame) => Content::Frame(*frame),
+        Record::Tick(tick) => Content::Tick(*tick),
+        Record::Event(event) => Content::Event(*event),
+    })
+}
+
+/// Appends a record, whole or not at all. Returns whether there was room. Neither allocates nor waits.
+#[inline(always)]
+pub fn push<Other>(ring: &mut rtrb::Producer<Slot<Other>>, record: &Record) -> bool {
+    match record {
+        Record::State(state) if state.states.len() > FIRST => push_many(ring, record, &state.states),
+        _ => ring.push(first(record)).is_ok(),
+    }
+}
+
+/// Appends something else. Returns whether there was room. Neither allocates nor waits.
+#[inline(always)]
+pub fn push_other<Other>(ring: &mut rtrb::Producer<Slot<Other>>, other: Other) -> bool {
+    ring.push(Slot(Content::Other(other))).is_ok()
+}
+
+fn push_many<Other>(ring: &mut rtrb::Producer<Slot<Other>>, record: &Record, states: &[f64]) -> bool {
+    let Ok(chunk) = ring.write_chunk_uninit(slots_for(record)) else { return false };
+    let rest = states.get(FIRST..).unwrap_or(&[]).chunks(NEXT).map(|numbers| Slot(Content::States(padded(numbers))));
+    chunk.fill_from_iter(core::iter::once(first(record)).chain(rest));
+    true
+}
+
+/// Whether there is no room for a record.
+pub(super) fn is_full<Other>(ring: &rtrb::Producer<Slot<Other>>, record: &Record) -> bool {
+    ring.slots() < slots_for(record)
+}
+
+/// The next entry. The parts of a record are in the ring together.
+pub fn pop<Other>(ring: &mut rtrb::Consumer<Slot<Other>>) -> Option<Entry<Other>> {
+    loop {
+        let record = match ring.pop().ok()?.0 {
+            Content::State(head) => Record::State(state(ring, &head)?),
+            Content::Sample(sample) => Record::Sample(sample),
+            Content::Frame(frame) => Record::Frame(frame),
+            Content::Tick(tick) => Record::Tick(tick),
+            Content::Event(event) => Record::Event(event),
+            Content::Other(other) => return Some(Entry::Other(other)),
+            // Without its beginning it is no record.
+            Content::States(_) => continue,
+        };
+        return Some(Entry::Record(record));
+    }
+}
+
+/// The next record of a ring that has nothing else.
+pub(super) fn pop_record(ring: &mut rtrb::Consumer<Slot>) -> Option<Record> {
+    pop(ring).map(|entry| match entry {
+        Entry::Record(record) => record,
+        Entry::Other(never) => match never {},
+    })
+}
+
+fn state<Other>(ring: &mut rtrb::Consumer<Slot<Other>>, head: &Head) -> Option<StateRecord> {
+    let (count, moving) = (usize::from(head.count), usize::from(head.moving));
+    let mut numbers = [0.0; FIRST + (MOST_SLOTS - 1) * NEXT];
+    numbers[..FIRST].copy_from_slice(&head.first);
+    for part in numbers[FIRST..].chunks_exact_mut(NEXT).take(count.saturating_sub(FIRST).div_ceil(NEXT)) {
+        if let Content::States(states) = ring.pop().ok()?.0 {
+            part.copy_from_slice(&states);
+        }
+    }
+    let states = States::new(numbers.get(..moving)?, numbers.get(moving..count)?)?;
+    let Head { sample, torque_nm, force_n, is_end, .. } = *head;
+    Some(StateRecord { sample, states, torque_nm, force_n, is_end })
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn record(sample: u64, moving: usize, internal: usize) -> Record {
+        let number = |index: usize| sample as f64 + index as f64 / 128.0;
+        let numbers: Vec<f64> = (0..moving + internal).map(number).collect();
+        let states = States::new(&numbers[..moving], &numbers[moving..]).unwrap();
+        Record::State(StateRecord { sample, states, torque_nm: [1.0, 2.0], force_n: [3.0, 4.0], is_end: sample == 3 })
+    }
+
+    #[test]
+    fn records_of_any_length_come_out_as_they_went_in() {
+        let tick = TickRecord { sample: 7, wakeup_ns: 1, exec_ns: 2, overruns: 0, cause: None };
+        let (mut into, mut out) = rtrb::RingBuffer::<Slot>::new(64);
+        let records = [record(1, 4, 0), record(2, 4, 1), Record::Tick(tick), record(3, 16, 16), record(4, 64, 17)];
+        for _turn in 0..3 {
+            assert!(records.iter().all(|record| !is_full(&into, record) && push(&mut into, record)));
+            records.iter().for_each(|record| assert_eq!(pop_record(&mut out).as_ref(), Some(record)));
+            assert_eq!(pop_record(&mut out), None);
+        }
+    }
+
+    #[test]
+    fn a_record_without_room_is_left_out_whole() {
+        let (mut into, mut out) = rtrb::RingBuffer::<Slot>::new(MOST_SLOTS + 1);
+        let [wide, arm] = [record(1, 64, 17), record(2, 4, 0)];
+        assert!(push(&mut into, &wide) && is_full(&into, &wide) && !push(&mut into, &wide) && push(&mut into, &arm));
+        assert_eq!([pop_record(&mut out), pop_record(&mut out), pop_record(&mut out)], [Some(wide), Some(arm), None]);
+    }
+
+    #[test]
+    fn a_slot_is_no_longer_than_a_frame_needs() {
+        assert!(size_of::<Slot>() <= size_of::<FrameRecord>() + 8, "{}", size_of::<Slot>());
+    }
+}

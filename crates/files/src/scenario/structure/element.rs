@@ -1,0 +1,189 @@
+//! Elements of a structure as a scenario states them.
+
+use std::collections::BTreeMap;
+
+use serde::{Deserialize, Serialize};
+
+use super::StructureSectionError;
+use crate::nearest::nearest;
+use resonarm_dynamics::structure::{Axis, ElementSpec, Law, Place, Side};
+
+/// What an element is.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "kebab-case")]
+pub enum ElementKind {
+    /// A spring of force k3 x³ + k5 x⁵.
+    Cubic,
+    /// Backlash, or a stop on both sides.
+    Gap,
+    /// A contact on one side: of Kelvin and Voigt, or, with `dissipation_s_m`, of Hunt and Crossley.
+    Contact,
+    /// Elastic Coulomb friction.
+    Friction,
+    /// Friction of the LuGre model.
+    Lugre,
+    /// Coulomb friction, smoothed.
+    Tanh,
+}
+
+/// A point element. Its values have the unit in their key: `stiffness_n_m` along an axis, `stiffness_nm_rad` at a joint.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub struct ElementSection {
+    /// What it is.
+    pub kind: ElementKind,
+    /// Point and axis that it acts at against the ground, such as `tip.x`.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub at: Option<String>,
+    /// The joint of a chain that it acts about, from 1.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub joint: Option<usize>,
+    /// Its two ends, where neither is the ground.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub between: Option<[String; 2]>,
+    /// Which way along its axis a contact is; positive without it.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub side: Option<Side>,
+    /// Its values.
+    #[serde(flatten)]
+    pub values: BTreeMap<String, f64>,
+}
+
+/// The unit of a value: at an axis, and at a joint.
+#[derive(Clone, Copy)]
+struct Unit(&'static str, &'static str);
+
+const STIFFNESS: Unit = Unit("n_m", "nm_rad");
+const STIFFNESS3: Unit = Unit("n_m3", "nm_rad3");
+const STIFFNESS5: Unit = Unit("n_m5", "nm_rad5");
+const DAMPING: Unit = Unit("n_s_m", "nm_s_rad");
+const LENGTH: Unit = Unit("m", "rad");
+const VELOCITY: Unit = Unit("m_s", "rad_s");
+const FORCE: Unit = Unit("n", "nm");
+const HERTZ: Unit = Unit("n_m1_5", "nm_rad1_5");
+const DISSIPATION: Unit = Unit("s_m", "s_rad");
+
+/// Takes the values of an element one by one.
+struct Values<'a> {
+    number: usize,
+    is_joint: bool,
+    given: &'a BTreeMap<String, f64>,
+    known: Vec<String>,
+}
+
+impl Values<'_> {
+    fn key(&mut self, name: &str, unit: Unit) -> String {
+        let key = format!("{name}_{}", if self.is_joint { unit.1 } else { unit.0 });
+        self.known.push(key.clone());
+        key
+    }
+
+    fn optional(&mut self, name: &str, unit: Unit) -> Option<f64> {
+        let key = self.key(name, unit);
+        self.given.get(&key).copied()
+    }
+
+    fn required(&mut self, name: &str, unit: Unit) -> Result<f64, StructureSectionError> {
+        let key = self.key(name, unit);
+        let missing = || StructureSectionError::ElementKeyMissing { element: self.number, key: key.clone() };
+        self.given.get(&key).copied().ok_or_else(missing)
+    }
+
+    /// Refuses keys that nothing has asked for.
+    fn finish(self) -> Result<(), StructureSectionError> {
+        let Some(key) = self.given.keys().find(|key| !self.known.contains(key)) else { return Ok(()) };
+        let stem = |key: &str| key.split('_').next().unwrap_or_default().to_owned();
+        // The same value in the unit of the other kind of place is nearer than any spelling.
+        let same = self.known.iter().find(|known| stem(known) == stem(key)).cloned();
+        let nearest = same.or_else(|| nearest(key, self.known.iter().map(String::as_str)));
+        let known = self.known.join(", ");
+        Err(StructureSectionError::ElementKeyUnknown { element: self.number, key: key.clone(), nearest, known })
+    }
+}
+
+impl ElementSection {
+    /// The element; `number` counts from 1.
+    pub(super) fn spec(&self, number: usize) -> Result<ElementSpec, StructureSectionError> {
+        let (at, to) = self.ends(number)?;
+        let is_joint = matches!(at, Place::Joint(_));
+        let mut values = Values { number, is_joint, given: &self.values, known: Vec::new() };
+        let law = self.law(&mut values)?;
+        values.finish()?;
+        match (self.side, &law) {
+            (None, _) | (_, Law::KelvinVoigt { .. } | Law::HuntCrossley { .. }) => Ok(ElementSpec { at, to, law }),
+            (Some(_), _) => Err(StructureSectionError::SideIdle { element: number }),
+        }
+    }
+
+    fn ends(&self, number: usize) -> Result<(Place, Option<Place>), StructureSectionError> {
+        match (&self.at, self.joint, &self.between) {
+            (Some(at), None, None) => Ok((place(at)?, None)),
+            (None, Some(joint), None) => Ok((Place::Joint(joint), None)),
+            (None, None, Some([at, to])) => Ok((place(at)?, Some(place(to)?))),
+            _ => Err(StructureSectionError::ElementPlace { element: number }),
+        }
+    }
+
+    fn law(&self, values: &mut Values<'_>) -> Result<Law, StructureSectionError> {
+        let side = self.side.unwrap_or_default();
+        Ok(match self.kind {
+            ElementKind::Cubic => Law::Cubic {
+                stiffness3: values.required("stiffness3", STIFFNESS3)?,
+                stiffness5: values.optional("stiffness5", STIFFNESS5).unwrap_or(0.0),
+            },
+            ElementKind::Gap => {
+                Law::Gap { stiffness: values.required("stiffness", STIFFNESS)?, gap: values.required("gap", LENGTH)? }
+            }
+            ElementKind::Contact => match values.optional("dissipation", DISSIPATION) {
+                Some(damping) => Law::HuntCrossley {
+                    stiffness: values.required("stiffness", HERTZ)?,
+                    damping,
+                    gap: values.required("gap", LENGTH)?,
+                    side,
+                },
+                None => Law::KelvinVoigt {
+                    stiffness: values.required("stiffness", STIFFNESS)?,
+                    damping: values.optional("damping", DAMPING).unwrap_or(0.0),
+                    gap: values.required("gap", LENGTH)?,
+                    side,
+                },
+            },
+            ElementKind::Friction => {
+                let slip = slip(values)?;
+                Law::Friction { stiffness: values.required("stiffness", STIFFNESS)?, slip }
+            }
+            ElementKind::Lugre => {
+                let coulomb = slip(values)?;
+                Law::Lugre {
+                    bristle_stiffness: values.required("stiffness", STIFFNESS)?,
+                    bristle_damping: values.optional("damping", DAMPING).unwrap_or(0.0),
+                    viscous: values.optional("viscous", DAMPING).unwrap_or(0.0),
+                    coulomb,
+                    breakaway: values.optional("breakaway", FORCE).unwrap_or(coulomb),
+                    stribeck: values.required("stribeck", VELOCITY)?,
+                }
+            }
+            ElementKind::Tanh => Law::Tanh { slip: slip(values)?, velocity: values.required("velocity", VELOCITY)? },
+        })
+    }
+}
+
+/// `slip_force_n` or `slip_torque_nm`.
+fn slip(values: &mut Values<'_>) -> Result<f64, StructureSectionError> {
+    let name = if values.is_joint { "slip_torque" } else { "slip_force" };
+    values.required(name, FORCE)
+}
+
+/// The place that a text names: `tip.x`, or, in a chain, `joint2`.
+pub(super) fn place(text: &str) -> Result<Place, StructureSectionError> {
+    let unknown = || StructureSectionError::Place { got: text.to_owned() };
+    match text.split_once('.') {
+        Some((point, axis)) => {
+            let axis = Axis::ALL.into_iter().find(|known| known.name() == axis).ok_or_else(unknown)?;
+            Ok(Place::Dof { point: point.to_owned(), axis })
+        }
+        None => {
+            let number = text.strip_prefix("joint").and_then(|number| number.parse().ok()).ok_or_else(unknown)?;
+            Ok(Place::Joint(number))
+        }
+    }
+}

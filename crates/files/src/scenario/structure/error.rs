@@ -1,0 +1,121 @@
+//! What is wrong with a structure of a scenario.
+
+use std::path::PathBuf;
+
+use thiserror::Error;
+
+use resonarm_dynamics::structure::StructureError;
+
+/// Why the section `[structure]` of a scenario, or a file that it names, makes no structure.
+#[derive(Clone, Debug, PartialEq, Error)]
+#[non_exhaustive]
+pub enum StructureSectionError {
+    /// It is no structure.
+    #[error("structure: {0}")]
+    Structure(#[from] StructureError),
+    /// A key that is needed is missing.
+    #[error("structure: {missing} missing: {fix}")]
+    Missing {
+        /// The key, with `is` or `are`.
+        missing: &'static str,
+        /// How to fix it.
+        fix: &'static str,
+    },
+    /// A key that means nothing for the kind of structure.
+    #[error("structure: `{key}` says nothing about a structure of kind `{kind}`: leave it out")]
+    Idle {
+        /// The key.
+        key: &'static str,
+        /// The kind.
+        kind: &'static str,
+    },
+    /// An element lacks a key.
+    #[error("structure.elements, number {element}: `{key}` is missing")]
+    ElementKeyMissing {
+        /// The number of the element, from 1.
+        element: usize,
+        /// The key.
+        key: String,
+    },
+    /// An element has a key that it doesn't know.
+    #[error(
+        "structure.elements, number {element}: there is no `{key}` here{}: the keys are {known}",
+        nearest.as_ref().map(|nearest| format!(", did you mean `{nearest}`?")).unwrap_or_default()
+    )]
+    ElementKeyUnknown {
+        /// The number of the element, from 1.
+        element: usize,
+        /// The key.
+        key: String,
+        /// The nearest known key.
+        nearest: Option<String>,
+        /// The known keys.
+        known: String,
+    },
+    /// An element with no place, or several.
+    #[error("structure.elements, number {element}: give one of `at`, `joint` and `between`")]
+    ElementPlace {
+        /// The number of the element, from 1.
+        element: usize,
+    },
+    /// An element without sides has one.
+    #[error("structure.elements, number {element}: `side` is of contacts alone: leave it out")]
+    SideIdle {
+        /// The number of the element, from 1.
+        element: usize,
+    },
+    /// A text that names no place.
+    #[error("structure: `{got}` names no place: write point and axis, as in \"tip.x\"")]
+    Place {
+        /// The text.
+        got: String,
+    },
+    /// A mode without the displacement of a point that another mode has.
+    #[error("structure.modes, number {mode}: `shape` lacks `{place}`: give it in every mode, 0 where it does not move")]
+    ShapeMissing {
+        /// The number of the mode, from 1.
+        mode: usize,
+        /// Point and axis.
+        place: String,
+    },
+    /// The initial state has another length.
+    #[error("structure.initial has {got} numbers: give {expected}, the coordinates and their rates")]
+    Initial {
+        /// How many were given.
+        got: usize,
+        /// Twice the number of coordinates.
+        expected: usize,
+    },
+    /// A file can't be read.
+    #[error("can't read {}: {reason}; paths count from the scenario's folder", path.display())]
+    Read {
+        /// The file.
+        path: PathBuf,
+        /// Why.
+        reason: String,
+    },
+    /// A file has not what is needed.
+    #[error("{}: {what}", path.display())]
+    File {
+        /// The file.
+        path: PathBuf,
+        /// What is wrong with it, and how to fix it.
+        what: String,
+    },
+    /// Where an instrument or the exciter is can't be found.
+    #[error("rig.{instrument}: `at` {reason}")]
+    Rig {
+        /// The instrument.
+        instrument: &'static str,
+        /// Why.
+        reason: String,
+    },
+    /// Something of the scenario that only the two-link arm has.
+    #[error("{key} needs the two-link arm: {fix}")]
+    ArmOnly {
+        /// The key.
+        key: &'static str,
+        /// What to do.
+        fix: &'static str,
+    },
+}

@@ -1,0 +1,179 @@
+//! `[structure]`: a chain of links or vibration modes in place of the two-link arm, and elements at its points, which the
+//! arm may have as well.
+
+mod element;
+mod error;
+mod places;
+#[cfg(test)]
+mod tests;
+
+use std::collections::BTreeMap;
+
+use serde::{Deserialize, Serialize};
+
+pub use element::{ElementKind, ElementSection};
+pub use error::StructureSectionError;
+
+use resonarm_bench::plant::TestedAssembly;
+use resonarm_bench::rig::RigSpec;
+use resonarm_dynamics::arm::{Parameters, Pose};
+use resonarm_dynamics::structure::{
+    Assembly, BodySpec, ChainSpec, ElementSpec, Link, ModalSpec, ModeSpec, Place, ShapeSpec, StructureSpec,
+};
+
+/// What a structure is.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "lowercase")]
+pub enum StructureKind {
+    /// The two-link arm of `[arm]`, with elements.
+    #[default]
+    Arm,
+    /// A planar chain of links with compliant joints.
+    Chain,
+    /// Vibration modes.
+    Modal,
+}
+
+impl StructureKind {
+    /// Its name.
+    pub const fn name(self) -> &'static str {
+        match self {
+            StructureKind::Arm => "arm",
+            StructureKind::Chain => "chain",
+            StructureKind::Modal => "modal",
+        }
+    }
+}
+
+/// A mode with its shape.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct ModeSection {
+    /// Undamped natural frequency, Hz.
+    pub frequency_hz: f64,
+    /// Damping ratio.
+    pub damping_ratio: f64,
+    /// Displacement of each point along an axis, `tip.x`, of the shape that is normalised to the modal mass 1 kg, 1/√kg.
+    pub shape: BTreeMap<String, f64>,
+}
+
+/// A structure in place of the two-link arm, or elements on the arm.
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
+#[serde(default, deny_unknown_fields)]
+pub struct StructureSection {
+    /// What it is.
+    pub kind: StructureKind,
+    /// What it is called in headers and figures.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub name: Option<String>,
+    /// Acceleration of gravity along −y, m/s², of a chain; without it there is none.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub gravity_m_s2: Option<f64>,
+    /// Initial state: coordinates and their rates; at rest without it.
+    #[serde(skip_serializing_if = "Vec::is_empty")]
+    pub initial: Vec<f64>,
+    /// The links of a chain, from the base out.
+    #[serde(skip_serializing_if = "Vec::is_empty")]
+    pub links: Vec<Link>,
+    /// The modes of a modal structure.
+    #[serde(skip_serializing_if = "Vec::is_empty")]
+    pub modes: Vec<ModeSection>,
+    /// Where the points of a modal structure are, m, for pictures.
+    #[serde(skip_serializing_if = "BTreeMap::is_empty")]
+    pub points: BTreeMap<String, [f64; 3]>,
+    /// Elements at its points.
+    #[serde(skip_serializing_if = "Vec::is_empty")]
+    pub elements: Vec<ElementSection>,
+}
+
+impl StructureSection {
+    /// The structure; an arm has these parameters and this pose.
+    ///
+    /// # Errors
+    /// [`StructureSectionError`]: what of the section is missing, too much, or impossible.
+    pub fn assembly(&self, arm: impl FnOnce() -> (Parameters, Pose)) -> Result<Assembly, StructureSectionError> {
+        self.check_keys()?;
+        let body = match self.kind {
+            StructureKind::Arm => {
+                let (parameters, pose) = arm();
+                BodySpec::Chain(ChainSpec::from_arm(&parameters, pose))
+            }
+            StructureKind::Chain => {
+                let gravity_m_s2 = self.gravity_m_s2.unwrap_or(0.0);
+                BodySpec::Chain(ChainSpec { links: self.links.clone(), gravity_m_s2 })
+            }
+            StructureKind::Modal => BodySpec::Modal(self.modal()?),
+        };
+        let elements = self.elements.iter().zip(1..).map(|(element, number)| element.spec(number));
+        let elements: Vec<ElementSpec> = elements.collect::<Result<_, _>>()?;
+        Ok(Assembly::new(&StructureSpec { body, elements })?)
+    }
+
+    /// The structure under test: with its initial state, and where the rig is on it.
+    ///
+    /// # Errors
+    /// [`StructureSectionError`]: as [`StructureSection::assembly`], and what of the rig or the initial state does not
+    /// fit.
+    pub fn tested(
+        &self,
+        arm: impl FnOnce() -> (Parameters, Pose),
+        rig: &RigSpec,
+    ) -> Result<TestedAssembly, StructureSectionError> {
+        let assembly = self.assembly(arm)?;
+        if rig.shaker.is_some() {
+            let (key, fix) =
+                ("rig.shaker", "leave it out here: the ideal exciter of `rig.exciter` drives any structure");
+            return Err(StructureSectionError::ArmOnly { key, fix });
+        }
+        let expected = 2 * assembly.coordinates();
+        let initial = match self.initial.len() {
+            0 => vec![0.0; expected],
+            got if got == expected => self.initial.clone(),
+            got => return Err(StructureSectionError::Initial { got, expected }),
+        };
+        let places = places::places(&assembly, rig)?;
+        Ok(TestedAssembly { assembly, initial, places })
+    }
+
+    /// Refuses keys that its kind does not have, and those that are missing.
+    fn check_keys(&self) -> Result<(), StructureSectionError> {
+        let (links, modes) = (("links", !self.links.is_empty()), ("modes", !self.modes.is_empty()));
+        let (gravity, points) = (("gravity_m_s2", self.gravity_m_s2.is_some()), ("points", !self.points.is_empty()));
+        let (idle, missing): (&[(&'static str, bool)], _) = match self.kind {
+            StructureKind::Arm => (&[links, modes, gravity, points], None),
+            StructureKind::Chain => {
+                let fix = "add a table [[structure.links]] for every link, from the base out";
+                (&[modes, points], (!links.1).then_some(("`links` are", fix)))
+            }
+            StructureKind::Modal => {
+                let fix = "add a table [[structure.modes]] for every mode";
+                (&[links, gravity], (!modes.1).then_some(("`modes` are", fix)))
+            }
+        };
+        if let Some((missing, fix)) = missing {
+            return Err(StructureSectionError::Missing { missing, fix });
+        }
+        match idle.iter().find(|(_, is_given)| *is_given) {
+            Some((key, _)) => Err(StructureSectionError::Idle { key, kind: self.kind.name() }),
+            None => Ok(()),
+        }
+    }
+
+    fn modal(&self) -> Result<ModalSpec, StructureSectionError> {
+        let names: std::collections::BTreeSet<&String> = self.modes.iter().flat_map(|mode| mode.shape.keys()).collect();
+        let shape = |name: &&String| {
+            let missing =
+                |index: usize| StructureSectionError::ShapeMissing { mode: index + 1, place: (*name).clone() };
+            let value =
+                |(index, mode): (usize, &ModeSection)| mode.shape.get(*name).copied().ok_or_else(|| missing(index));
+            let by_mode = self.modes.iter().enumerate().map(value).collect::<Result<_, _>>()?;
+            match element::place(name)? {
+                Place::Dof { point, axis } => Ok(ShapeSpec { point, axis, by_mode }),
+                Place::Joint(_) => Err(StructureSectionError::Place { got: (*name).clone() }),
+            }
+        };
+        let shapes = names.iter().map(shape).collect::<Result<_, StructureSectionError>>()?;
+        let of = |mode: &ModeSection| ModeSpec { frequency_hz: mode.frequency_hz, damping_ratio: mode.damping_ratio };
+        Ok(ModalSpec { modes: self.modes.iter().map(of).collect(), shapes })
+    }
+}

@@ -1,0 +1,96 @@
+//! What a section `[structure]` makes, and what is said of one that makes nothing.
+
+use crate::scenario::Scenario;
+
+const CHAIN: &str = r#"
+[structure]
+kind = "chain"
+links = [
+  { length_m = 0.5, mass_kg = 10.0, centre_of_mass_m = 0.2, inertia_kg_m2 = 0.3, angle_deg = 30.0, stiffness_nm_rad = 2e5, damping_nm_s_rad = 5.0 },
+  { length_m = 0.4, mass_kg = 6.0, centre_of_mass_m = 0.2, inertia_kg_m2 = 0.1, angle_deg = -20.0, stiffness_nm_rad = 1e5, damping_nm_s_rad = 3.0 },
+  { length_m = 0.3, mass_kg = 3.0, centre_of_mass_m = 0.1, inertia_kg_m2 = 0.05, angle_deg = 40.0, stiffness_nm_rad = 5e4, damping_nm_s_rad = 1.0 },
+]
+"#;
+
+const MODAL: &str = r#"
+[structure]
+kind = "modal"
+[[structure.modes]]
+frequency_hz = 20
+damping_ratio = 0.004
+shape = { "tip.x" = 0.5, "mid.x" = 0.3 }
+[[structure.modes]]
+frequency_hz = 57.0
+damping_ratio = 0.006
+shape = { "tip.x" = -0.4, "mid.x" = 0.35 }
+"#;
+
+fn says(text: &str) -> String {
+    match Scenario::parse(text, "bench.toml").and_then(|scenario| scenario.tested_structure()) {
+        Ok(tested) => format!("{tested:?}"),
+        Err(error) => error.to_string(),
+    }
+}
+
+#[test]
+fn a_chain_and_modes_with_elements_are_structures_and_written_as_they_were_read() {
+    let chain = format!(
+        "{CHAIN}[[structure.elements]]\nkind = \"friction\"\njoint = 2\nstiffness_nm_rad = 2e4\nslip_torque_nm = 20\n"
+    );
+    let modal = format!(
+        "{MODAL}[[structure.elements]]\nkind = \"contact\"\nat = \"tip.x\"\nstiffness_n_m = 2e5\ngap_m = 1e-3\nside = \"negative\"\n"
+    );
+    let arm = "[structure]\n[[structure.elements]]\nkind = \"cubic\"\nat = \"tip.y\"\nstiffness3_n_m3 = 1e9\n";
+    for (text, coordinates, states) in [(&*chain, 3, 1), (&modal, 2, 0), (arm, 2, 0)] {
+        let scenario = Scenario::parse(text, "bench.toml").unwrap();
+        let tested = scenario.tested_structure().unwrap().unwrap();
+        assert_eq!((tested.assembly.coordinates(), tested.assembly.element_states()), (coordinates, states));
+        let written = Scenario::parse(&scenario.to_toml().unwrap(), "written.toml").unwrap();
+        assert_eq!(written.structure, scenario.structure);
+        insta::allow_duplicates! {
+            insta::assert_snapshot!(scenario.build_arm().unwrap_err(), @"the scenario has a [structure]: this needs the two-link arm without elements");
+        }
+    }
+}
+
+#[test]
+fn where_the_rig_is_follows_from_the_points_or_is_stated() {
+    let places = |text: &str| Scenario::parse(text, "bench.toml").unwrap().tested_structure().unwrap().unwrap();
+    let chain = places(CHAIN);
+    let dof = |name: &str| Some(chain.assembly.dof(name).unwrap());
+    assert_eq!(chain.places.exciter.along, [dof("tip.x"), dof("tip.y")]);
+    assert_eq!(chain.places.accelerometer_b.along, [dof("joint2.x"), dof("joint2.y")]);
+    let moved = places(&format!("{CHAIN}[rig.exciter]\nat = \"joint3\"\n[rig.accelerometer_b]\nat = \"tip.y\"\n"));
+    assert_eq!(moved.places.exciter.along, [dof("joint3.x"), dof("joint3.y")]);
+    assert_eq!(moved.places.accelerometer_b.along, [dof("tip.y"), None]);
+    assert_eq!(moved.places.accelerometer_c, moved.places.exciter);
+    let modal = places(MODAL);
+    assert_eq!(modal.places.exciter.along, [Some(modal.assembly.dof("tip.x").unwrap()), None]);
+}
+
+/// An element of the modal structure.
+fn element(lines: &str) -> String {
+    says(&format!("{MODAL}[[structure.elements]]\n{lines}\n"))
+}
+
+#[test]
+fn what_makes_no_structure_is_said() {
+    insta::assert_snapshot!(says("[structure]\nkind = \"chain\"\n"), @"structure: `links` are missing: add a table [[structure.links]] for every link, from the base out");
+    insta::assert_snapshot!(says(&format!("{MODAL}[[structure.links]]\nlength_m = 1\nmass_kg = 1\ncentre_of_mass_m = 1\ninertia_kg_m2 = 1\nangle_deg = 1\nstiffness_nm_rad = 1\ndamping_nm_s_rad = 1\n")), @"structure: `links` says nothing about a structure of kind `modal`: leave it out");
+    insta::assert_snapshot!(says(&MODAL.replace(r#", "mid.x" = 0.35"#, "")), @"structure.modes, number 2: `shape` lacks `mid.x`: give it in every mode, 0 where it does not move");
+    insta::assert_snapshot!(says(&CHAIN.replace("mass_kg = 6.0", "mass_kg = 0.0")), @"structure: link 2: `mass_kg` is 0: it must be a positive number");
+    insta::assert_snapshot!(says(&format!("{CHAIN}initial = [0.0, 0.0]\n")), @"structure.initial has 2 numbers: give 6, the coordinates and their rates");
+    insta::assert_snapshot!(says(&format!("{MODAL}[rig.exciter]\nat = \"top\"\n")), @"rig.exciter: `at` is `top`: the points are mid, tip");
+    insta::assert_snapshot!(says(&MODAL.replace("tip.", "top.")), @"rig.exciter: `at` is missing: name the point that it acts on; there are mid, top");
+}
+
+#[test]
+fn what_makes_no_element_is_said() {
+    insta::assert_snapshot!(element("kind = \"cubic\"\nat = \"top.x\"\nstiffness3_n_m3 = 1"), @"structure: there is no `top.x` in this structure: there are mid.x, tip.x");
+    insta::assert_snapshot!(element("kind = \"cubic\"\nat = \"tip\"\nstiffness3_n_m3 = 1"), @r#"structure: `tip` names no place: write point and axis, as in "tip.x""#);
+    insta::assert_snapshot!(element("kind = \"cubic\"\njoint = 1\nstiffness3_nm_rad3 = 1"), @"structure: joint 1: a structure of modes has no joints; name a point and an axis");
+    insta::assert_snapshot!(element("kind = \"cubic\"\nat = \"tip.x\"\nstiffness3_nm_rad3 = 1"), @"structure.elements, number 1: `stiffness3_n_m3` is missing");
+    insta::assert_snapshot!(element("kind = \"gap\"\nat = \"tip.x\"\nstiffness_n_m = 1\ngap_m = 0\nstiffness_nm_rad = 1"), @"structure.elements, number 1: there is no `stiffness_nm_rad` here, did you mean `stiffness_n_m`?: the keys are stiffness_n_m, gap_m");
+    insta::assert_snapshot!(element("kind = \"gap\"\nstiffness_n_m = 1\ngap_m = 0"), @"structure.elements, number 1: give one of `at`, `joint` and `between`");
+    insta::assert_snapshot!(element("kind = \"tanh\"\nat = \"tip.x\"\nside = \"negative\"\nslip_force_n = 1\nvelocity_m_s = 1"), @"structure.elements, number 1: `side` is of contacts alone: leave it out");
+}

@@ -1,0 +1,107 @@
+//! The commands on a structure of a scenario in place of the two-link arm.
+
+pub(crate) mod continuation;
+pub(crate) mod frf;
+pub(crate) mod modes;
+pub(crate) mod simulate;
+
+use clap::Args;
+
+use crate::failure::Failure;
+use resonarm::plant::TestedAssembly;
+use resonarm::scenario::Scenario;
+use resonarm::structure::{Assembly, Dof};
+use resonarm_numeric::number::short;
+
+/// The excitation of a structure.
+#[derive(Clone, Debug, Args)]
+pub(crate) struct StructureDriveFlags {
+    /// Of a scenario's structure: what is driven, point and axis as tip.x, or a joint as joint2.
+    #[arg(long, value_name = "DOF")]
+    pub drive: Option<String>,
+    /// Amplitude at --drive, N, or N·m at a joint.
+    #[arg(long, value_name = "A", requires = "drive")]
+    amplitude: Option<f64>,
+}
+
+impl StructureDriveFlags {
+    /// Refuses them for the two-link arm.
+    pub fn refuse(&self) -> Result<(), Failure> {
+        match &self.drive {
+            Some(drive) => Err(Failure::usage(format!(
+                "--drive {drive} is for a scenario with a [structure]: of the arm give --torque1-nm, --force-x-n or --force-y-n"
+            ))),
+            None => Ok(()),
+        }
+    }
+
+    /// The degree of freedom that is driven, with its name.
+    pub fn dof(&self, assembly: &Assembly) -> Result<(Dof, &str), Failure> {
+        let Some(name) = &self.drive else {
+            let known = assembly.dof_names().join(", ");
+            return Err(Failure::usage(format!(
+                "give the excitation of the structure: --drive DOF --amplitude A, with DOF one of {known}"
+            )));
+        };
+        Ok((dof("--drive", name, assembly)?, name))
+    }
+
+    /// The amplitude, if it is given.
+    pub const fn amplitude(&self) -> Option<f64> {
+        self.amplitude
+    }
+
+    /// The amplitude, finite and not 0.
+    pub fn needed_amplitude(&self) -> Result<f64, Failure> {
+        match self.amplitude {
+            Some(amplitude) if amplitude.is_finite() && amplitude != 0.0 => Ok(amplitude),
+            Some(amplitude) => Err(Failure::value("--amplitude", amplitude, "it must be a finite number other than 0")),
+            None => Err(Failure::usage("give the amplitude of the excitation: --amplitude A")),
+        }
+    }
+}
+
+/// The refusal of a load of the arm on a structure.
+pub(crate) fn arm_drive(assembly: &Assembly) -> Failure {
+    let known = assembly.dof_names().join(", ");
+    Failure::usage(format!(
+        "the scenario has a [structure]: give its load by --drive DOF --amplitude A, with DOF one of {known}"
+    ))
+}
+
+/// The degree of freedom that a flag names.
+pub(crate) fn dof(flag: &str, name: &str, assembly: &Assembly) -> Result<Dof, Failure> {
+    assembly.dof(name).map_err(|error| Failure::usage(format!("{flag} {name}: {error}")))
+}
+
+/// The unit of a load at a degree of freedom.
+pub(crate) fn load_unit(dof: Dof) -> &'static str {
+    if dof.is_angle() { "N·m" } else { "N" }
+}
+
+/// The unit of a displacement at a degree of freedom.
+pub(crate) fn displacement_unit(dof: Dof) -> &'static str {
+    if dof.is_angle() { "rad" } else { "m" }
+}
+
+/// What the structure is called in headers and figures.
+pub(crate) fn label(scenario: &Scenario, tested: &TestedAssembly) -> String {
+    let section = scenario.structure.as_ref();
+    let n = tested.assembly.coordinates();
+    let plain = match section.map(|section| section.kind.name()) {
+        Some("chain") => format!("chain of {n} {}", if n == 1 { "link" } else { "links" }),
+        Some("arm") => format!(
+            "{} at β1 = {}°, β2 = {}°",
+            scenario.arm.label(),
+            short(&scenario.arm.beta1_deg),
+            short(&scenario.arm.beta2_deg)
+        ),
+        _ => format!("{n} {}", if n == 1 { "mode" } else { "modes" }),
+    };
+    let name = section.and_then(|section| section.name.clone()).unwrap_or(plain);
+    match tested.assembly.elements() {
+        [] => name,
+        [one] => format!("{name} with an element, {}", one.law().name()),
+        many => format!("{name} with {} elements", many.len()),
+    }
+}
