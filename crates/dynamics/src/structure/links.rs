@@ -94,11 +94,10 @@ impl<T: Real, const N: usize> Kernel<T, N> {
     #[inline(always)]
     fn outer(&self, at: &Moving<T, N>, load: &LinksLoad<T, N>) -> ([T; N], T) {
         let (mut force, mut power) = ([T::splat(0.0); N], T::splat(0.0));
-        for i in 0..N {
-            let [x, y] = load.force_n[i];
+        for (i, (force, [x, y])) in force.iter_mut().zip(load.force_n).enumerate() {
             let tip = self.length_m[i] * (y * at.cosine[i] - x * at.sine[i]);
-            force[i] = tip - self.weight_nm[i] * self.rest[i].cosine_change(at.turn[i]);
-            power = power + force[i] * at.rate[i];
+            *force = tip - self.weight_nm[i] * self.rest[i].cosine_change(at.turn[i]);
+            power = power + *force * at.rate[i];
         }
         let (mut x, mut y) = (T::splat(0.0), T::splat(0.0));
         let squares: [T; N] = array::from_fn(|i| at.rate[i] * at.rate[i]);
@@ -124,14 +123,14 @@ impl<T: Real, const N: usize> Kernel<T, N> {
         for i in 0..N {
             let mut diagonal = self.inertia[i];
             for j in 0..i {
-                // H_ij less what is known, which is L_ij D_j.
+                // H_ij less what is known is L_ij D_j; the row keeps it until it is done, rows above have L.
                 let cosine = at.cosine[i] * at.cosine[j] + at.sine[i] * at.sine[j];
                 let mut scaled = self.length_m[j] * self.moment_kg_m[i] * cosine;
-                for k in 0..j {
-                    scaled = scaled - lower[i][k] * lower[j][k];
+                let (own, above) = (lower[i], lower[j]);
+                for (own, above) in own.iter().zip(&above).take(j) {
+                    scaled = scaled - *own * *above;
                 }
                 lower[i][j] = scaled;
-                // L_ik D_k is kept until the row is done: rows above already hold L.
             }
             for j in 0..i {
                 let scaled = lower[i][j];
@@ -183,10 +182,10 @@ impl<T: Real, const N: usize> Kernel<T, N> {
         for element in elements {
             power_w = power_w - element.act(motion, &at, &self.rest, &mut torque, &mut force);
         }
-        for i in 0..N {
+        for (i, torque) in torque.iter_mut().enumerate() {
             let damped = load.torque_nm[i] - self.damping[i] * motion.v[i];
             power_w = power_w + damped * motion.v[i];
-            torque[i] = (torque[i] - self.stiffness[i] * motion.x[i]) - self.damping[i] * motion.v[i];
+            *torque = (*torque - self.stiffness[i] * motion.x[i]) - self.damping[i] * motion.v[i];
         }
         Rates { acceleration: self.solved(&at, &torque, force), power_w }
     }
@@ -274,8 +273,8 @@ impl<const N: usize> Dynamics<N> for Links<N> {
         self.kernel.rates_anywhere(motion, load, &self.elements)
     }
 
-    /// From the unbalance r(q, q̇, q̈) = 0: ∂q̈/∂x = −M⁻¹ ∂r/∂x. A force along x and y at the ends of the links adds l (F_x
-    /// cos θ + F_y sin θ) to ∂r/∂φ; an element f ∂w/∂q + w f_x wᵀ to ∂r/∂q and w f_v wᵀ to ∂r/∂q̇.
+    /// From the unbalance r(q, q̇, q̈) = 0: ∂q̈/∂x = −M⁻¹ ∂r/∂x. A force along x and y at the ends of the links adds l
+    /// (F_x cos θ + F_y sin θ) to ∂r/∂φ; an element f ∂w/∂q + w f_x wᵀ to ∂r/∂q and w f_v wᵀ to ∂r/∂q̇.
     fn jacobian(&self, motion: &Motion<f64, N>, load: &LinksLoad<f64, N>) -> Jacobian<N> {
         let acceleration = Dynamics::rates(self, motion, load).acceleration;
         let [mut by_position, mut by_velocity, mut mass] = [[0.0; MOST_LINKS * MOST_LINKS]; 3];
@@ -330,8 +329,8 @@ impl<const N: usize> Dynamics<N> for Links<N> {
         libm::sqrt((0..N).map(share).sum())
     }
 
-    /// Without the weight's and the elements', which act as loads: ½ Σ c_ii φ̇_i² + Σ_j p_j φ̇_j (c_j Σ_{i<j} l_i c_i φ̇_i
-    /// + s_j Σ_{i<j} l_i s_i φ̇_i) + ½ Σ k q².
+    /// Without the weight's and the elements', which act as loads: ½ Σ c_ii φ̇_i² + Σ_j p_j φ̇_j (c_j Σ_{i<j} l_i c_i
+    /// φ̇_i + s_j Σ_{i<j} l_i s_i φ̇_i) + ½ Σ k q².
     fn energy_j(&self, motion: &Motion<f64, N>) -> f64 {
         let (at, kernel) = (self.kernel.moving::<true>(motion), &self.kernel);
         let (mut twice, mut cross, mut x, mut y) = (0.0, 0.0, 0.0, 0.0);
