@@ -26,6 +26,8 @@ use crate::real::Real;
 pub(super) struct Links<const N: usize> {
     chain: Chain,
     kernel: Kernel<f64, N>,
+    /// The same in every lane.
+    lanes: Kernel<Wide, N>,
     elements: Vec<SmoothElement<N>>,
     fastest_rad_s: f64,
 }
@@ -37,6 +39,27 @@ pub(super) struct LinksLoad<T, const N: usize> {
     pub torque_nm: [T; N],
     /// Forces along x and y at the end of each link and beyond, N.
     pub force_n: [[T; 2]; N],
+}
+
+impl<const N: usize> LinksLoad<f64, N> {
+    /// The same in every lane.
+    #[inline(always)]
+    fn splat(&self) -> LinksLoad<Wide, N> {
+        LinksLoad {
+            torque_nm: self.torque_nm.map(Wide::splat),
+            force_n: self.force_n.map(|force| force.map(Wide::splat)),
+        }
+    }
+}
+
+impl<const N: usize> LinksLoad<Wide, N> {
+    /// One in each lane.
+    fn gather<'a>(of: impl Fn(usize) -> &'a LinksLoad<f64, N>) -> LinksLoad<Wide, N> {
+        LinksLoad {
+            torque_nm: array::from_fn(|i| Wide::gather(|lane| of(lane).torque_nm[i])),
+            force_n: array::from_fn(|i| [0, 1].map(|axis| Wide::gather(|lane| of(lane).force_n[i][axis]))),
+        }
+    }
 }
 
 impl<const N: usize> Excitation<LinksLoad<f64, N>> for LinksLoad<f64, N> {
@@ -241,7 +264,8 @@ impl<const N: usize> Links<N> {
         let smooth = assembly.elements().iter().filter(|element| element.law.is_smooth());
         let elements = smooth.map(|element| SmoothElement::new(element, chain)).collect();
         let fastest_hz = assembly.modes().last().map_or(f64::NAN, |mode| mode.frequency_hz);
-        Links { chain: chain.clone(), kernel, elements, fastest_rad_s: core::f64::consts::TAU * fastest_hz }
+        let lanes = Kernel::gather(&kernel);
+        Links { chain: chain.clone(), kernel, lanes, elements, fastest_rad_s: core::f64::consts::TAU * fastest_hz }
     }
 
     /// M⁻¹ of one column, in place.
@@ -252,7 +276,7 @@ impl<const N: usize> Links<N> {
 
 /// The stages of a step of a chain.
 struct Stages<'a, const N: usize> {
-    kernel: Kernel<Wide, N>,
+    kernel: &'a Kernel<Wide, N>,
     load: LinksLoad<Wide, N>,
     elements: &'a [SmoothElement<N>],
 }
@@ -350,11 +374,7 @@ impl<const N: usize> Dynamics<N> for Links<N> {
         loads: &StageLoads<LinksLoad<f64, N>, S>,
         solve: V,
     ) -> V::Solution {
-        let lanes = |of: &dyn Fn(&LinksLoad<f64, N>) -> f64| Wide::gather(|lane| of(loads.at(lane)));
-        let load = LinksLoad {
-            torque_nm: array::from_fn(|i| lanes(&|load| load.torque_nm[i])),
-            force_n: array::from_fn(|i| [0, 1].map(|axis| lanes(&|load| load.force_n[i][axis]))),
-        };
-        solve.solve(&Stages { kernel: Kernel::gather(&self.kernel), load, elements: &self.elements })
+        let load = if loads.held { loads.at(0).splat() } else { LinksLoad::gather(|lane| loads.at(lane)) };
+        solve.solve(&Stages { kernel: &self.lanes, load, elements: &self.elements })
     }
 }
