@@ -48,14 +48,14 @@ pub(super) enum At {
 }
 
 impl Dof {
-    /// Whether it is an angle, rad, on which a torque acts, N·m; else it is a displacement, m, on which a force acts, N.
+    /// Whether it is an angle, rad, and a torque acts on it, N·m; else it is a displacement, m, with a force, N.
     pub fn is_angle(self) -> bool {
         matches!(self.0, At::Joint(_))
     }
 }
 
-/// The linear part of a structure at rest, by rows of n numbers: M q̈ + D q̇ + K q = p. With the slopes at rest of smooth
-/// elements; others are left out.
+/// The linear part of a structure at rest, by rows of n numbers: M q̈ + D q̇ + K q = p. With the slopes at rest of
+/// smooth elements; others are left out.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Linear {
     coordinates: usize,
@@ -170,7 +170,8 @@ impl Assembly {
         }
     }
 
-    /// The number of states of elements: one for each with a [state](super::Law::has_state), in the order of the elements.
+    /// The number of states of elements: one for each with a [state](super::Law::has_state), in the order of the
+    /// elements.
     pub fn element_states(&self) -> usize {
         self.element_states
     }
@@ -183,8 +184,8 @@ impl Assembly {
         }
     }
 
-    /// The names of the points: of a chain `joint1`, which is fixed, to the joint of its last link, and `tip`; of modes
-    /// those of the shapes.
+    /// The names of the points: of a chain `joint1`, which is fixed, to the joint of its last link, and `tip`; of
+    /// modes those of the shapes.
     pub fn points(&self) -> Vec<String> {
         match &self.body {
             Body::Chain(chain) => (0..=chain.n).map(|links| chain_point(chain.n, links)).collect(),

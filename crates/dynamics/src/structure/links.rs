@@ -26,6 +26,8 @@ use crate::real::Real;
 pub(super) struct Links<const N: usize> {
     chain: Chain,
     kernel: Kernel<f64, N>,
+    /// The same in every lane.
+    lanes: Kernel<Wide, N>,
     elements: Vec<SmoothElement<N>>,
     fastest_rad_s: f64,
 }
@@ -37,6 +39,27 @@ pub(super) struct LinksLoad<T, const N: usize> {
     pub torque_nm: [T; N],
     /// Forces along x and y at the end of each link and beyond, N.
     pub force_n: [[T; 2]; N],
+}
+
+impl<const N: usize> LinksLoad<f64, N> {
+    /// The same in every lane.
+    #[inline(always)]
+    fn splat(&self) -> LinksLoad<Wide, N> {
+        LinksLoad {
+            torque_nm: self.torque_nm.map(Wide::splat),
+            force_n: self.force_n.map(|force| force.map(Wide::splat)),
+        }
+    }
+}
+
+impl<const N: usize> LinksLoad<Wide, N> {
+    /// One in each lane.
+    fn gather<'a>(of: impl Fn(usize) -> &'a LinksLoad<f64, N>) -> LinksLoad<Wide, N> {
+        LinksLoad {
+            torque_nm: array::from_fn(|i| Wide::gather(|lane| of(lane).torque_nm[i])),
+            force_n: array::from_fn(|i| [0, 1].map(|axis| Wide::gather(|lane| of(lane).force_n[i][axis]))),
+        }
+    }
 }
 
 impl<const N: usize> Excitation<LinksLoad<f64, N>> for LinksLoad<f64, N> {
@@ -94,11 +117,10 @@ impl<T: Real, const N: usize> Kernel<T, N> {
     #[inline(always)]
     fn outer(&self, at: &Moving<T, N>, load: &LinksLoad<T, N>) -> ([T; N], T) {
         let (mut force, mut power) = ([T::splat(0.0); N], T::splat(0.0));
-        for i in 0..N {
-            let [x, y] = load.force_n[i];
+        for (i, (force, [x, y])) in force.iter_mut().zip(load.force_n).enumerate() {
             let tip = self.length_m[i] * (y * at.cosine[i] - x * at.sine[i]);
-            force[i] = tip - self.weight_nm[i] * self.rest[i].cosine_change(at.turn[i]);
-            power = power + force[i] * at.rate[i];
+            *force = tip - self.weight_nm[i] * self.rest[i].cosine_change(at.turn[i]);
+            power = power + *force * at.rate[i];
         }
         let (mut x, mut y) = (T::splat(0.0), T::splat(0.0));
         let squares: [T; N] = array::from_fn(|i| at.rate[i] * at.rate[i]);
@@ -124,14 +146,14 @@ impl<T: Real, const N: usize> Kernel<T, N> {
         for i in 0..N {
             let mut diagonal = self.inertia[i];
             for j in 0..i {
-                // H_ij less what is known, which is L_ij D_j.
+                // H_ij less what is known is L_ij D_j; the row keeps it until it is done, rows above have L.
                 let cosine = at.cosine[i] * at.cosine[j] + at.sine[i] * at.sine[j];
                 let mut scaled = self.length_m[j] * self.moment_kg_m[i] * cosine;
-                for k in 0..j {
-                    scaled = scaled - lower[i][k] * lower[j][k];
+                let (own, above) = (lower[i], lower[j]);
+                for (own, above) in own.iter().zip(&above).take(j) {
+                    scaled = scaled - *own * *above;
                 }
                 lower[i][j] = scaled;
-                // L_ik D_k is kept until the row is done: rows above already hold L.
             }
             for j in 0..i {
                 let scaled = lower[i][j];
@@ -183,10 +205,10 @@ impl<T: Real, const N: usize> Kernel<T, N> {
         for element in elements {
             power_w = power_w - element.act(motion, &at, &self.rest, &mut torque, &mut force);
         }
-        for i in 0..N {
+        for (i, torque) in torque.iter_mut().enumerate() {
             let damped = load.torque_nm[i] - self.damping[i] * motion.v[i];
             power_w = power_w + damped * motion.v[i];
-            torque[i] = (torque[i] - self.stiffness[i] * motion.x[i]) - self.damping[i] * motion.v[i];
+            *torque = (*torque - self.stiffness[i] * motion.x[i]) - self.damping[i] * motion.v[i];
         }
         Rates { acceleration: self.solved(&at, &torque, force), power_w }
     }
@@ -242,7 +264,8 @@ impl<const N: usize> Links<N> {
         let smooth = assembly.elements().iter().filter(|element| element.law.is_smooth());
         let elements = smooth.map(|element| SmoothElement::new(element, chain)).collect();
         let fastest_hz = assembly.modes().last().map_or(f64::NAN, |mode| mode.frequency_hz);
-        Links { chain: chain.clone(), kernel, elements, fastest_rad_s: core::f64::consts::TAU * fastest_hz }
+        let lanes = Kernel::gather(&kernel);
+        Links { chain: chain.clone(), kernel, lanes, elements, fastest_rad_s: core::f64::consts::TAU * fastest_hz }
     }
 
     /// M⁻¹ of one column, in place.
@@ -253,7 +276,7 @@ impl<const N: usize> Links<N> {
 
 /// The stages of a step of a chain.
 struct Stages<'a, const N: usize> {
-    kernel: Kernel<Wide, N>,
+    kernel: &'a Kernel<Wide, N>,
     load: LinksLoad<Wide, N>,
     elements: &'a [SmoothElement<N>],
 }
@@ -274,8 +297,8 @@ impl<const N: usize> Dynamics<N> for Links<N> {
         self.kernel.rates_anywhere(motion, load, &self.elements)
     }
 
-    /// From the unbalance r(q, q̇, q̈) = 0: ∂q̈/∂x = −M⁻¹ ∂r/∂x. A force along x and y at the ends of the links adds l (F_x
-    /// cos θ + F_y sin θ) to ∂r/∂φ; an element f ∂w/∂q + w f_x wᵀ to ∂r/∂q and w f_v wᵀ to ∂r/∂q̇.
+    /// From the unbalance r(q, q̇, q̈) = 0: ∂q̈/∂x = −M⁻¹ ∂r/∂x. A force along x and y at the ends of the links adds l
+    /// (F_x cos θ + F_y sin θ) to ∂r/∂φ; an element f ∂w/∂q + w f_x wᵀ to ∂r/∂q and w f_v wᵀ to ∂r/∂q̇.
     fn jacobian(&self, motion: &Motion<f64, N>, load: &LinksLoad<f64, N>) -> Jacobian<N> {
         let acceleration = Dynamics::rates(self, motion, load).acceleration;
         let [mut by_position, mut by_velocity, mut mass] = [[0.0; MOST_LINKS * MOST_LINKS]; 3];
@@ -330,8 +353,8 @@ impl<const N: usize> Dynamics<N> for Links<N> {
         libm::sqrt((0..N).map(share).sum())
     }
 
-    /// Without the weight's and the elements', which act as loads: ½ Σ c_ii φ̇_i² + Σ_j p_j φ̇_j (c_j Σ_{i<j} l_i c_i φ̇_i
-    /// + s_j Σ_{i<j} l_i s_i φ̇_i) + ½ Σ k q².
+    /// Without the weight's and the elements', which act as loads: ½ Σ c_ii φ̇_i² + Σ_j p_j φ̇_j (c_j Σ_{i<j} l_i c_i
+    /// φ̇_i + s_j Σ_{i<j} l_i s_i φ̇_i) + ½ Σ k q².
     fn energy_j(&self, motion: &Motion<f64, N>) -> f64 {
         let (at, kernel) = (self.kernel.moving::<true>(motion), &self.kernel);
         let (mut twice, mut cross, mut x, mut y) = (0.0, 0.0, 0.0, 0.0);
@@ -351,11 +374,7 @@ impl<const N: usize> Dynamics<N> for Links<N> {
         loads: &StageLoads<LinksLoad<f64, N>, S>,
         solve: V,
     ) -> V::Solution {
-        let lanes = |of: &dyn Fn(&LinksLoad<f64, N>) -> f64| Wide::gather(|lane| of(loads.at(lane)));
-        let load = LinksLoad {
-            torque_nm: array::from_fn(|i| lanes(&|load| load.torque_nm[i])),
-            force_n: array::from_fn(|i| [0, 1].map(|axis| lanes(&|load| load.force_n[i][axis]))),
-        };
-        solve.solve(&Stages { kernel: Kernel::gather(&self.kernel), load, elements: &self.elements })
+        let load = if loads.held { loads.at(0).splat() } else { LinksLoad::gather(|lane| loads.at(lane)) };
+        solve.solve(&Stages { kernel: &self.lanes, load, elements: &self.elements })
     }
 }

@@ -51,9 +51,8 @@ impl<const N: usize> SmoothElement<N> {
     #[inline(always)]
     fn position_and_velocity<T: Real>(&self, motion: &Motion<T, N>, at: &Moving<T, N>, rest: &[Angle<T>; N]) -> (T, T) {
         let (mut position, mut velocity) = (T::splat(0.0), T::splat(0.0));
-        for i in 0..N {
+        for (i, Angle { sine, cosine }) in rest.iter().copied().enumerate() {
             let (joint, [a, b]) = (T::splat(self.joints[i]), self.links_m[i].map(T::splat));
-            let Angle { sine, cosine } = rest[i];
             position =
                 position + joint * motion.x[i] + at.turn[i].weighed(b * cosine - a * sine, a * cosine + b * sine);
             velocity = velocity + joint * motion.v[i] + (b * at.cosine[i] - a * at.sine[i]) * at.rate[i];

@@ -2,7 +2,8 @@
 //!
 //! What makes the step depends on the structure:
 //!
-//! - a chain, with smooth elements or none: the scheme that is asked for ([`Integrator`](crate::integrate::Integrator));
+//! - a chain, with smooth elements or none: the scheme that is asked for, by an
+//!   [`Integrator`](crate::integrate::Integrator);
 //! - modes without elements: exactly, by the flow of each mode, whatever the scheme;
 //! - all others: explicit steps of order 8 between the switches of the elements, whatever the scheme; a switch is
 //!   located to rounding and the step goes on behind it.

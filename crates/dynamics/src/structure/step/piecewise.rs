@@ -17,7 +17,7 @@ use super::locate::{Located, locate};
 use super::{Engine, StateRef, StepError, StepLoad, rows};
 use crate::integrate::dop853::DOP853;
 use crate::structure::assembly::{Assembly, Body, Dof};
-use crate::structure::element::{Branch, Element};
+use crate::structure::element::{Branch, Element, Margin};
 use crate::structure::modes::{cholesky, solve_cholesky};
 use crate::structure::spec::Law;
 use crate::structure::{MOST_COORDINATES, MOST_ELEMENTS};
@@ -33,6 +33,9 @@ const MOST_EVENTS: u32 = 64;
 /// The parts after a contact of Hunt and Crossley closes, where its force goes with the time to the power 1.5, start
 /// with this share of their length, and double; before it opens they become as short.
 const FIRST_SHARE: f64 = 1.0 / 64.0;
+
+/// Lows of a margin up to this share of the change of its slope times the part are looked at: more than the cubic errs.
+const DIP: f64 = 1e-3;
 
 /// The state of a structure with elements.
 #[derive(Clone, Copy, Debug)]
@@ -185,13 +188,9 @@ impl Piecewise {
                     continue;
                 }
                 let weight = h_s * weight;
-                for k in 0..n {
-                    stage.q[k] += weight * velocity[k];
-                    stage.v[k] += weight * slope.acceleration[k];
-                }
-                for k in 0..m {
-                    stage.z[k] += weight * slope.z[k];
-                }
+                add(&mut stage.q[..n], weight, velocity);
+                add(&mut stage.v[..n], weight, &slope.acceleration);
+                add(&mut stage.z[..m], weight, &slope.z);
             }
             stage
         };
@@ -207,21 +206,36 @@ impl Piecewise {
         Start { state: *state, slope: self.slope(state, &self.branches, (load, t_s)), t_s }
     }
 
-    /// The least of the margins; negative where an element has left its branch. NaN counts as negative.
-    fn margin(&self, state: &State, branches: &Branches) -> f64 {
+    /// The margins of an element.
+    fn margins(&self, index: usize, element: &Element, state: &State) -> [Option<Margin>; 2] {
+        let (position, velocity) = self.element_motion(index, element, state);
+        element.law.margins(self.branches[index], position, velocity, element.own(&state.z))
+    }
+
+    /// The least of the margins; negative where an element has left its branch.
+    fn margin(&self, state: &State) -> f64 {
         let mut least = f64::INFINITY;
         for (i, element) in self.assembly.elements().iter().enumerate() {
-            if element.law.is_smooth() {
-                continue;
-            }
-            let (position, velocity) = self.element_motion(i, element, state);
-            for (margin, _) in
-                element.law.margins(branches[i], position, velocity, element.own(&state.z)).iter().flatten()
-            {
-                least = if *margin >= least { least } else { *margin };
+            for margin in self.margins(i, element, state).iter().flatten() {
+                least = least.min(margin.value);
             }
         }
         least
+    }
+
+    /// When in a part of `h_s` a margin that is not negative at its ends may be: the first of the lows of the margins'
+    /// cubics through both ends.
+    fn dip_s(&self, start: &State, end: &State, h_s: f64) -> Option<f64> {
+        let mut first: Option<f64> = None;
+        for (i, element) in self.assembly.elements().iter().enumerate() {
+            let margins = self.margins(i, element, start).into_iter().zip(self.margins(i, element, end));
+            for (start, end) in margins.filter_map(|(start, end)| Some((start?, end?))) {
+                if let Some(at_s) = dip_s([start, end], h_s) {
+                    first = Some(first.map_or(at_s, |first| first.min(at_s)));
+                }
+            }
+        }
+        first
     }
 
     /// Switches the elements that have left their branch; whether a contact of Hunt and Crossley closes.
@@ -229,9 +243,8 @@ impl Piecewise {
         let mut rough = false;
         for i in 0..self.assembly.elements().len() {
             let element = self.assembly.elements()[i];
-            let (position, velocity) = self.element_motion(i, &element, state);
-            let margins = element.law.margins(self.branches[i], position, velocity, element.own(&state.z));
-            if let Some((_, to)) = margins.into_iter().flatten().find(|(margin, _)| *margin < 0.0) {
+            let margins = self.margins(i, &element, state);
+            if let Some(Margin { to, .. }) = margins.into_iter().flatten().find(|margin| margin.value < 0.0) {
                 self.branches[i] = to;
                 self.events += 1;
                 rough |= to == Branch::Upper && matches!(element.law, Law::HuntCrossley { .. });
@@ -246,9 +259,8 @@ impl Piecewise {
     /// Whether a contact of Hunt and Crossley ends at a state.
     fn opens_roughly(&self, state: &State) -> bool {
         let opens = |(i, element): (usize, &Element)| {
-            let (position, velocity) = self.element_motion(i, element, state);
-            let mut margins = element.law.margins(self.branches[i], position, velocity, 0.0).into_iter().flatten();
-            self.branches[i] == Branch::Upper && margins.any(|(margin, _)| margin < 0.0)
+            let mut margins = self.margins(i, element, state).into_iter().flatten();
+            self.branches[i] == Branch::Upper && margins.any(|margin| margin.value < 0.0)
         };
         let elements = self.assembly.elements().iter().enumerate();
         elements.filter(|(_, element)| matches!(element.law, Law::HuntCrossley { .. })).any(opens)
@@ -278,7 +290,7 @@ impl Piecewise {
         let (mut state, mut done_s, mut share, first_event) = (self.state, 0.0, 1.0, self.events);
         // Every pass makes a part or switches, and both are bounded.
         loop {
-            if self.margin(&state, &self.branches) < 0.0 {
+            if self.margin(&state) < 0.0 {
                 if self.switch(&mut state) {
                     share = FIRST_SHARE;
                 }
@@ -296,14 +308,20 @@ impl Piecewise {
             let h_s = share * part_s;
             share = (2.0 * share).min(1.0);
             let start = self.start(&state, load, t_s + done_s);
-            let Located { state: next, after_s } = {
-                let trial = |h_s: f64| {
-                    let next = self.moved(&start, &self.branches, load, h_s);
-                    let margin = self.margin(&next, &self.branches);
-                    (next, margin)
-                };
-                locate(h_s, self.margin(&state, &self.branches), trial)
+            let trial = |h_s: f64| {
+                let next = self.moved(&start, &self.branches, load, h_s);
+                let margin = self.margin(&next);
+                (next, margin)
             };
+            let before = self.margin(&state);
+            let mut located = locate(h_s, before, trial);
+            if located.after_s == h_s
+                && let Some(dip_s) = self.dip_s(&state, &located.state, h_s)
+                && trial(dip_s).1 < 0.0
+            {
+                located = locate(dip_s, before, trial);
+            }
+            let Located { state: next, after_s } = located;
             if after_s < h_s && after_s > FIRST_SHARE * part_s && self.opens_roughly(&next) {
                 // Towards the end of such a contact half of the way each time.
                 state = self.moved(&start, &self.branches, load, 0.5 * after_s);
@@ -349,6 +367,32 @@ impl Piecewise {
         let (n, m) = (self.assembly.coordinates(), self.assembly.element_states());
         state.q[..n].iter().chain(&state.v[..n]).chain(&state.z[..m]).fold(true, |all, number| all & number.is_finite())
     }
+}
+
+/// sum += weight · of.
+fn add(sum: &mut [f64], weight: f64, of: &[f64]) {
+    sum.iter_mut().zip(of).for_each(|(sum, of)| *sum += weight * of);
+}
+
+/// When a margin that falls at the start and rises at the end of `h_s` is least, if that is not clearly positive. With
+/// the share s of h, m from its ends and slopes d is the cubic of C. Hermite, whose slope is A s² + B s + C,
+///
+/// ```text
+/// A = 6 (m₀ − m₁) + 3h (d₀ + d₁)     B = −6 (m₀ − m₁) − 4h d₀ − 2h d₁     C = h d₀
+/// ```
+fn dip_s([start, end]: [Margin; 2], h_s: f64) -> Option<f64> {
+    let (fall, rise) = (h_s * start.rate?, h_s * end.rate?);
+    if !(fall < 0.0 && rise > 0.0) {
+        return None;
+    }
+    let drop = start.value - end.value;
+    let (a, b) = (6.0 * drop + 3.0 * (fall + rise), -6.0 * drop - 4.0 * fall - 2.0 * rise);
+    let larger = -0.5 * (b + libm::copysign(libm::sqrt((b * b - 4.0 * a * fall).max(0.0)), b));
+    let at = [larger / a, fall / larger].into_iter().find(|at| *at > 0.0 && *at < 1.0)?;
+    let (back, turn) = (1.0 - at, at * (1.0 - at));
+    let value = start.value * back * back * (1.0 + 2.0 * at) + end.value * at * at * (3.0 - 2.0 * at);
+    let low = value + turn * (back * fall - at * rise);
+    (low < DIP * (rise - fall)).then_some(at * h_s)
 }
 
 impl Engine for Piecewise {

@@ -187,8 +187,8 @@ fn derivatives_of_the_unbalance_are_exact() {
     check_matrix(&at.by_acceleration, &differences(a, |a| unbalance(&X, &V, a)));
 }
 
-/// Two implementations: q̈ of the integrators leaves no unbalance, with the forces of elements and loads; its derivatives
-/// are exact.
+/// Two implementations: q̈ of the integrators leaves no unbalance, with the forces of elements and loads; its
+/// derivatives are exact.
 #[test]
 fn integrators_solve_the_unbalance() {
     let assembly = hard_chain();

@@ -1,5 +1,5 @@
-//! Elements in time: against motions between switches in closed form, against tiny steps of another method, and by their
-//! energy.
+//! Elements in time: against motions between switches in closed form, against tiny steps of another method, and by
+//! their energy.
 
 use core::f64::consts::TAU;
 
@@ -55,8 +55,8 @@ fn one_mode(law: Law) -> Assembly {
     assembly(BodySpec::Modal(ModalSpec { modes, shapes }), vec![grounded(along("tip", Axis::X), law)])
 }
 
-/// The motion of that mode after 0.15 s under 30 N from rest by the classical method in 600 000 steps. `law` is the force
-/// and ż at x, v and z, which it may limit.
+/// The motion of that mode after 0.15 s under 30 N from rest by the classical method in 600 000 steps. `law` is the
+/// force and ż at x, v and z.
 fn by_tiny_steps(law: impl Fn(f64, f64, f64) -> [f64; 2]) -> [f64; 2] {
     let (steps, omega) = (600_000, TAU * 20.0);
     let h = 0.15 / f64::from(steps);
@@ -151,8 +151,8 @@ impl Halves {
         assembly.elements().iter().filter(|element| energy_j(element) > 0.0).count()
     }
 
-    /// Goes on by a step of a level, and tells what is lost in it, J: by the rule of G. Boole over its quarters if nothing
-    /// switches in it, else half by half, the shortest by the trapezoidal rule.
+    /// Goes on by a step of a level, and tells what is lost in it, J: by the rule of G. Boole over its quarters if
+    /// nothing switches in it, else half by half, the shortest by the trapezoidal rule.
     fn lost_j(&mut self, level: usize, saved: &mut [f64], force: f64) -> f64 {
         let last = self.steppers.len() - 1;
         self.steppers[level].restore(saved).unwrap();
@@ -222,4 +222,105 @@ fn energy_is_balanced() {
         println!("{names:?} {defect:e} {work} {lost} events {}", halves.steppers[0].events());
         assert!(lost > 0.0 && defect < 1e-9, "{names:?} {stored} {work} {lost}");
     }
+}
+
+/// A chain of three links whose tip meets a wall, with friction in a joint.
+fn touching_chain() -> Assembly {
+    let wall = Law::KelvinVoigt { stiffness: 2e5, damping: 50.0, gap: 0.0005, side: Side::Negative };
+    let friction = Law::Friction { stiffness: 2e4, slip: 6.0 };
+    let elements = vec![grounded(along("tip", Axis::Y), wall), grounded(Place::Joint(3), friction)];
+    assembly(BodySpec::Chain(chain_of(&oracles("chains")[2])), elements)
+}
+
+/// Steps a chain from a state with rest branches for 60 ms.
+fn chain_after(rate_hz: f64) -> (Vec<f64>, u64) {
+    let assembly = touching_chain();
+    let tip = assembly.dof("tip.y").unwrap();
+    let mut stepper = Stepper::new(&assembly, &[tip], Scheme::Exponential8, rate_hz).unwrap();
+    stepper.restore(&[0.0; 7]).unwrap();
+    for k in 0..(0.06 * rate_hz) as u32 {
+        stepper.advance(f64::from(k) / rate_hz, &[-400.0]).unwrap();
+    }
+    let mut saved = vec![0.0; stepper.states()];
+    saved[..3].copy_from_slice(stepper.position());
+    saved[3..6].copy_from_slice(stepper.velocity());
+    saved[6..].copy_from_slice(stepper.element_states());
+    (saved, stepper.events())
+}
+
+/// Between switches the method is of order 8, so the motion doesn't depend on the step; lost switches would show here.
+#[test]
+fn switches_of_a_chain_are_located_at_every_rate() {
+    let (fine, fine_events) = chain_after(20_000.0);
+    let (coarse, coarse_events) = chain_after(500.0);
+    assert!(fine_events > 4 && fine_events == coarse_events, "{fine_events} {coarse_events}");
+    for i in 0..7 {
+        assert!(
+            (fine[i] - coarse[i]).abs() < 1e-9 * if (3..6).contains(&i) { 10.0 } else { 1.0 },
+            "{fine:?} {coarse:?}"
+        );
+    }
+}
+
+/// From a saved state the same steps have the same bits, also in the middle of slipping and touching.
+#[test]
+fn restored_steppers_step_bit_for_bit() {
+    let assembly = touching_chain();
+    let tip = assembly.dof("tip.y").unwrap();
+    let mut first = Stepper::new(&assembly, &[tip], Scheme::Exponential8, 2000.0).unwrap();
+    let mut second = first.clone();
+    let mut saved = vec![0.0; first.saved_len()];
+    for k in 0..200 {
+        first.save(&mut saved).unwrap();
+        second.restore(&saved).unwrap();
+        let load = [-400.0 + 3.0 * f64::from(k)];
+        first.advance(0.0, &load).unwrap();
+        second.advance(0.0, &load).unwrap();
+        let bits = |stepper: &Stepper| {
+            let mut saved = vec![0.0; stepper.saved_len()];
+            stepper.save(&mut saved).unwrap();
+            saved.iter().map(|number| number.to_bits()).collect::<Vec<_>>()
+        };
+        assert_eq!(bits(&first), bits(&second));
+    }
+}
+
+/// A mode that touches and leaves walls many times in one step: what is not located is counted, and the motion goes on.
+#[test]
+fn too_many_switches_are_counted() {
+    let modes = vec![ModeSpec { frequency_hz: 300.0, damping_ratio: 0.0 }];
+    let shape = |point: &str| ShapeSpec { point: point.into(), axis: Axis::X, by_mode: vec![1.0] };
+    let gap = |point: &str, gap: f64| grounded(along(point, Axis::X), Law::Gap { stiffness: 1e5, gap });
+    let body = BodySpec::Modal(ModalSpec { modes, shapes: vec![shape("tip"), shape("mid")] });
+    let assembly = assembly(body, vec![gap("tip", 1e-6), gap("mid", 2e-6)]);
+    let mut stepper = stepper(&assembly, 25.0);
+    stepper.restore(&[1e-5, 0.0]).unwrap();
+    let energy = |stepper: &Stepper| {
+        assembly.energy_j(stepper.position(), stepper.velocity()) + assembly.element_energy_j(stepper.position(), &[])
+    };
+    let before = energy(&stepper);
+    stepper.advance(0.0, &[0.0]).unwrap();
+    assert_eq!(stepper.fallbacks(), 1);
+    assert!(stepper.events() > 64, "{}", stepper.events());
+    assert!((energy(&stepper) / before - 1.0).abs() < 0.05, "{before} {}", energy(&stepper));
+    // Enough steps locate them all.
+    let mut fine = Stepper::new(&assembly, &[], Scheme::Exponential8, 1000.0).unwrap();
+    fine.restore(&[1e-5, 0.0]).unwrap();
+    (0..40).for_each(|_| fine.advance(0.0, &[]).unwrap());
+    assert_eq!(fine.fallbacks(), 0);
+    assert!((energy(&fine) / before - 1.0).abs() < 1e-8, "{before} {}", energy(&fine));
+}
+
+/// A touch of 22 µs, between two samples that are 1 ms apart, is not missed.
+#[test]
+fn touches_between_samples_are_found() {
+    let wall = Law::Gap { stiffness: 1e5, gap: 1e-3 * (1.0 - 1e-6) };
+    let assembly = one_mode(wall);
+    let mut stepper = stepper(&assembly, 1000.0);
+    // x = q/2; the period is 50 ms.
+    stepper.restore(&[0.0, 2e-3 * TAU * 20.0]).unwrap();
+    for _ in 0..200 {
+        stepper.advance(0.0, &[0.0]).unwrap();
+    }
+    assert_eq!(stepper.events(), 16);
 }
