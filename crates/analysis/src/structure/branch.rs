@@ -10,6 +10,7 @@ use resonarm_dynamics::structure::Dof;
 use super::balance::Balance;
 use super::orbit::{Bifurcation, Branch, Orbit, Reading, TraceOptions};
 use super::spectral::largest;
+use super::walk::Walk;
 use super::{Coordinate, Forced};
 use crate::continuation::{Continuation, Point, System, at_parameter};
 use crate::locate::search;
@@ -35,11 +36,11 @@ pub fn trace(
 ) -> Result<Branch, EndedEarly<Branch>> {
     let mut balance = Balance::new(forced, frequency_hz, coordinate, options.branch.least_harmonics);
     check(&mut balance, options)?;
-    let mut continuation = enter(&mut balance, options)?;
+    let mut walk = Walk::new(enter(&mut balance, options)?);
     let mut tracer = Tracer { balance, options, branch: Branch::default() };
-    let reason = tracer.follow(&mut continuation).err();
+    let reason = tracer.follow(&mut walk).err();
     let mut branch = tracer.branch;
-    branch.work = continuation.work();
+    branch.work = walk.work();
     branch.bifurcations.sort_by(|a, b| a.orbit.arclength.total_cmp(&b.orbit.arclength));
     match reason {
         None => Ok(branch),
@@ -151,20 +152,19 @@ struct Tracer<'a> {
 }
 
 impl Tracer<'_> {
-    fn follow(&mut self, continuation: &mut Continuation) -> Result<(), AnalysisError> {
+    fn follow(&mut self, walk: &mut Walk) -> Result<(), AnalysisError> {
         let branch = &self.options.branch;
-        adapt(&mut self.balance, continuation, self.options)?;
-        let mut points: Vec<Point> = Vec::new();
-        let mut before = continuation.point().clone();
+        adapt(&mut self.balance, &mut walk.continuation, self.options)?;
+        let mut before = walk.point().clone();
         self.push(&before);
         loop {
             if self.branch.orbits.len() >= branch.most_points {
                 let at = self.balance.place(before.lambda);
                 return Err(AnalysisError::TooManyPoints { points: branch.most_points, at });
             }
-            continuation.advance(&mut self.balance)?;
-            adapt(&mut self.balance, continuation, self.options)?;
-            let reached = continuation.point();
+            walk.advance(&mut self.balance, &branch.continuation)?;
+            adapt(&mut self.balance, &mut walk.continuation, self.options)?;
+            let reached = walk.point();
             let end = match branch.left_at(reached.lambda) {
                 Some(limit) => {
                     Some(at_parameter(&mut self.balance, &branch.continuation, [&before, reached], limit)?)
@@ -174,7 +174,7 @@ impl Tracer<'_> {
             let after = end.clone().unwrap_or_else(|| reached.clone());
             self.detect(&before, &after)?;
             self.push(&after);
-            points.push(core::mem::replace(&mut before, after));
+            before = after;
             if end.is_some() {
                 return Ok(());
             }

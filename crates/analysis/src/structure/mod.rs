@@ -15,6 +15,7 @@ mod orbit;
 mod samples;
 mod spectral;
 mod unknowns;
+mod walk;
 
 pub use branch::trace;
 pub use forced::{Coordinate, Forced};
