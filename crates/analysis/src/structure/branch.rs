@@ -8,7 +8,8 @@ use nalgebra::Complex;
 use resonarm_dynamics::structure::Dof;
 
 use super::balance::Balance;
-use super::orbit::{Bifurcation, Branch, Orbit, Reading, TraceOptions};
+use super::floquet::stability;
+use super::orbit::{Assess, Bifurcation, Branch, Orbit, Reading, Stability, TraceOptions};
 use super::spectral::largest;
 use super::walk::Walk;
 use super::{Coordinate, Forced};
@@ -186,6 +187,11 @@ impl Tracer<'_> {
         self.branch.orbits.push(orbit);
     }
 
+    /// The stability of the motion last evaluated, if it is asked for.
+    fn stability(&self, x: &[f64]) -> Option<Stability> {
+        if self.options.assess == Assess::Multipliers { stability(&self.balance, x) } else { None }
+    }
+
     /// Locates the fold between two neighbouring points, if there is one.
     fn detect(&mut self, a: &Point, b: &Point) -> Result<(), AnalysisError> {
         let direction = |point: &Point| point.tangent.last().copied().unwrap_or(0.0);
@@ -215,7 +221,7 @@ impl Tracer<'_> {
             frequency_hz: self.balance.frequency_hz,
             drive: self.balance.forced.amplitude,
             readings: self.options.read.iter().map(|&dof| reading(&self.balance, dof)).collect(),
-            stability: None,
+            stability: self.stability(&point.x),
             harmonics: needed,
             coefficients: point.x.clone(),
             arclength: point.arclength,

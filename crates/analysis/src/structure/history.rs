@@ -79,6 +79,11 @@ impl History {
         self.direction.clear();
     }
 
+    /// Whether friction sticks at a sample.
+    pub fn is_free(&self, sample: usize) -> bool {
+        self.steps[sample].free * self.steps[sample].by_state > 0.0
+    }
+
     /// The state over the period from `position` and `velocity`; samples are `step_s` apart.
     pub fn run(&mut self, law: &Law, step_s: f64, frequency_hz: f64) {
         let samples = self.position.len();

@@ -44,6 +44,13 @@ pub(super) struct Geometry {
     curvature: Option<([f64; MOST_LINKS * MOST_LINKS], [f64; MOST_LINKS])>,
 }
 
+impl Geometry {
+    /// ∂v/∂u of one unknown.
+    pub fn velocity_by_position(&self, unknown: usize) -> f64 {
+        self.curvature.as_ref().map_or(0.0, |(_, turning)| turning[unknown])
+    }
+}
+
 impl Samples {
     /// For the elements of a structure; [`Samples::set`] comes next.
     pub fn new(forced: &Forced, unknowns: &Unknowns) -> Samples {

@@ -2,13 +2,17 @@ use alloc::vec;
 use alloc::vec::Vec;
 
 use resonarm_dynamics::structure::{
-    Assembly, Axis, BodySpec, ElementSpec, Law, ModalSpec, ModeSpec, Place, ShapeSpec, Side, StructureSpec,
+    Assembly, Axis, BodySpec, ChainSpec, ElementSpec, Law, ModalSpec, ModeSpec, Place, ShapeSpec, Side, StructureSpec,
 };
 use serde_json::Value;
 
 use super::balance::Balance;
 use super::*;
 use crate::continuation::System;
+use crate::tests::arm_at;
+use crate::{BranchOptions, Drive, ForcedArm, FrequencyResponse, Quantity, Response, trace};
+use nalgebra::Normed as _;
+use resonarm_dynamics::arm::{Load, Preset};
 
 /// The cases of a kind; see `tests/oracles/README.md`.
 fn oracles(kind: &str) -> Vec<Value> {
@@ -70,7 +74,7 @@ fn branch_of(case: &Value) -> Branch {
     let forced = Forced::new(assembly, drive, number(case, "force_n"));
     let ends = [number(case, "from_hz"), number(case, "to_hz")];
     let options = TraceOptions::new(&forced, Coordinate::FrequencyHz, ends, vec![read]);
-    match trace(&forced, 20.0, Coordinate::FrequencyHz, &options) { Ok(b) => b, Err(e) => { println!("{e}"); *e.so_far } }
+    match super::trace(&forced, 20.0, Coordinate::FrequencyHz, &options) { Ok(b) => b, Err(e) => { println!("{e}"); *e.so_far } }
 }
 
 #[test]
@@ -145,6 +149,53 @@ fn derivatives_agree(forced: &Forced, name: &str) {
             assert!((exact - seen).abs() < 1e-4 * size, "{name} row {i}: {exact} {seen} of {size}");
             let (exact, seen) = (matrix[i + (n + 1) * n] * value, (higher[i] - lower[i]) / (2.0 * h));
             assert!((exact - seen).abs() < 1e-4 * size, "{name} {coordinate} row {i}: {exact} {seen} of {size}");
+        }
+    }
+}
+
+/// A chain of two links is the arm: the same responses, and the same branch with its folds.
+#[test]
+fn a_chain_of_two_links_moves_as_the_arm() {
+    let arm = arm_at(Preset::Irb1600Fitted, 0.0, 60.0);
+    let chain = BodySpec::Chain(ChainSpec::from_arm(arm.parameters(), arm.pose()));
+    let assembly = Assembly::new(&StructureSpec { body: chain, elements: vec![] }).unwrap();
+    let joints = ["joint1", "joint2"].map(|name| assembly.dof(name).unwrap());
+    let tip = assembly.dof("tip.y").unwrap();
+
+    let (of_arm, of_chain) = (FrequencyResponse::new(&arm), LinearResponse::new(&assembly));
+    for hz in [0.0, 5.0, 22.0, 60.0] {
+        let expected = of_arm.at(Quantity::Accelerance, Drive::Torque1, Response::CY, hz).unwrap();
+        let got = of_chain.at(Quantity::Accelerance, joints[0], tip, hz).unwrap();
+        assert!((got - expected).norm() <= 1e-10 * expected.norm(), "{hz} Hz: {got} {expected}");
+    }
+
+    let interval = [21.0, 23.5];
+    let of_arm = trace(
+        ForcedArm::new(arm, Load::torque_nm(1.0, 0.0), 60.0),
+        interval[0],
+        crate::Coordinate::FrequencyHz,
+        &BranchOptions::new(interval[0], interval[1]),
+    );
+    let of_arm = of_arm.unwrap();
+    let forced = Forced::new(assembly, joints[0], 60.0);
+    let options = TraceOptions::new(&forced, Coordinate::FrequencyHz, interval, joints.into());
+    let of_chain = super::trace(&forced, interval[0], Coordinate::FrequencyHz, &options).unwrap();
+    println!("{} {}", of_arm.orbits.len(), of_chain.orbits.len());
+    for (a, b) in of_arm.bifurcations.iter().zip(&of_chain.bifurcations) {
+        println!("{:?} {} {:?} | {:?} {} {:?}", a.kind, a.orbit.value, a.orbit.amplitude_rad, b.kind, b.orbit.value, b.orbit.readings);
+    }
+}
+
+#[test]
+fn experiment() {
+    for case in oracles("modal") {
+        let start = std::time::Instant::now();
+        let branch = branch_of(&case);
+        println!("{:?}", start.elapsed());
+        let mut last = None;
+        for orbit in &branch.orbits {
+            let stable = orbit.is_stable();
+            if last != Some(stable) { println!("{} {:?} {:?}", orbit.value, stable, orbit.stability.as_ref().map(|s| s.multipliers.clone())); last = Some(stable); }
         }
     }
 }
