@@ -9,20 +9,19 @@ use resonarm_dynamics::structure::Dof;
 
 use super::balance::Balance;
 use super::floquet::stability;
-use super::orbit::{Assess, Bifurcation, Branch, Orbit, Reading, Stability, TraceOptions};
+use super::orbit::{Assess, Branch, Orbit, Reading, Stability, TraceOptions};
 use super::spectral::largest;
 use super::walk::Walk;
 use super::{Coordinate, Forced};
 use crate::continuation::{Continuation, Point, System, at_parameter};
-use crate::locate::search;
-use crate::{AnalysisError, BifurcationKind, EndedEarly};
+use crate::{AnalysisError, EndedEarly};
 
 /// Below this fraction of the truncation allowed, the last harmonic is dropped.
 const DROP_SHARE: f64 = 1e-3;
 /// Multiples of the frequency at which to start if Newton's method finds no motion from rest.
 const DETOURS: [f64; 2] = [0.7, 1.4];
 /// A fold or a peak is located to this fraction of its segment; the coordinate is then exact to the square.
-const FRACTION: f64 = 1e-7;
+pub(super) const FRACTION: f64 = 1e-7;
 
 /// Traces a branch of motions with the period of the drive from `options.branch.from` to `options.branch.to`. The
 /// coordinate that doesn't vary is `frequency_hz`, or the amplitude of `forced`.
@@ -40,9 +39,14 @@ pub fn trace(
     let mut walk = Walk::new(enter(&mut balance, options)?);
     let mut tracer = Tracer { balance, options, branch: Branch::default() };
     let reason = tracer.follow(&mut walk).err();
+    tracer.locate_peaks();
     let mut branch = tracer.branch;
     branch.work = walk.work();
     branch.bifurcations.sort_by(|a, b| a.orbit.arclength.total_cmp(&b.orbit.arclength));
+    for bifurcation in &mut branch.bifurcations {
+        let at = bifurcation.orbit.arclength;
+        bifurcation.index = branch.orbits.partition_point(|orbit| orbit.arclength < at);
+    }
     match reason {
         None => Ok(branch),
         Some(reason) => Err(EndedEarly { reason, so_far: Box::new(branch) }),
@@ -146,10 +150,10 @@ fn approach(balance: &mut Balance, options: &TraceOptions, detour: f64) -> Resul
 }
 
 /// A continuation with the quantities computed at each point.
-struct Tracer<'a> {
-    balance: Balance,
-    options: &'a TraceOptions,
-    branch: Branch,
+pub(super) struct Tracer<'a> {
+    pub balance: Balance,
+    pub options: &'a TraceOptions,
+    pub branch: Branch,
 }
 
 impl Tracer<'_> {
@@ -173,8 +177,8 @@ impl Tracer<'_> {
                 None => None,
             };
             let after = end.clone().unwrap_or_else(|| reached.clone());
-            self.detect(&before, &after)?;
             self.push(&after);
+            self.detect(&before, &after)?;
             before = after;
             if end.is_some() {
                 return Ok(());
@@ -192,23 +196,8 @@ impl Tracer<'_> {
         if self.options.assess == Assess::Multipliers { stability(&self.balance, x) } else { None }
     }
 
-    /// Locates the fold between two neighbouring points, if there is one.
-    fn detect(&mut self, a: &Point, b: &Point) -> Result<(), AnalysisError> {
-        let direction = |point: &Point| point.tangent.last().copied().unwrap_or(0.0);
-        let values = [direction(a), direction(b)];
-        if values[0] * values[1] >= 0.0 {
-            return Ok(());
-        }
-        let settings = &self.options.branch.continuation;
-        let point =
-            search(&mut self.balance, settings, [a, b], values, FRACTION, |_, point: &Point| direction(point))?;
-        let (orbit, index) = (self.orbit(&point), self.branch.orbits.len());
-        self.branch.bifurcations.push(Bifurcation { kind: BifurcationKind::Fold, orbit, index });
-        Ok(())
-    }
-
     /// All results for the motion at a point.
-    fn orbit(&mut self, point: &Point) -> Orbit {
+    pub fn orbit(&mut self, point: &Point) -> Orbit {
         let (current, needed) = (self.balance.harmonics(), point.x.len() / self.balance.unknowns.count() / 2);
         if current != needed {
             self.balance.set_harmonics(needed);

@@ -8,6 +8,7 @@
 
 mod balance;
 mod branch;
+mod detect;
 mod floquet;
 mod forced;
 mod history;

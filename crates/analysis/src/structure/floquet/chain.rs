@@ -1,6 +1,7 @@
 //! The flow of a chain's variations (δu, δu̇, δz) by the implicit midpoint rule, (1 − ½hA) y⁺ = (1 + ½hA) y.
 
 use alloc::vec;
+use alloc::vec::Vec;
 
 use nalgebra::DMatrix;
 
@@ -16,7 +17,7 @@ pub(super) fn flow(of: &Variations, points: usize) -> Option<DMatrix<f64>> {
     let (mut left, mut mass) = (Lu::default(), Lu::default());
     let mut next = vec![0.0; size];
     for middle in (points / 2..of.samples.count()).step_by(points) {
-        let a = rates(of, middle, &mut mass)?;
+        let a = rates(of, [middle, points], &mut mass)?;
         let matrix = left.zeroed(size);
         for (cell, (at, rate)) in matrix.iter_mut().zip(a.iter().enumerate()) {
             *cell = if at % size == at / size { 1.0 } else { 0.0 } - 0.5 * h * rate;
@@ -31,7 +32,7 @@ pub(super) fn flow(of: &Variations, points: usize) -> Option<DMatrix<f64>> {
             column.copy_from_slice(&next);
         }
         for state in 0..states {
-            if of.state(state, middle).by_state.is_none() {
+            if of.state(state, middle, points).by_state.is_none() {
                 flow.iter_mut().skip(2 * n + state).step_by(size).for_each(|z| *z = 0.0);
             }
         }
@@ -39,8 +40,8 @@ pub(super) fn flow(of: &Variations, points: usize) -> Option<DMatrix<f64>> {
     Some(DMatrix::from_column_slice(size, size, &flow))
 }
 
-/// A of ẏ = A y, column by column: δü = −M⁻¹ (S δu + G δu̇ + w f_z δz), δż = a (wᵀδu̇ + ∂v/∂u δu) + b δz.
-fn rates(of: &Variations, point: usize, mass: &mut Lu) -> Option<alloc::vec::Vec<f64>> {
+/// A of ẏ = A y in the middle of a step over some points, column by column: δü = −M⁻¹ (S δu + G δu̇ + w f_z δz), δż = a (wᵀδu̇ + ∂v/∂u δu) + b δz.
+fn rates(of: &Variations, [point, points]: [usize; 2], mass: &mut Lu) -> Option<Vec<f64>> {
     let (n, states) = (of.unknowns(), of.states.len());
     let size = 2 * n + states;
     let matrix = mass.zeroed(n);
@@ -58,7 +59,7 @@ fn rates(of: &Variations, point: usize, mass: &mut Lu) -> Option<alloc::vec::Vec
         }
     }
     for state in 0..states {
-        let (at, geometry) = (of.state(state, point), of.geometry(state, point));
+        let (at, geometry) = (of.state(state, point, points), of.geometry(state, point));
         let row = 2 * n + state;
         for k in 0..n {
             a[k * size + row] = at.by_velocity * geometry.velocity_by_position(k);

@@ -73,11 +73,13 @@ impl Variations<'_> {
         geometry(&self.balance.forced, &self.balance.unknowns, history.element, u, v)
     }
 
-    pub fn state(&self, state: usize, point: usize) -> StateVariation {
+    /// A state in a step over `points` points around a point: friction that is held anywhere in it holds.
+    pub fn state(&self, state: usize, point: usize, points: usize) -> StateVariation {
         let history = &self.samples.histories[self.states[state]];
         let element = &self.balance.forced.assembly().elements()[history.element];
         if let Law::Friction { stiffness, .. } = *element.law() {
-            let stuck = history.is_free(point);
+            let count = self.samples.count();
+            let stuck = (1..=points).all(|j| history.is_free((point + j - points / 2) % count));
             let by_velocity = f64::from(u8::from(stuck));
             return StateVariation { by_velocity, by_state: stuck.then_some(0.0), force: stiffness };
         }

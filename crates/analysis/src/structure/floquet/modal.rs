@@ -52,19 +52,25 @@ pub(super) fn flow(of: &Variations, points: usize) -> Option<DMatrix<f64>> {
         (0..m * m).map(|pair| dot(&condensed.places[pair / m], &condensed.places[pair % m])).collect();
     let mut flow = identity(size);
     for middle in (points / 2..of.samples.count()).step_by(points) {
-        let impulse = Impulse::new(of, condensed, &coupling, middle, h)?;
+        let impulse = Impulse::new(of, condensed, &coupling, [middle, points], h)?;
         flow.chunks_exact_mut(size).for_each(|column| impulse.step(condensed, &half, &coupling, column));
     }
     Some(DMatrix::from_column_slice(size, size, &flow))
 }
 
 impl Impulse {
-    fn new(of: &Variations, condensed: &Condensed, coupling: &[f64], point: usize, h: f64) -> Option<Impulse> {
+    fn new(
+        of: &Variations,
+        condensed: &Condensed,
+        coupling: &[f64],
+        [point, points]: [usize; 2],
+        h: f64,
+    ) -> Option<Impulse> {
         let m = of.unknowns();
         let diagonal = |d: usize| (0..m).map(|i| of.by(d, [i, i], point)).collect::<Vec<f64>>();
         let (stiffness, damping) = (diagonal(0), diagonal(1));
         let place = |state: usize| condensed.of_element[of.samples.histories[of.states[state]].element];
-        let states = (0..of.states.len()).map(|state| (place(state), of.state(state, point))).collect();
+        let states = (0..of.states.len()).map(|state| (place(state), of.state(state, point, points))).collect();
         let mut implicit = None;
         if damping.iter().any(|g| *g != 0.0) {
             let mut lu = Lu::default();
