@@ -56,10 +56,8 @@ pub(super) fn unit_deflection(forced: &Forced) -> f64 {
             libm::sqrt(compliance.drive.iter().map(|[h, _]| h.re * h.re).sum())
         }
         Body::Chain => {
-            let mut motion: Vec<_> = direction_at_rest(&forced.assembly, forced.drive)
-                .iter()
-                .map(|&w| Complex::new(w, 0.0))
-                .collect();
+            let mut motion: Vec<_> =
+                direction_at_rest(&forced.assembly, forced.drive).iter().map(|&w| Complex::new(w, 0.0)).collect();
             let solved = dynamic_stiffness_solve(&forced.assembly.linear(), 0.0, &mut motion);
             solved.map_or(f64::NAN, |()| libm::sqrt(motion.iter().map(|q| q.re * q.re).sum()))
         }
@@ -287,8 +285,7 @@ impl Balance {
                     let [h, by_rate] = compliance.places[i * m + j];
                     let part = times(h, self.load[first + j], sine(&self.load, j));
                     let by = times(h, self.by_frequency[first + j], sine(&self.by_frequency, j));
-                    let turned =
-                        times(by_rate * (TAU * k as f64), self.load[first + j], sine(&self.load, j));
+                    let turned = times(by_rate * (TAU * k as f64), self.load[first + j], sine(&self.load, j));
                     for d in 0..2 {
                         value[d] += part[d];
                         slope[d] += by[d] + turned[d];

@@ -82,8 +82,7 @@ pub(super) fn adapt(
             return Ok(());
         }
         balance.evaluate_motion(x);
-        let (error, allowed, harmonics) =
-            (balance.truncation_error(), branch.truncation * size, balance.harmonics());
+        let (error, allowed, harmonics) = (balance.truncation_error(), branch.truncation * size, balance.harmonics());
         if error > allowed {
             if harmonics < branch.most_harmonics {
                 balance.set_harmonics((harmonics + 1 + harmonics / 8).min(branch.most_harmonics));
@@ -171,9 +170,7 @@ impl Tracer<'_> {
             adapt(&mut self.balance, &mut walk.continuation, self.options)?;
             let reached = walk.point();
             let end = match branch.left_at(reached.lambda) {
-                Some(limit) => {
-                    Some(at_parameter(&mut self.balance, &branch.continuation, [&before, reached], limit)?)
-                }
+                Some(limit) => Some(at_parameter(&mut self.balance, &branch.continuation, [&before, reached], limit)?),
                 None => None,
             };
             let after = end.clone().unwrap_or_else(|| reached.clone());

@@ -21,7 +21,7 @@ use BifurcationKind::{BranchPoint, Fold, NeimarkSacker, PeriodDoubling};
 const REAL: f64 = 1e-9;
 /// At a bifurcation of the motion a multiplier is this near its place on the unit circle: where two real ones become a
 /// pair, or the other way round, a test function jumps and nothing happens.
-const NEAR: f64 = 1e-3;
+const NEAR: f64 = 5e-3;
 /// The most steps of the search for a peak, and the fraction of its interval at which it ends.
 const PEAK: (usize, f64) = (8, 1e-5);
 

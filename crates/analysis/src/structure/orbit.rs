@@ -56,8 +56,7 @@ impl TraceOptions {
         };
         let deflection = super::balance::unit_deflection(forced) * amplitude;
         let state_floor = if deflection > 0.0 && deflection.is_finite() { STATE_FLOOR * deflection } else { 1e-6 };
-        branch.continuation =
-            ContinuationSettings { largest_step: LARGEST_STEP, state_floor, ..branch.continuation };
+        branch.continuation = ContinuationSettings { largest_step: LARGEST_STEP, state_floor, ..branch.continuation };
         TraceOptions { branch, read, assess: Assess::default() }
     }
 }

@@ -54,9 +54,8 @@ pub(super) fn operator(samples: &Samples, unknowns: usize, harmonics: usize, ome
     matrix[..size * size].fill(0.0);
     let count = samples.count();
     for pair in 0..m * m {
-        let lines: [Option<Line>; 3] = core::array::from_fn(|d| {
-            Line::of(samples, &samples.by[d][pair * count..(pair + 1) * count], harmonics)
-        });
+        let lines: [Option<Line>; 3] =
+            core::array::from_fn(|d| Line::of(samples, &samples.by[d][pair * count..(pair + 1) * count], harmonics));
         if lines.iter().all(Option::is_none) {
             continue;
         }

@@ -110,8 +110,7 @@ impl Condensed {
     /// Each mode's 1/(ω² + 2ζω s + s²) at s = i `rate`, and its derivative by the rate.
     fn poles(&self, rate_rad_s: f64) -> impl Iterator<Item = [Complex<f64>; 2]> + '_ {
         self.modes.iter().map(move |&[omega, zeta]| {
-            let value =
-                Complex::new(omega * omega - rate_rad_s * rate_rad_s, 2.0 * zeta * omega * rate_rad_s).inv();
+            let value = Complex::new(omega * omega - rate_rad_s * rate_rad_s, 2.0 * zeta * omega * rate_rad_s).inv();
             let slope = -value * value * Complex::new(-2.0 * rate_rad_s, 2.0 * zeta * omega);
             [value, slope]
         })

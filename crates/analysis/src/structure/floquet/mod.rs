@@ -27,9 +27,9 @@ use super::unknowns::Body;
 use resonarm_dynamics::structure::Law;
 
 /// Steps a period of the fastest mode, of modes and of a chain, and of the motion's highest harmonic.
-const STEPS: [f64; 3] = [8.0, 40.0, 4.0];
+const STEPS: [f64; 3] = [8.0, 120.0, 4.0];
 /// The least steps: of smooth motions, and of others.
-const LEAST_STEPS: [f64; 2] = [64.0, 256.0];
+const LEAST_STEPS: [f64; 2] = [64.0, 512.0];
 
 /// Deflation tolerance and most iterations of the QR algorithm, and the multiples of the identity to add if it doesn't
 /// converge; see `crate::floquet`.
@@ -104,10 +104,14 @@ pub(super) fn stability(balance: &Balance, x: &[f64]) -> Option<Stability> {
     samples.synthesise(x, balance.unknowns.count(), balance.omega_rad_s());
     samples.evaluate(&balance.forced, &balance.unknowns, balance.frequency_hz);
     add_stuck_friction(balance, &mut samples);
+    if !smooth {
+        average(&mut samples);
+    }
     let states = (0..samples.histories.len()).filter(|&at| samples.histories[at].forgets).collect();
     let spacing_s = 1.0 / (balance.frequency_hz * points as f64);
     let variations = Variations { balance, samples, states, spacing_s };
-    let flow = |points: usize| if condensed { modal::flow(&variations, points) } else { chain::flow(&variations, points) };
+    let flow =
+        |points: usize| if condensed { modal::flow(&variations, points) } else { chain::flow(&variations, points) };
     let finest = flow(2)?;
     if !smooth {
         return multipliers(finest);
@@ -128,6 +132,20 @@ fn add_stuck_friction(balance: &Balance, samples: &mut Samples) {
             for pair in 0..m * m {
                 samples.by[0][pair * count + j] += stiffness * w[pair / m] * w[pair % m];
             }
+        }
+    }
+}
+
+/// Takes for the derivatives at a point their mean over the step around it, by the trapezoidal rule, so that where they
+/// jump does not matter to the first order.
+fn average(samples: &mut Samples) {
+    let count = samples.count();
+    for signal in samples.by.iter_mut().flat_map(|signal| signal.chunks_exact_mut(count)) {
+        let (first, mut before) = (signal[0], signal[count - 1]);
+        for j in 0..count {
+            let (here, after) = (signal[j], if j + 1 < count { signal[j + 1] } else { first });
+            signal[j] = 0.25 * (before + after) + 0.5 * here;
+            before = here;
         }
     }
 }
