@@ -215,13 +215,26 @@ impl History {
                 with(j % samples, &counted);
             }
         } else if self.steps[0].by_change > 0.0 {
-            let moves = |j: usize, at: usize| direction(j, at % active.len()) * basis(j).0[at / active.len()];
-            for j in 0..samples {
-                for (at, value) in row[..columns - 1].iter_mut().enumerate() {
-                    *value = moves(j, at) - self.anchor.map_or(0.0, |anchor| moves(anchor, at));
-                }
-                with(j, &row);
+            self.stuck_derivative(direction, active.len(), |j| basis(j).0, with);
+        }
+    }
+
+    /// The same of friction that doesn't slip: dx, less that at the anchor.
+    fn stuck_derivative<'a>(
+        &self,
+        direction: impl Fn(usize, usize) -> f64,
+        active: usize,
+        functions: impl Fn(usize) -> &'a [f64],
+        mut with: impl FnMut(usize, &[f64]),
+    ) {
+        let moves = |j: usize, at: usize| direction(j, at % active) * functions(j)[at / active];
+        let columns = functions(0).len() * active;
+        let mut row = vec![0.0; columns + 1];
+        for j in 0..self.position.len() {
+            for (at, value) in row[..columns].iter_mut().enumerate() {
+                *value = moves(j, at) - self.anchor.map_or(0.0, |anchor| moves(anchor, at));
             }
+            with(j, &row);
         }
     }
 }

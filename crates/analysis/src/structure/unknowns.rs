@@ -1,7 +1,7 @@
 //! What harmonic balance solves for.
 //!
 //! Of a chain all its coordinates: every force is nonlinear in them. Of modes only the displacements u of the elements,
-//! each place once: with the compliance H(s) = Σ φφᵀ/(ω² + 2ζω s + s²) the harmonics obey
+//! each place once: with the compliance H(s) = Σ φφᵀ/(ω² + 2ζω s + s²) the harmonics satisfy
 //!
 //! ```text
 //! uₖ + H_uu(ikΩ) Qₖ(u) − H_ud(ikΩ) pₖ = 0
