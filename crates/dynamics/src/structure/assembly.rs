@@ -6,7 +6,7 @@ use alloc::string::{String, ToString};
 use alloc::vec;
 use alloc::vec::Vec;
 
-use super::chain::Chain;
+use super::chain::{Chain, LinearisedSlices};
 use super::element::Element;
 use super::error::StructureError;
 use super::modal::{Modal, shape_name};
@@ -48,14 +48,14 @@ pub(super) enum At {
 }
 
 impl Dof {
-    /// Whether it is an angle, rad, on which a torque acts, N·m; else it is a displacement, m, on which a force acts, N.
+    /// Whether it is an angle, rad, and a torque acts on it, N·m; else it is a displacement, m, with a force, N.
     pub fn is_angle(self) -> bool {
         matches!(self.0, At::Joint(_))
     }
 }
 
-/// The linear part of a structure at rest, by rows of n numbers: M q̈ + D q̇ + K q = p. With the slopes at rest of smooth
-/// elements; others are left out.
+/// The linear part of a structure at rest, by rows of n numbers: M q̈ + D q̇ + K q = p. With the slopes at rest of
+/// smooth elements; others are left out.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Linear {
     coordinates: usize,
@@ -96,6 +96,15 @@ impl Linearised {
             by_position: matrix.clone(),
             by_velocity: matrix.clone(),
             by_acceleration: matrix,
+        }
+    }
+
+    fn slices(&mut self) -> LinearisedSlices<'_> {
+        LinearisedSlices {
+            unbalance: &mut self.unbalance,
+            by_position: &mut self.by_position,
+            by_velocity: &mut self.by_velocity,
+            by_acceleration: &mut self.by_acceleration,
         }
     }
 }
@@ -161,7 +170,8 @@ impl Assembly {
         }
     }
 
-    /// The number of states of elements: one for each with a [state](super::Law::has_state), in the order of the elements.
+    /// The number of states of elements: one for each with a [state](super::Law::has_state), in the order of the
+    /// elements.
     pub fn element_states(&self) -> usize {
         self.element_states
     }
@@ -174,8 +184,8 @@ impl Assembly {
         }
     }
 
-    /// The names of the points: of a chain `joint1`, which is fixed, to the joint of its last link, and `tip`; of modes
-    /// those of the shapes.
+    /// The names of the points: of a chain `joint1`, which is fixed, to the joint of its last link, and `tip`; of
+    /// modes those of the shapes.
     pub fn points(&self) -> Vec<String> {
         match &self.body {
             Body::Chain(chain) => (0..=chain.n).map(|links| chain_point(chain.n, links)).collect(),
@@ -349,10 +359,18 @@ impl Assembly {
         }
     }
 
-    /// Writes the same with its derivatives, exact.
+    /// Writes q̈ of a motion under generalised forces, without the elements.
+    pub fn accelerate(&self, q: &[f64], v: &[f64], force: &[f64], out: &mut [f64]) {
+        match &self.body {
+            Body::Chain(chain) => chain.acceleration([q, v], force, out),
+            Body::Modal(modal) => modal.acceleration([q, v], force, out),
+        }
+    }
+
+    /// Writes [`Assembly::unbalance`] with its derivatives, exact.
     pub fn linearise(&self, q: &[f64], v: &[f64], a: &[f64], force: &[f64], at: &mut Linearised) {
         match &self.body {
-            Body::Chain(chain) => chain.linearise([q, v, a], force, at),
+            Body::Chain(chain) => chain.linearise([q, v, a], force, at.slices()),
             Body::Modal(modal) => modal.linearise([q, v, a], force, at),
         }
     }

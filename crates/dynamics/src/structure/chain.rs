@@ -14,9 +14,9 @@
 
 use alloc::format;
 
+use super::MOST_LINKS;
 use super::error::StructureError;
 use super::spec::{Axis, ChainSpec, Link};
-use super::{Linearised, MOST_LINKS};
 use crate::arm::angle::{Angle, Turn};
 
 /// One number a link.
@@ -33,8 +33,9 @@ pub(super) struct Chain {
     pub n: usize,
     /// c, kg·m², symmetric.
     pub inertia: PerLink<PerLink>,
-    /// l, m.
+    /// l, m, and p_j = m_j lc_j + l_j Σ_{k>j} m_k, kg·m.
     pub length_m: PerLink,
+    pub moment_kg_m: PerLink,
     /// w, N·m.
     pub weight_nm: PerLink,
     /// k, N·m/rad, and d, N·m·s/rad.
@@ -44,6 +45,14 @@ pub(super) struct Chain {
     pub rest: PerLink<Angle<f64>>,
     /// How far the joints sag under the weight, rad.
     pub sag_rad: PerLink,
+}
+
+/// Where [`Chain::linearise`] writes.
+pub(super) struct LinearisedSlices<'a> {
+    pub unbalance: &'a mut [f64],
+    pub by_position: &'a mut [f64],
+    pub by_velocity: &'a mut [f64],
+    pub by_acceleration: &'a mut [f64],
 }
 
 /// The links in a position.
@@ -117,11 +126,11 @@ impl Chain {
     fn relaxed(links: &[Link], gravity_m_s2: f64) -> Chain {
         let n = links.len();
         let mut inertia = [[0.0; MOST_LINKS]; MOST_LINKS];
-        let (mut outside_kg, mut weight_nm) = (0.0, [0.0; MOST_LINKS]);
+        let (mut outside_kg, mut weight_nm, mut moment_kg_m) = (0.0, [0.0; MOST_LINKS], [0.0; MOST_LINKS]);
         for j in (0..n).rev() {
             let Link { length_m, mass_kg, centre_of_mass_m, inertia_kg_m2, .. } = links[j];
             let moment = mass_kg * centre_of_mass_m + length_m * outside_kg;
-            weight_nm[j] = gravity_m_s2 * moment;
+            (moment_kg_m[j], weight_nm[j]) = (moment, gravity_m_s2 * moment);
             let about_joint = mass_kg * (centre_of_mass_m * centre_of_mass_m);
             inertia[j][j] = inertia_kg_m2 + about_joint + length_m * length_m * outside_kg;
             for i in 0..j {
@@ -134,6 +143,7 @@ impl Chain {
             n,
             inertia,
             length_m: per_link(links, |link| link.length_m),
+            moment_kg_m,
             weight_nm,
             stiffness: per_link(links, |link| link.stiffness_nm_rad),
             damping: per_link(links, |link| link.damping_nm_s_rad),
@@ -199,6 +209,24 @@ impl Chain {
         }
     }
 
+    /// Writes q̈ under generalised forces: M from its Cholesky factors.
+    pub fn acceleration(&self, [q, v]: [&[f64]; 2], force: &[f64], out: &mut [f64]) {
+        let (n, links, mut mass) = (self.n, self.turned(q), [0.0; MOST_LINKS * MOST_LINKS]);
+        let mass = &mut mass[..n * n];
+        for (k, entry) in mass.iter_mut().enumerate() {
+            let (i, j) = (k / n, k % n);
+            *entry = self.inertia[i][j] * if i == j { 1.0 } else { links.between(i, j).1 };
+        }
+        sum_both_outwards(n, mass);
+        self.unbalance([q, v, &[0.0; MOST_LINKS]], force, out);
+        out[..n].iter_mut().for_each(|entry| *entry = -*entry);
+        if super::modes::cholesky(n, mass).is_some() {
+            super::modes::solve_cholesky(n, mass, out);
+        } else {
+            out[..n].fill(f64::NAN);
+        }
+    }
+
     /// cos θ_i − cos θ₀_i.
     fn cosine_change(&self, links: &Turned, i: usize) -> f64 {
         links.turn[i].weighed(-self.rest[i].sine, self.rest[i].cosine)
@@ -210,11 +238,12 @@ impl Chain {
     /// ∂r_i/∂φ_j = c_ij (s φ̈_j − c φ̇_j²) for j ≠ i     ∂r_i/∂φ_i = −Σ_{j≠i} of these − w_i sin θ_i
     /// ∂r_i/∂φ̇_j = 2 c_ij s φ̇_j                        ∂r_i/∂φ̈_j = c_ij c
     /// ```
-    pub fn linearise(&self, [q, v, a]: [&[f64]; 3], force: &[f64], at: &mut Linearised) {
+    ///
+    /// Matrices are n × n, by rows, with nothing beside.
+    pub fn linearise(&self, [q, v, a]: [&[f64]; 3], force: &[f64], at: LinearisedSlices) {
         let (n, links, rate, acceleration) = (self.n, self.turned(q), summed(&v[..self.n]), summed(&a[..self.n]));
-        self.unbalance([q, v, a], force, &mut at.unbalance);
-        let matrices = [&mut at.by_position, &mut at.by_velocity, &mut at.by_acceleration];
-        let [by_position, by_velocity, by_acceleration] = matrices.map(|matrix| &mut matrix[..n * n]);
+        let LinearisedSlices { unbalance, by_position, by_velocity, by_acceleration } = at;
+        self.unbalance([q, v, a], force, unbalance);
         for i in 0..n {
             by_position[i * n + i] = -self.weight_nm[i] * links.sine[i];
             let mut others = 0.0;

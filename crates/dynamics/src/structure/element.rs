@@ -42,6 +42,17 @@ pub struct StateRate {
     pub by_state: f64,
 }
 
+/// How far an element is from leaving its branch.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub(super) struct Margin {
+    /// Negative beyond the branch.
+    pub value: f64,
+    /// Its rate, where it goes with the displacement or the state; of one that goes with the velocity none.
+    pub rate: Option<f64>,
+    /// The branch beyond.
+    pub to: Branch,
+}
+
 /// An element of an [`Assembly`](super::Assembly).
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Element {
@@ -92,8 +103,8 @@ impl Element {
         self.law.branch(position, velocity, state)
     }
 
-    /// The energy stored in it, J. Where a contact would pull, its spring relaxes without force, and [`Element::loss_w`]
-    /// counts that.
+    /// The energy stored in it, J. Where a contact would pull, its spring relaxes without a force, and
+    /// [`Element::loss_w`] counts that.
     pub fn energy_j(&self, position: f64, state: f64) -> f64 {
         self.law.energy_j(position, state)
     }
@@ -141,8 +152,8 @@ impl Law {
                 by_sign(pressed > 0.0 && pushing > 0.0, false)
             }
             Law::Friction { stiffness, slip } => {
-                let force = stiffness * state;
-                by_sign(force >= slip && velocity > 0.0, force <= -slip && velocity < 0.0)
+                let most = slip / stiffness;
+                by_sign(state >= most && velocity > 0.0, state <= -most && velocity < 0.0)
             }
             Law::Lugre { .. } => by_sign(velocity >= 0.0, true),
         }
@@ -163,35 +174,35 @@ impl Law {
         }
     }
 
-    /// The margins of a branch, each with the branch that the element goes to where it becomes negative.
-    pub(super) fn margins(
-        &self,
-        branch: Branch,
-        position: f64,
-        velocity: f64,
-        state: f64,
-    ) -> [Option<(f64, Branch)>; 2] {
+    /// The margins of a branch: the element leaves it where one becomes negative.
+    pub(super) fn margins(&self, branch: Branch, position: f64, velocity: f64, state: f64) -> [Option<Margin>; 2] {
         use Branch::{Inner, Lower, Upper};
-        let one = |margin: f64, to: Branch| [Some((margin, to)), None];
+        let moving = |value: f64, rate: f64, to: Branch| Some(Margin { value, rate: Some(rate), to });
+        let turning = |value: f64, to: Branch| [Some(Margin { value, rate: None, to }), None];
         match (*self, branch) {
             (Law::Gap { gap: 0.0, .. } | Law::Cubic { .. } | Law::Tanh { .. }, _) => [None, None],
-            (Law::Gap { gap, .. }, Inner) => [Some((gap - position, Upper)), Some((gap + position, Lower))],
-            (Law::Gap { gap, .. }, Upper) => one(position - gap, Inner),
-            (Law::Gap { gap, .. }, Lower) => one(-position - gap, Inner),
-            (Law::KelvinVoigt { .. } | Law::HuntCrossley { .. }, Inner) => {
-                let [pressed, pushing] = self.contact(position, velocity);
-                one(-pressed.min(pushing), Upper)
+            (Law::Gap { gap, .. }, Inner) => {
+                [moving(gap - position, -velocity, Upper), moving(gap + position, velocity, Lower)]
             }
-            (Law::KelvinVoigt { .. } | Law::HuntCrossley { .. }, _) => {
-                self.contact(position, velocity).map(|margin| Some((margin, Inner)))
+            (Law::Gap { gap, .. }, Upper) => [moving(position - gap, velocity, Inner), None],
+            (Law::Gap { gap, .. }, Lower) => [moving(-position - gap, -velocity, Inner), None],
+            (Law::KelvinVoigt { side, .. } | Law::HuntCrossley { side, .. }, Inner) => {
+                let [pressed, pushing] = self.contact(position, velocity);
+                [moving(-pressed.min(pushing), -side.sign() * velocity, Upper), None]
+            }
+            (Law::KelvinVoigt { side, .. } | Law::HuntCrossley { side, .. }, _) => {
+                let [pressed, pushing] = self.contact(position, velocity);
+                let pushing = Margin { value: pushing, rate: None, to: Inner };
+                [moving(pressed, side.sign() * velocity, Inner), Some(pushing)]
             }
             (Law::Friction { stiffness, slip }, Inner) => {
-                [Some((slip - stiffness * state, Upper)), Some((slip + stiffness * state, Lower))]
+                let most = slip / stiffness;
+                [moving(most - state, -velocity, Upper), moving(most + state, velocity, Lower)]
             }
-            (Law::Friction { .. }, Upper) => one(velocity, Inner),
-            (Law::Friction { .. }, Lower) => one(-velocity, Inner),
-            (Law::Lugre { .. }, Lower) => one(-velocity, Upper),
-            (Law::Lugre { .. }, _) => one(velocity, Lower),
+            (Law::Friction { .. }, Upper) => turning(velocity, Inner),
+            (Law::Friction { .. }, Lower) => turning(-velocity, Inner),
+            (Law::Lugre { .. }, Lower) => turning(-velocity, Upper),
+            (Law::Lugre { .. }, _) => turning(velocity, Lower),
         }
     }
 
@@ -264,6 +275,31 @@ impl Law {
                 }
             }
             _ => StateRate::default(),
+        }
+    }
+
+    /// The steepest stiffness, N/m, and damping, N·s/m, that it may have within `reach_s`, s, and the rate at which its
+    /// state decays, 1/s: of elements with a branch as if it were on the stiffest.
+    pub(super) fn steepest(&self, position: f64, velocity: f64, reach_s: f64) -> [f64; 3] {
+        let reach = position.abs() + velocity.abs() * reach_s;
+        match *self {
+            Law::Cubic { stiffness3, stiffness5 } => {
+                let square = reach * reach;
+                [square * (3.0 * stiffness3.abs() + 5.0 * stiffness5.abs() * square), 0.0, 0.0]
+            }
+            Law::Gap { stiffness, .. } | Law::Friction { stiffness, .. } => [stiffness, 0.0, 0.0],
+            Law::KelvinVoigt { stiffness, damping, .. } => [stiffness, damping, 0.0],
+            Law::HuntCrossley { stiffness, damping, gap, side } => {
+                let depth = (side.sign() * position + velocity.abs() * reach_s - gap).max(0.0);
+                let root = libm::sqrt(depth);
+                let pushing = 1.0 + damping * velocity.abs();
+                [1.5 * stiffness * root * pushing, stiffness * depth * root * damping, 0.0]
+            }
+            Law::Lugre { bristle_stiffness, bristle_damping, viscous, coulomb, .. } => {
+                let decay = bristle_stiffness * velocity.abs() / coulomb;
+                [bristle_stiffness, bristle_damping + viscous, decay]
+            }
+            Law::Tanh { slip, velocity: scale } => [0.0, slip / scale, 0.0],
         }
     }
 

@@ -124,7 +124,7 @@ pub enum StructureError {
     },
     /// A natural frequency vanishes or overflows, or the modes can't be computed.
     #[error(
-        "the structure's natural frequencies come out as {lowest_hz:e} to {highest_hz:e} Hz: they must be positive and finite; \
+        "the structure's natural frequencies come out as {lowest_hz:.1e} to {highest_hz:.1e} Hz: they must be positive and finite; \
          stiffnesses and inertias are out of proportion"
     )]
     Frequencies {

@@ -19,9 +19,12 @@ mod chain;
 mod check;
 mod element;
 mod error;
+mod links;
 mod modal;
 mod modes;
+mod smooth;
 mod spec;
+mod step;
 
 pub use assembly::{Assembly, CoordinateUnit, Dof, Linear, Linearised};
 pub use element::{Branch, Element, Reaction, StateRate};
@@ -30,6 +33,7 @@ pub use modes::StructureMode;
 pub use spec::{
     Axis, BodySpec, ChainSpec, ElementSpec, Law, Link, ModalSpec, ModeSpec, Place, ShapeSpec, Side, StructureSpec,
 };
+pub use step::{StepError, Stepper};
 
 /// The most links of a chain.
 pub const MOST_LINKS: usize = 8;

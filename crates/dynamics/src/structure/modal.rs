@@ -62,6 +62,12 @@ impl Modal {
         }
     }
 
+    pub fn acceleration(&self, [q, v]: [&[f64]; 2], force: &[f64], out: &mut [f64]) {
+        for (i, (omega, damping)) in self.constants().enumerate() {
+            out[i] = force[i] - damping * v[i] - omega * omega * q[i];
+        }
+    }
+
     pub fn linearise(&self, motion: [&[f64]; 3], force: &[f64], at: &mut Linearised) {
         self.unbalance(motion, force, &mut at.unbalance);
         let n = self.omega_rad_s.len();

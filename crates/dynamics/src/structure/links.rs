@@ -1,0 +1,380 @@
+//! A chain of N links as a system for the integrators, with smooth elements: [`Chain`] solved for q̈, for one motion or
+//! the four stages of a step.
+//!
+//! In the turns φ of the links H(θ) φ̈ = r with H_ij = l_i p_j cos(θ_i − θ_j) for i < j, p_j = m_j lc_j + l_j Σ_{k>j}
+//! m_k. The centrifugal terms are sums from both ends,
+//!
+//! ```text
+//! Σ_j c_ij sin(θ_i − θ_j) φ̇_j² = s_i X_i − c_i Y_i
+//! X_i = l_i Σ_{j>i} p_j c_j φ̇_j² + p_i Σ_{j<i} l_j c_j φ̇_j²        Y_i the same with s_j for c_j
+//! ```
+//!
+//! with the sines s and cosines c of θ, and H = L D Lᵀ is factored without roots. q̈_i = φ̈_i − φ̈_{i−1}.
+
+use alloc::vec::Vec;
+use core::array;
+
+use super::chain::{Chain, LinearisedSlices};
+use super::smooth::SmoothElement;
+use super::{Assembly, MOST_LINKS};
+use crate::arm::angle::{Angle, Turn, within_reach};
+use crate::integrate::{Dynamics, Excitation, Jacobian, Motion, Rates, SolveStages, StageEquation, StageLoads, Wide};
+use crate::real::Real;
+
+/// A chain of N links with smooth elements.
+#[derive(Clone, Debug, PartialEq)]
+pub(super) struct Links<const N: usize> {
+    chain: Chain,
+    kernel: Kernel<f64, N>,
+    /// The same in every lane.
+    lanes: Kernel<Wide, N>,
+    elements: Vec<SmoothElement<N>>,
+    fastest_rad_s: f64,
+}
+
+/// The loads that are held over a step.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub(super) struct LinksLoad<T, const N: usize> {
+    /// Torques at the joints, N·m.
+    pub torque_nm: [T; N],
+    /// Forces along x and y at the end of each link and beyond, N.
+    pub force_n: [[T; 2]; N],
+}
+
+impl<const N: usize> LinksLoad<f64, N> {
+    /// The same in every lane.
+    #[inline(always)]
+    fn splat(&self) -> LinksLoad<Wide, N> {
+        LinksLoad {
+            torque_nm: self.torque_nm.map(Wide::splat),
+            force_n: self.force_n.map(|force| force.map(Wide::splat)),
+        }
+    }
+}
+
+impl<const N: usize> LinksLoad<Wide, N> {
+    /// One in each lane.
+    fn gather<'a>(of: impl Fn(usize) -> &'a LinksLoad<f64, N>) -> LinksLoad<Wide, N> {
+        LinksLoad {
+            torque_nm: array::from_fn(|i| Wide::gather(|lane| of(lane).torque_nm[i])),
+            force_n: array::from_fn(|i| [0, 1].map(|axis| Wide::gather(|lane| of(lane).force_n[i][axis]))),
+        }
+    }
+}
+
+impl<const N: usize> Excitation<LinksLoad<f64, N>> for LinksLoad<f64, N> {
+    fn load(&self, _t_s: f64) -> LinksLoad<f64, N> {
+        *self
+    }
+
+    fn is_constant(&self) -> bool {
+        true
+    }
+}
+
+/// The constants of [`Chain`], one number or one a lane.
+#[derive(Clone, Debug, PartialEq)]
+struct Kernel<T, const N: usize> {
+    length_m: [T; N],
+    moment_kg_m: [T; N],
+    inertia: [T; N],
+    stiffness: [T; N],
+    damping: [T; N],
+    weight_nm: [T; N],
+    rest: [Angle<T>; N],
+}
+
+/// The links in motion: turns from rest, sines and cosines of the angles, rates of turn.
+pub(super) struct Moving<T, const N: usize> {
+    pub turn: [Turn<T>; N],
+    pub sine: [T; N],
+    pub cosine: [T; N],
+    pub rate: [T; N],
+}
+
+/// Sums from the first entry on.
+#[inline(always)]
+fn summed<T: Real, const N: usize>(of: &[T; N]) -> [T; N] {
+    let mut sums = *of;
+    for i in 1..N {
+        sums[i] = sums[i - 1] + of[i];
+    }
+    sums
+}
+
+impl<T: Real, const N: usize> Kernel<T, N> {
+    #[inline(always)]
+    fn moving<const FAR: bool>(&self, motion: &Motion<T, N>) -> Moving<T, N> {
+        let turn = summed(&motion.x).map(Turn::new::<FAR>);
+        let (mut sine, mut cosine) = ([T::splat(0.0); N], [T::splat(0.0); N]);
+        for i in 0..N {
+            (sine[i], cosine[i]) = self.rest[i].turned(turn[i]);
+        }
+        Moving { turn, sine, cosine, rate: summed(&motion.v) }
+    }
+
+    /// The forces on each turn φ but those of joints, with the power of those from outside.
+    #[inline(always)]
+    fn outer(&self, at: &Moving<T, N>, load: &LinksLoad<T, N>) -> ([T; N], T) {
+        let (mut force, mut power) = ([T::splat(0.0); N], T::splat(0.0));
+        for (i, (force, [x, y])) in force.iter_mut().zip(load.force_n).enumerate() {
+            let tip = self.length_m[i] * (y * at.cosine[i] - x * at.sine[i]);
+            *force = tip - self.weight_nm[i] * self.rest[i].cosine_change(at.turn[i]);
+            power = power + *force * at.rate[i];
+        }
+        let (mut x, mut y) = (T::splat(0.0), T::splat(0.0));
+        let squares: [T; N] = array::from_fn(|i| at.rate[i] * at.rate[i]);
+        for i in 0..N {
+            force[i] = force[i] - self.moment_kg_m[i] * (at.sine[i] * x - at.cosine[i] * y);
+            let pull = self.length_m[i] * squares[i];
+            (x, y) = (x + pull * at.cosine[i], y + pull * at.sine[i]);
+        }
+        (x, y) = (T::splat(0.0), T::splat(0.0));
+        for i in (0..N).rev() {
+            force[i] = force[i] - self.length_m[i] * (at.sine[i] * x - at.cosine[i] * y);
+            let pull = self.moment_kg_m[i] * squares[i];
+            (x, y) = (x + pull * at.cosine[i], y + pull * at.sine[i]);
+        }
+        (force, power)
+    }
+
+    /// L by rows and the inverse of D of H = L D Lᵀ.
+    #[inline(always)]
+    fn factored(&self, at: &Moving<T, N>) -> ([[T; N]; N], [T; N]) {
+        let zero = T::splat(0.0);
+        let (mut lower, mut inverse) = ([[zero; N]; N], [zero; N]);
+        for i in 0..N {
+            let mut diagonal = self.inertia[i];
+            for j in 0..i {
+                // H_ij less what is known is L_ij D_j; the row keeps it until it is done, rows above have L.
+                let cosine = at.cosine[i] * at.cosine[j] + at.sine[i] * at.sine[j];
+                let mut scaled = self.length_m[j] * self.moment_kg_m[i] * cosine;
+                let (own, above) = (lower[i], lower[j]);
+                for (own, above) in own.iter().zip(&above).take(j) {
+                    scaled = scaled - *own * *above;
+                }
+                lower[i][j] = scaled;
+            }
+            for j in 0..i {
+                let scaled = lower[i][j];
+                lower[i][j] = scaled * inverse[j];
+                diagonal = diagonal - scaled * lower[i][j];
+            }
+            inverse[i] = T::splat(1.0) / diagonal;
+        }
+        (lower, inverse)
+    }
+
+    /// ẍ from torques at the joints and forces on the turns.
+    #[inline(always)]
+    fn solved(&self, at: &Moving<T, N>, torque: &[T; N], mut force: [T; N]) -> [T; N] {
+        for i in 0..N {
+            force[i] = force[i] + torque[i];
+            if i + 1 < N {
+                force[i] = force[i] - torque[i + 1];
+            }
+        }
+        let (lower, inverse) = self.factored(at);
+        for i in 0..N {
+            for j in 0..i {
+                force[i] = force[i] - lower[i][j] * force[j];
+            }
+        }
+        for i in (0..N).rev() {
+            force[i] = force[i] * inverse[i];
+            for k in i + 1..N {
+                force[i] = force[i] - lower[k][i] * force[k];
+            }
+        }
+        for i in (1..N).rev() {
+            force[i] = force[i] - force[i - 1];
+        }
+        force
+    }
+
+    #[inline(always)]
+    fn rates<const FAR: bool>(
+        &self,
+        motion: &Motion<T, N>,
+        load: &LinksLoad<T, N>,
+        elements: &[SmoothElement<N>],
+    ) -> Rates<T, N> {
+        let at = self.moving::<FAR>(motion);
+        let (mut force, mut power_w) = self.outer(&at, load);
+        let mut torque = load.torque_nm;
+        for element in elements {
+            power_w = power_w - element.act(motion, &at, &self.rest, &mut torque, &mut force);
+        }
+        for (i, torque) in torque.iter_mut().enumerate() {
+            let damped = load.torque_nm[i] - self.damping[i] * motion.v[i];
+            power_w = power_w + damped * motion.v[i];
+            *torque = (*torque - self.stiffness[i] * motion.x[i]) - self.damping[i] * motion.v[i];
+        }
+        Rates { acceleration: self.solved(&at, &torque, force), power_w }
+    }
+
+    /// The same at every angle, and fast at small ones.
+    #[inline(always)]
+    fn rates_anywhere(
+        &self,
+        motion: &Motion<T, N>,
+        load: &LinksLoad<T, N>,
+        elements: &[SmoothElement<N>],
+    ) -> Rates<T, N> {
+        // Without a short cut, so that there is one branch.
+        if summed(&motion.x).iter().fold(true, |all, turn| all & within_reach(*turn)) {
+            self.rates::<false>(motion, load, elements)
+        } else {
+            self.far_rates(motion, load, elements)
+        }
+    }
+
+    #[cold]
+    #[inline(never)]
+    fn far_rates(&self, motion: &Motion<T, N>, load: &LinksLoad<T, N>, elements: &[SmoothElement<N>]) -> Rates<T, N> {
+        self.rates::<true>(motion, load, elements)
+    }
+
+    fn gather(of: &Kernel<f64, N>) -> Kernel<T, N> {
+        let lanes = |numbers: &[f64; N]| numbers.map(T::splat);
+        Kernel {
+            length_m: lanes(&of.length_m),
+            moment_kg_m: lanes(&of.moment_kg_m),
+            inertia: lanes(&of.inertia),
+            stiffness: lanes(&of.stiffness),
+            damping: lanes(&of.damping),
+            weight_nm: lanes(&of.weight_nm),
+            rest: array::from_fn(|i| Angle::gather(|_lane| &of.rest[i])),
+        }
+    }
+}
+
+impl<const N: usize> Links<N> {
+    /// The chain of an assembly of N links whose elements are smooth; others are left out.
+    pub fn new(chain: &Chain, assembly: &Assembly) -> Links<N> {
+        let kernel = Kernel {
+            length_m: array::from_fn(|i| chain.length_m[i]),
+            moment_kg_m: array::from_fn(|i| chain.moment_kg_m[i]),
+            inertia: array::from_fn(|i| chain.inertia[i][i]),
+            stiffness: array::from_fn(|i| chain.stiffness[i]),
+            damping: array::from_fn(|i| chain.damping[i]),
+            weight_nm: array::from_fn(|i| chain.weight_nm[i]),
+            rest: array::from_fn(|i| chain.rest[i]),
+        };
+        let smooth = assembly.elements().iter().filter(|element| element.law.is_smooth());
+        let elements = smooth.map(|element| SmoothElement::new(element, chain)).collect();
+        let fastest_hz = assembly.modes().last().map_or(f64::NAN, |mode| mode.frequency_hz);
+        let lanes = Kernel::gather(&kernel);
+        Links { chain: chain.clone(), kernel, lanes, elements, fastest_rad_s: core::f64::consts::TAU * fastest_hz }
+    }
+
+    /// M⁻¹ of one column, in place.
+    fn solve_mass(&self, at: &Moving<f64, N>, torque: [f64; N]) -> [f64; N] {
+        self.kernel.solved(at, &torque, [0.0; N])
+    }
+}
+
+/// The stages of a step of a chain.
+struct Stages<'a, const N: usize> {
+    kernel: &'a Kernel<Wide, N>,
+    load: LinksLoad<Wide, N>,
+    elements: &'a [SmoothElement<N>],
+}
+
+impl<const N: usize> StageEquation<N> for Stages<'_, N> {
+    #[inline(always)]
+    fn rates(&self, motion: &Motion<Wide, N>) -> Rates<Wide, N> {
+        self.kernel.rates_anywhere(motion, &self.load, self.elements)
+    }
+}
+
+impl<const N: usize> Dynamics<N> for Links<N> {
+    type Load = LinksLoad<f64, N>;
+    type State = Motion<f64, N>;
+
+    #[inline(always)]
+    fn rates(&self, motion: &Motion<f64, N>, load: &LinksLoad<f64, N>) -> Rates<f64, N> {
+        self.kernel.rates_anywhere(motion, load, &self.elements)
+    }
+
+    /// From the unbalance r(q, q̇, q̈) = 0: ∂q̈/∂x = −M⁻¹ ∂r/∂x. A force along x and y at the ends of the links adds l
+    /// (F_x cos θ + F_y sin θ) to ∂r/∂φ; an element f ∂w/∂q + w f_x wᵀ to ∂r/∂q and w f_v wᵀ to ∂r/∂q̇.
+    fn jacobian(&self, motion: &Motion<f64, N>, load: &LinksLoad<f64, N>) -> Jacobian<N> {
+        let acceleration = Dynamics::rates(self, motion, load).acceleration;
+        let [mut by_position, mut by_velocity, mut mass] = [[0.0; MOST_LINKS * MOST_LINKS]; 3];
+        let slices = LinearisedSlices {
+            unbalance: &mut [0.0; N],
+            by_position: &mut by_position[..N * N],
+            by_velocity: &mut by_velocity[..N * N],
+            by_acceleration: &mut mass[..N * N],
+        };
+        self.chain.linearise([&motion.x, &motion.v, &acceleration], &[0.0; N], slices);
+        let at = self.kernel.moving::<true>(motion);
+        let mut turning: [f64; N] = array::from_fn(|i| {
+            let [x, y] = load.force_n[i];
+            self.kernel.length_m[i] * (x * at.cosine[i] + y * at.sine[i])
+        });
+        for element in &self.elements {
+            element.linearise(motion, &at, &self.kernel.rest, [&mut by_position, &mut by_velocity], &mut turning);
+        }
+        for i in (1..N).rev() {
+            turning[i - 1] += turning[i];
+        }
+        let column = |matrix: &[f64], column: usize, turning: Option<&[f64; N]>| {
+            let entry = |row: usize| matrix[row * N + column] + turning.map_or(0.0, |turning| turning[row.max(column)]);
+            self.solve_mass(&at, array::from_fn(|row| -entry(row)))
+        };
+        let columns: [[[f64; N]; 2]; N] =
+            array::from_fn(|n| [column(&by_position, n, Some(&turning)), column(&by_velocity, n, None)]);
+        let rows = |half: usize| array::from_fn(|row| array::from_fn(|n| columns[n][half][row]));
+        Jacobian { acceleration, by_position: rows(0), by_velocity: rows(1) }
+    }
+
+    fn linear_part(&self) -> Jacobian<N> {
+        self.jacobian(&Motion { x: [0.0; N], v: [0.0; N] }, &LinksLoad { torque_nm: [0.0; N], force_n: [[0.0; 2]; N] })
+    }
+
+    fn fastest_rad_s(&self) -> f64 {
+        self.fastest_rad_s
+    }
+
+    /// The root of tr(M⁻¹K), with the elements' stiffness there: the sum of the squares of the frequencies.
+    fn frequency_bound_rad_s(&self, position: &[f64; N]) -> f64 {
+        let motion = Motion { x: *position, v: [0.0; N] };
+        let at = self.kernel.moving::<true>(&motion);
+        let [mut stiffness, mut damping] = [[0.0; MOST_LINKS * MOST_LINKS]; 2];
+        for element in &self.elements {
+            element.linearise(&motion, &at, &self.kernel.rest, [&mut stiffness, &mut damping], &mut [0.0; N]);
+        }
+        let share = |n: usize| {
+            let own = |row: usize| stiffness[row * N + n] + if row == n { self.kernel.stiffness[n] } else { 0.0 };
+            self.solve_mass(&at, array::from_fn(own))[n]
+        };
+        libm::sqrt((0..N).map(share).sum())
+    }
+
+    /// Without the weight's and the elements', which act as loads: ½ Σ c_ii φ̇_i² + Σ_j p_j φ̇_j (c_j Σ_{i<j} l_i c_i
+    /// φ̇_i + s_j Σ_{i<j} l_i s_i φ̇_i) + ½ Σ k q².
+    fn energy_j(&self, motion: &Motion<f64, N>) -> f64 {
+        let (at, kernel) = (self.kernel.moving::<true>(motion), &self.kernel);
+        let (mut twice, mut cross, mut x, mut y) = (0.0, 0.0, 0.0, 0.0);
+        for i in 0..N {
+            let rate = at.rate[i];
+            twice += kernel.inertia[i] * (rate * rate) + kernel.stiffness[i] * (motion.x[i] * motion.x[i]);
+            cross += kernel.moment_kg_m[i] * rate * (at.cosine[i] * x + at.sine[i] * y);
+            x += kernel.length_m[i] * rate * at.cosine[i];
+            y += kernel.length_m[i] * rate * at.sine[i];
+        }
+        0.5 * twice + cross
+    }
+
+    #[inline(always)]
+    fn solve_stages<const S: usize, V: SolveStages<N>>(
+        &self,
+        loads: &StageLoads<LinksLoad<f64, N>, S>,
+        solve: V,
+    ) -> V::Solution {
+        let load = if loads.held { loads.at(0).splat() } else { LinksLoad::gather(|lane| loads.at(lane)) };
+        solve.solve(&Stages { kernel: &self.lanes, load, elements: &self.elements })
+    }
+}

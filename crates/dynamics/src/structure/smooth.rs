@@ -1,0 +1,128 @@
+//! Smooth elements of a chain, for one motion or the four stages of a step.
+
+use super::assembly::{At, Dof};
+use super::chain::Chain;
+use super::element::{Branch, Element};
+use super::links::Moving;
+use super::spec::{Axis, Law};
+use crate::arm::angle::Angle;
+use crate::integrate::Motion;
+use crate::real::Real;
+
+/// A smooth element of a chain of N links. Its displacement is a sum over joints and links,
+///
+/// ```text
+/// x = Σ j_i q_i + Σ a_i (cos θ_i − cos θ₀_i) + Σ b_i (sin θ_i − sin θ₀_i)
+/// ```
+///
+/// and so w by joints is j, and by the turns −a_i sin θ_i + b_i cos θ_i.
+#[derive(Clone, Debug, PartialEq)]
+pub(super) struct SmoothElement<const N: usize> {
+    law: Law,
+    joints: [f64; N],
+    /// a and b, m.
+    links_m: [[f64; 2]; N],
+}
+
+impl<const N: usize> SmoothElement<N> {
+    pub fn new(element: &Element, chain: &Chain) -> SmoothElement<N> {
+        let mut own = SmoothElement { law: element.law, joints: [0.0; N], links_m: [[0.0; 2]; N] };
+        own.add(element.at, 1.0, chain);
+        if let Some(to) = element.to {
+            own.add(to, -1.0, chain);
+        }
+        own
+    }
+
+    fn add(&mut self, dof: Dof, sign: f64, chain: &Chain) {
+        match dof.0 {
+            At::Joint(joint) => self.joints[joint] += sign,
+            At::Point { links, axis } => {
+                let along = usize::from(axis == Axis::Y);
+                for (link, length_m) in self.links_m[..links].iter_mut().zip(chain.length_m) {
+                    link[along] += sign * length_m;
+                }
+            }
+            At::Shape(_) => {}
+        }
+    }
+
+    /// x and v.
+    #[inline(always)]
+    fn position_and_velocity<T: Real>(&self, motion: &Motion<T, N>, at: &Moving<T, N>, rest: &[Angle<T>; N]) -> (T, T) {
+        let (mut position, mut velocity) = (T::splat(0.0), T::splat(0.0));
+        for (i, Angle { sine, cosine }) in rest.iter().copied().enumerate() {
+            let (joint, [a, b]) = (T::splat(self.joints[i]), self.links_m[i].map(T::splat));
+            position =
+                position + joint * motion.x[i] + at.turn[i].weighed(b * cosine - a * sine, a * cosine + b * sine);
+            velocity = velocity + joint * motion.v[i] + (b * at.cosine[i] - a * at.sine[i]) * at.rate[i];
+        }
+        (position, velocity)
+    }
+
+    /// Takes its force from the torques at the joints and the forces on the turns; its power, f v.
+    #[inline(always)]
+    pub fn act<T: Real>(
+        &self,
+        motion: &Motion<T, N>,
+        at: &Moving<T, N>,
+        rest: &[Angle<T>; N],
+        torque: &mut [T; N],
+        force: &mut [T; N],
+    ) -> T {
+        let (position, velocity) = self.position_and_velocity(motion, at, rest);
+        let own = self.law.smooth_force(position, velocity);
+        for i in 0..N {
+            let (joint, [a, b]) = (T::splat(self.joints[i]), self.links_m[i].map(T::splat));
+            torque[i] = torque[i] - joint * own;
+            force[i] = force[i] - (b * at.cosine[i] - a * at.sine[i]) * own;
+        }
+        own * velocity
+    }
+
+    /// Adds w ∂f/∂q = w (f_x wᵀ + f_v q̇ᵀ ∂w/∂q) and w f_v wᵀ to two N × N matrices by rows, and f ∂w/∂φ to what is
+    /// summed over the turns.
+    pub fn linearise(
+        &self,
+        motion: &Motion<f64, N>,
+        at: &Moving<f64, N>,
+        rest: &[Angle<f64>; N],
+        [by_position, by_velocity]: [&mut [f64]; 2],
+        turning: &mut [f64; N],
+    ) {
+        let (position, velocity) = self.position_and_velocity(motion, at, rest);
+        let reaction = self.law.reaction(Branch::Inner, position, velocity, 0.0);
+        let (mut w, mut drift) = ([0.0; N], [0.0; N]);
+        let (mut outer, mut outer_drift) = (0.0, 0.0);
+        for i in (0..N).rev() {
+            let [a, b] = self.links_m[i];
+            let curvature = -(a * at.cosine[i] + b * at.sine[i]);
+            outer += b * at.cosine[i] - a * at.sine[i];
+            outer_drift += curvature * at.rate[i];
+            (w[i], drift[i]) = (self.joints[i] + outer, outer_drift);
+            turning[i] += reaction.force * curvature;
+        }
+        for row in 0..N {
+            for column in 0..N {
+                let slope = reaction.by_position * w[column] + reaction.by_velocity * drift[column];
+                by_position[row * N + column] += w[row] * slope;
+                by_velocity[row * N + column] += reaction.by_velocity * w[row] * w[column];
+            }
+        }
+    }
+}
+
+impl Law {
+    /// The force of a smooth law, in every lane; zero of others.
+    #[inline(always)]
+    fn smooth_force<T: Real>(&self, position: T, velocity: T) -> T {
+        match *self {
+            Law::Cubic { stiffness3, stiffness5 } => {
+                let square = position * position;
+                position * square * (T::splat(stiffness3) + T::splat(stiffness5) * square)
+            }
+            Law::Tanh { slip, velocity: scale } => T::gather(|lane| slip * libm::tanh(velocity.lane(lane) / scale)),
+            _ => T::splat(0.0),
+        }
+    }
+}

@@ -1,0 +1,77 @@
+//! Errors of steps.
+
+use thiserror::Error;
+
+use crate::integrate::{IntegrateError, Scheme};
+use resonarm_numeric::number::short;
+
+/// Why a structure can't be stepped, or make a step.
+#[derive(Clone, Copy, Debug, PartialEq, Error)]
+#[non_exhaustive]
+pub enum StepError {
+    /// The rate is not a positive number.
+    #[error("integration rate {got_hz} Hz: it must be a positive number", got_hz = short(.got_hz))]
+    Rate {
+        /// The given value, Hz.
+        got_hz: f64,
+    },
+    /// At this rate the scheme is unstable, or makes less than one step a period.
+    #[error(
+        "scheme {scheme} can't carry this structure at {got_hz} Hz: its fastest mode needs at least {needed_hz} Hz",
+        got_hz = short(.got_hz), needed_hz = short(.needed_hz)
+    )]
+    RateTooLow {
+        /// The scheme.
+        scheme: Scheme,
+        /// The given value, Hz.
+        got_hz: f64,
+        /// The lowest rate that would do, Hz.
+        needed_hz: f64,
+    },
+    /// The elements, as stiff or as fast as they are where the step starts, need more parts of it than are made.
+    #[error(
+        "the step at t = {t_s} s needs more than {most} parts for the stiffness of the elements: raise the integration rate to at \
+         least {needed_hz} Hz, or look for an element that is out of proportion",
+        t_s = short(.t_s), needed_hz = short(.needed_hz)
+    )]
+    TooStiff {
+        /// Start of the step, s; 0 before the first.
+        t_s: f64,
+        /// The most parts.
+        most: u32,
+        /// The lowest rate that would do, Hz.
+        needed_hz: f64,
+    },
+    /// The integrator can't make the step.
+    #[error(transparent)]
+    Integrate(#[from] IntegrateError),
+    /// The new state is infinite or not a number.
+    #[error(
+        "the state at t = {t_s} s is not finite: raise the rate, or look for a load beyond what the structure can bear",
+        t_s = short(.t_s)
+    )]
+    NotFinite {
+        /// End of the step, s.
+        t_s: f64,
+    },
+    /// Another number of loads than the drive has degrees of freedom.
+    #[error("{got} loads: the drive has {expected} degrees of freedom")]
+    Loads {
+        /// Loads given.
+        got: usize,
+        /// The number of degrees of freedom.
+        expected: usize,
+    },
+    /// Numbers that are not a saved state of this structure.
+    #[error(
+        "a saved state of {got} finite numbers: the structure has {states}, or {all} with the branches of its elements"
+    )]
+    Saved {
+        /// Numbers given, up to the first that is not finite.
+        got: usize,
+        /// The number of states.
+        states: usize,
+        /// [`Stepper::saved_len`](super::Stepper::saved_len).
+        all: usize,
+    },
+}

@@ -1,0 +1,225 @@
+//! Structures in time: one step after the other under loads that are held over the step.
+//!
+//! What makes the step depends on the structure:
+//!
+//! - a chain, with smooth elements or none: the scheme that is asked for, by an
+//!   [`Integrator`](crate::integrate::Integrator);
+//! - modes without elements: exactly, by the flow of each mode, whatever the scheme;
+//! - all others: explicit steps of order 8 between the switches of the elements, whatever the scheme; a switch is
+//!   located to rounding and the step goes on behind it.
+
+mod chains;
+mod error;
+mod exact;
+mod locate;
+mod piecewise;
+
+pub use error::StepError;
+
+use alloc::boxed::Box;
+use alloc::vec::Vec;
+use core::fmt;
+
+use super::assembly::{Assembly, Body, Dof};
+use super::element::Branch;
+use crate::integrate::Scheme;
+
+/// What makes the steps of a structure.
+trait Engine: fmt::Debug + Send + Sync {
+    /// The state.
+    fn state(&self) -> StateRef<'_>;
+    /// Takes up a state; the slices are of the right lengths.
+    fn set(&mut self, state: StateRef);
+    /// One step from the time `t_s`, s. After an error the state is as before.
+    fn advance(&mut self, t_s: f64, load: &[f64]) -> Result<(), StepError>;
+    /// Writes q̈ at the state.
+    fn acceleration(&self, load: &[f64], out: &mut [f64]);
+    /// Switches so far, and steps whose switches were not all located.
+    fn counters(&self) -> [u64; 2] {
+        [0, 0]
+    }
+    /// A copy in the same state.
+    fn boxed_clone(&self) -> Box<dyn Engine>;
+}
+
+impl Clone for Box<dyn Engine> {
+    fn clone(&self) -> Box<dyn Engine> {
+        self.boxed_clone()
+    }
+}
+
+/// A state: coordinates, rates, states of elements, branches of elements.
+#[derive(Clone, Copy, Debug)]
+struct StateRef<'a> {
+    q: &'a [f64],
+    v: &'a [f64],
+    z: &'a [f64],
+    branches: &'a [Branch],
+}
+
+/// A structure that is stepped. Nothing allocates after it is made; the same loads give the same bits.
+#[derive(Clone, Debug)]
+pub struct Stepper {
+    assembly: Assembly,
+    scheme: Scheme,
+    step_s: f64,
+    loads: usize,
+    engine: Box<dyn Engine>,
+}
+
+impl Stepper {
+    /// A stepper at rest, for `rate_hz` steps a second, with loads along the degrees of freedom of `drive`: forces, N,
+    /// and torques, N·m, in this order.
+    ///
+    /// # Errors
+    /// [`StepError::Integrate`] if the rate is not a positive number, [`StepError::RateTooLow`] with the lowest valid
+    /// rate if the scheme, or the explicit steps between switches, need a higher one.
+    pub fn new(assembly: &Assembly, drive: &[Dof], scheme: Scheme, rate_hz: f64) -> Result<Stepper, StepError> {
+        let engine = match &assembly.body {
+            _ if !(rate_hz.is_finite() && rate_hz > 0.0) => return Err(StepError::Rate { got_hz: rate_hz }),
+            Body::Chain(chain) if assembly.is_smooth() => chains::engine(chain, assembly, drive, scheme, rate_hz)?,
+            Body::Modal(modal) if assembly.elements().is_empty() => exact::engine(modal, assembly, drive, rate_hz),
+            _ => piecewise::engine(assembly, drive, rate_hz)?,
+        };
+        Ok(Stepper { assembly: assembly.clone(), scheme, step_s: 1.0 / rate_hz, loads: drive.len(), engine })
+    }
+
+    /// The structure.
+    pub fn assembly(&self) -> &Assembly {
+        &self.assembly
+    }
+
+    /// The scheme that was asked for.
+    pub fn scheme(&self) -> Scheme {
+        self.scheme
+    }
+
+    /// The step, s.
+    pub fn step_s(&self) -> f64 {
+        self.step_s
+    }
+
+    /// The coordinates q.
+    pub fn position(&self) -> &[f64] {
+        self.engine.state().q
+    }
+
+    /// q̇.
+    pub fn velocity(&self) -> &[f64] {
+        self.engine.state().v
+    }
+
+    /// The states of the elements that have one.
+    pub fn element_states(&self) -> &[f64] {
+        self.engine.state().z
+    }
+
+    /// How many times an element switched its branch.
+    pub fn events(&self) -> u64 {
+        self.engine.counters()[0]
+    }
+
+    /// How many steps met more switches than are located: the rest of such a step goes on in explicit steps with the
+    /// branches that hold where each starts, so that its error is of first order.
+    pub fn fallbacks(&self) -> u64 {
+        self.engine.counters()[1]
+    }
+
+    /// One step from the time `t_s`, s, with the loads held.
+    ///
+    /// # Errors
+    /// [`StepError::Loads`] if there is not one for each degree of freedom of the drive; [`StepError::Integrate`] if an
+    /// implicit scheme can't make the step; [`StepError::TooStiff`] if the elements, pressed this far or moved this
+    /// fast, need shorter steps; [`StepError::NotFinite`]. The state is then as before.
+    pub fn advance(&mut self, t_s: f64, load: &[f64]) -> Result<(), StepError> {
+        self.check_loads(load)?;
+        self.engine.advance(t_s, load)
+    }
+
+    /// Writes q̈ at the state under loads, n numbers.
+    ///
+    /// # Errors
+    /// [`StepError::Loads`].
+    pub fn acceleration(&self, load: &[f64], out: &mut [f64]) -> Result<(), StepError> {
+        self.check_loads(load)?;
+        self.engine.acceleration(load, out);
+        Ok(())
+    }
+
+    fn check_loads(&self, load: &[f64]) -> Result<(), StepError> {
+        if load.len() == self.loads { Ok(()) } else { Err(StepError::Loads { got: load.len(), expected: self.loads }) }
+    }
+
+    /// How many numbers are states: coordinates, rates, states of elements.
+    pub fn states(&self) -> usize {
+        2 * self.assembly.coordinates() + self.assembly.element_states()
+    }
+
+    /// How many numbers [`Stepper::save`] writes: the states, and the branch of every element, 1, 0 or −1.
+    pub fn saved_len(&self) -> usize {
+        self.states() + self.engine.state().branches.len()
+    }
+
+    /// Writes all that the next step depends on.
+    ///
+    /// # Errors
+    /// [`StepError::Saved`] if there is not room for [`Stepper::saved_len`] numbers.
+    pub fn save(&self, saved: &mut [f64]) -> Result<(), StepError> {
+        if saved.len() != self.saved_len() {
+            return Err(self.not_saved(saved.len()));
+        }
+        let StateRef { q, v, z, branches } = self.engine.state();
+        let branches = branches.iter().map(|branch| match branch {
+            Branch::Inner => 0.0,
+            Branch::Upper => 1.0,
+            Branch::Lower => -1.0,
+        });
+        let numbers = q.iter().chain(v).chain(z).copied().chain(branches);
+        saved.iter_mut().zip(numbers).for_each(|(saved, number)| *saved = number);
+        Ok(())
+    }
+
+    /// Takes up what [`Stepper::save`] wrote, or the states alone: the branches are then those on which the states are.
+    ///
+    /// # Errors
+    /// [`StepError::Saved`] if the numbers are more or fewer, or one is not finite; nothing changes then.
+    pub fn restore(&mut self, saved: &[f64]) -> Result<(), StepError> {
+        let (n, states) = (self.assembly.coordinates(), self.states());
+        let finite = saved.iter().position(|number| !number.is_finite()).unwrap_or(saved.len());
+        if finite != saved.len() || (finite != states && finite != self.saved_len()) {
+            return Err(self.not_saved(finite));
+        }
+        let (states, codes) = saved.split_at(states);
+        let (q, rest) = states.split_at(n);
+        let (v, z) = rest.split_at(n);
+        let mut branches = [Branch::Inner; super::MOST_ELEMENTS];
+        for (i, (branch, element)) in branches.iter_mut().zip(self.assembly.elements()).enumerate() {
+            *branch = match codes.get(i) {
+                Some(0.0) => Branch::Inner,
+                Some(code) if *code > 0.0 => Branch::Upper,
+                Some(_) => Branch::Lower,
+                None => {
+                    let position = self.assembly.element_displacement(element, q);
+                    element.branch(position, self.assembly.element_velocity(element, q, v), element.own(z))
+                }
+            };
+        }
+        let branches = &branches[..self.engine.state().branches.len()];
+        self.engine.set(StateRef { q, v, z, branches });
+        Ok(())
+    }
+
+    fn not_saved(&self, got: usize) -> StepError {
+        StepError::Saved { got, states: self.states(), all: self.saved_len() }
+    }
+}
+
+/// ∂x/∂q at rest of every degree of freedom, n numbers each, one after the other: of modes those everywhere.
+fn rows(assembly: &Assembly, dofs: &[Dof]) -> Vec<f64> {
+    let n = assembly.coordinates();
+    let (rest, mut rows) = ([0.0; super::MOST_COORDINATES], alloc::vec![0.0; n * dofs.len()]);
+    for (row, dof) in rows.chunks_exact_mut(n).zip(dofs) {
+        assembly.direction(*dof, &rest[..n], row);
+    }
+    rows
+}

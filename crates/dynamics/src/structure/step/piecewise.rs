@@ -1,0 +1,426 @@
+//! Structures with any elements: explicit steps between the switches of the elements.
+//!
+//! Each element is frozen on a [`Branch`], on which the equation of motion is smooth. A part of a step is one of the
+//! method of order 8 of Dormand and Prince. Where one of the margins of the branches is negative at its end, it is made
+//! anew with another length, until the margin is zero to rounding; there the elements whose margin is negative switch,
+//! and the step goes on. Without this a switch inside a part would lower the order to 1 or 2.
+//!
+//! A part turns the fastest motion by [`PHASE_RAD`]: ω² is that of the fastest mode and of every element's stiffness
+//! over the mass that it meets, m⁻¹ = wᵀM⁻¹w, which is a bound since each adds a matrix of rank one.
+
+use alloc::boxed::Box;
+use alloc::vec;
+use alloc::vec::Vec;
+use core::f64::consts::TAU;
+
+use super::locate::{Located, locate};
+use super::{Engine, StateRef, StepError, rows};
+use crate::integrate::dop853::DOP853;
+use crate::structure::assembly::{Assembly, Body, Dof};
+use crate::structure::element::{Branch, Element, Margin};
+use crate::structure::modes::{cholesky, solve_cholesky};
+use crate::structure::spec::Law;
+use crate::structure::{MOST_COORDINATES, MOST_ELEMENTS};
+
+/// The largest ωh of a part: the method then has a relative frequency error of 4e-11 and a damping ratio of 6e-12.
+const PHASE_RAD: f64 = 0.4;
+/// The largest decay rate times h of a part.
+const DECAY: f64 = 1.0;
+/// The most parts of a step between two switches.
+const MOST_PARTS: u32 = 256;
+/// The most switches of a step that are located.
+const MOST_EVENTS: u32 = 64;
+/// The parts after a contact of Hunt and Crossley closes, where its force goes with the time to the power 1.5, start
+/// with this share of their length, and double; before it opens they become as short.
+const FIRST_SHARE: f64 = 1.0 / 64.0;
+
+/// Lows of a margin up to this share of the change of its slope times the part are looked at: more than the cubic errs.
+const DIP: f64 = 1e-3;
+
+/// The state of a structure with elements.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct State {
+    pub q: [f64; MOST_COORDINATES],
+    pub v: [f64; MOST_COORDINATES],
+    pub z: [f64; MOST_ELEMENTS],
+}
+
+/// Its rate but for q̇, which is v.
+#[derive(Clone, Copy, Debug)]
+struct Slope {
+    acceleration: [f64; MOST_COORDINATES],
+    z: [f64; MOST_ELEMENTS],
+}
+
+pub(super) type Branches = [Branch; MOST_ELEMENTS];
+
+/// A structure with elements in motion.
+#[derive(Clone, Debug)]
+pub(super) struct Piecewise {
+    pub(super) assembly: Assembly,
+    step_s: f64,
+    drive: Vec<Dof>,
+    /// ∂x/∂q of the drive and the elements of modes, n numbers each; of a chain they follow the motion.
+    drive_rows: Vec<f64>,
+    element_rows: Vec<f64>,
+    /// wᵀM⁻¹w of each element at rest.
+    mobility: [f64; MOST_ELEMENTS],
+    /// ω² of the fastest mode, 1/s².
+    fastest_squared: f64,
+    state: State,
+    branches: Branches,
+    events: u64,
+    fallbacks: u64,
+}
+
+pub(super) fn engine(assembly: &Assembly, drive: &[Dof], rate_hz: f64) -> Result<Box<dyn Engine>, StepError> {
+    let n = assembly.coordinates();
+    let elements: Vec<Dof> = assembly.elements().iter().map(Element::at).collect();
+    let mut element_rows = rows(assembly, &elements);
+    let rest = [0.0; MOST_COORDINATES];
+    for (row, element) in element_rows.chunks_exact_mut(n).zip(assembly.elements()) {
+        assembly.element_direction(element, &rest[..n], row);
+    }
+    let omega = TAU * assembly.modes().last().map_or(f64::NAN, |mode| mode.frequency_hz);
+    let mut stepped = Piecewise {
+        assembly: assembly.clone(),
+        step_s: 1.0 / rate_hz,
+        drive: drive.to_vec(),
+        drive_rows: rows(assembly, drive),
+        element_rows,
+        mobility: [0.0; MOST_ELEMENTS],
+        fastest_squared: omega * omega,
+        state: State { q: rest, v: rest, z: [0.0; MOST_ELEMENTS] },
+        branches: [Branch::Inner; MOST_ELEMENTS],
+        events: 0,
+        fallbacks: 0,
+    };
+    stepped.add_mobility();
+    for (branch, element) in stepped.branches.iter_mut().zip(assembly.elements()) {
+        *branch = element.branch(0.0, 0.0, 0.0);
+    }
+    stepped.parts(0.0, stepped.step_s, &stepped.state)?;
+    Ok(Box::new(stepped))
+}
+
+impl Piecewise {
+    fn add_mobility(&mut self) {
+        let n = self.assembly.coordinates();
+        let mut mass = self.assembly.linear().mass;
+        // Positive definite: the modes were computed.
+        let factored = cholesky(n, &mut mass).is_some();
+        let mut solved = vec![0.0; n];
+        for (mobility, row) in self.mobility.iter_mut().zip(self.element_rows.chunks_exact(n)) {
+            solved.copy_from_slice(row);
+            solve_cholesky(n, &mass, &mut solved);
+            *mobility = if factored { row.iter().zip(&solved).map(|(w, solved)| w * solved).sum() } else { f64::NAN };
+        }
+    }
+
+    /// x and v of an element.
+    fn element_motion(&self, index: usize, element: &Element, state: &State) -> (f64, f64) {
+        let n = self.assembly.coordinates();
+        let (q, v) = (&state.q[..n], &state.v[..n]);
+        match self.assembly.body {
+            Body::Modal(_) => {
+                let row = &self.element_rows[index * n..(index + 1) * n];
+                let dot = |of: &[f64]| row.iter().zip(of).map(|(w, of)| w * of).sum();
+                (dot(q), dot(v))
+            }
+            Body::Chain(_) => {
+                (self.assembly.element_displacement(element, q), self.assembly.element_velocity(element, q, v))
+            }
+        }
+    }
+
+    /// ẍ and ż on the branches.
+    fn slope(&self, state: &State, branches: &Branches, load: &[f64]) -> Slope {
+        let n = self.assembly.coordinates();
+        let (mut force, mut z, mut row) = ([0.0; MOST_COORDINATES], [0.0; MOST_ELEMENTS], [0.0; MOST_COORDINATES]);
+        let is_modal = matches!(self.assembly.body, Body::Modal(_));
+        for (i, (dof, load)) in self.drive.iter().zip(load).enumerate() {
+            if !is_modal {
+                self.assembly.direction(*dof, &state.q[..n], &mut row);
+            }
+            let row = if is_modal { &self.drive_rows[i * n..(i + 1) * n] } else { &row[..n] };
+            force.iter_mut().zip(row).for_each(|(force, w)| *force += w * load);
+        }
+        for (i, element) in self.assembly.elements().iter().enumerate() {
+            let (position, velocity) = self.element_motion(i, element, state);
+            let own = element.own(&state.z);
+            let pull = element.law.reaction(branches[i], position, velocity, own).force;
+            if let Some(state) = element.state {
+                z[state] = element.law.state_rate(branches[i], velocity, own).rate;
+            }
+            if pull == 0.0 {
+                continue;
+            }
+            if !is_modal {
+                self.assembly.element_direction(element, &state.q[..n], &mut row);
+            }
+            let row = if is_modal { &self.element_rows[i * n..(i + 1) * n] } else { &row[..n] };
+            force.iter_mut().zip(row).for_each(|(force, w)| *force -= w * pull);
+        }
+        let mut acceleration = [0.0; MOST_COORDINATES];
+        self.assembly.accelerate(&state.q[..n], &state.v[..n], &force[..n], &mut acceleration[..n]);
+        Slope { acceleration, z }
+    }
+
+    /// One step of the method from a state whose slope is known.
+    fn moved(&self, from: &State, first: &Slope, branches: &Branches, load: &[f64], h_s: f64) -> State {
+        let (n, m) = (self.assembly.coordinates(), self.assembly.element_states());
+        let mut velocities = [from.v; DOP853.c.len()];
+        let mut slopes = [*first; DOP853.c.len()];
+        let combined = |weights: &[f64], velocities: &[[f64; MOST_COORDINATES]], slopes: &[Slope]| {
+            let mut stage = *from;
+            for ((weight, velocity), slope) in weights.iter().zip(velocities).zip(slopes) {
+                if *weight == 0.0 {
+                    continue;
+                }
+                let weight = h_s * weight;
+                add(&mut stage.q[..n], weight, velocity);
+                add(&mut stage.v[..n], weight, &slope.acceleration);
+                add(&mut stage.z[..m], weight, &slope.z);
+            }
+            stage
+        };
+        for i in 1..DOP853.c.len() {
+            let stage = combined(&DOP853.a[i][..i], &velocities, &slopes);
+            velocities[i] = stage.v;
+            slopes[i] = self.slope(&stage, branches, load);
+        }
+        combined(&DOP853.b, &velocities, &slopes)
+    }
+
+    /// The margins of an element.
+    fn margins(&self, index: usize, element: &Element, state: &State) -> [Option<Margin>; 2] {
+        let (position, velocity) = self.element_motion(index, element, state);
+        element.law.margins(self.branches[index], position, velocity, element.own(&state.z))
+    }
+
+    /// The least of the margins; negative where an element has left its branch.
+    fn margin(&self, state: &State) -> f64 {
+        let mut least = f64::INFINITY;
+        for (i, element) in self.assembly.elements().iter().enumerate() {
+            for margin in self.margins(i, element, state).iter().flatten() {
+                least = least.min(margin.value);
+            }
+        }
+        least
+    }
+
+    /// When in a part of `h_s` a margin that is not negative at its ends may be: the first of the lows of the margins'
+    /// cubics through both ends.
+    fn dip_s(&self, start: &State, end: &State, h_s: f64) -> Option<f64> {
+        let mut first: Option<f64> = None;
+        for (i, element) in self.assembly.elements().iter().enumerate() {
+            let margins = self.margins(i, element, start).into_iter().zip(self.margins(i, element, end));
+            for (start, end) in margins.filter_map(|(start, end)| Some((start?, end?))) {
+                if let Some(at_s) = dip_s([start, end], h_s) {
+                    first = Some(first.map_or(at_s, |first| first.min(at_s)));
+                }
+            }
+        }
+        first
+    }
+
+    /// Switches the elements that have left their branch; whether a contact of Hunt and Crossley closes.
+    fn switch(&mut self, state: &mut State) -> bool {
+        let mut rough = false;
+        for i in 0..self.assembly.elements().len() {
+            let element = self.assembly.elements()[i];
+            let margins = self.margins(i, &element, state);
+            if let Some(Margin { to, .. }) = margins.into_iter().flatten().find(|margin| margin.value < 0.0) {
+                self.branches[i] = to;
+                self.events += 1;
+                rough |= to == Branch::Upper && matches!(element.law, Law::HuntCrossley { .. });
+                if let Some(own) = element.state {
+                    state.z[own] = element.law.state_on(to, state.z[own]);
+                }
+            }
+        }
+        rough
+    }
+
+    /// Whether a contact of Hunt and Crossley ends at a state.
+    fn opens_roughly(&self, state: &State) -> bool {
+        let opens = |(i, element): (usize, &Element)| {
+            let mut margins = self.margins(i, element, state).into_iter().flatten();
+            self.branches[i] == Branch::Upper && margins.any(|margin| margin.value < 0.0)
+        };
+        let elements = self.assembly.elements().iter().enumerate();
+        elements.filter(|(_, element)| matches!(element.law, Law::HuntCrossley { .. })).any(opens)
+    }
+
+    /// In how many parts the next `h_s` are made from a state.
+    fn parts(&self, t_s: f64, h_s: f64, state: &State) -> Result<u32, StepError> {
+        let reach_s = (PHASE_RAD / libm::sqrt(self.fastest_squared)).min(h_s);
+        let (mut squared, mut decay) = (self.fastest_squared, 0.0);
+        for (i, element) in self.assembly.elements().iter().enumerate() {
+            let (position, velocity) = self.element_motion(i, element, state);
+            let [stiffness, damping, rate] = element.law.steepest(position, velocity, reach_s);
+            squared += self.mobility[i] * stiffness;
+            decay += self.mobility[i] * damping + rate;
+        }
+        let parts = libm::ceil(h_s * (libm::sqrt(squared) / PHASE_RAD).max(decay / DECAY)).max(1.0);
+        if parts <= f64::from(MOST_PARTS) {
+            Ok(parts as u32)
+        } else {
+            let needed_hz = libm::ceil(parts / f64::from(MOST_PARTS) / self.step_s);
+            Err(StepError::TooStiff { t_s, most: MOST_PARTS, needed_hz })
+        }
+    }
+
+    /// One step; the number of switches beyond [`MOST_EVENTS`] makes it a fallback.
+    fn whole_step(&mut self, t_s: f64, load: &[f64]) -> Result<State, StepError> {
+        let (mut state, mut done_s, mut share, first_event) = (self.state, 0.0, 1.0, self.events);
+        // Every pass makes a part or switches, and both are bounded.
+        loop {
+            if self.margin(&state) < 0.0 {
+                if self.switch(&mut state) {
+                    share = FIRST_SHARE;
+                }
+                if self.events - first_event > u64::from(MOST_EVENTS) {
+                    self.fallbacks += 1;
+                    return self.unlocated(t_s, done_s, state, load);
+                }
+                continue;
+            }
+            let left_s = self.step_s - done_s;
+            if left_s <= 0.0 {
+                return Ok(state);
+            }
+            let part_s = left_s / f64::from(self.parts(t_s, left_s, &state)?);
+            let h_s = share * part_s;
+            share = (2.0 * share).min(1.0);
+            let first = self.slope(&state, &self.branches, load);
+            let trial = |h_s: f64| {
+                let next = self.moved(&state, &first, &self.branches, load, h_s);
+                let margin = self.margin(&next);
+                (next, margin)
+            };
+            let before = self.margin(&state);
+            let mut located = locate(h_s, before, trial);
+            if located.after_s == h_s
+                && let Some(dip_s) = self.dip_s(&state, &located.state, h_s)
+                && trial(dip_s).1 < 0.0
+            {
+                located = locate(dip_s, before, trial);
+            }
+            let Located { state: next, after_s } = located;
+            if after_s < h_s && after_s > FIRST_SHARE * part_s && self.opens_roughly(&next) {
+                // Towards the end of such a contact half of the way each time.
+                state = self.moved(&state, &first, &self.branches, load, 0.5 * after_s);
+                done_s += 0.5 * after_s;
+                continue;
+            }
+            // The last part ends with the step.
+            done_s = if after_s == left_s { self.step_s } else { done_s + after_s };
+            state = next;
+            if !self.is_finite(&state) {
+                return Err(StepError::NotFinite { t_s: t_s + self.step_s });
+            }
+        }
+    }
+
+    /// The rest of a step without looking for switches: each part on the branches that hold where it starts.
+    fn unlocated(&mut self, t_s: f64, done_s: f64, mut state: State, load: &[f64]) -> Result<State, StepError> {
+        let left_s = self.step_s - done_s;
+        let parts = self.parts(t_s, left_s, &state)?;
+        let h_s = left_s / f64::from(parts);
+        for _ in 0..parts {
+            self.set_branches(&mut state);
+            let first = self.slope(&state, &self.branches, load);
+            state = self.moved(&state, &first, &self.branches, load, h_s);
+        }
+        self.set_branches(&mut state);
+        if self.is_finite(&state) { Ok(state) } else { Err(StepError::NotFinite { t_s: t_s + self.step_s }) }
+    }
+
+    /// The branches on which a state is, with slipping friction at its limit.
+    fn set_branches(&mut self, state: &mut State) {
+        for i in 0..self.assembly.elements().len() {
+            let element = self.assembly.elements()[i];
+            let (position, velocity) = self.element_motion(i, &element, state);
+            self.branches[i] = element.branch(position, velocity, element.own(&state.z));
+            if let Some(own) = element.state {
+                state.z[own] = element.law.state_on(self.branches[i], state.z[own]);
+            }
+        }
+    }
+
+    fn is_finite(&self, state: &State) -> bool {
+        let (n, m) = (self.assembly.coordinates(), self.assembly.element_states());
+        state.q[..n].iter().chain(&state.v[..n]).chain(&state.z[..m]).fold(true, |all, number| all & number.is_finite())
+    }
+}
+
+/// sum += weight · of.
+fn add(sum: &mut [f64], weight: f64, of: &[f64]) {
+    sum.iter_mut().zip(of).for_each(|(sum, of)| *sum += weight * of);
+}
+
+/// When a margin that falls at the start and rises at the end of `h_s` is least, if that is not clearly positive. With
+/// the share s of h, m from its ends and slopes d is the cubic of C. Hermite, whose slope is A s² + B s + C,
+///
+/// ```text
+/// A = 6 (m₀ − m₁) + 3h (d₀ + d₁)     B = −6 (m₀ − m₁) − 4h d₀ − 2h d₁     C = h d₀
+/// ```
+fn dip_s([start, end]: [Margin; 2], h_s: f64) -> Option<f64> {
+    let (fall, rise) = (h_s * start.rate?, h_s * end.rate?);
+    if !(fall < 0.0 && rise > 0.0) {
+        return None;
+    }
+    let drop = start.value - end.value;
+    let (a, b) = (6.0 * drop + 3.0 * (fall + rise), -6.0 * drop - 4.0 * fall - 2.0 * rise);
+    let larger = -0.5 * (b + libm::copysign(libm::sqrt((b * b - 4.0 * a * fall).max(0.0)), b));
+    let at = [larger / a, fall / larger].into_iter().find(|at| *at > 0.0 && *at < 1.0)?;
+    let (back, turn) = (1.0 - at, at * (1.0 - at));
+    let value = start.value * back * back * (1.0 + 2.0 * at) + end.value * at * at * (3.0 - 2.0 * at);
+    let low = value + turn * (back * fall - at * rise);
+    (low < DIP * (rise - fall)).then_some(at * h_s)
+}
+
+impl Engine for Piecewise {
+    fn state(&self) -> StateRef<'_> {
+        let (n, m) = (self.assembly.coordinates(), self.assembly.element_states());
+        let State { q, v, z } = &self.state;
+        StateRef { q: &q[..n], v: &v[..n], z: &z[..m], branches: &self.branches[..self.assembly.elements().len()] }
+    }
+
+    fn set(&mut self, state: StateRef) {
+        let StateRef { q, v, z, branches } = state;
+        self.state.q[..q.len()].copy_from_slice(q);
+        self.state.v[..v.len()].copy_from_slice(v);
+        self.state.z[..z.len()].copy_from_slice(z);
+        self.branches[..branches.len()].copy_from_slice(branches);
+    }
+
+    fn advance(&mut self, t_s: f64, load: &[f64]) -> Result<(), StepError> {
+        let (branches, counters) = (self.branches, [self.events, self.fallbacks]);
+        match self.whole_step(t_s, load) {
+            Ok(state) => {
+                self.state = state;
+                Ok(())
+            }
+            Err(error) => {
+                self.branches = branches;
+                [self.events, self.fallbacks] = counters;
+                Err(error)
+            }
+        }
+    }
+
+    fn acceleration(&self, load: &[f64], out: &mut [f64]) {
+        let slope = self.slope(&self.state, &self.branches, load);
+        out.iter_mut().zip(slope.acceleration).for_each(|(out, acceleration)| *out = acceleration);
+    }
+
+    fn counters(&self) -> [u64; 2] {
+        [self.events, self.fallbacks]
+    }
+
+    fn boxed_clone(&self) -> Box<dyn Engine> {
+        Box::new(self.clone())
+    }
+}

@@ -1,0 +1,297 @@
+//! Chains against independent numbers, the arm, and finite differences.
+
+use core::f64::consts::TAU;
+
+use proptest::prelude::*;
+
+use super::*;
+use crate::arm::tests::any_arm;
+use crate::arm::{Arm, Load, State};
+use crate::integrate::{Dynamics, Excitation, Integrator, Motion, Scheme};
+use crate::structure::assembly::Body;
+use crate::structure::links::{Links, LinksLoad};
+
+#[test]
+fn modes_are_those_of_independent_code() {
+    for case in oracles("chains") {
+        let assembly = assembly(BodySpec::Chain(chain_of(&case)), vec![]);
+        let near = |what: &str, of: fn(&StructureMode) -> f64| {
+            let expected = numbers(&case[what]);
+            assert_eq!(assembly.modes().len(), expected.len());
+            for (mode, expected) in assembly.modes().iter().zip(expected) {
+                assert!((of(mode) / expected - 1.0).abs() < 1e-10, "{what}: {mode:?}, expected {expected}");
+            }
+        };
+        near("frequencies_hz", |mode| mode.frequency_hz);
+        near("damping_ratios", |mode| mode.damping_ratio);
+    }
+}
+
+/// The largest difference of two states, of rates relative to 10 rad/s.
+fn apart(got: &[f64], expected: &[f64]) -> f64 {
+    let scale = |i: usize| if 2 * i < got.len() { 1.0 } else { 0.1 };
+    let each = got.iter().zip(expected).enumerate().map(|(i, (got, expected))| scale(i) * (got - expected).abs());
+    each.fold(0.0, f64::max)
+}
+
+#[test]
+fn free_vibration_is_that_of_independent_code() {
+    for case in oracles("chains") {
+        let assembly = assembly(BodySpec::Chain(chain_of(&case)), vec![]);
+        for scheme in [Scheme::Dop853, Scheme::Gl6, Scheme::Exponential8] {
+            let mut stepper = Stepper::new(&assembly, &[], scheme, 16_000.0).unwrap();
+            stepper.restore(&numbers(&case["initial"])).unwrap();
+            for k in 0..3200 {
+                stepper.advance(f64::from(k) / 16_000.0, &[]).unwrap();
+            }
+            let mut end = vec![0.0; stepper.saved_len()];
+            stepper.save(&mut end).unwrap();
+            let error = apart(&end, &numbers(&case["end_after_0_2_s"]));
+            assert!(error < 1e-9, "{scheme}: {error:e}");
+        }
+    }
+}
+
+/// A force along x at the tip, as the sine of time.
+struct SineForce<const N: usize> {
+    force_n: f64,
+    frequency_hz: f64,
+}
+
+impl<const N: usize> Excitation<LinksLoad<f64, N>> for SineForce<N> {
+    fn load(&self, t_s: f64) -> LinksLoad<f64, N> {
+        let force_n = self.force_n * libm::sin(TAU * self.frequency_hz * t_s);
+        LinksLoad { torque_nm: [0.0; N], force_n: [[force_n, 0.0]; N] }
+    }
+}
+
+fn forced_end<const N: usize>(case: &Value) -> Vec<f64> {
+    let assembly = assembly(BodySpec::Chain(chain_of(case)), vec![]);
+    let Body::Chain(chain) = &assembly.body else { unreachable!() };
+    let links = Links::<N>::new(chain, &assembly);
+    let number = |name: &str| case[name].as_f64().unwrap();
+    let force = SineForce { force_n: number("force_x_n"), frequency_hz: number("excitation_hz") };
+    let integrator = Integrator::new(Scheme::Exponential8, 8000.0, &links).unwrap();
+    let initial = numbers(&case["initial"]);
+    let mut motion = Motion { x: [0.0; N], v: [0.0; N] };
+    motion.x.copy_from_slice(&initial[..N]);
+    motion.v.copy_from_slice(&initial[N..]);
+    for k in 0..1600 {
+        motion = integrator.step(&links, f64::from(k) / 8000.0, &motion, &force).unwrap();
+    }
+    motion.x.into_iter().chain(motion.v).collect()
+}
+
+#[test]
+fn forced_vibration_is_that_of_independent_code() {
+    let cases = oracles("chains");
+    let ends: [fn(&Value) -> Vec<f64>; 5] =
+        [forced_end::<1>, forced_end::<2>, forced_end::<3>, forced_end::<4>, forced_end::<6>];
+    for (case, end) in cases.iter().zip(ends) {
+        let error = apart(&end(case), &numbers(&case["forced_end_after_0_2_s"]));
+        assert!(error < 1e-9, "{error:e}");
+    }
+}
+
+fn chain_of_arm(arm: &Arm, elements: Vec<ElementSpec>) -> Assembly {
+    assembly(BodySpec::Chain(ChainSpec::from_arm(arm.parameters(), arm.pose())), elements)
+}
+
+proptest! {
+    #[test]
+    fn two_links_are_the_arm(
+        arm in any_arm(), x in prop::array::uniform2(-1.0..1.0), v in prop::array::uniform2(-50.0..50.0),
+        torque in prop::array::uniform2(-2e3..2e3), force in prop::array::uniform2(-5e2..5e2),
+    ) {
+        let assembly = chain_of_arm(&arm, vec![]);
+        let drive = ["joint1", "joint2", "tip.x", "tip.y"].map(|name| assembly.dof(name).unwrap());
+        let mut stepper = Stepper::new(&assembly, &drive, Scheme::Exponential8, 4000.0).unwrap();
+        stepper.restore(&[x[0], x[1], v[0], v[1]]).unwrap();
+        let mut seen = [0.0; 2];
+        stepper.acceleration(&[torque[0], torque[1], force[0], force[1]], &mut seen).unwrap();
+        let (state, load) = (State::new(x, v), Load { torque_nm: torque.into(), force_n: force.into() });
+        let expected = arm.acceleration(&state, &load);
+        // Rounding of torques up to those of the springs is divided by inertias.
+        let scale = 1.0 + expected.norm() + 1e6 * (x[0].abs() + x[1].abs());
+        for i in 0..2 {
+            prop_assert!((seen[i] - expected[i]).abs() < 1e-12 * scale, "{seen:?} {expected}");
+        }
+        let energy = arm.energy(&state).total_j();
+        prop_assert!((assembly.energy_j(&x, &v) - energy).abs() < 1e-11 * (1.0 + energy.abs()));
+    }
+}
+
+/// With held torque and force, at a rate where a step of each scheme has rounding alone.
+#[test]
+fn two_links_step_as_the_arm() {
+    let arm = crate::arm::tests::arm(crate::arm::Preset::Irb1600Fitted, 20.0, 60.0);
+    let assembly = chain_of_arm(&arm, vec![]);
+    let drive = ["joint1", "tip.y"].map(|name| assembly.dof(name).unwrap());
+    let load = Load { torque_nm: [60.0, 0.0].into(), force_n: [0.0, 25.0].into() };
+    for scheme in Scheme::ALL {
+        let integrator = Integrator::new(scheme, 4000.0, &arm).unwrap();
+        let mut stepper = Stepper::new(&assembly, &drive, scheme, 4000.0).unwrap();
+        let mut state = State::new([0.02, -0.03], [0.0, 0.0]);
+        stepper.restore(&[0.02, -0.03, 0.0, 0.0]).unwrap();
+        for k in 0..1000 {
+            let t_s = f64::from(k) / 4000.0;
+            state = integrator.step(&arm, t_s, &state, &load).unwrap();
+            stepper.advance(t_s, &[60.0, 25.0]).unwrap();
+        }
+        for i in 0..2 {
+            let difference = (stepper.position()[i] - state.alpha_rad[i]).abs();
+            assert!(difference < 1e-13, "{scheme}: {difference:e}");
+        }
+    }
+}
+
+/// A chain of four links under gravity with a hardening joint, a damped spring at an elbow and one between points.
+fn hard_chain() -> Assembly {
+    let ChainSpec { links, .. } = chain_of(&oracles("chains")[3]);
+    let elements = vec![
+        grounded(Place::Joint(2), Law::Cubic { stiffness3: 3e7, stiffness5: -1e9 }),
+        grounded(along("joint3", Axis::X), Law::Tanh { slip: 40.0, velocity: 0.3 }),
+        ElementSpec {
+            at: along("tip", Axis::Y),
+            to: Some(along("joint2", Axis::X)),
+            law: Law::Cubic { stiffness3: 5e7, stiffness5: 0.0 },
+        },
+    ];
+    assembly(BodySpec::Chain(ChainSpec { links, gravity_m_s2: 9.80665 }), elements)
+}
+
+const X: [f64; 4] = [0.1, -0.2, 0.3, 0.15];
+const V: [f64; 4] = [1.0, -2.0, 3.0, 0.5];
+
+/// The central difference of `of` by each of four arguments, with its error of second order removed.
+fn differences(at: [f64; 4], of: impl Fn(&[f64; 4]) -> Vec<f64>) -> Vec<Vec<f64>> {
+    let by = |k: usize| {
+        let central = |h: f64| {
+            let moved = |h: f64| {
+                let mut moved = at;
+                moved[k] += h;
+                of(&moved)
+            };
+            let (ahead, behind) = (moved(h), moved(-h));
+            ahead.iter().zip(&behind).map(|(a, b)| (a - b) / (2.0 * h)).collect::<Vec<_>>()
+        };
+        let (wide, narrow) = (central(2e-4), central(1e-4));
+        narrow.iter().zip(&wide).map(|(narrow, wide)| (4.0 * narrow - wide) / 3.0).collect()
+    };
+    (0..4).map(by).collect()
+}
+
+/// Compares a matrix by rows with differences by column.
+fn check_matrix(matrix: &[f64], columns: &[Vec<f64>]) {
+    let largest = matrix.iter().fold(1.0_f64, |largest, entry| largest.max(entry.abs()));
+    for (column, seen) in columns.iter().enumerate() {
+        for (row, seen) in seen.iter().enumerate() {
+            let exact = matrix[row * columns.len() + column];
+            assert!((exact - seen).abs() < 1e-6 * largest, "{row} {column}: {exact} {seen}");
+        }
+    }
+}
+
+#[test]
+fn derivatives_of_the_unbalance_are_exact() {
+    let assembly = hard_chain();
+    let (a, force) = ([100.0, -50.0, 20.0, -80.0], [30.0, -40.0, 5.0, 6.0]);
+    let mut at = Linearised::new(4);
+    assembly.linearise(&X, &V, &a, &force, &mut at);
+    let unbalance = |x: &[f64; 4], v: &[f64; 4], a: &[f64; 4]| {
+        let mut out = vec![0.0; 4];
+        assembly.unbalance(x, v, a, &force, &mut out);
+        out
+    };
+    assert_eq!(at.unbalance, unbalance(&X, &V, &a));
+    check_matrix(&at.by_position, &differences(X, |x| unbalance(x, &V, &a)));
+    check_matrix(&at.by_velocity, &differences(V, |v| unbalance(&X, v, &a)));
+    check_matrix(&at.by_acceleration, &differences(a, |a| unbalance(&X, &V, a)));
+}
+
+/// Two implementations: q̈ of the integrators leaves no unbalance, with the forces of elements and loads; its
+/// derivatives are exact.
+#[test]
+fn integrators_solve_the_unbalance() {
+    let assembly = hard_chain();
+    let Body::Chain(chain) = &assembly.body else { unreachable!() };
+    let links = Links::<4>::new(chain, &assembly);
+    let load = LinksLoad { torque_nm: [10.0, 0.0, -20.0, 3.0], force_n: [[30.0, -20.0]; 4] };
+    let acceleration = |x: &[f64; 4], v: &[f64; 4]| links.rates(&Motion { x: *x, v: *v }, &load).acceleration;
+    let mut force = load.torque_nm;
+    let mut direction = [0.0; 4];
+    for (name, pull) in [("tip.x", 30.0), ("tip.y", -20.0)] {
+        assembly.direction(assembly.dof(name).unwrap(), &X, &mut direction);
+        (0..4).for_each(|i| force[i] += direction[i] * pull);
+    }
+    for element in assembly.elements() {
+        let velocity = assembly.element_velocity(element, &X, &V);
+        let pull = element.force(assembly.element_displacement(element, &X), velocity, 0.0).force;
+        assembly.element_direction(element, &X, &mut direction);
+        (0..4).for_each(|i| force[i] -= direction[i] * pull);
+    }
+    let mut unbalance = [0.0; 4];
+    assembly.unbalance(&X, &V, &acceleration(&X, &V), &force, &mut unbalance);
+    assert!(unbalance.iter().all(|torque| torque.abs() < 1e-9 * 579_200.0), "{unbalance:?}");
+
+    let jacobian = links.jacobian(&Motion { x: X, v: V }, &load);
+    assert_eq!(jacobian.acceleration, acceleration(&X, &V));
+    check_matrix(jacobian.by_position.as_flattened(), &differences(X, |x| acceleration(x, &V).to_vec()));
+    check_matrix(jacobian.by_velocity.as_flattened(), &differences(V, |v| acceleration(&X, v).to_vec()));
+}
+
+/// Position, velocity and acceleration of every degree of freedom belong together along q(t) = x + v t + a t²/2.
+#[test]
+fn points_move_as_they_say() {
+    let assembly = hard_chain();
+    let a = [40.0, -30.0, 20.0, 10.0];
+    let at = |t: f64| -> [f64; 4] { core::array::from_fn(|i| X[i] + t * (V[i] + 0.5 * t * a[i])) };
+    for name in assembly.dof_names() {
+        let dof = assembly.dof(&name).unwrap();
+        let x = |t: f64| assembly.displacement(dof, &at(t));
+        let h = 1e-4;
+        let velocity = (8.0 * (x(h) - x(-h)) - (x(2.0 * h) - x(-2.0 * h))) / (12.0 * h);
+        assert!((velocity - assembly.velocity(dof, &X, &V)).abs() < 1e-8, "{name}");
+        let acceleration = (16.0 * (x(h) + x(-h)) - (x(2.0 * h) + x(-2.0 * h)) - 30.0 * x(0.0)) / (12.0 * h * h);
+        assert!((acceleration - assembly.acceleration(dof, &X, &V, &a)).abs() < 1e-5, "{name}");
+        let mut curvature = [0.0; 16];
+        assembly.add_curvature(dof, &X, 1.0, &mut curvature);
+        let direction = |x: &[f64; 4]| {
+            let mut direction = vec![0.0; 4];
+            assembly.direction(dof, x, &mut direction);
+            direction
+        };
+        check_matrix(&curvature, &differences(X, direction));
+    }
+}
+
+/// What load and weight put in is in motion, springs and elements, or was lost.
+#[test]
+fn energy_of_a_chain_with_smooth_elements_is_balanced() {
+    let assembly = hard_chain();
+    let tip = assembly.dof("tip.y").unwrap();
+    let mut stepper = Stepper::new(&assembly, &[tip], Scheme::Exponential8, 8000.0).unwrap();
+    let energy = |stepper: &Stepper| {
+        assembly.energy_j(stepper.position(), stepper.velocity()) + assembly.element_energy_j(stepper.position(), &[])
+    };
+    stepper.restore(&[0.02, -0.01, 0.01, 0.02, 0.0, 0.0, 0.0, 0.0]).unwrap();
+    let (before, mut lost, mut work, h_s) = (energy(&stepper), 0.0, 0.0, stepper.step_s());
+    let loss = |stepper: &Stepper| {
+        assembly.loss_w(stepper.velocity()) + assembly.element_loss_w(stepper.position(), stepper.velocity(), &[])
+    };
+    for k in 0..800 {
+        // Simpson's rule over pairs of steps, with the work of the held force exact.
+        let force = 400.0 * libm::sin(0.01 * f64::from(k));
+        let (start_m, first_w) = (assembly.displacement(tip, stepper.position()), loss(&stepper));
+        stepper.advance(f64::from(2 * k) * h_s, &[force]).unwrap();
+        let middle_w = loss(&stepper);
+        stepper.advance(f64::from(2 * k + 1) * h_s, &[force]).unwrap();
+        lost += h_s / 3.0 * (first_w + 4.0 * middle_w + loss(&stepper));
+        work += force * (assembly.displacement(tip, stepper.position()) - start_m);
+    }
+    let (after, scale) = (energy(&stepper), before + work.abs() + lost);
+    assert!(
+        lost > 0.01 * scale && (after - before - work + lost).abs() < 1e-7 * scale,
+        "{before} {after} {work} {lost}"
+    );
+}

@@ -1,0 +1,210 @@
+//! What is refused, and in which words.
+
+use insta::assert_snapshot;
+
+use super::*;
+use crate::integrate::Scheme;
+
+fn three_links() -> ChainSpec {
+    chain_of(&oracles("chains")[2])
+}
+
+fn chain_refused(change: impl Fn(&mut ChainSpec)) -> String {
+    let mut chain = three_links();
+    change(&mut chain);
+    Assembly::new(&StructureSpec { body: BodySpec::Chain(chain), elements: vec![] }).unwrap_err().to_string()
+}
+
+#[test]
+fn impossible_chains_are_refused() {
+    let of_link = |change: fn(&mut Link)| chain_refused(|chain| change(&mut chain.links[1]));
+    assert_snapshot!(chain_refused(|chain| chain.links.clear()), @"0 links: a structure has 1 to 8");
+    assert_snapshot!(
+        chain_refused(|chain| chain.links = vec![chain.links[0]; 9]),
+        @"9 links: a structure has 1 to 8"
+    );
+    assert_snapshot!(
+        of_link(|link| link.mass_kg = 0.0),
+        @"link 2: `mass_kg` is 0: it must be a positive number"
+    );
+    assert_snapshot!(
+        of_link(|link| link.mass_kg = -1.0),
+        @"link 2: `mass_kg` is -1: it must be a positive number"
+    );
+    assert_snapshot!(
+        of_link(|link| link.stiffness_nm_rad = f64::INFINITY),
+        @"link 2: `stiffness_nm_rad` is inf: it must be a positive number"
+    );
+    assert_snapshot!(
+        of_link(|link| link.centre_of_mass_m = f64::NAN),
+        @"link 2: `centre_of_mass_m` is NaN: it must be a finite number"
+    );
+    assert_snapshot!(
+        of_link(|link| link.damping_nm_s_rad = -0.5),
+        @"link 2: `damping_nm_s_rad` is -0.5: it must be zero or a positive number"
+    );
+    assert_snapshot!(
+        of_link(|link| link.angle_deg = 361.0),
+        @"link 2: `angle_deg` is 361: it must be a number from -360 to 360 degrees"
+    );
+    assert_snapshot!(
+        chain_refused(|chain| chain.gravity_m_s2 = -9.8),
+        @"chain: `gravity_m_s2` is -9.8: it must be zero or a positive number"
+    );
+    assert_snapshot!(
+        chain_refused(|chain| {
+            chain.gravity_m_s2 = 9.80665;
+            chain.links.iter_mut().for_each(|link| link.stiffness_nm_rad = 1.0);
+        }),
+        @"the joints can't hold the chain's weight at 9.80665 m/s²: no stable equilibrium is found from these angles; raise the stiffnesses or lower the masses"
+    );
+    assert_snapshot!(
+        of_link(|link| link.stiffness_nm_rad = 1e-320),
+        @"the structure's natural frequencies come out as 5.3e-162 to 3.8e1 Hz: they must be positive and finite; stiffnesses and inertias are out of proportion"
+    );
+}
+
+#[test]
+fn impossible_modes_are_refused() {
+    let refused = |change: fn(&mut ModalSpec)| {
+        let BodySpec::Modal(mut modal) = two_modes(vec![]).spec().body.clone() else { unreachable!() };
+        change(&mut modal);
+        Assembly::new(&StructureSpec { body: BodySpec::Modal(modal), elements: vec![] }).unwrap_err().to_string()
+    };
+    assert_snapshot!(refused(|modal| modal.modes.clear()), @"0 modes: a structure has 1 to 32");
+    assert_snapshot!(refused(|modal| modal.shapes.clear()), @"0 shapes: a structure has 1 to 256");
+    assert_snapshot!(
+        refused(|modal| modal.modes[1].frequency_hz = 0.0),
+        @"mode 2: `frequency_hz` is 0: it must be a positive number"
+    );
+    assert_snapshot!(
+        refused(|modal| modal.modes[0].damping_ratio = 1.0),
+        @"mode 1: `damping_ratio` is 1: it must be a number from 0 to below 1"
+    );
+    assert_snapshot!(
+        refused(|modal| modal.shapes[0].by_mode.push(0.1)),
+        @"shape `tip.x` has 3 numbers: it must have one for each of the 2 modes"
+    );
+    assert_snapshot!(
+        refused(|modal| modal.shapes[0].by_mode[1] = f64::NAN),
+        @"shape tip.x: `by_mode` is NaN: it must be a finite number"
+    );
+    assert_snapshot!(
+        refused(|modal| modal.shapes[1].point = "tip".into()),
+        @"there are two shapes `tip.x`: a point has one for each axis"
+    );
+    assert_snapshot!(
+        refused(|modal| modal.shapes[1].point = "a.b".into()),
+        @"the name of a point is `a.b`: it must have at least one character, and no dot"
+    );
+}
+
+const SPRING: Law = Law::Cubic { stiffness3: 1.0, stiffness5: 0.0 };
+const GAP: Law = Law::Gap { stiffness: 1e5, gap: 0.001 };
+
+fn elements_refused(body: BodySpec, elements: Vec<ElementSpec>) -> String {
+    Assembly::new(&StructureSpec { body, elements }).unwrap_err().to_string()
+}
+
+#[test]
+fn impossible_places_are_refused() {
+    let chain = |elements| elements_refused(BodySpec::Chain(three_links()), elements);
+    let modal = |elements| elements_refused(two_modes(vec![]).spec().body.clone(), elements);
+    let between = |at, to| ElementSpec { at, to: Some(to), law: SPRING };
+    assert_snapshot!(
+        chain(vec![grounded(along("tip", Axis::Z), SPRING)]),
+        @"there is no `tip.z` in this structure: there are joint2.x, joint2.y, joint3.x, joint3.y, tip.x, tip.y, joint1, joint2, joint3"
+    );
+    assert_snapshot!(
+        modal(vec![grounded(along("end", Axis::X), SPRING)]),
+        @"there is no `end.x` in this structure: there are tip.x, mid.x"
+    );
+    assert_snapshot!(
+        chain(vec![grounded(Place::Joint(4), SPRING)]),
+        @"there is no joint 4: the chain has joints 1 to 3"
+    );
+    assert_snapshot!(
+        modal(vec![grounded(Place::Joint(1), SPRING)]),
+        @"joint 1: a structure of modes has no joints; name a point and an axis"
+    );
+    assert_snapshot!(
+        chain(vec![grounded(along("joint1", Axis::X), SPRING)]),
+        @"element 1 acts at `joint1.x`, which doesn't move: leave `to` out for the ground"
+    );
+    assert_snapshot!(
+        chain(vec![between(Place::Joint(1), along("tip", Axis::X))]),
+        @"element 1 is between `joint 1` and `tip.x`: both ends must be points, or both joints"
+    );
+    assert_snapshot!(
+        chain(vec![between(Place::Joint(1), Place::Joint(1))]),
+        @"element 1 has both ends at `joint 1`: they must differ"
+    );
+    let contact = Law::KelvinVoigt { stiffness: 1e5, damping: 0.0, gap: 0.0, side: Side::Negative };
+    let tip = || along("tip", Axis::X);
+    assert_snapshot!(
+        modal(vec![grounded(tip(), SPRING), grounded(tip(), contact), grounded(tip(), GAP)]),
+        @"elements 2 and 3 are both contacts at `tip.x` on the same side: make one of them"
+    );
+    assert_snapshot!(
+        modal(vec![grounded(tip(), SPRING); 17]),
+        @"17 elements: a structure has 0 to 16"
+    );
+}
+
+#[test]
+fn impossible_laws_are_refused() {
+    let refused = |law| {
+        let body = two_modes(vec![]).spec().body.clone();
+        elements_refused(body, vec![grounded(along("tip", Axis::X), SPRING), grounded(along("tip", Axis::X), law)])
+    };
+    assert_snapshot!(
+        refused(Law::Gap { stiffness: 1e5, gap: -0.001 }),
+        @"element 2, gap: `gap` is -0.001: it must be zero or a positive number"
+    );
+    assert_snapshot!(
+        refused(Law::Friction { stiffness: 1e5, slip: 0.0 }),
+        @"element 2, friction: `slip` is 0: it must be a positive number"
+    );
+    assert_snapshot!(
+        refused(Law::Cubic { stiffness3: f64::NAN, stiffness5: 0.0 }),
+        @"element 2, cubic: `stiffness3` is NaN: it must be a finite number"
+    );
+    let lugre = Law::Lugre {
+        bristle_stiffness: 1e4,
+        bristle_damping: 1.0,
+        viscous: 0.0,
+        coulomb: 3.0,
+        breakaway: 2.0,
+        stribeck: 0.1,
+    };
+    assert_snapshot!(refused(lugre), @"element 2, lugre: `breakaway` is 2: it must be at least `coulomb`");
+}
+
+#[test]
+fn impossible_steps_are_refused() {
+    let chain = assembly(BodySpec::Chain(three_links()), vec![]);
+    let refused =
+        |assembly: &Assembly, scheme, rate_hz| Stepper::new(assembly, &[], scheme, rate_hz).unwrap_err().to_string();
+    assert_snapshot!(
+        refused(&chain, Scheme::Rk4, 0.0),
+        @"integration rate 0 Hz: it must be a positive number"
+    );
+    assert_snapshot!(
+        refused(&chain, Scheme::Rk4, 50.0),
+        @"scheme rk4 can't carry this structure at 50 Hz: its fastest mode needs at least 116 Hz"
+    );
+    let stiff = two_modes(vec![grounded(along("tip", Axis::X), Law::Gap { stiffness: 1e13, gap: 0.001 })]);
+    assert_snapshot!(
+        refused(&stiff, Scheme::Rk4, 1000.0),
+        @"the step at t = 0 s needs more than 256 parts for the stiffness of the elements: raise the integration rate to at least 19778 Hz, or look for an element that is out of proportion"
+    );
+    let mut stepper = Stepper::new(&chain, &[], Scheme::Exponential8, 1000.0).unwrap();
+    assert_snapshot!(
+        stepper.advance(0.0, &[1.0]).unwrap_err(),
+        @"1 loads: the drive has 0 degrees of freedom"
+    );
+    assert_snapshot!(
+        stepper.restore(&[0.0, f64::NAN]).unwrap_err(),
+        @"a saved state of 1 finite numbers: the structure has 6, or 6 with the branches of its elements"
+    );
+}
