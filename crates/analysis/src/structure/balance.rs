@@ -262,8 +262,8 @@ impl Balance {
         }
     }
 
-    /// The rows of modes. With U = c − is of a harmonic c cos + s sin, H U has the coefficients Re H c + Im H s and Re H
-    /// s − Im H c.
+    /// The rows of modes. With U = c − is of a harmonic c cos + s sin, H U has the coefficients Re H c + Im H s and Re
+    /// H s − Im H c.
     fn condensed_rows(&mut self, x: &[f64], lambda: usize, residual: &mut [f64], matrix: &mut [f64]) {
         let (m, size, omega) = (self.unknowns.count(), x.len(), self.omega_rad_s());
         let Body::Condensed(condensed) = &self.unknowns.body else { return };

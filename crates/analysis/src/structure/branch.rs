@@ -2,7 +2,6 @@
 //! stability and other bifurcations.
 
 use alloc::boxed::Box;
-use alloc::vec::Vec;
 
 use nalgebra::Complex;
 use resonarm_dynamics::structure::Dof;

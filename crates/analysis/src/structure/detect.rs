@@ -1,8 +1,8 @@
 //! Finds bifurcations and peaks between the points of a branch.
 //!
-//! Each kind of bifurcation has a test function that changes sign at it: of a fold dλ along the branch, of a branch point
-//! the bordered determinant, of a period doubling the distance of the least real multiplier from −1, of a Neimark–Sacker
-//! point that of the largest complex one from the unit circle.
+//! Each kind of bifurcation has a test function that changes sign at it: of a fold dλ along the branch, of a branch
+//! point the bordered determinant, of a period doubling the distance of the least real multiplier from −1, of a
+//! Neimark–Sacker point that of the largest complex one from the unit circle.
 
 use nalgebra::Complex;
 

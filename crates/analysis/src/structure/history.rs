@@ -3,15 +3,15 @@
 //! From sample to sample the state changes as
 //!
 //! ```text
-//! friction   z ← z + Δx, held within ±R/k; where v changes sign, first to the x at which it does, with v linear between
-//! lugre      z ← E z + (1 − E) g/σ0 sign v,   E = exp(−σ0 |v| h/g),   v between the samples: exact at constant v
+//! friction   z ← z + Δx, held within ±R/k; where v, linear in between, changes sign, first to the x there
+//! lugre      z ← E z + (1 − E) g/σ0 sign v with E = exp(−σ0 |v| h/g), exact at constant v
 //! ```
 //!
 //! so that dz ← e dz + p (dx − dx₋) + s₋ dv₋ + s dv + γ dΩ with numbers of each step. What counts at a sample is z, of
 //! friction its mean over the interval around the sample, which changes smoothly where slip begins between two samples.
-//! The periodic state of friction is that of the second period, since what slips forgets; that of LuGre solves z₀ = Πe z₀
-//! + q, as does the derivative. Friction that doesn't slip is a spring, z = x − c, with c
-//! as near zero as the slip allows: the motion begins at rest.
+//! The periodic state of friction is that of the second period, since what slips forgets; that of LuGre solves z₀ = Πe
+//! z₀ plus q, as does the derivative. Friction that doesn't slip is a spring, z = x − c, with c as near zero as the slip
+//! allows: the motion begins at rest.
 
 use alloc::vec;
 use alloc::vec::Vec;
@@ -20,7 +20,8 @@ use resonarm_dynamics::structure::{Element, Law};
 
 use super::samples::Ramp;
 
-/// The derivative of a step, and of what counts at its end: `part` (dz as if it were free to move) + `part_velocity` dv.
+/// The derivative of a step, and of what counts at its end: `part` (dz as if it were free to move) + `part_velocity`
+/// dv.
 #[derive(Clone, Copy, Debug, Default)]
 struct StepDerivative {
     /// e.
@@ -170,9 +171,9 @@ impl History {
         self.mean.copy_from_slice(&self.state);
     }
 
-    /// For each sample in order calls `with` with the derivative of what counts there, a row over the unknowns and, last,
-    /// the frequency. `basis` gives the functions of the unknowns, and their derivatives by time, at a sample; unknown
-    /// `active[i]` of function r is in the column r · active + i.
+    /// For each sample in order calls `with` with the derivative of what counts there, a row over the unknowns and,
+    /// last, the frequency. `basis` gives the functions of the unknowns, and their derivatives by time, at a sample;
+    /// unknown `active[i]` of function r is in the column r · active + i.
     pub fn derivative<'a>(
         &self,
         unknowns: usize,

@@ -1,8 +1,8 @@
 //! Analysis of any structure: a planar chain of links or vibration modes, with point elements.
 //!
 //! Of the linear part: frequency responses ([`LinearResponse`]); its modes are
-//! [`Assembly::modes`](resonarm_dynamics::structure::Assembly::modes). Of all of it: periodic motions under a sinusoidal
-//! drive by harmonic balance, their branches by continuation ([`trace`]), with folds, peaks and stability.
+//! [`Assembly::modes`](resonarm_dynamics::structure::Assembly::modes). Of all of it: periodic motions under a
+//! sinusoidal drive by harmonic balance, their branches by continuation ([`trace`]), with folds, peaks and stability.
 //!
 //! The two-link arm has its own analysis, in the rest of this crate.
 

@@ -206,9 +206,9 @@ impl Samples {
             forced.assembly.linearise(u, v, a, &force[..n], &mut self.linearised);
             let by_position = &mut self.linearised.by_position;
             forced.assembly.add_curvature(forced.drive, u, -forced.amplitude * sine, by_position);
-            for i in 0..n {
-                self.load[i * samples + j] = self.linearised.unbalance[i];
-                self.by_drive[i * samples + j] = -direction[i] * sine;
+            for (i, (unbalance, along)) in self.linearised.unbalance.iter().zip(&direction).enumerate() {
+                self.load[i * samples + j] = *unbalance;
+                self.by_drive[i * samples + j] = -along * sine;
             }
             let of = &self.linearised;
             let matrices = [&of.by_position, &of.by_velocity, &of.by_acceleration];

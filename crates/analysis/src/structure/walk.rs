@@ -1,8 +1,8 @@
 //! A continuation that also passes the kinks of branches.
 //!
-//! Where friction begins to slip, its loss grows with the amplitude at once, so that a branch has a corner there: no step
-//! is so short that its tangent turns by little. Beyond the corner the branch leaves in the direction t₂ with R_x dx + R_λ
-//! dλ = 0 and t·t₂ > 0, with the derivatives taken a little ahead along the tangent t.
+//! Where friction begins to slip, its loss grows with the amplitude at once, so that a branch has a corner there: no
+//! step is so short that its tangent turns by little. Beyond the corner the branch leaves in the direction t₂ with R_x
+//! dx + R_λ dλ = 0 and t·t₂ > 0, with the derivatives taken a little ahead along the tangent t.
 
 use alloc::vec;
 use alloc::vec::Vec;

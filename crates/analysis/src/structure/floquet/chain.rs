@@ -40,7 +40,8 @@ pub(super) fn flow(of: &Variations, points: usize) -> Option<DMatrix<f64>> {
     Some(DMatrix::from_column_slice(size, size, &flow))
 }
 
-/// A of ẏ = A y in the middle of a step over some points, column by column: δü = −M⁻¹ (S δu + G δu̇ + w f_z δz), δż = a (wᵀδu̇ + ∂v/∂u δu) + b δz.
+/// A of ẏ = A y in the middle of a step over some points, column by column: δü = −M⁻¹ (S δu + G δu̇ + w f_z δz), δż = a
+/// (wᵀδu̇ + ∂v/∂u δu) + b δz.
 fn rates(of: &Variations, [point, points]: [usize; 2], mass: &mut Lu) -> Option<Vec<f64>> {
     let (n, states) = (of.unknowns(), of.states.len());
     let size = 2 * n + states;

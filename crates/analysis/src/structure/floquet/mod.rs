@@ -1,8 +1,8 @@
-//! Stability of a structure's periodic motion by its Floquet multipliers, the eigenvalues of the flow of variations over
-//! a period.
+//! Stability of a structure's periodic motion by its Floquet multipliers, the eigenvalues of the flow of variations
+//! over a period.
 //!
-//! On 2L points of the period, a step goes over 2 of them with the derivatives in its middle. Of modes it is half a step
-//! of the linear structure, exact, the impulse of the elements, and another half (G. Strang, 1968); of a chain the
+//! On 2L points of the period, a step goes over 2 of them with the derivatives in its middle. Of modes it is half a
+//! step of the linear structure, exact, the impulse of the elements, and another half (G. Strang, 1968); of a chain the
 //! implicit midpoint rule. Both are symmetric, with errors in h², h⁴, …; where the motion is smooth, steps over 4 and 8
 //! points remove the first two (W. Romberg, 1955):
 //!
