@@ -186,13 +186,13 @@ impl Balance {
         self.by_frequency.resize(size, 0.0);
         let mut signal = vec![0.0; count];
         for i in 0..m {
-            // At constant X, u̇ is in proportion to Ω and ü to Ω².
+            // At constant X, u̇ is in proportion to Ω, ü to Ω², and the interval between samples to 1/Ω.
             for (j, value) in signal.iter_mut().enumerate() {
                 let along = |d: usize| {
                     let by = |k: usize| self.samples.by[d][(i * m + k) * count + j] * self.samples.motion[d][j * m + k];
                     (0..m).map(by).sum::<f64>()
                 };
-                *value = (along(1) + 2.0 * along(2)) / self.frequency_hz;
+                *value = (along(1) + 2.0 * along(2) - self.samples.by_step[i * count + j]) / self.frequency_hz;
             }
             let out = &mut self.by_frequency;
             project(&self.samples, &signal, harmonics, |row, value| out[row * m + i] = value);
@@ -262,8 +262,8 @@ impl Balance {
         }
     }
 
-    /// The rows of modes. With U = c − is of a harmonic c cos + s sin, H U has the coefficients Re H c + Im H s and Re H
-    /// s − Im H c.
+    /// The rows of modes. With U = c − is of a harmonic c cos + s sin, H U has the coefficients Re H c + Im H s and Re
+    /// H s − Im H c.
     fn condensed_rows(&mut self, x: &[f64], lambda: usize, residual: &mut [f64], matrix: &mut [f64]) {
         let (m, size, omega) = (self.unknowns.count(), x.len(), self.omega_rad_s());
         let Body::Condensed(condensed) = &self.unknowns.body else { return };
@@ -357,6 +357,7 @@ impl System for Balance {
         self.evaluate_motion(x);
         self.linearise();
         let last = x.len() * (x.len() + 1);
+        matrix.chunks_exact_mut(x.len() + 1).for_each(|column| column[..x.len()].fill(0.0));
         match self.unknowns.body {
             Body::Chain => self.chain_rows(last, residual, matrix),
             Body::Condensed(_) => self.condensed_rows(x, last, residual, matrix),

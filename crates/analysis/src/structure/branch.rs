@@ -2,25 +2,25 @@
 //! stability and other bifurcations.
 
 use alloc::boxed::Box;
-use alloc::vec::Vec;
 
 use nalgebra::Complex;
 use resonarm_dynamics::structure::Dof;
 
 use super::balance::Balance;
-use super::orbit::{Bifurcation, Branch, Orbit, Reading, TraceOptions};
+use super::floquet::stability;
+use super::orbit::{Assess, Branch, Orbit, Reading, Stability, TraceOptions};
 use super::spectral::largest;
+use super::walk::Walk;
 use super::{Coordinate, Forced};
 use crate::continuation::{Continuation, Point, System, at_parameter};
-use crate::locate::search;
-use crate::{AnalysisError, BifurcationKind, EndedEarly};
+use crate::{AnalysisError, EndedEarly};
 
 /// Below this fraction of the truncation allowed, the last harmonic is dropped.
 const DROP_SHARE: f64 = 1e-3;
 /// Multiples of the frequency at which to start if Newton's method finds no motion from rest.
 const DETOURS: [f64; 2] = [0.7, 1.4];
 /// A fold or a peak is located to this fraction of its segment; the coordinate is then exact to the square.
-const FRACTION: f64 = 1e-7;
+pub(super) const FRACTION: f64 = 1e-7;
 
 /// Traces a branch of motions with the period of the drive from `options.branch.from` to `options.branch.to`. The
 /// coordinate that doesn't vary is `frequency_hz`, or the amplitude of `forced`.
@@ -35,12 +35,17 @@ pub fn trace(
 ) -> Result<Branch, EndedEarly<Branch>> {
     let mut balance = Balance::new(forced, frequency_hz, coordinate, options.branch.least_harmonics);
     check(&mut balance, options)?;
-    let mut continuation = enter(&mut balance, options)?;
+    let mut walk = Walk::new(enter(&mut balance, options)?);
     let mut tracer = Tracer { balance, options, branch: Branch::default() };
-    let reason = tracer.follow(&mut continuation).err();
+    let reason = tracer.follow(&mut walk).err();
+    tracer.locate_peaks();
     let mut branch = tracer.branch;
-    branch.work = continuation.work();
+    branch.work = walk.work();
     branch.bifurcations.sort_by(|a, b| a.orbit.arclength.total_cmp(&b.orbit.arclength));
+    for bifurcation in &mut branch.bifurcations {
+        let at = bifurcation.orbit.arclength;
+        bifurcation.index = branch.orbits.partition_point(|orbit| orbit.arclength < at);
+    }
     match reason {
         None => Ok(branch),
         Some(reason) => Err(EndedEarly { reason, so_far: Box::new(branch) }),
@@ -143,35 +148,34 @@ fn approach(balance: &mut Balance, options: &TraceOptions, detour: f64) -> Resul
 }
 
 /// A continuation with the quantities computed at each point.
-struct Tracer<'a> {
-    balance: Balance,
-    options: &'a TraceOptions,
-    branch: Branch,
+pub(super) struct Tracer<'a> {
+    pub balance: Balance,
+    pub options: &'a TraceOptions,
+    pub branch: Branch,
 }
 
 impl Tracer<'_> {
-    fn follow(&mut self, continuation: &mut Continuation) -> Result<(), AnalysisError> {
+    fn follow(&mut self, walk: &mut Walk) -> Result<(), AnalysisError> {
         let branch = &self.options.branch;
-        adapt(&mut self.balance, continuation, self.options)?;
-        let mut points: Vec<Point> = Vec::new();
-        let mut before = continuation.point().clone();
+        adapt(&mut self.balance, &mut walk.continuation, self.options)?;
+        let mut before = walk.point().clone();
         self.push(&before);
         loop {
             if self.branch.orbits.len() >= branch.most_points {
                 let at = self.balance.place(before.lambda);
                 return Err(AnalysisError::TooManyPoints { points: branch.most_points, at });
             }
-            continuation.advance(&mut self.balance)?;
-            adapt(&mut self.balance, continuation, self.options)?;
-            let reached = continuation.point();
+            walk.advance(&mut self.balance, &branch.continuation)?;
+            adapt(&mut self.balance, &mut walk.continuation, self.options)?;
+            let reached = walk.point();
             let end = match branch.left_at(reached.lambda) {
                 Some(limit) => Some(at_parameter(&mut self.balance, &branch.continuation, [&before, reached], limit)?),
                 None => None,
             };
             let after = end.clone().unwrap_or_else(|| reached.clone());
-            self.detect(&before, &after)?;
             self.push(&after);
-            points.push(core::mem::replace(&mut before, after));
+            self.detect(&before, &after)?;
+            before = after;
             if end.is_some() {
                 return Ok(());
             }
@@ -183,22 +187,13 @@ impl Tracer<'_> {
         self.branch.orbits.push(orbit);
     }
 
-    /// Locates the fold between two neighbouring points, if there is one.
-    fn detect(&mut self, a: &Point, b: &Point) -> Result<(), AnalysisError> {
-        let direction = |point: &Point| point.tangent.last().copied().unwrap_or(0.0);
-        let values = [direction(a), direction(b)];
-        if values[0] * values[1] >= 0.0 {
-            return Ok(());
-        }
-        let settings = &self.options.branch.continuation;
-        let point = search(&mut self.balance, settings, [a, b], values, FRACTION, |_, point: &Point| direction(point))?;
-        let (orbit, index) = (self.orbit(&point), self.branch.orbits.len());
-        self.branch.bifurcations.push(Bifurcation { kind: BifurcationKind::Fold, orbit, index });
-        Ok(())
+    /// The stability of the motion last evaluated, if it is asked for.
+    fn stability(&self, x: &[f64]) -> Option<Stability> {
+        if self.options.assess == Assess::Multipliers { stability(&self.balance, x) } else { None }
     }
 
     /// All results for the motion at a point.
-    fn orbit(&mut self, point: &Point) -> Orbit {
+    pub fn orbit(&mut self, point: &Point) -> Orbit {
         let (current, needed) = (self.balance.harmonics(), point.x.len() / self.balance.unknowns.count() / 2);
         if current != needed {
             self.balance.set_harmonics(needed);
@@ -211,7 +206,7 @@ impl Tracer<'_> {
             frequency_hz: self.balance.frequency_hz,
             drive: self.balance.forced.amplitude,
             readings: self.options.read.iter().map(|&dof| reading(&self.balance, dof)).collect(),
-            stability: None,
+            stability: self.stability(&point.x),
             harmonics: needed,
             coefficients: point.x.clone(),
             arclength: point.arclength,

@@ -3,26 +3,39 @@
 //! From sample to sample the state changes as
 //!
 //! ```text
-//! friction   z ← z + Δx, held within ±R/k
-//! lugre      z ← E z + (1 − E) g/σ0 sign v,   E = exp(−σ0 |v| h/g),   v between the samples: exact at constant v
+//! friction   z ← z + Δx, held within ±R/k; where v, linear in between, changes sign, first to the x there
+//! lugre      z ← E z + (1 − E) g/σ0 sign v with E = exp(−σ0 |v| h/g), exact at constant v
 //! ```
 //!
-//! so that dz ← e dz + p (dx − dx₋) + s (dv + dv₋) + γ dΩ with numbers e, p, s, γ of each step. The periodic state of
-//! friction is that of the second period, since what slips once forgets; that of LuGre solves z₀ = Πe z₀ + q, as does
-//! the derivative. Friction that never slips is a spring, z = x: the motion begins at rest.
+//! so that dz ← e dz + p (dx − dx₋) + s₋ dv₋ + s dv + γ dΩ with numbers of each step. What counts at a sample is z, of
+//! friction its mean over the interval around the sample, which changes smoothly where slip begins between two samples.
+//! The periodic state of friction is that of the second period, since what slips forgets; that of LuGre solves z₀ = Πe
+//! z₀ plus q, as does the derivative. Friction that doesn't slip is a spring, z = x − c, with c as near zero as the slip
+//! allows: the motion begins at rest.
 
 use alloc::vec;
 use alloc::vec::Vec;
 
 use resonarm_dynamics::structure::{Element, Law};
 
-/// e, p, s and γ of a step.
+use super::samples::Ramp;
+
+/// The derivative of a step, and of what counts at its end: `part` (dz as if it were free to move) + `part_velocity`
+/// dv.
 #[derive(Clone, Copy, Debug, Default)]
 struct StepDerivative {
+    /// e.
     by_state: f64,
+    /// p.
     by_change: f64,
-    by_velocity: f64,
+    /// s₋ and s.
+    by_velocity: [f64; 2],
+    /// γ.
     by_frequency: f64,
+    /// Of friction: whether the state ends free, and not held.
+    free: f64,
+    part: f64,
+    part_velocity: f64,
 }
 
 /// A state over a period.
@@ -35,12 +48,15 @@ pub(super) struct History {
     pub velocity: Vec<f64>,
     /// ∂x/∂u at the samples, m numbers each.
     pub direction: Vec<f64>,
-    /// z at the samples.
+    /// z at the samples, and what counts there.
     pub state: Vec<f64>,
+    pub mean: Vec<f64>,
     /// The step to each sample from the one before; to the first from the last.
     steps: Vec<StepDerivative>,
     /// Whether the state depends on the motion of the period alone.
     pub forgets: bool,
+    /// Of friction that doesn't slip: the sample at which it is about to.
+    anchor: Option<usize>,
 }
 
 impl History {
@@ -51,8 +67,10 @@ impl History {
             velocity: vec![],
             direction: vec![],
             state: vec![],
+            mean: vec![],
             steps: vec![],
             forgets: true,
+            anchor: None,
         }
     }
 
@@ -62,6 +80,11 @@ impl History {
         self.direction.clear();
     }
 
+    /// Whether friction sticks at a sample.
+    pub fn is_free(&self, sample: usize) -> bool {
+        self.steps[sample].free * self.steps[sample].by_state > 0.0
+    }
+
     /// The state over the period from `position` and `velocity`; samples are `step_s` apart.
     pub fn run(&mut self, law: &Law, step_s: f64, frequency_hz: f64) {
         let samples = self.position.len();
@@ -69,28 +92,65 @@ impl History {
         self.state.resize(samples, 0.0);
         self.steps.clear();
         self.steps.resize(samples, StepDerivative::default());
+        self.mean.clear();
+        self.mean.resize(samples, 0.0);
         match *law {
-            Law::Friction { stiffness, slip } => self.run_friction(slip / stiffness),
+            Law::Friction { stiffness, slip } => self.run_friction(slip / stiffness, step_s, frequency_hz),
             Law::Lugre { .. } => self.run_lugre(law, step_s, frequency_hz),
             _ => {}
         }
     }
 
-    fn run_friction(&mut self, reach: f64) {
+    fn run_friction(&mut self, reach: f64, step_s: f64, frequency_hz: f64) {
         let samples = self.position.len();
         let mut z = self.position[0].clamp(-reach, reach);
-        self.forgets = false;
         for pass in 0..2 {
+            self.forgets = false;
             for j in usize::from(pass == 0)..samples {
-                let free = z + self.position[j] - self.position[(j + samples - 1) % samples];
-                z = free.clamp(-reach, reach);
-                let stuck = z == free;
-                let one = f64::from(u8::from(stuck));
-                self.steps[j] = StepDerivative { by_state: one, by_change: one, ..StepDerivative::default() };
-                self.state[j] = z;
-                self.forgets |= !stuck;
+                let before = (j + samples - 1) % samples;
+                let velocity = [self.velocity[before], self.velocity[j]];
+                let step = friction_step(z, self.position[j] - self.position[before], velocity, reach, step_s);
+                let held = step.free.clamp(-reach, reach);
+                self.forgets |= !(step.passed && held == step.free);
+                let one = |yes: bool| f64::from(u8::from(yes));
+                let (passed, free) = (one(step.passed), one(held == step.free));
+                // e₂ (e₁ (dz + da) + dx − dx₋ − da), and in products of v and h the frequency cancels.
+                let by_velocity = step.by_velocity.map(|by| (passed - 1.0) * by);
+                let by_frequency = -(by_velocity[0] * velocity[0] + by_velocity[1] * velocity[1]) / frequency_hz;
+                let (mean, part, part_velocity) = held_mean(step.free, velocity[1], reach, step_s);
+                self.steps[j] = StepDerivative {
+                    by_state: passed,
+                    by_change: 1.0,
+                    by_velocity,
+                    by_frequency,
+                    free,
+                    part,
+                    part_velocity,
+                };
+                (self.state[j], self.mean[j]) = (held, mean);
+                z = held;
             }
         }
+        if !self.forgets {
+            self.stick(reach);
+        }
+    }
+
+    /// The state of friction that doesn't slip.
+    fn stick(&mut self, reach: f64) {
+        let x = &self.position;
+        let extreme = |sign: f64| (0..x.len()).fold(0, |top, j| if sign * x[j] > sign * x[top] { j } else { top });
+        let [high, low] = [extreme(1.0), extreme(-1.0)];
+        self.anchor = if x[high] > reach {
+            Some(high)
+        } else if x[low] < -reach {
+            Some(low)
+        } else {
+            None
+        };
+        let shift = self.anchor.map_or(0.0, |at| x[at] - reach.copysign(x[at]));
+        self.state.iter_mut().zip(x).for_each(|(z, x)| *z = x - shift);
+        self.mean.copy_from_slice(&self.state);
     }
 
     fn run_lugre(&mut self, law: &Law, step_s: f64, frequency_hz: f64) {
@@ -108,11 +168,12 @@ impl History {
             sum = if pass == 0 { z } else { sum };
         }
         self.forgets = product < 1.0;
+        self.mean.copy_from_slice(&self.state);
     }
 
-    /// For each sample in order calls `with` with dz as a row over the unknowns and, last, the frequency. `basis` gives
-    /// the functions of the unknowns, and their derivatives by time, at a sample; unknown `active[i]` of function r is
-    /// in the column r · active + i.
+    /// For each sample in order calls `with` with the derivative of what counts there, a row over the unknowns and,
+    /// last, the frequency. `basis` gives the functions of the unknowns, and their derivatives by time, at a sample;
+    /// unknown `active[i]` of function r is in the column r · active + i.
     pub fn derivative<'a>(
         &self,
         unknowns: usize,
@@ -123,40 +184,90 @@ impl History {
     ) {
         let (samples, count) = (self.position.len(), basis(0).0.len());
         let columns = count * active.len() + 1;
-        let product: f64 = self.steps.iter().map(|step| step.by_state).product();
-        let mut row = vec![0.0; columns];
-        let advance = |row: &mut [f64], j: usize| {
+        let product: f64 = self.steps.iter().map(|step| step.by_state * step.free).product();
+        let direction = |j: usize, i: usize| self.direction[j * unknowns + active[i]];
+        let (mut row, mut counted) = (vec![0.0; columns], vec![0.0; columns]);
+        let advance = |row: &mut [f64], counted: &mut [f64], j: usize| {
             let before = (j + samples - 1) % samples;
-            let (step, [here, last]) = (self.steps[j], [basis(j), basis(before)]);
-            let direction = |j: usize, i: usize| self.direction[j * unknowns + active[i]];
+            let (step, here, last) = (self.steps[j], basis(j), basis(before));
             for r in 0..count {
                 for i in 0..active.len() {
-                    let (w, w0) = (direction(j, i), direction(before, i));
-                    let cell = &mut row[r * active.len() + i];
-                    *cell = step.by_state * *cell
+                    let (w, w0, at) = (direction(j, i), direction(before, i), r * active.len() + i);
+                    let free = step.by_state * row[at]
                         + step.by_change * (w * here.0[r] - w0 * last.0[r])
-                        + step.by_velocity * (w * here.1[r] + w0 * last.1[r]);
+                        + step.by_velocity[1] * w * here.1[r]
+                        + step.by_velocity[0] * w0 * last.1[r];
+                    counted[at] = step.part * free + step.part_velocity * w * here.1[r];
+                    row[at] = step.free * free;
                 }
             }
-            let rates = (self.velocity[j] + self.velocity[before]) / frequency_hz;
-            row[columns - 1] = step.by_state * row[columns - 1] + step.by_velocity * rates + step.by_frequency;
+            let [v0, v] = [self.velocity[before], self.velocity[j]];
+            let rates = (step.by_velocity[0] * v0 + step.by_velocity[1] * v) / frequency_hz;
+            let free = step.by_state * row[columns - 1] + rates + step.by_frequency;
+            counted[columns - 1] = step.part * free;
+            row[columns - 1] = step.free * free;
         };
         if product < 1.0 {
-            (1..=samples).for_each(|j| advance(&mut row, j % samples));
+            (1..=samples).for_each(|j| advance(&mut row, &mut counted, j % samples));
+            // The state that a period makes of no change is that of the fixed point, by 1 − Πe.
             row.iter_mut().for_each(|value| *value /= 1.0 - product);
-        } else {
-            let here = basis(0).0;
-            let factor = self.steps[0].by_change;
-            for (r, cells) in row[..columns - 1].chunks_exact_mut(active.len()).enumerate() {
-                cells.iter_mut().enumerate().for_each(|(i, cell)| *cell = factor * self.direction[active[i]] * here[r]);
+            for j in 1..=samples {
+                advance(&mut row, &mut counted, j % samples);
+                with(j % samples, &counted);
             }
+        } else if self.steps[0].by_change > 0.0 {
+            self.stuck_derivative(direction, active.len(), |j| basis(j).0, with);
         }
-        with(0, &row);
-        for j in 1..samples {
-            advance(&mut row, j);
+    }
+
+    /// The same of friction that doesn't slip: dx, less that at the anchor.
+    fn stuck_derivative<'a>(
+        &self,
+        direction: impl Fn(usize, usize) -> f64,
+        active: usize,
+        functions: impl Fn(usize) -> &'a [f64],
+        mut with: impl FnMut(usize, &[f64]),
+    ) {
+        let moves = |j: usize, at: usize| direction(j, at % active) * functions(j)[at / active];
+        let columns = functions(0).len() * active;
+        let mut row = vec![0.0; columns + 1];
+        for j in 0..self.position.len() {
+            for (at, value) in row[..columns].iter_mut().enumerate() {
+                *value = moves(j, at) - self.anchor.map_or(0.0, |anchor| moves(anchor, at));
+            }
             with(j, &row);
         }
     }
+}
+
+/// A step of friction.
+struct FrictionStep {
+    /// z at its end, before it is held.
+    free: f64,
+    /// Whether z was free where v changes sign.
+    passed: bool,
+    /// Derivatives by v₋ and v of the way a from the sample before to where v changes sign.
+    by_velocity: [f64; 2],
+}
+
+/// Where v changes sign, a = h v₋²/(2 (v₋ − v)).
+fn friction_step(z: f64, change: f64, [v0, v]: [f64; 2], reach: f64, step_s: f64) -> FrictionStep {
+    if v0 * v >= 0.0 {
+        return FrictionStep { free: z + change, passed: true, by_velocity: [0.0; 2] };
+    }
+    let share = v0 / (v0 - v);
+    let way = 0.5 * step_s * v0 * share;
+    let turning = (z + way).clamp(-reach, reach);
+    let by_velocity = [0.5 * step_s * share * (2.0 - share), 0.5 * step_s * share * share];
+    FrictionStep { free: turning + (change - way), passed: turning == z + way, by_velocity }
+}
+
+/// The mean over the interval around a sample of z that would be `free` there and moves at v, but is held; and its
+/// derivatives by both.
+fn held_mean(free: f64, velocity: f64, reach: f64, step_s: f64) -> (f64, f64, f64) {
+    let sign = if velocity < 0.0 { -1.0 } else { 1.0 };
+    let ramp = Ramp::new(reach - sign * free, -sign * velocity, step_s);
+    (sign * (reach - ramp.mean), ramp.by_position, ramp.by_velocity)
 }
 
 /// A step of LuGre's state at the velocity v, and its derivative.
@@ -175,7 +286,14 @@ fn lugre_step(law: &Law, z: f64, v: f64, step_s: f64, frequency_hz: f64) -> (f64
     let by_velocity = kept * (end - z) * decay_by_v + share * sign * slope / bristle_stiffness;
     // At a frequency df higher the samples are h df/f closer.
     let by_frequency = -kept * (end - z) * decay / frequency_hz;
-    let step = StepDerivative { by_state: kept, by_velocity: 0.5 * by_velocity, by_frequency, by_change: 0.0 };
+    let step = StepDerivative {
+        by_state: kept,
+        by_velocity: [0.5 * by_velocity; 2],
+        by_frequency,
+        free: 1.0,
+        part: 1.0,
+        ..StepDerivative::default()
+    };
     (end + (z - end) * kept, step)
 }
 

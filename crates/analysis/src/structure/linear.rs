@@ -1,7 +1,8 @@
 //! Frequency responses of a structure's linear part at rest.
 //!
 //! For q = Re(Q e^{iωt}) the linear equation M q̈ + D q̇ + K q = p is Z Q = P with the dynamic stiffness
-//! Z = K − ω²M + iωD, for any damping. A unit force at a degree of freedom is P = ∂x/∂q, and the response there ∂x/∂q·Q.
+//! Z = K − ω²M + iωD, for any damping. A unit force at a degree of freedom is P = ∂x/∂q, and the response there
+//! ∂x/∂q·Q.
 
 use alloc::vec;
 use alloc::vec::Vec;

@@ -1,13 +1,15 @@
 //! Analysis of any structure: a planar chain of links or vibration modes, with point elements.
 //!
 //! Of the linear part: frequency responses ([`LinearResponse`]); its modes are
-//! [`Assembly::modes`](resonarm_dynamics::structure::Assembly::modes). Of all of it: periodic motions under a sinusoidal
-//! drive by harmonic balance, their branches by continuation ([`trace`]), with folds, peaks and stability.
+//! [`Assembly::modes`](resonarm_dynamics::structure::Assembly::modes). Of all of it: periodic motions under a
+//! sinusoidal drive by harmonic balance, their branches by continuation ([`trace`]), with folds, peaks and stability.
 //!
 //! The two-link arm has its own analysis, in the rest of this crate.
 
 mod balance;
 mod branch;
+mod detect;
+mod floquet;
 mod forced;
 mod history;
 mod linear;
@@ -15,6 +17,7 @@ mod orbit;
 mod samples;
 mod spectral;
 mod unknowns;
+mod walk;
 
 pub use branch::trace;
 pub use forced::{Coordinate, Forced};

@@ -95,8 +95,8 @@ pub struct Orbit {
     pub stability: Option<Stability>,
     /// H.
     pub harmonics: usize,
-    /// Fourier coefficients of the unknowns u: those of 1, then of cos kΩt and sin kΩt, k = 1 … H, each of all unknowns.
-    /// Of a chain u are its coordinates, rad; of modes the displacements of the elements, m.
+    /// Fourier coefficients of the unknowns u: those of 1, then of cos kΩt and sin kΩt, k = 1 … H, each of all
+    /// unknowns. Of a chain u are its coordinates, rad; of modes the displacements of the elements, m.
     pub coefficients: Vec<f64>,
     /// The arclength from the start, in units of the local size of the motion.
     pub arclength: f64,

@@ -26,6 +26,8 @@ pub(super) struct Samples {
     pub load: Vec<f64>,
     /// ∂Q/∂u, ∂Q/∂u̇, ∂Q/∂ü without the states' part, pair of unknowns by pair.
     pub by: [Vec<f64>; 3],
+    /// h ∂Q/∂h with the interval h between samples, unknown by unknown.
+    pub by_step: Vec<f64>,
     /// ∂Q/∂(peak of the drive) of a chain, unknown by unknown.
     pub by_drive: Vec<f64>,
     pub histories: Vec<History>,
@@ -42,6 +44,13 @@ pub(super) struct Geometry {
     curvature: Option<([f64; MOST_LINKS * MOST_LINKS], [f64; MOST_LINKS])>,
 }
 
+impl Geometry {
+    /// ∂v/∂u of one unknown.
+    pub fn velocity_by_position(&self, unknown: usize) -> f64 {
+        self.curvature.as_ref().map_or(0.0, |(_, turning)| turning[unknown])
+    }
+}
+
 impl Samples {
     /// For the elements of a structure; [`Samples::set`] comes next.
     pub fn new(forced: &Forced, unknowns: &Unknowns) -> Samples {
@@ -54,6 +63,7 @@ impl Samples {
             motion: Default::default(),
             load: vec![],
             by: Default::default(),
+            by_step: vec![],
             by_drive: vec![],
             histories: with_state.map(|(at, _)| History::new(at)).collect(),
             linearised: Linearised::new(unknowns.count()),
@@ -146,6 +156,8 @@ impl Samples {
             signal.clear();
             signal.resize(m * m * samples, 0.0);
         }
+        self.by_step.clear();
+        self.by_step.resize(m * samples, 0.0);
         self.histories.iter_mut().for_each(History::clear);
         if let Body::Chain = unknowns.body {
             self.unbalance(forced, m);
@@ -164,14 +176,15 @@ impl Samples {
                     history.direction.extend_from_slice(&geometry.direction[..m]);
                     geometries.push(geometry);
                 } else {
-                    let reaction = between_samples(element, &geometry, step_s);
+                    let (reaction, by_step) = between_samples(element, &geometry, step_s);
                     self.add(j, m, &geometry, &reaction);
+                    (0..m).for_each(|i| self.by_step[i * samples + j] += geometry.direction[i] * by_step);
                 }
             }
             if let Some(history) = history {
                 self.histories[history].run(element.law(), step_s, frequency_hz);
                 for (j, geometry) in geometries.iter().enumerate() {
-                    let z = self.histories[history].state[j];
+                    let z = self.histories[history].mean[j];
                     let reaction = element_force(element, geometry, z);
                     self.add(j, m, geometry, &reaction);
                 }
@@ -193,9 +206,9 @@ impl Samples {
             forced.assembly.linearise(u, v, a, &force[..n], &mut self.linearised);
             let by_position = &mut self.linearised.by_position;
             forced.assembly.add_curvature(forced.drive, u, -forced.amplitude * sine, by_position);
-            for i in 0..n {
-                self.load[i * samples + j] = self.linearised.unbalance[i];
-                self.by_drive[i * samples + j] = -direction[i] * sine;
+            for (i, (unbalance, along)) in self.linearised.unbalance.iter().zip(&direction).enumerate() {
+                self.load[i * samples + j] = *unbalance;
+                self.by_drive[i * samples + j] = -along * sine;
             }
             let of = &self.linearised;
             let matrices = [&of.by_position, &of.by_velocity, &of.by_acceleration];
@@ -265,20 +278,23 @@ pub(super) fn element_force(element: &Element, at: &Geometry, state: f64) -> Rea
 /// interval h, its mean over the interval around the sample with x moving at v. So the mean over the samples, and its
 /// derivative, change continuously with the motion, though the law has a kink, or a jump to c δ̇ where a damped contact
 /// closes.
-fn between_samples(element: &Element, at: &Geometry, step_s: f64) -> Reaction {
-    let plain = || element.force(at.position, at.velocity, 0.0);
+///
+/// The second number is h ∂f/∂h.
+fn between_samples(element: &Element, at: &Geometry, step_s: f64) -> (Reaction, f64) {
+    let plain = || (element.force(at.position, at.velocity, 0.0), 0.0);
     match *element.law() {
         Law::Gap { stiffness, gap } => {
             let [upper, lower] = [1.0, -1.0].map(|sign| {
                 let ramp = Ramp::new(sign * at.position - gap, sign * at.velocity, step_s);
-                (sign * ramp.mean, ramp.by_position, sign * ramp.by_velocity)
+                (sign * ramp.mean, ramp.by_position, ramp.by_velocity)
             });
-            Reaction {
+            let reaction = Reaction {
                 force: stiffness * (upper.0 + lower.0),
                 by_position: stiffness * (upper.1 + lower.1),
                 by_velocity: stiffness * (upper.2 + lower.2),
                 by_state: 0.0,
-            }
+            };
+            (reaction, reaction.by_velocity * at.velocity)
         }
         Law::KelvinVoigt { stiffness, damping, gap, side } => {
             let sign = side.sign();
@@ -288,26 +304,27 @@ fn between_samples(element: &Element, at: &Geometry, step_s: f64) -> Reaction {
             }
             let ramp = Ramp::new(depth, rate, step_s);
             // The damper acts for the part ½ + δ/(δ̇ h) of the interval.
-            Reaction {
+            let reaction = Reaction {
                 force: sign * (stiffness * ramp.mean + damping * (0.5 * rate + depth / step_s)),
                 by_position: stiffness * ramp.by_position + damping / step_s,
-                by_velocity: stiffness * sign * ramp.by_velocity + 0.5 * damping,
+                by_velocity: stiffness * ramp.by_velocity + 0.5 * damping,
                 by_state: 0.0,
-            }
+            };
+            (reaction, sign * (stiffness * ramp.by_velocity * rate - damping * depth / step_s))
         }
         _ => plain(),
     }
 }
 
 /// The mean of max(δ + δ̇ t, 0) for |t| < h/2, and its derivatives: with r = |δ̇| h/2 it is (δ + r)²/(4r) for |δ| < r.
-struct Ramp {
-    mean: f64,
-    by_position: f64,
-    by_velocity: f64,
+pub(super) struct Ramp {
+    pub mean: f64,
+    pub by_position: f64,
+    pub by_velocity: f64,
 }
 
 impl Ramp {
-    fn new(depth: f64, rate: f64, step_s: f64) -> Ramp {
+    pub fn new(depth: f64, rate: f64, step_s: f64) -> Ramp {
         let reach = 0.5 * rate.abs() * step_s;
         if depth <= -reach {
             return Ramp { mean: 0.0, by_position: 0.0, by_velocity: 0.0 };

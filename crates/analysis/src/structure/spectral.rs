@@ -115,8 +115,8 @@ fn product(u: &Line, v: &Line, k: usize, l: usize) -> [[f64; 2]; 2] {
     columns
 }
 
-/// The largest |x(τ)| of a series of one signal, with as many frequencies as the samples' functions at most: the highest
-/// samples, each polished by Newton's method on x′ = 0.
+/// The largest |x(τ)| of a series of one signal, with as many frequencies as the samples' functions at most: the
+/// highest samples, each polished by Newton's method on x′ = 0.
 pub(super) fn largest(samples: &Samples, series: &[f64]) -> f64 {
     let count = samples.count();
     let signal: Vec<f64> = (0..count).map(|j| dot(samples.functions_at(j, series.len()), series).abs()).collect();

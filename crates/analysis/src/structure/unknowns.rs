@@ -1,7 +1,7 @@
 //! What harmonic balance solves for.
 //!
 //! Of a chain all its coordinates: every force is nonlinear in them. Of modes only the displacements u of the elements,
-//! each place once: with the compliance H(s) = Σ φφᵀ/(ω² + 2ζω s + s²) the harmonics obey
+//! each place once: with the compliance H(s) = Σ φφᵀ/(ω² + 2ζω s + s²) the harmonics satisfy
 //!
 //! ```text
 //! uₖ + H_uu(ikΩ) Qₖ(u) − H_ud(ikΩ) pₖ = 0
@@ -126,11 +126,11 @@ impl Condensed {
         for (mode, pole) in self.poles(rate_rad_s).enumerate() {
             for i in 0..m {
                 let phi = self.places[i][mode];
-                for d in 0..2 {
+                for (d, pole) in pole.iter().enumerate() {
                     for k in 0..m {
-                        out.places[i * m + k][d] += pole[d] * (phi * self.places[k][mode]);
+                        out.places[i * m + k][d] += pole * (phi * self.places[k][mode]);
                     }
-                    out.drive[i][d] += pole[d] * (phi * self.drive[mode]);
+                    out.drive[i][d] += pole * (phi * self.drive[mode]);
                 }
             }
         }

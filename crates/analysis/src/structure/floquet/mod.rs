@@ -1,0 +1,174 @@
+//! Stability of a structure's periodic motion by its Floquet multipliers, the eigenvalues of the flow of variations
+//! over a period.
+//!
+//! On 2L points of the period, a step goes over 2 of them with the derivatives in its middle. Of modes it is half a
+//! step of the linear structure, exact, the impulse of the elements, and another half (G. Strang, 1968); of a chain the
+//! implicit midpoint rule. Both are symmetric, with errors in h², h⁴, …; where the motion is smooth, steps over 4 and 8
+//! points remove the first two (W. Romberg, 1955):
+//!
+//! ```text
+//! Φ = (64 Φ₂ − 20 Φ₄ + Φ₈)/45
+//! ```
+//!
+//! The state of a friction element that slips is a state of the flow. One that doesn't slip is a spring.
+
+mod chain;
+mod modal;
+
+use alloc::vec;
+use alloc::vec::Vec;
+
+use nalgebra::{Complex, DMatrix};
+
+use super::balance::Balance;
+use super::orbit::Stability;
+use super::samples::{Geometry, Samples, geometry};
+use super::unknowns::Body;
+use resonarm_dynamics::structure::Law;
+
+/// Steps a period of the fastest mode, of modes and of a chain, and of the motion's highest harmonic.
+const STEPS: [f64; 3] = [8.0, 120.0, 4.0];
+/// The least steps: of smooth motions, and of others.
+const LEAST_STEPS: [f64; 2] = [64.0, 512.0];
+
+/// Deflation tolerance and most iterations of the QR algorithm, and the multiples of the identity to add if it doesn't
+/// converge; see `crate::floquet`.
+const QR_LIMITS: (f64, usize) = (1e-14, 2000);
+const SHIFTS: [f64; 4] = [0.0, 0.5, -0.7, 1.3];
+
+/// The variations along a motion.
+pub(super) struct Variations<'a> {
+    pub balance: &'a Balance,
+    pub samples: Samples,
+    /// The histories of elements whose state is one of the flow.
+    pub states: Vec<usize>,
+    /// s between neighbouring points.
+    pub spacing_s: f64,
+}
+
+/// The state of an element in a variation at a point: δż = a δv + b δz, δf = f_z δz; a friction element holds z if b is
+/// none.
+pub(super) struct StateVariation {
+    pub by_velocity: f64,
+    pub by_state: Option<f64>,
+    pub force: f64,
+}
+
+impl Variations<'_> {
+    /// m.
+    pub fn unknowns(&self) -> usize {
+        self.balance.unknowns.count()
+    }
+
+    /// An element of ∂Q/∂u (0), ∂Q/∂u̇ (1) or ∂Q/∂ü (2) at a point.
+    pub fn by(&self, derivative: usize, [i, j]: [usize; 2], point: usize) -> f64 {
+        let pair = i * self.unknowns() + j;
+        self.samples.by[derivative][pair * self.samples.count() + point]
+    }
+
+    /// The element of a state at a point.
+    pub fn geometry(&self, state: usize, point: usize) -> Geometry {
+        let (m, history) = (self.unknowns(), &self.samples.histories[self.states[state]]);
+        let [u, v] = [0, 1].map(|d| &self.samples.motion[d][point * m..(point + 1) * m]);
+        geometry(&self.balance.forced, &self.balance.unknowns, history.element, u, v)
+    }
+
+    /// A state in a step over `points` points around a point: friction that is held anywhere in it holds.
+    pub fn state(&self, state: usize, point: usize, points: usize) -> StateVariation {
+        let history = &self.samples.histories[self.states[state]];
+        let element = &self.balance.forced.assembly().elements()[history.element];
+        if let Law::Friction { stiffness, .. } = *element.law() {
+            let count = self.samples.count();
+            let stuck = (1..=points).all(|j| history.is_free((point + j - points / 2) % count));
+            let by_velocity = f64::from(u8::from(stuck));
+            return StateVariation { by_velocity, by_state: stuck.then_some(0.0), force: stiffness };
+        }
+        let (x, v, z) = (history.position[point], history.velocity[point], history.state[point]);
+        let rate = element.state_rate(x, v, z);
+        let force = element.force(x, v, z).by_state;
+        StateVariation { by_velocity: rate.by_velocity, by_state: Some(rate.by_state), force }
+    }
+}
+
+/// The stability of the motion X of a balance; none if the multipliers can't be computed.
+pub(super) fn stability(balance: &Balance, x: &[f64]) -> Option<Stability> {
+    let assembly = balance.forced.assembly();
+    let fastest_hz = assembly.modes().last().map_or(0.0, |mode| mode.frequency_hz);
+    let (smooth, condensed) = (assembly.is_smooth(), matches!(balance.unknowns.body, Body::Condensed(_)));
+    let of_modes = STEPS[usize::from(!condensed)] * fastest_hz / balance.frequency_hz;
+    let of_motion = STEPS[2] * balance.harmonics() as f64;
+    let steps = of_modes.max(of_motion).max(LEAST_STEPS[usize::from(!smooth)]);
+    let points = 8 * libm::ceil(steps / 4.0) as usize;
+    let mut samples = balance.samples.clone();
+    samples.set(balance.harmonics(), points);
+    samples.synthesise(x, balance.unknowns.count(), balance.omega_rad_s());
+    samples.evaluate(&balance.forced, &balance.unknowns, balance.frequency_hz);
+    add_stuck_friction(balance, &mut samples);
+    if !smooth {
+        average(&mut samples);
+    }
+    let states = (0..samples.histories.len()).filter(|&at| samples.histories[at].forgets).collect();
+    let spacing_s = 1.0 / (balance.frequency_hz * points as f64);
+    let variations = Variations { balance, samples, states, spacing_s };
+    let flow =
+        |points: usize| if condensed { modal::flow(&variations, points) } else { chain::flow(&variations, points) };
+    let finest = flow(2)?;
+    if !smooth {
+        return multipliers(finest);
+    }
+    let (middle, coarsest) = (flow(4)?, flow(8)?);
+    multipliers((finest * 64.0 - middle * 20.0 + coarsest) / 45.0)
+}
+
+/// Friction that doesn't slip is a spring.
+fn add_stuck_friction(balance: &Balance, samples: &mut Samples) {
+    let (m, count) = (balance.unknowns.count(), samples.count());
+    for history in samples.histories.iter().filter(|history| !history.forgets) {
+        let Law::Friction { stiffness, .. } = *balance.forced.assembly().elements()[history.element].law() else {
+            continue;
+        };
+        for j in 0..count {
+            let w = &history.direction[j * m..(j + 1) * m];
+            for pair in 0..m * m {
+                samples.by[0][pair * count + j] += stiffness * w[pair / m] * w[pair % m];
+            }
+        }
+    }
+}
+
+/// Takes for the derivatives at a point their mean over the step around it, by the trapezoidal rule, so that where they
+/// jump does not matter to the first order.
+fn average(samples: &mut Samples) {
+    let count = samples.count();
+    for signal in samples.by.iter_mut().flat_map(|signal| signal.chunks_exact_mut(count)) {
+        let (first, mut before) = (signal[0], signal[count - 1]);
+        for j in 0..count {
+            let (here, after) = (signal[j], if j + 1 < count { signal[j + 1] } else { first });
+            signal[j] = 0.25 * (before + after) + 0.5 * here;
+            before = here;
+        }
+    }
+}
+
+/// The eigenvalues, the largest magnitude first.
+fn multipliers(flow: DMatrix<f64>) -> Option<Stability> {
+    let n = flow.nrows();
+    if flow.iter().any(|value| !value.is_finite()) {
+        return None;
+    }
+    let values = SHIFTS.iter().find_map(|&shift| {
+        let shifted = &flow + DMatrix::identity(n, n) * shift;
+        let schur = shifted.try_schur(QR_LIMITS.0, QR_LIMITS.1)?;
+        Some(schur.complex_eigenvalues().iter().map(|value| value - shift).collect::<Vec<Complex<f64>>>())
+    });
+    let mut multipliers = values?;
+    multipliers.sort_by(|a, b| b.norm_sqr().total_cmp(&a.norm_sqr()).then(b.im.total_cmp(&a.im)));
+    Some(Stability { multipliers })
+}
+
+/// A matrix with columns of equal length, one after the other.
+fn identity(size: usize) -> Vec<f64> {
+    let mut flow = vec![0.0; size * size];
+    (0..size).for_each(|i| flow[i * size + i] = 1.0);
+    flow
+}
