@@ -13,10 +13,10 @@ def bracket(path: Path) -> None:
     path.unlink(missing_ok=True)
     file = pyuff.UFF(str(path))
     units = {"units_code": 1, "units_description": "SI: Meter (newton)", "temp_mode": 2}
-    file.write_set(pyuff.prepare_164(length=1, force=1, temp=1, temp_offset=0, **units), "add")
+    file.write_sets(pyuff.prepare_164(length=1.0, force=1.0, temp=1.0, temp_offset=0.0, **units), "add")
     x, zeros = np.array([0.0, 0.1, 0.2, 0.3]), np.zeros(4)
     nodes = {"node_nums": [1, 2, 3, 4], "def_cs": [0] * 4, "disp_cs": [0] * 4, "color": [1] * 4}
-    file.write_set(pyuff.prepare_15(x=x, y=zeros, z=0.05 * x, **nodes), "add")
+    file.write_sets(pyuff.prepare_15(x=x, y=zeros, z=0.05 * x, **nodes), "add")
     modes = [
         (63.4, 2.5, 0.004, [0.0, 0.3, 0.7, 1.0]),
         (212.25, 1.75, 0.006, [0.0, -0.6, -0.2, 1.0]),
@@ -29,7 +29,7 @@ def bracket(path: Path) -> None:
         values = {"r1": zeros, "r2": y, "r3": 0.1 * y} if number < 3 else {"r1": 1.1 * y, "r2": zeros, "r3": 0.1 * y}
         mode = {"mode_n": number, "freq": freq, "modal_m": mass, "modal_damp_vis": damping, "modal_damp_his": 0.0}
         data = {"model_type": 1, "load_case": 0, "node_nums": [1, 2, 3, 4], **kind, **names, **values, **mode}
-        file.write_set(pyuff.prepare_55(**data), "add")
+        file.write_sets(pyuff.prepare_55(**data), "add")
 
 
 def plate(folder: Path, n: int = 3) -> None:

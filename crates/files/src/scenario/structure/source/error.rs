@@ -150,7 +150,9 @@ pub enum UrdfError {
         reversed: bool,
     },
     /// Axes that are not parallel.
-    #[error("the axis of joint `{joint}` is {}° from that of `{first}`: those of a planar chain are parallel", short(.off_deg))]
+    #[error(
+        "the axis of joint `{joint}` is {off_deg:.3}° from that of `{first}`: those of a planar chain are parallel"
+    )]
     NotParallel {
         /// The joint.
         joint: String,
@@ -161,7 +163,7 @@ pub enum UrdfError {
     },
     /// Gravity across the plane.
     #[error(
-        "`gravity_m_s2` acts in the plane of motion: here the axes are {}° from horizontal; leave it out", short(.tilt_deg)
+        "`gravity_m_s2` acts in the plane of motion: here the axes are {tilt_deg:.3}° from horizontal; leave it out"
     )]
     Gravity {
         /// How far the axes are from horizontal, degrees.
