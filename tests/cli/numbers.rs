@@ -9,13 +9,14 @@ use crate::resonarm;
 
 /// Arguments with which each command ends soon if its numbers are valid: without a bus, a folder to write to or a
 /// recording, or with little to do.
-const COMMANDS: [(&str, &str); 33] = [
+const COMMANDS: [(&str, &str); 34] = [
     ("demo", "--out /dev/null/none"),
     ("run", "--mode free --duration-s 0.05"),
     ("exciter", "--bus vcan999"),
     ("experiment fig9", "--plot /dev/null/none"),
     ("experiment walk", "--torque1-nm 10 --points 3"),
     ("simulate", "--excitation-hz 10 --duration-s 0.01"),
+    ("structure", "--scenario none.toml"),
     ("modes", "--from-beta2-deg 0 --to-beta2-deg 90 --points 3"),
     ("frf", "--points 2"),
     ("integrators", "--drift-steps 10"),

@@ -14,6 +14,7 @@ mod uff;
 mod urdf;
 mod urdf_chain;
 
+use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
 
 use serde::{Deserialize, Serialize};
@@ -40,6 +41,20 @@ pub struct JointSection {
 }
 
 impl StructureSection {
+    /// The same structure without the files that it is from.
+    #[must_use]
+    pub fn without_source(&self) -> StructureSection {
+        StructureSection {
+            file: None,
+            joints: Vec::new(),
+            tip: None,
+            nodes: BTreeMap::new(),
+            matrices: None,
+            dofs: BTreeMap::new(),
+            ..self.clone()
+        }
+    }
+
     /// The key whose files make this structure, if one does: with the key of what they make, and whether that is there.
     pub(super) fn source(&self) -> Option<(&'static str, &'static str, bool)> {
         match (self.kind, &self.file, &self.matrices) {
