@@ -67,7 +67,7 @@ const NUMERIC: [&str; 18] = [
     "Z",
     "α1,α2,α̇1,α̇2",
 ];
-const OTHERS: [&str; 31] = [
+const OTHERS: [&str; 32] = [
     "PID",
     "RT",
     "SPIN",
@@ -85,6 +85,7 @@ const OTHERS: [&str; 31] = [
     "BUS",
     "POLICY",
     "MODE",
+    "DOF",
     "DRIVE",
     "QUANTITY",
     "RESPONSE",

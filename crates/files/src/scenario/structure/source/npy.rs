@@ -1,5 +1,5 @@
-//! Square matrices of NumPy's format .npy, versions 1 to 3 (numpy.org/doc/stable/reference/generated/numpy.lib.format.html):
-//! float64, little-endian.
+//! Square matrices of NumPy's format .npy, versions 1 to 3 (the documentation of `numpy.lib.format`): float64,
+//! little-endian.
 //!
 //! A file is `\x93NUMPY`, two bytes of version, the length of the header in two bytes or, from version 2 on, four, the
 //! header, a dictionary of Python with the keys `descr`, `fortran_order` and `shape`, and the numbers.

@@ -1,5 +1,6 @@
-//! Modes in the Universal File Format (SDRC 1988; the University of Cincinnati keeps the layouts at ceas3.uc.edu/sdrluff),
-//! in ASCII: dataset 55, data at nodes, of normal modes, with the nodes of dataset 15, or 2411, and the units of 164.
+//! Modes in the Universal File Format (SDRC 1988; the University of Cincinnati keeps the layouts at
+//! ceas3.uc.edu/sdrluff), in ASCII: dataset 55, data at nodes, of normal modes, with the nodes of dataset 15, or 2411,
+//! and the units of 164.
 //!
 //! Numbers stand in lines, with an exponent of E or D. Shapes are divided by the root of the modal mass. A node that a
 //! mode leaves out is at rest in it; one that all modes leave out is no point.

@@ -1,7 +1,7 @@
 //! Robots in the Unified Robot Description Format of ROS (wiki.ros.org/urdf/XML): links, joints, inertias.
 //!
-//! A file is XML without a schema. Read are `link` with its `inertial`, and `joint` with type, parent, child, origin and
-//! axis; the rest says nothing about the dynamics.
+//! A file is XML without a schema. Read are `link` with its `inertial`, and `joint` with type, parent, child, origin
+//! and axis; the rest says nothing about the dynamics.
 
 use std::collections::{BTreeMap, BTreeSet};
 

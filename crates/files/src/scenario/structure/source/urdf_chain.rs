@@ -56,6 +56,15 @@ impl Plane {
         Ok(Plane { x: y.cross(&normal), y, normal })
     }
 
+    fn check_parallel(&self, joint: &Joint, axis: &Vector3<f64>, first: &Joint) -> Result<(), UrdfError> {
+        let off = axis.cross(&self.normal).norm();
+        if off <= PARALLEL_LIMIT {
+            return Ok(());
+        }
+        let off_deg = libm::asin(off.min(1.0)).to_degrees();
+        Err(UrdfError::NotParallel { joint: joint.name.clone(), first: first.name.clone(), off_deg })
+    }
+
     fn project(&self, at: &Vector3<f64>) -> Vector2<f64> {
         Vector2::new(self.x.dot(at), self.y.dot(at))
     }
@@ -68,13 +77,7 @@ pub(super) fn links(robot: &Robot, wanted: &Wanted<'_>) -> Result<Vec<Link>, Urd
     let axis = |joint: &Joint| frames[joint.child.as_str()].turn * joint.axis;
     let Some(first) = joints.first() else { return Err(UrdfError::NoJoints { known: turning(robot) }) };
     let plane = Plane::new(axis(first), wanted.has_gravity)?;
-    for joint in &joints {
-        let off = axis(joint).cross(&plane.normal).norm();
-        if off > PARALLEL_LIMIT {
-            let off_deg = libm::asin(off.min(1.0)).to_degrees();
-            return Err(UrdfError::NotParallel { joint: joint.name.clone(), first: first.name.clone(), off_deg });
-        }
-    }
+    joints.iter().try_for_each(|joint| plane.check_parallel(joint, &axis(joint), first))?;
     let groups = groups(robot, &joints);
     let last = joints.len() - 1;
     let tip = tip(robot, wanted.tip, joints[last], &groups)?;
