@@ -16,8 +16,8 @@ fn numbers(value: &Value) -> Vec<f64> {
     value.as_array().unwrap().iter().map(|number| number.as_f64().unwrap()).collect()
 }
 
-/// Natural frequencies, Hz: of the chain and the plate by other code, in NumPy; of modes as the files state them; and of
-/// the arm, whose hardening spring has no slope at rest.
+/// Natural frequencies, Hz: of the chain and the plate by other code, in NumPy; of modes as the files state them; and
+/// of the arm, whose hardening spring has no slope at rest.
 #[test]
 fn the_examples_have_their_modes() {
     let here = Path::new(".");

@@ -40,7 +40,8 @@ impl ElementKind {
     }
 }
 
-/// A point element. Its values have the unit in their key: `stiffness_n_m` along an axis, `stiffness_nm_rad` at a joint.
+/// A point element. Its values have the unit in their key: `stiffness_n_m` along an axis, `stiffness_nm_rad` at a
+/// joint.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct ElementSection {
     /// What it is.

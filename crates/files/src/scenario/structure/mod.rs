@@ -1,5 +1,5 @@
-//! `[structure]`: a chain of links or vibration modes in place of the two-link arm, and elements at its points, which the
-//! arm may have as well.
+//! `[structure]`: a chain of links or vibration modes in place of the two-link arm, and elements at its points, which
+//! the arm may have as well.
 
 mod element;
 mod error;
@@ -56,7 +56,8 @@ pub struct ModeSection {
     pub frequency_hz: f64,
     /// Damping ratio.
     pub damping_ratio: f64,
-    /// Displacement of each point along an axis, `tip.x`, of the shape that is normalised to the modal mass 1 kg, 1/√kg.
+    /// Displacement of each point along an axis, `tip.x`, of the shape that is normalised to the modal mass 1 kg,
+    /// 1/√kg.
     pub shape: BTreeMap<String, f64>,
 }
 
