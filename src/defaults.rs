@@ -239,8 +239,8 @@ mod tests {
         run --duration-s: until the exciter has finished
         experiment walk --duration-s: until the walk ends
         simulate --initial: that of the scenario, at rest
-        frf --response: all
         frf --points: 801, and more about each natural frequency
+        continue --at: where it is driven
         sweep --initial: that of the scenario, at rest
         sweep --steps: 101, and between them as many as the resonances of the forced response need
         poincare --initial: that of the scenario, at rest

@@ -85,6 +85,7 @@ commands! {
     Exciter in exciter;
     Experiment in experiment;
     Simulate in simulate, reported as "simulate";
+    Structure in structure;
     Modes in modes;
     Frf in frf;
     Integrators in integrators;

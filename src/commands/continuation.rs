@@ -38,7 +38,7 @@ Examples:
   resonarm continue --parameter mass2_kg --torque1-nm 60 --frequency-hz 22 --from 40 --to 60
   resonarm continue --torque1-nm 60 --from-hz 21 --to-hz 23 --curves-in amplitude --curves-to 5
   resonarm continue --torque1-nm 800 --beta2-deg 75 --from-hz 40 --to-hz 50 --doubled
-  resonarm continue --scenario bracket.toml --drive tip.x --amplitude 10 --from-hz 18 --to-hz 26
+  resonarm continue --scenario hardening.toml --drive tip.x --amplitude 4 --from-hz 21 --to-hz 24
 
 A walk that ends early prints what it found, says why on standard error, and ends with exit code 1.";
 

@@ -28,4 +28,5 @@ pub mod replay;
 pub mod resim;
 pub mod run;
 pub mod simulate;
+pub mod structure;
 pub mod sweep;

@@ -174,6 +174,8 @@ fn examples_of_the_help_run() {
     for command in ["continue", "backbone", "sweep", "poincare"] {
         let help = done(&format!("{command} --help"));
         let folder = tempfile::tempdir().unwrap();
+        let scenario = concat!(env!("CARGO_MANIFEST_DIR"), "/examples/structures/hardening.toml");
+        std::fs::copy(scenario, folder.path().join("hardening.toml")).unwrap();
         let examples: Vec<&str> = help.lines().filter_map(|line| line.strip_prefix("  resonarm ")).collect();
         assert!(examples.len() >= 3, "{command}: {help}");
         for example in examples {

@@ -247,12 +247,7 @@ fn invalid_responses() {
 
     For more information, try '--help'.
     ");
-    assert_snapshot!(complaint(here(), 2, &["frf", "--response", "elbow"]), @r"
-    error: invalid value 'elbow' for '--response <RESPONSE>'
-      [possible values: alpha1, alpha2, b-x, b-y, c-x, c-y]
-
-    For more information, try '--help'.
-    ");
+    assert_snapshot!(complaint(here(), 2, &["frf", "--response", "elbow"]), @"resonarm: --response elbow: there is no response `elbow`: it must be one of alpha1, alpha2, b-x, b-y, c-x, c-y");
 }
 
 #[test]

@@ -24,6 +24,7 @@ mod protocol;
 mod readings;
 mod recordings;
 mod signals;
+mod structures;
 mod time_domain;
 mod wire;
 

@@ -9,13 +9,14 @@ use crate::resonarm;
 
 /// Arguments with which each command ends soon if its numbers are valid: without a bus, a folder to write to or a
 /// recording, or with little to do.
-const COMMANDS: [(&str, &str); 33] = [
+const COMMANDS: [(&str, &str); 34] = [
     ("demo", "--out /dev/null/none"),
     ("run", "--mode free --duration-s 0.05"),
     ("exciter", "--bus vcan999"),
     ("experiment fig9", "--plot /dev/null/none"),
     ("experiment walk", "--torque1-nm 10 --points 3"),
     ("simulate", "--excitation-hz 10 --duration-s 0.01"),
+    ("structure", "--scenario none.toml"),
     ("modes", "--from-beta2-deg 0 --to-beta2-deg 90 --points 3"),
     ("frf", "--points 2"),
     ("integrators", "--drift-steps 10"),
@@ -66,7 +67,7 @@ const NUMERIC: [&str; 18] = [
     "Z",
     "α1,α2,α̇1,α̇2",
 ];
-const OTHERS: [&str; 31] = [
+const OTHERS: [&str; 32] = [
     "PID",
     "RT",
     "SPIN",
@@ -84,6 +85,7 @@ const OTHERS: [&str; 31] = [
     "BUS",
     "POLICY",
     "MODE",
+    "DOF",
     "DRIVE",
     "QUANTITY",
     "RESPONSE",

@@ -17,7 +17,7 @@ fn folder(name: &str) -> PathBuf {
 #[test]
 fn every_scenario_makes_a_plant_and_a_controller() {
     let mut scenarios = 0;
-    for name in ["scenarios", "recordings"] {
+    for name in ["scenarios", "recordings", "examples/structures"] {
         let paths = fs::read_dir(folder(name)).unwrap().map(|entry| entry.unwrap().path());
         for path in paths.filter(|path| path.extension().is_some_and(|extension| extension == "toml")) {
             let check = || -> Result<(), Box<dyn std::error::Error>> {
@@ -285,6 +285,33 @@ fn every_key_of_a_users_protocol_is_documented() {
     let stated = |key: &String| {
         ["`KEY`", ".KEY`", " KEY =", "`KEY ="].iter().any(|form| text.contains(&form.replace("KEY", key)))
     };
+    let missing: Vec<_> = keys.iter().filter(|key| !stated(key)).collect();
+    assert!(missing.is_empty(), "{missing:?}");
+}
+
+/// A chain and modes with every key of each.
+const STRUCTURES: [&str; 3] = [
+    "kind = 'chain'\nname = 'x'\nfile = 'x'\ntip = 'x'\ngravity_m_s2 = 9.81\ninitial = [0.0]\n\
+     joints = [{ name = 'x', stiffness_nm_rad = 1, damping_nm_s_rad = 1, angle_deg = 1 }]\n\
+     links = [{ length_m = 1, mass_kg = 1, centre_of_mass_m = 1, inertia_kg_m2 = 1, angle_deg = 1, \
+     stiffness_nm_rad = 1, damping_nm_s_rad = 1 }]",
+    "kind = 'modal'\nnodes = { A = 1 }\npoints = { A = [0, 0, 0] }\ndofs = { A = 1 }\n\
+     matrices = { mass = 'm', damping = 'c', stiffness = 'k', modes = 1 }\n\
+     modes = [{ frequency_hz = 1, damping_ratio = 0, shape = { A = 1 } }]",
+    "elements = [{ kind = 'contact', joint = 1, at = 'x', between = ['x', 'y'], side = 'negative' }]",
+];
+
+#[test]
+fn every_key_of_a_structure_is_documented() {
+    let text = fs::read_to_string(folder("docs/structures.md")).unwrap();
+    let mut keys = Vec::new();
+    for structure in STRUCTURES {
+        let section: resonarm::scenario::StructureSection = toml::from_str(structure).unwrap();
+        let Value::Table(written) = Value::try_from(&section).unwrap() else { panic!("no table") };
+        collect(&written, &mut keys);
+    }
+    assert!(keys.len() > 30, "{keys:?}");
+    let stated = |key: &String| text.contains(&format!("`{key}`")) || text.contains(&format!(".{key}`"));
     let missing: Vec<_> = keys.iter().filter(|key| !stated(key)).collect();
     assert!(missing.is_empty(), "{missing:?}");
 }

@@ -37,6 +37,14 @@ pub fn read_network(path: &Path) -> Result<Vec<u8>> {
     bytes_at_most(path, NETWORK_LIMIT)
 }
 
+/// The bytes of a file or pipe of numbers.
+///
+/// # Errors
+/// What the system says; [`ErrorKind::FileTooLarge`] beyond 64 MiB.
+pub fn read_bytes(path: &Path) -> Result<Vec<u8>> {
+    bytes_at_most(path, NUMBERS_LIMIT)
+}
+
 fn read_at_most(path: &Path, limit: u64) -> Result<String> {
     String::from_utf8(bytes_at_most(path, limit)?)
         .map_err(|error| Error::new(ErrorKind::InvalidData, format!("it is no text: {error}")))

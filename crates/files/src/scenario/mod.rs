@@ -161,12 +161,12 @@ pub const READS_IMAGES: &str = "rig.converter is `instant`: the head reads image
     up to 10 % near a resonance; take a converter with a filter (`sinc5`)";
 
 impl Scenario {
-    /// Reads a scenario file, and the load file that it names, which is looked for from the scenario's folder.
+    /// Reads a scenario file, and the files that it names, as [`Scenario::read_files`] does from the scenario's folder.
     ///
     /// # Errors
     /// [`ScenarioError::Read`] if the file can't be read, [`ScenarioError::Parse`] if it is no scenario;
     /// [`ScenarioError::ReadLoad`] and [`ScenarioError::LoadFile`] of the load file; [`ScenarioError::Wire`] of the
-    /// DBC.
+    /// DBC, [`ScenarioError::Structure`] of the structure's files.
     pub fn read(path: &Path) -> Result<Scenario, ScenarioError> {
         let text = text_file::read(path).map_err(|source| ScenarioError::Read { path: path.to_path_buf(), source })?;
         let mut scenario = Scenario::parse(&text, &path.display().to_string())?;
@@ -174,14 +174,18 @@ impl Scenario {
         Ok(scenario)
     }
 
-    /// Reads the files that the scenario names, the load of its excitation and the DBC of its wire, if it has them;
-    /// their paths count from `folder`.
+    /// Reads the files that the scenario names, the load of its excitation, the DBC of its wire and what its structure
+    /// is from, if it has them; their paths count from `folder`.
     ///
     /// # Errors
-    /// [`ScenarioError::ReadLoad`] and [`ScenarioError::LoadFile`] of the load, [`ScenarioError::Wire`] of the DBC.
+    /// [`ScenarioError::ReadLoad`] and [`ScenarioError::LoadFile`] of the load, [`ScenarioError::Wire`] of the DBC,
+    /// [`ScenarioError::Structure`] of the structure.
     pub fn read_files(&mut self, folder: &Path) -> Result<(), ScenarioError> {
         if let Some(wire) = &mut self.wire {
             wire.read(folder)?;
+        }
+        if let Some(structure) = &mut self.structure {
+            structure.read(folder)?;
         }
         let profile = self.excitation.as_mut().map(|spec| &mut spec.profile);
         let Some(Waveform::File { path, load }) = profile else { return Ok(()) };

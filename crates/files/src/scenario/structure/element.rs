@@ -26,7 +26,22 @@ pub enum ElementKind {
     Tanh,
 }
 
-/// A point element. Its values have the unit in their key: `stiffness_n_m` along an axis, `stiffness_nm_rad` at a joint.
+impl ElementKind {
+    /// Its name in a scenario.
+    pub const fn name(self) -> &'static str {
+        match self {
+            ElementKind::Cubic => "cubic",
+            ElementKind::Gap => "gap",
+            ElementKind::Contact => "contact",
+            ElementKind::Friction => "friction",
+            ElementKind::Lugre => "lugre",
+            ElementKind::Tanh => "tanh",
+        }
+    }
+}
+
+/// A point element. Its values have the unit in their key: `stiffness_n_m` along an axis, `stiffness_nm_rad` at a
+/// joint.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct ElementSection {
     /// What it is.
@@ -101,6 +116,16 @@ impl Values<'_> {
 }
 
 impl ElementSection {
+    /// Where it is, in words: `at tip.x`, `at joint 2`, `between tip.x and mid.x`.
+    pub fn place(&self) -> String {
+        match (&self.at, self.joint, &self.between) {
+            (Some(at), _, _) => format!("at {at}"),
+            (None, Some(joint), _) => format!("at joint {joint}"),
+            (None, None, Some([at, to])) => format!("between {at} and {to}"),
+            (None, None, None) => String::from("nowhere"),
+        }
+    }
+
     /// The element; `number` counts from 1.
     pub(super) fn spec(&self, number: usize) -> Result<ElementSpec, StructureSectionError> {
         let (at, to) = self.ends(number)?;

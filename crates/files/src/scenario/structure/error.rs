@@ -4,6 +4,7 @@ use std::path::PathBuf;
 
 use thiserror::Error;
 
+use super::source::StructureFileError;
 use resonarm_dynamics::structure::StructureError;
 
 /// Why the section `[structure]` of a scenario, or a file that it names, makes no structure.
@@ -95,12 +96,56 @@ pub enum StructureSectionError {
         reason: String,
     },
     /// A file has not what is needed.
-    #[error("{}: {what}", path.display())]
+    #[error("{}: {fault}", path.display())]
     File {
         /// The file.
         path: PathBuf,
-        /// What is wrong with it, and how to fix it.
-        what: String,
+        /// What is wrong with it.
+        fault: Box<StructureFileError>,
+    },
+    /// The files that it names have not been read.
+    #[error(
+        "structure: `{key}` names a file that has not been read: read the scenario from its file, or give `{makes}`"
+    )]
+    NotRead {
+        /// The key that names it.
+        key: &'static str,
+        /// The key of what it makes.
+        makes: &'static str,
+    },
+    /// Two sources of one structure.
+    #[error("structure: give `file` or `matrices`, not both: modes come from one of them")]
+    TwoSources,
+    /// A key of structures from another source.
+    #[error("structure: `{key}` is of {of}: leave it out")]
+    OfSource {
+        /// The key.
+        key: &'static str,
+        /// What has it.
+        of: &'static str,
+    },
+    /// How many modes to keep is impossible, or has to be stated.
+    #[error(
+        "structure.matrices: `modes` is {}: the matrices have {rows} rows, and 1 to {most} of the lowest modes are kept",
+        got.map_or(String::from("missing"), |got| got.to_string())
+    )]
+    Kept {
+        /// What was given.
+        got: Option<usize>,
+        /// The rows of the matrices.
+        rows: usize,
+        /// The most that are kept.
+        most: usize,
+    },
+    /// A row that the matrices don't have.
+    #[error("structure.dofs: `{name}` is row {got}: the matrices have rows 0 to {}", rows - 1)]
+    Row {
+        /// The degree of freedom.
+        name: String,
+        /// The row.
+        got: usize,
+        /// How many there are.
+        rows: usize,
     },
     /// Where an instrument or the exciter is can't be found.
     #[error("rig.{instrument}: `at` {reason}")]

@@ -1,18 +1,21 @@
-//! `[structure]`: a chain of links or vibration modes in place of the two-link arm, and elements at its points, which the
-//! arm may have as well.
+//! `[structure]`: a chain of links or vibration modes in place of the two-link arm, and elements at its points, which
+//! the arm may have as well.
 
 mod element;
 mod error;
 mod places;
+mod source;
 #[cfg(test)]
 mod tests;
 
 use std::collections::BTreeMap;
+use std::path::PathBuf;
 
 use serde::{Deserialize, Serialize};
 
 pub use element::{ElementKind, ElementSection};
 pub use error::StructureSectionError;
+pub use source::{JointSection, MatricesSection, MatrixError, StructureFileError, UffError, UrdfError};
 
 use resonarm_bench::plant::TestedAssembly;
 use resonarm_bench::rig::RigSpec;
@@ -53,7 +56,8 @@ pub struct ModeSection {
     pub frequency_hz: f64,
     /// Damping ratio.
     pub damping_ratio: f64,
-    /// Displacement of each point along an axis, `tip.x`, of the shape that is normalised to the modal mass 1 kg, 1/√kg.
+    /// Displacement of each point along an axis, `tip.x`, of the shape that is normalised to the modal mass 1 kg,
+    /// 1/√kg.
     pub shape: BTreeMap<String, f64>,
 }
 
@@ -66,6 +70,25 @@ pub struct StructureSection {
     /// What it is called in headers and figures.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub name: Option<String>,
+    /// The file that the structure is from: of a chain a robot, URDF, of modes UFF. It is read where `links` or `modes`
+    /// are not given.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub file: Option<PathBuf>,
+    /// The joints of the robot that become those of the chain, from the base out.
+    #[serde(skip_serializing_if = "Vec::is_empty")]
+    pub joints: Vec<JointSection>,
+    /// The link of the robot whose frame ends the chain; without it the only one at the end.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub tip: Option<String>,
+    /// The nodes of the UFF file that are points, by their names; without them all, as `node12`.
+    #[serde(skip_serializing_if = "BTreeMap::is_empty")]
+    pub nodes: BTreeMap<String, u32>,
+    /// The matrices that the modes are from; they are read where `modes` are not given.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub matrices: Option<MatricesSection>,
+    /// Degrees of freedom, `tip.x`, by their rows in the matrices, from 0.
+    #[serde(skip_serializing_if = "BTreeMap::is_empty")]
+    pub dofs: BTreeMap<String, usize>,
     /// Acceleration of gravity along −y, m/s², of a chain; without it there is none.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub gravity_m_s2: Option<f64>,
@@ -137,6 +160,10 @@ impl StructureSection {
 
     /// Refuses keys that its kind does not have, and those that are missing.
     fn check_keys(&self) -> Result<(), StructureSectionError> {
+        self.check_source_keys()?;
+        if let Some((key, makes, false)) = self.source() {
+            return Err(StructureSectionError::NotRead { key, makes });
+        }
         let (links, modes) = (("links", !self.links.is_empty()), ("modes", !self.modes.is_empty()));
         let (gravity, points) = (("gravity_m_s2", self.gravity_m_s2.is_some()), ("points", !self.points.is_empty()));
         let (idle, missing): (&[(&'static str, bool)], _) = match self.kind {

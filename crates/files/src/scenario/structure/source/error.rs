@@ -1,0 +1,452 @@
+//! What is wrong with a file that a structure is made from.
+
+use thiserror::Error;
+
+use resonarm_numeric::number::short;
+
+/// Why a file makes no structure.
+#[derive(Clone, Debug, PartialEq, Error)]
+#[non_exhaustive]
+pub enum StructureFileError {
+    /// Of a robot.
+    #[error(transparent)]
+    Urdf(#[from] UrdfError),
+    /// Of modes.
+    #[error(transparent)]
+    Uff(#[from] UffError),
+    /// Of a matrix.
+    #[error(transparent)]
+    Matrix(#[from] MatrixError),
+}
+
+/// Why a URDF file makes no chain.
+#[derive(Clone, Debug, PartialEq, Error)]
+#[non_exhaustive]
+pub enum UrdfError {
+    /// It is no XML.
+    #[error("it is no XML: {reason}")]
+    Xml {
+        /// Why, and where.
+        reason: String,
+    },
+    /// The XML is of something else.
+    #[error("it is no robot: its root is <{got}>, not <robot>; xacro files must be expanded first")]
+    NotARobot {
+        /// The root's tag.
+        got: String,
+    },
+    /// An attribute is missing.
+    #[error("line {line}: <{element}> lacks `{name}`")]
+    Attribute {
+        /// The line, from 1.
+        line: u32,
+        /// The tag.
+        element: String,
+        /// The attribute.
+        name: &'static str,
+    },
+    /// An attribute is no number.
+    #[error("line {line}: `{name}` is {got:?}: it must be {expected}")]
+    Number {
+        /// The line, from 1.
+        line: u32,
+        /// The attribute.
+        name: &'static str,
+        /// Its text.
+        got: String,
+        /// What would do.
+        expected: &'static str,
+    },
+    /// An element is missing.
+    #[error("{element} lacks <{what}>")]
+    Missing {
+        /// Where it is missing.
+        element: String,
+        /// The tag.
+        what: &'static str,
+    },
+    /// Two parts have one name.
+    #[error("there are two of the {what} `{name}`")]
+    Twice {
+        /// `link` or `joint`.
+        what: &'static str,
+        /// The name.
+        name: String,
+    },
+    /// A joint of a link that the file does not have.
+    #[error("joint `{joint}`: there is no link `{link}`")]
+    NoLink {
+        /// The joint.
+        joint: String,
+        /// The link.
+        link: String,
+    },
+    /// A link at the end of two joints.
+    #[error("link `{link}` is the child of two joints, `{}` and `{}`: a robot is a tree", joints[0], joints[1])]
+    TwoParents {
+        /// The link.
+        link: String,
+        /// The joints.
+        joints: [String; 2],
+    },
+    /// A joint beyond itself.
+    #[error("joint `{joint}` is beyond itself: a robot is a tree")]
+    Cycle {
+        /// The joint.
+        joint: String,
+    },
+    /// A link without a positive mass.
+    #[error("link `{link}`: its mass is {} kg: it must be positive; leave <inertial> out of a frame", short(.mass_kg))]
+    Mass {
+        /// The link.
+        link: String,
+        /// kg.
+        mass_kg: f64,
+    },
+    /// No joints are named.
+    #[error("name the chain's joints, from the base out, in tables [[structure.joints]]: those that turn are {known}")]
+    NoJoints {
+        /// The joints that turn.
+        known: String,
+    },
+    /// There is no such joint.
+    #[error(
+        "there is no joint `{got}`{}: those that turn are {known}",
+        nearest.as_ref().map(|nearest| format!(", did you mean `{nearest}`?")).unwrap_or_default()
+    )]
+    NoJoint {
+        /// The name.
+        got: String,
+        /// The nearest name.
+        nearest: Option<String>,
+        /// The joints that turn.
+        known: String,
+    },
+    /// A joint that does not turn.
+    #[error("joint `{joint}` is {kind}: a chain has revolute joints; what is not named is rigid")]
+    NotRevolute {
+        /// The joint.
+        joint: String,
+        /// Its type.
+        kind: String,
+    },
+    /// A joint that turns about nothing.
+    #[error("joint `{joint}`: its axis is 0 0 0")]
+    NoAxis {
+        /// The joint.
+        joint: String,
+    },
+    /// A joint that is not beyond the one before.
+    #[error(
+        "joint `{joint}` is not beyond `{before}`: {}",
+        if *reversed { "name the joints from the base out" } else { "a chain has joints of one branch" }
+    )]
+    NotBeyond {
+        /// The joint.
+        joint: String,
+        /// The one that is named before it.
+        before: String,
+        /// Whether it is the other way round.
+        reversed: bool,
+    },
+    /// Axes that are not parallel.
+    #[error(
+        "the axis of joint `{joint}` is {off_deg:.3}° from that of `{first}`: those of a planar chain are parallel"
+    )]
+    NotParallel {
+        /// The joint.
+        joint: String,
+        /// The first joint.
+        first: String,
+        /// The angle between them, degrees.
+        off_deg: f64,
+    },
+    /// Gravity across the plane.
+    #[error(
+        "`gravity_m_s2` acts in the plane of motion: here the axes are {tilt_deg:.3}° from horizontal; leave it out"
+    )]
+    Gravity {
+        /// How far the axes are from horizontal, degrees.
+        tilt_deg: f64,
+    },
+    /// Two joints, or a joint and the tip, at one place.
+    #[error("from joint `{joint}` to `{end}` there is no length in the plane of motion: leave one out, or state `tip`")]
+    NoLength {
+        /// The joint.
+        joint: String,
+        /// The link that ends it.
+        end: String,
+    },
+    /// Nothing has a mass.
+    #[error(
+        "nothing beyond joint `{joint}`, up to the next of the chain, has an <inertial>: give one to link `{link}`"
+    )]
+    NoInertial {
+        /// The joint.
+        joint: String,
+        /// Its link.
+        link: String,
+    },
+    /// A centre of mass that is off the line between joints.
+    #[error(
+        "the centre of mass beyond joint `{joint}` is {} m off the line to the chain's next joint or tip: links of a chain have it on \
+         that line, within {} m, a thousandth of the length", short(.off_m), short(.most_m)
+    )]
+    OffLine {
+        /// The joint.
+        joint: String,
+        /// How far, m, positive to the left.
+        off_m: f64,
+        /// How far it may be, m.
+        most_m: f64,
+    },
+    /// An impossible inertia.
+    #[error("the moment of inertia beyond joint `{joint}` comes out as {} kg·m²: it must be positive", short(.got_kg_m2))]
+    Inertia {
+        /// The joint.
+        joint: String,
+        /// About the axis through the centre of mass, kg·m².
+        got_kg_m2: f64,
+    },
+    /// The link that ends the chain does not ride on its last joint.
+    #[error("structure.tip: link `{got}` does not ride on joint `{joint}`: these do: {known}")]
+    Tip {
+        /// The link.
+        got: String,
+        /// The last joint.
+        joint: String,
+        /// The links that do.
+        known: String,
+    },
+    /// Where the chain ends is not clear.
+    #[error("beyond joint `{joint}` there are several ends: say by `tip` which is the chain's: {ends}")]
+    Ends {
+        /// The last joint.
+        joint: String,
+        /// The links at the ends.
+        ends: String,
+    },
+}
+
+/// Why a file in the Universal File Format gives no modes.
+#[derive(Clone, Debug, PartialEq, Error)]
+#[non_exhaustive]
+pub enum UffError {
+    /// A line is not what its dataset has there.
+    #[error("line {line}: {fault}")]
+    Line {
+        /// The line, from 1.
+        line: usize,
+        /// What is wrong with it.
+        fault: UffFault,
+    },
+    /// The file ends inside a dataset.
+    #[error("dataset {dataset}, from line {line}, has no end: a line -1")]
+    NoEnd {
+        /// The dataset.
+        dataset: String,
+        /// Its first line, from 1.
+        line: usize,
+    },
+    /// There are no modes.
+    #[error("there are no modes: no dataset 55 of normal modes; there are {known}")]
+    NoModes {
+        /// The datasets.
+        known: String,
+    },
+    /// A node that no mode has.
+    #[error("structure.nodes: `{name}` is node {node}: no mode has values there; nodes with values are {known}")]
+    NoNode {
+        /// The point's name.
+        name: String,
+        /// The node's number.
+        node: u32,
+        /// The nodes with values.
+        known: String,
+    },
+    /// Two names of one node.
+    #[error("structure.nodes: `{}` and `{}` are both node {node}", names[0], names[1])]
+    NodeTwice {
+        /// The names.
+        names: [String; 2],
+        /// The node's number.
+        node: u32,
+    },
+}
+
+/// What is wrong with a line of a Universal File.
+#[derive(Clone, Debug, PartialEq, Error)]
+#[non_exhaustive]
+pub enum UffFault {
+    /// Text outside a dataset.
+    #[error("{got:?} is outside the datasets, which begin and end with a line -1")]
+    Outside {
+        /// The line.
+        got: String,
+    },
+    /// The type of a dataset is no number.
+    #[error("{got:?} is not the number of a dataset")]
+    Dataset {
+        /// The text.
+        got: String,
+    },
+    /// A binary dataset.
+    #[error("dataset {dataset} is binary: export the modes as ASCII")]
+    Binary {
+        /// The dataset.
+        dataset: String,
+    },
+    /// Too few numbers.
+    #[error("{what} needs {expected} numbers here: there are {got}")]
+    Short {
+        /// The record.
+        what: &'static str,
+        /// How many are needed.
+        expected: usize,
+        /// How many there are.
+        got: usize,
+    },
+    /// A number that is none.
+    #[error("{what}: {got:?} is not a finite number")]
+    Number {
+        /// The record.
+        what: &'static str,
+        /// The text.
+        got: String,
+    },
+    /// Units other than SI.
+    #[error("the file is in units of which {} make a metre and {} a newton: export it in SI units", short(.length), short(.force))]
+    Units {
+        /// Units of length in a metre.
+        length: f64,
+        /// Units of force in a newton.
+        force: f64,
+    },
+    /// Modes that are complex.
+    #[error("the modes are complex: a modal structure has real, normal modes; their real part alone would be others")]
+    Complex,
+    /// A dataset 55 of something else.
+    #[error("dataset 55 of analysis type {got}: modes have 2, normal mode")]
+    Analysis {
+        /// The analysis type.
+        got: i64,
+    },
+    /// Not displacements.
+    #[error("dataset 55 of specific data type {got}: shapes are displacements, 8")]
+    Quantity {
+        /// The specific data type.
+        got: i64,
+    },
+    /// Values of another kind at the nodes.
+    #[error("dataset 55 has {got} values at a node: vectors have 3, or 6 with rotations")]
+    Values {
+        /// How many.
+        got: i64,
+    },
+    /// A modal mass that nothing can be normalised with.
+    #[error("mode {mode}: its modal mass is {}: shapes are normalised with it, so it must be positive", short(.got))]
+    ModalMass {
+        /// The mode's number.
+        mode: i64,
+        /// kg.
+        got: f64,
+    },
+    /// Hysteretic damping.
+    #[error("mode {mode} has hysteretic damping, {}, and no viscous: state it as viscous damping, half the loss factor", short(.got))]
+    Hysteretic {
+        /// The mode's number.
+        mode: i64,
+        /// The ratio.
+        got: f64,
+    },
+    /// A node stands twice in one dataset.
+    #[error("node {node} stands here for the second time")]
+    NodeAgain {
+        /// The node's number.
+        node: u32,
+    },
+}
+
+/// Why matrices make no modes.
+#[derive(Clone, Debug, PartialEq, Error)]
+#[non_exhaustive]
+pub enum MatrixError {
+    /// It is no file of NumPy.
+    #[error("it is no NumPy file: {what}")]
+    NotNpy {
+        /// What is not as it should be.
+        what: &'static str,
+    },
+    /// Numbers of another type.
+    #[error("its numbers are of type {got:?}: save float64, numpy.save(path, matrix.astype(\"<f8\"))")]
+    Type {
+        /// `descr` of the file.
+        got: String,
+    },
+    /// It is not square.
+    #[error("its shape is {got}: it must be square, with 1 to {most} rows")]
+    Shape {
+        /// The shape.
+        got: String,
+        /// The most rows.
+        most: usize,
+    },
+    /// Too few or too many bytes.
+    #[error("it has {got} bytes of numbers: its shape needs {expected}")]
+    Length {
+        /// How many.
+        got: usize,
+        /// How many are needed.
+        expected: usize,
+    },
+    /// A number that is not finite.
+    #[error("entry {row}, {column} is {got}: all must be finite")]
+    NotFinite {
+        /// The row, from 0.
+        row: usize,
+        /// The column, from 0.
+        column: usize,
+        /// The number.
+        got: f64,
+    },
+    /// It is not symmetric.
+    #[error("it is not symmetric: entry {row}, {column} is {}, and entry {column}, {row} is {}", short(&got[0]), short(&got[1]))]
+    NotSymmetric {
+        /// The row, from 0.
+        row: usize,
+        /// The column, from 0.
+        column: usize,
+        /// Both entries.
+        got: [f64; 2],
+    },
+    /// It is of another size than the mass matrix.
+    #[error("it has {got} rows: the mass matrix has {expected}")]
+    Size {
+        /// How many.
+        got: usize,
+        /// The rows of the mass matrix.
+        expected: usize,
+    },
+    /// It is not positive definite.
+    #[error("it is not positive definite: {fix}")]
+    NotPositive {
+        /// What that means.
+        fix: &'static str,
+    },
+    /// The eigenproblem is not solved.
+    #[error("its modes can't be computed: the eigenvalues do not converge")]
+    NotSolved,
+    /// Damping that is not modal.
+    #[error(
+        "its damping couples modes {} and {}: φᵢᵀCφⱼ is {} of √(φᵢᵀCφᵢ φⱼᵀCφⱼ), and modal damping has at most {}; take \
+         damping that is, such as Rayleigh's, C = aM + bK", modes[0], modes[1], short(.coupling), short(.most)
+    )]
+    Coupled {
+        /// The modes, from 1.
+        modes: [usize; 2],
+        /// The coupling, dimensionless.
+        coupling: f64,
+        /// The most that does.
+        most: f64,
+    },
+}

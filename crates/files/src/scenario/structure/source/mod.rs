@@ -1,0 +1,141 @@
+//! Structures from files of other tools: links from URDF, modes from the Universal File Format or from matrices.
+//!
+//! What a file says is resolved into `links` and `modes` when the scenario is read. Where these are given beside the
+//! file, they count and the file is a note of where they come from: so a recording holds the numbers, and is simulated
+//! again without the file.
+
+mod body;
+mod error;
+mod matrices;
+mod npy;
+#[cfg(test)]
+mod tests;
+mod uff;
+mod urdf;
+mod urdf_chain;
+
+use std::collections::BTreeMap;
+use std::path::{Path, PathBuf};
+
+use serde::{Deserialize, Serialize};
+
+pub use error::{MatrixError, StructureFileError, UffError, UrdfError};
+pub use matrices::MatricesSection;
+
+use super::{StructureKind, StructureSection, StructureSectionError};
+use crate::text_file;
+
+/// A joint of a URDF file that becomes one of the chain.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct JointSection {
+    /// Its name in the file.
+    pub name: String,
+    /// Stiffness, N·m/rad, positive.
+    pub stiffness_nm_rad: f64,
+    /// Viscous damping, N·m·s/rad, not negative.
+    pub damping_nm_s_rad: f64,
+    /// The pose: its angle from the file's zero, about its own axis, degrees, −360 to 360.
+    #[serde(default)]
+    pub angle_deg: f64,
+}
+
+impl StructureSection {
+    /// The same structure without the files that it is from.
+    #[must_use]
+    pub fn without_source(&self) -> StructureSection {
+        StructureSection {
+            file: None,
+            joints: Vec::new(),
+            tip: None,
+            nodes: BTreeMap::new(),
+            matrices: None,
+            dofs: BTreeMap::new(),
+            ..self.clone()
+        }
+    }
+
+    /// The key whose files make this structure, if one does: with the key of what they make, and whether that is there.
+    pub(super) fn source(&self) -> Option<(&'static str, &'static str, bool)> {
+        match (self.kind, &self.file, &self.matrices) {
+            (StructureKind::Chain, Some(_), _) => Some(("file", "links", !self.links.is_empty())),
+            (StructureKind::Modal, Some(_), _) => Some(("file", "modes", !self.modes.is_empty())),
+            (StructureKind::Modal, None, Some(_)) => Some(("matrices", "modes", !self.modes.is_empty())),
+            _ => None,
+        }
+    }
+
+    /// Reads the files that it names, unless it has what they say, `links` or `modes`; their paths count from `folder`.
+    ///
+    /// # Errors
+    /// [`StructureSectionError::Read`] and [`StructureSectionError::File`]; of keys that contradict what
+    /// [`StructureSection::assembly`] says.
+    pub fn read(&mut self, folder: &Path) -> Result<(), StructureSectionError> {
+        self.check_source_keys()?;
+        let Some((_, _, false)) = self.source() else { return Ok(()) };
+        match (self.kind, &self.file, &self.matrices) {
+            (StructureKind::Chain, Some(file), _) => {
+                let path = folder.join(file);
+                let text = text_file::read(&path).map_err(unreadable(&path))?;
+                let robot = urdf::Robot::parse(&text).map_err(of_file(&path))?;
+                let wanted = urdf_chain::Wanted {
+                    joints: &self.joints,
+                    tip: self.tip.as_deref(),
+                    has_gravity: self.gravity_m_s2.is_some(),
+                };
+                self.links = urdf_chain::links(&robot, &wanted).map_err(of_file(&path))?;
+            }
+            (_, Some(file), _) => {
+                let path = folder.join(file);
+                let bytes = text_file::read_bytes(&path).map_err(unreadable(&path))?;
+                // Lines of identification may be in any encoding; no number of theirs is read.
+                let text = String::from_utf8_lossy(&bytes);
+                let read = uff::read(&text, &self.nodes).map_err(of_file(&path))?;
+                self.modes = read.modes;
+                for (name, at) in read.points {
+                    self.points.entry(name).or_insert(at);
+                }
+            }
+            (_, None, Some(matrices)) => self.modes = matrices.read(folder, &self.dofs)?,
+            (_, None, None) => {}
+        }
+        Ok(())
+    }
+
+    /// Refuses keys about a file where there is none, or that the kind of structure does not have.
+    pub(super) fn check_source_keys(&self) -> Result<(), StructureSectionError> {
+        let is_chain = self.kind == StructureKind::Chain && self.file.is_some();
+        let is_uff = self.kind == StructureKind::Modal && self.file.is_some();
+        let is_matrices = self.kind == StructureKind::Modal && self.matrices.is_some();
+        if is_uff && is_matrices {
+            return Err(StructureSectionError::TwoSources);
+        }
+        if self.kind == StructureKind::Arm && (self.file.is_some() || self.matrices.is_some()) {
+            let key = if self.file.is_some() { "file" } else { "matrices" };
+            return Err(StructureSectionError::Idle { key, kind: self.kind.name() });
+        }
+        if self.kind == StructureKind::Chain && self.matrices.is_some() {
+            return Err(StructureSectionError::Idle { key: "matrices", kind: self.kind.name() });
+        }
+        let keys = [
+            ("joints", !self.joints.is_empty(), is_chain, "a chain with the `file` of a robot, URDF"),
+            ("tip", self.tip.is_some(), is_chain, "a chain with the `file` of a robot, URDF"),
+            ("nodes", !self.nodes.is_empty(), is_uff, "a modal structure with the `file` of its modes, UFF"),
+            ("dofs", !self.dofs.is_empty(), is_matrices, "a modal structure with `matrices`"),
+        ];
+        match keys.into_iter().find(|(_, is_given, is_used, _)| *is_given && !is_used) {
+            Some((key, _, _, of)) => Err(StructureSectionError::OfSource { key, of }),
+            None => Ok(()),
+        }
+    }
+}
+
+fn unreadable(path: &Path) -> impl FnOnce(std::io::Error) -> StructureSectionError {
+    let path = PathBuf::from(path);
+    move |source| StructureSectionError::Read { path, reason: source.to_string() }
+}
+
+fn of_file<E: Into<StructureFileError>>(path: &Path) -> impl FnOnce(E) -> StructureSectionError {
+    let path = PathBuf::from(path);
+    move |fault| StructureSectionError::File { path, fault: Box::new(fault.into()) }
+}

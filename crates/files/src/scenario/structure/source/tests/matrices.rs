@@ -1,0 +1,113 @@
+//! Modes of matrices.
+
+use std::fs;
+use std::path::Path;
+
+use super::super::npy::square;
+use super::{close, examples, read_in};
+use crate::scenario::Scenario;
+
+/// A matrix as NumPy writes it.
+fn npy(shape: &str, numbers: &[f64]) -> Vec<u8> {
+    let header = format!("{{'descr': '<f8', 'fortran_order': False, 'shape': {shape}, }}\n");
+    let mut bytes = b"\x93NUMPY\x01\x00".to_vec();
+    bytes.extend((header.len() as u16).to_le_bytes());
+    bytes.extend(header.as_bytes());
+    numbers.iter().for_each(|number| bytes.extend(number.to_le_bytes()));
+    bytes
+}
+
+/// Numbers of NumPy: frequency, damping ratio, shape of row 8 and row 4.
+#[test]
+fn the_modes_of_matrices_are_those_of_numpy() {
+    let modes = Scenario::read(&examples().join("plate.toml")).unwrap().structure.unwrap().modes;
+    let expected = [
+        [36.411_857_299_800_9, 0.001_102_975_387_743_629_3, 0.430_809_909_715_701_2, 0.438_056_492_620_758_8],
+        [125.227_628_471_634_9, 0.001_041_013_426_212_099_4, -0.564_196_956_067_023_9, 0.015_758_636_600_378_486],
+        [135.716_425_292_355_38, 0.001_087_271_878_398_541, -0.530_326_016_712_937_9, 0.049_145_376_669_844_205],
+        [181.881_240_031_220_98, 0.001_317_803_275_508_608_5, 0.575_303_498_753_231, 0.008_359_964_257_294_884],
+    ];
+    assert_eq!(modes.len(), expected.len());
+    for (mode, expected) in modes.iter().zip(expected) {
+        let got = [mode.frequency_hz, mode.damping_ratio, mode.shape["tip.z"], mode.shape["middle.z"]];
+        got.into_iter().zip(expected).for_each(|(got, expected)| close(got, expected, 1e-10));
+    }
+}
+
+const SCENARIO: &str = "[structure]\nkind = 'modal'\ndofs = { 'tip.x' = 1 }\n\
+    matrices = { mass = 'm.npy', damping = 'c.npy', stiffness = 'k.npy' }\n";
+const MASS: [f64; 4] = [2.0, 0.0, 0.0, 1.0];
+const DAMPING: [f64; 4] = [2.0, 0.0, 0.0, 1.0];
+const STIFFNESS: [f64; 4] = [3e4, -1e4, -1e4, 1e4];
+
+/// What is said of matrices of two rows, and of a change of the scenario.
+fn of([mass, damping, stiffness]: [&[u8]; 3], from: &str, to: &str) -> String {
+    let folder = tempfile::tempdir().unwrap();
+    for (name, bytes) in [("m.npy", mass), ("c.npy", damping), ("k.npy", stiffness)] {
+        fs::write(folder.path().join(name), bytes).unwrap();
+    }
+    match read_in(folder.path(), &SCENARIO.replacen(from, to, 1)) {
+        Ok(scenario) => format!("{:?}", scenario.structure.unwrap().modes),
+        Err(error) => error.to_string().replace(&folder.path().display().to_string(), ""),
+    }
+}
+
+fn two(numbers: &[f64; 4]) -> Vec<u8> {
+    npy("(2, 2)", numbers)
+}
+
+#[test]
+fn matrices_that_make_no_modes_are_said() {
+    let (m, c, k) = (&*two(&MASS), &*two(&DAMPING), &*two(&STIFFNESS));
+    let with = |mass: &[u8], damping: &[u8], stiffness: &[u8]| of([mass, damping, stiffness], "", "");
+    let three = npy("(3, 3)", &[1.0, 0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0, 1.0]);
+    insta::assert_snapshot!(with(m, c, &three), @"/k.npy: it has 3 rows: the mass matrix has 2");
+    insta::assert_snapshot!(with(m, c, &two(&[3e4, -1e4, -2e4, 1e4])), @"/k.npy: it is not symmetric: entry 0, 1 is -10000, and entry 1, 0 is -20000");
+    insta::assert_snapshot!(with(m, c, &two(&[1e4, -1e4, -1e4, 1e4])), @"/k.npy: it is not positive definite: the structure must be held, so that no mode has the frequency 0");
+    insta::assert_snapshot!(with(&two(&[2.0, 0.0, 0.0, 0.0]), c, k), @"/m.npy: it is not positive definite: every degree of freedom needs a mass");
+    insta::assert_snapshot!(with(m, &two(&[2.0, f64::NAN, 0.0, 1.0]), k), @"/c.npy: entry 0, 1 is NaN: all must be finite");
+    insta::assert_snapshot!(with(m, &two(&[2.0, 0.0, 0.0, 0.0]), k), @"/c.npy: its damping couples modes 1 and 2: φᵢᵀCφⱼ is 1 of √(φᵢᵀCφᵢ φⱼᵀCφⱼ), and modal damping has at most 0.001; take damping that is, such as Rayleigh's, C = aM + bK");
+    insta::assert_snapshot!(of([m, c, k], "k.npy", "q.npy"), @"can't read /q.npy: No such file or directory (os error 2); paths count from the scenario's folder");
+    insta::assert_snapshot!(of([m, c, k], "k.npy'", "k.npy', modes = 3"), @"structure.matrices: `modes` is 3: the matrices have 2 rows, and 1 to 2 of the lowest modes are kept");
+    insta::assert_snapshot!(of([m, c, k], "'tip.x' = 1", "'tip.x' = 2"), @"structure.dofs: `tip.x` is row 2: the matrices have rows 0 to 1");
+    insta::assert_snapshot!(of([m, c, k], "'tip.x' = 1", "'tip' = 1"), @r#"structure: `tip` names no place: write point and axis, as in "tip.x""#);
+    insta::assert_snapshot!(of([m, c, k], "'tip.x' = 1", ""), @r#"structure: `dofs` are missing: name degrees of freedom by their rows, from 0, in a table [structure.dofs], as "tip.x" = 0"#);
+    let many: Vec<f64> = (0..33 * 33).map(|k| f64::from(k % 34 == 0)).collect();
+    let many = npy("(33, 33)", &many);
+    insta::assert_snapshot!(with(&many, c, k), @"structure.matrices: `modes` is missing: the matrices have 33 rows, and 1 to 32 of the lowest modes are kept");
+}
+
+#[test]
+fn files_that_are_no_matrix_are_said() {
+    let file = two(&MASS);
+    let says = |bytes: &[u8]| square(bytes).unwrap_err().to_string();
+    let with = |from: &str, to: &str| {
+        let text: String = file.iter().map(|byte| char::from(*byte)).collect();
+        let changed = text.replacen(from, to, 1);
+        assert_eq!(from.chars().count(), to.chars().count(), "the length of the header stays");
+        says(&changed.chars().map(|letter| letter as u8).collect::<Vec<_>>())
+    };
+    insta::assert_snapshot!(says(b"PK\x03\x04"), @r"it is no NumPy file: it does not begin with \x93NUMPY");
+    insta::assert_snapshot!(with("\u{1}\u{0}", "\u{4}\u{0}"), @"it is no NumPy file: its version is not 1.0, 2.0 or 3.0");
+    insta::assert_snapshot!(says(&file[..30]), @"it is no NumPy file: it ends inside the header");
+    insta::assert_snapshot!(with("descr", "descs"), @"it is no NumPy file: the header lacks `descr`, `fortran_order` or `shape`");
+    insta::assert_snapshot!(with("descr", "des\u{ff}r"), @"it is no NumPy file: the header is no text");
+    insta::assert_snapshot!(with("False", "Never"), @"it is no NumPy file: `fortran_order` is neither True nor False");
+    insta::assert_snapshot!(with("<f8", ">f8"), @r#"its numbers are of type ">f8": save float64, numpy.save(path, matrix.astype("<f8"))"#);
+    insta::assert_snapshot!(with("(2, 2)", "(2, 1)"), @"its shape is (2, 1): it must be square, with 1 to 1000 rows");
+    insta::assert_snapshot!(with("(2, 2)", "( 4,) "), @"its shape is ( 4,): it must be square, with 1 to 1000 rows");
+    insta::assert_snapshot!(with("(2, 2)", "(3, 3)"), @"it has 32 bytes of numbers: its shape needs 72");
+    // The order of Fortran is the other one.
+    let by_columns = file.iter().map(|byte| char::from(*byte)).collect::<String>().replace("False", "True ");
+    let bytes: Vec<u8> = by_columns.chars().map(|letter| letter as u8).collect();
+    assert_eq!(square(&bytes).unwrap(), square(&file).unwrap().transpose());
+}
+
+/// A file of NumPy itself, in either order.
+#[test]
+fn both_orders_are_read() {
+    let read = |name: &str| square(&fs::read(Path::new(&examples()).join(name)).unwrap()).unwrap();
+    let (m, k) = (read("plate-m.npy"), read("plate-k.npy"));
+    assert_eq!((m[(0, 0)], m[(8, 8)], m[(0, 1)]), (0.5, 0.66, 0.0));
+    assert_eq!((k[(0, 1)], k[(0, 3)], k[(8, 0)]), (-3e5 * 1.1, -3e5 * 1.3, 0.0));
+}

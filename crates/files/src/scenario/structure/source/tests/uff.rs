@@ -1,0 +1,103 @@
+//! Modes in the Universal File Format.
+
+use std::collections::BTreeMap;
+
+use super::super::uff::read;
+use super::{close, examples};
+use crate::scenario::Scenario;
+
+/// One mode at two nodes, by hand, with exponents of D and six values at a node.
+const MODE: &str = "    -1
+    55
+a
+b
+c
+d
+e
+         1         2         3         8         2         6
+         2         4         0         7
+  1.25000D+01  4.00000D+00  2.00000D-02  0.00000D+00
+        12
+  2.00000D+00 -1.00000D+00  0.00000D+00  9.00000D+00  9.00000D+00  9.00000D+00
+        15
+  0.00000D+00  0.00000D+00  5.00000D-01  0.00000D+00  0.00000D+00  0.00000D+00
+    -1
+";
+
+const NODES: &str = "    -1
+  2411
+        12         1         1        11
+   1.0000000000000000D+00   2.0000000000000000D+00  -3.0000000000000000D+00
+    -1
+";
+
+/// `bracket.uff` is by pyuff 2.5.8, from the numbers of `make.py`: shapes there are over √(modal mass).
+#[test]
+fn modes_written_by_pyuff_are_read() {
+    let section = Scenario::read(&examples().join("bracket.toml")).unwrap().structure.unwrap();
+    let expected = [
+        (63.4, 0.004, 2.5, "y", 1.0, 0.3),
+        (212.25, 0.006, 1.75, "y", 1.0, -0.6),
+        (388.0, 0.011, 0.9, "x", 0.275, 0.11),
+    ];
+    assert_eq!(section.modes.len(), expected.len());
+    for (mode, (frequency_hz, damping_ratio, mass, axis, tip, mid)) in section.modes.iter().zip(expected) {
+        assert_eq!((mode.frequency_hz, mode.damping_ratio), (frequency_hz, damping_ratio));
+        close(mode.shape[&format!("tip.{axis}")], tip / f64::sqrt(mass), 1e-12);
+        close(mode.shape[&format!("mid.{axis}")], mid / f64::sqrt(mass), 1e-12);
+        assert_eq!(mode.shape.len(), 6);
+    }
+    assert_eq!(section.points, BTreeMap::from([("mid".into(), [0.1, 0.0, 0.005]), ("tip".into(), [0.3, 0.0, 0.015])]));
+}
+
+#[test]
+fn nodes_without_names_are_called_by_their_numbers_and_rest_where_a_mode_leaves_them_out() {
+    let second = MODE
+        .replace("1.25000D+01", "3.0E+1")
+        .replace("\n        15\n  0.00000D+00  0.00000D+00  5.00000D-01  0.00000D+00  0.00000D+00  0.00000D+00", "");
+    let read = read(&format!("{NODES}{MODE}{second}"), &BTreeMap::new()).unwrap();
+    assert_eq!(read.points, BTreeMap::from([("node12".into(), [1.0, 2.0, -3.0])]));
+    assert_eq!([read.modes[0].frequency_hz, read.modes[1].frequency_hz], [12.5, 30.0]);
+    let shape = |mode: usize| read.modes[mode].shape.values().copied().collect::<Vec<_>>();
+    assert_eq!(
+        read.modes[0].shape.keys().collect::<Vec<_>>(),
+        ["node12.x", "node12.y", "node12.z", "node15.x", "node15.y", "node15.z"]
+    );
+    assert_eq!((shape(0), shape(1)), (vec![1.0, -0.5, 0.0, 0.0, 0.0, 0.25], vec![1.0, -0.5, 0.0, 0.0, 0.0, 0.0]));
+}
+
+/// What is said of a change of the mode.
+fn of(from: &str, to: &str) -> String {
+    let text = MODE.replacen(from, to, 1);
+    assert_ne!(text, MODE, "{from}");
+    read(&text, &BTreeMap::new()).map(|read| read.modes).unwrap_err().to_string()
+}
+
+fn named(names: &[(&str, u32)]) -> String {
+    let names = names.iter().map(|(name, node)| ((*name).to_owned(), *node)).collect();
+    read(MODE, &names).map(|read| read.modes).unwrap_err().to_string()
+}
+
+#[test]
+fn what_gives_no_modes_is_said() {
+    insta::assert_snapshot!(of("    -1", "text\n    -1"), @r#"line 1: "text" is outside the datasets, which begin and end with a line -1"#);
+    insta::assert_snapshot!(of("    55", "    5x"), @r#"line 2: "5x" is not the number of a dataset"#);
+    insta::assert_snapshot!(of("    55", "    58b     1     2"), @"line 2: dataset 58b is binary: export the modes as ASCII");
+    insta::assert_snapshot!(of("    -1\n    55", "    -1\n    57"), @"there are no modes: no dataset 55 of normal modes; there are 57");
+    insta::assert_snapshot!(of("0.00000D+00  0.00000D+00  0.00000D+00\n    -1\n", "0.00000D+00  0.00000D+00  0.00000D+00\n"), @"dataset 55, from line 2, has no end: a line -1");
+    insta::assert_snapshot!(read("", &BTreeMap::new()).map(|read| read.modes).unwrap_err(), @"there are no modes: no dataset 55 of normal modes; there are none");
+    insta::assert_snapshot!(of("2         3         8         2", "2         3         8         5"), @"line 8: the modes are complex: a modal structure has real, normal modes; their real part alone would be others");
+    insta::assert_snapshot!(of("1         2         3         8", "1         3         3         8"), @"line 8: the modes are complex: a modal structure has real, normal modes; their real part alone would be others");
+    insta::assert_snapshot!(of("1         2         3         8", "1         5         3         8"), @"line 8: dataset 55 of analysis type 5: modes have 2, normal mode");
+    insta::assert_snapshot!(of("3         8         2", "3        12         2"), @"line 8: dataset 55 of specific data type 12: shapes are displacements, 8");
+    insta::assert_snapshot!(of("2         6\n", "2         1\n"), @"line 8: dataset 55 has 1 values at a node: vectors have 3, or 6 with rotations");
+    insta::assert_snapshot!(of("4.00000D+00", "0.00000D+00"), @"line 10: mode 7: its modal mass is 0: shapes are normalised with it, so it must be positive");
+    insta::assert_snapshot!(of("2.00000D-02  0.00000D+00", "0.00000D+00  1.00000D-02"), @"line 10: mode 7 has hysteretic damping, 0.01, and no viscous: state it as viscous damping, half the loss factor");
+    insta::assert_snapshot!(of("  0.00000D+00\n        12", "\n        12"), @"line 10: dataset 55, frequency, modal mass and damping ratios needs 4 numbers here: there are 3");
+    insta::assert_snapshot!(of("-1.00000D+00", "-1.0000D+400"), @r#"line 12: dataset 55, the values at a node: "-1.0000D+400" is not a finite number"#);
+    insta::assert_snapshot!(of("        15", "      1.5"), @r#"line 13: dataset 55, a node: "1.5" is not a finite number"#);
+    insta::assert_snapshot!(of("        15", "        12"), @"line 14: node 12 stands here for the second time");
+    insta::assert_snapshot!(of("    -1", "    -1\n   164\n         2  feet\n   3.2808D+00   2.248D-01   1.8D+00\n    -1\n    -1"), @"line 4: the file is in units of which 3.2808 make a metre and 0.2248 a newton: export it in SI units");
+    insta::assert_snapshot!(named(&[("tip", 13)]), @"structure.nodes: `tip` is node 13: no mode has values there; nodes with values are 12, 15");
+    insta::assert_snapshot!(named(&[("tip", 12), ("top", 12)]), @"structure.nodes: `tip` and `top` are both node 12");
+}

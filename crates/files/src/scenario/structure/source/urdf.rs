@@ -1,0 +1,171 @@
+//! Robots in the Unified Robot Description Format of ROS (wiki.ros.org/urdf/XML): links, joints, inertias.
+//!
+//! A file is XML without a schema. Read are `link` with its `inertial`, and `joint` with type, parent, child, origin
+//! and axis; the rest says nothing about the dynamics.
+
+use std::collections::{BTreeMap, BTreeSet};
+
+use nalgebra::{Matrix3, Vector3};
+use roxmltree::{Document, Node};
+
+use super::body::{Frame, Inertial};
+use super::error::UrdfError;
+
+/// A joint.
+#[derive(Clone, Debug)]
+pub(super) struct Joint {
+    pub name: String,
+    /// `revolute`, `continuous`, `fixed` and others.
+    pub kind: String,
+    pub parent: String,
+    pub child: String,
+    /// Its frame in that of the parent link, which at the angle 0 is that of the child.
+    pub frame: Frame,
+    /// Its axis in its frame, of unit length.
+    pub axis: Vector3<f64>,
+}
+
+/// A robot: a tree of links.
+#[derive(Clone, Debug)]
+pub(super) struct Robot {
+    /// The links by name; a link may have no mass.
+    pub links: BTreeMap<String, Option<Inertial>>,
+    /// In the order of the file.
+    pub joints: Vec<Joint>,
+    /// The number in `joints` of the joint that leads to a link, by the link.
+    above: BTreeMap<String, usize>,
+}
+
+impl Robot {
+    /// Reads a robot from its text.
+    pub fn parse(text: &str) -> Result<Robot, UrdfError> {
+        let document = Document::parse(text).map_err(|error| UrdfError::Xml { reason: error.to_string() })?;
+        let root = document.root_element();
+        if root.tag_name().name() != "robot" {
+            return Err(UrdfError::NotARobot { got: root.tag_name().name().to_owned() });
+        }
+        let mut robot = Robot { links: BTreeMap::new(), joints: Vec::new(), above: BTreeMap::new() };
+        let mut names = BTreeSet::new();
+        for element in root.children().filter(Node::is_element) {
+            match element.tag_name().name() {
+                "link" => {
+                    let name = attribute(&element, "name")?.to_owned();
+                    let inertial = child(&element, "inertial").map(|inertial| body(&inertial, &name)).transpose()?;
+                    if robot.links.insert(name.clone(), inertial).is_some() {
+                        return Err(UrdfError::Twice { what: "link", name });
+                    }
+                }
+                "joint" => {
+                    let joint = joint(&element)?;
+                    if !names.insert(joint.name.clone()) {
+                        return Err(UrdfError::Twice { what: "joint", name: joint.name });
+                    }
+                    robot.joints.push(joint);
+                }
+                _ => {}
+            }
+        }
+        robot.connect()?;
+        Ok(robot)
+    }
+
+    /// The joint that leads to a link, if there is one.
+    pub fn above(&self, link: &str) -> Option<&Joint> {
+        self.above.get(link).and_then(|&joint| self.joints.get(joint))
+    }
+
+    /// Links exist, have one parent each, and none is beyond itself.
+    fn connect(&mut self) -> Result<(), UrdfError> {
+        for (number, joint) in self.joints.iter().enumerate() {
+            for link in [&joint.parent, &joint.child] {
+                if !self.links.contains_key(link) {
+                    return Err(UrdfError::NoLink { joint: joint.name.clone(), link: link.clone() });
+                }
+            }
+            if let Some(other) = self.above.insert(joint.child.clone(), number) {
+                let joints = [self.joints[other].name.clone(), joint.name.clone()];
+                return Err(UrdfError::TwoParents { link: joint.child.clone(), joints });
+            }
+        }
+        // A walk towards the base ends at a link that another walk has passed, or has met itself.
+        let mut walk_of: BTreeMap<&str, usize> = BTreeMap::new();
+        for (walk, joint) in self.joints.iter().enumerate() {
+            let mut at = Some(joint);
+            while let Some(joint) = at {
+                match walk_of.insert(&joint.child, walk) {
+                    Some(other) if other == walk => return Err(UrdfError::Cycle { joint: joint.name.clone() }),
+                    Some(_) => break,
+                    None => at = self.above(&joint.parent),
+                }
+            }
+        }
+        Ok(())
+    }
+}
+
+fn joint(element: &Node<'_, '_>) -> Result<Joint, UrdfError> {
+    let name = attribute(element, "name")?.to_owned();
+    let of = |tag: &'static str| {
+        let missing = || UrdfError::Missing { element: format!("joint {name}"), what: tag };
+        attribute(&child(element, tag).ok_or_else(missing)?, "link").map(str::to_owned)
+    };
+    let (parent, child_link) = (of("parent")?, of("child")?);
+    let axis = match child(element, "axis") {
+        Some(axis) => numbers(&axis, "xyz", [1.0, 0.0, 0.0])?,
+        None => [1.0, 0.0, 0.0],
+    };
+    let axis = Vector3::from(axis);
+    // A fixed joint may have the axis 0.
+    let length = axis.norm();
+    let axis = if length > 0.0 { axis / length } else { axis };
+    let kind = attribute(element, "type")?.to_owned();
+    Ok(Joint { kind, parent, child: child_link, frame: origin(element)?, axis, name })
+}
+
+fn body(inertial: &Node<'_, '_>, link: &str) -> Result<Inertial, UrdfError> {
+    let missing = |what| UrdfError::Missing { element: format!("the inertial of link {link}"), what };
+    let mass_kg = number(&child(inertial, "mass").ok_or_else(|| missing("mass"))?, "value")?;
+    if mass_kg <= 0.0 {
+        return Err(UrdfError::Mass { link: link.to_owned(), mass_kg });
+    }
+    let inertia = child(inertial, "inertia").ok_or_else(|| missing("inertia"))?;
+    let entry = |name| number(&inertia, name);
+    let (xx, yy, zz) = (entry("ixx")?, entry("iyy")?, entry("izz")?);
+    let (xy, xz, yz) = (entry("ixy")?, entry("ixz")?, entry("iyz")?);
+    let inertia_kg_m2 = Matrix3::new(xx, xy, xz, xy, yy, yz, xz, yz, zz);
+    Ok(Inertial { frame: origin(inertial)?, mass_kg, inertia_kg_m2 })
+}
+
+fn origin(element: &Node<'_, '_>) -> Result<Frame, UrdfError> {
+    let Some(origin) = child(element, "origin") else { return Ok(Frame::identity()) };
+    Ok(Frame::new(numbers(&origin, "xyz", [0.0; 3])?, numbers(&origin, "rpy", [0.0; 3])?))
+}
+
+fn child<'a, 'input>(element: &Node<'a, 'input>, tag: &str) -> Option<Node<'a, 'input>> {
+    element.children().find(|child| child.is_element() && child.tag_name().name() == tag)
+}
+
+fn line(element: &Node<'_, '_>) -> u32 {
+    element.document().text_pos_at(element.range().start).row
+}
+
+fn attribute<'a>(element: &Node<'a, '_>, name: &'static str) -> Result<&'a str, UrdfError> {
+    let missing = || UrdfError::Attribute { line: line(element), element: element.tag_name().name().to_owned(), name };
+    element.attribute(name).ok_or_else(missing)
+}
+
+fn number(element: &Node<'_, '_>, name: &'static str) -> Result<f64, UrdfError> {
+    let text = attribute(element, name)?;
+    let not_one = || UrdfError::Number { line: line(element), name, got: text.to_owned(), expected: "a finite number" };
+    text.trim().parse().ok().filter(|value: &f64| value.is_finite()).ok_or_else(not_one)
+}
+
+/// Three numbers, or what there is without them.
+fn numbers(element: &Node<'_, '_>, name: &'static str, without: [f64; 3]) -> Result<[f64; 3], UrdfError> {
+    let Some(text) = element.attribute(name) else { return Ok(without) };
+    let values: Option<Vec<f64>> =
+        text.split_whitespace().map(|word| word.parse().ok().filter(|value: &f64| value.is_finite())).collect();
+    let not_three =
+        || UrdfError::Number { line: line(element), name, got: text.to_owned(), expected: "three finite numbers" };
+    values.and_then(|values| <[f64; 3]>::try_from(values).ok()).ok_or_else(not_three)
+}

@@ -1,0 +1,134 @@
+//! `resonarm structure`: what a scenario's structure is made of, checked, and as a section of a scenario.
+
+use std::path::PathBuf;
+
+use clap::Args;
+use serde::Serialize;
+use serde_json::Value;
+
+use crate::configuration;
+use crate::failure::{Failure, Verdict};
+use crate::output::{self, JsonFlag, OverwriteFlag};
+use crate::structures::label;
+use resonarm::plant::TestedAssembly;
+use resonarm::scenario::{Scenario, StructureSection};
+use resonarm::structure::{BodySpec, Link};
+use resonarm_numeric::number::short;
+
+/// Checks a scenario's structure and prints what it is made of: links or modes, points, elements, natural frequencies.
+///
+/// What the scenario takes from files (URDF, UFF, matrices) is shown as the links or modes that it makes. With --out it
+/// is written as a section [structure] that needs no file.
+#[derive(Debug, Args)]
+pub(crate) struct Structure {
+    /// TOML file with the scenario.
+    #[arg(long, value_name = "FILE")]
+    scenario: PathBuf,
+    /// Write the section [structure], with the links or modes from files in it, to this TOML file.
+    #[arg(long, value_name = "FILE")]
+    out: Option<PathBuf>,
+    #[command(flatten)]
+    overwrite: OverwriteFlag,
+    #[command(flatten)]
+    json: JsonFlag,
+}
+
+/// What is printed with --json.
+#[derive(Serialize)]
+struct Document {
+    /// The section, with the name and unit of each coordinate.
+    configuration: Value,
+    /// The names of the points.
+    points: Vec<String>,
+    /// What a load can act on and what is read: point and axis, or a joint.
+    degrees_of_freedom: Vec<String>,
+    natural_frequencies_hz: Vec<f64>,
+    damping_ratios: Vec<f64>,
+}
+
+/// A section of a scenario, by its name.
+#[derive(Serialize)]
+struct Section<'a> {
+    structure: &'a StructureSection,
+}
+
+impl Structure {
+    pub fn execute(&self) -> Result<Verdict, Failure> {
+        self.overwrite.check(self.out.clone())?;
+        let scenario = Scenario::read(&self.scenario)?;
+        let (Some(section), Some(tested)) = (&scenario.structure, scenario.tested_structure()?) else {
+            return Err(Failure::usage(format!(
+                "{}: the scenario has no [structure]: its plant is the two-link arm of [arm], which `resonarm modes` shows",
+                self.scenario.display()
+            )));
+        };
+        let document = Document::new(&scenario, &tested)?;
+        let mut written = Vec::new();
+        if let Some(path) = &self.out {
+            written.push(output::write(path.clone(), &toml_of(section)?)?);
+        }
+        self.json.show(&document, || document.text(&scenario, &tested), &written)
+    }
+}
+
+/// The section alone. Paths of files that it notes count from another folder then: only the numbers stay.
+fn toml_of(section: &StructureSection) -> Result<String, Failure> {
+    toml::to_string(&Section { structure: &section.without_source() })
+        .map_err(|error| Failure::usage(format!("the structure can't be written as TOML: {error}")))
+}
+
+impl Document {
+    fn new(scenario: &Scenario, tested: &TestedAssembly) -> Result<Document, Failure> {
+        let modes = tested.assembly.modes();
+        Ok(Document {
+            configuration: configuration::of_arm(scenario)?,
+            points: tested.assembly.points(),
+            degrees_of_freedom: tested.assembly.dof_names(),
+            natural_frequencies_hz: modes.iter().map(|mode| mode.frequency_hz).collect(),
+            damping_ratios: modes.iter().map(|mode| mode.damping_ratio).collect(),
+        })
+    }
+
+    fn text(&self, scenario: &Scenario, tested: &TestedAssembly) -> String {
+        let mut text = label(scenario, tested) + "\n";
+        if let BodySpec::Chain(chain) = &tested.assembly.spec().body {
+            text += &links(&chain.links);
+        }
+        text += &format!("points: {}\n", self.points.join(", "));
+        text += &elements(scenario);
+        text += "  mode   undamped frequency   damping ratio\n";
+        for ((frequency_hz, ratio), number) in self.natural_frequencies_hz.iter().zip(&self.damping_ratios).zip(1..) {
+            text += &format!("  {number:4}   {frequency_hz:15.4} Hz   {ratio:13.3e}\n");
+        }
+        text
+    }
+}
+
+fn links(links: &[Link]) -> String {
+    let mut text = String::from(
+        "  link   length m     mass kg   centre m   inertia kg·m²    angle °   stiffness N·m/rad   damping N·m·s/rad\n",
+    );
+    for (link, number) in links.iter().zip(1..) {
+        text += &format!(
+            "  {number:4} {:10.5} {:11.5} {:10.5} {:15.6} {:10.4} {:19} {:19}\n",
+            link.length_m,
+            link.mass_kg,
+            link.centre_of_mass_m,
+            link.inertia_kg_m2,
+            link.angle_deg,
+            short(&link.stiffness_nm_rad),
+            short(&link.damping_nm_s_rad)
+        );
+    }
+    text
+}
+
+/// A line for each element, with the values as the scenario states them.
+fn elements(scenario: &Scenario) -> String {
+    let elements = scenario.structure.iter().flat_map(|section| &section.elements);
+    let line = |(element, number): (&resonarm::scenario::structure::ElementSection, usize)| {
+        let values = element.values.iter().map(|(key, value)| format!(", {key} = {}", short(value)));
+        format!("element {number}: {} {}{}\n", element.kind.name(), element.place(), values.collect::<String>())
+    };
+    elements.zip(1..).map(line).collect()
+}
