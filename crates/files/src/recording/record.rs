@@ -13,6 +13,7 @@ use resonarm_realtime::OverrunCause;
 /// `Name` is the type of an event's name: `&'static str` on the way in, so that a record needs no allocation, and
 /// [`String`] when read back.
 #[derive(Clone, Copy, Debug, PartialEq)]
+#[expect(clippy::large_enum_variant, reason = "most records are states, and a box allocates for each")]
 pub enum Record<Name = &'static str> {
     /// The states of the structure at a sample and the load held over it.
     State(StateRecord),
