@@ -70,7 +70,10 @@ fn free_and_lockstep_have_the_same_bits_and_the_commanded_force_acts() {
     }
     let lockstep = whole(&both(&scenario, Mode::Lockstep, &path), &path);
     let bits = |states: &[StateRecord]| -> Vec<_> {
-        states[..600].iter().map(|state| (state.alpha_rad().map(f64::to_bits), state.force_n.map(f64::to_bits))).collect()
+        states[..600]
+            .iter()
+            .map(|state| (state.alpha_rad().map(f64::to_bits), state.force_n.map(f64::to_bits)))
+            .collect()
     };
     assert_eq!(bits(&free), bits(&lockstep));
 }

@@ -74,17 +74,21 @@ impl<const N: usize> Stepped<N> {
     }
 }
 
-/// Loads that vary over a step.
-struct Varying<'a, const N: usize> {
-    of: &'a Stepped<N>,
-    load: &'a StepLoad<'a>,
+/// The loads over a step, held or a sine: one type, so that every scheme is compiled once for both.
+struct Driven<'a, const N: usize> {
+    load: LinksLoad<f64, N>,
+    course: &'a StepLoad<'a>,
 }
 
-impl<const N: usize> Excitation<LinksLoad<f64, N>> for Varying<'_, N> {
+impl<const N: usize> Excitation<LinksLoad<f64, N>> for Driven<'_, N> {
     fn load(&self, t_s: f64) -> LinksLoad<f64, N> {
-        let LinksLoad { torque_nm, force_n } = self.of.load(self.load.numbers());
-        let factor = self.load.factor(t_s);
+        let LinksLoad { torque_nm, force_n } = self.load;
+        let factor = self.course.factor(t_s);
         LinksLoad { torque_nm: torque_nm.map(|of| factor * of), force_n: force_n.map(|of| of.map(|of| factor * of)) }
+    }
+
+    fn is_constant(&self) -> bool {
+        matches!(self.course, StepLoad::Held(_))
     }
 }
 
@@ -98,10 +102,8 @@ impl<const N: usize> Engine for Stepped<N> {
     }
 
     fn advance(&mut self, t_s: f64, load: &StepLoad<'_>) -> Result<(), StepError> {
-        self.motion = match load {
-            StepLoad::Held(load) => self.integrator.step(&self.links, t_s, &self.motion, &self.load(load)),
-            StepLoad::Sine { .. } => self.integrator.step(&self.links, t_s, &self.motion, &Varying { of: self, load }),
-        }?;
+        let driven = Driven { load: self.load(load.numbers()), course: load };
+        self.motion = self.integrator.step(&self.links, t_s, &self.motion, &driven)?;
         Ok(())
     }
 
