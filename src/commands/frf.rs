@@ -21,8 +21,8 @@ use resonarm::scenario::Scenario;
 use resonarm_figures::plot::{Axis, Color, Dash, Figure, Panel, Series, Style};
 use resonarm_numeric::number::short;
 
-/// Frequency responses of the linearised arm: receptance, mobility or accelerance of α, B and C; or of the linear part of
-/// a scenario's structure.
+/// Frequency responses of the linearised arm: receptance, mobility or accelerance of α, B and C; or of the linear part
+/// of a scenario's structure.
 ///
 /// CSV has a line for each frequency, with modulus and phase; JSON has complex values, [real, imaginary]. Every
 /// response names its unit. With --plot both go to files beside the figure, and standard output lists them.
@@ -30,15 +30,15 @@ use resonarm_numeric::number::short;
 pub(crate) struct Frf {
     #[command(flatten)]
     pub(crate) arm: ArmFlags,
-    /// What drives: of the arm torque1, force-x or force-y [default: torque1], of a scenario's structure point and axis,
-    /// as tip.x, or a joint, as joint2.
+    /// What drives: of the arm torque1, force-x or force-y [default: torque1], of a scenario's structure point and
+    /// axis, as tip.x, or a joint, as joint2.
     #[arg(long, value_name = "DOF")]
     drive: Option<String>,
     /// Displacement, velocity or acceleration over the drive.
     #[arg(long, value_parser = flags::one_of(Quantity::ALL, Quantity::name), default_value_t = Quantity::Receptance)]
     quantity: Quantity,
-    /// Where the response is taken, separated by commas: of the arm alpha1, alpha2, b-x, b-y, c-x, c-y [default: all], of a
-    /// structure as --drive [default: where it is driven].
+    /// Where the response is taken, separated by commas: of the arm alpha1, alpha2, b-x, b-y, c-x, c-y [default: all], of
+    /// a structure as --drive [default: where it is driven].
     #[arg(long, value_name = "DOF", value_delimiter = ',')]
     response: Vec<String>,
     /// First frequency, Hz.

@@ -22,8 +22,8 @@ use resonarm_numeric::number::short;
 pub(crate) struct Simulate {
     #[command(flatten)]
     pub(crate) arm: ArmFlags,
-    /// Initial state: α1,α2 in rad, α̇1,α̇2 in rad/s; of a structure its coordinates and their rates [default: that of the
-    /// scenario, at rest].
+    /// Initial state: α1,α2 in rad, α̇1,α̇2 in rad/s; of a structure its coordinates and their rates [default: that of
+    /// the scenario, at rest].
     #[arg(long, value_name = "α1,α2,α̇1,α̇2", value_delimiter = ',', num_args = 1)]
     initial: Option<Vec<f64>>,
     /// Torque at joint 1, N·m.

@@ -10,8 +10,8 @@
 //! so that dz ← e dz + p (dx − dx₋) + s₋ dv₋ + s dv + γ dΩ with numbers of each step. What counts at a sample is z, of
 //! friction its mean over the interval around the sample, which changes smoothly where slip begins between two samples.
 //! The periodic state of friction is that of the second period, since what slips forgets; that of LuGre solves z₀ = Πe
-//! z₀ plus q, as does the derivative. Friction that doesn't slip is a spring, z = x − c, with c as near zero as the slip
-//! allows: the motion begins at rest.
+//! z₀ plus q, as does the derivative. Friction that doesn't slip is a spring, z = x − c, with c as near zero as the
+//! slip allows: the motion begins at rest.
 
 use alloc::vec;
 use alloc::vec::Vec;

@@ -79,8 +79,8 @@ impl Quantity {
     }
 }
 
-/// Where a channel is: at a point of the arm, which has the joints 1, at the base, and 2, the elbow B, and the tip C; or
-/// at one of another structure, of which the loads and readings have the names of the arm's (the exciter acts at C).
+/// Where a channel is: at a point of the arm, which has the joints 1, at the base, and 2, the elbow B, and the tip C;
+/// or at one of another structure, of which the loads and readings have the names of the arm's (the exciter acts at C).
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Point {
     /// The base.

@@ -8,8 +8,8 @@ use resonarm_dynamics::structure::Assembly;
 /// The point at the end of a chain, where exciter and accelerometer C are unless the scenario says otherwise.
 const TIP: &str = "tip";
 
-/// Where the rig is: by `at` of the exciter and the accelerometers, each a point, or a degree of freedom for their x axis
-/// alone. Without it the exciter is at `tip`, the accelerometer C where the exciter is, and B at joint 2, or, where
+/// Where the rig is: by `at` of the exciter and the accelerometers, each a point, or a degree of freedom for their x
+/// axis alone. Without it the exciter is at `tip`, the accelerometer C where the exciter is, and B at joint 2, or, where
 /// there is none that moves, where the exciter is.
 pub(super) fn places(assembly: &Assembly, rig: &RigSpec) -> Result<Places, StructureSectionError> {
     let default = |wanted: &str| assembly.points().iter().any(|point| point == wanted);
