@@ -37,8 +37,8 @@ pub(crate) struct Frf {
     /// Displacement, velocity or acceleration over the drive.
     #[arg(long, value_parser = flags::one_of(Quantity::ALL, Quantity::name), default_value_t = Quantity::Receptance)]
     quantity: Quantity,
-    /// Where the response is taken, separated by commas: of the arm alpha1, alpha2, b-x, b-y, c-x, c-y [default: all], of
-    /// a structure as --drive [default: where it is driven].
+    /// Where the response is taken, separated by commas: of the arm alpha1, alpha2, b-x, b-y, c-x, c-y [default: all],
+    /// of a structure as --drive [default: where it is driven].
     #[arg(long, value_name = "DOF", value_delimiter = ',')]
     response: Vec<String>,
     /// First frequency, Hz.

@@ -214,7 +214,7 @@ impl Plant {
     /// `sample_rate_hz` samples a second, Hz, positive.
     ///
     /// # Errors
-    /// [`PlantSpecError::Channels`] if it has other loads or outputs, or more states than [`STATES`].
+    /// [`PlantSpecError::Channels`] if it has other loads or outputs, or more states than [`MOST_STATES`].
     pub fn of(structure: Box<dyn Structure>, rig: Rig, sample_rate_hz: f64) -> Result<Plant, PlantSpecError> {
         let (inputs, outputs, states) = (structure.inputs(), structure.outputs(), structure.states().len());
         if inputs != LOADS || outputs != OUTPUTS || states > MOST_STATES {

@@ -9,8 +9,8 @@ use resonarm_dynamics::structure::Assembly;
 const TIP: &str = "tip";
 
 /// Where the rig is: by `at` of the exciter and the accelerometers, each a point, or a degree of freedom for their x
-/// axis alone. Without it the exciter is at `tip`, the accelerometer C where the exciter is, and B at joint 2, or, where
-/// there is none that moves, where the exciter is.
+/// axis alone. Without it the exciter is at `tip`, the accelerometer C where the exciter is, and B at joint 2, or,
+/// where there is none that moves, where the exciter is.
 pub(super) fn places(assembly: &Assembly, rig: &RigSpec) -> Result<Places, StructureSectionError> {
     let default = |wanted: &str| assembly.points().iter().any(|point| point == wanted);
     let exciter = match &rig.exciter.at {
