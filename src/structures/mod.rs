@@ -4,6 +4,7 @@ pub(crate) mod continuation;
 pub(crate) mod frf;
 pub(crate) mod modes;
 pub(crate) mod simulate;
+pub(crate) mod walk;
 
 use clap::Args;
 

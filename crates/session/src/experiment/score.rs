@@ -8,7 +8,7 @@ use resonarm_analysis::{
     AnalysisError, ArmParameter, Backbone, BackboneOptions, BifurcationKind, Branch, BranchOptions, Coordinate,
     Distances, ForcedArm, MeasuredMotion, backbone, nearest, trace,
 };
-use resonarm_bench::control::{JointAngles, ModeNumber, ResponsePoint};
+use resonarm_bench::control::{JointAngles, ResponsePoint};
 use resonarm_dynamics::arm::Arm;
 
 /// Largest turn between two motions of what is computed: with this it is straight between them, as far as measured

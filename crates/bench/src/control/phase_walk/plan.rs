@@ -166,9 +166,15 @@ impl ResponseControlSpec {
         both.into_iter().filter_map(|(name, amplitude)| Some((name, amplitude?))).collect()
     }
 
-    /// The amplitude of the followed coordinate, rad or m; NaN if none is given.
+    /// The amplitude of the followed coordinate; NaN if none is given.
     fn response(&self) -> f64 {
-        self.angle_rad.or(self.displacement_m).unwrap_or(f64::NAN)
+        self.response_with_unit().map_or(f64::NAN, |(amplitude, _)| amplitude)
+    }
+
+    /// The amplitude of the followed coordinate with its unit, rad or m, if one is given.
+    pub fn response_with_unit(&self) -> Option<(f64, &'static str)> {
+        let angle = self.angle_rad.map(|angle_rad| (angle_rad, "rad"));
+        angle.or(self.displacement_m.map(|displacement_m| (displacement_m, "m")))
     }
 
     fn frequency_hz(&self, point: usize) -> f64 {

@@ -121,7 +121,10 @@ fn on_the_branch(tested: &TestedAssembly, (name, mode): (&str, u8), force_n: f64
     let mut options = TraceOptions::new(&forced, Coordinate::FrequencyHz, interval, reads);
     options.branch.continuation.largest_turn_rad = 0.03;
     // The multipliers of a chain take many times longer than its branch.
-    options.assess = if tested.assembly.points().len() > 2 { Assess::Nothing } else { Assess::Multipliers };
+    options.assess = match &tested.assembly.spec().body {
+        BodySpec::Chain(_) => Assess::Nothing,
+        BodySpec::Modal(_) => Assess::Multipliers,
+    };
     options.branch.most_points = 100_000;
     let branch = trace(&forced, interval[0], Coordinate::FrequencyHz, &options).unwrap();
     let mut unstable = 0;
