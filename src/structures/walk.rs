@@ -179,8 +179,8 @@ impl Computed {
         Ok(Some(Computed { branch, at, load }))
     }
 
-    /// How far off the settled points are.
-    pub fn score(&self, responses: &[ResponsePoint]) -> StructureScore {
+    /// How far off the settled points are; `None` if there are none.
+    pub fn score(&self, responses: &[ResponsePoint]) -> Option<StructureScore> {
         let mut score = StructureScore {
             at: self.at.1.clone(),
             settled_points: 0,
@@ -197,7 +197,7 @@ impl Computed {
             score.largest_frequency_deviation = largest(score.largest_frequency_deviation, place.frequency_deviation);
             score.largest_amplitude_deviation = largest(score.largest_amplitude_deviation, place.amplitude_deviation);
         }
-        score
+        (score.settled_points > 0).then_some(score)
     }
 
     /// The points over the branch: the amplitude of the fundamental over the frequency; unstable motions dashed.

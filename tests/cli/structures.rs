@@ -69,6 +69,35 @@ fn a_structure_is_written_without_its_files() {
     assert!(there.contains("own.toml"), "{there}");
 }
 
+/// What a walk in the closed loop reads, through encoder and decoder, is the computed branch.
+#[test]
+fn a_walk_on_the_bracket_is_on_its_branch() {
+    let folder = tempfile::tempdir().unwrap();
+    let walk = ["experiment", "walk", "--scenario", &example("bracket.toml"), "--points", "5"];
+    let found = document(folder.path(), 0, &[&walk[..], &["--plot", "walk", "--json"]].concat());
+    assert_eq!(
+        names(&found),
+        ["configuration", "files", "outcome", "points", "reason", "score", "simulated_s", "wall_s"],
+        "{found:#}"
+    );
+    let score = &found["score"];
+    assert_eq!((&score["at"], score["settled_points"].as_u64()), (&"tip.y".into(), Some(5)), "{score:#}");
+    assert!(score["largest_frequency_deviation"].as_f64().unwrap() < 2e-5, "{score:#}");
+    assert!(score["largest_amplitude_deviation"].as_f64().unwrap() < 1e-3, "{score:#}");
+    let point = &found["points"][2];
+    let at: Vec<&str> =
+        point["readings"].as_array().unwrap().iter().map(|reading| reading["at"].as_str().unwrap()).collect();
+    assert_eq!(at, ["tip.x", "tip.y"]);
+    // The displacement lags the load as the walk says, in the direction of the load.
+    let off_deg = point["readings"][1]["phase_deg"].as_f64().unwrap() + point["phase_deg"].as_f64().unwrap();
+    assert!(off_deg.abs() < 0.5, "{point:#}");
+    assert!(fs::read_to_string(folder.path().join("walk.csv")).unwrap().starts_with("frequency_hz,phase_deg,"));
+    let none = complaint(folder.path(), 2, &[&walk[..], &["--mode-number", "4"]].concat());
+    insta::assert_snapshot!(none.trim(), @"resonarm: control: mode 4: modes are numbered from 1 to 3");
+    let torque = complaint(folder.path(), 2, &[&walk[..], &["--torque1-nm", "4"]].concat());
+    insta::assert_snapshot!(torque.trim(), @"resonarm: control: this load does not drive mode 1: choose another direction");
+}
+
 #[test]
 fn a_structure_is_shown() {
     let shown = |name: &str| resonarm(Path::new("."), &["structure", "--scenario", &example(name)]).stdout;

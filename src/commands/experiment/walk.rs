@@ -76,7 +76,8 @@ struct Document<'a> {
 struct StructureDocument<'a> {
     configuration: Value,
     points: &'a [StructurePoint],
-    /// Against the computed branch; none at a load that grows, or along more than one degree of freedom.
+    /// Against the computed branch; none at a load that grows, along more than one degree of freedom, or if no point has
+    /// settled.
     score: Option<&'a StructureScore>,
     #[serde(flatten)]
     end: &'a ExciterEnd,
@@ -204,7 +205,7 @@ impl WalkExperiment {
         let points = structures::walk::points(tested, responses);
         let control = scenario.control.as_ref();
         let computed = control.map(|control| Computed::new(tested, control, responses)).transpose()?.flatten();
-        let score = computed.as_ref().map(|computed| computed.score(responses));
+        let score = computed.as_ref().and_then(|computed| computed.score(responses));
         let simulated_s = samples as f64 / scenario.simulation.rate_hz;
         let amplitude = control.map(|control| *control.amplitude()).unwrap_or_default();
         let configuration = configuration::of(scenario, &amplitude.load())?;

@@ -61,7 +61,7 @@ pub enum Abort {
     },
     /// The next motion that follows from the points so far is impossible.
     #[error(
-        "no motion of the mode has a lag of {lag_deg:.1}\u{b0} at this load by what was found so far: the frequency would be {frequency_hz:.3} Hz, the amplitude {amplitude:.3} {unit}"
+        "no motion of the mode has a lag of {lag_deg:.1}\u{b0} at this load by what was found so far: the frequency would be {frequency_hz:.3} Hz, the amplitude {amplitude:.3} {unit}; a walk stays within a tenth of the mode's frequency: take lags nearer to 90\u{b0}, or another load"
     )]
     OutOfBand {
         /// The wanted lag, degrees.
