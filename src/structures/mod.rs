@@ -1,5 +1,6 @@
 //! The commands on a structure of a scenario in place of the two-link arm.
 
+pub(crate) mod compare;
 pub(crate) mod continuation;
 pub(crate) mod frf;
 pub(crate) mod modes;

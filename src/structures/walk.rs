@@ -8,18 +8,20 @@ use super::continuation::stretches;
 use super::{displacement_unit, label, load_unit};
 use crate::failure::Failure;
 use resonarm::analysis::Distances;
-use resonarm::analysis::structure::{Branch, Coordinate, Forced, TraceOptions, nearest, trace};
-use resonarm::control::{ControlSpec, ResponsePoint};
+use resonarm::analysis::structure::{Branch, Coordinate, Forced, Nearest, TraceOptions, nearest, trace};
+use resonarm::control::ResponsePoint;
 use resonarm::excitation::{Amplitude, Phasor};
 use resonarm::plant::TestedAssembly;
 use resonarm::scenario::Scenario;
 use resonarm::structure::{Assembly, Dof};
 use resonarm_figures::plot::{Axis, Color, Dash, Figure, Marker, Panel, Series, Style};
-use resonarm_numeric::number::short;
+use resonarm_numeric::number::rounded;
 
 /// Largest turn between two motions of the computed branch: with this it is straight between them, as far as measured
 /// points go.
 const STRAIGHT_RAD: f64 = 0.01;
+/// Largest relative difference between the loads of points on a single branch.
+const SAME_LOAD: f64 = 0.02;
 /// The computed branch goes beyond the points by this part of their frequencies.
 const MARGIN: f64 = 0.02;
 
@@ -38,9 +40,9 @@ struct ReadingDocument {
 /// A point of a walk, as the controller read it.
 #[derive(Clone, Debug, Serialize)]
 pub(crate) struct StructurePoint {
-    frequency_hz: f64,
-    /// Lag of the followed displacement behind the load.
-    phase_deg: f64,
+    pub frequency_hz: f64,
+    /// Lag of the followed displacement behind the load; none in open loop.
+    phase_deg: Option<f64>,
     /// Amplitude of the acting load's fundamental, N or N·m.
     excitation: f64,
     excitation_deviation: Option<f64>,
@@ -49,6 +51,14 @@ pub(crate) struct StructurePoint {
     readings: Vec<ReadingDocument>,
     pub settled: bool,
     tries: u32,
+}
+
+impl StructurePoint {
+    /// The amplitude at a degree of freedom that is read, with its unit.
+    pub fn amplitude_at(&self, name: &str) -> String {
+        let reading = self.readings.iter().find(|reading| reading.at == name);
+        reading.map_or(String::from("–"), |reading| format!("{:.4e} {}", reading.amplitude, reading.unit))
+    }
 }
 
 /// The largest deviations of settled points from the computed branch of the same load.
@@ -110,7 +120,7 @@ pub(crate) fn points(tested: &TestedAssembly, responses: &[ResponsePoint]) -> Ve
     };
     let document = |point: &ResponsePoint| StructurePoint {
         frequency_hz: point.frequency_hz,
-        phase_deg: point.lag_rad.map_or(f64::NAN, f64::to_degrees),
+        phase_deg: point.lag_rad.map(f64::to_degrees),
         excitation: point.load,
         excitation_deviation: point.load_deviation,
         force_harmonics: point.force_harmonics(),
@@ -148,17 +158,19 @@ pub(crate) struct Computed {
 }
 
 impl Computed {
-    /// `None` without points, at a load that grows from point to point, or along more than one degree of freedom.
+    /// `None` without points, if the loads of settled ones differ, or along more than one degree of freedom.
     ///
     /// # Errors
     /// If the branch can't be followed.
     pub fn new(
         tested: &TestedAssembly,
-        control: &ControlSpec,
+        amplitude: &Amplitude,
         responses: &[ResponsePoint],
     ) -> Result<Option<Computed>, Failure> {
-        let is_at_one_load = matches!(control, ControlSpec::PhaseWalk(spec) if spec.from_part == 1.0);
-        let Some((drive, load)) = driven(tested, control.amplitude()).filter(|_| is_at_one_load) else {
+        let loads = || responses.iter().filter(|point| point.settled).map(|point| point.load);
+        let (least, most) = (loads().fold(f64::INFINITY, f64::min), loads().fold(0.0, f64::max));
+        let is_at_one_load = most <= least * (1.0 + SAME_LOAD);
+        let Some((drive, load)) = driven(tested, amplitude).filter(|_| is_at_one_load) else {
             return Ok(None);
         };
         let at = places(tested).into_iter().max_by(|a, b| {
@@ -170,13 +182,33 @@ impl Computed {
         let (Some(at), Some(low_hz), Some(high_hz)) = (at, hz().reduce(f64::min), hz().reduce(f64::max)) else {
             return Ok(None);
         };
+        // The load that acted, as the head read it or a hold left it.
+        let settled = loads().count();
+        let load = if settled > 0 { load.signum() * (loads().sum::<f64>() / settled as f64) } else { load };
         let forced = Forced::new(tested.assembly.clone(), drive, load);
         let ends = [(1.0 - MARGIN) * low_hz, (1.0 + MARGIN) * high_hz];
         let mut options = TraceOptions::new(&forced, Coordinate::FrequencyHz, ends, vec![at.0]);
         options.branch.continuation.largest_turn_rad = STRAIGHT_RAD;
         let branch = trace(&forced, ends[0], Coordinate::FrequencyHz, &options).map_err(|early| early.reason)?;
-        let load = format!("{} {} at {}", short(&load), load_unit(drive), name(&tested.assembly, drive));
+        let load = format!("{} {} at {}", rounded(load, 3), load_unit(drive), name(&tested.assembly, drive));
         Ok(Some(Computed { branch, at, load }))
+    }
+
+    /// The degree of freedom whose fundamental is compared.
+    pub fn name(&self) -> &str {
+        &self.at.1
+    }
+
+    /// The place of the branch that is nearest to a point.
+    pub fn nearest(&self, point: &ResponsePoint) -> Option<Nearest> {
+        let read = [point.frequency_hz, size(displacement(point, self.at.2))];
+        nearest(&self.branch.orbits, 0, read, Distances::default())
+    }
+
+    /// The phase by which the motion leads the load, rad.
+    pub fn phase_rad(&self, point: &ResponsePoint) -> f64 {
+        let displacement = displacement(point, self.at.2);
+        libm::atan2(displacement.im, displacement.re)
     }
 
     /// How far off the settled points are; `None` if there are none.
@@ -189,8 +221,7 @@ impl Computed {
             largest_amplitude_deviation: 0.0,
         };
         for point in responses.iter().filter(|point| point.settled) {
-            let read = [point.frequency_hz, size(displacement(point, self.at.2))];
-            let Some(place) = nearest(&self.branch.orbits, 0, read, Distances::default()) else { continue };
+            let Some(place) = self.nearest(point) else { continue };
             score.settled_points += 1;
             score.unstable_points += usize::from(place.is_stable == Some(false));
             let largest = |most: f64, deviation: f64| most.max(deviation.abs());
@@ -201,7 +232,13 @@ impl Computed {
     }
 
     /// The points over the branch: the amplitude of the fundamental over the frequency; unstable motions dashed.
-    pub fn figure(&self, scenario: &Scenario, tested: &TestedAssembly, responses: &[ResponsePoint]) -> Figure {
+    pub fn figure(
+        &self,
+        title: &str,
+        scenario: &Scenario,
+        tested: &TestedAssembly,
+        responses: &[ResponsePoint],
+    ) -> Figure {
         let (dof, name, channel) = &self.at;
         let amplitude = Axis::linear(format!("amplitude of {name} ({})", displacement_unit(*dof)));
         let mut panel = Panel::new(Axis::linear("frequency (Hz)"), amplitude);
@@ -223,9 +260,7 @@ impl Computed {
             let markers = Series::markers(title, Color::Vermillion, Marker::Triangle, places);
             panel = panel.with_any(markers.marked(6.0, settled));
         }
-        Figure::new("Phase walk over the resonance")
-            .subtitle(format!("{}, {}", label(scenario, tested), self.load))
-            .with(panel)
+        Figure::new(title).subtitle(format!("{}, {}", label(scenario, tested), self.load)).with(panel)
     }
 }
 
@@ -238,7 +273,8 @@ pub(crate) fn table(points: &[StructurePoint], unit: &str) -> String {
     text += "  tries\n";
     for point in points {
         let load = format!("{:.3} {unit}", point.excitation);
-        text += &format!("  {:9.5} Hz  {:6.2}°  {load:>10}", point.frequency_hz, point.phase_deg);
+        let lag = point.phase_deg.map_or(String::from("–"), |phase_deg| format!("{phase_deg:.2}°"));
+        text += &format!("  {:9.5} Hz  {lag:>7}  {load:>10}", point.frequency_hz);
         for reading in &point.readings {
             text += &format!("  {:>12}", format!("{:.3e} {}", reading.amplitude, reading.unit));
         }
@@ -265,7 +301,8 @@ pub(crate) fn csv(points: &[StructurePoint], unit: &str) -> String {
     }
     text += ",settled,tries\n";
     for point in points {
-        text += &format!("{},{},{}", point.frequency_hz, point.phase_deg, point.excitation);
+        let lag = point.phase_deg.map_or(String::new(), |phase_deg| phase_deg.to_string());
+        text += &format!("{},{lag},{}", point.frequency_hz, point.excitation);
         for reading in &point.readings {
             text += &format!(",{:e},{},{}", reading.amplitude, reading.phase_deg, reading.clipped);
         }

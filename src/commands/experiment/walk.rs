@@ -204,10 +204,10 @@ impl WalkExperiment {
     ) -> Result<Verdict, Failure> {
         let points = structures::walk::points(tested, responses);
         let control = scenario.control.as_ref();
-        let computed = control.map(|control| Computed::new(tested, control, responses)).transpose()?.flatten();
+        let amplitude = control.map(|control| *control.amplitude()).unwrap_or_default();
+        let computed = Computed::new(tested, &amplitude, responses)?;
         let score = computed.as_ref().and_then(|computed| computed.score(responses));
         let simulated_s = samples as f64 / scenario.simulation.rate_hz;
-        let amplitude = control.map(|control| *control.amplitude()).unwrap_or_default();
         let configuration = configuration::of(scenario, &amplitude.load())?;
         let (document_points, document_score) = (&points[..], score.as_ref());
         let document = StructureDocument {
@@ -221,7 +221,7 @@ impl WalkExperiment {
         let unit = amplitude.unit();
         let mut files = Vec::new();
         if let (Some(stem), Some(computed)) = (&self.plot, &computed) {
-            let figure = computed.figure(scenario, tested, responses);
+            let figure = computed.figure("Phase walk over the resonance", scenario, tested, responses);
             files = output::plot(Some(stem), &document, || (figure, structures::walk::csv(&points, unit)))?;
         }
         let settled = points.iter().filter(|point| point.settled).count();
