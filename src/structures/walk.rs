@@ -190,7 +190,7 @@ impl Computed {
         let mut options = TraceOptions::new(&forced, Coordinate::FrequencyHz, ends, vec![at.0]);
         options.branch.continuation.largest_turn_rad = STRAIGHT_RAD;
         let branch = trace(&forced, ends[0], Coordinate::FrequencyHz, &options).map_err(|early| early.reason)?;
-        let load = format!("{} {} at {}", rounded(load, 3), load_unit(drive), name(&tested.assembly, drive));
+        let load = format!("{} {} at {}", rounded(&load, 3), load_unit(drive), name(&tested.assembly, drive));
         Ok(Some(Computed { branch, at, load }))
     }
 
