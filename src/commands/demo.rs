@@ -163,7 +163,8 @@ fn introduction(scenario: &Scenario, control: &ControlSpec, mode: Mode, speed: S
         }
         ControlSpec::ForceControl(_) => format!("force control at {size} {unit}"),
         ControlSpec::ResponseControl(spec) => {
-            format!("response control at {} rad, {} to {} Hz", spec.angle_rad, spec.from_hz, spec.to_hz)
+            let (amplitude, unit) = spec.response_with_unit().unwrap_or((f64::NAN, "rad"));
+            format!("response control at {amplitude} {unit}, {} to {} Hz", spec.from_hz, spec.to_hz)
         }
     };
     Ok(format!(

@@ -14,6 +14,7 @@ use crate::figures::captions;
 use crate::flags;
 use crate::output::{self, JsonFlag, OverwriteFlag};
 use crate::recordings;
+use crate::structures;
 use resonarm::analysis::{self, Response};
 use resonarm::excitation::Waveform;
 use resonarm::identification::{MissingMode, averaging, band, missing_modes, mode_numbers, record, samples_in};
@@ -30,10 +31,10 @@ use resonarm_numeric::number::short;
 /// C over the force in the impedance head.
 ///
 /// The model of the modes includes the ends of the record, so the record may be shorter than their decay; each number
-/// has its standard deviation. The arm must be driven by a force at C. Periods of a multisine or of bursts, and
+/// has its standard deviation. The structure must be driven by a force at C. Periods of a multisine or of bursts, and
 /// segments of other records (Welch's method: a Hann window, half overlapping), are averaged to H1, H2 and coherence;
 /// an impact is taken whole. The document of --json and the CSV of --plot have all three of each response, the figure
-/// H1 and the coherence. Modes are numbered as in the scenario's arm; one that is not found is listed with the reason.
+/// H1 and the coherence. Modes are numbered as in the scenario's structure; one that is not found is listed with the reason.
 /// If no mode is found the exit code is 1.
 ///
 /// With --angles, for a run with any load, it gives the joints' angles over time instead: the accelerations are
@@ -101,7 +102,7 @@ const UNIT: &str = "m/s² per N";
 
 #[derive(Serialize)]
 struct Document {
-    /// The recorded arm and its pose, to compare the modes with.
+    /// The recorded structure, to compare the modes with.
     configuration: Value,
     recording: String,
     samples: usize,
@@ -111,7 +112,7 @@ struct Document {
     from_hz: f64,
     to_hz: f64,
     modes: Vec<NumberedMode>,
-    /// Modes of the scenario's arm in the band that were not found.
+    /// Modes of the scenario's structure in the band that were not found.
     missing: Vec<MissingMode>,
     averaging: &'static str,
     averages: usize,
@@ -119,7 +120,7 @@ struct Document {
     responses: Vec<ResponseCurve>,
 }
 
-/// A mode with its number in the scenario's arm; none if it is far from the arm's modes.
+/// A mode with its number in the scenario's structure; none if it is far from its modes.
 #[derive(Serialize)]
 struct NumberedMode {
     mode: Option<u8>,
@@ -155,7 +156,7 @@ impl Identify {
         let document = self.compute(&recording, &scenario)?;
         for NumberedMode { found, .. } in document.modes.iter().filter(|mode| !mode.found.is_linear) {
             tracing::warn!(
-                "{:.3} Hz: the fit leaves {:.1} times the instruments' noise, so the arm did not vibrate linearly: lower the force",
+                "{:.3} Hz: the fit leaves {:.1} times the instruments' noise, so the structure did not vibrate linearly: lower the force",
                 found.frequency_hz,
                 found.residual
             );
@@ -186,9 +187,12 @@ impl Identify {
             Err(IdentifyError::NoResonance { .. }) => Identification { modes: Vec::new(), rejected: Vec::new() },
             Err(error) => return Err(error.into()),
         };
-        let arm = analysis::modes(&scenario.build_arm()?);
-        let numbers = mode_numbers(&found.modes, &arm);
-        let missing = missing_modes(&found, &numbers, &arm, band);
+        let known_hz: Vec<f64> = match scenario.tested_structure()? {
+            Some(tested) => tested.assembly.modes().iter().map(|mode| mode.frequency_hz).collect(),
+            None => analysis::modes(&scenario.build_arm()?).map(|mode| mode.frequency_hz).to_vec(),
+        };
+        let numbers = mode_numbers(&found.modes, &known_hz);
+        let missing = missing_modes(&found, &numbers, &known_hz, band);
         let numbered = numbers.into_iter().zip(found.modes);
         Ok(Document {
             configuration: configuration::of_arm(scenario)?,
@@ -313,6 +317,10 @@ fn figure(scenario: &Scenario, document: &Document) -> Figure {
         }
     }
     let panels = [modulus, phase, coherence].into_iter().filter(|panel| !panel.series.is_empty());
-    let figure = Figure::new("Frequency response from readings").subtitle(captions::pose(&scenario.arm));
+    let figure = Figure::new("Frequency response from readings");
+    let figure = match scenario.tested_structure() {
+        Ok(Some(tested)) => figure.subtitle(structures::label(scenario, &tested)),
+        _ => figure.subtitle(captions::pose(&scenario.arm)),
+    };
     panels.fold(figure, Figure::with)
 }

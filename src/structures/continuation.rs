@@ -199,7 +199,7 @@ fn figure(branch: &Branch, asked: &Asked<'_>, read: &Read<'_>, label: &str) -> F
 }
 
 /// Runs of motions of one stability; neighbours share a motion.
-fn stretches(branch: &Branch) -> Vec<(&[Orbit], Option<bool>)> {
+pub(super) fn stretches(branch: &Branch) -> Vec<(&[Orbit], Option<bool>)> {
     let (orbits, mut runs, mut start) = (&branch.orbits, Vec::new(), 0);
     for end in 1..=orbits.len() {
         if end == orbits.len() || orbits[end].is_stable() != orbits[start].is_stable() {

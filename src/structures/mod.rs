@@ -1,9 +1,11 @@
 //! The commands on a structure of a scenario in place of the two-link arm.
 
+pub(crate) mod compare;
 pub(crate) mod continuation;
 pub(crate) mod frf;
 pub(crate) mod modes;
 pub(crate) mod simulate;
+pub(crate) mod walk;
 
 use clap::Args;
 

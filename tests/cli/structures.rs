@@ -69,6 +69,100 @@ fn a_structure_is_written_without_its_files() {
     assert!(there.contains("own.toml"), "{there}");
 }
 
+/// What a walk in the closed loop reads, through encoder and decoder, is the computed branch.
+#[test]
+fn a_walk_on_the_bracket_is_on_its_branch() {
+    let folder = tempfile::tempdir().unwrap();
+    let walk = ["experiment", "walk", "--scenario", &example("bracket.toml"), "--points", "5"];
+    let found = document(folder.path(), 0, &[&walk[..], &["--plot", "walk", "--json"]].concat());
+    assert_eq!(
+        names(&found),
+        ["configuration", "files", "outcome", "points", "reason", "score", "simulated_s", "wall_s"],
+        "{found:#}"
+    );
+    let score = &found["score"];
+    assert_eq!((&score["at"], score["settled_points"].as_u64()), (&"tip.y".into(), Some(5)), "{score:#}");
+    assert!(score["largest_frequency_deviation"].as_f64().unwrap() < 2e-5, "{score:#}");
+    assert!(score["largest_amplitude_deviation"].as_f64().unwrap() < 1e-3, "{score:#}");
+    let point = &found["points"][2];
+    let at: Vec<&str> =
+        point["readings"].as_array().unwrap().iter().map(|reading| reading["at"].as_str().unwrap()).collect();
+    assert_eq!(at, ["tip.x", "tip.y"]);
+    // The displacement lags the load as the walk says, in the direction of the load.
+    let off_deg = point["readings"][1]["phase_deg"].as_f64().unwrap() + point["phase_deg"].as_f64().unwrap();
+    assert!(off_deg.abs() < 0.5, "{point:#}");
+    assert!(fs::read_to_string(folder.path().join("walk.csv")).unwrap().starts_with("frequency_hz,phase_deg,"));
+    let none = complaint(folder.path(), 2, &[&walk[..], &["--mode-number", "4"]].concat());
+    insta::assert_snapshot!(none.trim(), @"resonarm: control: mode 4: modes are numbered from 1 to 3");
+    let torque = complaint(folder.path(), 2, &[&walk[..], &["--torque1-nm", "4"]].concat());
+    insta::assert_snapshot!(torque.trim(), @"resonarm: control: this load does not drive mode 1: choose another direction");
+}
+
+/// Two modes, the tip on a spring that hardens, under a stepped sine.
+const STEPPED: &str = "[structure]
+kind = 'modal'
+[[structure.modes]]
+frequency_hz = 20.0
+damping_ratio = 0.02
+shape = { 'tip.x' = 0.4, 'mid.x' = 0.2 }
+[[structure.modes]]
+frequency_hz = 43.0
+damping_ratio = 0.02
+shape = { 'tip.x' = 0.3, 'mid.x' = -0.3 }
+[[structure.elements]]
+kind = 'cubic'
+at = 'tip.x'
+stiffness3_n_m3 = 2e8
+[rig.accelerometer_b]
+at = 'mid'
+[excitation]
+amplitude = { force_x_n = 12.0 }
+profile = { waveform = 'stepped-sine', from_hz = 19.0, to_hz = 21.0, steps = 5, dwell_s = 4.0, settle_s = 3.0 }
+";
+
+/// Responses in open loop lie on the computed branch, in phase as well.
+#[test]
+fn responses_of_a_recording_are_compared_with_the_branch() {
+    let folder = tempfile::tempdir().unwrap();
+    fs::write(folder.path().join("stepped.toml"), STEPPED).unwrap();
+    let run = ["run", "--mode", "free", "--scenario", "stepped.toml", "--record", "stepped.mcap", "--json"];
+    document(folder.path(), 0, &run);
+    let found = document(folder.path(), 0, &["compare", "stepped.mcap", "--json"]);
+    assert_eq!(names(&found), ["at", "configuration", "points", "score"], "{found:#}");
+    let (points, score) = (found["points"].as_array().unwrap(), &found["score"]);
+    assert_eq!((points.len(), score["settled_points"].as_u64()), (5, Some(5)), "{found:#}");
+    assert!(score["largest_amplitude_deviation"].as_f64().unwrap() < 1e-3, "{score:#}");
+    for point in points {
+        assert!(point["phase_deviation_deg"].as_f64().unwrap().abs() < 0.2, "{point:#}");
+        let at: Vec<&str> =
+            point["readings"].as_array().unwrap().iter().map(|reading| reading["at"].as_str().unwrap()).collect();
+        assert_eq!(at, ["tip.x", "mid.x"]);
+    }
+}
+
+/// The modes that are identified from readings are those of the structure, numbered alike.
+#[test]
+fn the_modes_of_a_structure_are_identified() {
+    let folder = tempfile::tempdir().unwrap();
+    let linear = STEPPED.split("[[structure.elements]]").next().unwrap();
+    let random = "[rig.accelerometer_b]\nat = 'mid'\n[excitation]\namplitude = { force_x_n = 12.0 }\n\
+        profile = { waveform = 'random', from_hz = 10.0, to_hz = 60.0, duration_s = 16.0, seed = 3 }\n";
+    fs::write(folder.path().join("random.toml"), format!("{linear}{random}")).unwrap();
+    let run = ["run", "--mode", "free", "--scenario", "random.toml", "--record", "random.mcap", "--json"];
+    document(folder.path(), 0, &run);
+    let found = document(folder.path(), 0, &["identify", "random.mcap", "--json"]);
+    let modes = found["modes"].as_array().unwrap();
+    assert_eq!((modes.len(), &found["missing"]), (2, &serde_json::json!([])), "{:#}", found["missing"]);
+    for (index, (mode, hz)) in modes.iter().zip([20.0, 43.0]).enumerate() {
+        assert_eq!(mode["mode"], index + 1);
+        let off = |key: &str, of: f64, deviation: &str| {
+            (mode[key].as_f64().unwrap() - of).abs() / mode[deviation].as_f64().unwrap()
+        };
+        assert!(off("frequency_hz", hz, "frequency_deviation_hz") < 4.0, "{mode:#}");
+        assert!(off("damping_ratio", 0.02, "damping_ratio_deviation") < 4.0, "{mode:#}");
+    }
+}
+
 #[test]
 fn a_structure_is_shown() {
     let shown = |name: &str| resonarm(Path::new("."), &["structure", "--scenario", &example(name)]).stdout;

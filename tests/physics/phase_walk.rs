@@ -145,7 +145,7 @@ fn a_torque_walks_over_both_folds() {
         beta1_deg: 0.0,
         beta2_deg: 60.0,
         amplitude,
-        mode: ModeNumber::First,
+        mode: ModeNumber::FIRST,
         shaker: None,
         unstable: 5,
         tries: 2.0,
@@ -159,7 +159,7 @@ fn a_force_at_the_tip_walks_over_both_folds() {
         beta1_deg: 30.0,
         beta2_deg: 60.0,
         amplitude,
-        mode: ModeNumber::First,
+        mode: ModeNumber::FIRST,
         shaker: None,
         unstable: 5,
         tries: 2.0,
@@ -173,7 +173,7 @@ fn a_hardening_arm_is_walked_as_well() {
         beta1_deg: 0.0,
         beta2_deg: 150.0,
         amplitude,
-        mode: ModeNumber::First,
+        mode: ModeNumber::FIRST,
         shaker: None,
         unstable: 0,
         tries: 2.0,
@@ -187,7 +187,7 @@ fn the_second_mode_is_walked_beside_the_first() {
         beta1_deg: 0.0,
         beta2_deg: 60.0,
         amplitude,
-        mode: ModeNumber::Second,
+        mode: ModeNumber::SECOND,
         shaker: None,
         unstable: 0,
         tries: 3.0,
@@ -220,7 +220,7 @@ fn the_walk_works_with_a_shaker_s_armature() {
             beta1_deg: 30.0,
             beta2_deg: 60.0,
             amplitude,
-            mode: ModeNumber::First,
+            mode: ModeNumber::FIRST,
             shaker,
             unstable: 0,
             tries: 2.0,
@@ -247,7 +247,7 @@ fn the_walk_works_with_a_shaker_that_takes_most_of_the_force() {
         voltage_limit_v: 250.0,
     });
     let amplitude = Amplitude { force_x_n: 3.0, ..Amplitude::default() };
-    let (beta1_deg, beta2_deg, mode) = (-76.5413, 120.0, ModeNumber::Second);
+    let (beta1_deg, beta2_deg, mode) = (-76.5413, 120.0, ModeNumber::SECOND);
     let case = Case { beta1_deg, beta2_deg, amplitude, mode, shaker, unstable: 0, tries: 3.0 };
     let mut fine = quiet();
     fine.impedance_head.resolution_n = Some(1e-3);
@@ -262,7 +262,7 @@ fn the_backbone_is_walked_at_quadrature() {
         beta1_deg: 0.0,
         beta2_deg: 60.0,
         amplitude,
-        mode: ModeNumber::First,
+        mode: ModeNumber::FIRST,
         shaker: None,
         unstable: 0,
         tries: 2.0,
@@ -300,7 +300,7 @@ fn one_amplitude_is_held_by_the_computed_loads() {
         beta1_deg: 0.0,
         beta2_deg: 60.0,
         amplitude,
-        mode: ModeNumber::First,
+        mode: ModeNumber::FIRST,
         shaker: None,
         unstable: 0,
         tries: 2.0,
@@ -309,7 +309,8 @@ fn one_amplitude_is_held_by_the_computed_loads() {
     let spec = ResponseControlSpec {
         amplitude,
         mode_number: case.mode,
-        angle_rad: 0.06,
+        angle_rad: Some(0.06),
+        displacement_m: None,
         from_hz: 22.13,
         to_hz: 22.17,
         points: 9,

@@ -18,7 +18,7 @@ const BENCH: &str = "arm = { beta1_deg = 77, beta2_deg = 60 }\n\
 fn a_folded_zone_is_measured_as_it_is_computed() {
     let scenario = Scenario::parse(BENCH, "test").unwrap();
     let zone = Zone {
-        mode_number: ModeNumber::First,
+        mode_number: ModeNumber::FIRST,
         amplitude: Amplitude { force_x_n: 10.0, ..Amplitude::default() },
         range_hz: [22.0, 22.3],
         step_hz: 0.1,

@@ -11,6 +11,7 @@ use serde_json::Value;
 use crate::configuration;
 use crate::failure::{Failure, Verdict};
 use crate::output::{self, JsonFlag, OverwriteFlag};
+use crate::structures;
 use crate::walk_point;
 use resonarm::analysis::{Distances, MeasuredMotion, Nearest, nearest};
 use resonarm::arm::{Load, Parameters};
@@ -107,7 +108,16 @@ struct Document {
 impl Compare {
     pub fn execute(&self) -> Result<Verdict, Failure> {
         self.overwrite.check_stem(self.plot.as_deref(), output::PLOTTED)?;
-        let bench = self.read()?;
+        let bench = if self.is_recording() {
+            let (scenario, responses) = recording::responses(&self.file)?;
+            if let Some(tested) = scenario.tested_structure()? {
+                let plot = self.plot.as_deref();
+                return structures::compare::show(&self.file, (&scenario, &tested), &responses, plot, self.json);
+            }
+            recording::bench(&scenario, &responses)?
+        } else {
+            self.read()?
+        };
         let (scenario, load) = self.bench_of(&bench)?;
         let measured: Vec<walk_point::Drawn> = bench.points.iter().map(BenchPoint::drawn).collect();
         let branch = walk_point::branch(&scenario, &load, &measured, STRAIGHT_RAD)?;
@@ -131,10 +141,11 @@ impl Compare {
         self.json.show(&document, || text(&document), &files)
     }
 
+    fn is_recording(&self) -> bool {
+        self.file.extension().is_some_and(|extension| extension == "mcap")
+    }
+
     fn read(&self) -> Result<Bench, Failure> {
-        if self.file.extension().is_some_and(|extension| extension == "mcap") {
-            return recording::read(&self.file);
-        }
         let name = self.file.display();
         let read = if self.file.as_os_str() == "-" {
             text_file::read_numbers("/dev/stdin".as_ref())

@@ -15,8 +15,8 @@ use resonarm::scenario::Scenario;
 const HOW: &str = "responses are read with [control] or with an [excitation] with `dwell`, `stepped-sine` or `sine-list`: \
                    `resonarm experiment walk --torque1-nm 20 --record walk.mcap` makes such a recording";
 
-/// The responses in a recording, with arm, pose and load of its scenario.
-pub(super) fn read(file: &Path) -> Result<Bench, Failure> {
+/// The responses in a recording, with its scenario.
+pub(super) fn responses(file: &Path) -> Result<(Scenario, Vec<ResponsePoint>), Failure> {
     let recording = recordings::open(file)?;
     let scenario = Scenario::from_configuration(recording.configuration())?;
     let name = file.display();
@@ -28,10 +28,15 @@ pub(super) fn read(file: &Path) -> Result<Bench, Failure> {
     if responses.is_empty() {
         return Err(none("none was read before its end"));
     }
+    Ok((scenario, responses))
+}
+
+/// The responses of the arm, with pose and load of the scenario.
+pub(super) fn bench(scenario: &Scenario, responses: &[ResponsePoint]) -> Result<Bench, Failure> {
     let arm = scenario.build_arm()?;
-    let points = responses.iter().map(|response| point(response, &scenario, &arm)).collect::<Result<Vec<_>, _>>()?;
+    let points = responses.iter().map(|response| point(response, scenario, &arm)).collect::<Result<Vec<_>, _>>()?;
     let acting: Vec<f64> = points.iter().filter_map(|point| point.excitation).collect();
-    let load = common_load(&scenario, &acting);
+    let load = common_load(scenario, &acting);
     let configuration = Configuration {
         name: scenario.arm.name.clone(),
         preset: scenario.arm.preset.clone(),

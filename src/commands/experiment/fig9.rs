@@ -178,8 +178,8 @@ impl Fig9 {
             cancel_harmonics: CancelHarmonics::ALL,
         };
         Ok([
-            zone(ModeNumber::First, self.first_force_n, [self.from_hz, halfway_hz]),
-            zone(ModeNumber::Second, self.second_force_n, [halfway_hz, self.to_hz]),
+            zone(ModeNumber::FIRST, self.first_force_n, [self.from_hz, halfway_hz]),
+            zone(ModeNumber::SECOND, self.second_force_n, [halfway_hz, self.to_hz]),
         ])
     }
 }

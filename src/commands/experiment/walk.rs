@@ -16,10 +16,13 @@ use crate::flags::SessionFlags;
 use crate::output::{self, JsonFlag, OverwriteFlag};
 use crate::progress::timed;
 use crate::recordings::existing;
+use crate::structures;
+use crate::structures::walk::{Computed, StructurePoint, StructureScore};
 use crate::supervise::supervise;
 use crate::walk_point::{self, WalkPoint};
-use resonarm::control::{ControlSpec, ModeNumber, PhaseWalkSpec};
+use resonarm::control::{ControlSpec, ModeNumber, PhaseWalkSpec, ResponsePoint};
 use resonarm::excitation::Amplitude;
+use resonarm::plant::TestedAssembly;
 use resonarm::rig::ShakerSpec;
 use resonarm::run::{BothReport, ExciterEnd, Mode, Options, RecordTo, RunError, Session, Signals};
 use resonarm::scenario::Scenario;
@@ -37,8 +40,8 @@ pub(crate) struct WalkExperiment {
     /// that of the scenario's control or excitation.
     #[arg(long, value_name = "A", conflicts_with_all = ["torque1_nm", "force_x_n", "force_y_n"])]
     force_n: Option<f64>,
-    /// The mode whose resonance is walked through, 1 or 2.
-    #[arg(long, value_name = "N", value_parser = clap::value_parser!(u8).range(1..=2))]
+    /// The mode whose resonance is walked through: of the arm 1 or 2.
+    #[arg(long, value_name = "N")]
     mode_number: Option<u8>,
     /// Walk the backbone: a lag of 90° at loads from a tenth of the given one up to it.
     #[arg(long)]
@@ -63,6 +66,19 @@ pub(crate) struct WalkExperiment {
 struct Document<'a> {
     configuration: Value,
     points: &'a [WalkPoint],
+    #[serde(flatten)]
+    end: &'a ExciterEnd,
+    simulated_s: f64,
+    wall_s: f64,
+}
+
+#[derive(Serialize)]
+struct StructureDocument<'a> {
+    configuration: Value,
+    points: &'a [StructurePoint],
+    /// Against the computed branch; none at a load that grows, along more than one degree of freedom, or if no point has
+    /// settled.
+    score: Option<&'a StructureScore>,
     #[serde(flatten)]
     end: &'a ExciterEnd,
     simulated_s: f64,
@@ -144,6 +160,9 @@ impl WalkExperiment {
         if let Some(error) = plant.error.or(exciter.error) {
             return Err(error.into());
         }
+        if let Some(tested) = scenario.tested_structure()? {
+            return self.conclude_on(&tested, scenario, end, (&exciter.responses, plant.samples, wall_s));
+        }
         let arm = scenario.build_arm()?;
         let points: Vec<WalkPoint> = exciter.responses.iter().map(|point| WalkPoint::new(point, &arm)).collect();
         let simulated_s = plant.samples as f64 / scenario.simulation.rate_hz;
@@ -171,6 +190,55 @@ impl WalkExperiment {
             tracing::error!("{reason}");
         }
         Ok(Verdict::of(end.is_finished() && points.iter().all(|point| point.settled)))
+    }
+}
+
+impl WalkExperiment {
+    /// The same on a structure in place of the arm.
+    fn conclude_on(
+        &self,
+        tested: &TestedAssembly,
+        scenario: &Scenario,
+        end: &ExciterEnd,
+        (responses, samples, wall_s): (&[ResponsePoint], u64, f64),
+    ) -> Result<Verdict, Failure> {
+        let points = structures::walk::points(tested, responses);
+        let control = scenario.control.as_ref();
+        let amplitude = control.map(|control| *control.amplitude()).unwrap_or_default();
+        let computed = Computed::new(tested, &amplitude, responses)?;
+        let score = computed.as_ref().and_then(|computed| computed.score(responses));
+        let simulated_s = samples as f64 / scenario.simulation.rate_hz;
+        let configuration = configuration::of(scenario, &amplitude.load())?;
+        let (document_points, document_score) = (&points[..], score.as_ref());
+        let document = StructureDocument {
+            configuration,
+            points: document_points,
+            score: document_score,
+            end,
+            simulated_s,
+            wall_s,
+        };
+        let unit = amplitude.unit();
+        let mut files = Vec::new();
+        if let (Some(stem), Some(computed)) = (&self.plot, &computed) {
+            let figure = computed.figure("Phase walk over the resonance", scenario, tested, responses);
+            files = output::plot(Some(stem), &document, || (figure, structures::walk::csv(&points, unit)))?;
+        }
+        let settled = points.iter().filter(|point| point.settled).count();
+        let text = || {
+            let table = if files.is_empty() { structures::walk::table(&points, unit) } else { String::new() };
+            let score = score.as_ref().map_or(String::new(), structures::walk::score_line);
+            format!(
+                "{table}{score}{}: {} points, {settled} settled, in {simulated_s:.1} simulated seconds ({wall_s:.1} s)\n",
+                end.outcome,
+                points.len()
+            )
+        };
+        self.json.show(&document, text, &files)?;
+        if let Some(reason) = &end.reason {
+            tracing::error!("{reason}");
+        }
+        Ok(Verdict::of(end.is_finished() && settled == points.len()))
     }
 }
 

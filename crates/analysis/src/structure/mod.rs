@@ -13,6 +13,7 @@ mod floquet;
 mod forced;
 mod history;
 mod linear;
+mod nearest;
 mod orbit;
 mod samples;
 mod spectral;
@@ -22,6 +23,7 @@ mod walk;
 pub use branch::trace;
 pub use forced::{Coordinate, Forced};
 pub use linear::LinearResponse;
+pub use nearest::{Nearest, nearest};
 pub use orbit::{Assess, Bifurcation, Branch, Orbit, Reading, Stability, TraceOptions};
 
 #[cfg(test)]

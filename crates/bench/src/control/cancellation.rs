@@ -32,11 +32,12 @@ use nalgebra::Vector2;
 use serde::{Deserialize, Serialize};
 use thiserror::Error;
 
+use super::Modelled;
 use super::fourier_filter::unit;
 use crate::excitation::{HarmonicFit, Phasor};
 use crate::rig::{Measurement, Sampling};
 use resonarm_analysis::FrequencyResponse;
-use resonarm_dynamics::arm::{Arm, Attachment};
+use resonarm_dynamics::arm::Attachment;
 
 /// The orders that can be cancelled: those that are read beside the fundamental.
 const ORDERS: [u8; 2] = [2, 3];
@@ -107,28 +108,36 @@ impl From<CancelHarmonics> for alloc::vec::Vec<u8> {
     }
 }
 
-/// Transfer from the coil's force to that in the head, of the arm linearised in its pose.
+/// Transfer from the coil's force to that in the head.
 #[derive(Clone, Copy, Debug)]
-struct HeadTransfer {
-    arm: FrequencyResponse,
-    attachment: Option<Attachment>,
-    /// w, m.
-    moment: Vector2<f64>,
+enum HeadTransfer {
+    /// All of it.
+    Ideal,
+    /// By way of an armature to the arm, linearised in its pose.
+    Shaker {
+        arm: FrequencyResponse,
+        attachment: Attachment,
+        /// w, m.
+        moment: Vector2<f64>,
+    },
 }
 
 impl HeadTransfer {
-    fn new(arm: &Arm, direction: &Vector2<f64>) -> HeadTransfer {
+    fn new(of: Modelled<'_>, direction: &Vector2<f64>) -> HeadTransfer {
+        let Modelled::Arm(arm) = of else { return HeadTransfer::Ideal };
+        let Some(attachment) = arm.attachment().copied() else { return HeadTransfer::Ideal };
         let alone = arm.clone().without_attachment();
         let moment = alone.tip_jacobian(&Vector2::zeros()).tr_mul(direction);
-        HeadTransfer { arm: FrequencyResponse::new(&alone), attachment: arm.attachment().copied(), moment }
+        HeadTransfer::Shaker { arm: FrequencyResponse::new(&alone), attachment, moment }
     }
 
     /// 1/(1 + R Z); `None` where the arm's response is infinite.
     fn at(&self, frequency_hz: f64) -> Option<Phasor> {
         let one = Phasor::new(1.0, 0.0);
-        let Some(Attachment { mass_kg, stiffness_n_m, damping_n_s_m, .. }) = self.attachment else { return Some(one) };
-        let w = self.moment.map(|component| Phasor::new(component, 0.0));
-        let receptance = w.dot(&(self.arm.receptance_matrix(frequency_hz).ok()? * w));
+        let HeadTransfer::Shaker { arm, attachment, moment } = self else { return Some(one) };
+        let Attachment { mass_kg, stiffness_n_m, damping_n_s_m, .. } = attachment;
+        let w = moment.map(|component| Phasor::new(component, 0.0));
+        let receptance = w.dot(&(arm.receptance_matrix(frequency_hz).ok()? * w));
         let omega = TAU * frequency_hz;
         let stiffness = Phasor::new(stiffness_n_m - omega * omega * mass_kg, omega * damping_n_s_m);
         Some(one / (one + receptance * stiffness))
@@ -167,7 +176,7 @@ impl Cancellation {
     /// Cancels `orders` of the force along `direction`; `None` if there are none.
     pub fn new(
         orders: CancelHarmonics,
-        arm: &Arm,
+        of: Modelled<'_>,
         direction: Vector2<f64>,
         sampling: Sampling,
     ) -> Option<Cancellation> {
@@ -179,8 +188,8 @@ impl Cancellation {
             |order| Harmonic { order, command_n: zero, before_n: zero, tried_n: None, ratio: Phasor::new(1.0, 0.0) };
         Some(Cancellation {
             harmonics: core::array::from_fn(|index| orders.0[index].then(|| harmonic(i32::from(ORDERS[index])))),
-            transfer: HeadTransfer::new(arm, &direction),
-            share: arm.high_frequency_force_share(),
+            transfer: HeadTransfer::new(of, &direction),
+            share: of.high_frequency_force_share(),
             direction,
             sampling,
             first: 0,

@@ -1,15 +1,15 @@
-//! Poles of the control loop: filter, feedback and delay around both modes.
+//! Poles of the control loop: filter, feedback and delay around all modes.
 //!
-//! The filter lets the arm's other mode through, a little and late, and the feedback can drive it. So the gain is
+//! The filter lets the structure's other modes through, a little and late, and the feedback can drive it. So the gain is
 //! computed: the largest one for which the loop is stable, also with the command two samples late.
 
 use alloc::vec::Vec;
 use core::f64::consts::TAU;
 
-use nalgebra::SMatrix;
+use nalgebra::DMatrix;
 
-use super::ModeModel;
 use super::fourier_filter::unit;
+use super::mode_model::{ModeModel, SeenMode};
 use crate::excitation::Phasor;
 use crate::rig::Sampling;
 use crate::rig::converter::MOST_ORDER;
@@ -17,7 +17,7 @@ use crate::rig::converter::MOST_ORDER;
 /// The loop of an envelope feedback at one frequency of the drive.
 #[derive(Clone, Copy, Debug)]
 pub struct Loop {
-    /// The mode and its neighbour.
+    /// The mode and the others.
     pub model: ModeModel,
     /// How the accelerometers are sampled.
     pub sampling: Sampling,
@@ -31,14 +31,10 @@ pub struct Loop {
     pub delay: usize,
 }
 
-/// States of the arm: angle's share and rate of both modes.
-const ARM: usize = 4;
 /// States of the filter: the constant, three orders, the other mode's tone.
 const FILTER: usize = 9;
-/// States of the loop with the largest delay and the longest filter of a converter.
+/// The least size of the matrix: that of two modes under a delay of 18 samples with the longest filter of a converter.
 const STATES: usize = 36;
-/// The largest delay that can be computed, samples.
-pub const MOST_DELAY: usize = STATES - ARM - (MOST_ORDER - 1) - FILTER - 1;
 /// Nodes and weights of Gauss–Legendre quadrature of order 5 over a hold, from 0 to 1.
 const GAUSS: [(f64, f64); 5] = [
     (0.046_910_077_030_668_01, 0.118_463_442_528_094_54),
@@ -48,19 +44,14 @@ const GAUSS: [(f64, f64); 5] = [
     (0.953_089_922_969_332, 0.118_463_442_528_094_54),
 ];
 
-/// A mode held under a constant load for a time t: s(t) and ṡ(t) from s(0), ṡ(0) and u.
-struct Oscillator {
-    omega: f64,
-    zeta: f64,
-    mass: f64,
-}
-
-impl Oscillator {
-    /// s − s∞ with s∞ = u/(mω²) rings with e^{−ζωt}, ω_d = ω√(1 − ζ²).
+impl SeenMode {
+    /// The share s(t) and ṡ(t) of a mode from s(0), ṡ(0) under a load u that is held for a time t: s − s∞ with s∞ =
+    /// u/(mω²) rings with e^{−ζωt}, ω_d = ω√(1 − ζ²).
     fn advance(&self, [s, rate]: [f64; 2], u: f64, t_s: f64) -> [f64; 2] {
-        let rest = u / (self.mass * self.omega * self.omega);
-        let sigma = self.zeta * self.omega;
-        let damped = self.omega * libm::sqrt(1.0 - self.zeta * self.zeta);
+        let SeenMode { angular_frequency_rad_s: omega, damping_ratio: zeta, modal_mass: mass } = *self;
+        let rest = u / (mass * omega * omega);
+        let sigma = zeta * omega;
+        let damped = omega * libm::sqrt(1.0 - zeta * zeta);
         let (sine, cosine) = libm::sincos(damped * t_s);
         let decay = libm::exp(-sigma * t_s);
         let x = s - rest;
@@ -71,7 +62,8 @@ impl Oscillator {
     }
 
     fn acceleration(&self, [s, rate]: [f64; 2], u: f64) -> f64 {
-        u / self.mass - 2.0 * self.zeta * self.omega * rate - self.omega * self.omega * s
+        let SeenMode { angular_frequency_rad_s: omega, damping_ratio: zeta, modal_mass: mass } = *self;
+        u / mass - 2.0 * zeta * omega * rate - omega * omega * s
     }
 }
 
@@ -81,12 +73,17 @@ impl Loop {
         self.sampling.converter.order().saturating_sub(1)
     }
 
-    /// Number of states.
-    fn size(&self) -> usize {
-        ARM + self.sums() + FILTER + 1 + self.delay
+    /// States of the structure: share and rate of each mode.
+    fn moving(&self) -> usize {
+        2 * (1 + self.model.others().len())
     }
 
-    /// One sample of the linear loop: the arm under the load held, the reading of its acceleration, filter, command.
+    /// Number of states.
+    fn size(&self) -> usize {
+        self.moving() + self.sums() + FILTER + 1 + self.delay
+    }
+
+    /// One sample of the linear loop: the structure under the load held, the reading of its acceleration, filter, command.
     ///
     /// The filter's coefficients are taken as z = c e^{ihθ}, which rotate by a constant angle per sample, so the loop
     /// does not depend on time. The command Re(2iωm g (−a) e^{iθ⁺}) with a = −c_1/(ω² G), G the converter's gain, and
@@ -94,12 +91,12 @@ impl Loop {
     fn step(&self, x: &[f64]) -> Vec<f64> {
         let period_s = 1.0 / self.sampling.rate_hz;
         let model = &self.model;
-        let (arm, rest) = x.split_at(ARM);
+        let (structure, rest) = x.split_at(self.moving());
         let (sums, rest) = rest.split_at(self.sums());
         let (filter, commands) = rest.split_at(FILTER);
         let mut next = Vec::with_capacity(x.len());
         // The acting load is the oldest pending command.
-        let contributions = self.hold(arm, commands[0], &mut next);
+        let contributions = self.hold(structure, commands[0], &mut next);
         let y = contributions[0] + sums.first().unwrap_or(&0.0);
         next.extend((0..sums.len()).map(|late| contributions[late + 1] + sums.get(late + 1).unwrap_or(&0.0)));
         let error = y - filter[0] - filter[1] - filter[3] - filter[5] - filter[7];
@@ -108,12 +105,12 @@ impl Loop {
         let omega = self.omega_rad_s;
         let ahead_rad = (1.0 + self.sampling.converter.holds_late() as f64) * omega * period_s;
         let droop = self.sampling.gain(omega / TAU);
-        let steps = [omega, 2.0 * omega, 3.0 * omega, model.other_angular_frequency_rad_s];
+        let steps = [omega, 2.0 * omega, 3.0 * omega, model.tone_rad_s()];
         let mut command = 0.0;
         for (index, step) in steps.iter().enumerate() {
             let z = Phasor::new(filter[1 + 2 * index] + gain, filter[2 + 2 * index]);
             if index == 0 {
-                let feedback = Phasor::new(0.0, 2.0 * model.modal_mass * self.gain_1_s / (omega * droop));
+                let feedback = Phasor::new(0.0, 2.0 * model.mode.modal_mass * self.gain_1_s / (omega * droop));
                 command = (feedback * unit(ahead_rad) * z).re;
             }
             let turned = z * unit(step * period_s);
@@ -124,21 +121,13 @@ impl Loop {
         next
     }
 
-    /// Advances the arm over a hold of the load `u`, and appends its states to `next`; returns the shares of its
+    /// Advances the structure over a hold of the load `u`, and appends its states to `next`; returns the shares of its
     /// acceleration in the readings after this hold and the following ones.
-    fn hold(&self, arm: &[f64], u: f64, next: &mut Vec<f64>) -> [f64; MOST_ORDER] {
+    fn hold(&self, structure: &[f64], u: f64, next: &mut Vec<f64>) -> [f64; MOST_ORDER] {
         let (period_s, converter) = (1.0 / self.sampling.rate_hz, self.sampling.converter);
-        let model = &self.model;
-        let modes = [
-            Oscillator { omega: model.angular_frequency_rad_s, zeta: model.damping_ratio, mass: model.modal_mass },
-            Oscillator {
-                omega: model.other_angular_frequency_rad_s,
-                zeta: model.other_damping_ratio,
-                mass: model.other_modal_mass,
-            },
-        ];
+        let modes = core::iter::once(&self.model.mode).chain(self.model.others());
         let mut read = [0.0; MOST_ORDER];
-        for (mode, state) in modes.iter().zip(arm.chunks_exact(2)) {
+        for (mode, state) in modes.zip(structure.chunks_exact(2)) {
             let start = [state[0], state[1]];
             let at = |x: f64| mode.acceleration(mode.advance(start, u, x * period_s), u);
             next.extend(mode.advance(start, u, period_s));
@@ -157,9 +146,10 @@ impl Loop {
 
     /// The matrix of a sample: its columns are the unit states one sample later. States beyond those that the delay
     /// takes stay zero.
-    fn matrix(&self) -> SMatrix<f64, STATES, STATES> {
+    fn matrix(&self) -> DMatrix<f64> {
         let size = self.size();
-        let mut matrix = SMatrix::zeros();
+        let whole = size.max(STATES);
+        let mut matrix = DMatrix::zeros(whole, whole);
         for column in 0..size {
             let mut state = alloc::vec![0.0; size];
             state[column] = 1.0;
@@ -187,8 +177,8 @@ mod tests {
     fn control(mode: ModeNumber, converter: Converter, gain_1_s: f64, delay: usize) -> Loop {
         let pose = Pose { beta1_deg: 30.0, beta2_deg: 60.0 };
         let arm = Arm::new(Preset::default().parameters().unwrap(), pose).unwrap();
-        let model = ModeModel::new(&arm, &Load::force_n(1.0, 0.0), mode);
-        let (sampling, omega_rad_s) = (Sampling { rate_hz: 1000.0, converter }, model.angular_frequency_rad_s);
+        let model = ModeModel::new(&arm, &Load::force_n(1.0, 0.0), mode).unwrap();
+        let (sampling, omega_rad_s) = (Sampling { rate_hz: 1000.0, converter }, model.mode.angular_frequency_rad_s);
         Loop { model, sampling, adaptation: 5.0 * gain_1_s / 1000.0, gain_1_s, omega_rad_s, delay }
     }
 
@@ -196,13 +186,13 @@ mod tests {
     #[test]
     fn the_slowest_pole_gives_the_decay_of_the_loop() {
         for (mode, converter, gain_1_s, delay) in [
-            (ModeNumber::First, Converter::Instant, 10.0, 0),
-            (ModeNumber::Second, Converter::Instant, 22.0, 0),
-            (ModeNumber::First, Converter::Sinc5, 10.0, 3),
+            (ModeNumber::FIRST, Converter::Instant, 10.0, 0),
+            (ModeNumber::SECOND, Converter::Instant, 22.0, 0),
+            (ModeNumber::FIRST, Converter::Sinc5, 10.0, 3),
         ] {
             let control = control(mode, converter, gain_1_s, delay);
             let size = control.size();
-            let mut state: Vec<f64> = (0..size).map(|k| if k < ARM { 1.0 } else { 0.0 }).collect();
+            let mut state: Vec<f64> = (0..size).map(|k| if k < control.moving() { 1.0 } else { 0.0 }).collect();
             let norm = |state: &[f64]| libm::sqrt(state.iter().map(|x| x * x).sum::<f64>());
             let (first, last) = (20_000, 80_000);
             let mut early = 0.0;

@@ -30,7 +30,7 @@ pub use cancellation::{CancelHarmonics, CancelHarmonicsError};
 pub use force_control::{ForceControl, ForceControlError, ForceControlSpec};
 pub use fourier_filter::FourierFilter;
 pub use limits::{Limited, LimitsSpec};
-pub use mode_model::{Link, ModeModel, ModeNumber, NoSuchMode};
+pub use mode_model::{Followed, ModeModel, ModeNumber, Modelled, NoSuchMode, SeenMode};
 pub use open_loop::OpenLoop;
 pub use phase_walk::{PhaseWalk, PhaseWalkError, PhaseWalkSpec, ResponseControlSpec};
 pub use response::ResponsePoint;

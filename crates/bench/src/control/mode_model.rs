@@ -1,5 +1,6 @@
-//! The controller's prior model of the arm: one mode, as seen by the drive and a pair of accelerometers.
+//! The controller's prior model of the structure: one mode, as seen by the drive and a pair of accelerometers.
 
+use alloc::vec::Vec;
 use core::f64::consts::TAU;
 
 use nalgebra::Vector2;
@@ -7,27 +8,80 @@ use serde::{Deserialize, Serialize};
 use thiserror::Error;
 
 use crate::excitation::Phasor;
+use crate::plant::{Placed, TestedAssembly};
 use crate::rig::{Measurement, Reading};
 use resonarm_analysis::modes;
 use resonarm_dynamics::arm::{Arm, Load};
+use resonarm_dynamics::structure::{Dof, MOST_COORDINATES};
 
-/// A mode of the arm, by its number: the lower frequency is the first.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
+/// The share of the motion of the other accelerometer below which an accelerometer is not followed.
+const FAINT: f64 = 0.2;
+
+/// The structure as a controller models it.
+#[derive(Clone, Copy, Debug)]
+pub enum Modelled<'a> {
+    /// The arm, with a shaker's armature if there is one.
+    Arm(&'a Arm),
+    /// Another structure, under an ideal exciter.
+    Structure(&'a TestedAssembly),
+}
+
+impl<'a> From<&'a Arm> for Modelled<'a> {
+    fn from(arm: &'a Arm) -> Modelled<'a> {
+        Modelled::Arm(arm)
+    }
+}
+
+impl<'a> From<&'a TestedAssembly> for Modelled<'a> {
+    fn from(tested: &'a TestedAssembly) -> Modelled<'a> {
+        Modelled::Structure(tested)
+    }
+}
+
+impl Modelled<'_> {
+    /// Share of the exciter's force that goes into the structure far above the natural frequencies.
+    pub(super) fn high_frequency_force_share(&self) -> f64 {
+        match self {
+            Modelled::Arm(arm) => arm.high_frequency_force_share(),
+            Modelled::Structure(_) => 1.0,
+        }
+    }
+
+    /// The mode of this number as driven by multiples of `unit`, without an armature.
+    pub(super) fn mode_model(&self, unit: &Load, mode: ModeNumber) -> Result<ModeModel, NoSuchMode> {
+        match self {
+            Modelled::Arm(arm) => ModeModel::new(&(*arm).clone().without_attachment(), unit, mode),
+            Modelled::Structure(tested) => ModeModel::of_structure(tested, unit, mode),
+        }
+    }
+}
+
+/// A mode of the structure, by its number: that of the lowest frequency is 1.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(try_from = "u8", into = "u8")]
-pub enum ModeNumber {
+pub struct ModeNumber(u8);
+
+impl ModeNumber {
     /// Mode 1.
-    #[default]
-    First,
+    pub const FIRST: ModeNumber = ModeNumber(1);
     /// Mode 2.
-    Second,
+    pub const SECOND: ModeNumber = ModeNumber(2);
+
+    /// Its place among the modes, from 0.
+    pub fn index(self) -> usize {
+        usize::from(self.0) - 1
+    }
+}
+
+impl Default for ModeNumber {
+    fn default() -> ModeNumber {
+        ModeNumber::FIRST
+    }
 }
 
 impl From<ModeNumber> for u8 {
     fn from(mode: ModeNumber) -> u8 {
-        match mode {
-            ModeNumber::First => 1,
-            ModeNumber::Second => 2,
-        }
+        mode.0
     }
 }
 
@@ -35,127 +89,224 @@ impl TryFrom<u8> for ModeNumber {
     type Error = NoSuchMode;
 
     fn try_from(got: u8) -> Result<ModeNumber, NoSuchMode> {
-        match got {
-            1 => Ok(ModeNumber::First),
-            2 => Ok(ModeNumber::Second),
-            _ => Err(NoSuchMode { got }),
+        let exists = (1..=MOST_COORDINATES).contains(&usize::from(got));
+        if exists { Ok(ModeNumber(got)) } else { Err(NoSuchMode { got, modes: MOST_COORDINATES }) }
+    }
+}
+
+/// The structure does not have this mode.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Error)]
+#[error("mode {got}: modes are numbered from 1 to {modes}")]
+pub struct NoSuchMode {
+    /// The given number.
+    pub got: u8,
+    /// How many modes there are, or can be.
+    pub modes: usize,
+}
+
+/// What a controller follows: the angle of a link of the arm, by the accelerometer at its end minus that at its start,
+/// rad; or the displacement of an accelerometer's point along one direction, m.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Followed {
+    /// α1, from B.
+    FirstLink,
+    /// α1 + α2, from C minus B.
+    SecondLink,
+    /// The displacement of B.
+    PointB,
+    /// The displacement of C.
+    PointC,
+}
+
+impl Followed {
+    /// Whether the readings of B and of C take part.
+    pub fn takes(self) -> [bool; 2] {
+        match self {
+            Followed::FirstLink | Followed::PointB => [true, false],
+            Followed::SecondLink => [true, true],
+            Followed::PointC => [false, true],
+        }
+    }
+
+    /// Whether it is an angle, rad; else it is a displacement, m.
+    pub fn is_angle(self) -> bool {
+        matches!(self, Followed::FirstLink | Followed::SecondLink)
+    }
+
+    /// Its unit.
+    pub fn unit(self) -> &'static str {
+        if self.is_angle() { "rad" } else { "m" }
+    }
+
+    /// B and C as they take part.
+    fn combined<T: Copy + core::ops::Sub<Output = T>>(self, [b, c]: [T; 2]) -> T {
+        match self {
+            Followed::FirstLink | Followed::PointB => b,
+            Followed::SecondLink => c - b,
+            Followed::PointC => c,
         }
     }
 }
 
-/// The arm does not have this mode.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, Error)]
-#[error("mode {got}: the arm has modes 1 and 2")]
-pub struct NoSuchMode {
-    /// The given number.
-    pub got: u8,
-}
-
-/// The link whose angle a controller follows, by the accelerometer at its end minus that at its start.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Link {
-    /// α1, from B.
-    First,
-    /// α1 + α2, from C minus B.
-    Second,
-}
-
-/// One natural mode as seen by the drive: with s the angle of the followed link and u the load,
-/// m (s̈ + 2ζω₀ ṡ + ω₀² s) = u.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub struct ModeModel {
+/// A mode as seen by the drive: with s the followed coordinate and u the load, m (s̈ + 2ζω₀ ṡ + ω₀² s) = u.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct SeenMode {
     /// ω₀, rad/s.
     pub angular_frequency_rad_s: f64,
     /// ζ.
     pub damping_ratio: f64,
-    /// m, in the load's unit per rad/s², positive: the sign of the angle is chosen so that it has the sign of the load.
+    /// m, in the load's unit over that of s̈; infinite if the load does not drive the mode, or s does not show it.
     pub modal_mass: f64,
-    /// ω of the arm's other mode, rad/s.
-    pub other_angular_frequency_rad_s: f64,
-    /// ζ of the other mode.
-    pub other_damping_ratio: f64,
-    /// m of the other mode for the same drive and angle.
-    pub other_modal_mass: f64,
-    /// The followed link.
-    pub link: Link,
-    /// s̈ = direction · (difference of accelerations), 1/m.
+}
+
+/// The most modes beside the followed one.
+const MOST_OTHERS: usize = MOST_COORDINATES - 1;
+
+/// One natural mode as seen by the drive, beside the others.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct ModeModel {
+    /// The mode, with a positive modal mass: the sign of the followed coordinate is chosen so that it has the sign of
+    /// the load.
+    pub mode: SeenMode,
+    others: [SeenMode; MOST_OTHERS],
+    count: usize,
+    /// The followed coordinate.
+    pub followed: Followed,
+    /// s̈ = direction · (difference of accelerations): 1/m of an angle, dimensionless of a displacement.
     direction: Vector2<f64>,
 }
 
 impl ModeModel {
-    /// The mode `mode` of `arm` as driven by multiples of `unit`.
+    /// The mode of this number of `arm` as driven by multiples of `unit`.
     ///
     /// With the shape φ of unit modal mass, the generalised load d = u + JᵀF of `unit` at rest and c = (1, 0) or (1, 1)
     /// for the followed link, s = c·φ q and q̈ + 2ζω₀ q̇ + ω₀² q = φ·d u, so m = 1/((c·φ)(φ·d)). Link 1 is followed
     /// unless it moves less than a fifth of link 2: the accelerometer at B has the most range left.
-    pub fn new(arm: &Arm, unit: &Load, mode: ModeNumber) -> ModeModel {
-        const FAINT: f64 = 0.2;
+    ///
+    /// # Errors
+    /// [`NoSuchMode`] but for modes 1 and 2.
+    pub fn new(arm: &Arm, unit: &Load, mode: ModeNumber) -> Result<ModeModel, NoSuchMode> {
         let both = modes(arm);
-        let (this, other) = match mode {
-            ModeNumber::First => (both[0], both[1]),
-            ModeNumber::Second => (both[1], both[0]),
+        let Some(this) = both.get(mode.index()) else {
+            return Err(NoSuchMode { got: mode.into(), modes: both.len() });
         };
         let drive = unit.torque_nm + arm.tip_jacobian(&Vector2::zeros()).tr_mul(&unit.force_n);
         let first_is_faint = this.shape[0].abs() < FAINT * (this.shape[0] + this.shape[1]).abs();
-        let link = if first_is_faint { Link::Second } else { Link::First };
-        let mass = |shape: [f64; 2]| {
-            let angle = match link {
-                Link::First => shape[0],
-                Link::Second => shape[0] + shape[1],
+        let followed = if first_is_faint { Followed::SecondLink } else { Followed::FirstLink };
+        let seen = both.map(|mode| {
+            let angle = match followed {
+                Followed::FirstLink => mode.shape[0],
+                _ => mode.shape[0] + mode.shape[1],
             };
-            1.0 / (angle * Vector2::from(shape).dot(&drive))
-        };
-        // Load and angle of opposite sign: the sign of the angle is reversed.
-        let sign = mass(this.shape).signum();
+            let modal_mass = 1.0 / (angle * Vector2::from(mode.shape).dot(&drive));
+            SeenMode { angular_frequency_rad_s: TAU * mode.frequency_hz, damping_ratio: mode.damping_ratio, modal_mass }
+        });
         let points = arm.points(&Vector2::zeros());
         // The link r turns with s̈ (−r_y, r_x), so s̈ = (−r_y, r_x)·a / r².
-        let r = match link {
-            Link::First => points.b_m,
-            Link::Second => points.c_m - points.b_m,
+        let r = match followed {
+            Followed::FirstLink => points.b_m,
+            _ => points.c_m - points.b_m,
         };
-        ModeModel {
-            angular_frequency_rad_s: TAU * this.frequency_hz,
-            damping_ratio: this.damping_ratio,
-            modal_mass: sign * mass(this.shape),
-            other_angular_frequency_rad_s: TAU * other.frequency_hz,
-            other_damping_ratio: other.damping_ratio,
-            other_modal_mass: sign * mass(other.shape),
-            link,
-            direction: Vector2::new(-r.y, r.x) * (sign / r.norm_squared()),
-        }
+        Ok(ModeModel::of(&seen, mode.index(), followed, Vector2::new(-r.y, r.x) * (1.0 / r.norm_squared())))
     }
 
-    /// s̈ of the followed link from the accelerometers, rad/s², for small vibration: across the link at rest, of sin s.
-    pub fn angular_acceleration_rad_s2(&self, sample: &Measurement) -> f64 {
-        let b = Vector2::from(sample.acceleration_b_m_s2.map(|reading| reading.value));
-        let across = match self.link {
-            Link::First => b,
-            Link::Second => Vector2::from(sample.acceleration_c_m_s2.map(|reading| reading.value)) - b,
+    /// The mode of this number of another structure, under an ideal exciter, as driven by multiples of `unit`.
+    ///
+    /// With the shape φ of unit modal mass and the directions w = ∂x/∂q of the loads and of the accelerometers' axes at
+    /// rest, the loads give φ·d with d = Σ w u, and a point moves by (w_x·φ, w_y·φ) q. The followed displacement is
+    /// that of C along its motion in the mode, unless C moves less than a fifth of B; then that of B. With its unit
+    /// direction e, m = 1/((e·(w·φ))(φ·d)) of every mode.
+    ///
+    /// # Errors
+    /// [`NoSuchMode`] if the structure has fewer modes.
+    pub fn of_structure(tested: &TestedAssembly, unit: &Load, mode: ModeNumber) -> Result<ModeModel, NoSuchMode> {
+        let assembly = &tested.assembly;
+        let all = assembly.modes();
+        let Some(this) = all.get(mode.index()) else {
+            return Err(NoSuchMode { got: mode.into(), modes: all.len() });
         };
-        self.direction.dot(&across)
+        let by_mode = |shape: &[f64], dof: Option<Dof>| {
+            let mut direction = [0.0; MOST_COORDINATES];
+            if let Some(dof) = dof {
+                assembly.direction(dof, &[0.0; MOST_COORDINATES][..shape.len()], &mut direction);
+            }
+            shape.iter().zip(direction).map(|(shape, along)| shape * along).sum::<f64>()
+        };
+        let motion = |shape: &[f64], placed: &Placed| Vector2::from(placed.along.map(|dof| by_mode(shape, dof)));
+        let driven = |shape: &[f64]| {
+            let joints = ["joint1", "joint2"].map(|name| by_mode(shape, assembly.dof(name).ok()));
+            unit.force_n.dot(&motion(shape, &tested.places.exciter)) + unit.torque_nm.dot(&Vector2::from(joints))
+        };
+        let places = [&tested.places.accelerometer_b, &tested.places.accelerometer_c];
+        let [b, c] = places.map(|placed| motion(&this.shape, placed));
+        let (followed, at, e) = match c.norm() < FAINT * b.norm() {
+            true => (Followed::PointB, places[0], b / b.norm()),
+            false => (Followed::PointC, places[1], c / c.norm()),
+        };
+        let seen: Vec<SeenMode> = all
+            .iter()
+            .map(|mode| SeenMode {
+                angular_frequency_rad_s: TAU * mode.frequency_hz,
+                damping_ratio: mode.damping_ratio,
+                modal_mass: 1.0 / (e.dot(&motion(&mode.shape, at)) * driven(&mode.shape)),
+            })
+            .collect();
+        Ok(ModeModel::of(&seen, mode.index(), followed, e))
+    }
+
+    /// The mode at `index` of all; the others begin with the one that the load accelerates most.
+    fn of(seen: &[SeenMode], index: usize, followed: Followed, direction: Vector2<f64>) -> ModeModel {
+        // Load and coordinate of opposite sign: the sign of the coordinate is reversed.
+        let sign = seen[index].modal_mass.signum();
+        let signed = |mode: &SeenMode| SeenMode { modal_mass: sign * mode.modal_mass, ..*mode };
+        let (mut others, mut count) = ([SeenMode::default(); MOST_OTHERS], 0);
+        let is_other = |(at, mode): &(usize, &SeenMode)| *at != index && mode.modal_mass.is_finite();
+        for (_, mode) in seen.iter().enumerate().filter(is_other) {
+            others[count] = signed(mode);
+            count += 1;
+        }
+        others[..count].sort_by(|a, b| a.modal_mass.abs().total_cmp(&b.modal_mass.abs()));
+        ModeModel { mode: signed(&seen[index]), others, count, followed, direction: direction * sign }
+    }
+
+    /// The other modes that the load drives and the followed coordinate shows, the most prominent first.
+    pub fn others(&self) -> &[SeenMode] {
+        &self.others[..self.count]
+    }
+
+    /// The angular frequency of the tone that is modelled beside the harmonics, rad/s: of the most prominent other mode,
+    /// or, of a structure without, four times the mode's.
+    pub fn tone_rad_s(&self) -> f64 {
+        self.others().first().map_or(4.0 * self.mode.angular_frequency_rad_s, |other| other.angular_frequency_rad_s)
+    }
+
+    /// s̈ of the followed coordinate from the accelerometers, rad/s² or m/s², for small vibration: across the link at
+    /// rest, of sin s.
+    pub fn acceleration(&self, sample: &Measurement) -> f64 {
+        let pair = |readings: [Reading; 2]| Vector2::from(readings.map(|reading| reading.value));
+        let points = [pair(sample.acceleration_b_m_s2), pair(sample.acceleration_c_m_s2)];
+        self.direction.dot(&self.followed.combined(points))
     }
 
     /// The same s̈ from the phasors of the accelerations of B and C along x and y.
-    pub fn across(&self, [b, c]: [[Phasor; 2]; 2]) -> Phasor {
-        let of = |p: [Phasor; 2]| p[0] * self.direction.x + p[1] * self.direction.y;
-        match self.link {
-            Link::First => of(b),
-            Link::Second => of(c) - of(b),
+    pub fn across(&self, points: [[Phasor; 2]; 2]) -> Phasor {
+        self.followed.combined(points.map(|p| p[0] * self.direction.x + p[1] * self.direction.y))
+    }
+
+    /// Standard deviation of s̈, rad/s² or m/s², from those of the accelerations of B and C along x and y.
+    pub fn deviation(&self, points: [[f64; 2]; 2]) -> f64 {
+        let [b, c] = points.map(|p| libm::hypot(p[0] * self.direction.x, p[1] * self.direction.y));
+        match self.followed.takes() {
+            [true, true] => libm::hypot(b, c),
+            [true, false] => b,
+            _ => c,
         }
     }
 
-    /// Standard deviation of s̈, rad/s², from those of the accelerations of B and C along x and y.
-    pub fn deviation(&self, [b, c]: [[f64; 2]; 2]) -> f64 {
-        let of = |p: [f64; 2]| libm::hypot(p[0] * self.direction.x, p[1] * self.direction.y);
-        match self.link {
-            Link::First => of(b),
-            Link::Second => libm::hypot(of(b), of(c)),
-        }
-    }
-
-    /// Whether a reading that the followed angle depends on was clipped.
+    /// Whether a reading that the followed coordinate depends on was clipped.
     pub fn is_clipped(&self, sample: &Measurement) -> bool {
-        let clipped = |pair: [Reading; 2]| pair.iter().any(|reading| reading.clipped);
-        clipped(sample.acceleration_b_m_s2) || (self.link == Link::Second && clipped(sample.acceleration_c_m_s2))
+        let clipped = [sample.acceleration_b_m_s2, sample.acceleration_c_m_s2]
+            .map(|pair| pair.iter().any(|reading| reading.clipped));
+        self.followed.takes().into_iter().zip(clipped).any(|(takes, clipped)| takes && clipped)
     }
 }

@@ -6,12 +6,11 @@ use serde::{Deserialize, Serialize};
 use thiserror::Error;
 
 use super::{
-    Controller, ForceControl, ForceControlError, ForceControlSpec, PhaseWalk, PhaseWalkError, PhaseWalkSpec,
+    Controller, ForceControl, ForceControlError, ForceControlSpec, Modelled, PhaseWalk, PhaseWalkError, PhaseWalkSpec,
     ResponseControlSpec,
 };
 use crate::excitation::Amplitude;
 use crate::rig::Sampling;
-use resonarm_dynamics::arm::Arm;
 
 /// The control law.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
@@ -48,16 +47,22 @@ impl ControlSpec {
         }
     }
 
-    /// The controller for `arm`, as it is modelled, with a shaker's armature if there is one, with readings at this
-    /// `sampling` and an exciter with the limit `limit`, N or N·m.
+    /// The controller for a structure as it is modelled, with readings at this `sampling` and an exciter with the limit
+    /// `limit`, N or N·m.
     ///
     /// # Errors
     /// [`ControlError`] names the impossible setting.
-    pub fn controller(&self, arm: &Arm, sampling: Sampling, limit: f64) -> Result<Box<dyn Controller>, ControlError> {
+    pub fn controller<'a>(
+        &self,
+        of: impl Into<Modelled<'a>>,
+        sampling: Sampling,
+        limit: f64,
+    ) -> Result<Box<dyn Controller>, ControlError> {
+        let of = of.into();
         Ok(match self {
-            ControlSpec::PhaseWalk(spec) => Box::new(PhaseWalk::new(*spec, arm, sampling, limit)?),
-            ControlSpec::ForceControl(spec) => Box::new(ForceControl::new(spec, arm, sampling, limit)?),
-            ControlSpec::ResponseControl(spec) => Box::new(PhaseWalk::at_one_amplitude(*spec, arm, sampling, limit)?),
+            ControlSpec::PhaseWalk(spec) => Box::new(PhaseWalk::new(*spec, of, sampling, limit)?),
+            ControlSpec::ForceControl(spec) => Box::new(ForceControl::new(spec, of, sampling, limit)?),
+            ControlSpec::ResponseControl(spec) => Box::new(PhaseWalk::at_one_amplitude(*spec, of, sampling, limit)?),
         })
     }
 }

@@ -22,6 +22,10 @@ pub const MOST_NOISE_SHARE: f64 = 0.01;
 /// Half the width of the band of a fit: at least this many hertz, and this many lines.
 const HALF_WIDTH_HZ: f64 = 0.5;
 const HALF_WIDTH_LINES: f64 = 20.0;
+/// Multiples of that width in which modes are sought that are too broad to stand out in it: those whose half bandwidth is
+/// at least this share of it.
+const BROAD_WIDTHS: [usize; 2] = [4, 16];
+const BROAD_SHARE: f64 = 0.2;
 /// Poles at most this many lines apart belong to one mode.
 const ONE_MODE_LINES: usize = 2;
 /// The least number of lines of a fit.
@@ -100,6 +104,13 @@ pub enum Rejection {
     },
 }
 
+/// Where a mode is, and the width of the band in which it was found.
+struct Centre {
+    line: usize,
+    /// Lines on both sides.
+    half: usize,
+}
+
 /// A stretch of a record, transformed without a window, in and around a band.
 struct Stretch<'a> {
     record: &'a Record,
@@ -123,29 +134,27 @@ pub fn modes(record: &Record, band: Band) -> Result<Identification, IdentifyErro
     record.check(band)?;
     check_energy(record, band)?;
     let stretch = Stretch::new(record, band)?;
-    let (mut centres, mut rejected): (Vec<usize>, Vec<RejectedPeak>) = (Vec::new(), Vec::new());
-    let peaks = stretch.peaks();
-    if peaks.is_empty() {
-        return Err(IdentifyError::NoResonance { from_hz: band.from_hz, to_hz: band.to_hz });
-    }
-    for peak in peaks {
-        let mode = match stretch.fit(peak, None)? {
+    let (mut centres, mut rejected): (Vec<Centre>, Vec<RejectedPeak>) = (Vec::new(), Vec::new());
+    let half = half_width(stretch.spacing_hz());
+    for peak in stretch.peaks(half) {
+        let mode = match stretch.fit(peak, half, None)? {
             Ok(mode) => mode,
             Err(reason) => {
                 rejected.push(RejectedPeak { frequency_hz: peak as f64 * stretch.spacing_hz(), reason });
                 continue;
             }
         };
-        let centre = libm::round(mode.frequency_hz / stretch.spacing_hz()) as usize;
         // Peaks of the response and of its ratio to the force may belong to one mode.
-        if !centres.iter().any(|other| other.abs_diff(centre) <= ONE_MODE_LINES) {
-            centres.push(centre);
-        }
+        stretch.add(&mut centres, &mode, half, ONE_MODE_LINES);
+    }
+    stretch.add_broad(&mut centres)?;
+    if centres.is_empty() && rejected.is_empty() {
+        return Err(IdentifyError::NoResonance { from_hz: band.from_hz, to_hz: band.to_hz });
     }
     let mut found: Vec<IdentifiedMode> = Vec::new();
-    for centre in &centres {
-        let neighbour = centres.iter().filter(|other| *other != centre).map(|other| other.abs_diff(*centre)).min();
-        found.extend(stretch.fit(*centre, neighbour)?);
+    for Centre { line, half } in &centres {
+        let others = centres.iter().map(|other| other.line).filter(|other| other != line);
+        found.extend(stretch.fit(*line, *half, others.map(|other| other.abs_diff(*line)).min())?);
     }
     found.sort_by(|a, b| a.frequency_hz.total_cmp(&b.frequency_hz));
     rejected.sort_by(|a, b| a.frequency_hz.total_cmp(&b.frequency_hz));
@@ -220,17 +229,42 @@ impl<'a> Stretch<'a> {
         self.record.rate_hz() / self.samples as f64
     }
 
+    /// Adds a mode to the centres, unless it is within `apart` lines of one that is there.
+    fn add(&self, centres: &mut Vec<Centre>, mode: &IdentifiedMode, half: usize, apart: usize) {
+        let line = libm::round(mode.frequency_hz / self.spacing_hz()) as usize;
+        if !centres.iter().any(|other| other.line.abs_diff(line) <= apart) {
+            centres.push(Centre { line, half });
+        }
+    }
+
+    /// Adds the modes that are too broad to stand out in the usual width.
+    fn add_broad(&self, centres: &mut Vec<Centre>) -> Result<(), IdentifyError> {
+        let usual = half_width(self.spacing_hz());
+        for half in BROAD_WIDTHS.map(|width| width * usual).into_iter().filter(|half| 2 * half <= self.band.1) {
+            for peak in self.peaks(half) {
+                let Ok(mode) = self.fit_within(peak, half)? else { continue };
+                let bandwidth = mode.damping_ratio * mode.frequency_hz / self.spacing_hz();
+                let is_in_band = (self.band.0..self.band.0 + self.band.1)
+                    .contains(&(libm::round(mode.frequency_hz / self.spacing_hz()) as usize));
+                if is_in_band && bandwidth >= BROAD_SHARE * usual as f64 {
+                    self.add(centres, &mode, half, libm::ceil(bandwidth) as usize);
+                }
+            }
+        }
+        Ok(())
+    }
+
     /// The lines at which the response over the force stands out, then those at which the response does.
     ///
     /// A mode is at a peak of the ratio. There a shaker's force drops out; the response peaks elsewhere, at the modes
     /// of arm and armature together. A free response has no force to divide by.
-    fn peaks(&self) -> Vec<usize> {
+    fn peaks(&self, half: usize) -> Vec<usize> {
         let mut response = alloc::vec![0.0; self.band.1];
         for (lines, noise) in self.channels.iter().zip(self.record.acceleration_noise_m_s2()) {
             self.add_power(&mut response, lines, 1.0 / (noise * noise));
         }
         if self.part == FittedPart::RingDown {
-            return self.peaks_of(&response);
+            return self.peaks_of(&response, half);
         }
         // Noise is the lower bound of the force: that of a line is M σ², 3/2 as much under the Hann window.
         let noise_n = self.record.force_noise_n();
@@ -238,8 +272,8 @@ impl<'a> Stretch<'a> {
         let mut force = alloc::vec![least; self.band.1];
         self.add_power(&mut force, &self.force, 1.0);
         let ratio: Vec<f64> = response.iter().zip(&force).map(|(response, force)| response / force).collect();
-        let mut peaks = self.peaks_of(&ratio);
-        peaks.extend(self.peaks_of(&response));
+        let mut peaks = self.peaks_of(&ratio, half);
+        peaks.extend(self.peaks_of(&response, half));
         peaks
     }
 
@@ -252,10 +286,9 @@ impl<'a> Stretch<'a> {
         }
     }
 
-    /// The lines of the band at which a power stands out from its surroundings, the highest first.
-    fn peaks_of(&self, power: &[f64]) -> Vec<usize> {
+    /// The lines of the band at which a power stands out from the `half` lines on both sides, the highest first.
+    fn peaks_of(&self, power: &[f64], half: usize) -> Vec<usize> {
         let (first, count) = self.band;
-        let half = half_width(self.spacing_hz());
         let mut open = alloc::vec![true; count];
         let mut peaks = Vec::new();
         for _ in 0..MOST_PEAKS {
@@ -275,10 +308,11 @@ impl<'a> Stretch<'a> {
         peaks
     }
 
-    /// Fits the mode at a line, if there is one; the nearest other peak is the given number of lines away.
-    fn fit(&self, centre: usize, neighbour: Option<usize>) -> Result<Fitted, IdentifyError> {
+    /// Fits the mode at a line to `half` lines on both sides, if there is one; the nearest other mode is the given number of
+    /// lines away.
+    fn fit(&self, centre: usize, half: usize, neighbour: Option<usize>) -> Result<Fitted, IdentifyError> {
         let room = neighbour.map_or(usize::MAX, |lines| lines / 2);
-        let mut half = half_width(self.spacing_hz()).min(room);
+        let mut half = half.min(room);
         let mut fitted = self.fit_within(centre, half)?;
         // A mode that is broad against the band has a wider one.
         if let Ok(mode) = &fitted {

@@ -375,6 +375,9 @@ impl Scenario {
             None => Ok(Box::new(OpenLoop::new(self.profile()?, self.rig.converter))),
             Some(spec) => {
                 let limit = limit::largest(spec.amplitude(), &self.rig.drive(), self.network.profile);
+                if let Some(tested) = self.tested_structure()? {
+                    return Ok(spec.controller(&tested, self.sampling(), limit)?);
+                }
                 let arm = match &self.rig.shaker {
                     Some(shaker) => self.build_arm()?.with_attachment(shaker.armature())?,
                     None => self.build_arm()?,
@@ -400,9 +403,12 @@ impl Scenario {
         let limit = limit::largest(amplitude, &self.rig.drive(), self.network.profile);
         let load = amplitude.load();
         let direction = load.scaled(1.0 / libm::hypot(load.force_n.norm(), load.torque_nm.norm()));
-        let [first, _] = modes(&self.build_arm()?);
-        // Away from the resonance, where the arm would ring.
-        Ok(Steered::new(direction, limit, self.sampling(), 0.8 * first.frequency_hz))
+        let first_hz = match self.tested_structure()? {
+            Some(tested) => tested.assembly.modes().first().map_or(f64::NAN, |mode| mode.frequency_hz),
+            None => modes(&self.build_arm()?)[0].frequency_hz,
+        };
+        // Away from the resonance, where the structure would ring.
+        Ok(Steered::new(direction, limit, self.sampling(), 0.8 * first_hz))
     }
 
     /// What the exciter plays.

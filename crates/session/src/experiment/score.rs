@@ -8,7 +8,7 @@ use resonarm_analysis::{
     AnalysisError, ArmParameter, Backbone, BackboneOptions, BifurcationKind, Branch, BranchOptions, Coordinate,
     Distances, ForcedArm, MeasuredMotion, backbone, nearest, trace,
 };
-use resonarm_bench::control::{JointAngles, ModeNumber, ResponsePoint};
+use resonarm_bench::control::{JointAngles, ResponsePoint};
 use resonarm_dynamics::arm::Arm;
 
 /// Largest turn between two motions of what is computed: with this it is straight between them, as far as measured
@@ -70,10 +70,7 @@ impl Jump {
 /// # Errors
 /// [`AnalysisError`] if branch or backbone can't be followed.
 pub fn score(arm: &Arm, zone: &Zone, measured: &ZoneMeasured) -> Result<Score, AnalysisError> {
-    let joint = match zone.mode_number {
-        ModeNumber::First => 0,
-        ModeNumber::Second => 1,
-    };
+    let joint = zone.mode_number.index();
     let branch = computed_branch(arm, zone)?;
     let folds = branch.bifurcations.iter().filter(|event| event.kind == BifurcationKind::Fold);
     let mut folds_hz: Vec<f64> = folds.map(|event| event.orbit.frequency_hz).collect();

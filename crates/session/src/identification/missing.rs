@@ -1,18 +1,17 @@
-//! Which of the scenario arm's modes were identified, and why the others were not.
+//! Which modes of the scenario's structure were identified, and why the others were not.
 
 use core::fmt::{self, Display, Formatter};
 
 use serde::Serialize;
 
-use resonarm_analysis::Mode;
 use resonarm_bench::identify::{Band, Identification, IdentifiedMode, MOST_NOISE_SHARE, Rejection};
 
-/// Largest relative distance of a found mode from the arm's: arms of the same make differ by less.
+/// Largest relative distance of a found mode from the scenario's: structures of the same make differ by less.
 const SAME_MODE: f64 = 0.15;
 /// Largest relative distance of a peak from the mode it is attributed to.
 const NEAR: f64 = 0.05;
 
-/// A mode of the scenario's arm that was not found.
+/// A mode of the scenario's structure that was not found.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct MissingMode {
     /// Its number.
@@ -47,7 +46,7 @@ pub enum Reason {
 impl Display for MissingMode {
     fn fmt(&self, f: &mut Formatter<'_>) -> fmt::Result {
         let MissingMode { mode, frequency_hz, reason } = self;
-        write!(f, "mode {mode}, at {frequency_hz:.2} Hz by the scenario's arm, is missing: ")?;
+        write!(f, "mode {mode}, at {frequency_hz:.2} Hz by the scenario, is missing: ")?;
         match reason {
             Reason::NoPeak => write!(f, "no peak stands out near it; record for longer, or raise the force"),
             Reason::NoPole { peak_hz } => write!(
@@ -66,29 +65,25 @@ impl Display for MissingMode {
     }
 }
 
-/// The number of each mode that was found: that of the nearest of the arm's modes, each used once.
-pub fn mode_numbers(found: &[IdentifiedMode], arm: &[Mode; 2]) -> Vec<Option<u8>> {
-    let off = |mode: &IdentifiedMode, of: &Mode| libm::fabs(libm::log(mode.frequency_hz / of.frequency_hz));
-    let nearest = |of: &Mode| {
-        let near = found.iter().enumerate().filter(|(_, mode)| off(mode, of) < SAME_MODE);
-        // If a found mode is near both, it belongs to the nearer one.
-        let candidates = near.filter(|(_, mode)| arm.iter().all(|other| off(mode, of) <= off(mode, other)));
-        candidates.min_by(|(_, a), (_, b)| off(a, of).total_cmp(&off(b, of))).map(|(index, _)| index)
+/// The number of each mode that was found: that of the nearest of the structure's modes, each used once, by its natural
+/// frequencies `known_hz`, ascending.
+pub fn mode_numbers(found: &[IdentifiedMode], known_hz: &[f64]) -> Vec<Option<u8>> {
+    let off = |mode: &IdentifiedMode, of_hz: f64| libm::fabs(libm::log(mode.frequency_hz / of_hz));
+    let nearest = |of_hz: f64| {
+        let near = found.iter().enumerate().filter(|(_, mode)| off(mode, of_hz) < SAME_MODE);
+        // If a found mode is near several, it belongs to the nearest one.
+        let candidates = near.filter(|(_, mode)| known_hz.iter().all(|other| off(mode, of_hz) <= off(mode, *other)));
+        candidates.min_by(|(_, a), (_, b)| off(a, of_hz).total_cmp(&off(b, of_hz))).map(|(index, _)| index)
     };
-    let [first, second] = [nearest(&arm[0]), nearest(&arm[1])];
-    (0..found.len())
-        .map(|index| match Some(index) {
-            index if index == first => Some(1),
-            index if index == second => Some(2),
-            _ => None,
-        })
-        .collect()
+    let owners: Vec<Option<usize>> = known_hz.iter().map(|of_hz| nearest(*of_hz)).collect();
+    let number = |index| (1..).zip(&owners).find(|(_, owner)| **owner == Some(index)).map(|(number, _)| number);
+    (0..found.len()).map(number).collect()
 }
 
-/// The arm's modes in the band that were not found.
-pub fn missing_modes(found: &Identification, numbers: &[Option<u8>], arm: &[Mode; 2], band: Band) -> Vec<MissingMode> {
-    let is_missing = |(number, mode): &(u8, &Mode)| {
-        (band.from_hz..=band.to_hz).contains(&mode.frequency_hz) && !numbers.contains(&Some(*number))
+/// The structure's modes in the band that were not found, by its natural frequencies `known_hz`, ascending.
+pub fn missing_modes(found: &Identification, numbers: &[Option<u8>], known_hz: &[f64], band: Band) -> Vec<MissingMode> {
+    let is_missing = |(number, known_hz): &(u8, &f64)| {
+        (band.from_hz..=band.to_hz).contains(*known_hz) && !numbers.contains(&Some(*number))
     };
     let reason = |frequency_hz: f64| {
         let off = |peak_hz: f64| libm::fabs(peak_hz / frequency_hz - 1.0);
@@ -103,12 +98,6 @@ pub fn missing_modes(found: &Identification, numbers: &[Option<u8>], arm: &[Mode
             },
         }
     };
-    let modes = (1..).zip(arm).filter(is_missing);
-    modes
-        .map(|(mode, Mode { frequency_hz, .. })| MissingMode {
-            mode,
-            frequency_hz: *frequency_hz,
-            reason: reason(*frequency_hz),
-        })
-        .collect()
+    let modes = (1..).zip(known_hz).filter(is_missing);
+    modes.map(|(mode, &frequency_hz)| MissingMode { mode, frequency_hz, reason: reason(frequency_hz) }).collect()
 }

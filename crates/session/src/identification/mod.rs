@@ -1,5 +1,5 @@
 //! Identification from recordings: the readings and the settings that suit what the exciter played, the joints' angles
-//! over time, and which modes of the scenario's arm were found.
+//! over time, and which modes of the scenario's structure were found.
 
 mod angles;
 mod load;

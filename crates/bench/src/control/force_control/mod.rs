@@ -36,10 +36,10 @@ use thiserror::Error;
 use crate::control::cancellation::Cancellation;
 use crate::control::fourier_filter::{unit, wrapped};
 use crate::control::response::{Orders, Reading};
-use crate::control::{Abort, Answer, CancelHarmonics, Controller, Length, LoadKind, ResponsePoint};
+use crate::control::{Abort, Answer, CancelHarmonics, Controller, Length, LoadKind, Modelled, ResponsePoint};
 use crate::excitation::{Amplitude, ExcitationError, ExcitationSpec, Phasor, Profile, Waveform, Window};
 use crate::rig::{Measurement, Sampling};
-use resonarm_dynamics::arm::{Arm, Load};
+use resonarm_dynamics::arm::Load;
 use resonarm_numeric::number::short;
 
 /// Allowed deviation of the force from the wanted one, relative.
@@ -173,18 +173,18 @@ pub struct ForceControl {
 }
 
 impl ForceControl {
-    /// A controller that plays the frequencies of `spec` on `arm`, as the controller models it, with a shaker's
-    /// armature if there is one, with readings at this `sampling` and an exciter with the limit `limit_n`.
+    /// A controller that plays the frequencies of `spec` on a structure as the controller models it, with readings at this
+    /// `sampling` and an exciter with the limit `limit_n`.
     ///
     /// # Errors
     /// [`ForceControlError`] names the impossible setting.
-    pub fn new(
+    pub fn new<'a>(
         spec: &ForceControlSpec,
-        arm: &Arm,
+        of: impl Into<Modelled<'a>>,
         sampling: Sampling,
         limit_n: f64,
     ) -> Result<ForceControl, ForceControlError> {
-        let rate_hz = sampling.rate_hz;
+        let (of, rate_hz) = (of.into(), sampling.rate_hz);
         let notches = [("notch_b_m_s2", spec.notch_b_m_s2), ("notch_c_m_s2", spec.notch_c_m_s2)];
         for (name, got) in notches.into_iter().filter_map(|(name, notch)| Some((name, notch?))) {
             if !(got.is_finite() && got > 0.0) {
@@ -210,7 +210,7 @@ impl ForceControl {
             frequencies_hz,
             sampling,
             limit_n,
-            share: arm.high_frequency_force_share(),
+            share: of.high_frequency_force_share(),
             amplitude_n,
             notches_m_s2: [spec.notch_b_m_s2, spec.notch_c_m_s2],
             direction,
@@ -222,7 +222,7 @@ impl ForceControl {
             point: 0,
             tries: 0,
             command_n: Phasor::new(amplitude_n, 0.0),
-            cancellation: Cancellation::new(spec.cancel_harmonics, arm, direction, sampling),
+            cancellation: Cancellation::new(spec.cancel_harmonics, of, direction, sampling),
             tried: None,
             power: 1.0,
             last_sample: None,

@@ -6,7 +6,7 @@ use crate::plant::{Plant, PlantSpec};
 use crate::rig::{Amplifier, Converter, RigSpec, ShakerSpec};
 use alloc::string::ToString;
 use alloc::vec::Vec;
-use resonarm_dynamics::arm::{Pose, Preset, State};
+use resonarm_dynamics::arm::{Arm, Pose, Preset, State};
 use resonarm_dynamics::integrate::Scheme;
 
 fn sampling(rate_hz: f64) -> Sampling {

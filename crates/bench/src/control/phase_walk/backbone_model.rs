@@ -4,8 +4,8 @@ use alloc::vec::Vec;
 
 use nalgebra::{Matrix3, Vector3};
 
-use crate::control::ModeModel;
 use crate::control::fourier_filter::unit;
+use crate::control::{ModeModel, SeenMode};
 use crate::excitation::Phasor;
 
 /// The mode as found at one amplitude.
@@ -28,41 +28,27 @@ enum FittedCurve {
     Parabola,
 }
 
-/// The arm's other mode, small and linear.
-#[derive(Clone, Copy, Debug, Default)]
-struct OtherMode {
-    mass: f64,
-    omega: f64,
-    zeta: f64,
-}
-
-impl OtherMode {
-    fn new(model: &ModeModel) -> OtherMode {
-        OtherMode {
-            mass: model.other_modal_mass,
-            omega: model.other_angular_frequency_rad_s,
-            zeta: model.other_damping_ratio,
-        }
-    }
-
-    /// R at an angular frequency.
-    fn compliance(&self, omega_rad_s: f64) -> Phasor {
-        let square = self.omega * self.omega - omega_rad_s * omega_rad_s;
-        (Phasor::new(square, 2.0 * self.zeta * self.omega * omega_rad_s) * self.mass).inv()
-    }
+/// The compliance R of the other modes at an angular frequency, small and linear.
+fn compliance(others: &[SeenMode], omega_rad_s: f64) -> Phasor {
+    let of = |mode: &SeenMode| {
+        let SeenMode { angular_frequency_rad_s: omega, damping_ratio: zeta, modal_mass: mass } = mode;
+        let square = omega * omega - omega_rad_s * omega_rad_s;
+        (Phasor::new(square, 2.0 * zeta * omega * omega_rad_s) * *mass).inv()
+    };
+    others.iter().map(of).fold(Phasor::new(0.0, 0.0), |sum, of| sum + of)
 }
 
 /// ω₀²(A²) and κ(A²) from the findings so far.
 ///
 /// With the amplitude U of the load and a of the angle, in steady state a/U = 1/D + R: the mode's dynamic stiffness is
-/// D = m(ω₀² − ω²) + iκω, and R = 1/(m'(ω'² − ω² + 2iζ'ω'ω)) is the contribution of the other mode, far from its
-/// resonance; off the peak, where the mode itself moves little, it shifts load and lag by per cents. So ω₀² = ω² + Re
+/// D = m(ω₀² − ω²) + iκω, and R = Σ 1/(m'(ω'² − ω² + 2iζ'ω'ω)) is the contribution of the other modes, far from
+/// their resonances; off the peak, where the mode itself moves little, it shifts load and lag by per cents. So ω₀² = ω² + Re
 /// D/m and κ = Im D/ω. The theory of small vibration, (0, ω₀²) and κ = 2ζω₀m, is the first finding. Predictions of ω₀²
 /// fit a parabola in A², those of κ a line, by least squares in which near, recent and precise findings weigh more.
 #[derive(Clone, Debug, Default)]
 pub(super) struct BackboneModel {
     mass: f64,
-    other: OtherMode,
+    others: Vec<SeenMode>,
     findings: Vec<Finding>,
 }
 
@@ -86,11 +72,11 @@ const MOST_FINDINGS: usize = 64;
 impl BackboneModel {
     /// The theory alone, with room for later findings.
     pub fn new(model: &ModeModel) -> BackboneModel {
-        let omega = model.angular_frequency_rad_s;
-        let damping = 2.0 * model.damping_ratio * omega * model.modal_mass;
+        let SeenMode { angular_frequency_rad_s: omega, damping_ratio, modal_mass } = model.mode;
+        let damping = 2.0 * damping_ratio * omega * modal_mass;
         let mut all = Vec::with_capacity(MOST_FINDINGS);
         all.push(Finding { square: 0.0, stiffness: omega * omega, damping, deviation: THEORY });
-        BackboneModel { mass: model.modal_mass, other: OtherMode::new(model), findings: all }
+        BackboneModel { mass: modal_mass, others: model.others().to_vec(), findings: all }
     }
 
     /// Returns to the theory alone.
@@ -116,7 +102,7 @@ impl BackboneModel {
 
     /// D of U/a.
     fn own(&self, dynamic_stiffness: Phasor, omega_rad_s: f64) -> Phasor {
-        (dynamic_stiffness.inv() - self.other.compliance(omega_rad_s)).inv()
+        (dynamic_stiffness.inv() - compliance(&self.others, omega_rad_s)).inv()
     }
 
     /// (ω₀², κ) at the amplitude.
@@ -131,7 +117,7 @@ impl BackboneModel {
     pub fn dynamic_stiffness(&self, amplitude_rad: f64, omega_rad_s: f64) -> Phasor {
         let (stiffness, damping) = self.at(amplitude_rad);
         let own = Phasor::new(self.mass * (stiffness - omega_rad_s * omega_rad_s), damping * omega_rad_s);
-        (own.inv() + self.other.compliance(omega_rad_s)).inv()
+        (own.inv() + compliance(&self.others, omega_rad_s)).inv()
     }
 
     /// The value at `square` by weighted least squares.
@@ -162,7 +148,7 @@ impl BackboneModel {
     }
 
     /// Amplitude and angular frequency at which the angle lags by `lag_rad` behind a load of amplitude `load`, solved
-    /// by iteration from `near`: without the other mode they are A = F sin φ/(κω) and ω² = ω₀² − κω cot φ/m. With it
+    /// by iteration from `near`: without the other modes they are A = F sin φ/(κω) and ω² = ω₀² − κω cot φ/m. With them
     /// U/a = F e^{iφ}/A gives D, and A Im D = F sin φ and Re D = Im D cot φ no longer hold; but the factors A Im D/F
     /// and Re D/Im D hardly change with A.
     pub fn target(&self, lag_rad: f64, load: f64, near: (f64, f64)) -> (f64, f64) {
@@ -197,13 +183,12 @@ mod tests {
     fn findings_predict_the_next_point() {
         let pose = Pose { beta1_deg: 0.0, beta2_deg: 60.0 };
         let arm = Arm::new(Preset::default().parameters().unwrap(), pose).unwrap();
-        let model = ModeModel::new(&arm, &Load::torque_nm(1.0, 0.0), ModeNumber::First);
-        let (w1, m) = (model.angular_frequency_rad_s, model.modal_mass);
-        let (softening, damping) = (2.0e3, 2.0 * model.damping_ratio * w1 * m);
-        let other = OtherMode::new(&model);
+        let model = ModeModel::new(&arm, &Load::torque_nm(1.0, 0.0), ModeNumber::FIRST).unwrap();
+        let (w1, m) = (model.mode.angular_frequency_rad_s, model.mode.modal_mass);
+        let (softening, damping) = (2.0e3, 2.0 * model.mode.damping_ratio * w1 * m);
         let stiffness = |a: f64, omega: f64| {
             let own = Phasor::new(m * (w1 * w1 - softening * a * a - omega * omega), damping * omega);
-            (own.inv() + other.compliance(omega)).inv()
+            (own.inv() + compliance(model.others(), omega)).inv()
         };
         let mut backbone = BackboneModel::new(&model);
         for (a, omega) in [(0.01, w1), (0.02, w1), (0.03, w1), (0.04, w1 - 0.02)] {

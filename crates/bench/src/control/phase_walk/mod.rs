@@ -39,10 +39,10 @@ use self::reading::{Found, Reader};
 use self::spec::BAND;
 use super::cancellation::Cancellation;
 use super::fourier_filter::{real_product, unit, wrapped};
-use super::{Abort, Answer, Controller, FourierFilter, Length, Link, LoadKind, ModeModel, ResponsePoint};
+use super::{Abort, Answer, Controller, FourierFilter, Length, LoadKind, ModeModel, Modelled, ResponsePoint, SeenMode};
 use crate::excitation::Phasor;
 use crate::rig::{Measurement, Sampling};
-use resonarm_dynamics::arm::{Arm, Load};
+use resonarm_dynamics::arm::Load;
 
 /// Most tries of a point before it is reported as not settled.
 const MOST_TRIES: u32 = 6;
@@ -60,6 +60,8 @@ const AMPLITUDE_TOLERANCE: f64 = 1e-3;
 const DRIFT_TOLERANCE: f64 = 4e-3;
 const DRIFT_LOAD_TOLERANCE: f64 = 0.004;
 const DRIFT_DOUBT: f64 = 0.6;
+/// The amplitude that no motion is meant to reach: half a radian, or half a metre.
+const LARGEST_AMPLITUDE: f64 = 0.5;
 /// Durations of ramp (at least), wait (at least and at most) and reading, in time constants 1/g of the loop.
 const RAMP: f64 = 3.0;
 const LEAST_SETTLE: f64 = 2.0;
@@ -71,15 +73,13 @@ const SETTLED_STEP: f64 = 2.5e-3;
 const RETRY: f64 = 0.25;
 /// The longest reading that noise may require, as a factor.
 const LONGEST_READ: f64 = 1.5;
-/// The largest amplitude, rad.
-const LARGEST_AMPLITUDE_RAD: f64 = 0.5;
 /// Number of responses that wait to be fetched.
 const RESPONSES: usize = 4;
 
 /// A motion to hold: the angle's amplitude, its frequency, and the dynamic stiffness U/a expected there.
 #[derive(Clone, Copy, Debug)]
 struct Target {
-    amplitude_rad: f64,
+    amplitude: f64,
     omega_rad_s: f64,
     stiffness: Phasor,
 }
@@ -137,40 +137,45 @@ pub struct PhaseWalk {
 }
 
 impl PhaseWalk {
-    /// A walk on `arm`, as the controller models it, with a shaker's armature if there is one, with readings at this
-    /// `sampling` and an exciter with the limit `limit`, N or N·m.
+    /// A walk on a structure as the controller models it, with readings at this `sampling` and an exciter with the limit
+    /// `limit`, N or N·m.
     ///
     /// # Errors
     /// [`PhaseWalkError`] names the impossible setting.
-    pub fn new(spec: PhaseWalkSpec, arm: &Arm, sampling: Sampling, limit: f64) -> Result<PhaseWalk, PhaseWalkError> {
-        PhaseWalk::of(Plan::Walk(spec), arm, sampling, limit)
+    pub fn new<'a>(
+        spec: PhaseWalkSpec,
+        of: impl Into<Modelled<'a>>,
+        sampling: Sampling,
+        limit: f64,
+    ) -> Result<PhaseWalk, PhaseWalkError> {
+        PhaseWalk::of(Plan::Walk(spec), of.into(), sampling, limit)
     }
 
     /// A stepped sine that controls the response, with the same arguments.
     ///
     /// # Errors
     /// [`PhaseWalkError`] names the impossible setting.
-    pub fn at_one_amplitude(
+    pub fn at_one_amplitude<'a>(
         spec: ResponseControlSpec,
-        arm: &Arm,
+        of: impl Into<Modelled<'a>>,
         sampling: Sampling,
         limit: f64,
     ) -> Result<PhaseWalk, PhaseWalkError> {
-        PhaseWalk::of(Plan::Response(spec), arm, sampling, limit)
+        PhaseWalk::of(Plan::Response(spec), of.into(), sampling, limit)
     }
 
-    fn of(plan: Plan, arm: &Arm, sampling: Sampling, limit: f64) -> Result<PhaseWalk, PhaseWalkError> {
+    fn of(plan: Plan, of: Modelled<'_>, sampling: Sampling, limit: f64) -> Result<PhaseWalk, PhaseWalkError> {
         plan.check()?;
         let (load, unit_load) = (plan.load(), plan.unit_load());
         if limit.is_nan() || limit <= load {
             let expected = "below what the exciter has: the loop needs some of it to change the amplitude";
             return Err(PhaseWalkError::Value { name: "amplitude", got: load, expected });
         }
-        let share = arm.high_frequency_force_share();
-        let model = ModeModel::new(&arm.clone().without_attachment(), &unit_load, plan.mode_number());
+        let share = of.high_frequency_force_share();
+        let model = of.mode_model(&unit_load, plan.mode_number())?;
         let gain_1_s = spec::gain_1_s(&model, plan.mode_number(), &sampling)?;
         plan.check_mode(&model)?;
-        let cancellation = Cancellation::new(plan.cancel_harmonics(), arm, unit_load.force_n, sampling);
+        let cancellation = Cancellation::new(plan.cancel_harmonics(), of, unit_load.force_n, sampling);
         let room = (BackboneModel::new(&model), cancellation, Vec::with_capacity(RESPONSES));
         Ok(PhaseWalk::at_start(plan, (limit, share), model, (sampling, gain_1_s), room))
     }
@@ -186,9 +191,9 @@ impl PhaseWalk {
         backbone.forget();
         cancellation.iter_mut().for_each(Cancellation::forget);
         responses.clear();
-        let omega_rad_s = model.angular_frequency_rad_s;
-        let damping = 2.0 * model.damping_ratio * omega_rad_s * model.modal_mass;
-        let other_step = model.other_angular_frequency_rad_s / sampling.rate_hz;
+        let SeenMode { angular_frequency_rad_s: omega_rad_s, damping_ratio, modal_mass } = model.mode;
+        let damping = 2.0 * damping_ratio * omega_rad_s * modal_mass;
+        let other_step = model.tone_rad_s() / sampling.rate_hz;
         PhaseWalk {
             plan,
             limit,
@@ -204,7 +209,7 @@ impl PhaseWalk {
             cancellation,
             read_factor: 1.0,
             stage: Stage::Start,
-            target: Target { amplitude_rad: 0.0, omega_rad_s, stiffness: Phasor::new(0.0, damping * omega_rad_s) },
+            target: Target { amplitude: 0.0, omega_rad_s, stiffness: Phasor::new(0.0, damping * omega_rad_s) },
             point: 0,
             tries: 0,
             unsettled: 0,
@@ -233,59 +238,60 @@ impl PhaseWalk {
     /// Starts towards the point that is to be tried at sample `n`, or towards rest after the last.
     fn set_off(&mut self, n: u64) {
         if self.point == self.plan.points() {
-            return self.head_for(n, Target { amplitude_rad: 0.0, ..self.target });
+            return self.head_for(n, Target { amplitude: 0.0, ..self.target });
         }
-        let near = (self.target.amplitude_rad, self.target.omega_rad_s);
+        let near = (self.target.amplitude, self.target.omega_rad_s);
         let wanted = self.plan.wanted(self.point);
-        let (amplitude_rad, omega_rad_s) = match wanted {
+        let (amplitude, omega_rad_s) = match wanted {
             Wanted::Lag(lag_rad, load) => self.backbone.target(lag_rad, load, near),
-            Wanted::Amplitude(amplitude_rad, omega_rad_s) => (amplitude_rad, omega_rad_s),
+            Wanted::Amplitude(amplitude, omega_rad_s) => (amplitude, omega_rad_s),
         };
         let stiffness = match wanted {
-            Wanted::Lag(lag_rad, load) => unit(lag_rad) * (load / amplitude_rad),
-            Wanted::Amplitude(..) => self.backbone.dynamic_stiffness(amplitude_rad, omega_rad_s),
+            Wanted::Lag(lag_rad, load) => unit(lag_rad) * (load / amplitude),
+            Wanted::Amplitude(..) => self.backbone.dynamic_stiffness(amplitude, omega_rad_s),
         };
-        let in_band = (omega_rad_s / self.model.angular_frequency_rad_s - 1.0).abs() < BAND;
-        if !(in_band && amplitude_rad < LARGEST_AMPLITUDE_RAD) {
+        let in_band = (omega_rad_s / self.model.mode.angular_frequency_rad_s - 1.0).abs() < BAND;
+        if !(in_band && amplitude < LARGEST_AMPLITUDE) {
             let lag_deg = libm::atan2(stiffness.im, stiffness.re).to_degrees();
             let frequency_hz = omega_rad_s / TAU;
-            self.stage = Stage::Done(Some(Abort::OutOfBand { lag_deg, frequency_hz, amplitude_rad }));
+            let unit = self.model.followed.unit();
+            self.stage = Stage::Done(Some(Abort::OutOfBand { lag_deg, frequency_hz, amplitude, unit }));
             return;
         }
-        self.head_for(n, Target { amplitude_rad, omega_rad_s, stiffness });
+        self.head_for(n, Target { amplitude, omega_rad_s, stiffness });
     }
 
     /// A change of amplitude takes the load 2ωm Ȧ; smoothstep's steepest slope is 3/2 of the mean. Half of the
     /// exciter's reserve above the walk's load is used for it.
     fn head_for(&mut self, n: u64, to: Target) {
         let from = mem::replace(&mut self.target, to);
-        if let Some(cancellation) = self.cancellation.as_mut().filter(|_| from.amplitude_rad > 0.0) {
-            cancellation.follow(Phasor::new(to.amplitude_rad / from.amplitude_rad, 0.0));
+        if let Some(cancellation) = self.cancellation.as_mut().filter(|_| from.amplitude > 0.0) {
+            cancellation.follow(Phasor::new(to.amplitude / from.amplitude, 0.0));
         }
-        let change = (to.amplitude_rad - from.amplitude_rad).abs();
+        let change = (to.amplitude - from.amplitude).abs();
         let spare = 0.5 * (self.limit - self.plan.load());
-        let seconds = (3.0 * to.omega_rad_s * self.model.modal_mass * change / spare).max(RAMP / self.gain_1_s);
+        let seconds = (3.0 * to.omega_rad_s * self.model.mode.modal_mass * change / spare).max(RAMP / self.gain_1_s);
         self.stage = Stage::Ramp { from, since: n, length: self.samples_in(seconds) };
     }
 
     /// How long transients take to die out after the step from another motion: they are as large as the step, and decay
     /// as e^{−gt}.
     fn settling_samples(&self, from: &Target) -> u64 {
-        let step = (self.target.amplitude_rad - from.amplitude_rad).abs() / self.target.amplitude_rad;
+        let step = (self.target.amplitude - from.amplitude).abs() / self.target.amplitude;
         let time_constants = libm::log(step / SETTLED_STEP).clamp(LEAST_SETTLE, MOST_SETTLE);
         self.samples_in(time_constants / self.gain_1_s)
     }
 
     /// Amplitude, its rate, angular frequency and U/a wanted at sample `n`.
     fn wanted(&self, n: u64) -> (f64, f64, f64, Phasor) {
-        let Target { amplitude_rad: a1, omega_rad_s: w1, stiffness: d1 } = self.target;
+        let Target { amplitude: a1, omega_rad_s: w1, stiffness: d1 } = self.target;
         let Stage::Ramp { from, since, length } = self.stage else { return (a1, 0.0, w1, d1) };
         let (s, slope) = ramped((n - since) as f64 / length as f64);
         let slope = slope * self.sampling.rate_hz / length as f64;
         let between = |a: f64, b: f64| a + (b - a) * s;
         let stiffness = from.stiffness + (d1 - from.stiffness) * s;
-        let change = a1 - from.amplitude_rad;
-        (between(from.amplitude_rad, a1), change * slope, between(from.omega_rad_s, w1), stiffness)
+        let change = a1 - from.amplitude;
+        (between(from.amplitude, a1), change * slope, between(from.omega_rad_s, w1), stiffness)
     }
 
     /// Moves to the next stage when it is time.
@@ -327,7 +333,7 @@ impl PhaseWalk {
             Wanted::Amplitude(..) => found.load,
         };
         let deviation = libm::hypot(found.load_deviation, DRIFT_DOUBT * found.taken_by_drift) / load;
-        self.backbone.add(found.amplitude_rad, self.target.omega_rad_s, found.stiffness, deviation);
+        self.backbone.add(found.amplitude, self.target.omega_rad_s, found.stiffness, deviation);
         let lag_rad = libm::atan2(found.stiffness.im, found.stiffness.re);
         let tolerance = LOAD_TOLERANCE * load;
         // Noise in the reading decreases with the power 3/2 of its length.
@@ -339,9 +345,9 @@ impl PhaseWalk {
                 (found.load - load).abs() < tolerance.max((2.0 * found.load_deviation).min(NOISY_LOAD_TOLERANCE * load))
                     && (lag_rad - wanted_rad).abs() < LAG_TOLERANCE_RAD
             }
-            Wanted::Amplitude(wanted_rad, _) => (found.amplitude_rad / wanted_rad - 1.0).abs() < AMPLITUDE_TOLERANCE,
+            Wanted::Amplitude(wanted_rad, _) => (found.amplitude / wanted_rad - 1.0).abs() < AMPLITUDE_TOLERANCE,
         };
-        let off = (found.amplitude_rad / self.target.amplitude_rad - 1.0).abs();
+        let off = (found.amplitude / self.target.amplitude - 1.0).abs();
         let frequency_hz = self.target.omega_rad_s / TAU;
         let correct = |cancellation: &mut Cancellation| cancellation.correct(frequency_hz, found.load, off);
         let is_cancelled = self.cancellation.as_mut().is_none_or(correct);
@@ -382,7 +388,7 @@ impl PhaseWalk {
         self.omega_rad_s = omega;
         let envelope = (Phasor::new(amplitude, 0.0) - self.angle()) * self.gain_1_s + rate;
         let forward = (stiffness + self.taken) * amplitude;
-        let u = Phasor::new(0.0, 2.0 * omega * self.model.modal_mass) * envelope + forward;
+        let u = Phasor::new(0.0, 2.0 * omega * self.model.mode.modal_mass) * envelope + forward;
         // A load held for a sample acts less by sin y/y, y = ½ωT; with a shaker, which takes many times the arm's load,
         // this matters.
         let hold = self.sampling.hold(omega / TAU);
@@ -401,10 +407,8 @@ impl PhaseWalk {
     /// The reason to abort at a sample, if there is one.
     fn check_reading(&self, sample: &Measurement) -> Option<Abort> {
         let frequency_hz = self.omega_rad_s / TAU;
-        let (point, point_key) = match self.model.link {
-            Link::First => ('B', 'b'),
-            Link::Second => ('C', 'c'),
-        };
+        let [_, takes_c] = self.model.followed.takes();
+        let (point, point_key) = if takes_c { ('C', 'c') } else { ('B', 'b') };
         self.model.is_clipped(sample).then_some(Abort::Clipped { point, point_key, frequency_hz })
     }
 
@@ -429,8 +433,8 @@ impl Controller for PhaseWalk {
     /// The angle of the followed link is that of the accelerations, and the acting force that of the head.
     fn needs(&self) -> [bool; Measurement::CHANNELS] {
         let head = self.load_kind() == LoadKind::Force;
-        let c = self.model.link == Link::Second;
-        [head, head, true, true, c, c]
+        let [b, c] = self.model.followed.takes();
+        [head, head, b, b, c, c]
     }
 
     fn restart(&mut self) {
@@ -449,9 +453,9 @@ impl Controller for PhaseWalk {
         self.last_sample = Some(n);
         let holds_late = self.sampling.converter.holds_late();
         let read_rad = self.phase_rad - holds_late as f64 * step_rad;
-        self.filter.update(self.model.angular_acceleration_rad_s2(sample), read_rad);
+        self.filter.update(self.model.acceleration(sample), read_rad);
         if matches!(self.stage, Stage::Read) {
-            let other_rad = n as f64 * (self.model.other_angular_frequency_rad_s / self.sampling.rate_hz);
+            let other_rad = n as f64 * (self.model.tone_rad_s() / self.sampling.rate_hz);
             self.reader.add(sample, &self.model, read_rad, other_rad, self.held.before(holds_late));
             self.cancellation.iter_mut().for_each(|cancellation| cancellation.add(sample, read_rad / TAU));
         }
@@ -478,5 +482,7 @@ impl Controller for PhaseWalk {
     }
 }
 
+#[cfg(test)]
+mod structure_tests;
 #[cfg(test)]
 mod tests;

@@ -1,22 +1,24 @@
 //! The sequence of wanted motions: a load and a lag each, or one amplitude and a frequency each.
 
+use alloc::vec::Vec;
 use core::f64::consts::TAU;
 
 use serde::{Deserialize, Serialize};
 
-use super::PhaseWalkError;
 use super::spec::{BAND, MOST_POINTS, PhaseWalkSpec, size};
+use super::{LARGEST_AMPLITUDE, PhaseWalkError};
 use crate::control::{CancelHarmonics, ModeModel, ModeNumber};
 use crate::excitation::Amplitude;
 use resonarm_dynamics::arm::Load;
 
 /// A stepped sine at which the response is controlled: at every frequency the load that holds one amplitude of the
-/// followed angle, stable or not (T. Karaağaçlı, H. N. Özgüven, "Experimental Identification of Backbone Curves of
+/// followed coordinate, stable or not (T. Karaağaçlı, H. N. Özgüven, "Experimental Identification of Backbone Curves of
 /// Strongly Nonlinear Systems by Using Response-Controlled Stepped-Sine Testing (RCT)", Vibration 3 (2020),
 /// doi:10.3390/vibration3030019).
 ///
-/// The followed angle is α1, or α1 + α2 where in the mode's shape link 1 turns less than a fifth as far as link 2
-/// ([`Link`](crate::control::Link)).
+/// Of the arm the followed coordinate is the angle α1, or α1 + α2 where in the mode's shape link 1 turns less than a fifth
+/// as far as link 2; of another structure it is the displacement of accelerometer C, or of B where C moves less than a
+/// fifth as far ([`Followed`](crate::control::Followed)).
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct ResponseControlSpec {
@@ -26,8 +28,12 @@ pub struct ResponseControlSpec {
     /// The mode near whose frequency the sines are.
     #[serde(default)]
     pub mode_number: ModeNumber,
-    /// Amplitude of the followed angle at every frequency, rad, positive.
-    pub angle_rad: f64,
+    /// Amplitude of the followed angle at every frequency, rad, above 0 and below 0.5: of the arm.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub angle_rad: Option<f64>,
+    /// Amplitude of the followed displacement at every frequency, m, above 0 and below 0.5: of another structure.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub displacement_m: Option<f64>,
     /// First frequency, Hz, within a tenth of the mode's.
     pub from_hz: f64,
     /// Last frequency, Hz, with the same bounds; below the first for a sweep down.
@@ -52,9 +58,9 @@ pub(super) enum Plan {
 /// The wanted motion of one point.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(super) enum Wanted {
-    /// This lag of the angle behind the load, rad, and this amplitude of the load.
+    /// This lag of the followed coordinate behind the load, rad, and this amplitude of the load.
     Lag(f64, f64),
-    /// This amplitude of the angle, rad, and this angular frequency, rad/s.
+    /// This amplitude of the followed coordinate, rad or m, and this angular frequency, rad/s.
     Amplitude(f64, f64),
 }
 
@@ -101,7 +107,7 @@ impl Plan {
     pub fn wanted(&self, point: usize) -> Wanted {
         match self {
             Plan::Walk(spec) => Wanted::Lag(spec.lag_rad(point), spec.load_at(point)),
-            Plan::Response(spec) => Wanted::Amplitude(spec.angle_rad, TAU * spec.frequency_hz(point)),
+            Plan::Response(spec) => Wanted::Amplitude(spec.response(), TAU * spec.frequency_hz(point)),
         }
     }
 
@@ -119,7 +125,15 @@ impl Plan {
     /// Checks what depends on the mode.
     pub fn check_mode(&self, model: &ModeModel) -> Result<(), PhaseWalkError> {
         let Plan::Response(spec) = self else { return Ok(()) };
-        let mode_hz = model.angular_frequency_rad_s / TAU;
+        let (what, expected) = match model.followed.is_angle() {
+            true => ("the angle of a link", "angle_rad"),
+            false => ("the displacement of a point", "displacement_m"),
+        };
+        let got = spec.stated().first().map(|(name, _)| *name);
+        if got != Some(expected) {
+            return Err(PhaseWalkError::Followed { what, expected, got });
+        }
+        let mode_hz = model.mode.angular_frequency_rad_s / TAU;
         for (name, got_hz) in [("from_hz", spec.from_hz), ("to_hz", spec.to_hz)] {
             let within = (1.0 - BAND) * mode_hz..=(1.0 + BAND) * mode_hz;
             if !within.contains(&got_hz) {
@@ -137,10 +151,30 @@ impl ResponseControlSpec {
         if !(3..=MOST_POINTS).contains(&self.points) {
             return value("points", self.points as f64, "from 3 to 10000");
         }
-        if !(self.angle_rad > 0.0 && self.angle_rad < super::LARGEST_AMPLITUDE_RAD) {
-            return value("angle_rad", self.angle_rad, "above 0 and below 0.5");
+        if let [_, (name, got)] = self.stated()[..] {
+            return value(name, got, "left out beside `angle_rad`");
         }
-        Ok(())
+        match self.stated().into_iter().find(|(_, got)| !(*got > 0.0 && *got < LARGEST_AMPLITUDE)) {
+            Some((name, got)) => value(name, got, "above 0 and below 0.5"),
+            None => Ok(()),
+        }
+    }
+
+    /// The amplitudes that are given, with their names in a scenario.
+    fn stated(&self) -> Vec<(&'static str, f64)> {
+        let both = [("angle_rad", self.angle_rad), ("displacement_m", self.displacement_m)];
+        both.into_iter().filter_map(|(name, amplitude)| Some((name, amplitude?))).collect()
+    }
+
+    /// The amplitude of the followed coordinate; NaN if none is given.
+    fn response(&self) -> f64 {
+        self.response_with_unit().map_or(f64::NAN, |(amplitude, _)| amplitude)
+    }
+
+    /// The amplitude of the followed coordinate with its unit, rad or m, if one is given.
+    pub fn response_with_unit(&self) -> Option<(f64, &'static str)> {
+        let angle = self.angle_rad.map(|angle_rad| (angle_rad, "rad"));
+        angle.or(self.displacement_m.map(|displacement_m| (displacement_m, "m")))
     }
 
     fn frequency_hz(&self, point: usize) -> f64 {

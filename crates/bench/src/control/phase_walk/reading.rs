@@ -32,8 +32,8 @@ pub(super) struct Reader {
 /// The result of a reading.
 #[derive(Clone, Debug)]
 pub(super) struct Found {
-    /// Amplitude of the followed angle, rad.
-    pub amplitude_rad: f64,
+    /// Amplitude of the followed coordinate, rad or m.
+    pub amplitude: f64,
     /// U/a without the contribution of a remaining drift of a: that of the steady motion.
     pub stiffness: Phasor,
     /// The share of the command that a shaker takes, over a; noise with an ideal exciter.
@@ -42,7 +42,7 @@ pub(super) struct Found {
     pub load: f64,
     /// The load that the drift takes.
     pub taken_by_drift: f64,
-    /// Standard deviation of the load's amplitude that belongs to `amplitude_rad`.
+    /// Standard deviation of the load's amplitude that belongs to `amplitude`.
     pub load_deviation: f64,
     /// Change of a over the window, relative.
     pub drift: f64,
@@ -61,7 +61,7 @@ impl Reader {
         }
     }
 
-    /// Adds a sample with the phase at which it was read, that of the arm's other mode, and the load held at that time.
+    /// Adds a sample with the phase at which it was read, that of the tone beside it, and the load held at that time.
     pub fn add(&mut self, sample: &Measurement, model: &ModeModel, phase_rad: f64, other_rad: f64, held: f64) {
         let readings = sample.readings();
         let mut values = [Some(held); CHANNELS];
@@ -72,7 +72,7 @@ impl Reader {
         let phase_cycles = phase_rad / TAU;
         let k = sample.sample - self.first;
         self.fit.add(k, phase_cycles - libm::floor(phase_cycles), &values);
-        self.drift.add(k, phase_rad, other_rad, model.angular_acceleration_rad_s2(sample));
+        self.drift.add(k, phase_rad, other_rad, model.acceleration(sample));
     }
 
     /// The result at the angular frequency `omega`, rad/s, once the window is over at sample `now`.
@@ -111,15 +111,15 @@ impl Reader {
             model.across([[fundamental(2), fundamental(3)], [fundamental(4), fundamental(5)]]) / -(omega * omega);
         let drift = self.drift.finish()?;
         let windows_1_s = sampling.rate_hz / self.samples as f64;
-        let taken_by_drift = Phasor::new(0.0, 2.0 * omega * model.modal_mass * windows_1_s) * drift.change;
+        let taken_by_drift = Phasor::new(0.0, 2.0 * omega * model.mode.modal_mass * windows_1_s) * drift.change;
         let stiffness = acting / angle - taken_by_drift;
         let steady = stiffness * angle;
         Some(Found {
-            amplitude_rad: size(angle),
+            amplitude: size(angle),
             stiffness,
             taken: (held * sampling.hold(frequency_hz) - acting) / angle,
             load: size(steady),
-            load_deviation: 2.0 * model.modal_mass / omega * windows_1_s * drift.deviation
+            load_deviation: 2.0 * model.mode.modal_mass / omega * windows_1_s * drift.deviation
                 / sampling.gain(frequency_hz),
             taken_by_drift: size(taken_by_drift * angle),
             drift: size(drift.change),

@@ -1,12 +1,14 @@
 //! A phase walk as a scenario states it, and the gain of its loop.
 
+use alloc::format;
+use alloc::string::String;
 use core::f64::consts::TAU;
 
 use serde::{Deserialize, Serialize};
 use thiserror::Error;
 
 use crate::control::loop_poles::{self, Loop};
-use crate::control::{CancelHarmonics, ModeModel, ModeNumber};
+use crate::control::{CancelHarmonics, ModeModel, ModeNumber, NoSuchMode, SeenMode};
 use crate::excitation::{Amplitude, ExcitationError};
 use crate::rig::Sampling;
 use resonarm_numeric::number::short;
@@ -89,6 +91,22 @@ pub enum PhaseWalkError {
         /// The allowed values.
         expected: &'static str,
     },
+    /// The structure does not have this mode.
+    #[error("control: {0}")]
+    NoSuchMode(#[from] NoSuchMode),
+    /// The response is not stated as the coordinate that is followed.
+    #[error(
+        "control: `response-control` follows {what} here: give its amplitude as `{expected}`, and not as {}",
+        .got.map_or(String::from("nothing"), |got| format!("`{got}`"))
+    )]
+    Followed {
+        /// What is followed.
+        what: &'static str,
+        /// The key that states its amplitude.
+        expected: &'static str,
+        /// The key that is given, if one is.
+        got: Option<&'static str>,
+    },
     /// There is no force with harmonics to cancel.
     #[error(
         "control: `cancel_harmonics` is closed on the impedance head, which reads no torque: leave it out, or give forces"
@@ -126,13 +144,14 @@ pub enum PhaseWalkError {
     },
     /// The control loop would be unstable at every gain that was tried.
     #[error(
-        "control: no gain makes the loop stable on mode {mode} in this pose: the other mode, at {other_hz:.2} Hz, takes part; choose another direction of the load or a higher rate"
+        "control: no gain makes the loop stable on mode {mode}{}; choose another direction of the load or a higher rate",
+        .other_hz.map_or(String::new(), |hz| format!(" in this pose: the other mode, at {hz:.2} Hz, takes part"))
     )]
     Unstable {
         /// The mode's number.
         mode: u8,
-        /// The other mode's frequency, Hz.
-        other_hz: f64,
+        /// The frequency of the most prominent other mode, if there is one, Hz.
+        other_hz: Option<f64>,
     },
 }
 
@@ -207,14 +226,14 @@ impl PhaseWalkSpec {
 pub(super) fn gain_1_s(model: &ModeModel, mode_number: ModeNumber, sampling: &Sampling) -> Result<f64, PhaseWalkError> {
     let rate_hz = sampling.rate_hz;
     let mode = u8::from(mode_number);
-    let frequency_hz = model.angular_frequency_rad_s / TAU;
-    if !model.modal_mass.is_finite() {
+    let frequency_hz = model.mode.angular_frequency_rad_s / TAU;
+    if !model.mode.modal_mass.is_finite() {
         return Err(PhaseWalkError::NotDriven { mode });
     }
     if rate_hz < SAMPLES_A_PERIOD * frequency_hz {
         return Err(PhaseWalkError::Rate { rate_hz, frequency_hz });
     }
-    let other_hz = model.other_angular_frequency_rad_s / TAU;
+    let other_hz = model.others().first().map(|other| other.angular_frequency_rad_s / TAU);
     stable_gain_1_s(model, sampling).ok_or(PhaseWalkError::Unstable { mode, other_hz })
 }
 
@@ -222,14 +241,15 @@ pub(super) fn gain_1_s(model: &ModeModel, mode_number: ModeNumber, sampling: &Sa
 ///
 /// Tries g = 0.072 ω₀ 2^(−k/2): the filter's bandwidth 5 g is then a third of the frequency at most. The loop must be
 /// stable with the command up to two samples late, and no motion may die out more slowly than at half the rate of the
-/// slower mode alone.
+/// slowest mode alone.
 fn stable_gain_1_s(model: &ModeModel, sampling: &Sampling) -> Option<f64> {
     const LARGEST: f64 = 0.072;
     const TRIES: i32 = 12;
     const LATE: usize = 2;
-    let alone = (model.damping_ratio * model.angular_frequency_rad_s)
-        .min(model.other_damping_ratio * model.other_angular_frequency_rad_s);
-    let gains = (0..TRIES).map(|k| LARGEST * model.angular_frequency_rad_s * libm::exp2(-0.5 * f64::from(k)));
+    let omega_rad_s = model.mode.angular_frequency_rad_s;
+    let decay_1_s = |mode: &SeenMode| mode.damping_ratio * mode.angular_frequency_rad_s;
+    let alone = model.others().iter().map(decay_1_s).fold(decay_1_s(&model.mode), f64::min);
+    let gains = (0..TRIES).map(|k| LARGEST * omega_rad_s * libm::exp2(-0.5 * f64::from(k)));
     gains.into_iter().find(|gain_1_s| {
         (0..=LATE).all(|delay| {
             let control = Loop {
@@ -237,7 +257,7 @@ fn stable_gain_1_s(model: &ModeModel, sampling: &Sampling) -> Option<f64> {
                 sampling: *sampling,
                 adaptation: FILTER_RATE * gain_1_s / sampling.rate_hz,
                 gain_1_s: *gain_1_s,
-                omega_rad_s: model.angular_frequency_rad_s,
+                omega_rad_s,
                 delay,
             };
             loop_poles::slowest_decay_1_s(&control) > 0.5 * alone

@@ -7,7 +7,7 @@ use crate::plant::{Plant, PlantSpec};
 use crate::rig::{AccelerometerSpec, Converter, RigSpec};
 use alloc::collections::VecDeque;
 use alloc::string::{String, ToString};
-use resonarm_dynamics::arm::{Pose, Preset, State};
+use resonarm_dynamics::arm::{Arm, Pose, Preset, State};
 use resonarm_dynamics::integrate::Scheme;
 
 fn arm(beta2_deg: f64) -> Arm {
@@ -169,8 +169,9 @@ fn rejects_impossible_response_control() {
     let (from_hz, to_hz, points, cancel_harmonics) = (22.0, 22.3, 5, CancelHarmonics::NONE);
     let spec = ResponseControlSpec {
         amplitude,
-        mode_number: ModeNumber::First,
-        angle_rad: 0.05,
+        mode_number: ModeNumber::FIRST,
+        angle_rad: Some(0.05),
+        displacement_m: None,
         from_hz,
         to_hz,
         points,
@@ -180,7 +181,7 @@ fn rejects_impossible_response_control() {
         PhaseWalk::at_one_amplitude(spec, &arm(60.0), sampling(1000.0), 1600.0).unwrap_err().to_string()
     };
     insta::assert_snapshot!(says(ResponseControlSpec { points: 1, ..spec }), @"control: `points` is 1: it must be from 3 to 10000");
-    insta::assert_snapshot!(says(ResponseControlSpec { angle_rad: -0.05, ..spec }), @"control: `angle_rad` is -0.05: it must be above 0 and below 0.5");
+    insta::assert_snapshot!(says(ResponseControlSpec { angle_rad: Some(-0.05), ..spec }), @"control: `angle_rad` is -0.05: it must be above 0 and below 0.5");
     insta::assert_snapshot!(says(ResponseControlSpec { from_hz: 12.0, ..spec }), @"control: `from_hz` is 12: it must be within a tenth of the mode's 22.16 Hz, from 19.94 to 24.37 Hz");
     insta::assert_snapshot!(says(ResponseControlSpec { to_hz: f64::NAN, ..spec }), @"control: `to_hz` is NaN: it must be within a tenth of the mode's 22.16 Hz, from 19.94 to 24.37 Hz");
 }
@@ -192,13 +193,13 @@ fn says_why_it_gives_up() {
         Abort::Clipped { point: 'B', point_key: 'b', frequency_hz },
         Abort::Load { got: 612.3, limit: 600.0, unit: "N", frequency_hz },
         Abort::NotSettling { points: 3, frequency_hz, lag_deg: 23.26, drift: 5.9e-5 },
-        Abort::OutOfBand { lag_deg: 10.0, frequency_hz: 31.5, amplitude_rad: 0.7 },
+        Abort::OutOfBand { lag_deg: 10.0, frequency_hz: 31.5, amplitude: 0.7, unit: "rad" },
     ];
     let texts: Vec<String> = aborts.iter().map(ToString::to_string).collect();
     insta::assert_snapshot!(texts.join("\n"), @"
     the accelerometer at B was clipped at 22.1317 Hz: drive less, or give it more range (`rig.accelerometer_b.range_m_s2`; the classic profile carries 1638 m/s²)
     the loop asks for 612.3 N at 22.1317 Hz, the exciter has 600 N: drive less, or raise the limit if the exciter has more
     3 points in a row did not settle, the last at 22.1317 Hz and a lag of 23.3° (drift 5.9e-5): another mode takes part there, or the arm is not the one that the scenario describes
-    no motion of the mode has a lag of 10.0° at this load by what was found so far: the frequency would be 31.500 Hz, the amplitude 0.700 rad
+    no motion of the mode has a lag of 10.0° at this load by what was found so far: the frequency would be 31.500 Hz, the amplitude 0.700 rad; a walk stays within a tenth of the mode's frequency: take lags nearer to 90°, or another load
     ");
 }

@@ -1,0 +1,201 @@
+//! Walks on structures other than the arm, against their computed branches.
+
+use super::*;
+use crate::control::{Followed, ModeNumber};
+use crate::excitation::Amplitude;
+use crate::plant::{Placed, Places, Plant, PlantSpec, TestedAssembly};
+use crate::rig::{Converter, RigSpec};
+use alloc::string::{String, ToString};
+use alloc::vec;
+use resonarm_analysis::Distances;
+use resonarm_analysis::structure::{Assess, Coordinate, Forced, TraceOptions, nearest, trace};
+use resonarm_dynamics::arm::{Pose, Preset, State};
+use resonarm_dynamics::integrate::Scheme;
+use resonarm_dynamics::structure::{
+    Assembly, Axis, BodySpec, ChainSpec, ElementSpec, Law, Link, ModalSpec, ModeSpec, Place, ShapeSpec, StructureSpec,
+};
+
+const SAMPLING: Sampling = Sampling { rate_hz: 1000.0, converter: Converter::Sinc5 };
+
+fn place(point: &str, axis: Axis) -> Place {
+    Place::Dof { point: point.into(), axis }
+}
+
+/// The exciter and accelerometer C at `tip`, B at `b`.
+fn tested(body: BodySpec, elements: Vec<ElementSpec>, b: &str) -> TestedAssembly {
+    let assembly = Assembly::new(&StructureSpec { body, elements }).unwrap();
+    let placed = |at: &str| Placed { along: ["x", "y"].map(|axis| assembly.dof(&alloc::format!("{at}.{axis}")).ok()) };
+    let places = Places { exciter: placed("tip"), accelerometer_b: placed(b), accelerometer_c: placed("tip") };
+    TestedAssembly { initial: vec![0.0; 2 * assembly.coordinates()], places, assembly }
+}
+
+/// Modes at 20, 43 and 71 Hz with a spring at the tip that hardens.
+fn modal(frequencies_hz: &[f64]) -> TestedAssembly {
+    let modes = frequencies_hz.iter().map(|&frequency_hz| ModeSpec { frequency_hz, damping_ratio: 0.01 }).collect();
+    let shape = |name: &str, of: [f64; 3]| ShapeSpec {
+        point: name.into(),
+        axis: Axis::X,
+        by_mode: of[..frequencies_hz.len()].to_vec(),
+    };
+    let shapes = vec![shape("tip", [0.4, 0.3, -0.2]), shape("mid", [0.2, -0.3, 0.3])];
+    let law = Law::Cubic { stiffness3: 2e8, stiffness5: 0.0 };
+    let elements = vec![ElementSpec { at: place("tip", Axis::X), to: None, law }];
+    tested(BodySpec::Modal(ModalSpec { modes, shapes }), elements, "mid")
+}
+
+/// Three links, the last joint hardening.
+fn chain() -> TestedAssembly {
+    let link = |angle_deg: f64| Link {
+        length_m: 0.4,
+        mass_kg: 5.0,
+        centre_of_mass_m: 0.2,
+        inertia_kg_m2: 0.07,
+        angle_deg,
+        stiffness_nm_rad: 4e4,
+        damping_nm_s_rad: 3.0,
+    };
+    let links = vec![link(20.0), link(35.0), link(40.0)];
+    let law = Law::Cubic { stiffness3: 4e9, stiffness5: 0.0 };
+    let elements = vec![ElementSpec { at: Place::Joint(3), to: None, law }];
+    tested(BodySpec::Chain(ChainSpec { links, gravity_m_s2: 0.0 }), elements, "joint3")
+}
+
+fn spec(amplitude: Amplitude, mode: u8) -> PhaseWalkSpec {
+    PhaseWalkSpec {
+        points: 5,
+        mode_number: ModeNumber::try_from(mode).unwrap(),
+        from_lag_deg: 30.0,
+        to_lag_deg: 150.0,
+        ..PhaseWalkSpec::new(amplitude)
+    }
+}
+
+fn plant(tested: &TestedAssembly) -> Plant {
+    let mut rig = RigSpec { converter: SAMPLING.converter, ..RigSpec::default() };
+    rig.accelerometer_b.noise_rms_m_s2 = Some(0.0);
+    rig.accelerometer_c.noise_rms_m_s2 = Some(0.0);
+    rig.impedance_head.noise_rms_n = Some(0.0);
+    let spec = PlantSpec {
+        parameters: Preset::default().parameters().unwrap(),
+        pose: Pose { beta1_deg: 0.0, beta2_deg: 60.0 },
+        initial: State::default(),
+        structure: Some(tested.clone()),
+        scheme: Scheme::default(),
+        sample_rate_hz: SAMPLING.rate_hz,
+        steps_per_sample: 4,
+        rig,
+        seed: 1,
+    };
+    Plant::new(&spec).unwrap()
+}
+
+/// The responses of a walk that finishes.
+fn walked(tested: &TestedAssembly, walk: &mut PhaseWalk) -> Vec<ResponsePoint> {
+    let (mut plant, mut points) = (plant(tested), Vec::new());
+    loop {
+        let answer = walk.answer(&plant.measure());
+        points.extend(core::iter::from_fn(|| walk.poll_response()));
+        match answer {
+            Answer::Hold(load) => plant.advance(&load).unwrap(),
+            Answer::Finished => return points,
+            Answer::Aborted(abort) => panic!("{abort}"),
+        }
+        assert!(plant.sample() < 200_000, "{points:?}");
+    }
+}
+
+/// A walk by a force along an axis at the tip settles at every point, on the computed branch, where it is unstable too;
+/// returns how many motions are.
+fn on_the_branch(tested: &TestedAssembly, (name, mode): (&str, u8), force_n: f64) -> usize {
+    let mut amplitude = Amplitude::default();
+    *(if name == "tip.x" { &mut amplitude.force_x_n } else { &mut amplitude.force_y_n }) = force_n;
+    let mut walk = PhaseWalk::new(spec(amplitude, mode), tested, SAMPLING, 600.0).unwrap();
+    assert_eq!(walk.model().followed, Followed::PointC);
+    let points = walked(tested, &mut walk);
+    let dof = tested.assembly.dof(name).unwrap();
+    let read = ["tip.x", "tip.y"].map(|name| tested.assembly.dof(name).ok());
+    let range = |pick: fn(f64, f64) -> f64| points.iter().map(|point| point.frequency_hz).reduce(pick).unwrap();
+    let interval = [0.97 * range(f64::min), 1.03 * range(f64::max)];
+    let forced = Forced::new(tested.assembly.clone(), dof, force_n);
+    let reads = read.into_iter().flatten().collect();
+    let mut options = TraceOptions::new(&forced, Coordinate::FrequencyHz, interval, reads);
+    options.branch.continuation.largest_turn_rad = 0.03;
+    // The multipliers of a chain take many times longer than its branch.
+    options.assess = match &tested.assembly.spec().body {
+        BodySpec::Chain(_) => Assess::Nothing,
+        BodySpec::Modal(_) => Assess::Multipliers,
+    };
+    options.branch.most_points = 100_000;
+    let branch = trace(&forced, interval[0], Coordinate::FrequencyHz, &options).unwrap();
+    let mut unstable = 0;
+    for point in &points {
+        assert!(point.settled && (point.load / force_n - 1.0).abs() < 1e-3, "{point:?}");
+        let omega = TAU * point.frequency_hz;
+        for (reading, along) in read.iter().flatten().zip([0, 1]) {
+            let amplitude = point.acceleration_c_m_s2[along].norm_sqr().sqrt() / (omega * omega);
+            let at = nearest(&branch.orbits, along, [point.frequency_hz, amplitude], Distances::default()).unwrap();
+            let off = (at.frequency_deviation, at.amplitude_deviation);
+            assert!(off.0.abs() < 5e-5 && off.1.abs() < 3e-3, "{reading:?} {point:?}: {off:?}");
+            unstable += usize::from(along == 0 && at.is_stable == Some(false));
+        }
+    }
+    assert_eq!(points.len(), 5);
+    unstable
+}
+
+#[test]
+fn a_walk_on_modes_is_on_the_computed_branch() {
+    let three = modal(&[20.0, 43.0, 71.0]);
+    assert!(on_the_branch(&three, ("tip.x", 1), 12.0) > 0);
+    on_the_branch(&three, ("tip.x", 2), 12.0);
+    // A single mode has no other beside it.
+    assert!(on_the_branch(&modal(&[20.0]), ("tip.x", 1), 12.0) > 0);
+}
+
+#[test]
+fn a_walk_on_a_chain_is_on_the_computed_branch() {
+    on_the_branch(&chain(), ("tip.y", 1), 20.0);
+    on_the_branch(&chain(), ("tip.x", 2), 20.0);
+}
+
+/// The load that holds one displacement at every frequency is that of the branch.
+#[test]
+fn one_displacement_is_held() {
+    let tested = modal(&[20.0, 43.0, 71.0]);
+    let amplitude = Amplitude { force_x_n: 20.0, ..Amplitude::default() };
+    let spec = ResponseControlSpec {
+        amplitude,
+        mode_number: ModeNumber::FIRST,
+        angle_rad: None,
+        displacement_m: Some(5e-4),
+        from_hz: 19.8,
+        to_hz: 20.4,
+        points: 4,
+        cancel_harmonics: crate::control::CancelHarmonics::NONE,
+    };
+    let mut walk = PhaseWalk::at_one_amplitude(spec, &tested, SAMPLING, 600.0).unwrap();
+    for point in walked(&tested, &mut walk) {
+        let omega = TAU * point.frequency_hz;
+        let held_m = point.acceleration_c_m_s2[0].norm_sqr().sqrt() / (omega * omega);
+        assert!(point.settled && (held_m / 5e-4 - 1.0).abs() < 2e-3, "{point:?}");
+    }
+    let refused = |spec| PhaseWalk::at_one_amplitude(spec, &tested, SAMPLING, 600.0).unwrap_err().to_string();
+    let angle = ResponseControlSpec { angle_rad: Some(0.01), displacement_m: None, ..spec };
+    insta::assert_snapshot!(refused(angle), @"control: `response-control` follows the displacement of a point here: give its amplitude as `displacement_m`, and not as `angle_rad`");
+    let none = ResponseControlSpec { displacement_m: None, ..spec };
+    insta::assert_snapshot!(refused(none), @"control: `response-control` follows the displacement of a point here: give its amplitude as `displacement_m`, and not as nothing");
+    let both = ResponseControlSpec { angle_rad: Some(0.01), ..spec };
+    insta::assert_snapshot!(refused(both), @"control: `displacement_m` is 0.0005: it must be left out beside `angle_rad`");
+}
+
+#[test]
+fn a_mode_that_is_not_there_is_refused() {
+    let amplitude = Amplitude { force_x_n: 20.0, ..Amplitude::default() };
+    let refused = |tested: &TestedAssembly, mode: u8| -> String {
+        PhaseWalk::new(spec(amplitude, mode), tested, SAMPLING, 600.0).unwrap_err().to_string()
+    };
+    insta::assert_snapshot!(refused(&modal(&[20.0]), 2), @"control: mode 2: modes are numbered from 1 to 1");
+    let y = Amplitude { force_x_n: 0.0, force_y_n: 20.0, ..amplitude };
+    let off = PhaseWalk::new(spec(y, 1), &modal(&[20.0]), SAMPLING, 600.0).unwrap_err();
+    insta::assert_snapshot!(off, @"control: this load does not drive mode 1: choose another direction");
+}
