@@ -108,33 +108,30 @@ impl From<CancelHarmonics> for alloc::vec::Vec<u8> {
     }
 }
 
-/// Transfer from the coil's force to that in the head.
+/// Transfer from the coil's force to that in the head, by way of an armature to the arm, linearised in its pose; an ideal
+/// exciter's force is all in the head.
 #[derive(Clone, Copy, Debug)]
-enum HeadTransfer {
-    /// All of it.
-    Ideal,
-    /// By way of an armature to the arm, linearised in its pose.
-    Shaker {
-        arm: FrequencyResponse,
-        attachment: Attachment,
-        /// w, m.
-        moment: Vector2<f64>,
-    },
+struct HeadTransfer {
+    arm: FrequencyResponse,
+    attachment: Attachment,
+    /// w, m.
+    moment: Vector2<f64>,
 }
 
 impl HeadTransfer {
-    fn new(of: Modelled<'_>, direction: &Vector2<f64>) -> HeadTransfer {
-        let Modelled::Arm(arm) = of else { return HeadTransfer::Ideal };
-        let Some(attachment) = arm.attachment().copied() else { return HeadTransfer::Ideal };
+    /// `None` with an ideal exciter.
+    fn new(of: Modelled<'_>, direction: &Vector2<f64>) -> Option<HeadTransfer> {
+        let Modelled::Arm(arm) = of else { return None };
+        let attachment = arm.attachment().copied()?;
         let alone = arm.clone().without_attachment();
         let moment = alone.tip_jacobian(&Vector2::zeros()).tr_mul(direction);
-        HeadTransfer::Shaker { arm: FrequencyResponse::new(&alone), attachment, moment }
+        Some(HeadTransfer { arm: FrequencyResponse::new(&alone), attachment, moment })
     }
 
     /// 1/(1 + R Z); `None` where the arm's response is infinite.
     fn at(&self, frequency_hz: f64) -> Option<Phasor> {
         let one = Phasor::new(1.0, 0.0);
-        let HeadTransfer::Shaker { arm, attachment, moment } = self else { return Some(one) };
+        let HeadTransfer { arm, attachment, moment } = self;
         let Attachment { mass_kg, stiffness_n_m, damping_n_s_m, .. } = attachment;
         let w = moment.map(|component| Phasor::new(component, 0.0));
         let receptance = w.dot(&(arm.receptance_matrix(frequency_hz).ok()? * w));
@@ -161,7 +158,7 @@ struct Harmonic {
 #[derive(Clone, Debug)]
 pub(super) struct Cancellation {
     harmonics: [Option<Harmonic>; ORDERS.len()],
-    transfer: HeadTransfer,
+    transfer: Option<HeadTransfer>,
     /// Share of the coil's force that goes into the arm far above the natural frequencies.
     share: f64,
     direction: Vector2<f64>,
@@ -249,7 +246,9 @@ impl Cancellation {
             is_cancelled &= size(first).max(size(second)) < CANCELLED * fundamental_n;
             let order = f64::from(harmonic.order);
             let hold = self.sampling.hold(order * frequency_hz);
-            if let Some(transfer) = self.transfer.at(order * frequency_hz) {
+            let ideal = Some(Phasor::new(1.0, 0.0));
+            let transfer = self.transfer.as_ref().map_or(ideal, |transfer| transfer.at(order * frequency_hz));
+            if let Some(transfer) = transfer {
                 harmonic.correct((first + second) * 0.5, transfer * hold, fundamental_n, order * off);
             }
         }
