@@ -19,7 +19,7 @@ fn recordings() -> Vec<PathBuf> {
 #[test]
 fn every_state_is_the_recorded_one() {
     let paths = recordings();
-    assert_eq!(paths.len(), 8, "{paths:?}");
+    assert_eq!(paths.len(), 11, "{paths:?}");
     for path in paths {
         let recording = Recording::open(&path).unwrap();
         assert_eq!(*recording.integrity(), Integrity::Complete, "{}", path.display());
@@ -65,5 +65,5 @@ fn a_free_run_made_again_is_the_recorded_one() {
         assert!(recorded.next().is_none() && simulated.next().is_none(), "{}", path.display());
         made += 1;
     }
-    assert_eq!(made, 7);
+    assert_eq!(made, 10);
 }
