@@ -182,8 +182,11 @@ fn figure(branch: &Branch, asked: &Asked<'_>, read: &Read<'_>, label: &str) -> F
     for (index, ((_, name), color)) in read.iter().zip(COLORS.into_iter().cycle()).enumerate() {
         for (stretch, is_stable) in stretches(branch) {
             let points = stretch.iter().map(|orbit| (orbit.value, orbit.readings[index].largest)).collect();
-            let dash = if is_stable == Some(false) { Dash::Dashed } else { Dash::Solid };
-            panel.series.push(Series::line(*name, color, points).style(Style::Line { color, width: 1.6, dash }));
+            let (title, dash) = match is_stable {
+                Some(false) => (format!("{name}, unstable"), Dash::Dashed),
+                _ => ((*name).to_owned(), Dash::Solid),
+            };
+            panel.series.push(Series::line(title, color, points).style(Style::Line { color, width: 1.6, dash }));
         }
         for (kind, title, shape) in branch_plot::BIFURCATIONS {
             let found = branch.bifurcations.iter().filter(|found| found.kind == kind).map(|found| &found.orbit);

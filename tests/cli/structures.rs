@@ -163,6 +163,35 @@ fn the_modes_of_a_structure_are_identified() {
     }
 }
 
+/// The texts of a picture: titles, axes with their numbers, legends.
+fn texts(svg: &Path) -> Vec<String> {
+    let svg = fs::read_to_string(svg).unwrap();
+    svg.split("<text").skip(1).map(|text| text.split("</text>").next().unwrap().to_owned()).collect()
+}
+
+/// Each command of the gallery draws the picture below it, as far as its texts say.
+#[test]
+fn the_gallery_is_drawn_by_its_commands() {
+    let here = Path::new(env!("CARGO_MANIFEST_DIR"));
+    let page = fs::read_to_string(here.join("docs/gallery.md")).unwrap();
+    let folder = tempfile::tempdir().unwrap();
+    let mut drawn = 0;
+    for command in page.lines().filter_map(|line| line.strip_prefix("resonarm ")) {
+        let (command, stem) = command.split_once(" --plot ").unwrap();
+        let name = Path::new(stem).file_name().unwrap();
+        let again = folder.path().join(name);
+        let words: Vec<&str> = command.split(' ').collect();
+        let said = resonarm(here, &[&words[..], &["--plot", again.to_str().unwrap()]].concat());
+        assert_eq!(said.code, 0, "{command}: {}", said.stderr);
+        let [shown, again] = [here.join(stem), again].map(|stem| texts(&stem.with_extension("svg")));
+        assert!(shown.len() > 10);
+        assert_eq!(again, shown, "{command}");
+        assert!(page.contains(&format!("(images/structures/{}.svg)", name.display())), "{name:?}");
+        drawn += 1;
+    }
+    assert_eq!(drawn, 6);
+}
+
 #[test]
 fn a_structure_is_shown() {
     let shown = |name: &str| resonarm(Path::new("."), &["structure", "--scenario", &example(name)]).stdout;
