@@ -42,7 +42,6 @@ fn switched_motions_are_those_in_closed_form() {
                 }
             }
         }
-        println!("{} {worst:e} events {}", case["elements"], stepper.events());
         assert!(worst < 1e-12, "{}: {worst:e}", case["elements"]);
         assert_eq!([stepper.events(), stepper.fallbacks()], [case["switches"].as_u64().unwrap(), 0]);
     }
@@ -86,7 +85,6 @@ fn after_steps(assembly: &Assembly, rate_hz: f64) -> [f64; 2] {
 
 fn check_apart(what: &str, got: [f64; 2], expected: [f64; 2], most: f64) {
     let apart = (got[0] - expected[0]).abs().max((got[1] - expected[1]).abs() / 100.0);
-    println!("{what} {apart:e}");
     assert!(apart < most, "{what}: {apart:e}, {got:?} {expected:?}");
 }
 
@@ -219,7 +217,6 @@ fn energy_is_balanced() {
         let (q, v, z) = (&saved[..2], &saved[2..4], &saved[4..4 + assembly.element_states()]);
         let stored = assembly.energy_j(q, v) + assembly.element_energy_j(q, z);
         let defect = (stored - work + lost).abs() / (work.abs() + lost);
-        println!("{names:?} {defect:e} {work} {lost} events {}", halves.steppers[0].events());
         assert!(lost > 0.0 && defect < 1e-9, "{names:?} {stored} {work} {lost}");
     }
 }
