@@ -77,7 +77,7 @@ fn a_walk_on_the_bracket_is_on_its_branch() {
     let found = document(folder.path(), 0, &[&walk[..], &["--plot", "walk", "--json"]].concat());
     assert_eq!(
         names(&found),
-        ["configuration", "files", "outcome", "points", "reason", "score", "simulated_s", "wall_s"],
+        ["configuration", "outcome", "points", "reason", "score", "simulated_s", "wall_s"],
         "{found:#}"
     );
     let score = &found["score"];
