@@ -1,0 +1,109 @@
+//! The cases on users' own protocols against nodes of this program, in virtual time, and against nodes with one flaw
+//! each.
+
+mod controllers;
+mod devices;
+mod plants;
+
+use std::collections::BTreeSet;
+
+use super::*;
+use crate::tests::device::{Device, Nobody, Virtual};
+use crate::{Check, Verdict};
+
+/// A scenario with a protocol of each kind.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum On {
+    Dbc,
+    Odrive,
+    Cia402,
+}
+
+impl On {
+    const ALL: [On; 3] = [On::Dbc, On::Odrive, On::Cia402];
+
+    fn scenario(self) -> Scenario {
+        let text = match self {
+            On::Dbc => include_str!("bench.toml"),
+            On::Odrive => include_str!("axes.toml"),
+            On::Cia402 => include_str!("drives.toml"),
+        };
+        let mut scenario = Scenario::parse(text, "a test").unwrap();
+        if let Some(wire) = scenario.wire.as_mut().filter(|wire| wire.preset.is_none()) {
+            wire.text = Some(include_str!("bench.dbc").to_string());
+        }
+        scenario
+    }
+
+    pub fn wire(self, tested: Node, mode: Mode) -> UserWire {
+        UserWire::new(self.scenario(), tested, mode).unwrap()
+    }
+
+    fn modes(self) -> &'static [Mode] {
+        if self == On::Odrive { &[Mode::RealTime] } else { &[Mode::RealTime, Mode::Lockstep] }
+    }
+}
+
+fn settings() -> Settings {
+    Settings { patience_ns: 1_500_000_000, beyond_n: Some(650.0), ..Settings::default() }
+}
+
+/// The findings of all cases, each with a new device.
+fn findings(on: &UserWire, make: impl Fn() -> Box<dyn Device>) -> Vec<(&'static str, Finding)> {
+    let run = |case: WireCase| {
+        let mut wire = Virtual::new(make());
+        (case.id, run_on_wire(&case, &mut wire, on, settings()).unwrap())
+    };
+    wire_cases(on).into_iter().map(run).collect()
+}
+
+/// The names of the cases that fail.
+fn failed(found: &[(&'static str, Finding)]) -> Vec<&'static str> {
+    let is_failed = |finding: &Finding| matches!(finding.verdict, Verdict::Failed(_));
+    found.iter().filter(|(_, finding)| is_failed(finding)).map(|(id, _)| *id).collect()
+}
+
+fn all_pass(found: &[(&'static str, Finding)], skipped: &[&str]) {
+    let others = found.iter().filter(|(id, finding)| match finding.verdict {
+        Verdict::Passed => false,
+        Verdict::Skipped(_) => !skipped.contains(id),
+        Verdict::Failed(_) | Verdict::Inconclusive(_) => true,
+    });
+    let others: Vec<_> = others.map(|(id, finding)| (id, &finding.verdict)).collect();
+    assert!(others.is_empty(), "{others:#?}");
+}
+
+#[test]
+fn cases_cover_what_they_can_and_name_no_other() {
+    let all = || On::ALL.into_iter().flat_map(|on| on.modes().iter().map(move |mode| (on, *mode)));
+    let wires = all().flat_map(|(on, mode)| Node::ALL.map(|tested| on.wire(tested, mode)));
+    let covered: BTreeSet<_> = wires.flat_map(|wire| wire_cases(&wire)).flat_map(|case| case.requirements).collect();
+    for requirement in &WIRE_REQUIREMENTS {
+        let by_cases = matches!(requirement.check, Check::Cases);
+        assert_eq!(covered.contains(&requirement.id), by_cases, "{requirement:?}");
+    }
+    assert!(covered.iter().all(|id| WIRE_REQUIREMENTS.iter().any(|requirement| requirement.id == **id)));
+}
+
+#[test]
+fn an_empty_bus_gives_no_verdict() {
+    for on in On::ALL {
+        for (tested, mode) in Node::ALL.into_iter().flat_map(|node| on.modes().iter().map(move |mode| (node, *mode))) {
+            for (id, finding) in findings(&on.wire(tested, mode), || Box::new(Nobody)) {
+                let is_open = matches!(finding.verdict, Verdict::Inconclusive(_) | Verdict::Skipped(_));
+                assert!(is_open, "{on:?} {id}: {finding:?}");
+            }
+        }
+    }
+}
+
+#[test]
+fn a_scenario_that_has_no_cases_is_refused_in_words() {
+    let refused = |scenario: Scenario| UserWire::new(scenario, Node::Plant, Mode::RealTime).unwrap_err().to_string();
+    insta::assert_snapshot!(refused(Scenario::default()), @"the scenario has no [wire], a protocol of its own: leave it out to test on Resonarm's protocol");
+    let mut by_operator = On::Dbc.scenario();
+    let wire = by_operator.wire.as_mut().unwrap();
+    wire.events.clear();
+    wire.arm = Some(resonarm_files::scenario::wire::ArmSpec::Operator);
+    insta::assert_snapshot!(refused(by_operator), @"");
+}
