@@ -3,7 +3,7 @@
 use alloc::format;
 
 use super::monitor::Heard;
-use super::plant_cases::{arm, drive, judged_fault, load_of, meet};
+use super::plant_cases::{arm, drive, judged_fault, load_of};
 use super::tester::{Alter, Tester};
 use crate::tester::{GONE_NS, MARGIN_NS, MS, Stop, failed, inconclusive, late, ms, not_at_once, skipped, wrong};
 use resonarm_bench::node::WireSpec;
@@ -32,6 +32,15 @@ enum Answer {
     Value(u32),
     Written,
     Aborted(u32),
+}
+
+/// Starts the drives' communication, which then say their statuswords by themselves.
+fn meet(t: &mut Tester) -> Result<(), Stop> {
+    send(t, NMT_ID, &[1, 0])?;
+    if t.wait_for(0, t.settings.patience_ns, |_| true)?.is_some() {
+        return Ok(());
+    }
+    inconclusive(format!("no drive came: is it on this bus? Instead came: {}", t.monitor.in_words()))
 }
 
 /// The drives of the wire: none of another protocol, which has none of these cases.
@@ -226,7 +235,6 @@ pub(super) fn heartbeats(t: &mut Tester) -> Result<(), Stop> {
 /// Each SYNC asks for a position.
 pub(super) fn positions(t: &mut Tester) -> Result<(), Stop> {
     meet(t)?;
-    send(t, NMT_ID, &[1, 0])?;
     t.run_ns(MARGIN_NS)?;
     let from = t.mark();
     for _ in 0..SYNCS {
@@ -247,7 +255,6 @@ pub(super) fn positions(t: &mut Tester) -> Result<(), Stop> {
 /// Targets of a drive that is not enabled don't act.
 pub(super) fn not_enabled(t: &mut Tester) -> Result<(), Stop> {
     meet(t)?;
-    send(t, NMT_ID, &[1, 0])?;
     for drive in drives(t) {
         let node_id = drive.node_id;
         for controlword in [0x00, 0x80, 0x00, 0x06, 0x07] {

@@ -49,6 +49,11 @@ impl Heard {
         self.meanings().any(|meaning| matches!(meaning, Meaning::Request { action, .. } if *action == wanted))
     }
 
+    /// Whether it synchronises.
+    pub fn is_sync(&self) -> bool {
+        self.meanings().any(|meaning| *meaning == Meaning::Sync)
+    }
+
     /// The state that it says of the plant, by its name in a mapping.
     pub fn says_state(&self) -> Option<&'static str> {
         self.state_said

@@ -7,8 +7,8 @@ use resonarm_bench::node::{ExciterInterface, PlantInterface, PublishedSample};
 use resonarm_bench::rig::{Converter, Exciter, GateSpec, Measurement, Reading};
 use resonarm_dynamics::arm::Load;
 
-/// How long a controller is away before it is started again, ns.
-const AWAY_NS: u64 = 100_000_000;
+/// How long a controller is away before it is started, and started again, ns.
+const AWAY_NS: u64 = 200_000_000;
 /// The period of a device's samples, ns.
 const PERIOD_NS: u64 = 5_000_000;
 
@@ -81,7 +81,7 @@ impl ControllerDevice {
     pub fn new(on: UserWire, flaw: Flaw) -> ControllerDevice {
         let node = on.spec.exciter(on.rate(), on.timing, controller(&on)).unwrap();
         let context = Context::default();
-        ControllerDevice { on, node, flaw, context, starts_at_ns: 0, has_started: false, queue: Vec::new() }
+        ControllerDevice { on, node, flaw, context, starts_at_ns: AWAY_NS, has_started: false, queue: Vec::new() }
     }
 
     fn collect(&mut self) {
