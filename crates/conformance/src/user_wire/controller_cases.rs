@@ -269,11 +269,9 @@ fn stops_once(t: &mut Tester, state: NodeState) -> Result<(), Stop> {
     t.run_ns(WATCH_NS / 2)?;
     let still = t.heard()[from..].iter().find(|heard| heard.state == state && has_load(heard, limits));
     match still {
-        Some(heard) => failed(format!(
-            "{} {} after the plant has said that it is {state}",
-            commanded(heard),
-            ms(heard.at_ns - now_ns)
-        )),
+        Some(heard) => {
+            failed(format!("{} {} after the plant has become {state}", commanded(heard), ms(heard.at_ns - now_ns)))
+        }
         None => Ok(()),
     }
 }

@@ -59,7 +59,7 @@ impl Controller for Constant {
 pub(super) enum End {
     /// It only listens.
     Listener,
-    Plant(PlantEnd),
+    Plant(Box<PlantEnd>),
     Exciter(Box<dyn ExciterInterface>),
 }
 

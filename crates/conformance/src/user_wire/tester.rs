@@ -57,7 +57,7 @@ impl<'w> Tester<'w> {
     pub fn new(wire: &'w mut dyn Wire, on: &'w UserWire, settings: Settings) -> Tester<'w> {
         let now_ns = wire.now_ns();
         let end = match on.tested {
-            Node::Exciter => End::Plant(PlantEnd::new(on, now_ns)),
+            Node::Exciter => End::Plant(Box::new(PlantEnd::new(on, now_ns))),
             Node::Plant => End::Listener,
         };
         Tester {
@@ -183,7 +183,7 @@ impl<'w> Tester<'w> {
         let mut seen = from;
         let mut found = None;
         self.until(within_ns, |t| {
-            found = t.monitor.heard[seen..].iter().position(|heard| holds(heard)).map(|place| place + seen);
+            found = t.monitor.heard[seen..].iter().position(&holds).map(|place| place + seen);
             seen = t.monitor.heard.len();
             found.is_some()
         })?;

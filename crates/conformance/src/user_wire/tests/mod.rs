@@ -8,8 +8,9 @@ mod plants;
 use std::collections::BTreeSet;
 
 use super::*;
-use crate::tests::device::{Device, Nobody, Virtual};
+use crate::tests::device::{Device, Nobody, Stops, Virtual};
 use crate::{Check, Verdict};
+use devices::{ControllerDevice, Flaw, NONE, PlantDevice};
 
 /// A scenario with a protocol of each kind.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -95,6 +96,40 @@ fn an_empty_bus_gives_no_verdict() {
             }
         }
     }
+}
+
+#[test]
+fn a_node_that_is_stopped_again_and_again_never_fails() {
+    for on in On::ALL {
+        for (tested, mode) in Node::ALL.into_iter().flat_map(|node| on.modes().iter().map(move |mode| (node, *mode))) {
+            let wire = on.wire(tested, mode);
+            for case in wire_cases(&wire) {
+                let device: Box<dyn Device> = match tested {
+                    Node::Plant => Box::new(PlantDevice::new(wire.clone(), NONE)),
+                    Node::Exciter => Box::new(ControllerDevice::new(wire.clone(), NONE)),
+                };
+                let mut bus = Virtual::new(device);
+                bus.stops = Some(Stops { for_ns: 150_000_000, every_ns: 570_000_000, until_ns: u64::MAX });
+                let Finding { verdict, .. } = run_on_wire(&case, &mut bus, &wire, settings()).unwrap();
+                assert!(!matches!(verdict, Verdict::Failed(_)), "{on:?} {}: {verdict:?}", case.id);
+            }
+        }
+    }
+}
+
+#[test]
+fn a_failure_while_the_tester_was_held_up_is_inconclusive() {
+    let mut scenario = On::Dbc.scenario();
+    scenario.wire.as_mut().unwrap().commands[0].timeout_s = Some(0.08);
+    let wire = UserWire::new(scenario, Node::Plant, Mode::RealTime).unwrap();
+    let case = wire_cases(&wire).into_iter().find(|case| case.id == "plant-disarm").unwrap();
+    let stays = Flaw { holds: |_| resonarm_dynamics::arm::Load::force_n(5.0, 0.0), ..NONE };
+    let mut bus = Virtual::new(Box::new(PlantDevice::new(wire.clone(), stays)));
+    let verdict = |bus: &mut Virtual| run_on_wire(&case, bus, &wire, settings()).unwrap().verdict;
+    assert!(matches!(verdict(&mut bus), Verdict::Failed(_)));
+    bus.held_up_every = Some(50);
+    let held_up = verdict(&mut bus);
+    assert!(matches!(&held_up, Verdict::Inconclusive(text) if text.contains("held up for")), "{held_up:?}");
 }
 
 #[test]
