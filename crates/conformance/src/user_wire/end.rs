@@ -69,7 +69,7 @@ pub(super) struct PlantEnd {
     plant: Plant,
     mode: Mode,
     period_ns: u64,
-    /// When the next sample is due at the earliest, ns; in lockstep of a plant that is not armed.
+    /// When the next sample is due at the earliest, ns: in lockstep, too, the plant is no faster than its rate.
     due_ns: u64,
     has_begun: bool,
     /// In lockstep: whether the sample published last is to be answered.
@@ -124,14 +124,13 @@ impl PlantEnd {
         }
     }
 
-    /// Does what is due. In real time a node looks at commands once a sample.
+    /// Does what is due. In real time the node looks at commands once a sample.
     pub fn work(&mut self, now_ns: u64) -> Result<(), Stop> {
         while self.node.poll_event().is_some() {}
         if self.mode == Mode::Lockstep {
             self.node.handle_deadline(now_ns);
         }
-        let is_free = self.mode != Mode::Lockstep || !self.node.is_armed() || !self.is_awaited;
-        if self.is_paused || (self.mode == Mode::Lockstep && self.waits()) || (is_free && now_ns < self.due_ns) {
+        if self.is_paused || now_ns < self.due_ns || (self.mode == Mode::Lockstep && self.waits()) {
             return Ok(());
         }
         if self.mode != Mode::Lockstep {

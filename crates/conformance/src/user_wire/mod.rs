@@ -58,7 +58,7 @@ pub(super) enum Kind {
 #[derive(Debug, Error)]
 pub enum UserWireError {
     /// The scenario has no protocol of its own.
-    #[error("the scenario has no [wire], a protocol of its own: leave it out to test on Resonarm's protocol")]
+    #[error("the scenario has no [wire], a protocol of its own: leave the scenario out to test on Resonarm's protocol")]
     NoWire,
     /// The scenario disturbs its network.
     #[error(

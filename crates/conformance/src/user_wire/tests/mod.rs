@@ -135,7 +135,7 @@ fn a_failure_while_the_tester_was_held_up_is_inconclusive() {
 #[test]
 fn a_scenario_that_has_no_cases_is_refused_in_words() {
     let refused = |scenario: Scenario| UserWire::new(scenario, Node::Plant, Mode::RealTime).unwrap_err().to_string();
-    insta::assert_snapshot!(refused(Scenario::default()), @"the scenario has no [wire], a protocol of its own: leave it out to test on Resonarm's protocol");
+    insta::assert_snapshot!(refused(Scenario::default()), @"the scenario has no [wire], a protocol of its own: leave the scenario out to test on Resonarm's protocol");
     let mut by_operator = On::Dbc.scenario();
     let wire = by_operator.wire.as_mut().unwrap();
     wire.events.clear();
