@@ -57,23 +57,22 @@ fn is_float(signal: &resonarm_wire::signal::Signal) -> bool {
     signal.layout().number() == Number::Float
 }
 
-/// The counters of the frames with loads that the tester has sent last.
+/// The frames that the tester has sent last.
 #[derive(Clone, Debug, Default)]
-pub(super) struct Counters {
-    sent: BTreeMap<Id, u64>,
+pub(super) struct Sent {
+    last: BTreeMap<Id, Frame>,
 }
 
-impl Counters {
+impl Sent {
     /// A frame that is sent as it is.
-    pub fn pass(&mut self, on: &UserWire, frame: &Frame) -> Frame {
-        if let Some(counter) = on
-            .commands()
-            .find(|message| message.id == frame.id())
-            .and_then(|message| message.protection.counter.as_ref().and_then(|counter| counter.read(frame.data())))
-        {
-            self.sent.insert(frame.id(), counter);
-        }
+    pub fn pass(&mut self, frame: &Frame) -> Frame {
+        self.last.insert(frame.id(), *frame);
         *frame
+    }
+
+    /// The counter of the frame of a message that was sent last.
+    fn counter(&self, message: &Incoming) -> Option<u64> {
+        message.protection.counter.as_ref()?.read(self.last.get(&message.id)?.data())
     }
 
     /// A frame as it is sent damaged, if it has a load.
@@ -90,10 +89,14 @@ impl Counters {
                 data.and_then(|data| Frame::new(frame.id(), frame.format(), data).ok())
             }
         };
-        damaged.unwrap_or(*frame)
+        let damaged = damaged.unwrap_or(*frame);
+        if matches!(damage, Damage::Repeated | Damage::Jump) {
+            self.last.insert(frame.id(), damaged);
+        }
+        damaged
     }
 
-    fn damaged(&mut self, message: &Incoming, frame: &Frame, damage: Damage) -> Option<Frame> {
+    fn damaged(&self, message: &Incoming, frame: &Frame, damage: Damage) -> Option<Frame> {
         let mut payload = frame.data().to_vec();
         match damage {
             Damage::Short => return shortened(message, frame),
@@ -105,11 +108,9 @@ impl Counters {
             }
             Damage::Repeated | Damage::Jump => {
                 let counter = message.protection.counter.as_ref()?;
-                let last = self.sent.get(&message.id).copied().unwrap_or(0);
+                let last = self.counter(message).unwrap_or(0);
                 let ahead = if damage == Damage::Jump { message.protection.most_lost + 2 } else { 0 };
-                let next = (last + ahead) % counter.values();
-                counter.write(next, &mut payload).ok()?;
-                self.sent.insert(message.id, next);
+                counter.write((last + ahead) % counter.values(), &mut payload).ok()?;
             }
             Damage::NotFinite => {
                 for command in message.commands.iter().filter(|command| is_float(&command.signal.signal)) {
@@ -120,20 +121,20 @@ impl Counters {
         protected(message, payload, frame)
     }
 
-    /// A frame that asks the plant to stop; `None` if no message of the mapping does.
+    /// A frame that asks the plant to stop: the one of its message that was sent last, with the value that stops. `None`
+    /// if no message of the mapping does.
     pub fn stop(&mut self, on: &UserWire) -> Option<Frame> {
         let (message, event) = on.mapping()?.incoming.iter().find_map(|message| {
             let stops = |event: &&_| stop_value(event).is_some();
             message.events.iter().find(stops).map(|event| (message, event))
         })?;
-        let mut payload: Vec<u8> = vec![0; message.length];
+        let last = self.last.get(&message.id);
+        let mut payload = last.map_or_else(|| vec![0; message.length], |last| last.data().to_vec());
         if let (Some(signal), Some(value)) = (&event.signal, stop_value(event)) {
             signal.signal.encode(value, &mut payload).ok()?;
         }
-        if let Some(counter) = &message.protection.counter {
-            let next = self.sent.get(&message.id).map_or(0, |last| counter.after(*last));
-            counter.write(next, &mut payload).ok()?;
-            self.sent.insert(message.id, next);
+        if let (Some(counter), Some(last)) = (&message.protection.counter, self.counter(message)) {
+            counter.write(counter.after(last), &mut payload).ok()?;
         }
         let empty = Frame::new(message.id, message.format, &payload).ok()?;
         protected(message, payload, &empty)

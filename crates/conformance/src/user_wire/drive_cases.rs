@@ -278,6 +278,7 @@ pub(super) fn not_enabled(t: &mut Tester) -> Result<(), Stop> {
 
 /// A fault has an emergency, and so has its end.
 pub(super) fn emergencies(t: &mut Tester) -> Result<(), Stop> {
+    t.on.awaited_ns()?;
     drive(t)?;
     t.alter = Alter::Mute;
     let (from, since_ns) = (t.mark(), t.sent_ns);

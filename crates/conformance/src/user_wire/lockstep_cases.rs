@@ -28,7 +28,10 @@ fn answers_more(t: &mut Tester, samples: u64) -> Result<(), Stop> {
         Some(emergency) if emergency.code == EmergencyCode::SampleSequence => {
             failed(format!("it answers sample {} twice", emergency.sample))
         }
-        Some(emergency) => failed(format!("sample {} has no answer: {}", emergency.sample, why(&emergency))),
+        Some(emergency) if emergency.code == EmergencyCode::CommandTimeout => {
+            failed(format!("sample {} has no answer: {}", emergency.sample, why(&emergency)))
+        }
+        Some(emergency) => inconclusive(format!("the plant of the tester faults: {emergency}")),
     }
 }
 
@@ -76,7 +79,7 @@ pub(super) fn controller_waits(t: &mut Tester) -> Result<(), Stop> {
         Some(emergency) if emergency.code == EmergencyCode::SampleSequence => {
             return failed(format!("it doesn't wait: it answers sample {} twice", emergency.sample));
         }
-        Some(emergency) => return failed(format!("while no sample comes: {}", why(&emergency))),
+        Some(emergency) => return inconclusive(format!("the plant of the tester faults: {emergency}")),
         None if !t.is_armed() => return failed(format!("it disarms a plant that has no sample for {}", ms(PAUSE_NS))),
         None => {}
     }
@@ -108,6 +111,7 @@ pub(super) fn plant_waits(t: &mut Tester) -> Result<(), Stop> {
 
 /// Without an answer the plant faults.
 pub(super) fn plant_timeout(t: &mut Tester) -> Result<(), Stop> {
+    t.on.awaited_ns()?;
     if !says_state(t) {
         return skipped("no reading that is sent by itself says that the plant is in fault");
     }

@@ -1,10 +1,9 @@
 //! Conformance to a user's own protocol: the cases of a scenario with `[wire]`.
 //!
-//! What the node under test must do follows from the mapping alone. The tester's own end is the node that
-//! the program runs on this protocol: before a controller under test the plant of the scenario, simulated; before a plant
-//! under test the emulated exciter. What that node sends can be altered on its way to the bus, and every frame of
-//! the node under test is checked by the [`Decoder`](resonarm_files::decoder::Decoder), which knows counters, checksums
-//! and meanings.
+//! What the node under test must do follows from the mapping alone. The tester's own end is the node that the program
+//! runs on this protocol: before a controller under test the plant of the scenario, simulated; before a plant under test
+//! the emulated exciter. What that node sends can be altered on its way to the bus, and every frame of the node under
+//! test is checked by the [`Decoder`], which knows counters, checksums and meanings.
 
 mod cases;
 mod controller_cases;
@@ -19,14 +18,16 @@ mod requirements;
 mod tester;
 
 use alloc::boxed::Box;
+use alloc::format;
 use alloc::string::{String, ToString};
+use alloc::vec::Vec;
 
 use thiserror::Error;
 
 pub use cases::{WireCase, WireScript, wire_cases};
 pub use requirements::WIRE_REQUIREMENTS;
 
-use super::tester::{MARGIN_NS, Stop};
+use super::tester::{MARGIN_NS, MS, Stop, ms, skipped};
 use super::tries::{Limits, Subject, Try, TryResult, judge, tries, unless_gone};
 use super::{Finding, Settings, Wire};
 use end::Constant;
@@ -42,6 +43,9 @@ use resonarm_protocol::{Frame, FrameFormat, Id, Node};
 use resonarm_session::run::{Mode, Options, RunError, Session};
 use resonarm_wire::canopen::{EMERGENCY_BASE, HEARTBEAT_BASE, NMT_ID, SDO_ANSWER_BASE, SYNC_ID};
 use tester::Tester;
+
+/// The longest time for which loads are valid that a case waits for, ns.
+const LONGEST_WAIT_NS: u64 = 60_000 * MS;
 
 /// Which protocol of the user's it is.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -195,16 +199,32 @@ impl UserWire {
         first.unwrap_or(LoadInput::ForceX)
     }
 
-    /// For how long a load is valid: the shortest of all messages, ns.
-    fn timeout_ns(&self) -> u64 {
+    /// For how long the loads of each message are valid, ns.
+    fn timeouts_ns(&self) -> Vec<u64> {
         match &self.spec {
-            _ if self.mode == Mode::Lockstep => self.timing.command_timeout_ns,
-            WireSpec::Mapped(_) => self.commands().map(|message| message.timeout_ns).min().unwrap_or(u64::MAX / 4),
-            WireSpec::Cia402(spec) => spec.timeout_ns,
+            _ if self.mode == Mode::Lockstep => alloc::vec![self.timing.command_timeout_ns],
+            WireSpec::Mapped(_) => self.commands().map(|message| message.timeout_ns).collect(),
+            WireSpec::Cia402(spec) => alloc::vec![spec.timeout_ns],
         }
     }
 
-    /// The protocol as the tester's plant keeps it: loads are valid for longer, by what a machine may hold a process up.
+    /// The shortest of them, after which a silent controller is a fault, ns.
+    fn timeout_ns(&self) -> u64 {
+        self.timeouts_ns().into_iter().min().unwrap_or(0)
+    }
+
+    /// Skips a case that waits for the longest of them, which is returned, ns, if that is longer than a minute.
+    fn awaited_ns(&self) -> Result<u64, Stop> {
+        match self.timeouts_ns().into_iter().max().unwrap_or(0) {
+            longest_ns if longest_ns > LONGEST_WAIT_NS => {
+                skipped(format!("loads are valid for {}: no case waits for longer than a minute", ms(longest_ns)))
+            }
+            longest_ns => Ok(longest_ns),
+        }
+    }
+
+    /// The protocol as the tester's plant keeps it: loads are valid for longer, by how long a machine may hold a
+    /// process up.
     fn patient_spec(&self) -> WireSpec {
         let mut spec = self.spec.clone();
         match &mut spec {

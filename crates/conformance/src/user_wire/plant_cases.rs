@@ -326,6 +326,7 @@ pub(super) fn commands_act(t: &mut Tester) -> Result<(), Stop> {
 
 /// Silence: fault after the timeout, and no load.
 pub(super) fn command_timeout(t: &mut Tester) -> Result<(), Stop> {
+    t.on.awaited_ns()?;
     if !says_state(t) {
         return skipped("no reading that is sent by itself says that the plant is in fault");
     }
@@ -416,6 +417,7 @@ pub(super) fn disarm(t: &mut Tester) -> Result<(), Stop> {
 
 /// A fault is reset by what the mapping says.
 pub(super) fn reset(t: &mut Tester) -> Result<(), Stop> {
+    t.on.awaited_ns()?;
     let resets = t.on.mapping().is_none_or(|mapping| asks(&mapping.incoming, Action::Reset));
     if !resets || !says_state(t) {
         return skipped("no message resets a fault, or no reading that is sent by itself says one");
@@ -451,7 +453,7 @@ pub(super) fn stop(t: &mut Tester) -> Result<(), Stop> {
         return skipped("no message stops the plant, or no reading that is sent by itself says a fault");
     }
     drive(t)?;
-    let Some(frame) = t.counters.stop(t.on) else { return skipped("no frame can be made of what stops the plant") };
+    let Some(frame) = t.sent.stop(t.on) else { return skipped("no frame can be made of what stops the plant") };
     let (from, now_ns) = (t.mark(), t.now_ns());
     t.send(&frame)?;
     let within_ns = MARGIN_NS + reading_period_ns(t);

@@ -22,6 +22,7 @@ pub(super) fn damaged(t: &mut Tester, damage: Damage) -> Result<(), Stop> {
             Damage::NotFinite => "not every message with loads has one that is a floating-point number",
         });
     }
+    t.on.awaited_ns()?;
     let (names, has_state) = (load_readings(t), says_state(t));
     if names.is_empty() && !has_state {
         return skipped("no reading that is sent by itself says the plant's state or the load that acts");

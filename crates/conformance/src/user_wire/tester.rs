@@ -8,7 +8,7 @@ use alloc::vec::Vec;
 use core::sync::atomic::{AtomicU64, Ordering};
 
 use super::UserWire;
-use super::craft::{Counters, Damage};
+use super::craft::{Damage, Sent};
 use super::end::{Constant, End, PlantEnd};
 use super::monitor::{Heard, Monitor, Seen, name};
 use crate::settings::Settings;
@@ -37,7 +37,7 @@ pub(super) struct Tester<'w> {
     pub settings: Settings,
     pub end: End,
     pub alter: Alter,
-    pub counters: Counters,
+    pub sent: Sent,
     /// The load of the emulated exciter, N or N·m.
     load: Arc<AtomicU64>,
     pub monitor: Monitor,
@@ -66,7 +66,7 @@ impl<'w> Tester<'w> {
             settings,
             end,
             alter: Alter::Nothing,
-            counters: Counters::default(),
+            sent: Sent::default(),
             load: Arc::new(AtomicU64::new(0)),
             monitor: Monitor::new(on),
             sent_ns: now_ns,
@@ -143,8 +143,8 @@ impl<'w> Tester<'w> {
         while let Some(frame) = self.end.poll_transmit() {
             let altered = match self.alter {
                 Alter::Mute => None,
-                Alter::Nothing => Some(self.counters.pass(self.on, &frame)),
-                Alter::Commands(damage) => Some(self.counters.damage(self.on, &frame, damage)),
+                Alter::Nothing => Some(self.sent.pass(&frame)),
+                Alter::Commands(damage) => Some(self.sent.damage(self.on, &frame, damage)),
             };
             if let Some(frame) = altered {
                 self.send(&frame)?;

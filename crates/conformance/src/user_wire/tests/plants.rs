@@ -204,8 +204,6 @@ fn an_axis_with_a_flaw_fails_the_cases_for_it() {
 fn a_drive_with_a_flaw_fails_the_cases_for_it() {
     let on = On::Cia402.wire(Node::Plant, Mode::RealTime);
     let drive = |change: fn(&mut resonarm_bench::node::cia402::DriveSpec)| {
-        let spec: fn(&mut WireSpec) = |_| {};
-        let _kept = spec;
         let mut other = on.spec.clone();
         if let WireSpec::Cia402(spec) = &mut other {
             spec.drives.iter_mut().for_each(change);
