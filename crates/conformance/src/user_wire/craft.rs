@@ -10,8 +10,6 @@ use resonarm_bench::node::mapped::mapping::{Action, Incoming};
 use resonarm_protocol::{Frame, Id};
 use resonarm_wire::layout::Number;
 
-/// Plus the node id: RPDO 1 of a drive.
-const COMMAND_BASE: u16 = 0x200;
 /// Bytes of a target's frame that end before the target.
 const BEFORE_TARGET: usize = 3;
 
@@ -82,10 +80,8 @@ impl Sent {
                 .commands()
                 .find(|message| message.id == frame.id())
                 .and_then(|message| self.damaged(message, frame, damage)),
-            WireSpec::Cia402(spec) => {
-                let is_command =
-                    spec.drives.iter().any(|drive| frame.id() == Id::Standard(COMMAND_BASE + u16::from(drive.node_id)));
-                let data = frame.data().get(..BEFORE_TARGET).filter(|_| is_command);
+            WireSpec::Cia402(_) => {
+                let data = frame.data().get(..BEFORE_TARGET).filter(|_| on.is_command(frame));
                 data.and_then(|data| Frame::new(frame.id(), frame.format(), data).ok())
             }
         };

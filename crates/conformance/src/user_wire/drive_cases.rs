@@ -2,6 +2,7 @@
 
 use alloc::format;
 
+use super::COMMAND_BASE;
 use super::monitor::Heard;
 use super::plant_cases::{arm, drive, judged_fault, load_of};
 use super::tester::{Alter, Tester};
@@ -13,8 +14,7 @@ use resonarm_protocol::{Frame, FrameError, Id};
 use resonarm_wire::canopen::cia402::DriveState;
 use resonarm_wire::canopen::{HEARTBEAT_BASE, NMT_ID, SDO_REQUEST_BASE, SYNC_ID};
 
-/// Plus the node id: RPDO 1 and TPDO 2.
-const COMMAND_BASE: u16 = 0x200;
+/// Plus the node id: TPDO 2.
 const MOTION_BASE: u16 = 0x280;
 /// The profile of drives, in the low half of the device type (object 1000).
 const PROFILE: u32 = 402;
@@ -281,7 +281,7 @@ pub(super) fn emergencies(t: &mut Tester) -> Result<(), Stop> {
     t.on.awaited_ns()?;
     drive(t)?;
     t.alter = Alter::Mute;
-    let (from, since_ns) = (t.mark(), t.sent_ns);
+    let (from, since_ns) = (t.mark(), t.commanded_ns);
     if judged_fault(t, from, since_ns, t.on.timeout_ns() + GONE_NS)?.is_none() {
         return inconclusive("without targets it doesn't fault: the case plant-command-timeout says more");
     }

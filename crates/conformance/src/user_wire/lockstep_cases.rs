@@ -117,7 +117,7 @@ pub(super) fn plant_timeout(t: &mut Tester) -> Result<(), Stop> {
     }
     arm(t)?;
     t.alter = Alter::Mute;
-    let (from, since_ns) = (t.mark(), t.sent_ns);
+    let (from, since_ns) = (t.mark(), t.commanded_ns);
     match judged_fault(t, from, since_ns, t.on.timeout_ns() + MARGIN_NS)? {
         Some(_) => Ok(()),
         None => late(format!("without an answer it says no fault within {}", ms(t.on.timeout_ns() + MARGIN_NS))),

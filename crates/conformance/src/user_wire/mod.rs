@@ -31,7 +31,7 @@ use super::tester::{MARGIN_NS, MS, Stop, ms, skipped};
 use super::tries::{Limits, Subject, Try, TryResult, judge, tries, unless_gone};
 use super::{Finding, Settings, Wire};
 use end::Constant;
-use resonarm_bench::node::mapped::mapping::{Arming, Incoming, LoadInput, Mapping};
+use resonarm_bench::node::mapped::mapping::{Arming, Incoming, LoadInput, Mapping, Outgoing, Trigger};
 use resonarm_bench::node::{TimeBase, Timing, WireSpec};
 use resonarm_bench::plant::Plant;
 use resonarm_bus::BusError;
@@ -46,6 +46,11 @@ use tester::Tester;
 
 /// The longest time for which loads are valid that a case waits for, ns.
 const LONGEST_WAIT_NS: u64 = 60_000 * MS;
+
+/// A message that comes at least so often can be waited for, ns.
+const FREQUENT_NS: u64 = 500 * MS;
+/// Plus the node id: RPDO 1 of a drive.
+const COMMAND_BASE: u16 = 0x200;
 
 /// Which protocol of the user's it is.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -178,6 +183,33 @@ impl UserWire {
     fn commands(&self) -> impl Iterator<Item = &Incoming> {
         let incoming = self.mapping().map_or(&[][..], |mapping| &mapping.incoming);
         incoming.iter().filter(|message| !message.commands.is_empty())
+    }
+
+    /// Whether a frame commands loads.
+    fn is_command(&self, frame: &Frame) -> bool {
+        match &self.spec {
+            WireSpec::Mapped(_) => self.commands().any(|message| message.id == frame.id()),
+            WireSpec::Cia402(spec) => {
+                spec.drives.iter().any(|drive| frame.id() == Id::Standard(COMMAND_BASE + u16::from(drive.node_id)))
+            }
+        }
+    }
+
+    /// How often a message of the plant comes by itself, ns; `None` if it has to be asked for.
+    fn sent_every_ns(&self, message: &Outgoing) -> Option<u64> {
+        match message.trigger {
+            Trigger::Every(samples) => Some(samples.saturating_mul(self.period_ns())),
+            Trigger::Period(period_ns) => Some(period_ns),
+            // The emulated exciter synchronises every sample.
+            Trigger::Sync => (self.tested == Node::Plant).then(|| self.period_ns()),
+            Trigger::Request => None,
+        }
+    }
+
+    /// The messages of the plant that come by themselves and so often that a case can wait for them.
+    fn frequent_readings(&self) -> impl Iterator<Item = &Outgoing> {
+        let outgoing = self.mapping().map_or(&[][..], |mapping| &mapping.outgoing);
+        outgoing.iter().filter(|message| self.sent_every_ns(message).is_some_and(|ns| ns <= FREQUENT_NS))
     }
 
     fn arming(&self) -> Arming {

@@ -11,6 +11,7 @@ use resonarm_bench::node::mapped::mapping::ProtectionFault;
 use resonarm_files::decoder::{Decoded, DecodedMessage, Decoder, Fault, Meaning, Outcome};
 use resonarm_protocol::{Frame, Id, Node, NodeState};
 use resonarm_wire::canopen::cia402::DriveState;
+use resonarm_wire::canopen::listen::Malformed;
 use resonarm_wire::counter::CounterFault;
 
 /// A frame of the node under test.
@@ -235,7 +236,7 @@ impl Monitor {
 
     /// What was refused of the node's frames for another reason than the counter.
     pub fn refused(&self) -> Option<String> {
-        let of_form = || self.traffic.user_refused.iter().filter(|refused| refused.fault.kind() != "counter");
+        let of_form = || self.traffic.user_refused.iter().filter(|refused| breaks_rules(&refused.fault));
         let first = of_form().next()?;
         let count: u64 = of_form().map(|refused| refused.count).sum();
         Some(format!("{count} of its frames are refused: {first}"))
@@ -257,7 +258,14 @@ impl Monitor {
     }
 }
 
-/// The other node.
+/// Whether a frame with this fault breaks the rules of its protocol by itself. Counters are judged by many frames;
+/// block transfers and node guarding are rules of CANopen that the drives of this program leave out.
+fn breaks_rules(fault: &Fault) -> bool {
+    let is_left_out = matches!(fault, Fault::CanOpen(Malformed::SdoCommand { .. } | Malformed::Remote));
+    !is_left_out && fault.kind() != "counter"
+}
+
+/// The node in words.
 pub(super) const fn name(node: Node) -> &'static str {
     match node {
         Node::Plant => "plant",

@@ -21,6 +21,8 @@ const REST_NS: u64 = GONE_NS;
 /// The tolerance of a load that a plant says to act, as a share of that commanded; as in the cases of Resonarm's
 /// protocol.
 const TOLERANCE: f64 = 0.2;
+/// How often a CANopen drive says its statusword after power-on, ns.
+const STATUSWORD_NS: u64 = 10 * MS;
 /// The tolerance of how often a message comes, as a share.
 const RATE_TOLERANCE: f64 = 0.2;
 
@@ -120,15 +122,14 @@ fn readings(on: &UserWire) -> impl Iterator<Item = &Outgoing> {
     on.mapping().map_or(&[][..], |mapping| &mapping.outgoing).iter()
 }
 
-/// Whether a reading that comes by itself tells fault from operational.
+/// Whether a reading that comes by itself, and often, tells fault from operational.
 pub(super) fn says_state(t: &Tester) -> bool {
+    let mut signals = t.on.frequent_readings().flat_map(|message| &message.signals);
     t.on.mapping().is_none()
-        || readings(t.on).filter(|message| message.trigger != Trigger::Request).any(|message| {
-            message.signals.iter().any(|signal| match &signal.source {
-                Source::State([_, _, armed, fault]) => (armed - fault).abs() > 0.0,
-                Source::Reason { .. } => true,
-                Source::Value { .. } | Source::Sample { .. } => false,
-            })
+        || signals.any(|signal| match &signal.source {
+            Source::State([_, _, armed, fault]) => (armed - fault).abs() > 0.0,
+            Source::Reason { .. } => true,
+            Source::Value { .. } | Source::Sample { .. } => false,
         })
 }
 
@@ -146,8 +147,7 @@ pub(super) fn load_readings(t: &Tester) -> Vec<&'static str> {
         return names.to_vec();
     }
     let has = |value: Value| {
-        let mut sent = readings(t.on).filter(|message| message.trigger != Trigger::Request);
-        sent.any(|message| {
+        t.on.frequent_readings().any(|message| {
             message.signals.iter().any(|s| matches!(s.source, Source::Value { value: of, .. } if of == value))
         })
     };
@@ -224,12 +224,9 @@ pub(super) fn counters(t: &mut Tester) -> Result<(), Stop> {
 
 /// Each message comes as often as the mapping says.
 pub(super) fn rates(t: &mut Tester) -> Result<(), Stop> {
-    let period_ns = |message: &Outgoing| match message.trigger {
-        Trigger::Every(samples) => Some(samples * t.on.period_ns()),
-        Trigger::Period(period_ns) => Some(period_ns),
-        Trigger::Sync | Trigger::Request => None,
-    };
-    let due: Vec<(Id, u64)> = readings(t.on).filter_map(|message| Some((message.id, period_ns(message)?))).collect();
+    let on = t.on;
+    let own = readings(on).filter(|message| message.trigger != Trigger::Sync);
+    let due: Vec<(Id, u64)> = own.filter_map(|message| Some((message.id, on.sent_every_ns(message)?))).collect();
     // A message that comes less often than this can't be counted in the time.
     let due: Vec<(Id, u64)> = due.into_iter().filter(|(_, period_ns)| *period_ns <= WATCH_NS / 5).collect();
     if due.is_empty() {
@@ -332,7 +329,7 @@ pub(super) fn command_timeout(t: &mut Tester) -> Result<(), Stop> {
     }
     drive(t)?;
     t.alter = Alter::Mute;
-    let (from, since_ns, timeout_ns) = (t.mark(), t.sent_ns, t.on.timeout_ns());
+    let (from, since_ns, timeout_ns) = (t.mark(), t.commanded_ns, t.on.timeout_ns());
     let said_ns = reading_period_ns(t);
     let within_ns = timeout_ns + said_ns + 4 * t.on.period_ns() + MARGIN_NS;
     let fault = match judged_fault(t, from, since_ns, within_ns)? {
@@ -366,17 +363,13 @@ fn has_reason(t: &Tester, code: EmergencyCode) -> bool {
     })
 }
 
-/// How often the state is said, ns: of readings with it the most often.
+/// How often the state is said, ns: by the reading with it that comes the most often.
 fn reading_period_ns(t: &Tester) -> u64 {
     let is_state = |message: &&Outgoing| {
         message.signals.iter().any(|signal| matches!(&signal.source, Source::State(_) | Source::Reason { .. }))
     };
-    let period_ns = |message: &Outgoing| match message.trigger {
-        Trigger::Every(samples) => samples * t.on.period_ns(),
-        Trigger::Period(period_ns) => period_ns,
-        Trigger::Sync | Trigger::Request => t.on.period_ns(),
-    };
-    readings(t.on).filter(is_state).map(period_ns).max().unwrap_or(10 * MS)
+    let periods_ns = t.on.frequent_readings().filter(is_state).filter_map(|message| t.on.sent_every_ns(message));
+    periods_ns.min().unwrap_or(STATUSWORD_NS)
 }
 
 /// The load that it says becomes zero.
@@ -424,7 +417,7 @@ pub(super) fn reset(t: &mut Tester) -> Result<(), Stop> {
     }
     arm(t)?;
     t.alter = Alter::Mute;
-    let (from, since_ns) = (t.mark(), t.sent_ns);
+    let (from, since_ns) = (t.mark(), t.commanded_ns);
     if judged_fault(t, from, since_ns, t.on.timeout_ns() + GONE_NS)?.is_none() {
         return inconclusive("without commands it doesn't fault: the case plant-command-timeout says more");
     }

@@ -30,7 +30,7 @@ pub(super) fn damaged(t: &mut Tester, damage: Damage) -> Result<(), Stop> {
     drive(t)?;
     t.command(-load_of(t));
     t.alter = Alter::Commands(damage);
-    let (from, since_ns, timeout_ns) = (t.mark(), t.sent_ns, t.on.timeout_ns());
+    let (from, since_ns, timeout_ns) = (t.mark(), t.commanded_ns, t.on.timeout_ns());
     let within_ns = timeout_ns + MARGIN_NS;
     let is_said = judged_fault(t, from, since_ns, within_ns)?.is_some();
     let acted = loads(&t.heard()[from..], &names).find(|(_, read)| *read < -ACTS * load_of(t)).map(|(_, read)| read);

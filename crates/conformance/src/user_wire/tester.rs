@@ -41,8 +41,8 @@ pub(super) struct Tester<'w> {
     /// The load of the emulated exciter, N or N·m.
     load: Arc<AtomicU64>,
     pub monitor: Monitor,
-    /// When a frame of the tester's end was sent last, ns.
-    pub sent_ns: u64,
+    /// When a good frame with loads was sent last, ns.
+    pub commanded_ns: u64,
     looked_at_ns: u64,
     /// The longest time between two looks beyond the planned one, ns.
     pub held_up_ns: u64,
@@ -69,7 +69,7 @@ impl<'w> Tester<'w> {
             sent: Sent::default(),
             load: Arc::new(AtomicU64::new(0)),
             monitor: Monitor::new(on),
-            sent_ns: now_ns,
+            commanded_ns: now_ns,
             looked_at_ns: now_ns,
             held_up_ns: 0,
             heard_at_ns: None,
@@ -133,7 +133,6 @@ impl<'w> Tester<'w> {
 
     /// Sends a frame that is no one of the tester's end.
     pub fn send(&mut self, frame: &Frame) -> Result<(), Stop> {
-        self.sent_ns = self.now_ns();
         self.monitor.sent(frame);
         Ok(self.wire.send(frame)?)
     }
@@ -146,8 +145,10 @@ impl<'w> Tester<'w> {
                 Alter::Nothing => Some(self.sent.pass(&frame)),
                 Alter::Commands(damage) => Some(self.sent.damage(self.on, &frame, damage)),
             };
-            if let Some(frame) = altered {
-                self.send(&frame)?;
+            let Some(altered) = altered else { continue };
+            self.send(&altered)?;
+            if self.alter == Alter::Nothing && self.on.is_command(&altered) {
+                self.commanded_ns = self.now_ns();
             }
         }
         Ok(())
