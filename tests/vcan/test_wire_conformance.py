@@ -83,7 +83,7 @@ def test_a_master_that_heeds_no_fault_fails_the_case_for_it(programs, tmp_path):
     assert conformance.wait() == 1
     master.end()
     [case] = json.loads(conformance.stdout)["cases"]
-    assert case["verdict"] == "failed" and "after the plant has become fault" in case["reason"], case
+    assert case["verdict"] == "failed" and "and the plant is in fault for" in case["reason"], case
 
 
 def test_our_plant_passes_on_the_example(programs, tmp_path):

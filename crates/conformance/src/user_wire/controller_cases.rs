@@ -246,7 +246,8 @@ pub(super) fn plant_disarmed(t: &mut Tester) -> Result<(), Stop> {
 
 fn stops_once(t: &mut Tester, state: NodeState) -> Result<(), Stop> {
     if !says(t, state) {
-        return skipped(format!("no reading that comes by itself says twice a second that the plant is {state}"));
+        let state = in_words(state);
+        return skipped(format!("no reading that comes by itself twice a second says that the plant is {state}"));
     }
     begin(t)?;
     t.run_ns(MARGIN_NS)?;
@@ -272,6 +273,14 @@ fn stops_once(t: &mut Tester, state: NodeState) -> Result<(), Stop> {
             failed(format!("{} {} after the plant has become {state}", commanded(heard), ms(heard.at_ns - now_ns)))
         }
         None => Ok(()),
+    }
+}
+
+/// A state in which the plant is not armed.
+const fn in_words(state: NodeState) -> &'static str {
+    match state {
+        NodeState::Fault => "in fault",
+        NodeState::BootUp | NodeState::PreOperational | NodeState::Operational => "disarmed",
     }
 }
 

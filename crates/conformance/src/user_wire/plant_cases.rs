@@ -286,7 +286,7 @@ pub(super) fn requests(t: &mut Tester) -> Result<(), Stop> {
 /// It is armed by what the mapping says.
 pub(super) fn arms(t: &mut Tester) -> Result<(), Stop> {
     if !says_state(t) {
-        return skipped("no reading that is sent by itself says the plant's state");
+        return skipped("no reading that comes by itself twice a second says the plant's state");
     }
     meet(t)?;
     let start_ns = t.now_ns();
@@ -304,7 +304,7 @@ pub(super) fn arms(t: &mut Tester) -> Result<(), Stop> {
 pub(super) fn commands_act(t: &mut Tester) -> Result<(), Stop> {
     let names = load_readings(t);
     if names.is_empty() {
-        return skipped("no reading that is sent by itself says the load that acts");
+        return skipped("no reading that comes by itself twice a second says the load that acts");
     }
     drive(t)?;
     for load in [load_of(t), -load_of(t)] {
@@ -325,7 +325,7 @@ pub(super) fn commands_act(t: &mut Tester) -> Result<(), Stop> {
 pub(super) fn command_timeout(t: &mut Tester) -> Result<(), Stop> {
     t.on.awaited_ns()?;
     if !says_state(t) {
-        return skipped("no reading that is sent by itself says that the plant is in fault");
+        return skipped("no reading that comes by itself twice a second says that the plant is in fault");
     }
     drive(t)?;
     t.alter = Alter::Mute;
@@ -392,7 +392,7 @@ pub(super) fn rests(t: &mut Tester) -> Result<(), Stop> {
 /// Disarmed by what the mapping says, it is not armed, and no load acts.
 pub(super) fn disarm(t: &mut Tester) -> Result<(), Stop> {
     if !says_state(t) && load_readings(t).is_empty() {
-        return skipped("no reading that is sent by itself says the plant's state or the load that acts");
+        return skipped("no reading that comes by itself twice a second says the plant's state or the load that acts");
     }
     drive(t)?;
     let (now_ns, from) = (t.now_ns(), t.mark());
@@ -413,7 +413,7 @@ pub(super) fn reset(t: &mut Tester) -> Result<(), Stop> {
     t.on.awaited_ns()?;
     let resets = t.on.mapping().is_none_or(|mapping| asks(&mapping.incoming, Action::Reset));
     if !resets || !says_state(t) {
-        return skipped("no message resets a fault, or no reading that is sent by itself says one");
+        return skipped("no message resets a fault, or no reading that comes by itself twice a second says one");
     }
     arm(t)?;
     t.alter = Alter::Mute;
@@ -443,7 +443,7 @@ fn asks(incoming: &[Incoming], wanted: Action) -> bool {
 pub(super) fn stop(t: &mut Tester) -> Result<(), Stop> {
     let stops = t.on.mapping().is_some_and(|mapping| asks(&mapping.incoming, Action::Stop));
     if !stops || !says_state(t) {
-        return skipped("no message stops the plant, or no reading that is sent by itself says a fault");
+        return skipped("no message stops the plant, or no reading that comes by itself twice a second says a fault");
     }
     drive(t)?;
     let Some(frame) = t.sent.stop(t.on) else { return skipped("no frame can be made of what stops the plant") };

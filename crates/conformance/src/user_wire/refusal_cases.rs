@@ -25,7 +25,7 @@ pub(super) fn damaged(t: &mut Tester, damage: Damage) -> Result<(), Stop> {
     t.on.awaited_ns()?;
     let (names, has_state) = (load_readings(t), says_state(t));
     if names.is_empty() && !has_state {
-        return skipped("no reading that is sent by itself says the plant's state or the load that acts");
+        return skipped("no reading that comes by itself twice a second says the plant's state or the load that acts");
     }
     drive(t)?;
     t.command(-load_of(t));
@@ -57,7 +57,7 @@ pub(super) fn too_large(t: &mut Tester) -> Result<(), Stop> {
     }
     let names = load_readings(t);
     if names.is_empty() {
-        return skipped("no reading that is sent by itself says the load that acts");
+        return skipped("no reading that comes by itself twice a second says the load that acts");
     }
     drive(t)?;
     if !t.can_command(-beyond_n) {

@@ -131,6 +131,13 @@ fn a_controller_of_drives_with_a_flaw_fails_the_cases_for_it() {
         vec![raw(&frame, |data| data.truncate(if is_short { 3 } else { 8 }))]
     });
     assert_eq!(short, ["exciter-frames"]);
+    // A block transfer, and node guarding: other drives have them.
+    let guards = sends_raw(&on, |_, context, frame| {
+        let guard = Frame::new(Id::Standard(0x701), FrameFormat::Remote, &[]).unwrap();
+        let block = Frame::classic(Id::Standard(0x601), &[0xA0, 0, 0x10, 0, 0x7F, 0, 0, 0]).unwrap();
+        if context.sent % 50 == 30 { vec![frame, guard, block] } else { vec![frame] }
+    });
+    assert_eq!(guards, [""; 0]);
     let no_targets = sends_raw(&on, |_, context, frame| {
         let is_away = context.now_ns % 1_000_000_000 > 500_000_000;
         if is_away && frame.id() == TARGET { vec![] } else { vec![frame] }

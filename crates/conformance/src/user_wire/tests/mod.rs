@@ -142,3 +142,59 @@ fn a_scenario_that_has_no_cases_is_refused_in_words() {
     wire.arm = Some(resonarm_files::scenario::wire::ArmSpec::Operator);
     insta::assert_snapshot!(refused(by_operator), @r#"[wire] `arm = "operator"`: no message arms the plant, so the emulated exciter can't; give an event with `arm`, or `arm = "zero-command"`"#);
 }
+
+/// The protocol of the DBC with loads, enable and the head's force alone.
+fn bare(tested: Node) -> UserWire {
+    let mut scenario = On::Dbc.scenario();
+    let wire = scenario.wire.as_mut().unwrap();
+    (wire.commands[0].counter, wire.commands[0].checksum) = (None, None);
+    wire.events.truncate(1);
+    (wire.readings[0].counter, wire.readings[0].checksum) = (None, None);
+    wire.readings[0].signals.retain(|name, _| name == "HeadX");
+    UserWire::new(scenario, tested, Mode::RealTime).unwrap()
+}
+
+#[test]
+fn what_a_protocol_does_not_have_is_skipped_with_the_reason() {
+    let reasons = |found: Vec<(&'static str, Finding)>| {
+        let in_words = |(id, finding): (&str, Finding)| match finding.verdict {
+            Verdict::Passed => format!("{id}\n"),
+            Verdict::Skipped(reason) => format!("{id}: {reason}\n"),
+            Verdict::Failed(_) | Verdict::Inconclusive(_) => format!("{id}: {:?}\n", finding.verdict),
+        };
+        found.into_iter().map(in_words).collect::<String>()
+    };
+    let wire = bare(Node::Exciter);
+    let found = findings(&wire, || Box::new(ControllerDevice::new(wire.clone(), NONE)));
+    insta::assert_snapshot!(reasons(found), @"
+    exciter-arms
+    exciter-before-arming
+    exciter-frames
+    exciter-counters: no message of the controller has a counter
+    exciter-in-time
+    exciter-acts
+    exciter-limits
+    exciter-plant-faults: no reading that comes by itself twice a second says that the plant is in fault
+    exciter-plant-disarmed: no reading that comes by itself twice a second says that the plant is disarmed
+    ");
+    let wire = bare(Node::Plant);
+    let found = findings(&wire, || Box::new(PlantDevice::new(wire.clone(), NONE)));
+    insta::assert_snapshot!(reasons(found), @"
+    plant-rates
+    plant-requests: no reading is sent on request
+    plant-frames
+    plant-counters: no message of the plant has a counter
+    plant-arms: no reading that comes by itself twice a second says the plant's state
+    plant-commands-act
+    plant-wrong-checksum: not every message with loads has a checksum
+    plant-repeated-counter: not every message with loads has a counter
+    plant-counter-jump: not every message with loads has a counter of which so many values can be lost
+    plant-length
+    plant-not-finite
+    plant-too-large
+    plant-command-timeout: no reading that comes by itself twice a second says that the plant is in fault
+    plant-disarm
+    plant-reset: no message resets a fault, or no reading that comes by itself twice a second says one
+    plant-stop: no message stops the plant, or no reading that comes by itself twice a second says a fault
+    ");
+}
