@@ -17,7 +17,7 @@ DATABASE = cantools.database.load_file(Path(__file__).with_name("bench.dbc"))
 DRIVE, MEAS, POSE = (DATABASE.get_message_by_name(name) for name in ("Drive", "Meas", "Pose"))
 # The data ids of AUTOSAR's profile 1.
 DRIVE_ID, MEAS_ID = 0x123, 0x124
-FAULT = 3
+OPERATIONAL, FAULT = 2, 3
 
 
 def crc8(data_id, payload):
@@ -57,7 +57,7 @@ class Shaker:
 
 def sine(shaker, amplitude_n, frequency_hz, samples, timeout_s):
     """Plays so many samples of a sine at 1 kHz; the readings and poses that came."""
-    readings, poses = [], []
+    readings, poses, is_armed = [], [], False
     shaker.drive(0.0)
     while len(readings) < samples and (read := shaker.read(timeout_s)) is not None:
         name, values = read
@@ -65,7 +65,8 @@ def sine(shaker, amplitude_n, frequency_hz, samples, timeout_s):
             poses.append(values)
             continue
         readings.append(values)
-        if values["State"] == FAULT:
+        was_armed, is_armed = is_armed, values["State"] == OPERATIONAL
+        if values["State"] == FAULT or (was_armed and not is_armed):
             break
         shaker.drive(amplitude_n * math.sin(2 * math.pi * frequency_hz * len(readings) / 1000))
     shaker.drive(0.0, enable=False)

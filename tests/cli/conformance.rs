@@ -15,8 +15,9 @@ fn help_names_each_flag() {
     let help = resonarm(Path::new("."), &["conformance", "--help"]);
     assert_eq!((help.code, help.stderr.as_str()), (0, ""));
     assert_snapshot!(help.stdout, @r"
-    Tests whether a plant or an exciter on a bus conforms to the protocol: acts as the other node, and
-    reports violations. It makes a plant shake its arm and fault
+    Tests whether a plant or an exciter on a bus conforms to the protocol, or to one of yours
+    (--scenario with [wire]): acts as the other node, and reports violations. It makes a plant shake its
+    arm and fault
 
     Usage: resonarm conformance [OPTIONS] --bus <BUS> --role <ROLE>
 
@@ -27,6 +28,8 @@ fn help_names_each_flag() {
                                       ends, as by a loop in a shell [possible values: plant, exciter]
           --mode <MODE>               The mode of the node: each has its specific cases [default:
                                       real-time] [possible values: real-time, lockstep]
+          --scenario <FILE>           TOML file with a protocol of yours, [wire], in place of
+                                      Resonarm's; before an exciter its arm is simulated
           --base <ID>                 Base identifier, a multiple of 0x10 from 0x180 to 0x570 [default:
                                       0x200]
           --plant-id <N>              Node id of the plant, 1 to 127 [default: 1]
@@ -37,6 +40,8 @@ fn help_names_each_flag() {
                                       may be repeated
           --force-n <N>               Force commanded to a plant along x, in both directions, N
                                       [default: 5]
+          --torque-nm <NM>            Torque commanded to a plant whose own protocol has no forces, at a
+                                      joint, in both directions, N m [default: 5]
           --beyond-n <N>              A force that the plant must refuse for its size, N [default: none
                                       is tried; in the FD profile 1.01 times the limit that the plant
                                       states]. A plant that accepts it applies it
@@ -115,6 +120,34 @@ fn forces_that_cannot_be() {
     assert_snapshot!(of_exciter(&["--expect-frequency-hz", "0"]), @"resonarm: --expect-frequency-hz must be a number above 0 Hz");
     let both = ["--expect-force-n", "20", "--expect-torque-nm", "20", "--expect-frequency-hz", "15"];
     assert_snapshot!(of_exciter(&both), @"resonarm: --expect-force-n and --expect-torque-nm exclude each other: a command is one of them");
+}
+
+#[test]
+fn scenarios_that_cannot_be() {
+    let on = |scenario: &str, arguments: &[&str]| {
+        let all = [&["--bus", "nobody0", "--scenario", scenario], arguments].concat();
+        conformance(2, &all)
+    };
+    let (own, drives) = ("examples/own-protocol/bench.toml", "examples/canopen/drives.toml");
+    assert_snapshot!(on("scenarios/bench.toml", &[]), @"resonarm: the scenario has no [wire], a protocol of its own: leave the scenario out to test on Resonarm's protocol");
+    assert_snapshot!(on(own, &["--base", "0x300"]), @r"
+    error: the argument '--scenario <FILE>' cannot be used with '--base <ID>'
+
+    Usage: resonarm conformance --bus <BUS> --role <ROLE> --scenario <FILE>
+
+    For more information, try '--help'.
+    ");
+    assert_snapshot!(on(own, &["--torque-nm", "0"]), @"resonarm: --torque-nm must be a number above 0 N m");
+    assert_snapshot!(on("examples/odrive/drives.toml", &["--mode", "lockstep"]), @r#"resonarm: [wire] says nothing of lockstep: give `lockstep = "command"` or `lockstep = "sync"`, or run in real time"#);
+    assert_snapshot!(on(drives, &["--case", "x"]), @r#"resonarm: there is no case "x", only plant-rates, plant-requests, plant-frames, plant-counters, plant-arms, plant-commands-act, plant-wrong-checksum, plant-repeated-counter, plant-counter-jump, plant-length, plant-not-finite, plant-too-large, plant-command-timeout, plant-disarm, plant-reset, plant-stop, plant-objects, plant-aborts, plant-states, plant-heartbeats, plant-positions, plant-not-enabled, plant-emergencies"#);
+    assert_snapshot!(conformance(2, &["--bus", "nobody0", "--torque-nm", "3"]), @r"
+    error: the following required arguments were not provided:
+      --scenario <FILE>
+
+    Usage: resonarm conformance --bus <BUS> --role <ROLE> --scenario <FILE> --torque-nm <NM>
+
+    For more information, try '--help'.
+    ");
 }
 
 #[test]

@@ -4,7 +4,7 @@ use std::path::Path;
 
 use resonarm::node::ExciterOutcome;
 use resonarm::recording::{Direction, Existing, Recording, StateRecord};
-use resonarm::replay;
+use resonarm::replay::{self, ReplayError};
 use resonarm::run::{BothReport, Mode, Options, PlantOutcome, RecordTo, RunError, Session, Signals};
 use resonarm::scenario::{LockstepSpec, Scenario};
 
@@ -90,6 +90,17 @@ fn without_a_lockstep_the_first_sample_arms_and_the_next_is_answered() {
     }
 }
 
+/// A run in which another controller than the scenario's has played is refused.
+fn another_controller_has_no_responses(scenario: &Scenario, path: &Path) {
+    let record = Some(RecordTo { path: path.to_path_buf(), existing: Existing::Overwrite });
+    let session = Session::new(scenario.clone(), Mode::Free, Options { record, ..Options::default() }).unwrap();
+    let other = bench(DWELL);
+    let session = session.with_controller(move || other.controller().unwrap());
+    session.both(&Signals::default(), |_event| {}).unwrap();
+    let said = replay::responses(&Recording::open(path).unwrap()).unwrap_err();
+    assert!(matches!(said, ReplayError::Command { .. }), "{said}");
+}
+
 #[test]
 fn a_loop_is_closed_on_the_readings_of_the_wire() {
     let folder = tempfile::tempdir().unwrap();
@@ -101,6 +112,11 @@ fn a_loop_is_closed_on_the_readings_of_the_wire() {
     assert_eq!(report.exciter.outcome, Some(ExciterOutcome::Finished), "{report:?}");
     let [point] = &report.exciter.responses[..] else { panic!("{:?}", report.exciter.responses) };
     assert!((point.load / 4.0 - 1.0).abs() < 0.02, "{point:?}");
+    // `compare` reads the same from the frames of the recording.
+    assert_eq!(replay::responses(&Recording::open(&path).unwrap()).unwrap(), report.exciter.responses);
+    let in_lockstep = both(&in_lockstep(scenario.clone()), Mode::Lockstep, &path);
+    assert_eq!(replay::responses(&Recording::open(&path).unwrap()).unwrap(), in_lockstep.exciter.responses);
+    another_controller_has_no_responses(&scenario, &path);
     // The same arm by Resonarm's own protocol, whose counts are others: here they are 0.005 m/s².
     let own = Scenario { wire: None, ..scenario };
     let [expected] = &both(&own, Mode::Free, &path).exciter.responses[..] else { panic!("no response") };

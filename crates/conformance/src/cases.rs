@@ -9,9 +9,10 @@ use super::{
 use resonarm_protocol::Node;
 use resonarm_session::run::Mode;
 
-/// One case: a script of what is sent, and what must or must not be received.
+/// One case: a script of what is sent, and what must or must not be received. The scripts of a user's own protocol are
+/// of another type: [`WireCase`](super::WireCase).
 #[derive(Clone, Copy, Debug)]
-pub struct Case {
+pub struct Case<S = Script> {
     /// Its name.
     pub id: &'static str,
     /// The kind of node tested.
@@ -22,30 +23,33 @@ pub struct Case {
     pub title: &'static str,
     /// The requirements that it covers.
     pub requirements: &'static [&'static str],
-    pub(super) script: Script,
+    pub(super) script: S,
 }
 
-/// The script of a case.
+/// The script of a case for Resonarm's protocol.
 #[derive(Clone, Copy, Debug)]
-pub(super) enum Script {
+pub struct Script(Of);
+
+#[derive(Clone, Copy, Debug)]
+enum Of {
     Run(fn(&mut Tester) -> Result<(), Stop>),
     Damage(fn(&mut Tester, Damage) -> Result<(), Stop>, Damage),
     Loaded(fn(&mut Tester) -> Result<(), Stop>),
 }
 
 impl Script {
-    pub fn run(self, tester: &mut Tester) -> Result<(), Stop> {
-        match self {
-            Script::Run(script) => script(tester),
-            Script::Damage(script, damage) => script(tester, damage),
-            Script::Loaded(script) => load::loaded(tester, script),
+    pub(super) fn run(self, tester: &mut Tester) -> Result<(), Stop> {
+        match self.0 {
+            Of::Run(script) => script(tester),
+            Of::Damage(script, damage) => script(tester, damage),
+            Of::Loaded(script) => load::loaded(tester, script),
         }
     }
 }
 
-type Row = (&'static str, &'static str, &'static [&'static str], Script);
+type Row = (&'static str, &'static str, &'static [&'static str], Of);
 
-use Script::{Damage as Spoilt, Loaded, Run};
+use Of::{Damage as Spoilt, Loaded, Run};
 
 const PLANT: [Row; 40] = [
     ("plant-hello", "version, profile, DBC hash and rate in its hello", &["R-6.5"], Run(common_cases::hello)),
@@ -321,5 +325,12 @@ pub fn cases(tested: Node, mode: Mode) -> impl Iterator<Item = Case> {
         (Mode::Lockstep, Node::Exciter) => &LOCKSTEP_EXCITER,
         (Mode::Free, _) => &[],
     };
-    rows.iter().map(move |&(id, title, requirements, script)| Case { id, tested, mode, title, requirements, script })
+    rows.iter().map(move |&(id, title, requirements, of)| Case {
+        id,
+        tested,
+        mode,
+        title,
+        requirements,
+        script: Script(of),
+    })
 }

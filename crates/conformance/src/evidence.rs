@@ -16,6 +16,23 @@ const SAMPLE_NS: u64 = 1_000_000;
 /// Records that wait for the writer: some seconds of a full bus.
 const CAPACITY: usize = 1 << 15;
 
+/// What a recording of cases on Resonarm's protocol says of how they were run.
+pub fn configuration(tested: Node, network: Network, settings: Settings) -> Configuration {
+    let stated = |limit: Option<f64>| limit.map_or(String::from("none"), |limit| limit.to_string());
+    Configuration::new()
+        .with("conformance", tested)
+        .with("base", network.base())
+        .with("plant_id", network.node_id(Node::Plant))
+        .with("exciter_id", network.node_id(Node::Exciter))
+        .with("profile", network.profile().name())
+        .with("protocol_dbc_crc32", format!("{:08x}", dbc::hash(network.profile())))
+        .with("seed", settings.seed)
+        .with("force_n", settings.force_n)
+        .with("beyond_n", stated(settings.beyond_n))
+        .with("beyond_n_per_s", stated(settings.beyond_n_per_s))
+        .with("beyond_travel_n", stated(settings.beyond_travel_n))
+}
+
 /// Records what a [`BusWire`](super::BusWire) sends and receives, as the plant sees it.
 #[derive(Debug)]
 pub struct Evidence {
@@ -28,7 +45,8 @@ pub struct Evidence {
 }
 
 impl Evidence {
-    /// Creates the file, with the settings needed to run the cases again.
+    /// Creates the file, with the settings needed to run the cases about this node again: [`configuration`], or
+    /// [`UserWire::configuration`](super::UserWire::configuration).
     ///
     /// # Errors
     /// [`RecordingError`] if the file exists or can't be created.
@@ -36,24 +54,11 @@ impl Evidence {
         path: PathBuf,
         existing: Existing,
         interface: &str,
-        (tested, network, settings): (Node, Network, Settings),
+        (tested, configuration): (Node, &Configuration),
     ) -> Result<Evidence, RecordingError> {
-        let stated = |limit: Option<f64>| limit.map_or(String::from("none"), |limit| limit.to_string());
-        let configuration = Configuration::new()
-            .with("conformance", tested)
-            .with("base", network.base())
-            .with("plant_id", network.node_id(Node::Plant))
-            .with("exciter_id", network.node_id(Node::Exciter))
-            .with("profile", network.profile().name())
-            .with("protocol_dbc_crc32", format!("{:08x}", dbc::hash(network.profile())))
-            .with("seed", settings.seed)
-            .with("force_n", settings.force_n)
-            .with("beyond_n", stated(settings.beyond_n))
-            .with("beyond_n_per_s", stated(settings.beyond_n_per_s))
-            .with("beyond_travel_n", stated(settings.beyond_travel_n));
         let options =
             Options::real_time(SAMPLE_NS as f64 * 1e-9, interface, SystemClock.epoch_unix_ns(), SystemClock::elapsed);
-        let recorder = Recorder::create(path, &configuration, Options { existing, ..options })?;
+        let recorder = Recorder::create(path, configuration, Options { existing, ..options })?;
         let mut channel = recorder.channel("conformance", CAPACITY)?;
         let start_ns = SystemClock.now_ns();
         channel.begin(start_ns);
@@ -82,13 +87,13 @@ impl Evidence {
     }
 
     /// Records the beginning of a case: an event of its name, with its number, from 1.
-    pub(super) fn begin(&mut self, case: &Case) {
+    pub(super) fn begin<S>(&mut self, case: &Case<S>) {
         self.cases += 1;
         self.event(case.id);
     }
 
     /// Records its end: an event of its verdict, with the same number.
-    pub(super) fn end(&mut self, case: &Case, finding: &Finding) {
+    pub(super) fn end<S>(&mut self, case: &Case<S>, finding: &Finding) {
         let (event, verdict) = match &finding.verdict {
             Verdict::Passed => ("verdict.passed", String::from("passed")),
             Verdict::Failed(reason) => ("verdict.failed", format!("failed: {reason}")),

@@ -3,7 +3,8 @@
 //! A case is a script of what is sent and what must, or must not, be received within which time. It is written against
 //! a [`Wire`], a bus with a clock: on a real bus it tests firmware, in tests a node in virtual time. [`REQUIREMENTS`]
 //! are the demands of `SPEC.md`, and state which ones no case can check. Nodes in real time and in lockstep have
-//! separate lists.
+//! separate lists. On a user's own protocol the demands are those of its mapping, [`WIRE_REQUIREMENTS`];
+//! [`run_on_wire`] runs the cases for a [`UserWire`].
 //!
 //! Times by the clock have a margin of [`MARGIN_NS`], for the machine may hold any process up. A plant is judged by the
 //! indices of its own samples, which stop when it is stopped. If the tester itself was held up for longer than its
@@ -36,32 +37,28 @@ mod soak_cases;
 mod source;
 mod tester;
 mod traffic;
+mod tries;
+mod user_wire;
 mod wire;
 
-use alloc::format;
 use alloc::string::{String, ToString};
 use alloc::vec::Vec;
 
-pub use cases::{Case, cases};
-pub use evidence::Evidence;
+pub use cases::{Case, Script, cases};
+pub use evidence::{Evidence, configuration};
 pub use requirements::{Check, REQUIREMENTS, Requirement};
 pub use settings::{ExpectedSine, Settings, SineAmplitude};
 pub use tester::MARGIN_NS;
-pub use traffic::{Commands, Range, Refused, Traffic};
+pub use traffic::{Commands, Range, Refused, Traffic, UserRefused};
+pub use user_wire::{UserWire, UserWireError, WIRE_REQUIREMENTS, WireCase, WireScript, run_on_wire, wire_cases};
 pub use wire::{BusOff, BusWire, Stopped, Wire};
 
 use resonarm_bus::BusError;
 use resonarm_protocol::timing::{COMMAND_TIMEOUT_NS, HEARTBEAT_PERIOD_NS};
 use resonarm_protocol::{EmergencyCode, Network, Node, OperatorRequest};
 use resonarm_session::run::Mode;
-use tester::{Answers, Stop, Tester, ms};
-
-/// How often a case is tried until it has a result.
-const TRIES: u32 = 5;
-
-/// In how many tries a node must be slow to fail. Fewer may be due to the machine: a node that is held up many times
-/// briefly is slow without a noticeable silence.
-const SLOW_TRIES: u32 = 3;
+use tester::{Answers, Stop, Tester};
+use tries::{Limits, Subject, Try, TryResult, judge, tries, unless_gone};
 
 /// The result of a case.
 #[derive(Clone, Debug, PartialEq, Eq)]
@@ -102,46 +99,21 @@ impl Finding {
     }
 }
 
-/// The result of one try.
-enum TryResult {
-    /// The node was slow, and nothing indicates that a process was held up.
-    Slow(String),
-    Judged(Verdict),
-}
-
 /// Runs a case, up to five times if a hold-up keeps it from a result or the node was slow.
 ///
 /// # Errors
 /// [`BusError`] if the bus is gone.
 pub fn run(case: &Case, wire: &mut dyn Wire, network: Network, settings: Settings) -> Result<Finding, BusError> {
-    let start_ns = wire.now_ns();
-    let (mut tries, mut slow) = (0, 0);
-    let mut slow_text = String::new();
-    loop {
-        tries += 1;
+    let limits = Limits {
+        held_up_ns: held_up_limit_ns(case.mode, case.tested),
+        silent_ns: silent_limit_ns(case.mode, case.tested),
+    };
+    tries(limits, wire, |wire| {
         let mut tester = Tester::new(wire, network, case.tested, settings);
-        let outcome = once(case, &mut tester)?;
-        let (held_up_ns, silent_ns, measured) = (tester.held_up_ns, tester.silent_ns, tester.notes);
-        let traffic = tester.traffic;
-        let is_held_up = held_up_ns > held_up_limit_ns(case.mode, case.tested) || silent_ns > silent_limit_ns(case);
-        let says_nothing = match &outcome {
-            TryResult::Slow(text) => {
-                (slow, slow_text) = (slow + 1, text.clone());
-                slow < SLOW_TRIES
-            }
-            TryResult::Judged(verdict) => matches!(verdict, Verdict::Inconclusive(_)) && is_held_up,
-        };
-        if says_nothing && tries < TRIES {
-            continue;
-        }
-        let verdict = match outcome {
-            TryResult::Slow(text) if slow == SLOW_TRIES => Verdict::Failed(text),
-            TryResult::Judged(verdict) if slow == 0 || matches!(verdict, Verdict::Failed(_)) => verdict,
-            _ => Verdict::Inconclusive(format!("{slow_text}, in {slow} of {tries} tries")),
-        };
-        let took_ns = wire.now_ns().saturating_sub(start_ns);
-        return Ok(Finding { verdict, measured, took_ns, held_up_ns, silent_ns, traffic });
-    }
+        let result = once(case, &mut tester, limits)?;
+        let Tester { held_up_ns, silent_ns, notes, traffic, .. } = tester;
+        Ok(Try { result, held_up_ns, silent_ns, measured: notes, traffic })
+    })
 }
 
 /// How long the tester may be held up before a failure is inconclusive: a plant faults without commands for 20 ms.
@@ -156,64 +128,18 @@ const fn held_up_limit_ns(mode: Mode, tested: Node) -> u64 {
 /// How long the node under test may be silent before it is taken to have been stopped. A plant sends samples at least
 /// every 10 ms; an exciter without samples to answer, and a plant that waits in lockstep, send heartbeats. The margin
 /// of the clock covers shorter silences.
-const fn silent_limit_ns(case: &Case) -> u64 {
-    match (case.mode, case.tested) {
+const fn silent_limit_ns(mode: Mode, tested: Node) -> u64 {
+    match (mode, tested) {
         (Mode::RealTime | Mode::Free, Node::Plant) => MARGIN_NS / 3,
         (Mode::Lockstep, _) | (_, Node::Exciter) => HEARTBEAT_PERIOD_NS + MARGIN_NS / 6,
     }
 }
 
 /// One try, after which the node under test is released.
-fn once(case: &Case, tester: &mut Tester) -> Result<TryResult, BusError> {
-    let outcome = match case.script.run(tester) {
-        Ok(()) => TryResult::Judged(Verdict::Passed),
-        Err(stop) => judge(case, tester, stop)?,
-    };
+fn once(case: &Case, tester: &mut Tester, limits: Limits) -> Result<TryResult, BusError> {
+    let result = judge(case.script.run(tester), tester, limits)?;
     unless_gone(release(tester))?;
-    Ok(outcome)
-}
-
-/// The result of a script that stopped early.
-fn judge(case: &Case, tester: &mut Tester, stop: Stop) -> Result<TryResult, BusError> {
-    let held_up_ns = tester.held_up_ns;
-    Ok(match stop {
-        Stop::Bus(error) => return Err(error),
-        Stop::Skipped(text) => TryResult::Judged(Verdict::Skipped(text)),
-        Stop::Inconclusive(text) => TryResult::Judged(Verdict::Inconclusive(text)),
-        Stop::Wrong(text) => TryResult::Judged(Verdict::Failed(text)),
-        Stop::Failed(text) | Stop::Late(text) | Stop::Slow(text)
-            if held_up_ns > held_up_limit_ns(case.mode, case.tested) =>
-        {
-            let text = format!("{text}; but the tester was held up for {}", ms(held_up_ns));
-            TryResult::Judged(Verdict::Inconclusive(text))
-        }
-        Stop::Failed(text) => TryResult::Judged(Verdict::Failed(text)),
-        Stop::Slow(text) if tester.silent_ns > silent_limit_ns(case) => {
-            TryResult::Judged(Verdict::Inconclusive(as_if_stopped(&text, tester.silent_ns)))
-        }
-        Stop::Slow(text) => TryResult::Slow(text),
-        Stop::Late(text) => {
-            let has_resumed = unless_gone(tester.resumes())?.unwrap_or(false);
-            let silent_ns = tester.silent_ns;
-            TryResult::Judged(match has_resumed && silent_ns > silent_limit_ns(case) {
-                true => Verdict::Inconclusive(as_if_stopped(&text, silent_ns)),
-                false => Verdict::Failed(text),
-            })
-        }
-    })
-}
-
-fn as_if_stopped(text: &str, silent_ns: u64) -> String {
-    format!("{text}; but it was silent for {}, as if stopped", ms(silent_ns))
-}
-
-/// Only a lost bus ends the verdicts.
-fn unless_gone<T>(result: Result<T, Stop>) -> Result<Option<T>, BusError> {
-    match result {
-        Ok(value) => Ok(Some(value)),
-        Err(Stop::Bus(error)) => Err(error),
-        Err(_) => Ok(None),
-    }
+    Ok(result)
 }
 
 /// Releases the node under test.
@@ -224,6 +150,20 @@ fn release(tester: &mut Tester) -> Result<(), Stop> {
     }
     tester.is_alive = false;
     tester.send_emergency(EmergencyCode::Leaving, 0)
+}
+
+impl Subject for Tester<'_> {
+    fn held_up_ns(&self) -> u64 {
+        self.held_up_ns
+    }
+
+    fn silent_ns(&self) -> u64 {
+        self.silent_ns
+    }
+
+    fn resumes(&mut self) -> Result<bool, Stop> {
+        Tester::resumes(self)
+    }
 }
 
 #[cfg(test)]

@@ -7,6 +7,8 @@ use super::tester::MS;
 pub struct Settings {
     /// The force commanded along x of a plant, N, and along −x.
     pub force_n: f64,
+    /// The torque commanded at a joint of a plant whose own protocol has no forces, N·m, and its opposite.
+    pub torque_nm: f64,
     /// A force that the plant must refuse as too large, N, if this is to be tried.
     pub beyond_n: Option<f64>,
     /// A rate of change of the force that the plant must refuse, N/s, if this is to be tried.
@@ -44,10 +46,11 @@ pub enum SineAmplitude {
 }
 
 impl Default for Settings {
-    /// 5 N, none too large, too fast or too far, 10 s, the first bit, no load, a soak of 5 s, no sine.
+    /// 5 N or 5 N·m, none too large, too fast or too far, 10 s, the first bit, no load, a soak of 5 s, no sine.
     fn default() -> Settings {
         Settings {
             force_n: 5.0,
+            torque_nm: 5.0,
             beyond_n: None,
             beyond_n_per_s: None,
             beyond_travel_n: None,

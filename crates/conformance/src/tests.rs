@@ -1,6 +1,6 @@
 //! The cases against this crate's own nodes, in virtual time, and against nodes with one flaw each.
 
-mod device;
+pub(crate) mod device;
 mod flaws;
 mod verdicts;
 

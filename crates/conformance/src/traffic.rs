@@ -8,6 +8,7 @@ use core::fmt;
 use core::mem::discriminant;
 
 use super::damage::protect;
+use resonarm_files::decoder::Fault;
 use resonarm_protocol::{DecodeError, ForceCommand, Frame, Id, Message, MessageKind, Network, TorqueCommand};
 
 /// Most other identifiers that are counted separately; frames of further ones are counted together.
@@ -26,6 +27,30 @@ pub struct Traffic {
     pub further_others: u64,
     /// The commands received.
     pub commands: Commands,
+    /// Of a user's own protocol: frames of the node under test whose form is right, by message.
+    pub user_taken: BTreeMap<String, u64>,
+    /// Of a user's own protocol: frames that were refused, by message and kind of fault.
+    pub user_refused: Vec<UserRefused>,
+}
+
+/// Frames of one message of a user's own protocol that were refused for one kind of fault.
+#[derive(Clone, Debug, PartialEq)]
+pub struct UserRefused {
+    /// The message.
+    pub message: String,
+    /// The fault of the first of them.
+    pub fault: Fault,
+    /// The first of them.
+    pub frame: Frame,
+    /// How many there were.
+    pub count: u64,
+}
+
+impl fmt::Display for UserRefused {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        write!(f, "{} refused: {}: {}", self.message, self.fault, self.frame)?;
+        if self.count > 1 { write!(f, " ({} times)", self.count) } else { Ok(()) }
+    }
 }
 
 /// Frames of one message that were refused for the same reason.
@@ -71,6 +96,8 @@ pub struct Commands {
     pub torque1_nm: Option<Range>,
     /// Torque at joint 2, N·m.
     pub torque2_nm: Option<Range>,
+    /// Force along a shaker, N: of a user's own protocol.
+    pub force_n: Option<Range>,
 }
 
 fn widen(range: &mut Option<Range>, min: f64, max: f64) {
@@ -93,6 +120,19 @@ impl Commands {
         }
     }
 
+    /// Takes the part of a load of a user's own protocol, by its key in a scenario.
+    pub(super) fn note_part(&mut self, name: &str, value: f64) {
+        let range = match name {
+            "force_x_n" => &mut self.force_x_n,
+            "force_y_n" => &mut self.force_y_n,
+            "torque1_nm" => &mut self.torque1_nm,
+            "torque2_nm" => &mut self.torque2_nm,
+            "force_n" => &mut self.force_n,
+            _ => return,
+        };
+        widen(range, value, value);
+    }
+
     /// Adds the commands of another case.
     pub fn merge(&mut self, other: &Commands) {
         for (range, other) in [
@@ -100,6 +140,7 @@ impl Commands {
             (&mut self.force_y_n, other.force_y_n),
             (&mut self.torque1_nm, other.torque1_nm),
             (&mut self.torque2_nm, other.torque2_nm),
+            (&mut self.force_n, other.force_n),
         ] {
             if let Some(Range { min, max }) = other {
                 widen(range, min, max);
@@ -116,10 +157,7 @@ impl Traffic {
                 *self.taken.entry(message.kind()).or_default() += 1;
                 self.commands.note(message);
             }
-            Ok(None) if self.others.len() < MOST_OTHERS || self.others.contains_key(&frame.id()) => {
-                *self.others.entry(frame.id()).or_default() += 1;
-            }
-            Ok(None) => self.further_others += 1,
+            Ok(None) => self.note_other(frame.id()),
             Err(error) => self.refuse(network, frame, *error),
         }
     }
@@ -139,6 +177,33 @@ impl Traffic {
     /// The frames of these messages that were refused.
     pub(super) fn refused_of(&self, holds: impl Fn(MessageKind) -> bool) -> impl Iterator<Item = &Refused> {
         self.refused.iter().filter(move |refused| holds(refused.error.kind()))
+    }
+
+    /// Counts a frame that neither protocol nor mapping has.
+    pub(super) fn note_other(&mut self, id: Id) {
+        if self.others.len() < MOST_OTHERS || self.others.contains_key(&id) {
+            *self.others.entry(id).or_default() += 1;
+        } else {
+            self.further_others += 1;
+        }
+    }
+
+    /// Counts a frame of a user's own protocol that was refused.
+    pub(super) fn note_user_refused(&mut self, message: &str, fault: &Fault, frame: &Frame) {
+        let is_alike = |refused: &&mut UserRefused| {
+            refused.message == message
+                && discriminant(&refused.fault) == discriminant(fault)
+                && refused.fault.kind() == fault.kind()
+        };
+        match self.user_refused.iter_mut().find(is_alike) {
+            Some(refused) => refused.count += 1,
+            None => self.user_refused.push(UserRefused {
+                message: String::from(message),
+                fault: fault.clone(),
+                frame: *frame,
+                count: 1,
+            }),
+        }
     }
 
     /// The frames received in place of an expected message.

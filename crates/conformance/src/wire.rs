@@ -105,14 +105,14 @@ impl<'b> BusWire<'b> {
     }
 
     /// Records the beginning of a case.
-    pub fn begin(&mut self, case: &Case) {
+    pub fn begin<S>(&mut self, case: &Case<S>) {
         if let Some(evidence) = &mut self.evidence {
             evidence.begin(case);
         }
     }
 
     /// Records its end.
-    pub fn end(&mut self, case: &Case, finding: &Finding) {
+    pub fn end<S>(&mut self, case: &Case<S>, finding: &Finding) {
         if let Some(evidence) = &mut self.evidence {
             evidence.end(case, finding);
         }

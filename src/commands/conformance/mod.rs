@@ -2,7 +2,7 @@
 
 mod report;
 
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 
 use clap::{Args, value_parser};
 
@@ -14,15 +14,19 @@ use crate::recordings::existing;
 use crate::session::seconds;
 use report::Row;
 use resonarm::bus::{self, BusAddress, BusError};
-use resonarm::conformance::{self, BusWire, Case, Commands, Evidence, ExpectedSine, Finding, Settings, SineAmplitude};
+use resonarm::conformance::{
+    self, BusWire, Case, Commands, Evidence, ExpectedSine, Finding, REQUIREMENTS, Requirement, Settings, SineAmplitude,
+    UserWire, UserWireError, WIRE_REQUIREMENTS, WireCase,
+};
 use resonarm::protocol::{EncodeError, ForceCommand, Message, Network, Node, Profile};
-use resonarm::recording::RecordingError;
+use resonarm::recording::{Configuration, RecordingError};
 use resonarm::run::Mode;
+use resonarm::scenario::Scenario;
 use resonarm_numeric::number::short;
 use resonarm_numeric::seed;
 
-/// Tests whether a plant or an exciter on a bus conforms to the protocol: acts as the other node, and reports
-/// violations. It makes a plant shake its arm and fault.
+/// Tests whether a plant or an exciter on a bus conforms to the protocol, or to one of yours (--scenario with [wire]):
+/// acts as the other node, and reports violations. It makes a plant shake its arm and fault.
 #[derive(Debug, Args)]
 pub(crate) struct Conformance {
     /// The bus: vcan0, can0, python-can:interface=I,channel=C.
@@ -34,6 +38,16 @@ pub(crate) struct Conformance {
     /// The mode of the node: each has its specific cases.
     #[arg(long, value_parser = flags::one_of(ON_A_BUS, Mode::name), default_value_t = Mode::RealTime)]
     mode: Mode,
+    /// TOML file with a protocol of yours, [wire], in place of Resonarm's; before an exciter its arm is simulated.
+    #[arg(
+        long,
+        value_name = "FILE",
+        conflicts_with_all = [
+            "base", "plant_id", "exciter_id", "profile", "beyond_n_per_s", "beyond_travel_n", "bit_rate_hz", "soak_s",
+            "expect_frequency_hz", "expect_force_n", "expect_torque_nm", "pid", "seed",
+        ]
+    )]
+    scenario: Option<PathBuf>,
     #[command(flatten)]
     network: NetworkFlags,
     /// Only the cases whose names begin with this, such as plant-hello; may be repeated.
@@ -42,6 +56,9 @@ pub(crate) struct Conformance {
     /// Force commanded to a plant along x, in both directions, N.
     #[arg(long, value_name = "N", default_value_t = 5.0)]
     force_n: f64,
+    /// Torque commanded to a plant whose own protocol has no forces, at a joint, in both directions, N m.
+    #[arg(long, value_name = "NM", default_value_t = 5.0, requires = "scenario")]
+    torque_nm: f64,
     /// A force that the plant must refuse for its size, N [default: none is tried; in the FD profile 1.01 times the
     /// limit that the plant states]. A plant that accepts it applies it.
     #[arg(long, value_name = "N")]
@@ -118,24 +135,57 @@ fn role(node: Node) -> &'static str {
 
 impl Conformance {
     pub fn execute(&self) -> Result<Verdict, Failure> {
-        let (address, network): (BusAddress, _) = (self.bus.parse()?, self.network.network()?);
-        let (settings, cases) = (self.settings(network)?, self.cases()?);
+        match &self.scenario {
+            Some(path) => self.on_wire(path),
+            None => self.on_network(),
+        }
+    }
+
+    /// The cases of Resonarm's protocol.
+    fn on_network(&self) -> Result<Verdict, Failure> {
+        let address = self.bus.parse()?;
+        let network = self.network.network()?;
+        let (settings, cases) = (self.settings(Some(network))?, self.chosen(conformance::cases(self.role, self.mode))?);
+        let configuration = conformance::configuration(self.role, network, settings);
+        let run = |case: &Case, wire: &mut BusWire| conformance::run(case, wire, network, settings);
+        self.report_on(&address, &cases, (&configuration, &REQUIREMENTS), run)
+    }
+
+    /// The cases of the scenario's own protocol.
+    fn on_wire(&self, path: &Path) -> Result<Verdict, Failure> {
+        let address = self.bus.parse()?;
+        let settings = self.settings(None)?;
+        let user_wire = UserWire::new(Scenario::read(path)?, self.role, self.mode).map_err(refusal)?;
+        let cases = self.chosen(conformance::wire_cases(&user_wire))?;
+        let configuration = user_wire.configuration(settings).map_err(refusal)?;
+        let run = |case: &WireCase, wire: &mut BusWire| conformance::run_on_wire(case, wire, &user_wire, settings);
+        self.report_on(&address, &cases, (&configuration, &WIRE_REQUIREMENTS), run)
+    }
+
+    /// Runs the cases on the bus, and reports.
+    fn report_on<S>(
+        &self,
+        address: &BusAddress,
+        cases: &[Case<S>],
+        (configuration, requirements): (&Configuration, &[Requirement]),
+        run: impl FnMut(&Case<S>, &mut BusWire) -> Result<Finding, BusError>,
+    ) -> Result<Verdict, Failure> {
         self.overwrite.check(self.junit.iter().chain(&self.record).cloned())?;
-        let mut bus = bus::open(&address)?;
-        let evidence = self.evidence(&bus.name(), network, settings)?;
-        let interface = match &address {
+        let mut bus = bus::open(address)?;
+        let evidence = self.evidence(&bus.name(), configuration)?;
+        let interface = match address {
             BusAddress::SocketCan(interface) => Some(interface.as_str()),
             BusAddress::Memory | BusAddress::PythonCan(_) => None,
         };
         let pid = self.pid.and_then(rustix::process::Pid::from_raw);
         let mut wire = BusWire::new(bus.as_mut(), evidence).with_means(interface, pid);
         let mut commands = Commands::default();
-        let (rows, lost) = self.rows(&cases, &mut wire, (network, settings), &mut commands)?;
+        let (rows, lost) = self.rows(cases, &mut wire, run, &mut commands)?;
         let (recording, unrecorded) = match wire.evidence.map(Evidence::finish).transpose() {
             Ok(recording) => (recording, None),
             Err(error) => (None, Some(error)),
         };
-        let document = report::Document::new(self.role, rows, commands, recording);
+        let document = report::Document::new((self.role, requirements), rows, commands, recording);
         self.write_report(&document)?;
         lost.map_or_else(|| bus.close(), Err)?;
         unrecorded.map_or(Ok(()), Err)?;
@@ -143,11 +193,11 @@ impl Conformance {
     }
 
     /// The results of the cases, and the error if the bus was lost: the cases after that are not run.
-    fn rows(
+    fn rows<S>(
         &self,
-        cases: &[Case],
+        cases: &[Case<S>],
         wire: &mut BusWire,
-        (network, settings): (Network, Settings),
+        mut run: impl FnMut(&Case<S>, &mut BusWire) -> Result<Finding, BusError>,
         commands: &mut Commands,
     ) -> Result<(Vec<Row>, Option<BusError>), Failure> {
         let (mut rows, mut lost) = (Vec::new(), None);
@@ -156,8 +206,7 @@ impl Conformance {
                 Some(_) => Row::not_run(case),
                 None => {
                     wire.begin(case);
-                    let finding = conformance::run(case, wire, network, settings)
-                        .unwrap_or_else(|error| Finding::lost(lost.insert(error)));
+                    let finding = run(case, wire).unwrap_or_else(|error| Finding::lost(lost.insert(error)));
                     wire.end(case, &finding);
                     commands.merge(&finding.traffic.commands);
                     Row::new(case, &finding)
@@ -171,14 +220,10 @@ impl Conformance {
         Ok((rows, lost))
     }
 
-    fn evidence(
-        &self,
-        interface: &str,
-        network: Network,
-        settings: Settings,
-    ) -> Result<Option<Evidence>, RecordingError> {
-        let (existing, run) = (existing(self.overwrite.overwrite), (self.role, network, settings));
-        self.record.clone().map(|path| Evidence::create(path, existing, interface, run)).transpose()
+    fn evidence(&self, interface: &str, configuration: &Configuration) -> Result<Option<Evidence>, RecordingError> {
+        let existing = existing(self.overwrite.overwrite);
+        let create = |path| Evidence::create(path, existing, interface, (self.role, configuration));
+        self.record.clone().map(create).transpose()
     }
 
     fn write_report(&self, document: &report::Document) -> Result<Verdict, Failure> {
@@ -188,13 +233,15 @@ impl Conformance {
         self.json.show(document, || document.summary(), &[])
     }
 
-    fn settings(&self, network: Network) -> Result<Settings, Failure> {
+    /// The settings, checked; on Resonarm's protocol for what its frames carry.
+    fn settings(&self, network: Option<Network>) -> Result<Settings, Failure> {
         self.check_forces(network)?;
         let ns = |flag, given_s| {
             seconds(flag, given_s).map(|time| u64::try_from(time.as_nanos()).unwrap_or(u64::MAX).min(u64::MAX / 4))
         };
         Ok(Settings {
             force_n: self.force_n,
+            torque_nm: self.torque_nm,
             beyond_n: self.beyond_n,
             beyond_n_per_s: self.beyond_n_per_s,
             beyond_travel_n: self.beyond_travel_n,
@@ -207,7 +254,7 @@ impl Conformance {
     }
 
     /// Refuses forces that are invalid, beyond the profile's range, or not used for the role.
-    fn check_forces(&self, network: Network) -> Result<(), Failure> {
+    fn check_forces(&self, network: Option<Network>) -> Result<(), Failure> {
         let [force, beyond, beyond_travel] = [
             ("--force-n", Some(self.force_n)),
             ("--beyond-n", self.beyond_n),
@@ -216,6 +263,7 @@ impl Conformance {
         let (of_plant, of_exciter) = (Some(Node::Plant), Some(Node::Exciter));
         let all = [
             (force.0, "N", force.1, None),
+            ("--torque-nm", "N m", Some(self.torque_nm), None),
             (beyond.0, "N", beyond.1, of_plant),
             ("--beyond-n-per-s", "N/s", self.beyond_n_per_s, of_plant),
             (beyond_travel.0, "N", beyond_travel.1, of_plant),
@@ -232,7 +280,10 @@ impl Conformance {
         {
             return Err(Failure::usage(format!("{flag} is for --role {other}: leave it out")));
         }
-        [force, beyond, beyond_travel].into_iter().try_for_each(|(flag, n)| check_carried(network, flag, n))?;
+        let mut forces = [force, beyond, beyond_travel].into_iter();
+        if let Some(network) = network {
+            forces.try_for_each(|(flag, n)| check_carried(network, flag, n))?;
+        }
         let force_n = self.force_n;
         for (flag, given) in [beyond, beyond_travel] {
             if let Some(beyond_n) = given.filter(|beyond_n| *beyond_n <= force_n) {
@@ -264,15 +315,23 @@ impl Conformance {
         }
     }
 
-    fn cases(&self) -> Result<Vec<Case>, Failure> {
-        let all = || conformance::cases(self.role, self.mode);
-        if let Some(unknown) = self.cases.iter().find(|wanted| !all().any(|case| case.id.starts_with(wanted.as_str())))
-        {
-            let names = all().map(|case| case.id).collect::<Vec<_>>().join(", ");
+    /// Those of all cases that are asked for.
+    fn chosen<S>(&self, all: impl IntoIterator<Item = Case<S>>) -> Result<Vec<Case<S>>, Failure> {
+        let all: Vec<Case<S>> = all.into_iter().collect();
+        let begins = |case: &Case<S>, wanted: &String| case.id.starts_with(wanted.as_str());
+        if let Some(unknown) = self.cases.iter().find(|wanted| !all.iter().any(|case| begins(case, wanted))) {
+            let names = all.iter().map(|case| case.id).collect::<Vec<_>>().join(", ");
             return Err(Failure::usage(format!("there is no case {unknown:?}, only {names}")));
         }
-        let is_wanted =
-            |case: &Case| self.cases.is_empty() || self.cases.iter().any(|w| case.id.starts_with(w.as_str()));
-        Ok(all().filter(is_wanted).collect())
+        let is_wanted = |case: &Case<S>| self.cases.is_empty() || self.cases.iter().any(|wanted| begins(case, wanted));
+        Ok(all.into_iter().filter(is_wanted).collect())
+    }
+}
+
+/// Why the scenario's protocol has no cases.
+fn refusal(error: UserWireError) -> Failure {
+    match error {
+        UserWireError::Run(error) => error.into(),
+        UserWireError::NoWire | UserWireError::Faults => Failure::usage(error.to_string()),
     }
 }

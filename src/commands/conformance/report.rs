@@ -5,7 +5,9 @@ use std::collections::BTreeMap;
 use serde::Serialize;
 
 use crate::output;
-use resonarm::conformance::{Case, Check, Commands, Finding, REQUIREMENTS, Range, Refused, Verdict};
+use resonarm::conformance::{
+    Case, Check, Commands, Finding, Range, Refused, Requirement, Traffic, UserRefused, Verdict,
+};
 use resonarm::protocol::Node;
 use resonarm::recording::Summary;
 use resonarm_numeric::number::short;
@@ -56,13 +58,36 @@ impl RefusedRow {
             text: refused.to_string(),
         }
     }
+
+    fn of_user(refused: &UserRefused) -> RefusedRow {
+        RefusedRow {
+            message: refused.message.clone(),
+            count: refused.count,
+            reason: refused.fault.to_string(),
+            frame: refused.frame.to_string(),
+            expected_frame: None,
+            text: refused.to_string(),
+        }
+    }
+}
+
+/// Frames taken, by message.
+fn heard(traffic: &Traffic) -> BTreeMap<String, u64> {
+    let own = traffic.taken.iter().map(|(kind, count)| (kind.to_string(), *count));
+    own.chain(traffic.user_taken.iter().map(|(message, count)| (message.clone(), *count))).collect()
+}
+
+/// Frames refused, by message and reason.
+fn refused(traffic: &Traffic) -> Vec<RefusedRow> {
+    let own = traffic.refused.iter().map(RefusedRow::new);
+    own.chain(traffic.user_refused.iter().map(RefusedRow::of_user)).collect()
 }
 
 /// The verdict on a case that was not begun.
 const NOT_RUN: &str = "not run";
 
 impl Row {
-    pub fn new(case: &Case, finding: &Finding) -> Row {
+    pub fn new<S>(case: &Case<S>, finding: &Finding) -> Row {
         let (verdict, reason) = match &finding.verdict {
             Verdict::Passed => ("passed", None),
             Verdict::Failed(reason) => ("failed", Some(reason.clone())),
@@ -77,8 +102,8 @@ impl Row {
         Row {
             verdict,
             reason,
-            heard: traffic.taken.iter().map(|(kind, count)| (kind.to_string(), *count)).collect(),
-            refused: traffic.refused.iter().map(RefusedRow::new).collect(),
+            heard: heard(traffic),
+            refused: refused(traffic),
             others,
             measured: finding.measured.clone(),
             took_s: finding.took_ns as f64 * 1e-9,
@@ -89,7 +114,7 @@ impl Row {
     }
 
     /// A case after the bus was lost.
-    pub fn not_run(case: &Case) -> Row {
+    pub fn not_run<S>(case: &Case<S>) -> Row {
         Row {
             case: case.id,
             title: case.title,
@@ -172,10 +197,13 @@ pub(super) struct Document {
 
 /// The ranges of the commands by their names, smallest and largest; none where there were none.
 fn ranges(commands: &Commands) -> BTreeMap<&'static str, Option<[f64; 2]>> {
-    let Commands { force_x_n, force_y_n, torque1_nm, torque2_nm, .. } = *commands;
+    let Commands { force_x_n, force_y_n, torque1_nm, torque2_nm, force_n, .. } = *commands;
     let all =
         [("force_x_n", force_x_n), ("force_y_n", force_y_n), ("torque1_nm", torque1_nm), ("torque2_nm", torque2_nm)];
-    all.map(|(name, range)| (name, range.map(|Range { min, max }| [min, max]))).into()
+    // Along a shaker, on a protocol that commands it so.
+    let along = force_n.map(|range| ("force_n", Some(range)));
+    let all = all.into_iter().chain(along);
+    all.map(|(name, range)| (name, range.map(|Range { min, max }| [min, max]))).collect()
 }
 
 #[derive(Serialize)]
@@ -186,9 +214,15 @@ struct Untested {
 }
 
 impl Document {
-    pub fn new(tested: Node, cases: Vec<Row>, commands: Commands, recording: Option<Summary>) -> Document {
+    /// The report on a node, of which these are all demands.
+    pub fn new(
+        (tested, requirements): (Node, &[Requirement]),
+        cases: Vec<Row>,
+        commands: Commands,
+        recording: Option<Summary>,
+    ) -> Document {
         let count = |verdict| cases.iter().filter(|row| row.verdict == verdict).count();
-        let untested = REQUIREMENTS.iter().filter_map(|requirement| match requirement.check {
+        let untested = requirements.iter().filter_map(|requirement| match requirement.check {
             Check::Cases => None,
             Check::Elsewhere(why) => Some(Untested { requirement: requirement.id, text: requirement.text, why }),
         });

@@ -15,6 +15,9 @@ use resonarm_bench::structure::{Channel, Quantity};
 use resonarm_protocol::Frame;
 use resonarm_wire::layout::Layout;
 
+/// Rounding of a value by the scale of its signal, as a share.
+const ROUNDING: f64 = 1e-9;
+
 /// What a signal is to the plant.
 #[derive(Clone, Debug)]
 enum Role {
@@ -171,19 +174,24 @@ impl Role {
     }
 }
 
+/// Whether a value is this number, but for the rounding of its scale.
+fn is_same(number: f64, value: f64) -> bool {
+    (number - value).abs() <= ROUNDING * (1.0 + number.abs())
+}
+
 fn report(source: &Source, value: f64) -> Option<Meaning> {
     match source {
         Source::State(numbers) => {
-            let name = STATES.iter().zip(numbers).find(|(_, number)| **number == value).map(|(name, _)| *name);
+            let name = STATES.iter().zip(numbers).find(|(_, number)| is_same(**number, value)).map(|(name, _)| *name);
             Some(Meaning::State { name })
         }
         Source::Reason { none, other, codes } => {
             let named = |code| REASONS.iter().find(|(_, known)| *known == code).map(|(name, _)| *name);
             let name = match value {
-                value if value == *none => Some("none"),
-                value => match codes.iter().find(|(_, number)| *number == value) {
+                value if is_same(*none, value) => Some("none"),
+                value => match codes.iter().find(|(_, number)| is_same(*number, value)) {
                     Some((code, _)) => named(*code),
-                    None if value == *other => Some("other"),
+                    None if is_same(*other, value) => Some("other"),
                     None => None,
                 },
             };

@@ -3,6 +3,7 @@
 use thiserror::Error;
 
 use super::player::SPEEDS;
+use resonarm_bench::node::ExciterLack;
 use resonarm_bench::plant::{PlantError, PlantSpecError};
 use resonarm_bus::BusError;
 use resonarm_files::recording::RecordingError;
@@ -122,10 +123,13 @@ pub enum ReplayError {
     },
     /// What a controller on the scenario's own protocol played is not known.
     #[error(
-        "the controller on the scenario's own [wire] is not Resonarm's: its responses are read with the [excitation] that it \
-         played, not with [control]"
+        "the scenario with its own [wire] has neither [excitation] nor [control]: responses are read with the [excitation] that a \
+         controller played, or with the [control] of Resonarm's exciter"
     )]
     NoExcitation,
+    /// The scenario's own protocol lacks something for the controller that is to be run again.
+    #[error(transparent)]
+    WireLacks(#[from] ExciterLack),
     /// It was imported from a log that has no readings.
     #[error(
         "the recording was imported from {log} and has no readings, by which responses are read: `import` names those that its wire does \

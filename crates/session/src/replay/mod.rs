@@ -7,6 +7,7 @@ mod player;
 mod readings;
 mod resimulation;
 mod responses;
+mod wire_controller;
 mod wire_responses;
 
 pub use against::{Compared, Difference, DifferenceKind, Regression, play_against};

@@ -15,14 +15,15 @@ use resonarm_protocol::{Emergency, EmergencyCode, ForceCommand, Message, Receive
 /// A controller is a function of the frames it receives. Given those of the recording, it makes the recorded commands
 /// again, and reads the same responses. A differing command shows that another controller was recorded.
 ///
-/// The controller on a scenario's own protocol is not Resonarm's. Its commands must be the scenario's excitation,
-/// within half a count of its signals; the responses are then read from the recorded readings.
+/// The same holds of a control on a scenario's own protocol. A controller that played the scenario's excitation there
+/// need not be Resonarm's: its commands must be the excitation, within half a count of its signals, and the responses
+/// are then read from the recorded readings.
 ///
 /// # Errors
 /// [`ReplayError::Command`] if another controller was recorded; [`ReplayError::Incompatible`] if the recorded plant
 /// speaks another version of the protocol; with a protocol of the scenario's own [`ReplayError::NoExcitation`] and
-/// [`ReplayError::NoLoad`], and [`ReplayError::NoReadings`] of a log without readings; [`ReplayError`] if the recording
-/// can't be read or its scenario makes no controller.
+/// [`ReplayError::NoLoad`], [`ReplayError::WireLacks`] if it can't carry the control, and [`ReplayError::NoReadings`] of
+/// a log without readings; [`ReplayError`] if the recording can't be read or its scenario makes no controller.
 pub fn responses(recording: &Recording) -> Result<Vec<ResponsePoint>, ReplayError> {
     Ok(timed_responses(recording)?.into_iter().map(|(_, response)| response).collect())
 }

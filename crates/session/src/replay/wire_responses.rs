@@ -1,6 +1,7 @@
 //! The responses to a controller on a scenario's own protocol, read from the readings in a recording.
 //!
-//! Such a controller is not Resonarm's, so it is not run again. It must have played the excitation of the scenario:
+//! A scenario with a control is one of Resonarm's exciter, which is run again ([`super::wire_controller`]). Another
+//! controller is not Resonarm's, so it is not run again. It must have played the excitation of the scenario:
 //! every commanded load is that of the excitation, within half a count of its signals, at most a sample early or late.
 //! Of CANopen drives the loads are the targets, and a count is a thousandth of the rated torque.
 
@@ -23,14 +24,17 @@ use resonarm_files::scenario::Scenario;
 /// The responses, each with the sample by which it was read.
 ///
 /// # Errors
-/// [`ReplayError::NoExcitation`] if the scenario has no excitation or also a control, [`ReplayError::NoLoad`] if no
-/// command has a load, [`ReplayError::Command`] if one has another than the excitation, [`ReplayError::NoReadings`] if
-/// the recording was imported without readings; [`ReplayError`] if it can't be read.
+/// [`ReplayError::NoExcitation`] if the scenario has neither an excitation nor a control, [`ReplayError::NoLoad`] if no
+/// command has a load, [`ReplayError::Command`] if one has another than the excitation or the control,
+/// [`ReplayError::NoReadings`] if the recording was imported without readings; [`ReplayError`] if it can't be read.
 pub(super) fn timed_responses(
     recording: &Recording,
     scenario: &Scenario,
 ) -> Result<Vec<(u64, ResponsePoint)>, ReplayError> {
-    if scenario.excitation.is_none() || scenario.control.is_some() {
+    if scenario.control.is_some() {
+        return super::wire_controller::timed_responses(recording, scenario);
+    }
+    if scenario.excitation.is_none() {
         return Err(ReplayError::NoExcitation);
     }
     if let (Some(log), None) = (recording.configuration().get(IMPORTED_FROM), recording.samples()?.next()) {
@@ -120,7 +124,7 @@ fn targets(recording: &Recording, spec: &Cia402Spec) -> Result<BTreeMap<u64, [f6
     Ok(commands)
 }
 
-fn parts(load: &Load) -> [f64; 4] {
+pub(super) fn parts(load: &Load) -> [f64; 4] {
     [load.force_n.x, load.force_n.y, load.torque_nm.x, load.torque_nm.y]
 }
 

@@ -1,0 +1,141 @@
+//! A case is tried until it has a result: hold-ups of the tester and of the node under test decide nothing.
+
+use alloc::format;
+use alloc::string::String;
+use alloc::vec::Vec;
+
+use super::tester::{Stop, ms};
+use super::traffic::Traffic;
+use super::wire::Wire;
+use super::{Finding, Verdict};
+use resonarm_bus::BusError;
+
+/// How often a case is tried until it has a result.
+const TRIES: u32 = 5;
+
+/// In how many tries a node must be slow to fail. Fewer may be due to the machine: a node that is held up many times
+/// briefly is slow without a noticeable silence.
+const SLOW_TRIES: u32 = 3;
+
+/// How long tester and node may be held up before a failure is inconclusive.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Limits {
+    /// The tester between two looks at the bus, ns.
+    pub held_up_ns: u64,
+    /// The node between two of its frames, before it is taken to have been stopped, ns.
+    pub silent_ns: u64,
+}
+
+/// A tester in the middle of a case.
+pub(super) trait Subject {
+    /// The longest hold-up of the tester, ns.
+    fn held_up_ns(&self) -> u64;
+    /// The longest silence of the node under test, ns.
+    fn silent_ns(&self) -> u64;
+    /// Whether the node under test sends again without having booted: it was stopped.
+    fn resumes(&mut self) -> Result<bool, Stop>;
+}
+
+/// The result of one try.
+pub(super) enum TryResult {
+    /// The node was slow, and nothing indicates that a process was held up.
+    Slow(String),
+    Judged(Verdict),
+}
+
+/// One try, with what was measured.
+pub(super) struct Try {
+    pub result: TryResult,
+    pub held_up_ns: u64,
+    pub silent_ns: u64,
+    pub measured: Vec<String>,
+    pub traffic: Traffic,
+}
+
+/// Tries a case up to five times, if a hold-up keeps it from a result or the node was slow.
+///
+/// # Errors
+/// [`BusError`] if the bus is gone.
+pub(super) fn tries(
+    limits: Limits,
+    wire: &mut dyn Wire,
+    mut attempt: impl FnMut(&mut dyn Wire) -> Result<Try, BusError>,
+) -> Result<Finding, BusError> {
+    let start_ns = wire.now_ns();
+    let (mut tries, mut slow) = (0, 0);
+    let mut slow_text = String::new();
+    loop {
+        tries += 1;
+        let Try { result, held_up_ns, silent_ns, measured, traffic } = attempt(wire)?;
+        let is_held_up = held_up_ns > limits.held_up_ns || silent_ns > limits.silent_ns;
+        let says_nothing = match &result {
+            TryResult::Slow(text) => {
+                (slow, slow_text) = (slow + 1, text.clone());
+                slow < SLOW_TRIES
+            }
+            TryResult::Judged(verdict) => matches!(verdict, Verdict::Inconclusive(_)) && is_held_up,
+        };
+        if says_nothing && tries < TRIES {
+            continue;
+        }
+        let verdict = match result {
+            TryResult::Slow(text) if slow == SLOW_TRIES => Verdict::Failed(text),
+            TryResult::Judged(verdict) if slow == 0 || matches!(verdict, Verdict::Failed(_)) => verdict,
+            _ => Verdict::Inconclusive(format!("{slow_text}, in {slow} of {tries} tries")),
+        };
+        let took_ns = wire.now_ns().saturating_sub(start_ns);
+        return Ok(Finding { verdict, measured, took_ns, held_up_ns, silent_ns, traffic });
+    }
+}
+
+/// The result of a script.
+///
+/// # Errors
+/// [`BusError`] if the bus is gone.
+pub(super) fn judge(
+    outcome: Result<(), Stop>,
+    subject: &mut impl Subject,
+    limits: Limits,
+) -> Result<TryResult, BusError> {
+    let Err(stop) = outcome else { return Ok(TryResult::Judged(Verdict::Passed)) };
+    let held_up_ns = subject.held_up_ns();
+    Ok(match stop {
+        Stop::Bus(error) => return Err(error),
+        Stop::Skipped(text) => TryResult::Judged(Verdict::Skipped(text)),
+        Stop::Inconclusive(text) => TryResult::Judged(Verdict::Inconclusive(text)),
+        Stop::Wrong(text) => TryResult::Judged(Verdict::Failed(text)),
+        Stop::Failed(text) | Stop::Late(text) | Stop::Slow(text) if held_up_ns > limits.held_up_ns => {
+            let text = format!("{text}; but the tester was held up for {}", ms(held_up_ns));
+            TryResult::Judged(Verdict::Inconclusive(text))
+        }
+        Stop::Failed(text) => TryResult::Judged(Verdict::Failed(text)),
+        Stop::Slow(text) if subject.silent_ns() > limits.silent_ns => {
+            TryResult::Judged(Verdict::Inconclusive(as_if_stopped(&text, subject.silent_ns())))
+        }
+        Stop::Slow(text) => TryResult::Slow(text),
+        Stop::Late(text) => {
+            let has_resumed = unless_gone(subject.resumes())?.unwrap_or(false);
+            let silent_ns = subject.silent_ns();
+            TryResult::Judged(match has_resumed && silent_ns > limits.silent_ns {
+                true => Verdict::Inconclusive(as_if_stopped(&text, silent_ns)),
+                false => Verdict::Failed(text),
+            })
+        }
+    })
+}
+
+fn as_if_stopped(text: &str, silent_ns: u64) -> String {
+    format!("{text}; but it was silent for {}, as if stopped", ms(silent_ns))
+}
+
+/// Only a lost bus ends the verdicts.
+///
+/// # Errors
+/// [`BusError`] if the bus is gone.
+pub(super) fn unless_gone<T>(result: Result<T, Stop>) -> Result<Option<T>, BusError> {
+    match result {
+        Ok(value) => Ok(Some(value)),
+        Err(Stop::Bus(error)) => Err(error),
+        Err(_) => Ok(None),
+    }
+}

@@ -1,0 +1,217 @@
+//! The tester's own end of the wire: the scenario's plant, or the emulated exciter with a constant load.
+
+use alloc::boxed::Box;
+use alloc::string::ToString;
+use alloc::sync::Arc;
+use alloc::vec::Vec;
+use core::sync::atomic::{AtomicU64, Ordering};
+
+use super::UserWire;
+use crate::tester::{Stop, inconclusive};
+use resonarm_bench::control::{Answer, Controller, Length, LoadKind, ResponsePoint};
+use resonarm_bench::node::mapped::mapping::LoadInput;
+use resonarm_bench::node::{ExciterInterface, PlantInterface, PublishedSample};
+use resonarm_bench::plant::Plant;
+use resonarm_bench::rig::Measurement;
+use resonarm_protocol::{Frame, NodeState};
+use resonarm_session::run::Mode;
+
+/// A controller that commands the same load until it is given another.
+#[derive(Debug)]
+pub(super) struct Constant {
+    input: LoadInput,
+    /// The bits of the load, N or N·m.
+    load: Arc<AtomicU64>,
+}
+
+impl Constant {
+    /// A controller of this load, zero, and the number by which it is changed, N or N·m.
+    pub fn new(input: LoadInput) -> (Constant, Arc<AtomicU64>) {
+        let load = Arc::new(AtomicU64::new(0.0_f64.to_bits()));
+        (Constant { input, load: Arc::clone(&load) }, load)
+    }
+}
+
+impl Controller for Constant {
+    fn load_kind(&self) -> LoadKind {
+        match self.input {
+            LoadInput::Torque1 | LoadInput::Torque2 => LoadKind::Torque,
+            LoadInput::ForceX | LoadInput::ForceY | LoadInput::Along(_) => LoadKind::Force,
+        }
+    }
+
+    fn restart(&mut self) {}
+
+    fn answer(&mut self, _sample: &Measurement) -> Answer {
+        Answer::Hold(self.input.load(f64::from_bits(self.load.load(Ordering::Relaxed))))
+    }
+
+    fn poll_response(&mut self) -> Option<ResponsePoint> {
+        None
+    }
+
+    fn length(&self) -> Length {
+        Length::Unknown
+    }
+}
+
+/// What the tester is on the wire.
+pub(super) enum End {
+    /// It only listens.
+    Listener,
+    Plant(Box<PlantEnd>),
+    Exciter(Box<dyn ExciterInterface>),
+}
+
+/// The scenario's plant, with its node.
+pub(super) struct PlantEnd {
+    pub node: Box<dyn PlantInterface>,
+    plant: Plant,
+    mode: Mode,
+    period_ns: u64,
+    /// When the next sample is due at the earliest, ns: in lockstep, too, the plant is no faster than its rate.
+    due_ns: u64,
+    has_begun: bool,
+    /// In lockstep: whether the sample published last is to be answered.
+    is_awaited: bool,
+    /// Whether no sample is made.
+    pub is_paused: bool,
+    /// Whether a load other than zero has acted.
+    pub has_acted: bool,
+    /// Samples published while armed.
+    pub armed_samples: u64,
+}
+
+impl PlantEnd {
+    pub fn new(on: &UserWire, now_ns: u64) -> PlantEnd {
+        let plant = on.plant.clone();
+        let mut node = on.patient_spec().node(on.rate(), on.timing, *plant.exciter(), *plant.gate());
+        node.start(now_ns);
+        PlantEnd {
+            node,
+            plant,
+            mode: on.mode,
+            period_ns: on.period_ns(),
+            due_ns: now_ns,
+            has_begun: false,
+            is_awaited: false,
+            is_paused: false,
+            has_acted: false,
+            armed_samples: 0,
+        }
+    }
+
+    /// The largest force, N, and torque, N·m, that it takes.
+    pub fn limits(&self) -> (f64, f64) {
+        self.plant.exciter().limits()
+    }
+
+    /// When there is work next, at the latest.
+    pub fn next_ns(&self) -> u64 {
+        match self.mode {
+            _ if self.is_paused => self.node.next_deadline_ns(),
+            Mode::Lockstep if self.waits() => self.node.next_deadline_ns(),
+            _ => self.due_ns,
+        }
+    }
+
+    /// Whether the plant waits in lockstep: to be armed, or for the answer to the sample published last.
+    fn waits(&self) -> bool {
+        match (self.has_begun, self.node.is_armed()) {
+            (false, is_armed) => !is_armed,
+            (true, true) => self.is_awaited && !self.node.is_answered(),
+            (true, false) => false,
+        }
+    }
+
+    /// Does what is due. In real time the node looks at commands once a sample.
+    pub fn work(&mut self, now_ns: u64) -> Result<(), Stop> {
+        while self.node.poll_event().is_some() {}
+        if self.mode == Mode::Lockstep {
+            self.node.handle_deadline(now_ns);
+        }
+        if self.is_paused || now_ns < self.due_ns || (self.mode == Mode::Lockstep && self.waits()) {
+            return Ok(());
+        }
+        if self.mode != Mode::Lockstep {
+            self.node.handle_deadline(now_ns);
+        }
+        self.due_ns = (self.due_ns + self.period_ns).max(now_ns + self.period_ns / 2);
+        self.sample()
+    }
+
+    /// Advances to the next sample with the load that is held, and publishes it.
+    fn sample(&mut self) -> Result<(), Stop> {
+        if core::mem::replace(&mut self.has_begun, true) {
+            let load = self.node.load();
+            self.has_acted |= load.force_n.amax() > 0.0 || load.torque_nm.amax() > 0.0;
+            if let Err(error) = self.plant.advance(&load) {
+                return inconclusive(error.to_string());
+            }
+        }
+        self.is_awaited = self.node.is_armed();
+        self.armed_samples += u64::from(self.is_awaited);
+        let measurement = self.plant.measure();
+        let (states, travel_m) = (self.plant.states(), self.plant.travel_m());
+        let published = self.node.publish(&PublishedSample { measurement: &measurement, states: &states, travel_m });
+        published.or_else(|error| inconclusive(error.to_string()))
+    }
+}
+
+impl End {
+    /// The state of the node.
+    pub fn state(&self) -> NodeState {
+        match self {
+            End::Listener => NodeState::BootUp,
+            End::Plant(end) => end.node.state(),
+            End::Exciter(node) => node.state(),
+        }
+    }
+
+    pub fn handle_frame(&mut self, now_ns: u64, frame: &Frame) {
+        match self {
+            End::Listener => {}
+            End::Plant(end) => end.node.handle_frame(now_ns, frame),
+            End::Exciter(node) => node.handle_frame(now_ns, frame),
+        }
+    }
+
+    pub fn work(&mut self, now_ns: u64) -> Result<(), Stop> {
+        match self {
+            End::Listener => Ok(()),
+            End::Plant(end) => end.work(now_ns),
+            End::Exciter(node) => {
+                while node.poll_event().is_some() {}
+                node.handle_deadline(now_ns);
+                Ok(())
+            }
+        }
+    }
+
+    pub fn next_ns(&self) -> u64 {
+        match self {
+            End::Listener => u64::MAX,
+            End::Plant(end) => end.next_ns(),
+            End::Exciter(node) => node.next_deadline_ns(),
+        }
+    }
+
+    /// The next frame to send, which counts as sent.
+    pub fn poll_transmit(&mut self) -> Option<Frame> {
+        match self {
+            End::Listener => None,
+            End::Plant(end) => {
+                let mut frames = Vec::with_capacity(1);
+                end.node.waiting_frames(1, &mut frames);
+                let frame = frames.pop()?;
+                end.node.frame_sent();
+                Some(frame)
+            }
+            End::Exciter(node) => {
+                let frame = node.next_frame()?;
+                node.frame_sent();
+                Some(frame)
+            }
+        }
+    }
+}

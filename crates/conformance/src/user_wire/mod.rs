@@ -1,0 +1,338 @@
+//! Conformance to a user's own protocol: the cases of a scenario with `[wire]`.
+//!
+//! What the node under test must do follows from the mapping alone. The tester's own end is the node that the program
+//! runs on this protocol: before a controller under test the plant of the scenario, simulated; before a plant under test
+//! the emulated exciter. What that node sends can be altered on its way to the bus, and every frame of the node under
+//! test is checked by the [`Decoder`], which knows counters, checksums and meanings.
+
+mod cases;
+mod controller_cases;
+mod craft;
+mod drive_cases;
+mod end;
+mod lockstep_cases;
+mod monitor;
+mod plant_cases;
+mod refusal_cases;
+mod requirements;
+mod tester;
+
+use alloc::boxed::Box;
+use alloc::format;
+use alloc::string::{String, ToString};
+use alloc::vec::Vec;
+
+use thiserror::Error;
+
+pub use cases::{WireCase, WireScript, wire_cases};
+pub use requirements::WIRE_REQUIREMENTS;
+
+use super::tester::{MARGIN_NS, MS, Stop, ms, skipped};
+use super::tries::{Limits, Subject, Try, TryResult, judge, tries, unless_gone};
+use super::{Finding, Settings, Wire};
+use end::Constant;
+use resonarm_bench::node::mapped::mapping::{Arming, Incoming, LoadInput, Mapping, Outgoing, Trigger};
+use resonarm_bench::node::{TimeBase, Timing, WireSpec};
+use resonarm_bench::plant::Plant;
+use resonarm_bus::BusError;
+use resonarm_files::decoder::Decoder;
+use resonarm_files::recording::Configuration;
+use resonarm_files::scenario::wire::PresetSpec;
+use resonarm_files::scenario::{Scenario, ScenarioError};
+use resonarm_protocol::{Frame, FrameFormat, Id, Node};
+use resonarm_session::run::{Mode, Options, RunError, Session};
+use resonarm_wire::canopen::{EMERGENCY_BASE, HEARTBEAT_BASE, NMT_ID, SDO_ANSWER_BASE, SYNC_ID};
+use tester::Tester;
+
+/// The longest time for which loads are valid that a case waits for, ns.
+const LONGEST_WAIT_NS: u64 = 60_000 * MS;
+
+/// A message that comes at least so often can be waited for, ns.
+const FREQUENT_NS: u64 = 500 * MS;
+/// Plus the node id: RPDO 1 of a drive.
+const COMMAND_BASE: u16 = 0x200;
+
+/// Which protocol of the user's it is.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(super) enum Kind {
+    /// Messages of a DBC.
+    Dbc,
+    /// ODrive's CANSimple.
+    Odrive,
+    /// CANopen drives.
+    Cia402,
+}
+
+/// Why no case can be run on a scenario's protocol.
+#[derive(Debug, Error)]
+pub enum UserWireError {
+    /// The scenario has no protocol of its own.
+    #[error("the scenario has no [wire], a protocol of its own: leave the scenario out to test on Resonarm's protocol")]
+    NoWire,
+    /// The scenario disturbs its network.
+    #[error(
+        "the scenario has [[network.faults]], and no case plays them: leave them out, a case damages the frames that it \
+         is about"
+    )]
+    Faults,
+    /// The scenario can't be run.
+    #[error(transparent)]
+    Run(#[from] RunError),
+}
+
+impl From<ScenarioError> for UserWireError {
+    fn from(error: ScenarioError) -> UserWireError {
+        UserWireError::Run(error.into())
+    }
+}
+
+/// A user's own protocol, with what the tester's end needs.
+#[derive(Clone, Debug)]
+pub struct UserWire {
+    scenario: Scenario,
+    tested: Node,
+    mode: Mode,
+    kind: Kind,
+    spec: WireSpec,
+    rate_hz: u16,
+    timing: Timing,
+    plant: Plant,
+    decoder: Decoder,
+}
+
+impl UserWire {
+    /// The protocol of a scenario, for cases about this node in this mode.
+    ///
+    /// # Errors
+    /// [`UserWireError`] says why none can be run: also if no message arms or disarms the plant under test.
+    pub fn new(scenario: Scenario, tested: Node, mode: Mode) -> Result<UserWire, UserWireError> {
+        let (Some(section), Some(spec), Some(decoder)) =
+            (&scenario.wire, scenario.wire_spec()?, Decoder::of_scenario(&scenario)?)
+        else {
+            return Err(UserWireError::NoWire);
+        };
+        if !scenario.network.faults.is_empty() {
+            return Err(UserWireError::Faults);
+        }
+        let kind = match section.preset {
+            None => Kind::Dbc,
+            Some(PresetSpec::Odrive) => Kind::Odrive,
+            Some(PresetSpec::Cia402) => Kind::Cia402,
+        };
+        let _checked = Session::new(scenario.clone(), mode, Options::default())?;
+        let timing = match mode {
+            Mode::Lockstep => scenario.lockstep_timing()?,
+            Mode::RealTime | Mode::Free => scenario.real_time_timing()?,
+        };
+        let (rate_hz, plant) = (scenario.wire_rate_hz()?, scenario.plant_spec()?);
+        let plant = Plant::new(&plant).map_err(RunError::from)?;
+        let wire = UserWire { tested, mode, kind, spec, rate_hz, timing, plant, decoder, scenario };
+        if tested == Node::Plant {
+            let (constant, _load) = Constant::new(wire.input());
+            wire.spec.exciter(wire.rate(), timing, Box::new(constant)).map_err(RunError::from)?;
+        }
+        Ok(wire)
+    }
+
+    /// The scenario.
+    pub fn scenario(&self) -> &Scenario {
+        &self.scenario
+    }
+
+    /// What a recording of the cases says of how they were run: with it the frames can be explained.
+    ///
+    /// # Errors
+    /// [`UserWireError`] if the scenario can't be written.
+    pub fn configuration(&self, settings: Settings) -> Result<Configuration, UserWireError> {
+        let beyond_n = settings.beyond_n.map_or_else(|| String::from("none"), |limit| limit.to_string());
+        Ok(self
+            .scenario
+            .configuration(self.mode.name())?
+            .with("conformance", self.tested)
+            .with("force_n", settings.force_n)
+            .with("torque_nm", settings.torque_nm)
+            .with("beyond_n", beyond_n))
+    }
+
+    /// The mode of the node under test.
+    pub fn mode(&self) -> Mode {
+        self.mode
+    }
+
+    /// The node under test.
+    pub fn tested(&self) -> Node {
+        self.tested
+    }
+
+    fn rate(&self) -> (u16, TimeBase) {
+        let base = if self.mode == Mode::Lockstep { TimeBase::Lockstep } else { TimeBase::Clock };
+        (self.rate_hz, base)
+    }
+
+    fn period_ns(&self) -> u64 {
+        resonarm_protocol::timing::sample_period_ns(self.rate_hz)
+    }
+
+    fn mapping(&self) -> Option<&Mapping> {
+        match &self.spec {
+            WireSpec::Mapped(mapping) => Some(mapping),
+            WireSpec::Cia402(_) => None,
+        }
+    }
+
+    fn commands(&self) -> impl Iterator<Item = &Incoming> {
+        let incoming = self.mapping().map_or(&[][..], |mapping| &mapping.incoming);
+        incoming.iter().filter(|message| !message.commands.is_empty())
+    }
+
+    /// Whether a frame commands loads.
+    fn is_command(&self, frame: &Frame) -> bool {
+        match &self.spec {
+            WireSpec::Mapped(_) => self.commands().any(|message| message.id == frame.id()),
+            WireSpec::Cia402(spec) => {
+                spec.drives.iter().any(|drive| frame.id() == Id::Standard(COMMAND_BASE + u16::from(drive.node_id)))
+            }
+        }
+    }
+
+    /// How often a message of the plant comes by itself, ns; `None` if it has to be asked for.
+    fn sent_every_ns(&self, message: &Outgoing) -> Option<u64> {
+        match message.trigger {
+            Trigger::Every(samples) => Some(samples.saturating_mul(self.period_ns())),
+            Trigger::Period(period_ns) => Some(period_ns),
+            // The emulated exciter synchronises every sample.
+            Trigger::Sync => (self.tested == Node::Plant).then(|| self.period_ns()),
+            Trigger::Request => None,
+        }
+    }
+
+    /// The messages of the plant that come by themselves and so often that a case can wait for them.
+    fn frequent_readings(&self) -> impl Iterator<Item = &Outgoing> {
+        let outgoing = self.mapping().map_or(&[][..], |mapping| &mapping.outgoing);
+        outgoing.iter().filter(|message| self.sent_every_ns(message).is_some_and(|ns| ns <= FREQUENT_NS))
+    }
+
+    fn arming(&self) -> Arming {
+        self.mapping().map_or(Arming::Message, |mapping| mapping.arming)
+    }
+
+    /// The load that the cases command: the first of the mapping.
+    fn input(&self) -> LoadInput {
+        use resonarm_bench::node::cia402::Joint;
+        let first = match &self.spec {
+            WireSpec::Mapped(_) => {
+                self.commands().flat_map(|message| &message.commands).map(|command| command.input).next()
+            }
+            WireSpec::Cia402(spec) => spec.drives.first().map(|drive| match drive.joint {
+                Joint::First => LoadInput::Torque1,
+                Joint::Second => LoadInput::Torque2,
+            }),
+        };
+        first.unwrap_or(LoadInput::ForceX)
+    }
+
+    /// For how long the loads of each message are valid, ns.
+    fn timeouts_ns(&self) -> Vec<u64> {
+        match &self.spec {
+            _ if self.mode == Mode::Lockstep => alloc::vec![self.timing.command_timeout_ns],
+            WireSpec::Mapped(_) => self.commands().map(|message| message.timeout_ns).collect(),
+            WireSpec::Cia402(spec) => alloc::vec![spec.timeout_ns],
+        }
+    }
+
+    /// The shortest of them, after which a silent controller is a fault, ns.
+    fn timeout_ns(&self) -> u64 {
+        self.timeouts_ns().into_iter().min().unwrap_or(0)
+    }
+
+    /// Skips a case that waits for the longest of them, which is returned, ns, if that is longer than a minute.
+    fn awaited_ns(&self) -> Result<u64, Stop> {
+        match self.timeouts_ns().into_iter().max().unwrap_or(0) {
+            longest_ns if longest_ns > LONGEST_WAIT_NS => {
+                skipped(format!("loads are valid for {}: no case waits for longer than a minute", ms(longest_ns)))
+            }
+            longest_ns => Ok(longest_ns),
+        }
+    }
+
+    /// The protocol as the tester's plant keeps it: loads are valid for longer, by how long a machine may hold a
+    /// process up.
+    fn patient_spec(&self) -> WireSpec {
+        let mut spec = self.spec.clone();
+        match &mut spec {
+            WireSpec::Mapped(mapping) => {
+                mapping.incoming.iter_mut().for_each(|message| message.timeout_ns += MARGIN_NS)
+            }
+            WireSpec::Cia402(spec) => spec.timeout_ns += MARGIN_NS,
+        }
+        spec
+    }
+
+    /// Which node sends frames like this; `None`: the protocol has no such message.
+    fn sender(&self, frame: &Frame) -> Option<Node> {
+        let WireSpec::Mapped(mapping) = &self.spec else { return sender_on_canopen(frame) };
+        if mapping.incoming.iter().any(|message| message.id == frame.id()) {
+            return Some(Node::Exciter);
+        }
+        let message = mapping.outgoing.iter().find(|message| message.id == frame.id())?;
+        let asks = message.is_on_request && (frame.format() == FrameFormat::Remote || frame.data().is_empty());
+        Some(if asks { Node::Exciter } else { Node::Plant })
+    }
+
+    fn limits(&self) -> Limits {
+        match self.tested {
+            // The silence of a controller decides nothing: it ends and is started again.
+            Node::Exciter => Limits { held_up_ns: MARGIN_NS, silent_ns: u64::MAX },
+            Node::Plant => Limits { held_up_ns: MARGIN_NS.min(self.timeout_ns() / 4), silent_ns: MARGIN_NS },
+        }
+    }
+}
+
+/// By the identifiers of CiA 301's predefined connections; a master may give a PDO another.
+fn sender_on_canopen(frame: &Frame) -> Option<Node> {
+    let Id::Standard(id) = frame.id() else { return None };
+    Some(match id & 0x780 {
+        _ if frame.format() == FrameFormat::Remote => Node::Exciter,
+        _ if id == NMT_ID || id == SYNC_ID => Node::Exciter,
+        0x180 | 0x280 | 0x380 | 0x480 => Node::Plant,
+        EMERGENCY_BASE | HEARTBEAT_BASE | SDO_ANSWER_BASE => Node::Plant,
+        _ => Node::Exciter,
+    })
+}
+
+impl Subject for Tester<'_> {
+    fn held_up_ns(&self) -> u64 {
+        self.held_up_ns
+    }
+
+    fn silent_ns(&self) -> u64 {
+        self.silent_ns
+    }
+
+    fn resumes(&mut self) -> Result<bool, Stop> {
+        Tester::resumes(self)
+    }
+}
+
+/// Runs a case of a user's own protocol, up to five times if a hold-up keeps it from a result or the node was slow.
+///
+/// # Errors
+/// [`BusError`] if the bus is gone.
+pub fn run_on_wire(
+    case: &WireCase,
+    wire: &mut dyn Wire,
+    user_wire: &UserWire,
+    settings: Settings,
+) -> Result<Finding, BusError> {
+    let limits = user_wire.limits();
+    tries(limits, wire, |wire| {
+        let mut tester = Tester::new(wire, user_wire, settings);
+        let result: TryResult = judge(case.script.run(&mut tester), &mut tester, limits)?;
+        unless_gone(tester.release())?;
+        let Tester { held_up_ns, silent_ns, notes, monitor, .. } = tester;
+        Ok(Try { result, held_up_ns, silent_ns, measured: notes, traffic: monitor.traffic })
+    })
+}
+
+#[cfg(test)]
+mod tests;

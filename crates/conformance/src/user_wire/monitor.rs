@@ -1,0 +1,274 @@
+//! What is heard of the node under test: every frame explained, checked and counted.
+
+use alloc::collections::BTreeMap;
+use alloc::format;
+use alloc::string::String;
+use alloc::vec::Vec;
+
+use super::{Kind, UserWire};
+use crate::traffic::Traffic;
+use resonarm_bench::node::mapped::mapping::ProtectionFault;
+use resonarm_files::decoder::{Decoded, DecodedMessage, Decoder, Fault, Meaning, Outcome};
+use resonarm_protocol::{Frame, Id, Node, NodeState};
+use resonarm_wire::canopen::cia402::DriveState;
+use resonarm_wire::canopen::listen::Malformed;
+use resonarm_wire::counter::CounterFault;
+
+/// A frame of the node under test.
+#[derive(Clone, Debug)]
+pub(super) struct Heard {
+    /// When it came, ns of the wire's clock.
+    pub at_ns: u64,
+    pub id: Id,
+    pub message: DecodedMessage,
+    state_said: Option<&'static str>,
+    /// The state of the tester's own end once it had taken it.
+    pub state: NodeState,
+}
+
+impl Heard {
+    /// Whether its receiver uses it.
+    pub fn is_taken(&self) -> bool {
+        matches!(self.message.outcome, Outcome::Taken { .. })
+    }
+
+    fn meanings(&self) -> impl Iterator<Item = &Meaning> {
+        let of_signals = self.message.signals.iter().flat_map(|signal| &signal.means);
+        of_signals.chain(&self.message.means).filter(|_| self.is_taken())
+    }
+
+    /// The parts of a load that it commands: name of its key in a scenario, N or N·m.
+    pub fn loads(&self) -> impl Iterator<Item = (&'static str, f64, &'static str)> {
+        self.meanings().filter_map(|meaning| match meaning {
+            Meaning::Load { name, value, unit } => Some((*name, *value, *unit)),
+            _ => None,
+        })
+    }
+
+    /// Whether it asks for this.
+    pub fn asks(&self, wanted: &str) -> bool {
+        self.meanings().any(|meaning| matches!(meaning, Meaning::Request { action, .. } if *action == wanted))
+    }
+
+    /// Whether it synchronises.
+    pub fn is_sync(&self) -> bool {
+        self.meanings().any(|meaning| *meaning == Meaning::Sync)
+    }
+
+    /// The state that it says of the plant, by its name in a mapping.
+    pub fn says_state(&self) -> Option<&'static str> {
+        self.state_said
+    }
+
+    /// Whether it says that the plant is in fault.
+    pub fn is_fault(&self) -> bool {
+        self.state_said == Some("fault") || self.reason().is_some_and(|reason| reason != "none")
+    }
+
+    fn state_in_it(&self, kind: Kind) -> Option<&'static str> {
+        match kind {
+            Kind::Cia402 => Some(match DriveState::of(self.signal("Statusword")? as u16)? {
+                DriveState::OperationEnabled => "operational",
+                state if state.is_fault() => "fault",
+                _ => "pre-operational",
+            }),
+            Kind::Dbc | Kind::Odrive => self.meanings().find_map(|meaning| match meaning {
+                Meaning::State { name } => *name,
+                _ => None,
+            }),
+        }
+    }
+
+    /// The reason of a fault that it says; `none` without a fault.
+    pub fn reason(&self) -> Option<&'static str> {
+        self.meanings().find_map(|meaning| match meaning {
+            Meaning::Reason { name } => *name,
+            _ => None,
+        })
+    }
+
+    /// A quantity that it says.
+    pub fn quantity(&self, wanted: &str) -> Option<f64> {
+        self.meanings().find_map(|meaning| match meaning {
+            Meaning::Quantity { name, value, .. } if *name == wanted => Some(*value),
+            _ => None,
+        })
+    }
+
+    /// The value of a signal.
+    pub fn signal(&self, wanted: &str) -> Option<f64> {
+        self.message.signals.iter().find(|signal| signal.name == wanted)?.value.filter(|_| self.is_taken())
+    }
+}
+
+/// The counters of one message.
+#[derive(Clone, Debug, Default)]
+struct Steps {
+    frames: u32,
+    /// Frames whose counter is not that of the frame before plus 1.
+    wrong: u32,
+    repeated: u32,
+    /// The first wrong one, in words.
+    text: String,
+    /// What lost frames can't explain.
+    proof: Option<String>,
+}
+
+/// The checks of all frames of the node under test.
+#[derive(Debug)]
+pub(super) struct Monitor {
+    decoder: Decoder,
+    steps: BTreeMap<String, Steps>,
+    pub heard: Vec<Heard>,
+    pub traffic: Traffic,
+}
+
+/// What a frame on the bus is.
+pub(super) enum Seen {
+    /// A frame of the node under test that belongs to the protocol.
+    Tested,
+    /// One that only the tester sends.
+    Double(String),
+    /// Of another protocol.
+    Other,
+}
+
+/// How often a counter may come again by chance: once for each start of a controller, and more is a habit.
+const REPEATED: u32 = 3;
+
+impl Monitor {
+    pub fn new(on: &UserWire) -> Monitor {
+        Monitor { decoder: on.decoder.clone(), steps: BTreeMap::new(), heard: Vec::new(), traffic: Traffic::default() }
+    }
+
+    /// Takes in a frame that the tester has sent: what it says of the meaning of later ones counts.
+    pub fn sent(&mut self, frame: &Frame) {
+        let _of_own = self.decoder.decode(frame);
+    }
+
+    /// Takes in a frame from the bus.
+    pub fn take(&mut self, on: &UserWire, at_ns: u64, frame: &Frame) -> Seen {
+        let (sender, decoded) = (on.sender(frame), self.decoder.decode(frame));
+        let message = match decoded {
+            Decoded::Message(message) if !matches!(message.outcome, Outcome::Unmapped) => message,
+            Decoded::Request { message, .. } if sender == Some(on.tested) => {
+                *self.traffic.user_taken.entry(message).or_default() += 1;
+                return Seen::Tested;
+            }
+            _ => {
+                self.traffic.note_other(frame.id());
+                return Seen::Other;
+            }
+        };
+        if sender != Some(on.tested) {
+            return Seen::Double(message.message);
+        }
+        self.count(frame, &message);
+        let mut heard = Heard { at_ns, id: frame.id(), message, state_said: None, state: NodeState::BootUp };
+        heard.state_said = heard.state_in_it(on.kind);
+        self.heard.push(heard);
+        Seen::Tested
+    }
+
+    fn count(&mut self, frame: &Frame, message: &DecodedMessage) {
+        let name = &message.message;
+        match &message.outcome {
+            Outcome::Refused(fault) => self.traffic.note_user_refused(name, fault, frame),
+            _ => *self.traffic.user_taken.entry(name.clone()).or_default() += 1,
+        }
+        let has_counter = message.signals.iter().any(|signal| signal.means.contains(&Meaning::Counter));
+        let is_counter = matches!(&message.outcome, Outcome::Refused(fault) if fault.kind() == "counter");
+        if !has_counter && !is_counter {
+            return;
+        }
+        let steps = self.steps.entry(name.clone()).or_default();
+        steps.frames += 1;
+        let text = match &message.outcome {
+            Outcome::Taken { lost } if *lost > 0 => format!("{name} comes after {lost} that were not sent or are lost"),
+            Outcome::Refused(fault) if is_counter => format!("{name}: {fault}: {frame}"),
+            _ => return,
+        };
+        steps.wrong += 1;
+        if let Outcome::Refused(Fault::Protection(ProtectionFault::Counter(fault))) = &message.outcome {
+            match fault {
+                CounterFault::Repeated { .. } => steps.repeated += 1,
+                CounterFault::Beyond { .. } => steps.proof = steps.proof.take().or(Some(text.clone())),
+            }
+        }
+        if steps.text.is_empty() {
+            steps.text = text;
+        }
+    }
+
+    /// The state of the tester's end after the frame heard last.
+    pub fn note_state(&mut self, state: NodeState) {
+        if let Some(heard) = self.heard.last_mut() {
+            heard.state = state;
+        }
+    }
+
+    /// The parts of a load in a frame go into the ranges of the report.
+    pub fn note_loads(&mut self) {
+        let Some(heard) = self.heard.last() else { return };
+        for (name, value, _) in heard.loads() {
+            self.traffic.commands.note_part(name, value);
+        }
+    }
+
+    /// The counters that were followed: frames of so many messages.
+    pub fn counted(&self) -> (u32, usize) {
+        (self.steps.values().map(|steps| steps.frames).sum(), self.steps.len())
+    }
+
+    /// What is wrong with the counters: more than single lost frames explain.
+    pub fn counter_fault(&self) -> Option<String> {
+        let proof = self.steps.values().find_map(|steps| steps.proof.clone());
+        let is_habit =
+            |steps: &&Steps| steps.repeated >= REPEATED || (steps.wrong >= 2 && 2 * steps.wrong > steps.frames);
+        proof.or_else(|| {
+            let steps = self.steps.values().find(is_habit)?;
+            Some(format!(
+                "{}; of its {} frames {} have another counter than the next",
+                steps.text, steps.frames, steps.wrong
+            ))
+        })
+    }
+
+    /// What was refused of the node's frames for another reason than the counter.
+    pub fn refused(&self) -> Option<String> {
+        let of_form = || self.traffic.user_refused.iter().filter(|refused| breaks_rules(&refused.fault));
+        let first = of_form().next()?;
+        let count: u64 = of_form().map(|refused| refused.count).sum();
+        Some(format!("{count} of its frames are refused: {first}"))
+    }
+
+    /// What came, in words.
+    pub fn in_words(&self) -> String {
+        let counted = |(message, count): (&String, &u64)| format!("{count} {message}");
+        let taken: Vec<String> = self.traffic.user_taken.iter().map(counted).collect();
+        let refused = self.traffic.user_refused.first().map(|refused| format!("{refused}"));
+        let others = self.traffic.others_text();
+        match (taken.is_empty(), refused, others.is_empty()) {
+            (true, None, true) => String::from("nothing"),
+            (true, None, false) => format!("frames with other identifiers only: {others}"),
+            (true, Some(refused), _) => refused,
+            (false, None, _) => taken.join(", "),
+            (false, Some(refused), _) => format!("{}, and {refused}", taken.join(", ")),
+        }
+    }
+}
+
+/// Whether a frame with this fault breaks the rules of its protocol by itself. Counters are judged by many frames;
+/// block transfers and node guarding are rules of CANopen that the drives of this program leave out.
+fn breaks_rules(fault: &Fault) -> bool {
+    let is_left_out = matches!(fault, Fault::CanOpen(Malformed::SdoCommand { .. } | Malformed::Remote));
+    !is_left_out && fault.kind() != "counter"
+}
+
+/// The node in words.
+pub(super) const fn name(node: Node) -> &'static str {
+    match node {
+        Node::Plant => "plant",
+        Node::Exciter => "controller",
+    }
+}

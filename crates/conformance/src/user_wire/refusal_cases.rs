@@ -1,0 +1,74 @@
+//! Frames that a plant must refuse: what is wrong with them neither acts nor feeds the timeout.
+
+use alloc::format;
+
+use super::craft::Damage;
+use super::plant_cases::{drive, in_words, judged_fault, load_of, load_readings, loads, says_state};
+use super::tester::{Alter, Tester};
+use crate::tester::{GONE_NS, MARGIN_NS, MS, Stop, failed, late, ms, not_at_once, skipped};
+use resonarm_bench::node::mapped::mapping::LoadInput;
+
+/// A load that acts has at least this share of what was commanded.
+const ACTS: f64 = 0.5;
+
+/// Commands that are damaged in this way are refused.
+pub(super) fn damaged(t: &mut Tester, damage: Damage) -> Result<(), Stop> {
+    if !damage.is_possible(t.on) {
+        return skipped(match damage {
+            Damage::Checksum => "not every message with loads has a checksum",
+            Damage::Repeated => "not every message with loads has a counter",
+            Damage::Jump => "not every message with loads has a counter of which so many values can be lost",
+            Damage::Short => "not every message with loads can be too short",
+            Damage::NotFinite => "not every message with loads has one that is a floating-point number",
+        });
+    }
+    t.on.awaited_ns()?;
+    let (names, has_state) = (load_readings(t), says_state(t));
+    if names.is_empty() && !has_state {
+        return skipped("no reading that comes by itself twice a second says the plant's state or the load that acts");
+    }
+    drive(t)?;
+    t.command(-load_of(t));
+    t.alter = Alter::Commands(damage);
+    let (from, since_ns, timeout_ns) = (t.mark(), t.commanded_ns, t.on.timeout_ns());
+    let within_ns = timeout_ns + MARGIN_NS;
+    let is_said = judged_fault(t, from, since_ns, within_ns)?.is_some();
+    let acted = loads(&t.heard()[from..], &names).find(|(_, read)| *read < -ACTS * load_of(t)).map(|(_, read)| read);
+    if let Some(read) = acted {
+        return failed(format!("it takes them: commanded {} that way, it {}", -load_of(t), in_words(t, read)));
+    }
+    if is_said || !has_state {
+        return Ok(());
+    }
+    let text = format!("they feed the timeout: no fault {} after the last good command", ms(within_ns));
+    match judged_fault(t, from, since_ns, within_ns + GONE_NS)? {
+        Some(_) => not_at_once(text),
+        None => late(text),
+    }
+}
+
+/// A load beyond the exciter's limits is refused: what was held stays, or the plant faults.
+pub(super) fn too_large(t: &mut Tester) -> Result<(), Stop> {
+    let Some(beyond_n) = t.settings.beyond_n else {
+        return skipped("no load that it must refuse is given (--beyond-n)");
+    };
+    if matches!(t.on.input(), LoadInput::Torque1 | LoadInput::Torque2) {
+        return skipped("the protocol commands torques, and --beyond-n is a force");
+    }
+    let names = load_readings(t);
+    if names.is_empty() {
+        return skipped("no reading that comes by itself twice a second says the load that acts");
+    }
+    drive(t)?;
+    if !t.can_command(-beyond_n) {
+        return skipped(format!("no signal of the protocol can command {beyond_n} N (--beyond-n)"));
+    }
+    let from = t.mark();
+    t.command(-beyond_n);
+    // The plant may fault as well.
+    t.run_ns(100 * MS + 20 * t.on.period_ns())?;
+    match loads(&t.heard()[from..], &names).find(|(_, read)| *read < -ACTS * load_of(t)) {
+        Some((_, read)) => failed(format!("commanded {beyond_n} N in the other direction, it {}", in_words(t, read))),
+        None => Ok(()),
+    }
+}

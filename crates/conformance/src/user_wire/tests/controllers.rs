@@ -1,0 +1,179 @@
+//! Controllers on their own protocols.
+
+use super::devices::{ControllerDevice, Flaw, NONE, raw, redone};
+use super::*;
+
+/// The frames of the DBC: the byte of enable, reset and halt, and that of the counter; in the other direction that of
+/// state and reason.
+const REQUESTS: usize = 4;
+const ALIVE: usize = 6;
+const STATE: usize = 4;
+const CHECKSUM: usize = 7;
+/// ODrive's Set_Controller_Mode, and a target torque of a CANopen drive.
+const SET_MODE: Id = Id::Standard(3 << 5 | 0x0B);
+const TARGET: Id = Id::Standard(0x201);
+
+fn device(on: &UserWire, flaw: Flaw) -> Box<dyn Device> {
+    Box::new(ControllerDevice::new(on.clone(), flaw))
+}
+
+#[test]
+fn the_emulated_exciter_passes_on_every_wire() {
+    for on in On::ALL {
+        for mode in on.modes() {
+            let wire = on.wire(Node::Exciter, *mode);
+            let skipped: &[&str] = match on {
+                On::Dbc => &[],
+                On::Odrive => &["exciter-counters", "exciter-before-arming"],
+                On::Cia402 => &["exciter-counters", "lockstep-exciter-counters"],
+            };
+            all_pass(&findings(&wire, || device(&wire, NONE)), skipped);
+        }
+    }
+}
+
+/// Every frame that it sends is changed like this, without regard to the checksum.
+fn sends_raw(on: &UserWire, sends: fn(&UserWire, &mut devices::Context, Frame) -> Vec<Frame>) -> Vec<&'static str> {
+    failed(&findings(on, || device(on, Flaw { sends, ..NONE })))
+}
+
+/// As `sends_raw`, of what it hears.
+fn hears(on: &UserWire, hears: fn(&UserWire, &mut devices::Context, Frame) -> Vec<Frame>) -> Vec<&'static str> {
+    failed(&findings(on, || device(on, Flaw { hears, ..NONE })))
+}
+
+#[test]
+fn a_controller_of_a_dbc_with_a_flaw_fails_the_cases_for_it() {
+    let on = On::Dbc.wire(Node::Exciter, Mode::RealTime);
+    let wrong_checksums = sends_raw(&on, |_, _, frame| vec![raw(&frame, |data| data[CHECKSUM] ^= 1)]);
+    assert_eq!(wrong_checksums, ["exciter-arms", "exciter-frames"]);
+    let short = sends_raw(&on, |_, _, frame| vec![raw(&frame, |data| data.truncate(CHECKSUM))]);
+    assert_eq!(short, ["exciter-arms", "exciter-frames"]);
+    let one_wrong_checksum = sends_raw(&on, |_, context, frame| {
+        let is_wrong = context.sent % 50 == 30;
+        vec![raw(&frame, |data| data[CHECKSUM] ^= u8::from(is_wrong))]
+    });
+    assert_eq!(one_wrong_checksum, ["exciter-frames"]);
+    let not_a_number = sends_raw(&on, |on, context, frame| {
+        let is_wrong = context.sent % 50 == 30;
+        let nan = |data: &mut [u8]| data[..4].copy_from_slice(&f32::NAN.to_le_bytes());
+        vec![if is_wrong { redone(on, &frame, nan) } else { frame }]
+    });
+    assert_eq!(not_a_number, ["exciter-frames"]);
+    let counts_by_2 = sends_raw(&on, |on, context, frame| {
+        let counter = (2 * context.sent % 15) as u8;
+        vec![redone(on, &frame, |data| data[ALIVE] = counter)]
+    });
+    assert_eq!(counts_by_2, ["exciter-counters"]);
+    let never_counts = sends_raw(&on, |on, _, frame| vec![redone(on, &frame, |data| data[ALIVE] = 3)]);
+    assert_eq!(never_counts, ["exciter-counters", "exciter-in-time"]);
+    let never_arms = sends_raw(&on, |on, _, frame| vec![redone(on, &frame, |data| data[REQUESTS] = 0)]);
+    assert_eq!(never_arms, ["exciter-arms"]);
+}
+
+#[test]
+fn a_controller_of_a_dbc_that_works_wrongly_fails_the_cases_for_it() {
+    let on = On::Dbc.wire(Node::Exciter, Mode::RealTime);
+    let begins_too_early = sends_raw(&on, |on, context, frame| {
+        let is_early = context.now_ns < 600_000_000;
+        vec![redone(on, &frame, |data| {
+            if is_early {
+                data[..4].copy_from_slice(&20.0_f32.to_le_bytes());
+                data[REQUESTS] = 0;
+            }
+        })]
+    });
+    assert_eq!(begins_too_early, ["exciter-before-arming"]);
+    let pauses = sends_raw(&on, |_, context, frame| {
+        let is_away = context.now_ns % 1_000_000_000 > 500_000_000;
+        if is_away { vec![] } else { vec![frame] }
+    });
+    assert_eq!(pauses, ["exciter-in-time"]);
+    let too_large = sends_raw(&on, |on, context, frame| {
+        let force_n = if context.sent % 40 == 39 { 1000.0_f32 } else { 0.1 };
+        vec![redone(on, &frame, |data| data[..4].copy_from_slice(&force_n.to_le_bytes()))]
+    });
+    assert_eq!(too_large, ["exciter-limits"]);
+    let deaf = hears(&on, |on, context, frame| {
+        context.has_armed |= frame.data()[STATE] & 0xF == 2;
+        let says = if context.has_armed { 2 } else { frame.data()[STATE] };
+        vec![redone(on, &frame, |data| data[STATE] = says)]
+    });
+    assert_eq!(deaf, ["exciter-plant-faults", "exciter-plant-disarmed"]);
+}
+
+#[test]
+fn a_controller_of_drives_with_a_flaw_fails_the_cases_for_it() {
+    let on = On::Odrive.wire(Node::Exciter, Mode::RealTime);
+    let no_mode = sends_raw(&on, |_, _, frame| if frame.id() == SET_MODE { vec![] } else { vec![frame] });
+    assert_eq!(no_mode, ["exciter-in-time", "exciter-acts"]);
+    let on = On::Cia402.wire(Node::Exciter, Mode::RealTime);
+    let halts = sends_raw(&on, |_, _, frame| {
+        let is_target = frame.id() == TARGET;
+        vec![raw(&frame, |data| {
+            if is_target {
+                data[1] |= 1
+            }
+        })]
+    });
+    assert_eq!(halts, ["exciter-acts"]);
+    let switches_on_only = sends_raw(&on, |_, _, frame| {
+        let enables = frame.id() == TARGET && frame.data()[0] == 0x0F;
+        vec![raw(&frame, |data| {
+            if enables {
+                data[0] = 0x07
+            }
+        })]
+    });
+    assert_eq!(switches_on_only, ["exciter-arms"]);
+    let short = sends_raw(&on, |_, context, frame| {
+        let is_short = frame.id() == TARGET && context.sent % 49 == 30;
+        vec![raw(&frame, |data| data.truncate(if is_short { 3 } else { 8 }))]
+    });
+    assert_eq!(short, ["exciter-frames"]);
+    // A block transfer, and node guarding: other drives have them.
+    let guards = sends_raw(&on, |_, context, frame| {
+        let guard = Frame::new(Id::Standard(0x701), FrameFormat::Remote, &[]).unwrap();
+        let block = Frame::classic(Id::Standard(0x601), &[0xA0, 0, 0x10, 0, 0x7F, 0, 0, 0]).unwrap();
+        if context.sent % 50 == 30 { vec![frame, guard, block] } else { vec![frame] }
+    });
+    assert_eq!(guards, [""; 0]);
+    let no_targets = sends_raw(&on, |_, context, frame| {
+        let is_away = context.now_ns % 1_000_000_000 > 500_000_000;
+        if is_away && frame.id() == TARGET { vec![] } else { vec![frame] }
+    });
+    assert_eq!(no_targets, ["exciter-in-time"]);
+}
+
+#[test]
+fn a_controller_with_a_flaw_in_lockstep_fails_the_cases_for_it() {
+    let on = On::Dbc.wire(Node::Exciter, Mode::Lockstep);
+    let answers_twice = sends_raw(&on, |on, context, frame| {
+        let counted = |count: u64| redone(on, &frame, |data| data[ALIVE] = (count % 15) as u8);
+        vec![counted(2 * context.sent), counted(2 * context.sent + 1)]
+    });
+    assert_eq!(answers_twice, ["lockstep-exciter-answers", "lockstep-exciter-waits"]);
+    let stops_answering = sends_raw(&on, |_, context, frame| if context.sent % 40 < 30 { vec![frame] } else { vec![] });
+    assert_eq!(stops_answering, ["lockstep-exciter-answers"]);
+    let on = On::Cia402.wire(Node::Exciter, Mode::Lockstep);
+    let syncs_twice = sends_raw(&on, |_, _, frame| {
+        let count = if frame.id() == Id::Standard(SYNC_ID) { 2 } else { 1 };
+        vec![frame; count]
+    });
+    assert_eq!(syncs_twice, ["lockstep-exciter-answers", "lockstep-exciter-waits"]);
+}
+
+/// The report on a flawed controller by the case for it.
+fn report(on: &UserWire, id: &str, flaw: Flaw) -> String {
+    let case = wire_cases(on).into_iter().find(|case| case.id == id).unwrap();
+    let finding = run_on_wire(&case, &mut Virtual::new(device(on, flaw)), on, settings()).unwrap();
+    format!("{:?}", finding.verdict)
+}
+
+#[test]
+fn the_reasons_say_what_it_does_instead() {
+    let on = On::Dbc.wire(Node::Exciter, Mode::RealTime);
+    let wrong_checksum = Flaw { sends: |_, _, frame| vec![raw(&frame, |data| data[CHECKSUM] ^= 1)], ..NONE };
+    insta::assert_snapshot!(report(&on, "exciter-frames", wrong_checksum), @r#"Failed("21 of its frames are refused: Drive refused: the checksum is 0x42, and 0x43 is right: 100#0000000001000042 (21 times)")"#);
+    insta::assert_snapshot!(report(&on, "exciter-arms", wrong_checksum), @r#"Failed("it doesn't arm the plant within 1500 ms: 0 requests to arm and 0 to reset came; heard: Drive refused: the checksum is 0x42, and 0x43 is right: 100#0000000001000042 (31 times)")"#);
+}

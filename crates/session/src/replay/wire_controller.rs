@@ -1,0 +1,121 @@
+//! The responses that Resonarm's exciter has read with a control on a scenario's own protocol: it is run again.
+//!
+//! A controller is a function of the frames that it hears. Given those that the recorded plant sent, it makes the same
+//! loads again. On such a protocol commands name no sample, and one that waited too long was replaced by the next; so
+//! the recorded loads must be those made, each once and in their order, from the first that is not zero to the end of
+//! the work.
+
+use alloc::vec::Vec;
+
+use super::ReplayError;
+use super::wire_responses::parts;
+use resonarm_bench::control::ResponsePoint;
+use resonarm_bench::node::mapped::mapping::Mapping;
+use resonarm_bench::node::{ExciterInterface, TimeBase, WireSpec};
+use resonarm_files::recording::{Direction, Recording};
+use resonarm_files::scenario::Scenario;
+use resonarm_protocol::{Frame, NodeState};
+
+/// The responses, each with the sample by which it was read.
+///
+/// # Errors
+/// [`ReplayError::Command`] if another controller was recorded, [`ReplayError::NoLoad`] if no command has a load;
+/// [`ReplayError::WireLacks`] if the protocol can't carry the control; [`ReplayError`] if the recording can't be read.
+pub(super) fn timed_responses(
+    recording: &Recording,
+    scenario: &Scenario,
+) -> Result<Vec<(u64, ResponsePoint)>, ReplayError> {
+    let Some(spec) = scenario.wire_spec()? else { return Err(ReplayError::NoLoad) };
+    let rate = (scenario.wire_rate_hz()?, time_base(recording, scenario)?);
+    let mut exciter = spec.exciter(rate, scenario.lockstep_timing()?, scenario.controller()?)?;
+    // CANopen drives have no readings on which a control could be closed.
+    let WireSpec::Mapped(mapping) = &spec else { return Err(ReplayError::NoLoad) };
+    exciter.start(0);
+    let (mut loads, mut responses) = (Loads::new(mapping), Vec::new());
+    loads.make(exciter.as_mut());
+    for record in recording.frames()? {
+        let record = record?;
+        match record.direction {
+            Direction::Sent => {
+                exciter.handle_frame(record.time_ns, &record.frame);
+                loads.make(exciter.as_mut());
+            }
+            Direction::Received => loads.compare(record.sample, &record.frame)?,
+        }
+        let read = core::iter::from_fn(|| exciter.carried_mut().poll_response());
+        responses.extend(read.map(|response| (record.sample, response)));
+        if exciter.outcome().is_some() {
+            break;
+        }
+    }
+    if loads.has_begun { Ok(responses) } else { Err(ReplayError::NoLoad) }
+}
+
+/// How the recorded exciter answered samples, as the run made it.
+fn time_base(recording: &Recording, scenario: &Scenario) -> Result<TimeBase, ReplayError> {
+    let has_lockstep = scenario.wire.as_ref().is_some_and(|wire| wire.lockstep.is_some());
+    let is_ideal = scenario.network.faults.is_empty() && scenario.timed_bus()?.is_none();
+    Ok(match recording.configuration().get("run_loop") {
+        Some("lockstep") => TimeBase::Lockstep,
+        Some("free") if has_lockstep && is_ideal => TimeBase::Lockstep,
+        _ => TimeBase::Clock,
+    })
+}
+
+/// The loads of one message, as made again.
+#[derive(Clone, Debug, Default)]
+struct Made {
+    loads: Vec<[f64; 4]>,
+    /// How many of them the recording has had, or has passed over.
+    seen: usize,
+}
+
+/// The loads that are made again, beside those recorded.
+struct Loads<'m> {
+    mapping: &'m Mapping,
+    /// By the places of the messages.
+    made: Vec<Made>,
+    /// Whether a recorded load was one that was made.
+    has_begun: bool,
+}
+
+impl Loads<'_> {
+    fn new(mapping: &Mapping) -> Loads<'_> {
+        Loads { mapping, made: vec![Made::default(); mapping.incoming.len()], has_begun: false }
+    }
+
+    /// Takes the frames that the exciter would send.
+    fn make(&mut self, exciter: &mut dyn ExciterInterface) {
+        while let Some(frame) = exciter.next_frame() {
+            exciter.frame_sent();
+            if let (NodeState::Operational, Some((place, load))) = (exciter.state(), self.load(&frame)) {
+                self.made[place].loads.push(load);
+            }
+        }
+    }
+
+    /// Compares a recorded frame: its load is the next of those made, or a later one if some were never sent.
+    fn compare(&mut self, sample: u64, frame: &Frame) -> Result<(), ReplayError> {
+        let Some((place, got)) = self.load(frame) else { return Ok(()) };
+        let Made { loads, seen } = &mut self.made[place];
+        let rest = &loads[*seen..];
+        if let Some(ahead) = rest.iter().position(|made| *made == got) {
+            *seen += ahead + 1;
+            self.has_begun |= got != [0.0; 4];
+            return Ok(());
+        }
+        // What arms or disarms the plant has no load.
+        match rest.first().or(loads.last()) {
+            _ if got == [0.0; 4] => Ok(()),
+            Some(expected) => Err(ReplayError::Command { sample, got, expected: *expected }),
+            None => Err(ReplayError::Command { sample, got, expected: [0.0; 4] }),
+        }
+    }
+
+    /// The load in a frame of a command: the place of its message, force along x and y, N, torques at the joints, N·m.
+    fn load(&self, frame: &Frame) -> Option<(usize, [f64; 4])> {
+        let place = self.mapping.incoming.iter().position(|message| message.id == frame.id())?;
+        let load = self.mapping.incoming[place].load(frame.data()).ok()??;
+        Some((place, parts(&load)))
+    }
+}

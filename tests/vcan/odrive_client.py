@@ -1,0 +1,34 @@
+"""A client by `odrive-can`, unmodified: one axis in torque control, which plays a sine until the axis stops.
+
+`python odrive_client.py vcan0 NODE_ID` ends when the axis leaves closed-loop control.
+"""
+
+import asyncio
+import math
+import sys
+import time
+
+import can
+from odrive_can.odrive import ODriveCAN
+
+CLOSED_LOOP = "CLOSED_LOOP_CONTROL"
+
+
+async def work(interface, node_id):
+    drive = ODriveCAN(node_id, can.Bus(interface="socketcan", channel=interface))
+    await drive.start()
+    drive.clear_errors()
+    drive.set_controller_mode("TORQUE_CONTROL", "PASSTHROUGH")
+    while drive.axis_state != CLOSED_LOOP:
+        drive.set_axis_state_no_wait(CLOSED_LOOP)
+        drive.set_input_torque(0.0)
+        await asyncio.sleep(0.05)
+    start = time.monotonic()
+    while drive.axis_state == CLOSED_LOOP:
+        drive.set_input_torque(math.sin(2 * math.pi * 2.0 * (time.monotonic() - start)))
+        await asyncio.sleep(0.02)
+    drive.stop()
+
+
+if __name__ == "__main__":
+    asyncio.run(work(sys.argv[1], int(sys.argv[2])))
