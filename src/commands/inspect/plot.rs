@@ -82,7 +82,7 @@ pub(super) fn figure(recording: &Recording, summary: &RecordingSummary) -> Resul
         });
         let label = format!("{name} ({})", quantity.unit());
         let mut panel = Panel::new(Axis::linear("time (s)"), Axis::linear(label));
-        for (envelope, color) in drawn.zip(COLORS) {
+        for (envelope, color) in drawn.zip(COLORS.into_iter().cycle()) {
             panel = panel.with(Series::line(envelope.channel.name, color, envelope.points(time_s)));
         }
         if !panel.series.is_empty() {
