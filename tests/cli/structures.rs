@@ -97,7 +97,7 @@ fn the_modes_of_an_arm_are_a_structure() {
       mode   undamped frequency   damping ratio
          1           23.1383 Hz        1.577e-4
          2           45.7423 Hz        9.317e-4
-    modes.toml
+    written to modes.toml
     ");
     let modes = |file: &str| document(folder.path(), 0, &["modes", "--json", "--scenario", file])["modes"].clone();
     let (own, arm) = (modes("modes.toml"), modes("arm.toml"));
