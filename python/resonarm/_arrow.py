@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 
 from . import _extras
-from ._dtypes import Array, pair, unit, words
+from ._dtypes import Array, components, unit, words
 
 
 def schema_metadata(**values: Any) -> dict[str, str]:
@@ -44,7 +44,7 @@ def _named(arrow: Any, columns: Array, dtype: np.dtype[Any]) -> Iterator[tuple[s
             length = columns[_place(dtype, "length")]
             yield name, _payloads(arrow, own, np.where(columns[_place(dtype, "remote")], 0, length))
         elif form.shape:
-            for column_name, column in zip(pair(name), own, strict=True):
+            for column_name, column in zip(components(name, own.T), own, strict=True):
                 yield column_name, _column(arrow, column, form.base)
         else:
             yield name, _column(arrow, own[0], form)

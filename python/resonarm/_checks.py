@@ -1,5 +1,6 @@
 """Checks of arguments before they are passed to the extension."""
 
+import math
 import operator
 from collections.abc import Sequence
 from typing import Any
@@ -12,6 +13,8 @@ from ._dtypes import NUMBER
 
 LAST = 2**64 - 1
 """A sample after every other."""
+MOST_STEPS = 10_000_000_000
+"""The most integration steps of a motion."""
 
 
 def real(name: str, values: ArrayLike) -> NDArray[np.float64]:
@@ -63,6 +66,22 @@ def number(name: str, given: float) -> float:
     if isinstance(given, str) or not hasattr(given, "__float__"):
         raise TypeError(f"{name} is {given!r}: it must be a number")
     return float(given)
+
+
+def steps(duration_s: float, rate_hz: float) -> int:
+    """A duration as a whole number of steps."""
+    exact = duration_s * rate_hz
+    if not (math.isfinite(exact) and round(exact) >= 1):
+        raise ValueError(f"duration_s is {duration_s:g}: it must be a positive number, of one step at least")
+    steps = round(exact)
+    if steps > MOST_STEPS:
+        raise ValueError(f"duration_s {duration_s:g} is {steps} steps at {rate_hz:g} Hz: at most {MOST_STEPS} are made")
+    if abs(exact - steps) > 1e-6:
+        raise ValueError(
+            f"duration_s {duration_s!r} is {exact!r} steps at {rate_hz:g} Hz, not a whole number: "
+            f"take {steps / rate_hz!r}, or another rate"
+        )
+    return steps
 
 
 def network(given: Any) -> None:

@@ -6,9 +6,11 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from ._resonarm import Recording, arm_channels
+from ._resonarm import Recording, arm_channels, known_vectors
 
 Array = NDArray[Any]
+Vectors = list[tuple[str, list[str]]]
+"""Vectors of channels: the name of each, and those of its components."""
 
 
 def words(form: np.dtype[Any]) -> int:
@@ -43,16 +45,17 @@ ORBIT = _rows(
 OUTCOME = _rows(("motion", "i8", 1), ("periods", "u8", 1))
 SINGULAR = _rows(("value", "f8", 1), ("value2", "f8", 1), ("harmonic1_rad", "f8", 2))
 
-_ARM = {part: arm_channels(part) for part in ("states", "samples")}
-_COMPONENTS = {vector: components for vectors in _ARM.values() for vector, components in vectors}
+_COMPONENTS = dict(known_vectors())
 
 
-def _vectors(vectors: list[tuple[str, list[str]]]) -> list[tuple[str, str, int]]:
-    return [(vector, "f8", len(components)) for vector, components in vectors]
+def _vectors(vectors: Vectors) -> list[tuple[str, str, int]]:
+    """A field for each vector: a vector of one component has the shape (1,), a channel alone is a scalar."""
+    return [
+        (vector, "f8" if components == [vector] else f"({len(components)},)f8", 1) for vector, components in vectors
+    ]
 
 
-_READINGS = (*_vectors(_ARM["samples"]), ("clipped", "u8", 1))
-PLAYED = _rows(("sample", "u8", 1), *_vectors(_ARM["states"])[:2], *_READINGS)
+_READINGS = (*_vectors(arm_channels("samples")), ("clipped", "u8", 1))
 RESPONSE = _rows(
     ("frequency_hz", "f8", 1),
     ("load", "f8", 1),
@@ -87,6 +90,28 @@ PARTS = {
 }
 
 
+def motion(channels: Vectors) -> np.dtype[Any]:
+    """The type of the rows of a structure's motion."""
+    return _rows(("t_s", "f8", 1), *_vectors(channels))
+
+
+def played(channels: Vectors) -> np.dtype[Any]:
+    """The type of the rows that a plant plays, with the vectors of its states."""
+    return _rows(("sample", "u8", 1), *_vectors(channels), *_READINGS)
+
+
+def structure_orbit(read: list[tuple[str, str]], multipliers: int) -> np.dtype[Any]:
+    """The type of the rows of a structure's branch: degrees of freedom that are read, each with its unit, and the
+    number of multipliers."""
+    readings = [
+        (f"{dof.replace('.', '_')}_{name}_{unit}", form, 1)
+        for dof, unit in read
+        for name, form in (("largest", "f8"), ("mean", "f8"), ("harmonic1", "c16"))
+    ]
+    scalars = [("value", "f8", 1), ("frequency_hz", "f8", 1), ("drive", "f8", 1), ("stable", "?", 1)]
+    return _rows(*scalars, ("harmonics", "u8", 1), *readings, ("multipliers", f"({multipliers},)c16", 1))
+
+
 def rows_of(recording: Recording, part: str) -> np.dtype[Any]:
     """The type of the rows of a part: for states and samples with the vectors that the recording has."""
     if part in PARTS:
@@ -114,7 +139,10 @@ def named(names: list[str], rows: Array, field: str = "kind") -> Array:
 
 
 _UNITS = {
+    "_m_sqrt_kg_s": "m·√kg/s",
+    "_m_sqrt_kg": "m·√kg",
     "_m_s2": "m/s²",
+    "_m_s": "m/s",
     "_rad_s": "rad/s",
     "_rad": "rad",
     "_a": "A",
@@ -125,6 +153,8 @@ _UNITS = {
     "_unix_ns": "ns",
     "_ns": "ns",
     "_s": "s",
+    "_m": "m",
+    "_branch": "1",
 }
 
 
@@ -133,7 +163,7 @@ def unit(name: str) -> str:
     return next((unit for ending, unit in _UNITS.items() if name.endswith(ending)), "")
 
 
-def pair(name: str) -> list[str]:
-    """The names of the columns of a vector: `alpha_rad` is `alpha1_rad` and `alpha2_rad`, `force_n` `force_x_n` and
-    `force_y_n`."""
-    return _COMPONENTS[name]
+def components(name: str, column: Array) -> list[str]:
+    """The names of the columns of a vector: `alpha_rad` is `alpha1_rad`, `alpha2_rad` and so on, `force_n` `force_x_n`
+    and `force_y_n`."""
+    return _COMPONENTS[name][: column.shape[1]]

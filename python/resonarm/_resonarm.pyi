@@ -17,9 +17,9 @@ def printable(text: str) -> str: ...
 
 @final
 class Mode:
-    """A natural mode of the linearised arm. Modes are equal if all their numbers are."""
+    """A natural mode of a linearised arm or structure. Modes are equal if all their numbers are."""
 
-    def __new__(cls, frequency_hz: float, damping_ratio: float, shape: tuple[float, float]) -> Self: ...
+    def __new__(cls, frequency_hz: float, damping_ratio: float, shape: Sequence[float]) -> Self: ...
     @property
     def frequency_hz(self) -> float:
         """Natural frequency, Hz."""
@@ -27,8 +27,8 @@ class Mode:
     def damping_ratio(self) -> float:
         """Damping ratio, 1 is critical."""
     @property
-    def shape(self) -> tuple[float, float]:
-        """Shape (α1, α2), normalised to the mass matrix."""
+    def shape(self) -> tuple[float, ...]:
+        """Shape in the coordinates, of an arm (α1, α2), normalised to the mass matrix."""
 
 class Arm:
     def __new__(
@@ -127,6 +127,67 @@ _Sine = tuple[_Load, _Load, float]
 _RealTime = tuple[str | None, str | None, int | None, int | None, bool, float | str | None]
 _How = tuple[str, _Path | None, bool, float | None, float | None, int, bool, _RealTime]
 _Controller = tuple[Callable[[Measurement], _Load | None], str]
+_Structure = tuple[Any, Any, str, list[float], str | None]
+
+_Matrices = tuple[bytes, bytes, bytes | None]
+
+class Assembly:
+    def __new__(cls, structure: dict[str, Any], arm: dict[str, Any] | None = None) -> Self: ...
+    @property
+    def section(self) -> dict[str, Any]:
+        """The section `[structure]` of a scenario that makes it, with the links or modes from files in it."""
+    @property
+    def numbers(self) -> dict[str, Any]: ...
+    @property
+    def arm_section(self) -> dict[str, Any] | None:
+        """The section `[arm]` beside it, of an arm with elements; else None."""
+    @property
+    def chain_links(self) -> list[Any]: ...
+    @property
+    def chain_gravity_m_s2(self) -> float: ...
+    @property
+    def point_names(self) -> list[str]:
+        """The names of its points."""
+    @property
+    def dofs(self) -> list[str]:
+        """Its degrees of freedom: what a load can act on and what is read, point and axis or a joint."""
+    def units(self, name: str, dof: str) -> tuple[str, str]: ...
+    def channels(self) -> list[tuple[str, list[str]]]: ...
+    def modes(self) -> list[Mode]:
+        """The natural modes at rest, by frequency, with the slopes of smooth elements."""
+    def frf_at(self, frequency_hz: bytes, terms: tuple[str, str, str]) -> bytearray: ...
+    def motion(
+        self,
+        initial: list[float] | None,
+        sine: tuple[str, float, float] | None,
+        stepping: tuple[str | None, float],
+        length: tuple[int, int],
+    ) -> tuple[bytearray, int]: ...
+
+@final
+class TracedStructure:
+    @property
+    def points(self) -> bytearray: ...
+    @property
+    def kinds(self) -> list[str]: ...
+    @property
+    def bifurcations(self) -> bytearray: ...
+    @property
+    def peaks(self) -> bytearray: ...
+    @property
+    def multipliers(self) -> int: ...
+    @property
+    def ended_early(self) -> str | None: ...
+
+def modes_of_matrices(matrices: _Matrices, dofs: dict[str, int], modes: int | None) -> dict[str, Any]: ...
+def modes_of_structure(structure: Assembly, modes: int | None) -> dict[str, Any]: ...
+def trace_structure(
+    structure: Assembly,
+    drive: tuple[str, float, float],
+    range: tuple[bool, float, float],
+    at: list[str],
+    limits: tuple[int, int, float],
+) -> TracedStructure: ...
 
 class Scenario:
     def __new__(cls, text: str = "", *, path: _Path | None = None, folder: _Path | None = None) -> Self: ...
@@ -171,7 +232,7 @@ class Measurement:
         head."""
 
 class Plant:
-    def __new__(cls, scenario: Scenario) -> Self: ...
+    def __new__(cls, scenario: Scenario, structure: _Structure | None = None) -> Self: ...
     @property
     def sample(self) -> int:
         """The index of the plant's current sample."""
@@ -179,11 +240,15 @@ class Plant:
     def time_s(self) -> float:
         """The time of that sample, s."""
     @property
-    def alpha_rad(self) -> tuple[float, float]:
-        """α1 and α2 there, rad."""
+    def alpha_rad(self) -> tuple[float, ...]:
+        """The deflections of the joints there, of the arm α1 and α2, rad. Modes have none: see `states`."""
     @property
-    def alpha_dot_rad_s(self) -> tuple[float, float]:
+    def alpha_dot_rad_s(self) -> tuple[float, ...]:
         """Their rates, rad/s."""
+    @property
+    def states(self) -> dict[str, tuple[float, ...]]:
+        """All states there by their names, as `alpha_rad`, or `q_m_sqrt_kg` of modes."""
+    def channels(self) -> list[tuple[str, list[str]]]: ...
     def measure(self) -> Measurement:
         """The readings of the instruments at the sample. Every call draws new noise: call it once a sample."""
     def advance(self, force_n: _Pair | None = None, torque_nm: _Pair | None = None) -> None:
@@ -221,6 +286,7 @@ class Reader:
     def read_columns(self, most_rows: int) -> tuple[bytearray, list[str], int]: ...
 
 def arm_channels(part: str) -> list[tuple[str, list[str]]]: ...
+def known_vectors() -> list[tuple[str, list[str]]]: ...
 
 @final
 class LogWriter:
@@ -273,7 +339,13 @@ class BusEnd:
 
 class NodeRun:
     def __new__(
-        cls, role: str, scenario: Scenario, how: _How, bus: BusEnd | str, controller: _Controller | None = None
+        cls,
+        role: str,
+        scenario: Scenario,
+        how: _How,
+        bus: BusEnd | str,
+        controller: _Controller | None = None,
+        structure: _Structure | None = None,
     ) -> Self: ...
     @property
     def is_running(self) -> bool:
@@ -288,5 +360,5 @@ class NodeRun:
     def join(self) -> tuple[dict[str, Any], bytearray]: ...
 
 def run_both(
-    scenario: Scenario, how: _How, controller: _Controller | None = None
+    scenario: Scenario, how: _How, controller: _Controller | None = None, structure: _Structure | None = None
 ) -> tuple[dict[str, Any], dict[str, Any], bytearray]: ...

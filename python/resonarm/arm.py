@@ -1,7 +1,6 @@
 """The arm: modes, frequency responses, motions under a sine, branches of periodic motions, basins of attraction."""
 
 import json
-import math
 from typing import Any
 
 import numpy as np
@@ -14,7 +13,6 @@ from .basins import basins
 from .continuation import continuation
 from .words import Drive, Quantity, Response, Scheme
 
-MOST_STEPS = 10_000_000_000
 MOST_PERIODS = 2**32 - 1
 
 
@@ -100,7 +98,7 @@ class Arm(_resonarm.Arm):
         if every < 1:
             raise ValueError(f"every is {every}: it must be 1 or more")
         rate = _resonarm.step_rate_hz(scheme) if rate_hz is None else rate_hz
-        length = (_steps(_checks.number("duration_s", duration_s), rate), every)
+        length = (_checks.steps(_checks.number("duration_s", duration_s), rate), every)
         return view(self.motion(state, load.sine(excitation_hz), (scheme, rate), length), MOTION)
 
     def ensemble(
@@ -135,19 +133,3 @@ class Arm(_resonarm.Arm):
         sine = Load(torque1_nm, torque2_nm, force_x_n, force_y_n).sine(frequency_hz)
         rows = view(_resonarm.ensemble(self, sine, states.tobytes(), (periods, step)), MOTION)
         return rows.reshape(-1, len(states))
-
-
-def _steps(duration_s: float, rate_hz: float) -> int:
-    """A duration as a whole number of steps."""
-    exact = duration_s * rate_hz
-    if not (math.isfinite(exact) and round(exact) >= 1):
-        raise ValueError(f"duration_s is {duration_s:g}: it must be a positive number, of one step at least")
-    steps = round(exact)
-    if steps > MOST_STEPS:
-        raise ValueError(f"duration_s {duration_s:g} is {steps} steps at {rate_hz:g} Hz: at most {MOST_STEPS} are made")
-    if abs(exact - steps) > 1e-6:
-        raise ValueError(
-            f"duration_s {duration_s!r} is {exact!r} steps at {rate_hz:g} Hz, not a whole number: "
-            f"take {steps / rate_hz!r}, or another rate"
-        )
-    return steps

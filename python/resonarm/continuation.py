@@ -71,18 +71,23 @@ class Branch:
         bifurcations as markers. `ax` are matplotlib's axes, by default the current ones; they are returned."""
         ax, index = _extras.axes(ax), joint - 1
         x, y, stable = self.points["value"], self.points["amplitude_rad"][:, index], self.points["stable"]
-        # A motion on either side of a change belongs to both stretches, so that the line has no gap.
-        edges = [0, *(np.flatnonzero(np.diff(stable)) + 1), len(x)]
-        for first, last in pairwise(edges):
-            stretch = slice(max(first - 1, 0), last)
-            color, style = ("C0", "-") if len(stable) and stable[first] else ("C3", "--")
-            ax.plot(x[stretch], y[stretch], color=color, linestyle=style)
+        stretches(ax, x, y, stable)
         for kind in np.unique(self.bifurcations["kind"]):
             at = self.bifurcations[self.bifurcations["kind"] == kind]
             ax.plot(at["value"], at["amplitude_rad"][:, index], "o", markersize=4, label=str(kind))
         ax.set_xlabel("{} ({})".format(*_label(self.parameter)))
         ax.set_ylabel(f"largest |α{joint}| (rad)")
         return ax
+
+
+def stretches(ax: Any, x: Array, y: Array, stable: Array) -> None:
+    """Draws y over x: where motions are stable as lines, elsewhere dashed."""
+    # A motion on either side of a change belongs to both stretches, so that the line has no gap.
+    edges = [0, *(np.flatnonzero(np.diff(stable)) + 1), len(x)]
+    for first, last in pairwise(edges):
+        stretch = slice(max(first - 1, 0), last)
+        color, style = ("C0", "-") if len(stable) and stable[first] else ("C3", "--")
+        ax.plot(x[stretch], y[stretch], color=color, linestyle=style)
 
 
 class BranchEndedEarly(_resonarm.ResonarmError):

@@ -9,7 +9,7 @@ from typing import Any, get_args
 import numpy as np
 
 from . import _extras
-from ._dtypes import Array, pair, unit
+from ._dtypes import Array, components, unit
 from .recording import Recording
 from .words import Format, RecordingPart
 
@@ -52,8 +52,8 @@ def columns(rows: Array) -> dict[str, Array]:
     for name in rows.dtype.names or ():
         column = rows[name]
         if column.ndim == 2:
-            for k, pair_name in enumerate(pair(name)):
-                found[pair_name] = np.ascontiguousarray(column[:, k])
+            for k, component in enumerate(components(name, column)):
+                found[component] = np.ascontiguousarray(column[:, k])
         else:
             found[name] = np.ascontiguousarray(column)
     return found

@@ -1,4 +1,4 @@
-"""The plant: the arm with its instruments, sample by sample."""
+"""The plant: the arm or another structure with its instruments, sample by sample."""
 
 from typing import Any
 
@@ -6,15 +6,16 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from . import _checks, _resonarm
-from ._dtypes import PLAYED, Array, view
+from ._dtypes import Array, played, unit, view
+from .own_structure import Structure, parts
 from .scenario import Scenario
 
-_OF_THE_STATE = ("sample", "time_s", "alpha_rad", "alpha_dot_rad_s")
+_OF_THE_STATE = ("sample", "time_s", "alpha_rad", "alpha_dot_rad_s", "states")
 _MOVES = ("seek", "reset", "rewind")
 
 
 class Plant(_resonarm.Plant):
-    """The arm of a scenario with its exciter, its instruments and an integrator, at a sample.
+    """The arm or structure of a scenario with its exciter, its instruments and an integrator, at a sample.
 
     One sample is `measure()`, then `advance(force_n=…)` with the load held up to the next. The same scenario and the
     same loads give the same states and readings, bit for bit. A reading is earlier than its sample by the delay of the
@@ -26,11 +27,12 @@ class Plant(_resonarm.Plant):
             plant.advance((10 - 0.5 * ax, 0.0))
     """
 
-    def __new__(cls, scenario: Scenario | None = None) -> "Plant":
-        """Starts at sample 0 of the scenario. Raises ValueError if the scenario can't make a plant."""
+    def __new__(cls, scenario: Scenario | None = None, *, structure: Structure | None = None) -> "Plant":
+        """Starts at sample 0 of the scenario, with a `structure` whose step is written in Python in place of the arm if
+        one is given. Raises ValueError if the scenario can't make a plant."""
         scenario = Scenario() if scenario is None else scenario
         _checks.scenario(scenario)
-        return super().__new__(cls, scenario)
+        return super().__new__(cls, scenario, parts(structure))
 
     def __setattr__(self, name: str, value: Any) -> None:
         if name in _OF_THE_STATE:
@@ -38,6 +40,10 @@ class Plant(_resonarm.Plant):
         super().__setattr__(name, value)
 
     def __getattr__(self, name: str) -> Any:
+        if name in ("alpha_rad", "alpha_dot_rad_s"):
+            raise AttributeError(
+                f"the structure under test has no {name}: its states are {', '.join(self.states)}", name=name, obj=self
+            )
         way = f": {self._way()}" if name in _MOVES else ""
         raise AttributeError(f"{type(self).__name__!r} object has no attribute {name!r}{way}", name=name, obj=self)
 
@@ -49,8 +55,9 @@ class Plant(_resonarm.Plant):
 
     def play(self, force_n: ArrayLike | None = None, torque_nm: ArrayLike | None = None) -> Array:
         """Measures and advances once for each row of loads: forces (Fx, Fy) at the tip, N, and torques (u1, u2) at the
-        joints, N·m. A row has, before its load acts, `sample`, `alpha_rad`, `alpha_dot_rad_s`, the readings
-        `acceleration_b_m_s2`, `acceleration_c_m_s2` and `head_force_n`, and `clipped` (as `Measurement.clipped`).
+        joints, N·m. A row has, before its load acts, `sample`, the states by the names of `states`, such as
+        `alpha_rad`, the readings `acceleration_b_m_s2`, `acceleration_c_m_s2` and `head_force_n`, and `clipped` (as
+        `Measurement.clipped`).
 
         Raises ValueError, and plays nothing, if the loads don't have two columns and the same number of rows, or one is
         not finite; TypeError if they are not real numbers; ResonarmError if the integrator can't continue or the shaker
@@ -63,11 +70,13 @@ class Plant(_resonarm.Plant):
         torque = np.zeros_like(force) if torque is None else torque
         if len(force) != len(torque):
             raise ValueError(f"force_n has {len(force)} rows and torque_nm {len(torque)}: both need a row a sample")
-        return view(self.play_rows(force.tobytes(), torque.tobytes()), PLAYED)
+        return view(self.play_rows(force.tobytes(), torque.tobytes()), played(self.channels()))
 
     def __repr__(self) -> str:
-        (a1, a2), t = self.alpha_rad, self.time_s
-        return f"<Plant at sample {self.sample} ({t:g} s): α = ({a1:+.3e}, {a2:+.3e}) rad>"
+        name, coordinates = next(iter(self.states.items()))
+        symbol = {"alpha_rad": "α", "q_m_sqrt_kg": "q"}.get(name, "x")
+        numbers = ", ".join(f"{number:+.3e}" for number in coordinates)
+        return f"<Plant at sample {self.sample} ({self.time_s:g} s): {symbol} = ({numbers}) {unit(name)}>"
 
 
 def _pairs(name: str, loads: ArrayLike | None, first: int) -> NDArray[np.float64] | None:

@@ -10,7 +10,7 @@ import numpy as np
 
 from . import _arrow, _checks, _extras, _resonarm
 from ._checks import LAST
-from ._dtypes import Array, named, rows_of, view
+from ._dtypes import Array, named, rows_of, unit, view
 from .scenario import Scenario
 from .words import RecordingPart
 
@@ -58,7 +58,9 @@ class Recording(_resonarm.Recording):
 
         - `states`: `sample`, `time_s`, `alpha_rad`, `alpha_dot_rad_s`, and the load held from there to the next sample:
           `torque_nm`, `force_n`; `coil_current_a` if a shaker has a coil; `is_end` says that nothing was advanced from
-          there.
+          there. Modes have `q_m_sqrt_kg` and `q_dot_m_sqrt_kg_s` in place of the angles, a structure whose step
+          is written in Python may have `x_m` and `x_dot_m_s`; elements have their states (`element1_m`,
+          `element1_branch`).
         - `samples`: `sample`, `time_s` (when it was read: before the sample by the converters' delay), the readings
           `acceleration_b_m_s2`, `acceleration_c_m_s2`, `head_force_n`, and `clipped`: bits 0 and 1 for B, 2 and 3 for
           C, 4 and 5 for the head.
@@ -139,14 +141,16 @@ class Recording(_resonarm.Recording):
         return self.read("events")
 
     def plot(self, ax: Any = None, *, from_sample: int = 0, to_sample: int = LAST) -> Any:
-        """Draws α1 and α2 over time on matplotlib's axes, by default the current ones; they are returned."""
+        """Draws the coordinates over time, of the arm α1 and α2, on matplotlib's axes, by default the current ones;
+        they are returned."""
         ax = _extras.axes(ax)
         states = self.read("states", from_sample, to_sample)
-        lines = ax.plot(states["time_s"], states["alpha_rad"])
-        for line, label in zip(lines, ("α1", "α2"), strict=True):
-            line.set_label(label)
+        name = self.channels("states")[0][0]
+        symbol = {"alpha_rad": "α", "q_m_sqrt_kg": "q"}.get(name, "x")
+        for number, line in enumerate(ax.plot(states["time_s"], states[name]), 1):
+            line.set_label(f"{symbol}{number}")
         ax.set_xlabel("time (s)")
-        ax.set_ylabel("α (rad)")
+        ax.set_ylabel(f"{symbol} ({unit(name)})")
         ax.legend()
         return ax
 

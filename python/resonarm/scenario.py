@@ -5,6 +5,7 @@ from typing import TYPE_CHECKING, Any
 
 from . import _resonarm
 from .arm import Arm
+from .structures import Chain, Modal
 
 if TYPE_CHECKING:
     from typing_extensions import Self
@@ -42,14 +43,29 @@ class Scenario(_resonarm.Scenario):
 
     @property
     def arm(self) -> Arm:
-        """The arm in its pose."""
-        section = self.values()["arm"]
+        """The arm in its pose. Raises ValueError if the scenario has a structure in its place: `structure` is that."""
+        values = self.values()
+        if "structure" in values:
+            kind = values["structure"]["kind"]
+            raise ValueError(f"the scenario has a [structure] of kind {kind} in place of the arm: Scenario.structure")
+        section = values["arm"]
         return Arm(
             section["preset"],
             beta1_deg=section["beta1_deg"],
             beta2_deg=section["beta2_deg"],
             parameters=section.get("parameters"),
         )
+
+    @property
+    def structure(self) -> Chain | Modal | None:
+        """The structure in place of the arm; None if there is none. An arm with elements is a chain of two links.
+        Raises ValueError for one whose step is written in Python."""
+        section = self.values().get("structure")
+        if section is None:
+            return None
+        if section["kind"] == "own":
+            raise ValueError("structure.kind is own: the program that runs the scenario makes the structure")
+        return Modal.from_scenario(self) if section["kind"] == "modal" else Chain.from_scenario(self)
 
     @property
     def sample_rate_hz(self) -> float:
@@ -67,4 +83,6 @@ class Scenario(_resonarm.Scenario):
         controller = next((name for name in ("excitation", "control") if values.get(name)), "no excitation")
         duration_s = values["simulation"].get("duration_s")
         end = "" if duration_s is None else f", {duration_s:g} s"
-        return f"<Scenario of {self.arm!r}: {controller}, {self.sample_rate_hz:g} Hz{end}>"
+        kind = values.get("structure", {}).get("kind")
+        of = "a program's own structure" if kind == "own" else repr(self.structure or self.arm)
+        return f"<Scenario of {of}: {controller}, {self.sample_rate_hz:g} Hz{end}>"

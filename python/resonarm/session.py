@@ -9,6 +9,7 @@ import numpy as np
 
 from . import _checks, _extras, _resonarm
 from ._dtypes import RESPONSE, Array, unit, view
+from .own_structure import Structure, parts
 from .recording import Recording
 from .scenario import Scenario
 from .words import BusMode, LoadKind, Mode, NodeRole, Overrun, Reading, RealTime, Spin
@@ -78,6 +79,7 @@ def run(
     *,
     controller: Controller | None = None,
     load: LoadKind = "force",
+    structure: Structure | None = None,
     record: str | PathLike[str] | None = None,
     overwrite: bool = False,
     speed: float | None = None,
@@ -94,9 +96,10 @@ def run(
 
     `mode` is free (simulated time, one loop, as fast as possible), lockstep (simulated time, the plant waits for each
     answer; `speed` is the number of simulated seconds a second) or real-time. A `controller` replaces the scenario's;
-    `load` says whether it commands a force at the tip (N) or torques at the joints (N·m). `record` names
-    an MCAP file. `patience_s` is how long a plant waits to be armed, `rearm` how often the exciter restarts after
-    a fault. Ctrl-C ends the run in order.
+    `load` says whether it commands a force at the tip (N) or torques at the joints (N·m). A `structure` whose step is
+    written in Python stands in place of the arm, in the modes free and lockstep; its recording can't be simulated
+    again. `record` names an MCAP file. `patience_s` is how long a plant waits to be armed, `rearm` how often the
+    exciter restarts after a fault. Ctrl-C ends the run in order.
 
     In real time `overrun` is the reaction to a missed deadline: slip (the default), continue, fault or stop
     (`docs/real-time.md`). With `rt` auto the thread of the run, the plant's, asks for what `resonarm run` asks for:
@@ -108,13 +111,14 @@ def run(
     the period, and then polls the clock; auto measures how late sleeps are, off, the default, sleeps until the
     deadline. The result is `spin` in the plant's report.
 
-    Raises ValueError and OSError if the run can't begin, exceptions of the controller, and ValueError or TypeError,
-    with the sample, for a load that is not two finite numbers. The report has the reason if a run ends early.
+    Raises ValueError and OSError if the run can't begin, exceptions of the controller and of the structure, ValueError
+    or TypeError, with the sample, for a load that is not two finite numbers, and with the time for a state or a motion
+    of points that is not. The report has the reason if a run ends early.
     """
     own = _controller(scenario, controller, load, rearm)
     real_time = (overrun, rt, priority, core, cores_awake, spin_s)
     how = (mode, record, overwrite, speed, patience_s, rearm, True, real_time)
-    plant, exciter, responses = _resonarm.run_both(scenario, how, own)
+    plant, exciter, responses = _resonarm.run_both(scenario, how, own, parts(structure))
     return Report(plant, exciter, view(responses, RESPONSE))
 
 
@@ -138,7 +142,7 @@ class Node(_resonarm.NodeRun):
     stopped at the end of the block.
 
     `bus` is the address of a bus as on the command line, such as vcan0. The other arguments are those of `run`;
-    `end_on_disarm` ends a plant's run when it is disarmed or faults. `spin_s` is for a plant.
+    `end_on_disarm` ends a plant's run when it is disarmed or faults. `spin_s` and `structure` are for a plant.
     """
 
     def __new__(
@@ -150,6 +154,7 @@ class Node(_resonarm.NodeRun):
         *,
         controller: Controller | None = None,
         load: LoadKind = "force",
+        structure: Structure | None = None,
         record: str | PathLike[str] | None = None,
         overwrite: bool = False,
         speed: float | None = None,
@@ -168,7 +173,7 @@ class Node(_resonarm.NodeRun):
             raise TypeError(f"a bus is the address of one, such as 'vcan0': this is {type(bus).__name__}")
         real_time = (overrun, rt, priority, core, cores_awake, spin_s)
         how = (mode, record, overwrite, speed, patience_s, rearm, end_on_disarm, real_time)
-        return super().__new__(cls, role, scenario, how, bus, own)
+        return super().__new__(cls, role, scenario, how, bus, own, parts(structure))
 
     def wait(self) -> Report:
         """The report, after the run has ended by itself. Raises the error if it could not begin."""

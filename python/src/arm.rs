@@ -1,7 +1,7 @@
 //! The arm: parameters, modes, frequency responses, and its motion under a sine.
 
 use pyo3::prelude::*;
-use pyo3::types::{PyByteArray, PyDict};
+use pyo3::types::{PyByteArray, PyDict, PyTuple};
 use resonarm::analysis::{self, Drive, FrequencyResponse, Quantity, Response};
 use resonarm::arm::{self, Load, Preset, Sine, State};
 use resonarm::integrate::{Integrator, Scheme};
@@ -20,36 +20,56 @@ pub struct Arm {
     section: ArmSection,
 }
 
-/// A natural mode of the linearised arm.
-#[pyclass(frozen, eq, get_all, module = "resonarm._resonarm")]
+/// A natural mode of the linearised arm, or of another structure.
+#[pyclass(frozen, eq, module = "resonarm._resonarm")]
 #[derive(Debug, PartialEq)]
 pub struct Mode {
     /// Natural frequency, Hz.
     frequency_hz: f64,
     /// Damping ratio.
     damping_ratio: f64,
-    /// Shape (α1, α2), normalised to the mass matrix.
-    shape: (f64, f64),
+    /// Shape in the coordinates, normalised to the mass matrix.
+    shape: Vec<f64>,
 }
 
 #[pymethods]
 impl Mode {
     #[new]
-    fn new(frequency_hz: f64, damping_ratio: f64, shape: (f64, f64)) -> Mode {
+    pub fn new(frequency_hz: f64, damping_ratio: f64, shape: Vec<f64>) -> Mode {
         Mode { frequency_hz, damping_ratio, shape }
     }
 
-    fn __getnewargs__(&self) -> (f64, f64, (f64, f64)) {
-        (self.frequency_hz, self.damping_ratio, self.shape)
+    /// Natural frequency, Hz.
+    #[getter]
+    fn frequency_hz(&self) -> f64 {
+        self.frequency_hz
+    }
+
+    /// Damping ratio.
+    #[getter]
+    fn damping_ratio(&self) -> f64 {
+        self.damping_ratio
+    }
+
+    /// Shape in the coordinates, normalised to the mass matrix.
+    #[getter]
+    fn shape<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyTuple>> {
+        PyTuple::new(py, &self.shape)
+    }
+
+    fn __getnewargs__<'py>(&self, py: Python<'py>) -> PyResult<(f64, f64, Bound<'py, PyTuple>)> {
+        Ok((self.frequency_hz, self.damping_ratio, self.shape(py)?))
     }
 
     fn __hash__(&self, py: Python<'_>) -> PyResult<isize> {
-        self.__getnewargs__().into_pyobject(py)?.hash()
+        self.__getnewargs__(py)?.into_pyobject(py)?.hash()
     }
 
     fn __repr__(&self) -> String {
-        let Mode { frequency_hz, damping_ratio, shape: (x, y) } = self;
-        format!("Mode(frequency_hz={frequency_hz:.4}, damping_ratio={damping_ratio:.3e}, shape=({x:.4}, {y:.4}))")
+        let Mode { frequency_hz, damping_ratio, shape } = self;
+        let shape: Vec<String> = shape.iter().map(|entry| format!("{entry:.4}")).collect();
+        let (shape, comma) = (shape.join(", "), if shape.len() == 1 { "," } else { "" });
+        format!("Mode(frequency_hz={frequency_hz:.4}, damping_ratio={damping_ratio:.3e}, shape=({shape}{comma}))")
     }
 }
 
@@ -60,7 +80,7 @@ pub fn presets() -> Vec<&'static str> {
 }
 
 /// Steps between two looks for signals: some 20 ms of work.
-const STEPS_A_LOOK: u64 = 1 << 15;
+pub const STEPS_A_LOOK: u64 = 1 << 15;
 
 #[pymethods]
 impl Arm {
@@ -115,11 +135,7 @@ impl Arm {
 
     /// Both natural modes, the lower first.
     fn modes(&self) -> Vec<Mode> {
-        let mode = |mode: analysis::Mode| Mode {
-            frequency_hz: mode.frequency_hz,
-            damping_ratio: mode.damping_ratio,
-            shape: mode.shape.into(),
-        };
+        let mode = |mode: analysis::Mode| Mode::new(mode.frequency_hz, mode.damping_ratio, mode.shape.into());
         analysis::modes(&self.inner).map(mode).into()
     }
 
@@ -211,7 +227,7 @@ pub fn push(rows: &mut Rows, t_s: f64, state: &State) {
 }
 
 /// The scheme of this name, or the default one.
-fn scheme(name: Option<&str>) -> PyResult<Scheme> {
+pub fn scheme(name: Option<&str>) -> PyResult<Scheme> {
     name.map_or(Ok(Scheme::default()), str::parse).map_err(errors::value)
 }
 

@@ -12,8 +12,13 @@ use crate::errors;
 use crate::plant::Measurement;
 use crate::values;
 
-/// The exception that ended a controller's work, if one did.
+/// The exception that ended the work of a controller, or the step of a structure, if one did.
 pub type Raised = Arc<Mutex<Option<PyErr>>>;
+
+/// The exception that a call of Python raised, if one did.
+pub fn taken(raised: &Raised) -> Option<PyErr> {
+    raised.lock().unwrap_or_else(PoisonError::into_inner).take()
+}
 
 /// Called with each sample: returns two components of a load, or `None` when the work is done.
 pub struct PyController {

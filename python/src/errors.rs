@@ -16,7 +16,7 @@ use resonarm::realtime::SpinError;
 use resonarm::recording::RecordingError;
 use resonarm::replay::ReplayError;
 use resonarm::run::RunError;
-use resonarm::scenario::ScenarioError;
+use resonarm::scenario::{ScenarioError, StructureSectionError};
 
 create_exception!(resonarm, ResonarmError, PyException, "A valid request could not be fulfilled.");
 
@@ -66,6 +66,7 @@ fn refused(kind: io::ErrorKind, error: &impl Display) -> PyErr {
 pub fn scenario(error: ScenarioError) -> PyErr {
     match &error {
         ScenarioError::Read { source, .. } | ScenarioError::ReadLoad { source, .. } => refused(source.kind(), &error),
+        ScenarioError::Structure(StructureSectionError::Read { kind, .. }) => refused(*kind, &error),
         _ => value(error),
     }
 }

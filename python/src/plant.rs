@@ -1,14 +1,19 @@
 //! The plant, sample by sample and in batches.
 
+use pyo3::exceptions::PyAttributeError;
 use pyo3::prelude::*;
-use pyo3::types::PyByteArray;
-use resonarm::arm::{Load, State};
-use resonarm::plant;
+use pyo3::types::{PyByteArray, PyDict, PyTuple};
+use resonarm::arm::Load;
+use resonarm::plant::{self, PlantError};
 use resonarm::rig::{self, Reading};
+use resonarm::structure::States;
 
+use crate::controller::{Raised, taken};
 use crate::errors;
+use crate::own_structure::OwnParts;
 use crate::rows::{Rows, numbers};
 use crate::scenario::Scenario;
+use crate::structure::{self, Vector};
 use crate::values;
 
 /// The readings of the instruments at a sample.
@@ -113,11 +118,13 @@ fn clipped(measurement: &rig::Measurement) -> u8 {
     readings.map(|(bit, reading)| u8::from(reading.clipped) << bit).sum()
 }
 
-/// A plant at a sample: the arm, its instruments and an integrator.
+/// A plant at a sample: the arm or another structure, its instruments and an integrator.
 #[pyclass(subclass, module = "resonarm._resonarm")]
 #[derive(Debug)]
 pub struct Plant {
     inner: plant::Plant,
+    /// The exception of a structure in Python.
+    raised: Raised,
 }
 
 /// Samples between two checks for signals: some 20 ms of work.
@@ -126,9 +133,18 @@ const SAMPLES_A_LOOK: usize = 1 << 14;
 #[pymethods]
 impl Plant {
     #[new]
-    fn new(scenario: &Scenario) -> PyResult<Plant> {
-        let spec = scenario.inner.plant_spec().map_err(errors::scenario)?;
-        Ok(Plant { inner: plant::Plant::new(&spec).map_err(errors::value)? })
+    #[pyo3(signature = (scenario, structure = None))]
+    fn new(scenario: &Scenario, structure: Option<OwnParts>) -> PyResult<Plant> {
+        let (scenario, raised) = (&scenario.inner, Raised::default());
+        let made = match structure {
+            None => plant::Plant::new(&scenario.plant_spec().map_err(errors::scenario)?),
+            Some(parts) => {
+                let spec = scenario.own_plant_spec().map_err(errors::scenario)?;
+                plant::Plant::stepped(&spec, parts.structure(scenario, &raised)?)
+            }
+        };
+        let inner = made.map_err(|error| taken(&raised).unwrap_or_else(|| errors::value(error)))?;
+        Ok(Plant { inner, raised })
     }
 
     /// The index of the plant's current sample.
@@ -143,18 +159,34 @@ impl Plant {
         self.inner.time_s()
     }
 
-    /// α1 and α2 there, rad.
+    /// The deflections of the joints there, rad.
     #[getter]
-    fn alpha_rad(&self) -> (f64, f64) {
-        let x = &self.inner.state().alpha_rad;
-        (x.x, x.y)
+    fn alpha_rad<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyTuple>> {
+        self.vector(py, "alpha_rad")
     }
 
     /// Their rates, rad/s.
     #[getter]
-    fn alpha_dot_rad_s(&self) -> (f64, f64) {
-        let v = &self.inner.state().alpha_dot_rad_s;
-        (v.x, v.y)
+    fn alpha_dot_rad_s<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyTuple>> {
+        self.vector(py, "alpha_dot_rad_s")
+    }
+
+    /// All states there, by the names of their vectors.
+    #[getter]
+    fn states<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyDict>> {
+        let (all, states) = (PyDict::new(py), self.inner.states());
+        let mut rest = &*states;
+        for (name, components) in self.channels() {
+            let (vector, after) = rest.split_at(components.len());
+            all.set_item(name, PyTuple::new(py, vector)?)?;
+            rest = after;
+        }
+        Ok(all)
+    }
+
+    /// The vectors of the states: name, and names of the components.
+    fn channels(&self) -> Vec<Vector> {
+        structure::vectors(self.inner.structure().states())
     }
 
     /// The readings of the instruments at the sample. Every call draws new noise: call it once a sample.
@@ -171,7 +203,7 @@ impl Plant {
             given.map_or(Ok([0.0; 2]), |given| values::two_numbers(given, message))
         };
         let load = Load { torque_nm: pair("torque_nm", torque_nm)?.into(), force_n: pair("force_n", force_n)?.into() };
-        self.inner.advance(&load).map_err(errors::failed)
+        self.inner.advance(&load).map_err(|error| self.failed(error))
     }
 
     /// Measures and advances once for each pair of forces and torques, given as the bytes of arrays; a row of
@@ -191,21 +223,37 @@ impl Plant {
             py.detach(|| {
                 part.iter().try_for_each(|load| {
                     let measured = self.inner.measure();
-                    push(&mut rows, &self.inner.state(), &measured);
+                    push(&mut rows, &self.inner.states(), &measured);
                     self.inner.advance(load)
                 })
             })
-            .map_err(errors::failed)?;
+            .map_err(|error| self.failed(error))?;
             py.check_signals()?;
         }
         rows.into_bytes(py)
     }
 }
 
-fn push(rows: &mut Rows, state: &State, measured: &rig::Measurement) {
-    let (x, v) = (&state.alpha_rad, &state.alpha_dot_rad_s);
+impl Plant {
+    /// The exception for a sample that could not be finished: that of a structure in Python, if it raised one.
+    fn failed(&self, error: PlantError) -> PyErr {
+        taken(&self.raised).unwrap_or_else(|| errors::failed(error))
+    }
+
+    /// The states of one vector.
+    fn vector<'py>(&self, py: Python<'py>, name: &str) -> PyResult<Bound<'py, PyTuple>> {
+        let channels = self.inner.structure().states();
+        let first = channels.iter().position(|channel| channel.vector == name);
+        // `Plant.__getattr__` says what there is.
+        let first = first.ok_or_else(|| PyAttributeError::new_err(name.to_owned()))?;
+        let count = channels[first..].iter().take_while(|channel| channel.vector == name).count();
+        PyTuple::new(py, &self.inner.states()[first..first + count])
+    }
+}
+
+fn push(rows: &mut Rows, states: &States, measured: &rig::Measurement) {
     rows.word(measured.sample);
-    rows.numbers(&[x.x, x.y, v.x, v.y]);
+    rows.numbers(states);
     rows.numbers(&measured.acceleration_b_m_s2.map(|reading| reading.value));
     rows.numbers(&measured.acceleration_c_m_s2.map(|reading| reading.value));
     rows.numbers(&measured.head_force_n.map(|reading| reading.value));

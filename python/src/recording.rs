@@ -12,9 +12,11 @@ use resonarm::recording::channels::Channels;
 use resonarm::recording::{self, Direction, Integrity, Origin, Record, RecordingError, Records};
 use resonarm::replay;
 use resonarm::scenario::Scenario;
+use resonarm::structure::{READINGS, known_states};
 
 use crate::errors;
 use crate::rows::Rows;
+use crate::structure::{self, Vector};
 use crate::values;
 
 /// The recording of `resonarm.Recording`.
@@ -96,7 +98,7 @@ impl Recording {
     }
 
     /// The vectors of numbers in the rows of a part: name, and names of the components.
-    fn channels(&self, part: &str) -> PyResult<Vec<(&'static str, Vec<&'static str>)>> {
+    fn channels(&self, part: &str) -> PyResult<Vec<Vector>> {
         Ok(vectors(self.inner.channels(), self::part(part)?))
     }
 
@@ -120,15 +122,20 @@ fn part(name: &str) -> PyResult<RecordingPart> {
     name.parse().map_err(|unknown| errors::value(format!("part is `{name}`: {unknown}")))
 }
 
+/// The vectors of all states and readings that a recording can have: name, and names of the components.
+#[pyfunction]
+pub fn known_vectors() -> Vec<Vector> {
+    structure::vectors(&[known_states(), READINGS.to_vec()].concat())
+}
+
 /// The vectors of numbers in the rows of a part of the arm with the coil of a shaker, as `Recording.channels`.
 #[pyfunction]
-pub fn arm_channels(part: &str) -> PyResult<Vec<(&'static str, Vec<&'static str>)>> {
+pub fn arm_channels(part: &str) -> PyResult<Vec<Vector>> {
     Ok(vectors(&Channels::arm(true), self::part(part)?))
 }
 
-fn vectors(channels: &Channels, part: RecordingPart) -> Vec<(&'static str, Vec<&'static str>)> {
-    let vectors = channels.vectors(part.topic());
-    vectors.map(|(name, components)| (name, components.iter().map(|channel| channel.name).collect())).collect()
+fn vectors(channels: &Channels, part: RecordingPart) -> Vec<Vector> {
+    structure::vectors(channels.of(part.topic()))
 }
 
 type AnyRecords = Box<dyn Iterator<Item = Result<Record<String>, RecordingError>> + Send>;

@@ -21,7 +21,8 @@ use resonarm::run::{
 use serde::Serialize;
 
 use crate::bus::BusEnd;
-use crate::controller::{PyController, Raised, load_kind};
+use crate::controller::{PyController, Raised, load_kind, taken};
+use crate::own_structure::OwnParts;
 use crate::rows::Rows;
 use crate::scenario::Scenario;
 use crate::values;
@@ -131,7 +132,12 @@ impl How {
         spin.is_some()
     }
 
-    fn session(self, scenario: &Scenario, controller: Option<(Py<PyAny>, String)>) -> PyResult<(Session, Raised)> {
+    fn session(
+        self,
+        scenario: &Scenario,
+        controller: Option<(Py<PyAny>, String)>,
+        structure: Option<OwnParts>,
+    ) -> PyResult<(Session, Raised)> {
         let How(mode, record, overwrite, speed, patience_s, rearm, end_on_disarm, real_time) = self;
         let mode: Mode = mode.parse().map_err(errors::value)?;
         let existing = if overwrite { Existing::Overwrite } else { Existing::Refuse };
@@ -145,8 +151,20 @@ impl How {
             ..Options::default()
         };
         real_time.set(mode, &mut options)?;
-        let mut session = Session::new(scenario.inner.clone(), mode, options).map_err(errors::run)?;
-        let raised = Raised::default();
+        let (raised, mut scenario) = (Raised::default(), scenario.inner.clone());
+        let session = match structure {
+            Some(_) if mode == Mode::RealTime => {
+                let message = "a structure in Python steps in simulated time alone: take the mode free or lockstep";
+                return Err(errors::value(message));
+            }
+            Some(parts) => {
+                parts.name(&mut scenario);
+                let structure = parts.structure(&scenario, &raised)?;
+                Session::of_structure(scenario, mode, options, structure)
+            }
+            None => Session::new(scenario, mode, options),
+        };
+        let mut session = session.map_err(|error| taken(&raised).unwrap_or_else(|| errors::run(error)))?;
         if let Some((call, kind)) = controller {
             let (kind, raised) = (load_kind(&kind)?, Arc::clone(&raised));
             session = session.with_controller(move || Box::new(PyController::new(&call, kind, &raised)));
@@ -179,17 +197,18 @@ type BothDocuments<'py> = (Bound<'py, PyAny>, Bound<'py, PyAny>, Bound<'py, PyBy
 
 /// Runs both nodes. Ctrl-C ends the run in order.
 #[pyfunction]
-#[pyo3(signature = (scenario, how, controller = None))]
+#[pyo3(signature = (scenario, how, controller = None, structure = None))]
 pub fn run_both<'py>(
     py: Python<'py>,
     scenario: &Scenario,
     how: How,
     controller: Option<(Py<PyAny>, String)>,
+    structure: Option<OwnParts>,
 ) -> PyResult<BothDocuments<'py>> {
-    let (session, raised) = how.session(scenario, controller)?;
+    let (session, raised) = how.session(scenario, controller, structure)?;
     let signals = Signals::default();
     let report = watched(py, &|| signals.stop(), || session.both(&signals, |_event| {}))?;
-    if let Some(error) = raised.lock().unwrap_or_else(PoisonError::into_inner).take() {
+    if let Some(error) = taken(&raised) {
         return Err(error);
     }
     let BothReport { plant, exciter } = report.map_err(errors::run)?;
@@ -231,13 +250,14 @@ pub struct NodeRun {
 impl NodeRun {
     /// Starts `role`, plant or exciter, on an end of a bus in memory or on the bus of an address.
     #[new]
-    #[pyo3(signature = (role, scenario, how, bus, controller = None))]
+    #[pyo3(signature = (role, scenario, how, bus, controller = None, structure = None))]
     fn new(
         role: &str,
         scenario: &Scenario,
         how: How,
         bus: &Bound<'_, PyAny>,
         controller: Option<(Py<PyAny>, String)>,
+        structure: Option<OwnParts>,
     ) -> PyResult<NodeRun> {
         if !matches!(role, "plant" | "exciter") {
             return Err(errors::value(format!("role is `{role}`: a node is a plant or an exciter")));
@@ -248,7 +268,10 @@ impl NodeRun {
         if role == "exciter" && how.spins() {
             return Err(errors::value("spin_s is for a plant, whose loop alone spins: leave it out"));
         }
-        let (session, raised) = how.session(scenario, controller)?;
+        if role == "exciter" && structure.is_some() {
+            return Err(errors::value("structure is for a plant: leave it out"));
+        }
+        let (session, raised) = how.session(scenario, controller, structure)?;
         let mut bus: Box<dyn Bus> = match bus.cast::<BusEnd>() {
             Ok(end) => Box::new(end.get().take()?),
             Err(_) => {
@@ -300,8 +323,8 @@ impl NodeRun {
 
     /// Its report after its end, and the responses of an exciter. Only the first call returns them.
     fn join<'py>(&self, py: Python<'py>) -> PyResult<(Bound<'py, PyAny>, Bound<'py, PyByteArray>)> {
-        let taken = self.thread.lock().unwrap_or_else(PoisonError::into_inner).take();
-        let thread = taken.ok_or_else(|| errors::failed("the report of this node was taken before"))?;
+        let thread = self.thread.lock().unwrap_or_else(PoisonError::into_inner).take();
+        let thread = thread.ok_or_else(|| errors::failed("the report of this node was taken before"))?;
         while !thread.is_finished() {
             py.detach(|| thread::park_timeout(Duration::from_millis(1)));
             if let Err(error) = py.check_signals() {
@@ -312,7 +335,7 @@ impl NodeRun {
         }
         let report = joined(thread.join())?.map_err(errors::run)?;
         logging::hand_over(py)?;
-        if let Some(error) = self.raised.lock().unwrap_or_else(PoisonError::into_inner).take() {
+        if let Some(error) = taken(&self.raised) {
             return Err(error);
         }
         match report {

@@ -109,7 +109,8 @@ def test_frames_of_a_recording_are_taken_by_the_codec():
 def test_rows_say_their_order_of_bytes():
     recording = resonarm.Recording(ROOT / "recordings/fd.mcap")
     parts = [_dtypes.rows_of(recording, part) for part in ("states", "samples", *_dtypes.PARTS)]
-    dtypes = [*parts, _dtypes.MOTION, _dtypes.ORBIT, _dtypes.RESPONSE, _dtypes.PLAYED, _dtypes.OUTCOME]
+    played, orbit = _dtypes.played(resonarm.Plant().channels()), _dtypes.structure_orbit([("tip.x", "m")], 4)
+    dtypes = [*parts, _dtypes.MOTION, _dtypes.ORBIT, _dtypes.RESPONSE, _dtypes.OUTCOME, played, orbit]
     for dtype in dtypes:
         for name in dtype.names:
             form = dtype[name].base
@@ -125,7 +126,7 @@ def test_arrow_has_the_numbers_of_numpy(part):
         if name == "data":
             assert table["data"].to_pylist() == [recording.frame_data(row) for row in rows]
         elif rows.dtype[name].shape:
-            for k, column in enumerate(_dtypes.pair(name)):
+            for k, column in enumerate(_dtypes.components(name, rows[name])):
                 np.testing.assert_array_equal(table[column].to_numpy(), rows[name][:, k])
         else:
             np.testing.assert_array_equal(table[name].to_numpy(), rows[name])

@@ -17,7 +17,7 @@ BLOCKS = [
 @pytest.mark.parametrize("block", [block for _, block in BLOCKS], ids=[name for name, _ in BLOCKS])
 def test_every_block_runs(block, tmp_path, monkeypatch):
     matplotlib.use("Agg")
-    for folder in ("scenarios", "recordings"):
+    for folder in ("scenarios", "recordings", "examples"):
         (tmp_path / folder).symlink_to(ROOT / folder)
     monkeypatch.chdir(tmp_path)
     exec(block, {})

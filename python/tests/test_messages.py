@@ -14,6 +14,7 @@ ROOT = Path(__file__).resolve().parents[2]
 TEXT = ROOT / "Cargo.toml"
 NONE = ROOT / "none.mcap"
 CONTINUE = "continue --from-hz 21 --to-hz 23"
+CHAIN = ROOT / "examples/structures/chain.toml"
 BASINS = "basins --frequency-hz 22 --torque1-nm 1"
 
 
@@ -27,6 +28,10 @@ def in_pythons_words(said):
 
 def branch(**options):
     return resonarm.Arm().continuation("frequency", 21, 23, **options)
+
+
+def chain():
+    return resonarm.Chain.from_scenario(CHAIN)
 
 
 def run(mode="free", **options):
@@ -79,6 +84,22 @@ CASES = [
         ValueError,
     ),
     (f"{BASINS} --initial 1,2", lambda: resonarm.Arm().basins(22, torque1_nm=1, initial=(1, 2)), ValueError),
+    (f"frf --scenario {CHAIN} --drive tip.z", lambda: chain().frf(1.0, drive="tip.z"), ValueError),
+    (
+        f"simulate --scenario {CHAIN} --duration-s 0.1 --drive tip.x",
+        lambda: chain().simulate(0.1, drive="tip.x"),
+        ValueError,
+    ),
+    (
+        f"continue --scenario {CHAIN} --drive tip.x --amplitude 0 --from-hz 1 --to-hz 2",
+        lambda: chain().continuation("frequency", 1, 2, drive="tip.x", amplitude=0),
+        ValueError,
+    ),
+    (
+        f"continue --scenario {CHAIN} --drive tip.x --parameter mass",
+        lambda: chain().continuation("mass", 1, 2, drive="tip.x"),
+        ValueError,
+    ),
     ("run --mode free --rate-hz 0", lambda: run(sections={"simulation": {"rate_hz": 0.0}}), ValueError),
     ("run --mode free --speed=-1", lambda: run(speed=-1.0), ValueError),
     ("run --mode free --patience-s=-1", lambda: run(patience_s=-1.0), ValueError),

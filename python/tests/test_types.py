@@ -9,7 +9,7 @@ from typing import get_args
 import pytest
 
 import resonarm
-from resonarm import _resonarm, words
+from resonarm import _resonarm, own_structure, words
 
 ROOT = Path(__file__).resolve().parents[2]
 
@@ -27,6 +27,12 @@ def test_the_words_of_readings_are_those_of_the_table_of_channels():
 
 
 SCENARIO = resonarm.Scenario()
+
+
+def own(coordinates):
+    return resonarm.Structure(step=lambda *_: [0.0, 0.0], points=lambda *_: [], initial=[0, 0], coordinates=coordinates)
+
+
 KNOWN = [
     (words.Preset, lambda: resonarm.Arm("x")),
     (words.Drive, lambda: resonarm.Arm().frf(1, drive="x")),
@@ -36,6 +42,7 @@ KNOWN = [
     (words.Parameter, lambda: resonarm.Arm().continuation("x", 1, 2)),
     (words.Coordinate, lambda: resonarm.Arm().basins(22, torque1_nm=1, coordinates=("x", "y"))),
     (words.RecordingPart, lambda: resonarm.Recording(ROOT / "recordings/fd.mcap").read("x")),
+    (own_structure.Coordinates, lambda: resonarm.Plant(structure=own("x"))),
     (words.Mode, lambda: resonarm.run(SCENARIO, "x")),
     (words.Overrun, lambda: resonarm.run(SCENARIO, "real-time", overrun="x")),
     (words.RealTime, lambda: resonarm.run(SCENARIO, "real-time", rt="x")),
@@ -69,6 +76,17 @@ arm.continuation("freq", 21, 23, torque1_nm=1.0)  # wrong
 arm.continuation("frequency", 21, 23, torque_nm=1.0)  # wrong
 arm.basins(22.0, torque1_nm=1.0, coordinates=("alpha1_rad", "alpha2_rad"))
 arm.basins(22.0, torque1_nm=1.0, coordinates=("alpha1", "alpha2_rad"))  # wrong
+modal = resonarm.Modal([{"frequency_hz": 20.0, "damping_ratio": 0.01, "shape": {"tip.x": 1.0}}])
+resonarm.Modal([{"frequency_hz": 20.0, "damping": 0.01, "shape": {"tip.x": 1.0}}])  # wrong
+resonarm.Chain([{"length_m": 1.0}])  # wrong
+resonarm.Element(kind="gap", at="tip.x", stiffness_n_m=1e5, gap_m=1e-4)
+resonarm.Element(kind="spring", at="tip.x")  # wrong
+resonarm.Element(kind="gap", at="tip.x", stiffness=1e5)  # wrong
+modal.continuation("amplitude", 0, 5, drive="tip.x", frequency_hz=20.0)
+modal.continuation("freq", 0, 5, drive="tip.x")  # wrong
+resonarm.Structure(lambda t, dt, x, u: x, lambda t, x, u: (x, x, x), [0.0, 0.0])
+resonarm.Structure(lambda t, x: x, lambda t, x, u: (x, x, x), [0.0, 0.0])  # wrong
+resonarm.run(scenario, structure=modal)  # wrong
 resonarm.run(scenario, "real-time", overrun="slip", rt="auto", spin_s="auto")
 resonarm.run(scenario, "realtime")  # wrong
 resonarm.run(scenario, load="weight")  # wrong

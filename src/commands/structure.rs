@@ -1,6 +1,6 @@
 //! `resonarm structure`: what a scenario's structure is made of, checked, and as a section of a scenario.
 
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 
 use clap::Args;
 use serde::Serialize;
@@ -11,19 +11,24 @@ use crate::failure::{Failure, Verdict};
 use crate::output::{self, JsonFlag, OverwriteFlag};
 use crate::structures::label;
 use resonarm::plant::TestedAssembly;
-use resonarm::scenario::{Scenario, StructureSection};
+use resonarm::scenario::structure::NotModal;
+use resonarm::scenario::{Scenario, ScenarioError, StructureSection};
 use resonarm::structure::{BodySpec, Link};
 use resonarm_numeric::number::short;
 
 /// Checks a scenario's structure and prints what it is made of: links or modes, points, elements, natural frequencies.
 ///
 /// What the scenario takes from files (URDF, UFF, matrices) is shown as the links or modes that it makes. With --out it
-/// is written as a section [structure] that needs no file.
+/// is written as a section [structure] that needs no file. With --from-modes it is the modal structure of the modes
+/// that a scenario's arm or chain has about its rest.
 #[derive(Debug, Args)]
 pub(crate) struct Structure {
     /// TOML file with the scenario.
     #[arg(long, value_name = "FILE")]
-    scenario: PathBuf,
+    scenario: Option<PathBuf>,
+    /// TOML file with a scenario: take the modes of its arm or chain as a modal structure.
+    #[arg(long, value_name = "FILE", conflicts_with = "scenario")]
+    from_modes: Option<PathBuf>,
     /// Write the section [structure], with the links or modes from files in it, to this TOML file.
     #[arg(long, value_name = "FILE")]
     out: Option<PathBuf>,
@@ -55,11 +60,11 @@ struct Section<'a> {
 impl Structure {
     pub fn execute(&self) -> Result<Verdict, Failure> {
         self.overwrite.check(self.out.clone())?;
-        let scenario = Scenario::read(&self.scenario)?;
+        let (scenario, path) = self.scenario()?;
         let (Some(section), Some(tested)) = (&scenario.structure, scenario.tested_structure()?) else {
             return Err(Failure::usage(format!(
                 "{}: the scenario has no [structure]: its plant is the two-link arm of [arm], which `resonarm modes` shows",
-                self.scenario.display()
+                path.display()
             )));
         };
         let document = Document::new(&scenario, &tested)?;
@@ -69,6 +74,30 @@ impl Structure {
         }
         self.json.show(&document, || document.text(&scenario, &tested), &written)
     }
+
+    /// The scenario, or that of the modes of one, and its file.
+    fn scenario(&self) -> Result<(Scenario, &Path), Failure> {
+        match (&self.scenario, &self.from_modes) {
+            (_, Some(path)) => Ok((of_modes(path)?, path)),
+            (Some(path), None) => Ok((Scenario::read(path)?, path)),
+            (None, None) => Err(Failure::usage("give --scenario FILE, or --from-modes FILE")),
+        }
+    }
+}
+
+/// A scenario with the modes of its arm or structure in its place.
+fn of_modes(path: &Path) -> Result<Scenario, Failure> {
+    let scenario = Scenario::read(path)?;
+    let assembly = match scenario.tested_structure()? {
+        Some(tested) => tested.assembly,
+        None => {
+            let (parameters, pose) = (scenario.parameters()?, scenario.pose());
+            StructureSection::default().assembly(|| (parameters, pose)).map_err(ScenarioError::from)?
+        }
+    };
+    let refused = |error: NotModal| Failure::usage(format!("{}: {error}", path.display()));
+    let structure = Some(StructureSection::from_modes(&assembly, None).map_err(refused)?);
+    Ok(Scenario { structure, ..scenario })
 }
 
 /// The section alone. Paths of files that it notes count from another folder then: only the numbers stay.

@@ -208,3 +208,31 @@ fn a_structure_is_shown() {
     let none = complaint(folder.path(), 2, &["structure", "--scenario", "arm.toml"]);
     insta::assert_snapshot!(none.trim(), @"resonarm: arm.toml: the scenario has no [structure]: its plant is the two-link arm of [arm], which `resonarm modes` shows");
 }
+
+#[test]
+fn the_modes_of_an_arm_are_a_structure() {
+    let folder = tempfile::tempdir().unwrap();
+    fs::write(folder.path().join("arm.toml"), "[arm]\nbeta2_deg = 75.0\n").unwrap();
+    let shown = resonarm(folder.path(), &["structure", "--from-modes", "arm.toml", "--out", "modes.toml"]).stdout;
+    insta::assert_snapshot!(shown, @"
+    2 modes
+    points: joint2, tip
+      mode   undamped frequency   damping ratio
+         1           23.1383 Hz        1.577e-4
+         2           45.7423 Hz        9.317e-4
+    written to modes.toml
+    ");
+    let modes = |file: &str| document(folder.path(), 0, &["modes", "--json", "--scenario", file])["modes"].clone();
+    let (own, arm) = (modes("modes.toml"), modes("arm.toml"));
+    for (own, arm) in own.as_array().unwrap().iter().zip(arm.as_array().unwrap()) {
+        for key in ["frequency_hz", "damping_ratio"] {
+            let [own, arm] = [own, arm].map(|mode| mode[key].as_f64().unwrap());
+            assert!((own / arm - 1.0).abs() < 1e-9, "{key}: {own} in place of {arm}");
+        }
+    }
+    let says = |words: &[&str]| complaint(folder.path(), 2, words);
+    insta::assert_snapshot!(says(&["structure"]).trim(), @"resonarm: give --scenario FILE, or --from-modes FILE");
+    let hardening = example("hardening.toml");
+    let refused = says(&["structure", "--from-modes", &hardening]).replace(&hardening, "hardening.toml");
+    insta::assert_snapshot!(refused.trim(), @"resonarm: hardening.toml: the structure has elements, 1, and modes are of its linear part: leave them out, and add them to the modes");
+}

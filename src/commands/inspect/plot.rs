@@ -1,4 +1,4 @@
-//! A small figure of a recording: angles, load and readings over time.
+//! A small figure of a recording: coordinates, load and readings over time.
 
 use crate::failure::Failure;
 use resonarm::recording::{Record, Recording, RecordingSummary, Topic};
@@ -9,8 +9,10 @@ use resonarm_figures::plot::{Axis, Color, Figure, Panel, Series};
 const SPANS: usize = 1200;
 
 /// Panels: name of the y axis, what is drawn, and whether as the instruments read it.
-const PANELS: [(&str, Quantity, bool); 6] = [
+const PANELS: [(&str, Quantity, bool); 8] = [
     ("angle", Quantity::Angle, false),
+    ("modal coordinate", Quantity::ModalDisplacement, false),
+    ("displacement", Quantity::Displacement, false),
     ("torque", Quantity::Torque, false),
     ("force", Quantity::Force, false),
     ("current", Quantity::Current, false),
@@ -80,7 +82,7 @@ pub(super) fn figure(recording: &Recording, summary: &RecordingSummary) -> Resul
         });
         let label = format!("{name} ({})", quantity.unit());
         let mut panel = Panel::new(Axis::linear("time (s)"), Axis::linear(label));
-        for (envelope, color) in drawn.zip(COLORS) {
+        for (envelope, color) in drawn.zip(COLORS.into_iter().cycle()) {
             panel = panel.with(Series::line(envelope.channel.name, color, envelope.points(time_s)));
         }
         if !panel.series.is_empty() {

@@ -78,6 +78,8 @@ pub(super) struct Pole {
     pub residual: f64,
     /// How many times as large the residual's square is without the pole, with the polynomials alone.
     pub gain: f64,
+    /// R/p of H = R/(z − p), in the response's unit over the force's; `None` without a force.
+    pub residue: Option<Complex<f64>>,
     /// Share of the head's noise in the force's power in the pole's term; 0 without a force. Least squares bias R and
     /// the pole by about this much.
     pub force_noise_share: f64,
@@ -115,9 +117,10 @@ impl Lines {
         let gain = square(&solve(polynomials, &self.weighted(&weights)).0) / left;
         let deviation = [covariance.m11, covariance.m22].map(|variance| libm::sqrt(variance) * residual.max(1.0));
         let force_noise_share = self.force_noise_share(x, &weights);
+        let residue = self.residue(x, &weights);
         // The window adds its own decay to the pole's.
         let x = [x[0], x[1] - shift];
-        Some(Pole { x, deviation, residual, gain, force_noise_share })
+        Some(Pole { x, deviation, residual, gain, residue, force_noise_share })
     }
 
     /// Whether T, the ends of the stretch, is in the model. A response that begins at rest and dies out has none, and T
@@ -144,6 +147,13 @@ impl Lines {
         let Some(taper) = self.taper else { return v[k] };
         let turn = |l: usize| core::f64::consts::PI * (l as f64 - k as f64) / taper;
         v.iter().enumerate().map(|(l, value)| value / Complex::new(1.0, -turn(l))).sum()
+    }
+
+    /// R/p, which neither the origin of frequencies nor the exponential window changes: z and p turn and shrink alike.
+    fn residue(&self, x: [f64; 2], weights: &[f64]) -> Option<Complex<f64>> {
+        self.force.as_ref()?;
+        let coefficients = self.residual(x, weights).1;
+        coefficients.first().map(|residue| residue / exponential(x, self.samples))
     }
 
     fn force_noise_share(&self, x: [f64; 2], weights: &[f64]) -> f64 {

@@ -58,6 +58,10 @@ pub struct IdentifiedMode {
     pub damping_ratio_deviation: f64,
     /// Amplitudes of acceleration of B along x and y and C along x and y relative to the largest, 1.
     pub shape: [f64; CHANNELS],
+    /// The same shape with the modal mass 1 kg, 1/√kg, displacement over modal coordinate, from the residue of the
+    /// response to the force; `None` in a ring-down, where there is no force, and where the force has no part along the
+    /// shape.
+    pub shape_per_sqrt_kg: Option<[f64; CHANNELS]>,
     /// Root mean square of the residual over the instruments' noise: about 1 for a linear arm. If it is larger, the
     /// standard deviations are increased by this factor.
     pub residual: f64,
@@ -353,20 +357,48 @@ impl<'a> Stretch<'a> {
         let scale = self.spacing_hz();
         let (decay, turns) = (pole.x[1] * scale, TAU * (centre as f64 + pole.x[0]) * scale);
         let size = libm::hypot(decay, turns);
-        let largest = combination.iter().zip(noise).map(|(part, noise)| part * noise);
-        let largest =
-            largest.fold(0.0, |largest: f64, part| if libm::fabs(part) > libm::fabs(largest) { part } else { largest });
+        let parts = core::array::from_fn(|i| combination[i] * noise[i]);
+        let largest = parts
+            .iter()
+            .fold(0.0, |largest: f64, part| if libm::fabs(*part) > libm::fabs(largest) { *part } else { largest });
+        let shape = parts.map(|part| part / largest);
+        let reading = core::array::from_fn(|i| combination[i] / noise[i]);
+        let lambda = Complex::new(-decay, turns);
+        let residue = pole.residue.map(|residue| residue * self.record.rate_hz());
+        let mass_normalised = residue.and_then(|residue| self.mass_normalised(&shape, &reading, lambda, residue));
         Ok(Ok(IdentifiedMode {
             frequency_hz: size / TAU,
             frequency_deviation_hz: pole.deviation[0] * scale,
             damping_ratio: decay / size,
             damping_ratio_deviation: pole.deviation[1] * scale / size,
-            shape: core::array::from_fn(|i| combination[i] * noise[i] / largest),
+            shape,
+            shape_per_sqrt_kg: mass_normalised,
             residual: pole.residual,
             is_linear: pole.residual <= LINEAR,
             lines: count,
             part: self.part,
         }))
+    }
+}
+
+impl Stretch<'_> {
+    /// The shape of modal mass 1 kg. `reading` are the weights with which the channels are combined to the response.
+    ///
+    /// The shape φ = c s, driven along e, has the accelerance z² φ φₑ/((z − λ)(z − λ*)) at z = iω, whose residue at λ is
+    /// λ² φ φₑ/(λ − λ*). So the response Σ wᵢ aᵢ with the residue r has c² = Re(r (λ − λ*)/λ²)/(Σ wᵢ sᵢ · sₑ).
+    fn mass_normalised(
+        &self,
+        shape: &[f64; CHANNELS],
+        reading: &[f64; CHANNELS],
+        lambda: Complex<f64>,
+        residue: Complex<f64>,
+    ) -> Option<[f64; CHANNELS]> {
+        let direction = self.record.direction();
+        let driven = shape[2] * direction[0] + shape[3] * direction[1];
+        let read: f64 = shape.iter().zip(reading).map(|(shape, weight)| shape * weight).sum();
+        let product = (residue * Complex::new(0.0, 2.0 * lambda.im) / (lambda * lambda)).re;
+        let square = product / (read * driven);
+        (square > 0.0 && square.is_finite()).then(|| shape.map(|part| part * libm::sqrt(square)))
     }
 }
 

@@ -103,7 +103,32 @@ fn ideal_instruments_are_almost_exact() {
         for (found, mode) in found.iter().zip(analysis::modes(&arm(60.0))) {
             assert!((found.frequency_hz / mode.frequency_hz - 1.0).abs() < 1e-7, "{found:?} {mode:?}");
             assert!((found.damping_ratio / mode.damping_ratio - 1.0).abs() < 1e-3, "{found:?} {mode:?}");
+            // A ring-down has no force to compare with.
+            assert_eq!(found.shape_per_sqrt_kg.is_some(), found.part == FittedPart::Forced);
+            found.shape_per_sqrt_kg.iter().for_each(|shape| assert_shape(shape, &mode, 60.0, 2e-3));
         }
+    }
+}
+
+/// The displacements of B and C in a mode of modal mass 1 kg, up to the sign, within a fraction of the largest.
+fn assert_shape(found: &[f64; CHANNELS], mode: &analysis::Mode, beta2_deg: f64, within: f64) {
+    let arm = arm(beta2_deg);
+    // Small motions: the velocities of both points at rest are those of the mode.
+    let points = arm.point_velocities(&State::new([0.0; 2], mode.shape));
+    let [b, c] = points;
+    let expected = [b.x, b.y, c.x, c.y];
+    let largest = expected.iter().fold(0.0_f64, |largest, part| largest.max(part.abs()));
+    let sign = (found[3] * expected[3]).signum();
+    for (found, expected) in found.iter().zip(expected) {
+        assert!((sign * found - expected).abs() < within * largest, "{found:?} {expected:?} of {largest}");
+    }
+}
+
+#[test]
+fn noisy_records_give_the_modal_mass() {
+    let found = modes(&recorded(&spec(60.0), force(3.0, 4.0), RANDOM).unwrap(), BAND).unwrap().modes;
+    for (found, mode) in found.iter().zip(analysis::modes(&arm(60.0))) {
+        assert_shape(&found.shape_per_sqrt_kg.unwrap(), &mode, 60.0, 0.03);
     }
 }
 

@@ -5,7 +5,7 @@ use alloc::vec::Vec;
 
 use nalgebra::Vector2;
 
-use super::sampling::{End, Filter, Step, Sums};
+use super::sampling::{Filter, PointMotion, Step, Sums};
 use super::shaker::{Drive, Shaker};
 use super::{PlantSpec, PlantSpecError, write};
 use crate::rig::Measurement;
@@ -41,7 +41,7 @@ struct Hold {
     start_s: f64,
     load: Load,
     /// The motion at the end of the last step, if the drive is continuous there.
-    end: Option<End>,
+    end: Option<PointMotion>,
     /// What the next sample will be.
     next: Now,
 }
@@ -95,7 +95,7 @@ impl DrivenArm {
         match &self.filter {
             Some(filter) => {
                 let drive = next.shaker.as_ref().map_or(Drive::Held(*load), Shaker::drive);
-                let at = |state: &State, tau: f64| End::new(&self.arm, state, &drive.steady(tau));
+                let at = |state: &State, tau: f64| PointMotion::new(&self.arm, state, &drive.steady(tau));
                 let start = end.unwrap_or_else(|| at(&from, 0.0));
                 let ended = at(&next.state, 1.0);
                 let step = Step { arm: &self.arm, from: &from, start, end: ended, drive: &drive };

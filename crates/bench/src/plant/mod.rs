@@ -8,10 +8,11 @@
 //! accelerations of a sample then agree in phase; read at the edge, the part of the acceleration that follows the force
 //! at once would lag the rest by half a period, an error of up to some per cent in a frequency response.
 
+mod assembly_steps;
 mod driven_arm;
-mod driven_assembly;
 mod sampling;
 mod shaker;
+mod stepped;
 
 use alloc::boxed::Box;
 use alloc::vec;
@@ -20,13 +21,16 @@ use thiserror::Error;
 
 use crate::rig::{Exciter, GateSpec, Measurement, Rig, RigError, RigSpec, ShakerLimit};
 use crate::structure::{Kind, LOADS, MOST_STATES, OUTPUTS, States, Structure, StructureError};
+use assembly_steps::AssemblySteps;
+pub use assembly_steps::{Placed, Places, TestedAssembly};
 use driven_arm::DrivenArm;
-use driven_assembly::DrivenAssembly;
-pub use driven_assembly::{Placed, Places, TestedAssembly};
 use resonarm_dynamics::arm::{Arm, ArmError, Load, Parameters, Pose, State};
 use resonarm_dynamics::integrate::{IntegrateError, Scheme};
 use resonarm_dynamics::structure::StepError;
 use resonarm_numeric::number::{rounded, short};
+pub use sampling::PointMotion;
+use stepped::Driven;
+pub use stepped::{Loads, Stepped};
 
 /// The most integration steps a sample: 250 times the default.
 pub const MOST_STEPS_PER_SAMPLE: u32 = 1000;
@@ -127,6 +131,11 @@ pub enum PlantSpecError {
     /// The structure can't begin in its initial state.
     #[error(transparent)]
     Start(#[from] StructureError),
+    /// A shaker on a structure of one's own.
+    #[error(
+        "rig.shaker needs the two-link arm: leave it out here: the ideal exciter of `rig.exciter` drives any structure"
+    )]
+    Shaker,
     /// The current of the shaker's coil changes too slowly for the step.
     #[error("rig.shaker: `inductance_h` is {got_h}: at this resistance and step in voltage mode it must be at most {most_h}", got_h = short(.got_h), most_h = short(.most_h))]
     Inductance {
@@ -205,9 +214,24 @@ impl Plant {
         let rig = Rig::new(&spec.rig, spec.sample_rate_hz, spec.seed)?;
         let structure: Box<dyn Structure> = match &spec.structure {
             None => Box::new(DrivenArm::new(spec)?),
-            Some(tested) => Box::new(DrivenAssembly::new(spec, tested)?),
+            Some(tested) => Box::new(Driven::new(spec, Box::new(AssemblySteps::new(spec, tested)?))?),
         };
         Plant::of(structure, rig, spec.sample_rate_hz)
+    }
+
+    /// A plant of a structure of one's own in place of the specification's, in its state at sample 0: with the rig, the
+    /// rates and the seed of the specification.
+    ///
+    /// # Errors
+    /// [`PlantSpecError`]: of the rig and the rates, [`PlantSpecError::Shaker`] if the rig has a shaker,
+    /// [`PlantSpecError::Start`] if the points can't move as the structure says at its start, and
+    /// [`PlantSpecError::Channels`] for too many states.
+    pub fn stepped(spec: &PlantSpec, structure: Box<dyn Stepped>) -> Result<Plant, PlantSpecError> {
+        if spec.rig.shaker.is_some() {
+            return Err(PlantSpecError::Shaker);
+        }
+        let rig = Rig::new(&spec.rig, spec.sample_rate_hz, spec.seed)?;
+        Plant::of(Box::new(Driven::new(spec, structure)?), rig, spec.sample_rate_hz)
     }
 
     /// A plant of any structure with the loads and outputs of the arm, [`LOADS`] and [`OUTPUTS`], at sample 0 of
@@ -325,6 +349,8 @@ fn write<'a>(to: &'a mut [f64], numbers: &[f64]) -> &'a mut [f64] {
 
 #[cfg(test)]
 mod sampling_tests;
+#[cfg(test)]
+mod stepped_tests;
 #[cfg(test)]
 mod structure_tests;
 #[cfg(test)]

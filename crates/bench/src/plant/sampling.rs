@@ -52,20 +52,20 @@ pub(super) struct Filter {
     along: Vector2<f64>,
 }
 
-/// The motion at an end of a step.
-#[derive(Clone, Copy, Debug)]
-pub(super) struct End {
+/// The motion of the points of the accelerometers at an instant.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct PointMotion {
     /// Velocities of B and C, m/s.
     pub velocity_m_s: [Vector2<f64>; 2],
-    /// Accelerations of B and C without those by a coil's transient, m/s².
+    /// Accelerations of B and C, m/s², without those by the transient of a coil's current.
     pub acceleration_m_s2: [Vector2<f64>; 2],
 }
 
-impl End {
-    /// At a state under a load.
-    pub fn new(arm: &Arm, state: &State, load: &Load) -> End {
+impl PointMotion {
+    /// Of the arm at a state under a load.
+    pub(super) fn new(arm: &Arm, state: &State, load: &Load) -> PointMotion {
         let motion = arm.point_accelerations(state, &arm.acceleration(state, load));
-        End { velocity_m_s: arm.point_velocities(state), acceleration_m_s2: [motion.b_m_s2, motion.c_m_s2] }
+        PointMotion { velocity_m_s: arm.point_velocities(state), acceleration_m_s2: [motion.b_m_s2, motion.c_m_s2] }
     }
 }
 
@@ -73,8 +73,8 @@ impl End {
 pub(super) struct Step<'a> {
     pub arm: &'a Arm,
     pub from: &'a State,
-    pub start: End,
-    pub end: End,
+    pub start: PointMotion,
+    pub end: PointMotion,
     /// The drive of the arm and its armature over the step.
     pub drive: &'a Drive,
 }
@@ -110,7 +110,7 @@ impl Filter {
     }
 
     /// Adds step `index` of a hold between the motions at its ends, under a force that an ideal exciter holds, N.
-    pub fn add_held(&self, sums: &mut Sums, index: usize, start: &End, end: &End, force_n: [f64; 2]) {
+    pub fn add_held(&self, sums: &mut Sums, index: usize, start: &PointMotion, end: &PointMotion, force_n: [f64; 2]) {
         let [b, c] = self.accelerations([start, end], &[Vector2::zeros(); 2]);
         let [hx, hy] = force_n.map(|force_n| [force_n, 0.0, 0.0, 0.0, 0.0, 0.0]);
         self.add_courses(sums, index, &[hx, hy, b[0], b[1], c[0], c[1]]);
@@ -144,12 +144,12 @@ impl Filter {
     /// Accelerations of B and C along x and y between the motions at the ends of a step, with those by a coil's
     /// transient at its start.
     #[inline(always)]
-    fn accelerations(&self, ends: [&End; 2], transient: &[Vector2<f64>; 2]) -> [[Course; 2]; 2] {
+    fn accelerations(&self, ends: [&PointMotion; 2], transient: &[Vector2<f64>; 2]) -> [[Course; 2]; 2] {
         // ∫ e^{−λτ} dτ.
         let mean = if self.decay.is_infinite() { 0.0 } else { -libm::expm1(-self.decay) / self.decay };
         core::array::from_fn(|point| {
             core::array::from_fn(|axis| {
-                let of = |end: &End| (end.velocity_m_s[point][axis], end.acceleration_m_s2[point][axis]);
+                let of = |end: &PointMotion| (end.velocity_m_s[point][axis], end.acceleration_m_s2[point][axis]);
                 let [(v0, a0), (v1, a1)] = ends.map(of);
                 let g = transient[point][axis];
                 let square = 3.0 * (a0 + a1) - 6.0 * ((v1 - v0) / self.step_s - g * mean);
@@ -163,7 +163,7 @@ impl Filter {
         match step.drive {
             Drive::Coil { transient_n, along, .. } if self.decay.is_finite() => {
                 let load = |force_n: f64| Load { force_n: *along * force_n, ..Load::default() };
-                let with = End::new(step.arm, step.from, &load(step.drive.along_n(0.0) + transient_n));
+                let with = PointMotion::new(step.arm, step.from, &load(step.drive.along_n(0.0) + transient_n));
                 core::array::from_fn(|point| with.acceleration_m_s2[point] - step.start.acceleration_m_s2[point])
             }
             _ => [Vector2::zeros(); 2],

@@ -54,6 +54,10 @@ pub enum Quantity {
     ModalDisplacement,
     /// Its rate.
     ModalVelocity,
+    /// Displacement.
+    Displacement,
+    /// Its rate.
+    Velocity,
     /// Length: the deflection of an element's spring.
     Length,
     /// The branch of its law that an element is on: 0 within a gap, open or sticking; 1 or −1 beyond the gap, in
@@ -73,6 +77,8 @@ impl Quantity {
             Quantity::Current => "A",
             Quantity::ModalDisplacement => "m·√kg",
             Quantity::ModalVelocity => "m·√kg/s",
+            Quantity::Displacement => "m",
+            Quantity::Velocity => "m/s",
             Quantity::Length => "m",
             Quantity::Branch => "1",
         }
@@ -93,6 +99,8 @@ pub enum Point {
     Joint(u8),
     /// None: a mode, from 1.
     Mode(u8),
+    /// Where the program that makes the structure says: its coordinate, from 1.
+    Coordinate(u8),
     /// An element, from 1.
     Element(u8),
 }
@@ -106,6 +114,7 @@ impl Point {
             Point::TipC => "tip C".into(),
             Point::Joint(joint) => format!("joint {joint}").into(),
             Point::Mode(mode) => format!("mode {mode}").into(),
+            Point::Coordinate(coordinate) => format!("coordinate {coordinate}").into(),
             Point::Element(element) => format!("element {element}").into(),
         }
     }
@@ -118,6 +127,7 @@ impl Point {
             Point::TipC => 3,
             Point::Joint(joint) => 10 + joint as u32,
             Point::Mode(mode) => 100 + mode as u32,
+            Point::Coordinate(coordinate) => 300 + coordinate as u32,
             Point::Element(element) => 200 + element as u32,
         }
     }
@@ -163,6 +173,18 @@ pub struct Channel {
     pub point: Point,
     /// Along which axis.
     pub axis: Axis,
+}
+
+impl Channel {
+    /// Which coordinates it is one of, or the rate of one; `None` of loads, readings and internal states.
+    pub const fn coordinates(&self) -> Option<Coordinates> {
+        match (self.kind, self.quantity) {
+            (Kind::State, Quantity::Angle | Quantity::AngularVelocity) => Some(Coordinates::Joints),
+            (Kind::State, Quantity::ModalDisplacement | Quantity::ModalVelocity) => Some(Coordinates::Modes),
+            (Kind::State, Quantity::Displacement | Quantity::Velocity) => Some(Coordinates::Displacements),
+            _ => None,
+        }
+    }
 }
 
 const fn state(name: &'static str, vector: &'static str, quantity: Quantity, point: Point) -> Channel {
@@ -220,12 +242,16 @@ macro_rules! names {
     ($before:literal, $after:literal: $($n:literal)*) => { [$(concat!($before, $n, $after)),*] };
 }
 
-/// Names of angles, of modal coordinates, of states of elements, and of the rates of the first two.
+/// Names of angles, of modal coordinates, of displacements, each with their rates, and of states of elements.
 const ALPHA: [&str; 8] = names!("alpha", "_rad": 1 2 3 4 5 6 7 8);
 const ALPHA_DOT: [&str; 8] = names!("alpha", "_dot_rad_s": 1 2 3 4 5 6 7 8);
 const MODAL: [&str; MOST_COORDINATES] = names!("q", "_m_sqrt_kg":
     1 2 3 4 5 6 7 8 9 10 11 12 13 14 15 16 17 18 19 20 21 22 23 24 25 26 27 28 29 30 31 32);
 const MODAL_DOT: [&str; MOST_COORDINATES] = names!("q", "_dot_m_sqrt_kg_s":
+    1 2 3 4 5 6 7 8 9 10 11 12 13 14 15 16 17 18 19 20 21 22 23 24 25 26 27 28 29 30 31 32);
+const DISPLACEMENT: [&str; MOST_COORDINATES] = names!("x", "_m":
+    1 2 3 4 5 6 7 8 9 10 11 12 13 14 15 16 17 18 19 20 21 22 23 24 25 26 27 28 29 30 31 32);
+const DISPLACEMENT_DOT: [&str; MOST_COORDINATES] = names!("x", "_dot_m_s":
     1 2 3 4 5 6 7 8 9 10 11 12 13 14 15 16 17 18 19 20 21 22 23 24 25 26 27 28 29 30 31 32);
 const ELEMENT_M: [&str; MOST_ELEMENTS] = names!("element", "_m": 1 2 3 4 5 6 7 8 9 10 11 12 13 14 15 16);
 const ELEMENT_RAD: [&str; MOST_ELEMENTS] = names!("element", "_rad": 1 2 3 4 5 6 7 8 9 10 11 12 13 14 15 16);
@@ -239,9 +265,21 @@ pub enum Coordinates {
     Joints,
     /// Coordinates of modes whose shapes are normalised to the modal mass 1 kg, m·√kg.
     Modes,
+    /// Displacements from rest, m.
+    Displacements,
 }
 
-/// The channels of `count` coordinates and their rates; at most 8 joints, [`MOST_COORDINATES`] modes.
+impl Coordinates {
+    /// The most of them.
+    pub const fn most(self) -> usize {
+        match self {
+            Coordinates::Joints => ALPHA.len(),
+            Coordinates::Modes | Coordinates::Displacements => MOST_COORDINATES,
+        }
+    }
+}
+
+/// The channels of `count` coordinates and their rates, at most [`Coordinates::most`].
 pub fn coordinate_channels(of: Coordinates, count: usize) -> Vec<Channel> {
     let rows: [(&[&'static str], &'static str, Quantity); 2] = match of {
         Coordinates::Joints => {
@@ -251,6 +289,9 @@ pub fn coordinate_channels(of: Coordinates, count: usize) -> Vec<Channel> {
             (&MODAL, "q_m_sqrt_kg", Quantity::ModalDisplacement),
             (&MODAL_DOT, "q_dot_m_sqrt_kg_s", Quantity::ModalVelocity),
         ],
+        Coordinates::Displacements => {
+            [(&DISPLACEMENT, "x_m", Quantity::Displacement), (&DISPLACEMENT_DOT, "x_dot_m_s", Quantity::Velocity)]
+        }
     };
     let channel = |name: &'static str, number: u8, vector, quantity| match of {
         Coordinates::Joints => state(
@@ -260,6 +301,9 @@ pub fn coordinate_channels(of: Coordinates, count: usize) -> Vec<Channel> {
             [Point::Joint1, Point::Joint2B].get(usize::from(number) - 1).copied().unwrap_or(Point::Joint(number)),
         ),
         Coordinates::Modes => Channel { axis: Axis::Scalar, ..state(name, vector, quantity, Point::Mode(number)) },
+        Coordinates::Displacements => {
+            Channel { axis: Axis::Scalar, ..state(name, vector, quantity, Point::Coordinate(number)) }
+        }
     };
     let row = |(names, vector, quantity): (&[&'static str], _, _)| {
         names
@@ -292,10 +336,10 @@ const fn of_element(name: &'static str, index: usize, quantity: Quantity) -> Cha
 /// Every channel of states and loads that a recording can have, in the order of files and tables: coordinates, rates,
 /// loads, the current of a coil, states of elements.
 pub fn known_states() -> Vec<Channel> {
-    let joints = coordinate_channels(Coordinates::Joints, ALPHA.len());
-    let modes = coordinate_channels(Coordinates::Modes, MODAL.len());
+    let kinds = [Coordinates::Joints, Coordinates::Modes, Coordinates::Displacements];
+    let coordinates = kinds.into_iter().flat_map(|of| coordinate_channels(of, of.most()));
     let elements = (0..MOST_ELEMENTS).flat_map(|index| [true, false].map(|at| element_channel(index, at)));
     let branches = (0..MOST_ELEMENTS).map(branch_channel);
     let internal = elements.chain(branches).flatten();
-    joints.into_iter().chain(modes).chain(LOADS).chain([STATES[8]]).chain(internal).collect()
+    coordinates.chain(LOADS).chain([STATES[8]]).chain(internal).collect()
 }

@@ -105,6 +105,9 @@ pub enum StructureError {
         /// The number of inputs.
         expected: usize,
     },
+    /// The step of a structure of one's own failed; the program that makes it says why.
+    #[error("the structure's own program could not make the step")]
+    Own,
     /// Saved numbers that are not of this structure.
     #[error("a saved state of {got} finite numbers: the structure has {states}, or {all} with its converters")]
     Saved {

@@ -33,6 +33,8 @@ const fn ordinate(quantity: Quantity) -> (u32, &'static str, &'static str, [i32;
         Quantity::Current => (1, "Current", "A", [0, 0, 0]),
         Quantity::ModalDisplacement => (1, "Modal displacement", "m*sqrt(kg)", [0, 0, 0]),
         Quantity::ModalVelocity => (1, "Modal velocity", "m*sqrt(kg)/s", [0, 0, 0]),
+        Quantity::Displacement => (8, "Displacement", "m", [1, 0, 0]),
+        Quantity::Velocity => (11, "Velocity", "m/s", [1, 0, 0]),
         Quantity::Length => (8, "Deflection", "m", [1, 0, 0]),
         Quantity::Branch => (1, "Branch", "1", [0, 0, 0]),
     }

@@ -223,12 +223,12 @@ impl Layout {
     }
 }
 
-/// The first channel that a recording lacks: a load, a reading, a coordinate or a rate up to the last joint or mode of
-/// which there is a state. Without any state it is the first of the arm.
+/// The first channel that a recording lacks: a load, a reading, a coordinate or a rate up to the last joint, mode or
+/// displacement of which there is a state. Without any state it is the first of the arm.
 fn missing_channel(known: &[Channel], is_there: impl Fn(usize) -> bool) -> Option<&'static str> {
     let of_motion = || known.iter().enumerate().filter(|(_, of)| of.kind == Kind::State);
-    let last = |axis| {
-        let there = of_motion().filter(|(place, of)| of.axis == axis && is_there(*place));
+    let last = |coordinates| {
+        let there = of_motion().filter(|(place, of)| of.coordinates() == coordinates && is_there(*place));
         there.map(|(_, of)| of.point.node()).max()
     };
     let has_none = of_motion().all(|(place, _)| !is_there(place));
@@ -236,7 +236,7 @@ fn missing_channel(known: &[Channel], is_there: impl Fn(usize) -> bool) -> Optio
         Kind::Load | Kind::Reading { .. } => true,
         Kind::Internal => false,
         Kind::State if has_none => channel.point == Point::Joint1,
-        Kind::State => last(channel.axis).is_some_and(|node| channel.point.node() <= node),
+        Kind::State => last(channel.coordinates()).is_some_and(|node| channel.point.node() <= node),
     };
     known.iter().enumerate().find(|(place, of)| is_needed(of) && !is_there(*place)).map(|(_, of)| of.name)
 }

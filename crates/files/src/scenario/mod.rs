@@ -297,14 +297,27 @@ impl Scenario {
     /// Everything that makes the plant.
     ///
     /// # Errors
-    /// [`ScenarioError`] if the arm's parameters can't be had.
+    /// [`ScenarioError`] if the arm's parameters can't be had, or there is no such structure.
     pub fn plant_spec(&self) -> Result<PlantSpec, ScenarioError> {
+        self.spec_of(self.tested_structure()?)
+    }
+
+    /// Everything that makes the plant of a structure that the program makes, but for this structure.
+    ///
+    /// # Errors
+    /// [`ScenarioError::Structure`] if the scenario has another structure, or the rig does not fit the program's.
+    pub fn own_plant_spec(&self) -> Result<PlantSpec, ScenarioError> {
+        self.structure.clone().unwrap_or_else(|| StructureSection::own(None)).check_own(&self.rig)?;
+        self.spec_of(None)
+    }
+
+    fn spec_of(&self, structure: Option<TestedAssembly>) -> Result<PlantSpec, ScenarioError> {
         let [x1, x2, v1, v2] = self.arm.initial;
         Ok(PlantSpec {
             parameters: self.arm_parameters()?,
             pose: self.pose(),
             initial: State::new([x1, x2], [v1, v2]),
-            structure: self.tested_structure()?,
+            structure,
             scheme: self.simulation.scheme,
             sample_rate_hz: self.simulation.rate_hz,
             steps_per_sample: self.simulation.steps_per_sample(),

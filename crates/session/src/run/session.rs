@@ -16,11 +16,11 @@ use super::real_time::real_time;
 use super::{BothReport, BusCounts, End, Ending, ExciterReport, Mode, PlantReport, RunError, RunEvent, Signals, Watch};
 use resonarm_bench::control::Controller;
 use resonarm_bench::node::{Timing, WireSpec};
-use resonarm_bench::plant::Plant;
+use resonarm_bench::plant::{Plant, Stepped};
 use resonarm_bus::fault::Faulty;
 use resonarm_bus::{Bus, VirtualBus, memory, timed};
 use resonarm_files::recording::{Existing, Recorder};
-use resonarm_files::scenario::{Scenario, ScenarioError, WireError};
+use resonarm_files::scenario::{Scenario, ScenarioError, StructureSection, WireError};
 use resonarm_protocol::Node;
 use resonarm_realtime::{Clock, OverrunPolicy, SampleRate, Spin, SystemClock, ThreadSetup, VirtualClock};
 
@@ -136,6 +136,31 @@ impl Session {
     /// # Errors
     /// [`RunError`] says what in scenario or options is impossible.
     pub fn new(scenario: Scenario, mode: Mode, options: Options) -> Result<Session, RunError> {
+        Session::of(scenario, mode, options, |scenario| Ok(Plant::new(&scenario.plant_spec()?)?))
+    }
+
+    /// The same with a structure of one's own in place of the arm; the scenario has no other. Its recording says that
+    /// `structure.kind` is own, so that nothing takes it for the arm's. In real time its steps must not allocate, lock
+    /// or block.
+    ///
+    /// # Errors
+    /// [`RunError`] says what in scenario, options or structure is impossible.
+    pub fn of_structure(
+        mut scenario: Scenario,
+        mode: Mode,
+        options: Options,
+        structure: Box<dyn Stepped>,
+    ) -> Result<Session, RunError> {
+        scenario.structure.get_or_insert_with(|| StructureSection::own(None));
+        Session::of(scenario, mode, options, |scenario| Ok(Plant::stepped(&scenario.own_plant_spec()?, structure)?))
+    }
+
+    fn of(
+        scenario: Scenario,
+        mode: Mode,
+        options: Options,
+        plant: impl FnOnce(&Scenario) -> Result<Plant, RunError>,
+    ) -> Result<Session, RunError> {
         scenario.wire_rate_hz()?;
         if let (Mode::RealTime | Mode::Lockstep, Some(bit_error_rate)) = (mode, scenario.network.bit_error_rate) {
             return Err(RunError::BitErrors { bit_error_rate, mode });
@@ -155,7 +180,7 @@ impl Session {
         {
             return Err(ScenarioError::from(WireError::NoLockstep).into());
         }
-        let plant = Plant::new(&scenario.plant_spec()?)?;
+        let plant = plant(&scenario)?;
         let rate = SampleRate::new(scenario.simulation.rate_hz)?;
         check_speed(options.speed, mode, rate, timing.partner_timeout_ns)?;
         if mode == Mode::RealTime {

@@ -22,6 +22,20 @@ pub enum StructureSectionError {
         /// How to fix it.
         fix: &'static str,
     },
+    /// A structure that a program makes is asked for where there is no such program.
+    #[error(
+        "structure: `kind` is own: the program that runs the scenario makes the structure, as resonarm.run(…, structure=…) \
+         in Python; the scenario alone has none"
+    )]
+    Own,
+    /// A program's own structure in place of one that the scenario has.
+    #[error(
+        "structure: `kind` is {kind}, and the program has a structure of its own: leave [structure] out, or make `kind` own"
+    )]
+    NotOwn {
+        /// The kind.
+        kind: &'static str,
+    },
     /// A key that means nothing for the kind of structure.
     #[error("structure: `{key}` says nothing about a structure of kind `{kind}`: leave it out")]
     Idle {
@@ -92,6 +106,8 @@ pub enum StructureSectionError {
     Read {
         /// The file.
         path: PathBuf,
+        /// The kind of the refusal.
+        kind: std::io::ErrorKind,
         /// Why.
         reason: String,
     },

@@ -15,7 +15,9 @@ use serde::{Deserialize, Serialize};
 
 pub use element::{ElementKind, ElementSection};
 pub use error::StructureSectionError;
-pub use source::{JointSection, MatricesSection, MatrixError, StructureFileError, UffError, UrdfError};
+pub use source::{
+    JointSection, Matrices, MatricesSection, MatrixError, NotModal, StructureFileError, UffError, UrdfError,
+};
 
 use resonarm_bench::plant::TestedAssembly;
 use resonarm_bench::rig::RigSpec;
@@ -35,6 +37,8 @@ pub enum StructureKind {
     Chain,
     /// Vibration modes.
     Modal,
+    /// Made by the program that runs the scenario.
+    Own,
 }
 
 impl StructureKind {
@@ -44,6 +48,7 @@ impl StructureKind {
             StructureKind::Arm => "arm",
             StructureKind::Chain => "chain",
             StructureKind::Modal => "modal",
+            StructureKind::Own => "own",
         }
     }
 }
@@ -126,6 +131,7 @@ impl StructureSection {
                 BodySpec::Chain(ChainSpec { links: self.links.clone(), gravity_m_s2 })
             }
             StructureKind::Modal => BodySpec::Modal(self.modal()?),
+            StructureKind::Own => return Err(StructureSectionError::Own),
         };
         let elements = self.elements.iter().zip(1..).map(|(element, number)| element.spec(number));
         let elements: Vec<ElementSpec> = elements.collect::<Result<_, _>>()?;
@@ -143,11 +149,7 @@ impl StructureSection {
         rig: &RigSpec,
     ) -> Result<TestedAssembly, StructureSectionError> {
         let assembly = self.assembly(arm)?;
-        if rig.shaker.is_some() {
-            let (key, fix) =
-                ("rig.shaker", "leave it out here: the ideal exciter of `rig.exciter` drives any structure");
-            return Err(StructureSectionError::ArmOnly { key, fix });
-        }
+        check_shaker(rig)?;
         let expected = 2 * assembly.coordinates();
         let initial = match self.initial.len() {
             0 => vec![0.0; expected],
@@ -158,6 +160,36 @@ impl StructureSection {
         Ok(TestedAssembly { assembly, initial, places })
     }
 
+    /// A structure that the program makes, with what it is called.
+    pub fn own(name: Option<String>) -> StructureSection {
+        StructureSection { kind: StructureKind::Own, name, ..StructureSection::default() }
+    }
+
+    /// Whether it is one that the program makes, which says itself where the rig is on it.
+    ///
+    /// # Errors
+    /// [`StructureSectionError`]: it is another, has keys of others, or the rig has places or a shaker.
+    pub fn check_own(&self, rig: &RigSpec) -> Result<(), StructureSectionError> {
+        if self.kind != StructureKind::Own {
+            return Err(StructureSectionError::NotOwn { kind: self.kind.name() });
+        }
+        self.check_keys()?;
+        check_shaker(rig)?;
+        let places = [
+            ("exciter", &rig.exciter.at),
+            ("accelerometer_b", &rig.accelerometer_b.at),
+            ("accelerometer_c", &rig.accelerometer_c.at),
+        ];
+        match places.into_iter().find(|(_, at)| at.is_some()) {
+            Some((instrument, _)) => {
+                let reason =
+                    String::from("is given, and the program that makes the structure says where it is: leave it out");
+                Err(StructureSectionError::Rig { instrument, reason })
+            }
+            None => Ok(()),
+        }
+    }
+
     /// Refuses keys that its kind does not have, and those that are missing.
     fn check_keys(&self) -> Result<(), StructureSectionError> {
         self.check_source_keys()?;
@@ -166,7 +198,9 @@ impl StructureSection {
         }
         let (links, modes) = (("links", !self.links.is_empty()), ("modes", !self.modes.is_empty()));
         let (gravity, points) = (("gravity_m_s2", self.gravity_m_s2.is_some()), ("points", !self.points.is_empty()));
+        let (elements, initial) = (("elements", !self.elements.is_empty()), ("initial", !self.initial.is_empty()));
         let (idle, missing): (&[(&'static str, bool)], _) = match self.kind {
+            StructureKind::Own => (&[links, modes, gravity, points, elements, initial], None),
             StructureKind::Arm => (&[links, modes, gravity, points], None),
             StructureKind::Chain => {
                 let fix = "add a table [[structure.links]] for every link, from the base out";
@@ -203,4 +237,9 @@ impl StructureSection {
         let of = |mode: &ModeSection| ModeSpec { frequency_hz: mode.frequency_hz, damping_ratio: mode.damping_ratio };
         Ok(ModalSpec { modes: self.modes.iter().map(of).collect(), shapes })
     }
+}
+
+fn check_shaker(rig: &RigSpec) -> Result<(), StructureSectionError> {
+    let (key, fix) = ("rig.shaker", "leave it out here: the ideal exciter of `rig.exciter` drives any structure");
+    if rig.shaker.is_some() { Err(StructureSectionError::ArmOnly { key, fix }) } else { Ok(()) }
 }

@@ -94,3 +94,19 @@ fn what_makes_no_element_is_said() {
     insta::assert_snapshot!(element("kind = \"gap\"\nstiffness_n_m = 1\ngap_m = 0"), @"structure.elements, number 1: give one of `at`, `joint` and `between`");
     insta::assert_snapshot!(element("kind = \"tanh\"\nat = \"tip.x\"\nside = \"negative\"\nslip_force_n = 1\nvelocity_m_s = 1"), @"structure.elements, number 1: `side` is of contacts alone: leave it out");
 }
+
+#[test]
+fn the_programs_own_structure_is_the_programs() {
+    let own = |text: &str| match Scenario::parse(text, "bench.toml").and_then(|scenario| scenario.own_plant_spec()) {
+        Ok(spec) => format!("{:?}", spec.structure),
+        Err(error) => error.to_string(),
+    };
+    for text in ["", "[structure]\nkind = \"own\"\nname = \"beam\"\n"] {
+        assert_eq!(own(text), "None", "{text}");
+    }
+    insta::assert_snapshot!(says("[structure]\nkind = \"own\"\n"), @"structure: `kind` is own: the program that runs the scenario makes the structure, as resonarm.run(…, structure=…) in Python; the scenario alone has none");
+    insta::assert_snapshot!(own(MODAL), @"structure: `kind` is modal, and the program has a structure of its own: leave [structure] out, or make `kind` own");
+    insta::assert_snapshot!(own("[structure]\nkind = \"own\"\ninitial = [1.0]\n"), @"structure: `initial` says nothing about a structure of kind `own`: leave it out");
+    insta::assert_snapshot!(own("[structure]\nkind = \"own\"\nfile = \"a.uff\"\n"), @"structure: `file` says nothing about a structure of kind `own`: leave it out");
+    insta::assert_snapshot!(own("[rig.accelerometer_b]\nat = \"tip\"\n"), @"rig.accelerometer_b: `at` is given, and the program that makes the structure says where it is: leave it out");
+}

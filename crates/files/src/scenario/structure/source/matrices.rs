@@ -12,7 +12,7 @@ use nalgebra::{Cholesky, DMatrix, DVector, SymmetricEigen};
 use serde::{Deserialize, Serialize};
 
 use super::super::element::place;
-use super::super::{ModeSection, StructureSectionError};
+use super::super::{ModeSection, StructureKind, StructureSection, StructureSectionError};
 use super::error::MatrixError;
 use super::{npy, of_file, unreadable};
 use crate::text_file;
@@ -43,6 +43,23 @@ pub struct MatricesSection {
     pub modes: Option<usize>,
 }
 
+/// Square matrices, by rows.
+#[derive(Clone, Copy, Debug)]
+pub struct Matrices<'a> {
+    /// Mass matrix, kg, symmetric and positive definite.
+    pub mass: &'a [f64],
+    /// Stiffness matrix, N/m, symmetric and positive definite.
+    pub stiffness: &'a [f64],
+    /// Damping matrix, N·s/m, symmetric; without it there is no damping.
+    pub damping: Option<&'a [f64]>,
+}
+
+/// A matrix, and what messages call it: its file, or its name.
+struct Named {
+    matrix: DMatrix<f64>,
+    path: PathBuf,
+}
+
 impl MatricesSection {
     /// The modes, with shapes at these degrees of freedom: rows of the matrices, from 0.
     pub(super) fn read(
@@ -50,46 +67,97 @@ impl MatricesSection {
         folder: &Path,
         dofs: &BTreeMap<String, usize>,
     ) -> Result<Vec<ModeSection>, StructureSectionError> {
-        let mass_path = folder.join(&self.mass);
-        let mass = matrix(&mass_path, None)?;
-        let rows = mass.nrows();
+        let read = |path: &Path, rows| {
+            let path = folder.join(path);
+            let bytes = text_file::read_bytes(&path).map_err(unreadable(&path))?;
+            let matrix = npy::square(&bytes).and_then(|matrix| checked(matrix, rows)).map_err(of_file(&path))?;
+            Ok::<_, StructureSectionError>(Named { matrix, path })
+        };
+        let mass = read(&self.mass, None)?;
+        let rows = mass.matrix.nrows();
         check_dofs(dofs, rows)?;
-        let keep = self.kept(rows)?;
-        let stiffness_path = folder.join(&self.stiffness);
-        let stiffness = matrix(&stiffness_path, Some(rows))?;
-        let of_mass = || of_file(&mass_path);
-        if Cholesky::new(mass.clone()).is_none() {
-            return Err(of_mass()(MatrixError::NotPositive { fix: "every degree of freedom needs a mass" }));
-        }
-        let fix = "the structure must be held, so that no mode has the frequency 0";
-        let factor = Cholesky::new(stiffness)
-            .ok_or_else(|| of_file(&stiffness_path)(MatrixError::NotPositive { fix }))?
-            .unpack();
-        let modes = modes(&mass, &factor, keep).ok_or_else(|| of_mass()(MatrixError::NotSolved))?;
-        let damping = match &self.damping {
-            Some(path) => {
-                let path = folder.join(path);
-                let damping = matrix(&path, Some(rows))?;
-                damping_ratios(&damping, &modes).map_err(of_file(&path))?
-            }
-            None => vec![0.0; modes.len()],
-        };
-        let section = |(Mode { omega_rad_s, shape }, damping_ratio): (&Mode, f64)| ModeSection {
-            frequency_hz: omega_rad_s / TAU,
-            damping_ratio,
-            shape: dofs.iter().map(|(name, &row)| (name.clone(), shape[row])).collect(),
-        };
-        Ok(modes.iter().zip(damping).map(section).collect())
+        let keep = kept(self.modes, rows)?;
+        let stiffness = read(&self.stiffness, Some(rows))?;
+        let damping = self.damping.as_deref().map(|path| read(path, Some(rows))).transpose()?;
+        sections([mass, stiffness], damping, dofs, keep)
     }
+}
 
-    fn kept(&self, rows: usize) -> Result<usize, StructureSectionError> {
-        let most = rows.min(MOST_MODES);
-        match self.modes {
-            None if rows <= MOST_MODES => Ok(rows),
-            Some(keep) if (1..=most).contains(&keep) => Ok(keep),
-            got => Err(StructureSectionError::Kept { got, rows, most }),
-        }
+impl StructureSection {
+    /// The modal structure of matrices: the lowest `modes`, all if it is `None` and there are not more than 32, with
+    /// shapes at `dofs`, degrees of freedom by their rows, from 0.
+    ///
+    /// # Errors
+    /// [`StructureSectionError::File`] says what is wrong with a matrix, by its name in place of a file's;
+    /// [`StructureSectionError::Kept`], [`StructureSectionError::Row`], [`StructureSectionError::Missing`] and
+    /// [`StructureSectionError::Place`] of the other arguments.
+    pub fn from_matrices(
+        matrices: &Matrices<'_>,
+        dofs: &BTreeMap<String, usize>,
+        modes: Option<usize>,
+    ) -> Result<StructureSection, StructureSectionError> {
+        let named = |name: &str, numbers: &[f64], rows| {
+            let path = PathBuf::from(name);
+            let matrix = square(numbers).and_then(|matrix| checked(matrix, rows)).map_err(of_file(&path))?;
+            Ok::<_, StructureSectionError>(Named { matrix, path })
+        };
+        let mass = named("mass", matrices.mass, None)?;
+        let rows = mass.matrix.nrows();
+        check_dofs(dofs, rows)?;
+        let keep = kept(modes, rows)?;
+        let stiffness = named("stiffness", matrices.stiffness, Some(rows))?;
+        let damping = matrices.damping.map(|damping| named("damping", damping, Some(rows))).transpose()?;
+        let modes = sections([mass, stiffness], damping, dofs, keep)?;
+        Ok(StructureSection { kind: StructureKind::Modal, modes, ..StructureSection::default() })
     }
+}
+
+/// The matrix of numbers by rows.
+fn square(numbers: &[f64]) -> Result<DMatrix<f64>, MatrixError> {
+    let rows = numbers.len().isqrt();
+    if rows * rows == numbers.len() && (1..=npy::MOST_ROWS).contains(&rows) {
+        Ok(DMatrix::from_row_slice(rows, rows, numbers))
+    } else {
+        Err(MatrixError::Shape { got: format!("{} numbers", numbers.len()), most: npy::MOST_ROWS })
+    }
+}
+
+/// How many modes to keep.
+fn kept(modes: Option<usize>, rows: usize) -> Result<usize, StructureSectionError> {
+    let most = rows.min(MOST_MODES);
+    match modes {
+        None if rows <= MOST_MODES => Ok(rows),
+        Some(keep) if (1..=most).contains(&keep) => Ok(keep),
+        got => Err(StructureSectionError::Kept { got, rows, most }),
+    }
+}
+
+/// The lowest modes of M and K, and their damping ratios.
+fn sections(
+    [mass, stiffness]: [Named; 2],
+    damping: Option<Named>,
+    dofs: &BTreeMap<String, usize>,
+    keep: usize,
+) -> Result<Vec<ModeSection>, StructureSectionError> {
+    let of_mass = || of_file(&mass.path);
+    if Cholesky::new(mass.matrix.clone()).is_none() {
+        return Err(of_mass()(MatrixError::NotPositive { fix: "every degree of freedom needs a mass" }));
+    }
+    let fix = "the structure must be held, so that no mode has the frequency 0";
+    let factor = Cholesky::new(stiffness.matrix)
+        .ok_or_else(|| of_file(&stiffness.path)(MatrixError::NotPositive { fix }))?
+        .unpack();
+    let modes = modes(&mass.matrix, &factor, keep).ok_or_else(|| of_mass()(MatrixError::NotSolved))?;
+    let damping = match &damping {
+        Some(Named { matrix, path }) => damping_ratios(matrix, &modes).map_err(of_file(path))?,
+        None => vec![0.0; modes.len()],
+    };
+    let section = |(Mode { omega_rad_s, shape }, damping_ratio): (&Mode, f64)| ModeSection {
+        frequency_hz: omega_rad_s / TAU,
+        damping_ratio,
+        shape: dofs.iter().map(|(name, &row)| (name.clone(), shape[row])).collect(),
+    };
+    Ok(modes.iter().zip(damping).map(section).collect())
 }
 
 /// A mode of unit modal mass.
@@ -140,17 +208,13 @@ fn damping_ratios(damping: &DMatrix<f64>, modes: &[Mode]) -> Result<Vec<f64>, Ma
     }
 }
 
-/// A symmetric matrix, of so many rows if that is known.
-fn matrix(path: &Path, rows: Option<usize>) -> Result<DMatrix<f64>, StructureSectionError> {
-    let bytes = text_file::read_bytes(path).map_err(unreadable(path))?;
-    let checked = npy::square(&bytes).and_then(|matrix| {
-        let got = matrix.nrows();
-        match rows {
-            Some(expected) if got != expected => Err(MatrixError::Size { got, expected }),
-            _ => check_symmetric(matrix),
-        }
-    });
-    checked.map_err(of_file(path))
+/// The matrix, if it is symmetric, and of so many rows if that is known.
+fn checked(matrix: DMatrix<f64>, rows: Option<usize>) -> Result<DMatrix<f64>, MatrixError> {
+    let got = matrix.nrows();
+    match rows {
+        Some(expected) if got != expected => Err(MatrixError::Size { got, expected }),
+        _ => check_symmetric(matrix),
+    }
 }
 
 fn check_symmetric(matrix: DMatrix<f64>) -> Result<DMatrix<f64>, MatrixError> {

@@ -8,6 +8,7 @@ mod body;
 mod error;
 mod matrices;
 mod npy;
+mod of_modes;
 #[cfg(test)]
 mod tests;
 mod uff;
@@ -20,7 +21,8 @@ use std::path::{Path, PathBuf};
 use serde::{Deserialize, Serialize};
 
 pub use error::{MatrixError, StructureFileError, UffError, UrdfError};
-pub use matrices::MatricesSection;
+pub use matrices::{Matrices, MatricesSection};
+pub use of_modes::NotModal;
 
 use super::{StructureKind, StructureSection, StructureSectionError};
 use crate::text_file;
@@ -110,7 +112,9 @@ impl StructureSection {
         if is_uff && is_matrices {
             return Err(StructureSectionError::TwoSources);
         }
-        if self.kind == StructureKind::Arm && (self.file.is_some() || self.matrices.is_some()) {
+        if matches!(self.kind, StructureKind::Arm | StructureKind::Own)
+            && (self.file.is_some() || self.matrices.is_some())
+        {
             let key = if self.file.is_some() { "file" } else { "matrices" };
             return Err(StructureSectionError::Idle { key, kind: self.kind.name() });
         }
@@ -132,7 +136,7 @@ impl StructureSection {
 
 fn unreadable(path: &Path) -> impl FnOnce(std::io::Error) -> StructureSectionError {
     let path = PathBuf::from(path);
-    move |source| StructureSectionError::Read { path, reason: source.to_string() }
+    move |source| StructureSectionError::Read { path, kind: source.kind(), reason: source.to_string() }
 }
 
 fn of_file<E: Into<StructureFileError>>(path: &Path) -> impl FnOnce(E) -> StructureSectionError {

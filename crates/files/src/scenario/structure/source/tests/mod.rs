@@ -1,6 +1,7 @@
 //! What files make, against numbers of other programs, and what is said of files that make nothing.
 
 mod matrices;
+mod of_modes;
 mod uff;
 mod urdf;
 

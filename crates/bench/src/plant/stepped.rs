@@ -1,0 +1,200 @@
+//! A structure that is stepped, with an ideal exciter and converters.
+
+use alloc::boxed::Box;
+use alloc::vec;
+use alloc::vec::Vec;
+use core::fmt;
+
+use super::sampling::{Filter, PointMotion, Sums};
+use super::{PlantSpec, PlantSpecError, write};
+use crate::rig::Measurement;
+use crate::structure::{Channel, LOADS, OUTPUTS, Structure, StructureError};
+
+/// The loads that act on a structure, in the order of [`LOADS`]: torques at joints 1 and 2, N·m, forces of the exciter
+/// along x and y, N.
+pub type Loads = [f64; LOADS.len()];
+
+/// A structure that makes integration steps. [`Plant::stepped`](super::Plant::stepped) adds an ideal exciter,
+/// converters and instruments to it.
+///
+/// The same loads give the same bits, from a saved state on, too. In a run in real time nothing of it may allocate,
+/// lock or block.
+pub trait Stepped: fmt::Debug + Send + Sync {
+    /// The states from which, with the loads, all later ones follow: coordinates, their rates, states of elements.
+    fn states(&self) -> &[Channel];
+
+    /// One integration step from the time `t_s`, s, with the loads held.
+    ///
+    /// # Errors
+    /// [`StructureError`]; what it has become does not count then: it is restored.
+    fn advance(&mut self, t_s: f64, loads: &Loads) -> Result<(), StructureError>;
+
+    /// Velocities and accelerations of the accelerometers' points at the time `t_s`, s, under the loads.
+    ///
+    /// # Errors
+    /// [`StructureError`] if it can't take a load, or its equations can't be solved.
+    fn points(&self, t_s: f64, loads: &Loads) -> Result<PointMotion, StructureError>;
+
+    /// The distance of the point that the exciter acts on from rest, m, without sign.
+    fn travel_m(&self) -> f64;
+
+    /// Writes the states, as many as there are channels.
+    fn save(&self, states: &mut [f64]);
+
+    /// Takes up states, as many as there are channels, all finite.
+    ///
+    /// # Errors
+    /// [`StructureError`] if it can't be in them; nothing changes then.
+    fn restore(&mut self, states: &[f64]) -> Result<(), StructureError>;
+
+    /// A copy in the same state.
+    fn boxed_clone(&self) -> Box<dyn Stepped>;
+}
+
+impl Clone for Box<dyn Stepped> {
+    fn clone(&self) -> Box<dyn Stepped> {
+        self.boxed_clone()
+    }
+}
+
+/// The structure at a sample.
+#[derive(Clone, Debug)]
+pub(super) struct Driven {
+    steps: Box<dyn Stepped>,
+    steps_per_sample: u32,
+    step_s: f64,
+    filter: Option<Filter>,
+    /// The converters' last samples: head x, y; B x, y; C x, y.
+    sampled: [f64; Measurement::CHANNELS],
+    sums: Sums,
+    /// The state at the start of a hold, to which a hold that can't be finished returns.
+    before: Vec<f64>,
+}
+
+/// The integration step, s.
+fn step_s(spec: &PlantSpec) -> f64 {
+    1.0 / (spec.sample_rate_hz * f64::from(spec.steps_per_sample))
+}
+
+impl Driven {
+    /// The structure of a valid specification, in its state at sample 0.
+    pub fn new(spec: &PlantSpec, steps: Box<dyn Stepped>) -> Result<Driven, PlantSpecError> {
+        super::check_steps_per_sample(spec.steps_per_sample)?;
+        let step_s = step_s(spec);
+        let mut driven = Driven {
+            steps_per_sample: spec.steps_per_sample,
+            step_s,
+            filter: Filter::new(spec, step_s, f64::INFINITY),
+            sampled: [0.0; Measurement::CHANNELS],
+            sums: Sums::default(),
+            before: vec![0.0; steps.states().len()],
+            steps,
+        };
+        driven.settle()?;
+        Ok(driven)
+    }
+
+    /// The converters as if they had always sampled the outputs at the state without a load.
+    fn settle(&mut self) -> Result<(), StructureError> {
+        let none = [0.0; LOADS.len()];
+        self.sampled = Self::instant(&self.steps.points(0.0, &none)?, &none);
+        self.sums = self.filter.as_ref().map(|filter| filter.settled(&self.sampled)).unwrap_or_default();
+        Ok(())
+    }
+
+    /// What the outputs are at an instant: with an ideal exciter the head reads the force.
+    fn instant(at: &PointMotion, [_, _, fx, fy]: &Loads) -> [f64; Measurement::CHANNELS] {
+        let [b, c] = at.acceleration_m_s2;
+        [*fx, *fy, b.x, b.y, c.x, c.y]
+    }
+
+    /// Makes the steps of a hold.
+    fn hold(&mut self, time_s: f64, loads: &Loads) -> Result<(), StructureError> {
+        let mut sums = self.sums;
+        let mut start = self.filter.as_ref().map(|_| self.steps.points(time_s, loads)).transpose()?;
+        let mut sampled = self.sampled;
+        for part in 0..self.steps_per_sample {
+            let t_s = time_s + f64::from(part) * self.step_s;
+            self.steps.advance(t_s, loads)?;
+            let end_s = t_s + self.step_s;
+            if let (Some(filter), Some(from)) = (&self.filter, start) {
+                let ended = self.steps.points(end_s, loads)?;
+                filter.add_held(&mut sums, part as usize, &from, &ended, [loads[2], loads[3]]);
+                start = Some(ended);
+            } else if 2 * (part + 1) == self.steps_per_sample {
+                sampled = Self::instant(&self.steps.points(end_s, loads)?, loads);
+            }
+        }
+        self.sampled = if self.filter.is_some() { Filter::read(&mut sums) } else { sampled };
+        self.sums = sums;
+        Ok(())
+    }
+}
+
+impl Structure for Driven {
+    fn inputs(&self) -> &[Channel] {
+        &LOADS
+    }
+
+    fn outputs(&self) -> &[Channel] {
+        &OUTPUTS
+    }
+
+    fn states(&self) -> &[Channel] {
+        self.steps.states()
+    }
+
+    fn saved_len(&self) -> usize {
+        self.states().len() + OUTPUTS.len() + if self.filter.is_some() { self.sums.as_flattened().len() } else { 0 }
+    }
+
+    fn advance(&mut self, time_s: f64, inputs: &[f64]) -> Result<(), StructureError> {
+        let wrong = |_| StructureError::Inputs { got: inputs.len(), expected: LOADS.len() };
+        let loads: Loads = inputs.try_into().map_err(wrong)?;
+        self.steps.save(&mut self.before);
+        let held = self.hold(time_s, &loads);
+        if held.is_err() {
+            self.steps.restore(&self.before)?;
+        }
+        held
+    }
+
+    fn sense(&self, outputs: &mut [f64]) {
+        write(outputs, &self.sampled);
+    }
+
+    fn save(&self, saved: &mut [f64]) {
+        let (states, rest) = saved.split_at_mut(self.states().len().min(saved.len()));
+        if states.len() == self.states().len() {
+            self.steps.save(states);
+            let rest = write(rest, &self.sampled);
+            write(rest, self.sums.as_flattened());
+        }
+    }
+
+    fn restore(&mut self, saved: &[f64]) -> Result<(), StructureError> {
+        let (states, all) = (self.states().len(), self.saved_len());
+        let got = saved.iter().position(|number| !number.is_finite()).unwrap_or(saved.len());
+        if got != saved.len() || (got != states && got != all) {
+            return Err(StructureError::Saved { got, states, all });
+        }
+        let (states, rest) = saved.split_at(states);
+        self.steps.restore(states)?;
+        match rest.split_first_chunk() {
+            Some((sampled, sums)) => {
+                self.sampled = *sampled;
+                write(self.sums.as_flattened_mut(), sums);
+                Ok(())
+            }
+            None => self.settle(),
+        }
+    }
+
+    fn travel_m(&self) -> f64 {
+        self.steps.travel_m()
+    }
+
+    fn boxed_clone(&self) -> Box<dyn Structure> {
+        Box::new(self.clone())
+    }
+}

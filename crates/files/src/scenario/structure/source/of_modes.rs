@@ -1,0 +1,113 @@
+//! The modes of a chain, or of the two-link arm, as a modal structure.
+//!
+//! With q = Φη, ΦᵀMΦ = 1 and ΦᵀKΦ = Ω², the motion about rest is η̈ + Cη̇ + Ω²η = Φᵀp with C = ΦᵀDΦ. A modal structure
+//! has the diagonal of C alone, 2ζᵢωᵢ = φᵢᵀDφᵢ. Where mode j moves at its frequency, what is left out moves mode i by
+//! the fraction |Cᵢⱼ| ωⱼ/|ωᵢ² − ωⱼ²| of it (T. K. Hasselman, "Modal Coupling in Lightly Damped Structures", AIAA J. 14
+//! (1976)): small if the damping is light and the frequencies are apart, whatever the damping is.
+
+use std::collections::BTreeMap;
+use std::f64::consts::TAU;
+
+use thiserror::Error;
+
+use super::super::{ModeSection, StructureKind, StructureSection};
+use resonarm_dynamics::structure::{Assembly, StructureMode};
+use resonarm_numeric::number::rounded;
+
+/// The most of the fraction by which damping may couple modes that are kept alone.
+const COUPLING_LIMIT: f64 = 1e-2;
+
+/// Why the modes of a structure make no modal structure.
+#[derive(Clone, Debug, PartialEq, Error)]
+#[non_exhaustive]
+pub enum NotModal {
+    /// It has elements, which modes leave out.
+    #[error(
+        "the structure has elements, {count}, and modes are of its linear part: leave them out, and add them to the modes"
+    )]
+    Elements {
+        /// How many.
+        count: usize,
+    },
+    /// Other modes than it has are to be kept.
+    #[error("{got} modes are to be kept: the structure has {most}")]
+    Kept {
+        /// How many.
+        got: usize,
+        /// How many there are.
+        most: usize,
+    },
+    /// Its damping couples two modes.
+    #[error(
+        "its damping couples modes {} and {}: one moves the other by {} of its motion, and modes alone may leave out at most \
+         {most}; keep the structure as it is, or take less damping",
+        modes[0], modes[1], rounded(.coupling, 3)
+    )]
+    Coupled {
+        /// The modes, from 1.
+        modes: [usize; 2],
+        /// The fraction.
+        coupling: f64,
+        /// The most that is left out.
+        most: f64,
+    },
+}
+
+impl StructureSection {
+    /// The modal structure of the lowest `modes` of a structure without elements, all if it is `None`, about its rest.
+    /// Points are those of the structure; joints are none.
+    ///
+    /// # Errors
+    /// [`NotModal`]: elements, a number of modes that there are not, or damping that couples modes by more than 0.01.
+    pub fn from_modes(of: &Assembly, modes: Option<usize>) -> Result<StructureSection, NotModal> {
+        if !of.elements().is_empty() {
+            return Err(NotModal::Elements { count: of.elements().len() });
+        }
+        let most = of.modes().len();
+        let keep = modes.unwrap_or(most);
+        let kept = match of.modes().get(..keep) {
+            Some(kept) if keep > 0 => kept,
+            _ => return Err(NotModal::Kept { got: keep, most }),
+        };
+        let damping = damping(of, kept)?;
+        let section = |(mode, own): (&StructureMode, f64)| ModeSection {
+            frequency_hz: mode.frequency_hz,
+            damping_ratio: own / (2.0 * TAU * mode.frequency_hz),
+            shape: shape(of, mode),
+        };
+        let modes = kept.iter().zip(damping).map(section).collect();
+        Ok(StructureSection { kind: StructureKind::Modal, modes, ..StructureSection::default() })
+    }
+}
+
+/// The displacements of all points in a mode, 1/√kg.
+fn shape(of: &Assembly, mode: &StructureMode) -> BTreeMap<String, f64> {
+    let (rest, mut direction) = (vec![0.0; of.coordinates()], vec![0.0; of.coordinates()]);
+    let mut moved = BTreeMap::new();
+    for name in of.dof_names() {
+        if let Some(dof) = of.dof(&name).ok().filter(|dof| !dof.is_angle()) {
+            of.direction(dof, &rest, &mut direction);
+            moved.insert(name, direction.iter().zip(&mode.shape).map(|(x, q)| x * q).sum());
+        }
+    }
+    moved
+}
+
+/// The diagonal of C, 1/s, if the rest of it may be left out.
+fn damping(of: &Assembly, modes: &[StructureMode]) -> Result<Vec<f64>, NotModal> {
+    let (n, linear) = (of.coordinates(), of.linear());
+    let entry = |i: usize, j: usize| {
+        let row = |k: usize| (0..n).map(|m| linear.damping[k * n + m] * modes[j].shape[m]).sum::<f64>();
+        (0..n).map(|k| modes[i].shape[k] * row(k)).sum::<f64>()
+    };
+    for i in 1..modes.len() {
+        for j in 0..i {
+            let [low, high] = [j, i].map(|mode| TAU * modes[mode].frequency_hz);
+            let coupling = entry(i, j).abs() * high / (high * high - low * low);
+            if coupling > COUPLING_LIMIT {
+                return Err(NotModal::Coupled { modes: [j + 1, i + 1], coupling, most: COUPLING_LIMIT });
+            }
+        }
+    }
+    Ok((0..modes.len()).map(|mode| entry(mode, mode)).collect())
+}

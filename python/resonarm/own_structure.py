@@ -1,0 +1,99 @@
+"""A structure under test whose step is written in Python."""
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import Any, Literal
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from . import _checks
+from ._dtypes import NUMBER
+
+Numbers = NDArray[np.float64]
+Step = Callable[[float, float, Numbers, Numbers], ArrayLike]
+"""Called with t, s, the step, s, the state at t and the loads held over the step, it returns the state at its end."""
+Points = Callable[[float, Numbers, Numbers], tuple[ArrayLike, ArrayLike, ArrayLike]]
+"""Called with t, s, the state and the loads, it returns displacements, velocities, accelerations of the points."""
+Coordinates = Literal["angles", "displacements", "modal"]
+"""What the coordinates are."""
+
+
+@dataclass(frozen=True, eq=False)
+class Structure:
+    """A structure whose step is written in Python or NumPy. It stands in place of the arm in a `Plant`, and in runs and
+    nodes in the modes free and lockstep; in real time it is refused.
+
+    A state is an array of n coordinates and their n rates; loads are an array of the torques at joints 1 and 2, N·m,
+    and the force of the exciter along x and y, N, held over a sample. All arrays that the functions take are read-only.
+    Both functions must depend on their arguments alone, so that the same run gives the same bits.
+
+        frequency = 2 * math.pi * 20
+
+        def step(t_s, dt_s, state, loads):
+            x, v = state
+            v = v + dt_s * (loads[2] / 5 - frequency**2 * x)  # Euler's method, symplectic
+            return [x + dt_s * v, v]
+
+        def points(t_s, state, loads):
+            x, v = state
+            a = loads[2] / 5 - frequency**2 * x
+            return [[0, 0], [x, 0]], [[0, 0], [v, 0]], [[0, 0], [a, 0]]
+
+        resonarm.run(scenario, structure=resonarm.Structure(step, points, initial=[0, 0]))
+    """
+
+    step: Step
+    """`step(t_s, dt_s, state, loads)` is the state a step later, as many times a sample as the scenario's `simulation`
+    says: twice by default."""
+    points: Points
+    """`points(t_s, state, loads)` has displacements (m), velocities (m/s) and accelerations (m/s²), each with a row
+    x, y for the point of accelerometer B and for that of C, where the exciter is."""
+    initial: ArrayLike
+    """The state at sample 0: coordinates and their rates, at most 32 each, 8 angles."""
+    coordinates: Coordinates = "displacements"
+    """What the coordinates are in recordings: displacements (`x_m`), angles of joints (`alpha_rad`) or modal ones
+    (`q_m_sqrt_kg`)."""
+    name: str | None = None
+    """What it is called in recordings."""
+
+    def _parts(self) -> tuple[Any, Any, str, list[float], str | None]:
+        """The form that the extension takes."""
+        for name, call in (("step", self.step), ("points", self.points)):
+            if not callable(call):
+                raise TypeError(f"{name} is {call!r}: it must be a function")
+        initial = _checks.real("initial", self.initial).ravel().tolist()
+        return self._step, self._points, self.coordinates, initial, self.name
+
+    def _step(self, t_s: float, dt_s: float, state: bytes, loads: bytes) -> bytes:
+        """The step on the bytes of arrays."""
+        before = np.frombuffer(state, NUMBER)
+        after = self.step(t_s, dt_s, before, np.frombuffer(loads, NUMBER))
+        what = f"the state that step returned for t = {t_s + dt_s:g} s"
+        return _numbers(what, after, before.shape)
+
+    def _points(self, t_s: float, state: bytes, loads: bytes) -> bytes:
+        """The motion of the points on the bytes of arrays."""
+        given = self.points(t_s, np.frombuffer(state, NUMBER), np.frombuffer(loads, NUMBER))
+        what = f"what points returned for t = {t_s:g} s, displacements, velocities and accelerations of B and C,"
+        return _numbers(what, given, (3, 2, 2))
+
+
+def _numbers(what: str, given: Any, shape: tuple[int, ...]) -> bytes:
+    """Finite numbers of a shape. Raises ValueError, or TypeError for anything else."""
+    numbers = _checks.real(what, given)
+    if numbers.shape != shape:
+        raise ValueError(f"{what} has the shape {numbers.shape}: it must be {shape}")
+    if not np.isfinite(numbers).all():
+        raise ValueError(f"{what} is {numbers.tolist()}: all must be finite numbers")
+    return np.ascontiguousarray(numbers).tobytes()
+
+
+def parts(structure: Structure | None) -> tuple[Any, Any, str, list[float], str | None] | None:
+    """A structure as the extension takes it. Raises TypeError for anything else."""
+    if structure is None or isinstance(structure, Structure):
+        return None if structure is None else structure._parts()
+    raise TypeError(
+        f"structure is {structure!r}: a structure with a step in Python is a resonarm.Structure; a Chain or a Modal "
+        "goes into the scenario, scenario.replace(structure=chain.section)"
+    )

@@ -1,0 +1,98 @@
+"""The tables of a structure, with the keys of `[structure]` in a scenario, so that a type checker finds a wrong one."""
+
+from typing import Literal, TypedDict
+
+ElementKind = Literal["cubic", "gap", "contact", "friction", "lugre", "tanh"]
+"""What an element is."""
+Side = Literal["positive", "negative"]
+"""Which way along its axis a contact is."""
+
+
+class Link(TypedDict):
+    """A link of a chain, and the joint at its start: `structure.links` of a scenario."""
+
+    length_m: float
+    """From its joint to the next, or to the tip, m, positive."""
+    mass_kg: float
+    """Mass, kg, positive."""
+    centre_of_mass_m: float
+    """From its joint along the link, m."""
+    inertia_kg_m2: float
+    """About the centre of mass, kg·m², positive."""
+    angle_deg: float
+    """Against the link before, of the first against the x axis, with the spring relaxed, degrees, −360 to 360."""
+    stiffness_nm_rad: float
+    """Of its joint, N·m/rad, positive."""
+    damping_nm_s_rad: float
+    """Of its joint, N·m·s/rad, not negative."""
+
+
+class ModeShape(TypedDict):
+    """A mode with its shape: `structure.modes` of a scenario."""
+
+    frequency_hz: float
+    """Undamped natural frequency, Hz, positive."""
+    damping_ratio: float
+    """Damping ratio, from 0 to below 1."""
+    shape: dict[str, float]
+    """Displacement of each point along an axis, as `tip.x`, 1/√kg, of the shape of modal mass 1 kg."""
+
+
+class JointOfFile(TypedDict):
+    """A joint of a URDF file that becomes one of the chain: `structure.joints` of a scenario."""
+
+    name: str
+    """Its name in the file."""
+    stiffness_nm_rad: float
+    """Stiffness, N·m/rad, positive."""
+    damping_nm_s_rad: float
+    """Damping, N·m·s/rad, not negative."""
+
+
+class PosedJoint(JointOfFile, total=False):
+    """The same with its pose."""
+
+    angle_deg: float
+    """Its angle from the file's zero, about its own axis, degrees, −360 to 360; 0 by default."""
+
+
+class _Kind(TypedDict):
+    kind: ElementKind
+
+
+class Element(_Kind, total=False):
+    """A point element: `structure.elements` of a scenario (docs/structures.md). It has one of `at`, `joint` and
+    `between`, and the values of its kind: with the units of an axis, or at a joint those that end in `rad` and `nm`."""
+
+    at: str
+    """Point and axis, as `tip.x`, against the ground."""
+    joint: int
+    """The joint of a chain, from 1, about which it acts."""
+    between: tuple[str, str] | list[str]
+    """Its two ends, where neither is the ground."""
+    side: Side
+    """Which way along its axis a contact is; positive by default."""
+    stiffness_n_m: float
+    stiffness_nm_rad: float
+    stiffness3_n_m3: float
+    stiffness3_nm_rad3: float
+    stiffness5_n_m5: float
+    stiffness5_nm_rad5: float
+    stiffness_n_m1_5: float
+    stiffness_nm_rad1_5: float
+    gap_m: float
+    gap_rad: float
+    damping_n_s_m: float
+    damping_nm_s_rad: float
+    dissipation_s_m: float
+    dissipation_s_rad: float
+    viscous_n_s_m: float
+    viscous_nm_s_rad: float
+    slip_force_n: float
+    slip_torque_nm: float
+    breakaway_n: float
+    breakaway_nm: float
+    stribeck_m_s: float
+    stribeck_rad_s: float
+    velocity_m_s: float
+    velocity_rad_s: float

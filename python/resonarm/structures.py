@@ -1,0 +1,393 @@
+"""Chains of links and modal structures: modes, frequency responses, motions under a sine, branches of motions."""
+
+import json
+import warnings
+from collections.abc import Mapping, Sequence
+from os import PathLike, fspath
+from typing import TYPE_CHECKING, Any, ClassVar
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from . import _checks, _resonarm
+from ._dtypes import COMPLEX, Array, motion, view
+from .structure_branch import continuation, needed_amplitude
+from .structure_words import Element, Link, ModeShape, PosedJoint
+from .words import Quantity, Scheme
+
+if TYPE_CHECKING:
+    from typing_extensions import Self
+
+ACCELEROMETERS = ("joint2.x", "joint2.y", "tip.x", "tip.y")
+"""Where the accelerometers are on the arm, in the order of an identified shape."""
+_Path = str | PathLike[str]
+_Section = dict[str, Any]
+
+
+class AccuracyWarning(UserWarning):
+    """A result has a larger error than its method has: the message says by what, and how to lower it."""
+
+
+class _Structure(_resonarm.Assembly):
+    """What chains and modal structures share."""
+
+    _kinds: ClassVar[tuple[str, ...]]
+    _other: ClassVar[str]
+
+    continuation = continuation
+
+    @classmethod
+    def _of(cls, section: _Section, arm: _Section | None = None) -> "Self":
+        """The structure of a section `[structure]`, and of `[arm]` if it is an arm with elements."""
+        return super().__new__(cls, section, arm)
+
+    @classmethod
+    def from_scenario(cls, scenario: "_Path | _resonarm.Scenario") -> "Self":
+        """The structure of a scenario, or of that in a TOML file, with what it takes from other files.
+
+        Raises ValueError if it has none of this class, OSError if the file can't be read.
+        """
+        if not isinstance(scenario, _resonarm.Scenario):
+            scenario = _resonarm.Scenario(path=scenario)
+        values = scenario.values()
+        section = values.get("structure")
+        if section is None:
+            raise ValueError("the scenario has no [structure]: its plant is the two-link arm of [arm], Scenario.arm")
+        if section["kind"] not in cls._kinds:
+            raise ValueError(f"structure.kind is {section['kind']}: {cls._other}.from_scenario takes it")
+        return cls._of(section, values["arm"] if section["kind"] == "arm" else None)
+
+    def __reduce__(self) -> tuple[Any, ...]:
+        return _unpickled, (type(self), *self._value())
+
+    def _value(self) -> tuple[_Section, _Section | None]:
+        """The sections that equal structures share: without notes of the files that they are from."""
+        return self.numbers, self.arm_section
+
+    def _text(self) -> str:
+        return json.dumps(self._value(), sort_keys=True)
+
+    def __eq__(self, other: object) -> bool:
+        return self._text() == other._text() if isinstance(other, type(self)) else NotImplemented
+
+    def __hash__(self) -> int:
+        return hash(self._text())
+
+    @property
+    def name(self) -> str | None:
+        """What it is called in headers and figures."""
+        return self.section.get("name")
+
+    @property
+    def elements(self) -> list[Element]:
+        """Its elements, with the keys of a scenario."""
+        return list(self.section.get("elements", []))
+
+    def _label(self, of: str) -> str:
+        name = f" {self.name!r}" if self.name else ""
+        count = len(self.elements)
+        elements = f", {count} element{'s' if count > 1 else ''}" if count else ""
+        hz = [mode.frequency_hz for mode in self.modes()]
+        return f"<{type(self).__name__}{name}: {of}{elements}; {hz[0]:.4g} to {hz[-1]:.4g} Hz>"
+
+    def frf(
+        self,
+        frequency_hz: ArrayLike,
+        *,
+        drive: str,
+        response: str | None = None,
+        quantity: Quantity = "receptance",
+    ) -> NDArray[np.complex128]:
+        """Frequency response of the structure linearised at rest, with the slopes of smooth elements and without the
+        others: response over drive, complex, as an array of the frequencies' shape.
+
+        `drive` and `response` are degrees of freedom, as `tip.x` (N, m) or, of a chain, `joint2` (N·m, rad); without a
+        response it is taken where it is driven. `quantity` is receptance, mobility or accelerance: the displacement,
+        its first or second derivative in time, over the drive (ISO 7626-1).
+
+        Raises ValueError for an unknown term or a negative frequency, TypeError for one that is no real number,
+        ResonarmError where the response is infinite.
+        """
+        hz = _checks.real("frequency_hz", frequency_hz)
+        terms = (drive, drive if response is None else response, quantity)
+        return view(self.frf_at(hz.tobytes(), terms), COMPLEX).reshape(hz.shape)
+
+    def simulate(
+        self,
+        duration_s: float,
+        *,
+        drive: str | None = None,
+        amplitude: float | None = None,
+        excitation_hz: float = 0.0,
+        initial: Sequence[float] | None = None,
+        rate_hz: float | None = None,
+        scheme: Scheme | None = None,
+        every: int = 1,
+    ) -> Array:
+        """The motion under A·sin(2πft), exact inside the step: rows with `t_s`, the coordinates and their rates, and
+        the states of elements that have one.
+
+        Coordinates are `alpha_rad` and `alpha_dot_rad_s` of a chain, deflections of its joints from rest, and
+        `q_m_sqrt_kg` and `q_dot_m_sqrt_kg_s` of modes; states of elements `element1_m`, or `element1_rad` at a joint.
+        `drive` is a degree of freedom, as `tip.x`, `amplitude` A (N, or N·m at a joint), `excitation_hz` f. `initial`
+        has the coordinates and their rates, and may have the states of elements, to continue a motion; by default it is
+        the structure's own, or rest. `rate_hz` is the integration steps a second, by default those of a scenario with
+        the `scheme`, which is for chains whose elements are smooth: modes alone are exact, and other elements' switches
+        are located between steps of order 8, whatever the scheme. There is a row for the start, for every `every`th
+        step and for the end. Ctrl-C ends it.
+
+        Warns with AccuracyWarning if a step has more switches than are located. Raises ValueError for invalid
+        arguments, and if the structure needs a higher rate; ResonarmError if a step can't be made.
+        """
+        sine = self._sine(drive, amplitude, excitation_hz)
+        if every < 1:
+            raise ValueError(f"every is {every}: it must be 1 or more")
+        rate = _resonarm.step_rate_hz(scheme) if rate_hz is None else rate_hz
+        length = (_checks.steps(_checks.number("duration_s", duration_s), rate), every)
+        state = None if initial is None else _checks.real("initial", initial).ravel().tolist()
+        rows, not_located = self.motion(state, sine, (scheme, rate), length)
+        if not_located:
+            warnings.warn(
+                f"{not_located} steps had more switches than are located: their error is of first order; raise rate_hz",
+                AccuracyWarning,
+                stacklevel=2,
+            )
+        return view(rows, motion(self.channels()))
+
+    def _sine(
+        self, drive: str | None, amplitude: float | None, excitation_hz: float
+    ) -> tuple[str, float, float] | None:
+        """The excitation, if there is one."""
+        if drive is None:
+            if amplitude is not None:
+                known = ", ".join(self.dofs)
+                raise ValueError(f"amplitude is {amplitude:g}: name what it drives, drive=DOF, with DOF one of {known}")
+            return None
+        peak = needed_amplitude(amplitude)
+        if excitation_hz <= 0:
+            raise ValueError(
+                f"excitation_hz is {excitation_hz:g}: an excitation A·sin(2πft) needs a positive frequency"
+            )
+        return drive, peak, excitation_hz
+
+
+class Chain(_Structure):
+    """A planar chain of 1 to 8 links with compliant joints, with elements at its points and joints. Its points are
+    `joint1`, which is fixed, to the last joint, and `tip`.
+
+    `links` have the keys of `structure.links` in a scenario (`resonarm.Link`), from the base out; `elements` those of
+    `structure.elements` (`resonarm.Element`, docs/structures.md). With `gravity_m_s2`, along −y, coordinates count from
+    the equilibrium under the weight. `initial` has the deflections of the joints, rad, and their rates, rad/s, at
+    which motions begin; `name` is what it is called. Chains are equal if all their numbers are.
+
+        link = resonarm.Link(length_m=0.5, mass_kg=8, centre_of_mass_m=0.25, inertia_kg_m2=0.2, angle_deg=30,
+                             stiffness_nm_rad=3e4, damping_nm_s_rad=5)
+        chain = resonarm.Chain([link, link, link], gravity_m_s2=9.81)
+        chain.frf(20.0, drive="tip.x")
+
+    Raises ValueError for an impossible structure, with the message of the command line.
+    """
+
+    _kinds, _other = ("arm", "chain"), "Modal"
+
+    def __new__(
+        cls,
+        links: Sequence[Link],
+        *,
+        gravity_m_s2: float | None = None,
+        elements: Sequence[Element] = (),
+        initial: Sequence[float] = (),
+        name: str | None = None,
+    ) -> "Self":
+        section = {"kind": "chain", "links": list(links), "gravity_m_s2": gravity_m_s2}
+        return cls._of({**section, **_shared(elements, initial, name)})
+
+    @classmethod
+    def from_urdf(
+        cls,
+        path: _Path,
+        joints: Sequence[PosedJoint],
+        *,
+        tip: str | None = None,
+        gravity_m_s2: float | None = None,
+        elements: Sequence[Element] = (),
+        name: str | None = None,
+    ) -> "Self":
+        """The chain of some joints of a robot, from its URDF, from the base out, up to the frame of the link `tip`, by
+        default the only end. A joint has its `name`, stiffness, damping and pose (`structure.joints` of a scenario).
+
+        Raises OSError if the file can't be read, ValueError if the joints make no planar chain.
+        """
+        section = {"kind": "chain", "file": fspath(path), "joints": list(joints), "tip": tip}
+        return cls._of({**section, "gravity_m_s2": gravity_m_s2, **_shared(elements, (), name)})
+
+    @classmethod
+    def from_arm(cls, arm: _resonarm.Arm, *, elements: Sequence[Element] = (), name: str | None = None) -> "Self":
+        """The chain of two links that moves as the arm does, with elements. The elbow is `joint2`."""
+        section = {"preset": arm.preset, "beta1_deg": arm.beta1_deg, "beta2_deg": arm.beta2_deg}
+        return cls._of({"kind": "arm", **_shared(elements, (), name)}, {**section, "parameters": arm.own_parameters})
+
+    @property
+    def links(self) -> list[Link]:
+        """Its links, from the base out, with the keys of a scenario."""
+        return list(self.chain_links)
+
+    @property
+    def gravity_m_s2(self) -> float:
+        """Acceleration of gravity along −y, m/s²; 0 without."""
+        return self.chain_gravity_m_s2
+
+    def __repr__(self) -> str:
+        count, weight = len(self.links), self.gravity_m_s2
+        gravity = f", {weight:g} m/s² of gravity" if weight else ""
+        return self._label(f"{count} link{'s' if count > 1 else ''}{gravity}")
+
+
+class Modal(_Structure):
+    """A structure known by 1 to 32 vibration modes, with elements at its points.
+
+    `modes` have the keys of `structure.modes` in a scenario (`resonarm.ModeShape`): the shapes, of modal mass 1 kg,
+    name points and axes, as `tip.x`. `elements` have those of `structure.elements` (`resonarm.Element`,
+    docs/structures.md), `points` where points are, m, for pictures. `initial` has the modal coordinates, m·√kg, and
+    their rates, m·√kg/s, at which motions begin; `name` is what it is called. Structures are equal if all their numbers
+    are.
+
+    Raises ValueError for an impossible structure, with the message of the command line.
+    """
+
+    _kinds, _other = ("modal",), "Chain"
+
+    def __new__(
+        cls,
+        modes: Sequence[ModeShape],
+        *,
+        elements: Sequence[Element] = (),
+        points: Mapping[str, Sequence[float]] | None = None,
+        initial: Sequence[float] = (),
+        name: str | None = None,
+    ) -> "Self":
+        section = {"kind": "modal", "modes": list(modes), "points": _points(points)}
+        return cls._of({**section, **_shared(elements, initial, name)})
+
+    @classmethod
+    def from_uff(
+        cls,
+        path: _Path,
+        nodes: Mapping[str, int] | None = None,
+        *,
+        elements: Sequence[Element] = (),
+        name: str | None = None,
+    ) -> "Self":
+        """The modes of a UFF file, datasets 55 and 15 or 2411, in SI units: `nodes` names those that are points,
+        `{"tip": 12}`; by default all are, as `node12`.
+
+        Raises OSError if the file can't be read, ValueError for what docs/structures.md says is refused, such as
+        complex modes.
+        """
+        section = {"kind": "modal", "file": fspath(path), "nodes": dict(nodes or {})}
+        return cls._of({**section, **_shared(elements, (), name)})
+
+    @classmethod
+    def from_matrices(
+        cls,
+        mass: ArrayLike,
+        stiffness: ArrayLike,
+        damping: ArrayLike | None = None,
+        *,
+        dofs: Mapping[str, int],
+        modes: int | None = None,
+        elements: Sequence[Element] = (),
+        name: str | None = None,
+    ) -> "Self":
+        """The lowest `modes` of the mass (kg), stiffness (N/m) and damping matrices (N·s/m), all if there are not more
+        than 32. `dofs` are degrees of freedom by their rows, from 0: `{"tip.x": 0}`.
+
+        Raises ValueError for matrices that are not square, symmetric or positive definite, and for damping that is not
+        modal.
+        """
+        damped = None if damping is None else _matrix("damping", damping)
+        matrices = (_matrix("mass", mass), _matrix("stiffness", stiffness), damped)
+        section = _resonarm.modes_of_matrices(matrices, dict(dofs), modes)
+        return cls._of({**section, **_shared(elements, (), name)})
+
+    @classmethod
+    def from_arm(
+        cls,
+        arm: "_resonarm.Arm | Chain",
+        *,
+        modes: int | None = None,
+        elements: Sequence[Element] = (),
+        name: str | None = None,
+    ) -> "Self":
+        """The lowest `modes` of an arm or a chain about its rest, all by default. Points are those of the chain: the
+        elbow of the arm is `joint2`; elements of the chain itself are refused.
+
+        Modes are linear, in the displacements too, and leave out by how much damping makes one move another: more than
+        0.01 of its motion is refused. Raises ValueError.
+        """
+        chain = arm if isinstance(arm, Chain) else Chain.from_arm(arm)
+        section = _resonarm.modes_of_structure(chain, modes)
+        return cls._of({**section, **_shared(elements, (), name)})
+
+    @classmethod
+    def from_identified(
+        cls, document: Mapping[str, Any], *, elements: Sequence[Element] = (), name: str | None = None
+    ) -> "Self":
+        """The modes that `resonarm identify --json` found in a recording, as its document has them. Points are those of
+        the accelerometers on the arm: `joint2`, its elbow B, and `tip`, C.
+
+        Warns with AccuracyWarning of modes of which the arm did not vibrate linearly. Raises ValueError if the document
+        has no modes, or one without its modal mass: a ring-down has no force to find it by.
+        """
+        found = document.get("modes")
+        if not found:
+            raise ValueError("the document has no modes: give that of resonarm identify --json, which found some")
+        modes: list[ModeShape] = []
+        for number, mode in enumerate(found, 1):
+            shape, hz = mode.get("shape_per_sqrt_kg"), mode["frequency_hz"]
+            if shape is None:
+                raise ValueError(
+                    f"mode {number}, at {hz:g} Hz, has no modal mass (shape_per_sqrt_kg): identify a record under a "
+                    "random or swept force, which has a part along the mode"
+                )
+            if not mode["is_linear"]:
+                warnings.warn(
+                    f"mode {number}, at {hz:g} Hz, leaves {mode['residual']:.1f} times the instruments' noise: the arm "
+                    "did not vibrate linearly; identify a record under less force",
+                    AccuracyWarning,
+                    stacklevel=2,
+                )
+            of = dict(zip(ACCELEROMETERS, shape, strict=True))
+            modes.append({"frequency_hz": hz, "damping_ratio": mode["damping_ratio"], "shape": of})
+        return cls(modes, elements=elements, name=name)
+
+    @property
+    def mode_shapes(self) -> list[ModeShape]:
+        """The modes with their shapes at the points, with the keys of a scenario."""
+        return list(self.section["modes"])
+
+    def __repr__(self) -> str:
+        count = len(self.mode_shapes)
+        return self._label(f"{count} mode{'s' if count > 1 else ''}, points {', '.join(self.point_names)}")
+
+
+def _unpickled(cls: type[_Structure], section: _Section, arm: _Section | None) -> _Structure:
+    """The pickled form of a structure."""
+    return cls._of(section, arm)
+
+
+def _matrix(name: str, given: ArrayLike) -> bytes:
+    """A matrix by rows."""
+    matrix = _checks.real(name, given)
+    if matrix.ndim != 2 or matrix.shape[0] != matrix.shape[1]:
+        raise ValueError(f"{name}: its shape is {matrix.shape}: it must be square, with 1 to 1000 rows")
+    return np.ascontiguousarray(matrix).tobytes()
+
+
+def _points(points: Mapping[str, Sequence[float]] | None) -> dict[str, list[float]]:
+    return {name: list(at) for name, at in (points or {}).items()}
+
+
+def _shared(elements: Sequence[Element], initial: Sequence[float], name: str | None) -> _Section:
+    """The keys that all structures have."""
+    return {"elements": list(elements), "initial": list(initial), "name": name}

@@ -1,0 +1,163 @@
+//! A structure whose step is written in Python.
+
+use core::fmt;
+use std::sync::{Arc, PoisonError};
+
+use pyo3::prelude::*;
+use pyo3::types::PyBytes;
+use resonarm::plant::{Loads, PointMotion, Stepped};
+use resonarm::scenario::{Scenario, StructureSection};
+use resonarm::structure::{Channel, Coordinates, StructureError, coordinate_channels};
+
+use crate::controller::Raised;
+use crate::errors;
+use crate::rows::numbers;
+
+/// A structure as Python gives it: the calls of its step and its points, which take and give the bytes of arrays; what
+/// its coordinates are, these and their rates at the start, and its name.
+#[derive(Debug, FromPyObject)]
+pub struct OwnParts(Py<PyAny>, Py<PyAny>, String, Vec<f64>, Option<String>);
+
+/// The two calls.
+struct Calls {
+    step: Py<PyAny>,
+    points: Py<PyAny>,
+}
+
+impl fmt::Debug for Calls {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.write_str("Calls")
+    }
+}
+
+/// The structure in a state.
+#[derive(Clone, Debug)]
+struct OwnStructure {
+    calls: Arc<Calls>,
+    channels: Vec<Channel>,
+    state: Vec<f64>,
+    /// When it came to it, s.
+    t_s: f64,
+    step_s: f64,
+    raised: Raised,
+}
+
+/// The numbers of the points: displacement, velocity and acceleration of B x, y and C x, y.
+const POINTS: usize = 12;
+
+impl OwnParts {
+    /// Its name goes into the scenario, if this does not say already that the program has a structure.
+    pub fn name(&self, scenario: &mut Scenario) {
+        let OwnParts(.., name) = self;
+        scenario.structure.get_or_insert_with(|| StructureSection::own(name.clone()));
+    }
+
+    /// The structure at its start, with the step of the scenario. An exception of a call is stored in `raised`.
+    pub fn structure(self, scenario: &Scenario, raised: &Raised) -> PyResult<Box<dyn Stepped>> {
+        let OwnParts(step, points, coordinates, initial, _name) = self;
+        let of = match coordinates.as_str() {
+            "angles" => Coordinates::Joints,
+            "displacements" => Coordinates::Displacements,
+            "modal" => Coordinates::Modes,
+            other => {
+                let message = format!("coordinates is `{other}`: it must be one of angles, displacements, modal");
+                return Err(errors::value(message));
+            }
+        };
+        let (count, most) = (initial.len(), 2 * of.most());
+        if count == 0 || !count.is_multiple_of(2) || count > most {
+            let message =
+                format!("initial has {count} numbers: give the {coordinates} and their rates, 2 to {most} in all");
+            return Err(errors::value(message));
+        }
+        if let Some(at) = initial.iter().position(|number| !number.is_finite()) {
+            return Err(errors::value(format!("initial is {} at index {at}: it must be a finite number", initial[at])));
+        }
+        Ok(Box::new(OwnStructure {
+            calls: Arc::new(Calls { step, points }),
+            channels: coordinate_channels(of, count / 2),
+            state: initial,
+            t_s: 0.0,
+            step_s: 1.0 / scenario.simulation.step_rate_hz(),
+            raised: Arc::clone(raised),
+        }))
+    }
+}
+
+/// Numbers as the bytes of an array.
+fn bytes<'py>(py: Python<'py>, numbers: &[f64]) -> PyResult<Bound<'py, PyBytes>> {
+    PyBytes::new_with(py, size_of_val(numbers), |bytes| {
+        let (places, _) = bytes.as_chunks_mut();
+        places.iter_mut().zip(numbers).for_each(|(place, number)| *place = number.to_le_bytes());
+        Ok(())
+    })
+}
+
+impl OwnStructure {
+    /// The `count` numbers that a call gives; an exception is kept.
+    fn call(
+        &self,
+        count: usize,
+        call: impl FnOnce(Python<'_>) -> PyResult<Py<PyAny>>,
+    ) -> Result<Vec<f64>, StructureError> {
+        let given = Python::attach(|py| {
+            let given = numbers(call(py)?.bind(py).cast::<PyBytes>()?.as_bytes());
+            let wrong = || errors::value(format!("{} numbers in place of {count}", given.len()));
+            if given.len() == count { Ok(given) } else { Err(wrong()) }
+        });
+        given.map_err(|error| {
+            self.raised.lock().unwrap_or_else(PoisonError::into_inner).get_or_insert(error);
+            StructureError::Own
+        })
+    }
+
+    /// Displacement, velocity and acceleration of B x, y and C x, y.
+    fn motion(&self, t_s: f64, loads: &Loads) -> Result<[[[f64; 2]; 2]; 3], StructureError> {
+        let call = |py: Python<'_>| self.calls.points.call1(py, (t_s, bytes(py, &self.state)?, bytes(py, loads)?));
+        let given = self.call(POINTS, call)?;
+        Ok(core::array::from_fn(|of| {
+            core::array::from_fn(|point| core::array::from_fn(|axis| given[4 * of + 2 * point + axis]))
+        }))
+    }
+}
+
+impl Stepped for OwnStructure {
+    fn states(&self) -> &[Channel] {
+        &self.channels
+    }
+
+    fn advance(&mut self, t_s: f64, loads: &Loads) -> Result<(), StructureError> {
+        let call =
+            |py: Python<'_>| self.calls.step.call1(py, (t_s, self.step_s, bytes(py, &self.state)?, bytes(py, loads)?));
+        self.state = self.call(self.state.len(), call)?;
+        self.t_s = t_s + self.step_s;
+        Ok(())
+    }
+
+    fn points(&self, t_s: f64, loads: &Loads) -> Result<PointMotion, StructureError> {
+        let [_, velocity, acceleration] = self.motion(t_s, loads)?;
+        Ok(PointMotion { velocity_m_s: velocity.map(Into::into), acceleration_m_s2: acceleration.map(Into::into) })
+    }
+
+    /// NaN, which no limit lets pass, if there is an exception.
+    fn travel_m(&self) -> f64 {
+        match self.motion(self.t_s, &Loads::default()) {
+            Ok([[_, [x, y]], ..]) => (x * x + y * y).sqrt(),
+            Err(_) => f64::NAN,
+        }
+    }
+
+    fn save(&self, states: &mut [f64]) {
+        states.iter_mut().zip(&self.state).for_each(|(to, number)| *to = *number);
+    }
+
+    fn restore(&mut self, states: &[f64]) -> Result<(), StructureError> {
+        self.state.clear();
+        self.state.extend_from_slice(states);
+        Ok(())
+    }
+
+    fn boxed_clone(&self) -> Box<dyn Stepped> {
+        Box::new(self.clone())
+    }
+}

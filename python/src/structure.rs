@@ -1,0 +1,294 @@
+//! Chains and modal structures: modes, frequency responses, motions under a sine, branches of periodic motions.
+
+use core::f64::consts::TAU;
+use std::collections::BTreeMap;
+use std::path::Path;
+
+use pyo3::prelude::*;
+use pyo3::types::{PyByteArray, PyDict};
+use resonarm::analysis::Quantity;
+use resonarm::analysis::structure::LinearResponse;
+use resonarm::integrate::Scheme;
+use resonarm::scenario::structure::{Matrices, StructureKind, StructureSection, StructureSectionError};
+use resonarm::scenario::{ArmSection, Scenario};
+use resonarm::structure::{
+    self, BodySpec, Channel, CoordinateUnit, Coordinates, Dof, Link, StepError, StepLoad, Stepper, coordinate_channels,
+    element_channel,
+};
+use toml::Value;
+
+use crate::arm::{Mode, STEPS_A_LOOK, scheme};
+use crate::errors;
+use crate::rows::{Rows, numbers};
+use crate::values;
+
+/// The structure of `resonarm.Chain` and `resonarm.Modal`.
+#[pyclass(frozen, subclass, module = "resonarm._resonarm")]
+#[derive(Debug)]
+pub struct Assembly {
+    pub inner: structure::Assembly,
+    /// Its `[structure]`, what is from files resolved.
+    section: StructureSection,
+    /// Its `[arm]`, if it is an arm with elements.
+    arm: Option<ArmSection>,
+}
+
+/// A vector of numbers in rows: its name, and the names of its components.
+pub type Vector = (&'static str, Vec<&'static str>);
+
+/// The vectors of channels that stand in order.
+pub fn vectors(channels: &[Channel]) -> Vec<Vector> {
+    let vector = |vector: &[Channel]| (vector[0].vector, vector.iter().map(|channel| channel.name).collect());
+    channels.chunk_by(|one, next| one.vector == next.vector).map(vector).collect()
+}
+
+/// The section `[structure]` of matrices given as the bytes of arrays, mass, stiffness, damping, with degrees of
+/// freedom by their rows, and how many modes to keep.
+#[pyfunction]
+pub fn modes_of_matrices<'py>(
+    py: Python<'py>,
+    matrices: (Vec<u8>, Vec<u8>, Option<Vec<u8>>),
+    dofs: BTreeMap<String, usize>,
+    modes: Option<usize>,
+) -> PyResult<Bound<'py, PyAny>> {
+    let (mass, stiffness, damping) = matrices;
+    let (mass, stiffness, damping) = (numbers(&mass), numbers(&stiffness), damping.as_deref().map(numbers));
+    let matrices = Matrices { mass: &mass, stiffness: &stiffness, damping: damping.as_deref() };
+    let section = py.detach(|| StructureSection::from_matrices(&matrices, &dofs, modes)).map_err(errors::value)?;
+    values::document(py, &section)
+}
+
+/// The section `[structure]` of the lowest modes of a structure, all if it is not said how many.
+#[pyfunction]
+pub fn modes_of_structure<'py>(
+    py: Python<'py>,
+    structure: &Assembly,
+    modes: Option<usize>,
+) -> PyResult<Bound<'py, PyAny>> {
+    values::document(py, &StructureSection::from_modes(&structure.inner, modes).map_err(errors::value)?)
+}
+
+#[pymethods]
+impl Assembly {
+    /// The structure of the sections `[structure]` and, if it is an arm with elements, `[arm]`.
+    #[new]
+    #[pyo3(signature = (structure, arm = None))]
+    fn new(structure: &Bound<'_, PyDict>, arm: Option<&Bound<'_, PyDict>>) -> PyResult<Assembly> {
+        let mut sections = toml::Table::new();
+        sections.insert(String::from("structure"), Value::Table(values::table("structure", structure)?));
+        if let Some(arm) = arm {
+            sections.insert(String::from("arm"), Value::Table(values::table("arm", arm)?));
+        }
+        let mut scenario = Scenario::parse(&sections.to_string(), "the structure").map_err(errors::scenario)?;
+        scenario.read_files(Path::new("")).map_err(errors::scenario)?;
+        let section = scenario.structure.clone().unwrap_or_default();
+        let of_arm = Scenario { arm: scenario.arm.clone(), ..Scenario::default() };
+        let (parameters, pose) = (of_arm.parameters().map_err(errors::scenario)?, of_arm.pose());
+        let inner = section.assembly(|| (parameters, pose)).map_err(errors::value)?;
+        let expected = 2 * inner.coordinates();
+        match section.initial.len() {
+            0 => {}
+            got if got == expected => {}
+            got => return Err(errors::value(StructureSectionError::Initial { got, expected })),
+        }
+        let arm = (section.kind == StructureKind::Arm).then_some(scenario.arm);
+        Ok(Assembly { inner, section, arm })
+    }
+
+    /// The section `[structure]`, with the links or modes from files in it.
+    #[getter]
+    fn section<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyAny>> {
+        values::document(py, &self.section)
+    }
+
+    /// The section `[arm]` of an arm with elements.
+    #[getter]
+    fn arm_section<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyAny>> {
+        values::document(py, &self.arm)
+    }
+
+    /// The links of a chain; of an arm those of the chain that moves as it does.
+    #[getter]
+    fn chain_links<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyAny>> {
+        let links: &[Link] = match &self.inner.spec().body {
+            BodySpec::Chain(chain) => &chain.links,
+            BodySpec::Modal(_) => &[],
+        };
+        values::document(py, &links)
+    }
+
+    /// The section without notes of the files that it is from.
+    #[getter]
+    fn numbers<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyAny>> {
+        values::document(py, &self.section.without_source())
+    }
+
+    /// Acceleration of gravity along −y, m/s²; 0 without.
+    #[getter]
+    fn chain_gravity_m_s2(&self) -> f64 {
+        match &self.inner.spec().body {
+            BodySpec::Chain(chain) => chain.gravity_m_s2,
+            BodySpec::Modal(_) => 0.0,
+        }
+    }
+
+    /// The names of the points.
+    #[getter]
+    fn point_names(&self) -> Vec<String> {
+        self.inner.points()
+    }
+
+    /// What a load can act on and what is read: point and axis, or a joint.
+    #[getter]
+    fn dofs(&self) -> Vec<String> {
+        self.inner.dof_names()
+    }
+
+    /// The units of a displacement and of a load at a degree of freedom, which `name` calls in messages.
+    fn units(&self, name: &str, dof: &str) -> PyResult<(&'static str, &'static str)> {
+        Ok(if self.dof(name, dof)?.is_angle() { ("rad", "N·m") } else { ("m", "N") })
+    }
+
+    /// The vectors in rows of a motion: coordinates, rates, states of elements.
+    fn channels(&self) -> Vec<Vector> {
+        let of = match self.inner.coordinate_unit() {
+            CoordinateUnit::Radian => Coordinates::Joints,
+            CoordinateUnit::MetreRootKilogram => Coordinates::Modes,
+        };
+        let mut channels = coordinate_channels(of, self.inner.coordinates());
+        let elements = self.inner.elements().iter().enumerate().filter(|(_, element)| element.state().is_some());
+        channels.extend(elements.filter_map(|(index, element)| element_channel(index, element.at().is_angle())));
+        vectors(&channels)
+    }
+
+    /// The natural modes at rest, by frequency.
+    fn modes(&self) -> Vec<Mode> {
+        self.inner
+            .modes()
+            .iter()
+            .map(|mode| Mode::new(mode.frequency_hz, mode.damping_ratio, mode.shape.clone()))
+            .collect()
+    }
+
+    /// Complex responses of the linear part at these frequencies, Hz, given as the bytes of an array.
+    fn frf_at<'py>(
+        &self,
+        py: Python<'py>,
+        frequency_hz: &[u8],
+        terms: (String, String, String),
+    ) -> PyResult<Bound<'py, PyByteArray>> {
+        let (drive, response, quantity) = terms;
+        let (drive, response) = (self.dof("drive", &drive)?, self.dof("response", &response)?);
+        let quantity: Quantity = quantity.parse().map_err(errors::value)?;
+        let mut rows = Rows::default();
+        py.detach(|| {
+            let linear = LinearResponse::new(&self.inner);
+            numbers(frequency_hz).into_iter().try_for_each(|hz| {
+                let found = linear.at(quantity, drive, response, hz)?;
+                rows.numbers(&[found.re, found.im]);
+                Ok(())
+            })
+        })
+        .map_err(errors::frf)?;
+        rows.into_bytes(py)
+    }
+
+    /// Rows of t, coordinates, rates and states of elements from `initial` on under a sine (degree of freedom, peak,
+    /// frequency), and how many steps met more switches than are located. `stepping` is a scheme and the steps a
+    /// second, `length` the number of steps and the number from row to row; the end has a row, too.
+    fn motion<'py>(
+        &self,
+        py: Python<'py>,
+        initial: Option<Vec<f64>>,
+        sine: Option<(String, f64, f64)>,
+        stepping: (Option<String>, f64),
+        length: (u64, u64),
+    ) -> PyResult<(Bound<'py, PyByteArray>, u64)> {
+        let ((name, rate_hz), (steps, every)) = (stepping, length);
+        let mut motion = Motion::new(self, initial, sine, (scheme(name.as_deref())?, rate_hz))?;
+        let mut rows = Rows::default();
+        motion.push(&mut rows, 0.0);
+        let mut step = 0;
+        while step < steps {
+            let until = steps.min(step + STEPS_A_LOOK);
+            py.detach(|| {
+                for k in step..until {
+                    motion.advance(k as f64 / rate_hz)?;
+                    if (k + 1) % every == 0 || k + 1 == steps {
+                        motion.push(&mut rows, (k + 1) as f64 / rate_hz);
+                    }
+                }
+                Ok(())
+            })
+            .map_err(|error: StepError| errors::failed(error))?;
+            py.check_signals()?;
+            step = until;
+        }
+        Ok((rows.into_bytes(py)?, motion.stepper.fallbacks()))
+    }
+}
+
+impl Assembly {
+    /// The degree of freedom of an argument.
+    pub fn dof(&self, argument: &str, name: &str) -> PyResult<Dof> {
+        self.inner.dof(name).map_err(|error| errors::value(format!("{argument} {name}: {error}")))
+    }
+
+    /// The state at the start: the one given, or the section's, or rest.
+    fn start(&self, initial: Option<Vec<f64>>) -> PyResult<Vec<f64>> {
+        let (moving, elements) = (2 * self.inner.coordinates(), self.inner.element_states());
+        let mut start = match initial {
+            Some(initial) => initial,
+            None if self.section.initial.is_empty() => vec![0.0; moving],
+            None => self.section.initial.clone(),
+        };
+        if let Some(at) = start.iter().position(|number| !number.is_finite()) {
+            return Err(errors::value(format!("initial is {} at index {at}: it must be a finite number", start[at])));
+        }
+        let all = moving + elements;
+        if start.len() != moving && start.len() != all {
+            let more = if elements > 0 { format!(", or {all} with the states of its elements") } else { String::new() };
+            let message =
+                format!("initial has {} numbers: give {moving}, the coordinates and their rates{more}", start.len());
+            return Err(errors::value(message));
+        }
+        start.resize(all, 0.0);
+        Ok(start)
+    }
+}
+
+/// A structure that moves under a sine.
+struct Motion {
+    stepper: Stepper,
+    amplitude: Vec<f64>,
+    omega_rad_s: f64,
+}
+
+impl Motion {
+    fn new(
+        of: &Assembly,
+        initial: Option<Vec<f64>>,
+        sine: Option<(String, f64, f64)>,
+        (scheme, rate_hz): (Scheme, f64),
+    ) -> PyResult<Motion> {
+        let (drive, amplitude, frequency_hz) = match sine {
+            Some((drive, amplitude, frequency_hz)) => (vec![of.dof("drive", &drive)?], vec![amplitude], frequency_hz),
+            None => (Vec::new(), Vec::new(), 0.0),
+        };
+        let mut stepper = Stepper::new(&of.inner, &drive, scheme, rate_hz).map_err(errors::value)?;
+        stepper.restore(&of.start(initial)?).map_err(errors::value)?;
+        Ok(Motion { stepper, amplitude, omega_rad_s: TAU * frequency_hz })
+    }
+
+    fn advance(&mut self, t_s: f64) -> Result<(), StepError> {
+        let load = StepLoad::Sine { amplitude: &self.amplitude, omega_rad_s: self.omega_rad_s };
+        self.stepper.advance_under(t_s, &load)
+    }
+
+    fn push(&self, rows: &mut Rows, t_s: f64) {
+        rows.numbers(&[t_s]);
+        rows.numbers(self.stepper.position());
+        rows.numbers(self.stepper.velocity());
+        rows.numbers(self.stepper.element_states());
+    }
+}
