@@ -6,6 +6,7 @@ use alloc::boxed::Box;
 use nalgebra::Complex;
 use resonarm_dynamics::structure::Dof;
 
+use super::adapt::adapt;
 use super::balance::Balance;
 use super::floquet::stability;
 use super::orbit::{Assess, Branch, Orbit, Reading, Stability, TraceOptions};
@@ -15,8 +16,6 @@ use super::{Coordinate, Forced};
 use crate::continuation::{Continuation, Point, System, at_parameter};
 use crate::{AnalysisError, EndedEarly};
 
-/// Below this fraction of the truncation allowed, the last harmonic is dropped.
-const DROP_SHARE: f64 = 1e-3;
 /// Multiples of the frequency at which to start if Newton's method finds no motion from rest.
 const DETOURS: [f64; 2] = [0.7, 1.4];
 /// A fold or a peak is located to this fraction of its segment; the coordinate is then exact to the square.
@@ -65,40 +64,6 @@ fn check(balance: &mut Balance, options: &TraceOptions) -> Result<(), AnalysisEr
     if exists && known { Ok(()) } else { Err(AnalysisError::Interval { from, to, unit, domain }) }
 }
 
-/// Adds harmonics until the truncation error is small enough, or as many as are allowed for a law that isn't smooth;
-/// drops the last if it is negligible.
-pub(super) fn adapt(
-    balance: &mut Balance,
-    continuation: &mut Continuation,
-    options: &TraceOptions,
-) -> Result<(), AnalysisError> {
-    let (branch, smooth) = (&options.branch, balance.forced.assembly.is_smooth());
-    loop {
-        let (x, lambda) = (&continuation.point().x, continuation.point().lambda);
-        let (size, m) = (branch.continuation.size(x), balance.unknowns.count());
-        let last = x[x.len() - 2 * m..].iter().fold(0.0, |largest: f64, value| largest.max(value.abs()));
-        if !balance.set_value(lambda) {
-            return Ok(());
-        }
-        balance.evaluate_motion(x);
-        let (error, allowed, harmonics) = (balance.truncation_error(), branch.truncation * size, balance.harmonics());
-        if error > allowed {
-            if harmonics < branch.most_harmonics {
-                balance.set_harmonics((harmonics + 1 + harmonics / 8).min(branch.most_harmonics));
-                continuation.resize(balance)?;
-                continue;
-            }
-            if smooth {
-                return Err(AnalysisError::TooManyHarmonics { at: balance.place(lambda), harmonics });
-            }
-        } else if harmonics > branch.least_harmonics && error.max(last) < DROP_SHARE * allowed {
-            balance.set_harmonics(harmonics - 1);
-            continuation.resize(balance)?;
-        }
-        return Ok(());
-    }
-}
-
 /// Starts at `options.branch.from`: from rest, or, if that is too far, from the end of a continuation in frequency that
 /// starts away from the resonance.
 fn enter(balance: &mut Balance, options: &TraceOptions) -> Result<Continuation, AnalysisError> {
@@ -134,7 +99,7 @@ fn approach(balance: &mut Balance, options: &TraceOptions, detour: f64) -> Resul
     let mut continuation =
         Continuation::start(&mut swept, branch.continuation, &rest, detour * wanted_hz, 1.0 - detour)?;
     for _ in 0..branch.most_points {
-        adapt(&mut swept, &mut continuation, options)?;
+        adapt(&mut swept, &mut continuation, branch)?;
         let before = continuation.point().clone();
         let after = continuation.advance(&mut swept)?;
         if (before.lambda - wanted_hz) * (after.lambda - wanted_hz) <= 0.0 {
@@ -157,7 +122,7 @@ pub(super) struct Tracer<'a> {
 impl Tracer<'_> {
     fn follow(&mut self, walk: &mut Walk) -> Result<(), AnalysisError> {
         let branch = &self.options.branch;
-        adapt(&mut self.balance, &mut walk.continuation, self.options)?;
+        adapt(&mut self.balance, &mut walk.continuation, branch)?;
         let mut before = walk.point().clone();
         self.push(&before);
         loop {
@@ -166,7 +131,7 @@ impl Tracer<'_> {
                 return Err(AnalysisError::TooManyPoints { points: branch.most_points, at });
             }
             walk.advance(&mut self.balance, &branch.continuation)?;
-            adapt(&mut self.balance, &mut walk.continuation, self.options)?;
+            adapt(&mut self.balance, &mut walk.continuation, branch)?;
             let reached = walk.point();
             let end = match branch.left_at(reached.lambda) {
                 Some(limit) => Some(at_parameter(&mut self.balance, &branch.continuation, [&before, reached], limit)?),
@@ -219,7 +184,7 @@ impl Tracer<'_> {
 }
 
 /// The motion at a degree of freedom, of the motion last evaluated.
-fn reading(balance: &Balance, dof: Dof) -> Reading {
+pub(super) fn reading(balance: &Balance, dof: Dof) -> Reading {
     let series = balance.displacement(dof);
     let largest = largest(&balance.samples, &series);
     Reading { largest, mean: series[0], harmonic1: Complex::new(series[2], series[1]) }

@@ -1,3 +1,5 @@
+mod backbones;
+
 use alloc::vec;
 use alloc::vec::Vec;
 
@@ -17,7 +19,7 @@ use resonarm_dynamics::arm::{Load, Preset};
 
 /// The cases of a kind; see `tests/oracles/README.md`.
 fn oracles(kind: &str) -> Vec<Value> {
-    let file: Value = serde_json::from_str(include_str!("../../../../tests/oracles/structures.json")).unwrap();
+    let file: Value = serde_json::from_str(include_str!("../../../../../tests/oracles/structures.json")).unwrap();
     file[kind].as_array().unwrap().clone()
 }
 
