@@ -32,13 +32,22 @@ pub(crate) fn of_arm(scenario: &Scenario) -> Result<Value, Failure> {
 
 /// Name and unit of each coordinate of a structure.
 pub(crate) fn coordinates(assembly: &Assembly) -> Value {
+    let coordinate = |channel: &Channel| json!({ "name": channel.name, "unit": channel.quantity.unit() });
+    channels(assembly).iter().take(assembly.coordinates()).map(coordinate).collect()
+}
+
+/// The names of the coordinates of a structure, then those of their rates.
+pub(crate) fn state_names(assembly: &Assembly) -> Vec<&'static str> {
+    channels(assembly).iter().map(|channel| channel.name).collect()
+}
+
+/// The channels of the coordinates and their rates.
+fn channels(assembly: &Assembly) -> Vec<Channel> {
     let of = match assembly.coordinate_unit() {
         CoordinateUnit::Radian => Coordinates::Joints,
         CoordinateUnit::MetreRootKilogram => Coordinates::Modes,
     };
-    let channels = coordinate_channels(of, assembly.coordinates());
-    let coordinate = |channel: &Channel| json!({ "name": channel.name, "unit": channel.quantity.unit() });
-    channels.iter().take(assembly.coordinates()).map(coordinate).collect()
+    coordinate_channels(of, assembly.coordinates())
 }
 
 /// The same, and the peak load.

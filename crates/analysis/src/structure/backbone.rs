@@ -16,7 +16,6 @@ use super::adapt::{Spectral, adapt};
 use super::balance::{Balance, unit_deflection};
 use super::linear::dynamic_stiffness_solve;
 use super::orbit::{Reading, TraceOptions};
-use super::spectral::largest;
 use super::unknowns::{Body, Kept, direction_at_rest};
 use super::{Coordinate, Forced, branch};
 use crate::continuation::{Continuation, ContinuationSettings, Point, System, Work};
@@ -35,8 +34,8 @@ pub struct BackboneMotion {
     pub frequency_hz: f64,
     /// The drive's peak that sustains the motion, N, or N·m at a joint; zero without damping.
     pub drive: f64,
-    /// The largest magnitude of each coordinate, rad of a chain, m·√kg of modes.
-    pub coordinates: Vec<f64>,
+    /// The coordinates, rad of a chain, m·√kg of modes.
+    pub coordinates: Vec<Reading>,
     /// The motion at each degree of freedom that is read.
     pub readings: Vec<Reading>,
     /// H.
@@ -366,7 +365,7 @@ impl Quadrature {
         }
         let _ = Spectral::evaluate_motion(self, &point.x, point.lambda);
         let balance = &self.balance;
-        let coordinate = |i: usize| largest(&balance.samples, &balance.coordinate_series(i));
+        let coordinate = |i: usize| branch::reading_of(balance, &balance.coordinate_series(i));
         let motion = BackboneMotion {
             frequency_hz: point.lambda,
             drive: balance.forced.amplitude.abs(),

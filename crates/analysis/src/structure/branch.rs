@@ -185,7 +185,11 @@ impl Tracer<'_> {
 
 /// The motion at a degree of freedom, of the motion last evaluated.
 pub(super) fn reading(balance: &Balance, dof: Dof) -> Reading {
-    let series = balance.displacement(dof);
-    let largest = largest(&balance.samples, &series);
+    reading_of(balance, &balance.displacement(dof))
+}
+
+/// The same of a series.
+pub(super) fn reading_of(balance: &Balance, series: &[f64]) -> Reading {
+    let largest = largest(&balance.samples, series);
     Reading { largest, mean: series[0], harmonic1: Complex::new(series[2], series[1]) }
 }

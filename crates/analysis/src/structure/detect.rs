@@ -138,7 +138,7 @@ impl Tracer<'_> {
 }
 
 /// The point of an orbit, without its tangent.
-fn point_of(orbit: &Orbit) -> Point {
+pub(super) fn point_of(orbit: &Orbit) -> Point {
     Point {
         x: orbit.coefficients.clone(),
         lambda: orbit.value,

@@ -3,7 +3,7 @@
 //! Of the linear part: frequency responses ([`LinearResponse`]); its modes are
 //! [`Assembly::modes`](resonarm_dynamics::structure::Assembly::modes). Of all of it: periodic motions under a
 //! sinusoidal drive by harmonic balance, their branches by continuation ([`trace`]), with folds, peaks and stability,
-//! and backbones ([`backbone()`]).
+//! and backbones ([`backbone()`]); and by integration in time ([`time_domain`]).
 //!
 //! The two-link arm has its own analysis, in the rest of this crate.
 
@@ -17,10 +17,14 @@ mod forced;
 mod history;
 mod linear;
 mod orbit;
+mod phase_zero;
 mod samples;
 mod spectral;
+pub mod time_domain;
 mod unknowns;
 mod walk;
+
+use phase_zero::phase_zero_states;
 
 pub use backbone::{Backbone, BackboneMotion, BackboneOptions, backbone};
 pub use branch::trace;

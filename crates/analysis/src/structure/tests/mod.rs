@@ -18,16 +18,16 @@ use nalgebra::Normed as _;
 use resonarm_dynamics::arm::{Load, Preset};
 
 /// The cases of a kind; see `tests/oracles/README.md`.
-fn oracles(kind: &str) -> Vec<Value> {
+pub(super) fn oracles(kind: &str) -> Vec<Value> {
     let file: Value = serde_json::from_str(include_str!("../../../../../tests/oracles/structures.json")).unwrap();
     file[kind].as_array().unwrap().clone()
 }
 
-fn number(of: &Value, key: &str) -> f64 {
+pub(super) fn number(of: &Value, key: &str) -> f64 {
     of[key].as_f64().unwrap_or(0.0)
 }
 
-fn place(name: &str) -> Place {
+pub(super) fn place(name: &str) -> Place {
     let (point, axis) = name.split_once('.').unwrap();
     assert_eq!(axis, "x");
     Place::Dof { point: point.into(), axis: Axis::X }
@@ -44,7 +44,7 @@ fn law(of: &Value) -> Law {
     }
 }
 
-fn modal(case: &Value) -> Assembly {
+pub(super) fn modal(case: &Value) -> Assembly {
     let modes = case["modes"].as_array().unwrap();
     let body = ModalSpec {
         modes: modes
@@ -80,11 +80,11 @@ fn branch_of(case: &Value) -> Branch {
     super::trace(&forced, ends[0], Coordinate::FrequencyHz, &options).unwrap()
 }
 
-fn near(got: f64, expected: f64, relative: f64) {
+pub(super) fn near(got: f64, expected: f64, relative: f64) {
     assert!((got / expected - 1.0).abs() < relative, "{got}, expected {expected}");
 }
 
-fn of_kind(branch: &Branch, kind: BifurcationKind) -> Vec<&Orbit> {
+pub(super) fn of_kind(branch: &Branch, kind: BifurcationKind) -> Vec<&Orbit> {
     branch.bifurcations.iter().filter(|found| found.kind == kind).map(|found| &found.orbit).collect()
 }
 
