@@ -24,8 +24,8 @@ pub(crate) struct MotionFlags {
     pub arm: ArmFlags,
     #[command(flatten)]
     pub drive: DriveFlags,
-    /// State in which the first motion begins: α1,α2 in rad, α̇1,α̇2 in rad/s; of a structure its coordinates and their
-    /// rates [default: that of the scenario, at rest].
+    /// State in which the first motion begins: coordinates, of the arm α1,α2 in rad, then their rates, rad/s [default:
+    /// that of the scenario, at rest].
     #[arg(long, value_name = "α1,α2,α̇1,α̇2", value_delimiter = ',', num_args = 1)]
     initial: Option<Vec<f64>>,
     /// Longest wait for a motion to settle, in time constants of the slowest mode.

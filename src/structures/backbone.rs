@@ -68,8 +68,7 @@ pub(crate) fn show(scenario: &Scenario, tested: &TestedAssembly, asked: &Asked<'
     let assembly = &tested.assembly;
     let read = read(asked.at, asked.drive, assembly)?;
     let damped = Forced::new(assembly.clone(), asked.drive.0, asked.amplitude.unwrap_or(1.0));
-    let refused = |error: resonarm::analysis::AnalysisError| Failure::usage(error.to_string());
-    let forced = if asked.undamped { damped.undamped().map_err(refused)? } else { damped.clone() };
+    let forced = if asked.undamped { damped.undamped()? } else { damped.clone() };
     let mut options = asked.options(&forced, &read)?;
     if asked.plot.is_some() {
         smooth(&mut options.branch);

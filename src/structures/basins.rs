@@ -84,7 +84,7 @@ pub(crate) fn show(scenario: &Scenario, tested: &TestedAssembly, asked: &Asked<'
     let coordinates = configuration::coordinates(assembly);
     let document = Document { configuration, coordinates, over: names, motions: documents, cells };
     let text = || asked.text(&document, &motions);
-    let figure = || Ok(asked.figure(&document, &grid, &motions, &label(scenario, tested)));
+    let figure = || Ok(asked.figure(&document, &grid, &motions, tested, &label(scenario, tested)));
     let csv = || document.cells.csv([&document.over[0], &document.over[1]]);
     asked.motion.show("basins", &document, text, csv, figure)?;
     walk.finish()?;
@@ -163,7 +163,15 @@ impl Asked<'_> {
         text + &document.cells.others(self.motion.time_constants)
     }
 
-    fn figure(&self, document: &Document, grid: &Grid, motions: &[StableMotion], label: &str) -> Figure {
+    fn figure(
+        &self,
+        document: &Document,
+        grid: &Grid,
+        motions: &[StableMotion],
+        tested: &TestedAssembly,
+        label: &str,
+    ) -> Figure {
+        let assembly = &tested.assembly;
         let (dof, name) = self.drive;
         let labelled = |(k, motion): (usize, &StableMotion)| {
             let (largest, unit) = (motion.readings[0].largest, displacement_unit(dof));
@@ -173,7 +181,10 @@ impl Asked<'_> {
         let [x, y] = grid.coordinates;
         let sections = motions.iter().flat_map(|motion| &motion.section).map(|state| (state[x], state[y])).collect();
         let load = format!("{} {} at {name}, {} Hz", self.amplitude, load_unit(dof), self.frequency_hz);
-        let axes = [document.over[0].as_str(), &document.over[1]];
-        document.cells.figure(axes, grid.counts[0], labels, sections).subtitle(format!("{label}, {load}"))
+        let [x_label, y_label] = grid.coordinates.map(|index| configuration::state_label(assembly, index));
+        document
+            .cells
+            .figure([&x_label, &y_label], grid.counts[0], labels, sections)
+            .subtitle(format!("{label}, {load}"))
     }
 }

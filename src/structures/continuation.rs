@@ -190,8 +190,11 @@ fn figure(branch: &Branch, asked: &Asked<'_>, read: &Read<'_>, label: &str) -> F
 pub(super) fn with_branch(mut panel: Panel, branch: &Branch, index: usize, name: &str, color: Color) -> Panel {
     for (stretch, is_stable) in stretches(branch) {
         let points = stretch.iter().map(|orbit| (orbit.value, orbit.readings[index].largest)).collect();
-        let dash = if is_stable == Some(false) { Dash::Dashed } else { Dash::Solid };
-        panel.series.push(Series::line(name, color, points).style(Style::Line { color, width: 1.6, dash }));
+        let (dash, label) = match is_stable {
+            Some(false) => (Dash::Dashed, format!("{name}, unstable")),
+            _ => (Dash::Solid, name.to_owned()),
+        };
+        panel.series.push(Series::line(label, color, points).style(Style::Line { color, width: 1.6, dash }));
     }
     for (kind, title, shape) in branch_plot::BIFURCATIONS {
         let found = branch.bifurcations.iter().filter(|found| found.kind == kind).map(|found| &found.orbit);

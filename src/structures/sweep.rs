@@ -243,7 +243,8 @@ impl Document {
                 let name = format!("{name}, stepped {}", sweep.direction.name());
                 let style = Style::Line { color, width: 0.8, dash };
                 panel = panel.with(Series::line(name.clone(), color, curve(None)).unlabelled().style(style));
-                panel = panel.with_any(Series::markers(name.clone(), color, shape, curve(Some(true))));
+                let settled = Series::markers(name.clone(), color, shape, curve(Some(true)));
+                panel = panel.with_any(settled.marked(3.5, sweep.direction == Direction::Up));
                 let unsettled =
                     Series::markers(format!("{name}, not settled"), color, Marker::Cross, curve(Some(false)));
                 panel = panel.with_any(unsettled);

@@ -2,7 +2,7 @@
 //!
 //! The unknowns are z = (A/a₀, X) of a chain, with φᵀM b₁ = 0 beside the balance, and (A/a₀, c, X) of modes: there the
 //! first harmonic c cos Ωt of the mode is an unknown of its own, without a part along sin Ωt, with its own balance (see
-//! [`super::unknowns`]). a₀ is the drive whose static deflection has the size 1.
+//! [`super::unknowns`]). a₀ is the drive whose static deflection, of modes that of the mode, has the size 1.
 
 use alloc::boxed::Box;
 use alloc::vec;
@@ -131,10 +131,11 @@ impl Beginning {
 #[derive(Clone, Debug)]
 struct Quadrature {
     balance: Balance,
-    /// a₀.
+    /// a₀, N or N·m.
     drive_unit: f64,
-    /// φᵀM, of unit length, of a chain; of modes the size of φ at the places and the drive, by which c is multiplied.
+    /// φᵀM, of unit length.
     weights: Vec<f64>,
+    /// Of modes: what c is multiplied by, the size of φ at the places and the drive, 1/√kg.
     kept_scale: f64,
     /// Residual and matrix of the balance.
     inner: Vec<f64>,
@@ -171,7 +172,7 @@ impl Quadrature {
         let (Some(kept), Body::Condensed(condensed)) = (self.balance.kept, &self.balance.unknowns.body) else { return };
         let ([omega, zeta], rate) = (condensed.modes[kept.mode], self.balance.omega_rad_s());
         let scale = self.kept_scale / (omega * omega);
-        let last = (z.len()) * stride;
+        let last = z.len() * stride;
         let mut columns = vec![0.0; 2 * n];
         self.balance.kept_rows(
             |part, value, slope| (residual[n + part], matrix[last + n + part]) = (scale * value, scale * slope),
@@ -284,16 +285,18 @@ fn begin(forced: &Forced, options: &BackboneOptions) -> Result<(Quadrature, Star
     let beginning =
         Beginning::new(forced, mode, &weights).ok_or(AnalysisError::NotDriven { mode: got + 1, at: place })?;
     let mut balance = Balance::new(forced, mode.frequency_hz, Coordinate::FrequencyHz, options.branch.least_harmonics);
-    let mut kept_scale = 0.0;
+    let (mut kept_scale, mut drive_unit) = (0.0, 1.0 / unit_deflection(forced));
     if let (BodySpec::Modal(_), Body::Condensed(condensed)) = (&assembly.spec().body, &balance.unknowns.body) {
         // The elements have no stiffness at rest: the modes are those given, in the order of their frequencies.
         let largest = |best: usize, i: usize| if mode.shape[i].abs() > mode.shape[best].abs() { i } else { best };
         let mode = (0..n).fold(0, largest);
         let sizes = condensed.places.iter().chain([&condensed.drive]).map(|place| place[mode] * place[mode]);
         kept_scale = libm::sqrt(sizes.sum());
+        // By the mode alone: the places may be at rest under a static drive.
+        let [omega, _] = condensed.modes[mode];
+        drive_unit = omega * omega / (kept_scale * libm::fabs(condensed.drive[mode]));
         balance.kept = Some(Kept { mode, cosine: 0.0 });
     }
-    let drive_unit = 1.0 / unit_deflection(forced);
     let system = Quadrature { balance, drive_unit, weights, kept_scale, inner: vec![] };
     let start = system.start(&beginning, options);
     Ok((system, start))

@@ -18,6 +18,8 @@ use crate::{AnalysisError, EndedEarly};
 
 /// Multiples of the frequency at which to start if Newton's method finds no motion from rest.
 const DETOURS: [f64; 2] = [0.7, 1.4];
+/// The most times that the step of a jump is halved. Branches nearer than 2⁻¹⁶ of a step count as one.
+const MOST_HALVINGS: usize = 16;
 /// A fold or a peak is located to this fraction of its segment; the coordinate is then exact to the square.
 pub(super) const FRACTION: f64 = 1e-7;
 
@@ -130,8 +132,7 @@ impl Tracer<'_> {
                 let at = self.balance.place(before.lambda);
                 return Err(AnalysisError::TooManyPoints { points: branch.most_points, at });
             }
-            walk.advance(&mut self.balance, &branch.continuation)?;
-            adapt(&mut self.balance, &mut walk.continuation, branch)?;
+            self.step(walk, &before)?;
             let reached = walk.point();
             let end = match branch.left_at(reached.lambda) {
                 Some(limit) => Some(at_parameter(&mut self.balance, &branch.continuation, [&before, reached], limit)?),
@@ -145,6 +146,32 @@ impl Tracer<'_> {
                 return Ok(());
             }
         }
+    }
+
+    /// The next point after `before`. A step that comes to another branch, which passes close by, is taken again in
+    /// halves.
+    ///
+    /// Along one branch the bordered determinant changes its sign at branch points only. So if it does in a step without
+    /// one, the step has jumped. Where forces aren't smooth, corners change it, too.
+    fn step(&mut self, walk: &mut Walk, before: &Point) -> Result<(), AnalysisError> {
+        let (branch, smooth) = (&self.options.branch, self.balance.forced.assembly.is_smooth());
+        let (start, harmonics) = (walk.clone(), self.balance.harmonics());
+        for _ in 0..MOST_HALVINGS {
+            walk.advance(&mut self.balance, &branch.continuation)?;
+            adapt(&mut self.balance, &mut walk.continuation, branch)?;
+            let reached = walk.point().clone();
+            if !smooth || before.determinant.sign * reached.determinant.sign >= 0.0 {
+                return Ok(());
+            }
+            if self.branch_point(before, &reached).is_some() {
+                return Ok(());
+            }
+            *walk = start.clone();
+            walk.continuation.set_step(0.5 * (reached.arclength - before.arclength));
+            self.balance.set_harmonics(harmonics);
+        }
+        walk.advance(&mut self.balance, &branch.continuation)?;
+        adapt(&mut self.balance, &mut walk.continuation, branch)
     }
 
     fn push(&mut self, point: &Point) {

@@ -132,14 +132,15 @@ impl BasinStudy for StructureBasins {
 mod tests {
     use super::super::Control;
     use super::*;
-    use resonarm_analysis::structure::time_domain::stable_motions;
+    use resonarm_analysis::structure::time_domain::{reach, stable_motions};
+    use resonarm_analysis::structure::{Coordinate, TraceOptions, trace};
     use resonarm_dynamics::structure::{
         Assembly, Axis, BodySpec, ElementSpec, Law, ModalSpec, ModeSpec, Place, ShapeSpec, StructureSpec,
     };
 
     const QUIET: Control<'static> = Control { stop: &|| false, done: &|_done| () };
 
-    /// A hardening oscillator under 0.3 N.
+    /// An oscillator that hardens so that its resonance folds over.
     fn hardening() -> (Forced, Dof) {
         let tip = Place::Dof { point: "tip".into(), axis: Axis::X };
         let body = ModalSpec {
@@ -153,9 +154,18 @@ mod tests {
         (Forced::new(assembly, dof, 2.0), dof)
     }
 
+    /// The frequencies of its folds, Hz.
+    fn folds_hz(forced: &Forced, dof: Dof) -> Vec<f64> {
+        let options = TraceOptions::new(forced, Coordinate::FrequencyHz, [8.0, 20.0], vec![dof]);
+        let branch = trace(forced, 8.0, Coordinate::FrequencyHz, &options).unwrap();
+        branch.bifurcations.iter().map(|found| found.orbit.frequency_hz).collect()
+    }
+
     fn chains() -> StructureChains {
         let (forced, dof) = hardening();
-        let up = vec![10.0, 10.5, 11.0, 11.5, 12.0, 12.5, 13.0];
+        let folds = folds_hz(&forced, dof);
+        // From below both folds to above both.
+        let up: Vec<f64> = (0..7).map(|k| folds[1] + (folds[0] - folds[1]) * (f64::from(k) - 1.5) / 4.0).collect();
         let down = up.iter().rev().copied().collect();
         let options = SettleOptions::default();
         StructureChains { forced, read: vec![dof], frequencies_hz: vec![up, down], start: vec![0.0; 2], options }
@@ -191,16 +201,12 @@ mod tests {
     #[test]
     fn basins_do_not_depend_on_the_threads() {
         let (forced, dof) = hardening();
-        let chains = chains();
-        let ends = chains.begin(None).unwrap().compute_missing(&QUIET).unwrap();
-        let points = ends.points();
-        let apart = (0..7).find(|&k| points[0][k].readings()[0] != points[1][6 - k].readings()[0]).unwrap();
-        let frequency_hz = 10.0 + 0.5 * apart as f64;
+        let folds = folds_hz(&forced, dof);
+        let frequency_hz = 0.5 * (folds[0] + folds[1]);
         let (motions, early) = stable_motions(&forced, &[dof], frequency_hz, &|| false).unwrap();
-        assert!(early.is_none());
-        let counts = [13, 11];
-        let ends = [[-0.02, 0.02], [-1.5, 1.5]];
-        let grid = StateGrid { coordinates: [0, 1], ends, counts, others: vec![0.0; 2] };
+        assert!(motions.len() == 2 && early.is_none(), "{motions:?}");
+        let ends = [0, 1].map(|index| reach(&motions, index, frequency_hz)).map(|far| [-far, far]);
+        let grid = StateGrid { coordinates: [0, 1], ends, counts: [13, 11], others: vec![0.0; 2] };
         let basins = StructureBasins { forced, frequency_hz, motions, grid, time_constants: 40.0 };
         let alone: Vec<BasinOutcome> =
             (0..143).map(|state| basins.outcomes(state..state + 1, &|| false).unwrap()[0]).collect();

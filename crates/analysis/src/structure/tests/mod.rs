@@ -160,6 +160,27 @@ fn a_structure_without_elements_is_linear() {
     assert!(branch.bifurcations.is_empty() && branch.orbits.iter().all(|orbit| orbit.is_stable() == Some(true)));
 }
 
+/// The arm with a spring at its elbow that hardens: at 40 N a motion almost breaks a symmetry, and a closed branch passes
+/// by at 22.856 Hz, nearer than a usual step. The branch goes by, and leaves the interval.
+#[test]
+fn a_branch_does_not_jump_to_one_that_passes_close_by() {
+    let arm = arm_at(Preset::Irb1600Fitted, 0.0, 60.0);
+    let chain = BodySpec::Chain(ChainSpec::from_arm(arm.parameters(), arm.pose()));
+    let law = Law::Cubic { stiffness3: 3e9, stiffness5: 0.0 };
+    let elements = vec![ElementSpec { at: Place::Joint(2), to: None, law }];
+    let assembly = Assembly::new(&StructureSpec { body: chain, elements }).unwrap();
+    let tip = assembly.dof("tip.x").unwrap();
+    let forced = Forced::new(assembly, tip, 40.0);
+    let mut options = TraceOptions::new(&forced, Coordinate::FrequencyHz, [21.9, 23.1], vec![tip]);
+    options.assess = Assess::Nothing;
+    options.branch.most_points = 250;
+    let branch = super::trace(&forced, 21.9, Coordinate::FrequencyHz, &options).unwrap();
+    let folds: Vec<f64> = of_kind(&branch, BifurcationKind::Fold).iter().map(|orbit| orbit.value).collect();
+    assert_eq!(folds.len(), 2, "{folds:?}");
+    near(folds[0], 23.015_74, 1e-6);
+    near(folds[1], 22.629_37, 1e-6);
+}
+
 /// Modes beyond the second only add to the compliance between the places.
 #[test]
 fn many_modes_cost_no_more_equations() {
