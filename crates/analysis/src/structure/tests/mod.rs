@@ -174,7 +174,8 @@ fn a_branch_does_not_jump_to_one_that_passes_close_by() {
     let mut options = TraceOptions::new(&forced, Coordinate::FrequencyHz, [21.9, 23.1], vec![tip]);
     options.assess = Assess::Nothing;
     options.branch.most_points = 250;
-    let branch = super::trace(&forced, 21.9, Coordinate::FrequencyHz, &options).unwrap();
+    let traced = super::trace(&forced, 21.9, Coordinate::FrequencyHz, &options);
+    let branch = traced.map_err(|early| early.reason).unwrap();
     let folds: Vec<f64> = of_kind(&branch, BifurcationKind::Fold).iter().map(|orbit| orbit.value).collect();
     assert_eq!(folds.len(), 2, "{folds:?}");
     near(folds[0], 23.015_74, 1e-6);
