@@ -104,6 +104,7 @@ impl Basins {
         let scenario = self.motion.scenario()?;
         let arm = scenario.build_arm()?;
         let load = self.motion.drive.load()?;
+        let coordinates = self.arm_coordinates()?;
         let sine = Sine { amplitude: load, frequency_hz: self.frequency_hz };
         let (motions, early) = stable_motions(&arm, &sine)?;
         for EndedEarly { reason, .. } in early {
@@ -116,7 +117,6 @@ impl Basins {
             );
             return Ok(Verdict::Negative);
         }
-        let coordinates = self.arm_coordinates()?;
         let reach = coordinates.map(|coordinate| reach(&motions, coordinate, self.frequency_hz));
         let names = coordinates.map(StateCoordinate::name);
         let grid = self.grid(coordinates, names, reach, flags::state(scenario.arm.initial))?;

@@ -366,6 +366,7 @@ impl Quadrature {
         if needed != current {
             self.balance.set_harmonics(needed);
         }
+        // The frequency was valid when the point was solved for.
         let _ = Spectral::evaluate_motion(self, &point.x, point.lambda);
         let balance = &self.balance;
         let coordinate = |i: usize| branch::reading_of(balance, &balance.coordinate_series(i));
