@@ -28,12 +28,15 @@ pub(crate) fn chains<S: ChainStudy + Send + 'static>(
     Ok(Some(ended))
 }
 
-/// Likewise computes basins, with the outcome of each state.
+/// Basins with the outcome of each state.
+type Ended<S> = (BasinComputation<S>, Vec<BasinOutcome>);
+
+/// Likewise computes basins.
 pub(crate) fn basins<S: BasinStudy + Send + 'static>(
     basins: S,
     journal: Option<PathBuf>,
     configuration: &Value,
-) -> Result<Option<(BasinComputation<S>, Vec<BasinOutcome>)>, Failure> {
+) -> Result<Option<Ended<S>>, Failure> {
     let begun = basins.begin(journal.as_deref().map(|path| (path, configuration)))?;
     let (done, total) = (begun.done(), begun.total());
     let ended = watch("basins", "states", [done, total], move |control| begun.compute_missing(control))?;

@@ -56,6 +56,13 @@ pub(crate) struct Basins {
     /// [default: the first and its rate].
     #[arg(long, value_name = "NAMES", value_delimiter = ',', num_args = 1)]
     coordinates: Vec<String>,
+    #[command(flatten)]
+    grid: GridFlags,
+}
+
+/// The grid of initial states.
+#[derive(Debug, Args)]
+pub(crate) struct GridFlags {
     /// First value of each [default: minus the last].
     #[arg(long, value_name = "X,Y", value_delimiter = ',', num_args = 1)]
     from: Option<Vec<f64>>,
@@ -119,7 +126,7 @@ impl Basins {
         }
         let reach = coordinates.map(|coordinate| reach(&motions, coordinate, self.frequency_hz));
         let names = coordinates.map(StateCoordinate::name);
-        let grid = self.grid(coordinates, names, reach, flags::state(scenario.arm.initial))?;
+        let grid = self.grid.grid(coordinates, names, reach, flags::state(scenario.arm.initial))?;
         let mut configuration = self.motion.configuration(&scenario, &load)?;
         configuration["basins"] = json!({
             "frequency_hz": self.frequency_hz,
@@ -154,13 +161,26 @@ impl Basins {
             amplitude: self.structure.needed_amplitude()?,
             frequency_hz: self.frequency_hz,
             coordinates: &self.coordinates,
-            grid: &|coordinates, names, reach, others| self.grid(coordinates, names, reach, others),
+            grid: &self.grid,
         };
         structures::basins::show(scenario, tested, &asked)
     }
 
+    /// The coordinates of the arm that vary.
+    fn arm_coordinates(&self) -> Result<[StateCoordinate; 2], Failure> {
+        if self.coordinates.is_empty() {
+            return Ok([StateCoordinate::Alpha1, StateCoordinate::AlphaDot1]);
+        }
+        let parse = |name: &String| {
+            name.parse().map_err(|error: UnknownStateCoordinate| Failure::usage(format!("--coordinates: {error}")))
+        };
+        pair("--coordinates", &self.coordinates.iter().map(parse).collect::<Result<Vec<_>, _>>()?)
+    }
+}
+
+impl GridFlags {
     /// The grid in two coordinates, which go as far as `reach` says.
-    fn grid<C: Copy, S>(
+    pub fn grid<C, S>(
         &self,
         coordinates: [C; 2],
         names: [&str; 2],
@@ -184,17 +204,6 @@ impl Basins {
             }
             None => Ok(StateGrid { coordinates, ends, counts: counts.map(|count| count as usize), others }),
         }
-    }
-
-    /// The coordinates of the arm that vary.
-    fn arm_coordinates(&self) -> Result<[StateCoordinate; 2], Failure> {
-        if self.coordinates.is_empty() {
-            return Ok([StateCoordinate::Alpha1, StateCoordinate::AlphaDot1]);
-        }
-        let parse = |name: &String| {
-            name.parse().map_err(|error: UnknownStateCoordinate| Failure::usage(format!("--coordinates: {error}")))
-        };
-        pair("--coordinates", &self.coordinates.iter().map(parse).collect::<Result<Vec<_>, _>>()?)
     }
 }
 

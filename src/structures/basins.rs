@@ -6,7 +6,7 @@ use serde_json::{Value, json};
 use super::continuation::{amplitude, readings};
 use super::{displacement_unit, label, load_unit};
 use crate::basin_cells::Cells;
-use crate::commands::basins::pair;
+use crate::commands::basins::{GridFlags, pair};
 use crate::configuration;
 use crate::failure::{Failure, Verdict};
 use crate::motion_flags::MotionFlags;
@@ -35,8 +35,8 @@ pub(crate) struct Asked<'a> {
     pub frequency_hz: f64,
     /// The names of the two coordinates that vary; empty are the first and its rate.
     pub coordinates: &'a [String],
-    /// The grid in two coordinates with their names, which go this far, with the state that all others have.
-    pub grid: &'a dyn Fn([usize; 2], [&str; 2], [f64; 2], Vec<f64>) -> Result<Grid, Failure>,
+    /// The grid of the initial states.
+    pub grid: &'a GridFlags,
 }
 
 #[derive(Serialize)]
@@ -66,7 +66,7 @@ pub(crate) fn show(scenario: &Scenario, tested: &TestedAssembly, asked: &Asked<'
         return Ok(Verdict::Negative);
     }
     let far = over.map(|index| reach(&motions, index, asked.frequency_hz));
-    let grid = (asked.grid)(over, [&names[0], &names[1]], far, others.clone())?;
+    let grid = asked.grid.grid(over, [&names[0], &names[1]], far, others.clone())?;
     let configuration = asked.configuration(scenario, &others, &grid, &names)?;
     let journal = asked.motion.make_out("basins")?;
     let basins = StructureBasins {
