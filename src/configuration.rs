@@ -32,13 +32,32 @@ pub(crate) fn of_arm(scenario: &Scenario) -> Result<Value, Failure> {
 
 /// Name and unit of each coordinate of a structure.
 pub(crate) fn coordinates(assembly: &Assembly) -> Value {
+    let coordinate = |channel: &Channel| json!({ "name": channel.name, "unit": channel.quantity.unit() });
+    channels(assembly).iter().take(assembly.coordinates()).map(coordinate).collect()
+}
+
+/// The names of the coordinates of a structure, then those of their rates.
+pub(crate) fn state_names(assembly: &Assembly) -> Vec<&'static str> {
+    channels(assembly).iter().map(|channel| channel.name).collect()
+}
+
+/// A coordinate by its number, from 0, or past them its rate, with its unit, for figures.
+pub(crate) fn state_label(assembly: &Assembly, index: usize) -> String {
+    let n = assembly.coordinates();
+    let symbol = if assembly.coordinate_unit() == CoordinateUnit::Radian { "α" } else { "q" };
+    let subscript = |digit: char| digit.to_digit(10).and_then(|digit| char::from_u32(u32::from('₀') + digit));
+    let number: String = (index % n + 1).to_string().chars().filter_map(subscript).collect();
+    let unit = channels(assembly)[index].quantity.unit();
+    if index < n { format!("{symbol}{number} ({unit})") } else { format!("d{symbol}{number}/dt ({unit})") }
+}
+
+/// The channels of the coordinates and their rates.
+fn channels(assembly: &Assembly) -> Vec<Channel> {
     let of = match assembly.coordinate_unit() {
         CoordinateUnit::Radian => Coordinates::Joints,
         CoordinateUnit::MetreRootKilogram => Coordinates::Modes,
     };
-    let channels = coordinate_channels(of, assembly.coordinates());
-    let coordinate = |channel: &Channel| json!({ "name": channel.name, "unit": channel.quantity.unit() });
-    channels.iter().take(assembly.coordinates()).map(coordinate).collect()
+    coordinate_channels(of, assembly.coordinates())
 }
 
 /// The same, and the peak load.

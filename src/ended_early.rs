@@ -32,6 +32,12 @@ impl CountMotions for SingularCurve {
     }
 }
 
+impl CountMotions for structure::Backbone {
+    fn motions(&self) -> usize {
+        self.points.len()
+    }
+}
+
 impl CountMotions for Backbone {
     fn motions(&self) -> usize {
         self.points.len()

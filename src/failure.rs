@@ -24,6 +24,7 @@ use resonarm::recording::RecordingError;
 use resonarm::replay::ReplayError;
 use resonarm::run::RunError;
 use resonarm::scenario::ScenarioError;
+use resonarm::structure::StepError;
 use resonarm::study::{JournalError, StudyError};
 use resonarm_figures::paper::PaperError;
 use resonarm_figures::plot::PlotError;
@@ -177,7 +178,10 @@ fn live(error: &resonarm_live::LiveError) -> Exit {
 
 fn analysis(error: &AnalysisError) -> Exit {
     match error {
-        AnalysisError::Interval { .. } => Exit::Usage,
+        AnalysisError::Interval { .. }
+        | AnalysisError::NoMode { .. }
+        | AnalysisError::NotLinear { .. }
+        | AnalysisError::Dissipates { .. } => Exit::Usage,
         _ => Exit::Negative,
     }
 }
@@ -195,6 +199,10 @@ fn integrate(error: &IntegrateError) -> Exit {
 fn time_domain(error: &TimeDomainError) -> Exit {
     match error {
         TimeDomainError::Integrate { source, .. } => integrate(source),
+        TimeDomainError::Step { source: StepError::Integrate(source), .. } => integrate(source),
+        TimeDomainError::Step { source: StepError::NotFinite { .. } | StepError::TooStiff { .. }, .. } => {
+            Exit::Negative
+        }
         _ => Exit::Usage,
     }
 }

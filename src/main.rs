@@ -3,6 +3,7 @@
 //! Results go to standard output, logs to standard error. Exit codes: 0 done, 1 a negative verdict, 2 bad usage or
 //! input, 3 the environment lacks something.
 
+mod basin_cells;
 mod commands;
 mod configuration;
 mod continuation_flags;

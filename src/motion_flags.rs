@@ -13,6 +13,7 @@ use crate::flags::{self, ArmFlags};
 use crate::output::{self, JsonFlag, OverwriteFlag};
 use resonarm::analysis::time_domain::{Direction, Grid, SettleOptions, Sweep, SweepParameter};
 use resonarm::arm::Load;
+use resonarm::plant::TestedAssembly;
 use resonarm::scenario::Scenario;
 use resonarm_figures::plot::{Figure, beside};
 
@@ -23,10 +24,11 @@ pub(crate) struct MotionFlags {
     pub arm: ArmFlags,
     #[command(flatten)]
     pub drive: DriveFlags,
-    /// State in which the first motion begins: α1,α2 in rad, α̇1,α̇2 in rad/s [default: that of the scenario, at rest].
+    /// State in which the first motion begins: coordinates, of the arm α1,α2 in rad, then their rates, rad/s [default:
+    /// that of the scenario, at rest].
     #[arg(long, value_name = "α1,α2,α̇1,α̇2", value_delimiter = ',', num_args = 1)]
     initial: Option<Vec<f64>>,
-    /// Longest wait for a motion to settle, in time constants of the arm's slowest mode.
+    /// Longest wait for a motion to settle, in time constants of the slowest mode.
     #[arg(long, value_name = "N", default_value_t = SettleOptions::default().time_constants)]
     pub time_constants: f64,
     /// Folder for the results: CSV, JSON, and figures as SVG and PNG with captions. A stopped run resumes from what it
@@ -73,6 +75,17 @@ impl MotionFlags {
         let mut scenario = self.arm.scenario()?;
         scenario.arm.initial = flags::initial(self.initial.as_deref(), &scenario)?;
         Ok(scenario)
+    }
+
+    /// The initial state of a structure: coordinates and rates of --initial or the scenario, and elements at rest.
+    pub fn initial_of_structure(&self, tested: &TestedAssembly) -> Result<Vec<f64>, Failure> {
+        let (n, given) = (tested.assembly.coordinates(), self.initial.as_ref().unwrap_or(&tested.initial));
+        if given.len() != 2 * n {
+            let (got, needed) = (given.len(), 2 * n);
+            let what = format!("--initial has {got} numbers: give {needed}, the coordinates and their rates");
+            return Err(Failure::usage(what));
+        }
+        Ok([given.as_slice(), &vec![0.0; tested.assembly.element_states()]].concat())
     }
 
     /// How long to wait, and how many points of the section to keep if a motion doesn't settle.

@@ -9,15 +9,15 @@ use crate::supervise::supervise;
 use resonarm::analysis::time_domain::BasinOutcome;
 use resonarm::control::Length;
 use resonarm::run::Signals;
-use resonarm::study::{BasinComputation, Basins, ChainComputation, Chains, Control, StudyError};
+use resonarm::study::{BasinComputation, BasinStudy, ChainComputation, ChainStudy, Control, StudyError};
 
 /// Computes the chains from where the journal ends. `None` if it was stopped early, which is logged.
-pub(crate) fn chains(
+pub(crate) fn chains<S: ChainStudy + Send + 'static>(
     name: &'static str,
-    chains: Chains,
+    chains: S,
     journal: Option<PathBuf>,
     configuration: &Value,
-) -> Result<Option<ChainComputation>, Failure> {
+) -> Result<Option<ChainComputation<S>>, Failure> {
     let begun = chains.begin(journal.as_deref().map(|path| (path, configuration)))?;
     let (done, total) = (begun.done(), begun.total());
     let ended = watch(name, "points", [done, total], move |control| begun.compute_missing(control))?;
@@ -28,12 +28,15 @@ pub(crate) fn chains(
     Ok(Some(ended))
 }
 
-/// Likewise computes basins, with the outcome of each state.
-pub(crate) fn basins(
-    basins: Basins,
+/// Basins with the outcome of each state.
+type Ended<S> = (BasinComputation<S>, Vec<BasinOutcome>);
+
+/// Likewise computes basins.
+pub(crate) fn basins<S: BasinStudy + Send + 'static>(
+    basins: S,
     journal: Option<PathBuf>,
     configuration: &Value,
-) -> Result<Option<(BasinComputation, Vec<BasinOutcome>)>, Failure> {
+) -> Result<Option<Ended<S>>, Failure> {
     let begun = basins.begin(journal.as_deref().map(|path| (path, configuration)))?;
     let (done, total) = (begun.done(), begun.total());
     let ended = watch("basins", "states", [done, total], move |control| begun.compute_missing(control))?;

@@ -18,11 +18,13 @@ use crate::flags::ArmFlags;
 use crate::output::{self, JsonFlag, OverwriteFlag};
 use crate::progress::timed;
 use crate::readings::{self, Reader, ReadingsDocument, ReadingsFlag};
+use crate::structures::{self, StructureDriveFlags};
 use resonarm::analysis::{
     ArmParameter, Backbone as Curve, BackboneOptions, BackbonePoint, Bending, Branch, BranchOptions, Coordinate,
     ForcedArm, Readings, backbone, modes, trace,
 };
 use resonarm::arm::Load;
+use resonarm::plant::TestedAssembly;
 use resonarm::scenario::Scenario;
 use resonarm_figures::plot::{Color, Dash, Figure, Series, Style, beside};
 
@@ -32,13 +34,15 @@ Examples:
   resonarm backbone --torque1-nm 60 --plot backbone
   resonarm backbone --mode 2 --undamped --beta2-deg 120
   resonarm backbone --force-x-n 60 --beta1-deg 30 --beta2-deg 120 --json
+  resonarm backbone --scenario hardening.toml --drive tip.x --amplitude 4 --plot hardening
 
 A curve that ends early is printed as far as it came; standard error says why, and the exit code is 1.";
 
 /// How a motion without a load is read.
 const UNUSUAL: &str = " With --undamped there is no load, and sin Ωt is in quadrature with the mode.";
 
-/// Follows a resonance to larger amplitudes: its frequency, the excitation it needs, whether it hardens or softens.
+/// Follows a resonance of the arm, or of a scenario's structure, to larger amplitudes: its frequency, the excitation it
+/// needs, whether it hardens or softens.
 ///
 /// With dampers each point is a motion in phase quadrature, 90° behind the excitation, which is at the peak of the
 /// forced response. Without dampers it is a free motion, and the curve a nonlinear normal mode.
@@ -47,17 +51,27 @@ const UNUSUAL: &str = " With --undamped there is no load, and sin Ωt is in quad
 pub(crate) struct Backbone {
     #[command(flatten)]
     pub(crate) arm: ArmFlags,
-    /// Linear mode in which the curve begins: 1, the slower, or 2.
-    #[arg(long, value_name = "N", default_value_t = 1, value_parser = clap::value_parser!(u8).range(1..=2))]
+    /// Linear mode in which the curve begins, from 1, by frequency; the arm has two.
+    #[arg(long, value_name = "N", default_value_t = 1, value_parser = clap::value_parser!(u8).range(1..))]
     mode: u8,
-    /// The nonlinear normal mode of the arm without dampers, which takes no excitation.
+    /// The nonlinear normal mode without dampers, which takes no excitation.
     #[arg(long)]
     undamped: bool,
     #[command(flatten)]
     drive: DriveFlags,
-    /// The curve ends where |α1| or |α2| reaches this, rad, or where the excitation reaches the amplitude given.
-    #[arg(long, value_name = "RAD", default_value_t = 0.3)]
-    to_rad: f64,
+    #[command(flatten)]
+    structure: StructureDriveFlags,
+    /// Of a structure: where the motion is read, separated by commas [default: where it is driven].
+    #[arg(long, value_name = "DOF", value_delimiter = ',', requires = "drive")]
+    at: Vec<String>,
+    /// Of a structure: the curve ends where the first of --at reaches this, m, or rad at a joint, or where the
+    /// excitation reaches --amplitude.
+    #[arg(long, value_name = "X")]
+    to: Option<f64>,
+    /// The curve ends where |α1| or |α2| reaches this, rad, or where the excitation reaches the amplitude given
+    /// [default: 0.3].
+    #[arg(long, value_name = "RAD")]
+    to_rad: Option<f64>,
     #[command(flatten)]
     walk: ContinuationFlags,
     #[command(flatten)]
@@ -72,6 +86,8 @@ pub(crate) struct Backbone {
     json: JsonFlag,
 }
 
+/// Where the curve ends without another limit, rad.
+const TO_RAD: f64 = 0.3;
 /// Largest step of a drawn curve, as a fraction of the motion's size.
 const SMOOTH_STEP: f64 = 0.05;
 
@@ -102,6 +118,10 @@ impl Backbone {
     pub fn execute(&self) -> Result<Verdict, Failure> {
         self.overwrite.check_stem(self.plot.as_deref(), &[output::PLOTTED, &["-response.csv"]].concat())?;
         let scenario = self.arm.scenario()?;
+        if let Some(tested) = scenario.tested_structure()? {
+            return self.of_structure(&scenario, &tested);
+        }
+        self.refuse_structure_flags()?;
         let arm = scenario.build_arm()?;
         let drive = self.drive()?;
         let linear_hz = modes(&arm)[usize::from(self.mode - 1)].frequency_hz;
@@ -135,6 +155,48 @@ impl Backbone {
         early.verdict()
     }
 
+    /// A structure in place of the arm.
+    fn of_structure(&self, scenario: &Scenario, tested: &TestedAssembly) -> Result<Verdict, Failure> {
+        if self.drive.is_given() {
+            return Err(structures::arm_drive(&tested.assembly));
+        }
+        if self.to_rad.is_some() || self.readings.readings {
+            return Err(Failure::usage("--to-rad and --readings are for the two-link arm: take --to and --at"));
+        }
+        let asked = structures::backbone::Asked {
+            drive: self.structure.dof(&tested.assembly)?,
+            amplitude: self.structure.amplitude(),
+            to: self.to,
+            mode: self.mode,
+            undamped: self.undamped,
+            at: &self.at,
+            settings: &|options| self.walk.options(options),
+            plot: self.plot.as_deref(),
+            json: self.json,
+        };
+        structures::backbone::show(scenario, tested, &asked)
+    }
+
+    /// Refuses what is for structures only.
+    fn refuse_structure_flags(&self) -> Result<(), Failure> {
+        self.structure.refuse()?;
+        if let Some(to) = self.to {
+            return Err(Failure::value(
+                "--to",
+                to,
+                "it is for a scenario with a [structure]; of the arm give --to-rad",
+            ));
+        }
+        match self.mode {
+            1 | 2 => Ok(()),
+            mode => Err(Failure::value("--mode", f64::from(mode), "the arm has modes 1 and 2")),
+        }
+    }
+
+    fn to_rad(&self) -> f64 {
+        self.to_rad.unwrap_or(TO_RAD)
+    }
+
     /// The excitation; a torque at joint 1 if none is named.
     fn drive(&self) -> Result<Drive, Failure> {
         let (words, given) = (self.drive.words(), self.drive.is_given());
@@ -144,11 +206,12 @@ impl Backbone {
 
     fn options(&self, drive: &Drive, linear_hz: f64) -> Result<BackboneOptions, Failure> {
         let most_rad = BackboneOptions::LARGEST_RAD;
-        if !(self.to_rad > 0.0 && self.to_rad <= most_rad) {
+        let to_rad = self.to_rad();
+        if !(to_rad > 0.0 && to_rad <= most_rad) {
             let why = format!("it must be above 0 and at most {most_rad:.4} rad");
-            return Err(Failure::value("--to-rad", self.to_rad, why));
+            return Err(Failure::value("--to-rad", to_rad, why));
         }
-        let mut options = BackboneOptions::new(linear_hz, self.to_rad);
+        let mut options = BackboneOptions::new(linear_hz, to_rad);
         options.largest_drive = drive.amplitude.unwrap_or(options.largest_drive);
         options.branch = self.walk.options(options.branch)?;
         Ok(options)
@@ -167,7 +230,7 @@ impl Backbone {
     fn configuration(&self, scenario: &Scenario, drive: &Drive) -> Result<Value, Failure> {
         let load = if drive.amplitude.is_some() { self.drive.load()? } else { drive.direction };
         let mut configuration = configuration::of(scenario, &load)?;
-        configuration["backbone"] = json!({ "undamped": self.undamped, "to_rad": self.to_rad });
+        configuration["backbone"] = json!({ "undamped": self.undamped, "to_rad": self.to_rad() });
         Ok(configuration)
     }
 

@@ -4,32 +4,35 @@ use clap::Args;
 use serde::Serialize;
 use serde_json::{Value, json};
 
+use crate::basin_cells::Cells;
 use crate::failure::{Failure, Verdict};
 use crate::figures::captions;
 use crate::flags;
-use crate::motion_flags::{MotionFlags, or_empty};
+use crate::motion_flags::MotionFlags;
+use crate::structures::{self, StructureDriveFlags};
 use crate::study;
 use resonarm::analysis::EndedEarly;
-use resonarm::analysis::time_domain::{BasinOutcome, StableMotion, StateCoordinate, reach, stable_motions};
-use resonarm::arm::{Sine, State};
+use resonarm::analysis::time_domain::{
+    BasinOutcome, StableMotion, StateCoordinate, UnknownStateCoordinate, reach, stable_motions,
+};
+use resonarm::arm::Sine;
+use resonarm::plant::TestedAssembly;
+use resonarm::scenario::Scenario;
 use resonarm::study::{Basins as Study, StateGrid};
-use resonarm_figures::plot::{Axis, Color, Figure, Marker, Panel, Series};
+use resonarm_figures::plot::Figure;
 use resonarm_numeric::number::short;
 
 /// Most values of a coordinate.
 const MOST: u32 = 1000;
-/// Width of the drawn grid, px: the marks of its cells touch.
-const DRAWN_PX: f64 = 420.0;
-/// The widest mark, px: a wider one does not fit in the legend.
-const WIDEST_PX: f64 = 16.0;
 
 const EXAMPLES: &str = "\
 Examples:
   resonarm basins --torque1-nm 60 --frequency-hz 22.1 --out basins
   resonarm basins --torque1-nm 60 --frequency-hz 22.1 --points 21,21
   resonarm basins --force-x-n 20 --frequency-hz 22.145 --coordinates alpha1_rad,alpha2_rad --from=-0.2,-0.2 --to 0.2,0.2
+  resonarm basins --scenario hardening.toml --drive tip.x --amplitude 2 --frequency-hz 22.4 --points 9,9 --out tip
 
-A state counts as having reached a stable motion when, over a quarter of the arm's slowest time constant, it has approached as
+A state counts as having reached a stable motion when, over a quarter of the slowest time constant, it has approached as
 the linearisation at that motion says, but for a remainder of at most a quarter of the decay; until then it is integrated. States
 of which that never holds within --time-constants are undecided, and marked as such.";
 
@@ -37,7 +40,7 @@ of which that never holds within --time-constants are undecided, and marked as s
 /// of the excitation.
 ///
 /// The stable motions are those of the branch that `continue` follows, and of the doubled branches that leave it, at
-/// this frequency.
+/// this frequency; of a structure those of the branch, and those in which it settles from beside its unstable ones.
 #[derive(Debug, Args)]
 #[command(after_long_help = EXAMPLES)]
 pub(crate) struct Basins {
@@ -46,17 +49,20 @@ pub(crate) struct Basins {
     /// Excitation frequency, Hz.
     #[arg(long, value_name = "F")]
     frequency_hz: f64,
-    /// The two coordinates that vary: alpha1_rad, alpha2_rad, alpha_dot1_rad_s, alpha_dot2_rad_s. The others are those
-    /// of
-    /// --initial.
-    #[arg(
-        long,
-        value_name = "NAMES",
-        default_value = "alpha1_rad,alpha_dot1_rad_s",
-        value_delimiter = ',',
-        num_args = 1
-    )]
-    coordinates: Vec<StateCoordinate>,
+    #[command(flatten)]
+    structure: StructureDriveFlags,
+    /// The two coordinates that vary: alpha1_rad, alpha2_rad, alpha_dot1_rad_s, alpha_dot2_rad_s; of a structure the
+    /// names of its coordinates, as alpha3_rad or q1_m_sqrt_kg, and of their rates. The others are those of --initial
+    /// [default: the first and its rate].
+    #[arg(long, value_name = "NAMES", value_delimiter = ',', num_args = 1)]
+    coordinates: Vec<String>,
+    #[command(flatten)]
+    grid: GridFlags,
+}
+
+/// The grid of initial states.
+#[derive(Debug, Args)]
+pub(crate) struct GridFlags {
     /// First value of each [default: minus the last].
     #[arg(long, value_name = "X,Y", value_delimiter = ',', num_args = 1)]
     from: Option<Vec<f64>>,
@@ -86,33 +92,26 @@ struct MotionDocument {
     reached_by: usize,
 }
 
-/// An initial state in results.
-#[derive(Serialize)]
-struct Cell {
-    at: [f64; 2],
-    /// Which motion it reaches, from 1.
-    motion: Option<usize>,
-    /// Periods of the excitation until this was certain.
-    periods: Option<u64>,
-    /// `reaches`, `undecided` or `diverges`.
-    outcome: &'static str,
-}
-
 #[derive(Serialize)]
 struct Document {
     configuration: Value,
     coordinates: [StateCoordinate; 2],
     motions: Vec<MotionDocument>,
-    undecided: usize,
-    diverging: usize,
-    cells: Vec<Cell>,
+    #[serde(flatten)]
+    cells: Cells,
 }
 
 impl Basins {
     pub fn execute(&self) -> Result<Verdict, Failure> {
+        let scenario = self.motion.arm.scenario()?;
+        if let Some(tested) = scenario.tested_structure()? {
+            return self.of_structure(&scenario, &tested);
+        }
+        self.structure.refuse()?;
         let scenario = self.motion.scenario()?;
         let arm = scenario.build_arm()?;
         let load = self.motion.drive.load()?;
+        let coordinates = self.arm_coordinates()?;
         let sine = Sine { amplitude: load, frequency_hz: self.frequency_hz };
         let (motions, early) = stable_motions(&arm, &sine)?;
         for EndedEarly { reason, .. } in early {
@@ -125,7 +124,9 @@ impl Basins {
             );
             return Ok(Verdict::Negative);
         }
-        let grid = self.grid(&motions, flags::state(scenario.arm.initial))?;
+        let reach = coordinates.map(|coordinate| reach(&motions, coordinate, self.frequency_hz));
+        let names = coordinates.map(StateCoordinate::name);
+        let grid = self.grid.grid(coordinates, names, reach, flags::state(scenario.arm.initial))?;
         let mut configuration = self.motion.configuration(&scenario, &load)?;
         configuration["basins"] = json!({
             "frequency_hz": self.frequency_hz,
@@ -149,18 +150,51 @@ impl Basins {
         Ok(Verdict::Positive)
     }
 
-    fn grid(&self, motions: &[StableMotion], others: State) -> Result<StateGrid, Failure> {
-        let coordinates = pair("--coordinates", &self.coordinates)?;
-        if coordinates[0] == coordinates[1] {
-            let refusal = format!("--coordinates has {} twice: give two", coordinates[0].name());
-            return Err(Failure::usage(refusal));
+    /// A structure in place of the arm.
+    fn of_structure(&self, scenario: &Scenario, tested: &TestedAssembly) -> Result<Verdict, Failure> {
+        if self.motion.drive.is_given() {
+            return Err(structures::arm_drive(&tested.assembly));
+        }
+        let asked = structures::basins::Asked {
+            motion: &self.motion,
+            drive: self.structure.dof(&tested.assembly)?,
+            amplitude: self.structure.needed_amplitude()?,
+            frequency_hz: self.frequency_hz,
+            coordinates: &self.coordinates,
+            grid: &self.grid,
+        };
+        structures::basins::show(scenario, tested, &asked)
+    }
+
+    /// The coordinates of the arm that vary.
+    fn arm_coordinates(&self) -> Result<[StateCoordinate; 2], Failure> {
+        if self.coordinates.is_empty() {
+            return Ok([StateCoordinate::Alpha1, StateCoordinate::AlphaDot1]);
+        }
+        let parse = |name: &String| {
+            name.parse().map_err(|error: UnknownStateCoordinate| Failure::usage(format!("--coordinates: {error}")))
+        };
+        pair("--coordinates", &self.coordinates.iter().map(parse).collect::<Result<Vec<_>, _>>()?)
+    }
+}
+
+impl GridFlags {
+    /// The grid in two coordinates, which go as far as `reach` says.
+    pub fn grid<C, S>(
+        &self,
+        coordinates: [C; 2],
+        names: [&str; 2],
+        reach: [f64; 2],
+        others: S,
+    ) -> Result<StateGrid<C, S>, Failure> {
+        if names[0] == names[1] {
+            return Err(Failure::usage(format!("--coordinates has {} twice: give two", names[0])));
         }
         let counts = pair("--points", &self.points)?;
         if let Some(count) = counts.iter().find(|count| !(2..=MOST).contains(*count)) {
             return Err(Failure::usage(format!("--points has {count}: it must be from 2 to {MOST}")));
         }
-        let reach = |coordinate| reach(motions, coordinate, self.frequency_hz);
-        let to = self.to.as_ref().map_or_else(|| Ok(coordinates.map(reach)), |to| pair("--to", to))?;
+        let to = self.to.as_ref().map_or(Ok(reach), |to| pair("--to", to))?;
         let from = self.from.as_ref().map_or_else(|| Ok(to.map(|to| -to)), |from| pair("--from", from))?;
         let ends = [0, 1].map(|axis| [from[axis], to[axis]]);
         match ends.iter().find(|[from, to]| !(from.is_finite() && to.is_finite() && from != to)) {
@@ -174,38 +208,23 @@ impl Basins {
 }
 
 /// Two values of a flag.
-fn pair<T: Copy>(flag: &str, values: &[T]) -> Result<[T; 2], Failure> {
+pub(crate) fn pair<T: Copy>(flag: &str, values: &[T]) -> Result<[T; 2], Failure> {
     let count = values.len();
     <[T; 2]>::try_from(values).map_err(|_count| Failure::usage(format!("{flag} has {count} values: it needs two, X,Y")))
 }
 
 impl Document {
     fn new(configuration: Value, grid: &StateGrid, motions: &[StableMotion], outcomes: &[BasinOutcome]) -> Document {
-        let cell = |(index, outcome): (usize, &BasinOutcome)| {
-            let (motion, periods, name) = match outcome {
-                BasinOutcome::Reaches { motion, periods } => (Some(motion + 1), Some(*periods), "reaches"),
-                BasinOutcome::Undecided => (None, None, "undecided"),
-                BasinOutcome::Diverges => (None, None, "diverges"),
-            };
-            Cell { at: grid.values(index), motion, periods, outcome: name }
-        };
-        let cells: Vec<Cell> = outcomes.iter().enumerate().map(cell).collect();
+        let cells = Cells::new(grid, outcomes);
         let motion = |(k, motion): (usize, &StableMotion)| MotionDocument {
             period: motion.period,
             largest_multiplier: motion.largest_multiplier,
             amplitude_rad: motion.amplitude_rad,
             section: motion.section.iter().map(|state| StateCoordinate::ALL.map(|which| which.of(state))).collect(),
-            reached_by: cells.iter().filter(|cell| cell.motion == Some(k + 1)).count(),
+            reached_by: cells.reaching(k),
         };
-        let count = |name: &str| cells.iter().filter(|cell| cell.outcome == name).count();
-        Document {
-            configuration,
-            coordinates: grid.coordinates,
-            motions: motions.iter().enumerate().map(motion).collect(),
-            undecided: count("undecided"),
-            diverging: count("diverges"),
-            cells,
-        }
+        let motions = motions.iter().enumerate().map(motion).collect();
+        Document { configuration, coordinates: grid.coordinates, motions, cells }
     }
 
     /// The motions, and how many states reach each.
@@ -220,54 +239,21 @@ impl Document {
                 motion.reached_by
             );
         }
-        if self.undecided > 0 {
-            text += &format!(
-                "undecided: {} states come to none of these within {time_constants} time constants (try more \
-                 --time-constants)\n",
-                self.undecided
-            );
-        }
-        if self.diverging > 0 {
-            text += &format!("beyond all bounds: {} states\n", self.diverging);
-        }
-        text
+        text + &self.cells.others(time_constants)
     }
 
     fn csv(&self) -> String {
-        let [x, y] = self.coordinates.map(StateCoordinate::name);
-        let mut text = format!("{x},{y},outcome,motion,periods\n");
-        for Cell { at: [x, y], motion, periods, outcome } in &self.cells {
-            let (motion, periods) = (or_empty(*motion), or_empty(*periods));
-            text += &format!("{x},{y},{outcome},{motion},{periods}\n");
-        }
-        text
+        self.cells.csv(self.coordinates.map(StateCoordinate::name))
     }
 
-    /// A mark for each state, in the colour of the motion it reaches; the sections of the motions over them.
     fn figure(&self, grid: &StateGrid) -> Figure {
-        let [x, y] = self.coordinates;
-        let mut panel = Panel::new(Axis::linear(x.label()), Axis::linear(y.label()));
-        let size = (DRAWN_PX / grid.counts[0] as f64).clamp(0.5, WIDEST_PX);
-        let cells = |wanted: &dyn Fn(&Cell) -> bool| {
-            self.cells.iter().filter(|cell| wanted(cell)).map(|cell| (cell.at[0], cell.at[1])).collect::<Vec<_>>()
+        let label = |(k, motion): (usize, &MotionDocument)| {
+            format!("reaches motion {}: |α₁| to {:.3} rad", k + 1, motion.amplitude_rad[0])
         };
-        let colors = [Color::SkyBlue, Color::Vermillion, Color::Yellow, Color::Green, Color::Purple, Color::Blue];
-        for (k, motion) in self.motions.iter().enumerate() {
-            let color = colors[k % colors.len()];
-            let label = format!("reaches motion {}: |α₁| to {:.3} rad", k + 1, motion.amplitude_rad[0]);
-            let points = cells(&|cell| cell.motion == Some(k + 1));
-            panel = panel.with_any(Series::markers(label, color, Marker::Square, points).marked(size, true));
-        }
-        for (outcome, label, color) in
-            [("undecided", "undecided", Color::Grey), ("diverges", "beyond all bounds", Color::Black)]
-        {
-            let points = cells(&|cell| cell.outcome == outcome);
-            panel = panel.with_any(Series::markers(label, color, Marker::Cross, points));
-        }
-        let place = |which: StateCoordinate| StateCoordinate::ALL.iter().position(|other| *other == which).unwrap_or(0);
-        let sections = self.motions.iter().flat_map(|motion| &motion.section);
-        let sections: Vec<_> = sections.map(|state| (state[place(x)], state[place(y)])).collect();
-        let panel = panel.with(Series::markers("stable motions, projected", Color::Black, Marker::Diamond, sections));
-        Figure::new("Basins of attraction: where each initial state ends").with(panel)
+        let labels = self.motions.iter().enumerate().map(label).collect();
+        let places = self.coordinates.map(|which| StateCoordinate::ALL.iter().position(|other| *other == which));
+        let [x, y] = places.map(Option::unwrap_or_default);
+        let sections = self.motions.iter().flat_map(|motion| &motion.section).map(|state| (state[x], state[y]));
+        self.cells.figure(self.coordinates.map(StateCoordinate::label), grid.counts[0], labels, sections.collect())
     }
 }

@@ -9,10 +9,12 @@ use crate::figures::captions::{self, degrees};
 use crate::flags;
 use crate::motion_flags::{DirectionFlag, MotionFlags, or_empty};
 use crate::readings::{self, ReadingsDocument, ReadingsFlag};
+use crate::structures::{self, StructureDriveFlags};
 use crate::study;
 use resonarm::analysis::Resonance;
 use resonarm::analysis::time_domain::{Direction, Sweep as SteppedSweep, SweepFrequencies, SweepParameter, hysteresis};
 use resonarm::arm::{Arm, Load, Pose};
+use resonarm::plant::TestedAssembly;
 use resonarm::scenario::{ArmSection, Scenario};
 use resonarm::study::{Chain, ChainComputation, Chains, Point, StudyError};
 use resonarm_figures::plot::{Axis, Color, Dash, Figure, Legend, Marker, Panel, Series, Style};
@@ -22,18 +24,24 @@ const EXAMPLES: &str = "\
 Examples:
   resonarm sweep --torque1-nm 60 --from-hz 21.9 --to-hz 22.3 --steps 41 --out sweep
   resonarm sweep --torque1-nm 60 --from-hz 21.9 --to-hz 22.3 --steps 41 --direction down
-  resonarm sweep --force-x-n 20 --over-beta2-deg 60,120 --from-hz 21 --to-hz 28 --out poses";
+  resonarm sweep --force-x-n 20 --over-beta2-deg 60,120 --from-hz 21 --to-hz 28 --out poses
+  resonarm sweep --scenario hardening.toml --drive tip.x --amplitude 2 --from-hz 22 --to-hz 22.8 --steps 9 --out tip";
 
 /// How a motion without a period is read.
 const UNUSUAL: &str = " A motion that has not settled is read over 64 periods of the excitation.";
 
-/// Steps the frequency of a sine up and down and lets the arm settle at each step, as on a bench, with jumps and
-/// hysteresis. Every motion is followed until it is proved to have settled.
+/// Steps the frequency of a sine up and down and lets the arm, or a scenario's structure, settle at each step, as on a
+/// bench, with jumps and hysteresis. Every motion is followed until it is proved to have settled.
 #[derive(Debug, Args)]
 #[command(after_long_help = readings::help_after(EXAMPLES, UNUSUAL))]
 pub(crate) struct Sweep {
     #[command(flatten)]
     pub(crate) motion: MotionFlags,
+    #[command(flatten)]
+    structure: StructureDriveFlags,
+    /// Of a structure: where the motion is read, separated by commas [default: where it is driven].
+    #[arg(long, value_name = "DOF", value_delimiter = ',', requires = "drive")]
+    at: Vec<String>,
     /// One end of the frequencies, Hz.
     #[arg(long, value_name = "F")]
     from_hz: f64,
@@ -97,6 +105,11 @@ struct Document {
 
 impl Sweep {
     pub fn execute(&self) -> Result<Verdict, Failure> {
+        let scenario = self.motion.arm.scenario()?;
+        if let Some(tested) = scenario.tested_structure()? {
+            return self.of_structure(&scenario, &tested);
+        }
+        self.structure.refuse()?;
         let scenario = self.motion.scenario()?;
         let load = self.motion.drive.load()?;
         self.check_poses()?;
@@ -121,6 +134,26 @@ impl Sweep {
         self.motion.show("sweep", &document, text, csv, || Ok(document.figure(&scenario, &load)))?;
         walked.finish()?;
         Ok(Verdict::Positive)
+    }
+
+    /// A structure in place of the arm.
+    fn of_structure(&self, scenario: &Scenario, tested: &TestedAssembly) -> Result<Verdict, Failure> {
+        if self.motion.drive.is_given() {
+            return Err(structures::arm_drive(&tested.assembly));
+        }
+        if !self.over_beta2_deg.is_empty() || self.readings.readings {
+            return Err(Failure::usage("--over-beta2-deg and --readings are for the two-link arm: leave them out"));
+        }
+        let asked = structures::sweep::Asked {
+            motion: &self.motion,
+            drive: self.structure.dof(&tested.assembly)?,
+            amplitude: self.structure.needed_amplitude()?,
+            at: &self.at,
+            ends: [self.from_hz, self.to_hz],
+            steps: self.steps,
+            direction: self.direction,
+        };
+        structures::sweep::show(scenario, tested, &asked)
     }
 
     /// Each pose once: two sweeps of the same pose could not be distinguished.

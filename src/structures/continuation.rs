@@ -6,7 +6,7 @@ use nalgebra::Complex;
 use serde::Serialize;
 use serde_json::{Value, json};
 
-use super::{displacement_unit, dof, label, load_unit};
+use super::{COLORS, Read, displacement_unit, label, load_unit, read};
 use crate::configuration;
 use crate::ended_early::Early;
 use crate::failure::{Failure, Verdict};
@@ -53,17 +53,10 @@ struct Document {
     wall_s: f64,
 }
 
-/// The degrees of freedom that are read, with their names.
-type Read<'a> = Vec<(Dof, &'a str)>;
-
 /// Follows the branch, and prints or plots it.
 pub(crate) fn show(scenario: &Scenario, tested: &TestedAssembly, asked: &Asked<'_>) -> Result<Verdict, Failure> {
     let assembly = &tested.assembly;
-    let at = asked.at.iter().map(|name| Ok((dof("--at", name, assembly)?, name.as_str())));
-    let mut read = at.collect::<Result<Read<'_>, Failure>>()?;
-    if read.is_empty() {
-        read.push(asked.drive);
-    }
+    let read = read(asked.at, asked.drive, assembly)?;
     let forced = Forced::new(assembly.clone(), asked.drive.0, asked.amplitude);
     let dofs = read.iter().map(|(dof, _)| *dof).collect();
     let mut options = TraceOptions::new(&forced, asked.coordinate, asked.ends, dofs);
@@ -91,7 +84,7 @@ pub(crate) fn show(scenario: &Scenario, tested: &TestedAssembly, asked: &Asked<'
     early.verdict()
 }
 
-fn amplitude(harmonic: &Complex<f64>) -> f64 {
+pub(super) fn amplitude(harmonic: &Complex<f64>) -> f64 {
     libm::hypot(harmonic.re, harmonic.im)
 }
 
@@ -108,15 +101,20 @@ fn reading(reading: &Reading, dof: Dof) -> Value {
     })
 }
 
-/// A motion with its readings by the names of the degrees of freedom.
+/// Readings by the names of the degrees of freedom.
+pub(super) fn readings(of: &[Reading], read: &Read<'_>) -> Value {
+    let named = |(of, (dof, name)): (&Reading, &(Dof, &str))| ((*name).to_owned(), reading(of, *dof));
+    Value::Object(of.iter().zip(read).map(named).collect())
+}
+
+/// A motion with its readings.
 fn point(orbit: &Orbit, read: &Read<'_>) -> Value {
-    let readings = orbit.readings.iter().zip(read).map(|(of, (dof, name))| ((*name).to_owned(), reading(of, *dof)));
     let multipliers = orbit.stability.as_ref().map(|stability| {
         stability.multipliers.iter().map(|multiplier| [multiplier.re, multiplier.im]).collect::<Vec<_>>()
     });
     json!({
         "value": orbit.value, "frequency_hz": orbit.frequency_hz, "drive": orbit.drive,
-        "readings": readings.collect::<serde_json::Map<_, _>>(), "stable": orbit.is_stable(),
+        "readings": readings(&orbit.readings, read), "stable": orbit.is_stable(),
         "multipliers": multipliers, "harmonics": orbit.harmonics,
     })
 }
@@ -151,7 +149,7 @@ fn text(branch: &Branch, asked: &Asked<'_>, read: &Read<'_>, wall_s: f64) -> Str
 }
 
 /// CSV: a line for each motion.
-fn table(branch: &Branch, read: &Read<'_>) -> String {
+pub(super) fn table(branch: &Branch, read: &Read<'_>) -> String {
     let mut text = String::from("value,frequency_hz,drive,stable");
     for (dof, name) in read {
         let (name, unit) = (name.replace('.', "_"), displacement_unit(*dof));
@@ -171,7 +169,6 @@ fn table(branch: &Branch, read: &Read<'_>) -> String {
 
 /// The largest displacement over what varies; unstable motions dashed, bifurcations as marks.
 fn figure(branch: &Branch, asked: &Asked<'_>, read: &Read<'_>, label: &str) -> Figure {
-    const COLORS: [Color; 4] = [Color::Blue, Color::Vermillion, Color::Orange, Color::Black];
     let (drive, name) = asked.drive;
     let x = match asked.coordinate {
         Coordinate::FrequencyHz => String::from("excitation frequency (Hz)"),
@@ -180,25 +177,31 @@ fn figure(branch: &Branch, asked: &Asked<'_>, read: &Read<'_>, label: &str) -> F
     let unit = read.first().map_or("m", |(dof, _)| displacement_unit(*dof));
     let mut panel = Panel::new(Axis::linear(x), Axis::linear(format!("largest displacement ({unit})")));
     for (index, ((_, name), color)) in read.iter().zip(COLORS.into_iter().cycle()).enumerate() {
-        for (stretch, is_stable) in stretches(branch) {
-            let points = stretch.iter().map(|orbit| (orbit.value, orbit.readings[index].largest)).collect();
-            let (title, dash) = match is_stable {
-                Some(false) => (format!("{name}, unstable"), Dash::Dashed),
-                _ => ((*name).to_owned(), Dash::Solid),
-            };
-            panel.series.push(Series::line(title, color, points).style(Style::Line { color, width: 1.6, dash }));
-        }
-        for (kind, title, shape) in branch_plot::BIFURCATIONS {
-            let found = branch.bifurcations.iter().filter(|found| found.kind == kind).map(|found| &found.orbit);
-            let points = found.map(|orbit| (orbit.value, orbit.readings[index].largest)).collect();
-            panel = panel.with_any(Series::markers(title, Color::Black, shape, points));
-        }
+        panel = with_branch(panel, branch, index, name, color);
     }
     let load = match asked.coordinate {
         Coordinate::FrequencyHz => format!("{} {} at {name}", asked.amplitude, load_unit(drive)),
         Coordinate::Amplitude => format!("{} Hz at {name}", asked.frequency_hz),
     };
     Figure::new("Periodic motions").subtitle(format!("{label}, {load}")).with(panel)
+}
+
+/// A branch in a panel: the largest displacement of a degree of freedom by its number among those read.
+pub(super) fn with_branch(mut panel: Panel, branch: &Branch, index: usize, name: &str, color: Color) -> Panel {
+    for (stretch, is_stable) in stretches(branch) {
+        let points = stretch.iter().map(|orbit| (orbit.value, orbit.readings[index].largest)).collect();
+        let (dash, label) = match is_stable {
+            Some(false) => (Dash::Dashed, format!("{name}, unstable")),
+            _ => (Dash::Solid, name.to_owned()),
+        };
+        panel.series.push(Series::line(label, color, points).style(Style::Line { color, width: 1.6, dash }));
+    }
+    for (kind, title, shape) in branch_plot::BIFURCATIONS {
+        let found = branch.bifurcations.iter().filter(|found| found.kind == kind).map(|found| &found.orbit);
+        let points = found.map(|orbit| (orbit.value, orbit.readings[index].largest)).collect();
+        panel = panel.with_any(Series::markers(title, Color::Black, shape, points));
+    }
+    panel
 }
 
 /// Runs of motions of one stability; neighbours share a motion.

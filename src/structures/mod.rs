@@ -1,10 +1,13 @@
 //! The commands on a structure of a scenario in place of the two-link arm.
 
+pub(crate) mod backbone;
+pub(crate) mod basins;
 pub(crate) mod compare;
 pub(crate) mod continuation;
 pub(crate) mod frf;
 pub(crate) mod modes;
 pub(crate) mod simulate;
+pub(crate) mod sweep;
 pub(crate) mod walk;
 
 use clap::Args;
@@ -13,6 +16,7 @@ use crate::failure::Failure;
 use resonarm::plant::TestedAssembly;
 use resonarm::scenario::Scenario;
 use resonarm::structure::{Assembly, Dof};
+use resonarm_figures::plot::Color;
 use resonarm_numeric::number::short;
 
 /// The excitation of a structure.
@@ -75,6 +79,19 @@ pub(crate) fn arm_drive(assembly: &Assembly) -> Failure {
 pub(crate) fn dof(flag: &str, name: &str, assembly: &Assembly) -> Result<Dof, Failure> {
     assembly.dof(name).map_err(|error| Failure::usage(format!("{flag} {name}: {error}")))
 }
+
+/// The degrees of freedom that are read, with their names.
+pub(crate) type Read<'a> = Vec<(Dof, &'a str)>;
+
+/// The degrees of freedom of --at; without them what is driven.
+pub(crate) fn read<'a>(at: &'a [String], drive: (Dof, &'a str), assembly: &Assembly) -> Result<Read<'a>, Failure> {
+    let named = at.iter().map(|name| Ok((dof("--at", name, assembly)?, name.as_str())));
+    let read = named.collect::<Result<Read<'_>, Failure>>()?;
+    Ok(if read.is_empty() { vec![drive] } else { read })
+}
+
+/// The colours of the degrees of freedom in figures.
+pub(crate) const COLORS: [Color; 4] = [Color::Blue, Color::Vermillion, Color::Orange, Color::Black];
 
 /// The unit of a load at a degree of freedom.
 pub(crate) fn load_unit(dof: Dof) -> &'static str {

@@ -236,3 +236,145 @@ fn the_modes_of_an_arm_are_a_structure() {
     let refused = says(&["structure", "--from-modes", &hardening]).replace(&hardening, "hardening.toml");
     insta::assert_snapshot!(refused.trim(), @"resonarm: hardening.toml: the structure has elements, 1, and modes are of its linear part: leave them out, and add them to the modes");
 }
+
+/// An oscillator that hardens so that its resonance folds over, from 10.88 to 11.28 Hz at 5 N, in `osc.toml`.
+fn oscillator() -> tempfile::TempDir {
+    let folder = tempfile::tempdir().unwrap();
+    let text = r#"
+        [structure]
+        kind = "modal"
+        name = "oscillator"
+        modes = [{ frequency_hz = 10.0, damping_ratio = 0.03, shape = { "tip.x" = 1.0 } }]
+        [[structure.elements]]
+        kind = "cubic"
+        at = "tip.x"
+        stiffness3_n_m3 = 4e6
+    "#;
+    fs::write(folder.path().join("osc.toml"), text).unwrap();
+    folder
+}
+
+/// A command on it.
+fn on_oscillator<'a>(command: &'a str, more: &'a str) -> Vec<&'a str> {
+    [command, "--scenario", "osc.toml"].into_iter().chain(more.split_whitespace()).collect()
+}
+
+#[test]
+fn backbones_of_structures() {
+    let folder = oscillator();
+    let shown = |more: &str| resonarm(folder.path(), &on_oscillator("backbone", more)).stdout;
+    insta::assert_snapshot!(shown("--drive tip.x --amplitude 5 --largest-step 1"), @"
+    oscillator with an element, cubic, mode 1 from 10.000000 Hz: in phase quadrature with a force at tip.x
+
+      frequency Hz    largest tip.x m              N
+         10.000019        7.036194e-5         0.0167
+         10.000075        1.407240e-4         0.0333
+         10.000301        2.814484e-4         0.0667
+         10.001204        5.629009e-4         0.1333
+         10.004815        1.125835e-3         0.2668
+         10.019247        2.251929e-3         0.5344
+         10.076797        4.505848e-3         1.0748
+         10.304096        9.024943e-3         2.1975
+         11.164130        1.808130e-2         4.7445
+         11.264510        1.889511e-2         5.0000
+
+    hardening: +1.264491 Hz (+12.6449 %) at tip.x 1.889511e-2 m; at small amplitudes a of tip.x, df/d(a²) = +3.799543e3 Hz/m²
+    ");
+    let free = document(folder.path(), 0, &on_oscillator("backbone", "--drive tip.x --to 0.02 --undamped --json"));
+    assert_eq!((&free["kind"], &free["bending"]), (&"nonlinear-normal-mode".into(), &"hardening".into()));
+    let names = ["amplitude", "frequency_hz", "harmonics", "largest", "readings"];
+    let last = free["points"].as_array().unwrap().last().unwrap();
+    assert_eq!(super::names(last), names);
+    assert!((numbers(&last["largest"])[0] - 0.02).abs() < 1e-9);
+
+    let plotted = on_oscillator("backbone", "--drive tip.x --amplitude 5 --plot curve");
+    let said = resonarm(folder.path(), &plotted).stdout;
+    let last = "written to curve.svg, curve.png, curve.txt, curve.csv, curve.json, curve-response.csv";
+    assert_eq!(said.trim().lines().last(), Some(last));
+    let svg = fs::read_to_string(folder.path().join("curve.svg")).unwrap();
+    for words in ["tip.x, phase quadrature", "tip.x, unstable", "fold", "response to 5 N at tip.x"] {
+        assert!(svg.contains(words), "{words}");
+    }
+}
+
+/// Its jumps are at the folds, and both motions between them have basins.
+#[test]
+fn sweeps_and_basins_of_structures() {
+    let folder = oscillator();
+    let command = on_oscillator("sweep", "--drive tip.x --amplitude 5 --from-hz 10 --to-hz 12 --out out");
+    insta::assert_snapshot!(resonarm(folder.path(), &command).stdout, @"
+    oscillator with an element, cubic, stepped up: 131 motions
+      largest tip.x  1.890013e-2 m at 11.260000 Hz
+    oscillator with an element, cubic, stepped down: 131 motions
+      largest tip.x  1.708365e-2 m at 10.880000 Hz
+      up and down differ from 10.886808 to 11.280000 Hz
+    written to out/sweep.csv, out/sweep.json, out/sweep.svg, out/sweep.png, out/sweep.txt
+    ");
+    let text = fs::read_to_string(folder.path().join("out/sweep.json")).unwrap();
+    let swept: Value = serde_json::from_str(&text).unwrap();
+    assert_eq!(names(&swept), ["configuration", "coordinates", "sweeps"]);
+    let point = &swept["sweeps"][0]["points"][0];
+    let keys = ["amplitude", "drift", "frequency_hz", "largest", "largest_multiplier", "period", "readings"];
+    assert_eq!(names(point), [&keys[..], &["settling_periods"]].concat());
+    assert_eq!(numbers(&point["largest"])[0], point["readings"]["tip.x"]["largest"].as_f64().unwrap());
+
+    let few = on_oscillator("sweep", "--drive tip.x --amplitude 5 --from-hz 9 --to-hz 16 --steps 8 --direction up");
+    insta::assert_snapshot!(resonarm(folder.path(), &few).stdout, @"
+    oscillator with an element, cubic, stepped up: 8 motions
+      largest tip.x  1.778055e-2 m at 11.000000 Hz
+      stepped over: the resonance of tip.x at 11.255352 Hz, 1.890069e-2 m in the forced response, is 0.970669 Hz wide, less than a step; take more --steps, or none
+    ");
+
+    let command = on_oscillator("basins", "--drive tip.x --amplitude 5 --frequency-hz 11.08 --points 7,7 --out out");
+    insta::assert_snapshot!(resonarm(folder.path(), &command).stdout, @"
+    motion 1: largest tip.x 6.007680e-3 m; reached by 24 of 49 states
+    motion 2: largest tip.x 1.821289e-2 m; reached by 25 of 49 states
+    written to out/basins.csv, out/basins.json, out/basins.svg, out/basins.png, out/basins.txt
+    ");
+    let read = |name: &str| fs::read_to_string(folder.path().join("out").join(name)).unwrap();
+    let found: Value = serde_json::from_str(&read("basins.json")).unwrap();
+    let keys = ["cells", "configuration", "coordinates", "diverging", "motions", "over", "undecided"];
+    assert_eq!(names(&found), keys);
+    assert_eq!(found["over"], serde_json::json!(["q1_m_sqrt_kg", "q1_dot_m_sqrt_kg_s"]));
+    assert_eq!(read("basins.csv").lines().next(), Some("q1_m_sqrt_kg,q1_dot_m_sqrt_kg_s,outcome,motion,periods"));
+    assert!(read("basins.svg").contains("dq₁/dt (m·√kg/s)"));
+}
+
+/// What the commands ask for, and what has no meaning for a structure, or for the arm.
+#[test]
+fn analyses_of_structures_refuse_in_words() {
+    let folder = oscillator();
+    let says = |command: &str, more: &str| {
+        complaint(folder.path(), 2, &on_oscillator(command, more)).trim().trim_start_matches("resonarm: ").to_owned()
+    };
+    let backbone = |more: &str| says("backbone", &format!("--drive tip.x {more}"));
+    insta::assert_snapshot!(says("backbone", ""), @"give the excitation of the structure: --drive DOF --amplitude A, with DOF one of tip.x");
+    insta::assert_snapshot!(backbone(""), @"say where the curve ends: at which displacement of tip.x, m, by --to X, or at which load, by --amplitude A");
+    insta::assert_snapshot!(backbone("--undamped --amplitude 3"), @"say where the curve ends: at which displacement of tip.x, m, by --to X");
+    insta::assert_snapshot!(backbone("--to=-1"), @"--to is -1: it must be a positive number");
+    insta::assert_snapshot!(backbone("--to 0.1 --mode 3"), @"along the backbone: there is no mode 3: the structure has modes 1 to 1");
+    insta::assert_snapshot!(backbone("--to-rad 1"), @"--to-rad and --readings are for the two-link arm: take --to and --at");
+    let sweep = |more: &str| says("sweep", &format!("--drive tip.x --from-hz 9 --to-hz 10 {more}"));
+    insta::assert_snapshot!(sweep(""), @"give the amplitude of the excitation: --amplitude A");
+    insta::assert_snapshot!(sweep("--amplitude 1 --readings"), @"--over-beta2-deg and --readings are for the two-link arm: leave them out");
+    insta::assert_snapshot!(sweep("--amplitude 1 --initial 0"), @"--initial has 1 numbers: give 2, the coordinates and their rates");
+    let basins = |more: &str| says("basins", &format!("--drive tip.x --amplitude 5 --frequency-hz 13 {more}"));
+    insta::assert_snapshot!(basins("--coordinates q1_m_sqrt_kg,q3"), @"--coordinates: there is no coordinate `q3`: the coordinates are q1_m_sqrt_kg, q1_dot_m_sqrt_kg_s");
+    insta::assert_snapshot!(basins("--coordinates q1_m_sqrt_kg,q1_m_sqrt_kg"), @"--coordinates has q1_m_sqrt_kg twice: give two");
+    insta::assert_snapshot!(says("basins", "--force-x-n 3 --frequency-hz 13"), @"the scenario has a [structure]: give its load by --drive DOF --amplitude A, with DOF one of tip.x");
+    insta::assert_snapshot!(says("poincare", "--force-x-n 3 --frequency-hz 10"), @"the scenario has a [structure]: this needs the two-link arm without elements");
+    let friction = example("friction.toml");
+    let refused = |more: &str| {
+        let command = ["backbone", "--scenario", &friction, "--drive", "tip.y", "--to", "1"];
+        let command: Vec<&str> = command.into_iter().chain(more.split_whitespace()).collect();
+        complaint(folder.path(), 2, &command).trim().trim_start_matches("resonarm: ").to_owned()
+    };
+    insta::assert_snapshot!(refused(""), @"along the backbone: element 1, friction, acts in the smallest motion: a backbone begins in a linear mode; leave the element out, or give a contact a gap");
+    insta::assert_snapshot!(refused("--undamped"), @"element 1, friction, dissipates: there is no structure without damping that has it");
+
+    let of_arm =
+        |command: &[&str]| complaint(folder.path(), 2, command).trim().trim_start_matches("resonarm: ").to_owned();
+    insta::assert_snapshot!(of_arm(&["sweep", "--torque1-nm=3", "--drive=tip.x", "--from-hz=9", "--to-hz=10"]), @"--drive tip.x is for a scenario with a [structure]: of the arm give --torque1-nm, --force-x-n or --force-y-n");
+    insta::assert_snapshot!(of_arm(&["backbone", "--to=3"]), @"--to is 3: it is for a scenario with a [structure]; of the arm give --to-rad");
+    insta::assert_snapshot!(of_arm(&["basins", "--torque1-nm=3", "--frequency-hz=22", "--coordinates=q1,q2"]), @"--coordinates: there is no coordinate `q1`: the coordinates are alpha1_rad, alpha2_rad, alpha_dot1_rad_s, alpha_dot2_rad_s");
+}

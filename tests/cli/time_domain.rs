@@ -197,8 +197,9 @@ fn help_lists_every_flag() {
         String::from_utf8_lossy(&output.stdout).into_owned()
     };
     insta::assert_snapshot!(help("sweep"), @r"
-    Steps the frequency of a sine up and down and lets the arm settle at each step, as on a bench, with
-    jumps and hysteresis. Every motion is followed until it is proved to have settled
+    Steps the frequency of a sine up and down and lets the arm, or a scenario's structure, settle at
+    each step, as on a bench, with jumps and hysteresis. Every motion is followed until it is proved to
+    have settled
 
     Usage: resonarm sweep [OPTIONS] --from-hz <F> --to-hz <F>
 
@@ -214,14 +215,20 @@ fn help_lists_every_flag() {
           --torque1-nm <A>           Amplitude of a torque at joint 1, N·m
           --force-x-n <A>            Amplitude of a force at point C along x, N
           --force-y-n <A>            Amplitude of a force at point C along y, N
-          --initial <α1,α2,α̇1,α̇2>  State in which the first motion begins: α1,α2 in rad, α̇1,α̇2 in
-                                     rad/s [default: that of the scenario, at rest]
-          --time-constants <N>       Longest wait for a motion to settle, in time constants of the arm's
+          --initial <α1,α2,α̇1,α̇2>  State in which the first motion begins: coordinates, of the arm
+                                     α1,α2 in rad, then their rates, rad/s [default: that of the
+                                     scenario, at rest]
+          --time-constants <N>       Longest wait for a motion to settle, in time constants of the
                                      slowest mode [default: 40]
           --out <DIR>                Folder for the results: CSV, JSON, and figures as SVG and PNG with
                                      captions. A stopped run resumes from what it holds
           --overwrite                Overwrite existing files
           --json                     Print one JSON document
+          --drive <DOF>              Of a scenario's structure: what is driven, point and axis as tip.x,
+                                     or a joint as joint2
+          --amplitude <A>            Amplitude at --drive, N, or N·m at a joint
+          --at <DOF>                 Of a structure: where the motion is read, separated by commas
+                                     [default: where it is driven]
           --from-hz <F>              One end of the frequencies, Hz
           --to-hz <F>                The other end, Hz
           --steps <N>                Number of frequencies, evenly spaced, both ends among them; a
@@ -251,9 +258,10 @@ fn help_lists_every_flag() {
           --torque1-nm <A>           Amplitude of a torque at joint 1, N·m
           --force-x-n <A>            Amplitude of a force at point C along x, N
           --force-y-n <A>            Amplitude of a force at point C along y, N
-          --initial <α1,α2,α̇1,α̇2>  State in which the first motion begins: α1,α2 in rad, α̇1,α̇2 in
-                                     rad/s [default: that of the scenario, at rest]
-          --time-constants <N>       Longest wait for a motion to settle, in time constants of the arm's
+          --initial <α1,α2,α̇1,α̇2>  State in which the first motion begins: coordinates, of the arm
+                                     α1,α2 in rad, then their rates, rad/s [default: that of the
+                                     scenario, at rest]
+          --time-constants <N>       Longest wait for a motion to settle, in time constants of the
                                      slowest mode [default: 40]
           --out <DIR>                Folder for the results: CSV, JSON, and figures as SVG and PNG with
                                      captions. A stopped run resumes from what it holds

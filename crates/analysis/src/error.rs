@@ -6,6 +6,7 @@ use core::fmt;
 use thiserror::Error;
 
 use super::continuation::StepRefusal;
+use resonarm_dynamics::structure::StructureError;
 use resonarm_numeric::number::{rounded, short};
 
 /// A value of the parameter of a continuation, in its unit.
@@ -114,6 +115,36 @@ pub enum AnalysisError {
         /// Its natural frequency.
         at: Place,
     },
+    /// There is no such mode.
+    #[error("there is no mode {got}: the structure has modes 1 to {most}")]
+    NoMode {
+        /// The given number, from 1.
+        got: usize,
+        /// The number of modes.
+        most: usize,
+    },
+    /// Small motions of a structure are not linear.
+    #[error(
+        "element {element}, {law}, acts in the smallest motion: a backbone begins in a linear mode; leave the element out, \
+         or give a contact a gap"
+    )]
+    NotLinear {
+        /// The number of the element, from 1.
+        element: usize,
+        /// Its law.
+        law: &'static str,
+    },
+    /// A structure without damping can't have an element.
+    #[error("element {element}, {law}, dissipates: there is no structure without damping that has it")]
+    Dissipates {
+        /// The number of the element, from 1.
+        element: usize,
+        /// Its law.
+        law: &'static str,
+    },
+    /// A specification is not a structure.
+    #[error(transparent)]
+    Structure(#[from] StructureError),
     /// Only folds and period doublings have curves, and only period doublings doubled branches.
     #[error("a {kind} can't be followed this way; try a fold or a period doubling")]
     NotSingular {

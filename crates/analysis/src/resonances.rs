@@ -5,7 +5,7 @@ use core::f64::consts::FRAC_1_SQRT_2;
 
 use serde::Serialize;
 
-use super::orbit::{Branch, BranchOptions, Orbit};
+use super::orbit::{Branch, BranchOptions};
 use super::{AnalysisError, Coordinate, EndedEarly, ForcedArm, trace};
 use resonarm_dynamics::arm::{Arm, Load};
 
@@ -71,46 +71,58 @@ impl Branch {
         (0..2).flat_map(|joint| self.resonances_of(joint)).collect()
     }
 
-    fn resonances_of(&self, joint: usize) -> impl Iterator<Item = Resonance> + '_ {
-        let amplitude = move |orbit: &Orbit| orbit.amplitude_rad[joint];
-        let summits = (1..self.orbits.len().saturating_sub(1)).filter(move |&k| {
-            let [before, here, after] = [k - 1, k, k + 1].map(|at| amplitude(&self.orbits[at]));
-            here > before && here >= after
-        });
-        summits.filter_map(move |summit| {
-            let (top, level) = (&self.orbits[summit], FRAC_1_SQRT_2 * amplitude(&self.orbits[summit]));
-            let before = self.orbits[..summit].iter().rev();
-            let ends =
-                [falls(top, before, amplitude, level)?, falls(top, self.orbits[summit..].iter(), amplitude, level)?];
-            let [low, high] = [ends[0][0].min(ends[1][0]), ends[0][1].max(ends[1][1])];
-            let (frequency_hz, amplitude_rad) = (top.frequency_hz, amplitude(top));
-            Some(Resonance { joint: joint + 1, frequency_hz, amplitude_rad, width_hz: high - low })
+    fn resonances_of(&self, joint: usize) -> impl Iterator<Item = Resonance> {
+        let curve: Vec<(f64, f64)> =
+            self.orbits.iter().map(|orbit| (orbit.frequency_hz, orbit.amplitude_rad[joint])).collect();
+        summits(&curve).into_iter().map(move |Summit { frequency_hz, amplitude, width_hz }| Resonance {
+            joint: joint + 1,
+            frequency_hz,
+            amplitude_rad: amplitude,
+            width_hz,
         })
     }
 }
 
+/// A maximum of an amplitude along a curve over the frequency.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub(crate) struct Summit {
+    /// Its frequency, Hz.
+    pub frequency_hz: f64,
+    /// The amplitude.
+    pub amplitude: f64,
+    /// The width of the band around it in which the amplitude is at least 1/√2 of that, Hz.
+    pub width_hz: f64,
+}
+
+/// The maxima of a curve, frequency in Hz and amplitude, from which it falls to less than 1/√2 on both sides.
+pub(crate) fn summits(curve: &[(f64, f64)]) -> Vec<Summit> {
+    let is_summit = |k: &usize| curve[*k].1 > curve[k - 1].1 && curve[*k].1 >= curve[k + 1].1;
+    let summit = |k: usize| {
+        let (top, level) = (curve[k], FRAC_1_SQRT_2 * curve[k].1);
+        let ends = [falls(top, curve[..k].iter().rev(), level)?, falls(top, curve[k..].iter(), level)?];
+        let [low, high] = [ends[0][0].min(ends[1][0]), ends[0][1].max(ends[1][1])];
+        Some(Summit { frequency_hz: top.0, amplitude: top.1, width_hz: high - low })
+    };
+    (1..curve.len().saturating_sub(1)).filter(is_summit).filter_map(summit).collect()
+}
+
 /// The least and the largest frequency on the way down from a summit to `level`; none if it rises above the summit
 /// before.
-fn falls<'a>(
-    top: &Orbit,
-    way: impl Iterator<Item = &'a Orbit>,
-    amplitude: impl Fn(&Orbit) -> f64,
-    level: f64,
-) -> Option<[f64; 2]> {
-    let [mut low, mut high] = [top.frequency_hz; 2];
+fn falls<'a>(top: (f64, f64), way: impl Iterator<Item = &'a (f64, f64)>, level: f64) -> Option<[f64; 2]> {
+    let [mut low, mut high] = [top.0; 2];
     let mut last = top;
-    for orbit in way {
-        if amplitude(orbit) > amplitude(top) {
+    for &point in way {
+        if point.1 > top.1 {
             return None;
         }
-        let below = amplitude(orbit) < level;
-        let part = if below { (amplitude(last) - level) / (amplitude(last) - amplitude(orbit)) } else { 1.0 };
-        let hz = last.frequency_hz + part * (orbit.frequency_hz - last.frequency_hz);
+        let below = point.1 < level;
+        let part = if below { (last.1 - level) / (last.1 - point.1) } else { 1.0 };
+        let hz = last.0 + part * (point.0 - last.0);
         (low, high) = (low.min(hz), high.max(hz));
         if below {
             return Some([low, high]);
         }
-        last = orbit;
+        last = point;
     }
     None
 }

@@ -108,6 +108,11 @@ impl Continuation {
         self.solver.work
     }
 
+    /// Takes this as the next step to try, relative to X.
+    pub(crate) fn set_step(&mut self, step: f64) {
+        self.step = step;
+    }
+
     /// The next point.
     ///
     /// # Errors

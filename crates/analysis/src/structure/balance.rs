@@ -15,7 +15,7 @@ use resonarm_dynamics::structure::{Dof, Law, Linear};
 use super::linear::dynamic_stiffness_solve;
 use super::samples::Samples;
 use super::spectral::{operator, project};
-use super::unknowns::{Body, Compliance, Unknowns, direction_at_rest};
+use super::unknowns::{Body, Compliance, Condensed, Kept, Unknowns, direction_at_rest};
 use super::{Coordinate, Forced};
 use crate::continuation::System;
 
@@ -35,6 +35,8 @@ pub(super) struct Balance {
     pub coordinate: Coordinate,
     pub frequency_hz: f64,
     pub samples: Samples,
+    /// Of modes along a backbone.
+    pub kept: Option<Kept>,
     harmonics: usize,
     linear: Linear,
     /// Of a chain: what its rows are divided by, N·m.
@@ -52,7 +54,7 @@ pub(super) fn unit_deflection(forced: &Forced) -> f64 {
     match &unknowns.body {
         Body::Condensed(condensed) => {
             let mut compliance = Compliance::default();
-            condensed.compliance(0.0, &mut compliance);
+            condensed.compliance(0.0, None, &mut compliance);
             libm::sqrt(compliance.drive.iter().map(|[h, _]| h.re * h.re).sum())
         }
         Body::Chain => {
@@ -62,6 +64,12 @@ pub(super) fn unit_deflection(forced: &Forced) -> f64 {
             solved.map_or(f64::NAN, |()| libm::sqrt(motion.iter().map(|q| q.re * q.re).sum()))
         }
     }
+}
+
+/// max(1, k²) of a row of coefficients.
+fn order_squared(row: usize) -> f64 {
+    let k = row.div_ceil(2) as f64;
+    (k * k).max(1.0)
 }
 
 /// Points of the period for H harmonics, so that what aliases onto them is negligible: a power of degree d has
@@ -91,6 +99,7 @@ impl Balance {
             coordinate,
             frequency_hz,
             samples,
+            kept: None,
             harmonics,
             linear,
             scale,
@@ -166,7 +175,7 @@ impl Balance {
                 Body::Chain => dynamic_stiffness_solve(&self.linear, rate, &mut load)
                     .map_or(f64::INFINITY, |()| libm::sqrt(load.iter().map(|q| q.norm_sqr()).sum())),
                 Body::Condensed(condensed) => {
-                    condensed.compliance(rate, &mut compliance);
+                    condensed.compliance(rate, None, &mut compliance);
                     let m = load.len();
                     let row = |i: usize| (0..m).map(|j| compliance.places[i * m + j][0] * load[j]).sum::<Complex<_>>();
                     libm::sqrt((0..m).map(|i| row(i).norm_sqr()).sum())
@@ -235,30 +244,68 @@ impl Balance {
         }
     }
 
+    /// The derivatives of the rows by the drive's peak, for the motion last evaluated.
+    pub fn by_amplitude(&self, out: &mut [f64]) {
+        let m = self.unknowns.count();
+        out[..self.load.len()].fill(0.0);
+        for i in 0..m {
+            match &self.unknowns.body {
+                Body::Chain => {
+                    let signal = &self.samples.by_drive[i * self.samples.count()..][..self.samples.count()];
+                    let scale = |row: usize| self.scale * order_squared(row);
+                    project(&self.samples, signal, self.harmonics, |row, value| out[row * m + i] = value / scale(row));
+                }
+                Body::Condensed(_) => {
+                    let [h, _] = self.compliances[1].drive[i];
+                    (out[m + i], out[2 * m + i]) = (-h.im, -h.re);
+                }
+            }
+        }
+    }
+
+    /// The balance of the mode that is kept, whose first harmonic c cos Ωt is `kept`, in cos Ωt and in sin Ωt, N/√kg:
+    /// the rows, and their derivatives by X and by Ω/2π. For the motion last evaluated, with Q its forces,
+    ///
+    /// ```text
+    /// (ω² − Ω²) c + Σ φ Q_c = 0,     −2ζωΩ c − φ_d p + Σ φ Q_s = 0
+    /// ```
+    pub fn kept_rows(&self, mut row: impl FnMut(usize, f64, f64), mut by: impl FnMut(usize, usize, f64)) {
+        let (m, size, rate) = (self.unknowns.count(), self.load.len(), self.omega_rad_s());
+        let (Some(kept), Body::Condensed(condensed)) = (self.kept, &self.unknowns.body) else { return };
+        let [omega, zeta] = condensed.modes[kept.mode];
+        let own = [
+            (omega * omega - rate * rate) * kept.cosine,
+            -2.0 * zeta * omega * rate * kept.cosine - condensed.drive[kept.mode] * self.forced.amplitude,
+        ];
+        let own_slope = [-2.0 * rate * TAU * kept.cosine, -2.0 * zeta * omega * TAU * kept.cosine];
+        for part in 0..2 {
+            let sum = |of: &[f64]| -> f64 {
+                condensed.places.iter().enumerate().map(|(i, phi)| phi[kept.mode] * of[(part + 1) * m + i]).sum()
+            };
+            row(part, own[part] + sum(&self.load), own_slope[part] + sum(&self.by_frequency));
+            for (column, operator) in self.operator.chunks_exact(size).enumerate() {
+                by(part, column, sum(operator));
+            }
+        }
+    }
+
     /// The rows of a chain: Q̂ over their scales.
     fn chain_rows(&self, lambda: usize, residual: &mut [f64], matrix: &mut [f64]) {
-        let (m, size, count) = (self.unknowns.count(), self.load.len(), self.samples.count());
-        let scale = |row: usize| {
-            let k = (row / m).div_ceil(2) as f64;
-            1.0 / (self.scale * (k * k).max(1.0))
-        };
+        let (m, size) = (self.unknowns.count(), self.load.len());
+        let scale = |row: usize| 1.0 / (self.scale * order_squared(row / m));
         let mut by_drive = vec![0.0; size];
         if self.coordinate == Coordinate::Amplitude {
-            for i in 0..m {
-                let signal = &self.samples.by_drive[i * count..(i + 1) * count];
-                project(&self.samples, signal, self.harmonics, |row, value| by_drive[row * m + i] = value);
-            }
+            self.by_amplitude(&mut by_drive);
         }
         for row in 0..size {
             residual[row] = self.load[row] * scale(row);
             for column in 0..size {
                 matrix[column * (size + 1) + row] = self.operator[column * size + row] * scale(row);
             }
-            let by = match self.coordinate {
-                Coordinate::FrequencyHz => self.by_frequency[row],
+            matrix[lambda + row] = match self.coordinate {
+                Coordinate::FrequencyHz => self.by_frequency[row] * scale(row),
                 Coordinate::Amplitude => by_drive[row],
             };
-            matrix[lambda + row] = by * scale(row);
         }
     }
 
@@ -269,8 +316,8 @@ impl Balance {
         let Body::Condensed(condensed) = &self.unknowns.body else { return };
         let (by_frequency, amplitude) = (self.coordinate == Coordinate::FrequencyHz, self.forced.amplitude);
         for k in 0..=self.harmonics {
-            let compliance = &mut self.compliances[k];
-            condensed.compliance(k as f64 * omega, compliance);
+            let (compliance, kept) = (&mut self.compliances[k], self.kept.filter(|_| k == 1));
+            condensed.compliance(k as f64 * omega, kept.map(|kept| kept.mode), compliance);
             let times = |h: Complex<f64>, c: f64, s: f64| [h.re * c + h.im * s, h.re * s - h.im * c];
             // The rows of cos and sin; of 1 for k = 0.
             let first = (2 * k).saturating_sub(1) * m;
@@ -281,6 +328,7 @@ impl Balance {
                 let rows = [first + i, second + i];
                 let [mut value, mut slope] = [[0.0; 2]; 2];
                 (0..parts).for_each(|part| value[part] = x[rows[part]]);
+                value[0] -= kept.map_or(0.0, |kept| condensed.places[i][kept.mode] * kept.cosine);
                 for j in 0..m {
                     let [h, by_rate] = compliance.places[i * m + j];
                     let part = times(h, self.load[first + j], sine(&self.load, j));
@@ -317,7 +365,7 @@ impl Balance {
 
     /// The displacement at a degree of freedom, as a series, for the motion last evaluated.
     pub fn displacement(&self, dof: Dof) -> Vec<f64> {
-        let (m, count, omega) = (self.unknowns.count(), self.samples.count(), self.omega_rad_s());
+        let (m, count) = (self.unknowns.count(), self.samples.count());
         let Body::Condensed(condensed) = &self.unknowns.body else {
             let at = |j: usize| self.forced.assembly.displacement(dof, &self.samples.motion[0][j * m..(j + 1) * m]);
             let signal: Vec<f64> = (0..count).map(at).collect();
@@ -326,7 +374,31 @@ impl Balance {
             project(&self.samples, &signal, orders, |row, value| series[row] = value);
             return series;
         };
-        let direction = direction_at_rest(&self.forced.assembly, dof);
+        self.along(condensed, &direction_at_rest(&self.forced.assembly, dof))
+    }
+
+    /// A coordinate of the structure, as a series, for the motion last evaluated.
+    pub fn coordinate_series(&self, coordinate: usize) -> Vec<f64> {
+        let m = self.unknowns.count();
+        match &self.unknowns.body {
+            Body::Chain => {
+                let mut series = vec![0.0; 2 * self.harmonics + 1];
+                let count = self.samples.count();
+                let signal: Vec<f64> = (0..count).map(|j| self.samples.motion[0][j * m + coordinate]).collect();
+                project(&self.samples, &signal, self.harmonics, |row, value| series[row] = value);
+                series
+            }
+            Body::Condensed(condensed) => {
+                let mut direction = vec![0.0; condensed.modes.len()];
+                direction[coordinate] = 1.0;
+                self.along(condensed, &direction)
+            }
+        }
+    }
+
+    /// The series of a displacement Σ `direction` q of modes.
+    fn along(&self, condensed: &Condensed, direction: &[f64]) -> Vec<f64> {
+        let (m, omega) = (self.unknowns.count(), self.omega_rad_s());
         let mut series = Vec::with_capacity(2 * self.harmonics + 1);
         for k in 0..=self.harmonics {
             let load = |i: usize| match k {
@@ -335,7 +407,8 @@ impl Balance {
             };
             let loads: Vec<_> = (0..m).map(load).collect();
             let drive = Complex::new(0.0, if k == 1 { -self.forced.amplitude } else { 0.0 });
-            let x = condensed.harmonic(k as f64 * omega, &direction, drive, &loads);
+            let kept = self.kept.filter(|_| k == 1);
+            let x = condensed.harmonic(k as f64 * omega, direction, kept, drive, &loads);
             series.push(x.re);
             if k > 0 {
                 series.push(-x.im);

@@ -6,6 +6,7 @@ use alloc::boxed::Box;
 use nalgebra::Complex;
 use resonarm_dynamics::structure::Dof;
 
+use super::adapt::adapt;
 use super::balance::Balance;
 use super::floquet::stability;
 use super::orbit::{Assess, Branch, Orbit, Reading, Stability, TraceOptions};
@@ -15,10 +16,10 @@ use super::{Coordinate, Forced};
 use crate::continuation::{Continuation, Point, System, at_parameter};
 use crate::{AnalysisError, EndedEarly};
 
-/// Below this fraction of the truncation allowed, the last harmonic is dropped.
-const DROP_SHARE: f64 = 1e-3;
 /// Multiples of the frequency at which to start if Newton's method finds no motion from rest.
 const DETOURS: [f64; 2] = [0.7, 1.4];
+/// The most times that the step of a jump is halved. Branches nearer than 2⁻¹⁶ of a step count as one.
+const MOST_HALVINGS: usize = 16;
 /// A fold or a peak is located to this fraction of its segment; the coordinate is then exact to the square.
 pub(super) const FRACTION: f64 = 1e-7;
 
@@ -65,40 +66,6 @@ fn check(balance: &mut Balance, options: &TraceOptions) -> Result<(), AnalysisEr
     if exists && known { Ok(()) } else { Err(AnalysisError::Interval { from, to, unit, domain }) }
 }
 
-/// Adds harmonics until the truncation error is small enough, or as many as are allowed for a law that isn't smooth;
-/// drops the last if it is negligible.
-pub(super) fn adapt(
-    balance: &mut Balance,
-    continuation: &mut Continuation,
-    options: &TraceOptions,
-) -> Result<(), AnalysisError> {
-    let (branch, smooth) = (&options.branch, balance.forced.assembly.is_smooth());
-    loop {
-        let (x, lambda) = (&continuation.point().x, continuation.point().lambda);
-        let (size, m) = (branch.continuation.size(x), balance.unknowns.count());
-        let last = x[x.len() - 2 * m..].iter().fold(0.0, |largest: f64, value| largest.max(value.abs()));
-        if !balance.set_value(lambda) {
-            return Ok(());
-        }
-        balance.evaluate_motion(x);
-        let (error, allowed, harmonics) = (balance.truncation_error(), branch.truncation * size, balance.harmonics());
-        if error > allowed {
-            if harmonics < branch.most_harmonics {
-                balance.set_harmonics((harmonics + 1 + harmonics / 8).min(branch.most_harmonics));
-                continuation.resize(balance)?;
-                continue;
-            }
-            if smooth {
-                return Err(AnalysisError::TooManyHarmonics { at: balance.place(lambda), harmonics });
-            }
-        } else if harmonics > branch.least_harmonics && error.max(last) < DROP_SHARE * allowed {
-            balance.set_harmonics(harmonics - 1);
-            continuation.resize(balance)?;
-        }
-        return Ok(());
-    }
-}
-
 /// Starts at `options.branch.from`: from rest, or, if that is too far, from the end of a continuation in frequency that
 /// starts away from the resonance.
 fn enter(balance: &mut Balance, options: &TraceOptions) -> Result<Continuation, AnalysisError> {
@@ -134,7 +101,7 @@ fn approach(balance: &mut Balance, options: &TraceOptions, detour: f64) -> Resul
     let mut continuation =
         Continuation::start(&mut swept, branch.continuation, &rest, detour * wanted_hz, 1.0 - detour)?;
     for _ in 0..branch.most_points {
-        adapt(&mut swept, &mut continuation, options)?;
+        adapt(&mut swept, &mut continuation, branch)?;
         let before = continuation.point().clone();
         let after = continuation.advance(&mut swept)?;
         if (before.lambda - wanted_hz) * (after.lambda - wanted_hz) <= 0.0 {
@@ -157,7 +124,7 @@ pub(super) struct Tracer<'a> {
 impl Tracer<'_> {
     fn follow(&mut self, walk: &mut Walk) -> Result<(), AnalysisError> {
         let branch = &self.options.branch;
-        adapt(&mut self.balance, &mut walk.continuation, self.options)?;
+        adapt(&mut self.balance, &mut walk.continuation, branch)?;
         let mut before = walk.point().clone();
         self.push(&before);
         loop {
@@ -165,8 +132,7 @@ impl Tracer<'_> {
                 let at = self.balance.place(before.lambda);
                 return Err(AnalysisError::TooManyPoints { points: branch.most_points, at });
             }
-            walk.advance(&mut self.balance, &branch.continuation)?;
-            adapt(&mut self.balance, &mut walk.continuation, self.options)?;
+            self.step(walk, &before)?;
             let reached = walk.point();
             let end = match branch.left_at(reached.lambda) {
                 Some(limit) => Some(at_parameter(&mut self.balance, &branch.continuation, [&before, reached], limit)?),
@@ -180,6 +146,32 @@ impl Tracer<'_> {
                 return Ok(());
             }
         }
+    }
+
+    /// The next point after `before`. A step that comes to another branch, which passes close by, is taken again in
+    /// halves.
+    ///
+    /// Along one branch the bordered determinant changes its sign at branch points only. So if it does in a step without
+    /// one, the step has jumped. Where forces aren't smooth, corners change it, too.
+    fn step(&mut self, walk: &mut Walk, before: &Point) -> Result<(), AnalysisError> {
+        let (branch, smooth) = (&self.options.branch, self.balance.forced.assembly.is_smooth());
+        let (start, harmonics) = (walk.clone(), self.balance.harmonics());
+        for _ in 0..MOST_HALVINGS {
+            walk.advance(&mut self.balance, &branch.continuation)?;
+            adapt(&mut self.balance, &mut walk.continuation, branch)?;
+            let reached = walk.point().clone();
+            if !smooth || before.determinant.sign * reached.determinant.sign >= 0.0 {
+                return Ok(());
+            }
+            if self.branch_point(before, &reached).is_some() {
+                return Ok(());
+            }
+            *walk = start.clone();
+            walk.continuation.set_step(0.5 * (reached.arclength - before.arclength));
+            self.balance.set_harmonics(harmonics);
+        }
+        walk.advance(&mut self.balance, &branch.continuation)?;
+        adapt(&mut self.balance, &mut walk.continuation, branch)
     }
 
     fn push(&mut self, point: &Point) {
@@ -219,8 +211,12 @@ impl Tracer<'_> {
 }
 
 /// The motion at a degree of freedom, of the motion last evaluated.
-fn reading(balance: &Balance, dof: Dof) -> Reading {
-    let series = balance.displacement(dof);
-    let largest = largest(&balance.samples, &series);
+pub(super) fn reading(balance: &Balance, dof: Dof) -> Reading {
+    reading_of(balance, &balance.displacement(dof))
+}
+
+/// The same of a series.
+pub(super) fn reading_of(balance: &Balance, series: &[f64]) -> Reading {
+    let largest = largest(&balance.samples, series);
     Reading { largest, mean: series[0], harmonic1: Complex::new(series[2], series[1]) }
 }

@@ -55,31 +55,55 @@ impl Tracer<'_> {
     pub fn detect(&mut self, a: &Point, b: &Point) -> Result<(), AnalysisError> {
         let [.., before, after] = self.branch.orbits.as_slice() else { return Ok(()) };
         let stabilities = [before.stability.clone(), after.stability.clone()];
-        let reference = a.determinant;
+        let assessed = stabilities[0].is_some();
         for kind in [BranchPoint, Fold, PeriodDoubling, NeimarkSacker] {
-            let at = |point: &Point, stability: &Option<Stability>| value(kind, point, stability.as_ref(), reference);
-            let values = [at(a, &stabilities[0]), at(b, &stabilities[1])];
-            if values[0] * values[1] >= 0.0 || (kind != Fold && stabilities[0].is_none()) {
+            if kind != Fold && !assessed {
                 continue;
             }
-            let settings = &self.options.branch.continuation;
-            let test = |balance: &mut Balance, point: &Point| {
-                let known = matches!(kind, Fold | BranchPoint);
-                let found = if known || !balance.set_value(point.lambda) { None } else { stability(balance, &point.x) };
-                value(kind, point, found.as_ref(), reference)
-            };
-            let point = match search(&mut self.balance, settings, [a, b], values, FRACTION, test) {
-                Ok(point) => point,
-                // At a corner of a branch there may be nothing to converge to.
-                Err(_) if !self.balance.forced.assembly().is_smooth() => continue,
-                Err(error) => return Err(error),
-            };
+            let Some(point) = self.locate(kind, [a, b], &stabilities)? else { continue };
             let orbit = self.orbit(&point);
             if confirmed(kind, orbit.stability.as_ref()) {
                 self.branch.bifurcations.push(Bifurcation { kind, orbit, index: 0 });
             }
         }
         Ok(())
+    }
+
+    /// The branch point between two points, if the branch has one there.
+    pub fn branch_point(&mut self, a: &Point, b: &Point) -> Option<Point> {
+        let point = self.locate(BranchPoint, [a, b], &[None, None]).ok().flatten()?;
+        let harmonics = self.balance.harmonics();
+        self.balance.set_harmonics(point.x.len() / self.balance.unknowns.count() / 2);
+        let found = if self.balance.set_value(point.lambda) { stability(&self.balance, &point.x) } else { None };
+        self.balance.set_harmonics(harmonics);
+        confirmed(BranchPoint, found.as_ref()).then_some(point)
+    }
+
+    /// Where the test function of a kind vanishes between two points with these stabilities; none if it doesn't.
+    fn locate(
+        &mut self,
+        kind: BifurcationKind,
+        [a, b]: [&Point; 2],
+        stabilities: &[Option<Stability>; 2],
+    ) -> Result<Option<Point>, AnalysisError> {
+        let reference = a.determinant;
+        let at = |point: &Point, stability: &Option<Stability>| value(kind, point, stability.as_ref(), reference);
+        let values = [at(a, &stabilities[0]), at(b, &stabilities[1])];
+        if values[0] * values[1] >= 0.0 {
+            return Ok(None);
+        }
+        let test = |balance: &mut Balance, point: &Point| {
+            let known = matches!(kind, Fold | BranchPoint);
+            let found = if known || !balance.set_value(point.lambda) { None } else { stability(balance, &point.x) };
+            value(kind, point, found.as_ref(), reference)
+        };
+        let settings = &self.options.branch.continuation;
+        match search(&mut self.balance, settings, [a, b], values, FRACTION, test) {
+            Ok(point) => Ok(Some(point)),
+            // At a corner of a branch there may be nothing to converge to.
+            Err(_) if !self.balance.forced.assembly().is_smooth() => Ok(None),
+            Err(error) => Err(error),
+        }
     }
 
     /// Locates the peak of every reading.
@@ -138,7 +162,7 @@ impl Tracer<'_> {
 }
 
 /// The point of an orbit, without its tangent.
-fn point_of(orbit: &Orbit) -> Point {
+pub(super) fn point_of(orbit: &Orbit) -> Point {
     Point {
         x: orbit.coefficients.clone(),
         lambda: orbit.value,

@@ -2,7 +2,9 @@
 
 use core::fmt;
 
-use resonarm_dynamics::structure::{Assembly, Dof};
+use resonarm_dynamics::structure::{Assembly, BodySpec, Dof, Law};
+
+use crate::AnalysisError;
 
 /// A structure and its drive, amplitude · sin Ωt: a force along an axis at a point, or a torque at a joint.
 #[derive(Clone, Debug, PartialEq)]
@@ -16,6 +18,26 @@ impl Forced {
     /// The structure under amplitude · sin Ωt at `drive`, one of its degrees of freedom; N, or N·m at a joint.
     pub fn new(assembly: Assembly, drive: Dof, amplitude: f64) -> Forced {
         Forced { assembly, drive, amplitude }
+    }
+
+    /// The same without damping: dampers of joints, damping ratios, losses of contacts.
+    ///
+    /// # Errors
+    /// [`AnalysisError::Dissipates`] for an element that has no such part to leave out.
+    pub fn undamped(&self) -> Result<Forced, AnalysisError> {
+        let mut spec = self.assembly.spec().clone();
+        match &mut spec.body {
+            BodySpec::Chain(chain) => chain.links.iter_mut().for_each(|link| link.damping_nm_s_rad = 0.0),
+            BodySpec::Modal(modal) => modal.modes.iter_mut().for_each(|mode| mode.damping_ratio = 0.0),
+        }
+        for (index, element) in spec.elements.iter_mut().enumerate() {
+            match &mut element.law {
+                Law::KelvinVoigt { damping, .. } | Law::HuntCrossley { damping, .. } => *damping = 0.0,
+                Law::Cubic { .. } | Law::Gap { .. } => {}
+                law => return Err(AnalysisError::Dissipates { element: index + 1, law: law.name() }),
+            }
+        }
+        Ok(Forced { assembly: Assembly::new(&spec)?, ..self.clone() })
     }
 
     /// The structure.

@@ -2,10 +2,13 @@
 //!
 //! Of the linear part: frequency responses ([`LinearResponse`]); its modes are
 //! [`Assembly::modes`](resonarm_dynamics::structure::Assembly::modes). Of all of it: periodic motions under a
-//! sinusoidal drive by harmonic balance, their branches by continuation ([`trace`]), with folds, peaks and stability.
+//! sinusoidal drive by harmonic balance, their branches by continuation ([`trace`]), with folds, peaks and stability,
+//! and backbones ([`backbone()`]); and by integration in time ([`time_domain`]).
 //!
 //! The two-link arm has its own analysis, in the rest of this crate.
 
+mod adapt;
+mod backbone;
 mod balance;
 mod branch;
 mod detect;
@@ -15,11 +18,16 @@ mod history;
 mod linear;
 mod nearest;
 mod orbit;
+mod phase_zero;
 mod samples;
 mod spectral;
+pub mod time_domain;
 mod unknowns;
 mod walk;
 
+use phase_zero::phase_zero_states;
+
+pub use backbone::{Backbone, BackboneMotion, BackboneOptions, backbone};
 pub use branch::trace;
 pub use forced::{Coordinate, Forced};
 pub use linear::LinearResponse;

@@ -73,6 +73,18 @@ pub struct Reading {
     pub harmonic1: Complex<f64>,
 }
 
+impl Reading {
+    /// Its numbers: largest, mean, real and imaginary part of the component at Ω.
+    pub fn numbers(&self) -> [f64; 4] {
+        [self.largest, self.mean, self.harmonic1.re, self.harmonic1.im]
+    }
+
+    /// The reading of [`Reading::numbers`].
+    pub fn from_numbers([largest, mean, re, im]: [f64; 4]) -> Reading {
+        Reading { largest, mean, harmonic1: Complex::new(re, im) }
+    }
+}
+
 /// The Floquet multipliers of a motion.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Stability {

@@ -8,6 +8,9 @@
 //! ```
 //!
 //! Q being the forces at the places, p the drive's at d. The number of modes costs only the sums in H.
+//!
+//! At the natural frequency of a mode without damping H has a pole. A backbone begins there, and so has the first
+//! harmonic of its mode as an unknown of its own ([`Kept`]), which H₁ then leaves out.
 
 use alloc::vec;
 use alloc::vec::Vec;
@@ -45,6 +48,14 @@ pub(super) struct Condensed {
     pub drive: Vec<f64>,
     /// ω, rad/s, and ζ.
     pub modes: Vec<[f64; 2]>,
+}
+
+/// The mode whose first harmonic, c cos Ωt, is an unknown of its own.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub(super) struct Kept {
+    pub mode: usize,
+    /// c, m·√kg.
+    pub cosine: f64,
 }
 
 /// H between places at one frequency, and its derivative by ω.
@@ -107,23 +118,26 @@ impl Condensed {
         Condensed { of_element, places, drive, modes }
     }
 
-    /// Each mode's 1/(ω² + 2ζω s + s²) at s = i `rate`, and its derivative by the rate.
-    fn poles(&self, rate_rad_s: f64) -> impl Iterator<Item = [Complex<f64>; 2]> + '_ {
-        self.modes.iter().map(move |&[omega, zeta]| {
+    /// Each mode's 1/(ω² + 2ζω s + s²) at s = i `rate`, and its derivative by the rate; zeros of the mode left out.
+    fn poles(&self, rate_rad_s: f64, without: Option<usize>) -> impl Iterator<Item = [Complex<f64>; 2]> + '_ {
+        self.modes.iter().enumerate().map(move |(mode, &[omega, zeta])| {
+            if without == Some(mode) {
+                return [Complex::new(0.0, 0.0); 2];
+            }
             let value = Complex::new(omega * omega - rate_rad_s * rate_rad_s, 2.0 * zeta * omega * rate_rad_s).inv();
             let slope = -value * value * Complex::new(-2.0 * rate_rad_s, 2.0 * zeta * omega);
             [value, slope]
         })
     }
 
-    /// H at a frequency, rad/s.
-    pub fn compliance(&self, rate_rad_s: f64, out: &mut Compliance) {
+    /// H at a frequency, rad/s, of all modes or all but one.
+    pub fn compliance(&self, rate_rad_s: f64, without: Option<usize>, out: &mut Compliance) {
         let (m, zero) = (self.places.len(), [Complex::new(0.0, 0.0); 2]);
         out.places.clear();
         out.places.resize(m * m, zero);
         out.drive.clear();
         out.drive.resize(m, zero);
-        for (mode, pole) in self.poles(rate_rad_s).enumerate() {
+        for (mode, pole) in self.poles(rate_rad_s, without).enumerate() {
             for i in 0..m {
                 let phi = self.places[i][mode];
                 for (d, pole) in pole.iter().enumerate() {
@@ -136,10 +150,18 @@ impl Condensed {
         }
     }
 
-    /// The harmonic of a displacement along `direction`: Σ φ/(…) (φ_d p − Σ φ_j Q_j), from the drive's p and Q.
-    pub fn harmonic(&self, rate_rad_s: f64, direction: &[f64], p: Complex<f64>, q: &[Complex<f64>]) -> Complex<f64> {
-        let mut sum = Complex::new(0.0, 0.0);
-        for (mode, [pole, _]) in self.poles(rate_rad_s).enumerate() {
+    /// The harmonic of a displacement along `direction`: Σ φ/(…) (φ_d p − Σ φ_j Q_j), from the drive's p and Q. A mode
+    /// that is kept adds its own.
+    pub fn harmonic(
+        &self,
+        rate_rad_s: f64,
+        direction: &[f64],
+        kept: Option<Kept>,
+        p: Complex<f64>,
+        q: &[Complex<f64>],
+    ) -> Complex<f64> {
+        let mut sum = Complex::new(kept.map_or(0.0, |kept| direction[kept.mode] * kept.cosine), 0.0);
+        for (mode, [pole, _]) in self.poles(rate_rad_s, kept.map(|kept| kept.mode)).enumerate() {
             let mut force = p * self.drive[mode];
             for (place, q) in self.places.iter().zip(q) {
                 force -= q * place[mode];

@@ -16,6 +16,7 @@ use crate::dense::Lu;
 const REACHES: [f64; 4] = [1e-6, 1e-5, 1e-4, 1e-3];
 
 /// A continuation, with what the ones before it have come to.
+#[derive(Clone)]
 pub(super) struct Walk {
     pub continuation: Continuation,
     point: Point,

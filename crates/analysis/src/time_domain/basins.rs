@@ -6,19 +6,20 @@ use core::f64::consts::TAU;
 use core::str::FromStr;
 
 use nalgebra::Vector4;
-use serde::{Deserialize, Serialize};
+use serde::Serialize;
 use thiserror::Error;
 
-use super::fixed_point::{FixedPoint, SAME_POINT};
+use super::fates::{Attractor, BasinOutcome, fates};
+use super::fixed_point::FixedPoint;
+use super::map::Strobe;
 use super::measure::measure;
-use super::settle::{CLOSURE, STRETCH};
 use super::{StroboscopicMap, TimeDomainError};
 use crate::orbit::{Branch, Orbit};
 use crate::{BranchOptions, Coordinate, EndedEarly, ForcedArm, forced_response, trace_doublings};
 use resonarm_dynamics::arm::{Arm, Sine, State};
 
 /// The branch is traced between these multiples of the frequency to find the motions at it.
-const WINDOW: [f64; 2] = [0.75, 4.0 / 3.0];
+pub(crate) const WINDOW: [f64; 2] = [0.75, 4.0 / 3.0];
 
 /// A coordinate of the arm's state.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize)]
@@ -113,12 +114,11 @@ pub struct StableMotion {
     pub amplitude_rad: [f64; 2],
     /// The states at phase 0 of the excitation.
     pub section: Vec<State>,
-    /// The points of the section as fixed points of the map's power.
-    points: Vec<FixedPoint>,
+    attractor: Attractor,
 }
 
 /// A grid of initial states reaches this many times as far as the largest stable motion.
-const REACH: f64 = 1.5;
+pub(crate) const REACH: f64 = 1.5;
 
 /// How far a grid of initial states goes in a coordinate to show what surrounds the motions under an excitation of this
 /// frequency.
@@ -126,23 +126,6 @@ pub fn reach(motions: &[StableMotion], coordinate: StateCoordinate, frequency_hz
     let (joint, rate) = coordinate.joint();
     let largest = motions.iter().fold(0.0_f64, |largest, motion| largest.max(motion.amplitude_rad[joint]));
     REACH * largest * if rate { TAU * frequency_hz } else { 1.0 }
-}
-
-/// The fate of an initial state.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
-#[serde(rename_all = "lowercase")]
-pub enum BasinOutcome {
-    /// It reaches a stable motion.
-    Reaches {
-        /// Its index.
-        motion: usize,
-        /// Periods of the excitation until this was certain.
-        periods: u64,
-    },
-    /// Within the wait it reaches none of the known stable motions.
-    Undecided,
-    /// It grows without bound.
-    Diverges,
 }
 
 /// The stable motions of an arm under a sine: those of the branch over the frequency, and of the doubled branches that
@@ -175,9 +158,8 @@ pub fn stable_motions(arm: &Arm, sine: &Sine) -> Result<(Vec<StableMotion>, Vec<
     }
     let mut motions: Vec<StableMotion> = Vec::new();
     for (start, period) in starts {
-        let Some(found) = FixedPoint::shoot(&map, &map.point(&start), period) else { continue };
-        let known = motions.iter().flat_map(|motion| &motion.points);
-        if known.into_iter().all(|other| other.distance(&found.point) > SAME_POINT) {
+        let Some(found) = FixedPoint::shoot(&map, &map.to_point(&start), period) else { continue };
+        if !motions.iter().any(|motion| motion.attractor.holds(&found.point)) {
             motions.push(StableMotion::new(&map, &found)?);
         }
     }
@@ -209,24 +191,15 @@ fn phase_zero(coefficients: &[f64], base_hz: f64) -> Vector4<f64> {
 
 impl StableMotion {
     fn new(map: &StroboscopicMap, found: &FixedPoint) -> Result<StableMotion, TimeDomainError> {
-        let measured = measure(map, &map.state(&found.point), found.period)?;
-        let later = measured.section[1..].iter();
-        let mut points: Vec<FixedPoint> = core::iter::once(*found).collect();
-        points.extend(later.filter_map(|state| FixedPoint::shoot(map, &map.point(state), found.period)));
+        let measured = measure(map, &map.to_state(&found.point), found.period)?;
+        let attractor = Attractor::new(map, found, &measured.section);
         Ok(StableMotion {
             period: found.period,
             largest_multiplier: found.largest_multiplier,
             amplitude_rad: measured.amplitude_rad,
             section: measured.section,
-            points,
+            attractor,
         })
-    }
-
-    /// Whether a motion that went from `before` to `after` in so many periods of the excitation ends here.
-    fn captures(&self, before: &Vector4<f64>, after: &Vector4<f64>, periods: u64) -> bool {
-        let returns = periods / u64::from(self.period);
-        let near = |point: &FixedPoint| point.distance(after) <= CLOSURE || point.captures(before, after, returns);
-        self.points.iter().any(near)
     }
 }
 
@@ -247,64 +220,6 @@ pub fn outcomes(
     time_constants: f64,
     stop: &dyn Fn() -> bool,
 ) -> Result<Vec<BasinOutcome>, TimeDomainError> {
-    if !(time_constants.is_finite() && time_constants > 0.0) {
-        return Err(TimeDomainError::Option { name: "time_constants", got: time_constants });
-    }
-    let longest = libm::ceil(time_constants * map.time_constant_periods()) as u64;
-    let unit = motions.iter().fold(1, |unit, motion| least_common_multiple(unit, u64::from(motion.period)));
-    let stretch = (libm::ceil(STRETCH * map.time_constant_periods()) as u64).max(1).div_ceil(unit) * unit;
-    let mut outcomes = alloc::vec![BasinOutcome::Undecided; starts.len()];
-    let mut left: Vec<usize> = (0..starts.len()).collect();
-    let mut states = starts.to_vec();
-    let mut periods = 0;
-    while periods < longest && !left.is_empty() {
-        let before: Vec<Vector4<f64>> = states.iter().map(|state| map.point(state)).collect();
-        advance(map, &mut states, stretch, stop)?;
-        periods += stretch;
-        for (slot, state) in states.iter().enumerate() {
-            let after = map.point(state);
-            outcomes[left[slot]] = if !state.is_finite() {
-                BasinOutcome::Diverges
-            } else if let Some(motion) =
-                motions.iter().position(|motion| motion.captures(&before[slot], &after, stretch))
-            {
-                BasinOutcome::Reaches { motion, periods }
-            } else {
-                BasinOutcome::Undecided
-            };
-        }
-        // The others continue together.
-        let is_undecided = |slot: &usize| outcomes[left[*slot]] == BasinOutcome::Undecided;
-        let slots: Vec<usize> = (0..left.len()).filter(is_undecided).collect();
-        (left, states) = slots.into_iter().map(|slot| (left[slot], states[slot])).unzip();
-    }
-    Ok(outcomes)
-}
-
-/// Integrates, checking regularly whether to stop.
-fn advance(
-    map: &StroboscopicMap,
-    states: &mut [State],
-    periods: u64,
-    stop: &dyn Fn() -> bool,
-) -> Result<(), TimeDomainError> {
-    const AT_ONCE: u64 = 64;
-    let mut left = periods;
-    while left > 0 {
-        if stop() {
-            return Err(TimeDomainError::Stopped);
-        }
-        let now = left.min(AT_ONCE);
-        map.advance_all(states, now as u32);
-        left -= now;
-    }
-    Ok(())
-}
-
-fn least_common_multiple(a: u64, b: u64) -> u64 {
-    let (mut divisor, mut rest) = (a, b);
-    while rest > 0 {
-        (divisor, rest) = (rest, divisor % rest);
-    }
-    a / divisor * b
+    let attractors: Vec<&Attractor> = motions.iter().map(|motion| &motion.attractor).collect();
+    fates(map, &attractors, starts, time_constants, stop)
 }

@@ -3,6 +3,7 @@
 use thiserror::Error;
 
 use resonarm_dynamics::integrate::IntegrateError;
+use resonarm_dynamics::structure::StepError;
 use resonarm_numeric::number::short;
 
 /// Why the forced arm can't be followed through time.
@@ -48,12 +49,10 @@ pub enum TimeDomainError {
         /// Most points of a sweep.
         most: u32,
     },
-    /// Vibration of the arm never dies out.
-    #[error(
-        "mode {mode} has the damping ratio {damping_ratio:e}: without damping no motion settles; give the joints damping"
-    )]
+    /// Vibration never dies out.
+    #[error("mode {mode} has the damping ratio {damping_ratio:e}: without damping no motion settles; give it damping")]
     Undamped {
-        /// 1 or 2.
+        /// Its number, from 1.
         mode: usize,
         /// ζ.
         damping_ratio: f64,
@@ -74,6 +73,14 @@ pub enum TimeDomainError {
         /// Why.
         source: IntegrateError,
     },
+    /// A step of a structure can't be made.
+    #[error("excited at {frequency_hz} Hz: {}", reason_of_structure(source), frequency_hz = short(.frequency_hz))]
+    Step {
+        /// Frequency of the excitation, Hz.
+        frequency_hz: f64,
+        /// Why.
+        source: StepError,
+    },
     /// A stop was requested.
     #[error("stopped before the motion had settled")]
     Stopped,
@@ -85,6 +92,15 @@ fn reason(source: &IntegrateError) -> alloc::string::String {
         IntegrateError::NotFinite { t_s } => {
             alloc::format!("the motion grows beyond all bounds, {t_s:.2e} s after phase 0; try less excitation")
         }
+        other => alloc::format!("{other}"),
+    }
+}
+
+/// The same of a structure.
+fn reason_of_structure(error: &StepError) -> alloc::string::String {
+    match error {
+        StepError::NotFinite { t_s } => reason(&IntegrateError::NotFinite { t_s: *t_s }),
+        StepError::Integrate(source) => reason(source),
         other => alloc::format!("{other}"),
     }
 }

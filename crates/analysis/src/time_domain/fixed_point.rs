@@ -1,8 +1,8 @@
 //! Fixed points of the stroboscopic map's powers, and how motions near them die out.
 
-use nalgebra::{Matrix4, Vector4};
+use nalgebra::{DMatrix, DVector};
 
-use super::StroboscopicMap;
+use super::map::Strobe;
 use resonarm_numeric::linear_solve::solve;
 
 /// Newton's limit: where it converges it needs three to six iterations.
@@ -13,51 +13,51 @@ const CORRECTION_LIMIT: f64 = 1e-8;
 /// Newton's method is given up at a correction of more than this many times the motion.
 const CORRECTION_BOUND: f64 = 10.0;
 /// Two points this near each other, relative to the motion, are one.
-pub(super) const SAME_POINT: f64 = 1e-7;
+pub(crate) const SAME_POINT: f64 = 1e-7;
 /// A multiplier nearer to 1 is indistinguishable from 1: the derivative's own error is near 1e-10.
 const SMALLEST_DECAY: f64 = 1e-9;
 /// Squarings: 2⁴⁰ periods.
 const SQUARINGS: i32 = 40;
 
 /// A stable fixed point of the map's power: a motion that repeats, to which its neighbours converge.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub(super) struct FixedPoint {
+#[derive(Clone, Debug, PartialEq)]
+pub(crate) struct FixedPoint {
     /// n: periods after which the motion repeats, the fewest.
     pub period: u32,
-    pub point: Vector4<f64>,
+    pub point: DVector<f64>,
     /// Derivative of n periods at the point: the monodromy matrix M.
-    derivative: Matrix4<f64>,
+    derivative: DMatrix<f64>,
     /// max |μ| of M's eigenvalues: the slowest transient falls by this factor in n periods.
     pub largest_multiplier: f64,
     /// Q = Σ (Mᵀ)ʲ Mʲ over j ≥ 0.
-    norm: Matrix4<f64>,
+    norm: DMatrix<f64>,
 }
 
-/// The size of a motion, the reference of relative distances, rad; the floor is for an arm at rest.
-pub(super) fn size_rad(point: &Vector4<f64>) -> f64 {
+/// The size of a motion, the reference of relative distances; the floor is for a system at rest.
+pub(super) fn size(point: &DVector<f64>) -> f64 {
     point.norm().max(1e-12)
 }
 
 impl FixedPoint {
     /// The fixed point that Newton's method reaches from `start`, x⁺ = x + (I − M)⁻¹ (Pⁿ(x) − x): `None` if it reaches
     /// none, or one that isn't stable.
-    pub fn shoot(map: &StroboscopicMap, start: &Vector4<f64>, period: u32) -> Option<FixedPoint> {
-        let mut point = *start;
+    pub fn shoot<M: Strobe>(map: &M, start: &DVector<f64>, period: u32) -> Option<FixedPoint> {
+        let (mut point, n) = (start.clone(), start.len());
         for _ in 0..MAX_ITERATIONS {
-            let derivative = map.derivative(&point, period, size_rad(&point))?;
-            let defect = map.image(&point, period).ok()? - point;
+            let derivative = map.derivative(&point, period)?;
+            let defect = map.image(&point, period).ok()? - &point;
             // Columns of the transpose are rows.
-            let (mut rows, mut correction) = ((Matrix4::identity() - derivative).transpose(), defect);
+            let (mut rows, mut correction) = ((DMatrix::identity(n, n) - &derivative).transpose(), defect);
             solve(rows.as_mut_slice(), correction.as_mut_slice().as_chunks_mut::<1>().0)?;
-            point += correction;
-            let (change, size) = (correction.norm(), size_rad(&point));
-            if change <= CORRECTION_LIMIT * size {
+            point += &correction;
+            let change = correction.norm();
+            if change <= CORRECTION_LIMIT * size(&point) {
                 return match shorter_period(map, &point, period) {
                     Some(fewer) => FixedPoint::shoot(map, &point, fewer),
                     None => FixedPoint::stable(point, period, derivative),
                 };
             }
-            if change.is_nan() || change > CORRECTION_BOUND * size_rad(start) {
+            if change.is_nan() || change > CORRECTION_BOUND * size(start) {
                 return None;
             }
         }
@@ -70,8 +70,8 @@ impl FixedPoint {
     /// "Normierte Ringe", 1941). Q solves MᵀQM − Q + I = 0 (A. M. Lyapunov, "The General Problem of the Stability of
     /// Motion", 1892); with A = M^(2ᵏ) the sum of 2ᵏ terms doubles by Q + AᵀQA (R. A. Smith, "Matrix Equation XA + BX =
     /// C", SIAM J. Appl. Math. 16 (1968)).
-    fn stable(point: Vector4<f64>, period: u32, derivative: Matrix4<f64>) -> Option<FixedPoint> {
-        let mut power = derivative;
+    fn stable(point: DVector<f64>, period: u32, derivative: DMatrix<f64>) -> Option<FixedPoint> {
+        let (mut power, n) = (derivative.clone(), derivative.nrows());
         let mut log_norm = 0.0;
         for k in 0..SQUARINGS {
             let norm = power.norm();
@@ -84,23 +84,23 @@ impl FixedPoint {
             }
             log_norm += libm::log(norm) * libm::exp2(-f64::from(k));
             power /= norm;
-            power *= power;
+            power = &power * &power;
         }
         let largest_multiplier = libm::exp(log_norm);
         if largest_multiplier.is_nan() || largest_multiplier >= 1.0 - SMALLEST_DECAY {
             return None;
         }
-        let (mut norm, mut power) = (Matrix4::identity(), derivative);
+        let (mut norm, mut power) = (DMatrix::identity(n, n), derivative.clone());
         for _ in 0..SQUARINGS {
-            norm += power.tr_mul(&(norm * power));
-            power *= power;
+            norm += power.tr_mul(&(&norm * &power));
+            power = &power * &power;
         }
         Some(FixedPoint { period, point, derivative, largest_multiplier, norm })
     }
 
     /// ‖e‖ = √(eᵀQe): in this norm every small deviation falls from one return to the next, ‖Me‖² = ‖e‖² − |e|².
-    fn deviation(&self, e: &Vector4<f64>) -> f64 {
-        libm::sqrt(e.dot(&(self.norm * e)))
+    fn deviation(&self, e: &DVector<f64>) -> f64 {
+        libm::sqrt(e.dot(&(&self.norm * e)))
     }
 
     /// Whether a motion that went from `before` to `after` in `returns` returns can only end here.
@@ -108,35 +108,36 @@ impl FixedPoint {
     /// The deviation e follows e⁺ = Mᵏe + r(e), with a remainder r that falls as the square of e or faster. The linear
     /// part takes at least (1 − ρᵏ)‖e‖, ρ = max |μ|, off the deviation; as long as the remainder seen is at most a
     /// quarter of that, the deviation falls, the remainder falls faster, and so on down to the fixed point.
-    pub fn captures(&self, before: &Vector4<f64>, after: &Vector4<f64>, returns: u64) -> bool {
-        let (e, e_after) = (before - self.point, after - self.point);
+    pub fn captures(&self, before: &DVector<f64>, after: &DVector<f64>, returns: u64) -> bool {
+        let (e, e_after) = (before - &self.point, after - &self.point);
         let size = self.deviation(&e);
-        let remainder = self.deviation(&(e_after - power(&self.derivative, returns) * e));
+        let remainder = self.deviation(&(e_after - power(&self.derivative, returns) * &e));
         let decay = 1.0 - libm::pow(self.largest_multiplier, returns as f64);
         remainder <= 0.25 * decay * size
     }
 
     /// Distance to the point over the motion's size.
-    pub fn distance(&self, point: &Vector4<f64>) -> f64 {
-        (point - self.point).norm() / size_rad(&self.point)
+    pub fn distance(&self, point: &DVector<f64>) -> f64 {
+        (point - &self.point).norm() / size(&self.point)
     }
 }
 
 /// A divisor of `period` after which the motion already repeats.
-fn shorter_period(map: &StroboscopicMap, point: &Vector4<f64>, period: u32) -> Option<u32> {
-    (1..period).filter(|fewer| period.is_multiple_of(*fewer)).find(|fewer| {
-        map.image(point, *fewer).is_ok_and(|image| (image - point).norm() <= SAME_POINT * size_rad(point))
-    })
+fn shorter_period<M: Strobe>(map: &M, point: &DVector<f64>, period: u32) -> Option<u32> {
+    (1..period)
+        .filter(|fewer| period.is_multiple_of(*fewer))
+        .find(|fewer| map.image(point, *fewer).is_ok_and(|image| (image - point).norm() <= SAME_POINT * size(point)))
 }
 
 /// Mᵏ by squaring.
-fn power(matrix: &Matrix4<f64>, exponent: u64) -> Matrix4<f64> {
-    let (mut result, mut square, mut left) = (Matrix4::identity(), *matrix, exponent);
+fn power(matrix: &DMatrix<f64>, exponent: u64) -> DMatrix<f64> {
+    let n = matrix.nrows();
+    let (mut result, mut square, mut left) = (DMatrix::identity(n, n), matrix.clone(), exponent);
     while left > 0 {
         if left & 1 == 1 {
-            result *= square;
+            result = &result * &square;
         }
-        square *= square;
+        square = &square * &square;
         left >>= 1;
     }
     result

@@ -2,15 +2,14 @@
 
 use alloc::vec::Vec;
 
-/// A value and the largest |α1| and |α2| there.
-type Motion = (f64, [f64; 2]);
-
 /// The intervals in which the motions at the same values differ, each from its first value to its last. A motion is
-/// given as its value and the largest |α1| and |α2|; both sweeps go up. Amplitudes that differ by more than the part
-/// `different` belong to different motions.
-pub fn hysteresis(up: &[(f64, [f64; 2])], down: &[(f64, [f64; 2])], different: f64) -> Vec<[f64; 2]> {
-    let differ =
-        |&(a, b): &(&Motion, &Motion)| (0..2).any(|joint| libm::fabs(a.1[joint] - b.1[joint]) > different * b.1[joint]);
+/// given as its value and its amplitudes, of the arm the largest |α1| and |α2|; both sweeps go up. Amplitudes that
+/// differ by more than the part `different` belong to different motions.
+pub fn hysteresis<A: AsRef<[f64]>>(up: &[(f64, A)], down: &[(f64, A)], different: f64) -> Vec<[f64; 2]> {
+    let differ = |&(a, b): &(&(f64, A), &(f64, A))| {
+        let mut pairs = a.1.as_ref().iter().zip(b.1.as_ref());
+        pairs.any(|(a, b)| libm::fabs(a - b) > different * b)
+    };
     let pairs: Vec<_> = up.iter().zip(down).collect();
     let stretches = pairs.chunk_by(|a, b| differ(a) == differ(b)).filter(|stretch| differ(&stretch[0]));
     stretches.map(|stretch| [stretch[0].0.0, stretch[stretch.len() - 1].0.0]).collect()

@@ -3,9 +3,10 @@
 use alloc::vec;
 use alloc::vec::Vec;
 
-use nalgebra::Vector4;
+use nalgebra::DVector;
 
-use super::fixed_point::{FixedPoint, size_rad};
+use super::fixed_point::{FixedPoint, size};
+use super::map::Strobe;
 use super::measure::measure;
 use super::{StroboscopicMap, TimeDomainError};
 use resonarm_dynamics::arm::State;
@@ -16,10 +17,12 @@ const LONGEST_PERIOD: u32 = 8;
 pub(super) const STRETCH: f64 = 0.25;
 /// A motion that returns this near, relative to its size, has settled.
 pub(super) const CLOSURE: f64 = 1e-9;
+/// A motion of several periods is at least this many times as far from returning after one.
+const FAR: f64 = 1e3;
 /// The return after n periods must be this much nearer than the one after 1 to look for a motion of n periods.
 const NEARER: f64 = 0.5;
 /// Periods over which an unsettled motion is measured.
-pub(super) const UNSETTLED_PERIODS: u32 = 64;
+pub(crate) const UNSETTLED_PERIODS: u32 = 64;
 
 /// How long to wait, and what to keep.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -82,13 +85,53 @@ pub fn settle(
     options: &SettleOptions,
     stop: &dyn Fn() -> bool,
 ) -> Result<Settled, TimeDomainError> {
+    let followed = follow(map, start, options, stop)?;
+    let measured = measure(map, &followed.start, followed.period.unwrap_or(UNSETTLED_PERIODS))?;
+    Ok(Settled {
+        period: followed.period,
+        largest_multiplier: followed.largest_multiplier,
+        settling_periods: followed.settling_periods,
+        drift: followed.drift,
+        amplitude_rad: measured.amplitude_rad,
+        harmonic1_rad: measured.harmonic1_rad,
+        section: if followed.period.is_some() { measured.section } else { followed.section },
+        end: followed.end,
+    })
+}
+
+/// The end of a transient, without measurements.
+#[derive(Clone, Debug)]
+pub(crate) struct Followed<S> {
+    /// As [`Settled::period`].
+    pub period: Option<u32>,
+    /// As [`Settled::largest_multiplier`].
+    pub largest_multiplier: Option<f64>,
+    /// As [`Settled::settling_periods`].
+    pub settling_periods: u64,
+    /// As [`Settled::drift`].
+    pub drift: f64,
+    /// The state from which the motion is measured.
+    pub start: S,
+    /// Of a motion that doesn't settle, its section.
+    pub section: Vec<S>,
+    /// As [`Settled::end`].
+    pub end: S,
+}
+
+/// Follows any forced system; see [`settle()`].
+pub(crate) fn follow<M: Strobe>(
+    map: &M,
+    start: &M::State,
+    options: &SettleOptions,
+    stop: &dyn Fn() -> bool,
+) -> Result<Followed<M::State>, TimeDomainError> {
     let wait = options.time_constants;
     if !(wait.is_finite() && wait > 0.0) {
         return Err(TimeDomainError::Option { name: "time_constants", got: wait });
     }
     let longest = libm::ceil(wait * map.time_constant_periods()) as u64;
     let stretch = (libm::ceil(STRETCH * map.time_constant_periods()) as u64).max(u64::from(LONGEST_PERIOD));
-    let mut follower = Follower { map, trail: vec![map.point(start)], state: *start, periods: 0, stop };
+    let mut follower = Follower { map, trail: vec![map.to_point(start)], state: start.clone(), periods: 0, stop };
     while follower.periods < longest {
         let before = follower.point();
         let candidates = follower.candidates();
@@ -105,24 +148,26 @@ pub fn settle(
             if let Some(settled) = follower.confirm(found, stretch, settling_periods)? {
                 return Ok(settled);
             }
+        } else if let Some(settled) = follower.returned(&before, waited) {
+            return Ok(settled);
         }
     }
     follower.unsettled(options.section_points)
 }
 
 /// A motion being followed.
-struct Follower<'a> {
-    map: &'a StroboscopicMap<'a>,
+struct Follower<'a, M: Strobe> {
+    map: &'a M,
     /// The last points of the section, the present one last.
-    trail: Vec<Vector4<f64>>,
-    state: State,
+    trail: Vec<DVector<f64>>,
+    state: M::State,
     periods: u64,
     stop: &'a dyn Fn() -> bool,
 }
 
-impl Follower<'_> {
-    fn point(&self) -> Vector4<f64> {
-        self.map.point(&self.state)
+impl<M: Strobe> Follower<'_, M> {
+    fn point(&self) -> DVector<f64> {
+        self.map.to_point(&self.state)
     }
 
     /// Plain integration.
@@ -131,7 +176,7 @@ impl Follower<'_> {
             if period % 64 == 0 && (self.stop)() {
                 return Err(TimeDomainError::Stopped);
             }
-            self.state = self.map.advance(&self.state)?;
+            self.state = self.map.next(&self.state)?;
             if self.trail.len() > LONGEST_PERIOD as usize {
                 self.trail.remove(0);
             }
@@ -144,7 +189,7 @@ impl Follower<'_> {
     /// How far the present point is from that of n periods ago, for n from 1.
     fn returns(&self) -> impl Iterator<Item = (u32, f64)> + '_ {
         let present = self.point();
-        (1..).zip(self.trail.iter().rev().skip(1)).map(move |(periods, past)| (periods, (present - past).norm()))
+        (1..).zip(self.trail.iter().rev().skip(1)).map(move |(periods, past)| (periods, (&present - past).norm()))
     }
 
     /// The periodic motions near the present one: of one period, and of the number of periods after which it returns
@@ -164,49 +209,55 @@ impl Follower<'_> {
         found: &FixedPoint,
         stretch: u64,
         settling_periods: u64,
-    ) -> Result<Option<Settled>, TimeDomainError> {
-        let start = self.map.state(&found.point);
-        self.state = start;
+    ) -> Result<Option<Followed<M::State>>, TimeDomainError> {
+        let start = self.map.to_state(&found.point);
+        self.state = start.clone();
         let unit = u64::from(found.period);
         self.advance(stretch.div_ceil(unit) * unit)?;
         let drift = found.distance(&self.point());
-        if drift > CLOSURE {
-            return Ok(None);
-        }
-        let measured = measure(self.map, &start, found.period)?;
-        Ok(Some(Settled {
+        Ok((drift <= CLOSURE).then(|| Followed {
             period: Some(found.period),
             largest_multiplier: Some(found.largest_multiplier),
             settling_periods,
             drift,
-            amplitude_rad: measured.amplitude_rad,
-            harmonic1_rad: measured.harmonic1_rad,
-            section: measured.section,
+            start: start.clone(),
+            section: vec![],
             end: start,
         }))
     }
 
+    /// The present motion, if it may keep a constant and has come back to where it was a stretch before; of more than
+    /// one period only if it is far from returning after one.
+    fn returned(&self, before: &DVector<f64>, waited: u64) -> Option<Followed<M::State>> {
+        let (present, near) = (self.point(), CLOSURE * size(before));
+        let distance = (&present - before).norm();
+        if !self.map.keeps_constants() || distance > near {
+            return None;
+        }
+        let single = self.returns().next().map_or(f64::INFINITY, |(_, distance)| distance);
+        let (period, _) = self.returns().find(|(_, distance)| *distance <= near)?;
+        (period == 1 || single > FAR * near).then(|| Followed {
+            period: Some(period),
+            largest_multiplier: None,
+            settling_periods: waited,
+            drift: distance / size(before),
+            start: self.state.clone(),
+            section: vec![],
+            end: self.state.clone(),
+        })
+    }
+
     /// The result for a motion that doesn't settle.
-    fn unsettled(mut self, section_points: usize) -> Result<Settled, TimeDomainError> {
+    fn unsettled(mut self, section_points: usize) -> Result<Followed<M::State>, TimeDomainError> {
         let settling_periods = self.periods;
         let nearest = self.returns().map(|(_, distance)| distance).fold(f64::INFINITY, f64::min);
-        let drift = nearest / size_rad(&self.point());
-        let measured = measure(self.map, &self.state, UNSETTLED_PERIODS)?;
+        let (drift, start) = (nearest / size(&self.point()), self.state.clone());
         let mut section = Vec::with_capacity(section_points);
         for _ in 0..section_points {
-            section.push(self.state);
+            section.push(self.state.clone());
             self.advance(1)?;
         }
-        let (amplitude_rad, harmonic1_rad) = (measured.amplitude_rad, measured.harmonic1_rad);
-        Ok(Settled {
-            period: None,
-            largest_multiplier: None,
-            settling_periods,
-            drift,
-            amplitude_rad,
-            harmonic1_rad,
-            section,
-            end: self.state,
-        })
+        let (period, largest_multiplier) = (None, None);
+        Ok(Followed { period, largest_multiplier, settling_periods, drift, start, section, end: self.state })
     }
 }

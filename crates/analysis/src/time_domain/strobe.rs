@@ -3,9 +3,10 @@
 use alloc::vec::Vec;
 use core::f64::consts::TAU;
 
-use nalgebra::{Matrix4, Vector4};
+use nalgebra::DVector;
 
 use super::TimeDomainError;
+use super::map::Strobe;
 use crate::modes;
 use resonarm_dynamics::arm::{Arm, Sine, State};
 use resonarm_dynamics::ensemble;
@@ -20,12 +21,40 @@ const AMPLITUDE_TOLERANCE: f64 = 1e-8;
 /// Fewest steps in a period of the excitation, so that its harmonics are followed too.
 const FEWEST_STEPS: f64 = 40.0;
 /// Most steps in a period of the excitation.
-const MOST_STEPS: u32 = 1_000_000;
+pub(crate) const MOST_STEPS: u32 = 1_000_000;
 /// Most steps whose loads are kept at once for [`StroboscopicMap::advance_all`].
 const LONGEST_STRETCH: u32 = 4096;
-/// Difference for the map's derivative, relative to the motion's size: the error of central differences, its square
-/// times a sixth of the third derivative, and the rounding, 1e-16 over it, are then both near 1e-11.
-const DIFFERENCE: f64 = 3e-5;
+
+/// N for modes of these frequencies, Hz, and damping ratios, and the time in which the slowest of their transients falls
+/// by e, in periods of the excitation.
+///
+/// # Errors
+/// [`TimeDomainError::Frequency`], [`TimeDomainError::FrequencyTooLow`], [`TimeDomainError::Undamped`].
+pub(crate) fn steps_in_period(
+    modes: impl Iterator<Item = (f64, f64)>,
+    frequency_hz: f64,
+) -> Result<(u32, f64), TimeDomainError> {
+    if !(frequency_hz.is_finite() && frequency_hz > 0.0) {
+        return Err(TimeDomainError::Frequency { got_hz: frequency_hz });
+    }
+    let mut needed: f64 = FEWEST_STEPS;
+    let mut slowest_decay = f64::INFINITY;
+    for (index, (mode_hz, damping_ratio)) in modes.enumerate() {
+        if damping_ratio <= 0.0 {
+            // −0 is 0, too.
+            return Err(TimeDomainError::Undamped { mode: index + 1, damping_ratio: damping_ratio + 0.0 });
+        }
+        let phase_rad = libm::pow(AMPLITUDE_TOLERANCE * damping_ratio / FREQUENCY_ERROR, 0.125).min(1.0);
+        needed = needed.max(TAU * mode_hz / (phase_rad * frequency_hz));
+        slowest_decay = slowest_decay.min(damping_ratio * TAU * mode_hz);
+    }
+    let steps = libm::ceil(needed);
+    if steps > f64::from(MOST_STEPS) {
+        let lowest_hz = needed * frequency_hz / f64::from(MOST_STEPS);
+        return Err(TimeDomainError::FrequencyTooLow { got_hz: frequency_hz, steps, most: MOST_STEPS, lowest_hz });
+    }
+    Ok((steps as u32, frequency_hz / slowest_decay))
+}
 
 /// The map of one arm under one excitation.
 ///
@@ -52,33 +81,15 @@ impl<'a> StroboscopicMap<'a> {
     /// [`TimeDomainError::Undamped`] if the arm's transients never end.
     pub fn new(arm: &'a Arm, sine: Sine) -> Result<StroboscopicMap<'a>, TimeDomainError> {
         let frequency_hz = sine.frequency_hz;
-        if !(frequency_hz.is_finite() && frequency_hz > 0.0) {
-            return Err(TimeDomainError::Frequency { got_hz: frequency_hz });
-        }
+        let damped = modes(arm).map(|mode| (mode.frequency_hz, mode.damping_ratio));
+        let (steps, time_constant_periods) = steps_in_period(damped.into_iter(), frequency_hz)?;
         let peak = &sine.amplitude;
         if !peak.torque_nm.iter().chain(&peak.force_n).all(|value| value.is_finite()) {
             return Err(TimeDomainError::Load);
         }
-        let mut needed: f64 = FEWEST_STEPS;
-        let mut slowest_decay = f64::INFINITY;
-        for (index, mode) in modes(arm).iter().enumerate() {
-            let damping_ratio = mode.damping_ratio;
-            if damping_ratio <= 0.0 {
-                return Err(TimeDomainError::Undamped { mode: index + 1, damping_ratio });
-            }
-            let phase_rad = libm::pow(AMPLITUDE_TOLERANCE * damping_ratio / FREQUENCY_ERROR, 0.125).min(1.0);
-            needed = needed.max(TAU * mode.frequency_hz / (phase_rad * frequency_hz));
-            slowest_decay = slowest_decay.min(damping_ratio * TAU * mode.frequency_hz);
-        }
-        let steps = libm::ceil(needed);
-        if steps > f64::from(MOST_STEPS) {
-            let lowest_hz = needed * frequency_hz / f64::from(MOST_STEPS);
-            return Err(TimeDomainError::FrequencyTooLow { got_hz: frequency_hz, steps, most: MOST_STEPS, lowest_hz });
-        }
-        let integrator = Integrator::new(SCHEME, steps * frequency_hz, arm)
+        let integrator = Integrator::new(SCHEME, f64::from(steps) * frequency_hz, arm)
             .map_err(|source| TimeDomainError::Integrate { frequency_hz, source })?;
-        let time_constant_periods = frequency_hz / slowest_decay;
-        Ok(StroboscopicMap { arm, sine, integrator, steps: steps as u32, time_constant_periods })
+        Ok(StroboscopicMap { arm, sine, integrator, steps, time_constant_periods })
     }
 
     /// The arm.
@@ -168,49 +179,40 @@ impl<'a> StroboscopicMap<'a> {
     fn failed(&self, source: IntegrateError) -> TimeDomainError {
         TimeDomainError::Integrate { frequency_hz: self.sine.frequency_hz, source }
     }
+}
 
-    /// The state as a point of the section, (α1, α2, α̇1/Ω, α̇2/Ω), rad, Ω = 2πf: all four of the size of the
-    /// vibration.
-    pub(super) fn point(&self, state: &State) -> Vector4<f64> {
+impl Strobe for StroboscopicMap<'_> {
+    type State = State;
+
+    fn time_constant_periods(&self) -> f64 {
+        self.time_constant_periods
+    }
+
+    fn keeps_constants(&self) -> bool {
+        false
+    }
+
+    fn next(&self, state: &State) -> Result<State, TimeDomainError> {
+        self.advance(state)
+    }
+
+    fn advance_together(&self, states: &mut [State], periods: u32) -> Result<(), TimeDomainError> {
+        self.advance_all(states, periods);
+        Ok(())
+    }
+
+    fn is_finite(state: &State) -> bool {
+        state.is_finite()
+    }
+
+    fn to_point(&self, state: &State) -> DVector<f64> {
         let scale = 1.0 / (TAU * self.sine.frequency_hz);
         let (x, v) = (&state.alpha_rad, state.alpha_dot_rad_s * scale);
-        Vector4::new(x.x, x.y, v.x, v.y)
+        DVector::from_row_slice(&[x.x, x.y, v.x, v.y])
     }
 
-    /// The state at a point of the section.
-    pub(super) fn state(&self, point: &Vector4<f64>) -> State {
+    fn to_state(&self, point: &DVector<f64>) -> State {
         let omega = TAU * self.sine.frequency_hz;
-        State::new([point.x, point.y], [omega * point.z, omega * point.w])
-    }
-
-    /// The point `periods` periods on.
-    pub(super) fn image(&self, point: &Vector4<f64>, periods: u32) -> Result<Vector4<f64>, TimeDomainError> {
-        let mut state = self.state(point);
-        for _ in 0..periods {
-            state = self.advance(&state)?;
-        }
-        Ok(self.point(&state))
-    }
-
-    /// The derivative of [`StroboscopicMap::image`] by the point, by central differences for a motion of this size;
-    /// `None` if a motion beside it grows without bound.
-    pub(super) fn derivative(&self, point: &Vector4<f64>, periods: u32, size_rad: f64) -> Option<Matrix4<f64>> {
-        let difference = DIFFERENCE * size_rad;
-        // Ahead and behind of each coordinate in turn.
-        let points: [Vector4<f64>; 8] = core::array::from_fn(|k| {
-            let mut moved = *point;
-            moved[k / 2] += if k % 2 == 0 { difference } else { -difference };
-            moved
-        });
-        let mut states = points.map(|point| self.state(&point));
-        self.advance_all(&mut states, periods);
-        let mut matrix = Matrix4::zeros();
-        for (column, (ends, images)) in points.chunks_exact(2).zip(states.chunks_exact(2)).enumerate() {
-            // The difference actually added, after rounding.
-            let width = ends[0][column] - ends[1][column];
-            let change = self.point(&images[0]) - self.point(&images[1]);
-            matrix.set_column(column, &(change / width));
-        }
-        matrix.iter().all(|value| value.is_finite()).then_some(matrix)
+        State::new([point[0], point[1]], [omega * point[2], omega * point[3]])
     }
 }

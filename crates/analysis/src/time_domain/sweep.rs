@@ -14,7 +14,7 @@ use resonarm_dynamics::arm::{Arm, Load, Sine};
 /// Most points of a sweep.
 const MOST_POINTS: u32 = 1_000_000;
 /// Evenly spaced frequencies of a sweep whose number is not given.
-const STEPS: u32 = 101;
+pub(crate) const STEPS: u32 = 101;
 
 /// The parameter that is stepped.
 #[derive(Clone, Copy, Debug, PartialEq)]

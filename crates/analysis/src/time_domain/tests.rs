@@ -156,7 +156,7 @@ fn ends_where_plain_integration_ends() {
         let map = map(frequency_hz);
         let settled = settled_from(&map, &start);
         let truth = plain(&map, &start, 25.0);
-        let error = (map.point(&settled.end) - map.point(&truth)).norm() / map.point(&truth).norm();
+        let error = (map.to_point(&settled.end) - map.to_point(&truth)).norm() / map.to_point(&truth).norm();
         assert!(error < 1e-8, "{frequency_hz} Hz: {error} {settled:?}");
         assert!((settled.settling_periods as f64) < 8.0 * map.time_constant_periods(), "{settled:?}");
     }
@@ -184,8 +184,8 @@ fn settled_motion_closes_by_another_scheme() {
             largest = [0, 1].map(|i| largest[i].max(state.alpha_rad[i].abs()));
             integrator.step(&arm, f64::from(k) / rate_hz, &state, &sine).unwrap()
         });
-        let size = map.point(&end).norm();
-        let error = (map.point(&end) - map.point(&settled.end)).norm() / size;
+        let size = map.to_point(&end).norm();
+        let error = (map.to_point(&end) - map.to_point(&settled.end)).norm() / size;
         assert!(error < 1e-8 / map.time_constant_periods(), "{beta2_deg}°: {error}");
         for (amplitude, largest) in settled.amplitude_rad.iter().zip(&largest) {
             // Between samples of 1/1000 of a period the peak is missed by at most (nπ/1000)²/2 of harmonic n.
@@ -234,9 +234,9 @@ fn finds_the_quasi_periodic_motion_between_the_neimark_sacker_points() {
     // A closed curve around the motion that has lost its stability: it keeps away from it, and each point has
     // neighbours.
     let map = StroboscopicMap::new(&arm, Sine { amplitude, frequency_hz: upper.orbit.frequency_hz }).unwrap();
-    let centre = map.point(&above.end);
-    let section: Vec<_> = between.section.iter().map(|state| map.point(state)).collect();
-    let distances = section.iter().map(|point| (point - centre).norm());
+    let centre = map.to_point(&above.end);
+    let section: Vec<_> = between.section.iter().map(|state| map.to_point(state)).collect();
+    let distances = section.iter().map(|point| (point - &centre).norm());
     let (near, far) = distances.fold((f64::INFINITY, 0.0_f64), |(near, far), d| (near.min(d), far.max(d)));
     assert!(near > 0.1 * far, "{near} {far}");
     for point in &section {
@@ -340,7 +340,7 @@ fn says_what_can_not_be_swept() {
     let parameters = Parameters { damping1_nm_s_rad: 0.0, damping2_nm_s_rad: 0.0, ..preset };
     let undamped = Arm::new(parameters, Pose::default()).unwrap();
     let sine = Sine { amplitude: Load::torque_nm(1.0, 0.0), frequency_hz: 20.0 };
-    insta::assert_snapshot!(StroboscopicMap::new(&undamped, sine).unwrap_err(), @"mode 1 has the damping ratio 0e0: without damping no motion settles; give the joints damping");
+    insta::assert_snapshot!(StroboscopicMap::new(&undamped, sine).unwrap_err(), @"mode 1 has the damping ratio 0e0: without damping no motion settles; give it damping");
     let map = StroboscopicMap::new(&arm, sine).unwrap();
     let options = SettleOptions { time_constants: 0.0, ..SettleOptions::default() };
     insta::assert_snapshot!(settle(&map, &State::default(), &options, &|| false).unwrap_err(), @"time_constants is 0: it must be a positive number");

@@ -1,5 +1,6 @@
 //! Basins of attraction over a grid of initial states.
 
+use std::ops::Range;
 use std::path::Path;
 use std::sync::atomic::{AtomicBool, AtomicU64, Ordering};
 use std::sync::{Mutex, PoisonError};
@@ -16,20 +17,20 @@ use resonarm_dynamics::arm::{Arm, Sine, State};
 /// States that are computed side by side, and kept together in the journal.
 const TOGETHER: usize = 64;
 
-/// A grid of initial states in two coordinates.
+/// A grid of initial states in two coordinates: of the arm, or, by their numbers from 0, of a list of numbers.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub struct StateGrid {
+pub struct StateGrid<C = StateCoordinate, S = State> {
     /// The coordinates that vary: along a row, and from row to row.
-    pub coordinates: [StateCoordinate; 2],
+    pub coordinates: [C; 2],
     /// First value and last of each.
     pub ends: [[f64; 2]; 2],
     /// How many values of each, from 2.
     pub counts: [usize; 2],
     /// The state whose other coordinates all have.
-    pub others: State,
+    pub others: S,
 }
 
-impl StateGrid {
+impl<C, S> StateGrid<C, S> {
     /// How many states there are.
     pub fn len(&self) -> usize {
         self.counts[0] * self.counts[1]
@@ -48,12 +49,25 @@ impl StateGrid {
             (from * (last - places[axis] as f64) + to * places[axis] as f64) / last
         })
     }
+}
 
+impl StateGrid {
     /// The state at a place in the grid.
     pub fn state(&self, index: usize) -> State {
         let mut state = self.others;
         for (coordinate, value) in self.coordinates.iter().zip(self.values(index)) {
             coordinate.set(&mut state, value);
+        }
+        state
+    }
+}
+
+impl StateGrid<usize, Vec<f64>> {
+    /// The state at a place in the grid.
+    pub fn state(&self, index: usize) -> Vec<f64> {
+        let mut state = self.others.clone();
+        for (coordinate, value) in self.coordinates.iter().zip(self.values(index)) {
+            state[*coordinate] = value;
         }
         state
     }
@@ -82,28 +96,36 @@ struct GridPart {
     outcomes: Vec<BasinOutcome>,
 }
 
-/// Basins as far as they are computed, and where they are kept.
-#[derive(Debug)]
-pub struct BasinComputation {
-    basins: Basins,
-    parts: Vec<Option<Vec<BasinOutcome>>>,
-    journal: Option<Journal>,
-}
+/// What becomes of the states of a grid.
+pub trait BasinStudy: Sync + Sized {
+    /// How many states there are.
+    fn states(&self) -> usize;
 
-impl Basins {
+    /// Refuses an excitation under which nothing can be computed.
+    ///
+    /// # Errors
+    /// [`TimeDomainError`] says why.
+    fn check(&self) -> Result<(), TimeDomainError>;
+
+    /// What becomes of some of them.
+    ///
+    /// # Errors
+    /// [`TimeDomainError::Stopped`] if `stop` said so, another if nothing can be computed.
+    fn outcomes(&self, states: Range<usize>, stop: &dyn Fn() -> bool) -> Result<Vec<BasinOutcome>, TimeDomainError>;
+
     /// The computation, with what is in the journal for this configuration.
     ///
     /// # Errors
     /// [`StudyError::TimeDomain`] for an excitation under which nothing can be computed, [`StudyError::Journal`] for a
     /// journal that can't be used.
-    pub fn begin(self, journal: Option<(&Path, &Value)>) -> Result<BasinComputation, StudyError> {
-        StroboscopicMap::new(&self.arm, self.sine)?;
-        let mut parts = vec![None; self.grid.len().div_ceil(TOGETHER)];
+    fn begin(self, journal: Option<(&Path, &Value)>) -> Result<BasinComputation<Self>, StudyError> {
+        self.check()?;
+        let mut parts = vec![None; self.states().div_ceil(TOGETHER)];
         let journal = match journal {
             Some((path, configuration)) => {
                 let (journal, known) = Journal::open::<GridPart>(path, configuration)?;
                 for (k, GridPart { part, outcomes }) in known.into_iter().enumerate() {
-                    let place = parts.get_mut(part).filter(|_| outcomes.len() == self.states(part).len());
+                    let place = parts.get_mut(part).filter(|_| outcomes.len() == range(part, self.states()).len());
                     *place.ok_or_else(|| journal.damaged(k + 2, "part of this grid"))? = Some(outcomes);
                 }
                 Some(journal)
@@ -112,23 +134,38 @@ impl Basins {
         };
         Ok(BasinComputation { basins: self, parts, journal })
     }
+}
 
-    fn states(&self, part: usize) -> Vec<State> {
-        let end = ((part + 1) * TOGETHER).min(self.grid.len());
-        (part * TOGETHER..end).map(|index| self.grid.state(index)).collect()
+/// The states of a part, of so many.
+fn range(part: usize, states: usize) -> Range<usize> {
+    part * TOGETHER..((part + 1) * TOGETHER).min(states)
+}
+
+impl BasinStudy for Basins {
+    fn states(&self) -> usize {
+        self.grid.len()
     }
 
-    fn outcomes(&self, part: usize, stop: &dyn Fn() -> bool) -> Result<Option<Vec<BasinOutcome>>, TimeDomainError> {
+    fn check(&self) -> Result<(), TimeDomainError> {
+        StroboscopicMap::new(&self.arm, self.sine).map(drop)
+    }
+
+    fn outcomes(&self, states: Range<usize>, stop: &dyn Fn() -> bool) -> Result<Vec<BasinOutcome>, TimeDomainError> {
         let map = StroboscopicMap::new(&self.arm, self.sine)?;
-        match outcomes(&map, &self.motions, &self.states(part), self.time_constants, stop) {
-            Ok(outcomes) => Ok(Some(outcomes)),
-            Err(TimeDomainError::Stopped) => Ok(None),
-            Err(error) => Err(error),
-        }
+        let starts: Vec<State> = states.map(|index| self.grid.state(index)).collect();
+        outcomes(&map, &self.motions, &starts, self.time_constants, stop)
     }
 }
 
-impl BasinComputation {
+/// Basins as far as they are computed, and where they are kept.
+#[derive(Debug)]
+pub struct BasinComputation<S: BasinStudy = Basins> {
+    basins: S,
+    parts: Vec<Option<Vec<BasinOutcome>>>,
+    journal: Option<Journal>,
+}
+
+impl<S: BasinStudy> BasinComputation<S> {
     /// What became of the states, in the order of the grid; `None` until all are computed.
     pub fn outcomes(&self) -> Option<Vec<BasinOutcome>> {
         let parts: Option<Vec<&Vec<BasinOutcome>>> = self.parts.iter().map(Option::as_ref).collect();
@@ -142,7 +179,7 @@ impl BasinComputation {
 
     /// How many there are.
     pub fn total(&self) -> usize {
-        self.basins.grid.len()
+        self.basins.states()
     }
 
     /// Whether what is computed is kept in a journal.
@@ -154,12 +191,15 @@ impl BasinComputation {
     ///
     /// # Errors
     /// [`StudyError::TimeDomain`] if nothing can be computed, [`StudyError::Journal`] if the journal can't be written.
-    pub fn compute_missing(self, control: &Control<'_>) -> Result<BasinComputation, StudyError> {
+    pub fn compute_missing(self, control: &Control<'_>) -> Result<BasinComputation<S>, StudyError> {
         let done = AtomicU64::new(self.done() as u64);
         let (failed, journal) = (AtomicBool::new(false), Mutex::new(self.journal));
         let stop = || (control.stop)() || failed.load(Ordering::Relaxed);
         let compute = |part: usize| -> Result<Option<Vec<BasinOutcome>>, StudyError> {
-            let Some(outcomes) = self.basins.outcomes(part, &stop)? else { return Ok(None) };
+            let outcomes = match self.basins.outcomes(range(part, self.basins.states()), &stop) {
+                Err(TimeDomainError::Stopped) => return Ok(None),
+                computed => computed?,
+            };
             if let Some(journal) = journal.lock().unwrap_or_else(PoisonError::into_inner).as_mut() {
                 journal.append(&GridPart { part, outcomes: outcomes.clone() })?;
             }

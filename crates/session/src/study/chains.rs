@@ -4,6 +4,7 @@ use std::path::Path;
 use std::sync::atomic::{AtomicU64, AtomicUsize, Ordering};
 use std::sync::{Mutex, PoisonError};
 
+use serde::de::DeserializeOwned;
 use serde::{Deserialize, Serialize};
 use serde_json::Value;
 
@@ -84,79 +85,107 @@ impl Point {
     }
 }
 
-/// Chains as far as they are computed, and where their points are kept.
-#[derive(Debug)]
-pub struct ChainComputation {
-    chains: Chains,
-    points: Vec<Vec<Point>>,
-    journal: Option<Journal>,
-}
+/// Motions in chains, each begun where the one before ended.
+pub trait ChainStudy: Sync + Sized {
+    /// The motion at one point of a chain.
+    type Point: Clone + Serialize + DeserializeOwned + Send + Sync;
 
-impl Chains {
+    /// How many points each chain has.
+    fn lengths(&self) -> Vec<usize>;
+
+    /// Refuses excitations under which nothing can be computed.
+    ///
+    /// # Errors
+    /// [`TimeDomainError`] for the first of them.
+    fn check(&self) -> Result<(), TimeDomainError>;
+
+    /// The chain of a point, and its number in it, from 0.
+    fn place(point: &Self::Point) -> [usize; 2];
+
+    /// The point at a place, after the one before it.
+    ///
+    /// # Errors
+    /// [`TimeDomainError::Stopped`] if `stop` said so, another if the motion can't be computed.
+    fn point(
+        &self,
+        place: [usize; 2],
+        before: Option<&Self::Point>,
+        stop: &dyn Fn() -> bool,
+    ) -> Result<Self::Point, TimeDomainError>;
+
     /// The computation, with the points that are in the journal for this configuration.
     ///
     /// # Errors
     /// [`StudyError::TimeDomain`] for an excitation under which nothing can be computed, [`StudyError::Journal`] for a
     /// journal that can't be used.
-    pub fn begin(self, journal: Option<(&Path, &Value)>) -> Result<ChainComputation, StudyError> {
-        for chain in &self.chains {
-            for sine in &chain.excitations {
-                StroboscopicMap::new(&chain.arm, *sine)?;
-            }
-        }
+    fn begin(self, journal: Option<(&Path, &Value)>) -> Result<ChainComputation<Self>, StudyError> {
+        self.check()?;
+        let lengths = self.lengths();
         let (points, journal) = match journal {
             Some((path, configuration)) => {
                 let (journal, points) = Journal::open(path, configuration)?;
-                (self.sorted(points, &journal)?, Some(journal))
+                (sorted::<Self>(&lengths, points, &journal)?, Some(journal))
             }
-            None => (vec![Vec::new(); self.chains.len()], None),
+            None => (lengths.iter().map(|_| Vec::new()).collect(), None),
         };
-        Ok(ChainComputation { chains: self, points, journal })
-    }
-
-    /// The points of a journal by chain; those of one chain follow each other in it.
-    fn sorted(&self, points: Vec<Point>, journal: &Journal) -> Result<Vec<Vec<Point>>, StudyError> {
-        let mut chains = vec![Vec::new(); self.chains.len()];
-        for (k, point) in points.into_iter().enumerate() {
-            let place = chains.get_mut(point.chain).filter(|before| {
-                before.len() == point.index && point.index < self.chains[point.chain].excitations.len()
-            });
-            place.ok_or_else(|| journal.damaged(k + 2, "point that follows"))?.push(point);
-        }
-        Ok(chains)
-    }
-
-    /// Continues one chain after the known points, to its end or until `stop`.
-    fn follow(
-        &self,
-        chain: usize,
-        mut points: Vec<Point>,
-        stop: &dyn Fn() -> bool,
-        finished: &impl Fn(&Point) -> Result<(), StudyError>,
-    ) -> Result<Vec<Point>, StudyError> {
-        let Chain { arm, excitations } = &self.chains[chain];
-        for (index, sine) in excitations.iter().enumerate().skip(points.len()) {
-            let start = points.last().map_or(self.start, Point::end);
-            match StroboscopicMap::new(arm, *sine).and_then(|map| settle(&map, &start, &self.options, stop)) {
-                Ok(settled) => {
-                    let point = Point::new(chain, index, &settled);
-                    finished(&point)?;
-                    points.push(point);
-                }
-                Err(TimeDomainError::Stopped) => break,
-                Err(error) => return Err(error.into()),
-            }
-        }
-        Ok(points)
+        Ok(ChainComputation { chains: self, lengths, points, journal })
     }
 }
 
-impl ChainComputation {
-    /// The points of each chain.
-    pub fn points(&self) -> &[Vec<Point>] {
-        &self.points
+/// The points of a journal by chain; those of one chain follow each other in it.
+fn sorted<S: ChainStudy>(
+    lengths: &[usize],
+    points: Vec<S::Point>,
+    journal: &Journal,
+) -> Result<Vec<Vec<S::Point>>, StudyError> {
+    let mut chains: Vec<Vec<S::Point>> = lengths.iter().map(|_| Vec::new()).collect();
+    for (k, point) in points.into_iter().enumerate() {
+        let [chain, index] = S::place(&point);
+        let place = chains.get_mut(chain).filter(|before| before.len() == index && index < lengths[chain]);
+        place.ok_or_else(|| journal.damaged(k + 2, "point that follows"))?.push(point);
+    }
+    Ok(chains)
+}
+
+impl ChainStudy for Chains {
+    type Point = Point;
+
+    fn lengths(&self) -> Vec<usize> {
+        self.chains.iter().map(|chain| chain.excitations.len()).collect()
     }
 
+    fn check(&self) -> Result<(), TimeDomainError> {
+        let mut all = self.chains.iter().flat_map(|chain| chain.excitations.iter().map(move |sine| (&chain.arm, sine)));
+        all.try_for_each(|(arm, sine)| StroboscopicMap::new(arm, *sine).map(drop))
+    }
+
+    fn place(point: &Point) -> [usize; 2] {
+        [point.chain, point.index]
+    }
+
+    fn point(
+        &self,
+        [chain, index]: [usize; 2],
+        before: Option<&Point>,
+        stop: &dyn Fn() -> bool,
+    ) -> Result<Point, TimeDomainError> {
+        let Chain { arm, excitations } = &self.chains[chain];
+        let map = StroboscopicMap::new(arm, excitations[index])?;
+        let settled = settle(&map, &before.map_or(self.start, Point::end), &self.options, stop)?;
+        Ok(Point::new(chain, index, &settled))
+    }
+}
+
+/// Chains as far as they are computed, and where their points are kept.
+#[derive(Debug)]
+pub struct ChainComputation<S: ChainStudy = Chains> {
+    chains: S,
+    lengths: Vec<usize>,
+    points: Vec<Vec<S::Point>>,
+    journal: Option<Journal>,
+}
+
+impl ChainComputation {
     /// What a bench reads at each point of each chain: over the motion's period, or over 64 periods of the excitation
     /// where it has none.
     ///
@@ -172,6 +201,13 @@ impl ChainComputation {
         let all: Result<_, TimeDomainError> = self.chains.chains.iter().zip(&self.points).map(of).collect();
         Ok(all?)
     }
+}
+
+impl<S: ChainStudy> ChainComputation<S> {
+    /// The points of each chain.
+    pub fn points(&self) -> &[Vec<S::Point>] {
+        &self.points
+    }
 
     /// How many points there are.
     pub fn done(&self) -> usize {
@@ -180,7 +216,7 @@ impl ChainComputation {
 
     /// How many there are to be.
     pub fn total(&self) -> usize {
-        self.chains.chains.iter().map(|chain| chain.excitations.len()).sum()
+        self.lengths.iter().sum()
     }
 
     /// Whether every point is there.
@@ -201,30 +237,27 @@ impl ChainComputation {
     /// # Errors
     /// [`StudyError::TimeDomain`] if a motion can't be computed, [`StudyError::Journal`] if the journal can't be
     /// written.
-    pub fn compute_missing(self, control: &Control<'_>) -> Result<ChainComputation, StudyError> {
+    pub fn compute_missing(self, control: &Control<'_>) -> Result<ChainComputation<S>, StudyError> {
         let done = AtomicU64::new(self.done() as u64);
         // The first chain that has failed, if one has. Those before it continue, so that the same error is reported
         // every time.
         let (failed, journal) = (AtomicUsize::new(usize::MAX), Mutex::new(self.journal));
-        let finished = |point: &Point| {
+        let finished = |point: &S::Point| {
             if let Some(journal) = journal.lock().unwrap_or_else(PoisonError::into_inner).as_mut() {
                 journal.append(point)?;
             }
             (control.done)(done.fetch_add(1, Ordering::Relaxed) + 1);
             Ok(())
         };
-        let jobs: Vec<(usize, Vec<Point>)> = self.points.into_iter().enumerate().collect();
-        let work = |(chain, known): &(usize, Vec<Point>)| {
+        let jobs: Vec<(usize, Vec<S::Point>)> = self.points.into_iter().enumerate().collect();
+        let work = |(chain, known): &(usize, Vec<S::Point>)| {
             let stop = || (control.stop)() || failed.load(Ordering::Relaxed) < *chain;
-            let points = self.chains.follow(*chain, known.clone(), &stop, &finished);
+            let points = follow(&self.chains, *chain, self.lengths[*chain], known.clone(), &stop, &finished);
             points.inspect_err(|_error| _ = failed.fetch_min(*chain, Ordering::Relaxed))
         };
         let points = on_all_cores(&jobs, work, || ()).into_iter().collect::<Result<_, _>>()?;
-        Ok(ChainComputation {
-            chains: self.chains,
-            points,
-            journal: journal.into_inner().unwrap_or_else(PoisonError::into_inner),
-        })
+        let journal = journal.into_inner().unwrap_or_else(PoisonError::into_inner);
+        Ok(ChainComputation { chains: self.chains, lengths: self.lengths, points, journal })
     }
 
     /// To be called when the results are written: there is nothing left to resume.
@@ -234,6 +267,28 @@ impl ChainComputation {
     pub fn finish(self) -> Result<(), StudyError> {
         Ok(self.journal.map_or(Ok(()), Journal::remove)?)
     }
+}
+
+/// Continues one chain after the known points, to its end or until `stop`.
+fn follow<S: ChainStudy>(
+    study: &S,
+    chain: usize,
+    length: usize,
+    mut points: Vec<S::Point>,
+    stop: &dyn Fn() -> bool,
+    finished: &impl Fn(&S::Point) -> Result<(), StudyError>,
+) -> Result<Vec<S::Point>, StudyError> {
+    for index in points.len()..length {
+        match study.point([chain, index], points.last(), stop) {
+            Ok(point) => {
+                finished(&point)?;
+                points.push(point);
+            }
+            Err(TimeDomainError::Stopped) => break,
+            Err(error) => return Err(error.into()),
+        }
+    }
+    Ok(points)
 }
 
 #[cfg(test)]

@@ -1,4 +1,4 @@
-//! Parameter studies: many motions of the arm computed over all cores, which can be stopped and resumed.
+//! Parameter studies: many motions of the arm, or of a structure, computed over all cores, which can be stopped and resumed.
 //!
 //! [`Chains`] are motions of which each begins where the one before ended, as in a stepped sweep. What is finished goes
 //! into a [`Journal`], so that a study that was stopped, or killed, continues from there and gives the same bits; so do
@@ -8,13 +8,15 @@ mod basins;
 mod chains;
 mod journal;
 mod parallel;
+mod structures;
 
 use thiserror::Error;
 
-pub use basins::{BasinComputation, Basins, StateGrid};
-pub use chains::{Chain, ChainComputation, Chains, Point};
+pub use basins::{BasinComputation, BasinStudy, Basins, StateGrid};
+pub use chains::{Chain, ChainComputation, ChainStudy, Chains, Point};
 pub use journal::{Journal, JournalError};
 pub use parallel::on_all_cores;
+pub use structures::{StructureBasins, StructureChains, StructurePoint};
 
 use resonarm_analysis::time_domain::TimeDomainError;
 

@@ -1,0 +1,73 @@
+//! Adapts the number of harmonics to the motion along a continuation.
+
+use super::balance::Balance;
+use crate::continuation::{Continuation, System};
+use crate::{AnalysisError, BranchOptions};
+
+/// Below this fraction of the truncation allowed, the last harmonic is dropped.
+const DROP_SHARE: f64 = 1e-3;
+
+/// Equations whose last unknowns are the series of a motion.
+pub(super) trait Spectral: System {
+    /// The balance.
+    fn balance(&mut self) -> &mut Balance;
+
+    /// The number of unknowns before the series.
+    fn others(&self) -> usize;
+
+    /// Evaluates the motion of these unknowns; whether it exists.
+    #[must_use]
+    fn evaluate_motion(&mut self, z: &[f64], lambda: f64) -> bool;
+}
+
+impl Spectral for Balance {
+    fn balance(&mut self) -> &mut Balance {
+        self
+    }
+
+    fn others(&self) -> usize {
+        0
+    }
+
+    fn evaluate_motion(&mut self, z: &[f64], lambda: f64) -> bool {
+        let exists = self.set_value(lambda);
+        if exists {
+            Balance::evaluate_motion(self, z);
+        }
+        exists
+    }
+}
+
+/// Adds harmonics until the truncation error is small enough, or as many as are allowed for a law that isn't smooth;
+/// drops the last if it is negligible.
+pub(super) fn adapt<S: Spectral>(
+    system: &mut S,
+    continuation: &mut Continuation,
+    branch: &BranchOptions,
+) -> Result<(), AnalysisError> {
+    let smooth = system.balance().forced.assembly.is_smooth();
+    loop {
+        let (z, lambda) = (&continuation.point().x, continuation.point().lambda);
+        if !system.evaluate_motion(z, lambda) {
+            return Ok(());
+        }
+        let (series, balance) = (&z[system.others()..], system.balance());
+        let (size, m) = (branch.continuation.size(series), balance.unknowns.count());
+        let last = series[series.len() - 2 * m..].iter().fold(0.0, |largest: f64, value| largest.max(value.abs()));
+        let (error, allowed, harmonics) = (balance.truncation_error(), branch.truncation * size, balance.harmonics());
+        if error > allowed {
+            if harmonics < branch.most_harmonics {
+                balance.set_harmonics((harmonics + 1 + harmonics / 8).min(branch.most_harmonics));
+                continuation.resize(system)?;
+                continue;
+            }
+            if smooth {
+                return Err(AnalysisError::TooManyHarmonics { at: system.place(lambda), harmonics });
+            }
+        } else if harmonics > branch.least_harmonics && error.max(last) < DROP_SHARE * allowed {
+            balance.set_harmonics(harmonics - 1);
+            continuation.resize(system)?;
+        }
+        return Ok(());
+    }
+}

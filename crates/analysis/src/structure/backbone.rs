@@ -1,0 +1,450 @@
+//! Backbones of structures by phase quadrature, and nonlinear normal modes; see [`crate::backbone()`] for the method.
+//!
+//! The unknowns are z = (A/a₀, X) of a chain, with φᵀM b₁ = 0 beside the balance, and (A/a₀, c, X) of modes: there the
+//! first harmonic c cos Ωt of the mode is an unknown of its own, without a part along sin Ωt, with its own balance (see
+//! [`super::unknowns`]). a₀ is the drive whose static deflection, of modes that of the mode, has the size 1.
+
+use alloc::boxed::Box;
+use alloc::vec;
+use alloc::vec::Vec;
+use core::f64::consts::TAU;
+
+use nalgebra::Complex;
+use resonarm_dynamics::structure::{Assembly, BodySpec, Dof, StructureMode};
+
+use super::adapt::{Spectral, adapt};
+use super::balance::{Balance, unit_deflection};
+use super::linear::dynamic_stiffness_solve;
+use super::orbit::{Reading, TraceOptions};
+use super::unknowns::{Body, Kept, direction_at_rest};
+use super::{Coordinate, Forced, branch};
+use crate::continuation::{Continuation, ContinuationSettings, Point, System, Work};
+use crate::locate::{FINE, search};
+use crate::{AnalysisError, Bending, BranchOptions, EndedEarly, Place};
+
+/// Bisections of the bandwidth of a mode: 2⁻⁵² of 2ζω.
+const BISECTIONS: usize = 52;
+/// A backbone begins at this fraction of its end.
+const SMALLEST_PART: f64 = 1.0 / 300.0;
+
+/// A motion on a backbone.
+#[derive(Clone, Debug, PartialEq)]
+pub struct BackboneMotion {
+    /// Ω/2π, Hz.
+    pub frequency_hz: f64,
+    /// The drive's peak that sustains the motion, N, or N·m at a joint; zero without damping.
+    pub drive: f64,
+    /// The coordinates, rad of a chain, m·√kg of modes.
+    pub coordinates: Vec<Reading>,
+    /// The motion at each degree of freedom that is read.
+    pub readings: Vec<Reading>,
+    /// H.
+    pub harmonics: usize,
+}
+
+/// A backbone.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct Backbone {
+    /// Its motions, from small to large.
+    pub points: Vec<BackboneMotion>,
+    /// The work of the continuation.
+    pub work: Work,
+}
+
+/// How far a backbone is followed.
+#[derive(Clone, Debug, PartialEq)]
+pub struct BackboneOptions {
+    /// The linear mode in which it begins, from 0, by frequency.
+    pub mode: usize,
+    /// It ends where the first degree of freedom that is read reaches this, m, or rad at a joint, positive.
+    pub largest: f64,
+    /// Or where the drive reaches this, N, or N·m at a joint, positive. One of the two must be finite.
+    pub largest_drive: f64,
+    /// Where the motion is read, at least one.
+    pub read: Vec<Dof>,
+    /// Harmonics, points and steps; `from` and `to` bound the frequency, Hz.
+    pub branch: BranchOptions,
+}
+
+impl BackboneOptions {
+    /// From a mode, from 0, with the usual settings, between a tenth of its natural frequency and ten times it.
+    pub fn new(forced: &Forced, mode: usize, largest: f64, largest_drive: f64, read: Vec<Dof>) -> BackboneOptions {
+        let linear_hz = forced.assembly.modes().get(mode).map_or(f64::NAN, |mode| mode.frequency_hz);
+        let ends = [0.1 * linear_hz, 10.0 * linear_hz];
+        let branch = TraceOptions::new(forced, Coordinate::FrequencyHz, ends, vec![]).branch;
+        BackboneOptions { mode, largest, largest_drive, read, branch }
+    }
+}
+
+/// A small motion in quadrature under the drive 1.
+struct Beginning {
+    frequency_hz: f64,
+    /// The coordinates' components along cos Ωt and sin Ωt.
+    cosine: Vec<f64>,
+    sine: Vec<f64>,
+    /// The drive; 0 without damping.
+    drive: f64,
+}
+
+impl Beginning {
+    /// The mode's motion about rest; where its modal coordinate is 90° behind the drive, as `crate::quadrature` says.
+    fn new(forced: &Forced, mode: &StructureMode, weights: &[f64]) -> Option<Beginning> {
+        let (linear, direction) = (forced.assembly.linear(), direction_at_rest(&forced.assembly, forced.drive));
+        let along = |weights: &[f64], of: &[f64]| -> f64 { weights.iter().zip(of).map(|(w, x)| w * x).sum() };
+        let modal_force = along(&mode.shape, &direction);
+        if modal_force == 0.0 {
+            return None;
+        }
+        if linear.damping.iter().all(|d| *d == 0.0) {
+            let (cosine, sine) = (mode.shape.iter().map(|x| -x).collect(), vec![0.0; mode.shape.len()]);
+            return Some(Beginning { frequency_hz: mode.frequency_hz, cosine, sine, drive: 0.0 });
+        }
+        let response = |rate_rad_s: f64| {
+            let mut motion: Vec<Complex<f64>> = direction.iter().map(|&p| Complex::new(p, 0.0)).collect();
+            dynamic_stiffness_solve(&linear, rate_rad_s, &mut motion).map(|()| motion)
+        };
+        let in_phase = |rate_rad_s: f64| {
+            let real: Vec<f64> = response(rate_rad_s)?.iter().map(|x| x.re).collect();
+            Some(along(weights, &real) * modal_force.signum())
+        };
+        let omega = TAU * mode.frequency_hz;
+        let [mut low, mut high] = [-1.0, 1.0].map(|side| omega * (1.0 + side * mode.damping_ratio));
+        if !(in_phase(low)? > 0.0 && in_phase(high)? < 0.0) {
+            return None;
+        }
+        for _ in 0..BISECTIONS {
+            let middle = 0.5 * (low + high);
+            if in_phase(middle)? > 0.0 {
+                low = middle;
+            } else {
+                high = middle;
+            }
+        }
+        let rate_rad_s = 0.5 * (low + high);
+        let motion = response(rate_rad_s)?;
+        let part = |of: fn(&Complex<f64>) -> f64| motion.iter().map(of).collect::<Vec<f64>>();
+        Some(Beginning { frequency_hz: rate_rad_s / TAU, cosine: part(|x| x.im), sine: part(|x| x.re), drive: 1.0 })
+    }
+}
+
+/// The equations of phase quadrature, with Ω/2π in Hz as parameter.
+#[derive(Clone, Debug)]
+struct Quadrature {
+    balance: Balance,
+    /// a₀, N or N·m.
+    drive_unit: f64,
+    /// φᵀM, of unit length.
+    weights: Vec<f64>,
+    /// Of modes: what c is multiplied by, the size of φ at the places and the drive, 1/√kg.
+    kept_scale: f64,
+    /// Residual and matrix of the balance.
+    inner: Vec<f64>,
+}
+
+impl Quadrature {
+    fn of_modes(&self) -> bool {
+        self.balance.kept.is_some()
+    }
+
+    /// Sets the drive and the mode that is kept.
+    fn set(&mut self, z: &[f64]) {
+        self.balance.forced.amplitude = z[0] * self.drive_unit;
+        if let Some(kept) = &mut self.balance.kept {
+            kept.cosine = z[1] / self.kept_scale;
+        }
+    }
+
+    /// The row of phase quadrature of a chain: b₁ follows the constants and the cosines.
+    fn chain_row(&self, z: &[f64], residual: &mut [f64], matrix: &mut [f64]) {
+        let (n, stride) = (self.balance.dimension(), z.len() + 1);
+        let m = self.weights.len();
+        residual[n] = 0.0;
+        for (i, weight) in self.weights.iter().enumerate() {
+            let at = 1 + 2 * m + i;
+            residual[n] += weight * z[at];
+            matrix[at * stride + n] = *weight;
+        }
+    }
+
+    /// The rows of the mode that is kept, over ω² and times its scale, and its column in the rows of the places.
+    fn kept_rows(&self, z: &[f64], residual: &mut [f64], matrix: &mut [f64]) {
+        let (n, stride) = (self.balance.dimension(), z.len() + 1);
+        let (Some(kept), Body::Condensed(condensed)) = (self.balance.kept, &self.balance.unknowns.body) else { return };
+        let ([omega, zeta], rate) = (condensed.modes[kept.mode], self.balance.omega_rad_s());
+        let scale = self.kept_scale / (omega * omega);
+        let last = z.len() * stride;
+        let mut columns = vec![0.0; 2 * n];
+        self.balance.kept_rows(
+            |part, value, slope| (residual[n + part], matrix[last + n + part]) = (scale * value, scale * slope),
+            |part, column, value| columns[2 * column + part] = value,
+        );
+        for (column, pair) in columns.chunks_exact(2).enumerate() {
+            (0..2).for_each(|part| matrix[(2 + column) * stride + n + part] = scale * pair[part]);
+        }
+        matrix[n + 1] = -scale * condensed.drive[kept.mode] * self.drive_unit;
+        matrix[stride + n] = scale * (omega * omega - rate * rate) / self.kept_scale;
+        matrix[stride + n + 1] = -scale * 2.0 * zeta * omega * rate / self.kept_scale;
+        let m = condensed.places.len();
+        for (i, place) in condensed.places.iter().enumerate() {
+            matrix[stride + m + i] = -place[kept.mode] / self.kept_scale;
+        }
+    }
+}
+
+impl System for Quadrature {
+    fn dimension(&self) -> usize {
+        self.balance.dimension() + self.others()
+    }
+
+    fn evaluate(&mut self, z: &[f64], lambda: f64, residual: &mut [f64], matrix: &mut [f64]) -> bool {
+        let (n, others, stride) = (self.balance.dimension(), self.others(), z.len() + 1);
+        self.set(z);
+        self.inner.resize((n + 1) * (n + 1), 0.0);
+        if !self.balance.evaluate(&z[others..], lambda, &mut residual[..n], &mut self.inner) {
+            return false;
+        }
+        matrix.chunks_exact_mut(stride).for_each(|column| column[..stride - 1].fill(0.0));
+        for (column, inner) in self.inner.chunks_exact(n + 1).enumerate() {
+            matrix[(others + column) * stride..][..n].copy_from_slice(&inner[..n]);
+        }
+        self.balance.by_amplitude(&mut matrix[..n]);
+        matrix[..n].iter_mut().for_each(|by| *by *= self.drive_unit);
+        if self.of_modes() {
+            self.kept_rows(z, residual, matrix);
+        } else {
+            self.chain_row(z, residual, matrix);
+        }
+        true
+    }
+
+    fn unit(&self) -> &'static str {
+        "Hz"
+    }
+}
+
+impl Spectral for Quadrature {
+    fn balance(&mut self) -> &mut Balance {
+        &mut self.balance
+    }
+
+    fn others(&self) -> usize {
+        1 + usize::from(self.of_modes())
+    }
+
+    fn evaluate_motion(&mut self, z: &[f64], lambda: f64) -> bool {
+        self.set(z);
+        let others = self.others();
+        Spectral::evaluate_motion(&mut self.balance, &z[others..], lambda)
+    }
+}
+
+/// Follows the backbone of a linear mode to larger amplitudes; the amplitude of `forced` doesn't matter. For the
+/// nonlinear normal mode give a structure without damping, [`Forced::undamped`].
+///
+/// # Errors
+/// [`AnalysisError::NotLinear`] if an element keeps small motions from being linear, [`AnalysisError::NoMode`] if there
+/// is no such mode, [`AnalysisError::NotDriven`] if the drive can't bring it to quadrature; otherwise as
+/// [`super::trace`].
+pub fn backbone(forced: &Forced, options: &BackboneOptions) -> Result<Backbone, EndedEarly<Backbone>> {
+    let (mut system, start) = begin(forced, options)?;
+    let mut tangent = start.tangent;
+    let settings = ContinuationSettings { state_floor: start.size, ..options.branch.continuation };
+    let rest = vec![0.0; system.dimension()];
+    tangent.push(0.0);
+    let branch = BranchOptions { continuation: settings, ..options.branch };
+    let options = BackboneOptions { branch, ..options.clone() };
+    let mut continuation = Continuation::start_along(&mut system, settings, &rest, start.frequency_hz, &tangent, 1.0)?;
+    let mut curve = Backbone::default();
+    let reason = follow(&mut system, &mut continuation, &options, &mut curve.points).err();
+    curve.work = continuation.work();
+    match reason {
+        None => Ok(curve),
+        Some(reason) => Err(EndedEarly { reason, so_far: Box::new(curve) }),
+    }
+}
+
+/// Where the continuation begins: at rest, in this direction, with a first step of this size.
+struct Start {
+    tangent: Vec<f64>,
+    size: f64,
+    frequency_hz: f64,
+}
+
+/// The equations, and the small motion that satisfies them.
+fn begin(forced: &Forced, options: &BackboneOptions) -> Result<(Quadrature, Start), AnalysisError> {
+    let assembly = &forced.assembly;
+    check_small_motions(assembly)?;
+    let (got, modes) = (options.mode, assembly.modes());
+    let mode = modes.get(got).ok_or(AnalysisError::NoMode { got: got + 1, most: modes.len() })?;
+    let n = assembly.coordinates();
+    let mass = assembly.linear().mass;
+    let weights: Vec<f64> = (0..n).map(|i| (0..n).map(|k| mass[k * n + i] * mode.shape[k]).sum()).collect();
+    let length = libm::sqrt(weights.iter().map(|w| w * w).sum());
+    let weights: Vec<f64> = weights.iter().map(|w| w / length).collect();
+    let place = Place { value: mode.frequency_hz, unit: "Hz" };
+    let beginning =
+        Beginning::new(forced, mode, &weights).ok_or(AnalysisError::NotDriven { mode: got + 1, at: place })?;
+    let mut balance = Balance::new(forced, mode.frequency_hz, Coordinate::FrequencyHz, options.branch.least_harmonics);
+    let (mut kept_scale, mut drive_unit) = (0.0, 1.0 / unit_deflection(forced));
+    if let (BodySpec::Modal(_), Body::Condensed(condensed)) = (&assembly.spec().body, &balance.unknowns.body) {
+        // The elements have no stiffness at rest: the modes are those given, in the order of their frequencies.
+        let largest = |best: usize, i: usize| if mode.shape[i].abs() > mode.shape[best].abs() { i } else { best };
+        let mode = (0..n).fold(0, largest);
+        let sizes = condensed.places.iter().chain([&condensed.drive]).map(|place| place[mode] * place[mode]);
+        kept_scale = libm::sqrt(sizes.sum());
+        // By the mode alone: the places may be at rest under a static drive.
+        let [omega, _] = condensed.modes[mode];
+        drive_unit = omega * omega / (kept_scale * libm::fabs(condensed.drive[mode]));
+        balance.kept = Some(Kept { mode, cosine: 0.0 });
+    }
+    let system = Quadrature { balance, drive_unit, weights, kept_scale, inner: vec![] };
+    let start = system.start(&beginning, options);
+    Ok((system, start))
+}
+
+/// Small motions must be linear.
+fn check_small_motions(assembly: &Assembly) -> Result<(), AnalysisError> {
+    use resonarm_dynamics::structure::Law;
+    let bends = |law: &Law| match *law {
+        Law::Cubic { .. } | Law::Tanh { .. } => false,
+        Law::Gap { gap, .. } | Law::KelvinVoigt { gap, .. } | Law::HuntCrossley { gap, .. } => gap == 0.0,
+        Law::Friction { .. } | Law::Lugre { .. } => true,
+    };
+    match assembly.elements().iter().position(|element| bends(element.law())) {
+        Some(index) => {
+            Err(AnalysisError::NotLinear { element: index + 1, law: assembly.elements()[index].law().name() })
+        }
+        None => Ok(()),
+    }
+}
+
+impl Quadrature {
+    /// The direction in which the branch leaves rest, and the size of the first motion: a part of what ends it, if the
+    /// structure were linear.
+    fn start(&self, beginning: &Beginning, options: &BackboneOptions) -> Start {
+        let (n, others) = (self.balance.dimension(), self.others());
+        let mut tangent = vec![0.0; n + others];
+        tangent[0] = beginning.drive / self.drive_unit;
+        let m = self.balance.unknowns.count();
+        let first = &mut tangent[others..];
+        match (&self.balance.unknowns.body, self.balance.kept) {
+            (Body::Condensed(condensed), Some(kept)) => {
+                let along = |place: &[f64], of: &[f64]| -> f64 { place.iter().zip(of).map(|(w, x)| w * x).sum() };
+                for (i, place) in condensed.places.iter().enumerate() {
+                    first[m + i] = along(place, &beginning.cosine);
+                    first[2 * m + i] = along(place, &beginning.sine);
+                }
+                tangent[1] = self.kept_scale * beginning.cosine[kept.mode];
+            }
+            _ => {
+                first[m..2 * m].copy_from_slice(&beginning.cosine);
+                first[2 * m..3 * m].copy_from_slice(&beginning.sine);
+            }
+        }
+        let length = libm::sqrt(tangent.iter().map(|z| z * z).sum());
+        let read = options.read.first().map_or(0.0, |dof| {
+            let direction = direction_at_rest(self.balance.forced.assembly(), *dof);
+            let [c, s] = [&beginning.cosine, &beginning.sine]
+                .map(|part| direction.iter().zip(part).map(|(w, x)| w * x).sum::<f64>());
+            libm::hypot(c, s)
+        });
+        // The factor of this motion at the end; a reading may be at rest, and the drive zero.
+        let end = (options.largest / read).min(options.largest_drive / beginning.drive);
+        let size = if end.is_finite() && end > 0.0 {
+            SMALLEST_PART * end * length
+        } else {
+            options.branch.continuation.state_floor
+        };
+        Start { tangent, size, frequency_hz: beginning.frequency_hz }
+    }
+
+    /// The motion at a point.
+    fn motion(&mut self, point: &Point, read: &[Dof]) -> BackboneMotion {
+        // The number of harmonics may have changed since the point was solved for.
+        let (current, m) = (self.balance.harmonics(), self.balance.unknowns.count());
+        let needed = (point.x.len() - self.others()) / m / 2;
+        if needed != current {
+            self.balance.set_harmonics(needed);
+        }
+        // The frequency was valid when the point was solved for.
+        let _ = Spectral::evaluate_motion(self, &point.x, point.lambda);
+        let balance = &self.balance;
+        let coordinate = |i: usize| branch::reading_of(balance, &balance.coordinate_series(i));
+        let motion = BackboneMotion {
+            frequency_hz: point.lambda,
+            drive: balance.forced.amplitude.abs(),
+            coordinates: (0..balance.forced.assembly.coordinates()).map(coordinate).collect(),
+            readings: read.iter().map(|&dof| branch::reading(balance, dof)).collect(),
+            harmonics: needed,
+        };
+        if needed != current {
+            self.balance.set_harmonics(current);
+        }
+        motion
+    }
+}
+
+impl BackboneMotion {
+    /// How far the motion or its drive is beyond the end, relative to it: negative before it.
+    fn beyond(&self, options: &BackboneOptions) -> f64 {
+        let read = self.readings.first().map_or(0.0, |reading| reading.largest / options.largest);
+        read.max(self.drive / options.largest_drive) - 1.0
+    }
+}
+
+/// Continues to where the motion or the drive is large enough, or the frequency outside.
+fn follow(
+    system: &mut Quadrature,
+    continuation: &mut Continuation,
+    options: &BackboneOptions,
+    points: &mut Vec<BackboneMotion>,
+) -> Result<(), AnalysisError> {
+    let branch = &options.branch;
+    let mut before: Option<(Point, f64)> = None;
+    loop {
+        adapt(system, continuation, branch)?;
+        let here = continuation.point().clone();
+        let motion = system.motion(&here, &options.read);
+        let over = motion.beyond(options);
+        if let Some((last, short)) = before.as_ref().filter(|_| over > 0.0) {
+            let test = |system: &mut Quadrature, point: &Point| system.motion(point, &options.read).beyond(options);
+            let end = search(system, &branch.continuation, [last, &here], [*short, over], FINE, test)?;
+            points.push(system.motion(&end, &options.read));
+            return Ok(());
+        }
+        points.push(motion);
+        if over >= 0.0 || branch.left_at(here.lambda).is_some() {
+            return Ok(());
+        }
+        if points.len() >= branch.most_points {
+            return Err(AnalysisError::TooManyPoints { points: points.len(), at: system.place(here.lambda) });
+        }
+        before = Some((here, over));
+        continuation.advance(system)?;
+    }
+}
+
+impl Backbone {
+    /// The band, Hz, in which the forced response around the curve is of interest.
+    pub fn window_hz(&self) -> [f64; 2] {
+        crate::backbone::window_hz(self.points.iter().map(|point| point.frequency_hz))
+    }
+
+    /// The frequency of the last point less that of the first, Hz.
+    pub fn shift_hz(&self) -> f64 {
+        let ends = self.points.first().zip(self.points.last());
+        ends.map_or(0.0, |(first, last)| last.frequency_hz - first.frequency_hz)
+    }
+
+    /// df/d(a²) at a = 0, Hz over the square of the unit of a, the first harmonic of a degree of freedom by its number
+    /// among those read: positive where the mode hardens. None for fewer than three points, or if it doesn't move.
+    pub fn curvature(&self, reading: usize) -> Option<f64> {
+        let at = |point: &BackboneMotion| Some((point.readings.get(reading)?.harmonic1.norm_sqr(), point.frequency_hz));
+        crate::backbone::curvature(&self.points.iter().map(at).collect::<Option<Vec<_>>>()?)
+    }
+
+    /// How the curve bends, from the frequencies of its points; none if the frequency doesn't change.
+    pub fn bending(&self) -> Option<Bending> {
+        Bending::of(self.points.iter().map(|point| point.frequency_hz))
+    }
+}

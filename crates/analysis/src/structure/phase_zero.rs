@@ -1,0 +1,51 @@
+//! The states at phase 0 of the drive of the motions of a branch.
+
+use alloc::vec::Vec;
+use core::f64::consts::TAU;
+
+use super::balance::Balance;
+use super::detect::point_of;
+use super::orbit::Orbit;
+use super::{Branch, Coordinate, Forced, TraceOptions};
+use crate::continuation::at_parameter;
+
+/// The states at phase 0 of the motions of a branch over the frequency at one frequency, Hz: coordinates, rates, states
+/// of elements. Each is solved for between its neighbours on the branch, or is the first of them if Newton's method
+/// fails.
+pub(super) fn phase_zero_states(
+    forced: &Forced,
+    branch: &Branch,
+    frequency_hz: f64,
+    options: &TraceOptions,
+) -> Vec<Vec<f64>> {
+    let crosses =
+        |pair: &&[Orbit]| (pair[0].frequency_hz - frequency_hz) * (pair[1].frequency_hz - frequency_hz) <= 0.0;
+    let state = |pair: &[Orbit]| {
+        let harmonics = pair[0].harmonics.max(pair[1].harmonics);
+        let mut balance = Balance::new(forced, frequency_hz, Coordinate::FrequencyHz, harmonics);
+        let [a, b] = [0, 1].map(|end| point_of(&pair[end]));
+        let settings = &options.branch.continuation;
+        let found = at_parameter(&mut balance, settings, [&a, &b], frequency_hz).map_or(a.x, |point| point.x);
+        // The frequency is that of a map.
+        let _ = balance.set_value(frequency_hz);
+        balance.evaluate_motion(&found);
+        at_phase_zero(&balance)
+    };
+    branch.orbits.windows(2).filter(crosses).map(state).collect()
+}
+
+/// Of the motion last evaluated: q = c₀ + Σ aₖ and q̇ = Σ kΩ bₖ of each coordinate, then z.
+fn at_phase_zero(balance: &Balance) -> Vec<f64> {
+    let n = balance.forced.assembly.coordinates();
+    let (mut state, mut rates) = (Vec::with_capacity(2 * n), Vec::<f64>::with_capacity(n));
+    for coordinate in 0..n {
+        let series = balance.coordinate_series(coordinate);
+        let pairs = || series[1..].chunks_exact(2);
+        state.push(series[0] + pairs().map(|pair| pair[0]).sum::<f64>());
+        let rate = |(k, pair): (u32, &[f64])| f64::from(k) * TAU * balance.frequency_hz * pair[1];
+        rates.push((1..).zip(pairs()).map(rate).sum());
+    }
+    state.extend(rates);
+    state.extend(balance.samples.histories.iter().map(|history| history.state[0]));
+    state
+}

@@ -1,0 +1,152 @@
+//! Backbones against closed forms, the arm's, and the peak of the forced response.
+
+use core::f64::consts::{FRAC_PI_2, TAU};
+
+use super::*;
+use crate::{ArmParameter, Bending};
+
+const HZ: f64 = 20.0;
+const PHI: f64 = 0.5;
+
+/// One mode with an element at its point.
+fn single(damping_ratio: f64, law: Law) -> Forced {
+    let body = ModalSpec {
+        modes: vec![ModeSpec { frequency_hz: HZ, damping_ratio }],
+        shapes: vec![ShapeSpec { point: "tip".into(), axis: Axis::X, by_mode: vec![PHI] }],
+    };
+    let elements = vec![ElementSpec { at: place("tip.x"), to: None, law }];
+    let assembly = Assembly::new(&StructureSpec { body: BodySpec::Modal(body), elements }).unwrap();
+    let tip = assembly.dof("tip.x").unwrap();
+    Forced::new(assembly, tip, 1.0)
+}
+
+fn followed(forced: &Forced, largest: f64, largest_drive: f64) -> Backbone {
+    let options = BackboneOptions::new(forced, 0, largest, largest_drive, vec![forced.drive()]);
+    super::super::backbone(forced, &options).unwrap()
+}
+
+/// The mean of a and b of C. F. Gauss.
+fn arithmetic_geometric_mean(mut a: f64, mut b: f64) -> f64 {
+    for _ in 0..20 {
+        (a, b) = (0.5 * (a + b), libm::sqrt(a * b));
+    }
+    a
+}
+
+/// q̈ + ω²q + βq³ = 0 has the frequency √(ω² + βa²) π/(2K(m)), m = βa²/2/(ω² + βa²); of a single mode it is that of the
+/// resonance with damping, too, whose drive balances the damper: A φ = 2ζωΩa of a nearly sinusoidal motion.
+#[test]
+fn a_cubic_spring_has_the_frequency_of_an_elliptic_function() {
+    let (stiffness3, omega) = (4e7, TAU * HZ);
+    let exact_hz = |a: f64| {
+        let (square, bend) = (omega * omega, stiffness3 * libm::pow(PHI, 4.0) * a * a);
+        let m = 0.5 * bend / (square + bend);
+        libm::sqrt(square + bend) * arithmetic_geometric_mean(1.0, libm::sqrt(1.0 - m)) / TAU
+    };
+    let law = Law::Cubic { stiffness3, stiffness5: 0.0 };
+    let free = followed(&single(0.0, law), 0.05, f64::INFINITY);
+    for point in &free.points {
+        near(point.frequency_hz, exact_hz(point.coordinates[0].largest), 1e-9);
+        assert!(point.drive < 1e-6 * omega * omega * point.coordinates[0].largest, "{point:?}");
+    }
+    let last = free.points.last().unwrap();
+    near(last.readings[0].largest, 0.05, 1e-9);
+    near(last.coordinates[0].largest, 0.05 / PHI, 1e-9);
+    assert!(last.frequency_hz > 1.4 * HZ && free.bending() == Some(Bending::Hardening), "{last:?}");
+    // df/d(a²) = 3βω⁻¹/8/2π in q, and 1/φ² of that in the displacement.
+    near(free.curvature(0).unwrap(), 0.375 * stiffness3 * PHI * PHI / omega / TAU, 1e-3);
+
+    let zeta = 1e-3;
+    let driven = followed(&single(zeta, law), 0.01, f64::INFINITY);
+    for point in &driven.points {
+        let a = point.coordinates[0].largest;
+        near(point.frequency_hz, exact_hz(a), 1e-5);
+        near(point.drive * PHI, 2.0 * zeta * omega * TAU * point.frequency_hz * a, 1e-2);
+        near(point.readings[0].harmonic1.im, -point.readings[0].harmonic1.norm(), 1e-12);
+    }
+}
+
+/// A free motion between two stops: sinusoidal between them, and about another centre beyond.
+#[test]
+fn backlash_has_its_frequency_in_closed_form() {
+    let (stiffness, gap, omega) = (2e4, 1e-3, TAU * HZ);
+    let beyond = libm::sqrt(omega * omega + stiffness * PHI * PHI);
+    let exact_hz = |x: f64| {
+        let centre = stiffness * PHI * PHI * gap / (beyond * beyond);
+        let (radius, start) = (x - centre, gap - centre);
+        let speed = beyond * libm::sqrt(radius * radius - start * start);
+        let inner = libm::atan2(gap * omega, speed) / omega;
+        FRAC_PI_2 / (inner + libm::acos(start / radius) / beyond) / TAU
+    };
+    let curve = followed(&single(0.0, Law::Gap { stiffness, gap }), 5e-3, f64::INFINITY);
+    let mut compared = 0;
+    for point in &curve.points {
+        let largest = point.readings[0].largest;
+        if largest < gap {
+            near(point.frequency_hz, HZ, 1e-9);
+        } else {
+            near(point.frequency_hz, exact_hz(largest), 5e-6);
+            compared += 1;
+        }
+    }
+    assert!(compared > 10 && curve.points[0].readings[0].largest < 0.1 * gap, "{compared}");
+}
+
+/// A chain of two links has the backbone of the arm, driven and free.
+#[test]
+fn a_chain_of_two_links_has_the_backbone_of_the_arm() {
+    let arm = arm_at(Preset::Irb1600Fitted, 0.0, 60.0);
+    let chain = BodySpec::Chain(ChainSpec::from_arm(arm.parameters(), arm.pose()));
+    let assembly = Assembly::new(&StructureSpec { body: chain, elements: vec![] }).unwrap();
+    let joints = ["joint1", "joint2"].map(|name| assembly.dof(name).unwrap());
+    let damped = Forced::new(assembly, joints[0], 1.0);
+    let damped_arm = ForcedArm::new(arm, Load::torque_nm(1.0, 0.0), 0.0);
+    let largest_rad = 0.1;
+    for (forced, forced_arm) in
+        [(damped.clone(), damped_arm.clone()), (damped.undamped().unwrap(), damped_arm.undamped().unwrap())]
+    {
+        let linear_hz = forced.assembly().modes()[0].frequency_hz;
+        let of_arm = crate::BackboneOptions::new(linear_hz, largest_rad);
+        let expected = crate::backbone(forced_arm, 0, ArmParameter::Amplitude, &of_arm).unwrap();
+        let options = BackboneOptions::new(&forced, 0, largest_rad, f64::INFINITY, joints.into());
+        let got = super::super::backbone(&forced, &options).unwrap();
+        let (last, arms) = (got.points.last().unwrap(), expected.points.last().unwrap());
+        near(last.frequency_hz, arms.frequency_hz, 1e-10);
+        for joint in 0..2 {
+            near(last.coordinates[joint].largest, arms.amplitude_rad[joint], 1e-8);
+            near(last.readings[joint].harmonic1.norm(), arms.harmonic1_rad[joint], 1e-8);
+        }
+        assert!((last.drive - arms.drive.abs()).abs() < 1e-8 * 20.0, "{} {}", last.drive, arms.drive);
+        assert_eq!(got.bending(), Some(Bending::Softening));
+        near(got.curvature(0).unwrap(), expected.curvature_hz_rad2(0).unwrap(), 1e-4);
+    }
+}
+
+/// The forced response has its peak where the backbone has the same drive.
+#[test]
+fn a_backbone_passes_the_peak_of_the_forced_response() {
+    let case = &oracles("modal")[0];
+    let (branch, assembly) = (branch_of(case), modal(case));
+    let [drive, read] = ["drive", "read"].map(|key| assembly.dof(case[key].as_str().unwrap()).unwrap());
+    let forced = Forced::new(assembly, drive, 1.0);
+    let options = BackboneOptions::new(&forced, 0, f64::INFINITY, number(case, "force_n"), vec![read]);
+    let curve = super::super::backbone(&forced, &options).unwrap();
+    let (last, peak) = (curve.points.last().unwrap(), &branch.peaks[0]);
+    near(last.drive, number(case, "force_n"), 1e-9);
+    near(last.frequency_hz, peak.frequency_hz, 1e-4);
+    near(last.readings[0].largest, peak.readings[0].largest, 1e-4);
+}
+
+/// What has no linear mode to begin in is refused, and what has no free motion.
+#[test]
+fn a_backbone_refuses_what_it_can_not_begin_with() {
+    let friction = single(1e-3, Law::Friction { stiffness: 1e4, slip: 5.0 });
+    let refusal = |forced: &Forced, mode: usize| {
+        let options = BackboneOptions::new(forced, mode, 0.01, 10.0, vec![forced.drive()]);
+        super::super::backbone(forced, &options).unwrap_err().to_string()
+    };
+    insta::assert_snapshot!(refusal(&friction, 0), @"element 1, friction, acts in the smallest motion: a backbone begins in a linear mode; leave the element out, or give a contact a gap");
+    insta::assert_snapshot!(friction.undamped().unwrap_err(), @"element 1, friction, dissipates: there is no structure without damping that has it");
+    let cubic = single(1e-3, Law::Cubic { stiffness3: 1e7, stiffness5: 0.0 });
+    insta::assert_snapshot!(refusal(&cubic, 4), @"there is no mode 5: the structure has modes 1 to 1");
+}

@@ -1,0 +1,122 @@
+//! The stable motions of a structure at a frequency, and which states reach them.
+
+use alloc::vec::Vec;
+use core::f64::consts::TAU;
+
+use resonarm_dynamics::structure::Dof;
+
+use super::StroboscopicMap;
+use super::measure::{Measured, measure};
+use crate::EndedEarly;
+use crate::structure::{Branch, Coordinate, Forced, Reading, TraceOptions, phase_zero_states, trace};
+use crate::time_domain::{
+    Attractor, BasinOutcome, FixedPoint, REACH, SettleOptions, Strobe, TimeDomainError, WINDOW, fates, follow,
+};
+
+/// A motion is followed from beside an unstable one, off by this part of its size.
+const BESIDE: f64 = 1e-3;
+
+/// A stable periodic motion of a structure.
+#[derive(Clone, Debug, PartialEq)]
+pub struct StableMotion {
+    /// Periods of the drive after which it repeats.
+    pub period: u32,
+    /// Largest magnitude of its Floquet multipliers, over its own period.
+    pub largest_multiplier: f64,
+    /// The coordinates, rad or m·√kg.
+    pub coordinates: Vec<Reading>,
+    /// The degrees of freedom that are read, m or rad.
+    pub readings: Vec<Reading>,
+    /// The states at phase 0 of the drive: coordinates, rates, states of elements.
+    pub section: Vec<Vec<f64>>,
+    attractor: Attractor,
+}
+
+impl StableMotion {
+    fn new(map: &StroboscopicMap, read: &[Dof], found: &FixedPoint) -> Result<StableMotion, TimeDomainError> {
+        let Measured { coordinates, readings, section } =
+            measure(map, read, &map.to_state(&found.point), found.period)?;
+        Ok(StableMotion {
+            period: found.period,
+            largest_multiplier: found.largest_multiplier,
+            coordinates,
+            readings,
+            attractor: Attractor::new(map, found, &section),
+            section,
+        })
+    }
+}
+
+/// How far a grid of initial states goes in a coordinate, from 0, or past them in a rate, to show what surrounds the
+/// motions under a drive of this frequency.
+pub fn reach(motions: &[StableMotion], index: usize, frequency_hz: f64) -> f64 {
+    let of = |motion: &StableMotion| {
+        let n = motion.coordinates.len();
+        motion.coordinates[index % n].largest * if index < n { 1.0 } else { TAU * frequency_hz }
+    };
+    REACH * motions.iter().map(of).fold(0.0, f64::max)
+}
+
+/// The stable motions of a driven structure at a frequency, in order of the first displacement that is read: those of
+/// the branch over the frequency, traced from ¾ to 4/3 of it, and those in which the structure settles from beside an
+/// unstable motion of the branch, as one of twice the period. A branch that ended early is returned, too; motions beyond
+/// its end are missing.
+///
+/// # Errors
+/// As [`StroboscopicMap::new`]; [`TimeDomainError::Step`] if a motion can't be followed; [`TimeDomainError::Stopped`] if
+/// `stop` said so.
+pub fn stable_motions(
+    forced: &Forced,
+    read: &[Dof],
+    frequency_hz: f64,
+    stop: &dyn Fn() -> bool,
+) -> Result<(Vec<StableMotion>, Option<EndedEarly<Branch>>), TimeDomainError> {
+    let map = StroboscopicMap::new(forced, frequency_hz)?;
+    let window = WINDOW.map(|part| part * frequency_hz);
+    let options = TraceOptions::new(forced, Coordinate::FrequencyHz, window, read.to_vec());
+    let (branch, early) = match trace(forced, window[0], Coordinate::FrequencyHz, &options) {
+        Ok(branch) => (branch, None),
+        Err(early) => ((*early.so_far).clone(), Some(early)),
+    };
+    let mut motions: Vec<StableMotion> = Vec::new();
+    let mut unstable = Vec::new();
+    let mut keep = |found: Option<FixedPoint>| -> Result<bool, TimeDomainError> {
+        let Some(found) = found else { return Ok(false) };
+        if !motions.iter().any(|motion| motion.attractor.holds(&found.point)) {
+            motions.push(StableMotion::new(&map, read, &found)?);
+        }
+        Ok(true)
+    };
+    for state in phase_zero_states(forced, &branch, frequency_hz, &options) {
+        if !keep(FixedPoint::shoot(&map, &map.to_point(&state), 1))? {
+            unstable.push(state);
+        }
+    }
+    for state in unstable {
+        let beside = state.iter().map(|number| number * (1.0 + BESIDE)).collect();
+        let followed = follow(&map, &beside, &SettleOptions::default(), stop)?;
+        if let Some(period) = followed.period {
+            keep(FixedPoint::shoot(&map, &map.to_point(&followed.start), period))?;
+        }
+    }
+    let size = |motion: &StableMotion| motion.readings.first().map_or(0.0, |reading| reading.largest);
+    motions.sort_by(|a, b| size(a).total_cmp(&size(b)));
+    Ok((motions, early))
+}
+
+/// The fate of each initial state, given at phase 0, within `time_constants` of the structure's slowest mode; see
+/// [`crate::time_domain::outcomes`].
+///
+/// # Errors
+/// [`TimeDomainError::Option`] if the wait is no positive number, [`TimeDomainError::Step`] if a step can't be made for
+/// another reason than that the motion grows without bound, [`TimeDomainError::Stopped`] if `stop` said so.
+pub fn outcomes(
+    map: &StroboscopicMap,
+    motions: &[StableMotion],
+    starts: &[Vec<f64>],
+    time_constants: f64,
+    stop: &dyn Fn() -> bool,
+) -> Result<Vec<BasinOutcome>, TimeDomainError> {
+    let attractors: Vec<&Attractor> = motions.iter().map(|motion| &motion.attractor).collect();
+    fates(map, &attractors, starts, time_constants, stop)
+}

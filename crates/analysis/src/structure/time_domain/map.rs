@@ -1,0 +1,198 @@
+//! The stroboscopic map of a structure.
+
+use alloc::vec;
+use alloc::vec::Vec;
+use core::cell::RefCell;
+use core::f64::consts::TAU;
+
+use nalgebra::DVector;
+use resonarm_dynamics::integrate::{IntegrateError, Scheme};
+use resonarm_dynamics::structure::{Assembly, StepError, StepLoad, Stepper};
+
+use crate::structure::Forced;
+use crate::time_domain::{Strobe, TimeDomainError, steps_in_period};
+
+/// The map of one structure under one sine. A state has the coordinates, their rates and the states of the elements.
+///
+/// A period has a whole number of steps of order 8, as many as [`crate::time_domain::StroboscopicMap`] needs for the
+/// structure's modes, or more if the structure asks for more; where elements need still more in some motion, that period
+/// is integrated again with them.
+#[derive(Debug)]
+pub struct StroboscopicMap {
+    forced: Forced,
+    frequency_hz: f64,
+    steps: u32,
+    time_constant_periods: f64,
+    stepper: RefCell<Stepper>,
+    /// What a state is multiplied by to be a point of the section.
+    weights: Vec<f64>,
+}
+
+impl StroboscopicMap {
+    /// The scheme: that of the arm's map.
+    const SCHEME: Scheme = Scheme::Dop853;
+
+    /// The map of a structure driven at `frequency_hz`, Hz.
+    ///
+    /// # Errors
+    /// [`TimeDomainError::Frequency`], [`TimeDomainError::FrequencyTooLow`] or [`TimeDomainError::Load`] if the drive
+    /// has no period, one of more than a million steps, or no finite amplitude; [`TimeDomainError::Undamped`] if
+    /// transients of the linear structure never end; [`TimeDomainError::Step`] if no step can be made.
+    pub fn new(forced: &Forced, frequency_hz: f64) -> Result<StroboscopicMap, TimeDomainError> {
+        if !forced.amplitude.is_finite() {
+            return Err(TimeDomainError::Load);
+        }
+        let modes = forced.assembly.modes().iter().map(|mode| (mode.frequency_hz, mode.damping_ratio));
+        let (steps, time_constant_periods) = steps_in_period(modes, frequency_hz)?;
+        StroboscopicMap::with_steps(forced, frequency_hz, f64::from(steps), time_constant_periods)
+    }
+
+    fn with_steps(
+        forced: &Forced,
+        frequency_hz: f64,
+        steps: f64,
+        time_constant_periods: f64,
+    ) -> Result<StroboscopicMap, TimeDomainError> {
+        let most = crate::time_domain::MOST_STEPS;
+        if steps > f64::from(most) {
+            let lowest_hz = steps * frequency_hz / f64::from(most);
+            return Err(TimeDomainError::FrequencyTooLow { got_hz: frequency_hz, steps, most, lowest_hz });
+        }
+        let stepper = Stepper::new(&forced.assembly, &[forced.drive], Self::SCHEME, steps * frequency_hz);
+        let stepper = match stepper {
+            Err(StepError::RateTooLow { needed_hz, .. }) => {
+                let more = libm::ceil(needed_hz / frequency_hz).max(steps + 1.0);
+                return StroboscopicMap::with_steps(forced, frequency_hz, more, time_constant_periods);
+            }
+            made => made.map_err(|source| TimeDomainError::Step { frequency_hz, source })?,
+        };
+        Ok(StroboscopicMap {
+            forced: forced.clone(),
+            frequency_hz,
+            steps: steps as u32,
+            time_constant_periods,
+            stepper: RefCell::new(stepper),
+            weights: weights(&forced.assembly, TAU * frequency_hz),
+        })
+    }
+
+    /// The same with at least this many steps a second, and twice as many as here.
+    pub(super) fn finer(&self, needed_hz: f64) -> Result<StroboscopicMap, TimeDomainError> {
+        let steps = libm::ceil(needed_hz / self.frequency_hz).max(2.0 * f64::from(self.steps));
+        StroboscopicMap::with_steps(&self.forced, self.frequency_hz, steps, self.time_constant_periods)
+    }
+
+    /// The structure and its drive.
+    pub fn forced(&self) -> &Forced {
+        &self.forced
+    }
+
+    /// The frequency of the drive, Hz.
+    pub fn frequency_hz(&self) -> f64 {
+        self.frequency_hz
+    }
+
+    /// Integration steps in a period.
+    pub fn steps_per_period(&self) -> u32 {
+        self.steps
+    }
+
+    /// One period; calls back with each step's number, 0 to N − 1, and the structure at its start.
+    pub(super) fn visit(
+        &self,
+        state: &[f64],
+        mut visit: impl FnMut(u32, &Stepper) -> Result<(), StepError>,
+    ) -> Result<Vec<f64>, TimeDomainError> {
+        let failed = |source| TimeDomainError::Step { frequency_hz: self.frequency_hz, source };
+        let mut stepper = self.stepper.borrow_mut();
+        let load = StepLoad::Sine { amplitude: &[self.forced.amplitude], omega_rad_s: TAU * self.frequency_hz };
+        stepper.restore(state).map_err(failed)?;
+        for step in 0..self.steps {
+            visit(step, &stepper).map_err(failed)?;
+            stepper.advance_under(self.time_s(step), &load).map_err(failed)?;
+        }
+        let numbers = stepper.position().iter().chain(stepper.velocity()).chain(stepper.element_states());
+        Ok(numbers.copied().collect())
+    }
+
+    /// Time at the start of a step, s since phase 0.
+    fn time_s(&self, step: u32) -> f64 {
+        f64::from(step) / (f64::from(self.steps) * self.frequency_hz)
+    }
+
+    /// The drive at the start of a step.
+    pub(super) fn load(&self, step: u32) -> f64 {
+        self.forced.amplitude * libm::sin(TAU * f64::from(step) / f64::from(self.steps))
+    }
+}
+
+/// Rates over Ω; the state of an element over |∂x/∂q|, so that it is in the unit of the coordinates.
+fn weights(assembly: &Assembly, omega_rad_s: f64) -> Vec<f64> {
+    let n = assembly.coordinates();
+    let mut weights = vec![1.0; n];
+    weights.resize(2 * n, 1.0 / omega_rad_s);
+    let (rest, mut direction) = (vec![0.0; n], vec![0.0; n]);
+    for element in assembly.elements().iter().filter(|element| element.law().has_state()) {
+        assembly.element_direction(element, &rest, &mut direction);
+        let length = libm::sqrt(direction.iter().map(|w| w * w).sum());
+        weights.push(if length > 0.0 { 1.0 / length } else { 1.0 });
+    }
+    weights
+}
+
+/// The error of a motion that grows without bound.
+fn diverges(error: &TimeDomainError) -> bool {
+    use StepError::{Integrate, NotFinite};
+    matches!(
+        error,
+        TimeDomainError::Step { source: NotFinite { .. } | Integrate(IntegrateError::NotFinite { .. }), .. }
+    )
+}
+
+impl Strobe for StroboscopicMap {
+    type State = Vec<f64>;
+
+    fn time_constant_periods(&self) -> f64 {
+        self.time_constant_periods
+    }
+
+    fn keeps_constants(&self) -> bool {
+        self.forced.assembly.element_states() > 0
+    }
+
+    fn next(&self, state: &Vec<f64>) -> Result<Vec<f64>, TimeDomainError> {
+        match self.visit(state, |_step, _structure| Ok(())) {
+            Err(TimeDomainError::Step { source: StepError::TooStiff { needed_hz, .. }, .. }) => {
+                self.finer(needed_hz)?.next(state)
+            }
+            reached => reached,
+        }
+    }
+
+    fn advance_together(&self, states: &mut [Vec<f64>], periods: u32) -> Result<(), TimeDomainError> {
+        for state in states {
+            for _ in 0..periods {
+                if !Self::is_finite(state) {
+                    break;
+                }
+                *state = match self.next(state) {
+                    Err(error) if diverges(&error) => vec![f64::NAN; state.len()],
+                    reached => reached?,
+                };
+            }
+        }
+        Ok(())
+    }
+
+    fn is_finite(state: &Vec<f64>) -> bool {
+        state.iter().all(|number| number.is_finite())
+    }
+
+    fn to_point(&self, state: &Vec<f64>) -> DVector<f64> {
+        DVector::from_iterator(state.len(), state.iter().zip(&self.weights).map(|(number, weight)| number * weight))
+    }
+
+    fn to_state(&self, point: &DVector<f64>) -> Vec<f64> {
+        point.iter().zip(&self.weights).map(|(number, weight)| number / weight).collect()
+    }
+}

@@ -1,0 +1,200 @@
+use core::cell::Cell;
+use core::f64::consts::TAU;
+
+use super::*;
+use crate::structure::tests::{modal, near, number, of_kind, oracles, place};
+use crate::structure::{Branch, Coordinate, Forced, LinearResponse, TraceOptions, trace};
+use crate::tests::arm_at;
+use crate::time_domain::{BasinOutcome, Grid, SettleOptions, TimeDomainError};
+use crate::{BifurcationKind, Quantity};
+use nalgebra::Normed as _;
+use resonarm_dynamics::arm::{Load, Preset, Sine, State};
+use resonarm_dynamics::structure::{
+    Assembly, Axis, BodySpec, ChainSpec, Dof, ElementSpec, Law, ModalSpec, ModeSpec, ShapeSpec, Side, StructureSpec,
+};
+
+/// The first structure of the oracles under its drive, and where it is read.
+fn forced() -> (Forced, Dof) {
+    let case = &oracles("modal")[0];
+    let assembly = modal(case);
+    let [drive, read] = ["drive", "read"].map(|key| assembly.dof(case[key].as_str().unwrap()).unwrap());
+    (Forced::new(assembly, drive, number(case, "force_n")), read)
+}
+
+/// One mode of 10 Hz with an element, under a force.
+fn oscillator(damping_ratio: f64, law: Law, force_n: f64) -> (Forced, Dof) {
+    let body = ModalSpec {
+        modes: vec![ModeSpec { frequency_hz: 10.0, damping_ratio }],
+        shapes: vec![ShapeSpec { point: "tip".into(), axis: Axis::X, by_mode: vec![1.0] }],
+    };
+    let elements = vec![ElementSpec { at: place("tip.x"), to: None, law }];
+    let assembly = Assembly::new(&StructureSpec { body: BodySpec::Modal(body), elements }).unwrap();
+    let tip = assembly.dof("tip.x").unwrap();
+    (Forced::new(assembly, tip, force_n), tip)
+}
+
+/// One that hardens so that its resonance folds over.
+fn hardening() -> (Forced, Dof) {
+    oscillator(0.03, Law::Cubic { stiffness3: 4e6, stiffness5: 0.0 }, 5.0)
+}
+
+/// The branch of a structure from one frequency to another, Hz.
+fn traced(forced: &Forced, read: Dof, ends: [f64; 2]) -> Branch {
+    let options = TraceOptions::new(forced, Coordinate::FrequencyHz, ends, vec![read]);
+    trace(forced, ends[0], Coordinate::FrequencyHz, &options).unwrap()
+}
+
+fn settled(forced: &Forced, read: Dof, frequency_hz: f64, start: &[f64]) -> Settled {
+    let map = StroboscopicMap::new(forced, frequency_hz).unwrap();
+    settle(&map, &[read], start, &SettleOptions::default(), &|| false).unwrap()
+}
+
+fn rest(forced: &Forced) -> Vec<f64> {
+    vec![0.0; 2 * forced.assembly().coordinates() + forced.assembly().element_states()]
+}
+
+/// Without elements the motion that settles is that of the frequency response.
+#[test]
+fn small_motions_are_those_of_the_linear_structure() {
+    let mut spec = forced().0.assembly().spec().clone();
+    spec.elements.clear();
+    let assembly = Assembly::new(&spec).unwrap();
+    let [tip, mid] = ["tip.x", "mid.x"].map(|name| assembly.dof(name).unwrap());
+    let response = LinearResponse::new(&assembly);
+    let linear = Forced::new(assembly, tip, 3.0);
+    for hz in [7.0, 20.0, 24.0, 70.0] {
+        let got = settled(&linear, mid, hz, &rest(&linear));
+        let expected = response.at(Quantity::Receptance, tip, mid, hz).unwrap() * 3.0;
+        assert!((got.readings[0].harmonic1 - expected).norm() < 1e-8 * expected.norm(), "{hz} Hz: {got:?} {expected}");
+        near(got.readings[0].largest, expected.norm(), 1e-8);
+        assert!(got.period == Some(1) && got.drift < 1e-9 && got.largest_multiplier.unwrap() < 1.0);
+    }
+}
+
+/// A chain of two links settles as the arm does.
+#[test]
+fn a_chain_of_two_links_settles_as_the_arm() {
+    let arm = arm_at(Preset::Irb1600Fitted, 0.0, 60.0);
+    let chain = BodySpec::Chain(ChainSpec::from_arm(arm.parameters(), arm.pose()));
+    let assembly = Assembly::new(&StructureSpec { body: chain, elements: vec![] }).unwrap();
+    let joint = assembly.dof("joint1").unwrap();
+    let chain = Forced::new(assembly, joint, 60.0);
+    let got = settled(&chain, joint, 22.1, &rest(&chain));
+    let sine = Sine { amplitude: Load::torque_nm(60.0, 0.0), frequency_hz: 22.1 };
+    let map = crate::time_domain::StroboscopicMap::new(&arm, sine).unwrap();
+    let options = SettleOptions::default();
+    let expected = crate::time_domain::settle(&map, &State::default(), &options, &|| false).unwrap();
+    assert_eq!((got.period, got.settling_periods), (expected.period, expected.settling_periods));
+    for i in 0..2 {
+        near(got.coordinates[i].largest, expected.amplitude_rad[i], 1e-8);
+        near(got.coordinates[i].harmonic1.norm(), expected.harmonic1_rad[i], 1e-8);
+    }
+    assert_eq!(got.coordinates[0], got.readings[0]);
+    near(got.largest_multiplier.unwrap(), expected.largest_multiplier.unwrap(), 1e-7);
+}
+
+/// Up, the motion of the hardening structure jumps where the upper branch ends, and down, where the lower one ends:
+/// within a step of the folds of the computed branch.
+#[test]
+fn up_and_down_jump_at_the_folds() {
+    let (forced, read) = hardening();
+    let branch = traced(&forced, read, [8.0, 20.0]);
+    let folds: Vec<f64> = of_kind(&branch, BifurcationKind::Fold).iter().map(|orbit| orbit.frequency_hz).collect();
+    let step_hz = 0.01;
+    let motions = stable_motions(&forced, &[read], 0.5 * (folds[0] + folds[1]), &|| false).unwrap().0;
+    for (fold, sign, start) in [(folds[0], 1.0, &motions[1]), (folds[1], -1.0, &motions[0])] {
+        let mut state = start.section[0].clone();
+        let hz = (0..7).map(|k| fold + sign * step_hz * (f64::from(k) - 3.5));
+        let size = |hz: f64| {
+            let reached = settled(&forced, read, hz, &state);
+            assert!(reached.period == Some(1) && reached.drift < 1e-9);
+            state.clone_from(&reached.end);
+            reached.readings[0].largest
+        };
+        let sizes: Vec<f64> = hz.map(size).collect();
+        let jumps: Vec<usize> = (1..7).filter(|&k| !(0.6..1.6).contains(&(sizes[k] / sizes[k - 1]))).collect();
+        assert_eq!(jumps, [4], "{sizes:?} {folds:?}");
+    }
+}
+
+/// Between the folds each stable motion is one of the branch, with its amplitude and multiplier; states reach the one in
+/// which they settle.
+#[test]
+fn basins_have_the_stable_motions_of_the_branch() {
+    let (forced, read) = hardening();
+    let folds = traced(&forced, read, [8.0, 20.0]).bifurcations;
+    let hz = 0.5 * (folds[0].orbit.frequency_hz + folds[1].orbit.frequency_hz);
+    let (motions, early) = stable_motions(&forced, &[read], hz, &|| false).unwrap();
+    assert!(motions.len() == 2 && early.is_none(), "{motions:?}");
+    // A branch that comes from below arrives on the upper stretch, and one from above on the lower.
+    for (motion, from_hz) in motions.iter().zip([20.0, 8.0]) {
+        let expected = traced(&forced, read, [from_hz, hz]).orbits.pop().unwrap();
+        near(motion.readings[0].largest, expected.readings[0].largest, 1e-7);
+        near(motion.readings[0].harmonic1.re, expected.readings[0].harmonic1.re, 1e-6);
+        near(motion.largest_multiplier, expected.stability.unwrap().multipliers[0].norm(), 1e-6);
+        assert_eq!((motion.period, motion.section.len()), (1, 1));
+    }
+    let map = StroboscopicMap::new(&forced, hz).unwrap();
+    let far = [0, 1].map(|index| reach(&motions, index, hz));
+    let place = |k: usize| [far[0] * (k % 5) as f64 / 2.0 - far[0], far[1] * (k / 5) as f64 / 2.0 - far[1]];
+    let starts: Vec<Vec<f64>> = (0..25).map(|k| place(k).to_vec()).collect();
+    let fates = outcomes(&map, &motions, &starts, 40.0, &|| false).unwrap();
+    let mut reached = [0; 2];
+    for (start, fate) in starts.iter().zip(&fates) {
+        let BasinOutcome::Reaches { motion, .. } = fate else { panic!("{fate:?}") };
+        near(settled(&forced, read, hz, start).readings[0].largest, motions[*motion].readings[0].largest, 1e-6);
+        reached[*motion] += 1;
+    }
+    assert!(reached.iter().all(|count| *count > 2), "{reached:?}");
+}
+
+/// A bilinear oscillator, twice as fast as its resonance driven, vibrates with two periods of the drive; that motion is
+/// found from beside the unstable one of the branch.
+#[test]
+fn finds_the_motion_of_two_periods() {
+    let stiffness = 1.25 * (TAU * 10.0) * (TAU * 10.0);
+    let (forced, read) =
+        oscillator(0.03, Law::KelvinVoigt { stiffness, damping: 0.0, gap: 0.0, side: Side::Positive }, 5.0);
+    let (motions, _) = stable_motions(&forced, &[read], 24.0, &|| false).unwrap();
+    let periods: Vec<u32> = motions.iter().map(|motion| motion.period).collect();
+    assert_eq!((periods.as_slice(), motions[0].section.len()), (&[2][..], 2), "{motions:?}");
+}
+
+/// Friction that sticks keeps the offset with which it began to stick: the motion settles where it returns, and is that
+/// of harmonic balance. Friction that slips forgets it.
+#[test]
+fn friction_settles() {
+    for (force_n, multiplier) in [(1.0, false), (40.0, true)] {
+        let (forced, read) = oscillator(0.03, Law::Friction { stiffness: 2e3, slip: 5.0 }, force_n);
+        let got = settled(&forced, read, 9.0, &rest(&forced));
+        assert_eq!((got.period, got.largest_multiplier.is_some()), (Some(1), multiplier), "{got:?}");
+        let expected = traced(&forced, read, [9.0, 9.1]).orbits[0].readings[0];
+        near(got.readings[0].harmonic1.norm(), expected.harmonic1.norm(), 2e-5);
+    }
+}
+
+/// Without steps the frequencies are dense along the resonance; with few it is stepped over, and that is reported.
+#[test]
+fn frequencies_resolve_a_resonance_or_say_that_they_do_not() {
+    let (forced, read) = hardening();
+    let of = |steps| SweepFrequencies::new(&forced, &[read], [20.0, 5.0], steps).unwrap();
+    let (few, all) = (of(Some(3)), of(None));
+    assert_eq!((few.grid.values().len(), few.stepped_over.len(), few.stepped_over[0].reading), (3, 1, 0));
+    assert!(all.grid.values().len() > 130 && all.stepped_over.is_empty() && all.unknown_beyond.is_none());
+    let even = Grid::new(5.0, 20.0, 101).unwrap();
+    assert!(even.values().iter().all(|hz| all.grid.values().contains(hz)));
+}
+
+/// A stop is heeded, and what can't be computed is refused.
+#[test]
+fn stops_and_refuses() {
+    let (forced, read) = forced();
+    let map = StroboscopicMap::new(&forced, 20.0).unwrap();
+    let asked = Cell::new(0);
+    let stop = || asked.replace(asked.get() + 1) == 1;
+    let stopped = settle(&map, &[read], &rest(&forced), &SettleOptions::default(), &stop);
+    assert_eq!(stopped, Err(TimeDomainError::Stopped));
+    let refusal = |forced: &Forced, hz: f64| StroboscopicMap::new(forced, hz).unwrap_err().to_string();
+    insta::assert_snapshot!(refusal(&forced, 0.0), @"excitation frequency 0 Hz: it must be a positive number");
+    insta::assert_snapshot!(refusal(&forced.undamped().unwrap(), 20.0), @"mode 1 has the damping ratio 0e0: without damping no motion settles; give it damping");
+}

@@ -1,0 +1,110 @@
+//! The states of a grid and their fates, as `basins` prints and draws them.
+
+use serde::Serialize;
+
+use crate::motion_flags::or_empty;
+use resonarm::analysis::time_domain::BasinOutcome;
+use resonarm::study::StateGrid;
+use resonarm_figures::plot::{Axis, Color, Figure, Marker, Panel, Series};
+
+/// Width of the drawn grid, px: the marks of its cells touch.
+const DRAWN_PX: f64 = 420.0;
+/// The widest mark, px: a wider one does not fit in the legend.
+const WIDEST_PX: f64 = 16.0;
+
+/// An initial state in results.
+#[derive(Serialize)]
+struct Cell {
+    at: [f64; 2],
+    /// Which motion it reaches, from 1.
+    motion: Option<usize>,
+    /// Periods of the excitation until this was certain.
+    periods: Option<u64>,
+    /// `reaches`, `undecided` or `diverges`.
+    outcome: &'static str,
+}
+
+/// All of them, with their numbers.
+#[derive(Serialize)]
+pub(crate) struct Cells {
+    undecided: usize,
+    diverging: usize,
+    cells: Vec<Cell>,
+}
+
+impl Cells {
+    /// The fates of the states of a grid.
+    pub fn new<C, S>(grid: &StateGrid<C, S>, outcomes: &[BasinOutcome]) -> Cells {
+        let cell = |(index, outcome): (usize, &BasinOutcome)| {
+            let (motion, periods, name) = match outcome {
+                BasinOutcome::Reaches { motion, periods } => (Some(motion + 1), Some(*periods), "reaches"),
+                BasinOutcome::Undecided => (None, None, "undecided"),
+                BasinOutcome::Diverges => (None, None, "diverges"),
+            };
+            Cell { at: grid.values(index), motion, periods, outcome: name }
+        };
+        let cells: Vec<Cell> = outcomes.iter().enumerate().map(cell).collect();
+        let count = |name: &str| cells.iter().filter(|cell| cell.outcome == name).count();
+        Cells { undecided: count("undecided"), diverging: count("diverges"), cells }
+    }
+
+    /// How many states there are.
+    pub fn len(&self) -> usize {
+        self.cells.len()
+    }
+
+    /// How many reach a motion, counted from 0.
+    pub fn reaching(&self, motion: usize) -> usize {
+        self.cells.iter().filter(|cell| cell.motion == Some(motion + 1)).count()
+    }
+
+    /// Those that reach no motion, for people.
+    pub fn others(&self, time_constants: f64) -> String {
+        let mut text = String::new();
+        if self.undecided > 0 {
+            text += &format!(
+                "undecided: {} states come to none of these within {time_constants} time constants (try more \
+                 --time-constants)\n",
+                self.undecided
+            );
+        }
+        if self.diverging > 0 {
+            text += &format!("beyond all bounds: {} states\n", self.diverging);
+        }
+        text
+    }
+
+    /// A line for each state, whose coordinates have these names.
+    pub fn csv(&self, [x, y]: [&str; 2]) -> String {
+        let mut text = format!("{x},{y},outcome,motion,periods\n");
+        for Cell { at: [x, y], motion, periods, outcome } in &self.cells {
+            let (motion, periods) = (or_empty(*motion), or_empty(*periods));
+            text += &format!("{x},{y},{outcome},{motion},{periods}\n");
+        }
+        text
+    }
+
+    /// A mark for each state, in the colour of the motion it reaches, which `labels` name; the sections of the motions
+    /// over them. `columns` is the number of states in a row.
+    pub fn figure(&self, [x, y]: [&str; 2], columns: usize, labels: Vec<String>, sections: Vec<(f64, f64)>) -> Figure {
+        let mut panel = Panel::new(Axis::linear(x), Axis::linear(y));
+        let size = (DRAWN_PX / columns as f64).clamp(0.5, WIDEST_PX);
+        let cells = |wanted: &dyn Fn(&Cell) -> bool| {
+            self.cells.iter().filter(|cell| wanted(cell)).map(|cell| (cell.at[0], cell.at[1])).collect::<Vec<_>>()
+        };
+        let colors = [Color::SkyBlue, Color::Vermillion, Color::Yellow, Color::Green, Color::Purple, Color::Blue];
+        for (k, label) in labels.into_iter().enumerate() {
+            let color = colors[k % colors.len()];
+            let points = cells(&|cell| cell.motion == Some(k + 1));
+            panel = panel.with_any(Series::markers(label, color, Marker::Square, points).marked(size, true));
+        }
+        for (outcome, label, color) in
+            [("undecided", "undecided", Color::Grey), ("diverges", "beyond all bounds", Color::Black)]
+        {
+            let points = cells(&|cell| cell.outcome == outcome);
+            panel = panel.with_any(Series::markers(label, color, Marker::Cross, points));
+        }
+        let panel = panel.with(Series::markers("stable motions, projected", Color::Black, Marker::Diamond, sections));
+        Figure::new("Basins of attraction: where each initial state ends").with(panel)
+    }
+}
