@@ -76,8 +76,8 @@ struct Document<'a> {
 struct StructureDocument<'a> {
     configuration: Value,
     points: &'a [StructurePoint],
-    /// Against the computed branch; none at a load that grows, along more than one degree of freedom, or if no point has
-    /// settled.
+    /// Against the computed branch; none at a load that grows, along more than one degree of freedom, or if no point
+    /// has settled.
     score: Option<&'a StructureScore>,
     #[serde(flatten)]
     end: &'a ExciterEnd,

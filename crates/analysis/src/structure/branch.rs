@@ -151,8 +151,8 @@ impl Tracer<'_> {
     /// The next point after `before`. A step that comes to another branch, which passes close by, is taken again in
     /// halves.
     ///
-    /// Along one branch the bordered determinant changes its sign at branch points only. So if it does in a step without
-    /// one, the step has jumped. Where forces aren't smooth, corners change it, too.
+    /// Along one branch the bordered determinant changes its sign at branch points only. So if it does in a step
+    /// without one, the step has jumped. Where forces aren't smooth, corners change it, too.
     fn step(&mut self, walk: &mut Walk, before: &Point) -> Result<(), AnalysisError> {
         let (branch, smooth) = (&self.options.branch, self.balance.forced.assembly.is_smooth());
         let (start, harmonics) = (walk.clone(), self.balance.harmonics());

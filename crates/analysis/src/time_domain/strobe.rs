@@ -25,8 +25,8 @@ pub(crate) const MOST_STEPS: u32 = 1_000_000;
 /// Most steps whose loads are kept at once for [`StroboscopicMap::advance_all`].
 const LONGEST_STRETCH: u32 = 4096;
 
-/// N for modes of these frequencies, Hz, and damping ratios, and the time in which the slowest of their transients falls
-/// by e, in periods of the excitation.
+/// N for modes of these frequencies, Hz, and damping ratios, and the time in which the slowest of their transients
+/// falls by e, in periods of the excitation.
 ///
 /// # Errors
 /// [`TimeDomainError::Frequency`], [`TimeDomainError::FrequencyTooLow`], [`TimeDomainError::Undamped`].

@@ -108,8 +108,8 @@ impl From<CancelHarmonics> for alloc::vec::Vec<u8> {
     }
 }
 
-/// Transfer from the coil's force to that in the head, by way of an armature to the arm, linearised in its pose; an ideal
-/// exciter's force is all in the head.
+/// Transfer from the coil's force to that in the head, by way of an armature to the arm, linearised in its pose; an
+/// ideal exciter's force is all in the head.
 #[derive(Clone, Copy, Debug)]
 struct HeadTransfer {
     arm: FrequencyResponse,

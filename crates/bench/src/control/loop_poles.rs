@@ -1,7 +1,7 @@
 //! Poles of the control loop: filter, feedback and delay around all modes.
 //!
-//! The filter lets the structure's other modes through, a little and late, and the feedback can drive it. So the gain is
-//! computed: the largest one for which the loop is stable, also with the command two samples late.
+//! The filter lets the structure's other modes through, a little and late, and the feedback can drive it. So the gain
+//! is computed: the largest one for which the loop is stable, also with the command two samples late.
 
 use alloc::vec::Vec;
 use core::f64::consts::TAU;
@@ -83,7 +83,8 @@ impl Loop {
         self.moving() + self.sums() + FILTER + 1 + self.delay
     }
 
-    /// One sample of the linear loop: the structure under the load held, the reading of its acceleration, filter, command.
+    /// One sample of the linear loop: the structure under the load held, the reading of its acceleration, filter,
+    /// command.
     ///
     /// The filter's coefficients are taken as z = c e^{ihθ}, which rotate by a constant angle per sample, so the loop
     /// does not depend on time. The command Re(2iωm g (−a) e^{iθ⁺}) with a = −c_1/(ω² G), G the converter's gain, and

@@ -274,8 +274,8 @@ impl ModeModel {
         &self.others[..self.count]
     }
 
-    /// The angular frequency of the tone that is modelled beside the harmonics, rad/s: of the most prominent other mode,
-    /// or, of a structure without, four times the mode's.
+    /// The angular frequency of the tone that is modelled beside the harmonics, rad/s: of the most prominent other
+    /// mode, or, of a structure without, four times the mode's.
     pub fn tone_rad_s(&self) -> f64 {
         self.others().first().map_or(4.0 * self.mode.angular_frequency_rad_s, |other| other.angular_frequency_rad_s)
     }

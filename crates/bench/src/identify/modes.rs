@@ -22,8 +22,8 @@ pub const MOST_NOISE_SHARE: f64 = 0.01;
 /// Half the width of the band of a fit: at least this many hertz, and this many lines.
 const HALF_WIDTH_HZ: f64 = 0.5;
 const HALF_WIDTH_LINES: f64 = 20.0;
-/// Multiples of that width in which modes are sought that are too broad to stand out in it: those whose half bandwidth is
-/// at least this share of it.
+/// Multiples of that width in which modes are sought that are too broad to stand out in it: those whose half bandwidth
+/// is at least this share of it.
 const BROAD_WIDTHS: [usize; 2] = [4, 16];
 const BROAD_SHARE: f64 = 0.2;
 /// Poles at most this many lines apart belong to one mode.
@@ -312,8 +312,8 @@ impl<'a> Stretch<'a> {
         peaks
     }
 
-    /// Fits the mode at a line to `half` lines on both sides, if there is one; the nearest other mode is the given number of
-    /// lines away.
+    /// Fits the mode at a line to `half` lines on both sides, if there is one; the nearest other mode is the given
+    /// number of lines away.
     fn fit(&self, centre: usize, half: usize, neighbour: Option<usize>) -> Result<Fitted, IdentifyError> {
         let room = neighbour.map_or(usize::MAX, |lines| lines / 2);
         let mut half = half.min(room);
@@ -384,8 +384,8 @@ impl<'a> Stretch<'a> {
 impl Stretch<'_> {
     /// The shape of modal mass 1 kg. `reading` are the weights with which the channels are combined to the response.
     ///
-    /// The shape φ = c s, driven along e, has the accelerance z² φ φₑ/((z − λ)(z − λ*)) at z = iω, whose residue at λ is
-    /// λ² φ φₑ/(λ − λ*). So the response Σ wᵢ aᵢ with the residue r has c² = Re(r (λ − λ*)/λ²)/(Σ wᵢ sᵢ · sₑ).
+    /// The shape φ = c s, driven along e, has the accelerance z² φ φₑ/((z − λ)(z − λ*)) at z = iω, whose residue at λ
+    /// is λ² φ φₑ/(λ − λ*). So the response Σ wᵢ aᵢ with the residue r has c² = Re(r (λ − λ*)/λ²)/(Σ wᵢ sᵢ · sₑ).
     fn mass_normalised(
         &self,
         shape: &[f64; CHANNELS],

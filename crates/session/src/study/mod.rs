@@ -1,4 +1,5 @@
-//! Parameter studies: many motions of the arm, or of a structure, computed over all cores, which can be stopped and resumed.
+//! Parameter studies: many motions of the arm, or of a structure, computed over all cores, which can be stopped and
+//! resumed.
 //!
 //! [`Chains`] are motions of which each begins where the one before ended, as in a stepped sweep. What is finished goes
 //! into a [`Journal`], so that a study that was stopped, or killed, continues from there and gives the same bits; so do

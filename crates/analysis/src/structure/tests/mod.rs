@@ -160,8 +160,8 @@ fn a_structure_without_elements_is_linear() {
     assert!(branch.bifurcations.is_empty() && branch.orbits.iter().all(|orbit| orbit.is_stable() == Some(true)));
 }
 
-/// The arm with a spring at its elbow that hardens: at 40 N a motion almost breaks a symmetry, and a closed branch passes
-/// by at 22.856 Hz, nearer than a usual step. The branch goes by, and leaves the interval.
+/// The arm with a spring at its elbow that hardens: at 40 N a motion almost breaks a symmetry, and a closed branch
+/// passes by at 22.856 Hz, nearer than a usual step. The branch goes by, and leaves the interval.
 #[test]
 fn a_branch_does_not_jump_to_one_that_passes_close_by() {
     let arm = arm_at(Preset::Irb1600Fitted, 0.0, 60.0);

@@ -59,11 +59,12 @@ pub fn reach(motions: &[StableMotion], index: usize, frequency_hz: f64) -> f64 {
 
 /// The stable motions of a driven structure at a frequency, in order of the first displacement that is read: those of
 /// the branch over the frequency, traced from ¾ to 4/3 of it, and those in which the structure settles from beside an
-/// unstable motion of the branch, as one of twice the period. A branch that ended early is returned, too; motions beyond
-/// its end are missing.
+/// unstable motion of the branch, as one of twice the period. A branch that ended early is returned, too; motions
+/// beyond its end are missing.
 ///
 /// # Errors
-/// As [`StroboscopicMap::new`]; [`TimeDomainError::Step`] if a motion can't be followed; [`TimeDomainError::Stopped`] if
+/// As [`StroboscopicMap::new`]; [`TimeDomainError::Step`] if a motion can't be followed; [`TimeDomainError::Stopped`]
+/// if
 /// `stop` said so.
 pub fn stable_motions(
     forced: &Forced,

@@ -15,8 +15,8 @@ use crate::time_domain::{Strobe, TimeDomainError, steps_in_period};
 /// The map of one structure under one sine. A state has the coordinates, their rates and the states of the elements.
 ///
 /// A period has a whole number of steps of order 8, as many as [`crate::time_domain::StroboscopicMap`] needs for the
-/// structure's modes, or more if the structure asks for more; where elements need still more in some motion, that period
-/// is integrated again with them.
+/// structure's modes, or more if the structure asks for more; where elements need still more in some motion, that
+/// period is integrated again with them.
 #[derive(Debug)]
 pub struct StroboscopicMap {
     forced: Forced,

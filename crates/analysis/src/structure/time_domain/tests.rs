@@ -117,8 +117,8 @@ fn up_and_down_jump_at_the_folds() {
     }
 }
 
-/// Between the folds each stable motion is one of the branch, with its amplitude and multiplier; states reach the one in
-/// which they settle.
+/// Between the folds each stable motion is one of the branch, with its amplitude and multiplier; states reach the one
+/// in which they settle.
 #[test]
 fn basins_have_the_stable_motions_of_the_branch() {
     let (forced, read) = hardening();

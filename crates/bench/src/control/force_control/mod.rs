@@ -173,7 +173,8 @@ pub struct ForceControl {
 }
 
 impl ForceControl {
-    /// A controller that plays the frequencies of `spec` on a structure as the controller models it, with readings at this
+    /// A controller that plays the frequencies of `spec` on a structure as the controller models it, with readings at
+    /// this
     /// `sampling` and an exciter with the limit `limit_n`.
     ///
     /// # Errors

@@ -137,7 +137,8 @@ pub struct PhaseWalk {
 }
 
 impl PhaseWalk {
-    /// A walk on a structure as the controller models it, with readings at this `sampling` and an exciter with the limit
+    /// A walk on a structure as the controller models it, with readings at this `sampling` and an exciter with the
+    /// limit
     /// `limit`, N or N·m.
     ///
     /// # Errors

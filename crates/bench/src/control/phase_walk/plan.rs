@@ -16,9 +16,9 @@ use resonarm_dynamics::arm::Load;
 /// Strongly Nonlinear Systems by Using Response-Controlled Stepped-Sine Testing (RCT)", Vibration 3 (2020),
 /// doi:10.3390/vibration3030019).
 ///
-/// Of the arm the followed coordinate is the angle α1, or α1 + α2 where in the mode's shape link 1 turns less than a fifth
-/// as far as link 2; of another structure it is the displacement of accelerometer C, or of B where C moves less than a
-/// fifth as far ([`Followed`](crate::control::Followed)).
+/// Of the arm the followed coordinate is the angle α1, or α1 + α2 where in the mode's shape link 1 turns less than a
+/// fifth as far as link 2; of another structure it is the displacement of accelerometer C, or of B where C moves less
+/// than a fifth as far ([`Followed`](crate::control::Followed)).
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct ResponseControlSpec {
