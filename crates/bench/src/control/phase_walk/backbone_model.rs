@@ -42,9 +42,10 @@ fn compliance(others: &[SeenMode], omega_rad_s: f64) -> Phasor {
 ///
 /// With the amplitude U of the load and a of the angle, in steady state a/U = 1/D + R: the mode's dynamic stiffness is
 /// D = m(ω₀² − ω²) + iκω, and R = Σ 1/(m'(ω'² − ω² + 2iζ'ω'ω)) is the contribution of the other modes, far from
-/// their resonances; off the peak, where the mode itself moves little, it shifts load and lag by per cents. So ω₀² = ω²
-/// + Re D/m and κ = Im D/ω. The theory of small vibration, (0, ω₀²) and κ = 2ζω₀m, is the first finding. Predictions of
-/// ω₀² fit a parabola in A², those of κ a line, by least squares in which near, recent and precise findings weigh more.
+/// their resonances; off the peak, where the mode itself moves little, it shifts load and lag by per cents. So
+/// ω₀² = ω² + Re D/m and κ = Im D/ω. The theory of small vibration, (0, ω₀²) and κ = 2ζω₀m, is the first finding.
+/// Predictions of ω₀² fit a parabola in A², those of κ a line, by least squares in which near, recent and precise
+/// findings weigh more.
 #[derive(Clone, Debug, Default)]
 pub(super) struct BackboneModel {
     mass: f64,
