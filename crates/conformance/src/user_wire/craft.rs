@@ -117,8 +117,8 @@ impl Sent {
         protected(message, payload, frame)
     }
 
-    /// A frame that asks the plant to stop: the one of its message that was sent last, with the value that stops. `None`
-    /// if no message of the mapping does.
+    /// A frame that asks the plant to stop: the one of its message that was sent last, with the value that stops.
+    /// `None` if no message of the mapping does.
     pub fn stop(&mut self, on: &UserWire) -> Option<Frame> {
         let (message, event) = on.mapping()?.incoming.iter().find_map(|message| {
             let stops = |event: &&_| stop_value(event).is_some();

@@ -1,9 +1,9 @@
 //! Conformance to a user's own protocol: the cases of a scenario with `[wire]`.
 //!
 //! What the node under test must do follows from the mapping alone. The tester's own end is the node that the program
-//! runs on this protocol: before a controller under test the plant of the scenario, simulated; before a plant under test
-//! the emulated exciter. What that node sends can be altered on its way to the bus, and every frame of the node under
-//! test is checked by the [`Decoder`], which knows counters, checksums and meanings.
+//! runs on this protocol: before a controller under test the plant of the scenario, simulated; before a plant under
+//! test the emulated exciter. What that node sends can be altered on its way to the bus, and every frame of the node
+//! under test is checked by the [`Decoder`], which knows counters, checksums and meanings.
 
 mod cases;
 mod controller_cases;

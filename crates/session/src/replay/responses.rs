@@ -22,8 +22,8 @@ use resonarm_protocol::{Emergency, EmergencyCode, ForceCommand, Message, Receive
 /// # Errors
 /// [`ReplayError::Command`] if another controller was recorded; [`ReplayError::Incompatible`] if the recorded plant
 /// speaks another version of the protocol; with a protocol of the scenario's own [`ReplayError::NoExcitation`] and
-/// [`ReplayError::NoLoad`], [`ReplayError::WireLacks`] if it can't carry the control, and [`ReplayError::NoReadings`] of
-/// a log without readings; [`ReplayError`] if the recording can't be read or its scenario makes no controller.
+/// [`ReplayError::NoLoad`], [`ReplayError::WireLacks`] if it can't carry the control, and [`ReplayError::NoReadings`]
+/// of a log without readings; [`ReplayError`] if the recording can't be read or its scenario makes no controller.
 pub fn responses(recording: &Recording) -> Result<Vec<ResponsePoint>, ReplayError> {
     Ok(timed_responses(recording)?.into_iter().map(|(_, response)| response).collect())
 }
