@@ -3,6 +3,7 @@
 use alloc::collections::BTreeMap;
 use alloc::format;
 use alloc::string::{String, ToString};
+use alloc::vec::Vec;
 
 use super::Kind;
 use super::monitor::Heard;
@@ -112,7 +113,7 @@ pub(super) fn in_time(t: &mut Tester) -> Result<(), Stop> {
     begin(t)?;
     let from = t.mark();
     t.until(watch_ns, |t| !t.is_armed())?;
-    let gaps = gaps(&t.heard()[from..]);
+    let gaps = gaps(&t.heard()[from..], t.now_ns());
     match fault(t)? {
         Some(emergency) if emergency.code == EmergencyCode::CommandTimeout => {
             let (what, later) = (why(&emergency), ms(MARGIN_NS));
@@ -145,16 +146,17 @@ pub(super) fn why(emergency: &Emergency) -> String {
     }
 }
 
-/// The longest times between two frames with loads, in words.
-fn gaps(heard: &[Heard]) -> String {
+/// The longest times between two frames with loads, and from the last to `end_ns`, in words.
+fn gaps(heard: &[Heard], end_ns: u64) -> String {
     let mut last: BTreeMap<&str, (u64, u64)> = BTreeMap::new();
     for heard in heard.iter().filter(|heard| heard.loads().next().is_some()) {
         let (before_ns, longest_ns) = last.entry(&heard.message.message).or_insert((heard.at_ns, 0));
         (*before_ns, *longest_ns) = (heard.at_ns, (*longest_ns).max(heard.at_ns - *before_ns));
     }
-    let texts =
-        last.iter().map(|(message, (_, longest_ns))| format!("{message} at the longest {} apart", ms(*longest_ns)));
-    let texts = texts.collect::<alloc::vec::Vec<_>>().join(", ");
+    let in_words = |(message, (before_ns, longest_ns)): (&str, (u64, u64))| {
+        format!("{message} at the longest {} apart", ms(longest_ns.max(end_ns - before_ns)))
+    };
+    let texts = last.into_iter().map(in_words).collect::<Vec<_>>().join(", ");
     if texts.is_empty() { String::from("no frame with a load came") } else { texts }
 }
 
@@ -186,7 +188,7 @@ fn has_load(heard: &Heard, (force_n, torque_nm): (f64, f64)) -> bool {
 
 fn commanded(heard: &Heard) -> String {
     let parts = heard.loads().map(|(name, value, unit)| format!("{name} {value:.3} {unit}"));
-    format!("{} commands {}", heard.message.message, parts.collect::<alloc::vec::Vec<_>>().join(", "))
+    format!("{} commands {}", heard.message.message, parts.collect::<Vec<_>>().join(", "))
 }
 
 /// What it commands while the plant is armed acts: all conditions are fulfilled.
@@ -204,7 +206,7 @@ pub(super) fn acts(t: &mut Tester) -> Result<(), Stop> {
     let refusals = t.plant()?.node.refusals();
     let refused =
         refusals.iter().filter(|(_, count)| *count > 0).map(|(refusal, count)| format!("{count} as {refusal}"));
-    let refused = refused.collect::<alloc::vec::Vec<_>>().join(", ");
+    let refused = refused.collect::<Vec<_>>().join(", ");
     let refused = if refused.is_empty() { String::from("none was refused") } else { format!("refused: {refused}") };
     let hint = match t.on.kind {
         Kind::Dbc => "are the values that `require` names sent?",
@@ -270,7 +272,8 @@ fn stops_once(t: &mut Tester, state: NodeState) -> Result<(), Stop> {
     let still = t.heard()[from..].iter().find(|heard| heard.state == state && has_load(heard, limits));
     match still {
         Some(heard) => {
-            failed(format!("{} {} after the plant has become {state}", commanded(heard), ms(heard.at_ns - now_ns)))
+            let (what, since) = (commanded(heard), ms(heard.at_ns - now_ns));
+            failed(format!("{what}, and the plant is {} for {since}", in_words(state)))
         }
         None => Ok(()),
     }

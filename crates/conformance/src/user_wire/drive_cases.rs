@@ -1,6 +1,7 @@
 //! Cases for CANopen drives (CiA 301, CiA 402-2), by their objects.
 
 use alloc::format;
+use alloc::vec::Vec;
 
 use super::COMMAND_BASE;
 use super::monitor::Heard;
@@ -44,10 +45,10 @@ fn meet(t: &mut Tester) -> Result<(), Stop> {
 }
 
 /// The drives of the wire: none of another protocol, which has none of these cases.
-fn drives(t: &Tester) -> alloc::vec::Vec<DriveSpec> {
+fn drives(t: &Tester) -> Vec<DriveSpec> {
     match &t.on.spec {
         WireSpec::Cia402(spec) => spec.drives.clone(),
-        WireSpec::Mapped(_) => alloc::vec::Vec::new(),
+        WireSpec::Mapped(_) => Vec::new(),
     }
 }
 
@@ -286,7 +287,7 @@ pub(super) fn emergencies(t: &mut Tester) -> Result<(), Stop> {
         return inconclusive("without targets it doesn't fault: the case plant-command-timeout says more");
     }
     t.run_ns(MARGIN_NS)?;
-    let codes = |t: &Tester, from: usize| -> alloc::vec::Vec<u16> {
+    let codes = |t: &Tester, from: usize| -> Vec<u16> {
         t.heard()[from..]
             .iter()
             .filter(|heard| heard.message.message.starts_with("EMCY"))

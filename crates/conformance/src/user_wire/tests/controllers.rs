@@ -71,6 +71,18 @@ fn a_controller_of_a_dbc_with_a_flaw_fails_the_cases_for_it() {
     assert_eq!(never_arms, ["exciter-arms"]);
 }
 
+/// Once it has heard that the plant is armed, it hears no other state.
+fn deaf(on: &UserWire, context: &mut devices::Context, frame: Frame) -> Vec<Frame> {
+    context.has_armed |= frame.data()[STATE] & 0xF == 2;
+    let says = if context.has_armed { 2 } else { frame.data()[STATE] };
+    vec![redone(on, &frame, |data| data[STATE] = says)]
+}
+
+/// Half of each second.
+fn is_away(context: &devices::Context) -> bool {
+    context.now_ns % 1_000_000_000 > 500_000_000
+}
+
 #[test]
 fn a_controller_of_a_dbc_that_works_wrongly_fails_the_cases_for_it() {
     let on = On::Dbc.wire(Node::Exciter, Mode::RealTime);
@@ -84,22 +96,14 @@ fn a_controller_of_a_dbc_that_works_wrongly_fails_the_cases_for_it() {
         })]
     });
     assert_eq!(begins_too_early, ["exciter-before-arming"]);
-    let pauses = sends_raw(&on, |_, context, frame| {
-        let is_away = context.now_ns % 1_000_000_000 > 500_000_000;
-        if is_away { vec![] } else { vec![frame] }
-    });
+    let pauses = sends_raw(&on, |_, context, frame| if is_away(context) { vec![] } else { vec![frame] });
     assert_eq!(pauses, ["exciter-in-time"]);
     let too_large = sends_raw(&on, |on, context, frame| {
         let force_n = if context.sent % 40 == 39 { 1000.0_f32 } else { 0.1 };
         vec![redone(on, &frame, |data| data[..4].copy_from_slice(&force_n.to_le_bytes()))]
     });
     assert_eq!(too_large, ["exciter-limits"]);
-    let deaf = hears(&on, |on, context, frame| {
-        context.has_armed |= frame.data()[STATE] & 0xF == 2;
-        let says = if context.has_armed { 2 } else { frame.data()[STATE] };
-        vec![redone(on, &frame, |data| data[STATE] = says)]
-    });
-    assert_eq!(deaf, ["exciter-plant-faults", "exciter-plant-disarmed"]);
+    assert_eq!(hears(&on, deaf), ["exciter-plant-faults", "exciter-plant-disarmed"]);
 }
 
 #[test]
@@ -138,10 +142,8 @@ fn a_controller_of_drives_with_a_flaw_fails_the_cases_for_it() {
         if context.sent % 50 == 30 { vec![frame, guard, block] } else { vec![frame] }
     });
     assert_eq!(guards, [""; 0]);
-    let no_targets = sends_raw(&on, |_, context, frame| {
-        let is_away = context.now_ns % 1_000_000_000 > 500_000_000;
-        if is_away && frame.id() == TARGET { vec![] } else { vec![frame] }
-    });
+    let no_targets =
+        sends_raw(&on, |_, context, frame| if is_away(context) && frame.id() == TARGET { vec![] } else { vec![frame] });
     assert_eq!(no_targets, ["exciter-in-time"]);
 }
 
@@ -176,4 +178,8 @@ fn the_reasons_say_what_it_does_instead() {
     let wrong_checksum = Flaw { sends: |_, _, frame| vec![raw(&frame, |data| data[CHECKSUM] ^= 1)], ..NONE };
     insta::assert_snapshot!(report(&on, "exciter-frames", wrong_checksum), @r#"Failed("21 of its frames are refused: Drive refused: the checksum is 0x42, and 0x43 is right: 100#0000000001000042 (21 times)")"#);
     insta::assert_snapshot!(report(&on, "exciter-arms", wrong_checksum), @r#"Failed("it doesn't arm the plant within 1500 ms: 0 requests to arm and 0 to reset came; heard: Drive refused: the checksum is 0x42, and 0x43 is right: 100#0000000001000042 (31 times)")"#);
+    let deaf = Flaw { hears: deaf, ..NONE };
+    insta::assert_snapshot!(report(&on, "exciter-plant-faults", deaf), @r#"Failed("Drive commands force_x_n -20.000 N, and the plant is in fault for 1005 ms")"#);
+    let pauses = Flaw { sends: |_, context, frame| if is_away(context) { vec![] } else { vec![frame] }, ..NONE };
+    insta::assert_snapshot!(report(&on, "exciter-in-time", pauses), @r#"Failed("no command came in time, and 150 ms more; Drive at the longest 360 ms apart")"#);
 }
