@@ -220,8 +220,10 @@ mod tests {
         for (path, command) in leaves(&whole(), "") {
             for arg in command.get_arguments().filter(|arg| arg.get_long().is_some()) {
                 let Some((default, of_parser)) = stated_default(arg) else { continue };
+                // A torque is commanded by a scenario's own protocol only.
+                let beside = if arg.get_id() == "torque_nm" { "--scenario wire.toml" } else { "" };
                 let cases = default.split_once(", with --mode free ").map_or_else(
-                    || vec![("", default.as_str())],
+                    || vec![(beside, default.as_str())],
                     |(on_a_bus, free)| vec![("", on_a_bus), ("--mode free", free)],
                 );
                 for (others, default) in cases {
@@ -241,12 +243,15 @@ mod tests {
         simulate --initial: that of the scenario, at rest
         frf --points: 801, and more about each natural frequency
         continue --at: where it is driven
+        backbone --at: where it is driven
         sweep --initial: that of the scenario, at rest
+        sweep --at: where it is driven
         sweep --steps: 101, and between them as many as the resonances of the forced response need
         poincare --initial: that of the scenario, at rest
         poincare --parameter: nothing, one section
         poincare --points: 2000, in a diagram 200
         basins --initial: that of the scenario, at rest
+        basins --coordinates: the first and its rate
         basins --from: minus the last
         basins --to: 1.5 times as far as the largest stable motion reaches
         replay --from-s: the beginning
