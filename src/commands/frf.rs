@@ -209,20 +209,25 @@ impl Frf {
     }
 }
 
-/// CSV: frequency, then modulus and phase of each response.
 fn table(document: &Document) -> String {
+    let curve =
+        |curve: &ResponseCurve| (curve.response.name().replace('-', "_"), curve.unit.clone(), curve.value.clone());
+    csv(&document.frequency_hz, &document.responses.iter().map(curve).collect::<Vec<_>>())
+}
+
+/// CSV: frequency, then modulus and phase of each response of this name, unit and complex values.
+pub(crate) fn csv(frequency_hz: &[f64], responses: &[(String, String, Vec<[f64; 2]>)]) -> String {
     let mut text = String::from("frequency_hz");
-    for ResponseCurve { response, unit, .. } in &document.responses {
-        let name = response.name().replace('-', "_");
+    for (name, unit, _) in responses {
         let unit = unit.replace(' ', "_").replace("/s²", "_s2").replace("/s", "_s");
         let unit = unit.replace("N·m", "nm").replace('N', "n");
         text += &format!(",{name}_modulus_{unit},{name}_phase_deg");
     }
     text.push('\n');
-    for (k, hz) in document.frequency_hz.iter().enumerate() {
+    for (k, hz) in frequency_hz.iter().enumerate() {
         text += &format!("{hz}");
-        for curve in &document.responses {
-            let [re, im] = curve.value[k];
+        for (_, _, value) in responses {
+            let [re, im] = value[k];
             text += &format!(",{:e},{}", libm::hypot(re, im), libm::atan2(im, re).to_degrees());
         }
         text.push('\n');

@@ -224,23 +224,22 @@ impl PointDocument {
     }
 }
 
-impl SweepDocument {
-    /// The number of motions, and how many have another period than the excitation.
-    fn periods(&self, time_constants: f64) -> String {
-        let count = |wanted: fn(Option<u32>) -> bool| self.points.iter().filter(|point| wanted(point.period)).count();
-        let longer = count(|period| period.is_some_and(|period| period > 1));
-        let unsettled = count(|period| period.is_none());
-        let mut text = format!("{} motions", self.points.len());
-        if longer > 0 {
-            text += &format!(", {longer} of them of a longer period than the excitation");
-        }
-        if unsettled > 0 {
-            text += &format!(", {unsettled} not settled within {time_constants} time constants");
-        }
-        text.push('\n');
-        text
+/// The number of motions of these periods, and how many have another than the excitation.
+pub(crate) fn periods(periods: &[Option<u32>], time_constants: f64) -> String {
+    let longer = periods.iter().flatten().filter(|period| **period > 1).count();
+    let unsettled = periods.iter().filter(|period| period.is_none()).count();
+    let mut text = format!("{} motions", periods.len());
+    if longer > 0 {
+        text += &format!(", {longer} of them of a longer period than the excitation");
     }
+    if unsettled > 0 {
+        text += &format!(", {unsettled} not settled within {time_constants} time constants");
+    }
+    text.push('\n');
+    text
+}
 
+impl SweepDocument {
     /// The points as a curve of |αᵢ|: the settled ones or the others.
     fn curve(&self, joint: usize, settled: bool) -> Vec<(f64, f64)> {
         let of = |point: &PointDocument| (point.frequency_hz, point.amplitude_rad[joint]);
@@ -278,7 +277,8 @@ impl Document {
             for sweep in same {
                 let direction = sweep.direction.name();
                 text += &format!("β2 = {}, stepped {direction}: ", degrees(sweep.beta2_deg));
-                text.push_str(&sweep.periods(time_constants));
+                let of: Vec<Option<u32>> = sweep.points.iter().map(|point| point.period).collect();
+                text.push_str(&periods(&of, time_constants));
                 for joint in 0..2 {
                     let points = sweep.points.iter().map(|point| (point.amplitude_rad[joint], point.frequency_hz));
                     if let Some((amplitude, hz)) = points.max_by(|a, b| a.0.total_cmp(&b.0)) {

@@ -6,6 +6,7 @@ use serde::Serialize;
 use serde_json::Value;
 
 use super::{displacement_unit, dof, label, load_unit};
+use crate::commands::frf::{broken_at_wraps, csv};
 use crate::configuration;
 use crate::failure::{Failure, Verdict};
 use crate::output::{self, JsonFlag};
@@ -89,23 +90,9 @@ fn curves<'a>(asked: &Asked<'a>, assembly: &Assembly, drive: Dof) -> Result<Vec<
     Ok(curves)
 }
 
-/// CSV: frequency, then modulus and phase of each response.
 fn table(document: &Document<'_>) -> String {
-    let mut text = String::from("frequency_hz");
-    for ResponseCurve { response, .. } in &document.responses {
-        let name = response.replace('.', "_");
-        text += &format!(",{name}_modulus,{name}_phase_deg");
-    }
-    text.push('\n');
-    for (k, hz) in document.frequency_hz.iter().enumerate() {
-        text += &format!("{hz}");
-        for curve in &document.responses {
-            let [re, im] = curve.value[k];
-            text += &format!(",{:e},{}", libm::hypot(re, im), libm::atan2(im, re).to_degrees());
-        }
-        text.push('\n');
-    }
-    text
+    let curve = |curve: &ResponseCurve<'_>| (curve.response.replace('.', "_"), curve.unit.clone(), curve.value.clone());
+    csv(&document.frequency_hz, &document.responses.iter().map(curve).collect::<Vec<_>>())
 }
 
 /// Moduli above phases.
@@ -123,7 +110,7 @@ fn figure(document: &Document<'_>, label: &str) -> Figure {
         let size = |[re, im]: &[f64; 2]| Some(libm::hypot(*re, *im)).filter(|size| *size > 0.0).unwrap_or(f64::NAN);
         let degrees = |[re, im]: &[f64; 2]| libm::atan2(*im, *re).to_degrees();
         modulus.series.push(Series::line(curve.response, color, over(&size)));
-        let points = crate::commands::frf::broken_at_wraps(over(&degrees));
+        let points = broken_at_wraps(over(&degrees));
         phase.series.push(Series::line(curve.response, color, points));
     }
     Figure::new(format!("Frequency response to a load at {}", document.drive)).subtitle(label).with(modulus).with(phase)

@@ -5,6 +5,7 @@ use serde_json::{Value, json};
 
 use super::continuation::{amplitude, readings};
 use super::{COLORS, Read, displacement_unit, label, load_unit};
+use crate::commands::sweep::periods;
 use crate::configuration;
 use crate::failure::{Failure, Verdict};
 use crate::motion_flags::{DirectionFlag, MotionFlags, or_empty};
@@ -141,31 +142,13 @@ impl Motion {
     }
 }
 
-impl SweepDocument {
-    /// The number of motions, and how many have another period than the drive.
-    fn periods(&self, time_constants: f64) -> String {
-        let count =
-            |wanted: fn(Option<u32>) -> bool| self.motions.iter().filter(|motion| wanted(motion.point.period)).count();
-        let longer = count(|period| period.is_some_and(|period| period > 1));
-        let unsettled = count(|period| period.is_none());
-        let mut text = format!("{} motions", self.motions.len());
-        if longer > 0 {
-            text += &format!(", {longer} of them of a longer period than the excitation");
-        }
-        if unsettled > 0 {
-            text += &format!(", {unsettled} not settled within {time_constants} time constants");
-        }
-        text.push('\n');
-        text
-    }
-}
-
 impl Document {
     /// The sweeps for people.
     fn text(&self, label: &str, read: &Read<'_>, stepped_over: &[Resonance], time_constants: f64) -> String {
         let mut text = String::new();
         for sweep in &self.sweeps {
-            text += &format!("{label}, stepped {}: {}", sweep.direction.name(), sweep.periods(time_constants));
+            let of: Vec<Option<u32>> = sweep.motions.iter().map(|motion| motion.point.period).collect();
+            text += &format!("{label}, stepped {}: {}", sweep.direction.name(), periods(&of, time_constants));
             for (index, (dof, name)) in read.iter().enumerate() {
                 let sizes = sweep.motions.iter().map(|motion| (motion.readings[index].largest, motion.frequency_hz));
                 if let Some((largest, hz)) = sizes.max_by(|a, b| a.0.total_cmp(&b.0)) {

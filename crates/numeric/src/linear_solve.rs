@@ -3,6 +3,8 @@
 //! The bits of recordings depend on the order of the operations here. `analysis::dense` solves large systems and keeps
 //! their factors.
 
+use nalgebra::Complex;
+
 /// Solves matrix · x = `right` in place for M right-hand sides, the columns of `right`; the matrix has n =
 /// `right.len()` rows of n numbers, one after the other. Gauss's elimination with partial pivoting (G. H. Golub, C. F.
 /// Van Loan, "Matrix Computations", 4th edition 2013, section 3.4). `None` if the matrix is singular or not finite.
@@ -48,6 +50,35 @@ pub fn solve<const M: usize>(flat: &mut [f64], right: &mut [[f64; M]]) -> Option
     Some(())
 }
 
+/// Solves matrix · x = `right` of complex numbers in place, as [`solve`]. `None` if the matrix is singular or not finite.
+pub fn solve_complex(matrix: &mut [Complex<f64>], right: &mut [Complex<f64>]) -> Option<()> {
+    let n = right.len();
+    for column in 0..n {
+        let sizes = (column..n).map(|row| libm::hypot(matrix[row * n + column].re, matrix[row * n + column].im));
+        let (pivot, largest) =
+            sizes.enumerate().fold((0, 0.0), |best, (i, size)| if size > best.1 { (i, size) } else { best });
+        if !(largest > 0.0 && largest.is_finite()) {
+            return None;
+        }
+        (0..n).for_each(|k| matrix.swap((column + pivot) * n + k, column * n + k));
+        right.swap(column + pivot, column);
+        for row in column + 1..n {
+            let factor = matrix[row * n + column] / matrix[column * n + column];
+            for k in column..n {
+                let above = matrix[column * n + k];
+                matrix[row * n + k] -= factor * above;
+            }
+            let above = right[column];
+            right[row] -= factor * above;
+        }
+    }
+    for row in (0..n).rev() {
+        let known: Complex<f64> = (row + 1..n).map(|k| matrix[row * n + k] * right[k]).sum();
+        right[row] = (right[row] - known) / matrix[row * n + row];
+    }
+    Some(())
+}
+
 /// `values` less `factor` times `others`.
 #[inline(always)]
 fn subtract(values: &mut [f64], factor: f64, others: &[f64]) {
@@ -79,6 +110,18 @@ mod tests {
                 }
             }
         }
+    }
+
+    #[test]
+    fn complex_systems_are_solved_or_refused() {
+        let i = Complex::new(0.0, 1.0);
+        let matrix = [Complex::new(0.0, 0.0), i, Complex::new(2.0, 0.0), Complex::new(1.0, 1.0)];
+        let expected = [Complex::new(1.0, -2.0), Complex::new(3.0, 0.5)];
+        let mut x = [matrix[1] * expected[1], matrix[2] * expected[0] + matrix[3] * expected[1]];
+        assert_eq!(solve_complex(&mut matrix.clone(), &mut x), Some(()));
+        assert!(x.iter().zip(expected).all(|(x, expected)| (x - expected).norm_sqr() < 1e-30), "{x:?}");
+        assert_eq!(solve_complex(&mut [i, i, i, i], &mut x), None);
+        assert_eq!(solve_complex(&mut [i * f64::NAN, i, i, i], &mut x), None);
     }
 
     #[test]

@@ -11,6 +11,7 @@ use core::f64::consts::TAU;
 use nalgebra::Complex;
 
 use resonarm_dynamics::structure::{Assembly, Dof, Linear};
+use resonarm_numeric::linear_solve::solve_complex;
 
 use crate::frf::{FrfError, Quantity};
 
@@ -65,37 +66,5 @@ impl LinearResponse {
 pub(super) fn dynamic_stiffness_solve(of: &Linear, omega: f64, right: &mut [Complex<f64>]) -> Option<()> {
     let entries = of.stiffness.iter().zip(&of.mass).zip(&of.damping);
     let mut z: Vec<Complex<f64>> = entries.map(|((k, m), d)| Complex::new(k - omega * omega * m, omega * d)).collect();
-    solve(&mut z, right)
-}
-
-/// A x = b in place, A by rows: Gauss's elimination with partial pivoting (G. H. Golub, C. F. Van Loan, "Matrix
-/// Computations", 4th edition 2013, section 3.4). `None` if A is singular or not finite.
-fn solve(matrix: &mut [Complex<f64>], right: &mut [Complex<f64>]) -> Option<()> {
-    let n = right.len();
-    for column in 0..n {
-        let size = |row: usize| matrix[row * n + column].norm_sqr();
-        let pivot = (column + 1..n).fold(column, |best, row| if size(row) > size(best) { row } else { best });
-        let largest = size(pivot);
-        if !(largest.is_finite() && largest > 0.0) {
-            return None;
-        }
-        if pivot != column {
-            (column..n).for_each(|k| matrix.swap(pivot * n + k, column * n + k));
-            right.swap(pivot, column);
-        }
-        for row in column + 1..n {
-            let factor = matrix[row * n + column] / matrix[column * n + column];
-            for k in column + 1..n {
-                let above = matrix[column * n + k];
-                matrix[row * n + k] -= factor * above;
-            }
-            let above = right[column];
-            right[row] -= factor * above;
-        }
-    }
-    for row in (0..n).rev() {
-        let known: Complex<f64> = (row + 1..n).map(|k| matrix[row * n + k] * right[k]).sum();
-        right[row] = (right[row] - known) / matrix[row * n + row];
-    }
-    Some(())
+    solve_complex(&mut z, right)
 }

@@ -293,16 +293,6 @@ impl ModeModel {
         self.followed.combined(points.map(|p| p[0] * self.direction.x + p[1] * self.direction.y))
     }
 
-    /// Standard deviation of s̈, rad/s² or m/s², from those of the accelerations of B and C along x and y.
-    pub fn deviation(&self, points: [[f64; 2]; 2]) -> f64 {
-        let [b, c] = points.map(|p| libm::hypot(p[0] * self.direction.x, p[1] * self.direction.y));
-        match self.followed.takes() {
-            [true, true] => libm::hypot(b, c),
-            [true, false] => b,
-            _ => c,
-        }
-    }
-
     /// Whether a reading that the followed coordinate depends on was clipped.
     pub fn is_clipped(&self, sample: &Measurement) -> bool {
         let clipped = [sample.acceleration_b_m_s2, sample.acceleration_c_m_s2]

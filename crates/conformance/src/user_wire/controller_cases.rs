@@ -97,6 +97,11 @@ pub(super) fn counters(t: &mut Tester) -> Result<(), Stop> {
     meet(t)?;
     t.until(t.settings.patience_ns, |t| t.is_armed() || t.monitor.counter_fault().is_some())?;
     t.run_ns(WATCH_NS)?;
+    counted(t)
+}
+
+/// The verdict on the counters of the frames so far.
+pub(super) fn counted(t: &mut Tester) -> Result<(), Stop> {
     match (t.monitor.counter_fault(), t.monitor.counted()) {
         (Some(text), _) => wrong(text),
         (None, (0 | 1, _)) => inconclusive("no two frames with a counter came"),

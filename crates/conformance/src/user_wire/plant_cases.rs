@@ -6,6 +6,7 @@ use alloc::string::String;
 use alloc::vec::Vec;
 
 use super::UserWire;
+use super::controller_cases::counted;
 use super::end::End;
 use super::monitor::Heard;
 use super::tester::{Alter, Tester};
@@ -212,14 +213,7 @@ pub(super) fn counters(t: &mut Tester) -> Result<(), Stop> {
         t.join()?;
     }
     t.run_ns(WATCH_NS)?;
-    match (t.monitor.counter_fault(), t.monitor.counted()) {
-        (Some(text), _) => wrong(text),
-        (None, (0 | 1, _)) => inconclusive("no two frames with a counter came"),
-        (None, (frames, messages)) => {
-            t.note(format!("{frames} frames of {messages} messages"));
-            Ok(())
-        }
-    }
+    counted(t)
 }
 
 /// Each message comes as often as the mapping says.

@@ -7,6 +7,7 @@ use core::f64::consts::TAU;
 use nalgebra::Complex;
 
 use super::Linear;
+use resonarm_numeric::linear_solve::solve_complex;
 
 /// Sweeps of Jacobi's rotations: each squares what is left off the diagonal, and matrices of 32 rows need about eight.
 const MOST_SWEEPS: usize = 50;
@@ -156,7 +157,7 @@ fn damped_ratio(omega: &[f64], damping: &[f64], k: usize) -> Option<f64> {
         let mut matrix: Vec<Complex<f64>> = damping.iter().map(|&entry| lambda * entry).collect();
         (0..n).for_each(|i| matrix[i * n + i] += lambda * lambda + omega[i] * omega[i]);
         // Exactly singular at an exact eigenvalue, which then is found.
-        if solve_complex(n, &mut matrix, &mut u).is_none() {
+        if solve_complex(&mut matrix, &mut u).is_none() {
             return Some(-lambda.re / size(lambda));
         }
         let largest = u.iter().map(|entry| size(*entry)).fold(0.0, f64::max);
@@ -177,34 +178,6 @@ fn square_root(z: Complex<f64>) -> Complex<f64> {
     let re = libm::sqrt(0.5 * (length + z.re).max(0.0));
     let im = libm::sqrt(0.5 * (length - z.re).max(0.0));
     Complex::new(re, libm::copysign(im, z.im))
-}
-
-/// Gauss's elimination with partial pivoting.
-fn solve_complex(n: usize, matrix: &mut [Complex<f64>], right: &mut [Complex<f64>]) -> Option<()> {
-    for column in 0..n {
-        let sizes = (column..n).map(|row| size(matrix[row * n + column]));
-        let (pivot, largest) =
-            sizes.enumerate().fold((0, 0.0), |best, (i, size)| if size > best.1 { (i, size) } else { best });
-        if !(largest > 0.0 && largest.is_finite()) {
-            return None;
-        }
-        (0..n).for_each(|k| matrix.swap((column + pivot) * n + k, column * n + k));
-        right.swap(column + pivot, column);
-        for row in column + 1..n {
-            let factor = matrix[row * n + column] / matrix[column * n + column];
-            for k in column..n {
-                let above = matrix[column * n + k];
-                matrix[row * n + k] -= factor * above;
-            }
-            let above = right[column];
-            right[row] -= factor * above;
-        }
-    }
-    for row in (0..n).rev() {
-        let known: Complex<f64> = (row + 1..n).map(|k| matrix[row * n + k] * right[k]).sum();
-        right[row] = (right[row] - known) / matrix[row * n + row];
-    }
-    Some(())
 }
 
 fn transposed(n: usize, matrix: &[f64]) -> Vec<f64> {
