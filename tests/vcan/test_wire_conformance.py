@@ -71,7 +71,7 @@ def test_a_client_of_odrive_passes(programs, tmp_path):
     assert -10.0 <= least < most <= 10.0
 
 
-def test_a_master_that_heeds_no_fault_fails_the_case_for_it(programs, tmp_path):
+def test_a_master_that_ignores_faults_fails_the_case_for_it(programs, tmp_path):
     """That of `test_cia402`, which commands whatever the drives say."""
     text = (EXAMPLES / "canopen" / "drives.toml").read_text().replace("timeout_s = 0.5", "timeout_s = 5.0")
     scenario = written(tmp_path, "simulation.rate_hz = 100\n" + text)

@@ -26,7 +26,7 @@ pub trait Stepped: fmt::Debug + Send + Sync {
     /// One integration step from the time `t_s`, s, with the loads held.
     ///
     /// # Errors
-    /// [`StructureError`]; what it has become does not count then: it is restored.
+    /// [`StructureError`]; the caller then restores the state before.
     fn advance(&mut self, t_s: f64, loads: &Loads) -> Result<(), StructureError>;
 
     /// Velocities and accelerations of the accelerometers' points at the time `t_s`, s, under the loads.

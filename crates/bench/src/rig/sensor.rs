@@ -31,7 +31,7 @@ impl Reading {
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(remote = "Self", default, deny_unknown_fields)]
 pub struct AccelerometerSpec {
-    /// Where it is on a structure; on the two-link arm its name says so.
+    /// Where it is on a structure; on the two-link arm its name is its place.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub at: Option<PlaceName>,
     /// Largest magnitude of the converter, m/s², positive.

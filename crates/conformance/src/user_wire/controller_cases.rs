@@ -292,7 +292,7 @@ const fn in_words(state: NodeState) -> &'static str {
     }
 }
 
-/// Whether a reading that comes by itself, and often, tells this state, or a fault, from operational.
+/// Whether a reading that comes by itself, and often, distinguishes this state, or a fault, from operational.
 fn says(t: &Tester, state: NodeState) -> bool {
     let mut signals = t.on.frequent_readings().flat_map(|message| &message.signals);
     t.on.mapping().is_none()

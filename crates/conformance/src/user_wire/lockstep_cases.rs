@@ -98,7 +98,7 @@ pub(super) fn plant_waits(t: &mut Tester) -> Result<(), Stop> {
     }
     drive(t)?;
     t.alter = Alter::Mute;
-    // The sample that the last command has made may be on its way.
+    // The sample that follows the last command may still be on the bus.
     t.run_ns(MARGIN_NS)?;
     let from = t.mark();
     t.run_ns((t.on.timeout_ns() / 2).min(500 * MS))?;

@@ -123,7 +123,7 @@ fn readings(on: &UserWire) -> impl Iterator<Item = &Outgoing> {
     on.mapping().map_or(&[][..], |mapping| &mapping.outgoing).iter()
 }
 
-/// Whether a reading that comes by itself, and often, tells fault from operational.
+/// Whether a reading that comes by itself, and often, distinguishes fault from operational.
 pub(super) fn says_state(t: &Tester) -> bool {
     let mut signals = t.on.frequent_readings().flat_map(|message| &message.signals);
     t.on.mapping().is_none()
@@ -357,7 +357,7 @@ fn has_reason(t: &Tester, code: EmergencyCode) -> bool {
     })
 }
 
-/// How often the state is said, ns: by the reading with it that comes the most often.
+/// How often the node sends its state, ns: the shortest period of a message that carries it.
 fn reading_period_ns(t: &Tester) -> u64 {
     let is_state = |message: &&Outgoing| {
         message.signals.iter().any(|signal| matches!(&signal.source, Source::State(_) | Source::Reason { .. }))

@@ -297,7 +297,7 @@ impl Scenario {
     /// Everything that makes the plant.
     ///
     /// # Errors
-    /// [`ScenarioError`] if the arm's parameters can't be had, or there is no such structure.
+    /// [`ScenarioError`] if the arm's parameters are invalid, or the structure is.
     pub fn plant_spec(&self) -> Result<PlantSpec, ScenarioError> {
         self.spec_of(self.tested_structure()?)
     }

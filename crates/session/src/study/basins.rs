@@ -96,7 +96,7 @@ struct GridPart {
     outcomes: Vec<BasinOutcome>,
 }
 
-/// What becomes of the states of a grid.
+/// Where the motions from the states of a grid end.
 pub trait BasinStudy: Sync + Sized {
     /// How many states there are.
     fn states(&self) -> usize;
@@ -107,7 +107,7 @@ pub trait BasinStudy: Sync + Sized {
     /// [`TimeDomainError`] says why.
     fn check(&self) -> Result<(), TimeDomainError>;
 
-    /// What becomes of some of them.
+    /// Where those from some of them end.
     ///
     /// # Errors
     /// [`TimeDomainError::Stopped`] if `stop` said so, another if nothing can be computed.

@@ -16,7 +16,7 @@ pub(super) struct Located {
 
 /// The whole part of `h_s`, if the margin is not negative at its end; else up to just behind the first change of sign
 /// that the false position finds. `before` is the margin at the start, not negative; `trial` makes a part of a length
-/// and tells the margin at its end.
+/// and returns the margin at its end.
 ///
 /// False position with the ordinate of an end that stays halved (M. Dowell, P. Jarratt, "A Modified Regula Falsi Method
 /// for Computing the Root of an Equation", BIT 11 (1971), who call it the Illinois algorithm); a step that doesn't

@@ -1,4 +1,4 @@
-//! What a section `[structure]` makes, and what is said of one that makes nothing.
+//! The structures of sections `[structure]`, and the messages about invalid ones.
 
 use crate::scenario::Scenario;
 

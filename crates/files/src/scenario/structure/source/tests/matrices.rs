@@ -40,7 +40,7 @@ const MASS: [f64; 4] = [2.0, 0.0, 0.0, 1.0];
 const DAMPING: [f64; 4] = [2.0, 0.0, 0.0, 1.0];
 const STIFFNESS: [f64; 4] = [3e4, -1e4, -1e4, 1e4];
 
-/// What is said of matrices of two rows, and of a change of the scenario.
+/// The message about matrices of two rows, and about a change of the scenario.
 fn of([mass, damping, stiffness]: [&[u8]; 3], from: &str, to: &str) -> String {
     let folder = tempfile::tempdir().unwrap();
     for (name, bytes) in [("m.npy", mass), ("c.npy", damping), ("k.npy", stiffness)] {

@@ -1,4 +1,4 @@
-//! What files make, against numbers of other programs, and what is said of files that make nothing.
+//! Structures read from files, against numbers of other programs, and the messages about invalid files.
 
 mod matrices;
 mod of_modes;
@@ -24,7 +24,7 @@ fn read_in(folder: &Path, text: &str) -> Result<Scenario, ScenarioError> {
     Ok(scenario)
 }
 
-/// What is said of a scenario in the examples' folder.
+/// The message about a scenario in the examples' folder.
 fn says(text: &str) -> String {
     match read_in(&examples(), text).and_then(|scenario| scenario.tested_structure()) {
         Ok(tested) => format!("{tested:?}"),

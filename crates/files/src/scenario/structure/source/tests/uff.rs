@@ -66,7 +66,7 @@ fn nodes_without_names_are_called_by_their_numbers_and_rest_where_a_mode_leaves_
     assert_eq!((shape(0), shape(1)), (vec![1.0, -0.5, 0.0, 0.0, 0.0, 0.25], vec![1.0, -0.5, 0.0, 0.0, 0.0, 0.0]));
 }
 
-/// What is said of a change of the mode.
+/// The message about a change of the mode.
 fn of(from: &str, to: &str) -> String {
     let text = MODE.replacen(from, to, 1);
     assert_ne!(text, MODE, "{from}");

@@ -95,7 +95,7 @@ fn a_centre_of_mass_a_little_off_the_line_keeps_the_moment_about_the_joint() {
     close(links[0].inertia_kg_m2 + 10.0 * 0.2 * 0.2, 0.3 + 10.0 * (0.2 * 0.2 + 4e-4 * 4e-4), 1e-14);
 }
 
-/// What is said of a robot with a change.
+/// The message about a robot with a change.
 fn of(from: &str, to: &str, joints: &[&str]) -> String {
     let text = ROBOT.replacen(from, to, 1);
     assert!(from.is_empty() || text != ROBOT, "{from}");
