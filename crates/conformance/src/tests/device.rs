@@ -61,8 +61,10 @@ pub struct Virtual {
     ticked_ns: u64,
     device: Box<dyn Device>,
     frames: VecDeque<Frame>,
-    /// The tester is held up for 30 ms at every so many calls.
+    /// The tester is held up at every so many calls.
     pub held_up_every: Option<u64>,
+    /// For how long, ns.
+    pub held_up_ns: u64,
     calls: u64,
     pub stops: Option<Stops>,
     waiting: Vec<Frame>,
@@ -85,6 +87,7 @@ impl Virtual {
             device,
             frames: VecDeque::new(),
             held_up_every: None,
+            held_up_ns: 30 * TICK_NS,
             calls: 0,
             stops: None,
             waiting: Vec::new(),
@@ -140,7 +143,7 @@ impl Wire for Virtual {
     fn receive(&mut self, until_ns: u64) -> Result<Option<Frame>, BusError> {
         self.calls += 1;
         if self.held_up_every.is_some_and(|every| self.calls.is_multiple_of(every)) {
-            self.now_ns += 30 * TICK_NS;
+            self.now_ns += self.held_up_ns;
         }
         while self.frames.is_empty() && self.now_ns < until_ns {
             self.now_ns = until_ns.min(self.ticked_ns + TICK_NS).max(self.now_ns);

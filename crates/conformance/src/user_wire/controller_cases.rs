@@ -274,13 +274,17 @@ fn stops_once(t: &mut Tester, state: NodeState) -> Result<(), Stop> {
     }
     let from = t.mark();
     t.run_ns(WATCH_NS / 2)?;
-    let still = t.heard()[from..].iter().find(|heard| heard.state == state && has_load(heard, limits));
-    match still {
-        Some(heard) => {
-            let (what, since) = (commanded(heard), ms(heard.at_ns - now_ns));
-            failed(format!("{what}, and the plant is {} for {since}", in_words(state)))
-        }
-        None => Ok(()),
+    let still = || t.heard()[from..].iter().filter(|heard| heard.state == state && has_load(heard, limits));
+    let text = |heard: &Heard| {
+        let (what, since) = (commanded(heard), ms(heard.at_ns - now_ns));
+        format!("{what}, and the plant is {} for {since}", in_words(state))
+    };
+    // A hold-up of the tester delays its state by as much, and the time at which it hears a command.
+    let certain_ns = now_ns + REACTION_NS + 2 * t.held_up_ns;
+    match (still().find(|heard| heard.at_ns > certain_ns), still().next()) {
+        (Some(heard), _) => wrong(text(heard)),
+        (None, Some(heard)) => failed(text(heard)),
+        (None, None) => Ok(()),
     }
 }
 

@@ -106,6 +106,23 @@ fn a_controller_of_a_dbc_that_works_wrongly_fails_the_cases_for_it() {
     assert_eq!(hears(&on, deaf), ["exciter-plant-faults", "exciter-plant-disarmed"]);
 }
 
+/// What lasts for longer than the reaction and the hold-ups together is certain.
+#[test]
+fn a_controller_that_is_deaf_fails_though_the_tester_is_held_up() {
+    let on = On::Dbc.wire(Node::Exciter, Mode::RealTime);
+    let cases = wire_cases(&on).into_iter().filter(|case| case.id.starts_with("exciter-plant-"));
+    let verdicts = cases.map(|case| {
+        let mut bus = Virtual::new(device(&on, Flaw { hears: deaf, ..NONE }));
+        (bus.held_up_every, bus.held_up_ns) = (Some(50), 180_000_000);
+        run_on_wire(&case, &mut bus, &on, settings()).unwrap()
+    });
+    let verdicts: Vec<Finding> = verdicts.collect();
+    assert_eq!(verdicts.len(), 2);
+    for Finding { verdict, held_up_ns, .. } in verdicts {
+        assert!(matches!(verdict, Verdict::Failed(_)) && held_up_ns >= 150_000_000, "{verdict:?}, {held_up_ns}");
+    }
+}
+
 #[test]
 fn a_controller_of_drives_with_a_flaw_fails_the_cases_for_it() {
     let on = On::Odrive.wire(Node::Exciter, Mode::RealTime);
