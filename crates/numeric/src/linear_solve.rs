@@ -50,7 +50,8 @@ pub fn solve<const M: usize>(flat: &mut [f64], right: &mut [[f64; M]]) -> Option
     Some(())
 }
 
-/// Solves matrix · x = `right` of complex numbers in place, as [`solve`]. `None` if the matrix is singular or not finite.
+/// Solves matrix · x = `right` of complex numbers in place, as [`solve`]. `None` if the matrix is singular or not
+/// finite.
 pub fn solve_complex(matrix: &mut [Complex<f64>], right: &mut [Complex<f64>]) -> Option<()> {
     let n = right.len();
     for column in 0..n {

@@ -149,8 +149,8 @@ impl Halves {
         assembly.elements().iter().filter(|element| energy_j(element) > 0.0).count()
     }
 
-    /// Advances by a step of a level, and returns the energy lost in it, J: by the rule of G. Boole over its quarters if
-    /// nothing switches in it, else half by half, the shortest by the trapezoidal rule.
+    /// Advances by a step of a level, and returns the energy lost in it, J: by the rule of G. Boole over its quarters
+    /// if nothing switches in it, else half by half, the shortest by the trapezoidal rule.
     fn lost_j(&mut self, level: usize, saved: &mut [f64], force: f64) -> f64 {
         let last = self.steppers.len() - 1;
         self.steppers[level].restore(saved).unwrap();
