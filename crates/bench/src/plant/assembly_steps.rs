@@ -9,10 +9,12 @@ use nalgebra::Vector2;
 use super::sampling::PointMotion;
 use super::stepped::{Loads, Stepped};
 use super::{PlantSpec, PlantSpecError};
+use crate::rig::ShakerSpec;
 use crate::structure::{
-    Channel, Coordinates, LOADS, StructureError, branch_channel, coordinate_channels, element_channel,
+    COIL_CURRENT, Channel, Coordinates, LOADS, StructureError, branch_channel, coordinate_channels, element_channel,
 };
-use resonarm_dynamics::structure::{Assembly, CoordinateUnit, Dof, MOST_COORDINATES, Stepper};
+use resonarm_dynamics::arm::Load;
+use resonarm_dynamics::structure::{Armature, Assembly, CoordinateUnit, Dof, MOST_COORDINATES, Stepper};
 
 /// What the exciter or an instrument is at: the degrees of freedom that are its x and y, if the structure has them.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -48,8 +50,9 @@ pub struct TestedAssembly {
 pub(super) struct AssemblySteps {
     stepper: Stepper,
     places: Places,
-    /// Which load of the plant acts on each degree of freedom of the drive.
+    /// Which load of the plant acts on each degree of freedom of the drive; none with a shaker.
     acting: Vec<usize>,
+    shaker: Option<(ShakerSpec, Armature)>,
     states: Vec<Channel>,
 }
 
@@ -75,14 +78,66 @@ impl AssemblySteps {
         let [x, y] = places.exciter.along;
         let (acting, drive): (Vec<usize>, Vec<Dof>) =
             [joints[0], joints[1], x, y].into_iter().enumerate().filter_map(|(load, dof)| Some((load, dof?))).unzip();
-        let mut stepper = Stepper::new(assembly, &drive, spec.scheme, rate_hz)?;
-        let start: Vec<f64> = initial.iter().copied().chain(vec![0.0; assembly.element_states()]).collect();
+        let shaker = match spec.rig.shaker {
+            Some(shaker) => Some((shaker, shaker.armature_at(&places.exciter)?)),
+            None => None,
+        };
+        let (mut stepper, acting) = match &shaker {
+            Some((_, armature)) => (Stepper::shaken(assembly, armature, spec.scheme, rate_hz)?, Vec::new()),
+            None => (Stepper::new(assembly, &drive, spec.scheme, rate_hz)?, acting),
+        };
+        let devices = stepper.states() - initial.len().min(stepper.states());
+        let start: Vec<f64> = initial.iter().copied().chain(vec![0.0; devices]).collect();
         stepper.restore(&start)?;
-        Ok(AssemblySteps { places: *places, acting, states: state_channels(assembly, stepper.saved_len()), stepper })
+        let states = state_channels(assembly, shaker.is_some(), stepper.saved_len());
+        Ok(AssemblySteps { places: *places, acting, shaker, states, stepper })
+    }
+
+    /// The armature's s, m, and ṡ, m/s, and the current in its coil, A, under a command, N; zeros without a shaker.
+    pub fn shaker_state(&self, blocked_n: f64) -> (f64, f64, f64) {
+        let (Some((_, armature)), Some(motion)) = (&self.shaker, self.stepper.armature_motion()) else {
+            return (0.0, 0.0, 0.0);
+        };
+        let state_a = self.stepper.current_a().unwrap_or(0.0);
+        let current_a = armature.coil.current_a(state_a, blocked_n, motion.velocity_m_s);
+        (motion.displacement_m, motion.velocity_m_s, current_a)
+    }
+
+    /// The motion with a current in the coil, A, and s̈ of the armature, m/s²; without a shaker that without a load.
+    pub fn motion_at_current(&self, current_a: f64) -> (PointMotion, f64) {
+        let (stepper, assembly) = (&self.stepper, self.stepper.assembly());
+        let mut acceleration = [0.0; MOST_COORDINATES];
+        let a = &mut acceleration[..assembly.coordinates()];
+        stepper.acceleration_at_current(current_a, a);
+        let (q, v) = (stepper.position(), stepper.velocity());
+        let along_m_s2 =
+            self.shaker.as_ref().map_or(0.0, |(_, armature)| armature.acceleration_m_s2(assembly, q, v, a));
+        (self.points_at(a), along_m_s2)
+    }
+
+    /// The points of the accelerometers at an acceleration of the structure.
+    fn points_at(&self, a: &[f64]) -> PointMotion {
+        let (stepper, assembly) = (&self.stepper, self.stepper.assembly());
+        let (q, v) = (stepper.position(), stepper.velocity());
+        let along = |placed: &Placed, of: &dyn Fn(Dof) -> f64| {
+            let [x, y] = placed.along.map(|dof| dof.map_or(0.0, of));
+            Vector2::new(x, y)
+        };
+        let velocity = |dof: Dof| assembly.velocity(dof, q, v);
+        let acceleration = |dof: Dof| assembly.acceleration(dof, q, v, a);
+        let points = [&self.places.accelerometer_b, &self.places.accelerometer_c];
+        PointMotion {
+            velocity_m_s: points.map(|point| along(point, &velocity)),
+            acceleration_m_s2: points.map(|point| along(point, &acceleration)),
+        }
     }
 
     /// The loads of the plant as the drive takes them.
     fn drive(&self, loads: &Loads) -> Result<Drive, StructureError> {
+        if let Some((shaker, _)) = &self.shaker {
+            let [_, _, fx, fy] = *loads;
+            return Ok(Drive { numbers: [shaker.along_n(&Load::force_n(fx, fy)), 0.0, 0.0, 0.0], count: 1 });
+        }
         let idle = |(load, value): (usize, &f64)| *value != 0.0 && !self.acting.contains(&load);
         if let Some((load, got)) = loads.iter().enumerate().find(|(load, value)| idle((*load, value))) {
             return Err(StructureError::NoInput { name: LOADS[load].name, got: *got });
@@ -93,9 +148,9 @@ impl AssemblySteps {
     }
 }
 
-/// The channels of the states that a stepper saves: coordinates, rates, states of elements, and, if it saves them, the
-/// branches.
-fn state_channels(assembly: &Assembly, saved: usize) -> Vec<Channel> {
+/// The channels of the states that a stepper saves: coordinates, rates, the current of a coil, states of elements, and,
+/// if it saves them, the branches.
+fn state_channels(assembly: &Assembly, has_coil: bool, saved: usize) -> Vec<Channel> {
     let of = match assembly.coordinate_unit() {
         CoordinateUnit::Radian => Coordinates::Joints,
         CoordinateUnit::MetreRootKilogram => Coordinates::Modes,
@@ -103,8 +158,9 @@ fn state_channels(assembly: &Assembly, saved: usize) -> Vec<Channel> {
     let elements = || assembly.elements().iter().enumerate();
     let with_state = elements().filter(|(_, element)| element.state().is_some());
     let states = with_state.filter_map(|(index, element)| element_channel(index, element.at().is_angle()));
+    let coil = has_coil.then_some(COIL_CURRENT);
     let mut channels: Vec<Channel> =
-        coordinate_channels(of, assembly.coordinates()).into_iter().chain(states).collect();
+        coordinate_channels(of, assembly.coordinates()).into_iter().chain(coil).chain(states).collect();
     channels.extend(elements().filter_map(|(index, _)| branch_channel(index)).take(saved - channels.len()));
     channels
 }
@@ -120,25 +176,17 @@ impl Stepped for AssemblySteps {
     }
 
     fn points(&self, _t_s: f64, loads: &Loads) -> Result<PointMotion, StructureError> {
-        let (stepper, assembly, drive) = (&self.stepper, self.stepper.assembly(), self.drive(loads)?);
+        let (stepper, drive) = (&self.stepper, self.drive(loads)?);
         let mut acceleration = [0.0; MOST_COORDINATES];
-        let a = &mut acceleration[..assembly.coordinates()];
+        let a = &mut acceleration[..stepper.assembly().coordinates()];
         stepper.acceleration(drive.acting(), a)?;
-        let (q, v) = (stepper.position(), stepper.velocity());
-        let along = |placed: &Placed, of: &dyn Fn(Dof) -> f64| {
-            let [x, y] = placed.along.map(|dof| dof.map_or(0.0, of));
-            Vector2::new(x, y)
-        };
-        let velocity = |dof: Dof| assembly.velocity(dof, q, v);
-        let acceleration = |dof: Dof| assembly.acceleration(dof, q, v, a);
-        let points = [&self.places.accelerometer_b, &self.places.accelerometer_c];
-        Ok(PointMotion {
-            velocity_m_s: points.map(|point| along(point, &velocity)),
-            acceleration_m_s2: points.map(|point| along(point, &acceleration)),
-        })
+        Ok(self.points_at(a))
     }
 
     fn travel_m(&self) -> f64 {
+        if let Some(motion) = self.stepper.armature_motion() {
+            return motion.displacement_m.abs();
+        }
         let (assembly, q) = (self.stepper.assembly(), self.stepper.position());
         let [x, y] = self.places.exciter.along.map(|dof| dof.map_or(0.0, |dof| assembly.displacement(dof, q)));
         libm::hypot(x, y)

@@ -11,6 +11,7 @@
 mod assembly_steps;
 mod driven_arm;
 mod sampling;
+mod shaken;
 mod shaker;
 mod stepped;
 
@@ -21,7 +22,6 @@ use thiserror::Error;
 
 use crate::rig::{Exciter, GateSpec, Measurement, Rig, RigError, RigSpec, ShakerLimit};
 use crate::structure::{Kind, LOADS, MOST_STATES, OUTPUTS, States, Structure, StructureError};
-use assembly_steps::AssemblySteps;
 pub use assembly_steps::{Placed, Places, TestedAssembly};
 use driven_arm::DrivenArm;
 use resonarm_dynamics::arm::{Arm, ArmError, Load, Parameters, Pose, State};
@@ -133,9 +133,21 @@ pub enum PlantSpecError {
     Start(#[from] StructureError),
     /// A shaker on a structure of one's own.
     #[error(
-        "rig.shaker needs the two-link arm: leave it out here: the ideal exciter of `rig.exciter` drives any structure"
+        "rig.shaker needs the arm or a structure of the scenario, as its armature moves with it: leave it out here; \
+         a structure that the program makes is driven by the ideal exciter of `rig.exciter`"
     )]
     Shaker,
+    /// A shaker that pushes where a structure does not move.
+    #[error(
+        "rig.shaker: `direction_deg` is {direction_deg}, and the structure does not move along {axis} where the exciter is: turn it \
+         along an axis that moves, or place it by `rig.exciter.at`", direction_deg = short(.direction_deg)
+    )]
+    ShakerAcross {
+        /// The given direction, degrees.
+        direction_deg: f64,
+        /// The axis along which nothing moves.
+        axis: &'static str,
+    },
     /// The current of the shaker's coil changes too slowly for the step.
     #[error("rig.shaker: `inductance_h` is {got_h}: at this resistance and step in voltage mode it must be at most {most_h}", got_h = short(.got_h), most_h = short(.most_h))]
     Inductance {
@@ -214,7 +226,7 @@ impl Plant {
         let rig = Rig::new(&spec.rig, spec.sample_rate_hz, spec.seed)?;
         let structure: Box<dyn Structure> = match &spec.structure {
             None => Box::new(DrivenArm::new(spec)?),
-            Some(tested) => Box::new(Driven::new(spec, Box::new(AssemblySteps::new(spec, tested)?))?),
+            Some(tested) => Box::new(Driven::assembly(spec, tested)?),
         };
         Plant::of(structure, rig, spec.sample_rate_hz)
     }

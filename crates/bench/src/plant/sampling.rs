@@ -79,6 +79,22 @@ pub(super) struct Step<'a> {
     pub drive: &'a Drive,
 }
 
+/// A finished step of a structure with a shaker's armature, for the converters.
+pub(super) struct ShakenStep {
+    /// The points at both ends, without a coil's transient.
+    pub start: PointMotion,
+    pub end: PointMotion,
+    /// The accelerations of B and C by a coil's transient at the start, m/s².
+    pub transient_m_s2: [Vector2<f64>; 2],
+    /// ṡ, m/s, and s̈, m/s², of the armature at both ends, without a coil's transient; s̈ by it at the start, m/s².
+    pub armature: [(f64, f64); 2],
+    pub armature_transient_m_s2: f64,
+    /// s at the start, m.
+    pub displacement_m: f64,
+    pub attachment: Attachment,
+    pub drive: Drive,
+}
+
 impl Filter {
     /// The filter of a plant's converter, if it has one; `decay` is λ of its coil, infinite without one.
     pub fn new(spec: &PlantSpec, step_s: f64, decay: f64) -> Option<Filter> {
@@ -116,6 +132,15 @@ impl Filter {
         self.add_courses(sums, index, &[hx, hy, b[0], b[1], c[0], c[1]]);
     }
 
+    /// Adds step `index` of a hold of a structure with a shaker.
+    pub fn add_shaken(&self, sums: &mut Sums, index: usize, step: &ShakenStep) {
+        let [b, c] = self.accelerations([&step.start, &step.end], &step.transient_m_s2);
+        let acceleration = self.course(step.armature, step.armature_transient_m_s2);
+        let taken = self.taken(&step.attachment, (step.displacement_m, step.armature[0].0), acceleration);
+        let [hx, hy] = self.less(&Self::force(&step.drive), &taken);
+        self.add_courses(sums, index, &[hx, hy, b[0], b[1], c[0], c[1]]);
+    }
+
     #[inline(always)]
     fn add_courses(&self, sums: &mut Sums, index: usize, courses: &[Course; CHANNELS]) {
         let Some(factors) = self.factors.get(index) else { return };
@@ -145,17 +170,22 @@ impl Filter {
     /// transient at its start.
     #[inline(always)]
     fn accelerations(&self, ends: [&PointMotion; 2], transient: &[Vector2<f64>; 2]) -> [[Course; 2]; 2] {
-        // ∫ e^{−λτ} dτ.
-        let mean = if self.decay.is_infinite() { 0.0 } else { -libm::expm1(-self.decay) / self.decay };
         core::array::from_fn(|point| {
             core::array::from_fn(|axis| {
                 let of = |end: &PointMotion| (end.velocity_m_s[point][axis], end.acceleration_m_s2[point][axis]);
-                let [(v0, a0), (v1, a1)] = ends.map(of);
-                let g = transient[point][axis];
-                let square = 3.0 * (a0 + a1) - 6.0 * ((v1 - v0) / self.step_s - g * mean);
-                [a0, a1 - a0 - square, square, 0.0, 0.0, g]
+                self.course(ends.map(of), transient[point][axis])
             })
         })
+    }
+
+    /// An acceleration between the velocities and accelerations at the ends of a step, with that by a coil's transient
+    /// at its start.
+    #[inline(always)]
+    fn course(&self, [(v0, a0), (v1, a1)]: [(f64, f64); 2], g: f64) -> Course {
+        // ∫ e^{−λτ} dτ.
+        let mean = if self.decay.is_infinite() { 0.0 } else { -libm::expm1(-self.decay) / self.decay };
+        let square = 3.0 * (a0 + a1) - 6.0 * ((v1 - v0) / self.step_s - g * mean);
+        [a0, a1 - a0 - square, square, 0.0, 0.0, g]
     }
 
     /// The accelerations of B and C by the coil's transient at the start of the step, m/s².
@@ -172,26 +202,36 @@ impl Filter {
 
     /// The force in the head along x and y: F − m s̈ − c ṡ − k s, or F with an ideal exciter.
     fn head(&self, step: &Step<'_>, c: &[Course; 2]) -> [Course; 2] {
-        let force = match step.drive {
+        let force = Self::force(step.drive);
+        let Some(attachment) = step.arm.attachment() else { return force };
+        let e = self.along;
+        let along = core::array::from_fn(|term| e.x * c[0][term] + e.y * c[1][term]);
+        self.less(&force, &self.taken(attachment, step.arm.attachment_motion(step.from), along))
+    }
+
+    /// The force F of the drive along x and y.
+    fn force(drive: &Drive) -> [Course; 2] {
+        match drive {
             Drive::Held(load) => [load.force_n.x, load.force_n.y].map(|force_n| [force_n, 0.0, 0.0, 0.0, 0.0, 0.0]),
             Drive::Coil { polynomial_n: [f0, f1, f2, f3, f4], transient_n, along } => {
                 let course = [*f0, *f1, *f2, *f3, *f4, *transient_n];
                 [along.x, along.y].map(|share| course.map(|term| share * term))
             }
-        };
-        let Some(attachment) = step.arm.attachment() else { return force };
+        }
+    }
+
+    /// The force less what an attachment takes along its direction.
+    fn less(&self, force: &[Course; 2], taken: &Course) -> [Course; 2] {
         let e = self.along;
-        let taken = self.taken(step, attachment, core::array::from_fn(|term| e.x * c[0][term] + e.y * c[1][term]));
         [0, 1].map(|axis| core::array::from_fn(|term| force[axis][term] - e[axis] * taken[term]))
     }
 
-    /// m s̈ + c ṡ + k s over the step with the acceleration s̈.
+    /// m s̈ + c ṡ + k s over the step with the acceleration s̈, from s and ṡ at its start.
     ///
     /// With s̈ = a₀ + a₁τ + a₂τ² + g e^{−λτ}: ṡ = ṡ(0) + h (a₀τ + a₁τ²/2 + a₂τ³/3 + g (1 − e^{−λτ})/λ) and s = s(0) + h
     /// ṡ(0) τ + h² (a₀τ²/2 + a₁τ³/6 + a₂τ⁴/12 + g τ/λ − g (1 − e^{−λτ})/λ²).
-    fn taken(&self, step: &Step<'_>, attachment: &Attachment, acceleration: Course) -> Course {
+    fn taken(&self, attachment: &Attachment, (s, rate): (f64, f64), acceleration: Course) -> Course {
         let (h, [a0, a1, a2, _, _, g]) = (self.step_s, acceleration);
-        let (s, rate) = step.arm.attachment_motion(step.from);
         let g1 = if self.decay.is_infinite() { 0.0 } else { g / self.decay };
         let g2 = if self.decay.is_infinite() { 0.0 } else { g1 / self.decay };
         let velocity = [rate + h * g1, h * a0, 0.5 * h * a1, h * a2 / 3.0, 0.0, -h * g1];

@@ -80,19 +80,27 @@ impl Excitation<Load> for CoilForce<'_> {
     }
 }
 
+/// The coil of a shaker, for steps of `step_s`.
+///
+/// # Errors
+/// [`PlantSpecError::Inductance`] if the current changes too slowly for the closed form of a step.
+pub(super) fn coil_of(spec: &ShakerSpec, step_s: f64) -> Result<Coil, PlantSpecError> {
+    let most_h = spec.resistance_ohm * step_s / LEAST_DECAY;
+    if spec.amplifier == Amplifier::Voltage && spec.inductance_h > most_h {
+        return Err(PlantSpecError::Inductance { got_h: spec.inductance_h, most_h });
+    }
+    let (force_factor_n_a, resistance_ohm) = (spec.force_factor_n_a, spec.resistance_ohm);
+    let decay = step_s * resistance_ohm / spec.inductance_h;
+    Ok(Coil { force_factor_n_a, resistance_ohm, decay })
+}
+
 impl Shaker {
     /// A shaker without current, for steps of `step_s`.
     ///
     /// # Errors
     /// [`PlantSpecError::Inductance`] if the current changes too slowly for the closed form of a step.
     pub fn new(spec: ShakerSpec, step_s: f64) -> Result<Shaker, PlantSpecError> {
-        let most_h = spec.resistance_ohm * step_s / LEAST_DECAY;
-        if spec.amplifier == Amplifier::Voltage && spec.inductance_h > most_h {
-            return Err(PlantSpecError::Inductance { got_h: spec.inductance_h, most_h });
-        }
-        let (force_factor_n_a, resistance_ohm) = (spec.force_factor_n_a, spec.resistance_ohm);
-        let decay = step_s * resistance_ohm / spec.inductance_h;
-        let coil = Coil { force_factor_n_a, resistance_ohm, decay };
+        let coil = coil_of(&spec, step_s)?;
         Ok(Shaker { spec, coil, step_s, current_a: 0.0, course: Current::ZERO })
     }
 

@@ -123,5 +123,5 @@ fn a_hold_that_fails_returns_to_its_start() {
     let again = Plant::stepped(&spec(Converter::Sinc3), Box::new(mode())).unwrap().restored(1, &before);
     assert_eq!(again.unwrap().save(), before);
     let shaker = Plant::stepped(&shaken(SHAKER), Box::new(mode())).unwrap_err();
-    insta::assert_snapshot!(shaker, @"rig.shaker needs the two-link arm: leave it out here: the ideal exciter of `rig.exciter` drives any structure");
+    insta::assert_snapshot!(shaker, @"rig.shaker needs the arm or a structure of the scenario, as its armature moves with it: leave it out here; a structure that the program makes is driven by the ideal exciter of `rig.exciter`");
 }

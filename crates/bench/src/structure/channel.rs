@@ -200,6 +200,16 @@ const fn reading(clip_bit: u32, name: &'static str, vector: &'static str, point:
     Channel { name, vector, kind: Kind::Reading { clip_bit }, quantity, point, axis }
 }
 
+/// The current in the coil of a shaker.
+pub const COIL_CURRENT: Channel = Channel {
+    name: "coil_current_a",
+    vector: "coil_current_a",
+    kind: Kind::Internal,
+    quantity: Quantity::Current,
+    point: Point::TipC,
+    axis: Axis::Scalar,
+};
+
 /// States and loads of the arm in the order of files and tables. The last is only in plants whose shaker has a coil.
 pub const STATES: [Channel; 9] = [
     state("alpha1_rad", "alpha_rad", Quantity::Angle, Point::Joint1),
@@ -210,14 +220,7 @@ pub const STATES: [Channel; 9] = [
     load("torque2_nm", "torque_nm", Quantity::Torque, Point::Joint2B, Axis::AboutZ),
     load("force_x_n", "force_n", Quantity::Force, Point::TipC, Axis::X),
     load("force_y_n", "force_n", Quantity::Force, Point::TipC, Axis::Y),
-    Channel {
-        name: "coil_current_a",
-        vector: "coil_current_a",
-        kind: Kind::Internal,
-        quantity: Quantity::Current,
-        point: Point::TipC,
-        axis: Axis::Scalar,
-    },
+    COIL_CURRENT,
 ];
 
 /// Readings of the arm's instruments in the order of files and tables.
@@ -341,5 +344,5 @@ pub fn known_states() -> Vec<Channel> {
     let elements = (0..MOST_ELEMENTS).flat_map(|index| [true, false].map(|at| element_channel(index, at)));
     let branches = (0..MOST_ELEMENTS).map(branch_channel);
     let internal = elements.chain(branches).flatten();
-    coordinates.chain(LOADS).chain([STATES[8]]).chain(internal).collect()
+    coordinates.chain(LOADS).chain([COIL_CURRENT]).chain(internal).collect()
 }

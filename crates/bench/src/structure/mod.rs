@@ -4,7 +4,7 @@ mod channel;
 mod states;
 
 pub use channel::{
-    Axis, Channel, Coordinates, Kind, LOADS, OUTPUTS, Point, Quantity, READINGS, STATES, branch_channel,
+    Axis, COIL_CURRENT, Channel, Coordinates, Kind, LOADS, OUTPUTS, Point, Quantity, READINGS, STATES, branch_channel,
     coordinate_channels, element_channel, known_states,
 };
 pub use states::{MOST_COORDINATES, MOST_ELEMENTS, MOST_STATES, States};

@@ -361,9 +361,21 @@ impl Assembly {
 
     /// Writes q̈ of a motion under generalised forces, without the elements.
     pub fn accelerate(&self, q: &[f64], v: &[f64], force: &[f64], out: &mut [f64]) {
+        self.accelerate_with(q, v, force, None, out);
+    }
+
+    /// The same with M + m wwᵀ in place of M, m and w being `added`.
+    pub(super) fn accelerate_with(
+        &self,
+        q: &[f64],
+        v: &[f64],
+        force: &[f64],
+        added: Option<(f64, &[f64])>,
+        out: &mut [f64],
+    ) {
         match &self.body {
-            Body::Chain(chain) => chain.acceleration([q, v], force, out),
-            Body::Modal(modal) => modal.acceleration([q, v], force, out),
+            Body::Chain(chain) => chain.acceleration([q, v], force, added, out),
+            Body::Modal(modal) => modal.acceleration([q, v], force, added, out),
         }
     }
 

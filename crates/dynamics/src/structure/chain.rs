@@ -209,8 +209,8 @@ impl Chain {
         }
     }
 
-    /// Writes q̈ under generalised forces: M from its Cholesky factors.
-    pub fn acceleration(&self, [q, v]: [&[f64]; 2], force: &[f64], out: &mut [f64]) {
+    /// Writes q̈ under generalised forces: M, or M + m wwᵀ with m and w of `added`, from its Cholesky factors.
+    pub fn acceleration(&self, [q, v]: [&[f64]; 2], force: &[f64], added: Option<(f64, &[f64])>, out: &mut [f64]) {
         let (n, links, mut mass) = (self.n, self.turned(q), [0.0; MOST_LINKS * MOST_LINKS]);
         let mass = &mut mass[..n * n];
         for (k, entry) in mass.iter_mut().enumerate() {
@@ -218,6 +218,9 @@ impl Chain {
             *entry = self.inertia[i][j] * if i == j { 1.0 } else { links.between(i, j).1 };
         }
         sum_both_outwards(n, mass);
+        if let Some((mass_kg, w)) = added {
+            mass.iter_mut().enumerate().for_each(|(k, entry)| *entry += mass_kg * w[k / n] * w[k % n]);
+        }
         self.unbalance([q, v, &[0.0; MOST_LINKS]], force, out);
         out[..n].iter_mut().for_each(|entry| *entry = -*entry);
         if super::modes::cholesky(n, mass).is_some() {

@@ -14,6 +14,7 @@
 //! A chain has the deflections of its joints as coordinates, rad; modes have modal coordinates, m·√kg.
 
 mod arm;
+mod armature;
 mod assembly;
 mod chain;
 mod check;
@@ -26,6 +27,7 @@ mod smooth;
 mod spec;
 mod step;
 
+pub use armature::{Armature, ArmatureMotion, Coil};
 pub use assembly::{Assembly, CoordinateUnit, Dof, Linear, Linearised};
 pub use element::{Branch, Element, Reaction, StateRate};
 pub use error::StructureError;

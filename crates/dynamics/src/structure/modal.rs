@@ -62,9 +62,17 @@ impl Modal {
         }
     }
 
-    pub fn acceleration(&self, [q, v]: [&[f64]; 2], force: &[f64], out: &mut [f64]) {
+    /// q̈ with the mass matrix I + m wwᵀ, m and w being `added`: its inverse is I − m wwᵀ/(1 + m wᵀw) (J. Sherman, W. J.
+    /// Morrison, Ann. Math. Statist. 21 (1950)).
+    pub fn acceleration(&self, [q, v]: [&[f64]; 2], force: &[f64], added: Option<(f64, &[f64])>, out: &mut [f64]) {
         for (i, (omega, damping)) in self.constants().enumerate() {
             out[i] = force[i] - damping * v[i] - omega * omega * q[i];
+        }
+        if let Some((mass_kg, w)) = added {
+            let square: f64 = w.iter().map(|w| w * w).sum();
+            let along: f64 = w.iter().zip(&*out).map(|(w, out)| w * out).sum();
+            let taken = mass_kg * along / (1.0 + mass_kg * square);
+            out.iter_mut().zip(w).for_each(|(out, w)| *out -= w * taken);
         }
     }
 

@@ -94,7 +94,7 @@ impl<const N: usize> Excitation<LinksLoad<f64, N>> for Driven<'_, N> {
 
 impl<const N: usize> Engine for Stepped<N> {
     fn state(&self) -> StateRef<'_> {
-        StateRef { q: &self.motion.x, v: &self.motion.v, z: &[], branches: &[] }
+        StateRef { q: &self.motion.x, v: &self.motion.v, coil: &[], z: &[], branches: &[] }
     }
 
     fn set(&mut self, state: StateRef) {
@@ -107,7 +107,7 @@ impl<const N: usize> Engine for Stepped<N> {
         Ok(())
     }
 
-    fn acceleration(&self, load: &[f64], out: &mut [f64]) {
+    fn acceleration(&self, load: &[f64], _current_a: Option<f64>, out: &mut [f64]) {
         let rates = self.links.rates(&self.motion, &self.load(load));
         out.iter_mut().zip(rates.acceleration).for_each(|(out, acceleration)| *out = acceleration);
     }

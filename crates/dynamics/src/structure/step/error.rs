@@ -42,6 +42,20 @@ pub enum StepError {
         /// The lowest rate that would do, Hz.
         needed_hz: f64,
     },
+    /// The current of a shaker's coil follows the voltage too fast.
+    #[error(
+        "the current of the shaker's coil follows the voltage too fast for the step: `inductance_h` is {got_h}, and must be at \
+         least {least_h}, or 0 for a current that follows at once", got_h = short(.got_h), least_h = short(.least_h)
+    )]
+    Coil {
+        /// The given inductance, H.
+        got_h: f64,
+        /// The least valid one but zero, H.
+        least_h: f64,
+    },
+    /// A load that varies over a step, on a shaker.
+    #[error("a shaker's command is held over a step: give a held load")]
+    NotHeld,
     /// The integrator can't make the step.
     #[error(transparent)]
     Integrate(#[from] IntegrateError),

@@ -125,7 +125,7 @@ impl Exact {
 
 impl Engine for Exact {
     fn state(&self) -> StateRef<'_> {
-        StateRef { q: &self.q, v: &self.v, z: &[], branches: &[] }
+        StateRef { q: &self.q, v: &self.v, coil: &[], z: &[], branches: &[] }
     }
 
     fn set(&mut self, state: StateRef) {
@@ -151,7 +151,7 @@ impl Engine for Exact {
         }
     }
 
-    fn acceleration(&self, load: &[f64], out: &mut [f64]) {
+    fn acceleration(&self, load: &[f64], _current_a: Option<f64>, out: &mut [f64]) {
         let forces = self.forces(load);
         for (i, (flow, out)) in self.flows.iter().zip(out).enumerate() {
             *out = forces[i] - flow.damping * self.v[i] - flow.stiffness * self.q[i];

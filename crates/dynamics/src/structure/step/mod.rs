@@ -7,12 +7,16 @@
 //! - modes without elements: exactly, by the flow of each mode, whatever the scheme;
 //! - all others: explicit steps of order 8 between the switches of the elements, whatever the scheme; a switch is
 //!   located to rounding and the step goes on behind it.
+//!
+//! With a shaker's [`Armature`], whose command is held, modes without elements are stepped exactly, with its coil; all
+//! others by the explicit steps, with the coil's current as a state.
 
 mod chains;
 mod error;
 mod exact;
 mod locate;
 mod piecewise;
+mod shaken;
 
 pub use error::StepError;
 
@@ -20,6 +24,7 @@ use alloc::boxed::Box;
 use alloc::vec::Vec;
 use core::fmt;
 
+use super::armature::{Armature, ArmatureMotion};
 use super::assembly::{Assembly, Body, Dof};
 use super::element::Branch;
 use crate::integrate::Scheme;
@@ -32,8 +37,8 @@ trait Engine: fmt::Debug + Send + Sync {
     fn set(&mut self, state: StateRef);
     /// One step from the time `t_s`, s. After an error the state is as before.
     fn advance(&mut self, t_s: f64, load: &StepLoad<'_>) -> Result<(), StepError>;
-    /// Writes q̈ at the state.
-    fn acceleration(&self, load: &[f64], out: &mut [f64]);
+    /// Writes q̈ at the state, with `current_a` in place of the current of a shaker's coil.
+    fn acceleration(&self, load: &[f64], current_a: Option<f64>, out: &mut [f64]);
     /// Switches so far, and steps whose switches were not all located.
     fn counters(&self) -> [u64; 2] {
         [0, 0]
@@ -79,11 +84,13 @@ impl StepLoad<'_> {
     }
 }
 
-/// A state: coordinates, rates, states of elements, branches of elements.
+/// A state: coordinates, rates, the current of a shaker's coil, states of elements, branches of elements.
 #[derive(Clone, Copy, Debug)]
 struct StateRef<'a> {
     q: &'a [f64],
     v: &'a [f64],
+    /// One number, or none without a shaker.
+    coil: &'a [f64],
     z: &'a [f64],
     branches: &'a [Branch],
 }
@@ -95,6 +102,7 @@ pub struct Stepper {
     scheme: Scheme,
     step_s: f64,
     loads: usize,
+    armature: Option<Armature>,
     engine: Box<dyn Engine>,
 }
 
@@ -110,9 +118,31 @@ impl Stepper {
             _ if !(rate_hz.is_finite() && rate_hz > 0.0) => return Err(StepError::Rate { got_hz: rate_hz }),
             Body::Chain(chain) if assembly.is_smooth() => chains::engine(chain, assembly, drive, scheme, rate_hz)?,
             Body::Modal(modal) if assembly.elements().is_empty() => exact::engine(modal, assembly, drive, rate_hz),
-            _ => piecewise::engine(assembly, drive, rate_hz)?,
+            _ => piecewise::engine(assembly, drive, None, rate_hz)?,
         };
-        Ok(Stepper { assembly: assembly.clone(), scheme, step_s: 1.0 / rate_hz, loads: drive.len(), engine })
+        let (assembly, step_s) = (assembly.clone(), 1.0 / rate_hz);
+        Ok(Stepper { assembly, scheme, step_s, loads: drive.len(), armature: None, engine })
+    }
+
+    /// A stepper at rest, for `rate_hz` steps a second, of a structure that a shaker alone drives: the load is the
+    /// force that it would exert were it blocked, N. The steps are the same whatever the scheme.
+    ///
+    /// # Errors
+    /// [`StepError::Rate`]; [`StepError::RateTooLow`] or [`StepError::TooStiff`] with the lowest valid rate if the
+    /// explicit steps need a higher one, [`StepError::Coil`] if they can't follow the current of the coil.
+    pub fn shaken(
+        assembly: &Assembly,
+        armature: &Armature,
+        scheme: Scheme,
+        rate_hz: f64,
+    ) -> Result<Stepper, StepError> {
+        let engine = match &assembly.body {
+            _ if !(rate_hz.is_finite() && rate_hz > 0.0) => return Err(StepError::Rate { got_hz: rate_hz }),
+            Body::Modal(modal) if assembly.elements().is_empty() => shaken::engine(modal, assembly, armature, rate_hz),
+            _ => piecewise::engine(assembly, &[], Some(armature), rate_hz)?,
+        };
+        let (assembly, step_s) = (assembly.clone(), 1.0 / rate_hz);
+        Ok(Stepper { assembly, scheme, step_s, loads: 1, armature: Some(*armature), engine })
     }
 
     /// The structure.
@@ -145,6 +175,17 @@ impl Stepper {
         self.engine.state().z
     }
 
+    /// The current in the coil of the shaker at the end of the last step, A; `None` without a shaker.
+    pub fn current_a(&self) -> Option<f64> {
+        self.engine.state().coil.first().copied()
+    }
+
+    /// The motion of the shaker's armature; `None` without a shaker.
+    pub fn armature_motion(&self) -> Option<ArmatureMotion> {
+        let armature = self.armature.as_ref()?;
+        Some(armature.motion(&self.assembly, self.position(), self.velocity()))
+    }
+
     /// How many times an element switched its branch.
     pub fn events(&self) -> u64 {
         self.engine.counters()[0]
@@ -159,8 +200,8 @@ impl Stepper {
     /// One step from the time `t_s`, s, with the loads held.
     ///
     /// # Errors
-    /// [`StepError::Loads`] if there is not one for each degree of freedom of the drive; [`StepError::Integrate`] if an
-    /// implicit scheme can't make the step; [`StepError::TooStiff`] if the elements, pressed this far or moved this
+    /// [`StepError::Loads`] if there is not one for each degree of freedom of the drive, or for the shaker;
+    /// [`StepError::Integrate`] if an implicit scheme can't make the step; [`StepError::TooStiff`] if the elements, pressed this far or moved this
     /// fast, need shorter steps; [`StepError::NotFinite`]. The state is then as before.
     pub fn advance(&mut self, t_s: f64, load: &[f64]) -> Result<(), StepError> {
         self.advance_under(t_s, &StepLoad::Held(load))
@@ -169,9 +210,12 @@ impl Stepper {
     /// The same under loads that may vary over the step.
     ///
     /// # Errors
-    /// As [`Stepper::advance`].
+    /// As [`Stepper::advance`], and [`StepError::NotHeld`] with a shaker.
     pub fn advance_under(&mut self, t_s: f64, load: &StepLoad<'_>) -> Result<(), StepError> {
         self.check_loads(load.numbers())?;
+        if self.armature.is_some() && !matches!(load, StepLoad::Held(_)) {
+            return Err(StepError::NotHeld);
+        }
         self.engine.advance(t_s, load)
     }
 
@@ -181,17 +225,23 @@ impl Stepper {
     /// [`StepError::Loads`].
     pub fn acceleration(&self, load: &[f64], out: &mut [f64]) -> Result<(), StepError> {
         self.check_loads(load)?;
-        self.engine.acceleration(load, out);
+        self.engine.acceleration(load, None, out);
         Ok(())
+    }
+
+    /// Writes q̈ at the state with a current in the coil of the shaker, A, n numbers; without a shaker that without a
+    /// load.
+    pub fn acceleration_at_current(&self, current_a: f64, out: &mut [f64]) {
+        self.engine.acceleration(&[], Some(current_a), out);
     }
 
     fn check_loads(&self, load: &[f64]) -> Result<(), StepError> {
         if load.len() == self.loads { Ok(()) } else { Err(StepError::Loads { got: load.len(), expected: self.loads }) }
     }
 
-    /// How many numbers are states: coordinates, rates, states of elements.
+    /// How many numbers are states: coordinates, rates, the current of a shaker's coil, states of elements.
     pub fn states(&self) -> usize {
-        2 * self.assembly.coordinates() + self.assembly.element_states()
+        2 * self.assembly.coordinates() + self.engine.state().coil.len() + self.assembly.element_states()
     }
 
     /// How many numbers [`Stepper::save`] writes: the states, and the branch of every element, 1, 0 or −1.
@@ -207,13 +257,13 @@ impl Stepper {
         if saved.len() != self.saved_len() {
             return Err(self.not_saved(saved.len()));
         }
-        let StateRef { q, v, z, branches } = self.engine.state();
+        let StateRef { q, v, coil, z, branches } = self.engine.state();
         let branches = branches.iter().map(|branch| match branch {
             Branch::Inner => 0.0,
             Branch::Upper => 1.0,
             Branch::Lower => -1.0,
         });
-        let numbers = q.iter().chain(v).chain(z).copied().chain(branches);
+        let numbers = q.iter().chain(v).chain(coil).chain(z).copied().chain(branches);
         saved.iter_mut().zip(numbers).for_each(|(saved, number)| *saved = number);
         Ok(())
     }
@@ -230,7 +280,8 @@ impl Stepper {
         }
         let (states, codes) = saved.split_at(states);
         let (q, rest) = states.split_at(n);
-        let (v, z) = rest.split_at(n);
+        let (v, rest) = rest.split_at(n);
+        let (coil, z) = rest.split_at(self.engine.state().coil.len());
         let mut branches = [Branch::Inner; super::MOST_ELEMENTS];
         for (i, (branch, element)) in branches.iter_mut().zip(self.assembly.elements()).enumerate() {
             *branch = match codes.get(i) {
@@ -244,7 +295,7 @@ impl Stepper {
             };
         }
         let branches = &branches[..self.engine.state().branches.len()];
-        self.engine.set(StateRef { q, v, z, branches });
+        self.engine.set(StateRef { q, v, coil, z, branches });
         Ok(())
     }
 

@@ -5,8 +5,11 @@
 //! anew with another length, until the margin is zero to rounding; there the elements whose margin is negative switch,
 //! and the step goes on. Without this a switch inside a part would lower the order to 1 or 2.
 //!
+//! The armature of a shaker is part of the mass and the forces, and the current of its coil a state.
+//!
 //! A part turns the fastest motion by [`PHASE_RAD`]: ω² is that of the fastest mode and of every element's stiffness
-//! over the mass that it meets, m⁻¹ = wᵀM⁻¹w, which is a bound since each adds a matrix of rank one.
+//! over the mass that it meets, m⁻¹ = wᵀM⁻¹w, which is a bound since each adds a matrix of rank one. A shaker adds k and,
+//! by its coil, Bl²/L over the mass that it meets with its armature.
 
 use alloc::boxed::Box;
 use alloc::vec;
@@ -16,6 +19,7 @@ use core::f64::consts::TAU;
 use super::locate::{Located, locate};
 use super::{Engine, StateRef, StepError, StepLoad, rows};
 use crate::integrate::dop853::DOP853;
+use crate::structure::armature::Armature;
 use crate::structure::assembly::{Assembly, Body, Dof};
 use crate::structure::element::{Branch, Element, Margin};
 use crate::structure::modes::{cholesky, solve_cholesky};
@@ -26,6 +30,8 @@ use crate::structure::{MOST_COORDINATES, MOST_ELEMENTS};
 const PHASE_RAD: f64 = 0.4;
 /// The largest decay rate times h of a part.
 const DECAY: f64 = 1.0;
+/// The largest decay rate of a coil's current times h of a part: a transient then errs by less than 1e-8 of itself.
+const COIL_DECAY: f64 = 0.5;
 /// The most parts of a step between two switches.
 const MOST_PARTS: u32 = 256;
 /// The most switches of a step that are located.
@@ -43,6 +49,8 @@ pub(super) struct State {
     pub q: [f64; MOST_COORDINATES],
     pub v: [f64; MOST_COORDINATES],
     pub z: [f64; MOST_ELEMENTS],
+    /// In the coil of a shaker, A.
+    pub current_a: f64,
 }
 
 /// Its rate but for q̇, which is v.
@@ -50,6 +58,7 @@ pub(super) struct State {
 struct Slope {
     acceleration: [f64; MOST_COORDINATES],
     z: [f64; MOST_ELEMENTS],
+    current_a_s: f64,
 }
 
 /// Where a part of a step starts.
@@ -68,6 +77,9 @@ pub(super) struct Piecewise {
     pub(super) assembly: Assembly,
     step_s: f64,
     drive: Vec<Dof>,
+    armature: Option<Armature>,
+    /// ω², 1/s², and decay rate, 1/s, that the armature adds.
+    armature_bounds: [f64; 2],
     /// ∂x/∂q of the drive and the elements of modes, n numbers each; of a chain they follow the motion.
     drive_rows: Vec<f64>,
     element_rows: Vec<f64>,
@@ -81,7 +93,12 @@ pub(super) struct Piecewise {
     fallbacks: u64,
 }
 
-pub(super) fn engine(assembly: &Assembly, drive: &[Dof], rate_hz: f64) -> Result<Box<dyn Engine>, StepError> {
+pub(super) fn engine(
+    assembly: &Assembly,
+    drive: &[Dof],
+    armature: Option<&Armature>,
+    rate_hz: f64,
+) -> Result<Box<dyn Engine>, StepError> {
     let n = assembly.coordinates();
     let elements: Vec<Dof> = assembly.elements().iter().map(Element::at).collect();
     let mut element_rows = rows(assembly, &elements);
@@ -94,11 +111,13 @@ pub(super) fn engine(assembly: &Assembly, drive: &[Dof], rate_hz: f64) -> Result
         assembly: assembly.clone(),
         step_s: 1.0 / rate_hz,
         drive: drive.to_vec(),
+        armature: armature.copied(),
+        armature_bounds: armature.map_or([0.0; 2], |armature| armature.bounds(assembly)),
         drive_rows: rows(assembly, drive),
         element_rows,
         mobility: [0.0; MOST_ELEMENTS],
         fastest_squared: omega * omega,
-        state: State { q: rest, v: rest, z: [0.0; MOST_ELEMENTS] },
+        state: State { q: rest, v: rest, z: [0.0; MOST_ELEMENTS], current_a: 0.0 },
         branches: [Branch::Inner; MOST_ELEMENTS],
         events: 0,
         fallbacks: 0,
@@ -106,6 +125,9 @@ pub(super) fn engine(assembly: &Assembly, drive: &[Dof], rate_hz: f64) -> Result
     stepped.add_mobility();
     for (branch, element) in stepped.branches.iter_mut().zip(assembly.elements()) {
         *branch = element.branch(0.0, 0.0, 0.0);
+    }
+    if let Some(armature) = armature {
+        armature.coil.check_rate(f64::from(MOST_PARTS) * COIL_DECAY / stepped.step_s)?;
     }
     stepped.parts(0.0, stepped.step_s, &stepped.state)?;
     Ok(Box::new(stepped))
@@ -170,9 +192,17 @@ impl Piecewise {
             let row = if is_modal { &self.element_rows[i * n..(i + 1) * n] } else { &row[..n] };
             force.iter_mut().zip(row).for_each(|(force, w)| *force -= w * pull);
         }
-        let mut acceleration = [0.0; MOST_COORDINATES];
-        self.assembly.accelerate(&state.q[..n], &state.v[..n], &force[..n], &mut acceleration[..n]);
-        Slope { acceleration, z }
+        let (q, v, mut acceleration) = (&state.q[..n], &state.v[..n], [0.0; MOST_COORDINATES]);
+        let (mut added, mut current_a_s) = (None, 0.0);
+        if let Some(armature) = &self.armature {
+            let blocked_n = factor * load.numbers().first().copied().unwrap_or(0.0);
+            let push = armature.push(&self.assembly, [q, v], state.current_a, blocked_n);
+            armature.direction(&self.assembly, q, &mut row[..n]);
+            force.iter_mut().zip(&row[..n]).for_each(|(force, w)| *force += w * push.force_n);
+            (added, current_a_s) = (Some((armature.mass_kg, &row[..n])), push.current_a_s);
+        }
+        self.assembly.accelerate_with(q, v, &force[..n], added, &mut acceleration[..n]);
+        Slope { acceleration, z, current_a_s }
     }
 
     /// One step of the method.
@@ -191,6 +221,7 @@ impl Piecewise {
                 add(&mut stage.q[..n], weight, velocity);
                 add(&mut stage.v[..n], weight, &slope.acceleration);
                 add(&mut stage.z[..m], weight, &slope.z);
+                stage.current_a += weight * slope.current_a_s;
             }
             stage
         };
@@ -269,14 +300,16 @@ impl Piecewise {
     /// In how many parts the next `h_s` are made from a state.
     fn parts(&self, t_s: f64, h_s: f64, state: &State) -> Result<u32, StepError> {
         let reach_s = (PHASE_RAD / libm::sqrt(self.fastest_squared)).min(h_s);
-        let (mut squared, mut decay) = (self.fastest_squared, 0.0);
+        let [squared, decay] = self.armature_bounds;
+        let (mut squared, mut decay) = (self.fastest_squared + squared, decay);
         for (i, element) in self.assembly.elements().iter().enumerate() {
             let (position, velocity) = self.element_motion(i, element, state);
             let [stiffness, damping, rate] = element.law.steepest(position, velocity, reach_s);
             squared += self.mobility[i] * stiffness;
             decay += self.mobility[i] * damping + rate;
         }
-        let parts = libm::ceil(h_s * (libm::sqrt(squared) / PHASE_RAD).max(decay / DECAY)).max(1.0);
+        let coil = self.armature.and_then(|of| of.coil.rate_1_s()).map_or(0.0, |rate_1_s| rate_1_s / COIL_DECAY);
+        let parts = libm::ceil(h_s * (libm::sqrt(squared) / PHASE_RAD).max(decay / DECAY).max(coil)).max(1.0);
         if parts <= f64::from(MOST_PARTS) {
             Ok(parts as u32)
         } else {
@@ -363,6 +396,19 @@ impl Piecewise {
         }
     }
 
+    fn armature_velocity_m_s(&self, armature: &Armature) -> f64 {
+        let StateRef { q, v, .. } = self.state();
+        armature.motion(&self.assembly, q, v).velocity_m_s
+    }
+
+    /// The current of a shaker's coil after a step under a command, where it is not a state.
+    fn set_current(&mut self, load: &[f64]) {
+        if let (Some(armature), [blocked_n, ..]) = (self.armature, load) {
+            let velocity_m_s = self.armature_velocity_m_s(&armature);
+            self.state.current_a = armature.coil.current_a(self.state.current_a, *blocked_n, velocity_m_s);
+        }
+    }
+
     fn is_finite(&self, state: &State) -> bool {
         let (n, m) = (self.assembly.coordinates(), self.assembly.element_states());
         state.q[..n].iter().chain(&state.v[..n]).chain(&state.z[..m]).fold(true, |all, number| all & number.is_finite())
@@ -398,12 +444,15 @@ fn dip_s([start, end]: [Margin; 2], h_s: f64) -> Option<f64> {
 impl Engine for Piecewise {
     fn state(&self) -> StateRef<'_> {
         let (n, m) = (self.assembly.coordinates(), self.assembly.element_states());
-        let State { q, v, z } = &self.state;
-        StateRef { q: &q[..n], v: &v[..n], z: &z[..m], branches: &self.branches[..self.assembly.elements().len()] }
+        let State { q, v, z, current_a } = &self.state;
+        let coil = if self.armature.is_some() { core::slice::from_ref(current_a) } else { &[] };
+        let branches = &self.branches[..self.assembly.elements().len()];
+        StateRef { q: &q[..n], v: &v[..n], coil, z: &z[..m], branches }
     }
 
     fn set(&mut self, state: StateRef) {
-        let StateRef { q, v, z, branches } = state;
+        let StateRef { q, v, coil, z, branches } = state;
+        self.state.current_a = coil.first().copied().unwrap_or(0.0);
         self.state.q[..q.len()].copy_from_slice(q);
         self.state.v[..v.len()].copy_from_slice(v);
         self.state.z[..z.len()].copy_from_slice(z);
@@ -415,6 +464,7 @@ impl Engine for Piecewise {
         match self.whole_step(t_s, load) {
             Ok(state) => {
                 self.state = state;
+                self.set_current(load.numbers());
                 Ok(())
             }
             Err(error) => {
@@ -425,8 +475,17 @@ impl Engine for Piecewise {
         }
     }
 
-    fn acceleration(&self, load: &[f64], out: &mut [f64]) {
-        let slope = self.slope(&self.state, &self.branches, (&StepLoad::Held(load), 0.0));
+    fn acceleration(&self, load: &[f64], current_a: Option<f64>, out: &mut [f64]) {
+        let (mut state, mut blocked_n) = (self.state, [0.0]);
+        let load = match (current_a, &self.armature) {
+            (Some(current_a), Some(armature)) => {
+                state.current_a = current_a;
+                blocked_n[0] = armature.coil.blocked_n(current_a, self.armature_velocity_m_s(armature));
+                &blocked_n
+            }
+            _ => load,
+        };
+        let slope = self.slope(&state, &self.branches, (&StepLoad::Held(load), 0.0));
         out.iter_mut().zip(slope.acceleration).for_each(|(out, acceleration)| *out = acceleration);
     }
 

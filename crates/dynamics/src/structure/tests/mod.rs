@@ -1,6 +1,7 @@
 mod chains;
 mod messages;
 mod modal;
+mod shaken;
 mod switches;
 
 use super::*;

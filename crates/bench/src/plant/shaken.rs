@@ -1,0 +1,191 @@
+//! A structure that a shaker drives, as the converters sample it.
+//!
+//! The motion is that of [`Stepper::shaken`](resonarm_dynamics::structure::Stepper::shaken). Where the amplifier holds
+//! the voltage, the current over a step is a polynomial and a transient, by the motion at its ends
+//! ([`Coil`](crate::rig::coil::Coil)), and so are force and accelerations, which are linear in the current.
+
+use nalgebra::Vector2;
+
+use super::assembly_steps::{AssemblySteps, Placed, TestedAssembly};
+use super::sampling::{Filter, PointMotion, ShakenStep, Sums};
+use super::shaker::{Drive, coil_of};
+use super::stepped::{Loads, Stepped};
+use super::{PlantSpec, PlantSpecError};
+use crate::rig::coil::{Coil, Stroke};
+use crate::rig::{Amplifier, Measurement, ShakerSpec};
+use crate::structure::StructureError;
+use resonarm_dynamics::arm::{Attachment, Load};
+use resonarm_dynamics::structure::{Armature, Coil as ArmatureCoil};
+
+/// The share of a shaker's direction along which a structure may be fixed: rounding of its sine or cosine.
+const ROUNDING: f64 = 1e-9;
+
+/// The structure with its shaker.
+#[derive(Clone, Debug)]
+pub(super) struct Shaken {
+    pub steps: AssemblySteps,
+    spec: ShakerSpec,
+    coil: Coil,
+    step_s: f64,
+}
+
+/// The motion of a structure and of the armature on it at an instant.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct ShakenMotion {
+    points: PointMotion,
+    /// s, m; ṡ, m/s; s̈, m/s².
+    armature: [f64; 3],
+    /// In the coil, A.
+    current_a: f64,
+    /// Accelerations of B, C, and along the armature by each ampere in the coil, m/s²/A.
+    per_ampere: ([Vector2<f64>; 2], f64),
+}
+
+impl ShakenMotion {
+    /// The points with another current.
+    fn points_at(&self, current_a: f64) -> PointMotion {
+        let (change_a, mut points) = (current_a - self.current_a, self.points);
+        points.acceleration_m_s2.iter_mut().zip(&self.per_ampere.0).for_each(|(point, by)| *point += by * change_a);
+        points
+    }
+
+    /// ṡ, m/s, and s̈ with another current, m/s².
+    fn armature_at(&self, current_a: f64) -> (f64, f64) {
+        let [_, velocity_m_s, acceleration_m_s2] = self.armature;
+        (velocity_m_s, acceleration_m_s2 + self.per_ampere.1 * (current_a - self.current_a))
+    }
+}
+
+impl ShakerSpec {
+    /// Its armature on a structure, where an exciter is.
+    ///
+    /// # Errors
+    /// [`PlantSpecError::ShakerAcross`] if it pushes along an axis along which the structure can't move there.
+    pub fn armature_at(&self, at: &Placed) -> Result<Armature, PlantSpecError> {
+        let Attachment { mass_kg, stiffness_n_m, damping_n_s_m, direction_deg } = self.armature();
+        let shares: [f64; 2] = self.direction().into();
+        if let Some(axis) = (0..2).find(|&axis| at.along[axis].is_none() && shares[axis].abs() > ROUNDING) {
+            return Err(PlantSpecError::ShakerAcross { direction_deg, axis: ["x", "y"][axis] });
+        }
+        let along = core::array::from_fn(|axis| at.along[axis].map(|dof| (dof, shares[axis])));
+        let (force_factor_n_a, resistance_ohm) = (self.force_factor_n_a, self.resistance_ohm);
+        let coil = match self.amplifier {
+            Amplifier::Current => ArmatureCoil::Current { force_factor_n_a },
+            Amplifier::Voltage => {
+                ArmatureCoil::Voltage { force_factor_n_a, resistance_ohm, inductance_h: self.inductance_h }
+            }
+        };
+        Ok(Armature { along, mass_kg, stiffness_n_m, damping_n_s_m, coil })
+    }
+}
+
+impl Shaken {
+    /// The structure of a valid specification at sample 0, in steps of `step_s`, s.
+    pub fn new(
+        spec: &PlantSpec,
+        tested: &TestedAssembly,
+        shaker: ShakerSpec,
+        step_s: f64,
+    ) -> Result<Shaken, PlantSpecError> {
+        let coil = coil_of(&shaker, step_s)?;
+        Ok(Shaken { steps: AssemblySteps::new(spec, tested)?, spec: shaker, coil, step_s })
+    }
+
+    /// How many times a transient of the current decays by e over a step: infinite unless the amplifier holds the
+    /// voltage of a coil with inductance.
+    pub fn decay(&self) -> f64 {
+        match self.spec.amplifier {
+            Amplifier::Current => f64::INFINITY,
+            Amplifier::Voltage => self.coil.decay,
+        }
+    }
+
+    /// The force of the blocked shaker under loads, N.
+    fn blocked_n(&self, [_, _, fx, fy]: &Loads) -> f64 {
+        self.spec.along_n(&Load::force_n(*fx, *fy))
+    }
+
+    /// The motion under loads.
+    fn motion(&self, loads: &Loads) -> ShakenMotion {
+        let (displacement_m, velocity_m_s, current_a) = self.steps.shaker_state(self.blocked_n(loads));
+        let (points, acceleration_m_s2) = self.steps.motion_at_current(current_a);
+        let (more, along_more_m_s2) = self.steps.motion_at_current(current_a + 1.0);
+        let per_point = |point: usize| more.acceleration_m_s2[point] - points.acceleration_m_s2[point];
+        ShakenMotion {
+            points,
+            armature: [displacement_m, velocity_m_s, acceleration_m_s2],
+            current_a,
+            per_ampere: (core::array::from_fn(per_point), along_more_m_s2 - acceleration_m_s2),
+        }
+    }
+
+    /// Force in the head, N, and accelerations of B and C, m/s², along x and y, under loads.
+    pub fn instant(&self, loads: &Loads) -> [f64; Measurement::CHANNELS] {
+        let at = self.motion(loads);
+        let Attachment { mass_kg, stiffness_n_m, damping_n_s_m, .. } = self.spec.armature();
+        let [displacement_m, velocity_m_s, acceleration_m_s2] = at.armature;
+        let taken_n = mass_kg * acceleration_m_s2 + damping_n_s_m * velocity_m_s + stiffness_n_m * displacement_m;
+        let head_n = self.spec.direction() * (self.spec.force_factor_n_a * at.current_a - taken_n);
+        let [b, c] = at.points.acceleration_m_s2;
+        [head_n.x, head_n.y, b.x, b.y, c.x, c.y]
+    }
+
+    /// A step between the motions at its ends, under loads.
+    fn step(&self, [start, end]: [&ShakenMotion; 2], loads: &Loads) -> ShakenStep {
+        let (blocked_n, along) = (self.blocked_n(loads), self.spec.direction());
+        let (mut currents_a, mut transient_a) = ([start.current_a, end.current_a], 0.0);
+        let drive = match self.spec.amplifier {
+            Amplifier::Current => Drive::Held(Load { force_n: along * blocked_n, ..Load::default() }),
+            Amplifier::Voltage => {
+                let ([s0, v0, a0], [s1, v1, a1]) = (start.armature, end.armature);
+                let stroke = Stroke {
+                    velocity_m_s: [v0, v1],
+                    change_m_s: [self.step_s * a0, self.step_s * a1],
+                    mean_m_s: (s1 - s0) / self.step_s,
+                };
+                let voltage_v = blocked_n / self.spec.force_factor_n_a * self.spec.resistance_ohm;
+                let (steady_a, left_a) = self.coil.current(start.current_a, voltage_v, &stroke).terms();
+                (currents_a, transient_a) = ([steady_a[0], steady_a.iter().sum()], left_a);
+                let force = |current_a: f64| self.spec.force_factor_n_a * current_a;
+                Drive::Coil { polynomial_n: steady_a.map(force), transient_n: force(transient_a), along }
+            }
+        };
+        let [armature_start, armature_end] = [start.armature_at(currents_a[0]), end.armature_at(currents_a[1])];
+        ShakenStep {
+            start: start.points_at(currents_a[0]),
+            end: end.points_at(currents_a[1]),
+            transient_m_s2: start.per_ampere.0.map(|by| by * transient_a),
+            armature: [armature_start, armature_end],
+            armature_transient_m_s2: start.per_ampere.1 * transient_a,
+            displacement_m: start.armature[0],
+            attachment: self.spec.armature(),
+            drive,
+        }
+    }
+
+    /// Makes the `steps` steps of a hold from the time `start_s`, s; returns what converters without a filter sample.
+    pub fn hold(
+        &mut self,
+        (start_s, steps): (f64, u32),
+        loads: &Loads,
+        (filter, sums): (Option<&Filter>, &mut Sums),
+    ) -> Result<[f64; Measurement::CHANNELS], StructureError> {
+        let mut sampled = [0.0; Measurement::CHANNELS];
+        let mut before = filter.map(|_| self.motion(loads));
+        for part in 0..steps {
+            self.steps.advance(start_s + f64::from(part) * self.step_s, loads)?;
+            if let (Some(filter), Some(start)) = (filter, &before) {
+                let end = self.motion(loads);
+                filter.add_shaken(sums, part as usize, &self.step([start, &end], loads));
+                before = Some(end);
+            } else if 2 * (part + 1) == steps {
+                sampled = self.instant(loads);
+            }
+        }
+        let (displacement_m, velocity_m_s, current_a) = self.steps.shaker_state(self.blocked_n(loads));
+        match self.spec.exceeded(current_a, (displacement_m, velocity_m_s)) {
+            Some((limit, got, most)) => Err(StructureError::Tripped { limit, got, most }),
+            None => Ok(sampled),
+        }
+    }
+}
