@@ -11,6 +11,7 @@ use crate::failure::{Failure, Verdict};
 use crate::output::{self, JsonFlag};
 use resonarm::analysis::structure::Nearest;
 use resonarm::control::ResponsePoint;
+use resonarm::identification::acting_load_on;
 use resonarm::plant::TestedAssembly;
 use resonarm::scenario::Scenario;
 
@@ -46,6 +47,11 @@ pub(crate) fn show(
     json: JsonFlag,
 ) -> Result<Verdict, Failure> {
     let amplitude = scenario.amplitude().copied().unwrap_or_default();
+    let acting = |response: &ResponsePoint| {
+        acting_load_on(response, scenario, tested).map(|load| ResponsePoint { load, ..*response })
+    };
+    let acted = responses.iter().map(acting).collect::<Result<Vec<_>, _>>().map_err(|error| Failure::usage(error.to_string()))?;
+    let responses = &acted[..];
     let Some(computed) = Computed::new(tested, &amplitude, responses)? else {
         return Err(Failure::usage(format!(
             "{}: its responses are not on a single branch: compared are responses to one load along one degree of freedom",

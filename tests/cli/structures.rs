@@ -163,6 +163,62 @@ fn the_modes_of_a_structure_are_identified() {
     }
 }
 
+const SHAKER: &str = "[rig.shaker]
+amplifier = 'voltage'
+moving_mass_kg = 0.3
+stiffness_n_m = 2e3
+damping_n_s_m = 10.0
+force_factor_n_a = 20.0
+resistance_ohm = 2.0
+inductance_h = 3e-4
+stroke_m = 0.0127
+current_limit_a = 15.0
+voltage_limit_v = 60.0
+";
+
+/// The modes are those of the structure alone, and responses at a controlled force are on its own branch.
+#[test]
+fn a_shaken_structure_is_identified_and_compared() {
+    let folder = tempfile::tempdir().unwrap();
+    let folder = folder.path();
+    let record = |name: &str, text: String| {
+        fs::write(folder.join(format!("{name}.toml")), text).unwrap();
+        let (scenario, recording) = (format!("{name}.toml"), format!("{name}.mcap"));
+        document(folder, 0, &["run", "--mode", "free", "--scenario", &scenario, "--record", &recording, "--json"]);
+        assert_eq!(resonarm(folder, &["resim", &recording]).code, 0);
+        recording
+    };
+    let modes = STEPPED.split("[[structure.elements]]").next().unwrap();
+    let random = "[excitation]\namplitude = { force_x_n = 12.0 }\n\
+        profile = { waveform = 'random', from_hz = 10.0, to_hz = 60.0, duration_s = 16.0, seed = 3 }\n";
+    let random = record("random", format!("{modes}{SHAKER}{random}"));
+    let found = document(folder, 0, &["identify", &random, "--json"]);
+    let found = found["modes"].as_array().unwrap();
+    let hz: Vec<f64> = found.iter().map(|mode| mode["frequency_hz"].as_f64().unwrap()).collect();
+    assert!(hz.len() == 2 && (hz[0] - 20.0).abs() < 0.02 && (hz[1] - 43.0).abs() < 0.05, "{hz:?}");
+
+    let (structure, excitation) = STEPPED.split_once("[excitation]").unwrap();
+    let control = excitation.replace("profile = {", "ramp_s = 0.2\nprofile = {");
+    let control = format!("{structure}{SHAKER}[control]\nlaw = 'force-control'{control}");
+    let found = document(folder, 0, &["compare", &record("control", control), "--json"]);
+    let score = &found["score"];
+    assert_eq!(score["settled_points"].as_u64(), Some(5), "{found:#}");
+    assert!(score["largest_amplitude_deviation"].as_f64().unwrap() < 5e-3, "{score:#}");
+    let open = record("open", format!("{structure}{SHAKER}[excitation]{excitation}"));
+    let refused = complaint(folder, 2, &["compare", &open]);
+    assert!(refused.contains("its responses are not on a single branch"), "{refused}");
+
+    fs::write(folder.join("walk.toml"), format!("{structure}{SHAKER}")).unwrap();
+    let walk = ["experiment", "walk", "--scenario", "walk.toml", "--force-n", "12", "--points", "5", "--json"];
+    let score = &document(folder, 0, &walk)["score"];
+    assert_eq!(score["settled_points"].as_u64(), Some(5), "{score:#}");
+    assert!(score["largest_amplitude_deviation"].as_f64().unwrap() < 5e-3, "{score:#}");
+    let across = format!("{modes}{SHAKER}direction_deg = 90.0\n[excitation]{excitation}");
+    fs::write(folder.join("across.toml"), across).unwrap();
+    let refused = complaint(folder, 2, &["run", "--mode", "free", "--scenario", "across.toml"]);
+    insta::assert_snapshot!(refused.trim(), @"");
+}
+
 /// The texts of a picture: titles, axes with their numbers, legends.
 fn texts(svg: &Path) -> Vec<String> {
     let svg = fs::read_to_string(svg).unwrap();

@@ -6,6 +6,13 @@ use resonarm::replay::{resimulate, resimulate_readings};
 use resonarm::run::{Mode, Options, RecordTo, Session, Signals};
 use resonarm::scenario::Scenario;
 
+/// A mode, and one that touches a stop.
+const MODES: &str = "structure = { kind = 'modal', \
+    modes = [{ frequency_hz = 20.0, damping_ratio = 0.01, shape = { 'tip.x' = 0.5 } }] }\n";
+const TOUCHING: &str = "structure = { kind = 'modal', \
+    modes = [{ frequency_hz = 20.0, damping_ratio = 0.01, shape = { 'tip.x' = 0.5 } }], \
+    elements = [{ kind = 'contact', at = 'tip.x', stiffness_n_m = 1e5, gap_m = 1e-4 }] }\n";
+
 /// A cut from any sample on is simulated again, bit for bit, and has the readings of the whole.
 #[test]
 fn cuts_of_every_kind_of_run_are_simulated_again() {
@@ -14,9 +21,11 @@ fn cuts_of_every_kind_of_run_are_simulated_again() {
         current_limit_a = 15.0\nvoltage_limit_v = 60.0\namplifier = ";
     let rigs = [String::new(), format!("{shaker}'current'\n"), format!("{shaker}'voltage'\n")];
     let converters = ["instant", "sinc5"];
-    for (rig, converter) in rigs.iter().flat_map(|rig| converters.map(|converter| (rig, converter))) {
+    let arm = rigs.iter().flat_map(|rig| converters.map(|converter| (rig, converter, "")));
+    let others = [(&rigs[1], "sinc5", MODES), (&rigs[2], "instant", MODES), (&rigs[2], "sinc5", TOUCHING)];
+    for (rig, converter, structure) in arm.chain(others) {
         let text = format!(
-            "[rig]\nconverter = '{converter}'\n{rig}[excitation]\namplitude = {{ force_x_n = 20.0 }}\n\
+            "{structure}[rig]\nconverter = '{converter}'\n{rig}[excitation]\namplitude = {{ force_x_n = 20.0 }}\n\
              profile = {{ waveform = 'dwell', frequency_hz = 18.0, duration_s = 0.3, settle_s = 0.1 }}\n"
         );
         let directory = tempfile::tempdir().unwrap();

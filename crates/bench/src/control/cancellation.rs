@@ -8,7 +8,7 @@
 //! ```
 //!
 //! where d_h comes from the motion. With the dynamic stiffness Z = k − (hω)²m + ihωc of the armature and the receptance
-//! R of the arm at the tip along the force, the coil's force F divides into both, F = H + Z s and s = R H. A command
+//! R of the structure where it acts, the coil's force F divides into both, F = H + Z s and s = R H. A command
 //! held from sample to sample acts less than its samples by the factor sin y/y, y = ½hωT:
 //!
 //! ```text
@@ -26,6 +26,8 @@
 //! deviation from its model; so it is multiplied by the ratio to it of the secant ΔH_h/Δc_h, as the last large enough
 //! change between two tries at a frequency gave it.
 
+use alloc::vec;
+use alloc::vec::Vec;
 use core::f64::consts::TAU;
 
 use nalgebra::Vector2;
@@ -38,6 +40,7 @@ use crate::excitation::{HarmonicFit, Phasor};
 use crate::rig::{Measurement, Sampling};
 use resonarm_analysis::FrequencyResponse;
 use resonarm_dynamics::arm::Attachment;
+use resonarm_dynamics::structure::{Armature, Assembly, StructureMode};
 
 /// The orders that can be cancelled: those that are read beside the fundamental.
 const ORDERS: [u8; 2] = [2, 3];
@@ -108,37 +111,86 @@ impl From<CancelHarmonics> for alloc::vec::Vec<u8> {
     }
 }
 
-/// Transfer from the coil's force to that in the head, by way of an armature to the arm, linearised in its pose; an
-/// ideal exciter's force is all in the head.
-#[derive(Clone, Copy, Debug)]
+/// How far the structure alone moves along a shaker for each newton along it, R.
+#[derive(Clone, Debug)]
+enum Receptance {
+    /// Of the arm, linearised in its pose, with w, m.
+    Arm { arm: FrequencyResponse, moment: Vector2<f64> },
+    /// Of another structure by its modes, R = Σ (wᵀφ)²/(ω₀² − ω² + 2iζω₀ω): of each mode ω₀, rad/s, ζ, and (wᵀφ)²,
+    /// 1/kg.
+    Modes(Vec<[f64; 3]>),
+}
+
+/// Transfer from the coil's force to that in the head, by way of an armature to the structure; an ideal exciter's force
+/// is all in the head.
+#[derive(Clone, Debug)]
 struct HeadTransfer {
-    arm: FrequencyResponse,
-    attachment: Attachment,
-    /// w, m.
-    moment: Vector2<f64>,
+    receptance: Receptance,
+    /// m, kg; k, N/m; c, N·s/m of the armature.
+    mass_kg: f64,
+    stiffness_n_m: f64,
+    damping_n_s_m: f64,
 }
 
 impl HeadTransfer {
     /// `None` with an ideal exciter.
     fn new(of: Modelled<'_>, direction: &Vector2<f64>) -> Option<HeadTransfer> {
-        let Modelled::Arm(arm) = of else { return None };
-        let attachment = arm.attachment().copied()?;
-        let alone = arm.clone().without_attachment();
-        let moment = alone.tip_jacobian(&Vector2::zeros()).tr_mul(direction);
-        Some(HeadTransfer { arm: FrequencyResponse::new(&alone), attachment, moment })
+        match of {
+            Modelled::Arm(arm) => {
+                let Attachment { mass_kg, stiffness_n_m, damping_n_s_m, .. } = arm.attachment().copied()?;
+                let alone = arm.clone().without_attachment();
+                let moment = alone.tip_jacobian(&Vector2::zeros()).tr_mul(direction);
+                let receptance = Receptance::Arm { arm: FrequencyResponse::new(&alone), moment };
+                Some(HeadTransfer { receptance, mass_kg, stiffness_n_m, damping_n_s_m })
+            }
+            Modelled::Structure(_) => None,
+            Modelled::Shaken(tested, armature) => {
+                let Armature { mass_kg, stiffness_n_m, damping_n_s_m, .. } = armature;
+                let receptance = Receptance::Modes(seen_modes(&tested.assembly, &armature));
+                Some(HeadTransfer { receptance, mass_kg, stiffness_n_m, damping_n_s_m })
+            }
+        }
     }
 
-    /// 1/(1 + R Z); `None` where the arm's response is infinite.
+    /// 1/(1 + R Z); `None` where the structure's response is infinite.
     fn at(&self, frequency_hz: f64) -> Option<Phasor> {
         let one = Phasor::new(1.0, 0.0);
-        let HeadTransfer { arm, attachment, moment } = self;
-        let Attachment { mass_kg, stiffness_n_m, damping_n_s_m, .. } = attachment;
-        let w = moment.map(|component| Phasor::new(component, 0.0));
-        let receptance = w.dot(&(arm.receptance_matrix(frequency_hz).ok()? * w));
         let omega = TAU * frequency_hz;
-        let stiffness = Phasor::new(stiffness_n_m - omega * omega * mass_kg, omega * damping_n_s_m);
+        let receptance = self.receptance.at(frequency_hz)?;
+        let stiffness = Phasor::new(self.stiffness_n_m - omega * omega * self.mass_kg, omega * self.damping_n_s_m);
         Some(one / (one + receptance * stiffness))
     }
+}
+
+impl Receptance {
+    /// R, m/N; `None` where it is infinite.
+    fn at(&self, frequency_hz: f64) -> Option<Phasor> {
+        match self {
+            Receptance::Arm { arm, moment } => {
+                let w = moment.map(|component| Phasor::new(component, 0.0));
+                Some(w.dot(&(arm.receptance_matrix(frequency_hz).ok()? * w)))
+            }
+            Receptance::Modes(modes) => {
+                let omega = TAU * frequency_hz;
+                let mode = |[own, zeta, square]: &[f64; 3]| {
+                    Phasor::new(*square, 0.0) / Phasor::new(own * own - omega * omega, 2.0 * zeta * own * omega)
+                };
+                let sum = modes.iter().map(mode).fold(Phasor::new(0.0, 0.0), |sum, term| sum + term);
+                (sum.re.is_finite() && sum.im.is_finite()).then_some(sum)
+            }
+        }
+    }
+}
+
+/// ω₀, ζ and (wᵀφ)² of every mode that an armature moves with.
+fn seen_modes(of: &Assembly, armature: &Armature) -> Vec<[f64; 3]> {
+    let mut w = vec![0.0; of.coordinates()];
+    armature.direction(of, &vec![0.0; w.len()], &mut w);
+    let seen = |mode: &StructureMode| {
+        let along: f64 = mode.shape.iter().zip(&w).map(|(shape, w)| shape * w).sum();
+        [TAU * mode.frequency_hz, mode.damping_ratio, along * along]
+    };
+    of.modes().iter().map(seen).collect()
 }
 
 /// A harmonic of the command, and what was learned of its transfer.

@@ -12,7 +12,7 @@ use crate::plant::{Placed, TestedAssembly};
 use crate::rig::{Measurement, Reading};
 use resonarm_analysis::modes;
 use resonarm_dynamics::arm::{Arm, Load};
-use resonarm_dynamics::structure::{Dof, MOST_COORDINATES};
+use resonarm_dynamics::structure::{Armature, Dof, MOST_COORDINATES};
 
 /// The share of the motion of the other accelerometer below which an accelerometer is not followed.
 const FAINT: f64 = 0.2;
@@ -24,6 +24,8 @@ pub enum Modelled<'a> {
     Arm(&'a Arm),
     /// Another structure, under an ideal exciter.
     Structure(&'a TestedAssembly),
+    /// Another structure with a shaker's armature.
+    Shaken(&'a TestedAssembly, Armature),
 }
 
 impl<'a> From<&'a Arm> for Modelled<'a> {
@@ -44,6 +46,7 @@ impl Modelled<'_> {
         match self {
             Modelled::Arm(arm) => arm.high_frequency_force_share(),
             Modelled::Structure(_) => 1.0,
+            Modelled::Shaken(tested, armature) => armature.high_frequency_force_share(&tested.assembly),
         }
     }
 
@@ -51,7 +54,7 @@ impl Modelled<'_> {
     pub(super) fn mode_model(&self, unit: &Load, mode: ModeNumber) -> Result<ModeModel, NoSuchMode> {
         match self {
             Modelled::Arm(arm) => ModeModel::new(&(*arm).clone().without_attachment(), unit, mode),
-            Modelled::Structure(tested) => ModeModel::of_structure(tested, unit, mode),
+            Modelled::Structure(tested) | Modelled::Shaken(tested, _) => ModeModel::of_structure(tested, unit, mode),
         }
     }
 }
@@ -210,7 +213,7 @@ impl ModeModel {
         Ok(ModeModel::of(&seen, mode.index(), followed, Vector2::new(-r.y, r.x) * (1.0 / r.norm_squared())))
     }
 
-    /// The mode of this number of another structure, under an ideal exciter, as driven by multiples of `unit`.
+    /// The mode of this number of another structure, without an armature, as driven by multiples of `unit`.
     ///
     /// With the shape φ of unit modal mass and the directions w = ∂x/∂q of the loads and of the accelerometers' axes at
     /// rest, the loads give φ·d with d = Σ w u, and a point moves by (w_x·φ, w_y·φ) q. The followed displacement is

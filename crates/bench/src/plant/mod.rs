@@ -29,6 +29,7 @@ use resonarm_dynamics::integrate::{IntegrateError, Scheme};
 use resonarm_dynamics::structure::StepError;
 use resonarm_numeric::number::{rounded, short};
 pub use sampling::PointMotion;
+pub use shaken::ShakerAcross;
 use stepped::Driven;
 pub use stepped::{Loads, Stepped};
 
@@ -137,17 +138,9 @@ pub enum PlantSpecError {
          a structure that the program makes is driven by the ideal exciter of `rig.exciter`"
     )]
     Shaker,
-    /// A shaker that pushes where a structure does not move.
-    #[error(
-        "rig.shaker: `direction_deg` is {direction_deg}, and the structure does not move along {axis} where the exciter is: turn it \
-         along an axis that moves, or place it by `rig.exciter.at`", direction_deg = short(.direction_deg)
-    )]
-    ShakerAcross {
-        /// The given direction, degrees.
-        direction_deg: f64,
-        /// The axis along which nothing moves.
-        axis: &'static str,
-    },
+    /// A shaker that pushes where the structure does not move.
+    #[error(transparent)]
+    Across(#[from] ShakerAcross),
     /// The current of the shaker's coil changes too slowly for the step.
     #[error("rig.shaker: `inductance_h` is {got_h}: at this resistance and step in voltage mode it must be at most {most_h}", got_h = short(.got_h), most_h = short(.most_h))]
     Inductance {
@@ -361,6 +354,8 @@ fn write<'a>(to: &'a mut [f64], numbers: &[f64]) -> &'a mut [f64] {
 
 #[cfg(test)]
 mod sampling_tests;
+#[cfg(test)]
+pub(crate) mod shaken_tests;
 #[cfg(test)]
 mod stepped_tests;
 #[cfg(test)]

@@ -5,6 +5,7 @@
 //! ([`Coil`](crate::rig::coil::Coil)), and so are force and accelerations, which are linear in the current.
 
 use nalgebra::Vector2;
+use thiserror::Error;
 
 use super::assembly_steps::{AssemblySteps, Placed, TestedAssembly};
 use super::sampling::{Filter, PointMotion, ShakenStep, Sums};
@@ -16,9 +17,23 @@ use crate::rig::{Amplifier, Measurement, ShakerSpec};
 use crate::structure::StructureError;
 use resonarm_dynamics::arm::{Attachment, Load};
 use resonarm_dynamics::structure::{Armature, Coil as ArmatureCoil};
+use resonarm_numeric::number::short;
 
 /// The share of a shaker's direction along which a structure may be fixed: rounding of its sine or cosine.
 const ROUNDING: f64 = 1e-9;
+
+/// A shaker pushes along an axis along which the structure does not move.
+#[derive(Clone, Copy, Debug, PartialEq, Error)]
+#[error(
+    "rig.shaker: `direction_deg` is {direction_deg}, and the structure does not move along {axis} where the exciter is: turn it along \
+     an axis that moves, or place it by `rig.exciter.at`", direction_deg = short(.direction_deg)
+)]
+pub struct ShakerAcross {
+    /// The given direction, degrees.
+    pub direction_deg: f64,
+    /// The axis.
+    pub axis: &'static str,
+}
 
 /// The structure with its shaker.
 #[derive(Clone, Debug)]
@@ -60,12 +75,12 @@ impl ShakerSpec {
     /// Its armature on a structure, where an exciter is.
     ///
     /// # Errors
-    /// [`PlantSpecError::ShakerAcross`] if it pushes along an axis along which the structure can't move there.
-    pub fn armature_at(&self, at: &Placed) -> Result<Armature, PlantSpecError> {
+    /// [`ShakerAcross`] if it pushes along an axis along which the structure can't move there.
+    pub fn armature_at(&self, at: &Placed) -> Result<Armature, ShakerAcross> {
         let Attachment { mass_kg, stiffness_n_m, damping_n_s_m, direction_deg } = self.armature();
         let shares: [f64; 2] = self.direction().into();
         if let Some(axis) = (0..2).find(|&axis| at.along[axis].is_none() && shares[axis].abs() > ROUNDING) {
-            return Err(PlantSpecError::ShakerAcross { direction_deg, axis: ["x", "y"][axis] });
+            return Err(ShakerAcross { direction_deg, axis: ["x", "y"][axis] });
         }
         let along = core::array::from_fn(|axis| at.along[axis].map(|dof| (dof, shares[axis])));
         let (force_factor_n_a, resistance_ohm) = (self.force_factor_n_a, self.resistance_ohm);

@@ -146,8 +146,8 @@ impl Armature {
         self.along.into_iter().flatten()
     }
 
-    /// Writes w, n numbers.
-    pub(super) fn direction(&self, of: &Assembly, q: &[f64], out: &mut [f64]) {
+    /// Writes w at a position of the structure, n numbers: m over the coordinates' unit.
+    pub fn direction(&self, of: &Assembly, q: &[f64], out: &mut [f64]) {
         let mut row = [0.0; MOST_COORDINATES];
         out.fill(0.0);
         for (dof, share) in self.dofs() {

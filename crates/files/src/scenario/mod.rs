@@ -25,7 +25,7 @@ use serde::{Deserialize, Serialize};
 use crate::text_file;
 use crate::toml_error::TomlError;
 use resonarm_analysis::modes;
-use resonarm_bench::control::{ControlSpec, Controller, Limited, LimitsSpec, OpenLoop, Steered};
+use resonarm_bench::control::{ControlSpec, Controller, Limited, LimitsSpec, Modelled, OpenLoop, Steered};
 use resonarm_bench::excitation::{Amplitude, ExcitationSpec, LoadFile, Profile, Waveform};
 use resonarm_bench::plant::{self, PlantSpec, TestedAssembly};
 use resonarm_bench::rig::{Converter, RigSpec, Sampling};
@@ -389,7 +389,8 @@ impl Scenario {
             Some(spec) => {
                 let limit = limit::largest(spec.amplitude(), &self.rig.drive(), self.network.profile);
                 if let Some(tested) = self.tested_structure()? {
-                    return Ok(spec.controller(&tested, self.sampling(), limit)?);
+                    let of = self.modelled(&tested)?;
+                    return Ok(spec.controller(of, self.sampling(), limit)?);
                 }
                 let arm = match &self.rig.shaker {
                     Some(shaker) => self.build_arm()?.with_attachment(shaker.armature())?,
@@ -398,6 +399,17 @@ impl Scenario {
                 Ok(spec.controller(&arm, self.sampling(), limit)?)
             }
         }
+    }
+
+    /// A structure as a controller models it, with the armature of a shaker.
+    fn modelled<'a>(&self, tested: &'a TestedAssembly) -> Result<Modelled<'a>, ScenarioError> {
+        Ok(match &self.rig.shaker {
+            Some(shaker) => {
+                let armature = shaker.armature_at(&tested.places.exciter).map_err(StructureSectionError::from)?;
+                Modelled::Shaken(tested, armature)
+            }
+            None => Modelled::Structure(tested),
+        })
     }
 
     /// Amplitude and direction of the load of the control or of the excitation, if there is one.

@@ -101,6 +101,30 @@ fn the_force_is_kept_where_it_would_drop_out() {
     }
 }
 
+/// On modes at 20 and 57 Hz the tip moves by F ω²|Σ φ²/(ω₀² − ω² + 2iζω₀ω)| of the structure alone.
+#[test]
+fn the_force_is_kept_on_a_structure() {
+    let tested = crate::plant::shaken_tests::modal(Vec::new());
+    let spec = PlantSpec { structure: Some(tested.clone()), ..plant_spec(Amplifier::Voltage) };
+    let armature = spec.rig.shaker.unwrap().armature_at(&tested.places.exciter).unwrap();
+    let frequencies = Waveform::SteppedSine { from_hz: 19.0, to_hz: 21.0, steps: 3, dwell_s: 1.5, settle_s: 0.5 };
+    let control = ForceControlSpec { profile: frequencies, ..stepped(2.0, 1.0) };
+    let of = Modelled::Shaken(&tested, armature);
+    let mut closed = ForceControl::new(&control, of, sampling(1000.0), 600.0).unwrap();
+    let (points, end) = play(&mut closed, &mut Plant::new(&spec).unwrap());
+    assert_eq!((points.len(), end), (3, Answer::Finished));
+    for point in &points {
+        let omega = TAU * point.frequency_hz;
+        let mode = |own: f64, shape: f64| {
+            Phasor::new(shape * shape, 0.0) / Phasor::new(own * own - omega * omega, 0.02 * own * omega)
+        };
+        let expected = (mode(20.0 * TAU, 0.5) + mode(57.0 * TAU, -0.4)).norm_sqr().sqrt() * omega * omega * point.load;
+        let read = point.acceleration_c_m_s2[0].norm_sqr().sqrt();
+        assert!(point.settled && (point.load / 2.0 - 1.0).abs() < 5e-3, "{point:?}");
+        assert!((read / expected - 1.0).abs() < 5e-3, "{read} {expected}");
+    }
+}
+
 /// A dwell at `frequency_hz` with these harmonics cancelled.
 fn dwell(force_x_n: f64, frequency_hz: f64, cancel_harmonics: CancelHarmonics) -> ForceControlSpec {
     let excitation = ExcitationSpec {

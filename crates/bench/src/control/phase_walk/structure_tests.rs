@@ -1,10 +1,10 @@
 //! Walks on structures other than the arm, against their computed branches.
 
 use super::*;
-use crate::control::{Followed, ModeNumber};
+use crate::control::{Followed, ModeNumber, Modelled};
 use crate::excitation::Amplitude;
 use crate::plant::{Placed, Places, Plant, PlantSpec, TestedAssembly};
-use crate::rig::{Converter, RigSpec};
+use crate::rig::{Amplifier, Converter, RigSpec, ShakerSpec};
 use alloc::string::{String, ToString};
 use alloc::vec;
 use resonarm_analysis::Distances;
@@ -70,8 +70,23 @@ fn spec(amplitude: Amplitude, mode: u8) -> PhaseWalkSpec {
     }
 }
 
-fn plant(tested: &TestedAssembly) -> Plant {
-    let mut rig = RigSpec { converter: SAMPLING.converter, ..RigSpec::default() };
+/// A shaker along x whose coil brakes.
+const SHAKER: ShakerSpec = ShakerSpec {
+    direction_deg: 0.0,
+    amplifier: Amplifier::Voltage,
+    moving_mass_kg: 0.3,
+    stiffness_n_m: 2e3,
+    damping_n_s_m: 10.0,
+    force_factor_n_a: 20.0,
+    resistance_ohm: 2.0,
+    inductance_h: 3e-4,
+    stroke_m: 0.05,
+    current_limit_a: 30.0,
+    voltage_limit_v: 200.0,
+};
+
+fn plant(tested: &TestedAssembly, shaker: Option<ShakerSpec>) -> Plant {
+    let mut rig = RigSpec { converter: SAMPLING.converter, shaker, ..RigSpec::default() };
     rig.accelerometer_b.noise_rms_m_s2 = Some(0.0);
     rig.accelerometer_c.noise_rms_m_s2 = Some(0.0);
     rig.impedance_head.noise_rms_n = Some(0.0);
@@ -90,8 +105,8 @@ fn plant(tested: &TestedAssembly) -> Plant {
 }
 
 /// The responses of a walk that finishes.
-fn walked(tested: &TestedAssembly, walk: &mut PhaseWalk) -> Vec<ResponsePoint> {
-    let (mut plant, mut points) = (plant(tested), Vec::new());
+fn walked(tested: &TestedAssembly, shaker: Option<ShakerSpec>, walk: &mut PhaseWalk) -> Vec<ResponsePoint> {
+    let (mut plant, mut points) = (plant(tested, shaker), Vec::new());
     loop {
         let answer = walk.answer(&plant.measure());
         points.extend(core::iter::from_fn(|| walk.poll_response()));
@@ -106,12 +121,16 @@ fn walked(tested: &TestedAssembly, walk: &mut PhaseWalk) -> Vec<ResponsePoint> {
 
 /// A walk by a force along an axis at the tip settles at every point, on the computed branch, where it is unstable too;
 /// returns how many motions are.
-fn on_the_branch(tested: &TestedAssembly, (name, mode): (&str, u8), force_n: f64) -> usize {
+fn on_the_branch(tested: &TestedAssembly, (name, mode): (&str, u8), force_n: f64, shaker: Option<ShakerSpec>) -> usize {
     let mut amplitude = Amplitude::default();
     *(if name == "tip.x" { &mut amplitude.force_x_n } else { &mut amplitude.force_y_n }) = force_n;
-    let mut walk = PhaseWalk::new(spec(amplitude, mode), tested, SAMPLING, 600.0).unwrap();
+    let of = match shaker {
+        Some(shaker) => Modelled::Shaken(tested, shaker.armature_at(&tested.places.exciter).unwrap()),
+        None => Modelled::Structure(tested),
+    };
+    let mut walk = PhaseWalk::new(spec(amplitude, mode), of, SAMPLING, 600.0).unwrap();
     assert_eq!(walk.model().followed, Followed::PointC);
-    let points = walked(tested, &mut walk);
+    let points = walked(tested, shaker, &mut walk);
     let dof = tested.assembly.dof(name).unwrap();
     let read = ["tip.x", "tip.y"].map(|name| tested.assembly.dof(name).ok());
     let range = |pick: fn(f64, f64) -> f64| points.iter().map(|point| point.frequency_hz).reduce(pick).unwrap();
@@ -146,16 +165,22 @@ fn on_the_branch(tested: &TestedAssembly, (name, mode): (&str, u8), force_n: f64
 #[test]
 fn a_walk_on_modes_is_on_the_computed_branch() {
     let three = modal(&[20.0, 43.0, 71.0]);
-    assert!(on_the_branch(&three, ("tip.x", 1), 12.0) > 0);
-    on_the_branch(&three, ("tip.x", 2), 12.0);
+    assert!(on_the_branch(&three, ("tip.x", 1), 12.0, None) > 0);
+    on_the_branch(&three, ("tip.x", 2), 12.0, None);
     // A single mode has no other beside it.
-    assert!(on_the_branch(&modal(&[20.0]), ("tip.x", 1), 12.0) > 0);
+    assert!(on_the_branch(&modal(&[20.0]), ("tip.x", 1), 12.0, None) > 0);
+}
+
+/// The head reads what the coil gives less what the armature takes: the walk holds the former's share on the structure.
+#[test]
+fn a_walk_with_a_shaker_is_on_the_branch_of_the_structure_alone() {
+    assert!(on_the_branch(&modal(&[20.0, 43.0, 71.0]), ("tip.x", 1), 12.0, Some(SHAKER)) > 0);
 }
 
 #[test]
 fn a_walk_on_a_chain_is_on_the_computed_branch() {
-    on_the_branch(&chain(), ("tip.y", 1), 20.0);
-    on_the_branch(&chain(), ("tip.x", 2), 20.0);
+    on_the_branch(&chain(), ("tip.y", 1), 20.0, None);
+    on_the_branch(&chain(), ("tip.x", 2), 20.0, None);
 }
 
 /// The load that holds one displacement at every frequency is that of the branch.
@@ -174,7 +199,7 @@ fn one_displacement_is_held() {
         cancel_harmonics: crate::control::CancelHarmonics::NONE,
     };
     let mut walk = PhaseWalk::at_one_amplitude(spec, &tested, SAMPLING, 600.0).unwrap();
-    for point in walked(&tested, &mut walk) {
+    for point in walked(&tested, None, &mut walk) {
         let omega = TAU * point.frequency_hz;
         let held_m = point.acceleration_c_m_s2[0].norm_sqr().sqrt() / (omega * omega);
         assert!(point.settled && (held_m / 5e-4 - 1.0).abs() < 2e-3, "{point:?}");

@@ -5,6 +5,7 @@ use std::path::PathBuf;
 use thiserror::Error;
 
 use super::source::StructureFileError;
+use resonarm_bench::plant::ShakerAcross;
 use resonarm_dynamics::structure::StructureError;
 
 /// Why the section `[structure]` of a scenario, or a file that it names, makes no structure.
@@ -171,12 +172,13 @@ pub enum StructureSectionError {
         /// Why.
         reason: String,
     },
-    /// Something of the scenario that only the two-link arm has.
-    #[error("{key} needs the two-link arm: {fix}")]
-    ArmOnly {
-        /// The key.
-        key: &'static str,
-        /// What to do.
-        fix: &'static str,
-    },
+    /// A shaker that pushes where the structure does not move.
+    #[error(transparent)]
+    Shaker(#[from] ShakerAcross),
+    /// A shaker on a structure that the program makes.
+    #[error(
+        "rig.shaker needs the arm or a structure of the scenario, as its armature moves with it: leave it out here: the ideal exciter \
+         of `rig.exciter` drives any structure"
+    )]
+    OwnShaker,
 }

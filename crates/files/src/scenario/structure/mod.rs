@@ -149,7 +149,6 @@ impl StructureSection {
         rig: &RigSpec,
     ) -> Result<TestedAssembly, StructureSectionError> {
         let assembly = self.assembly(arm)?;
-        check_shaker(rig)?;
         let expected = 2 * assembly.coordinates();
         let initial = match self.initial.len() {
             0 => vec![0.0; expected],
@@ -157,6 +156,9 @@ impl StructureSection {
             got => return Err(StructureSectionError::Initial { got, expected }),
         };
         let places = places::places(&assembly, rig)?;
+        if let Some(shaker) = &rig.shaker {
+            shaker.armature_at(&places.exciter)?;
+        }
         Ok(TestedAssembly { assembly, initial, places })
     }
 
@@ -174,7 +176,9 @@ impl StructureSection {
             return Err(StructureSectionError::NotOwn { kind: self.kind.name() });
         }
         self.check_keys()?;
-        check_shaker(rig)?;
+        if rig.shaker.is_some() {
+            return Err(StructureSectionError::OwnShaker);
+        }
         let places = [
             ("exciter", &rig.exciter.at),
             ("accelerometer_b", &rig.accelerometer_b.at),
@@ -237,9 +241,4 @@ impl StructureSection {
         let of = |mode: &ModeSection| ModeSpec { frequency_hz: mode.frequency_hz, damping_ratio: mode.damping_ratio };
         Ok(ModalSpec { modes: self.modes.iter().map(of).collect(), shapes })
     }
-}
-
-fn check_shaker(rig: &RigSpec) -> Result<(), StructureSectionError> {
-    let (key, fix) = ("rig.shaker", "leave it out here: the ideal exciter of `rig.exciter` drives any structure");
-    if rig.shaker.is_some() { Err(StructureSectionError::ArmOnly { key, fix }) } else { Ok(()) }
 }

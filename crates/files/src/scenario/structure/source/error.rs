@@ -377,6 +377,22 @@ pub enum MatrixError {
         /// What is not as it should be.
         what: &'static str,
     },
+    /// It is no matrix of Matrix Market.
+    #[error("line {line} is not as Matrix Market has it: {what}")]
+    NotMtx {
+        /// The line, from 1.
+        line: usize,
+        /// What is not as it should be.
+        what: &'static str,
+    },
+    /// Too few or too many entries.
+    #[error("it has {got} entries: its sizes say {expected}")]
+    Entries {
+        /// How many, up to the first that is too much.
+        got: usize,
+        /// How many there must be.
+        expected: usize,
+    },
     /// Numbers of another type.
     #[error("its numbers are of type {got:?}: save float64, numpy.save(path, matrix.astype(\"<f8\"))")]
     Type {

@@ -14,7 +14,7 @@ use serde::{Deserialize, Serialize};
 use super::super::element::place;
 use super::super::{ModeSection, StructureKind, StructureSection, StructureSectionError};
 use super::error::MatrixError;
-use super::{npy, of_file, unreadable};
+use super::{mtx, npy, of_file, unreadable};
 use crate::text_file;
 use resonarm_dynamics::structure::{MOST_MODES, Place};
 
@@ -31,7 +31,7 @@ const MOST_ITERATIONS_A_ROW: usize = 50;
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct MatricesSection {
-    /// Mass matrix, kg, .npy of float64, symmetric and positive definite.
+    /// Mass matrix, kg, .npy of float64 or .mtx, symmetric and positive definite.
     pub mass: PathBuf,
     /// Damping matrix, N·s/m, symmetric; without it there is no damping.
     #[serde(default, skip_serializing_if = "Option::is_none")]
@@ -70,7 +70,7 @@ impl MatricesSection {
         let read = |path: &Path, rows| {
             let path = folder.join(path);
             let bytes = text_file::read_bytes(&path).map_err(unreadable(&path))?;
-            let matrix = npy::square(&bytes).and_then(|matrix| checked(matrix, rows)).map_err(of_file(&path))?;
+            let matrix = of_bytes(&path, &bytes).and_then(|matrix| checked(matrix, rows)).map_err(of_file(&path))?;
             Ok::<_, StructureSectionError>(Named { matrix, path })
         };
         let mass = read(&self.mass, None)?;
@@ -110,6 +110,12 @@ impl StructureSection {
         let modes = sections([mass, stiffness], damping, dofs, keep)?;
         Ok(StructureSection { kind: StructureKind::Modal, modes, ..StructureSection::default() })
     }
+}
+
+/// The matrix of a file, of Matrix Market by its ending or first line, else of NumPy.
+fn of_bytes(path: &Path, bytes: &[u8]) -> Result<DMatrix<f64>, MatrixError> {
+    let is_mtx = path.extension().is_some_and(|extension| extension == "mtx");
+    if is_mtx || bytes.starts_with(mtx::BANNER.as_bytes()) { mtx::square(bytes) } else { npy::square(bytes) }
 }
 
 /// The matrix of numbers by rows.

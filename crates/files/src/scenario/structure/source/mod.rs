@@ -7,6 +7,7 @@
 mod body;
 mod error;
 mod matrices;
+mod mtx;
 mod npy;
 mod of_modes;
 #[cfg(test)]

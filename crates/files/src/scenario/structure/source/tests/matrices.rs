@@ -111,3 +111,35 @@ fn both_orders_are_read() {
     assert_eq!((m[(0, 0)], m[(8, 8)], m[(0, 1)]), (0.5, 0.66, 0.0));
     assert_eq!((k[(0, 1)], k[(0, 3)], k[(8, 0)]), (-3e5 * 1.1, -3e5 * 1.3, 0.0));
 }
+
+/// The same two modes from Matrix Market in every form, and from NumPy.
+#[test]
+fn matrices_of_matrix_market_are_those_of_numpy() {
+    let (m, c, k) = (&*two(&MASS), &*two(&DAMPING), &*two(&STIFFNESS));
+    let expected = of([m, c, k], "", "");
+    let with = |stiffness: &str| of([m, c, stiffness.as_bytes()], "", "");
+    for stiffness in [
+        "%%MatrixMarket matrix coordinate real symmetric\n% of a mesh\n\n2 2 3\n1 1 3e4\n2 1 -1e4\n2 2 10000\n",
+        "%%MatrixMarket MATRIX Coordinate integer General\r\n2 2 4\r\n1 1 30000\r\n1 2 -10000\r\n2 1 -10000\r\n2 2 10000\r\n",
+        "%%MatrixMarket matrix array real symmetric\n2 2\n3e4\n-1e4\n1e4\n",
+        "%%MatrixMarket matrix array real general\n2 2\n3e4\n-1e4\n-1e4\n1e4\n",
+    ] {
+        assert_eq!(with(stiffness), expected, "{stiffness}");
+    }
+    let says = |text: &str| with(&format!("%%MatrixMarket matrix {text}"));
+    insta::assert_snapshot!(says("coordinate complex symmetric\n2 2 0\n"), @"/k.npy: line 1 is not as Matrix Market has it: the field must be `real` or `integer`");
+    insta::assert_snapshot!(says("coordinate real hermitian\n2 2 0\n"), @"/k.npy: line 1 is not as Matrix Market has it: the symmetry must be `general` or `symmetric`");
+    insta::assert_snapshot!(says("list real general\n2 2 0\n"), @"/k.npy: line 1 is not as Matrix Market has it: the format must be `array` or `coordinate`");
+    insta::assert_snapshot!(says("array real\n"), @"/k.npy: line 1 is not as Matrix Market has it: it must be `%%MatrixMarket matrix`, format, field and symmetry");
+    insta::assert_snapshot!(says("array real general\n"), @"/k.npy: line 1 is not as Matrix Market has it: the line of sizes is missing");
+    insta::assert_snapshot!(says("array real general\n2 3\n"), @"/k.npy: its shape is (2 3): it must be square, with 1 to 1000 rows");
+    insta::assert_snapshot!(says("array real general\n1001 1001\n"), @"/k.npy: its shape is (1001, 1001): it must be square, with 1 to 1000 rows");
+    insta::assert_snapshot!(says("array real general\ntwo 2\n"), @"/k.npy: line 2 is not as Matrix Market has it: the sizes must be rows and columns, and of `coordinate` the number of entries");
+    insta::assert_snapshot!(says("array real symmetric\n2 2\n1\n2\n"), @"/k.npy: it has 2 entries: its sizes say 3");
+    insta::assert_snapshot!(says("array real symmetric\n2 2\n1\n2\n3\n4\n"), @"/k.npy: it has 4 entries: its sizes say 3");
+    insta::assert_snapshot!(says("coordinate real general\n2 2 1\n1 3 1\n"), @"/k.npy: line 3 is not as Matrix Market has it: row and column count from 1, up to the size");
+    insta::assert_snapshot!(says("coordinate real general\n2 2 1\n1 1\n"), @"/k.npy: line 3 is not as Matrix Market has it: it must be row, column and number");
+    insta::assert_snapshot!(says("coordinate real general\n2 2 1\n1 1 one\n"), @"/k.npy: line 3 is not as Matrix Market has it: it has no number");
+    insta::assert_snapshot!(says("coordinate real symmetric\n2 2 1\n1 2 1\n"), @"/k.npy: line 3 is not as Matrix Market has it: a symmetric matrix has its lower triangle alone");
+    insta::assert_snapshot!(says("coordinate real general\n2 2 2\n1 1 1\n1 1 1\n"), @"/k.npy: line 4 is not as Matrix Market has it: this entry is given twice: add them to one");
+}
