@@ -16,6 +16,7 @@ from typing import Any
 
 from . import _checks, _extras, _resonarm
 from ._result import Result
+from .own_structure import Structure
 from .scenario import Scenario
 from .session import Controller, Node, run
 from .words import BusMode, Instrument, Mode, NetworkFault, NodeRole, SensorFault
@@ -70,7 +71,8 @@ class Bench:
 
     `scenario` is one or the path of one, by default the default one. `folder` is created if missing, and existing
     recordings in it are kept; without one there is a temporary folder, removed after a `with` block, or with the
-    process. `bus` is memory or a CAN interface of the kernel, for controller programs.
+    process. `bus` is memory or a CAN interface of the kernel, for controller programs. Chains and modes are in the
+    scenario; a `structure` whose step is written in Python stands in place of the arm in every run.
 
     Runs are in simulated time, so they are exact on a busy machine. A controller in this process runs in the `mode`
     free: the times and delays of network faults are simulated, and deadlines hold as in real time. A program runs in
@@ -87,11 +89,13 @@ class Bench:
         folder: str | PathLike[str] | None = None,
         bus: str = MEMORY,
         mode: Mode | None = None,
+        *,
+        structure: Structure | None = None,
     ) -> None:
         if scenario is None:
             scenario = Scenario()
         self.scenario = scenario if isinstance(scenario, Scenario) else Scenario.load(scenario)
-        self.bus, self.mode = bus, mode
+        self.bus, self.mode, self.structure = bus, mode, structure
         self._is_temporary = folder is None
         self.folder = Path(tempfile.mkdtemp(prefix="resonarm-") if folder is None else folder)
         self.folder.mkdir(parents=True, exist_ok=True)
@@ -131,7 +135,8 @@ class Bench:
             _checks.controller(controller)
         path, mode = self._next(), self.mode or "free"
         if mode == "free":
-            report = run(self.scenario, mode, controller=controller, record=path, patience_s=patience_s)
+            words: dict[str, Any] = {"structure": self.structure, "record": path, "patience_s": patience_s}
+            report = run(self.scenario, mode, controller=controller, **words)
             return Result(report, report, "", path)
         hub = _resonarm.Hub(2) if self.bus == MEMORY else None
         near, far = (hub.end(), hub.end()) if hub else (self.bus, self.bus)
@@ -161,7 +166,8 @@ class Bench:
         return self.mode or "lockstep"  # type: ignore[return-value]
 
     def _plant(self, end: _resonarm.BusEnd | str, mode: BusMode, path: Path, patience_s: float) -> Node:
-        return Node("plant", self.scenario, end, mode, record=path, patience_s=patience_s, end_on_disarm=True)
+        words: dict[str, Any] = {"structure": self.structure, "record": path, "patience_s": patience_s}
+        return Node("plant", self.scenario, end, mode, end_on_disarm=True, **words)
 
     def _next(self) -> Path:
         """The file of the next recording, which does not exist yet."""
@@ -177,7 +183,8 @@ class Bench:
         are those of `Node`. `result` has its report."""
         self._hub = _resonarm.Hub(8) if self.bus == MEMORY else None
         near = self.bus if self._hub is None else self._hub.end()
-        plant = Node("plant", self.scenario, near, self._bus_mode, record=self._next(), **options)
+        words = {"structure": self.structure, "record": self._next(), **options}
+        plant = Node("plant", self.scenario, near, self._bus_mode, **words)
         try:
             yield plant
         finally:

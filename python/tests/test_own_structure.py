@@ -7,6 +7,7 @@ import numpy as np
 import pytest
 
 import resonarm
+from resonarm.testing import Bench
 
 ROOT = Path(__file__).resolve().parents[2]
 HZ, RATIO, TIP, ELBOW = [24.0, 61.0], [0.01, 0.004], [[0.4, 0.3], [-0.2, 0.5]], [[0.1, 0.0], [0.3, 0.2]]
@@ -160,3 +161,13 @@ def test_a_plant_stays_at_a_sample_that_could_not_be_finished():
     with pytest.raises(LookupError, match="no such stiffness"):
         plant.play(force_n=np.zeros((100, 2)))
     assert (plant.sample, plant.states["q_m_sqrt_kg"]) == (50, (1e-3, 0.0))
+
+
+@pytest.mark.parametrize("mode", ["free", "lockstep"])
+def test_a_bench_runs_it_in_place_of_the_arm(tmp_path, mode):
+    def pulse(measured):
+        return (20.0, 0.0) if measured.sample < 50 else None
+
+    with Bench(resonarm.Scenario(), tmp_path, mode=mode, structure=own()) as bench:
+        rows = bench.run(pulse).recording.steps
+    assert "q_m_sqrt_kg" in rows.dtype.names and abs(rows["q_m_sqrt_kg"]).max() > 1e-6

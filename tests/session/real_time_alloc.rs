@@ -59,3 +59,22 @@ fn instruments_at_work_allocate_nothing() {
     // The delay's three at rest, of which the high-pass leaves nothing, and those of the dropout.
     assert_eq!(zero, 3 + 30);
 }
+
+/// Modes by their exact flow with the coil, and between the switches of a contact.
+#[test]
+fn a_shaken_structure_allocates_nothing() {
+    let modes = "[structure]\nkind = 'modal'\nmodes = [{ frequency_hz = 20.0, damping_ratio = 0.01, shape = { 'tip.x' = 0.5 } }]\n";
+    let stop = "elements = [{ kind = 'contact', at = 'tip.x', stiffness_n_m = 1e5, gap_m = 1e-4 }]\n";
+    let shaker = "[rig.shaker]\namplifier = 'voltage'\nmoving_mass_kg = 0.5\nstiffness_n_m = 2000.0\ndamping_n_s_m = 10.0\n\
+        force_factor_n_a = 20.0\nresistance_ohm = 2.0\ninductance_h = 3e-4\nstroke_m = 0.0127\n\
+        current_limit_a = 15.0\nvoltage_limit_v = 60.0\n";
+    for elements in ["", stop] {
+        let text = format!("{modes}{elements}{shaker}");
+        let mut plant = Plant::new(&Scenario::parse(&text, "test").unwrap().plant_spec().unwrap()).unwrap();
+        let advanced = assert_no_alloc(|| {
+            let samples = (0..200).filter(|_| plant.measure().sample < 200 && plant.advance(&Load::force_n(20.0, 0.0)).is_ok());
+            samples.count()
+        });
+        assert_eq!(advanced, 200);
+    }
+}

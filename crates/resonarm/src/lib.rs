@@ -74,9 +74,9 @@ pub use resonarm_wire as wire;
 pub mod structure {
     pub use resonarm_bench::structure::*;
     pub use resonarm_dynamics::structure::{
-        Assembly, BodySpec, Branch, ChainSpec, CoordinateUnit, Dof, Element, ElementSpec, Law, Linear, Linearised,
-        Link, ModalSpec, ModeSpec, Place, Reaction, ShapeSpec, Side, StateRate, StepError, StepLoad, Stepper,
-        StructureError as SpecError, StructureMode, StructureSpec,
+        Armature, ArmatureMotion, Assembly, BodySpec, Branch, ChainSpec, Coil, CoordinateUnit, Dof, Element,
+        ElementSpec, Law, Linear, Linearised, Link, ModalSpec, ModeSpec, Place, Reaction, ShapeSpec, Side, StateRate,
+        StepError, StepLoad, Stepper, StructureError as SpecError, StructureMode, StructureSpec,
     };
 }
 

@@ -411,7 +411,8 @@ impl Piecewise {
 
     fn is_finite(&self, state: &State) -> bool {
         let (n, m) = (self.assembly.coordinates(), self.assembly.element_states());
-        state.q[..n].iter().chain(&state.v[..n]).chain(&state.z[..m]).fold(true, |all, number| all & number.is_finite())
+        let numbers = state.q[..n].iter().chain(&state.v[..n]).chain(&state.z[..m]).chain([&state.current_a]);
+        numbers.fold(true, |all, number| all & number.is_finite())
     }
 }
 

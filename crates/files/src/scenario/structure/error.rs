@@ -177,8 +177,8 @@ pub enum StructureSectionError {
     Shaker(#[from] ShakerAcross),
     /// A shaker on a structure that the program makes.
     #[error(
-        "rig.shaker needs the arm or a structure of the scenario, as its armature moves with it: leave it out here: the ideal exciter \
-         of `rig.exciter` drives any structure"
+        "rig.shaker needs the arm or a structure of the scenario, as its armature moves with it: leave it out here; a structure that the \
+         program makes is driven by the ideal exciter of `rig.exciter`"
     )]
     OwnShaker,
 }
