@@ -48,6 +48,8 @@ pub(super) struct Filter {
     step_s: f64,
     /// λ, infinite without a coil.
     decay: f64,
+    /// ∫ e^{−λτ} dτ.
+    transient_mean: f64,
     /// The unit vector of a possible attachment at the tip.
     along: Vector2<f64>,
 }
@@ -107,6 +109,7 @@ impl Filter {
             order: converter.order(),
             step_s,
             decay,
+            transient_mean: if decay.is_infinite() { 0.0 } else { -libm::expm1(-decay) / decay },
             along: spec.rig.shaker.map_or(Vector2::zeros(), |shaker| shaker.direction()),
         })
     }
@@ -182,9 +185,7 @@ impl Filter {
     /// at its start.
     #[inline(always)]
     fn course(&self, [(v0, a0), (v1, a1)]: [(f64, f64); 2], g: f64) -> Course {
-        // ∫ e^{−λτ} dτ.
-        let mean = if self.decay.is_infinite() { 0.0 } else { -libm::expm1(-self.decay) / self.decay };
-        let square = 3.0 * (a0 + a1) - 6.0 * ((v1 - v0) / self.step_s - g * mean);
+        let square = 3.0 * (a0 + a1) - 6.0 * ((v1 - v0) / self.step_s - g * self.transient_mean);
         [a0, a1 - a0 - square, square, 0.0, 0.0, g]
     }
 
@@ -210,6 +211,7 @@ impl Filter {
     }
 
     /// The force F of the drive along x and y.
+    #[inline(always)]
     fn force(drive: &Drive) -> [Course; 2] {
         match drive {
             Drive::Held(load) => [load.force_n.x, load.force_n.y].map(|force_n| [force_n, 0.0, 0.0, 0.0, 0.0, 0.0]),
@@ -221,6 +223,7 @@ impl Filter {
     }
 
     /// The force less what an attachment takes along its direction.
+    #[inline(always)]
     fn less(&self, force: &[Course; 2], taken: &Course) -> [Course; 2] {
         let e = self.along;
         [0, 1].map(|axis| core::array::from_fn(|term| force[axis][term] - e[axis] * taken[term]))
