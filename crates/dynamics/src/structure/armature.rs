@@ -7,14 +7,15 @@
 //! f − m s̈ − c ṡ − k s        s̈ = wᵀq̈ + q̇ᵀ ∂²s/∂q² q̇
 //! ```
 //!
-//! so that M becomes M + m wwᵀ and the generalised force w (f − m q̇ᵀ∂²s/∂q² q̇ − c ṡ − k s). A command is the force F
-//! of the blocked armature. An amplifier that holds the current makes f = F; one that holds the voltage makes
+//! so that M becomes M + m wwᵀ and the generalised force w (f − m q̇ᵀ∂²s/∂q² q̇ − c ṡ − k s). A command is the
+//! force F of the blocked armature. An amplifier that holds the current makes f = F; one that holds the voltage makes
 //!
 //! ```text
 //! f = Bl i        L di/dt = R (F/Bl − i) − Bl ṡ
 //! ```
 //!
-//! and without inductance f = F − (Bl²/R) ṡ (G. F. Lang, "Electrodynamic Shaker Fundamentals", Sound and Vibration, 1997).
+//! and without inductance f = F − (Bl²/R) ṡ (G. F. Lang, "Electrodynamic Shaker Fundamentals", Sound and Vibration,
+//! 1997).
 
 use super::MOST_COORDINATES;
 use super::assembly::{Assembly, Body, Dof};

@@ -62,8 +62,8 @@ impl Modal {
         }
     }
 
-    /// q̈ with the mass matrix I + m wwᵀ, m and w being `added`: its inverse is I − m wwᵀ/(1 + m wᵀw) (J. Sherman, W. J.
-    /// Morrison, Ann. Math. Statist. 21 (1950)).
+    /// q̈ with the mass matrix I + m wwᵀ, m and w being `added`: its inverse is I − m wwᵀ/(1 + m wᵀw) (J. Sherman and
+    /// W. J. Morrison, Ann. Math. Statist. 21 (1950)).
     pub fn acceleration(&self, [q, v]: [&[f64]; 2], force: &[f64], added: Option<(f64, &[f64])>, out: &mut [f64]) {
         for (i, (omega, damping)) in self.constants().enumerate() {
             out[i] = force[i] - damping * v[i] - omega * omega * q[i];

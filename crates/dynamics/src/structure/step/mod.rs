@@ -201,8 +201,8 @@ impl Stepper {
     ///
     /// # Errors
     /// [`StepError::Loads`] if there is not one for each degree of freedom of the drive, or for the shaker;
-    /// [`StepError::Integrate`] if an implicit scheme can't make the step; [`StepError::TooStiff`] if the elements, pressed this far or moved this
-    /// fast, need shorter steps; [`StepError::NotFinite`]. The state is then as before.
+    /// [`StepError::Integrate`] if an implicit scheme can't make the step; [`StepError::TooStiff`] if the elements,
+    /// pressed this far or moved this fast, need shorter steps; [`StepError::NotFinite`]. The state is then as before.
     pub fn advance(&mut self, t_s: f64, load: &[f64]) -> Result<(), StepError> {
         self.advance_under(t_s, &StepLoad::Held(load))
     }

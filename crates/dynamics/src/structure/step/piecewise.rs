@@ -8,8 +8,8 @@
 //! The armature of a shaker is part of the mass and the forces, and the current of its coil a state.
 //!
 //! A part turns the fastest motion by [`PHASE_RAD`]: ω² is that of the fastest mode and of every element's stiffness
-//! over the mass that it meets, m⁻¹ = wᵀM⁻¹w, which is a bound since each adds a matrix of rank one. A shaker adds k and,
-//! by its coil, Bl²/L over the mass that it meets with its armature.
+//! over the mass that it meets, m⁻¹ = wᵀM⁻¹w, which is a bound since each adds a matrix of rank one. A shaker adds k
+//! and, by its coil, Bl²/L over the mass that it meets with its armature.
 
 use alloc::boxed::Box;
 use alloc::vec;

@@ -1,7 +1,7 @@
 //! Modes without elements that a shaker drives: the exact flow under a held command.
 //!
-//! Modes, armature and coil are one linear system under the command F. In the coordinates ωq, q̇ and √L i, whose squares
-//! are energies, with ŵ = M⁻¹w = w/(1 + m wᵀw) and r = 2ζω q̇ + ω² q of each mode,
+//! Modes, armature and coil are one linear system under the command F. In the coordinates ωq, q̇ and √L i, whose
+//! squares are energies, with ŵ = M⁻¹w = w/(1 + m wᵀw) and r = 2ζω q̇ + ω² q of each mode,
 //!
 //! ```text
 //! (ωq)' = ω q̇        q̈ = −r + ŵ m wᵀr − ŵ (k wᵀq + c wᵀq̇ − f)        √L i' = −(R/√L) i − (Bl/√L) wᵀq̇ + (R/√L) F/Bl

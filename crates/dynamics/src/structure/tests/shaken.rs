@@ -97,7 +97,7 @@ fn a_fast_coil_is_that_without_inductance() {
     }
 }
 
-/// s over F at the drive's point, with R its receptance: the force on the structure f − Z s moves it by s = R (f − Z s),
+/// s over F at the drive's point, with R its receptance: the force on the structure moves it by s = R (f − Z s),
 /// Z = k − ω²m + iωc, and f = Bl (V − iω Bl s)/(R + iωL) with V = F R/Bl.
 fn closed_form(omega: f64, inductance_h: f64) -> Complex<f64> {
     let i = Complex::new(0.0, 1.0);
