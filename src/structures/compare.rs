@@ -47,10 +47,12 @@ pub(crate) fn show(
     json: JsonFlag,
 ) -> Result<Verdict, Failure> {
     let amplitude = scenario.amplitude().copied().unwrap_or_default();
+    // In open loop a shaker's force on the structure is not the commanded one.
     let acting = |response: &ResponsePoint| {
-        acting_load_on(response, scenario, tested).map(|load| ResponsePoint { load, ..*response })
+        let load = acting_load_on(response, scenario, tested).map_err(|error| Failure::usage(error.to_string()))?;
+        Ok(ResponsePoint { load, ..*response })
     };
-    let acted = responses.iter().map(acting).collect::<Result<Vec<_>, _>>().map_err(|error| Failure::usage(error.to_string()))?;
+    let acted = responses.iter().map(acting).collect::<Result<Vec<_>, Failure>>()?;
     let responses = &acted[..];
     let Some(computed) = Computed::new(tested, &amplitude, responses)? else {
         return Err(Failure::usage(format!(

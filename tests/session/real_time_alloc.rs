@@ -72,7 +72,8 @@ fn a_shaken_structure_allocates_nothing() {
         let text = format!("{modes}{elements}{shaker}");
         let mut plant = Plant::new(&Scenario::parse(&text, "test").unwrap().plant_spec().unwrap()).unwrap();
         let advanced = assert_no_alloc(|| {
-            let samples = (0..200).filter(|_| plant.measure().sample < 200 && plant.advance(&Load::force_n(20.0, 0.0)).is_ok());
+            let samples =
+                (0..200).filter(|_| plant.measure().sample < 200 && plant.advance(&Load::force_n(20.0, 0.0)).is_ok());
             samples.count()
         });
         assert_eq!(advanced, 200);
