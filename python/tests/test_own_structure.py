@@ -169,5 +169,5 @@ def test_a_bench_runs_it_in_place_of_the_arm(tmp_path, mode):
         return (20.0, 0.0) if measured.sample < 50 else None
 
     with Bench(resonarm.Scenario(), tmp_path, mode=mode, structure=own()) as bench:
-        rows = bench.run(pulse).recording.steps
+        rows = bench.run(pulse).recording.states
     assert "q_m_sqrt_kg" in rows.dtype.names and abs(rows["q_m_sqrt_kg"]).max() > 1e-6
