@@ -13,6 +13,7 @@ mod driven_arm;
 mod sampling;
 mod shaker;
 mod stepped;
+mod tested;
 
 use alloc::boxed::Box;
 use alloc::vec;
@@ -22,7 +23,6 @@ use thiserror::Error;
 use crate::rig::{Exciter, GateSpec, Measurement, Rig, RigError, RigSpec, ShakerLimit};
 use crate::structure::{Kind, LOADS, MOST_STATES, OUTPUTS, States, Structure, StructureError};
 use assembly_steps::AssemblySteps;
-pub use assembly_steps::{Placed, Places, TestedAssembly};
 use driven_arm::DrivenArm;
 use resonarm_dynamics::arm::{Arm, ArmError, Load, Parameters, Pose, State};
 use resonarm_dynamics::integrate::{IntegrateError, Scheme};
@@ -31,6 +31,7 @@ use resonarm_numeric::number::{rounded, short};
 pub use sampling::PointMotion;
 use stepped::Driven;
 pub use stepped::{Loads, Stepped};
+pub use tested::{Placed, Places, ReadDof, TestedAssembly};
 
 /// The most integration steps a sample: 250 times the default.
 pub const MOST_STEPS_PER_SAMPLE: u32 = 1000;
