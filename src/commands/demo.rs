@@ -30,8 +30,9 @@ use resonarm_numeric::number::rounded;
 const PATIENCE: Duration = Duration::from_secs(30);
 
 /// The main job in one process: plant and exciter controller on an in-memory bus, a phase walk over the folded first
-/// resonance. Records it, prints the points, and plots them over the computed branch. The plant waits for the
-/// controller's answer to each sample, so the result is the same to the last bit on every machine, however busy.
+/// resonance, or over that of a scenario's structure. Records it, prints the points, and plots them over the computed
+/// branch. The plant waits for the controller's answer to each sample, so the result is the same to the last bit on
+/// every machine, however busy.
 #[derive(Debug, Args)]
 pub(crate) struct Demo {
     #[command(flatten)]

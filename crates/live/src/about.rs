@@ -54,6 +54,8 @@ pub struct About {
     pub coordinates: CoordinateChannels,
     /// The sizes of the responses that are read.
     pub responses: Vec<ResponseAxis>,
+    /// Which of them is shown at first.
+    pub response: usize,
     /// Names of the channels that the bits of the clipped readings refer to, the lowest bit first.
     pub clipped_bits: [&'static str; 6],
     /// The requests that the token permits.
@@ -111,6 +113,7 @@ impl About {
             panels: under_test.panels(),
             coordinates: CoordinateChannels { first: rows::COORDINATES, count: shown.coordinates().len() },
             responses: under_test.responses(),
+            response: under_test.driven_response(scenario),
             clipped_bits: rows::clipped_bits(),
             actions: Vec::new(),
             steering: None,

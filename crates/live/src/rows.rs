@@ -31,7 +31,11 @@ pub struct Shown {
 impl Shown {
     /// Of states and readings of these channels.
     pub fn new(table: &Channels) -> Shown {
-        let states = || table.of(Topic::States).iter();
+        Shown::of(table.of(Topic::States))
+    }
+
+    fn of(states: &[Channel]) -> Shown {
+        let states = || states.iter();
         let moving = || states().filter(|channel| channel.kind == Kind::State);
         let coordinates = moving().count() / 2;
         let is_shown = |channel: &Channel| {
@@ -236,6 +240,22 @@ mod tests {
         assert!(row.numbers[10].is_nan());
         let (sample, row) = rows.pop().unwrap();
         assert_eq!((sample, &row.numbers[2..6]), (1, &[2.0, 3.0, 1.0, -1.0][..]));
+    }
+
+    /// Of two modes with two elements, the first without a state: coordinates, then the state; branches are left out.
+    #[test]
+    fn rows_have_coordinates_and_states_of_elements() {
+        use resonarm_bench::structure::{Coordinates, States, branch_channel, coordinate_channels, element_channel};
+        let mut states = coordinate_channels(Coordinates::Modes, 2);
+        states.extend(element_channel(1, false));
+        states.extend([0, 1].into_iter().filter_map(branch_channel));
+        let mut rows = Rows::new(Shown::of(&states));
+        assert_eq!(rows.shown.names()[COORDINATES..], ["q1_m_sqrt_kg", "q2_m_sqrt_kg", "element2_m"]);
+        let states = States::new(&[1.0, 2.0, 3.0, 4.0], &[5.0, 1.0, -1.0]).unwrap();
+        rows.state(&StateRecord { sample: 0, states, torque_nm: [0.0; 2], force_n: [6.0, 7.0], is_end: false });
+        rows.readings(&readings(0));
+        let (_, row) = rows.pop().unwrap();
+        assert_eq!((&row.numbers[FORCE..HEAD], &row.numbers[COORDINATES..]), (&[6.0, 7.0][..], &[1.0, 2.0, 5.0][..]));
     }
 
     #[test]

@@ -92,6 +92,9 @@ mod tests {
             let peak_hz = spectrum.peak_hz(&lines).unwrap();
             assert!((peak_hz - frequency_hz).abs() < 0.02, "{frequency_hz}: {peak_hz}");
         }
+        let beyond = Spectrum::new(2000.0, Some(388.0));
+        let count = beyond.amplitudes(core::iter::repeat_n(0.0, beyond.length())).len();
+        assert_eq!(count, (485.0 / beyond.line_hz()) as usize);
         assert_eq!(spectrum.peak_hz(&spectrum.amplitudes(core::iter::repeat_n(f32::NAN, 2048))), None);
     }
 }

@@ -185,6 +185,14 @@ impl UnderTest {
         }
     }
 
+    /// The size along the scenario's load, if one is; else the first.
+    pub fn driven_response(&self, scenario: &Scenario) -> usize {
+        let Kind::Assembly(tested) = &self.kind else { return 0 };
+        let driven = scenario.amplitude().and_then(|amplitude| tested.driven(amplitude));
+        let place = driven.and_then(|(dof, _)| tested.read().iter().position(|read| read.dof == dof));
+        place.unwrap_or(0)
+    }
+
     /// The sizes of a response: of the arm the largest angles over a period, else the fundamental of displacements.
     pub fn sizes(&self, point: &ResponsePoint) -> Sizes {
         let read: Vec<usize> = match &self.kind {
@@ -219,5 +227,101 @@ pub(super) fn label(point: Point) -> String {
         Point::Coordinate(coordinate) => format!("x{coordinate}"),
         Point::Element(element) => format!("element {element}"),
         Point::TipC => String::from("C"),
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use resonarm_bench::control::ResponsePoint;
+    use resonarm_bench::excitation::Phasor;
+    use resonarm_bench::plant::Plant;
+
+    fn under_test(text: &str) -> UnderTest {
+        let scenario = Scenario::parse(text, "bench.toml").unwrap();
+        let table = match &scenario.structure {
+            Some(section) if section.kind != StructureKind::Own => {
+                Channels::of_structure(Plant::new(&scenario.plant_spec().unwrap()).unwrap().structure())
+            }
+            _ => Channels::arm(true),
+        };
+        UnderTest::new(&scenario, String::from("it"), table).unwrap()
+    }
+
+    fn named(plotted: &[Plotted]) -> String {
+        plotted.iter().map(|one| format!("{} {} ({})", one.channel, one.label, one.unit)).collect::<Vec<_>>().join(", ")
+    }
+
+    const MODAL: &str = r#"
+[structure]
+kind = "modal"
+modes = [
+  { frequency_hz = 20.0, damping_ratio = 0.004, shape = { "tip.z" = 0.5, "mid.x" = 0.3, "mid.y" = 0.1 } },
+  { frequency_hz = 57.0, damping_ratio = 0.006, shape = { "tip.z" = -0.4, "mid.x" = 0.35, "mid.y" = 0.2 } },
+]
+elements = [
+  { kind = "gap", at = "mid.x", stiffness_n_m = 1e4, gap_m = 1e-3 },
+  { kind = "friction", at = "tip.z", stiffness_n_m = 1e4, slip_force_n = 1.0 },
+]
+[rig.exciter]
+at = "tip.z"
+[rig.accelerometer_b]
+at = "mid"
+"#;
+
+    #[test]
+    fn panels_plot_the_axes_that_there_are() {
+        let arm = under_test("").panels();
+        assert_eq!(named(&arm.torque), "0 torque 1 (N·m), 1 torque 2 (N·m)");
+        assert_eq!(named(&arm.force), "2 load x (N), 3 load y (N)");
+        assert_eq!(named(&arm.head), "4 head x (N), 5 head y (N)");
+        assert_eq!(named(&arm.acceleration_c), "8 x (m/s²), 9 y (m/s²)");
+        assert_eq!((&arm.coordinates[..], &arm.elements[..]), (&[][..], &[][..]));
+        let modal = under_test(MODAL).panels();
+        assert_eq!((named(&modal.torque), named(&modal.force)), (String::new(), String::from("2 load z (N)")));
+        assert_eq!(named(&modal.head), "4 head z (N)");
+        assert_eq!(named(&modal.acceleration_b), "6 x (m/s²), 7 y (m/s²)");
+        assert_eq!(named(&modal.acceleration_c), "8 z (m/s²)");
+        assert_eq!(named(&modal.coordinates), "10 q1 (m·√kg), 11 q2 (m·√kg)");
+        // The gap has no state, and the branches of both are not plotted.
+        assert_eq!(named(&modal.elements), "12 element 2 (m)");
+    }
+
+    #[test]
+    fn angles_are_read_of_two_links_with_b_and_c_at_their_ends() {
+        assert!(under_test("").angles_are_read() && under_test("[structure]\n").angles_are_read());
+        assert!(!under_test("[structure]\n[rig.accelerometer_c]\nat = \"tip.y\"\n").angles_are_read());
+        assert!(!under_test("[structure]\n[rig.accelerometer_b]\nat = \"tip\"\n").angles_are_read());
+        assert!(!under_test(MODAL).angles_are_read());
+    }
+
+    #[test]
+    fn responses_are_displacements_that_the_accelerometers_read() {
+        let harmonic = |size: f64| [Phasor::new(0.0, size), Phasor::new(0.0, 0.0), Phasor::new(0.0, 0.0)];
+        let readings = [0.0, 0.0, 2.0, 3.0, 4.0, 5.0].map(harmonic);
+        let mut point = ResponsePoint::of_harmonics(10.0, 1.0, &readings);
+        point.clipped[3] = true;
+        let square = (core::f64::consts::TAU * 10.0).powi(2);
+        let modal = under_test(MODAL);
+        let labels: Vec<String> = modal.responses().into_iter().map(|axis| axis.label).collect();
+        assert_eq!(labels, ["tip.z", "mid.x", "mid.y"]);
+        let Sizes { amplitude, clipped } = modal.sizes(&point);
+        for (found, expected) in amplitude.iter().zip([4.0, 2.0, 3.0]) {
+            assert!((found * square - expected).abs() < 1e-12, "{found}");
+        }
+        assert_eq!((amplitude.len(), &clipped[..]), (3, &[false, false, true][..]));
+        let own = under_test("[structure]\nkind = \"own\"\n");
+        assert_eq!((own.drawing.clone(), own.rig(), own.modes_hz()), (None, None, vec![]));
+        assert!((own.sizes(&point).amplitude[1] * square - 5.0).abs() < 1e-12);
+    }
+
+    #[test]
+    fn the_response_along_the_load_is_shown_first() {
+        let load = |key: &str| {
+            let profile = "profile = { waveform = \"dwell\", frequency_hz = 15.0, duration_s = 1.0, settle_s = 0.1 }";
+            let text = format!("[structure]\n[excitation]\namplitude = {{ {key} = 2.0 }}\n{profile}\n");
+            under_test(&text).driven_response(&Scenario::parse(&text, "bench.toml").unwrap())
+        };
+        assert_eq!(["force_x_n", "force_y_n", "torque1_nm"].map(load), [0, 1, 0]);
     }
 }

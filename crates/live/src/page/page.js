@@ -49,10 +49,12 @@ function makeViews(about) {
   for (const id of ["coordinates", "elements"]) {
     element(id).hidden = panels[id].length === 0;
     if (panels[id].length > 0) {
-      states[id] = new BandPlot(about, element(id), null, units(panels[id]), named(panels[id]));
+      const unit = id === "elements" ? `states (${units(panels[id])})` : units(panels[id]);
+      states[id] = new BandPlot(about, element(id), null, unit, named(panels[id]));
     }
   }
   element("states").hidden = panels.coordinates.length === 0;
+  element("states-name").textContent = panels.elements.length > 0 ? "Coordinates and elements" : "Coordinates";
   return {
     structure: new StructureView(about, element("structure"), element("structure-scale"), element("structure-clipped")),
     response: new ResponsePlot(element("response")),
@@ -80,6 +82,7 @@ function makeViews(about) {
 function entitle(about) {
   const isArm = about.drawing?.subject === "arm";
   element("structure-name").textContent = isArm ? "Arm" : "Structure";
+  element("structure-choices").hidden = about.drawing === null;
   const [, b, c] = isArm ? [] : about.rig ?? [];
   element("b-name").textContent = `Acceleration of B${b ? `, at ${b}` : ""}`;
   element("c-name").textContent = `Acceleration of C${c ? `, at ${c}` : ""}`;
@@ -87,7 +90,7 @@ function entitle(about) {
   element("modes").textContent = modes.length > 0 ? `modes: ${modes.join(", ")} Hz` : "";
   element("responses").replaceChildren(...about.responses.map(({ label }, place) => {
     const [choice, button] = [document.createElement("label"), document.createElement("input")];
-    Object.assign(button, { type: "radio", name: "response", value: place, checked: place === 0 });
+    Object.assign(button, { type: "radio", name: "response", value: place, checked: place === about.response });
     choice.append(button, ` ${label}`);
     return choice;
   }));

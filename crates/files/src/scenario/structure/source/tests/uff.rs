@@ -66,7 +66,7 @@ fn nodes_without_names_are_called_by_their_numbers_and_rest_where_a_mode_leaves_
     assert_eq!((shape(0), shape(1)), (vec![1.0, -0.5, 0.0, 0.0, 0.0, 0.25], vec![1.0, -0.5, 0.0, 0.0, 0.0, 0.0]));
 }
 
-/// Lines of dataset 82, over two records, interrupted by 0; nodes that are no points, or have no place, are passed over.
+/// Lines of dataset 82, over two records, interrupted by 0; nodes that are no points, or have no place, are passed over
 #[test]
 fn lines_from_node_to_node_are_read() {
     let node = |number: u32| format!("{number:>10}         1         1        11\n 1.0 2.0 {number}.0\n");
@@ -81,7 +81,7 @@ fn lines_from_node_to_node_are_read() {
     assert_eq!(named(&[("tip", 15), ("root", 12)]), [["root", "tip"], ["tip", "root"]]);
     assert!(named(&[("tip", 15)]).is_empty());
     let short = read(&text.replace("        10         7", "        12         7"), &BTreeMap::new());
-    insta::assert_snapshot!(short.map(|read| read.modes).unwrap_err(), @"");
+    insta::assert_snapshot!(short.map(|read| read.modes).unwrap_err(), @"line 30: dataset 82, a line of nodes needs 1 numbers here: there are 0");
 }
 
 /// The message about a change of the mode.
