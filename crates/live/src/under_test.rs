@@ -27,7 +27,7 @@ pub struct UnderTest {
 #[derive(Clone, Debug)]
 enum Kind {
     /// The two-link arm without elements.
-    Arm(Arm),
+    Arm(Box<Arm>),
     /// A chain or modes, or the arm with elements.
     Assembly(Box<TestedAssembly>),
     /// One that a program makes.
@@ -89,7 +89,7 @@ impl UnderTest {
         let is_own = scenario.structure.as_ref().is_some_and(|section| section.kind == StructureKind::Own);
         let kind = match (is_own, &scenario.structure) {
             (true, _) => Kind::Own,
-            (false, None) => Kind::Arm(scenario.build_arm()?),
+            (false, None) => Kind::Arm(scenario.build_arm()?.into()),
             (false, Some(_)) => scenario.tested_structure()?.map_or(Kind::Own, |tested| Kind::Assembly(tested.into())),
         };
         Ok(UnderTest { name, table, drawing: Drawing::of(scenario)?, kind })
