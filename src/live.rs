@@ -138,21 +138,20 @@ mod serving {
     use std::net::{IpAddr, SocketAddr};
 
     use super::{Failure, LiveFlags, Role, Serving, Session, Showing, ShownRole};
+    use crate::live_branch::compute;
     use crate::output;
-    use resonarm::analysis::{BifurcationKind, Branch, Row, response_around, segments};
-    use resonarm::arm::{Arm, Load};
+    use crate::structures::label;
+    use resonarm::plant::Plant;
     use resonarm::realtime::unix_time_ns;
     use resonarm::recording::Recording;
     use resonarm::recording::channels::Channels;
     use resonarm::run::watch;
-    use resonarm::scenario::Scenario;
+    use resonarm::scenario::structure::StructureKind;
+    use resonarm::scenario::{Scenario, ScenarioError};
     use resonarm_live::{
-        About, Action, BranchLines, ComputeBranch, Live, LiveError, Model, Options, Origins, Play, SPEEDS, Shown,
-        Source, Steering, play, serve,
+        About, Action, Live, LiveError, Model, Options, Origins, Play, SPEEDS, Shown, Source, Steering, UnderTest,
+        play, serve,
     };
-
-    /// Largest turn between two motions of the computed branch: coarser than in a figure, and faster to compute.
-    const TURN_RAD: f64 = 0.1;
 
     /// Serves the live view of a session, and prints its URL.
     pub fn of_session(
@@ -162,13 +161,13 @@ mod serving {
         shown_role: &ShownRole,
     ) -> Result<Serving, Failure> {
         let scenario = session.scenario();
-        let arm = scenario.build_arm()?;
+        let under_test = UnderTest::new(scenario, name(scenario)?, table(scenario)?)?;
         let role = match shown_role.role {
             Role::Plant => "plant",
             Role::Exciter => "exciter",
             Role::PlantAndExciter => "plant and exciter",
         };
-        let mut about = About::new(role, shown_role.place.clone(), scenario, &arm);
+        let mut about = About::new(role, shown_role.place.clone(), scenario, &under_test);
         about.actions = match shown_role.role {
             Role::Plant => vec![Action::Arm, Action::Disarm, Action::Reset],
             Role::Exciter | Role::PlantAndExciter => vec![Action::Disarm],
@@ -181,13 +180,13 @@ mod serving {
         let responds = shown_role.role != Role::Plant;
         let shown = Shown {
             interface: shown_role.interface.clone(),
-            // An exciter knows no angles.
-            arm: (shown_role.role != Role::Exciter).then(|| arm.clone()),
-            table: Channels::arm(scenario.rig.shaker.is_some()),
-            model: Model::new(about, arm.clone()),
+            // An exciter knows no coordinates.
+            drawing: under_test.drawing.clone().filter(|_| shown_role.role != Role::Exciter),
+            table: under_test.table.clone(),
+            model: Model::new(about, under_test),
             source: Source::Run(watcher),
             // A steered load is not that of the scenario.
-            compute: load(scenario).filter(|_| responds && shown_role.steered.is_none()).map(|load| compute(arm, load)),
+            compute: if responds && shown_role.steered.is_none() { compute(scenario)? } else { None },
             range_hz: if responds { range_hz(scenario) } else { None },
             start_unix_ns: unix_time_ns(),
         };
@@ -202,22 +201,54 @@ mod serving {
             return Err(Failure::value("--speed", speed, format!("with --live it must be from {least} to {most}")));
         }
         let scenario = Scenario::from_configuration(recording.configuration())?;
-        let arm = scenario.build_arm()?;
-        let mut about = About::new("recording", recording.path().display().to_string(), &scenario, &arm);
+        let under_test = UnderTest::new(&scenario, name(&scenario)?, recording.channels().clone())?;
+        let place = recording.path().display().to_string();
+        let mut about = About::new("recording", place, &scenario, &under_test);
         about.rate_hz = 1.0 / recording.origin().dt_s;
         about.actions = vec![Action::Play];
         about.samples = recording.summary().samples;
         let shown = Shown {
             interface: recording.origin().interface.clone(),
-            arm: Some(arm.clone()),
+            drawing: under_test.drawing.clone(),
             table: recording.channels().clone(),
-            model: Model::new(about, arm.clone()),
-            compute: load(&scenario).map(|load| compute(arm, load)),
+            model: Model::new(about, under_test),
+            compute: if is_own(&scenario) { None } else { compute(&scenario)? },
             range_hz: range_hz(&scenario),
             start_unix_ns: recording.origin().log_start_ns(),
             source: play(recording, Play { speed, times: (times > 0).then_some(times), wait })?,
         };
         begin(flags.live.as_deref().unwrap_or("127.0.0.1"), &flags.live_origin, shown, false)
+    }
+
+    /// Whether a program makes the structure.
+    fn is_own(scenario: &Scenario) -> bool {
+        scenario.structure.as_ref().is_some_and(|section| section.kind == StructureKind::Own)
+    }
+
+    /// What is under test, in words.
+    fn name(scenario: &Scenario) -> Result<String, Failure> {
+        if is_own(scenario) {
+            let name = scenario.structure.as_ref().and_then(|section| section.name.clone());
+            return Ok(name.unwrap_or_else(|| String::from("a program's own structure")));
+        }
+        Ok(match scenario.tested_structure()? {
+            Some(tested) => label(scenario, &tested),
+            None => format!(
+                "{}, \u{3b2}1 = {}\u{b0}, \u{3b2}2 = {}\u{b0}",
+                scenario.arm.label(),
+                scenario.arm.beta1_deg,
+                scenario.arm.beta2_deg
+            ),
+        })
+    }
+
+    /// The channels of the scenario's plant.
+    fn table(scenario: &Scenario) -> Result<Channels, Failure> {
+        if scenario.structure.is_none() {
+            return Ok(Channels::arm(scenario.rig.shaker.is_some()));
+        }
+        let plant = Plant::new(&scenario.plant_spec()?).map_err(ScenarioError::from)?;
+        Ok(Channels::of_structure(plant.structure()))
     }
 
     /// Begins to serve, and prints the URL of the page.
@@ -256,44 +287,11 @@ mod serving {
         address.or_else(|_not_bare| text.parse()).map_err(|_neither| LiveError::Address { got: text.to_owned() })
     }
 
-    /// The load at which the scenario's responses are read.
-    fn load(scenario: &Scenario) -> Option<Load> {
-        let control = scenario.control.as_ref().map(|control| control.amplitude().load());
-        control.or_else(|| scenario.excitation.as_ref().map(|excitation| excitation.amplitude.load()))
-    }
-
     /// The frequencies at which an open loop reads responses.
     fn range_hz(scenario: &Scenario) -> Option<(f64, f64)> {
         let profile = scenario.profile().ok()?;
         let windows = profile.windows().map(|window| (window.frequency_hz, window.frequency_hz));
         windows.reduce(|(low, high), (hz, _)| (low.min(hz), high.max(hz)))
-    }
-
-    /// Walks the branch of motions under `load`.
-    fn compute(arm: Arm, load: Load) -> ComputeBranch {
-        Box::new(move |low_hz, high_hz| match response_around(&arm, &load, [low_hz, high_hz], TURN_RAD) {
-            Ok(branch) => Some(lines(&branch)),
-            Err(error) => {
-                tracing::warn!("the branch of the live view can't be computed: {error}");
-                None
-            }
-        })
-    }
-
-    fn lines(branch: &Branch) -> BranchLines {
-        let at = |row: &Row| [row.orbit.value, row.orbit.amplitude_rad[0], row.orbit.amplitude_rad[1]];
-        let rows = branch.rows();
-        let mut lines = BranchLines::default();
-        for (a, b, is_stable) in segments(&rows, Row::stable) {
-            let line = if is_stable { &mut lines.stable } else { &mut lines.unstable };
-            if line.last() != Some(&Some(at(a))) {
-                line.extend([None, Some(at(a))]);
-            }
-            line.push(Some(at(b)));
-        }
-        let folds = rows.iter().filter(|row| row.bifurcation == Some(BifurcationKind::Fold));
-        lines.folds = folds.map(at).collect();
-        lines
     }
 
     #[cfg(test)]

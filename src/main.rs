@@ -15,6 +15,8 @@ mod figures;
 mod file_size;
 mod flags;
 mod live;
+#[cfg(feature = "live")]
+mod live_branch;
 mod logging;
 mod motion_flags;
 mod numbers;

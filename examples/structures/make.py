@@ -17,6 +17,8 @@ def bracket(path: Path) -> None:
     x, zeros = np.array([0.0, 0.1, 0.2, 0.3]), np.zeros(4)
     nodes = {"node_nums": [1, 2, 3, 4], "def_cs": [0] * 4, "disp_cs": [0] * 4, "color": [1] * 4}
     file.write_sets(pyuff.prepare_15(x=x, y=zeros, z=0.05 * x, **nodes), "add")
+    line = {"trace_num": 1, "n_nodes": 4, "color": 1, "id": "bracket", "nodes": np.array([1, 2, 3, 4])}
+    file.write_sets(pyuff.prepare_82(**line), "add")
     modes = [
         (63.4, 2.5, 0.004, [0.0, 0.3, 0.7, 1.0]),
         (212.25, 1.75, 0.006, [0.0, -0.6, -0.2, 1.0]),

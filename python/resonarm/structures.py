@@ -248,9 +248,9 @@ class Modal(_Structure):
 
     `modes` have the keys of `structure.modes` in a scenario (`resonarm.ModeShape`): the shapes, of modal mass 1 kg,
     name points and axes, as `tip.x`. `elements` have those of `structure.elements` (`resonarm.Element`,
-    docs/structures.md), `points` where points are, m, for pictures. `initial` has the modal coordinates, m·√kg, and
-    their rates, m·√kg/s, at which motions begin; `name` is what it is called. Structures are equal if all their numbers
-    are.
+    docs/structures.md), `points` where points are, m, and `lines` lists of points to join, for pictures. `initial` has
+    the modal coordinates, m·√kg, and their rates, m·√kg/s, at which motions begin; `name` is what it is called.
+    Structures are equal if all their numbers are.
 
     Raises ValueError for an impossible structure, with the message of the command line.
     """
@@ -263,10 +263,11 @@ class Modal(_Structure):
         *,
         elements: Sequence[Element] = (),
         points: Mapping[str, Sequence[float]] | None = None,
+        lines: Sequence[Sequence[str]] = (),
         initial: Sequence[float] = (),
         name: str | None = None,
     ) -> "Self":
-        section = {"kind": "modal", "modes": list(modes), "points": _points(points)}
+        section = {"kind": "modal", "modes": list(modes), "points": _points(points), "lines": [*map(list, lines)]}
         return cls._of({**section, **_shared(elements, initial, name)})
 
     @classmethod
@@ -278,7 +279,7 @@ class Modal(_Structure):
         elements: Sequence[Element] = (),
         name: str | None = None,
     ) -> "Self":
-        """The modes of a UFF file, datasets 55 and 15 or 2411, in SI units: `nodes` names those that are points,
+        """The modes of a UFF file, datasets 55, 15 or 2411, and 82, in SI units: `nodes` names those that are points,
         `{"tip": 12}`; by default all are, as `node12`.
 
         Raises OSError if the file can't be read, ValueError for what docs/structures.md says is refused, such as

@@ -185,10 +185,11 @@ def test_identified_modes_are_those_of_the_arm(command, tmp_path):
 
 
 def test_structures_are_values():
-    modal = resonarm.Modal(MODES, elements=[STOP], points={"tip": [0.3, 0.0, 0.0]}, name="bracket")
+    drawn = {"points": {"mid": [0.1, 0.0, 0.0], "tip": [0.3, 0.0, 0.0]}, "lines": [("mid", "tip")]}
+    modal = resonarm.Modal(MODES, elements=[STOP], name="bracket", **drawn)
     again = pickle.loads(pickle.dumps(modal))
     assert (again, hash(again), again.elements) == (modal, hash(modal), [STOP])
-    assert modal.mode_shapes == MODES
+    assert (modal.mode_shapes, modal.section["lines"]) == (MODES, [["mid", "tip"]])
     assert modal != resonarm.Modal(MODES)
     assert repr(modal) == "<Modal 'bracket': 2 modes, points mid, tip, 1 element; 20 to 71 Hz>"
 

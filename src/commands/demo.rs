@@ -14,21 +14,25 @@ use crate::live::{LiveFlags, Role, ShownRole};
 use crate::output::{self, JsonFlag};
 use crate::session::{PlantDocument, complaint, report_text};
 use crate::status::{Status, Style};
+use crate::structures::{self, walk::Computed};
 use crate::supervise::supervise;
 use crate::walk_point::{self, WalkPoint};
 use resonarm::analysis::modes;
-use resonarm::control::ControlSpec;
+use resonarm::control::{ControlSpec, PhaseWalkSpec};
 use resonarm::realtime::ThreadSetup;
 use resonarm::recording::Existing;
-use resonarm::run::{BothReport, Mode, Options, RecordTo, RunError, Session, Signals, Speed};
+use resonarm::run::{BothReport, Mode, Options, PlantReport, RecordTo, RunError, Session, Signals, Speed};
 use resonarm::scenario::{Scenario, ScenarioError};
+use resonarm_figures::plot::Figure;
+use resonarm_numeric::number::rounded;
 
 /// How long plant and exciter wait for each other: far longer than a loaded machine delays a thread.
 const PATIENCE: Duration = Duration::from_secs(30);
 
 /// The main job in one process: plant and exciter controller on an in-memory bus, a phase walk over the folded first
-/// resonance. Records it, prints the points, and plots them over the computed branch. The plant waits for the
-/// controller's answer to each sample, so the result is the same to the last bit on every machine, however busy.
+/// resonance, or over that of a scenario's structure. Records it, prints the points, and plots them over the computed
+/// branch. The plant waits for the controller's answer to each sample, so the result is the same to the last bit on
+/// every machine, however busy.
 #[derive(Debug, Args)]
 pub(crate) struct Demo {
     #[command(flatten)]
@@ -50,12 +54,19 @@ pub(crate) struct Demo {
 }
 
 #[derive(Serialize)]
-struct Document<'a> {
+struct Document<'a, Point> {
     #[serde(flatten)]
     plant: PlantDocument<'a>,
     /// The figure's files; none if no point was read.
     figures: Vec<PathBuf>,
-    points: &'a [WalkPoint],
+    points: &'a [Point],
+}
+
+/// The points that were read, as text, and their figure.
+struct Read<Point> {
+    points: Vec<Point>,
+    table: String,
+    figure: Option<Figure>,
 }
 
 pub(crate) fn scenario() -> Result<Scenario, Failure> {
@@ -75,11 +86,7 @@ impl Demo {
 
     pub fn execute(&self) -> Result<Verdict, Failure> {
         let mut scenario = self.scenario()?;
-        // A scenario without control is driven like the demo's.
-        let control = match scenario.control.take().or(self::scenario()?.control) {
-            Some(control) => control,
-            None => return Err(ScenarioError::NoExcitation.into()),
-        };
+        let control = control(&mut scenario)?;
         (scenario.control, scenario.excitation) = (Some(control.clone()), None);
         // The run ends with the walk.
         scenario.simulation.duration_s = None;
@@ -112,29 +119,56 @@ impl Demo {
         self.conclude(&scenario, &control, report)
     }
 
+    /// Writes the figure, and prints points and report.
+    fn show<Point: Serialize>(
+        &self,
+        scenario: &Scenario,
+        plant: &PlantReport,
+        read: Read<Point>,
+    ) -> Result<(), Failure> {
+        let figures = match read.figure {
+            Some(figure) => figure.write(&self.out.join("response"))?.to_vec(),
+            None => Vec::new(),
+        };
+        let document = Document {
+            plant: PlantDocument { configuration: configuration::of_arm(scenario)?, report: plant },
+            figures,
+            points: &read.points,
+        };
+        let text = || {
+            let plotted = output::listed(&document.figures);
+            let plotted = if plotted.is_empty() { plotted } else { format!("plot         {plotted}\n") };
+            read.table.clone() + "\n" + &report_text(plant) + &plotted
+        };
+        self.json.show(&document, text, &[])?;
+        Ok(())
+    }
+
     fn conclude(
         &self,
         scenario: &Scenario,
         control: &ControlSpec,
         BothReport { plant, exciter }: BothReport,
     ) -> Result<Verdict, Failure> {
-        let arm = scenario.build_arm()?;
-        let points: Vec<WalkPoint> = exciter.responses.iter().map(|point| WalkPoint::new(point, &arm)).collect();
-        let figures = match walk_point::figure(scenario, control, &points)? {
-            Some(figure) => figure.write(&self.out.join("response"))?.to_vec(),
-            None => Vec::new(),
-        };
-        let document = Document {
-            plant: PlantDocument { configuration: configuration::of_arm(scenario)?, report: &plant },
-            figures,
-            points: &points,
-        };
-        let text = || {
-            let plotted = output::listed(&document.figures);
-            let plotted = if plotted.is_empty() { plotted } else { format!("plot         {plotted}\n") };
-            walk_point::table(&points, control.amplitude().unit()) + "\n" + &report_text(&plant) + &plotted
-        };
-        self.json.show(&document, text, &[])?;
+        let unit = control.amplitude().unit();
+        match scenario.tested_structure()? {
+            Some(tested) => {
+                let points = structures::walk::points(&tested, &exciter.responses);
+                let computed = Computed::new(&tested, control.amplitude(), &exciter.responses)?;
+                let figure = |computed: Computed| {
+                    computed.figure("Phase walk over the resonance", scenario, &tested, &exciter.responses)
+                };
+                let table = structures::walk::table(&points, unit);
+                self.show(scenario, &plant, Read { points, table, figure: computed.map(figure) })?;
+            }
+            None => {
+                let arm = scenario.build_arm()?;
+                let points: Vec<WalkPoint> =
+                    exciter.responses.iter().map(|point| WalkPoint::new(point, &arm)).collect();
+                let figure = walk_point::figure(scenario, control, &points)?;
+                self.show(scenario, &plant, Read { table: walk_point::table(&points, unit), points, figure })?;
+            }
+        }
         let complaints = [complaint(&plant), complaint_of_exciter(&exciter)];
         complaints.iter().flatten().for_each(|text| tracing::error!("{text}"));
         match plant.error.or(exciter.error) {
@@ -144,10 +178,35 @@ impl Demo {
     }
 }
 
+/// The control of the scenario. Without one an arm is driven like the demo's, a structure by a phase walk at the load of
+/// its excitation.
+fn control(scenario: &mut Scenario) -> Result<ControlSpec, Failure> {
+    let control = match (scenario.control.take(), &scenario.structure, &scenario.excitation) {
+        (Some(control), _, _) => Some(control),
+        (None, Some(_), Some(spec)) => Some(ControlSpec::PhaseWalk(PhaseWalkSpec::new(spec.amplitude))),
+        (None, Some(_), None) => None,
+        (None, None, _) => self::scenario()?.control,
+    };
+    control.ok_or_else(|| ScenarioError::NoExcitation.into())
+}
+
+/// What vibrates, and its modes: frequency, Hz, and damping ratio.
+fn subject(scenario: &Scenario) -> Result<(String, Vec<[f64; 2]>), Failure> {
+    if let Some(tested) = scenario.tested_structure()? {
+        let modes = tested.assembly.modes().iter().map(|mode| [mode.frequency_hz, mode.damping_ratio]);
+        return Ok((format!("structure    {}", structures::label(scenario, &tested)), modes.collect()));
+    }
+    let (name, [beta1_deg, beta2_deg]) = (scenario.arm.label(), [scenario.arm.beta1_deg, scenario.arm.beta2_deg]);
+    let modes = modes(&scenario.build_arm()?).map(|mode| [mode.frequency_hz, mode.damping_ratio]);
+    Ok((format!("arm          {name} at β1 = {beta1_deg}°, β2 = {beta2_deg}°"), modes.to_vec()))
+}
+
 /// Describes the run that is about to start.
 fn introduction(scenario: &Scenario, control: &ControlSpec, mode: Mode, speed: Speed) -> Result<String, Failure> {
-    let [first, second] = modes(&scenario.build_arm()?);
-    let settling_s = 1.0 / (core::f64::consts::TAU * first.frequency_hz * first.damping_ratio);
+    let (subject, modes) = subject(scenario)?;
+    let [first_hz, damping_ratio] = modes.first().copied().unwrap_or([f64::NAN; 2]);
+    let settling_s = 1.0 / (core::f64::consts::TAU * first_hz * damping_ratio);
+    let others: String = modes.iter().skip(1).map(|[frequency_hz, _]| format!(", {frequency_hz:.2} Hz")).collect();
     let pace = match (mode, speed.times()) {
         (Mode::RealTime, _) => String::from("in real time"),
         (_, 0.0) => String::from("in lockstep, as fast as it goes"),
@@ -168,16 +227,11 @@ fn introduction(scenario: &Scenario, control: &ControlSpec, mode: Mode, speed: S
         }
     };
     Ok(format!(
-        "arm          {} at β1 = {}°, β2 = {}°\n\
-         modes        {:.2} Hz (damping ratio {:.1e}, time constant {settling_s:.0} s), {:.2} Hz\n\
+        "{subject}\n\
+         modes        {first_hz:.2} Hz (damping ratio {damping_ratio:.1e}, time constant {} s){others}\n\
          control      {law}\n\
          bus          in memory, {} samples a second, {pace}\n\n",
-        scenario.arm.label(),
-        scenario.arm.beta1_deg,
-        scenario.arm.beta2_deg,
-        first.frequency_hz,
-        first.damping_ratio,
-        second.frequency_hz,
+        rounded(&settling_s, usize::from(settling_s < 10.0)),
         scenario.simulation.rate_hz,
     ))
 }

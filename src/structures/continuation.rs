@@ -205,7 +205,7 @@ pub(super) fn with_branch(mut panel: Panel, branch: &Branch, index: usize, name:
 }
 
 /// Runs of motions of one stability; neighbours share a motion.
-pub(super) fn stretches(branch: &Branch) -> Vec<(&[Orbit], Option<bool>)> {
+pub(crate) fn stretches(branch: &Branch) -> Vec<(&[Orbit], Option<bool>)> {
     let (orbits, mut runs, mut start) = (&branch.orbits, Vec::new(), 0);
     for end in 1..=orbits.len() {
         if end == orbits.len() || orbits[end].is_stable() != orbits[start].is_stable() {

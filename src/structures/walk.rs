@@ -1,7 +1,5 @@
 //! `resonarm experiment walk` on a structure: what the controller read, against the computed branch.
 
-use std::f64::consts::TAU;
-
 use serde::Serialize;
 
 use super::continuation::stretches;
@@ -11,9 +9,8 @@ use resonarm::analysis::Distances;
 use resonarm::analysis::structure::{Branch, Coordinate, Forced, Nearest, TraceOptions, nearest, trace};
 use resonarm::control::ResponsePoint;
 use resonarm::excitation::{Amplitude, Phasor};
-use resonarm::plant::TestedAssembly;
+use resonarm::plant::{ReadDof, TestedAssembly};
 use resonarm::scenario::Scenario;
-use resonarm::structure::{Assembly, Dof};
 use resonarm_figures::plot::{Axis, Color, Dash, Figure, Marker, Panel, Series, Style};
 use resonarm_numeric::number::rounded;
 
@@ -75,41 +72,15 @@ pub(crate) struct StructureScore {
     largest_amplitude_deviation: f64,
 }
 
-/// The accelerometers' axes that the structure has: degree of freedom, name, channel of the head, B and C. An axis that
-/// both read is that of C.
-fn places(tested: &TestedAssembly) -> Vec<(Dof, String, usize)> {
-    let mut places: Vec<(Dof, String, usize)> = Vec::new();
-    let instruments = [(&tested.places.accelerometer_c, 4), (&tested.places.accelerometer_b, 2)];
-    for (placed, first) in instruments {
-        for (dof, axis) in placed.along.iter().zip(0..) {
-            let Some(dof) = dof.filter(|dof| places.iter().all(|(known, ..)| known != dof)) else { continue };
-            places.push((dof, name(&tested.assembly, dof), first + axis));
-        }
-    }
-    places
-}
-
-/// The name of a degree of freedom.
-fn name(assembly: &Assembly, dof: Dof) -> String {
-    assembly.dof_names().into_iter().find(|name| assembly.dof(name) == Ok(dof)).unwrap_or_default()
-}
-
-/// The displacement of a channel's acceleration a at Ω: −a/Ω².
-fn displacement(point: &ResponsePoint, channel: usize) -> Phasor {
-    let omega = TAU * point.frequency_hz;
-    let [b, c] = [point.acceleration_b_m_s2, point.acceleration_c_m_s2];
-    [b[0], b[1], c[0], c[1]][channel - 2] / -(omega * omega)
-}
-
 fn size(phasor: Phasor) -> f64 {
     libm::hypot(phasor.re, phasor.im)
 }
 
 /// The points as documents.
 pub(crate) fn points(tested: &TestedAssembly, responses: &[ResponsePoint]) -> Vec<StructurePoint> {
-    let places = places(tested);
-    let reading = |point: &ResponsePoint, (dof, name, channel): &(Dof, String, usize)| {
-        let displacement = displacement(point, *channel);
+    let places = tested.read();
+    let reading = |point: &ResponsePoint, ReadDof { dof, name, channel }: &ReadDof| {
+        let displacement = point.displacement_m(*channel);
         ReadingDocument {
             at: name.clone(),
             amplitude: size(displacement),
@@ -132,28 +103,11 @@ pub(crate) fn points(tested: &TestedAssembly, responses: &[ResponsePoint]) -> Ve
     responses.iter().map(document).collect()
 }
 
-/// The degree of freedom that a load drives, with its amplitude; `None` if it drives more than one.
-fn driven(tested: &TestedAssembly, amplitude: &Amplitude) -> Option<(Dof, f64)> {
-    let joint = |name| tested.assembly.dof(name).ok();
-    let [x, y] = tested.places.exciter.along;
-    let all = [
-        (x, amplitude.force_x_n),
-        (y, amplitude.force_y_n),
-        (joint("joint1"), amplitude.torque1_nm),
-        (joint("joint2"), amplitude.torque2_nm),
-    ];
-    let mut acting = all.into_iter().filter(|(_, load)| *load != 0.0);
-    match (acting.next(), acting.next()) {
-        (Some((dof, load)), None) => Some((dof?, load)),
-        _ => None,
-    }
-}
-
 /// The computed branch of a walk at one load, around its points.
 pub(crate) struct Computed {
     branch: Branch,
-    /// The degree of freedom that is read, its name and channel.
-    at: (Dof, String, usize),
+    /// The degree of freedom that is read.
+    at: ReadDof,
     load: String,
 }
 
@@ -170,13 +124,13 @@ impl Computed {
         let loads = || responses.iter().filter(|point| point.settled).map(|point| point.load);
         let (least, most) = (loads().fold(f64::INFINITY, f64::min), loads().fold(0.0, f64::max));
         let is_at_one_load = most <= least * (1.0 + SAME_LOAD);
-        let Some((drive, load)) = driven(tested, amplitude).filter(|_| is_at_one_load) else {
+        let Some((drive, load)) = tested.driven(amplitude).filter(|_| is_at_one_load) else {
             return Ok(None);
         };
-        let at = places(tested).into_iter().max_by(|a, b| {
+        let at = tested.read().into_iter().max_by(|a, b| {
             let largest =
-                |channel| responses.iter().map(|point| size(displacement(point, channel))).fold(0.0, f64::max);
-            largest(a.2).total_cmp(&largest(b.2))
+                |channel| responses.iter().map(|point| size(point.displacement_m(channel))).fold(0.0, f64::max);
+            largest(a.channel).total_cmp(&largest(b.channel))
         });
         let hz = || responses.iter().map(|point| point.frequency_hz);
         let (Some(at), Some(low_hz), Some(high_hz)) = (at, hz().reduce(f64::min), hz().reduce(f64::max)) else {
@@ -187,34 +141,34 @@ impl Computed {
         let load = if settled > 0 { load.signum() * (loads().sum::<f64>() / settled as f64) } else { load };
         let forced = Forced::new(tested.assembly.clone(), drive, load);
         let ends = [(1.0 - MARGIN) * low_hz, (1.0 + MARGIN) * high_hz];
-        let mut options = TraceOptions::new(&forced, Coordinate::FrequencyHz, ends, vec![at.0]);
+        let mut options = TraceOptions::new(&forced, Coordinate::FrequencyHz, ends, vec![at.dof]);
         options.branch.continuation.largest_turn_rad = STRAIGHT_RAD;
         let branch = trace(&forced, ends[0], Coordinate::FrequencyHz, &options).map_err(|early| early.reason)?;
-        let load = format!("{} {} at {}", rounded(&load, 3), load_unit(drive), name(&tested.assembly, drive));
+        let load = format!("{} {} at {}", rounded(&load, 3), load_unit(drive), tested.dof_name(drive));
         Ok(Some(Computed { branch, at, load }))
     }
 
     /// The degree of freedom whose fundamental is compared.
     pub fn name(&self) -> &str {
-        &self.at.1
+        &self.at.name
     }
 
     /// The place of the branch that is nearest to a point.
     pub fn nearest(&self, point: &ResponsePoint) -> Option<Nearest> {
-        let read = [point.frequency_hz, size(displacement(point, self.at.2))];
+        let read = [point.frequency_hz, size(point.displacement_m(self.at.channel))];
         nearest(&self.branch.orbits, 0, read, Distances::default())
     }
 
     /// The phase by which the motion leads the load, rad.
     pub fn phase_rad(&self, point: &ResponsePoint) -> f64 {
-        let displacement = displacement(point, self.at.2);
+        let displacement = point.displacement_m(self.at.channel);
         libm::atan2(displacement.im, displacement.re)
     }
 
     /// How far off the settled points are; `None` if there are none.
     pub fn score(&self, responses: &[ResponsePoint]) -> Option<StructureScore> {
         let mut score = StructureScore {
-            at: self.at.1.clone(),
+            at: self.at.name.clone(),
             settled_points: 0,
             unstable_points: 0,
             largest_frequency_deviation: 0.0,
@@ -239,7 +193,7 @@ impl Computed {
         tested: &TestedAssembly,
         responses: &[ResponsePoint],
     ) -> Figure {
-        let (dof, name, channel) = &self.at;
+        let ReadDof { dof, name, channel } = &self.at;
         let amplitude = Axis::linear(format!("amplitude of {name} ({})", displacement_unit(*dof)));
         let mut panel = Panel::new(Axis::linear("frequency (Hz)"), amplitude);
         for (stretch, is_stable) in stretches(&self.branch) {
@@ -256,7 +210,7 @@ impl Computed {
         }
         for (title, settled) in [("read, settled", true), ("read, not settled", false)] {
             let read = responses.iter().filter(|point| point.settled == settled);
-            let places = read.map(|point| (point.frequency_hz, size(displacement(point, *channel)))).collect();
+            let places = read.map(|point| (point.frequency_hz, size(point.displacement_m(*channel)))).collect();
             let markers = Series::markers(title, Color::Vermillion, Marker::Triangle, places);
             panel = panel.with_any(markers.marked(6.0, settled));
         }

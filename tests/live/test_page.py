@@ -50,15 +50,16 @@ def test_the_demo_moves_and_its_response_builds_up_on_the_branch(browser, progra
         const { branch, points } = resonarm.data;
         const lines = [...branch.stable, ...branch.unstable].filter((point) => point !== null);
         return points.every((point) => lines.some(([hz, a1]) =>
-            Math.abs(hz - point.frequency_hz) < 2e-3 && Math.abs(a1 / point.amplitude_rad[0] - 1) < 0.05));
+            Math.abs(hz - point.frequency_hz) < 2e-3 && Math.abs(a1 / point.amplitude[0] - 1) < 0.05));
     })()""")
     peak_hz = page.value("resonarm.data.spectrum.peak_hz")
     assert abs(peak_hz - 22.15) < 0.1
-    for canvas in ("#arm", "#lissajous", "#response", "#force canvas", "#acceleration-c canvas", "#spectrum canvas"):
+    plots = ("#structure", "#lissajous", "#response", "#force canvas", "#acceleration-c canvas", "#spectrum canvas")
+    for canvas in plots:
         seen = page.pixels(canvas)
         assert seen["colours"] > 20 and seen["drawn"] > 0.005, (canvas, seen)
     tips = set()
-    tip = "resonarm.views.arm.tip.map(Math.round).join()"
+    tip = "resonarm.views.structure.tip.map(Math.round).join()"
     wait_until(lambda: tips.add(page.value(tip)) or len(tips) > 8, "the arm to move")
     assert re.match(r"load [\d.]+ %, \d+ µs late, 1 viewer, \d+ records? and ", page.text("#timing-numbers"))
     assert page.text("#overruns") == "0 deadlines missed"
@@ -73,8 +74,9 @@ def test_it_works_on_a_phone_in_the_dark_and_by_keyboard(browser, programs, tmp_
     page = open_page(browser, run, dark=True, **PHONE)
     page.until("resonarm.data.times.length > 50")
     assert page.value("document.documentElement.scrollWidth") <= PHONE["width"], "it is wider than the screen"
-    narrow = "[...document.querySelectorAll('section')].every((it) => it.getBoundingClientRect().width > 340)"
-    assert page.value(narrow) and page.value(IN_ORDER)
+    wide = "(it) => it.getBoundingClientRect().width > 340"
+    assert page.value(f"[...document.querySelectorAll('section:not([hidden])')].every({wide})")
+    assert page.value(IN_ORDER)
     assert page.value("getComputedStyle(document.body).backgroundColor") == "rgb(20, 23, 26)"
     # Whatever can be clicked can be reached by Tab, and shows that it is.
     reached = set()
@@ -84,7 +86,7 @@ def test_it_works_on_a_phone_in_the_dark_and_by_keyboard(browser, programs, tmp_
     assert {"disarm", "set-load", "to-scale", "stroboscope", "events"} <= reached, reached
     page.value("document.getElementById('to-scale').focus()")
     page.press(" ")
-    page.until("document.getElementById('arm-scale').textContent === 'to scale'")
+    page.until("document.getElementById('structure-scale').textContent === 'to scale'")
     page.picture(tmp_path / "phone.png")
     assert page.errors == []
 
@@ -215,7 +217,7 @@ def test_set_points_lead_the_force_and_its_response_is_read(browser, programs):
 
 
 # The notes beside the titles of the panels, by panel.
-CLIPPED = ("force", "b", "c", "lissajous", "spectrum", "arm")
+CLIPPED = ("force", "b", "c", "lissajous", "spectrum", "structure")
 # How many pixels of a canvas have the colour of what is wrong, but for what the edge of a line takes of it.
 BAD_PIXELS = """((selector) => {
     const canvas = document.querySelector(selector);
@@ -231,8 +233,8 @@ BAD_PIXELS = """((selector) => {
 AS_AN_EXCITER = """(() => {
     const { rows, rowsClipped, newest, about } = resonarm.data;
     const unknown = rows.map((row) => row.map((number, channel) => (channel < 10 ? number : NaN)));
-    resonarm.views.arm.draw(unknown, rowsClipped, newest, about, 15, { toScale: false, stroboscope: false });
-    return document.getElementById('arm-clipped').textContent;
+    resonarm.views.structure.draw(unknown, rowsClipped, newest, about, 15, { toScale: false, stroboscope: false });
+    return document.getElementById('structure-clipped').textContent;
 })()"""
 
 
@@ -247,7 +249,7 @@ def test_clipped_readings_are_marked_wherever_they_are_shown(browser, programs, 
     page.value("resonarm.ask({ set: { load: 30, frequency_hz: 15, phase_deg: 0 } })")
     # Both axes of C, and so what α2 is computed from.
     assert page.until("resonarm.data.points[0]")["clipped"] == [False, True]
-    page.value("document.querySelector('[name=joint][value=\"1\"]').click()")
+    page.value("document.querySelector('[name=response][value=\"1\"]').click()")
     both = "clipped: C x, C y"
     expected = [["", "", "clipped: x, y", along, both, ""] for along in ("clipped: C x", "clipped: C y")]
     wait_until(lambda: notes() in expected, "the notes beside the titles")

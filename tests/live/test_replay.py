@@ -64,7 +64,7 @@ def test_the_time_bar_works_while_the_recording_is_halted_also_by_keys(browser, 
     assert page.value("document.getElementById('seek').getAttribute('aria-valuetext')") == "0.897 s"
     # What was before is drawn as well, and of the arm the sample that is shown.
     assert page.value("[resonarm.data.times[0], resonarm.data.times.length, resonarm.data.rows.length]") == [0, 89, 898]
-    tips, tip = set(), "[resonarm.data.frames, resonarm.views.arm.tip.join()]"
+    tips, tip = set(), "[resonarm.data.frames, resonarm.views.structure.tip.join()]"
     first, _ = page.value(tip)
     wait_until(lambda: (shown := page.value(tip)) and tips.add(shown[1]) or shown[0] > first + 20, "twenty pictures")
     assert len(tips) == 1

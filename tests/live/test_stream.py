@@ -298,7 +298,8 @@ def check_frames(batches, recording):
 
 def check_arm(updates, recording, about, start_ns):
     """Compares streamed scenes with the recorded states: base, elbow and tip, their vibration as large as stated."""
-    beta, length_m = np.array(about["beta_rad"]), about["lengths_m"]
+    links = about["drawing"]["motion"]["links"]
+    angles, length_m = links["angles_rad"], links["lengths_m"]
     for time_ns, update in updates:
         published(SceneUpdate.DESCRIPTOR, update)
         (entity,) = update["entities"]
@@ -307,7 +308,7 @@ def check_arm(updates, recording, about, start_ns):
         (pair,) = entity["metadata"]
         alpha = float(pair["value"]) * recording.states[round((time_ns - start_ns) / 1e6), :2]
         assert pair["key"] == "magnification" and float(pair["value"]) >= 1
-        first, second = beta[0] + alpha[0], beta.sum() + alpha.sum()
+        first, second = angles[0] + alpha[0], angles[1] + alpha.sum()
         elbow = length_m[0] * np.array([np.cos(first), np.sin(first), 0.0])
         tip = elbow + length_m[1] * np.array([np.cos(second), np.sin(second), 0.0])
         found = np.array([[point[axis] for axis in "xyz"] for point in entity["lines"][0]["points"]])

@@ -183,7 +183,7 @@ def test_viewers_find_every_sample(recorded, tmp_path):
     assert [schemas[topic][0] for topic in logs] == ["foxglove.Log"]
     # The 3D view shows the additions of `--moving-arm`.
     assert [panel["topics"] for name, panel in layout["configById"].items() if name.startswith("3D!")] == [
-        {"/arm": {"visible": True}}
+        {"/arm": {"visible": True}, "/structure": {"visible": True}}
     ]
     panels = re.findall(r'"(\w+!\w+)"', json.dumps(layout["layout"]))
     assert sorted(panels) == sorted(layout["configById"])

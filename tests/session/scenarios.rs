@@ -295,7 +295,7 @@ const STRUCTURES: [&str; 3] = [
      joints = [{ name = 'x', stiffness_nm_rad = 1, damping_nm_s_rad = 1, angle_deg = 1 }]\n\
      links = [{ length_m = 1, mass_kg = 1, centre_of_mass_m = 1, inertia_kg_m2 = 1, angle_deg = 1, \
      stiffness_nm_rad = 1, damping_nm_s_rad = 1 }]",
-    "kind = 'modal'\nnodes = { A = 1 }\npoints = { A = [0, 0, 0] }\ndofs = { A = 1 }\n\
+    "kind = 'modal'\nnodes = { A = 1 }\npoints = { A = [0, 0, 0] }\nlines = [['A', 'A']]\ndofs = { A = 1 }\n\
      matrices = { mass = 'm', damping = 'c', stiffness = 'k', modes = 1 }\n\
      modes = [{ frequency_hz = 1, damping_ratio = 0, shape = { A = 1 } }]",
     "elements = [{ kind = 'contact', joint = 1, at = 'x', between = ['x', 'y'], side = 'negative' }]",

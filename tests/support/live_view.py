@@ -44,11 +44,11 @@ def open_page(browser, program, **size):
     return page
 
 
-def update(content):
-    """A decoded update."""
+def update(content, channels):
+    """A decoded update with rows of so many channels."""
     (length,) = struct.unpack_from("<I", content)
     head = json.loads(content[4 : 4 + length])
-    numbers = np.frombuffer(content, "<f4", offset=-(-(4 + length) // 4) * 4).reshape(-1, 12)
+    numbers = np.frombuffer(content, "<f4", offset=-(-(4 + length) // 4) * 4).reshape(-1, channels)
     extremes, rows = np.split(numbers, [2 * len(head["stretches"])])
     assert len(rows) == head["rows"]
     return {"kind": "update", **head, "least": extremes[::2], "largest": extremes[1::2], "numbers": rows}
@@ -61,6 +61,7 @@ class Viewer:
         # Closed at the latest when the program ends.
         self.socket = connect(url.replace("http:", "ws:") + "live", max_size=None, **OPEN, **options).__enter__()
         self.token = token
+        self.about = None
         self.about = self.next("about")
 
     def next(self, kind, holds=lambda message: True):
@@ -69,7 +70,8 @@ class Viewer:
         while True:
             assert time.monotonic() < end, f"waited {PATIENCE_S} s for {kind}"
             message = self.socket.recv(PATIENCE_S)
-            message = update(message) if isinstance(message, bytes) else json.loads(message)
+            binary = isinstance(message, bytes)
+            message = update(message, len(self.about["channels"])) if binary else json.loads(message)
             if message["kind"] == kind and holds(message):
                 return message
 

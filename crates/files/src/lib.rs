@@ -7,6 +7,7 @@ pub mod cut;
 pub mod dbc;
 pub mod decoder;
 pub mod diff;
+pub mod drawing;
 pub mod drives;
 pub mod export;
 pub mod import;

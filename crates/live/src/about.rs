@@ -2,8 +2,9 @@
 
 use serde::Serialize;
 
-use super::rows;
-use resonarm_dynamics::arm::Arm;
+use super::rows::{self, Shown};
+use super::under_test::{Panels, ResponseAxis, UnderTest};
+use resonarm_files::drawing::Drawing;
 use resonarm_files::scenario::Scenario;
 
 /// A request that a viewer may make, by name.
@@ -31,20 +32,30 @@ pub struct About {
     pub role: &'static str,
     /// The bus or the file.
     pub place: String,
-    /// The arm, in words.
-    pub arm: String,
-    /// Lengths of the links, m.
-    pub lengths_m: [f64; 2],
-    /// Angles of the pose, rad: β1 against the x axis, β2 against link 1.
-    pub beta_rad: [f64; 2],
+    /// The structure under test, in words.
+    pub structure: String,
+    /// What is drawn of it; `None` if nothing says where its points are.
+    pub drawing: Option<Drawing>,
+    /// The points of the exciter, B and C; `None` if they are unknown.
+    pub rig: Option<[String; 3]>,
+    /// Whether an exciter, which knows no coordinates, finds the angles of the links from the accelerations of B and C.
+    pub angles_are_read: bool,
     /// The unit of the load, N or N·m.
     pub unit: &'static str,
     /// Samples a second.
     pub rate_hz: f64,
     /// Frequencies of the modes, Hz.
-    pub modes_hz: [f64; 2],
+    pub modes_hz: Vec<f64>,
     /// Names of a sample's channels.
-    pub channels: [&'static str; 12],
+    pub channels: Vec<&'static str>,
+    /// Which of them the panels plot.
+    pub panels: Panels,
+    /// Which of them are the coordinates.
+    pub coordinates: CoordinateChannels,
+    /// The sizes of the responses that are read.
+    pub responses: Vec<ResponseAxis>,
+    /// Which of them is shown at first.
+    pub response: usize,
     /// Names of the channels that the bits of the clipped readings refer to, the lowest bit first.
     pub clipped_bits: [&'static str; 6],
     /// The requests that the token permits.
@@ -53,6 +64,15 @@ pub struct About {
     pub steering: Option<Steering>,
     /// The first and the last sample, of a recording.
     pub samples: Option<(u64, u64)>,
+}
+
+/// The channels of the coordinates.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize)]
+pub struct CoordinateChannels {
+    /// The place of the first.
+    pub first: usize,
+    /// How many there are.
+    pub count: usize,
 }
 
 /// The limits of a set-point. The page and the server refuse values outside them; the controller accepts all within.
@@ -75,25 +95,25 @@ impl Steering {
 }
 
 impl About {
-    /// For a scenario's arm; permits no requests.
-    pub fn new(role: &'static str, place: String, scenario: &Scenario, arm: &Arm) -> About {
-        let (p, pose) = (arm.parameters(), arm.pose());
+    /// For what is under test in a scenario; permits no requests.
+    pub fn new(role: &'static str, place: String, scenario: &Scenario, under_test: &UnderTest) -> About {
+        let shown = Shown::new(&under_test.table);
         About {
             version: env!("CARGO_PKG_VERSION"),
             role,
             place,
-            arm: format!(
-                "{}, \u{3b2}1 = {}\u{b0}, \u{3b2}2 = {}\u{b0}",
-                scenario.arm.label(),
-                pose.beta1_deg,
-                pose.beta2_deg
-            ),
-            lengths_m: [p.length1_m, p.length2_m],
-            beta_rad: [pose.beta1_deg.to_radians(), pose.beta2_deg.to_radians()],
+            structure: under_test.name.clone(),
+            drawing: under_test.drawing.clone(),
+            rig: under_test.rig(),
+            angles_are_read: under_test.angles_are_read(),
             unit: unit(scenario),
             rate_hz: scenario.simulation.rate_hz,
-            modes_hz: resonarm_analysis::modes(arm).map(|mode| mode.frequency_hz),
-            channels: rows::names(),
+            modes_hz: under_test.modes_hz(),
+            channels: shown.names(),
+            panels: under_test.panels(),
+            coordinates: CoordinateChannels { first: rows::COORDINATES, count: shown.coordinates().len() },
+            responses: under_test.responses(),
+            response: under_test.driven_response(scenario),
             clipped_bits: rows::clipped_bits(),
             actions: Vec::new(),
             steering: None,
@@ -126,7 +146,8 @@ mod tests {
     fn set_points_within_the_limits_are_accepted_and_those_beyond_refused() {
         let (limit, rate_hz) = (61.7, 333.3);
         let scenario = Scenario::default();
-        let mut about = About::new("exciter", String::new(), &scenario, &scenario.build_arm().unwrap());
+        let under_test = UnderTest::new(&scenario, String::from("arm"), Default::default()).unwrap();
+        let mut about = About::new("exciter", String::new(), &scenario, &under_test);
         about.actions = vec![Action::Set];
         about.steering = Some(Steering::new(limit, rate_hz));
         let Steering { load, frequency_hz, phase_deg } = Steering::new(limit, rate_hz);

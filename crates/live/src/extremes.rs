@@ -4,7 +4,7 @@
 use super::rows::{Numbers, Row};
 
 /// A stretch of samples.
-#[derive(Clone, Copy, Debug, PartialEq)]
+#[derive(Clone, Debug, PartialEq)]
 pub struct Stretch {
     /// Index of its first sample.
     pub first: u64,
@@ -48,8 +48,8 @@ impl Extremes {
                 None
             }
             stretch => {
-                let Row { numbers, clipped } = *row;
-                stretch.replace(Stretch { first, least: numbers, largest: numbers, clipped })
+                let Row { numbers, clipped } = row.clone();
+                stretch.replace(Stretch { first, least: numbers.clone(), largest: numbers, clipped })
             }
         }
     }
@@ -67,7 +67,7 @@ mod tests {
     #[test]
     fn no_peak_is_lost() {
         let mut extremes = Extremes::new(10);
-        let row = |value: f32| Row { numbers: [value; 12], clipped: 0 };
+        let row = |value: f32| Row { numbers: [value; 12].into(), clipped: 0 };
         let mut stretches = Vec::new();
         for sample in 3..45_u64 {
             let value = if sample == 27 { 9.0 } else { -(sample as f32) };
@@ -86,7 +86,7 @@ mod tests {
     fn a_stretch_names_the_readings_clipped_in_any_of_its_samples() {
         let mut extremes = Extremes::new(3);
         let clipped = [0, 0b1000, 0b1, 0, 0, 0, 0];
-        let rows = clipped.map(|clipped| Row { clipped, ..Row::UNKNOWN });
+        let rows = clipped.map(|clipped| Row { clipped, ..Row::unknown(12) });
         let stretches = rows.iter().zip(0..).filter_map(|(row, sample)| extremes.push(sample, row));
         let marked: Vec<u32> = stretches.map(|stretch| stretch.clipped).collect();
         assert_eq!(marked, [0b1001, 0]);

@@ -17,20 +17,22 @@ use serde::Deserialize;
 use serde_json::{Value, json};
 
 use super::about::About;
-use super::moving_arm::MovingArm;
-use resonarm_dynamics::arm::Arm;
+use super::moving::Moving;
+use resonarm_bench::structure::Kind;
+use resonarm_files::drawing::Drawing;
 use resonarm_files::export::scene;
 use resonarm_files::recording::channels::Channels;
 use resonarm_files::recording::{
     Batch, Batcher, Event, FrameBatcher, Layout, MessageType, NumberBatch, Numbers, Plot, Plots, Record, SampleRecord,
-    StateRecord, proto,
+    StateRecord, Topic, proto,
 };
 use resonarm_session::run::{self, CommandRecord};
 
 /// Both names of the subprotocol.
 pub const SUBPROTOCOLS: [&str; 2] = ["foxglove.sdk.v1", "foxglove.websocket.v1"];
-/// The channels that may be published; a channel's number is its index here.
-const CHANNELS: [Channel; 9] = [
+/// The channels with messages as in recordings. A channel's number is its place among those published: after these that
+/// of the moving structure.
+const RECORDED: [Channel; 8] = [
     Channel::Recorded(MessageType::State),
     Channel::Recorded(MessageType::Command),
     Channel::Recorded(MessageType::Sensors),
@@ -39,7 +41,6 @@ const CHANNELS: [Channel; 9] = [
     Channel::Recorded(MessageType::TickBatch),
     Channel::Recorded(MessageType::Event),
     Channel::Recorded(MessageType::FrameBatch),
-    Channel::Arm,
 ];
 /// Opcode of a message.
 const MESSAGE_DATA: u8 = 1;
@@ -55,8 +56,8 @@ const PLOT_EVERY: u64 = 10;
 pub enum Channel {
     /// Messages as in recordings.
     Recorded(MessageType),
-    /// The moving arm, as in copies for viewers.
-    Arm,
+    /// The moving arm or structure, as in copies for viewers, under its topic.
+    Scene(&'static str),
 }
 
 impl Channel {
@@ -71,9 +72,9 @@ impl Channel {
                 "schema": STANDARD.encode(of.descriptor(table)),
                 "schemaEncoding": "protobuf",
             }),
-            Channel::Arm => json!({
+            Channel::Scene(topic) => json!({
                 "id": id,
-                "topic": scene::TOPIC,
+                "topic": topic,
                 "encoding": "json",
                 "schemaName": scene::SCHEMA,
                 "schema": scene::schema().to_string(),
@@ -102,15 +103,18 @@ pub struct Stream {
     ticks: Batcher<proto::TickBatch>,
     frames: FrameBatcher,
     plots: Plots,
-    /// `None` where the arm's angles are unknown.
-    arm: Option<MovingArm>,
+    /// `None` where the coordinates are unknown, or the places of the points.
+    moving: Option<Moving>,
+    channels: Vec<Channel>,
     published: Vec<Published>,
 }
 
 impl Stream {
     /// For samples `dt_s` apart, the first at `start_unix_ns`, frames on the bus `interface`, and
-    /// an arm whose angles are known; states and readings consist of the channels of `table`.
-    pub fn new(dt_s: f64, start_unix_ns: u64, interface: &str, arm: Option<Arm>, table: Channels) -> Stream {
+    /// a structure that is drawn if its coordinates are known; states and readings consist of the channels of `table`.
+    pub fn new(dt_s: f64, start_unix_ns: u64, interface: &str, drawing: Option<Drawing>, table: Channels) -> Stream {
+        let moving = drawing.map(Moving::new);
+        let scene = moving.as_ref().map(|moving| Channel::Scene(moving.topic()));
         Stream {
             dt_s,
             start_unix_ns,
@@ -118,7 +122,8 @@ impl Stream {
             readings: numbers(&table, dt_s),
             ticks: Batcher::new(proto::TickBatch::default(), BATCH_ROWS, dt_s),
             frames: FrameBatcher::new(BATCH_ROWS, interface),
-            arm: arm.map(MovingArm::new),
+            moving,
+            channels: RECORDED.into_iter().chain(scene).collect(),
             plots: Plots::new(PLOT_EVERY, &table),
             table,
             published: Vec::new(),
@@ -126,11 +131,8 @@ impl Stream {
     }
 
     /// The channels published.
-    pub fn channels(&self) -> &'static [Channel] {
-        match (&self.arm, CHANNELS.as_slice()) {
-            (None, [recorded @ .., Channel::Arm]) => recorded,
-            (_, all) => all,
-        }
+    pub fn channels(&self) -> &[Channel] {
+        &self.channels
     }
 
     /// Takes a notice of the loop.
@@ -140,7 +142,11 @@ impl Stream {
             run::Notice::Command(CommandRecord { sample, load }) => {
                 if sample.is_multiple_of(PLOT_EVERY) {
                     let (t, f) = (load.torque_nm, load.force_n);
-                    let row = [0.0, 0.0, 0.0, 0.0, t.x, t.y, f.x, f.y];
+                    let mut loads = [t.x, t.y, f.x, f.y].into_iter();
+                    let channels = self.table.of(Topic::States).iter();
+                    let value = |kind| if kind == Kind::Load { loads.next() } else { None };
+                    let row: Vec<f64> =
+                        channels.map(|channel| channel.kind).map(value).map(Option::unwrap_or_default).collect();
                     self.publish_plot(&Plot::new(MessageType::Command, &self.table, *sample, &row, 0));
                 }
             }
@@ -156,7 +162,7 @@ impl Stream {
                     self.take_batches();
                 }
                 self.states.append(state);
-                self.arm.iter_mut().for_each(|arm| arm.state(state));
+                self.moving.iter_mut().for_each(|moving| moving.state(state));
                 self.plots.state(state);
                 self.publish_plots();
             }
@@ -192,9 +198,9 @@ impl Stream {
         self.take_batches();
         let start_and_dt = (self.start_unix_ns, self.dt_s);
         if let Some((sample, scene)) =
-            self.arm.as_mut().and_then(|arm| arm.take(|sample| time_ns(start_and_dt, sample)))
+            self.moving.as_mut().and_then(|moving| moving.take(|sample| time_ns(start_and_dt, sample)))
         {
-            self.push(Channel::Arm, sample, scene.to_string().into_bytes());
+            self.push(RECORDED.len(), sample, scene.to_string().into_bytes());
         }
         core::mem::take(&mut self.published)
     }
@@ -225,11 +231,11 @@ impl Stream {
     }
 
     fn publish(&mut self, message_type: MessageType, sample: u64, message: &impl prost::Message) {
-        self.push(Channel::Recorded(message_type), sample, message.encode_to_vec());
+        let Some(channel) = RECORDED.iter().position(|of| *of == Channel::Recorded(message_type)) else { return };
+        self.push(channel, sample, message.encode_to_vec());
     }
 
-    fn push(&mut self, channel: Channel, sample: u64, bytes: Vec<u8>) {
-        let Some(channel) = CHANNELS.iter().position(|of| *of == channel) else { return };
+    fn push(&mut self, channel: usize, sample: u64, bytes: Vec<u8>) {
         let time_ns = time_ns((self.start_unix_ns, self.dt_s), sample);
         self.published.push(Published { channel: channel as u32, time_ns, bytes: Bytes::from(bytes) });
     }
@@ -252,7 +258,7 @@ pub fn introduction(about: &About, channels: &[Channel], table: &Channels, sessi
         "name": format!("resonarm {} ({}, {})", about.version, about.role, about.place),
         "capabilities": [],
         "supportedEncodings": ["protobuf"],
-        "metadata": { "arm": about.arm, "rate_hz": about.rate_hz.to_string() },
+        "metadata": { "structure": about.structure, "rate_hz": about.rate_hz.to_string() },
         "sessionId": session,
     });
     let channels: Vec<Value> = channels.iter().enumerate().map(|(id, channel)| channel.advertised(id, table)).collect();
@@ -289,13 +295,14 @@ const SUBSCRIPTIONS: usize = 64;
 /// A client's subscriptions: its own numbers, and the channels.
 #[derive(Debug)]
 pub struct Subscriptions {
-    channels: &'static [Channel],
+    /// How many channels there are.
+    channels: usize,
     subscribed: BTreeMap<u32, u32>,
 }
 
 impl Subscriptions {
-    /// None yet, of these channels.
-    pub fn new(channels: &'static [Channel]) -> Subscriptions {
+    /// None yet, of so many channels.
+    pub fn new(channels: usize) -> Subscriptions {
         Subscriptions { channels, subscribed: BTreeMap::new() }
     }
 
@@ -315,7 +322,7 @@ impl Subscriptions {
     }
 
     fn subscribe(&mut self, Subscription { id, channel_id }: Subscription) -> Result<(), String> {
-        if channel_id as usize >= self.channels.len() {
+        if channel_id as usize >= self.channels {
             return Err(format!("there is no channel {channel_id}"));
         }
         if self.subscribed.len() >= SUBSCRIPTIONS && !self.subscribed.contains_key(&id) {
@@ -358,7 +365,7 @@ mod tests {
     #[test]
     fn frames_are_sent_as_recorded() {
         let mut stream = Stream::new(1e-3, 0, "vcan0", None, Channels::default());
-        assert_eq!(stream.channels().len(), CHANNELS.len() - 1);
+        assert_eq!(stream.channels(), RECORDED);
         stream.record(&frame(3, Direction::Received, 0x203));
         stream.record(&frame(4, Direction::Sent, 0x205));
         // An exciter counts from each arming.
@@ -376,9 +383,9 @@ mod tests {
 
     #[test]
     fn the_arm_is_sent_once_an_update_as_in_copies_for_viewers() {
-        let mut stream =
-            Stream::new(1e-3, 1_000, "none", Some(Scenario::default().build_arm().unwrap()), Channels::default());
-        assert_eq!(stream.channels(), CHANNELS);
+        let drawing = Drawing::of(&Scenario::default()).unwrap();
+        let mut stream = Stream::new(1e-3, 1_000, "none", drawing, Channels::default());
+        assert_eq!(stream.channels()[RECORDED.len()..], [Channel::Scene("/arm")]);
         let zero = [0.0; 2];
         for sample in 5..8 {
             let (alpha_rad, alpha_dot_rad_s) = ([1e-3, 0.0], zero);
@@ -403,7 +410,7 @@ mod tests {
     #[test]
     fn subscribers_get_frames_and_nonsense_is_answered() {
         let mut stream = Stream::new(1e-3, 1_000, "vcan0", None, Channels::default());
-        let mut subscriptions = Subscriptions::new(stream.channels());
+        let mut subscriptions = Subscriptions::new(stream.channels().len());
         let subscribe = r#"{"op":"subscribe","subscriptions":[{"id":7,"channelId":5},{"id":8,"channelId":99}]}"#;
         let Some(Message::Text(refused)) = subscriptions.receive(subscribe) else { panic!("nothing refused") };
         assert_eq!(refused.as_str(), r#"{"level":2,"message":"there is no channel 99","op":"status"}"#);

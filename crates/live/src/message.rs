@@ -71,27 +71,27 @@ pub struct EventLine {
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct ReadPoint {
     pub frequency_hz: f64,
-    /// The largest |α1| and |α2|.
-    pub amplitude_rad: [f64; 2],
+    /// Its sizes, by the `responses` of [`About`].
+    pub amplitude: Vec<f64>,
     /// Amplitude of the load, N or N·m.
     pub load: f64,
     /// Lag of the response behind the load in a closed loop.
     pub lag_deg: Option<f64>,
     pub settled: bool,
-    /// Whether α1 and α2 were computed from clipped readings.
-    pub clipped: [bool; 2],
+    /// Whether each size was computed from clipped readings.
+    pub clipped: Vec<bool>,
 }
 
-/// A branch of computed motions: lists of frequency, Hz, and the largest |α1| and |α2|, rad; `None` between two
-/// stretches.
+/// A branch of computed motions: lists of frequency, Hz, and the sizes of the motion, by the `responses` of [`About`];
+/// `None` between two stretches.
 #[derive(Clone, Debug, Default, PartialEq, Serialize)]
 pub struct BranchLines {
     /// Stable motions; `None` separates stretches.
-    pub stable: Vec<Option<[f64; 3]>>,
+    pub stable: Vec<Option<Vec<f64>>>,
     /// Unstable ones.
-    pub unstable: Vec<Option<[f64; 3]>>,
+    pub unstable: Vec<Option<Vec<f64>>>,
     /// Folds.
-    pub folds: Vec<[f64; 3]>,
+    pub folds: Vec<Vec<f64>>,
 }
 
 /// Amplitude spectra.
@@ -179,7 +179,8 @@ pub struct UpdateHead {
 /// The bytes of an update.
 pub fn update(head: &UpdateHead, stretches: &[Stretch], rows: &[Row]) -> serde_json::Result<Vec<u8>> {
     let json = serde_json::to_vec(head)?;
-    let mut bytes = Vec::with_capacity(8 + json.len() + 48 * (2 * stretches.len() + rows.len()));
+    let row_bytes = rows.first().map_or(0, |row| size_of_val(&*row.numbers));
+    let mut bytes = Vec::with_capacity(8 + json.len() + row_bytes * (2 * stretches.len() + rows.len()));
     bytes.extend_from_slice(&(json.len() as u32).to_le_bytes());
     bytes.extend_from_slice(&json);
     bytes.resize(bytes.len().next_multiple_of(4), 0);

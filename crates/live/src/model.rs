@@ -12,10 +12,10 @@ use super::message::{
     UpdateHead, update,
 };
 use super::missed::Missed;
-use super::rows::{Row, Rows, clipped_bit};
+use super::rows::{ACCELERATION_C, FORCE, HEAD, Row, Rows, Shown, TORQUE, clipped_bit};
 use super::spectrum::Spectrum;
-use resonarm_bench::control::{JointAngles, ResponsePoint, SetPoint};
-use resonarm_dynamics::arm::Arm;
+use super::under_test::{Sizes, UnderTest};
+use resonarm_bench::control::{ResponsePoint, SetPoint};
 use resonarm_files::recording::{Event, Record, RecordedFault, TickRecord};
 use resonarm_session::run::{self, CommandRecord};
 
@@ -35,7 +35,7 @@ const LINES_KEPT: usize = 500;
 /// The state of the run.
 pub struct Model {
     about: About,
-    arm: Arm,
+    under_test: UnderTest,
     rows: Rows,
     extremes: Extremes,
     kept: VecDeque<Stretch>,
@@ -75,10 +75,10 @@ struct Ticks {
 
 impl Model {
     /// Of a run without data so far.
-    pub fn new(about: About, arm: Arm) -> Model {
+    pub fn new(about: About, under_test: UnderTest) -> Model {
         let width = (about.rate_hz / STRETCHES_HZ) as u64;
         Model {
-            rows: Rows::default(),
+            rows: Rows::new(Shown::new(&under_test.table)),
             extremes: Extremes::new(width),
             kept: VecDeque::new(),
             new: Vec::new(),
@@ -87,7 +87,7 @@ impl Model {
             newest: None,
             is_new: false,
             shown: None,
-            spectrum: Spectrum::new(about.rate_hz),
+            spectrum: Spectrum::new(about.rate_hz, about.modes_hz.last().copied()),
             status: NodeStatus { state: "unknown", fault: None },
             events: VecDeque::new(),
             responses: VecDeque::new(),
@@ -99,7 +99,7 @@ impl Model {
             has_ended: false,
             outgoing: Vec::new(),
             about,
-            arm,
+            under_test,
         }
     }
 
@@ -160,14 +160,14 @@ impl Model {
 
     /// Takes a response that was read.
     pub fn response(&mut self, point: &ResponsePoint) {
-        let angles = JointAngles::of(point, &self.arm);
+        let Sizes { amplitude, clipped } = self.under_test.sizes(point);
         let read = ReadPoint {
             frequency_hz: point.frequency_hz,
-            amplitude_rad: angles.amplitude_rad,
+            amplitude,
             load: point.load,
             lag_deg: point.lag_rad.map(f64::to_degrees),
             settled: point.settled,
-            clipped: angles.clipped,
+            clipped,
         };
         self.send(&PageMessage::Response(&read));
         keep(&mut self.responses, read);
@@ -189,7 +189,7 @@ impl Model {
 
     /// Drops everything but the branch: another series begins.
     pub fn restart(&mut self) {
-        self.rows = Rows::default();
+        self.rows.restart();
         self.newest = None;
         self.forget();
         self.kept.clear();
@@ -243,7 +243,7 @@ impl Model {
             }
             self.newest = Some(sample);
             if let Some(stretch) = self.extremes.push(sample, &row) {
-                self.new.push(stretch);
+                self.new.push(stretch.clone());
                 self.kept.push_back(stretch);
             }
             self.recent.push_back(row);
@@ -270,7 +270,7 @@ impl Model {
     pub fn take(&mut self, lost: u64, lost_updates: u64, viewers: usize) -> Vec<Message> {
         self.gather();
         let stretches = core::mem::take(&mut self.new);
-        let rows: Vec<Row> = self.recent.iter().skip(self.recent.len() - self.unsent).copied().collect();
+        let rows: Vec<Row> = self.recent.iter().skip(self.recent.len() - self.unsent).cloned().collect();
         self.unsent = 0;
         let timing = self.ticks.take(self.about.rate_hz);
         let head = UpdateHead { timing, lost, lost_updates, viewers, ..self.head(&stretches, &rows) };
@@ -309,9 +309,10 @@ impl Model {
         let recent = || self.recent.iter().skip(skipped);
         let of = |place: usize| self.spectrum.amplitudes(recent().map(|row| row.numbers[place]));
         let has = |place: usize| recent().map(|row| row.numbers[place]).any(|value| value != 0.0 && !value.is_nan());
-        let force = [4, 2, 0].into_iter().find(|place| has(*place) || has(*place + 1)).unwrap_or(4);
-        let shown = [force, force + 1, 8, 9].into_iter().filter_map(clipped_bit).sum::<u32>();
-        let (force, acceleration_c) = ([of(force), of(force + 1)], [of(8), of(9)]);
+        let force = [HEAD, FORCE, TORQUE].into_iter().find(|place| has(*place) || has(*place + 1)).unwrap_or(HEAD);
+        let [c_x, c_y] = [ACCELERATION_C, ACCELERATION_C + 1];
+        let shown = [force, force + 1, c_x, c_y].into_iter().filter_map(clipped_bit).sum::<u32>();
+        let (force, acceleration_c) = ([of(force), of(force + 1)], [of(c_x), of(c_y)]);
         let [x, y] = &acceleration_c;
         let both: Vec<f32> = x.iter().zip(y).map(|(x, y)| x.hypot(*y)).collect();
         let peak_hz = self.spectrum.peak_hz(&both);
@@ -333,8 +334,8 @@ impl Model {
             .chain(self.responses.iter().map(PageMessage::Response));
         let messages = messages.chain(self.has_ended.then_some(PageMessage::Ended));
         let mut messages: Vec<Message> = messages.filter_map(|message| text(&message)).collect();
-        let stretches: Vec<Stretch> = self.kept.iter().copied().collect();
-        let rows: Vec<Row> = self.recent.iter().copied().collect();
+        let stretches: Vec<Stretch> = self.kept.iter().cloned().collect();
+        let rows: Vec<Row> = self.recent.iter().cloned().collect();
         messages.extend(binary(&UpdateHead { lost, ..self.head(&stretches, &rows) }, &stretches, &rows));
         messages
     }

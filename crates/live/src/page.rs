@@ -13,11 +13,12 @@ const JAVASCRIPT: &str = "text/javascript; charset=utf-8";
 const CSS: &str = "text/css; charset=utf-8";
 
 /// Path, type and content of each file.
-const FILES: [(&str, &str, &str); 11] = [
+const FILES: [(&str, &str, &str); 12] = [
     ("/icon.svg", "image/svg+xml", include_str!("page/icon.svg")),
     ("/page.css", CSS, include_str!("page/page.css")),
     ("/page.js", JAVASCRIPT, include_str!("page/page.js")),
-    ("/arm.js", JAVASCRIPT, include_str!("page/arm.js")),
+    ("/structure.js", JAVASCRIPT, include_str!("page/structure.js")),
+    ("/drawing.js", JAVASCRIPT, include_str!("page/drawing.js")),
     ("/plots.js", JAVASCRIPT, include_str!("page/plots.js")),
     ("/clipped.js", JAVASCRIPT, include_str!("page/clipped.js")),
     ("/canvas.js", JAVASCRIPT, include_str!("page/canvas.js")),

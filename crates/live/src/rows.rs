@@ -2,32 +2,76 @@
 
 use std::collections::VecDeque;
 
-use resonarm_bench::structure::{self, Channel, Kind, STATES};
+use super::under_test::{Plotted, label};
+use resonarm_bench::structure::{self, Channel, Kind, LOADS, OUTPUTS, Quantity};
 use resonarm_dynamics::arm::Load;
-use resonarm_files::recording::{SampleRecord, StateRecord};
+use resonarm_files::recording::channels::Channels;
+use resonarm_files::recording::{SampleRecord, StateRecord, Topic};
 
-/// What the numbers of a sample are, in their order: load, readings of the head, accelerations, angles.
-const SHOWN: [&Channel; 12] = {
-    let (state, reading) = (&STATES, &structure::READINGS);
-    [
-        &state[4],
-        &state[5],
-        &state[6],
-        &state[7],
-        &reading[4],
-        &reading[5],
-        &reading[0],
-        &reading[1],
-        &reading[2],
-        &reading[3],
-        &state[0],
-        &state[1],
-    ]
-};
+/// The first of two numbers each: the load's torques and its force, the force in the head, the accelerations.
+pub const TORQUE: usize = 0;
+pub const FORCE: usize = 2;
+pub const HEAD: usize = 4;
+pub const ACCELERATION_B: usize = 6;
+pub const ACCELERATION_C: usize = 8;
+/// The first coordinate.
+pub const COORDINATES: usize = LOADS.len() + OUTPUTS.len();
 
-/// The names of the numbers of a sample.
-pub fn names() -> [&'static str; SHOWN.len()] {
-    SHOWN.map(|channel| channel.name)
+/// What the numbers of a sample are, in their order: load, readings of the head, accelerations, coordinates, states of
+/// elements.
+#[derive(Clone, Debug)]
+pub struct Shown {
+    channels: Vec<Channel>,
+    /// How many coordinates there are.
+    coordinates: usize,
+    /// The places of the elements' states among what belongs to devices and elements.
+    internal: Vec<usize>,
+}
+
+impl Shown {
+    /// Of states and readings of these channels.
+    pub fn new(table: &Channels) -> Shown {
+        Shown::of(table.of(Topic::States))
+    }
+
+    fn of(states: &[Channel]) -> Shown {
+        let states = || states.iter();
+        let moving = || states().filter(|channel| channel.kind == Kind::State);
+        let coordinates = moving().count() / 2;
+        let is_shown = |channel: &Channel| {
+            matches!(channel.point, structure::Point::Element(_))
+                && matches!(channel.quantity, Quantity::Angle | Quantity::Length)
+        };
+        let internal = states().filter(|channel| channel.kind == Kind::Internal).enumerate();
+        let (internal, elements): (Vec<usize>, Vec<Channel>) =
+            internal.filter(|(_, channel)| is_shown(channel)).map(|(place, channel)| (place, *channel)).unzip();
+        let channels = LOADS.into_iter().chain(OUTPUTS).chain(moving().take(coordinates).copied()).chain(elements);
+        Shown { channels: channels.collect(), coordinates, internal }
+    }
+
+    /// The names of the numbers.
+    pub fn names(&self) -> Vec<&'static str> {
+        self.channels.iter().map(|channel| channel.name).collect()
+    }
+
+    /// A number for a panel.
+    pub fn plotted(&self, channel: usize, label: String) -> Plotted {
+        Plotted { channel, label, unit: self.channels.get(channel).map_or("", |channel| channel.quantity.unit()) }
+    }
+
+    /// The coordinates for panels.
+    pub fn coordinates(&self) -> Vec<Plotted> {
+        self.labelled(COORDINATES..COORDINATES + self.coordinates)
+    }
+
+    /// The states of elements for panels.
+    pub fn elements(&self) -> Vec<Plotted> {
+        self.labelled(COORDINATES + self.coordinates..self.channels.len())
+    }
+
+    fn labelled(&self, places: core::ops::Range<usize>) -> Vec<Plotted> {
+        places.map(|place| self.plotted(place, label(self.channels[place].point))).collect()
+    }
 }
 
 /// What the bits that mark clipped readings stand for, the lowest first.
@@ -36,10 +80,10 @@ pub fn clipped_bits() -> [&'static str; structure::READINGS.len()] {
 }
 
 /// The numbers of a sample; NaN where nothing is known.
-pub type Numbers = [f32; SHOWN.len()];
+pub type Numbers = Box<[f32]>;
 
 /// The known values of a sample.
-#[derive(Clone, Copy, Debug, PartialEq)]
+#[derive(Clone, Debug, PartialEq)]
 pub struct Row {
     pub numbers: Numbers,
     /// Which readings were beyond the range of their sensor, by [`clipped_bits`].
@@ -47,13 +91,15 @@ pub struct Row {
 }
 
 impl Row {
-    /// A sample without any known value, and so without clipped readings.
-    pub const UNKNOWN: Row = Row { numbers: [f32::NAN; SHOWN.len()], clipped: 0 };
+    /// A sample without any known value of `count`, and so without clipped readings.
+    pub fn unknown(count: usize) -> Row {
+        Row { numbers: vec![f32::NAN; count].into(), clipped: 0 }
+    }
 }
 
 /// The bit for this number of a row among the clipped readings, if it is a reading.
 pub fn clipped_bit(channel: usize) -> Option<u32> {
-    match SHOWN.get(channel)?.kind {
+    match OUTPUTS.get(channel.checked_sub(LOADS.len())?)?.kind {
         Kind::Reading { clip_bit } => Some(1 << clip_bit),
         _ => None,
     }
@@ -65,7 +111,7 @@ const LONGEST_WAIT: usize = 2048;
 const LOAD: u8 = 1;
 const READINGS: u8 = 2;
 
-#[derive(Clone, Copy, Debug)]
+#[derive(Clone, Debug)]
 struct Pending {
     sample: u64,
     row: Row,
@@ -73,8 +119,9 @@ struct Pending {
 }
 
 /// Incomplete rows: load and state of a sample come apart from its readings.
-#[derive(Debug, Default)]
+#[derive(Debug)]
 pub struct Rows {
+    shown: Shown,
     pending: VecDeque<Pending>,
     /// The sample after the last handed out.
     next: u64,
@@ -84,23 +131,41 @@ pub struct Rows {
 }
 
 impl Rows {
+    /// None yet.
+    pub fn new(shown: Shown) -> Rows {
+        Rows { shown, pending: VecDeque::new(), next: 0, settled: 0, restarted: false }
+    }
+
+    /// Drops all.
+    pub fn restart(&mut self) {
+        *self = Rows::new(self.shown.clone());
+    }
+
     /// Takes a state with its load. The load at the end of a run is meaningless.
     pub fn state(&mut self, record: &StateRecord) {
-        let ([t1, t2], [fx, fy], [a1, a2]) = (record.torque_nm, record.force_n, record.alpha_rad());
+        let ([t1, t2], [fx, fy]) = (record.torque_nm, record.force_n);
         let load = if record.is_end { [f64::NAN; 4] } else { [t1, t2, fx, fy] };
-        self.put(record.sample, LOAD, &[(0, &load), (10, &[a1, a2])]);
+        let elements = COORDINATES + self.shown.coordinates;
+        let internal = record.states.internal();
+        let of_elements = self.shown.internal.iter().map(|place| internal.get(*place).copied().unwrap_or(f64::NAN));
+        let of_elements: Vec<f64> = of_elements.collect();
+        let places = [(TORQUE, &load[..]), (COORDINATES, record.states.coordinates()), (elements, &of_elements)];
+        self.put(record.sample, LOAD, &places);
     }
 
     /// Takes the load that an exciter commands.
     pub fn command(&mut self, sample: u64, load: &Load) {
         let (t, f) = (load.torque_nm, load.force_n);
-        self.put(sample, LOAD, &[(0, &[t.x, t.y, f.x, f.y])]);
+        self.put(sample, LOAD, &[(TORQUE, &[t.x, t.y, f.x, f.y])]);
     }
 
     /// Takes the readings of a sample.
     pub fn readings(&mut self, record: &SampleRecord) {
-        let places: [(usize, &[f64]); 3] =
-            [(4, &record.head_force_n), (6, &record.acceleration_b_m_s2), (8, &record.acceleration_c_m_s2)];
+        let places: [(usize, &[f64]); 3] = [
+            (HEAD, &record.head_force_n),
+            (ACCELERATION_B, &record.acceleration_b_m_s2),
+            (ACCELERATION_C, &record.acceleration_c_m_s2),
+        ];
         if let Some(row) = self.put(record.sample, READINGS, &places) {
             row.clipped = record.clipped.bits();
         }
@@ -109,11 +174,12 @@ impl Rows {
     /// Writes numbers into the row of a sample. A sample before those returned begins another series.
     fn put(&mut self, sample: u64, known: u8, places: &[(usize, &[f64])]) -> Option<&mut Row> {
         if sample < self.next {
-            *self = Rows { pending: VecDeque::new(), next: sample, settled: 0, restarted: true };
+            self.restart();
+            (self.next, self.restarted) = (sample, true);
         }
         let at = self.pending.partition_point(|pending| pending.sample < sample);
         if self.pending.get(at).is_none_or(|pending| pending.sample != sample) {
-            self.pending.insert(at, Pending { sample, row: Row::UNKNOWN, known: 0 });
+            self.pending.insert(at, Pending { sample, row: Row::unknown(self.shown.channels.len()), known: 0 });
         }
         let pending = self.pending.get_mut(at)?;
         pending.known |= known;
@@ -133,8 +199,8 @@ impl Rows {
     pub fn pop(&mut self) -> Option<(u64, Row)> {
         let is_due = self.pending.len() > LONGEST_WAIT;
         let is_over = |first: &Pending| is_due || first.sample < self.settled || first.known == LOAD | READINGS;
-        let first = *self.pending.front().filter(|first| is_over(first))?;
-        self.pending.pop_front();
+        self.pending.front().filter(|first| is_over(first))?;
+        let first = self.pending.pop_front()?;
         self.next = first.sample + 1;
         Some((first.sample, first.row))
     }
@@ -150,6 +216,10 @@ mod tests {
     use super::*;
     use resonarm_files::recording::Clipped;
 
+    fn rows() -> Rows {
+        Rows::new(Shown::new(&Channels::arm(true)))
+    }
+
     fn readings(sample: u64) -> SampleRecord {
         let pair = [sample as f64, -1.0];
         let (acceleration_b_m_s2, acceleration_c_m_s2, head_force_n) = (pair, pair, pair);
@@ -158,7 +228,7 @@ mod tests {
 
     #[test]
     fn halves_are_combined_in_any_order() {
-        let mut rows = Rows::default();
+        let mut rows = rows();
         rows.readings(&readings(0));
         rows.readings(&readings(1));
         assert_eq!(rows.pop(), None);
@@ -172,9 +242,25 @@ mod tests {
         assert_eq!((sample, &row.numbers[2..6]), (1, &[2.0, 3.0, 1.0, -1.0][..]));
     }
 
+    /// Of two modes with two elements, the first without a state: coordinates, then the state; branches are left out.
+    #[test]
+    fn rows_have_coordinates_and_states_of_elements() {
+        use resonarm_bench::structure::{Coordinates, States, branch_channel, coordinate_channels, element_channel};
+        let mut states = coordinate_channels(Coordinates::Modes, 2);
+        states.extend(element_channel(1, false));
+        states.extend([0, 1].into_iter().filter_map(branch_channel));
+        let mut rows = Rows::new(Shown::of(&states));
+        assert_eq!(rows.shown.names()[COORDINATES..], ["q1_m_sqrt_kg", "q2_m_sqrt_kg", "element2_m"]);
+        let states = States::new(&[1.0, 2.0, 3.0, 4.0], &[5.0, 1.0, -1.0]).unwrap();
+        rows.state(&StateRecord { sample: 0, states, torque_nm: [0.0; 2], force_n: [6.0, 7.0], is_end: false });
+        rows.readings(&readings(0));
+        let (_, row) = rows.pop().unwrap();
+        assert_eq!((&row.numbers[FORCE..HEAD], &row.numbers[COORDINATES..]), (&[6.0, 7.0][..], &[1.0, 2.0, 5.0][..]));
+    }
+
     #[test]
     fn clipped_readings_are_marked_by_their_bits() {
-        let mut rows = Rows::default();
+        let mut rows = rows();
         let [mut clipped, none] = [0, 1].map(readings);
         clipped.clipped = Clipped { acceleration_c: [false, true], head_force: [true, false], ..Clipped::NONE };
         for record in [clipped, none] {
@@ -189,7 +275,7 @@ mod tests {
 
     #[test]
     fn half_a_row_is_returned_in_the_end_and_an_earlier_sample_starts_over() {
-        let mut rows = Rows::default();
+        let mut rows = rows();
         (0..=LONGEST_WAIT as u64).for_each(|sample| rows.readings(&readings(sample)));
         assert_eq!(rows.pop().map(|(sample, _)| sample), Some(0));
         assert_eq!(rows.pop(), None);

@@ -23,7 +23,7 @@ use super::foxglove::{self, Channel, Published, Stream};
 use super::model::Model;
 use super::source::Source;
 use super::{LiveError, page, viewer};
-use resonarm_dynamics::arm::Arm;
+use resonarm_files::drawing::Drawing;
 use resonarm_files::recording::channels::Channels;
 
 /// Interval between updates: thirty a second.
@@ -64,8 +64,8 @@ pub struct Shown {
     pub start_unix_ns: u64,
     /// The name of the bus in recordings.
     pub interface: String,
-    /// The arm, if its angles are known.
-    pub arm: Option<Arm>,
+    /// What is drawn for 3D views: nothing where the coordinates are unknown.
+    pub drawing: Option<Drawing>,
     /// What its states and readings consist of.
     pub table: Channels,
 }
@@ -90,7 +90,7 @@ pub struct Shared {
     pub viewers: AtomicUsize,
     pub session: String,
     /// The channels published for Foxglove.
-    pub channels: &'static [Channel],
+    pub channels: Vec<Channel>,
     pub table: Channels,
     origins: Origins,
 }
@@ -108,7 +108,7 @@ pub fn serve(options: &Options, shown: Shown) -> Result<Live, LiveError> {
     let runtime = tokio::runtime::Builder::new_current_thread().enable_all().build().map_err(LiveError::Thread)?;
     let branches = shown.compute.map(Branches::start).transpose()?;
     let dt_s = 1.0 / shown.model.about().rate_hz;
-    let stream = Stream::new(dt_s, shown.start_unix_ns, &shown.interface, shown.arm, shown.table.clone());
+    let stream = Stream::new(dt_s, shown.start_unix_ns, &shown.interface, shown.drawing, shown.table.clone());
     let shared = Arc::new(Shared {
         model: Mutex::new(shown.model),
         source: Mutex::new(shown.source),
@@ -118,7 +118,7 @@ pub fn serve(options: &Options, shown: Shown) -> Result<Live, LiveError> {
         lost_updates: AtomicU64::new(0),
         viewers: AtomicUsize::new(0),
         session: shown.start_unix_ns.to_string(),
-        channels: stream.channels(),
+        channels: stream.channels().to_vec(),
         table: shown.table,
         origins: options.origins.clone(),
     });

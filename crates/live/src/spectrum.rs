@@ -14,8 +14,10 @@ use resonarm_numeric::dft::Fft;
 const LEAST_S: f64 = 1.5;
 /// Most samples in a spectrum.
 const MOST: usize = 1 << 13;
-/// Highest frequency shown, Hz: the arm's frequencies, with a few harmonics.
+/// Highest frequency shown at least, Hz: the arm's frequencies, with a few harmonics.
 const SHOWN_HZ: f64 = 125.0;
+/// Highest frequency shown at least, over that of the highest mode.
+const OVER_MODES: f64 = 1.25;
 
 /// Computes spectra of one length.
 #[derive(Debug)]
@@ -23,15 +25,17 @@ pub struct Spectrum {
     fft: Fft,
     window: Vec<f64>,
     line_hz: f64,
+    shown_hz: f64,
 }
 
 impl Spectrum {
-    /// For samples at `rate_hz`.
-    pub fn new(rate_hz: f64) -> Spectrum {
+    /// For samples at `rate_hz` of a structure whose highest mode, if it is known, is at `highest_hz`.
+    pub fn new(rate_hz: f64, highest_hz: Option<f64>) -> Spectrum {
         let fft = Fft::at_least(((LEAST_S * rate_hz) as usize).clamp(64, MOST));
         let n = fft.length();
         let window = (0..n).map(|k| 0.5 * (1.0 - libm::cos(TAU * k as f64 / n as f64))).collect();
-        Spectrum { line_hz: rate_hz / n as f64, fft, window }
+        let shown_hz = highest_hz.map_or(SHOWN_HZ, |hz| SHOWN_HZ.max(OVER_MODES * hz));
+        Spectrum { line_hz: rate_hz / n as f64, fft, window, shown_hz }
     }
 
     /// Samples in a spectrum.
@@ -44,7 +48,7 @@ impl Spectrum {
         self.line_hz
     }
 
-    /// Amplitudes of the lines from 0 to 125 Hz, without the mean. There must be as many `samples` as
+    /// Amplitudes of the lines from 0 to 125 Hz, or beyond the modes, without the mean. There must be as many `samples` as
     /// [`Spectrum::length`] returns; unknown ones count as 0.
     pub fn amplitudes(&self, samples: impl Iterator<Item = f32>) -> Vec<f32> {
         let known = |value: f32| if value.is_finite() { f64::from(value) } else { 0.0 };
@@ -55,7 +59,7 @@ impl Spectrum {
         let mut values: Vec<Complex<f64>> = windowed.collect();
         self.fft.forward(&mut values);
         let scale = 2.0 / self.window.iter().sum::<f64>();
-        let lines = ((SHOWN_HZ / self.line_hz) as usize).min(values.len() / 2);
+        let lines = ((self.shown_hz / self.line_hz) as usize).min(values.len() / 2);
         values.iter().take(lines).map(|value| (scale * libm::hypot(value.re, value.im)) as f32).collect()
     }
 
@@ -79,7 +83,7 @@ mod tests {
 
     #[test]
     fn a_sine_has_its_amplitude_and_its_frequency() {
-        let spectrum = Spectrum::new(1000.0);
+        let spectrum = Spectrum::new(1000.0, None);
         for frequency_hz in [10.0, 22.16, 57.3] {
             let sine = |n: usize| (3.0 + 2.5 * libm::sin(TAU * frequency_hz * n as f64 / 1000.0)) as f32;
             let lines = spectrum.amplitudes((0..spectrum.length()).map(sine));
@@ -88,6 +92,9 @@ mod tests {
             let peak_hz = spectrum.peak_hz(&lines).unwrap();
             assert!((peak_hz - frequency_hz).abs() < 0.02, "{frequency_hz}: {peak_hz}");
         }
+        let beyond = Spectrum::new(2000.0, Some(388.0));
+        let count = beyond.amplitudes(core::iter::repeat_n(0.0, beyond.length())).len();
+        assert_eq!(count, (485.0 / beyond.line_hz()) as usize);
         assert_eq!(spectrum.peak_hz(&spectrum.amplitudes(core::iter::repeat_n(f32::NAN, 2048))), None);
     }
 }

@@ -138,9 +138,9 @@ fn refuse(why: &str, nonsense: &mut u32) -> Option<Message> {
 pub async fn stream(mut socket: WebSocket, counted: Counted) {
     let shared = &counted.shared;
     let introduction =
-        foxglove::introduction(lock(&shared.model).about(), shared.channels, &shared.table, &shared.session);
+        foxglove::introduction(lock(&shared.model).about(), &shared.channels, &shared.table, &shared.session);
     let mut published = shared.published.subscribe();
-    let (mut subscriptions, mut nonsense) = (Subscriptions::new(shared.channels), 0);
+    let (mut subscriptions, mut nonsense) = (Subscriptions::new(shared.channels.len()), 0);
     if send(&mut socket, introduction).await.is_err() {
         return;
     }

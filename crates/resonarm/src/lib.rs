@@ -63,7 +63,7 @@ pub use resonarm_bench::{control, excitation, identify, node, plant, rig};
 pub use resonarm_conformance as conformance;
 pub use resonarm_dynamics::{arm, integrate};
 pub use resonarm_files::{
-    can_log, cut, dbc, decoder, diff, export, import, recording, scenario, statistics, toml_error,
+    can_log, cut, dbc, decoder, diff, drawing, export, import, recording, scenario, statistics, toml_error,
 };
 pub use resonarm_protocol as protocol;
 pub use resonarm_realtime as realtime;

@@ -96,6 +96,13 @@ impl ResponsePoint {
         }
     }
 
+    /// The fundamental of the displacement of an accelerometer along an axis, by its channel, B x, y from 2 on and C x, y
+    /// from 4 on: −a/Ω² of the acceleration a, m.
+    pub fn displacement_m(&self, channel: usize) -> Phasor {
+        let omega_rad_s = core::f64::consts::TAU * self.frequency_hz;
+        self.harmonic(channel, 1) / -(omega_rad_s * omega_rad_s)
+    }
+
     /// Above this drift a response counts as not settled.
     pub const SETTLED_DRIFT: f64 = 0.02;
 }

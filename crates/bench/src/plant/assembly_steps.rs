@@ -1,4 +1,4 @@
-//! A chain of links or vibration modes under test: its steps, and where the rig is on it.
+//! The steps of a chain of links or of vibration modes under test.
 
 use alloc::boxed::Box;
 use alloc::vec;
@@ -8,6 +8,7 @@ use nalgebra::Vector2;
 
 use super::sampling::PointMotion;
 use super::stepped::{Loads, Stepped};
+use super::tested::{Placed, Places, TestedAssembly};
 use super::{PlantSpec, PlantSpecError};
 use crate::rig::ShakerSpec;
 use crate::structure::{
@@ -15,35 +16,6 @@ use crate::structure::{
 };
 use resonarm_dynamics::arm::Load;
 use resonarm_dynamics::structure::{Armature, Assembly, CoordinateUnit, Dof, MOST_COORDINATES, Stepper};
-
-/// What the exciter or an instrument is at: the degrees of freedom that are its x and y, if the structure has them.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Placed {
-    /// Along x and y.
-    pub along: [Option<Dof>; 2],
-}
-
-/// Where a rig is on a structure.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Places {
-    /// The exciter, with the impedance head.
-    pub exciter: Placed,
-    /// Accelerometer B.
-    pub accelerometer_b: Placed,
-    /// Accelerometer C.
-    pub accelerometer_c: Placed,
-}
-
-/// A chain of links or vibration modes under test.
-#[derive(Clone, Debug, PartialEq)]
-pub struct TestedAssembly {
-    /// The structure.
-    pub assembly: Assembly,
-    /// Its coordinates and their rates at sample 0.
-    pub initial: Vec<f64>,
-    /// Where the rig is on it.
-    pub places: Places,
-}
 
 /// The steps of the structure under test.
 #[derive(Clone, Debug)]
@@ -74,10 +46,8 @@ impl AssemblySteps {
         super::check_steps_per_sample(spec.steps_per_sample)?;
         let rate_hz = spec.sample_rate_hz * f64::from(spec.steps_per_sample);
         let TestedAssembly { assembly, initial, places } = tested;
-        let joints = ["joint1", "joint2"].map(|joint| assembly.dof(joint).ok());
-        let [x, y] = places.exciter.along;
         let (acting, drive): (Vec<usize>, Vec<Dof>) =
-            [joints[0], joints[1], x, y].into_iter().enumerate().filter_map(|(load, dof)| Some((load, dof?))).unzip();
+            tested.loaded().into_iter().enumerate().filter_map(|(load, dof)| Some((load, dof?))).unzip();
         let shaker = match spec.rig.shaker {
             Some(shaker) => Some((shaker, shaker.armature_at(&places.exciter)?)),
             None => None,

@@ -14,6 +14,7 @@ mod sampling;
 mod shaken;
 mod shaker;
 mod stepped;
+mod tested;
 
 use alloc::boxed::Box;
 use alloc::vec;
@@ -22,7 +23,7 @@ use thiserror::Error;
 
 use crate::rig::{Exciter, GateSpec, Measurement, Rig, RigError, RigSpec, ShakerLimit};
 use crate::structure::{Kind, LOADS, MOST_STATES, OUTPUTS, States, Structure, StructureError};
-pub use assembly_steps::{Placed, Places, TestedAssembly};
+use assembly_steps::AssemblySteps;
 use driven_arm::DrivenArm;
 use resonarm_dynamics::arm::{Arm, ArmError, Load, Parameters, Pose, State};
 use resonarm_dynamics::integrate::{IntegrateError, Scheme};
@@ -32,6 +33,7 @@ pub use sampling::PointMotion;
 pub use shaken::ShakerAcross;
 use stepped::Driven;
 pub use stepped::{Loads, Stepped};
+pub use tested::{Placed, Places, ReadDof, TestedAssembly};
 
 /// The most integration steps a sample: 250 times the default.
 pub const MOST_STEPS_PER_SAMPLE: u32 = 1000;

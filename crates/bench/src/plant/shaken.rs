@@ -7,7 +7,8 @@
 use nalgebra::Vector2;
 use thiserror::Error;
 
-use super::assembly_steps::{AssemblySteps, Placed, TestedAssembly};
+use super::assembly_steps::AssemblySteps;
+use super::tested::{Placed, TestedAssembly};
 use super::sampling::{Filter, PointMotion, ShakenStep, Sums};
 use super::shaker::{Drive, coil_of};
 use super::stepped::{Loads, Stepped};

@@ -193,6 +193,15 @@ impl Assembly {
         }
     }
 
+    /// Where the points of a chain are at rest, under its weight, along x and y of the base frame, m; in the order of
+    /// [`Assembly::points`]. `None` of modes, which say nothing of places.
+    pub fn rest_m(&self) -> Option<Vec<[f64; 2]>> {
+        match &self.body {
+            Body::Chain(chain) => Some((0..=chain.n).map(|links| chain.rest_m(links)).collect()),
+            Body::Modal(_) => None,
+        }
+    }
+
     /// The names of all degrees of freedom: `point.axis` and, of a chain, the joints.
     pub fn dof_names(&self) -> Vec<String> {
         match &self.body {

@@ -293,6 +293,12 @@ impl Chain {
         self.damping.iter().zip(v).map(|(damping, v)| damping * (v * v)).sum()
     }
 
+    /// Where the end of the first `links` links is at rest: Σ l (cos θ₀, sin θ₀), m.
+    pub fn rest_m(&self, links: usize) -> [f64; 2] {
+        let ends = self.length_m.iter().zip(&self.rest).take(links);
+        ends.fold([0.0; 2], |[x, y], (length, Angle { sine, cosine })| [x + length * cosine, y + length * sine])
+    }
+
     /// How far the point at the end of the first `links` links is from rest, m.
     pub fn displacement_m(&self, links: usize, axis: Axis, q: &[f64]) -> f64 {
         let turned = self.turned(q);

@@ -45,7 +45,13 @@ pub enum ExportError {
         /// How many times.
         got: f64,
     },
-    /// The recording has no scenario with an arm that could be drawn.
+    /// Nothing says where the points of the structure are.
+    #[error(
+        "nothing says where the points of the structure are, so it can't be drawn: leave out --moving-arm; a scenario places \
+         them in [structure.points]"
+    )]
+    NoPlaces,
+    /// The recording's scenario makes nothing that could be drawn.
     #[error(transparent)]
     Scenario(#[from] ScenarioError),
     /// There is nothing to write.

@@ -1,6 +1,6 @@
 //! A copy for viewers: an MCAP file with a JSON message for every state and sample, which Foxglove, Lichtblick and
-//! PlotJuggler plot as they are; events as `foxglove.Log`; scenario and DBC as attachments; the moving arm as
-//! `foxglove.SceneUpdate`, if it is asked for.
+//! PlotJuggler plot as they are; events as `foxglove.Log`; scenario and DBC as attachments; the moving arm,
+//! or the structure in its place, as `foxglove.SceneUpdate`, if it is asked for.
 //!
 //! It has no frames and is no recording: what has to be kept is the recording.
 
@@ -67,8 +67,8 @@ fn copy(
     let mut writer = options.create(BufWriter::new(file)).map_err(failed)?;
     let declared = parts.iter().map(|part| Ok((*part, declare(&mut writer, recording.channels(), *part)?)));
     let mut topics = declared.collect::<Result<Vec<_>, _>>().map_err(failed)?;
-    let mut arm = match &scene {
-        Some(scene) => Some((scene, declare_arm(&mut writer).map_err(failed)?)),
+    let mut moving = match &scene {
+        Some(scene) => Some((scene, declare_scene(&mut writer, scene).map_err(failed)?)),
         None => None,
     };
     let mut rows = 0;
@@ -77,7 +77,7 @@ fn copy(
         if !selection.samples.contains(&record.sample()) {
             continue;
         }
-        if let (Some((scene, topic)), Record::State(state)) = (&mut arm, &record) {
+        if let (Some((scene, topic)), Record::State(state)) = (&mut moving, &record) {
             let time_ns = sample_ns(recording.origin(), state.sample, 0.0);
             topic.write(&mut writer, time_ns, &scene.message(state, time_ns)).map_err(failed)?;
         }
@@ -117,9 +117,9 @@ fn declare(writer: &mut Writer<BufWriter<File>>, channels: &Channels, part: Reco
     add_topic(writer, &topic, name, &schema)
 }
 
-/// Declares the topic of the moving arm.
-fn declare_arm(writer: &mut Writer<BufWriter<File>>) -> Result<Topic, McapError> {
-    add_topic(writer, scene::TOPIC, scene::SCHEMA, &scene::schema())
+/// Declares the topic of the moving structure.
+fn declare_scene(writer: &mut Writer<BufWriter<File>>, scene: &Scene) -> Result<Topic, McapError> {
+    add_topic(writer, scene.topic(), scene::SCHEMA, &scene::schema())
 }
 
 fn add_topic(

@@ -32,7 +32,7 @@ pub enum ExportFormat {
     /// The frames as a log.
     Log(LogFormat),
     /// A copy for viewers: an MCAP file with a JSON message for every state and sample, events as `foxglove.Log`,
-    /// and the moving arm as `foxglove.SceneUpdate`.
+    /// and the moving arm or structure as `foxglove.SceneUpdate`.
     Foxglove,
     /// States and samples as functions of time: dataset 58 of the Universal File Format in ASCII, SDRC 1988.
     Uff58,

@@ -1,84 +1,119 @@
-//! The moving arm as `foxglove.SceneUpdate`: a line over base, elbow and tip, which replaces that of the sample before.
+//! The moving structure as `foxglove.SceneUpdate`, which replaces that of the sample before: of the arm a line over base,
+//! elbow and tip; of another structure its lines, and a sphere at each of its points.
 
-use nalgebra::Vector2;
 use serde_json::{Value, json};
 
 use super::ExportError;
 use super::foxglove::{time, time_schema};
+use crate::drawing::{Drawing, Subject};
 use crate::recording::{Recording, StateRecord};
 use crate::scenario::Scenario;
-use resonarm_dynamics::arm::Arm;
 
-/// The topic.
-pub const TOPIC: &str = "/arm";
 /// The full name of the schema.
 pub const SCHEMA: &str = "foxglove.SceneUpdate";
-/// The frame in which the points stand: the base frame of the arm.
+/// The frame in which the points stand: the base frame.
 const FRAME: &str = "base";
 /// Of a line (foxglove.dev, "LineType"): from each point to the next.
 const LINE_STRIP: u8 = 0;
-const THICKNESS_M: f64 = 0.05;
+/// Thickness of the arm's line, m.
+const ARM_THICKNESS_M: f64 = 0.05;
+/// Thickness of another structure's lines, and diameter of its points, over its size.
+const THICKNESS: f64 = 0.015;
+const DIAMETER: f64 = 0.03;
 
-/// Draws the arm.
+/// The topic of a drawing: `/arm` or `/structure`.
+pub const fn topic(subject: Subject) -> &'static str {
+    match subject {
+        Subject::Arm => "/arm",
+        Subject::Structure => "/structure",
+    }
+}
+
+/// Draws the arm, or the structure in its place.
 pub struct Scene {
-    arm: Arm,
-    /// How many times as large as they are the vibrations α are drawn.
+    drawing: Drawing,
+    /// How many times as large as they are the vibrations are drawn.
     magnification: f64,
 }
 
 impl Scene {
-    /// The arm of the recording's scenario.
+    /// The arm or the structure of the recording's scenario.
     ///
     /// # Errors
-    /// [`ExportError::Magnification`], and [`ExportError::Scenario`] if the recording has no scenario with an arm.
+    /// [`ExportError::Magnification`], [`ExportError::NoPlaces`] if nothing says where the points of the structure are,
+    /// and [`ExportError::Scenario`] if the recording's scenario makes no structure.
     pub fn new(recording: &Recording, magnification: f64) -> Result<Scene, ExportError> {
         if !(magnification.is_finite() && magnification > 0.0) {
             return Err(ExportError::Magnification { got: magnification });
         }
-        let arm = Scenario::from_configuration(recording.configuration()).and_then(|scenario| scenario.build_arm())?;
-        Ok(Scene { arm, magnification })
+        let drawing = Drawing::of(&Scenario::from_configuration(recording.configuration())?)?;
+        Ok(Scene { drawing: drawing.ok_or(ExportError::NoPlaces)?, magnification })
+    }
+
+    /// The topic of its messages.
+    pub fn topic(&self) -> &'static str {
+        topic(self.drawing.subject)
     }
 
     /// The message of a state.
     pub fn message(&self, state: &StateRecord, time_ns: u64) -> Value {
-        message(&self.arm, &state.alpha_rad(), self.magnification, time_ns)
+        message(&self.drawing, state.states.coordinates(), self.magnification, time_ns)
     }
 }
 
-/// The message of an arm at vibration angles α1 and α2, drawn `magnification` times as large, which its metadata say.
-pub fn message(arm: &Arm, alpha_rad: &[f64; 2], magnification: f64, time_ns: u64) -> Value {
-    let points = arm.points(&(magnification * Vector2::from(*alpha_rad)));
-    let point = |position: Vector2<f64>| json!({ "x": position.x, "y": position.y, "z": 0.0 });
-    let line = json!({
-        "type": LINE_STRIP,
-        "pose": {
-            "position": { "x": 0.0, "y": 0.0, "z": 0.0 },
-            "orientation": { "x": 0.0, "y": 0.0, "z": 0.0, "w": 1.0 }
-        },
-        "thickness": THICKNESS_M,
-        "scale_invariant": false,
-        "points": [point(Vector2::zeros()), point(points.b_m), point(points.c_m)],
-        "color": { "r": 0.9, "g": 0.5, "b": 0.1, "a": 1.0 },
-        "colors": [],
-        "indices": []
-    });
+/// The message of a structure at its coordinates, its vibration drawn `magnification` times as large, which the metadata
+/// say.
+pub fn message(drawing: &Drawing, coordinates: &[f64], magnification: f64, time_ns: u64) -> Value {
+    let positions: Vec<Value> =
+        drawing.positions_m(coordinates, magnification).iter().map(|[x, y, z]| vector(*x, *y, *z)).collect();
+    let thickness_m = match drawing.subject {
+        Subject::Arm => ARM_THICKNESS_M,
+        Subject::Structure => THICKNESS * drawing.size_m(),
+    };
+    let line = |line: &Vec<usize>| {
+        let points: Vec<&Value> = line.iter().filter_map(|point| positions.get(*point)).collect();
+        json!({
+            "type": LINE_STRIP, "pose": pose(&vector(0.0, 0.0, 0.0)), "thickness": thickness_m,
+            "scale_invariant": false, "points": points, "color": color(), "colors": [], "indices": []
+        })
+    };
+    let spheres: Vec<Value> = match drawing.subject {
+        Subject::Arm => Vec::new(),
+        Subject::Structure => positions.iter().map(|at| sphere(at, DIAMETER * drawing.size_m())).collect(),
+    };
     let entity = json!({
         "timestamp": time(time_ns),
         "frame_id": FRAME,
-        "id": "arm",
+        "id": drawing.subject.name(),
         "lifetime": { "sec": 0, "nsec": 0 },
         "frame_locked": false,
         "metadata": [{ "key": "magnification", "value": magnification.to_string() }],
         "arrows": [],
         "cubes": [],
-        "spheres": [],
+        "spheres": spheres,
         "cylinders": [],
-        "lines": [line],
+        "lines": drawing.lines.iter().map(line).collect::<Vec<_>>(),
         "triangles": [],
         "texts": [],
         "models": []
     });
     json!({ "deletions": [], "entities": [entity] })
+}
+
+fn vector(x: f64, y: f64, z: f64) -> Value {
+    json!({ "x": x, "y": y, "z": z })
+}
+
+fn pose(position: &Value) -> Value {
+    json!({ "position": position, "orientation": { "x": 0.0, "y": 0.0, "z": 0.0, "w": 1.0 } })
+}
+
+fn color() -> Value {
+    json!({ "r": 0.9, "g": 0.5, "b": 0.1, "a": 1.0 })
+}
+
+fn sphere(at: &Value, diameter_m: f64) -> Value {
+    json!({ "pose": pose(at), "size": vector(diameter_m, diameter_m, diameter_m), "color": color() })
 }
 
 /// The fields of `foxglove.SceneUpdate` that are written. The lists of other primitives are always empty.
@@ -92,18 +127,21 @@ pub fn schema() -> Value {
         json!({ "title": "foxglove.KeyValuePair", "type": "object", "properties": { "key": text, "value": text } });
     let list = |items: Value| json!({ "type": "array", "items": items });
     let empty = || list(json!({ "type": "object" }));
+    let pose = json!({
+        "type": "object",
+        "properties": { "position": numbers(&["x", "y", "z"]), "orientation": numbers(&["x", "y", "z", "w"]) }
+    });
+    let sphere = json!({
+        "title": "foxglove.SpherePrimitive",
+        "type": "object",
+        "properties": { "pose": pose, "size": numbers(&["x", "y", "z"]), "color": numbers(&["r", "g", "b", "a"]) }
+    });
     let line = json!({
         "title": "foxglove.LinePrimitive",
         "type": "object",
         "properties": {
             "type": { "type": "integer" },
-            "pose": {
-                "type": "object",
-                "properties": {
-                    "position": numbers(&["x", "y", "z"]),
-                    "orientation": numbers(&["x", "y", "z", "w"])
-                }
-            },
+            "pose": pose,
             "thickness": { "type": "number" },
             "scale_invariant": { "type": "boolean" },
             "points": list(numbers(&["x", "y", "z"])),
@@ -124,7 +162,7 @@ pub fn schema() -> Value {
             "metadata": list(pair),
             "arrows": empty(),
             "cubes": empty(),
-            "spheres": empty(),
+            "spheres": list(sphere),
             "cylinders": empty(),
             "lines": list(line),
             "triangles": empty(),

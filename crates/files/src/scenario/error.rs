@@ -84,6 +84,17 @@ pub enum ScenarioError {
     /// What only the two-link arm has is asked for of another structure.
     #[error("the scenario has a [structure]: this needs the two-link arm without elements")]
     NotTheArm,
+    /// A load that is to be steered acts on nothing.
+    #[error(
+        "the load has `{name}` = {got}: nothing of the structure takes it: take a load along an axis of `rig.exciter.at`, or \
+         place the exciter elsewhere", got = short(.got)
+    )]
+    IdleLoad {
+        /// The load.
+        name: &'static str,
+        /// Its amplitude, N or N·m.
+        got: f64,
+    },
     /// The structure is impossible, or the rig doesn't fit it.
     #[error(transparent)]
     Structure(#[from] StructureSectionError),

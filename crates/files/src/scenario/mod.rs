@@ -421,14 +421,19 @@ impl Scenario {
     /// A controller that is steered, along the load of the scenario's control or excitation.
     ///
     /// # Errors
-    /// [`ScenarioError::NoExcitation`] if it has neither.
+    /// [`ScenarioError::NoExcitation`] if it has neither; [`ScenarioError::IdleLoad`] if nothing of the structure takes
+    /// the load.
     pub fn steered(&self) -> Result<Steered, ScenarioError> {
         self.check()?;
         let amplitude = self.amplitude().ok_or(ScenarioError::NoExcitation)?;
         let limit = limit::largest(amplitude, &self.rig.drive(), self.network.profile);
         let load = amplitude.load();
         let direction = load.scaled(1.0 / libm::hypot(load.force_n.norm(), load.torque_nm.norm()));
-        let first_hz = match self.tested_structure()? {
+        let tested = self.tested_structure()?;
+        if let Some((name, got)) = tested.as_ref().and_then(|tested| tested.idle_load(amplitude)) {
+            return Err(ScenarioError::IdleLoad { name, got });
+        }
+        let first_hz = match tested {
             Some(tested) => tested.assembly.modes().first().map_or(f64::NAN, |mode| mode.frequency_hz),
             None => modes(&self.build_arm()?)[0].frequency_hz,
         };

@@ -74,6 +74,25 @@ export function line(context, points) {
   context.stroke();
 }
 
+// Words in the middle of a canvas, in as many lines as they need.
+export function words(context, text, width, height) {
+  const lines = [""];
+  for (const word of text.split(" ")) {
+    const longer = `${lines[lines.length - 1]} ${word}`.trim();
+    if (context.measureText(longer).width <= width - 24) lines[lines.length - 1] = longer; else lines.push(word);
+  }
+  context.fillStyle = color("faint");
+  context.textAlign = "center";
+  lines.forEach((one, k) => context.fillText(one, width / 2, height / 2 + 18 * (k - (lines.length - 1) / 2)));
+}
+
+// A unit in which a number is not small: from 0.001 on, of its own or with a prefix.
+export function readable(unit, largest) {
+  const scales = [[1, ""], [1e3, "m"], [1e6, "µ"], [1e9, "n"]];
+  const [factor, prefix] = scales.find(([times]) => largest * times >= 1e-3) ?? scales[0];
+  return { factor, unit: `${prefix}${unit}` };
+}
+
 // Half the range around a single number, as a fraction of it.
 const AROUND_ONE = 0.05;
 

@@ -1,10 +1,10 @@
 // The page: messages are stored in `data`, which is drawn with each update, up to thirty times a second.
 
-import { ArmView } from "./arm.js";
 import { Clipping } from "./clipped.js";
 import { Controls } from "./controls.js";
 import { BandPlot, LinePlot, Lissajous, ResponsePlot } from "./plots.js";
 import { connect, decode } from "./stream.js";
+import { StructureView } from "./structure.js";
 
 const STRETCHES_KEPT = 800;
 const ROWS_KEPT = 4096;
@@ -33,32 +33,67 @@ function noTimings() {
 }
 
 function makeViews(about) {
+  const { panels } = about;
   const torque = about.unit === "N·m";
-  const loads = torque ? [[0, "torque 1"], [1, "torque 2"]] : [[2, "load x"], [3, "load y"]];
-  const forces = [[4, "head x"], [5, "head y"]];
+  const named = (plotted) => plotted.map(({ channel, label }) => [channel, label]);
+  const units = (plotted) => [...new Set(plotted.map(({ unit }) => unit))].join(", ");
+  const loads = named(torque ? panels.torque : panels.force);
+  const forces = named(panels.head);
   element("force-name").textContent = torque ? "Load" : "Load and force in the head";
   element("force").hidden = torque;
   const upper = { height: 145, isUpper: true };
   // Two plots: command and reading lie one over the other where the exciter is a good one.
   const force = torque ? {} : { "force": new BandPlot(about, element("force"), element("force-clipped"), "head (N)", forces, { height: 170 }) };
+  const atC = named(panels.acceleration_c).map(([channel, label]) => [channel, `C ${label}`]);
+  const states = {};
+  for (const id of ["coordinates", "elements"]) {
+    element(id).hidden = panels[id].length === 0;
+    if (panels[id].length > 0) {
+      const unit = id === "elements" ? `states (${units(panels[id])})` : units(panels[id]);
+      states[id] = new BandPlot(about, element(id), null, unit, named(panels[id]));
+    }
+  }
+  element("states").hidden = panels.coordinates.length === 0;
+  element("states-name").textContent = panels.elements.length > 0 ? "Coordinates and elements" : "Coordinates";
   return {
-    arm: new ArmView(about, element("arm"), element("arm-scale"), element("arm-clipped")),
+    structure: new StructureView(about, element("structure"), element("structure-scale"), element("structure-clipped")),
     response: new ResponsePlot(element("response")),
     bands: {
       "load": new BandPlot(about, element("load"), null, `load (${about.unit})`, loads, torque ? {} : upper),
       ...force,
       "acceleration-b":
-        new BandPlot(about, element("acceleration-b"), element("b-clipped"), "m/s²", [[6, "x"], [7, "y"]]),
+        new BandPlot(about, element("acceleration-b"), element("b-clipped"), "m/s²", named(panels.acceleration_b)),
       "acceleration-c":
-        new BandPlot(about, element("acceleration-c"), element("c-clipped"), "m/s²", [[8, "x"], [9, "y"]]),
+        new BandPlot(about, element("acceleration-c"), element("c-clipped"), "m/s²", named(panels.acceleration_c)),
+      ...states,
     },
     lissajous: new Lissajous(about, element("lissajous"), element("lissajous-clipped")),
-    spectrumClipping: new Clipping(about, [[4, "head x"], [5, "head y"], [8, "C x"], [9, "C y"]]),
-    spectrum: new LinePlot(element("spectrum"), "frequency (Hz)", "amplitude",
-      ["force x (N)", "force y (N)", "C x (m/s²)", "C y (m/s²)"], { log: true }),
+    spectrumClipping: new Clipping(about, [...forces, ...atC]),
+    spectrum: new LinePlot(element("spectrum"), "frequency (Hz)", "amplitude", [
+      ...forces.map(([, label]) => `${label.replace("head", "force")} (N)`),
+      ...atC.map(([, label]) => `${label} (m/s²)`),
+    ], { log: true }),
     timing: new LinePlot(element("timing"), "time (s)", "load (%)", ["load", "largest", "lateness", "latest"],
       { secondUnit: "lateness (µs)" }),
   };
+}
+
+// The titles of panels, the choice of responses, and the modes.
+function entitle(about) {
+  const isArm = about.drawing?.subject === "arm";
+  element("structure-name").textContent = isArm ? "Arm" : "Structure";
+  element("structure-choices").hidden = about.drawing === null;
+  const [, b, c] = isArm ? [] : about.rig ?? [];
+  element("b-name").textContent = `Acceleration of B${b ? `, at ${b}` : ""}`;
+  element("c-name").textContent = `Acceleration of C${c ? `, at ${c}` : ""}`;
+  const modes = about.modes_hz.map((hz) => hz.toFixed(2));
+  element("modes").textContent = modes.length > 0 ? `modes: ${modes.join(", ")} Hz` : "";
+  element("responses").replaceChildren(...about.responses.map(({ label }, place) => {
+    const [choice, button] = [document.createElement("label"), document.createElement("input")];
+    Object.assign(button, { type: "radio", name: "response", value: place, checked: place === about.response });
+    choice.append(button, ` ${label}`);
+    return choice;
+  }));
 }
 
 // Takes a text message of each kind.
@@ -67,12 +102,12 @@ const receive = {
     const first = data === null;
     data = empty(about);
     element("events").replaceChildren();
-    element("what").textContent = `${about.role} on ${about.place}: ${about.arm}, ${about.rate_hz} samples a second`;
+    element("what").textContent =
+      `${about.role} on ${about.place}: ${about.structure}, ${about.rate_hz} samples a second`;
     document.title = `Resonarm: ${about.role}`;
     if (first) views = makeViews(about);
     controls.show(about);
-    const [first_hz, second_hz] = about.modes_hz.map((hz) => hz.toFixed(2));
-    element("response-title").title = `modes at ${first_hz} and ${second_hz} Hz`;
+    entitle(about);
   },
   state({ state, fault }) {
     element("state").textContent = { operational: "armed", "pre-operational": "ready", fault: "fault" }[state] ?? state;
@@ -159,15 +194,15 @@ function draw() {
   const peakHz = spectrum?.peak_hz ?? 0;
   element("time").textContent = `${head.time_s.toFixed(2)} s`;
   controls.time(head.time_s);
-  const joint = Number(document.querySelector("[name=joint]:checked").value);
+  const place = Number(document.querySelector("[name=response]:checked").value);
   // A paused recording shows its current sample.
   const moves = data.player?.playing ?? true;
   const choices = { toScale: element("to-scale").checked, stroboscope: moves && element("stroboscope").checked };
-  if (seen.has("arm")) views.arm.draw(rows, rowsClipped, data.newest, about, peakHz, choices);
+  if (seen.has("structure")) views.structure.draw(rows, rowsClipped, data.newest, about, peakHz, choices);
   for (const [id, band] of Object.entries(views.bands)) if (seen.has(id)) band.draw(data);
   if (seen.has("lissajous")) views.lissajous.draw(rows, rowsClipped, about.rate_hz, peakHz);
   if (seen.has("spectrum") && spectrum !== drawn.spectrum) drawSpectrum(spectrum);
-  if (seen.has("response")) views.response.draw(branch, points, joint, peakHz);
+  if (seen.has("response")) views.response.draw(branch, points, place, about.responses[place], peakHz);
   drawTiming(head);
   data.frames += 1;
   data.drawing_ms += performance.now() - begun;
@@ -177,7 +212,10 @@ const drawn = { spectrum: null };
 
 function drawSpectrum(spectrum) {
   drawn.spectrum = spectrum;
-  const lines = spectrum ? [...spectrum.force, ...spectrum.acceleration_c] : [[], [], [], []];
+  const { head, acceleration_c } = data.about.panels;
+  // Of two axes those that the structure has.
+  const of = (both, plotted) => plotted.map(({ channel }) => (both ? both[channel % 2] : []));
+  const lines = [...of(spectrum?.force, head), ...of(spectrum?.acceleration_c, acceleration_c)];
   const x = lines[0].map((_, k) => k * spectrum.line_hz);
   // A logarithm has no zero.
   views.spectrum.draw(x, lines.map((values) => values.map((value) => (value > 1e-6 ? value : null))));

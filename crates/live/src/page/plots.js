@@ -1,9 +1,13 @@
 // Plots over time and frequency, by uPlot.
 
-import { axes, begin, color, line, range } from "./canvas.js";
+import { axes, begin, color, line, range, readable, words } from "./canvas.js";
 import { Clipping } from "./clipped.js";
 
 const HUES = ["first", "second", "third", "fourth"];
+// Curves of a plot that are shown at first; the names under it show the others.
+const SHOWN = HUES.length;
+// The colour of a curve: of the first from the page, of further ones around the circle.
+const hue = (k) => (k < HUES.length ? color(HUES[k]) : `hsl(${(k * 67) % 360} 55% 50%)`);
 
 // Height of a plot without its legend, CSS pixels.
 const HEIGHT = 200;
@@ -30,6 +34,13 @@ const logarithmic = (label) => ({
 
 // Large numbers fit beside a second axis: 1.5M.
 const compact = new Intl.NumberFormat("en", { notation: "compact" });
+// Small numbers have an exponent: 2e-6.
+const plain = new Intl.NumberFormat("en");
+const small = (value) => (value === 0 ? "0" : Number(value.toPrecision(3)).toExponential());
+const ordinary = (_, shown) => {
+  const isSmall = Math.max(...shown.map(Math.abs)) < 0.01;
+  return shown.map((value) => (isSmall ? small(value) : plain.format(value)));
+};
 
 // A plot that fills its place in the page, with a legend.
 function plot(place, height, options, data, entries) {
@@ -48,10 +59,10 @@ function legend(made, entries) {
   list.className = "legend";
   entries.forEach(([label, ...series], k) => {
     const [button, mark] = [document.createElement("button"), document.createElement("i")];
-    mark.style.color = `var(--${HUES[k]})`;
+    mark.style.color = k < HUES.length ? `var(--${HUES[k]})` : hue(k);
     button.type = "button";
     button.append(mark, label);
-    button.setAttribute("aria-pressed", "true");
+    button.setAttribute("aria-pressed", k < SHOWN);
     button.addEventListener("click", () => {
       const show = button.getAttribute("aria-pressed") !== "true";
       button.setAttribute("aria-pressed", show);
@@ -71,13 +82,14 @@ export class BandPlot {
     const series = [{}];
     const bands = [];
     named.forEach(([, label], k) => {
-      const thin = (opacity) => () => `color-mix(in srgb, ${color(HUES[k])} ${opacity}, transparent)`;
-      series.push({ label, stroke: thin(LINE), width: 1 }, { label, stroke: thin(LINE), width: 1 });
+      const thin = (opacity) => () => `color-mix(in srgb, ${hue(k)} ${opacity}, transparent)`;
+      const one = { label, stroke: thin(LINE), width: 1, show: k < SHOWN };
+      series.push({ ...one }, { ...one });
       bands.push({ series: [2 * k + 1, 2 * k + 2], fill: thin(BAND) });
     });
     this.plot = plot(place, height, {
       series, bands, scales: { x: { time: false }, y: { range: (_, low, high) => range([low, high], 0.06, [-1, 1]) } },
-      axes: [isUpper ? above : below("time (s)"), axis(unit)], hooks: { draw: [(drawn) => this.mark(drawn)] },
+      axes: [isUpper ? above : below("time (s)"), { ...axis(unit), values: ordinary }], hooks: { draw: [(drawn) => this.mark(drawn)] },
     }, [[], ...this.channels.flatMap(() => [[], []])], named.map(([, label], k) => [label, 2 * k + 1, 2 * k + 2]));
   }
 
@@ -118,31 +130,33 @@ export class LinePlot {
   }
 }
 
-const FORCES = ["torque 1", "torque 2", "force x", "force y", "head x", "head y"];
-const ACCELERATIONS = { 8: "C x", 9: "C y" };
-
 // Acceleration of C over force, each along the axis on which it is largest: a line if in phase, an ellipse if not. Dots
 // mark clipped readings, and the note names them.
 export class Lissajous {
-  constructor(about, canvas, note) { Object.assign(this, { about, canvas, note, x: [-1, 1], y: [-1, 1] }); }
+  constructor(about, canvas, note) {
+    const { torque, force, head, acceleration_c } = about.panels;
+    const accelerations = acceleration_c.map(({ label, ...one }) => ({ ...one, label: `C ${label}` }));
+    const forces = [...head, ...force];
+    Object.assign(this, { about, canvas, note, torques: torque, forces, accelerations, x: [-1, 1], y: [-1, 1] });
+  }
 
   draw(rows, clipped, rateHz, peakHz) {
     const drawing = begin(this.canvas);
     const count = Math.min(rows.length, Math.max(60, Math.ceil((4 * rateHz) / Math.max(peakHz || 10, 1))));
     const latest = rows.slice(-count);
     const largest = (channel) => latest.reduce((most, row) => Math.max(most, Math.abs(row[channel]) || 0), 0);
-    const chosen = (channels) => channels.reduce((a, b) => (largest(b) > largest(a) ? b : a));
-    const force = chosen(chosen([4, 5, 2, 3, 0, 1]) < 2 ? [0, 1] : [4, 5, 2, 3]);
-    const acceleration = chosen([8, 9]);
-    const unit = force < 2 ? "N·m" : "N";
-    this.x = settle(this.x, largest(force));
-    this.y = settle(this.y, largest(acceleration));
-    const { x, y } = axes(drawing, this.x, this.y, `${FORCES[force]} (${unit})`, `${ACCELERATIONS[acceleration]} (m/s²)`);
+    const chosen = (all) => all.reduce((a, b) => (largest(b.channel) > largest(a.channel) ? b : a));
+    const force = chosen([...this.forces, ...this.torques]);
+    const acceleration = chosen(this.accelerations);
+    this.x = settle(this.x, largest(force.channel));
+    this.y = settle(this.y, largest(acceleration.channel));
+    const title = ({ label, unit }) => `${label} (${unit})`;
+    const { x, y } = axes(drawing, this.x, this.y, title(force), title(acceleration));
     drawing.context.strokeStyle = color("first");
     drawing.context.lineWidth = 1.2;
-    const points = latest.map((row) => [x(row[force]), y(row[acceleration])]);
+    const points = latest.map((row) => [x(row[force.channel]), y(row[acceleration.channel])]);
     line(drawing.context, points);
-    const clipping = new Clipping(this.about, [[force, FORCES[force]], [acceleration, ACCELERATIONS[acceleration]]]);
+    const clipping = new Clipping(this.about, [force, acceleration].map(({ channel, label }) => [channel, label]));
     const bits = clipped.slice(-count);
     drawing.context.fillStyle = color("bad");
     points.forEach((point, k) => { if (clipping.has(bits[k])) circle(drawing.context, point, 2, true); });
@@ -162,22 +176,21 @@ function settle([, high], largest) {
 export class ResponsePlot {
   constructor(canvas) { this.canvas = canvas; }
 
-  draw(branch, points, joint, currentHz) {
+  draw(branch, points, place, { title, unit }, currentHz) {
     const drawing = begin(this.canvas);
     const { context, width, height } = drawing;
     const lines = branch ? [...branch.stable, ...branch.unstable].filter((point) => point !== null) : [];
-    const read = points.map((point) => [point.frequency_hz, ...point.amplitude_rad]);
+    const read = points.map((point) => [point.frequency_hz, ...point.amplitude]);
     const all = [...lines, ...read];
     if (all.length === 0) {
-      context.fillStyle = color("faint");
-      context.textAlign = "center";
-      context.fillText("no response has been read", width / 2, height / 2);
+      words(context, "no response has been read", width, height);
       return;
     }
     const spread = range(all.map((point) => point[0]), 0.02, [0, 1]);
-    const high = range(all.map((point) => point[1 + joint]), 0.05, [0, 1])[1];
-    const { x, y } = axes(drawing, spread, [0, high], "frequency (Hz)", `largest |α${joint + 1}| (rad)`);
-    const at = (point) => (point === null ? null : [x(point[0]), y(point[1 + joint])]);
+    const high = range(all.map((point) => point[1 + place]), 0.05, [0, 1])[1];
+    const scaled = readable(unit, high);
+    const { x, y } = axes(drawing, spread, [0, scaled.factor * high], "frequency (Hz)", `${title} (${scaled.unit})`);
+    const at = (point) => (point === null ? null : [x(point[0]), y(scaled.factor * point[1 + place])]);
     context.lineWidth = 1.8;
     context.strokeStyle = color("first");
     if (branch) line(context, branch.stable.map(at));
@@ -190,13 +203,13 @@ export class ResponsePlot {
     context.strokeStyle = context.fillStyle = color("third");
     points.forEach((point, k) => circle(context, at(read[k]), 4.5, point.settled));
     context.strokeStyle = color("bad");
-    points.forEach((point, k) => { if (point.clipped[joint]) cross(context, at(read[k]), 6); });
+    points.forEach((point, k) => { if (point.clipped[place]) cross(context, at(read[k]), 6); });
     context.strokeStyle = color("third");
     if (points.length > 0) circle(context, at(read[read.length - 1]), 8, false);
     if (currentHz > spread[0] && currentHz < spread[1]) {
       context.strokeStyle = color("faint");
       context.lineWidth = 1;
-      line(context, [[x(currentHz), y(0)], [x(currentHz), y(high)]]);
+      line(context, [[x(currentHz), y(0)], [x(currentHz), y(scaled.factor * high)]]);
     }
   }
 }

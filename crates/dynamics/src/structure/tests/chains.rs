@@ -27,6 +27,32 @@ fn modes_are_those_of_independent_code() {
     }
 }
 
+/// The ends of links at 30° and −60°, and where a link that sags ends.
+#[test]
+fn points_of_a_chain_are_where_its_links_end_at_rest() {
+    let link = |length_m, angle_deg, stiffness_nm_rad| Link {
+        length_m,
+        mass_kg: 2.0,
+        centre_of_mass_m: 0.2,
+        inertia_kg_m2: 0.1,
+        angle_deg,
+        stiffness_nm_rad,
+        damping_nm_s_rad: 1.0,
+    };
+    let chain = |links: Vec<Link>, gravity_m_s2| assembly(BodySpec::Chain(ChainSpec { links, gravity_m_s2 }), vec![]);
+    let rest_m = chain(vec![link(0.5, 30.0, 1e4), link(0.4, -90.0, 1e4)], 0.0).rest_m().unwrap();
+    let (s30, c30) = (0.5, f64::sqrt(0.75));
+    let expected = [[0.0, 0.0], [0.5 * c30, 0.5 * s30], [0.5 * c30 + 0.4 * s30, 0.5 * s30 - 0.4 * c30]];
+    for (found, expected) in rest_m.iter().flatten().zip(expected.iter().flatten()) {
+        assert!((found - expected).abs() < 1e-15, "{rest_m:?}");
+    }
+    // k s = −m g lc cos s.
+    let sagging = chain(vec![link(0.5, 0.0, 30.0)], 9.81).rest_m().unwrap();
+    let sag_rad = libm::atan2(sagging[1][1], sagging[1][0]);
+    assert!((30.0 * sag_rad + 2.0 * 9.81 * 0.2 * libm::cos(sag_rad)).abs() < 1e-9 && sag_rad < -0.1, "{sag_rad}");
+    assert_eq!(two_modes(vec![]).rest_m(), None);
+}
+
 /// The largest difference of two states, of rates relative to 10 rad/s.
 fn apart(got: &[f64], expected: &[f64]) -> f64 {
     let scale = |i: usize| if 2 * i < got.len() { 1.0 } else { 0.1 };

@@ -94,6 +94,17 @@ pub enum StructureSectionError {
         /// Point and axis.
         place: String,
     },
+    /// A line through a point that has no place.
+    #[error(
+        "structure.lines: nothing says where `{name}` is: give its place in [structure.points]{}",
+        if known.is_empty() { String::new() } else { format!("; there are {known}") }
+    )]
+    Line {
+        /// The point.
+        name: String,
+        /// The points that have places.
+        known: String,
+    },
     /// The initial state has another length.
     #[error("structure.initial has {got} numbers: give {expected}, the coordinates and their rates")]
     Initial {

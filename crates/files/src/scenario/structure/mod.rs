@@ -100,13 +100,16 @@ pub struct StructureSection {
     /// Initial state: coordinates and their rates; at rest without it.
     #[serde(skip_serializing_if = "Vec::is_empty")]
     pub initial: Vec<f64>,
+    /// Lines from point to point of a modal structure, for pictures.
+    #[serde(skip_serializing_if = "Vec::is_empty")]
+    pub lines: Vec<Vec<String>>,
     /// The links of a chain, from the base out.
     #[serde(skip_serializing_if = "Vec::is_empty")]
     pub links: Vec<Link>,
     /// The modes of a modal structure.
     #[serde(skip_serializing_if = "Vec::is_empty")]
     pub modes: Vec<ModeSection>,
-    /// Where the points of a modal structure are, m, for pictures.
+    /// Where the points of a modal structure are, m, for pictures; one that no mode moves may be among them.
     #[serde(skip_serializing_if = "BTreeMap::is_empty")]
     pub points: BTreeMap<String, [f64; 3]>,
     /// Elements at its points.
@@ -202,13 +205,14 @@ impl StructureSection {
         }
         let (links, modes) = (("links", !self.links.is_empty()), ("modes", !self.modes.is_empty()));
         let (gravity, points) = (("gravity_m_s2", self.gravity_m_s2.is_some()), ("points", !self.points.is_empty()));
+        let lines = ("lines", !self.lines.is_empty());
         let (elements, initial) = (("elements", !self.elements.is_empty()), ("initial", !self.initial.is_empty()));
         let (idle, missing): (&[(&'static str, bool)], _) = match self.kind {
-            StructureKind::Own => (&[links, modes, gravity, points, elements, initial], None),
-            StructureKind::Arm => (&[links, modes, gravity, points], None),
+            StructureKind::Own => (&[links, modes, gravity, points, lines, elements, initial], None),
+            StructureKind::Arm => (&[links, modes, gravity, points, lines], None),
             StructureKind::Chain => {
                 let fix = "add a table [[structure.links]] for every link, from the base out";
-                (&[modes, points], (!links.1).then_some(("`links` are", fix)))
+                (&[modes, points, lines], (!links.1).then_some(("`links` are", fix)))
             }
             StructureKind::Modal => {
                 let fix = "add a table [[structure.modes]] for every mode";
@@ -220,6 +224,15 @@ impl StructureSection {
         }
         match idle.iter().find(|(_, is_given)| *is_given) {
             Some((key, _)) => Err(StructureSectionError::Idle { key, kind: self.kind.name() }),
+            None => self.check_lines(),
+        }
+    }
+
+    /// Refuses lines through points whose place is unknown.
+    fn check_lines(&self) -> Result<(), StructureSectionError> {
+        let known = || self.points.keys().map(String::as_str).collect::<Vec<_>>().join(", ");
+        match self.lines.iter().flatten().find(|name| !self.points.contains_key(*name)) {
+            Some(name) => Err(StructureSectionError::Line { name: name.clone(), known: known() }),
             None => Ok(()),
         }
     }

@@ -68,6 +68,19 @@ fn where_the_rig_is_follows_from_the_points_or_is_stated() {
     assert_eq!(modal.places.exciter.along, [Some(modal.assembly.dof("tip.x").unwrap()), None]);
 }
 
+/// The load of a steered sine acts where the exciter is.
+#[test]
+fn what_nothing_takes_is_not_steered() {
+    let steered = |load: &str| {
+        let profile = "profile = { waveform = \"dwell\", frequency_hz = 15.0, duration_s = 1.0, settle_s = 0.1 }";
+        let text = format!("{MODAL}[excitation]\namplitude = {{ {load} = 2.0 }}\n{profile}\n");
+        Scenario::parse(&text, "bench.toml").unwrap().steered().map(|steered| steered.limit())
+    };
+    assert!(steered("force_x_n").unwrap() > 2.0);
+    insta::assert_snapshot!(steered("force_y_n").unwrap_err(), @"the load has `force_y_n` = 2: nothing of the structure takes it: take a load along an axis of `rig.exciter.at`, or place the exciter elsewhere");
+    insta::assert_snapshot!(steered("torque1_nm").unwrap_err(), @"the load has `torque1_nm` = 2: nothing of the structure takes it: take a load along an axis of `rig.exciter.at`, or place the exciter elsewhere");
+}
+
 /// An element of the modal structure.
 fn element(lines: &str) -> String {
     says(&format!("{MODAL}[[structure.elements]]\n{lines}\n"))
@@ -79,6 +92,8 @@ fn what_makes_no_structure_is_said() {
     insta::assert_snapshot!(says(&format!("{MODAL}[[structure.links]]\nlength_m = 1\nmass_kg = 1\ncentre_of_mass_m = 1\ninertia_kg_m2 = 1\nangle_deg = 1\nstiffness_nm_rad = 1\ndamping_nm_s_rad = 1\n")), @"structure: `links` says nothing about a structure of kind `modal`: leave it out");
     insta::assert_snapshot!(says(&MODAL.replace(r#", "mid.x" = 0.35"#, "")), @"structure.modes, number 2: `shape` lacks `mid.x`: give it in every mode, 0 where it does not move");
     insta::assert_snapshot!(says(&CHAIN.replace("mass_kg = 6.0", "mass_kg = 0.0")), @"structure: link 2: `mass_kg` is 0: it must be a positive number");
+    insta::assert_snapshot!(says(&MODAL.replace("kind =", "lines = [[\"mid\", \"tip\"]]\npoints = { tip = [0, 0, 1] }\nkind =")), @"structure.lines: nothing says where `mid` is: give its place in [structure.points]; there are tip");
+    insta::assert_snapshot!(says(&CHAIN.replace("kind =", "lines = [[\"joint1\", \"tip\"]]\nkind =")), @"structure: `lines` says nothing about a structure of kind `chain`: leave it out");
     insta::assert_snapshot!(says(&format!("{CHAIN}initial = [0.0, 0.0]\n")), @"structure.initial has 2 numbers: give 6, the coordinates and their rates");
     insta::assert_snapshot!(says(&format!("{MODAL}[rig.exciter]\nat = \"top\"\n")), @"rig.exciter: `at` is `top`: the points are mid, tip");
     insta::assert_snapshot!(says(&MODAL.replace("tip.", "top.")), @"rig.exciter: `at` is missing: name the point that it acts on; there are mid, top");

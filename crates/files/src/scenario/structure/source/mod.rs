@@ -98,6 +98,9 @@ impl StructureSection {
                 for (name, at) in read.points {
                     self.points.entry(name).or_insert(at);
                 }
+                if self.lines.is_empty() {
+                    self.lines = read.lines;
+                }
             }
             (_, None, Some(matrices)) => self.modes = matrices.read(folder, &self.dofs)?,
             (_, None, None) => {}

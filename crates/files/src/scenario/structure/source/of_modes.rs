@@ -55,7 +55,7 @@ pub enum NotModal {
 
 impl StructureSection {
     /// The modal structure of the lowest `modes` of a structure without elements, all if it is `None`, about its rest.
-    /// Points are those of the structure; joints are none.
+    /// Points are those of the structure, at their places, with a line along its links; joints are none.
     ///
     /// # Errors
     /// [`NotModal`]: elements, a number of modes that there are not, or damping that couples modes by more than 0.01.
@@ -76,7 +76,10 @@ impl StructureSection {
             shape: shape(of, mode),
         };
         let modes = kept.iter().zip(damping).map(section).collect();
-        Ok(StructureSection { kind: StructureKind::Modal, modes, ..StructureSection::default() })
+        let rest_m = of.rest_m().unwrap_or_default();
+        let lines = if rest_m.is_empty() { Vec::new() } else { vec![of.points()] };
+        let points = of.points().into_iter().zip(rest_m).map(|(name, [x, y])| (name, [x, y, 0.0])).collect();
+        Ok(StructureSection { kind: StructureKind::Modal, modes, points, lines, ..StructureSection::default() })
     }
 }
 

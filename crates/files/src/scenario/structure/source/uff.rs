@@ -1,9 +1,10 @@
 //! Modes in the Universal File Format (SDRC 1988; the University of Cincinnati keeps the layouts at
 //! ceas3.uc.edu/sdrluff), in ASCII: dataset 55, data at nodes, of normal modes, with the nodes of dataset 15, or 2411,
-//! and the units of 164.
+//! the lines of 82, and the units of 164.
 //!
 //! Numbers stand in lines, with an exponent of E or D. Shapes are divided by the root of the modal mass. A node that a
-//! mode leaves out is at rest in it; one that all modes leave out is no point.
+//! mode leaves out is at rest in it; one that all modes leave out is no point. A line passes over nodes that are no
+//! points, or have no place.
 
 use std::collections::{BTreeMap, BTreeSet};
 
@@ -19,6 +20,8 @@ const AXES: [&str; 3] = ["x", "y", "z"];
 pub(super) struct ModesRead {
     pub modes: Vec<ModeSection>,
     pub points: BTreeMap<String, [f64; 3]>,
+    /// Lines from point to point, of those with places.
+    pub lines: Vec<Vec<String>>,
 }
 
 /// A line with its number.
@@ -36,6 +39,8 @@ struct Mode {
 struct Contents {
     modes: Vec<Mode>,
     nodes: BTreeMap<u32, [f64; 3]>,
+    /// Lines from node to node.
+    lines: Vec<Vec<u32>>,
     /// The numbers of all datasets.
     datasets: Vec<String>,
 }
@@ -59,7 +64,11 @@ pub(super) fn read(text: &str, names: &BTreeMap<String, u32>) -> Result<ModesRea
         ModeSection { frequency_hz: mode.frequency_hz, damping_ratio: mode.damping_ratio, shape }
     };
     let places = points.iter().filter_map(|(name, node)| Some((name.clone(), *contents.nodes.get(node)?)));
-    Ok(ModesRead { modes: contents.modes.iter().map(section).collect(), points: places.collect() })
+    let modes = contents.modes.iter().map(section).collect();
+    let names: BTreeMap<u32, &String> = points.iter().map(|(name, node)| (*node, name)).collect();
+    let drawn = |node: &u32| names.get(node).filter(|_| contents.nodes.contains_key(node)).map(|name| (*name).clone());
+    let lines = contents.lines.iter().map(|line| line.iter().filter_map(drawn).collect::<Vec<_>>());
+    Ok(ModesRead { modes, points: places.collect(), lines: lines.filter(|line| line.len() > 1).collect() })
 }
 
 /// The names of the points with their nodes.
@@ -110,6 +119,7 @@ fn contents(text: &str) -> Result<Contents, UffError> {
         match dataset.as_str() {
             "15" => nodes(&mut records, &mut contents.nodes, "dataset 15, a node")?,
             "2411" => nodes_of_two_lines(&mut records, &mut contents.nodes)?,
+            "82" => lines_of_nodes(&mut records, &mut contents.lines)?,
             "55" => contents.modes.push(mode(&mut records)?),
             "164" => units(&mut records)?,
             _ => {}
@@ -198,6 +208,24 @@ fn nodes_of_two_lines(records: &mut Records<'_>, into: &mut BTreeMap<u32, [f64; 
         let place = records.numbers(what, 3)?;
         insert(records, into, node, [place[0], place[1], place[2]])?;
     }
+    Ok(())
+}
+
+/// Dataset 82: the number of the line, how many entries it has, colour; a name; the entries, eight in a line: nodes, and
+/// 0 where the line is interrupted.
+fn lines_of_nodes(records: &mut Records<'_>, into: &mut Vec<Vec<u32>>) -> Result<(), UffError> {
+    let what = "dataset 82, a line of nodes";
+    let head = records.numbers(what, 2)?;
+    let expected: usize = records.whole(what, head[1])?;
+    records.next();
+    let mut nodes: Vec<u32> = Vec::new();
+    while nodes.len() < expected {
+        for value in records.numbers(what, 1)? {
+            nodes.push(records.whole(what, value)?);
+        }
+    }
+    nodes.truncate(expected);
+    into.extend(nodes.split(|node| *node == 0).filter(|line| line.len() > 1).map(<[u32]>::to_vec));
     Ok(())
 }
 

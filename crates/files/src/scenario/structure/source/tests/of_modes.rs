@@ -25,6 +25,11 @@ fn modes_of_a_chain_have_its_frequencies_and_move_its_points() {
         close(got.frequency_hz, expected.frequency_hz, 1e-12);
         close(got.damping_ratio, expected.damping_ratio, 1e-3);
     }
+    // Its points have the places of the chain, on a line along its links.
+    let rest_m = chain.rest_m().unwrap();
+    assert_eq!(section.lines, [chain.points()]);
+    assert_eq!(section.points["tip"], [rest_m[6][0], rest_m[6][1], 0.0]);
+    assert_eq!((section.points["joint1"], section.points.len()), ([0.0; 3], 7));
     // The displacement of the tip in a small motion along the first mode.
     let (mode, tip) = (&chain.modes()[0], chain.dof("tip.y").unwrap());
     let small: Vec<f64> = mode.shape.iter().map(|entry| 1e-6 * entry).collect();

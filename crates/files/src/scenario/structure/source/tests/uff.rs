@@ -66,6 +66,24 @@ fn nodes_without_names_are_called_by_their_numbers_and_rest_where_a_mode_leaves_
     assert_eq!((shape(0), shape(1)), (vec![1.0, -0.5, 0.0, 0.0, 0.0, 0.25], vec![1.0, -0.5, 0.0, 0.0, 0.0, 0.0]));
 }
 
+/// Lines of dataset 82, over two records, interrupted by 0; nodes that are no points, or have no place, are passed over
+#[test]
+fn lines_from_node_to_node_are_read() {
+    let node = |number: u32| format!("{number:>10}         1         1        11\n 1.0 2.0 {number}.0\n");
+    let nodes = format!("    -1\n  2411\n{}{}{}    -1\n", node(12), node(14), node(15));
+    let lines = "    -1\n    82\n         1        10         7\nNONE\n        12        13        14        15         0\n        15        16         0        15        12\n    -1\n";
+    let text = format!("{nodes}{MODE}{lines}");
+    let named = |names: &[(&str, u32)]| {
+        let names = names.iter().map(|(name, node)| ((*name).to_owned(), *node)).collect();
+        read(&text, &names).unwrap().lines
+    };
+    assert_eq!(named(&[]), [["node12", "node15"], ["node15", "node12"]]);
+    assert_eq!(named(&[("tip", 15), ("root", 12)]), [["root", "tip"], ["tip", "root"]]);
+    assert!(named(&[("tip", 15)]).is_empty());
+    let short = read(&text.replace("        10         7", "        12         7"), &BTreeMap::new());
+    insta::assert_snapshot!(short.map(|read| read.modes).unwrap_err(), @"line 30: dataset 82, a line of nodes needs 1 numbers here: there are 0");
+}
+
 /// The message about a change of the mode.
 fn of(from: &str, to: &str) -> String {
     let text = MODE.replacen(from, to, 1);

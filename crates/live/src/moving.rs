@@ -1,46 +1,48 @@
-//! The moving arm for 3D views: the newest state of each update, with its vibration magnified to be visible.
+//! The moving structure for 3D views: the newest state of each update, with its vibration magnified to be visible.
 //!
-//! With a the largest |α1| or |α1 + α2| of the last second of updates, the vibration is magnified m times: the largest
-//! m of 1, 2, 5, 10 … with m·a ≤ [`DRAWN_RAD`], at least 1. Another m is chosen only if m·a leaves the range from 0.31
-//! to 1.25 times that angle, as on the page.
+//! With a the largest [`Drawing::vibration`] of the last second of updates, the vibration is magnified m times: the
+//! largest m of 1, 2, 5, 10 … with m·a ≤ 1, at least 1. Another m is chosen only if m·a leaves the range from 0.31 to
+//! 1.25, as on the page.
 
 use std::collections::VecDeque;
 
 use serde_json::Value;
 
-use resonarm_dynamics::arm::Arm;
+use resonarm_files::drawing::Drawing;
 use resonarm_files::export::scene;
 use resonarm_files::recording::StateRecord;
 
-/// The largest vibration drawn, rad.
-const DRAWN_RAD: f64 = 0.22;
-/// Range of DRAWN_RAD/a, in units of m, in which m is kept.
+/// Range of 1/a, in units of m, in which m is kept.
 const KEPT: core::ops::Range<f64> = 0.8..3.2;
-/// Below this the arm stands still, rad.
-const STILL_RAD: f64 = 1e-9;
+/// Below this the structure stands still.
+const STILL: f64 = 5e-9;
 /// Updates over which the largest vibration is taken: a second of them.
 const UPDATES: usize = 30;
 
-/// Draws the arm.
-pub struct MovingArm {
-    arm: Arm,
+/// Draws the structure.
+pub struct Moving {
+    drawing: Drawing,
     newest: Option<StateRecord>,
-    /// The largest angle since the last update, and in each update before.
-    largest_rad: f64,
-    before_rad: VecDeque<f64>,
+    /// The largest vibration since the last update, and in each update before.
+    largest: f64,
+    before: VecDeque<f64>,
     magnification: f64,
 }
 
-impl MovingArm {
-    /// Draws `arm`, to scale at first.
-    pub fn new(arm: Arm) -> MovingArm {
-        MovingArm { arm, newest: None, largest_rad: 0.0, before_rad: VecDeque::new(), magnification: 1.0 }
+impl Moving {
+    /// Draws a structure, to scale at first.
+    pub fn new(drawing: Drawing) -> Moving {
+        Moving { drawing, newest: None, largest: 0.0, before: VecDeque::new(), magnification: 1.0 }
+    }
+
+    /// The topic of its messages.
+    pub fn topic(&self) -> &'static str {
+        scene::topic(self.drawing.subject)
     }
 
     /// Takes a state.
     pub fn state(&mut self, state: &StateRecord) {
-        let [a1, a2] = state.alpha_rad();
-        self.largest_rad = self.largest_rad.max(a1.abs()).max((a1 + a2).abs());
+        self.largest = self.largest.max(self.drawing.vibration(state.states.coordinates()));
         self.newest = Some(*state);
     }
 
@@ -48,21 +50,21 @@ impl MovingArm {
     /// sample.
     pub fn take(&mut self, time_ns: impl Fn(u64) -> u64) -> Option<(u64, Value)> {
         let state = self.newest.take()?;
-        self.before_rad.push_back(core::mem::take(&mut self.largest_rad));
-        self.before_rad.drain(..self.before_rad.len().saturating_sub(UPDATES));
-        let largest_rad = self.before_rad.iter().copied().fold(0.0, f64::max);
-        self.magnification = magnification(largest_rad, self.magnification);
+        self.before.push_back(core::mem::take(&mut self.largest));
+        self.before.drain(..self.before.len().saturating_sub(UPDATES));
+        let largest = self.before.iter().copied().fold(0.0, f64::max);
+        self.magnification = magnification(largest, self.magnification);
         let time_ns = time_ns(state.sample);
-        Some((state.sample, scene::message(&self.arm, &state.alpha_rad(), self.magnification, time_ns)))
+        Some((state.sample, scene::message(&self.drawing, state.states.coordinates(), self.magnification, time_ns)))
     }
 }
 
-/// The magnification for vibrations up to `largest_rad`, if it was `now` before.
-fn magnification(largest_rad: f64, now: f64) -> f64 {
-    if largest_rad.is_nan() || largest_rad < STILL_RAD {
+/// The magnification for vibrations up to `largest`, if it was `now` before.
+fn magnification(largest: f64, now: f64) -> f64 {
+    if largest.is_nan() || largest < STILL {
         return now;
     }
-    let wanted = DRAWN_RAD / largest_rad;
+    let wanted = 1.0 / largest;
     if now > 1.0 && KEPT.contains(&(wanted / now)) {
         return now;
     }
@@ -91,21 +93,22 @@ mod tests {
 
     #[test]
     fn the_magnification_changes_in_steps_and_stays_over_a_range() {
-        assert_eq!(magnification(0.0, 20.0), 20.0);
-        assert_eq!(magnification(0.5, 1.0), 1.0);
-        assert_eq!(magnification(0.11, 1.0), 2.0);
-        assert_eq!(magnification(0.004, 1.0), 50.0);
+        let for_angle = |angle_rad: f64, now: f64| magnification(angle_rad / 0.22, now);
+        assert_eq!(for_angle(0.0, 20.0), 20.0);
+        assert_eq!(for_angle(0.5, 1.0), 1.0);
+        assert_eq!(for_angle(0.11, 1.0), 2.0);
+        assert_eq!(for_angle(0.004, 1.0), 50.0);
         // 0.22/0.0053 = 41.5 and 0.22/0.0014 = 157 are close enough to 50.
-        assert_eq!(magnification(0.0053, 50.0), 50.0);
-        assert_eq!(magnification(0.0014, 50.0), 50.0);
-        assert_eq!(magnification(0.0056, 50.0), 20.0);
-        assert_eq!(magnification(0.0013, 50.0), 100.0);
+        assert_eq!(for_angle(0.0053, 50.0), 50.0);
+        assert_eq!(for_angle(0.0014, 50.0), 50.0);
+        assert_eq!(for_angle(0.0056, 50.0), 20.0);
+        assert_eq!(for_angle(0.0013, 50.0), 100.0);
     }
 
     #[test]
     fn the_newest_state_of_an_update_is_drawn_where_the_arm_is() {
         let arm = Scenario::default().build_arm().unwrap();
-        let mut moving = MovingArm::new(arm.clone());
+        let mut moving = Moving::new(Drawing::of_arm(&arm));
         assert!(moving.take(|sample| sample).is_none());
         moving.state(&state(7, [2e-3, 2e-3]));
         moving.state(&state(8, [1e-3, -2e-3]));

@@ -1,0 +1,98 @@
+//! A chain of links or vibration modes under test, and where the rig is on it.
+
+use alloc::string::String;
+use alloc::vec::Vec;
+
+use crate::excitation::Amplitude;
+use crate::structure::LOADS;
+use resonarm_dynamics::structure::{Assembly, Dof};
+
+/// What the exciter or an instrument is at: the degrees of freedom that are its x and y, if the structure has them.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Placed {
+    /// Along x and y.
+    pub along: [Option<Dof>; 2],
+}
+
+/// Where a rig is on a structure.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Places {
+    /// The exciter, with the impedance head.
+    pub exciter: Placed,
+    /// Accelerometer B.
+    pub accelerometer_b: Placed,
+    /// Accelerometer C.
+    pub accelerometer_c: Placed,
+}
+
+/// A chain of links or vibration modes under test.
+#[derive(Clone, Debug, PartialEq)]
+pub struct TestedAssembly {
+    /// The structure.
+    pub assembly: Assembly,
+    /// Its coordinates and their rates at sample 0.
+    pub initial: Vec<f64>,
+    /// Where the rig is on it.
+    pub places: Places,
+}
+
+/// A degree of freedom that an accelerometer reads.
+#[derive(Clone, Debug, PartialEq)]
+pub struct ReadDof {
+    /// The degree of freedom.
+    pub dof: Dof,
+    /// Its name, such as `tip.x`.
+    pub name: String,
+    /// The channel of the reading: head x, y; B x, y; C x, y.
+    pub channel: usize,
+}
+
+impl TestedAssembly {
+    /// What the accelerometers read: the axes of C, then of B, that the structure has. An axis that both read is that
+    /// of C.
+    pub fn read(&self) -> Vec<ReadDof> {
+        let mut read: Vec<ReadDof> = Vec::new();
+        for (placed, first) in [(&self.places.accelerometer_c, 4), (&self.places.accelerometer_b, 2)] {
+            for (dof, axis) in placed.along.iter().zip(0..) {
+                let Some(dof) = dof.filter(|dof| read.iter().all(|known| known.dof != *dof)) else { continue };
+                read.push(ReadDof { dof, name: self.dof_name(dof), channel: first + axis });
+            }
+        }
+        read
+    }
+
+    /// The name of a degree of freedom of the structure.
+    pub fn dof_name(&self, dof: Dof) -> String {
+        self.assembly.dof_names().into_iter().find(|name| self.assembly.dof(name) == Ok(dof)).unwrap_or_default()
+    }
+
+    /// The degree of freedom on which each load of the plant acts, torques about joints 1 and 2 and forces along x and
+    /// y of the exciter; `None` of a load that nothing takes.
+    pub fn loaded(&self) -> [Option<Dof>; 4] {
+        let joint = |name| self.assembly.dof(name).ok();
+        let [x, y] = self.places.exciter.along;
+        [joint("joint1"), joint("joint2"), x, y]
+    }
+
+    /// The loads that are not zero, by name, with what they act on.
+    fn acting(&self, amplitude: &Amplitude) -> impl Iterator<Item = (&'static str, f64, Option<Dof>)> {
+        let loads = [amplitude.torque1_nm, amplitude.torque2_nm, amplitude.force_x_n, amplitude.force_y_n];
+        let all = LOADS.into_iter().zip(loads).zip(self.loaded());
+        all.map(|((channel, load), dof)| (channel.name, load, dof)).filter(|(_, load, _)| *load != 0.0)
+    }
+
+    /// The first load that nothing of the structure takes: its name and its amplitude, N or N·m.
+    pub fn idle_load(&self, amplitude: &Amplitude) -> Option<(&'static str, f64)> {
+        self.acting(amplitude).find(|(_, _, dof)| dof.is_none()).map(|(name, load, _)| (name, load))
+    }
+
+    /// The degree of freedom that a load drives, with its amplitude, N or N·m; `None` if it drives another number of
+    /// them than one.
+    pub fn driven(&self, amplitude: &Amplitude) -> Option<(Dof, f64)> {
+        let mut acting = self.acting(amplitude);
+        match (acting.next(), acting.next()) {
+            (Some((_, load, dof)), None) => Some((dof?, load)),
+            _ => None,
+        }
+    }
+}

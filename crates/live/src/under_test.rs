@@ -1,0 +1,327 @@
+//! What is under test, as the live view shows it: how it is called, drawn and read.
+
+use serde::Serialize;
+
+use super::rows::{self, Shown};
+use resonarm_bench::control::{JointAngles, ResponsePoint};
+use resonarm_bench::plant::{Placed, TestedAssembly};
+use resonarm_bench::structure::Point;
+use resonarm_dynamics::arm::Arm;
+use resonarm_files::drawing::Drawing;
+use resonarm_files::recording::channels::Channels;
+use resonarm_files::scenario::structure::StructureKind;
+use resonarm_files::scenario::{Scenario, ScenarioError};
+
+/// The structure under test.
+#[derive(Clone, Debug)]
+pub struct UnderTest {
+    /// In words.
+    pub name: String,
+    /// What its states and readings consist of.
+    pub table: Channels,
+    /// What is drawn of it; `None` if nothing says where its points are.
+    pub drawing: Option<Drawing>,
+    kind: Kind,
+}
+
+#[derive(Clone, Debug)]
+enum Kind {
+    /// The two-link arm without elements.
+    Arm(Box<Arm>),
+    /// A chain or modes, or the arm with elements.
+    Assembly(Box<TestedAssembly>),
+    /// One that a program makes.
+    Own,
+}
+
+/// A number of each sample that a panel plots.
+#[derive(Clone, Debug, PartialEq, Serialize)]
+pub struct Plotted {
+    /// Its place among the channels.
+    pub channel: usize,
+    /// What it is.
+    pub label: String,
+    /// Its unit.
+    pub unit: &'static str,
+}
+
+/// What the panels plot.
+#[derive(Clone, Debug, PartialEq, Serialize)]
+pub struct Panels {
+    /// The commanded torques about joints.
+    pub torque: Vec<Plotted>,
+    /// The commanded force.
+    pub force: Vec<Plotted>,
+    /// The force in the impedance head.
+    pub head: Vec<Plotted>,
+    /// The accelerations of B and C.
+    pub acceleration_b: Vec<Plotted>,
+    pub acceleration_c: Vec<Plotted>,
+    /// Coordinates, and states of elements; of the arm without elements none, since it is drawn.
+    pub coordinates: Vec<Plotted>,
+    pub elements: Vec<Plotted>,
+}
+
+/// A size of the responses.
+#[derive(Clone, Debug, PartialEq, Serialize)]
+pub struct ResponseAxis {
+    /// What responds.
+    pub label: String,
+    /// What is read of it.
+    pub title: String,
+    /// The unit.
+    pub unit: &'static str,
+}
+
+/// The sizes of a response, in the order of the axes, and whether each comes from clipped readings.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Sizes {
+    pub amplitude: Vec<f64>,
+    pub clipped: Vec<bool>,
+}
+
+impl UnderTest {
+    /// What is under test in a scenario, called `name`, with the channels `table`.
+    ///
+    /// # Errors
+    /// [`ScenarioError`] if the scenario makes no structure.
+    pub fn new(scenario: &Scenario, name: String, table: Channels) -> Result<UnderTest, ScenarioError> {
+        let is_own = scenario.structure.as_ref().is_some_and(|section| section.kind == StructureKind::Own);
+        let kind = match (is_own, &scenario.structure) {
+            (true, _) => Kind::Own,
+            (false, None) => Kind::Arm(scenario.build_arm()?.into()),
+            (false, Some(_)) => scenario.tested_structure()?.map_or(Kind::Own, |tested| Kind::Assembly(tested.into())),
+        };
+        Ok(UnderTest { name, table, drawing: Drawing::of(scenario)?, kind })
+    }
+
+    /// Frequencies of the modes, Hz.
+    pub fn modes_hz(&self) -> Vec<f64> {
+        match &self.kind {
+            Kind::Arm(arm) => resonarm_analysis::modes(arm).map(|mode| mode.frequency_hz).to_vec(),
+            Kind::Assembly(tested) => tested.assembly.modes().iter().map(|mode| mode.frequency_hz).collect(),
+            Kind::Own => Vec::new(),
+        }
+    }
+
+    /// The points at which the rig is, those of the exciter, B and C; unknown of a program's own structure.
+    pub fn rig(&self) -> Option<[String; 3]> {
+        match &self.kind {
+            Kind::Arm(_) => Some(["tip", "joint2", "tip"].map(String::from)),
+            Kind::Assembly(tested) => {
+                let places = [&tested.places.exciter, &tested.places.accelerometer_b, &tested.places.accelerometer_c];
+                let point = |placed: &Placed| placed.along.into_iter().flatten().next().map(|dof| tested.dof_name(dof));
+                let name = |placed| point(placed).unwrap_or_default().split('.').next().unwrap_or_default().to_owned();
+                Some(places.map(name))
+            }
+            Kind::Own => None,
+        }
+    }
+
+    /// Whether B and C are at the ends of two links, so that their accelerations give the angles.
+    pub fn angles_are_read(&self) -> bool {
+        match &self.kind {
+            Kind::Arm(_) => true,
+            Kind::Assembly(tested) => {
+                let whole = |placed: &Placed| placed.along.iter().all(Option::is_some);
+                let (places, two) = (&tested.places, tested.assembly.points() == ["joint1", "joint2", "tip"]);
+                let rig = self.rig().is_some_and(|[_, b, c]| b == "joint2" && c == "tip");
+                two && tested.assembly.rest_m().is_some()
+                    && rig
+                    && whole(&places.accelerometer_b)
+                    && whole(&places.accelerometer_c)
+            }
+            Kind::Own => false,
+        }
+    }
+
+    /// What the panels plot.
+    pub fn panels(&self) -> Panels {
+        let shown = Shown::new(&self.table);
+        let all = |first: usize, labels: [&str; 2]| {
+            let one = |(channel, label): (usize, &str)| shown.plotted(channel, label.to_owned());
+            (first..).zip(labels).map(one).collect::<Vec<_>>()
+        };
+        let is_arm = matches!(self.kind, Kind::Arm(_));
+        let of = |first: usize, labels: [&str; 2], name: &str, placed: fn(&TestedAssembly) -> &Placed| {
+            let Kind::Assembly(tested) = &self.kind else { return all(first, labels) };
+            let named = (first..).zip(placed(tested).along).filter_map(|(channel, dof)| {
+                let axis = tested.dof_name(dof?).rsplit('.').next().unwrap_or_default().to_owned();
+                Some(shown.plotted(channel, if name.is_empty() { axis } else { format!("{name} {axis}") }))
+            });
+            named.collect()
+        };
+        let torque = all(rows::TORQUE, ["torque 1", "torque 2"]).into_iter().take(self.joints()).collect();
+        Panels {
+            torque,
+            force: of(rows::FORCE, ["load x", "load y"], "load", |tested| &tested.places.exciter),
+            head: of(rows::HEAD, ["head x", "head y"], "head", |tested| &tested.places.exciter),
+            acceleration_b: of(rows::ACCELERATION_B, ["x", "y"], "", |tested| &tested.places.accelerometer_b),
+            acceleration_c: of(rows::ACCELERATION_C, ["x", "y"], "", |tested| &tested.places.accelerometer_c),
+            coordinates: if is_arm { Vec::new() } else { shown.coordinates() },
+            elements: shown.elements(),
+        }
+    }
+
+    /// The joints that torques act on, at most 2.
+    fn joints(&self) -> usize {
+        match &self.kind {
+            Kind::Arm(_) => 2,
+            Kind::Assembly(tested) => tested.loaded().iter().take(2).flatten().count(),
+            Kind::Own => 0,
+        }
+    }
+
+    /// The sizes of the responses.
+    pub fn responses(&self) -> Vec<ResponseAxis> {
+        let displacement =
+            |name: String| ResponseAxis { title: format!("amplitude of {name}"), label: name, unit: "m" };
+        match &self.kind {
+            Kind::Arm(_) => ["\u{3b1}1", "\u{3b1}2"]
+                .map(|name| ResponseAxis { label: name.to_owned(), title: format!("largest |{name}|"), unit: "rad" })
+                .to_vec(),
+            Kind::Assembly(tested) => tested.read().into_iter().map(|read| displacement(read.name)).collect(),
+            Kind::Own => OWN.map(|(name, _)| displacement(name.to_owned())).to_vec(),
+        }
+    }
+
+    /// The size along the scenario's load, if one is; else the first.
+    pub fn driven_response(&self, scenario: &Scenario) -> usize {
+        let Kind::Assembly(tested) = &self.kind else { return 0 };
+        let driven = scenario.amplitude().and_then(|amplitude| tested.driven(amplitude));
+        let place = driven.and_then(|(dof, _)| tested.read().iter().position(|read| read.dof == dof));
+        place.unwrap_or(0)
+    }
+
+    /// The sizes of a response: of the arm the largest angles over a period, else the fundamental of displacements.
+    pub fn sizes(&self, point: &ResponsePoint) -> Sizes {
+        let read: Vec<usize> = match &self.kind {
+            Kind::Arm(arm) => {
+                let JointAngles { amplitude_rad, clipped, .. } = JointAngles::of(point, arm);
+                return Sizes { amplitude: amplitude_rad.to_vec(), clipped: clipped.to_vec() };
+            }
+            Kind::Assembly(tested) => tested.read().into_iter().map(|read| read.channel).collect(),
+            Kind::Own => OWN.map(|(_, channel)| channel).to_vec(),
+        };
+        let size = |channel: &usize| {
+            let displacement = point.displacement_m(*channel);
+            libm::hypot(displacement.re, displacement.im)
+        };
+        Sizes {
+            amplitude: read.iter().map(size).collect(),
+            clipped: read.iter().map(|channel| point.clipped[*channel]).collect(),
+        }
+    }
+}
+
+/// What is read of a program's own structure, with the channels of a response.
+const OWN: [(&str, usize); 4] = [("C x", 4), ("C y", 5), ("B x", 2), ("B y", 3)];
+
+/// A coordinate, or the state of an element, as panels call it.
+pub(super) fn label(point: Point) -> String {
+    match point {
+        Point::Joint1 => String::from("\u{3b1}1"),
+        Point::Joint2B => String::from("\u{3b1}2"),
+        Point::Joint(joint) => format!("\u{3b1}{joint}"),
+        Point::Mode(mode) => format!("q{mode}"),
+        Point::Coordinate(coordinate) => format!("x{coordinate}"),
+        Point::Element(element) => format!("element {element}"),
+        Point::TipC => String::from("C"),
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use resonarm_bench::control::ResponsePoint;
+    use resonarm_bench::excitation::Phasor;
+    use resonarm_bench::plant::Plant;
+
+    fn under_test(text: &str) -> UnderTest {
+        let scenario = Scenario::parse(text, "bench.toml").unwrap();
+        let table = match &scenario.structure {
+            Some(section) if section.kind != StructureKind::Own => {
+                Channels::of_structure(Plant::new(&scenario.plant_spec().unwrap()).unwrap().structure())
+            }
+            _ => Channels::arm(true),
+        };
+        UnderTest::new(&scenario, String::from("it"), table).unwrap()
+    }
+
+    fn named(plotted: &[Plotted]) -> String {
+        plotted.iter().map(|one| format!("{} {} ({})", one.channel, one.label, one.unit)).collect::<Vec<_>>().join(", ")
+    }
+
+    const MODAL: &str = r#"
+[structure]
+kind = "modal"
+modes = [
+  { frequency_hz = 20.0, damping_ratio = 0.004, shape = { "tip.z" = 0.5, "mid.x" = 0.3, "mid.y" = 0.1 } },
+  { frequency_hz = 57.0, damping_ratio = 0.006, shape = { "tip.z" = -0.4, "mid.x" = 0.35, "mid.y" = 0.2 } },
+]
+elements = [
+  { kind = "gap", at = "mid.x", stiffness_n_m = 1e4, gap_m = 1e-3 },
+  { kind = "friction", at = "tip.z", stiffness_n_m = 1e4, slip_force_n = 1.0 },
+]
+[rig.exciter]
+at = "tip.z"
+[rig.accelerometer_b]
+at = "mid"
+"#;
+
+    #[test]
+    fn panels_plot_the_axes_that_there_are() {
+        let arm = under_test("").panels();
+        assert_eq!(named(&arm.torque), "0 torque 1 (N·m), 1 torque 2 (N·m)");
+        assert_eq!(named(&arm.force), "2 load x (N), 3 load y (N)");
+        assert_eq!(named(&arm.head), "4 head x (N), 5 head y (N)");
+        assert_eq!(named(&arm.acceleration_c), "8 x (m/s²), 9 y (m/s²)");
+        assert_eq!((&arm.coordinates[..], &arm.elements[..]), (&[][..], &[][..]));
+        let modal = under_test(MODAL).panels();
+        assert_eq!((named(&modal.torque), named(&modal.force)), (String::new(), String::from("2 load z (N)")));
+        assert_eq!(named(&modal.head), "4 head z (N)");
+        assert_eq!(named(&modal.acceleration_b), "6 x (m/s²), 7 y (m/s²)");
+        assert_eq!(named(&modal.acceleration_c), "8 z (m/s²)");
+        assert_eq!(named(&modal.coordinates), "10 q1 (m·√kg), 11 q2 (m·√kg)");
+        // The gap has no state, and the branches of both are not plotted.
+        assert_eq!(named(&modal.elements), "12 element 2 (m)");
+    }
+
+    #[test]
+    fn angles_are_read_of_two_links_with_b_and_c_at_their_ends() {
+        assert!(under_test("").angles_are_read() && under_test("[structure]\n").angles_are_read());
+        assert!(!under_test("[structure]\n[rig.accelerometer_c]\nat = \"tip.y\"\n").angles_are_read());
+        assert!(!under_test("[structure]\n[rig.accelerometer_b]\nat = \"tip\"\n").angles_are_read());
+        assert!(!under_test(MODAL).angles_are_read());
+    }
+
+    #[test]
+    fn responses_are_displacements_that_the_accelerometers_read() {
+        let harmonic = |size: f64| [Phasor::new(0.0, size), Phasor::new(0.0, 0.0), Phasor::new(0.0, 0.0)];
+        let readings = [0.0, 0.0, 2.0, 3.0, 4.0, 5.0].map(harmonic);
+        let mut point = ResponsePoint::of_harmonics(10.0, 1.0, &readings);
+        point.clipped[3] = true;
+        let square = (core::f64::consts::TAU * 10.0).powi(2);
+        let modal = under_test(MODAL);
+        let labels: Vec<String> = modal.responses().into_iter().map(|axis| axis.label).collect();
+        assert_eq!(labels, ["tip.z", "mid.x", "mid.y"]);
+        let Sizes { amplitude, clipped } = modal.sizes(&point);
+        for (found, expected) in amplitude.iter().zip([4.0, 2.0, 3.0]) {
+            assert!((found * square - expected).abs() < 1e-12, "{found}");
+        }
+        assert_eq!((amplitude.len(), &clipped[..]), (3, &[false, false, true][..]));
+        let own = under_test("[structure]\nkind = \"own\"\n");
+        assert_eq!((own.drawing.clone(), own.rig(), own.modes_hz()), (None, None, vec![]));
+        assert!((own.sizes(&point).amplitude[1] * square - 5.0).abs() < 1e-12);
+    }
+
+    #[test]
+    fn the_response_along_the_load_is_shown_first() {
+        let load = |key: &str| {
+            let profile = "profile = { waveform = \"dwell\", frequency_hz = 15.0, duration_s = 1.0, settle_s = 0.1 }";
+            let text = format!("[structure]\n[excitation]\namplitude = {{ {key} = 2.0 }}\n{profile}\n");
+            under_test(&text).driven_response(&Scenario::parse(&text, "bench.toml").unwrap())
+        };
+        assert_eq!(["force_x_n", "force_y_n", "torque1_nm"].map(load), [0, 1, 0]);
+    }
+}
