@@ -59,6 +59,7 @@ mod thread;
 mod watch;
 
 pub use error::RunError;
+pub use event_record::sample_record;
 pub use exciter_end::ExciterEnd;
 pub use gauges::{Gauges, Shown};
 pub use mode::{Mode, UnknownMode};

@@ -5,6 +5,7 @@ use super::record_sink::RecordSink;
 use super::session::{Network, RecordTo};
 use super::{End, Mode, RunError, RunEvent, Session};
 use resonarm_bench::node::{self, ExciterInterface, ExciterRemark, PlantInterface, PlantNode, TimeBase};
+use resonarm_bench::plant::Plant;
 use resonarm_bus::{Filter, network_filters};
 use resonarm_files::recording::channels::Channels;
 use resonarm_files::recording::{self, Recorder};
@@ -92,8 +93,16 @@ impl Session {
         Ok(Bench::new(self.plant.clone(), node, steps, records, watched, on_event))
     }
 
-    /// Creates the recording.
-    pub(super) fn recorder(&self, interface: &str) -> Result<Option<Recorder>, RunError> {
+    /// The plant at sample 0.
+    pub fn plant_at_start(&self) -> Plant {
+        self.plant.clone()
+    }
+
+    /// Creates the recording of the options, if they ask for one; `interface` is what it calls the bus.
+    ///
+    /// # Errors
+    /// [`RunError::Recording`] if it can't be created.
+    pub fn recorder(&self, interface: &str) -> Result<Option<Recorder>, RunError> {
         let Some(RecordTo { path, existing }) = &self.options.record else { return Ok(None) };
         let dt_s = 1.0 / self.scenario.simulation.rate_hz;
         let mut options = match self.mode {
