@@ -149,7 +149,7 @@ impl Model for Signals {
         }
     }
 
-    fn sample(&self) -> u64 {
+    fn count(&self, _source: Source) -> u64 {
         self.now.plant.sample()
     }
 
@@ -159,7 +159,9 @@ impl Model for Signals {
     }
 
     fn restore(&mut self, saved: &Saved) -> Result<(), Fault> {
-        let Saved::Signals(saved) = saved;
+        let Saved::Signals(saved) = saved else {
+            return Err(Fault::Saved { call: "fmi3SetFMUState", reason: "it is of another interface" });
+        };
         if let Some(tape) = &mut self.tape {
             tape.rewind(saved.mark.as_deref(), saved.now.plant.sample())?;
         }
@@ -180,10 +182,5 @@ impl Model for Signals {
 
 /// The readings of a measurement in the order of [`OUTPUTS`].
 pub(crate) fn measurement(sample: u64, [hx, hy, bx, by, cx, cy]: [Reading; OUTPUTS.len()]) -> Measurement {
-    Measurement {
-        sample,
-        head_force_n: [hx, hy],
-        acceleration_b_m_s2: [bx, by],
-        acceleration_c_m_s2: [cx, cy],
-    }
+    Measurement { sample, head_force_n: [hx, hy], acceleration_b_m_s2: [bx, by], acceleration_c_m_s2: [cx, cy] }
 }
