@@ -43,7 +43,9 @@ def walk(make, tmp_path_factory):
             kind = "countdown" if role == "bus" else clock
             flags = ("--interface", "can", "--role", role, "--clock", kind)
             fmus[role] = make(folder / "walk.toml", *flags, name=role)
-        return SimpleNamespace(**fmus, native=free_run(folder / "walk.toml", folder / "native.mcap"))
+        # After its last sample the native run disarms the plant, while the load ramps to zero.
+        native = free_run(folder / "walk.toml", folder / "native.mcap").states[: round(1000 * duration_s) + 1, :4]
+        return SimpleNamespace(**fmus, native=native)
 
     return walk
 
@@ -75,29 +77,29 @@ def follow(master, fmus, samples):
 def test_plant_and_exciter_joined_give_the_bits_of_a_free_run(walk, profile, clock, tmp_path):
     fmus = walk(profile=profile, clock=clock)
     master = joined(fmus, recording=str(tmp_path / "run.mcap"))
-    samples = len(fmus.native.states) - 1
+    samples = len(fmus.native) - 1
     rows = follow(master, fmus, samples)
     assert np.abs(rows).max() > 1e-5 and master.plant.getUInt64(fmus.plant.of("node.state")) == [5]
     master.plant.terminate()
     master.end()
-    assert same(rows, fmus.native.states[:, :4])
+    assert same(rows, fmus.native)
     for words in (["resim"], ["resim", "--readings"]):
         done = subprocess.run([RESONARM, *words, str(tmp_path / "run.mcap"), "--json"], capture_output=True, text=True)
         assert done.returncode == 0 and '"identical":true' in done.stdout, done
     recorded = Recording.whole(tmp_path / "run.mcap")
-    assert len(recorded.frames) == len(fmus.native.frames)
+    assert same(recorded.states[:, :4], rows) and len(recorded.frames) > (2 if profile == "fd" else 4) * samples * 0.9
 
 
 @pytest.mark.parametrize("order", [("plant", "exciter", "bus"), ("bus", "exciter", "plant")])
 @pytest.mark.parametrize("clock", CLOCKS)
 def test_by_the_bus_they_give_the_bits_of_a_free_run_on_a_timed_bus(walk, clock, order):
     roles = ("plant", "exciter", "bus")
-    fmus = walk(network="bit_rate_hz = 500000", duration_s=1.2, clock=clock, roles=roles)
+    fmus = walk(network="bit_rate_hz = 1000000", duration_s=1.2, clock=clock, roles=roles)
     master = joined(fmus, order)
-    rows = follow(master, fmus, len(fmus.native.states) - 1)
+    rows = follow(master, fmus, len(fmus.native) - 1)
     frames = master.slaves[order.index("bus")].getUInt64(fmus.bus.of("bus.frames", "bus.error_frames"))
     master.end()
-    assert same(rows, fmus.native.states[:, :4]) and np.abs(rows).max() > 1e-5
+    assert same(rows, fmus.native) and np.abs(rows).max() > 1e-5
     sent = Counter(code for name, content in master.carried if "bus" not in name for code, _ in operations(content))
     came = Counter(code for name, content in master.carried if "bus" in name for code, _ in operations(content))
     # Whatever was sent came to the other node and was confirmed, but for what is on its way at the end.
@@ -106,19 +108,19 @@ def test_by_the_bus_they_give_the_bits_of_a_free_run_on_a_timed_bus(walk, clock,
 
 
 def test_bit_errors_are_error_frames_and_repeated(walk):
-    network = "bit_rate_hz = 500000, bit_error_rate = 5e-4"
+    network = "bit_rate_hz = 1000000, bit_error_rate = 5e-4"
     fmus = walk(network=network, duration_s=0.6, roles=("plant", "exciter", "bus"))
     master = joined(fmus, ("plant", "exciter", "bus"))
-    rows = follow(master, fmus, len(fmus.native.states) - 1)
+    rows = follow(master, fmus, len(fmus.native) - 1)
     frames, errors = master.slaves[2].getUInt64(fmus.bus.of("bus.frames", "bus.error_frames"))
     master.end()
-    assert same(rows, fmus.native.states[:, :4])
+    assert same(rows, fmus.native)
     fields = [data for _, content in master.carried for code, data in operations(content) if code == BUS_ERROR]
     assert frames > 1000 and 20 < errors == sum(data[-1] for data in fields)
 
 
 def test_a_terminal_that_is_not_joined_acknowledges(walk):
-    fmus = walk(network="bit_rate_hz = 500000", duration_s=0.2, roles=("plant", "bus"))
+    fmus = walk(network="bit_rate_hz = 1000000", duration_s=0.2, roles=("plant", "bus"))
     master = Master()
     plant, bus = master.add(fmus.plant), master.add(fmus.bus)
     master.join(plant["can"], bus["node1"])
@@ -126,7 +128,7 @@ def test_a_terminal_that_is_not_joined_acknowledges(walk):
     master.advance(50_000_000)
     frames = bus["node1"].slave.getUInt64(fmus.bus.of("bus.frames", "bus.error_frames"))
     master.end()
-    assert frames[0] > 10 and frames[1] == 0
+    assert frames[0] >= 6 and frames[1] == 0
 
 
 def test_a_roll_back_of_the_node_changes_no_bit(walk):
@@ -135,7 +137,7 @@ def test_a_roll_back_of_the_node_changes_no_bit(walk):
     chance, slave = random.Random(3), master.plant
     master.start()
     rows = [slave.getFloat64(fmus.plant.states)]
-    for sample in range(1, len(fmus.native.states)):
+    for sample in range(1, len(fmus.native)):
         state = slave.getFMUState()
         slave.doStep(master.now_ns * 1e-9, chance.choice([0.0003, 0.001, 0.0042]))
         slave.setFMUState(state)
@@ -143,13 +145,13 @@ def test_a_roll_back_of_the_node_changes_no_bit(walk):
         master.advance(sample * 1_000_000)
         rows.append(slave.getFloat64(fmus.plant.states))
     master.end()
-    assert same(rows, fmus.native.states[:, :4])
+    assert same(rows, fmus.native)
 
 
 def test_validators_and_schemas_find_nothing(walk):
     import fmpy
 
-    fmus = walk(network="bit_rate_hz = 500000", duration_s=0.2, roles=("plant", "exciter", "bus"))
+    fmus = walk(network="bit_rate_hz = 1000000", duration_s=0.2, roles=("plant", "exciter", "bus"))
     schema = xmlschema.XMLSchema(f"{fmpy.__path__[0]}/schema/fmi3/fmi3TerminalsAndIcons.xsd")
     for fmu in (fmus.plant, fmus.exciter, fmus.bus):
         assert validate_fmu(str(fmu.path)) == []

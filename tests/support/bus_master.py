@@ -131,9 +131,12 @@ def terminals(fmu):
 
 def member(slave, fmu, name, members):
     variables = {variable.name: variable for variable in fmu.description.modelVariables}
-    clock, data = variables[members["Tx_Clock"]], variables[members["Rx_Data"]]
+    clock = variables[members["Tx_Clock"]]
+    # FMPy does not read the media type.
+    root = ElementTree.parse(fmu.folder / "modelDescription.xml").getroot()
+    mime = next(one.get("mimeType") for one in root.iter("Binary") if one.get("name") == members["Rx_Data"])
     references = {key: fmu.references[variable] for key, variable in members.items()}
-    return Member(slave, f"{fmu.path.stem}.{name}", references, data.mimeType, clock.intervalVariability == "countdown")
+    return Member(slave, f"{fmu.path.stem}.{name}", references, mime, clock.intervalVariability == "countdown")
 
 
 def operations(content):

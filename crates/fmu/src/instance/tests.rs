@@ -108,7 +108,9 @@ fn calls_out_of_their_state_are_refused() {
     let (_folder, mut instance) = made("");
     let error = instance.step(0.0, 1e-3).unwrap_err();
     insta::assert_snapshot!(error, @"fmi3DoStep is not allowed in the state Instantiated: it is in step mode");
-    assert!(instance.terminate().is_err() && instance.enter_event().is_err() && instance.exit_initialization().is_err());
+    assert!(
+        instance.terminate().is_err() && instance.enter_event().is_err() && instance.exit_initialization().is_err()
+    );
     let error = instance.enter_initialization(f64::INFINITY).unwrap_err();
     insta::assert_snapshot!(error, @"fmi3EnterInitializationMode: the start time is inf s: it must be finite");
     started(&mut instance, 0.0);
