@@ -67,6 +67,8 @@ pub(crate) enum Failure {
     #[error(transparent)]
     Export(#[from] ExportError),
     #[error(transparent)]
+    Fmu(#[from] resonarm_fmu::export::ExportError),
+    #[error(transparent)]
     Import(#[from] ImportError),
     #[error(transparent)]
     Identify(#[from] IdentifyError),
@@ -146,6 +148,7 @@ impl Failure {
             Failure::Replay(ReplayError::Simulation(_)) => Exit::Negative,
             Failure::Replay(ReplayError::NoController { .. }) => Exit::Environment,
             Failure::Run(error) => run(error),
+            Failure::Fmu(resonarm_fmu::export::ExportError::NoLibrary { .. }) => Exit::Environment,
             Failure::Analysis(source) | Failure::BranchEndedEarly { source, .. } => analysis(source),
             Failure::Integrate(error) => integrate(error),
             Failure::TimeDomain(error) | Failure::Study(StudyError::TimeDomain(error)) => time_domain(error),

@@ -107,6 +107,7 @@ commands! {
     Merge in cut, reported as "merge";
     Diff in diff, reported as "diff";
     Export in export, reported as "export";
+    Fmu in fmu, reported as "fmu";
     Import in import, reported as "import";
     Recover in recover, reported as "recover";
     Protocol in protocol;

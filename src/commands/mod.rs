@@ -12,6 +12,7 @@ pub mod doctor;
 pub mod exciter;
 pub mod experiment;
 pub mod export;
+pub mod fmu;
 pub mod frf;
 pub mod identify;
 pub mod identify_angles;

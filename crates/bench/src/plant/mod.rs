@@ -280,9 +280,22 @@ impl Plant {
     /// # Errors
     /// [`PlantError::Structure`], [`PlantError::Saved`] if it was another plant.
     pub fn restored(self, sample: u64, saved: &[f64]) -> Result<Plant, PlantError> {
+        self.restored_with(sample, sample, saved)
+    }
+
+    /// The same of a plant that was saved after the sample's [`Plant::measure`]: it is advanced next.
+    ///
+    /// # Errors
+    /// As [`Plant::restored`].
+    pub fn restored_measured(self, sample: u64, saved: &[f64]) -> Result<Plant, PlantError> {
+        self.restored_with(sample, sample + 1, saved)
+    }
+
+    /// The plant at sample `sample`, whose instruments read sample `next` next.
+    fn restored_with(self, sample: u64, next: u64, saved: &[f64]) -> Result<Plant, PlantError> {
         let (structure, instruments) = saved.split_at(self.structure.saved_len().min(saved.len()));
         let mut plant = self.at(sample, structure)?;
-        if plant.rig.restore(sample, instruments) { Ok(plant) } else { Err(PlantError::Saved { got: saved.len() }) }
+        if plant.rig.restore(next, instruments) { Ok(plant) } else { Err(PlantError::Saved { got: saved.len() }) }
     }
 
     /// The structure under test.

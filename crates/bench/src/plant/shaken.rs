@@ -8,10 +8,10 @@ use nalgebra::Vector2;
 use thiserror::Error;
 
 use super::assembly_steps::AssemblySteps;
-use super::tested::{Placed, TestedAssembly};
 use super::sampling::{Filter, PointMotion, ShakenStep, Sums};
 use super::shaker::{Drive, coil_of};
 use super::stepped::{Loads, Stepped};
+use super::tested::{Placed, TestedAssembly};
 use super::{PlantSpec, PlantSpecError};
 use crate::rig::coil::{Coil, Stroke};
 use crate::rig::{Amplifier, Measurement, ShakerSpec};

@@ -5,9 +5,10 @@ use alloc::vec;
 use alloc::vec::Vec;
 use core::fmt;
 
-use super::assembly_steps::{AssemblySteps, TestedAssembly};
+use super::assembly_steps::AssemblySteps;
 use super::sampling::{Filter, PointMotion, Sums};
 use super::shaken::Shaken;
+use super::tested::TestedAssembly;
 use super::{PlantSpec, PlantSpecError, write};
 use crate::rig::Measurement;
 use crate::structure::{Channel, LOADS, OUTPUTS, Structure, StructureError};

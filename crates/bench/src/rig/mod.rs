@@ -57,6 +57,17 @@ impl RigSpec {
         self.shaker.map_or(Exciter::Ideal(self.exciter), Exciter::Shaker)
     }
 
+    /// The same rig with sensors without noise; faults keep theirs.
+    #[must_use]
+    pub fn without_noise(mut self) -> RigSpec {
+        for accelerometer in [&mut self.accelerometer_b, &mut self.accelerometer_c] {
+            (accelerometer.noise_rms_m_s2, accelerometer.noise_density_m_s2_per_sqrt_hz) = (Some(0.0), None);
+        }
+        let head = &mut self.impedance_head;
+        (head.noise_rms_n, head.noise_density_n_per_sqrt_hz) = (Some(0.0), None);
+        self
+    }
+
     /// The faults of an instrument, each with its own noise.
     fn faults_of(&self, name: InstrumentName, rate_hz: f64, seed: u64) -> Result<Vec<Fault>, RigError> {
         let own = self.faults.iter().enumerate().filter(|(_, fault)| fault.instrument == name);

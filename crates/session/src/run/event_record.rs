@@ -79,8 +79,8 @@ pub(super) fn request_records(request: &Request) -> [Option<(&'static str, i64)>
     }
 }
 
-/// The readings of a sample.
-pub(super) fn sample_record(measurement: &Measurement) -> SampleRecord {
+/// The readings of a sample as they are recorded.
+pub fn sample_record(measurement: &Measurement) -> SampleRecord {
     let values = |pair: [Reading; 2]| pair.map(|reading| reading.value);
     let clipped = |pair: [Reading; 2]| pair.map(|reading| reading.clipped);
     SampleRecord {

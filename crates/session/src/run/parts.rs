@@ -5,6 +5,7 @@ use super::record_sink::RecordSink;
 use super::session::{Network, RecordTo};
 use super::{End, Mode, RunError, RunEvent, Session};
 use resonarm_bench::node::{self, ExciterInterface, ExciterRemark, PlantInterface, PlantNode, TimeBase};
+use resonarm_bench::plant::Plant;
 use resonarm_bus::{Filter, network_filters};
 use resonarm_files::recording::channels::Channels;
 use resonarm_files::recording::{self, Recorder};
@@ -89,11 +90,26 @@ impl Session {
         };
         let watched = self.watch.as_ref().map(|watch| watch.open(End::Plant));
         let steps = self.scenario.simulation.steps_per_sample();
-        Ok(Bench::new(self.plant.clone(), node, steps, records, watched, on_event))
+        Ok(Bench::new(self.plant.clone(), node, steps, records, watched, Box::new(on_event)))
     }
 
-    /// Creates the recording.
-    pub(super) fn recorder(&self, interface: &str) -> Result<Option<Recorder>, RunError> {
+    /// A bench that nobody watches, and that keeps its records if `keeps_records`.
+    pub(super) fn hosted_bench(&self, keeps_records: bool) -> Result<Bench<'static>, RunError> {
+        let records = if keeps_records { RecordSink::Kept(Vec::new()) } else { RecordSink::Off };
+        let steps = self.scenario.simulation.steps_per_sample();
+        Ok(Bench::new(self.plant.clone(), self.plant_node()?, steps, records, None, Box::new(|_| {})))
+    }
+
+    /// The plant at sample 0.
+    pub fn plant_at_start(&self) -> Plant {
+        self.plant.clone()
+    }
+
+    /// Creates the recording of the options, if they ask for one; `interface` is what it calls the bus.
+    ///
+    /// # Errors
+    /// [`RunError::Recording`] if it can't be created.
+    pub fn recorder(&self, interface: &str) -> Result<Option<Recorder>, RunError> {
         let Some(RecordTo { path, existing }) = &self.options.record else { return Ok(None) };
         let dt_s = 1.0 / self.scenario.simulation.rate_hz;
         let mut options = match self.mode {

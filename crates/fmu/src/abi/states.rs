@@ -1,0 +1,122 @@
+//! States that the importer holds.
+
+use core::ffi::{c_int, c_void};
+
+use super::{on, slice, slice_mut};
+use crate::Fault;
+use crate::instance::SavedInstance;
+
+/// The state at a pointer of the importer.
+///
+/// # Safety
+/// `state` is NULL or from [`fmi3GetFMUState`] or [`fmi3DeserializeFMUState`], and not freed.
+unsafe fn saved<'a>(call: &'static str, state: *mut c_void) -> Result<&'a mut SavedInstance, Fault> {
+    // SAFETY: as stated.
+    unsafe { state.cast::<SavedInstance>().as_mut() }.ok_or(Fault::Null { call, what: "the state" })
+}
+
+/// Gives a state to the importer: in place of the one that it holds, or a new one.
+///
+/// # Safety
+/// `to` is NULL or points at NULL or at a state as above.
+unsafe fn hand_out(call: &'static str, to: *mut *mut c_void, state: SavedInstance) -> Result<(), Fault> {
+    // SAFETY: as stated.
+    unsafe {
+        let place = to.as_mut().ok_or(Fault::Null { call, what: "the place for the state" })?;
+        match place.cast::<SavedInstance>().as_mut() {
+            Some(old) => *old = state,
+            None => *place = Box::into_raw(Box::new(state)).cast(),
+        }
+    }
+    Ok(())
+}
+
+/// Saves the state.
+#[unsafe(no_mangle)]
+pub unsafe extern "C" fn fmi3GetFMUState(instance: *mut c_void, state: *mut *mut c_void) -> c_int {
+    // SAFETY: as the standard states.
+    unsafe { on(instance, "fmi3GetFMUState", |handle| hand_out("fmi3GetFMUState", state, handle.instance.save()?)) }
+}
+
+/// Returns to a state.
+#[unsafe(no_mangle)]
+pub unsafe extern "C" fn fmi3SetFMUState(instance: *mut c_void, state: *mut c_void) -> c_int {
+    const CALL: &str = "fmi3SetFMUState";
+    // SAFETY: as the standard states.
+    unsafe { on(instance, CALL, |handle| handle.instance.restore(saved(CALL, state)?)) }
+}
+
+/// Frees a state.
+#[unsafe(no_mangle)]
+pub unsafe extern "C" fn fmi3FreeFMUState(instance: *mut c_void, state: *mut *mut c_void) -> c_int {
+    // SAFETY: as the standard states; a state is freed once, as its pointer becomes NULL.
+    unsafe {
+        on(instance, "fmi3FreeFMUState", |_| {
+            if let Some(place) = state.as_mut()
+                && !place.is_null()
+            {
+                drop(Box::from_raw(place.cast::<SavedInstance>()));
+                *place = core::ptr::null_mut();
+            }
+            Ok(())
+        })
+    }
+}
+
+/// The length of a state as bytes.
+#[unsafe(no_mangle)]
+pub unsafe extern "C" fn fmi3SerializedFMUStateSize(
+    instance: *mut c_void,
+    state: *mut c_void,
+    size: *mut usize,
+) -> c_int {
+    const CALL: &str = "fmi3SerializedFMUStateSize";
+    // SAFETY: as the standard states.
+    unsafe {
+        on(instance, CALL, |handle| {
+            let size = size.as_mut().ok_or(Fault::Null { call: CALL, what: "size" })?;
+            *size = handle.instance.serialize(CALL, saved(CALL, state)?)?.len();
+            Ok(())
+        })
+    }
+}
+
+/// A state as bytes.
+#[unsafe(no_mangle)]
+pub unsafe extern "C" fn fmi3SerializeFMUState(
+    instance: *mut c_void,
+    state: *mut c_void,
+    bytes: *mut u8,
+    size: usize,
+) -> c_int {
+    const CALL: &str = "fmi3SerializeFMUState";
+    // SAFETY: as the standard states.
+    unsafe {
+        on(instance, CALL, |handle| {
+            let written = handle.instance.serialize(CALL, saved(CALL, state)?)?;
+            if written.len() != size {
+                return Err(Fault::SavedLength { call: CALL, got: size, expected: written.len() });
+            }
+            slice_mut(CALL, "serializedState", bytes, size)?.copy_from_slice(&written);
+            Ok(())
+        })
+    }
+}
+
+/// A state from bytes.
+#[unsafe(no_mangle)]
+pub unsafe extern "C" fn fmi3DeserializeFMUState(
+    instance: *mut c_void,
+    bytes: *const u8,
+    size: usize,
+    state: *mut *mut c_void,
+) -> c_int {
+    const CALL: &str = "fmi3DeserializeFMUState";
+    // SAFETY: as the standard states.
+    unsafe {
+        on(instance, CALL, |handle| {
+            let read = handle.instance.deserialize(slice(CALL, "serializedState", bytes, size)?)?;
+            hand_out(CALL, state, read)
+        })
+    }
+}

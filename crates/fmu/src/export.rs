@@ -1,0 +1,252 @@
+//! FMUs as files: descriptions, library, resources and documentation, packed.
+
+use std::path::{Path, PathBuf};
+use std::{fs, io};
+
+use serde::Serialize;
+use thiserror::Error;
+
+use crate::Fault;
+use crate::archive::{Files, zip};
+use crate::content::{Content, Interface, Role, Settings, VERSION, token};
+use crate::description::{IDENTIFIER, model_description};
+use crate::documentation::{LICENSE, index};
+use crate::model::{self, Parameters};
+use crate::terminals::{MANIFEST, TERMINALS, manifest, terminals_and_icons};
+
+/// What a library of this version has in its bytes.
+const MARK: &str = concat!("resonarm-fmu library ", env!("CARGO_PKG_VERSION"), ";");
+
+/// Kept in the library, for [`Library::read`] to find.
+#[used]
+static KEPT: [u8; MARK.len()] = {
+    let mut bytes = [0; MARK.len()];
+    bytes.copy_from_slice(MARK.as_bytes());
+    bytes
+};
+
+/// The most nodes of a bus.
+pub const MOST_NODES: u8 = 32;
+
+/// The name of the library's file.
+pub const LIBRARY: &str = "libresonarm_fmu.so";
+
+/// Why an FMU can't be written.
+#[derive(Debug, Error)]
+#[non_exhaustive]
+pub enum ExportError {
+    /// There is no library.
+    #[error(
+        "no {LIBRARY} in {}: build it by `cargo build --release -p resonarm-fmu`, or name it by --library", folder.display()
+    )]
+    NoLibrary {
+        /// Where it was looked for.
+        folder: PathBuf,
+    },
+    /// The library can't be read.
+    #[error("{}: {source}", path.display())]
+    Read {
+        /// The file.
+        path: PathBuf,
+        /// Why.
+        source: io::Error,
+    },
+    /// The file is no library for an FMU.
+    #[error("{}: {reason}", path.display())]
+    Library {
+        /// The file.
+        path: PathBuf,
+        /// What is wrong with it.
+        reason: String,
+    },
+    /// A role that the interface does not have.
+    #[error("--role {role}: the interface `signals` has the plant alone; take --interface can")]
+    Role {
+        /// The role.
+        role: &'static str,
+    },
+    /// A bus with fewer nodes than two, or with more than fit.
+    #[error("--nodes {got}: a bus has from 2 to {most} nodes", most = MOST_NODES)]
+    Nodes {
+        /// Their number.
+        got: u8,
+    },
+    /// The FMU can't run its scenario.
+    #[error(transparent)]
+    Content(#[from] Fault),
+    /// The FMU can't be written.
+    #[error("{}: {source}", path.display())]
+    Write {
+        /// The file.
+        path: PathBuf,
+        /// Why.
+        source: io::Error,
+    },
+}
+
+/// A library to pack, with the folder of its machine in an FMU.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct Library {
+    bytes: Vec<u8>,
+    /// `x86_64-linux` or `aarch64-linux`.
+    platform: &'static str,
+}
+
+impl Library {
+    /// The library beside the running program, or in the folder `deps` there, where Cargo leaves it.
+    ///
+    /// # Errors
+    /// [`ExportError::NoLibrary`] if there is none, else as [`Library::read`].
+    pub fn beside_program() -> Result<Library, ExportError> {
+        let read = |source| ExportError::Read { path: "/proc/self/exe".into(), source };
+        let program = std::env::current_exe().map_err(read)?;
+        let folder = program.parent().unwrap_or(Path::new(".")).to_path_buf();
+        let places = [folder.join(LIBRARY), folder.join("deps").join(LIBRARY)];
+        match places.iter().find(|path| path.exists()) {
+            Some(path) => Library::read(path),
+            None => Err(ExportError::NoLibrary { folder }),
+        }
+    }
+
+    /// The library in a file.
+    ///
+    /// # Errors
+    /// [`ExportError::Read`], and [`ExportError::Library`] for a file that is no shared library for Linux on x86-64 or
+    /// AArch64, or one of another version.
+    pub fn read(path: &Path) -> Result<Library, ExportError> {
+        let bytes = fs::read(path).map_err(|source| ExportError::Read { path: path.to_path_buf(), source })?;
+        let refused = |reason: String| Err(ExportError::Library { path: path.to_path_buf(), reason });
+        let head = |at: usize| bytes.get(at..at + 2).map_or(0, |pair| u16::from_le_bytes([pair[0], pair[1]]));
+        // ELF: e_type at 16, 3 of a shared object; e_machine at 18.
+        let platform = match (bytes.starts_with(b"\x7fELF\x02\x01"), head(16), head(18)) {
+            (true, 3, 62) => "x86_64-linux",
+            (true, 3, 183) => "aarch64-linux",
+            (true, kind, machine) => {
+                return refused(format!(
+                    "an ELF file of type {kind} for machine {machine}: a library for an FMU is of type 3 for machine 62 (x86-64) or \
+                     183 (AArch64)"
+                ));
+            }
+            (false, ..) => {
+                return refused(String::from("no 64-bit little-endian ELF file, as a library for an FMU is"));
+            }
+        };
+        if !bytes.windows(MARK.len()).any(|window| window == MARK.as_bytes()) {
+            return refused(format!("not {LIBRARY} of version {VERSION}, which this program packs"));
+        }
+        Ok(Library { bytes, platform })
+    }
+}
+
+/// What was written.
+#[derive(Clone, Debug, PartialEq, Eq, Serialize)]
+pub struct Summary {
+    /// The FMU.
+    pub path: PathBuf,
+    /// Its size, bytes.
+    pub bytes: u64,
+    /// Its instantiation token.
+    pub token: String,
+    /// The machine that it is for, as FMI calls it.
+    pub platform: &'static str,
+    /// The number of its variables.
+    pub variables: usize,
+}
+
+/// Writes the FMU of `content` to `path`, whose name without extension it takes.
+///
+/// The same content, library and name give the same bytes.
+///
+/// # Errors
+/// [`ExportError`].
+pub fn export(content: &Content, library: Library, path: &Path) -> Result<Summary, ExportError> {
+    let name = path.file_stem().map_or_else(|| IDENTIFIER.into(), |stem| stem.to_string_lossy());
+    let (files, summary) = files(content, library, &name)?;
+    let written = |source| ExportError::Write { path: path.to_path_buf(), source };
+    let archive = zip(&files).map_err(written)?;
+    fs::write(path, &archive).map_err(written)?;
+    Ok(Summary { path: path.to_path_buf(), bytes: archive.len() as u64, ..summary })
+}
+
+/// The files of an FMU.
+fn files(content: &Content, library: Library, name: &str) -> Result<(Files, Summary), ExportError> {
+    if let (Interface::Signals, Role::Exciter | Role::Bus) = (content.settings.interface, content.settings.role) {
+        let role = if content.settings.role == Role::Bus { "bus" } else { "exciter" };
+        return Err(ExportError::Role { role });
+    }
+    let Settings { role, nodes, .. } = content.settings;
+    if role == Role::Bus && !(2..=MOST_NODES).contains(&nodes) {
+        return Err(ExportError::Nodes { got: nodes });
+    }
+    let resources = content.files().map_err(Fault::from)?;
+    let token = token(&resources);
+    let variables = model::variables(content)?;
+    // Whatever keeps it from running is said now.
+    model::build(content, &Parameters::of(&content.scenario))?;
+    let scenario = content.scenario.to_toml().map_err(Fault::from)?;
+    let platform = library.platform;
+    let mut files: Files = resources.into_iter().map(|(name, data)| (format!("resources/{name}"), data)).collect();
+    files.extend([
+        (String::from("modelDescription.xml"), model_description(name, &token, content, &variables).into_bytes()),
+        (format!("binaries/{platform}/{IDENTIFIER}.so"), library.bytes),
+        (String::from("documentation/index.html"), index(name, &variables, &scenario).into_bytes()),
+        (String::from("documentation/licenses/license.txt"), LICENSE.as_bytes().to_vec()),
+    ]);
+    if content.settings.interface == Interface::Can {
+        files.insert(TERMINALS.to_string(), terminals_and_icons(&content.settings).into_bytes());
+        files.insert(MANIFEST.to_string(), manifest(&content.settings).into_bytes());
+    }
+    let summary = Summary { path: PathBuf::new(), bytes: 0, token, platform, variables: variables.len() };
+    Ok((files, summary))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use resonarm_files::scenario::Scenario;
+
+    /// The head of an ELF file of this type for this machine, with `rest` behind it.
+    fn elf(kind: u8, machine: u8, rest: &[u8]) -> Vec<u8> {
+        let mut bytes = b"\x7fELF\x02\x01".to_vec();
+        bytes.resize(16, 0);
+        bytes.extend([kind, 0, machine, 0]);
+        [&bytes, rest].concat()
+    }
+
+    #[test]
+    fn libraries_of_other_kinds_are_refused_in_words() {
+        let folder = tempfile::tempdir().unwrap();
+        let path = folder.path().join("l.so");
+        let read = |bytes: &[u8]| {
+            fs::write(&path, bytes).unwrap();
+            let name = path.display().to_string();
+            Library::read(&path)
+                .map(|library| library.platform)
+                .map_err(|error| error.to_string().replace(&name, "l.so"))
+        };
+        assert_eq!(read(&elf(3, 62, MARK.as_bytes())), Ok("x86_64-linux"));
+        assert_eq!(read(&elf(3, 183, MARK.as_bytes())), Ok("aarch64-linux"));
+        let refused = |bytes: &[u8]| read(bytes).unwrap_err();
+        insta::assert_snapshot!(refused(b"text"), @"l.so: no 64-bit little-endian ELF file, as a library for an FMU is");
+        insta::assert_snapshot!(refused(&elf(2, 62, MARK.as_bytes())), @"l.so: an ELF file of type 2 for machine 62: a library for an FMU is of type 3 for machine 62 (x86-64) or 183 (AArch64)");
+        insta::assert_snapshot!(refused(&elf(3, 62, b"")), @"l.so: not libresonarm_fmu.so of version 0.1.0, which this program packs");
+    }
+
+    #[test]
+    fn what_an_interface_does_not_have_is_refused_before_anything_is_written() {
+        let folder = tempfile::tempdir().unwrap();
+        let library = Library { bytes: elf(3, 62, MARK.as_bytes()), platform: "x86_64-linux" };
+        let refused = |settings: Settings| {
+            let content = Content { settings, scenario: Scenario::default() };
+            let path = folder.path().join("s.fmu");
+            let error = export(&content, library.clone(), &path).unwrap_err();
+            assert!(!path.exists());
+            error.to_string()
+        };
+        let bus = Settings { role: Role::Bus, nodes: 2, ..Settings::default() };
+        insta::assert_snapshot!(refused(bus), @"--role bus: the interface `signals` has the plant alone; take --interface can");
+        let can = Settings { interface: Interface::Can, ..bus };
+        insta::assert_snapshot!(refused(can), @"the scenario names no network.bit_rate_hz: a bus on which frames take their time needs it");
+        insta::assert_snapshot!(refused(Settings { nodes: 33, ..can }), @"--nodes 33: a bus has from 2 to 32 nodes");
+    }
+}

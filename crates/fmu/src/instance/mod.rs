@@ -1,0 +1,329 @@
+//! An instance: the states of FMI, its times and the values of its variables, on one model.
+//!
+//! ```text
+//! Instantiated → Initialization → Step ⇄ Event → Terminated        a fault → Failed → Reset, SetFMUState or Free
+//! ```
+
+mod saved;
+mod values;
+
+use core::fmt;
+use std::path::Path;
+
+use crate::Fault;
+use crate::content::{Content, Interface};
+use crate::model::{self, Inputs, Model, Parameters, Saved, Span, TOLERANCE_SAMPLES};
+use crate::variables::Variable;
+
+/// The state of an instance.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[repr(u8)]
+pub enum State {
+    /// Made, or reset.
+    Instantiated,
+    /// Initialization mode.
+    Initialization,
+    /// Event mode.
+    Event,
+    /// Step mode.
+    Step,
+    /// The simulation has ended.
+    Terminated,
+    /// A call has failed.
+    Failed,
+}
+
+impl State {
+    const ALL: [State; 6] =
+        [State::Instantiated, State::Initialization, State::Event, State::Step, State::Terminated, State::Failed];
+
+    /// The state of this number.
+    fn of(number: u8) -> Option<State> {
+        State::ALL.into_iter().find(|state| *state as u8 == number)
+    }
+}
+
+impl fmt::Display for State {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.pad(match self {
+            State::Instantiated => "the state Instantiated",
+            State::Initialization => "initialization mode",
+            State::Event => "event mode",
+            State::Step => "step mode",
+            State::Terminated => "the state Terminated",
+            State::Failed => "the state after an error",
+        })
+    }
+}
+
+/// A value of a variable, of the types that are numbers.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub enum Value {
+    /// Of the type Float64.
+    Float64(f64),
+    /// Of the type UInt64.
+    UInt64(u64),
+    /// Of the type Boolean.
+    Boolean(bool),
+}
+
+/// A state that an importer holds.
+#[derive(Clone, Debug)]
+pub struct SavedInstance {
+    token: String,
+    state: State,
+    start_s: f64,
+    time_s: f64,
+    parameters: Parameters,
+    inputs: Inputs,
+    model: Saved,
+}
+
+/// An FMU that is simulated.
+pub struct Instance {
+    content: Content,
+    token: String,
+    variables: Vec<Variable>,
+    state: State,
+    event_mode_used: bool,
+    start_s: f64,
+    time_s: f64,
+    parameters: Parameters,
+    inputs: Inputs,
+    /// Made when it is asked for first, and anew when a parameter is set.
+    model: Option<Box<dyn Model>>,
+}
+
+/// What a call may be made in.
+const BEFORE: [State; 2] = [State::Instantiated, State::Initialization];
+const ALIVE: [State; 4] = [State::Instantiated, State::Initialization, State::Event, State::Step];
+const READABLE: [State; 5] = [State::Instantiated, State::Initialization, State::Event, State::Step, State::Terminated];
+
+impl Instance {
+    /// An instance of the FMU with the resources in `folder`; `token` is what its description says.
+    ///
+    /// # Errors
+    /// As [`Content::read`], and [`Fault::Run`] if no run can be made of the scenario.
+    pub fn new(folder: &Path, token: &str, event_mode_used: bool) -> Result<Instance, Fault> {
+        let content = Content::read(folder, token)?;
+        if content.settings.interface == Interface::Can && !event_mode_used {
+            return Err(Fault::NeedsEventMode);
+        }
+        let parameters = Parameters::of(&content.scenario);
+        let variables = model::variables(&content)?;
+        Ok(Instance {
+            parameters,
+            variables,
+            content,
+            token: token.to_string(),
+            state: State::Instantiated,
+            event_mode_used,
+            start_s: 0.0,
+            time_s: 0.0,
+            inputs: Inputs::default(),
+            model: None,
+        })
+    }
+
+    /// The state.
+    pub fn state(&self) -> State {
+        self.state
+    }
+
+    /// A call has failed: from now on only a reset, an earlier state or the end is possible.
+    pub fn fail(&mut self) {
+        self.state = State::Failed;
+    }
+
+    fn expect(&self, call: &'static str, states: &[State], legal: &'static str) -> Result<(), Fault> {
+        if states.contains(&self.state) { Ok(()) } else { Err(Fault::WrongState { call, state: self.state, legal }) }
+    }
+
+    fn model(&mut self) -> Result<&mut dyn Model, Fault> {
+        let model = match self.model.take() {
+            Some(model) => model,
+            None => model::build(&self.content, &self.parameters)?,
+        };
+        Ok(&mut **self.model.insert(model))
+    }
+
+    /// Enters initialization mode, with the simulation's start at `start_s`, s.
+    ///
+    /// # Errors
+    /// [`Fault::WrongState`], [`Fault::StartTime`].
+    pub fn enter_initialization(&mut self, start_s: f64) -> Result<(), Fault> {
+        self.expect("fmi3EnterInitializationMode", &[State::Instantiated], "the state Instantiated")?;
+        if !start_s.is_finite() {
+            return Err(Fault::StartTime { got_s: start_s });
+        }
+        (self.start_s, self.time_s, self.state) = (start_s, start_s, State::Initialization);
+        Ok(())
+    }
+
+    /// Leaves it.
+    ///
+    /// # Errors
+    /// [`Fault::WrongState`]; what is wrong with the parameters; a recording that can't be created.
+    pub fn exit_initialization(&mut self) -> Result<(), Fault> {
+        self.expect("fmi3ExitInitializationMode", &[State::Initialization], "initialization mode")?;
+        self.model()?.begin()?;
+        self.state = if self.event_mode_used { State::Event } else { State::Step };
+        Ok(())
+    }
+
+    /// Enters event mode.
+    ///
+    /// # Errors
+    /// [`Fault::WrongState`], also if the importer said that it does not use it.
+    pub fn enter_event(&mut self) -> Result<(), Fault> {
+        let legal = if self.event_mode_used { &[State::Step][..] } else { &[] };
+        self.expect("fmi3EnterEventMode", legal, "step mode, with eventModeUsed at the instantiation")?;
+        self.state = State::Event;
+        Ok(())
+    }
+
+    /// Enters step mode.
+    ///
+    /// # Errors
+    /// [`Fault::WrongState`].
+    pub fn enter_step(&mut self) -> Result<(), Fault> {
+        self.expect("fmi3EnterStepMode", &[State::Event], "event mode")?;
+        self.state = State::Step;
+        Ok(())
+    }
+
+    /// Ends an iteration of event mode; another is needed if it returns `true`.
+    ///
+    /// # Errors
+    /// [`Fault::WrongState`]; what is wrong with the frames that came in.
+    pub fn update_discrete_states(&mut self) -> Result<bool, Fault> {
+        self.expect("fmi3UpdateDiscreteStates", &[State::Event], "event mode")?;
+        self.model()?.update()
+    }
+
+    /// Checks that discrete states may be evaluated now: there is nothing to do for it.
+    ///
+    /// # Errors
+    /// [`Fault::WrongState`].
+    pub fn evaluate_discrete_states(&self) -> Result<(), Fault> {
+        let legal = [State::Initialization, State::Event];
+        self.expect("fmi3EvaluateDiscreteStates", &legal, "initialization mode and event mode")
+    }
+
+    /// Ends the simulation, and its recording.
+    ///
+    /// # Errors
+    /// [`Fault::WrongState`]; a recording that can't be finished.
+    pub fn terminate(&mut self) -> Result<(), Fault> {
+        self.expect("fmi3Terminate", &[State::Event, State::Step], "event mode and step mode")?;
+        self.state = State::Terminated;
+        self.model()?.end()
+    }
+
+    /// Returns to what it was when it was made; a recording ends.
+    ///
+    /// # Errors
+    /// A recording that can't be finished.
+    pub fn reset(&mut self) -> Result<(), Fault> {
+        let ended = self.model.take().map_or(Ok(()), |mut model| model.end());
+        self.state = State::Instantiated;
+        self.parameters = Parameters::of(&self.content.scenario);
+        (self.inputs, self.start_s, self.time_s) = (Inputs::default(), 0.0, 0.0);
+        ended
+    }
+
+    /// Simulates from `from_s` on for `length_s`, s. Returns whether event mode is needed then.
+    ///
+    /// # Errors
+    /// [`Fault::WrongState`]; [`Fault::StepStart`], [`Fault::StepSize`] and [`Fault::StepTooSmall`] of the times; what
+    /// the model says.
+    pub fn step(&mut self, from_s: f64, length_s: f64) -> Result<bool, Fault> {
+        self.expect("fmi3DoStep", &[State::Step], "step mode")?;
+        if !(length_s.is_finite() && length_s >= 0.0) {
+            return Err(Fault::StepSize { got_s: length_s });
+        }
+        let tolerance_s = TOLERANCE_SAMPLES / self.content.scenario.simulation.rate_hz;
+        if (from_s - self.time_s).abs() > tolerance_s || from_s.is_nan() {
+            return Err(Fault::StepStart { got_s: from_s, at_s: self.time_s });
+        }
+        let to_s = from_s + length_s;
+        if length_s > 0.0 && to_s <= from_s {
+            return Err(Fault::StepTooSmall { got_s: length_s, at_s: from_s });
+        }
+        let (span, inputs) = (Span { from_s: from_s - self.start_s, to_s: to_s - self.start_s }, self.inputs);
+        let event = self.model()?.step(span, &inputs)?;
+        self.time_s = to_s;
+        Ok(event)
+    }
+
+    /// Where the simulation is, s.
+    pub fn time_s(&self) -> f64 {
+        self.time_s
+    }
+
+    /// The state now, to return to.
+    ///
+    /// # Errors
+    /// [`Fault::WrongState`] after an error; of a model without states [`Fault::NotOffered`].
+    pub fn save(&mut self) -> Result<SavedInstance, Fault> {
+        self.expect_readable("fmi3GetFMUState")?;
+        let model = self.model()?.save()?;
+        Ok(SavedInstance {
+            token: self.token.clone(),
+            state: self.state,
+            start_s: self.start_s,
+            time_s: self.time_s,
+            parameters: self.parameters.clone(),
+            inputs: self.inputs,
+            model,
+        })
+    }
+
+    /// Returns to a state, from any other.
+    ///
+    /// # Errors
+    /// [`Fault::Saved`] of another FMU, [`Fault::Recorded`] if a recording has already what came behind it.
+    pub fn restore(&mut self, saved: &SavedInstance) -> Result<(), Fault> {
+        if saved.token != self.token {
+            let reason = "its instantiation token is another one";
+            return Err(Fault::Saved { call: "fmi3SetFMUState", reason });
+        }
+        if saved.parameters != self.parameters {
+            self.model = None;
+            self.parameters = saved.parameters.clone();
+        }
+        self.model()?.restore(&saved.model)?;
+        (self.state, self.start_s, self.time_s, self.inputs) = (saved.state, saved.start_s, saved.time_s, saved.inputs);
+        Ok(())
+    }
+
+    /// A state as bytes.
+    ///
+    /// # Errors
+    /// [`Fault::NotOffered`] of a model whose states have no such form.
+    pub fn serialize(&self, call: &'static str, saved: &SavedInstance) -> Result<Vec<u8>, Fault> {
+        let why = "canSerializeFMUState is false";
+        saved::write(saved).ok_or(Fault::NotOffered { call, why })
+    }
+
+    /// The state that `bytes` are.
+    ///
+    /// # Errors
+    /// [`Fault::Saved`] if they are none of this FMU.
+    pub fn deserialize(&self, bytes: &[u8]) -> Result<SavedInstance, Fault> {
+        saved::read(bytes, &self.token, |parameters| Ok(parameters.session(&self.content)?.plant_at_start()))
+    }
+}
+
+impl Drop for Instance {
+    /// A recording ends even if the importer does not terminate the simulation.
+    fn drop(&mut self) {
+        if let Some(model) = &mut self.model {
+            // There is nobody to hear of a failure.
+            let _unfinished = model.end();
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests;

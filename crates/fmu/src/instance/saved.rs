@@ -1,0 +1,137 @@
+//! States as bytes: little-endian numbers behind a head that names the FMU, the version and the length.
+
+use crate::Fault;
+use crate::model::{Parameters, Saved};
+use crate::signals::{Measured, SavedSignals, measurement};
+use resonarm_bench::plant::Plant;
+use resonarm_bench::rig::Reading;
+use resonarm_bench::structure::{LOADS, OUTPUTS};
+
+use super::{SavedInstance, State};
+
+/// What a state begins with: the name and version of the format.
+const MAGIC: [u8; 8] = *b"rsnfmu\0\x01";
+const CALL: &str = "fmi3DeserializeFMUState";
+
+/// A state as bytes; `None` of a model that has no such form.
+pub(crate) fn write(saved: &SavedInstance) -> Option<Vec<u8>> {
+    let Saved::Signals(model) = &saved.model else { return None };
+    let SavedSignals { now, .. } = &**model;
+    let numbers = now.plant.clone().save();
+    let mut bytes = MAGIC.to_vec();
+    bytes.extend((saved.token.len() as u64).to_le_bytes());
+    bytes.extend(saved.token.as_bytes());
+    bytes.push(saved.state as u8);
+    put(&mut bytes, &[saved.start_s, saved.time_s]);
+    put(&mut bytes, &saved.inputs);
+    let Parameters { beta_deg, seed, noise, recording, overwrite } = &saved.parameters;
+    put(&mut bytes, beta_deg);
+    bytes.extend(seed.to_le_bytes());
+    bytes.extend([u8::from(*noise), u8::from(*overwrite)]);
+    bytes.extend((recording.len() as u64).to_le_bytes());
+    bytes.extend(recording.as_bytes());
+    bytes.extend(now.plant.sample().to_le_bytes());
+    let held = now.held.map(|load| [load.torque_nm.x, load.torque_nm.y, load.force_n.x, load.force_n.y]);
+    bytes.push(u8::from(held.is_some()));
+    put(&mut bytes, &held.unwrap_or_default());
+    for reading in now.measurement.readings() {
+        put(&mut bytes, &[reading.value]);
+        bytes.push(u8::from(reading.clipped));
+    }
+    bytes.extend((numbers.len() as u64).to_le_bytes());
+    put(&mut bytes, &numbers);
+    Some(bytes)
+}
+
+/// The state that `bytes` are, of the FMU with this token; `plant` makes the plant of the parameters at its start.
+pub(crate) fn read(
+    bytes: &[u8],
+    token: &str,
+    plant: impl FnOnce(&Parameters) -> Result<Plant, Fault>,
+) -> Result<SavedInstance, Fault> {
+    let mut rest = Rest { bytes };
+    if rest.take::<8>()? != MAGIC {
+        return Err(refused("it does not begin as one, or is of another version"));
+    }
+    if rest.text()? != token {
+        return Err(refused("its instantiation token is another one"));
+    }
+    let state = State::of(rest.byte()?).ok_or_else(|| refused("its state of FMI is none"))?;
+    let [start_s, time_s] = rest.numbers()?;
+    let inputs = rest.numbers::<{ LOADS.len() }>()?;
+    let beta_deg = rest.numbers()?;
+    let seed = u64::from_le_bytes(rest.take()?);
+    let [noise, overwrite] = [rest.flag()?, rest.flag()?];
+    let recording = rest.text()?.to_string();
+    let parameters = Parameters { beta_deg, seed, noise, recording, overwrite };
+    let sample = u64::from_le_bytes(rest.take()?);
+    let held = rest.flag()?;
+    let load = rest.numbers::<{ LOADS.len() }>()?;
+    let mut readings = [Reading::default(); OUTPUTS.len()];
+    for reading in &mut readings {
+        let [value] = rest.numbers()?;
+        *reading = Reading { value, clipped: rest.flag()? };
+    }
+    let count = rest.length()?;
+    if rest.bytes.len() != count.saturating_mul(8) {
+        return Err(refused("it ends before its last number, or behind it"));
+    }
+    let numbers = (0..count).map(|_| Ok(rest.numbers::<1>()?[0])).collect::<Result<Vec<f64>, Fault>>()?;
+    let plant = plant(&parameters)?.restored_measured(sample, &numbers)?;
+    let held = held.then(|| crate::variables::load(&load));
+    let now = Measured { states: plant.states(), plant, measurement: measurement(sample, readings), held };
+    let model = Saved::Signals(Box::new(SavedSignals::read(now)));
+    Ok(SavedInstance { token: token.to_string(), state, start_s, time_s, parameters, inputs, model })
+}
+
+fn put(bytes: &mut Vec<u8>, numbers: &[f64]) {
+    bytes.extend(numbers.iter().flat_map(|number| number.to_le_bytes()));
+}
+
+fn refused(reason: &'static str) -> Fault {
+    Fault::Saved { call: CALL, reason }
+}
+
+/// What is left to read.
+struct Rest<'a> {
+    bytes: &'a [u8],
+}
+
+impl<'a> Rest<'a> {
+    fn take<const N: usize>(&mut self) -> Result<[u8; N], Fault> {
+        let Some((head, rest)) = self.bytes.split_first_chunk() else { return Err(refused("it ends early")) };
+        self.bytes = rest;
+        Ok(*head)
+    }
+
+    fn byte(&mut self) -> Result<u8, Fault> {
+        Ok(self.take::<1>()?[0])
+    }
+
+    fn flag(&mut self) -> Result<bool, Fault> {
+        match self.byte()? {
+            0 => Ok(false),
+            1 => Ok(true),
+            _ => Err(refused("a truth value is neither 0 nor 1")),
+        }
+    }
+
+    fn numbers<const N: usize>(&mut self) -> Result<[f64; N], Fault> {
+        let mut numbers = [0.0; N];
+        for number in &mut numbers {
+            *number = f64::from_le_bytes(self.take()?);
+        }
+        Ok(numbers)
+    }
+
+    fn length(&mut self) -> Result<usize, Fault> {
+        usize::try_from(u64::from_le_bytes(self.take()?)).map_err(|_| refused("a length is too large"))
+    }
+
+    fn text(&mut self) -> Result<&'a str, Fault> {
+        let length = self.length()?;
+        let (head, rest) = self.bytes.split_at_checked(length).ok_or_else(|| refused("it ends early"))?;
+        self.bytes = rest;
+        core::str::from_utf8(head).map_err(|_| refused("a text is not UTF-8"))
+    }
+}

@@ -1,0 +1,137 @@
+//! What an instance simulates.
+
+use crate::Fault;
+use crate::bus::BusModel;
+use crate::content::{Content, Interface, Role, Settings};
+use crate::node::{Node, SavedNode};
+use crate::signals::{SavedSignals, Signals};
+use crate::terminal::Terminal;
+use crate::variables::{self, Source, Variable};
+use resonarm_bench::structure::LOADS;
+use resonarm_files::recording::Existing;
+use resonarm_files::scenario::Scenario;
+use resonarm_session::run::{Mode, Options, RecordTo, Session};
+
+/// A part of a sample period by which times may differ: importers add up steps, and lose some 1e-10 s in an hour.
+pub(crate) const TOLERANCE_SAMPLES: f64 = 1e-3;
+
+/// What the importer may set before the simulation begins.
+#[derive(Clone, Debug, PartialEq)]
+pub(crate) struct Parameters {
+    pub beta_deg: [f64; 2],
+    pub seed: u64,
+    pub noise: bool,
+    /// Empty for none.
+    pub recording: String,
+    pub overwrite: bool,
+}
+
+impl Parameters {
+    /// Those of the scenario.
+    pub fn of(scenario: &Scenario) -> Parameters {
+        Parameters {
+            beta_deg: [scenario.arm.beta1_deg, scenario.arm.beta2_deg],
+            seed: scenario.simulation.seed,
+            noise: true,
+            recording: String::new(),
+            overwrite: false,
+        }
+    }
+
+    /// The content's scenario with these parameters, ready to run.
+    pub fn session(&self, content: &Content) -> Result<Session, Fault> {
+        let mut scenario = content.scenario.clone();
+        [scenario.arm.beta1_deg, scenario.arm.beta2_deg] = self.beta_deg;
+        scenario.simulation.seed = self.seed;
+        if !self.noise {
+            scenario.rig = scenario.rig.without_noise();
+        }
+        let existing = if self.overwrite { Existing::Overwrite } else { Existing::Refuse };
+        let record = (!self.recording.is_empty()).then(|| RecordTo { path: self.recording.clone().into(), existing });
+        Ok(Session::new(scenario, Mode::Free, Options { record, ..Options::default() })?)
+    }
+}
+
+/// The loads that the importer has set, in the order of [`LOADS`].
+pub(crate) type Inputs = [f64; LOADS.len()];
+
+/// A step, in seconds from the start of the simulation.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub(crate) struct Span {
+    pub from_s: f64,
+    pub to_s: f64,
+}
+
+/// The number of the last sample that is reached at `time_s` after the start.
+pub(crate) fn reached(time_s: f64, rate_hz: f64) -> u64 {
+    (time_s * rate_hz + TOLERANCE_SAMPLES) as u64
+}
+
+/// A state that the importer holds, without what all models have.
+#[derive(Clone, Debug)]
+pub(crate) enum Saved {
+    Signals(Box<SavedSignals>),
+    Node(Box<SavedNode>),
+}
+
+/// What an instance simulates.
+pub(crate) trait Model {
+    /// The simulation begins: a recording is opened.
+    fn begin(&mut self) -> Result<(), Fault>;
+
+    /// Simulates a step. Returns whether event mode is needed then.
+    fn step(&mut self, span: Span, inputs: &Inputs) -> Result<bool, Fault>;
+
+    /// The value of a variable of the type Float64; of a Boolean 0 or 1.
+    fn number(&self, source: Source) -> f64;
+
+    /// The value of a variable of the type UInt64.
+    fn count(&self, source: Source) -> u64;
+
+    /// The terminal of this number, from 0.
+    fn terminal(&mut self, _index: usize) -> Option<&mut Terminal> {
+        None
+    }
+
+    /// Ends an iteration of event mode. Returns whether another is needed.
+    fn update(&mut self) -> Result<bool, Fault> {
+        Ok(false)
+    }
+
+    /// The intervals of countdown clocks are asked for.
+    fn before_interval(&mut self) {}
+
+    /// The state now.
+    fn save(&mut self) -> Result<Saved, Fault>;
+
+    /// Returns to a state.
+    fn restore(&mut self, saved: &Saved) -> Result<(), Fault>;
+
+    /// The simulation ends: a recording is finished.
+    fn end(&mut self) -> Result<(), Fault>;
+}
+
+/// The variables of a content.
+pub(crate) fn variables(content: &Content) -> Result<Vec<Variable>, Fault> {
+    match content.settings.role {
+        Role::Plant => {
+            let session = Parameters::of(&content.scenario).session(content)?;
+            Ok(variables::table(content, Some(&session.plant_at_start())))
+        }
+        Role::Exciter | Role::Bus => Ok(variables::table(content, None)),
+    }
+}
+
+/// The model of a content, at its start.
+pub(crate) fn build(content: &Content, parameters: &Parameters) -> Result<Box<dyn Model>, Fault> {
+    let Settings { interface, role, clock, nodes } = content.settings;
+    Ok(match (interface, role) {
+        (Interface::Signals, _) => Box::new(Signals::new(parameters.session(content)?)),
+        (Interface::Can, Role::Plant) => Box::new(Node::plant(parameters.session(content)?, clock)?),
+        (Interface::Can, Role::Exciter) => Box::new(Node::exciter(parameters.session(content)?, clock)?),
+        (Interface::Can, Role::Bus) => {
+            let spec = content.scenario.timed_bus()?.ok_or(Fault::NoBitRate)?;
+            Box::new(BusModel::new(&spec, nodes, clock))
+        }
+    })
+}

@@ -1,0 +1,187 @@
+//! The plant by its signals: loads in, readings and states out.
+//!
+//! ```text
+//! sample k:  measure once, as it draws noise  →  hold the load set at the first step from here on  →  advance to k + 1
+//! ```
+//!
+//! A step of the importer may have many samples or be a part of one. Samples are counted, t_k = start + k/rate, so that
+//! the steps change no bit.
+
+use std::sync::Arc;
+
+use crate::Fault;
+use crate::model::{Inputs, Model, Saved, Span, TOLERANCE_SAMPLES, reached};
+use crate::tape::{Mark, Tape};
+use crate::variables::{self, Source};
+use resonarm_bench::plant::Plant;
+use resonarm_bench::rig::{Measurement, Reading};
+use resonarm_bench::structure::{OUTPUTS, States};
+use resonarm_bus::Statistics;
+use resonarm_dynamics::arm::Load;
+use resonarm_files::recording::{Record, StateRecord};
+use resonarm_session::run::{Session, sample_record};
+
+/// The plant at a sample, measured.
+#[derive(Clone, Debug)]
+pub(crate) struct Measured {
+    pub plant: Plant,
+    pub measurement: Measurement,
+    /// Its states.
+    pub states: States,
+    /// The load from the sample to the next, once a step has begun.
+    pub held: Option<Load>,
+}
+
+/// The plant with its recording.
+pub(crate) struct Signals {
+    session: Session,
+    rate_hz: f64,
+    now: Measured,
+    tape: Option<Tape>,
+}
+
+/// A state of it.
+#[derive(Clone, Debug)]
+pub(crate) struct SavedSignals {
+    pub now: Measured,
+    /// Of a state that was not read from bytes, while something is recorded.
+    mark: Option<Arc<Mark>>,
+}
+
+impl SavedSignals {
+    /// A state that was read from bytes.
+    pub fn read(now: Measured) -> SavedSignals {
+        SavedSignals { now, mark: None }
+    }
+}
+
+impl Signals {
+    pub fn new(session: Session) -> Signals {
+        let mut plant = session.plant_at_start();
+        let (measurement, states) = (plant.measure(), plant.states());
+        let rate_hz = session.scenario().simulation.rate_hz;
+        Signals { rate_hz, now: Measured { plant, measurement, states, held: None }, tape: None, session }
+    }
+
+    fn record(&mut self, record: impl FnOnce(&Measured) -> Record) {
+        if let Some(tape) = &mut self.tape {
+            tape.push(record(&self.now));
+        }
+    }
+
+    fn record_state(&mut self, load: Load, is_end: bool) {
+        self.record(|now| {
+            Record::State(StateRecord {
+                sample: now.plant.sample(),
+                states: now.states,
+                torque_nm: load.torque_nm.into(),
+                force_n: load.force_n.into(),
+                is_end,
+            })
+        });
+    }
+
+    fn record_sample(&mut self) {
+        self.record(|now| Record::Sample(sample_record(&now.measurement)));
+    }
+
+    /// The load that is held from the sample on: the one that is set now, if its hold begins now.
+    fn hold(&mut self, inputs: &Inputs) -> Result<Load, Fault> {
+        if let Some(held) = self.now.held {
+            return Ok(held);
+        }
+        let (load, exciter) = (variables::load(inputs), self.now.plant.exciter());
+        if !exciter.can_produce(&load) {
+            let (force_n, torque_nm) = (load.force_n.into(), load.torque_nm.into());
+            let (limit_n, limit_nm) = exciter.limits();
+            return Err(Fault::Load { force_n, torque_nm, limit_n, limit_nm });
+        }
+        self.now.held = Some(load);
+        Ok(load)
+    }
+
+    /// Advances to the next sample and measures it.
+    fn advance(&mut self, load: Load) -> Result<(), Fault> {
+        self.record_state(load, false);
+        self.now.plant.advance(&load)?;
+        self.now.measurement = self.now.plant.measure();
+        self.now.states = self.now.plant.states();
+        self.now.held = None;
+        self.record_sample();
+        Ok(())
+    }
+}
+
+impl Model for Signals {
+    fn begin(&mut self) -> Result<(), Fault> {
+        self.tape = Tape::open(&self.session, "fmu")?;
+        self.record_sample();
+        Ok(())
+    }
+
+    fn step(&mut self, span: Span, inputs: &Inputs) -> Result<bool, Fault> {
+        let last = reached(span.to_s, self.rate_hz);
+        while self.now.plant.sample() < last {
+            let load = self.hold(inputs)?;
+            self.advance(load)?;
+        }
+        // A step that ends at a sample does not begin its hold.
+        if self.now.plant.sample() == last && span.to_s * self.rate_hz > last as f64 + TOLERANCE_SAMPLES {
+            self.hold(inputs)?;
+        }
+        if let Some(tape) = &mut self.tape {
+            tape.flush()?;
+        }
+        Ok(false)
+    }
+
+    fn number(&self, source: Source) -> f64 {
+        let reading = |index: usize| self.now.measurement.readings().get(index).copied().unwrap_or_default();
+        match source {
+            Source::Reading(index) => reading(index).value,
+            Source::Clipped(index) => f64::from(u8::from(reading(index).clipped)),
+            Source::Sampled(index) => {
+                let mut sampled = [0.0; OUTPUTS.len()];
+                self.now.plant.structure().sense(&mut sampled);
+                sampled.get(index).copied().unwrap_or(f64::NAN)
+            }
+            Source::State(index) => self.now.states.get(index).copied().unwrap_or(f64::NAN),
+            _ => f64::NAN,
+        }
+    }
+
+    fn count(&self, _source: Source) -> u64 {
+        self.now.plant.sample()
+    }
+
+    fn save(&mut self) -> Result<Saved, Fault> {
+        let mark = self.tape.as_mut().map(Tape::mark);
+        Ok(Saved::Signals(Box::new(SavedSignals { now: self.now.clone(), mark })))
+    }
+
+    fn restore(&mut self, saved: &Saved) -> Result<(), Fault> {
+        let Saved::Signals(saved) = saved else {
+            return Err(Fault::Saved { call: "fmi3SetFMUState", reason: "it is of another interface" });
+        };
+        if let Some(tape) = &mut self.tape {
+            tape.rewind(saved.mark.as_deref(), saved.now.plant.sample())?;
+        }
+        self.now = saved.now.clone();
+        Ok(())
+    }
+
+    fn end(&mut self) -> Result<(), Fault> {
+        self.record_state(Load::default(), true);
+        let samples = self.now.plant.sample();
+        let steps = samples * u64::from(self.session.scenario().simulation.steps_per_sample());
+        match self.tape.take() {
+            Some(tape) => Ok(tape.finish(samples + 1, steps, Statistics::default())?),
+            None => Ok(()),
+        }
+    }
+}
+
+/// The readings of a measurement in the order of [`OUTPUTS`].
+pub(crate) fn measurement(sample: u64, [hx, hy, bx, by, cx, cy]: [Reading; OUTPUTS.len()]) -> Measurement {
+    Measurement { sample, head_force_n: [hx, hy], acceleration_b_m_s2: [bx, by], acceleration_c_m_s2: [cx, cy] }
+}

@@ -1,0 +1,316 @@
+//! The variables of an FMU: the one table from which description, documentation and access follow. A variable's value
+//! reference is its place in the table.
+
+use crate::content::{Content, Interface, Role, Settings, TxClock};
+use crate::units::{self, DEGREE, SECOND, Unit};
+use resonarm_bench::plant::Plant;
+use resonarm_bench::structure::{Channel, LOADS, OUTPUTS, Quantity};
+use resonarm_dynamics::arm::Load;
+
+/// What a variable stands for. Numbers are places in the tables of channels.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(crate) enum Source {
+    Time,
+    /// One of [`LOADS`].
+    Load(usize),
+    /// One of [`OUTPUTS`], as the instrument reads it.
+    Reading(usize),
+    /// Whether it was beyond the range.
+    Clipped(usize),
+    /// The same before the instrument.
+    Sampled(usize),
+    /// A state of the structure.
+    State(usize),
+    /// The number of the sample.
+    Sample,
+    /// β1 or β2.
+    Beta(usize),
+    Seed,
+    Noise,
+    Recording,
+    Overwrite,
+    /// The state of a node, as in its heartbeat.
+    NodeState,
+    /// Why the plant's node has faulted.
+    FaultCode,
+    /// Samples that the exciter has answered.
+    Played,
+    /// Responses that it has read.
+    Responses,
+    /// Frames on the bus.
+    Frames,
+    ErrorFrames,
+    /// Of the terminal of this number, from 0.
+    RxData(usize),
+    RxClock(usize),
+    TxData(usize),
+    TxClock(usize),
+}
+
+/// The type of a variable.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(crate) enum Kind {
+    Float64,
+    UInt64,
+    Boolean,
+    String,
+    Binary,
+    Clock,
+}
+
+impl Kind {
+    /// The name of its element in the description.
+    pub const fn name(self) -> &'static str {
+        match self {
+            Kind::Float64 => "Float64",
+            Kind::UInt64 => "UInt64",
+            Kind::Boolean => "Boolean",
+            Kind::String => "String",
+            Kind::Binary => "Binary",
+            Kind::Clock => "Clock",
+        }
+    }
+}
+
+/// Its part in the model.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(crate) enum Causality {
+    Independent,
+    Parameter,
+    Input,
+    Output,
+}
+
+/// A variable.
+#[derive(Clone, Debug, PartialEq)]
+pub(crate) struct Variable {
+    pub name: String,
+    pub source: Source,
+    pub kind: Kind,
+    pub causality: Causality,
+    pub unit: Option<Unit>,
+    /// Its value at the start, of inputs and parameters.
+    pub start: Option<String>,
+    pub description: String,
+}
+
+/// The variables of an FMU with this content; `plant` is the plant at its start, of an FMU that has one.
+pub(crate) fn table(content: &Content, plant: Option<&Plant>) -> Vec<Variable> {
+    let mut all = vec![Variable {
+        unit: Some(SECOND),
+        ..variable("time", Source::Time, Kind::Float64, Causality::Independent, "simulated time")
+    }];
+    match (plant, content.settings.interface) {
+        (Some(plant), Interface::Signals) => {
+            all.extend(loads(plant));
+            all.extend(readings());
+        }
+        (_, Interface::Can) => {
+            let of_one = |(index, name): (usize, String)| terminal(index, &name, content.settings.clock);
+            all.extend(terminals(&content.settings).into_iter().enumerate().flat_map(of_one));
+        }
+        (None, Interface::Signals) => {}
+    }
+    if let Some(plant) = plant {
+        all.extend(states(plant));
+    }
+    all.extend(counts(&content.settings));
+    if plant.is_some() {
+        all.extend(parameters(content));
+    }
+    all
+}
+
+/// The names of the terminals.
+pub(crate) fn terminals(settings: &Settings) -> Vec<String> {
+    match (settings.interface, settings.role) {
+        (Interface::Signals, _) => Vec::new(),
+        (Interface::Can, Role::Plant | Role::Exciter) => vec![String::from("can")],
+        (Interface::Can, Role::Bus) => (1..=settings.nodes).map(|node| format!("node{node}")).collect(),
+    }
+}
+
+/// The variables of a terminal: data and clock of what comes in and of what leaves.
+fn terminal(index: usize, name: &str, clock: TxClock) -> [Variable; 4] {
+    let tx = if clock == TxClock::Triggered { Causality::Output } else { Causality::Input };
+    let member = |member: &str, source, kind, causality, description: &str| {
+        variable(format!("{name}.{member}"), source, kind, causality, description)
+    };
+    [
+        member("Rx_Data", Source::RxData(index), Kind::Binary, Causality::Input, "operations that come"),
+        member("Rx_Clock", Source::RxClock(index), Kind::Clock, Causality::Input, "when they come"),
+        member("Tx_Data", Source::TxData(index), Kind::Binary, Causality::Output, "operations that leave"),
+        member("Tx_Clock", Source::TxClock(index), Kind::Clock, tx, "when they leave"),
+    ]
+}
+
+/// What nodes and bus count and are.
+fn counts(settings: &Settings) -> Vec<Variable> {
+    let rows: &[(&str, Source, &str)] = match (settings.interface, settings.role) {
+        (Interface::Signals, _) => &[],
+        (Interface::Can, Role::Plant) => &[
+            (
+                "node.state",
+                Source::NodeState,
+                "state of the node: 0 boot-up, 4 stopped by a fault, 5 armed, 127 not armed",
+            ),
+            (
+                "node.fault",
+                Source::FaultCode,
+                "code of the fault that is latched, as in the emergency message; 0 for none",
+            ),
+        ],
+        (Interface::Can, Role::Exciter) => &[
+            ("node.state", Source::NodeState, "state of the node: 0 boot-up, 4 stopped by a fault, 5 plays, 127 waits"),
+            ("node.played", Source::Played, "samples answered"),
+            ("node.responses", Source::Responses, "responses read"),
+        ],
+        (Interface::Can, Role::Bus) => &[
+            ("bus.frames", Source::Frames, "frames sent"),
+            ("bus.error_frames", Source::ErrorFrames, "frames that an error ended"),
+        ],
+    };
+    let row = |(name, source, description): &(&str, Source, &str)| {
+        variable(*name, *source, Kind::UInt64, Causality::Output, *description)
+    };
+    rows.iter().map(row).collect()
+}
+
+fn variable(
+    name: impl Into<String>,
+    source: Source,
+    kind: Kind,
+    causality: Causality,
+    description: impl Into<String>,
+) -> Variable {
+    Variable { name: name.into(), source, kind, causality, unit: None, start: None, description: description.into() }
+}
+
+/// The loads that the structure takes.
+fn loads(plant: &Plant) -> impl Iterator<Item = Variable> {
+    LOADS.iter().enumerate().filter(|(index, _)| takes(plant, *index)).map(|(index, channel)| Variable {
+        unit: units::of(channel.quantity),
+        start: Some(String::from("0")),
+        ..variable(
+            format!("load.{}", channel.name),
+            Source::Load(index),
+            Kind::Float64,
+            Causality::Input,
+            format!("{}, held from sample to sample", words(channel)),
+        )
+    })
+}
+
+/// Whether exciter and structure take load `index`: a thousandth of the limit can be held for a sample.
+fn takes(plant: &Plant, index: usize) -> bool {
+    let (limit_n, limit_nm) = plant.exciter().limits();
+    let mut loads = [0.0; LOADS.len()];
+    loads[index] = 1e-3 * if index < 2 { limit_nm } else { limit_n };
+    let load = load(&loads);
+    loads[index] != 0.0 && plant.exciter().can_produce(&load) && plant.clone().advance(&load).is_ok()
+}
+
+/// The loads in the order of [`LOADS`] as one.
+pub(crate) fn load(&[u1, u2, fx, fy]: &[f64; LOADS.len()]) -> Load {
+    Load { torque_nm: [u1, u2].into(), force_n: [fx, fy].into() }
+}
+
+/// What the instruments read, whether it was beyond their ranges, and what they would read without errors.
+fn readings() -> impl Iterator<Item = Variable> {
+    let output = |index: usize, group: &str, source: Source, kind: Kind, what: &str| {
+        let channel = &OUTPUTS[index];
+        Variable {
+            unit: units::of(channel.quantity).filter(|_| kind == Kind::Float64),
+            ..variable(
+                format!("{group}.{}", channel.name),
+                source,
+                kind,
+                Causality::Output,
+                format!("{}, {what}", words(channel)),
+            )
+        }
+    };
+    let read =
+        move |index| output(index, "reading", Source::Reading(index), Kind::Float64, "as the instrument reads it");
+    let clipped = move |index| {
+        let what = "whether the reading was beyond the range of the instrument";
+        output(index, "clipped", Source::Clipped(index), Kind::Boolean, what)
+    };
+    let sampled = move |index| {
+        output(index, "true", Source::Sampled(index), Kind::Float64, "as the converter samples it, without instrument")
+    };
+    let places = 0..OUTPUTS.len();
+    places.clone().map(read).chain(places.clone().map(clipped)).chain(places.map(sampled))
+}
+
+/// The states of the structure, and the number of the sample at which it is.
+fn states(plant: &Plant) -> Vec<Variable> {
+    let state = |(index, channel): (usize, &Channel)| Variable {
+        unit: units::of(channel.quantity),
+        ..variable(
+            format!("state.{}", channel.name),
+            Source::State(index),
+            Kind::Float64,
+            Causality::Output,
+            format!("{} at the sample", words(channel)),
+        )
+    };
+    let states = plant.structure().states().iter().enumerate().map(state);
+    let description = "the number of the last sample, from 0 at the start";
+    states.chain([variable("sample", Source::Sample, Kind::UInt64, Causality::Output, description)]).collect()
+}
+
+/// What may be set before the simulation begins.
+fn parameters(content: &Content) -> Vec<Variable> {
+    let scenario = &content.scenario;
+    let parameter = |name: &str, source, kind, start: String, unit, description: &str| Variable {
+        start: Some(start),
+        unit,
+        ..variable(format!("parameter.{name}"), source, kind, Causality::Parameter, description)
+    };
+    let betas = [("beta1_deg", scenario.arm.beta1_deg), ("beta2_deg", scenario.arm.beta2_deg)];
+    let betas = betas.into_iter().enumerate().map(|(index, (name, start))| {
+        let description = "the arm's pose: the angle of the joint with its spring relaxed";
+        parameter(name, Source::Beta(index), Kind::Float64, format!("{start:?}"), Some(DEGREE), description)
+    });
+    let [seed, yes, no] = [scenario.simulation.seed.to_string(), String::from("true"), String::from("false")];
+    let described = "an MCAP file to record the run in; empty for none";
+    let rest = [
+        parameter("seed", Source::Seed, Kind::UInt64, seed, None, "the seed of all noise"),
+        parameter("noise", Source::Noise, Kind::Boolean, yes, None, "whether the sensors have their noise"),
+        parameter("recording", Source::Recording, Kind::String, String::new(), None, described),
+        parameter(
+            "overwrite",
+            Source::Overwrite,
+            Kind::Boolean,
+            no,
+            None,
+            "whether a recording that is there is replaced",
+        ),
+    ];
+    betas.filter(|_| scenario.structure.is_none()).chain(rest).collect()
+}
+
+/// A channel in words: `acceleration at tip C along x`.
+fn words(channel: &Channel) -> String {
+    let what = match channel.quantity {
+        Quantity::Angle => "angle",
+        Quantity::AngularVelocity => "angular velocity",
+        Quantity::Torque => "torque",
+        Quantity::Force => "force",
+        Quantity::Acceleration => "acceleration",
+        Quantity::Current => "current in the shaker's coil",
+        Quantity::ModalDisplacement => "modal coordinate",
+        Quantity::ModalVelocity => "rate of the modal coordinate",
+        Quantity::Displacement => "displacement",
+        Quantity::Velocity => "velocity",
+        Quantity::Length => "deflection of the spring",
+        Quantity::Branch => "branch of the law",
+    };
+    let (point, axis) = (channel.point.name(), channel.axis.name());
+    let along = match axis {
+        "x" | "y" => format!(" along {axis}"),
+        _ => String::new(),
+    };
+    format!("{what} at {point}{along}")
+}

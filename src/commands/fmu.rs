@@ -1,0 +1,102 @@
+//! `resonarm fmu`: a scenario as an FMU for other simulation tools.
+
+use std::path::PathBuf;
+
+use clap::{Args, ValueEnum};
+
+use crate::failure::{Failure, Verdict};
+use crate::output::JsonFlag;
+use resonarm::scenario::Scenario;
+use resonarm_fmu::content::{Content, Interface, Role, Settings, TxClock};
+use resonarm_fmu::export::{Library, Summary, export};
+
+/// Writes a scenario's plant, exciter controller or bus as an FMU (FMI 3.0 co-simulation) for other simulation tools.
+#[derive(Debug, Args)]
+pub(crate) struct Fmu {
+    /// The scenario, a TOML file.
+    #[arg(long, value_name = "FILE")]
+    scenario: PathBuf,
+    /// The FMU to write; its name without `.fmu` is that of the model.
+    #[arg(long, value_name = "FILE")]
+    out: PathBuf,
+    /// How it is connected: `signals` has loads as inputs and readings as outputs, `can` frames by FMI-LS-BUS.
+    #[arg(long, value_name = "KIND", value_enum, default_value_t = InterfaceFlag::Signals)]
+    interface: InterfaceFlag,
+    /// What it simulates; exciter and bus need `--interface can`.
+    #[arg(long, value_name = "ROLE", value_enum, default_value_t = RoleFlag::Plant)]
+    role: RoleFlag,
+    /// By which clock frames leave it: `triggered` at the end of a step, `countdown` at a time said beforehand.
+    #[arg(long, value_name = "KIND", value_enum, default_value_t = ClockFlag::Triggered)]
+    clock: ClockFlag,
+    /// Of a bus: how many nodes it has terminals for, from 2 to 32.
+    #[arg(long, value_name = "N", default_value_t = 2)]
+    nodes: u8,
+    /// The library to pack, of Linux on x86-64 or AArch64 [default: libresonarm_fmu.so beside this program].
+    #[arg(long, value_name = "FILE")]
+    library: Option<PathBuf>,
+    /// Overwrite the FMU if it exists.
+    #[arg(long)]
+    overwrite: bool,
+    #[command(flatten)]
+    json: JsonFlag,
+}
+
+/// [`Interface`] as a flag.
+#[derive(Clone, Copy, Debug, ValueEnum)]
+enum InterfaceFlag {
+    Signals,
+    Can,
+}
+
+/// [`Role`] as a flag.
+#[derive(Clone, Copy, Debug, ValueEnum)]
+enum RoleFlag {
+    Plant,
+    Exciter,
+    Bus,
+}
+
+/// [`TxClock`] as a flag.
+#[derive(Clone, Copy, Debug, ValueEnum)]
+enum ClockFlag {
+    Triggered,
+    Countdown,
+}
+
+impl Fmu {
+    fn settings(&self) -> Settings {
+        let interface = match self.interface {
+            InterfaceFlag::Signals => Interface::Signals,
+            InterfaceFlag::Can => Interface::Can,
+        };
+        let (role, nodes) = match self.role {
+            RoleFlag::Plant => (Role::Plant, 0),
+            RoleFlag::Exciter => (Role::Exciter, 0),
+            RoleFlag::Bus => (Role::Bus, self.nodes),
+        };
+        let clock = match self.clock {
+            ClockFlag::Triggered => TxClock::Triggered,
+            ClockFlag::Countdown => TxClock::Countdown,
+        };
+        Settings { interface, role, clock, nodes }
+    }
+
+    pub fn execute(&self) -> Result<Verdict, Failure> {
+        if !self.overwrite && self.out.exists() {
+            return Err(Failure::Exists { path: self.out.clone() });
+        }
+        let settings = self.settings();
+        let content = Content { settings, scenario: Scenario::read(&self.scenario)? };
+        let library = match &self.library {
+            Some(path) => Library::read(path)?,
+            None => Library::beside_program()?,
+        };
+        let summary = export(&content, library, &self.out)?;
+        let Summary { path, bytes, platform, variables, .. } = &summary;
+        self.json.show(
+            &summary,
+            || format!("{}: {variables} variables, {platform}, {bytes} bytes\n", path.display()),
+            &[],
+        )
+    }
+}
