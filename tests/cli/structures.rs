@@ -324,7 +324,7 @@ fn on_oscillator<'a>(command: &'a str, more: &'a str) -> Vec<&'a str> {
 #[test]
 fn the_demo_walks_on_a_structure() {
     let folder = oscillator();
-    let walk = "[control]\nlaw = \"phase-walk\"\namplitude = { force_x_n = 5.0 }\npoints = 3\nfrom_lag_deg = 60.0\n\
+    let walk = "[control]\nlaw = \"phase-walk\"\namplitude = { force_x_n = 1.0 }\npoints = 3\nfrom_lag_deg = 60.0\n\
                 to_lag_deg = 120.0\n";
     let text = fs::read_to_string(folder.path().join("osc.toml")).unwrap() + walk;
     fs::write(folder.path().join("osc.toml"), text).unwrap();
@@ -333,7 +333,7 @@ fn the_demo_walks_on_a_structure() {
     insta::assert_snapshot!(head.join("\n"), @"
     structure    oscillator with an element, cubic
     modes        10.00 Hz (damping ratio 3.0e-2, time constant 0.5 s)
-    control      phase walk of 3 points at 5 N, lags 60° to 120°
+    control      phase walk of 3 points at 1 N, lags 60° to 120°
     bus          in memory, 1000 samples a second, in lockstep, as fast as it goes
     ");
     assert_eq!(shown.lines().filter(|line| line.contains(" Hz  ") && line.contains('°')).count(), 3, "{shown}");
