@@ -7,10 +7,10 @@ use clap::{Args, ValueEnum};
 use crate::failure::{Failure, Verdict};
 use crate::output::JsonFlag;
 use resonarm::scenario::Scenario;
-use resonarm_fmu::content::{Content, Interface, Role, Settings};
+use resonarm_fmu::content::{Content, Interface, Role, Settings, TxClock};
 use resonarm_fmu::export::{Library, Summary, export};
 
-/// Writes a scenario's plant as an FMU (FMI 3.0 co-simulation) for other simulation tools; docs/fmu.md.
+/// Writes a scenario's plant, exciter controller or bus as an FMU (FMI 3.0 co-simulation) for other simulation tools.
 #[derive(Debug, Args)]
 pub(crate) struct Fmu {
     /// The scenario, a TOML file.
@@ -19,9 +19,18 @@ pub(crate) struct Fmu {
     /// The FMU to write; its name without `.fmu` is that of the model.
     #[arg(long, value_name = "FILE")]
     out: PathBuf,
-    /// How it is connected: `signals` has loads as inputs and readings as outputs.
-    #[arg(long, value_enum, default_value_t = InterfaceFlag::Signals)]
+    /// How it is connected: `signals` has loads as inputs and readings as outputs, `can` frames by FMI-LS-BUS.
+    #[arg(long, value_name = "KIND", value_enum, default_value_t = InterfaceFlag::Signals)]
     interface: InterfaceFlag,
+    /// What it simulates; exciter and bus need `--interface can`.
+    #[arg(long, value_name = "ROLE", value_enum, default_value_t = RoleFlag::Plant)]
+    role: RoleFlag,
+    /// By which clock frames leave it: `triggered` at the end of a step, `countdown` at a time said beforehand.
+    #[arg(long, value_name = "KIND", value_enum, default_value_t = ClockFlag::Triggered)]
+    clock: ClockFlag,
+    /// Of a bus: how many nodes it has terminals for, from 2 to 32.
+    #[arg(long, value_name = "N", default_value_t = 2)]
+    nodes: u8,
     /// The library to pack, of Linux on x86-64 or AArch64 [default: libresonarm_fmu.so beside this program].
     #[arg(long, value_name = "FILE")]
     library: Option<PathBuf>,
@@ -36,17 +45,47 @@ pub(crate) struct Fmu {
 #[derive(Clone, Copy, Debug, ValueEnum)]
 enum InterfaceFlag {
     Signals,
+    Can,
+}
+
+/// [`Role`] as a flag.
+#[derive(Clone, Copy, Debug, ValueEnum)]
+enum RoleFlag {
+    Plant,
+    Exciter,
+    Bus,
+}
+
+/// [`TxClock`] as a flag.
+#[derive(Clone, Copy, Debug, ValueEnum)]
+enum ClockFlag {
+    Triggered,
+    Countdown,
 }
 
 impl Fmu {
+    fn settings(&self) -> Settings {
+        let interface = match self.interface {
+            InterfaceFlag::Signals => Interface::Signals,
+            InterfaceFlag::Can => Interface::Can,
+        };
+        let (role, nodes) = match self.role {
+            RoleFlag::Plant => (Role::Plant, 0),
+            RoleFlag::Exciter => (Role::Exciter, 0),
+            RoleFlag::Bus => (Role::Bus, self.nodes),
+        };
+        let clock = match self.clock {
+            ClockFlag::Triggered => TxClock::Triggered,
+            ClockFlag::Countdown => TxClock::Countdown,
+        };
+        Settings { interface, role, clock, nodes }
+    }
+
     pub fn execute(&self) -> Result<Verdict, Failure> {
         if !self.overwrite && self.out.exists() {
             return Err(Failure::Exists { path: self.out.clone() });
         }
-        let interface = match self.interface {
-            InterfaceFlag::Signals => Interface::Signals,
-        };
-        let settings = Settings { interface, role: Role::Plant, ..Settings::default() };
+        let settings = self.settings();
         let content = Content { settings, scenario: Scenario::read(&self.scenario)? };
         let library = match &self.library {
             Some(path) => Library::read(path)?,

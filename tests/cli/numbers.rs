@@ -9,7 +9,7 @@ use crate::resonarm;
 
 /// Arguments with which each command ends soon if its numbers are valid: without a bus, a folder to write to or a
 /// recording, or with little to do.
-const COMMANDS: [(&str, &str); 34] = [
+const COMMANDS: [(&str, &str); 35] = [
     ("demo", "--out /dev/null/none"),
     ("run", "--mode free --duration-s 0.05"),
     ("exciter", "--bus vcan999"),
@@ -36,6 +36,7 @@ const COMMANDS: [(&str, &str); 34] = [
     ("merge", "none.mcap none.mcap --out new.mcap"),
     ("diff", "none.mcap none.mcap"),
     ("export", "none.mcap --to csv"),
+    ("fmu", "--scenario none.toml --out none.fmu --interface can --role bus"),
     ("import", "none.log none.mcap"),
     ("protocol dbc", ""),
     ("protocol header", ""),

@@ -73,7 +73,8 @@ fn append(archive: &mut Vec<u8>, name: &str, data: &[u8]) -> io::Result<Entry> {
 
 /// What both headers have: version, flags, method, time, date, CRC, sizes, lengths of name and extra field.
 fn common(entry: &Entry) -> [u16; 13] {
-    let [crc, packed, size] = [entry.crc, entry.packed, entry.size].map(|number| [number as u16, (number >> 16) as u16]);
+    let [crc, packed, size] =
+        [entry.crc, entry.packed, entry.size].map(|number| [number as u16, (number >> 16) as u16]);
     let name = entry.name.len() as u16;
     let [flags, time] = [UTF8, 0];
     [VERSION, flags, DEFLATED, time, DATE, crc[0], crc[1], packed[0], packed[1], size[0], size[1], name, 0]

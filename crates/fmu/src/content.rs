@@ -58,7 +58,7 @@ pub enum TxClock {
 }
 
 /// The settings of an FMU.
-#[derive(Clone, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(default, deny_unknown_fields)]
 pub struct Settings {
     /// How it is connected.
@@ -102,12 +102,13 @@ impl Content {
             files.insert(DBC.to_string(), text.clone().into_bytes());
             wire.dbc = DBC.into();
         }
-        if let Some(Waveform::File { path, load: Some(load) }) = scenario.excitation.as_mut().map(|spec| &mut spec.profile)
+        if let Some(Waveform::File { path, load: Some(load) }) =
+            scenario.excitation.as_mut().map(|spec| &mut spec.profile)
         {
             files.insert(LOAD.to_string(), rows(load).into_bytes());
             *path = LOAD.to_string();
         }
-        let versioned = Versioned { version: VERSION.to_string(), settings: self.settings.clone() };
+        let versioned = Versioned { version: VERSION.to_string(), settings: self.settings };
         let settings =
             toml::to_string(&versioned).map_err(|error| ScenarioError::Write { reason: error.to_string() })?;
         files.insert(SETTINGS.to_string(), settings.into_bytes());
@@ -148,7 +149,8 @@ fn rows(load: &LoadFile) -> String {
 pub fn token(files: &BTreeMap<String, Vec<u8>>) -> String {
     const OFFSET: u128 = 0x6c62_272e_07bb_0142_62b8_2175_6295_c58d;
     const PRIME: u128 = (1 << 88) + (1 << 8) + 0x3b;
-    let hash = |hash: u128, bytes: &[u8]| bytes.iter().fold(hash, |h, byte| (h ^ u128::from(*byte)).wrapping_mul(PRIME));
+    let hash =
+        |hash: u128, bytes: &[u8]| bytes.iter().fold(hash, |h, byte| (h ^ u128::from(*byte)).wrapping_mul(PRIME));
     let of_all = files.iter().fold(OFFSET, |all, (name, data)| {
         let lengths = [name.len() as u64, data.len() as u64].map(u64::to_le_bytes);
         [name.as_bytes(), &lengths.concat(), data].into_iter().fold(all, hash)
@@ -173,7 +175,8 @@ mod tests {
     fn content_is_read_as_it_was_written() {
         let folder = tempfile::tempdir().unwrap();
         fs::write(folder.path().join("pulse.csv"), "0\n0.1\n1e-3\n").unwrap();
-        let text = "excitation = { amplitude = { force_x_n = 3 }, profile = { waveform = 'file', path = 'pulse.csv' } }";
+        let text =
+            "excitation = { amplitude = { force_x_n = 3 }, profile = { waveform = 'file', path = 'pulse.csv' } }";
         fs::write(folder.path().join("s.toml"), text).unwrap();
         let scenario = Scenario::read(&folder.path().join("s.toml")).unwrap();
         let settings = Settings { clock: TxClock::Countdown, ..Settings::default() };

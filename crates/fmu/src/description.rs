@@ -3,9 +3,10 @@
 use std::collections::BTreeSet;
 use std::fmt::Write;
 
-use crate::content::{Content, Role, VERSION};
+use crate::content::{Content, Interface, Role, Settings, VERSION};
+use crate::operation::MIME;
 use crate::units::Unit;
-use crate::variables::{Causality, Kind, Variable};
+use crate::variables::{Causality, Kind, Source, Variable};
 
 /// The identifier of the library in the archive, and of the model.
 pub(crate) const IDENTIFIER: &str = "resonarm";
@@ -18,13 +19,15 @@ pub(crate) fn model_description(name: &str, token: &str, content: &Content, vari
         Role::Exciter => "an exciter controller",
         Role::Bus => "a CAN bus",
     };
+    let Settings { interface, role, .. } = content.settings;
+    let (has_states, serializes) = (role == Role::Plant, interface == Interface::Signals);
     let mut xml = format!(
         "<?xml version=\"1.0\" encoding=\"UTF-8\"?>\n\
          <fmiModelDescription fmiVersion=\"3.0\" modelName=\"{name}\" instantiationToken=\"{token}\" \
          description=\"Resonarm: {what}\" generationTool=\"resonarm {VERSION}\" license=\"Apache-2.0 OR MIT\" \
          variableNamingConvention=\"structured\">\n\
-         \x20 <CoSimulation modelIdentifier=\"{IDENTIFIER}\" canGetAndSetFMUState=\"true\" canSerializeFMUState=\"true\" \
-         canHandleVariableCommunicationStepSize=\"true\" fixedInternalStepSize=\"{step_s}\" hasEventMode=\"true\"/>\n",
+         \x20 <CoSimulation modelIdentifier=\"{IDENTIFIER}\" canGetAndSetFMUState=\"{has_states}\" \
+         canSerializeFMUState=\"{serializes}\" canHandleVariableCommunicationStepSize=\"true\" fixedInternalStepSize=\"{step_s}\" hasEventMode=\"true\"/>\n",
         name = escaped(name)
     );
     xml += &units(variables);
@@ -33,12 +36,13 @@ pub(crate) fn model_description(name: &str, token: &str, content: &Content, vari
     xml += "  <ModelVariables>\n";
     variables.iter().enumerate().for_each(|(reference, variable)| xml += &element(reference, variable));
     xml += "  </ModelVariables>\n  <ModelStructure>\n";
-    for tag in ["Output", "InitialUnknown"] {
-        let outputs = variables.iter().enumerate().filter(|(_, variable)| variable.causality == Causality::Output);
-        outputs.for_each(|(reference, _)| {
-            let none = if tag == "Output" { " dependencies=\"\"" } else { "" };
-            let _ = writeln!(xml, "    <{tag} valueReference=\"{reference}\"{none}/>");
-        });
+    let outputs = || variables.iter().enumerate().filter(|(_, variable)| variable.causality == Causality::Output);
+    for (reference, _) in outputs() {
+        let _ = writeln!(xml, "    <Output valueReference=\"{reference}\" dependencies=\"\"/>");
+    }
+    // Not of what is clocked, which has no value at the start.
+    for (reference, _) in outputs().filter(|(_, variable)| variable.kind != Kind::Binary) {
+        let _ = writeln!(xml, "    <InitialUnknown valueReference=\"{reference}\"/>");
     }
     xml + "  </ModelStructure>\n</fmiModelDescription>\n"
 }
@@ -56,6 +60,11 @@ fn units(variables: &[Variable]) -> String {
 
 /// The element of a variable.
 fn element(reference: usize, variable: &Variable) -> String {
+    match variable.kind {
+        Kind::Binary => return binary(reference, variable),
+        Kind::Clock => return clock(reference, variable),
+        _ => {}
+    }
     let (causality, variability, initial) = match (variable.causality, variable.kind) {
         (Causality::Independent, _) => ("independent", "continuous", ""),
         (Causality::Parameter, _) => ("parameter", "fixed", " initial=\"exact\""),
@@ -75,6 +84,33 @@ fn element(reference: usize, variable: &Variable) -> String {
         (Some(start), _) => format!("{head}{unit} start=\"{start}\"/>\n"),
         (None, _) => format!("{head}{unit}/>\n"),
     }
+}
+
+/// Data of a terminal, whose clock is the next variable.
+fn binary(reference: usize, Variable { name, causality, description, .. }: &Variable) -> String {
+    let is_input = *causality == Causality::Input;
+    let causality = if is_input { "input" } else { "output" };
+    // What is calculated has no start.
+    let (initial, start) = if is_input { ("exact", "><Start value=\"\"/></Binary>") } else { ("calculated", "/>") };
+    format!(
+        "    <Binary name=\"{name}\" valueReference=\"{reference}\" causality=\"{causality}\" variability=\"discrete\" \
+         initial=\"{initial}\" clocks=\"{clock}\" mimeType=\"{mime}\" description=\"{description}\"{start}\n",
+        clock = reference + 1,
+        mime = escaped(MIME)
+    )
+}
+
+/// A clock of a terminal.
+fn clock(reference: usize, Variable { name, source, causality, description, .. }: &Variable) -> String {
+    let (causality, interval) = match (causality, source) {
+        (Causality::Input, Source::TxClock(_)) => ("input", "countdown"),
+        (Causality::Input, _) => ("input", "triggered"),
+        _ => ("output", "triggered"),
+    };
+    format!(
+        "    <Clock name=\"{name}\" valueReference=\"{reference}\" causality=\"{causality}\" \
+         intervalVariability=\"{interval}\" description=\"{description}\"/>\n"
+    )
 }
 
 /// A text within an attribute or an element.

@@ -8,11 +8,11 @@ use thiserror::Error;
 
 use crate::Fault;
 use crate::archive::{Files, zip};
-use crate::content::{Content, Interface, Role, VERSION, token};
+use crate::content::{Content, Interface, Role, Settings, VERSION, token};
 use crate::description::{IDENTIFIER, model_description};
 use crate::documentation::{LICENSE, index};
-use crate::model::Parameters;
-use crate::variables;
+use crate::model::{self, Parameters};
+use crate::terminals::{MANIFEST, TERMINALS, manifest, terminals_and_icons};
 
 /// What a library of this version has in its bytes.
 const MARK: &str = concat!("resonarm-fmu library ", env!("CARGO_PKG_VERSION"), ";");
@@ -24,6 +24,9 @@ static KEPT: [u8; MARK.len()] = {
     bytes.copy_from_slice(MARK.as_bytes());
     bytes
 };
+
+/// The most nodes of a bus.
+pub const MOST_NODES: u8 = 32;
 
 /// The name of the library's file.
 pub const LIBRARY: &str = "libresonarm_fmu.so";
@@ -62,6 +65,12 @@ pub enum ExportError {
         /// The role.
         role: &'static str,
     },
+    /// A bus with fewer nodes than two, or with more than fit.
+    #[error("--nodes {got}: a bus has from 2 to {most} nodes", most = MOST_NODES)]
+    Nodes {
+        /// Their number.
+        got: u8,
+    },
     /// The FMU can't run its scenario.
     #[error(transparent)]
     Content(#[from] Fault),
@@ -89,7 +98,8 @@ impl Library {
     /// # Errors
     /// [`ExportError::NoLibrary`] if there is none, else as [`Library::read`].
     pub fn beside_program() -> Result<Library, ExportError> {
-        let program = std::env::current_exe().map_err(|source| ExportError::Read { path: "/proc/self/exe".into(), source })?;
+        let program =
+            std::env::current_exe().map_err(|source| ExportError::Read { path: "/proc/self/exe".into(), source })?;
         let folder = program.parent().unwrap_or(Path::new(".")).to_path_buf();
         let path = folder.join(LIBRARY);
         if path.exists() { Library::read(&path) } else { Err(ExportError::NoLibrary { folder }) }
@@ -114,7 +124,9 @@ impl Library {
                      183 (AArch64)"
                 ));
             }
-            (false, ..) => return refused(String::from("no 64-bit little-endian ELF file, as a library for an FMU is")),
+            (false, ..) => {
+                return refused(String::from("no 64-bit little-endian ELF file, as a library for an FMU is"));
+            }
         };
         if !bytes.windows(MARK.len()).any(|window| window == MARK.as_bytes()) {
             return refused(format!("not {LIBRARY} of version {VERSION}, which this program packs"));
@@ -159,10 +171,15 @@ fn files(content: &Content, library: Library, name: &str) -> Result<(Files, Summ
         let role = if content.settings.role == Role::Bus { "bus" } else { "exciter" };
         return Err(ExportError::Role { role });
     }
+    let Settings { role, nodes, .. } = content.settings;
+    if role == Role::Bus && !(2..=MOST_NODES).contains(&nodes) {
+        return Err(ExportError::Nodes { got: nodes });
+    }
     let resources = content.files().map_err(Fault::from)?;
     let token = token(&resources);
-    let session = Parameters::of(&content.scenario).session(content)?;
-    let variables = variables::table(content, &session.plant_at_start());
+    let variables = model::variables(content)?;
+    // Whatever keeps it from running is said now.
+    model::build(content, &Parameters::of(&content.scenario))?;
     let scenario = content.scenario.to_toml().map_err(Fault::from)?;
     let platform = library.platform;
     let mut files: Files = resources.into_iter().map(|(name, data)| (format!("resources/{name}"), data)).collect();
@@ -172,6 +189,10 @@ fn files(content: &Content, library: Library, name: &str) -> Result<(Files, Summ
         (String::from("documentation/index.html"), index(name, &variables, &scenario).into_bytes()),
         (String::from("documentation/licenses/license.txt"), LICENSE.as_bytes().to_vec()),
     ]);
+    if content.settings.interface == Interface::Can {
+        files.insert(TERMINALS.to_string(), terminals_and_icons(&content.settings).into_bytes());
+        files.insert(MANIFEST.to_string(), manifest(&content.settings).into_bytes());
+    }
     let summary = Summary { path: PathBuf::new(), bytes: 0, token, platform, variables: variables.len() };
     Ok((files, summary))
 }

@@ -220,6 +220,49 @@ pub enum Fault {
         /// The length of the state.
         expected: usize,
     },
+    /// The importer does not use event mode, without which no frame moves.
+    #[error(
+        "fmi3InstantiateCoSimulation: eventModeUsed is false: frames move in event mode alone; import the FMU with events"
+    )]
+    NeedsEventMode,
+    /// Bytes that end within an operation.
+    #[error(
+        "`{name}`: the operation at byte {at} is of {expected} bytes, and {got} are there: the bytes were cut, or are none of \
+         FMI-LS-BUS"
+    )]
+    Operation {
+        /// The terminal.
+        name: String,
+        /// Where it begins.
+        at: usize,
+        /// The bytes that are left from there on.
+        got: usize,
+        /// Its length.
+        expected: usize,
+    },
+    /// Frames that nobody fetches.
+    #[error("`{name}`: {bytes} bytes wait to be sent: the importer lets the clock `{name}.Tx_Clock` not tick")]
+    Untaken {
+        /// The terminal.
+        name: String,
+        /// The bytes that wait.
+        bytes: usize,
+    },
+    /// A bus without a bit rate.
+    #[error("the scenario names no network.bit_rate_hz: a bus on which frames take their time needs it")]
+    NoBitRate,
+    /// A node that works at another bit rate.
+    #[error("node{node} works at {got_hz} bit/s, the bus at {expected_hz} (network.{key}): give both FMUs the same")]
+    BitRate {
+        /// The number of its terminal, from 1.
+        node: usize,
+        /// The key of the bus's scenario.
+        key: &'static str,
+        /// Of the node, Hz.
+        got_hz: u32,
+        /// Of the bus, Hz.
+        expected_hz: u32,
+    },
     /// Something panicked, which is a defect of the library.
     #[error("{call}: the library failed inside: {reason}; please report it")]
     Panic {

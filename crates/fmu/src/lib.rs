@@ -12,6 +12,7 @@
 
 pub mod abi;
 mod archive;
+mod bus;
 pub mod content;
 mod description;
 mod documentation;
@@ -19,8 +20,12 @@ pub mod export;
 mod fault;
 pub mod instance;
 mod model;
+mod node;
+mod operation;
 mod signals;
 mod tape;
+mod terminal;
+mod terminals;
 mod units;
 mod variables;
 

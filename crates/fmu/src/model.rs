@@ -1,9 +1,12 @@
 //! What an instance simulates.
 
 use crate::Fault;
-use crate::content::Content;
+use crate::bus::BusModel;
+use crate::content::{Content, Interface, Role, Settings};
+use crate::node::{Node, SavedNode};
 use crate::signals::{SavedSignals, Signals};
-use crate::variables::Source;
+use crate::terminal::Terminal;
+use crate::variables::{self, Source, Variable};
 use resonarm_bench::structure::LOADS;
 use resonarm_files::recording::Existing;
 use resonarm_files::scenario::Scenario;
@@ -68,6 +71,7 @@ pub(crate) fn reached(time_s: f64, rate_hz: f64) -> u64 {
 #[derive(Clone, Debug)]
 pub(crate) enum Saved {
     Signals(SavedSignals),
+    Node(Box<SavedNode>),
 }
 
 /// What an instance simulates.
@@ -81,8 +85,21 @@ pub(crate) trait Model {
     /// The value of a variable of the type Float64; of a Boolean 0 or 1.
     fn number(&self, source: Source) -> f64;
 
-    /// The number of the last sample.
-    fn sample(&self) -> u64;
+    /// The value of a variable of the type UInt64.
+    fn count(&self, source: Source) -> u64;
+
+    /// The terminal of this number, from 0.
+    fn terminal(&mut self, _index: usize) -> Option<&mut Terminal> {
+        None
+    }
+
+    /// Ends an iteration of event mode. Returns whether another is needed.
+    fn update(&mut self) -> Result<bool, Fault> {
+        Ok(false)
+    }
+
+    /// The intervals of countdown clocks are asked for.
+    fn before_interval(&mut self) {}
 
     /// The state now.
     fn save(&mut self) -> Result<Saved, Fault>;
@@ -94,7 +111,27 @@ pub(crate) trait Model {
     fn end(&mut self) -> Result<(), Fault>;
 }
 
+/// The variables of a content.
+pub(crate) fn variables(content: &Content) -> Result<Vec<Variable>, Fault> {
+    match content.settings.role {
+        Role::Plant => {
+            let session = Parameters::of(&content.scenario).session(content)?;
+            Ok(variables::table(content, Some(&session.plant_at_start())))
+        }
+        Role::Exciter | Role::Bus => Ok(variables::table(content, None)),
+    }
+}
+
 /// The model of a content, at its start.
 pub(crate) fn build(content: &Content, parameters: &Parameters) -> Result<Box<dyn Model>, Fault> {
-    Ok(Box::new(Signals::new(parameters.session(content)?)))
+    let Settings { interface, role, clock, nodes } = content.settings;
+    Ok(match (interface, role) {
+        (Interface::Signals, _) => Box::new(Signals::new(parameters.session(content)?)),
+        (Interface::Can, Role::Plant) => Box::new(Node::plant(parameters.session(content)?, clock)?),
+        (Interface::Can, Role::Exciter) => Box::new(Node::exciter(parameters.session(content)?, clock)?),
+        (Interface::Can, Role::Bus) => {
+            let spec = content.scenario.timed_bus()?.ok_or(Fault::NoBitRate)?;
+            Box::new(BusModel::new(&spec, nodes, clock))
+        }
+    })
 }

@@ -15,7 +15,7 @@ use crate::tape::{Mark, Tape};
 use crate::variables::{self, Source};
 use resonarm_bench::plant::Plant;
 use resonarm_bench::rig::{Measurement, Reading};
-use resonarm_bench::structure::OUTPUTS;
+use resonarm_bench::structure::{OUTPUTS, States};
 use resonarm_bus::Statistics;
 use resonarm_dynamics::arm::Load;
 use resonarm_files::recording::{Record, StateRecord};
@@ -26,6 +26,8 @@ use resonarm_session::run::{Session, sample_record};
 pub(crate) struct Measured {
     pub plant: Plant,
     pub measurement: Measurement,
+    /// Its states.
+    pub states: States,
     /// The load from the sample to the next, once a step has begun.
     pub held: Option<Load>,
 }
@@ -56,9 +58,9 @@ impl SavedSignals {
 impl Signals {
     pub fn new(session: Session) -> Signals {
         let mut plant = session.plant_at_start();
-        let measurement = plant.measure();
+        let (measurement, states) = (plant.measure(), plant.states());
         let rate_hz = session.scenario().simulation.rate_hz;
-        Signals { rate_hz, now: Measured { plant, measurement, held: None }, tape: None, session }
+        Signals { rate_hz, now: Measured { plant, measurement, states, held: None }, tape: None, session }
     }
 
     fn record(&mut self, record: impl FnOnce(&Measured) -> Record) {
@@ -71,7 +73,7 @@ impl Signals {
         self.record(|now| {
             Record::State(StateRecord {
                 sample: now.plant.sample(),
-                states: now.plant.states(),
+                states: now.states,
                 torque_nm: load.torque_nm.into(),
                 force_n: load.force_n.into(),
                 is_end,
@@ -83,14 +85,19 @@ impl Signals {
         self.record(|now| Record::Sample(sample_record(&now.measurement)));
     }
 
-    /// Refuses a load that the exciter can't produce.
-    fn check(&self, load: &Load) -> Result<(), Fault> {
-        let exciter = self.now.plant.exciter();
-        if exciter.can_produce(load) {
-            return Ok(());
+    /// The load that is held from the sample on: the one that is set now, if its hold begins now.
+    fn hold(&mut self, inputs: &Inputs) -> Result<Load, Fault> {
+        if let Some(held) = self.now.held {
+            return Ok(held);
         }
-        let ((limit_n, limit_nm), force_n, torque_nm) = (exciter.limits(), load.force_n.into(), load.torque_nm.into());
-        Err(Fault::Load { force_n, torque_nm, limit_n, limit_nm })
+        let (load, exciter) = (variables::load(inputs), self.now.plant.exciter());
+        if !exciter.can_produce(&load) {
+            let (force_n, torque_nm) = (load.force_n.into(), load.torque_nm.into());
+            let (limit_n, limit_nm) = exciter.limits();
+            return Err(Fault::Load { force_n, torque_nm, limit_n, limit_nm });
+        }
+        self.now.held = Some(load);
+        Ok(load)
     }
 
     /// Advances to the next sample and measures it.
@@ -98,6 +105,7 @@ impl Signals {
         self.record_state(load, false);
         self.now.plant.advance(&load)?;
         self.now.measurement = self.now.plant.measure();
+        self.now.states = self.now.plant.states();
         self.now.held = None;
         self.record_sample();
         Ok(())
@@ -113,20 +121,13 @@ impl Model for Signals {
 
     fn step(&mut self, span: Span, inputs: &Inputs) -> Result<bool, Fault> {
         let last = reached(span.to_s, self.rate_hz);
-        while self.now.plant.sample() <= last {
-            // A step that ends at a sample does not begin its hold.
-            if self.now.plant.sample() == last && span.to_s * self.rate_hz <= last as f64 + TOLERANCE_SAMPLES {
-                break;
-            }
-            let load = variables::load(inputs);
-            if self.now.held.is_none() {
-                self.check(&load)?;
-            }
-            let held = *self.now.held.get_or_insert(load);
-            if self.now.plant.sample() == last {
-                break;
-            }
-            self.advance(held)?;
+        while self.now.plant.sample() < last {
+            let load = self.hold(inputs)?;
+            self.advance(load)?;
+        }
+        // A step that ends at a sample does not begin its hold.
+        if self.now.plant.sample() == last && span.to_s * self.rate_hz > last as f64 + TOLERANCE_SAMPLES {
+            self.hold(inputs)?;
         }
         if let Some(tape) = &mut self.tape {
             tape.flush()?;
@@ -144,12 +145,12 @@ impl Model for Signals {
                 self.now.plant.structure().sense(&mut sampled);
                 sampled.get(index).copied().unwrap_or(f64::NAN)
             }
-            Source::State(index) => self.now.plant.states().get(index).copied().unwrap_or(f64::NAN),
+            Source::State(index) => self.now.states.get(index).copied().unwrap_or(f64::NAN),
             _ => f64::NAN,
         }
     }
 
-    fn sample(&self) -> u64 {
+    fn count(&self, _source: Source) -> u64 {
         self.now.plant.sample()
     }
 
@@ -159,7 +160,9 @@ impl Model for Signals {
     }
 
     fn restore(&mut self, saved: &Saved) -> Result<(), Fault> {
-        let Saved::Signals(saved) = saved;
+        let Saved::Signals(saved) = saved else {
+            return Err(Fault::Saved { call: "fmi3SetFMUState", reason: "it is of another interface" });
+        };
         if let Some(tape) = &mut self.tape {
             tape.rewind(saved.mark.as_deref(), saved.now.plant.sample())?;
         }
@@ -180,10 +183,5 @@ impl Model for Signals {
 
 /// The readings of a measurement in the order of [`OUTPUTS`].
 pub(crate) fn measurement(sample: u64, [hx, hy, bx, by, cx, cy]: [Reading; OUTPUTS.len()]) -> Measurement {
-    Measurement {
-        sample,
-        head_force_n: [hx, hy],
-        acceleration_b_m_s2: [bx, by],
-        acceleration_c_m_s2: [cx, cy],
-    }
+    Measurement { sample, head_force_n: [hx, hy], acceleration_b_m_s2: [bx, by], acceleration_c_m_s2: [cx, cy] }
 }

@@ -1,7 +1,7 @@
 //! The variables of an FMU: the one table from which description, documentation and access follow. A variable's value
 //! reference is its place in the table.
 
-use crate::content::{Content, Interface};
+use crate::content::{Content, Interface, Role, Settings, TxClock};
 use crate::units::{self, DEGREE, SECOND, Unit};
 use resonarm_bench::plant::Plant;
 use resonarm_bench::structure::{Channel, LOADS, OUTPUTS, Quantity};
@@ -29,6 +29,22 @@ pub(crate) enum Source {
     Noise,
     Recording,
     Overwrite,
+    /// The state of a node, as in its heartbeat.
+    NodeState,
+    /// Why the plant's node has faulted.
+    FaultCode,
+    /// Samples that the exciter has answered.
+    Played,
+    /// Responses that it has read.
+    Responses,
+    /// Frames on the bus.
+    Frames,
+    ErrorFrames,
+    /// Of the terminal of this number, from 0.
+    RxData(usize),
+    RxClock(usize),
+    TxData(usize),
+    TxClock(usize),
 }
 
 /// The type of a variable.
@@ -38,6 +54,8 @@ pub(crate) enum Kind {
     UInt64,
     Boolean,
     String,
+    Binary,
+    Clock,
 }
 
 impl Kind {
@@ -48,6 +66,8 @@ impl Kind {
             Kind::UInt64 => "UInt64",
             Kind::Boolean => "Boolean",
             Kind::String => "String",
+            Kind::Binary => "Binary",
+            Kind::Clock => "Clock",
         }
     }
 }
@@ -74,19 +94,86 @@ pub(crate) struct Variable {
     pub description: String,
 }
 
-/// The variables of an FMU with this content, whose plant at its start is `plant`.
-pub(crate) fn table(content: &Content, plant: &Plant) -> Vec<Variable> {
+/// The variables of an FMU with this content; `plant` is the plant at its start, of an FMU that has one.
+pub(crate) fn table(content: &Content, plant: Option<&Plant>) -> Vec<Variable> {
     let mut all = vec![Variable {
         unit: Some(SECOND),
         ..variable("time", Source::Time, Kind::Float64, Causality::Independent, "simulated time")
     }];
-    if content.settings.interface == Interface::Signals {
-        all.extend(loads(plant));
-        all.extend(readings());
+    match (plant, content.settings.interface) {
+        (Some(plant), Interface::Signals) => {
+            all.extend(loads(plant));
+            all.extend(readings());
+        }
+        (_, Interface::Can) => {
+            let of_one = |(index, name): (usize, String)| terminal(index, &name, content.settings.clock);
+            all.extend(terminals(&content.settings).into_iter().enumerate().flat_map(of_one));
+        }
+        (None, Interface::Signals) => {}
     }
-    all.extend(states(plant));
-    all.extend(parameters(content));
+    if let Some(plant) = plant {
+        all.extend(states(plant));
+    }
+    all.extend(counts(&content.settings));
+    if plant.is_some() {
+        all.extend(parameters(content));
+    }
     all
+}
+
+/// The names of the terminals.
+pub(crate) fn terminals(settings: &Settings) -> Vec<String> {
+    match (settings.interface, settings.role) {
+        (Interface::Signals, _) => Vec::new(),
+        (Interface::Can, Role::Plant | Role::Exciter) => vec![String::from("can")],
+        (Interface::Can, Role::Bus) => (1..=settings.nodes).map(|node| format!("node{node}")).collect(),
+    }
+}
+
+/// The variables of a terminal: data and clock of what comes in and of what leaves.
+fn terminal(index: usize, name: &str, clock: TxClock) -> [Variable; 4] {
+    let tx = if clock == TxClock::Triggered { Causality::Output } else { Causality::Input };
+    let member = |member: &str, source, kind, causality, description: &str| {
+        variable(format!("{name}.{member}"), source, kind, causality, description)
+    };
+    [
+        member("Rx_Data", Source::RxData(index), Kind::Binary, Causality::Input, "operations that come"),
+        member("Rx_Clock", Source::RxClock(index), Kind::Clock, Causality::Input, "when they come"),
+        member("Tx_Data", Source::TxData(index), Kind::Binary, Causality::Output, "operations that leave"),
+        member("Tx_Clock", Source::TxClock(index), Kind::Clock, tx, "when they leave"),
+    ]
+}
+
+/// What nodes and bus count and are.
+fn counts(settings: &Settings) -> Vec<Variable> {
+    let rows: &[(&str, Source, &str)] = match (settings.interface, settings.role) {
+        (Interface::Signals, _) => &[],
+        (Interface::Can, Role::Plant) => &[
+            (
+                "node.state",
+                Source::NodeState,
+                "state of the node: 0 boot-up, 4 stopped by a fault, 5 armed, 127 not armed",
+            ),
+            (
+                "node.fault",
+                Source::FaultCode,
+                "code of the fault that is latched, as in the emergency message; 0 for none",
+            ),
+        ],
+        (Interface::Can, Role::Exciter) => &[
+            ("node.state", Source::NodeState, "state of the node: 0 boot-up, 4 stopped by a fault, 5 plays, 127 waits"),
+            ("node.played", Source::Played, "samples answered"),
+            ("node.responses", Source::Responses, "responses read"),
+        ],
+        (Interface::Can, Role::Bus) => &[
+            ("bus.frames", Source::Frames, "frames sent"),
+            ("bus.error_frames", Source::ErrorFrames, "frames that an error ended"),
+        ],
+    };
+    let row = |(name, source, description): &(&str, Source, &str)| {
+        variable(*name, *source, Kind::UInt64, Causality::Output, *description)
+    };
+    rows.iter().map(row).collect()
 }
 
 fn variable(
@@ -143,7 +230,8 @@ fn readings() -> impl Iterator<Item = Variable> {
             )
         }
     };
-    let read = move |index| output(index, "reading", Source::Reading(index), Kind::Float64, "as the instrument reads it");
+    let read =
+        move |index| output(index, "reading", Source::Reading(index), Kind::Float64, "as the instrument reads it");
     let clipped = move |index| {
         let what = "whether the reading was beyond the range of the instrument";
         output(index, "clipped", Source::Clipped(index), Kind::Boolean, what)
@@ -191,7 +279,14 @@ fn parameters(content: &Content) -> Vec<Variable> {
         parameter("seed", Source::Seed, Kind::UInt64, seed, None, "the seed of all noise"),
         parameter("noise", Source::Noise, Kind::Boolean, yes, None, "whether the sensors have their noise"),
         parameter("recording", Source::Recording, Kind::String, String::new(), None, described),
-        parameter("overwrite", Source::Overwrite, Kind::Boolean, no, None, "whether a recording that is there is replaced"),
+        parameter(
+            "overwrite",
+            Source::Overwrite,
+            Kind::Boolean,
+            no,
+            None,
+            "whether a recording that is there is replaced",
+        ),
     ];
     betas.filter(|_| scenario.structure.is_none()).chain(rest).collect()
 }

@@ -1,5 +1,6 @@
 //! The plant's node as a run loop knows it, whatever protocol it speaks on the wire.
 
+use alloc::boxed::Box;
 use alloc::vec::Vec;
 use core::fmt;
 
@@ -95,6 +96,9 @@ pub trait PlantInterface: fmt::Debug + Send {
 
     /// The next event.
     fn poll_event(&mut self) -> Option<WireEvent>;
+
+    /// A copy in the same state.
+    fn boxed_clone(&self) -> Box<dyn PlantInterface>;
 }
 
 /// A sample as a node publishes it.
@@ -297,5 +301,9 @@ impl PlantInterface for PlantNode {
 
     fn poll_event(&mut self) -> Option<WireEvent> {
         Some(WireEvent::of(&PlantNode::poll_event(self)?, self.network()))
+    }
+
+    fn boxed_clone(&self) -> Box<dyn PlantInterface> {
+        Box::new(self.clone())
     }
 }

@@ -73,11 +73,27 @@ impl ErrorCounters {
 
 /// What destroyed a frame.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub(super) enum ErrorCause {
+pub enum ErrorCause {
     /// A bit was not what was sent.
     Bit,
     /// Nobody acknowledged it.
     Acknowledgement,
+}
+
+/// What became of a frame, as one of the nodes sees it.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Outcome {
+    /// The node's own frame was sent.
+    Sent(Frame),
+    /// A frame was destroyed.
+    Destroyed {
+        /// The frame.
+        frame: Frame,
+        /// By what.
+        cause: ErrorCause,
+        /// Whether it was the node's own.
+        is_own: bool,
+    },
 }
 
 /// One node on the wire.
@@ -95,6 +111,8 @@ pub(super) struct Controller {
     pub recovery: Option<u64>,
     /// Whether this end is in use.
     pub is_open: bool,
+    /// What became of frames, if somebody fetches it.
+    pub outcomes: Option<Vec<Outcome>>,
 }
 
 impl Controller {
@@ -109,6 +127,14 @@ impl Controller {
             suspended_until_ns: 0,
             recovery: None,
             is_open: true,
+            outcomes: None,
+        }
+    }
+
+    /// Notes what became of a frame.
+    pub fn note(&mut self, outcome: Outcome) {
+        if let Some(outcomes) = &mut self.outcomes {
+            outcomes.push(outcome);
         }
     }
 

@@ -28,7 +28,7 @@ use std::sync::{Mutex, MutexGuard, PoisonError};
 use resonarm_protocol::Frame;
 use resonarm_protocol::bits::{BitRates, Bits};
 
-pub use controller::{ErrorCounters, ErrorState};
+pub use controller::{ErrorCause, ErrorCounters, ErrorState, Outcome};
 
 use self::wire::Wire;
 use super::{Bus, BusError, Filter, Received, Sent, Statistics, VirtualBus};
@@ -104,6 +104,11 @@ impl<C: Clock> TimedBus<C> {
     /// The traffic on the bus so far.
     pub fn traffic(&self) -> Traffic {
         self.now().traffic
+    }
+
+    /// What became of frames since the last call, as this end sees it; from the first call on.
+    pub fn take_outcomes(&mut self) -> Vec<Outcome> {
+        self.now().controllers[self.node].outcomes.replace(Vec::new()).unwrap_or_default()
     }
 
     /// The error counters of this end's controller.

@@ -5,7 +5,7 @@ use alloc::vec::Vec;
 use resonarm_protocol::bits::{self, BitRates, Bits, INTERMISSION, Level};
 use resonarm_protocol::{Frame, FrameFormat, Id};
 
-use super::controller::{Controller, ErrorCause, ErrorState};
+use super::controller::{Controller, ErrorCause, ErrorState, Outcome};
 use super::{Spec, Traffic};
 use resonarm_numeric::noise::Noise;
 
@@ -213,10 +213,16 @@ impl Wire {
             Some(Failure { cause, noticed_after, .. }) => {
                 self.traffic.error_frames += 1;
                 pass(&mut self.controllers);
+                let frame = self.controllers[by].mailboxes.front().map(|(frame, _)| *frame);
                 let others =
                     self.controllers.iter_mut().enumerate().filter(|(node, other)| *node != by && other.listens());
                 let notice = others.filter(|_| noticed_after.is_some());
-                notice.for_each(|(_, other)| other.counters.receive_error());
+                let destroyed = |is_own| frame.map(|frame| Outcome::Destroyed { frame, cause, is_own });
+                notice.for_each(|(_, other)| {
+                    other.counters.receive_error();
+                    destroyed(false).into_iter().for_each(|outcome| other.note(outcome));
+                });
+                destroyed(true).into_iter().for_each(|outcome| self.controllers[by].note(outcome));
                 self.controllers[by].counters.transmit_error(cause);
                 self.controllers[by].judge();
             }
@@ -229,6 +235,7 @@ impl Wire {
     fn deliver(&mut self, by: usize) {
         let Some((frame, _)) = self.controllers[by].mailboxes.pop_front() else { return };
         self.controllers[by].counters.sent();
+        self.controllers[by].note(Outcome::Sent(frame));
         let others = self.controllers.iter_mut().enumerate().filter(|(node, other)| *node != by && other.listens());
         others.for_each(|(_, other)| other.take(&frame));
     }

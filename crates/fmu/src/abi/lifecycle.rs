@@ -49,7 +49,8 @@ pub unsafe extern "C" fn fmi3InstantiateCoSimulation(
             return Err(Fault::NoResources);
         }
         // SAFETY: texts, as the standard states.
-        let (token, folder) = unsafe { (text(CALL, "instantiationToken", token)?, text(CALL, "resourcePath", resource_path)?) };
+        let (token, folder) =
+            unsafe { (text(CALL, "instantiationToken", token)?, text(CALL, "resourcePath", resource_path)?) };
         Instance::new(Path::new(folder), token, event_mode_used)
     };
     match catch_unwind(AssertUnwindSafe(make)) {
@@ -166,7 +167,9 @@ pub unsafe extern "C" fn fmi3UpdateDiscreteStates(
             Ok(())
         });
         give(need_update, again);
-        [terminate, nominals_changed, values_changed, next_event_defined].into_iter().for_each(|flag| give(flag, false));
+        [terminate, nominals_changed, values_changed, next_event_defined]
+            .into_iter()
+            .for_each(|flag| give(flag, false));
         give(next_event_s, 0.0);
         status
     }

@@ -7,6 +7,7 @@
 #![allow(non_snake_case, reason = "the names of the standard")]
 #![allow(clippy::missing_safety_doc, reason = "the standard states it: FMI 3.0.2, section 2.2")]
 
+mod buses;
 mod lifecycle;
 mod refused;
 mod states;
@@ -60,11 +61,7 @@ struct Handle {
 ///
 /// # Safety
 /// `instance` is NULL or from an instantiation, not freed, and used by no other thread now.
-unsafe fn on(
-    instance: *mut c_void,
-    call: &'static str,
-    work: impl FnOnce(&mut Handle) -> Result<(), Fault>,
-) -> c_int {
+unsafe fn on(instance: *mut c_void, call: &'static str, work: impl FnOnce(&mut Handle) -> Result<(), Fault>) -> c_int {
     // SAFETY: as stated.
     let Some(handle) = (unsafe { instance.cast::<Handle>().as_mut() }) else { return ERROR };
     let log = handle.log;
@@ -91,7 +88,12 @@ fn reason(panic: &(dyn core::any::Any + Send)) -> String {
 ///
 /// # Safety
 /// `pointer` is NULL or points at `length` elements that live and are not written for as long as the result is used.
-unsafe fn slice<'a, T>(call: &'static str, what: &'static str, pointer: *const T, length: usize) -> Result<&'a [T], Fault> {
+unsafe fn slice<'a, T>(
+    call: &'static str,
+    what: &'static str,
+    pointer: *const T,
+    length: usize,
+) -> Result<&'a [T], Fault> {
     match (pointer.is_null(), length) {
         (_, 0) => Ok(&[]),
         (true, _) => Err(Fault::Null { call, what }),

@@ -34,33 +34,6 @@ no_variables! {
     fmi3SetFloat32 fmi3SetInt8 fmi3SetUInt8 fmi3SetInt16 fmi3SetUInt16 fmi3SetInt32 fmi3SetUInt32 fmi3SetInt64
 }
 
-/// Getters and setters of binaries, which have their sizes before their values.
-macro_rules! no_binaries {
-    ($($name:ident)*) => {$(
-        /// As the standard states.
-        #[unsafe(no_mangle)]
-        pub unsafe extern "C" fn $name(
-            instance: *mut c_void,
-            references: *const u32,
-            count: usize,
-            _sizes: *const usize,
-            _values: *const c_void,
-            _value_count: usize,
-        ) -> c_int {
-            const CALL: &str = stringify!($name);
-            // SAFETY: as the standard states.
-            unsafe {
-                on(instance, CALL, |handle| match slice(CALL, "valueReferences", references, count)? {
-                    [] => Ok(()),
-                    [first, ..] => Err(handle.instance.refused_type(CALL, *first)),
-                })
-            }
-        }
-    )*};
-}
-
-no_binaries! { fmi3GetBinary fmi3SetBinary }
-
 /// Functions that the description says are not to be called, with the attribute or the element that says so. Their
 /// arguments are not read.
 macro_rules! not_offered {
@@ -79,15 +52,12 @@ type P = *const c_void;
 type N = usize;
 
 not_offered! {
-    fmi3GetClock(P, N, P): "no variable is a clock";
-    fmi3SetClock(P, N, P): "no variable is a clock";
     fmi3GetNumberOfVariableDependencies(u32, P): "providesPerElementDependencies is false";
     fmi3GetVariableDependencies(u32, P, P, P, P, N): "providesPerElementDependencies is false";
     fmi3GetDirectionalDerivative(P, N, P, N, P, N, P, N): "providesDirectionalDerivatives is false";
     fmi3GetAdjointDerivative(P, N, P, N, P, N, P, N): "providesAdjointDerivatives is false";
     fmi3EnterConfigurationMode(): "there are no structural parameters";
     fmi3ExitConfigurationMode(): "there are no structural parameters";
-    fmi3GetIntervalDecimal(P, N, P, P): "no clock is a countdown clock";
     fmi3GetIntervalFraction(P, N, P, P, P): "supportsFraction is false";
     fmi3GetShiftDecimal(P, N, P): "no clock has a shift";
     fmi3GetShiftFraction(P, N, P, P): "no clock has a shift";

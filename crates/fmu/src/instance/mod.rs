@@ -10,9 +10,10 @@ use core::fmt;
 use std::path::Path;
 
 use crate::Fault;
-use crate::content::Content;
+use crate::content::{Content, Interface};
 use crate::model::{self, Inputs, Model, Parameters, Saved, Span, TOLERANCE_SAMPLES};
-use crate::variables::{self, Causality, Kind, Source, Variable};
+use crate::terminal::{Interval, Terminal};
+use crate::variables::{Causality, Kind, Source, Variable};
 
 /// The state of an instance.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -104,8 +105,11 @@ impl Instance {
     /// As [`Content::read`], and [`Fault::Run`] if no run can be made of the scenario.
     pub fn new(folder: &Path, token: &str, event_mode_used: bool) -> Result<Instance, Fault> {
         let content = Content::read(folder, token)?;
+        if content.settings.interface == Interface::Can && !event_mode_used {
+            return Err(Fault::NeedsEventMode);
+        }
         let parameters = Parameters::of(&content.scenario);
-        let variables = variables::table(&content, &parameters.session(&content)?.plant_at_start());
+        let variables = model::variables(&content)?;
         Ok(Instance {
             parameters,
             variables,
@@ -190,10 +194,10 @@ impl Instance {
     /// Ends an iteration of event mode; another is needed if it returns `true`.
     ///
     /// # Errors
-    /// [`Fault::WrongState`].
+    /// [`Fault::WrongState`]; what is wrong with the frames that came in.
     pub fn update_discrete_states(&mut self) -> Result<bool, Fault> {
         self.expect("fmi3UpdateDiscreteStates", &[State::Event], "event mode")?;
-        Ok(false)
+        self.model()?.update()
     }
 
     /// Checks that discrete states may be evaluated now: there is nothing to do for it.
@@ -306,7 +310,7 @@ impl Instance {
         self.expect_readable(call)?;
         match self.variable(call, reference, Kind::UInt64)?.source {
             Source::Seed => Ok(self.parameters.seed),
-            _ => Ok(self.model()?.sample()),
+            source => Ok(self.model()?.count(source)),
         }
     }
 
@@ -331,6 +335,84 @@ impl Instance {
         self.expect_readable(call)?;
         self.variable(call, reference, Kind::String)?;
         Ok(&self.parameters.recording)
+    }
+
+    /// The bytes of a variable of the type Binary.
+    ///
+    /// # Errors
+    /// As [`Instance::float64`].
+    pub fn binary(&mut self, call: &'static str, reference: u32) -> Result<&[u8], Fault> {
+        self.expect_readable(call)?;
+        match self.variable(call, reference, Kind::Binary)?.source {
+            Source::TxData(index) => Ok(self.terminal(index)?.map_or(&[], |terminal| terminal.tx_data())),
+            _ => Ok(&[]),
+        }
+    }
+
+    /// Sets a variable of the type Binary: takes what came.
+    ///
+    /// # Errors
+    /// As [`Instance::set`]; [`Fault::Operation`] of bytes that were cut.
+    pub fn set_binary(&mut self, call: &'static str, reference: u32, bytes: &[u8]) -> Result<(), Fault> {
+        let source = self.settable(call, reference, Kind::Binary)?;
+        if bytes.is_empty() {
+            return Ok(());
+        }
+        self.expect(call, &[State::Event], "event mode")?;
+        match source {
+            Source::RxData(index) => self.terminal(index)?.map_or(Ok(()), |terminal| terminal.take(bytes)),
+            _ => Ok(()),
+        }
+    }
+
+    /// Whether a clock ticks in this iteration of event mode.
+    ///
+    /// # Errors
+    /// [`Fault::UnknownReference`], [`Fault::WrongType`], [`Fault::WrongState`].
+    pub fn clock(&mut self, call: &'static str, reference: u32) -> Result<bool, Fault> {
+        let source = self.variable(call, reference, Kind::Clock)?.source;
+        self.expect(call, &[State::Initialization, State::Event], "initialization mode and event mode")?;
+        match source {
+            Source::TxClock(index) => Ok(self.terminal(index)?.is_some_and(|terminal| terminal.tx_clock())),
+            _ => Ok(false),
+        }
+    }
+
+    /// Lets a clock tick in this iteration of event mode, one that is an input.
+    ///
+    /// # Errors
+    /// As [`Instance::clock`], and [`Fault::NotSettable`].
+    pub fn set_clock(&mut self, call: &'static str, reference: u32, ticks: bool) -> Result<(), Fault> {
+        let source = self.settable(call, reference, Kind::Clock)?;
+        self.expect(call, &[State::Event], "event mode")?;
+        if let Source::TxClock(index) = source
+            && let Some(terminal) = self.terminal(index)?
+        {
+            terminal.tick(ticks);
+        }
+        Ok(())
+    }
+
+    /// When a countdown clock ticks next.
+    ///
+    /// # Errors
+    /// As [`Instance::clock`]; [`Fault::NotOffered`] of another clock.
+    pub fn interval(&mut self, call: &'static str, reference: u32) -> Result<Interval, Fault> {
+        let Variable { source, causality, .. } = self.variable(call, reference, Kind::Clock)?;
+        let (Source::TxClock(index), Causality::Input) = (*source, *causality) else {
+            return Err(Fault::NotOffered { call, why: "the clock is no countdown clock" });
+        };
+        self.expect(call, &[State::Initialization, State::Event], "initialization mode and event mode")?;
+        let is_event = self.state == State::Event;
+        let model = self.model()?;
+        if is_event {
+            model.before_interval();
+        }
+        Ok(model.terminal(index).map_or(Interval::Unknown, |terminal| terminal.interval()))
+    }
+
+    fn terminal(&mut self, index: usize) -> Result<Option<&mut Terminal>, Fault> {
+        Ok(self.model()?.terminal(index))
     }
 
     /// Checks that the variable may be set now.
@@ -421,8 +503,7 @@ impl Instance {
             self.parameters = saved.parameters.clone();
         }
         self.model()?.restore(&saved.model)?;
-        (self.state, self.start_s, self.time_s, self.inputs) =
-            (saved.state, saved.start_s, saved.time_s, saved.inputs);
+        (self.state, self.start_s, self.time_s, self.inputs) = (saved.state, saved.start_s, saved.time_s, saved.inputs);
         Ok(())
     }
 

@@ -25,7 +25,7 @@ pub(super) struct Bench<'a> {
     steps_per_sample: u32,
     records: RecordSink,
     watched: Option<Watched>,
-    on_event: &'a mut dyn FnMut(RunEvent),
+    on_event: Box<dyn FnMut(RunEvent) + 'a>,
     /// Memory for the frames that are sent next.
     batch: Vec<Frame>,
     /// While the bus is lost.
@@ -52,7 +52,7 @@ impl<'a> Bench<'a> {
         steps_per_sample: u32,
         records: RecordSink,
         watched: Option<Watched>,
-        on_event: &'a mut dyn FnMut(RunEvent),
+        on_event: Box<dyn FnMut(RunEvent) + 'a>,
     ) -> Bench<'a> {
         Bench {
             plant,
@@ -72,6 +72,38 @@ impl<'a> Bench<'a> {
             left_armed: false,
             held: Load::default(),
         }
+    }
+
+    /// A copy in the same state that keeps its records and reports events to nobody, of a bench that does the same.
+    pub fn unwatched_copy(&self) -> Bench<'static> {
+        Bench {
+            plant: self.plant.clone(),
+            node: self.node.boxed_clone(),
+            steps_per_sample: self.steps_per_sample,
+            records: self.records.copy_of_kept(),
+            watched: None,
+            on_event: Box::new(|_| {}),
+            batch: Vec::with_capacity(FRAMES_SENT_AT_ONCE),
+            outage: self.outage,
+            bus_loss: self.bus_loss,
+            other_sender_reported: self.other_sender_reported,
+            controller: self.controller,
+            round_trips: None,
+            samples: self.samples,
+            was_armed: self.was_armed,
+            left_armed: self.left_armed,
+            held: self.held,
+        }
+    }
+
+    /// The plant.
+    pub fn plant(&self) -> &Plant {
+        &self.plant
+    }
+
+    /// The records that were kept since the last call.
+    pub fn take_records(&mut self) -> Vec<Record> {
+        self.records.take_kept()
     }
 
     /// The index of the sample at which the plant stands.

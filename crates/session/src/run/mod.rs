@@ -44,6 +44,7 @@ mod exciter_end;
 mod finish;
 mod free;
 mod gauges;
+mod hosted;
 mod lockstep;
 mod mode;
 mod outage;
@@ -62,6 +63,7 @@ pub use error::RunError;
 pub use event_record::sample_record;
 pub use exciter_end::ExciterEnd;
 pub use gauges::{Gauges, Shown};
+pub use hosted::{HostPort, HostedExciter, HostedPlant};
 pub use mode::{Mode, UnknownMode};
 pub use pace::{Speed, SpeedError};
 pub use report::{

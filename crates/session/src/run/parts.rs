@@ -90,7 +90,14 @@ impl Session {
         };
         let watched = self.watch.as_ref().map(|watch| watch.open(End::Plant));
         let steps = self.scenario.simulation.steps_per_sample();
-        Ok(Bench::new(self.plant.clone(), node, steps, records, watched, on_event))
+        Ok(Bench::new(self.plant.clone(), node, steps, records, watched, Box::new(on_event)))
+    }
+
+    /// A bench that nobody watches, and that keeps its records if `keeps_records`.
+    pub(super) fn hosted_bench(&self, keeps_records: bool) -> Result<Bench<'static>, RunError> {
+        let records = if keeps_records { RecordSink::Kept(Vec::new()) } else { RecordSink::Off };
+        let steps = self.scenario.simulation.steps_per_sample();
+        Ok(Bench::new(self.plant.clone(), self.plant_node()?, steps, records, None, Box::new(|_| {})))
     }
 
     /// The plant at sample 0.

@@ -11,13 +11,15 @@ pub(super) enum RecordSink {
     Lossy(Channel),
     /// To a recording that gets every record, for which a loop in virtual time waits.
     Whole(Channel),
+    /// Kept, for whoever steps the run to take.
+    Kept(Vec<Record>),
 }
 
 impl RecordSink {
     /// Tells when the run began: what the run loop's clock read then, ns. To be called before the first record.
     pub fn begin(&mut self, clock_ns: u64) {
         match self {
-            RecordSink::Off => {}
+            RecordSink::Off | RecordSink::Kept(_) => {}
             RecordSink::Lossy(channel) | RecordSink::Whole(channel) => channel.begin(clock_ns),
         }
     }
@@ -32,9 +34,29 @@ impl RecordSink {
                 false
             }
             RecordSink::Whole(channel) => channel.push_blocking(record).is_err(),
+            RecordSink::Kept(records) => {
+                records.push(record);
+                false
+            }
         };
         if failed {
             *self = RecordSink::Off;
+        }
+    }
+
+    /// The records that were kept since the last call.
+    pub fn take_kept(&mut self) -> Vec<Record> {
+        match self {
+            RecordSink::Kept(records) => core::mem::take(records),
+            RecordSink::Off | RecordSink::Lossy(_) | RecordSink::Whole(_) => Vec::new(),
+        }
+    }
+
+    /// A sink that keeps what this one has kept; one of another kind keeps nothing.
+    pub fn copy_of_kept(&self) -> RecordSink {
+        match self {
+            RecordSink::Kept(records) => RecordSink::Kept(records.clone()),
+            RecordSink::Off | RecordSink::Lossy(_) | RecordSink::Whole(_) => RecordSink::Off,
         }
     }
 }

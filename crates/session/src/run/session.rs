@@ -117,7 +117,7 @@ pub struct Session {
     pub(super) scenario: Scenario,
     pub(super) mode: Mode,
     pub(super) options: Options,
-    rate: SampleRate,
+    pub(super) rate: SampleRate,
     pub(super) timing: Timing,
     pub(super) network: Network,
     pub(super) plant: Plant,

@@ -16,6 +16,7 @@ mod spec;
 #[cfg(test)]
 mod tests;
 
+use alloc::boxed::Box;
 use alloc::vec::Vec;
 
 use super::interface::{FrameCheck, FrameCounts, PlantInterface, PublishError, PublishedSample, WireEvent};
@@ -380,5 +381,9 @@ impl PlantInterface for Cia402Node {
 
     fn poll_event(&mut self) -> Option<WireEvent> {
         self.plant.poll_event()
+    }
+
+    fn boxed_clone(&self) -> Box<dyn PlantInterface> {
+        Box::new(self.clone())
     }
 }

@@ -1,5 +1,6 @@
 //! The mapped node as a run loop knows it.
 
+use alloc::boxed::Box;
 use alloc::vec::Vec;
 
 use super::mapping::{Action, Lockstep, Trigger};
@@ -174,5 +175,9 @@ impl PlantInterface for MappedNode {
 
     fn poll_event(&mut self) -> Option<WireEvent> {
         self.plant.poll_event()
+    }
+
+    fn boxed_clone(&self) -> Box<dyn PlantInterface> {
+        Box::new(self.clone())
     }
 }

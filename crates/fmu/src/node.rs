@@ -1,0 +1,311 @@
+//! A node of the CAN bus, the plant's or the exciter's, on a terminal of FMI-LS-BUS.
+//!
+//! It works in the order of a free run ([`resonarm_session::run::HostedPlant`]), and gives the states of one: at the start
+//! frames go to and fro until nothing moves, then sample 0 is measured; later the samples of a step are measured at their
+//! times, and frames that come are read at the time of their event.
+
+use std::sync::Arc;
+
+use crate::Fault;
+use crate::content::TxClock;
+use crate::model::{Inputs, Model, Saved, Span, reached};
+use crate::operation::{BusErrorCode, Operation, Status};
+use crate::tape::{Mark, Tape};
+use crate::terminal::Terminal;
+use crate::variables::Source;
+use resonarm_files::recording::Record;
+use resonarm_protocol::bits::BitRates;
+use resonarm_protocol::{Frame, NodeState, Profile};
+use resonarm_session::run::{HostedExciter, HostedPlant, Session};
+
+/// The bit rate that a node asks of the bus if its scenario names none, Hz.
+const BIT_RATE_HZ: u32 = 1_000_000;
+/// A controller that is bus-off takes part again after 128 times 11 recessive bits.
+const RECOVERY_BITS: u64 = 128 * 11;
+
+/// The node at the terminal.
+enum End {
+    Plant(HostedPlant),
+    Exciter(HostedExciter),
+}
+
+/// What the node's controller counts, by what the bus says of its frames (ISO 11898-1, as
+/// [`resonarm_bus::timed::ErrorCounters`]).
+#[derive(Clone, Copy, Debug, Default)]
+struct Controller {
+    transmit_errors: u16,
+    /// When it has recovered from bus-off, ns.
+    recovers_ns: Option<u64>,
+}
+
+/// A node at its terminal.
+pub(crate) struct Node {
+    end: End,
+    session: Session,
+    terminal: Terminal,
+    controller: Controller,
+    rates: BitRates,
+    now_ns: u64,
+    /// Whether sample 0 is measured.
+    samples: bool,
+    tape: Option<Tape>,
+}
+
+/// A state of the plant's node.
+#[derive(Clone, Debug)]
+pub(crate) struct SavedNode {
+    plant: HostedPlant,
+    terminal: Terminal,
+    controller: Controller,
+    now_ns: u64,
+    samples: bool,
+    mark: Option<Arc<Mark>>,
+}
+
+impl Node {
+    /// The plant's node.
+    pub fn plant(session: Session, clock: TxClock) -> Result<Node, Fault> {
+        let plant = session.hosted_plant(true)?;
+        Ok(Node::of(End::Plant(plant), session, clock))
+    }
+
+    /// The exciter's.
+    pub fn exciter(session: Session, clock: TxClock) -> Result<Node, Fault> {
+        let exciter = session.hosted_exciter()?;
+        Ok(Node::of(End::Exciter(exciter), session, clock))
+    }
+
+    fn of(end: End, session: Session, clock: TxClock) -> Node {
+        let network = &session.scenario().network;
+        let nominal_hz = network.bit_rate_hz.unwrap_or(BIT_RATE_HZ);
+        let rates = BitRates { nominal_hz, data_hz: network.data_bit_rate_hz.unwrap_or(nominal_hz) };
+        let (terminal, controller) = (Terminal::new("can", clock), Controller::default());
+        Node { end, terminal, controller, rates, now_ns: 0, samples: false, tape: None, session }
+    }
+
+    /// What the bus must know before the first frame.
+    fn configure(&mut self) {
+        self.terminal.send(&Operation::BaudRate(self.rates.nominal_hz));
+        if self.session.scenario().network.profile == Profile::Fd {
+            self.terminal.send(&Operation::FdBaudRate(self.rates.data_hz));
+        }
+        self.terminal.send(&Operation::Buffers(true));
+    }
+
+    /// Reads what has come, does what is due now, and sends.
+    fn exchange(&mut self) -> Result<(), Fault> {
+        if self.controller.recovers_ns.is_some_and(|recovers_ns| self.now_ns >= recovers_ns) {
+            self.controller = Controller::default();
+            self.set_bus_off(false);
+            self.terminal.send(&Operation::Status(Status::Active));
+        }
+        let sent = match &mut self.end {
+            End::Plant(plant) => {
+                plant.exchange(self.now_ns)?;
+                plant.sent()
+            }
+            End::Exciter(exciter) => {
+                exciter.exchange(self.now_ns);
+                exciter.sent()
+            }
+        };
+        sent.into_iter().for_each(|frame| self.terminal.send(&Operation::Transmit(frame)));
+        self.record()?;
+        self.terminal.check()
+    }
+
+    fn set_bus_off(&mut self, is_off: bool) {
+        match &mut self.end {
+            End::Plant(plant) => plant.set_bus_off(is_off),
+            End::Exciter(exciter) => exciter.set_bus_off(is_off),
+        }
+    }
+
+    fn take(&mut self, frame: Frame) {
+        match &mut self.end {
+            End::Plant(plant) => plant.take(frame),
+            End::Exciter(exciter) => exciter.take(frame),
+        }
+    }
+
+    /// Puts the node's records on the tape.
+    fn record(&mut self) -> Result<(), Fault> {
+        if let End::Plant(plant) = &mut self.end {
+            let records: Vec<Record> = plant.take_records();
+            if let Some(tape) = &mut self.tape {
+                records.into_iter().for_each(|record| tape.push(record));
+                tape.flush()?;
+            }
+        }
+        Ok(())
+    }
+
+    /// Measures sample 0, if that is still to be done.
+    fn begin_samples(&mut self) -> Result<(), Fault> {
+        if !core::mem::replace(&mut self.samples, true)
+            && let End::Plant(plant) = &mut self.end
+        {
+            plant.measure()?;
+            self.exchange()?;
+        }
+        Ok(())
+    }
+
+    /// Follows an operation of the bus.
+    fn follow(&mut self, operation: Operation) {
+        match operation {
+            Operation::Transmit(frame) => self.take(frame),
+            Operation::Confirm(_) => {
+                self.controller.transmit_errors = self.controller.transmit_errors.saturating_sub(1);
+            }
+            Operation::BusError { code, is_sender: true, .. } => self.note_error(code),
+            _ => {}
+        }
+    }
+
+    /// A frame of the node was destroyed: 8 errors more, unless nobody acknowledges the frames of a passive node; from 256
+    /// on it is bus-off.
+    fn note_error(&mut self, code: BusErrorCode) {
+        let errors = &mut self.controller.transmit_errors;
+        let was_passive = *errors >= 128;
+        if code == BusErrorCode::Bit || !was_passive {
+            *errors += 8;
+        }
+        if *errors >= 256 && self.controller.recovers_ns.is_none() {
+            let bits_ns = RECOVERY_BITS * 1_000_000_000 / u64::from(self.rates.nominal_hz);
+            self.controller.recovers_ns = Some(self.now_ns + bits_ns);
+            self.set_bus_off(true);
+            self.terminal.send(&Operation::Status(Status::BusOff));
+        } else if *errors >= 128 && !was_passive {
+            self.terminal.send(&Operation::Status(Status::Passive));
+        }
+    }
+
+    /// Says when the clock ticks next, if it is a countdown clock: now, if something waits or sample 0 does, else at the
+    /// next sample.
+    fn schedule(&mut self) {
+        let due_ns = match &self.end {
+            _ if self.terminal.is_sending() || !self.samples => Some(self.now_ns),
+            End::Plant(plant) => Some(plant.due_ns()),
+            End::Exciter(_) => None,
+        };
+        self.terminal.schedule(self.now_ns, due_ns);
+    }
+}
+
+impl Model for Node {
+    fn begin(&mut self) -> Result<(), Fault> {
+        if matches!(self.end, End::Plant(_)) && self.tape.is_none() {
+            self.tape = Tape::open(&self.session, "fmu")?;
+        }
+        self.configure();
+        match &mut self.end {
+            End::Plant(plant) => plant.start(),
+            End::Exciter(exciter) => exciter.start(),
+        }
+        self.exchange()?;
+        self.schedule();
+        Ok(())
+    }
+
+    fn step(&mut self, span: Span, _inputs: &Inputs) -> Result<bool, Fault> {
+        self.begin_samples()?;
+        let last = reached(span.to_s, self.session.scenario().simulation.rate_hz);
+        while let End::Plant(plant) = &mut self.end
+            && plant.plant().sample() < last
+        {
+            self.now_ns = self.now_ns.max(plant.due_ns());
+            plant.next_sample()?;
+            self.exchange()?;
+        }
+        let to_ns = libm::round(span.to_s * 1e9) as u64;
+        if to_ns > self.now_ns {
+            self.now_ns = to_ns;
+            self.exchange()?;
+        }
+        self.schedule();
+        Ok(self.terminal.tx_clock())
+    }
+
+    fn update(&mut self) -> Result<bool, Fault> {
+        let sent_nothing = self.terminal.end_iteration();
+        let received = self.terminal.received();
+        let is_quiet = sent_nothing && received.is_empty();
+        received.into_iter().for_each(|operation| self.follow(operation));
+        if !is_quiet {
+            self.exchange()?;
+        } else {
+            self.begin_samples()?;
+        }
+        self.schedule();
+        Ok(self.terminal.tx_clock() || (!self.samples && !self.terminal.counts_down()))
+    }
+
+    fn terminal(&mut self, _index: usize) -> Option<&mut Terminal> {
+        Some(&mut self.terminal)
+    }
+
+    fn number(&self, source: Source) -> f64 {
+        match (&self.end, source) {
+            (End::Plant(plant), Source::State(index)) => plant.plant().states().get(index).copied().unwrap_or(f64::NAN),
+            _ => f64::NAN,
+        }
+    }
+
+    fn count(&self, source: Source) -> u64 {
+        let state = |state: NodeState| u64::from(state.heartbeat_byte());
+        match (&self.end, source) {
+            (End::Plant(plant), Source::Sample) => plant.plant().sample(),
+            (End::Plant(plant), Source::NodeState) => state(plant.node().state()),
+            (End::Plant(plant), Source::FaultCode) => {
+                plant.node().latched_fault().map_or(0, |emergency| emergency.code as u64)
+            }
+            (End::Exciter(exciter), Source::NodeState) => state(exciter.state()),
+            (End::Exciter(exciter), Source::Played) => exciter.samples_played(),
+            (End::Exciter(exciter), Source::Responses) => exciter.responses().len() as u64,
+            _ => 0,
+        }
+    }
+
+    fn save(&mut self) -> Result<Saved, Fault> {
+        let End::Plant(plant) = &self.end else {
+            return Err(Fault::NotOffered { call: "fmi3GetFMUState", why: "canGetAndSetFMUState is false" });
+        };
+        Ok(Saved::Node(Box::new(SavedNode {
+            plant: plant.clone(),
+            terminal: self.terminal.clone(),
+            controller: self.controller,
+            now_ns: self.now_ns,
+            samples: self.samples,
+            mark: self.tape.as_mut().map(Tape::mark),
+        })))
+    }
+
+    fn restore(&mut self, saved: &Saved) -> Result<(), Fault> {
+        let Saved::Node(saved) = saved else {
+            return Err(Fault::Saved { call: "fmi3SetFMUState", reason: "it is of another interface" });
+        };
+        if let Some(tape) = &mut self.tape {
+            tape.rewind(saved.mark.as_deref(), saved.plant.plant().sample())?;
+        }
+        let saved = (**saved).clone();
+        (self.end, self.terminal, self.controller) = (End::Plant(saved.plant), saved.terminal, saved.controller);
+        (self.now_ns, self.samples) = (saved.now_ns, saved.samples);
+        Ok(())
+    }
+
+    fn end(&mut self) -> Result<(), Fault> {
+        if let End::Plant(plant) = &mut self.end {
+            plant.record_end();
+        }
+        self.record()?;
+        match (self.tape.take(), &self.end) {
+            (Some(tape), End::Plant(plant)) => {
+                let samples = plant.plant().sample();
+                let steps = samples * u64::from(self.session.scenario().simulation.steps_per_sample());
+                Ok(tape.finish(samples + 1, steps, plant.statistics())?)
+            }
+            _ => Ok(()),
+        }
+    }
+}

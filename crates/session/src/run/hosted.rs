@@ -1,0 +1,275 @@
+//! Both ends of a bus for a host that has the time and carries the frames: a simulation tool in which they are FMUs.
+//!
+//! The host does what the loop of [`free`](super::Mode::Free) does, in the same order, so that the states have the same
+//! bits:
+//!
+//! ```text
+//! start, exchange at 0; measure sample 0, exchange;  then for each sample: advance, measure, exchange at its time
+//! between samples, when a frame comes: take, exchange at its time
+//! ```
+
+use std::collections::VecDeque;
+
+use core::time::Duration;
+
+use super::bench::Bench;
+use super::{RunError, Session};
+use resonarm_bench::control::ResponsePoint;
+use resonarm_bench::node::{ExciterInterface, ExciterOutcome, PlantInterface};
+use resonarm_bench::plant::Plant;
+use resonarm_bus::{Bus, BusError, Filter, Received, Sent, Statistics};
+use resonarm_files::recording::Record;
+use resonarm_protocol::{Frame, NodeState};
+use resonarm_realtime::SampleRate;
+
+/// The end of a bus of which the host is the other end.
+#[derive(Clone, Debug, Default)]
+pub struct HostPort {
+    /// Frames for the host to fetch.
+    outgoing: Vec<Frame>,
+    /// Frames from the host.
+    incoming: VecDeque<Frame>,
+    /// Whether the host says that the node's controller is bus-off.
+    is_off: bool,
+    statistics: Statistics,
+}
+
+impl HostPort {
+    fn bus_off(&self) -> BusError {
+        BusError::BusOff { interface: self.name() }
+    }
+}
+
+impl Bus for HostPort {
+    fn name(&self) -> String {
+        String::from("host")
+    }
+
+    fn send(&mut self, frame: &Frame) -> Result<Sent, BusError> {
+        if self.is_off {
+            return Err(self.bus_off());
+        }
+        self.outgoing.push(*frame);
+        self.statistics.sent += 1;
+        Ok(Sent::Queued)
+    }
+
+    fn receive(&mut self) -> Result<Option<Received>, BusError> {
+        let Some(frame) = self.incoming.pop_front() else {
+            return if self.is_off { Err(self.bus_off()) } else { Ok(None) };
+        };
+        self.statistics.received += 1;
+        Ok(Some(Received { frame, timestamp_ns: None }))
+    }
+
+    fn wait(&mut self, _timeout: Duration) -> Result<bool, BusError> {
+        Ok(!self.incoming.is_empty())
+    }
+
+    fn set_filters(&mut self, _filters: &[Filter]) -> Result<(), BusError> {
+        Ok(())
+    }
+
+    fn statistics(&self) -> Statistics {
+        self.statistics
+    }
+
+    fn close(&mut self) -> Result<(), BusError> {
+        Ok(())
+    }
+}
+
+/// The plant's node on a host's bus. Times are in ns from the start of the simulation and don't decrease.
+pub struct HostedPlant {
+    bench: Bench<'static>,
+    port: HostPort,
+    /// When samples are.
+    rate: SampleRate,
+}
+
+impl Clone for HostedPlant {
+    fn clone(&self) -> HostedPlant {
+        HostedPlant { bench: self.bench.unwatched_copy(), port: self.port.clone(), rate: self.rate }
+    }
+}
+
+impl core::fmt::Debug for HostedPlant {
+    fn fmt(&self, f: &mut core::fmt::Formatter<'_>) -> core::fmt::Result {
+        f.debug_struct("HostedPlant").field("sample", &self.bench.sample()).finish_non_exhaustive()
+    }
+}
+
+impl Session {
+    /// The plant's node for a host, at sample 0 and not yet started. It keeps its records if `keeps_records`.
+    ///
+    /// # Errors
+    /// [`RunError`] if the scenario has no such node.
+    pub fn hosted_plant(&self, keeps_records: bool) -> Result<HostedPlant, RunError> {
+        let bench = self.hosted_bench(keeps_records)?;
+        Ok(HostedPlant { bench, port: HostPort::default(), rate: self.rate })
+    }
+
+    /// The exciter's node with its controller for a host, not yet started.
+    ///
+    /// # Errors
+    /// [`RunError`] if the scenario has no such node, or no controller.
+    pub fn hosted_exciter(&self) -> Result<HostedExciter, RunError> {
+        let node = self.exciter_node()?;
+        Ok(HostedExciter { node, port: HostPort::default(), responses: Vec::new() })
+    }
+}
+
+impl HostedPlant {
+    /// Boots the node, at time 0.
+    pub fn start(&mut self) {
+        self.bench.start(0, 0);
+    }
+
+    /// Measures the sample at which the plant is, and publishes it: sample 0.
+    ///
+    /// # Errors
+    /// [`RunError::Encode`] if it can't be published.
+    pub fn measure(&mut self) -> Result<(), RunError> {
+        self.bench.measure()
+    }
+
+    /// When the next sample is, ns.
+    pub fn due_ns(&self) -> u64 {
+        self.rate.offset_ns(self.bench.sample() + 1)
+    }
+
+    /// Advances to the next sample with the load that is held, and measures it.
+    ///
+    /// # Errors
+    /// [`RunError::Plant`] if it can't be advanced, [`RunError::Encode`] if the sample can't be published.
+    pub fn next_sample(&mut self) -> Result<(), RunError> {
+        self.bench.advance(self.due_ns())?;
+        self.bench.measure()
+    }
+
+    /// Takes a frame from the host, which the next exchange reads.
+    pub fn take(&mut self, frame: Frame) {
+        self.port.incoming.push_back(frame);
+    }
+
+    /// Says whether the node's controller is bus-off.
+    pub fn set_bus_off(&mut self, is_off: bool) {
+        self.port.is_off = is_off;
+    }
+
+    /// Reads what has come, does what is due, and sends.
+    ///
+    /// # Errors
+    /// [`RunError::Bus`] if the bus is off for too long.
+    pub fn exchange(&mut self, now_ns: u64) -> Result<(), RunError> {
+        self.bench.handle_deadline(now_ns);
+        loop {
+            let before = (self.port.statistics.sent, self.port.statistics.received);
+            self.bench.transmit(now_ns, &mut self.port)?;
+            self.bench.receive(now_ns, &mut self.port)?;
+            self.bench.handle_deadline(now_ns);
+            if (self.port.statistics.sent, self.port.statistics.received) == before {
+                return Ok(());
+            }
+        }
+    }
+
+    /// The frames that were sent since the last call.
+    pub fn sent(&mut self) -> Vec<Frame> {
+        core::mem::take(&mut self.port.outgoing)
+    }
+
+    /// The records that were kept since the last call.
+    pub fn take_records(&mut self) -> Vec<Record> {
+        self.bench.take_records()
+    }
+
+    /// Records the last state of the run.
+    pub fn record_end(&mut self) {
+        self.bench.record_end();
+    }
+
+    /// The plant.
+    pub fn plant(&self) -> &Plant {
+        self.bench.plant()
+    }
+
+    /// The node.
+    pub fn node(&self) -> &dyn PlantInterface {
+        self.bench.node()
+    }
+
+    /// What was counted of frames.
+    pub fn statistics(&self) -> Statistics {
+        self.port.statistics
+    }
+}
+
+/// The exciter's node with its controller on a host's bus.
+#[derive(Debug)]
+pub struct HostedExciter {
+    node: Box<dyn ExciterInterface>,
+    port: HostPort,
+    responses: Vec<ResponsePoint>,
+}
+
+impl HostedExciter {
+    /// Boots the node, at time 0.
+    pub fn start(&mut self) {
+        self.node.start(0);
+    }
+
+    /// Takes a frame from the host, which the next exchange reads.
+    pub fn take(&mut self, frame: Frame) {
+        self.port.incoming.push_back(frame);
+    }
+
+    /// Says whether the node's controller is bus-off.
+    pub fn set_bus_off(&mut self, is_off: bool) {
+        self.port.is_off = is_off;
+    }
+
+    /// Reads what has come, does what is due, and sends.
+    pub fn exchange(&mut self, now_ns: u64) {
+        self.node.handle_deadline(now_ns);
+        while let Some(frame) = self.port.incoming.pop_front() {
+            self.port.statistics.received += 1;
+            self.node.handle_frame(now_ns, &frame);
+        }
+        if self.port.is_off {
+            self.node.bus_lost(now_ns);
+            return;
+        }
+        while let Some(frame) = self.node.next_frame() {
+            self.port.outgoing.push(frame);
+            self.port.statistics.sent += 1;
+            self.node.frame_sent();
+        }
+        self.responses.extend(core::iter::from_fn(|| self.node.carried_mut().poll_response()));
+    }
+
+    /// The frames that were sent since the last call.
+    pub fn sent(&mut self) -> Vec<Frame> {
+        core::mem::take(&mut self.port.outgoing)
+    }
+
+    /// The node's state.
+    pub fn state(&self) -> NodeState {
+        self.node.state()
+    }
+
+    /// How the work ended, once it has.
+    pub fn outcome(&self) -> Option<ExciterOutcome> {
+        self.node.outcome()
+    }
+
+    /// Samples answered so far.
+    pub fn samples_played(&self) -> u64 {
+        self.node.samples_played()
+    }
+
+    /// The responses that were read.
+    pub fn responses(&self) -> &[ResponsePoint] {
+        &self.responses
+    }
+}
