@@ -37,7 +37,8 @@ def test_validators_find_nothing(arm, make, structures):
     fmus = [arm.fmu, *(make(structures / f"{name}.toml", name=name) for name in ("chain", "friction"))]
     for fmu in fmus:
         assert validate_fmu(str(fmu.path)) == []
-    check = subprocess.run([Path(sys.executable).with_name("fmutool"), "-input", str(arm.fmu.path), "-check"], capture_output=True, text=True)
+    words = [Path(sys.executable).with_name("fmutool"), "-input", arm.fmu.path, "-check"]
+    check = subprocess.run(words, capture_output=True, text=True)
     assert "No semantic error" in check.stdout + check.stderr, check
     names = subprocess.run(["nm", "-D", "--defined-only", arm.fmu.folder / "binaries/x86_64-linux/resonarm.so"],
                            capture_output=True, text=True, check=True).stdout

@@ -1,5 +1,5 @@
-"""A simulation master for FMUs on buses by FMI-LS-BUS 1.0, written from the standards alone: it joins terminals, lets clocks
-tick, and steps from event to event."""
+"""A simulation master for FMUs on buses by FMI-LS-BUS 1.0, written from the standards alone: it joins terminals, lets
+clocks tick, and steps from event to event."""
 
 import ctypes
 import xml.etree.ElementTree as ElementTree
@@ -122,7 +122,8 @@ def terminals(fmu):
     found = {}
     for terminal in root.iter("Terminal"):
         if (terminal.get("terminalKind"), terminal.get("matchingRule")) == (KIND, RULE):
-            members = {one.get("memberName"): one.get("variableName") for one in terminal.iter("TerminalMemberVariable")}
+            variables = terminal.iter("TerminalMemberVariable")
+            members = {one.get("memberName"): one.get("variableName") for one in variables}
             if set(members) != MEMBERS:
                 raise MasterError(f"{terminal.get('name')} has the members {sorted(members)}")
             found[terminal.get("name")] = members

@@ -68,8 +68,8 @@ class Fmu:
         log = []
         identifier = self.description.coSimulation.modelIdentifier
         slave = FMU3Slave(
-            guid=token or self.description.instantiationToken, unzipDirectory=str(self.folder), modelIdentifier=identifier,
-            instanceName=self.path.stem,
+            guid=token or self.description.instantiationToken, unzipDirectory=str(self.folder),
+            modelIdentifier=identifier, instanceName=self.path.stem,
         )
         slave.instantiate(
             eventModeUsed=event_mode, logMessage=lambda _, status, category, text: log.append((status, text.decode()))

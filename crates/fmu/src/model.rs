@@ -70,7 +70,7 @@ pub(crate) fn reached(time_s: f64, rate_hz: f64) -> u64 {
 /// A state that the importer holds, without what all models have.
 #[derive(Clone, Debug)]
 pub(crate) enum Saved {
-    Signals(SavedSignals),
+    Signals(Box<SavedSignals>),
     Node(Box<SavedNode>),
 }
 

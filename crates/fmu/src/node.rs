@@ -25,7 +25,7 @@ const RECOVERY_BITS: u64 = 128 * 11;
 
 /// The node at the terminal.
 enum End {
-    Plant(HostedPlant),
+    Plant(Box<HostedPlant>),
     Exciter(HostedExciter),
 }
 
@@ -54,7 +54,7 @@ pub(crate) struct Node {
 /// A state of the plant's node.
 #[derive(Clone, Debug)]
 pub(crate) struct SavedNode {
-    plant: HostedPlant,
+    plant: Box<HostedPlant>,
     terminal: Terminal,
     controller: Controller,
     now_ns: u64,
@@ -66,7 +66,7 @@ impl Node {
     /// The plant's node.
     pub fn plant(session: Session, clock: TxClock) -> Result<Node, Fault> {
         let plant = session.hosted_plant(true)?;
-        Ok(Node::of(End::Plant(plant), session, clock))
+        Ok(Node::of(End::Plant(Box::new(plant)), session, clock))
     }
 
     /// The exciter's.

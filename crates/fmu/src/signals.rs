@@ -156,7 +156,7 @@ impl Model for Signals {
 
     fn save(&mut self) -> Result<Saved, Fault> {
         let mark = self.tape.as_mut().map(Tape::mark);
-        Ok(Saved::Signals(SavedSignals { now: self.now.clone(), mark }))
+        Ok(Saved::Signals(Box::new(SavedSignals { now: self.now.clone(), mark })))
     }
 
     fn restore(&mut self, saved: &Saved) -> Result<(), Fault> {

@@ -15,7 +15,8 @@ const CALL: &str = "fmi3DeserializeFMUState";
 
 /// A state as bytes; `None` of a model that has no such form.
 pub(crate) fn write(saved: &SavedInstance) -> Option<Vec<u8>> {
-    let Saved::Signals(SavedSignals { now, .. }) = &saved.model else { return None };
+    let Saved::Signals(model) = &saved.model else { return None };
+    let SavedSignals { now, .. } = &**model;
     let numbers = now.plant.clone().save();
     let mut bytes = MAGIC.to_vec();
     bytes.extend((saved.token.len() as u64).to_le_bytes());
@@ -78,12 +79,8 @@ pub(crate) fn read(
     let numbers = (0..count).map(|_| Ok(rest.numbers::<1>()?[0])).collect::<Result<Vec<f64>, Fault>>()?;
     let plant = plant(&parameters)?.restored_measured(sample, &numbers)?;
     let held = held.then(|| crate::variables::load(&load));
-    let model = Saved::Signals(SavedSignals::read(Measured {
-        states: plant.states(),
-        plant,
-        measurement: measurement(sample, readings),
-        held,
-    }));
+    let now = Measured { states: plant.states(), plant, measurement: measurement(sample, readings), held };
+    let model = Saved::Signals(Box::new(SavedSignals::read(now)));
     Ok(SavedInstance { token: token.to_string(), state, start_s, time_s, parameters, inputs, model })
 }
 
