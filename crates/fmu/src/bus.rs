@@ -1,8 +1,8 @@
 //! The bus between nodes as an FMU: [`resonarm_bus::timed`] with a terminal of FMI-LS-BUS for each node.
 //!
-//! Frames of an event are on the bus when the event ends, so that those of one instant contend, whichever was there first.
-//! A frame that ends goes to all others with their next ticks, its sender has a Confirm; one that is destroyed is a Bus
-//! Error to all who see it.
+//! Frames of an event are on the bus when the event ends, so that those of one instant contend, whichever was there
+//! first. A frame that ends goes to all others with their next ticks, its sender has a Confirm; one that is destroyed
+//! is a Bus Error to all who see it.
 
 use std::collections::VecDeque;
 

@@ -143,7 +143,8 @@ fn rows(load: &LoadFile) -> String {
     }
 }
 
-/// The token of an FMU with these resources: the 128-bit FNV-1a hash (Fowler, Noll, Vo) of their names, lengths and bytes.
+/// The token of an FMU with these resources: the 128-bit FNV-1a hash (Fowler, Noll, Vo) of their names, lengths and
+/// bytes.
 ///
 /// h ← (h ⊕ byte) · (2⁸⁸ + 2⁸ + 3b₁₆) mod 2¹²⁸ for every byte.
 pub fn token(files: &BTreeMap<String, Vec<u8>>) -> String {

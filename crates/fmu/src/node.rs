@@ -1,8 +1,8 @@
 //! A node of the CAN bus, the plant's or the exciter's, on a terminal of FMI-LS-BUS.
 //!
-//! It works in the order of a free run ([`resonarm_session::run::HostedPlant`]), and gives the states of one: at the start
-//! frames go to and fro until nothing moves, then sample 0 is measured; later the samples of a step are measured at their
-//! times, and frames that come are read at the time of their event.
+//! It works in the order of a free run ([`resonarm_session::run::HostedPlant`]), and gives the states of one: at the
+//! start frames go to and fro until nothing moves, then sample 0 is measured; later the samples of a step are measured
+//! at their times, and frames that come are read at the time of their event.
 
 use std::sync::Arc;
 
@@ -163,8 +163,8 @@ impl Node {
         }
     }
 
-    /// A frame of the node was destroyed: 8 errors more, unless nobody acknowledges the frames of a passive node; from 256
-    /// on it is bus-off.
+    /// A frame of the node was destroyed: 8 errors more, unless nobody acknowledges the frames of a passive node; from
+    /// 256 on it is bus-off.
     fn note_error(&mut self, code: BusErrorCode) {
         let errors = &mut self.controller.transmit_errors;
         let was_passive = *errors >= 128;
@@ -181,8 +181,8 @@ impl Node {
         }
     }
 
-    /// Says when the clock ticks next, if it is a countdown clock: now, if something waits or sample 0 does, else at the
-    /// next sample.
+    /// Says when the clock ticks next, if it is a countdown clock: now, if something waits or sample 0 does, else at
+    /// the next sample.
     fn schedule(&mut self) {
         let due_ns = match &self.end {
             _ if self.terminal.is_sending() || !self.samples => Some(self.now_ns),

@@ -1,7 +1,7 @@
 //! Operations of FMI-LS-BUS 1.0.0 on a CAN bus: frames, confirmations, errors, configuration, as bytes.
 //!
-//! An operation is its code, u32, its length with this head, u32, and its fields, little-endian. Several follow each other
-//! without a gap.
+//! An operation is its code, u32, its length with this head, u32, and its fields, little-endian. Several follow each
+//! other without a gap.
 
 use crate::Fault;
 use resonarm_protocol::{Frame, FrameFormat, Id};

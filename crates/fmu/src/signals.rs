@@ -1,11 +1,11 @@
 //! The plant by its signals: loads in, readings and states out.
 //!
 //! ```text
-//! sample k:  measure, once (it draws noise)  →  the load set at the first step from here on is held  →  advance to k + 1
+//! sample k:  measure once, as it draws noise  →  hold the load set at the first step from here on  →  advance to k + 1
 //! ```
 //!
-//! A step of the importer may have many samples or be a part of one. Samples are counted, t_k = start + k/rate, so that the
-//! steps change no bit.
+//! A step of the importer may have many samples or be a part of one. Samples are counted, t_k = start + k/rate, so that
+//! the steps change no bit.
 
 use std::sync::Arc;
 

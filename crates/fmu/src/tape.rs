@@ -1,6 +1,7 @@
 //! The recording of an FMU, of which the importer may take back the end by an earlier state.
 //!
-//! Records wait until no state that the importer holds is of before them, so that what goes to the file is never taken back.
+//! Records wait until no state that the importer holds is of before them, so that what goes to the file is never taken
+//! back.
 
 use std::collections::VecDeque;
 use std::sync::{Arc, Weak};
@@ -54,8 +55,8 @@ impl Tape {
         mark
     }
 
-    /// Takes back what came after the mark. Of a state without one, that was read from bytes, at sample `sample`, what came
-    /// after the reading of that sample.
+    /// Takes back what came after the mark. Of a state without one, that was read from bytes, at sample `sample`, what
+    /// came after the reading of that sample.
     pub fn rewind(&mut self, mark: Option<&Mark>, sample: u64) -> Result<(), Fault> {
         let kept = match mark {
             Some(mark) => mark.records.checked_sub(self.written),

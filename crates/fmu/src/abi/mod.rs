@@ -1,7 +1,8 @@
 //! The C interface of FMI 3.0.2: all 75 functions, of which those that this FMU has no use for say so.
 //!
-//! A pointer is read as the standard says that the importer gives it: an instance from an instantiation, arrays of the stated
-//! lengths, texts that end with NUL. NULL is refused. A panic does not leave the library: the call returns `fmi3Fatal`.
+//! A pointer is read as the standard says that the importer gives it: an instance from an instantiation, arrays of the
+//! stated lengths, texts that end with NUL. NULL is refused. A panic does not leave the library: the call returns
+//! `fmi3Fatal`.
 
 #![allow(unsafe_code, reason = "a C interface: its functions have stated names, and read and write through pointers")]
 #![allow(non_snake_case, reason = "the names of the standard")]

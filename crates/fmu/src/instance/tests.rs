@@ -1,5 +1,6 @@
 use super::*;
 use crate::content::{Settings, token};
+use crate::variables::{Causality, Kind};
 use resonarm_files::scenario::Scenario;
 
 /// An instance of an FMU of this scenario, with its folder.
@@ -31,11 +32,11 @@ fn outputs(instance: &mut Instance) -> Vec<u64> {
 }
 
 #[test]
-fn samples_fall_at_their_times_for_an_hour_of_steps_that_are_added_up() {
+fn samples_fall_at_their_times_in_steps_that_are_added_up() {
     let (_folder, mut instance) = made("simulation.rate_hz = 100");
     let sample = of(&instance, "sample");
     started(&mut instance, 0.1);
-    // 0.01 s is no binary fraction: added up, times are 1e-10 s off in an hour.
+    // 0.01 s is no binary fraction: times that are added up are off by rounding.
     let mut time_s = 0.1;
     for step in 1..=3_000_u64 {
         instance.step(time_s, 0.01).unwrap();

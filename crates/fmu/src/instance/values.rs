@@ -1,0 +1,219 @@
+//! The values of an instance's variables.
+
+use super::{ALIVE, BEFORE, Instance, State, Value};
+use crate::Fault;
+use crate::terminal::{Interval, Terminal};
+use crate::variables::{Causality, Kind, Source, Variable};
+
+impl Instance {
+    /// The variable of a value reference, if it is of this type.
+    fn variable(&self, call: &'static str, reference: u32, kind: Kind) -> Result<&Variable, Fault> {
+        let variable = self.any_variable(call, reference)?;
+        if variable.kind == kind {
+            return Ok(variable);
+        }
+        Err(Fault::WrongType { call, name: variable.name.clone(), is: variable.kind.name() })
+    }
+
+    fn any_variable(&self, call: &'static str, reference: u32) -> Result<&Variable, Fault> {
+        let most = self.variables.len().saturating_sub(1) as u32;
+        self.variables.get(reference as usize).ok_or(Fault::UnknownReference { call, got: reference, most })
+    }
+
+    /// Why a variable is none of the type that `call` is for, which no variable has.
+    pub fn refused_type(&self, call: &'static str, reference: u32) -> Fault {
+        match self.any_variable(call, reference) {
+            Ok(variable) => Fault::WrongType { call, name: variable.name.clone(), is: variable.kind.name() },
+            Err(fault) => fault,
+        }
+    }
+
+    pub(super) fn expect_readable(&self, call: &'static str) -> Result<(), Fault> {
+        let legal = "all states but that after an error";
+        self.expect(call, &[&ALIVE[..], &[State::Terminated]].concat(), legal)
+    }
+
+    /// The value of a variable of the type Float64.
+    ///
+    /// # Errors
+    /// [`Fault::UnknownReference`], [`Fault::WrongType`], [`Fault::WrongState`]; before the simulation what is wrong
+    /// with the parameters.
+    pub fn float64(&mut self, call: &'static str, reference: u32) -> Result<f64, Fault> {
+        self.expect_readable(call)?;
+        match self.variable(call, reference, Kind::Float64)?.source {
+            Source::Time => Ok(self.time_s),
+            Source::Load(index) => Ok(self.inputs[index]),
+            Source::Beta(index) => Ok(self.parameters.beta_deg[index]),
+            source => Ok(self.model()?.number(source)),
+        }
+    }
+
+    /// The same of the type UInt64.
+    ///
+    /// # Errors
+    /// As [`Instance::float64`].
+    pub fn uint64(&mut self, call: &'static str, reference: u32) -> Result<u64, Fault> {
+        self.expect_readable(call)?;
+        match self.variable(call, reference, Kind::UInt64)?.source {
+            Source::Seed => Ok(self.parameters.seed),
+            source => Ok(self.model()?.count(source)),
+        }
+    }
+
+    /// The same of the type Boolean.
+    ///
+    /// # Errors
+    /// As [`Instance::float64`].
+    pub fn boolean(&mut self, call: &'static str, reference: u32) -> Result<bool, Fault> {
+        self.expect_readable(call)?;
+        match self.variable(call, reference, Kind::Boolean)?.source {
+            Source::Noise => Ok(self.parameters.noise),
+            Source::Overwrite => Ok(self.parameters.overwrite),
+            source => Ok(self.model()?.number(source) != 0.0),
+        }
+    }
+
+    /// The same of the type String.
+    ///
+    /// # Errors
+    /// As [`Instance::float64`].
+    pub fn string(&self, call: &'static str, reference: u32) -> Result<&str, Fault> {
+        self.expect_readable(call)?;
+        self.variable(call, reference, Kind::String)?;
+        Ok(&self.parameters.recording)
+    }
+
+    /// The bytes of a variable of the type Binary.
+    ///
+    /// # Errors
+    /// As [`Instance::float64`].
+    pub fn binary(&mut self, call: &'static str, reference: u32) -> Result<&[u8], Fault> {
+        self.expect_readable(call)?;
+        match self.variable(call, reference, Kind::Binary)?.source {
+            Source::TxData(index) => Ok(self.terminal(index)?.map_or(&[], |terminal| terminal.tx_data())),
+            _ => Ok(&[]),
+        }
+    }
+
+    /// Sets a variable of the type Binary: takes what came.
+    ///
+    /// # Errors
+    /// As [`Instance::set`]; [`Fault::Operation`] of bytes that were cut.
+    pub fn set_binary(&mut self, call: &'static str, reference: u32, bytes: &[u8]) -> Result<(), Fault> {
+        let source = self.settable(call, reference, Kind::Binary)?;
+        if bytes.is_empty() {
+            return Ok(());
+        }
+        self.expect(call, &[State::Event], "event mode")?;
+        match source {
+            Source::RxData(index) => self.terminal(index)?.map_or(Ok(()), |terminal| terminal.take(bytes)),
+            _ => Ok(()),
+        }
+    }
+
+    /// Whether a clock ticks in this iteration of event mode.
+    ///
+    /// # Errors
+    /// [`Fault::UnknownReference`], [`Fault::WrongType`], [`Fault::WrongState`].
+    pub fn clock(&mut self, call: &'static str, reference: u32) -> Result<bool, Fault> {
+        let source = self.variable(call, reference, Kind::Clock)?.source;
+        self.expect(call, &[State::Initialization, State::Event], "initialization mode and event mode")?;
+        match source {
+            Source::TxClock(index) => Ok(self.terminal(index)?.is_some_and(|terminal| terminal.tx_clock())),
+            _ => Ok(false),
+        }
+    }
+
+    /// Lets a clock tick in this iteration of event mode, one that is an input.
+    ///
+    /// # Errors
+    /// As [`Instance::clock`], and [`Fault::NotSettable`].
+    pub fn set_clock(&mut self, call: &'static str, reference: u32, ticks: bool) -> Result<(), Fault> {
+        let source = self.settable(call, reference, Kind::Clock)?;
+        self.expect(call, &[State::Event], "event mode")?;
+        if let Source::TxClock(index) = source
+            && let Some(terminal) = self.terminal(index)?
+        {
+            terminal.tick(ticks);
+        }
+        Ok(())
+    }
+
+    /// When a countdown clock ticks next.
+    ///
+    /// # Errors
+    /// As [`Instance::clock`]; [`Fault::NotOffered`] of another clock.
+    pub fn interval(&mut self, call: &'static str, reference: u32) -> Result<Interval, Fault> {
+        let Variable { source, causality, .. } = self.variable(call, reference, Kind::Clock)?;
+        let (Source::TxClock(index), Causality::Input) = (*source, *causality) else {
+            return Err(Fault::NotOffered { call, why: "the clock is no countdown clock" });
+        };
+        self.expect(call, &[State::Initialization, State::Event], "initialization mode and event mode")?;
+        let is_event = self.state == State::Event;
+        let model = self.model()?;
+        if is_event {
+            model.before_interval();
+        }
+        Ok(model.terminal(index).map_or(Interval::Unknown, |terminal| terminal.interval()))
+    }
+
+    fn terminal(&mut self, index: usize) -> Result<Option<&mut Terminal>, Fault> {
+        Ok(self.model()?.terminal(index))
+    }
+
+    /// Checks that the variable may be set now.
+    fn settable(&self, call: &'static str, reference: u32, kind: Kind) -> Result<Source, Fault> {
+        let Variable { name, source, causality, .. } = self.variable(call, reference, kind)?;
+        let refused = |why| Err(Fault::NotSettable { call, name: name.clone(), state: self.state, why });
+        match causality {
+            Causality::Input if ALIVE.contains(&self.state) => Ok(*source),
+            Causality::Parameter if BEFORE.contains(&self.state) => Ok(*source),
+            Causality::Input => refused("inputs are set until the simulation ends"),
+            Causality::Parameter => refused("parameters are fixed once initialization mode is left"),
+            Causality::Output | Causality::Independent => refused("it is calculated"),
+        }
+    }
+
+    /// Sets a variable of the type of `value`.
+    ///
+    /// # Errors
+    /// [`Fault::UnknownReference`], [`Fault::WrongType`], [`Fault::NotSettable`], [`Fault::Value`].
+    pub fn set(&mut self, call: &'static str, reference: u32, value: Value) -> Result<(), Fault> {
+        let kind = match value {
+            Value::Float64(_) => Kind::Float64,
+            Value::UInt64(_) => Kind::UInt64,
+            Value::Boolean(_) => Kind::Boolean,
+        };
+        let source = self.settable(call, reference, kind)?;
+        if let Value::Float64(got) = value
+            && !got.is_finite()
+        {
+            let name = self.variables[reference as usize].name.clone();
+            return Err(Fault::Value { name, got, expected: "a finite number" });
+        }
+        match (source, value) {
+            (Source::Load(index), Value::Float64(load)) => {
+                self.inputs[index] = load;
+                return Ok(());
+            }
+            (Source::Beta(index), Value::Float64(beta_deg)) => self.parameters.beta_deg[index] = beta_deg,
+            (Source::Seed, Value::UInt64(seed)) => self.parameters.seed = seed,
+            (Source::Noise, Value::Boolean(noise)) => self.parameters.noise = noise,
+            (Source::Overwrite, Value::Boolean(overwrite)) => self.parameters.overwrite = overwrite,
+            _ => {}
+        }
+        self.model = None;
+        Ok(())
+    }
+
+    /// Sets a variable of the type String.
+    ///
+    /// # Errors
+    /// As [`Instance::set`].
+    pub fn set_string(&mut self, call: &'static str, reference: u32, text: &str) -> Result<(), Fault> {
+        self.settable(call, reference, Kind::String)?;
+        self.parameters.recording = text.to_string();
+        self.model = None;
+        Ok(())
+    }
+}
