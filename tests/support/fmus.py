@@ -13,7 +13,7 @@ from processes import RESONARM
 from recordings import bits
 
 # The library within the FMUs, as the Rust tests build it.
-LIBRARY = os.environ.get("RESONARM_FMU_LIBRARY", "target/debug/libresonarm_fmu.so")
+LIBRARY = os.environ.get("RESONARM_FMU_LIBRARY", "target/debug/deps/libresonarm_fmu.so")
 
 
 def stripped(folder):

@@ -93,16 +93,19 @@ pub struct Library {
 }
 
 impl Library {
-    /// The library beside the running program.
+    /// The library beside the running program, or in the folder `deps` there, where Cargo leaves it.
     ///
     /// # Errors
     /// [`ExportError::NoLibrary`] if there is none, else as [`Library::read`].
     pub fn beside_program() -> Result<Library, ExportError> {
-        let program =
-            std::env::current_exe().map_err(|source| ExportError::Read { path: "/proc/self/exe".into(), source })?;
+        let read = |source| ExportError::Read { path: "/proc/self/exe".into(), source };
+        let program = std::env::current_exe().map_err(read)?;
         let folder = program.parent().unwrap_or(Path::new(".")).to_path_buf();
-        let path = folder.join(LIBRARY);
-        if path.exists() { Library::read(&path) } else { Err(ExportError::NoLibrary { folder }) }
+        let places = [folder.join(LIBRARY), folder.join("deps").join(LIBRARY)];
+        match places.iter().find(|path| path.exists()) {
+            Some(path) => Library::read(path),
+            None => Err(ExportError::NoLibrary { folder }),
+        }
     }
 
     /// The library in a file.
