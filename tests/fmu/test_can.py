@@ -31,7 +31,7 @@ points = 3
 from_lag_deg = 60.0
 to_lag_deg = 120.0
 """
-TRANSMIT, CONFIRM, BUS_ERROR, CONFIGURATION = 0x10, 0x20, 0x31, 0x40
+TRANSMIT, CONFIRM, BUS_ERROR, CONFIGURATION, STATUS = 0x10, 0x20, 0x31, 0x40, 0x41
 NODES, ALL = ("plant", "exciter"), ("plant", "exciter", "bus")
 RATE = "bit_rate_hz = 1000000"
 
@@ -41,7 +41,7 @@ def walk(make, tmp_path_factory):
     """Makes the FMUs of a walk and its native run."""
 
     @cache
-    def walk(profile="classic", network="", rate_hz=1000, duration_s=0.2, clock="triggered", roles=NODES):
+    def walk(profile="classic", network="", rate_hz=1000, duration_s=0.2, clock="triggered", roles=NODES, runs=True):
         folder = tmp_path_factory.mktemp("walk")
         duration = f", duration_s = {duration_s}" if duration_s else ""
         text = WALK.format(profile=profile, network=network, rate_hz=rate_hz, duration=duration)
@@ -51,6 +51,8 @@ def walk(make, tmp_path_factory):
             kind = "countdown" if role == "bus" else clock
             flags = ("--interface", "can", "--role", role, "--clock", kind)
             fmus[role] = make(folder / "walk.toml", *flags, name=role)
+        if not runs:
+            return SimpleNamespace(**fmus)
         native = free_run(folder / "walk.toml", folder / "native.mcap")
         # After its last sample a native run of stated length disarms the plant, while the load ramps to zero.
         samples = round(rate_hz * duration_s) + 1 if duration_s else len(native.states)
@@ -137,16 +139,30 @@ def test_bit_errors_are_error_frames_and_repeated(walk):
     assert frames > 500 and 20 < errors == sum(data[-1] for data in fields)
 
 
+def test_a_node_with_many_errors_is_bus_off_says_so_and_comes_back(walk):
+    fmus = walk(network=f"{RATE}, bit_error_rate = 0.01", roles=ALL, runs=False)
+    master = joined(fmus, ALL)
+    master.start()
+    for sample in range(1, 61):
+        master.advance(sample * 1_000_000)
+    logged = [line for slave in master.slaves for line in slave.log]
+    master.end()
+    states = [data[0] for name, content in master.carried for code, data in operations(content) if code == STATUS]
+    # 1 is active, 2 passive, 3 bus-off; from bus-off a node comes back as active.
+    assert logged == [] and {1, 2, 3} == set(states)
+
+
 def test_a_terminal_that_is_not_joined_acknowledges(walk):
     fmus = walk(network=RATE, duration_s=0.4, roles=ALL)
     master = Master()
     plant, bus = master.add(fmus.plant), master.add(fmus.bus)
     master.join(plant["can"], bus["node1"])
     master.start()
-    master.advance(50_000_000)
+    for sample in range(1, 21):
+        master.advance(sample * 1_000_000)
     frames = bus["node1"].slave.getUInt64(fmus.bus.of("bus.frames", "bus.error_frames"))
     master.end()
-    assert frames[0] >= 6 and frames[1] == 0
+    assert frames[0] > 60 and frames[1] == 0
 
 
 def test_a_roll_back_of_the_node_changes_no_bit(walk):

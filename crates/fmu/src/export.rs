@@ -199,3 +199,54 @@ fn files(content: &Content, library: Library, name: &str) -> Result<(Files, Summ
     let summary = Summary { path: PathBuf::new(), bytes: 0, token, platform, variables: variables.len() };
     Ok((files, summary))
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use resonarm_files::scenario::Scenario;
+
+    /// The head of an ELF file of this type for this machine, with `rest` behind it.
+    fn elf(kind: u8, machine: u8, rest: &[u8]) -> Vec<u8> {
+        let mut bytes = b"\x7fELF\x02\x01".to_vec();
+        bytes.resize(16, 0);
+        bytes.extend([kind, 0, machine, 0]);
+        [&bytes, rest].concat()
+    }
+
+    #[test]
+    fn libraries_of_other_kinds_are_refused_in_words() {
+        let folder = tempfile::tempdir().unwrap();
+        let path = folder.path().join("l.so");
+        let read = |bytes: &[u8]| {
+            fs::write(&path, bytes).unwrap();
+            let name = path.display().to_string();
+            Library::read(&path)
+                .map(|library| library.platform)
+                .map_err(|error| error.to_string().replace(&name, "l.so"))
+        };
+        assert_eq!(read(&elf(3, 62, MARK.as_bytes())), Ok("x86_64-linux"));
+        assert_eq!(read(&elf(3, 183, MARK.as_bytes())), Ok("aarch64-linux"));
+        let refused = |bytes: &[u8]| read(bytes).unwrap_err();
+        insta::assert_snapshot!(refused(b"text"), @"l.so: no 64-bit little-endian ELF file, as a library for an FMU is");
+        insta::assert_snapshot!(refused(&elf(2, 62, MARK.as_bytes())), @"l.so: an ELF file of type 2 for machine 62: a library for an FMU is of type 3 for machine 62 (x86-64) or 183 (AArch64)");
+        insta::assert_snapshot!(refused(&elf(3, 62, b"")), @"l.so: not libresonarm_fmu.so of version 0.1.0, which this program packs");
+    }
+
+    #[test]
+    fn what_an_interface_does_not_have_is_refused_before_anything_is_written() {
+        let folder = tempfile::tempdir().unwrap();
+        let library = Library { bytes: elf(3, 62, MARK.as_bytes()), platform: "x86_64-linux" };
+        let refused = |settings: Settings| {
+            let content = Content { settings, scenario: Scenario::default() };
+            let path = folder.path().join("s.fmu");
+            let error = export(&content, library.clone(), &path).unwrap_err();
+            assert!(!path.exists());
+            error.to_string()
+        };
+        let bus = Settings { role: Role::Bus, nodes: 2, ..Settings::default() };
+        insta::assert_snapshot!(refused(bus), @"--role bus: the interface `signals` has the plant alone; take --interface can");
+        let can = Settings { interface: Interface::Can, ..bus };
+        insta::assert_snapshot!(refused(can), @"the scenario names no network.bit_rate_hz: a bus on which frames take their time needs it");
+        insta::assert_snapshot!(refused(Settings { nodes: 33, ..can }), @"--nodes 33: a bus has from 2 to 32 nodes");
+    }
+}

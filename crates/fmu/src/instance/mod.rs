@@ -97,6 +97,7 @@ pub struct Instance {
 /// What a call may be made in.
 const BEFORE: [State; 2] = [State::Instantiated, State::Initialization];
 const ALIVE: [State; 4] = [State::Instantiated, State::Initialization, State::Event, State::Step];
+const READABLE: [State; 5] = [State::Instantiated, State::Initialization, State::Event, State::Step, State::Terminated];
 
 impl Instance {
     /// An instance of the FMU with the resources in `folder`; `token` is what its description says.

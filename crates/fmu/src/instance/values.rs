@@ -1,6 +1,6 @@
 //! The values of an instance's variables.
 
-use super::{ALIVE, BEFORE, Instance, State, Value};
+use super::{ALIVE, BEFORE, Instance, READABLE, State, Value};
 use crate::Fault;
 use crate::terminal::{Interval, Terminal};
 use crate::variables::{Causality, Kind, Source, Variable};
@@ -29,8 +29,7 @@ impl Instance {
     }
 
     pub(super) fn expect_readable(&self, call: &'static str) -> Result<(), Fault> {
-        let legal = "all states but that after an error";
-        self.expect(call, &[&ALIVE[..], &[State::Terminated]].concat(), legal)
+        self.expect(call, &READABLE, "all states but that after an error")
     }
 
     /// The value of a variable of the type Float64.
