@@ -99,8 +99,8 @@ class Master:
                     sender.due_ns = self.now_ns + round(interval[0] * 1e9)
 
     def advance(self, until_ns):
-        """Steps to `until_ns`, a sample of triggered nodes ahead at most, with an event wherever a countdown clock or an
-        FMU asks for it."""
+        """Steps to `until_ns`, a sample of triggered nodes ahead at most, with an event wherever a countdown clock or
+        an FMU asks for it."""
         while self.now_ns < until_ns:
             dues = [sender.due_ns for sender, _ in self.links if sender.due_ns is not None]
             next_ns = min([until_ns, *dues])

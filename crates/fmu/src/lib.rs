@@ -2,7 +2,7 @@
 //!
 //! One shared library serves every FMU: what an FMU is stands in its `resources`, and its `instantiationToken` is a
 //! hash of them ([`content`]). [`export`] packs an FMU; [`abi`] is the library's C interface, and [`instance`] the
-//! states of FMI behind it, on one [`model`].
+//! states of FMI behind it, on one `model`.
 //!
 //! ```text
 //! importer ─► abi (C, pointers) ─► instance (states, times, values) ─► model: plant by signals, CAN node, bus
