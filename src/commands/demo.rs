@@ -178,8 +178,8 @@ impl Demo {
     }
 }
 
-/// The control of the scenario. Without one an arm is driven like the demo's, a structure by a phase walk at the load of
-/// its excitation.
+/// The control of the scenario. Without one an arm is driven like the demo's, a structure by a phase walk at the load
+/// of its excitation.
 fn control(scenario: &mut Scenario) -> Result<ControlSpec, Failure> {
     let control = match (scenario.control.take(), &scenario.structure, &scenario.excitation) {
         (Some(control), _, _) => Some(control),

@@ -42,7 +42,8 @@ pub(crate) struct Export {
     parts: Vec<RecordingPart>,
     #[command(flatten)]
     range: TimeRange,
-    /// Add the moving arm, or the structure in its place, for 3D views, its vibrations drawn X times as large; only foxglove.
+    /// Add the moving arm, or the structure in its place, for 3D views, its vibrations drawn X times as large; only
+    /// foxglove.
     #[arg(long, value_name = "X")]
     moving_arm: Option<f64>,
     #[command(flatten)]

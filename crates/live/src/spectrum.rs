@@ -48,8 +48,8 @@ impl Spectrum {
         self.line_hz
     }
 
-    /// Amplitudes of the lines from 0 to 125 Hz, or beyond the modes, without the mean. There must be as many `samples` as
-    /// [`Spectrum::length`] returns; unknown ones count as 0.
+    /// Amplitudes of the lines from 0 to 125 Hz, or beyond the modes, without the mean. There must be as many `samples`
+    /// as [`Spectrum::length`] returns; unknown ones count as 0.
     pub fn amplitudes(&self, samples: impl Iterator<Item = f32>) -> Vec<f32> {
         let known = |value: f32| if value.is_finite() { f64::from(value) } else { 0.0 };
         let samples: Vec<f64> = samples.map(known).collect();

@@ -96,8 +96,8 @@ impl ResponsePoint {
         }
     }
 
-    /// The fundamental of the displacement of an accelerometer along an axis, by its channel, B x, y from 2 on and C x, y
-    /// from 4 on: −a/Ω² of the acceleration a, m.
+    /// The fundamental of the displacement of an accelerometer along an axis, by its channel, B x, y from 2 on and C x,
+    /// y from 4 on: −a/Ω² of the acceleration a, m.
     pub fn displacement_m(&self, channel: usize) -> Phasor {
         let omega_rad_s = core::f64::consts::TAU * self.frequency_hz;
         self.harmonic(channel, 1) / -(omega_rad_s * omega_rad_s)

@@ -1,5 +1,5 @@
-//! The moving structure as `foxglove.SceneUpdate`, which replaces that of the sample before: of the arm a line over base,
-//! elbow and tip; of another structure its lines, and a sphere at each of its points.
+//! The moving structure as `foxglove.SceneUpdate`, which replaces that of the sample before: of the arm a line over
+//! base, elbow and tip; of another structure its lines, and a sphere at each of its points.
 
 use serde_json::{Value, json};
 
@@ -61,8 +61,8 @@ impl Scene {
     }
 }
 
-/// The message of a structure at its coordinates, its vibration drawn `magnification` times as large, which the metadata
-/// say.
+/// The message of a structure at its coordinates, its vibration drawn `magnification` times as large, which the
+/// metadata say.
 pub fn message(drawing: &Drawing, coordinates: &[f64], magnification: f64, time_ns: u64) -> Value {
     let positions: Vec<Value> =
         drawing.positions_m(coordinates, magnification).iter().map(|[x, y, z]| vector(*x, *y, *z)).collect();

@@ -3,7 +3,8 @@
 //! that are not zero (`coordinate`).
 //!
 //! A file is a line `%%MatrixMarket matrix FORMAT FIELD SYMMETRY`, lines of comments, `%`, a line of sizes, and an
-//! entry a line: a number, by columns, or row, column and number, counted from 1. A symmetric matrix has the lower triangle.
+//! entry a line: a number, by columns, or row, column and number, counted from 1. A symmetric matrix has the lower
+//! triangle.
 
 use nalgebra::DMatrix;
 

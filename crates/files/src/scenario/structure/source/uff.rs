@@ -211,8 +211,8 @@ fn nodes_of_two_lines(records: &mut Records<'_>, into: &mut BTreeMap<u32, [f64; 
     Ok(())
 }
 
-/// Dataset 82: the number of the line, how many entries it has, colour; a name; the entries, eight in a line: nodes, and
-/// 0 where the line is interrupted.
+/// Dataset 82: the number of the line, how many entries it has, colour; a name; the entries, eight in a line: nodes,
+/// and 0 where the line is interrupted.
 fn lines_of_nodes(records: &mut Records<'_>, into: &mut Vec<Vec<u32>>) -> Result<(), UffError> {
     let what = "dataset 82, a line of nodes";
     let head = records.numbers(what, 2)?;
