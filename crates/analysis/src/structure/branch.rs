@@ -98,12 +98,13 @@ fn approach(balance: &mut Balance, options: &TraceOptions, detour: f64) -> Resul
     let wanted_hz = balance.frequency_hz;
     swept.set_harmonics(branch.least_harmonics);
     let rest = alloc::vec![0.0; swept.dimension()];
-    let mut continuation =
-        Continuation::start(&mut swept, branch.continuation, &rest, detour * wanted_hz, 1.0 - detour)?;
+    let mut walk =
+        Walk::new(Continuation::start(&mut swept, branch.continuation, &rest, detour * wanted_hz, 1.0 - detour)?);
     for _ in 0..branch.most_points {
-        adapt(&mut swept, &mut continuation, branch)?;
-        let before = continuation.point().clone();
-        let after = continuation.advance(&mut swept)?;
+        adapt(&mut swept, &mut walk.continuation, branch)?;
+        let before = walk.point().clone();
+        walk.advance(&mut swept, &branch.continuation)?;
+        let after = walk.point();
         if (before.lambda - wanted_hz) * (after.lambda - wanted_hz) <= 0.0 {
             let point = at_parameter(&mut swept, &branch.continuation, [&before, after], wanted_hz)?;
             balance.set_harmonics(swept.harmonics());
@@ -111,7 +112,7 @@ fn approach(balance: &mut Balance, options: &TraceOptions, detour: f64) -> Resul
             return Continuation::start(balance, branch.continuation, &point.x, branch.from, direction);
         }
     }
-    Err(AnalysisError::TooManyPoints { points: branch.most_points, at: swept.place(continuation.point().lambda) })
+    Err(AnalysisError::TooManyPoints { points: branch.most_points, at: swept.place(walk.point().lambda) })
 }
 
 /// A continuation with the quantities computed at each point.

@@ -335,3 +335,29 @@ fn a_chain_of_two_links_moves_as_the_arm() {
         pairs.for_each(|(got, expected)| assert!((got - expected).norm() < 1e-6, "{got} {expected}"));
     }
 }
+
+/// A bolted beam of two modes whose tip and joint slip on each other. Motions near its resonance are found from those
+/// farther off, past the corner at which the slip begins; they are the same.
+#[test]
+fn a_branch_begins_beyond_the_corner_of_friction() {
+    let mode = |frequency_hz, damping_ratio| ModeSpec { frequency_hz, damping_ratio };
+    let shape = |point: &str, by_mode| ShapeSpec { point: point.into(), axis: Axis::X, by_mode };
+    let body = BodySpec::Modal(ModalSpec {
+        modes: vec![mode(41.0, 0.002), mode(187.0, 0.003)],
+        shapes: vec![shape("tip", vec![0.9, -0.8]), shape("joint", vec![0.35, 0.7])],
+    });
+    let law = Law::Friction { stiffness: 4e4, slip: 15.0 };
+    let elements = vec![ElementSpec { at: place("tip.x"), to: Some(place("joint.x")), law }];
+    let assembly = Assembly::new(&StructureSpec { body, elements }).unwrap();
+    let tip = assembly.dof("tip.x").unwrap();
+    let forced = Forced::new(assembly, tip, 10.0);
+    let traced = |from_hz: f64, to_hz: f64| {
+        let mut options = TraceOptions::new(&forced, Coordinate::FrequencyHz, [from_hz, to_hz], vec![tip]);
+        options.assess = Assess::Nothing;
+        super::trace(&forced, from_hz, Coordinate::FrequencyHz, &options).unwrap().orbits
+    };
+    let (begun, reached) = (traced(43.0, 43.5), traced(30.0, 43.0));
+    let (begun, reached) = (&begun[0].readings[0], &reached.last().unwrap().readings[0]);
+    near(begun.largest, reached.largest, 1e-8);
+    near(begun.harmonic1.norm(), reached.harmonic1.norm(), 1e-8);
+}
