@@ -122,6 +122,7 @@ mod tests {
             ("basins", _) => "--frequency-hz 1",
             ("sweep", _) => "--from-hz 1 --to-hz 2",
             ("poincare", "steps" | "direction") => "--parameter frequency",
+            ("fmu", _) => "--scenario bench.toml --out plant.fmu",
             ("protocol encode", _) => "Time",
             _ => "",
         }
@@ -267,6 +268,7 @@ mod tests {
         export --parts: all that the format holds
         export --from-s: the beginning
         export --to-s: the end
+        fmu --library: libresonarm_fmu.so beside this program
         import --from: by its ending, .log for candump, .asc, .blf
         conformance --beyond-n: none is tried; in the FD profile 1.01 times the limit that the plant states
         conformance --beyond-n-per-s: none is tried

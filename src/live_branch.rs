@@ -14,8 +14,6 @@ use resonarm_live::{BranchLines, ComputeBranch};
 const TURN_RAD: f64 = 0.1;
 /// The branch of a structure goes beyond the responses by this part of their frequencies.
 const MARGIN: f64 = 0.02;
-/// How far below the responses it begins: farther off where no motion is found nearer to a resonance.
-const BELOW: [f64; 3] = [MARGIN, 0.1, 0.25];
 
 /// Computes the branch of the load at which the scenario's responses are read; `None` without a load, of a structure
 /// that a program makes, and of one that is driven along more than one degree of freedom.
@@ -65,13 +63,11 @@ fn of_structure(tested: TestedAssembly, amplitude: &Amplitude) -> Option<Compute
     let read: Vec<Dof> = tested.read().into_iter().map(|read| read.dof).collect();
     Some(Box::new(move |low_hz, high_hz| {
         let forced = Forced::new(tested.assembly.clone(), drive, load);
-        let from = |below: f64| {
-            let ends = [(1.0 - below) * low_hz, (1.0 + MARGIN) * high_hz];
-            let mut options = TraceOptions::new(&forced, Coordinate::FrequencyHz, ends, read.clone());
-            options.branch.continuation.largest_turn_rad = TURN_RAD;
-            trace(&forced, ends[0], Coordinate::FrequencyHz, &options).inspect_err(|early| warn(&early.reason)).ok()
-        };
-        BELOW.into_iter().find_map(from).map(|branch| lines_of_structure(&branch))
+        let ends = [(1.0 - MARGIN) * low_hz, (1.0 + MARGIN) * high_hz];
+        let mut options = TraceOptions::new(&forced, Coordinate::FrequencyHz, ends, read.clone());
+        options.branch.continuation.largest_turn_rad = TURN_RAD;
+        let branch = trace(&forced, ends[0], Coordinate::FrequencyHz, &options);
+        branch.map(|branch| lines_of_structure(&branch)).inspect_err(|early| warn(&early.reason)).ok()
     }))
 }
 

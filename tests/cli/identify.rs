@@ -109,9 +109,9 @@ fn recordings_without_modes_are_refused() {
     record(folder, "force", "force_y_n = 5", &random("4"));
     fs::write(folder.join("notes.txt"), "no recording").unwrap();
     let says = |arguments: &[&str]| complaint(folder, 2, &[&["identify"], arguments].concat());
-    assert_snapshot!(says(&["torque.mcap"]), @"resonarm: the impedance head reads no force beyond its own noise (0.012 N): the arm must be driven by a force at C, and by a larger one than that");
+    assert_snapshot!(says(&["torque.mcap"]), @"resonarm: the impedance head reads no force beyond its own noise (0.012 N): drive by a force where the head is, and by a larger one than that");
     assert_snapshot!(says(&["short.mcap"]), @"resonarm: the record has 150 samples where 256 are needed: record for longer");
-    assert_snapshot!(says(&["force.mcap", "--from-hz", "200", "--to-hz", "300"]), @"resonarm: the force has no energy from 200 to 300 Hz: drive the arm there, or name the band that was driven");
+    assert_snapshot!(says(&["force.mcap", "--from-hz", "200", "--to-hz", "300"]), @"resonarm: the force has no energy from 200 to 300 Hz: drive the structure there, or name the band that was driven");
     assert_snapshot!(says(&["force.mcap", "--segment-s", "-1"]), @"resonarm: --segment-s: it must be positive");
     assert_snapshot!(says(&["force.mcap", "--segment-s", "100"]), @"resonarm: a segment has 100000 samples: it must have from 16 to as many as the record, 4050");
     assert_snapshot!(says(&["notes.txt"]), @"resonarm: `notes.txt` is not an MCAP file: it begins with `no recor`");

@@ -28,13 +28,13 @@ pub enum IdentifyError {
     },
     /// The head reads nothing but its own noise.
     #[error(
-        "the impedance head reads no force beyond its own noise ({noise_n} N): the arm must be driven by a force at C, and by a larger one than that", noise_n = rounded(.noise_n, 3))]
+        "the impedance head reads no force beyond its own noise ({noise_n} N): drive by a force where the head is, and by a larger one than that", noise_n = rounded(.noise_n, 3))]
     NoForce {
         /// Standard deviation of the head's noise, N.
         noise_n: f64,
     },
     /// The force has no energy in the band.
-    #[error("the force has no energy from {from_hz} to {to_hz} Hz: drive the arm there, or name the band that was driven", from_hz = short(.from_hz), to_hz = short(.to_hz))]
+    #[error("the force has no energy from {from_hz} to {to_hz} Hz: drive the structure there, or name the band that was driven", from_hz = short(.from_hz), to_hz = short(.to_hz))]
     NoEnergy {
         /// Lowest frequency of the band, Hz.
         from_hz: f64,

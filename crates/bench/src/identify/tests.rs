@@ -196,9 +196,9 @@ fn says_why_a_record_can_t_be_identified() {
     insta::assert_snapshot!(error(recorded(&spec, force(0.0, 5.0), short), BAND), @"the record has 200 samples where 256 are needed: record for longer");
     let random = |duration_s| Waveform::Random { from_hz: 5.0, to_hz: 80.0, duration_s, spectrum: None, seed: 3 };
     let torque = Amplitude { torque1_nm: 5.0, ..Amplitude::default() };
-    insta::assert_snapshot!(error(recorded(&spec, torque, random(2.0)), BAND), @"the impedance head reads no force beyond its own noise (0.012 N): the arm must be driven by a force at C, and by a larger one than that");
+    insta::assert_snapshot!(error(recorded(&spec, torque, random(2.0)), BAND), @"the impedance head reads no force beyond its own noise (0.012 N): drive by a force where the head is, and by a larger one than that");
     let record = recorded(&spec, force(0.0, 5.0), random(10.0)).unwrap();
-    insta::assert_snapshot!(error(Ok(record.clone()), Band { from_hz: 200.0, to_hz: 300.0 }), @"the force has no energy from 200 to 300 Hz: drive the arm there, or name the band that was driven");
+    insta::assert_snapshot!(error(Ok(record.clone()), Band { from_hz: 200.0, to_hz: 300.0 }), @"the force has no energy from 200 to 300 Hz: drive the structure there, or name the band that was driven");
     // Peaks of the random force are no modes.
     let between = modes(&record, Band { from_hz: 30.0, to_hz: 36.0 }).unwrap();
     assert!(between.modes.is_empty() && between.rejected.iter().all(|peak| peak.reason == Rejection::NoPole));
