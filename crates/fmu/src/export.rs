@@ -7,7 +7,7 @@ use serde::Serialize;
 use thiserror::Error;
 
 use crate::Fault;
-use crate::archive::{Files, zip};
+use crate::archive::{Files, pack};
 use crate::content::{Content, Interface, Role, Settings, VERSION, token};
 use crate::description::{IDENTIFIER, model_description};
 use crate::documentation::{LICENSE, index};
@@ -163,7 +163,7 @@ pub fn export(content: &Content, library: Library, path: &Path) -> Result<Summar
     let name = path.file_stem().map_or_else(|| IDENTIFIER.into(), |stem| stem.to_string_lossy());
     let (files, summary) = files(content, library, &name)?;
     let written = |source| ExportError::Write { path: path.to_path_buf(), source };
-    let archive = zip(&files).map_err(written)?;
+    let archive = pack(&files).map_err(written)?;
     fs::write(path, &archive).map_err(written)?;
     Ok(Summary { path: path.to_path_buf(), bytes: archive.len() as u64, ..summary })
 }
