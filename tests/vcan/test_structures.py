@@ -1,5 +1,5 @@
-"""The six structures of the gallery, the whole way: modes, responses, branch, a run on vcan by two processes, recording,
-resimulation, identification, comparison, picture."""
+"""The six structures of the gallery, the whole way: modes, responses, branch, picture, a run on vcan by two processes,
+recording, resimulation, identification, comparison."""
 
 import json
 import os
@@ -27,15 +27,15 @@ RANDOM = """[excitation]
 amplitude = {{ force_{axis}_n = {load} }}
 profile = {{ waveform = "random", {band}, duration_s = 8.0, seed = 3 }}
 """
-# Of each its drive, a run whose responses lie on the computed branch, and a random force that leaves it linear, with the
-# frequencies that are then found, Hz. A force that does not move the bolted joint leaves it a spring.
+# Of each its drive, a run whose responses lie on the computed branch, and a random force that leaves it linear, with
+# the number of modes that are then found. A force that does not move the bolted joint leaves it a spring.
 STRUCTURES = {
-    "chain": ("tip.y", (WALK, 50, None), (RANDOM, 50, "from_hz = 5.0, to_hz = 40.0"), 2),
-    "bracket": ("tip.y", (WALK, 2, None), (RANDOM, 2, "from_hz = 20.0, to_hz = 300.0"), 2),
-    "contact": ("tip.y", (STEPPED, 4, "from_hz = 61.4, to_hz = 62.4"), (RANDOM, 0.5, "from_hz = 40.0, to_hz = 90.0"), 1),
-    "friction": ("tip.y", (STEPPED, 10, "from_hz = 42.0, to_hz = 46.0"), (RANDOM, 0.5, "from_hz = 30.0, to_hz = 60.0"), 1),
-    "hardening": ("tip.x", (WALK, 0.3, None), (RANDOM, 0.5, "from_hz = 10.0, to_hz = 60.0"), 2),
-    "plate": ("tip.z", (WALK, 1, None), (RANDOM, 1, "from_hz = 20.0, to_hz = 200.0"), 4),
+    "chain": ("tip.y", (WALK, 50, None), (RANDOM, 50, "from_hz = 5, to_hz = 40"), 2),
+    "bracket": ("tip.y", (WALK, 2, None), (RANDOM, 2, "from_hz = 20, to_hz = 300"), 2),
+    "contact": ("tip.y", (STEPPED, 4, "from_hz = 61.4, to_hz = 62.4"), (RANDOM, 0.5, "from_hz = 40, to_hz = 90"), 1),
+    "friction": ("tip.y", (STEPPED, 10, "from_hz = 42, to_hz = 46"), (RANDOM, 0.5, "from_hz = 30, to_hz = 60"), 1),
+    "hardening": ("tip.x", (WALK, 0.3, None), (RANDOM, 0.5, "from_hz = 10, to_hz = 60"), 2),
+    "plate": ("tip.z", (WALK, 1, None), (RANDOM, 1, "from_hz = 20, to_hz = 200"), 4),
 }
 
 
