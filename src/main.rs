@@ -13,6 +13,7 @@ mod ended_early;
 mod failure;
 mod figures;
 mod file_size;
+mod first_minute;
 mod flags;
 mod live;
 #[cfg(feature = "live")]
@@ -60,22 +61,25 @@ struct Cli {
     command: Command,
 }
 
-/// Makes the commands from a table: each is the struct of its name in its module. One that does not count its work is
-/// reported by lines that say that it is still running.
+/// Makes the commands from a table of groups, as the help lists them: each command is the struct of its name in its
+/// module. One that does not count its work is reported by lines that say that it is still running.
 macro_rules! commands {
-    ($($command:ident in $module:ident $(, reported as $name:literal)?;)*) => {
+    ($($group:literal { $($command:ident in $module:ident $(, reported as $name:literal)?;)* })*) => {
         #[derive(Debug, Subcommand)]
         enum Command {
-            $($command(commands::$module::$command),)*
+            $($($command(commands::$module::$command),)*)*
         }
 
         impl Command {
+            /// The groups, each with the variants of its commands, whose names in lower case the user types.
+            const GROUPS: &[(&str, &[&str])] = &[$(($group, &[$(stringify!($command)),*])),*];
+
             fn execute(self) -> Result<Verdict, Failure> {
                 match self {
-                    $(Command::$command(command) => {
+                    $($(Command::$command(command) => {
                         $(let _progress = Progress::uncounted($name);)?
                         command.execute()
-                    })*
+                    })*)*
                 }
             }
         }
@@ -83,42 +87,56 @@ macro_rules! commands {
 }
 
 commands! {
-    Demo in demo;
-    Run in run;
-    Exciter in exciter;
-    Experiment in experiment;
-    Simulate in simulate, reported as "simulate";
-    Structure in structure;
-    Modes in modes;
-    Frf in frf;
-    Integrators in integrators;
-    Continue in continuation, reported as "continue";
-    Backbone in backbone, reported as "backbone";
-    Sweep in sweep;
-    Poincare in poincare;
-    Basins in basins;
-    Compare in compare, reported as "compare";
-    Paper in paper;
-    Replay in replay;
-    Resim in resim, reported as "resim";
-    Identify in identify, reported as "identify";
-    Inspect in inspect, reported as "inspect";
-    Cut in cut, reported as "cut";
-    Merge in cut, reported as "merge";
-    Diff in diff, reported as "diff";
-    Export in export, reported as "export";
-    Fmu in fmu, reported as "fmu";
-    Import in import, reported as "import";
-    Recover in recover, reported as "recover";
-    Protocol in protocol;
-    Conformance in conformance, reported as "conformance";
-    Doctor in doctor;
-    Latency in latency, reported as "latency";
+    "Benches: a plant and a controller on a bus" {
+        Demo in demo;
+        Quickstart in quickstart;
+        Run in run;
+        Exciter in exciter;
+        Experiment in experiment;
+        Protocol in protocol;
+        Conformance in conformance, reported as "conformance";
+        Doctor in doctor;
+        Latency in latency, reported as "latency";
+    }
+    "Recordings: read, simulated again, converted" {
+        Inspect in inspect, reported as "inspect";
+        Resim in resim, reported as "resim";
+        Replay in replay;
+        Identify in identify, reported as "identify";
+        Diff in diff, reported as "diff";
+        Cut in cut, reported as "cut";
+        Merge in cut, reported as "merge";
+        Export in export, reported as "export";
+        Import in import, reported as "import";
+        Recover in recover, reported as "recover";
+    }
+    "Structures: vibration, its bifurcations, and how a recording agrees" {
+        Structure in structure;
+        Modes in modes;
+        Frf in frf;
+        Simulate in simulate, reported as "simulate";
+        Continue in continuation, reported as "continue";
+        Backbone in backbone, reported as "backbone";
+        Sweep in sweep;
+        Poincare in poincare;
+        Basins in basins;
+        Compare in compare, reported as "compare";
+        Paper in paper;
+        Integrators in integrators;
+    }
+    "Other tools" {
+        Fmu in fmu, reported as "fmu";
+        Completions in completions;
+        Man in man;
+    }
 }
 
 /// Runs the program on the process's arguments.
 fn main() -> ExitCode {
     file_size::fail_writes_beyond_limit();
+    if std::env::args_os().len() < 2 {
+        return conclude(output::print(first_minute::BY_TRADE).map(|()| Verdict::Positive));
+    }
     let cli = match parse(std::env::args_os()) {
         Ok(cli) => cli,
         Err(error) => error.exit(),
@@ -127,7 +145,12 @@ fn main() -> ExitCode {
         output::complain(&failure);
         return failure.exit_code();
     }
-    match cli.command.execute() {
+    conclude(cli.command.execute())
+}
+
+/// The exit code, with the message of a failure.
+fn conclude(result: Result<Verdict, Failure>) -> ExitCode {
+    match result {
         Ok(Verdict::Positive) => ExitCode::SUCCESS,
         Ok(Verdict::Negative) => ExitCode::from(1),
         // The reader of the output has closed it.
@@ -150,7 +173,7 @@ fn check_arguments<'a>(arguments: impl IntoIterator<Item = &'a str>) -> Result<(
 
 /// The command line, with strict numbers, and the defaults in its help.
 fn whole() -> clap::Command {
-    defaults::stated(numbers::strict(Cli::command()))
+    first_minute::in_groups(defaults::stated(numbers::strict(Cli::command())), Command::GROUPS)
 }
 
 fn parse(arguments: impl IntoIterator<Item = impl Into<OsString> + Clone>) -> Result<Cli, clap::Error> {

@@ -13,6 +13,7 @@ mod escapes;
 mod experiment;
 mod export;
 mod figures;
+mod first_minute;
 mod identify;
 mod import;
 mod integrators;

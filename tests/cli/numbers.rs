@@ -9,8 +9,9 @@ use crate::resonarm;
 
 /// Arguments with which each command ends soon if its numbers are valid: without a bus, a folder to write to or a
 /// recording, or with little to do.
-const COMMANDS: [(&str, &str); 35] = [
+const COMMANDS: [(&str, &str); 38] = [
     ("demo", "--out /dev/null/none"),
+    ("quickstart", "/dev/null/none"),
     ("run", "--mode free --duration-s 0.05"),
     ("exciter", "--bus vcan999"),
     ("experiment fig9", "--plot /dev/null/none"),
@@ -45,6 +46,8 @@ const COMMANDS: [(&str, &str); 35] = [
     ("conformance", "--bus vcan999 --role plant"),
     ("doctor", ""),
     ("latency", "--turn-s 0.01 --turns 1 --rt off"),
+    ("completions", "bash"),
+    ("man", "/dev/null/none"),
 ];
 
 /// Value names of numeric flags in the help, and of all others.
@@ -185,7 +188,7 @@ fn wrong(folder: &Path, arguments: &[String], flag: &str, value: &str) -> Option
 fn every_numeric_flag_accepts_its_value_or_says_why_not() {
     let folder = tempfile::tempdir().unwrap();
     let help = resonarm(folder.path(), &["--help"]).stdout;
-    let listed = help.lines().skip_while(|line| *line != "Commands:").skip(1).take_while(|line| !line.is_empty());
+    let listed = help.lines().skip_while(|line| !line.starts_with("Usage:")).take_while(|line| *line != "Options:");
     // Further lines of a description are indented more.
     let listed = listed.filter(|line| line.starts_with("  ") && !line.starts_with("   "));
     let listed: Vec<&str> =

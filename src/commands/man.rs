@@ -1,0 +1,45 @@
+//! `resonarm man`: the help as manual pages.
+
+use std::path::PathBuf;
+
+use clap::{Args, Command};
+use serde::Serialize;
+
+use crate::failure::{Failure, Verdict};
+use crate::output::JsonFlag;
+
+/// Writes the help of all commands as manual pages for `man`, one file a command.
+#[derive(Debug, Args)]
+pub(crate) struct Man {
+    /// The folder for the pages, as `~/.local/share/man/man1`; it is made if it does not exist.
+    #[arg(value_name = "FOLDER")]
+    folder: PathBuf,
+    #[command(flatten)]
+    json: JsonFlag,
+}
+
+#[derive(Serialize)]
+struct Document {
+    pages: Vec<PathBuf>,
+}
+
+impl Man {
+    pub fn execute(&self) -> Result<Verdict, Failure> {
+        let failed = |source| Failure::Write { path: self.folder.clone(), source };
+        std::fs::create_dir_all(&self.folder).map_err(failed)?;
+        let command = crate::whole().disable_help_subcommand(true);
+        let mut pages = names(&command, "resonarm").into_iter().map(|name| self.folder.join(name)).collect::<Vec<_>>();
+        clap_mangen::generate_to(command, &self.folder).map_err(failed)?;
+        pages.sort();
+        let count = pages.len();
+        let text = || format!("{count} pages: `man -l {}`\n", self.folder.join("resonarm.1").display());
+        self.json.show(&Document { pages }, text, &[])
+    }
+}
+
+/// The pages of a command and its subcommands, whose names have hyphens for blanks.
+fn names(command: &Command, name: &str) -> Vec<String> {
+    let shown = command.get_subcommands().filter(|inner| !inner.is_hide_set());
+    let inner = shown.flat_map(|inner| names(inner, &format!("{name}-{}", inner.get_name())));
+    inner.chain([format!("{name}.1")]).collect()
+}
