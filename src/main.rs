@@ -87,7 +87,7 @@ macro_rules! commands {
 }
 
 commands! {
-    "Benches: a plant and a controller on a bus" {
+    "Benches, a plant and a controller on a bus" {
         Demo in demo;
         Quickstart in quickstart;
         Run in run;
@@ -98,7 +98,7 @@ commands! {
         Doctor in doctor;
         Latency in latency, reported as "latency";
     }
-    "Recordings: read, simulated again, converted" {
+    "Recordings" {
         Inspect in inspect, reported as "inspect";
         Resim in resim, reported as "resim";
         Replay in replay;
@@ -110,7 +110,7 @@ commands! {
         Import in import, reported as "import";
         Recover in recover, reported as "recover";
     }
-    "Structures: vibration, its bifurcations, and how a recording agrees" {
+    "Structures and their vibration" {
         Structure in structure;
         Modes in modes;
         Frf in frf;
