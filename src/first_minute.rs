@@ -23,7 +23,7 @@ pub(crate) fn in_groups(command: Command, groups: &[(&str, &[&str])]) -> Command
     let listed =
         groups.iter().map(|(title, names)| format!("{title}:\n{}\n", list(&command, names))).collect::<String>();
     command.help_template(format!(
-        "{{about-with-newline}}\n{{usage-heading}} {{usage}}\n\n{listed}{{options-heading}}\n{{options}}{{after-help}}"
+        "{{about-with-newline}}\n{{usage-heading}} {{usage}}\n\n{listed}Options:\n{{options}}{{after-help}}"
     ))
 }
 

@@ -10,6 +10,7 @@ mod frames;
 mod harness;
 mod library;
 mod messages;
+mod packages;
 mod tables;
 
 use harness::{Harness, build};
