@@ -93,7 +93,8 @@ pub struct Library {
 }
 
 impl Library {
-    /// The library beside the running program, or in the folder `deps` there, where Cargo leaves it.
+    /// The library beside the running program, in the folder `deps` there, where Cargo leaves it, or in the folder
+    /// `lib/resonarm` beside the program's, where packages have it.
     ///
     /// # Errors
     /// [`ExportError::NoLibrary`] if there is none, else as [`Library::read`].
@@ -101,7 +102,7 @@ impl Library {
         let read = |source| ExportError::Read { path: "/proc/self/exe".into(), source };
         let program = std::env::current_exe().map_err(read)?;
         let folder = program.parent().unwrap_or(Path::new(".")).to_path_buf();
-        let places = [folder.join(LIBRARY), folder.join("deps").join(LIBRARY)];
+        let places = ["", "deps", "../lib/resonarm"].map(|place| folder.join(place).join(LIBRARY));
         match places.iter().find(|path| path.exists()) {
             Some(path) => Library::read(path),
             None => Err(ExportError::NoLibrary { folder }),
