@@ -2,8 +2,8 @@
 //!
 //! `no_std`, no allocation, no dependencies: the same code runs in the simulator and in firmware. [`node`] contains an
 //! exciter's complete node; `firmware/` beside this crate is a firmware with it. With the feature `embedded-can`,
-//! [`Frame`] implements that crate's trait for drivers of microcontrollers; with `sources` the crate holds the text of its
-//! sources and of those in C.
+//! [`Frame`] implements that crate's trait for drivers of microcontrollers; with `sources` the crate holds the text of
+//! its sources and of those in C.
 //! `SPEC.md` beside this crate is the specification; `resonarm.dbc` and `resonarm-fd.dbc` are the source of truth for
 //! layouts.
 //!

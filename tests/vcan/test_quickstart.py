@@ -3,15 +3,19 @@
 import json
 import os
 import re
+import shutil
 import subprocess
 import sys
 from pathlib import Path
+from xml.etree import ElementTree
 
+import pytest
 from processes import RESONARM, run, wait_until
 from recordings import Recording, bits
 
 # A folder that the command has made, with the controllers in C and Rust built.
 FOLDER = Path(os.environ.get("RESONARM_QUICKSTART", "target/tests/quickstart"))
+PYTEST = [sys.executable, "-m", "pytest", "-p", "no:cacheprovider", "-q", "--resonarm-bus"]
 CONTROLLERS = {
     "python": [sys.executable, FOLDER / "python/controller.py"],
     "c": [FOLDER / "c/controller"],
@@ -37,9 +41,19 @@ def test_three_controllers_do_the_same(programs, tmp_path):
 
 
 def test_its_test_passes_on_a_bus_in_memory():
-    words = [sys.executable, "-m", "pytest", "-p", "no:cacheprovider", "-q", "--resonarm-bus", "memory", FOLDER / "python"]
+    words = [*PYTEST, "memory", FOLDER / "python"]
     done = subprocess.run(words, capture_output=True, text=True, env=os.environ | {"PYTHONDONTWRITEBYTECODE": "1"})
     assert done.returncode == 0 and "1 passed" in done.stdout, done.stdout
+
+
+@pytest.mark.parametrize("bus", ["memory", "vcan0"])
+def test_the_bench_of_a_build_server_is_green(bus, tmp_path):
+    folder = shutil.copytree("examples/ci-bench", tmp_path / "ci-bench")
+    done = subprocess.run([*PYTEST, bus], capture_output=True, text=True, cwd=folder)
+    assert done.returncode == 0 and "4 passed" in done.stdout, done.stdout
+    suite = ElementTree.parse(folder / "results/junit.xml").getroot().find("testsuite")
+    assert (suite.get("name"), suite.get("tests"), suite.get("failures")) == ("controller", "4", "0")
+    assert len(list((folder / "results/runs").rglob("*.mcap"))) >= 4
 
 
 def test_the_script_makes_the_bus():

@@ -30,7 +30,8 @@ static resonarm_answer answer(void *context, const resonarm_sample *sample)
     }
     /* It grows at the beginning and falls at the end, so that nothing jumps. */
     const double ramp = fmin(fmin(t_s, LENGTH_S - t_s), RAMP_S) / RAMP_S;
-    return (resonarm_answer){.action = RESONARM_HOLD_FORCE, .force_x_n = AMPLITUDE_N * ramp * sin(TAU * FREQUENCY_HZ * t_s)};
+    const double force_n = AMPLITUDE_N * ramp * sin(TAU * FREQUENCY_HZ * t_s);
+    return (resonarm_answer){.action = RESONARM_HOLD_FORCE, .force_x_n = force_n};
 }
 
 int main(int count, char **arguments)

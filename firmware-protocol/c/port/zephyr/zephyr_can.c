@@ -16,7 +16,8 @@ static const struct device *device;
 static atomic_t is_bus_off;
 static atomic_t is_stopped;
 
-static void state_changed(const struct device *controller, enum can_state state, struct can_bus_err_cnt errors, void *data)
+static void state_changed(const struct device *controller, enum can_state state, struct can_bus_err_cnt errors,
+                          void *data)
 {
     ARG_UNUSED(controller);
     ARG_UNUSED(errors);
