@@ -1,0 +1,41 @@
+"""The tutorials, followed to the letter: what stands in their blocks `sh` is typed, in one shell a block."""
+
+import os
+import re
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+from processes import PATIENCE_S, RESONARM
+
+FOLDER = Path("docs/tutorials").absolute()
+BLOCK = re.compile(r"^```sh\n(.*?)^```$", re.MULTILINE | re.DOTALL)
+# What the text of each says of the output of its commands.
+SAID = {
+    "controller": ["along x: 1.1", "identical", "1 passed"],
+    "recording": ["integrity    complete", "     1        22.16", "     2        48.8"],
+    "folds": ["fold             frequency_hz = 22.147", "fold             frequency_hz = 22.142", "softening", "up and down differ from 22.142500 to 22.145000 Hz"],
+}
+
+
+def test_every_tutorial_is_followed():
+    assert {path.stem for path in FOLDER.glob("*.md")} == set(SAID)
+
+
+@pytest.mark.parametrize("name", SAID)
+def test_a_tutorial_does_what_it_says(name, tmp_path):
+    programs = tmp_path / "bin"
+    programs.mkdir()
+    (programs / "resonarm").symlink_to(Path(RESONARM).absolute())
+    path = os.pathsep.join([str(programs), str(Path(sys.executable).parent), os.environ["PATH"]])
+    environment = os.environ | {"PATH": path, "PYTHONDONTWRITEBYTECODE": "1"}
+    folder, output = tmp_path, ""
+    blocks = BLOCK.findall((FOLDER / f"{name}.md").read_text())
+    assert len(blocks) >= 4
+    for block in blocks:
+        words = ["bash", "-euo", "pipefail", "-c", f"{block}\npwd > {tmp_path}/folder"]
+        done = subprocess.run(words, capture_output=True, text=True, cwd=folder, env=environment, timeout=PATIENCE_S)
+        assert done.returncode == 0, f"{block}\n{done.stdout}{done.stderr}"
+        folder, output = Path((tmp_path / "folder").read_text().strip()), output + done.stdout + done.stderr
+    assert [words for words in SAID[name] if words not in output] == [], output
