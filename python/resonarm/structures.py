@@ -11,7 +11,9 @@ from numpy.typing import ArrayLike, NDArray
 
 from . import _checks, _resonarm
 from ._dtypes import COMPLEX, Array, motion, view
+from .structure_basins import basins
 from .structure_branch import continuation, needed_amplitude
+from .structure_drawing import plot
 from .structure_words import Element, Link, ModeShape, PosedJoint
 from .words import Quantity, Scheme
 
@@ -35,6 +37,8 @@ class _Structure(_resonarm.Assembly):
     _other: ClassVar[str]
 
     continuation = continuation
+    basins = basins
+    plot = plot
 
     @classmethod
     def _of(cls, section: _Section, arm: _Section | None = None) -> "Self":

@@ -16,7 +16,7 @@ use crate::fourier::{Basis, Harmonics, uniform};
 #[derive(Clone, Debug)]
 pub(super) struct Samples {
     pub basis: Basis,
-    /// 1, cos kτ, sin kτ, … at each sample, and their derivatives by time.
+    /// 1, cos kτ, sin kτ, … at each sample, and, for elements with a state, their derivatives by time.
     functions: Vec<f64>,
     rates: Vec<f64>,
     omega_rad_s: f64,
@@ -83,7 +83,7 @@ impl Samples {
                 self.functions[j * count + 2 * k] = sines[j];
             }
         }
-        self.omega_rad_s = 0.0;
+        self.rates.clear();
     }
 
     /// N.
@@ -107,17 +107,12 @@ impl Samples {
         (&self.functions[start..start + rows], &self.rates[start..start + rows])
     }
 
-    fn set_rate(&mut self, omega_rad_s: f64) {
-        if omega_rad_s == self.omega_rad_s && self.rates.len() == self.functions.len() {
-            return;
-        }
-        self.omega_rad_s = omega_rad_s;
-        self.rates.clear();
+    fn set_rates(&mut self) {
         self.rates.resize(self.functions.len(), 0.0);
         let count = self.functions_count();
         for (rates, functions) in self.rates.chunks_exact_mut(count).zip(self.functions.chunks_exact(count)) {
             for k in 1..=count / 2 {
-                let rate = k as f64 * omega_rad_s;
+                let rate = k as f64 * self.omega_rad_s;
                 rates[2 * k - 1] = -rate * functions[2 * k];
                 rates[2 * k] = rate * functions[2 * k - 1];
             }
@@ -126,23 +121,30 @@ impl Samples {
 
     /// u, u̇ and ü of a series of `unknowns` unknowns.
     pub fn synthesise(&mut self, x: &[f64], unknowns: usize, omega_rad_s: f64) {
-        self.set_rate(omega_rad_s);
-        let (samples, rows, all) = (self.count(), x.len() / unknowns, self.functions_count());
+        if omega_rad_s != self.omega_rad_s {
+            self.omega_rad_s = omega_rad_s;
+            self.rates.clear();
+        }
+        let samples = self.count();
         for signal in &mut self.motion {
             signal.clear();
             signal.resize(samples * unknowns, 0.0);
         }
         let [position, velocity, acceleration] = &mut self.motion;
-        for j in 0..samples {
-            let (functions, rates) = (&self.functions[j * all..][..rows], &self.rates[j * all..][..rows]);
-            let at = j * unknowns;
-            for (r, row) in x.chunks_exact(unknowns).enumerate() {
-                let order = r.div_ceil(2) as f64 * omega_rad_s;
-                for (i, &c) in row.iter().enumerate() {
-                    position[at + i] += c * functions[r];
-                    velocity[at + i] += c * rates[r];
-                    acceleration[at + i] -= c * order * order * functions[r];
-                }
+        for (r, row) in x.chunks_exact(unknowns).enumerate() {
+            let k = r.div_ceil(2);
+            if k == 0 {
+                position.chunks_exact_mut(unknowns).for_each(|at| at.copy_from_slice(row));
+                continue;
+            }
+            let (cosines, sines) = self.basis.tables(k - 1);
+            let rate = k as f64 * omega_rad_s;
+            // cos kτ has the rate −kΩ sin kτ, sin kτ the rate kΩ cos kτ.
+            let (functions, turned, turn) = if r % 2 == 1 { (cosines, sines, -rate) } else { (sines, cosines, rate) };
+            for (i, &c) in row.iter().enumerate() {
+                add_along(position, unknowns, i, functions, |f| c * f);
+                add_along(velocity, unknowns, i, turned, |f| c * (turn * f));
+                add_along(acceleration, unknowns, i, functions, |f| -(c * rate * rate * f));
             }
         }
     }
@@ -161,6 +163,9 @@ impl Samples {
         self.histories.iter_mut().for_each(History::clear);
         if let Body::Chain = unknowns.body {
             self.unbalance(forced, m);
+        }
+        if !self.histories.is_empty() && self.rates.is_empty() {
+            self.set_rates();
         }
         let step_s = TAU / (self.omega_rad_s * samples as f64);
         for (e, element) in forced.assembly.elements().iter().enumerate() {
@@ -235,6 +240,15 @@ impl Samples {
                 self.by[1][cell] += w * at.direction[k] * by_velocity;
             }
         }
+    }
+}
+
+/// Adds what `of` makes of a table over the samples to one of `unknowns` signals that stand sample by sample.
+fn add_along(signals: &mut [f64], unknowns: usize, i: usize, table: &[f64], of: impl Fn(f64) -> f64) {
+    if unknowns == 1 {
+        signals.iter_mut().zip(table).for_each(|(value, f)| *value += of(*f));
+    } else {
+        signals[i..].iter_mut().step_by(unknowns).zip(table).for_each(|(value, f)| *value += of(*f));
     }
 }
 

@@ -22,6 +22,8 @@ pub enum ElementKind {
     Friction,
     /// Friction of the LuGre model.
     Lugre,
+    /// A spring, a damper, or both.
+    Linear,
     /// Coulomb friction, smoothed.
     Tanh,
 }
@@ -35,6 +37,7 @@ impl ElementKind {
             ElementKind::Contact => "contact",
             ElementKind::Friction => "friction",
             ElementKind::Lugre => "lugre",
+            ElementKind::Linear => "linear",
             ElementKind::Tanh => "tanh",
         }
     }
@@ -187,6 +190,12 @@ impl ElementSection {
                     stribeck: values.required("stribeck", VELOCITY)?,
                 }
             }
+            ElementKind::Linear => match values.optional("damping", DAMPING) {
+                Some(damping) => {
+                    Law::Linear { stiffness: values.optional("stiffness", STIFFNESS).unwrap_or(0.0), damping }
+                }
+                None => Law::Linear { stiffness: values.required("stiffness", STIFFNESS)?, damping: 0.0 },
+            },
             ElementKind::Tanh => Law::Tanh { slip: slip(values)?, velocity: values.required("velocity", VELOCITY)? },
         })
     }
