@@ -68,13 +68,13 @@ impl StructureAttractors {
     /// The motion that each initial state reaches, and the number of periods it takes; states are rows of coordinates,
     /// rates and states of elements.
     fn outcomes<'py>(&self, py: Python<'py>, initial: &[u8], time_constants: f64) -> PyResult<Bound<'py, PyByteArray>> {
-        let map = StroboscopicMap::new(&self.forced, self.frequency_hz).map_err(errors::time_domain)?;
+        let map = || StroboscopicMap::new(&self.forced, self.frequency_hz);
         let assembly = self.forced.assembly();
         let size = 2 * assembly.coordinates() + assembly.element_states();
         let states: Vec<Vec<f64>> = numbers(initial).chunks(size).map(<[f64]>::to_vec).collect();
         let (groups, stopped) = (states.chunks(TOGETHER).collect::<Vec<_>>(), AtomicBool::new(false));
         let stop = || stopped.load(Ordering::Relaxed);
-        let of = |group: &&[Vec<f64>]| outcomes(&map, &self.motions, group, time_constants, &stop);
+        let of = |group: &&[Vec<f64>]| outcomes(&map()?, &self.motions, group, time_constants, &stop);
         let work = || on_all_cores(&groups, of, || ());
         let found = watched(py, &|| stopped.store(true, Ordering::Relaxed), work)?;
         let found: Vec<Vec<BasinOutcome>> =

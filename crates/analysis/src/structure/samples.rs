@@ -168,6 +168,18 @@ impl Samples {
             self.set_rates();
         }
         let step_s = TAU / (self.omega_rad_s * samples as f64);
+        if let Body::Condensed(condensed) = &unknowns.body {
+            for (e, element) in forced.assembly.elements().iter().enumerate() {
+                self.along_one([e, condensed.of_element[e]], m, element, [step_s, frequency_hz]);
+            }
+        } else {
+            self.along_links(forced, unknowns, [step_s, frequency_hz]);
+        }
+    }
+
+    /// The part of the elements of a chain.
+    fn along_links(&mut self, forced: &Forced, unknowns: &Unknowns, [step_s, frequency_hz]: [f64; 2]) {
+        let (samples, m) = (self.count(), unknowns.count());
         for (e, element) in forced.assembly.elements().iter().enumerate() {
             let mut geometries: Vec<Geometry> = Vec::new();
             let history = self.histories.iter().position(|history| history.element == e);
@@ -181,7 +193,7 @@ impl Samples {
                     history.direction.extend_from_slice(&geometry.direction[..m]);
                     geometries.push(geometry);
                 } else {
-                    let (reaction, by_step) = between_samples(element, &geometry, step_s);
+                    let (reaction, by_step) = between_samples(element, [geometry.position, geometry.velocity], step_s);
                     self.add(j, m, &geometry, &reaction);
                     (0..m).for_each(|i| self.by_step[i * samples + j] += geometry.direction[i] * by_step);
                 }
@@ -190,10 +202,36 @@ impl Samples {
                 self.histories[history].run(element.law(), step_s, frequency_hz);
                 for (j, geometry) in geometries.iter().enumerate() {
                     let z = self.histories[history].mean[j];
-                    let reaction = element_force(element, geometry, z);
+                    let reaction = element_force(element, [geometry.position, geometry.velocity], z);
                     self.add(j, m, geometry, &reaction);
                 }
             }
+        }
+    }
+
+    /// The part of an element whose displacement is an unknown: its number and that of the unknown, of `m`.
+    fn along_one(&mut self, [e, place]: [usize; 2], m: usize, element: &Element, [step_s, frequency_hz]: [f64; 2]) {
+        let samples = self.count();
+        let history = self.histories.iter().position(|history| history.element == e);
+        if let Some(history) = history {
+            let history = &mut self.histories[history];
+            history.position.extend(self.motion[0].iter().skip(place).step_by(m));
+            history.velocity.extend(self.motion[1].iter().skip(place).step_by(m));
+            history.direction.resize(m * samples, 0.0);
+            history.direction.iter_mut().skip(place).step_by(m).for_each(|along| *along = 1.0);
+            history.run(element.law(), step_s, frequency_hz);
+        }
+        let (at, pair) = (place * samples, (place * m + place) * samples);
+        for j in 0..samples {
+            let [x, v] = [0, 1].map(|d| self.motion[d][j * m + place]);
+            let (reaction, by_step) = match history {
+                Some(history) => (element_force(element, [x, v], self.histories[history].mean[j]), 0.0),
+                None => between_samples(element, [x, v], step_s),
+            };
+            self.load[at + j] += reaction.force;
+            self.by[0][pair + j] += reaction.by_position;
+            self.by[1][pair + j] += reaction.by_velocity;
+            self.by_step[at + j] += by_step;
         }
     }
 
@@ -278,9 +316,9 @@ pub(super) fn geometry(forced: &Forced, unknowns: &Unknowns, element: usize, u: 
     Geometry { position, velocity, direction, curvature: Some((curvature, turning)) }
 }
 
-/// The force of an element at a state.
-pub(super) fn element_force(element: &Element, at: &Geometry, state: f64) -> Reaction {
-    let mut reaction = element.force(at.position, at.velocity, state);
+/// The force of an element at a displacement, a velocity and a state.
+pub(super) fn element_force(element: &Element, [position, velocity]: [f64; 2], state: f64) -> Reaction {
+    let mut reaction = element.force(position, velocity, state);
     if let Law::Friction { stiffness, .. } = *element.law() {
         // The state, which is held within its reach, has all of the force.
         reaction = Reaction { force: stiffness * state, by_state: stiffness, ..Reaction::default() };
@@ -294,12 +332,12 @@ pub(super) fn element_force(element: &Element, at: &Geometry, state: f64) -> Rea
 /// closes.
 ///
 /// The second number is h ∂f/∂h.
-fn between_samples(element: &Element, at: &Geometry, step_s: f64) -> (Reaction, f64) {
-    let plain = || (element.force(at.position, at.velocity, 0.0), 0.0);
+fn between_samples(element: &Element, [position, velocity]: [f64; 2], step_s: f64) -> (Reaction, f64) {
+    let plain = || (element.force(position, velocity, 0.0), 0.0);
     match *element.law() {
         Law::Gap { stiffness, gap } => {
             let [upper, lower] = [1.0, -1.0].map(|sign| {
-                let ramp = Ramp::new(sign * at.position - gap, sign * at.velocity, step_s);
+                let ramp = Ramp::new(sign * position - gap, sign * velocity, step_s);
                 (sign * ramp.mean, ramp.by_position, ramp.by_velocity)
             });
             let reaction = Reaction {
@@ -308,11 +346,11 @@ fn between_samples(element: &Element, at: &Geometry, step_s: f64) -> (Reaction, 
                 by_velocity: stiffness * (upper.2 + lower.2),
                 by_state: 0.0,
             };
-            (reaction, reaction.by_velocity * at.velocity)
+            (reaction, reaction.by_velocity * velocity)
         }
         Law::KelvinVoigt { stiffness, damping, gap, side } => {
             let sign = side.sign();
-            let (depth, rate) = (sign * at.position - gap, sign * at.velocity);
+            let (depth, rate) = (sign * position - gap, sign * velocity);
             if depth.abs() >= 0.5 * rate.abs() * step_s || (damping > 0.0 && rate < 0.0) {
                 return plain();
             }

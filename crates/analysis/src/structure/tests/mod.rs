@@ -15,7 +15,7 @@ use super::*;
 use crate::continuation::System;
 use crate::tests::arm_at;
 use crate::{BifurcationKind, BranchOptions, Drive, ForcedArm, FrequencyResponse, Quantity, Response, trace};
-use nalgebra::Normed as _;
+use nalgebra::{Complex, Normed as _};
 use resonarm_dynamics::arm::{Load, Preset};
 
 /// The cases of a kind; see `tests/oracles/README.md`.

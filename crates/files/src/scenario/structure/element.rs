@@ -102,8 +102,16 @@ impl Values<'_> {
 
     fn required(&mut self, name: &str, unit: Unit) -> Result<f64, StructureSectionError> {
         let key = self.key(name, unit);
-        let missing = || StructureSectionError::ElementKeyMissing { element: self.number, key: key.clone() };
-        self.given.get(&key).copied().ok_or_else(missing)
+        if let Some(value) = self.given.get(&key) {
+            return Ok(*value);
+        }
+        let (element, is_joint) = (self.number, self.is_joint);
+        let got = format!("{name}_{}", if is_joint { unit.0 } else { unit.1 });
+        Err(if self.given.contains_key(&got) {
+            StructureSectionError::ElementUnit { element, got, key, is_joint }
+        } else {
+            StructureSectionError::ElementKeyMissing { element, key }
+        })
     }
 
     /// Refuses keys that nothing has asked for.
