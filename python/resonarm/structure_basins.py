@@ -100,6 +100,7 @@ def basins(
     states = np.zeros((grid.points[0] * grid.points[1], size), NUMBER)
     states[:, : len(known)] = grid.states()
     rows = view(attractors.outcomes(states.tobytes(), time_constants), OUTCOME)
-    motion, periods = (np.ascontiguousarray(rows[name]).reshape(grid.points[1], grid.points[0]) for name in rows.dtype.names)
+    shape = (grid.points[1], grid.points[0])
+    motion, periods = (np.ascontiguousarray(rows[name]).reshape(shape) for name in ("motion", "periods"))
     axes = (grid.axis(0), grid.axis(1))
     return StructureBasins(names, *axes, motion, periods, attractors.ended_early, motions, known)

@@ -27,7 +27,7 @@ def friction(t, state, omega):
     return [v, w, of_x, of_y / 0.02, w if sticks else 0.0]
 
 
-# The system, its state at rest, the first frequency, Hz, the steps from there, and periods that a motion takes to settle.
+# The system, the size of its state, the first frequency, Hz, the steps from it, and the periods to settle.
 CASES = {"contact": (contact, 2, 1.1, 30, 60), "friction": (friction, 5, 4.0, 1, 200)}
 
 

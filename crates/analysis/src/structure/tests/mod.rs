@@ -190,7 +190,7 @@ fn dampers_between_points_need_not_be_modal() {
         let expected = of_b / (of_a * of_b - coupled * coupled);
         let got = response.at(Quantity::Receptance, drive, drive, orbit.value).unwrap();
         assert!((got - expected).norm() < 1e-12 * expected.norm(), "{w}: {got} {expected}");
-        assert!((orbit.readings[0].harmonic1 - expected * 3.0).norm() < 1e-9 * expected.norm(), "{orbit:?}");
+        assert!((orbit.readings[0].harmonic1 - expected * 3.0).norm() < 1e-7 * expected.norm(), "{orbit:?}");
     }
     assert!(branch.orbits.iter().all(|orbit| orbit.is_stable() == Some(true)));
 }
