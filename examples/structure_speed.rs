@@ -41,7 +41,9 @@ fn show(assess: Assess, branch: &Branch, seconds: f64) {
 
 fn main() -> Result<(), Box<dyn std::error::Error>> {
     let arguments: Vec<String> = std::env::args().skip(1).collect();
-    let [file, drive, numbers @ ..] = &arguments[..] else { return Err("give FILE DRIVE AMPLITUDE FROM_HZ TO_HZ".into()) };
+    let [file, drive, numbers @ ..] = &arguments[..] else {
+        return Err("give FILE DRIVE AMPLITUDE FROM_HZ TO_HZ".into());
+    };
     let [amplitude, from_hz, to_hz] = numbers.iter().map(|text| text.parse()).collect::<Result<Vec<f64>, _>>()?[..]
     else {
         return Err("give AMPLITUDE, FROM_HZ and TO_HZ after the drive".into());
