@@ -16,6 +16,7 @@ from .protocol import Decoded, Decoder, Encoder, Frame, Network
 from .recording import Recording, RecordingWarning
 from .scenario import Scenario
 from .session import Node, Report, run
+from .structure_basins import StructureBasins, StructureMotion
 from .structure_branch import StructureBranch, StructureBranchEndedEarly
 from .structure_words import Element, Link, ModeShape
 from .structures import AccuracyWarning, Chain, Modal
@@ -48,8 +49,10 @@ __all__ = [
     "Scenario",
     "StableMotion",
     "Structure",
+    "StructureBasins",
     "StructureBranch",
     "StructureBranchEndedEarly",
+    "StructureMotion",
     "__version__",
     "presets",
     "run",

@@ -25,8 +25,8 @@ AT_REST: State = (0.0, 0.0, 0.0, 0.0)
 
 
 @dataclass(frozen=True, repr=False, eq=False)
-class Basins:
-    """Which initial states reach which stable motion."""
+class Cells:
+    """Which motion the states of a grid reach."""
 
     coordinates: tuple[str, str]
     """The coordinates that vary, of the columns and of the rows."""
@@ -34,8 +34,6 @@ class Basins:
     """The values of the first, one a column."""
     y: NDArray[np.float64]
     """The values of the second, one a row."""
-    motions: tuple[_resonarm.StableMotion, ...]
-    """The stable motions, by their largest |α1|."""
     motion: NDArray[np.int64]
     """Which motion each state reaches, from 1; 0 where this is undecided, −1 where it grows beyond all bounds."""
     periods: NDArray[np.uint64]
@@ -43,30 +41,45 @@ class Basins:
     ended_early: str | None
     """Why some stable motions may not be known; None if all are."""
 
-    def __repr__(self) -> str:
-        counts = [f"{np.count_nonzero(self.motion == k + 1)} reach motion {k + 1}" for k in range(len(self.motions))]
+    def _counted(self, motions: int) -> str:
+        counts = [f"{np.count_nonzero(self.motion == k + 1)} reach motion {k + 1}" for k in range(motions)]
         for outcome, name in ((UNDECIDED, "undecided"), (DIVERGES, "diverge")):
             if count := np.count_nonzero(self.motion == outcome):
                 counts.append(f"{count} {name}")
-        of = f"<Basins in {self.coordinates[0]} and {self.coordinates[1]}"
+        of = f"<{type(self).__name__} in {self.coordinates[0]} and {self.coordinates[1]}"
         return f"{of}: of {self.motion.size} states {', '.join(counts)}>"
 
-    def plot(self, ax: Any = None) -> Any:
-        """Draws the grid, a colour a motion, grey where undecided, and the motions at phase 0 as diamonds. `ax` are
-        matplotlib's axes, by default the current ones; they are returned."""
+    def _drawn(self, ax: Any, sections: Sequence[NDArray[np.float64]], labels: Sequence[str]) -> Any:
+        """Draws the grid, and the two coordinates of each motion at phase 0."""
         ax = _extras.axes(ax)
         for k in sorted({int(k) for k in np.unique(self.motion)}):
             rows, columns = np.nonzero(self.motion == k)
             color = {UNDECIDED: "0.7", DIVERGES: "black"}.get(k, f"C{k - 1}")
             name = {UNDECIDED: "undecided", DIVERGES: "beyond all bounds"}.get(k, f"reaches motion {k}")
             ax.plot(self.x[columns], self.y[rows], "s", color=color, markersize=3, label=name)
-        index = [COORDINATES.index(name) for name in self.coordinates]
-        for motion in self.motions:
-            section = np.array(motion.section)
-            ax.plot(section[:, index[0]], section[:, index[1]], "D", color="black", markerfacecolor="white")
-        ax.set_xlabel(LABELS[index[0]])
-        ax.set_ylabel(LABELS[index[1]])
+        for section in sections:
+            ax.plot(section[:, 0], section[:, 1], "D", color="black", markerfacecolor="white")
+        ax.set_xlabel(labels[0])
+        ax.set_ylabel(labels[1])
         return ax
+
+
+@dataclass(frozen=True, repr=False, eq=False)
+class Basins(Cells):
+    """Which initial states reach which stable motion."""
+
+    motions: tuple[_resonarm.StableMotion, ...]
+    """The stable motions, by their largest |α1|."""
+
+    def __repr__(self) -> str:
+        return self._counted(len(self.motions))
+
+    def plot(self, ax: Any = None) -> Any:
+        """Draws the grid, a colour a motion, grey where undecided, and the motions at phase 0 as diamonds. `ax` are
+        matplotlib's axes, by default the current ones; they are returned."""
+        index = [COORDINATES.index(name) for name in self.coordinates]
+        sections = [np.array(motion.section)[:, index] for motion in self.motions]
+        return self._drawn(ax, sections, [LABELS[k] for k in index])
 
 
 @dataclass(frozen=True)
@@ -77,12 +90,13 @@ class Grid:
     start: tuple[float, float]
     stop: tuple[float, float]
     points: tuple[int, int]
-    initial: State
+    initial: Sequence[float]
+    known: tuple[str, ...] = COORDINATES
 
     def __post_init__(self) -> None:
         for name in self.coordinates:
-            if name not in COORDINATES:
-                known = ", ".join(COORDINATES)
+            if name not in self.known:
+                known = ", ".join(self.known)
                 raise ValueError(f"there is no coordinate `{name}`: the coordinates are {known}")
         if self.coordinates[0] == self.coordinates[1]:
             raise ValueError(f"coordinates has {self.coordinates[0]} twice: give two")
@@ -104,7 +118,7 @@ class Grid:
         states = np.tile(np.array(self.initial, NUMBER), (self.points[0] * self.points[1], 1))
         y, x = np.meshgrid(self.axis(1), self.axis(0), indexing="ij")
         for name, values in zip(self.coordinates, (x, y), strict=True):
-            states[:, COORDINATES.index(name)] = values.ravel()
+            states[:, self.known.index(name)] = values.ravel()
         return states
 
 
@@ -162,7 +176,7 @@ def basins(
     grid = Grid(names, first, last, pair("points", points), _checks.four("initial", initial))
     rows = found(attractors, grid.states(), time_constants, True).reshape(grid.points[1], grid.points[0])
     motion, periods = np.ascontiguousarray(rows["motion"]), np.ascontiguousarray(rows["periods"])
-    return Basins(names, grid.axis(0), grid.axis(1), motions, motion, periods, attractors.ended_early)
+    return Basins(names, grid.axis(0), grid.axis(1), motion, periods, attractors.ended_early, motions)
 
 
 def _reach(

@@ -2,7 +2,7 @@
 
 from typing import Literal, TypedDict
 
-ElementKind = Literal["cubic", "gap", "contact", "friction", "lugre", "tanh"]
+ElementKind = Literal["cubic", "gap", "contact", "friction", "lugre", "linear", "tanh"]
 """What an element is."""
 Side = Literal["positive", "negative"]
 """Which way along its axis a contact is."""

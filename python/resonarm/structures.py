@@ -11,7 +11,9 @@ from numpy.typing import ArrayLike, NDArray
 
 from . import _checks, _resonarm
 from ._dtypes import COMPLEX, Array, motion, view
+from .structure_basins import basins
 from .structure_branch import continuation, needed_amplitude
+from .structure_drawing import plot
 from .structure_words import Element, Link, ModeShape, PosedJoint
 from .words import Quantity, Scheme
 
@@ -19,7 +21,7 @@ if TYPE_CHECKING:
     from typing_extensions import Self
 
 ACCELEROMETERS = ("joint2.x", "joint2.y", "tip.x", "tip.y")
-"""Where the accelerometers are on the arm, in the order of an identified shape."""
+"""Where the accelerometers are on the arm, in the order of an identified shape: B, then C."""
 _Path = str | PathLike[str]
 _Section = dict[str, Any]
 
@@ -35,6 +37,8 @@ class _Structure(_resonarm.Assembly):
     _other: ClassVar[str]
 
     continuation = continuation
+    basins = basins
+    plot = plot
 
     @classmethod
     def _of(cls, section: _Section, arm: _Section | None = None) -> "Self":
@@ -335,15 +339,16 @@ class Modal(_Structure):
         cls, document: Mapping[str, Any], *, elements: Sequence[Element] = (), name: str | None = None
     ) -> "Self":
         """The modes that `resonarm identify --json` found in a recording, as its document has them. Points are those of
-        the accelerometers on the arm: `joint2`, its elbow B, and `tip`, C.
+        the accelerometers: on the arm `joint2`, its elbow B, and `tip`, C; on a structure what its scenario says.
 
-        Warns with AccuracyWarning of modes of which the arm did not vibrate linearly. Raises ValueError if the document
+        Warns with AccuracyWarning of modes in which the motion was not linear. Raises ValueError if the document
         has no modes, or one without its modal mass: a ring-down has no force to find it by.
         """
         found = document.get("modes")
         if not found:
             raise ValueError("the document has no modes: give that of resonarm identify --json, which found some")
         modes: list[ModeShape] = []
+        at = document.get("at") or ACCELEROMETERS
         for number, mode in enumerate(found, 1):
             shape, hz = mode.get("shape_per_sqrt_kg"), mode["frequency_hz"]
             if shape is None:
@@ -353,12 +358,13 @@ class Modal(_Structure):
                 )
             if not mode["is_linear"]:
                 warnings.warn(
-                    f"mode {number}, at {hz:g} Hz, leaves {mode['residual']:.1f} times the instruments' noise: the arm "
+                    f"mode {number}, at {hz:g} Hz, leaves {mode['residual']:.1f} times the instruments' noise: it "
                     "did not vibrate linearly; identify a record under less force",
                     AccuracyWarning,
                     stacklevel=2,
                 )
-            of = dict(zip(ACCELEROMETERS, shape, strict=True))
+            # What both accelerometers read is of C.
+            of = {name: amount for name, amount in zip(at, shape, strict=True) if name is not None}
             modes.append({"frequency_hz": hz, "damping_ratio": mode["damping_ratio"], "shape": of})
         return cls(modes, elements=elements, name=name)
 

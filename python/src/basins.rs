@@ -121,6 +121,17 @@ impl StableMotion {
     }
 }
 
+/// A row with the number of the motion that is reached, and that of the periods.
+pub fn push_outcome(rows: &mut Rows, outcome: BasinOutcome) {
+    let (motion, periods) = match outcome {
+        BasinOutcome::Reaches { motion, periods } => (motion as i64 + 1, periods),
+        BasinOutcome::Undecided => (UNDECIDED, 0),
+        BasinOutcome::Diverges => (DIVERGES, 0),
+    };
+    rows.word(motion.cast_unsigned());
+    rows.word(periods);
+}
+
 /// The stable motions of an arm under a sine, which initial states may reach.
 #[pyclass(frozen, module = "resonarm._resonarm")]
 #[derive(Debug)]
@@ -177,15 +188,7 @@ impl Attractors {
         let found: Vec<Vec<BasinOutcome>> =
             found.into_iter().collect::<Result<_, TimeDomainError>>().map_err(errors::time_domain)?;
         let mut rows = Rows::default();
-        for outcome in found.into_iter().flatten() {
-            let (motion, periods) = match outcome {
-                BasinOutcome::Reaches { motion, periods } => (motion as i64 + 1, periods),
-                BasinOutcome::Undecided => (UNDECIDED, 0),
-                BasinOutcome::Diverges => (DIVERGES, 0),
-            };
-            rows.word(motion.cast_unsigned());
-            rows.word(periods);
-        }
+        found.into_iter().flatten().for_each(|outcome| push_outcome(&mut rows, outcome));
         rows.into_bytes(py)
     }
 }

@@ -19,6 +19,7 @@ mod rows;
 mod scenario;
 mod session;
 mod structure;
+mod structure_basins;
 mod structure_branch;
 mod values;
 mod watch;
@@ -45,6 +46,7 @@ fn _resonarm(module: &Bound<'_, PyModule>) -> PyResult<()> {
     module.add_class::<structure::Assembly>()?;
     module.add_function(wrap_pyfunction!(structure::modes_of_matrices, module)?)?;
     module.add_function(wrap_pyfunction!(structure::modes_of_structure, module)?)?;
+    module.add_class::<structure_basins::StructureAttractors>()?;
     module.add_class::<structure_branch::TracedStructure>()?;
     module.add_function(wrap_pyfunction!(structure_branch::trace_structure, module)?)?;
     module.add_class::<scenario::Scenario>()?;

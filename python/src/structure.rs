@@ -8,6 +8,7 @@ use pyo3::prelude::*;
 use pyo3::types::{PyByteArray, PyDict};
 use resonarm::analysis::Quantity;
 use resonarm::analysis::structure::LinearResponse;
+use resonarm::drawing::Drawing;
 use resonarm::integrate::Scheme;
 use resonarm::scenario::structure::{Matrices, StructureKind, StructureSection, StructureSectionError};
 use resonarm::scenario::{ArmSection, Scenario};
@@ -35,6 +36,9 @@ pub struct Assembly {
 
 /// A vector of numbers in rows: its name, and the names of its components.
 pub type Vector = (&'static str, Vec<&'static str>);
+
+/// The names of points, lines from point to point, and places of the points, at rest and moved, m.
+type Drawn = (Vec<String>, Vec<Vec<usize>>, Vec<[f64; 3]>, Vec<[f64; 3]>);
 
 /// The vectors of channels that stand in order.
 pub fn vectors(channels: &[Channel]) -> Vec<Vector> {
@@ -168,6 +172,15 @@ impl Assembly {
             .iter()
             .map(|mode| Mode::new(mode.frequency_hz, mode.damping_ratio, mode.shape.clone()))
             .collect()
+    }
+
+    /// What is drawn of it: the lines between points, by the points' places, and where the points are at rest and at
+    /// these coordinates, the vibration as large as pictures have it, m. None of modes without places.
+    fn drawn(&self, coordinates: Vec<f64>) -> Option<Drawn> {
+        let drawing = Drawing::of_assembly(&self.section, &self.inner)?;
+        let magnification = 1.0 / drawing.vibration(&coordinates);
+        let moved = drawing.positions_m(&coordinates, if magnification.is_finite() { magnification } else { 0.0 });
+        Some((drawing.points, drawing.lines, drawing.rest_m, moved))
     }
 
     /// Complex responses of the linear part at these frequencies, Hz, given as the bytes of an array.

@@ -1,10 +1,11 @@
-"""The examples: the suite, which `tests/vcan/test_python.py` runs on vcan with the controller in C; the notebook."""
+"""The examples: the suite, which `tests/vcan/test_python.py` runs on vcan with the controller in C; the notebooks."""
 
 import subprocess
 import sys
 from pathlib import Path
 
 import nbformat
+import pytest
 from nbclient import NotebookClient
 
 ROOT = Path(__file__).resolve().parents[2]
@@ -17,9 +18,10 @@ def test_the_example_suite_passes_in_memory():
     assert "6 passed, 3 skipped" in said.stdout
 
 
-def test_the_notebook_runs_and_its_benches_agree_with_their_branches():
-    notebook = nbformat.read(ROOT / "python/examples/paper.ipynb", as_version=4)
+@pytest.mark.parametrize(("name", "pictures"), [("paper", 3), ("structures", 4)])
+def test_the_notebooks_run_and_their_benches_agree_with_their_branches(name, pictures):
+    notebook = nbformat.read(ROOT / f"python/examples/{name}.ipynb", as_version=4)
     where = {"metadata": {"path": ROOT / "python/examples"}}
     NotebookClient(notebook, timeout=300, kernel_name="python3", resources=where).execute()
     outputs = [output for cell in notebook.cells for output in cell.get("outputs", [])]
-    assert sum("image/png" in output.get("data", {}) for output in outputs) == 3
+    assert sum("image/png" in output.get("data", {}) for output in outputs) == pictures

@@ -184,6 +184,23 @@ def test_identified_modes_are_those_of_the_arm(command, tmp_path):
         resonarm.Modal.from_identified({"modes": []})
 
 
+def test_identified_modes_of_a_structure_are_at_its_points(command, tmp_path):
+    random = {"waveform": "random", "from_hz": 20.0, "to_hz": 300.0, "duration_s": 4.0, "seed": 3}
+    scenario = resonarm.Scenario.load(
+        EXAMPLES / "bracket.toml",
+        rig={"accelerometer_b": {"at": "mid"}},
+        excitation={"amplitude": {"force_y_n": 2.0}, "ramp_s": 0.0, "profile": random},
+    )
+    resonarm.run(scenario, record=tmp_path / "random.mcap")
+    document = command("identify", tmp_path / "random.mcap")
+    assert [coordinate["unit"] for coordinate in document["coordinates"]] == ["m·√kg"] * 3
+    found, own = resonarm.Modal.from_identified(document), resonarm.Modal.from_scenario(scenario)
+    assert found.point_names == own.point_names == ["mid", "tip"]
+    for mode, expected in zip(found.mode_shapes, own.mode_shapes, strict=False):
+        assert mode["frequency_hz"] == pytest.approx(expected["frequency_hz"], rel=1e-3)
+        assert abs(mode["shape"]["tip.y"]) == pytest.approx(abs(expected["shape"]["tip.y"]), rel=0.02)
+
+
 def test_structures_are_values():
     drawn = {"points": {"mid": [0.1, 0.0, 0.0], "tip": [0.3, 0.0, 0.0]}, "lines": [("mid", "tip")]}
     modal = resonarm.Modal(MODES, elements=[STOP], name="bracket", **drawn)

@@ -104,6 +104,13 @@ const UNIT: &str = "m/s² per N";
 struct Document {
     /// The recorded structure, to compare the modes with.
     configuration: Value,
+    /// Of a structure.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    coordinates: Option<Value>,
+    /// Of a structure: what the shapes' components are of, the degrees of freedom at B along x and y and at C; none
+    /// where an accelerometer reads nothing.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    at: Option<[Option<String>; 4]>,
     recording: String,
     samples: usize,
     duration_s: f64,
@@ -187,15 +194,22 @@ impl Identify {
             Err(IdentifyError::NoResonance { .. }) => Identification { modes: Vec::new(), rejected: Vec::new() },
             Err(error) => return Err(error.into()),
         };
-        let known_hz: Vec<f64> = match scenario.tested_structure()? {
+        let tested = scenario.tested_structure()?;
+        let known_hz: Vec<f64> = match &tested {
             Some(tested) => tested.assembly.modes().iter().map(|mode| mode.frequency_hz).collect(),
             None => analysis::modes(&scenario.build_arm()?).map(|mode| mode.frequency_hz).to_vec(),
         };
         let numbers = mode_numbers(&found.modes, &known_hz);
         let missing = missing_modes(&found, &numbers, &known_hz, band);
         let numbered = numbers.into_iter().zip(found.modes);
+        let configuration = configuration::of_arm(scenario)?;
         Ok(Document {
-            configuration: configuration::of_arm(scenario)?,
+            coordinates: configuration.get("coordinates").cloned(),
+            configuration,
+            at: tested.map(|tested| {
+                let [[bx, by], [cx, cy]] = [tested.places.accelerometer_b.along, tested.places.accelerometer_c.along];
+                [bx, by, cx, cy].map(|dof| dof.map(|dof| tested.dof_name(dof)))
+            }),
             recording: self.file.display().to_string(),
             samples: record.samples(),
             duration_s: record.samples() as f64 / record.rate_hz(),

@@ -31,6 +31,7 @@ struct Compared {
 #[derive(Serialize)]
 struct Document<'a> {
     configuration: Value,
+    coordinates: Value,
     /// The degree of freedom whose fundamental is compared.
     at: &'a str,
     points: Vec<Compared>,
@@ -64,6 +65,7 @@ pub(crate) fn show(
     let points = walk::points(tested, responses).into_iter().zip(places).zip(responses);
     let document = Document {
         configuration: configuration::of(scenario, &amplitude.load())?,
+        coordinates: configuration::coordinates(&tested.assembly),
         at: computed.name(),
         points: points
             .filter_map(|((point, place), response)| Some(Compared::new(point, &place?, computed.phase_rad(response))))

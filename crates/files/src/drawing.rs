@@ -90,7 +90,8 @@ impl Drawing {
         Drawing::of_links(Subject::Arm, names, &[[0.0; 2], points.b_m.into(), points.c_m.into()])
     }
 
-    fn of_assembly(section: &StructureSection, assembly: &Assembly) -> Option<Drawing> {
+    /// Of the structure that a section makes; `None` of modes without places.
+    pub fn of_assembly(section: &StructureSection, assembly: &Assembly) -> Option<Drawing> {
         let subject = if section.kind == StructureKind::Arm { Subject::Arm } else { Subject::Structure };
         match assembly.rest_m() {
             Some(rest_m) => Some(Drawing::of_links(subject, assembly.points(), &rest_m)),

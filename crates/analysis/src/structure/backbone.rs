@@ -306,7 +306,7 @@ fn begin(forced: &Forced, options: &BackboneOptions) -> Result<(Quadrature, Star
 fn check_small_motions(assembly: &Assembly) -> Result<(), AnalysisError> {
     use resonarm_dynamics::structure::Law;
     let bends = |law: &Law| match *law {
-        Law::Cubic { .. } | Law::Tanh { .. } => false,
+        Law::Cubic { .. } | Law::Linear { .. } | Law::Tanh { .. } => false,
         Law::Gap { gap, .. } | Law::KelvinVoigt { gap, .. } | Law::HuntCrossley { gap, .. } => gap == 0.0,
         Law::Friction { .. } | Law::Lugre { .. } => true,
     };

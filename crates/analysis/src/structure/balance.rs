@@ -78,6 +78,7 @@ fn samples_for(forced: &Forced, harmonics: usize) -> usize {
     let of_law = |law: &Law| match law {
         Law::Cubic { stiffness5, .. } if *stiffness5 == 0.0 => 4 * harmonics + 4,
         Law::Cubic { .. } => 6 * harmonics + 6,
+        Law::Linear { .. } => 4 * harmonics + 4,
         Law::Tanh { .. } => (12 * harmonics).max(ROUGH_SAMPLES / 4),
         _ => ROUGH_SAMPLES,
     };
@@ -218,28 +219,35 @@ impl Balance {
             let element = &self.forced.assembly.elements()[history.element];
             let moves = |i: &usize| (0..count).any(|j| history.direction[j * m + i] != 0.0);
             let active: Vec<usize> = (0..m).filter(moves).collect();
+            if active.is_empty() {
+                continue;
+            }
             let basis = |j: usize| samples.functions(j, rows);
+            // Row by row of the element's own unknowns, all columns beside each other: the innermost loop runs along them.
+            let columns = rows * active.len() + 1;
+            let mut block = vec![0.0; rows * active.len() * columns];
             let add = |j: usize, by: &[f64]| {
                 let by_state = match *element.law() {
                     Law::Friction { stiffness, .. } => stiffness,
                     _ => element.force(history.position[j], history.velocity[j], history.state[j]).by_state,
                 };
                 let functions = samples.functions(j, rows).0;
-                for &i in &active {
-                    let factor = by_state * history.direction[j * m + i] / count as f64;
-                    for (r, function) in functions.iter().enumerate() {
-                        let weight = factor * function * if r == 0 { 1.0 } else { 2.0 };
-                        let row = r * m + i;
-                        by_frequency[row] += weight * by[by.len() - 1];
-                        for (c, value) in by[..by.len() - 1].iter().enumerate() {
-                            let column = c / active.len() * m + active[c % active.len()];
-                            operator[column * size + row] += weight * value;
-                        }
+                for (r, of_harmonic) in block.chunks_exact_mut(active.len() * columns).enumerate() {
+                    let scale = by_state * functions[r] * if r == 0 { 1.0 } else { 2.0 } / count as f64;
+                    for (row, &i) in of_harmonic.chunks_exact_mut(columns).zip(&active) {
+                        let weight = scale * history.direction[j * m + i];
+                        row.iter_mut().zip(by).for_each(|(sum, value)| *sum += weight * value);
                     }
                 }
             };
-            if !active.is_empty() {
-                history.derivative(m, &active, basis, self.frequency_hz, add);
+            history.derivative(m, &active, basis, self.frequency_hz, add);
+            let place = |c: usize| c / active.len() * m + active[c % active.len()];
+            for (r, sums) in block.chunks_exact(columns).enumerate() {
+                let row = place(r);
+                by_frequency[row] += sums[columns - 1];
+                for (c, sum) in sums[..columns - 1].iter().enumerate() {
+                    operator[place(c) * size + row] += sum;
+                }
             }
         }
     }

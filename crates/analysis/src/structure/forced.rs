@@ -20,7 +20,7 @@ impl Forced {
         Forced { assembly, drive, amplitude }
     }
 
-    /// The same without damping: dampers of joints, damping ratios, losses of contacts.
+    /// The same without damping: dampers of joints, damping ratios, losses of contacts, dampers between points.
     ///
     /// # Errors
     /// [`AnalysisError::Dissipates`] for an element that has no such part to leave out.
@@ -32,11 +32,15 @@ impl Forced {
         }
         for (index, element) in spec.elements.iter_mut().enumerate() {
             match &mut element.law {
-                Law::KelvinVoigt { damping, .. } | Law::HuntCrossley { damping, .. } => *damping = 0.0,
+                Law::KelvinVoigt { damping, .. } | Law::HuntCrossley { damping, .. } | Law::Linear { damping, .. } => {
+                    *damping = 0.0;
+                }
                 Law::Cubic { .. } | Law::Gap { .. } => {}
                 law => return Err(AnalysisError::Dissipates { element: index + 1, law: law.name() }),
             }
         }
+        let acts = |law: &Law| !matches!(law, Law::Linear { stiffness: 0.0, .. });
+        spec.elements.retain(|element| acts(&element.law));
         Ok(Forced { assembly: Assembly::new(&spec)?, ..self.clone() })
     }
 

@@ -16,7 +16,7 @@ use crate::fourier::{Basis, Harmonics, uniform};
 #[derive(Clone, Debug)]
 pub(super) struct Samples {
     pub basis: Basis,
-    /// 1, cos kτ, sin kτ, … at each sample, and their derivatives by time.
+    /// 1, cos kτ, sin kτ, … at each sample, and, for elements with a state, their derivatives by time.
     functions: Vec<f64>,
     rates: Vec<f64>,
     omega_rad_s: f64,
@@ -83,7 +83,7 @@ impl Samples {
                 self.functions[j * count + 2 * k] = sines[j];
             }
         }
-        self.omega_rad_s = 0.0;
+        self.rates.clear();
     }
 
     /// N.
@@ -107,17 +107,12 @@ impl Samples {
         (&self.functions[start..start + rows], &self.rates[start..start + rows])
     }
 
-    fn set_rate(&mut self, omega_rad_s: f64) {
-        if omega_rad_s == self.omega_rad_s && self.rates.len() == self.functions.len() {
-            return;
-        }
-        self.omega_rad_s = omega_rad_s;
-        self.rates.clear();
+    fn set_rates(&mut self) {
         self.rates.resize(self.functions.len(), 0.0);
         let count = self.functions_count();
         for (rates, functions) in self.rates.chunks_exact_mut(count).zip(self.functions.chunks_exact(count)) {
             for k in 1..=count / 2 {
-                let rate = k as f64 * omega_rad_s;
+                let rate = k as f64 * self.omega_rad_s;
                 rates[2 * k - 1] = -rate * functions[2 * k];
                 rates[2 * k] = rate * functions[2 * k - 1];
             }
@@ -126,23 +121,30 @@ impl Samples {
 
     /// u, u̇ and ü of a series of `unknowns` unknowns.
     pub fn synthesise(&mut self, x: &[f64], unknowns: usize, omega_rad_s: f64) {
-        self.set_rate(omega_rad_s);
-        let (samples, rows, all) = (self.count(), x.len() / unknowns, self.functions_count());
+        if omega_rad_s != self.omega_rad_s {
+            self.omega_rad_s = omega_rad_s;
+            self.rates.clear();
+        }
+        let samples = self.count();
         for signal in &mut self.motion {
             signal.clear();
             signal.resize(samples * unknowns, 0.0);
         }
         let [position, velocity, acceleration] = &mut self.motion;
-        for j in 0..samples {
-            let (functions, rates) = (&self.functions[j * all..][..rows], &self.rates[j * all..][..rows]);
-            let at = j * unknowns;
-            for (r, row) in x.chunks_exact(unknowns).enumerate() {
-                let order = r.div_ceil(2) as f64 * omega_rad_s;
-                for (i, &c) in row.iter().enumerate() {
-                    position[at + i] += c * functions[r];
-                    velocity[at + i] += c * rates[r];
-                    acceleration[at + i] -= c * order * order * functions[r];
-                }
+        for (r, row) in x.chunks_exact(unknowns).enumerate() {
+            let k = r.div_ceil(2);
+            if k == 0 {
+                position.chunks_exact_mut(unknowns).for_each(|at| at.copy_from_slice(row));
+                continue;
+            }
+            let (cosines, sines) = self.basis.tables(k - 1);
+            let rate = k as f64 * omega_rad_s;
+            // cos kτ has the rate −kΩ sin kτ, sin kτ the rate kΩ cos kτ.
+            let (functions, turned, turn) = if r % 2 == 1 { (cosines, sines, -rate) } else { (sines, cosines, rate) };
+            for (i, &c) in row.iter().enumerate() {
+                add_along(position, unknowns, i, functions, |f| c * f);
+                add_along(velocity, unknowns, i, turned, |f| c * (turn * f));
+                add_along(acceleration, unknowns, i, functions, |f| -(c * rate * rate * f));
             }
         }
     }
@@ -162,7 +164,22 @@ impl Samples {
         if let Body::Chain = unknowns.body {
             self.unbalance(forced, m);
         }
+        if !self.histories.is_empty() && self.rates.is_empty() {
+            self.set_rates();
+        }
         let step_s = TAU / (self.omega_rad_s * samples as f64);
+        if let Body::Condensed(condensed) = &unknowns.body {
+            for (e, element) in forced.assembly.elements().iter().enumerate() {
+                self.along_one([e, condensed.of_element[e]], m, element, [step_s, frequency_hz]);
+            }
+        } else {
+            self.along_links(forced, unknowns, [step_s, frequency_hz]);
+        }
+    }
+
+    /// The part of the elements of a chain.
+    fn along_links(&mut self, forced: &Forced, unknowns: &Unknowns, [step_s, frequency_hz]: [f64; 2]) {
+        let (samples, m) = (self.count(), unknowns.count());
         for (e, element) in forced.assembly.elements().iter().enumerate() {
             let mut geometries: Vec<Geometry> = Vec::new();
             let history = self.histories.iter().position(|history| history.element == e);
@@ -176,7 +193,7 @@ impl Samples {
                     history.direction.extend_from_slice(&geometry.direction[..m]);
                     geometries.push(geometry);
                 } else {
-                    let (reaction, by_step) = between_samples(element, &geometry, step_s);
+                    let (reaction, by_step) = between_samples(element, [geometry.position, geometry.velocity], step_s);
                     self.add(j, m, &geometry, &reaction);
                     (0..m).for_each(|i| self.by_step[i * samples + j] += geometry.direction[i] * by_step);
                 }
@@ -185,10 +202,36 @@ impl Samples {
                 self.histories[history].run(element.law(), step_s, frequency_hz);
                 for (j, geometry) in geometries.iter().enumerate() {
                     let z = self.histories[history].mean[j];
-                    let reaction = element_force(element, geometry, z);
+                    let reaction = element_force(element, [geometry.position, geometry.velocity], z);
                     self.add(j, m, geometry, &reaction);
                 }
             }
+        }
+    }
+
+    /// The part of an element whose displacement is an unknown: its number and that of the unknown, of `m`.
+    fn along_one(&mut self, [e, place]: [usize; 2], m: usize, element: &Element, [step_s, frequency_hz]: [f64; 2]) {
+        let samples = self.count();
+        let history = self.histories.iter().position(|history| history.element == e);
+        if let Some(history) = history {
+            let history = &mut self.histories[history];
+            history.position.extend(self.motion[0].iter().skip(place).step_by(m));
+            history.velocity.extend(self.motion[1].iter().skip(place).step_by(m));
+            history.direction.resize(m * samples, 0.0);
+            history.direction.iter_mut().skip(place).step_by(m).for_each(|along| *along = 1.0);
+            history.run(element.law(), step_s, frequency_hz);
+        }
+        let (at, pair) = (place * samples, (place * m + place) * samples);
+        for j in 0..samples {
+            let [x, v] = [0, 1].map(|d| self.motion[d][j * m + place]);
+            let (reaction, by_step) = match history {
+                Some(history) => (element_force(element, [x, v], self.histories[history].mean[j]), 0.0),
+                None => between_samples(element, [x, v], step_s),
+            };
+            self.load[at + j] += reaction.force;
+            self.by[0][pair + j] += reaction.by_position;
+            self.by[1][pair + j] += reaction.by_velocity;
+            self.by_step[at + j] += by_step;
         }
     }
 
@@ -238,6 +281,15 @@ impl Samples {
     }
 }
 
+/// Adds what `of` makes of a table over the samples to one of `unknowns` signals that stand sample by sample.
+fn add_along(signals: &mut [f64], unknowns: usize, i: usize, table: &[f64], of: impl Fn(f64) -> f64) {
+    if unknowns == 1 {
+        signals.iter_mut().zip(table).for_each(|(value, f)| *value += of(*f));
+    } else {
+        signals[i..].iter_mut().step_by(unknowns).zip(table).for_each(|(value, f)| *value += of(*f));
+    }
+}
+
 /// An element at u and u̇.
 pub(super) fn geometry(forced: &Forced, unknowns: &Unknowns, element: usize, u: &[f64], v: &[f64]) -> Geometry {
     let mut direction = [0.0; MOST_COORDINATES];
@@ -264,9 +316,9 @@ pub(super) fn geometry(forced: &Forced, unknowns: &Unknowns, element: usize, u: 
     Geometry { position, velocity, direction, curvature: Some((curvature, turning)) }
 }
 
-/// The force of an element at a state.
-pub(super) fn element_force(element: &Element, at: &Geometry, state: f64) -> Reaction {
-    let mut reaction = element.force(at.position, at.velocity, state);
+/// The force of an element at a displacement, a velocity and a state.
+pub(super) fn element_force(element: &Element, [position, velocity]: [f64; 2], state: f64) -> Reaction {
+    let mut reaction = element.force(position, velocity, state);
     if let Law::Friction { stiffness, .. } = *element.law() {
         // The state, which is held within its reach, has all of the force.
         reaction = Reaction { force: stiffness * state, by_state: stiffness, ..Reaction::default() };
@@ -280,12 +332,12 @@ pub(super) fn element_force(element: &Element, at: &Geometry, state: f64) -> Rea
 /// closes.
 ///
 /// The second number is h ∂f/∂h.
-fn between_samples(element: &Element, at: &Geometry, step_s: f64) -> (Reaction, f64) {
-    let plain = || (element.force(at.position, at.velocity, 0.0), 0.0);
+fn between_samples(element: &Element, [position, velocity]: [f64; 2], step_s: f64) -> (Reaction, f64) {
+    let plain = || (element.force(position, velocity, 0.0), 0.0);
     match *element.law() {
         Law::Gap { stiffness, gap } => {
             let [upper, lower] = [1.0, -1.0].map(|sign| {
-                let ramp = Ramp::new(sign * at.position - gap, sign * at.velocity, step_s);
+                let ramp = Ramp::new(sign * position - gap, sign * velocity, step_s);
                 (sign * ramp.mean, ramp.by_position, ramp.by_velocity)
             });
             let reaction = Reaction {
@@ -294,11 +346,11 @@ fn between_samples(element: &Element, at: &Geometry, step_s: f64) -> (Reaction, 
                 by_velocity: stiffness * (upper.2 + lower.2),
                 by_state: 0.0,
             };
-            (reaction, reaction.by_velocity * at.velocity)
+            (reaction, reaction.by_velocity * velocity)
         }
         Law::KelvinVoigt { stiffness, damping, gap, side } => {
             let sign = side.sign();
-            let (depth, rate) = (sign * at.position - gap, sign * at.velocity);
+            let (depth, rate) = (sign * position - gap, sign * velocity);
             if depth.abs() >= 0.5 * rate.abs() * step_s || (damping > 0.0 && rate < 0.0) {
                 return plain();
             }

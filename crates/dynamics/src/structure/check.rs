@@ -108,6 +108,12 @@ fn check_values(element: usize, law: &Law) -> Result<(), StructureError> {
                 ("stribeck", stribeck, Positive),
             ]
         }
+        Law::Linear { stiffness: 0.0, damping: 0.0 } => {
+            return refuse("stiffness", 0.0, "a positive number where there is no damping");
+        }
+        Law::Linear { stiffness, damping } => {
+            &[("stiffness", stiffness, NotNegative), ("damping", damping, NotNegative)]
+        }
         Law::Tanh { slip, velocity } => &[("slip", slip, Positive), ("velocity", velocity, Positive)],
     };
     for &(name, got, range) in values {

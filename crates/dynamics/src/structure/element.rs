@@ -144,7 +144,7 @@ impl Law {
             _ => Branch::Inner,
         };
         match *self {
-            Law::Cubic { .. } | Law::Tanh { .. } => Branch::Inner,
+            Law::Cubic { .. } | Law::Linear { .. } | Law::Tanh { .. } => Branch::Inner,
             // Without a gap it is a spring on both sides.
             Law::Gap { gap, .. } => by_sign(gap == 0.0 || position > gap, position < -gap),
             Law::KelvinVoigt { .. } | Law::HuntCrossley { .. } => {
@@ -180,7 +180,7 @@ impl Law {
         let moving = |value: f64, rate: f64, to: Branch| Some(Margin { value, rate: Some(rate), to });
         let turning = |value: f64, to: Branch| [Some(Margin { value, rate: None, to }), None];
         match (*self, branch) {
-            (Law::Gap { gap: 0.0, .. } | Law::Cubic { .. } | Law::Tanh { .. }, _) => [None, None],
+            (Law::Gap { gap: 0.0, .. } | Law::Cubic { .. } | Law::Linear { .. } | Law::Tanh { .. }, _) => [None, None],
             (Law::Gap { gap, .. }, Inner) => {
                 [moving(gap - position, -velocity, Upper), moving(gap + position, velocity, Lower)]
             }
@@ -250,6 +250,12 @@ impl Law {
                     by_state: bristle_stiffness + bristle_damping * rate.by_state,
                 }
             }
+            Law::Linear { stiffness, damping } => Reaction {
+                force: stiffness * position + damping * velocity,
+                by_position: stiffness,
+                by_velocity: damping,
+                by_state: 0.0,
+            },
             Law::Tanh { slip, velocity: scale } => {
                 let share = libm::tanh(velocity / scale);
                 let by_velocity = slip / scale * (1.0 - share) * (1.0 + share);
@@ -299,6 +305,7 @@ impl Law {
                 let decay = bristle_stiffness * velocity.abs() / coulomb;
                 [bristle_stiffness, bristle_damping + viscous, decay]
             }
+            Law::Linear { stiffness, damping } => [stiffness, damping, 0.0],
             Law::Tanh { slip, velocity: scale } => [0.0, slip / scale, 0.0],
         }
     }
@@ -333,6 +340,7 @@ impl Law {
             Law::Friction { stiffness, .. } | Law::Lugre { bristle_stiffness: stiffness, .. } => {
                 0.5 * stiffness * state * state
             }
+            Law::Linear { stiffness, .. } => 0.5 * stiffness * position * position,
             Law::Tanh { .. } => 0.0,
         }
     }
@@ -351,6 +359,7 @@ impl Law {
             Law::Friction { stiffness, .. } | Law::Lugre { bristle_stiffness: stiffness, .. } => {
                 (0.0, stiffness * state)
             }
+            Law::Linear { stiffness, .. } => (stiffness * position, 0.0),
             Law::Tanh { .. } => (0.0, 0.0),
         }
     }

@@ -121,6 +121,7 @@ impl Law {
                 let square = position * position;
                 position * square * (T::splat(stiffness3) + T::splat(stiffness5) * square)
             }
+            Law::Linear { stiffness, damping } => T::splat(stiffness) * position + T::splat(damping) * velocity,
             Law::Tanh { slip, velocity: scale } => T::gather(|lane| slip * libm::tanh(velocity.lane(lane) / scale)),
             _ => T::splat(0.0),
         }

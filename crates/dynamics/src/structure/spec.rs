@@ -201,6 +201,13 @@ pub enum Law {
         /// vs, m/s, positive: the velocity of G. Stribeck.
         stribeck: f64,
     },
+    /// f = k x + c v: a spring, a damper, or both.
+    Linear {
+        /// k, N/m, not negative.
+        stiffness: f64,
+        /// c, N·s/m, not negative; not zero where `stiffness` is.
+        damping: f64,
+    },
     /// f = R tanh(v/v0): Coulomb friction, smoothed.
     Tanh {
         /// R, N, positive.
@@ -211,7 +218,7 @@ pub enum Law {
 }
 
 impl Law {
-    /// Its name: `cubic`, `gap`, `kelvin-voigt`, `hunt-crossley`, `friction`, `lugre`, `tanh`.
+    /// Its name: `cubic`, `gap`, `kelvin-voigt`, `hunt-crossley`, `friction`, `lugre`, `linear`, `tanh`.
     pub const fn name(&self) -> &'static str {
         match self {
             Law::Cubic { .. } => "cubic",
@@ -220,13 +227,14 @@ impl Law {
             Law::HuntCrossley { .. } => "hunt-crossley",
             Law::Friction { .. } => "friction",
             Law::Lugre { .. } => "lugre",
+            Law::Linear { .. } => "linear",
             Law::Tanh { .. } => "tanh",
         }
     }
 
     /// Whether the force is analytic in displacement and velocity, without branches and without a state.
     pub const fn is_smooth(&self) -> bool {
-        matches!(self, Law::Cubic { .. } | Law::Tanh { .. })
+        matches!(self, Law::Cubic { .. } | Law::Linear { .. } | Law::Tanh { .. })
     }
 
     /// Whether there is a state z.

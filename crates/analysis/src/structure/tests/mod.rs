@@ -2,6 +2,7 @@ mod backbones;
 
 use alloc::vec;
 use alloc::vec::Vec;
+use core::f64::consts::TAU;
 
 use resonarm_dynamics::structure::{
     Assembly, Axis, BodySpec, ChainSpec, ElementSpec, Law, Link, ModalSpec, ModeSpec, Place, ShapeSpec, Side,
@@ -14,7 +15,7 @@ use super::*;
 use crate::continuation::System;
 use crate::tests::arm_at;
 use crate::{BifurcationKind, BranchOptions, Drive, ForcedArm, FrequencyResponse, Quantity, Response, trace};
-use nalgebra::Normed as _;
+use nalgebra::{Complex, Normed as _};
 use resonarm_dynamics::arm::{Load, Preset};
 
 /// The cases of a kind; see `tests/oracles/README.md`.
@@ -160,6 +161,40 @@ fn a_structure_without_elements_is_linear() {
     assert!(branch.bifurcations.is_empty() && branch.orbits.iter().all(|orbit| orbit.is_stable() == Some(true)));
 }
 
+/// Two masses with dampers whose damping is not modal, as springs and dampers between modes without them: the frequency
+/// response is (K − Ω²M + iΩC)⁻¹, in closed form, and a branch of forced motions the same.
+#[test]
+fn dampers_between_points_need_not_be_modal() {
+    let modes = [26.0, 30.0].map(|omega| ModeSpec { frequency_hz: omega / TAU, damping_ratio: 0.0 }).to_vec();
+    let shapes = [("a", [1.0, 0.0]), ("b", [0.0, 1.0 / libm::sqrt(0.02)])]
+        .map(|(point, amounts)| ShapeSpec { point: point.into(), axis: Axis::X, by_mode: amounts.to_vec() })
+        .to_vec();
+    let element = |at: &str, to: Option<&str>, stiffness: f64, damping: f64| ElementSpec {
+        at: place(at),
+        to: to.map(place),
+        law: Law::Linear { stiffness, damping },
+    };
+    let elements = vec![element("a.x", Some("b.x"), 40.0, 0.05), element("a.x", None, 0.0, 0.05)];
+    let body = BodySpec::Modal(ModalSpec { modes, shapes });
+    let assembly = Assembly::new(&StructureSpec { body, elements }).unwrap();
+    let drive = assembly.dof("a.x").unwrap();
+    let response = LinearResponse::new(&assembly);
+    let forced = Forced::new(assembly, drive, 3.0);
+    let options = TraceOptions::new(&forced, Coordinate::FrequencyHz, [3.0, 9.0], vec![drive]);
+    let branch = super::trace(&forced, 3.0, Coordinate::FrequencyHz, &options).unwrap();
+    for orbit in &branch.orbits {
+        let w = TAU * orbit.value;
+        let [of_a, coupled, of_b] =
+            [[26.0 * 26.0 + 40.0 - w * w, 0.1 * w], [-40.0, -0.05 * w], [58.0 - 0.02 * w * w, 0.05 * w]]
+                .map(|[re, im]| Complex::new(re, im));
+        let expected = of_b / (of_a * of_b - coupled * coupled);
+        let got = response.at(Quantity::Receptance, drive, drive, orbit.value).unwrap();
+        assert!((got - expected).norm() < 1e-12 * expected.norm(), "{w}: {got} {expected}");
+        assert!((orbit.readings[0].harmonic1 - expected * 3.0).norm() < 1e-7 * expected.norm(), "{orbit:?}");
+    }
+    assert!(branch.orbits.iter().all(|orbit| orbit.is_stable() == Some(true)));
+}
+
 /// The arm with a spring at its elbow that hardens: at 40 N a motion almost breaks a symmetry, and a closed branch
 /// passes by at 22.856 Hz, nearer than a usual step. The branch goes by, and leaves the interval.
 #[test]
@@ -228,6 +263,7 @@ fn jacobian_is_the_derivative() {
         Law::HuntCrossley { stiffness: 2e6, damping: 0.1, gap: 1e-3, side: Side::Positive },
         Law::Friction { stiffness: 4e4, slip: 55.0 },
         lugre,
+        Law::Linear { stiffness: 3e3, damping: 20.0 },
         Law::Tanh { slip: 10.0, velocity: 0.2 },
     ];
     for law in laws {

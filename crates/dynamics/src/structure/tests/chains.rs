@@ -155,6 +155,7 @@ fn hard_chain() -> Assembly {
     let elements = vec![
         grounded(Place::Joint(2), Law::Cubic { stiffness3: 3e7, stiffness5: -1e9 }),
         grounded(along("joint3", Axis::X), Law::Tanh { slip: 40.0, velocity: 0.3 }),
+        grounded(along("joint4", Axis::Y), Law::Linear { stiffness: 2e4, damping: 60.0 }),
         ElementSpec {
             at: along("tip", Axis::Y),
             to: Some(along("joint2", Axis::X)),

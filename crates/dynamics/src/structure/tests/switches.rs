@@ -121,6 +121,9 @@ fn smooth_elements_are_those_of_tiny_steps() {
     let law = Law::Cubic { stiffness3: 3e9, stiffness5: 1e13 };
     let expected = by_tiny_steps(|x, _, _| [x * x * x * (3e9 + 1e13 * x * x), 0.0]);
     check_apart("cubic", after_steps(&one_mode(law), 1000.0), expected, 1e-13);
+    let expected = by_tiny_steps(|x, v, _| [3e4 * x + 7.0 * v, 0.0]);
+    let law = Law::Linear { stiffness: 3e4, damping: 7.0 };
+    check_apart("linear", after_steps(&one_mode(law), 1000.0), expected, 1e-13);
     let expected = by_tiny_steps(|_, v, _| [3.0 * libm::tanh(v / 0.02), 0.0]);
     check_apart("tanh", after_steps(&one_mode(Law::Tanh { slip: 3.0, velocity: 0.02 }), 1000.0), expected, 1e-13);
 }
@@ -196,6 +199,7 @@ fn energy_is_balanced() {
         at(Law::HuntCrossley { stiffness: 3e6, damping: 0.8, gap: 0.0002, side: Side::Positive }),
         between(Law::Friction { stiffness: 4e4, slip: 9.0 }),
         at(lugre),
+        between(Law::Linear { stiffness: 2e3, damping: 5.0 }),
         at(Law::Tanh { slip: 3.0, velocity: 0.05 }),
     ];
     let alone = all.iter().map(|element| vec![element.clone()]);

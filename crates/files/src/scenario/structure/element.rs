@@ -22,6 +22,8 @@ pub enum ElementKind {
     Friction,
     /// Friction of the LuGre model.
     Lugre,
+    /// A spring, a damper, or both.
+    Linear,
     /// Coulomb friction, smoothed.
     Tanh,
 }
@@ -35,6 +37,7 @@ impl ElementKind {
             ElementKind::Contact => "contact",
             ElementKind::Friction => "friction",
             ElementKind::Lugre => "lugre",
+            ElementKind::Linear => "linear",
             ElementKind::Tanh => "tanh",
         }
     }
@@ -99,8 +102,16 @@ impl Values<'_> {
 
     fn required(&mut self, name: &str, unit: Unit) -> Result<f64, StructureSectionError> {
         let key = self.key(name, unit);
-        let missing = || StructureSectionError::ElementKeyMissing { element: self.number, key: key.clone() };
-        self.given.get(&key).copied().ok_or_else(missing)
+        if let Some(value) = self.given.get(&key) {
+            return Ok(*value);
+        }
+        let (element, is_joint) = (self.number, self.is_joint);
+        let got = format!("{name}_{}", if is_joint { unit.0 } else { unit.1 });
+        Err(if self.given.contains_key(&got) {
+            StructureSectionError::ElementUnit { element, got, key, is_joint }
+        } else {
+            StructureSectionError::ElementKeyMissing { element, key }
+        })
     }
 
     /// Refuses keys that nothing has asked for.
@@ -187,6 +198,12 @@ impl ElementSection {
                     stribeck: values.required("stribeck", VELOCITY)?,
                 }
             }
+            ElementKind::Linear => match values.optional("damping", DAMPING) {
+                Some(damping) => {
+                    Law::Linear { stiffness: values.optional("stiffness", STIFFNESS).unwrap_or(0.0), damping }
+                }
+                None => Law::Linear { stiffness: values.required("stiffness", STIFFNESS)?, damping: 0.0 },
+            },
             ElementKind::Tanh => Law::Tanh { slip: slip(values)?, velocity: values.required("velocity", VELOCITY)? },
         })
     }

@@ -53,6 +53,21 @@ pub enum StructureSectionError {
         /// The key.
         key: String,
     },
+    /// An element has the key of the other kind of place.
+    #[error(
+        "structure.elements, number {element}: `{got}` has the unit of {}, and the element is {}: give `{key}`",
+        if *.is_joint { "an axis" } else { "a joint" }, if *.is_joint { "at a joint" } else { "at an axis" }
+    )]
+    ElementUnit {
+        /// The number of the element, from 1.
+        element: usize,
+        /// The key that is given.
+        got: String,
+        /// The key that it needs.
+        key: String,
+        /// Whether the element is at a joint.
+        is_joint: bool,
+    },
     /// An element has a key that it doesn't know.
     #[error(
         "structure.elements, number {element}: there is no `{key}` here{}: the keys are {known}",

@@ -455,7 +455,7 @@ pub enum MatrixError {
     /// Damping that is not modal.
     #[error(
         "its damping couples modes {} and {}: φᵢᵀCφⱼ is {} of √(φᵢᵀCφᵢ φⱼᵀCφⱼ), and modal damping has at most {}; take \
-         damping that is, such as Rayleigh's, C = aM + bK", modes[0], modes[1], short(.coupling), short(.most)
+         damping that is, such as Rayleigh's, C = aM + bK, and state single dampers as elements of kind linear", modes[0], modes[1], short(.coupling), short(.most)
     )]
     Coupled {
         /// The modes, from 1.

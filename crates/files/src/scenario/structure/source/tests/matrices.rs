@@ -66,7 +66,7 @@ fn matrices_that_make_no_modes_are_said() {
     insta::assert_snapshot!(with(m, c, &two(&[1e4, -1e4, -1e4, 1e4])), @"/k.npy: it is not positive definite: the structure must be held, so that no mode has the frequency 0");
     insta::assert_snapshot!(with(&two(&[2.0, 0.0, 0.0, 0.0]), c, k), @"/m.npy: it is not positive definite: every degree of freedom needs a mass");
     insta::assert_snapshot!(with(m, &two(&[2.0, f64::NAN, 0.0, 1.0]), k), @"/c.npy: entry 0, 1 is NaN: all must be finite");
-    insta::assert_snapshot!(with(m, &two(&[2.0, 0.0, 0.0, 0.0]), k), @"/c.npy: its damping couples modes 1 and 2: φᵢᵀCφⱼ is 1 of √(φᵢᵀCφᵢ φⱼᵀCφⱼ), and modal damping has at most 0.001; take damping that is, such as Rayleigh's, C = aM + bK");
+    insta::assert_snapshot!(with(m, &two(&[2.0, 0.0, 0.0, 0.0]), k), @"/c.npy: its damping couples modes 1 and 2: φᵢᵀCφⱼ is 1 of √(φᵢᵀCφᵢ φⱼᵀCφⱼ), and modal damping has at most 0.001; take damping that is, such as Rayleigh's, C = aM + bK, and state single dampers as elements of kind linear");
     insta::assert_snapshot!(of([m, c, k], "k.npy", "q.npy"), @"can't read /q.npy: No such file or directory (os error 2); paths count from the scenario's folder");
     insta::assert_snapshot!(of([m, c, k], "k.npy'", "k.npy', modes = 3"), @"structure.matrices: `modes` is 3: the matrices have 2 rows, and 1 to 2 of the lowest modes are kept");
     insta::assert_snapshot!(of([m, c, k], "'tip.x' = 1", "'tip.x' = 2"), @"structure.dofs: `tip.x` is row 2: the matrices have rows 0 to 1");
