@@ -61,7 +61,6 @@ pub(crate) struct Description {
     pub identifier: String,
     pub token: String,
     pub own_step_s: Option<f64>,
-    pub saves_state: bool,
     pub variables: BTreeMap<String, Variable>,
     pub units: BTreeMap<String, Unit>,
 }
@@ -103,10 +102,7 @@ impl Description {
         if is_true(&simulation, "needsExecutionTool") {
             return Err(ImportError::NeedsTool);
         }
-        let (token, saves) = match version {
-            Version::Fmi2 => ("guid", "canGetAndSetFMUstate"),
-            Version::Fmi3 => ("instantiationToken", "canGetAndSetFMUState"),
-        };
+        let token = if version == Version::Fmi2 { "guid" } else { "instantiationToken" };
         let own_step = simulation.attribute("fixedInternalStepSize");
         let own_step_s = own_step.map(|text| positive("CoSimulation", "fixedInternalStepSize", text)).transpose()?;
         let identifier = attribute(&simulation, "modelIdentifier")?;
@@ -116,7 +112,6 @@ impl Description {
             identifier: identifier.to_owned(),
             token: attribute(&root, token)?.to_owned(),
             own_step_s,
-            saves_state: is_true(&simulation, saves),
             variables: variables(&root, version)?,
             units: units::read(&root),
         })

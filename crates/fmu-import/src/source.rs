@@ -47,11 +47,6 @@ impl Source {
         Ok(Source { archive, description, mapping, read: spec.read, step_s })
     }
 
-    /// Whether the FMU says that its state can be saved.
-    pub fn saves_state(&self) -> bool {
-        self.description.saves_state
-    }
-
     /// The plant of the FMU with the rig, the rates and the seed of a specification. The FMU is loaded to see how it
     /// begins; a run loads it again.
     ///

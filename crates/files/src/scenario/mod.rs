@@ -15,7 +15,7 @@ pub mod wire;
 
 pub use error::ScenarioError;
 pub use network::NetworkSection;
-pub use structure::{StructureSection, StructureSectionError};
+pub use structure::{StructureKind, StructureSection, StructureSectionError};
 pub use wire::{LockstepSpec, WireError, WireLack, WireSection};
 
 use std::path::Path;
@@ -27,7 +27,7 @@ use crate::toml_error::TomlError;
 use resonarm_analysis::modes;
 use resonarm_bench::control::{ControlSpec, Controller, Limited, LimitsSpec, Modelled, OpenLoop, Steered};
 use resonarm_bench::excitation::{Amplitude, ExcitationSpec, LoadFile, Profile, Waveform};
-use resonarm_bench::plant::{self, PlantSpec, TestedAssembly};
+use resonarm_bench::plant::{self, Plant, PlantSpec, TestedAssembly};
 use resonarm_bench::rig::{Converter, RigSpec, Sampling};
 use resonarm_dynamics::arm::{Arm, Parameters, Pose, Preset, State};
 use resonarm_dynamics::integrate::Scheme;
@@ -309,6 +309,23 @@ impl Scenario {
     pub fn own_plant_spec(&self) -> Result<PlantSpec, ScenarioError> {
         self.structure.clone().unwrap_or_else(|| StructureSection::own(None)).check_own(&self.rig)?;
         self.spec_of(None)
+    }
+
+    /// The plant at its start: of the arm, of a structure in its place, or of an FMU, which is loaded.
+    ///
+    /// # Errors
+    /// [`ScenarioError`] as [`Scenario::plant_spec`], [`ScenarioError::Plant`] if it is impossible, and
+    /// [`ScenarioError::Structure`] of an FMU that can't be the structure.
+    pub fn plant(&self) -> Result<Plant, ScenarioError> {
+        match &self.structure {
+            Some(section) if section.kind == StructureKind::Fmu => Ok(section.fmu_plant(&self.spec_of(None)?)??),
+            _ => Ok(Plant::new(&self.plant_spec()?)?),
+        }
+    }
+
+    /// Whether the structure under test is an FMU.
+    pub fn is_fmu(&self) -> bool {
+        self.structure.as_ref().is_some_and(|section| section.kind == StructureKind::Fmu)
     }
 
     fn spec_of(&self, structure: Option<TestedAssembly>) -> Result<PlantSpec, ScenarioError> {
