@@ -60,6 +60,8 @@ pub(crate) struct Description {
     pub version: Version,
     pub identifier: String,
     pub token: String,
+    /// What wrote it.
+    pub tool: Option<String>,
     pub own_step_s: Option<f64>,
     pub variables: BTreeMap<String, Variable>,
     pub units: BTreeMap<String, Unit>,
@@ -111,6 +113,7 @@ impl Description {
             version,
             identifier: identifier.to_owned(),
             token: attribute(&root, token)?.to_owned(),
+            tool: root.attribute("generationTool").map(str::to_owned),
             own_step_s,
             variables: variables(&root, version)?,
             units: units::read(&root),

@@ -2,8 +2,6 @@
 
 use thiserror::Error;
 
-use resonarm_numeric::number::short;
-
 /// Why an FMU can't be the structure under test.
 #[derive(Clone, Debug, PartialEq, Error)]
 #[non_exhaustive]
@@ -267,16 +265,12 @@ pub enum ImportError {
         /// The most.
         most: usize,
     },
-    /// The FMU's own steps are too long for its outputs to be read within a hold.
+    /// One of our own FMUs, which has sampled its motion already.
     #[error(
-        "the FMU's own step is {own_s} s (fixedInternalStepSize), and its outputs are read every {step_s} s: they would be of another \
-         time. Choose simulation.rate_hz so that its own step fits, or, for an FMU that samples its motion itself, `read = \"end\"`",
-        own_s = short(.own_s), step_s = short(.step_s)
+        "structure: `read` is middle, and the FMU, of {tool}, samples its motion itself: take `read = \"end\"`, and the variables `true.…`"
     )]
-    OwnStep {
-        /// The FMU's, s.
-        own_s: f64,
-        /// From reading to reading, s.
-        step_s: f64,
+    SamplesItself {
+        /// What wrote it.
+        tool: String,
     },
 }

@@ -9,6 +9,7 @@ use crate::structure::{Held, Sampled, Steps};
 use crate::{ImportError, ReadAt, Spec};
 use resonarm_bench::plant::{Plant, PlantSpec, PlantSpecError};
 use resonarm_bench::rig::Rig;
+use resonarm_numeric::number::short;
 
 /// An FMU with what is wanted of it.
 #[derive(Clone, Debug, PartialEq)]
@@ -19,6 +20,11 @@ pub struct Source {
     pub(crate) read: ReadAt,
     /// From one communication step to the next, s.
     pub(crate) step_s: f64,
+}
+
+/// Whether an FMU is one of `resonarm fmu`.
+fn is_ours(tool: &str) -> bool {
+    tool.starts_with("resonarm ")
 }
 
 /// The part of a step by which a whole number of the FMU's own steps may miss it.
@@ -38,10 +44,17 @@ impl Source {
             ReadAt::Middle => spec.sample_s / f64::from(spec.steps_per_sample),
             ReadAt::End => spec.sample_s,
         };
+        if let (ReadAt::Middle, Some(tool)) = (spec.read, description.tool.as_ref().filter(|tool| is_ours(tool))) {
+            return Err(ImportError::SamplesItself { tool: tool.clone() });
+        }
         if let Some(own_s) = description.own_step_s {
             let whole = libm::round(step_s / own_s);
             if whole < 1.0 || (whole * own_s - step_s).abs() > TOLERANCE * step_s {
-                return Err(ImportError::OwnStep { own_s, step_s });
+                let [own_s, step_s] = [own_s, step_s].map(|s| short(&s).to_string());
+                tracing::warn!(
+                    "the FMU's own step is {own_s} s (fixedInternalStepSize), and it is stepped by {step_s} s: what it gives may be of \
+                     another time; choose simulation.rate_hz so that its own step fits"
+                );
             }
         }
         Ok(Source { archive, description, mapping, read: spec.read, step_s })

@@ -143,8 +143,7 @@ fn descriptions_are_refused_in_words() {
     insta::assert_snapshot!(of("modelIdentifier=\"mass\"", "modelIdentifier=\"../mass\""), @"modelDescription.xml: modelIdentifier of `CoSimulation` is `../mass`: it must be a name of letters, digits and _");
     insta::assert_snapshot!(of("valueReference=\"1\"", "valueReference=\"-1\""), @"modelDescription.xml: valueReference of `force` is `-1`: it must be a number from 0 to 4294967295");
     insta::assert_snapshot!(of("start=\"2\"", "start=\"99999999\""), @"modelDescription.xml: Dimension of `y` is `99999999`: it must be a length, or the value reference of one");
-    let steps = "canGetAndSetFMUState=\"true\" fixedInternalStepSize=\"0.001\"";
-    insta::assert_snapshot!(of("canGetAndSetFMUState=\"true\"", steps), @"");
+    insta::assert_snapshot!(of("modelName=\"mass\"", "generationTool=\"resonarm 0.1.0\""), @r#"structure: `read` is middle, and the FMU, of resonarm 0.1.0, samples its motion itself: take `read = "end"`, and the variables `true.…`"#);
 }
 
 #[test]
@@ -191,7 +190,7 @@ fn coordinates_are_of_one_kind_and_without_a_gap() {
 
 #[test]
 fn an_fmu_that_samples_itself_makes_one_step_a_sample() {
-    let steps = MASS.replace("canGetAndSetFMUState=\"true\"", "fixedInternalStepSize=\"0.001\"");
+    let steps = MASS.replace("modelName=\"mass\"", "generationTool=\"resonarm 0.1.0\"");
     assert_eq!(read(&steps, &Spec { read: ReadAt::End, ..spec() }).unwrap().step_s, 1e-3);
 }
 
