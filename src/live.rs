@@ -141,12 +141,11 @@ mod serving {
     use crate::live_branch::compute;
     use crate::output;
     use crate::structures::label;
-    use resonarm::plant::Plant;
     use resonarm::realtime::unix_time_ns;
     use resonarm::recording::Recording;
     use resonarm::recording::channels::Channels;
     use resonarm::run::watch;
-    use resonarm::scenario::{Scenario, ScenarioError};
+    use resonarm::scenario::Scenario;
     use resonarm_live::{
         About, Action, Live, LiveError, Model, Options, Origins, Play, SPEEDS, Shown, Source, Steering, UnderTest,
         play, serve,

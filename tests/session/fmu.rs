@@ -38,7 +38,7 @@ file = "mass{version}.fmu"
 seed = 3
 [excitation]
 amplitude = {{ force_x_n = 20.0 }}
-profile = {{ waveform = "sine", frequency_hz = 19.0, periods = 4 }}
+profile = {{ waveform = "dwell", frequency_hz = 19.0, duration_s = 0.2, settle_s = 0.1 }}
 "#
     );
     let mut scenario = Scenario::parse(&text, "test").unwrap();
