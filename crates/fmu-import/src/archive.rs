@@ -67,7 +67,8 @@ impl Archive {
             }
             left -= got;
             if is_description {
-                let text = String::from_utf8(data).map_err(|_| ImportError::Xml { reason: "it is not UTF-8".into() })?;
+                let text =
+                    String::from_utf8(data).map_err(|_| ImportError::Xml { reason: "it is not UTF-8".into() })?;
                 description = Some(text);
             } else {
                 files.insert(name, data);
@@ -87,7 +88,11 @@ impl Archive {
         if self.files.contains_key(expected) {
             return Ok(());
         }
-        let mut has: Vec<&str> = self.files.keys().filter_map(|name| name.split('/').nth(1).filter(|_| name.starts_with("binaries/"))).collect();
+        let mut has: Vec<&str> = self
+            .files
+            .keys()
+            .filter_map(|name| name.split('/').nth(1).filter(|_| name.starts_with("binaries/")))
+            .collect();
         has.dedup();
         Err(ImportError::Platform { expected: expected.to_owned(), has: has.join(", ") })
     }

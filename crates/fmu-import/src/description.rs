@@ -154,7 +154,8 @@ fn types<'a>(root: &Node<'a, '_>) -> BTreeMap<&'a str, (Option<&'a str>, bool)> 
 
 fn variables(root: &Node<'_, '_>, version: Version) -> Result<BTreeMap<String, Variable>, ImportError> {
     let all = child(root, "ModelVariables");
-    let all = all.ok_or_else(|| ImportError::Lacks { element: "fmiModelDescription".into(), attribute: "ModelVariables" })?;
+    let all =
+        all.ok_or_else(|| ImportError::Lacks { element: "fmiModelDescription".into(), attribute: "ModelVariables" })?;
     let types = types(root);
     let mut variables = BTreeMap::new();
     let mut sizes = BTreeMap::new();

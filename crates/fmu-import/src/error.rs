@@ -170,7 +170,9 @@ pub enum ImportError {
         expected: &'static str,
     },
     /// An array where a number is needed, or an element that it does not have.
-    #[error("structure.{key}: `{name}` is an array of {elements}: name one element, `{name}[1]` to `{name}[{elements}]`")]
+    #[error(
+        "structure.{key}: `{name}` is an array of {elements}: name one element, `{name}[1]` to `{name}[{elements}]`"
+    )]
     Element {
         /// The key that names it.
         key: String,
@@ -212,7 +214,9 @@ pub enum ImportError {
         expected: String,
     },
     /// A key that names no degree of freedom.
-    #[error("structure.{key}: `{got}` names no degree of freedom: write point and axis, as in \"tip.x\", or joint1, or mode1")]
+    #[error(
+        "structure.{key}: `{got}` names no degree of freedom: write point and axis, as in \"tip.x\", or joint1, or mode1"
+    )]
     Dof {
         /// The section.
         key: &'static str,
@@ -242,13 +246,17 @@ pub enum ImportError {
         why: &'static str,
     },
     /// A key that is of the other way to read.
-    #[error("structure.outputs.\"{dof}\": `force` is of an FMU that samples it itself: leave it out, or take `read = \"end\"`")]
+    #[error(
+        "structure.outputs.\"{dof}\": `force` is of an FMU that samples it itself: leave it out, or take `read = \"end\"`"
+    )]
     Force {
         /// The degree of freedom.
         dof: String,
     },
     /// Coordinates of several kinds.
-    #[error("structure.outputs: `{one}` and `{other}` are coordinates of different kinds: give displacement and velocity of one kind alone")]
+    #[error(
+        "structure.outputs: `{one}` and `{other}` are coordinates of different kinds: give displacement and velocity of one kind alone"
+    )]
     Kinds {
         /// A degree of freedom.
         one: String,
@@ -256,7 +264,9 @@ pub enum ImportError {
         other: String,
     },
     /// More coordinates than a recording holds, or numbers with a gap.
-    #[error("structure.outputs: {got} {what} with displacement and velocity: a recording has {what} 1 to {most}, without a gap")]
+    #[error(
+        "structure.outputs: {got} {what} with displacement and velocity: a recording has {what} 1 to {most}, without a gap"
+    )]
     Coordinates {
         /// What they are.
         what: &'static str,

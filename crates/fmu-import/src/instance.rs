@@ -51,9 +51,8 @@ impl Instance {
         let unwritten = |error: std::io::Error| ImportError::Unpack { reason: error.to_string() };
         let folder = tempfile::Builder::new().prefix("resonarm-fmu-").tempdir().map_err(unwritten)?;
         source.archive.unpack(version.platform(), folder.path())?;
-        let text = |text: &str| {
-            CString::new(text).map_err(|_| ImportError::Xml { reason: "a text in it has a NUL".into() })
-        };
+        let text =
+            |text: &str| CString::new(text).map_err(|_| ImportError::Xml { reason: "a text in it has a NUL".into() });
         let token = text(&source.description.token)?;
         let resources = text(&format!("{}/", folder.path().join("resources").display()))?;
         let mapping = &source.mapping;

@@ -7,8 +7,8 @@ use std::collections::BTreeMap;
 use crate::description::Description;
 use crate::{ImportError, OutputsOf, ReadAt, Spec};
 use resonarm_bench::structure::{Channel, Coordinates, LOADS, coordinate_channels};
-use variable::{Of, named, parameters};
 pub(crate) use variable::{Block, Slot};
+use variable::{Of, named, parameters};
 
 /// The point of the exciter unless the scenario names another.
 const TIP: &str = "tip";
@@ -197,7 +197,8 @@ impl Mapping {
                     Some(self.slot(description, dof, velocity, Of::Velocity(Dof::Point))?)
                 }
                 None if needs_velocity => {
-                    let why = "the filter of rig.converter needs it beside the acceleration; or take the converter `instant`";
+                    let why =
+                        "the filter of rig.converter needs it beside the acceleration; or take the converter `instant`";
                     return Err(ImportError::Missing { dof: dof.clone(), missing: "velocity", why });
                 }
                 _ => None,

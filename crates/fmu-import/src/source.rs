@@ -39,14 +39,14 @@ impl Source {
         let archive = Archive::read(bytes)?;
         let description = Description::parse(archive.description())?;
         archive.check_platform(&description.library())?;
+        if let (ReadAt::Middle, Some(tool)) = (spec.read, description.tool.as_ref().filter(|tool| is_ours(tool))) {
+            return Err(ImportError::SamplesItself { tool: tool.clone() });
+        }
         let mapping = Mapping::new(&description, spec)?;
         let step_s = match spec.read {
             ReadAt::Middle => spec.sample_s / f64::from(spec.steps_per_sample),
             ReadAt::End => spec.sample_s,
         };
-        if let (ReadAt::Middle, Some(tool)) = (spec.read, description.tool.as_ref().filter(|tool| is_ours(tool))) {
-            return Err(ImportError::SamplesItself { tool: tool.clone() });
-        }
         if let Some(own_s) = description.own_step_s {
             let whole = libm::round(step_s / own_s);
             if whole < 1.0 || (whole * own_s - step_s).abs() > TOLERANCE * step_s {

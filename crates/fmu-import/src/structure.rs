@@ -48,10 +48,9 @@ impl Held {
     pub fn new(source: Arc<Source>) -> Result<Held, ImportError> {
         let mut instance = Instance::start(&source)?;
         let mut read = vec![0.0; source.mapping.read.count];
-        instance.get(0.0, &source.mapping.read.references, &mut read).map_err(|fault| ImportError::Start {
-            reason: fault.to_string(),
-            log: instance.said(),
-        })?;
+        instance
+            .get(0.0, &source.mapping.read.references, &mut read)
+            .map_err(|fault| ImportError::Start { reason: fault.to_string(), log: instance.said() })?;
         let set = source.mapping.set_at_rest();
         Ok(Held { run: Run::AtStart, set, read, loads: None, source })
     }

@@ -8,11 +8,8 @@ use zip::write::SimpleFileOptions;
 
 use crate::{ImportError, Numbers, OutputsOf, ReadAt, Source, Spec, sha256};
 
-const LIBRARY: &str = if cfg!(target_arch = "aarch64") {
-    "binaries/aarch64-linux/mass.so"
-} else {
-    "binaries/x86_64-linux/mass.so"
-};
+const LIBRARY: &str =
+    if cfg!(target_arch = "aarch64") { "binaries/aarch64-linux/mass.so" } else { "binaries/x86_64-linux/mass.so" };
 
 /// A description with a mass under a force, in units that are not all SI.
 const MASS: &str = r#"<fmiModelDescription fmiVersion="3.0" modelName="mass" instantiationToken="{m}">
@@ -133,7 +130,8 @@ fn an_fmu_for_other_machines_is_refused() {
 
 #[test]
 fn descriptions_are_refused_in_words() {
-    let bomb = r#"<!DOCTYPE a [<!ENTITY a "aaaa"><!ENTITY b "&a;&a;&a;&a;">]><fmiModelDescription>&b;</fmiModelDescription>"#;
+    let bomb =
+        r#"<!DOCTYPE a [<!ENTITY a "aaaa"><!ENTITY b "&a;&a;&a;&a;">]><fmiModelDescription>&b;</fmiModelDescription>"#;
     insta::assert_snapshot!(read(bomb, &spec()).unwrap_err(), @"modelDescription.xml: XML with DTD detected");
     insta::assert_snapshot!(read("<a/>", &spec()).unwrap_err(), @"modelDescription.xml: the element <a> in place of <fmiModelDescription>");
     insta::assert_snapshot!(of("fmiVersion=\"3.0\"", "fmiVersion=\"1.0\""), @"fmiVersion is `1.0`: FMUs of FMI 2.0 and 3.0 are taken");
@@ -161,7 +159,11 @@ fn variables_that_do_not_fit_are_refused() {
     insta::assert_snapshot!(with(filtered), @r#"structure.outputs."tip.x": `velocity` is missing: the filter of rig.converter needs it beside the acceleration; or take the converter `instant`"#);
     let limited = |spec: &mut Spec| (spec.limits_travel, outputs(spec).displacement) = (true, None);
     insta::assert_snapshot!(with(limited), @r#"structure.outputs."tip.x": `displacement` is missing: rig.gate.travel_limit_m needs it"#);
-    let parameter = |name: &str, numbers: Numbers| with(|spec| { spec.parameters.insert(name.to_owned(), numbers); });
+    let parameter = |name: &str, numbers: Numbers| {
+        with(|spec| {
+            spec.parameters.insert(name.to_owned(), numbers);
+        })
+    };
     insta::assert_snapshot!(parameter("a", Numbers::One(1.0)), @"structure.parameters: `a` is of causality output: it must be parameter, or have a start value (initial = exact)");
     insta::assert_snapshot!(parameter("mass", Numbers::Many(vec![1.0, 2.0])), @"structure.parameters: `mass` has 1 numbers, and 2 are given");
     insta::assert_snapshot!(parameter("mass", Numbers::One(f64::NAN)), @"structure.parameters: `mass` is NaN: it must be finite");

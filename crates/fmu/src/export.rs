@@ -60,7 +60,9 @@ pub enum ExportError {
         reason: String,
     },
     /// An FMU within an FMU.
-    #[error("structure: `kind` is fmu: it is one already; the exciter and the bus of the scenario can be written, by --role")]
+    #[error(
+        "structure: `kind` is fmu: it is one already; the exciter and the bus of the scenario can be written, by --role"
+    )]
     Nested,
     /// A role that the interface does not have.
     #[error("--role {role}: the interface `signals` has the plant alone; take --interface can")]

@@ -24,8 +24,7 @@ type EnterInitialization = unsafe extern "C" fn(*mut c_void, bool, f64, f64, boo
 type Plain = unsafe extern "C" fn(*mut c_void) -> c_int;
 type SetFloat64 = unsafe extern "C" fn(*mut c_void, *const u32, usize, *const f64, usize) -> c_int;
 type GetFloat64 = unsafe extern "C" fn(*mut c_void, *const u32, usize, *mut f64, usize) -> c_int;
-type DoStep =
-    unsafe extern "C" fn(*mut c_void, f64, f64, bool, *mut bool, *mut bool, *mut bool, *mut f64) -> c_int;
+type DoStep = unsafe extern "C" fn(*mut c_void, f64, f64, bool, *mut bool, *mut bool, *mut bool, *mut f64) -> c_int;
 
 /// An instance.
 pub(crate) struct Fmi3 {
@@ -85,7 +84,8 @@ impl Fmi3 {
         if instance.is_null() {
             return Err(ImportError::Call { call, status: "NULL", log: said.last() });
         }
-        let mut fmu = Fmi3 { instance, set, get, step, terminate, free, said, end: End::default(), library: Some(library) };
+        let mut fmu =
+            Fmi3 { instance, set, get, step, terminate, free, said, end: End::default(), library: Some(library) };
         for (reference, values) in made.parameters {
             let status = fmu.set(&[*reference], values);
             check("fmi3SetFloat64", status, &fmu.said)?;

@@ -142,7 +142,11 @@ pub(crate) fn is_good(status: c_int) -> bool {
 
 /// The error of a call before the simulation, unless it succeeded.
 fn check(call: &'static str, status: c_int, said: &Said) -> Result<(), ImportError> {
-    if is_good(status) { Ok(()) } else { Err(ImportError::Call { call, status: status_name(status), log: said.last() }) }
+    if is_good(status) {
+        Ok(())
+    } else {
+        Err(ImportError::Call { call, status: status_name(status), log: said.last() })
+    }
 }
 
 /// Which calls are still allowed to end an instance.

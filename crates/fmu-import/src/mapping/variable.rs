@@ -162,10 +162,10 @@ pub(super) fn parameters(
 ) -> Result<Vec<(u32, Vec<f64>)>, ImportError> {
     let one = |(name, numbers): (&String, &Numbers)| {
         let key = "parameters";
-        let variable = description.variables.get(name).map_or_else(
-            || find(description, key, name).map(|(variable, _)| variable),
-            Ok,
-        )?;
+        let variable = description
+            .variables
+            .get(name)
+            .map_or_else(|| find(description, key, name).map(|(variable, _)| variable), Ok)?;
         check_type(description, key, name, variable)?;
         if !variable.is_exact {
             let (key, name, got) = (key.to_owned(), name.clone(), variable.causality.clone());
