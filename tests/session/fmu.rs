@@ -4,6 +4,7 @@ use std::path::{Path, PathBuf};
 use std::process::Command;
 use std::sync::LazyLock;
 
+use resonarm::cut;
 use resonarm::plant::Plant;
 use resonarm::recording::{Existing, Recording};
 use resonarm::replay::{resimulate, resimulate_readings};
@@ -98,12 +99,11 @@ fn its_readings_are_those_of_the_same_mass_as_a_mode() {
         let damping_ratio = 5.0 / (4.0 * core::f64::consts::TAU * frequency_hz);
         let text = format!(
             "[structure]\nkind = 'modal'\nmodes = [{{ frequency_hz = {frequency_hz}, damping_ratio = {damping_ratio}, \
-             shape = {{ 'tip.x' = {shape} }} }}]\n[rig]\nconverter = '{converter}'"
+             shape = {{ 'tip.x' = {shape} }} }}]\n[rig]\nconverter = '{converter}'\naccelerometer_c = {{ resolution_m_s2 = 1e-9 }}"
         );
         let mut mode = Scenario::parse(&text, "mode").unwrap();
         mode.simulation.seed = fmu.simulation.seed;
         (mode.rig, fmu.rig) = (mode.rig.clone().without_noise(), mode.rig.without_noise());
-        // The head and the accelerometers have no steps of a converter.
         let mut plants = [fmu.plant().unwrap(), mode.plant().unwrap()];
         let (mut largest, mut error): (f64, f64) = (0.0, 0.0);
         for sample in 0..400_u32 {
@@ -117,8 +117,9 @@ fn its_readings_are_those_of_the_same_mass_as_a_mode() {
             largest = largest.max(other.abs());
             error = error.max((one - other).abs());
         }
-        println!("{converter}: {error:e} of {largest}");
-        assert!(largest > 10.0 && error < 1e-3 * largest, "{converter}: {error} of {largest}");
+        // The filter's course over a step is linear at the start of a hold, (ωh)² of it.
+        let most = if converter == "instant" { 1e-7 } else { 1e-3 };
+        assert!(largest > 10.0 && error < most * largest, "{converter}: {error:e} of {largest}");
     }
 }
 
@@ -143,6 +144,12 @@ fn what_it_does_in_place_of_a_step_ends_the_run_in_words() {
         let rounds = fault(3, 7);
         insta::assert_snapshot!(rounds, @"the simulation failed at sample 20: the FMU fails: fmi3DoStep at 0.02 s: it changed how the processor rounds, as libraries built with -ffast-math do");
     }
+    // The plant stays at the sample before.
+    let nan = scenario(3, "parameters = { fault = 5, fault_s = 0.0202 }");
+    let (report, path) = recorded(nan, Mode::Free, "nan.mcap");
+    assert!(report.plant.error.is_some());
+    assert!(states(&path).iter().all(|[_, x, v, _]| f64::from_bits(*x).is_finite() && f64::from_bits(*v).is_finite()));
+    assert!(resimulate(&Recording::open(&path).unwrap()).unwrap().samples >= 20);
     // The processor rounds as before.
     assert!(core::hint::black_box(1e-310_f64) * 1.0 > 0.0);
 }
@@ -154,6 +161,15 @@ fn an_fmu_that_does_not_repeat_itself_is_not_simulated_again() {
     assert!(report.plant.error.is_none());
     let error = resimulate(&Recording::open(&path).unwrap()).unwrap_err();
     insta::assert_snapshot!(error, @"the FMU does not repeat itself: simulated twice from its start under the recorded loads, it differs from itself at sample 21, so that its run can't be simulated again");
+}
+
+#[test]
+fn a_part_of_its_run_is_not_simulated_again() {
+    let (_, path) = recorded(scenario(3, ""), Mode::Free, "whole.mcap");
+    let (whole, part) = (Recording::open(&path).unwrap(), FOLDER.path().join("part.mcap"));
+    cut::cut(&whole, &part, 100..=200, Existing::Overwrite).unwrap();
+    let error = resimulate(&Recording::open(&part).unwrap()).unwrap_err();
+    insta::assert_snapshot!(error, @"the recording begins at sample 100, and its structure is an FMU, which can be simulated again from its start alone: take the whole recording");
 }
 
 /// Why a session of a scenario can't begin; the folder is left out.
@@ -171,7 +187,7 @@ fn what_can_not_be_is_refused_before_the_run() {
     other.structure.as_mut().unwrap().sha256 = Some("0".repeat(64));
     let text = refused(other, Mode::Free);
     let (_, reason) = text.split_once("structure.sha256").unwrap();
-    insta::assert_snapshot!(reason, @"is 0000000000000000000000000000000000000000000000000000000000000000: it is another FMU than the one that was meant or recorded");
+    insta::assert_snapshot!(reason.trim(), @"is 0000000000000000000000000000000000000000000000000000000000000000: it is another FMU than the one that was meant or recorded");
     let mut shaken = scenario(3, "");
     shaken.rig = Scenario::parse(SHAKER, "rig").unwrap().rig;
     insta::assert_snapshot!(refused(shaken, Mode::Free), @"rig.shaker needs the arm or a structure of the scenario, as its armature moves with it: leave it out here; a structure of kind `fmu` is driven by the ideal exciter of `rig.exciter`");

@@ -223,6 +223,12 @@ pub enum ImportError {
         /// The text.
         got: String,
     },
+    /// A degree of freedom on which no load acts.
+    #[error("structure.inputs: `{got}` is not driven: loads are forces at points and torques at joint1 and joint2")]
+    Driven {
+        /// The degree of freedom.
+        got: String,
+    },
     /// Nothing is read or driven where an instrument or the exciter is.
     #[error("rig.{instrument}: nothing of structure.{section} is at `{at}`; there are {known}")]
     Place {

@@ -95,7 +95,9 @@ impl Mapping {
     /// The variables that take loads: torques about joints 1 and 2, and forces along x and y of the exciter.
     fn drive(&mut self, description: &Description, spec: &Spec, exciter: &str) -> Result<(), ImportError> {
         for dof in spec.inputs.keys() {
-            Dof::parse("inputs", dof)?;
+            if !matches!(Dof::parse("inputs", dof)?, Dof::Point | Dof::Joint(1 | 2)) {
+                return Err(ImportError::Driven { got: dof.clone() });
+            }
         }
         let [x, y] = axes(exciter);
         let loads = [Some(String::from("joint1")), Some(String::from("joint2")), x, y];

@@ -31,6 +31,10 @@ pub(crate) struct Held {
     /// The variables that are set and read, in the units of the FMU.
     set: Vec<f64>,
     read: Vec<f64>,
+    /// Where the variables of the step that is made are read.
+    next: Vec<f64>,
+    /// The states to which a hold that failed has returned.
+    kept: Vec<f64>,
     /// The loads that are set.
     loads: Option<Loads>,
 }
@@ -39,7 +43,8 @@ impl Clone for Held {
     /// A copy at the start; of an FMU that has moved one that can't be stepped.
     fn clone(&self) -> Held {
         let run = if matches!(self.run, Run::AtStart) { Run::AtStart } else { Run::Lost };
-        Held { source: Arc::clone(&self.source), run, set: self.set.clone(), read: self.read.clone(), loads: None }
+        let (set, read, next, kept) = (self.set.clone(), self.read.clone(), self.next.clone(), self.kept.clone());
+        Held { source: Arc::clone(&self.source), run, set, read, next, kept, loads: None }
     }
 }
 
@@ -52,7 +57,7 @@ impl Held {
             .get(0.0, &source.mapping.read.references, &mut read)
             .map_err(|fault| ImportError::Start { reason: fault.to_string(), log: instance.said() })?;
         let set = source.mapping.set_at_rest();
-        Ok(Held { run: Run::AtStart, set, read, loads: None, source })
+        Ok(Held { run: Run::AtStart, set, next: read.clone(), read, kept: Vec::new(), loads: None, source })
     }
 
     /// The instance, loaded if it is at its start.
@@ -73,6 +78,10 @@ impl Held {
 
     /// A communication step with the loads held. They are set where they have changed.
     fn step(&mut self, t_s: f64, loads: &Loads) -> Result<(), StructureError> {
+        let idle = self.source.mapping.inputs.iter().zip(loads).zip(&LOADS);
+        if let Some(((_, got), channel)) = idle.into_iter().find(|((slot, load), _)| slot.is_none() && **load != 0.0) {
+            return Err(StructureError::NoInput { name: channel.name, got: *got });
+        }
         let stepped = self.try_step(t_s, loads);
         if stepped.is_err() {
             self.run = Run::Failed;
@@ -85,26 +94,23 @@ impl Held {
         let mapping = &source.mapping;
         let changes = self.loads.as_ref().map(|set| set.map(f64::to_bits)) != Some(loads.map(f64::to_bits));
         if changes {
-            for ((slot, load), channel) in mapping.inputs.iter().zip(loads).zip(&LOADS) {
-                match slot {
-                    Some(slot) => self.set[slot.index] = slot.conversion.of_si(*load),
-                    None if *load == 0.0 => {}
-                    None => return Err(StructureError::NoInput { name: channel.name, got: *load }),
-                }
+            for (slot, load) in mapping.inputs.iter().zip(loads) {
+                slot.iter().for_each(|slot| self.set[slot.index] = slot.conversion.of_si(*load));
             }
         }
-        let (mut set, mut read) = (core::mem::take(&mut self.set), core::mem::take(&mut self.read));
+        let (set, mut next) = (core::mem::take(&mut self.set), core::mem::take(&mut self.next));
         let done = self.instance(t_s).and_then(|instance| {
             if changes {
                 instance.set(t_s, &mapping.set.references, &set)?;
             }
             instance.step(t_s, source.step_s)?;
-            instance.get(t_s + source.step_s, &mapping.read.references, &mut read)
+            instance.get(t_s + source.step_s, &mapping.read.references, &mut next)
         });
-        core::mem::swap(&mut self.set, &mut set);
-        core::mem::swap(&mut self.read, &mut read);
+        (self.set, self.next) = (set, next);
+        done?;
+        core::mem::swap(&mut self.read, &mut self.next);
         self.loads = Some(*loads);
-        done
+        Ok(())
     }
 
     /// A number that was read, in SI units.
@@ -124,6 +130,7 @@ impl Held {
 
     fn save(&self, states: &mut [f64]) {
         states.iter_mut().zip(&self.source.mapping.states).for_each(|(to, slot)| *to = self.si(slot));
+        states.iter_mut().zip(&self.kept).for_each(|(to, kept)| *to = *kept);
     }
 
     /// Takes up states: those that it has, if it is at its start.
@@ -134,8 +141,11 @@ impl Held {
         };
         match self.run {
             Run::AtStart if same() => Ok(()),
-            // What has failed has said so already, and can't be stepped.
-            Run::Failed => Ok(()),
+            // What has failed has said so already, and can't be stepped: it stays at the sample before.
+            Run::Failed => {
+                self.kept = states.to_vec();
+                Ok(())
+            }
             _ => {
                 let fault = ForeignFault::OtherState;
                 Err(StructureError::Foreign { call: "the FMU", t_s: 0.0, fault })
