@@ -140,7 +140,7 @@ mod serving {
     use super::{Failure, LiveFlags, Role, Serving, Session, Showing, ShownRole};
     use crate::live_branch::compute;
     use crate::output;
-    use crate::structures::label;
+    use crate::structures::{foreign_label, label};
     use resonarm::realtime::unix_time_ns;
     use resonarm::recording::Recording;
     use resonarm::recording::channels::Channels;
@@ -225,11 +225,8 @@ mod serving {
 
     /// What is under test, in words.
     fn name(scenario: &Scenario) -> Result<String, Failure> {
-        if is_foreign(scenario) {
-            let name = scenario.structure.as_ref().and_then(|section| section.name.clone());
-            let file = scenario.structure.as_ref().and_then(|section| section.file.as_ref()?.file_name());
-            let of_file = file.map_or_else(|| "a program's own structure".into(), |file| file.to_string_lossy());
-            return Ok(name.unwrap_or_else(|| of_file.into_owned()));
+        if let Some(section) = scenario.structure.as_ref().filter(|section| section.kind.is_foreign()) {
+            return Ok(foreign_label(section));
         }
         Ok(match scenario.tested_structure()? {
             Some(tested) => label(scenario, &tested),

@@ -1,6 +1,9 @@
 """FMUs as the structure under test: one that `resonarm fmu` wrote gives the bits of its own native run."""
 
+import json
 import subprocess
+import sys
+from pathlib import Path
 
 import pytest
 
@@ -106,3 +109,15 @@ def test_an_fmu_of_ours_that_is_read_within_a_hold_is_refused(imported, tmp_path
     command = [RESONARM, "run", "--mode", "free", "--scenario", tmp_path / "s.toml"]
     done = subprocess.run([str(word) for word in command], capture_output=True, text=True, check=False)
     assert done.returncode == 2 and "samples its motion itself: take `read = \"end\"`" in done.stderr, done
+
+
+def test_the_mode_of_an_fmu_is_identified_from_its_readings(tmp_path):
+    example = Path("examples/fmu")
+    subprocess.run([sys.executable, example / "make.py", tmp_path / "mass.fmu", "2"], check=True)
+    text = (example / "mass.toml").read_text().replace("cubic = 2e7", "cubic = 0.0")
+    (tmp_path / "mass.toml").write_text(text)
+    free_run(tmp_path / "mass.toml", tmp_path / "run.mcap")
+    words = [RESONARM, "identify", tmp_path / "run.mcap", "--json"]
+    done = subprocess.run([str(word) for word in words], capture_output=True, text=True, check=True)
+    [mode] = json.loads(done.stdout)["modes"]
+    assert mode["mode"] is None and abs(mode["frequency_hz"] - 20.0) < 0.05, mode

@@ -167,7 +167,7 @@ fn an_fmu_that_does_not_repeat_itself_is_not_simulated_again() {
 fn a_part_of_its_run_is_not_simulated_again() {
     let (_, path) = recorded(scenario(3, ""), Mode::Free, "whole.mcap");
     let (whole, part) = (Recording::open(&path).unwrap(), FOLDER.path().join("part.mcap"));
-    cut::cut(&whole, &part, 100..=200, Existing::Overwrite).unwrap();
+    cut::cut(&whole, 100..=200, &part, Existing::Overwrite).unwrap();
     let error = resimulate(&Recording::open(&part).unwrap()).unwrap_err();
     insta::assert_snapshot!(error, @"the recording begins at sample 100, and its structure is an FMU, which can be simulated again from its start alone: take the whole recording");
 }
