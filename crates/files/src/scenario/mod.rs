@@ -184,9 +184,7 @@ impl Scenario {
         if let Some(wire) = &mut self.wire {
             wire.read(folder)?;
         }
-        if let Some(structure) = &mut self.structure {
-            structure.read(folder)?;
-        }
+        self.read_structure(folder)?;
         let profile = self.excitation.as_mut().map(|spec| &mut spec.profile);
         let Some(Waveform::File { path, load }) = profile else { return Ok(()) };
         let path = folder.join(path);
@@ -196,6 +194,14 @@ impl Scenario {
         };
         *load = Some(LoadFile::parse(&text).map_err(|source| ScenarioError::LoadFile { path, source })?);
         Ok(())
+    }
+
+    /// Reads the files that the structure is from, or notes which FMU it is; their paths count from `folder`.
+    ///
+    /// # Errors
+    /// [`ScenarioError::Structure`].
+    pub fn read_structure(&mut self, folder: &Path) -> Result<(), ScenarioError> {
+        self.structure.as_mut().map_or(Ok(()), |structure| Ok(structure.read(folder)?))
     }
 
     /// Reads a scenario from its text; `origin` is what to call it in messages. A load file that it names is not read,

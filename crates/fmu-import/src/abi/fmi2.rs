@@ -40,6 +40,7 @@ type Instantiate = unsafe extern "C" fn(
 ) -> *mut c_void;
 type Setup = unsafe extern "C" fn(*mut c_void, c_int, f64, f64, c_int, f64) -> c_int;
 type Plain = unsafe extern "C" fn(*mut c_void) -> c_int;
+type Free = unsafe extern "C" fn(*mut c_void);
 type SetReal = unsafe extern "C" fn(*mut c_void, *const u32, usize, *const f64) -> c_int;
 type GetReal = unsafe extern "C" fn(*mut c_void, *const u32, usize, *mut f64) -> c_int;
 type DoStep = unsafe extern "C" fn(*mut c_void, f64, f64, c_int) -> c_int;
@@ -55,7 +56,7 @@ pub(crate) struct Fmi2 {
     real_status: GetRealStatus,
     boolean_status: GetBooleanStatus,
     terminate: Plain,
-    free: unsafe extern "C" fn(*mut c_void),
+    free: Free,
     said: Box<Said>,
     /// The instance reads them.
     _callbacks: Box<Callbacks>,
@@ -95,17 +96,17 @@ fn uri(folder: &CStr) -> CString {
 impl Fmi2 {
     /// An instance at time 0 of the simulation.
     pub fn new(library: Library, made: &Made<'_>) -> Result<Fmi2, ImportError> {
-        let instantiate: Instantiate = function!(library, c"fmi2Instantiate");
-        let setup: Setup = function!(library, c"fmi2SetupExperiment");
-        let enter: Plain = function!(library, c"fmi2EnterInitializationMode");
-        let exit: Plain = function!(library, c"fmi2ExitInitializationMode");
-        let set = function!(library, c"fmi2SetReal");
-        let get = function!(library, c"fmi2GetReal");
-        let step = function!(library, c"fmi2DoStep");
-        let real_status = function!(library, c"fmi2GetRealStatus");
-        let boolean_status = function!(library, c"fmi2GetBooleanStatus");
-        let terminate = function!(library, c"fmi2Terminate");
-        let free = function!(library, c"fmi2FreeInstance");
+        let instantiate = function!(library, Instantiate, c"fmi2Instantiate");
+        let setup = function!(library, Setup, c"fmi2SetupExperiment");
+        let enter = function!(library, Plain, c"fmi2EnterInitializationMode");
+        let exit = function!(library, Plain, c"fmi2ExitInitializationMode");
+        let set = function!(library, SetReal, c"fmi2SetReal");
+        let get = function!(library, GetReal, c"fmi2GetReal");
+        let step = function!(library, DoStep, c"fmi2DoStep");
+        let real_status = function!(library, GetRealStatus, c"fmi2GetRealStatus");
+        let boolean_status = function!(library, GetBooleanStatus, c"fmi2GetBooleanStatus");
+        let terminate = function!(library, Plain, c"fmi2Terminate");
+        let free = function!(library, Free, c"fmi2FreeInstance");
         let said = Box::new(Said::default());
         let environment = core::ptr::from_ref(&*said).cast_mut().cast();
         let callbacks = Box::new(Callbacks {
@@ -137,23 +138,33 @@ impl Fmi2 {
             end: End::default(),
             library: Some(library),
         };
+        fmu.initialize(made, (setup, enter, exit))?;
+        Ok(fmu)
+    }
+
+    /// Takes up parameters and inputs, and begins the simulation at 0.
+    fn initialize(&mut self, made: &Made<'_>, calls: (Setup, Plain, Plain)) -> Result<(), ImportError> {
+        let (setup, enter, exit) = calls;
         for (reference, values) in made.parameters {
-            let status = fmu.set(&[*reference], values);
-            check("fmi2SetReal", status, &fmu.said)?;
+            let status = self.set(&[*reference], values);
+            check("fmi2SetReal", status, &self.said)?;
         }
         // SAFETY: an instance, here and below.
-        check("fmi2SetupExperiment", unsafe { setup(fmu.instance, FALSE, 0.0, 0.0, FALSE, 0.0) }, &fmu.said)?;
+        let status = unsafe { setup(self.instance, FALSE, 0.0, 0.0, FALSE, 0.0) };
+        check("fmi2SetupExperiment", self.end.note(status), &self.said)?;
         // SAFETY: as above.
-        check("fmi2EnterInitializationMode", unsafe { enter(fmu.instance) }, &fmu.said)?;
+        let status = unsafe { enter(self.instance) };
+        check("fmi2EnterInitializationMode", self.end.note(status), &self.said)?;
         let (references, values) = made.inputs;
         if !references.is_empty() {
-            let status = fmu.set(references, values);
-            check("fmi2SetReal", status, &fmu.said)?;
+            let status = self.set(references, values);
+            check("fmi2SetReal", status, &self.said)?;
         }
         // SAFETY: as above.
-        check("fmi2ExitInitializationMode", unsafe { exit(fmu.instance) }, &fmu.said)?;
-        fmu.end.is_running = true;
-        Ok(fmu)
+        let status = unsafe { exit(self.instance) };
+        check("fmi2ExitInitializationMode", self.end.note(status), &self.said)?;
+        self.end.is_running = true;
+        Ok(())
     }
 
     /// Sets variables.

@@ -22,6 +22,7 @@ type Instantiate = unsafe extern "C" fn(
 type LogMessage = unsafe extern "C" fn(*mut c_void, c_int, *const c_char, *const c_char);
 type EnterInitialization = unsafe extern "C" fn(*mut c_void, bool, f64, f64, bool, f64) -> c_int;
 type Plain = unsafe extern "C" fn(*mut c_void) -> c_int;
+type Free = unsafe extern "C" fn(*mut c_void);
 type SetFloat64 = unsafe extern "C" fn(*mut c_void, *const u32, usize, *const f64, usize) -> c_int;
 type GetFloat64 = unsafe extern "C" fn(*mut c_void, *const u32, usize, *mut f64, usize) -> c_int;
 type DoStep = unsafe extern "C" fn(*mut c_void, f64, f64, bool, *mut bool, *mut bool, *mut bool, *mut f64) -> c_int;
@@ -33,7 +34,7 @@ pub(crate) struct Fmi3 {
     get: GetFloat64,
     step: DoStep,
     terminate: Plain,
-    free: unsafe extern "C" fn(*mut c_void),
+    free: Free,
     said: Box<Said>,
     end: End,
     /// Dropped last.
@@ -53,14 +54,14 @@ impl Fmi3 {
     /// An instance at time 0 of the simulation. It handles its events itself: event mode is not asked for, nor that it
     /// may return early.
     pub fn new(library: Library, made: &Made<'_>) -> Result<Fmi3, ImportError> {
-        let instantiate: Instantiate = function!(library, c"fmi3InstantiateCoSimulation");
-        let enter: EnterInitialization = function!(library, c"fmi3EnterInitializationMode");
-        let exit: Plain = function!(library, c"fmi3ExitInitializationMode");
-        let set = function!(library, c"fmi3SetFloat64");
-        let get = function!(library, c"fmi3GetFloat64");
-        let step = function!(library, c"fmi3DoStep");
-        let terminate = function!(library, c"fmi3Terminate");
-        let free = function!(library, c"fmi3FreeInstance");
+        let instantiate = function!(library, Instantiate, c"fmi3InstantiateCoSimulation");
+        let enter = function!(library, EnterInitialization, c"fmi3EnterInitializationMode");
+        let exit = function!(library, Plain, c"fmi3ExitInitializationMode");
+        let set = function!(library, SetFloat64, c"fmi3SetFloat64");
+        let get = function!(library, GetFloat64, c"fmi3GetFloat64");
+        let step = function!(library, DoStep, c"fmi3DoStep");
+        let terminate = function!(library, Plain, c"fmi3Terminate");
+        let free = function!(library, Free, c"fmi3FreeInstance");
         let said = Box::new(Said::default());
         let environment = core::ptr::from_ref(&*said).cast_mut().cast();
         // SAFETY: texts, no intermediate variables, and what `log` expects.
@@ -86,23 +87,29 @@ impl Fmi3 {
         }
         let mut fmu =
             Fmi3 { instance, set, get, step, terminate, free, said, end: End::default(), library: Some(library) };
+        fmu.initialize(made, enter, exit)?;
+        Ok(fmu)
+    }
+
+    /// Takes up parameters and inputs, and begins the simulation at 0.
+    fn initialize(&mut self, made: &Made<'_>, enter: EnterInitialization, exit: Plain) -> Result<(), ImportError> {
         for (reference, values) in made.parameters {
-            let status = fmu.set(&[*reference], values);
-            check("fmi3SetFloat64", status, &fmu.said)?;
+            let status = self.set(&[*reference], values);
+            check("fmi3SetFloat64", status, &self.said)?;
         }
         // SAFETY: an instance, here and below.
-        let status = unsafe { enter(fmu.instance, false, 0.0, 0.0, false, 0.0) };
-        check("fmi3EnterInitializationMode", status, &fmu.said)?;
+        let status = unsafe { enter(self.instance, false, 0.0, 0.0, false, 0.0) };
+        check("fmi3EnterInitializationMode", self.end.note(status), &self.said)?;
         let (references, values) = made.inputs;
         if !references.is_empty() {
-            let status = fmu.set(references, values);
-            check("fmi3SetFloat64", status, &fmu.said)?;
+            let status = self.set(references, values);
+            check("fmi3SetFloat64", status, &self.said)?;
         }
         // SAFETY: as above.
-        let status = unsafe { exit(fmu.instance) };
-        check("fmi3ExitInitializationMode", status, &fmu.said)?;
-        fmu.end.is_running = true;
-        Ok(fmu)
+        let status = unsafe { exit(self.instance) };
+        check("fmi3ExitInitializationMode", self.end.note(status), &self.said)?;
+        self.end.is_running = true;
+        Ok(())
     }
 
     /// Sets variables; arrays have several values.

@@ -62,9 +62,9 @@ impl Drop for Library {
 
 /// A function of a library by its name, of the type that is expected.
 macro_rules! function {
-    ($library:expr, $name:literal) => {
+    ($library:expr, $kind:ty, $name:literal) => {
         // SAFETY: the standard states the type of the function with this name.
-        unsafe { core::mem::transmute($library.address($name)?) }
+        unsafe { core::mem::transmute::<*mut core::ffi::c_void, $kind>($library.address($name)?) }
     };
 }
 pub(crate) use function;

@@ -136,15 +136,11 @@ impl Session {
     /// # Errors
     /// [`RunError`] says what in scenario or options is impossible.
     pub fn new(mut scenario: Scenario, mode: Mode, options: Options) -> Result<Session, RunError> {
-        if !scenario.is_fmu() {
-            return Session::of(scenario, mode, options, |scenario| Ok(Plant::new(&scenario.plant_spec()?)?));
-        }
-        if mode == Mode::RealTime {
-            return Err(ScenarioError::from(StructureSectionError::FmuInRealTime).into());
-        }
-        // The recording says which FMU it was, also if the scenario was not read from a file.
-        if let Some(section) = &mut scenario.structure {
-            section.read(Path::new("")).map_err(ScenarioError::from)?;
+        match (scenario.is_fmu(), mode) {
+            (false, _) => return Session::of(scenario, mode, options, |of| Ok(Plant::new(&of.plant_spec()?)?)),
+            (true, Mode::RealTime) => return Err(ScenarioError::from(StructureSectionError::FmuInRealTime).into()),
+            // The recording says which FMU it was, also if the scenario was not read from a file.
+            (true, _) => scenario.read_structure(Path::new(""))?,
         }
         Session::of(scenario, mode, options, |scenario| Ok(scenario.plant()?))
     }
