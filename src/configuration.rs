@@ -10,6 +10,9 @@ use resonarm::structure::{Assembly, Channel, CoordinateUnit, Coordinates, coordi
 /// The arm with all its parameters, and its pose, or the structure in its place: results of every command depend on
 /// them.
 pub(crate) fn of_arm(scenario: &Scenario) -> Result<Value, Failure> {
+    if scenario.is_fmu() {
+        return Ok(json!({ "structure": scenario.structure }));
+    }
     if let Some(tested) = scenario.tested_structure()? {
         return Ok(json!({ "structure": scenario.structure, "coordinates": coordinates(&tested.assembly) }));
     }

@@ -140,14 +140,12 @@ mod serving {
     use super::{Failure, LiveFlags, Role, Serving, Session, Showing, ShownRole};
     use crate::live_branch::compute;
     use crate::output;
-    use crate::structures::label;
-    use resonarm::plant::Plant;
+    use crate::structures::{foreign_label, label};
     use resonarm::realtime::unix_time_ns;
     use resonarm::recording::Recording;
     use resonarm::recording::channels::Channels;
     use resonarm::run::watch;
-    use resonarm::scenario::structure::StructureKind;
-    use resonarm::scenario::{Scenario, ScenarioError};
+    use resonarm::scenario::Scenario;
     use resonarm_live::{
         About, Action, Live, LiveError, Model, Options, Origins, Play, SPEEDS, Shown, Source, Steering, UnderTest,
         play, serve,
@@ -212,7 +210,7 @@ mod serving {
             drawing: under_test.drawing.clone(),
             table: recording.channels().clone(),
             model: Model::new(about, under_test),
-            compute: if is_own(&scenario) { None } else { compute(&scenario)? },
+            compute: if is_foreign(&scenario) { None } else { compute(&scenario)? },
             range_hz: range_hz(&scenario),
             start_unix_ns: recording.origin().log_start_ns(),
             source: play(recording, Play { speed, times: (times > 0).then_some(times), wait })?,
@@ -220,16 +218,15 @@ mod serving {
         begin(flags.live.as_deref().unwrap_or("127.0.0.1"), &flags.live_origin, shown, false)
     }
 
-    /// Whether a program makes the structure.
-    fn is_own(scenario: &Scenario) -> bool {
-        scenario.structure.as_ref().is_some_and(|section| section.kind == StructureKind::Own)
+    /// Whether the structure is a program's, or an FMU.
+    fn is_foreign(scenario: &Scenario) -> bool {
+        scenario.structure.as_ref().is_some_and(|section| section.kind.is_foreign())
     }
 
     /// What is under test, in words.
     fn name(scenario: &Scenario) -> Result<String, Failure> {
-        if is_own(scenario) {
-            let name = scenario.structure.as_ref().and_then(|section| section.name.clone());
-            return Ok(name.unwrap_or_else(|| String::from("a program's own structure")));
+        if let Some(section) = scenario.structure.as_ref().filter(|section| section.kind.is_foreign()) {
+            return Ok(foreign_label(section));
         }
         Ok(match scenario.tested_structure()? {
             Some(tested) => label(scenario, &tested),
@@ -247,7 +244,7 @@ mod serving {
         if scenario.structure.is_none() {
             return Ok(Channels::arm(scenario.rig.shaker.is_some()));
         }
-        let plant = Plant::new(&scenario.plant_spec()?).map_err(ScenarioError::from)?;
+        let plant = scenario.plant()?;
         Ok(Channels::of_structure(plant.structure()))
     }
 

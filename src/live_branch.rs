@@ -22,6 +22,9 @@ pub(crate) fn compute(scenario: &Scenario) -> Result<Option<ComputeBranch>, Scen
     if scenario.structure.is_none() {
         return Ok(Some(of_arm(scenario.build_arm()?, amplitude.load())));
     }
+    if scenario.structure.as_ref().is_some_and(|section| section.kind.is_foreign()) {
+        return Ok(None);
+    }
     let tested = scenario.tested_structure()?;
     Ok(tested.and_then(|tested| of_structure(tested, amplitude)))
 }

@@ -59,12 +59,14 @@ class Scenario(_resonarm.Scenario):
     @property
     def structure(self) -> Chain | Modal | None:
         """The structure in place of the arm; None if there is none. An arm with elements is a chain of two links.
-        Raises ValueError for one whose step is written in Python."""
+        Raises ValueError for one whose step is written in Python, and for an FMU."""
         section = self.values().get("structure")
         if section is None:
             return None
         if section["kind"] == "own":
             raise ValueError("structure.kind is own: the program that runs the scenario makes the structure")
+        if section["kind"] == "fmu":
+            raise ValueError("structure.kind is fmu: an FMU does not show its equations")
         return Modal.from_scenario(self) if section["kind"] == "modal" else Chain.from_scenario(self)
 
     @property
@@ -84,5 +86,6 @@ class Scenario(_resonarm.Scenario):
         duration_s = values["simulation"].get("duration_s")
         end = "" if duration_s is None else f", {duration_s:g} s"
         kind = values.get("structure", {}).get("kind")
-        of = "a program's own structure" if kind == "own" else repr(self.structure or self.arm)
+        foreign = {"own": "a program's own structure", "fmu": "an FMU"}
+        of = foreign.get(kind) or repr(self.structure or self.arm)
         return f"<Scenario of {of}: {controller}, {self.sample_rate_hz:g} Hz{end}>"

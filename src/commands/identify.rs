@@ -22,8 +22,9 @@ use resonarm::identify::{
     self, Averaging, Band, CHANNELS, Direction, FrequencyResponseEstimate, Identification, IdentifiedMode,
     IdentifyError, Record,
 };
+use resonarm::plant::TestedAssembly;
 use resonarm::recording::Recording;
-use resonarm::scenario::{READS_IMAGES, Scenario};
+use resonarm::scenario::{READS_IMAGES, Scenario, ScenarioError};
 use resonarm_figures::plot::{Axis, Color, Figure, Legend, Panel, Series};
 use resonarm_numeric::number::short;
 
@@ -145,6 +146,11 @@ struct ResponseCurve {
     coherence: Option<Vec<f64>>,
 }
 
+/// The structure of a scenario, if it has one of which something can be computed.
+fn computable(scenario: &Scenario) -> Result<Option<TestedAssembly>, ScenarioError> {
+    if scenario.is_fmu() { Ok(None) } else { scenario.tested_structure() }
+}
+
 impl Identify {
     pub(crate) fn domain(&self) -> Domain {
         self.integration.unwrap_or(Domain::Frequency)
@@ -194,8 +200,10 @@ impl Identify {
             Err(IdentifyError::NoResonance { .. }) => Identification { modes: Vec::new(), rejected: Vec::new() },
             Err(error) => return Err(error.into()),
         };
-        let tested = scenario.tested_structure()?;
+        let tested = computable(scenario)?;
         let known_hz: Vec<f64> = match &tested {
+            // An FMU does not show its equations.
+            _ if scenario.is_fmu() => Vec::new(),
             Some(tested) => tested.assembly.modes().iter().map(|mode| mode.frequency_hz).collect(),
             None => analysis::modes(&scenario.build_arm()?).map(|mode| mode.frequency_hz).to_vec(),
         };
@@ -332,8 +340,9 @@ fn figure(scenario: &Scenario, document: &Document) -> Figure {
     }
     let panels = [modulus, phase, coherence].into_iter().filter(|panel| !panel.series.is_empty());
     let figure = Figure::new("Frequency response from readings");
-    let figure = match scenario.tested_structure() {
-        Ok(Some(tested)) => figure.subtitle(structures::label(scenario, &tested)),
+    let figure = match (computable(scenario), &scenario.structure) {
+        (Ok(Some(tested)), _) => figure.subtitle(structures::label(scenario, &tested)),
+        (_, Some(section)) if section.kind.is_foreign() => figure.subtitle(structures::foreign_label(section)),
         _ => figure.subtitle(captions::pose(&scenario.arm)),
     };
     panels.fold(figure, Figure::with)

@@ -14,7 +14,7 @@ use clap::Args;
 
 use crate::failure::Failure;
 use resonarm::plant::TestedAssembly;
-use resonarm::scenario::Scenario;
+use resonarm::scenario::{Scenario, StructureSection};
 use resonarm::structure::{Assembly, Dof};
 use resonarm_figures::plot::Color;
 use resonarm_numeric::number::short;
@@ -101,6 +101,13 @@ pub(crate) fn load_unit(dof: Dof) -> &'static str {
 /// The unit of a displacement at a degree of freedom.
 pub(crate) fn displacement_unit(dof: Dof) -> &'static str {
     if dof.is_angle() { "rad" } else { "m" }
+}
+
+/// What a structure is called whose equations are somebody else's.
+pub(crate) fn foreign_label(section: &StructureSection) -> String {
+    let file = section.file.as_ref().and_then(|file| file.file_name());
+    let plain = || file.map_or("a program's own structure".into(), |file| file.to_string_lossy());
+    section.name.clone().unwrap_or_else(|| plain().into_owned())
 }
 
 /// What the structure is called in headers and figures.

@@ -7,6 +7,7 @@ mod cuts;
 mod examples;
 mod experiment;
 mod faults;
+mod fmu;
 mod gate;
 mod limits;
 mod lockstep_conformance;

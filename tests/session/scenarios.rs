@@ -289,8 +289,8 @@ fn every_key_of_a_users_protocol_is_documented() {
     assert!(missing.is_empty(), "{missing:?}");
 }
 
-/// A chain and modes with every key of each.
-const STRUCTURES: [&str; 3] = [
+/// A chain, modes and an FMU with every key of each.
+const STRUCTURES: [&str; 4] = [
     "kind = 'chain'\nname = 'x'\nfile = 'x'\ntip = 'x'\ngravity_m_s2 = 9.81\ninitial = [0.0]\n\
      joints = [{ name = 'x', stiffness_nm_rad = 1, damping_nm_s_rad = 1, angle_deg = 1 }]\n\
      links = [{ length_m = 1, mass_kg = 1, centre_of_mass_m = 1, inertia_kg_m2 = 1, angle_deg = 1, \
@@ -298,6 +298,8 @@ const STRUCTURES: [&str; 3] = [
     "kind = 'modal'\nnodes = { A = 1 }\npoints = { A = [0, 0, 0] }\nlines = [['A', 'A']]\ndofs = { A = 1 }\n\
      matrices = { mass = 'm', damping = 'c', stiffness = 'k', modes = 1 }\n\
      modes = [{ frequency_hz = 1, damping_ratio = 0, shape = { A = 1 } }]",
+    "kind = 'fmu'\nsha256 = 'x'\nread = 'end'\ninputs = { A = 'x' }\nparameters = { A = 1 }\n\
+     outputs = { A = { displacement = 'x', velocity = 'x', acceleration = 'x', force = 'x' } }",
     "elements = [{ kind = 'contact', joint = 1, at = 'x', between = ['x', 'y'], side = 'negative' }]",
 ];
 

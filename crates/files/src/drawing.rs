@@ -75,7 +75,7 @@ impl Drawing {
     pub fn of(scenario: &Scenario) -> Result<Option<Drawing>, ScenarioError> {
         match &scenario.structure {
             None => Ok(Some(Drawing::of_arm(&scenario.build_arm()?))),
-            Some(section) if section.kind == StructureKind::Own => Ok(None),
+            Some(section) if section.kind.is_foreign() => Ok(None),
             Some(section) => {
                 let tested = scenario.tested_structure()?;
                 Ok(tested.and_then(|tested| Drawing::of_assembly(section, &tested.assembly)))

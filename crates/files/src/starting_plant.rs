@@ -13,7 +13,7 @@ pub const PLANT: &str = "cut.plant";
 /// middle of a run and does not hold the plant, or its scenario makes none.
 pub fn plant(recording: &Recording) -> Option<Plant> {
     let scenario = Scenario::from_configuration(recording.configuration()).ok()?;
-    let plant = Plant::new(&scenario.plant_spec().ok()?).ok()?;
+    let plant = scenario.plant().ok()?;
     let first = recording.summary().samples?.0;
     match recording.configuration().get(PLANT) {
         None => (first == 0).then_some(plant),
@@ -27,6 +27,11 @@ pub fn plant(recording: &Recording) -> Option<Plant> {
 /// What is noted of the plant in a cut that begins at sample `first`: the run, simulated again up to there. `None` if
 /// it can't be, or its states are not the recorded ones.
 pub(crate) fn noted(recording: &Recording, first: u64) -> Option<String> {
+    let scenario = Scenario::from_configuration(recording.configuration()).ok()?;
+    // The state of an FMU is not one of numbers.
+    if scenario.is_fmu() {
+        return None;
+    }
     let mut plant = plant(recording)?;
     for record in recording.states().ok()? {
         let record = record.ok()?;

@@ -13,6 +13,9 @@ const NETWORK_LIMIT: u64 = 1 << 24;
 /// The largest file of numbers that is read, bytes: millions of them.
 const NUMBERS_LIMIT: u64 = 1 << 26;
 
+/// The largest archive of programs that is read, bytes: those of large tools have hundreds of MiB.
+const ARCHIVE_LIMIT: u64 = 1 << 30;
+
 /// The text of a file or pipe of settings.
 ///
 /// # Errors
@@ -43,6 +46,14 @@ pub fn read_network(path: &Path) -> Result<Vec<u8>> {
 /// What the system says; [`ErrorKind::FileTooLarge`] beyond 64 MiB.
 pub fn read_bytes(path: &Path) -> Result<Vec<u8>> {
     bytes_at_most(path, NUMBERS_LIMIT)
+}
+
+/// The bytes of a file or pipe that is an archive of programs.
+///
+/// # Errors
+/// What the system says; [`ErrorKind::FileTooLarge`] beyond 1 GiB.
+pub fn read_archive(path: &Path) -> Result<Vec<u8>> {
+    bytes_at_most(path, ARCHIVE_LIMIT)
 }
 
 fn read_at_most(path: &Path, limit: u64) -> Result<String> {

@@ -59,6 +59,11 @@ pub enum ExportError {
         /// What is wrong with it.
         reason: String,
     },
+    /// An FMU within an FMU.
+    #[error(
+        "structure: `kind` is fmu: it is one already; the exciter and the bus of the scenario can be written, by --role"
+    )]
+    Nested,
     /// A role that the interface does not have.
     #[error("--role {role}: the interface `signals` has the plant alone; take --interface can")]
     Role {
@@ -176,6 +181,9 @@ fn files(content: &Content, library: Library, name: &str) -> Result<(Files, Summ
         return Err(ExportError::Role { role });
     }
     let Settings { role, nodes, .. } = content.settings;
+    if role == Role::Plant && content.scenario.is_fmu() {
+        return Err(ExportError::Nested);
+    }
     if role == Role::Bus && !(2..=MOST_NODES).contains(&nodes) {
         return Err(ExportError::Nodes { got: nodes });
     }

@@ -9,7 +9,6 @@ use resonarm_bench::structure::Point;
 use resonarm_dynamics::arm::Arm;
 use resonarm_files::drawing::Drawing;
 use resonarm_files::recording::channels::Channels;
-use resonarm_files::scenario::structure::StructureKind;
 use resonarm_files::scenario::{Scenario, ScenarioError};
 
 /// The structure under test.
@@ -86,8 +85,8 @@ impl UnderTest {
     /// # Errors
     /// [`ScenarioError`] if the scenario makes no structure.
     pub fn new(scenario: &Scenario, name: String, table: Channels) -> Result<UnderTest, ScenarioError> {
-        let is_own = scenario.structure.as_ref().is_some_and(|section| section.kind == StructureKind::Own);
-        let kind = match (is_own, &scenario.structure) {
+        let is_foreign = scenario.structure.as_ref().is_some_and(|section| section.kind.is_foreign());
+        let kind = match (is_foreign, &scenario.structure) {
             (true, _) => Kind::Own,
             (false, None) => Kind::Arm(scenario.build_arm()?.into()),
             (false, Some(_)) => scenario.tested_structure()?.map_or(Kind::Own, |tested| Kind::Assembly(tested.into())),
@@ -240,7 +239,7 @@ mod tests {
     fn under_test(text: &str) -> UnderTest {
         let scenario = Scenario::parse(text, "bench.toml").unwrap();
         let table = match &scenario.structure {
-            Some(section) if section.kind != StructureKind::Own => {
+            Some(section) if !section.kind.is_foreign() => {
                 Channels::of_structure(Plant::new(&scenario.plant_spec().unwrap()).unwrap().structure())
             }
             _ => Channels::arm(true),

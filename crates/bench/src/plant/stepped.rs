@@ -38,6 +38,13 @@ pub trait Stepped: fmt::Debug + Send + Sync {
     /// [`StructureError`] if it can't take a load, or its equations can't be solved.
     fn points(&self, t_s: f64, loads: &Loads) -> Result<PointMotion, StructureError>;
 
+    /// The motion of the points at the start of the first step of a hold, of length `step_s`, s, under the loads of
+    /// the hold, of a structure that knows it only afterwards: `from` is what [`Stepped::points`] gave at the start,
+    /// `to` what it gave at the end.
+    fn begins(&self, from: &PointMotion, _to: &PointMotion, _step_s: f64) -> PointMotion {
+        *from
+    }
+
     /// The distance of the point that the exciter acts on from rest, m, without sign.
     fn travel_m(&self) -> f64;
 
@@ -174,6 +181,7 @@ impl Driven {
             let end_s = t_s + self.step_s;
             if let (Some(filter), Some(from)) = (&self.filter, start) {
                 let ended = steps.points(end_s, loads)?;
+                let from = if part == 0 { steps.begins(&from, &ended, self.step_s) } else { from };
                 filter.add_held(&mut sums, part as usize, &from, &ended, [loads[2], loads[3]]);
                 start = Some(ended);
             } else if 2 * (part + 1) == self.steps_per_sample {

@@ -17,6 +17,7 @@ use thiserror::Error;
 use crate::rig::ShakerLimit;
 use resonarm_dynamics::integrate::IntegrateError;
 use resonarm_dynamics::structure::StepError;
+use resonarm_numeric::number::short;
 
 /// A structure with what drives it and the converters that sample it.
 ///
@@ -69,6 +70,39 @@ impl Clone for Box<dyn Structure> {
     }
 }
 
+/// What a library of somebody else did in place of the step.
+#[derive(Clone, Copy, Debug, PartialEq, Error)]
+#[non_exhaustive]
+pub enum ForeignFault {
+    /// It returned another status than OK.
+    #[error("it returned {0}")]
+    Status(&'static str),
+    /// It asks to end the simulation.
+    #[error("it asks to end the simulation")]
+    Terminates,
+    /// It came to another time than that of the step's end.
+    #[error("it came to {reached_s} s in place of the step's end", reached_s = short(.reached_s))]
+    Reached {
+        /// Where it came to, s.
+        reached_s: f64,
+    },
+    /// A number that is not finite.
+    #[error("it gave {got}")]
+    NotFinite {
+        /// The number.
+        got: f64,
+    },
+    /// It changed how the processor rounds.
+    #[error("it changed how the processor rounds, as libraries built with -ffast-math do")]
+    FloatMode,
+    /// It can't be loaded once more.
+    #[error("it can't be loaded once more, as the log says")]
+    NotLoaded,
+    /// The state of a running FMU can't be set by numbers.
+    #[error("its state is not one of numbers: it runs from its start alone")]
+    OtherState,
+}
+
 /// Why a structure can't go to the next sample, or to a saved state.
 #[derive(Clone, Copy, Debug, PartialEq, Error)]
 #[non_exhaustive]
@@ -108,6 +142,16 @@ pub enum StructureError {
     /// The step of a structure of one's own failed; the program that makes it says why.
     #[error("the structure's own program could not make the step")]
     Own,
+    /// The library of somebody else that makes the steps failed.
+    #[error("the FMU fails: {call} at {t_s} s: {fault}", t_s = short(.t_s))]
+    Foreign {
+        /// Its function.
+        call: &'static str,
+        /// The time from which it was called, s.
+        t_s: f64,
+        /// What it did.
+        fault: ForeignFault,
+    },
     /// Saved numbers that are not of this structure.
     #[error("a saved state of {got} finite numbers: the structure has {states}, or {all} with its converters")]
     Saved {

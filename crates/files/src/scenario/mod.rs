@@ -15,7 +15,7 @@ pub mod wire;
 
 pub use error::ScenarioError;
 pub use network::NetworkSection;
-pub use structure::{StructureSection, StructureSectionError};
+pub use structure::{StructureKind, StructureSection, StructureSectionError};
 pub use wire::{LockstepSpec, WireError, WireLack, WireSection};
 
 use std::path::Path;
@@ -27,7 +27,7 @@ use crate::toml_error::TomlError;
 use resonarm_analysis::modes;
 use resonarm_bench::control::{ControlSpec, Controller, Limited, LimitsSpec, Modelled, OpenLoop, Steered};
 use resonarm_bench::excitation::{Amplitude, ExcitationSpec, LoadFile, Profile, Waveform};
-use resonarm_bench::plant::{self, PlantSpec, TestedAssembly};
+use resonarm_bench::plant::{self, Plant, PlantSpec, TestedAssembly};
 use resonarm_bench::rig::{Converter, RigSpec, Sampling};
 use resonarm_dynamics::arm::{Arm, Parameters, Pose, Preset, State};
 use resonarm_dynamics::integrate::Scheme;
@@ -184,9 +184,7 @@ impl Scenario {
         if let Some(wire) = &mut self.wire {
             wire.read(folder)?;
         }
-        if let Some(structure) = &mut self.structure {
-            structure.read(folder)?;
-        }
+        self.read_structure(folder)?;
         let profile = self.excitation.as_mut().map(|spec| &mut spec.profile);
         let Some(Waveform::File { path, load }) = profile else { return Ok(()) };
         let path = folder.join(path);
@@ -196,6 +194,14 @@ impl Scenario {
         };
         *load = Some(LoadFile::parse(&text).map_err(|source| ScenarioError::LoadFile { path, source })?);
         Ok(())
+    }
+
+    /// Reads the files that the structure is from, or notes which FMU it is; their paths count from `folder`.
+    ///
+    /// # Errors
+    /// [`ScenarioError::Structure`].
+    pub fn read_structure(&mut self, folder: &Path) -> Result<(), ScenarioError> {
+        self.structure.as_mut().map_or(Ok(()), |structure| Ok(structure.read(folder)?))
     }
 
     /// Reads a scenario from its text; `origin` is what to call it in messages. A load file that it names is not read,
@@ -309,6 +315,23 @@ impl Scenario {
     pub fn own_plant_spec(&self) -> Result<PlantSpec, ScenarioError> {
         self.structure.clone().unwrap_or_else(|| StructureSection::own(None)).check_own(&self.rig)?;
         self.spec_of(None)
+    }
+
+    /// The plant at its start: of the arm, of a structure in its place, or of an FMU, which is loaded.
+    ///
+    /// # Errors
+    /// [`ScenarioError`] as [`Scenario::plant_spec`], [`ScenarioError::Plant`] if it is impossible, and
+    /// [`ScenarioError::Structure`] of an FMU that can't be the structure.
+    pub fn plant(&self) -> Result<Plant, ScenarioError> {
+        match &self.structure {
+            Some(section) if section.kind == StructureKind::Fmu => Ok(section.fmu_plant(&self.spec_of(None)?)??),
+            _ => Ok(Plant::new(&self.plant_spec()?)?),
+        }
+    }
+
+    /// Whether the structure under test is an FMU.
+    pub fn is_fmu(&self) -> bool {
+        self.structure.as_ref().is_some_and(|section| section.kind == StructureKind::Fmu)
     }
 
     fn spec_of(&self, structure: Option<TestedAssembly>) -> Result<PlantSpec, ScenarioError> {

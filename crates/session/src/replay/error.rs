@@ -56,6 +56,30 @@ pub enum ReplayError {
         /// Whether the scenario is known.
         has_scenario: bool,
     },
+    /// An FMU that would have to begin in the middle of its run.
+    #[error(
+        "the recording begins at sample {sample}, and its structure is an FMU, which can be simulated again from its start alone: take \
+         the whole recording"
+    )]
+    FmuFromStart {
+        /// The first sample.
+        sample: u64,
+    },
+    /// An FMU of which no state is recorded.
+    #[error(
+        "the recording has no states of its FMU, so that nothing can be compared: map displacement and velocity of a degree of freedom \
+         in structure.outputs"
+    )]
+    FmuWithoutStates,
+    /// An FMU that does not repeat itself.
+    #[error(
+        "the FMU does not repeat itself: simulated twice from its start under the recorded loads, it differs from itself at sample \
+         {sample}, so that its run can't be simulated again"
+    )]
+    FmuNotRepeating {
+        /// The sample.
+        sample: u64,
+    },
     /// What the instruments have gathered before the first sample is not known.
     #[error(
         "the recording begins at sample {sample} without what its instruments had gathered until then, so readings can't be \

@@ -5,6 +5,7 @@ mod against;
 mod error;
 mod player;
 mod readings;
+mod repetition;
 mod resimulation;
 mod responses;
 mod wire_controller;

@@ -1,6 +1,6 @@
 //! The run simulated again from its recorded loads, and the verdict.
 
-use super::ReplayError;
+use super::{ReplayError, repetition};
 use crate::study::on_all_cores;
 use resonarm_bench::plant::{Plant, PlantSpec};
 use resonarm_bench::rig::Amplifier;
@@ -39,6 +39,7 @@ const PART: usize = 1 << 11;
 ///
 /// State and current at a sample follow from state, current and load at the one before alone. So as long as none
 /// differs, all cores simulate parts of the run, each from a recorded state, with the result of one after the other.
+/// An FMU is simulated again from its start alone, and once more where it differs.
 ///
 /// # Errors
 /// [`ReplayError`] if the recording can't be read, was imported from a log, has gaps or no states, its scenario makes
@@ -49,8 +50,12 @@ pub fn resimulate(recording: &Recording) -> Result<Verdict, ReplayError> {
     if let Some(log) = recording.configuration().get(IMPORTED_FROM) {
         return Err(ReplayError::Imported { log: log.to_owned(), has_scenario: scenario.is_ok() });
     }
-    let spec = scenario?.plant_spec()?;
-    check(recording, &spec)?;
+    let scenario = scenario?;
+    if scenario.is_fmu() {
+        return repetition::repeat(recording, &scenario);
+    }
+    let spec = scenario.plant_spec()?;
+    check(recording, spec.sample_rate_hz)?;
     let mut states = recording.states()?;
     let first = states.next().ok_or(ReplayError::Empty { what: "states" })??;
     let integrity = recording.integrity().clone();
@@ -126,15 +131,15 @@ fn follow(
 }
 
 /// Refuses a scenario with other samples than the recorded ones.
-fn check(recording: &Recording, spec: &PlantSpec) -> Result<(), ReplayError> {
-    let (recorded_s, configured_s) = (recording.origin().dt_s, 1.0 / spec.sample_rate_hz);
+pub(super) fn check(recording: &Recording, sample_rate_hz: f64) -> Result<(), ReplayError> {
+    let (recorded_s, configured_s) = (recording.origin().dt_s, 1.0 / sample_rate_hz);
     if recorded_s.to_bits() != configured_s.to_bits() {
         return Err(ReplayError::SamplePeriod { recorded_s, configured_s });
     }
     Ok(())
 }
 
-fn compare(verdict: &mut Verdict, plant: &Plant, record: &StateRecord) {
+pub(super) fn compare(verdict: &mut Verdict, plant: &Plant, record: &StateRecord) {
     verdict.samples += 1;
     if !is_recorded(plant, record) {
         verdict.identical = false;

@@ -2,7 +2,7 @@
 
 use core::sync::atomic::{AtomicBool, Ordering};
 use core::time::Duration;
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 use std::sync::Arc;
 use std::thread;
 
@@ -20,7 +20,7 @@ use resonarm_bench::plant::{Plant, Stepped};
 use resonarm_bus::fault::Faulty;
 use resonarm_bus::{Bus, VirtualBus, memory, timed};
 use resonarm_files::recording::{Existing, Recorder};
-use resonarm_files::scenario::{Scenario, ScenarioError, StructureSection, WireError};
+use resonarm_files::scenario::{Scenario, ScenarioError, StructureSection, StructureSectionError, WireError};
 use resonarm_protocol::Node;
 use resonarm_realtime::{Clock, OverrunPolicy, SampleRate, Spin, SystemClock, ThreadSetup, VirtualClock};
 
@@ -135,8 +135,14 @@ impl Session {
     ///
     /// # Errors
     /// [`RunError`] says what in scenario or options is impossible.
-    pub fn new(scenario: Scenario, mode: Mode, options: Options) -> Result<Session, RunError> {
-        Session::of(scenario, mode, options, |scenario| Ok(Plant::new(&scenario.plant_spec()?)?))
+    pub fn new(mut scenario: Scenario, mode: Mode, options: Options) -> Result<Session, RunError> {
+        match (scenario.is_fmu(), mode) {
+            (false, _) => return Session::of(scenario, mode, options, |of| Ok(Plant::new(&of.plant_spec()?)?)),
+            (true, Mode::RealTime) => return Err(ScenarioError::from(StructureSectionError::FmuInRealTime).into()),
+            // The recording says which FMU it was, also if the scenario was not read from a file.
+            (true, _) => scenario.read_structure(Path::new(""))?,
+        }
+        Session::of(scenario, mode, options, |scenario| Ok(scenario.plant()?))
     }
 
     /// The same with a structure of one's own in place of the arm; the scenario has no other. Its recording says that

@@ -4,6 +4,7 @@ use std::path::PathBuf;
 
 use thiserror::Error;
 
+use super::ImportError;
 use super::source::StructureFileError;
 use resonarm_bench::plant::ShakerAcross;
 use resonarm_dynamics::structure::StructureError;
@@ -201,10 +202,44 @@ pub enum StructureSectionError {
     /// A shaker that pushes where the structure does not move.
     #[error(transparent)]
     Shaker(#[from] ShakerAcross),
-    /// A shaker on a structure that the program makes.
+    /// A shaker on a structure that the program makes, or on an FMU.
     #[error(
-        "rig.shaker needs the arm or a structure of the scenario, as its armature moves with it: leave it out here; a structure that the \
-         program makes is driven by the ideal exciter of `rig.exciter`"
+        "rig.shaker needs the arm or a structure of the scenario, as its armature moves with it: leave it out here; a structure {what} \
+         is driven by the ideal exciter of `rig.exciter`"
     )]
-    OwnShaker,
+    OwnShaker {
+        /// Whose structure it is.
+        what: &'static str,
+    },
+    /// An FMU where equations are needed.
+    #[error(
+        "structure: `kind` is fmu: an FMU is stepped and read, in the modes free and lockstep of a run; modes, responses and branches are \
+         computed of equations, which it does not show"
+    )]
+    OfFmu,
+    /// An FMU in real time.
+    #[error(
+        "structure: `kind` is fmu: an FMU is somebody's program, and nothing bounds the time of its steps: take the mode free or lockstep"
+    )]
+    FmuInRealTime,
+    /// The FMU can't be the structure.
+    #[error("{}: {fault}", path.display())]
+    Fmu {
+        /// The FMU.
+        path: PathBuf,
+        /// Why.
+        fault: Box<ImportError>,
+    },
+    /// Another file than the one that is noted.
+    #[error(
+        "{}: its SHA-256 is {got}, and structure.sha256 is {expected}: it is another FMU than the one that was meant or recorded", path.display()
+    )]
+    FmuHash {
+        /// The FMU.
+        path: PathBuf,
+        /// Its hash.
+        got: String,
+        /// The one that is noted.
+        expected: String,
+    },
 }

@@ -3,6 +3,7 @@
 
 mod element;
 mod error;
+mod fmu;
 mod places;
 mod source;
 #[cfg(test)]
@@ -15,6 +16,7 @@ use serde::{Deserialize, Serialize};
 
 pub use element::{ElementKind, ElementSection};
 pub use error::StructureSectionError;
+pub use resonarm_fmu_import::{ImportError, Numbers, OutputsOf, ReadAt};
 pub use source::{
     JointSection, Matrices, MatricesSection, MatrixError, NotModal, StructureFileError, UffError, UrdfError,
 };
@@ -39,6 +41,8 @@ pub enum StructureKind {
     Modal,
     /// Made by the program that runs the scenario.
     Own,
+    /// Somebody's FMU.
+    Fmu,
 }
 
 impl StructureKind {
@@ -49,7 +53,13 @@ impl StructureKind {
             StructureKind::Chain => "chain",
             StructureKind::Modal => "modal",
             StructureKind::Own => "own",
+            StructureKind::Fmu => "fmu",
         }
+    }
+
+    /// Whether its equations are somebody else's: it can be stepped and read, and nothing is computed of it.
+    pub const fn is_foreign(self) -> bool {
+        matches!(self, StructureKind::Own | StructureKind::Fmu)
     }
 }
 
@@ -75,8 +85,8 @@ pub struct StructureSection {
     /// What it is called in headers and figures.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub name: Option<String>,
-    /// The file that the structure is from: of a chain a robot, URDF, of modes UFF. It is read where `links` or `modes`
-    /// are not given.
+    /// The file that the structure is from: of a chain a robot, URDF, of modes UFF, which are read where `links` or
+    /// `modes` are not given; or the FMU.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub file: Option<PathBuf>,
     /// The joints of the robot that become those of the chain, from the base out.
@@ -115,6 +125,26 @@ pub struct StructureSection {
     /// Elements at its points.
     #[serde(skip_serializing_if = "Vec::is_empty")]
     pub elements: Vec<ElementSection>,
+    /// The SHA-256 of the FMU's file, in hexadecimal digits: a recording notes it.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub sha256: Option<String>,
+    /// When within a hold the FMU is read.
+    #[serde(skip_serializing_if = "is_default")]
+    pub read: ReadAt,
+    /// The FMU's variables that take loads, by degree of freedom: forces at points, torques at joints.
+    #[serde(skip_serializing_if = "BTreeMap::is_empty")]
+    pub inputs: BTreeMap<String, String>,
+    /// The FMU's variables that are read, by degree of freedom.
+    #[serde(skip_serializing_if = "BTreeMap::is_empty")]
+    pub outputs: BTreeMap<String, OutputsOf>,
+    /// Values of the FMU's parameters, by their names, in its units.
+    #[serde(skip_serializing_if = "BTreeMap::is_empty")]
+    pub parameters: BTreeMap<String, Numbers>,
+}
+
+/// Whether a key says what it says without being stated.
+fn is_default<T: Default + PartialEq>(value: &T) -> bool {
+    *value == T::default()
 }
 
 impl StructureSection {
@@ -135,6 +165,7 @@ impl StructureSection {
             }
             StructureKind::Modal => BodySpec::Modal(self.modal()?),
             StructureKind::Own => return Err(StructureSectionError::Own),
+            StructureKind::Fmu => return Err(StructureSectionError::OfFmu),
         };
         let elements = self.elements.iter().zip(1..).map(|(element, number)| element.spec(number));
         let elements: Vec<ElementSpec> = elements.collect::<Result<_, _>>()?;
@@ -180,7 +211,7 @@ impl StructureSection {
         }
         self.check_keys()?;
         if rig.shaker.is_some() {
-            return Err(StructureSectionError::OwnShaker);
+            return Err(StructureSectionError::OwnShaker { what: "that the program makes" });
         }
         let places = [
             ("exciter", &rig.exciter.at),
@@ -209,6 +240,11 @@ impl StructureSection {
         let (elements, initial) = (("elements", !self.elements.is_empty()), ("initial", !self.initial.is_empty()));
         let (idle, missing): (&[(&'static str, bool)], _) = match self.kind {
             StructureKind::Own => (&[links, modes, gravity, points, lines, elements, initial], None),
+            StructureKind::Fmu => {
+                let fix = "name the FMU's file";
+                let missing = self.file.is_none().then_some(("`file` is", fix));
+                (&[links, modes, gravity, points, lines, elements, initial], missing)
+            }
             StructureKind::Arm => (&[links, modes, gravity, points, lines], None),
             StructureKind::Chain => {
                 let fix = "add a table [[structure.links]] for every link, from the base out";

@@ -25,8 +25,11 @@ pub use error::{MatrixError, StructureFileError, UffError, UrdfError};
 pub use matrices::{Matrices, MatricesSection};
 pub use of_modes::NotModal;
 
-use super::{StructureKind, StructureSection, StructureSectionError};
+use super::{ReadAt, StructureKind, StructureSection, StructureSectionError};
 use crate::text_file;
+
+/// What has keys of an FMU.
+const FMU: &str = "a structure of kind `fmu`";
 
 /// A joint of a URDF file that becomes one of the chain.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
@@ -75,6 +78,9 @@ impl StructureSection {
     /// [`StructureSection::assembly`] says.
     pub fn read(&mut self, folder: &Path) -> Result<(), StructureSectionError> {
         self.check_source_keys()?;
+        if self.kind == StructureKind::Fmu {
+            return self.read_fmu(folder);
+        }
         let Some((_, _, false)) = self.source() else { return Ok(()) };
         match (self.kind, &self.file, &self.matrices) {
             (StructureKind::Chain, Some(file), _) => {
@@ -113,6 +119,7 @@ impl StructureSection {
         let is_chain = self.kind == StructureKind::Chain && self.file.is_some();
         let is_uff = self.kind == StructureKind::Modal && self.file.is_some();
         let is_matrices = self.kind == StructureKind::Modal && self.matrices.is_some();
+        let is_fmu = self.kind == StructureKind::Fmu;
         if is_uff && is_matrices {
             return Err(StructureSectionError::TwoSources);
         }
@@ -122,7 +129,7 @@ impl StructureSection {
             let key = if self.file.is_some() { "file" } else { "matrices" };
             return Err(StructureSectionError::Idle { key, kind: self.kind.name() });
         }
-        if self.kind == StructureKind::Chain && self.matrices.is_some() {
+        if matches!(self.kind, StructureKind::Chain | StructureKind::Fmu) && self.matrices.is_some() {
             return Err(StructureSectionError::Idle { key: "matrices", kind: self.kind.name() });
         }
         let keys = [
@@ -130,6 +137,11 @@ impl StructureSection {
             ("tip", self.tip.is_some(), is_chain, "a chain with the `file` of a robot, URDF"),
             ("nodes", !self.nodes.is_empty(), is_uff, "a modal structure with the `file` of its modes, UFF"),
             ("dofs", !self.dofs.is_empty(), is_matrices, "a modal structure with `matrices`"),
+            ("sha256", self.sha256.is_some(), is_fmu, FMU),
+            ("read", self.read != ReadAt::default(), is_fmu, FMU),
+            ("inputs", !self.inputs.is_empty(), is_fmu, FMU),
+            ("outputs", !self.outputs.is_empty(), is_fmu, FMU),
+            ("parameters", !self.parameters.is_empty(), is_fmu, FMU),
         ];
         match keys.into_iter().find(|(_, is_given, is_used, _)| *is_given && !is_used) {
             Some((key, _, _, of)) => Err(StructureSectionError::OfSource { key, of }),
@@ -138,7 +150,7 @@ impl StructureSection {
     }
 }
 
-fn unreadable(path: &Path) -> impl FnOnce(std::io::Error) -> StructureSectionError {
+pub(super) fn unreadable(path: &Path) -> impl FnOnce(std::io::Error) -> StructureSectionError {
     let path = PathBuf::from(path);
     move |source| StructureSectionError::Read { path, kind: source.kind(), reason: source.to_string() }
 }

@@ -1,0 +1,65 @@
+//! Somebody's FMU in the place of the arm.
+
+use std::path::{Path, absolute};
+use std::sync::Arc;
+
+use super::source::unreadable;
+use super::{ImportError, StructureSection, StructureSectionError};
+use crate::text_file;
+use resonarm_bench::plant::{Plant, PlantSpec, PlantSpecError};
+use resonarm_bench::rig::{Converter, PlaceName};
+use resonarm_fmu_import::{Source, Spec, sha256};
+
+impl StructureSection {
+    /// Notes where the FMU is, and its SHA-256, so that a recording says which it was. What is noted already counts
+    /// when the FMU is loaded.
+    pub(super) fn read_fmu(&mut self, folder: &Path) -> Result<(), StructureSectionError> {
+        let Some(file) = &self.file else { return Ok(()) };
+        let path = folder.join(file);
+        let path = absolute(&path).unwrap_or(path);
+        if self.sha256.is_none() {
+            self.sha256 = Some(sha256(&text_file::read_archive(&path).map_err(unreadable(&path))?));
+        }
+        self.file = Some(path);
+        Ok(())
+    }
+
+    /// The plant of the FMU, which is loaded, with the rig, the rates and the seed of a specification.
+    ///
+    /// # Errors
+    /// [`StructureSectionError`]: of keys, of the file, and of the FMU; else [`PlantSpecError`] of the rig.
+    pub fn fmu_plant(&self, spec: &PlantSpec) -> Result<Result<Plant, PlantSpecError>, StructureSectionError> {
+        self.check_keys()?;
+        if spec.rig.shaker.is_some() {
+            return Err(StructureSectionError::OwnShaker { what: "of kind `fmu`" });
+        }
+        let path = self.file.clone().unwrap_or_default();
+        let bytes = text_file::read_archive(&path).map_err(unreadable(&path))?;
+        let got = sha256(&bytes);
+        if let Some(expected) = self.sha256.as_ref().filter(|expected| !expected.eq_ignore_ascii_case(&got)) {
+            return Err(StructureSectionError::FmuHash { path, got, expected: expected.clone() });
+        }
+        let of = |fault: ImportError| StructureSectionError::Fmu { path: path.clone(), fault: Box::new(fault) };
+        let source = Source::read(&bytes, &self.fmu_spec(spec)).map_err(of)?;
+        Arc::new(source).plant(spec).map_err(of)
+    }
+
+    /// What is wanted of the FMU.
+    fn fmu_spec(&self, spec: &PlantSpec) -> Spec {
+        let rig = &spec.rig;
+        let place = |at: &Option<PlaceName>| at.as_ref().map(|at| at.as_str().to_owned());
+        Spec {
+            inputs: self.inputs.clone(),
+            outputs: self.outputs.clone(),
+            parameters: self.parameters.clone(),
+            read: self.read,
+            exciter: place(&rig.exciter.at),
+            accelerometer_b: place(&rig.accelerometer_b.at),
+            accelerometer_c: place(&rig.accelerometer_c.at),
+            sample_s: 1.0 / spec.sample_rate_hz,
+            steps_per_sample: spec.steps_per_sample,
+            is_filtered: rig.converter != Converter::Instant,
+            limits_travel: rig.gate.travel_limit_m.is_some(),
+        }
+    }
+}

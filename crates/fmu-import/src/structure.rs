@@ -1,0 +1,292 @@
+//! The FMU as a structure: stepped within a hold, or sampled by itself.
+
+use std::sync::Arc;
+
+use nalgebra::Vector2;
+
+use crate::ImportError;
+use crate::instance::Instance;
+use crate::mapping::{Axes, Slot};
+use crate::source::Source;
+use resonarm_bench::plant::{Loads, PointMotion, Stepped};
+use resonarm_bench::structure::{Channel, ForeignFault, LOADS, OUTPUTS, Structure, StructureError};
+
+/// Whether and how it runs.
+#[derive(Debug)]
+enum Run {
+    /// It is at its start; it is loaded with the first step.
+    AtStart,
+    Running(Box<Instance>),
+    /// A step has failed, so that it can't be used any more.
+    Failed,
+    /// A copy of one that has moved, whose state no copy can have.
+    Lost,
+}
+
+/// An FMU with what was read of it last.
+#[derive(Debug)]
+pub(crate) struct Held {
+    source: Arc<Source>,
+    run: Run,
+    /// The variables that are set and read, in the units of the FMU.
+    set: Vec<f64>,
+    read: Vec<f64>,
+    /// Where the variables of the step that is made are read.
+    next: Vec<f64>,
+    /// The states to which a hold that failed has returned.
+    kept: Vec<f64>,
+    /// The loads that are set.
+    loads: Option<Loads>,
+}
+
+impl Clone for Held {
+    /// A copy at the start; of an FMU that has moved one that can't be stepped.
+    fn clone(&self) -> Held {
+        let run = if matches!(self.run, Run::AtStart) { Run::AtStart } else { Run::Lost };
+        let (set, read, next, kept) = (self.set.clone(), self.read.clone(), self.next.clone(), self.kept.clone());
+        Held { source: Arc::clone(&self.source), run, set, read, next, kept, loads: None }
+    }
+}
+
+impl Held {
+    /// The FMU at its start. It is loaded to read its outputs there, and let go again: there may be one instance alone.
+    pub fn new(source: Arc<Source>) -> Result<Held, ImportError> {
+        let mut instance = Instance::start(&source)?;
+        let mut read = vec![0.0; source.mapping.read.count];
+        instance
+            .get(0.0, &source.mapping.read.references, &mut read)
+            .map_err(|fault| ImportError::Start { reason: fault.to_string(), log: instance.said() })?;
+        let set = source.mapping.set_at_rest();
+        Ok(Held { run: Run::AtStart, set, next: read.clone(), read, kept: Vec::new(), loads: None, source })
+    }
+
+    /// The instance, loaded if it is at its start.
+    fn instance(&mut self, t_s: f64) -> Result<&mut Instance, StructureError> {
+        let fails = |fault| StructureError::Foreign { call: "the FMU", t_s, fault };
+        if matches!(self.run, Run::AtStart) {
+            let started = Instance::start(&self.source).map_err(|error| {
+                tracing::error!("{error}");
+                fails(ForeignFault::NotLoaded)
+            });
+            self.run = Run::Running(Box::new(started?));
+        }
+        match &mut self.run {
+            Run::Running(instance) => Ok(instance),
+            Run::AtStart | Run::Failed | Run::Lost => Err(fails(ForeignFault::OtherState)),
+        }
+    }
+
+    /// A communication step with the loads held. They are set where they have changed.
+    fn step(&mut self, t_s: f64, loads: &Loads) -> Result<(), StructureError> {
+        let idle = self.source.mapping.inputs.iter().zip(loads).zip(&LOADS);
+        if let Some(((_, got), channel)) = idle.into_iter().find(|((slot, load), _)| slot.is_none() && **load != 0.0) {
+            return Err(StructureError::NoInput { name: channel.name, got: *got });
+        }
+        let stepped = self.try_step(t_s, loads);
+        if stepped.is_err() {
+            self.run = Run::Failed;
+        }
+        stepped
+    }
+
+    fn try_step(&mut self, t_s: f64, loads: &Loads) -> Result<(), StructureError> {
+        let source = Arc::clone(&self.source);
+        let mapping = &source.mapping;
+        let changes = self.loads.as_ref().map(|set| set.map(f64::to_bits)) != Some(loads.map(f64::to_bits));
+        if changes {
+            for (slot, load) in mapping.inputs.iter().zip(loads) {
+                slot.iter().for_each(|slot| self.set[slot.index] = slot.conversion.of_si(*load));
+            }
+        }
+        let (set, mut next) = (core::mem::take(&mut self.set), core::mem::take(&mut self.next));
+        let done = self.instance(t_s).and_then(|instance| {
+            if changes {
+                instance.set(t_s, &mapping.set.references, &set)?;
+            }
+            instance.step(t_s, source.step_s)?;
+            instance.get(t_s + source.step_s, &mapping.read.references, &mut next)
+        });
+        (self.set, self.next) = (set, next);
+        done?;
+        core::mem::swap(&mut self.read, &mut self.next);
+        self.loads = Some(*loads);
+        Ok(())
+    }
+
+    /// A number that was read, in SI units.
+    fn si(&self, slot: &Slot) -> f64 {
+        self.read.get(slot.index).map_or(f64::NAN, |value| slot.conversion.to_si(*value))
+    }
+
+    /// Numbers along x and y; 0 of what is not read.
+    fn along(&self, axes: &Axes) -> [f64; 2] {
+        axes.map(|slot| slot.map_or(0.0, |slot| self.si(&slot)))
+    }
+
+    fn travel_m(&self) -> f64 {
+        let [x, y] = self.along(&self.source.mapping.travel);
+        libm::hypot(x, y)
+    }
+
+    fn save(&self, states: &mut [f64]) {
+        states.iter_mut().zip(&self.source.mapping.states).for_each(|(to, slot)| *to = self.si(slot));
+        states.iter_mut().zip(&self.kept).for_each(|(to, kept)| *to = *kept);
+    }
+
+    /// Takes up states: those that it has, if it is at its start.
+    fn restore(&mut self, states: &[f64]) -> Result<(), StructureError> {
+        let same = || {
+            let own = self.source.mapping.states.iter().map(|slot| self.si(slot).to_bits());
+            own.eq(states.iter().map(|state| state.to_bits()))
+        };
+        match self.run {
+            Run::AtStart if same() => Ok(()),
+            // What has failed has said so already, and can't be stepped: it stays at the sample before.
+            Run::Failed => {
+                self.kept = states.to_vec();
+                Ok(())
+            }
+            _ => {
+                let fault = ForeignFault::OtherState;
+                Err(StructureError::Foreign { call: "the FMU", t_s: 0.0, fault })
+            }
+        }
+    }
+}
+
+/// The FMU that is read after each step.
+#[derive(Clone, Debug)]
+pub(crate) struct Steps {
+    held: Held,
+}
+
+impl Steps {
+    pub fn new(held: Held) -> Steps {
+        Steps { held }
+    }
+}
+
+impl Stepped for Steps {
+    fn states(&self) -> &[Channel] {
+        &self.held.source.mapping.channels
+    }
+
+    fn advance(&mut self, t_s: f64, loads: &Loads) -> Result<(), StructureError> {
+        self.held.step(t_s, loads)
+    }
+
+    /// The motion at the end of the last step, under the loads of that step.
+    fn points(&self, _t_s: f64, _loads: &Loads) -> Result<PointMotion, StructureError> {
+        let mapping = &self.held.source.mapping;
+        let vector = |axes: &Axes| Vector2::from(self.held.along(axes));
+        Ok(PointMotion {
+            velocity_m_s: [vector(&mapping.velocity[0]), vector(&mapping.velocity[1])],
+            acceleration_m_s2: [vector(&mapping.acceleration[0]), vector(&mapping.acceleration[1])],
+        })
+    }
+
+    /// An FMU gives no accelerations under loads that were set and not yet stepped with. With a course that is linear
+    /// over the step, that at its start follows from the mean, the change of velocity:
+    ///
+    /// ```text
+    /// (v(h) − v(0)) / h = (a(0) + a(h)) / 2
+    /// ```
+    fn begins(&self, from: &PointMotion, to: &PointMotion, step_s: f64) -> PointMotion {
+        let start = |point: usize| {
+            (to.velocity_m_s[point] - from.velocity_m_s[point]) * (2.0 / step_s) - to.acceleration_m_s2[point]
+        };
+        PointMotion { acceleration_m_s2: [start(0), start(1)], ..*from }
+    }
+
+    fn travel_m(&self) -> f64 {
+        self.held.travel_m()
+    }
+
+    fn save(&self, states: &mut [f64]) {
+        self.held.save(states);
+    }
+
+    fn restore(&mut self, states: &[f64]) -> Result<(), StructureError> {
+        self.held.restore(states)
+    }
+
+    fn boxed_clone(&self) -> Box<dyn Stepped> {
+        Box::new(self.clone())
+    }
+}
+
+/// The FMU that samples its motion itself.
+#[derive(Clone, Debug)]
+pub(crate) struct Sampled {
+    held: Held,
+    /// The force in the head, where the FMU does not give it: that of the last hold.
+    force_n: [f64; 2],
+}
+
+impl Sampled {
+    pub fn new(held: Held) -> Sampled {
+        Sampled { held, force_n: [0.0; 2] }
+    }
+
+    fn sampled(&self) -> [f64; OUTPUTS.len()] {
+        let mapping = &self.held.source.mapping;
+        let [bx, by] = self.held.along(&mapping.acceleration[0]);
+        let [cx, cy] = self.held.along(&mapping.acceleration[1]);
+        let [hx, hy] = [0, 1].map(|axis| mapping.force[axis].map_or(self.force_n[axis], |slot| self.held.si(&slot)));
+        [hx, hy, bx, by, cx, cy]
+    }
+}
+
+impl Structure for Sampled {
+    fn inputs(&self) -> &[Channel] {
+        &LOADS
+    }
+
+    fn outputs(&self) -> &[Channel] {
+        &OUTPUTS
+    }
+
+    fn states(&self) -> &[Channel] {
+        &self.held.source.mapping.channels
+    }
+
+    fn saved_len(&self) -> usize {
+        self.states().len() + OUTPUTS.len()
+    }
+
+    fn advance(&mut self, time_s: f64, inputs: &[f64]) -> Result<(), StructureError> {
+        let wrong = |_| StructureError::Inputs { got: inputs.len(), expected: LOADS.len() };
+        let loads: Loads = inputs.try_into().map_err(wrong)?;
+        self.held.step(time_s, &loads)?;
+        let [_, _, fx, fy] = loads;
+        self.force_n = [fx, fy];
+        Ok(())
+    }
+
+    fn sense(&self, outputs: &mut [f64]) {
+        outputs.iter_mut().zip(self.sampled()).for_each(|(to, number)| *to = number);
+    }
+
+    fn save(&self, saved: &mut [f64]) {
+        let (states, rest) = saved.split_at_mut(self.states().len().min(saved.len()));
+        self.held.save(states);
+        self.sense(rest);
+    }
+
+    fn restore(&mut self, saved: &[f64]) -> Result<(), StructureError> {
+        let (states, all) = (self.states().len(), self.saved_len());
+        let got = saved.iter().position(|number| !number.is_finite()).unwrap_or(saved.len());
+        if got != saved.len() || (got != states && got != all) {
+            return Err(StructureError::Saved { got, states, all });
+        }
+        self.held.restore(&saved[..states])
+    }
+
+    fn travel_m(&self) -> f64 {
+        self.held.travel_m()
+    }
+
+    fn boxed_clone(&self) -> Box<dyn Structure> {
+        Box::new(self.clone())
+    }
+}

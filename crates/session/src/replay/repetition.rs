@@ -1,0 +1,62 @@
+//! The run of an FMU simulated again, from its start.
+
+use super::ReplayError;
+use super::resimulation::{Verdict, check, compare, load};
+use resonarm_bench::plant::Plant;
+use resonarm_bench::structure::States;
+use resonarm_files::recording::{Integrity, Recording};
+use resonarm_files::scenario::Scenario;
+
+/// Loads the FMU, applies the recorded loads from its start on, and compares every state. Where one differs, it is
+/// loaded once more: an FMU that differs from itself does not repeat itself, and says nothing about the recording.
+///
+/// # Errors
+/// As [`resimulate`](super::resimulate); [`ReplayError::FmuFromStart`], [`ReplayError::FmuWithoutStates`] and
+/// [`ReplayError::FmuNotRepeating`].
+pub(super) fn repeat(recording: &Recording, scenario: &Scenario) -> Result<Verdict, ReplayError> {
+    check(recording, scenario.simulation.rate_hz)?;
+    let mut plant = scenario.plant()?;
+    if plant.states().is_empty() {
+        return Err(ReplayError::FmuWithoutStates);
+    }
+    let integrity = recording.integrity().clone();
+    let identical = !matches!(integrity, Integrity::Damaged { .. });
+    let mut verdict =
+        Verdict { identical, integrity, samples: 0, steps: 0, first_divergence: None, max_drift_rad: 0.0 };
+    let mut differing = None;
+    let mut applied = None;
+    for record in recording.states()? {
+        let record = record?;
+        if let Some(load) = applied.replace(load(&record, &plant)?) {
+            plant.advance(&load)?;
+            verdict.steps += u64::from(scenario.simulation.steps_per_sample());
+        }
+        if record.sample != plant.sample() {
+            return Err(ReplayError::FmuFromStart { sample: record.sample });
+        }
+        compare(&mut verdict, &plant, &record);
+        if verdict.first_divergence == Some(record.sample) && differing.is_none() {
+            differing = Some(plant.states());
+        }
+    }
+    match (verdict.first_divergence, differing) {
+        _ if verdict.samples == 0 => Err(ReplayError::Empty { what: "states" }),
+        (Some(sample), Some(states)) if !repeats(recording, scenario.plant()?, sample, &states)? => {
+            Err(ReplayError::FmuNotRepeating { sample })
+        }
+        _ => Ok(verdict),
+    }
+}
+
+/// Whether a plant at its start comes to these states at a sample, too.
+fn repeats(recording: &Recording, mut plant: Plant, sample: u64, states: &States) -> Result<bool, ReplayError> {
+    for record in recording.states()? {
+        let record = record?;
+        if record.sample == sample {
+            break;
+        }
+        plant.advance(&load(&record, &plant)?)?;
+    }
+    let own = plant.states();
+    Ok(own.iter().map(|state| state.to_bits()).eq(states.iter().map(|state| state.to_bits())))
+}

@@ -1,0 +1,218 @@
+//! An FMU as the structure: that of `examples/fmu`, which gcc builds.
+
+use std::path::{Path, PathBuf};
+use std::process::Command;
+use std::sync::LazyLock;
+
+use resonarm::arm::Load;
+use resonarm::cut;
+use resonarm::plant::Plant;
+use resonarm::recording::{Existing, Recording};
+use resonarm::replay::{resimulate, resimulate_readings};
+use resonarm::run::{BothReport, Mode, Options, RecordTo, RunError, Session, Signals};
+use resonarm::scenario::Scenario;
+use tempfile::TempDir;
+
+/// The folder with `mass2.fmu` and `mass3.fmu`.
+static FOLDER: LazyLock<TempDir> = LazyLock::new(|| {
+    let folder = tempfile::tempdir().unwrap();
+    for version in ["2", "3"] {
+        let out = folder.path().join(format!("mass{version}.fmu"));
+        let script = Path::new(env!("CARGO_MANIFEST_DIR")).join("examples/fmu/make.py");
+        assert!(Command::new("python3").arg(script).arg(out).arg(version).status().unwrap().success());
+    }
+    folder
+});
+
+/// The mass under a sine near its resonance at 20 Hz, with more keys of [structure] and other sections.
+fn scenario(version: u8, more: &str) -> Scenario {
+    let text = format!(
+        r#"
+[structure]
+kind = "fmu"
+file = "mass{version}.fmu"
+{more}
+[structure.inputs]
+"tip.x" = "force"
+[structure.outputs]
+"tip.x" = {{ displacement = "x", velocity = "v", acceleration = "a" }}
+[simulation]
+seed = 3
+[excitation]
+amplitude = {{ force_x_n = 20.0 }}
+profile = {{ waveform = "dwell", frequency_hz = 19.0, duration_s = 0.2, settle_s = 0.1 }}
+"#
+    );
+    let mut scenario = Scenario::parse(&text, "test").unwrap();
+    scenario.read_files(FOLDER.path()).unwrap();
+    scenario
+}
+
+fn both(scenario: Scenario, mode: Mode, record: Option<&Path>) -> BothReport {
+    let record = record.map(|path| RecordTo { path: path.to_owned(), existing: Existing::Overwrite });
+    let session = Session::new(scenario, mode, Options { record, ..Options::default() }).unwrap();
+    session.both(&Signals::default(), |_event| {}).unwrap()
+}
+
+fn recorded(scenario: Scenario, mode: Mode, name: &str) -> (BothReport, PathBuf) {
+    let path = FOLDER.path().join(name);
+    (both(scenario, mode, Some(&path)), path)
+}
+
+fn states(path: &Path) -> Vec<[u64; 4]> {
+    let recording = Recording::open(path).unwrap();
+    let bits = |record: resonarm::recording::StateRecord| {
+        let [x, v] = record.states[..] else { panic!("{record:?}") };
+        [record.sample, x.to_bits(), v.to_bits(), record.force_n[0].to_bits()]
+    };
+    recording.states().unwrap().map(|record| bits(record.unwrap())).collect()
+}
+
+#[test]
+fn its_run_is_the_same_free_in_lockstep_and_simulated_again() {
+    let (free, path) = recorded(scenario(3, ""), Mode::Free, "free.mcap");
+    assert!(free.plant.error.is_none() && free.plant.samples > 200, "{free:?}");
+    let recording = Recording::open(&path).unwrap();
+    let verdict = resimulate(&recording).unwrap();
+    assert!(verdict.identical && verdict.samples > 200, "{verdict:?}");
+    assert!(resimulate_readings(&recording).unwrap().identical);
+    let kept = Scenario::from_configuration(recording.configuration()).unwrap().structure.unwrap();
+    assert_eq!((kept.sha256.unwrap().len(), kept.file.unwrap().is_absolute()), (64, true));
+    let (_, of_fmi_2) = recorded(scenario(2, ""), Mode::Free, "free2.mcap");
+    let (_, lockstep) = recorded(scenario(3, ""), Mode::Lockstep, "lockstep.mcap");
+    let expected = states(&path);
+    assert_eq!(states(&of_fmi_2), expected);
+    // How many samples follow the last command is the bus's.
+    let lockstep = states(&lockstep);
+    let common = lockstep.len().min(expected.len()) - 1;
+    assert!(common > 200);
+    assert_eq!(lockstep[..common], expected[..common]);
+}
+
+#[test]
+fn its_readings_are_those_of_the_same_mass_as_a_mode() {
+    let converters = ["instant", "sinc5"];
+    for converter in converters {
+        let mut fmu = scenario(3, "");
+        // φ = 1/√m with m = 2 kg, D = c/(2 m ω) with c = 5 N·s/m.
+        let shape = 1.0 / 2.0_f64.sqrt();
+        let frequency_hz = (31582.734_f64 / 2.0).sqrt() / core::f64::consts::TAU;
+        let damping_ratio = 5.0 / (4.0 * core::f64::consts::TAU * frequency_hz);
+        let text = format!(
+            "[structure]\nkind = 'modal'\nmodes = [{{ frequency_hz = {frequency_hz}, damping_ratio = {damping_ratio}, \
+             shape = {{ 'tip.x' = {shape} }} }}]\n[rig]\nconverter = '{converter}'\naccelerometer_c = {{ resolution_m_s2 = 1e-9 }}"
+        );
+        let mut mode = Scenario::parse(&text, "mode").unwrap();
+        mode.simulation.seed = fmu.simulation.seed;
+        (mode.rig, fmu.rig) = (mode.rig.clone().without_noise(), mode.rig.without_noise());
+        let mut plants = [fmu.plant().unwrap(), mode.plant().unwrap()];
+        let (mut largest, mut error): (f64, f64) = (0.0, 0.0);
+        for sample in 0..400_u32 {
+            let force_n = 20.0 * libm::sin(core::f64::consts::TAU * 0.019 * f64::from(sample));
+            let load = Load::force_n(force_n, 0.0);
+            let [one, other] = plants.each_mut().map(|plant: &mut Plant| {
+                let read = plant.measure().acceleration_c_m_s2[0].value;
+                plant.advance(&load).unwrap();
+                read
+            });
+            largest = largest.max(other.abs());
+            error = error.max((one - other).abs());
+        }
+        // The filter's course over a step is linear at the start of a hold, (ωh)² of it.
+        let most = if converter == "instant" { 1e-7 } else { 1e-3 };
+        assert!(largest > 10.0 && error < most * largest, "{converter}: {error:e} of {largest}");
+    }
+}
+
+/// What ends a run of a mass that misbehaves in the way `fault`, from sample 20 on.
+fn fault(version: u8, fault: u32) -> String {
+    let parameters = format!("parameters = {{ fault = {fault}, fault_s = 0.0199 }}");
+    let report = both(scenario(version, &parameters), Mode::Free, None);
+    report.plant.error.map_or(String::from("none"), |error| error.to_string())
+}
+
+#[test]
+fn what_it_does_in_place_of_a_step_ends_the_run_in_words() {
+    insta::assert_snapshot!(fault(3, 1), @"the simulation failed at sample 20: the FMU fails: fmi3DoStep at 0.02 s: it returned Error");
+    insta::assert_snapshot!(fault(3, 2), @"the simulation failed at sample 20: the FMU fails: fmi3DoStep at 0.02 s: it returned Discard");
+    insta::assert_snapshot!(fault(3, 3), @"the simulation failed at sample 20: the FMU fails: fmi3DoStep at 0.02 s: it asks to end the simulation");
+    insta::assert_snapshot!(fault(3, 4), @"the simulation failed at sample 20: the FMU fails: fmi3DoStep at 0.02 s: it came to 0.02025 s in place of the step's end");
+    insta::assert_snapshot!(fault(3, 5), @"the simulation failed at sample 20: the FMU fails: fmi3GetFloat64 at 0.0205 s: it gave NaN");
+    insta::assert_snapshot!(fault(2, 1), @"the simulation failed at sample 20: the FMU fails: fmi2DoStep at 0.02 s: it returned Error");
+    insta::assert_snapshot!(fault(2, 3), @"the simulation failed at sample 20: the FMU fails: fmi2DoStep at 0.02 s: it asks to end the simulation");
+    insta::assert_snapshot!(fault(2, 4), @"the simulation failed at sample 20: the FMU fails: fmi2DoStep at 0.02 s: it returned Discard");
+    if cfg!(target_arch = "x86_64") {
+        let rounds = fault(3, 7);
+        insta::assert_snapshot!(rounds, @"the simulation failed at sample 20: the FMU fails: fmi3DoStep at 0.02 s: it changed how the processor rounds, as libraries built with -ffast-math do");
+    }
+    // The processor rounds as before.
+    assert!(core::hint::black_box(1e-310_f64) * 1.0 > 0.0);
+}
+
+#[test]
+fn a_plant_whose_fmu_fails_stays_at_the_sample_before() {
+    // In the second half of a hold, so that a part of it has been stepped.
+    let mut plant = scenario(3, "parameters = { fault = 5, fault_s = 0.0202 }").plant().unwrap();
+    let load = Load::force_n(5.0, 0.0);
+    for _ in 0..20 {
+        plant.advance(&load).unwrap();
+    }
+    let before = plant.states();
+    assert!(before[0] > 0.0 && plant.advance(&load).is_err());
+    assert_eq!((plant.sample(), plant.states()), (20, before));
+}
+
+#[test]
+fn an_fmu_that_does_not_repeat_itself_is_not_simulated_again() {
+    let parameters = "parameters = { fault = 6, fault_s = 0.0199 }";
+    let (report, path) = recorded(scenario(3, parameters), Mode::Free, "random.mcap");
+    assert!(report.plant.error.is_none());
+    let error = resimulate(&Recording::open(&path).unwrap()).unwrap_err();
+    insta::assert_snapshot!(error, @"the FMU does not repeat itself: simulated twice from its start under the recorded loads, it differs from itself at sample 21, so that its run can't be simulated again");
+}
+
+#[test]
+fn a_part_of_its_run_is_not_simulated_again() {
+    let (_, path) = recorded(scenario(3, ""), Mode::Free, "whole.mcap");
+    let (whole, part) = (Recording::open(&path).unwrap(), FOLDER.path().join("part.mcap"));
+    cut::cut(&whole, 100..=200, &part, Existing::Overwrite).unwrap();
+    let error = resimulate(&Recording::open(&part).unwrap()).unwrap_err();
+    insta::assert_snapshot!(error, @"the recording begins at sample 100, and its structure is an FMU, which can be simulated again from its start alone: take the whole recording");
+}
+
+/// Why a session of a scenario can't begin; the folder is left out.
+fn refused(scenario: Scenario, mode: Mode) -> String {
+    let error: RunError = Session::new(scenario, mode, Options::default()).unwrap_err();
+    error.to_string().replace(&format!("{}/", FOLDER.path().display()), "")
+}
+
+#[test]
+fn what_can_not_be_is_refused_before_the_run() {
+    insta::assert_snapshot!(refused(scenario(3, ""), Mode::RealTime), @"structure: `kind` is fmu: an FMU is somebody's program, and nothing bounds the time of its steps: take the mode free or lockstep");
+    insta::assert_snapshot!(refused(scenario(3, "parameters = { fault = 8 }"), Mode::Free), @"mass3.fmu: fmi3EnterInitializationMode returned Error");
+    insta::assert_snapshot!(refused(scenario(3, "parameters = { masse = 8 }"), Mode::Free), @"mass3.fmu: structure.parameters: the FMU has no variable `masse`, did you mean `mass`?");
+    let mut other = scenario(3, "");
+    other.structure.as_mut().unwrap().sha256 = Some("0".repeat(64));
+    let text = refused(other, Mode::Free);
+    let (_, reason) = text.split_once("structure.sha256").unwrap();
+    insta::assert_snapshot!(reason.trim(), @"is 0000000000000000000000000000000000000000000000000000000000000000: it is another FMU than the one that was meant or recorded");
+    let mut shaken = scenario(3, "");
+    shaken.rig = Scenario::parse(SHAKER, "rig").unwrap().rig;
+    insta::assert_snapshot!(refused(shaken, Mode::Free), @"rig.shaker needs the arm or a structure of the scenario, as its armature moves with it: leave it out here; a structure of kind `fmu` is driven by the ideal exciter of `rig.exciter`");
+    let missing = Scenario::parse("structure = { kind = 'fmu' }", "test").unwrap();
+    insta::assert_snapshot!(refused(missing, Mode::Free), @"structure: `file` is missing: name the FMU's file");
+    let idle = Scenario::parse("structure = { kind = 'modal', inputs = { 'tip.x' = 'F' } }", "test").unwrap();
+    insta::assert_snapshot!(refused(idle, Mode::Free), @"structure: `inputs` is of a structure of kind `fmu`: leave it out");
+    insta::assert_snapshot!(scenario(3, "").plant_spec().unwrap_err(), @"structure: `kind` is fmu: an FMU is stepped and read, in the modes free and lockstep of a run; modes, responses and branches are computed of equations, which it does not show");
+}
+
+const SHAKER: &str = "[rig.shaker]
+moving_mass_kg = 0.2
+stiffness_n_m = 5e3
+damping_n_s_m = 5.0
+force_factor_n_a = 20.0
+resistance_ohm = 2.0
+inductance_h = 3e-4
+stroke_m = 0.02
+current_limit_a = 15.0
+voltage_limit_v = 60.0";
