@@ -50,6 +50,10 @@ pub(super) struct Varied {
     pub coefficients: Vec<[Complex<f64>; 2]>,
     /// 2 if odd harmonics vanish, or else 1.
     pub step: usize,
+    /// Whether G is not zero.
+    pub damps: bool,
+    /// The largest |H| of a mode at its resonance.
+    pub sharpest: f64,
 }
 
 impl Varied {
@@ -63,6 +67,7 @@ impl Varied {
         let limits = signals.map(|signal| NEGLIGIBLE * largest(signal));
         let repeats = (0..2).all(|d| (0..half).all(|j| (signals[d][j] - signals[d][j + half]).abs() <= limits[d]));
         let (step, length) = if repeats { (2, half) } else { (1, count) };
+        let resonance = |(phi, [omega, zeta]): (&f64, &[f64; 2])| phi * phi / (2.0 * zeta * omega * omega);
         let (cosines, sines) = of.samples.basis.tables(0);
         let coefficient = |order: usize| {
             signals.map(|signal| {
@@ -90,19 +95,28 @@ impl Varied {
                     omega: of.balance.omega_rad_s(),
                     coefficients,
                     step,
+                    damps: limits[1] > 0.0,
+                    sharpest: phi.iter().zip(&condensed.modes).map(resonance).fold(0.0, f64::max),
                 });
             }
         }
         None
     }
 
-    /// T of two harmonics, the second by its rate s + ilΩ.
+    /// S and G of a harmonic.
+    #[inline(always)]
+    pub fn coefficients_of(&self, harmonic: isize) -> [Complex<f64>; 2] {
+        let Some(of) = self.coefficients.get(harmonic.unsigned_abs() / self.step) else {
+            return [Complex::new(0.0, 0.0); 2];
+        };
+        if harmonic < 0 { of.map(|of| of.conj()) } else { *of }
+    }
+
+    /// T of two harmonics by their difference and the second's rate s + ilΩ.
     #[inline(always)]
     pub fn coupling(&self, difference: isize, rate: Complex<f64>) -> Complex<f64> {
-        let Some([s, g]) = self.coefficients.get(difference.unsigned_abs() / self.step) else {
-            return Complex::new(0.0, 0.0);
-        };
-        if difference < 0 { s.conj() + rate * g.conj() } else { s + rate * g }
+        let [s, g] = self.coefficients_of(difference);
+        if self.damps { s + rate * g } else { s }
     }
 
     /// s + ikΩ.
@@ -210,7 +224,7 @@ impl Found {
 /// How far two exponents over a period are from each other.
 fn apart(a: Complex<f64>, b: Complex<f64>) -> f64 {
     let angle = a.im - b.im;
-    libm::hypot(a.re - b.re, angle - TAU * libm::round(angle / TAU))
+    libm::sqrt(Complex::new(a.re - b.re, angle - TAU * libm::round(angle / TAU)).norm_sqr())
 }
 
 /// The multipliers; `None` if they are not surely all, so that the flow has to be computed.

@@ -91,13 +91,10 @@ impl Solver {
         self.solve(&mut p);
         self.solve_transposed(&mut q);
         let mut slope: Complex<f64> = (0..n).map(|k| q[k] * self.slopes[k] * p[k]).sum();
-        if varied.coefficients.iter().any(|[_, g]| g.norm_sqr() > 0.0) {
-            let one = Complex::new(1.0, 0.0);
-            let zero = Complex::new(0.0, 0.0);
+        if varied.damps {
             for k in 0..n {
                 for l in 0..n {
-                    let difference = harmonic(k) - harmonic(l);
-                    let by_rate = varied.coupling(difference, one) - varied.coupling(difference, zero);
+                    let [_, by_rate] = varied.coefficients_of(harmonic(k) - harmonic(l));
                     slope += q[k] * by_rate * p[l];
                 }
             }
