@@ -252,8 +252,14 @@ pub(super) fn stability(of: &Variations) -> Option<Stability> {
         }
     }
     let trace = varied.dampings.iter().sum::<f64>() + varied.weights.iter().sum::<f64>() * varied.coefficients[0][1].re;
-    let off = trace * period_s + found.exponents.iter().map(|at| at.re).sum::<f64>();
-    if found.exponents.len() != 2 * modes || off.abs() > LIOUVILLE {
+    let missing = |found: &Found| -trace * period_s - found.exponents.iter().map(|at| at.re).sum::<f64>();
+    if found.exponents.len() + 1 == 2 * modes {
+        // A single one is real, and negative multipliers are even in number.
+        let negative = found.exponents.iter().filter(|at| at.im == PI).count();
+        let im = if negative.is_multiple_of(2) { 0.0 } else { PI };
+        found.add_near(&varied, Complex::new(missing(&found), im) / period_s, fastest);
+    }
+    if found.exponents.len() != 2 * modes || missing(&found).abs() > LIOUVILLE {
         return None;
     }
     let multiplier = |at: &Complex<f64>| {

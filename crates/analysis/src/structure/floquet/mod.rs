@@ -1,14 +1,15 @@
 //! Stability of a structure's periodic motion by its Floquet multipliers, the eigenvalues of the flow of variations
 //! over a period.
 //!
-//! On 2L points of the period, a step goes over 2 of them with the derivatives in its middle. Of modes it is half a
-//! step of the linear structure, exact, the impulse of the elements, and another half (G. Strang, 1968); of a chain the
-//! implicit midpoint rule. Both are symmetric, with errors in h², h⁴, …; where the motion is smooth, steps over 4 and 8
-//! points remove the first two (W. Romberg, 1955):
+//! On 2L points of the period, a step goes over 2 of them with the derivatives in its middle: half a step of the linear
+//! structure, exact, the impulse of what it leaves out, and another half (G. Strang, 1968). This is symmetric, with errors
+//! in h², h⁴, …; where the motion is smooth, steps over 4 and 8 points remove the first two (W. Romberg, 1955):
 //!
 //! ```text
 //! Φ = (64 Φ₂ − 20 Φ₄ + Φ₈)/45
 //! ```
+//!
+//! The multipliers of many modes with one smooth element are found in the frequency domain, [`exponents`].
 //!
 //! The state of a friction element that slips is a state of the flow. One that doesn't slip is a spring.
 
@@ -30,7 +31,7 @@ use super::unknowns::Body;
 use resonarm_dynamics::structure::Law;
 
 /// Steps a period of the fastest mode, of modes and of a chain, and of the motion's highest harmonic.
-const STEPS: [f64; 3] = [8.0, 120.0, 4.0];
+const STEPS: [f64; 3] = [8.0, 48.0, 4.0];
 /// The least steps: of smooth motions, and of others.
 const LEAST_STEPS: [f64; 2] = [64.0, 512.0];
 
