@@ -1,5 +1,5 @@
-//! The flow of a chain's variations (δu, δu̇, δz): half a step of the structure that is linear about its rest, exact, the
-//! impulse of what it leaves out, and another half.
+//! The flow of a chain's variations (δu, δu̇, δz): half a step of the structure that is linear about its rest, exact,
+//! the impulse of what it leaves out, and another half.
 //!
 //! At rest M₀ δü + D δu̇ + K δu = 0, with the flow e^{hA}. Along the motion M δü + G δu̇ + S δu + Σ w f_z δz = 0, and
 //! with S′ = S − M M₀⁻¹K and G′ = G − M M₀⁻¹D the impulse is

@@ -6,10 +6,10 @@
 //! pₖ/H(s + ikΩ) + Σₗ Tₖₗ pₗ = 0,     Tₖₗ = S_{k−l} + (s + ilΩ) G_{k−l}
 //! ```
 //!
-//! with the compliance H(s) = Σ φ²/(ω² + 2ζωs + s²) and the Fourier coefficients of ∂f/∂x and ∂f/∂ẋ. The multipliers are
-//! μ = e^{sT}, two a mode. Most modes hardly feel how the element varies: from their linear exponent on, sweeps find p
-//! and s at once ([`sweep`](super::sweep)). The others are begun from the flow of their own modes alone, and polished by
-//! Newton's method on all of them ([`newton`](super::newton)). As many multipliers as there are states, each a solution
+//! with the compliance H(s) = Σ φ²/(ω² + 2ζωs + s²) and the Fourier coefficients of ∂f/∂x and ∂f/∂ẋ. The multipliers
+//! are μ = e^{sT}, two a mode. Most modes hardly feel how the element varies: from their linear exponent on, sweeps find p
+//! and s at once ([`sweep`](super::sweep)). The others are begun from the flow of their own modes alone, and polished
+//! by Newton's method on all of them ([`newton`](super::newton)). As many multipliers as there are states, each a solution
 //! and no two the same, are all; their product is that of Liouville's formula.
 
 use alloc::vec::Vec;
@@ -270,8 +270,8 @@ pub(super) fn stability(of: &Variations) -> Option<Stability> {
     Some(sorted(found.exponents.iter().map(multiplier).collect()))
 }
 
-/// Multipliers to begin with: those of the flow of the modes up to somewhat beyond the fastest of some, where the others
-/// give way as at rest.
+/// Multipliers to begin with: those of the flow of the modes up to somewhat beyond the fastest of some, where the
+/// others give way as at rest.
 fn guesses(of: &Variations, condensed: &Condensed, varied: &Varied, together: &[usize]) -> Option<Vec<Complex<f64>>> {
     if together.is_empty() {
         return Some(Vec::new());

@@ -1,7 +1,7 @@
 //! The exponent of a mode that hardly feels how an element varies; see [`super::exponents`].
 //!
-//! With p₀ = 1, H = φ²/D + R, D = s² + 2ζωs + ω² of the mode itself and R of all others, the equations are solved in turn
-//! for each unknown:
+//! With p₀ = 1, H = φ²/D + R, D = s² + 2ζωs + ω² of the mode itself and R of all others, the equations are solved in
+//! turn for each unknown:
 //!
 //! ```text
 //! pₖ = −Σ_{l≠k} Tₖₗ pₗ/(1/Hₖ + Tₖₖ),     D(s) = −φ²τ/(1 + Rτ),  τ = Σₗ T₀ₗ pₗ
@@ -55,8 +55,8 @@ pub(super) fn sweep(varied: &mut Varied, mode: usize) -> Option<Complex<f64>> {
     None
 }
 
-/// Harmonics on either side such that none beyond changes s by more than [`OMITTED`] Ω, were it at the sharpest resonance:
-/// with H₁ ≈ 3 φ²/(2ωΩ) beside the mode, the k-th is driven by S_k and by S₁ (H₁S₁)ᵏ⁻¹, and changes s by the square of
+/// Harmonics on either side such that none beyond changes s by more than [`OMITTED`] Ω, were it at the sharpest
+/// resonance: with H₁ ≈ 3 φ²/(2ωΩ) beside the mode, the k-th is driven by S_k and by S₁ (H₁S₁)ᵏ⁻¹, and changes s by the square of
 /// this, H there and φ²/2ω. `None` if there would be too many.
 fn window(varied: &Varied, mode: usize) -> Option<usize> {
     let rate = Complex::new(0.0, libm::sqrt(varied.squares[mode]));
