@@ -3,7 +3,8 @@
 //!
 //! On 2L points of the period, a step goes over 2 of them with the derivatives in its middle: half a step of the
 //! linear structure, exact, the impulse of what it leaves out, and another half (G. Strang, 1968). This is symmetric,
-//! with errors in h², h⁴, …; where the motion is smooth, steps over 4 and 8 points remove the first two (W. Romberg, 1955):
+//! with errors in h², h⁴, …; where the motion is smooth, steps over 4 and 8 points remove the first two (W. Romberg,
+//! 1955):
 //!
 //! ```text
 //! Φ = (64 Φ₂ − 20 Φ₄ + Φ₈)/45

@@ -1,7 +1,8 @@
 //! The exponent of a mode by Newton's method; see [`super::exponents`].
 //!
 //! With A(s) p = e₀ and Aᵀ q = e₀ of the equations of some harmonics, 1/p₀ vanishes at an exponent, and its
-//! derivative is qᵀA′p/p₀²: s ← s − p₀/(qᵀA′p). What is left out beyond the last harmonic changes s by the order of p q there.
+//! derivative is qᵀA′p/p₀²: s ← s − p₀/(qᵀA′p). What is left out beyond the last harmonic changes s by the
+//! order of p q there.
 
 use alloc::vec;
 use alloc::vec::Vec;

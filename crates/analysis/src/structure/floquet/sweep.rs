@@ -56,8 +56,8 @@ pub(super) fn sweep(varied: &mut Varied, mode: usize) -> Option<Complex<f64>> {
 }
 
 /// Harmonics on either side such that none beyond changes s by more than [`OMITTED`] Ω, were it at the sharpest
-/// resonance: with H₁ ≈ 3 φ²/(2ωΩ) beside the mode, the k-th is driven by S_k and by S₁ (H₁S₁)ᵏ⁻¹, and changes s by the square of
-/// this, H there and φ²/2ω. `None` if there would be too many.
+/// resonance: with H₁ ≈ 3 φ²/(2ωΩ) beside the mode, the k-th is driven by S_k and by S₁ (H₁S₁)ᵏ⁻¹, and changes s by the
+/// square of this, H there and φ²/2ω. `None` if there would be too many.
 fn window(varied: &Varied, mode: usize) -> Option<usize> {
     let rate = Complex::new(0.0, libm::sqrt(varied.squares[mode]));
     let share = varied.weights[mode] / (2.0 * rate.im * varied.omega);
