@@ -1,21 +1,26 @@
 //! Stability of a structure's periodic motion by its Floquet multipliers, the eigenvalues of the flow of variations
 //! over a period.
 //!
-//! On 2L points of the period, a step goes over 2 of them with the derivatives in its middle. Of modes it is half a
-//! step of the linear structure, exact, the impulse of the elements, and another half (G. Strang, 1968); of a chain the
-//! implicit midpoint rule. Both are symmetric, with errors in h², h⁴, …; where the motion is smooth, steps over 4 and 8
-//! points remove the first two (W. Romberg, 1955):
+//! On 2L points of the period, a step goes over 2 of them with the derivatives in its middle: half a step of the
+//! linear structure, exact, the impulse of what it leaves out, and another half (G. Strang, 1968). This is symmetric,
+//! with errors in h², h⁴, …; where the motion is smooth, steps over 4 and 8 points remove the first two (W. Romberg,
+//! 1955):
 //!
 //! ```text
 //! Φ = (64 Φ₂ − 20 Φ₄ + Φ₈)/45
 //! ```
 //!
+//! The multipliers of many modes with one smooth element are found in the frequency domain, [`exponents`].
+//!
 //! The state of a friction element that slips is a state of the flow. One that doesn't slip is a spring.
 
 mod chain;
+mod exponents;
 mod modal;
+mod newton;
+mod rows;
+mod sweep;
 
-use alloc::vec;
 use alloc::vec::Vec;
 
 use nalgebra::{Complex, DMatrix};
@@ -27,7 +32,7 @@ use super::unknowns::Body;
 use resonarm_dynamics::structure::Law;
 
 /// Steps a period of the fastest mode, of modes and of a chain, and of the motion's highest harmonic.
-const STEPS: [f64; 3] = [8.0, 120.0, 4.0];
+const STEPS: [f64; 3] = [8.0, 48.0, 4.0];
 /// The least steps: of smooth motions, and of others.
 const LEAST_STEPS: [f64; 2] = [64.0, 512.0];
 
@@ -55,6 +60,22 @@ pub(super) struct StateVariation {
 }
 
 impl Variations<'_> {
+    /// Along the motion X, on two points a step of at least so many steps.
+    fn new<'a>(balance: &'a Balance, x: &[f64], steps: f64) -> Variations<'a> {
+        let points = 8 * libm::ceil(steps / 4.0) as usize;
+        let mut samples = balance.samples.clone();
+        samples.set(balance.harmonics(), points);
+        samples.synthesise(x, balance.unknowns.count(), balance.omega_rad_s());
+        samples.evaluate(&balance.forced, &balance.unknowns, balance.frequency_hz);
+        add_stuck_friction(balance, &mut samples);
+        if !balance.forced.assembly().is_smooth() {
+            average(&mut samples);
+        }
+        let states = (0..samples.histories.len()).filter(|&at| samples.histories[at].forgets).collect();
+        let spacing_s = 1.0 / (balance.frequency_hz * points as f64);
+        Variations { balance, samples, states, spacing_s }
+    }
+
     /// m.
     pub fn unknowns(&self) -> usize {
         self.balance.unknowns.count()
@@ -92,26 +113,28 @@ impl Variations<'_> {
 
 /// The stability of the motion X of a balance; none if the multipliers can't be computed.
 pub(super) fn stability(balance: &Balance, x: &[f64]) -> Option<Stability> {
+    let of_motion = (STEPS[2] * balance.harmonics() as f64).max(LEAST_STEPS[0]);
+    let Body::Condensed(condensed) = &balance.unknowns.body else { return by_flow(balance, x) };
+    let fast = balance.forced.assembly().is_smooth()
+        && condensed.places.len() == 1
+        && condensed.modes.len() >= exponents::LEAST_MODES;
+    let found = if fast { exponents::stability(&Variations::new(balance, x, of_motion)) } else { None };
+    found.or_else(|| by_flow(balance, x))
+}
+
+/// The same by the flow.
+fn by_flow(balance: &Balance, x: &[f64]) -> Option<Stability> {
     let assembly = balance.forced.assembly();
     let fastest_hz = assembly.modes().last().map_or(0.0, |mode| mode.frequency_hz);
     let (smooth, condensed) = (assembly.is_smooth(), matches!(balance.unknowns.body, Body::Condensed(_)));
     let of_modes = STEPS[usize::from(!condensed)] * fastest_hz / balance.frequency_hz;
     let of_motion = STEPS[2] * balance.harmonics() as f64;
     let steps = of_modes.max(of_motion).max(LEAST_STEPS[usize::from(!smooth)]);
-    let points = 8 * libm::ceil(steps / 4.0) as usize;
-    let mut samples = balance.samples.clone();
-    samples.set(balance.harmonics(), points);
-    samples.synthesise(x, balance.unknowns.count(), balance.omega_rad_s());
-    samples.evaluate(&balance.forced, &balance.unknowns, balance.frequency_hz);
-    add_stuck_friction(balance, &mut samples);
-    if !smooth {
-        average(&mut samples);
-    }
-    let states = (0..samples.histories.len()).filter(|&at| samples.histories[at].forgets).collect();
-    let spacing_s = 1.0 / (balance.frequency_hz * points as f64);
-    let variations = Variations { balance, samples, states, spacing_s };
-    let flow =
-        |points: usize| if condensed { modal::flow(&variations, points) } else { chain::flow(&variations, points) };
+    let variations = Variations::new(balance, x, steps);
+    let flow = |points: usize| match &balance.unknowns.body {
+        Body::Condensed(condensed) => modal::flow(&variations, condensed, points),
+        Body::Chain => chain::flow(&variations, points),
+    };
     let finest = flow(2)?;
     if !smooth {
         return multipliers(finest);
@@ -150,7 +173,7 @@ fn average(samples: &mut Samples) {
     }
 }
 
-/// The eigenvalues, the largest magnitude first.
+/// The eigenvalues.
 fn multipliers(flow: DMatrix<f64>) -> Option<Stability> {
     let n = flow.nrows();
     if flow.iter().any(|value| !value.is_finite()) {
@@ -161,14 +184,14 @@ fn multipliers(flow: DMatrix<f64>) -> Option<Stability> {
         let schur = shifted.try_schur(QR_LIMITS.0, QR_LIMITS.1)?;
         Some(schur.complex_eigenvalues().iter().map(|value| value - shift).collect::<Vec<Complex<f64>>>())
     });
-    let mut multipliers = values?;
-    multipliers.sort_by(|a, b| b.norm_sqr().total_cmp(&a.norm_sqr()).then(b.im.total_cmp(&a.im)));
-    Some(Stability { multipliers })
+    values.map(sorted)
 }
 
-/// A matrix with columns of equal length, one after the other.
-fn identity(size: usize) -> Vec<f64> {
-    let mut flow = vec![0.0; size * size];
-    (0..size).for_each(|i| flow[i * size + i] = 1.0);
-    flow
+/// Multipliers, the largest magnitude first.
+fn sorted(mut multipliers: Vec<Complex<f64>>) -> Stability {
+    multipliers.sort_by(|a, b| b.norm_sqr().total_cmp(&a.norm_sqr()).then(b.im.total_cmp(&a.im)));
+    Stability { multipliers }
 }
+
+#[cfg(test)]
+mod tests;

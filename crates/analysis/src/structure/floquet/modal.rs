@@ -13,9 +13,10 @@ use alloc::vec::Vec;
 
 use nalgebra::DMatrix;
 
-use super::{StateVariation, Variations, identity};
-use crate::dense::{Lu, dot};
-use crate::structure::unknowns::{Body, Condensed};
+use super::rows::{Rows, add, eliminate};
+use super::{StateVariation, Variations};
+use crate::dense::dot;
+use crate::structure::unknowns::Condensed;
 
 /// The flow of a mode over a time: (q, q̇) ← these rows.
 type Block = [[f64; 2]; 2];
@@ -30,118 +31,165 @@ fn block(&[omega, zeta]: &[f64; 2], t: f64) -> Block {
 
 /// What a step needs at its middle.
 struct Impulse {
-    h: f64,
     /// S and G of each place.
     stiffness: Vec<f64>,
     damping: Vec<f64>,
     /// Place and variation of each state.
     states: Vec<(usize, StateVariation)>,
-    /// 1 + ½hCG, if G is not zero.
-    implicit: Option<Lu>,
+    /// 1 + ½hCG by rows, if G is not zero.
+    implicit: Option<Vec<f64>>,
 }
 
-/// The flow over the period in steps over `points` points; none if it can't be computed.
-pub(super) fn flow(of: &Variations, points: usize) -> Option<DMatrix<f64>> {
-    let Body::Condensed(condensed) = &of.balance.unknowns.body else { return None };
-    let n = condensed.modes.len();
-    let size = 2 * n + of.states.len();
-    let h = points as f64 * of.spacing_s;
-    let half: Vec<Block> = condensed.modes.iter().map(|mode| block(mode, 0.5 * h)).collect();
-    let m = of.unknowns();
-    let coupling: Vec<f64> =
-        (0..m * m).map(|pair| dot(&condensed.places[pair / m], &condensed.places[pair % m])).collect();
-    let mut flow = identity(size);
-    for middle in (points / 2..of.samples.count()).step_by(points) {
-        let impulse = Impulse::new(of, condensed, &coupling, [middle, points], h)?;
-        flow.chunks_exact_mut(size).for_each(|column| impulse.step(condensed, &half, &coupling, column));
+/// The flow, and rows of one number a place that are kept.
+struct Flow<'a> {
+    condensed: &'a Condensed,
+    h: f64,
+    half: Vec<Block>,
+    whole: Vec<Block>,
+    /// C by rows.
+    coupling: Vec<f64>,
+    rows: Rows,
+    /// x at the last whole and at the last half step, v, and the forces.
+    before: Vec<f64>,
+    x: Vec<f64>,
+    v: Vec<f64>,
+    force: Vec<f64>,
+}
+
+/// The flow of modes over the period in steps over `points` points; none if it can't be computed.
+pub(super) fn flow(of: &Variations, condensed: &Condensed, points: usize) -> Option<DMatrix<f64>> {
+    let (n, m, h) = (condensed.modes.len(), of.unknowns(), points as f64 * of.spacing_s);
+    let blocks = |t: f64| condensed.modes.iter().map(|mode| block(mode, t)).collect();
+    let coupling = (0..m * m).map(|pair| dot(&condensed.places[pair / m], &condensed.places[pair % m])).collect();
+    let rows = Rows::identity(2 * n + of.states.len());
+    let empty = || vec![0.0; m * rows.width()];
+    let (before, x, v, force) = (empty(), empty(), empty(), empty());
+    let (half, whole) = (blocks(0.5 * h), blocks(h));
+    let mut flow = Flow { condensed, h, half, whole, coupling, rows, before, x, v, force };
+    let count = of.samples.count();
+    Flow::see(condensed, &flow.rows, 0, &mut flow.before);
+    flow.drift(false);
+    for middle in (points / 2..count).step_by(points) {
+        let is_last = middle + points >= count;
+        let impulse = Impulse::new(of, &flow, [middle, points])?;
+        if of.states.is_empty() {
+            flow.strike(&impulse)?;
+            flow.drift(!is_last);
+            continue;
+        }
+        flow.strike_with_states(&impulse)?;
+        if !is_last {
+            flow.drift(false);
+        }
     }
-    Some(DMatrix::from_column_slice(size, size, &flow))
+    Some(flow.rows.matrix())
 }
 
 impl Impulse {
-    fn new(
-        of: &Variations,
-        condensed: &Condensed,
-        coupling: &[f64],
-        [point, points]: [usize; 2],
-        h: f64,
-    ) -> Option<Impulse> {
+    fn new(of: &Variations, flow: &Flow, [point, points]: [usize; 2]) -> Option<Impulse> {
         let m = of.unknowns();
         let diagonal = |d: usize| (0..m).map(|i| of.by(d, [i, i], point)).collect::<Vec<f64>>();
         let (stiffness, damping) = (diagonal(0), diagonal(1));
-        let place = |state: usize| condensed.of_element[of.samples.histories[of.states[state]].element];
+        let place = |state: usize| flow.condensed.of_element[of.samples.histories[of.states[state]].element];
         let states = (0..of.states.len()).map(|state| (place(state), of.state(state, point, points))).collect();
-        let mut implicit = None;
-        if damping.iter().any(|g| *g != 0.0) {
-            let mut lu = Lu::default();
-            for (at, cell) in lu.zeroed(m).iter_mut().enumerate() {
-                let (i, j) = (at % m, at / m);
-                *cell = f64::from(u8::from(i == j)) + 0.5 * h * coupling[i * m + j] * damping[j];
-            }
-            lu.factor().ok()?;
-            implicit = Some(lu);
-        }
-        Some(Impulse { h, stiffness, damping, states, implicit })
-    }
-
-    /// A step of one variation.
-    fn step(&self, condensed: &Condensed, half: &[Block], coupling: &[f64], y: &mut [f64]) {
-        let n = half.len();
-        let seen = |y: &[f64], first: usize| -> Vec<f64> {
-            condensed.places.iter().map(|place| dot(place, &y[first..first + n])).collect()
-        };
-        let start = if self.states.is_empty() { vec![] } else { seen(y, 0) };
-        drift(half, y);
-        let (x, mut v) = (seen(y, 0), seen(y, n));
-        self.follow(&mut y[2 * n..], &start, &x, &v);
-        let mut force: Vec<f64> = (0..x.len()).map(|i| self.stiffness[i] * x[i]).collect();
-        for ((place, at), z) in self.states.iter().zip(&y[2 * n..]) {
-            force[*place] += at.force * z;
-        }
-        if let Some(implicit) = &self.implicit {
-            let m = x.len();
-            (0..m).for_each(|i| force[i] += 0.5 * self.damping[i] * v[i]);
-            let mut after: Vec<f64> =
-                (0..m).map(|i| v[i] - self.h * dot(&coupling[i * m..(i + 1) * m], &force)).collect();
-            implicit.solve(&mut after);
-            (0..m).for_each(|i| force[i] += 0.5 * self.damping[i] * after[i]);
-            v = after;
-        }
-        for (place, force) in condensed.places.iter().zip(&force) {
-            let impulse = -self.h * force;
-            y[n..2 * n].iter_mut().zip(place).for_each(|(rate, phi)| *rate += impulse * phi);
-        }
-        if !self.states.is_empty() {
-            v = if self.implicit.is_some() { v } else { seen(y, n) };
-        }
-        drift(half, y);
-        if !self.states.is_empty() {
-            let end = seen(y, 0);
-            self.follow(&mut y[2 * n..], &x, &end, &v);
-        }
-    }
-
-    /// Half a step of the states, in which the places move from `from` to `to`, or at v.
-    fn follow(&self, states: &mut [f64], from: &[f64], to: &[f64], v: &[f64]) {
-        for (z, (place, at)) in states.iter_mut().zip(&self.states) {
-            *z = match at.by_state {
-                None => 0.0,
-                Some(0.0) => *z + at.by_velocity * (to[*place] - from[*place]),
-                Some(rate) => {
-                    let decay = 0.5 * self.h * rate;
-                    *z * libm::exp(decay) + at.by_velocity * v[*place] * libm::expm1(decay) / rate
-                }
+        let implicit = damping.iter().any(|g| *g != 0.0).then(|| {
+            let cell = |(at, coupling): (usize, &f64)| {
+                f64::from(u8::from(at / m == at % m)) + 0.5 * flow.h * coupling * damping[at % m]
             };
-        }
+            flow.coupling.iter().enumerate().map(cell).collect()
+        });
+        Some(Impulse { stiffness, damping, states, implicit })
     }
 }
 
-/// Half a step of the linear structure.
-fn drift(half: &[Block], y: &mut [f64]) {
-    let n = half.len();
-    for (i, [position, velocity]) in half.iter().enumerate() {
-        let (q, rate) = (y[i], y[n + i]);
-        y[i] = position[0] * q + position[1] * rate;
-        y[n + i] = velocity[0] * q + velocity[1] * rate;
+impl Flow<'_> {
+    /// Half a step of the linear structure, or a whole one.
+    fn drift(&mut self, whole: bool) {
+        let (blocks, n) = (if whole { &self.whole } else { &self.half }, self.half.len());
+        for (i, [[a, b], [c, d]]) in blocks.iter().enumerate() {
+            let (position, velocity) = self.rows.pair(i, n + i);
+            for (q, rate) in position.iter_mut().zip(velocity) {
+                (*q, *rate) = (a * *q + b * *rate, c * *q + d * *rate);
+            }
+        }
+    }
+
+    /// The displacements or, with the rows from n on, the velocities of the places.
+    fn see(condensed: &Condensed, rows: &Rows, first: usize, seen: &mut [f64]) {
+        seen.fill(0.0);
+        for (seen, place) in seen.chunks_exact_mut(rows.width()).zip(&condensed.places) {
+            place.iter().enumerate().for_each(|(mode, phi)| rows.add_to(seen, first + mode, *phi));
+        }
+    }
+
+    /// The impulse.
+    fn strike(&mut self, impulse: &Impulse) -> Option<()> {
+        let (n, m, width, h) = (self.half.len(), self.condensed.places.len(), self.rows.width(), self.h);
+        Flow::see(self.condensed, &self.rows, 0, &mut self.x);
+        self.force.fill(0.0);
+        for i in 0..m {
+            let force = &mut self.force[i * width..(i + 1) * width];
+            add(force, &self.x[i * width..], impulse.stiffness[i]);
+            for (s, (_, at)) in impulse.states.iter().enumerate().filter(|(_, (place, _))| *place == i) {
+                self.rows.add_to(force, 2 * n + s, at.force);
+            }
+        }
+        if let Some(implicit) = &impulse.implicit {
+            Flow::see(self.condensed, &self.rows, n, &mut self.v);
+            let row = |i: usize| i * width..(i + 1) * width;
+            (0..m).for_each(|i| add(&mut self.force[row(i)], &self.v[row(i)], 0.5 * impulse.damping[i]));
+            for i in 0..m {
+                for j in 0..m {
+                    add(&mut self.v[row(i)], &self.force[row(j)], -h * self.coupling[i * m + j]);
+                }
+            }
+            eliminate(&mut implicit.clone(), &mut self.v, m)?;
+            (0..m).for_each(|i| add(&mut self.force[row(i)], &self.v[row(i)], 0.5 * impulse.damping[i]));
+        }
+        for (place, force) in self.condensed.places.iter().zip(self.force.chunks_exact(width)) {
+            place.iter().enumerate().for_each(|(mode, phi)| self.rows.add(n + mode, force, -h * phi));
+        }
+        Some(())
+    }
+
+    /// From the middle of a step, where its first half has come to, to its end, with the states.
+    fn strike_with_states(&mut self, impulse: &Impulse) -> Option<()> {
+        let n = self.half.len();
+        let see = |of: &mut Flow| {
+            Flow::see(of.condensed, &of.rows, 0, &mut of.x);
+            Flow::see(of.condensed, &of.rows, n, &mut of.v);
+        };
+        see(self);
+        self.follow(impulse);
+        self.strike(impulse)?;
+        Flow::see(self.condensed, &self.rows, n, &mut self.v);
+        self.before.copy_from_slice(&self.x);
+        self.drift(false);
+        Flow::see(self.condensed, &self.rows, 0, &mut self.x);
+        self.follow(impulse);
+        self.before.copy_from_slice(&self.x);
+        Some(())
+    }
+
+    /// Half a step of the states, in which the places move from `before` to `x`, or at `v`.
+    fn follow(&mut self, impulse: &Impulse) {
+        let (n, width) = (self.half.len(), self.rows.width());
+        for (s, (place, at)) in impulse.states.iter().enumerate() {
+            let seen = place * width..(place + 1) * width;
+            let (_, state) = self.rows.split(2 * n, s);
+            match at.by_state {
+                None => state.fill(0.0),
+                Some(0.0) => {
+                    add(state, &self.x[seen.clone()], at.by_velocity);
+                    add(state, &self.before[seen], -at.by_velocity);
+                }
+                Some(rate) => {
+                    let decay = 0.5 * self.h * rate;
+                    let kept = libm::exp(decay);
+                    state.iter_mut().for_each(|z| *z *= kept);
+                    add(state, &self.v[seen], at.by_velocity * libm::expm1(decay) / rate);
+                }
+            }
+        }
     }
 }

@@ -1,0 +1,299 @@
+//! Floquet exponents of many modes that feel one smooth element, in the frequency domain.
+//!
+//! A variation e^{st} Σ pₖ e^{ikΩt} of the element's displacement satisfies
+//!
+//! ```text
+//! pₖ/H(s + ikΩ) + Σₗ Tₖₗ pₗ = 0,     Tₖₗ = S_{k−l} + (s + ilΩ) G_{k−l}
+//! ```
+//!
+//! with the compliance H(s) = Σ φ²/(ω² + 2ζωs + s²) and the Fourier coefficients of ∂f/∂x and ∂f/∂ẋ. The multipliers
+//! are μ = e^{sT}, two a mode. Most modes hardly feel how the element varies: from their linear exponent on, sweeps
+//! find p and s at once ([`sweep`](super::sweep)). The others are begun from the flow of their own modes alone, and polished
+//! by Newton's method on all of them ([`newton`](super::newton)). As many multipliers as there are states, each a
+//! solution and no two the same, are all; their product is that of Liouville's formula.
+
+use alloc::vec::Vec;
+use core::f64::consts::{PI, TAU};
+
+use nalgebra::Complex;
+
+use super::newton::{polish, strongest};
+use super::sweep::sweep;
+use super::{Variations, modal, multipliers, sorted};
+use crate::structure::orbit::Stability;
+use crate::structure::unknowns::{Body, Condensed};
+
+/// From so many modes on this is faster than the flow.
+pub(super) const LEAST_MODES: usize = 5;
+/// The most modes that are begun from their own flow.
+const MOST_TOGETHER: usize = 10;
+/// Fourier coefficients below this part of the largest are none.
+const NEGLIGIBLE: f64 = 1e-13;
+/// Exponents over a period that are nearer than this count as the same.
+const APART: f64 = 1e-6;
+/// An exponent over a period that is as near to its guess is the one that was meant.
+const NEAR: f64 = 0.03;
+/// Multipliers whose imaginary part is below this are real.
+const REAL: f64 = 1e-9;
+/// The most by which the logarithm of the product of all multipliers is off.
+const LIOUVILLE: f64 = 1e-7;
+
+/// Modes at the place of an element, and the element along the motion.
+pub(super) struct Varied {
+    /// φ², ω² and 2ζω of each mode.
+    pub weights: Vec<f64>,
+    pub squares: Vec<f64>,
+    pub dampings: Vec<f64>,
+    /// Ω, rad/s.
+    pub omega: f64,
+    /// S and G of the harmonics 0, `step`, 2 `step` …; all beyond are negligible.
+    pub coefficients: Vec<[Complex<f64>; 2]>,
+    /// 2 if odd harmonics vanish, or else 1.
+    pub step: usize,
+    /// Whether G is not zero.
+    pub damps: bool,
+    /// The largest |H| of a mode at its resonance.
+    pub sharpest: f64,
+}
+
+impl Varied {
+    /// `None` if there are not enough samples for the element.
+    fn new(of: &Variations, condensed: &Condensed) -> Option<Varied> {
+        let phi = &condensed.places[0];
+        let count = of.samples.count();
+        let half = count / 2;
+        let signals = [&of.samples.by[0], &of.samples.by[1]];
+        let largest = |signal: &[f64]| signal.iter().fold(0.0_f64, |largest, value| largest.max(value.abs()));
+        let limits = signals.map(|signal| NEGLIGIBLE * largest(signal));
+        let repeats = (0..2).all(|d| (0..half).all(|j| (signals[d][j] - signals[d][j + half]).abs() <= limits[d]));
+        let (step, length) = if repeats { (2, half) } else { (1, count) };
+        let resonance = |(phi, [omega, zeta]): (&f64, &[f64; 2])| phi * phi / (2.0 * zeta * omega * omega);
+        let (cosines, sines) = of.samples.basis.tables(0);
+        let coefficient = |order: usize| {
+            signals.map(|signal| {
+                let (mut sum, mut turn) = (Complex::new(0.0, 0.0), 0);
+                for value in &signal[..length] {
+                    sum += Complex::new(cosines[turn], -sines[turn]) * *value;
+                    turn = (turn + order * step) % count;
+                }
+                sum / length as f64
+            })
+        };
+        let mut coefficients = Vec::new();
+        let mut last = 0;
+        for order in 0..length / 2 {
+            let both: [Complex<f64>; 2] = coefficient(order);
+            let counts = (0..2).any(|d| both[d].norm_sqr() > limits[d] * limits[d]);
+            coefficients.push(both);
+            last = if counts { order } else { last };
+            if order > last + 2 {
+                coefficients.truncate(last + 1);
+                return Some(Varied {
+                    weights: phi.iter().map(|phi| phi * phi).collect(),
+                    squares: condensed.modes.iter().map(|[omega, _]| omega * omega).collect(),
+                    dampings: condensed.modes.iter().map(|[omega, zeta]| 2.0 * zeta * omega).collect(),
+                    omega: of.balance.omega_rad_s(),
+                    coefficients,
+                    step,
+                    damps: limits[1] > 0.0,
+                    sharpest: phi.iter().zip(&condensed.modes).map(resonance).fold(0.0, f64::max),
+                });
+            }
+        }
+        None
+    }
+
+    /// S and G of a harmonic.
+    #[inline(always)]
+    pub fn coefficients_of(&self, harmonic: isize) -> [Complex<f64>; 2] {
+        let Some(of) = self.coefficients.get(harmonic.unsigned_abs() / self.step) else {
+            return [Complex::new(0.0, 0.0); 2];
+        };
+        if harmonic < 0 { of.map(|of| of.conj()) } else { *of }
+    }
+
+    /// T of two harmonics by their difference and the second's rate s + ilΩ.
+    #[inline(always)]
+    pub fn coupling(&self, difference: isize, rate: Complex<f64>) -> Complex<f64> {
+        let [s, g] = self.coefficients_of(difference);
+        if self.damps { s + rate * g } else { s }
+    }
+
+    /// s + ikΩ.
+    pub fn rate(&self, s: Complex<f64>, harmonic: isize) -> Complex<f64> {
+        Complex::new(s.re, s.im + harmonic as f64 * self.omega)
+    }
+
+    /// H.
+    pub fn compliance(&self, s: Complex<f64>) -> Complex<f64> {
+        self.sum(s, |lanes, lane, [weight, _], [re, im]| {
+            let scale = weight / (re * re + im * im);
+            lanes[0][lane] += re * scale;
+            lanes[1][lane] -= im * scale;
+        })[0]
+    }
+
+    /// 1/H and its derivative.
+    pub fn stiffness(&self, s: Complex<f64>) -> [Complex<f64>; 2] {
+        let [value, slope] = self.sum(s, |lanes, lane, [weight, damping], [re, im]| {
+            let inverse = 1.0 / (re * re + im * im);
+            let (a, b) = (re * inverse, -im * inverse);
+            let (c, d) = (weight * (2.0 * s.re + damping), weight * 2.0 * s.im);
+            let (e, f) = (a * a - b * b, 2.0 * a * b);
+            lanes[0][lane] += weight * a;
+            lanes[1][lane] += weight * b;
+            lanes[2][lane] -= e * c - f * d;
+            lanes[3][lane] -= e * d + f * c;
+        });
+        let inverse = value.inv();
+        [inverse, -slope * inverse * inverse]
+    }
+
+    /// Two complex sums over modes in four lanes, by φ² and 2ζω and by the parts of ω² + 2ζωs + s².
+    #[inline(always)]
+    fn sum(&self, s: Complex<f64>, add: impl Fn(&mut [[f64; 4]; 4], usize, [f64; 2], [f64; 2])) -> [Complex<f64>; 2] {
+        let (s2, mut lanes) = (s * s, [[0.0; 4]; 4]);
+        let parts = |damping: f64, square: f64| [square + damping * s.re + s2.re, damping * s.im + s2.im];
+        let fours = [&self.weights, &self.squares, &self.dampings].map(|of| of.as_chunks::<4>());
+        for ((weights, squares), dampings) in fours[0].0.iter().zip(fours[1].0).zip(fours[2].0) {
+            for lane in 0..4 {
+                add(&mut lanes, lane, [weights[lane], dampings[lane]], parts(dampings[lane], squares[lane]));
+            }
+        }
+        for ((weight, square), damping) in fours[0].1.iter().zip(fours[1].1).zip(fours[2].1) {
+            add(&mut lanes, 0, [*weight, *damping], parts(*damping, *square));
+        }
+        let [a, b, c, d] = lanes.map(|lane| (lane[0] + lane[1]) + (lane[2] + lane[3]));
+        [Complex::new(a, b), Complex::new(c, d)]
+    }
+}
+
+/// e^{sT} and back: the exponent over a period, with its imaginary part within ±π.
+fn over_period(s: Complex<f64>, period_s: f64) -> Complex<f64> {
+    let angle = s.im * period_s;
+    Complex::new(s.re * period_s, angle - TAU * libm::round(angle / TAU))
+}
+
+/// Exponents over a period, no two the same.
+struct Found {
+    exponents: Vec<Complex<f64>>,
+}
+
+impl Found {
+    /// The exponent of a multiplier, and how far over a period it is from all that are known.
+    fn distant(&self, mu: &Complex<f64>, period_s: f64) -> (Complex<f64>, f64) {
+        let at = Complex::new(0.5 * libm::log(mu.norm_sqr()), libm::atan2(mu.im, mu.re));
+        (at / period_s, self.exponents.iter().map(|other| apart(*other, at)).fold(f64::INFINITY, f64::min))
+    }
+
+    /// Adds the nearest exponent to s that is new: the first that is near, or else the nearest of some.
+    fn add_near(&mut self, varied: &Varied, s: Complex<f64>, fastest_rad_s: f64) {
+        let (period_s, mut best) = (TAU / varied.omega, None);
+        let from = over_period(s, period_s);
+        for harmonic in strongest(varied, s, fastest_rad_s) {
+            let Some(polished) = polish(varied, varied.rate(s, harmonic)) else { continue };
+            let at = over_period(polished, period_s);
+            let (off, is_new) = (apart(at, from), self.exponents.iter().all(|other| apart(*other, at) > APART));
+            if is_new && best.is_none_or(|(_, least)| off < least) {
+                best = Some((at, off));
+                if off < NEAR {
+                    break;
+                }
+            }
+        }
+        if let Some((at, _)) = best {
+            self.add(at);
+        }
+    }
+
+    /// Adds an exponent that is new, and its conjugate.
+    fn add(&mut self, at: Complex<f64>) {
+        if self.exponents.iter().any(|other| apart(*other, at) < APART) {
+            return;
+        }
+        let sine = libm::sin(at.im);
+        if (libm::exp(at.re) * sine).abs() < REAL {
+            let im = if at.im.abs() > 0.5 * PI { PI } else { 0.0 };
+            self.exponents.push(Complex::new(at.re, im));
+        } else {
+            self.exponents.extend([at, at.conj()]);
+        }
+    }
+}
+
+/// How far two exponents over a period are from each other.
+fn apart(a: Complex<f64>, b: Complex<f64>) -> f64 {
+    let angle = a.im - b.im;
+    libm::sqrt(Complex::new(a.re - b.re, angle - TAU * libm::round(angle / TAU)).norm_sqr())
+}
+
+/// The multipliers; `None` if they are not surely all, so that the flow has to be computed.
+pub(super) fn stability(of: &Variations) -> Option<Stability> {
+    let Body::Condensed(condensed) = &of.balance.unknowns.body else { return None };
+    let mut varied = Varied::new(of, condensed)?;
+    let (modes, period_s) = (condensed.modes.len(), TAU / varied.omega);
+    let (mut found, mut together) = (Found { exponents: Vec::with_capacity(2 * modes) }, Vec::new());
+    for mode in 0..modes {
+        match sweep(&mut varied, mode) {
+            Some(s) => found.add(over_period(s, period_s)),
+            None => together.push(mode),
+        }
+        if together.len() > MOST_TOGETHER {
+            return None;
+        }
+    }
+    let fastest = together.iter().map(|&mode| condensed.modes[mode][0]).fold(0.0, f64::max);
+    let mut guesses: Vec<_> =
+        guesses(of, condensed, &varied, &together)?.iter().map(|mu| found.distant(mu, period_s)).collect();
+    guesses.sort_by(|a, b| b.1.total_cmp(&a.1));
+    for (s, _) in guesses {
+        if found.exponents.len() < 2 * modes {
+            found.add_near(&varied, s, fastest);
+        }
+    }
+    let trace = varied.dampings.iter().sum::<f64>() + varied.weights.iter().sum::<f64>() * varied.coefficients[0][1].re;
+    let missing = |found: &Found| -trace * period_s - found.exponents.iter().map(|at| at.re).sum::<f64>();
+    if found.exponents.len() + 1 == 2 * modes {
+        // A single one is real, and negative multipliers are even in number.
+        let negative = found.exponents.iter().filter(|at| at.im == PI).count();
+        let im = if negative.is_multiple_of(2) { 0.0 } else { PI };
+        found.add_near(&varied, Complex::new(missing(&found), im) / period_s, fastest);
+    }
+    if found.exponents.len() != 2 * modes || missing(&found).abs() > LIOUVILLE {
+        return None;
+    }
+    let multiplier = |at: &Complex<f64>| {
+        let (sine, cosine) = libm::sincos(at.im);
+        let sine = if at.im == PI { 0.0 } else { sine };
+        Complex::new(cosine, sine) * libm::exp(at.re)
+    };
+    Some(sorted(found.exponents.iter().map(multiplier).collect()))
+}
+
+/// Multipliers to begin with: those of the flow of the modes up to somewhat beyond the fastest of some, where the
+/// others give way as at rest.
+fn guesses(of: &Variations, condensed: &Condensed, varied: &Varied, together: &[usize]) -> Option<Vec<Complex<f64>>> {
+    if together.is_empty() {
+        return Some(Vec::new());
+    }
+    let fastest = together.iter().map(|&mode| condensed.modes[mode][0]).fold(0.0, f64::max);
+    let limit = (1.5 * fastest).max(fastest + 2.0 * varied.omega);
+    let (own, others): (Vec<usize>, Vec<usize>) =
+        (0..condensed.modes.len()).partition(|&mode| condensed.modes[mode][0] <= limit);
+    let pick = |phi: &[f64]| own.iter().map(|&mode| phi[mode]).collect::<Vec<f64>>();
+    let gives: f64 = others.iter().map(|&mode| varied.weights[mode] / varied.squares[mode]).sum();
+    let own = Condensed {
+        of_element: condensed.of_element.clone(),
+        places: condensed.places.iter().map(|phi| pick(phi)).collect(),
+        drive: pick(&condensed.drive),
+        modes: own.iter().map(|&mode| condensed.modes[mode]).collect(),
+    };
+    let mut samples = of.samples.clone();
+    let [stiffness, damping, _] = &mut samples.by;
+    for (s, g) in stiffness.iter_mut().zip(damping) {
+        let share = 1.0 / (1.0 + gives * *s);
+        (*s, *g) = (*s * share, *g * share * share);
+    }
+    let of_own = Variations { balance: of.balance, samples, states: Vec::new(), spacing_s: of.spacing_s };
+    Some(multipliers(modal::flow(&of_own, &own, 2)?)?.multipliers)
+}

@@ -1,0 +1,140 @@
+//! The exponent of a mode that hardly feels how an element varies; see [`super::exponents`].
+//!
+//! With p₀ = 1, H = φ²/D + R, D = s² + 2ζωs + ω² of the mode itself and R of all others, the equations are solved in
+//! turn for each unknown:
+//!
+//! ```text
+//! pₖ = −Σ_{l≠k} Tₖₗ pₗ/(1/Hₖ + Tₖₖ),     D(s) = −φ²τ/(1 + Rτ),  τ = Σₗ T₀ₗ pₗ
+//! ```
+//!
+//! What is left out beyond the last harmonic changes s by the order of the square of p there: see [`window`].
+
+use nalgebra::Complex;
+
+use super::exponents::Varied;
+
+/// The most harmonics on either side, in steps of [`Varied::step`].
+const LARGEST_WINDOW: usize = 12;
+const MOST: usize = 2 * LARGEST_WINDOW + 1;
+/// Sweeps at most, of all, and with the same H.
+const SWEEPS: usize = 40;
+const SWEEPS_WITH: usize = 4;
+/// A shift below this, over Ω, is a start.
+const LITTLE: f64 = 0.01;
+/// What harmonics that are left out may change s by, relative to Ω.
+const OMITTED: f64 = 1e-10;
+/// The last change of s over Ω, and of p.
+const CONVERGED: f64 = 1e-10;
+/// A mode whose other harmonics are larger than this takes many sweeps, if it ends at all.
+const TOO_LARGE: f64 = 0.5;
+
+/// s; `None` if the sweeps don't converge.
+pub(super) fn sweep(varied: &mut Varied, mode: usize) -> Option<Complex<f64>> {
+    let (square, damping) = (varied.squares[mode], varied.dampings[mode]);
+    let linear = Complex::new(-0.5 * damping, libm::sqrt((square - 0.25 * damping * damping).max(0.0)));
+    let mut at = Sweep { s: linear, p: [Complex::new(0.0, 0.0); MOST], window: window(varied, mode)? };
+    // As if the element did not vary, and the other modes were rigid, where that is near.
+    let shift = varied.coupling(0, linear) * varied.weights[mode] / (linear * 2.0 + damping);
+    if shift.norm_sqr() < LITTLE * LITTLE * varied.omega * varied.omega {
+        at.s -= shift;
+    }
+    at.p[LARGEST_WINDOW] = Complex::new(1.0, 0.0);
+    let mut sweeps = 0;
+    while sweeps < SWEEPS {
+        let start = at.s;
+        let changed = at.with_compliance(varied, mode)?;
+        sweeps += SWEEPS_WITH;
+        let size = |of: Complex<f64>| libm::sqrt(of.norm_sqr());
+        let shift =
+            size(at.s - linear) / varied.omega + size(at.p[LARGEST_WINDOW - 1]) + size(at.p[LARGEST_WINDOW + 1]);
+        // What H changes by in the next turn is to the shift as this one to Ω.
+        if changed.max(size(at.s - start) / varied.omega * shift.min(1.0)) < CONVERGED {
+            return Some(at.s);
+        }
+    }
+    None
+}
+
+/// Harmonics on either side such that none beyond changes s by more than [`OMITTED`] Ω, were it at the sharpest
+/// resonance: with H₁ ≈ 3 φ²/(2ωΩ) beside the mode, the k-th is driven by S_k and by S₁ (H₁S₁)ᵏ⁻¹, and changes s by the
+/// square of this, H there and φ²/2ω. `None` if there would be too many.
+fn window(varied: &Varied, mode: usize) -> Option<usize> {
+    let rate = Complex::new(0.0, libm::sqrt(varied.squares[mode]));
+    let share = varied.weights[mode] / (2.0 * rate.im * varied.omega);
+    let size = |at: usize| libm::sqrt(varied.coupling((at * varied.step) as isize, rate).norm_sqr());
+    let (mut again, again_by) = (size(1), 3.0 * share * size(1));
+    let mut window = LARGEST_WINDOW;
+    while window > 1 && share * varied.sharpest * size(window) * size(window) < OMITTED {
+        window -= 1;
+    }
+    for at in 1..LARGEST_WINDOW {
+        if at >= window && share * varied.sharpest * again * again < OMITTED {
+            return Some(at);
+        }
+        again *= again_by;
+    }
+    None
+}
+
+/// s and p so far.
+struct Sweep {
+    s: Complex<f64>,
+    p: [Complex<f64>; MOST],
+    window: usize,
+}
+
+impl Sweep {
+    /// Some sweeps with H at the first s; returns the largest change of p, relative to p₀, in the last.
+    fn with_compliance(&mut self, varied: &mut Varied, mode: usize) -> Option<f64> {
+        let (weight, square, damping) = (varied.weights[mode], varied.squares[mode], varied.dampings[mode]);
+        // Away from its pole, too, so that nothing is divided by zero.
+        (varied.weights[mode], varied.squares[mode]) = (0.0, 2.0 * square + 1.0);
+        let rest = varied.compliance(self.s);
+        (varied.weights[mode], varied.squares[mode]) = (weight, square);
+        let step = varied.step as isize;
+        let harmonic = |at: usize| (at as isize - LARGEST_WINDOW as isize) * step;
+        let range = LARGEST_WINDOW - self.window..LARGEST_WINDOW + self.window + 1;
+        let mut divisors = [Complex::new(0.0, 0.0); MOST];
+        for at in range.clone().filter(|at| *at != LARGEST_WINDOW) {
+            let rate = varied.rate(self.s, harmonic(at));
+            let compliance = varied.compliance(rate);
+            divisors[at] = -compliance / (compliance * varied.coupling(0, rate) + 1.0);
+        }
+        // S and G by the difference of two harmonics.
+        let table: [[Complex<f64>; 2]; 2 * MOST] =
+            core::array::from_fn(|at| varied.coefficients_of((at as isize - MOST as isize) * step));
+        let mut last = 0.0;
+        for _ in 0..SWEEPS_WITH {
+            last = 0.0;
+            let s = self.s;
+            let force = |p: &[Complex<f64>; MOST], k: usize| {
+                let (mut by_position, mut by_rate) = (Complex::new(0.0, 0.0), Complex::new(0.0, 0.0));
+                for l in range.clone() {
+                    let [stiffness, damping] = table[MOST + k - l];
+                    by_position += stiffness * p[l];
+                    if varied.damps {
+                        by_rate += damping * varied.rate(s, harmonic(l)) * p[l];
+                    }
+                }
+                by_position + by_rate
+            };
+            for k in range.clone().filter(|k| *k != LARGEST_WINDOW) {
+                let own = core::mem::take(&mut self.p[k]);
+                let next = divisors[k] * force(&self.p, k);
+                if !(next.norm_sqr() < TOO_LARGE * TOO_LARGE) {
+                    return None;
+                }
+                last = f64::max(last, (next - own).norm_sqr());
+                self.p[k] = next;
+            }
+            let tau = force(&self.p, LARGEST_WINDOW);
+            let wanted = -tau * weight / (rest * tau + 1.0);
+            let change = (s * s + s * damping + square - wanted) / (s * 2.0 + damping);
+            self.s -= change;
+            if last < CONVERGED * CONVERGED && change.norm_sqr() < CONVERGED * CONVERGED * varied.omega * varied.omega {
+                break;
+            }
+        }
+        Some(libm::sqrt(last))
+    }
+}
