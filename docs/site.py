@@ -1,5 +1,5 @@
-"""Builds the site: collects the documents, writes the reference from the program and the Python package, and checks every
-link of the result. Called by docs/run."""
+"""Builds the site: collects the documents, writes the reference from the program and the Python package, and checks
+every link of the result. Called by docs/run."""
 
 import ast
 import html.parser
@@ -31,12 +31,14 @@ def main():
     build = subprocess.run(["zensical", "build", "--strict", "--config-file", SOURCE.parent / "zensical.toml"])
     wrong = broken_links() + fetched_at_view_time()
     print(*wrong, sep="\n")
-    print(f"{len(pages)} documents, {len(list(SITE.rglob('*.html')))} pages, {len(wrong)} broken links: {SITE}/index.html")
+    made = len(list(SITE.rglob("*.html")))
+    print(f"{len(pages)} documents, {made} pages, {len(wrong)} broken links: {SITE}/index.html")
     return 1 if build.returncode or wrong else 0
 
 
 def collect():
-    """Copies the documents, and the files in the project that they link to. A folder without a page is not linked to."""
+    """Copies the documents, and the files in the project that they link to; links to folders without a page are left
+    out."""
     pages = [path for pattern in PAGES for path in ROOT.glob(pattern) if "target" not in path.parts]
     for page in pages:
         to = SOURCE / page.relative_to(ROOT)
