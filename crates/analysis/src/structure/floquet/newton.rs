@@ -30,11 +30,12 @@ pub(super) fn polish(varied: &Varied, mut s: Complex<f64>) -> Option<Complex<f64
         let mut solver = Solver::new(window);
         for _ in 0..ITERATIONS {
             let (change, tail) = solver.iterate(varied, s)?;
-            if !(change.norm_sqr() < FARTHEST * FARTHEST * varied.omega * varied.omega) {
+            let step = change.norm_sqr();
+            if step.is_nan() || step >= FARTHEST * FARTHEST * varied.omega * varied.omega {
                 return None;
             }
             s -= change;
-            if change.norm_sqr() < CONVERGED * CONVERGED * varied.omega * varied.omega {
+            if step < CONVERGED * CONVERGED * varied.omega * varied.omega {
                 if tail < TAIL {
                     return Some(s);
                 }
@@ -93,10 +94,10 @@ impl Solver {
         self.solve_transposed(&mut q);
         let mut slope: Complex<f64> = (0..n).map(|k| q[k] * self.slopes[k] * p[k]).sum();
         if varied.damps {
-            for k in 0..n {
-                for l in 0..n {
+            for (k, left) in q.iter().enumerate() {
+                for (l, right) in p.iter().enumerate() {
                     let [_, by_rate] = varied.coefficients_of(harmonic(k) - harmonic(l));
-                    slope += q[k] * by_rate * p[l];
+                    slope += left * by_rate * right;
                 }
             }
         }

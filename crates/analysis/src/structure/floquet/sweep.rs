@@ -121,7 +121,7 @@ impl Sweep {
             for k in range.clone().filter(|k| *k != LARGEST_WINDOW) {
                 let own = core::mem::take(&mut self.p[k]);
                 let next = divisors[k] * force(&self.p, k);
-                if !(next.norm_sqr() < TOO_LARGE * TOO_LARGE) {
+                if next.norm_sqr().is_nan() || next.norm_sqr() >= TOO_LARGE * TOO_LARGE {
                     return None;
                 }
                 last = f64::max(last, (next - own).norm_sqr());
