@@ -19,7 +19,7 @@ class HeldSine:
         if measured.sample >= self.length:
             return None
         angle = 2 * math.pi * self.frequency_hz * measured.sample / self.rate_hz
-        force_n = measured.force_n[0]
+        force_n = measured.head_force_n[0]
         if not math.isnan(force_n):
             self.read[0] += force_n * math.cos(angle)
             self.read[1] += force_n * math.sin(angle)

@@ -1,7 +1,9 @@
 """The tutorials, followed to the letter: what stands in their blocks `sh` is typed, in one shell a block."""
 
+import contextlib
 import os
 import re
+import signal
 import subprocess
 import sys
 from pathlib import Path
@@ -28,6 +30,20 @@ def test_every_tutorial_is_followed():
     assert {path.stem for path in FOLDER.glob("*.md")} == set(SAID)
 
 
+def shell(words, folder, environment, path):
+    """Exit code and output of a command; what it leaves running in the background is ended."""
+    with path.open("w") as said:
+        process = subprocess.Popen(
+            words, stdout=said, stderr=said, cwd=folder, env=environment, start_new_session=True
+        )
+        try:
+            code = process.wait(PATIENCE_S)
+        finally:
+            with contextlib.suppress(ProcessLookupError):
+                os.killpg(process.pid, signal.SIGKILL)
+    return code, path.read_text()
+
+
 @pytest.mark.parametrize("name", SAID)
 def test_a_tutorial_does_what_it_says(name, tmp_path):
     programs = tmp_path / "bin"
@@ -40,7 +56,7 @@ def test_a_tutorial_does_what_it_says(name, tmp_path):
     assert len(blocks) >= 4
     for block in blocks:
         words = ["bash", "-euo", "pipefail", "-c", f"{block}\npwd > {tmp_path}/folder"]
-        done = subprocess.run(words, capture_output=True, text=True, cwd=folder, env=environment, timeout=PATIENCE_S)
-        assert done.returncode == 0, f"{block}\n{done.stdout}{done.stderr}"
-        folder, output = Path((tmp_path / "folder").read_text().strip()), output + done.stdout + done.stderr
+        code, said = shell(words, folder, environment, tmp_path / "output")
+        assert code == 0, f"{block}\n{said}"
+        folder, output = Path((tmp_path / "folder").read_text().strip()), output + said
     assert [words for words in SAID[name] if words not in output] == [], output

@@ -41,8 +41,9 @@ def control(bus: can.BusABC) -> float:
             continue
         signals = decoded.signals
         if decoded.message == "PlantHello":
-            # It says of itself what the plant must agree with, and asks for the load to be let through.
-            send("ExciterHello", profile=0, rate_hz=RATE_HZ)
+            # It speaks the plant's version of the protocol, expects this rate, and asks the plant to apply its force.
+            same = {name: signals[name] for name in ("profile", "version_major", "version_minor", "dbc_hash")}
+            send("ExciterHello", rate_hz=RATE_HZ, **same)
             send("OperatorCommand", request=ARM, target=PLANT)
         elif decoded.message == "AccelerometerC":
             # The last message of a sample. Indices have 16 bits.
