@@ -241,8 +241,28 @@ mod tests {
         run --duration-s: until it is stopped
         run --duration-s: until the exciter has finished
         experiment walk --duration-s: until the walk ends
-        simulate --initial: that of the scenario, at rest
+        conformance --beyond-n: none is tried; in the FD profile 1.01 times the limit that the plant states
+        conformance --beyond-n-per-s: none is tried
+        conformance --beyond-travel-n: none is tried
+        conformance --bit-rate-hz: they are not
+        conformance --expect-frequency-hz: no sine is expected
+        conformance --pid: it isn't
+        replay --from-s: the beginning
+        replay --to-s: the end
+        identify --from-hz: that of the recorded excitation, or 1; with --angles a quarter of the arm's lowest natural frequency
+        identify --to-hz: that of the recorded excitation; of an impact 1 over its length; or 100
+        identify --segment-s: whole periods, or an eighth of the record
+        diff --from-s: the beginning
+        diff --to-s: the end
+        cut --from-s: the beginning
+        cut --to-s: the end
+        export --out: that name, in the current folder
+        export --parts: all that the format holds
+        export --from-s: the beginning
+        export --to-s: the end
+        import --from: by its ending, .log for candump, .asc, .blf
         frf --points: 801, and more about each natural frequency
+        simulate --initial: that of the scenario, at rest
         continue --at: where it is driven
         backbone --at: where it is driven
         sweep --initial: that of the scenario, at rest
@@ -255,27 +275,7 @@ mod tests {
         basins --coordinates: the first and its rate
         basins --from: minus the last
         basins --to: 1.5 times as far as the largest stable motion reaches
-        replay --from-s: the beginning
-        replay --to-s: the end
-        identify --from-hz: that of the recorded excitation, or 1; with --angles a quarter of the arm's lowest natural frequency
-        identify --to-hz: that of the recorded excitation; of an impact 1 over its length; or 100
-        identify --segment-s: whole periods, or an eighth of the record
-        cut --from-s: the beginning
-        cut --to-s: the end
-        diff --from-s: the beginning
-        diff --to-s: the end
-        export --out: that name, in the current folder
-        export --parts: all that the format holds
-        export --from-s: the beginning
-        export --to-s: the end
         fmu --library: libresonarm_fmu.so beside this program
-        import --from: by its ending, .log for candump, .asc, .blf
-        conformance --beyond-n: none is tried; in the FD profile 1.01 times the limit that the plant states
-        conformance --beyond-n-per-s: none is tried
-        conformance --beyond-travel-n: none is tried
-        conformance --bit-rate-hz: they are not
-        conformance --expect-frequency-hz: no sine is expected
-        conformance --pid: it isn't
         ");
     }
 }

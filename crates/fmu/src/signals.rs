@@ -69,16 +69,15 @@ impl Signals {
         }
     }
 
-    fn record_state(&mut self, load: Load, is_end: bool) {
-        self.record(|now| {
-            Record::State(StateRecord {
-                sample: now.plant.sample(),
-                states: now.states,
-                torque_nm: load.torque_nm.into(),
-                force_n: load.force_n.into(),
-                is_end,
-            })
-        });
+    /// The state at the sample, with the load held from it on.
+    fn state(&self, load: Load, is_end: bool) -> Record {
+        Record::State(StateRecord {
+            sample: self.now.plant.sample(),
+            states: self.now.states,
+            torque_nm: load.torque_nm.into(),
+            force_n: load.force_n.into(),
+            is_end,
+        })
     }
 
     fn record_sample(&mut self) {
@@ -102,8 +101,9 @@ impl Signals {
 
     /// Advances to the next sample and measures it.
     fn advance(&mut self, load: Load) -> Result<(), Fault> {
-        self.record_state(load, false);
+        let before = self.state(load, false);
         self.now.plant.advance(&load)?;
+        self.record(|_| before);
         self.now.measurement = self.now.plant.measure();
         self.now.states = self.now.plant.states();
         self.now.held = None;
@@ -171,7 +171,8 @@ impl Model for Signals {
     }
 
     fn end(&mut self) -> Result<(), Fault> {
-        self.record_state(Load::default(), true);
+        let end = self.state(Load::default(), true);
+        self.record(|_| end);
         let samples = self.now.plant.sample();
         let steps = samples * u64::from(self.session.scenario().simulation.steps_per_sample());
         match self.tape.take() {

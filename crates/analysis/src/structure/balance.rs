@@ -223,7 +223,8 @@ impl Balance {
                 continue;
             }
             let basis = |j: usize| samples.functions(j, rows);
-            // Row by row of the element's own unknowns, all columns beside each other: the innermost loop runs along them.
+            // Row by row of the element's own unknowns, all columns beside each other: the innermost loop runs along
+            // them.
             let columns = rows * active.len() + 1;
             let mut block = vec![0.0; rows * active.len() * columns];
             let add = |j: usize, by: &[f64]| {

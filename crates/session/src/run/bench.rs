@@ -331,12 +331,12 @@ impl<'a> Bench<'a> {
         Ok(self.node.publish(&PublishedSample { measurement: &measurement, states: &states, travel_m })?)
     }
 
-    /// Advances to the next sample with the command that is held now. If the simulation fails the node faults, and the
-    /// plant stays where it is.
+    /// Advances to the next sample with the command that is held now, and records the state before. If the simulation
+    /// fails the node faults, and the plant stays where it is, at the state that [`Bench::record_end`] records.
     pub fn advance(&mut self, now_ns: u64) -> Result<(), RunError> {
         let load = self.node.load();
         self.held = load;
-        self.record_state(&load, false);
+        let before = self.state(&load, false);
         if let Err(error) = self.plant.advance(&load) {
             let (code, detail) = match error {
                 PlantError::Tripped { .. } => (EmergencyCode::ExciterTripped, Trip::Shaker as u16),
@@ -347,23 +347,25 @@ impl<'a> Bench<'a> {
             self.node.fault(now_ns, code, detail);
             return Err(RunError::Plant(error));
         }
+        self.record(Record::State(before));
         Ok(())
     }
 
     /// Records the last state of the run, from which nothing is advanced.
     pub fn record_end(&mut self) {
-        self.record_state(&Load::default(), true);
+        let end = self.state(&Load::default(), true);
+        self.record(Record::State(end));
     }
 
-    /// Records the state at the sample, with the load held from it on.
-    fn record_state(&mut self, load: &Load, is_end: bool) {
-        self.record(Record::State(StateRecord {
+    /// The state at the sample, with the load held from it on.
+    fn state(&self, load: &Load, is_end: bool) -> StateRecord {
+        StateRecord {
             sample: self.sample(),
             states: self.plant.states(),
             torque_nm: load.torque_nm.into(),
             force_n: load.force_n.into(),
             is_end,
-        }));
+        }
     }
 
     fn record_sent(&mut self, now_ns: u64, frame: Frame) {

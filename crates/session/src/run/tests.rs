@@ -376,6 +376,8 @@ fn a_failed_simulation_is_reported_to_the_controller() {
     assert!(matches!(failed.report.error, Some(RunError::Plant(_))), "{:?}", failed.report);
     assert_eq!(failed.report.fault.unwrap().name, "simulation failed");
     assert_eq!(code_of(&failed), Some(EmergencyCode::SimulationFailed));
+    // The state from which the step failed is recorded once, as the last.
+    assert_eq!(failed.states().len() as u64, failed.report.samples);
 }
 
 #[test]

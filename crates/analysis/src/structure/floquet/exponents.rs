@@ -9,8 +9,8 @@
 //! with the compliance H(s) = Σ φ²/(ω² + 2ζωs + s²) and the Fourier coefficients of ∂f/∂x and ∂f/∂ẋ. The multipliers
 //! are μ = e^{sT}, two a mode. Most modes hardly feel how the element varies: from their linear exponent on, sweeps
 //! find p and s at once ([`sweep`](super::sweep)). The others are begun from the flow of their own modes alone, and
-//! polished by Newton's method on all of them ([`newton`](super::newton)). As many multipliers as there are states, each
-//! a solution and no two the same, are all; their product is that of Liouville's formula.
+//! polished by Newton's method on all of them ([`newton`](super::newton)). As many multipliers as there are states,
+//! each a solution and no two the same, are all; their product is that of Liouville's formula.
 
 use alloc::vec::Vec;
 use core::f64::consts::{PI, TAU};
