@@ -15,6 +15,7 @@ A scenario is parametrised by a separate fixture named `scenario`, or by several
 
 import fcntl
 import os
+import re
 import shutil
 import tempfile
 from collections.abc import Callable, Iterator
@@ -39,6 +40,11 @@ def pytest_addoption(parser: pytest.Parser) -> None:
         default="auto",
         metavar="BUS",
         help="memory, CAN interfaces with commas between them, or auto: a vcan that is up and free, else memory",
+    )
+    group.addoption(
+        "--resonarm-recordings",
+        metavar="FOLDER",
+        help="keep the recordings of all tests here, one folder a test; else only those of failed tests are kept",
     )
 
 
@@ -69,13 +75,18 @@ def scenario(request: pytest.FixtureRequest) -> Scenario:
 
 @pytest.fixture
 def bench(request: pytest.FixtureRequest, scenario: Scenario) -> Iterator[Bench]:
-    """A `resonarm.testing.Bench`. Recordings are kept if the test fails, and the report names them."""
-    folder = Path(tempfile.mkdtemp(prefix="resonarm-"))
+    """A `resonarm.testing.Bench`. Recordings are kept if the test fails, and the report names them; with
+    `--resonarm-recordings` those of all tests."""
+    kept = request.config.getoption("--resonarm-recordings")
+    if kept is None:
+        folder = Path(tempfile.mkdtemp(prefix="resonarm-"))
+    else:
+        folder = Path(kept) / re.sub(r"[^\w.\[\]-]+", "-", request.node.nodeid)
     with _bus(request.config.getoption("--resonarm-bus")) as bus:
         bench = Bench(scenario, folder, bus)
         request.node.stash[_BENCH] = bench
         yield bench
-    if not request.node.stash.get(_FAILED, False):
+    if kept is None and not request.node.stash.get(_FAILED, False):
         shutil.rmtree(folder, ignore_errors=True)
 
 

@@ -60,6 +60,18 @@ def test_it(bench):
     assert "resonarm recordings" in text
 
 
+def test_recordings_of_all_tests_are_kept_if_asked_for(pytester):
+    suite = """
+@pytest.mark.parametrize("kind", ["a/b", "c"])
+def test_it(bench, kind):
+    bench.run().assert_completed()
+"""
+    run(pytester, suite, "--resonarm-recordings", "kept").assert_outcomes(passed=2)
+    kept = sorted(path.relative_to(pytester.path / "kept") for path in (pytester.path / "kept").rglob("*.mcap"))
+    name = "test_recordings_of_all_tests_are_kept_if_asked_for.py-test_it"
+    assert [str(path) for path in kept] == [f"{name}[a-b]/run-1.mcap", f"{name}[c]/run-1.mcap"]
+
+
 REPORT = """\
 =================================== FAILURES ===================================
 ___________________________________ test_it ____________________________________
