@@ -1,7 +1,7 @@
-//! What a sample costs through the functions of FMI, beside the plant's own: the same scenario, the same loads, in turns.
+//! What a sample costs through the functions of FMI, beside the plant's own: the same scenario and loads, in turns.
 //!
-//! `step_cost FOLDER`: the folder of an FMU by signals that is unpacked. Prints the fastest of several rounds, ns a sample,
-//! and their ratio.
+//! `step_cost FOLDER`: the folder of an FMU by signals that is unpacked. Prints the fastest of several rounds, ns a
+//! sample, and their ratio.
 #![allow(unsafe_code, reason = "the functions of FMI are those of C")]
 
 use core::ffi::{c_char, c_int, c_void};
