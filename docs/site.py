@@ -173,7 +173,7 @@ def broken_links():
 def fetched_at_view_time():
     """What a page would load from elsewhere."""
     pages = {path: Page(path.read_text()).loaded for path in SITE.rglob("*.html")}
-    return [f"{path.name} loads {one}" for path, all in pages.items() for one in all if urlsplit(one).netloc]
+    return [f"{path.name} loads {one}" for path, loaded in pages.items() for one in loaded if urlsplit(one).netloc]
 
 
 if __name__ == "__main__":

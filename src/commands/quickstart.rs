@@ -2,6 +2,7 @@
 
 use std::fs;
 use std::io::ErrorKind;
+use std::os::unix::fs::PermissionsExt;
 use std::path::{Path, PathBuf};
 
 use clap::Args;
@@ -69,23 +70,22 @@ impl Quickstart {
             Ok(true) => Err(Failure::Usage(format!("{folder} is not empty: name a folder that does not exist"))),
             Ok(false) => Ok(()),
             Err(error) if error.kind() == ErrorKind::NotFound => Ok(()),
-            Err(error) => Err(Failure::Usage(format!("{folder} can't be the folder: {error}"))),
+            Err(error) => Err(Failure::Usage(format!("{folder} can't be the folder: {error}; name another"))),
         }
     }
 }
 
 /// All files, by their paths in the folder.
 fn all_files() -> Vec<(PathBuf, String)> {
-    let crate_manifest = PROTOCOL_MANIFEST.replace("VERSION", env!("CARGO_PKG_VERSION"));
+    let manifest = PROTOCOL_MANIFEST.replace("VERSION", env!("CARGO_PKG_VERSION"));
     let rust = Path::new("rust/resonarm-protocol");
-    let mut files: Vec<(PathBuf, String)> =
-        FILES.iter().map(|(path, text)| (PathBuf::from(path), String::from(*text))).collect();
+    let mut files = FILES.map(|(path, text)| (PathBuf::from(path), String::from(text))).to_vec();
     files.extend(sources::C_LOOP.map(|(name, text)| (Path::new("c").join(name), String::from(text))));
     add(&mut files, Path::new("c/resonarm/include"), &sources::C_HEADERS);
     add(&mut files, Path::new("c/resonarm/src"), &sources::C_SOURCES);
     add(&mut files, &rust.join("src"), &sources::RUST);
     files.extend([
-        (rust.join("Cargo.toml"), crate_manifest),
+        (rust.join("Cargo.toml"), manifest),
         (rust.join("SPEC.md"), String::from(SPEC)),
         (rust.join("resonarm.dbc"), String::from(dbc::text(Profile::Classic))),
         (rust.join("resonarm-fd.dbc"), String::from(dbc::text(Profile::Fd))),
@@ -106,14 +106,7 @@ fn write(path: &Path, text: &str) -> Result<(), Failure> {
     written.map_err(|source| Failure::Write { path: path.to_owned(), source })
 }
 
-#[cfg(unix)]
 fn make_executable(path: &Path) -> Result<(), Failure> {
-    use std::os::unix::fs::PermissionsExt;
     let done = fs::set_permissions(path, fs::Permissions::from_mode(0o755));
     done.map_err(|source| Failure::Write { path: path.to_owned(), source })
-}
-
-#[cfg(not(unix))]
-fn make_executable(_: &Path) -> Result<(), Failure> {
-    Ok(())
 }

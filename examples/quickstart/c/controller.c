@@ -16,7 +16,7 @@
 #define AMPLITUDE_N 20.0
 #define RAMP_S 0.5
 #define LENGTH_S 3.0
-#define PATIENCE_NS UINT64_C(10000000000)
+#define PATIENCE_NS UINT64_C(30000000000)
 #define TAU 6.283185307179586
 
 /* The force to hold until the next sample; the largest acceleration at the tip is the context. */

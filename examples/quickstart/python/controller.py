@@ -14,7 +14,7 @@ import resonarm
 
 RATE_HZ, FREQUENCY_HZ, AMPLITUDE_N, RAMP_S, LENGTH_S = 1000, 14.0, 20.0, 0.5, 3.0
 PRE_OPERATIONAL, FAULT = 127, 4
-ARM, DISARM, PLANT, SILENCE_S = 1, 2, 1, 10.0
+ARM, DISARM, PLANT, SILENCE_S = 1, 2, 1, 30.0
 
 
 def answer(sample: int, acceleration_m_s2: tuple[float, float]) -> tuple[float, float] | None:

@@ -20,7 +20,7 @@ const FREQUENCY_HZ: f64 = 14.0;
 const AMPLITUDE_N: f64 = 20.0;
 const RAMP_S: f64 = 0.5;
 const LENGTH_S: f64 = 3.0;
-const PATIENCE_S: u64 = 10;
+const PATIENCE_S: u64 = 30;
 
 /// What answers the samples.
 struct Sine {
