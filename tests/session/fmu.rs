@@ -11,6 +11,8 @@ use resonarm::recording::{Existing, Recording};
 use resonarm::replay::{resimulate, resimulate_readings};
 use resonarm::run::{BothReport, Mode, Options, RecordTo, RunError, Session, Signals};
 use resonarm::scenario::Scenario;
+use resonarm_fmu::content::{Content, Settings};
+use resonarm_fmu::export::{Library, export};
 use tempfile::TempDir;
 
 use crate::scenarios::SHAKER;
@@ -61,11 +63,11 @@ fn recorded(scenario: Scenario, mode: Mode, name: &str) -> (BothReport, PathBuf)
     (both(scenario, mode, Some(&path)), path)
 }
 
-fn states(path: &Path) -> Vec<[u64; 4]> {
+/// The states before each sample and the force from it on, as bits.
+fn states(path: &Path) -> Vec<Vec<u64>> {
     let recording = Recording::open(path).unwrap();
     let bits = |record: resonarm::recording::StateRecord| {
-        let [x, v] = record.states[..] else { panic!("{record:?}") };
-        [record.sample, x.to_bits(), v.to_bits(), record.force_n[0].to_bits()]
+        record.states.iter().chain(&record.force_n).map(|number| number.to_bits()).collect()
     };
     recording.states().unwrap().map(|record| bits(record.unwrap())).collect()
 }
@@ -82,13 +84,51 @@ fn its_run_is_the_same_free_in_lockstep_and_simulated_again() {
     assert_eq!((kept.sha256.unwrap().len(), kept.file.unwrap().is_absolute()), (64, true));
     let (_, of_fmi_2) = recorded(scenario(2, ""), Mode::Free, "free2.mcap");
     let (_, lockstep) = recorded(scenario(3, ""), Mode::Lockstep, "lockstep.mcap");
-    let expected = states(&path);
-    assert_eq!(states(&of_fmi_2), expected);
-    // How many samples follow the last command is the bus's.
-    let lockstep = states(&lockstep);
-    let common = lockstep.len().min(expected.len()) - 1;
-    assert!(common > 200);
-    assert_eq!(lockstep[..common], expected[..common]);
+    assert_eq!(states(&of_fmi_2), states(&path));
+    assert_same(&lockstep, &path);
+}
+
+/// The states of two runs are the same up to the last command; how many samples follow it is the bus's.
+fn assert_same(one: &Path, other: &Path) {
+    let [one, other] = [one, other].map(states);
+    let common = one.len().min(other.len()) - 1;
+    assert!(common > 200 && one[common - 1] != one[0]);
+    assert_eq!(one[..common], other[..common]);
+}
+
+/// The variables of one of our own FMUs that are those of the arm.
+const ARM: &str = r#"
+[structure]
+kind = "fmu"
+file = "arm.fmu"
+read = "end"
+[structure.inputs]
+joint1 = "load.torque1_nm"
+joint2 = "load.torque2_nm"
+"tip.x" = "load.force_x_n"
+"tip.y" = "load.force_y_n"
+[structure.outputs]
+joint1 = { displacement = "state.alpha1_rad", velocity = "state.alpha1_dot_rad_s" }
+joint2 = { displacement = "state.alpha2_rad", velocity = "state.alpha2_dot_rad_s" }
+"joint2.x" = { acceleration = "true.acceleration_b_x_m_s2" }
+"joint2.y" = { acceleration = "true.acceleration_b_y_m_s2" }
+"tip.x" = { acceleration = "true.acceleration_c_x_m_s2", force = "true.head_force_x_n" }
+"tip.y" = { acceleration = "true.acceleration_c_y_m_s2", force = "true.head_force_y_n" }
+"#;
+
+#[test]
+fn one_of_our_own_has_the_bits_of_the_native_run_in_lockstep() {
+    let rest = "[simulation]\nseed = 3\n[excitation]\namplitude = { force_x_n = 60.0 }\n\
+                profile = { waveform = 'dwell', frequency_hz = 15.0, duration_s = 0.2, settle_s = 0.1 }\n";
+    let native = Scenario::parse(rest, "native").unwrap();
+    let content = Content { settings: Settings::default(), scenario: native.clone() };
+    export(&content, Library::beside_program().unwrap(), &FOLDER.path().join("arm.fmu")).unwrap();
+    let mut imported = Scenario::parse(&format!("{ARM}{rest}"), "imported").unwrap();
+    imported.read_files(FOLDER.path()).unwrap();
+    let (report, imported) = recorded(imported, Mode::Lockstep, "imported.mcap");
+    assert!(report.plant.error.is_none(), "{report:?}");
+    let (_, native) = recorded(native, Mode::Lockstep, "native.mcap");
+    assert_same(&imported, &native);
 }
 
 #[test]
