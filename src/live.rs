@@ -210,7 +210,7 @@ mod serving {
             drawing: under_test.drawing.clone(),
             table: recording.channels().clone(),
             model: Model::new(about, under_test),
-            compute: if is_foreign(&scenario) { None } else { compute(&scenario)? },
+            compute: compute(&scenario)?,
             range_hz: range_hz(&scenario),
             start_unix_ns: recording.origin().log_start_ns(),
             source: play(recording, Play { speed, times: (times > 0).then_some(times), wait })?,
@@ -218,14 +218,9 @@ mod serving {
         begin(flags.live.as_deref().unwrap_or("127.0.0.1"), &flags.live_origin, shown, false)
     }
 
-    /// Whether the structure is a program's, or an FMU.
-    fn is_foreign(scenario: &Scenario) -> bool {
-        scenario.structure.as_ref().is_some_and(|section| section.kind.is_foreign())
-    }
-
     /// What is under test, in words.
     fn name(scenario: &Scenario) -> Result<String, Failure> {
-        if let Some(section) = scenario.structure.as_ref().filter(|section| section.kind.is_foreign()) {
+        if let Some(section) = scenario.foreign_structure() {
             return Ok(foreign_label(section));
         }
         Ok(match scenario.tested_structure()? {

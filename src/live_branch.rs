@@ -16,13 +16,13 @@ const TURN_RAD: f64 = 0.1;
 const MARGIN: f64 = 0.02;
 
 /// Computes the branch of the load at which the scenario's responses are read; `None` without a load, of a structure
-/// that a program makes, and of one that is driven along more than one degree of freedom.
+/// that a program makes, of an FMU, and of one that is driven along more than one degree of freedom.
 pub(crate) fn compute(scenario: &Scenario) -> Result<Option<ComputeBranch>, ScenarioError> {
     let Some(amplitude) = scenario.amplitude() else { return Ok(None) };
     if scenario.structure.is_none() {
         return Ok(Some(of_arm(scenario.build_arm()?, amplitude.load())));
     }
-    if scenario.structure.as_ref().is_some_and(|section| section.kind.is_foreign()) {
+    if scenario.foreign_structure().is_some() {
         return Ok(None);
     }
     let tested = scenario.tested_structure()?;

@@ -17,7 +17,7 @@
 #endif
 
 enum { FORCE = 1, X, V, A, MASS, STIFFNESS, DAMPING, CUBIC, FAULT, FAULT_S, VARIABLES };
-enum { NONE, RETURNS_ERROR, DISCARDS, TERMINATES, STOPS_EARLY, GIVES_NAN, NEVER_THE_SAME, ROUNDS_OTHERWISE, REFUSES };
+enum { NONE, RETURNS_ERROR, DISCARDS, TERMINATES, STOPS_EARLY, GIVES_NAN, NEVER_THE_SAME, ROUNDS_OTHERWISE, REFUSES, ROUNDS_AND_FAILS };
 enum { OK, WARNING, DISCARD, ERROR };
 
 static const char TOKEN[] = "{mass-1}";
@@ -113,13 +113,14 @@ static int step(Mass *m, double from, double length, bool *terminates, double *r
         m->value[X] += 1e-15 * (double)now.tv_nsec;
     }
 #if defined(__x86_64__)
-    if (fault == ROUNDS_OTHERWISE) {
+    if (fault == ROUNDS_OTHERWISE || fault == ROUNDS_AND_FAILS) {
         _mm_setcsr(_mm_getcsr() | 0x8040);
     }
 #endif
     m->time = *reached = from + length;
     *terminates = fault == TERMINATES;
-    return fault == RETURNS_ERROR ? ERROR : fault == DISCARDS ? DISCARD : OK;
+    bool fails = fault == RETURNS_ERROR || fault == ROUNDS_AND_FAILS;
+    return fails ? ERROR : fault == DISCARDS ? DISCARD : OK;
 }
 
 #ifdef FMI2

@@ -340,9 +340,9 @@ fn figure(scenario: &Scenario, document: &Document) -> Figure {
     }
     let panels = [modulus, phase, coherence].into_iter().filter(|panel| !panel.series.is_empty());
     let figure = Figure::new("Frequency response from readings");
-    let figure = match (computable(scenario), &scenario.structure) {
+    let figure = match (computable(scenario), scenario.foreign_structure()) {
         (Ok(Some(tested)), _) => figure.subtitle(structures::label(scenario, &tested)),
-        (_, Some(section)) if section.kind.is_foreign() => figure.subtitle(structures::foreign_label(section)),
+        (_, Some(section)) => figure.subtitle(structures::foreign_label(section)),
         _ => figure.subtitle(captions::pose(&scenario.arm)),
     };
     panels.fold(figure, Figure::with)

@@ -11,7 +11,11 @@ use resonarm::recording::{Existing, Recording};
 use resonarm::replay::{resimulate, resimulate_readings};
 use resonarm::run::{BothReport, Mode, Options, RecordTo, RunError, Session, Signals};
 use resonarm::scenario::Scenario;
+use resonarm_fmu::content::{Content, Settings};
+use resonarm_fmu::export::{Library, export};
 use tempfile::TempDir;
+
+use crate::scenarios::SHAKER;
 
 /// The folder with `mass2.fmu` and `mass3.fmu`.
 static FOLDER: LazyLock<TempDir> = LazyLock::new(|| {
@@ -59,11 +63,11 @@ fn recorded(scenario: Scenario, mode: Mode, name: &str) -> (BothReport, PathBuf)
     (both(scenario, mode, Some(&path)), path)
 }
 
-fn states(path: &Path) -> Vec<[u64; 4]> {
+/// The states before each sample and the force from it on, as bits.
+fn states(path: &Path) -> Vec<Vec<u64>> {
     let recording = Recording::open(path).unwrap();
     let bits = |record: resonarm::recording::StateRecord| {
-        let [x, v] = record.states[..] else { panic!("{record:?}") };
-        [record.sample, x.to_bits(), v.to_bits(), record.force_n[0].to_bits()]
+        record.states.iter().chain(&record.force_n).map(|number| number.to_bits()).collect()
     };
     recording.states().unwrap().map(|record| bits(record.unwrap())).collect()
 }
@@ -80,13 +84,51 @@ fn its_run_is_the_same_free_in_lockstep_and_simulated_again() {
     assert_eq!((kept.sha256.unwrap().len(), kept.file.unwrap().is_absolute()), (64, true));
     let (_, of_fmi_2) = recorded(scenario(2, ""), Mode::Free, "free2.mcap");
     let (_, lockstep) = recorded(scenario(3, ""), Mode::Lockstep, "lockstep.mcap");
-    let expected = states(&path);
-    assert_eq!(states(&of_fmi_2), expected);
-    // How many samples follow the last command is the bus's.
-    let lockstep = states(&lockstep);
-    let common = lockstep.len().min(expected.len()) - 1;
-    assert!(common > 200);
-    assert_eq!(lockstep[..common], expected[..common]);
+    assert_eq!(states(&of_fmi_2), states(&path));
+    assert_same(&lockstep, &path);
+}
+
+/// The states of two runs are the same up to the last command; how many samples follow it is the bus's.
+fn assert_same(one: &Path, other: &Path) {
+    let [one, other] = [one, other].map(states);
+    let common = one.len().min(other.len()) - 1;
+    assert!(common > 200 && one[common - 1] != one[0]);
+    assert_eq!(one[..common], other[..common]);
+}
+
+/// The variables of one of our own FMUs that are those of the arm.
+const ARM: &str = r#"
+[structure]
+kind = "fmu"
+file = "arm.fmu"
+read = "end"
+[structure.inputs]
+joint1 = "load.torque1_nm"
+joint2 = "load.torque2_nm"
+"tip.x" = "load.force_x_n"
+"tip.y" = "load.force_y_n"
+[structure.outputs]
+joint1 = { displacement = "state.alpha1_rad", velocity = "state.alpha1_dot_rad_s" }
+joint2 = { displacement = "state.alpha2_rad", velocity = "state.alpha2_dot_rad_s" }
+"joint2.x" = { acceleration = "true.acceleration_b_x_m_s2" }
+"joint2.y" = { acceleration = "true.acceleration_b_y_m_s2" }
+"tip.x" = { acceleration = "true.acceleration_c_x_m_s2", force = "true.head_force_x_n" }
+"tip.y" = { acceleration = "true.acceleration_c_y_m_s2", force = "true.head_force_y_n" }
+"#;
+
+#[test]
+fn one_of_our_own_has_the_bits_of_the_native_run_in_lockstep() {
+    let rest = "[simulation]\nseed = 3\n[excitation]\namplitude = { force_x_n = 60.0 }\n\
+                profile = { waveform = 'dwell', frequency_hz = 15.0, duration_s = 0.2, settle_s = 0.1 }\n";
+    let native = Scenario::parse(rest, "native").unwrap();
+    let content = Content { settings: Settings::default(), scenario: native.clone() };
+    export(&content, Library::beside_program().unwrap(), &FOLDER.path().join("arm.fmu")).unwrap();
+    let mut imported = Scenario::parse(&format!("{ARM}{rest}"), "imported").unwrap();
+    imported.read_files(FOLDER.path()).unwrap();
+    let (report, imported) = recorded(imported, Mode::Lockstep, "imported.mcap");
+    assert!(report.plant.error.is_none(), "{report:?}");
+    let (_, native) = recorded(native, Mode::Lockstep, "native.mcap");
+    assert_same(&imported, &native);
 }
 
 #[test]
@@ -145,21 +187,38 @@ fn what_it_does_in_place_of_a_step_ends_the_run_in_words() {
         let rounds = fault(3, 7);
         insta::assert_snapshot!(rounds, @"the simulation failed at sample 20: the FMU fails: fmi3DoStep at 0.02 s: it changed how the processor rounds, as libraries built with -ffast-math do");
     }
-    // The processor rounds as before.
-    assert!(core::hint::black_box(1e-310_f64) * 1.0 > 0.0);
+}
+
+/// A plant of which a step from 0.02 s on fails in the way `fault`, on this thread.
+fn plant_that_fails(fault: u32) -> Plant {
+    // In the second half of a hold, so that a part of it has been stepped.
+    let parameters = format!("parameters = {{ fault = {fault}, fault_s = 0.0202 }}");
+    let mut plant = scenario(3, &parameters).plant().unwrap();
+    for _ in 0..20 {
+        plant.advance(&Load::force_n(5.0, 0.0)).unwrap();
+    }
+    plant
+}
+
+#[test]
+fn the_processor_rounds_as_before_when_a_step_changes_it() {
+    for fault in [7, 9] {
+        let mut plant = plant_that_fails(fault);
+        let failed = plant.advance(&Load::force_n(5.0, 0.0));
+        assert_eq!(failed.is_err(), cfg!(target_arch = "x86_64") || fault == 9);
+        assert!(core::hint::black_box(1e-310_f64) * core::hint::black_box(1.0) > 0.0, "{fault}");
+    }
 }
 
 #[test]
 fn a_plant_whose_fmu_fails_stays_at_the_sample_before() {
-    // In the second half of a hold, so that a part of it has been stepped.
-    let mut plant = scenario(3, "parameters = { fault = 5, fault_s = 0.0202 }").plant().unwrap();
-    let load = Load::force_n(5.0, 0.0);
-    for _ in 0..20 {
-        plant.advance(&load).unwrap();
-    }
+    let (mut plant, load) = (plant_that_fails(5), Load::force_n(5.0, 0.0));
     let before = plant.states();
+    let mut copy = plant.clone();
     assert!(before[0] > 0.0 && plant.advance(&load).is_err());
     assert_eq!((plant.sample(), plant.states()), (20, before));
+    insta::assert_snapshot!(plant.advance(&load).unwrap_err(), @"sample 20: the FMU fails: the step at 0.02 s: a step before it failed, after which it can't be stepped: make the plant anew");
+    insta::assert_snapshot!(copy.advance(&load).unwrap_err(), @"sample 20: the FMU fails: the step at 0.02 s: it is a copy of one that was running, whose state a copy can't have: copy it at its start");
 }
 
 #[test]
@@ -205,14 +264,3 @@ fn what_can_not_be_is_refused_before_the_run() {
     insta::assert_snapshot!(refused(idle, Mode::Free), @"structure: `inputs` is of a structure of kind `fmu`: leave it out");
     insta::assert_snapshot!(scenario(3, "").plant_spec().unwrap_err(), @"structure: `kind` is fmu: an FMU is stepped and read, in the modes free and lockstep of a run; modes, responses and branches are computed of equations, which it does not show");
 }
-
-const SHAKER: &str = "[rig.shaker]
-moving_mass_kg = 0.2
-stiffness_n_m = 5e3
-damping_n_s_m = 5.0
-force_factor_n_a = 20.0
-resistance_ohm = 2.0
-inductance_h = 3e-4
-stroke_m = 0.02
-current_limit_a = 15.0
-voltage_limit_v = 60.0";

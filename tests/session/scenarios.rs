@@ -83,7 +83,8 @@ fn force_controlled(waveform: &str) -> Scenario {
     with_every_other_key(&format!("control = {{ law = 'force-control', amplitude = {{ {AMPLITUDE} }}, {profile} }}"))
 }
 
-const SHAKER: &str = "[rig.shaker]
+/// The section of a shaker.
+pub(crate) const SHAKER: &str = "[rig.shaker]
 moving_mass_kg = 0.2
 stiffness_n_m = 5e3
 damping_n_s_m = 5.0

@@ -28,7 +28,7 @@ pub fn plant(recording: &Recording) -> Option<Plant> {
 /// it can't be, or its states are not the recorded ones.
 pub(crate) fn noted(recording: &Recording, first: u64) -> Option<String> {
     let scenario = Scenario::from_configuration(recording.configuration()).ok()?;
-    // The state of an FMU is not one of numbers.
+    // The state of an FMU can't be set.
     if scenario.is_fmu() {
         return None;
     }

@@ -40,7 +40,7 @@ fn of_zip(error: impl ToString) -> ImportError {
 }
 
 impl Archive {
-    /// Reads and checks an archive, with the files of `platform` and the resources.
+    /// Reads and checks an archive: the description, the libraries of all platforms and the resources.
     ///
     /// # Errors
     /// [`ImportError`]: no archive, names that leave it, links, more bytes than an FMU has, no description.

@@ -4,7 +4,7 @@ use std::ffi::CString;
 
 use tempfile::TempDir;
 
-use crate::abi::{Fmi2, Fmi3, Library, Made, Stepped, is_good, status_name};
+use crate::abi::{Called, Fmi, Fmi2, Fmi3, InstanceSpec, Library, StepOutcome, begin};
 use crate::description::Version;
 use crate::source::Source;
 use crate::{ImportError, float_mode};
@@ -13,14 +13,9 @@ use resonarm_bench::structure::{ForeignFault, StructureError};
 /// The part of a step by which the time that an FMU has reached may differ: it adds up its own steps.
 const TOLERANCE_STEPS: f64 = 1e-3;
 
-enum Fmu {
-    Fmi2(Fmi2),
-    Fmi3(Fmi3),
-}
-
 /// An FMU that runs.
 pub(crate) struct Instance {
-    fmu: Fmu,
+    fmu: Box<dyn Fmi>,
     /// The control bits of the floating-point unit.
     control: u64,
     /// Removed when the library is unloaded.
@@ -58,71 +53,64 @@ impl Instance {
         let mapping = &source.mapping;
         let at_rest = mapping.set_at_rest();
         let inputs = (&*mapping.set.references, &*at_rest);
-        let made = Made { token: &token, resources: &resources, parameters: &mapping.parameters, inputs };
+        let spec = InstanceSpec { token: &token, resources: &resources, parameters: &mapping.parameters, inputs };
         let library = Library::load(&folder.path().join(source.description.library()))?;
-        let fmu = float_mode::kept("the initialization", || match version {
-            Version::Fmi2 => Fmi2::new(library, &made).map(Fmu::Fmi2),
-            Version::Fmi3 => Fmi3::new(library, &made).map(Fmu::Fmi3),
+        let fmu = float_mode::kept("the initialization", || {
+            let mut fmu: Box<dyn Fmi> = match version {
+                Version::Fmi2 => Box::new(Fmi2::new(library, &spec)?),
+                Version::Fmi3 => Box::new(Fmi3::new(library, &spec)?),
+            };
+            begin(&mut *fmu, &spec).map(|()| fmu)
         })??;
         Ok(Instance { fmu, control: float_mode::control(), _folder: folder })
     }
 
+    /// The fault of a call, unless it succeeded. The processor rounds as before in any case.
+    fn check(&self, called: Called, t_s: f64) -> Result<(), StructureError> {
+        let is_kept = float_mode::is_kept(self.control);
+        if !called.is_good() {
+            Err(failed(called.function, t_s, ForeignFault::Status(called.status())))
+        } else if !is_kept {
+            Err(failed(called.function, t_s, ForeignFault::FloatMode))
+        } else {
+            Ok(())
+        }
+    }
+
     /// Sets variables.
     pub fn set(&mut self, t_s: f64, references: &[u32], values: &[f64]) -> Result<(), StructureError> {
-        let (call, status) = match &mut self.fmu {
-            Fmu::Fmi2(fmu) => ("fmi2SetReal", fmu.set(references, values)),
-            Fmu::Fmi3(fmu) => ("fmi3SetFloat64", fmu.set(references, values)),
-        };
-        let fault = failed(call, t_s, ForeignFault::Status(status_name(status)));
-        if is_good(status) { Ok(()) } else { Err(fault) }
+        let called = self.fmu.set(references, values);
+        self.check(called, t_s)
     }
 
     /// Reads variables, all finite.
     pub fn get(&mut self, t_s: f64, references: &[u32], values: &mut [f64]) -> Result<(), StructureError> {
-        let (call, status) = match &mut self.fmu {
-            Fmu::Fmi2(fmu) => ("fmi2GetReal", fmu.get(references, values)),
-            Fmu::Fmi3(fmu) => ("fmi3GetFloat64", fmu.get(references, values)),
-        };
-        if !is_good(status) {
-            return Err(failed(call, t_s, ForeignFault::Status(status_name(status))));
-        }
+        let called = self.fmu.get(references, values);
+        self.check(called, t_s)?;
         match values.iter().find(|value| !value.is_finite()) {
-            Some(got) => Err(failed(call, t_s, ForeignFault::NotFinite { got: *got })),
+            Some(got) => Err(failed(called.function, t_s, ForeignFault::NotFinite { got: *got })),
             None => Ok(()),
         }
     }
 
     /// A communication step, which has to come to its end.
     pub fn step(&mut self, from_s: f64, step_s: f64) -> Result<(), StructureError> {
-        let (call, stepped) = match &mut self.fmu {
-            Fmu::Fmi2(fmu) => ("fmi2DoStep", fmu.step(from_s, step_s)),
-            Fmu::Fmi3(fmu) => ("fmi3DoStep", fmu.step(from_s, step_s)),
-        };
-        let Stepped { status, terminates, reached_s } = stepped;
-        let is_elsewhere = |reached_s: &f64| {
-            // Written so that NaN is elsewhere, too.
-            let is_there = (reached_s - (from_s + step_s)).abs() <= TOLERANCE_STEPS * step_s;
-            !is_there
-        };
-        let fault = if terminates {
-            ForeignFault::Terminates
-        } else if !is_good(status) {
-            ForeignFault::Status(status_name(status))
-        } else if let Some(reached_s) = reached_s.filter(is_elsewhere) {
-            ForeignFault::Reached { reached_s }
-        } else if !float_mode::is_kept(self.control) {
-            ForeignFault::FloatMode
-        } else {
-            return Ok(());
-        };
-        Err(failed(call, from_s, fault))
+        let StepOutcome { called, terminates, reached_s } = self.fmu.step(from_s, step_s);
+        let checked = self.check(called, from_s);
+        if terminates {
+            return Err(failed(called.function, from_s, ForeignFault::Terminates));
+        }
+        checked?;
+        // Written so that NaN is elsewhere, too.
+        let is_there = |reached_s: f64| (reached_s - (from_s + step_s)).abs() <= TOLERANCE_STEPS * step_s;
+        match reached_s.filter(|reached_s| !is_there(*reached_s)) {
+            Some(reached_s) => Err(failed(called.function, from_s, ForeignFault::Reached { reached_s })),
+            None => Ok(()),
+        }
     }
 
-    /// The last message of the FMU.
-    pub fn said(&self) -> Option<String> {
-        match &self.fmu {
-            Fmu::Fmi2(fmu) => fmu.said().last(),
-            Fmu::Fmi3(fmu) => fmu.said().last(),
-        }
+    /// The last message of the FMU, once.
+    pub fn last_message(&mut self) -> Option<String> {
+        self.fmu.handle().last_message()
     }
 }

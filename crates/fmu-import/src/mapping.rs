@@ -8,7 +8,7 @@ use crate::description::Description;
 use crate::{ImportError, OutputsOf, ReadAt, Spec};
 use resonarm_bench::structure::{Channel, Coordinates, LOADS, coordinate_channels};
 pub(crate) use variable::{Block, Slot};
-use variable::{Of, named, parameters};
+use variable::{Of, named, parameters, warn_of_unit};
 
 /// The point of the exciter unless the scenario names another.
 const TIP: &str = "tip";
@@ -104,7 +104,9 @@ impl Mapping {
         for (slot, dof) in self.inputs.iter_mut().zip(&loads) {
             let Some((dof, name)) = dof.as_ref().and_then(|dof| spec.inputs.get_key_value(dof)) else { continue };
             let of = if matches!(Dof::parse("inputs", dof)?, Dof::Point) { Of::Force } else { Of::Torque };
-            let variable = named(description, &format!("inputs.\"{dof}\""), name, of)?;
+            let key = format!("inputs.\"{dof}\"");
+            let variable = named(description, &key, name, of)?;
+            warn_of_unit(description, &key, name, of)?;
             *slot = Some(self.set.slot(&variable));
         }
         let is_driven = |slots: &[Option<Slot>]| slots.iter().any(Option::is_some);
@@ -125,7 +127,9 @@ impl Mapping {
         let keys = ["displacement", "velocity", "acceleration", "force"];
         for ((name, quantity), key) in names.into_iter().zip(quantities).zip(keys) {
             if let Some(name) = name {
-                named(description, &format!("outputs.\"{dof}\".{key}"), name, quantity)?;
+                let key = format!("outputs.\"{dof}\".{key}");
+                named(description, &key, name, quantity)?;
+                warn_of_unit(description, &key, name, quantity)?;
             }
         }
         Ok(())

@@ -55,24 +55,25 @@ impl Held {
         let mut read = vec![0.0; source.mapping.read.count];
         instance
             .get(0.0, &source.mapping.read.references, &mut read)
-            .map_err(|fault| ImportError::Start { reason: fault.to_string(), log: instance.said() })?;
+            .map_err(|fault| ImportError::Start { reason: fault.to_string(), log: instance.last_message() })?;
         let set = source.mapping.set_at_rest();
         Ok(Held { run: Run::AtStart, set, next: read.clone(), read, kept: Vec::new(), loads: None, source })
     }
 
     /// The instance, loaded if it is at its start.
     fn instance(&mut self, t_s: f64) -> Result<&mut Instance, StructureError> {
-        let fails = |fault| StructureError::Foreign { call: "the FMU", t_s, fault };
+        let fails = |call, fault| StructureError::Foreign { call, t_s, fault };
         if matches!(self.run, Run::AtStart) {
             let started = Instance::start(&self.source).map_err(|error| {
                 tracing::error!("{error}");
-                fails(ForeignFault::NotLoaded)
+                fails("loading", ForeignFault::NotLoaded)
             });
             self.run = Run::Running(Box::new(started?));
         }
         match &mut self.run {
             Run::Running(instance) => Ok(instance),
-            Run::AtStart | Run::Failed | Run::Lost => Err(fails(ForeignFault::OtherState)),
+            Run::AtStart | Run::Failed => Err(fails("the step", ForeignFault::HasFailed)),
+            Run::Lost => Err(fails("the step", ForeignFault::CopyOfRunning)),
         }
     }
 
@@ -146,10 +147,7 @@ impl Held {
                 self.kept = states.to_vec();
                 Ok(())
             }
-            _ => {
-                let fault = ForeignFault::OtherState;
-                Err(StructureError::Foreign { call: "the FMU", t_s: 0.0, fault })
-            }
+            _ => Err(StructureError::ForeignState),
         }
     }
 }

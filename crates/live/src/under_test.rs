@@ -9,7 +9,7 @@ use resonarm_bench::structure::Point;
 use resonarm_dynamics::arm::Arm;
 use resonarm_files::drawing::Drawing;
 use resonarm_files::recording::channels::Channels;
-use resonarm_files::scenario::{Scenario, ScenarioError};
+use resonarm_files::scenario::{Scenario, ScenarioError, StructureSection};
 
 /// The structure under test.
 #[derive(Clone, Debug)]
@@ -29,8 +29,15 @@ enum Kind {
     Arm(Box<Arm>),
     /// A chain or modes, or the arm with elements.
     Assembly(Box<TestedAssembly>),
-    /// One that a program makes.
-    Own,
+    /// One that a program makes, or an FMU: with how many joints torques act on.
+    Foreign { joints: usize },
+}
+
+impl Kind {
+    fn foreign(section: &StructureSection) -> Kind {
+        let is_driven = |joint: &str| section.inputs.contains_key(joint);
+        Kind::Foreign { joints: if is_driven("joint2") { 2 } else { usize::from(is_driven("joint1")) } }
+    }
 }
 
 /// A number of each sample that a panel plots.
@@ -85,11 +92,12 @@ impl UnderTest {
     /// # Errors
     /// [`ScenarioError`] if the scenario makes no structure.
     pub fn new(scenario: &Scenario, name: String, table: Channels) -> Result<UnderTest, ScenarioError> {
-        let is_foreign = scenario.structure.as_ref().is_some_and(|section| section.kind.is_foreign());
-        let kind = match (is_foreign, &scenario.structure) {
-            (true, _) => Kind::Own,
-            (false, None) => Kind::Arm(scenario.build_arm()?.into()),
-            (false, Some(_)) => scenario.tested_structure()?.map_or(Kind::Own, |tested| Kind::Assembly(tested.into())),
+        let kind = match scenario.foreign_structure() {
+            Some(section) => Kind::foreign(section),
+            None => match scenario.tested_structure()? {
+                Some(tested) => Kind::Assembly(tested.into()),
+                None => Kind::Arm(scenario.build_arm()?.into()),
+            },
         };
         Ok(UnderTest { name, table, drawing: Drawing::of(scenario)?, kind })
     }
@@ -99,11 +107,11 @@ impl UnderTest {
         match &self.kind {
             Kind::Arm(arm) => resonarm_analysis::modes(arm).map(|mode| mode.frequency_hz).to_vec(),
             Kind::Assembly(tested) => tested.assembly.modes().iter().map(|mode| mode.frequency_hz).collect(),
-            Kind::Own => Vec::new(),
+            Kind::Foreign { .. } => Vec::new(),
         }
     }
 
-    /// The points at which the rig is, those of the exciter, B and C; unknown of a program's own structure.
+    /// The points at which the rig is, those of the exciter, B and C; unknown of a program's own structure and of an FMU.
     pub fn rig(&self) -> Option<[String; 3]> {
         match &self.kind {
             Kind::Arm(_) => Some(["tip", "joint2", "tip"].map(String::from)),
@@ -113,7 +121,7 @@ impl UnderTest {
                 let name = |placed| point(placed).unwrap_or_default().split('.').next().unwrap_or_default().to_owned();
                 Some(places.map(name))
             }
-            Kind::Own => None,
+            Kind::Foreign { .. } => None,
         }
     }
 
@@ -130,7 +138,7 @@ impl UnderTest {
                     && whole(&places.accelerometer_b)
                     && whole(&places.accelerometer_c)
             }
-            Kind::Own => false,
+            Kind::Foreign { .. } => false,
         }
     }
 
@@ -167,7 +175,7 @@ impl UnderTest {
         match &self.kind {
             Kind::Arm(_) => 2,
             Kind::Assembly(tested) => tested.loaded().iter().take(2).flatten().count(),
-            Kind::Own => 0,
+            Kind::Foreign { joints } => *joints,
         }
     }
 
@@ -180,7 +188,7 @@ impl UnderTest {
                 .map(|name| ResponseAxis { label: name.to_owned(), title: format!("largest |{name}|"), unit: "rad" })
                 .to_vec(),
             Kind::Assembly(tested) => tested.read().into_iter().map(|read| displacement(read.name)).collect(),
-            Kind::Own => OWN.map(|(name, _)| displacement(name.to_owned())).to_vec(),
+            Kind::Foreign { .. } => FOREIGN.map(|(name, _)| displacement(name.to_owned())).to_vec(),
         }
     }
 
@@ -200,7 +208,7 @@ impl UnderTest {
                 return Sizes { amplitude: amplitude_rad.to_vec(), clipped: clipped.to_vec() };
             }
             Kind::Assembly(tested) => tested.read().into_iter().map(|read| read.channel).collect(),
-            Kind::Own => OWN.map(|(_, channel)| channel).to_vec(),
+            Kind::Foreign { .. } => FOREIGN.map(|(_, channel)| channel).to_vec(),
         };
         let size = |channel: &usize| {
             let displacement = point.displacement_m(*channel);
@@ -213,8 +221,8 @@ impl UnderTest {
     }
 }
 
-/// What is read of a program's own structure, with the channels of a response.
-const OWN: [(&str, usize); 4] = [("C x", 4), ("C y", 5), ("B x", 2), ("B y", 3)];
+/// What is read of a program's own structure, or of an FMU, with the channels of a response.
+const FOREIGN: [(&str, usize); 4] = [("C x", 4), ("C y", 5), ("B x", 2), ("B y", 3)];
 
 /// A coordinate, or the state of an element, as panels call it.
 pub(super) fn label(point: Point) -> String {
@@ -312,6 +320,13 @@ at = "mid"
         let own = under_test("[structure]\nkind = \"own\"\n");
         assert_eq!((own.drawing.clone(), own.rig(), own.modes_hz()), (None, None, vec![]));
         assert!((own.sizes(&point).amplitude[1] * square - 5.0).abs() < 1e-12);
+        let torques = |inputs: &str| {
+            let text = format!("[structure]\nkind = \"fmu\"\nfile = \"a.fmu\"\ninputs = {{ {inputs} }}\n");
+            named(&under_test(&text).panels().torque)
+        };
+        assert_eq!(torques("'tip.x' = 'F'"), "");
+        assert_eq!(torques("joint1 = 'M'"), "0 torque 1 (N·m)");
+        assert_eq!(torques("joint2 = 'M'"), "0 torque 1 (N·m), 1 torque 2 (N·m)");
     }
 
     #[test]

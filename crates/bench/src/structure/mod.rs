@@ -98,9 +98,12 @@ pub enum ForeignFault {
     /// It can't be loaded once more.
     #[error("it can't be loaded once more, as the log says")]
     NotLoaded,
-    /// The state of a running FMU can't be set by numbers.
-    #[error("its state is not one of numbers: it runs from its start alone")]
-    OtherState,
+    /// A step of it failed before.
+    #[error("a step before it failed, after which it can't be stepped: make the plant anew")]
+    HasFailed,
+    /// A copy that was made after the first step.
+    #[error("it is a copy of one that was running, whose state a copy can't have: copy it at its start")]
+    CopyOfRunning,
 }
 
 /// Why a structure can't go to the next sample, or to a saved state.
@@ -152,6 +155,9 @@ pub enum StructureError {
         /// What it did.
         fault: ForeignFault,
     },
+    /// A saved state of an FMU, which an importer can't set.
+    #[error("the state of an FMU can't be set: it runs from its start alone")]
+    ForeignState,
     /// Saved numbers that are not of this structure.
     #[error("a saved state of {got} finite numbers: the structure has {states}, or {all} with its converters")]
     Saved {

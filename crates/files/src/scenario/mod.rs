@@ -334,6 +334,11 @@ impl Scenario {
         self.structure.as_ref().is_some_and(|section| section.kind == StructureKind::Fmu)
     }
 
+    /// The structure under test if its equations are somebody else's: a program makes it, or it is an FMU.
+    pub fn foreign_structure(&self) -> Option<&StructureSection> {
+        self.structure.as_ref().filter(|section| section.kind.is_foreign())
+    }
+
     fn spec_of(&self, structure: Option<TestedAssembly>) -> Result<PlantSpec, ScenarioError> {
         let [x1, x2, v1, v2] = self.arm.initial;
         Ok(PlantSpec {

@@ -3,7 +3,7 @@
 use core::ffi::{CStr, c_char, c_int, c_void};
 use std::ffi::CString;
 
-use super::{End, Library, Made, Said, Stepped, check, function, text};
+use super::{Called, Fmi, Free, Handle, InstanceSpec, Library, Plain, Said, StepOutcome, function, text};
 use crate::ImportError;
 
 /// `fmi2CoSimulation`.
@@ -39,8 +39,6 @@ type Instantiate = unsafe extern "C" fn(
     c_int,
 ) -> *mut c_void;
 type Setup = unsafe extern "C" fn(*mut c_void, c_int, f64, f64, c_int, f64) -> c_int;
-type Plain = unsafe extern "C" fn(*mut c_void) -> c_int;
-type Free = unsafe extern "C" fn(*mut c_void);
 type SetReal = unsafe extern "C" fn(*mut c_void, *const u32, usize, *const f64) -> c_int;
 type GetReal = unsafe extern "C" fn(*mut c_void, *const u32, usize, *mut f64) -> c_int;
 type DoStep = unsafe extern "C" fn(*mut c_void, f64, f64, c_int) -> c_int;
@@ -49,20 +47,17 @@ type GetBooleanStatus = unsafe extern "C" fn(*mut c_void, c_int, *mut c_int) -> 
 
 /// An instance.
 pub(crate) struct Fmi2 {
-    instance: *mut c_void,
+    /// Dropped first, as the instance reads the callbacks.
+    handle: Handle,
+    _callbacks: Box<Callbacks>,
+    setup: Setup,
+    enter: Plain,
+    exit: Plain,
     set: SetReal,
     get: GetReal,
     step: DoStep,
     real_status: GetRealStatus,
     boolean_status: GetBooleanStatus,
-    terminate: Plain,
-    free: Free,
-    said: Box<Said>,
-    /// The instance reads them.
-    _callbacks: Box<Callbacks>,
-    end: End,
-    /// Dropped last.
-    library: Option<Library>,
 }
 
 unsafe extern "C" fn log(
@@ -94,8 +89,8 @@ fn uri(folder: &CStr) -> CString {
 }
 
 impl Fmi2 {
-    /// An instance at time 0 of the simulation.
-    pub fn new(library: Library, made: &Made<'_>) -> Result<Fmi2, ImportError> {
+    /// An instance that is made; [`begin`](super::begin) begins its simulation.
+    pub fn new(library: Library, spec: &InstanceSpec<'_>) -> Result<Fmi2, ImportError> {
         let instantiate = function!(library, Instantiate, c"fmi2Instantiate");
         let setup = function!(library, Setup, c"fmi2SetupExperiment");
         let enter = function!(library, Plain, c"fmi2EnterInitializationMode");
@@ -105,8 +100,7 @@ impl Fmi2 {
         let step = function!(library, DoStep, c"fmi2DoStep");
         let real_status = function!(library, GetRealStatus, c"fmi2GetRealStatus");
         let boolean_status = function!(library, GetBooleanStatus, c"fmi2GetBooleanStatus");
-        let terminate = function!(library, Plain, c"fmi2Terminate");
-        let free = function!(library, Free, c"fmi2FreeInstance");
+        let ends = (function!(library, Plain, c"fmi2Terminate"), function!(library, Free, c"fmi2FreeInstance"));
         let said = Box::new(Said::default());
         let environment = core::ptr::from_ref(&*said).cast_mut().cast();
         let callbacks = Box::new(Callbacks {
@@ -116,111 +110,71 @@ impl Fmi2 {
             step_finished: core::ptr::null(),
             environment,
         });
-        let resources = uri(made.resources);
-        let (name, token) = (c"structure".as_ptr(), made.token.as_ptr());
+        let resources = uri(spec.resources);
+        let (name, token) = (c"structure".as_ptr(), spec.token.as_ptr());
         // SAFETY: texts, and functions that live as long as the instance.
-        let instance =
+        let pointer =
             unsafe { instantiate(name, CO_SIMULATION, token, resources.as_ptr(), &raw const *callbacks, FALSE, FALSE) };
-        if instance.is_null() {
-            return Err(ImportError::Call { call: "fmi2Instantiate", status: "NULL", log: said.last() });
-        }
-        let mut fmu = Fmi2 {
-            instance,
-            set,
-            get,
-            step,
-            real_status,
-            boolean_status,
-            terminate,
-            free,
-            said,
-            _callbacks: callbacks,
-            end: End::default(),
-            library: Some(library),
-        };
-        fmu.initialize(made, (setup, enter, exit))?;
-        Ok(fmu)
-    }
-
-    /// Takes up parameters and inputs, and begins the simulation at 0.
-    fn initialize(&mut self, made: &Made<'_>, calls: (Setup, Plain, Plain)) -> Result<(), ImportError> {
-        let (setup, enter, exit) = calls;
-        for (reference, values) in made.parameters {
-            let status = self.set(&[*reference], values);
-            check("fmi2SetReal", status, &self.said)?;
-        }
-        // SAFETY: an instance, here and below.
-        let status = unsafe { setup(self.instance, FALSE, 0.0, 0.0, FALSE, 0.0) };
-        check("fmi2SetupExperiment", self.end.note(status), &self.said)?;
-        // SAFETY: as above.
-        let status = unsafe { enter(self.instance) };
-        check("fmi2EnterInitializationMode", self.end.note(status), &self.said)?;
-        let (references, values) = made.inputs;
-        if !references.is_empty() {
-            let status = self.set(references, values);
-            check("fmi2SetReal", status, &self.said)?;
-        }
-        // SAFETY: as above.
-        let status = unsafe { exit(self.instance) };
-        check("fmi2ExitInitializationMode", self.end.note(status), &self.said)?;
-        self.end.is_running = true;
-        Ok(())
-    }
-
-    /// Sets variables.
-    pub fn set(&mut self, references: &[u32], values: &[f64]) -> c_int {
-        // SAFETY: an instance, and arrays of one length: FMI 2 has no arrays.
-        let count = references.len().min(values.len());
-        let status = unsafe { (self.set)(self.instance, references.as_ptr(), count, values.as_ptr()) };
-        self.end.note(status)
-    }
-
-    /// Reads variables.
-    pub fn get(&mut self, references: &[u32], values: &mut [f64]) -> c_int {
-        let count = references.len().min(values.len());
-        // SAFETY: as above.
-        let status = unsafe { (self.get)(self.instance, references.as_ptr(), count, values.as_mut_ptr()) };
-        self.end.note(status)
-    }
-
-    /// A communication step. No state from before it is returned to. One that is discarded says how far it came.
-    pub fn step(&mut self, from_s: f64, step_s: f64) -> Stepped {
-        // SAFETY: an instance.
-        let status = unsafe { (self.step)(self.instance, from_s, step_s, TRUE) };
-        let status = self.end.note(status);
-        let (mut reached_s, mut terminated) = (f64::NAN, FALSE);
-        if status != DISCARD {
-            return Stepped { status, terminates: false, reached_s: None };
-        }
-        // SAFETY: an instance, and variables to write to.
-        let (time, end) = unsafe {
-            (
-                (self.real_status)(self.instance, LAST_SUCCESSFUL_TIME, &mut reached_s),
-                (self.boolean_status)(self.instance, TERMINATED, &mut terminated),
-            )
-        };
-        Stepped { status, terminates: end == 0 && terminated != FALSE, reached_s: (time == 0).then_some(reached_s) }
-    }
-
-    /// What it has said last.
-    pub fn said(&self) -> &Said {
-        &self.said
+        let handle = Handle::new(pointer, "fmi2Instantiate", said, ends, library)?;
+        Ok(Fmi2 { handle, _callbacks: callbacks, setup, enter, exit, set, get, step, real_status, boolean_status })
     }
 }
 
-impl Drop for Fmi2 {
-    fn drop(&mut self) {
-        // SAFETY: an instance, which nobody uses any more, in a state in which the calls are allowed.
-        unsafe {
-            if self.end.may_terminate() {
-                (self.terminate)(self.instance);
-            }
-            if self.end.may_free() {
-                (self.free)(self.instance);
-            } else {
-                core::mem::forget(self.library.take());
-            }
+impl Fmi for Fmi2 {
+    fn set(&mut self, references: &[u32], values: &[f64]) -> Called {
+        let count = references.len().min(values.len());
+        // SAFETY: an instance, and arrays of one length: FMI 2 has no arrays.
+        let status = unsafe { (self.set)(self.handle.pointer, references.as_ptr(), count, values.as_ptr()) };
+        self.handle.called("fmi2SetReal", status)
+    }
+
+    fn get(&mut self, references: &[u32], values: &mut [f64]) -> Called {
+        let count = references.len().min(values.len());
+        // SAFETY: as above.
+        let status = unsafe { (self.get)(self.handle.pointer, references.as_ptr(), count, values.as_mut_ptr()) };
+        self.handle.called("fmi2GetReal", status)
+    }
+
+    fn enter_initialization(&mut self) -> Called {
+        // SAFETY: an instance, here and below.
+        let status = unsafe { (self.setup)(self.handle.pointer, FALSE, 0.0, 0.0, FALSE, 0.0) };
+        let called = self.handle.called("fmi2SetupExperiment", status);
+        if !called.is_good() {
+            return called;
         }
+        // SAFETY: as above.
+        let status = unsafe { (self.enter)(self.handle.pointer) };
+        self.handle.called("fmi2EnterInitializationMode", status)
+    }
+
+    fn exit_initialization(&mut self) -> Called {
+        // SAFETY: an instance.
+        let status = unsafe { (self.exit)(self.handle.pointer) };
+        self.handle.called("fmi2ExitInitializationMode", status)
+    }
+
+    /// One that is discarded says how far it came.
+    fn step(&mut self, from_s: f64, step_s: f64) -> StepOutcome {
+        // SAFETY: an instance.
+        let status = unsafe { (self.step)(self.handle.pointer, from_s, step_s, TRUE) };
+        let called = self.handle.called("fmi2DoStep", status);
+        if status != DISCARD {
+            return StepOutcome { called, terminates: false, reached_s: None };
+        }
+        let (mut reached_s, mut terminated) = (f64::NAN, FALSE);
+        // SAFETY: an instance, and variables to write to.
+        let (time, end) = unsafe {
+            (
+                (self.real_status)(self.handle.pointer, LAST_SUCCESSFUL_TIME, &mut reached_s),
+                (self.boolean_status)(self.handle.pointer, TERMINATED, &mut terminated),
+            )
+        };
+        let terminates = end == 0 && terminated != FALSE;
+        StepOutcome { called, terminates, reached_s: (time == 0).then_some(reached_s) }
+    }
+
+    fn handle(&mut self) -> &mut Handle {
+        &mut self.handle
     }
 }
 

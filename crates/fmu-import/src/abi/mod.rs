@@ -34,10 +34,8 @@ impl Library {
         })?;
         if handle.is_null() {
             // SAFETY: the text of the failed call above, on this thread.
-            let reason = unsafe { libc::dlerror() };
-            // SAFETY: as above.
-            let reason = if reason.is_null() { "".into() } else { unsafe { CStr::from_ptr(reason) }.to_string_lossy() };
-            return Err(ImportError::Load { reason: reason.into_owned() });
+            let reason = unsafe { text(libc::dlerror()) }.into_owned();
+            return Err(ImportError::Load { reason });
         }
         Ok(Library { handle })
     }
@@ -85,8 +83,8 @@ impl Said {
         *self.0.lock().unwrap_or_else(PoisonError::into_inner) = Some(text.to_owned());
     }
 
-    /// The last message.
-    pub fn last(&self) -> Option<String> {
+    /// The last message, once.
+    fn take(&self) -> Option<String> {
         self.0.lock().unwrap_or_else(PoisonError::into_inner).take()
     }
 }
@@ -100,19 +98,9 @@ unsafe fn text<'a>(text: *const core::ffi::c_char) -> std::borrow::Cow<'a, str> 
     if text.is_null() { "".into() } else { unsafe { CStr::from_ptr(text) }.to_string_lossy() }
 }
 
-/// What a step came to.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub(crate) struct Stepped {
-    pub status: c_int,
-    /// Whether it asks to end the simulation.
-    pub terminates: bool,
-    /// The time up to which it came, if it says so, s.
-    pub reached_s: Option<f64>,
-}
-
-/// What is made of an instance.
+/// With what an instance is made, and begins.
 #[derive(Debug)]
-pub(crate) struct Made<'a> {
+pub(crate) struct InstanceSpec<'a> {
     pub token: &'a CStr,
     /// The folder of its resources, with a separator at the end.
     pub resources: &'a CStr,
@@ -122,60 +110,151 @@ pub(crate) struct Made<'a> {
     pub inputs: (&'a [u32], &'a [f64]),
 }
 
-/// The name of a status: those of both standards have the same numbers.
-pub(crate) fn status_name(status: c_int) -> &'static str {
-    match status {
-        0 => "OK",
-        1 => "Warning",
-        2 => "Discard",
-        3 => "Error",
-        4 => "Fatal",
-        5 => "Pending",
-        _ => "a status that FMI does not have",
+/// A function that was called, and the status that it returned.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub(crate) struct Called {
+    pub function: &'static str,
+    status: c_int,
+}
+
+impl Called {
+    /// Whether it succeeded: OK or Warning.
+    pub fn is_good(self) -> bool {
+        matches!(self.status, 0 | 1)
+    }
+
+    /// The name of its status: those of both standards have the same numbers.
+    pub fn status(self) -> &'static str {
+        match self.status {
+            0 => "OK",
+            1 => "Warning",
+            2 => "Discard",
+            3 => "Error",
+            4 => "Fatal",
+            5 => "Pending",
+            _ => "a status that FMI does not have",
+        }
     }
 }
 
-/// Whether a call succeeded: OK or Warning.
-pub(crate) fn is_good(status: c_int) -> bool {
-    matches!(status, 0 | 1)
+/// What a communication step came to.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub(crate) struct StepOutcome {
+    pub called: Called,
+    /// Whether it asks to end the simulation.
+    pub terminates: bool,
+    /// The time up to which it came, if it says so, s.
+    pub reached_s: Option<f64>,
 }
 
-/// The error of a call before the simulation, unless it succeeded.
-fn check(call: &'static str, status: c_int, said: &Said) -> Result<(), ImportError> {
-    if is_good(status) {
-        Ok(())
-    } else {
-        Err(ImportError::Call { call, status: status_name(status), log: said.last() })
+/// An instance of either version.
+pub(crate) trait Fmi {
+    /// Sets variables; arrays have several values.
+    fn set(&mut self, references: &[u32], values: &[f64]) -> Called;
+
+    /// Reads variables; arrays have several values.
+    fn get(&mut self, references: &[u32], values: &mut [f64]) -> Called;
+
+    /// Begins the initialization, at time 0.
+    fn enter_initialization(&mut self) -> Called;
+
+    /// Ends the initialization.
+    fn exit_initialization(&mut self) -> Called;
+
+    /// A communication step. No state from before it is returned to.
+    fn step(&mut self, from_s: f64, step_s: f64) -> StepOutcome;
+
+    /// What both versions have.
+    fn handle(&mut self) -> &mut Handle;
+}
+
+/// Takes up parameters and inputs, and begins the simulation at 0.
+pub(crate) fn begin(fmu: &mut dyn Fmi, spec: &InstanceSpec<'_>) -> Result<(), ImportError> {
+    for (reference, values) in spec.parameters {
+        let called = fmu.set(&[*reference], values);
+        fmu.handle().check(called)?;
     }
+    let called = fmu.enter_initialization();
+    fmu.handle().check(called)?;
+    let (references, values) = spec.inputs;
+    if !references.is_empty() {
+        let called = fmu.set(references, values);
+        fmu.handle().check(called)?;
+    }
+    let called = fmu.exit_initialization();
+    fmu.handle().check(called)?;
+    fmu.handle().is_running = true;
+    Ok(())
 }
 
-/// Which calls are still allowed to end an instance.
-#[derive(Debug, Default)]
-struct End {
+type Plain = unsafe extern "C" fn(*mut c_void) -> c_int;
+type Free = unsafe extern "C" fn(*mut c_void);
+
+/// What instances of both versions have: the pointer, the last message, and how they end.
+pub(crate) struct Handle {
+    pointer: *mut c_void,
+    said: Box<Said>,
     /// Whether the simulation has begun.
     is_running: bool,
     /// The worst status so far.
     worst: c_int,
+    terminate: Plain,
+    free: Free,
+    library: Option<Library>,
 }
 
-impl End {
-    /// `fmi2Error` and `fmi3Error`.
+impl Handle {
+    /// `fmi2Error` and `fmi3Error`: such an instance can be freed alone.
     const ERROR: c_int = 3;
-    /// `fmi2Fatal` and `fmi3Fatal`.
+    /// `fmi2Fatal` and `fmi3Fatal`: no function may be called any more, so that its memory is lost.
     const FATAL: c_int = 4;
 
-    fn note(&mut self, status: c_int) -> c_int {
+    /// That of the instance that `instantiate` returned, unless it is NULL.
+    fn new(
+        pointer: *mut c_void,
+        instantiate: &'static str,
+        said: Box<Said>,
+        (terminate, free): (Plain, Free),
+        library: Library,
+    ) -> Result<Handle, ImportError> {
+        if pointer.is_null() {
+            return Err(ImportError::Call { call: instantiate, status: "NULL", log: said.take() });
+        }
+        Ok(Handle { pointer, said, is_running: false, worst: 0, terminate, free, library: Some(library) })
+    }
+
+    /// Notes what a function returned.
+    fn called(&mut self, function: &'static str, status: c_int) -> Called {
         self.worst = self.worst.max(status);
-        status
+        Called { function, status }
     }
 
-    /// After an error an instance can be freed alone.
-    fn may_terminate(&self) -> bool {
-        self.is_running && self.worst < End::ERROR
+    /// The error of a call before the simulation, unless it succeeded.
+    fn check(&self, called: Called) -> Result<(), ImportError> {
+        if called.is_good() {
+            return Ok(());
+        }
+        Err(ImportError::Call { call: called.function, status: called.status(), log: self.last_message() })
     }
 
-    /// After a fatal error no function may be called any more, so that its memory is lost.
-    fn may_free(&self) -> bool {
-        self.worst < End::FATAL
+    /// Its last message, once.
+    pub fn last_message(&self) -> Option<String> {
+        self.said.take()
+    }
+}
+
+impl Drop for Handle {
+    fn drop(&mut self) {
+        // SAFETY: an instance, which nobody uses any more, in a state in which the calls are allowed.
+        unsafe {
+            if self.is_running && self.worst < Handle::ERROR {
+                (self.terminate)(self.pointer);
+            }
+            if self.worst < Handle::FATAL {
+                (self.free)(self.pointer);
+            } else {
+                core::mem::forget(self.library.take());
+            }
+        }
     }
 }

@@ -155,6 +155,21 @@ fn conversion(
     Ok(Conversion::new(unit.factor, if variable.is_relative { 0.0 } else { unit.offset }))
 }
 
+/// Warns of a variable whose unit the FMU does not define in SI, which is taken as SI.
+pub(super) fn warn_of_unit(description: &Description, key: &str, name: &str, of: Of) -> Result<(), ImportError> {
+    let (variable, _) = find(description, key, name)?;
+    let unknown = variable.unit.as_ref().filter(|unit| {
+        let defined = description.units.get(*unit).and_then(|unit| unit.exponents);
+        defined.is_none() && of.exponents().is_some()
+    });
+    if let Some(unit) = unknown {
+        tracing::warn!(
+            "structure.{key}: the FMU does not define the unit `{unit}` of `{name}` (no BaseUnit): its numbers are taken as SI"
+        );
+    }
+    Ok(())
+}
+
 /// The values of parameters, by their references.
 pub(super) fn parameters(
     description: &Description,

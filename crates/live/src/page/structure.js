@@ -14,7 +14,7 @@ const ROWS_WEIGHED = 100;
 // With more points only those of the rig have their names.
 const POINTS_NAMED = 12;
 const PLACELESS = "nothing says where its points are: a scenario places them in [structure.points]";
-const OWN = "a structure that a program makes is not drawn";
+const FOREIGN = "a structure that a program makes, or an FMU, is not drawn";
 
 export class StructureView {
   constructor(about, canvas, scaleText, note) {
@@ -58,7 +58,7 @@ export class StructureView {
     const { context, width, height } = begin(this.canvas);
     const { drawing } = this;
     if (!drawing) {
-      words(context, about.rig ? PLACELESS : OWN, width, height);
+      words(context, about.rig ? PLACELESS : FOREIGN, width, height);
       this.scaleText.textContent = "not drawn";
       return;
     }
