@@ -31,7 +31,7 @@ const MOST_TOGETHER: usize = 10;
 const NEGLIGIBLE: f64 = 1e-13;
 /// What harmonics that are left out may change an exponent by, over Ω, were they at the sharpest resonance.
 pub(super) const OMITTED: f64 = 1e-10;
-/// Exponents over a period that are nearer than this count as the same.
+/// Exponents over a period that are nearer than this count as the same; their errors are far smaller.
 const APART: f64 = 1e-6;
 /// An exponent over a period that is as near to its guess is the one that was meant.
 const NEAR: f64 = 0.03;
