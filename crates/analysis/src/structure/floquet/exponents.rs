@@ -29,7 +29,9 @@ pub(super) const LEAST_MODES: usize = 5;
 const MOST_TOGETHER: usize = 10;
 /// Fourier coefficients below this part of the largest are none.
 const NEGLIGIBLE: f64 = 1e-13;
-/// Exponents over a period that are nearer than this count as the same.
+/// What harmonics that are left out may change an exponent by, over Ω, were they at the sharpest resonance.
+pub(super) const OMITTED: f64 = 1e-10;
+/// Exponents over a period that are nearer than this count as the same; their errors are far smaller.
 const APART: f64 = 1e-6;
 /// An exponent over a period that is as near to its guess is the one that was meant.
 const NEAR: f64 = 0.03;
@@ -259,7 +261,8 @@ pub(super) fn stability(of: &Variations) -> Option<Stability> {
         let im = if negative.is_multiple_of(2) { 0.0 } else { PI };
         found.add_near(&varied, Complex::new(missing(&found), im) / period_s, fastest);
     }
-    if found.exponents.len() != 2 * modes || missing(&found).abs() > LIOUVILLE {
+    let is_all = found.exponents.len() == 2 * modes && missing(&found).abs() < LIOUVILLE;
+    if !is_all {
         return None;
     }
     let multiplier = |at: &Complex<f64>| {

@@ -1,15 +1,15 @@
 //! The exponent of a mode by Newton's method; see [`super::exponents`].
 //!
 //! With A(s) p = e₀ and Aᵀ q = e₀ of the equations of some harmonics, 1/p₀ vanishes at an exponent, and its
-//! derivative is qᵀA′p/p₀²: s ← s − p₀/(qᵀA′p). What is left out beyond the last harmonic changes s by the
-//! order of p q there.
+//! derivative is qᵀA′p/p₀²: s ← s − p₀/(qᵀA′p). The k-th harmonic, if it is left out, changes s by H f g/(qᵀA′p),
+//! with f = Σ Tₖₗ pₗ, which drives it, and g = Σ qₗ Tₗₖ.
 
 use alloc::vec;
 use alloc::vec::Vec;
 
 use nalgebra::Complex;
 
-use super::exponents::Varied;
+use super::exponents::{OMITTED, Varied};
 
 /// Harmonics on either side, at first and at most, in steps of [`Varied::step`].
 const WINDOWS: [usize; 4] = [6, 9, 14, 24];
@@ -17,26 +17,28 @@ const WINDOWS: [usize; 4] = [6, 9, 14, 24];
 const TRIED: usize = 4;
 /// Iterations at most.
 const ITERATIONS: usize = 8;
-/// The last step over Ω is below this; its square is the error.
-const CONVERGED: f64 = 1e-7;
+/// The error over Ω.
+const CONVERGED: f64 = 1e-10;
 /// A longer step over Ω than this leads elsewhere.
 const FARTHEST: f64 = 0.1;
-/// The largest |p q| beyond which nothing is left out, relative to the largest of all.
-const TAIL: f64 = 1e-10;
 
 /// An exponent near s, of a motion of which p₀ is a large part; `None` if there is none.
 pub(super) fn polish(varied: &Varied, mut s: Complex<f64>) -> Option<Complex<f64>> {
+    let mut before = 0.0;
     for window in WINDOWS {
         let mut solver = Solver::new(window);
         for _ in 0..ITERATIONS {
-            let (change, tail) = solver.iterate(varied, s)?;
-            let step = change.norm_sqr();
-            if step.is_nan() || step >= FARTHEST * FARTHEST * varied.omega * varied.omega {
+            let (change, omitted) = solver.iterate(varied, s)?;
+            let step = libm::sqrt(change.norm_sqr()) / varied.omega;
+            if step.is_nan() || step >= FARTHEST {
                 return None;
             }
             s -= change;
-            if step < CONVERGED * CONVERGED * varied.omega * varied.omega {
-                if tail < TAIL {
+            // A step is to the one before at most as the next one to it, near a double exponent, too.
+            let error = step * (step / before).min(1.0);
+            before = step;
+            if error < CONVERGED {
+                if omitted < OMITTED * varied.omega {
                     return Some(s);
                 }
                 break;
@@ -70,7 +72,7 @@ impl Solver {
         Solver { window, a: vec![zero; n * n], slopes: vec![zero; n], pivots: vec![0; n] }
     }
 
-    /// The step of s, and |p q| of the last harmonics.
+    /// The step of s, and what the first harmonics that are left out change it by, at the sharpest resonance.
     fn iterate(&mut self, varied: &Varied, s: Complex<f64>) -> Option<(Complex<f64>, f64)> {
         let (n, window) = (self.slopes.len(), self.window);
         let harmonic = |at: usize| (at as isize - window as isize) * varied.step as isize;
@@ -101,10 +103,17 @@ impl Solver {
                 }
             }
         }
-        let size = |k: usize| libm::sqrt((p[k] * q[k]).norm_sqr());
-        let largest = (0..n).map(size).fold(0.0, f64::max);
-        let tail = [0, 1, n - 2, n - 1].map(size).into_iter().fold(0.0, f64::max) / largest;
-        Some((p[self.window] / slope, tail))
+        let driven = |at: isize| {
+            let (k, mut products) = (at * varied.step as isize, [Complex::new(0.0, 0.0); 2]);
+            for l in 0..n {
+                products[0] += varied.coupling(k - harmonic(l), varied.rate(s, harmonic(l))) * p[l];
+                products[1] += varied.coupling(harmonic(l) - k, varied.rate(s, k)) * q[l];
+            }
+            (products[0] * products[1] / slope).norm_sqr()
+        };
+        let beyond = window as isize + 1;
+        let omitted = [-beyond - 1, -beyond, beyond, beyond + 1].into_iter().map(driven).fold(0.0, f64::max);
+        Some((p[self.window] / slope, varied.sharpest * libm::sqrt(omitted)))
     }
 
     /// PA = LU, in place.

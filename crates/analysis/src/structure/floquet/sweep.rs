@@ -11,7 +11,7 @@
 
 use nalgebra::Complex;
 
-use super::exponents::Varied;
+use super::exponents::{OMITTED, Varied};
 
 /// The most harmonics on either side, in steps of [`Varied::step`].
 const LARGEST_WINDOW: usize = 12;
@@ -21,8 +21,8 @@ const SWEEPS: usize = 40;
 const SWEEPS_WITH: usize = 4;
 /// A shift below this, over Ω, is a start.
 const LITTLE: f64 = 0.01;
-/// What harmonics that are left out may change s by, relative to Ω.
-const OMITTED: f64 = 1e-10;
+/// Harmonics on either side to add where too much is left out.
+const WIDER: usize = 3;
 /// The last change of s over Ω, and of p.
 const CONVERGED: f64 = 1e-10;
 /// A mode whose other harmonics are larger than this takes many sweeps, if it ends at all.
@@ -39,28 +39,47 @@ pub(super) fn sweep(varied: &mut Varied, mode: usize) -> Option<Complex<f64>> {
         at.s -= shift;
     }
     at.p[LARGEST_WINDOW] = Complex::new(1.0, 0.0);
-    let mut sweeps = 0;
+    let (mut sweeps, mut before) = (0, None);
     while sweeps < SWEEPS {
-        let start = at.s;
+        let (start, previous) = (at.s, before);
         let changed = at.with_compliance(varied, mode)?;
         sweeps += SWEEPS_WITH;
-        let size = |of: Complex<f64>| libm::sqrt(of.norm_sqr());
-        let shift =
-            size(at.s - linear) / varied.omega + size(at.p[LARGEST_WINDOW - 1]) + size(at.p[LARGEST_WINDOW + 1]);
-        // What H changes by in the next turn is to the shift as this one to Ω.
-        if changed.max(size(at.s - start) / varied.omega * shift.min(1.0)) < CONVERGED {
+        let change = libm::sqrt((at.s - start).norm_sqr()) / varied.omega;
+        before = Some(change);
+        if changed.max(left(change, previous)) >= CONVERGED {
+            continue;
+        }
+        if at.omitted(varied, mode) < OMITTED {
             return Some(at.s);
+        }
+        at.window += WIDER;
+        if at.window > LARGEST_WINDOW {
+            return None;
         }
     }
     None
+}
+
+/// How far s is from where it converges: each new H changes it by the same ratio of the change before, which is near 1
+/// if H is steep, as between two modes of almost the same frequency.
+fn left(change: f64, before: Option<f64>) -> f64 {
+    match before {
+        Some(before) if change < before => change * change / (before - change),
+        _ if change < CONVERGED => 0.0,
+        _ => f64::INFINITY,
+    }
+}
+
+/// φ²/2ωΩ: a harmonic k that f = Σ Tₖₗ pₗ drives changes s by H f² times this, over Ω.
+fn share(varied: &Varied, mode: usize) -> f64 {
+    varied.weights[mode] / (2.0 * libm::sqrt(varied.squares[mode]) * varied.omega)
 }
 
 /// Harmonics on either side such that none beyond changes s by more than [`OMITTED`] Ω, were it at the sharpest
 /// resonance: with H₁ ≈ 3 φ²/(2ωΩ) beside the mode, the k-th is driven by S_k and by S₁ (H₁S₁)ᵏ⁻¹, and changes s by the
 /// square of this, H there and φ²/2ω. `None` if there would be too many.
 fn window(varied: &Varied, mode: usize) -> Option<usize> {
-    let rate = Complex::new(0.0, libm::sqrt(varied.squares[mode]));
-    let share = varied.weights[mode] / (2.0 * rate.im * varied.omega);
+    let (rate, share) = (Complex::new(0.0, libm::sqrt(varied.squares[mode])), share(varied, mode));
     let size = |at: usize| libm::sqrt(varied.coupling((at * varied.step) as isize, rate).norm_sqr());
     let (mut again, again_by) = (size(1), 3.0 * share * size(1));
     let mut window = LARGEST_WINDOW;
@@ -84,6 +103,22 @@ struct Sweep {
 }
 
 impl Sweep {
+    /// What the first harmonics that are left out change s by, over Ω, at the sharpest resonance.
+    fn omitted(&self, varied: &Varied, mode: usize) -> f64 {
+        let (step, window) = (varied.step as isize, self.window as isize);
+        let drive = |k: isize| {
+            let driven: Complex<f64> = (-window..=window)
+                .map(|l| {
+                    let p = self.p[(LARGEST_WINDOW as isize + l) as usize];
+                    varied.coupling((k - l) * step, varied.rate(self.s, l * step)) * p
+                })
+                .sum();
+            driven.norm_sqr()
+        };
+        let largest = [-window - 2, -window - 1, window + 1, window + 2].into_iter().map(drive).fold(0.0, f64::max);
+        share(varied, mode) * varied.sharpest * largest
+    }
+
     /// Some sweeps with H at the first s; returns the largest change of p, relative to p₀, in the last.
     fn with_compliance(&mut self, varied: &mut Varied, mode: usize) -> Option<f64> {
         let (weight, square, damping) = (varied.weights[mode], varied.squares[mode], varied.dampings[mode]);

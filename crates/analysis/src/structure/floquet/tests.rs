@@ -1,24 +1,33 @@
 //! Multipliers against those of the flow in much smaller steps.
 
 use alloc::vec;
+use core::f64::consts::TAU;
 
 use resonarm_dynamics::structure::{
     Assembly, Axis, BodySpec, ElementSpec, Law, ModalSpec, ModeSpec, Place, ShapeSpec, StructureSpec,
 };
 
+use resonarm_numeric::noise::Noise;
+
 use super::*;
 use crate::structure::{Assess, Coordinate, Forced, TraceOptions, trace};
 
-/// Modes 30 Hz apart, with an element at the tip.
-fn modes(count: usize, law: Law) -> Forced {
-    let mode = |i: usize| ModeSpec { frequency_hz: 20.0 + 30.0 * i as f64, damping_ratio: 0.005 };
-    let by_mode = (0..count).map(|i| 0.5 / (1.0 + 0.3 * i as f64)).collect();
+/// Modes by frequency, damping ratio and shape, with an element at their one point.
+fn with_element(modes: &[(f64, f64, f64)], law: Law) -> Forced {
+    let by_mode = modes.iter().map(|(_, _, phi)| *phi).collect();
     let shapes = vec![ShapeSpec { point: "tip".into(), axis: Axis::X, by_mode }];
     let at = Place::Dof { point: "tip".into(), axis: Axis::X };
-    let body = BodySpec::Modal(ModalSpec { modes: (0..count).map(mode).collect(), shapes });
+    let modes = modes.iter().map(|&(frequency_hz, damping_ratio, _)| ModeSpec { frequency_hz, damping_ratio });
+    let body = BodySpec::Modal(ModalSpec { modes: modes.collect(), shapes });
     let assembly = Assembly::new(&StructureSpec { body, elements: vec![ElementSpec { at, to: None, law }] }).unwrap();
     let tip = assembly.dof("tip.x").unwrap();
     Forced::new(assembly, tip, 10.0)
+}
+
+/// Modes 30 Hz apart.
+fn modes(count: usize, law: Law) -> Forced {
+    let mode = |i: f64| (20.0 + 30.0 * i, 0.005, 0.5 / (1.0 + 0.3 * i));
+    with_element(&(0..count).map(|i| mode(i as f64)).collect::<Vec<_>>(), law)
 }
 
 /// The largest distance between two sets of multipliers, each of one with the nearest of the other.
@@ -66,4 +75,52 @@ fn exponents_of_many_modes_are_those_of_their_flow() {
         }
         assert!(f64::from(by_exponents) >= share * f64::from(tested), "{}: {by_exponents} of {tested}", law.name());
     }
+}
+
+const HZ: f64 = 20.0;
+
+/// Modes with frequencies almost equal, or whose sums or differences are almost multiples of [`HZ`].
+fn resonant_modes(noise: &mut Noise) -> Vec<(f64, f64, f64)> {
+    let damping = 0.02 * libm::pow(10.0, -3.0 * noise.uniform());
+    let mut hz = vec![HZ * (0.7 + 0.6 * noise.uniform())];
+    for _ in 1..5 + noise.bits() % 5 {
+        let detuned_hz = HZ * (noise.uniform() - 0.5) * libm::pow(10.0, -8.0 * noise.uniform());
+        let order = HZ * (1 + noise.bits() % 20) as f64;
+        let other = hz[(noise.bits() % hz.len() as u64) as usize];
+        let near = [other, order + other, (order - other).abs(), 400.0 * noise.uniform()];
+        hz.push((near[(noise.bits() % 4) as usize] + detuned_hz).max(3.0));
+    }
+    hz.sort_by(f64::total_cmp);
+    let mode = |hz: &f64| (*hz, damping * (0.5 + noise.uniform()), 0.6 * libm::pow(10.0, -1.5 * noise.uniform()));
+    hz.iter().map(mode).collect()
+}
+
+/// Along motions with even harmonics or without: where modes resonate with each other, harmonics that are left out, or
+/// sweeps that end early, would show, and one exponent could be taken for two.
+#[test]
+fn exponents_of_modes_that_resonate_are_those_of_their_flow() {
+    let harmonics = 9;
+    let mut by_exponents = 0;
+    for seed in 0..150 {
+        let mut noise = Noise::new(seed, 0);
+        let law = match seed % 3 {
+            0 => Law::Tanh { slip: 10.0 * noise.uniform(), velocity: 0.05 + noise.uniform() },
+            _ => Law::Cubic { stiffness3: 2e8, stiffness5: 0.0 },
+        };
+        let forced = with_element(&resonant_modes(&mut noise), law);
+        let mut balance = Balance::new(&forced, HZ, Coordinate::FrequencyHz, harmonics);
+        assert!(balance.set_value(HZ));
+        let (amplitude_m, ratio) = (0.01 * libm::pow(10.0, -3.0 * noise.uniform()), 0.1 + 0.6 * noise.uniform());
+        let mut x = vec![0.0; 2 * harmonics + 1];
+        for k in (1..=harmonics).step_by(1 + (noise.bits() % 2) as usize) {
+            let (sine, cosine) = libm::sincos(TAU * noise.uniform());
+            let of_harmonic = amplitude_m * libm::pow(ratio, k as f64 - 1.0);
+            (x[2 * k - 1], x[2 * k]) = (of_harmonic * cosine, of_harmonic * sine);
+        }
+        let Some(got) = exponents::stability(&Variations::new(&balance, &x, LEAST_STEPS[0])) else { continue };
+        by_exponents += 1;
+        let off = distance(&got, &fine_flow(&balance, &x, 8.0));
+        assert!(off < 1e-8, "seed {seed}, {}: {off:.1e}", law.name());
+    }
+    assert!(by_exponents >= 100, "{by_exponents}");
 }

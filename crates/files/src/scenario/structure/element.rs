@@ -198,12 +198,15 @@ impl ElementSection {
                     stribeck: values.required("stribeck", VELOCITY)?,
                 }
             }
-            ElementKind::Linear => match values.optional("damping", DAMPING) {
-                Some(damping) => {
-                    Law::Linear { stiffness: values.optional("stiffness", STIFFNESS).unwrap_or(0.0), damping }
+            ElementKind::Linear => {
+                let [stiffness, damping] =
+                    [("stiffness", STIFFNESS), ("damping", DAMPING)].map(|(name, unit)| values.optional(name, unit));
+                // Neither is needed where the other is; a value in the wrong unit is what `finish` refuses.
+                if self.values.is_empty() {
+                    values.required("stiffness", STIFFNESS)?;
                 }
-                None => Law::Linear { stiffness: values.required("stiffness", STIFFNESS)?, damping: 0.0 },
-            },
+                Law::Linear { stiffness: stiffness.unwrap_or(0.0), damping: damping.unwrap_or(0.0) }
+            }
             ElementKind::Tanh => Law::Tanh { slip: slip(values)?, velocity: values.required("velocity", VELOCITY)? },
         })
     }

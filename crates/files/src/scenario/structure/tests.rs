@@ -108,6 +108,7 @@ fn what_makes_no_element_is_said() {
     insta::assert_snapshot!(element("kind = \"gap\"\nat = \"tip.x\"\nstiffness_n_m = 1\ngap_m = 0\nstiffness_nm_rad = 1"), @"structure.elements, number 1: there is no `stiffness_nm_rad` here, did you mean `stiffness_n_m`?: the keys are stiffness_n_m, gap_m");
     insta::assert_snapshot!(element("kind = \"gap\"\nstiffness_n_m = 1\ngap_m = 0"), @"structure.elements, number 1: give one of `at`, `joint` and `between`");
     insta::assert_snapshot!(element("kind = \"linear\"\nat = \"tip.x\""), @"structure.elements, number 1: `stiffness_n_m` is missing");
+    insta::assert_snapshot!(element("kind = \"linear\"\nat = \"tip.x\"\ndamping_nm_s_rad = 1"), @"structure.elements, number 1: there is no `damping_nm_s_rad` here, did you mean `damping_n_s_m`?: the keys are stiffness_n_m, damping_n_s_m");
     insta::assert_snapshot!(element("kind = \"linear\"\nat = \"tip.x\"\ndamping_n_s_m = 0"), @"structure: element 1, linear: `stiffness` is 0: it must be a positive number where there is no damping");
     insta::assert_snapshot!(element("kind = \"tanh\"\nat = \"tip.x\"\nside = \"negative\"\nslip_force_n = 1\nvelocity_m_s = 1"), @"structure.elements, number 1: `side` is of contacts alone: leave it out");
 }
