@@ -38,6 +38,8 @@ class StructureBranch:
     peaks: Array
     """The same columns: for each degree of freedom that is read the motion with its largest displacement, located
     between the points."""
+    unlocated: tuple[tuple[str, float, float], ...] = ()
+    """Bifurcations that show between two points and could not be located: kind, and the parameter at both points."""
 
     def __repr__(self) -> str:
         unstable = int(np.count_nonzero(~self.points["stable"]))
@@ -121,7 +123,8 @@ def continuation(
     points, peaks = view(traced.points, form), view(traced.peaks, form)
     bifurcations = named(traced.kinds, view(traced.bifurcations, form))
     _displacement, unit = structure.units("drive", drive)
-    branch = StructureBranch(parameter, drive, unit, tuple(read), points, bifurcations, peaks)
+    unlocated = tuple(traced.unlocated)
+    branch = StructureBranch(parameter, drive, unit, tuple(read), points, bifurcations, peaks, unlocated)
     if traced.ended_early is not None:
         raise StructureBranchEndedEarly(traced.ended_early, branch)
     return branch

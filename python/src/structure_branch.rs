@@ -9,13 +9,14 @@ use crate::errors;
 use crate::rows::Rows;
 use crate::structure::Assembly;
 
-/// The results: points, kinds and points of bifurcations, for each degree of freedom that is read the motion with the
+/// The results: points, kinds and points of bifurcations, those not located by kind and interval, for each degree of freedom that is read the motion with the
 /// largest displacement; the number of multipliers in a row, and why it ended early if it did.
 #[pyclass(frozen, get_all, module = "resonarm._resonarm")]
 pub struct TracedStructure {
     points: Py<PyByteArray>,
     kinds: Vec<&'static str>,
     bifurcations: Py<PyByteArray>,
+    unlocated: Vec<(&'static str, f64, f64)>,
     peaks: Py<PyByteArray>,
     multipliers: usize,
     ended_early: Option<String>,
@@ -63,6 +64,7 @@ impl TracedStructure {
             points: rows(&mut branch.orbits.iter())?,
             kinds: branch.bifurcations.iter().map(|bifurcation| bifurcation.kind.name()).collect(),
             bifurcations: rows(&mut found())?,
+            unlocated: branch.unlocated.iter().map(|at| (at.kind.name(), at.between[0], at.between[1])).collect(),
             peaks: rows(&mut branch.peaks.iter())?,
             multipliers,
             ended_early,

@@ -14,7 +14,9 @@ use crate::figures::branch_plot;
 use crate::output::{self, JsonFlag};
 use crate::progress::timed;
 use resonarm::analysis::BranchOptions;
-use resonarm::analysis::structure::{Bifurcation, Branch, Coordinate, Forced, Orbit, Reading, TraceOptions, trace};
+use resonarm::analysis::structure::{
+    Bifurcation, Branch, Coordinate, Forced, Orbit, Reading, TraceOptions, Unlocated, trace,
+};
 use resonarm::plant::TestedAssembly;
 use resonarm::scenario::Scenario;
 use resonarm::structure::Dof;
@@ -48,6 +50,8 @@ struct Document {
     coordinates: Value,
     points: Vec<Value>,
     bifurcations: Vec<Value>,
+    /// Those that show between two points and could not be located.
+    unlocated: Vec<Value>,
     /// For each degree of freedom that is read, the motion with the largest displacement.
     peaks: Vec<Value>,
     wall_s: f64,
@@ -75,6 +79,7 @@ pub(crate) fn show(scenario: &Scenario, tested: &TestedAssembly, asked: &Asked<'
         coordinates: configuration::coordinates(assembly),
         points: branch.orbits.iter().map(point).collect(),
         bifurcations: branch.bifurcations.iter().map(|found| bifurcation(found, &read)).collect(),
+        unlocated: branch.unlocated.iter().map(unlocated).collect(),
         peaks: branch.peaks.iter().map(point).collect(),
         wall_s,
     };
@@ -126,6 +131,10 @@ fn bifurcation(found: &Bifurcation, read: &Read<'_>) -> Value {
     value
 }
 
+fn unlocated(found: &Unlocated) -> Value {
+    json!({ "kind": found.kind.name(), "between": found.between, "index": found.index })
+}
+
 /// The bifurcations and peaks.
 fn text(branch: &Branch, asked: &Asked<'_>, read: &Read<'_>, wall_s: f64) -> String {
     let mut text = format!("{} motions in {wall_s:.3} s\n", branch.orbits.len());
@@ -141,6 +150,12 @@ fn text(branch: &Branch, asked: &Asked<'_>, read: &Read<'_>, wall_s: f64) -> Str
     };
     for found in &branch.bifurcations {
         text += &format!("{} at {:.7} {unit}: {}\n", found.kind.name(), found.orbit.value, readings(&found.orbit));
+    }
+    for Unlocated { kind, between: [from, to], .. } in &branch.unlocated {
+        text += &format!(
+            "{} between {from:.7} and {to:.7} {unit}, not located: try smaller steps or more harmonics (--largest-step, --most-harmonics)\n",
+            kind.name()
+        );
     }
     for (orbit, (_, name)) in branch.peaks.iter().zip(read) {
         text += &format!("largest motion of {name} at {:.7} {unit}: {}\n", orbit.value, readings(orbit));

@@ -141,7 +141,7 @@ impl Tracer<'_> {
             };
             let after = end.clone().unwrap_or_else(|| reached.clone());
             self.push(&after);
-            self.detect(&before, &after)?;
+            self.detect(&before, &after);
             before = after;
             if end.is_some() {
                 return Ok(());

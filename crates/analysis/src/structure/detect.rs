@@ -1,15 +1,23 @@
 //! Finds bifurcations and peaks between the points of a branch.
 //!
-//! Each kind of bifurcation has a test function that changes sign at it: of a fold dλ along the branch, of a branch
-//! point the bordered determinant, of a period doubling the distance of the least real multiplier from −1, of a
-//! Neimark–Sacker point that of the largest complex one from the unit circle.
+//! Each kind of bifurcation has a test function that changes sign at it, and nowhere jumps: of a fold dλ along the
+//! branch, of a branch point the bordered determinant, and of the others, with the multipliers μ (Y. A. Kuznetsov,
+//! "Elements of Applied Bifurcation Theory", 2004, Ch. 10),
+//!
+//! ```text
+//! period doubling     Π (μᵢ + 1)
+//! Neimark–Sacker      Π (μᵢμⱼ − 1) over i < j
+//! ```
+//!
+//! of which the sign counts, and of the magnitude only that of the least factor: the products of many modes leave the
+//! range of numbers. The second also vanishes where two real multipliers have the product 1.
 
 use nalgebra::Complex;
 
 use super::balance::Balance;
 use super::branch::{FRACTION, Tracer};
 use super::floquet::stability;
-use super::orbit::{Bifurcation, Orbit, Stability};
+use super::orbit::{Bifurcation, Orbit, Stability, Unlocated};
 use crate::continuation::{Cut, Point, Slices, System};
 use crate::dense::Determinant;
 use crate::locate::search;
@@ -19,54 +27,81 @@ use BifurcationKind::{BranchPoint, Fold, NeimarkSacker, PeriodDoubling};
 
 /// Multipliers with a smaller imaginary part are real.
 const REAL: f64 = 1e-9;
-/// At a bifurcation of the motion a multiplier is this near its place on the unit circle: where two real ones become a
-/// pair, or the other way round, a test function jumps and nothing happens.
+/// At a bifurcation of the motion a multiplier is this near its place on the unit circle.
 const NEAR: f64 = 5e-3;
 /// The most steps of the search for a peak, and the fraction of its interval at which it ends.
 const PEAK: (usize, f64) = (8, 1e-5);
 
-/// The test function of a kind.
+/// The sign of a product, real by its pairs of conjugate factors, times the magnitude of its least factor; not a number
+/// without factors.
+fn signed_least(factors: impl Iterator<Item = Complex<f64>>) -> f64 {
+    let (mut turn, mut least) = (Complex::new(1.0, 0.0), f64::INFINITY);
+    for factor in factors {
+        let size = libm::sqrt(factor.norm_sqr());
+        if size == 0.0 {
+            return 0.0;
+        }
+        turn *= factor / size;
+        least = least.min(size);
+    }
+    if least.is_finite() { least.copysign(turn.re) } else { f64::NAN }
+}
+
+/// Every two multipliers, with μᵢμⱼ − 1.
+fn pairs(of: &[Complex<f64>]) -> impl Iterator<Item = ([Complex<f64>; 2], Complex<f64>)> + '_ {
+    (0..of.len()).flat_map(move |i| (i + 1..of.len()).map(move |j| ([of[i], of[j]], of[i] * of[j] - 1.0)))
+}
+
+/// The test function of a kind; not a number if the multipliers that it needs are not known.
 fn value(kind: BifurcationKind, point: &Point, stability: Option<&Stability>, reference: Determinant) -> f64 {
     let multipliers = stability.map_or(&[][..], |stability| &stability.multipliers);
-    let real = |mu: &&Complex<f64>| mu.im.abs() < REAL;
     match kind {
         BranchPoint => point.determinant.sign * libm::exp(point.determinant.log_magnitude - reference.log_magnitude),
         Fold => point.tangent.last().copied().unwrap_or(0.0),
-        PeriodDoubling => multipliers.iter().filter(real).fold(0.0_f64, |least, mu| least.min(mu.re)) + 1.0,
-        NeimarkSacker => {
-            1.0 - multipliers.iter().filter(|mu| !real(mu)).fold(0.0_f64, |most, mu| most.max(mu.norm_sqr()))
-        }
+        PeriodDoubling => signed_least(multipliers.iter().map(|mu| mu + 1.0)),
+        NeimarkSacker => signed_least(pairs(multipliers).map(|(_, factor)| factor)),
     }
 }
 
 /// Whether the multipliers at a bifurcation are those of its kind.
 fn confirmed(kind: BifurcationKind, stability: Option<&Stability>) -> bool {
-    let any = |near: &dyn Fn(&Complex<f64>) -> bool| stability.is_some_and(|s| s.multipliers.iter().any(near));
+    let multipliers = stability.map_or(&[][..], |stability| &stability.multipliers);
+    let any = |at: f64| multipliers.iter().any(|mu| (mu - at).norm_sqr() < NEAR * NEAR);
     match kind {
         Fold => true,
-        BranchPoint => any(&|mu| (mu - 1.0).norm_sqr() < NEAR * NEAR),
-        PeriodDoubling => any(&|mu| (mu + 1.0).norm_sqr() < NEAR * NEAR),
-        NeimarkSacker => any(&|mu| mu.im.abs() > REAL && (mu.norm_sqr() - 1.0).abs() < NEAR),
+        BranchPoint => any(1.0),
+        PeriodDoubling => any(-1.0),
+        NeimarkSacker => {
+            let nearest = pairs(multipliers).min_by(|a, b| a.1.norm_sqr().total_cmp(&b.1.norm_sqr()));
+            nearest.is_some_and(|([mu, _], factor)| mu.im.abs() > REAL && factor.norm_sqr() < NEAR * NEAR)
+        }
     }
 }
 
 impl Tracer<'_> {
-    /// Locates the bifurcations between the last two points of the branch.
-    pub fn detect(&mut self, a: &Point, b: &Point) -> Result<(), AnalysisError> {
-        let [.., before, after] = self.branch.orbits.as_slice() else { return Ok(()) };
+    /// Locates the bifurcations between the last two points of the branch, or notes that it can't.
+    pub fn detect(&mut self, a: &Point, b: &Point) {
+        let [.., before, after] = self.branch.orbits.as_slice() else { return };
         let stabilities = [before.stability.clone(), after.stability.clone()];
         let assessed = stabilities[0].is_some();
         for kind in [BranchPoint, Fold, PeriodDoubling, NeimarkSacker] {
             if kind != Fold && !assessed {
                 continue;
             }
-            let Some(point) = self.locate(kind, [a, b], &stabilities)? else { continue };
+            let point = match self.locate(kind, [a, b], &stabilities) {
+                Ok(Some(point)) => point,
+                Ok(None) => continue,
+                Err(_) => {
+                    let index = self.branch.orbits.len() - 1;
+                    self.branch.unlocated.push(Unlocated { kind, between: [a.lambda, b.lambda], index });
+                    continue;
+                }
+            };
             let orbit = self.orbit(&point);
             if confirmed(kind, orbit.stability.as_ref()) {
                 self.branch.bifurcations.push(Bifurcation { kind, orbit, index: 0 });
             }
         }
-        Ok(())
     }
 
     /// The branch point between two points, if the branch has one there.
@@ -89,7 +124,7 @@ impl Tracer<'_> {
         let reference = a.determinant;
         let at = |point: &Point, stability: &Option<Stability>| value(kind, point, stability.as_ref(), reference);
         let values = [at(a, &stabilities[0]), at(b, &stabilities[1])];
-        if values[0] * values[1] >= 0.0 {
+        if values[0].is_nan() || values[1].is_nan() || values[0] * values[1] >= 0.0 {
             return Ok(None);
         }
         let test = |balance: &mut Balance, point: &Point| {
@@ -100,8 +135,8 @@ impl Tracer<'_> {
         let settings = &self.options.branch.continuation;
         match search(&mut self.balance, settings, [a, b], values, FRACTION, test) {
             Ok(point) => Ok(Some(point)),
-            // At a corner of a branch there may be nothing to converge to.
-            Err(_) if !self.balance.forced.assembly().is_smooth() => Ok(None),
+            // At a corner of a branch the determinant and the multipliers may jump.
+            Err(_) if kind != Fold && !self.balance.forced.assembly().is_smooth() => Ok(None),
             Err(error) => Err(error),
         }
     }
@@ -169,5 +204,69 @@ pub(super) fn point_of(orbit: &Orbit) -> Point {
         arclength: orbit.arclength,
         tangent: alloc::vec![],
         determinant: Determinant::default(),
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use alloc::vec;
+    use alloc::vec::Vec;
+
+    use super::super::branch::Tracer;
+    use super::super::tests::{modal, oracles};
+    use super::super::{Coordinate, Forced, TraceOptions};
+    use super::*;
+    use crate::structure::orbit::Branch;
+
+    fn tests_of(multipliers: &[[f64; 2]]) -> [f64; 2] {
+        let multipliers: Vec<_> = multipliers.iter().map(|[re, im]| Complex::new(*re, *im)).collect();
+        let stability = Stability { multipliers };
+        let point =
+            Point { x: vec![], lambda: 0.0, arclength: 0.0, tangent: vec![], determinant: Determinant::default() };
+        [PeriodDoubling, NeimarkSacker].map(|kind| value(kind, &point, Some(&stability), Determinant::default()))
+    }
+
+    /// Two real multipliers that become a pair, or the other way round, are no bifurcation, on either side of the unit
+    /// circle and of its centre.
+    #[test]
+    fn tests_do_not_jump_where_multipliers_meet() {
+        for at in [1.01, 0.99, -1.01, -0.99] {
+            let [apart, together] = [[[at + 1e-6, 0.0], [at - 1e-6, 0.0]], [[at, 1e-6], [at, -1e-6]]]
+                .map(|[a, b]| tests_of(&[[1.3, 0.0], a, b, [0.7, 0.0]]));
+            for (apart, together) in apart.iter().zip(together) {
+                assert!((apart - together).abs() < 1e-4, "{at}: {apart} {together}");
+            }
+        }
+        let [doubling, _] = [[-0.99, 0.0], [-1.01, 0.0]].map(|mu| tests_of(&[mu, [0.5, 0.1], [0.5, -0.1]])[0]);
+        assert!((doubling - 0.01).abs() < 1e-12, "{doubling}");
+        let pair = |size: f64| tests_of(&[[0.6 * size, 0.8 * size], [0.6 * size, -0.8 * size], [0.2, 0.0]])[1];
+        assert!(pair(0.99) < 0.0 && pair(1.01) > 0.0);
+    }
+
+    /// What shows between two points and can't be found there is noted, and the next is sought.
+    #[test]
+    fn what_is_not_located_is_noted() {
+        let assembly = modal(&oracles("modal")[0]);
+        let tip = assembly.dof("tip.x").unwrap();
+        let forced = Forced::new(assembly, tip, 10.0);
+        let options = TraceOptions::new(&forced, Coordinate::FrequencyHz, [18.0, 26.0], vec![tip]);
+        let balance = Balance::new(&forced, 18.0, Coordinate::FrequencyHz, 5);
+        let n = balance.dimension();
+        let point = |lambda: f64, direction: f64, arclength: f64| Point {
+            x: vec![f64::NAN; n],
+            lambda,
+            arclength,
+            tangent: vec![direction; n + 1],
+            determinant: Determinant { sign: 1.0, log_magnitude: 0.0 },
+        };
+        let mut tracer = Tracer { balance, options: &options, branch: Branch::default() };
+        let ends = [point(20.0, 1.0, 0.0), point(20.1, -1.0, 0.1)];
+        ends.iter().for_each(|end| {
+            let orbit = tracer.orbit(end);
+            tracer.branch.orbits.push(orbit);
+        });
+        tracer.detect(&ends[0], &ends[1]);
+        let expected = Unlocated { kind: Fold, between: [20.0, 20.1], index: 1 };
+        assert_eq!((&tracer.branch.unlocated[..], tracer.branch.bifurcations.len()), (&[expected][..], 0));
     }
 }

@@ -32,7 +32,7 @@ pub use branch::trace;
 pub use forced::{Coordinate, Forced};
 pub use linear::LinearResponse;
 pub use nearest::{Nearest, nearest};
-pub use orbit::{Assess, Bifurcation, Branch, Orbit, Reading, Stability, TraceOptions};
+pub use orbit::{Assess, Bifurcation, Branch, Orbit, Reading, Stability, TraceOptions, Unlocated};
 
 #[cfg(test)]
 mod tests;

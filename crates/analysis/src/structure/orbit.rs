@@ -133,6 +133,17 @@ pub struct Bifurcation {
     pub index: usize,
 }
 
+/// A change of sign between two points that shows a bifurcation, whose place was not found.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Unlocated {
+    /// The kind that shows.
+    pub kind: BifurcationKind,
+    /// The coordinate at the points on both sides. At a fold the branch reaches beyond both.
+    pub between: [f64; 2],
+    /// The number of points of the branch before it.
+    pub index: usize,
+}
+
 /// A branch.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct Branch {
@@ -140,6 +151,8 @@ pub struct Branch {
     pub orbits: Vec<Orbit>,
     /// Its bifurcations in order.
     pub bifurcations: Vec<Bifurcation>,
+    /// Those that show and could not be located, in order.
+    pub unlocated: Vec<Unlocated>,
     /// For each degree of freedom that is read, the motion with the largest displacement, located between the points;
     /// an end of the branch if the displacement is largest there.
     pub peaks: Vec<Orbit>,
