@@ -9,8 +9,9 @@ use crate::errors;
 use crate::rows::Rows;
 use crate::structure::Assembly;
 
-/// The results: points, kinds and points of bifurcations, those not located by kind and interval, for each degree of freedom that is read the motion with the
-/// largest displacement; the number of multipliers in a row, and why it ended early if it did.
+/// The results: points, kinds and points of bifurcations, those not located by kind and interval, for each degree of
+/// freedom that is read the motion with the largest displacement; the number of multipliers in a row, and why it ended
+/// early if it did.
 #[pyclass(frozen, get_all, module = "resonarm._resonarm")]
 pub struct TracedStructure {
     points: Py<PyByteArray>,
