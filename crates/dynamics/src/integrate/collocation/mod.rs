@@ -157,15 +157,29 @@ fn add_square_product<T: Real, const N: usize>(
     *sum = sum.zip(&x.zip(&v, |x, v| x + v), |sum, product| sum + product);
 }
 
+/// Up to so many coordinates the sums of all rows of a [`Motion`] of [`Wide`] fit in the registers of SSE2 and NEON.
+const NARROW: usize = 2;
+
 /// matrix · y.
 #[inline(always)]
 fn product<T: Real, const N: usize>(matrix: &Columns<T, N>, y: &[f64; N]) -> Motion<T, N> {
     // From the first product on: 0 + (−0) would be 0.
     let first = Motion::splat(y[0]);
     let mut sum = matrix[0].zip(&first, |entry, y| entry * y);
-    for n in 1..N {
-        let factor = T::splat(y[n]);
-        sum = sum.zip(&matrix[n], |sum, entry| sum + entry * factor);
+    if N <= NARROW {
+        for n in 1..N {
+            let factor = T::splat(y[n]);
+            sum = sum.zip(&matrix[n], |sum, entry| sum + entry * factor);
+        }
+        return sum;
+    }
+    // The same sums, one row after the other.
+    let factors = y.map(T::splat);
+    for row in 0..N {
+        sum.x[row] = (1..N).fold(matrix[0].x[row] * factors[0], |sum, n| sum + matrix[n].x[row] * factors[n]);
+    }
+    for row in 0..N {
+        sum.v[row] = (1..N).fold(matrix[0].v[row] * factors[0], |sum, n| sum + matrix[n].v[row] * factors[n]);
     }
     sum
 }
