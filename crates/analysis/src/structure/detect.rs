@@ -32,24 +32,21 @@ const NEAR: f64 = 5e-3;
 /// The most steps of the search for a peak, and the fraction of its interval at which it ends.
 const PEAK: (usize, f64) = (8, 1e-5);
 
-/// The sign of a product, real by its pairs of conjugate factors, times the magnitude of its least factor; not a number
-/// without factors.
-fn signed_least(factors: impl Iterator<Item = Complex<f64>>) -> f64 {
-    let (mut turn, mut least) = (Complex::new(1.0, 0.0), f64::INFINITY);
-    for factor in factors {
-        let size = libm::sqrt(factor.norm_sqr());
-        if size == 0.0 {
-            return 0.0;
-        }
-        turn *= factor / size;
-        least = least.min(size);
+/// The sign of a product of factors, real ones and conjugate pairs, times the magnitude of its least; not a number without
+/// factors.
+fn signed_least(factors: impl Iterator<Item = (Complex<f64>, bool)>) -> f64 {
+    let (mut sign, mut least) = (1.0, f64::INFINITY);
+    for (factor, is_real) in factors {
+        // Of two conjugate factors the product is positive.
+        sign = if is_real && factor.re < 0.0 { -sign } else { sign };
+        least = least.min(factor.norm_sqr());
     }
-    if least.is_finite() { least.copysign(turn.re) } else { f64::NAN }
+    if least.is_finite() { sign * libm::sqrt(least) } else { f64::NAN }
 }
 
-/// Every two multipliers, with μᵢμⱼ − 1.
+/// Every two multipliers, with μᵢμⱼ − 1, which is real of two real ones and of a pair.
 fn pairs(of: &[Complex<f64>]) -> impl Iterator<Item = ([Complex<f64>; 2], Complex<f64>)> + '_ {
-    (0..of.len()).flat_map(move |i| (i + 1..of.len()).map(move |j| ([of[i], of[j]], of[i] * of[j] - 1.0)))
+    (0..of.len()).flat_map(move |i| of[i + 1..].iter().map(move |other| ([of[i], *other], of[i] * other - 1.0)))
 }
 
 /// The test function of a kind; not a number if the multipliers that it needs are not known.
@@ -58,8 +55,11 @@ fn value(kind: BifurcationKind, point: &Point, stability: Option<&Stability>, re
     match kind {
         BranchPoint => point.determinant.sign * libm::exp(point.determinant.log_magnitude - reference.log_magnitude),
         Fold => point.tangent.last().copied().unwrap_or(0.0),
-        PeriodDoubling => signed_least(multipliers.iter().map(|mu| mu + 1.0)),
-        NeimarkSacker => signed_least(pairs(multipliers).map(|(_, factor)| factor)),
+        PeriodDoubling => signed_least(multipliers.iter().map(|mu| (mu + 1.0, mu.im == 0.0))),
+        NeimarkSacker => {
+            let is_real = |[a, b]: [Complex<f64>; 2]| a.im == -b.im && (a.im == 0.0 || a.re == b.re);
+            signed_least(pairs(multipliers).map(|(pair, factor)| (factor, is_real(pair))))
+        }
     }
 }
 

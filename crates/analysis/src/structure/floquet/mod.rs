@@ -15,6 +15,7 @@
 //! The state of a friction element that slips is a state of the flow. One that doesn't slip is a spring.
 
 mod chain;
+mod eigenvalues;
 mod exponents;
 mod modal;
 mod newton;
@@ -36,8 +37,8 @@ const STEPS: [f64; 3] = [8.0, 48.0, 4.0];
 /// The least steps: of smooth motions, and of others.
 const LEAST_STEPS: [f64; 2] = [64.0, 512.0];
 
-/// Deflation tolerance and most iterations of the QR algorithm, and the multiples of the identity to add if it doesn't
-/// converge; see `crate::floquet`.
+/// Where our own algorithm doesn't converge: deflation tolerance and most iterations of that of a library, and the multiples
+/// of the identity to add if that doesn't either; see `crate::floquet`.
 const QR_LIMITS: (f64, usize) = (1e-14, 2000);
 const SHIFTS: [f64; 4] = [0.0, 0.5, -0.7, 1.3];
 
@@ -179,10 +180,14 @@ fn multipliers(flow: DMatrix<f64>) -> Option<Stability> {
     if flow.iter().any(|value| !value.is_finite()) {
         return None;
     }
-    let values = SHIFTS.iter().find_map(|&shift| {
-        let shifted = &flow + DMatrix::identity(n, n) * shift;
-        let schur = shifted.try_schur(QR_LIMITS.0, QR_LIMITS.1)?;
-        Some(schur.complex_eigenvalues().iter().map(|value| value - shift).collect::<Vec<Complex<f64>>>())
+    // By columns: those of the transpose are the same.
+    let own = eigenvalues::eigenvalues(n, &mut flow.as_slice().to_vec());
+    let values = own.or_else(|| {
+        SHIFTS.iter().find_map(|&shift| {
+            let shifted = &flow + DMatrix::identity(n, n) * shift;
+            let schur = shifted.try_schur(QR_LIMITS.0, QR_LIMITS.1)?;
+            Some(schur.complex_eigenvalues().iter().map(|value| value - shift).collect::<Vec<Complex<f64>>>())
+        })
     });
     values.map(sorted)
 }

@@ -7,16 +7,26 @@
 //! ```
 //!
 //! with z after half a step of ż = a v + b z, exact at constant v; of friction z follows x.
+//!
+//! The columns of the flow know nothing of each other: some at a time go through the whole period, and stay in registers
+//! and the nearest cache. Between impulses that act the modes move in one exact step, however long: an open contact and
+//! friction that slips cost nothing.
 
 use alloc::vec;
 use alloc::vec::Vec;
 
 use nalgebra::DMatrix;
+use resonarm_dynamics::structure::Law;
 
-use super::rows::{Rows, add, eliminate};
+use super::rows::eliminate;
 use super::{StateVariation, Variations};
 use crate::dense::dot;
 use crate::structure::unknowns::Condensed;
+
+/// Columns at a time.
+const LANES: usize = 8;
+/// A number in each of them.
+type Lanes = [f64; LANES];
 
 /// The flow of a mode over a time: (q, q̇) ← these rows.
 type Block = [[f64; 2]; 2];
@@ -27,6 +37,10 @@ fn block(&[omega, zeta]: &[f64; 2], t: f64) -> Block {
     let (sine, cosine) = libm::sincos(damped * t);
     let (scale, s) = (libm::exp(-decay * t), sine / damped);
     [[scale * (cosine + decay * s), scale * s], [-scale * omega * omega * s, scale * (cosine - decay * s)]]
+}
+
+fn add(target: &mut Lanes, source: &Lanes, factor: f64) {
+    target.iter_mut().zip(source).for_each(|(target, source)| *target += factor * source);
 }
 
 /// What a step needs at its middle.
@@ -40,154 +54,225 @@ struct Impulse {
     implicit: Option<Vec<f64>>,
 }
 
-/// The flow, and rows of one number a place that are kept.
-struct Flow<'a> {
+impl Impulse {
+    fn new(of: &Variations, condensed: &Condensed, coupling: &[f64], h: f64, [point, points]: [usize; 2]) -> Impulse {
+        let m = of.unknowns();
+        let diagonal = |d: usize| (0..m).map(|i| of.by(d, [i, i], point)).collect::<Vec<f64>>();
+        let (stiffness, damping) = (diagonal(0), diagonal(1));
+        let place = |state: usize| condensed.of_element[of.samples.histories[of.states[state]].element];
+        let states = (0..of.states.len()).map(|state| (place(state), of.state(state, point, points))).collect();
+        let implicit = damping.iter().any(|g| *g != 0.0).then(|| {
+            let cell = |(at, c): (usize, &f64)| f64::from(u8::from(at / m == at % m)) + 0.5 * h * c * damping[at % m];
+            coupling.iter().enumerate().map(cell).collect()
+        });
+        Impulse { stiffness, damping, states, implicit }
+    }
+
+    /// Whether nothing acts, of elements whose states are held at zero already.
+    fn is_idle(&self, before: Option<&Impulse>) -> bool {
+        let held = |of: &Impulse| of.states.iter().all(|(_, at)| at.by_state.is_none());
+        let known = self.states.is_empty() || before.is_some_and(|before| held(self) && held(before));
+        known && self.implicit.is_none() && self.stiffness.iter().all(|s| *s == 0.0)
+    }
+
+    /// Whether the states are the same at the end of a step whether they follow to there and on, or past it: of friction that
+    /// holds on both sides, or is about to slip.
+    fn passes(&self, after: &Impulse) -> bool {
+        let rigid = |at: &StateVariation| matches!(at.by_state, None | Some(0.0));
+        let pairs = || self.states.iter().zip(&after.states).map(|((_, before), (_, after))| (before, after));
+        pairs().all(|(before, after)| {
+            let alike = before.by_state == after.by_state && before.by_velocity == after.by_velocity;
+            rigid(before) && rigid(after) && (alike || after.by_state.is_none())
+        })
+    }
+}
+
+/// What comes after the modes have moved by themselves.
+#[derive(Clone, Copy)]
+enum Then {
+    /// The impulse of a step.
+    Strike(usize),
+    /// The states of a step follow to its end.
+    Follow(usize),
+    Nothing,
+}
+
+/// The flow over the period: how the modes move, by number, and what comes then.
+struct Plan<'a> {
     condensed: &'a Condensed,
     h: f64,
-    half: Vec<Block>,
-    whole: Vec<Block>,
     /// C by rows.
     coupling: Vec<f64>,
-    rows: Rows,
-    /// x at the last whole and at the last half step, v, and the forces.
-    before: Vec<f64>,
-    x: Vec<f64>,
-    v: Vec<f64>,
-    force: Vec<f64>,
+    impulses: Vec<Impulse>,
+    /// The flow of the modes over as many halves of a step; empty where it is not needed.
+    halves: Vec<Vec<Block>>,
+    events: Vec<(usize, Then)>,
+    /// Whether a state follows v.
+    by_velocity: bool,
+}
+
+impl<'a> Plan<'a> {
+    fn new(of: &Variations, condensed: &'a Condensed, points: usize) -> Plan<'a> {
+        let (m, h) = (of.unknowns(), points as f64 * of.spacing_s);
+        let coupling: Vec<f64> =
+            (0..m * m).map(|pair| dot(&condensed.places[pair / m], &condensed.places[pair % m])).collect();
+        let middles = (points / 2..of.samples.count()).step_by(points);
+        let impulses: Vec<Impulse> =
+            middles.map(|middle| Impulse::new(of, condensed, &coupling, h, [middle, points])).collect();
+        let (mut events, mut since, steps) = (Vec::new(), 0, impulses.len());
+        for (step, impulse) in impulses.iter().enumerate() {
+            since += 1;
+            if !impulse.is_idle(step.checked_sub(1).map(|before| &impulses[before])) {
+                events.push((since, Then::Strike(step)));
+                since = 0;
+            }
+            since += 1;
+            if !impulse.states.is_empty() && impulses.get(step + 1).is_none_or(|after| !impulse.passes(after)) {
+                events.push((since, Then::Follow(step)));
+                since = 0;
+            }
+        }
+        events.push((since, Then::Nothing));
+        let mut halves = vec![Vec::new(); 2 * steps + 1];
+        for (count, _) in &events {
+            if halves[*count].is_empty() {
+                halves[*count] = condensed.modes.iter().map(|mode| block(mode, 0.5 * h * *count as f64)).collect();
+            }
+        }
+        let law = |at: usize| of.balance.forced.assembly().elements()[of.samples.histories[at].element].law();
+        let by_velocity = of.states.iter().any(|&at| !matches!(law(at), Law::Friction { .. }));
+        Plan { condensed, h, coupling, impulses, halves, events, by_velocity }
+    }
 }
 
 /// The flow of modes over the period in steps over `points` points; none if it can't be computed.
 pub(super) fn flow(of: &Variations, condensed: &Condensed, points: usize) -> Option<DMatrix<f64>> {
-    let (n, m, h) = (condensed.modes.len(), of.unknowns(), points as f64 * of.spacing_s);
-    let blocks = |t: f64| condensed.modes.iter().map(|mode| block(mode, t)).collect();
-    let coupling = (0..m * m).map(|pair| dot(&condensed.places[pair / m], &condensed.places[pair % m])).collect();
-    let rows = Rows::identity(2 * n + of.states.len());
-    let empty = || vec![0.0; m * rows.width()];
-    let (before, x, v, force) = (empty(), empty(), empty(), empty());
-    let (half, whole) = (blocks(0.5 * h), blocks(h));
-    let mut flow = Flow { condensed, h, half, whole, coupling, rows, before, x, v, force };
-    let count = of.samples.count();
-    Flow::see(condensed, &flow.rows, 0, &mut flow.before);
-    flow.drift(false);
-    for middle in (points / 2..count).step_by(points) {
-        let is_last = middle + points >= count;
-        let impulse = Impulse::new(of, &flow, [middle, points])?;
-        if of.states.is_empty() {
-            flow.strike(&impulse)?;
-            flow.drift(!is_last);
-            continue;
-        }
-        flow.strike_with_states(&impulse)?;
-        if !is_last {
-            flow.drift(false);
-        }
-    }
-    Some(flow.rows.matrix())
-}
-
-impl Impulse {
-    fn new(of: &Variations, flow: &Flow, [point, points]: [usize; 2]) -> Option<Impulse> {
-        let m = of.unknowns();
-        let diagonal = |d: usize| (0..m).map(|i| of.by(d, [i, i], point)).collect::<Vec<f64>>();
-        let (stiffness, damping) = (diagonal(0), diagonal(1));
-        let place = |state: usize| flow.condensed.of_element[of.samples.histories[of.states[state]].element];
-        let states = (0..of.states.len()).map(|state| (place(state), of.state(state, point, points))).collect();
-        let implicit = damping.iter().any(|g| *g != 0.0).then(|| {
-            let cell = |(at, coupling): (usize, &f64)| {
-                f64::from(u8::from(at / m == at % m)) + 0.5 * flow.h * coupling * damping[at % m]
-            };
-            flow.coupling.iter().enumerate().map(cell).collect()
-        });
-        Some(Impulse { stiffness, damping, states, implicit })
-    }
-}
-
-impl Flow<'_> {
-    /// Half a step of the linear structure, or a whole one.
-    fn drift(&mut self, whole: bool) {
-        let (blocks, n) = (if whole { &self.whole } else { &self.half }, self.half.len());
-        for (i, [[a, b], [c, d]]) in blocks.iter().enumerate() {
-            let (position, velocity) = self.rows.pair(i, n + i);
-            for (q, rate) in position.iter_mut().zip(velocity) {
-                (*q, *rate) = (a * *q + b * *rate, c * *q + d * *rate);
+    let plan = Plan::new(of, condensed, points);
+    let (n, width) = (condensed.modes.len(), 2 * condensed.modes.len() + of.states.len());
+    let mut flow = DMatrix::zeros(width, width);
+    for first in (0..width).step_by(LANES) {
+        let columns = Columns::new(n, of.states.len(), &plan, first).through()?;
+        for column in first..(first + LANES).min(width) {
+            for (row, lanes) in columns.q.iter().chain(&columns.rate).chain(&columns.z).enumerate() {
+                flow[(row, column)] = lanes[column - first];
             }
         }
     }
+    Some(flow)
+}
 
-    /// The displacements or, with the rows from n on, the velocities of the places.
-    fn see(condensed: &Condensed, rows: &Rows, first: usize, seen: &mut [f64]) {
-        seen.fill(0.0);
-        for (seen, place) in seen.chunks_exact_mut(rows.width()).zip(&condensed.places) {
-            place.iter().enumerate().for_each(|(mode, phi)| rows.add_to(seen, first + mode, *phi));
+/// Some columns of the flow.
+struct Columns<'a> {
+    plan: &'a Plan<'a>,
+    q: Vec<Lanes>,
+    rate: Vec<Lanes>,
+    z: Vec<Lanes>,
+    /// x at the last event, x, v, and the forces, place by place.
+    before: Vec<Lanes>,
+    x: Vec<Lanes>,
+    v: Vec<Lanes>,
+    force: Vec<Lanes>,
+}
+
+impl<'a> Columns<'a> {
+    /// Of the identity, from a column on.
+    fn new(n: usize, states: usize, plan: &'a Plan, first: usize) -> Columns<'a> {
+        let unit = |row: usize| core::array::from_fn(|lane| f64::from(u8::from(row == first + lane)));
+        let rows = |from: usize, count: usize| (from..from + count).map(unit).collect::<Vec<Lanes>>();
+        let places = || vec![[0.0; LANES]; plan.condensed.places.len()];
+        let (before, x, v, force) = (places(), places(), places(), places());
+        let (q, rate, z) = (rows(0, n), rows(n, n), rows(2 * n, states));
+        let mut columns = Columns { plan, q, rate, z, before, x, v, force };
+        for (seen, place) in columns.before.iter_mut().zip(&plan.condensed.places) {
+            columns.q.iter().zip(place).for_each(|(q, phi)| add(seen, q, *phi));
         }
+        columns
     }
 
-    /// The impulse.
-    fn strike(&mut self, impulse: &Impulse) -> Option<()> {
-        let (n, m, width, h) = (self.half.len(), self.condensed.places.len(), self.rows.width(), self.h);
-        Flow::see(self.condensed, &self.rows, 0, &mut self.x);
-        self.force.fill(0.0);
-        for i in 0..m {
-            let force = &mut self.force[i * width..(i + 1) * width];
-            add(force, &self.x[i * width..], impulse.stiffness[i]);
-            for (s, (_, at)) in impulse.states.iter().enumerate().filter(|(_, (place, _))| *place == i) {
-                self.rows.add_to(force, 2 * n + s, at.force);
-            }
-        }
-        if let Some(implicit) = &impulse.implicit {
-            Flow::see(self.condensed, &self.rows, n, &mut self.v);
-            let row = |i: usize| i * width..(i + 1) * width;
-            (0..m).for_each(|i| add(&mut self.force[row(i)], &self.v[row(i)], 0.5 * impulse.damping[i]));
-            for i in 0..m {
-                for j in 0..m {
-                    add(&mut self.v[row(i)], &self.force[row(j)], -h * self.coupling[i * m + j]);
+    /// Over the period.
+    fn through(mut self) -> Option<Columns<'a>> {
+        let plan = self.plan;
+        for &(halves, then) in &plan.events {
+            match then {
+                Then::Strike(step) => {
+                    let impulse = &plan.impulses[step];
+                    self.drift(&plan.halves[halves], plan.by_velocity || impulse.implicit.is_some());
+                    self.follow(impulse);
+                    self.strike(impulse)?;
                 }
+                Then::Follow(step) => {
+                    self.drift(&plan.halves[halves], false);
+                    self.follow(&plan.impulses[step]);
+                    self.force.fill([0.0; LANES]);
+                }
+                Then::Nothing => self.drift(&plan.halves[halves], false),
             }
-            eliminate(&mut implicit.clone(), &mut self.v, m)?;
-            (0..m).for_each(|i| add(&mut self.force[row(i)], &self.v[row(i)], 0.5 * impulse.damping[i]));
+            self.before.copy_from_slice(&self.x);
         }
-        for (place, force) in self.condensed.places.iter().zip(self.force.chunks_exact(width)) {
-            place.iter().enumerate().for_each(|(mode, phi)| self.rows.add(n + mode, force, -h * phi));
-        }
-        Some(())
+        Some(self)
     }
 
-    /// From the middle of a step, where its first half has come to, to its end, with the states.
-    fn strike_with_states(&mut self, impulse: &Impulse) -> Option<()> {
-        let n = self.half.len();
-        let see = |of: &mut Flow| {
-            Flow::see(of.condensed, &of.rows, 0, &mut of.x);
-            Flow::see(of.condensed, &of.rows, n, &mut of.v);
+    /// Gives the impulse of the forces, and moves the modes by themselves; sees x then, and v if `rates` are wanted.
+    fn drift(&mut self, blocks: &[Block], rates: bool) {
+        let (places, h) = (&self.plan.condensed.places, self.plan.h);
+        self.x.fill([0.0; LANES]);
+        if rates {
+            self.v.fill([0.0; LANES]);
+        }
+        for (i, ([[a, b], [c, d]], (q, rate))) in blocks.iter().zip(self.q.iter_mut().zip(&mut self.rate)).enumerate() {
+            let (mut p, mut r) = (*q, *rate);
+            for (place, force) in places.iter().zip(&self.force) {
+                add(&mut r, force, -h * place[i]);
+            }
+            for (p, r) in p.iter_mut().zip(&mut r) {
+                (*p, *r) = (a * *p + b * *r, c * *p + d * *r);
+            }
+            for (place, x) in places.iter().zip(&mut self.x) {
+                add(x, &p, place[i]);
+            }
+            if rates {
+                places.iter().zip(&mut self.v).for_each(|(place, v)| add(v, &r, place[i]));
+            }
+            (*q, *rate) = (p, r);
+        }
+    }
+
+    /// The forces of an impulse at x and v; v is then that after it.
+    fn strike(&mut self, impulse: &Impulse) -> Option<()> {
+        let (m, h, coupling) = (self.x.len(), self.plan.h, &self.plan.coupling);
+        for (i, force) in self.force.iter_mut().enumerate() {
+            *force = self.x[i].map(|x| impulse.stiffness[i] * x);
+            for ((_, at), z) in impulse.states.iter().zip(&self.z).filter(|((place, _), _)| *place == i) {
+                add(force, z, at.force);
+            }
+        }
+        let Some(implicit) = &impulse.implicit else {
+            if self.plan.by_velocity {
+                (0..m * m).for_each(|pair| add(&mut self.v[pair / m], &self.force[pair % m], -h * coupling[pair]));
+            }
+            return Some(());
         };
-        see(self);
-        self.follow(impulse);
-        self.strike(impulse)?;
-        Flow::see(self.condensed, &self.rows, n, &mut self.v);
-        self.before.copy_from_slice(&self.x);
-        self.drift(false);
-        Flow::see(self.condensed, &self.rows, 0, &mut self.x);
-        self.follow(impulse);
-        self.before.copy_from_slice(&self.x);
+        (0..m).for_each(|i| add(&mut self.force[i], &self.v[i], 0.5 * impulse.damping[i]));
+        (0..m * m).for_each(|pair| add(&mut self.v[pair / m], &self.force[pair % m], -h * coupling[pair]));
+        eliminate(&mut implicit.clone(), self.v.as_flattened_mut(), m)?;
+        (0..m).for_each(|i| add(&mut self.force[i], &self.v[i], 0.5 * impulse.damping[i]));
         Some(())
     }
 
-    /// Half a step of the states, in which the places move from `before` to `x`, or at `v`.
+    /// The states, while the places move from `before` to `x`, or for half a step at `v`.
     fn follow(&mut self, impulse: &Impulse) {
-        let (n, width) = (self.half.len(), self.rows.width());
-        for (s, (place, at)) in impulse.states.iter().enumerate() {
-            let seen = place * width..(place + 1) * width;
-            let (_, state) = self.rows.split(2 * n, s);
+        for ((place, at), state) in impulse.states.iter().zip(&mut self.z) {
             match at.by_state {
                 None => state.fill(0.0),
                 Some(0.0) => {
-                    add(state, &self.x[seen.clone()], at.by_velocity);
-                    add(state, &self.before[seen], -at.by_velocity);
+                    add(state, &self.x[*place], at.by_velocity);
+                    add(state, &self.before[*place], -at.by_velocity);
                 }
                 Some(rate) => {
-                    let decay = 0.5 * self.h * rate;
+                    let decay = 0.5 * self.plan.h * rate;
                     let kept = libm::exp(decay);
                     state.iter_mut().for_each(|z| *z *= kept);
-                    add(state, &self.v[seen], at.by_velocity * libm::expm1(decay) / rate);
+                    add(state, &self.v[*place], at.by_velocity * libm::expm1(decay) / rate);
                 }
             }
         }

@@ -40,12 +40,6 @@ impl Rows {
         (head, &mut tail[beyond * self.width..(beyond + 1) * self.width])
     }
 
-    /// Two rows.
-    pub fn pair(&mut self, low: usize, high: usize) -> (&mut [f64], &mut [f64]) {
-        let (head, tail) = self.data.split_at_mut(high * self.width);
-        (&mut head[low * self.width..(low + 1) * self.width], &mut tail[..self.width])
-    }
-
     /// Adds a multiple of a row to another vector.
     pub fn add_to(&self, target: &mut [f64], row: usize, factor: f64) {
         add(target, &self.data[row * self.width..(row + 1) * self.width], factor);
