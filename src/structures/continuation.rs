@@ -152,9 +152,10 @@ fn text(branch: &Branch, asked: &Asked<'_>, read: &Read<'_>, wall_s: f64) -> Str
         text += &format!("{} at {:.7} {unit}: {}\n", found.kind.name(), found.orbit.value, readings(&found.orbit));
     }
     for Unlocated { kind, between: [from, to], .. } in &branch.unlocated {
+        let kind = kind.name();
         text += &format!(
-            "{} between {from:.7} and {to:.7} {unit}, not located: try smaller steps or more harmonics (--largest-step, --most-harmonics)\n",
-            kind.name()
+            "{kind} between {from:.7} and {to:.7} {unit}, not located: \
+             try smaller steps or more harmonics (--largest-step, --most-harmonics)\n"
         );
     }
     for (orbit, (_, name)) in branch.peaks.iter().zip(read) {

@@ -15,8 +15,8 @@ pub(super) const FINE: f64 = 1e-12;
 /// Near a crossing of branches rounding keeps Newton's method from converging. In a bracket below this fraction of the
 /// segment the point is then interpolated: its error is of the order of the square.
 const NARROW: f64 = 1e-5;
-/// The most steps of the search along the branch, and those after which it only halves the bracket: where the test jumps
-/// from a large value to a small one, regula falsi hardly moves.
+/// The most steps of the search along the branch, and those after which it only halves the bracket: where the test
+/// jumps from a large value to a small one, regula falsi hardly moves.
 const SEARCH_LIMIT: usize = 70;
 const FALSI_LIMIT: usize = 20;
 
@@ -228,8 +228,8 @@ mod tests {
         }
     }
 
-    /// A test that jumps, from a large value to a small one, is as good as one that passes zero; one that isn't a number
-    /// ends the search.
+    /// A test that jumps, from a large value to a small one, is as good as one that passes zero; one that isn't a
+    /// number ends the search.
     #[test]
     fn where_a_test_jumps_is_found() {
         let settings = ContinuationSettings::default();

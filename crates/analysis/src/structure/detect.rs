@@ -1,8 +1,8 @@
 //! Finds bifurcations and peaks between the points of a branch.
 //!
-//! Each kind of bifurcation has a test function that changes sign at it, and nowhere jumps: of a fold dλ along the
-//! branch, of a branch point the bordered determinant, and of the others, with the multipliers μ (Y. A. Kuznetsov,
-//! "Elements of Applied Bifurcation Theory", 2004, Ch. 10),
+//! Each kind of bifurcation has a test function that changes sign at it, and not where multipliers meet: of a fold dλ
+//! along the branch, of a branch point the bordered determinant, and of the others, with the multipliers μ (Y. A.
+//! Kuznetsov, "Elements of Applied Bifurcation Theory", 2004, Ch. 10),
 //!
 //! ```text
 //! period doubling     Π (μᵢ + 1)
@@ -32,21 +32,23 @@ const NEAR: f64 = 5e-3;
 /// The most steps of the search for a peak, and the fraction of its interval at which it ends.
 const PEAK: (usize, f64) = (8, 1e-5);
 
-/// The sign of a product of factors, real ones and conjugate pairs, times the magnitude of its least; not a number without
-/// factors.
-fn signed_least(factors: impl Iterator<Item = (Complex<f64>, bool)>) -> f64 {
-    let (mut sign, mut least) = (1.0, f64::INFINITY);
-    for (factor, is_real) in factors {
-        // Of two conjugate factors the product is positive.
-        sign = if is_real && factor.re < 0.0 { -sign } else { sign };
-        least = least.min(factor.norm_sqr());
-    }
-    if least.is_finite() { sign * libm::sqrt(least) } else { f64::NAN }
+/// The sign of a product of real factors times the magnitude of its least; not a number without factors.
+fn signed_least(factors: impl Iterator<Item = f64>) -> f64 {
+    let product =
+        |(sign, least): (f64, f64), factor: f64| (if factor < 0.0 { -sign } else { sign }, factor.abs().min(least));
+    let (sign, least) = factors.fold((1.0, f64::INFINITY), product);
+    if least.is_finite() { sign * least } else { f64::NAN }
 }
 
-/// Every two multipliers, with μᵢμⱼ − 1, which is real of two real ones and of a pair.
-fn pairs(of: &[Complex<f64>]) -> impl Iterator<Item = ([Complex<f64>; 2], Complex<f64>)> + '_ {
-    (0..of.len()).flat_map(move |i| of[i + 1..].iter().map(move |other| ([of[i], *other], of[i] * other - 1.0)))
+/// μᵢμⱼ − 1 of every pair of conjugates, with one of them, and of every two real ones. The others come in conjugates,
+/// whose product is positive.
+fn pairs(of: &[Complex<f64>]) -> impl Iterator<Item = (Complex<f64>, f64)> + '_ {
+    let conjugates = of.iter().filter(|mu| mu.im > 0.0).map(|mu| (*mu, mu.norm_sqr() - 1.0));
+    let of_reals = |(i, mu): (usize, &Complex<f64>)| {
+        let (mu, others) = (*mu, if mu.im == 0.0 { &of[i + 1..] } else { &[] });
+        others.iter().filter(|other| other.im == 0.0).map(move |other| (mu, mu.re * other.re - 1.0))
+    };
+    conjugates.chain(of.iter().enumerate().flat_map(of_reals))
 }
 
 /// The test function of a kind; not a number if the multipliers that it needs are not known.
@@ -55,11 +57,12 @@ fn value(kind: BifurcationKind, point: &Point, stability: Option<&Stability>, re
     match kind {
         BranchPoint => point.determinant.sign * libm::exp(point.determinant.log_magnitude - reference.log_magnitude),
         Fold => point.tangent.last().copied().unwrap_or(0.0),
-        PeriodDoubling => signed_least(multipliers.iter().map(|mu| (mu + 1.0, mu.im == 0.0))),
-        NeimarkSacker => {
-            let is_real = |[a, b]: [Complex<f64>; 2]| a.im == -b.im && (a.im == 0.0 || a.re == b.re);
-            signed_least(pairs(multipliers).map(|(pair, factor)| (factor, is_real(pair))))
+        PeriodDoubling => {
+            // Of two conjugates the product is positive.
+            let factor = |mu: &Complex<f64>| if mu.im == 0.0 { mu.re + 1.0 } else { libm::sqrt((mu + 1.0).norm_sqr()) };
+            signed_least(multipliers.iter().map(factor))
         }
+        NeimarkSacker => signed_least(pairs(multipliers).map(|(_, factor)| factor)),
     }
 }
 
@@ -72,8 +75,8 @@ fn confirmed(kind: BifurcationKind, stability: Option<&Stability>) -> bool {
         BranchPoint => any(1.0),
         PeriodDoubling => any(-1.0),
         NeimarkSacker => {
-            let nearest = pairs(multipliers).min_by(|a, b| a.1.norm_sqr().total_cmp(&b.1.norm_sqr()));
-            nearest.is_some_and(|([mu, _], factor)| mu.im.abs() > REAL && factor.norm_sqr() < NEAR * NEAR)
+            let nearest = pairs(multipliers).min_by(|a, b| a.1.abs().total_cmp(&b.1.abs()));
+            nearest.is_some_and(|(mu, factor)| mu.im.abs() > REAL && factor.abs() < NEAR)
         }
     }
 }

@@ -37,8 +37,8 @@ const STEPS: [f64; 3] = [8.0, 48.0, 4.0];
 /// The least steps: of smooth motions, and of others.
 const LEAST_STEPS: [f64; 2] = [64.0, 512.0];
 
-/// Where our own algorithm doesn't converge: deflation tolerance and most iterations of that of a library, and the multiples
-/// of the identity to add if that doesn't either; see `crate::floquet`.
+/// Where our own algorithm doesn't converge: deflation tolerance and most iterations of that of a library, and the
+/// multiples of the identity to add if that doesn't either; see `crate::floquet`.
 const QR_LIMITS: (f64, usize) = (1e-14, 2000);
 const SHIFTS: [f64; 4] = [0.0, 0.5, -0.7, 1.3];
 

@@ -8,8 +8,8 @@
 //!
 //! with z after half a step of ż = a v + b z, exact at constant v; of friction z follows x.
 //!
-//! The columns of the flow know nothing of each other: some at a time go through the whole period, and stay in registers
-//! and the nearest cache. Between impulses that act the modes move in one exact step, however long: an open contact and
+//! The columns of the flow know nothing of each other: some at a time go through the whole period, and stay in
+//! registers and the nearest cache. Between impulses that act the modes move in one exact step, however long: an open contact and
 //! friction that slips cost nothing.
 
 use alloc::vec;
@@ -75,8 +75,8 @@ impl Impulse {
         known && self.implicit.is_none() && self.stiffness.iter().all(|s| *s == 0.0)
     }
 
-    /// Whether the states are the same at the end of a step whether they follow to there and on, or past it: of friction that
-    /// holds on both sides, or is about to slip.
+    /// Whether states need not follow to the end of a step, but can past it: of friction that holds on both sides, or
+    /// is about to slip.
     fn passes(&self, after: &Impulse) -> bool {
         let rigid = |at: &StateVariation| matches!(at.by_state, None | Some(0.0));
         let pairs = || self.states.iter().zip(&after.states).map(|((_, before), (_, after))| (before, after));
