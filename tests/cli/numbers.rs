@@ -48,6 +48,7 @@ const COMMANDS: [(&str, &str); 38] = [
     ("latency", "--turn-s 0.01 --turns 1 --rt off"),
     ("completions", "bash"),
     ("man", "/dev/null/none"),
+    ("reference", "/dev/null/none"),
 ];
 
 /// Value names of numeric flags in the help, and of all others.
