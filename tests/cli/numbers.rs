@@ -9,7 +9,7 @@ use crate::resonarm;
 
 /// Arguments with which each command ends soon if its numbers are valid: without a bus, a folder to write to or a
 /// recording, or with little to do.
-const COMMANDS: [(&str, &str); 38] = [
+const COMMANDS: [(&str, &str); 39] = [
     ("demo", "--out /dev/null/none"),
     ("quickstart", "/dev/null/none"),
     ("run", "--mode free --duration-s 0.05"),

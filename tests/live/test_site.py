@@ -36,11 +36,12 @@ CONTRASTS = """(() => {
 # pictures, headings without gaps, identifiers that are used once.
 FAULTS = """(() => {
     const faults = [];
-    const must = (holds, what, e) => holds || faults.push(what + ': ' + (e?.outerHTML.slice(0, 120) ?? location.pathname));
+    const must = (holds, what, e) => holds || faults.push(`${what}: ${e?.outerHTML.slice(0, 120) ?? document.URL}`);
     const all = (selector) => [...document.querySelectorAll(selector)];
     const shown = (e) => e.checkVisibility() && !e.closest('[aria-hidden=true]');
     const pictures = (e) => [...e.querySelectorAll('img')].map((image) => image.alt);
-    const name = (e) => [e.getAttribute('aria-label'), e.title, e.textContent, ...pictures(e)].some((text) => text?.trim());
+    const names = (e) => [e.getAttribute('aria-label'), e.title, e.textContent, ...pictures(e)];
+    const name = (e) => names(e).some((text) => text?.trim());
     const labelled = (e) => e.labels?.length || e.getAttribute('aria-label') || e.title || e.placeholder;
     const scale = document.querySelector('meta[name=viewport]')?.content ?? '';
     must(document.documentElement.lang, 'no language');
