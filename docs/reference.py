@@ -29,7 +29,7 @@ def keys(root):
     parts = ["# All keys\n\nKeys of scenarios, from the tables of the documents that explain them.\n"]
     for name, inside in KEYS.items():
         title, tables = tables_of_keys((root / name).read_text())
-        parts.append(f"## Of {inside}\n\nExplained in [{title}](../../{name}).\n")
+        parts.append(f"## Of {inside}\n\nExplained in [{title}](../../{name}); “see below” is there.\n")
         for table in tables:
             parts += by_section(table) if "." in table[2].split("|")[1] else ["\n".join(table) + "\n"]
     return "\n".join(parts)
