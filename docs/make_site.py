@@ -1,5 +1,5 @@
-"""Builds the site: collects the documents, writes the reference from the program, the Python package and the tables that
-tests compare with the code, and checks every link of the result. Called by docs/run."""
+"""Builds the site: collects the documents, writes the reference from the program, the Python package and the tables
+that tests compare with the code, and checks every link of the result. Called by docs/run."""
 
 import html.parser
 import os

@@ -1,5 +1,5 @@
-"""The reference pages of the site: commands, channels and requirements from the program, keys from the tables that tests
-compare with the code, the Python package from its source."""
+"""The reference pages of the site: commands, channels and requirements from the program, keys from the tables that
+tests compare with the code, the Python package from its source."""
 
 import ast
 import os

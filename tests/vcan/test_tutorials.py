@@ -1,5 +1,5 @@
-"""The tutorials, followed to the letter: what stands in their blocks `sh` is typed, in one shell a block, and draws their
-pictures."""
+"""The tutorials, followed to the letter: what stands in their blocks `sh` is typed, in one shell a block, and draws
+their pictures."""
 
 import contextlib
 import os
