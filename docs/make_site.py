@@ -1,7 +1,6 @@
-"""Builds the site: collects the documents, writes the reference from the program and the Python package, and checks
-every link of the result. Called by docs/run."""
+"""Builds the site: collects the documents, writes the reference from the program, the Python package and the tables
+that tests compare with the code, and checks every link of the result. Called by docs/run."""
 
-import ast
 import html.parser
 import os
 import re
@@ -10,6 +9,8 @@ import subprocess
 import sys
 from pathlib import Path
 from urllib.parse import unquote, urlsplit
+
+import reference
 
 ROOT = Path(__file__).resolve().parents[1]
 SOURCE, SITE = ROOT / "target/site-source", ROOT / "target/site"
@@ -23,10 +24,7 @@ def main():
     shutil.rmtree(SOURCE, ignore_errors=True)
     shutil.rmtree(SITE, ignore_errors=True)
     pages = collect()
-    reference = SOURCE / "docs/reference"
-    reference.mkdir(parents=True)
-    (reference / "commands.md").write_text(commands(os.environ["RESONARM_BIN"]))
-    (reference / "python.md").write_text(python_package())
+    reference.write(ROOT, SOURCE / "docs/reference", os.environ["RESONARM_BIN"])
     shutil.copy(ROOT / "docs/zensical.toml", SOURCE.parent / "zensical.toml")
     build = subprocess.run(["zensical", "build", "--strict", "--config-file", SOURCE.parent / "zensical.toml"])
     wrong = broken_links() + fetched_at_view_time()
@@ -65,74 +63,6 @@ def copy(path):
     to = SOURCE / path.relative_to(ROOT)
     to.parent.mkdir(parents=True, exist_ok=True)
     shutil.copy(path, to)
-
-
-def help_of(program, *words):
-    environment = os.environ | {"COLUMNS": "80"}
-    done = subprocess.run([program, *words, "--help"], capture_output=True, text=True, check=True, env=environment)
-    return done.stdout
-
-
-def listed(text):
-    """The names in the lists of commands of a help."""
-    before = text.split("\nOptions:")[0].split("Usage:")[1]
-    lines = [line for line in before.splitlines()[1:] if line.startswith("  ") and not line.startswith("   ")]
-    return [line.split()[0] for line in lines if line.split()[0] != "help"]
-
-
-def commands(program):
-    """The help of every command."""
-    parts = ["# Commands\n\nAs `--help` prints them.\n"]
-
-    def add(*words):
-        text = help_of(program, *words)
-        parts.append(f"## resonarm {' '.join(words)}".rstrip() + f"\n\n```text\n{text.rstrip()}\n```\n")
-        for name in listed(text) if not words or "<COMMAND>" in text else []:
-            add(*words, name)
-
-    add()
-    return "\n".join(parts)
-
-
-def python_package():
-    """What the Python package exports, with signatures and documentation strings."""
-    folder = ROOT / "python/resonarm"
-    exported = [name for name in literal(folder / "__init__.py", "__all__") if not name.startswith("_")]
-    definitions = {}
-    for path in [*sorted(folder.glob("*.py")), folder / "_resonarm.pyi"]:
-        for node in ast.parse(path.read_text()).body:
-            if isinstance(node, (ast.ClassDef, ast.FunctionDef)):
-                definitions.setdefault(node.name, node)
-    parts = ["# The Python package\n\nWhat `import resonarm` offers; [its guide](../python.md) shows how it is used.\n"]
-    for name in exported:
-        if name in definitions:
-            parts += described(definitions[name], "##", "resonarm")
-    return "\n".join(parts)
-
-
-def literal(path, name):
-    """The value of a list of strings at the top of a module."""
-    for node in ast.parse(path.read_text()).body:
-        if isinstance(node, ast.Assign) and getattr(node.targets[0], "id", "") == name:
-            return ast.literal_eval(node.value)
-    raise SystemExit(f"{path} has no {name}")
-
-
-def described(node, level, owner):
-    """A class with its public methods, or a function."""
-    signature = ""
-    if isinstance(node, ast.FunctionDef):
-        returns = f" → {ast.unparse(node.returns)}" if node.returns else ""
-        signature = f"({ast.unparse(node.args)}){returns}"
-    text = ast.get_docstring(node) or ""
-    parts = [f"{level} {owner}.{node.name}\n"]
-    parts += [f"```text\n{node.name}{signature}\n```\n"] if signature else []
-    parts += [text.replace("<", "&lt;") + "\n"] if text else []
-    if isinstance(node, ast.ClassDef):
-        for inner in node.body:
-            if isinstance(inner, ast.FunctionDef) and not inner.name.startswith("_") and ast.get_docstring(inner):
-                parts += described(inner, level + "#", node.name)
-    return parts
 
 
 class Page(html.parser.HTMLParser):

@@ -128,6 +128,7 @@ commands! {
         Fmu in fmu, reported as "fmu";
         Completions in completions;
         Man in man;
+        Reference in reference;
     }
 }
 

@@ -46,6 +46,19 @@ fn every_command_in_the_documents_is_valid() {
     assert!(commands >= 12, "only {commands} commands found");
 }
 
+/// What `quickstart` writes is read as text: its commands are indented lines, or words between backticks.
+#[test]
+fn every_command_of_a_quickstart_is_valid() {
+    let text = include_str!("../examples/quickstart/README.md");
+    let indented = text.lines().filter_map(|line| line.strip_prefix("    resonarm "));
+    let within = text.split('`').skip(1).step_by(2).filter_map(|code| code.strip_prefix("resonarm "));
+    let commands: Vec<&str> = indented.chain(within.filter(|words| words.contains(" --"))).collect();
+    assert!(commands.len() >= 7, "{commands:?}");
+    for command in commands {
+        assert_eq!(check_arguments(command.split_whitespace()), Ok(()), "{command}");
+    }
+}
+
 #[test]
 fn every_scenario_and_recording_that_a_command_names_is_there() {
     let root = Path::new(env!("CARGO_MANIFEST_DIR"));

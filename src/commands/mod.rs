@@ -28,6 +28,7 @@ pub mod poincare;
 pub mod protocol;
 pub mod quickstart;
 pub mod recover;
+pub mod reference;
 pub mod replay;
 pub mod resim;
 pub mod run;

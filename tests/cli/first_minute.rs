@@ -66,3 +66,24 @@ fn manual_pages_hold_the_help() {
     let all = std::fs::read_to_string(folder.path().join("man1/resonarm.1")).unwrap();
     assert!(all.contains("resonarm\\-frf(1)"), "{all}");
 }
+
+#[test]
+fn the_tables_are_written_as_documents() {
+    let folder = tempfile::tempdir().unwrap();
+    let written = document(folder.path(), 0, &["reference", "tables", "--json"]);
+    assert_eq!(written["files"].as_array().unwrap().len(), 2);
+    for (name, row) in [("channels", "| `force_x_n` | load | N | tip C | x |  |"), ("requirements", "| R-2.1 | ")] {
+        let text = std::fs::read_to_string(folder.path().join(format!("tables/{name}.md"))).unwrap();
+        assert!(text.starts_with("# ") && text.contains(&format!("\n{row}")), "{text}");
+    }
+}
+
+/// Before there is a bus or a controller.
+#[test]
+fn a_quickstart_runs_at_once() {
+    let folder = tempfile::tempdir().unwrap();
+    document(folder.path(), 0, &["quickstart", "bench", "--json"]);
+    let run = document(folder.path(), 0, &["run", "--mode", "free", "--scenario", "bench/scenario.toml", "--json"]);
+    let response = &run["responses"][0];
+    assert_eq!(response["frequency_hz"].as_f64(), Some(14.0), "{run:#}");
+}

@@ -9,7 +9,7 @@ use crate::resonarm;
 
 /// Arguments with which each command ends soon if its numbers are valid: without a bus, a folder to write to or a
 /// recording, or with little to do.
-const COMMANDS: [(&str, &str); 38] = [
+const COMMANDS: [(&str, &str); 39] = [
     ("demo", "--out /dev/null/none"),
     ("quickstart", "/dev/null/none"),
     ("run", "--mode free --duration-s 0.05"),
@@ -48,6 +48,7 @@ const COMMANDS: [(&str, &str); 38] = [
     ("latency", "--turn-s 0.01 --turns 1 --rt off"),
     ("completions", "bash"),
     ("man", "/dev/null/none"),
+    ("reference", "/dev/null/none"),
 ];
 
 /// Value names of numeric flags in the help, and of all others.

@@ -8,7 +8,9 @@ from pathlib import Path
 import pytest
 
 SITE = Path("target/site")
-PAGES = ["index.html", "docs/tutorials/folds.html", "docs/reference/commands.html", "docs/gallery.html"]
+PAGES = ["index.html", "docs/gallery.html", "scenarios/index.html"]
+PAGES += [f"docs/tutorials/{name}.html" for name in ("controller", "recording", "folds")]
+PAGES += [f"docs/reference/{name}.html" for name in ("commands", "keys", "channels", "requirements", "python")]
 # Relative luminance and contrast of WCAG 2.2, success criterion 1.4.3: 4.5 for text.
 CONTRASTS = """(() => {
     const light = (colour) => {
@@ -28,6 +30,37 @@ CONTRASTS = """(() => {
         return (a + 0.05) / (b + 0.05);
     };
     return Math.min(...[...document.querySelectorAll('article p, article li, article td, article a')].map(contrast));
+})()"""
+
+# What screen readers and keyboards need of a page: its language, title and scale, names of links, buttons, fields and
+# pictures, headings without gaps, identifiers that are used once.
+FAULTS = """(() => {
+    const faults = [];
+    const must = (holds, what, e) => holds || faults.push(`${what}: ${e?.outerHTML.slice(0, 120) ?? document.URL}`);
+    const all = (selector) => [...document.querySelectorAll(selector)];
+    const shown = (e) => e.checkVisibility() && !e.closest('[aria-hidden=true]');
+    const pictures = (e) => [...e.querySelectorAll('img')].map((image) => image.alt);
+    const names = (e) => [e.getAttribute('aria-label'), e.title, e.textContent, ...pictures(e)];
+    const name = (e) => names(e).some((text) => text?.trim());
+    const labelled = (e) => e.labels?.length || e.getAttribute('aria-label') || e.title || e.placeholder;
+    const scale = document.querySelector('meta[name=viewport]')?.content ?? '';
+    must(document.documentElement.lang, 'no language');
+    must(document.title.trim(), 'no title');
+    must(/width=device-width/.test(scale) && !/user-scalable=no|maximum-scale/.test(scale), 'no scale');
+    must(all('main, [role=main]').length === 1, 'not one main part');
+    must(all('article h1').length === 1, 'not one heading of the page');
+    all('img').forEach((e) => must(e.alt?.trim(), 'a picture without a text', e));
+    all('a[href], button').filter(shown).forEach((e) => must(name(e), 'a link or button without a name', e));
+    all('input, select').filter(shown).forEach((e) => must(labelled(e), 'a field without a name', e));
+    let last = 0;
+    for (const heading of all('article :is(h1, h2, h3, h4, h5, h6)')) {
+        const level = Number(heading.tagName[1]);
+        must(level <= last + 1, 'a heading that leaves out a level', heading);
+        last = level;
+    }
+    const ids = all('[id]').map((e) => e.id);
+    ids.filter((id, k) => ids.indexOf(id) !== k).forEach((id) => must(false, 'used twice: ' + id));
+    return faults;
 })()"""
 
 
@@ -50,6 +83,7 @@ def test_pages_load_without_a_message_and_can_be_read(browser, address, name):
     page.until("document.readyState === 'complete' && document.querySelector('article h1') !== null")
     assert page.value("[...document.images].every((image) => image.complete && image.naturalWidth > 0)")
     assert page.value(CONTRASTS) >= 4.5
+    assert page.value(FAULTS) == []
     assert page.errors == []
 
 

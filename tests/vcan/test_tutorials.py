@@ -1,4 +1,5 @@
-"""The tutorials, followed to the letter: what stands in their blocks `sh` is typed, in one shell a block."""
+"""The tutorials, followed to the letter: what stands in their blocks `sh` is typed, in one shell a block, and draws
+their pictures."""
 
 import contextlib
 import os
@@ -13,6 +14,7 @@ from processes import PATIENCE_S, RESONARM
 
 FOLDER = Path("docs/tutorials").absolute()
 BLOCK = re.compile(r"^```sh\n(.*?)^```$", re.MULTILINE | re.DOTALL)
+PICTURE = re.compile(r"^!\[[^\]]+\]\((../images/tutorials/.*\.svg)\)$", re.MULTILINE)
 # What the text of each says of the output of its commands.
 SAID = {
     "controller": ["along x: 1.1", "identical", "1 passed"],
@@ -44,6 +46,11 @@ def shell(words, folder, environment, path):
     return code, path.read_text()
 
 
+def texts(picture):
+    """Titles, axes with their numbers, and legends of a picture."""
+    return re.findall(r">([^<]+)</text>", picture.read_text())
+
+
 @pytest.mark.parametrize("name", SAID)
 def test_a_tutorial_does_what_it_says(name, tmp_path):
     programs = tmp_path / "bin"
@@ -52,11 +59,15 @@ def test_a_tutorial_does_what_it_says(name, tmp_path):
     path = os.pathsep.join([str(programs), str(Path(sys.executable).parent), os.environ["PATH"]])
     environment = os.environ | {"PATH": path, "PYTHONDONTWRITEBYTECODE": "1"}
     folder, output = tmp_path, ""
-    blocks = BLOCK.findall((FOLDER / f"{name}.md").read_text())
-    assert len(blocks) >= 4
+    text = (FOLDER / f"{name}.md").read_text()
+    blocks, pictures = BLOCK.findall(text), PICTURE.findall(text)
+    assert len(blocks) >= 4 and pictures
     for block in blocks:
         words = ["bash", "-euo", "pipefail", "-c", f"{block}\npwd > {tmp_path}/folder"]
         code, said = shell(words, folder, environment, tmp_path / "output")
         assert code == 0, f"{block}\n{said}"
         folder, output = Path((tmp_path / "folder").read_text().strip()), output + said
     assert [words for words in SAID[name] if words not in output] == [], output
+    for picture in pictures:
+        shown, (drawn,) = FOLDER / picture, tmp_path.rglob(Path(picture).name)
+        assert texts(drawn) == texts(shown) and len(texts(shown)) > 10, f"{drawn} is not {shown}"
