@@ -6,10 +6,10 @@
 
 use serde::Serialize;
 
-use crate::scenario::structure::StructureKind;
-use crate::scenario::{Scenario, ScenarioError, StructureSection};
 use resonarm_dynamics::arm::Arm;
 use resonarm_dynamics::structure::{Assembly, Axis};
+use resonarm_scenario::structure::StructureKind;
+use resonarm_scenario::{Scenario, ScenarioError, StructureSection};
 
 /// The largest turn of a link that is drawn where the magnification is chosen, rad.
 const DRAWN_RAD: f64 = 0.22;

@@ -27,8 +27,8 @@ use crate::recording::{
     Channel, Configuration, Direction, Existing, FlushPolicy, FrameRecord, Naming, Options, Record, Recorder,
     RecordingError, TimeBase,
 };
-use crate::scenario::{Scenario, ScenarioError};
 use crate::staged::{file_kind, same_file};
+use resonarm_scenario::{Scenario, ScenarioError};
 
 use drives::DriveGatherer;
 use wire::Gatherer;

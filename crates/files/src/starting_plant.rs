@@ -2,8 +2,8 @@
 //! [`cut`](crate::cut::cut) has noted.
 
 use crate::recording::{Configuration, Recording, StateRecord};
-use crate::scenario::Scenario;
 use resonarm_bench::plant::Plant;
+use resonarm_scenario::Scenario;
 
 /// The key of a cut's configuration that holds the plant at its first sample: states, and what converters and
 /// instruments have gathered, as numbers with a space between.

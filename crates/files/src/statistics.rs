@@ -7,8 +7,8 @@ use serde::Serialize;
 
 use crate::decoder::{Decoded, DecodedMessage, Decoder, Outcome};
 use crate::recording::{Direction, FrameRecord, Record, Recording, RecordingError, Topic};
-use crate::scenario::Scenario;
 use resonarm_bench::structure::Channel;
+use resonarm_scenario::Scenario;
 
 /// What is in a recording, in numbers.
 #[derive(Clone, Debug, Default, PartialEq, Serialize)]

@@ -13,9 +13,9 @@ use std::path::Path;
 use std::ptr::null;
 
 use resonarm_dynamics::arm::Load;
-use resonarm_files::scenario::Scenario;
 use resonarm_fmu as _;
 use resonarm_realtime::{Clock, SystemClock};
+use resonarm_scenario::Scenario;
 use resonarm_session::run::{Mode, Options, Session};
 
 const SAMPLES: u32 = 20_000;

@@ -8,7 +8,7 @@ use serde::{Deserialize, Serialize};
 
 use crate::Fault;
 use resonarm_bench::excitation::{LoadFile, Waveform};
-use resonarm_files::scenario::{Scenario, ScenarioError};
+use resonarm_scenario::{Scenario, ScenarioError};
 
 /// The version of the library, which the resources state: another version reads a scenario differently.
 pub const VERSION: &str = env!("CARGO_PKG_VERSION");

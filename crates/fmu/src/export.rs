@@ -212,7 +212,7 @@ fn files(content: &Content, library: Library, name: &str) -> Result<(Files, Summ
 #[cfg(test)]
 mod tests {
     use super::*;
-    use resonarm_files::scenario::Scenario;
+    use resonarm_scenario::Scenario;
 
     /// The head of an ELF file of this type for this machine, with `rest` behind it.
     fn elf(kind: u8, machine: u8, rest: &[u8]) -> Vec<u8> {

@@ -6,8 +6,8 @@ use thiserror::Error;
 
 use resonarm_bench::plant::PlantError;
 use resonarm_files::recording::RecordingError;
-use resonarm_files::scenario::ScenarioError;
 use resonarm_numeric::number::short;
+use resonarm_scenario::ScenarioError;
 use resonarm_session::run::RunError;
 
 use crate::instance::State;

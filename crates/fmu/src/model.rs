@@ -9,7 +9,7 @@ use crate::terminal::Terminal;
 use crate::variables::{self, Source, Variable};
 use resonarm_bench::structure::LOADS;
 use resonarm_files::recording::Existing;
-use resonarm_files::scenario::Scenario;
+use resonarm_scenario::Scenario;
 use resonarm_session::run::{Mode, Options, RecordTo, Session};
 
 /// A part of a sample period by which times may differ: importers add up steps, and lose some 1e-10 s in an hour.

@@ -5,7 +5,7 @@ use serde::Serialize;
 use super::rows::{self, Shown};
 use super::under_test::{Panels, ResponseAxis, UnderTest};
 use resonarm_files::drawing::Drawing;
-use resonarm_files::scenario::Scenario;
+use resonarm_scenario::Scenario;
 
 /// A request that a viewer may make, by name.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize)]

@@ -355,7 +355,7 @@ mod tests {
     use resonarm_bench::structure::States;
     use resonarm_dynamics::arm::State;
     use resonarm_files::recording::{Direction, FrameRecord, TickRecord};
-    use resonarm_files::scenario::Scenario;
+    use resonarm_scenario::Scenario;
 
     fn frame(sample: u64, direction: Direction, id: u16) -> Record {
         let frame = resonarm_protocol::Frame::classic(resonarm_protocol::Id::Standard(id), &[1, 2]).unwrap();

@@ -78,7 +78,7 @@ mod tests {
     use super::*;
     use resonarm_bench::structure::States;
     use resonarm_dynamics::arm::State;
-    use resonarm_files::scenario::Scenario;
+    use resonarm_scenario::Scenario;
 
     fn state(sample: u64, alpha_rad: [f64; 2]) -> StateRecord {
         let zero = [0.0; 2];

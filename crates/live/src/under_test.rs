@@ -5,11 +5,10 @@ use serde::Serialize;
 use super::rows::{self, Plotted, Shown};
 use resonarm_bench::control::{JointAngles, ResponsePoint};
 use resonarm_bench::plant::{Placed, TestedAssembly};
-use resonarm_bench::structure::Point;
 use resonarm_dynamics::arm::Arm;
 use resonarm_files::drawing::Drawing;
 use resonarm_files::recording::channels::Channels;
-use resonarm_files::scenario::{Scenario, ScenarioError, StructureSection};
+use resonarm_scenario::{Scenario, ScenarioError, StructureSection};
 
 /// The structure under test.
 #[derive(Clone, Debug)]

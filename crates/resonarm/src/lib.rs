@@ -62,11 +62,11 @@ pub use resonarm_analysis as analysis;
 pub use resonarm_bench::{control, excitation, identify, node, plant, rig};
 pub use resonarm_conformance as conformance;
 pub use resonarm_dynamics::{arm, integrate};
-pub use resonarm_files::{
-    can_log, cut, dbc, decoder, diff, drawing, export, import, recording, scenario, statistics, toml_error,
-};
+pub use resonarm_files::{can_log, cut, decoder, diff, drawing, export, import, recording, statistics};
 pub use resonarm_protocol as protocol;
 pub use resonarm_realtime as realtime;
+pub use resonarm_scenario as scenario;
+pub use resonarm_scenario::{dbc, toml_error};
 pub use resonarm_session::{experiment, identification, replay, run, study};
 pub use resonarm_wire as wire;
 

@@ -16,7 +16,7 @@ use crate::walk_point;
 use resonarm::analysis::{Distances, MeasuredMotion, Nearest, nearest};
 use resonarm::arm::{Load, Parameters};
 use resonarm::scenario::{ArmSection, Scenario};
-use resonarm_files::text_file;
+use resonarm_scenario::text_file;
 
 /// Compare measured points with the computed branch: the document of `experiment walk`, any other with the same keys,
 /// or a recording

@@ -6,9 +6,9 @@ use serde::{Deserialize, Serialize};
 use thiserror::Error;
 
 use resonarm_dynamics::arm::{Arm, ArmError, Parameters, Pose, Preset};
-use resonarm_files::scenario::ArmSection;
-use resonarm_files::text_file;
 use resonarm_numeric::number::short;
+use resonarm_scenario::ArmSection;
+use resonarm_scenario::text_file;
 
 /// Why a document of measured zones can't be used.
 #[derive(Debug, Error)]

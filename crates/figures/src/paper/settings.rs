@@ -6,8 +6,8 @@ use serde::{Deserialize, Serialize};
 use thiserror::Error;
 
 use resonarm_dynamics::arm::Preset;
-use resonarm_files::toml_error::TomlError;
 use resonarm_numeric::number::{rounded, short};
+use resonarm_scenario::toml_error::TomlError;
 
 /// All parameters of the figures, stated in the paper or chosen here.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
@@ -228,7 +228,7 @@ impl Settings {
     /// # Errors
     /// [`SettingsError::Read`] if the file can't be read; else as [`Settings::parse`].
     pub fn read(path: &Path) -> Result<(String, Settings), SettingsError> {
-        let text = resonarm_files::text_file::read(path)
+        let text = resonarm_scenario::text_file::read(path)
             .map_err(|source| SettingsError::Read { path: path.to_path_buf(), source })?;
         let settings = Settings::parse(&text, &path.display().to_string())?;
         Ok((text, settings))

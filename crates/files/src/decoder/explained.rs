@@ -3,8 +3,8 @@
 use super::check::Fault;
 use super::meaning::Meaning;
 use super::roles::{MessageRoles, action_name};
-use crate::dbc::{Message, Signal};
 use resonarm_protocol::Frame;
+use resonarm_scenario::dbc::{Message, Signal};
 use resonarm_wire::layout::Number;
 
 /// A frame explained.

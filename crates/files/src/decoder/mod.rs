@@ -21,12 +21,12 @@ pub use check::Fault;
 pub use explained::{Decoded, DecodedMessage, DecodedSignal, Outcome};
 pub use meaning::{Meaning, ObjectName};
 
-use crate::dbc::{Database, Message};
-use crate::scenario::{Scenario, ScenarioError};
 use drives::Drives;
 use resonarm_bench::node::WireSpec;
 use resonarm_bench::node::mapped::mapping::Mapping;
 use resonarm_protocol::{Frame, FrameFormat, Id};
+use resonarm_scenario::dbc::{Database, Message};
+use resonarm_scenario::{Scenario, ScenarioError};
 use roles::MessageRoles;
 
 /// Explains the frames of a bus one after another.

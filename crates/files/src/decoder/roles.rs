@@ -5,14 +5,14 @@ use std::collections::HashMap;
 use super::check::Fault;
 use super::meaning::Meaning;
 use super::name_of;
-use crate::dbc::Message;
-use crate::scenario::wire::{REASONS, STATES, channel};
 use resonarm_bench::node::mapped::mapping::{
     Action, CommandSignal, Counts, EventSignal, Incoming, LoadInput, MappedSignal, Outgoing, Protection,
     ProtectionCheck, Source, Value,
 };
 use resonarm_bench::structure::{Channel, Quantity};
 use resonarm_protocol::Frame;
+use resonarm_scenario::dbc::Message;
+use resonarm_scenario::wire::{REASONS, STATES, channel};
 use resonarm_wire::layout::Layout;
 
 /// Rounding of a value by the scale of its signal, as a share.

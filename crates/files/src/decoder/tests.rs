@@ -1,8 +1,8 @@
 //! Frames explained, one by one.
 
 use super::*;
-use crate::scenario::WireSection;
 use resonarm_protocol::FrameFormat;
+use resonarm_scenario::WireSection;
 
 const DBC: &str = r#"VERSION ""
 

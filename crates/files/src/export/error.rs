@@ -7,8 +7,8 @@ use thiserror::Error;
 
 use super::{ExportFormat, RecordingPart};
 use crate::recording::RecordingError;
-use crate::scenario::ScenarioError;
 use resonarm_numeric::number::short;
+use resonarm_scenario::ScenarioError;
 
 /// Why a recording can't be exported.
 #[derive(Debug, Error)]

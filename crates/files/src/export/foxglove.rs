@@ -19,9 +19,9 @@ use super::scene::{self, Scene, time, time_schema};
 use super::{ExportError, ExportedFile, RecordingPart, Selection};
 use crate::recording::channels::Channels;
 use crate::recording::{Event, Existing, Origin, Record, RecordedFault, Recording};
-use crate::scenario::Scenario;
 use crate::staged::Staged;
 use resonarm_protocol::dbc::Dbc;
+use resonarm_scenario::Scenario;
 
 /// Levels of `foxglove.Log` (foxglove.dev, "LogLevel").
 const INFO: u8 = 2;

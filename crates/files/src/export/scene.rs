@@ -6,7 +6,7 @@ use serde_json::{Value, json};
 use super::ExportError;
 use crate::drawing::{Drawing, Subject};
 use crate::recording::{Recording, StateRecord};
-use crate::scenario::Scenario;
+use resonarm_scenario::Scenario;
 
 /// The full name of the schema.
 pub const SCHEMA: &str = "foxglove.SceneUpdate";

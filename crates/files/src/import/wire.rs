@@ -16,7 +16,7 @@ use super::loads::Loads;
 use super::rows::{Row, Rows};
 use super::wire_import::{Gaps, Missing, WireImport};
 use crate::recording::{Clipped, Direction, Record, SampleRecord, StateRecord};
-use crate::scenario::{Scenario, ScenarioError};
+use resonarm_scenario::{Scenario, ScenarioError};
 use resonarm_wire::counter::{CounterFault, Step};
 
 /// The states of the arm.

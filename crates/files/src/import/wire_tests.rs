@@ -1,7 +1,7 @@
 //! States and loads gathered from frames.
 
 use super::*;
-use crate::scenario::WireSection;
+use resonarm_scenario::WireSection;
 
 const DBC: &str = r#"VERSION ""
 

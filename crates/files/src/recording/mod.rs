@@ -51,7 +51,7 @@ pub use error::RecordingError;
 pub use frames::FrameBatcher;
 pub use layout::ChannelsError;
 pub use layout::{Layout, NumberBatch, Numbers, Plot};
-pub use options::{Compression, Configuration, Existing, FlushPolicy, Naming, Options, TimeBase};
+pub use options::{Compression, Existing, FlushPolicy, Naming, Options, TimeBase};
 pub use plots::Plots;
 pub use reader::Recording;
 pub use record::{Clipped, Direction, Event, FrameRecord, Record, SampleRecord, StateRecord, TickRecord};
@@ -63,3 +63,5 @@ pub use schema::Topic;
 pub use schema::{MessageType, proto};
 pub use summary::{Integrity, Origin, RecordedFault, RecordingSummary, RunTime, TopicSummary};
 pub use writer::Summary;
+
+pub use resonarm_scenario::Configuration;

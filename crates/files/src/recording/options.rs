@@ -1,41 +1,10 @@
 //! How to record.
 
-use std::collections::BTreeMap;
 use std::time::Duration;
 
 use super::channels::Channels;
 use super::{RecordingError, RunTime};
 use resonarm_numeric::number::short;
-
-/// Everything that made the run what it is, as keys and values: scenario, seed, scheme, initial state, protocol hash.
-///
-/// It is written before the first record, so that a killed run has it, and once more at the end.
-#[derive(Clone, Debug, Default, PartialEq, Eq)]
-pub struct Configuration(pub(super) BTreeMap<String, String>);
-
-impl Configuration {
-    /// An empty configuration.
-    pub fn new() -> Configuration {
-        Configuration::default()
-    }
-
-    /// The configuration with `key` set to `value`, which may be a whole document (TOML, JSON).
-    #[must_use]
-    pub fn with(mut self, key: impl Into<String>, value: impl ToString) -> Configuration {
-        self.0.insert(key.into(), value.to_string());
-        self
-    }
-
-    /// The value of `key`, if it is set.
-    pub fn get(&self, key: &str) -> Option<&str> {
-        self.0.get(key).map(String::as_str)
-    }
-
-    /// Keys and values, in order of the keys.
-    pub fn iter(&self) -> impl Iterator<Item = (&str, &str)> {
-        self.0.iter().map(|(key, value)| (key.as_str(), value.as_str()))
-    }
-}
 
 /// What the times in a recording count from. Log times are simulated time: that of the sample to which a message
 /// belongs. Publish times are those of the machine's clock, if the run went by it.

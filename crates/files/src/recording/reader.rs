@@ -41,7 +41,7 @@ impl Recording {
             let expected = "what its batches state";
             return Err(RecordingError::Metadata { path, name, key, got: short(&origin.dt_s).to_string(), expected });
         }
-        let configuration = Configuration(scan.required(path, metadata::CONFIGURATION)?.clone());
+        let configuration = Configuration::from(scan.required(path, metadata::CONFIGURATION)?.clone());
         Ok(Recording { path: path.to_path_buf(), scan, origin, configuration })
     }
 
@@ -90,7 +90,7 @@ impl Recording {
             other_sender_frames: self.scan.tally.other_sender_frames,
             topics: Topic::ALL.map(|topic| (topic.name(), self.scan.tally.topics[topic as usize].summary)).into(),
             lost: self.scan.lost.clone(),
-            configuration: self.configuration.0.clone(),
+            configuration: self.configuration.entries().clone(),
             statistics: self.statistics().cloned().unwrap_or_default(),
         }
     }

@@ -86,7 +86,7 @@ impl Writer {
         commands: mpsc::Receiver<Control>,
     ) -> Result<Writer, RecordingError> {
         let path = &shared.path;
-        let configuration = configuration.0.clone();
+        let configuration = configuration.entries().clone();
         let about = about(&options, None);
         let head = [(metadata::RECORDING, &about), (metadata::CONFIGURATION, &configuration)];
         let create = match options.naming {

@@ -1,7 +1,7 @@
 use super::*;
 use crate::content::{Settings, token};
 use crate::variables::{Causality, Kind};
-use resonarm_files::scenario::Scenario;
+use resonarm_scenario::Scenario;
 
 /// An instance of an FMU of this scenario, with its folder.
 fn made(text: &str) -> (tempfile::TempDir, Instance) {

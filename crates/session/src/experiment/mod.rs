@@ -13,7 +13,7 @@ pub use zone::{Zone, ZoneExperiment, ZoneMeasured};
 use crate::run::{Mode, Options, RunError, Session, Signals};
 use resonarm_bench::control::{ControlSpec, ResponsePoint};
 use resonarm_bench::node::ExciterOutcome;
-use resonarm_files::scenario::Scenario;
+use resonarm_scenario::Scenario;
 
 /// What a controller has read in one run.
 #[derive(Clone, Debug)]

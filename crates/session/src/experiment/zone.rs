@@ -12,7 +12,7 @@ use resonarm_bench::control::{
 use resonarm_bench::excitation::{Amplitude, ExcitationSpec, Waveform};
 use resonarm_bench::rig::{Amplifier, ShakerSpec};
 use resonarm_dynamics::arm::{Arm, ArmError};
-use resonarm_files::scenario::{Scenario, ScenarioError};
+use resonarm_scenario::{Scenario, ScenarioError};
 
 /// Runs of a zone: walk, backbone, up, down.
 const RUNS: usize = 4;

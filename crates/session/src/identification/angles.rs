@@ -5,7 +5,7 @@ use resonarm_analysis::modes;
 use resonarm_bench::identify::{AngleHistory, AngleSettings, CHANNELS, IdentifyError, Integration, joint_angles};
 use resonarm_bench::rig::InstrumentName;
 use resonarm_files::recording::Recording;
-use resonarm_files::scenario::Scenario;
+use resonarm_scenario::Scenario;
 
 /// The default lower corner over the lowest natural frequency: at half of the natural frequency the gain is 0.9998.
 const CORNER_PART: f64 = 0.25;

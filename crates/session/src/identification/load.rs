@@ -4,7 +4,7 @@ use resonarm_bench::control::ResponsePoint;
 use resonarm_bench::excitation::{ExcitationSpec, Phasor};
 use resonarm_bench::plant::{ShakerAcross, TestedAssembly};
 use resonarm_dynamics::arm::{Arm, ArmError, Load};
-use resonarm_files::scenario::Scenario;
+use resonarm_scenario::Scenario;
 
 /// Amplitude of the load that acted, N or N·m: in open loop a shaker's force on the arm differs from the commanded one.
 ///

@@ -15,7 +15,7 @@ use resonarm_bench::excitation::Waveform;
 use resonarm_bench::identify::{Averaging, Band, Direction, IdentifyError, Record};
 use resonarm_files::import::IMPORTED_FROM;
 use resonarm_files::recording::{Recording, RecordingError};
-use resonarm_files::scenario::{Scenario, ScenarioError};
+use resonarm_scenario::{Scenario, ScenarioError};
 
 /// Why nothing can be identified from a recording.
 #[derive(Debug, Error)]

@@ -20,8 +20,8 @@ use super::responses::command;
 use crate::run::Signals;
 use resonarm_bus::{Bus, Sent};
 use resonarm_files::recording::{Direction, Recording};
-use resonarm_files::scenario::Scenario;
 use resonarm_realtime::Clock;
+use resonarm_scenario::Scenario;
 
 /// Answers that are kept until the recording has come to their sample: more than a sample's frames on their way.
 const ANSWERS: usize = 256;

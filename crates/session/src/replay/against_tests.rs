@@ -10,9 +10,9 @@ use crate::run::{Mode, Session, Signals};
 use resonarm_bench::node::{self, ExciterNode};
 use resonarm_bus::{Bus, BusError, Filter, Received, Sent, Statistics};
 use resonarm_files::recording::{Direction, FrameRecord, Options, Record, Recorder, Recording};
-use resonarm_files::scenario::Scenario;
 use resonarm_protocol::{ForceCommand, Frame, Message, Node, OperatorCommand, OperatorRequest, Transmitter};
 use resonarm_realtime::Clock;
+use resonarm_scenario::Scenario;
 
 const SCENARIO: &str = "
     [excitation]

@@ -7,9 +7,9 @@ use resonarm_bench::node::ExciterLack;
 use resonarm_bench::plant::{PlantError, PlantSpecError};
 use resonarm_bus::BusError;
 use resonarm_files::recording::RecordingError;
-use resonarm_files::scenario::ScenarioError;
 use resonarm_numeric::number::short;
 use resonarm_protocol::{FrameError, Mismatch};
+use resonarm_scenario::ScenarioError;
 
 /// Why a recording can't be replayed or simulated again.
 #[derive(Debug, Error)]

@@ -5,7 +5,7 @@ use super::verdict::{Verdict, check, compare, load};
 use resonarm_bench::plant::Plant;
 use resonarm_bench::structure::States;
 use resonarm_files::recording::{Integrity, Recording};
-use resonarm_files::scenario::Scenario;
+use resonarm_scenario::Scenario;
 
 /// Loads the FMU, applies the recorded loads from its start on, and compares every state. Where one differs, it is
 /// loaded once more: an FMU that differs from itself does not repeat itself, and says nothing about the recording.

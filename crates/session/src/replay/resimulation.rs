@@ -8,8 +8,8 @@ use resonarm_bench::rig::Amplifier;
 use resonarm_bench::structure::States;
 use resonarm_files::import::IMPORTED_FROM;
 use resonarm_files::recording::{Integrity, Recording, StateRecord};
-use resonarm_files::scenario::Scenario;
 use resonarm_files::starting_plant::is_recorded;
+use resonarm_scenario::Scenario;
 
 /// Samples that are in memory at a time: some MB.
 const BLOCK: usize = 1 << 14;

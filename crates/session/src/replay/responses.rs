@@ -6,8 +6,8 @@ use super::{ReplayError, wire_controller, wire_responses};
 use resonarm_bench::control::ResponsePoint;
 use resonarm_bench::node::{self, ExciterOutcome};
 use resonarm_files::recording::{Direction, Recording};
-use resonarm_files::scenario::Scenario;
 use resonarm_protocol::{Emergency, EmergencyCode, ForceCommand, Message, Receiver, TorqueCommand};
+use resonarm_scenario::Scenario;
 
 /// The responses that the controller of the recording's scenario reads from what the plant sent, up to its end or the
 /// first fault.

@@ -5,9 +5,9 @@ use super::*;
 use crate::run::{Mode, Session, Signals};
 use resonarm_bus::{Bus, memory};
 use resonarm_files::recording::{Direction, FrameRecord, Integrity, Options, Record, Recorder, Recording};
-use resonarm_files::scenario::Scenario;
 use resonarm_protocol::{Frame, Id};
 use resonarm_realtime::{Clock, SystemClock};
+use resonarm_scenario::Scenario;
 
 const SCENARIO: &str = "
     [excitation]

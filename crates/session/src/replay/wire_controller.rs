@@ -13,8 +13,8 @@ use resonarm_bench::control::ResponsePoint;
 use resonarm_bench::node::mapped::mapping::Mapping;
 use resonarm_bench::node::{ExciterInterface, TimeBase, WireSpec};
 use resonarm_files::recording::{Direction, Recording};
-use resonarm_files::scenario::Scenario;
 use resonarm_protocol::{Frame, NodeState};
+use resonarm_scenario::Scenario;
 
 /// The responses, each with the sample by which it was read.
 ///

@@ -19,7 +19,7 @@ use resonarm_files::decoder::{Decoded, DecodedMessage, Decoder, Outcome};
 use resonarm_files::drives::Targets;
 use resonarm_files::import::IMPORTED_FROM;
 use resonarm_files::recording::{Direction, Recording, SampleRecord};
-use resonarm_files::scenario::Scenario;
+use resonarm_scenario::Scenario;
 
 /// The responses, each with the sample by which it was read.
 ///

@@ -6,9 +6,9 @@ use resonarm_bench::node::{ExciterLack, PublishError};
 use resonarm_bench::plant::{PlantError, PlantSpecError};
 use resonarm_bus::BusError;
 use resonarm_files::recording::RecordingError;
-use resonarm_files::scenario::ScenarioError;
 use resonarm_numeric::number::short;
 use resonarm_realtime::{HistogramError, PeriodicError, RateError, Shortfall, SpinError};
+use resonarm_scenario::ScenarioError;
 
 use super::{Mode, SpeedError};
 

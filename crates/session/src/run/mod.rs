@@ -6,7 +6,7 @@
 //! ```
 //! use resonarm_bus::memory;
 //! use resonarm_session::run::{Mode, Options, PlantOutcome, Session, Signals};
-//! use resonarm_files::scenario::Scenario;
+//! use resonarm_scenario::Scenario;
 //!
 //! let mut ends = memory::hub(2, 1024);
 //! let (controller, mut plant) = (ends.pop().unwrap(), ends.pop().unwrap());

@@ -20,9 +20,9 @@ use resonarm_bench::plant::{Plant, Stepped};
 use resonarm_bus::fault::Faulty;
 use resonarm_bus::{Bus, VirtualBus, memory, timed};
 use resonarm_files::recording::{Existing, Recorder};
-use resonarm_files::scenario::{Scenario, ScenarioError, StructureSection, StructureSectionError, WireError};
 use resonarm_protocol::Node;
 use resonarm_realtime::{Clock, OverrunPolicy, SampleRate, Spin, SystemClock, ThreadSetup, VirtualClock};
+use resonarm_scenario::{Scenario, ScenarioError, StructureSection, StructureSectionError, WireError};
 
 /// Overruns with another cause on their way to the writer.
 const CORE_RECORDS_CAPACITY: usize = 1 << 10;

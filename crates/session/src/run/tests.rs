@@ -11,9 +11,9 @@ use super::*;
 use resonarm_bench::node::{self, ExciterNode, ExciterOutcome};
 use resonarm_bus::{Bus, BusError, Filter, Received, Sent, Statistics, memory};
 use resonarm_files::recording::{Existing, Record, Recording};
-use resonarm_files::scenario::Scenario;
 use resonarm_protocol::{EmergencyCode, Frame};
 use resonarm_realtime::{Clock, OverrunPolicy, SampleRate, Spin};
+use resonarm_scenario::Scenario;
 
 mod both_ends;
 mod jammed_bus;

@@ -139,7 +139,7 @@ fn a_scenario_that_has_no_cases_is_refused_in_words() {
     let mut by_operator = On::Dbc.scenario();
     let wire = by_operator.wire.as_mut().unwrap();
     wire.events.clear();
-    wire.arm = Some(resonarm_files::scenario::wire::ArmSpec::Operator);
+    wire.arm = Some(resonarm_scenario::wire::ArmSpec::Operator);
     insta::assert_snapshot!(refused(by_operator), @r#"[wire] `arm = "operator"`: no message arms the plant, so the emulated exciter can't; give an event with `arm`, or `arm = "zero-command"`"#);
 }
 

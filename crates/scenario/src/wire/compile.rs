@@ -8,9 +8,9 @@ use super::signals::{Used, counter, quantity};
 use super::{
     ArmSpec, CommandSpec, EventSpec, InputSpec, LockstepSpec, OnSpec, ReadingSpec, RequestSpec, SourceSpec, WireSection,
 };
+use crate::Scenario;
 use crate::dbc::{Database, Message, Signal};
 use crate::nearest::nearest;
-use crate::scenario::Scenario;
 use resonarm_bench::node::mapped::mapping::{
     Action, Arming, CommandSignal, Counts, EventSignal, Incoming, LoadInput, Lockstep, MappedSignal, Mapping, Outgoing,
     Protection, ReadingSignal, Source, Trigger, Value,

@@ -14,9 +14,9 @@ use resonarm_wire::counter::Counter;
 pub(super) mod quantity;
 
 /// The names of the states, in the order of their numbers.
-pub(crate) const STATES: [&str; 4] = ["boot-up", "pre-operational", "operational", "fault"];
+pub const STATES: [&str; 4] = ["boot-up", "pre-operational", "operational", "fault"];
 /// Every fault that a mapped plant can have, by name.
-pub(crate) const REASONS: [(&str, EmergencyCode); 7] = [
+pub const REASONS: [(&str, EmergencyCode); 7] = [
     ("command-timeout", EmergencyCode::CommandTimeout),
     ("stop", EmergencyCode::PartnerFault),
     ("overrun", EmergencyCode::Overrun),

@@ -20,8 +20,8 @@ pub use checksum::{AlgorithmSpec, ChecksumSpec, DataIdSpec, PartSpec};
 pub use drives::{DriveSpec, PresetSpec};
 pub use error::{Names, Place, WireError};
 pub use lacks::WireLack;
-pub(crate) use signals::quantity::channel;
-pub(crate) use signals::{REASONS, STATES};
+pub use signals::quantity::channel;
+pub use signals::{REASONS, STATES};
 
 use super::{Scenario, ScenarioError};
 use crate::dbc::{self, Database};
@@ -358,7 +358,7 @@ impl Scenario {
     ///
     /// # Errors
     /// [`ScenarioError::Wire`] if it was not read, or is none.
-    pub(crate) fn wire_database(&self) -> Result<Option<Database>, ScenarioError> {
+    pub fn wire_database(&self) -> Result<Option<Database>, ScenarioError> {
         let Some(section) = &self.wire else { return Ok(None) };
         if section.preset == Some(PresetSpec::Cia402) {
             return Ok(None);

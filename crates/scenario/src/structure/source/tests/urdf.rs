@@ -4,7 +4,7 @@ use super::super::urdf::Robot;
 use super::super::urdf_chain::{Wanted, links};
 use super::super::{JointSection, UrdfError};
 use super::{close, examples, says};
-use crate::scenario::Scenario;
+use crate::Scenario;
 use resonarm_dynamics::structure::Link;
 
 /// Two links in the plane of x and y; the second bent by 90°, with a payload on it.

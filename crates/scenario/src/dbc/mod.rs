@@ -30,7 +30,7 @@ use crate::text_file;
 
 pub use codec::{Codec, CodecError};
 pub use error::{DbcError, Problem};
-pub(crate) use text::decode;
+pub use text::decode;
 
 /// A DBC file.
 #[derive(Clone, Debug)]

@@ -3,8 +3,8 @@
 use std::collections::BTreeMap;
 
 use super::{close, examples};
-use crate::scenario::structure::{Matrices, StructureSection};
-use crate::scenario::{Scenario, StructureSectionError};
+use crate::structure::{Matrices, StructureSection};
+use crate::{Scenario, StructureSectionError};
 use resonarm_dynamics::structure::Assembly;
 
 fn assembly(name: &str) -> Assembly {

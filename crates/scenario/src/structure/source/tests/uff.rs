@@ -4,7 +4,7 @@ use std::collections::BTreeMap;
 
 use super::super::uff::read;
 use super::{close, examples};
-use crate::scenario::Scenario;
+use crate::Scenario;
 
 /// One mode at two nodes, by hand, with exponents of D and six values at a node.
 const MODE: &str = "    -1

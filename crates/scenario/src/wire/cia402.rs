@@ -3,7 +3,7 @@
 use super::drives::{DriveSpec, PresetSpec, TIMEOUT_S};
 use super::error::WireError;
 use super::{LockstepSpec, WireSection};
-use crate::scenario::Scenario;
+use crate::Scenario;
 use resonarm_bench::node::cia402::{self, Cia402Spec, Joint};
 
 /// The longest timeout, s.
@@ -50,7 +50,7 @@ fn drive(place: usize, spec: &DriveSpec) -> Result<cia402::DriveSpec, WireError>
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::scenario::ScenarioError;
+    use crate::ScenarioError;
     use resonarm_bench::node::WireSpec;
 
     const DRIVES: &str = "drives = [\n\

@@ -1,7 +1,7 @@
 //! A scenario's way into a recording and back.
 
 use super::{Scenario, ScenarioError};
-use crate::recording::Configuration;
+use crate::configuration::Configuration;
 use resonarm_bench::rig::Converter;
 use resonarm_protocol::{PROTOCOL_VERSION, dbc};
 

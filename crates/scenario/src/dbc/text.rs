@@ -10,7 +10,7 @@ const FROM_0X80: [char; 32] = [
 ];
 
 /// The text: UTF-8, with or without a byte order mark, or else code page 1252.
-pub(crate) fn decode(bytes: &[u8]) -> Cow<'_, str> {
+pub fn decode(bytes: &[u8]) -> Cow<'_, str> {
     match str::from_utf8(bytes) {
         Ok(text) => Cow::Borrowed(text.strip_prefix('\u{FEFF}').unwrap_or(text)),
         Err(_) => Cow::Owned(bytes.iter().map(|byte| character(*byte)).collect()),

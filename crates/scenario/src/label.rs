@@ -106,7 +106,7 @@ fn equal(a: &Value, b: &Value) -> bool {
 
 #[cfg(test)]
 mod tests {
-    use crate::scenario::Scenario;
+    use crate::Scenario;
 
     fn label(text: &str) -> String {
         Scenario::parse(text, "test.toml").unwrap().arm.label()

@@ -1,11 +1,11 @@
 //! Quantities of the plant that signals say.
 
+use crate::Scenario;
 use crate::dbc::Signal;
 use crate::nearest::nearest;
-use crate::scenario::Scenario;
-use crate::scenario::wire::SourceSpec;
-use crate::scenario::wire::conversion::{factor, known};
-use crate::scenario::wire::error::{Place, WireError};
+use crate::wire::SourceSpec;
+use crate::wire::conversion::{factor, known};
+use crate::wire::error::{Place, WireError};
 use resonarm_bench::node::mapped::mapping::{Source, Value};
 use resonarm_bench::structure::{Channel, Kind, LOADS, OUTPUTS, Quantity, STATES};
 
@@ -18,7 +18,7 @@ fn channels() -> impl Iterator<Item = (Channel, Value)> {
 }
 
 /// The channel of a value; for [`Value::Clipped`] that of the reading.
-pub(crate) fn channel(value: Value) -> Option<Channel> {
+pub fn channel(value: Value) -> Option<Channel> {
     let of = match value {
         Value::Clipped(place) => Value::Reading(place),
         value => value,
@@ -33,13 +33,13 @@ fn unknown(place: &Place, name: &str, known: impl Iterator<Item = Channel>) -> W
 }
 
 /// The place of a reading.
-pub(in crate::scenario::wire) fn reading(place: &Place, name: &str) -> Result<usize, WireError> {
+pub(in crate::wire) fn reading(place: &Place, name: &str) -> Result<usize, WireError> {
     let index = OUTPUTS.iter().position(|channel| channel.name == name);
     index.ok_or_else(|| unknown(place, name, OUTPUTS.into_iter()))
 }
 
 /// A signal that says a quantity.
-pub(in crate::scenario::wire) fn source(
+pub(in crate::wire) fn source(
     scenario: &Scenario,
     place: &Place,
     name: &str,

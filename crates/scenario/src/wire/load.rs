@@ -2,7 +2,7 @@
 
 use super::{WireError, WireSection};
 use crate::dbc::Database;
-use crate::scenario::{Scenario, ScenarioError};
+use crate::{Scenario, ScenarioError};
 use resonarm_bench::node::cia402::Cia402Spec;
 use resonarm_bench::node::mapped::mapping::{Mapping, Trigger};
 use resonarm_protocol::bits::{Bits, IdFormat, Stuffing, bounds};

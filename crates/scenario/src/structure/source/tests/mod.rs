@@ -7,7 +7,7 @@ mod urdf;
 
 use std::path::{Path, PathBuf};
 
-use crate::scenario::{Scenario, ScenarioError};
+use crate::{Scenario, ScenarioError};
 
 fn examples() -> PathBuf {
     Path::new(env!("CARGO_MANIFEST_DIR")).join("../../examples/structures")

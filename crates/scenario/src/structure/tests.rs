@@ -1,6 +1,6 @@
 //! The structures of sections `[structure]`, and the messages about invalid ones.
 
-use crate::scenario::Scenario;
+use crate::Scenario;
 
 const CHAIN: &str = r#"
 [structure]

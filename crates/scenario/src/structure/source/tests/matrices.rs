@@ -5,7 +5,7 @@ use std::path::Path;
 
 use super::super::npy::square;
 use super::{close, examples, read_in};
-use crate::scenario::Scenario;
+use crate::Scenario;
 
 /// A matrix as NumPy writes it.
 fn npy(shape: &str, numbers: &[f64]) -> Vec<u8> {

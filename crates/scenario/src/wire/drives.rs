@@ -4,7 +4,7 @@ use serde::{Deserialize, Serialize};
 
 use super::WireSection;
 use super::error::WireError;
-use crate::scenario::Scenario;
+use crate::Scenario;
 
 /// For how long a torque is valid if the scenario doesn't say, s.
 pub(super) const TIMEOUT_S: f64 = 0.5;

@@ -3,16 +3,24 @@
 //! Every key has a default, so a scenario states only what it cares about; an unknown key is an error that suggests the
 //! nearest known one. The whole scenario, defaults written out, goes into the recording.
 
+extern crate alloc;
+
 mod abort_limits;
+mod configuration;
+pub mod dbc;
 mod error;
 mod label;
 mod limit;
 mod load;
+pub mod nearest;
 mod network;
 mod provenance;
 pub mod structure;
+pub mod text_file;
+pub mod toml_error;
 pub mod wire;
 
+pub use configuration::Configuration;
 pub use error::ScenarioError;
 pub use network::NetworkSection;
 pub use structure::{StructureKind, StructureSection, StructureSectionError};
@@ -22,7 +30,6 @@ use std::path::Path;
 
 use serde::{Deserialize, Serialize};
 
-use crate::text_file;
 use crate::toml_error::TomlError;
 use resonarm_analysis::modes;
 use resonarm_bench::control::{ControlSpec, Controller, Limited, LimitsSpec, Modelled, OpenLoop, Steered};

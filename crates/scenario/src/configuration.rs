@@ -1,0 +1,44 @@
+//! What a recording says of its run.
+
+use std::collections::BTreeMap;
+
+/// Everything that made the run what it is, as keys and values: scenario, seed, scheme, initial state, protocol hash.
+///
+/// It is written before the first record, so that a killed run has it, and once more at the end.
+#[derive(Clone, Debug, Default, PartialEq, Eq)]
+pub struct Configuration(BTreeMap<String, String>);
+
+impl Configuration {
+    /// An empty configuration.
+    pub fn new() -> Configuration {
+        Configuration::default()
+    }
+
+    /// The configuration with `key` set to `value`, which may be a whole document (TOML, JSON).
+    #[must_use]
+    pub fn with(mut self, key: impl Into<String>, value: impl ToString) -> Configuration {
+        self.0.insert(key.into(), value.to_string());
+        self
+    }
+
+    /// The value of `key`, if it is set.
+    pub fn get(&self, key: &str) -> Option<&str> {
+        self.0.get(key).map(String::as_str)
+    }
+
+    /// Keys and values, in order of the keys.
+    pub fn iter(&self) -> impl Iterator<Item = (&str, &str)> {
+        self.0.iter().map(|(key, value)| (key.as_str(), value.as_str()))
+    }
+
+    /// All of it.
+    pub const fn entries(&self) -> &BTreeMap<String, String> {
+        &self.0
+    }
+}
+
+impl From<BTreeMap<String, String>> for Configuration {
+    fn from(entries: BTreeMap<String, String>) -> Configuration {
+        Configuration(entries)
+    }
+}
