@@ -13,8 +13,8 @@
 use nalgebra::{Matrix2, Vector2};
 
 use super::angle::{Angle, Turn};
+use super::coefficients::Coefficients;
 use super::external::External;
-use super::kernel::Coefficients;
 use super::{Arm, ArmError, InverseDynamics, Load, State};
 use crate::integrate::{Motion, Rates};
 use crate::real::Real;

@@ -1,11 +1,11 @@
 //! Explicit steps of the arm, with formulas of its own.
 
 use super::Load;
+use super::coefficients::Coefficients;
 use super::external::External;
-use super::kernel::Coefficients;
 use crate::integrate::Motion;
-use crate::integrate::dop853::DOP853;
-use crate::integrate::explicit::{Rk4Step, Tableau, step_by};
+use crate::integrate::explicit::{Rk4Step, step_by};
+use crate::integrate::tableau::{DOP853, Tableau};
 use crate::real::Real;
 
 /// One step of the classical method (as of its tableau): nodes 0, ½, ½, 1, each stage from the slope before it alone,

@@ -12,7 +12,7 @@
 
 use super::Load;
 use super::angle::{Angle, Turn};
-use super::kernel::Coefficients;
+use super::coefficients::Coefficients;
 use crate::real::Real;
 
 /// The forces from outside under one load.

@@ -14,6 +14,7 @@
 
 pub(crate) mod angle;
 mod attachment;
+pub(crate) mod coefficients;
 mod dynamics;
 mod energy;
 mod error;
@@ -22,7 +23,7 @@ pub(crate) mod explicit;
 pub(crate) mod external;
 mod gravity;
 mod inverse_dynamics;
-pub(crate) mod kernel;
+mod kernel;
 mod kinematics;
 mod modes;
 mod parameters;
@@ -43,7 +44,7 @@ pub use preset::Preset;
 pub use types::{Load, State};
 
 use attachment::Attached;
-use kernel::Coefficients;
+use coefficients::Coefficients;
 use nalgebra::Vector2;
 
 /// The least det M over a3 (a1 − a3) in the straight arm: Cramer's rule then keeps ten digits of α̈.

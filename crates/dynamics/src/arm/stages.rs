@@ -1,12 +1,12 @@
 //! The arm as a system for the integrators, with its own kernel for the stages of a step.
 
 use super::attachment::{AttachedCoefficients, AttachedExternal};
+use super::coefficients::Coefficients;
 use super::explicit;
 use super::external::External;
-use super::kernel::Coefficients;
 use super::{Arm, Load, State};
-use crate::integrate::dop853::DOP853;
 use crate::integrate::explicit::{Explicit, by_stages};
+use crate::integrate::tableau::DOP853;
 use crate::integrate::{
     Dynamics, Excitation, ExplicitMethod, Jacobian, Motion, Rates, SolveStages, StageEquation, StageLoads, Wide,
 };

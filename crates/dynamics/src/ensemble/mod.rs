@@ -5,12 +5,12 @@
 //! implicit schemes, the default among them, can't run side by side: the number of iterations, the pivots and the
 //! division of a step differ from motion to motion.
 
+use crate::arm::coefficients::Coefficients;
 use crate::arm::explicit;
 use crate::arm::external::External;
-use crate::arm::kernel::Coefficients;
 use crate::arm::{Arm, Load, State};
 use crate::integrate::Motion;
-use crate::integrate::dop853::DOP853;
+use crate::integrate::tableau::DOP853;
 use crate::real::{Lanes, Real};
 
 /// Stages of a step.

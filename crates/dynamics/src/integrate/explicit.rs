@@ -2,24 +2,9 @@
 //!
 //! With y = (x, ẋ) and f = (ẋ, ẍ): kᵢ = f(tₙ + cᵢh, yₙ + h Σⱼ aᵢⱼ kⱼ) and yₙ₊₁ = yₙ + h Σ bᵢ kᵢ.
 
-use super::dop853::DOP853;
-use super::dynamics::Motion;
+use super::motion::Motion;
+use super::tableau::{DOP853, RK4, Tableau};
 use crate::real::Real;
-
-/// The coefficients of a method of S stages; `a` is strictly lower triangular.
-pub(crate) struct Tableau<const S: usize> {
-    pub a: [[f64; S]; S],
-    pub b: [f64; S],
-    pub c: [f64; S],
-}
-
-/// The classical method (W. Kutta, "Beitrag zur näherungsweisen Integration totaler Differentialgleichungen", Z. Math.
-/// Phys. 46 (1901)).
-pub(crate) const RK4: Tableau<4> = Tableau {
-    a: [[0.0; 4], [0.5, 0.0, 0.0, 0.0], [0.0, 0.5, 0.0, 0.0], [0.0, 0.0, 1.0, 0.0]],
-    b: [1.0 / 6.0, 1.0 / 3.0, 1.0 / 3.0, 1.0 / 6.0],
-    c: [0.0, 0.5, 0.5, 1.0],
-};
 
 /// An explicit method for steps of one length.
 #[derive(Clone, Copy, Debug, PartialEq)]

@@ -4,18 +4,20 @@
 //! at all of them (zero-order hold), a sine is exact inside the step.
 
 mod collocation;
-pub(crate) mod dop853;
 mod double_double;
 mod dynamics;
 mod error;
 pub(crate) mod explicit;
 mod exponential;
 mod gauss_legendre;
+mod motion;
 mod scheme;
+pub(crate) mod tableau;
 
-pub use dynamics::{Dynamics, Excitation, Jacobian, Motion, Rates, SolveStages, StageEquation, StageLoads, Wide};
+pub use dynamics::{Dynamics, Excitation, Jacobian, Rates, SolveStages, StageEquation, StageLoads, Wide};
 pub use error::IntegrateError;
 pub use explicit::ExplicitMethod;
+pub use motion::Motion;
 pub use scheme::{Scheme, UnknownScheme};
 
 use alloc::boxed::Box;

@@ -18,8 +18,8 @@
 //! 1997).
 
 use super::MOST_COORDINATES;
-use super::assembly::{Assembly, Body, Dof};
-use super::step::StepError;
+use super::assembly::{Assembly, Body};
+use super::dof::Dof;
 
 /// The coil of a shaker and what its amplifier holds.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -127,17 +127,6 @@ impl Coil {
     /// The force of the blocked armature, N, to which a current that is no state belongs.
     pub(super) fn blocked_n(&self, current_a: f64, velocity_m_s: f64) -> f64 {
         self.force_factor_n_a() * (current_a + self.back_a_s_m() * velocity_m_s)
-    }
-
-    /// Refuses a current that decays faster than `most_1_s`, 1/s.
-    pub(super) fn check_rate(&self, most_1_s: f64) -> Result<(), StepError> {
-        match *self {
-            Coil::Voltage { resistance_ohm, inductance_h: got_h, .. } if got_h > 0.0 => {
-                let least_h = resistance_ohm / most_1_s;
-                if got_h >= least_h { Ok(()) } else { Err(StepError::Coil { got_h, least_h }) }
-            }
-            _ => Ok(()),
-        }
     }
 }
 

@@ -6,12 +6,15 @@ use alloc::string::{String, ToString};
 use alloc::vec;
 use alloc::vec::Vec;
 
+use super::MOST_ELEMENTS;
 use super::chain::{Chain, LinearisedSlices};
+use super::check::{check_ends, check_overlap, check_values};
+use super::dof::{At, Dof};
 use super::element::Element;
 use super::error::StructureError;
 use super::modal::{Modal, shape_name};
 use super::modes::{StructureMode, modes};
-use super::spec::{Axis, BodySpec, Place, StructureSpec};
+use super::spec::{Axis, BodySpec, ElementSpec, Place, StructureSpec};
 
 /// The unit of the coordinates.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -29,28 +32,6 @@ impl CoordinateUnit {
             CoordinateUnit::Radian => "rad",
             CoordinateUnit::MetreRootKilogram => "m·√kg",
         }
-    }
-}
-
-/// A degree of freedom that forces act on and that is read: a place of one [`Assembly`], which makes it.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub struct Dof(pub(super) At);
-
-/// What a [`Dof`] is.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub(super) enum At {
-    /// The end of the first `links` links of a chain, along an axis.
-    Point { links: usize, axis: Axis },
-    /// A joint of a chain, from 0.
-    Joint(usize),
-    /// A shape of a modal structure.
-    Shape(usize),
-}
-
-impl Dof {
-    /// Whether it is an angle, rad, and a torque acts on it, N·m; else it is a displacement, m, with a force, N.
-    pub fn is_angle(self) -> bool {
-        matches!(self.0, At::Joint(_))
     }
 }
 
@@ -141,12 +122,40 @@ impl Assembly {
         };
         let mut assembly =
             Assembly { spec: spec.clone(), body, elements: Vec::new(), element_states: 0, modes: Vec::new() };
-        assembly.elements = super::check::elements(&assembly, &spec.elements)?;
+        assembly.elements = assembly.placed(&spec.elements)?;
         assembly.element_states = assembly.elements.iter().filter(|element| element.state.is_some()).count();
         assembly.modes = modes(&assembly.linear())
             .filter(|modes| modes.iter().all(|mode| mode.frequency_hz.is_finite() && mode.frequency_hz > 0.0))
             .ok_or_else(|| assembly.impossible_frequencies())?;
         Ok(assembly)
+    }
+
+    /// The elements of a specification at their places.
+    fn placed(&self, specs: &[ElementSpec]) -> Result<Vec<Element>, StructureError> {
+        if specs.len() > MOST_ELEMENTS {
+            return Err(StructureError::Count { what: "elements", got: specs.len(), least: 0, most: MOST_ELEMENTS });
+        }
+        let (mut elements, mut states) = (Vec::with_capacity(specs.len()), 0);
+        for (i, spec) in specs.iter().enumerate() {
+            check_values(i + 1, &spec.law)?;
+            let at = self.place(&spec.at)?;
+            let to = spec.to.as_ref().map(|to| self.place(to)).transpose()?;
+            for (end, place) in [(Some(at), Some(&spec.at)), (to, spec.to.as_ref())] {
+                if let (Some(end), Some(place)) = (end, place)
+                    && self.is_fixed(end)
+                {
+                    return Err(StructureError::Fixed { element: i + 1, place: place.name() });
+                }
+            }
+            if let (Some(other), Some(place)) = (to, &spec.to) {
+                check_ends(i + 1, [&spec.at, place], at.is_angle() != other.is_angle(), at == other)?;
+            }
+            let state = spec.law.has_state().then_some(states);
+            states += usize::from(state.is_some());
+            elements.push(Element { law: spec.law, at, to, state });
+            check_overlap(specs, i)?;
+        }
+        Ok(elements)
     }
 
     /// From the smallest and largest ratio of the diagonals of K and M, since the modes are not known.
@@ -234,7 +243,7 @@ impl Assembly {
     /// [`StructureError::UnknownPlace`], [`StructureError::UnknownJoint`], [`StructureError::NoJoints`].
     pub fn place(&self, place: &Place) -> Result<Dof, StructureError> {
         match (place, &self.body) {
-            (Place::Dof { .. }, _) => self.dof(&place_name(place)),
+            (Place::Dof { .. }, _) => self.dof(&place.name()),
             (&Place::Joint(got), Body::Modal(_)) => Err(StructureError::NoJoints { got }),
             (&Place::Joint(joint), Body::Chain(chain)) if (1..=chain.n).contains(&joint) => {
                 Ok(Dof(At::Joint(joint - 1)))
@@ -445,13 +454,5 @@ fn chain_dof(n: usize, name: &str) -> Option<At> {
             let axis = [Axis::X, Axis::Y].into_iter().find(|known| known.name() == axis)?;
             point(start).map(|links| At::Point { links, axis })
         }
-    }
-}
-
-/// A place in words.
-pub(super) fn place_name(place: &Place) -> String {
-    match place {
-        Place::Dof { point, axis } => format!("{point}.{axis}"),
-        Place::Joint(joint) => format!("joint {joint}"),
     }
 }

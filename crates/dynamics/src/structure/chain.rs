@@ -70,6 +70,14 @@ impl Turned {
     }
 }
 
+/// N links in motion: turns from rest, sines and cosines of the angles, rates of turn.
+pub(super) struct Moving<T, const N: usize> {
+    pub turn: [Turn<T>; N],
+    pub sine: [T; N],
+    pub cosine: [T; N],
+    pub rate: [T; N],
+}
+
 /// φ = T q of the first n.
 fn summed(q: &[f64]) -> PerLink {
     let (mut sums, mut sum) = ([0.0; MOST_LINKS], 0.0);

@@ -1,11 +1,7 @@
 //! The checks of elements.
 
 use alloc::format;
-use alloc::vec::Vec;
 
-use super::MOST_ELEMENTS;
-use super::assembly::{Assembly, place_name};
-use super::element::Element;
 use super::error::StructureError;
 use super::spec::{ElementSpec, Law, Place, Side};
 
@@ -17,38 +13,11 @@ enum Range {
     Positive,
 }
 
-/// The elements of a specification at their places.
-pub(super) fn elements(of: &Assembly, specs: &[ElementSpec]) -> Result<Vec<Element>, StructureError> {
-    if specs.len() > MOST_ELEMENTS {
-        return Err(StructureError::Count { what: "elements", got: specs.len(), least: 0, most: MOST_ELEMENTS });
-    }
-    let (mut elements, mut states) = (Vec::with_capacity(specs.len()), 0);
-    for (i, spec) in specs.iter().enumerate() {
-        check_values(i + 1, &spec.law)?;
-        let at = of.place(&spec.at)?;
-        let to = spec.to.as_ref().map(|to| of.place(to)).transpose()?;
-        for (end, place) in [(Some(at), Some(&spec.at)), (to, spec.to.as_ref())] {
-            if let (Some(end), Some(place)) = (end, place)
-                && of.is_fixed(end)
-            {
-                return Err(StructureError::Fixed { element: i + 1, place: place_name(place) });
-            }
-        }
-        if let (Some(other), Some(place)) = (to, &spec.to) {
-            check_ends(i + 1, [&spec.at, place], at.is_angle() != other.is_angle(), at == other)?;
-        }
-        let state = spec.law.has_state().then_some(states);
-        states += usize::from(state.is_some());
-        elements.push(Element { law: spec.law, at, to, state });
-        check_overlap(specs, i)?;
-    }
-    Ok(elements)
-}
-
-fn check_ends(element: usize, [at, to]: [&Place; 2], mixed: bool, same: bool) -> Result<(), StructureError> {
-    let at = place_name(at);
+/// Refuses an element whose ends have different units, or are one place.
+pub(super) fn check_ends(element: usize, [at, to]: [&Place; 2], mixed: bool, same: bool) -> Result<(), StructureError> {
+    let at = at.name();
     if mixed {
-        return Err(StructureError::MixedEnds { element, at, to: place_name(to) });
+        return Err(StructureError::MixedEnds { element, at, to: to.name() });
     }
     if same { Err(StructureError::SameEnds { element, at }) } else { Ok(()) }
 }
@@ -66,14 +35,14 @@ fn sides(law: &Law) -> &'static [Side] {
 }
 
 /// Refuses an element that touches where one before it does.
-fn check_overlap(specs: &[ElementSpec], second: usize) -> Result<(), StructureError> {
+pub(super) fn check_overlap(specs: &[ElementSpec], second: usize) -> Result<(), StructureError> {
     let own = &specs[second];
     let meets = |other: &ElementSpec| {
         other.at == own.at && other.to == own.to && sides(&other.law).iter().any(|side| sides(&own.law).contains(side))
     };
     match specs[..second].iter().position(meets) {
         Some(first) => {
-            let at = place_name(&own.at);
+            let at = own.at.name();
             Err(StructureError::Overlap { first: first + 1, second: second + 1, at })
         }
         None => Ok(()),
@@ -81,7 +50,7 @@ fn check_overlap(specs: &[ElementSpec], second: usize) -> Result<(), StructureEr
 }
 
 /// Checks that such a law can exist.
-fn check_values(element: usize, law: &Law) -> Result<(), StructureError> {
+pub(super) fn check_values(element: usize, law: &Law) -> Result<(), StructureError> {
     use Range::{Finite, NotNegative, Positive};
     let refuse = |name: &'static str, got: f64, expected: &'static str| {
         Err(StructureError::Value { part: format!("element {element}, {}", law.name()), name, got, expected })

@@ -3,7 +3,7 @@
 //! On each [`Branch`] a law is an analytic function, which holds a little beyond the branch too: what an integrator
 //! needs that makes a step with the branch frozen and then looks for where it ends, where a *margin* becomes negative.
 
-use super::assembly::Dof;
+use super::dof::Dof;
 use super::spec::{Law, Side};
 
 /// The part of its law that an element is on.

@@ -14,7 +14,7 @@
 use alloc::vec::Vec;
 use core::array;
 
-use super::chain::{Chain, LinearisedSlices};
+use super::chain::{Chain, LinearisedSlices, Moving};
 use super::smooth::SmoothElement;
 use super::{Assembly, MOST_LINKS};
 use crate::arm::angle::{Angle, Turn, within_reach};
@@ -82,14 +82,6 @@ struct Kernel<T, const N: usize> {
     damping: [T; N],
     weight_nm: [T; N],
     rest: [Angle<T>; N],
-}
-
-/// The links in motion: turns from rest, sines and cosines of the angles, rates of turn.
-pub(super) struct Moving<T, const N: usize> {
-    pub turn: [Turn<T>; N],
-    pub sine: [T; N],
-    pub cosine: [T; N],
-    pub rate: [T; N],
 }
 
 /// Sums from the first entry on.

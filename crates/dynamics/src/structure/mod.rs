@@ -18,6 +18,7 @@ mod armature;
 mod assembly;
 mod chain;
 mod check;
+mod dof;
 mod element;
 mod error;
 mod links;
@@ -28,7 +29,8 @@ mod spec;
 mod step;
 
 pub use armature::{Armature, ArmatureMotion, Coil};
-pub use assembly::{Assembly, CoordinateUnit, Dof, Linear, Linearised};
+pub use assembly::{Assembly, CoordinateUnit, Linear, Linearised};
+pub use dof::Dof;
 pub use element::{Branch, Element, Reaction, StateRate};
 pub use error::StructureError;
 pub use modes::StructureMode;

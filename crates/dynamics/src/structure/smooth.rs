@@ -1,9 +1,8 @@
 //! Smooth elements of a chain, for one motion or the four stages of a step.
 
-use super::assembly::{At, Dof};
-use super::chain::Chain;
+use super::chain::{Chain, Moving};
+use super::dof::{At, Dof};
 use super::element::{Branch, Element};
-use super::links::Moving;
 use super::spec::{Axis, Law};
 use crate::arm::angle::Angle;
 use crate::integrate::Motion;

@@ -1,5 +1,6 @@
 //! What a structure is made of, as a scenario says it; [`Assembly::new`](super::Assembly::new) checks it.
 
+use alloc::format;
 use alloc::string::String;
 use alloc::vec::Vec;
 use core::fmt;
@@ -255,6 +256,16 @@ pub enum Place {
     },
     /// At a joint of a chain, about it; joint 1 is at the base.
     Joint(usize),
+}
+
+impl Place {
+    /// In words: `tip.x`, `joint 2`.
+    pub(super) fn name(&self) -> String {
+        match self {
+            Place::Dof { point, axis } => format!("{point}.{axis}"),
+            Place::Joint(joint) => format!("joint {joint}"),
+        }
+    }
 }
 
 /// A point element.

@@ -6,8 +6,9 @@ use core::array;
 
 use super::{Engine, StateRef, StepError, StepLoad};
 use crate::integrate::{Dynamics, Excitation, IntegrateError, Integrator, Motion, Scheme};
-use crate::structure::assembly::{Assembly, At, Dof};
+use crate::structure::assembly::Assembly;
 use crate::structure::chain::Chain;
+use crate::structure::dof::{At, Dof};
 use crate::structure::links::{Links, LinksLoad};
 use crate::structure::spec::Axis;
 

@@ -17,7 +17,8 @@ use alloc::vec::Vec;
 
 use super::{Engine, StateRef, StepError, StepLoad, rows};
 use crate::structure::MOST_MODES;
-use crate::structure::assembly::{Assembly, Dof};
+use crate::structure::assembly::Assembly;
+use crate::structure::dof::Dof;
 use crate::structure::modal::Modal;
 
 /// The constants of the flow of a mode.

@@ -1,15 +1,13 @@
 //! Where a margin becomes negative inside a part of a step.
 
-use super::piecewise::State;
-
 /// The most trials: the bracket shrinks by more than half in every three, so that it then is rounding.
 const MOST_TRIALS: u32 = 160;
 /// The bracket, relative to the part, at which the switch is located.
 const RELATIVE_BRACKET: f64 = 4.0 * f64::EPSILON;
 
-/// The end of a part.
-pub(super) struct Located {
-    pub state: State,
+/// The end of a part, with the state S there.
+pub(super) struct Located<S> {
+    pub state: S,
     /// Its length, s.
     pub after_s: f64,
 }
@@ -21,7 +19,7 @@ pub(super) struct Located {
 /// False position with the ordinate of an end that stays halved (M. Dowell, P. Jarratt, "A Modified Regula Falsi Method
 /// for Computing the Root of an Equation", BIT 11 (1971), who call it the Illinois algorithm); a step that doesn't
 /// halve the bracket in three trials bisects.
-pub(super) fn locate(h_s: f64, before: f64, trial: impl Fn(f64) -> (State, f64)) -> Located {
+pub(super) fn locate<S>(h_s: f64, before: f64, trial: impl Fn(f64) -> (S, f64)) -> Located<S> {
     let (mut state, margin) = trial(h_s);
     let (mut low, mut high) = ((0.0, before), (h_s, margin));
     if margin >= 0.0 || !margin.is_finite() {

@@ -24,8 +24,9 @@ use alloc::boxed::Box;
 use alloc::vec::Vec;
 use core::fmt;
 
-use super::armature::{Armature, ArmatureMotion};
-use super::assembly::{Assembly, Body, Dof};
+use super::armature::{Armature, ArmatureMotion, Coil};
+use super::assembly::{Assembly, Body};
+use super::dof::Dof;
 use super::element::Branch;
 use crate::integrate::Scheme;
 
@@ -312,4 +313,15 @@ fn rows(assembly: &Assembly, dofs: &[Dof]) -> Vec<f64> {
         assembly.direction(*dof, &rest[..n], row);
     }
     rows
+}
+
+/// Refuses a coil whose current decays faster than `most_1_s`, 1/s.
+fn check_coil(coil: &Coil, most_1_s: f64) -> Result<(), StepError> {
+    match *coil {
+        Coil::Voltage { resistance_ohm, inductance_h: got_h, .. } if got_h > 0.0 => {
+            let least_h = resistance_ohm / most_1_s;
+            if got_h >= least_h { Ok(()) } else { Err(StepError::Coil { got_h, least_h }) }
+        }
+        _ => Ok(()),
+    }
 }

@@ -17,14 +17,14 @@ use alloc::vec::Vec;
 use core::f64::consts::TAU;
 
 use super::locate::{Located, locate};
-use super::{Engine, StateRef, StepError, StepLoad, rows};
-use crate::integrate::dop853::DOP853;
+use super::{Engine, StateRef, StepError, StepLoad, check_coil, rows};
+use crate::integrate::tableau::DOP853;
 use crate::structure::armature::Armature;
-use crate::structure::assembly::{Assembly, Body, Dof};
+use crate::structure::assembly::{Assembly, Body};
 use crate::structure::element::{Branch, Element, Margin};
 use crate::structure::modes::{cholesky, solve_cholesky};
 use crate::structure::spec::Law;
-use crate::structure::{MOST_COORDINATES, MOST_ELEMENTS};
+use crate::structure::{Dof, MOST_COORDINATES, MOST_ELEMENTS};
 
 /// The largest ωh of a part: the method then has a relative frequency error of 4e-11 and a damping ratio of 6e-12.
 const PHASE_RAD: f64 = 0.4;
@@ -45,12 +45,12 @@ const DIP: f64 = 1e-3;
 
 /// The state of a structure with elements.
 #[derive(Clone, Copy, Debug)]
-pub(super) struct State {
-    pub q: [f64; MOST_COORDINATES],
-    pub v: [f64; MOST_COORDINATES],
-    pub z: [f64; MOST_ELEMENTS],
+struct State {
+    q: [f64; MOST_COORDINATES],
+    v: [f64; MOST_COORDINATES],
+    z: [f64; MOST_ELEMENTS],
     /// In the coil of a shaker, A.
-    pub current_a: f64,
+    current_a: f64,
 }
 
 /// Its rate but for q̇, which is v.
@@ -127,7 +127,7 @@ pub(super) fn engine(
         *branch = element.branch(0.0, 0.0, 0.0);
     }
     if let Some(armature) = armature {
-        armature.coil.check_rate(f64::from(MOST_PARTS) * COIL_DECAY / stepped.step_s)?;
+        check_coil(&armature.coil, f64::from(MOST_PARTS) * COIL_DECAY / stepped.step_s)?;
     }
     stepped.parts(0.0, stepped.step_s, &stepped.state)?;
     Ok(Box::new(stepped))

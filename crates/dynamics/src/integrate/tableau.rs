@@ -1,9 +1,23 @@
-//! Coefficients of the method of order 8 of Dormand and Prince, as E. Hairer, S. P. Nørsett and G. Wanner give them in
-//! their code DOP853 ("Solving Ordinary Differential Equations I", 2nd edition 1993, section II.5).
+//! The coefficients of the explicit methods.
 
-use super::explicit::Tableau;
+/// The coefficients of a method of S stages; `a` is strictly lower triangular.
+pub(crate) struct Tableau<const S: usize> {
+    pub a: [[f64; S]; S],
+    pub b: [f64; S],
+    pub c: [f64; S],
+}
 
-/// Twelve stages, order 8. Row i of `a` weights the slopes that stage i starts from.
+/// The classical method (W. Kutta, "Beitrag zur näherungsweisen Integration totaler Differentialgleichungen", Z. Math.
+/// Phys. 46 (1901)).
+pub(crate) const RK4: Tableau<4> = Tableau {
+    a: [[0.0; 4], [0.5, 0.0, 0.0, 0.0], [0.0, 0.5, 0.0, 0.0], [0.0, 0.0, 1.0, 0.0]],
+    b: [1.0 / 6.0, 1.0 / 3.0, 1.0 / 3.0, 1.0 / 6.0],
+    c: [0.0, 0.5, 0.5, 1.0],
+};
+
+/// The method of order 8 of Dormand and Prince, twelve stages, as E. Hairer, S. P. Nørsett and G. Wanner give it in their
+/// code DOP853 ("Solving Ordinary Differential Equations I", 2nd edition 1993, section II.5). Row i of `a` weights the
+/// slopes that stage i starts from.
 pub(crate) const DOP853: Tableau<12> = Tableau {
     a: [
         row(&[]),

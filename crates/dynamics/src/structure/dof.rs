@@ -1,0 +1,25 @@
+//! The degrees of freedom of a structure: where forces act on it and where it is read.
+
+use super::spec::Axis;
+
+/// A degree of freedom that forces act on and that is read: a place of one [`Assembly`](super::Assembly), which makes it.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Dof(pub(super) At);
+
+/// What a [`Dof`] is.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(super) enum At {
+    /// The end of the first `links` links of a chain, along an axis.
+    Point { links: usize, axis: Axis },
+    /// A joint of a chain, from 0.
+    Joint(usize),
+    /// A shape of a modal structure.
+    Shape(usize),
+}
+
+impl Dof {
+    /// Whether it is an angle, rad, and a torque acts on it, N·m; else it is a displacement, m, with a force, N.
+    pub fn is_angle(self) -> bool {
+        matches!(self.0, At::Joint(_))
+    }
+}
