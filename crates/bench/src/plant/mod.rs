@@ -9,6 +9,7 @@
 //! at once would lag the rest by half a period, an error of up to some per cent in a frequency response.
 
 mod assembly_steps;
+mod driven;
 mod driven_arm;
 mod sampling;
 mod shaken;
@@ -23,6 +24,7 @@ use thiserror::Error;
 
 use crate::rig::{Exciter, GateSpec, Measurement, Rig, RigError, RigSpec, ShakerLimit};
 use crate::structure::{Kind, LOADS, MOST_STATES, OUTPUTS, States, Structure, StructureError};
+use driven::Driven;
 use driven_arm::DrivenArm;
 use resonarm_dynamics::arm::{Arm, ArmError, Load, Parameters, Pose, State};
 use resonarm_dynamics::integrate::{IntegrateError, Scheme};
@@ -30,7 +32,6 @@ use resonarm_dynamics::structure::StepError;
 use resonarm_numeric::number::{rounded, short};
 pub use sampling::PointMotion;
 pub use shaken::ShakerAcross;
-use stepped::Driven;
 pub use stepped::{Loads, Stepped};
 pub use tested::{Placed, Places, ReadDof, TestedAssembly};
 

@@ -16,7 +16,6 @@ use alloc::vec::Vec;
 use super::RigError;
 use super::fault::Fault;
 use super::filter::Section;
-use super::sensor::Reading;
 use resonarm_numeric::noise::Noise;
 
 /// The longest delay, samples.
@@ -52,6 +51,23 @@ pub(super) struct ChainSpec {
     pub highpass_hz: Option<f64>,
     pub lowpass_hz: Option<f64>,
     pub delay_samples: Option<u32>,
+}
+
+/// The reading of one axis.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct Reading {
+    /// The value, in the sensor's unit.
+    pub value: f64,
+    /// Whether the reading, noise included, was beyond the converter's range, so that the value is the last count
+    /// within it.
+    pub clipped: bool,
+}
+
+impl Reading {
+    /// The value, unless it was clipped.
+    pub fn within_range(&self) -> Option<f64> {
+        (!self.clipped).then_some(self.value)
+    }
 }
 
 /// A two-axis instrument.

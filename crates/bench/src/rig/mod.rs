@@ -11,12 +11,13 @@ mod place;
 mod sensor;
 mod shaker;
 
+pub use chain::Reading;
 pub use converter::{Converter, Sampling};
 pub use exciter::{Exciter, ExciterSpec, RigError};
 pub use fault::{FaultAxis, FaultKind, FaultSpec, InstrumentName, MOST_FAULTS};
 pub use gate::GateSpec;
 pub use place::PlaceName;
-pub use sensor::{AccelerometerSpec, ForceSensorSpec, Reading};
+pub use sensor::{AccelerometerSpec, ForceSensorSpec};
 pub use shaker::{Amplifier, ShakerLimit, ShakerSpec};
 
 use alloc::vec::Vec;

@@ -1,26 +1,9 @@
-//! Specifications of instruments in a scenario, and their readings.
+//! Specifications of instruments in a scenario.
 
 use serde::{Deserialize, Deserializer, Serialize, Serializer};
 
 use super::chain::{ChainSpec, Instrument, Keys};
 use super::{PlaceName, RigError};
-
-/// The reading of one axis.
-#[derive(Clone, Copy, Debug, Default, PartialEq)]
-pub struct Reading {
-    /// The value, in the sensor's unit.
-    pub value: f64,
-    /// Whether the reading, noise included, was beyond the converter's range, so that the value is the last count
-    /// within it.
-    pub clipped: bool,
-}
-
-impl Reading {
-    /// The value, unless it was clipped.
-    pub fn within_range(&self) -> Option<f64> {
-        (!self.clipped).then_some(self.value)
-    }
-}
 
 /// A two-axis accelerometer with conditioner and converter, its axes along x and y of the base frame.
 ///

@@ -1,0 +1,214 @@
+//! A structure that is stepped, with an ideal exciter or a shaker, and converters.
+
+use alloc::boxed::Box;
+use alloc::vec;
+use alloc::vec::Vec;
+
+use super::assembly_steps::AssemblySteps;
+use super::sampling::{Filter, PointMotion, Sums};
+use super::shaken::Shaken;
+use super::stepped::{Loads, Stepped};
+use super::tested::TestedAssembly;
+use super::{PlantSpec, PlantSpecError, write};
+use crate::rig::Measurement;
+use crate::structure::{Channel, LOADS, OUTPUTS, Structure, StructureError};
+
+/// What makes the steps, by what drives it.
+#[derive(Clone, Debug)]
+enum Steps {
+    /// An ideal exciter.
+    Ideal(Box<dyn Stepped>),
+    /// A shaker.
+    Shaken(Box<Shaken>),
+}
+
+impl Steps {
+    fn of(&self) -> &dyn Stepped {
+        match self {
+            Steps::Ideal(steps) => &**steps,
+            Steps::Shaken(shaken) => &shaken.steps,
+        }
+    }
+
+    fn of_mut(&mut self) -> &mut dyn Stepped {
+        match self {
+            Steps::Ideal(steps) => &mut **steps,
+            Steps::Shaken(shaken) => &mut shaken.steps,
+        }
+    }
+}
+
+/// The structure at a sample.
+#[derive(Clone, Debug)]
+pub(super) struct Driven {
+    steps: Steps,
+    steps_per_sample: u32,
+    step_s: f64,
+    filter: Option<Filter>,
+    /// The converters' last samples: head x, y; B x, y; C x, y.
+    sampled: [f64; Measurement::CHANNELS],
+    sums: Sums,
+    /// The state at the start of a hold, to which a hold that can't be finished returns.
+    before: Vec<f64>,
+}
+
+/// The integration step, s.
+fn step_s(spec: &PlantSpec) -> f64 {
+    1.0 / (spec.sample_rate_hz * f64::from(spec.steps_per_sample))
+}
+
+impl Driven {
+    /// The structure of a valid specification with an ideal exciter, in its state at sample 0.
+    pub fn new(spec: &PlantSpec, steps: Box<dyn Stepped>) -> Result<Driven, PlantSpecError> {
+        Driven::of(spec, Steps::Ideal(steps), f64::INFINITY)
+    }
+
+    /// The structure of a valid specification, with its shaker if it has one, at sample 0.
+    pub fn assembly(spec: &PlantSpec, tested: &TestedAssembly) -> Result<Driven, PlantSpecError> {
+        match spec.rig.shaker {
+            None => Driven::new(spec, Box::new(AssemblySteps::new(spec, tested)?)),
+            Some(shaker) => {
+                let shaken = Shaken::new(spec, tested, shaker, step_s(spec))?;
+                let decay = shaken.decay();
+                Driven::of(spec, Steps::Shaken(Box::new(shaken)), decay)
+            }
+        }
+    }
+
+    fn of(spec: &PlantSpec, steps: Steps, decay: f64) -> Result<Driven, PlantSpecError> {
+        super::check_steps_per_sample(spec.steps_per_sample)?;
+        let step_s = step_s(spec);
+        let mut driven = Driven {
+            steps_per_sample: spec.steps_per_sample,
+            step_s,
+            filter: Filter::new(spec, step_s, decay),
+            sampled: [0.0; Measurement::CHANNELS],
+            sums: Sums::default(),
+            before: vec![0.0; steps.of().states().len()],
+            steps,
+        };
+        driven.settle()?;
+        Ok(driven)
+    }
+
+    /// The converters as if they had always sampled the outputs at the state without a load.
+    fn settle(&mut self) -> Result<(), StructureError> {
+        let none = [0.0; LOADS.len()];
+        self.sampled = match &self.steps {
+            Steps::Ideal(steps) => Self::instant(&steps.points(0.0, &none)?, &none),
+            Steps::Shaken(shaken) => shaken.instant(&none),
+        };
+        self.sums = self.filter.as_ref().map(|filter| filter.settled(&self.sampled)).unwrap_or_default();
+        Ok(())
+    }
+
+    /// What the outputs are at an instant: with an ideal exciter the head reads the force.
+    fn instant(at: &PointMotion, [_, _, fx, fy]: &Loads) -> [f64; Measurement::CHANNELS] {
+        let [b, c] = at.acceleration_m_s2;
+        [*fx, *fy, b.x, b.y, c.x, c.y]
+    }
+
+    /// Makes the steps of a hold.
+    fn hold(&mut self, time_s: f64, loads: &Loads) -> Result<(), StructureError> {
+        let (mut sums, mut sampled) = (self.sums, self.sampled);
+        let steps = match &mut self.steps {
+            Steps::Ideal(steps) => steps,
+            Steps::Shaken(shaken) => {
+                let filter = self.filter.as_ref();
+                sampled = shaken.hold((time_s, self.steps_per_sample), loads, (filter, &mut sums))?;
+                self.gather(sums, sampled);
+                return Ok(());
+            }
+        };
+        let mut start = self.filter.as_ref().map(|_| steps.points(time_s, loads)).transpose()?;
+        for part in 0..self.steps_per_sample {
+            let t_s = time_s + f64::from(part) * self.step_s;
+            steps.advance(t_s, loads)?;
+            let end_s = t_s + self.step_s;
+            if let (Some(filter), Some(from)) = (&self.filter, start) {
+                let ended = steps.points(end_s, loads)?;
+                let from = if part == 0 { steps.begins(&from, &ended, self.step_s) } else { from };
+                filter.add_held(&mut sums, part as usize, &from, &ended, [loads[2], loads[3]]);
+                start = Some(ended);
+            } else if 2 * (part + 1) == self.steps_per_sample {
+                sampled = Self::instant(&steps.points(end_s, loads)?, loads);
+            }
+        }
+        self.gather(sums, sampled);
+        Ok(())
+    }
+
+    /// Ends a hold with the sums of the filter, or with what was sampled without one.
+    fn gather(&mut self, mut sums: Sums, sampled: [f64; Measurement::CHANNELS]) {
+        self.sampled = if self.filter.is_some() { Filter::read(&mut sums) } else { sampled };
+        self.sums = sums;
+    }
+}
+
+impl Structure for Driven {
+    fn inputs(&self) -> &[Channel] {
+        &LOADS
+    }
+
+    fn outputs(&self) -> &[Channel] {
+        &OUTPUTS
+    }
+
+    fn states(&self) -> &[Channel] {
+        self.steps.of().states()
+    }
+
+    fn saved_len(&self) -> usize {
+        self.states().len() + OUTPUTS.len() + if self.filter.is_some() { self.sums.as_flattened().len() } else { 0 }
+    }
+
+    fn advance(&mut self, time_s: f64, inputs: &[f64]) -> Result<(), StructureError> {
+        let wrong = |_| StructureError::Inputs { got: inputs.len(), expected: LOADS.len() };
+        let loads: Loads = inputs.try_into().map_err(wrong)?;
+        self.steps.of().save(&mut self.before);
+        let held = self.hold(time_s, &loads);
+        if held.is_err() {
+            self.steps.of_mut().restore(&self.before)?;
+        }
+        held
+    }
+
+    fn sense(&self, outputs: &mut [f64]) {
+        write(outputs, &self.sampled);
+    }
+
+    fn save(&self, saved: &mut [f64]) {
+        let (states, rest) = saved.split_at_mut(self.states().len().min(saved.len()));
+        if states.len() == self.states().len() {
+            self.steps.of().save(states);
+            let rest = write(rest, &self.sampled);
+            write(rest, self.sums.as_flattened());
+        }
+    }
+
+    fn restore(&mut self, saved: &[f64]) -> Result<(), StructureError> {
+        let (states, all) = (self.states().len(), self.saved_len());
+        let got = saved.iter().position(|number| !number.is_finite()).unwrap_or(saved.len());
+        if got != saved.len() || (got != states && got != all) {
+            return Err(StructureError::Saved { got, states, all });
+        }
+        let (states, rest) = saved.split_at(states);
+        self.steps.of_mut().restore(states)?;
+        match rest.split_first_chunk() {
+            Some((sampled, sums)) => {
+                self.sampled = *sampled;
+                write(self.sums.as_flattened_mut(), sums);
+                Ok(())
+            }
+            None => self.settle(),
+        }
+    }
+
+    fn travel_m(&self) -> f64 {
+        self.steps.of().travel_m()
+    }
+
+    fn boxed_clone(&self) -> Box<dyn Structure> {
+        Box::new(self.clone())
+    }
+}
