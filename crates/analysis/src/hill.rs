@@ -24,7 +24,7 @@ use core::f64::consts::TAU;
 use nalgebra::{Complex, Matrix2, Matrix4, Vector2};
 
 use super::dense::Lu;
-use super::floquet::eigenvalues;
+use super::eigenvalues::eigenvalues;
 
 /// Frequencies on each side of a mode's: the smallest sufficient of these numbers.
 const WIDTHS: [usize; 4] = [4, 8, 16, 32];

@@ -18,6 +18,7 @@ pub mod continuation;
 mod curve;
 mod dense;
 mod detect;
+mod eigenvalues;
 mod error;
 mod extended;
 mod floquet;

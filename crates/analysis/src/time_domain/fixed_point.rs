@@ -2,7 +2,7 @@
 
 use nalgebra::{DMatrix, DVector};
 
-use super::map::Strobe;
+use super::map::{Strobe, size};
 use resonarm_numeric::linear_solve::solve;
 
 /// Newton's limit: where it converges it needs three to six iterations.
@@ -31,11 +31,6 @@ pub(crate) struct FixedPoint {
     pub largest_multiplier: f64,
     /// Q = Σ (Mᵀ)ʲ Mʲ over j ≥ 0.
     norm: DMatrix<f64>,
-}
-
-/// The size of a motion, the reference of relative distances; the floor is for a system at rest.
-pub(super) fn size(point: &DVector<f64>) -> f64 {
-    point.norm().max(1e-12)
 }
 
 impl FixedPoint {

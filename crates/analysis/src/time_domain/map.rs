@@ -5,11 +5,15 @@ use alloc::vec::Vec;
 use nalgebra::{DMatrix, DVector};
 
 use super::TimeDomainError;
-use super::fixed_point::size;
 
 /// Difference for the map's derivative, relative to the motion's size: the error of central differences, its square
 /// times a sixth of the third derivative, and the rounding, 1e-16 over it, are then both near 1e-11.
 const DIFFERENCE: f64 = 3e-5;
+
+/// The size of a motion, the reference of relative distances; the floor is for a system at rest.
+pub(super) fn size(point: &DVector<f64>) -> f64 {
+    point.norm().max(1e-12)
+}
 
 /// A forced system seen once a period of the excitation, always at phase 0.
 pub(crate) trait Strobe {

@@ -5,11 +5,13 @@ use core::f64::consts::TAU;
 
 use nalgebra::Complex;
 
-use super::settle::UNSETTLED_PERIODS;
 use super::{StroboscopicMap, TimeDomainError};
 use crate::Readings;
 use crate::readings::Sums;
 use resonarm_dynamics::arm::State;
+
+/// Periods over which an unsettled motion is measured.
+pub(crate) const UNSETTLED_PERIODS: u32 = 64;
 
 /// The measurements of a motion.
 pub(super) struct Measured {

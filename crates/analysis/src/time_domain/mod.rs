@@ -35,7 +35,8 @@ pub(crate) use basins::{REACH, WINDOW};
 pub(crate) use fates::{Attractor, fates};
 pub(crate) use fixed_point::FixedPoint;
 pub(crate) use map::Strobe;
-pub(crate) use settle::{UNSETTLED_PERIODS, follow};
+pub(crate) use measure::UNSETTLED_PERIODS;
+pub(crate) use settle::follow;
 pub(crate) use strobe::{MOST_STEPS, steps_in_period};
 pub(crate) use sweep::STEPS;
 

@@ -5,9 +5,9 @@ use alloc::vec::Vec;
 
 use nalgebra::DVector;
 
-use super::fixed_point::{FixedPoint, size};
-use super::map::Strobe;
-use super::measure::measure;
+use super::fixed_point::FixedPoint;
+use super::map::{Strobe, size};
+use super::measure::{UNSETTLED_PERIODS, measure};
 use super::{StroboscopicMap, TimeDomainError};
 use resonarm_dynamics::arm::State;
 
@@ -21,8 +21,6 @@ pub(super) const CLOSURE: f64 = 1e-9;
 const FAR: f64 = 1e3;
 /// The return after n periods must be this much nearer than the one after 1 to look for a motion of n periods.
 const NEARER: f64 = 0.5;
-/// Periods over which an unsettled motion is measured.
-pub(crate) const UNSETTLED_PERIODS: u32 = 64;
 
 /// How long to wait, and what to keep.
 #[derive(Clone, Copy, Debug, PartialEq)]
