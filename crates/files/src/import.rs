@@ -13,6 +13,7 @@ mod index;
 mod loads;
 mod rows;
 mod wire;
+mod wire_import;
 
 use std::fs;
 use std::path::{Path, PathBuf};
@@ -31,7 +32,7 @@ use crate::staged::{file_kind, same_file};
 
 use drives::DriveGatherer;
 use wire::Gatherer;
-pub use wire::{Missing, WireImport};
+pub use wire_import::{Missing, WireImport};
 
 /// The key in a recording's configuration of the log that it was imported from.
 pub const IMPORTED_FROM: &str = "imported_from";

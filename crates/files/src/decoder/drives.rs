@@ -1,7 +1,8 @@
 //! Frames of CANopen drives explained (CiA 301, CiA 402-2).
 
 use super::check::Fault;
-use super::explained::{Decoded, DecodedMessage, DecodedSignal, Meaning, ObjectName, Outcome};
+use super::explained::{Decoded, DecodedMessage, DecodedSignal, Outcome};
+use super::meaning::{Meaning, ObjectName};
 use super::words;
 use resonarm_bench::node::cia402::{Cia402Spec, DriveSpec, Joint};
 use resonarm_protocol::Frame;

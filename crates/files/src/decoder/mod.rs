@@ -11,13 +11,15 @@
 mod check;
 mod drives;
 mod explained;
+mod meaning;
 mod roles;
 mod words;
 
 use std::collections::HashMap;
 
 pub use check::Fault;
-pub use explained::{Decoded, DecodedMessage, DecodedSignal, Meaning, ObjectName, Outcome};
+pub use explained::{Decoded, DecodedMessage, DecodedSignal, Outcome};
+pub use meaning::{Meaning, ObjectName};
 
 use crate::dbc::{Database, Message};
 use crate::scenario::{Scenario, ScenarioError};

@@ -3,7 +3,7 @@
 use std::collections::HashMap;
 
 use super::check::Fault;
-use super::explained::Meaning;
+use super::meaning::Meaning;
 use super::name_of;
 use crate::dbc::Message;
 use crate::scenario::wire::{REASONS, STATES, channel};

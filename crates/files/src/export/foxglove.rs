@@ -15,7 +15,7 @@ use mcap::{Attachment, McapError, WriteOptions, Writer};
 use serde_json::{Map, Value, json};
 
 use super::channels::lead;
-use super::scene::{self, Scene};
+use super::scene::{self, Scene, time, time_schema};
 use super::{ExportError, ExportedFile, RecordingPart, Selection};
 use crate::recording::channels::Channels;
 use crate::recording::{Event, Existing, Origin, Record, RecordedFault, Recording};
@@ -131,17 +131,6 @@ fn add_topic(
     let schema = writer.add_schema(name, "jsonschema", schema.to_string().as_bytes())?;
     let id = writer.add_channel(schema, topic, "json", &BTreeMap::new())?;
     Ok(Topic { id, messages: 0 })
-}
-
-/// A `time` or a `duration` of Foxglove's schemas.
-pub(super) fn time_schema(title: &str) -> Value {
-    let integer = json!({ "type": "integer" });
-    json!({ "type": "object", "title": title, "properties": { "sec": integer, "nsec": integer } })
-}
-
-/// A point in time, ns.
-pub(super) fn time(time_ns: u64) -> Value {
-    json!({ "sec": time_ns / 1_000_000_000, "nsec": time_ns % 1_000_000_000 })
 }
 
 /// The fields of `foxglove.Log` that its documentation requires.

@@ -4,7 +4,6 @@
 use serde_json::{Value, json};
 
 use super::ExportError;
-use super::foxglove::{time, time_schema};
 use crate::drawing::{Drawing, Subject};
 use crate::recording::{Recording, StateRecord};
 use crate::scenario::Scenario;
@@ -175,4 +174,15 @@ pub fn schema() -> Value {
         "type": "object",
         "properties": { "deletions": empty(), "entities": list(entity) }
     })
+}
+
+/// A `time` or a `duration` of Foxglove's schemas.
+pub(super) fn time_schema(title: &str) -> Value {
+    let integer = json!({ "type": "integer" });
+    json!({ "type": "object", "title": title, "properties": { "sec": integer, "nsec": integer } })
+}
+
+/// A point in time, ns.
+pub(super) fn time(time_ns: u64) -> Value {
+    json!({ "sec": time_ns / 1_000_000_000, "nsec": time_ns % 1_000_000_000 })
 }

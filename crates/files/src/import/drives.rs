@@ -10,7 +10,8 @@ use super::SampleClock;
 use super::index::{Anchor, FrameIndex, Numbering, Placed};
 use super::loads::LoadChanges;
 use super::rows::Rows;
-use super::wire::{ARM_STATES, Gaps, Missing, WireImport, hold, state_record};
+use super::wire::{ARM_STATES, hold, state_record};
+use super::wire_import::{Gaps, Missing, WireImport};
 use crate::drives::Targets;
 use crate::recording::{Direction, Record};
 

@@ -9,56 +9,18 @@ use resonarm_bench::node::mapped::mapping::{
 use resonarm_bench::structure::{Channel, Kind, OUTPUTS, STATES, States};
 use resonarm_dynamics::arm::{Load, State};
 use resonarm_protocol::{Frame, FrameFormat, Id};
-use serde::Serialize;
 
 use super::DISORDER_NS;
 use super::index::{Anchor, FrameIndex, Numbering, Placed};
 use super::loads::Loads;
 use super::rows::{Row, Rows};
+use super::wire_import::{Gaps, Missing, WireImport};
 use crate::recording::{Clipped, Direction, Record, SampleRecord, StateRecord};
 use crate::scenario::{Scenario, ScenarioError};
 use resonarm_wire::counter::{CounterFault, Step};
 
 /// The states of the arm.
 pub(super) const ARM_STATES: usize = 4;
-
-/// What was gathered from the frames of a scenario's own protocol.
-#[derive(Clone, Debug, Default, PartialEq, Serialize)]
-pub struct WireImport {
-    /// Samples with readings in the recording.
-    pub samples: u64,
-    /// The readings that the wire does not carry every sample: if there is one, the recording has no readings.
-    pub missing_readings: Vec<Missing>,
-    /// Samples with states and loads in the recording.
-    pub states: u64,
-    /// The states that the wire does not carry every sample, or of drives those that no frame has: if there is one, the
-    /// recording has no states and loads.
-    pub missing_states: Vec<Missing>,
-    /// Gaps between the samples with readings, or if there are none, with states.
-    pub gaps: u64,
-    /// Samples in these gaps.
-    pub missing_samples: u64,
-    /// Samples left out because some of their frames are not in the log.
-    pub incomplete_samples: u64,
-    /// Frames left out: their checksum, counter or length is wrong, or a signal is no number; by message.
-    pub refused_frames: BTreeMap<String, u64>,
-    /// Frames left out since they repeat a sample, or are more than [`DISORDER_NS`] late.
-    pub repeated_frames: u64,
-    /// Frames lost, according to the counters of readings and commands.
-    pub lost_frames: u64,
-    /// Whether a message with readings has neither an index of the sample nor a counter, so that its frames are placed
-    /// by their time stamps.
-    pub is_placed_by_time: bool,
-}
-
-/// A channel that the wire does not carry every sample.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize)]
-pub struct Missing {
-    /// Its name.
-    pub channel: &'static str,
-    /// Whether the wire carries it now and then; else it does not at all.
-    pub is_carried: bool,
-}
 
 /// A message that the plant sends every sample.
 #[derive(Debug)]
@@ -67,23 +29,6 @@ struct Reader {
     name: String,
     protection: ProtectionCheck,
     index: FrameIndex,
-}
-
-/// Counts the gaps between the samples of a recording: those of its readings, or without any of its states.
-#[derive(Debug, Default)]
-pub(super) struct Gaps {
-    last: Option<u64>,
-}
-
-impl Gaps {
-    /// The next sample, later than the one before.
-    pub fn count(&mut self, sample: u64, found: &mut WireImport) {
-        if let Some(missing @ 1..) = self.last.map(|last| sample - last - 1) {
-            found.gaps += 1;
-            found.missing_samples += missing;
-        }
-        self.last = Some(sample);
-    }
 }
 
 /// How many samples a sample waits for frames that are late.

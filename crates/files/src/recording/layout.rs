@@ -90,8 +90,20 @@ fn numbered(message_type: MessageType, channels: &Channels) -> impl Iterator<Ite
     (FIRST..).zip(channels.of(topic)).filter(move |(_, channel)| is_in(channel))
 }
 
+impl MessageType {
+    /// Its schema: a serialised `google.protobuf.FileDescriptorSet`, as MCAP wants it.
+    pub fn descriptor(self, channels: &Channels) -> Vec<u8> {
+        match self {
+            MessageType::FrameBatch => include_bytes!("../../proto/descriptors/frame_batch.bin").into(),
+            MessageType::TickBatch => include_bytes!("../../proto/descriptors/tick_batch.bin").into(),
+            MessageType::Event => include_bytes!("../../proto/descriptors/event.bin").into(),
+            of => schema(of, channels),
+        }
+    }
+}
+
 /// The schema of a message of states, loads or readings: a serialised `google.protobuf.FileDescriptorSet`.
-pub(super) fn schema(message_type: MessageType, channels: &Channels) -> Vec<u8> {
+fn schema(message_type: MessageType, channels: &Channels) -> Vec<u8> {
     let is_batch = matches!(message_type, MessageType::StepBatch | MessageType::SampleBatch);
     let label = if is_batch { REPEATED } else { OPTIONAL };
     let field =

@@ -35,7 +35,7 @@ impl Recording {
     pub fn open(path: impl AsRef<Path>) -> Result<Recording, RecordingError> {
         let path = path.as_ref();
         let scan = scan(path)?;
-        let origin = Origin::of(path, &scan)?;
+        let origin = scan.origin(path)?;
         if scan.tally.dt_s.is_some_and(|dt_s| dt_s.to_bits() != origin.dt_s.to_bits()) {
             let (path, name, key) = (path.to_path_buf(), metadata::RECORDING, String::from(DT_S));
             let expected = "what its batches state";

@@ -1,15 +1,15 @@
 //! The recorder as the run loops see it: channels that take records, and an end.
 
-use std::collections::BTreeMap;
-use std::path::{Path, PathBuf};
+use std::path::Path;
 use std::sync::atomic::{AtomicU64, Ordering};
 use std::sync::{Arc, OnceLock, mpsc};
 use std::thread::{self, JoinHandle, Thread};
 use std::time::Duration;
 
+use super::shared::{Control, Ending, Shared, Source};
 use super::slots::{self, MOST_SLOTS, Slot};
-use super::writer::{Control, Ending, Source, Writer};
-use super::{Configuration, Options, Record, RecordingError, Topic};
+use super::writer::{Summary, Writer};
+use super::{Configuration, Options, Record, RecordingError};
 
 /// How long a full channel waits before it looks again.
 const FULL_WAIT: Duration = Duration::from_micros(50);
@@ -27,37 +27,6 @@ pub struct Recorder {
     control: mpsc::Sender<Control>,
     shared: Arc<Shared>,
     thread: Option<JoinHandle<Result<Summary, RecordingError>>>,
-}
-
-/// What the recorder, its channels and its thread share.
-#[derive(Debug)]
-pub(super) struct Shared {
-    pub path: PathBuf,
-    pub failure: OnceLock<RecordingError>,
-    /// What the run loop's clock read at the start of the run, ns.
-    pub start_clock_ns: AtomicU64,
-}
-
-/// What was written.
-#[derive(Clone, Debug, PartialEq, Eq, serde::Serialize)]
-pub struct Summary {
-    /// The file.
-    pub path: PathBuf,
-    /// Its size, bytes.
-    pub bytes: u64,
-    /// Messages in each topic, by its name in the file; of batched topics the batches.
-    pub messages: BTreeMap<&'static str, u64>,
-    /// States recorded.
-    pub samples: u64,
-    /// Records lost because a channel was full, by the channel's name.
-    pub lost: BTreeMap<String, u64>,
-}
-
-impl Summary {
-    /// Messages in one topic.
-    pub fn messages_in(&self, topic: Topic) -> u64 {
-        self.messages.get(topic.name()).copied().unwrap_or(0)
-    }
 }
 
 /// What became of a record given to [`Channel::push`].
@@ -174,16 +143,6 @@ impl Drop for Recorder {
         if self.thread.is_some() {
             // The thread has logged a failure.
             let _given_up = self.end(Ending::GivenUp);
-        }
-    }
-}
-
-impl Shared {
-    /// Why the thread takes nothing any more.
-    fn error(&self) -> RecordingError {
-        match self.failure.get() {
-            Some(error) => error.clone(),
-            None => RecordingError::WriterDied { path: self.path.clone() },
         }
     }
 }

@@ -7,7 +7,7 @@ use super::salvage::{LostChunk, Piece, Salvage};
 use super::scan::{Scan, Tally, lost, scan};
 use super::schema::{Topic, metadata};
 use super::sink::Sink;
-use super::{Compression, Existing, Integrity, Origin, RecordingError};
+use super::{Compression, Existing, Integrity, RecordingError};
 use crate::staged::{Staged, same_file};
 
 /// What was recovered.
@@ -64,7 +64,7 @@ pub fn recover(
         return Err(RecordingError::SameFile { path: input.to_path_buf() });
     }
     // What can't be opened afterwards is not recovered.
-    Origin::of(input, &scan)?;
+    scan.origin(input)?;
     let head = [(metadata::RECORDING, about), (metadata::CONFIGURATION, configuration)];
     let (mut staged, file) = Staged::create(output, existing).map_err(|error| RecordingError::create(output, error))?;
     let schemas = salvage.contents().declared().map(|topic| (topic.message_type, topic.schema.clone()));

@@ -7,9 +7,13 @@ use super::channels::Channels;
 use super::checked_reader::{CheckedReader, TopLevelRecord};
 use super::contents::Contents;
 use super::decode::decode;
-use super::schema::{ARMED_EVENT, DT_S, FAULT_EVENT, OTHER_SENDER_EVENT, OUR_LIBRARY, PARTNER_EVENT, Topic, metadata};
-use super::summary::format;
-use super::{Event, Integrity, Record, RecordedFault, RecordingError, SampleRecord, TopicSummary};
+use super::schema::{
+    ARMED_EVENT, DT_S, FAULT_EVENT, FIRST_FORMAT, FORMAT, OTHER_SENDER_EVENT, OUR_LIBRARY, PARTNER_EVENT,
+    READING_DELAY, Topic, metadata,
+};
+use super::{
+    BuildInfo, Event, Integrity, Origin, Record, RecordedFault, RecordingError, RunTime, SampleRecord, TopicSummary,
+};
 use resonarm_numeric::number::short;
 
 /// How many faults are listed one by one; later ones are in `/events`.
@@ -140,6 +144,74 @@ impl Scan {
                 true => RecordingError::NothingLeft { path, name, readable_bytes: self.readable_bytes },
             }
         })
+    }
+
+    /// Where and when the recording came to be, from its metadata.
+    pub fn origin(&self, path: &Path) -> Result<Origin, RecordingError> {
+        let about = self.required(path, metadata::RECORDING)?;
+        let value = |key: &'static str| about.get(key).cloned().unwrap_or_default();
+        let wrong = |key: &'static str, expected: &'static str| RecordingError::Metadata {
+            path: path.to_path_buf(),
+            name: metadata::RECORDING,
+            key: key.to_string(),
+            got: value(key),
+            expected,
+        };
+        let format = format(path, about)?;
+        let dt_s = match value(DT_S).parse::<f64>() {
+            Ok(dt_s) if dt_s.is_finite() && dt_s > 0.0 => dt_s,
+            Ok(_) => return Err(wrong(DT_S, "a finite time above 0 s")),
+            Err(_) => return Err(wrong(DT_S, "a time in s")),
+        };
+        let start = self.metadata.get(metadata::START).unwrap_or(about).get(metadata::START_UNIX_NS);
+        let start_unix_ns = match start.map(|start| start.parse::<u64>()).transpose() {
+            Ok(start) => start.filter(|start| *start > 0),
+            Err(_) => return Err(wrong(metadata::START_UNIX_NS, "a time in ns")),
+        };
+        let time =
+            RunTime::stated(&value("time")).ok_or_else(|| wrong("time", "`simulated`, `lockstep` or `real-time`"))?;
+        let every = "plot_every_samples";
+        let plot_every_samples = value(every).parse().map_err(|_| wrong(every, "a number of samples"))?;
+        let reading_delay_samples = match (format, value(READING_DELAY).parse::<f64>()) {
+            (..4, _) => 0.5,
+            (_, Ok(delay)) if delay.is_finite() && delay >= 0.0 => delay,
+            _ => return Err(wrong(READING_DELAY, "a number of samples, 0 or more")),
+        };
+        Ok(Origin {
+            dt_s,
+            interface: value("interface"),
+            format,
+            time,
+            start_unix_ns,
+            plot_every_samples,
+            reading_delay_samples,
+            build: BuildInfo {
+                version: value(metadata::VERSION),
+                git_commit: value("git_commit"),
+                target: value("target"),
+                profile: value("profile"),
+                compiler: value("compiler"),
+            },
+        })
+    }
+}
+
+/// The version of the format, if it is read.
+fn format(path: &Path, about: &BTreeMap<String, String>) -> Result<u32, RecordingError> {
+    let value = |key| about.get(key).cloned().unwrap_or_default();
+    let got = value(metadata::FORMAT);
+    match got.parse() {
+        Ok(format) if (FIRST_FORMAT..=FORMAT).contains(&format) => Ok(format),
+        Ok(format) => {
+            Err(RecordingError::OtherFormat { path: path.to_path_buf(), format, writer: value(metadata::VERSION) })
+        }
+        Err(_) => Err(RecordingError::Metadata {
+            path: path.to_path_buf(),
+            name: metadata::RECORDING,
+            key: String::from(metadata::FORMAT),
+            got,
+            expected: "a version of the format",
+        }),
     }
 }
 

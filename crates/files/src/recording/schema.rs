@@ -1,8 +1,5 @@
 //! The topics of a recording and the Protobuf messages in them.
 
-use super::channels::Channels;
-use super::layout;
-
 /// Generated from `proto/*.proto`; `tests/recording/schemas.rs` holds it to them.
 #[allow(missing_docs, clippy::doc_markdown)]
 pub mod proto {
@@ -137,16 +134,6 @@ impl MessageType {
             MessageType::FrameBatch => "resonarm.v1.FrameBatch",
             MessageType::TickBatch => "resonarm.v1.TickBatch",
             MessageType::Event => "resonarm.v1.Event",
-        }
-    }
-
-    /// Its schema: a serialised `google.protobuf.FileDescriptorSet`, as MCAP wants it.
-    pub fn descriptor(self, channels: &Channels) -> Vec<u8> {
-        match self {
-            MessageType::FrameBatch => include_bytes!("../../proto/descriptors/frame_batch.bin").into(),
-            MessageType::TickBatch => include_bytes!("../../proto/descriptors/tick_batch.bin").into(),
-            MessageType::Event => include_bytes!("../../proto/descriptors/event.bin").into(),
-            of => layout::schema(of, channels),
         }
     }
 }

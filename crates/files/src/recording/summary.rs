@@ -2,14 +2,12 @@
 
 use core::fmt;
 use std::collections::BTreeMap;
-use std::path::{Path, PathBuf};
+use std::path::PathBuf;
 
 use resonarm_protocol::EmergencyCode;
 use serde::ser::SerializeStruct;
 
-use super::scan::Scan;
-use super::schema::{DT_S, FIRST_FORMAT, FORMAT, READING_DELAY, metadata};
-use super::{BuildInfo, FrameRecord, RecordingError};
+use super::{BuildInfo, FrameRecord};
 
 /// Where a recording comes from.
 #[derive(Clone, Debug, PartialEq, serde::Serialize)]
@@ -226,74 +224,6 @@ impl Origin {
             RunTime::RealTime | RunTime::Simulated => frame.time_ns,
         }
     }
-
-    /// Reads it from the metadata of a file.
-    pub(super) fn of(path: &Path, scan: &Scan) -> Result<Origin, RecordingError> {
-        let about = scan.required(path, metadata::RECORDING)?;
-        let value = |key: &'static str| about.get(key).cloned().unwrap_or_default();
-        let wrong = |key: &'static str, expected: &'static str| RecordingError::Metadata {
-            path: path.to_path_buf(),
-            name: metadata::RECORDING,
-            key: key.to_string(),
-            got: value(key),
-            expected,
-        };
-        let format = format(path, about)?;
-        let dt_s = match value(DT_S).parse::<f64>() {
-            Ok(dt_s) if dt_s.is_finite() && dt_s > 0.0 => dt_s,
-            Ok(_) => return Err(wrong(DT_S, "a finite time above 0 s")),
-            Err(_) => return Err(wrong(DT_S, "a time in s")),
-        };
-        let start = scan.metadata.get(metadata::START).unwrap_or(about).get(metadata::START_UNIX_NS);
-        let start_unix_ns = match start.map(|start| start.parse::<u64>()).transpose() {
-            Ok(start) => start.filter(|start| *start > 0),
-            Err(_) => return Err(wrong(metadata::START_UNIX_NS, "a time in ns")),
-        };
-        let time =
-            RunTime::stated(&value("time")).ok_or_else(|| wrong("time", "`simulated`, `lockstep` or `real-time`"))?;
-        let every = "plot_every_samples";
-        let plot_every_samples = value(every).parse().map_err(|_| wrong(every, "a number of samples"))?;
-        let reading_delay_samples = match (format, value(READING_DELAY).parse::<f64>()) {
-            (..4, _) => 0.5,
-            (_, Ok(delay)) if delay.is_finite() && delay >= 0.0 => delay,
-            _ => return Err(wrong(READING_DELAY, "a number of samples, 0 or more")),
-        };
-        Ok(Origin {
-            dt_s,
-            interface: value("interface"),
-            format,
-            time,
-            start_unix_ns,
-            plot_every_samples,
-            reading_delay_samples,
-            build: BuildInfo {
-                version: value(metadata::VERSION),
-                git_commit: value("git_commit"),
-                target: value("target"),
-                profile: value("profile"),
-                compiler: value("compiler"),
-            },
-        })
-    }
-}
-
-/// The version of the format, if it is read.
-pub(super) fn format(path: &Path, about: &BTreeMap<String, String>) -> Result<u32, RecordingError> {
-    let value = |key| about.get(key).cloned().unwrap_or_default();
-    let got = value(metadata::FORMAT);
-    match got.parse() {
-        Ok(format) if (FIRST_FORMAT..=FORMAT).contains(&format) => Ok(format),
-        Ok(format) => {
-            Err(RecordingError::OtherFormat { path: path.to_path_buf(), format, writer: value(metadata::VERSION) })
-        }
-        Err(_) => Err(RecordingError::Metadata {
-            path: path.to_path_buf(),
-            name: metadata::RECORDING,
-            key: String::from(metadata::FORMAT),
-            got,
-            expected: "a version of the format",
-        }),
-    }
 }
 
 impl RunTime {
@@ -307,7 +237,7 @@ impl RunTime {
     }
 
     /// What a file states.
-    fn stated(time: &str) -> Option<RunTime> {
+    pub(super) fn stated(time: &str) -> Option<RunTime> {
         [RunTime::Simulated, RunTime::Lockstep, RunTime::RealTime].into_iter().find(|of| of.name() == time)
     }
 }

@@ -1,7 +1,8 @@
 //! The thread that takes records from the channels and writes them.
 
 use std::collections::BTreeMap;
-use std::sync::atomic::{AtomicU64, Ordering};
+use std::path::PathBuf;
+use std::sync::atomic::Ordering;
 use std::sync::{Arc, mpsc};
 use std::thread;
 use std::time::Duration;
@@ -10,11 +11,11 @@ use super::batch::{Batch, Batcher};
 use super::frames::FrameBatcher;
 use super::layout::{Layout, NumberBatch, Numbers};
 use super::plots::Plots;
-use super::recorder::{Shared, Summary};
 use super::schema::proto::{self, TickBatch};
 use super::schema::{DT_S, FORMAT, MessageType, READING_DELAY, Topic, metadata};
+use super::shared::{Control, Ending, Shared, Source};
 use super::sink::{Sink, Stamp};
-use super::slots::{self, Slot};
+use super::slots;
 use super::{
     Configuration, FlushPolicy, FrameRecord, Naming, Options, Record, RecordingError, SampleRecord, StateRecord,
     TickRecord, TimeBase, build_info, decimate,
@@ -26,37 +27,25 @@ const POLL: Duration = Duration::from_millis(5);
 /// Records taken from one channel before the next has its turn.
 const TURN: usize = 4096;
 
-/// What the recorder tells its thread.
-#[derive(Debug)]
-pub(super) enum Control {
-    /// A channel was opened.
-    Open(Source),
-    /// Write what is there, and end.
-    End(Ending),
+/// What was written.
+#[derive(Clone, Debug, PartialEq, Eq, serde::Serialize)]
+pub struct Summary {
+    /// The file.
+    pub path: PathBuf,
+    /// Its size, bytes.
+    pub bytes: u64,
+    /// Messages in each topic, by its name in the file; of batched topics the batches.
+    pub messages: BTreeMap<&'static str, u64>,
+    /// States recorded.
+    pub samples: u64,
+    /// Records lost because a channel was full, by the channel's name.
+    pub lost: BTreeMap<String, u64>,
 }
 
-/// How a recording ends.
-#[derive(Debug)]
-pub(super) enum Ending {
-    /// With these statistics.
-    Whole(BTreeMap<String, String>),
-    /// Without an end: it must not look whole.
-    GivenUp,
-}
-
-/// The receiving end of a channel.
-#[derive(Debug)]
-pub(super) struct Source {
-    name: String,
-    records: rtrb::Consumer<Slot>,
-    lost: Arc<AtomicU64>,
-    lost_reported: u64,
-}
-
-impl Source {
-    /// The receiving end of the channel `name`.
-    pub fn new(name: String, records: rtrb::Consumer<Slot>, lost: Arc<AtomicU64>) -> Source {
-        Source { name, records, lost, lost_reported: 0 }
+impl Summary {
+    /// Messages in one topic.
+    pub fn messages_in(&self, topic: Topic) -> u64 {
+        self.messages.get(topic.name()).copied().unwrap_or(0)
     }
 }
 

@@ -1,4 +1,5 @@
 use std::sync::OnceLock;
+use std::sync::atomic::AtomicU64;
 
 use super::*;
 use crate::recording::Event;

@@ -2,8 +2,8 @@
 
 use serde::{Deserialize, Serialize};
 
+use super::WireSection;
 use super::error::WireError;
-use super::{WireSection, odrive};
 use crate::scenario::Scenario;
 
 /// For how long a torque is valid if the scenario doesn't say, s.
@@ -76,20 +76,6 @@ fn one() -> f64 {
 }
 
 impl WireSection {
-    /// The section with the messages of its preset, if it has one.
-    ///
-    /// # Errors
-    /// [`WireError::Drives`], [`WireError::Drive`], [`WireError::DriveWith`], [`WireError::NeitherDbcNorPreset`].
-    pub(super) fn expanded(&self, scenario: &Scenario) -> Result<Option<WireSection>, WireError> {
-        match self.preset {
-            None => self.check_no_preset().map(|()| None),
-            Some(preset) => {
-                self.check_preset(scenario, preset)?;
-                Ok(Some(odrive::section(self, scenario.simulation.rate_hz)))
-            }
-        }
-    }
-
     /// Refuses the keys of a preset where there is none.
     ///
     /// # Errors

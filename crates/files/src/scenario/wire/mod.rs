@@ -311,6 +311,20 @@ impl WireSection {
         Ok(())
     }
 
+    /// The section with the messages of its preset, if it has one.
+    ///
+    /// # Errors
+    /// [`WireError::Drives`], [`WireError::Drive`], [`WireError::DriveWith`], [`WireError::NeitherDbcNorPreset`].
+    fn expanded(&self, scenario: &Scenario) -> Result<Option<WireSection>, WireError> {
+        match self.preset {
+            None => self.check_no_preset().map(|()| None),
+            Some(preset) => {
+                self.check_preset(scenario, preset)?;
+                Ok(Some(odrive::section(self, scenario.simulation.rate_hz)))
+            }
+        }
+    }
+
     /// The DBC.
     ///
     /// # Errors

@@ -1,0 +1,62 @@
+//! What the recorder, its channels and its thread share, and what the recorder tells the thread.
+
+use std::collections::BTreeMap;
+use std::path::PathBuf;
+use std::sync::atomic::AtomicU64;
+use std::sync::{Arc, OnceLock};
+
+use super::RecordingError;
+use super::slots::Slot;
+
+/// What the recorder, its channels and its thread share.
+#[derive(Debug)]
+pub(super) struct Shared {
+    pub path: PathBuf,
+    pub failure: OnceLock<RecordingError>,
+    /// What the run loop's clock read at the start of the run, ns.
+    pub start_clock_ns: AtomicU64,
+}
+
+impl Shared {
+    /// Why the thread takes nothing any more.
+    pub fn error(&self) -> RecordingError {
+        match self.failure.get() {
+            Some(error) => error.clone(),
+            None => RecordingError::WriterDied { path: self.path.clone() },
+        }
+    }
+}
+
+/// What the recorder tells its thread.
+#[derive(Debug)]
+pub(super) enum Control {
+    /// A channel was opened.
+    Open(Source),
+    /// Write what is there, and end.
+    End(Ending),
+}
+
+/// How a recording ends.
+#[derive(Debug)]
+pub(super) enum Ending {
+    /// With these statistics.
+    Whole(BTreeMap<String, String>),
+    /// Without an end: it must not look whole.
+    GivenUp,
+}
+
+/// The receiving end of a channel.
+#[derive(Debug)]
+pub(super) struct Source {
+    pub name: String,
+    pub records: rtrb::Consumer<Slot>,
+    pub lost: Arc<AtomicU64>,
+    pub lost_reported: u64,
+}
+
+impl Source {
+    /// The receiving end of the channel `name`.
+    pub fn new(name: String, records: rtrb::Consumer<Slot>, lost: Arc<AtomicU64>) -> Source {
+        Source { name, records, lost, lost_reported: 0 }
+    }
+}
