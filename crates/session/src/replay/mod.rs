@@ -8,6 +8,7 @@ mod readings;
 mod repetition;
 mod resimulation;
 mod responses;
+mod verdict;
 mod wire_controller;
 mod wire_responses;
 
@@ -15,8 +16,9 @@ pub use against::{Compared, Difference, DifferenceKind, Regression, play_against
 pub use error::ReplayError;
 pub use player::{Playback, Played, play};
 pub use readings::{ReadingsVerdict, resimulate_readings};
-pub use resimulation::{Verdict, resimulate};
+pub use resimulation::resimulate;
 pub use responses::{responses, timed_responses};
+pub use verdict::Verdict;
 
 #[cfg(test)]
 mod against_tests;

@@ -1,7 +1,7 @@
 //! The readings of a run simulated again.
 
 use super::ReplayError;
-use super::resimulation::load;
+use super::verdict::load;
 use resonarm_bench::rig::{Measurement, Reading};
 use resonarm_files::recording::{Recording, SampleRecord};
 use resonarm_files::starting_plant;

@@ -1,7 +1,7 @@
 //! The run of an FMU simulated again, from its start.
 
 use super::ReplayError;
-use super::resimulation::{Verdict, check, compare, load};
+use super::verdict::{Verdict, check, compare, load};
 use resonarm_bench::plant::Plant;
 use resonarm_bench::structure::States;
 use resonarm_files::recording::{Integrity, Recording};

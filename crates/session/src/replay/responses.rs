@@ -2,7 +2,7 @@
 
 use alloc::collections::BTreeMap;
 
-use super::ReplayError;
+use super::{ReplayError, wire_controller, wire_responses};
 use resonarm_bench::control::ResponsePoint;
 use resonarm_bench::node::{self, ExciterOutcome};
 use resonarm_files::recording::{Direction, Recording};
@@ -34,8 +34,10 @@ pub fn responses(recording: &Recording) -> Result<Vec<ResponsePoint>, ReplayErro
 /// As [`responses`].
 pub fn timed_responses(recording: &Recording) -> Result<Vec<(u64, ResponsePoint)>, ReplayError> {
     let scenario = Scenario::from_configuration(recording.configuration())?;
-    if scenario.wire.is_some() {
-        return super::wire_responses::timed_responses(recording, &scenario);
+    match (&scenario.wire, &scenario.control) {
+        (Some(_), Some(_)) => return wire_controller::timed_responses(recording, &scenario),
+        (Some(_), None) => return wire_responses::timed_responses(recording, &scenario),
+        (None, _) => {}
     }
     let network = scenario.network()?;
     let (mut made, mut recorded) = (Receiver::new(network), Receiver::new(network));

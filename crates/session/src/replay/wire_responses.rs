@@ -24,16 +24,13 @@ use resonarm_files::scenario::Scenario;
 /// The responses, each with the sample by which it was read.
 ///
 /// # Errors
-/// [`ReplayError::NoExcitation`] if the scenario has neither an excitation nor a control, [`ReplayError::NoLoad`] if no
-/// command has a load, [`ReplayError::Command`] if one has another than the excitation or the control,
-/// [`ReplayError::NoReadings`] if the recording was imported without readings; [`ReplayError`] if it can't be read.
+/// [`ReplayError::NoExcitation`] if the scenario has no excitation, [`ReplayError::NoLoad`] if no command has a load,
+/// [`ReplayError::Command`] if one has another than the excitation, [`ReplayError::NoReadings`] if the recording was
+/// imported without readings; [`ReplayError`] if it can't be read.
 pub(super) fn timed_responses(
     recording: &Recording,
     scenario: &Scenario,
 ) -> Result<Vec<(u64, ResponsePoint)>, ReplayError> {
-    if scenario.control.is_some() {
-        return super::wire_controller::timed_responses(recording, scenario);
-    }
     if scenario.excitation.is_none() {
         return Err(ReplayError::NoExcitation);
     }

@@ -1,0 +1,59 @@
+//! Whether a run, simulated again, is the recorded one: the comparison of a plant with a record.
+
+use super::ReplayError;
+use resonarm_bench::plant::Plant;
+use resonarm_dynamics::arm::Load;
+use resonarm_files::recording::{Integrity, Recording, StateRecord};
+use resonarm_files::starting_plant::is_recorded;
+
+/// Whether a run, simulated again, is the recorded one.
+#[derive(Clone, Debug, PartialEq, serde::Serialize)]
+pub struct Verdict {
+    /// Whether every state, and the current of a shaker's coil, is the recorded one, bit for bit. Never of a damaged
+    /// recording: there are states that can't be compared. Of one that was cut short it says so of the states that are
+    /// there.
+    pub identical: bool,
+    /// Whether the recording is whole.
+    pub integrity: Integrity,
+    /// States compared, one a sample.
+    pub samples: u64,
+    /// Integration steps made.
+    pub steps: u64,
+    /// The first sample whose state differs.
+    pub first_divergence: Option<u64>,
+    /// The largest difference of a vibration angle, rad.
+    pub max_drift_rad: f64,
+}
+
+/// Refuses a scenario with other samples than the recorded ones.
+pub(super) fn check(recording: &Recording, sample_rate_hz: f64) -> Result<(), ReplayError> {
+    let (recorded_s, configured_s) = (recording.origin().dt_s, 1.0 / sample_rate_hz);
+    if recorded_s.to_bits() != configured_s.to_bits() {
+        return Err(ReplayError::SamplePeriod { recorded_s, configured_s });
+    }
+    Ok(())
+}
+
+/// Compares the states with the recorded ones.
+pub(super) fn compare(verdict: &mut Verdict, plant: &Plant, record: &StateRecord) {
+    verdict.samples += 1;
+    if !is_recorded(plant, record) {
+        verdict.identical = false;
+        verdict.first_divergence.get_or_insert(record.sample);
+        let (states, recorded) = (plant.states(), record.states.coordinates());
+        let drifts = states.coordinates().iter().zip(recorded).map(|(one, other)| (one - other).abs());
+        verdict.max_drift_rad = drifts.fold(verdict.max_drift_rad, f64::max);
+    }
+}
+
+/// The recorded load, if the plant's exciter can have produced it.
+pub(super) fn load(record: &StateRecord, plant: &Plant) -> Result<Load, ReplayError> {
+    let load = record.load();
+    let exciter = plant.exciter();
+    if exciter.can_produce(&load) {
+        return Ok(load);
+    }
+    let (limit_n, limit_nm) = exciter.limits();
+    let (sample, force_n, torque_nm) = (record.sample, record.force_n, record.torque_nm);
+    Err(ReplayError::Load { sample, force_n, torque_nm, limit_n, limit_nm })
+}
