@@ -1,14 +1,9 @@
 //! An FMU that was read: from it instances begin.
 
-use std::sync::Arc;
-
 use crate::archive::Archive;
 use crate::description::Description;
 use crate::mapping::Mapping;
-use crate::structure::{Held, Sampled, Steps};
 use crate::{ImportError, ReadAt, Spec};
-use resonarm_bench::plant::{Plant, PlantSpec, PlantSpecError};
-use resonarm_bench::rig::Rig;
 use resonarm_numeric::number::short;
 
 /// An FMU with what is wanted of it.
@@ -58,20 +53,5 @@ impl Source {
             }
         }
         Ok(Source { archive, description, mapping, read: spec.read, step_s })
-    }
-
-    /// The plant of the FMU with the rig, the rates and the seed of a specification. The FMU is loaded to see how it
-    /// begins; a run loads it again.
-    ///
-    /// # Errors
-    /// [`ImportError`] if it can't be loaded, else [`PlantSpecError`] of the rig.
-    pub fn plant(self: &Arc<Source>, spec: &PlantSpec) -> Result<Result<Plant, PlantSpecError>, ImportError> {
-        let held = Held::new(Arc::clone(self))?;
-        Ok(match self.read {
-            ReadAt::Middle => Plant::stepped(spec, Box::new(Steps::new(held))),
-            ReadAt::End => Rig::new(&spec.rig, spec.sample_rate_hz, spec.seed)
-                .map_err(PlantSpecError::from)
-                .and_then(|rig| Plant::of(Box::new(Sampled::new(held)), rig, spec.sample_rate_hz)),
-        })
     }
 }

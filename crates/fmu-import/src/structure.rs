@@ -4,12 +4,30 @@ use std::sync::Arc;
 
 use nalgebra::Vector2;
 
-use crate::ImportError;
 use crate::instance::Instance;
 use crate::mapping::{Axes, Slot};
 use crate::source::Source;
-use resonarm_bench::plant::{Loads, PointMotion, Stepped};
+use crate::{ImportError, ReadAt};
+use resonarm_bench::plant::{Loads, Plant, PlantSpec, PlantSpecError, PointMotion, Stepped};
+use resonarm_bench::rig::Rig;
 use resonarm_bench::structure::{Channel, ForeignFault, LOADS, OUTPUTS, Structure, StructureError};
+
+impl Source {
+    /// The plant of the FMU with the rig, the rates and the seed of a specification. The FMU is loaded to see how it
+    /// begins; a run loads it again.
+    ///
+    /// # Errors
+    /// [`ImportError`] if it can't be loaded, else [`PlantSpecError`] of the rig.
+    pub fn plant(self: &Arc<Source>, spec: &PlantSpec) -> Result<Result<Plant, PlantSpecError>, ImportError> {
+        let held = Held::new(Arc::clone(self))?;
+        Ok(match self.read {
+            ReadAt::Middle => Plant::stepped(spec, Box::new(Steps::new(held))),
+            ReadAt::End => Rig::new(&spec.rig, spec.sample_rate_hz, spec.seed)
+                .map_err(PlantSpecError::from)
+                .and_then(|rig| Plant::of(Box::new(Sampled::new(held)), rig, spec.sample_rate_hz)),
+        })
+    }
+}
 
 /// Whether and how it runs.
 #[derive(Debug)]
