@@ -27,6 +27,7 @@ mod page;
 mod player;
 mod rows;
 mod server;
+mod shared;
 mod source;
 mod spectrum;
 mod under_test;

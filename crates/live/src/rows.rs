@@ -2,7 +2,8 @@
 
 use std::collections::VecDeque;
 
-use super::under_test::{Plotted, label};
+use serde::Serialize;
+
 use resonarm_bench::structure::{self, Channel, Kind, LOADS, OUTPUTS, Quantity};
 use resonarm_dynamics::arm::Load;
 use resonarm_files::recording::channels::Channels;
@@ -16,6 +17,17 @@ pub const ACCELERATION_B: usize = 6;
 pub const ACCELERATION_C: usize = 8;
 /// The first coordinate.
 pub const COORDINATES: usize = LOADS.len() + OUTPUTS.len();
+
+/// A number of each sample that a panel plots.
+#[derive(Clone, Debug, PartialEq, Serialize)]
+pub struct Plotted {
+    /// Its place among the channels.
+    pub channel: usize,
+    /// What it is.
+    pub label: String,
+    /// Its unit.
+    pub unit: &'static str,
+}
 
 /// What the numbers of a sample are, in their order: load, readings of the head, accelerations, coordinates, states of
 /// elements.
@@ -71,6 +83,19 @@ impl Shown {
 
     fn labelled(&self, places: core::ops::Range<usize>) -> Vec<Plotted> {
         places.map(|place| self.plotted(place, label(self.channels[place].point))).collect()
+    }
+}
+
+/// A coordinate, or the state of an element, as panels call it.
+fn label(point: structure::Point) -> String {
+    match point {
+        structure::Point::Joint1 => String::from("\u{3b1}1"),
+        structure::Point::Joint2B => String::from("\u{3b1}2"),
+        structure::Point::Joint(joint) => format!("\u{3b1}{joint}"),
+        structure::Point::Mode(mode) => format!("q{mode}"),
+        structure::Point::Coordinate(coordinate) => format!("x{coordinate}"),
+        structure::Point::Element(element) => format!("element {element}"),
+        structure::Point::TipC => String::from("C"),
     }
 }
 

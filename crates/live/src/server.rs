@@ -3,11 +3,11 @@
 use core::time::Duration;
 use std::net::{SocketAddr, TcpListener};
 use std::sync::atomic::{AtomicU64, AtomicUsize, Ordering};
-use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
+use std::sync::{Arc, Mutex};
 use std::thread::{self, JoinHandle};
 
 use axum::Router;
-use axum::extract::ws::{Message, WebSocketUpgrade};
+use axum::extract::ws::WebSocketUpgrade;
 use axum::extract::{Request, State};
 use axum::http::{HeaderValue, StatusCode, header};
 use axum::middleware::{self, Next};
@@ -19,8 +19,9 @@ use tokio::time::MissedTickBehavior;
 use super::admission::{Origins, Token};
 use super::branches::{Branches, ComputeBranch, lower_priority};
 use super::connections::{self, LIMITS};
-use super::foxglove::{self, Channel, Published, Stream};
+use super::foxglove::{self, Stream};
 use super::model::Model;
+use super::shared::{Shared, lock};
 use super::source::Source;
 use super::{LiveError, page, viewer};
 use resonarm_files::drawing::Drawing;
@@ -77,22 +78,6 @@ pub struct Live {
     token: Token,
     stop: Option<oneshot::Sender<()>>,
     thread: Option<JoinHandle<()>>,
-}
-
-/// State shared by the server's tasks.
-pub struct Shared {
-    pub model: Mutex<Model>,
-    pub source: Mutex<Source>,
-    pub updates: broadcast::Sender<Message>,
-    pub published: broadcast::Sender<Arc<Vec<Published>>>,
-    pub token: Token,
-    pub lost_updates: AtomicU64,
-    pub viewers: AtomicUsize,
-    pub session: String,
-    /// The channels published for Foxglove.
-    pub channels: Vec<Channel>,
-    pub table: Channels,
-    origins: Origins,
 }
 
 /// Serves the run or recording, from now on.
@@ -165,11 +150,6 @@ impl Drop for Live {
             tracing::error!("the live view ended in a panic; the message above says where");
         }
     }
-}
-
-/// The model and the source are consistent between any two calls, so a panic elsewhere does not spoil them.
-pub fn lock<T>(mutex: &Mutex<T>) -> MutexGuard<'_, T> {
-    mutex.lock().unwrap_or_else(PoisonError::into_inner)
 }
 
 async fn run(

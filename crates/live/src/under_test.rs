@@ -2,10 +2,9 @@
 
 use serde::Serialize;
 
-use super::rows::{self, Shown};
+use super::rows::{self, Plotted, Shown};
 use resonarm_bench::control::{JointAngles, ResponsePoint};
 use resonarm_bench::plant::{Placed, TestedAssembly};
-use resonarm_bench::structure::Point;
 use resonarm_dynamics::arm::Arm;
 use resonarm_files::drawing::Drawing;
 use resonarm_files::recording::channels::Channels;
@@ -38,17 +37,6 @@ impl Kind {
         let is_driven = |joint: &str| section.inputs.contains_key(joint);
         Kind::Foreign { joints: if is_driven("joint2") { 2 } else { usize::from(is_driven("joint1")) } }
     }
-}
-
-/// A number of each sample that a panel plots.
-#[derive(Clone, Debug, PartialEq, Serialize)]
-pub struct Plotted {
-    /// Its place among the channels.
-    pub channel: usize,
-    /// What it is.
-    pub label: String,
-    /// Its unit.
-    pub unit: &'static str,
 }
 
 /// What the panels plot.
@@ -223,19 +211,6 @@ impl UnderTest {
 
 /// What is read of a program's own structure, or of an FMU, with the channels of a response.
 const FOREIGN: [(&str, usize); 4] = [("C x", 4), ("C y", 5), ("B x", 2), ("B y", 3)];
-
-/// A coordinate, or the state of an element, as panels call it.
-pub(super) fn label(point: Point) -> String {
-    match point {
-        Point::Joint1 => String::from("\u{3b1}1"),
-        Point::Joint2B => String::from("\u{3b1}2"),
-        Point::Joint(joint) => format!("\u{3b1}{joint}"),
-        Point::Mode(mode) => format!("q{mode}"),
-        Point::Coordinate(coordinate) => format!("x{coordinate}"),
-        Point::Element(element) => format!("element {element}"),
-        Point::TipC => String::from("C"),
-    }
-}
 
 #[cfg(test)]
 mod tests {

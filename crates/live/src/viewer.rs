@@ -14,7 +14,7 @@ use tokio::sync::broadcast::error::RecvError;
 use super::foxglove::{self, Subscriptions};
 use super::message::{Asked, PageMessage};
 use super::model::text;
-use super::server::{Shared, lock};
+use super::shared::{Shared, lock};
 
 /// How long a viewer may take to receive a message.
 const PATIENCE: Duration = Duration::from_secs(10);

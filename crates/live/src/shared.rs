@@ -1,0 +1,34 @@
+//! What the tasks of the server share.
+
+use std::sync::atomic::{AtomicU64, AtomicUsize};
+use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
+
+use axum::extract::ws::Message;
+use tokio::sync::broadcast;
+
+use super::admission::{Origins, Token};
+use super::foxglove::{Channel, Published};
+use super::model::Model;
+use super::source::Source;
+use resonarm_files::recording::channels::Channels;
+
+/// State shared by the server's tasks.
+pub struct Shared {
+    pub model: Mutex<Model>,
+    pub source: Mutex<Source>,
+    pub updates: broadcast::Sender<Message>,
+    pub published: broadcast::Sender<Arc<Vec<Published>>>,
+    pub token: Token,
+    pub lost_updates: AtomicU64,
+    pub viewers: AtomicUsize,
+    pub session: String,
+    /// The channels published for Foxglove.
+    pub channels: Vec<Channel>,
+    pub table: Channels,
+    pub origins: Origins,
+}
+
+/// The model and the source are consistent between any two calls, so a panic elsewhere does not spoil them.
+pub fn lock<T>(mutex: &Mutex<T>) -> MutexGuard<'_, T> {
+    mutex.lock().unwrap_or_else(PoisonError::into_inner)
+}
