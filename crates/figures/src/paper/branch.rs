@@ -9,6 +9,15 @@ use resonarm_analysis::{
 };
 use resonarm_dynamics::arm::{Arm, Load, Preset};
 
+/// Half the width of the range in which a mode's resonance zone is searched, relative to its natural frequency. The two
+/// ranges do not overlap, since f2 > 1.4 f1 at all poses of both presets.
+const ZONE: f64 = 0.15;
+
+/// The frequencies of a resonance zone, Hz.
+pub(super) fn zone_hz(natural_hz: f64) -> [f64; 2] {
+    [natural_hz * (1.0 - ZONE), natural_hz * (1.0 + ZONE)]
+}
+
 /// The excitation of the arm.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize)]
 #[serde(rename_all = "kebab-case")]
@@ -192,7 +201,7 @@ impl ForcedBranch {
 
     /// The ranges in which the resonance zones of both modes are searched, Hz.
     pub fn zones_hz(&self) -> [[f64; 2]; 2] {
-        self.natural_hz.map(super::figure::zone_hz)
+        self.natural_hz.map(zone_hz)
     }
 
     /// The bifurcations of a kind.

@@ -2,7 +2,7 @@
 
 use serde::Serialize;
 
-use super::branch::by_name;
+use super::branch::{by_name, zone_hz};
 use super::{Drive, ForcedBranch, MeasuredPoint, MeasuredZone, MeasuredZones, PaperError, Settings, Subject};
 use resonarm_analysis::modes;
 use resonarm_dynamics::arm::{Arm, Parameters, Preset};
@@ -122,15 +122,6 @@ pub struct Plan {
     jobs: Vec<Job>,
     panels: Vec<Panel>,
     measured: Vec<MeasuredPoint>,
-}
-
-/// Half the width of the range in which a mode's resonance zone is searched, relative to its natural frequency. The two
-/// ranges do not overlap, since f2 > 1.4 f1 at all poses of both presets.
-const ZONE: f64 = 0.15;
-
-/// The frequencies of a resonance zone, Hz.
-pub(super) fn zone_hz(natural_hz: f64) -> [f64; 2] {
-    [natural_hz * (1.0 - ZONE), natural_hz * (1.0 + ZONE)]
 }
 
 impl Plan {

@@ -5,6 +5,7 @@
 //! `Scan` of the settings: these are its cases.
 
 mod bending;
+mod bent;
 mod cases;
 mod linear;
 mod pulse;

@@ -1,8 +1,8 @@
 //! The data on which statements are judged: the resonance zones of an arm, over the ranges of the unstated parameters.
 
-use super::super::figure::zone_hz;
+use super::super::branch::zone_hz;
 use super::super::{Drive, ForcedBranch, PaperError, Settings, Subject};
-use super::bending::{Bent, bent};
+use super::bent::{Bent, bent};
 use resonarm_analysis::Maximum;
 use resonarm_analysis::{BifurcationKind, modes};
 use resonarm_dynamics::arm::{Arm, Preset};

@@ -2,7 +2,7 @@
 
 use core::ops::Range;
 
-use super::super::figure::zone_hz;
+use super::super::branch::zone_hz;
 use super::super::{Drive, ForcedBranch, PaperError};
 use super::cases::{Judgement, Opinion, all_hold, number, once, over};
 use super::enough;
