@@ -1,24 +1,16 @@
 //! A controller written in Python.
 
 use core::fmt;
-use std::sync::{Arc, Mutex, PoisonError};
+use std::sync::{Arc, PoisonError};
 
 use pyo3::prelude::*;
 use resonarm::arm::Load;
 use resonarm::control::{Answer, Controller, Length, LoadKind, ResponsePoint};
 use resonarm::rig;
 
-use crate::errors;
+use crate::errors::{self, Raised};
 use crate::plant::Measurement;
 use crate::values;
-
-/// The exception that ended the work of a controller, or the step of a structure, if one did.
-pub type Raised = Arc<Mutex<Option<PyErr>>>;
-
-/// The exception that a call of Python raised, if one did.
-pub fn taken(raised: &Raised) -> Option<PyErr> {
-    raised.lock().unwrap_or_else(PoisonError::into_inner).take()
-}
 
 /// Called with each sample: returns two components of a load, or `None` when the work is done.
 pub struct PyController {

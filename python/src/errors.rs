@@ -2,6 +2,7 @@
 
 use core::fmt::Display;
 use std::io;
+use std::sync::{Arc, Mutex, PoisonError};
 
 use pyo3::create_exception;
 use pyo3::exceptions::{
@@ -19,6 +20,14 @@ use resonarm::run::RunError;
 use resonarm::scenario::{ScenarioError, StructureSectionError};
 
 create_exception!(resonarm, ResonarmError, PyException, "A valid request could not be fulfilled.");
+
+/// The exception that ended the work of a controller, or the step of a structure, if one did.
+pub type Raised = Arc<Mutex<Option<PyErr>>>;
+
+/// The exception that a call of Python raised, if one did.
+pub fn taken(raised: &Raised) -> Option<PyErr> {
+    raised.lock().unwrap_or_else(PoisonError::into_inner).take()
+}
 
 /// Escapes control characters, which a file or its name may contain, so that the text can be printed on a terminal.
 pub fn printable(text: impl Display) -> String {

@@ -9,8 +9,7 @@ use resonarm::plant::{Loads, PointMotion, Stepped};
 use resonarm::scenario::{Scenario, StructureSection};
 use resonarm::structure::{Channel, Coordinates, StructureError, coordinate_channels};
 
-use crate::controller::Raised;
-use crate::errors;
+use crate::errors::{self, Raised};
 use crate::rows::numbers;
 
 /// A structure as Python gives it: the calls of its step and its points, which take and give the bytes of arrays; what

@@ -8,8 +8,7 @@ use resonarm::plant::{self, PlantError};
 use resonarm::rig::{self, Reading};
 use resonarm::structure::States;
 
-use crate::controller::{Raised, taken};
-use crate::errors;
+use crate::errors::{self, Raised, taken};
 use crate::own_structure::OwnParts;
 use crate::rows::{Rows, numbers};
 use crate::scenario::Scenario;

@@ -21,7 +21,8 @@ use resonarm::run::{
 use serde::Serialize;
 
 use crate::bus::BusEnd;
-use crate::controller::{PyController, Raised, load_kind, taken};
+use crate::controller::{PyController, load_kind};
+use crate::errors::{Raised, taken};
 use crate::own_structure::OwnParts;
 use crate::rows::Rows;
 use crate::scenario::Scenario;
