@@ -1,10 +1,9 @@
-//! Flags for the continuation along a branch, shared by `continue` and `backbone`, and hints which of them help if one
-//! ends early.
+//! Flags for the continuation along a branch, shared by `continue` and `backbone`.
 
 use clap::Args;
 
 use crate::failure::Failure;
-use resonarm::analysis::{AnalysisError, BranchOptions};
+use resonarm::analysis::BranchOptions;
 
 /// Settings of the continuation along a branch.
 #[derive(Clone, Debug, Args)]
@@ -34,15 +33,5 @@ impl ContinuationFlags {
         options.most_points = self.most_points as usize;
         options.continuation.largest_step = self.largest_step;
         Ok(options)
-    }
-}
-
-/// The flags that help, in brackets after the message.
-pub(crate) fn hint(error: &AnalysisError) -> &'static str {
-    match error {
-        AnalysisError::TooManyHarmonics { .. } => " (--most-harmonics)",
-        AnalysisError::TooManyPoints { .. } => " (--most-points, --largest-step)",
-        AnalysisError::Stuck { .. } | AnalysisError::NotLocated { .. } => " (--largest-step, --most-harmonics)",
-        _ => "",
     }
 }

@@ -99,12 +99,3 @@ impl Early {
         last.map_or(Ok(Verdict::Positive), Err)
     }
 }
-
-/// The end of the message of a continuation that ended early: how much of it is kept.
-pub(crate) fn kept(motions: &usize) -> String {
-    match motions {
-        0 => String::new(),
-        1 => String::from("; the motion before that is in the results"),
-        _ => format!("; the {motions} motions before that are in the results"),
-    }
-}

@@ -7,8 +7,6 @@ use std::process::ExitCode;
 
 use thiserror::Error;
 
-use crate::continuation_flags;
-use crate::ended_early;
 use resonarm::analysis::AnalysisError;
 use resonarm::analysis::time_domain::TimeDomainError;
 use resonarm::arm::ArmError;
@@ -83,7 +81,7 @@ pub(crate) enum Failure {
     Plot(#[from] PlotError),
     #[error(transparent)]
     Analysis(#[from] AnalysisError),
-    #[error("along {along}: {source}{}{}", continuation_flags::hint(source), ended_early::kept(kept))]
+    #[error("along {along}: {source}{}{}", continuation_hint(source), kept_so_far(kept))]
     BranchEndedEarly { along: &'static str, source: AnalysisError, kept: usize },
     #[error(transparent)]
     Paper(#[from] PaperError),
@@ -249,5 +247,24 @@ fn run(error: &RunError) -> Exit {
         | RunError::PlantNotArmed { .. }
         | RunError::Histogram(_) => Exit::Environment,
         RunError::Plant(_) | RunError::Encode(_) | RunError::Periodic(_) | RunError::Stalled { .. } => Exit::Negative,
+    }
+}
+
+/// The flags that help a continuation that ended early, in brackets after the message.
+fn continuation_hint(error: &AnalysisError) -> &'static str {
+    match error {
+        AnalysisError::TooManyHarmonics { .. } => " (--most-harmonics)",
+        AnalysisError::TooManyPoints { .. } => " (--most-points, --largest-step)",
+        AnalysisError::Stuck { .. } | AnalysisError::NotLocated { .. } => " (--largest-step, --most-harmonics)",
+        _ => "",
+    }
+}
+
+/// The end of the message of a continuation that ended early: how much of it is kept.
+fn kept_so_far(motions: &usize) -> String {
+    match motions {
+        0 => String::new(),
+        1 => String::from("; the motion before that is in the results"),
+        _ => format!("; the {motions} motions before that are in the results"),
     }
 }

@@ -4,6 +4,7 @@
 //! input, 3 the environment lacks something.
 
 mod basin_cells;
+mod basin_grid;
 mod commands;
 mod configuration;
 mod continuation_flags;

@@ -131,3 +131,18 @@ impl MotionFlags {
 pub(crate) fn or_empty(value: Option<impl ToString>) -> String {
     value.map_or(String::new(), |value| value.to_string())
 }
+
+/// The number of motions of these periods, and how many have another than the excitation.
+pub(crate) fn periods(periods: &[Option<u32>], time_constants: f64) -> String {
+    let longer = periods.iter().flatten().filter(|period| **period > 1).count();
+    let unsettled = periods.iter().filter(|period| period.is_none()).count();
+    let mut text = format!("{} motions", periods.len());
+    if longer > 0 {
+        text += &format!(", {longer} of them of a longer period than the excitation");
+    }
+    if unsettled > 0 {
+        text += &format!(", {unsettled} not settled within {time_constants} time constants");
+    }
+    text.push('\n');
+    text
+}

@@ -6,11 +6,11 @@ use clap::{Args, ValueEnum};
 use serde::Serialize;
 use serde_json::Value;
 
-use crate::commands::frf::{broken_at_wraps, style};
 use crate::commands::identify_angles::{self, Domain, Request};
 use crate::configuration;
 use crate::failure::{Failure, Verdict};
 use crate::figures::captions;
+use crate::figures::response_curves::{broken_at_wraps, style};
 use crate::flags;
 use crate::output::{self, JsonFlag, OverwriteFlag};
 use crate::recordings;

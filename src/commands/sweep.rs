@@ -7,7 +7,7 @@ use serde_json::Value;
 use crate::failure::{Failure, Verdict};
 use crate::figures::captions::{self, degrees};
 use crate::flags;
-use crate::motion_flags::{DirectionFlag, MotionFlags, or_empty};
+use crate::motion_flags::{DirectionFlag, MotionFlags, or_empty, periods};
 use crate::readings::{self, ReadingsDocument, ReadingsFlag};
 use crate::structures::{self, StructureDriveFlags};
 use crate::study;
@@ -222,21 +222,6 @@ impl PointDocument {
             readings: None,
         }
     }
-}
-
-/// The number of motions of these periods, and how many have another than the excitation.
-pub(crate) fn periods(periods: &[Option<u32>], time_constants: f64) -> String {
-    let longer = periods.iter().flatten().filter(|period| **period > 1).count();
-    let unsettled = periods.iter().filter(|period| period.is_none()).count();
-    let mut text = format!("{} motions", periods.len());
-    if longer > 0 {
-        text += &format!(", {longer} of them of a longer period than the excitation");
-    }
-    if unsettled > 0 {
-        text += &format!(", {unsettled} not settled within {time_constants} time constants");
-    }
-    text.push('\n');
-    text
 }
 
 impl SweepDocument {

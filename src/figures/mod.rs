@@ -4,5 +4,6 @@ pub mod branch_plot;
 pub mod branch_table;
 pub mod captions;
 pub mod latency_figure;
+pub mod response_curves;
 pub mod singular_curves;
 pub mod zone_figure;

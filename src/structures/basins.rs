@@ -6,7 +6,7 @@ use serde_json::{Value, json};
 use super::continuation::{amplitude, readings};
 use super::{displacement_unit, label, load_unit};
 use crate::basin_cells::Cells;
-use crate::commands::basins::{GridFlags, pair};
+use crate::basin_grid::{GridFlags, pair};
 use crate::configuration;
 use crate::failure::{Failure, Verdict};
 use crate::motion_flags::MotionFlags;

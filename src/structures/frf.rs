@@ -6,9 +6,9 @@ use serde::Serialize;
 use serde_json::Value;
 
 use super::{displacement_unit, dof, label, load_unit};
-use crate::commands::frf::{broken_at_wraps, csv};
 use crate::configuration;
 use crate::failure::{Failure, Verdict};
+use crate::figures::response_curves::{broken_at_wraps, csv};
 use crate::output::{self, JsonFlag};
 use resonarm::analysis::Quantity;
 use resonarm::analysis::structure::LinearResponse;

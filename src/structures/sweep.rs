@@ -5,10 +5,9 @@ use serde_json::{Value, json};
 
 use super::continuation::{amplitude, readings};
 use super::{COLORS, Read, displacement_unit, label, load_unit};
-use crate::commands::sweep::periods;
 use crate::configuration;
 use crate::failure::{Failure, Verdict};
-use crate::motion_flags::{DirectionFlag, MotionFlags, or_empty};
+use crate::motion_flags::{DirectionFlag, MotionFlags, or_empty, periods};
 use crate::study;
 use resonarm::analysis::structure::time_domain::{Resonance, SweepFrequencies};
 use resonarm::analysis::structure::{Forced, Reading};

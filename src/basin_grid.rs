@@ -1,0 +1,66 @@
+//! The grid of initial states of `basins`, as its flags say it.
+
+use clap::Args;
+
+use crate::failure::Failure;
+use resonarm::study::StateGrid;
+use resonarm_numeric::number::short;
+
+/// Most values of a coordinate.
+const MOST: u32 = 1000;
+
+/// The grid of initial states.
+#[derive(Debug, Args)]
+pub(crate) struct GridFlags {
+    /// First value of each [default: minus the last].
+    #[arg(long, value_name = "X,Y", value_delimiter = ',', num_args = 1)]
+    from: Option<Vec<f64>>,
+    /// Last value of each [default: 1.5 times as far as the largest stable motion reaches].
+    #[arg(long, value_name = "X,Y", value_delimiter = ',', num_args = 1)]
+    to: Option<Vec<f64>>,
+    /// Number of values of each, evenly spaced, from 2 to 1000.
+    #[arg(
+        long,
+        value_name = "NX,NY",
+        default_value = "41,41",
+        allow_hyphen_values = true,
+        value_delimiter = ',',
+        num_args = 1
+    )]
+    points: Vec<u32>,
+}
+
+impl GridFlags {
+    /// The grid in two coordinates, which go as far as `reach` says.
+    pub fn grid<C, S>(
+        &self,
+        coordinates: [C; 2],
+        names: [&str; 2],
+        reach: [f64; 2],
+        others: S,
+    ) -> Result<StateGrid<C, S>, Failure> {
+        if names[0] == names[1] {
+            return Err(Failure::usage(format!("--coordinates has {} twice: give two", names[0])));
+        }
+        let counts = pair("--points", &self.points)?;
+        if let Some(count) = counts.iter().find(|count| !(2..=MOST).contains(*count)) {
+            return Err(Failure::usage(format!("--points has {count}: it must be from 2 to {MOST}")));
+        }
+        let to = self.to.as_ref().map_or(Ok(reach), |to| pair("--to", to))?;
+        let from = self.from.as_ref().map_or_else(|| Ok(to.map(|to| -to)), |from| pair("--from", from))?;
+        let ends = [0, 1].map(|axis| [from[axis], to[axis]]);
+        match ends.iter().find(|[from, to]| !(from.is_finite() && to.is_finite() && from != to)) {
+            Some([from, to]) => {
+                let (from, to) = (short(from), short(to));
+                Err(Failure::usage(format!("the grid goes from {from} to {to}: both must be numbers, and different")))
+            }
+            None => Ok(StateGrid { coordinates, ends, counts: counts.map(|count| count as usize), others }),
+        }
+    }
+}
+
+/// Two values of a flag.
+pub(crate) fn pair<T: Copy>(flag: &str, values: &[T]) -> Result<[T; 2], Failure> {
+    let count = values.len();
+    <[T; 2]>::try_from(values).map_err(|_count| Failure::usage(format!("{flag} has {count} values: it needs two, X,Y")))
+}
