@@ -1,7 +1,7 @@
 //! A controller written in Python.
 
 use core::fmt;
-use std::sync::{Arc, Mutex, PoisonError};
+use std::sync::{Arc, PoisonError};
 
 use pyo3::prelude::*;
 use resonarm::arm::Load;

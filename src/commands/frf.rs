@@ -9,7 +9,7 @@ use serde_json::Value;
 use crate::configuration;
 use crate::failure::{Failure, Verdict};
 use crate::figures::captions;
-use crate::figures::response_curves::{broken_at_wraps, csv, style};
+use crate::figures::response_curves::{csv, style};
 use crate::flags::{self, ArmFlags};
 use crate::output::{self, JsonFlag, OverwriteFlag};
 use crate::structures;

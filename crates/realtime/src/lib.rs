@@ -32,6 +32,7 @@ mod idle;
 mod latency;
 mod overrun_cause;
 mod periodic;
+mod priority;
 mod privileges;
 mod rate;
 mod spin;
@@ -46,9 +47,8 @@ pub use overrun_cause::{OverrunCause, OverrunCauses};
 pub use periodic::{
     Action, LoopSummary, MAX_LAG_NS, OverrunPolicy, Periodic, PeriodicError, Tick, UnknownOverrunPolicy,
 };
+pub use priority::{FifoPriority, PriorityError};
 pub use privileges::{Finding, Privileges};
 pub use rate::{MAX_RATE_HZ, MIN_RATE_HZ, RateError, SampleRate};
 pub use spin::{Spin, SpinChoice, SpinError};
-pub use thread::{
-    FifoPriority, MemoryLock, PREFAULT_STACK_BYTES, PriorityError, Shortfall, ThreadReport, ThreadSetup, Wanted,
-};
+pub use thread::{MemoryLock, PREFAULT_STACK_BYTES, Shortfall, ThreadReport, ThreadSetup, Wanted};

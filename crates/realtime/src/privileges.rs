@@ -9,7 +9,7 @@ use rustix::time::{ClockId, clock_getres};
 use serde::Serialize;
 
 use super::clock::to_ns;
-use super::thread::{FifoPriority, set_fifo};
+use super::priority::{FifoPriority, set_fifo};
 
 /// The coarsest resolution of the monotonic clock that a periodic loop can live with, ns.
 const CLOCK_RESOLUTION_WANTED_NS: u64 = 1_000;

@@ -259,7 +259,7 @@ pub enum Place {
 }
 
 impl Place {
-    /// In words: `elbow.x`, `joint 2`.
+    /// In words: `tip.x`, `joint 2`.
     pub(super) fn name(&self) -> String {
         match self {
             Place::Dof { point, axis } => format!("{point}.{axis}"),
