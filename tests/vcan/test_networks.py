@@ -161,8 +161,10 @@ def test_what_is_neither_recorded_nor_watched_is_filtered_by_the_kernel(tmp_path
     for record in ([], ["--record", tmp_path / "run.mcap"]):
         plant = programs.resonarm("run", *common, "--json-events", "--stop-on-disarm", *record)
         wait_until(lambda plant=plant: '"ready"' in plant.stderr, "the plant")
-        for _ in range(20):
-            run("cansend", "vcan0", "123#00")
+        with socket.socket(socket.AF_CAN, socket.SOCK_RAW, socket.CAN_RAW) as raw:
+            raw.bind(("vcan0",))
+            for _ in range(20):
+                raw.send(struct.pack("=IB3x8s", 0x123, 1, bytes(8)))
         exciter = programs.resonarm("exciter", *common)
         played, ran = exciter.result(), plant.result()
         assert played["outcome"] == "finished" and ran["bus"]["sent"] > 1000

@@ -1,5 +1,6 @@
 """`resonarm replay --against`: the reference controller in C passes, and with a flaw in its source it is caught."""
 
+import functools
 import shutil
 from pathlib import Path
 
@@ -36,16 +37,23 @@ def controller(programs, program, mode):
     return programs.start("controller", program, "vcan0", *FLAGS[mode], *PLAYED, *PATIENT)
 
 
-def flawed(folder, flaw):
+@pytest.fixture(scope="module")
+def flawed(tmp_path_factory):
     """The controller, built with a flaw."""
-    copy = folder / "c"
-    shutil.copytree(SOURCES, copy, ignore=shutil.ignore_patterns("build"))
-    path, healthy, ill = FLAWS[flaw]
-    source = (copy / path).read_text()
-    assert source.count(healthy) == 1
-    (copy / path).write_text(source.replace(healthy, ill))
-    run("make", "--silent", "-C", copy, f"OUT={folder}/build")
-    return folder / "build/controller"
+
+    @functools.cache
+    def build(flaw):
+        folder = tmp_path_factory.mktemp("flawed")
+        copy = folder / "c"
+        shutil.copytree(SOURCES, copy, ignore=shutil.ignore_patterns("build"))
+        path, healthy, ill = FLAWS[flaw]
+        source = (copy / path).read_text()
+        assert source.count(healthy) == 1
+        (copy / path).write_text(source.replace(healthy, ill))
+        run("make", "--silent", "-C", copy, f"OUT={folder}/build")
+        return folder / "build/controller"
+
+    return build
 
 
 @pytest.fixture(params=SPEEDS)
@@ -87,8 +95,8 @@ def test_the_healthy_controller_passes(programs, recorded):
     assert compared["frames"] == len(sent)
 
 
-def test_an_amplitude_that_is_off_is_caught(programs, tmp_path, recorded):
-    compared = against(programs, recorded, flawed(tmp_path, "two per cent too much"), 1)
+def test_an_amplitude_that_is_off_is_caught(programs, flawed, recorded):
+    compared = against(programs, recorded, flawed("two per cent too much"), 1)
     first, expected = compared["first_difference"], commands(recorded[1])
     assert first["kind"] == "command"
     assert first["expected"][0] in [pytest.approx(force_n) for sample, force_n in expected if sample == first["sample"]]
@@ -98,8 +106,8 @@ def test_an_amplitude_that_is_off_is_caught(programs, tmp_path, recorded):
     assert compared["largest_force_difference_n"] == pytest.approx(0.02 * 50, abs=0.05)
 
 
-def test_a_disarm_that_is_missing_is_caught(programs, tmp_path, recorded):
-    program = flawed(tmp_path, "no disarm")
+def test_a_disarm_that_is_missing_is_caught(programs, flawed, recorded):
+    program = flawed("no disarm")
     # The plant has waited long enough, or before that the controller misses a plant that waits.
     for patience_s, kind in ((1, "no-request"), (10, "fault")):
         compared = against(programs, recorded, program, 1, patience_s)
