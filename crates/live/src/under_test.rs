@@ -99,7 +99,8 @@ impl UnderTest {
         }
     }
 
-    /// The points at which the rig is, those of the exciter, B and C; unknown of a program's own structure and of an FMU.
+    /// The points at which the rig is, those of the exciter, B and C; unknown of a program's own structure and of
+    /// an FMU.
     pub fn rig(&self) -> Option<[String; 3]> {
         match &self.kind {
             Kind::Arm(_) => Some(["tip", "joint2", "tip"].map(String::from)),

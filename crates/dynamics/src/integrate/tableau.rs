@@ -15,9 +15,9 @@ pub(crate) const RK4: Tableau<4> = Tableau {
     c: [0.0, 0.5, 0.5, 1.0],
 };
 
-/// The method of order 8 of Dormand and Prince, twelve stages, as E. Hairer, S. P. Nørsett and G. Wanner give it in their
-/// code DOP853 ("Solving Ordinary Differential Equations I", 2nd edition 1993, section II.5). Row i of `a` weights the
-/// slopes that stage i starts from.
+/// The method of order 8 of Dormand and Prince, twelve stages, as E. Hairer, S. P. Nørsett and G. Wanner give it in
+/// their code DOP853 ("Solving Ordinary Differential Equations I", 2nd edition 1993, section II.5). Row i of `a`
+/// weights the slopes that stage i starts from.
 pub(crate) const DOP853: Tableau<12> = Tableau {
     a: [
         row(&[]),

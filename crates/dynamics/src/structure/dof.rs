@@ -2,7 +2,8 @@
 
 use super::spec::Axis;
 
-/// A degree of freedom that forces act on and that is read: a place of one [`Assembly`](super::Assembly), which makes it.
+/// A degree of freedom that forces act on and that is read: a place of one [`Assembly`](super::Assembly), which makes
+/// it.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Dof(pub(super) At);
 

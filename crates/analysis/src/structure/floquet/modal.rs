@@ -9,8 +9,8 @@
 //! with z after half a step of ż = a v + b z, exact at constant v; of friction z follows x.
 //!
 //! The columns of the flow know nothing of each other: some at a time go through the whole period, and stay in
-//! registers and the nearest cache. Between impulses that act the modes move in one exact step, however long: an open contact and
-//! friction that slips cost nothing.
+//! registers and the nearest cache. Between impulses that act the modes move in one exact step, however long: an open
+//! contact and friction that slips cost nothing.
 
 use alloc::vec;
 use alloc::vec::Vec;
