@@ -4,7 +4,6 @@
 use core::f64::consts::TAU;
 use std::path::Path;
 
-use nalgebra::{Matrix2, Vector2};
 use resonarm::arm::Parameters;
 use resonarm::control::{Answer, ResponsePoint};
 use resonarm::plant::Plant;
@@ -41,29 +40,33 @@ impl Rig {
         let [q1, q12] = [self.beta_rad[0] + x1, self.beta_rad[0] + self.beta_rad[1] + x1 + x2];
         let ((s1, c1), (s12, c12)) = (libm::sincos(q1), libm::sincos(q12));
         let (s, c) = libm::sincos(self.beta_rad[1] + x2);
-        let mass = Matrix2::new(a1 + 2.0 * a2 * c, a3 + a2 * c, a3 + a2 * c, a3);
-        let coriolis = Vector2::new(-a2 * s * (v2 * v1 + (v1 + v2) * v2), a2 * s * v1 * v1);
-        let springs = Vector2::new(
+        let coriolis = [-a2 * s * (v2 * v1 + (v1 + v2) * v2), a2 * s * v1 * v1];
+        let springs = [
             p.damping1_nm_s_rad * v1 + p.stiffness1_nm_rad * x1,
             p.damping2_nm_s_rad * v2 + p.stiffness2_nm_rad * x2,
-        );
+        ];
         // The shaker pushes along x: s is the displacement of the tip.
-        let jacobian = Vector2::new(-p.length1_m * s1 - p.length2_m * s12, -p.length2_m * s12);
+        let [j1, j2] = [-p.length1_m * s1 - p.length2_m * s12, -p.length2_m * s12];
         let centripetal = -p.length1_m * c1 * v1 * v1 - p.length2_m * c12 * (v1 + v2) * (v1 + v2);
         let rest_m =
             p.length1_m * libm::cos(self.beta_rad[0]) + p.length2_m * libm::cos(self.beta_rad[0] + self.beta_rad[1]);
         let displacement_m = p.length1_m * c1 + p.length2_m * c12 - rest_m;
-        let velocity_m_s = jacobian.dot(&Vector2::new(v1, v2));
+        let velocity_m_s = j1 * v1 + j2 * v2;
         let pushed_n = shaker.force_factor_n_a * current_a
             - shaker.damping_n_s_m * velocity_m_s
             - shaker.stiffness_n_m * displacement_m;
-        let together = mass + jacobian * jacobian.transpose() * shaker.moving_mass_kg;
-        let acting = jacobian * (pushed_n - shaker.moving_mass_kg * centripetal) - coriolis - springs;
-        let acceleration = together.try_inverse().unwrap() * acting;
-        let head_n = pushed_n - shaker.moving_mass_kg * (jacobian.dot(&acceleration) + centripetal);
+        let armature_kg = shaker.moving_mass_kg;
+        let m11 = a1 + 2.0 * a2 * c + armature_kg * j1 * j1;
+        let m12 = a3 + a2 * c + armature_kg * j1 * j2;
+        let m22 = a3 + armature_kg * j2 * j2;
+        let along_n = pushed_n - armature_kg * centripetal;
+        let [f1, f2] = [j1 * along_n - coriolis[0] - springs[0], j2 * along_n - coriolis[1] - springs[1]];
+        let determinant = m11 * m22 - m12 * m12;
+        let [w1, w2] = [(m22 * f1 - m12 * f2) / determinant, (m11 * f2 - m12 * f1) / determinant];
+        let head_n = pushed_n - armature_kg * (j1 * w1 + j2 * w2 + centripetal);
         let back_v = shaker.force_factor_n_a * velocity_m_s;
         let current_rate = (voltage_v - shaker.resistance_ohm * current_a - back_v) / shaker.inductance_h;
-        ([v1, v2, acceleration.x, acceleration.y, current_rate], head_n)
+        ([v1, v2, w1, w2, current_rate], head_n)
     }
 
     /// A step of the classical Runge–Kutta method.
