@@ -39,7 +39,8 @@ class StructureBranch:
     """The same columns: for each degree of freedom that is read the motion with its largest displacement, located
     between the points."""
     unlocated: tuple[tuple[str, float, float], ...] = ()
-    """Bifurcations that show between two points and could not be located: kind, and the parameter at both points."""
+    """Bifurcations that were detected between two points and could not be located: kind, and the parameter at both
+    points."""
 
     def __repr__(self) -> str:
         unstable = int(np.count_nonzero(~self.points["stable"]))

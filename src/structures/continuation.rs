@@ -50,7 +50,7 @@ struct Document {
     coordinates: Value,
     points: Vec<Value>,
     bifurcations: Vec<Value>,
-    /// Those that show between two points and could not be located.
+    /// Those that were detected between two points and could not be located.
     unlocated: Vec<Value>,
     /// For each degree of freedom that is read, the motion with the largest displacement.
     peaks: Vec<Value>,

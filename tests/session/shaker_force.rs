@@ -41,10 +41,8 @@ impl Rig {
         let ((s1, c1), (s12, c12)) = (libm::sincos(q1), libm::sincos(q12));
         let (s, c) = libm::sincos(self.beta_rad[1] + x2);
         let coriolis = [-a2 * s * (v2 * v1 + (v1 + v2) * v2), a2 * s * v1 * v1];
-        let springs = [
-            p.damping1_nm_s_rad * v1 + p.stiffness1_nm_rad * x1,
-            p.damping2_nm_s_rad * v2 + p.stiffness2_nm_rad * x2,
-        ];
+        let springs =
+            [p.damping1_nm_s_rad * v1 + p.stiffness1_nm_rad * x1, p.damping2_nm_s_rad * v2 + p.stiffness2_nm_rad * x2];
         // The shaker pushes along x: s is the displacement of the tip.
         let [j1, j2] = [-p.length1_m * s1 - p.length2_m * s12, -p.length2_m * s12];
         let centripetal = -p.length1_m * c1 * v1 * v1 - p.length2_m * c12 * (v1 + v2) * (v1 + v2);

@@ -19,7 +19,7 @@ use core::f64::consts::TAU;
 
 use nalgebra::{Complex, Matrix2, Matrix4};
 
-use super::eigenvalues::eigenvalues;
+use super::eigenvalues::of_four;
 use super::fourier::{Basis, Harmonics, Motion, uniform};
 use super::hill::{Hill, Rates};
 use super::{HarmonicBalance, Instant, Oscillator};
@@ -189,7 +189,7 @@ impl Floquet {
     /// The same with a given number of steps.
     fn stability_with<O: Oscillator>(&mut self, balance: &HarmonicBalance<O>, x: &[f64], steps: usize) -> Stability {
         let (monodromy, log_determinant) = self.monodromy(balance, x, steps);
-        let multipliers = largest_first(eigenvalues(&monodromy));
+        let multipliers = largest_first(of_four(&monodromy));
         let liouville_defect = monodromy.determinant() / libm::exp(log_determinant) - 1.0;
         Stability { multipliers, liouville_defect }
     }

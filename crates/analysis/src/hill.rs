@@ -24,7 +24,7 @@ use core::f64::consts::TAU;
 use nalgebra::{Complex, Matrix2, Matrix4, Vector2};
 
 use super::dense::Lu;
-use super::eigenvalues::eigenvalues;
+use super::eigenvalues::of_four;
 
 /// Frequencies on each side of a mode's: the smallest sufficient of these numbers.
 const WIDTHS: [usize; 4] = [4, 8, 16, 32];
@@ -89,7 +89,7 @@ impl Hill {
             matrix[(2 + i, j)] = p[(i, j)].re / unit;
             matrix[(2 + i, 2 + j)] = q[(i, j)].re;
         }
-        let mut rising = eigenvalues(&matrix).into_iter().filter(|value| value.im > 0.0);
+        let mut rising = of_four(&matrix).into_iter().filter(|value| value.im > 0.0);
         Some([rising.next()?, rising.next()?])
     }
 

@@ -133,12 +133,12 @@ pub struct Bifurcation {
     pub index: usize,
 }
 
-/// A change of sign between two points that shows a bifurcation, whose place was not found.
+/// A bifurcation that was detected between two points, by a change of sign, and could not be located.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Unlocated {
-    /// The kind that shows.
+    /// The kind whose test function changes sign.
     pub kind: BifurcationKind,
-    /// The coordinate at the points on both sides. At a fold the branch reaches beyond both.
+    /// The coordinate at the points on both sides, Hz, N or N·m. At a fold the branch reaches beyond both.
     pub between: [f64; 2],
     /// The number of points of the branch before it.
     pub index: usize,
@@ -151,7 +151,7 @@ pub struct Branch {
     pub orbits: Vec<Orbit>,
     /// Its bifurcations in order.
     pub bifurcations: Vec<Bifurcation>,
-    /// Those that show and could not be located, in order.
+    /// Those that were detected and could not be located, in order.
     pub unlocated: Vec<Unlocated>,
     /// For each degree of freedom that is read, the motion with the largest displacement, located between the points;
     /// an end of the branch if the displacement is largest there.

@@ -15,7 +15,6 @@
 //! The state of a friction element that slips is a state of the flow. One that doesn't slip is a spring.
 
 mod chain;
-mod eigenvalues;
 mod exponents;
 mod modal;
 mod newton;
@@ -30,17 +29,13 @@ use super::balance::Balance;
 use super::orbit::Stability;
 use super::samples::{Geometry, Samples, geometry};
 use super::unknowns::Body;
+use crate::eigenvalues::eigenvalues;
 use resonarm_dynamics::structure::Law;
 
 /// Steps a period of the fastest mode, of modes and of a chain, and of the motion's highest harmonic.
 const STEPS: [f64; 3] = [8.0, 48.0, 4.0];
 /// The least steps: of smooth motions, and of others.
 const LEAST_STEPS: [f64; 2] = [64.0, 512.0];
-
-/// Where our own algorithm doesn't converge: deflation tolerance and most iterations of that of a library, and the
-/// multiples of the identity to add if that doesn't either; see `crate::floquet`.
-const QR_LIMITS: (f64, usize) = (1e-14, 2000);
-const SHIFTS: [f64; 4] = [0.0, 0.5, -0.7, 1.3];
 
 /// The variations along a motion.
 pub(super) struct Variations<'a> {
@@ -175,21 +170,13 @@ fn average(samples: &mut Samples) {
 }
 
 /// The eigenvalues.
-fn multipliers(flow: DMatrix<f64>) -> Option<Stability> {
+fn multipliers(mut flow: DMatrix<f64>) -> Option<Stability> {
     let n = flow.nrows();
     if flow.iter().any(|value| !value.is_finite()) {
         return None;
     }
     // By columns: those of the transpose are the same.
-    let own = eigenvalues::eigenvalues(n, &mut flow.as_slice().to_vec());
-    let values = own.or_else(|| {
-        SHIFTS.iter().find_map(|&shift| {
-            let shifted = &flow + DMatrix::identity(n, n) * shift;
-            let schur = shifted.try_schur(QR_LIMITS.0, QR_LIMITS.1)?;
-            Some(schur.complex_eigenvalues().iter().map(|value| value - shift).collect::<Vec<Complex<f64>>>())
-        })
-    });
-    values.map(sorted)
+    eigenvalues(n, flow.as_mut_slice()).map(sorted)
 }
 
 /// Multipliers, the largest magnitude first.
