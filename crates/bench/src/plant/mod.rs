@@ -9,8 +9,8 @@
 //! at once would lag the rest by half a period, an error of up to some per cent in a frequency response.
 
 mod assembly_steps;
-mod driven;
 mod driven_arm;
+mod driven_structure;
 mod sampling;
 mod shaken;
 mod shaker;
@@ -24,8 +24,8 @@ use thiserror::Error;
 
 use crate::rig::{Exciter, GateSpec, Measurement, Rig, RigError, RigSpec, ShakerLimit};
 use crate::structure::{Kind, LOADS, MOST_STATES, OUTPUTS, States, Structure, StructureError};
-use driven::Driven;
 use driven_arm::DrivenArm;
+use driven_structure::DrivenStructure;
 use resonarm_dynamics::arm::{Arm, ArmError, Load, Parameters, Pose, State};
 use resonarm_dynamics::integrate::{IntegrateError, Scheme};
 use resonarm_dynamics::structure::StepError;
@@ -221,7 +221,7 @@ impl Plant {
         let rig = Rig::new(&spec.rig, spec.sample_rate_hz, spec.seed)?;
         let structure: Box<dyn Structure> = match &spec.structure {
             None => Box::new(DrivenArm::new(spec)?),
-            Some(tested) => Box::new(Driven::assembly(spec, tested)?),
+            Some(tested) => Box::new(DrivenStructure::assembly(spec, tested)?),
         };
         Plant::of(structure, rig, spec.sample_rate_hz)
     }
@@ -238,7 +238,7 @@ impl Plant {
             return Err(PlantSpecError::Shaker);
         }
         let rig = Rig::new(&spec.rig, spec.sample_rate_hz, spec.seed)?;
-        Plant::of(Box::new(Driven::new(spec, structure)?), rig, spec.sample_rate_hz)
+        Plant::of(Box::new(DrivenStructure::new(spec, structure)?), rig, spec.sample_rate_hz)
     }
 
     /// A plant of any structure with the loads and outputs of the arm, [`LOADS`] and [`OUTPUTS`], at sample 0 of

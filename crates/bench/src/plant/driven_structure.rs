@@ -40,7 +40,7 @@ impl Steps {
 
 /// The structure at a sample.
 #[derive(Clone, Debug)]
-pub(super) struct Driven {
+pub(super) struct DrivenStructure {
     steps: Steps,
     steps_per_sample: u32,
     step_s: f64,
@@ -57,28 +57,28 @@ fn step_s(spec: &PlantSpec) -> f64 {
     1.0 / (spec.sample_rate_hz * f64::from(spec.steps_per_sample))
 }
 
-impl Driven {
+impl DrivenStructure {
     /// The structure of a valid specification with an ideal exciter, in its state at sample 0.
-    pub fn new(spec: &PlantSpec, steps: Box<dyn Stepped>) -> Result<Driven, PlantSpecError> {
-        Driven::of(spec, Steps::Ideal(steps), f64::INFINITY)
+    pub fn new(spec: &PlantSpec, steps: Box<dyn Stepped>) -> Result<DrivenStructure, PlantSpecError> {
+        DrivenStructure::of(spec, Steps::Ideal(steps), f64::INFINITY)
     }
 
     /// The structure of a valid specification, with its shaker if it has one, at sample 0.
-    pub fn assembly(spec: &PlantSpec, tested: &TestedAssembly) -> Result<Driven, PlantSpecError> {
+    pub fn assembly(spec: &PlantSpec, tested: &TestedAssembly) -> Result<DrivenStructure, PlantSpecError> {
         match spec.rig.shaker {
-            None => Driven::new(spec, Box::new(AssemblySteps::new(spec, tested)?)),
+            None => DrivenStructure::new(spec, Box::new(AssemblySteps::new(spec, tested)?)),
             Some(shaker) => {
                 let shaken = Shaken::new(spec, tested, shaker, step_s(spec))?;
                 let decay = shaken.decay();
-                Driven::of(spec, Steps::Shaken(Box::new(shaken)), decay)
+                DrivenStructure::of(spec, Steps::Shaken(Box::new(shaken)), decay)
             }
         }
     }
 
-    fn of(spec: &PlantSpec, steps: Steps, decay: f64) -> Result<Driven, PlantSpecError> {
+    fn of(spec: &PlantSpec, steps: Steps, decay: f64) -> Result<DrivenStructure, PlantSpecError> {
         super::check_steps_per_sample(spec.steps_per_sample)?;
         let step_s = step_s(spec);
-        let mut driven = Driven {
+        let mut driven = DrivenStructure {
             steps_per_sample: spec.steps_per_sample,
             step_s,
             filter: Filter::new(spec, step_s, decay),
@@ -145,7 +145,7 @@ impl Driven {
     }
 }
 
-impl Structure for Driven {
+impl Structure for DrivenStructure {
     fn inputs(&self) -> &[Channel] {
         &LOADS
     }
