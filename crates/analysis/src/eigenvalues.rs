@@ -7,17 +7,17 @@
 //! H ← P⁻¹ H P,  P reflecting the first column of (H − σI)(H − σ̄I) onto e₁, then H back to Hessenberg form
 //! ```
 //!
-//! with the eigenvalues σ, σ̄ of the last two rows, until an element beside the diagonal vanishes and one eigenvalue or
-//! two are split off. A Schur form in full, of which nothing else is needed, takes several times as long.
+//! with the eigenvalues σ, σ̄ of the last two rows, until a subdiagonal element vanishes and one eigenvalue or two are
+//! split off. A complete Schur form, as the library for matrices has it, takes several times as long.
 
 use alloc::vec::Vec;
 
 use nalgebra::{Complex, Matrix4};
 
-/// Steps for an eigenvalue, and after which an odd shift is tried.
+/// The most steps for an eigenvalue, and the number after which an exceptional shift is tried.
 const STEPS: usize = 40;
-const ODD: usize = 10;
-/// A row and a column whose sums of magnitudes are nearer than this need no balance.
+const EXCEPTIONAL: usize = 10;
+/// A row and its column are scaled if that reduces their sum of magnitudes below this part.
 const BALANCED: f64 = 0.95;
 
 /// A square matrix by rows.
@@ -45,7 +45,7 @@ pub(crate) fn eigenvalues(n: usize, a: &mut [f64]) -> Option<Vec<Complex<f64>>> 
                 return None;
             }
             steps += 1;
-            moved += matrix.step(start, end, steps % ODD == 0);
+            moved += matrix.step(start, end, steps % EXCEPTIONAL == 0);
         }
     }
     found.iter().all(|value| value.norm_sqr().is_finite()).then_some(found)
@@ -63,7 +63,7 @@ impl Matrix<'_> {
         self.a[row * self.n + column]
     }
 
-    /// A row, and one below it.
+    /// A row, and another below it.
     fn two(&mut self, row: usize, below: usize) -> (&mut [f64], &mut [f64]) {
         let (head, tail) = self.a.split_at_mut(below * self.n);
         (&mut head[row * self.n..(row + 1) * self.n], &mut tail[..self.n])
@@ -123,7 +123,7 @@ impl Matrix<'_> {
         }
     }
 
-    /// The first row of the part up to `end` whose element beside the diagonal vanishes.
+    /// The first row of the last block up to `end`, whose subdiagonal element vanishes.
     fn split(&mut self, end: usize) -> usize {
         for row in (1..end).rev() {
             let beside = self.at(row - 1, row - 1).abs() + self.at(row, row).abs();
@@ -155,18 +155,19 @@ impl Matrix<'_> {
         found.extend([far, -other].map(|re| Complex::new(x + re + moved, 0.0)));
     }
 
-    /// A step on the rows from `start` to `end`, at least three; returns by what the diagonal was moved.
-    fn step(&mut self, start: usize, end: usize, odd: bool) -> f64 {
+    /// A step on the rows from `start` to `end`, at least three; returns what an exceptional shift takes off the
+    /// diagonal.
+    fn step(&mut self, start: usize, end: usize, exceptional: bool) -> f64 {
         let (n, last) = (self.n, end - 1);
         let (mut x, mut y) = (self.at(last, last), self.at(last - 1, last - 1));
         let (mut product, mut moved) = (self.at(last, last - 1) * self.at(last - 1, last), 0.0);
-        if odd {
+        if exceptional {
             moved = x;
             (0..end).for_each(|i| self.a[i * n + i] -= x);
             let size = self.at(last, last - 1).abs() + self.at(last - 1, last - 2).abs();
             (x, y, product) = (0.75 * size, 0.75 * size, -0.4375 * size * size);
         }
-        // From the first row on before which two small elements follow each other.
+        // Starts at the last row where two subdiagonal elements in turn are small.
         let mut first = last - 2;
         let column = loop {
             let (z, below) = (self.at(first, first), self.at(first + 1, first));
@@ -192,7 +193,7 @@ impl Matrix<'_> {
         moved
     }
 
-    /// Reflects by a column, and then by what stands below the diagonal, down to the end.
+    /// Reflects `column` onto its first element, and then what is below the subdiagonal of each column, down to `end`.
     fn chase(&mut self, start: usize, end: usize, first: usize, mut column: [f64; 3]) {
         let (n, last) = (self.n, end - 1);
         for row in first + 2..end {

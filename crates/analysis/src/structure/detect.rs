@@ -246,7 +246,7 @@ mod tests {
         assert!(pair(0.99) < 0.0 && pair(1.01) > 0.0);
     }
 
-    /// What shows between two points and can't be found there is noted, and the next is sought.
+    /// A bifurcation that is detected and can't be located is noted, and those after it are located.
     #[test]
     fn what_is_not_located_is_noted() {
         let assembly = modal(&oracles("modal")[0]);

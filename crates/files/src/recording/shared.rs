@@ -18,7 +18,7 @@ pub(super) struct Shared {
 }
 
 impl Shared {
-    /// Why the thread takes nothing any more.
+    /// Why the thread accepts no more records.
     pub fn error(&self) -> RecordingError {
         match self.failure.get() {
             Some(error) => error.clone(),

@@ -8,7 +8,7 @@
 //!
 //! with z after half a step of ż = a v + b z, exact at constant v; of friction z follows x.
 //!
-//! The columns of the flow know nothing of each other: some at a time go through the whole period, and stay in
+//! The columns of the flow are independent: [`LANES`] of them at a time are taken through the whole period, in
 //! registers and the nearest cache. Between impulses that act the modes move in one exact step, however long: an open
 //! contact and friction that slips cost nothing.
 
@@ -68,15 +68,15 @@ impl Impulse {
         Impulse { stiffness, damping, states, implicit }
     }
 
-    /// Whether nothing acts, of elements whose states are held at zero already.
+    /// Whether no force acts, and the states of elements are held at zero already.
     fn is_idle(&self, before: Option<&Impulse>) -> bool {
         let held = |of: &Impulse| of.states.iter().all(|(_, at)| at.by_state.is_none());
         let known = self.states.is_empty() || before.is_some_and(|before| held(self) && held(before));
         known && self.implicit.is_none() && self.stiffness.iter().all(|s| *s == 0.0)
     }
 
-    /// Whether states need not follow to the end of a step, but can past it: of friction that holds on both sides, or
-    /// is about to slip.
+    /// Whether the states need no value at the end of the step, but can be followed past it: those of friction that
+    /// sticks on both sides, or is about to slip.
     fn passes(&self, after: &Impulse) -> bool {
         let rigid = |at: &StateVariation| matches!(at.by_state, None | Some(0.0));
         let pairs = || self.states.iter().zip(&after.states).map(|((_, before), (_, after))| (before, after));
@@ -97,7 +97,7 @@ enum Then {
     Nothing,
 }
 
-/// The flow over the period: how the modes move, by number, and what comes then.
+/// The events of a period: how long the modes move by themselves, and what happens then.
 struct Plan<'a> {
     condensed: &'a Condensed,
     h: f64,
@@ -175,7 +175,7 @@ struct Columns<'a> {
 }
 
 impl<'a> Columns<'a> {
-    /// Of the identity, from a column on.
+    /// The columns of the identity from `first` on.
     fn new(n: usize, states: usize, plan: &'a Plan, first: usize) -> Columns<'a> {
         let unit = |row: usize| core::array::from_fn(|lane| f64::from(u8::from(row == first + lane)));
         let rows = |from: usize, count: usize| (from..from + count).map(unit).collect::<Vec<Lanes>>();
@@ -212,7 +212,7 @@ impl<'a> Columns<'a> {
         Some(self)
     }
 
-    /// Gives the impulse of the forces, and moves the modes by themselves; sees x then, and v if `rates` are wanted.
+    /// Applies the impulse of the forces, and moves the modes by themselves; then computes x, and v if `rates` is set.
     fn drift(&mut self, blocks: &[Block], rates: bool) {
         let (places, h) = (&self.plan.condensed.places, self.plan.h);
         self.x.fill([0.0; LANES]);

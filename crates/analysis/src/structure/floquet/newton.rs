@@ -34,7 +34,8 @@ pub(super) fn polish(varied: &Varied, mut s: Complex<f64>) -> Option<Complex<f64
                 return None;
             }
             s -= change;
-            // A step is to the one before at most as the next one to it, near a double exponent, too.
+            // The next step is at most the same part of this one as this one is of the one before, also near a double
+            // exponent.
             let error = step * (step / before).min(1.0);
             before = step;
             if error < CONVERGED {
