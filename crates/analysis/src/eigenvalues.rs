@@ -10,6 +10,7 @@
 //! with the eigenvalues σ, σ̄ of the last two rows, until a subdiagonal element vanishes and one eigenvalue or two are
 //! split off. A complete Schur form, as the library for matrices has it, takes several times as long.
 
+use alloc::vec;
 use alloc::vec::Vec;
 
 use nalgebra::{Complex, Matrix4};
@@ -20,6 +21,8 @@ const EXCEPTIONAL: usize = 10;
 /// A row and its column are scaled if that reduces their sum of magnitudes below this part.
 const BALANCED: f64 = 0.95;
 
+const NAN: Complex<f64> = Complex::new(f64::NAN, f64::NAN);
+
 /// A square matrix by rows.
 struct Matrix<'a> {
     n: usize,
@@ -28,34 +31,42 @@ struct Matrix<'a> {
 
 /// All eigenvalues of a matrix of n rows, given by rows, which is overwritten; none if the algorithm doesn't converge.
 pub(crate) fn eigenvalues(n: usize, a: &mut [f64]) -> Option<Vec<Complex<f64>>> {
-    let mut matrix = Matrix { n, a };
+    let (mut factors, mut found) = (vec![0.0; n], vec![NAN; n]);
+    find(a, &mut factors, &mut found).then_some(found)
+}
+
+/// Those of a matrix of order 4; NaN if the algorithm doesn't converge. Allocates nothing.
+pub(crate) fn of_four(matrix: &Matrix4<f64>) -> [Complex<f64>; 4] {
+    // By columns: those of the transpose are the same.
+    let mut a: [f64; 16] = core::array::from_fn(|k| matrix[k]);
+    let mut found = [NAN; 4];
+    if find(&mut a, &mut [0.0; 4], &mut found) { found } else { [NAN; 4] }
+}
+
+/// Writes the eigenvalues of `a` to `found`, with storage for the factors of elimination; `false` if the algorithm
+/// doesn't converge.
+fn find(a: &mut [f64], factors: &mut [f64], found: &mut [Complex<f64>]) -> bool {
+    let mut matrix = Matrix { n: found.len(), a };
     matrix.balance();
-    matrix.reduce();
-    let (mut found, mut end, mut moved) = (Vec::with_capacity(n), n, 0.0);
+    matrix.reduce(factors);
+    let (mut end, mut moved) = (matrix.n, 0.0);
     while end > 0 {
         let mut steps = 0;
         loop {
             let start = matrix.split(end);
             if end - start <= 2 {
-                matrix.last(start, end, moved, &mut found);
+                matrix.last(moved, start, &mut found[start..end]);
                 end = start;
                 break;
             }
             if steps == STEPS {
-                return None;
+                return false;
             }
             steps += 1;
             moved += matrix.step(start, end, steps % EXCEPTIONAL == 0);
         }
     }
-    found.iter().all(|value| value.norm_sqr().is_finite()).then_some(found)
-}
-
-/// Those of a matrix of order 4; NaN if the algorithm doesn't converge.
-pub(crate) fn of_four(matrix: &Matrix4<f64>) -> [Complex<f64>; 4] {
-    // By columns: those of the transpose are the same.
-    let found = eigenvalues(4, &mut matrix.as_slice().to_vec());
-    found.and_then(|values| values.try_into().ok()).unwrap_or([Complex::new(f64::NAN, f64::NAN); 4])
+    found.iter().all(|value| value.norm_sqr().is_finite())
 }
 
 impl Matrix<'_> {
@@ -95,9 +106,8 @@ impl Matrix<'_> {
     }
 
     /// To Hessenberg form: row i ← row i − yᵢ row m, column m ← column m + Σ yᵢ column i, for each m.
-    fn reduce(&mut self) {
+    fn reduce(&mut self, y: &mut [f64]) {
         let n = self.n;
-        let mut y = Vec::with_capacity(n);
         for m in 1..n.saturating_sub(1) {
             let size = |row: usize| self.at(row, m - 1).abs();
             let pivot = (m..n).fold(m, |best, row| if size(row) > size(best) { row } else { best });
@@ -109,16 +119,15 @@ impl Matrix<'_> {
                 a.swap_with_slice(b);
                 self.a.chunks_exact_mut(n).for_each(|row| row.swap(m, pivot));
             }
-            y.clear();
             for i in m + 1..n {
                 let (above, row) = self.two(m, i);
                 let factor = row[m - 1] / above[m - 1];
-                y.push(factor);
+                y[i] = factor;
                 row[m - 1] = 0.0;
                 row[m..].iter_mut().zip(&above[m..]).for_each(|(value, above)| *value -= factor * above);
             }
             for row in self.a.chunks_exact_mut(n) {
-                row[m] += row[m + 1..].iter().zip(&y).map(|(value, y)| value * y).sum::<f64>();
+                row[m] += row[m + 1..].iter().zip(&y[m + 1..]).map(|(value, y)| value * y).sum::<f64>();
             }
         }
     }
@@ -135,24 +144,25 @@ impl Matrix<'_> {
         0
     }
 
-    /// The eigenvalues of one or two rows.
-    fn last(&self, start: usize, end: usize, moved: f64, found: &mut Vec<Complex<f64>>) {
-        let x = self.at(end - 1, end - 1);
-        if end - start == 1 {
-            found.push(Complex::new(x + moved, 0.0));
+    /// The eigenvalues of the one or two rows from `start` on.
+    fn last(&self, moved: f64, start: usize, found: &mut [Complex<f64>]) {
+        let last = start + found.len() - 1;
+        let x = self.at(last, last);
+        let [first, second] = found else {
+            found.fill(Complex::new(x + moved, 0.0));
             return;
-        }
-        let product = self.at(end - 1, start) * self.at(start, end - 1);
+        };
+        let product = self.at(last, start) * self.at(start, last);
         let half = 0.5 * (self.at(start, start) - x);
         let square = half * half + product;
         let root = libm::sqrt(square.abs());
         if square < 0.0 {
-            found.extend([root, -root].map(|im| Complex::new(x + half + moved, im)));
+            [*first, *second] = [root, -root].map(|im| Complex::new(x + half + moved, im));
             return;
         }
         let far = half + root.copysign(half);
         let other = if far == 0.0 { 0.0 } else { product / far };
-        found.extend([far, -other].map(|re| Complex::new(x + re + moved, 0.0)));
+        [*first, *second] = [far, -other].map(|re| Complex::new(x + re + moved, 0.0));
     }
 
     /// A step on the rows from `start` to `end`, at least three; returns what an exceptional shift takes off the
@@ -264,8 +274,6 @@ impl Matrix<'_> {
 
 #[cfg(test)]
 mod tests {
-    use alloc::vec;
-
     use resonarm_numeric::noise::Noise;
 
     use super::*;
