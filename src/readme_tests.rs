@@ -3,7 +3,9 @@
 use std::fs;
 use std::path::{Path, PathBuf};
 
-use crate::check_arguments;
+use clap::Command;
+
+use crate::{check_arguments, whole};
 
 /// The documents, with the base folder of their links.
 fn documents() -> Vec<(PathBuf, String)> {
@@ -57,6 +59,39 @@ fn every_command_of_a_quickstart_is_valid() {
     for command in commands {
         assert_eq!(check_arguments(command.split_whitespace()), Ok(()), "{command}");
     }
+}
+
+/// The texts after the help of a command and of those below it.
+fn after_help(command: &Command) -> Vec<String> {
+    let own = [command.get_after_help(), command.get_after_long_help()];
+    let own = own.into_iter().flatten().map(ToString::to_string);
+    own.chain(command.get_subcommands().flat_map(after_help)).collect()
+}
+
+/// Lines that begin with the program's name, up to 80 columns, so that no terminal breaks them, and those that continue
+/// them after a backslash.
+#[test]
+fn every_example_in_a_help_is_valid_and_stays_whole() {
+    let mut commands = 0;
+    for text in after_help(&whole()) {
+        let mut lines = text.lines().map(str::trim_start);
+        while let Some(line) = lines.next() {
+            let Some(rest) = line.strip_prefix("resonarm ") else { continue };
+            let (mut command, mut part) = (String::new(), rest);
+            while let Some(begun) = part.strip_suffix('\\') {
+                command += begun;
+                part = lines.next().unwrap();
+            }
+            command += part;
+            assert!(
+                text.lines().filter(|line| line.contains("resonarm ")).all(|line| line.chars().count() <= 80),
+                "{text}"
+            );
+            assert_eq!(check_arguments(command.split_whitespace()), Ok(()), "{command}");
+            commands += 1;
+        }
+    }
+    assert!(commands >= 30, "only {commands} examples found");
 }
 
 #[test]

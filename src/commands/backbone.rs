@@ -34,7 +34,8 @@ Examples:
   resonarm backbone --torque1-nm 60 --plot backbone
   resonarm backbone --mode 2 --undamped --beta2-deg 120
   resonarm backbone --force-x-n 60 --beta1-deg 30 --beta2-deg 120 --json
-  resonarm backbone --scenario hardening.toml --drive tip.x --amplitude 4 --plot hardening
+  resonarm backbone --scenario hardening.toml --drive tip.x --amplitude 4 \\
+      --plot hardening
 
 A curve that ends early is printed as far as it came; standard error says why, and the exit code is 1.";
 

@@ -27,8 +27,10 @@ const EXAMPLES: &str = "\
 Examples:
   resonarm basins --torque1-nm 60 --frequency-hz 22.1 --out basins
   resonarm basins --torque1-nm 60 --frequency-hz 22.1 --points 21,21
-  resonarm basins --force-x-n 20 --frequency-hz 22.145 --coordinates alpha1_rad,alpha2_rad --from=-0.2,-0.2 --to 0.2,0.2
-  resonarm basins --scenario hardening.toml --drive tip.x --amplitude 2 --frequency-hz 22.4 --points 9,9 --out tip
+  resonarm basins --force-x-n 20 --frequency-hz 22.145 \\
+      --coordinates alpha1_rad,alpha2_rad --from=-0.2,-0.2 --to 0.2,0.2
+  resonarm basins --scenario hardening.toml --drive tip.x --amplitude 2 \\
+      --frequency-hz 22.4 --points 9,9 --out tip
 
 A state counts as having reached a stable motion when, over a quarter of the slowest time constant, it has approached as
 the linearisation at that motion says, but for a remainder of at most a quarter of the decay; until then it is integrated. States

@@ -33,12 +33,18 @@ use resonarm_numeric::number::short;
 const EXAMPLES: &str = "\
 Examples:
   resonarm continue --torque1-nm 60 --from-hz 21 --to-hz 23 --plot branch
-  resonarm continue --force-x-n 20 --beta1-deg 30 --beta2-deg 120 --from-hz 60 --to-hz 20
-  resonarm continue --parameter amplitude --frequency-hz 22.1 --from-nm 0 --to-nm 300
-  resonarm continue --parameter mass2_kg --torque1-nm 60 --frequency-hz 22 --from 40 --to 60
-  resonarm continue --torque1-nm 60 --from-hz 21 --to-hz 23 --curves-in amplitude --curves-to 5
-  resonarm continue --torque1-nm 800 --beta2-deg 75 --from-hz 40 --to-hz 50 --doubled
-  resonarm continue --scenario hardening.toml --drive tip.x --amplitude 4 --from-hz 21 --to-hz 24
+  resonarm continue --force-x-n 20 --beta1-deg 30 --beta2-deg 120 --from-hz 60 \\
+      --to-hz 20
+  resonarm continue --parameter amplitude --frequency-hz 22.1 --from-nm 0 \\
+      --to-nm 300
+  resonarm continue --parameter mass2_kg --torque1-nm 60 --frequency-hz 22 \\
+      --from 40 --to 60
+  resonarm continue --torque1-nm 60 --from-hz 21 --to-hz 23 \\
+      --curves-in amplitude --curves-to 5
+  resonarm continue --torque1-nm 800 --beta2-deg 75 --from-hz 40 --to-hz 50 \\
+      --doubled
+  resonarm continue --scenario hardening.toml --drive tip.x --amplitude 4 \\
+      --from-hz 21 --to-hz 24
 
 A walk that ends early prints what it found, says why on standard error, and ends with exit code 1.";
 

@@ -24,8 +24,10 @@ const DIAGRAM_POINTS: usize = 200;
 const EXAMPLES: &str = "\
 Examples:
   resonarm poincare --torque1-nm 60 --frequency-hz 22.1
-  resonarm poincare --parameter amplitude --frequency-hz 22.1 --from-nm 5 --to-nm 90 --out diagram
-  resonarm poincare --parameter frequency --torque1-nm 60 --from-hz 21.9 --to-hz 22.3 --steps 21";
+  resonarm poincare --parameter amplitude --frequency-hz 22.1 --from-nm 5 \\
+      --to-nm 90 --out diagram
+  resonarm poincare --parameter frequency --torque1-nm 60 --from-hz 21.9 \\
+      --to-hz 22.3 --steps 21";
 
 /// The states of the settled arm at phase 0 of the excitation: one section, or a bifurcation diagram in frequency or
 /// amplitude.

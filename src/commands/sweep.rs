@@ -22,10 +22,14 @@ use resonarm_numeric::number::short;
 
 const EXAMPLES: &str = "\
 Examples:
-  resonarm sweep --torque1-nm 60 --from-hz 21.9 --to-hz 22.3 --steps 41 --out sweep
-  resonarm sweep --torque1-nm 60 --from-hz 21.9 --to-hz 22.3 --steps 41 --direction down
-  resonarm sweep --force-x-n 20 --over-beta2-deg 60,120 --from-hz 21 --to-hz 28 --out poses
-  resonarm sweep --scenario hardening.toml --drive tip.x --amplitude 2 --from-hz 22 --to-hz 22.8 --steps 9 --out tip";
+  resonarm sweep --torque1-nm 60 --from-hz 21.9 --to-hz 22.3 --steps 41 \\
+      --out sweep
+  resonarm sweep --torque1-nm 60 --from-hz 21.9 --to-hz 22.3 --steps 41 \\
+      --direction down
+  resonarm sweep --force-x-n 20 --over-beta2-deg 60,70 --from-hz 22 \\
+      --to-hz 23 --out poses
+  resonarm sweep --scenario hardening.toml --drive tip.x --amplitude 2 \\
+      --from-hz 22 --to-hz 22.8 --steps 9 --out tip";
 
 /// How a motion without a period is read.
 const UNUSUAL: &str = " A motion that has not settled is read over 64 periods of the excitation.";

@@ -172,7 +172,7 @@ fn figures_of_branches_have_their_numbers_beside_them() {
 #[test]
 fn examples_of_the_help_run() {
     for command in ["continue", "backbone", "sweep", "poincare"] {
-        let help = done(&format!("{command} --help"));
+        let help = done(&format!("{command} --help")).replace("\\\n", "");
         let folder = tempfile::tempdir().unwrap();
         let scenario = concat!(env!("CARGO_MANIFEST_DIR"), "/examples/structures/hardening.toml");
         std::fs::copy(scenario, folder.path().join("hardening.toml")).unwrap();
@@ -180,9 +180,10 @@ fn examples_of_the_help_run() {
         assert!(examples.len() >= 3, "{command}: {help}");
         for example in examples {
             let mut program = Command::new(env!("CARGO_BIN_EXE_resonarm"));
-            let output = program.args(example.split(' ')).current_dir(&folder).stdin(Stdio::null()).output().unwrap();
+            let output =
+                program.args(example.split_whitespace()).current_dir(&folder).stdin(Stdio::null()).output().unwrap();
             assert!(output.status.success(), "{example}: {}", text(&output.stderr));
-            let mut words = example.split(' ').skip_while(|word| !["--out", "--plot"].contains(word));
+            let mut words = example.split_whitespace().skip_while(|word| !["--out", "--plot"].contains(word));
             if let (Some(flag), Some(name)) = (words.next(), words.next()) {
                 let name = if flag == "--plot" { format!("{name}.svg") } else { String::from(name) };
                 assert!(folder.path().join(&name).exists(), "{example}: no {name}");
