@@ -11,9 +11,13 @@ from processes import Programs, run, wait_until
 from recordings import Recording
 
 SCENARIOS = Path(__file__).parents[2] / "scenarios"
+LEAN = Path(__file__).parent / "lean"
 
 if os.environ.get("RESONARM_TEST_VCAN") is None:
     raise pytest.UsageError("these tests need two CAN interfaces: run them by tests/vcan/with-vcan")
+
+# Of the programs that tests start.
+os.environ["PYTHONPATH"] = os.pathsep.join(filter(None, [str(LEAN), os.environ.get("PYTHONPATH")]))
 
 
 @pytest.fixture
