@@ -66,7 +66,7 @@ fn everything(sample: u64) -> Option<Vec<Record>> {
 fn record(path: &Path, options: &Options, records: &[Record]) -> Result<u64, Box<dyn Error>> {
     let recorder = Recorder::create(path, &Configuration::new(), options.clone())?;
     let mut channel = recorder.channel("bench", 1 << 15)?;
-    records.iter().try_for_each(|record| channel.push_blocking(*record))?;
+    records.iter().try_for_each(|record| channel.push_blocking(record))?;
     Ok(recorder.finish(&[])?.bytes)
 }
 

@@ -27,10 +27,10 @@ fn main() -> Result<(), Box<dyn Error>> {
     let recorder = Recorder::create(&path, &configuration, options)?;
     let mut channel = recorder.channel("plant", 8192)?;
     for sample in 0..samples {
-        records(sample)?.into_iter().try_for_each(|record| channel.push_blocking(record))?;
+        records(sample)?.into_iter().try_for_each(|record| channel.push_blocking(&record))?;
     }
     let time_ns = samples * 1_000_000;
-    channel.push_blocking(Record::Event(Event { sample: samples, time_ns, name: "run.end", value: -1 }))?;
+    channel.push_blocking(&Record::Event(Event { sample: samples, time_ns, name: "run.end", value: -1 }))?;
     recorder.finish(&[("overruns", "0".to_string())])?;
 
     let recording = Recording::open(&path)?;

@@ -175,7 +175,7 @@ impl Plant {
     #[getter]
     fn states<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyDict>> {
         let (all, states) = (PyDict::new(py), self.inner.states());
-        let mut rest = &*states;
+        let mut rest = &states[..];
         for (name, components) in self.channels() {
             let (vector, after) = rest.split_at(components.len());
             all.set_item(name, PyTuple::new(py, vector)?)?;
@@ -223,7 +223,7 @@ impl Plant {
             py.detach(|| {
                 part.iter().try_for_each(|load| {
                     let measured = self.inner.measure();
-                    push(&mut rows, &self.inner.states(), &measured);
+                    push(&mut rows, self.inner.states(), &measured);
                     self.inner.advance(load)
                 })
             })

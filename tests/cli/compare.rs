@@ -140,7 +140,7 @@ fn of_another_dbc(path: &Path) {
             let other = Message::PlantHello(Hello { dbc_hash: hello.dbc_hash ^ 1, ..hello });
             record.frame = Transmitter::new(Network::default()).frame(&other).unwrap();
         }
-        channel.push_blocking(Record::Frame(record)).unwrap();
+        channel.push_blocking(&Record::Frame(record)).unwrap();
     }
     recorder.finish(&[]).unwrap();
 }

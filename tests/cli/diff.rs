@@ -96,10 +96,10 @@ fn marked(folder: &Path, name: &str, is_end: bool, clipped: Clipped, coil_curren
             force_n: zero,
             is_end,
         };
-        channel.push_blocking(Record::State(state)).unwrap();
+        channel.push_blocking(&Record::State(state)).unwrap();
         let (acceleration_b_m_s2, acceleration_c_m_s2, head_force_n) = (zero, zero, zero);
         let readings = SampleRecord { sample, acceleration_b_m_s2, acceleration_c_m_s2, head_force_n, clipped };
-        channel.push_blocking(Record::Sample(readings)).unwrap();
+        channel.push_blocking(&Record::Sample(readings)).unwrap();
     }
     recorder.finish(&[]).unwrap();
 }

@@ -21,7 +21,7 @@ fn record(path: &Path, name: &str) {
     let mut channel = recorder.channel("plant", 16).unwrap();
     let event: &'static str = String::from(name).leak();
     let event = Event { sample: 0, time_ns: 0, name: event, value: 0 };
-    channel.push_blocking(Record::Event(event)).unwrap();
+    channel.push_blocking(&Record::Event(event)).unwrap();
     recorder.finish(&[("frames", name.to_owned())]).unwrap();
 }
 

@@ -91,7 +91,7 @@ fn with_gap(folder: &Path) {
     let recorder = Recorder::create(folder.join("gap.mcap"), recording.configuration(), options).unwrap();
     let mut channel = recorder.channel("plant", 1024).unwrap();
     for record in recording.states().unwrap().map(Result::unwrap).filter(|record| record.sample != 20) {
-        channel.push_blocking(Record::State(record)).unwrap();
+        channel.push_blocking(&Record::State(record)).unwrap();
     }
     recorder.finish(&[]).unwrap();
 }
@@ -158,10 +158,10 @@ fn the_last_of_all_samples_is_exported() {
     let recorder = Recorder::create(folder.path().join("last.mcap"), recording.configuration(), options).unwrap();
     let mut channel = recorder.channel("plant", 1024).unwrap();
     for (sample, state) in (u64::MAX - 2..=u64::MAX).zip(recording.states().unwrap()) {
-        channel.push_blocking(Record::State(StateRecord { sample, ..state.unwrap() })).unwrap();
+        channel.push_blocking(&Record::State(StateRecord { sample, ..state.unwrap() })).unwrap();
     }
     for (sample, readings) in (u64::MAX - 2..=u64::MAX).zip(recording.samples().unwrap()) {
-        channel.push_blocking(Record::Sample(SampleRecord { sample, ..readings.unwrap() })).unwrap();
+        channel.push_blocking(&Record::Sample(SampleRecord { sample, ..readings.unwrap() })).unwrap();
     }
     recorder.finish(&[]).unwrap();
     for format in ["csv", "uff58", "wav", "foxglove"] {

@@ -99,7 +99,7 @@ fn alter(from: &Path, to: &Path, sample: u64) {
             state.alpha_rad.x = state.alpha_rad.x.next_up();
             record.states = States::of_arm(&state, None);
         }
-        channel.push_blocking(Record::State(record)).unwrap();
+        channel.push_blocking(&Record::State(record)).unwrap();
     }
     recorder.finish(&[]).unwrap();
 }
@@ -246,7 +246,7 @@ fn a_recording_is_judged_by_the_configuration_it_states() {
             Options { existing: resonarm::recording::Existing::Overwrite, ..Options::virtual_time(1e-3, "none") };
         let recorder = Recorder::create(path, &configuration, options).unwrap();
         let mut channel = recorder.channel("plant", 1024).unwrap();
-        recording.states().unwrap().for_each(|record| channel.push_blocking(Record::State(record.unwrap())).unwrap());
+        recording.states().unwrap().for_each(|record| channel.push_blocking(&Record::State(record.unwrap())).unwrap());
         recorder.finish(&[]).unwrap();
         said.push(complaint(folder.path(), 2, &["resim", "tampered.mcap", "--json"]));
     }
@@ -295,7 +295,7 @@ fn a_fault_is_reported() {
     .unwrap();
     let mut channel = recorder.channel("plant", 1024).unwrap();
     for (name, value) in [("emergency", 2), ("state.fault", 0)] {
-        channel.push_blocking(Record::Event(Event { sample: 1234, time_ns: 1_234_000_000, name, value })).unwrap();
+        channel.push_blocking(&Record::Event(Event { sample: 1234, time_ns: 1_234_000_000, name, value })).unwrap();
     }
     recorder.finish(&[]).unwrap();
     let fault = document(folder.path(), 0, &["inspect", "fault.mcap", "--json"]);

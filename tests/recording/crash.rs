@@ -85,8 +85,8 @@ fn record(path: &Path) -> TestResult {
         }
         latest = latest.max(clock() - deadline);
         let [state, frame] = records_at(sample, clock().as_nanos() as u64)?;
-        channel.push(state);
-        channel.push(frame);
+        channel.push(&state);
+        channel.push(&frame);
         if sample % 10 == 0 {
             writeln!(std::io::stdout(), "sample {sample} {}", slack(latest))?;
         }
@@ -116,7 +116,7 @@ fn record_fast(path: &Path) -> TestResult {
     let recorder = Recorder::create(path, &Configuration::new().with("seed", 7), options)?;
     let mut channel = recorder.channel("plant", CAPACITY)?;
     for sample in 0..10_000_000 {
-        records_at(sample, sample * 1_000_000)?.into_iter().try_for_each(|record| channel.push_blocking(record))?;
+        records_at(sample, sample * 1_000_000)?.into_iter().try_for_each(|record| channel.push_blocking(&record))?;
         if sample % 10 == 0 {
             writeln!(std::io::stdout(), "sample {sample} 0")?;
         }

@@ -84,7 +84,7 @@ fn options() -> Options {
 fn record(path: &Path, options: Options, records: &[Record]) -> TestResult<Summary> {
     let recorder = Recorder::create(path, &configuration(), options)?;
     let mut channel = recorder.channel("plant", 256)?;
-    records.iter().try_for_each(|record| channel.push_blocking(*record))?;
+    records.iter().try_for_each(|record| channel.push_blocking(record))?;
     Ok(recorder.finish(&[("overruns", "0".to_string())])?)
 }
 

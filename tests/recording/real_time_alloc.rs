@@ -38,8 +38,8 @@ fn push_does_not_allocate() -> Result<(), Box<dyn Error>> {
             Record::Tick(TickRecord { sample, wakeup_ns: 1, exec_ns: 2, overruns: 0, cause: None }),
             Record::Event(Event { sample, time_ns, name: "state.fault", value: 1 }),
         ];
-        records.into_iter().for_each(|record| assert_eq!(wide.push(record), Pushed::Stored));
-        records.into_iter().filter(|record| narrow.push(*record) == Pushed::Lost).count()
+        records.into_iter().for_each(|record| assert_eq!(wide.push(&record), Pushed::Stored));
+        records.into_iter().filter(|record| narrow.push(record) == Pushed::Lost).count()
     };
     let lost = assert_no_alloc(|| (0..10_000).map(&mut push_all).sum::<usize>());
     let summary = recorder.finish(&[])?;
@@ -47,7 +47,7 @@ fn push_does_not_allocate() -> Result<(), Box<dyn Error>> {
     assert_eq!((summary.lost["wide"], summary.lost["narrow"]), (0, lost as u64));
 
     let late = Record::Tick(TickRecord { sample: 10_000, wakeup_ns: 1, exec_ns: 2, overruns: 0, cause: None });
-    assert_eq!(assert_no_alloc(|| wide.push(late)), Pushed::Lost);
-    assert!(matches!(wide.push_blocking(late), Err(RecordingError::Finished { .. })));
+    assert_eq!(assert_no_alloc(|| wide.push(&late)), Pushed::Lost);
+    assert!(matches!(wide.push_blocking(&late), Err(RecordingError::Finished { .. })));
     Ok(())
 }

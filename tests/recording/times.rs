@@ -36,9 +36,9 @@ fn stamps(path: &Path, options: Options) -> TestResult<Vec<(String, u64, u64)>> 
     let frame = Frame::classic(Id::Standard(0x201), &[1])?;
     let (sample, direction, bus_timestamp_ns) = (7, Direction::Received, Some(START_UNIX_NS + 7_400_000));
     let time_ns = 7_500_000;
-    channel.push_blocking(Record::Frame(FrameRecord { sample, direction, time_ns, bus_timestamp_ns, frame }))?;
-    channel.push_blocking(Record::Event(Event { sample, time_ns: 7_750_000, name: "state.fault", value: 0 }))?;
-    channel.push_blocking(crate::records_of(7)?[0])?;
+    channel.push_blocking(&Record::Frame(FrameRecord { sample, direction, time_ns, bus_timestamp_ns, frame }))?;
+    channel.push_blocking(&Record::Event(Event { sample, time_ns: 7_750_000, name: "state.fault", value: 0 }))?;
+    channel.push_blocking(&crate::records_of(7)?[0])?;
     recorder.finish(&[])?;
     let bytes = fs::read(path)?;
     let messages = mcap::MessageStream::new(&bytes)?;

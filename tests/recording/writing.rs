@@ -37,12 +37,12 @@ fn a_full_channel_loses_records_and_says_so() -> TestResult {
     let mut channel = recorder.channel("plant", 2)?;
     let (mut stored, mut lost) = (0, 0);
     for sample in 0..20_000 {
-        match channel.push(records_of(sample)?[0]) {
+        match channel.push(&records_of(sample)?[0]) {
             Pushed::Stored => stored += 1,
             Pushed::Lost => lost += 1,
         }
     }
-    channel.push_blocking(records_of(20_000)?[0])?; // so that what was lost lies between two samples
+    channel.push_blocking(&records_of(20_000)?[0])?; // so that what was lost lies between two samples
     stored += 1;
     let summary = recorder.finish(&[])?;
     assert!(lost > 0, "a channel of 2 records kept up with 20000");
@@ -73,7 +73,7 @@ fn several_channels_keep_the_order_of_each() -> TestResult {
             let wanted = move |record: &Record| matches!(record, Record::State(_)) == (name == "plant");
             Ok::<_, RecordingError>(scope.spawn(move || {
                 let records = run(500).map_err(|error| error.to_string())?;
-                let pushed = records.into_iter().filter(wanted).try_for_each(|record| channel.push_blocking(record));
+                let pushed = records.into_iter().filter(wanted).try_for_each(|record| channel.push_blocking(&record));
                 pushed.map_err(|error| error.to_string())
             }))
         });
@@ -98,14 +98,14 @@ fn an_abandoned_recording_does_not_look_whole() -> TestResult {
     let path = directory.path().join("run.mcap");
     let recorder = Recorder::create(&path, &configuration(), options())?;
     let mut channel = recorder.channel("plant", 64)?;
-    run(10)?.into_iter().try_for_each(|record| channel.push_blocking(record))?;
+    run(10)?.into_iter().try_for_each(|record| channel.push_blocking(&record))?;
     drop(recorder);
     let recording = Recording::open(&path)?;
     let Integrity::Truncated { last_sample, .. } = recording.integrity() else {
         return Err(format!("given up, but {:?}", recording.integrity()).into());
     };
     assert_eq!((recording.states()?.count(), *last_sample), (10, Some(9)));
-    assert!(matches!(channel.push_blocking(records_of(10)?[0]), Err(RecordingError::Finished { .. })));
+    assert!(matches!(channel.push_blocking(&records_of(10)?[0]), Err(RecordingError::Finished { .. })));
     Ok(())
 }
 
@@ -200,7 +200,7 @@ fn a_failure_during_the_run_reaches_the_producer_and_the_end() -> TestResult {
     let mut channel = recorder.channel("plant", 16)?;
     let refused = (0..100_000).find_map(|sample| {
         let records = records_of(sample).ok()?;
-        records.into_iter().find_map(|record| channel.push_blocking(record).err())
+        records.into_iter().find_map(|record| channel.push_blocking(&record).err())
     });
     let expected = "Broken pipe";
     assert!(refused.is_some_and(|error| error.to_string().contains(expected)));
@@ -240,7 +240,7 @@ fn a_recording_deleted_or_replaced_meanwhile_is_reported() -> TestResult {
         let options = Options { existing: Existing::Overwrite, ..options() };
         let recorder = Recorder::create(&path, &configuration(), options)?;
         let mut channel = recorder.channel("plant", 64)?;
-        run(10)?.into_iter().try_for_each(|record| channel.push_blocking(record))?;
+        run(10)?.into_iter().try_for_each(|record| channel.push_blocking(&record))?;
         match lost {
             Lost::File => fs::remove_file(&path)?,
             Lost::Replaced => fs::remove_file(&path).and_then(|()| fs::write(&path, "something else"))?,

@@ -213,10 +213,10 @@ fn the_processor_rounds_as_before_when_a_step_changes_it() {
 #[test]
 fn a_plant_whose_fmu_fails_stays_at_the_sample_before() {
     let (mut plant, load) = (plant_that_fails(5), Load::force_n(5.0, 0.0));
-    let before = plant.states();
+    let before = *plant.states();
     let mut copy = plant.clone();
     assert!(before[0] > 0.0 && plant.advance(&load).is_err());
-    assert_eq!((plant.sample(), plant.states()), (20, before));
+    assert_eq!((plant.sample(), plant.states()), (20, &before));
     insta::assert_snapshot!(plant.advance(&load).unwrap_err(), @"sample 20: the FMU fails: the step at 0.02 s: a step before it failed, after which it can't be stepped: make the plant anew");
     insta::assert_snapshot!(copy.advance(&load).unwrap_err(), @"sample 20: the FMU fails: the step at 0.02 s: it is a copy of one that was running, whose state a copy can't have: copy it at its start");
 }

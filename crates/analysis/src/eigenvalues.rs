@@ -119,12 +119,11 @@ impl Matrix<'_> {
                 a.swap_with_slice(b);
                 self.a.chunks_exact_mut(n).for_each(|row| row.swap(m, pivot));
             }
-            for i in m + 1..n {
+            for (i, factor) in (m + 1..n).zip(&mut y[m + 1..]) {
                 let (above, row) = self.two(m, i);
-                let factor = row[m - 1] / above[m - 1];
-                y[i] = factor;
+                *factor = row[m - 1] / above[m - 1];
                 row[m - 1] = 0.0;
-                row[m..].iter_mut().zip(&above[m..]).for_each(|(value, above)| *value -= factor * above);
+                row[m..].iter_mut().zip(&above[m..]).for_each(|(value, above)| *value -= *factor * above);
             }
             for row in self.a.chunks_exact_mut(n) {
                 row[m] += row[m + 1..].iter().zip(&y[m + 1..]).map(|(value, y)| value * y).sum::<f64>();

@@ -83,7 +83,7 @@ impl Evidence {
         let (sample, time_ns) = self.now();
         let record = FrameRecord { sample, direction, time_ns, bus_timestamp_ns: timestamp_ns, frame };
         // Lost records are counted in the file.
-        self.channel.push(Record::Frame(record));
+        self.channel.push(&Record::Frame(record));
     }
 
     /// Records the beginning of a case: an event of its name, with its number, from 1.
@@ -106,7 +106,7 @@ impl Evidence {
 
     fn event(&mut self, name: &'static str) {
         let (sample, time_ns) = self.now();
-        self.channel.push(Record::Event(Event { sample, time_ns, name, value: self.cases }));
+        self.channel.push(&Record::Event(Event { sample, time_ns, name, value: self.cases }));
     }
 
     fn now(&self) -> (u64, u64) {

@@ -116,7 +116,7 @@ fn join(
             let record = record?;
             if samples.contains(&record.sample()) {
                 is_empty = false;
-                channel.push_blocking(names.record(record, recording.path())?)?;
+                channel.push_blocking(&names.record(record, recording.path())?)?;
             }
         }
     }

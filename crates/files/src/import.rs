@@ -256,7 +256,7 @@ impl FrameLog {
             early_ns: self.first_ns - logged.time_ns,
         })?;
         let frame = self.record(logged, time_ns);
-        self.channel.push_blocking(Record::Frame(frame))?;
+        self.channel.push_blocking(&Record::Frame(frame))?;
         self.frames += 1;
         self.push_gathered(false)?;
         Ok(time_ns)
@@ -266,7 +266,7 @@ impl FrameLog {
     fn push_gathered(&mut self, is_end: bool) -> Result<(), ImportError> {
         let Some(wire) = &mut self.wire else { return Ok(()) };
         while let Some(record) = wire.next(is_end) {
-            self.channel.push_blocking(record)?;
+            self.channel.push_blocking(&record)?;
         }
         Ok(())
     }

@@ -15,7 +15,7 @@ use crate::tape::{Mark, Tape};
 use crate::variables::{self, Source};
 use resonarm_bench::plant::Plant;
 use resonarm_bench::rig::{Measurement, Reading};
-use resonarm_bench::structure::{OUTPUTS, States};
+use resonarm_bench::structure::OUTPUTS;
 use resonarm_bus::Statistics;
 use resonarm_dynamics::arm::Load;
 use resonarm_files::recording::{Record, StateRecord};
@@ -26,8 +26,6 @@ use resonarm_session::run::{Session, sample_record};
 pub(crate) struct Measured {
     pub plant: Plant,
     pub measurement: Measurement,
-    /// Its states.
-    pub states: States,
     /// The load from the sample to the next, once a step has begun.
     pub held: Option<Load>,
 }
@@ -58,9 +56,9 @@ impl SavedSignals {
 impl Signals {
     pub fn new(session: Session) -> Signals {
         let mut plant = session.plant_at_start();
-        let (measurement, states) = (plant.measure(), plant.states());
+        let measurement = plant.measure();
         let rate_hz = session.scenario().simulation.rate_hz;
-        Signals { rate_hz, now: Measured { plant, measurement, states, held: None }, tape: None, session }
+        Signals { rate_hz, now: Measured { plant, measurement, held: None }, tape: None, session }
     }
 
     fn record(&mut self, record: impl FnOnce(&Measured) -> Record) {
@@ -73,7 +71,7 @@ impl Signals {
     fn state(&self, load: Load, is_end: bool) -> Record {
         Record::State(StateRecord {
             sample: self.now.plant.sample(),
-            states: self.now.states,
+            states: *self.now.plant.states(),
             torque_nm: load.torque_nm.into(),
             force_n: load.force_n.into(),
             is_end,
@@ -105,7 +103,6 @@ impl Signals {
         self.now.plant.advance(&load)?;
         self.record(|_| before);
         self.now.measurement = self.now.plant.measure();
-        self.now.states = self.now.plant.states();
         self.now.held = None;
         self.record_sample();
         Ok(())
@@ -145,7 +142,7 @@ impl Model for Signals {
                 self.now.plant.structure().sense(&mut sampled);
                 sampled.get(index).copied().unwrap_or(f64::NAN)
             }
-            Source::State(index) => self.now.states.get(index).copied().unwrap_or(f64::NAN),
+            Source::State(index) => self.now.plant.states().get(index).copied().unwrap_or(f64::NAN),
             _ => f64::NAN,
         }
     }

@@ -81,7 +81,7 @@ impl Tape {
         {
             self.written += 1;
             self.last_written = Some(place(&record));
-            self.channel.push_blocking(record)?;
+            self.channel.push_blocking(&record)?;
         }
         Ok(())
     }

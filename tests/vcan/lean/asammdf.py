@@ -1,4 +1,7 @@
-"""Found before the package of this name by the Python programs on vcan: python-can imports asammdf for MF4 files if there
-is one, and with it pandas and pyarrow, which takes each of them 2 s in User-Mode Linux."""
+"""Found before the package of this name by the Python programs on vcan.
+
+python-can imports asammdf for MF4 files if there is one, and with it pandas and pyarrow, which takes each program 2 s in
+User-Mode Linux.
+"""
 
 raise ImportError("left out on vcan, where nothing reads MF4 files")

@@ -206,8 +206,8 @@ impl PlantSpec {
 pub struct Plant {
     structure: Box<dyn Structure>,
     rig: Rig,
-    /// How many of the states are coordinates and rates.
-    moving: usize,
+    /// Those of the structure, which change when it is advanced or restored.
+    states: States,
     sample_rate_hz: f64,
     sample: u64,
 }
@@ -252,7 +252,8 @@ impl Plant {
             return Err(PlantSpecError::Channels { inputs: inputs.len(), outputs: outputs.len(), states });
         }
         let moving = structure.states().iter().filter(|channel| channel.kind == Kind::State).count();
-        Ok(Plant { structure, rig, moving, sample_rate_hz, sample: 0 })
+        let states = States::written(moving, states, |numbers| structure.save(numbers));
+        Ok(Plant { structure, rig, states, sample_rate_hz, sample: 0 })
     }
 
     /// The plant at sample `sample` in the states of that sample. Its motion continues from there; its readings do not,
@@ -262,6 +263,7 @@ impl Plant {
     /// [`PlantError::Structure`] if these are not the states of the structure.
     pub fn at(mut self, sample: u64, states: &[f64]) -> Result<Plant, PlantError> {
         self.structure.restore(states).map_err(|source| PlantError::new(sample, source))?;
+        self.structure.save(self.states.numbers_mut());
         self.sample = sample;
         Ok(self)
     }
@@ -330,13 +332,13 @@ impl Plant {
     }
 
     /// The states at the sample, as [`Structure::states`] names them.
-    pub fn states(&self) -> States {
-        States::written(self.moving, self.structure.states().len(), |numbers| self.structure.save(numbers))
+    pub fn states(&self) -> &States {
+        &self.states
     }
 
     /// The state of the arm at the sample: the first four states of the structure.
     pub fn state(&self) -> State {
-        self.states().arm()
+        self.states.arm()
     }
 
     /// The readings at the sample: the converters' samples, through the instruments' chains. Before sample 0 all values
@@ -355,6 +357,7 @@ impl Plant {
         let (u, f) = (&load.torque_nm, &load.force_n);
         let advanced = self.structure.advance(self.time_s(), &[u.x, u.y, f.x, f.y]);
         advanced.map_err(|source| PlantError::new(self.sample, source))?;
+        self.structure.save(self.states.numbers_mut());
         self.sample += 1;
         Ok(())
     }

@@ -144,7 +144,7 @@ fn a_saved_shaken_structure_continues_with_the_same_bits() {
             (0..30).for_each(|n| plant.advance(&load(n)).unwrap());
             let mut restored = [
                 Plant::new(&spec).unwrap().restored(30, &plant.save()).unwrap(),
-                Plant::new(&spec).unwrap().at(30, &plant.states()).unwrap(),
+                Plant::new(&spec).unwrap().at(30, plant.states()).unwrap(),
             ];
             for n in 30..50 {
                 plant.advance(&load(n)).unwrap();

@@ -31,6 +31,11 @@ impl States {
         states
     }
 
+    /// The numbers, to be overwritten.
+    pub(crate) fn numbers_mut(&mut self) -> &mut [f64] {
+        &mut self.numbers[..self.count]
+    }
+
     /// Coordinates and rates, and states of devices and elements; `None` if there are more than [`MOST_STATES`].
     pub fn new(moving: &[f64], internal: &[f64]) -> Option<States> {
         let count = moving.len() + internal.len();

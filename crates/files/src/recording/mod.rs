@@ -10,7 +10,7 @@
 //! let recorder = Recorder::create("run.mcap", &configuration, Options::virtual_time(1e-3, "memory"))?;
 //! let mut channel = recorder.channel("plant", 8192)?;
 //! for record in records() {
-//!     channel.push_blocking(record)?;
+//!     channel.push_blocking(&record)?;
 //! }
 //! let summary = recorder.finish(&[("overruns", "0".to_string())])?;
 //! println!("{} bytes", summary.bytes);

@@ -156,8 +156,8 @@ impl Channel {
 
     /// Records `record`, or counts it as lost. Never blocks, locks or allocates: for the real-time loop.
     #[inline]
-    pub fn push(&mut self, record: Record) -> Pushed {
-        if !self.ring.is_abandoned() && slots::push(&mut self.ring, &record) {
+    pub fn push(&mut self, record: &Record) -> Pushed {
+        if !self.ring.is_abandoned() && slots::push(&mut self.ring, record) {
             Pushed::Stored
         } else {
             self.lost.fetch_add(1, Ordering::Release);
@@ -169,8 +169,8 @@ impl Channel {
     ///
     /// # Errors
     /// The failure of the recorder; [`RecordingError::Finished`] if it was finished.
-    pub fn push_blocking(&mut self, record: Record) -> Result<(), RecordingError> {
-        while slots::is_full(&self.ring, &record) && !self.ring.is_abandoned() {
+    pub fn push_blocking(&mut self, record: &Record) -> Result<(), RecordingError> {
+        while slots::is_full(&self.ring, record) && !self.ring.is_abandoned() {
             self.writer.unpark();
             thread::park_timeout(FULL_WAIT);
         }

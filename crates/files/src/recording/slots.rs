@@ -32,10 +32,9 @@ enum Content<Other> {
 
 /// What is in a ring.
 #[derive(Clone, Copy, Debug, PartialEq)]
-#[expect(clippy::large_enum_variant, reason = "it is handed on at once, and a loop that makes one must not allocate")]
-pub enum Entry<Other = Infallible> {
+pub enum Entry<'a, Other = Infallible> {
     /// A record.
-    Record(Record),
+    Record(&'a Record),
     /// Something else.
     Other(Other),
 }
@@ -114,8 +113,8 @@ pub(super) fn is_full<Other>(ring: &rtrb::Producer<Slot<Other>>, record: &Record
     ring.slots() < slots_for(record)
 }
 
-/// The next entry. The parts of a record are in the ring together.
-pub fn pop<Other>(ring: &mut rtrb::Consumer<Slot<Other>>) -> Option<Entry<Other>> {
+/// Hands over the next entry, if there is one. The parts of a record are in the ring together.
+pub fn pop<Other, R>(ring: &mut rtrb::Consumer<Slot<Other>>, hand: impl FnOnce(Entry<'_, Other>) -> R) -> Option<R> {
     loop {
         let record = match ring.pop().ok()?.0 {
             Content::State(head) => Record::State(state(ring, &head)?),
@@ -123,32 +122,37 @@ pub fn pop<Other>(ring: &mut rtrb::Consumer<Slot<Other>>) -> Option<Entry<Other>
             Content::Frame(frame) => Record::Frame(frame),
             Content::Tick(tick) => Record::Tick(tick),
             Content::Event(event) => Record::Event(event),
-            Content::Other(other) => return Some(Entry::Other(other)),
+            Content::Other(other) => return Some(hand(Entry::Other(other))),
             // Without its beginning it is no record.
             Content::States(_) => continue,
         };
-        return Some(Entry::Record(record));
+        return Some(hand(Entry::Record(&record)));
     }
 }
 
-/// The next record of a ring that has nothing else.
-pub(super) fn pop_record(ring: &mut rtrb::Consumer<Slot>) -> Option<Record> {
-    pop(ring).map(|entry| match entry {
-        Entry::Record(record) => record,
+/// Hands over the next record of a ring that has nothing else.
+pub(super) fn pop_record<R>(ring: &mut rtrb::Consumer<Slot>, hand: impl FnOnce(&Record) -> R) -> Option<R> {
+    pop(ring, |entry| match entry {
+        Entry::Record(record) => hand(record),
         Entry::Other(never) => match never {},
     })
 }
 
 fn state<Other>(ring: &mut rtrb::Consumer<Slot<Other>>, head: &Head) -> Option<StateRecord> {
-    let (count, moving) = (usize::from(head.count), usize::from(head.moving));
-    let mut numbers = [0.0; FIRST + (MOST_SLOTS - 1) * NEXT];
-    numbers[..FIRST].copy_from_slice(&head.first);
-    for part in numbers[FIRST..].chunks_exact_mut(NEXT).take(count.saturating_sub(FIRST).div_ceil(NEXT)) {
-        if let Content::States(states) = ring.pop().ok()?.0 {
-            part.copy_from_slice(&states);
+    let mut is_whole = true;
+    let states = States::written(head.moving.into(), head.count.into(), |numbers| {
+        let (begin, rest) = numbers.split_at_mut(FIRST.min(numbers.len()));
+        begin.iter_mut().zip(head.first).for_each(|(to, number)| *to = number);
+        for part in rest.chunks_mut(NEXT) {
+            match ring.pop() {
+                Ok(Slot(Content::States(states))) => part.iter_mut().zip(states).for_each(|(to, number)| *to = number),
+                _ => is_whole = false,
+            }
         }
+    });
+    if !is_whole {
+        return None;
     }
-    let states = States::new(numbers.get(..moving)?, numbers.get(moving..count)?)?;
     let Head { sample, torque_nm, force_n, is_end, .. } = *head;
     Some(StateRecord { sample, states, torque_nm, force_n, is_end })
 }
@@ -171,8 +175,8 @@ mod tests {
         let records = [record(1, 4, 0), record(2, 4, 1), Record::Tick(tick), record(3, 16, 16), record(4, 64, 17)];
         for _turn in 0..3 {
             assert!(records.iter().all(|record| !is_full(&into, record) && push(&mut into, record)));
-            records.iter().for_each(|record| assert_eq!(pop_record(&mut out).as_ref(), Some(record)));
-            assert_eq!(pop_record(&mut out), None);
+            records.iter().for_each(|record| assert_eq!(pop_record(&mut out, |got| got == record), Some(true)));
+            assert_eq!(pop_record(&mut out, |_| ()), None);
         }
     }
 
@@ -181,7 +185,8 @@ mod tests {
         let (mut into, mut out) = rtrb::RingBuffer::<Slot>::new(MOST_SLOTS + 1);
         let [wide, arm] = [record(1, 64, 17), record(2, 4, 0)];
         assert!(push(&mut into, &wide) && is_full(&into, &wide) && !push(&mut into, &wide) && push(&mut into, &arm));
-        assert_eq!([pop_record(&mut out), pop_record(&mut out), pop_record(&mut out)], [Some(wide), Some(arm), None]);
+        let mut next = || pop_record(&mut out, |record| *record);
+        assert_eq!([next(), next(), next()], [Some(wide), Some(arm), None]);
     }
 
     #[test]

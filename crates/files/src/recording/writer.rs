@@ -179,25 +179,30 @@ impl Writer {
 
     /// Writes what is in the channels, each at most one turn. Returns how many records there were.
     fn take_records(&mut self) -> Result<usize, RecordingError> {
+        self.take_most(|_waiting| TURN)
+    }
+
+    /// Writes of each channel as many records as `most` says of those that wait. Returns how many there were.
+    fn take_most(&mut self, most: impl Fn(usize) -> usize) -> Result<usize, RecordingError> {
+        let mut sources = core::mem::take(&mut self.sources);
         let mut taken = 0;
-        for index in 0..self.sources.len() {
-            for _ in 0..TURN {
-                let Some(record) = slots::pop_record(&mut self.sources[index].records) else { break };
-                self.write(&record)?;
+        let written = sources.iter_mut().try_for_each(|source| {
+            for _ in 0..most(source.records.slots()) {
+                match slots::pop_record(&mut source.records, |record| self.write(record)) {
+                    Some(written) => written?,
+                    None => break,
+                }
                 taken += 1;
             }
-        }
-        Ok(taken)
+            Ok(())
+        });
+        self.sources = sources;
+        written.map(|()| taken)
     }
 
     /// Writes what is in the channels at this moment, so that one that is still being filled can't hold up the end.
     fn take_rest(&mut self) -> Result<(), RecordingError> {
-        for index in 0..self.sources.len() {
-            for _ in 0..self.sources[index].records.slots() {
-                let Some(record) = slots::pop_record(&mut self.sources[index].records) else { break };
-                self.write(&record)?;
-            }
-        }
+        self.take_most(|waiting| waiting)?;
         self.report_losses()
     }
 

@@ -79,7 +79,7 @@ pub(crate) fn read(
     let numbers = (0..count).map(|_| Ok(rest.numbers::<1>()?[0])).collect::<Result<Vec<f64>, Fault>>()?;
     let plant = plant(&parameters)?.restored_measured(sample, &numbers)?;
     let held = held.then(|| crate::variables::load(&load));
-    let now = Measured { states: plant.states(), plant, measurement: measurement(sample, readings), held };
+    let now = Measured { plant, measurement: measurement(sample, readings), held };
     let model = Saved::Signals(Box::new(SavedSignals::read(now)));
     Ok(SavedInstance { token: token.to_string(), state, start_s, time_s, parameters, inputs, model })
 }

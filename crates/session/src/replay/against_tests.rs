@@ -198,7 +198,7 @@ fn asked(recorded: &[OperatorRequest], live: &[OperatorRequest]) -> Compared {
     for frame in frames(recorded) {
         let (direction, bus_timestamp_ns) = (Direction::Received, None);
         let record = FrameRecord { sample: 0, direction, time_ns: 0, bus_timestamp_ns, frame };
-        channel.push_blocking(Record::Frame(record)).unwrap();
+        channel.push_blocking(&Record::Frame(record)).unwrap();
     }
     recorder.finish(&[]).unwrap();
     let time = Time::default();

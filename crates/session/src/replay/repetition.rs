@@ -36,7 +36,7 @@ pub(super) fn repeat(recording: &Recording, scenario: &Scenario) -> Result<Verdi
         }
         compare(&mut verdict, &plant, &record);
         if verdict.first_divergence == Some(record.sample) && differing.is_none() {
-            differing = Some(plant.states());
+            differing = Some(*plant.states());
         }
     }
     match (verdict.first_divergence, differing) {

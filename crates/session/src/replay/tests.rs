@@ -122,7 +122,7 @@ fn two_frames(path: &Path) -> Recording {
         let frame = Frame::classic(Id::Standard(0x203), &[1, 2, 3]).unwrap();
         let (direction, time_ns, bus_timestamp_ns) = (Direction::Sent, sample * 1_000_000, None);
         let record = FrameRecord { sample, direction, time_ns, bus_timestamp_ns, frame };
-        channel.push_blocking(Record::Frame(record)).unwrap();
+        channel.push_blocking(&Record::Frame(record)).unwrap();
     }
     recorder.finish(&[]).unwrap();
     Recording::open(path).unwrap()
@@ -167,7 +167,7 @@ fn a_pass_ends_with_its_latest_frame() {
         let frame = Frame::classic(Id::Standard(0x203), &[1, 2, 3]).unwrap();
         let (sample, direction, bus_timestamp_ns) = (0, Direction::Sent, None);
         channel
-            .push_blocking(Record::Frame(FrameRecord { sample, direction, time_ns, bus_timestamp_ns, frame }))
+            .push_blocking(&Record::Frame(FrameRecord { sample, direction, time_ns, bus_timestamp_ns, frame }))
             .unwrap();
     }
     recorder.finish(&[]).unwrap();

@@ -60,15 +60,15 @@ fn commanded(folder: &Path, scale: f64) -> Recording {
         let set_up = [format!("{id:03X}#2F6060000A000000"), format!("{:03X}#6060600000000000", id - 0x80)]
             .into_iter()
             .chain(["06000000", "07000000", "0F000000"].map(|word| format!("20{node}#{word}")));
-        set_up.for_each(|text| channel.push_blocking(frame(&text, place as u64)).unwrap());
+        set_up.for_each(|text| channel.push_blocking(&frame(&text, place as u64)).unwrap());
     }
     let profile = scenario.profile().unwrap();
     for sample in Recording::open(&plain).unwrap().samples().unwrap() {
         let sample = sample.unwrap();
         let torque_nm = profile.load(sample.sample).torque_nm * scale;
-        channel.push_blocking(target(1, torque_nm.x, 0.1, sample.sample)).unwrap();
-        channel.push_blocking(target(2, torque_nm.y, 0.01, sample.sample)).unwrap();
-        channel.push_blocking(Record::Sample(sample)).unwrap();
+        channel.push_blocking(&target(1, torque_nm.x, 0.1, sample.sample)).unwrap();
+        channel.push_blocking(&target(2, torque_nm.y, 0.01, sample.sample)).unwrap();
+        channel.push_blocking(&Record::Sample(sample)).unwrap();
     }
     drop(channel);
     recorder.finish(&[]).unwrap();

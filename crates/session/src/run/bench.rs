@@ -164,14 +164,14 @@ impl<'a> Bench<'a> {
     }
 
     /// Records a record that the loop itself makes.
-    pub fn record(&mut self, record: Record) {
+    pub fn record(&mut self, record: &Record) {
         self.notify_watcher(record);
         self.records.record(record);
     }
 
     /// Notifies those who watch, and not the recording, of how punctual a sample in simulated time was.
     pub fn notify_pace(&mut self, sample: u64, wakeup_ns: u64, exec_ns: u64) {
-        self.notify_watcher(Record::Tick(TickRecord { sample, wakeup_ns, exec_ns, overruns: 0, cause: None }));
+        self.notify_watcher(&Record::Tick(TickRecord { sample, wakeup_ns, exec_ns, overruns: 0, cause: None }));
     }
 
     /// Shows whoever reads `gauges` the sample, how late it was, its work, and the deadlines missed before it.
@@ -180,10 +180,10 @@ impl<'a> Bench<'a> {
         gauges.set(&self.held, self.node.state());
     }
 
-    fn notify_watcher(&mut self, record: Record) {
+    fn notify_watcher(&mut self, record: &Record) {
         match (&mut self.watched, record) {
-            (Some(watched), Record::Frame(frame)) => watched.notify_frame(|| frame),
-            (Some(watched), record) => watched.notify(Notice::Record(record)),
+            (Some(watched), Record::Frame(frame)) => watched.notify_frame(|| *frame),
+            (Some(watched), record) => watched.notify(Notice::Record(*record)),
             (None, _) => {}
         }
     }
@@ -205,7 +205,7 @@ impl<'a> Bench<'a> {
 
     fn record_event(&mut self, now_ns: u64, name: &'static str, value: i64) {
         let sample = self.sample();
-        self.record(Record::Event(Event { sample, time_ns: now_ns, name, value }));
+        self.record(&Record::Event(Event { sample, time_ns: now_ns, name, value }));
     }
 
     /// Faults from outside the node.
@@ -269,7 +269,7 @@ impl<'a> Bench<'a> {
             bus_timestamp_ns: received.timestamp_ns,
             frame: received.frame,
         };
-        self.record(Record::Frame(record));
+        self.record(&Record::Frame(record));
         self.outage.iter_mut().for_each(Outage::hear);
         self.node.handle_frame(now_ns, &received.frame);
         if let (Some(index), Some(round_trips)) = (self.node.take_echoed(), &mut self.round_trips) {
@@ -326,9 +326,9 @@ impl<'a> Bench<'a> {
     pub fn measure(&mut self) -> Result<(), RunError> {
         let measurement = self.plant.measure();
         self.samples += 1;
-        self.record(Record::Sample(sample_record(&measurement)));
+        self.record(&Record::Sample(sample_record(&measurement)));
         let (states, travel_m) = (self.plant.states(), self.plant.travel_m());
-        Ok(self.node.publish(&PublishedSample { measurement: &measurement, states: &states, travel_m })?)
+        Ok(self.node.publish(&PublishedSample { measurement: &measurement, states, travel_m })?)
     }
 
     /// Advances to the next sample with the command that is held now, and records the state before. If the simulation
@@ -336,7 +336,7 @@ impl<'a> Bench<'a> {
     pub fn advance(&mut self, now_ns: u64) -> Result<(), RunError> {
         let load = self.node.load();
         self.held = load;
-        let before = self.state(&load, false);
+        let before = self.is_recorded().then(|| self.state(&load, false));
         if let Err(error) = self.plant.advance(&load) {
             let (code, detail) = match error {
                 PlantError::Tripped { .. } => (EmergencyCode::ExciterTripped, Trip::Shaker as u16),
@@ -347,21 +347,28 @@ impl<'a> Bench<'a> {
             self.node.fault(now_ns, code, detail);
             return Err(RunError::Plant(error));
         }
-        self.record(Record::State(before));
+        if let Some(before) = before {
+            self.record(&Record::State(before));
+        }
         Ok(())
+    }
+
+    /// Whether anyone takes the records.
+    fn is_recorded(&self) -> bool {
+        self.watched.is_some() || !matches!(self.records, RecordSink::Off)
     }
 
     /// Records the last state of the run, from which nothing is advanced.
     pub fn record_end(&mut self) {
         let end = self.state(&Load::default(), true);
-        self.record(Record::State(end));
+        self.record(&Record::State(end));
     }
 
     /// The state at the sample, with the load held from it on.
     fn state(&self, load: &Load, is_end: bool) -> StateRecord {
         StateRecord {
             sample: self.sample(),
-            states: self.plant.states(),
+            states: *self.plant.states(),
             torque_nm: load.torque_nm.into(),
             force_n: load.force_n.into(),
             is_end,
@@ -370,7 +377,7 @@ impl<'a> Bench<'a> {
 
     fn record_sent(&mut self, now_ns: u64, frame: Frame) {
         let (sample, direction) = (self.sample(), Direction::Sent);
-        self.record(Record::Frame(FrameRecord { sample, direction, time_ns: now_ns, bus_timestamp_ns: None, frame }));
+        self.record(&Record::Frame(FrameRecord { sample, direction, time_ns: now_ns, bus_timestamp_ns: None, frame }));
     }
 
     /// Sends what there is to send; what finds the queue full waits for the next call. `true` if all is sent.

@@ -140,7 +140,7 @@ fn look_on(
             let event = taken.record(overrun);
             if let Some(channel) = &mut record {
                 // A full channel counts what it loses.
-                let _counted = channel.push(event);
+                let _counted = channel.push(&event);
             }
             watched.iter_mut().for_each(|watched| watched.notify(Notice::Record(event)));
         }

@@ -61,7 +61,7 @@ fn ticks<C: Clock>(
         let bus_ns = work(bench, bus, &tick, now_ns, pace)?;
         let exec_ns = periodic.finish(&tick, bus_ns);
         let Tick { index: sample, wakeup_ns, missed, cause, .. } = tick;
-        bench.record(Record::Tick(TickRecord { sample, wakeup_ns, exec_ns, overruns: missed, cause }));
+        bench.record(&Record::Tick(TickRecord { sample, wakeup_ns, exec_ns, overruns: missed, cause }));
         if let Some(overrun) = Overrun::of(&tick, pace.start_ns()) {
             overruns(overrun);
         }

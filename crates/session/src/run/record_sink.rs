@@ -26,7 +26,7 @@ impl RecordSink {
 
     /// Records `record`. If the recording has failed, which its recorder tells, what comes goes nowhere: the run goes
     /// on.
-    pub fn record(&mut self, record: Record) {
+    pub fn record(&mut self, record: &Record) {
         let failed = match self {
             RecordSink::Off => false,
             RecordSink::Lossy(channel) => {
@@ -35,7 +35,7 @@ impl RecordSink {
             }
             RecordSink::Whole(channel) => channel.push_blocking(record).is_err(),
             RecordSink::Kept(records) => {
-                records.push(record);
+                records.push(*record);
                 false
             }
         };

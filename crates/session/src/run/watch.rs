@@ -56,10 +56,10 @@ enum Often {
     SetPoint(SetPoint),
 }
 
-impl From<Entry<Often>> for Notice {
-    fn from(entry: Entry<Often>) -> Notice {
+impl From<Entry<'_, Often>> for Notice {
+    fn from(entry: Entry<'_, Often>) -> Notice {
         match entry {
-            Entry::Record(record) => Notice::Record(record),
+            Entry::Record(record) => Notice::Record(*record),
             Entry::Other(Often::Command(command)) => Notice::Command(command),
             Entry::Other(Often::SetPoint(set_point)) => Notice::SetPoint(set_point),
         }
@@ -254,8 +254,9 @@ impl Watcher {
         self.open.extend(self.opening.try_iter());
         for Opened { end, often, responses, frames, .. } in &mut self.open {
             for _ in 0..most.min(often.slots()) {
-                let Some(entry) = slots::pop(often) else { break };
-                hand(*end, &Notice::from(entry));
+                if slots::pop(often, |entry| hand(*end, &Notice::from(entry))).is_none() {
+                    break;
+                }
             }
             drain(responses, most, |response| hand(*end, &Notice::Response(*response)));
             drain(frames, most, |frame| hand(*end, &Notice::Record(Record::Frame(*frame))));
