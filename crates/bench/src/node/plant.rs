@@ -235,18 +235,19 @@ impl PlantNode {
     /// The exciter's fault is the plant's, too. If the exciter timed out waiting for a sample because its commands were
     /// refused, as in lockstep, the plant reports the cause: no valid command was received.
     fn fault_of_exciter(&mut self, now_ns: u64) {
-        let reason = self.exciter_fault;
-        let has_waited = reason.is_some_and(|said| said.code == EmergencyCode::SensorTimeout);
+        let has_waited = self.exciter_fault.is_some_and(|said| said.code == EmergencyCode::SensorTimeout);
         if has_waited && self.guard.has_refused() {
             self.command_timeout(now_ns);
         } else {
             self.fault(now_ns, EmergencyCode::PartnerFault, u16::from(Node::Exciter.number()));
+            self.reason = self.exciter_fault;
         }
-        self.reason = reason;
     }
 
+    /// The reason is the fault that the exciter has reported, if it has: its heartbeat may be still on its way.
     fn command_timeout(&mut self, now_ns: u64) {
         self.fault(now_ns, EmergencyCode::CommandTimeout, self.guard.timeout_detail());
+        self.reason = self.exciter_fault;
     }
 
     fn forget_partner(&mut self) {

@@ -35,14 +35,15 @@ fn a_plant_that_faults_with_its_exciter_has_the_exciter_s_reason() {
     assert_eq!(bench.plant.fault_reason(), None);
 }
 
-/// Plant and exciter in lockstep, where the plant refuses the commands as too large; with the timeouts of both, ns.
-fn refused_in_lockstep([of_plant, of_exciter]: [u64; 2]) -> (PlantNode, ExciterNode) {
+/// Plant and exciter in lockstep, where the plant refuses the commands as too large; with the timeouts of both, ns. And
+/// the plant's events.
+fn refused_in_lockstep([of_plant, of_exciter]: [u64; 2]) -> (PlantNode, ExciterNode, Vec<NodeEvent>) {
     let weak = Exciter::Ideal(ExciterSpec { force_limit_n: 1.0, ..ExciterSpec::default() });
     let mut plant = PlantNode::new(Network::default(), RATE_HZ, Timing::lockstep(of_plant), weak);
     let mut exciter = carry(Network::default(), RATE_HZ, Timing::lockstep(of_exciter), dwell(10.0));
     plant.start(0);
     exciter.start(0);
-    let mut sample = 0;
+    let (mut sample, mut events) = (0, Vec::new());
     for now_ns in (0..3000).map(|ms| ms * TICK_NS) {
         while let Some(frame) = plant.poll_transmit() {
             exciter.handle_frame(now_ns, &frame);
@@ -50,29 +51,39 @@ fn refused_in_lockstep([of_plant, of_exciter]: [u64; 2]) -> (PlantNode, ExciterN
         exciter.handle_deadline(now_ns);
         while let Some(frame) = exciter.poll_transmit() {
             plant.handle_frame(now_ns, &frame);
+            plant.handle_deadline(now_ns);
         }
         plant.handle_deadline(now_ns);
         if plant.is_armed() && (sample == 0 || plant.is_answered()) {
             sample += 1;
             plant.publish(&Measurement { sample, ..Measurement::default() }).unwrap();
         }
+        events.extend(core::iter::from_fn(|| plant.poll_event()));
     }
-    (plant, exciter)
+    (plant, exciter, events)
 }
 
 #[test]
 fn in_lockstep_a_refused_command_ends_with_its_reason_at_any_timeouts() {
     const SHORT_NS: u64 = 500 * TICK_NS;
     const LONG_NS: u64 = 1000 * TICK_NS;
-    for timeouts in [[SHORT_NS, LONG_NS], [LONG_NS, SHORT_NS]] {
-        let (plant, exciter) = refused_in_lockstep(timeouts);
+    // With nearly equal ones the plant's ends between the exciter's emergency and its heartbeat, too.
+    let nearly_equal = (0..10).map(|ticks| [SHORT_NS + ticks * TICK_NS, SHORT_NS]);
+    let mut first_to_end = [0, 0];
+    for timeouts in [[SHORT_NS, LONG_NS], [LONG_NS, SHORT_NS]].into_iter().chain(nearly_equal) {
+        let (plant, exciter, events) = refused_in_lockstep(timeouts);
         let fault = plant.latched_fault().unwrap();
         assert_eq!(fault.code, EmergencyCode::CommandTimeout, "{timeouts:?}: {fault}");
         assert_eq!(Refusal::from_detail(fault.detail), (1, Some(Refusal::OutOfRange)), "{timeouts:?}: {fault}");
         let Some(ExciterOutcome::Faulted(ended)) = exciter.outcome() else { panic!("{:?}", exciter.outcome()) };
         let said = exciter.plant_fault().unwrap_or(ended);
         assert_eq!((said, exciter.awaits_reason()), (fault, false), "{timeouts:?}");
+        let heard = heard(events.into_iter());
+        let reason = (heard[0] == (true, EmergencyCode::SensorTimeout)).then_some(EmergencyCode::SensorTimeout);
+        assert_eq!(plant.fault_reason().map(|said| said.code), reason, "{timeouts:?}: {heard:?}");
+        first_to_end[usize::from(reason.is_some())] += 1;
     }
+    assert!(first_to_end.iter().all(|count| *count > 1), "{first_to_end:?}");
 }
 
 #[test]
