@@ -68,30 +68,30 @@ fn after_help(command: &Command) -> Vec<String> {
     own.chain(command.get_subcommands().flat_map(after_help)).collect()
 }
 
-/// Lines that begin with the program's name, up to 80 columns, so that no terminal breaks them, and those that continue
-/// them after a backslash.
+/// An example is a line that begins with the program's name, and those that continue it after a backslash. A terminal
+/// of 80 columns breaks none of them.
 #[test]
 fn every_example_in_a_help_is_valid_and_stays_whole() {
-    let mut commands = 0;
+    let mut examples = 0;
     for text in after_help(&whole()) {
-        let mut lines = text.lines().map(str::trim_start);
+        let mut lines = text.lines();
         while let Some(line) = lines.next() {
-            let Some(rest) = line.strip_prefix("resonarm ") else { continue };
-            let (mut command, mut part) = (String::new(), rest);
-            while let Some(begun) = part.strip_suffix('\\') {
-                command += begun;
-                part = lines.next().unwrap();
+            if !line.trim_start().starts_with("resonarm ") {
+                continue;
             }
-            command += part;
-            assert!(
-                text.lines().filter(|line| line.contains("resonarm ")).all(|line| line.chars().count() <= 80),
-                "{text}"
-            );
-            assert_eq!(check_arguments(command.split_whitespace()), Ok(()), "{command}");
-            commands += 1;
+            let mut command = String::new();
+            for part in core::iter::once(line).chain(lines.by_ref()) {
+                assert!(part.chars().count() <= 80, "{part}");
+                command += part.trim_end_matches('\\');
+                if !part.ends_with('\\') {
+                    break;
+                }
+            }
+            assert_eq!(check_arguments(command.split_whitespace().skip(1)), Ok(()), "{command}");
+            examples += 1;
         }
     }
-    assert!(commands >= 30, "only {commands} examples found");
+    assert!(examples >= 30, "only {examples} examples found");
 }
 
 #[test]

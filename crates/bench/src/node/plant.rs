@@ -244,7 +244,8 @@ impl PlantNode {
         }
     }
 
-    /// The reason is the fault that the exciter has reported, if it has: its heartbeat may be still on its way.
+    /// Faults for lack of a valid command. If the exciter has reported a fault, that is the reason, even if its
+    /// heartbeat is still on its way.
     fn command_timeout(&mut self, now_ns: u64) {
         self.fault(now_ns, EmergencyCode::CommandTimeout, self.guard.timeout_detail());
         self.reason = self.exciter_fault;

@@ -206,7 +206,7 @@ impl PlantSpec {
 pub struct Plant {
     structure: Box<dyn Structure>,
     rig: Rig,
-    /// Those of the structure, which change when it is advanced or restored.
+    /// The states of the structure at the sample.
     states: States,
     sample_rate_hz: f64,
     sample: u64,

@@ -179,15 +179,15 @@ impl Writer {
 
     /// Writes what is in the channels, each at most one turn. Returns how many records there were.
     fn take_records(&mut self) -> Result<usize, RecordingError> {
-        self.take_most(|_waiting| TURN)
+        self.take_at_most(TURN)
     }
 
-    /// Writes of each channel as many records as `most` says of those that wait. Returns how many there were.
-    fn take_most(&mut self, most: impl Fn(usize) -> usize) -> Result<usize, RecordingError> {
+    /// Writes at most `most` records of each channel, of those that are in it now. Returns how many records there were.
+    fn take_at_most(&mut self, most: usize) -> Result<usize, RecordingError> {
         let mut sources = core::mem::take(&mut self.sources);
         let mut taken = 0;
         let written = sources.iter_mut().try_for_each(|source| {
-            for _ in 0..most(source.records.slots()) {
+            for _ in 0..most.min(source.records.slots()) {
                 match slots::pop_record(&mut source.records, |record| self.write(record)) {
                     Some(written) => written?,
                     None => break,
@@ -202,7 +202,7 @@ impl Writer {
 
     /// Writes what is in the channels at this moment, so that one that is still being filled can't hold up the end.
     fn take_rest(&mut self) -> Result<(), RecordingError> {
-        self.take_most(|waiting| waiting)?;
+        self.take_at_most(usize::MAX)?;
         self.report_losses()
     }
 

@@ -336,7 +336,7 @@ impl<'a> Bench<'a> {
     pub fn advance(&mut self, now_ns: u64) -> Result<(), RunError> {
         let load = self.node.load();
         self.held = load;
-        let before = self.is_recorded().then(|| self.state(&load, false));
+        let before = self.is_observed().then(|| self.state(&load, false));
         if let Err(error) = self.plant.advance(&load) {
             let (code, detail) = match error {
                 PlantError::Tripped { .. } => (EmergencyCode::ExciterTripped, Trip::Shaker as u16),
@@ -353,8 +353,8 @@ impl<'a> Bench<'a> {
         Ok(())
     }
 
-    /// Whether anyone takes the records.
-    fn is_recorded(&self) -> bool {
+    /// Whether anyone records or watches the run.
+    fn is_observed(&self) -> bool {
         self.watched.is_some() || !matches!(self.records, RecordSink::Off)
     }
 
