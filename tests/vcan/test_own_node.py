@@ -5,7 +5,7 @@ import sys
 from pathlib import Path
 
 import pytest
-from test_conformance import ROUNDS, SKIPPED, ended, passes_every_case
+from test_conformance import SKIPPED, judged, passes_every_case
 
 NODE = Path(__file__).parents[1] / "support" / "own_node.py"
 SINE = ["--expect-frequency-hz", 15, "--expect-force-n", 20]
@@ -63,12 +63,8 @@ class Bench:
         return self.programs.resonarm("conformance", *common, *flags)
 
     def judged(self, case):
-        """The verdict on one case, which is tried again while processes are held up."""
-        for _ in range(ROUNDS):
-            found = ended(self.conformance("--case", case))["cases"][0]
-            assert self.node.running(), self.node.stderr
-            if found["verdict"] != "inconclusive":
-                break
+        found = judged(lambda: self.conformance("--case", case))
+        assert self.node.running(), self.node.stderr
         return found
 
 

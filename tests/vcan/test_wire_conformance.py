@@ -1,13 +1,12 @@
 """The conformance tool on users' own protocols: controllers that know nothing of Resonarm, and plants that do."""
 
-import json
 import sys
 import xml.etree.ElementTree as ElementTree
 from pathlib import Path
 
 import pytest
 from processes import RESONARM, run, wait_until
-from test_conformance import kept_alive, passes_every_case
+from test_conformance import judged, kept_alive, passes_every_case
 
 FOLDER = Path(__file__).parent
 EXAMPLES = FOLDER.parents[1] / "examples"
@@ -79,10 +78,9 @@ def test_a_master_that_ignores_faults_fails_the_case_for_it(programs, tmp_path):
     for number, path in enumerate(sheets, 1):
         path.write_text(run(RESONARM, "protocol", "eds", "--scenario", scenario, "--node-id", number))
     master = programs.start("master", sys.executable, FOLDER / "cia402_master.py", "vcan0", *sheets)
-    conformance = tool(programs, "exciter", scenario, *cases("exciter-plant-faults"))([])
-    assert conformance.wait() == 1
+    start = tool(programs, "exciter", scenario, *cases("exciter-plant-faults"))
+    case = judged(lambda: start([]))
     master.end()
-    [case] = json.loads(conformance.stdout)["cases"]
     assert case["verdict"] == "failed" and "and the plant is in fault for" in case["reason"], case
 
 
