@@ -5,7 +5,9 @@ use alloc::string::String;
 
 use super::exciter_role::{begin, commands};
 use super::plant_role::drive;
-use super::tester::{MARGIN_NS, MS, Stop, Tester, failed, is_state};
+use super::stop::{Stop, failed};
+use super::tester::{Tester, is_state};
+use super::times::{MARGIN_NS, MS};
 use super::wire::BusOff;
 use resonarm_protocol::{EmergencyCode, NodeState};
 

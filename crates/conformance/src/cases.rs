@@ -1,9 +1,10 @@
 //! The table of cases.
 
 use super::damage::Damage;
-use super::tester::{Stop, Tester};
+use super::stop::Stop;
+use super::tester::Tester;
 use super::{
-    bus_off_cases, common_cases, counters, exciter_cases, load, lockstep_cases, pair_cases, plant_cases, refusal_cases,
+    bus_off_cases, common_cases, counter_cases, exciter_cases, lockstep_cases, pair_cases, plant_cases, refusal_cases,
     saturation_cases, sine_cases, soak_cases,
 };
 use resonarm_protocol::Node;
@@ -42,7 +43,7 @@ impl Script {
         match self.0 {
             Of::Run(script) => script(tester),
             Of::Damage(script, damage) => script(tester, damage),
-            Of::Loaded(script) => load::loaded(tester, script),
+            Of::Loaded(script) => common_cases::loaded(tester, script),
         }
     }
 }
@@ -66,7 +67,7 @@ const PLANT: [Row; 40] = [
         &["R-1.2", "R-3.2", "R-3.5", "R-8.1"],
         Run(plant_cases::frames),
     ),
-    ("plant-counters", "each message has its own counter, which steps by 1", &["R-2.1"], Run(counters::plant)),
+    ("plant-counters", "each message has its own counter, which steps by 1", &["R-2.1"], Run(counter_cases::plant)),
     (
         "plant-arms-for-a-hello",
         "not armed without a hello that fits",
@@ -212,7 +213,7 @@ const EXCITER: [Row; 33] = [
         &["R-1.2", "R-3.2", "R-3.5", "R-8.2"],
         Run(exciter_cases::answers),
     ),
-    ("exciter-counters", "each message has its own counter, which steps by 1", &["R-2.1"], Run(counters::exciter)),
+    ("exciter-counters", "each message has its own counter, which steps by 1", &["R-2.1"], Run(counter_cases::exciter)),
     (
         "exciter-incomplete",
         "samples of which a frame is lost, each in turn",

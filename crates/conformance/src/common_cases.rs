@@ -4,7 +4,10 @@ use alloc::format;
 use alloc::string::String;
 use alloc::vec::Vec;
 
-use super::tester::{MARGIN_NS, MS, Stop, Tester, failed, inconclusive, late, ms, wrong};
+use super::load::BusLoad;
+use super::stop::{Stop, failed, inconclusive, late, wrong};
+use super::tester::Tester;
+use super::times::{MARGIN_NS, MS, ms};
 use super::{exciter_role, plant_role};
 use resonarm_protocol::timing::{HEARTBEAT_PERIOD_NS, HELLO_PERIOD_NS, REAL_TIME_RATE_MIN_HZ};
 use resonarm_protocol::{Hello, Message, MessageKind, Node};
@@ -97,4 +100,20 @@ pub(super) fn first_hello(t: &mut Tester) -> Result<(), Stop> {
         }
     }
     Ok(())
+}
+
+/// Runs a script while the bus is loaded.
+pub(super) fn loaded(t: &mut Tester, script: fn(&mut Tester) -> Result<(), Stop>) -> Result<(), Stop> {
+    let Some(bit_rate_hz) = t.settings.bit_rate_hz else {
+        return Err(Stop::Skipped(String::from(
+            "no bit rate is given (--bit-rate-hz), so 70 % of the bus is not known",
+        )));
+    };
+    t.load = Some(BusLoad::new(bit_rate_hz, t.settings.seed, t.now_ns()));
+    let result = script(t);
+    let now_ns = t.now_ns();
+    if let Some(load) = t.load.take() {
+        t.note(format!("{:.0} % of {bit_rate_hz} bit/s", 100.0 * load.share(now_ns)));
+    }
+    result
 }

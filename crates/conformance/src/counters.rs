@@ -3,14 +3,8 @@
 use alloc::format;
 use alloc::string::String;
 
-use super::exciter_role;
-use super::plant_role::meet;
-use super::tester::{MARGIN_NS, MS, Stop, Tester, emergency, wrong};
 use resonarm_protocol::e2e::Protection;
-use resonarm_protocol::{DecodeError, Frame, Message, MessageKind, Network, NodeState, OperatorRequest};
-
-/// How often a node is made to send its rare messages.
-const ROUNDS: u32 = 4;
+use resonarm_protocol::{DecodeError, Frame, Message, MessageKind, Network, NodeState};
 
 /// A frame of a message, with the sample that it carries or answers.
 #[derive(Clone, Copy, Debug)]
@@ -100,8 +94,14 @@ impl Counters {
         }
     }
 
+    /// The messages with steps, and their steps.
+    pub fn counted(&self) -> [u32; 2] {
+        let counted = self.steps.iter().filter(|steps| steps.all > 0);
+        counted.fold([0, 0], |[kinds, all], steps| [kinds + 1, all + steps.all])
+    }
+
     /// The fault of the counters: more than single lost frames explain.
-    fn fault(&self) -> Option<String> {
+    pub fn fault(&self) -> Option<String> {
         let proof = self.steps.iter().find_map(|steps| steps.proof.clone());
         proof.or_else(|| {
             let steps = self.steps.iter().find(|steps| steps.wrong >= 2 && 2 * steps.wrong > steps.all)?;
@@ -120,43 +120,4 @@ fn sample(message: &Message) -> Option<u16> {
         Message::Torque(command) => Some(command.sample),
         _ => None,
     }
-}
-
-/// Checks a plant, which is made to send hellos and to refuse to arm.
-pub(super) fn plant(t: &mut Tester) -> Result<(), Stop> {
-    meet(t)?;
-    for _ in 0..ROUNDS {
-        t.boot()?;
-        t.request(OperatorRequest::Arm)?;
-        t.wait_for(MARGIN_NS, |message| emergency(message).is_some())?;
-        t.send_hello()?;
-        t.wait_for(MARGIN_NS, |message| matches!(message, Message::PlantHello(_)))?;
-    }
-    t.run_ns(300 * MS)?;
-    judge(t)
-}
-
-/// Checks an exciter, which is made to send hellos and to arm.
-pub(super) fn exciter(t: &mut Tester) -> Result<(), Stop> {
-    exciter_role::exchange_hellos(t)?;
-    for _ in 0..ROUNDS {
-        t.boot()?;
-        t.send_hello()?;
-        t.wait_for(MARGIN_NS, |message| matches!(message, Message::ExciterHello(_)))?;
-    }
-    exciter_role::begin(t)?;
-    t.run_ns(300 * MS)?;
-    judge(t)
-}
-
-fn judge(t: &mut Tester) -> Result<(), Stop> {
-    if let Some(text) = t.counters.fault() {
-        return wrong(text);
-    }
-    let (kinds, steps) = t.counters.steps.iter().filter(|steps| steps.all > 0).fold((0, 0), |sum, steps| {
-        let (kinds, all) = sum;
-        (kinds + 1, all + steps.all)
-    });
-    t.note(format!("{steps} steps of {kinds} messages"));
-    Ok(())
 }

@@ -6,9 +6,9 @@ use super::damage::{Damage, needs_fd};
 use super::exciter_role::{begin, commands, commands_of, exchange_hellos, is_arm};
 use super::plant_role::period_ns;
 use super::source::{FRAMES, Samples};
-use super::tester::{
-    GONE_NS, MARGIN_NS, MS, Stop, Tester, emergency, failed, inconclusive, is_state, late, ms, not_at_once, skipped,
-};
+use super::stop::{Stop, failed, inconclusive, late, not_at_once, skipped};
+use super::tester::{Tester, emergency, is_state};
+use super::times::{GONE_NS, MARGIN_NS, MS, ms};
 use resonarm_protocol::timing::{HEARTBEAT_TIMEOUT_NS, sample_period_ns};
 use resonarm_protocol::{
     EmergencyCode, Hello, Message, MessageKind, Mismatch, Node, NodeState, OperatorCommand, OperatorRequest, Profile,

@@ -4,7 +4,9 @@ use alloc::format;
 use alloc::vec::Vec;
 
 use super::source::Samples;
-use super::tester::{Heard, MS, Stop, Tester, inconclusive, is_state};
+use super::stop::{Stop, inconclusive};
+use super::tester::{Heard, Tester, is_state};
+use super::times::MS;
 use resonarm_protocol::{Hello, Message, MessageKind, Node, NodeState, OperatorCommand, OperatorRequest};
 
 /// Waits for an exciter and its hello; the tester then uses its rate.

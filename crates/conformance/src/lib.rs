@@ -14,9 +14,11 @@
 
 extern crate alloc;
 
+mod as_plant;
 mod bus_off_cases;
 mod cases;
 mod common_cases;
+mod counter_cases;
 mod counters;
 mod damage;
 mod evidence;
@@ -33,9 +35,12 @@ mod requirements;
 mod saturation_cases;
 mod settings;
 mod sine_cases;
+mod soak;
 mod soak_cases;
 mod source;
+mod stop;
 mod tester;
+mod times;
 mod traffic;
 mod tries;
 mod user_wire;
@@ -48,7 +53,7 @@ pub use cases::{Case, Script, cases};
 pub use evidence::{Evidence, configuration};
 pub use requirements::{Check, REQUIREMENTS, Requirement};
 pub use settings::{ExpectedSine, Settings, SineAmplitude};
-pub use tester::MARGIN_NS;
+pub use times::MARGIN_NS;
 pub use traffic::{Commands, Range, Refused, Traffic, UserRefused};
 pub use user_wire::{UserWire, UserWireError, WIRE_REQUIREMENTS, WireCase, WireScript, run_on_wire, wire_cases};
 pub use wire::{BusOff, BusWire, Stopped, Wire};
@@ -57,7 +62,9 @@ use resonarm_bus::BusError;
 use resonarm_protocol::timing::{COMMAND_TIMEOUT_NS, HEARTBEAT_PERIOD_NS};
 use resonarm_protocol::{EmergencyCode, Network, Node, OperatorRequest};
 use resonarm_session::run::Mode;
-use tester::{Answers, Stop, Tester};
+use source::Answers;
+use stop::Stop;
+use tester::Tester;
 use tries::{Limits, Subject, Try, TryResult, judge, tries, unless_gone};
 
 /// The result of a case.

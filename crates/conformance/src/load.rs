@@ -4,7 +4,7 @@ use resonarm_numeric::noise::Noise;
 use resonarm_protocol::bits::{self, BitRates};
 use resonarm_protocol::{Frame, FrameError, Id};
 
-use super::tester::{MS, Stop, Tester};
+use super::times::MS;
 
 /// The share of the bus that is filled.
 pub(super) const SHARE: f64 = 0.7;
@@ -52,7 +52,7 @@ impl BusLoad {
     }
 
     /// The foreign frame that is due, if one is.
-    fn due(&mut self, now_ns: u64) -> Option<Result<Frame, FrameError>> {
+    pub fn due(&mut self, now_ns: u64) -> Option<Result<Frame, FrameError>> {
         let allowed_ns = (now_ns - self.start_ns) as f64 * SHARE;
         let behind_ns = allowed_ns - self.busy_ns as f64;
         if behind_ns > MOST_BEHIND_NS as f64 * SHARE {
@@ -71,33 +71,4 @@ fn foreign(noise: &mut Noise) -> Result<Frame, FrameError> {
     let (choice, data) = (noise.bits(), noise.bits().to_le_bytes());
     let id = if choice & 1 == 0 { 0x001 + (choice >> 1) % 0x7F } else { 0x7F0 + (choice >> 1) % 0x10 };
     Frame::classic(Id::Standard(id as u16), &data)
-}
-
-impl Tester<'_> {
-    /// Fills the bus up to its share.
-    pub(super) fn send_load(&mut self, now_ns: u64) -> Result<(), Stop> {
-        while let Some(frame) = self.load.as_mut().and_then(|load| load.due(now_ns)) {
-            match frame {
-                Ok(frame) => self.send_frame(&frame)?,
-                Err(error) => return Err(Stop::Inconclusive(alloc::string::ToString::to_string(&error))),
-            }
-        }
-        Ok(())
-    }
-}
-
-/// Runs a script while the bus is loaded.
-pub(super) fn loaded(t: &mut Tester, script: fn(&mut Tester) -> Result<(), Stop>) -> Result<(), Stop> {
-    let Some(bit_rate_hz) = t.settings.bit_rate_hz else {
-        return Err(Stop::Skipped(alloc::string::String::from(
-            "no bit rate is given (--bit-rate-hz), so 70 % of the bus is not known",
-        )));
-    };
-    t.load = Some(BusLoad::new(bit_rate_hz, t.settings.seed, t.now_ns()));
-    let result = script(t);
-    let now_ns = t.now_ns();
-    if let Some(load) = t.load.take() {
-        t.note(alloc::format!("{:.0} % of {bit_rate_hz} bit/s", 100.0 * load.share(now_ns)));
-    }
-    result
 }

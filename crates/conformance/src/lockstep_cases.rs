@@ -5,8 +5,11 @@ use alloc::format;
 use super::exciter_role::{begin_with, commands};
 use super::plant_cases::{becomes_fault, ramps};
 use super::plant_role::{arm, forces, hold, meet, run_samples};
+use super::source::Answers;
 use super::source::Samples;
-use super::tester::{Answers, MARGIN_NS, MS, Stop, Tester, emergency, failed, inconclusive, late, ms};
+use super::stop::{Stop, failed, inconclusive, late};
+use super::tester::{Tester, emergency};
+use super::times::{MARGIN_NS, MS, ms};
 use resonarm_protocol::timing::LOCKSTEP_TIMEOUT_NS;
 use resonarm_protocol::{Emergency, EmergencyCode, NodeState, Refusal};
 

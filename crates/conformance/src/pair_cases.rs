@@ -5,8 +5,11 @@ use alloc::vec::Vec;
 
 use super::exciter_role::{begin_with, commands, exchange_hellos};
 use super::plant_role::{arm, forces, hold, meet};
+use super::source::Answers;
 use super::source::Samples;
-use super::tester::{Answers, MS, Stop, Tester, failed, late, skipped};
+use super::stop::{Stop, failed, late, skipped};
+use super::tester::Tester;
+use super::times::MS;
 use resonarm_protocol::{Message, SamplesPerFrame};
 
 /// Skips the case unless the last capabilities of the node under test state it.

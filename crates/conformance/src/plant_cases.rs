@@ -6,9 +6,10 @@ use alloc::vec::Vec;
 use super::damage::Damage;
 use super::plant_role::{arm, drive, exchange_hellos, forces, hold, instead, meet, run_samples, samples, timeout_ns};
 use super::refusal_cases;
-use super::tester::{
-    Answers, MARGIN_NS, MS, Stop, Tester, emergency, failed, inconclusive, is_state, late, ms, skipped,
-};
+use super::source::Answers;
+use super::stop::{Stop, failed, inconclusive, late, skipped};
+use super::tester::{Tester, emergency, is_state};
+use super::times::{MARGIN_NS, MS, ms};
 use super::wire::Stopped;
 use resonarm_protocol::timing::{COMMAND_TIMEOUT_NS, FORCE_RAMP_NS, HEARTBEAT_PERIOD_NS, HEARTBEAT_TIMEOUT_NS};
 use resonarm_protocol::{

@@ -2,7 +2,10 @@
 
 use alloc::format;
 
-use super::tester::{Answers, GONE_NS, Heard, MARGIN_NS, MS, Stop, Tester, emergency, failed, inconclusive};
+use super::source::Answers;
+use super::stop::{Stop, failed, inconclusive};
+use super::tester::{Heard, Tester, emergency};
+use super::times::{GONE_NS, MARGIN_NS, MS};
 use resonarm_protocol::timing::{COMMAND_TIMEOUT_NS, HEARTBEAT_TIMEOUT_NS};
 use resonarm_protocol::{
     Emergency, EmergencyCode, Hello, Message, MessageKind, NodeState, OperatorRequest, SensorPair, SensorValues, Trip,

@@ -5,7 +5,10 @@ use alloc::vec::Vec;
 
 use super::damage::{Damage, needs_fd};
 use super::plant_role::{arm, drive, forces, instead, meet, run_samples, samples, timeout_ns};
-use super::tester::{Answers, Heard, MS, Stop, Tester, emergency, failed, ms, skipped};
+use super::source::Answers;
+use super::stop::{Stop, failed, skipped};
+use super::tester::{Heard, Tester, emergency};
+use super::times::{MS, ms};
 use resonarm_protocol::timing::COMMAND_AGE_NS;
 use resonarm_protocol::{Emergency, EmergencyCode, Message, Profile, Refusal, Trip};
 

@@ -6,13 +6,12 @@ use alloc::vec::Vec;
 
 use super::exciter_role::{begin, commands};
 use super::plant_role::drive;
-use super::source::Samples;
-use super::tester::{MARGIN_NS, Stop, Tester, emergency, failed, late};
+use super::source::{ACCELERATION_END_M_S2, FORCE_END_N, Samples};
+use super::stop::{Stop, failed, late};
+use super::tester::{Tester, emergency};
+use super::times::MARGIN_NS;
 use resonarm_protocol::{Message, OperatorCommand, OperatorRequest, SensorValues};
 
-/// The ends of the ranges of the classic profile.
-pub(super) const FORCE_END_N: f64 = 32_767.0 / 50.0;
-pub(super) const ACCELERATION_END_M_S2: f64 = 32_767.0 / 20.0;
 /// The end of the range of the FD profile.
 const SINGLE_END: f64 = f32::MAX as f64;
 /// Readings from this share of the range's end on count as being at the end: half a count less.

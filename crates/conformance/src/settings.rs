@@ -1,6 +1,6 @@
 //! The settings of the cases.
 
-use super::tester::MS;
+use super::times::MS;
 
 /// The settings of the cases.
 #[derive(Clone, Copy, Debug, PartialEq)]

@@ -7,7 +7,9 @@ use core::f64::consts::TAU;
 
 use super::exciter_role::begin;
 use super::settings::{ExpectedSine, SineAmplitude};
-use super::tester::{Heard, MS, Stop, Tester, failed, inconclusive, is_state, late, ms, skipped};
+use super::stop::{Stop, failed, inconclusive, late, skipped};
+use super::tester::{Heard, Tester, is_state};
+use super::times::{MS, ms};
 use resonarm_protocol::{ForceCommand, Message, NodeState, Profile, TorqueCommand};
 
 /// How long commands are observed, ns.

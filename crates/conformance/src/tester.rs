@@ -8,85 +8,23 @@ use super::counters::Counters;
 use super::damage::{Damage, Ends};
 use super::load::BusLoad;
 use super::settings::Settings;
-use super::soak_cases::Soak;
+use super::soak::Soak;
+use super::source::{Answers, Source};
+use super::stop::{Stop, inconclusive, late, slow, wrong};
+use super::times::{GONE_NS, MS};
 use super::traffic::Traffic;
 use super::wire::{BusOff, Stopped, Wire};
-use resonarm_bus::BusError;
 use resonarm_protocol::timing::{HEARTBEAT_PERIOD_NS, HELLO_PERIOD_NS};
 use resonarm_protocol::{
     Capabilities, Emergency, EmergencyCode, ForceCommand, Frame, Heartbeat, Hello, Message, MessageKind, Network, Node,
     NodeState, OperatorCommand, OperatorRequest, Profile, Receiver, SamplesPerFrame, Transmitter,
 };
 
-/// A millisecond, ns.
-pub(super) const MS: u64 = 1_000_000;
-
-/// How long a machine may hold a process up, ns: the margin of everything that is judged on the clock.
-pub const MARGIN_NS: u64 = 150 * MS;
-
-/// No machine stops a process for so long, ns: a node that is silent for this time is gone.
-pub(super) const GONE_NS: u64 = 1000 * MS;
-
 /// After so many refused frames of a kind the tester no longer waits for a valid one.
 const MOST_REFUSED: u64 = 3;
 
 /// The tester checks the bus at least this often, ns.
 const LOOK_NS: u64 = 5 * MS;
-
-/// Why a case ends early.
-#[derive(Debug)]
-pub(super) enum Stop {
-    /// The node does what it must not. This may be due to a hold-up of the tester.
-    Failed(String),
-    /// A frame of the node is wrong, regardless of hold-ups.
-    Wrong(String),
-    /// The node doesn't do in time what it must: this may be due to a stop of the node.
-    Late(String),
-    /// The node does what it must, but too late: it may have been stopped often, too briefly to be noticed.
-    Slow(String),
-    /// The case is undecided.
-    Inconclusive(String),
-    /// The case is not to be tried, or can't be here.
-    Skipped(String),
-    /// The bus is lost.
-    Bus(BusError),
-}
-
-impl From<BusError> for Stop {
-    fn from(error: BusError) -> Stop {
-        Stop::Bus(error)
-    }
-}
-
-pub(super) fn failed<T>(text: impl Into<String>) -> Result<T, Stop> {
-    Err(Stop::Failed(text.into()))
-}
-
-pub(super) fn wrong<T>(text: impl Into<String>) -> Result<T, Stop> {
-    Err(Stop::Wrong(text.into()))
-}
-
-pub(super) fn late<T>(text: impl Into<String>) -> Result<T, Stop> {
-    Err(Stop::Late(text.into()))
-}
-
-/// The required message, in words, came this much later.
-fn slow<T>(text: impl Into<String>, late_ns: u64) -> Result<T, Stop> {
-    Err(Stop::Slow(format!("{}, but {} later", text.into(), ms(late_ns))))
-}
-
-/// A message required at once came later, in words.
-pub(super) fn not_at_once<T>(text: impl Into<String>) -> Result<T, Stop> {
-    Err(Stop::Slow(text.into()))
-}
-
-pub(super) fn skipped<T>(text: impl Into<String>) -> Result<T, Stop> {
-    Err(Stop::Skipped(text.into()))
-}
-
-pub(super) fn inconclusive<T>(text: impl Into<String>) -> Result<T, Stop> {
-    Err(Stop::Inconclusive(text.into()))
-}
 
 /// A message of the node under test, with its time.
 #[derive(Clone, Copy, Debug)]
@@ -100,22 +38,6 @@ pub(super) struct Heard {
 enum Looked {
     FrameCame,
     NothingCame,
-}
-
-/// How the tester, as the exciter, answers the samples of a plant.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub(super) enum Answers {
-    None,
-    /// With this force along x, N.
-    Force(f64),
-    /// With this force in a damaged frame.
-    Damaged(f64, Damage),
-    /// With this force, for the sample so many samples later; negative means earlier.
-    Shifted(f64, i16),
-    /// With this force, for this sample.
-    Always(f64, u16),
-    /// With this force, after the soak's choices; samples this much older are too old.
-    Soak(f64, i16),
 }
 
 pub(super) struct Tester<'w> {
@@ -154,7 +76,7 @@ pub(super) struct Tester<'w> {
     /// The longest time between two frames of the node under test, ns.
     pub silent_ns: u64,
     /// The tester as a plant: its samples.
-    pub source: super::source::Source,
+    pub source: Source,
     pub notes: Vec<String>,
 }
 
@@ -187,7 +109,7 @@ impl<'w> Tester<'w> {
             held_up_ns: 0,
             heard_at_ns: None,
             silent_ns: 0,
-            source: super::source::Source::default(),
+            source: Source::default(),
             notes: Vec::new(),
         }
     }
@@ -458,6 +380,17 @@ impl<'w> Tester<'w> {
         }
     }
 
+    /// Fills the bus up to its share.
+    fn send_load(&mut self, now_ns: u64) -> Result<(), Stop> {
+        while let Some(frame) = self.load.as_mut().and_then(|load| load.due(now_ns)) {
+            match frame {
+                Ok(frame) => self.send_frame(&frame)?,
+                Err(error) => return Err(Stop::Inconclusive(error.to_string())),
+            }
+        }
+        Ok(())
+    }
+
     /// Whether several frames of this kind were received, and all were refused.
     pub fn refuses(&self, kind: MessageKind) -> bool {
         let refused: u64 = self.traffic.refused_of(|refused| refused == kind).map(|refused| refused.count).sum();
@@ -492,9 +425,4 @@ pub(super) fn emergency(message: &Message) -> Option<Emergency> {
 /// Whether a message is the heartbeat of a state.
 pub(super) fn is_state(message: &Message, state: NodeState) -> bool {
     matches!(message, Message::Heartbeat(heartbeat) if heartbeat.state == state)
-}
-
-/// A time in ms, as in reports.
-pub(super) fn ms(ns: u64) -> String {
-    format!("{:.1} ms", ns as f64 / 1e6).replace(".0 ms", " ms").to_string()
 }

@@ -4,7 +4,8 @@ use alloc::format;
 use alloc::string::String;
 use alloc::vec::Vec;
 
-use super::tester::{Stop, ms};
+use super::stop::Stop;
+use super::times::ms;
 use super::traffic::Traffic;
 use super::wire::Wire;
 use super::{Finding, Verdict};

@@ -6,7 +6,7 @@ use super::craft::Damage;
 use super::tester::Tester;
 use super::{Kind, UserWire, controller_cases, drive_cases, lockstep_cases, plant_cases, refusal_cases};
 use crate::cases::Case;
-use crate::tester::Stop;
+use crate::stop::Stop;
 use resonarm_protocol::Node;
 use resonarm_session::run::Mode;
 

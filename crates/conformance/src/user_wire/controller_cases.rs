@@ -8,7 +8,8 @@ use alloc::vec::Vec;
 use super::Kind;
 use super::monitor::Heard;
 use super::tester::Tester;
-use crate::tester::{GONE_NS, MARGIN_NS, MS, Stop, failed, inconclusive, ms, skipped, wrong};
+use crate::stop::{Stop, failed, inconclusive, skipped, wrong};
+use crate::times::{GONE_NS, MARGIN_NS, MS, ms};
 use resonarm_bench::node::mapped::mapping::{Arming, Source};
 use resonarm_protocol::{Emergency, EmergencyCode, NodeState, OperatorRequest, Refusal};
 

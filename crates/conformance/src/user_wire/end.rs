@@ -7,7 +7,7 @@ use alloc::vec::Vec;
 use core::sync::atomic::{AtomicU64, Ordering};
 
 use super::UserWire;
-use crate::tester::{Stop, inconclusive};
+use crate::stop::{Stop, inconclusive};
 use resonarm_bench::control::{Answer, Controller, Length, LoadKind, ResponsePoint};
 use resonarm_bench::node::mapped::mapping::LoadInput;
 use resonarm_bench::node::{ExciterInterface, PlantInterface, PublishedSample};

@@ -27,7 +27,8 @@ use thiserror::Error;
 pub use cases::{WireCase, WireScript, wire_cases};
 pub use requirements::WIRE_REQUIREMENTS;
 
-use super::tester::{MARGIN_NS, MS, Stop, ms, skipped};
+use super::stop::{Stop, skipped};
+use super::times::{MARGIN_NS, MS, ms};
 use super::tries::{Limits, Subject, Try, TryResult, judge, tries, unless_gone};
 use super::{Finding, Settings, Wire};
 use end::Constant;

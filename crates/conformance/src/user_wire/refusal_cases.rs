@@ -5,7 +5,8 @@ use alloc::format;
 use super::craft::Damage;
 use super::plant_cases::{drive, in_words, judged_fault, load_of, load_readings, loads, says_state};
 use super::tester::{Alter, Tester};
-use crate::tester::{GONE_NS, MARGIN_NS, MS, Stop, failed, late, ms, not_at_once, skipped};
+use crate::stop::{Stop, failed, late, not_at_once, skipped};
+use crate::times::{GONE_NS, MARGIN_NS, MS, ms};
 use resonarm_bench::node::mapped::mapping::LoadInput;
 
 /// A load that acts has at least this share of what was commanded.

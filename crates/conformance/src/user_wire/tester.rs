@@ -12,7 +12,8 @@ use super::craft::{Damage, Sent};
 use super::end::{Constant, End, PlantEnd};
 use super::monitor::{Heard, Monitor, Seen, name};
 use crate::settings::Settings;
-use crate::tester::{GONE_NS, MS, Stop, inconclusive};
+use crate::stop::{Stop, inconclusive};
+use crate::times::{GONE_NS, MS};
 use crate::wire::Wire;
 use resonarm_protocol::{EmergencyCode, Frame, Node, NodeState};
 
