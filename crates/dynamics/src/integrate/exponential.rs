@@ -73,9 +73,12 @@ pub(super) fn collocation<const S: usize, const N: usize>(
 /// The block matrix above, in units of 1/`unit_rad_s`.
 fn generator<const N: usize>(linear: &LinearPart<N>, unit_rad_s: f64) -> Blocks<N> {
     let mut blocks = zero();
-    let scaled = |part: &[[f64; N]; N], unit: f64| part.map(|row| row.map(|entry| DoubleDouble::new(entry / unit)));
-    blocks[1][0] = scaled(&linear[0], unit_rad_s * unit_rad_s);
-    blocks[1][1] = scaled(&linear[1], unit_rad_s);
+    for row in 0..N {
+        for column in 0..N {
+            blocks[1][0][row][column] = DoubleDouble::new(linear[0][row][column] / (unit_rad_s * unit_rad_s));
+            blocks[1][1][row][column] = DoubleDouble::new(linear[1][row][column] / unit_rad_s);
+        }
+    }
     for row in 0..BLOCKS - 1 {
         blocks[row][row + 1] = unit();
     }
@@ -87,7 +90,11 @@ fn zero<const N: usize>() -> Blocks<N> {
 }
 
 fn unit<const N: usize>() -> [[DoubleDouble; N]; N] {
-    array::from_fn(|i| array::from_fn(|j| DoubleDouble::new(if i == j { 1.0 } else { 0.0 })))
+    let mut unit = [[DoubleDouble::default(); N]; N];
+    for (i, row) in unit.iter_mut().enumerate() {
+        row[i] = DoubleDouble::new(1.0);
+    }
+    unit
 }
 
 fn product<const N: usize>(a: &Blocks<N>, b: &Blocks<N>) -> Blocks<N> {
@@ -168,15 +175,18 @@ fn step<const S: usize, const N: usize>(
     h_s: f64,
     unit_rad_s: f64,
 ) -> Step<S, N> {
-    let factors: [[DoubleDouble; S]; S] = array::from_fn(|j| slope_factors(&nodes.c, j, h_s * unit_rad_s));
+    let mut factors = [[DoubleDouble::default(); S]; S];
+    for (j, factors) in factors.iter_mut().enumerate() {
+        *factors = slope_factors(&nodes.c, j, h_s * unit_rad_s);
+    }
     Step::new(&MethodCoefficients {
         h_s,
         c: nodes.c,
         b: nodes.b,
-        start: |i: usize, row, column| state_entry(inner[i], row, column, unit_rad_s),
-        stage: |i: usize, j: usize, row, column| slope_entry(inner[i], &factors[j], row, column, unit_rad_s),
-        end: |row, column| state_entry(end, row, column, unit_rad_s),
-        weight: |j: usize, row, column| slope_entry(end, &factors[j], row, column, unit_rad_s),
+        start: &|i, row, column| state_entry(inner[i], row, column, unit_rad_s),
+        stage: &|i, j, row, column| slope_entry(inner[i], &factors[j], row, column, unit_rad_s),
+        end: &|row, column| state_entry(end, row, column, unit_rad_s),
+        weight: &|j, row, column| slope_entry(end, &factors[j], row, column, unit_rad_s),
     })
 }
 

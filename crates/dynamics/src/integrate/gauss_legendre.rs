@@ -8,7 +8,6 @@
 //! ```
 
 use alloc::vec::Vec;
-use core::array;
 
 use super::Dynamics;
 use super::collocation::{Collocation, LEVELS, MethodCoefficients, Step, least_level};
@@ -96,21 +95,20 @@ impl<const S: usize> Tableau<S> {
     }
 
     fn step<const N: usize>(&self, h_s: f64) -> Step<S, N> {
-        let a = self.a.map(|row| row.map(|coefficient| self.value(coefficient)));
+        let a = |i: usize, j: usize| self.value(self.a[i][j]);
         let Nodes { b, c } = self.nodes();
         let h = DoubleDouble::new(h_s);
         let sum = |term: &dyn Fn(usize) -> DoubleDouble| (0..S).map(term).fold(DoubleDouble::default(), |s, x| s + x);
-        let stages: [[[DoubleDouble; 2]; S]; S] =
-            array::from_fn(|i| array::from_fn(|j| [h * h * sum(&|k| a[i][k] * a[k][j]), h * a[i][j]]));
-        let weights: [[DoubleDouble; 2]; S] = array::from_fn(|j| [h * h * sum(&|i| b[i] * a[i][j]), h * b[j]]);
+        let stage = |i: usize, j: usize| [h * h * sum(&|k| a(i, k) * a(k, j)), h * a(i, j)];
+        let weight = |j: usize| [h * h * sum(&|i| b[i] * a(i, j)), h * b[j]];
         Step::new(&MethodCoefficients {
             h_s,
             c,
             b,
-            start: |i: usize, row, column| drift::<N>(c[i] * h, row, column),
-            stage: |i: usize, j: usize, row, column| slope::<N>(stages[i][j], row, column),
-            end: |row, column| drift::<N>(h, row, column),
-            weight: |j: usize, row, column| slope::<N>(weights[j], row, column),
+            start: &|i, row, column| drift::<N>(c[i] * h, row, column),
+            stage: &|i, j, row, column| slope::<N>(stage(i, j), row, column),
+            end: &|row, column| drift::<N>(h, row, column),
+            weight: &|j, row, column| slope::<N>(weight(j), row, column),
         })
     }
 }

@@ -1,7 +1,5 @@
 //! The motion of a system, or of several side by side.
 
-use core::array;
-
 use crate::real::Real;
 
 /// Position and velocity of N coordinates, of one system or of several side by side, in SI units.
@@ -29,7 +27,12 @@ impl<T, const N: usize> Motion<T, N> {
     where
         T: Real,
     {
-        Motion { x: array::from_fn(|n| T::gather(|i| of(i).x[n])), v: array::from_fn(|n| T::gather(|i| of(i).v[n])) }
+        let mut gathered = Motion::splat(0.0);
+        for n in 0..N {
+            gathered.x[n] = T::gather(|i| of(i).x[n]);
+            gathered.v[n] = T::gather(|i| of(i).v[n]);
+        }
+        gathered
     }
 
     /// The motion of the ith of them.
@@ -38,7 +41,11 @@ impl<T, const N: usize> Motion<T, N> {
     where
         T: Real,
     {
-        Motion { x: self.x.map(|x| x.lane(i)), v: self.v.map(|v| v.lane(i)) }
+        let mut lane = Motion::splat(0.0);
+        for n in 0..N {
+            (lane.x[n], lane.v[n]) = (self.x[n].lane(i), self.v[n].lane(i));
+        }
+        lane
     }
 
     /// Each number of this and the one of `other`.

@@ -41,24 +41,39 @@ pub(super) struct LinksLoad<T, const N: usize> {
     pub force_n: [[T; 2]; N],
 }
 
+impl<T: Real, const N: usize> LinksLoad<T, N> {
+    #[inline(always)]
+    fn zero() -> LinksLoad<T, N> {
+        LinksLoad { torque_nm: [T::splat(0.0); N], force_n: [[T::splat(0.0); 2]; N] }
+    }
+}
+
 impl<const N: usize> LinksLoad<f64, N> {
     /// The same in every lane.
     #[inline(always)]
     fn splat(&self) -> LinksLoad<Wide, N> {
-        LinksLoad {
-            torque_nm: self.torque_nm.map(Wide::splat),
-            force_n: self.force_n.map(|force| force.map(Wide::splat)),
+        let mut lanes = LinksLoad::zero();
+        for i in 0..N {
+            lanes.torque_nm[i] = Wide::splat(self.torque_nm[i]);
+            for axis in [0, 1] {
+                lanes.force_n[i][axis] = Wide::splat(self.force_n[i][axis]);
+            }
         }
+        lanes
     }
 }
 
 impl<const N: usize> LinksLoad<Wide, N> {
     /// One in each lane.
     fn gather<'a>(of: impl Fn(usize) -> &'a LinksLoad<f64, N>) -> LinksLoad<Wide, N> {
-        LinksLoad {
-            torque_nm: array::from_fn(|i| Wide::gather(|lane| of(lane).torque_nm[i])),
-            force_n: array::from_fn(|i| [0, 1].map(|axis| Wide::gather(|lane| of(lane).force_n[i][axis]))),
+        let mut lanes = LinksLoad::zero();
+        for i in 0..N {
+            lanes.torque_nm[i] = Wide::gather(|lane| of(lane).torque_nm[i]);
+            for axis in [0, 1] {
+                lanes.force_n[i][axis] = Wide::gather(|lane| of(lane).force_n[i][axis]);
+            }
         }
+        lanes
     }
 }
 
@@ -97,9 +112,13 @@ fn summed<T: Real, const N: usize>(of: &[T; N]) -> [T; N] {
 impl<T: Real, const N: usize> Kernel<T, N> {
     #[inline(always)]
     fn moving<const FAR: bool>(&self, motion: &Motion<T, N>) -> Moving<T, N> {
-        let turn = summed(&motion.x).map(Turn::new::<FAR>);
+        let angle = summed(&motion.x);
+        let mut turn = [Turn::new::<FAR>(angle[0]); N];
         let (mut sine, mut cosine) = ([T::splat(0.0); N], [T::splat(0.0); N]);
         for i in 0..N {
+            if i > 0 {
+                turn[i] = Turn::new::<FAR>(angle[i]);
+            }
             (sine[i], cosine[i]) = self.rest[i].turned(turn[i]);
         }
         Moving { turn, sine, cosine, rate: summed(&motion.v) }
@@ -115,8 +134,9 @@ impl<T: Real, const N: usize> Kernel<T, N> {
             power = power + *force * at.rate[i];
         }
         let (mut x, mut y) = (T::splat(0.0), T::splat(0.0));
-        let squares: [T; N] = array::from_fn(|i| at.rate[i] * at.rate[i]);
+        let mut squares = at.rate;
         for i in 0..N {
+            squares[i] = at.rate[i] * at.rate[i];
             force[i] = force[i] - self.moment_kg_m[i] * (at.sine[i] * x - at.cosine[i] * y);
             let pull = self.length_m[i] * squares[i];
             (x, y) = (x + pull * at.cosine[i], y + pull * at.sine[i]);
@@ -228,7 +248,13 @@ impl<T: Real, const N: usize> Kernel<T, N> {
     }
 
     fn gather(of: &Kernel<f64, N>) -> Kernel<T, N> {
-        let lanes = |numbers: &[f64; N]| numbers.map(T::splat);
+        let lanes = |numbers: &[f64; N]| {
+            let mut lanes = [T::splat(0.0); N];
+            for i in 0..N {
+                lanes[i] = T::splat(numbers[i]);
+            }
+            lanes
+        };
         Kernel {
             length_m: lanes(&of.length_m),
             moment_kg_m: lanes(&of.moment_kg_m),
@@ -244,13 +270,18 @@ impl<T: Real, const N: usize> Kernel<T, N> {
 impl<const N: usize> Links<N> {
     /// The chain of an assembly of N links whose elements are smooth; others are left out.
     pub fn new(chain: &Chain, assembly: &Assembly) -> Links<N> {
+        let first = |of: &[f64]| {
+            let mut numbers = [0.0; N];
+            numbers.copy_from_slice(&of[..N]);
+            numbers
+        };
         let kernel = Kernel {
-            length_m: array::from_fn(|i| chain.length_m[i]),
-            moment_kg_m: array::from_fn(|i| chain.moment_kg_m[i]),
+            length_m: first(&chain.length_m),
+            moment_kg_m: first(&chain.moment_kg_m),
             inertia: array::from_fn(|i| chain.inertia[i][i]),
-            stiffness: array::from_fn(|i| chain.stiffness[i]),
-            damping: array::from_fn(|i| chain.damping[i]),
-            weight_nm: array::from_fn(|i| chain.weight_nm[i]),
+            stiffness: first(&chain.stiffness),
+            damping: first(&chain.damping),
+            weight_nm: first(&chain.weight_nm),
             rest: array::from_fn(|i| chain.rest[i]),
         };
         let smooth = assembly.elements().iter().filter(|element| element.law.is_smooth());
@@ -274,7 +305,8 @@ struct Stages<'a, const N: usize> {
 }
 
 impl<const N: usize> StageEquation<N> for Stages<'_, N> {
-    #[inline(always)]
+    // Compiled once for all numbers of stages.
+    #[inline(never)]
     fn rates(&self, motion: &Motion<Wide, N>) -> Rates<Wide, N> {
         self.kernel.rates_anywhere(motion, &self.load, self.elements)
     }
@@ -284,7 +316,7 @@ impl<const N: usize> Dynamics<N> for Links<N> {
     type Load = LinksLoad<f64, N>;
     type State = Motion<f64, N>;
 
-    #[inline(always)]
+    #[inline(never)]
     fn rates(&self, motion: &Motion<f64, N>, load: &LinksLoad<f64, N>) -> Rates<f64, N> {
         self.kernel.rates_anywhere(motion, load, &self.elements)
     }
@@ -302,24 +334,30 @@ impl<const N: usize> Dynamics<N> for Links<N> {
         };
         self.chain.linearise([&motion.x, &motion.v, &acceleration], &[0.0; N], slices);
         let at = self.kernel.moving::<true>(motion);
-        let mut turning: [f64; N] = array::from_fn(|i| {
-            let [x, y] = load.force_n[i];
-            self.kernel.length_m[i] * (x * at.cosine[i] + y * at.sine[i])
-        });
+        let mut turning = self.kernel.length_m;
+        for (i, [x, y]) in load.force_n.into_iter().enumerate() {
+            turning[i] *= x * at.cosine[i] + y * at.sine[i];
+        }
         for element in &self.elements {
             element.linearise(motion, &at, &self.kernel.rest, [&mut by_position, &mut by_velocity], &mut turning);
         }
         for i in (1..N).rev() {
             turning[i - 1] += turning[i];
         }
-        let column = |matrix: &[f64], column: usize, turning: Option<&[f64; N]>| {
-            let entry = |row: usize| matrix[row * N + column] + turning.map_or(0.0, |turning| turning[row.max(column)]);
-            self.solve_mass(&at, array::from_fn(|row| -entry(row)))
+        let rows = |matrix: &[f64], turning: &[f64; N]| {
+            let mut rows = [[0.0; N]; N];
+            for n in 0..N {
+                let mut column = [0.0; N];
+                for (row, entry) in column.iter_mut().enumerate() {
+                    *entry = -(matrix[row * N + n] + turning[row.max(n)]);
+                }
+                for (row, entry) in self.solve_mass(&at, column).into_iter().enumerate() {
+                    rows[row][n] = entry;
+                }
+            }
+            rows
         };
-        let columns: [[[f64; N]; 2]; N] =
-            array::from_fn(|n| [column(&by_position, n, Some(&turning)), column(&by_velocity, n, None)]);
-        let rows = |half: usize| array::from_fn(|row| array::from_fn(|n| columns[n][half][row]));
-        Jacobian { acceleration, by_position: rows(0), by_velocity: rows(1) }
+        Jacobian { acceleration, by_position: rows(&by_position, &turning), by_velocity: rows(&by_velocity, &[0.0; N]) }
     }
 
     fn linear_part(&self) -> Jacobian<N> {
@@ -339,8 +377,11 @@ impl<const N: usize> Dynamics<N> for Links<N> {
             element.linearise(&motion, &at, &self.kernel.rest, [&mut stiffness, &mut damping], &mut [0.0; N]);
         }
         let share = |n: usize| {
-            let own = |row: usize| stiffness[row * N + n] + if row == n { self.kernel.stiffness[n] } else { 0.0 };
-            self.solve_mass(&at, array::from_fn(own))[n]
+            let mut column = [0.0; N];
+            for (row, entry) in column.iter_mut().enumerate() {
+                *entry = stiffness[row * N + n] + if row == n { self.kernel.stiffness[n] } else { 0.0 };
+            }
+            self.solve_mass(&at, column)[n]
         };
         libm::sqrt((0..N).map(share).sum())
     }

@@ -8,8 +8,6 @@
 //! Rounded matrices would make the same error in every step, so the last iteration uses those of 79 bits: it leaves ρ
 //! times the error of the ones before it.
 
-use core::array;
-
 use super::super::{Dynamics, Motion, Rates, SolveStages, StageEquation, Wide};
 use super::{Solution, Stages, add_product, of_stage};
 use crate::real::Real;
@@ -84,8 +82,11 @@ fn iterate<D: Dynamics<N>, const S: usize, const N: usize>(
                 before = Some(size);
             }
             (MadeOf::Whole, _) => {
-                let slopes = array::from_fn(|i| of_stage(&slopes, i));
-                return Some(Solution { slopes, work_j: stages.work_j(|i| power_w.lane(i)) });
+                let mut of_stages = [[0.0; N]; S];
+                for (stage, of) in of_stages.iter_mut().enumerate() {
+                    *of = of_stage(&slopes, stage);
+                }
+                return Some(Solution { slopes: of_stages, work_j: stages.work_j(|i| power_w.lane(i)) });
             }
         }
     }

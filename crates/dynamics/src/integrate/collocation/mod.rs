@@ -23,7 +23,6 @@ mod fixed_point;
 mod newton;
 
 use alloc::vec::Vec;
-use core::array;
 
 use super::double_double::DoubleDouble;
 use super::{Dynamics, Excitation, IntegrateError, Motion, StageLoads, Wide};
@@ -37,7 +36,7 @@ const ENERGY_DEFECT_LIMIT: f64 = 1e-3;
 const ENERGY_WHOLE_J: f64 = f64::MIN_POSITIVE / f64::EPSILON;
 
 /// A method of S stages for N coordinates at one step length. Lanes beyond the last stage repeat it.
-#[derive(Clone, Debug, PartialEq)]
+#[derive(Clone, Copy, Debug, PartialEq)]
 pub(super) struct Step<const S: usize, const N: usize> {
     /// h, s.
     h_s: f64,
@@ -55,44 +54,45 @@ pub(super) struct Step<const S: usize, const N: usize> {
     weights: [Matrix<f64, N>; S],
 }
 
-/// The matrices of a method for a step length, by stage, row and column.
-pub(super) struct MethodCoefficients<const S: usize, Start, Stage, End, Weight> {
+/// The matrices of a method for a step length, by stage, row and column. They are computed once, so by functions that
+/// are compiled once.
+pub(super) struct MethodCoefficients<'a, const S: usize> {
     /// h, s.
     pub h_s: f64,
     /// Nodes and weights of the quadrature under the method.
     pub c: [DoubleDouble; S],
     pub b: [DoubleDouble; S],
     /// Sᵢ: i, row, column.
-    pub start: Start,
+    pub start: &'a dyn Fn(usize, usize, usize) -> DoubleDouble,
     /// Aᵢⱼ: i, j, row, column.
-    pub stage: Stage,
+    pub stage: &'a dyn Fn(usize, usize, usize, usize) -> DoubleDouble,
     /// E: row, column.
-    pub end: End,
+    pub end: &'a dyn Fn(usize, usize) -> DoubleDouble,
     /// Wⱼ: j, row, column.
-    pub weight: Weight,
+    pub weight: &'a dyn Fn(usize, usize, usize) -> DoubleDouble,
 }
 
 impl<const S: usize, const N: usize> Step<S, N> {
-    pub fn new(
-        of: &MethodCoefficients<
-            S,
-            impl Fn(usize, usize, usize) -> DoubleDouble,
-            impl Fn(usize, usize, usize, usize) -> DoubleDouble,
-            impl Fn(usize, usize) -> DoubleDouble,
-            impl Fn(usize, usize, usize) -> DoubleDouble,
-        >,
-    ) -> Step<S, N> {
+    pub fn new(of: &MethodCoefficients<S>) -> Step<S, N> {
         let last = |i: usize| i.min(S - 1);
-        let stage = array::from_fn(|j| Matrix::new(|i, row, column| (of.stage)(last(i), j, row, column)));
+        let (mut c, mut b) = ([0.0; S], [0.0; S]);
+        let (mut stage, mut rounded, mut weights) =
+            ([Matrix::zero(); S], [Matrix::zero().high; S], [Matrix::zero(); S]);
+        for j in 0..S {
+            (c[j], b[j]) = (of.c[j].high, of.b[j].high);
+            stage[j] = Matrix::new(&|i, row, column| (of.stage)(last(i), j, row, column));
+            rounded[j] = stage[j].rounded();
+            weights[j] = Matrix::new(&|_, row, column| (of.weight)(j, row, column));
+        }
         Step {
             h_s: of.h_s,
-            c: of.c.map(|node| node.high),
-            b: of.b.map(|weight| weight.high),
-            start: Square::new(|i, row, column| (of.start)(last(i), row, column)),
-            rounded: array::from_fn(|j| Matrix::rounded(&stage[j])),
+            c,
+            b,
+            start: Square::new(&|i, row, column| (of.start)(last(i), row, column)),
             stage,
-            end: Square::new(|_, row, column| (of.end)(row, column)),
-            weights: array::from_fn(|j| Matrix::new(|_, row, column| (of.weight)(j, row, column))),
+            rounded,
+            end: Square::new(&|_, row, column| (of.end)(row, column)),
+            weights,
         }
     }
 }
@@ -102,36 +102,46 @@ type Columns<T, const N: usize> = [Motion<T, N>; N];
 
 /// Such a matrix with entries of 79 bits: each is the sum of its first 26 bits and the next 53. If the first part had
 /// all 53 bits of `f64`, rounding its product would swallow the second part, the same way in every step.
-#[derive(Clone, Debug, PartialEq)]
+#[derive(Clone, Copy, Debug, PartialEq)]
 struct Matrix<T, const N: usize> {
     high: Columns<T, N>,
     low: Columns<T, N>,
 }
 
 impl<T: Real, const N: usize> Matrix<T, N> {
+    fn zero() -> Matrix<T, N> {
+        Matrix { high: [Motion::splat(0.0); N], low: [Motion::splat(0.0); N] }
+    }
+
     /// The matrix with these entries by lane, row and column.
-    fn new(entry: impl Fn(usize, usize, usize) -> DoubleDouble) -> Matrix<T, N> {
-        let part = |part: fn([f64; 2]) -> f64| {
-            columns(|row, column| T::gather(|i| part(entry(i, row, column).head_and_tail())))
-        };
-        Matrix { high: part(|[high, _]| high), low: part(|[_, low]| low) }
+    fn new(entry: &dyn Fn(usize, usize, usize) -> DoubleDouble) -> Matrix<T, N> {
+        let mut matrix = Matrix::zero();
+        for (column, (high, low)) in matrix.high.iter_mut().zip(&mut matrix.low).enumerate() {
+            for row in 0..N {
+                [high.x[row], low.x[row]] = lanes(&|i| entry(i, row, column));
+                [high.v[row], low.v[row]] = lanes(&|i| entry(i, N + row, column));
+            }
+        }
+        matrix
     }
 
     fn rounded(&self) -> Columns<T, N> {
-        array::from_fn(|column| self.high[column].zip(&self.low[column], |high, low| high + low))
+        let mut rounded = self.high;
+        for (rounded, low) in rounded.iter_mut().zip(&self.low) {
+            *rounded = rounded.zip(low, |high, low| high + low);
+        }
+        rounded
     }
 }
 
-fn columns<T, const N: usize>(entry: impl Fn(usize, usize) -> T) -> Columns<T, N> {
-    array::from_fn(|column| Motion {
-        x: array::from_fn(|row| entry(row, column)),
-        v: array::from_fn(|row| entry(N + row, column)),
-    })
+/// Both parts of an entry, a lane each.
+fn lanes<T: Real>(entry: &dyn Fn(usize) -> DoubleDouble) -> [T; 2] {
+    [T::gather(|i| entry(i).head_and_tail()[0]), T::gather(|i| entry(i).head_and_tail()[1])]
 }
 
 /// A matrix of 2N rows and columns, as [`Matrix`]: the columns that positions are multiplied by, and those of
 /// velocities.
-#[derive(Clone, Debug, PartialEq)]
+#[derive(Clone, Copy, Debug, PartialEq)]
 struct Square<T, const N: usize> {
     high: [Columns<T, N>; 2],
     low: [Columns<T, N>; 2],
@@ -139,8 +149,8 @@ struct Square<T, const N: usize> {
 
 impl<T: Real, const N: usize> Square<T, N> {
     /// The matrix with these entries by lane, row and column.
-    fn new(entry: impl Fn(usize, usize, usize) -> DoubleDouble) -> Square<T, N> {
-        let half = |half: usize| Matrix::new(|i, row, column| entry(i, row, half * N + column));
+    fn new(entry: &dyn Fn(usize, usize, usize) -> DoubleDouble) -> Square<T, N> {
+        let half = |half: usize| Matrix::new(&|i, row, column| entry(i, row, half * N + column));
         let [positions, velocities] = [half(0), half(1)];
         Square { high: [positions.high, velocities.high], low: [positions.low, velocities.low] }
     }
@@ -311,11 +321,12 @@ impl<const S: usize, const N: usize> Step<S, N> {
         add_square_product(&mut from_start, &self.start.low, y);
         add_square_product(&mut from_start, &self.start.high, y);
         let held = excitation.is_constant();
-        let at = if held {
-            [excitation.load(t_s); S]
-        } else {
-            array::from_fn(|i| excitation.load(t_s + self.c[i] * self.h_s))
-        };
+        let mut at = [excitation.load(if held { t_s } else { t_s + self.c[0] * self.h_s }); S];
+        if !held {
+            for (at, c) in at.iter_mut().zip(&self.c).skip(1) {
+                *at = excitation.load(t_s + c * self.h_s);
+            }
+        }
         let loads = StageLoads { at, held };
         let stages = Stages { step: self, linear, dynamics, loads, y: *y, from_start };
         let solution = match fixed_point::solve(&stages) {
@@ -344,7 +355,7 @@ impl<const S: usize, const N: usize> Step<S, N> {
         }
         add_square_product(&mut change, &self.end.high, &stages.y);
         let next = stages.y.zip(&change, |y, change| y + change);
-        let [before, after] = [&stages.y, &next].map(|y| stages.dynamics.energy_j(y));
+        let (before, after) = (stages.dynamics.energy_j(&stages.y), stages.dynamics.energy_j(&next));
         let defect_j = libm::fabs(after - before - solution.work_j);
         if defect_j <= ENERGY_DEFECT_LIMIT * before.max(after).max(ENERGY_WHOLE_J) {
             Ok(next)

@@ -3,8 +3,6 @@
 //! Its matrix has the blocks δᵢⱼ I − (∂ẍ/∂y − Λ) Aᵢⱼ. It treats the stiff terms exactly, so it converges where
 //! fixed-point iteration does not.
 
-use core::array;
-
 use super::super::{Dynamics, IntegrateError, Jacobian, Wide};
 use super::{Slopes, Solution, Stages};
 use crate::real::Real;
@@ -47,7 +45,11 @@ fn iterate<D: Dynamics<N>, const S: usize, const N: usize>(
     let mut matrix = [[[[0.0; N]; S]; N]; S];
     let mut residual = [[0.0; N]; S];
     let mut largest = f64::MIN_POSITIVE;
-    let states = stages.states(&array::from_fn(|row| Wide::gather(|i| slopes[i.min(S - 1)][row])));
+    let mut guess = [Wide::splat(0.0); N];
+    for row in 0..N {
+        guess[row] = Wide::gather(|i| slopes[i.min(S - 1)][row]);
+    }
+    let states = stages.states(&guess);
     for i in 0..S {
         let stage = states.lane(i);
         let Jacobian { acceleration, by_position, by_velocity } = stages.dynamics.jacobian(&stage, stages.loads.at(i));
@@ -55,9 +57,11 @@ fn iterate<D: Dynamics<N>, const S: usize, const N: usize>(
         for row in 0..N {
             largest = largest.max(libm::fabs(acceleration[row]));
             residual[i][row] = slopes[i][row] - slope[row];
-            let [lambda_x, lambda_v] = [0, 1].map(|half| &stages.linear[half][row]);
-            let by_x: [f64; N] = array::from_fn(|n| by_position[row][n] - lambda_x[n]);
-            let by_v: [f64; N] = array::from_fn(|n| by_velocity[row][n] - lambda_v[n]);
+            let (mut by_x, mut by_v) = (by_position[row], by_velocity[row]);
+            for n in 0..N {
+                by_x[n] -= stages.linear[0][row][n];
+                by_v[n] -= stages.linear[1][row][n];
+            }
             let by_y = || by_x.iter().chain(&by_v);
             for (j, (entries, columns)) in matrix[i][row].iter_mut().zip(&stages.step.rounded).enumerate() {
                 for (column, (entry, block)) in entries.iter_mut().zip(columns).enumerate() {

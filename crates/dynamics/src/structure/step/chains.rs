@@ -2,7 +2,6 @@
 
 use alloc::boxed::Box;
 use alloc::vec::Vec;
-use core::array;
 
 use super::{Engine, StateRef, StepError, StepLoad};
 use crate::integrate::{Dynamics, Excitation, IntegrateError, Integrator, Motion, Scheme};
@@ -83,9 +82,9 @@ struct Driven<'a, const N: usize> {
 
 impl<const N: usize> Excitation<LinksLoad<f64, N>> for Driven<'_, N> {
     fn load(&self, t_s: f64) -> LinksLoad<f64, N> {
-        let LinksLoad { torque_nm, force_n } = self.load;
-        let factor = self.course.factor(t_s);
-        LinksLoad { torque_nm: torque_nm.map(|of| factor * of), force_n: force_n.map(|of| of.map(|of| factor * of)) }
+        let (mut load, factor) = (self.load, self.course.factor(t_s));
+        load.torque_nm.iter_mut().chain(load.force_n.as_flattened_mut()).for_each(|of| *of *= factor);
+        load
     }
 
     fn is_constant(&self) -> bool {
@@ -99,7 +98,8 @@ impl<const N: usize> Engine for Stepped<N> {
     }
 
     fn set(&mut self, state: StateRef) {
-        self.motion = Motion { x: array::from_fn(|i| state.q[i]), v: array::from_fn(|i| state.v[i]) };
+        self.motion.x.copy_from_slice(&state.q[..N]);
+        self.motion.v.copy_from_slice(&state.v[..N]);
     }
 
     fn advance(&mut self, t_s: f64, load: &StepLoad<'_>) -> Result<(), StepError> {
