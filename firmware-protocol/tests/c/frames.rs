@@ -72,13 +72,26 @@ fn clear_reserved(kind: MessageKind, data: &mut [u8]) {
     }
 }
 
+/// A byte at random: any, one of the first, or one at the end of a range.
+fn likely_byte((value, choice): (u8, u8)) -> u8 {
+    match choice % 5 {
+        0 => value,
+        1 => value % 14,
+        2 => 0x80,
+        3 => 0x7F,
+        _ => 0,
+    }
+}
+
 /// A frame on an identifier of the protocol, of the form that it has there, most of the time with the right CRC.
 fn likely_frame(profile: Profile) -> impl Strategy<Value = Frame> {
-    let byte = prop_oneof![any::<u8>(), 0u8..14, Just(0x80), Just(0x7F), Just(0)];
     let kinds: Vec<_> = MessageKind::ALL.into_iter().filter_map(|kind| Some((kind, kind.form(profile)?))).collect();
-    let frames = (prop::sample::select(kinds), prop::collection::vec(byte, 64), 0..16);
-    frames.prop_map(move |((kind, form), mut data, fate)| {
+    let frames = (prop::sample::select(kinds), any::<[u64; 16]>(), 0..16);
+    frames.prop_map(move |((kind, form), random, fate)| {
         let id = Id::Standard(kind.id(Network::default()));
+        let (values, choices) = random.split_at(8);
+        let bytes = |of: &[u64]| of.iter().flat_map(|eight| eight.to_le_bytes()).collect::<Vec<u8>>();
+        let mut data: Vec<u8> = bytes(values).into_iter().zip(bytes(choices)).map(likely_byte).collect();
         data.truncate(form.length);
         if fate > 1 && data.len() > 8 {
             // Counters that follow each other now and then.

@@ -58,7 +58,7 @@ fn without_the_fd_profile_the_library_has_nothing_of_it() {
 fn frames_come_whole_and_in_order_from_an_interrupt() {
     let (queue, threads) = (build("receive_queue"), build("receive_queue_threads"));
     for (program, arguments) in
-        [(&queue, ["signal", "50000"]), (&queue, ["thread", "50000"]), (&threads, ["thread", "50000"])]
+        [(&queue, ["signal", "20000"]), (&queue, ["thread", "20000"]), (&threads, ["thread", "20000"])]
     {
         let output = Command::new(program).args(arguments).output().unwrap();
         let said = [output.stdout, output.stderr].concat();

@@ -4,9 +4,11 @@
 //! right one holds legends without a free corner. Then heights, row by row.
 
 use super::axis::{self, AxisMap, Coordinate};
+use super::cell::Cell;
 use super::font::Fonts;
 use super::legend::{self, Entries};
-use super::panel::{self, Cell, LABEL_SIZE, TICK_LENGTH, TICK_SIZE};
+use super::marks::{LABEL_SIZE, TICK_LENGTH, TICK_SIZE};
+use super::panel;
 use super::scene::{Anchor, BLACK, Direction, Point, Rect, Rgb, Scene, Shape, Text, WHITE, Weight};
 use super::ticks::{self, Ticks};
 use super::{Figure, Legend, Panel, PlotError};

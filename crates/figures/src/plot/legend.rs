@@ -3,7 +3,7 @@
 use super::axis::AxisMap;
 use super::clip;
 use super::font::{CAP_HEIGHT, Fonts};
-use super::panel::{GRID, TICK_SIZE, markers, on_page};
+use super::marks::{GRID, TICK_SIZE, markers, on_page};
 use super::scene::{Anchor, BLACK, Direction, Point, Rect, Shape, Stroke, Text, WHITE, Weight};
 use super::{Panel, Series, Style};
 

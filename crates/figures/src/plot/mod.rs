@@ -6,11 +6,13 @@
 
 mod axis;
 mod caption;
+mod cell;
 mod clip;
 mod error;
 mod font;
 mod layout;
 mod legend;
+mod marks;
 mod notes;
 mod panel;
 mod png;

@@ -1,8 +1,9 @@
 //! Places the notes of a panel: near their points, clear of the lines, the legend and each other.
 
+use super::cell::Cell;
 use super::clip;
 use super::font::{CAP_HEIGHT, Fonts};
-use super::panel::{Cell, on_page};
+use super::marks::on_page;
 use super::scene::{Anchor, BLACK, Direction, Point, Rect, Shape, Stroke, Text, Weight};
 use super::{Dash, Note, Style};
 

@@ -1,42 +1,18 @@
 //! One panel, drawn into the area that the layout gave its plot.
 
 use super::axis::AxisMap;
+use super::cell::Cell;
 use super::clip;
 use super::font::{CAP_HEIGHT, Fonts};
-use super::legend::Entries;
+use super::marks::{GRID, LABEL_SIZE, TICK_LENGTH, TICK_SIZE, markers, on_page};
 use super::notes;
 use super::rows;
-use super::scene::{Anchor, BLACK, Direction, Point, Rect, Rgb, Shape, Stroke, Text, WHITE, Weight};
+use super::scene::{Anchor, BLACK, Direction, Point, Rect, Rgb, Shape, Stroke, Text, Weight};
 use super::ticks::{self, Ticks};
-use super::{Panel, Series, Style};
+use super::{Series, Style};
 
-pub(super) const TICK_SIZE: f64 = 13.0;
-pub(super) const LABEL_SIZE: f64 = 14.0;
-pub(super) const TICK_LENGTH: f64 = 5.0;
 const MINOR_TICK_LENGTH: f64 = 3.0;
-/// Lines that stay behind the data.
-pub(super) const GRID: Stroke = Stroke { color: [0xDD, 0xDD, 0xDD], width: 0.6, dash: super::Dash::Solid };
 const FRAME: Stroke = Stroke { color: [0x20, 0x20, 0x20], width: 1.0, dash: super::Dash::Solid };
-const MARKER_OUTLINE: f64 = 1.3;
-
-/// A panel and the positions of its parts.
-pub(super) struct Cell<'a> {
-    pub panel: &'a Panel,
-    pub plot: Rect,
-    pub x: AxisMap,
-    pub y: AxisMap,
-    pub y_ticks: Ticks,
-    /// Width of its widest label.
-    pub y_tick_width: f64,
-    /// The label of the y axis, in lines.
-    pub y_label: Vec<String>,
-    /// Whether the x axis is labelled below this panel.
-    pub writes_x: bool,
-    pub entries: Entries<'a>,
-    /// Upper left corner of the legend.
-    pub legend_at: Option<Point>,
-}
-
 /// Draws the panel.
 pub(super) fn draw(shapes: &mut Vec<Shape>, fonts: &Fonts, cell: Cell<'_>) {
     let room = |label: &str| (fonts.width(label, TICK_SIZE, Weight::Regular) + 1.5 * TICK_SIZE).max(4.0 * TICK_SIZE);
@@ -57,11 +33,6 @@ pub(super) fn draw(shapes: &mut Vec<Shape>, fonts: &Fonts, cell: Cell<'_>) {
     }
 }
 
-/// The positions of the points of `series` on the page; NaN stays NaN.
-pub(super) fn on_page<'a>(series: &'a Series, x: &'a AxisMap, y: &'a AxisMap) -> impl Iterator<Item = Point> + 'a {
-    series.points.iter().map(|point| [x.px(point.0), y.px(point.1)])
-}
-
 fn series_shape(series: &Series, plot: &Rect, x: &AxisMap, y: &AxisMap) -> Option<Shape> {
     let shape = match series.style {
         Style::Line { color, width, dash } => {
@@ -74,14 +45,6 @@ fn series_shape(series: &Series, plot: &Rect, x: &AxisMap, y: &AxisMap) -> Optio
     };
     let empty = matches!(&shape, Shape::Lines { runs, .. } if runs.is_empty());
     (!empty).then_some(shape)
-}
-
-/// Markers of this style; `None` for a line, or without points.
-pub(super) fn markers(style: Style, at: Vec<Point>) -> Option<Shape> {
-    let Style::Markers { color, shape, size, filled } = style else { return None };
-    let fill = if filled { color.rgb() } else { WHITE };
-    let stroke = Stroke::solid(color.rgb(), MARKER_OUTLINE);
-    (!at.is_empty()).then_some(Shape::Markers { at, shape, size, fill, stroke })
 }
 
 fn grid(shapes: &mut Vec<Shape>, cell: &Cell<'_>, x_ticks: &Ticks) {

@@ -1,9 +1,9 @@
 //! Names of crowded peaks: side by side in a row above them, each with a line down to its peak.
 
 use super::Note;
+use super::cell::Cell;
 use super::font::{CAP_HEIGHT, Fonts};
 use super::notes::{GAP, LEADER, SIZE, words};
-use super::panel::Cell;
 use super::scene::{Point, Rect, Shape, Weight};
 
 /// Gap between adjacent names.
