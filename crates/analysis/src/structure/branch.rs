@@ -185,8 +185,8 @@ impl Tracer<'_> {
         if self.options.assess == Assess::Multipliers { stability(&self.balance, x) } else { None }
     }
 
-    /// All results for the motion at a point.
-    pub fn orbit(&mut self, point: &Point) -> Orbit {
+    /// Evaluates the motion at a point, with the harmonics of the point, and reads it.
+    fn at<T>(&mut self, point: &Point, read: impl FnOnce(&Self) -> T) -> T {
         let (current, needed) = (self.balance.harmonics(), point.x.len() / self.balance.unknowns.count() / 2);
         if current != needed {
             self.balance.set_harmonics(needed);
@@ -194,20 +194,30 @@ impl Tracer<'_> {
         // The coordinate was valid when the point was solved for.
         let _ = self.balance.set_value(point.lambda);
         self.balance.evaluate_motion(&point.x);
-        let orbit = Orbit {
-            value: point.lambda,
-            frequency_hz: self.balance.frequency_hz,
-            drive: self.balance.forced.amplitude,
-            readings: self.options.read.iter().map(|&dof| reading(&self.balance, dof)).collect(),
-            stability: self.stability(&point.x),
-            harmonics: needed,
-            coefficients: point.x.clone(),
-            arclength: point.arclength,
-        };
+        let result = read(self);
         if current != needed {
             self.balance.set_harmonics(current);
         }
-        orbit
+        result
+    }
+
+    /// All results for the motion at a point.
+    pub fn orbit(&mut self, point: &Point) -> Orbit {
+        self.at(point, |tracer| Orbit {
+            value: point.lambda,
+            frequency_hz: tracer.balance.frequency_hz,
+            drive: tracer.balance.forced.amplitude,
+            readings: tracer.options.read.iter().map(|&dof| reading(&tracer.balance, dof)).collect(),
+            stability: tracer.stability(&point.x),
+            harmonics: tracer.balance.harmonics(),
+            coefficients: point.x.clone(),
+            arclength: point.arclength,
+        })
+    }
+
+    /// The largest displacement in the motion at a point, without the other results.
+    pub fn largest_at(&mut self, point: &Point, dof: Dof) -> f64 {
+        self.at(point, |tracer| reading(&tracer.balance, dof).largest)
     }
 }
 

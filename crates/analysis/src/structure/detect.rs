@@ -152,22 +152,22 @@ impl Tracer<'_> {
             let top = (0..orbits.len()).fold(0, |top, k| if size(&orbits[k]) > size(&orbits[top]) { k } else { top });
             let Some(highest) = orbits.get(top).cloned() else { continue };
             let around = match orbits.get(top.wrapping_sub(1)..top + 2) {
-                Some([a, b, c]) => Some([a, b, c].map(point_of)),
+                Some([a, b, c]) => Some(([a, b, c].map(point_of), [a, b, c].map(size))),
                 _ => None,
             };
-            let located = around.and_then(|points| self.peak_among(reading, points));
-            self.branch.peaks.push(located.unwrap_or(highest));
+            let located = around.and_then(|(points, sizes)| self.peak_among(reading, points, sizes));
+            let peak = located.map_or(highest, |point| self.orbit(&point));
+            self.branch.peaks.push(peak);
         }
     }
 
-    /// The largest motion between three points whose middle one is the largest, by parabolas through three; none if it
-    /// is that of the middle point.
-    fn peak_among(&mut self, reading: usize, mut points: [Point; 3]) -> Option<Orbit> {
+    /// The largest motion between three points of these sizes, whose middle one is the largest, by parabolas through
+    /// three; none if it is that of the middle point.
+    fn peak_among(&mut self, reading: usize, mut points: [Point; 3], mut sizes: [f64; 3]) -> Option<Point> {
         let harmonics = self.balance.harmonics();
         let needed = points.iter().map(|point| point.x.len()).max()? / self.balance.unknowns.count() / 2;
         self.balance.set_harmonics(needed);
-        let mut sizes = points.clone().map(|point| self.orbit(&point).readings[reading].largest);
-        let mut best = None;
+        let (dof, mut found) = (self.options.read[reading], false);
         let span = points[2].arclength - points[0].arclength;
         for _ in 0..PEAK.0 {
             let s = [0, 1, 2].map(|i| points[i].arclength);
@@ -183,19 +183,19 @@ impl Tracer<'_> {
             let mut slices = Slices::new(self.balance.dimension(), settings, ends, Cut::Chord);
             let fraction = (at - s[half]) / (s[half + 1] - s[half]);
             let Ok(point) = slices.solve(&mut self.balance, ends, fraction) else { break };
-            let orbit = self.orbit(&point);
-            let size = orbit.readings[reading].largest;
+            let size = self.largest_at(&point, dof);
             let outer = if size > sizes[1] { 2 * (1 - half) } else { 2 * half };
             if size > sizes[1] {
                 points.swap(outer, 1);
                 sizes.swap(outer, 1);
-                (points[1], sizes[1], best) = (point, size, Some(orbit));
+                (points[1], sizes[1], found) = (point, size, true);
             } else {
                 (points[outer], sizes[outer]) = (point, size);
             }
         }
         self.balance.set_harmonics(harmonics);
-        best
+        let [_, middle, _] = points;
+        found.then_some(middle)
     }
 }
 
