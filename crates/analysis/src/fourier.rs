@@ -92,9 +92,24 @@ impl Basis {
                 self.sines.push(sine);
             }
         }
-        for i in 1..harmonics.count() {
+        self.fill();
+    }
+
+    /// Sets the basis to the harmonics 1 … H on the points of another one of this kind: tables that are there stay.
+    pub fn resize(&mut self, harmonics: usize) {
+        self.harmonics = Harmonics::Integer(harmonics);
+        self.cosines.truncate(harmonics * self.turns.len());
+        self.sines.truncate(harmonics * self.turns.len());
+        self.fill();
+    }
+
+    /// The tables that are missing, from the last that is there.
+    fn fill(&mut self) {
+        let points = self.turns.len();
+        let known = self.cosines.len().checked_div(points).unwrap_or(0);
+        for i in known.max(1)..self.harmonics.count() {
             for (j, (s, c)) in self.turns.iter().enumerate() {
-                let before = (i - 1) * self.turns.len() + j;
+                let before = (i - 1) * points + j;
                 let (x, y) = (self.cosines[before], self.sines[before]);
                 self.cosines.push(x * c - y * s);
                 self.sines.push(y * c + x * s);

@@ -144,7 +144,7 @@ impl Balance {
     /// The motion X and the forces along it. The following methods are about this motion.
     pub fn evaluate_motion(&mut self, x: &[f64]) {
         let (m, omega) = (self.unknowns.count(), self.omega_rad_s());
-        self.samples.synthesise(x, m, omega);
+        self.samples.synthesise(x, &self.unknowns, omega);
         self.samples.evaluate(&self.forced, &self.unknowns, self.frequency_hz);
         self.load.clear();
         self.load.resize(x.len(), 0.0);
@@ -212,6 +212,10 @@ impl Balance {
 
     /// The part of the derivatives by way of the elements' states.
     fn add_histories(&mut self) {
+        if self.samples.histories.is_empty() {
+            return;
+        }
+        self.samples.set_functions();
         let (m, size) = (self.unknowns.count(), self.load.len());
         let (rows, count) = (size / m, self.samples.count());
         let (samples, operator, by_frequency) = (&self.samples, &mut self.operator, &mut self.by_frequency);

@@ -16,7 +16,6 @@ use nalgebra::Complex;
 
 use super::balance::Balance;
 use super::branch::{FRACTION, Tracer};
-use super::floquet::stability;
 use super::orbit::{Bifurcation, Orbit, Stability, Unlocated};
 use crate::continuation::{Cut, Point, Slices, System};
 use crate::dense::Determinant;
@@ -112,7 +111,8 @@ impl Tracer<'_> {
         let point = self.locate(BranchPoint, [a, b], &[None, None]).ok().flatten()?;
         let harmonics = self.balance.harmonics();
         self.balance.set_harmonics(point.x.len() / self.balance.unknowns.count() / 2);
-        let found = if self.balance.set_value(point.lambda) { stability(&self.balance, &point.x) } else { None };
+        let exists = self.balance.set_value(point.lambda);
+        let found = if exists { self.floquet.stability(&self.balance, &point.x) } else { None };
         self.balance.set_harmonics(harmonics);
         confirmed(BranchPoint, found.as_ref()).then_some(point)
     }
@@ -130,9 +130,11 @@ impl Tracer<'_> {
         if values[0].is_nan() || values[1].is_nan() || values[0] * values[1] >= 0.0 {
             return Ok(None);
         }
+        let floquet = &mut self.floquet;
         let test = |balance: &mut Balance, point: &Point| {
             let known = matches!(kind, Fold | BranchPoint);
-            let found = if known || !balance.set_value(point.lambda) { None } else { stability(balance, &point.x) };
+            let found =
+                if known || !balance.set_value(point.lambda) { None } else { floquet.stability(balance, &point.x) };
             value(kind, point, found.as_ref(), reference)
         };
         let settings = &self.options.branch.continuation;
@@ -216,6 +218,7 @@ mod tests {
     use alloc::vec::Vec;
 
     use super::super::branch::Tracer;
+    use super::super::floquet::Floquet;
     use super::super::tests::{modal, oracles};
     use super::super::{Coordinate, Forced, TraceOptions};
     use super::*;
@@ -262,7 +265,7 @@ mod tests {
             tangent: vec![direction; n + 1],
             determinant: Determinant { sign: 1.0, log_magnitude: 0.0 },
         };
-        let mut tracer = Tracer { balance, options: &options, branch: Branch::default() };
+        let mut tracer = Tracer { balance, options: &options, floquet: Floquet::default(), branch: Branch::default() };
         let ends = [point(20.0, 1.0, 0.0), point(20.1, -1.0, 0.1)];
         ends.iter().for_each(|end| {
             let orbit = tracer.orbit(end);

@@ -230,8 +230,9 @@ fn apart(a: Complex<f64>, b: Complex<f64>) -> f64 {
 }
 
 /// The multipliers; `None` if they are not surely all, so that the flow has to be computed.
-pub(super) fn stability(of: &Variations) -> Option<Stability> {
-    let Body::Condensed(condensed) = &of.balance.unknowns.body else { return None };
+pub(super) fn stability(of: &mut Variations) -> Option<Stability> {
+    let balance = of.balance;
+    let Body::Condensed(condensed) = &balance.unknowns.body else { return None };
     let mut varied = Varied::new(of, condensed)?;
     let (modes, period_s) = (condensed.modes.len(), TAU / varied.omega);
     let (mut found, mut together) = (Found { exponents: Vec::with_capacity(2 * modes) }, Vec::new());
@@ -274,8 +275,13 @@ pub(super) fn stability(of: &Variations) -> Option<Stability> {
 }
 
 /// Multipliers to begin with: those of the flow of the modes up to somewhat beyond the fastest of some, where the
-/// others give way as at rest.
-fn guesses(of: &Variations, condensed: &Condensed, varied: &Varied, together: &[usize]) -> Option<Vec<Complex<f64>>> {
+/// others give way as at rest, which changes the derivatives in `of`.
+fn guesses(
+    of: &mut Variations,
+    condensed: &Condensed,
+    varied: &Varied,
+    together: &[usize],
+) -> Option<Vec<Complex<f64>>> {
     if together.is_empty() {
         return Some(Vec::new());
     }
@@ -291,12 +297,10 @@ fn guesses(of: &Variations, condensed: &Condensed, varied: &Varied, together: &[
         drive: pick(&condensed.drive),
         modes: own.iter().map(|&mode| condensed.modes[mode]).collect(),
     };
-    let mut samples = of.samples.clone();
-    let [stiffness, damping, _] = &mut samples.by;
+    let [stiffness, damping, _] = &mut of.samples.by;
     for (s, g) in stiffness.iter_mut().zip(damping) {
         let share = 1.0 / (1.0 + gives * *s);
         (*s, *g) = (*s * share, *g * share * share);
     }
-    let of_own = Variations { balance: of.balance, samples, states: Vec::new(), spacing_s: of.spacing_s };
-    Some(multipliers(modal::flow(&of_own, &own, 2)?)?.multipliers)
+    Some(multipliers(modal::flow(of, &own, 2)?)?.multipliers)
 }

@@ -56,12 +56,11 @@ pub(super) struct StateVariation {
 }
 
 impl Variations<'_> {
-    /// Along the motion X, on two points a step of at least so many steps.
-    fn new<'a>(balance: &'a Balance, x: &[f64], steps: f64) -> Variations<'a> {
+    /// Along the motion X, on two points a step of at least so many steps; `samples` is storage.
+    fn new<'a>(balance: &'a Balance, x: &[f64], steps: f64, mut samples: Samples) -> Variations<'a> {
         let points = 8 * libm::ceil(steps / 4.0) as usize;
-        let mut samples = balance.samples.clone();
         samples.set(balance.harmonics(), points);
-        samples.synthesise(x, balance.unknowns.count(), balance.omega_rad_s());
+        samples.synthesise(x, &balance.unknowns, balance.omega_rad_s());
         samples.evaluate(&balance.forced, &balance.unknowns, balance.frequency_hz);
         add_stuck_friction(balance, &mut samples);
         if !balance.forced.assembly().is_smooth() {
@@ -107,32 +106,64 @@ impl Variations<'_> {
     }
 }
 
-/// The stability of the motion X of a balance; none if the multipliers can't be computed.
-pub(super) fn stability(balance: &Balance, x: &[f64]) -> Option<Stability> {
-    let of_motion = (STEPS[2] * balance.harmonics() as f64).max(LEAST_STEPS[0]);
-    let Body::Condensed(condensed) = &balance.unknowns.body else { return by_flow(balance, x) };
-    let fast = balance.forced.assembly().is_smooth()
-        && condensed.places.len() == 1
-        && condensed.modes.len() >= exponents::LEAST_MODES;
-    let found = if fast { exponents::stability(&Variations::new(balance, x, of_motion)) } else { None };
-    found.or_else(|| by_flow(balance, x))
+/// Computes stability, in storage that is kept from motion to motion of one structure.
+#[derive(Debug, Default)]
+pub(super) struct Floquet {
+    samples: Option<Samples>,
 }
 
-/// The same by the flow.
-fn by_flow(balance: &Balance, x: &[f64]) -> Option<Stability> {
+impl Floquet {
+    /// The stability of the motion X of a balance; none if the multipliers can't be computed.
+    pub fn stability(&mut self, balance: &Balance, x: &[f64]) -> Option<Stability> {
+        let of_motion = (STEPS[2] * balance.harmonics() as f64).max(LEAST_STEPS[0]);
+        let fast = match &balance.unknowns.body {
+            Body::Condensed(condensed) => {
+                condensed.places.len() == 1 && condensed.modes.len() >= exponents::LEAST_MODES
+            }
+            Body::Chain => false,
+        };
+        let found = if fast && balance.forced.assembly().is_smooth() {
+            self.with(balance, x, of_motion, exponents::stability)
+        } else {
+            None
+        };
+        found.or_else(|| self.with(balance, x, steps(balance), |variations| by_flow(variations)))
+    }
+
+    /// What `find` finds from the variations along a motion.
+    fn with(
+        &mut self,
+        balance: &Balance,
+        x: &[f64],
+        steps: f64,
+        find: impl FnOnce(&mut Variations) -> Option<Stability>,
+    ) -> Option<Stability> {
+        let samples = self.samples.take().unwrap_or_else(|| Samples::new(&balance.forced, &balance.unknowns));
+        let mut variations = Variations::new(balance, x, steps, samples);
+        let found = find(&mut variations);
+        self.samples = Some(variations.samples);
+        found
+    }
+}
+
+/// The steps of the flow.
+fn steps(balance: &Balance) -> f64 {
     let assembly = balance.forced.assembly();
     let fastest_hz = assembly.modes().last().map_or(0.0, |mode| mode.frequency_hz);
     let (smooth, condensed) = (assembly.is_smooth(), matches!(balance.unknowns.body, Body::Condensed(_)));
     let of_modes = STEPS[usize::from(!condensed)] * fastest_hz / balance.frequency_hz;
     let of_motion = STEPS[2] * balance.harmonics() as f64;
-    let steps = of_modes.max(of_motion).max(LEAST_STEPS[usize::from(!smooth)]);
-    let variations = Variations::new(balance, x, steps);
-    let flow = |points: usize| match &balance.unknowns.body {
-        Body::Condensed(condensed) => modal::flow(&variations, condensed, points),
-        Body::Chain => chain::flow(&variations, points),
+    of_modes.max(of_motion).max(LEAST_STEPS[usize::from(!smooth)])
+}
+
+/// The stability by the flow.
+fn by_flow(of: &Variations) -> Option<Stability> {
+    let flow = |points: usize| match &of.balance.unknowns.body {
+        Body::Condensed(condensed) => modal::flow(of, condensed, points),
+        Body::Chain => chain::flow(of, points),
     };
     let finest = flow(2)?;
-    if !smooth {
+    if !of.balance.forced.assembly().is_smooth() {
         return multipliers(finest);
     }
     let (middle, coarsest) = (flow(4)?, flow(8)?);
