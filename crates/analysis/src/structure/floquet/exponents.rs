@@ -302,5 +302,5 @@ fn guesses(
         let share = 1.0 / (1.0 + gives * *s);
         (*s, *g) = (*s * share, *g * share * share);
     }
-    Some(multipliers(modal::flow(of, &own, 2)?)?.multipliers)
+    Some(multipliers(modal::flow(of, &own, [2, 1])?)?.multipliers)
 }

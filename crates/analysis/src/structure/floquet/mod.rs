@@ -12,6 +12,9 @@
 //!
 //! The multipliers of many modes with one smooth element are found in the frequency domain, [`exponents`].
 //!
+//! Where the motion is symmetric, x(t + T/2) = −x(t), and the forces are, the derivatives repeat after half a period.
+//! With the flow Φ½ over one half then Φ = Φ½², and the multipliers are the squares of the eigenvalues of Φ½.
+//!
 //! The state of a friction element that slips is a state of the flow. One that doesn't slip is a spring.
 
 mod chain;
@@ -36,6 +39,9 @@ use resonarm_dynamics::structure::Law;
 const STEPS: [f64; 3] = [8.0, 48.0, 4.0];
 /// The least steps: of smooth motions, and of others.
 const LEAST_STEPS: [f64; 2] = [64.0, 512.0];
+
+/// Derivatives that differ by less than this part of the largest are the same.
+const REPEATED: f64 = 1e-10;
 
 /// The variations along a motion.
 pub(super) struct Variations<'a> {
@@ -80,6 +86,26 @@ impl Variations<'_> {
     pub fn by(&self, derivative: usize, [i, j]: [usize; 2], point: usize) -> f64 {
         let pair = i * self.unknowns() + j;
         self.samples.by[derivative][pair * self.samples.count() + point]
+    }
+
+    /// Whether all derivatives repeat after half a period.
+    fn repeat(&self) -> bool {
+        let half = self.samples.count() / 2;
+        let alike = |a: f64, b: f64, size: f64| (a - b).abs() <= REPEATED * size;
+        let signals = self.samples.by.iter().flat_map(|signals| signals.chunks_exact(2 * half));
+        let mut repeating = signals.map(|signal| {
+            let size = signal.iter().fold(0.0_f64, |size, value| size.max(value.abs()));
+            let (first, second) = signal.split_at(half);
+            first.iter().zip(second).all(|(a, b)| alike(*a, *b, size))
+        });
+        let of_state = |at: &StateVariation| [at.by_velocity, at.by_state.unwrap_or(f64::INFINITY), at.force];
+        let state_repeats = |state: usize, point: usize| {
+            let [a, b] = [point, point + half].map(|point| of_state(&self.state(state, point, 2)));
+            a.iter().zip(b).all(|(a, b)| *a == b || alike(*a, b, a.abs()))
+        };
+        half.is_multiple_of(2)
+            && repeating.all(|repeats| repeats)
+            && (0..self.states.len()).all(|state| (1..half).step_by(2).all(|point| state_repeats(state, point)))
     }
 
     /// The element of a state at a point.
@@ -158,12 +184,20 @@ fn steps(balance: &Balance) -> f64 {
 
 /// The stability by the flow.
 fn by_flow(of: &Variations) -> Option<Stability> {
-    let flow = |points: usize| match &of.balance.unknowns.body {
-        Body::Condensed(condensed) => modal::flow(of, condensed, points),
-        Body::Chain => chain::flow(of, points),
+    let Body::Condensed(condensed) = &of.balance.unknowns.body else {
+        return extrapolated(|points| chain::flow(of, points), of.balance);
     };
+    if of.balance.forced.assembly().is_smooth() || !of.repeat() {
+        return extrapolated(|points| modal::flow(of, condensed, [points, 1]), of.balance);
+    }
+    let half = multipliers(modal::flow(of, condensed, [2, 2])?)?;
+    Some(sorted(half.multipliers.iter().map(|root| root * root).collect()))
+}
+
+/// The stability by flows over the period, of smooth motions extrapolated.
+fn extrapolated(flow: impl Fn(usize) -> Option<DMatrix<f64>>, balance: &Balance) -> Option<Stability> {
     let finest = flow(2)?;
-    if !of.balance.forced.assembly().is_smooth() {
+    if !balance.forced.assembly().is_smooth() {
         return multipliers(finest);
     }
     let (middle, coarsest) = (flow(4)?, flow(8)?);

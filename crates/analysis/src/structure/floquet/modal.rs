@@ -110,7 +110,7 @@ enum Then {
     Nothing,
 }
 
-/// The events of a period: how long the modes move by themselves, and what happens then.
+/// The events of a period, or of a part: how long the modes move by themselves, and what happens then.
 struct Plan<'a> {
     condensed: &'a Condensed,
     h: f64,
@@ -125,11 +125,11 @@ struct Plan<'a> {
 }
 
 impl<'a> Plan<'a> {
-    fn new(of: &Variations, condensed: &'a Condensed, points: usize) -> Plan<'a> {
+    fn new(of: &Variations, condensed: &'a Condensed, [points, parts]: [usize; 2]) -> Plan<'a> {
         let (m, h) = (of.unknowns(), points as f64 * of.spacing_s);
         let coupling: Vec<f64> =
             (0..m * m).map(|pair| dot(&condensed.places[pair / m], &condensed.places[pair % m])).collect();
-        let middles = (points / 2..of.samples.count()).step_by(points);
+        let middles = (points / 2..of.samples.count() / parts).step_by(points);
         let impulses: Vec<Impulse> =
             middles.map(|middle| Impulse::new(of, condensed, &coupling, h, [middle, points])).collect();
         let (mut events, mut since, steps) = (Vec::new(), 0, impulses.len());
@@ -158,9 +158,10 @@ impl<'a> Plan<'a> {
     }
 }
 
-/// The flow of modes over the period in steps over `points` points; none if it can't be computed.
-pub(super) fn flow(of: &Variations, condensed: &Condensed, points: usize) -> Option<DMatrix<f64>> {
-    let plan = Plan::new(of, condensed, points);
+/// The flow of modes over the first of `parts` equal parts of the period, in steps over `points` points; none if it
+/// can't be computed.
+pub(super) fn flow(of: &Variations, condensed: &Condensed, [points, parts]: [usize; 2]) -> Option<DMatrix<f64>> {
+    let plan = Plan::new(of, condensed, [points, parts]);
     let (n, width) = (condensed.modes.len(), 2 * condensed.modes.len() + of.states.len());
     let mut flow = DMatrix::zeros(width, width);
     for first in (0..width).step_by(LANES) {
@@ -190,7 +191,7 @@ struct Columns<'a> {
 impl<'a> Task for Columns<'a> {
     type Output = Option<Columns<'a>>;
 
-    /// Over the period.
+    /// Over all events.
     #[inline(always)]
     fn run(mut self) -> Option<Columns<'a>> {
         let plan = self.plan;

@@ -57,7 +57,7 @@ fn fine_flow(balance: &Balance, x: &[f64], times: f64) -> Stability {
     let Body::Condensed(condensed) = &balance.unknowns.body else { panic!() };
     let fastest_hz = balance.forced.assembly().modes().last().unwrap().frequency_hz;
     let of = variations(balance, x, times * 8.0 * fastest_hz / balance.frequency_hz);
-    let [finest, middle, coarsest] = [2, 4, 8].map(|points| modal::flow(&of, condensed, points).unwrap());
+    let [finest, middle, coarsest] = [2, 4, 8].map(|points| modal::flow(&of, condensed, [points, 1]).unwrap());
     multipliers((finest * 64.0 - middle * 20.0 + coarsest) / 45.0).unwrap()
 }
 
