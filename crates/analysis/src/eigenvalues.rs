@@ -240,14 +240,17 @@ impl Matrix<'_> {
                 a.swap_with_slice(b);
                 self.a.chunks_exact_mut(self.stride).for_each(|row| row.swap(m, pivot));
             }
-            for (i, factor) in (m + 1..n).zip(&mut y[m + 1..]) {
-                let (above, row) = self.two(m, i);
-                *factor = row[m - 1] / above[m - 1];
-                row[m - 1] = 0.0;
-                subtract(&mut row[m..to], &above[m..to], *factor);
-            }
-            for row in self.a.chunks_exact_mut(self.stride) {
-                row[m] += product(&row[m + 1..n], &y[m + 1..]);
+            let divisor = 1.0 / self.at(m, m - 1);
+            (m + 1..n).for_each(|i| y[i] = self.at(i, m - 1) * divisor);
+            // Row m, which the others need as it is, comes after them.
+            for i in (0..n).rev() {
+                if i > m {
+                    let (above, row) = self.two(m, i);
+                    row[m - 1] = 0.0;
+                    subtract(&mut row[m..to], &above[m..to], y[i]);
+                }
+                let row = &mut self.a[i * self.stride..][..n];
+                row[m] += product(&row[m + 1..], &y[m + 1..]);
             }
         }
     }
@@ -360,7 +363,8 @@ impl Matrix<'_> {
                 self.a[k * n + k - 1] = -self.a[k * n + k - 1];
             }
             let p = p + size;
-            let (w, u) = ([p / size, q / size, r / size], [q / p, r / p]);
+            let [by_size, by_p] = [size, p].map(f64::recip);
+            let (w, u) = ([p * by_size, q * by_size, r * by_size], [q * by_p, r * by_p]);
             self.reflect([start, end], Reflection { k, three, w, u });
         }
     }
@@ -378,7 +382,8 @@ impl Matrix<'_> {
     fn reflect(&mut self, [start, end]: [usize; 2], by: Reflection) {
         let (n, k) = (self.stride, by.k);
         self.reflect_rows(self.to(k, end), &by);
-        for row in self.a[start * n..(k + 4).min(end) * n].chunks_exact_mut(n) {
+        let rows = &mut self.a[start * n..(k + 4).min(end) * n];
+        for row in rows.chunks_exact_mut(n) {
             match &mut row[k..] {
                 [a, b, c, ..] if by.three => by.right(a, b, c),
                 [a, b, ..] => by.right_of_two(a, b),
