@@ -10,7 +10,8 @@
 //! with the eigenvalues σ, σ̄ of the last two rows, until a subdiagonal element vanishes and one eigenvalue or two are
 //! split off. A complete Schur form, as the library for matrices has it, takes several times as long.
 //!
-//! A large matrix has the widest registers of the processor, and rows with a margin, so that they are taken in whole lanes.
+//! A large matrix has the widest registers of the processor, and rows with a margin, so that they are taken in whole
+//! lanes.
 
 use alloc::vec;
 use alloc::vec::Vec;
@@ -116,14 +117,14 @@ fn find(a: &mut [f64], stride: usize, factors: &mut [f64], found: &mut [Complex<
     found.iter().all(|value| value.norm_sqr().is_finite())
 }
 
-/// A sum in four parts.
+/// Σ |a|, in four parts.
 #[inline(always)]
-fn sum(mut of: impl Iterator<Item = f64>) -> f64 {
+fn magnitude<'a>(mut of: impl Iterator<Item = &'a f64>) -> f64 {
     let mut sums = [0.0; 4];
     loop {
         for sum in &mut sums {
             match of.next() {
-                Some(value) => *sum += value,
+                Some(value) => *sum += value.abs(),
                 None => return (sums[0] + sums[1]) + (sums[2] + sums[3]),
             }
         }
@@ -206,9 +207,10 @@ impl Matrix<'_> {
         while !done {
             done = true;
             for i in 0..n {
-                let own = self.at(i, i).abs();
-                let row = sum(self.a[i * stride..][..n].iter().map(|value| value.abs())) - own;
-                let column = sum(self.a[i..].iter().step_by(stride).map(|value| value.abs())) - own;
+                let (before, after) = self.a[i * stride..][..n].split_at(i);
+                let row = magnitude(before.iter()) + magnitude(after[1..].iter());
+                let column = || self.a[i..].iter().step_by(stride);
+                let column = magnitude(column().take(i)) + magnitude(column().skip(i + 1));
                 let ratio = row / column;
                 if !(ratio.is_finite() && ratio > 0.0) {
                     continue;
@@ -240,8 +242,7 @@ impl Matrix<'_> {
                 a.swap_with_slice(b);
                 self.a.chunks_exact_mut(self.stride).for_each(|row| row.swap(m, pivot));
             }
-            let divisor = 1.0 / self.at(m, m - 1);
-            (m + 1..n).for_each(|i| y[i] = self.at(i, m - 1) * divisor);
+            (m + 1..n).for_each(|i| y[i] = self.at(i, m - 1) / self.at(m, m - 1));
             // Row m, which the others need as it is, comes after them.
             for i in (0..n).rev() {
                 if i > m {
@@ -477,6 +478,21 @@ mod tests {
             let trace2: f64 = (0..n * n).map(|k| a[k] * a[(k % n) * n + k / n]).sum();
             assert!((sum - trace).norm_sqr() < 1e-22 * size, "{n}: {sum} {trace}");
             assert!((squares - trace2).norm_sqr() < 1e-22 * size * size, "{n}: {squares} {trace2}");
+        }
+    }
+
+    /// Near the limits of the range of numbers, where squares would leave it, too.
+    #[test]
+    fn eigenvalues_scale_with_the_matrix() {
+        let mut noise = Noise::new(12, 0);
+        let a: Vec<f64> = (0..20 * 20).map(|_| noise.normal()).collect();
+        let plain = eigenvalues(20, &mut a.clone()).unwrap();
+        for scale in [libm::exp2(-500.0), libm::exp2(500.0)] {
+            let mut got = eigenvalues(20, &mut a.iter().map(|value| value * scale).collect::<Vec<_>>()).unwrap();
+            for expected in &plain {
+                let at = got.iter().position(|value| (value / scale - expected).norm_sqr() < 1e-20);
+                got.swap_remove(at.unwrap_or_else(|| panic!("{scale}: no {expected}")));
+            }
         }
     }
 }

@@ -95,11 +95,12 @@ impl Basis {
         self.fill();
     }
 
-    /// Sets the basis to the harmonics 1 … H on the points of another one of this kind: tables that are there stay.
+    /// Sets a basis of the harmonics 1, 2, … to those up to H on its points: tables that are there stay.
     pub fn resize(&mut self, harmonics: usize) {
         self.harmonics = Harmonics::Integer(harmonics);
-        self.cosines.truncate(harmonics * self.turns.len());
-        self.sines.truncate(harmonics * self.turns.len());
+        let kept = harmonics.max(1) * self.turns.len();
+        self.cosines.truncate(kept);
+        self.sines.truncate(kept);
         self.fill();
     }
 
@@ -253,6 +254,18 @@ fn evaluate(coefficients: &[f64], dof: usize, phase_rad: f64) -> [f64; 3] {
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn a_basis_of_another_size_is_as_if_new() {
+        let mut basis = Basis::uniform(Harmonics::Integer(5), 24);
+        for harmonics in [9, 3, 0, 4] {
+            basis.resize(harmonics);
+            let new = Basis::uniform(Harmonics::Integer(harmonics), 24);
+            assert_eq!(basis.harmonics(), new.harmonics());
+            // Without harmonics the first table is kept for those to come.
+            (0..harmonics).for_each(|i| assert_eq!(basis.tables(i), new.tables(i), "{harmonics}: {i}"));
+        }
+    }
 
     #[test]
     fn projection_undoes_synthesis() {

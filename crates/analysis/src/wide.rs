@@ -1,7 +1,7 @@
 //! Runs a computation with the widest registers of the processor.
 //!
-//! The source is the same for all of them, and FMA stays off: a·b + c is rounded twice everywhere, and no order of a sum
-//! depends on a width. So results have the same bits on every processor.
+//! The source is the same for all of them, FMA stays off, so that a·b + c is rounded twice everywhere, and no order of a
+//! sum depends on a width: results have the same bits on every processor.
 
 /// A computation. All that it calls and that shall use the registers is `#[inline(always)]`, as is its `run`.
 pub(crate) trait Task {
@@ -63,5 +63,40 @@ mod x86 {
     #[target_feature(enable = "avx2")]
     fn avx2<T: Task>(task: T) -> T::Output {
         task.run()
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// Sums of products, in lanes, of numbers that round.
+    #[derive(Clone, Copy)]
+    struct Products(f64);
+
+    impl Task for Products {
+        type Output = [u64; 8];
+
+        #[inline(always)]
+        fn run(self) -> [u64; 8] {
+            let mut sums = [0.1; 8];
+            for k in 1..1000 {
+                for (lane, sum) in sums.iter_mut().enumerate() {
+                    *sum = *sum * self.0 + 1.0 / (k * (lane + 3)) as f64;
+                }
+            }
+            sums.map(f64::to_bits)
+        }
+    }
+
+    /// With all registers that the processor has, a task has the bits of the plain one.
+    #[test]
+    fn all_registers_give_the_same_bits() {
+        let task = Products(0.9);
+        assert_eq!(widest(task), task.run());
+        #[cfg(target_arch = "x86_64")]
+        if x86::has_avx2() {
+            assert_eq!(x86::with_avx2(task), task.run());
+        }
     }
 }

@@ -255,8 +255,9 @@ impl Task for Advance<'_> {
     #[inline(always)]
     fn run(self) {
         let (step, [w, w0]) = (self.step, self.directions);
-        let functions = self.here.0.iter().zip(self.here.1).zip(self.last.0.iter().zip(self.last.1));
-        let one = |((row, counted), ((x, v), (x0, v0))): ((&mut f64, &mut f64), ((&f64, &f64), (&f64, &f64)))| {
+        let [here, last] = [self.here, self.last].map(|(functions, rates)| functions.iter().zip(rates));
+        let functions = here.zip(last).map(|((x, v), (x0, v0))| [*x, *v, *x0, *v0]);
+        let one = |((row, counted), [x, v, x0, v0]): ((&mut f64, &mut f64), [f64; 4])| {
             let free = step.by_state * *row
                 + step.by_change * (w * x - w0 * x0)
                 + step.by_velocity[1] * w * v

@@ -155,3 +155,22 @@ fn storage_of_another_motion_leaves_no_trace() {
         }
     }
 }
+
+/// A symmetric motion has the multipliers of its half, and one that isn't has those of the whole period.
+#[test]
+fn multipliers_of_half_a_period_are_those_of_the_whole() {
+    for law in [Law::Gap { stiffness: 2e4, gap: 5e-4 }, Law::Friction { stiffness: 2e4, slip: 5.0 }] {
+        let forced = modes(6, law);
+        for (second, is_symmetric) in [(0.0, true), (1e-4, false)] {
+            let balance = Balance::new(&forced, HZ, Coordinate::FrequencyHz, 9);
+            let mut x = vec![0.0; 19];
+            (x[2], x[3], x[5]) = (2e-3, second, 2e-4);
+            let of = variations(&balance, &x, LEAST_STEPS[1]);
+            assert_eq!(of.repeat(), is_symmetric, "{}", law.name());
+            let Body::Condensed(condensed) = &balance.unknowns.body else { panic!() };
+            let whole = multipliers(modal::flow(&of, condensed, [2, 1]).unwrap()).unwrap();
+            let off = distance(&by_flow(&of).unwrap(), &whole);
+            assert!(off < 1e-10, "{}: {off:.1e}", law.name());
+        }
+    }
+}
