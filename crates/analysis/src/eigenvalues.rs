@@ -370,8 +370,8 @@ impl Matrix<'_> {
         }
     }
 
-    /// The columns up to which rows are taken from k on, for those up to `end`: whole lanes if there is room, since what
-    /// is beyond `end` no longer counts.
+    /// Where rows that are needed from k to `end` are taken to: whole lanes if there is room, since what is beyond
+    /// `end` no longer counts.
     #[inline(always)]
     fn to(&self, k: usize, end: usize) -> usize {
         let whole = k + (end - k).next_multiple_of(LANES);

@@ -1,7 +1,7 @@
 //! Runs a computation with the widest registers of the processor.
 //!
-//! The source is the same for all of them, FMA stays off, so that a·b + c is rounded twice everywhere, and no order of a
-//! sum depends on a width: results have the same bits on every processor.
+//! The source is the same for all of them, FMA stays off, so that a·b + c is rounded twice everywhere, and no order of
+//! a sum depends on a width: results have the same bits on every processor.
 
 /// A computation. All that it calls and that shall use the registers is `#[inline(always)]`, as is its `run`.
 pub(crate) trait Task {
