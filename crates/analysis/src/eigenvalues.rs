@@ -9,11 +9,16 @@
 //!
 //! with the eigenvalues σ, σ̄ of the last two rows, until a subdiagonal element vanishes and one eigenvalue or two are
 //! split off. A complete Schur form, as the library for matrices has it, takes several times as long.
+//!
+//! A large matrix has the widest registers of the processor, and rows with a margin, so that they are taken in whole
+//! lanes.
 
 use alloc::vec;
 use alloc::vec::Vec;
 
 use nalgebra::{Complex, Matrix4};
+
+use crate::wide::{Task, widest};
 
 /// The most steps for an eigenvalue, and the number after which an exceptional shift is tried.
 const STEPS: usize = 40;
@@ -21,18 +26,43 @@ const EXCEPTIONAL: usize = 10;
 /// A row and its column are scaled if that reduces their sum of magnitudes below this part.
 const BALANCED: f64 = 0.95;
 
+/// Numbers whose squares neither overflow nor vanish.
+const SQUARES: core::ops::Range<f64> = 1e-100..1e100;
+
 const NAN: Complex<f64> = Complex::new(f64::NAN, f64::NAN);
+
+/// Numbers side by side.
+const LANES: usize = 8;
+/// From this order on a matrix has a margin.
+const LARGE: usize = 16;
 
 /// A square matrix by rows.
 struct Matrix<'a> {
     n: usize,
+    /// From row to row.
+    stride: usize,
     a: &'a mut [f64],
+}
+
+/// I − w uᵀ with u = (1, `u`) on two or three rows and columns from k on.
+#[derive(Clone, Copy)]
+struct Reflection {
+    k: usize,
+    three: bool,
+    w: [f64; 3],
+    u: [f64; 2],
 }
 
 /// All eigenvalues of a matrix of n rows, given by rows, which is overwritten; none if the algorithm doesn't converge.
 pub(crate) fn eigenvalues(n: usize, a: &mut [f64]) -> Option<Vec<Complex<f64>>> {
     let (mut factors, mut found) = (vec![0.0; n], vec![NAN; n]);
-    find(a, &mut factors, &mut found).then_some(found)
+    if n < LARGE {
+        return find(a, n, &mut factors, &mut found).then_some(found);
+    }
+    let stride = n + LANES;
+    let mut wide = vec![0.0; n * stride];
+    wide.chunks_exact_mut(stride).zip(a.chunks_exact(n)).for_each(|(wide, row)| wide[..n].copy_from_slice(row));
+    widest(Find { a: &mut wide, stride, factors: &mut factors, found: &mut found }).then_some(found)
 }
 
 /// Those of a matrix of order 4; NaN if the algorithm doesn't converge. Allocates nothing.
@@ -40,13 +70,31 @@ pub(crate) fn of_four(matrix: &Matrix4<f64>) -> [Complex<f64>; 4] {
     // By columns: those of the transpose are the same.
     let mut a: [f64; 16] = core::array::from_fn(|k| matrix[k]);
     let mut found = [NAN; 4];
-    if find(&mut a, &mut [0.0; 4], &mut found) { found } else { [NAN; 4] }
+    if find(&mut a, 4, &mut [0.0; 4], &mut found) { found } else { [NAN; 4] }
+}
+
+/// [`find`] as a task.
+struct Find<'a> {
+    a: &'a mut [f64],
+    stride: usize,
+    factors: &'a mut [f64],
+    found: &'a mut [Complex<f64>],
+}
+
+impl Task for Find<'_> {
+    type Output = bool;
+
+    #[inline(always)]
+    fn run(self) -> bool {
+        find(self.a, self.stride, self.factors, self.found)
+    }
 }
 
 /// Writes the eigenvalues of `a` to `found`, with storage for the factors of elimination; `false` if the algorithm
 /// doesn't converge.
-fn find(a: &mut [f64], factors: &mut [f64], found: &mut [Complex<f64>]) -> bool {
-    let mut matrix = Matrix { n: found.len(), a };
+#[inline(always)]
+fn find(a: &mut [f64], stride: usize, factors: &mut [f64], found: &mut [Complex<f64>]) -> bool {
+    let mut matrix = Matrix { n: found.len(), stride, a };
     matrix.balance();
     matrix.reduce(factors);
     let (mut end, mut moved) = (matrix.n, 0.0);
@@ -69,27 +117,100 @@ fn find(a: &mut [f64], factors: &mut [f64], found: &mut [Complex<f64>]) -> bool 
     found.iter().all(|value| value.norm_sqr().is_finite())
 }
 
+/// Σ |a|, in four parts.
+#[inline(always)]
+fn magnitude<'a>(mut of: impl Iterator<Item = &'a f64>) -> f64 {
+    let mut sums = [0.0; 4];
+    loop {
+        for sum in &mut sums {
+            match of.next() {
+                Some(value) => *sum += value.abs(),
+                None => return (sums[0] + sums[1]) + (sums[2] + sums[3]),
+            }
+        }
+    }
+}
+
+/// Σ ab, in lanes.
+#[inline(always)]
+fn product(a: &[f64], b: &[f64]) -> f64 {
+    let ((a, a_rest), (b, b_rest)) = (a.as_chunks::<LANES>(), b.as_chunks::<LANES>());
+    let mut sums = [0.0; LANES];
+    for (a, b) in a.iter().zip(b) {
+        for lane in 0..LANES {
+            sums[lane] += a[lane] * b[lane];
+        }
+    }
+    let rest: f64 = a_rest.iter().zip(b_rest).map(|(a, b)| a * b).sum();
+    let [a, b, c, d, e, f, g, h] = sums;
+    ((a + e) + (c + g)) + ((b + f) + (d + h)) + rest
+}
+
+/// target −= factor · source, in lanes.
+#[inline(always)]
+fn subtract(target: &mut [f64], source: &[f64], factor: f64) {
+    let ((a, a_rest), (b, b_rest)) = (target.as_chunks_mut::<LANES>(), source.as_chunks::<LANES>());
+    for (a, b) in a.iter_mut().zip(b) {
+        for lane in 0..LANES {
+            a[lane] -= factor * b[lane];
+        }
+    }
+    a_rest.iter_mut().zip(b_rest).for_each(|(a, b)| *a -= factor * b);
+}
+
+impl Reflection {
+    /// On three numbers of a column, from the left.
+    #[inline(always)]
+    fn left(&self, a: &mut f64, b: &mut f64, c: &mut f64) {
+        let sum = *a + self.u[0] * *b + self.u[1] * *c;
+        *a -= sum * self.w[0];
+        *b -= sum * self.w[1];
+        *c -= sum * self.w[2];
+    }
+
+    /// On three numbers of a row, from the right.
+    #[inline(always)]
+    fn right(&self, a: &mut f64, b: &mut f64, c: &mut f64) {
+        let sum = self.w[0] * *a + self.w[1] * *b + self.w[2] * *c;
+        *a -= sum;
+        *b -= sum * self.u[0];
+        *c -= sum * self.u[1];
+    }
+
+    /// On two numbers of a row.
+    #[inline(always)]
+    fn right_of_two(&self, a: &mut f64, b: &mut f64) {
+        let sum = self.w[0] * *a + self.w[1] * *b;
+        *a -= sum;
+        *b -= sum * self.u[0];
+    }
+}
+
 impl Matrix<'_> {
+    #[inline(always)]
     fn at(&self, row: usize, column: usize) -> f64 {
-        self.a[row * self.n + column]
+        self.a[row * self.stride + column]
     }
 
     /// A row, and another below it.
+    #[inline(always)]
     fn two(&mut self, row: usize, below: usize) -> (&mut [f64], &mut [f64]) {
-        let (head, tail) = self.a.split_at_mut(below * self.n);
-        (&mut head[row * self.n..(row + 1) * self.n], &mut tail[..self.n])
+        let (head, tail) = self.a.split_at_mut(below * self.stride);
+        (&mut head[row * self.stride..(row + 1) * self.stride], &mut tail[..self.stride])
     }
 
     /// Scales rows and columns by powers of two, so that the sums of a row and its column are alike.
+    #[inline(always)]
     fn balance(&mut self) {
-        let n = self.n;
+        let (n, stride) = (self.n, self.stride);
         let mut done = false;
         while !done {
             done = true;
             for i in 0..n {
-                let others = || (0..n).filter(move |j| *j != i);
-                let row: f64 = others().map(|j| self.at(i, j).abs()).sum();
-                let column: f64 = others().map(|j| self.at(j, i).abs()).sum();
+                let (before, after) = self.a[i * stride..][..n].split_at(i);
+                let row = magnitude(before.iter()) + magnitude(after[1..].iter());
+                let column = || self.a[i..].iter().step_by(stride);
+                let column = magnitude(column().take(i)) + magnitude(column().skip(i + 1));
                 let ratio = row / column;
                 if !(ratio.is_finite() && ratio > 0.0) {
                     continue;
@@ -99,16 +220,18 @@ impl Matrix<'_> {
                     continue;
                 }
                 done = false;
-                self.a[i * n..(i + 1) * n].iter_mut().for_each(|value| *value /= factor);
-                self.a[i..].iter_mut().step_by(n).for_each(|value| *value *= factor);
+                self.a[i * stride..(i + 1) * stride].iter_mut().for_each(|value| *value /= factor);
+                self.a[i..].iter_mut().step_by(stride).for_each(|value| *value *= factor);
             }
         }
     }
 
     /// To Hessenberg form: row i ← row i − yᵢ row m, column m ← column m + Σ yᵢ column i, for each m.
+    #[inline(always)]
     fn reduce(&mut self, y: &mut [f64]) {
         let n = self.n;
         for m in 1..n.saturating_sub(1) {
+            let to = self.to(m, n);
             let size = |row: usize| self.at(row, m - 1).abs();
             let pivot = (m..n).fold(m, |best, row| if size(row) > size(best) { row } else { best });
             if self.at(pivot, m - 1) == 0.0 {
@@ -117,26 +240,29 @@ impl Matrix<'_> {
             if pivot != m {
                 let (a, b) = self.two(m, pivot);
                 a.swap_with_slice(b);
-                self.a.chunks_exact_mut(n).for_each(|row| row.swap(m, pivot));
+                self.a.chunks_exact_mut(self.stride).for_each(|row| row.swap(m, pivot));
             }
-            for (i, factor) in (m + 1..n).zip(&mut y[m + 1..]) {
-                let (above, row) = self.two(m, i);
-                *factor = row[m - 1] / above[m - 1];
-                row[m - 1] = 0.0;
-                row[m..].iter_mut().zip(&above[m..]).for_each(|(value, above)| *value -= *factor * above);
-            }
-            for row in self.a.chunks_exact_mut(n) {
-                row[m] += row[m + 1..].iter().zip(&y[m + 1..]).map(|(value, y)| value * y).sum::<f64>();
+            (m + 1..n).for_each(|i| y[i] = self.at(i, m - 1) / self.at(m, m - 1));
+            // Row m, which the others need as it is, comes after them.
+            for i in (0..n).rev() {
+                if i > m {
+                    let (above, row) = self.two(m, i);
+                    row[m - 1] = 0.0;
+                    subtract(&mut row[m..to], &above[m..to], y[i]);
+                }
+                let row = &mut self.a[i * self.stride..][..n];
+                row[m] += product(&row[m + 1..], &y[m + 1..]);
             }
         }
     }
 
     /// The first row of the last block up to `end`, whose subdiagonal element vanishes.
+    #[inline(always)]
     fn split(&mut self, end: usize) -> usize {
         for row in (1..end).rev() {
             let beside = self.at(row - 1, row - 1).abs() + self.at(row, row).abs();
             if self.at(row, row - 1).abs() <= f64::EPSILON * beside {
-                self.a[row * self.n + row - 1] = 0.0;
+                self.a[row * self.stride + row - 1] = 0.0;
                 return row;
             }
         }
@@ -144,6 +270,7 @@ impl Matrix<'_> {
     }
 
     /// The eigenvalues of the one or two rows from `start` on.
+    #[inline(always)]
     fn last(&self, moved: f64, start: usize, found: &mut [Complex<f64>]) {
         let last = start + found.len() - 1;
         let x = self.at(last, last);
@@ -166,8 +293,9 @@ impl Matrix<'_> {
 
     /// A step on the rows from `start` to `end`, at least three; returns what an exceptional shift takes off the
     /// diagonal.
+    #[inline(always)]
     fn step(&mut self, start: usize, end: usize, exceptional: bool) -> f64 {
-        let (n, last) = (self.n, end - 1);
+        let (n, last) = (self.stride, end - 1);
         let (mut x, mut y) = (self.at(last, last), self.at(last - 1, last - 1));
         let (mut product, mut moved) = (self.at(last, last - 1) * self.at(last - 1, last), 0.0);
         if exceptional {
@@ -203,8 +331,9 @@ impl Matrix<'_> {
     }
 
     /// Reflects `column` onto its first element, and then what is below the subdiagonal of each column, down to `end`.
+    #[inline(always)]
     fn chase(&mut self, start: usize, end: usize, first: usize, mut column: [f64; 3]) {
-        let (n, last) = (self.n, end - 1);
+        let (n, last) = (self.stride, end - 1);
         for row in first + 2..end {
             self.a[row * n + row - 2] = 0.0;
             if row > first + 2 {
@@ -215,11 +344,14 @@ impl Matrix<'_> {
             let (three, mut scale) = (k + 1 < last, 1.0);
             if k > first {
                 column = [self.at(k, k - 1), self.at(k + 1, k - 1), if three { self.at(k + 2, k - 1) } else { 0.0 }];
-                scale = column.iter().map(|value| value.abs()).sum();
-                if scale == 0.0 {
+                let sum: f64 = column.iter().map(|value| value.abs()).sum();
+                if sum == 0.0 {
                     continue;
                 }
-                column = column.map(|value| value / scale);
+                if !SQUARES.contains(&sum) {
+                    scale = sum;
+                    column = column.map(|value| value / scale);
+                }
             }
             let [p, q, r] = column;
             let size = libm::sqrt(p * p + q * q + r * r).copysign(p);
@@ -232,42 +364,60 @@ impl Matrix<'_> {
                 self.a[k * n + k - 1] = -self.a[k * n + k - 1];
             }
             let p = p + size;
-            self.reflect([start, k, end], three, [p / size, q / size, r / size], [q / p, r / p]);
+            let [by_size, by_p] = [size, p].map(f64::recip);
+            let (w, u) = ([p * by_size, q * by_size, r * by_size], [q * by_p, r * by_p]);
+            self.reflect([start, end], Reflection { k, three, w, u });
         }
     }
 
-    /// Rows and columns k, k + 1 and, of three, k + 2 of the part from `start` to `end` by I − w uᵀ with u = (1, `u`).
-    fn reflect(&mut self, [start, k, end]: [usize; 3], three: bool, w: [f64; 3], u: [f64; 2]) {
-        let n = self.n;
+    /// Where rows that are needed from k to `end` are taken to: whole lanes if there is room, since what is beyond
+    /// `end` no longer counts.
+    #[inline(always)]
+    fn to(&self, k: usize, end: usize) -> usize {
+        let whole = k + (end - k).next_multiple_of(LANES);
+        if whole <= self.stride { whole } else { end }
+    }
+
+    /// Rows and columns of the part from `start` to `end`.
+    #[inline(always)]
+    fn reflect(&mut self, [start, end]: [usize; 2], by: Reflection) {
+        let (n, k) = (self.stride, by.k);
+        self.reflect_rows(self.to(k, end), &by);
+        let rows = &mut self.a[start * n..(k + 4).min(end) * n];
+        for row in rows.chunks_exact_mut(n) {
+            match &mut row[k..] {
+                [a, b, c, ..] if by.three => by.right(a, b, c),
+                [a, b, ..] => by.right_of_two(a, b),
+                _ => {}
+            }
+        }
+    }
+
+    /// Two or three rows up to a column.
+    #[inline(always)]
+    fn reflect_rows(&mut self, to: usize, by: &Reflection) {
+        let (n, k) = (self.stride, by.k);
         let (head, tail) = self.a[k * n..].split_at_mut(n);
         let (middle, tail) = tail.split_at_mut(n);
-        let (a, b) = (&mut head[k..end], &mut middle[k..end]);
-        if three {
-            for ((a, b), c) in a.iter_mut().zip(b).zip(&mut tail[k..end]) {
-                let sum = *a + u[0] * *b + u[1] * *c;
-                *a -= sum * w[0];
-                *b -= sum * w[1];
-                *c -= sum * w[2];
-            }
-        } else {
+        let (a, b) = (&mut head[k..to], &mut middle[k..to]);
+        if !by.three {
             for (a, b) in a.iter_mut().zip(b) {
-                let sum = *a + u[0] * *b;
-                *a -= sum * w[0];
-                *b -= sum * w[1];
+                let sum = *a + by.u[0] * *b;
+                *a -= sum * by.w[0];
+                *b -= sum * by.w[1];
             }
+            return;
         }
-        let bottom = (k + 4).min(end);
-        for row in self.a[start * n..bottom * n].chunks_exact_mut(n) {
-            if three {
-                let [a, b, c] = [row[k], row[k + 1], row[k + 2]];
-                let sum = w[0] * a + w[1] * b + w[2] * c;
-                (row[k], row[k + 1], row[k + 2]) = (a - sum, b - sum * u[0], c - sum * u[1]);
-            } else {
-                let [a, b] = [row[k], row[k + 1]];
-                let sum = w[0] * a + w[1] * b;
-                (row[k], row[k + 1]) = (a - sum, b - sum * u[0]);
+        let ((a, a_rest), (b, b_rest)) = (a.as_chunks_mut::<LANES>(), b.as_chunks_mut::<LANES>());
+        let (c, c_rest) = tail[k..to].as_chunks_mut::<LANES>();
+        for ((a, b), c) in a.iter_mut().zip(b).zip(c) {
+            let [mut x, mut y, mut z] = [*a, *b, *c];
+            for lane in 0..LANES {
+                by.left(&mut x[lane], &mut y[lane], &mut z[lane]);
             }
+            (*a, *b, *c) = (x, y, z);
         }
+        a_rest.iter_mut().zip(b_rest).zip(c_rest).for_each(|((a, b), c)| by.left(a, b, c));
     }
 }
 
@@ -328,6 +478,21 @@ mod tests {
             let trace2: f64 = (0..n * n).map(|k| a[k] * a[(k % n) * n + k / n]).sum();
             assert!((sum - trace).norm_sqr() < 1e-22 * size, "{n}: {sum} {trace}");
             assert!((squares - trace2).norm_sqr() < 1e-22 * size * size, "{n}: {squares} {trace2}");
+        }
+    }
+
+    /// Near the limits of the range of numbers, where squares would leave it, too.
+    #[test]
+    fn eigenvalues_scale_with_the_matrix() {
+        let mut noise = Noise::new(12, 0);
+        let a: Vec<f64> = (0..20 * 20).map(|_| noise.normal()).collect();
+        let plain = eigenvalues(20, &mut a.clone()).unwrap();
+        for scale in [libm::exp2(-500.0), libm::exp2(500.0)] {
+            let mut got = eigenvalues(20, &mut a.iter().map(|value| value * scale).collect::<Vec<_>>()).unwrap();
+            for expected in &plain {
+                let at = got.iter().position(|value| (value / scale - expected).norm_sqr() < 1e-20);
+                got.swap_remove(at.unwrap_or_else(|| panic!("{scale}: no {expected}")));
+            }
         }
     }
 }

@@ -92,9 +92,25 @@ impl Basis {
                 self.sines.push(sine);
             }
         }
-        for i in 1..harmonics.count() {
+        self.fill();
+    }
+
+    /// Sets a basis of the harmonics 1, 2, … to those up to H on its points: tables that are there stay.
+    pub fn resize(&mut self, harmonics: usize) {
+        self.harmonics = Harmonics::Integer(harmonics);
+        let kept = harmonics.max(1) * self.turns.len();
+        self.cosines.truncate(kept);
+        self.sines.truncate(kept);
+        self.fill();
+    }
+
+    /// The tables that are missing, from the last that is there.
+    fn fill(&mut self) {
+        let points = self.turns.len();
+        let known = self.cosines.len().checked_div(points).unwrap_or(0);
+        for i in known.max(1)..self.harmonics.count() {
             for (j, (s, c)) in self.turns.iter().enumerate() {
-                let before = (i - 1) * self.turns.len() + j;
+                let before = (i - 1) * points + j;
                 let (x, y) = (self.cosines[before], self.sines[before]);
                 self.cosines.push(x * c - y * s);
                 self.sines.push(y * c + x * s);
@@ -238,6 +254,18 @@ fn evaluate(coefficients: &[f64], dof: usize, phase_rad: f64) -> [f64; 3] {
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn a_basis_of_another_size_is_as_if_new() {
+        let mut basis = Basis::uniform(Harmonics::Integer(5), 24);
+        for harmonics in [9, 3, 0, 4] {
+            basis.resize(harmonics);
+            let new = Basis::uniform(Harmonics::Integer(harmonics), 24);
+            assert_eq!(basis.harmonics(), new.harmonics());
+            // Without harmonics the first table is kept for those to come.
+            (0..harmonics).for_each(|i| assert_eq!(basis.tables(i), new.tables(i), "{harmonics}: {i}"));
+        }
+    }
 
     #[test]
     fn projection_undoes_synthesis() {

@@ -18,6 +18,7 @@ use super::spectral::{operator, project};
 use super::unknowns::{Body, Compliance, Condensed, Kept, Unknowns, direction_at_rest};
 use super::{Coordinate, Forced};
 use crate::continuation::System;
+use crate::wide::{Task, widest};
 
 /// Samples of a structure with a law that isn't smooth: what a kink between two of them changes in the harmonics is of
 /// the order of the square of their distance.
@@ -46,6 +47,24 @@ pub(super) struct Balance {
     operator: Vec<f64>,
     load: Vec<f64>,
     by_frequency: Vec<f64>,
+}
+
+/// The product of a column of weights and a row, added to a block of rows.
+struct AddProduct<'a> {
+    block: &'a mut [f64],
+    weights: &'a [f64],
+    row: &'a [f64],
+}
+
+impl Task for AddProduct<'_> {
+    type Output = ();
+
+    #[inline(always)]
+    fn run(self) {
+        for (sums, weight) in self.block.chunks_exact_mut(self.row.len()).zip(self.weights) {
+            sums.iter_mut().zip(self.row).for_each(|(sum, value)| *sum += weight * value);
+        }
+    }
 }
 
 /// The size of the unknowns under a static unit drive: m or rad over N or N·m.
@@ -144,7 +163,7 @@ impl Balance {
     /// The motion X and the forces along it. The following methods are about this motion.
     pub fn evaluate_motion(&mut self, x: &[f64]) {
         let (m, omega) = (self.unknowns.count(), self.omega_rad_s());
-        self.samples.synthesise(x, m, omega);
+        self.samples.synthesise(x, &self.unknowns, omega);
         self.samples.evaluate(&self.forced, &self.unknowns, self.frequency_hz);
         self.load.clear();
         self.load.resize(x.len(), 0.0);
@@ -212,6 +231,10 @@ impl Balance {
 
     /// The part of the derivatives by way of the elements' states.
     fn add_histories(&mut self) {
+        if self.samples.histories.is_empty() {
+            return;
+        }
+        self.samples.set_functions();
         let (m, size) = (self.unknowns.count(), self.load.len());
         let (rows, count) = (size / m, self.samples.count());
         let (samples, operator, by_frequency) = (&self.samples, &mut self.operator, &mut self.by_frequency);
@@ -223,23 +246,23 @@ impl Balance {
                 continue;
             }
             let basis = |j: usize| samples.functions(j, rows);
-            // Row by row of the element's own unknowns, all columns beside each other: the innermost loop runs along
-            // them.
+            // Row by row of the element's own unknowns, all columns beside each other.
             let columns = rows * active.len() + 1;
             let mut block = vec![0.0; rows * active.len() * columns];
+            let mut weights = vec![0.0; rows * active.len()];
             let add = |j: usize, by: &[f64]| {
                 let by_state = match *element.law() {
                     Law::Friction { stiffness, .. } => stiffness,
                     _ => element.force(history.position[j], history.velocity[j], history.state[j]).by_state,
                 };
                 let functions = samples.functions(j, rows).0;
-                for (r, of_harmonic) in block.chunks_exact_mut(active.len() * columns).enumerate() {
+                for (r, of_function) in weights.chunks_exact_mut(active.len()).enumerate() {
                     let scale = by_state * functions[r] * if r == 0 { 1.0 } else { 2.0 } / count as f64;
-                    for (row, &i) in of_harmonic.chunks_exact_mut(columns).zip(&active) {
-                        let weight = scale * history.direction[j * m + i];
-                        row.iter_mut().zip(by).for_each(|(sum, value)| *sum += weight * value);
+                    for (weight, &i) in of_function.iter_mut().zip(&active) {
+                        *weight = scale * history.direction[j * m + i];
                     }
                 }
+                widest(AddProduct { block: &mut block, weights: &weights, row: by });
             };
             history.derivative(m, &active, basis, self.frequency_hz, add);
             let place = |c: usize| c / active.len() * m + active[c % active.len()];

@@ -8,7 +8,7 @@ use resonarm_dynamics::structure::Dof;
 
 use super::adapt::adapt;
 use super::balance::Balance;
-use super::floquet::stability;
+use super::floquet::Floquet;
 use super::orbit::{Assess, Branch, Orbit, Reading, Stability, TraceOptions};
 use super::spectral::largest;
 use super::walk::Walk;
@@ -37,7 +37,7 @@ pub fn trace(
     let mut balance = Balance::new(forced, frequency_hz, coordinate, options.branch.least_harmonics);
     check(&mut balance, options)?;
     let mut walk = Walk::new(enter(&mut balance, options)?);
-    let mut tracer = Tracer { balance, options, branch: Branch::default() };
+    let mut tracer = Tracer { balance, options, floquet: Floquet::default(), branch: Branch::default() };
     let reason = tracer.follow(&mut walk).err();
     tracer.locate_peaks();
     let mut branch = tracer.branch;
@@ -119,6 +119,7 @@ fn approach(balance: &mut Balance, options: &TraceOptions, detour: f64) -> Resul
 pub(super) struct Tracer<'a> {
     pub balance: Balance,
     pub options: &'a TraceOptions,
+    pub floquet: Floquet,
     pub branch: Branch,
 }
 
@@ -181,12 +182,12 @@ impl Tracer<'_> {
     }
 
     /// The stability of the motion last evaluated, if it is asked for.
-    fn stability(&self, x: &[f64]) -> Option<Stability> {
-        if self.options.assess == Assess::Multipliers { stability(&self.balance, x) } else { None }
+    fn stability(&mut self, x: &[f64]) -> Option<Stability> {
+        if self.options.assess == Assess::Multipliers { self.floquet.stability(&self.balance, x) } else { None }
     }
 
-    /// All results for the motion at a point.
-    pub fn orbit(&mut self, point: &Point) -> Orbit {
+    /// Evaluates the motion at a point, with the harmonics of the point, and reads it.
+    fn at<T>(&mut self, point: &Point, read: impl FnOnce(&mut Self) -> T) -> T {
         let (current, needed) = (self.balance.harmonics(), point.x.len() / self.balance.unknowns.count() / 2);
         if current != needed {
             self.balance.set_harmonics(needed);
@@ -194,20 +195,30 @@ impl Tracer<'_> {
         // The coordinate was valid when the point was solved for.
         let _ = self.balance.set_value(point.lambda);
         self.balance.evaluate_motion(&point.x);
-        let orbit = Orbit {
-            value: point.lambda,
-            frequency_hz: self.balance.frequency_hz,
-            drive: self.balance.forced.amplitude,
-            readings: self.options.read.iter().map(|&dof| reading(&self.balance, dof)).collect(),
-            stability: self.stability(&point.x),
-            harmonics: needed,
-            coefficients: point.x.clone(),
-            arclength: point.arclength,
-        };
+        let result = read(self);
         if current != needed {
             self.balance.set_harmonics(current);
         }
-        orbit
+        result
+    }
+
+    /// All results for the motion at a point.
+    pub fn orbit(&mut self, point: &Point) -> Orbit {
+        self.at(point, |tracer| Orbit {
+            value: point.lambda,
+            frequency_hz: tracer.balance.frequency_hz,
+            drive: tracer.balance.forced.amplitude,
+            readings: tracer.options.read.iter().map(|&dof| reading(&tracer.balance, dof)).collect(),
+            stability: tracer.stability(&point.x),
+            harmonics: tracer.balance.harmonics(),
+            coefficients: point.x.clone(),
+            arclength: point.arclength,
+        })
+    }
+
+    /// The largest displacement in the motion at a point, without the other results.
+    pub fn largest_at(&mut self, point: &Point, dof: Dof) -> f64 {
+        self.at(point, |tracer| reading(&tracer.balance, dof).largest)
     }
 }
 

@@ -16,7 +16,6 @@ use nalgebra::Complex;
 
 use super::balance::Balance;
 use super::branch::{FRACTION, Tracer};
-use super::floquet::stability;
 use super::orbit::{Bifurcation, Orbit, Stability, Unlocated};
 use crate::continuation::{Cut, Point, Slices, System};
 use crate::dense::Determinant;
@@ -112,7 +111,8 @@ impl Tracer<'_> {
         let point = self.locate(BranchPoint, [a, b], &[None, None]).ok().flatten()?;
         let harmonics = self.balance.harmonics();
         self.balance.set_harmonics(point.x.len() / self.balance.unknowns.count() / 2);
-        let found = if self.balance.set_value(point.lambda) { stability(&self.balance, &point.x) } else { None };
+        let exists = self.balance.set_value(point.lambda);
+        let found = if exists { self.floquet.stability(&self.balance, &point.x) } else { None };
         self.balance.set_harmonics(harmonics);
         confirmed(BranchPoint, found.as_ref()).then_some(point)
     }
@@ -130,9 +130,11 @@ impl Tracer<'_> {
         if values[0].is_nan() || values[1].is_nan() || values[0] * values[1] >= 0.0 {
             return Ok(None);
         }
+        let floquet = &mut self.floquet;
         let test = |balance: &mut Balance, point: &Point| {
             let known = matches!(kind, Fold | BranchPoint);
-            let found = if known || !balance.set_value(point.lambda) { None } else { stability(balance, &point.x) };
+            let found =
+                if known || !balance.set_value(point.lambda) { None } else { floquet.stability(balance, &point.x) };
             value(kind, point, found.as_ref(), reference)
         };
         let settings = &self.options.branch.continuation;
@@ -152,22 +154,22 @@ impl Tracer<'_> {
             let top = (0..orbits.len()).fold(0, |top, k| if size(&orbits[k]) > size(&orbits[top]) { k } else { top });
             let Some(highest) = orbits.get(top).cloned() else { continue };
             let around = match orbits.get(top.wrapping_sub(1)..top + 2) {
-                Some([a, b, c]) => Some([a, b, c].map(point_of)),
+                Some([a, b, c]) => Some(([a, b, c].map(point_of), [a, b, c].map(size))),
                 _ => None,
             };
-            let located = around.and_then(|points| self.peak_among(reading, points));
-            self.branch.peaks.push(located.unwrap_or(highest));
+            let located = around.and_then(|(points, sizes)| self.peak_among(reading, points, sizes));
+            let peak = located.map_or(highest, |point| self.orbit(&point));
+            self.branch.peaks.push(peak);
         }
     }
 
-    /// The largest motion between three points whose middle one is the largest, by parabolas through three; none if it
-    /// is that of the middle point.
-    fn peak_among(&mut self, reading: usize, mut points: [Point; 3]) -> Option<Orbit> {
+    /// The largest motion between three points of these sizes, whose middle one is the largest, by parabolas through
+    /// three; none if it is that of the middle point.
+    fn peak_among(&mut self, reading: usize, mut points: [Point; 3], mut sizes: [f64; 3]) -> Option<Point> {
         let harmonics = self.balance.harmonics();
         let needed = points.iter().map(|point| point.x.len()).max()? / self.balance.unknowns.count() / 2;
         self.balance.set_harmonics(needed);
-        let mut sizes = points.clone().map(|point| self.orbit(&point).readings[reading].largest);
-        let mut best = None;
+        let (dof, mut found) = (self.options.read[reading], false);
         let span = points[2].arclength - points[0].arclength;
         for _ in 0..PEAK.0 {
             let s = [0, 1, 2].map(|i| points[i].arclength);
@@ -183,19 +185,19 @@ impl Tracer<'_> {
             let mut slices = Slices::new(self.balance.dimension(), settings, ends, Cut::Chord);
             let fraction = (at - s[half]) / (s[half + 1] - s[half]);
             let Ok(point) = slices.solve(&mut self.balance, ends, fraction) else { break };
-            let orbit = self.orbit(&point);
-            let size = orbit.readings[reading].largest;
+            let size = self.largest_at(&point, dof);
             let outer = if size > sizes[1] { 2 * (1 - half) } else { 2 * half };
             if size > sizes[1] {
                 points.swap(outer, 1);
                 sizes.swap(outer, 1);
-                (points[1], sizes[1], best) = (point, size, Some(orbit));
+                (points[1], sizes[1], found) = (point, size, true);
             } else {
                 (points[outer], sizes[outer]) = (point, size);
             }
         }
         self.balance.set_harmonics(harmonics);
-        best
+        let [_, middle, _] = points;
+        found.then_some(middle)
     }
 }
 
@@ -216,6 +218,7 @@ mod tests {
     use alloc::vec::Vec;
 
     use super::super::branch::Tracer;
+    use super::super::floquet::Floquet;
     use super::super::tests::{modal, oracles};
     use super::super::{Coordinate, Forced, TraceOptions};
     use super::*;
@@ -262,7 +265,7 @@ mod tests {
             tangent: vec![direction; n + 1],
             determinant: Determinant { sign: 1.0, log_magnitude: 0.0 },
         };
-        let mut tracer = Tracer { balance, options: &options, branch: Branch::default() };
+        let mut tracer = Tracer { balance, options: &options, floquet: Floquet::default(), branch: Branch::default() };
         let ends = [point(20.0, 1.0, 0.0), point(20.1, -1.0, 0.1)];
         ends.iter().for_each(|end| {
             let orbit = tracer.orbit(end);

@@ -19,6 +19,7 @@ use alloc::vec::Vec;
 use resonarm_dynamics::structure::{Element, Law};
 
 use super::samples::Ramp;
+use crate::wide::{Task, widest};
 
 /// The derivative of a step, and of what counts at its end: `part` (dz as if it were free to move) + `part_velocity`
 /// dv.
@@ -189,17 +190,11 @@ impl History {
         let (mut row, mut counted) = (vec![0.0; columns], vec![0.0; columns]);
         let advance = |row: &mut [f64], counted: &mut [f64], j: usize| {
             let before = (j + samples - 1) % samples;
-            let (step, here, last) = (self.steps[j], basis(j), basis(before));
-            for r in 0..count {
-                for i in 0..active.len() {
-                    let (w, w0, at) = (direction(j, i), direction(before, i), r * active.len() + i);
-                    let free = step.by_state * row[at]
-                        + step.by_change * (w * here.0[r] - w0 * last.0[r])
-                        + step.by_velocity[1] * w * here.1[r]
-                        + step.by_velocity[0] * w0 * last.1[r];
-                    counted[at] = step.part * free + step.part_velocity * w * here.1[r];
-                    row[at] = step.free * free;
-                }
+            let (step, [here, last]) = (&self.steps[j], [j, before].map(&basis));
+            for i in 0..active.len() {
+                let directions = [direction(j, i), direction(before, i)];
+                let (row, counted) = (&mut row[i..columns - 1], &mut counted[i..columns - 1]);
+                widest(Advance { step, row, counted, stride: active.len(), directions, here, last });
             }
             let [v0, v] = [self.velocity[before], self.velocity[j]];
             let rates = (step.by_velocity[0] * v0 + step.by_velocity[1] * v) / frequency_hz;
@@ -236,6 +231,45 @@ impl History {
                 *value = moves(j, at) - self.anchor.map_or(0.0, |anchor| moves(anchor, at));
             }
             with(j, &row);
+        }
+    }
+}
+
+/// The derivatives by all functions of one unknown over a step.
+struct Advance<'a> {
+    step: &'a StepDerivative,
+    /// Every so many numbers belong to the unknown.
+    row: &'a mut [f64],
+    counted: &'a mut [f64],
+    stride: usize,
+    /// ∂x/∂u at the end of the step and at its start.
+    directions: [f64; 2],
+    /// The functions and their rates there.
+    here: (&'a [f64], &'a [f64]),
+    last: (&'a [f64], &'a [f64]),
+}
+
+impl Task for Advance<'_> {
+    type Output = ();
+
+    #[inline(always)]
+    fn run(self) {
+        let (step, [w, w0]) = (self.step, self.directions);
+        let [here, last] = [self.here, self.last].map(|(functions, rates)| functions.iter().zip(rates));
+        let functions = here.zip(last).map(|((x, v), (x0, v0))| [*x, *v, *x0, *v0]);
+        let one = |((row, counted), [x, v, x0, v0]): ((&mut f64, &mut f64), [f64; 4])| {
+            let free = step.by_state * *row
+                + step.by_change * (w * x - w0 * x0)
+                + step.by_velocity[1] * w * v
+                + step.by_velocity[0] * w0 * v0;
+            *counted = step.part * free + step.part_velocity * w * v;
+            *row = step.free * free;
+        };
+        if self.stride == 1 {
+            self.row.iter_mut().zip(self.counted).zip(functions).for_each(one);
+        } else {
+            let counted = self.counted.iter_mut().step_by(self.stride);
+            self.row.iter_mut().step_by(self.stride).zip(counted).zip(functions).for_each(one);
         }
     }
 }

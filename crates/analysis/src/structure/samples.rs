@@ -16,7 +16,7 @@ use crate::fourier::{Basis, Harmonics, uniform};
 #[derive(Clone, Debug)]
 pub(super) struct Samples {
     pub basis: Basis,
-    /// 1, cos kτ, sin kτ, … at each sample, and, for elements with a state, their derivatives by time.
+    /// 1, cos kτ, sin kτ, … at each sample, and their derivatives by time; see [`Samples::set_functions`].
     functions: Vec<f64>,
     rates: Vec<f64>,
     omega_rad_s: f64,
@@ -72,17 +72,15 @@ impl Samples {
 
     /// N points, and functions up to the harmonic `harmonics`.
     pub fn set(&mut self, harmonics: usize, samples: usize) {
-        self.basis.set(Harmonics::Integer(harmonics), uniform(samples));
-        let count = 2 * harmonics + 1;
-        self.functions.clear();
-        self.functions.resize(samples * count, 1.0);
-        for k in 1..=harmonics {
-            let (cosines, sines) = self.basis.tables(k - 1);
-            for j in 0..samples {
-                self.functions[j * count + 2 * k - 1] = cosines[j];
-                self.functions[j * count + 2 * k] = sines[j];
-            }
+        let wanted = Harmonics::Integer(harmonics);
+        if self.count() != samples || self.basis.harmonics().count() == 0 {
+            self.basis.set(wanted, uniform(samples));
+        } else if self.basis.harmonics() != wanted {
+            self.basis.resize(harmonics);
+        } else {
+            return;
         }
+        self.functions.clear();
         self.rates.clear();
     }
 
@@ -96,20 +94,29 @@ impl Samples {
         self.basis.harmonics().rows()
     }
 
-    /// The first `rows` functions at a sample.
-    pub fn functions_at(&self, j: usize, rows: usize) -> &[f64] {
-        &self.functions[j * self.functions_count()..][..rows]
-    }
-
     /// The first `rows` functions at a sample, and their rates.
     pub fn functions(&self, j: usize, rows: usize) -> (&[f64], &[f64]) {
         let start = j * self.functions_count();
         (&self.functions[start..start + rows], &self.rates[start..start + rows])
     }
 
-    fn set_rates(&mut self) {
+    /// Computes what [`Samples::functions`] gives, which only the derivatives of elements with a state need.
+    pub fn set_functions(&mut self) {
+        let (count, samples) = (self.functions_count(), self.count());
+        if self.functions.is_empty() {
+            self.functions.resize(samples * count, 1.0);
+            for k in 1..=count / 2 {
+                let (cosines, sines) = self.basis.tables(k - 1);
+                for j in 0..samples {
+                    self.functions[j * count + 2 * k - 1] = cosines[j];
+                    self.functions[j * count + 2 * k] = sines[j];
+                }
+            }
+        }
+        if !self.rates.is_empty() {
+            return;
+        }
         self.rates.resize(self.functions.len(), 0.0);
-        let count = self.functions_count();
         for (rates, functions) in self.rates.chunks_exact_mut(count).zip(self.functions.chunks_exact(count)) {
             for k in 1..=count / 2 {
                 let rate = k as f64 * self.omega_rad_s;
@@ -119,32 +126,30 @@ impl Samples {
         }
     }
 
-    /// u, u̇ and ü of a series of `unknowns` unknowns.
-    pub fn synthesise(&mut self, x: &[f64], unknowns: usize, omega_rad_s: f64) {
+    /// u and u̇ of a series of all unknowns, and ü of a chain, whose forces depend on it; of modes ü stays zero.
+    pub fn synthesise(&mut self, x: &[f64], unknowns: &Unknowns, omega_rad_s: f64) {
         if omega_rad_s != self.omega_rad_s {
             self.omega_rad_s = omega_rad_s;
             self.rates.clear();
         }
-        let samples = self.count();
+        let (samples, m) = (self.count(), unknowns.count());
         for signal in &mut self.motion {
             signal.clear();
-            signal.resize(samples * unknowns, 0.0);
+            signal.resize(samples * m, 0.0);
         }
         let [position, velocity, acceleration] = &mut self.motion;
-        for (r, row) in x.chunks_exact(unknowns).enumerate() {
-            let k = r.div_ceil(2);
-            if k == 0 {
-                position.chunks_exact_mut(unknowns).for_each(|at| at.copy_from_slice(row));
-                continue;
-            }
-            let (cosines, sines) = self.basis.tables(k - 1);
-            let rate = k as f64 * omega_rad_s;
-            // cos kτ has the rate −kΩ sin kτ, sin kτ the rate kΩ cos kτ.
-            let (functions, turned, turn) = if r % 2 == 1 { (cosines, sines, -rate) } else { (sines, cosines, rate) };
-            for (i, &c) in row.iter().enumerate() {
-                add_along(position, unknowns, i, functions, |f| c * f);
-                add_along(velocity, unknowns, i, turned, |f| c * (turn * f));
-                add_along(acceleration, unknowns, i, functions, |f| -(c * rate * rate * f));
+        position.chunks_exact_mut(m).for_each(|at| at.copy_from_slice(&x[..m]));
+        for (k, pair) in (1..).zip(x[m..].chunks_exact(2 * m)) {
+            let (tables, rate) = (self.basis.tables(k - 1), k as f64 * omega_rad_s);
+            let (cosine, sine) = pair.split_at(m);
+            for i in 0..m {
+                let (a, b) = (cosine[i], sine[i]);
+                add_along(position, [m, i], tables, [a, b]);
+                // cos kτ has the rate −kΩ sin kτ, sin kτ the rate kΩ cos kτ.
+                add_along(velocity, [m, i], tables, [rate * b, -rate * a]);
+                if let Body::Chain = unknowns.body {
+                    add_along(acceleration, [m, i], tables, [-rate * rate * a, -rate * rate * b]);
+                }
             }
         }
     }
@@ -163,9 +168,6 @@ impl Samples {
         self.histories.iter_mut().for_each(History::clear);
         if let Body::Chain = unknowns.body {
             self.unbalance(forced, m);
-        }
-        if !self.histories.is_empty() && self.rates.is_empty() {
-            self.set_rates();
         }
         let step_s = TAU / (self.omega_rad_s * samples as f64);
         if let Body::Condensed(condensed) = &unknowns.body {
@@ -281,12 +283,13 @@ impl Samples {
     }
 }
 
-/// Adds what `of` makes of a table over the samples to one of `unknowns` signals that stand sample by sample.
-fn add_along(signals: &mut [f64], unknowns: usize, i: usize, table: &[f64], of: impl Fn(f64) -> f64) {
-    if unknowns == 1 {
-        signals.iter_mut().zip(table).for_each(|(value, f)| *value += of(*f));
+/// Adds a cos kτ + b sin kτ to one of `m` signals that stand sample by sample.
+fn add_along(signals: &mut [f64], [m, i]: [usize; 2], (cosines, sines): (&[f64], &[f64]), [a, b]: [f64; 2]) {
+    let tables = cosines.iter().zip(sines);
+    if m == 1 {
+        signals.iter_mut().zip(tables).for_each(|(value, (c, s))| *value += a * c + b * s);
     } else {
-        signals[i..].iter_mut().step_by(unknowns).zip(table).for_each(|(value, f)| *value += of(*f));
+        signals[i..].iter_mut().step_by(m).zip(tables).for_each(|(value, (c, s))| *value += a * c + b * s);
     }
 }
 

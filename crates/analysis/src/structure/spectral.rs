@@ -5,7 +5,6 @@ use alloc::vec::Vec;
 use core::f64::consts::TAU;
 
 use super::samples::Samples;
-use crate::dense::dot;
 
 /// 2/T ∫ f cos kτ and 2/T ∫ f sin kτ of one signal, k = 0 … 2H.
 #[derive(Clone, Debug, Default)]
@@ -119,7 +118,13 @@ fn product(u: &Line, v: &Line, k: usize, l: usize) -> [[f64; 2]; 2] {
 /// highest samples, each polished by Newton's method on x′ = 0.
 pub(super) fn largest(samples: &Samples, series: &[f64]) -> f64 {
     let count = samples.count();
-    let signal: Vec<f64> = (0..count).map(|j| dot(samples.functions_at(j, series.len()), series).abs()).collect();
+    let mut signal = vec![series[0]; count];
+    for (k, pair) in series[1..].chunks_exact(2).enumerate() {
+        let (cosines, sines) = samples.basis.tables(k);
+        let tables = cosines.iter().zip(sines);
+        signal.iter_mut().zip(tables).for_each(|(value, (c, s))| *value += pair[0] * c + pair[1] * s);
+    }
+    signal.iter_mut().for_each(|value| *value = value.abs());
     let highest = signal.iter().fold(0.0_f64, |highest, value| highest.max(*value));
     let is_peak = |j: &usize| {
         let [before, after] = [signal[(j + count - 1) % count], signal[(j + 1) % count]];

@@ -114,17 +114,23 @@ fn rotate(n: usize, s: &mut [f64], vectors: &mut [f64], [p, q]: [usize; 2], t: f
 /// The damping ratios. In modal coordinates the damped eigenproblem is (λ² + λ C + Ω²) u = 0 with C = ΦᵀDΦ.
 fn add_damping(of: &Linear, modes: &mut [StructureMode]) {
     let n = modes.len();
+    let along = |mode: &StructureMode, k: usize| -> f64 {
+        of.damping[k * n..(k + 1) * n].iter().zip(&mode.shape).map(|(entry, shape)| entry * shape).sum()
+    };
+    // D φ of each mode, and C.
+    let forces: Vec<f64> = modes.iter().flat_map(|mode| (0..n).map(move |k| along(mode, k))).collect();
     let mut damping = vec![0.0; n * n];
-    for i in 0..n {
-        for j in 0..n {
-            let row = |k: usize| (0..n).map(|m| of.damping[k * n + m] * modes[j].shape[m]).sum::<f64>();
-            damping[i * n + j] = (0..n).map(|k| modes[i].shape[k] * row(k)).sum();
+    for (i, mode) in modes.iter().enumerate() {
+        for (j, force) in forces.chunks_exact(n).enumerate() {
+            damping[i * n + j] = mode.shape.iter().zip(force).map(|(shape, force)| shape * force).sum();
         }
     }
     let omega: Vec<f64> = modes.iter().map(|mode| TAU * mode.frequency_hz).collect();
     for (k, mode) in modes.iter_mut().enumerate() {
         let modal = damping[k * n + k] / (2.0 * omega[k]);
-        mode.damping_ratio = if modal < 1.0 { damped_ratio(&omega, &damping, k).unwrap_or(modal) } else { modal };
+        let is_coupled = (0..n).any(|j| j != k && (damping[k * n + j] != 0.0 || damping[j * n + k] != 0.0));
+        let rayleigh = if modal < 1.0 && is_coupled { damped_ratio(&omega, &damping, k) } else { None };
+        mode.damping_ratio = rayleigh.unwrap_or(modal);
     }
 }
 

@@ -22,6 +22,7 @@ use super::sweep::sweep;
 use super::{Variations, modal, multipliers, sorted};
 use crate::structure::orbit::Stability;
 use crate::structure::unknowns::{Body, Condensed};
+use crate::wide::{Task, widest};
 
 /// From so many modes on this is faster than the flow.
 pub(super) const LEAST_MODES: usize = 5;
@@ -128,16 +129,17 @@ impl Varied {
 
     /// H.
     pub fn compliance(&self, s: Complex<f64>) -> Complex<f64> {
-        self.sum(s, |lanes, lane, [weight, _], [re, im]| {
+        let add = |lanes: &mut [[f64; 4]; 4], lane: usize, [weight, _]: [f64; 2], [re, im]: [f64; 2]| {
             let scale = weight / (re * re + im * im);
             lanes[0][lane] += re * scale;
             lanes[1][lane] -= im * scale;
-        })[0]
+        };
+        widest(OverModes { of: self, s, add })[0]
     }
 
     /// 1/H and its derivative.
     pub fn stiffness(&self, s: Complex<f64>) -> [Complex<f64>; 2] {
-        let [value, slope] = self.sum(s, |lanes, lane, [weight, damping], [re, im]| {
+        let add = |lanes: &mut [[f64; 4]; 4], lane: usize, [weight, damping]: [f64; 2], [re, im]: [f64; 2]| {
             let inverse = 1.0 / (re * re + im * im);
             let (a, b) = (re * inverse, -im * inverse);
             let (c, d) = (weight * (2.0 * s.re + damping), weight * 2.0 * s.im);
@@ -146,17 +148,29 @@ impl Varied {
             lanes[1][lane] += weight * b;
             lanes[2][lane] -= e * c - f * d;
             lanes[3][lane] -= e * d + f * c;
-        });
+        };
+        let [value, slope] = widest(OverModes { of: self, s, add });
         let inverse = value.inv();
         [inverse, -slope * inverse * inverse]
     }
+}
 
-    /// Two complex sums over modes in four lanes, by φ² and 2ζω and by the parts of ω² + 2ζωs + s².
+/// Two complex sums over modes in four lanes, by φ² and 2ζω and by the parts of ω² + 2ζωs + s².
+struct OverModes<'a, F> {
+    of: &'a Varied,
+    s: Complex<f64>,
+    add: F,
+}
+
+impl<F: Fn(&mut [[f64; 4]; 4], usize, [f64; 2], [f64; 2])> Task for OverModes<'_, F> {
+    type Output = [Complex<f64>; 2];
+
     #[inline(always)]
-    fn sum(&self, s: Complex<f64>, add: impl Fn(&mut [[f64; 4]; 4], usize, [f64; 2], [f64; 2])) -> [Complex<f64>; 2] {
-        let (s2, mut lanes) = (s * s, [[0.0; 4]; 4]);
+    fn run(self) -> [Complex<f64>; 2] {
+        let (OverModes { of, s, add }, mut lanes) = (self, [[0.0; 4]; 4]);
+        let s2 = s * s;
         let parts = |damping: f64, square: f64| [square + damping * s.re + s2.re, damping * s.im + s2.im];
-        let fours = [&self.weights, &self.squares, &self.dampings].map(|of| of.as_chunks::<4>());
+        let fours = [&of.weights, &of.squares, &of.dampings].map(|of| of.as_chunks::<4>());
         for ((weights, squares), dampings) in fours[0].0.iter().zip(fours[1].0).zip(fours[2].0) {
             for lane in 0..4 {
                 add(&mut lanes, lane, [weights[lane], dampings[lane]], parts(dampings[lane], squares[lane]));
@@ -188,6 +202,12 @@ impl Found {
         (at / period_s, self.exponents.iter().map(|other| apart(*other, at)).fold(f64::INFINITY, f64::min))
     }
 
+    /// Whether an exponent is there already.
+    fn has(&self, at: Complex<f64>) -> bool {
+        // First the part that takes no rounding of angles.
+        self.exponents.iter().any(|other| (other.re - at.re).abs() < APART && apart(*other, at) < APART)
+    }
+
     /// Adds the nearest exponent to s that is new: the first that is near, or else the nearest of some.
     fn add_near(&mut self, varied: &Varied, s: Complex<f64>, fastest_rad_s: f64) {
         let (period_s, mut best) = (TAU / varied.omega, None);
@@ -195,7 +215,7 @@ impl Found {
         for harmonic in strongest(varied, s, fastest_rad_s) {
             let Some(polished) = polish(varied, varied.rate(s, harmonic)) else { continue };
             let at = over_period(polished, period_s);
-            let (off, is_new) = (apart(at, from), self.exponents.iter().all(|other| apart(*other, at) > APART));
+            let (off, is_new) = (apart(at, from), !self.has(at));
             if is_new && best.is_none_or(|(_, least)| off < least) {
                 best = Some((at, off));
                 if off < NEAR {
@@ -210,7 +230,7 @@ impl Found {
 
     /// Adds an exponent that is new, and its conjugate.
     fn add(&mut self, at: Complex<f64>) {
-        if self.exponents.iter().any(|other| apart(*other, at) < APART) {
+        if self.has(at) {
             return;
         }
         let sine = libm::sin(at.im);
@@ -230,8 +250,9 @@ fn apart(a: Complex<f64>, b: Complex<f64>) -> f64 {
 }
 
 /// The multipliers; `None` if they are not surely all, so that the flow has to be computed.
-pub(super) fn stability(of: &Variations) -> Option<Stability> {
-    let Body::Condensed(condensed) = &of.balance.unknowns.body else { return None };
+pub(super) fn stability(of: &mut Variations) -> Option<Stability> {
+    let balance = of.balance;
+    let Body::Condensed(condensed) = &balance.unknowns.body else { return None };
     let mut varied = Varied::new(of, condensed)?;
     let (modes, period_s) = (condensed.modes.len(), TAU / varied.omega);
     let (mut found, mut together) = (Found { exponents: Vec::with_capacity(2 * modes) }, Vec::new());
@@ -274,8 +295,13 @@ pub(super) fn stability(of: &Variations) -> Option<Stability> {
 }
 
 /// Multipliers to begin with: those of the flow of the modes up to somewhat beyond the fastest of some, where the
-/// others give way as at rest.
-fn guesses(of: &Variations, condensed: &Condensed, varied: &Varied, together: &[usize]) -> Option<Vec<Complex<f64>>> {
+/// others give way as at rest, which changes the derivatives in `of`.
+fn guesses(
+    of: &mut Variations,
+    condensed: &Condensed,
+    varied: &Varied,
+    together: &[usize],
+) -> Option<Vec<Complex<f64>>> {
     if together.is_empty() {
         return Some(Vec::new());
     }
@@ -291,12 +317,10 @@ fn guesses(of: &Variations, condensed: &Condensed, varied: &Varied, together: &[
         drive: pick(&condensed.drive),
         modes: own.iter().map(|&mode| condensed.modes[mode]).collect(),
     };
-    let mut samples = of.samples.clone();
-    let [stiffness, damping, _] = &mut samples.by;
+    let [stiffness, damping, _] = &mut of.samples.by;
     for (s, g) in stiffness.iter_mut().zip(damping) {
         let share = 1.0 / (1.0 + gives * *s);
         (*s, *g) = (*s * share, *g * share * share);
     }
-    let of_own = Variations { balance: of.balance, samples, states: Vec::new(), spacing_s: of.spacing_s };
-    Some(multipliers(modal::flow(&of_own, &own, 2)?)?.multipliers)
+    Some(multipliers(modal::flow(of, &own, [2, 1])?)?.multipliers)
 }

@@ -12,6 +12,9 @@
 //!
 //! The multipliers of many modes with one smooth element are found in the frequency domain, [`exponents`].
 //!
+//! Where the motion is symmetric, x(t + T/2) = −x(t), and the forces are, the derivatives repeat after half a period.
+//! With the flow Φ½ over one half then Φ = Φ½², and the multipliers are the squares of the eigenvalues of Φ½.
+//!
 //! The state of a friction element that slips is a state of the flow. One that doesn't slip is a spring.
 
 mod chain;
@@ -37,6 +40,9 @@ const STEPS: [f64; 3] = [8.0, 48.0, 4.0];
 /// The least steps: of smooth motions, and of others.
 const LEAST_STEPS: [f64; 2] = [64.0, 512.0];
 
+/// Derivatives that differ by less than this part of the largest are the same.
+const REPEATED: f64 = 1e-10;
+
 /// The variations along a motion.
 pub(super) struct Variations<'a> {
     pub balance: &'a Balance,
@@ -56,12 +62,11 @@ pub(super) struct StateVariation {
 }
 
 impl Variations<'_> {
-    /// Along the motion X, on two points a step of at least so many steps.
-    fn new<'a>(balance: &'a Balance, x: &[f64], steps: f64) -> Variations<'a> {
+    /// Along the motion X, on two points a step of at least so many steps; `samples` is storage.
+    fn new<'a>(balance: &'a Balance, x: &[f64], steps: f64, mut samples: Samples) -> Variations<'a> {
         let points = 8 * libm::ceil(steps / 4.0) as usize;
-        let mut samples = balance.samples.clone();
         samples.set(balance.harmonics(), points);
-        samples.synthesise(x, balance.unknowns.count(), balance.omega_rad_s());
+        samples.synthesise(x, &balance.unknowns, balance.omega_rad_s());
         samples.evaluate(&balance.forced, &balance.unknowns, balance.frequency_hz);
         add_stuck_friction(balance, &mut samples);
         if !balance.forced.assembly().is_smooth() {
@@ -81,6 +86,26 @@ impl Variations<'_> {
     pub fn by(&self, derivative: usize, [i, j]: [usize; 2], point: usize) -> f64 {
         let pair = i * self.unknowns() + j;
         self.samples.by[derivative][pair * self.samples.count() + point]
+    }
+
+    /// Whether all derivatives repeat after half a period.
+    fn repeat(&self) -> bool {
+        let half = self.samples.count() / 2;
+        let alike = |a: f64, b: f64, size: f64| (a - b).abs() <= REPEATED * size;
+        let signals = self.samples.by.iter().flat_map(|signals| signals.chunks_exact(2 * half));
+        let mut repeating = signals.map(|signal| {
+            let size = signal.iter().fold(0.0_f64, |size, value| size.max(value.abs()));
+            let (first, second) = signal.split_at(half);
+            first.iter().zip(second).all(|(a, b)| alike(*a, *b, size))
+        });
+        let of_state = |at: &StateVariation| [at.by_velocity, at.by_state.unwrap_or(f64::INFINITY), at.force];
+        let state_repeats = |state: usize, point: usize| {
+            let [a, b] = [point, point + half].map(|point| of_state(&self.state(state, point, 2)));
+            a.iter().zip(b).all(|(a, b)| *a == b || alike(*a, b, a.abs()))
+        };
+        half.is_multiple_of(2)
+            && repeating.all(|repeats| repeats)
+            && (0..self.states.len()).all(|state| (1..half).step_by(2).all(|point| state_repeats(state, point)))
     }
 
     /// The element of a state at a point.
@@ -107,32 +132,72 @@ impl Variations<'_> {
     }
 }
 
-/// The stability of the motion X of a balance; none if the multipliers can't be computed.
-pub(super) fn stability(balance: &Balance, x: &[f64]) -> Option<Stability> {
-    let of_motion = (STEPS[2] * balance.harmonics() as f64).max(LEAST_STEPS[0]);
-    let Body::Condensed(condensed) = &balance.unknowns.body else { return by_flow(balance, x) };
-    let fast = balance.forced.assembly().is_smooth()
-        && condensed.places.len() == 1
-        && condensed.modes.len() >= exponents::LEAST_MODES;
-    let found = if fast { exponents::stability(&Variations::new(balance, x, of_motion)) } else { None };
-    found.or_else(|| by_flow(balance, x))
+/// Computes stability, in storage that is kept from motion to motion of one structure.
+#[derive(Debug, Default)]
+pub(super) struct Floquet {
+    samples: Option<Samples>,
 }
 
-/// The same by the flow.
-fn by_flow(balance: &Balance, x: &[f64]) -> Option<Stability> {
+impl Floquet {
+    /// The stability of the motion X of a balance; none if the multipliers can't be computed.
+    pub fn stability(&mut self, balance: &Balance, x: &[f64]) -> Option<Stability> {
+        let of_motion = (STEPS[2] * balance.harmonics() as f64).max(LEAST_STEPS[0]);
+        let fast = match &balance.unknowns.body {
+            Body::Condensed(condensed) => {
+                condensed.places.len() == 1 && condensed.modes.len() >= exponents::LEAST_MODES
+            }
+            Body::Chain => false,
+        };
+        let found = if fast && balance.forced.assembly().is_smooth() {
+            self.with(balance, x, of_motion, exponents::stability)
+        } else {
+            None
+        };
+        found.or_else(|| self.with(balance, x, steps(balance), |variations| by_flow(variations)))
+    }
+
+    /// What `find` finds from the variations along a motion.
+    fn with(
+        &mut self,
+        balance: &Balance,
+        x: &[f64],
+        steps: f64,
+        find: impl FnOnce(&mut Variations) -> Option<Stability>,
+    ) -> Option<Stability> {
+        let samples = self.samples.take().unwrap_or_else(|| Samples::new(&balance.forced, &balance.unknowns));
+        let mut variations = Variations::new(balance, x, steps, samples);
+        let found = find(&mut variations);
+        self.samples = Some(variations.samples);
+        found
+    }
+}
+
+/// The steps of the flow.
+fn steps(balance: &Balance) -> f64 {
     let assembly = balance.forced.assembly();
     let fastest_hz = assembly.modes().last().map_or(0.0, |mode| mode.frequency_hz);
     let (smooth, condensed) = (assembly.is_smooth(), matches!(balance.unknowns.body, Body::Condensed(_)));
     let of_modes = STEPS[usize::from(!condensed)] * fastest_hz / balance.frequency_hz;
     let of_motion = STEPS[2] * balance.harmonics() as f64;
-    let steps = of_modes.max(of_motion).max(LEAST_STEPS[usize::from(!smooth)]);
-    let variations = Variations::new(balance, x, steps);
-    let flow = |points: usize| match &balance.unknowns.body {
-        Body::Condensed(condensed) => modal::flow(&variations, condensed, points),
-        Body::Chain => chain::flow(&variations, points),
+    of_modes.max(of_motion).max(LEAST_STEPS[usize::from(!smooth)])
+}
+
+/// The stability by the flow.
+fn by_flow(of: &Variations) -> Option<Stability> {
+    let Body::Condensed(condensed) = &of.balance.unknowns.body else {
+        return extrapolated(|points| chain::flow(of, points), of.balance);
     };
+    if of.balance.forced.assembly().is_smooth() || !of.repeat() {
+        return extrapolated(|points| modal::flow(of, condensed, [points, 1]), of.balance);
+    }
+    let half = multipliers(modal::flow(of, condensed, [2, 2])?)?;
+    Some(sorted(half.multipliers.iter().map(|root| root * root).collect()))
+}
+
+/// The stability by flows over the period, of smooth motions extrapolated.
+fn extrapolated(flow: impl Fn(usize) -> Option<DMatrix<f64>>, balance: &Balance) -> Option<Stability> {
     let finest = flow(2)?;
-    if !smooth {
+    if !balance.forced.assembly().is_smooth() {
         return multipliers(finest);
     }
     let (middle, coarsest) = (flow(4)?, flow(8)?);

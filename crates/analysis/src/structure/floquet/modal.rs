@@ -22,6 +22,7 @@ use super::rows::eliminate;
 use super::{StateVariation, Variations};
 use crate::dense::dot;
 use crate::structure::unknowns::Condensed;
+use crate::wide::{Task, widest};
 
 /// Columns at a time.
 const LANES: usize = 8;
@@ -39,8 +40,20 @@ fn block(&[omega, zeta]: &[f64; 2], t: f64) -> Block {
     [[scale * (cosine + decay * s), scale * s], [-scale * omega * omega * s, scale * (cosine - decay * s)]]
 }
 
+#[inline(always)]
 fn add(target: &mut Lanes, source: &Lanes, factor: f64) {
     target.iter_mut().zip(source).for_each(|(target, source)| *target += factor * source);
+}
+
+/// A mode by itself.
+#[inline(always)]
+fn step(&[[a, b], [c, d]]: &Block, q: Lanes, rate: Lanes) -> [Lanes; 2] {
+    let [mut next, mut next_rate] = [[0.0; LANES]; 2];
+    for lane in 0..LANES {
+        next[lane] = a * q[lane] + b * rate[lane];
+        next_rate[lane] = c * q[lane] + d * rate[lane];
+    }
+    [next, next_rate]
 }
 
 /// What a step needs at its middle.
@@ -97,7 +110,7 @@ enum Then {
     Nothing,
 }
 
-/// The events of a period: how long the modes move by themselves, and what happens then.
+/// The events of a period, or of a part: how long the modes move by themselves, and what happens then.
 struct Plan<'a> {
     condensed: &'a Condensed,
     h: f64,
@@ -112,11 +125,11 @@ struct Plan<'a> {
 }
 
 impl<'a> Plan<'a> {
-    fn new(of: &Variations, condensed: &'a Condensed, points: usize) -> Plan<'a> {
+    fn new(of: &Variations, condensed: &'a Condensed, [points, parts]: [usize; 2]) -> Plan<'a> {
         let (m, h) = (of.unknowns(), points as f64 * of.spacing_s);
         let coupling: Vec<f64> =
             (0..m * m).map(|pair| dot(&condensed.places[pair / m], &condensed.places[pair % m])).collect();
-        let middles = (points / 2..of.samples.count()).step_by(points);
+        let middles = (points / 2..of.samples.count() / parts).step_by(points);
         let impulses: Vec<Impulse> =
             middles.map(|middle| Impulse::new(of, condensed, &coupling, h, [middle, points])).collect();
         let (mut events, mut since, steps) = (Vec::new(), 0, impulses.len());
@@ -145,13 +158,14 @@ impl<'a> Plan<'a> {
     }
 }
 
-/// The flow of modes over the period in steps over `points` points; none if it can't be computed.
-pub(super) fn flow(of: &Variations, condensed: &Condensed, points: usize) -> Option<DMatrix<f64>> {
-    let plan = Plan::new(of, condensed, points);
+/// The flow of modes over the first of `parts` equal parts of the period, in steps over `points` points; none if it
+/// can't be computed.
+pub(super) fn flow(of: &Variations, condensed: &Condensed, [points, parts]: [usize; 2]) -> Option<DMatrix<f64>> {
+    let plan = Plan::new(of, condensed, [points, parts]);
     let (n, width) = (condensed.modes.len(), 2 * condensed.modes.len() + of.states.len());
     let mut flow = DMatrix::zeros(width, width);
     for first in (0..width).step_by(LANES) {
-        let columns = Columns::new(n, of.states.len(), &plan, first).through()?;
+        let columns = widest(Columns::new(n, of.states.len(), &plan, first))?;
         for column in first..(first + LANES).min(width) {
             for (row, lanes) in columns.q.iter().chain(&columns.rate).chain(&columns.z).enumerate() {
                 flow[(row, column)] = lanes[column - first];
@@ -174,23 +188,12 @@ struct Columns<'a> {
     force: Vec<Lanes>,
 }
 
-impl<'a> Columns<'a> {
-    /// The columns of the identity from `first` on.
-    fn new(n: usize, states: usize, plan: &'a Plan, first: usize) -> Columns<'a> {
-        let unit = |row: usize| core::array::from_fn(|lane| f64::from(u8::from(row == first + lane)));
-        let rows = |from: usize, count: usize| (from..from + count).map(unit).collect::<Vec<Lanes>>();
-        let places = || vec![[0.0; LANES]; plan.condensed.places.len()];
-        let (before, x, v, force) = (places(), places(), places(), places());
-        let (q, rate, z) = (rows(0, n), rows(n, n), rows(2 * n, states));
-        let mut columns = Columns { plan, q, rate, z, before, x, v, force };
-        for (seen, place) in columns.before.iter_mut().zip(&plan.condensed.places) {
-            columns.q.iter().zip(place).for_each(|(q, phi)| add(seen, q, *phi));
-        }
-        columns
-    }
+impl<'a> Task for Columns<'a> {
+    type Output = Option<Columns<'a>>;
 
-    /// Over the period.
-    fn through(mut self) -> Option<Columns<'a>> {
+    /// Over all events.
+    #[inline(always)]
+    fn run(mut self) -> Option<Columns<'a>> {
         let plan = self.plan;
         for &(halves, then) in &plan.events {
             match then {
@@ -211,29 +214,57 @@ impl<'a> Columns<'a> {
         }
         Some(self)
     }
+}
+
+impl<'a> Columns<'a> {
+    /// The columns of the identity from `first` on.
+    fn new(n: usize, states: usize, plan: &'a Plan, first: usize) -> Columns<'a> {
+        let unit = |row: usize| core::array::from_fn(|lane| f64::from(u8::from(row == first + lane)));
+        let rows = |from: usize, count: usize| (from..from + count).map(unit).collect::<Vec<Lanes>>();
+        let places = || vec![[0.0; LANES]; plan.condensed.places.len()];
+        let (before, x, v, force) = (places(), places(), places(), places());
+        let (q, rate, z) = (rows(0, n), rows(n, n), rows(2 * n, states));
+        let mut columns = Columns { plan, q, rate, z, before, x, v, force };
+        for (seen, place) in columns.before.iter_mut().zip(&plan.condensed.places) {
+            columns.q.iter().zip(place).for_each(|(q, phi)| add(seen, q, *phi));
+        }
+        columns
+    }
 
     /// Applies the impulse of the forces, and moves the modes by themselves; then computes x, and v if `rates` is set.
+    #[inline(always)]
     fn drift(&mut self, blocks: &[Block], rates: bool) {
         let (places, h) = (&self.plan.condensed.places, self.plan.h);
+        let modes = blocks.iter().zip(self.q.iter_mut().zip(&mut self.rate));
+        if let ([phi], [force]) = (&places[..], &self.force[..]) {
+            // With one place x and v stay in registers.
+            let (impulse, [mut x, mut v]) = (force.map(|force| -h * force), [[0.0; LANES]; 2]);
+            for ((block, (q, rate)), phi) in modes.zip(phi) {
+                let mut struck = *rate;
+                add(&mut struck, &impulse, *phi);
+                let [next, next_rate] = step(block, *q, struck);
+                add(&mut x, &next, *phi);
+                if rates {
+                    add(&mut v, &next_rate, *phi);
+                }
+                (*q, *rate) = (next, next_rate);
+            }
+            (self.x[0], self.v[0]) = (x, if rates { v } else { self.v[0] });
+            return;
+        }
         self.x.fill([0.0; LANES]);
         if rates {
             self.v.fill([0.0; LANES]);
         }
-        for (i, ([[a, b], [c, d]], (q, rate))) in blocks.iter().zip(self.q.iter_mut().zip(&mut self.rate)).enumerate() {
-            let (mut p, mut r) = (*q, *rate);
-            for (place, force) in places.iter().zip(&self.force) {
-                add(&mut r, force, -h * place[i]);
-            }
-            for (p, r) in p.iter_mut().zip(&mut r) {
-                (*p, *r) = (a * *p + b * *r, c * *p + d * *r);
-            }
-            for (place, x) in places.iter().zip(&mut self.x) {
-                add(x, &p, place[i]);
-            }
+        for (i, (block, (q, rate))) in modes.enumerate() {
+            let mut struck = *rate;
+            places.iter().zip(&self.force).for_each(|(place, force)| add(&mut struck, force, -h * place[i]));
+            let [next, next_rate] = step(block, *q, struck);
+            places.iter().zip(&mut self.x).for_each(|(place, x)| add(x, &next, place[i]));
             if rates {
-                places.iter().zip(&mut self.v).for_each(|(place, v)| add(v, &r, place[i]));
+                places.iter().zip(&mut self.v).for_each(|(place, v)| add(v, &next_rate, place[i]));
             }
-            (*q, *rate) = (p, r);
+            (*q, *rate) = (next, next_rate);
         }
     }
 

@@ -43,12 +43,21 @@ fn distance(a: &Stability, b: &Stability) -> f64 {
     largest
 }
 
+/// The variations along a motion, without storage.
+fn variations<'a>(balance: &'a Balance, x: &[f64], steps: f64) -> Variations<'a> {
+    Variations::new(balance, x, steps, Samples::new(&balance.forced, &balance.unknowns))
+}
+
+fn exponents_of(balance: &Balance, x: &[f64]) -> Option<Stability> {
+    exponents::stability(&mut variations(balance, x, LEAST_STEPS[0]))
+}
+
 /// The flow with all of its steps so many times.
 fn fine_flow(balance: &Balance, x: &[f64], times: f64) -> Stability {
     let Body::Condensed(condensed) = &balance.unknowns.body else { panic!() };
     let fastest_hz = balance.forced.assembly().modes().last().unwrap().frequency_hz;
-    let of = Variations::new(balance, x, times * 8.0 * fastest_hz / balance.frequency_hz);
-    let [finest, middle, coarsest] = [2, 4, 8].map(|points| modal::flow(&of, condensed, points).unwrap());
+    let of = variations(balance, x, times * 8.0 * fastest_hz / balance.frequency_hz);
+    let [finest, middle, coarsest] = [2, 4, 8].map(|points| modal::flow(&of, condensed, [points, 1]).unwrap());
     multipliers((finest * 64.0 - middle * 20.0 + coarsest) / 45.0).unwrap()
 }
 
@@ -68,7 +77,7 @@ fn exponents_of_many_modes_are_those_of_their_flow() {
             assert!(balance.set_value(orbit.value));
             tested += 1;
             let x = &orbit.coefficients;
-            let Some(got) = exponents::stability(&Variations::new(&balance, x, LEAST_STEPS[0])) else { continue };
+            let Some(got) = exponents_of(&balance, x) else { continue };
             by_exponents += 1;
             let off = distance(&got, &fine_flow(&balance, x, 4.0));
             assert!(off < 1e-8, "{} at {} Hz: {off:.1e}", law.name(), orbit.value);
@@ -117,10 +126,51 @@ fn exponents_of_modes_that_resonate_are_those_of_their_flow() {
             let of_harmonic = amplitude_m * libm::pow(ratio, k as f64 - 1.0);
             (x[2 * k - 1], x[2 * k]) = (of_harmonic * cosine, of_harmonic * sine);
         }
-        let Some(got) = exponents::stability(&Variations::new(&balance, &x, LEAST_STEPS[0])) else { continue };
+        let Some(got) = exponents_of(&balance, &x) else { continue };
         by_exponents += 1;
         let off = distance(&got, &fine_flow(&balance, &x, 8.0));
         assert!(off < 1e-8, "seed {seed}, {}: {off:.1e}", law.name());
     }
     assert!(by_exponents >= 100, "{by_exponents}");
+}
+
+/// Storage that other motions have used, with other numbers of harmonics, of points and of slips, changes no bit.
+#[test]
+fn storage_of_another_motion_leaves_no_trace() {
+    let laws = [
+        Law::Cubic { stiffness3: 2e8, stiffness5: 0.0 },
+        Law::Gap { stiffness: 2e4, gap: 5e-4 },
+        Law::Friction { stiffness: 2e4, slip: 5.0 },
+    ];
+    for law in laws {
+        let (forced, mut kept) = (modes(6, law), Floquet::default());
+        for (harmonics, amplitude_m, hz) in [(9, 2e-3, 20.0), (13, 1e-4, 3.0), (5, 2e-3, 21.0)] {
+            let mut balance = Balance::new(&forced, hz, Coordinate::FrequencyHz, harmonics);
+            assert!(balance.set_value(hz));
+            let mut x = vec![0.0; 2 * harmonics + 1];
+            (x[2], x[5]) = (amplitude_m, 0.1 * amplitude_m);
+            let fresh = Floquet::default().stability(&balance, &x);
+            assert!(fresh.is_some());
+            assert_eq!(kept.stability(&balance, &x), fresh, "{} at {hz} Hz", law.name());
+        }
+    }
+}
+
+/// A symmetric motion has the multipliers of its half, and one that isn't has those of the whole period.
+#[test]
+fn multipliers_of_half_a_period_are_those_of_the_whole() {
+    for law in [Law::Gap { stiffness: 2e4, gap: 5e-4 }, Law::Friction { stiffness: 2e4, slip: 5.0 }] {
+        let forced = modes(6, law);
+        for (second, is_symmetric) in [(0.0, true), (1e-4, false)] {
+            let balance = Balance::new(&forced, HZ, Coordinate::FrequencyHz, 9);
+            let mut x = vec![0.0; 19];
+            (x[2], x[3], x[5]) = (2e-3, second, 2e-4);
+            let of = variations(&balance, &x, LEAST_STEPS[1]);
+            assert_eq!(of.repeat(), is_symmetric, "{}", law.name());
+            let Body::Condensed(condensed) = &balance.unknowns.body else { panic!() };
+            let whole = multipliers(modal::flow(&of, condensed, [2, 1]).unwrap()).unwrap();
+            let off = distance(&by_flow(&of).unwrap(), &whole);
+            assert!(off < 1e-10, "{}: {off:.1e}", law.name());
+        }
+    }
 }

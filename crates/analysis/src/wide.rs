@@ -1,0 +1,102 @@
+//! Runs a computation with the widest registers of the processor.
+//!
+//! The source is the same for all of them, FMA stays off, so that a·b + c is rounded twice everywhere, and no order of
+//! a sum depends on a width: results have the same bits on every processor.
+
+/// A computation. All that it calls and that shall use the registers is `#[inline(always)]`, as is its `run`.
+pub(crate) trait Task {
+    /// Its result.
+    type Output;
+
+    /// Computes it.
+    fn run(self) -> Self::Output;
+}
+
+/// Runs a task with the widest registers of the processor.
+pub(crate) fn widest<T: Task>(task: T) -> T::Output {
+    #[cfg(target_arch = "x86_64")]
+    {
+        if x86::has_avx512() {
+            return x86::with_avx512(task);
+        }
+        if x86::has_avx2() {
+            return x86::with_avx2(task);
+        }
+    }
+    task.run()
+}
+
+#[cfg(target_arch = "x86_64")]
+mod x86 {
+    use super::Task;
+
+    cpufeatures::new!(avx512_detection, "avx512f");
+    cpufeatures::new!(avx2_detection, "avx2");
+
+    /// Whether processor and operating system have AVX-512 F; queried once.
+    pub fn has_avx512() -> bool {
+        avx512_detection::get()
+    }
+
+    /// Whether they have AVX2.
+    pub fn has_avx2() -> bool {
+        avx2_detection::get()
+    }
+
+    #[allow(unsafe_code)]
+    pub fn with_avx512<T: Task>(task: T) -> T::Output {
+        // SAFETY: `widest` comes here only where the processor says that it has AVX-512 F.
+        unsafe { avx512(task) }
+    }
+
+    #[target_feature(enable = "avx512f")]
+    fn avx512<T: Task>(task: T) -> T::Output {
+        task.run()
+    }
+
+    #[allow(unsafe_code)]
+    pub fn with_avx2<T: Task>(task: T) -> T::Output {
+        // SAFETY: `widest` comes here only where the processor says that it has AVX2.
+        unsafe { avx2(task) }
+    }
+
+    #[target_feature(enable = "avx2")]
+    fn avx2<T: Task>(task: T) -> T::Output {
+        task.run()
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// Sums of products, in lanes, of numbers that round.
+    #[derive(Clone, Copy)]
+    struct Products(f64);
+
+    impl Task for Products {
+        type Output = [u64; 8];
+
+        #[inline(always)]
+        fn run(self) -> [u64; 8] {
+            let mut sums = [0.1; 8];
+            for k in 1..1000 {
+                for (lane, sum) in sums.iter_mut().enumerate() {
+                    *sum = *sum * self.0 + 1.0 / (k * (lane + 3)) as f64;
+                }
+            }
+            sums.map(f64::to_bits)
+        }
+    }
+
+    /// With all registers that the processor has, a task has the bits of the plain one.
+    #[test]
+    fn all_registers_give_the_same_bits() {
+        let task = Products(0.9);
+        assert_eq!(widest(task), task.run());
+        #[cfg(target_arch = "x86_64")]
+        if x86::has_avx2() {
+            assert_eq!(x86::with_avx2(task), task.run());
+        }
+    }
+}
