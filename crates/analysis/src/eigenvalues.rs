@@ -17,8 +17,7 @@ use alloc::vec;
 use alloc::vec::Vec;
 
 use nalgebra::{Complex, Matrix4};
-
-use crate::wide::{Task, widest};
+use resonarm_numeric::registers::{Task, widest};
 
 /// The most steps for an eigenvalue, and the number after which an exceptional shift is tried.
 const STEPS: usize = 40;

@@ -44,7 +44,6 @@ mod spectrum;
 mod start;
 pub mod structure;
 pub mod time_domain;
-mod wide;
 
 pub use arm_parameter::{ArmParameter, UnknownArmParameter};
 pub use backbone::{Backbone, BackboneOptions, BackbonePoint, Bending, backbone};

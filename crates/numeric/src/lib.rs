@@ -1,4 +1,5 @@
-//! Numbers in messages, random numbers from a seed, discrete Fourier transforms, small systems of equations.
+//! Numbers in messages, random numbers from a seed, discrete Fourier transforms, small systems of equations, the widest
+//! registers of a processor.
 //!
 //! `no_std`: no clock, no thread, no file, no socket.
 #![cfg_attr(not(test), no_std)]
@@ -9,6 +10,7 @@ pub mod dft;
 pub mod linear_solve;
 pub mod noise;
 pub mod number;
+pub mod registers;
 pub mod seed;
 
 /// A sinusoid against the drive: `Im(phasor · e^{iφ})`, with the drive at `sin φ`. The real part is in phase with the

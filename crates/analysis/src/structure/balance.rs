@@ -11,6 +11,7 @@ use core::f64::consts::TAU;
 use nalgebra::Complex;
 
 use resonarm_dynamics::structure::{Dof, Law, Linear};
+use resonarm_numeric::registers::{Task, widest};
 
 use super::linear::dynamic_stiffness_solve;
 use super::samples::Samples;
@@ -18,7 +19,6 @@ use super::spectral::{operator, project};
 use super::unknowns::{Body, Compliance, Condensed, Kept, Unknowns, direction_at_rest};
 use super::{Coordinate, Forced};
 use crate::continuation::System;
-use crate::wide::{Task, widest};
 
 /// Samples of a structure with a law that isn't smooth: what a kink between two of them changes in the harmonics is of
 /// the order of the square of their distance.

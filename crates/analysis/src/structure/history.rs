@@ -17,9 +17,9 @@ use alloc::vec;
 use alloc::vec::Vec;
 
 use resonarm_dynamics::structure::{Element, Law};
+use resonarm_numeric::registers::{Task, widest};
 
 use super::samples::Ramp;
-use crate::wide::{Task, widest};
 
 /// The derivative of a step, and of what counts at its end: `part` (dz as if it were free to move) + `part_velocity`
 /// dv.

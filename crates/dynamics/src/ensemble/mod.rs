@@ -12,6 +12,7 @@ use crate::arm::{Arm, Load, State};
 use crate::integrate::Motion;
 use crate::integrate::tableau::DOP853;
 use crate::real::{Lanes, Real};
+use resonarm_numeric::registers::{Task, widest};
 
 /// Stages of a step.
 pub const STAGES: usize = DOP853.c.len();
@@ -22,93 +23,52 @@ pub const NODES: [f64; STAGES] = DOP853.c;
 /// The loads of consecutive steps, each at its [`NODES`].
 pub type Stretch = [[Load; STAGES]];
 
-/// Takes a group of motions through a stretch of steps a number of times.
-type Kernel<T> = fn(&Coefficients<f64>, f64, &Stretch, u32, &mut Motion<T>);
-
 /// Takes every motion through a stretch of steps of `h_s`, `times` times, with the widest registers of the processor. A
 /// motion that grows without bound ends in a state that is not finite.
 pub fn advance(arm: &Arm, h_s: f64, stretch: &Stretch, times: u32, states: &mut [State]) {
-    let arm = &arm.coefficients;
-    #[cfg(target_arch = "x86_64")]
-    {
-        if x86::has_avx512() {
-            return side_by_side(x86::with_avx512, arm, h_s, stretch, times, states);
-        }
-        if x86::has_avx2() {
-            return side_by_side(x86::with_avx2, arm, h_s, stretch, times, states);
-        }
-    }
-    side_by_side(portable::<Lanes>, arm, h_s, stretch, times, states);
+    let steps = Steps { arm: &arm.coefficients, h_s, stretch, times };
+    side_by_side(|motion| widest(Group::<Lanes> { steps, motion }), states);
 }
 
 /// Groups of `T::WIDTH` motions, one after the other; lanes that are left over repeat the last motion.
-fn side_by_side<T: Real>(
-    kernel: Kernel<T>,
-    arm: &Coefficients<f64>,
-    h_s: f64,
-    stretch: &Stretch,
-    times: u32,
-    states: &mut [State],
-) {
+fn side_by_side<T: Real>(advance: impl Fn(&mut Motion<T>), states: &mut [State]) {
     for group in states.chunks_mut(T::WIDTH) {
         let mut together = Motion::gather(|lane| Motion::from(&group[lane.min(group.len() - 1)]));
-        kernel(arm, h_s, stretch, times, &mut together);
+        advance(&mut together);
         for (lane, own) in group.iter_mut().enumerate() {
             *own = State::from(together.lane(lane));
         }
     }
 }
 
-/// The kernel for the registers of the compiler's target; the ones below are the same source for wider registers.
-#[inline(always)]
-fn portable<T: Real>(arm: &Coefficients<f64>, h_s: f64, stretch: &Stretch, times: u32, motion: &mut Motion<T>) {
-    let every = Coefficients::<T>::gather(|_lane| arm);
-    for _ in 0..times {
-        for loads in stretch {
-            let external = loads.each_ref().map(|load| External::new(arm, load));
-            *motion = explicit::step(&DOP853, &every, h_s, motion, &external);
-        }
-    }
+/// A stretch of steps, some times.
+#[derive(Clone, Copy)]
+struct Steps<'a> {
+    arm: &'a Coefficients<f64>,
+    h_s: f64,
+    stretch: &'a Stretch,
+    times: u32,
 }
 
-/// The kernel for wider registers of x86-64. FMA stays off: a·b + c is rounded twice everywhere.
-#[cfg(target_arch = "x86_64")]
-mod x86 {
-    use super::{Coefficients, Lanes, Motion, Stretch, portable};
+/// A group of motions that takes them.
+struct Group<'a, T> {
+    steps: Steps<'a>,
+    motion: &'a mut Motion<T>,
+}
 
-    cpufeatures::new!(avx512_detection, "avx512f");
-    cpufeatures::new!(avx2_detection, "avx2");
+impl<T: Real> Task for Group<'_, T> {
+    type Output = ();
 
-    /// Whether processor and operating system have AVX-512 F; queried once.
-    pub fn has_avx512() -> bool {
-        avx512_detection::get()
-    }
-
-    /// Whether they have AVX2.
-    pub fn has_avx2() -> bool {
-        avx2_detection::get()
-    }
-
-    #[allow(unsafe_code)]
-    pub fn with_avx512(arm: &Coefficients<f64>, h_s: f64, stretch: &Stretch, times: u32, motion: &mut Motion<Lanes>) {
-        // SAFETY: `advance` takes this kernel only where the processor says that it has AVX-512 F.
-        unsafe { avx512(arm, h_s, stretch, times, motion) }
-    }
-
-    #[target_feature(enable = "avx512f")]
-    fn avx512(arm: &Coefficients<f64>, h_s: f64, stretch: &Stretch, times: u32, motion: &mut Motion<Lanes>) {
-        portable(arm, h_s, stretch, times, motion);
-    }
-
-    #[allow(unsafe_code)]
-    pub fn with_avx2(arm: &Coefficients<f64>, h_s: f64, stretch: &Stretch, times: u32, motion: &mut Motion<Lanes>) {
-        // SAFETY: `advance` takes this kernel only where the processor says that it has AVX2.
-        unsafe { avx2(arm, h_s, stretch, times, motion) }
-    }
-
-    #[target_feature(enable = "avx2")]
-    fn avx2(arm: &Coefficients<f64>, h_s: f64, stretch: &Stretch, times: u32, motion: &mut Motion<Lanes>) {
-        portable(arm, h_s, stretch, times, motion);
+    #[inline(always)]
+    fn run(self) {
+        let Steps { arm, h_s, stretch, times } = self.steps;
+        let every = Coefficients::<T>::gather(|_lane| arm);
+        for _ in 0..times {
+            for loads in stretch {
+                let external = loads.each_ref().map(|load| External::new(arm, load));
+                *self.motion = explicit::step(&DOP853, &every, h_s, self.motion, &external);
+            }
+        }
     }
 }
 
@@ -168,12 +128,13 @@ mod tests {
                 states.iter().map(bits).collect::<Vec<_>>()
             };
             prop_assert_eq!(seen(&|states| advance(&arm, h_s, &stretch, 2, states)), &expected[..]);
-            let by_portable = |states: &mut [State]| {
-                side_by_side(portable::<Lanes>, &arm.coefficients, h_s, &stretch, 2, states);
+            let steps = Steps { arm: &arm.coefficients, h_s, stretch: &stretch, times: 2 };
+            let plain = |states: &mut [State]| {
+                side_by_side(|motion| Group::<Lanes> { steps, motion }.run(), states);
             };
-            prop_assert_eq!(seen(&by_portable), &expected[..]);
+            prop_assert_eq!(seen(&plain), &expected[..]);
             let singly = |states: &mut [State]| {
-                side_by_side(portable::<f64>, &arm.coefficients, h_s, &stretch, 2, states);
+                side_by_side(|motion| Group::<f64> { steps, motion }.run(), states);
             };
             prop_assert_eq!(seen(&singly), &expected[..]);
         }

@@ -16,13 +16,13 @@ use alloc::vec::Vec;
 use core::f64::consts::{PI, TAU};
 
 use nalgebra::Complex;
+use resonarm_numeric::registers::{Task, widest};
 
 use super::newton::{polish, strongest};
 use super::sweep::sweep;
 use super::{Variations, modal, multipliers, sorted};
 use crate::structure::orbit::Stability;
 use crate::structure::unknowns::{Body, Condensed};
-use crate::wide::{Task, widest};
 
 /// From so many modes on this is faster than the flow.
 pub(super) const LEAST_MODES: usize = 5;

@@ -17,12 +17,12 @@ use alloc::vec::Vec;
 
 use nalgebra::DMatrix;
 use resonarm_dynamics::structure::Law;
+use resonarm_numeric::registers::{Task, widest};
 
 use super::rows::eliminate;
 use super::{StateVariation, Variations};
 use crate::dense::dot;
 use crate::structure::unknowns::Condensed;
-use crate::wide::{Task, widest};
 
 /// Columns at a time.
 const LANES: usize = 8;

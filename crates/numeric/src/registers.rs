@@ -4,7 +4,7 @@
 //! a sum depends on a width: results have the same bits on every processor.
 
 /// A computation. All that it calls and that shall use the registers is `#[inline(always)]`, as is its `run`.
-pub(crate) trait Task {
+pub trait Task {
     /// Its result.
     type Output;
 
@@ -13,7 +13,7 @@ pub(crate) trait Task {
 }
 
 /// Runs a task with the widest registers of the processor.
-pub(crate) fn widest<T: Task>(task: T) -> T::Output {
+pub fn widest<T: Task>(task: T) -> T::Output {
     #[cfg(target_arch = "x86_64")]
     {
         if x86::has_avx512() {
