@@ -255,7 +255,7 @@ impl Link {
 
     /// The next frame to send.
     pub fn next_frame(&self) -> Option<Frame> {
-        Some(self.transmitter.next(&self.outbox.front()?))
+        Some(self.transmitter.next(&self.outbox.contents().next()?))
     }
 
     /// The next frame has been sent: its counter is used.
@@ -267,14 +267,12 @@ impl Link {
     }
 
     /// The frames that wait, in the order of sending, each with the counter it will have.
-    pub fn waiting_frames(&self) -> impl Iterator<Item = Frame> + use<> {
-        let (mut outbox, mut transmitter) = (self.outbox.clone(), self.transmitter.clone());
-        core::iter::from_fn(move || {
-            let frame = transmitter.next(&outbox.front()?);
-            if let Some(kind) = outbox.pop() {
-                transmitter.sent(kind);
-            }
-            Some(frame)
+    pub fn waiting_frames(&self) -> impl Iterator<Item = Frame> {
+        let mut transmitter = self.transmitter.clone();
+        self.outbox.contents().map(move |content| {
+            let frame = transmitter.next(&content);
+            transmitter.sent(content.kind());
+            frame
         })
     }
 

@@ -94,15 +94,13 @@ impl Outbox {
         Ok(())
     }
 
-    /// The next message to send.
-    pub fn front(&self) -> Option<Content> {
-        match self.control.front() {
-            Some(control) => Content::new(self.network, &control.message()).ok(),
-            None => self.latest.iter().flatten().next().copied(),
-        }
+    /// The messages to send, in their order.
+    pub fn contents(&self) -> impl Iterator<Item = Content> {
+        let control = self.control.iter().filter_map(|control| Content::new(self.network, &control.message()).ok());
+        control.chain(self.latest.iter().flatten().copied())
     }
 
-    /// Removes the message returned by [`Outbox::front`]; returns its kind.
+    /// Removes the first message to send; returns its kind.
     pub fn pop(&mut self) -> Option<MessageKind> {
         match self.control.pop() {
             Some(control) => Some(control.message().kind()),
@@ -141,7 +139,7 @@ mod tests {
             commands.iter().for_each(|command| outbox.push(command).unwrap());
             assert_eq!((outbox.waiting(), outbox.unsent()), (1, 2));
             let last = Transmitter::new(network).frame(&commands[2]).unwrap();
-            assert_eq!(outbox.front().map(|content| content.frame(0)), Some(last));
+            assert_eq!(outbox.contents().next().map(|content| content.frame(0)), Some(last));
             assert_eq!((outbox.pop(), outbox.pop()), (Some(commands[2].kind()), None));
         }
     }

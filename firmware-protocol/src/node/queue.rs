@@ -33,6 +33,9 @@ impl<T, const N: usize> Queue<T, N> {
 
     /// Removes the first item.
     pub fn pop(&mut self) -> Option<T> {
+        if self.is_empty() {
+            return None;
+        }
         let item = self.items.get_mut(self.first)?.take()?;
         self.first = (self.first + 1) % N;
         self.len -= 1;
@@ -42,6 +45,11 @@ impl<T, const N: usize> Queue<T, N> {
     /// The first item.
     pub fn front(&self) -> Option<&T> {
         self.items.get(self.first)?.as_ref()
+    }
+
+    /// All items, the first first.
+    pub fn iter(&self) -> impl Iterator<Item = &T> {
+        (0..self.len).filter_map(|k| self.items[(self.first + k) % N].as_ref())
     }
 
     /// The latest item that matches.

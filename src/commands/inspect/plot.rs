@@ -67,7 +67,7 @@ pub(super) fn figure(recording: &Recording, summary: &RecordingSummary) -> Resul
             }
             Record::Sample(readings) => {
                 let (values, span) = (readings.values(), span(readings.sample));
-                samples.iter_mut().zip(&*values).for_each(|(envelope, value)| envelope.add(span, *value));
+                samples.iter_mut().zip(&values).for_each(|(envelope, value)| envelope.add(span, *value));
             }
             _ => {}
         }

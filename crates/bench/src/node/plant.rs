@@ -411,7 +411,7 @@ impl PlantNode {
 
     /// All frames to send, in their order: [`PlantNode::next_frame`] returns the first, and the second after
     /// [`PlantNode::frame_sent`].
-    pub fn waiting_frames(&self) -> impl Iterator<Item = Frame> + use<> {
+    pub fn waiting_frames(&self) -> impl Iterator<Item = Frame> {
         self.link.waiting_frames()
     }
 

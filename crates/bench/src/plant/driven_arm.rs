@@ -21,6 +21,8 @@ pub(super) struct DrivenArm {
     steps_per_sample: u32,
     filter: Option<Filter>,
     states: Vec<Channel>,
+    /// Point C at rest, m.
+    tip_at_rest_m: Vector2<f64>,
     now: Now,
 }
 
@@ -42,8 +44,6 @@ struct Hold {
     load: Load,
     /// The motion at the end of the last step, if the drive is continuous there.
     end: Option<PointMotion>,
-    /// What the next sample will be.
-    next: Now,
 }
 
 /// Force in the head, N, and accelerations of B and C, m/s², along x and y, at a state of the arm with its attachment;
@@ -72,7 +72,9 @@ impl DrivenArm {
         let is_state = |kind: Kind| kind == Kind::State || (kind == Kind::Internal && shaker.is_some());
         let states = STATES.into_iter().filter(|channel| is_state(channel.kind)).collect();
         let now = Now { state: spec.initial, shaker, sampled: Default::default(), sums: Sums::default() };
-        let mut driven = DrivenArm { arm, integrator, steps_per_sample: spec.steps_per_sample, filter, states, now };
+        let tip_at_rest_m = arm.points(&Vector2::zeros()).c_m;
+        let steps_per_sample = spec.steps_per_sample;
+        let mut driven = DrivenArm { arm, integrator, steps_per_sample, filter, states, tip_at_rest_m, now };
         driven.settle();
         Ok(driven)
     }
@@ -84,8 +86,8 @@ impl DrivenArm {
     }
 
     /// Makes step `part` of a hold.
-    fn step(&self, hold: &mut Hold, part: u32) -> Result<(), IntegrateError> {
-        let Hold { start_s, load, end, next } = hold;
+    fn step(&mut self, hold: &mut Hold, part: u32) -> Result<(), IntegrateError> {
+        let (Hold { start_s, load, end }, next) = (hold, &mut self.now);
         let t_s = *start_s + f64::from(part) * self.integrator.step_s();
         let from = next.state;
         next.state = match &mut next.shaker {
@@ -107,6 +109,23 @@ impl DrivenArm {
                 next.sampled = instant(&self.arm, &next.state, &acting);
             }
             None => {}
+        }
+        Ok(())
+    }
+
+    /// Makes all steps of a hold. After an error the arm is somewhere within it.
+    fn hold(&mut self, start_s: f64, load: Load) -> Result<(), StructureError> {
+        let mut hold = Hold { start_s, load, end: None };
+        for part in 0..self.steps_per_sample {
+            self.step(&mut hold, part)?;
+        }
+        let now = &mut self.now;
+        let exceeded = now.shaker.as_ref().and_then(|shaker| shaker.exceeded(&self.arm, &now.state));
+        if let Some((limit, got, most)) = exceeded {
+            return Err(StructureError::Tripped { limit, got, most });
+        }
+        if self.filter.is_some() {
+            now.sampled = Filter::read(&mut now.sums);
         }
         Ok(())
     }
@@ -134,20 +153,12 @@ impl Structure for DrivenArm {
             return Err(StructureError::Inputs { got: inputs.len(), expected: LOADS.len() });
         };
         let load = Load { torque_nm: Vector2::new(u1, u2), force_n: Vector2::new(fx, fy) };
-        let mut hold = Hold { start_s: time_s, load, end: None, next: self.now };
-        for part in 0..self.steps_per_sample {
-            self.step(&mut hold, part)?;
+        let before = self.now;
+        let held = self.hold(time_s, load);
+        if held.is_err() {
+            self.now = before;
         }
-        let next = &mut hold.next;
-        let exceeded = next.shaker.as_ref().and_then(|shaker| shaker.exceeded(&self.arm, &next.state));
-        if let Some((limit, got, most)) = exceeded {
-            return Err(StructureError::Tripped { limit, got, most });
-        }
-        if self.filter.is_some() {
-            next.sampled = Filter::read(&mut next.sums);
-        }
-        self.now = hold.next;
-        Ok(())
+        held
     }
 
     fn sense(&self, outputs: &mut [f64]) {
@@ -190,10 +201,7 @@ impl Structure for DrivenArm {
     fn travel_m(&self) -> f64 {
         match self.now.shaker {
             Some(_) => self.arm.attachment_motion(&self.now.state).0.abs(),
-            None => {
-                let tip_m = |alpha_rad| self.arm.points(alpha_rad).c_m;
-                (tip_m(&self.now.state.alpha_rad) - tip_m(&Vector2::zeros())).norm()
-            }
+            None => (self.arm.points(&self.now.state.alpha_rad).c_m - self.tip_at_rest_m).norm(),
         }
     }
 

@@ -66,8 +66,8 @@ pub struct PointMotion {
 impl PointMotion {
     /// Of the arm at a state under a load.
     pub(super) fn new(arm: &Arm, state: &State, load: &Load) -> PointMotion {
-        let motion = arm.point_accelerations(state, &arm.acceleration(state, load));
-        PointMotion { velocity_m_s: arm.point_velocities(state), acceleration_m_s2: [motion.b_m_s2, motion.c_m_s2] }
+        let (velocity_m_s, motion) = arm.point_motion(state, load);
+        PointMotion { velocity_m_s, acceleration_m_s2: [motion.b_m_s2, motion.c_m_s2] }
     }
 }
 

@@ -2,7 +2,7 @@
 
 use nalgebra::{Matrix2, Vector2};
 
-use super::{Arm, State};
+use super::{Arm, Load, State};
 
 /// Positions of the points, m.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -44,24 +44,40 @@ impl Arm {
         Matrix2::new(-c.y, -second.y, c.x, second.x)
     }
 
-    /// Velocities of B and C, m/s: a link vector r turning with the rate w has w (−r_y, r_x).
+    /// Velocities of B and C, m/s.
     pub fn point_velocities(&self, state: &State) -> [Vector2<f64>; 2] {
-        let (first, second) = self.links(&state.alpha_rad);
-        let turning = |r: Vector2<f64>, w: f64| Vector2::new(-r.y, r.x) * w;
-        let v = &state.alpha_dot_rad_s;
-        let b_m_s = turning(first, v.x);
-        [b_m_s, b_m_s + turning(second, v.x + v.y)]
+        velocities(self.links(&state.alpha_rad), state)
     }
 
     /// Accelerations of B and C, with the centripetal terms.
-    ///
-    /// A link vector r turning with the rate w and the angular acceleration e adds e (−r_y, r_x) − w² r; link 1 turns
-    /// with α̇1, link 2 with α̇1 + α̇2.
     pub fn point_accelerations(&self, state: &State, acceleration_rad_s2: &Vector2<f64>) -> PointMotion {
-        let (first, second) = self.links(&state.alpha_rad);
-        let turning = |r: Vector2<f64>, w: f64, e: f64| Vector2::new(-r.y, r.x) * e - r * (w * w);
-        let (v, a) = (&state.alpha_dot_rad_s, acceleration_rad_s2);
-        let b_m_s2 = turning(first, v.x, a.x);
-        PointMotion { b_m_s2, c_m_s2: b_m_s2 + turning(second, v.x + v.y, a.x + a.y) }
+        accelerations(self.links(&state.alpha_rad), state, acceleration_rad_s2)
     }
+
+    /// Velocities of B and C, m/s, and their accelerations under a load.
+    pub fn point_motion(&self, state: &State, load: &Load) -> ([Vector2<f64>; 2], PointMotion) {
+        let links = self.links(&state.alpha_rad);
+        (velocities(links, state), accelerations(links, state, &self.acceleration(state, load)))
+    }
+}
+
+/// Velocities of B and C with the links as vectors: r turning with the rate w has w (−r_y, r_x).
+fn velocities((first, second): (Vector2<f64>, Vector2<f64>), state: &State) -> [Vector2<f64>; 2] {
+    let turning = |r: Vector2<f64>, w: f64| Vector2::new(-r.y, r.x) * w;
+    let v = &state.alpha_dot_rad_s;
+    let b_m_s = turning(first, v.x);
+    [b_m_s, b_m_s + turning(second, v.x + v.y)]
+}
+
+/// Accelerations of B and C with the links as vectors: r turning with the rate w and the angular acceleration e adds e
+/// (−r_y, r_x) − w² r; link 1 turns with α̇1, link 2 with α̇1 + α̇2.
+fn accelerations(
+    (first, second): (Vector2<f64>, Vector2<f64>),
+    state: &State,
+    acceleration_rad_s2: &Vector2<f64>,
+) -> PointMotion {
+    let turning = |r: Vector2<f64>, w: f64, e: f64| Vector2::new(-r.y, r.x) * e - r * (w * w);
+    let (v, a) = (&state.alpha_dot_rad_s, acceleration_rad_s2);
+    let b_m_s2 = turning(first, v.x, a.x);
+    PointMotion { b_m_s2, c_m_s2: b_m_s2 + turning(second, v.x + v.y, a.x + a.y) }
 }

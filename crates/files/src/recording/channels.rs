@@ -69,7 +69,7 @@ pub struct Values {
 }
 
 /// The most numbers of a record: all states and loads.
-pub(super) const MOST_NUMBERS: usize = MOST_STATES + LOADS.len();
+const MOST_NUMBERS: usize = MOST_STATES + LOADS.len();
 
 impl Values {
     /// The numbers of these vectors, in order, at most [`MOST_NUMBERS`].

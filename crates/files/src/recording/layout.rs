@@ -13,10 +13,10 @@ use thiserror::Error;
 
 use super::Topic;
 use super::batch::Batch;
-use super::channels::{Channels, MOST_NUMBERS, Values};
+use super::channels::Channels;
 use super::schema::MessageType;
 use super::{Clipped, SampleRecord, StateRecord};
-use resonarm_bench::structure::{Channel, Kind, Point, READINGS, States, known_states};
+use resonarm_bench::structure::{Channel, Kind, LOADS, MOST_STATES, Point, READINGS, States, known_states};
 
 /// Fields of every message.
 const STEP: u32 = 1;
@@ -260,13 +260,12 @@ pub trait Numbers: Copy + core::fmt::Debug + Send + Sync {
 
     /// Index of its sample.
     fn sample(&self) -> u64;
-    /// Its numbers, in the order of the table.
-    fn values(&self) -> Values;
+    /// Its numbers, in the order of the table, vector by vector.
+    fn vectors(&self) -> [&[f64]; 4];
     /// Whether it is the end of a run, or which readings are clipped.
     fn mark(&self) -> u32;
-    /// The record of numbers of which the first `moving` are coordinates and rates; `None` if there are too few, or the
-    /// mark means nothing.
-    fn of(sample: u64, values: &[f64], moving: usize, mark: u32) -> Option<Self>;
+    /// The record of `count` numbers, the first `moving` of them coordinates and rates; `None` if count or mark is wrong.
+    fn of(sample: u64, count: usize, number: impl Fn(usize) -> f64, moving: usize, mark: u32) -> Option<Self>;
 }
 
 impl Numbers for StateRecord {
@@ -276,18 +275,22 @@ impl Numbers for StateRecord {
         self.sample
     }
 
-    fn values(&self) -> Values {
-        StateRecord::values(self)
+    fn vectors(&self) -> [&[f64]; 4] {
+        StateRecord::vectors(self)
     }
 
     fn mark(&self) -> u32 {
         self.is_end.into()
     }
 
-    fn of(sample: u64, values: &[f64], moving: usize, mark: u32) -> Option<StateRecord> {
-        let (moving, rest) = values.split_at_checked(moving)?;
-        let ([e, f, g, h], internal) = rest.split_first_chunk()?;
-        let (states, torque_nm, force_n) = (States::new(moving, internal)?, [*e, *f], [*g, *h]);
+    fn of(sample: u64, count: usize, number: impl Fn(usize) -> f64, moving: usize, mark: u32) -> Option<StateRecord> {
+        let states = count.checked_sub(LOADS.len()).filter(|states| (moving..=MOST_STATES).contains(states))?;
+        let states = States::written(moving, states, |numbers| {
+            let (coordinates, internal) = numbers.split_at_mut(moving);
+            coordinates.iter_mut().enumerate().for_each(|(place, to)| *to = number(place));
+            internal.iter_mut().enumerate().for_each(|(place, to)| *to = number(moving + LOADS.len() + place));
+        });
+        let [torque_nm, force_n] = [0, 2].map(|place| [number(moving + place), number(moving + place + 1)]);
         Some(StateRecord { sample, states, torque_nm, force_n, is_end: mark != 0 })
     }
 }
@@ -299,17 +302,18 @@ impl Numbers for SampleRecord {
         self.sample
     }
 
-    fn values(&self) -> Values {
-        SampleRecord::values(self)
+    fn vectors(&self) -> [&[f64]; 4] {
+        SampleRecord::vectors(self)
     }
 
     fn mark(&self) -> u32 {
         self.clipped.bits()
     }
 
-    fn of(sample: u64, values: &[f64], _moving: usize, mark: u32) -> Option<SampleRecord> {
-        let ([a, b, c, d, e, f], _) = values.split_first_chunk()?;
-        let (acceleration_b_m_s2, acceleration_c_m_s2, head_force_n) = ([*a, *b], [*c, *d], [*e, *f]);
+    fn of(sample: u64, count: usize, number: impl Fn(usize) -> f64, _moving: usize, mark: u32) -> Option<SampleRecord> {
+        count.checked_sub(READINGS.len())?;
+        let [acceleration_b_m_s2, acceleration_c_m_s2, head_force_n] =
+            [0, 2, 4].map(|place| [number(place), number(place + 1)]);
         let clipped = Clipped::from_bits(mark)?;
         Some(SampleRecord { sample, acceleration_b_m_s2, acceleration_c_m_s2, head_force_n, clipped })
     }
@@ -405,7 +409,8 @@ impl<R: Numbers> Batch for NumberBatch<R> {
     }
 
     fn append(&mut self, row: &R) {
-        self.columns.iter_mut().zip(&*row.values()).for_each(|(column, value)| column.push(*value));
+        let values = row.vectors().into_iter().flatten();
+        self.columns.iter_mut().zip(values).for_each(|(column, value)| column.push(*value));
         match Self::IS_STATES {
             true => self.ends = row.mark() != 0,
             false => self.clipped.push(row.mark()),
@@ -426,15 +431,13 @@ impl<R: Numbers> Batch for NumberBatch<R> {
     }
 
     fn row(&self, index: usize) -> Option<R> {
-        let mut values = [0.0; MOST_NUMBERS];
-        for (value, column) in values.iter_mut().zip(&self.columns) {
-            *value = *column.get(index)?;
-        }
+        let (columns, sample) = (&self.columns, self.first_sample.checked_add(index as u64)?);
+        columns.iter().all(|column| index < column.len()).then_some(())?;
         let mark = match Self::IS_STATES {
-            true => u32::from(self.ends && index + 1 == self.columns[0].len()),
+            true => u32::from(self.ends && index + 1 == columns[0].len()),
             false => *self.clipped.get(index)?,
         };
-        R::of(self.first_sample.checked_add(index as u64)?, values.get(..self.columns.len())?, self.layout.moving, mark)
+        R::of(sample, columns.len(), |place| columns[place][index], self.layout.moving, mark)
     }
 }
 

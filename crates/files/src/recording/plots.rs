@@ -48,7 +48,7 @@ impl Plots {
     /// Takes the next state and load. At the end of a run, which has no load, the last one stays.
     pub fn state(&mut self, record: &StateRecord) {
         let channels = self.channels.of(Topic::States);
-        for ((last, channel), value) in self.last.iter_mut().zip(channels).zip(&*record.values()) {
+        for ((last, channel), value) in self.last.iter_mut().zip(channels).zip(record.vectors().into_iter().flatten()) {
             if channel.kind != Kind::Load || !record.is_end {
                 *last = *value;
             }

@@ -54,7 +54,7 @@ impl<Name> Record<Name> {
     pub fn values(&self) -> Values {
         match self {
             Record::State(record) => record.values(),
-            Record::Sample(record) => record.values(),
+            Record::Sample(record) => Values::new(&record.vectors()),
             Record::Frame(_) | Record::Tick(_) | Record::Event(_) => Values::new(&[]),
         }
     }
@@ -88,7 +88,12 @@ impl StateRecord {
 
     /// Its numbers in the order of [`Topic::States`](super::Topic::States).
     pub fn values(&self) -> Values {
-        Values::new(&[self.states.moving(), &self.torque_nm, &self.force_n, self.states.internal()])
+        Values::new(&self.vectors())
+    }
+
+    /// The same, vector by vector.
+    pub(super) fn vectors(&self) -> [&[f64]; 4] {
+        [self.states.moving(), &self.torque_nm, &self.force_n, self.states.internal()]
     }
 
     /// α1, α2 of the arm, rad.
@@ -119,8 +124,14 @@ pub struct SampleRecord {
 
 impl SampleRecord {
     /// Its numbers in the order of [`Topic::Samples`](super::Topic::Samples).
-    pub fn values(&self) -> Values {
-        Values::new(&[&self.acceleration_b_m_s2, &self.acceleration_c_m_s2, &self.head_force_n])
+    pub fn values(&self) -> [f64; 6] {
+        let ([b_x, b_y], [c_x, c_y], [x, y]) = (self.acceleration_b_m_s2, self.acceleration_c_m_s2, self.head_force_n);
+        [b_x, b_y, c_x, c_y, x, y]
+    }
+
+    /// The same, vector by vector.
+    pub(super) fn vectors(&self) -> [&[f64]; 4] {
+        [&self.acceleration_b_m_s2, &self.acceleration_c_m_s2, &self.head_force_n, &[]]
     }
 }
 

@@ -117,7 +117,7 @@ pub(super) fn is_full<Other>(ring: &rtrb::Producer<Slot<Other>>, record: &Record
 pub fn pop<Other, R>(ring: &mut rtrb::Consumer<Slot<Other>>, hand: impl FnOnce(Entry<'_, Other>) -> R) -> Option<R> {
     loop {
         let record = match ring.pop().ok()?.0 {
-            Content::State(head) => Record::State(state(ring, &head)?),
+            Content::State(head) => state(ring, &head)?,
             Content::Sample(sample) => Record::Sample(sample),
             Content::Frame(frame) => Record::Frame(frame),
             Content::Tick(tick) => Record::Tick(tick),
@@ -138,7 +138,7 @@ pub(super) fn pop_record<R>(ring: &mut rtrb::Consumer<Slot>, hand: impl FnOnce(&
     })
 }
 
-fn state<Other>(ring: &mut rtrb::Consumer<Slot<Other>>, head: &Head) -> Option<StateRecord> {
+fn state<Other>(ring: &mut rtrb::Consumer<Slot<Other>>, head: &Head) -> Option<Record> {
     let mut is_whole = true;
     let states = States::written(head.moving.into(), head.count.into(), |numbers| {
         let (begin, rest) = numbers.split_at_mut(FIRST.min(numbers.len()));
@@ -154,7 +154,7 @@ fn state<Other>(ring: &mut rtrb::Consumer<Slot<Other>>, head: &Head) -> Option<S
         return None;
     }
     let Head { sample, torque_nm, force_n, is_end, .. } = *head;
-    Some(StateRecord { sample, states, torque_nm, force_n, is_end })
+    Some(Record::State(StateRecord { sample, states, torque_nm, force_n, is_end }))
 }
 
 #[cfg(test)]

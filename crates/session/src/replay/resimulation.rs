@@ -12,9 +12,9 @@ use resonarm_files::starting_plant::is_recorded;
 use resonarm_scenario::Scenario;
 
 /// Samples that are in memory at a time: some MB.
-const BLOCK: usize = 1 << 14;
+const BLOCK: usize = 1 << 13;
 /// Samples that a core takes at a time: some milliseconds of work.
-const PART: usize = 1 << 11;
+const PART: usize = 1 << 10;
 
 /// Starts from the first recorded state, applies the recorded loads, and compares every state on the way.
 ///
@@ -46,7 +46,8 @@ pub fn resimulate(recording: &Recording) -> Result<Verdict, ReplayError> {
     let fresh = Plant::new(&spec)?;
     let mut plant = plant(&fresh, &spec, &first)?;
     load(&first, &plant)?;
-    let mut block = vec![first];
+    let mut block = Vec::with_capacity(BLOCK + 1);
+    block.push(first);
     loop {
         for record in states.by_ref().take(BLOCK) {
             block.push(record?);

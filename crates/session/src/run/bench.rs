@@ -336,7 +336,7 @@ impl<'a> Bench<'a> {
     pub fn advance(&mut self, now_ns: u64) -> Result<(), RunError> {
         let load = self.node.load();
         self.held = load;
-        let before = self.is_observed().then(|| self.state(&load, false));
+        let before = self.is_observed().then(|| Record::State(self.state(&load, false)));
         if let Err(error) = self.plant.advance(&load) {
             let (code, detail) = match error {
                 PlantError::Tripped { .. } => (EmergencyCode::ExciterTripped, Trip::Shaker as u16),
@@ -347,8 +347,8 @@ impl<'a> Bench<'a> {
             self.node.fault(now_ns, code, detail);
             return Err(RunError::Plant(error));
         }
-        if let Some(before) = before {
-            self.record(&Record::State(before));
+        if let Some(before) = &before {
+            self.record(before);
         }
         Ok(())
     }
