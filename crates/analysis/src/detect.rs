@@ -9,10 +9,10 @@ use alloc::vec::Vec;
 
 use super::adapt::Spectral;
 use super::branch::{Marked, Tracer};
-use super::continuation::{ContinuationSettings, Cut, Point, Slices, System, Work};
+use super::continuation::{ContinuationSettings, Cut, Point, Slices, System, Work, not_located};
 use super::extended::{Singularity, crossing};
 use super::floquet::Stability;
-use super::locate::{COARSE, FINE, branch_point, not_located, null_vector, polish, rejoin, search};
+use super::locate::{COARSE, FINE, branch_point, null_vector, polish, rejoin, search};
 use super::orbit::{Bifurcation, BifurcationKind};
 use super::{AnalysisError, Floquet, ForcedResponse, Oscillator};
 

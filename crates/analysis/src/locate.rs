@@ -3,7 +3,7 @@
 use alloc::vec::Vec;
 
 use super::adapt::Spectral;
-use super::continuation::{Continuation, ContinuationSettings, Cut, Point, Slices, System, Work};
+use super::continuation::{Continuation, ContinuationSettings, Cut, Point, Slices, System, Work, not_located};
 use super::extended::{SingularResponse, Singularity, crossing};
 use super::fourier::zeros;
 use super::{AnalysisError, Coordinate, ForcedResponse, HarmonicBalance, Oscillator};
@@ -67,12 +67,6 @@ pub(super) fn search<S: System>(
         }
     }
     Err(not_located(system, ends))
-}
-
-/// The error that a bifurcation between two points could not be located.
-pub(super) fn not_located(system: &impl System, ends: [&Point; 2]) -> AnalysisError {
-    let [from, to] = ends.map(|end| system.place(end.lambda));
-    AnalysisError::NotLocated { from, to }
 }
 
 /// The solution of the extended system near a point of the branch.

@@ -30,8 +30,8 @@ use core::ops::AddAssign;
 pub use predictor_corrector::Continuation;
 pub(super) use slices::{Cut, Slices, at_parameter};
 
-use super::Place;
 use super::dense::norm;
+use super::{AnalysisError, Place};
 
 pub use super::dense::Determinant;
 
@@ -107,6 +107,12 @@ pub struct Point {
     pub tangent: Vec<f64>,
     /// The bordered determinant: it changes sign at a branch point, and not at a fold.
     pub determinant: Determinant,
+}
+
+/// The error that a bifurcation between two points could not be located.
+pub(super) fn not_located(system: &impl System, ends: [&Point; 2]) -> AnalysisError {
+    let [from, to] = ends.map(|end| system.place(end.lambda));
+    AnalysisError::NotLocated { from, to }
 }
 
 /// The work of a continuation.

@@ -24,9 +24,8 @@ use alloc::boxed::Box;
 use alloc::vec;
 use alloc::vec::Vec;
 
-use crate::continuation::{Continuation, ContinuationSettings, Point, System, Work};
+use crate::continuation::{Continuation, ContinuationSettings, Point, System, Work, not_located};
 use crate::dense::{Lu, dot, normalise};
-use crate::locate::not_located;
 use crate::{AnalysisError, Floquet, ForcedResponse, Oscillator};
 
 /// Steps of differences, relative to X: small against the width of a resonance, large against the rounding of

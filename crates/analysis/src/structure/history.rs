@@ -19,7 +19,7 @@ use alloc::vec::Vec;
 use resonarm_dynamics::structure::{Element, Law};
 use resonarm_numeric::registers::{Task, widest};
 
-use super::samples::Ramp;
+use super::ramp::Ramp;
 
 /// The derivative of a step, and of what counts at its end: `part` (dz as if it were free to move) + `part_velocity`
 /// dv.

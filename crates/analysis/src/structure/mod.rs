@@ -19,6 +19,7 @@ mod linear;
 mod nearest;
 mod orbit;
 mod phase_zero;
+mod ramp;
 mod samples;
 mod spectral;
 pub mod time_domain;

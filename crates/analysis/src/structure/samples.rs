@@ -9,6 +9,7 @@ use resonarm_dynamics::structure::{Element, Law, Linearised, MOST_COORDINATES, M
 
 use super::Forced;
 use super::history::{History, has_history};
+use super::ramp::Ramp;
 use super::unknowns::{Body, Unknowns};
 use crate::fourier::{Basis, Harmonics, uniform};
 
@@ -368,30 +369,5 @@ fn between_samples(element: &Element, [position, velocity]: [f64; 2], step_s: f6
             (reaction, sign * (stiffness * ramp.by_velocity * rate - damping * depth / step_s))
         }
         _ => plain(),
-    }
-}
-
-/// The mean of max(δ + δ̇ t, 0) for |t| < h/2, and its derivatives: with r = |δ̇| h/2 it is (δ + r)²/(4r) for |δ| < r.
-pub(super) struct Ramp {
-    pub mean: f64,
-    pub by_position: f64,
-    pub by_velocity: f64,
-}
-
-impl Ramp {
-    pub fn new(depth: f64, rate: f64, step_s: f64) -> Ramp {
-        let reach = 0.5 * rate.abs() * step_s;
-        if depth <= -reach {
-            return Ramp { mean: 0.0, by_position: 0.0, by_velocity: 0.0 };
-        }
-        if depth >= reach {
-            return Ramp { mean: depth, by_position: 1.0, by_velocity: 0.0 };
-        }
-        let part = 0.5 * (depth + reach) / reach;
-        Ramp {
-            mean: 0.5 * (depth + reach) * part,
-            by_position: part,
-            by_velocity: 0.5 * part * (1.0 - part) * rate.signum() * step_s,
-        }
     }
 }

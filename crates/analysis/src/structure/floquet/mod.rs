@@ -23,6 +23,7 @@ mod modal;
 mod newton;
 mod rows;
 mod sweep;
+mod varied;
 
 use alloc::vec::Vec;
 

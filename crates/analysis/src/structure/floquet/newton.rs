@@ -9,7 +9,7 @@ use alloc::vec::Vec;
 
 use nalgebra::Complex;
 
-use super::exponents::{OMITTED, Varied};
+use super::varied::{OMITTED, Varied};
 
 /// Harmonics on either side, at first and at most, in steps of [`Varied::step`].
 const WINDOWS: [usize; 4] = [6, 9, 14, 24];

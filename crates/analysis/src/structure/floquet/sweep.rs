@@ -11,7 +11,7 @@
 
 use nalgebra::Complex;
 
-use super::exponents::{OMITTED, Varied};
+use super::varied::{OMITTED, Varied};
 
 /// The most harmonics on either side, in steps of [`Varied::step`].
 const LARGEST_WINDOW: usize = 12;
