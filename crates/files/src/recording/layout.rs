@@ -264,7 +264,7 @@ pub trait Numbers: Copy + core::fmt::Debug + Send + Sync {
     fn vectors(&self) -> [&[f64]; 4];
     /// Whether it is the end of a run, or which readings are clipped.
     fn mark(&self) -> u32;
-    /// The record of `count` numbers, the first `moving` of them coordinates and rates; `None` if count or mark is wrong.
+    /// The record of `count` numbers, the first `moving` of them coordinates and rates; `None` if one is wrong.
     fn of(sample: u64, count: usize, number: impl Fn(usize) -> f64, moving: usize, mark: u32) -> Option<Self>;
 }
 
