@@ -11,19 +11,17 @@ use resonarm::run::{Mode, Speed};
 use resonarm::scenario::Scenario;
 use resonarm_numeric::number::short;
 
-/// The command line with `[default: …]` after the help of every flag whose default comes from a scenario. If an
-/// embedded scenario can't be read, its command shows no defaults; running the command reports why.
+/// A command, or its subcommands, with `[default: …]` after the help of every flag whose default comes from a scenario.
+/// If an embedded scenario can't be read, its command shows no defaults; running the command reports why.
 pub(crate) fn stated(command: Command) -> Command {
-    command.mut_subcommands(|sub| {
-        if sub.has_subcommands() {
-            return stated(sub);
-        }
-        let all = defaults(sub.get_name()).unwrap_or_default();
-        let ends_by_itself = ["exciter", "fig9"].contains(&sub.get_name());
-        // They refuse it, and say why.
-        let sub = if ends_by_itself { sub.mut_arg("duration_s", |arg| arg.hide(true)) } else { sub };
-        with(sub, &all)
-    })
+    if command.has_subcommands() {
+        return command.mut_subcommands(stated);
+    }
+    let all = defaults(command.get_name()).unwrap_or_default();
+    let ends_by_itself = ["exciter", "fig9"].contains(&command.get_name());
+    // They refuse it, and say why.
+    let command = if ends_by_itself { command.mut_arg("duration_s", |arg| arg.hide(true)) } else { command };
+    with(command, &all)
 }
 
 /// The flags of a command with their defaults.

@@ -67,6 +67,7 @@ struct Cli {
 macro_rules! commands {
     ($($group:literal { $($command:ident in $module:ident $(, reported as $name:literal)?;)* })*) => {
         #[derive(Debug, Subcommand)]
+        #[command(defer = true)]
         enum Command {
             $($($command(commands::$module::$command),)*)*
         }
@@ -74,6 +75,10 @@ macro_rules! commands {
         impl Command {
             /// The groups, each with the variants of its commands, whose names in lower case the user types.
             const GROUPS: &[(&str, &[&str])] = &[$(($group, &[$(stringify!($command)),*])),*];
+
+            /// Adds the arguments of each command, in the order of the variants.
+            const ARGUMENTS: &[fn(clap::Command) -> clap::Command] =
+                &[$($(<commands::$module::$command as clap::Args>::augment_args),*),*];
 
             fn execute(self) -> Result<Verdict, Failure> {
                 match self {
@@ -173,13 +178,71 @@ fn check_arguments<'a>(arguments: impl IntoIterator<Item = &'a str>) -> Result<(
     parse(command_line).map(|_cli| ()).map_err(|error| error.to_string())
 }
 
-/// The command line, with strict numbers, and the defaults in its help.
+/// The command line, whose help lists the commands in groups.
 fn whole() -> clap::Command {
-    first_minute::in_groups(defaults::stated(numbers::strict(Cli::command())), Command::GROUPS)
+    first_minute::in_groups(with_arguments(|_name| true), Command::GROUPS)
 }
 
-fn parse(arguments: impl IntoIterator<Item = impl Into<OsString> + Clone>) -> Result<Cli, clap::Error> {
-    let mut command = whole();
+/// The command line with the arguments of those commands that are wanted: strict numbers, and the defaults in the help.
+/// To make those of all commands takes as long as short work does.
+fn with_arguments(is_wanted: impl Fn(&str) -> bool) -> clap::Command {
+    let command = Cli::command();
+    let names: Vec<String> = command.get_subcommands().map(|sub| sub.get_name().to_owned()).collect();
+    let wanted = names.into_iter().zip(Command::ARGUMENTS).filter(|(name, _)| is_wanted(name));
+    wanted.fold(command, |command, (name, augment)| {
+        // Added now and not by clap, when it needs them.
+        let add = |bare: clap::Command| augment(bare.defer(|command| command));
+        command.mut_subcommand(name, |bare| defaults::stated(numbers::strict(add(bare))))
+    })
+}
+
+/// The command that a command line begins with, after flags that log more.
+fn named(arguments: &[OsString]) -> Option<&str> {
+    let logs_more =
+        |flag: &str| flag == "--verbose" || flag.strip_prefix("-v").is_some_and(|more| more.chars().all(|c| c == 'v'));
+    let mut words = arguments.iter().skip(1).map(|word| word.to_str());
+    let name = words.find(|word| !word.is_some_and(logs_more)).flatten()?;
+    let commands = || Command::GROUPS.iter().flat_map(|(_, commands)| *commands);
+    commands().any(|command| command.to_lowercase() == name).then_some(name)
+}
+
+/// Parses a command line. Only the arguments of its command are made, if it names one.
+fn parse(arguments: impl IntoIterator<Item = impl Into<OsString>>) -> Result<Cli, clap::Error> {
+    let arguments: Vec<OsString> = arguments.into_iter().map(Into::into).collect();
+    let mut command = match named(&arguments) {
+        Some(name) => with_arguments(|command| command == name),
+        None => whole(),
+    };
     let matches = command.try_get_matches_from_mut(arguments)?;
     Cli::from_arg_matches(&matches).map_err(|error| error.format(&mut command))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn leaves(command: &clap::Command, path: Vec<String>) -> Vec<Vec<String>> {
+        let of = |sub: &clap::Command| leaves(sub, [&path[..], &[sub.get_name().to_owned()]].concat());
+        let below: Vec<_> = command.get_subcommands().flat_map(of).collect();
+        if below.is_empty() { vec![path] } else { below }
+    }
+
+    /// The help of every command is the same if only its own arguments are made.
+    #[test]
+    fn a_command_alone_is_that_of_the_whole() {
+        let paths = leaves(&whole(), vec![]);
+        assert!(paths.len() > 35, "{paths:?}");
+        for path in paths {
+            let words =
+                [&[String::from("resonarm"), String::from("-vv")], &path[..], &[String::from("--help")]].concat();
+            let help =
+                |mut command: clap::Command| command.try_get_matches_from_mut(&words).map_err(|help| help.to_string());
+            let name = named(&words.iter().map(OsString::from).collect::<Vec<_>>()).map(String::from);
+            assert_eq!(name.as_ref(), path.first());
+            assert_eq!(help(with_arguments(|command| command == path[0])).err(), help(whole()).err(), "{path:?}");
+        }
+        for words in ["resonarm", "resonarm help run", "resonarm --rate-hz 1 run", "resonarm -x run", "resonarm runs"] {
+            assert_eq!(named(&words.split(' ').map(OsString::from).collect::<Vec<_>>()), None, "{words}");
+        }
+    }
 }

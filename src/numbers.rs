@@ -4,10 +4,10 @@ use core::any::TypeId;
 
 use clap::{Arg, Command};
 
-/// The command line with strict numeric flags: values may be negative, also after a blank, and those of type `f64` must
+/// A command, and its subcommands, with strict numeric flags: values may be negative, also after a blank, and those of type `f64` must
 /// be finite. So `--beta1-deg -1` is an angle, not an unknown flag, and the refusal of `--rate-hz nan` names the flag.
 pub(crate) fn strict(command: Command) -> Command {
-    command.mut_subcommands(|subcommand| strict(subcommand.mut_args(strict_flag)))
+    command.mut_args(strict_flag).mut_subcommands(strict)
 }
 
 fn strict_flag(arg: Arg) -> Arg {
