@@ -183,20 +183,20 @@ fn whole() -> clap::Command {
     first_minute::in_groups(with_arguments(|_name| true), Command::GROUPS)
 }
 
-/// The command line with the arguments of those commands that are wanted: strict numbers, and the defaults in the help.
-/// To make those of all commands takes as long as short work does.
+/// The command line with the arguments of the wanted commands, with strict numbers and the defaults in the help. The
+/// arguments of all commands take milliseconds to make, longer than many commands run.
 fn with_arguments(is_wanted: impl Fn(&str) -> bool) -> clap::Command {
     let command = Cli::command();
     let names: Vec<String> = command.get_subcommands().map(|sub| sub.get_name().to_owned()).collect();
     let wanted = names.into_iter().zip(Command::ARGUMENTS).filter(|(name, _)| is_wanted(name));
     wanted.fold(command, |command, (name, augment)| {
-        // Added now and not by clap, when it needs them.
+        // Here, since clap adds deferred arguments only while it parses.
         let add = |bare: clap::Command| augment(bare.defer(|command| command));
         command.mut_subcommand(name, |bare| defaults::stated(numbers::strict(add(bare))))
     })
 }
 
-/// The command that a command line begins with, after flags that log more.
+/// The command that a command line begins with, after flags for more logging; `None` if anything else comes first.
 fn named(arguments: &[OsString]) -> Option<&str> {
     let logs_more =
         |flag: &str| flag == "--verbose" || flag.strip_prefix("-v").is_some_and(|more| more.chars().all(|c| c == 'v'));

@@ -1,6 +1,7 @@
 """A CANopen master by `canopen`, unmodified: two drives of the arm in the mode cyclic synchronous torque.
 
-As a program it commands sines until it is killed, and prints the positions of each cycle.
+As a program it commands sines until it is killed, and prints the positions of each cycle. It ends if a drive does not
+answer within 5 s: one that starts later than its master, or boots anew, never will.
 """
 
 import math
@@ -13,22 +14,24 @@ from canopen.profiles.p402 import BaseNode402
 
 MODE = "CYCLIC SYNCHRONOUS TORQUE"
 PATIENCE_S = 60
+SINES_PATIENCE_S = 5
 
 
-def patient(node):
+def patient(node, patience_s=PATIENCE_S):
     """The client's own timeouts, which a busy machine exceeds; that of a reset always passes, and stays."""
-    node.sdo.RESPONSE_TIMEOUT = PATIENCE_S
-    node.TIMEOUT_CHECK_TPDO = node.TIMEOUT_SWITCH_STATE_SINGLE = node.TIMEOUT_SWITCH_STATE_FINAL = PATIENCE_S
-    node.TIMEOUT_SWITCH_OP_MODE = PATIENCE_S
+    node.sdo.RESPONSE_TIMEOUT = patience_s
+    node.TIMEOUT_CHECK_TPDO = node.TIMEOUT_SWITCH_STATE_SINGLE = node.TIMEOUT_SWITCH_STATE_FINAL = patience_s
+    node.TIMEOUT_SWITCH_OP_MODE = patience_s
 
 
 class Master:
     """Both drives, each with the data sheet that the program has made of it."""
 
-    def __init__(self, interface, sheets):
+    def __init__(self, interface, sheets, patience_s=PATIENCE_S):
         self.network = canopen.Network()
         self.network.connect(interface="socketcan", channel=interface)
         self.nodes = [self.network.add_node(BaseNode402(number, str(path))) for number, path in sheets.items()]
+        self.patience_s = patience_s
         self.received = threading.Condition()
         self.positions = {}
 
@@ -40,7 +43,7 @@ class Master:
 
     def set_up(self):
         for node in self.nodes:
-            patient(node)
+            patient(node, self.patience_s)
             node.nmt.state = "OPERATIONAL"
             node.setup_402_state_machine()
             node.tpdo[2].add_callback(lambda pdo, node=node: self.arrived(node.id, pdo))
@@ -55,7 +58,7 @@ class Master:
             self.positions[number] = pdo[0x6064].raw
             self.received.notify_all()
 
-    def cycle(self, targets, timeout_s=PATIENCE_S):
+    def cycle(self, targets):
         """Targets by RPDO 1 and a SYNC; the positions that it asks for."""
         with self.received:
             self.positions.clear()
@@ -65,14 +68,14 @@ class Master:
             node.rpdo[1].transmit()
         self.network.sync.transmit()
         with self.received:
-            assert self.received.wait_for(lambda: len(self.positions) == len(self.nodes), timeout_s), self.positions
+            assert self.received.wait_for(lambda: len(self.positions) == len(self.nodes), self.patience_s)
             return [self.positions[node.id] for node in self.nodes]
 
 
 def sines():
     """Commands sines until it is killed."""
     interface, *paths = sys.argv[1:]
-    with Master(interface, dict(enumerate(paths, 1))) as master:
+    with Master(interface, dict(enumerate(paths, 1)), SINES_PATIENCE_S) as master:
         master.set_up()
         master.arm()
         start = time.monotonic()

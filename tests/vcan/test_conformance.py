@@ -65,10 +65,10 @@ def passes_every_case(start, run_out=ended, skipped_too=SKIPPED):
     raise AssertionError(f"{left} are inconclusive {ROUNDS} times: {report}")
 
 
-def judged(start):
+def judged(start, run_out=ended):
     """The verdict on the first case that `start()` runs, and runs again while held-up processes leave it open."""
     for _ in range(ROUNDS):
-        found = ended(start())["cases"][0]
+        found = run_out(start())["cases"][0]
         if found["verdict"] != "inconclusive":
             break
     return found

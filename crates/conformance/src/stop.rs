@@ -1,4 +1,4 @@
-//! Why a case ends early.
+//! The ends of a case before its script is over.
 
 use alloc::format;
 use alloc::string::String;
@@ -6,6 +6,7 @@ use alloc::string::String;
 use super::times::ms;
 use resonarm_bus::BusError;
 
+/// Why a case ends early.
 #[derive(Debug)]
 pub(super) enum Stop {
     /// The node does what it must not. This may be due to a hold-up of the tester.

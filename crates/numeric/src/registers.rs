@@ -27,6 +27,7 @@ pub fn widest<T: Task>(task: T) -> T::Output {
 }
 
 #[cfg(target_arch = "x86_64")]
+#[allow(unsafe_code, reason = "a function compiled for registers that not every processor has")]
 mod x86 {
     use super::Task;
 
@@ -43,9 +44,8 @@ mod x86 {
         avx2_detection::get()
     }
 
-    #[allow(unsafe_code)]
     pub fn with_avx512<T: Task>(task: T) -> T::Output {
-        // SAFETY: `widest` comes here only where the processor says that it has AVX-512 F.
+        // SAFETY: `widest` calls this only if the processor says that it has AVX-512 F.
         unsafe { avx512(task) }
     }
 
@@ -54,9 +54,8 @@ mod x86 {
         task.run()
     }
 
-    #[allow(unsafe_code)]
     pub fn with_avx2<T: Task>(task: T) -> T::Output {
-        // SAFETY: `widest` comes here only where the processor says that it has AVX2.
+        // SAFETY: `widest` calls this only if the processor says that it has AVX2.
         unsafe { avx2(task) }
     }
 

@@ -274,7 +274,8 @@ fn stops_once(t: &mut Tester, state: NodeState) -> Result<(), Stop> {
         return Ok(());
     }
     let from = t.mark();
-    t.run_ns(WATCH_NS / 2)?;
+    // Past the time from which a command is certain, below.
+    t.run_ns(WATCH_NS / 2 + 2 * t.held_up_ns)?;
     let still = || t.heard()[from..].iter().filter(|heard| heard.state == state && has_load(heard, limits));
     let text = |heard: &Heard| {
         let (what, since) = (commanded(heard), ms(heard.at_ns - now_ns));

@@ -10,6 +10,8 @@
 //! ```
 //!
 //! with the sines s and cosines c of θ, and H = L D Lᵀ is factored without roots. q̈_i = φ̈_i − φ̈_{i−1}.
+//!
+//! Arrays are filled by loops: the closures of `array::from_fn` are compiled anew for each N, and the crate a tenth longer.
 
 use alloc::vec::Vec;
 use core::array;
@@ -114,11 +116,11 @@ impl<T: Real, const N: usize> Kernel<T, N> {
     fn moving<const FAR: bool>(&self, motion: &Motion<T, N>) -> Moving<T, N> {
         let angle = summed(&motion.x);
         let mut turn = [Turn::new::<FAR>(angle[0]); N];
+        for (turn, angle) in turn.iter_mut().zip(angle).skip(1) {
+            *turn = Turn::new::<FAR>(angle);
+        }
         let (mut sine, mut cosine) = ([T::splat(0.0); N], [T::splat(0.0); N]);
         for i in 0..N {
-            if i > 0 {
-                turn[i] = Turn::new::<FAR>(angle[i]);
-            }
             (sine[i], cosine[i]) = self.rest[i].turned(turn[i]);
         }
         Moving { turn, sine, cosine, rate: summed(&motion.v) }

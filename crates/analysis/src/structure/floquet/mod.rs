@@ -90,22 +90,17 @@ impl Variations<'_> {
     }
 
     /// Whether all derivatives repeat after half a period.
-    fn repeat(&self) -> bool {
+    fn repeat_after_half(&self) -> bool {
         let half = self.samples.count() / 2;
         let alike = |a: f64, b: f64, size: f64| (a - b).abs() <= REPEATED * size;
-        let signals = self.samples.by.iter().flat_map(|signals| signals.chunks_exact(2 * half));
-        let mut repeating = signals.map(|signal| {
-            let size = signal.iter().fold(0.0_f64, |size, value| size.max(value.abs()));
-            let (first, second) = signal.split_at(half);
-            first.iter().zip(second).all(|(a, b)| alike(*a, *b, size))
-        });
+        let mut signals = self.samples.by.iter().flat_map(|signals| signals.chunks_exact(2 * half));
         let of_state = |at: &StateVariation| [at.by_velocity, at.by_state.unwrap_or(f64::INFINITY), at.force];
         let state_repeats = |state: usize, point: usize| {
             let [a, b] = [point, point + half].map(|point| of_state(&self.state(state, point, 2)));
             a.iter().zip(b).all(|(a, b)| *a == b || alike(*a, b, a.abs()))
         };
         half.is_multiple_of(2)
-            && repeating.all(|repeats| repeats)
+            && signals.all(|signal| repeats_after_half(signal, REPEATED * largest(signal)))
             && (0..self.states.len()).all(|state| (1..half).step_by(2).all(|point| state_repeats(state, point)))
     }
 
@@ -131,6 +126,17 @@ impl Variations<'_> {
         let force = element.force(x, v, z).by_state;
         StateVariation { by_velocity: rate.by_velocity, by_state: Some(rate.by_state), force }
     }
+}
+
+/// The largest magnitude.
+fn largest(signal: &[f64]) -> f64 {
+    signal.iter().fold(0.0, |largest, value| f64::max(largest, value.abs()))
+}
+
+/// Whether the halves of a signal differ nowhere by more than a limit.
+fn repeats_after_half(signal: &[f64], limit: f64) -> bool {
+    let (first, second) = signal.split_at(signal.len() / 2);
+    first.iter().zip(second).all(|(a, b)| (a - b).abs() <= limit)
 }
 
 /// Computes stability, in storage that is kept from motion to motion of one structure.
@@ -188,7 +194,7 @@ fn by_flow(of: &Variations) -> Option<Stability> {
     let Body::Condensed(condensed) = &of.balance.unknowns.body else {
         return extrapolated(|points| chain::flow(of, points), of.balance);
     };
-    if of.balance.forced.assembly().is_smooth() || !of.repeat() {
+    if of.balance.forced.assembly().is_smooth() || !of.repeat_after_half() {
         return extrapolated(|points| modal::flow(of, condensed, [points, 1]), of.balance);
     }
     let half = multipliers(modal::flow(of, condensed, [2, 2])?)?;

@@ -6,7 +6,7 @@ use alloc::vec::Vec;
 use nalgebra::Complex;
 use resonarm_numeric::registers::{Task, widest};
 
-use super::Variations;
+use super::{Variations, largest, repeats_after_half};
 use crate::structure::unknowns::Condensed;
 
 /// Fourier coefficients below this part of the largest are none.
@@ -39,9 +39,8 @@ impl Varied {
         let count = of.samples.count();
         let half = count / 2;
         let signals = [&of.samples.by[0], &of.samples.by[1]];
-        let largest = |signal: &[f64]| signal.iter().fold(0.0_f64, |largest, value| largest.max(value.abs()));
         let limits = signals.map(|signal| NEGLIGIBLE * largest(signal));
-        let repeats = (0..2).all(|d| (0..half).all(|j| (signals[d][j] - signals[d][j + half]).abs() <= limits[d]));
+        let repeats = (0..2).all(|d| repeats_after_half(signals[d], limits[d]));
         let (step, length) = if repeats { (2, half) } else { (1, count) };
         let resonance = |(phi, [omega, zeta]): (&f64, &[f64; 2])| phi * phi / (2.0 * zeta * omega * omega);
         let (cosines, sines) = of.samples.basis.tables(0);
