@@ -201,6 +201,7 @@ def trace_structure(
     range: tuple[bool, float, float],
     at: list[str],
     limits: tuple[int, int, float],
+    stability: bool,
 ) -> TracedStructure: ...
 
 class Scenario:

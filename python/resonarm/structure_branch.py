@@ -41,25 +41,28 @@ class StructureBranch:
     unlocated: tuple[tuple[str, float, float], ...] = ()
     """Bifurcations that were detected between two points and could not be located: kind, and the parameter at both
     points."""
+    stability: bool = True
+    """Whether the stability was computed. If not, `stable` is False in all rows, and bifurcations are folds alone."""
 
     def __repr__(self) -> str:
-        unstable = int(np.count_nonzero(~self.points["stable"]))
+        unstable = f"{np.count_nonzero(~self.points['stable'])} of them not stable"
         kinds, counts = np.unique(self.bifurcations["kind"], return_counts=True)
         found = ", ".join(f"{count} × {kind}" for kind, count in zip(kinds, counts, strict=True))
         of = f"<StructureBranch in {self.parameter}, driven at {self.drive}: {len(self.points)} motions"
-        of += f", {unstable} of them not stable"
+        of += f", {unstable if self.stability else 'stability not computed'}"
         return f"{of}; {found}>" if found else f"{of}>"
 
     def plot(self, ax: Any = None, *, at: str | None = None) -> Any:
         """Draws the largest displacement of a degree of freedom, by default the first that is read, over the parameter:
-        stable motions as lines, others dashed, bifurcations as markers. `ax` are matplotlib's axes, by default the
-        current ones; they are returned."""
+        stable motions as lines, others dashed, all as lines if the stability was not computed, bifurcations as markers.
+        `ax` are matplotlib's axes, by default the current ones; they are returned."""
         at = self.at[0] if at is None else at
         if at not in self.at:
             raise ValueError(f"at is {at!r}: the branch is read at {', '.join(self.at)}")
         ax, prefix = _extras.axes(ax), f"{at.replace('.', '_')}_largest_"
         column = next(name for name in self.points.dtype.names or () if name.startswith(prefix))
-        stretches(ax, self.points["value"], self.points[column], self.points["stable"])
+        solid = self.points["stable"] if self.stability else np.ones(len(self.points), bool)
+        stretches(ax, self.points["value"], self.points[column], solid)
         for kind in np.unique(self.bifurcations["kind"]):
             found = self.bifurcations[self.bifurcations["kind"] == kind]
             ax.plot(found["value"], found[column], "o", markersize=4, label=str(kind))
@@ -94,6 +97,7 @@ def continuation(
     most_harmonics: int = 64,
     most_points: int = 20_000,
     largest_step: float = 0.25,
+    stability: bool = True,
 ) -> StructureBranch:
     """Follows the periodic motions under A·sin(2πft) from `start` to `stop` of a parameter, around folds.
 
@@ -103,6 +107,7 @@ def continuation(
     - `amplitude`: A, if the frequency varies; `frequency_hz`: f, if the amplitude varies.
     - `at`: where the motion is read, by default where it is driven.
     - `most_harmonics` (64), `most_points` (20 000), `largest_step` (0.25, relative to the motion's size).
+    - `stability`: False leaves it out, and with it all bifurcations but folds. Faster, with many modes most.
 
     Raises ValueError for invalid arguments, StructureBranchEndedEarly if the continuation ends before `stop`, with the
     branch up to there.
@@ -119,13 +124,14 @@ def continuation(
         (parameter == "amplitude", start, stop),
         read,
         (most_harmonics, most_points, largest_step),
+        stability,
     )
     form = structure_orbit(units, traced.multipliers)
     points, peaks = view(traced.points, form), view(traced.peaks, form)
     bifurcations = named(traced.kinds, view(traced.bifurcations, form))
     _displacement, unit = structure.units("drive", drive)
     unlocated = tuple(traced.unlocated)
-    branch = StructureBranch(parameter, drive, unit, tuple(read), points, bifurcations, peaks, unlocated)
+    branch = StructureBranch(parameter, drive, unit, tuple(read), points, bifurcations, peaks, unlocated, stability)
     if traced.ended_early is not None:
         raise StructureBranchEndedEarly(traced.ended_early, branch)
     return branch

@@ -3,7 +3,7 @@
 use pyo3::prelude::*;
 use pyo3::types::PyByteArray;
 use resonarm::analysis::EndedEarly;
-use resonarm::analysis::structure::{Branch, Coordinate, Forced, Orbit, Reading, TraceOptions, trace};
+use resonarm::analysis::structure::{Assess, Branch, Coordinate, Forced, Orbit, Reading, TraceOptions, trace};
 
 use crate::errors;
 use crate::rows::Rows;
@@ -24,7 +24,8 @@ pub struct TracedStructure {
 }
 
 /// Follows the motions of a structure under a load (degree of freedom, peak, frequency) in the frequency or the
-/// amplitude from one value to another, read at degrees of freedom, with limits of harmonics, points and step length.
+/// amplitude from one value to another, read at degrees of freedom, with limits of harmonics, points and step length, and
+/// with their stability if that is asked for.
 #[pyfunction]
 pub fn trace_structure(
     py: Python<'_>,
@@ -33,6 +34,7 @@ pub fn trace_structure(
     range: (bool, f64, f64),
     at: Vec<String>,
     limits: (usize, usize, f64),
+    stability: bool,
 ) -> PyResult<TracedStructure> {
     let ((drive, amplitude, frequency_hz), (is_amplitude, start, stop)) = (drive, range);
     let drive = structure.dof("drive", &drive)?;
@@ -44,6 +46,7 @@ pub fn trace_structure(
     options.branch.most_harmonics = most_harmonics;
     options.branch.most_points = most_points;
     options.branch.continuation.largest_step = largest_step;
+    options.assess = if stability { Assess::Multipliers } else { Assess::Nothing };
     match py.detach(|| trace(&forced, frequency_hz, coordinate, &options)) {
         Ok(branch) => TracedStructure::new(py, &branch, None),
         Err(EndedEarly { reason, so_far }) if so_far.orbits.is_empty() => Err(errors::analysis(reason)),

@@ -8,6 +8,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 import pyuff
+from matplotlib.figure import Figure
 from planar_chain import runge_kutta
 
 import resonarm
@@ -87,6 +88,21 @@ def test_a_hardening_branch_has_the_amplitudes_of_settled_motions():
     last = branch.peaks["tip_x_largest_m"][0]
     assert last > branch.points["tip_x_largest_m"].max() * (1 - 1e-9)
     assert resonarm.Modal(MODES[:1]).simulate(0.01)["q_m_sqrt_kg"].shape == (21, 1)
+
+
+def test_a_branch_without_stability_has_the_same_motions():
+    modal = resonarm.Modal(MODES[:1], elements=[HARDENING])
+    excitation = {"drive": "tip.x", "amplitude": 6.0}
+    whole, bare = (modal.continuation("frequency", 16.0, 30.0, **excitation, stability=on) for on in (True, False))
+    assert (whole.stability, bare.stability) == (True, False)
+    for name in ("value", "tip_x_largest_m", "harmonics"):
+        for rows in ("points", "bifurcations", "peaks"):
+            np.testing.assert_array_equal(getattr(whole, rows)[name], getattr(bare, rows)[name])
+    assert bare.bifurcations["kind"].tolist() == ["fold", "fold"]
+    assert not bare.points["stable"].any() and bare.points["multipliers"].size == 0
+    assert f"{len(bare.points)} motions, stability not computed; 2 × fold" in repr(bare)
+    styles = {line.get_linestyle() for line in bare.plot(Figure().subplots()).lines if line.get_marker() == "None"}
+    assert styles == {"-"}
 
 
 def test_steps_with_too_many_switches_are_reported():

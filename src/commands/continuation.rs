@@ -62,6 +62,9 @@ pub(crate) struct Continue {
     /// Of a structure: where the motion is read, separated by commas [default: where it is driven].
     #[arg(long, value_name = "DOF", value_delimiter = ',', requires = "drive")]
     at: Vec<String>,
+    /// Of a structure: leave out the stability, and with it all bifurcations but folds. Faster, with many modes most.
+    #[arg(long, requires = "drive")]
+    no_stability: bool,
     /// What varies: frequency, amplitude, beta1_deg, beta2_deg, or a parameter of the arm as a scenario calls it.
     #[arg(long, value_name = "NAME", default_value = "frequency")]
     parameter: String,
@@ -320,6 +323,7 @@ impl Continue {
             coordinate,
             ends: [from, to],
             at: &self.at,
+            assess: if self.no_stability { structure::Assess::Nothing } else { structure::Assess::Multipliers },
             settings: &|options| self.walk.options(options),
             plot: self.plot.as_deref(),
             json: self.json,

@@ -15,7 +15,7 @@ use crate::output::{self, JsonFlag};
 use crate::progress::timed;
 use resonarm::analysis::BranchOptions;
 use resonarm::analysis::structure::{
-    Bifurcation, Branch, Coordinate, Forced, Orbit, Reading, TraceOptions, Unlocated, trace,
+    Assess, Bifurcation, Branch, Coordinate, Forced, Orbit, Reading, TraceOptions, Unlocated, trace,
 };
 use resonarm::plant::TestedAssembly;
 use resonarm::scenario::Scenario;
@@ -36,6 +36,8 @@ pub(crate) struct Asked<'a> {
     pub ends: [f64; 2],
     /// Where the motion is read; empty is where it is driven.
     pub at: &'a [String],
+    /// Whether the stability is computed.
+    pub assess: Assess,
     /// Settings of the walk.
     pub settings: &'a dyn Fn(BranchOptions) -> Result<BranchOptions, Failure>,
     /// Where the plot goes.
@@ -65,6 +67,7 @@ pub(crate) fn show(scenario: &Scenario, tested: &TestedAssembly, asked: &Asked<'
     let dofs = read.iter().map(|(dof, _)| *dof).collect();
     let mut options = TraceOptions::new(&forced, asked.coordinate, asked.ends, dofs);
     options.branch = (asked.settings)(options.branch)?;
+    options.assess = asked.assess;
     let mut early = Early::default();
     let (traced, wall_s) = timed(|| trace(&forced, asked.frequency_hz, asked.coordinate, &options));
     let branch = early.keep(asked.coordinate.name(), traced)?;
@@ -72,6 +75,7 @@ pub(crate) fn show(scenario: &Scenario, tested: &TestedAssembly, asked: &Asked<'
     configuration["continue"] = json!({
         "parameter": asked.coordinate.name(), "from": asked.ends[0], "to": asked.ends[1],
         "drive": asked.drive.1, "amplitude": asked.amplitude, "frequency_hz": asked.frequency_hz,
+        "stability": asked.assess == Assess::Multipliers,
     });
     let point = |orbit: &Orbit| point(orbit, &read);
     let document = Document {
@@ -138,6 +142,9 @@ fn unlocated(found: &Unlocated) -> Value {
 /// The bifurcations and peaks.
 fn text(branch: &Branch, asked: &Asked<'_>, read: &Read<'_>, wall_s: f64) -> String {
     let mut text = format!("{} motions in {wall_s:.3} s\n", branch.orbits.len());
+    if asked.assess == Assess::Nothing {
+        text += "stability not computed: bifurcations other than folds are not found\n";
+    }
     let unit = match asked.coordinate {
         Coordinate::FrequencyHz => "Hz",
         Coordinate::Amplitude => load_unit(asked.drive.0),
@@ -199,7 +206,11 @@ fn figure(branch: &Branch, asked: &Asked<'_>, read: &Read<'_>, label: &str) -> F
         Coordinate::FrequencyHz => format!("{} {} at {name}", asked.amplitude, load_unit(drive)),
         Coordinate::Amplitude => format!("{} Hz at {name}", asked.frequency_hz),
     };
-    Figure::new("Periodic motions").subtitle(format!("{label}, {load}")).with(panel)
+    let assessed = match asked.assess {
+        Assess::Multipliers => "",
+        Assess::Nothing => ", stability not computed",
+    };
+    Figure::new("Periodic motions").subtitle(format!("{label}, {load}{assessed}")).with(panel)
 }
 
 /// A branch in a panel: the largest displacement of a degree of freedom by its number among those read.

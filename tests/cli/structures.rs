@@ -423,6 +423,36 @@ fn sweeps_and_basins_of_structures() {
     assert!(read("basins.svg").contains("dq₁/dt (m·√kg/s)"));
 }
 
+/// Without stability the motions, peaks and folds are the same.
+#[test]
+fn a_branch_without_stability() {
+    let folder = oscillator();
+    let all = "--drive tip.x --amplitude 5 --from-hz 9 --to-hz 13";
+    let [whole, bare] = ["--json", "--json --no-stability"]
+        .map(|more| document(folder.path(), 0, &on_oscillator("continue", &format!("{all} {more}"))));
+    assert_eq!(bare["configuration"]["continue"]["stability"], false);
+    let without = |list: &Value| {
+        let mut list = list.as_array().unwrap().clone();
+        for point in &mut list {
+            (point["stable"], point["multipliers"]) = (Value::Null, Value::Null);
+        }
+        list
+    };
+    for key in ["points", "bifurcations", "peaks"] {
+        assert_eq!(bare[key].as_array().unwrap(), &without(&whole[key]), "{key}");
+    }
+    assert!(whole["points"].as_array().unwrap().iter().all(|point| point["stable"].is_boolean()));
+    assert_eq!(whole["bifurcations"].as_array().unwrap().len(), 2);
+    let shown = resonarm(folder.path(), &on_oscillator("continue", &format!("{all} --no-stability"))).stdout;
+    let lines: Vec<&str> = shown.lines().skip(1).collect();
+    insta::assert_snapshot!(lines.join("\n"), @"
+    stability not computed: bifurcations other than folds are not found
+    fold at 11.2802890 Hz: tip.x 1.870850e-2 m
+    fold at 10.8842870 Hz: tip.x 9.901828e-3 m
+    largest motion of tip.x at 11.2570627 Hz: tip.x 1.890093e-2 m
+    ");
+}
+
 /// What the commands ask for, and what has no meaning for a structure, or for the arm.
 #[test]
 fn analyses_of_structures_refuse_in_words() {
