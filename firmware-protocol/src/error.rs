@@ -183,11 +183,6 @@ impl DecodeError {
             | DecodeError::UnknownValue { kind, .. } => kind,
         }
     }
-
-    /// Whether the E2E protection refused the frame (CRC or counter), rather than its form or content.
-    pub const fn is_e2e(&self) -> bool {
-        matches!(self, DecodeError::Crc { .. } | DecodeError::Counter { .. })
-    }
 }
 
 impl fmt::Display for DecodeError {

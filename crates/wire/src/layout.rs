@@ -368,11 +368,6 @@ impl Bits {
         self.0.get(byte).copied().unwrap_or(0)
     }
 
-    /// Those of either set.
-    pub fn union(&self, other: &Bits) -> Bits {
-        Bits(core::array::from_fn(|byte| self.0[byte] | other.0[byte]))
-    }
-
     /// The bit of least number that is in both sets.
     pub fn first_common(&self, other: &Bits) -> Option<u16> {
         let common = |byte: usize| self.0[byte] & other.0[byte];

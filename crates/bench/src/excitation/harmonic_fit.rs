@@ -24,8 +24,6 @@ pub struct HarmonicFit<const N: usize, const P: usize> {
     /// The sums of a channel that lacks samples.
     own_normals: [Option<SMatrix<f64, P, P>>; N],
     moments: [SVector<f64, P>; N],
-    /// Σ w y².
-    squares: [f64; N],
 }
 
 impl<const N: usize, const P: usize> HarmonicFit<N, P> {
@@ -36,7 +34,6 @@ impl<const N: usize, const P: usize> HarmonicFit<N, P> {
             normal: SMatrix::zeros(),
             own_normals: [None; N],
             moments: [SVector::zeros(); N],
-            squares: [0.0; N],
         }
     }
 
@@ -62,7 +59,6 @@ impl<const N: usize, const P: usize> HarmonicFit<N, P> {
                 *own_normal += square;
             }
             self.moments[channel] += basis * (weight * value);
-            self.squares[channel] += weight * value * value;
         }
         self.normal += square;
     }
@@ -86,13 +82,6 @@ impl<const N: usize, const P: usize> HarmonicFit<N, P> {
             *harmonics = core::array::from_fn(|index| phasor(&x, index + 1));
         }
         Some(all)
-    }
-
-    /// The root mean square of the residual of a channel: √((Σ w y² − xᵀ Σ w y p)/Σ w).
-    pub fn residual_rms(&self, channel: usize) -> Option<f64> {
-        let (normal, moment) = (self.normal(channel), &self.moments[channel]);
-        let x = normal.cholesky()?.solve(moment);
-        Some(libm::sqrt(((self.squares[channel] - x.dot(moment)) / normal[(0, 0)]).max(0.0)))
     }
 }
 

@@ -377,12 +377,8 @@ impl Assembly {
         }
     }
 
-    /// Writes q̈ of a motion under generalised forces, without the elements.
-    pub fn accelerate(&self, q: &[f64], v: &[f64], force: &[f64], out: &mut [f64]) {
-        self.accelerate_with(q, v, force, None, out);
-    }
-
-    /// The same with M + m wwᵀ in place of M, m and w being `added`.
+    /// Writes q̈ of a motion under generalised forces, without the elements; with M + m wwᵀ in place of M, if m and w are
+    /// `added`.
     pub(super) fn accelerate_with(
         &self,
         q: &[f64],
