@@ -85,6 +85,10 @@ impl Recorder {
         let (ring, records) = rtrb::RingBuffer::new(capacity.max(MOST_SLOTS));
         let lost = Arc::new(AtomicU64::new(0));
         let source = Source::new(name.to_string(), records, Arc::clone(&lost));
+        // The thread that has failed may not have ended yet, and still be sent to.
+        if self.has_failed() {
+            return Err(self.shared.error());
+        }
         match (&self.thread, self.control.send(Control::Open(source))) {
             (Some(thread), Ok(())) => {
                 Ok(Channel { ring, lost, shared: Arc::clone(&self.shared), writer: thread.thread().clone() })
