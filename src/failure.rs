@@ -153,11 +153,30 @@ impl Failure {
             Failure::Paper(PaperError::Settings(_) | PaperError::Measured(_) | PaperError::Arm(_)) => Exit::Usage,
             Failure::Paper(_) => Exit::Negative,
             Failure::Study(StudyError::Journal(error)) => journal(error),
+            Failure::Write { source, .. }
+            | Failure::Export(ExportError::Write { source, .. })
+            | Failure::Plot(PlotError::Write { source, .. })
+            | Failure::Fmu(resonarm_fmu::export::ExportError::Write { source, .. }) => written(source),
             #[cfg(feature = "live")]
             Failure::Live(error) => live(error),
             Failure::Output(_) | Failure::Start { .. } | Failure::Panic(_) | Failure::Json(_) => Exit::Environment,
             _ => Exit::Usage,
         }
+    }
+}
+
+/// A file that can't be written: a place that isn't there is a wrong request.
+fn written(error: &io::Error) -> Exit {
+    match error.kind() {
+        io::ErrorKind::NotFound
+        | io::ErrorKind::NotADirectory
+        | io::ErrorKind::IsADirectory
+        | io::ErrorKind::AlreadyExists
+        | io::ErrorKind::InvalidInput
+        | io::ErrorKind::InvalidFilename
+        // A file of another kind is there.
+        | io::ErrorKind::Other => Exit::Usage,
+        _ => Exit::Environment,
     }
 }
 
@@ -217,6 +236,7 @@ fn journal(error: &JournalError) -> Exit {
 
 fn recording(error: &RecordingError) -> Exit {
     match error {
+        RecordingError::Create { source, .. } => written(source),
         RecordingError::Write { .. } | RecordingError::WriterDied { .. } | RecordingError::Gone { .. } => {
             Exit::Environment
         }

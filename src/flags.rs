@@ -135,6 +135,22 @@ impl ThreadFlags {
 }
 
 impl ArmFlags {
+    /// Refuses the arm's flags for a structure without an arm.
+    fn refuse_for(&self, scenario: &Scenario) -> Result<(), Failure> {
+        let kind = scenario.structure.as_ref().map_or("arm", |section| section.kind.name());
+        let given = [
+            ("--preset", self.preset.is_some()),
+            ("--beta1-deg", self.beta1_deg.is_some()),
+            ("--beta2-deg", self.beta2_deg.is_some()),
+        ];
+        match given.into_iter().find(|(_, is_given)| *is_given && kind != "arm") {
+            Some((flag, _)) => Err(Failure::usage(format!(
+                "{flag} is for the two-link arm, and the scenario's [structure] is of the kind {kind}: leave it out"
+            ))),
+            None => Ok(()),
+        }
+    }
+
     /// The scenario of the file, or the usual one, with the flags applied.
     pub fn scenario(&self) -> Result<Scenario, Failure> {
         self.scenario_or(|| Ok(Scenario::default()))
@@ -146,6 +162,7 @@ impl ArmFlags {
             Some(path) => Scenario::read(path)?,
             None => default()?,
         };
+        self.refuse_for(&scenario)?;
         let arm = &mut scenario.arm;
         if let Some(preset) = &self.preset {
             arm.preset.clone_from(preset);

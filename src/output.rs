@@ -11,6 +11,7 @@ use clap::Args;
 use serde::Serialize;
 
 use crate::failure::{Failure, Verdict};
+use resonarm::write_whole;
 use resonarm_figures::plot::{Figure, beside};
 
 /// Writes text to standard output, with its control characters escaped.
@@ -93,9 +94,9 @@ fn escape(text: &str, is_wanted: impl Fn(char) -> bool, escaped: impl Fn(char) -
     text.chars().map(letter).collect()
 }
 
-/// Writes a text file, replacing an existing one, and returns its path.
+/// Writes a text file, replacing an existing one when the new one is whole, and returns its path.
 pub(crate) fn write(path: PathBuf, text: &str) -> Result<PathBuf, Failure> {
-    match std::fs::write(&path, text) {
+    match write_whole(&path, text.as_bytes()) {
         Ok(()) => Ok(path),
         Err(source) => Err(Failure::Write { path, source }),
     }

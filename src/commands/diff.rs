@@ -17,6 +17,9 @@ use resonarm_numeric::number::short;
 const PARTS: [RecordingPart; 4] =
     [RecordingPart::States, RecordingPart::Samples, RecordingPart::Frames, RecordingPart::Events];
 
+/// What is compared if nothing else is asked for.
+const DEFAULT: [RecordingPart; 2] = [RecordingPart::States, RecordingPart::Samples];
+
 /// Compares two recordings sample by sample: exit code 1 if their records differ beyond the tolerance. Differences in
 /// their configuration are listed, too.
 #[derive(Debug, Args)]
@@ -29,8 +32,9 @@ pub(crate) struct Diff {
     /// The second recording, B.
     #[arg(value_name = "B")]
     b: PathBuf,
-    /// Which records, separated by commas: states, samples, frames, events.
-    #[arg(long, value_name = "PARTS", value_delimiter = ',', value_parser = flags::one_of(PARTS, RecordingPart::name), default_value = "states,samples")]
+    /// Which records, separated by commas: states, samples, frames, events [default: states,samples, or frames if
+    /// neither recording has those].
+    #[arg(long, value_name = "PARTS", value_delimiter = ',', value_parser = flags::one_of(PARTS, RecordingPart::name))]
     parts: Vec<RecordingPart>,
     /// How much a channel may differ, relative to its largest magnitude in A; at 0 every bit counts.
     #[arg(long, value_name = "X", default_value_t = 0.0)]
@@ -52,11 +56,30 @@ impl Diff {
             (None, None) => 0..=u64::MAX,
             (from_s, to_s) => samples(&a, from_s, to_s)?,
         };
-        let options = DiffOptions { parts: self.parts.clone(), tolerance: self.tolerance, samples };
-        let difference = diff(&a, &b, &options)?;
+        let compare = |parts: &[RecordingPart]| {
+            diff(&a, &b, &DiffOptions { parts: parts.to_vec(), tolerance: self.tolerance, samples: samples.clone() })
+        };
+        let mut difference = compare(if self.parts.is_empty() { &DEFAULT } else { &self.parts })?;
+        if self.parts.is_empty() && is_empty(&difference) {
+            difference = compare(&[RecordingPart::Frames])?;
+        }
+        if is_empty(&difference) {
+            let parts: Vec<_> = difference.parts.iter().map(|part| part.part).collect();
+            let range = if (self.range.from_s, self.range.to_s) == (None, None) { "" } else { " in this range" };
+            let parts = parts.join(", ");
+            return Err(Failure::usage(format!(
+                "nothing to compare: neither recording has {parts}{range}; --parts names others, of {}",
+                PARTS.map(RecordingPart::name).join(", ")
+            )));
+        }
         self.json.show(&difference, || text(&difference), &[])?;
         Ok(Verdict::of(difference.same))
     }
+}
+
+/// Whether neither recording has such records.
+fn is_empty(difference: &Difference) -> bool {
+    difference.parts.iter().all(|part| part.compared == 0 && part.only_in_a == 0 && part.only_in_b == 0)
 }
 
 fn text(difference: &Difference) -> String {

@@ -49,10 +49,8 @@ impl Quickstart {
     pub fn execute(&self) -> Result<Verdict, Failure> {
         self.refuse_what_is_there()?;
         let files = all_files();
-        for (path, text) in &files {
-            write(&self.folder.join(path), text)?;
-        }
-        make_executable(&self.folder.join(BUS))?;
+        let written = files.iter().try_for_each(|(path, text)| write(&self.folder.join(path), text));
+        written.and_then(|()| make_executable(&self.folder.join(BUS))).inspect_err(|_| self.undo(&files))?;
         let files = files.into_iter().map(|(path, _)| path).collect();
         let document = Document { folder: self.folder.clone(), files };
         let text = || {
@@ -62,6 +60,16 @@ impl Quickstart {
             )
         };
         self.json.show(&document, text, &[])
+    }
+
+    /// Removes what was written, so that the same call can be made again.
+    fn undo(&self, files: &[(PathBuf, String)]) {
+        for (path, _) in files {
+            let _may_be_missing = fs::remove_file(self.folder.join(path));
+            for folder in path.ancestors().skip(1).filter(|folder| !folder.as_os_str().is_empty()) {
+                let _may_be_in_use = fs::remove_dir(self.folder.join(folder));
+            }
+        }
     }
 
     fn refuse_what_is_there(&self) -> Result<(), Failure> {

@@ -7,12 +7,12 @@ use clap::Args;
 use crate::failure::{Failure, Verdict};
 use crate::output::JsonFlag;
 use crate::recordings::integrity_note;
-use resonarm::recording::{Recording, build_info};
+use resonarm::recording::{Integrity, Recording, build_info};
 use resonarm::replay::{self, ReadingsVerdict, resimulate, resimulate_readings};
 use serde::Serialize;
 
 /// Simulates a recorded run again from its recorded loads and says whether every state is identical (if not, or if the
-/// recording is damaged, exit code 1).
+/// recording is not whole, exit code 1).
 #[derive(Debug, Args)]
 pub(crate) struct Resim {
     /// The recording, an MCAP file.
@@ -38,10 +38,11 @@ impl Resim {
         }
         let states = resimulate(&recording)?;
         let readings = self.readings.then(|| resimulate_readings(&recording)).transpose()?;
+        let is_whole = states.integrity == Integrity::Complete;
         let identical = states.identical && readings.as_ref().is_none_or(|readings| readings.identical);
         let document = Document { states, readings };
         self.json.show(&document, || text(&document), &[])?;
-        Ok(Verdict::of(identical))
+        Ok(Verdict::of(identical && is_whole))
     }
 }
 

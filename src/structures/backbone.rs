@@ -6,7 +6,7 @@ use serde::Serialize;
 use serde_json::{Value, json};
 
 use super::continuation::{amplitude, readings, table as response_table, with_branch};
-use super::{COLORS, Read, displacement_unit, label, load_unit, read};
+use super::{Read, displacement_panels, displacement_unit, label, load_unit, read};
 use crate::configuration;
 use crate::ended_early::Early;
 use crate::failure::{Failure, Verdict};
@@ -19,7 +19,7 @@ use resonarm::analysis::{Bending, BranchOptions};
 use resonarm::plant::TestedAssembly;
 use resonarm::scenario::Scenario;
 use resonarm::structure::Dof;
-use resonarm_figures::plot::{Axis, Dash, Figure, Panel, Series, Style, beside};
+use resonarm_figures::plot::{Dash, Figure, Series, Style, beside};
 
 /// Largest step of a drawn curve, as a fraction of the motion's size.
 const SMOOTH_STEP: f64 = 0.05;
@@ -244,22 +244,21 @@ impl Asked<'_> {
     }
 
     fn figure(&self, curve: &Backbone, response: Option<&Branch>, read: &Read<'_>, label: &str) -> Figure {
-        let unit = read.first().map_or("m", |(dof, _)| displacement_unit(*dof));
-        let mut panel =
-            Panel::new(Axis::linear("frequency (Hz)"), Axis::linear(format!("largest displacement ({unit})")));
         let kind = if self.undamped { "nonlinear normal mode" } else { "phase quadrature" };
-        for (index, ((_, name), color)) in read.iter().zip(COLORS.into_iter().cycle()).enumerate() {
-            if let Some(response) = response {
-                panel = with_branch(panel, response, index, name, color);
-            }
+        let panels = displacement_panels("frequency (Hz)", read, |panel, index, name, color| {
+            let panel = match response {
+                Some(response) => with_branch(panel, response, index, name, color),
+                None => panel,
+            };
             let points = curve.points.iter().map(|motion| (motion.frequency_hz, motion.readings[index].largest));
             let style = Style::Line { color, width: 1.2, dash: Dash::Chain };
-            panel = panel.with(Series::line(format!("{name}, {kind}"), color, points.collect()).style(style));
-        }
+            panel.with(Series::line(format!("{name}, {kind}"), color, points.collect()).style(style))
+        });
         let with = self.amplitude.filter(|_| response.is_some()).map_or(String::new(), |amplitude| {
             format!(", response to {amplitude} {} at {}", load_unit(self.drive.0), self.drive.1)
         });
-        Figure::new(format!("Backbone of mode {}", self.mode)).subtitle(format!("{label}{with}")).with(panel)
+        let figure = Figure::new(format!("Backbone of mode {}", self.mode)).subtitle(format!("{label}{with}"));
+        panels.into_iter().fold(figure, Figure::with)
     }
 }
 

@@ -6,7 +6,7 @@ use nalgebra::Complex;
 use serde::Serialize;
 use serde_json::{Value, json};
 
-use super::{COLORS, Read, displacement_unit, label, load_unit, read};
+use super::{Read, displacement_panels, displacement_unit, label, load_unit, read};
 use crate::configuration;
 use crate::ended_early::Early;
 use crate::failure::{Failure, Verdict};
@@ -20,7 +20,7 @@ use resonarm::analysis::structure::{
 use resonarm::plant::TestedAssembly;
 use resonarm::scenario::Scenario;
 use resonarm::structure::Dof;
-use resonarm_figures::plot::{Axis, Color, Dash, Figure, Panel, Series, Style};
+use resonarm_figures::plot::{Color, Dash, Figure, Panel, Series, Style};
 
 /// What is asked for.
 pub(crate) struct Asked<'a> {
@@ -54,8 +54,11 @@ struct Document {
     bifurcations: Vec<Value>,
     /// Those that were detected between two points and could not be located.
     unlocated: Vec<Value>,
-    /// For each degree of freedom that is read, the motion with the largest displacement.
+    /// For each degree of freedom that is read, the motion with the largest displacement, and whether it is at an end of
+    /// the branch.
     peaks: Vec<Value>,
+    #[serde(skip_serializing_if = "Option::is_none")]
+    ended_early: Option<Value>,
     wall_s: f64,
 }
 
@@ -84,7 +87,8 @@ pub(crate) fn show(scenario: &Scenario, tested: &TestedAssembly, asked: &Asked<'
         points: branch.orbits.iter().map(point).collect(),
         bifurcations: branch.bifurcations.iter().map(|found| bifurcation(found, &read)).collect(),
         unlocated: branch.unlocated.iter().map(unlocated).collect(),
-        peaks: branch.peaks.iter().map(point).collect(),
+        peaks: branch.peaks.iter().zip(&read).map(|(orbit, of)| peak(&branch, orbit, of, &read)).collect(),
+        ended_early: early.document(),
         wall_s,
     };
     let drawn = || (figure(&branch, asked, &read, &label(scenario, tested)), table(&branch, &read));
@@ -135,6 +139,20 @@ fn bifurcation(found: &Bifurcation, read: &Read<'_>) -> Value {
     value
 }
 
+/// The largest motion of a degree of freedom.
+fn peak(branch: &Branch, orbit: &Orbit, (_, name): &(Dof, &str), read: &Read<'_>) -> Value {
+    let mut value = point(orbit, read);
+    value["at"] = json!(name);
+    value["at_end"] = json!(is_at_end(branch, orbit));
+    value
+}
+
+/// Whether a motion is the first or the last of the branch, so that beyond it there may be larger ones.
+fn is_at_end(branch: &Branch, orbit: &Orbit) -> bool {
+    let ends = [branch.orbits.first(), branch.orbits.last()];
+    ends.into_iter().flatten().any(|end| end.arclength == orbit.arclength)
+}
+
 fn unlocated(found: &Unlocated) -> Value {
     json!({ "kind": found.kind.name(), "between": found.between, "index": found.index })
 }
@@ -166,7 +184,8 @@ fn text(branch: &Branch, asked: &Asked<'_>, read: &Read<'_>, wall_s: f64) -> Str
         );
     }
     for (orbit, (_, name)) in branch.peaks.iter().zip(read) {
-        text += &format!("largest motion of {name} at {:.7} {unit}: {}\n", orbit.value, readings(orbit));
+        let end = if is_at_end(branch, orbit) { ", an end of the branch" } else { "" };
+        text += &format!("largest motion of {name} at {:.7} {unit}{end}: {}\n", orbit.value, readings(orbit));
     }
     text
 }
@@ -197,11 +216,8 @@ fn figure(branch: &Branch, asked: &Asked<'_>, read: &Read<'_>, label: &str) -> F
         Coordinate::FrequencyHz => String::from("excitation frequency (Hz)"),
         Coordinate::Amplitude => format!("load at {name} ({})", load_unit(drive)),
     };
-    let unit = read.first().map_or("m", |(dof, _)| displacement_unit(*dof));
-    let mut panel = Panel::new(Axis::linear(x), Axis::linear(format!("largest displacement ({unit})")));
-    for (index, ((_, name), color)) in read.iter().zip(COLORS.into_iter().cycle()).enumerate() {
-        panel = with_branch(panel, branch, index, name, color);
-    }
+    let panels =
+        displacement_panels(&x, read, |panel, index, name, color| with_branch(panel, branch, index, name, color));
     let load = match asked.coordinate {
         Coordinate::FrequencyHz => format!("{} {} at {name}", asked.amplitude, load_unit(drive)),
         Coordinate::Amplitude => format!("{} Hz at {name}", asked.frequency_hz),
@@ -210,7 +226,8 @@ fn figure(branch: &Branch, asked: &Asked<'_>, read: &Read<'_>, label: &str) -> F
         Assess::Multipliers => "",
         Assess::Nothing => ", stability not computed",
     };
-    Figure::new("Periodic motions").subtitle(format!("{label}, {load}{assessed}")).with(panel)
+    let figure = Figure::new("Periodic motions").subtitle(format!("{label}, {load}{assessed}"));
+    panels.into_iter().fold(figure, Figure::with)
 }
 
 /// A branch in a panel: the largest displacement of a degree of freedom by its number among those read.

@@ -63,6 +63,12 @@ pub(crate) fn show(scenario: &Scenario, tested: &TestedAssembly, asked: Asked<'_
         frequency_hz: asked.frequency_hz.clone(),
         responses: curves(&asked, assembly, drive)?,
     };
+    let is_still = document.responses.iter().all(|curve| curve.value.iter().all(|z| *z == [0.0; 2]));
+    if is_still && asked.plot.is_some() {
+        let at: Vec<_> = document.responses.iter().map(|curve| curve.response).collect();
+        let (drive, at) = (asked.drive, at.join(", "));
+        return Err(Failure::usage(format!("there is nothing to plot: a load at {drive} moves nothing at {at}")));
+    }
     let drawn = || (figure(&document, &label(scenario, tested)), table(&document));
     let files = output::plot(asked.plot, &document, drawn)?;
     let text = || if files.is_empty() { table(&document) } else { String::new() };
@@ -95,12 +101,11 @@ fn table(document: &Document<'_>) -> String {
     csv(&document.frequency_hz, &document.responses.iter().map(curve).collect::<Vec<_>>())
 }
 
-/// Moduli above phases.
+/// Moduli, a panel for each unit, above phases.
 fn figure(document: &Document<'_>, label: &str) -> Figure {
     const COLORS: [Color; 4] = [Color::Black, Color::Blue, Color::Vermillion, Color::Orange];
     let x = || Axis::linear("frequency (Hz)");
-    let unit = document.responses.first().map_or("", |curve| curve.unit.as_str());
-    let mut modulus = Panel::new(x(), Axis::log(format!("{} ({unit})", document.quantity)));
+    let mut moduli: Vec<(&str, Panel)> = Vec::new();
     let mut phase = Panel::new(x(), Axis::degrees("phase (°)"));
     for (curve, color) in document.responses.iter().zip(COLORS.into_iter().cycle()) {
         let over = |value: &dyn Fn(&[f64; 2]) -> f64| {
@@ -109,9 +114,17 @@ fn figure(document: &Document<'_>, label: &str) -> Figure {
         // Zeros are left out: they have no logarithm.
         let size = |[re, im]: &[f64; 2]| Some(libm::hypot(*re, *im)).filter(|size| *size > 0.0).unwrap_or(f64::NAN);
         let degrees = |[re, im]: &[f64; 2]| libm::atan2(*im, *re).to_degrees();
-        modulus.series.push(Series::line(curve.response, color, over(&size)));
+        let series = Series::line(curve.response, color, over(&size));
+        match moduli.iter_mut().find(|(unit, _)| *unit == curve.unit) {
+            Some((_, modulus)) => modulus.series.push(series),
+            None => {
+                let modulus = Panel::new(x(), Axis::log(format!("{} ({})", document.quantity, curve.unit)));
+                moduli.push((&curve.unit, modulus.with(series)));
+            }
+        }
         let points = broken_at_wraps(over(&degrees));
         phase.series.push(Series::line(curve.response, color, points));
     }
-    Figure::new(format!("Frequency response to a load at {}", document.drive)).subtitle(label).with(modulus).with(phase)
+    let figure = Figure::new(format!("Frequency response to a load at {}", document.drive)).subtitle(label);
+    moduli.into_iter().fold(figure, |figure, (_, modulus)| figure.with(modulus)).with(phase)
 }

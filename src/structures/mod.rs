@@ -16,7 +16,7 @@ use crate::failure::Failure;
 use resonarm::plant::TestedAssembly;
 use resonarm::scenario::{Scenario, StructureSection};
 use resonarm::structure::{Assembly, Dof};
-use resonarm_figures::plot::Color;
+use resonarm_figures::plot::{Axis, Color, Panel};
 use resonarm_numeric::number::short;
 
 /// The excitation of a structure.
@@ -101,6 +101,24 @@ pub(crate) fn load_unit(dof: Dof) -> &'static str {
 /// The unit of a displacement at a degree of freedom.
 pub(crate) fn displacement_unit(dof: Dof) -> &'static str {
     if dof.is_angle() { "rad" } else { "m" }
+}
+
+/// A panel for each unit of what is read, of its largest displacements over `x`; `draw` adds a degree of freedom by its
+/// number among those that are read.
+pub(crate) fn displacement_panels(
+    x: &str,
+    read: &Read<'_>,
+    mut draw: impl FnMut(Panel, usize, &str, Color) -> Panel,
+) -> Vec<Panel> {
+    let unit = |(dof, _): &(Dof, &str)| displacement_unit(*dof);
+    let units: Vec<_> = ["m", "rad"].into_iter().filter(|wanted| read.iter().any(|of| unit(of) == *wanted)).collect();
+    let panel = |wanted: &&str| {
+        let empty = Panel::new(Axis::linear(x), Axis::linear(format!("largest displacement ({wanted})")));
+        let colored = read.iter().zip(COLORS.into_iter().cycle()).enumerate();
+        let of_unit = colored.filter(|(_, (of, _))| unit(of) == *wanted);
+        of_unit.fold(empty, |panel, (index, ((_, name), color))| draw(panel, index, name, color))
+    };
+    units.iter().map(panel).collect()
 }
 
 /// What a structure is called whose equations are somebody else's.

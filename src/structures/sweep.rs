@@ -4,7 +4,7 @@ use serde::Serialize;
 use serde_json::{Value, json};
 
 use super::continuation::{amplitude, readings};
-use super::{COLORS, Read, displacement_unit, label, load_unit};
+use super::{Read, displacement_panels, displacement_unit, label, load_unit};
 use crate::configuration;
 use crate::failure::{Failure, Verdict};
 use crate::motion_flags::{DirectionFlag, MotionFlags, or_empty, periods};
@@ -16,7 +16,7 @@ use resonarm::plant::TestedAssembly;
 use resonarm::scenario::Scenario;
 use resonarm::structure::Dof;
 use resonarm::study::{StructureChains, StructurePoint};
-use resonarm_figures::plot::{Axis, Dash, Figure, Marker, Panel, Series, Style};
+use resonarm_figures::plot::{Color, Dash, Figure, Marker, Panel, Series, Style};
 
 /// What is asked for.
 pub(crate) struct Asked<'a> {
@@ -58,6 +58,28 @@ struct Motion {
     frequency_hz: f64,
     point: StructurePoint,
     readings: Vec<Reading>,
+}
+
+impl SweepDocument {
+    /// Adds the largest displacements of a degree of freedom over the frequency, by its number among those that are read:
+    /// up as circles, down as squares.
+    fn drawn(&self, panel: Panel, index: usize, name: &str, color: Color) -> Panel {
+        let (shape, dash) = match self.direction {
+            Direction::Up => (Marker::Circle, Dash::Solid),
+            Direction::Down => (Marker::Square, Dash::Dashed),
+        };
+        let curve = |settled: Option<bool>| {
+            let wanted = |motion: &&Motion| settled.is_none_or(|settled| motion.point.period.is_some() == settled);
+            let of = |motion: &Motion| (motion.frequency_hz, motion.readings[index].largest);
+            self.motions.iter().filter(wanted).map(of).collect::<Vec<_>>()
+        };
+        let stepped = format!("{name}, stepped {}", self.direction.name());
+        let style = Style::Line { color, width: 0.8, dash };
+        let line = Series::line(stepped.clone(), color, curve(None)).unlabelled().style(style);
+        let settled = Series::markers(stepped, color, shape, curve(Some(true)));
+        let unsettled = Series::markers(format!("{name}, not settled"), color, Marker::Cross, curve(Some(false)));
+        panel.with(line).with_any(settled.marked(3.5, self.direction == Direction::Up)).with_any(unsettled)
+    }
 }
 
 /// Amplitudes with a relative difference above this belong to different motions: each was proved to have settled.
@@ -202,36 +224,14 @@ impl Document {
         text
     }
 
-    /// The largest displacements over the frequency: up as circles, down as squares.
+    /// The largest displacements over the frequency.
     fn figure(&self, read: &Read<'_>, asked: &Asked<'_>, label: &str) -> Figure {
         let load = format!("{} {} at {}", asked.amplitude, load_unit(asked.drive.0), asked.drive.1);
         let figure =
             Figure::new("Stepped-sine response, settled at each frequency").subtitle(format!("{label}, {load}"));
-        let unit = read.first().map_or("m", |(dof, _)| displacement_unit(*dof));
-        let y = Axis::linear(format!("largest displacement ({unit})"));
-        let mut panel = Panel::new(Axis::linear("excitation frequency (Hz)"), y);
-        for sweep in &self.sweeps {
-            let (shape, dash) = match sweep.direction {
-                Direction::Up => (Marker::Circle, Dash::Solid),
-                Direction::Down => (Marker::Square, Dash::Dashed),
-            };
-            for (index, ((_, name), color)) in read.iter().zip(COLORS.into_iter().cycle()).enumerate() {
-                let curve = |settled: Option<bool>| {
-                    let wanted =
-                        |motion: &&Motion| settled.is_none_or(|settled| motion.point.period.is_some() == settled);
-                    let of = |motion: &Motion| (motion.frequency_hz, motion.readings[index].largest);
-                    sweep.motions.iter().filter(wanted).map(of).collect::<Vec<_>>()
-                };
-                let name = format!("{name}, stepped {}", sweep.direction.name());
-                let style = Style::Line { color, width: 0.8, dash };
-                panel = panel.with(Series::line(name.clone(), color, curve(None)).unlabelled().style(style));
-                let settled = Series::markers(name.clone(), color, shape, curve(Some(true)));
-                panel = panel.with_any(settled.marked(3.5, sweep.direction == Direction::Up));
-                let unsettled =
-                    Series::markers(format!("{name}, not settled"), color, Marker::Cross, curve(Some(false)));
-                panel = panel.with_any(unsettled);
-            }
-        }
-        figure.with(panel)
+        let panels = displacement_panels("excitation frequency (Hz)", read, |panel, index, name, color| {
+            self.sweeps.iter().fold(panel, |panel, sweep| sweep.drawn(panel, index, name, color))
+        });
+        panels.into_iter().fold(figure, Figure::with)
     }
 }

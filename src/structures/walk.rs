@@ -39,7 +39,7 @@ struct ReadingDocument {
 pub(crate) struct StructurePoint {
     pub frequency_hz: f64,
     /// Lag of the followed displacement behind the load; none in open loop.
-    phase_deg: Option<f64>,
+    lag_deg: Option<f64>,
     /// Amplitude of the acting load's fundamental, N or N·m.
     excitation: f64,
     excitation_deviation: Option<f64>,
@@ -91,7 +91,7 @@ pub(crate) fn points(tested: &TestedAssembly, responses: &[ResponsePoint]) -> Ve
     };
     let document = |point: &ResponsePoint| StructurePoint {
         frequency_hz: point.frequency_hz,
-        phase_deg: point.lag_rad.map(f64::to_degrees),
+        lag_deg: point.lag_rad.map(f64::to_degrees),
         excitation: point.load,
         excitation_deviation: point.load_deviation,
         force_harmonics: point.force_harmonics(),
@@ -227,7 +227,7 @@ pub(crate) fn table(points: &[StructurePoint], unit: &str) -> String {
     text += "  tries\n";
     for point in points {
         let load = format!("{:.3} {unit}", point.excitation);
-        let lag = point.phase_deg.map_or(String::from("–"), |phase_deg| format!("{phase_deg:.2}°"));
+        let lag = point.lag_deg.map_or(String::from("–"), |lag_deg| format!("{lag_deg:.2}°"));
         text += &format!("  {:9.5} Hz  {lag:>7}  {load:>10}", point.frequency_hz);
         for reading in &point.readings {
             text += &format!("  {:>12}", format!("{:.3e} {}", reading.amplitude, reading.unit));
@@ -248,14 +248,14 @@ pub(crate) fn table(points: &[StructurePoint], unit: &str) -> String {
 /// The points as CSV; `unit` is that of the load.
 pub(crate) fn csv(points: &[StructurePoint], unit: &str) -> String {
     let load = if unit == "N" { "n" } else { "nm" };
-    let mut text = format!("frequency_hz,phase_deg,excitation_{load}");
+    let mut text = format!("frequency_hz,lag_deg,excitation_{load}");
     for reading in points.iter().take(1).flat_map(|point| &point.readings) {
         let (name, unit) = (reading.at.replace('.', "_"), reading.unit);
         text += &format!(",{name}_amplitude_{unit},{name}_phase_deg,{name}_clipped");
     }
     text += ",settled,tries\n";
     for point in points {
-        let lag = point.phase_deg.map_or(String::new(), |phase_deg| phase_deg.to_string());
+        let lag = point.lag_deg.map_or(String::new(), |lag_deg| lag_deg.to_string());
         text += &format!("{},{lag},{}", point.frequency_hz, point.excitation);
         for reading in &point.readings {
             text += &format!(",{:e},{},{}", reading.amplitude, reading.phase_deg, reading.clipped);

@@ -2,10 +2,11 @@
 
 use std::fs;
 use std::path::Path;
+use std::process::Command;
 
 use insta::assert_snapshot;
 
-use crate::complaint;
+use crate::{complaint, resonarm};
 
 fn here() -> &'static Path {
     Path::new(env!("CARGO_MANIFEST_DIR"))
@@ -127,11 +128,11 @@ fn seeds_are_exact_up_to_the_largest() {
     for (seed, key) in [("18446744073709551615", "seed = \"18446744073709551615\""), ("0x10", "seed = 16")] {
         let run =
             ["run", "--mode", "free", "--duration-s", "0.01", "--seed", seed, "--record", "a.mcap", "--overwrite"];
-        assert_eq!(crate::resonarm(folder.path(), &run).code, 0);
+        assert_eq!(resonarm(folder.path(), &run).code, 0);
         let recording = fs::read(folder.path().join("a.mcap")).unwrap();
         let recording = String::from_utf8_lossy(&recording);
         assert!(recording.contains(key), "{key}");
-        assert_eq!(crate::resonarm(folder.path(), &["resim", "a.mcap"]).code, 0);
+        assert_eq!(resonarm(folder.path(), &["resim", "a.mcap"]).code, 0);
     }
     assert_snapshot!(complaint(here(), 2, &["run", "--seed", "-1"]), @r"
     error: invalid value '-1' for '--seed <N>': a seed is a whole number from 0 to 18446744073709551615, or hexadecimal as 0x1F
@@ -257,4 +258,36 @@ fn curves_that_cannot_be() {
     };
     assert_snapshot!(complaint(here(), 2, &with("frequency")), @"resonarm: --curves-in frequency is what the branch is followed in already: name another parameter");
     assert_snapshot!(complaint(here(), 2, &with("beta2")), @"resonarm: --curves-in is `beta2`: it must be one of frequency, amplitude, beta1_deg, beta2_deg, inertia1_kg_m2, inertia2_kg_m2, mass2_kg, length1_m, length2_m, centre2_m, stiffness1_nm_rad, stiffness2_nm_rad, damping1_nm_s_rad, damping2_nm_s_rad");
+}
+
+/// A disk that is full, here a limit of the size of files: nothing is left under a name that promises a whole file.
+#[test]
+fn a_full_disk_leaves_no_half_of_a_file() {
+    let folder = tempfile::tempdir().unwrap();
+    let run = ["run", "--mode", "free", "--duration-s", "1", "--record", "run.mcap"];
+    assert_eq!(resonarm(folder.path(), &run).code, 0);
+    let commands: [&[&str]; 5] = [
+        &["export", "run.mcap", "--to", "csv", "--out", "out"],
+        &["inspect", "run.mcap", "--plot", "seen"],
+        &["continue", "--torque1-nm", "60", "--from-hz", "21", "--to-hz", "23", "--plot", "branch"],
+        &["cut", "run.mcap", "part.mcap", "--to-s", "0.9"],
+        &["quickstart", "bench"],
+    ];
+    for command in commands {
+        // Blocks of 512 bytes.
+        let limited = "trap '' XFSZ; ulimit -f 16; exec \"$0\" \"$@\"";
+        let mut shell = Command::new("sh");
+        shell.args(["-c", limited, env!("CARGO_BIN_EXE_resonarm")]).args(command).current_dir(folder.path());
+        let output = shell.output().unwrap();
+        let said = String::from_utf8(output.stderr).unwrap();
+        assert_eq!(output.status.code(), Some(3), "{command:?}: {said}");
+        assert!(said.contains("can't write") && said.contains("File too large"), "{command:?}: {said}");
+        for entry in fs::read_dir(folder.path()).unwrap() {
+            let entry = entry.unwrap();
+            let (name, length) = (entry.file_name().into_string().unwrap(), entry.metadata().unwrap().len());
+            assert!(name == "run.mcap" || length < 8192, "{command:?}: {name} has {length} bytes");
+            assert!(!name.ends_with(".part"), "{command:?}: {name}");
+        }
+    }
+    assert!(fs::read_dir(folder.path().join("bench")).map_or(true, |mut left| left.next().is_none()));
 }

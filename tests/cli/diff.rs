@@ -78,6 +78,23 @@ fn recordings_that_cannot_be_compared_are_refused() {
     assert_snapshot!(said(&["a.mcap", "--from-s", "3"]), @"resonarm: there is no sample from 3 to 0.15 s: the recording has those from 0 to 0.15 s");
 }
 
+/// Of recordings of a bus alone the frames are compared; if there is nothing to compare, that is said.
+#[test]
+fn recordings_without_samples_are_compared_by_their_frames() {
+    let folder = tempfile::tempdir().unwrap();
+    for (name, payload) in [("a", "0102"), ("b", "0103")] {
+        fs::write(folder.path().join(format!("{name}.log")), format!("(1.000000) can0 123#{payload} R\n")).unwrap();
+        let import = ["import", &format!("{name}.log"), &format!("{name}.mcap")];
+        assert_eq!(resonarm(folder.path(), &import).code, 0);
+    }
+    let said = resonarm(folder.path(), &["diff", "a.mcap", "b.mcap"]);
+    assert_eq!(said.code, 1, "{}", said.stderr);
+    assert!(said.stdout.starts_with("frames: 1 compared; first difference at sample 0: frame is "), "{}", said.stdout);
+    document(folder.path(), 0, &["diff", "a.mcap", "a.mcap", "--json"]);
+    let said = complaint(folder.path(), 2, &["diff", "a.mcap", "a.mcap", "--parts", "states,events"]);
+    assert_snapshot!(said, @"resonarm: nothing to compare: neither recording has states, events; --parts names others, of states, samples, frames, events");
+}
+
 /// A recording of two samples, of which only what is marked differs from others, the last state as the end of the run
 /// and readings as clipped, and the current of a coil.
 fn marked(folder: &Path, name: &str, is_end: bool, clipped: Clipped, coil_current_a: Option<f64>) {

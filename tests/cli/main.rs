@@ -25,6 +25,7 @@ mod protocol;
 mod readings;
 mod recordings;
 mod signals;
+mod structure_words;
 mod structures;
 mod time_domain;
 mod wire;

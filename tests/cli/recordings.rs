@@ -53,7 +53,7 @@ fn a_truncated_recording_is_used_as_far_as_it_goes() {
     assert!((1000..2500).contains(&states), "{states}");
     let resim = resonarm(folder.path(), &["resim", "run.mcap"]);
     let note = resim.stdout.lines().next().unwrap_or_default().to_string() + "\n";
-    assert_eq!((resim.code, resim.stdout), (0, format!("{note}identical: {states} samples, bit for bit\n")));
+    assert_eq!((resim.code, resim.stdout), (1, format!("{note}identical: {states} samples, bit for bit\n")));
     assert!(note.starts_with("the recording is truncated: "), "{note}");
 
     let recovered = resonarm(folder.path(), &["recover", "run.mcap", "whole.mcap"]);
@@ -63,7 +63,7 @@ fn a_truncated_recording_is_used_as_far_as_it_goes() {
     assert_eq!((&repaired["integrity"]["state"], &repaired["topics"]), (&"unfinished".into(), &cut["topics"]));
     let resim = resonarm(folder.path(), &["resim", "whole.mcap"]);
     let note = "the recording was recovered from a truncated or damaged one\n";
-    assert_eq!((resim.code, resim.stdout), (0, format!("{note}identical: {states} samples, bit for bit\n")));
+    assert_eq!((resim.code, resim.stdout), (1, format!("{note}identical: {states} samples, bit for bit\n")));
     assert_snapshot!(complaint(folder.path(), 2, &["recover", "run.mcap", "whole.mcap"]), @"resonarm: recording `whole.mcap` already exists: name another file, or allow overwriting it (--overwrite)");
     assert_snapshot!(complaint(folder.path(), 2, &["recover", "whole.mcap", "again.mcap"]), @"resonarm: recording `whole.mcap` is whole: there is nothing to recover");
     assert_snapshot!(complaint(folder.path(), 2, &["recover", "run.mcap", "run.mcap"]), @"resonarm: recording `run.mcap` can't be written over itself: name another file for the result");

@@ -7,7 +7,7 @@ use serde_json::Value;
 
 use super::{complaint, document, names, resonarm};
 
-fn example(name: &str) -> String {
+pub(crate) fn example(name: &str) -> String {
     let path = Path::new(env!("CARGO_MANIFEST_DIR")).join("examples/structures").join(name);
     path.display().to_string()
 }
@@ -89,9 +89,9 @@ fn a_walk_on_the_bracket_is_on_its_branch() {
         point["readings"].as_array().unwrap().iter().map(|reading| reading["at"].as_str().unwrap()).collect();
     assert_eq!(at, ["tip.x", "tip.y"]);
     // The displacement lags the load as the walk says, in the direction of the load.
-    let off_deg = point["readings"][1]["phase_deg"].as_f64().unwrap() + point["phase_deg"].as_f64().unwrap();
+    let off_deg = point["readings"][1]["phase_deg"].as_f64().unwrap() + point["lag_deg"].as_f64().unwrap();
     assert!(off_deg.abs() < 0.5, "{point:#}");
-    assert!(fs::read_to_string(folder.path().join("walk.csv")).unwrap().starts_with("frequency_hz,phase_deg,"));
+    assert!(fs::read_to_string(folder.path().join("walk.csv")).unwrap().starts_with("frequency_hz,lag_deg,"));
     let none = complaint(folder.path(), 2, &[&walk[..], &["--mode-number", "4"]].concat());
     insta::assert_snapshot!(none.trim(), @"resonarm: control: mode 4: modes are numbered from 1 to 3");
     let torque = complaint(folder.path(), 2, &[&walk[..], &["--torque1-nm", "4"]].concat());

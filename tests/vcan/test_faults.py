@@ -129,7 +129,7 @@ def test_a_killed_plant_loses_no_more_than_a_flush(killed):
 
 
 def test_what_is_left_simulates_again_bit_for_bit(killed, programs):
-    verdict = programs.resonarm("resim", killed.path, "--json").result()
+    verdict = programs.resonarm("resim", killed.path, "--json").result(code=1)
     assert (verdict["identical"], verdict["integrity"]["state"]) == (True, "truncated")
     assert (verdict["samples"], verdict["first_divergence"]) == (len(killed.recording.states), None)
 

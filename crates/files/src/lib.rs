@@ -14,3 +14,5 @@ pub mod recording;
 mod staged;
 pub mod starting_plant;
 pub mod statistics;
+
+pub use staged::write_whole;

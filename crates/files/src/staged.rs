@@ -1,7 +1,7 @@
 //! A file that is whole under its name, or not there.
 
 use std::fs::{self, File, FileType, OpenOptions};
-use std::io;
+use std::io::{self, Write};
 use std::os::unix::fs::{FileTypeExt, MetadataExt};
 use std::path::{Path, PathBuf};
 
@@ -104,6 +104,20 @@ impl Drop for Staged {
     }
 }
 
+/// Writes a file that is whole under its name, or not there: a regular one is replaced at once. Pipes and devices are
+/// written to.
+///
+/// # Errors
+/// What the system says; what was there before stays as it was.
+pub fn write_whole(path: &Path, bytes: &[u8]) -> io::Result<()> {
+    if fs::metadata(path).is_ok_and(|found| !found.is_file() && !found.is_dir()) {
+        return fs::write(path, bytes);
+    }
+    let (mut staged, mut file) = Staged::create(path, Existing::Overwrite)?;
+    file.write_all(bytes)?;
+    staged.publish()
+}
+
 /// Renames a file to a name that is free.
 fn rename_new(from: &Path, to: &Path) -> io::Result<()> {
     match fs::hard_link(from, to) {
@@ -140,8 +154,6 @@ pub(crate) fn file_kind(kind: FileType) -> &'static str {
 
 #[cfg(test)]
 mod tests {
-    use std::io::Write;
-
     use super::*;
 
     /// What is in the folder, by name.

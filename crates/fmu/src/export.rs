@@ -13,6 +13,7 @@ use crate::description::{IDENTIFIER, model_description};
 use crate::documentation::{LICENSE, index};
 use crate::model::{self, Parameters};
 use crate::terminals::{MANIFEST, TERMINALS, manifest, terminals_and_icons};
+use resonarm_files::write_whole;
 
 /// What a library of this version has in its bytes.
 const MARK: &str = concat!("resonarm-fmu library ", env!("CARGO_PKG_VERSION"), ";");
@@ -170,7 +171,7 @@ pub fn export(content: &Content, library: Library, path: &Path) -> Result<Summar
     let (files, summary) = files(content, library, &name)?;
     let written = |source| ExportError::Write { path: path.to_path_buf(), source };
     let archive = pack(&files).map_err(written)?;
-    fs::write(path, &archive).map_err(written)?;
+    write_whole(path, &archive).map_err(written)?;
     Ok(Summary { path: path.to_path_buf(), bytes: archive.len() as u64, ..summary })
 }
 

@@ -62,6 +62,7 @@ pub use resonarm_analysis as analysis;
 pub use resonarm_bench::{control, excitation, identify, node, plant, rig};
 pub use resonarm_conformance as conformance;
 pub use resonarm_dynamics::{arm, integrate};
+pub use resonarm_files::write_whole;
 pub use resonarm_files::{can_log, cut, decoder, diff, drawing, export, import, recording, statistics};
 pub use resonarm_protocol as protocol;
 pub use resonarm_realtime as realtime;

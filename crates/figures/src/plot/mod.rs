@@ -24,6 +24,8 @@ mod ticks;
 
 use std::path::{Path, PathBuf};
 
+use resonarm_files::write_whole;
+
 pub use caption::Subtitle;
 pub use error::PlotError;
 pub use style::{Color, Dash, Marker, Style};
@@ -126,7 +128,7 @@ pub fn beside(stem: &Path, ending: &str) -> PathBuf {
 }
 
 fn write_file(path: &Path, bytes: &[u8]) -> Result<(), PlotError> {
-    std::fs::write(path, bytes).map_err(|source| PlotError::Write { path: path.to_owned(), source })
+    write_whole(path, bytes).map_err(|source| PlotError::Write { path: path.to_owned(), source })
 }
 
 /// One pair of axes and what is drawn in it.

@@ -39,7 +39,7 @@ pub enum RecordingError {
         expected: &'static str,
     },
     /// Writing failed, for example because the disk is full.
-    #[error("can't write recording `{path}`: {source}; what was flushed before can be read")]
+    #[error("can't write recording `{path}`: {source}")]
     Write {
         /// The file.
         path: PathBuf,
@@ -47,7 +47,7 @@ pub enum RecordingError {
         source: Arc<io::Error>,
     },
     /// The MCAP library refused a record.
-    #[error("can't write recording `{path}`: {source}; what was flushed before can be read")]
+    #[error("can't write recording `{path}`: {source}")]
     Format {
         /// The file.
         path: PathBuf,
@@ -55,7 +55,7 @@ pub enum RecordingError {
         source: Arc<McapError>,
     },
     /// The writer thread ended by itself.
-    #[error("the thread that writes recording `{path}` has died; what was flushed before can be read")]
+    #[error("the thread that writes recording `{path}` has died")]
     WriterDied {
         /// The file.
         path: PathBuf,
