@@ -1,7 +1,7 @@
 //! Flags of a session and its report in words, for `run`, `exciter` and `demo`.
 
 use core::time::Duration;
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 
 use clap::Args;
 use rtrb::{Consumer, Producer, RingBuffer};
@@ -31,8 +31,17 @@ pub(crate) struct RecordFlags {
 }
 
 impl RecordFlags {
-    pub fn target(&self) -> Option<RecordTo> {
-        self.record.clone().map(|path| RecordTo { path, existing: existing(self.overwrite) })
+    /// The recording, which must not replace the scenario.
+    pub fn target(&self, scenario: Option<&Path>) -> Result<Option<RecordTo>, Failure> {
+        let Some(path) = self.record.clone() else { return Ok(None) };
+        let place = |path: &Path| path.canonicalize().ok();
+        if scenario.and_then(place).is_some_and(|scenario| place(&path) == Some(scenario)) {
+            let path = path.display();
+            return Err(Failure::usage(format!(
+                "--record {path} is the scenario: name another file for the recording"
+            )));
+        }
+        Ok(Some(RecordTo { path, existing: existing(self.overwrite) }))
     }
 }
 

@@ -31,8 +31,8 @@ use resonarm_numeric::number::short;
 /// Natural frequencies, damping ratios and frequency responses from the readings in a recording: accelerations of B and
 /// C over the force in the impedance head.
 ///
-/// The model of the modes includes the ends of the record, so the record may be shorter than their decay; each number
-/// has its standard deviation. The structure must be driven by a force where the head is. Periods of a multisine or of
+/// The model of the modes includes the ends of the record, so the record may be shorter than their decay; frequencies
+/// and damping ratios have their standard deviation, shapes have none. The structure must be driven by a force where the head is. Periods of a multisine or of
 /// bursts, and segments of other records (Welch's method: a Hann window, half overlapping), are averaged to H1, H2 and
 /// coherence; an impact is taken whole. The document of --json and the CSV of --plot have all three of each response,
 /// the figure H1 and the coherence. Modes are numbered as in the scenario's structure; one that is not found is listed
@@ -169,7 +169,7 @@ impl Identify {
         let document = self.compute(&recording, &scenario)?;
         for NumberedMode { found, .. } in document.modes.iter().filter(|mode| !mode.found.is_linear) {
             tracing::warn!(
-                "{:.3} Hz: the fit leaves {:.1} times the instruments' noise, so the structure did not vibrate linearly: lower the force",
+                "{:.3} Hz: the fit leaves {:.1} times the instruments' noise: the structure did not vibrate linearly, so lower the force, or the instruments are almost without noise",
                 found.frequency_hz,
                 found.residual
             );

@@ -101,7 +101,7 @@ impl Run {
 
     pub fn execute(&self) -> Result<Verdict> {
         let options = Options {
-            record: self.record.target(),
+            record: self.record.target(self.session.arm.scenario.as_deref())?,
             speed: Speed::new(self.speed).map_err(RunError::from)?,
             overrun: self.overrun,
             spin: self.spin.spin,

@@ -39,6 +39,15 @@ fn an_existing_recording_is_kept_without_overwrite() {
 }
 
 #[test]
+fn a_recording_never_replaces_the_scenario() {
+    let folder = tempfile::tempdir().unwrap();
+    fs::write(folder.path().join("s.toml"), "[simulation]\nduration_s = 0.1\n").unwrap();
+    let run = ["run", "--mode", "free", "--scenario", "s.toml", "--record", "./s.toml", "--overwrite"];
+    assert_snapshot!(complaint(folder.path(), 2, &run), @"resonarm: --record ./s.toml is the scenario: name another file for the recording");
+    assert!(fs::read_to_string(folder.path().join("s.toml")).unwrap().contains("duration_s"));
+}
+
+#[test]
 fn a_truncated_recording_is_used_as_far_as_it_goes() {
     let folder = recorded();
     let path = folder.path().join("run.mcap");
