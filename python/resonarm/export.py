@@ -24,8 +24,8 @@ def export(
     """Writes a recording: to `parquet` a table a part, `STEM-PART.parquet`; to `mf4` (MDF 4.10) states and samples as
     channel groups of one file, `STEM.mf4`; to `blf` the frames, `STEM.blf`. Returns the files.
 
-    Columns are those of `Recording.read`, a pair as two columns with `1` and `2` of the joints or `x` and `y` of the
-    axes, as in the CSV of `resonarm export`.
+    Columns are those of the CSV of `resonarm export`: a pair as two columns with `1` and `2` of the joints or `x` and
+    `y` of the axes. In Parquet they are as `Recording.arrow` has them.
 
     Raises ModuleNotFoundError if the extra `export` is missing, FileExistsError for an existing file, ValueError
     for another format.
