@@ -2,6 +2,7 @@
 larger than the memory."""
 
 from collections.abc import Iterator
+from datetime import datetime, timezone
 from os import PathLike
 from pathlib import Path
 from typing import Any, get_args
@@ -23,6 +24,9 @@ def export(
 ) -> list[Path]:
     """Writes a recording: to `parquet` a table a part, `STEM-PART.parquet`; to `mf4` (MDF 4.10) states and samples as
     channel groups of one file, `STEM.mf4`; to `blf` the frames, `STEM.blf`. Returns the files.
+
+    The start of an MF4 is that of the run; a run in simulated time alone has no date, and starts at 1970-01-01 UTC.
+    Truth values are 0 and 1 there.
 
     Columns are those of the CSV of `resonarm export`: a pair as two columns with `1` and `2` of the joints or `x` and
     `y` of the axes. In Parquet they are as `Recording.arrow` has them.
@@ -82,11 +86,16 @@ def _mf4(recording: Recording, stem: Path, overwrite: bool) -> list[Path]:
     mdf = _extras.require("asammdf", "export")
     path = _named(stem, ".mf4", overwrite)
     with mdf.MDF(version="4.10") as measured:
+        measured.header.start_time = datetime.fromtimestamp(0, timezone.utc)
+        measured.header.abs_time = recording.summary["origin"]["start_unix_ns"] or 0
         for group, part in enumerate(_parts(recording, ("states", "samples"))):
             for first, rows in enumerate(recording.chunks(part, ROWS)):
                 named = columns(rows)
                 times = named.pop("time_s")
-                channels = {name: values for name, values in named.items() if values.dtype != bool}
+                # Readers of MDF know no truth values.
+                channels = {
+                    name: values.astype("u1") if values.dtype == bool else values for name, values in named.items()
+                }
                 if first == 0:
                     signals = [
                         mdf.Signal(values, times, name=name, unit=unit(name)) for name, values in channels.items()

@@ -96,6 +96,21 @@ def test_mf4_has_states_and_samples(recording, tmp_path, small_groups):
         assert measured.get("alpha1_rad").unit == "rad"
         assert measured.get("alpha1_dot_rad_s").unit == "rad/s"
         assert measured.get("acceleration_c_x_m_s2").unit == "m/s²"
+        is_end = measured.get("is_end").samples
+        assert is_end.dtype == np.uint8 and is_end.tolist() == [0] * (len(recording.states) - 1) + [1]
+
+
+@pytest.mark.parametrize("name", ["free-sweep", "lockstep-dwell"])
+def test_mf4_begins_when_the_run_began(name, tmp_path):
+    """To the nanosecond; a run in simulated time alone, which has no date, at the beginning of 1970, UTC."""
+    path = ROOT / f"recordings/{name}.mcap"
+    start_unix_ns = resonarm.Recording(path).summary["origin"]["start_unix_ns"]
+    assert (start_unix_ns is None) == (name == "free-sweep")
+    (written,) = export.export(path, "mf4", tmp_path / "run")
+    with MDF(written) as measured:
+        assert measured.header.abs_time == (start_unix_ns or 0)
+        assert measured.start_time.tzinfo is not None
+        assert abs(measured.start_time.timestamp() - (start_unix_ns or 0) * 1e-9) < 1e-6
 
 
 def test_blf_has_the_frames(recording, tmp_path):
