@@ -1,5 +1,9 @@
 """Exports, read by the libraries they are for."""
 
+import errno
+import os
+import re
+import resource
 import subprocess
 import sys
 from pathlib import Path
@@ -14,6 +18,7 @@ from pyarrow import csv, parquet
 import resonarm
 from resonarm import __main__ as program
 from resonarm import export
+from resonarm._staged import staged
 
 ROOT = Path(__file__).resolve().parents[2]
 SWEEP = ROOT / "recordings/free-sweep.mcap"
@@ -120,6 +125,70 @@ def test_blf_has_the_frames(recording, tmp_path):
     assert [bytes(message.data) for message in log] == [recording.frame_data(row) for row in frames]
 
 
+FULL = {"parquet": "full-states.parquet", "mf4": "full.mf4", "blf": "full.blf"}
+"""The first file that doesn't fit, by format."""
+
+
+def exported(to, folder, *words):
+    """Runs the command on a disk that takes files of 10 kB, and returns its exit code and message."""
+    limit = (10_240, 10_240)
+    done = subprocess.run(
+        [sys.executable, "-m", "resonarm", "export", SWEEP, "--to", to, "--out", folder / "full", *words],
+        capture_output=True,
+        text=True,
+        check=False,
+        preexec_fn=lambda: resource.setrlimit(resource.RLIMIT_FSIZE, limit),
+    )
+    return done.returncode, done.stderr
+
+
+@pytest.mark.parametrize("to", FULL)
+def test_a_full_disk_leaves_nothing(to, tmp_path):
+    """And is no wrong input."""
+    refusal = (3, f"error: can't write {tmp_path / FULL[to]}: File too large\n")
+    assert exported(to, tmp_path) == refusal
+    assert list(tmp_path.iterdir()) == []
+    whole = export.export(SWEEP, to, tmp_path / "full")
+    before = {path: path.read_bytes() for path in whole}
+    assert exported(to, tmp_path, "--overwrite") == refusal
+    assert {path: path.read_bytes() for path in tmp_path.iterdir()} == before
+
+
+def test_the_last_part_that_fails_leaves_no_other(tmp_path, monkeypatch):
+    batches = resonarm.Recording.batches
+
+    def until_the_events(recording, part, rows):
+        if part == "events":
+            raise OSError(errno.ENOSPC, "No space left on device")
+        yield from batches(recording, part, rows)
+
+    monkeypatch.setattr(resonarm.Recording, "batches", until_the_events)
+    with pytest.raises(OSError, match="No space left on device"):
+        export.export(SWEEP, "parquet", tmp_path / "sweep")
+    assert list(tmp_path.iterdir()) == []
+
+
+def test_a_name_that_is_taken_meanwhile_is_left(tmp_path):
+    path = tmp_path / "sweep.blf"
+    with pytest.raises(FileExistsError, match="already exists"), staged([path], False) as (partial,):
+        assert re.fullmatch(r"\.sweep\.blf\.\d+\.0\.part", partial.name)
+        path.write_text("theirs")
+    assert {found: found.read_text() for found in tmp_path.iterdir()} == {path: "theirs"}
+
+
+def test_a_link_stays_one_and_a_device_is_refused(tmp_path):
+    (tmp_path / "far").mkdir()
+    (tmp_path / "sweep.blf").symlink_to("far/log.blf")
+    with pytest.raises(FileExistsError, match="already exists"):
+        export.export(SWEEP, "blf", tmp_path / "sweep")
+    export.export(SWEEP, "blf", tmp_path / "sweep", overwrite=True)
+    assert (tmp_path / "sweep.blf").is_symlink() and (tmp_path / "far/log.blf").stat().st_size > 100
+    for name, target in (("device", "/dev/null"), ("folder", "far")):
+        (tmp_path / f"{name}.blf").symlink_to(target)
+        with pytest.raises(FileExistsError, match=f"{name}.blf is no regular file: name another stem"):
+            export.export(SWEEP, "blf", tmp_path / name, overwrite=True)
+
+
 def test_existing_files_are_kept(tmp_path):
     (tmp_path / "sweep.blf").write_text("mine")
     with pytest.raises(FileExistsError, match="--overwrite"):
@@ -127,6 +196,37 @@ def test_existing_files_are_kept(tmp_path):
     assert (tmp_path / "sweep.blf").read_text() == "mine"
     assert program.main(["export", str(SWEEP), "--to", "blf", "--out", str(tmp_path / "sweep"), "--overwrite"]) == 0
     assert (tmp_path / "sweep.blf").stat().st_size > 100
+
+
+MISSING = [errno.ENOSPC, errno.EDQUOT, errno.EFBIG, errno.EIO, errno.EACCES, errno.EPERM, errno.EROFS]
+
+
+@pytest.mark.parametrize("number", MISSING, ids=errno.errorcode.get)
+def test_what_the_environment_lacks_is_no_wrong_input(number, tmp_path, capsys, monkeypatch):
+    def refused(*_):
+        raise OSError(number, os.strerror(number))
+
+    monkeypatch.setattr(os, "replace", refused)
+    stem = tmp_path / "sweep\x1b[2J"
+    assert program.main(["export", str(SWEEP), "--to", "blf", "--out", str(stem)]) == 3
+    named = str(tmp_path / "sweep\\u{1b}[2J.blf")
+    assert capsys.readouterr().err == f"error: can't write {named}: {os.strerror(number)}\n"
+    assert list(tmp_path.iterdir()) == []
+
+
+def test_an_input_or_a_folder_that_is_not_there_is_wrong_input(tmp_path, capsys, monkeypatch):
+    out = tmp_path / "none/sweep"
+    for to in export.FORMATS:
+        assert program.main(["export", str(SWEEP), "--to", to, "--out", str(out)]) == 2
+        assert re.search(rf"^error: can't write {out}\S*: No such file or directory\n$", capsys.readouterr().err)
+
+    def unreadable(path):
+        raise PermissionError(f"can't read recording `{path}`: Permission denied (os error 13)")
+
+    # As the extension refuses it.
+    monkeypatch.setattr(export, "Recording", unreadable)
+    assert program.main(["export", str(SWEEP), "--to", "blf", "--out", str(tmp_path / "sweep")]) == 2
+    assert "can't read recording" in capsys.readouterr().err
 
 
 def test_the_command_says_what_is_wrong(tmp_path, capsys, monkeypatch):
