@@ -47,7 +47,7 @@ def test_holds_its_force(bench, controller):
     result.assert_no_overrun()
     result.assert_force_below(1.5 * FORCE_N)
     settled = {"from_s": 0.8, "to_s": 1.6}
-    result.assert_settled("head_force_n_x", FREQUENCY_HZ, amplitude=FORCE_N, within=0.05, **settled)
+    result.assert_settled("head_force_x_n", FREQUENCY_HZ, amplitude=FORCE_N, within=0.05, **settled)
 
 
 def test_its_force_drops_when_commands_are_lost(bench, controller):
@@ -57,7 +57,7 @@ def test_its_force_drops_when_commands_are_lost(bench, controller):
     result.assert_faulted()
     assert result.plant["fault"]["name"] in ("command timeout", "partner fault")
     result.assert_force_below(1.5 * FORCE_N)
-    assert result.signal("force_n_x")[1][-1] == 0
+    assert result.signal("force_x_n")[1][-1] == 0
 
 
 def test_nothing_of_a_corrupt_frame_reaches_the_arm(bench, controller):

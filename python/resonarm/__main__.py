@@ -1,12 +1,16 @@
 """`python3 -m resonarm export`: recordings in the formats that Python's libraries write best."""
 
 import argparse
+import errno
 import sys
 import warnings
 from pathlib import Path
 
 from . import export
 from ._resonarm import ResonarmError, __version__
+
+LACKING = {errno.ENOSPC, errno.EDQUOT, errno.EFBIG, errno.EIO, errno.EACCES, errno.EPERM, errno.EROFS}
+"""Refusals to write for want of space or privilege. The refusal to read a recording has no number."""
 
 
 def main(words: list[str] | None = None) -> int:
@@ -29,7 +33,9 @@ def main(words: list[str] | None = None) -> int:
             print(path)
     except ModuleNotFoundError as error:
         return _refuse(error, 3)
-    except (ValueError, OSError, ResonarmError) as error:
+    except OSError as error:
+        return _refuse(error, 3 if error.errno in LACKING else 2)
+    except (ValueError, ResonarmError) as error:
         return _refuse(error, 2)
     return 0
 
@@ -39,7 +45,9 @@ def _warn(message: Warning | str, *_: object) -> None:
 
 
 def _refuse(error: Exception, code: int) -> int:
-    print(f"error: {error}", file=sys.stderr)
+    # A system's refusal has its number in front.
+    text = error.strerror if isinstance(error, OSError) and error.strerror and not error.filename else error
+    print(f"error: {text}", file=sys.stderr)
     return code
 
 

@@ -8,12 +8,20 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ._dtypes import Array
+from ._resonarm import arm_channels
 from .recording import Recording
 from .session import Report
 from .words import Fault, NodeState, Signal
 
 SIGNALS: tuple[Signal, ...] = get_args(Signal)
 LOADS = ("force_n", "torque_nm")
+PLACES = {
+    component: (part, vector, place)
+    for part in ("states", "samples")
+    for vector, components in arm_channels(part)
+    for place, component in enumerate(components)
+}
+"""Where a channel is: its part of a recording, its vector there, its place in the vector."""
 ROWS = 8
 """Rows that a failure shows before and after the failing sample."""
 
@@ -45,8 +53,8 @@ class Result:
         return f"<Result: plant {self.plant['outcome']}{exciter}, {self.plant['samples']} samples, {path!r}>"
 
     def signal(self, name: Signal) -> tuple[Array, Array]:
-        """Times, s, and values of a reading, such as `acceleration_c_m_s2_x`, or of the held load, such as
-        `force_n_x`."""
+        """Times, s, and values of a reading, such as `acceleration_c_x_m_s2`, or of the held load, such as `force_x_n`
+        or `torque1_nm`: a channel by its name in the CSV of `resonarm export`."""
         _samples, times, values = self._rows(name)
         return times, values
 
@@ -54,11 +62,11 @@ class Result:
         """The samples, times and values of a signal."""
         if name not in SIGNALS:
             raise ValueError(f"there is no signal {name!r}, only {', '.join(SIGNALS)}")
-        column, _, axis = name.rpartition("_")
-        rows = self.recording.states if column in LOADS else self.recording.samples
-        if column in LOADS and len(rows) and rows["is_end"][-1]:
+        part, vector, place = PLACES[name]
+        rows = self.recording.states if part == "states" else self.recording.samples
+        if vector in LOADS and len(rows) and rows["is_end"][-1]:
             rows = rows[:-1]  # The state at the end of a run has no load.
-        return rows["sample"], rows["time_s"], rows[column][:, "xy".index(axis)]
+        return rows["sample"], rows["time_s"], rows[vector][:, place]
 
     def _finite(self, name: Signal) -> tuple[Array, Array, Array]:
         """The same, if every value is a number."""
@@ -99,7 +107,7 @@ class Result:
 
     def _fail_at_the_end(self, why: str) -> None:
         __tracebackhide__ = True
-        self.fail(why, "force_n_x", self.plant["samples"] - 1)
+        self.fail(why, "force_x_n", self.plant["samples"] - 1)
 
     def _check_end(self) -> None:
         """Fails if the run ended by a fault or an error, or if the plant was never armed."""
@@ -137,7 +145,7 @@ class Result:
         if self.plant["overruns"]:
             late = self.recording.read("ticks")
             at = int(late["sample"][np.flatnonzero(late["overruns"])[0]])
-            self.fail(f"{self.plant['overruns']} deadlines were missed", "force_n_x", at)
+            self.fail(f"{self.plant['overruns']} deadlines were missed", "force_x_n", at)
 
     def assert_no_refused_command(self) -> None:
         """Every command received without error acted on the arm, and every frame was valid. The answer to the last
@@ -157,20 +165,19 @@ class Result:
         what = [f"commands were refused: {', '.join(parts)}"] if parts else []
         if invalid:
             what.append("1 frame was invalid" if invalid == 1 else f"{invalid} frames were invalid")
-        self.fail("; ".join(what), "force_n_x", int(named[0]) if len(named) else 0)
+        self.fail("; ".join(what), "force_x_n", int(named[0]) if len(named) else 0)
 
     def assert_force_below(self, limit_n: float) -> None:
         """The force that acted on the tip stayed below a limit, N, in each axis."""
         __tracebackhide__ = True
         _number("limit_n", limit_n)
         self._check_end()
-        signals: tuple[Signal, ...] = ("force_n_x", "force_n_y")
-        for name in signals:
+        signals: dict[str, Signal] = {"x": "force_x_n", "y": "force_y_n"}
+        for axis, name in signals.items():
             samples, _times, values = self._finite(name)
             above = np.flatnonzero(np.abs(values) >= limit_n)
             if len(above):
-                most, axis = np.abs(values).max(), name[-1]
-                message = f"the force along {axis} reaches {most:g} N: limit {limit_n:g} N"
+                message = f"the force along {axis} reaches {np.abs(values).max():g} N: limit {limit_n:g} N"
                 self.fail(message, name, int(samples[above[0]]))
 
     def assert_state_reached(self, state: NodeState, within_s: float) -> None:
@@ -186,7 +193,7 @@ class Result:
             when = f"reached at {reached[0] * self.recording.dt_s:g} s" if len(reached) else "never reached"
             more = f"; {bad_end}" if bad_end else ""
             message = f"the state {state} was {when}: expected within {within_s:g} s{more}"
-            self.fail(message, "force_n_x", min(within, self.plant["samples"] - 1))
+            self.fail(message, "force_x_n", min(within, self.plant["samples"] - 1))
         if bad_end:
             self._fail_at_the_end(bad_end)
 
@@ -223,6 +230,17 @@ class Result:
             )
         return chosen
 
+    def _check_halves(self, times: Array, frequency_hz: float, from_s: float, to_s: float) -> None:
+        """Raises ValueError, with the caller's numbers, unless both halves of an interval resolve the frequency."""
+        chosen = times[self._span(times, frequency_hz, from_s, to_s)]
+        middle, dt_s = (from_s + to_s) / 2, self.recording.dt_s
+        fewest = min(np.count_nonzero(chosen <= middle), np.count_nonzero(chosen >= middle))
+        if fewest * dt_s < 1 / frequency_hz:
+            raise ValueError(
+                f"from_s is {from_s:g} and to_s {to_s:g}: a half of it has {fewest} samples, a period of "
+                f"{frequency_hz:g} Hz has {1 / frequency_hz / dt_s:g}"
+            )
+
     def assert_settled(
         self,
         name: Signal,
@@ -239,8 +257,9 @@ class Result:
         self._check_end()
         _number("within", within)
         middle = (_number("from_s", from_s) + _number("to_s", to_s)) / 2
+        samples, times, _values = self._finite(name)
+        self._check_halves(times, frequency_hz, from_s, to_s)
         halves = [self.amplitude(name, frequency_hz, *ends) for ends in ((from_s, middle), (middle, to_s))]
-        samples, times, _values = self._rows(name)
         at = int(samples[np.searchsorted(times, middle)])
         if halves[1] == 0:
             self.fail(f"{name} does not vibrate at {frequency_hz:g} Hz", name, at)

@@ -2,6 +2,8 @@
 larger than the memory."""
 
 from collections.abc import Iterator
+from datetime import datetime, timezone
+from itertools import chain
 from os import PathLike
 from pathlib import Path
 from typing import Any, get_args
@@ -10,6 +12,7 @@ import numpy as np
 
 from . import _extras
 from ._dtypes import Array, components, unit
+from ._staged import staged, writing
 from .recording import Recording
 from .words import Format, RecordingPart
 
@@ -24,26 +27,21 @@ def export(
     """Writes a recording: to `parquet` a table a part, `STEM-PART.parquet`; to `mf4` (MDF 4.10) states and samples as
     channel groups of one file, `STEM.mf4`; to `blf` the frames, `STEM.blf`. Returns the files.
 
-    Columns are those of `Recording.read`, a pair as two columns with `1` and `2` of the joints or `x` and `y` of the
-    axes, as in the CSV of `resonarm export`.
+    The start of an MF4 is that of the run; a run in simulated time alone has no date, and starts at 1970-01-01 UTC.
+    Truth values are 0 and 1 there.
+
+    Columns are those of the CSV of `resonarm export`: a pair as two columns with `1` and `2` of the joints or `x` and
+    `y` of the axes. In Parquet they are as `Recording.arrow` has them.
+
+    Files take their names when all are whole; after an error nothing is left, and files that were there are unchanged.
 
     Raises ModuleNotFoundError if the extra `export` is missing, FileExistsError for an existing file, ValueError
-    for another format.
+    for another format, OSError for a file that can't be read or written.
     """
     writers = {"parquet": _parquet, "mf4": _mf4, "blf": _blf}
     if to not in writers:
         raise ValueError(f"there is no format {to!r}: it is one of {', '.join(FORMATS)}")
     return writers[to](Recording(recording), Path(stem), overwrite)
-
-
-def _free(path: Path, overwrite: bool) -> Path:
-    if path.exists() and not overwrite:
-        raise FileExistsError(f"{path} already exists: name another stem, or allow overwriting it (--overwrite)")
-    return path
-
-
-def _named(stem: Path, ending: str, overwrite: bool) -> Path:
-    return _free(stem.with_name(stem.name + ending), overwrite)
 
 
 def columns(rows: Array) -> dict[str, Array]:
@@ -64,45 +62,66 @@ def _parts(recording: Recording, parts: tuple[RecordingPart, ...]) -> Iterator[R
     return (part for part in parts if recording.count(part))
 
 
+def _named(stem: Path, ending: str) -> Path:
+    return stem.with_name(stem.name + ending)
+
+
 def _parquet(recording: Recording, stem: Path, overwrite: bool) -> list[Path]:
     parquet = _extras.require("pyarrow", "export") and _extras.require("pyarrow.parquet", "export")
     parts = list(_parts(recording, PARTS))
-    paths = [_named(stem, f"-{part}.parquet", overwrite) for part in parts]
-    for part, path in zip(parts, paths, strict=True):
-        writer = None
-        for batch in recording.batches(part, ROWS):
-            writer = writer or parquet.ParquetWriter(path, batch.schema, compression="zstd")
-            writer.write_batch(batch)
-        if writer is not None:
-            writer.close()
+    paths = [_named(stem, f"-{part}.parquet") for part in parts]
+    with staged(paths, overwrite) as partial:
+        for part, path, target in zip(parts, paths, partial, strict=True):
+            batches = recording.batches(part, ROWS)
+            first = next(batches)
+            with (
+                writing(path),
+                target.open("wb") as file,
+                parquet.ParquetWriter(file, first.schema, compression="zstd") as writer,
+            ):
+                for batch in chain([first], batches):
+                    writer.write_batch(batch)
     return paths
 
 
 def _mf4(recording: Recording, stem: Path, overwrite: bool) -> list[Path]:
     mdf = _extras.require("asammdf", "export")
-    path = _named(stem, ".mf4", overwrite)
-    with mdf.MDF(version="4.10") as measured:
+    path = _named(stem, ".mf4")
+    with staged([path], overwrite) as (target,), writing(path), mdf.MDF(version="4.10") as measured:
+        measured.header.start_time = datetime.fromtimestamp(0, timezone.utc)
+        measured.header.abs_time = recording.summary["origin"]["start_unix_ns"] or 0
         for group, part in enumerate(_parts(recording, ("states", "samples"))):
-            for first, rows in enumerate(recording.chunks(part, ROWS)):
-                named = columns(rows)
-                times = named.pop("time_s")
-                channels = {name: values for name, values in named.items() if values.dtype != bool}
-                if first == 0:
-                    signals = [
-                        mdf.Signal(values, times, name=name, unit=unit(name)) for name, values in channels.items()
-                    ]
-                    measured.append(signals, acq_name=part, comment=str(recording.path))
-                else:
-                    measured.extend(group, [(times, None), *((values, None) for values in channels.values())])
-        measured.save(path, overwrite=True)
+            _append(mdf, measured, group, part, recording)
+        with target.open("wb+") as file:
+            measured.save(file)
     return [path]
+
+
+def _append(mdf: Any, measured: Any, group: int, part: RecordingPart, recording: Recording) -> None:
+    """Appends a part of a recording as a channel group."""
+    for first, rows in enumerate(recording.chunks(part, ROWS)):
+        # Readers of MDF know no truth values.
+        channels = {
+            name: values.astype("u1") if values.dtype == bool else values for name, values in columns(rows).items()
+        }
+        times = channels.pop("time_s")
+        if first == 0:
+            signals = [mdf.Signal(values, times, name=name, unit=unit(name)) for name, values in channels.items()]
+            measured.append(signals, acq_name=part, comment=str(recording.path))
+        else:
+            measured.extend(group, [(times, None), *((values, None) for values in channels.values())])
 
 
 def _blf(recording: Recording, stem: Path, overwrite: bool) -> list[Path]:
     can = _extras.require("can", "export")
     messages = _extras.require("resonarm.can_log", "export").messages
-    path = _named(stem, ".blf", overwrite)
-    with can.BLFWriter(str(path)) as log:
+    path = _named(stem, ".blf")
+    with (
+        staged([path], overwrite) as (target,),
+        writing(path),
+        target.open("wb") as file,
+        can.BLFWriter(file) as log,
+    ):
         for message in messages(recording):
             message.channel = 0
             log(message)

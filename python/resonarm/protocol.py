@@ -1,16 +1,17 @@
 """The protocol's codec, with E2E protection, as `firmware-protocol/SPEC.md` specifies it."""
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from typing import Any, Literal, NamedTuple
 
 from . import _checks, _extras, _resonarm
 from .words import MessageName, NodeRole, Verdict
 
 LARGEST_IDENTIFIER = 0x1FFF_FFFF
+ERROR_FRAME = "an error frame is a report of the local CAN controller, and was never on the bus"
 
 
 class Frame(NamedTuple):
-    """A CAN frame."""
+    """A CAN frame of data."""
 
     identifier: int
     extended: bool
@@ -20,15 +21,23 @@ class Frame(NamedTuple):
 
     @classmethod
     def of(cls, message: Any) -> "Frame":
-        """The frame of a `can.Message` with data. Raises TypeError for anything else."""
+        """The frame of a `can.Message` with data.
+
+        Raises ValueError for a remote frame and an error frame, TypeError for anything else.
+        """
         try:
             identifier, extended = message.arbitration_id, message.is_extended_id
-            return cls(identifier, extended, bytes(message.data), message.is_fd, message.bitrate_switch)
+            frame = cls(identifier, extended, bytes(message.data), message.is_fd, message.bitrate_switch)
+            is_error, is_remote = message.is_error_frame, message.is_remote_frame
         except AttributeError:
             what = type(message).__name__
             raise TypeError(
                 f"a frame is a resonarm.Frame or a can.Message, which say identifier and data: this is {what}"
             ) from None
+        if is_error or is_remote:
+            kind = "an error frame" if is_error else "a remote frame"
+            raise ValueError(f"a resonarm.Frame is a frame of data: this is {kind}, of identifier 0x{identifier:X}")
+        return frame
 
     def message(self, **more: Any) -> Any:
         """The frame as a `can.Message`; `more` are its other arguments, such as `timestamp`."""
@@ -55,7 +64,7 @@ class Decoded:
     signals: dict[str, float] = field(default_factory=dict)
     """Values by the signals' names in the DBC, in their units; only of a frame that is taken."""
     reason: str = ""
-    """Why it is refused."""
+    """Why it is refused, or why it is foreign if it is an error frame."""
 
 
 class Network(_resonarm.Network):
@@ -105,11 +114,25 @@ class Decoder(_resonarm.Decoder):
         return super().__new__(cls, network)
 
     def decode(self, frame: Any) -> Decoded:
-        """Decodes a `Frame`, or a `can.Message` with data.
+        """Decodes a `Frame`, or a `can.Message`: an error frame is foreign, a remote frame never holds a message.
 
         Raises TypeError for anything else, ValueError for a frame that no bus carries.
         """
-        parts = frame if isinstance(frame, Frame) else Frame.of(frame)
+        if getattr(frame, "is_error_frame", False):
+            return Decoded("foreign", reason=ERROR_FRAME)
+        if getattr(frame, "is_remote_frame", False):
+            return self._request(frame.arbitration_id, frame.is_extended_id)
+        return self._decoded(frame if isinstance(frame, Frame) else Frame.of(frame))
+
+    def _request(self, identifier: int, extended: bool) -> Decoded:
+        """The verdict on a remote frame. The extension takes frames of data alone: two without data, which it refuses
+        for their format or their length, one of each format, say what comes before the check of the format."""
+        classical, fd = (self._decoded(Frame(identifier, extended, b"", is_fd, False)) for is_fd in (False, True))
+        if classical == fd:
+            return classical
+        return replace(classical, reason=f"{classical.message} refused: a remote frame carries no data")
+
+    def _decoded(self, parts: Frame) -> Decoded:
         if not isinstance(parts.data, bytes | bytearray):
             raise TypeError(f"the data of a frame are bytes: these are {type(parts.data).__name__}")
         if not 0 <= parts.identifier <= LARGEST_IDENTIFIER:

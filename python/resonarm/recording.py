@@ -94,8 +94,10 @@ class Recording(_resonarm.Recording):
 
     def arrow(self, part: RecordingPart, from_sample: int = 0, to_sample: int = LAST) -> Any:
         """The same as a `pyarrow.Table`, by the extra `arrow`, with the columns of the CSV of `resonarm export`: a pair
-        as two columns, payloads as bytes. 8-byte numbers are not copied. Each field's metadata have its `unit`, those
-        of the schema the recording's `path`, `part`, `dt_s` (s) and, if it has one, `scenario` (TOML).
+        as two columns, times in seconds (`time_s`), `direction`, `brs` and `esi` of frames, `cause` by its name. An
+        empty cell is null, truth values are booleans, payloads bytes. Readings and states are not copied. Each field's
+        metadata have its `unit`, those of the schema the recording's `path`, `part`, `dt_s` (s) and, if it has one,
+        `scenario` (TOML).
         """
         pyarrow = _extras.require("pyarrow", "arrow")
         return pyarrow.Table.from_batches([next(self.batches(part, LAST, from_sample, to_sample))])
@@ -115,7 +117,7 @@ class Recording(_resonarm.Recording):
         while True:
             words, names, count = reader.read_columns(rows)
             if first or count:
-                yield _arrow.batch(words, names, count, dtype, metadata)
+                yield _arrow.batch(words, names, count, dtype, self.dt_s, metadata)
             if count < rows:
                 return
             first = False

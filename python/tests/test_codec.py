@@ -1,8 +1,13 @@
 """The codec compared with hilspy, cantools and the AUTOSAR E2E library, which know the protocol by its DBC."""
 
+import json
+import subprocess
+
+import can
 import cantools
 import hilspy
 import pytest
+from conftest import PROGRAM
 from e2e.p05 import e2e_p05_check
 from e2e.p11 import e2e_p11_check
 
@@ -22,6 +27,8 @@ PROTECTED = [
 ]
 OF_THE_PROTECTION = {"crc", "counter"}
 MOST_LOST = 4
+IDENTIFIERS = [*sorted({message.frame_id for profile in PROFILES for message in DBC[profile].messages}), 0x123]
+"""Those of every message of both profiles, and one of nobody."""
 
 
 def network(profile):
@@ -156,3 +163,47 @@ def test_frames_of_another_encoder_are_taken(profile, name, channel, tmp_path):
         assert (decoded.verdict, decoded.message) == ("taken", name), decoded
         assert decoded.signals == pytest.approx(values, rel=1e-12)
     assert decoder.lost == 0
+
+
+@pytest.mark.parametrize("profile", PROFILES)
+def test_a_remote_frame_has_the_verdict_of_the_program(profile):
+    """At any moment, and the frames of data about it are judged as without it."""
+    encoder, decoder = resonarm.Encoder(network(profile)), resonarm.Decoder(network(profile))
+    flags = [f"--{name.replace('_', '-')}={value}" for name, value in (NETWORK | {"profile": profile}).items()]
+    asked = [(identifier, False) for identifier in IDENTIFIERS] + [(0x344, True)]
+    words = [f"{identifier:0{8 if extended else 3}X}#R8" for identifier, extended in asked]
+    program = [PROGRAM, "protocol", "decode", "--json", *flags, *words]
+    said = json.loads(subprocess.run(program, capture_output=True, timeout=60, check=False).stdout)["frames"]
+    for (identifier, extended), theirs in zip(asked, said, strict=True):
+        assert decoder.decode(encoder.encode("PlantHello", **signals(profile, "PlantHello", 1))).verdict == "taken"
+        ours = decoder.decode(
+            can.Message(arbitration_id=identifier, is_extended_id=extended, is_remote_frame=True, dlc=8)
+        )
+        expected = theirs["verdict"], theirs.get("message", ""), theirs.get("reason", "")
+        assert (ours.verdict, ours.message, ours.reason) == expected
+        assert (ours.sender != "") == (ours.message != "") and ours.signals == {}
+    assert {frame["verdict"] for frame in said} == {"refused", "foreign"} and decoder.lost == 0
+    assert {frame.get("reason", "").partition(" refused: ")[2] for frame in said} == {
+        "",
+        "a remote frame carries no data",
+        "the network's profile has no such message",
+    }
+
+
+@pytest.mark.parametrize("identifier", [0x701, 0x204, 0x020])
+def test_an_error_frame_is_foreign(identifier):
+    """Its identifier is the error classes of the controller, its data may look like a message."""
+    decoder = resonarm.Decoder()
+    message = can.Message(arbitration_id=identifier, is_error_frame=True, is_extended_id=False, data=bytes([5]))
+    reason = "an error frame is a report of the local CAN controller, and was never on the bus"
+    assert decoder.decode(message) == resonarm.Decoded("foreign", reason=reason)
+    assert decoder.lost == 0
+
+
+@pytest.mark.parametrize("kind", ["remote", "error"])
+def test_a_frame_of_data_is_made_of_nothing_else(kind):
+    message = can.Message(arbitration_id=0x701, is_extended_id=False, **{f"is_{kind}_frame": True})
+    with pytest.raises(
+        ValueError, match=f"a resonarm.Frame is a frame of data: this is an? {kind} frame, of identifier 0x701"
+    ):
+        resonarm.Frame.of(message)

@@ -48,12 +48,12 @@ def test_a_failure_shows_the_signal_and_names_the_recording(pytester):
 def test_it(bench):
     with bench.sensor_fault("accelerometer_c", "stuck", axis="x", from_s=0.4):
         result = bench.run()
-    result.assert_settled("acceleration_c_m_s2_x", 8.0, from_s=0.1, to_s=0.9)
+    result.assert_settled("acceleration_c_x_m_s2", 8.0, from_s=0.1, to_s=0.9)
 """,
     )
     result.assert_outcomes(failed=1)
     text = result.stdout.str()
-    assert "acceleration_c_m_s2_x has not settled: its amplitude goes from" in text
+    assert "acceleration_c_x_m_s2 has not settled: its amplitude goes from" in text
     assert "> sample    503" in text
     path = Path(re.search(r"recording: (\S+)", text)[1])
     assert resonarm.Recording(path).summary["integrity"]["state"] == "complete"
@@ -78,7 +78,7 @@ ___________________________________ test_it ____________________________________
 test_the_report_of_a_failure.py:7: in test_it
     result.assert_force_below(50)
 E   AssertionError: the force along x reaches 74.76 N: limit 50 N
-E     force_n_x:
+E     force_x_n:
 E     sample    192      0.1920 s           +48
 E     sample    193      0.1930 s        +48.24
 E     sample    194      0.1940 s         +48.5
@@ -221,7 +221,7 @@ def test_tests_side_by_side_do_not_meet(pytester):
 @pytest.mark.parametrize("force_n", range(1, 9))
 def test_it(bench, force_n):
     result = bench.run(lambda measured: (force_n, 0.0) if measured.sample < 200 else None)
-    assert abs(result.signal("force_n_x")[1]).max() == force_n
+    assert abs(result.signal("force_x_n")[1]).max() == force_n
 """,
         "-n",
         "2",
@@ -244,5 +244,5 @@ def test_faults_end_with_their_block(tmp_path):
 def test_signals_are_known_by_name(tmp_path):
     bench = resonarm.Scenario.load(ROOT / "scenarios/bench.toml", simulation={"duration_s": 0.1})
     result = Bench(bench, tmp_path).run()
-    with pytest.raises(ValueError, match="there is no signal 'alpha', only acceleration_b_m_s2_x"):
+    with pytest.raises(ValueError, match="there is no signal 'alpha', only acceleration_b_x_m_s2"):
         result.signal("alpha")

@@ -3,11 +3,14 @@
 import subprocess
 import sys
 from pathlib import Path
+from typing import get_args
 
 import numpy as np
 import pytest
 
 import resonarm
+from resonarm import words
+from resonarm.export import columns
 from resonarm.testing import Bench
 
 ROOT = Path(__file__).resolve().parents[2]
@@ -81,7 +84,7 @@ def test_a_delay_is_of_simulated_time(bench, periods, later):
     late.assert_no_refused_command()
     assert (late.plant["outcome"], late.exciter["outcome"]) == ("disarmed", "finished")
     for result, acts in ((direct, 100), (late, 100 + later)):
-        assert np.flatnonzero(result.signal("force_n_x")[1] == FORCE_N)[0] == acts
+        assert np.flatnonzero(result.signal("force_x_n")[1] == FORCE_N)[0] == acts
     assert seen == list(range(seen[0], 201)), "every sample was answered"
 
 
@@ -115,7 +118,7 @@ ASSERTIONS = {
     "no refused command": lambda result: result.assert_no_refused_command(),
     "force": lambda result: result.assert_force_below(600),
     "state": lambda result: result.assert_state_reached("operational", within_s=0.5),
-    "settled": lambda result: result.assert_settled("force_n_x", 50.0, from_s=0.0, to_s=0.1),
+    "settled": lambda result: result.assert_settled("force_x_n", 50.0, from_s=0.0, to_s=0.1),
 }
 
 
@@ -219,28 +222,54 @@ def test_an_invalid_number_is_named(bench):
         (lambda: result.assert_force_below(nothing), "limit_n is nan: it must be a number"),
         (lambda: result.assert_state_reached("operational", nothing), "within_s is nan: it must be a number"),
         (lambda: result.assert_state_reached("awake", 1.0), "there is no state 'awake', only boot_up, pre_operational"),
-        (lambda: result.amplitude("force_n_x", nothing), "frequency_hz is nan: it must be a positive number"),
+        (lambda: result.amplitude("force_x_n", nothing), "frequency_hz is nan: it must be a positive number"),
         (
-            lambda: result.amplitude("force_n_x", 600.0),
+            lambda: result.amplitude("force_x_n", 600.0),
             "frequency_hz is 600: at 1000 samples a second it must be below",
         ),
         (
-            lambda: result.amplitude("force_n_x", 50.0, 0.2, 0.1),
+            lambda: result.amplitude("force_x_n", 50.0, 0.2, 0.1),
             "from_s is 0.2 and to_s 0.1: give the earlier one first",
         ),
-        (lambda: result.amplitude("force_n_x", 50.0, 0.1, 9.0), "to_s is 9: the run ends at 0.249 s"),
-        (lambda: result.amplitude("force_n_x", 50.0, 0.1, 0.11), "0.1 s to 0.11 s are 11 samples: a period of"),
-        (lambda: result.assert_settled("force_n_x", 50.0, from_s=0.1, to_s=0.12), "a period of 50 Hz has 20"),
+        (lambda: result.amplitude("force_x_n", 50.0, 0.1, 9.0), "to_s is 9: the run ends at 0.249 s"),
+        (lambda: result.amplitude("force_x_n", 50.0, 0.1, 0.11), "0.1 s to 0.11 s are 11 samples: a period of"),
+        (
+            lambda: result.assert_settled("force_x_n", 50.0, from_s=0.1, to_s=0.12),
+            "from_s is 0.1 and to_s 0.12: a half of it has 11 samples, a period of 50 Hz has 20",
+        ),
+        (lambda: result.assert_settled("force_x_n", 50.0, from_s=0.1, to_s=0.105), "0.1 s to 0.105 s are 6 samples:"),
+        (
+            lambda: result.assert_settled("force_x_n", 50.0, from_s=0.2, to_s=5.7),
+            "to_s is 5.7: the run ends at 0.249 s",
+        ),
+        (
+            lambda: result.assert_settled("force_x_n", 50.0, from_s=5.7, to_s=0.2),
+            "from_s is 5.7 and to_s 0.2: give the earlier one first",
+        ),
     ]:
         with pytest.raises(ValueError) as raised:
             call()
         assert message in str(raised.value)
 
 
+def test_a_signal_is_the_channel_of_its_name(bench):
+    """Readings and loads, as the recording's tables name them; the state at the end of a run has no load."""
+    result = bench.run(pulse)
+    parts = {part: columns(result.recording.read(part)) for part in ("states", "samples")}
+    for name in get_args(words.Signal):
+        part = "states" if name in parts["states"] else "samples"
+        count = len(parts["states"]["is_end"]) - 1 if part == "states" else None
+        times, values = result.signal(name)
+        np.testing.assert_array_equal(values, parts[part][name][:count], name)
+        np.testing.assert_array_equal(times, parts[part]["time_s"][:count], name)
+    with pytest.raises(ValueError, match=r"there is no signal 'torque_nm_x', only .*, torque1_nm, torque2_nm"):
+        result.signal("torque_nm_x")
+
+
 def test_a_signal_at_rest_has_not_settled(bench):
     result = bench.run(pulse)
-    with pytest.raises(AssertionError, match="force_n_y does not vibrate at 50 Hz"):
-        result.assert_settled("force_n_y", 50.0, from_s=0.0, to_s=0.15)
+    with pytest.raises(AssertionError, match="force_y_n does not vibrate at 50 Hz"):
+        result.assert_settled("force_y_n", 50.0, from_s=0.0, to_s=0.15)
 
 
 def test_nan_in_a_signal_is_named_with_its_sample(bench, tmp_path):
@@ -252,12 +281,12 @@ def test_nan_in_a_signal_is_named_with_its_sample(bench, tmp_path):
     result.recording = resonarm.Recording(path)
     for call in (
         lambda: result.assert_force_below(600),
-        lambda: result.assert_settled("force_n_x", 50.0, from_s=0.05, to_s=0.15),
-        lambda: result.amplitude("force_n_x", 50.0, 0.05, 0.15),
+        lambda: result.assert_settled("force_x_n", 50.0, from_s=0.05, to_s=0.15),
+        lambda: result.amplitude("force_x_n", 50.0, 0.05, 0.15),
     ):
         with pytest.raises(AssertionError) as raised:
             call()
-        assert str(raised.value).startswith("force_n_x is NaN at sample 120 (0.12 s)\n")
+        assert str(raised.value).startswith("force_x_n is NaN at sample 120 (0.12 s)\n")
         assert "\n  > sample    120      0.1200 s          +nan" in str(raised.value).replace("\n>", "\n  >")
 
 

@@ -10,6 +10,7 @@ import pytest
 
 import resonarm
 from resonarm import _resonarm, own_structure, words
+from resonarm._result import LOADS
 
 ROOT = Path(__file__).resolve().parents[2]
 
@@ -21,9 +22,13 @@ def listed(message):
 
 def test_the_words_of_readings_are_those_of_the_table_of_channels():
     vectors = [vector for vector, _ in _resonarm.arm_channels("samples")]
-    held = [vector for vector, _ in _resonarm.arm_channels("states") if vector in ("force_n", "torque_nm")]
     assert set(get_args(words.Reading)) == set(vectors)
-    assert set(get_args(words.Signal)) == {f"{vector}_{axis}" for vector in (*vectors, *held) for axis in "xy"}
+
+
+def test_the_words_of_signals_are_those_of_the_table_of_channels():
+    channels = [*_resonarm.arm_channels("samples"), *_resonarm.arm_channels("states")]
+    components = [name for vector, names in channels if vector in (*get_args(words.Reading), *LOADS) for name in names]
+    assert sorted(get_args(words.Signal)) == sorted(components)
 
 
 SCENARIO = resonarm.Scenario()
@@ -110,7 +115,7 @@ with bench.fault("lost"):  # wrong
     pass
 with bench.sensor_fault("head", "stuck"):  # wrong
     pass
-result.signal("force_n_x")
+result.signal("force_x_n")
 result.signal("force_n")  # wrong
 result.assert_state_reached("fault", 1.0)
 result.assert_state_reached("faulted", 1.0)  # wrong

@@ -17,4 +17,4 @@ def test_the_force_is_held_and_never_above_its_amplitude(bench):
     result.assert_completed()
     result.assert_no_refused_command()
     result.assert_force_below(1.01 * AMPLITUDE_N)
-    result.assert_settled("head_force_n_x", FREQUENCY_HZ, from_s=1.0, to_s=2.0, amplitude=AMPLITUDE_N, within=0.05)
+    result.assert_settled("head_force_x_n", FREQUENCY_HZ, from_s=1.0, to_s=2.0, amplitude=AMPLITUDE_N, within=0.05)
