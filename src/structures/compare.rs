@@ -5,7 +5,7 @@ use std::path::Path;
 use serde::Serialize;
 use serde_json::Value;
 
-use super::walk::{self, Computed, StructurePoint, StructureScore};
+use super::walk::{self, Computed, SAME_LOAD, StructurePoint, StructureScore};
 use crate::configuration;
 use crate::failure::{Failure, Verdict};
 use crate::output::{self, JsonFlag};
@@ -14,6 +14,7 @@ use resonarm::control::ResponsePoint;
 use resonarm::identification::acting_load_on;
 use resonarm::plant::TestedAssembly;
 use resonarm::scenario::Scenario;
+use resonarm_numeric::number::short;
 
 /// A response and the place of the branch that is nearest to it.
 #[derive(Serialize)]
@@ -34,6 +35,8 @@ struct Document<'a> {
     coordinates: Value,
     /// The degree of freedom whose fundamental is compared.
     at: &'a str,
+    /// The load of the computed branch: the mean of what acted.
+    load: &'a str,
     points: Vec<Compared>,
     /// The largest deviations of settled points; none if no point has settled.
     score: Option<StructureScore>,
@@ -56,9 +59,15 @@ pub(crate) fn show(
     let acted = responses.iter().map(acting).collect::<Result<Vec<_>, Failure>>()?;
     let responses = &acted[..];
     let Some(computed) = Computed::new(tested, &amplitude, responses)? else {
+        let loads = || responses.iter().filter(|response| response.settled).map(|response| response.load);
+        let (least, most) = (loads().fold(f64::INFINITY, f64::min), loads().fold(0.0, f64::max));
         return Err(Failure::usage(format!(
-            "{}: its responses are not on a single branch: compared are responses to one load along one degree of freedom",
-            file.display()
+            "{}: its responses are not on a single branch: compared are settled responses along one degree of freedom to \
+             loads that differ by at most {} %; here they are from {} to {}",
+            file.display(),
+            short(&(100.0 * SAME_LOAD)),
+            short(&least),
+            short(&most)
         )));
     };
     let places = responses.iter().map(|response| computed.nearest(response));
@@ -67,6 +76,7 @@ pub(crate) fn show(
         configuration: configuration::of(scenario, &amplitude.load())?,
         coordinates: configuration::coordinates(&tested.assembly),
         at: computed.name(),
+        load: computed.load(),
         points: points
             .filter_map(|((point, place), response)| Some(Compared::new(point, &place?, computed.phase_rad(response))))
             .collect(),
@@ -92,7 +102,8 @@ impl Compared {
 
 fn text(document: &Document<'_>) -> String {
     let at = document.at;
-    let mut text = format!("  {:>12}  {at:>13}  {:>12}  {:>9}  {:>9}  computed\n", "frequency", "Δf/f", "ΔA/A", "Δφ");
+    let mut text = format!("computed for {}\n", document.load);
+    text += &format!("  {:>12}  {at:>13}  {:>12}  {:>9}  {:>9}  computed\n", "frequency", "Δf/f", "ΔA/A", "Δφ");
     for compared in &document.points {
         let Compared { point, frequency_deviation, amplitude_deviation, phase_deviation_deg, computed_stable } =
             compared;

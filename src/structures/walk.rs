@@ -18,7 +18,7 @@ use resonarm_numeric::number::rounded;
 /// points go.
 const STRAIGHT_RAD: f64 = 0.01;
 /// Largest relative difference between the loads of points on a single branch.
-const SAME_LOAD: f64 = 0.02;
+pub(super) const SAME_LOAD: f64 = 0.02;
 /// The computed branch goes beyond the points by this part of their frequencies.
 const MARGIN: f64 = 0.02;
 
@@ -151,6 +151,11 @@ impl Computed {
     /// The degree of freedom whose fundamental is compared.
     pub fn name(&self) -> &str {
         &self.at.name
+    }
+
+    /// The load of the branch, with its unit and place.
+    pub fn load(&self) -> &str {
+        &self.load
     }
 
     /// The place of the branch that is nearest to a point.

@@ -128,7 +128,7 @@ fn responses_of_a_recording_are_compared_with_the_branch() {
     let run = ["run", "--mode", "free", "--scenario", "stepped.toml", "--record", "stepped.mcap", "--json"];
     document(folder.path(), 0, &run);
     let found = document(folder.path(), 0, &["compare", "stepped.mcap", "--json"]);
-    assert_eq!(names(&found), ["at", "configuration", "coordinates", "points", "score"], "{found:#}");
+    assert_eq!(names(&found), ["at", "configuration", "coordinates", "load", "points", "score"], "{found:#}");
     let (points, score) = (found["points"].as_array().unwrap(), &found["score"]);
     assert_eq!((points.len(), score["settled_points"].as_u64()), (5, Some(5)), "{found:#}");
     assert!(score["largest_amplitude_deviation"].as_f64().unwrap() < 1e-3, "{score:#}");
