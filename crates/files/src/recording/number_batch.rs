@@ -179,8 +179,10 @@ impl<R: Numbers> Batch for NumberBatch<R> {
     }
 
     fn append(&mut self, row: &R) {
-        let values = row.vectors().into_iter().flatten();
-        self.columns.iter_mut().zip(values).for_each(|(column, value)| column.push(*value));
+        let mut columns = self.columns.iter_mut();
+        for vector in row.vectors() {
+            vector.iter().zip(&mut columns).for_each(|(value, column)| column.push(*value));
+        }
         match Self::IS_STATES {
             true => self.ends = row.mark() != 0,
             false => self.clipped.push(row.mark()),
