@@ -154,6 +154,7 @@ impl Frame {
     }
 
     /// The payload, in bytes; empty for a remote frame.
+    #[inline]
     pub fn data(&self) -> &[u8] {
         match self.format {
             FrameFormat::Remote => &[],

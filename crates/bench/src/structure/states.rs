@@ -24,6 +24,7 @@ pub struct States {
 impl States {
     /// The states of which the first `moving` of `count` are coordinates and rates, as `write` writes them; at most
     /// [`MOST_STATES`].
+    #[inline]
     pub fn written(moving: usize, count: usize, write: impl FnOnce(&mut [f64])) -> States {
         let count = count.min(MOST_STATES);
         let mut states = States { numbers: [0.0; MOST_STATES], moving: moving.min(count), count };
@@ -56,27 +57,32 @@ impl States {
     }
 
     /// As the state of the two-link arm; of another structure it means nothing.
+    #[inline]
     pub fn arm(&self) -> State {
         let [x1, x2, v1, v2, ..] = self.numbers;
         State::new([x1, x2], [v1, v2])
     }
 
     /// Coordinates and rates.
+    #[inline]
     pub fn moving(&self) -> &[f64] {
         &self.numbers[..self.moving]
     }
 
     /// The coordinates.
+    #[inline]
     pub fn coordinates(&self) -> &[f64] {
         &self.numbers[..self.moving / 2]
     }
 
     /// Their rates.
+    #[inline]
     pub fn rates(&self) -> &[f64] {
         &self.numbers[self.moving / 2..self.moving]
     }
 
     /// What belongs to devices and elements.
+    #[inline]
     pub fn internal(&self) -> &[f64] {
         &self.numbers[self.moving..self.count]
     }
@@ -85,6 +91,7 @@ impl States {
 impl Deref for States {
     type Target = [f64];
 
+    #[inline]
     fn deref(&self) -> &[f64] {
         &self.numbers[..self.count]
     }

@@ -29,21 +29,32 @@ pub trait Batch: prost::Message {
     /// Row `index`, if every column has it.
     fn row(&self, index: usize) -> Option<Self::Row>;
 
-    /// Time from sample to sample that it states, s.
-    fn dt_s(&self) -> Option<f64>;
     /// Whether the row can stand behind those that it has.
     fn takes(&self, _row: &Self::Row) -> bool {
         true
     }
 
-    /// Hands all rows to `visit`, in order. Errors: what is wrong, if columns differ in length or the samples run out
-    /// of range.
-    fn rows(&self, mut visit: impl FnMut(Self::Row)) -> Result<(), String> {
-        let columns = self.columns();
+    /// Whether the numbers that stand for one of several things stand for one.
+    fn has_known_marks(&self) -> bool;
+
+    /// The samples of the first row and of the last, if it has a row. Errors: what is wrong, if columns differ in
+    /// length, hold what stands for nothing, or the samples run out of range.
+    fn samples(&self) -> Result<Option<(u64, u64)>, String> {
+        let (columns, first) = (self.columns(), self.first_sample());
         let length = columns.iter().copied().max().unwrap_or(0);
-        (0..length)
-            .try_for_each(|index| self.row(index).map(&mut visit))
-            .ok_or_else(|| format!("a batch from sample {} with columns of {columns:?} rows", self.first_sample()))
+        let Some(further) = length.checked_sub(1) else { return Ok(None) };
+        let is_good = columns.iter().all(|column| *column == length) && self.has_known_marks();
+        match first.checked_add(further as u64).filter(|_| is_good) {
+            Some(last) => Ok(Some((first, last))),
+            None => Err(format!("a batch from sample {first} with columns of {columns:?} rows")),
+        }
+    }
+
+    /// Hands all rows to `visit`, in order. Errors: as of [`Batch::samples`].
+    fn rows(&self, visit: impl FnMut(Self::Row)) -> Result<(), String> {
+        let Some((first, last)) = self.samples()? else { return Ok(()) };
+        (0..=(last - first) as usize).filter_map(|index| self.row(index)).for_each(visit);
+        Ok(())
     }
 }
 
@@ -109,14 +120,14 @@ impl Batch for TickBatch {
         self.cause.push(cause_number(row.cause));
     }
 
-    fn dt_s(&self) -> Option<f64> {
-        None
-    }
-
     fn columns(&self) -> Vec<usize> {
         // Older recordings have no column of causes.
         let cause = (!self.cause.is_empty()).then_some(self.cause.len());
         [self.wakeup_ns.len(), self.exec_ns.len(), self.overruns.len()].into_iter().chain(cause).collect()
+    }
+
+    fn has_known_marks(&self) -> bool {
+        self.cause.iter().all(|number| cause_of(*number).is_some())
     }
 
     fn row(&self, index: usize) -> Option<TickRecord> {

@@ -93,15 +93,21 @@ impl Contents {
 
     /// The messages of the chunk read last, in the order in which they were written.
     pub fn messages(&self) -> impl Iterator<Item = RawMessage<'_>> {
-        self.messages.iter().filter_map(|message| {
+        self.messages_from(0).map(|(_, message)| message)
+    }
+
+    /// The same from place `first` on, with their places.
+    pub fn messages_from(&self, first: usize) -> impl Iterator<Item = (usize, RawMessage<'_>)> {
+        self.messages.iter().enumerate().skip(first).filter_map(|(place, message)| {
             let declared = self.channels.get(&message.channel)?.as_ref()?;
-            Some(RawMessage {
+            let raw = RawMessage {
                 message_type: declared.message_type,
                 layout: declared.layout.as_ref(),
                 log_time_ns: message.log_time_ns,
                 publish_time_ns: message.publish_time_ns,
                 bytes: &self.bytes[message.range.clone()],
-            })
+            };
+            Some((place, raw))
         })
     }
 

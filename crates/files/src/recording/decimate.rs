@@ -16,6 +16,8 @@
 use std::collections::VecDeque;
 use std::f64::consts::PI;
 
+use resonarm_numeric::registers::{Task, widest};
+
 /// β of the Kaiser window for 80 dB.
 const BETA: f64 = 0.1102 * (80.0 - 8.7);
 /// Half the length of the filter, rows for each of the decimation.
@@ -144,14 +146,32 @@ impl Decimator {
     fn filtered(&self, taps: &[f64], index: u64) -> Decimated {
         let mut values = Vec::with_capacity(self.windows.len() * LANES);
         for window in &self.windows {
-            let mut sums = [0.0; LANES];
-            for (tap, row) in taps.iter().zip(window) {
-                sums.iter_mut().zip(row).for_each(|(sum, value)| *sum += tap * value);
-            }
-            values.extend(sums);
+            values.extend(widest(Weighted { taps, window }));
         }
         values.truncate(self.width);
         Decimated { index, values, flags: self.flags.iter().fold(0, |all, flags| all | flags) }
+    }
+}
+
+/// The sums of the rows of a window, each times its tap.
+struct Weighted<'a> {
+    taps: &'a [f64],
+    window: &'a VecDeque<[f64; LANES]>,
+}
+
+impl Task for Weighted<'_> {
+    type Output = [f64; LANES];
+
+    #[inline(always)]
+    fn run(self) -> [f64; LANES] {
+        let (mut sums, mut taps) = ([0.0; LANES], self.taps.iter());
+        let (older, newer) = self.window.as_slices();
+        for rows in [older, newer] {
+            for (row, tap) in rows.iter().zip(&mut taps) {
+                sums.iter_mut().zip(row).for_each(|(sum, value)| *sum += tap * value);
+            }
+        }
+        sums
     }
 }
 

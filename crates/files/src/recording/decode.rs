@@ -7,41 +7,57 @@ use prost::Message;
 use super::batch::Batch;
 use super::contents::RawMessage;
 use super::frames;
-use super::layout::NumberBatch;
+use super::number_batch::{NumberBatch, Numbers};
 use super::schema::MessageType;
 use super::schema::proto::{self, TickBatch};
-use super::{Event, Record};
+use super::{Event, FrameRecord, Record, TickRecord};
 
-/// Hands the records in a message to `visit`, in order. The messages for plotting repeat others and give none.
-///
-/// Returns the time from sample to sample that the message states, s, if it states one. Errors: what is wrong with the
-/// message.
-pub(super) fn decode(raw: RawMessage<'_>, visit: &mut impl FnMut(Record<String>)) -> Result<Option<f64>, String> {
-    let bytes = raw.bytes;
-    match (raw.message_type, raw.layout) {
-        (MessageType::StepBatch, Some(layout)) => {
-            return rows(NumberBatch::new(Arc::clone(layout)), bytes, |row| visit(Record::State(row)));
-        }
-        (MessageType::SampleBatch, Some(layout)) => {
-            return rows(NumberBatch::new(Arc::clone(layout)), bytes, |row| visit(Record::Sample(row)));
-        }
-        (MessageType::TickBatch, _) => return rows(TickBatch::default(), bytes, |row| visit(Record::Tick(row))),
-        (MessageType::FrameBatch, _) => frames::batch(&message(bytes)?, |frame| visit(Record::Frame(frame)))?,
-        (MessageType::Event, _) => {
-            let proto::Event { step, time_ns, name, value } = message(bytes)?;
-            visit(Record::Event(Event { sample: step, time_ns, name, value }));
-        }
-        _ => {}
+/// Hands the records in a message to `visit`, in order. The messages for plotting repeat others and give none. Errors:
+/// what is wrong with the message.
+pub(super) fn decode(raw: RawMessage<'_>, mut visit: impl FnMut(Record<String>)) -> Result<(), String> {
+    match raw.message_type {
+        MessageType::StepBatch => numbers(raw, |row| visit(Record::State(row))),
+        MessageType::SampleBatch => numbers(raw, |row| visit(Record::Sample(row))),
+        MessageType::TickBatch => ticks(raw, |row| visit(Record::Tick(row))),
+        MessageType::FrameBatch => frames(raw, |frame| visit(Record::Frame(frame))),
+        MessageType::Event => events(raw, |event| visit(Record::Event(event))),
+        MessageType::State | MessageType::Command | MessageType::Sensors => Ok(()),
     }
-    Ok(None)
+}
+
+/// The states or readings in a message.
+pub(super) fn numbers<R: Numbers>(raw: RawMessage<'_>, visit: impl FnMut(R)) -> Result<(), String> {
+    match number_batch(raw)? {
+        Some(batch) => batch.rows(visit),
+        None => Ok(()),
+    }
+}
+
+/// The ticks in a message.
+pub(super) fn ticks(raw: RawMessage<'_>, visit: impl FnMut(TickRecord)) -> Result<(), String> {
+    message::<TickBatch>(raw.bytes)?.rows(visit)
+}
+
+/// The frames in a message.
+pub(super) fn frames(raw: RawMessage<'_>, visit: impl FnMut(FrameRecord)) -> Result<(), String> {
+    frames::batch(&message(raw.bytes)?, visit)
+}
+
+/// The event in a message.
+pub(super) fn events(raw: RawMessage<'_>, mut visit: impl FnMut(Event<String>)) -> Result<(), String> {
+    let proto::Event { step, time_ns, name, value } = message(raw.bytes)?;
+    visit(Event { sample: step, time_ns, name, value });
+    Ok(())
+}
+
+/// The batch of states or readings that a message is, if its topic has channels.
+pub(super) fn number_batch<R: Numbers>(raw: RawMessage<'_>) -> Result<Option<NumberBatch<R>>, String> {
+    let Some(layout) = raw.layout else { return Ok(None) };
+    let mut batch = NumberBatch::new(Arc::clone(layout));
+    batch.merge(raw.bytes).map_err(|error| error.to_string())?;
+    Ok(Some(batch))
 }
 
 fn message<M: Message + Default>(bytes: &[u8]) -> Result<M, String> {
     M::decode(bytes).map_err(|error| error.to_string())
-}
-
-fn rows<B: Batch>(mut batch: B, bytes: &[u8], visit: impl FnMut(B::Row)) -> Result<Option<f64>, String> {
-    batch.merge(bytes).map_err(|error| error.to_string())?;
-    batch.rows(visit)?;
-    Ok(batch.dt_s())
 }

@@ -77,7 +77,8 @@ fn fill(batch: &mut FrameBatch, frames: &[FrameRecord]) {
     column(&mut batch.length, frames.iter().map(|record| record.frame.len() as u32));
     batch.data.clear();
     let data = &mut batch.data;
-    by_column(&batch.id, |row| frames[row].frame.data().len(), |row, place| data.push(frames[row].frame.data()[place]));
+    let payloads: Vec<&[u8]> = frames.iter().map(|record| record.frame.data()).collect();
+    by_column(&batch.id, |row| payloads[row].len(), |row, place| data.push(payloads[row][place]));
 }
 
 /// Visits every byte of every payload, as row and place, in the order in which they stand in the column `data`: by

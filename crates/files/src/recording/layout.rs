@@ -3,24 +3,19 @@
 //! A batch is `first_step` (1), `dt_s` (2), a mark (3) and one packed column for each channel from field 4 on, in the
 //! order of the table. The messages for plotting number their channels alike. A reader goes by the names in the schema.
 
-use core::marker::PhantomData;
-use std::sync::Arc;
-
 use prost::bytes::{Buf, BufMut};
 use prost::encoding::{self, DecodeContext, WireType};
 use prost::{DecodeError, Message};
 use thiserror::Error;
 
 use super::Topic;
-use super::batch::Batch;
 use super::channels::Channels;
 use super::schema::MessageType;
-use super::{Clipped, SampleRecord, StateRecord};
-use resonarm_bench::structure::{Channel, Kind, LOADS, MOST_STATES, Point, READINGS, States, known_states};
+use resonarm_bench::structure::{Channel, Kind, Point, READINGS, known_states};
 
 /// Fields of every message.
-const STEP: u32 = 1;
-const DT_S: u32 = 2;
+pub(super) const STEP: u32 = 1;
+pub(super) const DT_S: u32 = 2;
 const MARK: u32 = 3;
 /// The field of the first channel.
 const FIRST: u32 = 4;
@@ -166,10 +161,10 @@ pub enum ChannelsError {
 pub struct Layout {
     channels: Vec<Channel>,
     /// The field of each.
-    fields: Vec<u32>,
-    mark: u32,
+    pub(super) fields: Vec<u32>,
+    pub(super) mark: u32,
     /// How many of the channels are coordinates and rates.
-    moving: usize,
+    pub(super) moving: usize,
 }
 
 impl Layout {
@@ -251,194 +246,6 @@ fn missing_channel(known: &[Channel], is_there: impl Fn(usize) -> bool) -> Optio
         Kind::State => last(channel.coordinates()).is_some_and(|node| channel.point.node() <= node),
     };
     known.iter().enumerate().find(|(place, of)| is_needed(of) && !is_there(*place)).map(|(_, of)| of.name)
-}
-
-/// A record of numbers in the order of the table, with a mark.
-pub trait Numbers: Copy + core::fmt::Debug + Send + Sync {
-    /// The message of its batches.
-    const TYPE: MessageType;
-
-    /// Index of its sample.
-    fn sample(&self) -> u64;
-    /// Its numbers, in the order of the table, vector by vector.
-    fn vectors(&self) -> [&[f64]; 4];
-    /// Whether it is the end of a run, or which readings are clipped.
-    fn mark(&self) -> u32;
-    /// The record of `count` numbers, the first `moving` of them coordinates and rates; `None` if one is wrong.
-    fn of(sample: u64, count: usize, number: impl Fn(usize) -> f64, moving: usize, mark: u32) -> Option<Self>;
-}
-
-impl Numbers for StateRecord {
-    const TYPE: MessageType = MessageType::StepBatch;
-
-    fn sample(&self) -> u64 {
-        self.sample
-    }
-
-    fn vectors(&self) -> [&[f64]; 4] {
-        StateRecord::vectors(self)
-    }
-
-    fn mark(&self) -> u32 {
-        self.is_end.into()
-    }
-
-    fn of(sample: u64, count: usize, number: impl Fn(usize) -> f64, moving: usize, mark: u32) -> Option<StateRecord> {
-        let states = count.checked_sub(LOADS.len()).filter(|states| (moving..=MOST_STATES).contains(states))?;
-        let states = States::written(moving, states, |numbers| {
-            let (coordinates, internal) = numbers.split_at_mut(moving);
-            coordinates.iter_mut().enumerate().for_each(|(place, to)| *to = number(place));
-            internal.iter_mut().enumerate().for_each(|(place, to)| *to = number(moving + LOADS.len() + place));
-        });
-        let [torque_nm, force_n] = [0, 2].map(|place| [number(moving + place), number(moving + place + 1)]);
-        Some(StateRecord { sample, states, torque_nm, force_n, is_end: mark != 0 })
-    }
-}
-
-impl Numbers for SampleRecord {
-    const TYPE: MessageType = MessageType::SampleBatch;
-
-    fn sample(&self) -> u64 {
-        self.sample
-    }
-
-    fn vectors(&self) -> [&[f64]; 4] {
-        SampleRecord::vectors(self)
-    }
-
-    fn mark(&self) -> u32 {
-        self.clipped.bits()
-    }
-
-    fn of(sample: u64, count: usize, number: impl Fn(usize) -> f64, _moving: usize, mark: u32) -> Option<SampleRecord> {
-        count.checked_sub(READINGS.len())?;
-        let [acceleration_b_m_s2, acceleration_c_m_s2, head_force_n] =
-            [0, 2, 4].map(|place| [number(place), number(place + 1)]);
-        let clipped = Clipped::from_bits(mark)?;
-        Some(SampleRecord { sample, acceleration_b_m_s2, acceleration_c_m_s2, head_force_n, clipped })
-    }
-}
-
-/// A batch of states or readings, column by column.
-#[derive(Clone, Debug)]
-pub struct NumberBatch<R> {
-    layout: Arc<Layout>,
-    first_sample: u64,
-    dt_s: f64,
-    columns: Vec<Vec<f64>>,
-    /// Marks of readings, one a row.
-    clipped: Vec<u32>,
-    /// The mark of states: the last row is the end of a run.
-    ends: bool,
-    row: PhantomData<R>,
-}
-
-impl<R: Numbers> NumberBatch<R> {
-    /// An empty batch.
-    pub fn new(layout: Arc<Layout>) -> NumberBatch<R> {
-        let columns = vec![Vec::new(); layout.fields.len()];
-        NumberBatch { layout, first_sample: 0, dt_s: 0.0, columns, clipped: Vec::new(), ends: false, row: PhantomData }
-    }
-
-    const IS_STATES: bool = matches!(R::TYPE, MessageType::StepBatch);
-}
-
-impl<R: Numbers> Message for NumberBatch<R> {
-    fn encode_raw(&self, buf: &mut impl BufMut) {
-        encoding::uint64::encode(STEP, &self.first_sample, buf);
-        encoding::double::encode(DT_S, &self.dt_s, buf);
-        if self.ends {
-            encoding::bool::encode(self.layout.mark, &true, buf);
-        }
-        encoding::uint32::encode_packed(self.layout.mark, &self.clipped, buf);
-        for (field, column) in self.layout.fields.iter().zip(&self.columns) {
-            encoding::double::encode_packed(*field, column, buf);
-        }
-    }
-
-    fn merge_field(
-        &mut self,
-        tag: u32,
-        wire: WireType,
-        buf: &mut impl Buf,
-        context: DecodeContext,
-    ) -> Result<(), DecodeError> {
-        if let Some(place) = self.layout.fields.iter().position(|field| *field == tag) {
-            return encoding::double::merge_repeated(wire, &mut self.columns[place], buf, context);
-        }
-        match tag {
-            STEP => encoding::uint64::merge(wire, &mut self.first_sample, buf, context),
-            DT_S => encoding::double::merge(wire, &mut self.dt_s, buf, context),
-            tag if tag != self.layout.mark => encoding::skip_field(wire, tag, buf, context),
-            _ if Self::IS_STATES => encoding::bool::merge(wire, &mut self.ends, buf, context),
-            _ => encoding::uint32::merge_repeated(wire, &mut self.clipped, buf, context),
-        }
-    }
-
-    fn encoded_len(&self) -> usize {
-        let columns = self.layout.fields.iter().zip(&self.columns);
-        encoding::uint64::encoded_len(STEP, &self.first_sample)
-            + encoding::double::encoded_len(DT_S, &self.dt_s)
-            + if self.ends { encoding::bool::encoded_len(self.layout.mark, &true) } else { 0 }
-            + encoding::uint32::encoded_len_packed(self.layout.mark, &self.clipped)
-            + columns.map(|(field, column)| encoding::double::encoded_len_packed(*field, column)).sum::<usize>()
-    }
-
-    fn clear(&mut self) {
-        (self.first_sample, self.dt_s, self.ends) = (0, 0.0, false);
-        self.clipped.clear();
-        self.columns.iter_mut().for_each(Vec::clear);
-    }
-}
-
-impl<R: Numbers> Batch for NumberBatch<R> {
-    type Row = R;
-    const TYPE: MessageType = R::TYPE;
-
-    fn begin(&mut self, first_sample: u64, dt_s: f64) {
-        self.clear();
-        (self.first_sample, self.dt_s) = (first_sample, dt_s);
-    }
-
-    fn first_sample(&self) -> u64 {
-        self.first_sample
-    }
-
-    fn sample(row: &R) -> u64 {
-        row.sample()
-    }
-
-    fn append(&mut self, row: &R) {
-        let values = row.vectors().into_iter().flatten();
-        self.columns.iter_mut().zip(values).for_each(|(column, value)| column.push(*value));
-        match Self::IS_STATES {
-            true => self.ends = row.mark() != 0,
-            false => self.clipped.push(row.mark()),
-        }
-    }
-
-    fn dt_s(&self) -> Option<f64> {
-        Some(self.dt_s)
-    }
-
-    fn takes(&self, _row: &R) -> bool {
-        !self.ends
-    }
-
-    fn columns(&self) -> Vec<usize> {
-        let marks = (!Self::IS_STATES).then_some(self.clipped.len());
-        self.columns.iter().map(Vec::len).chain(marks).collect()
-    }
-
-    fn row(&self, index: usize) -> Option<R> {
-        let (columns, sample) = (&self.columns, self.first_sample.checked_add(index as u64)?);
-        columns.iter().all(|column| index < column.len()).then_some(())?;
-        let mark = match Self::IS_STATES {
-            true => u32::from(self.ends && index + 1 == columns[0].len()),
-            false => *self.clipped.get(index)?,
-        };
-        R::of(sample, columns.len(), |place| columns[place][index], self.layout.moving, mark)
-    }
 }
 
 /// A message for plotting: the numbers of one sample.

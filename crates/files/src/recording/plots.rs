@@ -5,7 +5,6 @@ use super::decimate::{Decimated, Decimator};
 use super::layout::Plot;
 use super::schema::MessageType;
 use super::{SampleRecord, StateRecord, Topic};
-use resonarm_bench::structure::Kind;
 
 /// The value as it is plotted: what the filter made, which is good to 1e-4 of the amplitude, rounded to 24 bits, since
 /// the bits below can't be compressed. A value of no filter stays as it is.
@@ -26,8 +25,10 @@ pub struct Plots {
     states_ready: Vec<Decimated>,
     readings: Decimator,
     readings_ready: Vec<Decimated>,
-    /// The last row of states, with the load that was held.
-    last: Vec<f64>,
+    /// The load that was held last.
+    held: [[f64; 2]; 2],
+    /// Memory for a row of states.
+    row: Vec<f64>,
 }
 
 impl Plots {
@@ -41,19 +42,20 @@ impl Plots {
             states_ready: Vec::new(),
             readings: Decimator::new(every, readings),
             readings_ready: Vec::new(),
-            last: vec![0.0; states],
+            held: [[0.0; 2]; 2],
+            row: Vec::with_capacity(states),
         }
     }
 
     /// Takes the next state and load. At the end of a run, which has no load, the last one stays.
     pub fn state(&mut self, record: &StateRecord) {
-        let channels = self.channels.of(Topic::States);
-        for ((last, channel), value) in self.last.iter_mut().zip(channels).zip(record.vectors().into_iter().flatten()) {
-            if channel.kind != Kind::Load || !record.is_end {
-                *last = *value;
-            }
+        if !record.is_end {
+            self.held = [record.torque_nm, record.force_n];
         }
-        self.states.push(record.sample, &self.last, 0, &mut self.states_ready);
+        let [moving, _, _, internal] = record.vectors();
+        self.row.clear();
+        [moving, self.held.as_flattened(), internal].into_iter().for_each(|part| self.row.extend_from_slice(part));
+        self.states.push(record.sample, &self.row, 0, &mut self.states_ready);
     }
 
     /// Takes the next readings.

@@ -4,7 +4,8 @@ use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
 
 use super::channels::Channels;
-use super::records::Records;
+use super::decode;
+use super::records::{Decode, Records};
 use super::scan::{Scan, scan};
 use super::schema::{DT_S, Topic, metadata};
 use super::{
@@ -102,7 +103,9 @@ impl Recording {
     /// [`RecordingError`] if the file can't be opened again.
     pub fn records(&self) -> Result<Records<Record<String>>, RecordingError> {
         const ALL: &[Topic] = &[Topic::States, Topic::Samples, Topic::Frames, Topic::Ticks, Topic::Events];
-        Records::new(&self.path, self.scan.readable_bytes, ALL, Some)
+        Records::new(&self.path, self.scan.readable_bytes, ALL, |message, queue| {
+            decode::decode(message, |record| queue.push_back(record))
+        })
     }
 
     /// Every state, in order and without a gap.
@@ -111,10 +114,7 @@ impl Recording {
     /// [`RecordingError::Gap`] before anything is returned if samples are missing; [`RecordingError::MissingTopic`] if
     /// the file has no such topic.
     pub fn states(&self) -> Result<Records<StateRecord>, RecordingError> {
-        self.continuous(&[Topic::States], |record| match record {
-            Record::State(state) => Some(state),
-            _ => None,
-        })
+        self.continuous(&[Topic::States], |message, queue| decode::numbers(message, |record| queue.push_back(record)))
     }
 
     /// Every sample, in order and without a gap.
@@ -122,10 +122,7 @@ impl Recording {
     /// # Errors
     /// As [`Recording::states`].
     pub fn samples(&self) -> Result<Records<SampleRecord>, RecordingError> {
-        self.continuous(&[Topic::Samples], |record| match record {
-            Record::Sample(sample) => Some(sample),
-            _ => None,
-        })
+        self.continuous(&[Topic::Samples], |message, queue| decode::numbers(message, |record| queue.push_back(record)))
     }
 
     /// Every tick of the real-time loop, in order and without a gap.
@@ -133,10 +130,7 @@ impl Recording {
     /// # Errors
     /// As [`Recording::states`].
     pub fn ticks(&self) -> Result<Records<TickRecord>, RecordingError> {
-        self.continuous(&[Topic::Ticks], |record| match record {
-            Record::Tick(tick) => Some(tick),
-            _ => None,
-        })
+        self.continuous(&[Topic::Ticks], |message, queue| decode::ticks(message, |record| queue.push_back(record)))
     }
 
     /// Every frame on the bus, in order.
@@ -144,10 +138,7 @@ impl Recording {
     /// # Errors
     /// [`RecordingError::MissingTopic`] if the file has no such topic.
     pub fn frames(&self) -> Result<Records<FrameRecord>, RecordingError> {
-        self.continuous(&[Topic::Frames], |record| match record {
-            Record::Frame(frame) => Some(frame),
-            _ => None,
-        })
+        self.continuous(&[Topic::Frames], |message, queue| decode::frames(message, |record| queue.push_back(record)))
     }
 
     /// Every event, in order.
@@ -155,18 +146,11 @@ impl Recording {
     /// # Errors
     /// [`RecordingError::MissingTopic`] if the file has no such topic.
     pub fn events(&self) -> Result<Records<Event<String>>, RecordingError> {
-        self.continuous(&[Topic::Events], |record| match record {
-            Record::Event(event) => Some(event),
-            _ => None,
-        })
+        self.continuous(&[Topic::Events], |message, queue| decode::events(message, |record| queue.push_back(record)))
     }
 
     /// The records of one topic, if it is there and has no gap.
-    fn continuous<T>(
-        &self,
-        topics: &'static [Topic; 1],
-        pick: fn(Record<String>) -> Option<T>,
-    ) -> Result<Records<T>, RecordingError> {
+    fn continuous<T>(&self, topics: &'static [Topic; 1], decode: Decode<T>) -> Result<Records<T>, RecordingError> {
         let [topic] = *topics;
         let found = &self.scan.tally.topics[topic as usize];
         let (path, topic) = (self.path.clone(), topic.name());
@@ -176,7 +160,7 @@ impl Recording {
         }
         match found.first_gap {
             Some((expected, got)) => Err(RecordingError::Gap { path, topic, expected, got, gaps: found.summary.gaps }),
-            None => Records::new(&self.path, self.scan.readable_bytes, topics, pick),
+            None => Records::new(&self.path, self.scan.readable_bytes, topics, decode),
         }
     }
 }

@@ -3,50 +3,97 @@
 use std::collections::VecDeque;
 use std::path::Path;
 
+use super::RecordingError;
 use super::checked_reader::{CheckedReader, TopLevelRecord};
-use super::decode::decode;
+use super::contents::RawMessage;
 use super::schema::Topic;
-use super::{Record, RecordingError};
+
+/// Appends what is to be had from a message. Errors: what is wrong with it.
+pub(super) type Decode<T> = fn(RawMessage<'_>, &mut VecDeque<T>) -> Result<(), String>;
 
 /// Records of a recording, read from the file chunk by chunk. Ends after the first error.
 pub struct Records<T> {
     walk: CheckedReader,
     readable_bytes: u64,
     topics: &'static [Topic],
-    pick: fn(Record<String>) -> Option<T>,
+    decode: Decode<T>,
+    /// Where the chunk read last begins in the file.
+    chunk: u64,
+    /// The first of its messages that has not been taken apart. One at a time is: it fits a cache, a chunk does not.
+    next: usize,
     queue: VecDeque<T>,
 }
 
 impl<T> Records<T> {
-    /// What `pick` makes of the records in `topics`, as far as the file is good.
+    /// What `decode` makes of the messages in `topics`, as far as the file is good.
     pub(super) fn new(
         path: &Path,
         readable_bytes: u64,
         topics: &'static [Topic],
-        pick: fn(Record<String>) -> Option<T>,
+        decode: Decode<T>,
     ) -> Result<Records<T>, RecordingError> {
-        Ok(Records { walk: CheckedReader::open(path)?, readable_bytes, topics, pick, queue: VecDeque::new() })
+        let walk = CheckedReader::open(path)?;
+        Ok(Records { walk, readable_bytes, topics, decode, chunk: 0, next: 0, queue: VecDeque::new() })
     }
 
-    /// Reads on until there is a record to hand out or the good part ends.
+    /// Appends the next records to `to`, at most `most` and fewer only at the end: faster than one by one where a record
+    /// is long.
+    ///
+    /// # Errors
+    /// As the iterator; there is nothing more to be had then.
+    pub fn read(&mut self, to: &mut Vec<T>, most: usize) -> Result<(), RecordingError> {
+        let end = to.len().saturating_add(most);
+        while to.len() < end {
+            self.fill()?;
+            if self.queue.is_empty() {
+                break;
+            }
+            let taken = self.queue.len().min(end - to.len());
+            to.extend(self.queue.drain(..taken));
+        }
+        Ok(())
+    }
+
+    /// Reads on until there is a record to hand out or the good part ends. After an error it has ended.
     fn fill(&mut self) -> Result<(), RecordingError> {
-        while self.queue.is_empty() && self.walk.offset() < self.readable_bytes {
-            let offset = self.walk.offset();
-            match self.walk.next()? {
-                Some(TopLevelRecord::Chunk) => {
-                    for message in self.walk.contents().messages() {
-                        if self.topics.contains(&message.message_type.topic()) {
-                            decode(message, &mut |record| self.queue.extend((self.pick)(record)))
-                                .map_err(|cause| self.walk.damaged(offset, cause))
-                                .map(drop)?;
-                        }
-                    }
+        while self.queue.is_empty() {
+            match self.take_message().and_then(|is_taken| Ok(is_taken || self.read_chunk()?)) {
+                Ok(true) => {}
+                Ok(false) => break,
+                Err(error) => {
+                    (self.readable_bytes, self.next) = (0, usize::MAX);
+                    self.queue.clear();
+                    return Err(error);
                 }
-                Some(TopLevelRecord::Header(_) | TopLevelRecord::Metadata(..) | TopLevelRecord::Other) => {}
-                None => return Ok(()),
             }
         }
         Ok(())
+    }
+
+    /// Takes the next message of the chunk apart, if there is one.
+    fn take_message(&mut self) -> Result<bool, RecordingError> {
+        let is_asked_for = |message: &RawMessage<'_>| self.topics.contains(&message.message_type.topic());
+        let mut messages = self.walk.contents().messages_from(self.next);
+        let Some((place, message)) = messages.find(|(_, message)| is_asked_for(message)) else { return Ok(false) };
+        self.next = place + 1;
+        (self.decode)(message, &mut self.queue).map_err(|cause| self.walk.damaged(self.chunk, cause))?;
+        Ok(true)
+    }
+
+    /// Reads the next chunk, if there is one in the good part.
+    fn read_chunk(&mut self) -> Result<bool, RecordingError> {
+        while self.walk.offset() < self.readable_bytes {
+            self.chunk = self.walk.offset();
+            match self.walk.next()? {
+                Some(TopLevelRecord::Chunk) => {
+                    self.next = 0;
+                    return Ok(true);
+                }
+                Some(TopLevelRecord::Header(_) | TopLevelRecord::Metadata(..) | TopLevelRecord::Other) => {}
+                None => return Ok(false),
+            }
+        }
+        Ok(false)
     }
 }
 
@@ -56,11 +103,7 @@ impl<T> Iterator for Records<T> {
     fn next(&mut self) -> Option<Self::Item> {
         match self.fill() {
             Ok(()) => self.queue.pop_front().map(Ok),
-            Err(error) => {
-                self.readable_bytes = 0;
-                self.queue.clear();
-                Some(Err(error))
-            }
+            Err(error) => Some(Err(error)),
         }
     }
 }

@@ -3,16 +3,19 @@
 use std::collections::BTreeMap;
 use std::path::Path;
 
+use super::batch::Batch;
 use super::channels::Channels;
 use super::checked_reader::{CheckedReader, TopLevelRecord};
-use super::contents::Contents;
-use super::decode::decode;
+use super::contents::{Contents, RawMessage};
+use super::decode::{decode, number_batch};
+use super::number_batch::Numbers;
 use super::schema::{
-    ARMED_EVENT, DT_S, FAULT_EVENT, FIRST_FORMAT, FORMAT, OTHER_SENDER_EVENT, OUR_LIBRARY, PARTNER_EVENT,
+    ARMED_EVENT, DT_S, FAULT_EVENT, FIRST_FORMAT, FORMAT, MessageType, OTHER_SENDER_EVENT, OUR_LIBRARY, PARTNER_EVENT,
     READING_DELAY, Topic, metadata,
 };
 use super::{
-    BuildInfo, Event, Integrity, Origin, Record, RecordedFault, RecordingError, RunTime, SampleRecord, TopicSummary,
+    BuildInfo, Event, Integrity, Origin, Record, RecordedFault, RecordingError, RunTime, SampleRecord, StateRecord,
+    TopicSummary,
 };
 use resonarm_numeric::number::short;
 
@@ -229,8 +232,7 @@ impl Tally {
             let summary = &mut self.topics[topic as usize].summary;
             summary.messages += 1;
             summary.bytes += message.bytes.len() as u64;
-            let dt_s = decode(message, &mut |record| self.record(topic, &record))?;
-            self.check_period(dt_s)?;
+            self.take(message)?;
         }
         Ok(self)
     }
@@ -251,8 +253,7 @@ impl Tally {
     }
 
     /// Refuses a batch of samples that are not as far apart as those of the rest.
-    fn check_period(&mut self, dt_s: Option<f64>) -> Result<(), String> {
-        let Some(got_s) = dt_s else { return Ok(()) };
+    fn check_period(&mut self, got_s: f64) -> Result<(), String> {
         let expected_s = *self.dt_s.get_or_insert(got_s);
         if got_s.to_bits() == expected_s.to_bits() {
             return Ok(());
@@ -261,26 +262,47 @@ impl Tally {
         Err(format!("a batch states {got_s} s from sample to sample, expected {expected_s} s"))
     }
 
+    /// Takes in the records of one message.
+    fn take(&mut self, message: RawMessage<'_>) -> Result<(), String> {
+        match message.message_type {
+            MessageType::StepBatch => self.numbers::<StateRecord>(message),
+            MessageType::SampleBatch => self.numbers::<SampleRecord>(message),
+            of => decode(message, |record| self.record(of.topic(), &record)),
+        }
+    }
+
+    /// Takes in a batch of states or readings, of which it makes no records.
+    fn numbers<R: Numbers>(&mut self, message: RawMessage<'_>) -> Result<(), String> {
+        let Some(batch) = number_batch::<R>(message)? else { return Ok(()) };
+        if let Some((first, last)) = batch.samples()? {
+            self.clipped_samples += batch.clipped_samples() as u64;
+            self.samples(message.message_type.topic(), first, last);
+        }
+        self.check_period(batch.dt_s())
+    }
+
     /// Takes in one record.
     fn record(&mut self, topic: Topic, record: &Record<String>) {
-        let sample = record.sample();
-        let (first, last) = self.samples.unwrap_or((sample, sample));
-        self.samples = Some((first.min(sample), last.max(sample)));
-        if let Record::Sample(SampleRecord { clipped, .. }) = record {
-            self.clipped_samples += u64::from(clipped.any());
-        }
         if let Record::Event(event) = record {
             self.event(event);
         }
+        self.samples(topic, record.sample(), record.sample());
+    }
+
+    /// Takes in one record for each of these samples.
+    fn samples(&mut self, topic: Topic, first: u64, last: u64) {
+        let (least, most) = self.samples.unwrap_or((first, last));
+        self.samples = Some((least.min(first), most.max(last)));
+        let has_every_sample = matches!(topic, Topic::States | Topic::Samples | Topic::Ticks);
         let topic = &mut self.topics[topic as usize];
-        topic.summary.records += 1;
-        if matches!(record, Record::State(_) | Record::Sample(_) | Record::Tick(_)) {
-            if let Some(expected) = topic.expected.filter(|&expected| expected != sample) {
+        topic.summary.records += last - first + 1;
+        if has_every_sample {
+            if let Some(expected) = topic.expected.filter(|&expected| expected != first) {
                 topic.summary.gaps += 1;
-                topic.first_gap.get_or_insert((expected, sample));
+                topic.first_gap.get_or_insert((expected, first));
             }
-            topic.first_of_chunk.get_or_insert(sample);
-            topic.expected = sample.checked_add(1);
+            topic.first_of_chunk.get_or_insert(first);
+            topic.expected = last.checked_add(1);
         }
     }
 }

@@ -117,7 +117,13 @@ pub(super) fn is_full<Other>(ring: &rtrb::Producer<Slot<Other>>, record: &Record
 pub fn pop<Other, R>(ring: &mut rtrb::Consumer<Slot<Other>>, hand: impl FnOnce(Entry<'_, Other>) -> R) -> Option<R> {
     loop {
         let record = match ring.pop().ok()?.0 {
-            Content::State(head) => state(ring, &head)?,
+            Content::State(head) => Record::State(StateRecord {
+                sample: head.sample,
+                states: states(ring, &head)?,
+                torque_nm: head.torque_nm,
+                force_n: head.force_n,
+                is_end: head.is_end,
+            }),
             Content::Sample(sample) => Record::Sample(sample),
             Content::Frame(frame) => Record::Frame(frame),
             Content::Tick(tick) => Record::Tick(tick),
@@ -138,7 +144,10 @@ pub(super) fn pop_record<R>(ring: &mut rtrb::Consumer<Slot>, hand: impl FnOnce(&
     })
 }
 
-fn state<Other>(ring: &mut rtrb::Consumer<Slot<Other>>, head: &Head) -> Option<Record> {
+/// The states of the record that begins with this head; `None` if a part is missing.
+// Inlined, as the value is long to hand over.
+#[inline(always)]
+fn states<Other>(ring: &mut rtrb::Consumer<Slot<Other>>, head: &Head) -> Option<States> {
     let mut is_whole = true;
     let states = States::written(head.moving.into(), head.count.into(), |numbers| {
         let (begin, rest) = numbers.split_at_mut(FIRST.min(numbers.len()));
@@ -150,11 +159,7 @@ fn state<Other>(ring: &mut rtrb::Consumer<Slot<Other>>, head: &Head) -> Option<R
             }
         }
     });
-    if !is_whole {
-        return None;
-    }
-    let Head { sample, torque_nm, force_n, is_end, .. } = *head;
-    Some(Record::State(StateRecord { sample, states, torque_nm, force_n, is_end }))
+    is_whole.then_some(states)
 }
 
 #[cfg(test)]

@@ -9,7 +9,8 @@ use std::time::Duration;
 
 use super::batch::{Batch, Batcher};
 use super::frames::FrameBatcher;
-use super::layout::{Layout, NumberBatch, Numbers};
+use super::layout::Layout;
+use super::number_batch::{NumberBatch, Numbers};
 use super::plots::Plots;
 use super::schema::proto::{self, TickBatch};
 use super::schema::{DT_S, FORMAT, MessageType, READING_DELAY, Topic, metadata};

@@ -4,7 +4,7 @@ use super::verdict::{Verdict, check, compare, load};
 use super::{ReplayError, repetition};
 use crate::study::on_all_cores;
 use resonarm_bench::plant::{Plant, PlantSpec};
-use resonarm_bench::rig::Amplifier;
+use resonarm_bench::rig::{Amplifier, Converter};
 use resonarm_bench::structure::States;
 use resonarm_files::import::IMPORTED_FROM;
 use resonarm_files::recording::{Integrity, Recording, StateRecord};
@@ -35,7 +35,9 @@ pub fn resimulate(recording: &Recording) -> Result<Verdict, ReplayError> {
     if scenario.is_fmu() {
         return repetition::repeat(recording, &scenario);
     }
-    let spec = scenario.plant_spec()?;
+    let mut spec = scenario.plant_spec()?;
+    // No reading is taken, and of the states none depends on the converters: the one without a filter is the fastest.
+    spec.rig.converter = Converter::Instant;
     check(recording, spec.sample_rate_hz)?;
     let mut states = recording.states()?;
     let first = states.next().ok_or(ReplayError::Empty { what: "states" })??;
@@ -49,9 +51,7 @@ pub fn resimulate(recording: &Recording) -> Result<Verdict, ReplayError> {
     let mut block = Vec::with_capacity(BLOCK + 1);
     block.push(first);
     loop {
-        for record in states.by_ref().take(BLOCK) {
-            block.push(record?);
-        }
+        states.read(&mut block, BLOCK)?;
         let [.., last] = block[..] else { return Ok(verdict) };
         if block.len() == 1 {
             return Ok(verdict);

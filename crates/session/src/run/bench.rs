@@ -336,8 +336,17 @@ impl<'a> Bench<'a> {
     pub fn advance(&mut self, now_ns: u64) -> Result<(), RunError> {
         let load = self.node.load();
         self.held = load;
-        let before = self.is_observed().then(|| Record::State(self.state(&load, false)));
-        if let Err(error) = self.plant.advance(&load) {
+        if !self.is_observed() {
+            return self.advance_plant(now_ns, &load);
+        }
+        let before = Record::State(self.state(&load, false));
+        self.advance_plant(now_ns, &load)?;
+        self.record(&before);
+        Ok(())
+    }
+
+    fn advance_plant(&mut self, now_ns: u64, load: &Load) -> Result<(), RunError> {
+        self.plant.advance(load).map_err(|error| {
             let (code, detail) = match error {
                 PlantError::Tripped { .. } => (EmergencyCode::ExciterTripped, Trip::Shaker as u16),
                 PlantError::Integrate { .. } | PlantError::Structure { .. } | PlantError::Saved { .. } => {
@@ -345,12 +354,8 @@ impl<'a> Bench<'a> {
                 }
             };
             self.node.fault(now_ns, code, detail);
-            return Err(RunError::Plant(error));
-        }
-        if let Some(before) = &before {
-            self.record(before);
-        }
-        Ok(())
+            RunError::Plant(error)
+        })
     }
 
     /// Whether anyone records or watches the run.
