@@ -1,4 +1,5 @@
 mod backbones;
+mod margins;
 
 use alloc::vec;
 use alloc::vec::Vec;
