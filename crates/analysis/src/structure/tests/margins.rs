@@ -57,3 +57,27 @@ fn little_damping_is_stable() {
         assert!(branch.orbits.iter().all(|orbit| orbit.is_stable() == Some(true)), "{ends:?}");
     }
 }
+
+/// Where the first motion needs more harmonics than it is sought with, it is still at the value asked for.
+#[test]
+fn a_branch_begins_where_it_is_asked_to() {
+    let two = [(20.0, 0.01, [0.5, 0.2]), (47.3, 0.008, [-0.4, 0.7])];
+    let tanh = Law::Tanh { slip: 1.0, velocity: 0.01 };
+    for (law, force_n, ends) in [(tanh, 5.0, [17.0, 18.0]), (tanh, 5.0, [24.0, 23.0]), (HARDENS, 50.0, [19.3, 19.0])] {
+        let branch = traced(modes(&two, Some(law)), force_n, ends);
+        let [first, last] = [branch.orbits.first(), branch.orbits.last()].map(|orbit| orbit.unwrap());
+        assert_eq!([first.value, last.value], ends);
+        assert!(first.harmonics > branch_least(), "{}", first.harmonics);
+    }
+    let arm = arm_at(Preset::Irb1600Fitted, 0.0, 60.0);
+    for (ends, torque_nm) in [([22.0, 22.2], 1000.0), ([22.3, 22.5], 300.0)] {
+        let forced = ForcedArm::new(arm.clone(), Load::torque_nm(torque_nm, 0.0), 1.0);
+        let branch = trace(forced, ends[0], crate::Coordinate::FrequencyHz, &BranchOptions::new(ends[0], ends[1]));
+        assert_eq!(branch.unwrap().orbits[0].value, ends[0]);
+    }
+}
+
+/// The harmonics with which the first motion of a smooth structure is sought.
+fn branch_least() -> usize {
+    BranchOptions::new(1.0, 2.0).least_harmonics
+}
