@@ -191,6 +191,18 @@ impl Tracer<'_> {
         }
     }
 
+    /// The maxima of a reading along the branch, located between its points, in order: the motions there.
+    pub fn summits(&mut self, reading: usize) -> Vec<Point> {
+        let sizes: Vec<f64> = self.branch.orbits.iter().map(|orbit| orbit.readings[reading].largest).collect();
+        let is_summit = |k: &usize| sizes[*k] > sizes[k - 1] && sizes[*k] >= sizes[k + 1];
+        let mut found = Vec::new();
+        for k in (1..sizes.len().saturating_sub(1)).filter(is_summit) {
+            let points = [k - 1, k, k + 1].map(|k| point_of(&self.branch.orbits[k]));
+            found.extend(self.peak_among(reading, points, [sizes[k - 1], sizes[k], sizes[k + 1]]));
+        }
+        found
+    }
+
     /// The largest motion between three points of these sizes, whose middle one is the largest, by parabolas through
     /// three; none if it is that of the middle point.
     fn peak_among(&mut self, reading: usize, mut points: [Point; 3], mut sizes: [f64; 3]) -> Option<Point> {
