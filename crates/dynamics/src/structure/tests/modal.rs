@@ -127,3 +127,23 @@ fn a_slow_mode_keeps_its_digits_in_short_steps_under_a_sine() {
     assert!((position / (0.5 * drive * 1e-18 / 6.0) - 1.0).abs() < 1e-10, "{position}");
     assert!((velocity / (0.5 * drive * 1e-12 / 2.0) - 1.0).abs() < 1e-10, "{velocity}");
 }
+
+/// Of LuGre's friction the viscous part damps the linear structure, as tanh's slope does, and as a linear damper.
+#[test]
+fn dampers_in_friction_damp_the_linear_structure() {
+    let lugre = Law::Lugre {
+        bristle_stiffness: 1e5,
+        bristle_damping: 30.0,
+        viscous: 8.0,
+        coulomb: 2.0,
+        breakaway: 3.0,
+        stribeck: 0.1,
+    };
+    let linear = Law::Linear { stiffness: 0.0, damping: 8.0 };
+    let tanh = Law::Tanh { slip: 2.0, velocity: 0.25 };
+    let [lugre, linear, tanh] =
+        [lugre, linear, tanh].map(|law| two_modes(vec![grounded(along("tip", Axis::X), law)]).modes().to_vec());
+    let without = two_modes(vec![]).modes().to_vec();
+    assert!(lugre == linear && tanh == linear, "{lugre:?} {linear:?} {tanh:?}");
+    assert!(lugre.iter().zip(without).all(|(with, without)| with.damping_ratio > without.damping_ratio));
+}
