@@ -46,7 +46,7 @@ struct Document {
 #[derive(Serialize)]
 struct SweepDocument {
     direction: Direction,
-    /// Resonances of the forced response that are narrower than the steps.
+    /// Resonances of the forced response in whose half-power band no step lies.
     stepped_over: Vec<Value>,
     points: Vec<Value>,
     #[serde(skip)]

@@ -68,18 +68,23 @@ impl Branch {
 
     /// The maxima of |α1| and |α2| from which the branch falls to less than 1/√2 on both sides.
     pub fn resonances(&self) -> Vec<Resonance> {
-        (0..2).flat_map(|joint| self.resonances_of(joint)).collect()
+        self.resonances_missed_by(&[])
     }
 
-    fn resonances_of(&self, joint: usize) -> impl Iterator<Item = Resonance> {
-        let curve: Vec<(f64, f64)> =
-            self.orbits.iter().map(|orbit| (orbit.frequency_hz, orbit.amplitude_rad[joint])).collect();
-        summits(&curve).into_iter().map(move |Summit { frequency_hz, amplitude, width_hz }| Resonance {
-            joint: joint + 1,
-            frequency_hz,
-            amplitude_rad: amplitude,
-            width_hz,
-        })
+    /// Those in whose band none of some frequencies lies.
+    pub(crate) fn resonances_missed_by(&self, frequencies_hz: &[f64]) -> Vec<Resonance> {
+        let of = |joint: usize| {
+            let curve: Vec<(f64, f64)> =
+                self.orbits.iter().map(|orbit| (orbit.frequency_hz, orbit.amplitude_rad[joint])).collect();
+            let missed = summits(&curve).into_iter().filter(|summit| summit.is_missed_by(frequencies_hz));
+            missed.map(move |summit| Resonance {
+                joint: joint + 1,
+                frequency_hz: summit.frequency_hz,
+                amplitude_rad: summit.amplitude,
+                width_hz: summit.width_hz(),
+            })
+        };
+        (0..2).flat_map(of).collect()
     }
 }
 
@@ -90,8 +95,21 @@ pub(crate) struct Summit {
     pub frequency_hz: f64,
     /// The amplitude.
     pub amplitude: f64,
-    /// The width of the band around it in which the amplitude is at least 1/√2 of that, Hz.
-    pub width_hz: f64,
+    /// The ends of the band around it in which the amplitude is at least 1/√2 of that, Hz.
+    pub band_hz: [f64; 2],
+}
+
+impl Summit {
+    /// The width of the band, Hz.
+    pub fn width_hz(&self) -> f64 {
+        self.band_hz[1] - self.band_hz[0]
+    }
+
+    /// Whether none of these frequencies lies in the band.
+    pub fn is_missed_by(&self, frequencies_hz: &[f64]) -> bool {
+        let [low, high] = self.band_hz;
+        !frequencies_hz.iter().any(|hz| (low..=high).contains(hz))
+    }
 }
 
 /// The maxima of a curve, frequency in Hz and amplitude, from which it falls to less than 1/√2 on both sides.
@@ -100,8 +118,8 @@ pub(crate) fn summits(curve: &[(f64, f64)]) -> Vec<Summit> {
     let summit = |k: usize| {
         let (top, level) = (curve[k], FRAC_1_SQRT_2 * curve[k].1);
         let ends = [falls(top, curve[..k].iter().rev(), level)?, falls(top, curve[k..].iter(), level)?];
-        let [low, high] = [ends[0][0].min(ends[1][0]), ends[0][1].max(ends[1][1])];
-        Some(Summit { frequency_hz: top.0, amplitude: top.1, width_hz: high - low })
+        let band_hz = [ends[0][0].min(ends[1][0]), ends[0][1].max(ends[1][1])];
+        Some(Summit { frequency_hz: top.0, amplitude: top.1, band_hz })
     };
     (1..curve.len().saturating_sub(1)).filter(is_summit).filter_map(summit).collect()
 }

@@ -209,7 +209,8 @@ impl Continuation {
         self.step = (step * by_error.min(by_turn).clamp(0.3, 2.0)).min(self.settings.largest_step);
     }
 
-    /// Solves again at this point with another number of unknowns: `x` gains zeros at the end, or loses its end.
+    /// Solves again at this point with another number of unknowns: `x` gains zeros at the end, or loses its end. The
+    /// first point of a branch keeps its λ; others move in the plane that is normal to the branch.
     ///
     /// # Errors
     /// [`AnalysisError::NoSolution`] if Newton's method finds no solution there.
@@ -226,14 +227,23 @@ impl Continuation {
         fit(&mut self.curvature);
         self.begin_at_point();
         let size = self.settings.size(&self.point.x);
-        let lambda = self.point.lambda;
-        let plane = Plane { normal: &self.point.tangent, through: &self.through, sigma: self.sigma };
+        let (lambda, is_first) = (self.point.lambda, self.point.arclength == 0.0);
+        let mut along_lambda = Vec::new();
+        if is_first {
+            along_lambda.resize(n, 0.0);
+            along_lambda.push(self.point.tangent[n].signum());
+        }
+        let normal = if is_first { &along_lambda } else { &self.point.tangent };
+        let plane = Plane { normal, through: &self.through, sigma: self.sigma };
         self.solver
             .correct(system, &plane, size)
             .and_then(|_| self.solver.tangent(&mut self.tangent, n))
             .map_err(|refusal| AnalysisError::NoSolution { at: system.place(lambda), refusal })?;
         self.take(n, 0.0);
         self.solver.work.steps -= 1;
+        if is_first {
+            self.point.lambda = lambda;
+        }
         Ok(())
     }
 }

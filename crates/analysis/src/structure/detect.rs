@@ -11,12 +11,17 @@
 //!
 //! of which the sign counts, and of the magnitude only that of the least factor: the products of many modes leave the
 //! range of numbers. The second also vanishes where two real multipliers have the product 1.
+//!
+//! A factor below [`ROUNDING`] has no sign: without damping |μ|² − 1 of every pair is 0 all along the branch, and its
+//! sign is rounding. Such factors are left out; if no other is left, no bifurcation is found at the motion.
+
+use alloc::vec::Vec;
 
 use nalgebra::Complex;
 
 use super::balance::Balance;
 use super::branch::{FRACTION, Tracer};
-use super::orbit::{Bifurcation, Orbit, Stability, Unlocated};
+use super::orbit::{Bifurcation, Orbit, ROUNDING, Stability, Unlocated};
 use crate::continuation::{Cut, Point, Slices, System};
 use crate::dense::Determinant;
 use crate::locate::search;
@@ -31,12 +36,21 @@ const NEAR: f64 = 5e-3;
 /// The most steps of the search for a peak, and the fraction of its interval at which it ends.
 const PEAK: (usize, f64) = (8, 1e-5);
 
-/// The sign of a product of real factors times the magnitude of its least; not a number without factors.
+/// The sign of a product of real factors times the magnitude of its least, of those that have a sign; zero if none has
+/// one, and not a number without factors.
 fn signed_least(factors: impl Iterator<Item = f64>) -> f64 {
-    let product =
-        |(sign, least): (f64, f64), factor: f64| (if factor < 0.0 { -sign } else { sign }, factor.abs().min(least));
+    let product = |(sign, least): (f64, f64), factor: f64| match factor.abs() {
+        size if size < ROUNDING => (sign, least),
+        size => (if factor < 0.0 { -sign } else { sign }, size.min(least)),
+    };
+    let mut factors = factors.peekable();
+    let any = factors.peek().is_some();
     let (sign, least) = factors.fold((1.0, f64::INFINITY), product);
-    if least.is_finite() { sign * least } else { f64::NAN }
+    match any {
+        true if least == f64::INFINITY => 0.0,
+        true => sign * least,
+        false => f64::NAN,
+    }
 }
 
 /// μᵢμⱼ − 1 of every pair of conjugates, with one of them, and of every two real ones. The others come in conjugates,
@@ -65,8 +79,20 @@ fn value(kind: BifurcationKind, point: &Point, stability: Option<&Stability>, re
     }
 }
 
-/// Whether the multipliers at a bifurcation are those of its kind.
-fn confirmed(kind: BifurcationKind, stability: Option<&Stability>) -> bool {
+/// How many pairs have the product 1 but for rounding, and how many of them are conjugates.
+fn marginal(stability: Option<&Stability>) -> [usize; 2] {
+    let Some(Stability { multipliers }) = stability else { return [0; 2] };
+    let count = |[all, turning]: [usize; 2], (mu, _): (Complex<f64>, f64)| [all + 1, turning + usize::from(turns(mu))];
+    pairs(multipliers).filter(|(_, factor)| factor.abs() < ROUNDING).fold([0; 2], count)
+}
+
+fn turns(mu: Complex<f64>) -> bool {
+    mu.im.abs() > REAL
+}
+
+/// Whether the multipliers at a bifurcation are those of its kind. Of the pairs with the product 1, `others` have it
+/// before it, too; see [`marginal`].
+fn confirmed(kind: BifurcationKind, stability: Option<&Stability>, [others, turning]: [usize; 2]) -> bool {
     let multipliers = stability.map_or(&[][..], |stability| &stability.multipliers);
     let any = |at: f64| multipliers.iter().any(|mu| (mu - at).norm_sqr() < NEAR * NEAR);
     match kind {
@@ -74,8 +100,10 @@ fn confirmed(kind: BifurcationKind, stability: Option<&Stability>) -> bool {
         BranchPoint => any(1.0),
         PeriodDoubling => any(-1.0),
         NeimarkSacker => {
-            let nearest = pairs(multipliers).min_by(|a, b| a.1.abs().total_cmp(&b.1.abs()));
-            nearest.is_some_and(|(mu, factor)| mu.im.abs() > REAL && factor.abs() < NEAR)
+            let mut by_distance: Vec<_> = pairs(multipliers).collect();
+            by_distance.sort_by(|a, b| a.1.abs().total_cmp(&b.1.abs()));
+            let near = by_distance.iter().take(others + 1).filter(|(_, factor)| factor.abs() < NEAR);
+            near.filter(|(mu, _)| turns(*mu)).count() > turning
         }
     }
 }
@@ -100,7 +128,7 @@ impl Tracer<'_> {
                 }
             };
             let orbit = self.orbit(&point);
-            if confirmed(kind, orbit.stability.as_ref()) {
+            if confirmed(kind, orbit.stability.as_ref(), marginal(stabilities[0].as_ref())) {
                 self.branch.bifurcations.push(Bifurcation { kind, orbit, index: 0 });
             }
         }
@@ -114,7 +142,7 @@ impl Tracer<'_> {
         let exists = self.balance.set_value(point.lambda);
         let found = if exists { self.floquet.stability(&self.balance, &point.x) } else { None };
         self.balance.set_harmonics(harmonics);
-        confirmed(BranchPoint, found.as_ref()).then_some(point)
+        confirmed(BranchPoint, found.as_ref(), [0; 2]).then_some(point)
     }
 
     /// Where the test function of a kind vanishes between two points with these stabilities; none if it doesn't.
@@ -161,6 +189,18 @@ impl Tracer<'_> {
             let peak = located.map_or(highest, |point| self.orbit(&point));
             self.branch.peaks.push(peak);
         }
+    }
+
+    /// The maxima of a reading along the branch, located between its points, in order: the motions there.
+    pub fn summits(&mut self, reading: usize) -> Vec<Point> {
+        let sizes: Vec<f64> = self.branch.orbits.iter().map(|orbit| orbit.readings[reading].largest).collect();
+        let is_summit = |k: &usize| sizes[*k] > sizes[k - 1] && sizes[*k] >= sizes[k + 1];
+        let mut found = Vec::new();
+        for k in (1..sizes.len().saturating_sub(1)).filter(is_summit) {
+            let points = [k - 1, k, k + 1].map(|k| point_of(&self.branch.orbits[k]));
+            found.extend(self.peak_among(reading, points, [sizes[k - 1], sizes[k], sizes[k + 1]]));
+        }
+        found
     }
 
     /// The largest motion between three points of these sizes, whose middle one is the largest, by parabolas through
@@ -215,7 +255,6 @@ pub(super) fn point_of(orbit: &Orbit) -> Point {
 #[cfg(test)]
 mod tests {
     use alloc::vec;
-    use alloc::vec::Vec;
 
     use super::super::branch::Tracer;
     use super::super::floquet::Floquet;
@@ -247,6 +286,28 @@ mod tests {
         assert!((doubling - 0.01).abs() < 1e-12, "{doubling}");
         let pair = |size: f64| tests_of(&[[0.6 * size, 0.8 * size], [0.6 * size, -0.8 * size], [0.2, 0.0]])[1];
         assert!(pair(0.99) < 0.0 && pair(1.01) > 0.0);
+    }
+
+    /// A pair without damping has no sign, and leaves that of another pair as it is; it confirms nothing.
+    #[test]
+    fn a_pair_on_the_unit_circle_does_not_count() {
+        let pair =
+            |size: f64, turn: f64| [1.0, -1.0].map(|sign| [size * libm::cos(turn), sign * size * libm::sin(turn)]);
+        let undamped = [-1e-16, 0.0, 1e-16].map(|off| pair(1.0 + off, 1.0));
+        for [a, b] in undamped {
+            assert_eq!(tests_of(&[a, b])[1], 0.0);
+            let beside = |size: f64| tests_of(&[a, b, pair(size, 2.0)[0], pair(size, 2.0)[1]])[1];
+            assert!(beside(0.99) < -1e-3 && beside(1.01) > 1e-3);
+        }
+        let of = |numbers: &[[f64; 2]]| Stability {
+            multipliers: numbers.iter().map(|[re, im]| Complex::new(*re, *im)).collect(),
+        };
+        let [[a, b], ..] = undamped;
+        let saddle = of(&[a, b, [1.25, 0.0], [0.8, 0.0]]);
+        assert_eq!(marginal(Some(&of(&[a, b, [1.3, 0.0], [0.8, 0.0]]))), [1; 2]);
+        assert!(!confirmed(NeimarkSacker, Some(&saddle), [1; 2]));
+        let [c, d] = pair(1.0 + 1e-8, 2.0);
+        assert!(confirmed(NeimarkSacker, Some(&of(&[a, b, c, d])), [1; 2]));
     }
 
     /// A bifurcation that is detected and can't be located is noted, and those after it are located.

@@ -105,7 +105,7 @@ impl Grid {
 pub struct SweepFrequencies {
     /// The frequencies.
     pub grid: Grid,
-    /// The resonances that are narrower than the steps.
+    /// The resonances in whose half-power band no step lies.
     pub stepped_over: Vec<Resonance>,
     /// Why the resonances are known only in a part of the interval; none if they are known in all of it.
     pub unknown_beyond: Option<AnalysisError>,
@@ -124,7 +124,6 @@ impl SweepFrequencies {
         steps: Option<u32>,
     ) -> Result<SweepFrequencies, TimeDomainError> {
         let mut grid = Grid::new(from_hz, to_hz, steps.unwrap_or(STEPS))?;
-        let step_hz = grid.values[1] - grid.values[0];
         let ends = [from_hz.min(to_hz), from_hz.max(to_hz)];
         // Refuses invalid sweeps before the search for resonances.
         StroboscopicMap::new(arm, Sine { amplitude: *load, frequency_hz: ends[0] })?;
@@ -135,7 +134,7 @@ impl SweepFrequencies {
         let mut stepped_over = Vec::new();
         match steps {
             None => grid = grid.with(branch.stable_frequencies_hz()),
-            Some(_) => stepped_over.extend(branch.resonances().into_iter().filter(|found| found.width_hz < step_hz)),
+            Some(_) => stepped_over = branch.resonances_missed_by(grid.values()),
         }
         Ok(SweepFrequencies { grid, stepped_over, unknown_beyond })
     }

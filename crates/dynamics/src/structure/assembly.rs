@@ -35,8 +35,8 @@ impl CoordinateUnit {
     }
 }
 
-/// The linear part of a structure at rest, by rows of n numbers: M q̈ + D q̇ + K q = p. With the slopes at rest of
-/// smooth elements; others are left out.
+/// The linear part of a structure at rest, by rows of n numbers: M q̈ + D q̇ + K q = p. With what
+/// [`Assembly::linear`] takes of elements.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Linear {
     coordinates: usize,
@@ -346,15 +346,16 @@ impl Assembly {
         }
     }
 
-    /// The linear part at rest, with that of smooth elements.
+    /// The linear part at rest, with that of elements: the slopes of smooth ones, and the viscous part of LuGre's.
+    /// Friction and the bristles of LuGre's are left out, as if they slipped, and so are contacts and gaps.
     pub fn linear(&self) -> Linear {
         let n = self.coordinates();
         let (rest, mut at) = (vec![0.0; n], Linearised::new(n));
         self.linearise(&rest, &rest, &rest, &rest, &mut at);
         let mut direction = vec![0.0; n];
-        for element in self.elements.iter().filter(|element| element.law.is_smooth()) {
+        for element in &self.elements {
+            let reaction = element.law.at_rest();
             self.element_direction(element, &rest, &mut direction);
-            let reaction = element.force(0.0, 0.0, 0.0);
             for k in 0..n * n {
                 let pair = direction[k / n] * direction[k % n];
                 at.by_position[k] += reaction.by_position * pair;
@@ -364,7 +365,7 @@ impl Assembly {
         Linear { coordinates: n, mass: at.by_acceleration, damping: at.by_velocity, stiffness: at.by_position }
     }
 
-    /// The natural modes at rest, with the linear part of smooth elements, by frequency.
+    /// The natural modes at rest, of [`Assembly::linear`], by frequency.
     pub fn modes(&self) -> &[StructureMode] {
         &self.modes
     }

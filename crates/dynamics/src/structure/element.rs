@@ -264,6 +264,15 @@ impl Law {
         }
     }
 
+    /// What it adds to the linear structure at rest.
+    pub(super) fn at_rest(&self) -> Reaction {
+        match *self {
+            Law::Lugre { viscous, .. } => Reaction { by_velocity: viscous, ..Reaction::default() },
+            _ if self.is_smooth() => self.reaction(Branch::Inner, 0.0, 0.0, 0.0),
+            _ => Reaction::default(),
+        }
+    }
+
     /// ż on a branch.
     pub(super) fn state_rate(&self, branch: Branch, velocity: f64, state: f64) -> StateRate {
         match *self {

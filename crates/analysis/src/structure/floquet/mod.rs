@@ -10,6 +10,9 @@
 //! Φ = (64 Φ₂ − 20 Φ₄ + Φ₈)/45
 //! ```
 //!
+//! The sum does not keep the volume of states as each of its terms does: without damping |det Φ| = 1, which decides
+//! whether |μ| is 1. So where damping is small Φ is scaled such that ln |det Φ| is the same sum of ln |det Φ₂| and so on.
+//!
 //! The multipliers of many modes with one smooth element are found in the frequency domain, [`exponents`].
 //!
 //! Where the motion is symmetric, x(t + T/2) = −x(t), and the forces are, the derivatives repeat after half a period.
@@ -43,6 +46,8 @@ const LEAST_STEPS: [f64; 2] = [64.0, 512.0];
 
 /// Derivatives that differ by less than this part of the largest are the same.
 const REPEATED: f64 = 1e-10;
+/// Below this ln |det Φ| damping is not small, and rounding may reach the determinant.
+const LEAST_LOG: f64 = -7.0;
 
 /// The variations along a motion.
 pub(super) struct Variations<'a> {
@@ -208,7 +213,16 @@ fn extrapolated(flow: impl Fn(usize) -> Option<DMatrix<f64>>, balance: &Balance)
         return multipliers(finest);
     }
     let (middle, coarsest) = (flow(4)?, flow(8)?);
-    multipliers((finest * 64.0 - middle * 20.0 + coarsest) / 45.0)
+    let [fine, less, coarse] = [&finest, &middle, &coarsest].map(log_determinant);
+    let whole = (finest * 64.0 - middle * 20.0 + coarsest) / 45.0;
+    let wanted = (fine * 64.0 - less * 20.0 + coarse) / 45.0;
+    let off = (wanted - log_determinant(&whole)) / whole.nrows() as f64;
+    multipliers(if wanted > LEAST_LOG && off.is_finite() { whole * libm::exp(off) } else { whole })
+}
+
+/// ln |det Φ|.
+fn log_determinant(flow: &DMatrix<f64>) -> f64 {
+    libm::log(flow.determinant().abs())
 }
 
 /// Friction that doesn't slip is a spring.

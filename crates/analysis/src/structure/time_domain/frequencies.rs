@@ -5,8 +5,11 @@ use alloc::vec::Vec;
 use resonarm_dynamics::structure::Dof;
 
 use super::StroboscopicMap;
-use crate::resonances::{Summit, summits};
-use crate::structure::{Branch, Coordinate, Forced, TraceOptions, trace};
+use crate::resonances::summits;
+use crate::structure::balance::Balance;
+use crate::structure::branch::Tracer;
+use crate::structure::floquet::Floquet;
+use crate::structure::{Branch, Coordinate, Forced, Orbit, TraceOptions, trace};
 use crate::time_domain::{Grid, STEPS, TimeDomainError};
 use crate::{AnalysisError, EndedEarly};
 
@@ -23,22 +26,33 @@ pub struct Resonance {
     pub width_hz: f64,
 }
 
-impl Branch {
-    /// The maxima of each displacement that is read, from which the branch falls to less than 1/√2 on both sides.
-    pub fn resonances(&self) -> Vec<Resonance> {
-        let readings = self.orbits.first().map_or(0, |orbit| orbit.readings.len());
-        let of = |reading: usize| {
-            let curve: Vec<(f64, f64)> =
-                self.orbits.iter().map(|orbit| (orbit.frequency_hz, orbit.readings[reading].largest)).collect();
-            summits(&curve).into_iter().map(move |Summit { frequency_hz, amplitude, width_hz }| Resonance {
-                reading,
-                frequency_hz,
-                largest: amplitude,
-                width_hz,
-            })
-        };
-        (0..readings).flat_map(of).collect()
+/// The maxima of each displacement that is read, from which the branch falls to less than 1/√2 on both sides, and in
+/// whose band none of some frequencies lies; each located between the points of the branch.
+fn missed(forced: &Forced, options: &TraceOptions, branch: &Branch, frequencies_hz: &[f64]) -> Vec<Resonance> {
+    let mut balance =
+        Balance::new(forced, options.branch.from, Coordinate::FrequencyHz, options.branch.least_harmonics);
+    if !balance.set_value(options.branch.from) {
+        return Vec::new();
     }
+    let mut tracer = Tracer { balance, options, floquet: Floquet::default(), branch: branch.clone() };
+    let mut found = Vec::new();
+    for (reading, &dof) in options.read.iter().enumerate() {
+        let of = |orbit: &Orbit| [orbit.arclength, orbit.frequency_hz, orbit.readings[reading].largest];
+        let mut curve: Vec<[f64; 3]> = branch.orbits.iter().map(of).collect();
+        for summit in tracer.summits(reading) {
+            curve.push([summit.arclength, summit.lambda, tracer.largest_at(&summit, dof)]);
+        }
+        curve.sort_by(|a, b| a[0].total_cmp(&b[0]));
+        let curve: Vec<(f64, f64)> = curve.iter().map(|[_, hz, largest]| (*hz, *largest)).collect();
+        let missed = summits(&curve).into_iter().filter(|summit| summit.is_missed_by(frequencies_hz));
+        found.extend(missed.map(|summit| Resonance {
+            reading,
+            frequency_hz: summit.frequency_hz,
+            largest: summit.amplitude,
+            width_hz: summit.width_hz(),
+        }));
+    }
+    found
 }
 
 /// The frequencies of a sweep, Hz, and what they miss; see [`crate::time_domain::SweepFrequencies`].
@@ -46,7 +60,7 @@ impl Branch {
 pub struct SweepFrequencies {
     /// The frequencies.
     pub grid: Grid,
-    /// The resonances that are narrower than the steps.
+    /// The resonances in whose half-power band no step lies.
     pub stepped_over: Vec<Resonance>,
     /// Why the resonances are known only in a part of the interval; none if they are known in all of it.
     pub unknown_beyond: Option<AnalysisError>,
@@ -65,7 +79,6 @@ impl SweepFrequencies {
         steps: Option<u32>,
     ) -> Result<SweepFrequencies, TimeDomainError> {
         let mut grid = Grid::new(from_hz, to_hz, steps.unwrap_or(STEPS))?;
-        let step_hz = grid.values()[1] - grid.values()[0];
         let ends = [from_hz.min(to_hz), from_hz.max(to_hz)];
         // Refuses invalid sweeps before the search for resonances.
         StroboscopicMap::new(forced, ends[0])?;
@@ -80,7 +93,7 @@ impl SweepFrequencies {
                 let stable = branch.orbits.iter().filter(|orbit| orbit.is_stable() == Some(true));
                 grid = grid.with(stable.map(|orbit| orbit.frequency_hz));
             }
-            Some(_) => stepped_over.extend(branch.resonances().into_iter().filter(|found| found.width_hz < step_hz)),
+            Some(_) => stepped_over = missed(forced, &options, &branch, grid.values()),
         }
         Ok(SweepFrequencies { grid, stepped_over, unknown_beyond })
     }

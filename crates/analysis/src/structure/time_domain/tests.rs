@@ -185,6 +185,29 @@ fn frequencies_resolve_a_resonance_or_say_that_they_do_not() {
     assert!(even.values().iter().all(|hz| all.grid.values().contains(hz)));
 }
 
+/// A resonance that a step hits is not stepped over; one that is, is located between the points of the branch.
+#[test]
+fn what_is_stepped_over_is_located() {
+    let modes = |damping_ratio: f64| vec![ModeSpec { frequency_hz: 20.0, damping_ratio }];
+    let shapes = vec![ShapeSpec { point: "tip".into(), axis: Axis::X, by_mode: vec![0.5] }];
+    let of = |damping_ratio: f64, force_n: f64, ends: [f64; 2], steps: u32| {
+        let body = BodySpec::Modal(ModalSpec { modes: modes(damping_ratio), shapes: shapes.clone() });
+        let assembly = Assembly::new(&StructureSpec { body, elements: vec![] }).unwrap();
+        let tip = assembly.dof("tip.x").unwrap();
+        let forced = Forced::new(assembly, tip, force_n);
+        SweepFrequencies::new(&forced, &[tip], ends, Some(steps)).unwrap().stepped_over
+    };
+    assert_eq!(of(0.01, 5.0, [19.0, 21.0], 3), []);
+    for (zeta, force_n, ends, steps) in [(1e-4, 1.0, [15.03, 25.0], 6), (0.01, 5.0, [18.5, 22.5], 3)] {
+        let [found] = of(zeta, force_n, ends, steps)[..] else { panic!() };
+        // The largest response is at f √(1 − 2ζ²), and F φ²/(2ζω² √(1 − ζ²)).
+        let omega = TAU * 20.0;
+        near(found.frequency_hz, 20.0 * libm::sqrt(1.0 - 2.0 * zeta * zeta), 1e-8);
+        near(found.largest, force_n * 0.25 / (2.0 * zeta * omega * omega * libm::sqrt(1.0 - zeta * zeta)), 1e-9);
+        near(found.width_hz, 2.0 * zeta * 20.0, 0.02);
+    }
+}
+
 /// A stop is heeded, and what can't be computed is refused.
 #[test]
 fn stops_and_refuses() {

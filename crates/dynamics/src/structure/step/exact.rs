@@ -8,12 +8,22 @@
 //!
 //! for q̈ + 2σ q̇ + ω² q = f. 1 − e u = (1 − e) + 2 e sin²(ω_d h/2) − e S σ/ω_d keeps its digits in short steps.
 //!
-//! Under a sine f = p sin Ωt the motion is that flow without a force, of the difference from the forced vibration
-//! q = Im(Q e^{iΩt}), Q = p/(ω² − Ω² + 2iσΩ); without damping that grows at resonance, where no step can be made.
+//! Under a sine f = p sin Ωt a step from t adds Im(p e^{iΩt} A) to q and Im(p e^{iΩt} Ȧ) to q̇, with the response
+//! G(t) = exp(−σt) sin(ω_d t)/ω_d to an impulse and
+//!
+//! ```text
+//! A(h) = ∫₀ʰ G(h − τ) e^{iΩτ} dτ        (A, Ȧ)(2k) = Φ(k) (A, Ȧ)(k) + e^{iΩk} (A, Ȧ)(k)
+//! ```
+//!
+//! where Φ is the flow above. A short part k has a series: A = Σ Hⱼ kʲ⁺²/(j + 2)!, Ȧ = Σ Hⱼ kʲ⁺¹/(j + 1)!, with the
+//! derivatives cⱼ = −2σ cⱼ₋₁ − ω² cⱼ₋₂ of Ġ at 0 and Hⱼ = cⱼ + iΩ Hⱼ₋₁. Nothing is divided by ω² − Ω² + 2iσΩ, so that
+//! resonance, with damping or without, is as exact as the rest. A and Ȧ are kept as long as Ω is the same.
 
 use alloc::boxed::Box;
 use alloc::vec;
 use alloc::vec::Vec;
+
+use nalgebra::Complex;
 
 use super::{Engine, StateRef, StepError, StepLoad, rows};
 use crate::structure::MOST_MODES;
@@ -31,11 +41,15 @@ struct Flow {
     damping: f64,
 }
 
-/// The forced vibration of each mode at an instant.
-struct Forced {
-    q: [f64; MOST_MODES],
-    v: [f64; MOST_MODES],
-}
+/// Terms of the series: the next one is below 1e-20 of the sum.
+const TERMS: u32 = 14;
+/// The largest ωk and Ωk of a part for the series.
+const MOST_TURN: f64 = 0.25;
+/// From the longest finite step to such a part it takes fewer.
+const MOST_HALVINGS: u32 = 2048;
+
+/// A and Ȧ of the module's head.
+type Driven = [Complex<f64>; 2];
 
 impl Flow {
     fn new(omega_rad_s: f64, damping_ratio: f64, h_s: f64) -> Flow {
@@ -54,13 +68,53 @@ impl Flow {
             damping: 2.0 * sigma,
         }
     }
+
+    /// A and Ȧ of a step under e^{iΩt}, Ω being `drive_rad_s`.
+    fn driven(omega_rad_s: f64, damping_ratio: f64, drive_rad_s: f64, h_s: f64) -> Driven {
+        let (mut part_s, mut halvings) = (h_s, 0);
+        while omega_rad_s.max(drive_rad_s.abs()) * part_s > MOST_TURN && halvings < MOST_HALVINGS {
+            part_s *= 0.5;
+            halvings += 1;
+        }
+        let mut sum = Flow::series(omega_rad_s, damping_ratio, drive_rad_s, part_s);
+        for _ in 0..halvings {
+            let Flow { position: [a, b, _], velocity: [d, e, _], .. } = Flow::new(omega_rad_s, damping_ratio, part_s);
+            let (sine, cosine) = libm::sincos(drive_rad_s * part_s);
+            let (turn, [q, v]) = (Complex::new(cosine, sine), sum);
+            sum = [q * turn + (q * a + v * b), v * turn + (q * d + v * e)];
+            part_s *= 2.0;
+        }
+        sum
+    }
+
+    /// The same by the series, of a short part of a step.
+    fn series(omega_rad_s: f64, damping_ratio: f64, drive_rad_s: f64, part_s: f64) -> Driven {
+        let turn = omega_rad_s * part_s;
+        let (damping, stiffness) = (2.0 * damping_ratio * turn, turn * turn);
+        let drive = Complex::new(0.0, drive_rad_s * part_s);
+        // cⱼ kʲ, that before it, and Hⱼ kʲ.
+        let (mut own, mut before, mut both) = (1.0, 0.0, Complex::new(1.0, 0.0));
+        let (mut factorial, mut sum) = (1.0, [Complex::new(0.0, 0.0); 2]);
+        for term in 0..TERMS {
+            factorial /= f64::from(term + 1);
+            sum = [sum[0] + both * (factorial / f64::from(term + 2)), sum[1] + both * factorial];
+            (own, before) = (-damping * own - stiffness * before, own);
+            both = drive * both + own;
+        }
+        [sum[0] * (part_s * part_s), sum[1] * part_s]
+    }
 }
 
 /// Modes in motion.
 #[derive(Clone, Debug)]
 struct Exact {
     step_s: f64,
+    /// ω, rad/s, and ζ.
+    modes: Vec<(f64, f64)>,
     flows: Vec<Flow>,
+    /// A and Ȧ of each mode under the last sine, and its Ω, rad/s; not a number before the first.
+    driven: Vec<Driven>,
+    driven_rad_s: f64,
     /// The shapes of the drive, n numbers a load.
     drive: Vec<f64>,
     q: Vec<f64>,
@@ -69,41 +123,40 @@ struct Exact {
 
 pub(super) fn engine(modal: &Modal, assembly: &Assembly, drive: &[Dof], rate_hz: f64) -> Box<dyn Engine> {
     let step_s = 1.0 / rate_hz;
-    let modes = modal.omega_rad_s.iter().zip(&modal.damping_ratio);
-    let flows: Vec<Flow> = modes.map(|(&omega, &zeta)| Flow::new(omega, zeta, step_s)).collect();
-    let rest = vec![0.0; flows.len()];
-    Box::new(Exact { step_s, flows, drive: rows(assembly, drive), q: rest.clone(), v: rest })
+    let modes: Vec<(f64, f64)> =
+        modal.omega_rad_s.iter().zip(&modal.damping_ratio).map(|(&omega, &zeta)| (omega, zeta)).collect();
+    let flows: Vec<Flow> = modes.iter().map(|&(omega, zeta)| Flow::new(omega, zeta, step_s)).collect();
+    let (rest, driven) = (vec![0.0; flows.len()], vec![Driven::default(); flows.len()]);
+    let (q, v) = (rest.clone(), rest);
+    Box::new(Exact { step_s, modes, flows, driven, driven_rad_s: f64::NAN, drive: rows(assembly, drive), q, v })
 }
 
 impl Exact {
-    /// The forced vibration under the peaks of the forces at a time.
-    fn forced(&self, peaks: &[f64; MOST_MODES], omega_rad_s: f64, t_s: f64) -> Forced {
-        let mut forced = Forced { q: [0.0; MOST_MODES], v: [0.0; MOST_MODES] };
-        let (sine, cosine) = libm::sincos(omega_rad_s * t_s);
-        for (i, flow) in self.flows.iter().enumerate() {
-            let (real, imaginary) = (flow.stiffness - omega_rad_s * omega_rad_s, flow.damping * omega_rad_s);
-            let scale = peaks[i] / (real * real + imaginary * imaginary);
-            forced.q[i] = scale * (real * sine - imaginary * cosine);
-            forced.v[i] = scale * omega_rad_s * (real * cosine + imaginary * sine);
+    /// What a sine with these peaks of the forces adds to the position and the rate of each mode in a step from a time.
+    fn sine(&mut self, peaks: &[f64; MOST_MODES], omega_rad_s: f64, t_s: f64) -> [[f64; 2]; MOST_MODES] {
+        if self.driven_rad_s != omega_rad_s {
+            for (driven, &(omega, zeta)) in self.driven.iter_mut().zip(&self.modes) {
+                *driven = Flow::driven(omega, zeta, omega_rad_s, self.step_s);
+            }
+            self.driven_rad_s = omega_rad_s;
         }
-        forced
+        let (sine, cosine) = libm::sincos(omega_rad_s * t_s);
+        let mut added = [[0.0; 2]; MOST_MODES];
+        for ((added, driven), peak) in added.iter_mut().zip(&self.driven).zip(peaks) {
+            *added = driven.map(|driven| peak * (driven.re * sine + driven.im * cosine));
+        }
+        added
     }
 
-    /// Adds `sign` times a motion.
-    fn shift(&mut self, sign: f64, by: &Forced) {
-        self.q.iter_mut().zip(by.q).for_each(|(q, by)| *q += sign * by);
-        self.v.iter_mut().zip(by.v).for_each(|(v, by)| *v += sign * by);
-    }
-
-    /// One step under held forces.
-    fn flow(&mut self, t_s: f64, forces: &[f64; MOST_MODES]) -> Result<(), StepError> {
+    /// One step, with what the forces add to the position and the rate of a mode.
+    fn step(&mut self, t_s: f64, added: impl Fn(usize, &Flow) -> [f64; 2]) -> Result<(), StepError> {
         let n = self.flows.len();
         let [mut q, mut v] = [[0.0; MOST_MODES]; 2];
         let mut finite = true;
         for (i, flow) in self.flows.iter().enumerate() {
-            let (x, rate, force) = (self.q[i], self.v[i], forces[i]);
-            let Flow { position: [a, b, c], velocity: [d, e, f], .. } = *flow;
-            (q[i], v[i]) = (a * x + b * rate + c * force, d * x + e * rate + f * force);
+            let (x, rate, [moved, pushed]) = (self.q[i], self.v[i], added(i, flow));
+            let Flow { position: [a, b, _], velocity: [d, e, _], .. } = *flow;
+            (q[i], v[i]) = (a * x + b * rate + moved, d * x + e * rate + pushed);
             finite &= q[i].is_finite() & v[i].is_finite();
         }
         if !finite {
@@ -136,18 +189,13 @@ impl Engine for Exact {
 
     fn advance(&mut self, t_s: f64, load: &StepLoad<'_>) -> Result<(), StepError> {
         match *load {
-            StepLoad::Held(load) => self.flow(t_s, &self.forces(load)),
+            StepLoad::Held(load) => {
+                let forces = self.forces(load);
+                self.step(t_s, |i, flow| [flow.position[2] * forces[i], flow.velocity[2] * forces[i]])
+            }
             StepLoad::Sine { amplitude, omega_rad_s } => {
-                let (forces, before) = (self.forces(amplitude), [self.q.clone(), self.v.clone()]);
-                self.shift(-1.0, &self.forced(&forces, omega_rad_s, t_s));
-                let made = self.flow(t_s, &[0.0; MOST_MODES]);
-                self.shift(1.0, &self.forced(&forces, omega_rad_s, t_s + self.step_s));
-                let finite = self.q.iter().chain(&self.v).all(|number| number.is_finite());
-                if made.is_err() || !finite {
-                    [self.q, self.v] = before;
-                    return Err(StepError::NotFinite { t_s: t_s + self.step_s });
-                }
-                Ok(())
+                let added = self.sine(&self.forces(amplitude), omega_rad_s, t_s);
+                self.step(t_s, |i, _| added[i])
             }
         }
     }

@@ -55,3 +55,95 @@ fn a_sine_acts_inside_the_step() {
         assert!((exact - explicit).abs() < 1e-8 * largest, "{ends:?}");
     }
 }
+
+/// One mode of shape 0.5 under a sine of 1 N.
+fn sine_on_one_mode(damping_ratio: f64, frequency_hz: f64, rate_hz: f64, steps: u32, drive_hz: f64) -> [f64; 2] {
+    let modes = vec![ModeSpec { frequency_hz, damping_ratio }];
+    let shapes = vec![ShapeSpec { point: "tip".into(), axis: Axis::X, by_mode: vec![0.5] }];
+    let assembly = assembly(BodySpec::Modal(ModalSpec { modes, shapes }), vec![]);
+    let tip = assembly.dof("tip.x").unwrap();
+    let mut stepper = Stepper::new(&assembly, &[tip], Scheme::Exponential8, rate_hz).unwrap();
+    let load = StepLoad::Sine { amplitude: &[1.0], omega_rad_s: TAU * drive_hz };
+    (0..steps).for_each(|k| stepper.advance_under(f64::from(k) / rate_hz, &load).unwrap());
+    [stepper.position()[0], stepper.velocity()[0]]
+}
+
+/// The constants of a step are rounded, and so it errs alike in every step.
+fn rounding(steps: u32) -> f64 {
+    5e-13 + f64::from(steps) * f64::EPSILON / 2.0
+}
+
+/// Without damping, at resonance and beside it, with p = 0.5 and a = (ω + Ω)t/2, b = (ω − Ω)t/2:
+/// q = pt/2ω (sinc a cos b − sinc b cos a), q̇ = pt/2 (sinc b sin a − sinc a sin b).
+#[test]
+fn a_sine_at_the_resonance_of_an_undamped_mode_is_exact() {
+    let sinc = |x: f64| if x == 0.0 { 1.0 } else { libm::sin(x) / x };
+    for off in [0.0, 1e-16, 5e-12, -1e-9, 1e-6, 1e-3, 0.3, -0.999] {
+        for (rate_hz, steps) in [(8000.0, 80_000_u32), (50.0, 500), (0.1, 1)] {
+            let (t, omega, drive) = (10.0, TAU * 20.0, TAU * (20.0 * (1.0 + off)));
+            let (a, b) = (0.5 * (omega + drive) * t, 0.5 * (omega - drive) * t);
+            let expected = [
+                0.25 * t / omega * (sinc(a) * libm::cos(b) - sinc(b) * libm::cos(a)),
+                0.25 * t * (sinc(b) * libm::sin(a) - sinc(a) * libm::sin(b)),
+            ];
+            let got = sine_on_one_mode(0.0, 20.0, rate_hz, steps, drive / TAU);
+            let largest = 0.5 / (omega * omega) * (0.5 * omega * t).min(1.0 / off.abs());
+            for (of, (got, expected)) in got.iter().zip(expected).enumerate() {
+                let error = (got - expected).abs() / (largest * [1.0, omega][of]);
+                assert!(error < rounding(steps), "{off} at {rate_hz} Hz: {got} {expected} {error:e}");
+            }
+        }
+    }
+    let [position, _] = sine_on_one_mode(0.0, 20.0, 8000.0, 80_000, 20.0);
+    assert!((position + 0.019_894_367_886_486_9).abs() < 1e-14, "{position}");
+}
+
+/// At resonance q = p/2σω (e (cos ω_d t + σ/ω_d sin ω_d t) − cos ωt), e = exp(−σt), written without cancellation.
+#[test]
+fn a_sine_at_the_resonance_of_a_damped_mode_is_exact() {
+    for zeta in [1e-300, 1e-16, 1e-12, 1e-8, 1e-4, 0.05, 0.7, 1.0 - 1e-9, 1.0 - 1e-16] {
+        for (rate_hz, steps) in [(8000.0, 80_000_u32), (50.0, 500), (0.1, 1)] {
+            let (t, omega) = (10.0, TAU * 20.0);
+            let (sigma, root) = (zeta * omega, libm::sqrt((1.0 - zeta) * (1.0 + zeta)));
+            let (damped, decay) = (root * omega, libm::exp(-sigma * t));
+            let below = omega * zeta * zeta / (1.0 + root);
+            let turned = 2.0 * libm::sin(0.5 * (damped + omega) * t) * libm::sin(0.5 * below * t);
+            let swing = libm::expm1(-sigma * t) * libm::cos(omega * t);
+            let rest = decay * (turned + sigma / damped * libm::sin(damped * t));
+            let expected = 0.25 / (sigma * omega) * (swing + rest);
+            let [got, _] = sine_on_one_mode(zeta, 20.0, rate_hz, steps, 20.0);
+            let largest = 0.25 / omega * t.min(1.0 / sigma);
+            let error = (got - expected).abs() / largest;
+            assert!(error < rounding(steps), "{zeta} at {rate_hz} Hz: {got} {expected} {error:e}");
+        }
+    }
+}
+
+/// From rest a slow mode first moves by p Ω t³/6, with all digits.
+#[test]
+fn a_slow_mode_keeps_its_digits_in_short_steps_under_a_sine() {
+    let [position, velocity] = sine_on_one_mode(0.01, 1e-3, 1e6, 1, 1e-3);
+    let drive = TAU * 1e-3;
+    assert!((position / (0.5 * drive * 1e-18 / 6.0) - 1.0).abs() < 1e-10, "{position}");
+    assert!((velocity / (0.5 * drive * 1e-12 / 2.0) - 1.0).abs() < 1e-10, "{velocity}");
+}
+
+/// Of LuGre's friction the viscous part damps the linear structure, as tanh's slope does, and as a linear damper.
+#[test]
+fn dampers_in_friction_damp_the_linear_structure() {
+    let lugre = Law::Lugre {
+        bristle_stiffness: 1e5,
+        bristle_damping: 30.0,
+        viscous: 8.0,
+        coulomb: 2.0,
+        breakaway: 3.0,
+        stribeck: 0.1,
+    };
+    let linear = Law::Linear { stiffness: 0.0, damping: 8.0 };
+    let tanh = Law::Tanh { slip: 2.0, velocity: 0.25 };
+    let [lugre, linear, tanh] =
+        [lugre, linear, tanh].map(|law| two_modes(vec![grounded(along("tip", Axis::X), law)]).modes().to_vec());
+    let without = two_modes(vec![]).modes().to_vec();
+    assert!(lugre == linear && tanh == linear, "{lugre:?} {linear:?} {tanh:?}");
+    assert!(lugre.iter().zip(without).all(|(with, without)| with.damping_ratio > without.damping_ratio));
+}

@@ -1,0 +1,83 @@
+//! Structures on the boundary of stability, and the ends of branches.
+
+use super::*;
+
+/// Modes of these frequencies and damping ratios, whose shapes at tip.x and mid.x are given.
+fn modes(of: &[(f64, f64, [f64; 2])], law: Option<Law>) -> Assembly {
+    let modes = of.iter().map(|&(frequency_hz, damping_ratio, _)| ModeSpec { frequency_hz, damping_ratio }).collect();
+    let shape = |(i, point): (usize, &str)| ShapeSpec {
+        point: point.into(),
+        axis: Axis::X,
+        by_mode: of.iter().map(|mode| mode.2[i]).collect(),
+    };
+    let shapes = ["tip", "mid"].into_iter().enumerate().map(shape).collect();
+    let elements = law.into_iter().map(|law| ElementSpec { at: place("tip.x"), to: None, law }).collect();
+    Assembly::new(&StructureSpec { body: BodySpec::Modal(ModalSpec { modes, shapes }), elements }).unwrap()
+}
+
+fn traced(assembly: Assembly, force_n: f64, ends: [f64; 2]) -> Branch {
+    let tip = assembly.dof("tip.x").unwrap();
+    let forced = Forced::new(assembly, tip, force_n);
+    let options = TraceOptions::new(&forced, Coordinate::FrequencyHz, ends, vec![tip]);
+    super::super::trace(&forced, ends[0], Coordinate::FrequencyHz, &options).map_err(|early| early.reason).unwrap()
+}
+
+const HARDENS: Law = Law::Cubic { stiffness3: 3e7, stiffness5: 0.0 };
+
+/// Without damping |μ| is 1 and its distance from 1 is rounding: no motion is called stable or unstable, and nothing
+/// bifurcates, beside a damped mode either.
+#[test]
+fn undamped_motions_are_marginal() {
+    let (low, high) = ((20.0, 0.0, [0.5, 0.2]), (47.0, 0.0, [-0.4, 0.7]));
+    let apart = [(20.0, 0.01, [0.5, 0.2]), (47.0, 0.0, [0.0, 0.7])];
+    for (assembly, ends) in [
+        (modes(&[low], None), [11.3, 19.9]),
+        (modes(&[low], None), [40.0, 41.0]),
+        (modes(&[low, high], None), [11.3, 19.0]),
+        (modes(&[low], Some(HARDENS)), [11.3, 25.0]),
+        (modes(&[low, high], Some(Law::Gap { stiffness: 2e4, gap: 1e-4 })), [11.3, 15.0]),
+        (modes(&apart, None), [15.0, 25.0]),
+    ] {
+        let branch = traced(assembly, 1.0, ends);
+        assert_eq!((&branch.bifurcations[..], &branch.unlocated[..]), (&[][..], &[][..]));
+        let stable: Vec<_> = branch.orbits.iter().map(Orbit::is_stable).collect();
+        assert!(stable.iter().all(Option::is_none), "{ends:?}: {stable:?}");
+    }
+    // The damped mode's folds are found beside the undamped one, and what is between them is unstable.
+    let branch = traced(modes(&apart, Some(HARDENS)), 5.0, [15.0, 25.0]);
+    let kinds: Vec<_> = branch.bifurcations.iter().map(|found| found.kind).collect();
+    assert!(kinds.iter().all(|kind| *kind == BifurcationKind::Fold), "{kinds:?}");
+}
+
+/// The least damping that structures have is seen, far above the resonance, too.
+#[test]
+fn little_damping_is_stable() {
+    for ends in [[11.3, 24.0], [2000.0, 2010.0]] {
+        let branch = traced(modes(&[(20.0, 1e-5, [0.5, 0.2])], None), 1.0, ends);
+        assert!(branch.orbits.iter().all(|orbit| orbit.is_stable() == Some(true)), "{ends:?}");
+    }
+}
+
+/// Where the first motion needs more harmonics than it is sought with, it is still at the value asked for.
+#[test]
+fn a_branch_begins_where_it_is_asked_to() {
+    let two = [(20.0, 0.01, [0.5, 0.2]), (47.3, 0.008, [-0.4, 0.7])];
+    let tanh = Law::Tanh { slip: 1.0, velocity: 0.01 };
+    for (law, force_n, ends) in [(tanh, 5.0, [17.0, 18.0]), (tanh, 5.0, [24.0, 23.0]), (HARDENS, 50.0, [19.3, 19.0])] {
+        let branch = traced(modes(&two, Some(law)), force_n, ends);
+        let [first, last] = [branch.orbits.first(), branch.orbits.last()].map(|orbit| orbit.unwrap());
+        assert_eq!([first.value, last.value], ends);
+        assert!(first.harmonics > branch_least(), "{}", first.harmonics);
+    }
+    let arm = arm_at(Preset::Irb1600Fitted, 0.0, 60.0);
+    for (ends, torque_nm) in [([22.0, 22.2], 1000.0), ([22.3, 22.5], 300.0)] {
+        let forced = ForcedArm::new(arm.clone(), Load::torque_nm(torque_nm, 0.0), 1.0);
+        let branch = trace(forced, ends[0], crate::Coordinate::FrequencyHz, &BranchOptions::new(ends[0], ends[1]));
+        assert_eq!(branch.unwrap().orbits[0].value, ends[0]);
+    }
+}
+
+/// The harmonics with which the first motion of a smooth structure is sought.
+fn branch_least() -> usize {
+    BranchOptions::new(1.0, 2.0).least_harmonics
+}
