@@ -29,12 +29,7 @@ pub struct HarmonicFit<const N: usize, const P: usize> {
 impl<const N: usize, const P: usize> HarmonicFit<N, P> {
     /// A fit over a window of `samples` samples.
     pub fn new(samples: u64) -> HarmonicFit<N, P> {
-        HarmonicFit {
-            samples,
-            normal: SMatrix::zeros(),
-            own_normals: [None; N],
-            moments: [SVector::zeros(); N],
-        }
+        HarmonicFit { samples, normal: SMatrix::zeros(), own_normals: [None; N], moments: [SVector::zeros(); N] }
     }
 
     /// Adds the sample number `k` of the window (0 is the first), at the phase `phase_cycles` of the drive. A channel
