@@ -13,14 +13,18 @@ pub const fn text(profile: Profile) -> &'static str {
     }
 }
 
-/// The CRC-32/ISO-HDLC (that of zlib and Ethernet) of the bytes of [`text`]. A hello carries its low 24 bits. It stands
+/// The CRC-32/ISO-HDLC (that of zlib and Ethernet) of the bytes of [`text`]. A hello carries its low 24 bits. It
 /// identifies the layouts, so it is the same for every base and all node ids.
 pub const fn hash(profile: Profile) -> u32 {
     const HASHES: [u32; 2] = [crc32(text(Profile::Classic).as_bytes()), crc32(text(Profile::Fd).as_bytes())];
     HASHES[profile as usize]
 }
 
-/// The DBC of a network: [`text`] with the network's identifiers, node ids and data ids.
+/// How [`text`] describes its identifiers, and itself as what a hello's hash is of.
+const AT_DEFAULTS: &str = "at the default base identifier 0x200 (512) and the default node ids";
+const HASHED: &str = "the bytes of this file";
+
+/// The DBC of a network: [`text`] with the network's identifiers, node ids and data ids, and with comments that say so.
 ///
 /// Identifiers follow `BO_`, `SG_`, `VAL_` and `SIG_VALTYPE_`, each of which begins a line or follows `CM_` or the
 /// name of an attribute.
@@ -44,11 +48,35 @@ impl Dbc {
             let name = if node == Node::Plant { "Plant" } else { "Exciter" };
             return write!(f, "BA_ \"NodeId\" BU_ {name} {};", self.0.node_id(node));
         }
-        let Some((before, kind, after)) = identifier(self.0.profile(), line) else { return f.write_str(line) };
+        let Some((before, kind, after)) = identifier(self.0.profile(), line) else { return self.comment(f, line) };
         write!(f, "{before}{}", kind.id(self.0))?;
         match kind.data_id(self.0) {
             Some(data_id) if before.starts_with("BA_ \"E2EDataId\"") => write!(f, " {data_id};"),
-            _ => f.write_str(after),
+            _ => self.comment(f, after),
+        }
+    }
+
+    /// Text without identifiers: what it says of the file that the hash is of is said of this one.
+    fn comment(&self, f: &mut fmt::Formatter<'_>, text: &str) -> fmt::Result {
+        let network = self.0;
+        if network == Network::default().with_profile(network.profile()) {
+            return f.write_str(text);
+        }
+        let name = if network.profile() == Profile::Classic { "resonarm.dbc" } else { "resonarm-fd.dbc" };
+        match (text.split_once(AT_DEFAULTS), text.split_once(HASHED)) {
+            (Some((before, after)), _) => {
+                let (base, plant) = (network.base(), network.node_id(Node::Plant));
+                let exciter = network.node_id(Node::Exciter);
+                write!(
+                    f,
+                    "{before}at the base identifier {base:#x} ({base}), node id {plant} of the plant and {exciter} of "
+                )?;
+                write!(f, "the exciter{after}")
+            }
+            (None, Some((before, after))) => {
+                write!(f, "{before}the bytes of {name} as distributed, at the default identifiers{after}")
+            }
+            (None, None) => f.write_str(text),
         }
     }
 }
@@ -101,6 +129,20 @@ mod tests {
             assert!(!text.contains('\r'), "another line end gives another hash");
             assert!(text.is_ascii());
             assert!(text.ends_with('\n'));
+        }
+    }
+
+    #[test]
+    fn the_file_of_another_network_describes_itself() {
+        for (profile, name) in [(Profile::Classic, "resonarm.dbc"), (Profile::Fd, "resonarm-fd.dbc")] {
+            let other = Network::new(0x300).unwrap().with_node_ids(3, 4).unwrap().with_profile(profile);
+            let text = Dbc(other).to_string();
+            assert!(!text.contains(AT_DEFAULTS) && !text.contains(HASHED), "{text}");
+            let said =
+                "at the base identifier 0x300 (768), node id 3 of the plant and 4 of the exciter. With another base";
+            assert_eq!(text.matches(said).count(), 1);
+            let of = std::format!("of the bytes of {name} as distributed, at the default identifiers.\";");
+            assert_eq!(text.matches(&of).count(), 2);
         }
     }
 

@@ -119,6 +119,8 @@ fn layout(dbc: &Dbc, message: &DbcMessage) -> Vec<Vec<String>> {
             values.iter().filter(|v| v.id >= 0).map(|v| format!("{} {}", v.id, v.description)).collect();
         let names = if names.is_empty() { String::new() } else { format!(" {}.", names.join(", ")) };
         let comment = dbc.signal_comment(message.id, &signal.name).unwrap();
+        let of_this = "the profile's DBC as distributed, at the default identifiers";
+        let comment = comment.replace("this file", of_this);
         vec![
             signal.start_bit.to_string(),
             signal.size.to_string(),

@@ -2,7 +2,7 @@
 
 use alloc::format;
 
-use super::exciter_role::{begin_with, commands};
+use super::exciter_role::{begin_with, commands, commands_of};
 use super::plant_cases::{becomes_fault, ramps};
 use super::plant_role::{arm, forces, hold, meet, run_samples};
 use super::source::Answers;
@@ -115,17 +115,22 @@ fn times_out(t: &mut Tester, sent_ns: u64, code: EmergencyCode) -> Result<Emerge
 
 /// Each sample is answered once, and leads to the next.
 pub(super) fn exciter_answers(t: &mut Tester) -> Result<(), Stop> {
+    let begun = t.heard.len();
     begin_with(t, Samples::Awaited)?;
     let from = t.heard.len();
     t.run_ns(300 * MS)?;
     t.check_frames()?;
     let answered = commands(t, from);
+    let (awaited, last) = (t.source.index.wrapping_sub(1), commands_of(&t.heard[begun..]).last());
     t.note(format!("{} samples answered in {}", answered.len(), ms(300 * MS)));
     if let Some(sample) = t.source.unsent {
         return failed(format!("it answers sample {sample} before that is sent"));
     }
     match answered.windows(2).find(|two| two[1] != two[0].wrapping_add(1)) {
         Some(two) => failed(format!("after sample {} it answers {}", two[0], two[1])),
+        None if answered.len() < 3 && last.is_some_and(|last| last != awaited) => {
+            late(format!("sample {awaited} waits for its answer, and it answers sample {}", last.unwrap_or_default()))
+        }
         None if answered.len() < 3 => late(format!("it answers {} samples in {}", answered.len(), ms(300 * MS))),
         None => Ok(()),
     }

@@ -187,9 +187,9 @@ pub enum ImportError {
 /// receives stamps frames that waited in a queue with when they came. The earliest is the beginning.
 pub const DISORDER_NS: u64 = 100_000_000;
 
-/// A recording of frames, written frame by frame. Sample k begins k sample periods after the beginning. Frames
-/// of the network go the way that their senders have; of others the log says it, or they count as received by the
-/// plant.
+/// A recording of frames, written frame by frame. Sample k begins k sample periods after the beginning. Frames go the
+/// way that the log says. Where a scenario says which network was logged, its frames go the way that their senders have;
+/// so do those of the usual identifiers in a log that says nothing. All others count as received by the plant.
 ///
 /// With a protocol of the scenario's own the recording has its readings, too. Their first sample is that of their time;
 /// from there on samples are counted as the frames say, and other frames belong to the newest one.
@@ -198,6 +198,8 @@ pub struct FrameLog {
     channel: Channel,
     log: PathBuf,
     network: Network,
+    /// Whether the network is that of a scenario.
+    is_known: bool,
     wire: Option<WireLog>,
     rate_hz: f64,
     first_ns: u64,
@@ -226,6 +228,7 @@ impl FrameLog {
             None if options.clock == SampleClock::Sync => return Err(ImportError::NoSync),
             None => None,
         };
+        let is_known = options.scenario.is_some();
         let configuration = match &options.scenario {
             Some(scenario) => scenario.configuration("none")?,
             None => Configuration::new(),
@@ -242,7 +245,7 @@ impl FrameLog {
         let recorder = Recorder::create(path, &configuration, options)?;
         let channel = recorder.channel("log", CAPACITY)?;
         let (log, first_ns) = (log.to_path_buf(), first.time_ns);
-        Ok(FrameLog { recorder, channel, log, network, wire, rate_hz, first_ns, frames: 0 })
+        Ok(FrameLog { recorder, channel, log, network, is_known, wire, rate_hz, first_ns, frames: 0 })
     }
 
     /// Writes a frame, and returns its time since the beginning, ns.
@@ -277,7 +280,7 @@ impl FrameLog {
         let of_wire = self.wire.as_mut().map(|wire| wire.add(&frame, time_ns));
         let (direction, sample) = match of_wire {
             Some(known) => known,
-            None => (direction(self.network, &frame), None),
+            None => (self.direction(logged), None),
         };
         FrameRecord {
             sample: sample.unwrap_or(libm::floor(time_ns as f64 * 1e-9 * self.rate_hz) as u64),
@@ -286,6 +289,13 @@ impl FrameLog {
             bus_timestamp_ns: None,
             frame,
         }
+    }
+
+    /// Which way a frame goes: with the scenario of the network as its sender has it; without one as the log has it, and
+    /// if that says nothing, as on a network with the usual identifiers.
+    fn direction(&self, logged: &LoggedFrame) -> Option<Direction> {
+        let by_sender = direction(self.network, &logged.frame);
+        if self.is_known { by_sender } else { logged.direction.or(by_sender) }
     }
 
     /// Ends the recording, and returns how many frames are in it, and what was gathered from them if the scenario has a
@@ -383,3 +393,6 @@ fn direction(network: Network, frame: &Frame) -> Option<Direction> {
         Node::Exciter => Some(Direction::Received),
     }
 }
+
+#[cfg(test)]
+mod tests;

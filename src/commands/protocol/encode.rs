@@ -28,6 +28,7 @@ impl Encode {
         let network = self.network.network()?;
         let kind = self.kind()?;
         let signals = self.signals.iter().map(|text| signal(text)).collect::<Result<Vec<_>, _>>()?;
+        once(&signals)?;
         let mut used = Vec::new();
         let message = Message::from_signals(kind, |name| {
             used.push(name);
@@ -60,6 +61,16 @@ impl Encode {
     }
 }
 
+/// Refuses a signal that is given again.
+fn once(signals: &[(&str, f64)]) -> Result<(), Failure> {
+    for (place, (name, again)) in signals.iter().enumerate() {
+        if let Some((_, first)) = signals[..place].iter().find(|(before, _)| before == name) {
+            return Err(Failure::usage(format!("{name} is given twice, as {first} and as {again}: give it once")));
+        }
+    }
+    Ok(())
+}
+
 /// A name and a value; numbers may be hexadecimal.
 fn signal(text: &str) -> Result<(&str, f64), Failure> {
     let number = |value: &str| match value.strip_prefix("0x") {
@@ -69,4 +80,16 @@ fn signal(text: &str) -> Result<(&str, f64), Failure> {
     text.split_once('=')
         .and_then(|(name, value)| Some((name, number(value)?)))
         .ok_or_else(|| Failure::usage(format!("{text:?} is not of the form signal=number")))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_signal_is_given_once() {
+        let refused = once(&[("force_x_n", 0.05), ("force_y_n", 0.0), ("force_x_n", 2.0)]).unwrap_err();
+        insta::assert_snapshot!(refused.to_string(), @"force_x_n is given twice, as 0.05 and as 2: give it once");
+        assert!(once(&[("force_x_n", 1.0), ("force_y_n", 1.0)]).is_ok());
+    }
 }

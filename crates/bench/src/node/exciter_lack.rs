@@ -80,6 +80,17 @@ pub enum ExciterLack {
         /// The message.
         id: Id,
     },
+    /// A value of an event that its signal can't have.
+    #[error(
+        "message 0x{:X}: a signal in [[wire.events]] can't have {value}, one of its values: give one that it has, or widen it",
+        id.raw()
+    )]
+    Value {
+        /// The message.
+        id: Id,
+        /// The value.
+        value: f64,
+    },
     /// A signal that always asks for something.
     #[error("message 0x{:X}: every value of a signal in [[wire.events]] asks for something: leave at least one value out of `arm`, `disarm` and `reset`", id.raw())]
     Rest {

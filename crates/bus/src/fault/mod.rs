@@ -17,7 +17,9 @@ use resonarm_protocol::{Frame, Id, Node};
 pub use spec::{FaultDirection, FaultError, FaultKind, FaultNode, FaultSpec, MOST_FAULTS, check};
 
 use self::line::{Line, stream};
-use super::{Bus, BusError, ControllerState, Filter, Received, Sent, Statistics, VirtualBus, one_by_one};
+use super::{
+    Bus, BusError, ControllerErrors, ControllerState, Filter, Received, Sent, Statistics, VirtualBus, one_by_one,
+};
 use resonarm_numeric::noise::Noise;
 use resonarm_realtime::Clock;
 
@@ -36,6 +38,9 @@ pub struct Faulty<B, C> {
     incoming: Line,
     babble: Vec<Babble>,
     bus_off_ns: Vec<Range<u64>>,
+    /// Whether the node's controller was bus-off when it was looked at last, and how often it became so.
+    is_off: bool,
+    bus_offs: u64,
     /// Whether it has no faults.
     is_sound: bool,
     received: u64,
@@ -59,6 +64,8 @@ impl<B: Bus, C: Clock> Faulty<B, C> {
             clock,
             babble,
             bus_off_ns,
+            is_off: false,
+            bus_offs: 0,
             is_sound: own.is_empty(),
             received: 0,
             sent: 0,
@@ -82,9 +89,12 @@ impl<B: Bus, C: Clock> Faulty<B, C> {
         if !self.is_open {
             return Err(BusError::Closed);
         }
-        if !self.bus_off_ns.iter().any(|span| span.contains(&now_ns)) {
+        let was_off = self.is_off;
+        self.is_off = self.bus_off_ns.iter().any(|span| span.contains(&now_ns));
+        if !self.is_off {
             return Ok(());
         }
+        self.bus_offs += u64::from(!was_off);
         self.outgoing.clear();
         self.incoming.clear();
         for _ in 0..AT_ONCE {
@@ -229,7 +239,7 @@ impl<B: Bus, C: Clock + Send> Bus for Faulty<B, C> {
             dropped: dropped + self.incoming.dropped,
             malformed,
             queue_full: queue_full + self.queue_full,
-            errors,
+            errors: ControllerErrors { bus_off: errors.bus_off + self.bus_offs, ..errors },
         }
     }
 

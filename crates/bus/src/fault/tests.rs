@@ -151,7 +151,9 @@ fn a_babbling_node_sends_at_its_rate_beside_its_frames() {
 
 #[test]
 fn a_controller_that_is_bus_off_says_so_and_loses_incoming_frames() {
-    let mut bench = Bench::new(&fault("kind = 'bus_off'\nfrom_s = 0.01\nto_s = 0.02"), 1);
+    let twice = ["from_s = 0.01\nto_s = 0.02", "from_s = 0.03\nto_s = 0.04"];
+    let mut bench = Bench::new(&twice.map(|span| fault(&format!("kind = 'bus_off'\n{span}"))).concat(), 1);
+    assert_eq!(bench.plant.statistics().errors.bus_off, 0);
     bench.at(10 * MS);
     bench.other.send(&numbered(1)).unwrap();
     let error = bench.plant.send(&numbered(0)).unwrap_err();
@@ -162,6 +164,10 @@ fn a_controller_that_is_bus_off_says_so_and_loses_incoming_frames() {
     assert_eq!(bench.received(), [numbered(2)]);
     bench.plant.send(&numbered(3)).unwrap();
     assert_eq!(bench.sent(), [numbered(3)]);
+    assert_eq!(bench.plant.statistics().errors.bus_off, 1);
+    bench.at(30 * MS);
+    assert!(bench.plant.receive().is_err() && bench.plant.receive().is_err());
+    assert_eq!(bench.plant.statistics().errors.bus_off, 2);
 }
 
 #[test]

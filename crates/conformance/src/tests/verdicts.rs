@@ -280,6 +280,22 @@ fn a_node_with_a_flaw_in_lockstep_fails_the_cases_for_it() {
     }
 }
 
+#[test]
+fn an_exciter_that_answers_another_sample_in_lockstep_is_shown_which() {
+    let network = Network::default();
+    let case = cases(Node::Exciter, Mode::Lockstep).find(|case| case.id == "lockstep-exciter-answers").unwrap();
+    let verdict = |flaw| {
+        let device = ExciterDevice::in_mode(Mode::Lockstep, network, Some(flaw));
+        let mut wire = Virtual::new(Box::new(StartedAgain::new(device, 0)));
+        match run(&case, &mut wire, network, settings()).unwrap().verdict {
+            Verdict::Failed(reason) => reason,
+            verdict => panic!("{verdict:?}"),
+        }
+    };
+    insta::assert_snapshot!(verdict(Flaw::AnswersNext), @"sample 0 waits for its answer, and it answers sample 1");
+    insta::assert_snapshot!(verdict(Flaw::AnswersLast), @"sample 0 waits for its answer, and it answers sample 65535");
+}
+
 fn failed(found: &[(&'static str, Finding)]) -> Vec<&'static str> {
     let is_failed = |finding: &Finding| matches!(finding.verdict, Verdict::Failed(_));
     found.iter().filter(|(_, finding)| is_failed(finding)).map(|(id, _)| *id).collect()

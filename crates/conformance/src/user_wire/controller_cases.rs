@@ -7,6 +7,7 @@ use alloc::vec::Vec;
 
 use super::Kind;
 use super::monitor::Heard;
+use super::readings::said_every_ns;
 use super::tester::Tester;
 use crate::stop::{Stop, failed, inconclusive, skipped, wrong};
 use crate::times::{GONE_NS, MARGIN_NS, MS, ms};
@@ -17,7 +18,7 @@ use resonarm_protocol::{Emergency, EmergencyCode, NodeState, OperatorRequest, Re
 const WATCH_NS: u64 = 1000 * MS;
 /// A load below this share of the exciter's limits counts as zero: a signal may have no value that is exactly zero.
 const NEARLY_ZERO: f64 = 1e-3;
-/// By when a controller has noticed that the plant is not armed any more: the mapping has no time for it, so this is
+/// By when a controller that has heard that the plant is not armed any more reacts, ns: the mapping has no time for it, so this is
 /// longer than any that does its work takes.
 const REACTION_NS: u64 = GONE_NS;
 
@@ -253,10 +254,11 @@ pub(super) fn plant_disarmed(t: &mut Tester) -> Result<(), Stop> {
 }
 
 fn stops_once(t: &mut Tester, state: NodeState) -> Result<(), Stop> {
-    if !says(t, state) {
+    let Some(said_every_ns) = said_every(t, state) else {
         let state = in_words(state);
         return skipped(format!("no reading that comes by itself twice a second says that the plant is {state}"));
-    }
+    };
+    let reacts_ns = REACTION_NS + said_every_ns;
     begin(t)?;
     t.run_ns(MARGIN_NS)?;
     if !t.is_armed() {
@@ -267,7 +269,7 @@ fn stops_once(t: &mut Tester, state: NodeState) -> Result<(), Stop> {
         NodeState::Fault => t.plant()?.node.fault(now_ns, EmergencyCode::Overrun, 1),
         _ => t.plant()?.node.execute(now_ns, OperatorRequest::Disarm),
     }
-    t.until(REACTION_NS, |t| t.end.state() != state)?;
+    t.until(reacts_ns, |t| t.end.state() != state)?;
     if t.end.state() != state {
         let to = t.end.state();
         t.note(format!("it brings the plant to {to} after {}", ms(t.now_ns() - now_ns)));
@@ -282,7 +284,7 @@ fn stops_once(t: &mut Tester, state: NodeState) -> Result<(), Stop> {
         format!("{what}, and the plant is {} for {since}", in_words(state))
     };
     // A hold-up of the tester delays its state by as much, and the time at which it hears a command.
-    let certain_ns = now_ns + REACTION_NS + 2 * t.held_up_ns;
+    let certain_ns = now_ns + reacts_ns + 2 * t.held_up_ns;
     match (still().find(|heard| heard.at_ns > certain_ns), still().next()) {
         (Some(heard), _) => wrong(text(heard)),
         (None, Some(heard)) => failed(text(heard)),
@@ -298,16 +300,15 @@ const fn in_words(state: NodeState) -> &'static str {
     }
 }
 
-/// Whether a reading that comes by itself, and often, distinguishes this state, or a fault, from operational.
-fn says(t: &Tester, state: NodeState) -> bool {
-    let mut signals = t.on.frequent_readings().flat_map(|message| &message.signals);
-    t.on.mapping().is_none()
-        || signals.any(|signal| match &signal.source {
-            Source::State([_, idle, armed, fault]) => {
-                let said = if state == NodeState::Fault { fault } else { idle };
-                (said - armed).abs() > 0.0
-            }
-            Source::Reason { .. } => state == NodeState::Fault,
-            Source::Value { .. } | Source::Sample { .. } => false,
-        })
+/// How often a reading comes that distinguishes this state, or a fault, from operational, ns; `None`: none does.
+fn said_every(t: &Tester, state: NodeState) -> Option<u64> {
+    let distinguishes = |source: &Source| match source {
+        Source::State([_, idle, armed, fault]) => {
+            let said = if state == NodeState::Fault { fault } else { idle };
+            (said - armed).abs() > 0.0
+        }
+        Source::Reason { .. } => state == NodeState::Fault,
+        Source::Value { .. } | Source::Sample { .. } => false,
+    };
+    if t.on.mapping().is_none() { Some(0) } else { said_every_ns(t.on, distinguishes) }
 }

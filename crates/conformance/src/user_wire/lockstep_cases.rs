@@ -5,7 +5,8 @@ use alloc::format;
 use alloc::vec::Vec;
 
 use super::controller_cases::{begin, fault, why};
-use super::plant_cases::{arm, drive, judged_fault, says_state};
+use super::plant_cases::{arm, drive, judged_fault};
+use super::readings::{fault_within_ns, says_state};
 use super::tester::{Alter, Tester};
 use crate::stop::{Stop, failed, inconclusive, late, skipped};
 use crate::times::{MARGIN_NS, MS, ms};
@@ -118,9 +119,9 @@ pub(super) fn plant_timeout(t: &mut Tester) -> Result<(), Stop> {
     }
     arm(t)?;
     t.alter = Alter::Mute;
-    let (from, since_ns) = (t.mark(), t.commanded_ns);
-    match judged_fault(t, from, since_ns, t.on.timeout_ns() + MARGIN_NS)? {
+    let (from, since_ns, within_ns) = (t.mark(), t.commanded_ns, t.on.timeout_ns() + fault_within_ns(t));
+    match judged_fault(t, from, since_ns, within_ns)? {
         Some(_) => Ok(()),
-        None => late(format!("without an answer it says no fault within {}", ms(t.on.timeout_ns() + MARGIN_NS))),
+        None => late(format!("without an answer it says no fault within {}", ms(within_ns))),
     }
 }

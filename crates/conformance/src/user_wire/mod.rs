@@ -13,6 +13,7 @@ mod end;
 mod lockstep_cases;
 mod monitor;
 mod plant_cases;
+mod readings;
 mod refusal_cases;
 mod requirements;
 mod tester;
@@ -284,7 +285,11 @@ impl UserWire {
         match self.tested {
             // The silence of a controller decides nothing: it ends and is started again.
             Node::Exciter => Limits { held_up_ns: MARGIN_NS, silent_ns: u64::MAX },
-            Node::Plant => Limits { held_up_ns: MARGIN_NS.min(self.timeout_ns() / 4), silent_ns: MARGIN_NS },
+            Node::Plant => {
+                let readings_ns = self.frequent_readings().filter_map(|message| self.sent_every_ns(message));
+                let silent_ns = readings_ns.min().unwrap_or(0) + MARGIN_NS;
+                Limits { held_up_ns: MARGIN_NS.min(self.timeout_ns() / 4), silent_ns }
+            }
         }
     }
 }

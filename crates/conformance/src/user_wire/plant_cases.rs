@@ -9,11 +9,12 @@ use super::UserWire;
 use super::controller_cases::counted;
 use super::end::End;
 use super::monitor::Heard;
+use super::readings::{fault_within_ns, load_readings, load_within_ns, loads, says_state, state_within_ns};
 use super::tester::{Alter, Tester};
 use crate::stop::{Stop, failed, inconclusive, late, not_at_once, skipped, wrong};
 use crate::times::{GONE_NS, MARGIN_NS, MS, ms};
 use resonarm_bench::node::WireSpec;
-use resonarm_bench::node::mapped::mapping::{Action, Incoming, LoadInput, Outgoing, Source, Trigger, Value};
+use resonarm_bench::node::mapped::mapping::{Action, Incoming, LoadInput, Outgoing, Source, Trigger};
 use resonarm_protocol::{EmergencyCode, Frame, FrameFormat, Id};
 
 /// How long readings are counted, ns.
@@ -23,8 +24,6 @@ const REST_NS: u64 = GONE_NS;
 /// The tolerance of a load that a plant says to act, as a share of that commanded; as in the cases of Resonarm's
 /// protocol.
 const TOLERANCE: f64 = 0.2;
-/// How often a CANopen drive says its statusword after power-on, ns.
-const STATUSWORD_NS: u64 = 10 * MS;
 /// The tolerance of how often a message comes, as a share.
 const RATE_TOLERANCE: f64 = 0.2;
 
@@ -99,9 +98,9 @@ pub(super) fn drive(t: &mut Tester) -> Result<(), Stop> {
     hold(t)
 }
 
-/// Lets the plant hold its load for a while.
+/// Lets the plant hold its load until its readings say it.
 pub(super) fn hold(t: &mut Tester) -> Result<(), Stop> {
-    t.run_ns(100 * MS + 20 * t.on.period_ns())?;
+    t.run_ns(load_within_ns(t))?;
     if t.is_armed() {
         return Ok(());
     }
@@ -122,44 +121,6 @@ fn said(heard: &[Heard]) -> String {
 
 fn readings(on: &UserWire) -> impl Iterator<Item = &Outgoing> {
     on.mapping().map_or(&[][..], |mapping| &mapping.outgoing).iter()
-}
-
-/// Whether a reading that comes by itself, and often, distinguishes fault from operational.
-pub(super) fn says_state(t: &Tester) -> bool {
-    let mut signals = t.on.frequent_readings().flat_map(|message| &message.signals);
-    t.on.mapping().is_none()
-        || signals.any(|signal| match &signal.source {
-            Source::State([_, _, armed, fault]) => (armed - fault).abs() > 0.0,
-            Source::Reason { .. } => true,
-            Source::Value { .. } | Source::Sample { .. } => false,
-        })
-}
-
-/// The names of the quantities that say the load of the cases, where readings that come by themselves have them: that
-/// which is held, or that which the head measures.
-pub(super) fn load_readings(t: &Tester) -> Vec<&'static str> {
-    let (held, names): (usize, &[&'static str]) = match t.on.input() {
-        LoadInput::Torque1 => (0, &["torque1_nm"]),
-        LoadInput::Torque2 => (1, &["torque2_nm"]),
-        LoadInput::ForceX => (2, &["force_x_n", "head_force_x_n"]),
-        LoadInput::ForceY => (3, &["force_y_n", "head_force_y_n"]),
-        LoadInput::Along(_) => return Vec::new(),
-    };
-    if t.on.mapping().is_none() {
-        return names.to_vec();
-    }
-    let has = |value: Value| {
-        t.on.frequent_readings().any(|message| {
-            message.signals.iter().any(|s| matches!(s.source, Source::Value { value: of, .. } if of == value))
-        })
-    };
-    let values = [Value::Load(held), Value::Reading(held.saturating_sub(2))];
-    names.iter().zip(values).filter(|(_, value)| has(*value)).map(|(name, _)| *name).collect()
-}
-
-/// The loads that it says from frame `from` on, N or N·m.
-pub(super) fn loads<'t>(heard: &'t [Heard], names: &'t [&'static str]) -> impl Iterator<Item = (&'t Heard, f64)> {
-    heard.iter().filter_map(|heard| names.iter().find_map(|name| heard.quantity(name)).map(|value| (heard, value)))
 }
 
 /// The first frame from `from` on that says a fault.
@@ -325,8 +286,7 @@ pub(super) fn command_timeout(t: &mut Tester) -> Result<(), Stop> {
     drive(t)?;
     t.alter = Alter::Mute;
     let (from, since_ns, timeout_ns) = (t.mark(), t.commanded_ns, t.on.timeout_ns());
-    let said_ns = reading_period_ns(t);
-    let within_ns = timeout_ns + said_ns + 4 * t.on.period_ns() + MARGIN_NS;
+    let within_ns = timeout_ns + fault_within_ns(t);
     let fault = match judged_fault(t, from, since_ns, within_ns)? {
         Some(heard) => heard,
         None => {
@@ -358,15 +318,6 @@ fn has_reason(t: &Tester, code: EmergencyCode) -> bool {
     })
 }
 
-/// How often the node sends its state, ns: the shortest period of a message that carries it.
-fn reading_period_ns(t: &Tester) -> u64 {
-    let is_state = |message: &&Outgoing| {
-        message.signals.iter().any(|signal| matches!(&signal.source, Source::State(_) | Source::Reason { .. }))
-    };
-    let periods_ns = t.on.frequent_readings().filter(is_state).filter_map(|message| t.on.sent_every_ns(message));
-    periods_ns.min().unwrap_or(STATUSWORD_NS)
-}
-
 /// The load that it says becomes zero.
 pub(super) fn rests(t: &mut Tester) -> Result<(), Stop> {
     let (names, load, unit) = (load_readings(t), load_of(t), unit(t));
@@ -375,7 +326,7 @@ pub(super) fn rests(t: &mut Tester) -> Result<(), Stop> {
     }
     t.run_ns(REST_NS)?;
     let from = t.mark();
-    t.run_ns(MARGIN_NS)?;
+    t.run_ns(load_within_ns(t))?;
     match loads(&t.heard()[from..], &names).last() {
         Some((_, read)) if read.abs() > TOLERANCE * load => {
             failed(format!("{} later it still says {read:.3} {unit}", ms(REST_NS)))
@@ -394,7 +345,7 @@ pub(super) fn disarm(t: &mut Tester) -> Result<(), Stop> {
     if let End::Exciter(node) = &mut t.end {
         node.leave(now_ns);
     }
-    let within_ns = MARGIN_NS + reading_period_ns(t);
+    let within_ns = state_within_ns(t);
     t.run_ns(within_ns)?;
     let last = t.heard()[from..].iter().rev().find(|heard| heard.says_state().is_some());
     if let Some(state) = last.and_then(Heard::says_state).filter(|state| *state == "operational" || *state == "fault") {
@@ -444,7 +395,7 @@ pub(super) fn stop(t: &mut Tester) -> Result<(), Stop> {
     let Some(frame) = t.sent.stop(t.on) else { return skipped("no frame can be made of what stops the plant") };
     let (from, now_ns) = (t.mark(), t.now_ns());
     t.send(&frame)?;
-    let within_ns = MARGIN_NS + reading_period_ns(t);
+    let within_ns = fault_within_ns(t);
     match judged_fault(t, from, now_ns, within_ns)? {
         Some(_) => rests(t),
         None => not_at_once(format!("asked to stop it says no fault within {}", ms(within_ns))),

@@ -3,10 +3,11 @@
 use alloc::format;
 
 use super::craft::Damage;
-use super::plant_cases::{drive, in_words, judged_fault, load_of, load_readings, loads, says_state};
+use super::plant_cases::{drive, in_words, judged_fault, load_of};
+use super::readings::{fault_within_ns, load_readings, load_within_ns, loads, says_state};
 use super::tester::{Alter, Tester};
 use crate::stop::{Stop, failed, late, not_at_once, skipped};
-use crate::times::{GONE_NS, MARGIN_NS, MS, ms};
+use crate::times::{GONE_NS, ms};
 use resonarm_bench::node::mapped::mapping::LoadInput;
 
 /// A load that acts has at least this share of what was commanded.
@@ -32,7 +33,7 @@ pub(super) fn damaged(t: &mut Tester, damage: Damage) -> Result<(), Stop> {
     t.command(-load_of(t));
     t.alter = Alter::Commands(damage);
     let (from, since_ns, timeout_ns) = (t.mark(), t.commanded_ns, t.on.timeout_ns());
-    let within_ns = timeout_ns + MARGIN_NS;
+    let within_ns = timeout_ns + fault_within_ns(t);
     let is_said = judged_fault(t, from, since_ns, within_ns)?.is_some();
     let acted = loads(&t.heard()[from..], &names).find(|(_, read)| *read < -ACTS * load_of(t)).map(|(_, read)| read);
     if let Some(read) = acted {
@@ -67,7 +68,7 @@ pub(super) fn too_large(t: &mut Tester) -> Result<(), Stop> {
     let from = t.mark();
     t.command(-beyond_n);
     // The plant may fault as well.
-    t.run_ns(100 * MS + 20 * t.on.period_ns())?;
+    t.run_ns(load_within_ns(t))?;
     match loads(&t.heard()[from..], &names).find(|(_, read)| *read < -ACTS * load_of(t)) {
         Some((_, read)) => failed(format!("commanded {beyond_n} N in the other direction, it {}", in_words(t, read))),
         None => Ok(()),

@@ -82,11 +82,13 @@ pub(super) struct Reader {
     /// Times are relative to the line before.
     is_relative: bool,
     time_ns: u64,
+    /// Whether a trigger block has begun that has not ended.
+    is_in_block: bool,
 }
 
 impl Reader {
     pub fn new() -> Reader {
-        Reader { start_ns: 0, radix: 16, is_relative: false, time_ns: 0 }
+        Reader { start_ns: 0, radix: 16, is_relative: false, time_ns: 0, is_in_block: false }
     }
 
     /// The frame in a line; `None` for the head, comments and events of other kinds.
@@ -94,9 +96,15 @@ impl Reader {
         let words: Vec<&str> = line.split_whitespace().collect();
         match words[..] {
             ["date", ref date @ ..] => self.date(date).map(|()| None),
-            // Without a date, the log begins at 0.
-            [begin, block] if is_trigger_block(begin, block) => Ok(None),
-            [begin, block, ref date @ ..] if is_trigger_block(begin, block) => self.date(date).map(|()| None),
+            [begin, block, ref date @ ..] if is_trigger_block(("begin", begin), block) => {
+                self.is_in_block = true;
+                // Without a date, the log begins at 0.
+                if date.is_empty() { Ok(None) } else { self.date(date).map(|()| None) }
+            }
+            [end, block, ..] if is_trigger_block(("end", end), block) => {
+                self.is_in_block = false;
+                Ok(None)
+            }
             ["base", base, "timestamps", times, ..] => {
                 self.radix = if base == "dec" { 10 } else { 16 };
                 self.is_relative = times == "relative";
@@ -108,6 +116,20 @@ impl Reader {
             },
             [] => Ok(None),
         }
+    }
+
+    /// As [`Reader::line`], of a last line without an end: an event that is no frame may be the beginning of one.
+    pub fn last_line(&mut self, line: &str) -> Result<Option<LoggedFrame>, CanLogError> {
+        let is_event = line.split_whitespace().next().is_some_and(|time| nanoseconds(time).is_some());
+        match self.line(line)? {
+            None if is_event => Err(CanLogError::Truncated { inside: "inside this line" }),
+            found => Ok(found),
+        }
+    }
+
+    /// Refuses a log that is cut short, once there is no further line.
+    pub fn end(&self) -> Result<(), CanLogError> {
+        if self.is_in_block { Err(CanLogError::Truncated { inside: "inside a trigger block" }) } else { Ok(()) }
     }
 
     fn date(&mut self, words: &[&str]) -> Result<(), CanLogError> {
@@ -128,6 +150,8 @@ impl Reader {
             ["CANFD", channel, direction @ ("Rx" | "Tx"), id, ref rest @ ..] if id != "ErrorFrame" => {
                 (channel, direction, self.fd(id, rest)?)
             }
+            // The head of a frame, and nothing else.
+            [_, _, "Rx" | "Tx"] => return Err(CanLogError::AscLine),
             _ => return Ok(None),
         };
         Ok(Some(LoggedFrame {
@@ -180,6 +204,7 @@ impl Reader {
     }
 }
 
-fn is_trigger_block(begin: &str, block: &str) -> bool {
-    begin.eq_ignore_ascii_case("begin") && block.eq_ignore_ascii_case("triggerblock")
+/// Whether words begin, or end, a trigger block: the first is the wanted one.
+fn is_trigger_block((wanted, first): (&str, &str), block: &str) -> bool {
+    first.eq_ignore_ascii_case(wanted) && block.eq_ignore_ascii_case("triggerblock")
 }

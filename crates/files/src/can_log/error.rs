@@ -56,6 +56,12 @@ pub enum CanLogError {
     /// A line of an ASC log that begins like a frame but is not one.
     #[error("it is not a frame of an ASC log such as 0.001000 1 201 Rx d 2 11 22")]
     AscLine,
+    /// The end of an ASC log that isn't its end.
+    #[error("the log is cut short: it ends {inside}; to take what is there, end it with the line `End TriggerBlock`")]
+    Truncated {
+        /// What it ends in.
+        inside: &'static str,
+    },
     /// A date of an ASC log.
     #[error("{got:?} is not a date such as Sat Sep 30 15:06:13.191 2017")]
     Date {

@@ -46,6 +46,16 @@ enum Syntax {
     Asc(asc::Reader),
 }
 
+impl Syntax {
+    fn end(&self) -> Result<(), CanLogError> {
+        match self {
+            // Nothing says where a log of candump ends.
+            Syntax::Candump => Ok(()),
+            Syntax::Asc(reader) => reader.end(),
+        }
+    }
+}
+
 /// Opens a log.
 ///
 /// # Errors
@@ -96,14 +106,14 @@ impl Lines {
             self.bytes.clear();
             let read = self.file.by_ref().take(LONGEST_LINE as u64 + 1).read_until(b'\n', &mut self.bytes);
             let read = read.map_err(|source| CanLogError::Read { path: self.path.clone(), source })?;
-            if read == 0 {
-                return Ok(None);
-            }
-            self.number += 1;
+            self.number += u64::from(read > 0);
             let failed = |source| {
                 let (path, line) = (self.path.clone(), self.number);
                 CanLogError::Line { path, line, source: Box::new(source) }
             };
+            if read == 0 {
+                return self.syntax.end().map(|()| None).map_err(failed);
+            }
             if read > LONGEST_LINE {
                 return Err(failed(CanLogError::LongLine { most: LONGEST_LINE }));
             }
@@ -116,7 +126,8 @@ impl Lines {
             let found = match &mut self.syntax {
                 Syntax::Candump if is_error_frame(line) => Ok(None),
                 Syntax::Candump => parse_line(line).map(Some),
-                Syntax::Asc(reader) => reader.line(line),
+                Syntax::Asc(reader) if self.bytes.ends_with(b"\n") => reader.line(line),
+                Syntax::Asc(reader) => reader.last_line(line),
             };
             return found.map(|frame| Some(frame.map_or(Entry::Other, Entry::Frame))).map_err(failed);
         }

@@ -112,7 +112,9 @@ fn logs_of_other_programs_are_read() {
 #[test]
 fn dates_of_vectors_tools_are_read_in_german_and_left_out() {
     let times = |head: &[u8]| {
-        let (found, _) = read_text(LogFormat::Asc, &[head, b"0.5 1 123 Rx d 1 00\n"].concat()).unwrap();
+        let has_block = head.to_ascii_lowercase().windows(7).any(|word| word == b"trigger");
+        let end: &[u8] = if has_block { b"End TriggerBlock\n" } else { b"" };
+        let (found, _) = read_text(LogFormat::Asc, &[head, b"0.5 1 123 Rx d 1 00\n", end].concat()).unwrap();
         found.iter().map(|logged| logged.time_ns / 1_000_000).collect::<Vec<_>>()
     };
     let begun_ms = 1_506_783_973_191;
@@ -150,6 +152,18 @@ fn errors_name_their_line() {
     insta::assert_snapshot!(said(LogFormat::Candump, b"(1.0) can0 123#0"), @", line 1: the data must be pairs of hexadecimal digits");
     insta::assert_snapshot!(said(LogFormat::Asc, b"0.1 1 123 Rx d 3 00 11"), @", line 1: it is not a frame of an ASC log such as 0.001000 1 201 Rx d 2 11 22");
     insta::assert_snapshot!(said(LogFormat::Asc, b"date today"), @r#", line 1: "today" is not a date such as Sat Sep 30 15:06:13.191 2017"#);
+    let head = "0.1 1 201 Rx d 1 00\n   0.2 1  203             ";
+    for cut in ["   0.2", "   0.2 1", "   0.2 1  20", "   0.2 1  203             T"] {
+        let said = said(LogFormat::Asc, format!("0.1 1 201 Rx d 1 00\n{cut}").as_bytes());
+        assert!(said.starts_with(", line 2: the log is cut short: it ends inside this line"), "{cut}: {said}");
+    }
+    insta::assert_snapshot!(said(LogFormat::Asc, format!("{head}Tx").as_bytes()), @", line 2: it is not a frame of an ASC log such as 0.001000 1 201 Rx d 2 11 22");
+    insta::assert_snapshot!(said(LogFormat::Asc, format!("{head}Tx\n").as_bytes()), @", line 2: it is not a frame of an ASC log such as 0.001000 1 201 Rx d 2 11 22");
+    insta::assert_snapshot!(said(LogFormat::Asc, format!("{head}Tx  d 1 0\n0.3").as_bytes()), @", line 3: the log is cut short: it ends inside this line; to take what is there, end it with the line `End TriggerBlock`");
+    let whole = "Begin Triggerblock\n0.1 1 201 Rx d 2 11 22\n";
+    insta::assert_snapshot!(said(LogFormat::Asc, whole.as_bytes()), @", line 2: the log is cut short: it ends inside a trigger block; to take what is there, end it with the line `End TriggerBlock`");
+    insta::assert_snapshot!(said(LogFormat::Asc, &whole.as_bytes()[..whole.len() - 2]), @", line 2: the log is cut short: it ends inside a trigger block; to take what is there, end it with the line `End TriggerBlock`");
+    assert_eq!(read_text(LogFormat::Asc, format!("{whole}End Triggerblock").as_bytes()).unwrap().0.len(), 1);
     insta::assert_snapshot!(said(LogFormat::Candump, &[b'1'; (1 << 20) + 1]), @", line 1: it is longer than 1048576 bytes");
     insta::assert_snapshot!(said(LogFormat::Asc, b"0.1 1 FFF Rx d 0"), @", line 1: identifier 0xFFF does not fit 11 bits (at most 0x7FF)");
 }

@@ -10,6 +10,8 @@ use crate::staged::Staged;
 
 /// Longest name of a network interface, bytes (IFNAMSIZ of Linux, without the terminator).
 const LONGEST_NAME: usize = 15;
+/// What a recording says of the interface of a run without a bus.
+const NO_BUS: &str = "none";
 /// Stands for a bus that has no interface of that kind.
 const NO_NAME: &str = "can0";
 
@@ -58,5 +60,17 @@ fn logged_frame(origin: &Origin, record: &FrameRecord) -> LoggedFrame {
 /// The name of the bus, if it is one that an interface can have.
 fn interface(name: &str) -> &str {
     let is_name = |byte: u8| byte.is_ascii_alphanumeric() || matches!(byte, b'-' | b'_' | b'.');
-    if (1..=LONGEST_NAME).contains(&name.len()) && name.bytes().all(is_name) { name } else { NO_NAME }
+    let fits = name != NO_BUS && (1..=LONGEST_NAME).contains(&name.len()) && name.bytes().all(is_name);
+    if fits { name } else { NO_NAME }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::interface;
+
+    #[test]
+    fn a_bus_without_an_interface_is_can0() {
+        let names = ["vcan0", "none", "", "udp:239.74.163.2:43113", "0123456789abcdef", "can-1_a.b"];
+        assert_eq!(names.map(interface), ["vcan0", "can0", "can0", "can0", "can0", "can-1_a.b"]);
+    }
 }

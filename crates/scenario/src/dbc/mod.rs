@@ -231,6 +231,11 @@ impl Message {
         })
     }
 
+    /// The line of a signal in the file, from 1 on; that of the message if there is no such signal.
+    pub fn line_of(&self, name: &str) -> usize {
+        find(&self.signals, name).map_or(self.line, |found| found.line)
+    }
+
     /// The signals without problems, in the order of the file.
     pub fn signals(&self) -> impl Iterator<Item = &Signal> {
         self.signals.iter().filter_map(|signal| signal.value.as_ref().ok())

@@ -4,6 +4,7 @@ use std::collections::BTreeMap;
 
 use super::conversion::{factor, known};
 use super::error::{Place, WireError};
+use super::exact::Exact;
 use super::signals::{Used, counter, quantity};
 use super::{
     ArmSpec, CommandSpec, EventSpec, InputSpec, LockstepSpec, OnSpec, ReadingSpec, RequestSpec, SourceSpec, WireSection,
@@ -177,26 +178,28 @@ impl Compiler<'_> {
         let place = Place::message(KEY, &spec.message);
         let message = self.message(KEY, &spec.message, false)?;
         let lists = [
-            (&spec.arm, Action::Arm),
-            (&spec.disarm, Action::Disarm),
-            (&spec.reset, Action::Reset),
-            (&spec.stop, Action::Stop),
+            ("arm", &spec.arm, Action::Arm),
+            ("disarm", &spec.disarm, Action::Disarm),
+            ("reset", &spec.reset, Action::Reset),
+            ("stop", &spec.stop, Action::Stop),
         ];
+        let exact = spec.signal.as_ref().map(|name| Exact::new(KEY, message, name)).transpose()?;
+        let exactly = |name, value| exact.as_ref().map_or(Ok(value), |exact| exact.value(name, value));
         let mut actions: Vec<(f64, Action)> = Vec::new();
-        for (values, action) in lists {
+        for (name, values, action) in lists {
             for value in values {
-                if actions.iter().any(|(other, _)| other == value) {
+                let value = exactly(name, *value)?;
+                if actions.iter().any(|(other, _)| *other == value) {
                     let problem = "a value of it asks for two things";
                     return Err(WireError::Message { place, problem });
                 }
-                actions.push((*value, action));
+                actions.push((value, action));
             }
         }
-        let signal = match (&spec.signal, spec.on_frame) {
-            (Some(name), None) if !(actions.is_empty() && spec.require.is_empty()) => {
-                Some(mapped(message.signal(name)?))
-            }
-            (None, Some(request)) if actions.is_empty() && spec.require.is_empty() => {
+        let required = spec.require.iter().map(|value| exactly("require", *value)).collect::<Result<Vec<_>, _>>()?;
+        let signal = match (&exact, spec.on_frame) {
+            (Some(exact), None) if !(actions.is_empty() && required.is_empty()) => Some(mapped(exact.signal())),
+            (None, Some(request)) if actions.is_empty() && required.is_empty() => {
                 actions.push((0.0, action(request)));
                 None
             }
@@ -207,7 +210,7 @@ impl Compiler<'_> {
         };
         let protection = protection(&place, message, (&spec.counter, &spec.checksum), &mut Used::default())?;
         let counts = if spec.every_frame { Counts::InEveryFrame } else { Counts::OnChange };
-        let event = EventSignal { signal, counts, actions, required: spec.require.clone() };
+        let event = EventSignal { signal, counts, actions, required };
         let empty = bare(message, spec.drive);
         let incoming = self.incoming.entry(empty.id).or_insert(empty);
         if protection.counter.is_some() || protection.checksum.is_some() {
@@ -253,17 +256,18 @@ impl Compiler<'_> {
         for (name, source) in &spec.signals {
             let place = Place::signal(KEY, &spec.message, name);
             used.take(&place, "a reading")?;
-            let signal = message.signal(name)?;
+            let exact = Exact::new(KEY, message, name)?;
             match source.constant {
                 Some(value) if source_count(source) == 1 => {
-                    signal.wire().encode(value, &mut payload).map_err(|_range| WireError::Number {
+                    let value = exact.value("constant", value)?;
+                    exact.signal().wire().encode(value, &mut payload).map_err(|_range| WireError::Number {
                         place,
                         name: "constant",
                         got: value,
                         expected: "a number within the signal's range",
                     })?;
                 }
-                _ => signals.push(self.source(&place, source, signal)?),
+                _ => signals.push(self.source(&place, source, &exact)?),
             }
         }
         let protection = protection(&place, message, (&spec.counter, &spec.checksum), &mut used)?;
@@ -310,7 +314,8 @@ impl Compiler<'_> {
         Ok(Trigger::Every(whole as u64))
     }
 
-    fn source(&self, place: &Place, spec: &SourceSpec, signal: &Signal) -> Result<ReadingSignal, WireError> {
+    fn source(&self, place: &Place, spec: &SourceSpec, exact: &Exact<'_>) -> Result<ReadingSignal, WireError> {
+        let signal = exact.signal();
         let got = source_count(spec);
         if got != 1 {
             return Err(WireError::Sources { place: place.clone(), got });
@@ -319,10 +324,11 @@ impl Compiler<'_> {
             (Some(name), ..) => quantity::source(self.scenario, place, name, spec, signal)?,
             (_, Some(name), ..) => {
                 let value = Value::Clipped(quantity::reading(place, name)?);
+                exact.value("clipped", 0.0).and_then(|_| exact.value("clipped", 1.0))?;
                 Source::Value { value, scale: 1.0, offset: 0.0 }
             }
-            (.., Some(states), _) => super::signals::states(place, states)?,
-            (.., Some(reasons)) => super::signals::reasons(place, reasons)?,
+            (.., Some(states), _) => exact.source(super::signals::states(place, states)?, states)?,
+            (.., Some(reasons)) => exact.source(super::signals::reasons(place, reasons)?, reasons)?,
             _ => Source::Sample { modulus: signal.wire().range()[1] + 1.0 },
         };
         Ok(ReadingSignal { signal: mapped(signal), source })

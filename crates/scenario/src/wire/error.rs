@@ -156,6 +156,24 @@ pub enum WireError {
         /// What would do.
         expected: &'static str,
     },
+    /// A number that the signal can't have.
+    #[error("{place}, line {line} of the DBC: `{name}` is {got}, and {}", ranged(.range, .step, .nearest), got = short(.got))]
+    Value {
+        /// Where.
+        place: Place,
+        /// The line of the signal in the DBC.
+        line: usize,
+        /// The key.
+        name: String,
+        /// What was given.
+        got: f64,
+        /// The least and the largest value of the signal.
+        range: [f64; 2],
+        /// The distance of its values; `None` of a floating-point signal.
+        step: Option<f64>,
+        /// The value of the signal next to it; `None` if it is no number.
+        nearest: Option<f64>,
+    },
     /// There is no such quantity.
     #[error("{place}: there is no quantity {got:?}{}; there are {known}", nearest(.suggestion))]
     Quantity {
@@ -370,6 +388,15 @@ pub enum WireError {
 
 fn nearest(suggestion: &Option<String>) -> String {
     suggestion.as_ref().map_or(String::new(), |name| format!("; is it {name:?}?"))
+}
+
+fn ranged(range: &[f64; 2], step: &Option<f64>, nearest: &Option<f64>) -> String {
+    let steps = step.map_or_else(String::new, |step| format!(" in steps of {}", short(&step)));
+    // Scale times count leaves a last digit that nobody wrote.
+    let tidy = |value: f64| short(&format!("{value:.9}").parse().unwrap_or(value)).to_string();
+    let next = nearest.map_or_else(String::new, |nearest| format!(", next to it {}", tidy(nearest)));
+    let [least, most] = range.map(tidy);
+    format!("the signal has {least} to {most}{steps}{next}: give one of its values, or widen the signal")
 }
 
 fn scale_of(place: &Place, unit: &str) -> String {

@@ -6,6 +6,7 @@ mod compile;
 mod conversion;
 mod drives;
 mod error;
+mod exact;
 mod lacks;
 mod load;
 mod odrive;

@@ -112,6 +112,39 @@ fn nodes_events_and_lockstep_that_are_refused() {
     insta::assert_snapshot!(says("lockstep = \"command\"", "sync = \"Drive\""), @r#"wire.sync: nothing waits for it: give `lockstep = "sync"`, or readings with `on = "sync"`, or leave it out"#);
 }
 
+/// As `says`, with another scale and offset of the signal Enable, which has 2 bits here.
+fn enable_says(scale: &str, arm: &str) -> Result<Mapping, String> {
+    let dbc = DBC.replace("Enable : 16|1@1+ (1,0)", &format!("Enable : 20|2@1+ ({scale})"));
+    compiled(&SCENARIO.replace("arm = [1]\ndisarm = [0]", arm), &dbc)
+}
+
+#[test]
+fn values_that_a_signal_does_not_have_are_refused() {
+    let refused = |scale, arm| enable_says(scale, arm).unwrap_err();
+    insta::assert_snapshot!(refused("1,0", "arm = [9]\ndisarm = [0]"), @"wire.events: message Drive, signal Enable, line 11 of the DBC: `arm` is 9, and the signal has 0 to 3 in steps of 1, next to it 3: give one of its values, or widen the signal");
+    insta::assert_snapshot!(refused("1,0", "arm = [2.5]\ndisarm = [0]"), @"wire.events: message Drive, signal Enable, line 11 of the DBC: `arm` is 2.5, and the signal has 0 to 3 in steps of 1, next to it 2: give one of its values, or widen the signal");
+    insta::assert_snapshot!(refused("1,0", "arm = [1]\ndisarm = [-1]"), @"wire.events: message Drive, signal Enable, line 11 of the DBC: `disarm` is -1, and the signal has 0 to 3 in steps of 1, next to it 0: give one of its values, or widen the signal");
+    insta::assert_snapshot!(refused("1,0", "arm = [1]\ndisarm = [0]\nrequire = [4]"), @"wire.events: message Drive, signal Enable, line 11 of the DBC: `require` is 4, and the signal has 0 to 3 in steps of 1, next to it 3: give one of its values, or widen the signal");
+    insta::assert_snapshot!(refused("1,0", "arm = [nan]\ndisarm = [0]"), @"wire.events: message Drive, signal Enable, line 11 of the DBC: `arm` is NaN, and the signal has 0 to 3 in steps of 1: give one of its values, or widen the signal");
+    insta::assert_snapshot!(refused("0.1,5", "arm = [5.1]\ndisarm = [0]"), @"wire.events: message Drive, signal Enable, line 11 of the DBC: `disarm` is 0, and the signal has 5 to 5.3 in steps of 0.1, next to it 5: give one of its values, or widen the signal");
+    insta::assert_snapshot!(says("fault = 3", "fault = 99"), @"wire.readings: message Meas, signal State, line 19 of the DBC: `state.fault` is 99, and the signal has 0 to 15 in steps of 1, next to it 15: give one of its values, or widen the signal");
+    insta::assert_snapshot!(says("other = 15", "other = -1"), @"wire.readings: message Meas, signal Reason, line 20 of the DBC: `reason.other` is -1, and the signal has 0 to 15 in steps of 1, next to it 0: give one of its values, or widen the signal");
+    insta::assert_snapshot!(says("sample = true", "constant = 24.5"), @"wire.readings: message Meas, signal Sample, line 21 of the DBC: `constant` is 24.5, and the signal has 0 to 255 in steps of 1, next to it 24: give one of its values, or widen the signal");
+    let (state, from_2) = ("State : 32|4@1+ (1,0)", "State : 32|4@1+ (1,2)");
+    insta::assert_snapshot!(dbc_says(state, from_2), @"wire.readings: message Meas, signal State, line 19 of the DBC: `state.pre-operational` is 1, and the signal has 2 to 17 in steps of 1, next to it 2: give one of its values, or widen the signal");
+}
+
+#[test]
+fn a_value_is_what_the_wire_makes_of_it() {
+    let mapping = enable_says("0.1,0", "arm = [0.3]\ndisarm = [0]").unwrap();
+    let signal = mapping.incoming[0].events[0].signal.as_ref().unwrap().signal;
+    let mut payload = [0; 8];
+    signal.encode(0.3, &mut payload).unwrap();
+    assert_eq!(mapping.incoming[0].events[0].actions[0].0, signal.decode(&payload).unwrap());
+    let twice = enable_says("0.1,0", "arm = [0.3]\ndisarm = [0.30000000000000004]").unwrap_err();
+    insta::assert_snapshot!(twice, @"wire.events: message Drive: a value of it asks for two things");
+}
+
 #[test]
 fn readings_that_are_refused() {
     insta::assert_snapshot!(says("quantity = \"acceleration_c_x_m_s2\"", "quantity = \"acceleration_d_x_m_s2\""), @r#"wire.readings: message Meas, signal AccX: there is no quantity "acceleration_d_x_m_s2"; is it "acceleration_c_x_m_s2"?; there are head_force_x_n, head_force_y_n, acceleration_b_x_m_s2, acceleration_b_y_m_s2, acceleration_c_x_m_s2, acceleration_c_y_m_s2, alpha1_rad, alpha2_rad, alpha1_dot_rad_s, alpha2_dot_rad_s, coil_current_a, torque1_nm, torque2_nm, force_x_n, force_y_n"#);

@@ -196,7 +196,7 @@ fn the_reasons_say_what_it_does_instead() {
     insta::assert_snapshot!(report(&on, "exciter-frames", wrong_checksum), @r#"Failed("21 of its frames are refused: Drive refused: the checksum is 0x42, and 0x43 is right: 100#0000000001000042 (21 times)")"#);
     insta::assert_snapshot!(report(&on, "exciter-arms", wrong_checksum), @r#"Failed("it doesn't arm the plant within 1500 ms: 0 requests to arm and 0 to reset came; heard: Drive refused: the checksum is 0x42, and 0x43 is right: 100#0000000001000042 (31 times)")"#);
     let deaf = Flaw { hears: deaf, ..NONE };
-    insta::assert_snapshot!(report(&on, "exciter-plant-faults", deaf), @r#"Failed("Drive commands force_x_n -20.000 N, and the plant is in fault for 1005 ms")"#);
+    insta::assert_snapshot!(report(&on, "exciter-plant-faults", deaf), @r#"Failed("Drive commands force_x_n -19.754 N, and the plant is in fault for 1010 ms")"#);
     let pauses = Flaw { sends: |_, context, frame| if is_away(context) { vec![] } else { vec![frame] }, ..NONE };
     insta::assert_snapshot!(report(&on, "exciter-in-time", pauses), @r#"Failed("no command came in time, and 150 ms more; Drive at the longest 360 ms apart")"#);
 }

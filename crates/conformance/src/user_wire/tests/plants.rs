@@ -59,6 +59,39 @@ fn the_plant_passes_on_every_wire() {
     }
 }
 
+/// The protocol of the DBC, whose plant says these signals in a message of their own, with this period.
+fn seldom_said(signals: &[&str], period_s: f64) -> UserWire {
+    let mut scenario = On::Dbc.scenario();
+    let wire = scenario.wire.as_mut().unwrap();
+    let all = &wire.readings[0];
+    let [mut often, mut seldom] = [all.clone(), all.clone()];
+    often.signals.retain(|name, _| !signals.contains(&name.as_str()));
+    seldom.signals.retain(|name, _| signals.contains(&name.as_str()));
+    (seldom.message, seldom.every, seldom.period_s) = (String::from("Seldom"), None, Some(period_s));
+    wire.readings = vec![often, seldom];
+    let dbc = include_str!("bench.dbc");
+    let at = dbc.find("BO_ 512").unwrap();
+    let end = dbc.find("SIG_VALTYPE_").unwrap();
+    let again = dbc[at..end].replace("BO_ 512 Meas", "BO_ 513 Seldom");
+    wire.text = Some(format!("{}{again}{}", &dbc[..end], &dbc[end..]));
+    UserWire::new(scenario, Node::Plant, Mode::RealTime).unwrap()
+}
+
+#[test]
+fn what_a_plant_says_is_awaited_for_as_long_as_its_readings_are_apart() {
+    let fed = Flaw { spec: |spec| with_timeout(spec, |_| u64::MAX / 4), ..NONE };
+    let half = Flaw { holds: |load| Load { force_n: load.force_n * 0.5, torque_nm: load.torque_nm }, ..NONE };
+    // The emulated exciter answers readings of quantities, and its commands have to come within 200 ms.
+    for (signals, period_s) in [(&["State", "Reason"][..], 0.4), (&["HeadX"], 0.18)] {
+        let wire = seldom_said(signals, period_s);
+        all_pass(&findings(&wire, || device(&wire, NONE)), &["plant-requests"]);
+        let never_stops = Flaw { hears: |on, _, frame| vec![masked(on, &frame, !0x04)], ..NONE };
+        assert_eq!(fails(&wire, never_stops), ["plant-stop"], "{signals:?}");
+        assert_eq!(fails(&wire, half), ["plant-commands-act"], "{signals:?}");
+        assert!(fails(&wire, fed).contains(&"plant-not-finite"), "{signals:?}");
+    }
+}
+
 #[test]
 fn a_plant_of_a_dbc_that_sends_wrongly_fails_the_cases_for_it() {
     let on = On::Dbc.wire(Node::Plant, Mode::RealTime);

@@ -138,6 +138,11 @@ impl Page {
         self.asks[Ask::Arm as usize] |= !event.required.is_empty();
         if let Some(signal) = &event.signal {
             let values = values(event, &signal.signal).ok_or(ExciterLack::Rest { id })?;
+            let mut scratch = self.template.clone();
+            let mut is_held = |value: &f64| signal.signal.encode(*value, &mut scratch).is_ok();
+            if let Some(value) = values.into_iter().find(|value| !is_held(value)) {
+                return Err(ExciterLack::Value { id, value });
+            }
             self.events.push(Asking { signal: signal.signal, values });
         }
         Ok(())

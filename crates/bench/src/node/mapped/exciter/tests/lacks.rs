@@ -36,6 +36,11 @@ fn what_it_can_t_do_without_is_named_with_the_key_to_add() {
         message.events[0] = EventSignal { actions: vec![(0.0, Action::Stop), (1.0, Action::Stop)], ..event };
     });
     insta::assert_snapshot!(lack(&restless, nothing), @"message 0x100: every value of a signal in [[wire.events]] asks for something: leave at least one value out of `arm`, `disarm` and `reset`");
+    let beyond = of_message(|message| {
+        message.events[0].signal = Some(signal(16, 2, Number::Unsigned, 1.0));
+        message.events[0].actions = vec![(9.0, Action::Arm), (0.0, Action::Disarm)];
+    });
+    insta::assert_snapshot!(lack(&beyond, nothing), @"message 0x100: a signal in [[wire.events]] can't have 9, one of its values: give one that it has, or widen it");
     let apart = of_message(|message| {
         let switch = Layout::new(32, 8, ByteOrder::Intel, Number::Unsigned, 8).unwrap();
         let on = |value: u64| Presence::new(vec![Condition::new(switch, vec![value..=value]).unwrap()]);
