@@ -188,7 +188,10 @@ typedef struct {
     resonarm_answer_function answer;
     void *context; /**< First argument of `answer`. */
     /** FD: the node's capabilities. With two samples per frame `answer` is called for both, and its command
-     * at the second is held for two sample periods. */
+     * at the second is held for two sample periods. A command beyond the limits is not sent: the node faults with
+     * RESONARM_COMMAND_OUT_OF_RANGE, as with a limit of 0 at any load (R-4.1). Without a number of samples per frame,
+     * 1 or 2, it states 1; with a limit that can't be sent, negative or no number, it states nothing and commands
+     * nothing. The classic profile has no capabilities, and no such check. */
     resonarm_capabilities capabilities;
 } resonarm_exciter_config;
 

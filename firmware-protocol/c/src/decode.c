@@ -228,9 +228,9 @@ resonarm_receipt resonarm_accept(resonarm_receiver *receiver, const resonarm_fra
         return (resonarm_receipt){RESONARM_BAD_LENGTH, kind, NULL, frame->length, length};
     }
     if (resonarm_data_id(receiver->network, kind) != 0) {
-        const resonarm_receipt protection = check_protection(receiver, kind, frame);
-        if (protection.verdict != RESONARM_ACCEPTED) {
-            return protection;
+        const resonarm_receipt checked = check_protection(receiver, kind, frame);
+        if (checked.verdict != RESONARM_ACCEPTED) {
+            return checked;
         }
     }
     resonarm_message decoded = {.kind = kind};

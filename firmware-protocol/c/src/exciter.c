@@ -197,7 +197,7 @@ static void command(resonarm_exciter *exciter, uint64_t now_ns, const resonarm_a
         message.kind = RESONARM_FORCE_COMMAND;
         message.content.force = (resonarm_force_command){answer->force_x_n, answer->force_y_n, index};
     }
-    if (!resonarm_link_send(&exciter->link, &message)) {
+    if (!resonarm_link_is_stated(&exciter->link, &message) || !resonarm_link_send(&exciter->link, &message)) {
         fault(exciter, now_ns, RESONARM_COMMAND_OUT_OF_RANGE, 0);
     }
 }

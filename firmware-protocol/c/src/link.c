@@ -28,6 +28,10 @@ void resonarm_link_init(resonarm_link_ *link, const resonarm_exciter_config *con
     link->listening.look_period_ns = config->timing.look_period_ns;
     link->hello = resonarm_own_hello(config->network.profile, config->rate_hz);
     link->capabilities = config->capabilities;
+    if (link->capabilities.samples_per_frame < 1 || link->capabilities.samples_per_frame > 2) {
+        /* As of a partner that says nothing of it. */
+        link->capabilities.samples_per_frame = 1;
+    }
     resonarm_transmitter_init(&link->transmitter, config->network);
     resonarm_receiver_init(&link->receiver, config->network);
 }
@@ -77,6 +81,34 @@ bool resonarm_link_accept(resonarm_link_ *link, uint64_t now_ns, const resonarm_
         return false;
     }
     link->partner_heard_ns = link->listening.listened_ns;
+    return true;
+}
+
+#ifndef RESONARM_CLASSIC_ONLY
+/* Not so for a number that is none. */
+static bool is_within(double limit, double value)
+{
+    return value >= -limit && value <= limit;
+}
+#endif
+
+bool resonarm_link_is_stated(const resonarm_link_ *link, const resonarm_message *command)
+{
+#ifndef RESONARM_CLASSIC_ONLY
+    const resonarm_capabilities *stated = &link->capabilities;
+    if (link->hello.profile == RESONARM_PROFILE_FD && command->kind == RESONARM_FORCE_COMMAND) {
+        const resonarm_force_command *force = &command->content.force;
+        return is_within(stated->force_limit_n, force->force_x_n) && is_within(stated->force_limit_n, force->force_y_n);
+    }
+    if (link->hello.profile == RESONARM_PROFILE_FD && command->kind == RESONARM_TORQUE_COMMAND) {
+        const resonarm_torque_command *torque = &command->content.torque;
+        return is_within(stated->torque_limit_nm, torque->torque1_nm) &&
+               is_within(stated->torque_limit_nm, torque->torque2_nm);
+    }
+#else
+    (void)link;
+    (void)command;
+#endif
     return true;
 }
 

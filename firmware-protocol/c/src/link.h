@@ -21,6 +21,8 @@ bool resonarm_link_accept(
 /** Queues a message; false if it can't be sent. */
 bool resonarm_link_send(resonarm_link_ *link, const resonarm_message *message);
 
+/** Whether a command is within what the node has stated: the limits of its capabilities, sent in the FD profile. */
+bool resonarm_link_is_stated(const resonarm_link_ *link, const resonarm_message *command);
 /** Queues the hello, in the FD profile followed by the capabilities. */
 void resonarm_link_send_hello(resonarm_link_ *link, uint64_t now_ns);
 

@@ -1,9 +1,12 @@
 /*
  * The exciter's node on standard input and output, one command per line, for a test in virtual time.
  *
- *   init real-time|lockstep RATE FINISH GIVE_UP BEYOND   a node of resonarm_config.h's network that answers sample n
+ *   init real-time|lockstep RATE FINISH GIVE_UP BEYOND [SAMPLES LIMIT]
+ *                                                        a node of resonarm_config.h's network that answers sample n
  *                                                        with n mod 1000 counts of force along x and ends, gives up,
- *                                                        or asks too much at these samples
+ *                                                        or asks too much at these samples; its capabilities are so
+ *                                                        many samples in a frame, 2, and a force, N, by default that
+ *                                                        of the wire
  *   start NOW | deadline NOW | bus-lost NOW | stop NOW | leave NOW | rearm NOW
  *   frame NOW c|f ID LEN DATA                            a data frame comes in, classical or CAN FD
  *   jam | flow                                           from now on the bus takes no frame, or all
@@ -60,7 +63,12 @@ static void init(void)
     the_plan.finish = next_number(10);
     the_plan.give_up = next_number(10);
     the_plan.beyond = next_number(10);
+    const char *samples = strtok(NULL, " ");
     config.capabilities = (resonarm_capabilities){.samples_per_frame = 2, .force_limit_n = FLT_MAX};
+    if (samples != NULL) {
+        config.capabilities.samples_per_frame = (uint8_t)strtoul(samples, NULL, 10);
+        config.capabilities.force_limit_n = (double)next_number(10);
+    }
     is_jammed = false;
     config.timing = mode != NULL && mode[0] == 'l' ? resonarm_lockstep() : resonarm_real_time(rate_hz);
     resonarm_exciter_init(&exciter, &config);

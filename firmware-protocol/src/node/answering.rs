@@ -36,7 +36,8 @@ pub trait Answering {
     fn restart(&mut self);
 
     /// Answers a whole sample, without delay: the plant waits. `sample` counts from 0, the first sample after the plant
-    /// was armed, including lost ones. A load that can't be sent faults the node (command out of range).
+    /// was armed, including lost ones. A load that can't be sent, or is beyond what the node has stated, faults the
+    /// node (command out of range).
     fn answer(&mut self, sample: u64, values: &SensorValues) -> Answer<Self::Abort>;
 }
 

@@ -43,7 +43,8 @@ impl<C: Answering> ExciterNode<C> {
     /// second.
     ///
     /// With two samples per frame the controller answers both, and its answer to the second is held for two sample
-    /// periods. In the classic profile capabilities are not sent.
+    /// periods. In the classic profile capabilities are not sent; in the FD profile a command beyond their limits is a
+    /// fault, [`EmergencyCode::CommandOutOfRange`], and is not sent.
     pub fn new(network: Network, rate_hz: u16, timing: Timing, capabilities: Capabilities, controller: C) -> Self {
         let capabilities = Capabilities { node: Node::Exciter, ..capabilities };
         ExciterNode {
@@ -379,7 +380,7 @@ impl<C: Answering> ExciterNode<C> {
     }
 
     fn command(&mut self, now_ns: u64, command: Option<Message>) {
-        if command.is_some_and(|command| self.link.send(&command).is_err()) {
+        if command.is_some_and(|command| !self.link.is_stated(&command) || self.link.send(&command).is_err()) {
             self.fault(now_ns, EmergencyCode::CommandOutOfRange, 0);
         }
     }

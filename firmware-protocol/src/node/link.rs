@@ -172,6 +172,19 @@ impl Link {
         self.receiver.network()
     }
 
+    /// Whether a command is within what this node has stated: the limits of its capabilities, which it sends in the FD
+    /// profile.
+    pub fn is_stated(&self, command: &Message) -> bool {
+        let Capabilities { force_limit_n, torque_limit_nm, .. } = self.capabilities;
+        let (values, limit) = match command {
+            _ if self.network().profile() != Profile::Fd => return true,
+            Message::Force(command) => ([command.force_x_n, command.force_y_n], force_limit_n),
+            Message::Torque(command) => ([command.torque1_nm, command.torque2_nm], torque_limit_nm),
+            _ => return true,
+        };
+        values.iter().all(|value| value.abs() <= limit)
+    }
+
     /// Queues a message.
     ///
     /// # Errors

@@ -9,6 +9,7 @@ mod corpus;
 mod frames;
 mod harness;
 mod library;
+mod limits;
 mod messages;
 mod packages;
 mod tables;
