@@ -24,8 +24,8 @@ pub struct TracedStructure {
 }
 
 /// Follows the motions of a structure under a load (degree of freedom, peak, frequency) in the frequency or the
-/// amplitude from one value to another, read at degrees of freedom, with limits of harmonics, points and step length, and
-/// with their stability if that is asked for.
+/// amplitude from one value to another, read at degrees of freedom, with limits of harmonics, points and step length,
+/// and with their stability if that is asked for.
 #[pyfunction]
 pub fn trace_structure(
     py: Python<'_>,

@@ -32,11 +32,11 @@ use resonarm_numeric::number::short;
 /// C over the force in the impedance head.
 ///
 /// The model of the modes includes the ends of the record, so the record may be shorter than their decay; frequencies
-/// and damping ratios have their standard deviation, shapes have none. The structure must be driven by a force where the head is. Periods of a multisine or of
-/// bursts, and segments of other records (Welch's method: a Hann window, half overlapping), are averaged to H1, H2 and
-/// coherence; an impact is taken whole. The document of --json and the CSV of --plot have all three of each response,
-/// the figure H1 and the coherence. Modes are numbered as in the scenario's structure; one that is not found is listed
-/// with the reason. If no mode is found the exit code is 1.
+/// and damping ratios have their standard deviation, shapes have none. The structure must be driven by a force where
+/// the head is. Periods of a multisine or of bursts, and segments of other records (Welch's method: a Hann window, half
+/// overlapping), are averaged to H1, H2 and coherence; an impact is taken whole. The document of --json and the CSV of
+/// --plot have all three of each response, the figure H1 and the coherence. Modes are numbered as in the scenario's
+/// structure; one that is not found is listed with the reason. If no mode is found the exit code is 1.
 ///
 /// With --angles, for a run with any load, it gives the joints' angles over time instead: the accelerations are
 /// integrated twice, and the displacements are converted to angles with the arm's lengths and pose in the recording.

@@ -54,8 +54,8 @@ struct Document {
     bifurcations: Vec<Value>,
     /// Those that were detected between two points and could not be located.
     unlocated: Vec<Value>,
-    /// For each degree of freedom that is read, the motion with the largest displacement, and whether it is at an end of
-    /// the branch.
+    /// For each degree of freedom that is read, the motion with the largest displacement, and whether it is at an end
+    /// of the branch.
     peaks: Vec<Value>,
     #[serde(skip_serializing_if = "Option::is_none")]
     ended_early: Option<Value>,

@@ -61,8 +61,8 @@ struct Motion {
 }
 
 impl SweepDocument {
-    /// Adds the largest displacements of a degree of freedom over the frequency, by its number among those that are read:
-    /// up as circles, down as squares.
+    /// Adds the largest displacements of a degree of freedom over the frequency, by its number among those that are
+    /// read: up as circles, down as squares.
     fn drawn(&self, panel: Panel, index: usize, name: &str, color: Color) -> Panel {
         let (shape, dash) = match self.direction {
             Direction::Up => (Marker::Circle, Dash::Solid),

@@ -378,8 +378,8 @@ impl Assembly {
         }
     }
 
-    /// Writes q̈ of a motion under generalised forces, without the elements; with M + m wwᵀ in place of M, if m and w are
-    /// `added`.
+    /// Writes q̈ of a motion under generalised forces, without the elements; with M + m wwᵀ in place of M, if m and w
+    /// are `added`.
     pub(super) fn accelerate_with(
         &self,
         q: &[f64],

@@ -11,7 +11,8 @@
 //!
 //! with the sines s and cosines c of θ, and H = L D Lᵀ is factored without roots. q̈_i = φ̈_i − φ̈_{i−1}.
 //!
-//! Arrays are filled by loops: the closures of `array::from_fn` are compiled anew for each N, and the crate a tenth longer.
+//! Arrays are filled by loops: the closures of `array::from_fn` are compiled anew for each N, and the crate a tenth
+//! longer.
 
 use alloc::vec::Vec;
 use core::array;

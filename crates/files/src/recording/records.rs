@@ -36,8 +36,8 @@ impl<T> Records<T> {
         Ok(Records { walk, readable_bytes, topics, decode, chunk: 0, next: 0, queue: VecDeque::new() })
     }
 
-    /// Appends the next records to `to`, at most `most` and fewer only at the end: faster than one by one where a record
-    /// is long.
+    /// Appends the next records to `to`, at most `most` and fewer only at the end: faster than one by one where a
+    /// record is long.
     ///
     /// # Errors
     /// As the iterator; there is nothing more to be had then.
