@@ -13,7 +13,7 @@ pub struct Nearest {
     pub amplitude_deviation: f64,
     /// The phase of the fundamental there, by which it leads the drive, rad.
     pub phase_rad: f64,
-    /// Whether the computed motion is stable; `None` if that is not computed.
+    /// Whether the computed motion is stable, as [`Orbit::is_stable`].
     pub is_stable: Option<bool>,
 }
 

@@ -11,8 +11,8 @@
 //! ```
 //!
 //! The sum does not keep the volume of states as each of its terms does: without damping |det Φ| = 1, which decides
-//! whether |μ| is 1. So where damping is small Φ is scaled such that ln |det Φ| is the same sum of ln |det Φ₂| and so
-//! on.
+//! whether |μ| is 1. So where damping is small Φ is scaled such that ln |det Φ| is the same sum of the three
+//! logarithms.
 //!
 //! The multipliers of many modes with one smooth element are found in the frequency domain, [`exponents`].
 //!
