@@ -342,7 +342,10 @@ pub struct BusCounts {
     /// Frames lost: incoming ones because the receive queue was full, outgoing ones because they could not be sent in
     /// time.
     pub dropped: u64,
-    /// Frames of the protocol refused for their checks (E2E, length, values).
+    /// Frames of the protocol that were refused: for their format, length or values, and where the protocol protects
+    /// them for their checksum or counter.
+    pub refused: u64,
+    /// The same number, under the name that it had before; it never was of the protection (E2E) alone.
     pub e2e_errors: u64,
     /// Those of them that came under identifiers which only this node sends: another network has the same base.
     pub other_sender: u64,
@@ -366,6 +369,7 @@ impl BusCounts {
             received: statistics.received,
             sent: statistics.sent,
             dropped: statistics.dropped + frames.unsent,
+            refused: frames.refused,
             e2e_errors: frames.refused,
             other_sender: frames.other_sender,
             malformed: statistics.malformed,

@@ -487,7 +487,7 @@ fn finish_recording(recorder: Option<Recorder>, report: PlantReport) -> PlantRep
         ("frames_received", report.bus.received.to_string()),
         ("frames_sent", report.bus.sent.to_string()),
         ("frames_dropped", report.bus.dropped.to_string()),
-        ("frames_e2e_errors", report.bus.e2e_errors.to_string()),
+        ("frames_refused", report.bus.refused.to_string()),
     ];
     match recorder.finish(&statistics) {
         Ok(summary) => PlantReport { recording: Some(summary), ..report },

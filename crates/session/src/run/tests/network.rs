@@ -82,7 +82,8 @@ fn faults_of_the_network_are_seeded_and_the_run_survives_what_it_can() {
     };
     let (report, _, bytes) = free(&session(&text(1), &folder));
     assert_eq!(report.exciter.outcome, Some(ExciterOutcome::Finished));
-    assert!(report.exciter.missed_samples > 50 && report.exciter.bus.e2e_errors > 50, "{:?}", report.exciter);
+    assert_eq!(report.exciter.bus.refused, report.exciter.bus.e2e_errors);
+    assert!(report.exciter.missed_samples > 50 && report.exciter.bus.refused > 50, "{:?}", report.exciter);
     assert!(free(&session(&text(1), &folder)).2 == bytes, "the same bytes");
 }
 
@@ -98,6 +99,7 @@ fn a_controller_that_is_bus_off_faults_the_run() {
         let is_off = |event: &RunEvent| matches!(event, RunEvent::BusLost { cause: BusLoss::BusOff, .. });
         let is_plant = node == "plant";
         assert_eq!((events.iter().any(is_off), report.plant.bus_loss.is_some()), (is_plant, is_plant), "{node}");
+        assert_eq!(report.plant.bus.errors.bus_off, u64::from(is_plant), "{node}");
     }
 }
 
