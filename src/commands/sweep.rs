@@ -74,7 +74,7 @@ struct InPose {
     pose: Pose,
     arm: Arm,
     sweeps: Vec<SteppedSweep>,
-    /// Resonances narrower than the steps.
+    /// Resonances in whose half-power band no step lies.
     stepped_over: Vec<Resonance>,
 }
 
@@ -83,7 +83,7 @@ struct SweepDocument {
     beta1_deg: f64,
     beta2_deg: f64,
     direction: Direction,
-    /// Resonances of the forced response that are narrower than the steps: their peaks are not in the points.
+    /// Resonances of the forced response in whose half-power band no step lies: their peaks are not in the points.
     stepped_over: Vec<Resonance>,
     points: Vec<PointDocument>,
 }
