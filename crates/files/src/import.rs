@@ -188,8 +188,8 @@ pub enum ImportError {
 pub const DISORDER_NS: u64 = 100_000_000;
 
 /// A recording of frames, written frame by frame. Sample k begins k sample periods after the beginning. Frames go the
-/// way that the log says. Where a scenario says which network was logged, its frames go the way that their senders have;
-/// so do those of the usual identifiers in a log that says nothing. All others count as received by the plant.
+/// way that the log says. Where a scenario says which network was logged, its frames go the way that their senders
+/// have; so do those of the usual identifiers in a log that says nothing. All others count as received by the plant.
 ///
 /// With a protocol of the scenario's own the recording has its readings, too. Their first sample is that of their time;
 /// from there on samples are counted as the frames say, and other frames belong to the newest one.
@@ -291,8 +291,8 @@ impl FrameLog {
         }
     }
 
-    /// Which way a frame goes: with the scenario of the network as its sender has it; without one as the log has it, and
-    /// if that says nothing, as on a network with the usual identifiers.
+    /// Which way a frame goes: with the scenario of the network as its sender has it; without one as the log has it,
+    /// and if that says nothing, as on a network with the usual identifiers.
     fn direction(&self, logged: &LoggedFrame) -> Option<Direction> {
         let by_sender = direction(self.network, &logged.frame);
         if self.is_known { by_sender } else { logged.direction.or(by_sender) }

@@ -18,8 +18,8 @@ use resonarm_protocol::{Emergency, EmergencyCode, NodeState, OperatorRequest, Re
 const WATCH_NS: u64 = 1000 * MS;
 /// A load below this share of the exciter's limits counts as zero: a signal may have no value that is exactly zero.
 const NEARLY_ZERO: f64 = 1e-3;
-/// By when a controller that has heard that the plant is not armed any more reacts, ns: the mapping has no time for it, so this is
-/// longer than any that does its work takes.
+/// By when a controller that has heard that the plant is not armed any more reacts, ns: the mapping has no time for it,
+/// so this is longer than any that does its work takes.
 const REACTION_NS: u64 = GONE_NS;
 
 /// Waits for a controller to send something.

@@ -34,8 +34,8 @@ pub(super) fn says_state(t: &Tester) -> bool {
     t.on.mapping().is_none() || said_every_ns(t.on, is_of_fault).is_some()
 }
 
-/// By when a plant has said what it is since its cause, ns: it may see the cause two samples later, a reading that comes
-/// this often follows, and a machine may hold it up.
+/// By when a plant has said what it is since its cause, ns: it may see the cause two samples later, a reading that
+/// comes this often follows, and a machine may hold it up.
 fn within_ns(on: &UserWire, said_every_ns: Option<u64>) -> u64 {
     said_every_ns.unwrap_or(STATUSWORD_NS) + 4 * on.period_ns() + MARGIN_NS
 }

@@ -1,4 +1,4 @@
-//! Numbers that a signal must have exactly: what is another number on the wire would never match, or say something else.
+//! Numbers that a signal must have exactly: what is another number on the wire never matches, or says something else.
 
 use std::collections::BTreeMap;
 
@@ -7,8 +7,8 @@ use crate::dbc::{Message, Signal};
 use resonarm_bench::node::mapped::mapping::Source;
 use resonarm_wire::PAYLOAD_MAX_BYTES;
 
-/// The largest distance from a value of the signal that is rounding, in its steps; of a floating-point signal as a share
-/// of its value.
+/// The largest distance from a value of the signal that is rounding, in its steps; of a floating-point signal as a
+/// share of its value.
 const ROUNDING: f64 = 1e-6;
 
 /// A signal of a message, with its line in the DBC.
