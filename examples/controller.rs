@@ -43,7 +43,7 @@ fn vibration_rad(gain_n_s_m: f64) -> Result<f64, Box<dyn Error>> {
         let session = Session::new(scenario, Mode::Lockstep, Options { record, ..Options::default() })?;
         let report = session.plant(&mut near, &Signals::default(), |_event| {})?;
         controller.join().map_err(|_panic| "the controller panicked")??;
-        assert_eq!(report.bus.e2e_errors, 0);
+        assert_eq!(report.bus.refused, 0);
         let recording = resonarm::recording::Recording::open(&path)?;
         let states: Vec<_> = recording.states()?.collect::<Result<_, _>>()?;
         let last = &states[states.len() - 200..];

@@ -135,8 +135,8 @@ pub(crate) fn other_sender_warning(bus: &BusCounts) -> Option<String> {
 
 /// The counts of a node's frames.
 pub(crate) fn frames_text(bus: &BusCounts) -> String {
-    let BusCounts { received, sent, dropped, e2e_errors, other_sender, malformed, limited_values, .. } = bus;
-    let mut text = format!("{received} received, {sent} sent, {dropped} dropped, {e2e_errors} refused");
+    let BusCounts { received, sent, dropped, refused, other_sender, malformed, limited_values, .. } = bus;
+    let mut text = format!("{received} received, {sent} sent, {dropped} dropped, {refused} refused");
     if *other_sender > 0 {
         text += &format!(" ({other_sender} of another network under this node's identifiers)");
     }
@@ -267,7 +267,7 @@ mod tests {
 
     #[test]
     fn frames_of_another_network_are_in_the_summary() {
-        let bus = BusCounts { received: 30, sent: 40, e2e_errors: 7, ..BusCounts::default() };
+        let bus = BusCounts { received: 30, sent: 40, refused: 7, ..BusCounts::default() };
         insta::assert_snapshot!(frames_text(&bus), @"30 received, 40 sent, 0 dropped, 7 refused");
         assert_eq!(other_sender_warning(&bus), None);
         let bus = BusCounts { other_sender: 5, malformed: 1, ..bus };

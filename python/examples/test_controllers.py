@@ -63,7 +63,7 @@ def test_its_force_drops_when_commands_are_lost(bench, controller):
 def test_nothing_of_a_corrupt_frame_reaches_the_arm(bench, controller):
     with bench.wrong_crc(ids=[0x201], direction="receive", probability=1.0):
         result = bench.run(controller)
-    assert result.plant["bus"]["e2e_errors"] > 0
+    assert result.plant["bus"]["refused"] > 0
     result.assert_faulted()
     assert result.plant["fault"]["name"] in ("command timeout", "partner fault")
     result.assert_force_below(1e-9)

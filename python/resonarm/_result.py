@@ -155,7 +155,7 @@ class Result:
         refused = {reason: count for reason, count in self.plant["refused"].items() if count}
         if self.plant["outcome"] == "completed":
             refused.pop("not_armed", None)
-        invalid = self.plant["bus"]["e2e_errors"]
+        invalid = self.plant["bus"]["refused"]
         if not (refused or invalid):
             return
         names = [f"plant.command.{reason}" for reason in refused] + ["frame.refused"] * bool(invalid)

@@ -290,7 +290,7 @@ fn run_reports_steps_bus_and_recording() {
     assert_eq!(names(&got), keys);
     assert_eq!(
         names(&got["bus"]),
-        ["dropped", "e2e_errors", "errors", "malformed", "other_sender", "received", "refused", "sent"]
+        ["dropped", "errors", "malformed", "other_sender", "received", "refused", "sent"]
     );
     // The sine is at a zero after 0.5 s, so there is nothing to ramp. Two integration steps a sample.
     assert_eq!((&got["samples"], &got["steps"], &got["overruns"]), (&501.into(), &1000.into(), &0.into()));

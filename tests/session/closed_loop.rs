@@ -19,7 +19,7 @@ fn both(text: &str, mode: Mode) -> BothReport {
 fn a_walk_in_lockstep_is_the_free_one_bit_for_bit() {
     let [free, lockstep] = [Mode::Free, Mode::Lockstep].map(|mode| both(WALK, mode));
     assert_eq!(free.exciter.outcome, Some(ExciterOutcome::Finished));
-    assert_eq!((free.exciter.responses.len(), free.plant.bus.e2e_errors), (3, 0));
+    assert_eq!((free.exciter.responses.len(), free.plant.bus.refused), (3, 0));
     assert_eq!(free.exciter.responses, lockstep.exciter.responses);
     assert_eq!(free.exciter.samples_played, lockstep.exciter.samples_played);
 }

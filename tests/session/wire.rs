@@ -67,7 +67,7 @@ fn a_force_is_held_over_the_fd_bus_at_2_khz_with_2_mbit_s_and_at_3_9_khz_with_5(
             [refused.not_armed, refused.late, refused.out_of_order, refused.repeated, refused.out_of_range],
             [0; 5]
         );
-        assert_eq!((report.plant.bus.dropped, report.plant.bus.e2e_errors), (0, 0));
+        assert_eq!((report.plant.bus.dropped, report.plant.bus.refused), (0, 0));
         assert_eq!(report.exciter.responses.len(), 3);
         for point in &report.exciter.responses {
             assert!(point.settled && (point.load / 2.0 - 1.0).abs() < 3e-3, "{rate_hz} Hz: {point:?}");

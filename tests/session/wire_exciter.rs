@@ -45,7 +45,7 @@ fn both(scenario: &Scenario, mode: Mode, path: &Path) -> BothReport {
 fn whole(report: &BothReport, path: &Path) -> Vec<StateRecord> {
     assert_eq!(report.plant.outcome, PlantOutcome::Disarmed, "{report:?}");
     assert_eq!(report.exciter.outcome, Some(ExciterOutcome::Finished), "{report:?}");
-    assert_eq!((report.plant.bus.e2e_errors, report.exciter.bus.e2e_errors), (0, 0));
+    assert_eq!((report.plant.bus.refused, report.exciter.bus.refused), (0, 0));
     assert_eq!((report.exciter.samples_played, report.exciter.missed_samples), (601, 0));
     let recording = Recording::open(path).unwrap();
     let resimulated = replay::resimulate(&recording).unwrap();

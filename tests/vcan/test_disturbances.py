@@ -88,7 +88,7 @@ def test_garbage_is_refused_and_counted_and_changes_nothing(programs, tmp_path, 
     recording = Recording.whole(path)
     # Frames of CAN FD on identifiers of the protocol are refused too; that of 0x205 is of the plant itself, but not
     # from it.
-    assert ended["bus"]["e2e_errors"] == len(refused) + 3
+    assert ended["bus"]["refused"] == len(refused) + 3
     assert [event.name for event in recording.topics["/events"]].count("state.fault") == 0
     assert np.array_equal(bits(recording.states), bits(undisturbed.states))
 
@@ -102,7 +102,7 @@ def test_a_flood_of_foreign_frames_changes_nothing(programs, tmp_path, scenario,
     assert flood.wait() == 0
     ended = plant.result()
     recording = Recording.whole(path)
-    assert ended["bus"]["e2e_errors"] == 0
+    assert ended["bus"]["refused"] == 0
     assert len(recording.frames_of(1, 0x123)) + ended["bus"]["dropped"] > 100
     assert np.array_equal(bits(recording.states), bits(undisturbed.states))
 
@@ -116,7 +116,7 @@ def test_cansend_of_nonsense_to_an_idle_plant(programs):
         run("cansend", "vcan0", frame)
     wait_until(lambda: " vcan0 12345678#00" in dump.stdout, "the last of the nonsense")
     assert plant.stop() == 0
-    assert plant.result()["bus"]["e2e_errors"] == 4
+    assert plant.result()["bus"]["refused"] == 4
     assert " vcan0 701#05" not in dump.stdout
 
 

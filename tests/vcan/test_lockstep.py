@@ -34,7 +34,7 @@ def test_candump_sees_every_frame_of_both_ends(lockstep):
     assert plant["sent"] - outside(by_plant, True) - 3 <= exciter["received"] <= plant["sent"]
     assert exciter["sent"] - outside(by_plant, False) - 3 <= plant["received"] <= exciter["sent"]
     for end in (plant, exciter):
-        assert (end["dropped"], end["e2e_errors"]) == (0, 0)
+        assert (end["dropped"], end["refused"]) == (0, 0)
 
 
 def test_every_frame_is_of_the_dbc_in_range_in_sequence_and_protected(lockstep):

@@ -65,7 +65,7 @@ def test_benches_side_by_side_are_each_as_if_alone(side_by_side):
     results, recordings, _ = side_by_side
     for plant, exciter in results:
         assert exciter["outcome"] == "finished" and exciter["missed_samples"] == 0
-        assert (plant["bus"]["e2e_errors"], exciter["bus"]["e2e_errors"]) == (0, 0)
+        assert (plant["bus"]["refused"], exciter["bus"]["refused"]) == (0, 0)
     for together, alone in recordings:
         assert np.abs(together.states).max(axis=0)[:2].min() > 1e-5
         assert np.array_equal(bits(together.states), bits(alone.states))
@@ -146,7 +146,7 @@ def test_two_plants_at_one_base_say_so_and_continue(tmp_path, programs):
         assert [event["identifier"] for event in events] == [0x206]
         plant.stop()
         bus = json.loads(plant.stdout)["bus"]
-        assert bus["other_sender"] == bus["e2e_errors"] > 0
+        assert bus["other_sender"] == bus["refused"] > 0
         assert f"{bus['other_sender']} frames of another network" in plant.stderr
         found = programs.resonarm("inspect", path, "--json").result()
         assert found["other_sender_frames"] == bus["other_sender"]

@@ -82,7 +82,7 @@ def test_the_example_as_its_text_says_in_lockstep(programs, tmp_path):
     controller = programs.start("controller", sys.executable, *arguments)
     seen, report = controller.result(), plant.result()
     assert (seen["readings"], seen["poses"], seen["last"]["State"]) == (2000, 200, OPERATIONAL)
-    assert (report["outcome"], report["bus"]["e2e_errors"], report["bus"]["dropped"]) == ("disarmed", 0, 0)
+    assert (report["outcome"], report["bus"]["refused"], report["bus"]["dropped"]) == ("disarmed", 0, 0)
     played = forces(path)[:1999]
     for index, force_n in enumerate(played):
         asked_n = 20.0 * math.sin(2 * math.pi * 5.0 * (index + 1) / 1000)
@@ -151,7 +151,7 @@ def test_stale_counters_and_wrong_checksums_command_nothing(programs, shaker, sc
     assert said == (FAULT, COMMAND_TIMEOUT)
     plant.stop()
     acted, report = forces(path), json.loads(plant.stdout)
-    assert report["bus"]["e2e_errors"] > 0
+    assert report["bus"]["refused"] > 0
     assert Recording.whole(path).event("frame.counter").value == 0x100
     # The first of them follows the one before, and counts.
     assert 40.0 in acted

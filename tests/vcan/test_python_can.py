@@ -41,7 +41,7 @@ def ends_like(run, native):
     assert run.exciter["outcome"] == native.exciter["outcome"] == "finished"
     assert run.exciter["responses"] == native.exciter["responses"]
     assert run.plant["samples"] == native.plant["samples"] > 400
-    assert (run.plant["bus"]["dropped"], run.plant["bus"]["e2e_errors"]) == (0, 0)
+    assert (run.plant["bus"]["dropped"], run.plant["bus"]["refused"]) == (0, 0)
     assert np.abs(run.recording.states[:, 4]).max() > 59
     assert np.array_equal(bits(run.recording.states), bits(native.recording.states))
     assert np.array_equal(bits(run.recording.samples), bits(native.recording.samples))

@@ -77,7 +77,7 @@ def test_in_lockstep_the_dbc_gives_the_bits_of_a_free_run(tmp_path):
     scenario = own_protocol(tmp_path)
     lockstep = session(tmp_path, "vcan0", "vcan0", scenario)
     assert (lockstep.plant["outcome"], lockstep.exciter["outcome"]) == ("disarmed", "finished")
-    assert (lockstep.plant["bus"]["e2e_errors"], lockstep.exciter["bus"]["e2e_errors"]) == (0, 0)
+    assert (lockstep.plant["bus"]["refused"], lockstep.exciter["bus"]["refused"]) == (0, 0)
     assert (lockstep.exciter["samples_played"], lockstep.exciter["missed_samples"]) == (401, 0)
     assert "identical" in run(RESONARM, "resim", lockstep.path)
     in_one_loop = free(tmp_path, scenario)
@@ -92,7 +92,7 @@ def test_in_lockstep_the_dbc_gives_the_bits_of_a_free_run(tmp_path):
 def test_in_real_time_by_the_dbc(programs, tmp_path):
     path = tmp_path / "run.mcap"
     plant, exciter = in_real_time(programs, own_protocol(tmp_path), path)
-    assert (plant["outcome"], exciter["outcome"], plant["bus"]["e2e_errors"]) == ("disarmed", "finished", 0)
+    assert (plant["outcome"], exciter["outcome"], plant["bus"]["refused"]) == ("disarmed", "finished", 0)
     assert abs(Recording.whole(path).states[:, 6]).max() == pytest.approx(20.0, abs=0.5)
     assert "identical" in run(RESONARM, "resim", path)
 
@@ -161,6 +161,6 @@ def test_a_plant_that_knows_nothing_of_resonarm(programs, controller, tmp_path):
         plant.is_over.set()
         thread.join()
     report = json.loads(exciter.stdout)
-    assert (code, report["outcome"], report["bus"]["e2e_errors"]) == (0, "finished", 0), exciter.stderr
+    assert (code, report["outcome"], report["bus"]["refused"]) == (0, "finished", 0), exciter.stderr
     assert report["samples_played"] == 41
     assert max(plant.forces) == pytest.approx(20.0, abs=2.0) and plant.state == 1

@@ -27,8 +27,8 @@ impl Answering for Rising {
     }
 }
 
-/// A node in C and one of the crate with the same capabilities: samples in a frame as the former has it, and a force,
-/// N.
+/// A node in C and one of the crate with the same capabilities: samples in a frame, as the former has it, and a
+/// force, N.
 struct Both {
     process: Child,
     input: Option<ChildStdin>,

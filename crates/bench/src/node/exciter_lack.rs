@@ -82,7 +82,8 @@ pub enum ExciterLack {
     },
     /// A value of an event that its signal can't have.
     #[error(
-        "message 0x{:X}: a signal in [[wire.events]] can't have {value}, one of its values: give one that it has, or widen it",
+        "message 0x{:X}: a signal in [[wire.events]] can't have {value}, one of its values: give one that it \
+         has, or widen it",
         id.raw()
     )]
     Value {

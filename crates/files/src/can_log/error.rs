@@ -57,7 +57,9 @@ pub enum CanLogError {
     #[error("it is not a frame of an ASC log such as 0.001000 1 201 Rx d 2 11 22")]
     AscLine,
     /// The end of an ASC log that isn't its end.
-    #[error("the log is cut short: it ends {inside}; to take what is there, end it with the line `End TriggerBlock`")]
+    #[error(
+        "the log is cut short: it ends {inside}; to take what is there, end its whole lines with `End TriggerBlock`"
+    )]
     Truncated {
         /// What it ends in.
         inside: &'static str,

@@ -159,10 +159,10 @@ fn errors_name_their_line() {
     }
     insta::assert_snapshot!(said(LogFormat::Asc, format!("{head}Tx").as_bytes()), @", line 2: it is not a frame of an ASC log such as 0.001000 1 201 Rx d 2 11 22");
     insta::assert_snapshot!(said(LogFormat::Asc, format!("{head}Tx\n").as_bytes()), @", line 2: it is not a frame of an ASC log such as 0.001000 1 201 Rx d 2 11 22");
-    insta::assert_snapshot!(said(LogFormat::Asc, format!("{head}Tx  d 1 0\n0.3").as_bytes()), @", line 3: the log is cut short: it ends inside this line; to take what is there, end it with the line `End TriggerBlock`");
+    insta::assert_snapshot!(said(LogFormat::Asc, format!("{head}Tx  d 1 0\n0.3").as_bytes()), @", line 3: the log is cut short: it ends inside this line; to take what is there, end its whole lines with `End TriggerBlock`");
     let whole = "Begin Triggerblock\n0.1 1 201 Rx d 2 11 22\n";
-    insta::assert_snapshot!(said(LogFormat::Asc, whole.as_bytes()), @", line 2: the log is cut short: it ends inside a trigger block; to take what is there, end it with the line `End TriggerBlock`");
-    insta::assert_snapshot!(said(LogFormat::Asc, &whole.as_bytes()[..whole.len() - 2]), @", line 2: the log is cut short: it ends inside a trigger block; to take what is there, end it with the line `End TriggerBlock`");
+    insta::assert_snapshot!(said(LogFormat::Asc, whole.as_bytes()), @", line 2: the log is cut short: it ends inside a trigger block; to take what is there, end its whole lines with `End TriggerBlock`");
+    insta::assert_snapshot!(said(LogFormat::Asc, &whole.as_bytes()[..whole.len() - 2]), @", line 2: the log is cut short: it ends inside a trigger block; to take what is there, end its whole lines with `End TriggerBlock`");
     assert_eq!(read_text(LogFormat::Asc, format!("{whole}End Triggerblock").as_bytes()).unwrap().0.len(), 1);
     insta::assert_snapshot!(said(LogFormat::Candump, &[b'1'; (1 << 20) + 1]), @", line 1: it is longer than 1048576 bytes");
     insta::assert_snapshot!(said(LogFormat::Asc, b"0.1 1 FFF Rx d 0"), @", line 1: identifier 0xFFF does not fit 11 bits (at most 0x7FF)");

@@ -157,7 +157,10 @@ pub enum WireError {
         expected: &'static str,
     },
     /// A number that the signal can't have.
-    #[error("{place}, line {line} of the DBC: `{name}` is {got}, and {}", ranged(.range, .step, .nearest), got = short(.got))]
+    #[error(
+        "{place}, line {line} of the DBC: `{name}` is {got}, and {}",
+        ranged(.range, .step, .nearest), got = short(.got)
+    )]
     Value {
         /// Where.
         place: Place,

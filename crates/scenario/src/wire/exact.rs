@@ -1,5 +1,4 @@
-//! Numbers that a signal must have exactly: what is another number on the wire would never match, or say something
-//! else.
+//! Numbers that a signal must have exactly: what is another number on the wire never matches, or says something else.
 
 use std::collections::BTreeMap;
 

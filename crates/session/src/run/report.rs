@@ -345,8 +345,6 @@ pub struct BusCounts {
     /// Frames of the protocol that were refused: for their format, length or values, and where the protocol protects
     /// them for their checksum or counter.
     pub refused: u64,
-    /// The same number, under the name that it had before; it never was of the protection (E2E) alone.
-    pub e2e_errors: u64,
     /// Those of them that came under identifiers which only this node sends: another network has the same base.
     pub other_sender: u64,
     /// Frames that came in and can't be any: of a length that CAN FD does not have.
@@ -370,7 +368,6 @@ impl BusCounts {
             sent: statistics.sent,
             dropped: statistics.dropped + frames.unsent,
             refused: frames.refused,
-            e2e_errors: frames.refused,
             other_sender: frames.other_sender,
             malformed: statistics.malformed,
             limited_values: frames.limited_values,

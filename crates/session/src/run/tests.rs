@@ -273,7 +273,7 @@ fn both_ends_on_a_memory_bus_give_those_states_too() {
     let session = Session::new(scenario(), Mode::Lockstep, Options { record, ..Options::default() }).unwrap();
     let report = session.both(&Signals::default(), |_| {}).unwrap();
     assert_eq!(report.exciter.outcome, Some(ExciterOutcome::Finished));
-    assert_eq!((report.plant.outcome, report.plant.bus.e2e_errors), (PlantOutcome::Disarmed, 0));
+    assert_eq!((report.plant.outcome, report.plant.bus.refused), (PlantOutcome::Disarmed, 0));
     let expected = Rig::new().run(Mode::Lockstep, &Signals::default());
     assert!(states_of(&Recording::open(&path).unwrap()) == expected.states());
 }
@@ -472,7 +472,7 @@ fn a_report_as_json_has_the_fixed_keys() {
     stopped.clock.stall(500 * MS, 10 * MS);
     let mut report = stopped.run(Mode::RealTime, &Signals::default()).report;
     (report.wakeup_us, report.exec_us) = (None, None);
-    insta::assert_snapshot!(serde_json::to_string(&report).unwrap(), @r#"{"outcome":"faulted","fault":{"code":8,"name":"overrun","detail":10,"sample":498},"partner_fault":null,"bus_loss":null,"error":null,"samples":549,"steps":1096,"overruns":10,"overrun_causes":{"woke_late":10,"step_long":0,"bus_long":0,"stolen":0,"preempted":0},"slipped":0,"wakeup_us":null,"exec_us":null,"round_trip_us":null,"pacing":null,"bus":{"received":510,"sent":1659,"dropped":0,"refused":0,"e2e_errors":0,"other_sender":0,"malformed":0,"errors":{"protocol":0,"no_ack":0,"overflow":0,"warning":0,"passive":0,"bus_off":0,"restarted":0,"other":0}},"refused":{"not_armed":0,"late":0,"out_of_order":0,"repeated":0,"out_of_range":0,"rate_of_change":0,"travel":0},"recording":null}"#);
+    insta::assert_snapshot!(serde_json::to_string(&report).unwrap(), @r#"{"outcome":"faulted","fault":{"code":8,"name":"overrun","detail":10,"sample":498},"partner_fault":null,"bus_loss":null,"error":null,"samples":549,"steps":1096,"overruns":10,"overrun_causes":{"woke_late":10,"step_long":0,"bus_long":0,"stolen":0,"preempted":0},"slipped":0,"wakeup_us":null,"exec_us":null,"round_trip_us":null,"pacing":null,"bus":{"received":510,"sent":1659,"dropped":0,"refused":0,"other_sender":0,"malformed":0,"errors":{"protocol":0,"no_ack":0,"overflow":0,"warning":0,"passive":0,"bus_off":0,"restarted":0,"other":0}},"refused":{"not_armed":0,"late":0,"out_of_order":0,"repeated":0,"out_of_range":0,"rate_of_change":0,"travel":0},"recording":null}"#);
 }
 
 /// Why the exciter faulted.

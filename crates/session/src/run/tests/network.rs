@@ -82,7 +82,6 @@ fn faults_of_the_network_are_seeded_and_the_run_survives_what_it_can() {
     };
     let (report, _, bytes) = free(&session(&text(1), &folder));
     assert_eq!(report.exciter.outcome, Some(ExciterOutcome::Finished));
-    assert_eq!(report.exciter.bus.refused, report.exciter.bus.e2e_errors);
     assert!(report.exciter.missed_samples > 50 && report.exciter.bus.refused > 50, "{:?}", report.exciter);
     assert!(free(&session(&text(1), &folder)).2 == bytes, "the same bytes");
 }
