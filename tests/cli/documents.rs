@@ -288,10 +288,7 @@ fn run_reports_steps_bus_and_recording() {
         "wakeup_us",
     ];
     assert_eq!(names(&got), keys);
-    assert_eq!(
-        names(&got["bus"]),
-        ["dropped", "errors", "malformed", "other_sender", "received", "refused", "sent"]
-    );
+    assert_eq!(names(&got["bus"]), ["dropped", "errors", "malformed", "other_sender", "received", "refused", "sent"]);
     // The sine is at a zero after 0.5 s, so there is nothing to ramp. Two integration steps a sample.
     assert_eq!((&got["samples"], &got["steps"], &got["overruns"]), (&501.into(), &1000.into(), &0.into()));
     assert_eq!((&got["outcome"], &got["recording"]), (&"completed".into(), &"run.mcap".into()));
