@@ -104,11 +104,12 @@ impl Drop for Staged {
     }
 }
 
-/// Writes a file that is whole under its name, or not there: a regular one is replaced at once. Pipes and devices are
-/// written to.
+/// Writes a file under another name in its folder, and gives it its own when it is whole: an existing file is replaced
+/// at once. Pipes and devices are written to. The bytes are not synchronised: if the machine itself fails within the
+/// next seconds, they may be lost.
 ///
 /// # Errors
-/// What the system says; what was there before stays as it was.
+/// What the system says; an existing file stays as it was.
 pub fn write_whole(path: &Path, bytes: &[u8]) -> io::Result<()> {
     if fs::metadata(path).is_ok_and(|found| !found.is_file() && !found.is_dir()) {
         return fs::write(path, bytes);

@@ -79,20 +79,32 @@ fn value(kind: BifurcationKind, point: &Point, stability: Option<&Stability>, re
     }
 }
 
-/// How many pairs have the product 1 but for rounding, and how many of them are conjugates.
-fn marginal(stability: Option<&Stability>) -> [usize; 2] {
-    let Some(Stability { multipliers }) = stability else { return [0; 2] };
-    let count = |[all, turning]: [usize; 2], (mu, _): (Complex<f64>, f64)| [all + 1, turning + usize::from(turns(mu))];
-    pairs(multipliers).filter(|(_, factor)| factor.abs() < ROUNDING).fold([0; 2], count)
+/// Pairs of multipliers whose product is 1 but for rounding.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+struct Marginal {
+    pairs: usize,
+    /// Those of them that are conjugates.
+    conjugates: usize,
 }
 
-fn turns(mu: Complex<f64>) -> bool {
+impl Marginal {
+    fn of(stability: Option<&Stability>) -> Marginal {
+        let multipliers = stability.map_or(&[][..], |stability| &stability.multipliers);
+        let count = |Marginal { pairs, conjugates }, (mu, _): (Complex<f64>, f64)| Marginal {
+            pairs: pairs + 1,
+            conjugates: conjugates + usize::from(is_complex(mu)),
+        };
+        pairs(multipliers).filter(|(_, factor)| factor.abs() < ROUNDING).fold(Marginal::default(), count)
+    }
+}
+
+fn is_complex(mu: Complex<f64>) -> bool {
     mu.im.abs() > REAL
 }
 
-/// Whether the multipliers at a bifurcation are those of its kind. Of the pairs with the product 1, `others` have it
-/// before it, too; see [`marginal`].
-fn confirmed(kind: BifurcationKind, stability: Option<&Stability>, [others, turning]: [usize; 2]) -> bool {
+/// Whether the multipliers at a bifurcation are those of its kind. `before` are the pairs that have the product 1 at the
+/// motion before it, too.
+fn confirmed(kind: BifurcationKind, stability: Option<&Stability>, before: Marginal) -> bool {
     let multipliers = stability.map_or(&[][..], |stability| &stability.multipliers);
     let any = |at: f64| multipliers.iter().any(|mu| (mu - at).norm_sqr() < NEAR * NEAR);
     match kind {
@@ -102,8 +114,8 @@ fn confirmed(kind: BifurcationKind, stability: Option<&Stability>, [others, turn
         NeimarkSacker => {
             let mut by_distance: Vec<_> = pairs(multipliers).collect();
             by_distance.sort_by(|a, b| a.1.abs().total_cmp(&b.1.abs()));
-            let near = by_distance.iter().take(others + 1).filter(|(_, factor)| factor.abs() < NEAR);
-            near.filter(|(mu, _)| turns(*mu)).count() > turning
+            let near = by_distance.iter().take(before.pairs + 1).filter(|(_, factor)| factor.abs() < NEAR);
+            near.filter(|(mu, _)| is_complex(*mu)).count() > before.conjugates
         }
     }
 }
@@ -128,7 +140,7 @@ impl Tracer<'_> {
                 }
             };
             let orbit = self.orbit(&point);
-            if confirmed(kind, orbit.stability.as_ref(), marginal(stabilities[0].as_ref())) {
+            if confirmed(kind, orbit.stability.as_ref(), Marginal::of(stabilities[0].as_ref())) {
                 self.branch.bifurcations.push(Bifurcation { kind, orbit, index: 0 });
             }
         }
@@ -142,7 +154,7 @@ impl Tracer<'_> {
         let exists = self.balance.set_value(point.lambda);
         let found = if exists { self.floquet.stability(&self.balance, &point.x) } else { None };
         self.balance.set_harmonics(harmonics);
-        confirmed(BranchPoint, found.as_ref(), [0; 2]).then_some(point)
+        confirmed(BranchPoint, found.as_ref(), Marginal::default()).then_some(point)
     }
 
     /// Where the test function of a kind vanishes between two points with these stabilities; none if it doesn't.
@@ -191,12 +203,12 @@ impl Tracer<'_> {
         }
     }
 
-    /// The maxima of a reading along the branch, located between its points, in order: the motions there.
-    pub fn summits(&mut self, reading: usize) -> Vec<Point> {
+    /// The maxima of a reading that lie between the points of the branch, located, in order.
+    pub fn located_maxima(&mut self, reading: usize) -> Vec<Point> {
         let sizes: Vec<f64> = self.branch.orbits.iter().map(|orbit| orbit.readings[reading].largest).collect();
-        let is_summit = |k: &usize| sizes[*k] > sizes[k - 1] && sizes[*k] >= sizes[k + 1];
+        let is_maximum = |k: &usize| sizes[*k] > sizes[k - 1] && sizes[*k] >= sizes[k + 1];
         let mut found = Vec::new();
-        for k in (1..sizes.len().saturating_sub(1)).filter(is_summit) {
+        for k in (1..sizes.len().saturating_sub(1)).filter(is_maximum) {
             let points = [k - 1, k, k + 1].map(|k| point_of(&self.branch.orbits[k]));
             found.extend(self.peak_among(reading, points, [sizes[k - 1], sizes[k], sizes[k + 1]]));
         }
@@ -304,10 +316,11 @@ mod tests {
         };
         let [[a, b], ..] = undamped;
         let saddle = of(&[a, b, [1.25, 0.0], [0.8, 0.0]]);
-        assert_eq!(marginal(Some(&of(&[a, b, [1.3, 0.0], [0.8, 0.0]]))), [1; 2]);
-        assert!(!confirmed(NeimarkSacker, Some(&saddle), [1; 2]));
+        let one = Marginal { pairs: 1, conjugates: 1 };
+        assert_eq!(Marginal::of(Some(&of(&[a, b, [1.3, 0.0], [0.8, 0.0]]))), one);
+        assert!(!confirmed(NeimarkSacker, Some(&saddle), one));
         let [c, d] = pair(1.0 + 1e-8, 2.0);
-        assert!(confirmed(NeimarkSacker, Some(&of(&[a, b, c, d])), [1; 2]));
+        assert!(confirmed(NeimarkSacker, Some(&of(&[a, b, c, d])), one));
     }
 
     /// A bifurcation that is detected and can't be located is noted, and those after it are located.

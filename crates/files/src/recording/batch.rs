@@ -34,11 +34,11 @@ pub trait Batch: prost::Message {
         true
     }
 
-    /// Whether the numbers that stand for one of several things stand for one.
+    /// Whether every number that stands for a mark or a cause is that of a known one.
     fn has_known_marks(&self) -> bool;
 
     /// The samples of the first row and of the last, if it has a row. Errors: what is wrong, if columns differ in
-    /// length, hold what stands for nothing, or the samples run out of range.
+    /// length, have an unknown mark, or the samples run out of range.
     fn samples(&self) -> Result<Option<(u64, u64)>, String> {
         let (columns, first) = (self.columns(), self.first_sample());
         let length = columns.iter().copied().max().unwrap_or(0);
@@ -46,15 +46,19 @@ pub trait Batch: prost::Message {
         let is_good = columns.iter().all(|column| *column == length) && self.has_known_marks();
         match first.checked_add(further as u64).filter(|_| is_good) {
             Some(last) => Ok(Some((first, last))),
-            None => Err(format!("a batch from sample {first} with columns of {columns:?} rows")),
+            None => Err(self.wrong()),
         }
     }
 
+    /// What is wrong with the batch, in words.
+    fn wrong(&self) -> String {
+        format!("a batch from sample {} with columns of {:?} rows", self.first_sample(), self.columns())
+    }
+
     /// Hands all rows to `visit`, in order. Errors: as of [`Batch::samples`].
-    fn rows(&self, visit: impl FnMut(Self::Row)) -> Result<(), String> {
+    fn rows(&self, mut visit: impl FnMut(Self::Row)) -> Result<(), String> {
         let Some((first, last)) = self.samples()? else { return Ok(()) };
-        (0..=(last - first) as usize).filter_map(|index| self.row(index)).for_each(visit);
-        Ok(())
+        (0..=(last - first) as usize).try_for_each(|index| self.row(index).map(&mut visit)).ok_or_else(|| self.wrong())
     }
 }
 

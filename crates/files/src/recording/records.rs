@@ -8,7 +8,7 @@ use super::checked_reader::{CheckedReader, TopLevelRecord};
 use super::contents::RawMessage;
 use super::schema::Topic;
 
-/// Appends what is to be had from a message. Errors: what is wrong with it.
+/// Appends the records in a message. Errors: what is wrong with it.
 pub(super) type Decode<T> = fn(RawMessage<'_>, &mut VecDeque<T>) -> Result<(), String>;
 
 /// Records of a recording, read from the file chunk by chunk. Ends after the first error.
@@ -19,7 +19,7 @@ pub struct Records<T> {
     decode: Decode<T>,
     /// Where the chunk read last begins in the file.
     chunk: u64,
-    /// The first of its messages that has not been taken apart. One at a time is: it fits a cache, a chunk does not.
+    /// The first of its messages that has not been decoded. One at a time is decoded: it fits a cache, a chunk does not.
     next: usize,
     queue: VecDeque<T>,
 }
@@ -40,7 +40,7 @@ impl<T> Records<T> {
     /// record is long.
     ///
     /// # Errors
-    /// As the iterator; there is nothing more to be had then.
+    /// As the iterator, which has ended then.
     pub fn read(&mut self, to: &mut Vec<T>, most: usize) -> Result<(), RecordingError> {
         let end = to.len().saturating_add(most);
         while to.len() < end {
@@ -57,7 +57,7 @@ impl<T> Records<T> {
     /// Reads on until there is a record to hand out or the good part ends. After an error it has ended.
     fn fill(&mut self) -> Result<(), RecordingError> {
         while self.queue.is_empty() {
-            match self.take_message().and_then(|is_taken| Ok(is_taken || self.read_chunk()?)) {
+            match self.decode_message().and_then(|is_decoded| Ok(is_decoded || self.read_chunk()?)) {
                 Ok(true) => {}
                 Ok(false) => break,
                 Err(error) => {
@@ -70,8 +70,8 @@ impl<T> Records<T> {
         Ok(())
     }
 
-    /// Takes the next message of the chunk apart, if there is one.
-    fn take_message(&mut self) -> Result<bool, RecordingError> {
+    /// Decodes the next message of the chunk, if there is one.
+    fn decode_message(&mut self) -> Result<bool, RecordingError> {
         let is_asked_for = |message: &RawMessage<'_>| self.topics.contains(&message.message_type.topic());
         let mut messages = self.walk.contents().messages_from(self.next);
         let Some((place, message)) = messages.find(|(_, message)| is_asked_for(message)) else { return Ok(false) };

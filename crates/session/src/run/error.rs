@@ -61,7 +61,7 @@ pub enum RunError {
     #[error(transparent)]
     Recording(#[from] RecordingError),
     /// The run has come to its end, its recording has not.
-    #[error("the run is not recorded to its end: {0}")]
+    #[error("the run is not recorded to its end: {0}; `resonarm inspect` says what is there")]
     NotRecorded(RecordingError),
     /// The simulation failed.
     #[error("the simulation failed at {0}")]

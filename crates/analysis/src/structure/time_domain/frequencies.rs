@@ -39,8 +39,8 @@ fn missed(forced: &Forced, options: &TraceOptions, branch: &Branch, frequencies_
     for (reading, &dof) in options.read.iter().enumerate() {
         let of = |orbit: &Orbit| [orbit.arclength, orbit.frequency_hz, orbit.readings[reading].largest];
         let mut curve: Vec<[f64; 3]> = branch.orbits.iter().map(of).collect();
-        for summit in tracer.summits(reading) {
-            curve.push([summit.arclength, summit.lambda, tracer.largest_at(&summit, dof)]);
+        for maximum in tracer.located_maxima(reading) {
+            curve.push([maximum.arclength, maximum.lambda, tracer.largest_at(&maximum, dof)]);
         }
         curve.sort_by(|a, b| a[0].total_cmp(&b[0]));
         let curve: Vec<(f64, f64)> = curve.iter().map(|[_, hz, largest]| (*hz, *largest)).collect();
