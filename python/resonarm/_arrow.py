@@ -6,7 +6,7 @@ from typing import Any
 
 import numpy as np
 
-from . import _extras
+from . import _extras, _resonarm
 from ._dtypes import Array, components, unit, words
 
 
@@ -60,7 +60,7 @@ def _named(
             yield "name", arrow.array(names, arrow.string())
 
 
-CAUSES = np.array(["", "woke-late", "step-long", "bus-long"])
+CAUSES = np.array(["", *_resonarm.overrun_causes()])
 """Causes of overruns by their number, none first, as `resonarm export` names them."""
 WORDS_OF_CSV: dict[str, Callable[[Any, Array], tuple[str, Any]]] = {
     "time_ns": lambda arrow, ns: ("time_s", arrow.array(ns / 1e9)),

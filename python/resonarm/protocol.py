@@ -1,6 +1,6 @@
 """The protocol's codec, with E2E protection, as `firmware-protocol/SPEC.md` specifies it."""
 
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field
 from typing import Any, Literal, NamedTuple
 
 from . import _checks, _extras, _resonarm
@@ -121,18 +121,8 @@ class Decoder(_resonarm.Decoder):
         if getattr(frame, "is_error_frame", False):
             return Decoded("foreign", reason=ERROR_FRAME)
         if getattr(frame, "is_remote_frame", False):
-            return self._request(frame.arbitration_id, frame.is_extended_id)
-        return self._decoded(frame if isinstance(frame, Frame) else Frame.of(frame))
-
-    def _request(self, identifier: int, extended: bool) -> Decoded:
-        """The verdict on a remote frame. The extension takes frames of data alone: two without data, which it refuses
-        for their format or their length, one of each format, say what comes before the check of the format."""
-        classical, fd = (self._decoded(Frame(identifier, extended, b"", is_fd, False)) for is_fd in (False, True))
-        if classical == fd:
-            return classical
-        return replace(classical, reason=f"{classical.message} refused: a remote frame carries no data")
-
-    def _decoded(self, parts: Frame) -> Decoded:
+            return Decoded(*self.decode_remote(frame.arbitration_id, frame.is_extended_id))
+        parts = frame if isinstance(frame, Frame) else Frame.of(frame)
         if not isinstance(parts.data, bytes | bytearray):
             raise TypeError(f"the data of a frame are bytes: these are {type(parts.data).__name__}")
         if not 0 <= parts.identifier <= LARGEST_IDENTIFIER:

@@ -9,7 +9,7 @@ use resonarm::protocol::{
 use crate::errors;
 
 /// The frame of `resonarm.Frame`: identifier, whether it has 29 bits, payload, whether it is a CAN FD frame, and
-/// whether it has the bit rate switch. There is no such form of a remote frame.
+/// whether it has the bit rate switch. A remote frame has no such form.
 #[derive(Clone, Debug, FromPyObject)]
 pub struct FrameParts(u32, bool, Vec<u8>, bool, bool);
 
@@ -17,18 +17,22 @@ impl FrameParts {
     /// The frame, if the parts are valid.
     pub fn frame(&self) -> PyResult<Frame> {
         let FrameParts(identifier, extended, data, fd, bit_rate_switch) = self;
-        let id = match (extended, u16::try_from(*identifier)) {
-            (false, Ok(identifier)) => Id::Standard(identifier),
-            (false, Err(_)) => {
-                return Err(errors::value(format!("identifier {identifier:#X} does not fit 11 bits (at most 0x7FF)")));
-            }
-            (true, _) => Id::Extended(*identifier),
-        };
+        let id = id(*identifier, *extended)?;
         let format = match fd {
             true => FrameFormat::Fd { bit_rate_switch: *bit_rate_switch, error_state_indicator: false },
             false => FrameFormat::Classic,
         };
         Frame::new(id, format, data).map_err(errors::value)
+    }
+}
+
+fn id(identifier: u32, extended: bool) -> PyResult<Id> {
+    match (extended, u16::try_from(identifier)) {
+        (false, Ok(identifier)) => Ok(Id::Standard(identifier)),
+        (false, Err(_)) => {
+            Err(errors::value(format!("identifier {identifier:#X} does not fit 11 bits (at most 0x7FF)")))
+        }
+        (true, _) => Ok(Id::Extended(identifier)),
     }
 }
 
@@ -180,8 +184,20 @@ impl Decoder {
 
     /// The content of a frame, and whether a receiver takes it.
     fn decode_parts<'py>(&mut self, py: Python<'py>, frame: FrameParts) -> PyResult<Verdict<'py>> {
+        self.verdict(py, &frame.frame()?)
+    }
+
+    /// The verdict on a remote frame: identifier, and whether it has 29 bits.
+    fn decode_remote<'py>(&mut self, py: Python<'py>, identifier: u32, extended: bool) -> PyResult<Verdict<'py>> {
+        let frame = Frame::new(id(identifier, extended)?, FrameFormat::Remote, &[]).map_err(errors::value)?;
+        self.verdict(py, &frame)
+    }
+}
+
+impl Decoder {
+    fn verdict<'py>(&mut self, py: Python<'py>, frame: &Frame) -> PyResult<Verdict<'py>> {
         let signals = PyDict::new(py);
-        Ok(match self.inner.accept(&frame.frame()?) {
+        Ok(match self.inner.accept(frame) {
             Ok(None) => ("foreign", "", String::new(), signals, String::new()),
             Err(error) => {
                 let kind = DecodeError::kind(&error);

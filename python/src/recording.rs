@@ -134,6 +134,12 @@ pub fn arm_channels(part: &str) -> PyResult<Vec<Vector>> {
     Ok(vectors(&Channels::arm(true), self::part(part)?))
 }
 
+/// Causes of overruns by their number in the rows of ticks, from 1 on; 0 is none.
+#[pyfunction]
+pub fn overrun_causes() -> [&'static str; 3] {
+    OverrunCause::ALL.map(OverrunCause::name)
+}
+
 fn vectors(channels: &Channels, part: RecordingPart) -> Vec<Vector> {
     structure::vectors(channels.of(part.topic()))
 }
@@ -208,12 +214,9 @@ fn push(rows: &mut Rows, names: &mut Vec<String>, record: Record<String>, origin
             rows.word(tick.wakeup_ns);
             rows.word(tick.exec_ns);
             rows.word(tick.overruns);
-            rows.word(match tick.cause {
-                None => 0_u64,
-                Some(OverrunCause::WokeLate) => 1,
-                Some(OverrunCause::StepLong) => 2,
-                Some(OverrunCause::BusLong) => 3,
-            });
+            let number =
+                |cause| OverrunCause::ALL.iter().position(|of| *of == cause).map_or(0, |place| place as u64 + 1);
+            rows.word(tick.cause.map_or(0, number));
         }
         Record::Event(event) => {
             rows.word(event.time_ns);
