@@ -117,11 +117,12 @@ impl<T: Real, const N: usize> Kernel<T, N> {
     fn moving<const FAR: bool>(&self, motion: &Motion<T, N>) -> Moving<T, N> {
         let angle = summed(&motion.x);
         let mut turn = [Turn::new::<FAR>(angle[0]); N];
-        for (turn, angle) in turn.iter_mut().zip(angle).skip(1) {
-            *turn = Turn::new::<FAR>(angle);
-        }
         let (mut sine, mut cosine) = ([T::splat(0.0); N], [T::splat(0.0); N]);
+        // In one loop: with the turns in a loop of their own, a step takes a third longer.
         for i in 0..N {
+            if i > 0 {
+                turn[i] = Turn::new::<FAR>(angle[i]);
+            }
             (sine[i], cosine[i]) = self.rest[i].turned(turn[i]);
         }
         Moving { turn, sine, cosine, rate: summed(&motion.v) }
