@@ -102,8 +102,8 @@ fn is_complex(mu: Complex<f64>) -> bool {
     mu.im.abs() > REAL
 }
 
-/// Whether the multipliers at a bifurcation are those of its kind. `before` are the pairs that have the product 1 at the
-/// motion before it, too.
+/// Whether the multipliers at a bifurcation are those of its kind. `before` are the pairs that have the product 1 at
+/// the motion before it, too.
 fn confirmed(kind: BifurcationKind, stability: Option<&Stability>, before: Marginal) -> bool {
     let multipliers = stability.map_or(&[][..], |stability| &stability.multipliers);
     let any = |at: f64| multipliers.iter().any(|mu| (mu - at).norm_sqr() < NEAR * NEAR);

@@ -19,7 +19,8 @@ pub struct Records<T> {
     decode: Decode<T>,
     /// Where the chunk read last begins in the file.
     chunk: u64,
-    /// The first of its messages that has not been decoded. One at a time is decoded: it fits a cache, a chunk does not.
+    /// The first of its messages that has not been decoded. One at a time is decoded: it fits a cache, a chunk does
+    /// not.
     next: usize,
     queue: VecDeque<T>,
 }
