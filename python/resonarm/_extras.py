@@ -1,17 +1,30 @@
 """Optional packages."""
 
+import re
 from importlib import import_module
+from importlib.metadata import PackageNotFoundError, requires
 from types import ModuleType
 from typing import Any
 
 
 def require(module: str, extra: str) -> ModuleType:
-    """The module, or an error that says which extra of this package installs it."""
+    """The module, or an error that says how to install what this extra of the package brings."""
     try:
         return import_module(module)
     except ModuleNotFoundError as error:
-        message = f"{module} is missing: python3 -m pip install 'resonarm[{extra}]'"
+        words = " ".join(f"'{package}'" for package in _packages(extra) or [module])
+        message = f"{module} is missing: python3 -m pip install {words}"
         raise ModuleNotFoundError(message, name=module) from error
+
+
+def _packages(extra: str) -> list[str]:
+    """What an extra of this package brings. The package itself is on no index, so it can't be named to pip."""
+    try:
+        declared = requires("resonarm") or []
+    except PackageNotFoundError:
+        return []
+    marked = re.compile(rf"""extra\s*==\s*['"]{extra}['"]""")
+    return [line.partition(";")[0].strip() for line in declared if marked.search(line)]
 
 
 def axes(ax: Any) -> Any:

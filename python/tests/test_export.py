@@ -234,7 +234,9 @@ def test_the_command_says_what_is_wrong(tmp_path, capsys, monkeypatch):
     assert "can't read recording" in capsys.readouterr().err
     monkeypatch.setitem(sys.modules, "pyarrow", None)
     assert program.main(["export", str(SWEEP), "--to", "parquet", "--out", str(tmp_path / "sweep")]) == 3
-    assert capsys.readouterr().err == "error: pyarrow is missing: python3 -m pip install 'resonarm[export]'\n"
+    assert capsys.readouterr().err == (
+        "error: pyarrow is missing: python3 -m pip install 'asammdf>=8' 'pyarrow>=15' 'python-can>=4.4'\n"
+    )
     with pytest.raises(SystemExit):
         program.main(["export", str(SWEEP), "--to", "xls"])
 

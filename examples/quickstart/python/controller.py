@@ -1,7 +1,8 @@
 """A controller in Python: a sine of force at the tip for some seconds, in answer to the plant's samples.
 
-    pip install resonarm python-can
     python3 python/controller.py vcan0
+
+It needs the packages `resonarm` and `python-can`: README.md says from where.
 
 `answer` is what to change. Python is fast enough in lockstep, in which the plant waits for each answer.
 """

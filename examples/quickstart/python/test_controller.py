@@ -1,4 +1,4 @@
-"""The controller as a test, on a bus in memory or on a virtual one: pip install "resonarm[pytest]", then pytest python.
+"""The controller as a test, on a bus in memory or on a virtual one: `pytest python`. README.md says what it needs.
 
 In pytest the controller is the function alone; the package arms the plant and joins the two.
 """
