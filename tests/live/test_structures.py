@@ -58,7 +58,7 @@ profile = {{ waveform = "sine-list", frequencies_hz = [55.0, 60.0], dwell_s = 1.
 AS_AN_EXCITER = """(() => {
     const { rows, rowsClipped, newest, about } = resonarm.data;
     const unknown = rows.map((row) => row.map((number, channel) => (channel < 10 ? number : NaN)));
-    resonarm.views.structure.draw(unknown, rowsClipped, newest, about, 18, { toScale: false, stroboscope: false });
+    resonarm.views.structure.draw(unknown, rowsClipped, newest, about, 18, { toScale: false, slow: false });
     return document.getElementById('structure-scale').textContent;
 })()"""
 
@@ -121,7 +121,7 @@ def test_a_chain_is_steered_and_drawn_where_its_kinematics_have_it(browser, prog
     assert [axis["label"] for axis in about["responses"]] == ["tip.x", "tip.y", "joint2.x", "joint2.y"]
     # Shown at first is what the load drives.
     assert page.value("document.querySelector('[name=response]:checked').value") == "1"
-    assert [one["label"] for one in about["panels"]["coordinates"]] == ["α1", "α2", "α3"]
+    assert [one["label"] for one in about["panels"]["coordinates"]] == ["α₁", "α₂", "α₃"]
     alpha = [2e-3, -1e-3, 3e-3]
     assert drawn(page, alpha, 50) == pytest.approx(chain(50 * np.array(alpha)), abs=1e-12)
     assert page.value(AS_AN_EXCITER) == "at rest: an exciter knows no coordinates"

@@ -41,18 +41,20 @@ class Browser:
         self.process.wait(PATIENCE_S)
         shutil.rmtree(self.folder, ignore_errors=True)
 
-    def page(self, url, width=1280, height=1500, dark=False, touch=False, any_certificate=False):
-        """A page of that size, which prefers dark colours or is a phone's, or takes a server for what it says it is."""
+    def page(self, url, width=1280, height=1500, scale=1, dark=False, still=False, touch=False, any_certificate=False):
+        """A page of that size in CSS pixels, each of `scale` pixels of the screen, whose viewer prefers dark colours or
+        less motion, or has a phone, or takes a server for what it says it is."""
         request = urllib.request.Request(f"{self.url}/json/new?about:blank", method="PUT")
         with urllib.request.urlopen(request, timeout=PATIENCE_S) as answer:
             page = Page(json.load(answer)["webSocketDebuggerUrl"])
-        size = {"width": width, "height": height, "deviceScaleFactor": 1, "mobile": touch}
+        size = {"width": width, "height": height, "deviceScaleFactor": scale, "mobile": touch}
         page.call("Emulation.setDeviceMetricsOverride", **size)
         scheme = {"name": "prefers-color-scheme", "value": "dark" if dark else "light"}
-        page.call("Emulation.setEmulatedMedia", features=[scheme])
+        motion = {"name": "prefers-reduced-motion", "value": "reduce" if still else "no-preference"}
+        page.call("Emulation.setEmulatedMedia", features=[scheme, motion])
         if any_certificate:
             page.call("Security.setIgnoreCertificateErrors", ignore=True)
-        page.call("Page.navigate", url=url)
+        page.load(url)
         return page
 
 
@@ -64,6 +66,7 @@ class Page:
         self.socket = connect(url, max_size=None, open_timeout=PATIENCE_S, ping_interval=None).__enter__()
         self.numbers = itertools.count(1)
         self.errors = []
+        self.loaded = False
         for domain in ("Page", "Runtime", "Log", "Network"):
             self.call(f"{domain}.enable")
 
@@ -76,6 +79,13 @@ class Page:
         assert "error" not in said, said
         return said["result"]
 
+    def load(self, url):
+        """Opens a page, and waits for it: what is asked while the browser changes pages fails."""
+        self.loaded = False
+        self.call("Page.navigate", url=url)
+        while not self.loaded:
+            self.heed(json.loads(self.socket.recv(PATIENCE_S)))
+
     def heed(self, said):
         match said:
             case {"method": "Runtime.exceptionThrown", "params": {"exceptionDetails": details}}:
@@ -84,6 +94,8 @@ class Page:
                 self.errors.append(call)
             case {"method": "Log.entryAdded", "params": {"entry": {"level": "error" | "warning"} as entry}}:
                 self.errors.append(entry)
+            case {"method": "Page.loadEventFired"}:
+                self.loaded = True
             case {"method": "Network.requestWillBeSent", "params": {"request": {"url": url}}}:
                 if not url.startswith(("http://127.0.0.1", "https://127.0.0.1", "data:", "about:")):
                     self.errors.append(f"asked for {url}")
@@ -111,6 +123,18 @@ class Page:
                 typed = {"text": text} if text and kind == "keyDown" else {}
                 code = codes.get(key, 0)
                 self.call("Input.dispatchKeyEvent", type=kind, key=key, windowsVirtualKeyCode=code, **typed)
+
+    def drag(self, start, end, shift=False):
+        """Presses the mouse at `start`, moves it to `end` and lets it go."""
+        options = {"button": "left", "modifiers": 8 if shift else 0, "clickCount": 1}
+        moves = [("mouseMoved", start), ("mousePressed", start), ("mouseMoved", end), ("mouseReleased", end)]
+        for kind, (x, y) in moves:
+            pressed = {"buttons": 1} if kind == "mouseMoved" and (x, y) == end else {}
+            self.call("Input.dispatchMouseEvent", type=kind, x=x, y=y, **options, **pressed)
+
+    def point(self, x, y):
+        """Moves the mouse there."""
+        self.call("Input.dispatchMouseEvent", type="mouseMoved", x=x, y=y)
 
     def picture(self, path):
         """Saves a screenshot as PNG, and returns its bytes."""

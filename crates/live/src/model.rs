@@ -21,8 +21,8 @@ use resonarm_session::run::{self, CommandRecord};
 
 /// Stretches per second of simulated time.
 const STRETCHES_HZ: f64 = 100.0;
-/// Time range of the plots over time, s of simulated time: a screen's width of stretches.
-pub const SHOWN_S: f64 = 8.0;
+/// How much of the past a new viewer gets, s of simulated time.
+pub const SHOWN_S: f64 = 30.0;
 /// Most stretches that are kept.
 const STRETCHES_KEPT: usize = (SHOWN_S * STRETCHES_HZ) as usize;
 /// Most rows in an update; a run faster than the clock sends only the latest whole.

@@ -13,7 +13,7 @@ const JAVASCRIPT: &str = "text/javascript; charset=utf-8";
 const CSS: &str = "text/css; charset=utf-8";
 
 /// Path, type and content of each file.
-const FILES: [(&str, &str, &str); 12] = [
+const FILES: [(&str, &str, &str); 15] = [
     ("/icon.svg", "image/svg+xml", include_str!("page/icon.svg")),
     ("/page.css", CSS, include_str!("page/page.css")),
     ("/page.js", JAVASCRIPT, include_str!("page/page.js")),
@@ -22,6 +22,9 @@ const FILES: [(&str, &str, &str); 12] = [
     ("/plots.js", JAVASCRIPT, include_str!("page/plots.js")),
     ("/clipped.js", JAVASCRIPT, include_str!("page/clipped.js")),
     ("/canvas.js", JAVASCRIPT, include_str!("page/canvas.js")),
+    ("/events.js", JAVASCRIPT, include_str!("page/events.js")),
+    ("/history.js", JAVASCRIPT, include_str!("page/history.js")),
+    ("/save.js", JAVASCRIPT, include_str!("page/save.js")),
     ("/stream.js", JAVASCRIPT, include_str!("page/stream.js")),
     ("/controls.js", JAVASCRIPT, include_str!("page/controls.js")),
     ("/uplot/uPlot.js", JAVASCRIPT, include_str!("page/uplot/uPlot.iife.min.js")),

@@ -89,14 +89,20 @@ impl Shown {
 /// A coordinate, or the state of an element, as panels call it.
 fn label(point: structure::Point) -> String {
     match point {
-        structure::Point::Joint1 => String::from("\u{3b1}1"),
-        structure::Point::Joint2B => String::from("\u{3b1}2"),
-        structure::Point::Joint(joint) => format!("\u{3b1}{joint}"),
-        structure::Point::Mode(mode) => format!("q{mode}"),
-        structure::Point::Coordinate(coordinate) => format!("x{coordinate}"),
+        structure::Point::Joint1 => subscripted('\u{3b1}', 1),
+        structure::Point::Joint2B => subscripted('\u{3b1}', 2),
+        structure::Point::Joint(joint) => subscripted('\u{3b1}', joint),
+        structure::Point::Mode(mode) => subscripted('q', mode),
+        structure::Point::Coordinate(coordinate) => subscripted('x', coordinate),
         structure::Point::Element(element) => format!("element {element}"),
         structure::Point::TipC => String::from("C"),
     }
+}
+
+/// A symbol with a number as its subscript.
+fn subscripted(symbol: char, number: impl ToString) -> String {
+    let subscript = |digit: char| digit.to_digit(10).and_then(|digit| char::from_u32(0x2080 + digit));
+    core::iter::once(symbol).chain(number.to_string().chars().filter_map(subscript)).collect()
 }
 
 /// What the bits that mark clipped readings stand for, the lowest first.

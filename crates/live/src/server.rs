@@ -2,7 +2,7 @@
 
 use core::time::Duration;
 use std::net::{SocketAddr, TcpListener};
-use std::sync::atomic::{AtomicU64, AtomicUsize, Ordering};
+use std::sync::atomic::{AtomicBool, AtomicU64, AtomicUsize, Ordering};
 use std::sync::{Arc, Mutex};
 use std::thread::{self, JoinHandle};
 
@@ -76,6 +76,8 @@ pub struct Shown {
 pub struct Live {
     address: SocketAddr,
     token: Token,
+    /// Whether the run is over, while the view goes on.
+    is_over: Arc<AtomicBool>,
     stop: Option<oneshot::Sender<()>>,
     thread: Option<JoinHandle<()>>,
 }
@@ -107,7 +109,15 @@ pub fn serve(options: &Options, shown: Shown) -> Result<Live, LiveError> {
         table: shown.table,
         origins: options.origins.clone(),
     });
-    let beats = Beats { shared: Arc::clone(&shared), branches, range_hz: shown.range_hz, stream, count: 0 };
+    let is_over = Arc::new(AtomicBool::new(false));
+    let beats = Beats {
+        shared: Arc::clone(&shared),
+        branches,
+        range_hz: shown.range_hz,
+        stream,
+        count: 0,
+        is_over: Arc::clone(&is_over),
+    };
     let (stop, stopped) = oneshot::channel();
     let thread = thread::Builder::new()
         .name(String::from("live"))
@@ -118,13 +128,18 @@ pub fn serve(options: &Options, shown: Shown) -> Result<Live, LiveError> {
             }
         })
         .map_err(LiveError::Thread)?;
-    Ok(Live { address, token, stop: Some(stop), thread: Some(thread) })
+    Ok(Live { address, token, is_over, stop: Some(stop), thread: Some(thread) })
 }
 
 impl Live {
     /// The address it listens on.
     pub fn address(&self) -> SocketAddr {
         self.address
+    }
+
+    /// Tells the viewers that the run is over; they still see what is kept of it.
+    pub fn run_is_over(&self) {
+        self.is_over.store(true, Ordering::Release);
     }
 
     /// The page's address.
@@ -236,12 +251,15 @@ struct Beats {
     range_hz: Option<(f64, f64)>,
     stream: Stream,
     count: u64,
+    is_over: Arc<AtomicBool>,
 }
 
 impl Beats {
     /// Takes new data, and sends them to all viewers.
     fn beat(&mut self) {
         self.count += 1;
+        // Before the records are taken, so that those of the run's end are among them.
+        let is_over = self.is_over.load(Ordering::Acquire);
         let shared = &self.shared;
         let (mut model, mut source) = (lock(&shared.model), lock(&shared.source));
         let is_wanted = shared.published.receiver_count() > 0;
@@ -252,6 +270,9 @@ impl Beats {
             let range_hz = both.reduce(|(low, high), (from, to)| (low.min(from), high.max(to)));
             range_hz.into_iter().for_each(|range_hz| branches.want(range_hz));
             branches.computed().into_iter().for_each(|branch| model.branch(branch));
+        }
+        if is_over {
+            model.end();
         }
         let lost_updates = shared.lost_updates.load(Ordering::Relaxed);
         let viewers = shared.viewers.load(Ordering::Relaxed);

@@ -173,7 +173,7 @@ impl UnderTest {
         let displacement =
             |name: String| ResponseAxis { title: format!("amplitude of {name}"), label: name, unit: "m" };
         match &self.kind {
-            Kind::Arm(_) => ["\u{3b1}1", "\u{3b1}2"]
+            Kind::Arm(_) => ["\u{3b1}\u{2081}", "\u{3b1}\u{2082}"]
                 .map(|name| ResponseAxis { label: name.to_owned(), title: format!("largest |{name}|"), unit: "rad" })
                 .to_vec(),
             Kind::Assembly(tested) => tested.read().into_iter().map(|read| displacement(read.name)).collect(),
@@ -265,7 +265,7 @@ at = "mid"
         assert_eq!(named(&modal.head), "4 head z (N)");
         assert_eq!(named(&modal.acceleration_b), "6 x (m/s²), 7 y (m/s²)");
         assert_eq!(named(&modal.acceleration_c), "8 z (m/s²)");
-        assert_eq!(named(&modal.coordinates), "10 q1 (m·√kg), 11 q2 (m·√kg)");
+        assert_eq!(named(&modal.coordinates), "10 q₁ (m·√kg), 11 q₂ (m·√kg)");
         // The gap has no state, and the branches of both are not plotted.
         assert_eq!(named(&modal.elements), "12 element 2 (m)");
     }

@@ -2,19 +2,32 @@
 
 import { Clipping } from "./clipped.js";
 import { Controls } from "./controls.js";
+import { eventInWords, isBad } from "./events.js";
+import { TimeWindow, columns, known } from "./history.js";
 import { BandPlot, LinePlot, Lissajous, ResponsePlot } from "./plots.js";
+import { csv, saveCsv, savePicture } from "./save.js";
 import { connect, decode } from "./stream.js";
 import { StructureView } from "./structure.js";
 
-const STRETCHES_KEPT = 800;
-const ROWS_KEPT = 4096;
-const TIMINGS_KEPT = 600;
+// Two minutes of stretches and of the loop's timing, and the latest samples.
+const STRETCHES_KEPT = 12000;
+const TIMINGS_KEPT = 3600;
+const ROWS_KEPT = 16384;
 const EVENTS_SHOWN = 200;
+// Without a message for this long the values shown are taken to be out of date, ms. The program sends thirty a second.
+const SILENT_MS = 3000;
+// Viewers who prefer less motion see two pictures a second.
+const REDUCED_MS = 500;
+const STATES = { operational: "armed", "pre-operational": "ready", fault: "fault" };
 
 const element = (id) => document.getElementById(id);
 let data = null;
 let views = null;
 let waiting = false;
+// While the display is paused: the data that are shown.
+let paused = null;
+const timeWindow = new TimeWindow();
+const reducedMotion = matchMedia("(prefers-reduced-motion: reduce)");
 
 // The data before the first update.
 function empty(about) {
@@ -41,40 +54,49 @@ function makeViews(about) {
   const forces = named(panels.head);
   element("force-name").textContent = torque ? "Load" : "Load and force in the head";
   element("force").hidden = torque;
-  const upper = { height: 145, isUpper: true };
   // Two plots: command and reading lie one over the other where the exciter is a good one.
-  const force = torque ? {} : { "force": new BandPlot(about, element("force"), element("force-clipped"), "head (N)", forces, { height: 170 }) };
-  const atC = named(panels.acceleration_c).map(([channel, label]) => [channel, `C ${label}`]);
+  const bands = (id, note, options) => new BandPlot(about, element(id), note && element(note), { steering, ...options });
+  const force = torque ? {} : {
+    "force": bands("force", "force-clipped", { title: "Force in the head", unit: "head (N)", named: forces, height: 170 }),
+  };
+  const acceleration = (id, letter) => {
+    const plotted = named(panels[id.replace("-", "_")]);
+    return bands(id, `${letter.toLowerCase()}-clipped`, { title: `Acceleration of ${letter}`, unit: "m/s²", named: plotted });
+  };
+  const atC = panels.acceleration_c.map(({ channel, label }) => [channel, `C ${label}`]);
   const states = {};
   for (const id of ["coordinates", "elements"]) {
     element(id).hidden = panels[id].length === 0;
     if (panels[id].length > 0) {
       const unit = id === "elements" ? `states (${units(panels[id])})` : units(panels[id]);
-      states[id] = new BandPlot(about, element(id), null, unit, named(panels[id]));
+      states[id] = bands(id, null, { title: id === "elements" ? "States of elements" : "Coordinates", unit, named: named(panels[id]) });
     }
   }
   element("states").hidden = panels.coordinates.length === 0;
   element("states-name").textContent = panels.elements.length > 0 ? "Coordinates and elements" : "Coordinates";
+  const upper = torque ? {} : { height: 145, isUpper: true };
+  const spectrum = (unit) => ([channel, label]) => ({ label: `${label.replace("head", "force")} (${unit})`, name: about.channels[channel] });
   return {
     structure: new StructureView(about, element("structure"), element("structure-scale"), element("structure-clipped")),
-    response: new ResponsePlot(element("response")),
+    response: new ResponsePlot(element("response"), element("response-reading")),
     bands: {
-      "load": new BandPlot(about, element("load"), null, `load (${about.unit})`, loads, torque ? {} : upper),
+      "load": bands("load", null, { title: "Load", unit: `load (${about.unit})`, named: loads, ...upper }),
       ...force,
-      "acceleration-b":
-        new BandPlot(about, element("acceleration-b"), element("b-clipped"), "m/s²", named(panels.acceleration_b)),
-      "acceleration-c":
-        new BandPlot(about, element("acceleration-c"), element("c-clipped"), "m/s²", named(panels.acceleration_c)),
+      "acceleration-b": acceleration("acceleration-b", "B"),
+      "acceleration-c": acceleration("acceleration-c", "C"),
       ...states,
     },
     lissajous: new Lissajous(about, element("lissajous"), element("lissajous-clipped")),
     spectrumClipping: new Clipping(about, [...forces, ...atC]),
-    spectrum: new LinePlot(element("spectrum"), "frequency (Hz)", "amplitude", [
-      ...forces.map(([, label]) => `${label.replace("head", "force")} (N)`),
-      ...atC.map(([, label]) => `${label} (m/s²)`),
-    ], { log: true }),
-    timing: new LinePlot(element("timing"), "time (s)", "load (%)", ["load", "largest", "lateness", "latest"],
-      { secondUnit: "lateness (µs)" }),
+    spectrum: new LinePlot(element("spectrum"), {
+      title: "Spectrum", x: { label: "frequency", unit: "Hz" }, unit: "amplitude", log: true,
+      entries: [...forces.map(spectrum("N")), ...atC.map(spectrum("m/s²"))],
+    }),
+    timing: new LinePlot(element("timing"), {
+      title: "Load and lateness of the loop", x: { label: "time", unit: "s" }, unit: "load (%)", secondUnit: "lateness (µs)", steering,
+      entries: [["load", "mean load, per cent"], ["largest", "largest load, per cent"], ["lateness", "mean lateness, microseconds"],
+        ["latest", "largest lateness, microseconds"]].map(([label, name]) => ({ label, name })),
+    }),
   };
 }
 
@@ -100,7 +122,11 @@ function entitle(about) {
 const receive = {
   about(about) {
     const first = data === null;
+    const drawnBy = ({ channels, panels, drawing, rate_hz, unit }) => JSON.stringify([channels, panels, drawing, rate_hz, unit]);
+    // Another program at this address: its panels differ.
+    if (!first && drawnBy(data.about) !== drawnBy(about)) return location.reload();
     data = empty(about);
+    state = { state: "unknown", fault: null };
     element("events").replaceChildren();
     element("what").textContent =
       `${about.role} on ${about.place}: ${about.structure}, ${about.rate_hz} samples a second`;
@@ -109,16 +135,16 @@ const receive = {
     controls.show(about);
     entitle(about);
   },
-  state({ state, fault }) {
-    element("state").textContent = { operational: "armed", "pre-operational": "ready", fault: "fault" }[state] ?? state;
-    element("state").className = state;
-    element("fault").textContent = fault ?? "";
+  state(now) {
+    state = now;
+    showState();
     controls.stateChanged();
   },
   event({ time_s, name, value, text }) {
     const entry = document.createElement("li");
-    entry.textContent = `${time_s.toFixed(3)} s  ${text ?? (value === 0 ? name : `${name} ${value}`)}`;
-    entry.className = name === "emergency" || name === "state.fault" ? "bad" : "";
+    entry.textContent = `${time_s.toFixed(3)} s  ${eventInWords({ name, value, text }, data.about.unit)}`;
+    entry.dataset.name = name;
+    entry.className = isBad(name) ? "bad" : "";
     element("events").prepend(entry);
     while (element("events").children.length > EVENTS_SHOWN) element("events").lastChild.remove();
     if (name === "request.refused") controls.notTaken();
@@ -130,6 +156,7 @@ const receive = {
     Object.assign(data, { times: [], least: data.least.map(() => []), largest: data.least.map(() => []), clipped: [] });
     Object.assign(data, { rows: [], rowsClipped: [], points: [], spectrum: null, timing: noTimings() });
     element("events").replaceChildren();
+    resume();
     receive.state({ state: "unknown", fault: null });
   },
   player(player) {
@@ -140,10 +167,26 @@ const receive = {
   taken() {},
   refused({ why }) { controls.refused(why); },
   ended() {
+    isOver = true;
     element("link").textContent = data.about.samples ? "the program has ended" : "the run is over";
     controls.end();
+    showState();
   },
 };
+
+// The state of the watched node, whether it is the present one, and whether the run is over.
+let state = { state: "unknown", fault: null };
+let isCurrent = false;
+let isOver = false;
+
+// A state that may have changed since is named as a past one, and has no colour.
+function showState() {
+  const named = STATES[state.state] ?? state.state;
+  const isPresent = isCurrent && !isOver;
+  element("state").textContent = isPresent || state.state === "unknown" ? named : `was ${named}`;
+  element("state").className = isPresent ? state.state : "past";
+  element("fault").textContent = state.fault ?? "";
+}
 
 function updated(buffer) {
   if (data === null) return;
@@ -152,8 +195,8 @@ function updated(buffer) {
   for (const stretch of stretches) {
     times.push(stretch.first / about.rate_hz);
     clipped.push(stretch.clipped);
-    least.forEach((column, channel) => column.push(known(stretch.least[channel])));
-    largest.forEach((column, channel) => column.push(known(stretch.largest[channel])));
+    least.forEach((column, channel) => column.push(orNull(stretch.least[channel])));
+    largest.forEach((column, channel) => column.push(orNull(stretch.largest[channel])));
   }
   [times, clipped, ...least, ...largest].forEach((column) => column.splice(0, column.length - STRETCHES_KEPT));
   if (head.first !== data.newest + 1) [data.rows, data.rowsClipped] = [[], []];
@@ -163,13 +206,19 @@ function updated(buffer) {
   data.newest = head.sample;
   data.head = head;
   if (head.timing) takeTiming(head);
-  if (!waiting) {
-    waiting = true;
-    requestAnimationFrame(draw);
-  }
+  schedule();
 }
 
-const known = (value) => (Number.isNaN(value) ? null : value);
+// Draws soon.
+function schedule() {
+  if (waiting) return;
+  waiting = true;
+  const soon = () => requestAnimationFrame(draw);
+  if (reducedMotion.matches) setTimeout(soon, REDUCED_MS); else soon();
+}
+
+
+const orNull = (value) => (Number.isNaN(value) ? null : value);
 
 function takeTiming({ time_s, timing }) {
   const { times, columns } = data.timing;
@@ -190,20 +239,24 @@ function draw() {
   waiting = false;
   if (data === null || data.head === null) return;
   const begun = performance.now();
-  const { about, head, rows, rowsClipped, spectrum, branch, points } = data;
+  const shown = paused ?? data;
+  const { about, head, rows, rowsClipped, spectrum, branch, points } = shown;
   const peakHz = spectrum?.peak_hz ?? 0;
   element("time").textContent = `${head.time_s.toFixed(2)} s`;
-  controls.time(head.time_s);
+  controls.time(data.head.time_s);
   const place = Number(document.querySelector("[name=response]:checked").value);
   // A paused recording shows its current sample.
-  const moves = data.player?.playing ?? true;
-  const choices = { toScale: element("to-scale").checked, stroboscope: moves && element("stroboscope").checked };
-  if (seen.has("structure")) views.structure.draw(rows, rowsClipped, data.newest, about, peakHz, choices);
-  for (const [id, band] of Object.entries(views.bands)) if (seen.has(id)) band.draw(data);
+  const moves = paused === null && (data.player?.playing ?? true);
+  const choices = {
+    toScale: element("to-scale").checked, slow: moves && element("slow").checked, still: reducedMotion.matches && moves,
+  };
+  if (seen.has("structure")) views.structure.draw(rows, rowsClipped, shown.newest, about, peakHz, choices);
+  const ends = timeWindow.ends(known(shown));
+  for (const [id, band] of Object.entries(views.bands)) if (seen.has(id)) band.draw(shown, ends);
   if (seen.has("lissajous")) views.lissajous.draw(rows, rowsClipped, about.rate_hz, peakHz);
   if (seen.has("spectrum") && spectrum !== drawn.spectrum) drawSpectrum(spectrum);
   if (seen.has("response")) views.response.draw(branch, points, place, about.responses[place], peakHz);
-  drawTiming(head);
+  drawTiming(shown, ends);
   data.frames += 1;
   data.drawing_ms += performance.now() - begun;
 }
@@ -225,9 +278,10 @@ function drawSpectrum(spectrum) {
 
 const counted = (count, noun) => `${count} ${noun}${count === 1 ? "" : "s"}`;
 
-function drawTiming({ timing, overruns, overrun_causes, lost, lost_updates, viewers }) {
-  const { times, columns, latest } = data.timing;
-  if (timing && seen.has("timing")) views.timing.draw(times, columns);
+function drawTiming({ head, timing }, ends) {
+  const { overruns, overrun_causes, lost, lost_updates, viewers } = head;
+  const { times, columns, latest } = timing;
+  if (seen.has("timing")) views.timing.draw(times, columns, ends);
   const schedule = latest ? `load ${(100 * latest.load).toFixed(1)} %, ${latest.late_us.toFixed(0)} µs late` : "no schedule";
   element("timing-numbers").textContent =
     `${schedule}, ${counted(viewers, "viewer")}, ${counted(lost, "record")} and ${counted(lost_updates, "update")} lost`;
@@ -236,13 +290,130 @@ function drawTiming({ timing, overruns, overrun_causes, lost, lost_updates, view
   element("overruns").textContent = latest || overruns > 0 ? missed : "";
 }
 
+// Pauses the display: the run goes on, and what is shown stays.
+function pause() {
+  if (paused === null) {
+    const copied = (columns) => columns.map((column) => column.slice());
+    const { timing } = data;
+    paused = {
+      ...data, times: data.times.slice(), least: copied(data.least), largest: copied(data.largest), clipped: data.clipped.slice(),
+      rows: data.rows.slice(), rowsClipped: data.rowsClipped.slice(), points: data.points.slice(),
+      timing: { ...timing, times: timing.times.slice(), columns: copied(timing.columns) },
+    };
+    timeWindow.fixed = timeWindow.ends(known(paused));
+  }
+  showDisplay();
+}
+
+function resume() {
+  paused = null;
+  timeWindow.follow();
+  showDisplay();
+}
+
+function showDisplay() {
+  element("hold").textContent = paused === null ? "Pause display" : "Resume display";
+  element("display-state").textContent = paused === null ? "" : `display paused at ${paused.head.time_s.toFixed(2)} s; the run goes on`;
+  document.body.classList.toggle("paused", paused !== null);
+  schedule();
+}
+
+// Changes the stretch of time that is shown; the display pauses there.
+function look(change) {
+  if (data === null || data.head === null) return;
+  pause();
+  change(timeWindow.ends(known(paused)));
+  schedule();
+}
+
+// What a viewer does to a plot over time.
+const steering = {
+  zoomed: (from_s, to_s) => look(() => timeWindow.show(from_s, to_s)),
+  moved: (widths) => look((ends) => timeWindow.move(widths, ends)),
+  returned: () => resume(),
+};
+
+function prepareDisplay() {
+  element("hold").addEventListener("click", () => { if (paused !== null) resume(); else if (data?.head) pause(); });
+  element("span").addEventListener("change", () => {
+    timeWindow.span_s = Number(element("span").value);
+    resume();
+  });
+  document.querySelectorAll("[data-move]").forEach((button) => {
+    button.addEventListener("click", () => steering.moved(Number(button.dataset.move)));
+  });
+  document.querySelectorAll("[data-zoom]").forEach((button) => {
+    button.addEventListener("click", () => look((ends) => timeWindow.zoom(Number(button.dataset.zoom), ends)));
+  });
+  element("save-csv").addEventListener("click", () => { if (data?.head) saveCsv(exported(), fileName()); });
+  element("save-picture").addEventListener("click", () => { if (data?.head) savePicture(fileName()); });
+  document.querySelectorAll("#structure-choices input, #responses").forEach((choice) => choice.addEventListener("change", schedule));
+  reducedMotion.addEventListener("change", schedule);
+}
+
+const fileName = () => `resonarm-${(paused ?? data).head.time_s.toFixed(2)}s`;
+
+// The numbers of the plots over time that are shown, as CSV.
+function exported() {
+  const shown = paused ?? data;
+  const ends = timeWindow.ends(known(shown));
+  const channels = [...new Set(Object.values(views.bands).flatMap((band) => band.channels))];
+  const width = Math.max(...Object.values(views.bands).map((band) => band.plot.over.clientWidth));
+  const inside = columns(shown, channels, ends, width);
+  return csv(shown, inside, channels);
+}
+
+let heard_ms = performance.now();
+let isOpen = false;
+
 function linked(isLinked) {
-  element("link").textContent = isLinked ? "connected" : "not connected";
-  element("link").className = isLinked ? "numbers" : "numbers lost";
-  controls.linked(isLinked);
+  isOpen = isLinked;
+  heard_ms = performance.now();
+  showLink();
+}
+
+// Values are current while messages come. A program that was stopped, or a network that was lost, closes no connection.
+function showLink() {
+  const isSilent = performance.now() - heard_ms > SILENT_MS;
+  const wasCurrent = isCurrent;
+  isCurrent = isOpen && !isSilent;
+  if (!isOver) {
+    element("link").textContent = isCurrent ? "connected" : "not connected";
+    const since = data?.head ? `: everything below is as it was at ${data.head.time_s.toFixed(2)} s` : "";
+    const why = isOpen ? "No data come from the program" : "The connection to the program is lost";
+    element("lost").textContent = isCurrent ? "" : `${why}${since}. Connecting again …`;
+  } else {
+    element("lost").textContent = "";
+  }
+  const isStale = !isCurrent && !isOver;
+  element("lost").hidden = !isStale || data === null;
+  document.body.classList.toggle("stale", isStale && data !== null);
+  if (wasCurrent !== isCurrent) {
+    controls.linked(isCurrent);
+    showState();
+  }
+}
+
+function heard() {
+  heard_ms = performance.now();
+  if (!isCurrent) showLink();
 }
 
 const controls = new Controls((message) => stream.send(message));
-const stream = connect({ received: ({ kind, ...message }) => receive[kind]?.(message), updated, linked });
+const stream = connect({
+  received: ({ kind, ...message }) => {
+    heard();
+    receive[kind]?.(message);
+  },
+  updated: (buffer) => {
+    heard();
+    updated(buffer);
+  },
+  linked,
+});
+setInterval(showLink, 500);
+prepareDisplay();
 // For programs that inspect the page.
-window.resonarm = { ask: controls.ask, get data() { return data; }, get views() { return views; } };
+window.resonarm = {
+  ask: controls.ask, exported, timeWindow, get data() { return data; }, get views() { return views; }, get paused() { return paused; },
+};

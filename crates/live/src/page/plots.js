@@ -2,6 +2,7 @@
 
 import { axes, begin, color, line, range, readable, words } from "./canvas.js";
 import { Clipping } from "./clipped.js";
+import { columns, firstAtOrAfter } from "./history.js";
 
 const HUES = ["first", "second", "third", "fourth"];
 // Curves of a plot that are shown at first; the names under it show the others.
@@ -12,17 +13,17 @@ const hue = (k) => (k < HUES.length ? color(HUES[k]) : `hsl(${(k * 67) % 360} 55
 // Height of a plot without its legend, CSS pixels.
 const HEIGHT = 200;
 // Opacity of lines and bands.
-const LINE = "65%", BAND = "35%";
+const LINE = "90%", BAND = "28%";
 // Height of the bar over a stretch with a clipped reading, CSS pixels.
 const BAR = 4;
 
 const axis = (label) => ({
-  label, labelSize: 18, labelFont: "12px system-ui", font: "12px system-ui", size: 46, stroke: () => color("faint"),
+  label, labelSize: 18, labelFont: "12px system-ui", font: "12px system-ui", size: 46, space: 22, stroke: () => color("faint"),
   grid: { stroke: () => color("grid"), width: 1 }, ticks: { show: false },
 });
-const below = (label) => ({ ...axis(label), size: 30 });
+const below = (label) => ({ ...axis(label), size: 30, space: 50 });
 // Under a plot that shares its time axis with the one below.
-const above = { ...axis(), label: undefined, size: 24 };
+const above = { ...axis(), label: undefined, size: 24, space: 50 };
 
 // On a logarithmic axis only the powers of ten have lines.
 const isPower = (value) => Number.isInteger(Math.round(Math.log10(value) * 1e6) / 1e6);
@@ -42,67 +43,139 @@ const ordinary = (_, shown) => {
   return shown.map((value) => (isSmall ? small(value) : plain.format(value)));
 };
 
-// A plot that fills its place in the page, with a legend.
-function plot(place, height, options, data, entries) {
+// A value at the cursor.
+const digits = (value) => (value === 0 ? "0" : plain.format(Number(value.toPrecision(4))));
+const shownValue = (value) => (Math.abs(value) < 0.01 ? small(value) : digits(value));
+const between = (low, high) => {
+  if (low === null || high === null || low === undefined || high === undefined) return "";
+  return low === high ? shownValue(high) : `${shownValue(low)} … ${shownValue(high)}`;
+};
+
+// A plot that fills its place in the page, with a legend that has the values at the cursor. A viewer drags across it to
+// zoom, drags with Shift to move, and clicks twice to return.
+function plot(place, height, { about, entries, values, zoomed, moved, returned, unit = "", ...options }, data) {
   const size = () => ({ width: Math.max(80, place.clientWidth), height });
-  const made = new uPlot({
-    ...size(), legend: { show: false }, cursor: { drag: { x: false, y: false }, points: { show: false } }, ...options,
-  }, data, place);
+  const cursor = {
+    drag: { x: true, y: false, setScale: false }, points: { show: false }, ...options.cursor,
+    bind: {
+      dblclick: () => () => { returned(); return null; },
+      mousedown: (drawn, _, begin) => (event) => { if (event.shiftKey) drags(drawn, event, moved); else begin(event); return null; },
+    },
+  };
+  const select = (drawn) => {
+    const { left, width } = drawn.select;
+    if (width < 5) return;
+    const [from, to] = [drawn.posToVal(left, "x"), drawn.posToVal(left + width, "x")];
+    drawn.setSelect({ left: 0, width: 0, top: 0, height: 0 }, false);
+    zoomed(from, to);
+  };
+  let list = null;
+  const read = (drawn) => list?.read(drawn.cursor.idx, drawn);
+  const hooks = { ...options.hooks, setSelect: [select], setCursor: [read] };
+  const made = new uPlot({ ...size(), legend: { show: false }, ...options, cursor, hooks }, data, place);
+  list = legend(made, entries, values, unit);
   new ResizeObserver(() => made.setSize(size())).observe(place);
-  place.append(legend(made, entries));
+  place.append(list.element);
+  const canvas = place.querySelector("canvas");
+  canvas.setAttribute("role", "img");
+  canvas.setAttribute("aria-label", `${about}: ${entries.map(({ name }) => name).join(", ")}`);
   return made;
 }
 
-// A button for each entry, [label, series…], that shows or hides its series.
-function legend(made, entries) {
-  const list = document.createElement("p");
-  list.className = "legend";
-  entries.forEach(([label, ...series], k) => {
-    const [button, mark] = [document.createElement("button"), document.createElement("i")];
+// Moves the plot with the mouse until its button is let go; `moved` takes how far, as a part of the plot's width.
+function drags(drawn, { clientX }, moved) {
+  let from = clientX;
+  const drag = (event) => {
+    moved((from - event.clientX) / drawn.over.clientWidth);
+    from = event.clientX;
+  };
+  const end = () => {
+    removeEventListener("mousemove", drag);
+    removeEventListener("mouseup", end);
+  };
+  addEventListener("mousemove", drag);
+  addEventListener("mouseup", end);
+}
+
+// A button for each entry, { label, name, series }, that shows or hides its series, and beside it the value at the cursor.
+// Screen readers get the channel's name, too.
+function legend(made, entries, values, unit) {
+  const element = document.createElement("p");
+  element.className = "legend";
+  const outputs = entries.map(({ label, name, series }, k) => {
+    const [entry, button] = [document.createElement("span"), document.createElement("button")];
+    const [mark, value] = [document.createElement("i"), document.createElement("span")];
     mark.style.color = k < HUES.length ? `var(--${HUES[k]})` : hue(k);
+    value.className = "value";
     button.type = "button";
     button.append(mark, label);
+    if (name !== label) button.setAttribute("aria-label", `${label}: ${name}`);
     button.setAttribute("aria-pressed", k < SHOWN);
     button.addEventListener("click", () => {
       const show = button.getAttribute("aria-pressed") !== "true";
       button.setAttribute("aria-pressed", show);
       made.batch(() => series.forEach((one) => made.setSeries(one, { show })));
     });
-    list.append(button);
+    entry.append(button, value);
+    element.append(entry);
+    return value;
   });
-  return list;
+  const where = document.createElement("span");
+  where.className = "value";
+  element.append(where);
+  const read = (place, drawn) => {
+    const x = place === null || place === undefined ? undefined : drawn.data[0][place];
+    where.textContent = x === undefined ? "" : `at ${x.toPrecision(6)} ${unit}`;
+    outputs.forEach((output, k) => { output.textContent = x === undefined ? "" : values(drawn, entries[k].series, place); });
+  };
+  return { element, read };
 }
 
 // Bands from the least to the largest of some channels, over time. A bar along the top marks the stretches in which a
 // reading was clipped, and the note says which.
 export class BandPlot {
-  constructor(about, place, note, unit, named, { height = HEIGHT, isUpper = false } = {}) {
-    Object.assign(this, { note, clipping: new Clipping(about, named), marked: [] });
+  constructor(about, place, note, { title, unit, named, steering, height = HEIGHT, isUpper = false }) {
+    Object.assign(this, { place, note, clipping: new Clipping(about, named), marked: [], drawn: null, x: [0, 1] });
     this.channels = named.map(([channel]) => channel);
     const series = [{}];
     const bands = [];
     named.forEach(([, label], k) => {
       const thin = (opacity) => () => `color-mix(in srgb, ${hue(k)} ${opacity}, transparent)`;
-      const one = { label, stroke: thin(LINE), width: 1, show: k < SHOWN };
+      const one = { label, stroke: thin(LINE), width: 1.2, show: k < SHOWN, points: { show: false } };
       series.push({ ...one }, { ...one });
       bands.push({ series: [2 * k + 1, 2 * k + 2], fill: thin(BAND) });
     });
+    const entries = named.map(([channel, label], k) => ({ label, name: about.channels[channel], series: [2 * k + 1, 2 * k + 2] }));
+    const values = (drawn, [high, low], at) => between(drawn.data[low][at], drawn.data[high][at]);
     this.plot = plot(place, height, {
-      series, bands, scales: { x: { time: false }, y: { range: (_, low, high) => range([low, high], 0.06, [-1, 1]) } },
+      about: title, entries, values, unit: "s", ...steering, series, bands,
+      scales: { x: { time: false, range: () => this.x }, y: { range: (_, low, high) => range([low, high], 0.06, [-1, 1]) } },
+      cursor: { sync: { key: "time" } },
       axes: [isUpper ? above : below("time (s)"), { ...axis(unit), values: ordinary }], hooks: { draw: [(drawn) => this.mark(drawn)] },
-    }, [[], ...this.channels.flatMap(() => [[], []])], named.map(([, label], k) => [label, 2 * k + 1, 2 * k + 2]));
+    }, [[], ...this.channels.flatMap(() => [[], []])]);
   }
 
-  draw({ about, times, least, largest, clipped, head }) {
+  draw(data, ends) {
+    const { about, times, clipped, head } = data;
     const width_s = head.width / about.rate_hz;
-    this.marked = times.filter((_, k) => this.clipping.has(clipped[k])).map((time_s) => [time_s, time_s + width_s]);
-    if (this.note) this.note.textContent = this.clipping.words(clipped);
-    this.plot.setData([times, ...this.channels.flatMap((channel) => [largest[channel], least[channel]])]);
+    const [begin, end] = [firstAtOrAfter(times, ends[0] - width_s), firstAtOrAfter(times, ends[1])];
+    const bits = clipped.slice(begin, end);
+    this.marked = [];
+    bits.forEach((one, k) => {
+      if (!this.clipping.has(one)) return;
+      const [from_s, latest] = [times[begin + k], this.marked[this.marked.length - 1]];
+      if (latest && from_s - latest[1] < 0.5 * width_s) latest[1] = from_s + width_s; else this.marked.push([from_s, from_s + width_s]);
+    });
+    if (this.note) this.note.textContent = this.clipping.words(bits);
+    this.x = ends;
+    this.drawn = columns(data, this.channels, ends, this.plot.over.clientWidth);
+    const { times: x, least, largest } = this.drawn;
+    this.plot.setData([x, ...this.channels.flatMap((_, c) => [largest[c], least[c]])]);
   }
 
   mark(drawn) {
     const { ctx, bbox } = drawn;
-    const at = (time_s) => Math.round(drawn.valToPos(time_s, "x", true));
+    const at = (time_s) => Math.min(bbox.left + bbox.width, Math.max(bbox.left, Math.round(drawn.valToPos(time_s, "x", true))));
     ctx.fillStyle = color("bad");
     for (const [from_s, to_s] of this.marked) {
       ctx.fillRect(at(from_s), bbox.top, Math.max(1, at(to_s) - at(from_s)), BAR * devicePixelRatio);
@@ -110,22 +183,47 @@ export class BandPlot {
   }
 }
 
-// Lines over any axis; `log` makes the vertical axis logarithmic.
+// Lines over any axis; `log` makes the vertical axis logarithmic. With `steering` the axis is the shared time, else a
+// viewer zooms into this plot alone.
 export class LinePlot {
-  constructor(place, xLabel, unit, labels, { log = false, secondUnit = null } = {}) {
-    const series = labels.map((label, k) => ({
-      label, stroke: () => color(HUES[k]), width: 1.3, scale: secondUnit && k >= labels.length / 2 ? "z" : "y",
+  constructor(place, { title, x, unit, entries, steering = null, log = false, secondUnit = null }) {
+    this.zoomed = null;
+    this.x = [0, 1];
+    const series = entries.map(({ label }, k) => ({
+      label, stroke: () => color(HUES[k]), width: 1.3, scale: secondUnit && k >= entries.length / 2 ? "z" : "y", points: { show: false },
     }));
-    const scales = { x: { time: false }, y: log ? { distr: 3 } : { range: (_, __, high) => [0, Math.max(0.1, high * 1.1)] } };
+    const whole = (low, high) => (high > low ? [low, high] : [0, 1]);
+    const along = (_, low, high) => (steering ? this.x : this.zoomed ?? whole(low, high));
+    const scales = {
+      x: { time: false, range: along }, y: log ? { distr: 3 } : { range: (_, __, high) => [0, Math.max(0.1, high * 1.1)] },
+    };
     if (secondUnit) scales.z = { range: (_, __, high) => [0, Math.max(1, high * 1.1)] };
     const values = (_, shown) => shown.map((value) => compact.format(value));
     const second = secondUnit ? [{ ...axis(secondUnit), scale: "z", side: 1, grid: { show: false }, values }] : [];
     const first = log ? logarithmic(unit) : { ...axis(unit), values };
-    this.plot = plot(place, HEIGHT, { series: [{}, ...series], scales, axes: [below(xLabel), first, ...second] },
-      [[], ...labels.map(() => [])], labels.map((label, k) => [label, k + 1]));
+    const own = {
+      zoomed: (from, to) => this.zoom([from, to]), returned: () => this.zoom(null),
+      moved: (part) => {
+        if (this.zoomed === null) return;
+        const by = part * (this.zoomed[1] - this.zoomed[0]);
+        this.zoom(this.zoomed.map((end) => end + by));
+      },
+    };
+    this.plot = plot(place, HEIGHT, {
+      about: title, entries: entries.map((entry, k) => ({ name: entry.label, ...entry, series: [k + 1] })), ...(steering ?? own),
+      values: (drawn, [one], at) => between(drawn.data[one][at], drawn.data[one][at]), unit: x.unit,
+      cursor: steering ? { sync: { key: "time" } } : {},
+      series: [{}, ...series], scales, axes: [below(`${x.label} (${x.unit})`), first, ...second],
+    }, [[], ...entries.map(() => [])]);
   }
 
-  draw(x, lines) {
+  zoom(to) {
+    this.zoomed = to;
+    this.plot.setData(this.plot.data);
+  }
+
+  draw(x, lines, ends = this.x) {
+    this.x = ends;
     this.plot.setData([x, ...lines]);
   }
 }
@@ -174,7 +272,18 @@ function settle([, high], largest) {
 // Responses over the computed branch: stable motions as a line, unstable ones dashed, folds as circles. A cross marks
 // responses computed from clipped readings.
 export class ResponsePlot {
-  constructor(canvas) { this.canvas = canvas; }
+  constructor(canvas, reading) {
+    Object.assign(this, { canvas, reading, places: [] });
+    canvas.addEventListener("pointermove", (event) => this.read(event));
+    canvas.addEventListener("pointerleave", () => { reading.textContent = ""; });
+  }
+
+  // The response nearest to the pointer, in words.
+  read({ offsetX, offsetY }) {
+    const distance = ([x, y]) => Math.hypot(x - offsetX, y - offsetY);
+    const nearest = this.places.reduce((a, b) => (a && distance(a.at) <= distance(b.at) ? a : b), null);
+    this.reading.textContent = nearest && distance(nearest.at) < 30 ? nearest.words : "";
+  }
 
   draw(branch, points, place, { title, unit }, currentHz) {
     const drawing = begin(this.canvas);
@@ -182,6 +291,7 @@ export class ResponsePlot {
     const lines = branch ? [...branch.stable, ...branch.unstable].filter((point) => point !== null) : [];
     const read = points.map((point) => [point.frequency_hz, ...point.amplitude]);
     const all = [...lines, ...read];
+    this.places = [];
     if (all.length === 0) {
       words(context, "no response has been read", width, height);
       return;
@@ -202,6 +312,11 @@ export class ResponsePlot {
     for (const fold of branch?.folds ?? []) circle(context, at(fold), 4, false);
     context.strokeStyle = context.fillStyle = color("third");
     points.forEach((point, k) => circle(context, at(read[k]), 4.5, point.settled));
+    this.places = points.map((point, k) => ({
+      at: at(read[k]),
+      words: `${point.frequency_hz.toFixed(5)} Hz, ${(scaled.factor * read[k][1 + place]).toPrecision(4)} ${scaled.unit}`
+        + `${point.lag_deg === null ? "" : `, lag ${point.lag_deg.toFixed(1)}°`}${point.settled ? "" : ", not settled"}`,
+    }));
     context.strokeStyle = color("bad");
     points.forEach((point, k) => { if (point.clipped[place]) cross(context, at(read[k]), 6); });
     context.strokeStyle = color("third");

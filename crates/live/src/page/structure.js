@@ -5,7 +5,7 @@ import { begin, color, line, words } from "./canvas.js";
 import { Clipping } from "./clipped.js";
 import { Drawing } from "./drawing.js";
 
-// How fast the vibration appears in a stroboscope, Hz: thirty pictures a second of 22 Hz show another motion; lit at its
+// How fast the vibration appears in slow motion, Hz: thirty pictures a second of 22 Hz show another motion; seen at its
 // frequency less this one, the structure passes slowly through its real shapes.
 const APPARENT_HZ = 1;
 const [B_X, C_X] = [6, 8];
@@ -41,20 +41,21 @@ export class StructureView {
     return [one, both - one];
   }
 
-  // The latest row, or with the stroboscope the row whose phase (of the strongest vibration at `peakHz`) is that of a
+  // The latest row, or in slow motion the row whose phase (of the strongest vibration at `peakHz`) is that of a
   // slow clock. The phase of the latest sample is continued from frame to frame.
-  chosen(rows, newest, about, peakHz, stroboscope) {
+  chosen(rows, newest, about, peakHz, slow) {
     const last = rows.length - 1;
-    if (!stroboscope || !(peakHz > APPARENT_HZ) || rows.length < 2 * about.rate_hz / peakHz) return rows[last];
+    if (!slow || !(peakHz > APPARENT_HZ) || rows.length < 2 * about.rate_hz / peakHz) return rows[last];
     const passed = this.at === null ? 0 : Math.max(0, newest - this.at);
     this.cycles = (this.cycles + (passed / about.rate_hz) * peakHz) % 1;
     this.at = newest;
-    const slow = (performance.now() / 1000) * APPARENT_HZ;
-    const back = (((this.cycles - slow) % 1) + 1) % 1;
+    const phase = (performance.now() / 1000) * APPARENT_HZ;
+    const back = (((this.cycles - phase) % 1) + 1) % 1;
     return rows[Math.max(0, last - Math.round((back / peakHz) * about.rate_hz))];
   }
 
-  draw(rows, clipped, newest, about, peakHz, { toScale, stroboscope }) {
+  // `still` shows the largest vibration of a period, which does not move, to viewers who prefer that.
+  draw(rows, clipped, newest, about, peakHz, { toScale, slow, still }) {
     const { context, width, height } = begin(this.canvas);
     const { drawing } = this;
     if (!drawing) {
@@ -72,8 +73,8 @@ export class StructureView {
     this.rescale(latest, toScale);
     const place = drawing.placing(width, height);
     const rest = drawing.rest_m.map(place);
-    const row = this.chosen(rows, newest, about, peakHz, stroboscope);
-    const now = row && this.coordinates(row, about, w);
+    const row = this.chosen(rows, newest, about, peakHz, slow);
+    const now = still && latest.length > 0 ? furthest(latest) : row && this.coordinates(row, about, w);
     const points = now ? drawing.positions(now, this.factor).map(place) : rest;
     this.still(context, rest);
     context.strokeStyle = color("third");
@@ -82,13 +83,13 @@ export class StructureView {
     if (drawing.links) this.links(context, points); else this.lines(context, rest, points);
     this.labels(context, points, width);
     if (drawing.subject !== "arm") frame(context, drawing, height);
-    this.scaleText.textContent = this.scale(isRead && !about.angles_are_read);
+    this.scaleText.textContent = this.scale(isRead && !about.angles_are_read, toScale);
     this.tip = points[this.followed];
   }
 
-  scale(isUnknown) {
+  scale(isUnknown, toScale) {
     if (isUnknown) return "at rest: an exciter knows no coordinates";
-    return this.factor === 1 ? "to scale" : `vibration ×${this.factor.toLocaleString("en")}`;
+    return toScale ? "to scale" : `vibration ×${this.factor.toLocaleString("en")}`;
   }
 
   // The magnification: 1, 2, 5, 10 … so that the largest vibration is clearly visible.
@@ -148,6 +149,13 @@ export class StructureView {
       context.fillText(name, x, y);
     }
   }
+}
+
+// The row of a period at which the coordinate that moves most is largest: always the same side of the vibration.
+function furthest(rows) {
+  const most = rows[0].map((_, k) => rows.reduce((largest, row) => Math.max(largest, Math.abs(row[k])), 0));
+  const moving = most.indexOf(Math.max(...most));
+  return rows.reduce((one, other) => (other[moving] > one[moving] ? other : one));
 }
 
 // What is written beside points: of the arm B and C, else what of the rig is there and the name of the point.
