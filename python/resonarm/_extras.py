@@ -28,5 +28,5 @@ def _packages(extra: str) -> list[str]:
 
 
 def axes(ax: Any) -> Any:
-    """The given matplotlib axes, or the current ones."""
-    return require("matplotlib.pyplot", "plot").gca() if ax is None else ax
+    """The given matplotlib axes, or those of a new figure."""
+    return require("matplotlib.pyplot", "plot").subplots()[1] if ax is None else ax

@@ -15,7 +15,7 @@ from .words import Coordinate
 
 COORDINATES = ("alpha1_rad", "alpha2_rad", "alpha_dot1_rad_s", "alpha_dot2_rad_s")
 """The coordinates of a state, in its order."""
-LABELS = ("α1 (rad)", "α2 (rad)", "α̇1 (rad/s)", "α̇2 (rad/s)")
+LABELS = ("α₁ (rad)", "α₂ (rad)", "α̇₁ (rad/s)", "α̇₂ (rad/s)")
 UNDECIDED, DIVERGES = 0, -1
 REACH = 1.5
 MOST_POINTS = 1000
@@ -56,11 +56,18 @@ class Cells:
             rows, columns = np.nonzero(self.motion == k)
             color = {UNDECIDED: "0.7", DIVERGES: "black"}.get(k, f"C{k - 1}")
             name = {UNDECIDED: "undecided", DIVERGES: "beyond all bounds"}.get(k, f"reaches motion {k}")
-            ax.plot(self.x[columns], self.y[rows], "s", color=color, markersize=3, label=name)
-        for section in sections:
-            ax.plot(section[:, 0], section[:, 1], "D", color="black", markerfacecolor="white")
+            cells = np.ma.masked_all(self.motion.shape)
+            cells[rows, columns] = 1.0
+            colors = _extras.require("matplotlib.colors", "plot").ListedColormap([color])
+            # Cells that touch, whatever the size of the figure.
+            ax.pcolormesh(self.x, self.y, cells, cmap=colors, shading="nearest")
+            ax.plot([], [], "s", color=color, label=name)
+        for number, section in enumerate(sections):
+            label = None if number else "stable motions"
+            ax.plot(section[:, 0], section[:, 1], "D", color="black", markerfacecolor="white", label=label)
         ax.set_xlabel(labels[0])
         ax.set_ylabel(labels[1])
+        ax.legend()
         return ax
 
 
@@ -76,7 +83,7 @@ class Basins(Cells):
 
     def plot(self, ax: Any = None) -> Any:
         """Draws the grid, a colour a motion, grey where undecided, and the motions at phase 0 as diamonds. `ax` are
-        matplotlib's axes, by default the current ones; they are returned."""
+        matplotlib's axes, by default those of a new figure; they are returned."""
         index = [COORDINATES.index(name) for name in self.coordinates]
         sections = [np.array(motion.section)[:, index] for motion in self.motions]
         return self._drawn(ax, sections, [LABELS[k] for k in index])

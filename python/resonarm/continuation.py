@@ -31,7 +31,7 @@ class Curve:
 
     def plot(self, ax: Any = None) -> Any:
         """Draws the second parameter over the first, turns and cusps as markers. `ax` are matplotlib's axes, by default
-        the current ones; they are returned."""
+        those of a new figure; they are returned."""
         ax = _extras.axes(ax)
         ax.plot(self.points["value"], self.points["value2"], label=self.kind)
         for kind in np.unique(self.turns["kind"]):
@@ -39,6 +39,7 @@ class Curve:
             ax.plot(at["value"], at["value2"], "o", markersize=4, label=str(kind))
         ax.set_xlabel("{} ({})".format(*_label(self.parameters[0])))
         ax.set_ylabel("{} ({})".format(*_label(self.parameters[1])))
+        ax.legend()
         return ax
 
 
@@ -68,7 +69,7 @@ class Branch:
 
     def plot(self, ax: Any = None, *, joint: int = 1) -> Any:
         """Draws the largest |α| of a joint, 1 or 2, over the parameter: stable motions as lines, unstable ones dashed,
-        bifurcations as markers. `ax` are matplotlib's axes, by default the current ones; they are returned."""
+        bifurcations as markers. `ax` are matplotlib's axes, by default those of a new figure; they are returned."""
         ax, index = _extras.axes(ax), joint - 1
         x, y, stable = self.points["value"], self.points["amplitude_rad"][:, index], self.points["stable"]
         stretches(ax, x, y, stable)
@@ -76,7 +77,8 @@ class Branch:
             at = self.bifurcations[self.bifurcations["kind"] == kind]
             ax.plot(at["value"], at["amplitude_rad"][:, index], "o", markersize=4, label=str(kind))
         ax.set_xlabel("{} ({})".format(*_label(self.parameter)))
-        ax.set_ylabel(f"largest |α{joint}| (rad)")
+        ax.set_ylabel(f"largest |{'α₁' if joint == 1 else 'α₂'}| (rad)")
+        ax.legend()
         return ax
 
 
@@ -86,8 +88,10 @@ def stretches(ax: Any, x: Array, y: Array, stable: Array) -> None:
     edges = [0, *(np.flatnonzero(np.diff(stable)) + 1), len(x)]
     for first, last in pairwise(edges):
         stretch = slice(max(first - 1, 0), last)
-        color, style = ("C0", "-") if len(stable) and stable[first] else ("C3", "--")
-        ax.plot(x[stretch], y[stretch], color=color, linestyle=style)
+        color, style, label = ("C0", "-", "stable") if len(stable) and stable[first] else ("C3", "--", "unstable")
+        # One entry of the legend for all stretches of a kind.
+        is_known = any(line.get_label() == label for line in ax.lines)
+        ax.plot(x[stretch], y[stretch], color=color, linestyle=style, label=None if is_known else label)
 
 
 class BranchEndedEarly(_resonarm.ResonarmError):

@@ -14,6 +14,8 @@ from ._dtypes import Array, named, rows_of, unit, view
 from .scenario import Scenario
 from .words import RecordingPart
 
+SUBSCRIPTS = "₀₁₂₃₄₅₆₇₈₉"
+
 
 class RecordingWarning(UserWarning):
     """A recording is not whole: the missing records are not read."""
@@ -122,6 +124,25 @@ class Recording(_resonarm.Recording):
                 return
             first = False
 
+    def to_pandas(self, part: RecordingPart, from_sample: int = 0, to_sample: int = LAST) -> Any:
+        """The same as a `pandas.DataFrame`, by the extra `pandas`: a vector, as `alpha_rad`, is a column for each
+        component under the component's own name, as `alpha1_rad`, and the payloads of frames are bytes."""
+        pandas = _extras.require("pandas", "pandas")
+        rows = self.read(part, from_sample, to_sample)
+        components = dict(self.channels(part)) if part in ("states", "samples") else {}
+        columns: dict[str, Any] = {}
+        for field in rows.dtype.names or ():
+            values = rows[field]
+            if field == "data":
+                columns[field] = [self.frame_data(row) for row in rows]
+            elif values.ndim == 1:
+                columns[field] = values
+            else:
+                columns.update(zip(components[field], values.T, strict=True))
+        # Of the machine's byte order, in which pandas computes.
+        native = {name: _native(values) for name, values in columns.items()}
+        return pandas.DataFrame(native)
+
     @property
     def states(self) -> Array:
         """All states and loads, as `read` has them."""
@@ -143,14 +164,14 @@ class Recording(_resonarm.Recording):
         return self.read("events")
 
     def plot(self, ax: Any = None, *, from_sample: int = 0, to_sample: int = LAST) -> Any:
-        """Draws the coordinates over time, of the arm α1 and α2, on matplotlib's axes, by default the current ones;
-        they are returned."""
+        """Draws the coordinates over time, of the arm α1 and α2, on matplotlib's axes, by default those of a new
+        figure; they are returned."""
         ax = _extras.axes(ax)
         states = self.read("states", from_sample, to_sample)
         name = self.channels("states")[0][0]
         symbol = {"alpha_rad": "α", "q_m_sqrt_kg": "q"}.get(name, "x")
         for number, line in enumerate(ax.plot(states["time_s"], states[name]), 1):
-            line.set_label(f"{symbol}{number}")
+            line.set_label(f"{symbol}{''.join(SUBSCRIPTS[int(digit)] for digit in str(number))}")
         ax.set_xlabel("time (s)")
         ax.set_ylabel(f"{symbol} ({unit(name)})")
         ax.legend()
@@ -164,6 +185,11 @@ class Recording(_resonarm.Recording):
         summary = self.summary
         state = summary["integrity"]["state"]
         return f"<Recording {str(self.path)!r}: {summary['duration_s']:g} s, {state}>"
+
+
+def _native(values: Any) -> Any:
+    """The values in an array of its own, in the machine's byte order."""
+    return values if isinstance(values, list) else np.ascontiguousarray(values, values.dtype.newbyteorder("="))
 
 
 def _opened(path: str, strict: bool) -> Recording:

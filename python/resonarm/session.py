@@ -48,7 +48,7 @@ class Report:
     def plot(self, ax: Any = None, *, quantity: Reading = "acceleration_c_m_s2") -> Any:
         """Draws the amplitudes of the responses along x and y over the frequency: of `head_force_n`,
         `acceleration_b_m_s2` or `acceleration_c_m_s2`; those that had not settled are crosses. `ax` are matplotlib's
-        axes, by default the current ones; they are returned."""
+        axes, by default those of a new figure; they are returned."""
         if quantity not in READINGS:
             raise ValueError(f"there is no reading {quantity!r}, only {', '.join(READINGS)}")
         ax = _extras.axes(ax)

@@ -44,7 +44,7 @@ class StructureBasins(Cells):
 
     def plot(self, ax: Any = None) -> Any:
         """Draws the grid, a colour a motion, grey where undecided, and the motions at phase 0 as diamonds. `ax` are
-        matplotlib's axes, by default the current ones; they are returned."""
+        matplotlib's axes, by default those of a new figure; they are returned."""
         index = [self.known.index(name) for name in self.coordinates]
         return self._drawn(ax, [motion.section[:, index] for motion in self.motions], self.coordinates)
 

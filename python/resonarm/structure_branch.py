@@ -55,7 +55,7 @@ class StructureBranch:
     def plot(self, ax: Any = None, *, at: str | None = None) -> Any:
         """Draws the largest displacement of a degree of freedom, by default the first that is read, over the parameter:
         stable motions as lines, others dashed, all as lines if the stability was not computed, bifurcations as markers.
-        `ax` are matplotlib's axes, by default the current ones; they are returned."""
+        `ax` are matplotlib's axes, by default those of a new figure; they are returned."""
         at = self.at[0] if at is None else at
         if at not in self.at:
             raise ValueError(f"at is {at!r}: the branch is read at {', '.join(self.at)}")
@@ -69,6 +69,7 @@ class StructureBranch:
         of_frequency = self.parameter == "frequency"
         ax.set_xlabel("excitation frequency (Hz)" if of_frequency else f"load at {self.drive} ({self.drive_unit})")
         ax.set_ylabel(f"largest displacement of {at} ({column.removeprefix(prefix)})")
+        ax.legend()
         return ax
 
 

@@ -11,7 +11,8 @@ from . import _extras, _resonarm
 def plot(structure: _resonarm.Assembly, ax: Any = None, *, mode: int | None = 1) -> Any:
     """Draws the structure, grey at rest and in a natural mode, numbered from 1, or at rest alone where `mode` is None.
     A chain is drawn link by link with its turns magnified, modes by their points and the lines between them. Of points
-    along z a plane is drawn from aslant. `ax` are matplotlib's axes, by default the current ones; they are returned.
+    along z a plane is drawn from aslant. `ax` are matplotlib's axes, by default those of a new figure; they are
+    returned.
 
     Raises ValueError for a mode that there is not, and for modes without `points`.
     """
@@ -26,11 +27,12 @@ def plot(structure: _resonarm.Assembly, ax: Any = None, *, mode: int | None = 1)
     ax = _extras.axes(ax)
     at_rest, deflected = _flat(np.array(rest)), _flat(np.array(moved))
     joined = lines or [[k] for k in range(len(names))]
-    for line in joined:
-        ax.plot(*at_rest[line].T, "o-", color="0.7", markersize=4)
+    for number, line in enumerate(joined):
+        ax.plot(*at_rest[line].T, "o-", color="0.7", markersize=4, label=None if number else "at rest")
     if mode is not None:
-        for line in joined:
-            ax.plot(*deflected[line].T, "o-", color="C0", markersize=5)
+        for number, line in enumerate(joined):
+            label = None if number else f"mode {mode}"
+            ax.plot(*deflected[line].T, "o-", color="C0", markersize=5, label=label)
         if not lines:
             for start, end in zip(at_rest, deflected, strict=True):
                 ax.plot(*np.stack([start, end]).T, "-", color="C0", linewidth=1)
@@ -40,6 +42,7 @@ def plot(structure: _resonarm.Assembly, ax: Any = None, *, mode: int | None = 1)
     ax.set_aspect("equal", adjustable="datalim")
     ax.set_xlabel("x (m)")
     ax.set_ylabel("y (m)")
+    ax.legend()
     return ax
 
 

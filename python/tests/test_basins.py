@@ -45,7 +45,11 @@ def test_basins_are_those_of_the_program(command, tmp_path):
     expected = f"of 72 states {counts[0]} reach motion 1, {counts[1]} reach motion 2>"
     assert repr(found) == f"<Basins in alpha1_rad and alpha_dot1_rad_s: {expected}"
     ax = found.plot(Figure().subplots())
-    assert sorted(len(line.get_xdata()) for line in ax.lines) == sorted([*counts, 1, 1])
+    # Cells that touch: one mesh a motion, and one diamond each.
+    assert [mesh.get_array().count() for mesh in ax.collections] == counts
+    assert [len(line.get_xdata()) for line in ax.lines] == [0, 0, 1, 1]
+    names = [text.get_text() for text in ax.get_legend().get_texts()]
+    assert names == ["reaches motion 1", "reaches motion 2", "stable motions"]
 
 
 def test_cores_and_neighbours_change_no_bit(arm):

@@ -13,6 +13,7 @@ import cantools
 import numpy as np
 import pyarrow
 import pytest
+from matplotlib import pyplot
 from matplotlib.figure import Figure
 
 import resonarm
@@ -187,6 +188,28 @@ def test_a_recording_draws_itself():
     recording = resonarm.Recording(ROOT / "recordings/free-sweep.mcap")
     ax = recording.plot(Figure().subplots(), to_sample=99)
     assert [len(line.get_xdata()) for line in ax.lines] == [100, 100]
+    assert [text.get_text() for text in ax.get_legend().get_texts()] == ["α₁", "α₂"]
+
+
+def test_a_plot_without_axes_is_a_figure_of_its_own():
+    """Drawn into the current axes, a second plot covered the first."""
+    recording = resonarm.Recording(ROOT / "recordings/free-sweep.mcap")
+    first, second = recording.plot(to_sample=9), recording.plot(to_sample=9)
+    assert first.figure is not second.figure
+    assert [len(ax.lines) for ax in (first, second)] == [2, 2]
+    for ax in (first, second):
+        pyplot.close(ax.figure)
+
+
+def test_a_recording_is_a_data_frame_of_single_columns():
+    """pandas refuses the vectors of `states` in `pandas.DataFrame(recording.states)`."""
+    recording = resonarm.Recording(ROOT / "recordings/free-sweep.mcap")
+    states = recording.to_pandas("states", to_sample=99)
+    assert {"sample", "time_s", "alpha1_rad", "alpha2_rad", "force_x_n", "is_end"} <= set(states.columns)
+    np.testing.assert_array_equal(states["alpha2_rad"], recording.read("states", 0, 99)["alpha_rad"][:, 1])
+    for part in ("samples", "frames", "ticks", "events"):
+        assert len(recording.to_pandas(part)) == len(recording.read(part))
+    assert isinstance(recording.to_pandas("frames")["data"][0], bytes)
 
 
 def test_a_report_draws_its_responses(bench_scenario):

@@ -92,4 +92,5 @@ def test_a_branch_draws_itself(branch):
     assert [line.get_linestyle() for line in lines] == ["-", "--", "-"]
     assert sum(len(line.get_xdata()) for line in lines) == len(branch.points) + 2
     assert ax.get_xlabel() == "excitation frequency (Hz)"
-    assert ax.get_ylabel() == "largest |α2| (rad)"
+    assert ax.get_ylabel() == "largest |α₂| (rad)"
+    assert [text.get_text() for text in ax.get_legend().get_texts()][:2] == ["stable", "unstable"]

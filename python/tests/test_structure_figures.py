@@ -41,7 +41,11 @@ def test_basins_of_a_structure_are_those_of_the_program(command, tmp_path):
     assert repr(found) == f"{of}: of 42 states {counts[0]} reach motion 1, {counts[1]} reach motion 2>"
     assert repr(pickle.loads(pickle.dumps(found))) == repr(found)
     ax = found.plot(Figure().subplots())
-    assert sorted(len(line.get_xdata()) for line in ax.lines) == sorted([*counts, 1, 1])
+    # Cells that touch: one mesh a motion, and one diamond each.
+    assert [mesh.get_array().count() for mesh in ax.collections] == counts
+    assert [len(line.get_xdata()) for line in ax.lines] == [0, 0, 1, 1]
+    names = [text.get_text() for text in ax.get_legend().get_texts()]
+    assert names == ["reaches motion 1", "reaches motion 2", "stable motions"]
     assert ax.get_xlabel() == "q1_m_sqrt_kg"
 
 
