@@ -123,6 +123,29 @@ class Result:
         if self.exciter and self.exciter["outcome"] not in ("finished", "plant-left"):
             self._fail_at_the_end(f"the exciter ended {self.exciter['outcome']}: {self.exciter['reason']}")
 
+    def assert_controlled(self, *, share: float = 0.5) -> None:
+        """`assert_completed`, and the controller did something: a load other than zero acted in at least this share, 0
+        to 1, of the samples from arming on. A controller that arms the plant and then commands nothing, or only zeros,
+        completes its run and fails here. The samples before the first command and after the last one count, too."""
+        __tracebackhide__ = True
+        if not 0 < share <= 1:
+            raise ValueError(f"share is {share:g}: it must be above 0 and at most 1")
+        self.assert_completed()
+        events, states = self.recording.events, self.recording.states
+        armed_at = int(events["sample"][events["name"] == "state.operational"][0])
+        rows = states[:-1] if len(states) and states["is_end"][-1] else states
+        armed = rows[rows["sample"] >= armed_at]
+        loaded = np.zeros(len(armed), bool)
+        for vector in LOADS:
+            loaded |= (armed[vector] != 0).any(axis=1)
+        count = int(np.count_nonzero(loaded))
+        if count == 0 or count < share * len(armed):
+            self._fail_at_the_end(
+                f"the controller did not control the arm: a load other than zero acted in {count} of the {len(armed)} "
+                f"samples from arming on, expected at least {share:.0%}. Check that it answers every sample by the "
+                "load to hold"
+            )
+
     def assert_faulted(self, fault: Fault | None = None) -> None:
         """The plant ended by a fault, of this name in the protocol's specification if one is given, such as command
         timeout. From then on the other assertions, except `assert_completed`, are about the time before the fault."""

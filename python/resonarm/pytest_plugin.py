@@ -13,13 +13,18 @@ A scenario is parametrised by a separate fixture named `scenario`, or by several
 `@pytest.mark.scenario("a.toml", "b.toml")` runs the test with each.
 """
 
+import argparse
 import fcntl
+import hashlib
+import json
+import math
 import os
 import re
 import shutil
 import tempfile
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
+from importlib import import_module
 from pathlib import Path
 from typing import Any
 
@@ -27,7 +32,7 @@ import pytest
 
 from .scenario import Scenario
 from .session import Node
-from .testing import MEMORY, Bench, NeedsInterface, Program
+from .testing import MEMORY, TIME_LIMIT_S, Bench, NeedsInterface, Program
 
 _CAN = "280"  # ARPHRD_CAN of Linux's if_arp.h
 
@@ -46,13 +51,37 @@ def pytest_addoption(parser: pytest.Parser) -> None:
         metavar="FOLDER",
         help="keep the recordings of all tests here, one folder a test; else only those of failed tests are kept",
     )
+    group.addoption(
+        "--resonarm-time-limit",
+        type=_time_limit,
+        default=TIME_LIMIT_S,
+        metavar="SECONDS",
+        help="simulated time after which a run fails if neither the scenario nor the controller ends it, 0 for no "
+        "limit (default: %(default)g)",
+    )
 
 
 def pytest_configure(config: pytest.Config) -> None:
-    """Registers the mark."""
+    """Registers the marks."""
     config.addinivalue_line(
         "markers", "scenario(*files, **sections): the bench's scenario, or one after the other, with other values"
     )
+    config.addinivalue_line("markers", "requirement(*ids): the requirements that the test shows, for reports")
+
+
+def _time_limit(word: str) -> float:
+    """The value of --resonarm-time-limit."""
+    seconds = float(word)
+    if not (math.isfinite(seconds) and seconds >= 0):
+        raise argparse.ArgumentTypeError(f"{word} is no time: give seconds, or 0 for no limit")
+    return seconds
+
+
+def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
+    """Puts the requirements of a test among its properties, which reports such as JUnit XML have."""
+    for item in items:
+        for mark in item.iter_markers("requirement"):
+            item.user_properties += [("requirement", str(name)) for name in mark.args]
 
 
 def pytest_generate_tests(metafunc: pytest.Metafunc) -> None:
@@ -81,13 +110,28 @@ def bench(request: pytest.FixtureRequest, scenario: Scenario) -> Iterator[Bench]
     if kept is None:
         folder = Path(tempfile.mkdtemp(prefix="resonarm-"))
     else:
-        folder = Path(kept) / re.sub(r"[^\w.\[\]-]+", "-", request.node.nodeid)
+        folder = Path(kept) / _folder_name(request.node.nodeid)
+        try:
+            folder.mkdir(parents=True, exist_ok=True)
+        except OSError as error:
+            pytest.fail(
+                f"the folder of --resonarm-recordings can't be made: {error}. Name one that this user may write",
+                pytrace=False,
+            )
+    limit_s = request.config.getoption("--resonarm-time-limit")
     with _bus(request.config.getoption("--resonarm-bus")) as bus:
-        bench = Bench(scenario, folder, bus)
+        bench = Bench(scenario, folder, bus, time_limit_s=limit_s or None)
         request.node.stash[_BENCH] = bench
         yield bench
     if kept is None and not request.node.stash.get(_FAILED, False):
         shutil.rmtree(folder, ignore_errors=True)
+
+
+def _folder_name(nodeid: str) -> str:
+    """A name of one folder for each test: equal ones would mix the recordings of tests that run at the same time."""
+    plain = nodeid.replace("::", "-")
+    name = re.sub(r"[^\w.\[\]-]+", "-", plain)
+    return name if name == plain else f"{name}-{hashlib.sha256(nodeid.encode()).hexdigest()[:8]}"
 
 
 @pytest.fixture
@@ -123,7 +167,8 @@ _BENCH = pytest.StashKey[Bench]()
 _FAILED = pytest.StashKey[bool]()
 
 
-@pytest.hookimpl(hookwrapper=True)
+# Before the wrappers of other report plug-ins, which read what this one adds.
+@pytest.hookimpl(hookwrapper=True, trylast=True)
 def pytest_runtest_makereport(item: pytest.Item, call: pytest.CallInfo[Any]) -> Iterator[None]:
     """Adds the recordings of a failed test to its report; skips a test whose controller has no bus."""
     outcome: Any = yield
@@ -134,12 +179,38 @@ def pytest_runtest_makereport(item: pytest.Item, call: pytest.CallInfo[Any]) -> 
     if call.excinfo is not None and call.excinfo.errisinstance(NeedsInterface):
         report.outcome = "skipped"
         report.longrepr = (str(item.path), item.location[1] or 0, f"Skipped: {call.excinfo.value}")
-    elif report.failed:
+        return
+    written = [path for path in bench.recordings if path.exists()]
+    is_kept = report.failed or item.config.getoption("--resonarm-recordings") is not None
+    if is_kept:
+        # JUnit XML takes those of the last phase, which follows.
+        item.user_properties += [("resonarm_recording", str(path)) for path in written]
+        _attach(item.config, report, bench, written)
+    if report.failed:
         item.stash[_FAILED] = True
-        written = [str(path) for path in bench.recordings if path.exists()]
         for program in bench.programs:
             report.sections.append(("resonarm controller", program.output))
-        report.sections.append(("resonarm recordings", "\n".join([*written, f"on {bench.bus}, {bench.scenario!r}"])))
+        names = [str(path) for path in written]
+        report.sections.append(("resonarm recordings", "\n".join([*names, f"on {bench.bus}, {bench.scenario!r}"])))
+
+
+def _attach(config: pytest.Config, report: Any, bench: Bench, written: list[Path]) -> None:
+    """Attaches recordings, outputs of programs and the scenario to the reports of pytest-html and Allure, if they are
+    asked for. pytest-html links the recordings, Allure copies them."""
+    scenario = json.dumps(bench.scenario.values(), indent=2, default=str)
+    outputs = [(f"controller {number}", program.output) for number, program in enumerate(bench.programs, 1)]
+    if config.getoption("htmlpath", None) is not None:
+        extras = import_module("pytest_html").extras
+        links = [extras.url(path.resolve().as_uri(), name=path.name) for path in written]
+        texts = [extras.text(text, name=name) for name, text in [*outputs, ("scenario", scenario)]]
+        report.extras = [*getattr(report, "extras", []), *links, *texts]
+    if config.pluginmanager.hasplugin("allure_listener"):
+        allure = import_module("allure")
+        for path in written:
+            allure.attach.file(str(path), name=path.name, extension="mcap")
+        for name, text in outputs:
+            allure.attach(text, name=name, attachment_type=allure.attachment_type.TEXT)
+        allure.attach(scenario, name="scenario", attachment_type=allure.attachment_type.JSON)
 
 
 @contextmanager

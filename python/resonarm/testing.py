@@ -4,12 +4,14 @@ The pytest plugin (`resonarm.pytest_plugin`) provides it as the fixture `bench`;
 """
 
 import atexit
+import math
 import shutil
 import subprocess
 import tempfile
 import time
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
+from dataclasses import dataclass, field
 from os import PathLike
 from pathlib import Path
 from typing import Any
@@ -21,9 +23,62 @@ from .scenario import Scenario
 from .session import Controller, Node, run
 from .words import BusMode, Instrument, Mode, NetworkFault, NodeRole, SensorFault
 
-__all__ = ["MEMORY", "Bench", "NeedsInterface", "Program", "Result"]
+__all__ = ["FAULTS", "MEMORY", "Bench", "BenchFault", "NeedsInterface", "Program", "Result", "TimeLimit"]
 
 MEMORY = "memory"
+TIME_LIMIT_S = 60.0
+"""The simulated time after which a run ends if nothing else says when."""
+
+
+class TimeLimit(AssertionError):
+    """A run has reached the time limit of its bench."""
+
+
+@dataclass(frozen=True)
+class BenchFault:
+    """A fault for runs of a bench, by a name that suits a test: `with bench.inject(fault)`."""
+
+    name: str
+    kind: NetworkFault | SensorFault
+    values: dict[str, Any] = field(default_factory=dict, hash=False)
+    instrument: Instrument | None = None
+    """The instrument of a sensor's fault; None for a fault of the network, at the plant's end."""
+    ends_run: bool = False
+    """Whether the plant must end the run by a fault, since no fresh command reaches it: `assert_faulted` is then the
+    test. Otherwise a controller can carry on."""
+
+    def __str__(self) -> str:
+        return self.name
+
+
+_COMMANDS = {"direction": "receive"}
+_READINGS = {"direction": "send"}
+FAULTS: tuple[BenchFault, ...] = (
+    BenchFault("commands-lost", "loss", {"probability": 0.01, **_COMMANDS}),
+    BenchFault("readings-lost", "loss", {"probability": 0.01, **_READINGS}),
+    BenchFault("frames-late", "delay", {"delay_s": 0.002}),
+    BenchFault("frames-jitter", "jitter", {"delay_s": 0.002}),
+    BenchFault("frames-reordered", "reordering", {"delay_s": 0.002, "probability": 0.01}),
+    BenchFault("frames-duplicated", "duplication", {"probability": 0.05}),
+    BenchFault("commands-damaged", "bit_error", {"probability": 0.01, **_COMMANDS}),
+    BenchFault("readings-damaged", "bit_error", {"probability": 0.01, **_READINGS}),
+    BenchFault("bus-busy", "babble", {"rate_hz": 1000.0, "ids": [0x700]}),
+    BenchFault("tip-sensor-stuck", "stuck", {"axis": "x", "from_s": 0.3}, "accelerometer_c"),
+    BenchFault("tip-sensor-silent", "dropout", {"axis": "x", "from_s": 0.3}, "accelerometer_c"),
+    BenchFault("tip-sensor-noisy", "noise", {"axis": "x", "rms_m_s2": 1.0, "from_s": 0.3}, "accelerometer_c"),
+    BenchFault("head-stuck", "stuck", {"axis": "x", "from_s": 0.3}, "impedance_head"),
+    BenchFault("head-silent", "dropout", {"axis": "x", "from_s": 0.3}, "impedance_head"),
+    BenchFault("cable-unplugged", "link_down", {"from_s": 0.3}, ends_run=True),
+    BenchFault("commands-end", "loss", {"from_s": 0.3, **_COMMANDS}, ends_run=True),
+)
+"""Faults to parametrise a test with: of the network, the first ones, and of instruments. Those of `ends_run` come last.
+
+    @pytest.mark.parametrize("fault", FAULTS, ids=str)
+    def test_it(bench, fault):
+        with bench.inject(fault):
+            result = bench.run(controller)
+        result.assert_faulted() if fault.ends_run else result.assert_controlled()
+"""
 
 
 class NeedsInterface(Exception):
@@ -74,6 +129,9 @@ class Bench:
     process. `bus` is memory or a CAN interface of the kernel, for controller programs. Chains and modes are in the
     scenario; a `structure` whose step is written in Python stands in place of the arm in every run.
 
+    A run whose scenario has no `simulation.duration_s` and whose controller does not end it fails with TimeLimit after
+    `time_limit_s` of its samples' time; the emulated controller ends by itself. None is no limit.
+
     Runs are in simulated time, so they are exact on a busy machine. A controller in this process runs in the `mode`
     free: the times and delays of network faults are simulated, and deadlines hold as in real time. A program runs in
     lockstep, in which time waits for its answer: there the times of network faults follow the clock. Another `mode`,
@@ -91,11 +149,14 @@ class Bench:
         mode: Mode | None = None,
         *,
         structure: Structure | None = None,
+        time_limit_s: float | None = TIME_LIMIT_S,
     ) -> None:
+        if time_limit_s is not None and not (math.isfinite(time_limit_s) and time_limit_s > 0):
+            raise ValueError(f"time_limit_s is {time_limit_s:g}: it must be a positive number, or None for no limit")
         if scenario is None:
             scenario = Scenario()
         self.scenario = scenario if isinstance(scenario, Scenario) else Scenario.load(scenario)
-        self.bus, self.mode, self.structure = bus, mode, structure
+        self.bus, self.mode, self.structure, self.time_limit_s = bus, mode, structure, time_limit_s
         self._is_temporary = folder is None
         self.folder = Path(tempfile.mkdtemp(prefix="resonarm-") if folder is None else folder)
         self.folder.mkdir(parents=True, exist_ok=True)
@@ -129,10 +190,33 @@ class Bench:
         which `{bus}` stands for the interface: then NeedsInterface is raised on a bus in memory. `patience_s` is how
         long a plant waits to be armed, by the clock; in the mode free it waits for 5 s of simulated time.
         """
+        if controller is not None and not isinstance(controller, list | tuple):
+            _checks.controller(controller)
+        before, limit_s = self.scenario, self._limit_s(controller is None)
+        if limit_s is not None:
+            self.scenario = before.replace(simulation={"duration_s": limit_s})
+        try:
+            result = self._run(controller, patience_s)
+        finally:
+            self.scenario = before
+        if limit_s is not None and result.plant["outcome"] == "completed":
+            raise TimeLimit(
+                f"the controller has not ended its run within {limit_s:g} s of simulated time, the bench's time limit: "
+                "expected it to return None or to disarm the plant when it is done. If it has no end, set "
+                'simulation.duration_s, as in @pytest.mark.scenario("bench.toml", simulation={"duration_s": 2.0}); if '
+                "it takes longer, raise --resonarm-time-limit, in Python Bench(time_limit_s=...)\n"
+                f"recording: {result.recording.path}"
+            )
+        return result
+
+    def _limit_s(self, is_emulated: bool) -> float | None:
+        """The time limit of a run, None if something else ends it."""
+        has_end = is_emulated or self.scenario.values()["simulation"].get("duration_s") is not None
+        return None if has_end else self.time_limit_s
+
+    def _run(self, controller: Controller | list[str] | tuple[str, ...] | None, patience_s: float) -> Result:
         if isinstance(controller, list | tuple):
             return self._with_program(controller, patience_s)
-        if controller is not None:
-            _checks.controller(controller)
         path, mode = self._next(), self.mode or "free"
         if mode == "free":
             words: dict[str, Any] = {"structure": self.structure, "record": path, "patience_s": patience_s}
@@ -261,6 +345,16 @@ class Bench:
         """An instrument (accelerometer_b, accelerometer_c, impedance_head) has a fault: stuck, dropout, drift, noise
         or spike, with the keys of `[[rig.faults]]`."""
         with self._section("rig", {"instrument": instrument, "kind": kind, **values}):
+            yield
+
+    @contextmanager
+    def inject(self, fault: BenchFault) -> Iterator[None]:
+        """Runs within the block have a fault of the list `FAULTS`, or one like them."""
+        if fault.instrument is None:
+            block = self.fault(fault.kind, **fault.values)  # type: ignore[arg-type]
+        else:
+            block = self.sensor_fault(fault.instrument, fault.kind, **fault.values)  # type: ignore[arg-type]
+        with block:
             yield
 
     @contextmanager

@@ -1,12 +1,14 @@
 """The pytest plugin, run by pytest: suites that pass, and the reports of suites made to fail."""
 
+import json
 import re
 from pathlib import Path
+from xml.etree import ElementTree
 
 import pytest
 
 import resonarm
-from resonarm.testing import Bench
+from resonarm.testing import FAULTS, Bench, TimeLimit
 
 pytest_plugins = ["pytester"]
 ROOT = Path(__file__).resolve().parents[2]
@@ -69,7 +71,10 @@ def test_it(bench, kind):
     run(pytester, suite, "--resonarm-recordings", "kept").assert_outcomes(passed=2)
     kept = sorted(path.relative_to(pytester.path / "kept") for path in (pytester.path / "kept").rglob("*.mcap"))
     name = "test_recordings_of_all_tests_are_kept_if_asked_for.py-test_it"
-    assert [str(path) for path in kept] == [f"{name}[a-b]/run-1.mcap", f"{name}[c]/run-1.mcap"]
+    first, second = map(str, kept)
+    # The slash is replaced; [a-b] may be another test, which may run at the same time.
+    assert re.fullmatch(re.escape(f"{name}[a-b]") + r"-[0-9a-f]{8}/run-1\.mcap", first)
+    assert second == f"{name}[c]/run-1.mcap"
 
 
 REPORT = """\
@@ -246,3 +251,142 @@ def test_signals_are_known_by_name(tmp_path):
     result = Bench(bench, tmp_path).run()
     with pytest.raises(ValueError, match="there is no signal 'alpha', only acceleration_b_x_m_s2"):
         result.signal("alpha")
+
+
+def test_a_run_without_an_end_is_ended(pytester):
+    """A controller that never returns None, on a scenario without a duration: the test never ended."""
+    pytester.makepyfile("""
+import pytest
+@pytest.mark.scenario(excitation=None)
+def test_it(bench):
+    bench.run(lambda measured: (1.0, 0.0)).assert_completed()
+""")
+    result = pytester.runpytest_subprocess(
+        "-p", "no:cacheprovider", "--resonarm-bus=memory", "--resonarm-time-limit=0.5", "--tb=short"
+    )
+    result.assert_outcomes(failed=1)
+    text = result.stdout.str()
+    assert "the controller has not ended its run within 0.5 s of simulated time" in text
+    assert "simulation.duration_s" in text and "--resonarm-time-limit" in text
+    path = Path(re.search(r"recording: (\S+)", text)[1])
+    assert resonarm.Recording(path).summary["integrity"]["state"] == "complete"
+
+
+def test_the_time_limit_leaves_runs_with_an_end_alone(tmp_path):
+    scenario = resonarm.Scenario().replace(excitation=None)
+    with pytest.raises(TimeLimit, match=r"within 0\.2 s"):
+        Bench(scenario, tmp_path, time_limit_s=0.2).run(lambda measured: (1.0, 0.0))
+    bench = Bench(scenario.replace(simulation={"duration_s": 0.4}), tmp_path, time_limit_s=0.2)
+    assert bench.run(lambda measured: (1.0, 0.0)).plant["outcome"] == "completed"
+    ended = Bench(scenario, tmp_path, time_limit_s=0.2).run(
+        lambda measured: None if measured.sample > 50 else (1.0, 0.0)
+    )
+    ended.assert_controlled()
+    with pytest.raises(ValueError, match=r"time_limit_s is 0: it must be a positive number"):
+        Bench(scenario, tmp_path, time_limit_s=0)
+
+
+@pytest.mark.parametrize(
+    ("answer", "count"),
+    [
+        (lambda measured: None, r"0 of the \d+"),
+        (lambda measured: (0.0, 0.0), r"0 of the \d+"),
+        (lambda measured: (float(100 < measured.sample < 160), 0.0), r"5\d of the \d+"),
+    ],
+)
+def test_a_controller_that_does_nothing_is_found(tmp_path, answer, count):
+    """It passes `assert_completed`."""
+    scenario = resonarm.Scenario.load(ROOT / "scenarios/bench.toml", simulation={"duration_s": 0.5})
+    result = Bench(scenario, tmp_path).run(answer)
+    result.assert_completed()
+    with pytest.raises(
+        AssertionError, match=rf"did not control the arm: a load other than zero acted in {count} samples"
+    ):
+        result.assert_controlled()
+    with pytest.raises(ValueError, match=r"share is 0: it must be above 0 and at most 1"):
+        result.assert_controlled(share=0)
+
+
+def test_a_controller_that_acts_is_in_control(tmp_path):
+    scenario = resonarm.Scenario.load(ROOT / "scenarios/bench.toml", simulation={"duration_s": 0.5})
+    Bench(scenario, tmp_path).run(lambda measured: (0.0, 2.0)).assert_controlled(share=0.9)
+    Bench(scenario, tmp_path).run().assert_controlled()
+
+
+@pytest.mark.parametrize("fault", FAULTS, ids=str)
+def test_the_faults_of_the_list_do_what_they_say(tmp_path, fault):
+    scenario = resonarm.Scenario.load(ROOT / "scenarios/bench.toml")
+    bench = Bench(scenario, tmp_path)
+    with bench.inject(fault):
+        result = bench.run(lambda measured: (2.0, 1.0) if measured.sample < 1000 else None)
+    assert bench.scenario is scenario
+    if fault.ends_run:
+        result.assert_faulted()
+    else:
+        result.assert_controlled(share=0.8)
+
+
+REPORTED = """
+@pytest.mark.requirement("CTRL-1", "CTRL-2")
+def test_it(bench):
+    bench.run(lambda measured: (1.0, 0.0) if measured.sample < 50 else None).assert_force_below(LIMIT)
+"""
+
+
+@pytest.mark.parametrize("words", [(), ("-n", "1")])
+def test_junit_has_requirements_and_recordings(pytester, words):
+    words = ["--junitxml", "junit.xml", "--resonarm-recordings", "kept", *words]
+    run(pytester, REPORTED.replace("LIMIT", "50"), *words).assert_outcomes(passed=1)
+    properties = ElementTree.parse(pytester.path / "junit.xml").getroot().iter("property")
+    found = [(given.get("name"), given.get("value")) for given in properties]
+    assert found[:2] == [("requirement", "CTRL-1"), ("requirement", "CTRL-2")]
+    [(name, path)] = found[2:]
+    assert name == "resonarm_recording" and (pytester.path / path).is_file()
+
+
+def test_pytest_html_and_allure_have_recordings(pytester):
+    """With the real plug-ins, which read what this one adds."""
+    pytest.importorskip("pytest_html")
+    pytest.importorskip("allure_pytest")
+    words = ("--html=report.html", "--self-contained-html", "--alluredir=allure")
+    run(pytester, REPORTED.replace("LIMIT", "0.5"), *words).assert_outcomes(failed=1)
+    page = (pytester.path / "report.html").read_text()
+    assert re.search(r"file:///[^&]*/run-1\.mcap", page) and "run-1.mcap" in page
+    [document] = (pytester.path / "allure").glob("*-result.json")
+    attached = {each["name"]: each["source"] for each in json.loads(document.read_text())["attachments"]}
+    assert attached.keys() >= {"run-1.mcap", "scenario"}
+    recording = pytester.path / "allure" / attached["run-1.mcap"]
+    assert resonarm.Recording(recording).summary["integrity"]["state"] == "complete"
+
+
+def test_without_the_plugin_its_options_are_unknown_to_nobody(pytester):
+    """`-p no:resonarm` reaches the workers of xdist: no fixture, and no traceback of options."""
+    pytester.makepyfile("def test_it(bench):\n    pass\n")
+    result = pytester.runpytest_subprocess("-p", "no:cacheprovider", "-p", "no:resonarm", "-n", "2")
+    result.assert_outcomes(errors=1)
+    result.stdout.fnmatch_lines(["*fixture 'bench' not found*"])
+    assert "conflicting" not in result.stdout.str() + result.stderr.str()
+
+
+def test_a_worker_that_dies_takes_one_test_with_it(pytester):
+    suite = """
+import os
+@pytest.mark.parametrize("n", range(6))
+def test_run(bench, n):
+    bench.run(lambda measured: (1.0, 0.0) if measured.sample < 50 else None).assert_completed()
+def test_dies(bench):
+    os._exit(11)
+"""
+    result = run(pytester, suite, "-n", "2", "--max-worker-restart", "2")
+    result.assert_outcomes(passed=6, failed=1)
+    result.stdout.fnmatch_lines(["*worker 'gw*' crashed while running*test_dies*"])
+
+
+def test_a_folder_that_can_not_be_written_is_named(pytester):
+    """A file in its place, which stops an administrator, too."""
+    (pytester.path / "out").write_text("")
+    result = run(pytester, "def test_it(bench):\n    pass\n", "--resonarm-recordings", "out/kept")
+    result.assert_outcomes(errors=1)
+    result.stdout.fnmatch_lines(
+        ["*the folder of --resonarm-recordings can't be made: *Name one that this user may write*"]
+    )
