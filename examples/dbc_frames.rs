@@ -17,7 +17,7 @@ use std::error::Error;
 use std::io::{BufRead, Write};
 use std::path::Path;
 
-use resonarm::dbc::Database;
+use resonarm::dbc::{Database, Signal};
 use resonarm::protocol::Frame;
 use resonarm::wire::checksum::{DataId, Preset};
 use resonarm::wire::layout::{ByteOrder, Layout, Number};
@@ -63,9 +63,21 @@ fn decode(database: &Database, frame: &Frame) -> Answer {
         value if value.is_infinite() => json!(if value > 0.0 { "inf" } else { "-inf" }),
         value => json!(value),
     };
-    let signals: Map<String, Value> =
-        message.codec().decode(frame.data()).map(|(name, value)| (name.to_string(), number(value))).collect();
-    Ok(json!({ "message": message.name(), "signals": signals }))
+    let of = |signal: &Signal| {
+        let value = signal.decode(frame.data())?;
+        // More digits than a floating-point number keeps; beyond 64 bits JSON has no integer.
+        let exact = signal.large_integer(frame.data());
+        let exact = exact
+            .and_then(|exact| i64::try_from(exact).map(|i| json!(i)).or(u64::try_from(exact).map(|u| json!(u))).ok());
+        let text = signal.text(frame.data()).map(str::to_string);
+        Some((signal.name().to_string(), exact.unwrap_or_else(|| number(value)), text))
+    };
+    let (mut signals, mut texts) = (Map::new(), Map::new());
+    for (name, value, text) in message.signals().filter_map(of) {
+        texts.extend(text.map(|text| (name.clone(), json!(text))));
+        signals.insert(name, value);
+    }
+    Ok(json!({ "message": message.name(), "signals": signals, "texts": texts }))
 }
 
 fn encode(database: &Database, name: &str, values: &Map<String, Value>) -> Answer {

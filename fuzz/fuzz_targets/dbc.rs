@@ -1,5 +1,5 @@
 //! Any bytes as a DBC and a payload: it is refused, or every message of it decodes the payload, and what it decodes is
-//! written back where the signal can say it.
+//! written back where the signal can say it and is not for reading alone.
 #![no_main]
 
 use libfuzzer_sys::fuzz_target;
@@ -12,6 +12,10 @@ fuzz_target!(|input: &[u8]| {
     for message in database.messages() {
         for signal in message.signals() {
             let Some(value) = signal.decode(payload) else { continue };
+            _ = (signal.text(payload), signal.large_integer(payload));
+            if message.signal(signal.name()).is_err() {
+                continue;
+            }
             let mut written = payload.to_vec();
             if value.is_finite() && signal.wire().encode(value, &mut written).is_ok() {
                 let again = signal.decode(&written).expect("a payload as long as before");

@@ -74,8 +74,8 @@ impl Signal {
     /// A signal of the value scale · raw + offset, in the unit of both.
     ///
     /// # Errors
-    /// [`SignalError`] if the scale is 0 or not finite, the offset is not finite, the raw number is an integer of more
-    /// than 53 bits, which an f64 would round, or an integer's largest value is not finite.
+    /// [`SignalError`] if the scale is 0 or not finite, the offset is not finite, or an integer's largest value is not
+    /// finite.
     pub fn new(layout: Layout, scale: f64, offset: f64) -> Result<Signal, SignalError> {
         if !scale.is_finite() || scale == 0.0 {
             return Err(SignalError::Scale { got: scale });
@@ -83,14 +83,22 @@ impl Signal {
         if !offset.is_finite() {
             return Err(SignalError::Offset { got: offset });
         }
-        if layout.number() != Number::Float && layout.bits() > F64_INTEGER_BITS {
-            return Err(SignalError::BeyondF64 { bits: layout.bits() });
-        }
         let signal = Signal { layout, scale, offset };
         if layout.number() != Number::Float && !signal.ends().iter().all(|end| end.is_finite()) {
             return Err(SignalError::Range { scale, offset });
         }
         Ok(signal)
+    }
+
+    /// Checks that an `f64` holds each raw number exactly: an integer of more bits is rounded.
+    ///
+    /// # Errors
+    /// [`SignalError::BeyondF64`].
+    pub fn check_exact(&self) -> Result<(), SignalError> {
+        if self.layout.number() != Number::Float && self.layout.bits() > F64_INTEGER_BITS {
+            return Err(SignalError::BeyondF64 { bits: self.layout.bits() });
+        }
+        Ok(())
     }
 
     /// Where its bits lie.
@@ -238,8 +246,8 @@ mod tests {
         assert_eq!(signal(8, Number::Signed, 0.0, 0.0), Err(SignalError::Scale { got: 0.0 }));
         assert_eq!(signal(8, Number::Signed, f64::INFINITY, 0.0), Err(SignalError::Scale { got: f64::INFINITY }));
         assert!(signal(8, Number::Signed, 1.0, f64::NAN).is_err());
-        assert_eq!(signal(54, Number::Unsigned, 1.0, 0.0), Err(SignalError::BeyondF64 { bits: 54 }));
-        assert!(signal(53, Number::Unsigned, 1.0, 0.0).is_ok());
+        let exact = |bits| signal(bits, Number::Unsigned, 1.0, 0.0).unwrap().check_exact();
+        assert_eq!((exact(53), exact(54)), (Ok(()), Err(SignalError::BeyondF64 { bits: 54 })));
         assert_eq!(signal(8, Number::Signed, 1e307, 0.0), Err(SignalError::Range { scale: 1e307, offset: 0.0 }));
         assert!(signal(64, Number::Float, 1.0, 0.0).is_ok());
     }

@@ -226,6 +226,7 @@ impl Drive {
         DecodedSignal {
             name: String::from("value"),
             value: Some(number as f64),
+            large: None,
             unit: words::unit(address).to_string(),
             text: words::value(dictionary, address, number, before),
             means: self.meaning(address.index, number as f64).into_iter().collect(),
@@ -262,7 +263,14 @@ fn part_name(part: Part, node: u8) -> String {
 }
 
 fn plain(name: &str, value: f64) -> DecodedSignal {
-    DecodedSignal { name: name.to_string(), value: Some(value), unit: String::new(), text: None, means: Vec::new() }
+    DecodedSignal {
+        name: name.to_string(),
+        value: Some(value),
+        large: None,
+        unit: String::new(),
+        text: None,
+        means: Vec::new(),
+    }
 }
 
 fn worded(name: &str, value: f64, text: &str) -> DecodedSignal {

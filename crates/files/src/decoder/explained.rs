@@ -5,7 +5,6 @@ use super::meaning::Meaning;
 use super::roles::{MessageRoles, action_name};
 use resonarm_protocol::Frame;
 use resonarm_scenario::dbc::{Message, Signal};
-use resonarm_wire::layout::Number;
 
 /// A frame explained.
 #[derive(Clone, Debug, PartialEq)]
@@ -70,12 +69,23 @@ pub struct DecodedSignal {
     pub name: String,
     /// Its value, in its unit; `None` if the payload ends before it.
     pub value: Option<f64>,
+    /// What `value` rounds, if the signal is an integer of more bits than that holds.
+    pub large: Option<LargeInteger>,
     /// Its unit, as in the DBC; empty without one.
     pub unit: String,
     /// The text that the DBC's value table has for it, or CANopen's words.
     pub text: Option<String>,
     /// What it means to the plant.
     pub means: Vec<Meaning>,
+}
+
+/// An integer of more than 53 bits.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct LargeInteger {
+    /// The raw number.
+    pub raw: i128,
+    /// The value, if that is an integer, too.
+    pub value: Option<i128>,
 }
 
 /// A message, its outcome still open.
@@ -94,7 +104,17 @@ pub(super) fn message(
             _ => Vec::new(),
         };
         let (name, unit) = (signal.name().to_string(), signal.unit().to_string());
-        DecodedSignal { name, value, unit, text: value.and_then(|_| text(signal, payload)), means }
+        let is_large = value.is_some() && signal.wire().check_exact().is_err();
+        let large = if is_large { signal.raw(payload) } else { None };
+        let large = large.map(|raw| LargeInteger { raw, value: signal.large_integer(payload) });
+        DecodedSignal {
+            name,
+            value,
+            large,
+            unit,
+            text: value.and_then(|_| signal.text(payload)).map(str::to_string),
+            means,
+        }
     });
     let signals = signals.collect();
     let requests = roles.as_ref().map_or(&[][..], |roles| roles.requests());
@@ -109,15 +129,4 @@ pub(super) fn message(
         signals,
         means: requests.chain(sync).collect(),
     }
-}
-
-/// The text of the value table for the signal's raw number.
-fn text(signal: &Signal, payload: &[u8]) -> Option<String> {
-    let layout = signal.wire().layout();
-    let raw = match layout.number() {
-        Number::Signed => layout.extract_i64(payload)?,
-        Number::Unsigned => i64::try_from(layout.extract_u64(payload)?).ok()?,
-        Number::Float => return None,
-    };
-    signal.values().iter().find(|(number, _)| *number == raw).map(|(_, text)| text.clone())
 }

@@ -18,14 +18,14 @@ mod words;
 use std::collections::HashMap;
 
 pub use check::Fault;
-pub use explained::{Decoded, DecodedMessage, DecodedSignal, Outcome};
+pub use explained::{Decoded, DecodedMessage, DecodedSignal, LargeInteger, Outcome};
 pub use meaning::{Meaning, ObjectName};
 
 use drives::Drives;
 use resonarm_bench::node::WireSpec;
 use resonarm_bench::node::mapped::mapping::Mapping;
 use resonarm_protocol::{Frame, FrameFormat, Id};
-use resonarm_scenario::dbc::{Database, Message};
+use resonarm_scenario::dbc::{Database, Found, Message};
 use resonarm_scenario::{Scenario, ScenarioError};
 use roles::MessageRoles;
 
@@ -78,6 +78,22 @@ impl Decoder {
         match &self.protocol {
             Protocol::Dbc { mapped, .. } => !mapped.is_empty(),
             Protocol::CanOpen(_) => true,
+        }
+    }
+
+    /// Where the DBC is from; `None` of CANopen drives.
+    pub fn origin(&self) -> Option<&str> {
+        match &self.protocol {
+            Protocol::Dbc { database, .. } => Some(database.origin()),
+            Protocol::CanOpen(_) => None,
+        }
+    }
+
+    /// What is wrong with the DBC, in the order of the file: some of it is not decoded.
+    pub fn problems(&self) -> Vec<Found> {
+        match &self.protocol {
+            Protocol::Dbc { database, .. } => database.problems(),
+            Protocol::CanOpen(_) => Vec::new(),
         }
     }
 

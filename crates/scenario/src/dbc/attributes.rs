@@ -2,19 +2,22 @@
 
 use std::collections::HashMap;
 
-use can_dbc::{AttributeDefinition, AttributeValue, AttributeValueType, Dbc, MessageId};
 use resonarm_protocol::FrameFormat;
 
 use super::Problem;
+use super::syntax::{AttributeOwner, AttributeValue, Statements};
 
 /// The words of `VFrameFormat` by their index, as the makers of the format list them.
 const FORMATS: [(u64, &str); 5] =
     [(0, "StandardCAN"), (1, "ExtendedCAN"), (3, "J1939PG"), (14, "StandardCAN_FD"), (15, "ExtendedCAN_FD")];
 
-/// The attributes of a file, to look up.
+/// Most bytes of a classical frame.
+const CLASSIC_MAX_BYTES: u64 = 8;
+
+/// The attributes of a file, to look up. Identifiers are those of the file, with bit 31 of those with 29 bits.
 pub(super) struct Attributes<'a> {
-    messages: HashMap<(MessageId, &'a str), &'a AttributeValue>,
-    signals: HashMap<(MessageId, &'a str, &'a str), &'a AttributeValue>,
+    messages: HashMap<(u64, &'a str), &'a AttributeValue>,
+    signals: HashMap<(u64, &'a str, &'a str), &'a AttributeValue>,
     nodes: HashMap<(&'a str, &'a str), &'a AttributeValue>,
     defaults: HashMap<&'a str, &'a AttributeValue>,
     /// The words of those that are one of a list.
@@ -22,45 +25,56 @@ pub(super) struct Attributes<'a> {
 }
 
 impl<'a> Attributes<'a> {
-    pub(super) fn new(dbc: &'a Dbc) -> Attributes<'a> {
-        let messages = dbc.attribute_values_message.iter();
-        let signals = dbc.attribute_values_signal.iter();
-        let nodes = dbc.attribute_values_node.iter();
-        Attributes {
-            messages: messages.map(|of| ((of.message_id, of.name.as_str()), &of.value)).collect(),
-            signals: signals
-                .map(|of| ((of.message_id, of.signal_name.as_str(), of.name.as_str()), &of.value))
-                .collect(),
-            nodes: nodes.map(|of| ((of.node_name.as_str(), of.name.as_str()), &of.value)).collect(),
-            defaults: dbc.attribute_defaults.iter().map(|of| (of.name.as_str(), &of.value)).collect(),
-            words: dbc.attribute_definitions.iter().filter_map(words).collect(),
+    pub(super) fn new(statements: &'a Statements) -> Attributes<'a> {
+        let defaults = statements.attribute_defaults.iter().map(|(name, value)| (name.as_str(), value));
+        let words = statements.attribute_words.iter().map(|(name, words)| (name.as_str(), words.as_slice()));
+        let mut attributes = Attributes {
+            messages: HashMap::new(),
+            signals: HashMap::new(),
+            nodes: HashMap::new(),
+            defaults: defaults.collect(),
+            words: words.collect(),
+        };
+        for of in &statements.attributes {
+            let (name, value) = (of.name.as_str(), &of.value);
+            match &of.of {
+                AttributeOwner::Message(id) => drop(attributes.messages.insert((*id, name), value)),
+                AttributeOwner::Signal(id, signal) => drop(attributes.signals.insert((*id, signal, name), value)),
+                AttributeOwner::Node(node) => drop(attributes.nodes.insert((node, name), value)),
+                AttributeOwner::Other => {}
+            }
         }
+        attributes
     }
 
     /// The value of a message's attribute, else its default. A word of a list may be written as such or as its index.
-    fn of_message(&self, id: MessageId, name: &'a str) -> Option<&'a AttributeValue> {
+    fn of_message(&self, id: u64, name: &'a str) -> Option<&'a AttributeValue> {
         self.messages.get(&(id, name)).or_else(|| self.defaults.get(name)).copied()
     }
 
     /// The cycle time of a message, ms, if it is stated and positive.
-    pub(super) fn cycle_time_ms(&self, id: MessageId) -> Option<f64> {
+    pub(super) fn cycle_time_ms(&self, id: u64) -> Option<f64> {
         number(self.of_message(id, "GenMsgCycleTime")?).filter(|time_ms| time_ms.is_finite() && *time_ms > 0.0)
     }
 
-    /// The format of the frames of a message.
-    pub(super) fn format(&self, id: MessageId) -> Result<FrameFormat, Problem> {
-        let Some(value) = self.of_message(id, "VFrameFormat") else {
-            return Ok(FrameFormat::Classic);
+    /// The format of the frames of a message of this length. Without `VFrameFormat` a message that no classical frame
+    /// holds is one of CAN FD.
+    pub(super) fn format(&self, id: u64, bytes: u64) -> Result<FrameFormat, Problem> {
+        let is_fd = match self.of_message(id, "VFrameFormat") {
+            None => bytes > CLASSIC_MAX_BYTES,
+            Some(value) => match self.format_index(value) {
+                Some(14 | 15) => true,
+                Some(0 | 1 | 3) => false,
+                _ => return Err(Problem::Format { got: self.word(value, "VFrameFormat") }),
+            },
         };
-        match self.format_index(value) {
-            Some(14 | 15) => {
-                let switch = self.of_message(id, "CANFD_BRS").map(|value| self.word(value, "CANFD_BRS"));
-                let bit_rate_switch = !matches!(switch.as_deref(), Some("0"));
-                Ok(FrameFormat::Fd { bit_rate_switch, error_state_indicator: false })
-            }
-            Some(0 | 1 | 3) => Ok(FrameFormat::Classic),
-            _ => Err(Problem::Format { got: self.word(value, "VFrameFormat") }),
-        }
+        Ok(if is_fd { self.fd(id) } else { FrameFormat::Classic })
+    }
+
+    /// The format of a message of CAN FD, which switches its bit rate unless `CANFD_BRS` is 0.
+    pub(super) fn fd(&self, id: u64) -> FrameFormat {
+        let switch = self.of_message(id, "CANFD_BRS").map(|value| self.word(value, "CANFD_BRS"));
+        FrameFormat::Fd { bit_rate_switch: !matches!(switch.as_deref(), Some("0")), error_state_indicator: false }
     }
 
     /// The index of a `VFrameFormat`. Some files have a list of other words in another order: the word counts.
@@ -76,20 +90,18 @@ impl<'a> Attributes<'a> {
         let listed = index.and_then(|index| self.words.get(name)?.get(index as usize));
         match (listed, value) {
             (Some(word), _) => word.clone(),
-            (None, AttributeValue::String(text)) => text.clone(),
-            (None, AttributeValue::Uint(number)) => number.to_string(),
-            (None, AttributeValue::Int(number)) => number.to_string(),
-            (None, AttributeValue::Double(number)) => number.to_string(),
+            (None, AttributeValue::Text(text)) => text.clone(),
+            (None, AttributeValue::Number(number)) => number.to_string(),
         }
     }
 
     /// The long name of a message.
-    pub(super) fn message_name(&self, id: MessageId, symbol: &str) -> String {
+    pub(super) fn message_name(&self, id: u64, symbol: &str) -> String {
         long(self.messages.get(&(id, "SystemMessageLongSymbol")), symbol)
     }
 
     /// The long name of a signal.
-    pub(super) fn signal_name(&self, id: MessageId, symbol: &str) -> String {
+    pub(super) fn signal_name(&self, id: u64, symbol: &str) -> String {
         long(self.signals.get(&(id, symbol, "SystemSignalLongSymbol")), symbol)
     }
 
@@ -99,26 +111,17 @@ impl<'a> Attributes<'a> {
     }
 }
 
-fn words(definition: &AttributeDefinition) -> Option<(&str, &[String])> {
-    match definition {
-        AttributeDefinition::Message(name, AttributeValueType::Enum(words)) => Some((name, words)),
-        _ => None,
-    }
-}
-
 /// A number as such, or as the text that some tools write.
 fn number(value: &AttributeValue) -> Option<f64> {
     match value {
-        AttributeValue::Uint(number) => Some(*number as f64),
-        AttributeValue::Int(number) => Some(*number as f64),
-        AttributeValue::Double(number) => Some(*number),
-        AttributeValue::String(text) => text.trim().parse().ok(),
+        AttributeValue::Number(number) => Some(*number),
+        AttributeValue::Text(text) => text.trim().parse().ok(),
     }
 }
 
 fn long(name: Option<&&AttributeValue>, symbol: &str) -> String {
     match name {
-        Some(AttributeValue::String(name)) if !name.is_empty() => name.clone(),
+        Some(AttributeValue::Text(name)) if !name.is_empty() => name.clone(),
         _ => symbol.to_string(),
     }
 }

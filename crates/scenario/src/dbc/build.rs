@@ -1,9 +1,8 @@
 //! From the parsed file to messages and signals that are checked.
 
-use std::collections::HashMap;
+use std::collections::{HashMap, HashSet};
 use std::sync::Arc;
 
-use can_dbc::{Dbc, NumericValue, SignalExtendedValueType, ValueDescription};
 use resonarm_protocol::{Frame, FrameFormat, Id};
 use resonarm_wire::PAYLOAD_MAX_BYTES;
 use resonarm_wire::layout::{ByteOrder, Layout, Number};
@@ -11,219 +10,205 @@ use resonarm_wire::multiplex::Presence;
 use resonarm_wire::signal::Signal as WireSignal;
 
 use super::attributes::Attributes;
-use super::multiplexing::Switches;
-use super::statements::{MessageLine, Scan, scan};
+use super::multiplexing::{self, Switches};
+use super::syntax::{MessageStatement, OfSignal, SignalStatement, Statements};
 use super::{Database, DbcError, Found, Message, Named, Problem, Signal};
+
+/// The largest 29-bit identifier, and the bit that marks one.
+const EXTENDED_MAX: u64 = 0x1FFF_FFFF;
+const EXTENDED: u64 = 1 << 31;
 
 pub(super) fn database(text: &str, origin: &str) -> Result<Database, DbcError> {
     let origin: Arc<str> = Arc::from(origin);
-    let Scan { text, messages: lines, impossible } = scan(text);
-    let dbc = Dbc::try_from(text.as_str())
-        .map_err(|error| DbcError::Syntax { origin: origin.clone(), reason: reason(&error) })?;
-    check_lines(&dbc, &lines, &origin)?;
-    let file =
-        File { origin: origin.clone(), attributes: Attributes::new(&dbc), types: types(&dbc), values: values(&dbc) };
-    let switches = Switches::by_message(&dbc);
-    let mut messages: Vec<Named<Message>> = Vec::new();
-    for (message, line) in dbc.messages.iter().zip(&lines) {
-        let value = file.message(message, line, switches.get(&message.id));
-        let name = file.attributes.message_name(message.id, &message.name);
-        messages.push(Named { name, symbol: message.name.clone(), line: line.line, value });
-    }
-    messages.extend(impossible.into_iter().map(|MessageLine { name, id, line, .. }| Named {
-        symbol: name.clone(),
-        name,
-        line,
-        value: Err(Problem::Id { got: id }),
-    }));
-    messages.sort_by_key(|message| message.line);
-    refuse_twins(&mut messages, &lines);
-    let nodes = dbc.nodes.iter().map(|node| file.attributes.node_name(&node.0)).collect();
-    Ok(Database { strays: strays(&dbc, &lines), origin, nodes, messages })
-}
-
-/// What the parser says, in one line, with the place.
-fn reason(error: &can_dbc::DbcError) -> String {
-    let whole = error.to_string();
-    // The first line is ` --> 3:1`, the third `3 | the text of the line`, the last ` = expected …`.
-    let place = whole.lines().next().and_then(|first| first.trim().strip_prefix("--> ")?.split_once(':'));
-    let Some((line, column)) = place else {
-        return whole;
+    let statements = Statements::parse(text).map_err(|error| DbcError::Syntax {
+        origin: origin.clone(),
+        line: error.line,
+        column: error.column,
+        expected: error.expected,
+        got: error.got,
+    })?;
+    let file = File {
+        origin: origin.clone(),
+        attributes: Attributes::new(&statements),
+        types: by_signal(&statements.types),
+        values: by_signal(&statements.values),
+        switches: multiplexing::switches(&statements),
+        senders: statements.senders.iter().map(|(id, nodes)| (*id, nodes.as_slice())).collect(),
     };
-    let text = whole.lines().nth(2).and_then(|third| third.split_once(" | ")).map_or("", |(_, text)| text);
-    let shown: String = text.chars().take(80).collect();
-    format!("line {line}, column {column} can't be read as DBC: {shown:?}")
-}
-
-/// Whether the lines found before are those of the messages and signals that the parser has found.
-fn check_lines(dbc: &Dbc, lines: &[MessageLine], origin: &Arc<str>) -> Result<(), DbcError> {
-    for (position, message) in dbc.messages.iter().enumerate() {
-        let line = lines.get(position);
-        let names = |line: &MessageLine| {
-            line.signals.iter().map(|(name, _)| name).eq(message.signals.iter().map(|of| &of.name))
-        };
-        if !line.is_some_and(|line| line.name == message.name && names(line)) {
-            let line = line.or(lines.last()).map_or(1, |line| line.line);
-            return Err(DbcError::SharedLine { origin: origin.clone(), line });
+    let mut messages: Vec<Named<Message>> = statements.messages.iter().map(|message| file.message(message)).collect();
+    refuse_twins(&mut messages, &statements.messages);
+    restrict_names(&mut messages);
+    let mut nodes: Vec<String> = Vec::new();
+    let listed = statements.nodes.iter();
+    // Many files leave out nodes that their messages name.
+    let senders = statements.messages.iter().flat_map(|message| &message.sender);
+    let further = statements.senders.iter().flat_map(|(_, nodes)| nodes);
+    for node in listed.chain(senders).chain(further).map(|node| file.attributes.node_name(node)) {
+        if !nodes.contains(&node) {
+            nodes.push(node);
         }
     }
-    Ok(())
+    Ok(Database { strays: strays(&statements), origin, nodes, messages })
 }
 
-type Key<'a> = (can_dbc::MessageId, &'a str);
+/// What statements say, by the identifier as it is written, and the signal.
+fn by_signal<T>(statements: &[OfSignal<T>]) -> HashMap<Key<'_>, &T> {
+    statements.iter().map(|of| ((of.message, of.signal.as_str()), &of.value)).collect()
+}
 
-/// The floating-point types of signals, by their bits.
-fn types(dbc: &Dbc) -> HashMap<Key<'_>, u64> {
-    let listed = dbc.signal_extended_value_type_list.iter().filter_map(|of| {
-        let bits = match of.signal_extended_value_type {
-            SignalExtendedValueType::IEEEfloat32Bit => 32,
-            SignalExtendedValueType::IEEEdouble64bit => 64,
-            SignalExtendedValueType::SignedOrUnsignedInteger => return None,
+type Key<'a> = (u64, &'a str);
+
+/// Statements about signals that aren't there.
+fn strays(statements: &Statements) -> Vec<Found> {
+    fn of<'a, T>(
+        keyword: &'static str,
+        listed: &'a [OfSignal<T>],
+    ) -> impl Iterator<Item = (&'static str, usize, Key<'a>)> {
+        listed.iter().map(move |of| (keyword, of.line, (of.message, of.signal.as_str())))
+    }
+    let mut signals: HashMap<u64, (&str, HashSet<&str>)> = HashMap::new();
+    for message in &statements.messages {
+        let entry = signals.entry(message.id).or_insert((&message.name, HashSet::new()));
+        entry.1.extend(message.signals.iter().map(|signal| signal.name.as_str()));
+    }
+    let all = of("SIG_VALTYPE_", &statements.types)
+        .chain(of("SG_MUL_VAL_", &statements.switches))
+        .chain(of("VAL_", &statements.values))
+        .chain(of("CM_", &statements.comments));
+    let strays = all.filter_map(|(statement, line, (id, signal))| {
+        let (message, problem) = match signals.get(&id) {
+            Some((_, known)) if known.contains(signal) => return None,
+            Some((message, _)) => (message.to_string(), Problem::NoSuchSignal { statement }),
+            None => (String::new(), Problem::NoSuchMessage { statement, id }),
         };
-        Some(((of.message_id, of.signal_name.as_str()), bits))
+        Some(Found { line, message, signal: Some(signal.to_string()), problem })
     });
-    listed.collect()
-}
-
-/// The names of raw numbers of signals.
-fn values(dbc: &Dbc) -> HashMap<Key<'_>, Vec<(i64, String)>> {
-    let listed = dbc.value_descriptions.iter().filter_map(|of| match of {
-        ValueDescription::Signal { message_id, name, value_descriptions } => {
-            let values = value_descriptions.iter().map(|value| (value.id, value.description.clone())).collect();
-            Some(((*message_id, name.as_str()), values))
-        }
-        ValueDescription::EnvironmentVariable { .. } => None,
-    });
-    listed.collect()
-}
-
-/// Types given to signals that aren't there.
-fn strays(dbc: &Dbc, lines: &[MessageLine]) -> Vec<Found> {
-    let messages: HashMap<_, _> =
-        dbc.messages.iter().zip(lines).map(|(message, line)| (message.id, (message, line.line))).collect();
-    let listed = dbc.signal_extended_value_type_list.iter().filter_map(|of| {
-        let found = messages.get(&of.message_id);
-        if found.is_some_and(|(message, _)| message.signals.iter().any(|signal| signal.name == of.signal_name)) {
-            return None;
-        }
-        let (message, line) = found.map_or((String::new(), 1), |(message, line)| (message.name.clone(), *line));
-        Some(Found { line, message, signal: Some(of.signal_name.clone()), problem: Problem::ValueTypeOfNothing })
-    });
-    listed.collect()
+    strays.collect()
 }
 
 /// What is known of the whole file.
 struct File<'a> {
     origin: Arc<str>,
     attributes: Attributes<'a>,
-    types: HashMap<Key<'a>, u64>,
-    values: HashMap<Key<'a>, Vec<(i64, String)>>,
+    types: HashMap<Key<'a>, &'a u64>,
+    values: HashMap<Key<'a>, &'a Vec<(i128, String)>>,
+    switches: HashMap<u64, Switches<'a>>,
+    senders: HashMap<u64, &'a [String]>,
 }
 
 impl<'a> File<'a> {
-    fn message(
-        &self,
-        message: &'a can_dbc::Message,
-        line: &MessageLine,
-        switches: Option<&Switches<'a>>,
-    ) -> Result<Message, Problem> {
-        let id = match message.id {
-            can_dbc::MessageId::Standard(id) => Id::Standard(id),
-            can_dbc::MessageId::Extended(id) => Id::Extended(id),
+    fn message(&self, statement: &'a MessageStatement) -> Named<Message> {
+        let MessageStatement { line, id, name: symbol, .. } = statement;
+        let name = self.attributes.message_name(*id, symbol);
+        let checked = self.checked(statement, &name);
+        let (value, restriction) = match checked {
+            Ok((message, restriction)) => (Ok(message), restriction),
+            Err(problem) => (Err(problem), None),
         };
-        let format = self.attributes.format(message.id)?;
-        let length = usize::try_from(message.size).unwrap_or(usize::MAX);
-        let zeros = [0; PAYLOAD_MAX_BYTES].get(..length).ok_or(Problem::Length { got: message.size, format })?;
-        Frame::new(id, format, zeros).map_err(|_| Problem::Length { got: message.size, format })?;
-        let senders = message.transmitter.iter().chain(switches.iter().flat_map(|of| of.senders)).map(String::as_str);
-        let mut unique: Vec<String> = Vec::new();
-        for sender in senders.map(|sender| self.attributes.node_name(sender)) {
-            if !unique.contains(&sender) {
-                unique.push(sender);
+        Named { name, symbol: symbol.clone(), line: *line, value, restriction }
+    }
+
+    /// The message, and why it can only be read.
+    fn checked(&self, statement: &'a MessageStatement, name: &str) -> Result<(Message, Option<Problem>), Problem> {
+        let id = match statement.id {
+            id @ 0..=0x7FF => Id::Standard(id as u16),
+            id if (EXTENDED..=EXTENDED | EXTENDED_MAX).contains(&id) => Id::Extended((id - EXTENDED) as u32),
+            got => return Err(Problem::Id { got }),
+        };
+        let (stated, unknown) = match self.attributes.format(statement.id, statement.bytes) {
+            Ok(format) => (format, None),
+            Err(problem) => (FrameFormat::Classic, Some(problem)),
+        };
+        let too_long = Problem::Length { got: statement.bytes, format: stated };
+        let length = usize::try_from(statement.bytes).ok().filter(|length| *length <= PAYLOAD_MAX_BYTES);
+        let length = length.ok_or(too_long.clone())?;
+        // What is longer than its format allows can still be read: frames of CAN FD hold it.
+        let is_possible = Frame::new(id, stated, &[0; PAYLOAD_MAX_BYTES][..length]).is_ok();
+        let format = if is_possible { stated } else { self.attributes.fd(statement.id) };
+        let restriction = unknown.or((!is_possible).then_some(too_long));
+        let further = self.senders.get(&statement.id).copied().unwrap_or_default();
+        let mut senders: Vec<String> = Vec::new();
+        for sender in statement.sender.iter().chain(further).map(|sender| self.attributes.node_name(sender)) {
+            if !senders.contains(&sender) {
+                senders.push(sender);
             }
         }
-        let name = self.attributes.message_name(message.id, &message.name);
-        Ok(Message {
+        let message = Message {
             origin: self.origin.clone(),
-            line: line.line,
+            line: statement.line,
             id,
             format,
             length,
-            cycle_time_ms: self.attributes.cycle_time_ms(message.id),
-            senders: unique,
-            signals: self.signals(message, line, length, switches),
-            name,
-        })
+            cycle_time_ms: self.attributes.cycle_time_ms(statement.id),
+            senders,
+            signals: self.signals(statement, length),
+            name: name.to_string(),
+        };
+        Ok((message, restriction))
     }
 
-    fn signals(
-        &self,
-        message: &can_dbc::Message,
-        line: &MessageLine,
-        length: usize,
-        switches: Option<&Switches<'a>>,
-    ) -> Vec<Named<Signal>> {
+    fn signals(&self, message: &MessageStatement, length: usize) -> Vec<Named<Signal>> {
         let layouts: Vec<_> = message.signals.iter().map(|signal| self.layout(message.id, signal, length)).collect();
-        let presences = super::multiplexing::presences(message, &layouts, switches);
+        let switches = self.switches.get(&message.id);
+        let presences = multiplexing::presences(message, &layouts, switches);
         let mut signals: Vec<Named<Signal>> = Vec::new();
         for (position, signal) in message.signals.iter().enumerate() {
             let name = self.attributes.signal_name(message.id, &signal.name);
             let value = match (&layouts[position], &presences[position]) {
                 (Err(problem), _) | (_, Err(problem)) => Err(problem.clone()),
-                (Ok(layout), Ok(presence)) => self.signal(message, signal, &name, *layout, presence),
+                (Ok(layout), Ok(presence)) => self
+                    .signal(message.id, signal, &name, *layout, presence)
+                    .map(|of| Signal { is_switch: multiplexing::is_switch(signal, switches), ..of }),
             };
-            let line = line.signals.get(position).map_or(line.line, |(_, line)| *line);
-            signals.push(Named { name, symbol: signal.name.clone(), line, value });
+            let inexact = value.as_ref().ok().and_then(|of| of.wire.check_exact().err()).map(Problem::Value);
+            signals.push(Named { name, symbol: signal.name.clone(), line: signal.line, value, restriction: inexact });
         }
-        refuse_overlaps(&mut signals, &layouts, &presences);
-        refuse_names(&mut signals);
+        restrict_overlaps(&mut signals, &layouts, &presences);
+        restrict_names(&mut signals);
         signals
     }
 
-    fn layout(&self, id: can_dbc::MessageId, signal: &can_dbc::Signal, length: usize) -> Result<Layout, Problem> {
-        let number = match (self.types.get(&(id, signal.name.as_str())), signal.value_type) {
-            (Some(bits), _) if *bits != signal.size => {
-                return Err(Problem::ValueTypeBits { got: signal.size, expected: *bits });
+    fn layout(&self, id: u64, signal: &SignalStatement, length: usize) -> Result<Layout, Problem> {
+        let of_float = match self.types.get(&(id, signal.name.as_str())) {
+            Some(1) => Some(32),
+            Some(2) => Some(64),
+            _ => None,
+        };
+        let number = match of_float {
+            Some(expected) if expected != signal.bits => {
+                return Err(Problem::ValueTypeBits { got: signal.bits, expected });
             }
-            (Some(_), _) => Number::Float,
-            (None, can_dbc::ValueType::Signed) => Number::Signed,
-            (None, can_dbc::ValueType::Unsigned) => Number::Unsigned,
+            Some(_) => Number::Float,
+            None if signal.is_signed => Number::Signed,
+            None => Number::Unsigned,
         };
-        let order = match signal.byte_order {
-            can_dbc::ByteOrder::LittleEndian => ByteOrder::Intel,
-            can_dbc::ByteOrder::BigEndian => ByteOrder::Motorola,
-        };
-        Ok(Layout::new(signal.start_bit, signal.size, order, number, length)?)
+        let order = if signal.is_intel { ByteOrder::Intel } else { ByteOrder::Motorola };
+        Ok(Layout::new(signal.start_bit, signal.bits, order, number, length)?)
     }
 
     fn signal(
         &self,
-        message: &can_dbc::Message,
-        signal: &can_dbc::Signal,
+        message: u64,
+        signal: &SignalStatement,
         name: &str,
         layout: Layout,
         presence: &Presence,
     ) -> Result<Signal, Problem> {
-        let limits = [&signal.min, &signal.max].map(|limit| match limit {
-            NumericValue::Uint(limit) => *limit as f64,
-            NumericValue::Int(limit) => *limit as f64,
-            NumericValue::Double(limit) => *limit,
-        });
         Ok(Signal {
             name: name.to_string(),
             wire: WireSignal::new(layout, signal.factor, signal.offset)?,
             presence: presence.clone(),
-            is_switch: super::multiplexing::is_switch(signal),
-            limits: (limits != [0.0, 0.0]).then_some(limits),
+            is_switch: signal.is_switch,
+            limits: (signal.limits != [0.0, 0.0]).then_some(signal.limits),
             unit: signal.unit.clone(),
-            values: self.values.get(&(message.id, signal.name.as_str())).cloned().unwrap_or_default(),
+            values: self.values.get(&(message, signal.name.as_str())).map_or(Vec::new(), |values| values.to_vec()),
             receivers: signal.receivers.iter().map(|node| self.attributes.node_name(node)).collect(),
         })
     }
 }
 
-/// Signals that share bits, and may be in the same payload, are both wrong.
-fn refuse_overlaps(
+/// Signals that share bits, and may be in the same payload, can be read, and can't both be written.
+fn restrict_overlaps(
     signals: &mut [Named<Signal>],
     layouts: &[Result<Layout, Problem>],
     presences: &[Result<Presence, Problem>],
@@ -241,22 +226,22 @@ fn refuse_overlaps(
             if !are_apart {
                 for (of, with) in [(one, other), (other, one)] {
                     let problem = Problem::Overlap { other: signals[with].name.clone(), line: signals[with].line, bit };
-                    refuse(&mut signals[of], problem);
+                    restrict(&mut signals[of], problem);
                 }
             }
         }
     }
 }
 
-/// Messages or signals of the same name are all wrong.
-fn refuse_names<T>(of: &mut [Named<T>]) {
+/// Messages or signals of the same name can be read, and not be asked for by it.
+fn restrict_names<T>(of: &mut [Named<T>]) {
     let mut lines: HashMap<String, (usize, usize)> = HashMap::new();
     for position in 0..of.len() {
         let name = of[position].name.clone();
         if let Some((first, line)) = lines.get(&name).copied() {
             let problem = Problem::NameTwice { line: of[position].line };
-            refuse(&mut of[first], problem);
-            refuse(&mut of[position], Problem::NameTwice { line });
+            restrict(&mut of[first], problem);
+            restrict(&mut of[position], Problem::NameTwice { line });
         } else {
             lines.insert(name, (position, of[position].line));
         }
@@ -264,26 +249,26 @@ fn refuse_names<T>(of: &mut [Named<T>]) {
 }
 
 /// Messages with the same identifier are all wrong: what the file says of the identifier can be of either.
-fn refuse_twins(messages: &mut [Named<Message>], lines: &[MessageLine]) {
+fn refuse_twins(messages: &mut [Named<Message>], statements: &[MessageStatement]) {
     let mut first: HashMap<u64, usize> = HashMap::new();
-    let at = |messages: &[Named<Message>], line| messages.iter().position(|message| message.line == line);
-    for MessageLine { id, line, .. } in lines {
-        if let (Some(one), Some(other)) = (first.get(id).copied(), at(messages, *line)) {
-            for (of, with) in [(one, other), (other, one)] {
-                let problem = Problem::IdTwice { other: messages[with].name.clone(), line: messages[with].line };
-                refuse(&mut messages[of], problem);
+    for (position, statement) in statements.iter().enumerate() {
+        let Some(one) = first.get(&statement.id).copied() else {
+            first.insert(statement.id, position);
+            continue;
+        };
+        for (of, with) in [(one, position), (position, one)] {
+            let problem = Problem::IdTwice { other: messages[with].name.clone(), line: messages[with].line };
+            if messages[of].value.is_ok() {
+                messages[of].value = Err(problem);
             }
-        } else if let Some(position) = at(messages, *line) {
-            first.insert(*id, position);
         }
     }
-    refuse_names(messages);
 }
 
-/// Notes a problem, if there is none yet.
-fn refuse<T>(named: &mut Named<T>, problem: Problem) {
-    if named.value.is_ok() {
-        named.value = Err(problem);
+/// Notes why something can only be read, if there is no reason yet.
+fn restrict<T>(named: &mut Named<T>, problem: Problem) {
+    if named.value.is_ok() && named.restriction.is_none() {
+        named.restriction = Some(problem);
     }
 }
 

@@ -57,7 +57,7 @@ pub enum CodecError {
     },
 }
 
-/// Decodes and encodes all signals of a message that have no problem.
+/// Decodes all signals of a message that can be read, and encodes those that can be written.
 #[derive(Clone, Copy, Debug)]
 pub struct Codec<'a> {
     message: &'a Message,
@@ -84,7 +84,7 @@ impl<'a> Codec<'a> {
         self.encode_into(values, payload)?;
         let (message, payload) = (self.message.name(), &*payload);
         let given = self.resolve(values)?;
-        for signal in self.message.signals() {
+        for signal in self.message.writable_signals() {
             let is_in = signal.presence().is_in(payload) == Some(true);
             let has_value = given.iter().any(|(of, _)| std::ptr::eq(*of, signal));
             if is_in == has_value {

@@ -23,20 +23,18 @@ pub enum DbcError {
         source: io::Error,
     },
     /// The text is no DBC.
-    #[error("{origin}: {reason}")]
+    #[error("{origin}, line {line}, column {column}: expected {expected}, got {}", shown(.got))]
     Syntax {
         /// Where the text is from.
         origin: Arc<str>,
-        /// What the reader says, with the line where it knows it.
-        reason: String,
-    },
-    /// A message or signal that shares its line with another statement.
-    #[error("{origin}, line {line}: begin every BO_ and SG_ with a new line")]
-    SharedLine {
-        /// Where the text is from.
-        origin: Arc<str>,
-        /// The line of the message, from 1 on.
+        /// The line, from 1 on.
         line: usize,
+        /// The character in the line, from 1 on.
+        column: usize,
+        /// What belongs there.
+        expected: &'static str,
+        /// The text that is there; empty at the end of a line or of the file.
+        got: String,
     },
     /// There is no such message.
     #[error("{origin} has no message {name:?}{}", did_you_mean(.suggestion))]
@@ -90,7 +88,7 @@ pub enum DbcError {
     },
 }
 
-/// What breaks the rules of DBC in a message or signal: an error if it is asked for.
+/// What breaks the rules of DBC in a message or signal: an error if it is asked for by its name.
 #[derive(Clone, Debug, PartialEq, Error)]
 #[non_exhaustive]
 pub enum Problem {
@@ -154,9 +152,20 @@ pub enum Problem {
         /// The bits of the type.
         expected: u64,
     },
-    /// A floating-point type of a signal that isn't there.
-    #[error("SIG_VALTYPE_ gives it a type, and the message has no such signal")]
-    ValueTypeOfNothing,
+    /// A statement about a signal that the message does not have.
+    #[error("{statement} is about it, and the message has no such signal")]
+    NoSuchSignal {
+        /// The keyword of the statement.
+        statement: &'static str,
+    },
+    /// A statement about a signal of a message that isn't there.
+    #[error("{statement} is about it, and no message has the identifier {id}")]
+    NoSuchMessage {
+        /// The keyword of the statement.
+        statement: &'static str,
+        /// The number in the file, with bit 31 of 29-bit identifiers.
+        id: u64,
+    },
     /// A multiplexed signal without a switch.
     #[error("it is multiplexed, and the message has no switch, a signal marked M")]
     NoSwitch,
@@ -168,18 +177,6 @@ pub enum Problem {
     UnknownSwitch {
         /// The name of the switch.
         switch: String,
-    },
-    /// A switch that isn't marked as one.
-    #[error("SG_MUL_VAL_ says that {switch} is its switch, and {switch} is not marked M")]
-    UnmarkedSwitch {
-        /// The switch.
-        switch: String,
-    },
-    /// A mark that `SG_MUL_VAL_` does not list.
-    #[error("it is marked m{mark}, and its SG_MUL_VAL_ does not list {mark}")]
-    UnlistedMark {
-        /// The value of the switch that the mark says.
-        mark: u64,
     },
     /// A switch that can't be used.
     #[error("its switch {switch} can't be used: {problem}")]
@@ -199,6 +196,10 @@ pub enum Problem {
 
 fn did_you_mean(suggestion: &Option<String>) -> String {
     suggestion.as_ref().map_or(String::new(), |name| format!("\nDid you mean {name:?}?"))
+}
+
+fn shown(got: &str) -> String {
+    if got.is_empty() { "the end of the line or file".to_string() } else { format!("{got:?}") }
 }
 
 fn id_rule(got: u64) -> String {

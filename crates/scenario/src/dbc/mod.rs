@@ -1,27 +1,30 @@
 //! DBC files: messages and signals of a user's own network.
 //!
 //! A third of the public files break some rule of the format. What is wrong with a message or a signal is an error only
-//! if just that one is asked for; [`Database::problems`] lists it all. Two signals that share bits are both wrong, for
-//! the file doesn't say which.
+//! if just that one is asked for; [`Database::problems`] lists it all. Some can still be read, as a payload has one value
+//! of each: signals that share bits, integers of more than 53 bits, and messages or signals with the same name. They are
+//! decoded, and refused where they are asked for by their name, to be written or to act as a load.
 //!
 //! From the attributes in use with many tools come the format of a frame (`VFrameFormat`, by its number or its word,
 //! and `CANFD_BRS`), the cycle time (`GenMsgCycleTime`) and long names (`SystemMessageLongSymbol`,
-//! `SystemSignalLongSymbol`, `SystemNodeLongSymbol`). A message without `VFrameFormat`, or with `J1939PG`, is a
-//! classical frame; a CAN FD frame without `CANFD_BRS` switches its bit rate. 29-bit identifiers are those written with
-//! bit 31.
+//! `SystemSignalLongSymbol`, `SystemNodeLongSymbol`). A message with `J1939PG`, or
+//! without `VFrameFormat` and of at most 8 bytes, is a classical frame; a longer one without `VFrameFormat` is a CAN FD
+//! frame; one without `CANFD_BRS` switches its bit rate. 29-bit identifiers are those written with bit 31.
 
 mod attributes;
 mod build;
 mod codec;
 mod error;
+mod lexer;
 mod multiplexing;
-mod statements;
+mod syntax;
 mod text;
 
 use std::path::Path;
 use std::sync::Arc;
 
 use resonarm_protocol::{FrameFormat, Id};
+use resonarm_wire::layout::Number;
 use resonarm_wire::multiplex::Presence;
 use resonarm_wire::signal::Signal as WireSignal;
 
@@ -30,6 +33,7 @@ use crate::text_file;
 
 pub use codec::{Codec, CodecError};
 pub use error::{DbcError, Problem};
+pub(crate) use syntax::NO_NODE;
 pub use text::decode;
 
 /// A DBC file.
@@ -50,6 +54,21 @@ struct Named<T> {
     symbol: String,
     line: usize,
     value: Result<T, Problem>,
+    /// Why it can be read, and not be asked for by its name.
+    restriction: Option<Problem>,
+}
+
+impl<T> Named<T> {
+    /// What is wrong with it.
+    fn problem(&self) -> Option<&Problem> {
+        self.value.as_ref().err().or(self.restriction.as_ref())
+    }
+
+    /// It, if nothing is wrong with it.
+    fn usable(&self) -> Result<&T, &Problem> {
+        let value = self.value.as_ref()?;
+        self.restriction.as_ref().map_or(Ok(value), Err)
+    }
 }
 
 /// A message of a DBC.
@@ -75,7 +94,7 @@ pub struct Signal {
     is_switch: bool,
     limits: Option<[f64; 2]>,
     unit: String,
-    values: Vec<(i64, String)>,
+    values: Vec<(i128, String)>,
     receivers: Vec<String>,
 }
 
@@ -106,7 +125,7 @@ impl Database {
     /// Reads the text of a file, which is from `origin`: UTF-8, or if it is not, the code page 1252 of Windows.
     ///
     /// # Errors
-    /// [`DbcError::Syntax`] or [`DbcError::SharedLine`] if the text is no DBC; not what is wrong with single messages.
+    /// [`DbcError::Syntax`] if the text is no DBC; not what is wrong with single messages.
     pub fn parse(text: &[u8], origin: &str) -> Result<Database, DbcError> {
         build::database(&text::decode(text), origin)
     }
@@ -116,7 +135,7 @@ impl Database {
         &self.origin
     }
 
-    /// The names of the nodes.
+    /// The names of the nodes: those of `BU_`, then those that only messages name as their senders.
     pub fn nodes(&self) -> &[String] {
         &self.nodes
     }
@@ -130,7 +149,7 @@ impl Database {
             let (origin, suggestion) = (self.origin.clone(), suggestion(&self.messages, name));
             return Err(DbcError::NoMessage { origin, name: name.to_string(), suggestion });
         };
-        found.value.as_ref().map_err(|problem| DbcError::Message {
+        found.usable().map_err(|problem| DbcError::Message {
             origin: self.origin.clone(),
             line: found.line,
             message: found.name.clone(),
@@ -138,12 +157,12 @@ impl Database {
         })
     }
 
-    /// The messages without problems of their own, in the order of the file.
+    /// The messages that can be read, in the order of the file.
     pub fn messages(&self) -> impl Iterator<Item = &Message> {
         self.messages.iter().filter_map(|message| message.value.as_ref().ok())
     }
 
-    /// The message with this identifier, if it has no problem.
+    /// The message with this identifier, if it can be read.
     pub fn message_by_id(&self, id: Id) -> Option<&Message> {
         self.messages().find(|message| message.id == id)
     }
@@ -158,13 +177,10 @@ impl Database {
                 signal,
                 problem: problem.clone(),
             };
-            match &named.value {
-                Err(problem) => found.push(at(named.line, None, problem)),
-                Ok(message) => {
-                    let wrong =
-                        message.signals.iter().filter_map(|signal| Some((signal, signal.value.as_ref().err()?)));
-                    found.extend(wrong.map(|(signal, problem)| at(signal.line, Some(signal.name.clone()), problem)));
-                }
+            found.extend(named.problem().map(|problem| at(named.line, None, problem)));
+            if let Ok(message) = &named.value {
+                let wrong = message.signals.iter().filter_map(|signal| Some((signal, signal.problem()?)));
+                found.extend(wrong.map(|(signal, problem)| at(signal.line, Some(signal.name.clone()), problem)));
             }
         }
         found.sort_by_key(|found| found.line);
@@ -222,7 +238,7 @@ impl Message {
                 suggestion: suggestion(&self.signals, name),
             });
         };
-        found.value.as_ref().map_err(|problem| DbcError::Signal {
+        found.usable().map_err(|problem| DbcError::Signal {
             origin: self.origin.clone(),
             line: found.line,
             message: self.name.clone(),
@@ -236,9 +252,14 @@ impl Message {
         find(&self.signals, name).map_or(self.line, |found| found.line)
     }
 
-    /// The signals without problems, in the order of the file.
+    /// The signals that can be read, in the order of the file.
     pub fn signals(&self) -> impl Iterator<Item = &Signal> {
         self.signals.iter().filter_map(|signal| signal.value.as_ref().ok())
+    }
+
+    /// The signals that can be read and written, in the order of the file.
+    fn writable_signals(&self) -> impl Iterator<Item = &Signal> {
+        self.signals.iter().filter_map(|signal| signal.usable().ok())
     }
 
     /// The codec of the whole message.
@@ -280,7 +301,7 @@ impl Signal {
     }
 
     /// Raw numbers that have a name.
-    pub fn values(&self) -> &[(i64, String)] {
+    pub fn values(&self) -> &[(i128, String)] {
         &self.values
     }
 
@@ -293,6 +314,38 @@ impl Signal {
     /// selected.
     pub fn decode(&self, payload: &[u8]) -> Option<f64> {
         if self.presence.is_in(payload)? { self.wire.decode(payload) } else { None }
+    }
+
+    /// Its raw number in a payload if that is an integer, whether the signal is selected or not; None of a
+    /// floating-point signal that is no integer, or if the payload is too short.
+    pub fn raw(&self, payload: &[u8]) -> Option<i128> {
+        let layout = self.wire.layout();
+        match layout.number() {
+            Number::Unsigned => layout.extract_u64(payload).map(i128::from),
+            Number::Signed => layout.extract_i64(payload).map(i128::from),
+            // The integers that every floating-point number of 64 bits near them can tell apart.
+            Number::Float => {
+                layout.extract_f64(payload).filter(|raw| raw.fract() == 0.0 && raw.abs() < 9e15).map(|raw| raw as i128)
+            }
+        }
+    }
+
+    /// The text that the value table has for its raw number in a payload.
+    pub fn text(&self, payload: &[u8]) -> Option<&str> {
+        if self.values.is_empty() {
+            return None;
+        }
+        let raw = self.raw(payload)?;
+        self.values.iter().find(|(number, _)| *number == raw).map(|(_, text)| text.as_str())
+    }
+
+    /// Its value as an integer, if it has more bits than a floating-point number keeps, and its factor and offset are
+    /// integers.
+    pub fn large_integer(&self, payload: &[u8]) -> Option<i128> {
+        self.wire.check_exact().err()?;
+        let integer = |number: f64| (number.fract() == 0.0 && number.abs() < 9e15).then_some(number as i128);
+        let (factor, offset) = (integer(self.wire.scale())?, integer(self.wire.offset())?);
+        self.raw(payload)?.checked_mul(factor)?.checked_add(offset)
     }
 }
 

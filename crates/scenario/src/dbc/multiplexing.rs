@@ -1,51 +1,38 @@
-//! Which switch selects a signal, from the marks `M`, `m0`, `m0M` of the signals and the lines `SG_MUL_VAL_`.
+//! Which switch selects a signal, from the lines `SG_MUL_VAL_`, or without one for the signal from the marks `M`, `m0`
+//! and `m0M` of the signals.
 
 use std::collections::HashMap;
 use std::ops::RangeInclusive;
 
-use can_dbc::{Dbc, MessageId, MultiplexIndicator};
 use resonarm_wire::layout::Layout;
 use resonarm_wire::multiplex::{Condition, Presence};
 
 use super::Problem;
+use super::syntax::{MessageStatement, SignalStatement, Statements};
 
-/// What the lines of a file say of one message besides its own.
-#[derive(Default)]
-pub(super) struct Switches<'a> {
-    /// By the selected signal: its switch, and the values.
-    extended: HashMap<&'a str, (&'a str, Vec<RangeInclusive<u64>>)>,
-    /// Nodes that send it, too.
-    pub(super) senders: &'a [String],
-}
+/// What the `SG_MUL_VAL_` of one message say, by the selected signal: its switch, and the values that select.
+pub(super) type Switches<'a> = HashMap<&'a str, (&'a str, Vec<RangeInclusive<u64>>)>;
 
-impl<'a> Switches<'a> {
-    /// Those of all messages that have some.
-    pub(super) fn by_message(dbc: &'a Dbc) -> HashMap<MessageId, Switches<'a>> {
-        let mut found: HashMap<MessageId, Switches<'a>> = HashMap::new();
-        for of in &dbc.extended_multiplex {
-            let extended = &mut found.entry(of.message_id).or_default().extended;
-            let values = of.mappings.iter().map(|mapping| mapping.min_value..=mapping.max_value);
-            let entry = extended.entry(&of.signal_name).or_insert((&of.multiplexor_signal_name, Vec::new()));
-            entry.1.extend(values);
-        }
-        for of in &dbc.message_transmitters {
-            found.entry(of.message_id).or_default().senders = &of.transmitter;
-        }
-        found
+/// What the `SG_MUL_VAL_` of all messages say, by the identifier as it is written.
+pub(super) fn switches(statements: &Statements) -> HashMap<u64, Switches<'_>> {
+    let mut found: HashMap<u64, Switches<'_>> = HashMap::new();
+    for of in &statements.switches {
+        let (switch, values) = &of.value;
+        let of_message = found.entry(of.message).or_default();
+        let entry = of_message.entry(&of.signal).or_insert((switch, Vec::new()));
+        entry.1.extend(values.iter().cloned());
     }
+    found
 }
 
-/// Whether a signal is marked as one that selects others.
-pub(super) fn is_switch(signal: &can_dbc::Signal) -> bool {
-    matches!(
-        signal.multiplexer_indicator,
-        MultiplexIndicator::Multiplexor | MultiplexIndicator::MultiplexorAndMultiplexedSignal(_)
-    )
+/// Whether a signal selects others: it is marked as one that does, or a `SG_MUL_VAL_` says so.
+pub(super) fn is_switch(signal: &SignalStatement, switches: Option<&Switches<'_>>) -> bool {
+    signal.is_switch || switches.is_some_and(|of| of.values().any(|(switch, _)| *switch == signal.name))
 }
 
 /// In which payloads each signal of a message is present, or why that can't be said.
 pub(super) fn presences(
-    message: &can_dbc::Message,
+    message: &MessageStatement,
     layouts: &[Result<Layout, Problem>],
     switches: Option<&Switches<'_>>,
 ) -> Vec<Result<Presence, Problem>> {
@@ -74,32 +61,19 @@ type Selection = (usize, Vec<RangeInclusive<u64>>);
 
 /// What selects a signal; None if it is in every payload.
 fn selected_by(
-    message: &can_dbc::Message,
-    signal: &can_dbc::Signal,
+    message: &MessageStatement,
+    signal: &SignalStatement,
     switches: Option<&Switches<'_>>,
 ) -> Result<Option<Selection>, Problem> {
-    let mark = match signal.multiplexer_indicator {
-        MultiplexIndicator::MultiplexedSignal(value) | MultiplexIndicator::MultiplexorAndMultiplexedSignal(value) => {
-            Some(value)
-        }
-        MultiplexIndicator::Multiplexor | MultiplexIndicator::Plain => None,
-    };
-    if let Some((switch, values)) = switches.and_then(|of| of.extended.get(signal.name.as_str())) {
+    if let Some((switch, values)) = switches.and_then(|of| of.get(signal.name.as_str())) {
         let position = message.signals.iter().position(|other| other.name == *switch);
         let position = position.ok_or_else(|| Problem::UnknownSwitch { switch: switch.to_string() })?;
-        if !is_switch(&message.signals[position]) {
-            return Err(Problem::UnmarkedSwitch { switch: switch.to_string() });
-        }
-        // Tools disagree on a mark outside of the list: it selects for some, for others it doesn't.
-        return match mark.filter(|mark| !values.iter().any(|range| range.contains(mark))) {
-            Some(mark) => Err(Problem::UnlistedMark { mark }),
-            None => Ok(Some((position, values.clone()))),
-        };
+        return Ok(Some((position, values.clone())));
     }
-    let Some(value) = mark else {
+    let Some(value) = signal.selected_by else {
         return Ok(None);
     };
-    let is_outermost = |other: &can_dbc::Signal| other.multiplexer_indicator == MultiplexIndicator::Multiplexor;
+    let is_outermost = |other: &SignalStatement| other.is_switch && other.selected_by.is_none();
     let mut all = (0..).zip(&message.signals).filter(|(_, other)| is_outermost(other)).map(|(position, _)| position);
     match (all.next(), all.next()) {
         (None, _) => Err(Problem::NoSwitch),

@@ -77,7 +77,8 @@ fn reads_a_file() {
 
     let problems = database.problems();
     assert_eq!(problems.len(), 1, "{problems:?}");
-    assert_eq!((problems[0].line, &problems[0].problem), (5, &Problem::ValueTypeOfNothing));
+    let expected = Problem::NoSuchSignal { statement: "SIG_VALTYPE_" };
+    assert_eq!((problems[0].line, &problems[0].problem), (38, &expected));
 }
 
 #[test]
@@ -192,11 +193,97 @@ fn what_is_wrong_is_an_error_if_it_is_asked_for() {
     bench.dbc, line 32: signal named of Switches: its switch "nothing" is no signal of the message
     bench.dbc, line 33: signal round of Switches: its switches select each other in a circle
     bench.dbc, line 34: signal beyond of Switches: the switch can't be 300: it goes up to 255
-    bench.dbc, line 35: signal marked of Switches: it is marked m2, and its SG_MUL_VAL_ does not list 2
-    bench.dbc, line 36: signal plain of Switches: SG_MUL_VAL_ says that marked is its switch, and marked is not marked M
     bench.dbc, line 38: signal switch of Outside: from start bit 4 its 8 bits take 2 bytes, and the payload has 1
     bench.dbc, line 39: signal after of Outside: its switch switch can't be used: from start bit 4 its 8 bits take 2 bytes, and the payload has 1
     "#);
+}
+
+/// What breaks a rule of the format, and has one value in a payload all the same: foxBMS's file goes on in the next line,
+/// opendbc has integers of 64 bits, signals that share bits, long messages without `VFrameFormat` and nodes that only
+/// messages name, canmatrix's files quotes inside of texts.
+const READABLE: &str = r#"BU_: Listed
+BO_ 256 Shared: 8 Sender
+ SG_ Byte : 0|8@1+ (1,0) [0|0] "" Listed
+ SG_ Flag : 3|1@1+ (1,0) [0|0] "" Listed
+ SG_ Other : 8|8@1+ (5.,-.5) [0|0] "" Listed
+BO_ 257 Large: 64 Vector__XXX
+ SG_ Stamp : 0|64@1+ (1e-6,0) [0|0] "s" Listed
+ SG_ Serial : 64|64@1+ (1,0) [0|0] "" Listed
+ SG_ Signed : 128|60@1- (-2,1) [0|0] "" Listed
+BO_ 258 Page: 3 Vector__XXX
+ SG_ Switch : 0|8@1+ (1,0) [0|0] "" Listed
+ SG_ Value m1 : 8|8@1+ (1,0) [0|0] "" Listed
+ SG_ Value m2 : 16|8@1+ (1,0) [0|0] "" Listed
+BO_ 259 Twice: 1 Vector__XXX
+ SG_ First : 0|8@1+ (1,0) [0|0] "" Listed
+BO_ 260 Twice: 9 Vector__XXX
+ SG_ Second : 64|8@1+ (1,0) [0|0] "" Listed
+BO_TX_BU_ 259 : Further;
+VAL_ 256 Other 0 "zero" 1 "a \"quoted\" one"
+2 "two" ;
+VAL_ 257 Serial 18446744073709551615 "none" ;
+SG_MUL_VAL_ 258 Value Switch 3-4;
+"#;
+
+#[test]
+fn what_can_be_read_is_read() {
+    let database = database(READABLE);
+    assert_eq!(database.nodes(), ["Listed", "Sender", "Further"]);
+    let decoded = |id: u16, payload: &[u8]| -> Vec<(String, f64)> {
+        let message = database.message_by_id(Id::Standard(id)).unwrap();
+        message.codec().decode(payload).map(|(name, value)| (name.to_string(), value)).collect()
+    };
+    let named =
+        |values: &[(&str, f64)]| values.iter().map(|(name, value)| (name.to_string(), *value)).collect::<Vec<_>>();
+    assert_eq!(decoded(256, &[9, 1]), named(&[("Byte", 9.0), ("Flag", 1.0), ("Other", 4.5)]));
+    let shared = database.message("Shared").unwrap();
+    let text = |raw| shared.signal("Other").unwrap().text(&[0, raw]).map(str::to_string);
+    assert_eq!((text(1), text(2), text(3)), (Some("a \"quoted\" one".to_string()), Some("two".to_string()), None));
+    // `SG_MUL_VAL_` decides over the marks.
+    assert_eq!(decoded(258, &[1, 5, 6]), named(&[("Switch", 1.0)]));
+    assert_eq!(decoded(258, &[3, 5, 6]), named(&[("Switch", 3.0), ("Value", 5.0), ("Value", 6.0)]));
+    assert_eq!(decoded(259, &[1]), named(&[("First", 1.0)]));
+    assert_eq!(decoded(260, &[0, 0, 0, 0, 0, 0, 0, 0, 7]), named(&[("Second", 7.0)]));
+
+    let large = database.message("Large").unwrap();
+    assert!(large.is_fd());
+    let payload = [[1, 2, 3, 4, 5, 6, 7, 8], [0xFF; 8], [0xFE, 0xFF, 0xFF, 0xFF, 0xFF, 0xFF, 0xFF, 0xFF]].concat();
+    let of: Vec<_> = large.signals().map(|signal| (signal.raw(&payload), signal.large_integer(&payload))).collect();
+    let serial = i128::from(u64::MAX);
+    assert_eq!(of, [(Some(578_437_695_752_307_201), None), (Some(serial), Some(serial)), (Some(-2), Some(5))]);
+    let stamp = large.signals().next().unwrap().decode(&payload).unwrap();
+    assert!((stamp - 578_437_695_752.307_2).abs() < 1e-3, "{stamp}");
+    assert_eq!(large.signals().nth(1).unwrap().text(&payload), Some("none"));
+}
+
+/// What shares bits, is rounded, or has no name of its own, must not become a load or be written.
+#[test]
+fn what_can_only_be_read_is_refused_by_its_name() {
+    let database = database(READABLE);
+    let refused: Vec<String> = database
+        .problems()
+        .iter()
+        .map(|found| {
+            let signal = found.signal.as_ref().map_or(String::new(), |signal| format!(".{signal}"));
+            format!("{}: {}{signal}: {}", found.line, found.message, found.problem)
+        })
+        .collect();
+    insta::assert_snapshot!(refused.join("\n"), @"
+    3: Shared.Byte: bit 3 is also of Flag, in line 4
+    4: Shared.Flag: bit 3 is also of Byte, in line 3
+    7: Large.Stamp: it is an integer of 64 bits: up to 53 keep every bit in a floating-point number
+    8: Large.Serial: it is an integer of 64 bits: up to 53 keep every bit in a floating-point number
+    9: Large.Signed: it is an integer of 60 bits: up to 53 keep every bit in a floating-point number
+    12: Page.Value: its name is also that of line 13
+    13: Page.Value: its name is also that of line 12
+    14: Twice: its name is also that of line 16
+    16: Twice: its length is 9 bytes: CAN FD has 0 to 8, 12, 16, 20, 24, 32, 48 or 64
+    ");
+    let shared = database.message("Shared").unwrap();
+    assert!(shared.signal("Byte").is_err() && shared.signal("Flag").is_err() && shared.signal("Other").is_ok());
+    assert!(shared.codec().encode(&[("Other", 4.5)]).is_ok() && shared.codec().encode(&[("Byte", 1.0)]).is_err());
+    assert!(database.message("Large").unwrap().signal("Serial").is_err());
+    assert!(database.message("Twice").is_err());
 }
 
 #[test]
@@ -217,9 +304,18 @@ fn names_what_is_near() {
 #[test]
 fn says_where_the_text_is_no_dbc() {
     let refused = |text: &str| Database::parse(text.as_bytes(), "bench.dbc").unwrap_err().to_string();
-    insta::assert_snapshot!(refused("VERSION \"\"\nBO_ 1 Drive: 8 A\n SG_ a : 0|8@2+ (1,0) [0|0] \"\" A\n"), @r#"bench.dbc: line 3, column 14 can't be read as DBC: " SG_ a : 0|8@2+ (1,0) [0|0] \"\" A""#);
-    insta::assert_snapshot!(refused("[wire]\nnode = 1\n"), @r#"bench.dbc: line 1, column 1 can't be read as DBC: "[wire]""#);
-    insta::assert_snapshot!(refused("VERSION \"\"\nBO_ 1 D: x A\n"), @r#"bench.dbc: line 2, column 10 can't be read as DBC: "BO_ 1 D: x A""#);
+    insta::assert_snapshot!(refused("VERSION \"\"\nBO_ 1 Drive: 8 A\n SG_ a : 0|8@2+ (1,0) [0|0] \"\" A\n"), @r#"bench.dbc, line 3, column 14: expected the byte order: 1, Intel, or 0, Motorola, got "2+ (1,0) [0|0] \"\" A""#);
+    insta::assert_snapshot!(refused("[wire]\nnode = 1\n"), @r#"bench.dbc, line 1, column 1: expected a statement such as BO_, got "[wire]""#);
+    insta::assert_snapshot!(refused("VERSION \"\"\nBO_ 1 D: x A\n"), @r#"bench.dbc, line 2, column 10: expected a length in bytes, got "x A""#);
+    insta::assert_snapshot!(refused("VAL_ 1 a 0 \"off;\n"), @r#"bench.dbc, line 1, column 12: expected a text that ends with a quote, got "\"off;""#);
+    // An empty file explains no frame, which nobody wants.
+    for empty in ["", " \n", "// nothing\n"] {
+        let said = refused(empty);
+        assert!(
+            said.ends_with("expected a statement such as BO_: the file is empty, got the end of the line or file"),
+            "{said}"
+        );
+    }
     let missing = Database::read(Path::new("/nowhere/bench.dbc")).unwrap_err().to_string();
     insta::assert_snapshot!(missing, @"can't read the DBC /nowhere/bench.dbc: No such file or directory (os error 2)");
 }

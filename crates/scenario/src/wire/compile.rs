@@ -10,7 +10,7 @@ use super::{
     ArmSpec, CommandSpec, EventSpec, InputSpec, LockstepSpec, OnSpec, ReadingSpec, RequestSpec, SourceSpec, WireSection,
 };
 use crate::Scenario;
-use crate::dbc::{Database, Message, Signal};
+use crate::dbc::{Database, Message, NO_NODE, Signal};
 use crate::nearest::nearest;
 use resonarm_bench::node::mapped::mapping::{
     Action, Arming, CommandSignal, Counts, EventSignal, Incoming, LoadInput, Lockstep, MappedSignal, Mapping, Outgoing,
@@ -71,6 +71,9 @@ impl Compiler<'_> {
         let Some(node) = &self.section.node else { return Ok(()) };
         if self.database.nodes().contains(node) {
             return Ok(());
+        }
+        if node == NO_NODE {
+            return Err(WireError::NoNodeName { got: node.clone() });
         }
         let suggestion = nearest(node, self.database.nodes().iter().map(String::as_str));
         Err(WireError::NoNode { got: node.clone(), suggestion })

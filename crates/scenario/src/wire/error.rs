@@ -84,6 +84,15 @@ pub enum WireError {
         /// The nearest name that there is.
         suggestion: Option<String>,
     },
+    /// The name that stands for no node.
+    #[error(
+        "wire.node is {got:?}, by which a DBC says that it names no node: leave `node` out, and any message can be a \
+         command or a reading"
+    )]
+    NoNodeName {
+        /// The name.
+        got: String,
+    },
     /// A message that the wrong node sends.
     #[error("{place}: it is sent by {senders}, and {expected}")]
     Sender {

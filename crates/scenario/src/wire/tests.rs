@@ -105,6 +105,7 @@ fn commands_that_are_refused() {
 #[test]
 fn nodes_events_and_lockstep_that_are_refused() {
     insta::assert_snapshot!(says("node = \"Shaker\"", "node = \"Shakr\""), @r#"wire.node: the DBC has no node "Shakr"; is it "Shaker"?"#);
+    insta::assert_snapshot!(says("node = \"Shaker\"", "node = \"Vector__XXX\""), @r#"wire.node is "Vector__XXX", by which a DBC says that it names no node: leave `node` out, and any message can be a command or a reading"#);
     insta::assert_snapshot!(says("node = \"Shaker\"", "node = \"Controller\""), @"wire.commands: message Drive: it is sent by Controller, and commands are sent by others than Controller (`wire.node`)");
     insta::assert_snapshot!(says("arm = [1]\n", ""), @r#"[wire] has nothing that arms the plant: give an event with `arm`, or `arm = "operator"` (in the live view), or `arm = "zero-command"` (by first commands near zero)"#);
     insta::assert_snapshot!(says("arm = [1]", "arm = [1]\nreset = [1]"), @"wire.events: message Drive: a value of it asks for two things");

@@ -120,12 +120,14 @@ fn message_row(message: &DecodedMessage) -> Map<String, Value> {
         Value::Object(found.collect())
     };
     let beyond: Vec<&str> = message.beyond().map(|signal| signal.name.as_str()).collect();
+    let exact = |signal: &DecodedSignal| signal.large.and_then(|large| integer(large.value?));
     let mut row = json!({
         "message": message.message,
         "senders": message.senders,
         "bytes": message.bytes,
         "expected_bytes": message.expected_bytes,
-        "signals": of(&|signal| signal.value.map(|value| json!(value))),
+        "signals": of(&|signal| exact(signal).or_else(|| signal.value.map(|value| json!(value)))),
+        "raw": of(&|signal| signal.large.and_then(|large| integer(large.raw))),
         "units": of(&|signal| (!signal.unit.is_empty()).then(|| json!(signal.unit))),
         "texts": of(&|signal| signal.text.as_ref().map(|text| json!(text))),
         "means": of(&|signal| (!signal.means.is_empty()).then(|| json!(signal.means))),
@@ -143,11 +145,16 @@ fn message_row(message: &DecodedMessage) -> Map<String, Value> {
     }
 }
 
+/// A number of JSON, if it has at most 64 bits.
+fn integer(number: i128) -> Option<Value> {
+    u64::try_from(number).map(Value::from).or_else(|_| i64::try_from(number).map(Value::from)).ok()
+}
+
 fn message_text(message: &DecodedMessage) -> String {
     let mut text = message.message.clone();
     if let Outcome::Refused(fault) = &message.outcome {
         text += &format!(" refused: {fault}");
-        text += if message.signals.is_empty() { "" } else { ";" };
+        text += if message.signals.iter().any(|signal| signal.value.is_some()) { ";" } else { "" };
     }
     for means in &message.means {
         text += &format!(" ({means})");
@@ -173,9 +180,16 @@ fn message_text(message: &DecodedMessage) -> String {
 fn signal_text(signal: &DecodedSignal, value: f64) -> String {
     // The last digits of a product of count and factor mean nothing.
     let shown = format!("{value:.14e}").parse().unwrap_or(value);
-    let mut text = format!("{}={}", signal.name, short(&shown));
+    let exact = signal.large.and_then(|large| large.value);
+    let mut text = match exact {
+        Some(exact) => format!("{}={exact}", signal.name),
+        None => format!("{}={}", signal.name, short(&shown)),
+    };
     if !signal.unit.is_empty() {
         text += &format!(" {}", signal.unit);
+    }
+    if let (Some(large), None) = (signal.large, exact) {
+        text += &format!(" (raw {})", large.raw);
     }
     if let Some(of_table) = &signal.text {
         text += &format!(" {of_table:?}");
