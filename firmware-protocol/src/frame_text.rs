@@ -18,6 +18,8 @@ pub enum FrameTextError {
     Flags,
     /// The data are not pairs of hexadecimal digits.
     Data,
+    /// `_` is not followed by a raw DLC, a hexadecimal digit from 9 to F, or not behind a frame of 8 bytes.
+    RawDlc,
     /// An impossible frame.
     Frame(FrameError),
 }
@@ -32,6 +34,9 @@ impl fmt::Display for FrameTextError {
                 f.write_str("after `##` of a CAN FD frame stands a hexadecimal digit for its flags, as in 123##1AABB")
             }
             FrameTextError::Data => f.write_str("the data must be pairs of hexadecimal digits"),
+            FrameTextError::RawDlc => {
+                f.write_str("after `_` of a classical frame of 8 bytes stands its DLC, a hexadecimal digit from 9 to F")
+            }
             FrameTextError::Frame(error) => error.fmt(f),
         }
     }
@@ -39,7 +44,8 @@ impl fmt::Display for FrameTextError {
 
 impl core::error::Error for FrameTextError {}
 
-/// Reads the form of `cansend`; the inverse of [`Frame`]'s `Display`.
+/// Reads the form of `cansend`; the inverse of [`Frame`]'s `Display`. A classical frame of 8 bytes may end with its raw
+/// DLC, `_9` to `_F`, as `candump -8` writes it; it means 8 bytes as well (ISO 11898-1), and is not kept.
 impl FromStr for Frame {
     type Err = FrameTextError;
 
@@ -50,16 +56,31 @@ impl FromStr for Frame {
             let flags = rest.chars().next().and_then(|c| c.to_digit(16)).ok_or(FrameTextError::Flags)?;
             let (bit_rate_switch, error_state_indicator) = (flags & 1 != 0, flags & 2 != 0);
             (FrameFormat::Fd { bit_rate_switch, error_state_indicator }, &rest[1..])
-        } else if let Some(length) = rest.strip_prefix(['R', 'r']) {
-            let length = if length.is_empty() { Ok(0) } else { length.parse() };
-            let length = length.ok().filter(|length| *length <= 8).ok_or(FrameTextError::RemoteLength)?;
-            return Frame::new(id, FrameFormat::Remote, &[0; 8][..length]).map_err(FrameTextError::Frame);
         } else {
-            (FrameFormat::Classic, rest)
+            return classical(id, rest);
         };
         let mut bytes = [0; 64];
         let length = data(digits, &mut bytes).ok_or(FrameTextError::Data)?;
         Frame::new(id, format, bytes.get(..length).unwrap_or(&bytes)).map_err(FrameTextError::Frame)
+    }
+}
+
+/// A classical data or remote frame, from what follows `#`.
+fn classical(id: Id, text: &str) -> Result<Frame, FrameTextError> {
+    let (text, raw_dlc) = text.split_once('_').map_or((text, None), |(text, raw_dlc)| (text, Some(raw_dlc)));
+    let frame = if let Some(length) = text.strip_prefix(['R', 'r']) {
+        let length = if length.is_empty() { Ok(0) } else { length.parse() };
+        let length = length.ok().filter(|length| *length <= 8).ok_or(FrameTextError::RemoteLength)?;
+        Frame::new(id, FrameFormat::Remote, &[0; 8][..length])
+    } else {
+        let mut bytes = [0; 64];
+        let length = data(text, &mut bytes).ok_or(FrameTextError::Data)?;
+        Frame::new(id, FrameFormat::Classic, bytes.get(..length).unwrap_or(&bytes))
+    };
+    let frame = frame.map_err(FrameTextError::Frame)?;
+    match raw_dlc.map(str::as_bytes) {
+        None | Some([b'9' | b'A'..=b'F' | b'a'..=b'f']) if raw_dlc.is_none() || frame.len() == 8 => Ok(frame),
+        _ => Err(FrameTextError::RawDlc),
     }
 }
 
@@ -96,6 +117,9 @@ mod tests {
         }
         assert_eq!("123#11.22".parse::<Frame>(), "123#1122".parse());
         assert_eq!("123#r".parse::<Frame>(), "123#R0".parse());
+        for (text, same) in [("123#1122334455667788_9", "123#1122334455667788"), ("00000123#R8_f", "00000123#R8")] {
+            assert_eq!(text.parse::<Frame>(), same.parse(), "{text}");
+        }
     }
 
     #[test]
@@ -109,6 +133,11 @@ mod tests {
             ("123##", FrameTextError::Flags),
             ("123#0", FrameTextError::Data),
             ("123#0é", FrameTextError::Data),
+            ("123#1122334455667788_8", FrameTextError::RawDlc),
+            ("123#1122334455667788_", FrameTextError::RawDlc),
+            ("123#11_9", FrameTextError::RawDlc),
+            ("123#R2_9", FrameTextError::RawDlc),
+            ("123##01122334455667788_9", FrameTextError::Data),
             (&long, FrameTextError::Data),
             ("800#00", FrameTextError::Frame(FrameError::Id(Id::Standard(0x800)))),
         ];

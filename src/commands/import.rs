@@ -13,14 +13,16 @@ use resonarm::import::{ImportOptions, Imported, Missing, SampleClock, WireImport
 use resonarm::scenario::Scenario;
 
 /// Makes a recording of a CAN log, for `replay`, and with --scenario for `compare`. It has no states of the arm, so
-/// `resim` does not accept it. The log is read twice and never held in memory.
+/// `resim` does not accept it. The log is read twice and never held in memory. Lines or objects that can't be read are
+/// counted and left out; then the exit code is 1.
 ///
 /// With a scenario that has [wire] the recording also has the readings of the bench that was logged, for `identify`, if
 /// its protocol carries all of them every sample; what is missing is named. CANopen drives have no readings, but states
 /// and commanded torques. Samples that are not in the log are gaps.
 #[derive(Debug, Args)]
 pub(crate) struct Import {
-    /// The log: of `candump -L`, or ASC or BLF of Vector's tools.
+    /// The log: of `candump -L` or `candump -t a`, or ASC or BLF of Vector's tools. Python's `resonarm.import_log` reads
+    /// TRC, MF4 and CSV.
     log: PathBuf,
     /// The new recording.
     output: PathBuf,
@@ -30,7 +32,7 @@ pub(crate) struct Import {
     /// TOML file with the scenario that was logged: its network, and its rate; it goes into the recording.
     #[arg(long, value_name = "FILE")]
     scenario: Option<PathBuf>,
-    /// The interface, or the channel, whose frames are imported; needed if the log has more than one.
+    /// The interface, or the channel, whose frames are imported [default: that of the first frame].
     #[arg(long, value_name = "NAME")]
     interface: Option<String>,
     /// Count samples of CANopen drives by SYNC: each is one, as in lockstep; else the time stamps do.
@@ -56,7 +58,8 @@ impl Import {
             clock: if self.by_sync { SampleClock::Sync } else { SampleClock::TimeStamps },
         };
         let imported = import(&self.log, format, &self.output, &options)?;
-        self.json.show(&imported, || text(&imported), &[])
+        self.json.show(&imported, || text(&imported), &[])?;
+        Ok(Verdict::of(imported.unreadable == 0))
     }
 
     fn by_ending(&self) -> Result<LogFormat, Failure> {
@@ -65,20 +68,41 @@ impl Import {
         found.ok_or_else(|| {
             let log = self.log.display();
             let names = LogFormat::ALL.map(LogFormat::name).join(", ");
-            Failure::usage(format!("{log}: the ending does not say the format: give it by --from, one of {names}"))
+            let of_python = OF_PYTHON.into_iter().find(|ending| name.ends_with(ending));
+            Failure::usage(match of_python {
+                Some(ending) => format!(
+                    "{log}: `import` does not read {ending}: convert it by `python -m can.logconvert {log} NEW.blf` and \
+                     import that, or call `resonarm.import_log` of the Python package"
+                ),
+                None => format!("{log}: the ending does not say the format: give it by --from, one of {names}"),
+            })
         })
     }
 }
 
+/// Endings of logs that python-can and asammdf read.
+const OF_PYTHON: [&str; 4] = [".trc", ".mf4", ".csv", ".db"];
+
 fn text(imported: &Imported) -> String {
-    let Imported { path, frames, of_other_interfaces, others, duration_s, wire } = imported;
+    let Imported { path, frames, interface, of_other_interfaces, other_interfaces, others, .. } = imported;
+    let Imported { unreadable, first_unreadable, duration_s, wire, .. } = imported;
     let frames_of = if *frames == 1 { "frame of" } else { "frames of" };
     let others_of =
         if *others == 1 { "line or object that is no frame" } else { "lines or objects that are no frames" };
+    let mut more = String::new();
+    if *of_other_interfaces > 0 {
+        let names = other_interfaces.iter().map(String::as_str).collect::<Vec<_>>().join(", ");
+        let interface = interface.as_deref().unwrap_or("no name");
+        more += &format!("imported interface {interface}; the others are {names}: choose one by --interface\n");
+    }
+    if let Some(first) = first_unreadable {
+        let lines = if *unreadable == 1 { "line or object" } else { "lines or objects" };
+        more += &format!("left out {unreadable} {lines} that can't be read; the first: {first}\n");
+    }
     let of_wire = wire.as_ref().map_or(String::new(), wire_text);
     format!(
         "{}: {frames} {frames_of} {duration_s:.3} s; left out {of_other_interfaces} of other interfaces and \
-         {others} {others_of}\n{of_wire}",
+         {others} {others_of}\n{more}{of_wire}",
         path.display()
     )
 }

@@ -93,14 +93,14 @@ fn logs_that_cannot_be_imported_are_refused() {
         said
     };
     assert_snapshot!(said("a.log", "", &[]), @"resonarm: a.log has no frames");
-    assert_snapshot!(said("a.log", "(1.0) can0 123#00\n(1.5) can1 123#00\n", &[]), @"resonarm: a.log has frames of can0 and of can1: choose one (--interface)");
     assert_snapshot!(said("a.log", "(1.0) can0 123#00\n", &["--interface", "can7"]), @"resonarm: a.log has no frames of interface can7");
     // A tenth of a second is accepted.
     fs::write(folder.path().join("early.log"), "(1.0) can0 123#00\n(0.9) can0 124#00\n").unwrap();
     let early = resonarm(folder.path(), &["import", "early.log", "early.mcap"]);
     assert_snapshot!(early.stdout, @"early.mcap: 2 frames of 0.100 s; left out 0 of other interfaces and 0 lines or objects that are no frames");
     assert_snapshot!(said("a.log", "(1.0) can0 123#00\n(0.5) can0 123#00\n", &[]), @"resonarm: a.log: frame 2 is 500000000 ns earlier than the first: the log is not in order");
-    assert_snapshot!(said("a.log", "(1.0) can0 123#00\nhello\n", &[]), @"resonarm: a.log, line 2: it is not a line of `candump -L` such as (12.345678) vcan0 201#1122");
+    assert_snapshot!(said("a.log", "\n  can0  123   [1]  00\n", &[]), @"resonarm: a.log has no frames; a.log, line 2: it has no time: log with `candump -L`, or with `candump -t a` in place of `candump`");
+    assert_snapshot!(said("a.trc", "", &[]), @"resonarm: a.trc: `import` does not read .trc: convert it by `python -m can.logconvert a.trc NEW.blf` and import that, or call `resonarm.import_log` of the Python package");
     assert_snapshot!(said("a.txt", "(1.0) can0 123#00\n", &[]), @"resonarm: a.txt: the ending does not say the format: give it by --from, one of candump, asc, blf");
     assert_snapshot!(said("a.blf", "LOGG", &[]), @"resonarm: a.blf, byte 0: the log is cut short: 4 bytes are expected, 0 are there");
     // A log is read twice, and a pipe can be read only once.
@@ -136,12 +136,31 @@ fn a_single_line_without_a_frame_is_counted() {
 }
 
 #[test]
+fn a_line_that_is_none_is_counted_and_left_out() {
+    let folder = tempfile::tempdir().unwrap();
+    fs::write(folder.path().join("a.log"), "(1.0) can0 123#00\n(1.5) can1 123#00\n(1.75) can0 101#0").unwrap();
+    let said = resonarm(folder.path(), &["import", "a.log", "a.mcap"]);
+    assert_snapshot!(said.stdout, @r"
+    a.mcap: 1 frame of 0.000 s; left out 1 of other interfaces and 0 lines or objects that are no frames
+    imported interface can0; the others are can1: choose one by --interface
+    left out 1 line or object that can't be read; the first: a.log, line 3: the data must be pairs of hexadecimal digits
+    ");
+    assert_eq!((said.code, frames(&folder.path().join("a.mcap")).len()), (1, 1));
+}
+
+#[test]
 fn one_interface_of_several() {
     let folder = tempfile::tempdir().unwrap();
     fs::write(folder.path().join("a.log"), "(1.0) can0 123#00\n(1.5) can1 201#00\n(1.75) can0 7FF#R\n").unwrap();
     let said = resonarm(folder.path(), &["import", "a.log", "a.mcap", "--interface", "can0"]);
-    assert_snapshot!(said.stdout, @"a.mcap: 2 frames of 0.750 s; left out 1 of other interfaces and 0 lines or objects that are no frames");
+    assert_snapshot!(said.stdout, @r"
+    a.mcap: 2 frames of 0.750 s; left out 1 of other interfaces and 0 lines or objects that are no frames
+    imported interface can0; the others are can1: choose one by --interface
+    ");
     let one = resonarm(folder.path(), &["import", "a.log", "b.mcap", "--interface", "can1"]);
-    assert_snapshot!(one.stdout, @"b.mcap: 1 frame of 0.000 s; left out 2 of other interfaces and 0 lines or objects that are no frames");
+    assert_snapshot!(one.stdout, @r"
+    b.mcap: 1 frame of 0.000 s; left out 2 of other interfaces and 0 lines or objects that are no frames
+    imported interface can1; the others are can0: choose one by --interface
+    ");
     assert_eq!(frames(&folder.path().join("a.mcap")).iter().map(|frame| frame.sample).collect::<Vec<_>>(), [0, 750]);
 }

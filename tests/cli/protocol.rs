@@ -118,7 +118,7 @@ fn a_line_without_a_frame_is_reported_counted_and_left_out() {
     assert_eq!((code, stderr.as_str()), (1, ""));
     assert_snapshot!(stdout, @r#"
     201#8A00F40183FF3412  ForceCommand force_x_n=10 force_y_n=-2.5 sample=4660
-    line 2: "nonsense here": it is neither a frame, as 201#1122, nor a line of `candump -L`
+    line 2: "nonsense here": it is neither a frame, as 201#1122, nor a line of `candump` or `candump -L`
     line 3: "xxxxxxxxxxxxxxxxxxxxxxxxxxxxxxxxxxxxxxxxxxxxxxxxxxxxxxxxxxxxxxxxxxxxxxxxxxxxxxxx"…: there is no `#` between identifier and data, as in 123#1122
     (2.000000) vcan0 702#05  ExciterHeartbeat state=5
     2 frames: 2 taken, 0 refused, 0 of other protocols; 0 lost before them; 2 lines without a frame
@@ -127,6 +127,24 @@ fn a_line_without_a_frame_is_reported_counted_and_left_out() {
     let found: serde_json::Value = serde_json::from_str(&stdout).unwrap();
     assert_eq!((code, &found["counts"]["unreadable_lines"]), (1, &2.into()));
     assert_eq!((&found["unreadable"][0]["line"], found["frames"].as_array().unwrap().len()), (&2.into(), 2));
+}
+
+/// The view of `candump` on a terminal, as in most reports of faults, and what a CAN controller reports.
+#[test]
+fn the_view_of_candump_and_error_frames_are_decoded() {
+    let log = "  vcan0  201   [8]  8A 00 F4 01 83 FF 34 12\n(2.5) can0 20000004#0004000000000000\n";
+    let (code, stdout, _) = piped(&["protocol", "decode"], log);
+    assert_snapshot!(stdout, @"
+    vcan0 201#8A00F40183FF3412  ForceCommand force_x_n=10 force_y_n=-2.5 sample=4660
+    (2.500000) can0 error frame (controller problem)
+    1 frames: 1 taken, 0 refused, 0 of other protocols; 0 lost before them; 1 error frames
+    ");
+    assert_eq!(code, 0);
+    let (code, stdout, _) = piped(&["protocol", "decode", "--json"], log);
+    let found: serde_json::Value = serde_json::from_str(&stdout).unwrap();
+    let error = &found["frames"][1];
+    assert_eq!((code, &found["counts"]["error_frames"], &error["verdict"]), (0, &1.into(), &"error_frame".into()));
+    assert_eq!(error["reason"], "controller problem");
 }
 
 /// A log is read from standard input; the refusal of its name as a frame says so.

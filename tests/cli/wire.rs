@@ -164,6 +164,7 @@ fn frames_are_explained_by_the_scenario_s_own_protocol() {
       },
       "message": "Head",
       "message_means": [],
+      "raw": {},
       "senders": [
         "Plant"
       ],
@@ -218,12 +219,55 @@ fn frames_are_explained_by_a_dbc_alone() {
     assert_snapshot!(odd.stdout, @"100#0000000000000000  Odd");
 }
 
+/// Integers of more than 53 bits and signals that share bits have their values, and what is wrong is in the JSON, too.
+#[test]
+fn what_a_dbc_breaks_is_decoded_with_warnings() {
+    let folder = tempfile::tempdir().unwrap();
+    let dbc = "BO_ 258 TS: 8 A\n SG_ t : 0|64@1+ (1e-6,0) [0|0] \"s\" A\n SG_ n : 0|64@1+ (1,0) [0|0] \"\" A\n";
+    fs::write(folder.path().join("a.dbc"), dbc).unwrap();
+    let decode = ["protocol", "decode", "--dbc", "a.dbc", "102#0102030405060708"];
+    assert_snapshot!(resonarm(folder.path(), &decode).stdout, @"102#0102030405060708  TS t=578437695752.307 s (raw 578437695752307201) n=578437695752307201");
+    let found = document(folder.path(), 0, &[&decode[..], &["--json"]].concat());
+    let frame = &found["frames"][0];
+    assert_eq!(frame["raw"]["t"], 578_437_695_752_307_201_u64);
+    assert_eq!(frame["signals"]["n"], 578_437_695_752_307_201_u64);
+    assert_eq!(frame["signals"]["t"], 578_437_695_752.307_1);
+    let warnings = found["warnings"].as_array().unwrap();
+    assert_eq!(warnings.len(), 2);
+    assert_eq!((&warnings[0]["line"], &warnings[0]["signal"]), (&2.into(), &"t".into()));
+    assert_eq!(
+        warnings[0]["problem"],
+        "it is an integer of 64 bits: up to 53 keep every bit in a floating-point number"
+    );
+}
+
+/// The recording of a log has no scenario: a DBC says what its frames are.
+#[test]
+fn an_imported_log_is_explained_by_a_dbc() {
+    let folder = bench();
+    fs::write(folder.path().join("bus.log"), "(1.0) can0 300#0AE7\n(1.5) can0 123#00\n").unwrap();
+    assert_eq!(resonarm(folder.path(), &["import", "bus.log", "bus.mcap"]).code, 0);
+    let decode = ["protocol", "decode", "--recording", "bus.mcap"];
+    let said = resonarm(folder.path(), &[&decode[..], &["--dbc", "bench.dbc"]].concat());
+    assert_snapshot!(said.stdout, @"
+    (0.000000) can0 300#0AE7  Cooling Speed=1000 1/min Temperature=-25 °C
+    (0.500000) can0 123#00  of no message in the DBC
+    2 frames: 1 decoded, 0 too short, 0 requests, 1 of no message
+    ");
+    assert_eq!(said.code, 0);
+    assert_eq!(resonarm(folder.path(), &[&decode[..], &["--scenario", "bench.toml"]].concat()).code, 0);
+    // Without either the frames are taken for those of Resonarm's protocol, as those of the log are.
+    let plain = resonarm(folder.path(), &decode);
+    assert_eq!(plain.stdout.lines().next(), Some("(0.000000) can0 300#0AE7  not of this network"));
+    assert_eq!(plain.code, 0);
+}
+
 #[test]
 fn bad_input_of_decode_is_refused() {
     let folder = bench();
     let said = |arguments: &[&str]| complaint(folder.path(), 2, &[&["protocol", "decode"], arguments].concat());
     assert_snapshot!(said(&["--dbc", "none.dbc", "300#00"]), @"resonarm: can't read the DBC none.dbc: No such file or directory (os error 2)");
-    assert_snapshot!(said(&["--dbc", "bench.toml", "300#00"]), @r#"resonarm: bench.toml: line 1, column 1 can't be read as DBC: "[rig.accelerometer_b]""#);
+    assert_snapshot!(said(&["--dbc", "bench.toml", "300#00"]), @r#"resonarm: bench.toml, line 1, column 1: expected a statement such as BO_, got "[rig.accelerometer_b]""#);
     assert_snapshot!(said(&["--scenario", "none.toml", "300#00"]), @"resonarm: can't read the scenario none.toml: No such file or directory (os error 2)");
     assert_snapshot!(said(&["--recording", "none.mcap"]), @"resonarm: can't read recording `none.mcap`: No such file or directory (os error 2)");
     assert!(said(&["--dbc", "bench.dbc", "--scenario", "bench.toml", "300#00"]).contains("cannot be used with"));

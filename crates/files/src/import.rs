@@ -15,14 +15,15 @@ mod rows;
 mod wire;
 mod wire_import;
 
+use std::collections::BTreeSet;
 use std::fs;
 use std::path::{Path, PathBuf};
 
 use resonarm_bench::node::WireSpec;
-use resonarm_protocol::{Frame, MessageKind, Network, Node};
+use resonarm_protocol::{DecodeError, Frame, MessageKind, Network, Node, Profile, Receiver};
 use thiserror::Error;
 
-use crate::can_log::{CanLogError, LogFormat, LoggedFrame, LoggedFrames, read};
+use crate::can_log::{CanLogError, LogFormat, LoggedFrame, read};
 use crate::recording::{
     Channel, Configuration, Direction, Existing, FlushPolicy, FrameRecord, Naming, Options, Record, Recorder,
     RecordingError, TimeBase,
@@ -36,6 +37,8 @@ pub use wire_import::{Missing, WireImport};
 
 /// The key in a recording's configuration of the log that it was imported from.
 pub const IMPORTED_FROM: &str = "imported_from";
+/// Most interfaces that are named of those left out.
+const MOST_INTERFACES: usize = 16;
 /// Records that wait for the writer at most.
 const CAPACITY: usize = 8192;
 
@@ -45,7 +48,7 @@ pub struct ImportOptions {
     /// What was logged: network and sample rate; put into the recording. Without one the identifiers are the usual
     /// ones, and there are 1000 samples a second.
     pub scenario: Option<Scenario>,
-    /// The interface, or the channel, whose frames are wanted; needed if the log has more than one.
+    /// The interface, or the channel, whose frames are wanted; without one that of the first frame.
     pub interface: Option<String>,
     /// What to do if the recording is there already.
     pub existing: Existing,
@@ -113,10 +116,19 @@ pub struct Imported {
     pub path: PathBuf,
     /// Frames in it.
     pub frames: u64,
+    /// The interface, or the channel, of the frames; `None` if the log names none.
+    pub interface: Option<String>,
     /// Frames of other interfaces, left out.
     pub of_other_interfaces: u64,
+    /// The names of those interfaces.
+    pub other_interfaces: BTreeSet<String>,
     /// Lines or objects that are no frames, left out: error frames, comments, other events.
     pub others: u64,
+    /// Lines or objects that can't be read, left out.
+    pub unreadable: u64,
+    /// Why the first of them can't be read.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub first_unreadable: Option<String>,
     /// Time from the first frame to the last, s.
     pub duration_s: f64,
     /// What was gathered from the frames, if the scenario has a protocol of its own.
@@ -152,24 +164,17 @@ pub enum ImportError {
     },
     /// There is nothing to import.
     #[error(
-        "{} has no frames{}", log.display(),
-        interface.as_ref().map_or(String::new(), |interface| format!(" of interface {interface}"))
+        "{} has no frames{}{}", log.display(),
+        interface.as_ref().map_or(String::new(), |interface| format!(" of interface {interface}")),
+        unreadable.as_ref().map_or(String::new(), |error| format!("; {error}"))
     )]
     Empty {
         /// The log.
         log: PathBuf,
         /// The interface that was asked for.
         interface: Option<String>,
-    },
-    /// The frames of several interfaces.
-    #[error("{} has frames of {first} and of {other}: choose one (--interface)", log.display())]
-    Interfaces {
-        /// The log.
-        log: PathBuf,
-        /// The interface of the first frame.
-        first: String,
-        /// That of another.
-        other: String,
+        /// Why the first line or object that can't be read can't be.
+        unreadable: Option<String>,
     },
     /// A frame that was seen before the first, by more than [`DISORDER_NS`].
     #[error("{}: frame {frame} is {early_ns} ns earlier than the first: the log is not in order", log.display())]
@@ -189,7 +194,8 @@ pub const DISORDER_NS: u64 = 100_000_000;
 
 /// A recording of frames, written frame by frame. Sample k begins k sample periods after the beginning. Frames go the
 /// way that the log says. Where a scenario says which network was logged, its frames go the way that their senders
-/// have; so do those of the usual identifiers in a log that says nothing. All others count as received by the plant.
+/// have; so do those of the usual identifiers in a log that says nothing, if most of its frames with these identifiers
+/// have the checksum of the protocol. All others count as received by the plant.
 ///
 /// With a protocol of the scenario's own the recording has its readings, too. Their first sample is that of their time;
 /// from there on samples are counted as the frames say, and other frames belong to the newest one.
@@ -200,6 +206,8 @@ pub struct FrameLog {
     network: Network,
     /// Whether the network is that of a scenario.
     is_known: bool,
+    /// Whether a log without directions and scenario is of the usual network.
+    is_usual: bool,
     wire: Option<WireLog>,
     rate_hz: f64,
     first_ns: u64,
@@ -245,7 +253,7 @@ impl FrameLog {
         let recorder = Recorder::create(path, &configuration, options)?;
         let channel = recorder.channel("log", CAPACITY)?;
         let (log, first_ns) = (log.to_path_buf(), first.time_ns);
-        Ok(FrameLog { recorder, channel, log, network, is_known, wire, rate_hz, first_ns, frames: 0 })
+        Ok(FrameLog { recorder, channel, log, network, is_known, is_usual: false, wire, rate_hz, first_ns, frames: 0 })
     }
 
     /// Writes a frame, and returns its time since the beginning, ns.
@@ -292,10 +300,13 @@ impl FrameLog {
     }
 
     /// Which way a frame goes: with the scenario of the network as its sender has it; without one as the log has it,
-    /// and if that says nothing, as on a network with the usual identifiers.
+    /// and if that says nothing, as on a network with the usual identifiers if the log is of one.
     fn direction(&self, logged: &LoggedFrame) -> Option<Direction> {
         let by_sender = direction(self.network, &logged.frame);
-        if self.is_known { by_sender } else { logged.direction.or(by_sender) }
+        match self.is_known {
+            true => by_sender,
+            false => logged.direction.or(by_sender.filter(|_| self.is_usual)),
+        }
     }
 
     /// Ends the recording, and returns how many frames are in it, and what was gathered from them if the scenario has a
@@ -318,17 +329,37 @@ impl FrameLog {
 /// [`ImportError`] if the log can't be read, twice, or has no frames, or the recording can't be written: it must not be
 /// the log.
 pub fn import(log: &Path, format: LogFormat, path: &Path, options: &ImportOptions) -> Result<Imported, ImportError> {
+    import_converted(log, (log, format.name()), format, path, options)
+}
+
+/// As [`import`], of a log that was converted from a file of another format: the recording says that it was imported
+/// from `original`, the name of that file and its format.
+///
+/// # Errors
+/// As [`import`].
+pub fn import_converted(
+    log: &Path,
+    original: (&Path, &str),
+    format: LogFormat,
+    path: &Path,
+    options: &ImportOptions,
+) -> Result<Imported, ImportError> {
     readable_twice(log)?;
     if same_file(log, path) {
         return Err(RecordingError::SameFile { path: path.to_path_buf() }.into());
     }
-    let first = check(log, format, options)?;
-    let mut written = FrameLog::create(log, format.name(), &first, (path, Naming::Whole), options)?;
+    let Checked { first, is_usual } = check(log, format, options)?;
+    let mut written = FrameLog::create(original.0, original.1, &first, (path, Naming::Whole), options)?;
+    written.is_usual = is_usual;
     let mut imported = Imported {
         path: path.to_path_buf(),
         frames: 0,
+        interface: first.interface.clone(),
         of_other_interfaces: 0,
+        other_interfaces: BTreeSet::new(),
         others: 0,
+        unreadable: 0,
+        first_unreadable: None,
         duration_s: 0.0,
         wire: None,
     };
@@ -337,12 +368,17 @@ pub fn import(log: &Path, format: LogFormat, path: &Path, options: &ImportOption
         let logged = logged?;
         if logged.interface != first.interface {
             imported.of_other_interfaces += 1;
+            let name = logged.interface.unwrap_or_default();
+            if imported.other_interfaces.len() < MOST_INTERFACES {
+                imported.other_interfaces.insert(name);
+            }
             continue;
         }
         let time_ns = written.push(&logged)?;
         imported.duration_s = imported.duration_s.max(time_ns as f64 * 1e-9);
     }
-    imported.others = frames.others();
+    (imported.others, imported.unreadable) = (frames.others(), frames.unreadable());
+    imported.first_unreadable = frames.first_unreadable().map(ToString::to_string);
     (imported.frames, imported.wire) = written.finish()?;
     Ok(imported)
 }
@@ -356,34 +392,79 @@ fn readable_twice(log: &Path) -> Result<(), ImportError> {
     Err(ImportError::NotAFile { log: log.to_path_buf(), got: file_kind(found.file_type()) })
 }
 
-/// The first frame that is wanted, with the time of the earliest, if the whole log can be imported.
-fn check(log: &Path, format: LogFormat, options: &ImportOptions) -> Result<LoggedFrame, ImportError> {
-    let mut first: Option<LoggedFrame> = None;
-    let mut earliest_ns = u64::MAX;
-    for (frame, logged) in (1..).zip(wanted(read(log, format)?, options.interface.as_deref())) {
-        let logged = logged?;
-        let first = first.get_or_insert_with(|| logged.clone());
-        let log = || log.to_path_buf();
-        if first.interface != logged.interface {
-            let [first, other] = [first, &logged].map(|logged| logged.interface.clone().unwrap_or_default());
-            return Err(ImportError::Interfaces { log: log(), first, other });
-        }
-        let early_ns = first.time_ns.saturating_sub(logged.time_ns);
-        if early_ns > DISORDER_NS {
-            return Err(ImportError::Order { log: log(), frame, early_ns });
-        }
-        earliest_ns = earliest_ns.min(logged.time_ns);
-    }
-    let first = first.map(|first| LoggedFrame { time_ns: earliest_ns, ..first });
-    first.ok_or_else(|| ImportError::Empty { log: log.to_path_buf(), interface: options.interface.clone() })
+/// What the first reading of a log says.
+struct Checked {
+    /// The first frame that is wanted, with the time of the earliest.
+    first: LoggedFrame,
+    /// Whether most of the frames with the usual identifiers are of Resonarm's protocol.
+    is_usual: bool,
 }
 
-/// The frames of an interface, or all.
-fn wanted(frames: LoggedFrames, interface: Option<&str>) -> impl Iterator<Item = Result<LoggedFrame, CanLogError>> {
-    frames.filter(move |logged| match (interface, logged) {
-        (Some(interface), Ok(logged)) => logged.interface.as_deref() == Some(interface),
-        _ => true,
-    })
+/// Reads the whole log, to see that it can be imported.
+fn check(log: &Path, format: LogFormat, options: &ImportOptions) -> Result<Checked, ImportError> {
+    let mut first: Option<LoggedFrame> = None;
+    let mut earliest_ns = u64::MAX;
+    let mut usual = UsualNetwork::new();
+    let mut frames = read(log, format)?;
+    let mut number = 0;
+    for logged in &mut frames {
+        let logged = logged?;
+        let wanted = options.interface.as_deref().or(first.as_ref().and_then(|first| first.interface.as_deref()));
+        let is_wanted = (first.is_none() && options.interface.is_none()) || logged.interface.as_deref() == wanted;
+        if !is_wanted {
+            continue;
+        }
+        number += 1;
+        let first_ns = first.get_or_insert_with(|| logged.clone()).time_ns;
+        let early_ns = first_ns.saturating_sub(logged.time_ns);
+        if early_ns > DISORDER_NS {
+            return Err(ImportError::Order { log: log.to_path_buf(), frame: number, early_ns });
+        }
+        earliest_ns = earliest_ns.min(logged.time_ns);
+        usual.add(&logged.frame);
+    }
+    match first {
+        Some(first) => {
+            Ok(Checked { first: LoggedFrame { time_ns: earliest_ns, ..first }, is_usual: usual.is_likely() })
+        }
+        None => Err(ImportError::Empty {
+            log: log.to_path_buf(),
+            interface: options.interface.clone(),
+            unreadable: frames.first_unreadable().map(ToString::to_string),
+        }),
+    }
+}
+
+/// Says whether frames are of Resonarm's protocol with the usual identifiers, which other networks use as well: by the
+/// checksums of those that have one.
+struct UsualNetwork {
+    receivers: Vec<Receiver>,
+    protected: u64,
+    valid: u64,
+}
+
+impl UsualNetwork {
+    fn new() -> UsualNetwork {
+        let receivers = Profile::ALL.map(|profile| Receiver::new(Network::default().with_profile(profile)));
+        UsualNetwork { receivers: receivers.to_vec(), protected: 0, valid: 0 }
+    }
+
+    fn add(&mut self, frame: &Frame) {
+        let network = Network::default();
+        let Some(kind) = MessageKind::from_id(network, frame.id()) else { return };
+        if kind.data_id(network).is_none() {
+            return;
+        }
+        self.protected += 1;
+        // Whether frames before it were lost does not matter here.
+        let is_of_protocol = |verdict| matches!(verdict, Ok(Some(_)) | Err(DecodeError::Counter { .. }));
+        let is_valid = self.receivers.iter_mut().any(|receiver| is_of_protocol(receiver.accept(frame)));
+        self.valid += u64::from(is_valid);
+    }
+
+    const fn is_likely(&self) -> bool {
+        2 * self.valid > self.protected
+    }
 }
 
 /// Which way a frame of the network goes.

@@ -9,7 +9,7 @@ use resonarm_protocol::{Frame, FrameFormat, Id};
 
 use super::candump::nanoseconds;
 use super::date::Date;
-use super::vector::{BRS, EDL, ESI, LONGEST_CLASSIC, dlc, flags, format, since};
+use super::vector::{BRS, EDL, ESI, LONGEST_CLASSIC, dlc, flags, format, length, since};
 use super::{CanLogError, LogWriter, LoggedFrame};
 use crate::recording::Direction;
 
@@ -81,7 +81,8 @@ pub(super) struct Reader {
     radix: u32,
     /// Times are relative to the line before.
     is_relative: bool,
-    time_ns: u64,
+    /// Before the start of the log it is negative.
+    time_ns: i64,
     /// Whether a trigger block has begun that has not ended.
     is_in_block: bool,
 }
@@ -110,7 +111,7 @@ impl Reader {
                 self.is_relative = times == "relative";
                 Ok(None)
             }
-            [time, ref rest @ ..] => match nanoseconds(time) {
+            [time, ref rest @ ..] => match signed_nanoseconds(time) {
                 Some(time_ns) => self.event(time_ns, rest),
                 None => Ok(None),
             },
@@ -120,7 +121,7 @@ impl Reader {
 
     /// As [`Reader::line`], of a last line without an end: an event that is no frame may be the beginning of one.
     pub fn last_line(&mut self, line: &str) -> Result<Option<LoggedFrame>, CanLogError> {
-        let is_event = line.split_whitespace().next().is_some_and(|time| nanoseconds(time).is_some());
+        let is_event = line.split_whitespace().next().is_some_and(|time| signed_nanoseconds(time).is_some());
         match self.line(line)? {
             None if is_event => Err(CanLogError::Truncated { inside: "inside this line" }),
             found => Ok(found),
@@ -140,7 +141,7 @@ impl Reader {
     }
 
     /// An event with its time.
-    fn event(&mut self, time_ns: u64, words: &[&str]) -> Result<Option<LoggedFrame>, CanLogError> {
+    fn event(&mut self, time_ns: i64, words: &[&str]) -> Result<Option<LoggedFrame>, CanLogError> {
         let before_ns = if self.is_relative { self.time_ns } else { 0 };
         self.time_ns = before_ns.saturating_add(time_ns);
         let (channel, direction, frame) = match *words {
@@ -154,8 +155,9 @@ impl Reader {
             [_, _, "Rx" | "Tx"] => return Err(CanLogError::AscLine),
             _ => return Ok(None),
         };
+        let early = CanLogError::BeforeEpoch { time_ns: self.time_ns };
         Ok(Some(LoggedFrame {
-            time_ns: self.start_ns.saturating_add(self.time_ns),
+            time_ns: self.start_ns.checked_add_signed(self.time_ns).ok_or(early)?,
             interface: Some(channel.to_owned()),
             direction: Some(if direction == "Tx" { Direction::Sent } else { Direction::Received }),
             frame,
@@ -176,16 +178,26 @@ impl Reader {
     }
 
     /// `ID [NAME] BRS ESI DLC LENGTH BYTES … [DURATION BITS FLAGS …]`. Classical frames on a CAN FD channel have this
-    /// form, too; the flags show it.
+    /// form, too; the flags show it. A remote frame has no bytes, and its DLC says how many it asks for.
     fn fd(&self, id: &str, words: &[&str]) -> Result<Frame, CanLogError> {
         let is_bit = |word: Option<&&str>| matches!(word, Some(&("0" | "1")));
         let words = if is_bit(words.first()) && is_bit(words.get(1)) { words } else { words.get(1..).unwrap_or(&[]) };
-        let [brs, esi, _dlc, length, rest @ ..] = words else { return Err(CanLogError::AscLine) };
-        let length = length.parse::<usize>().map_err(|_| CanLogError::AscLine)?;
-        let data = self.data(rest.get(..length).ok_or(CanLogError::AscLine)?)?;
-        let flags = rest.get(length + 2).and_then(|flags| u32::from_str_radix(flags, 16).ok()).unwrap_or(EDL);
+        let [brs, esi, dlc, bytes, rest @ ..] = words else { return Err(CanLogError::AscLine) };
+        let dlc = usize::from_str_radix(dlc, 16).ok().and_then(length).ok_or(CanLogError::AscLine)?;
+        let bytes = bytes.parse::<usize>().map_err(|_| CanLogError::AscLine)?;
+        let mut data = self.data(rest.get(..bytes).ok_or(CanLogError::AscLine)?)?;
+        let flags = rest.get(bytes + 2).and_then(|flags| u32::from_str_radix(flags, 16).ok()).unwrap_or(EDL);
         let set = |flag: u32, bit: &str| if bit == "1" { flag } else { 0 };
-        Ok(Frame::new(self.id(id)?, format(flags | set(BRS, brs) | set(ESI, esi)), &data)?)
+        let format = match format(flags | set(BRS, brs) | set(ESI, esi)) {
+            // No classical frame has so many bytes: whoever wrote the flags left them out.
+            FrameFormat::Classic if bytes > LONGEST_CLASSIC => format(EDL | set(BRS, brs) | set(ESI, esi)),
+            FrameFormat::Remote => {
+                data.resize(dlc.min(LONGEST_CLASSIC), 0);
+                FrameFormat::Remote
+            }
+            format => format,
+        };
+        Ok(Frame::new(self.id(id)?, format, &data)?)
     }
 
     fn id(&self, text: &str) -> Result<Id, CanLogError> {
@@ -202,6 +214,12 @@ impl Reader {
     fn data(&self, words: &[&str]) -> Result<Vec<u8>, CanLogError> {
         words.iter().map(|word| u8::from_str_radix(word, self.radix).map_err(|_| CanLogError::AscLine)).collect()
     }
+}
+
+/// As [`nanoseconds`], with a minus before times that are earlier than the start of the log.
+fn signed_nanoseconds(text: &str) -> Option<i64> {
+    let (text, sign) = text.strip_prefix('-').map_or((text, 1), |text| (text, -1));
+    Some(sign * i64::try_from(nanoseconds(text)?).ok()?)
 }
 
 /// Whether words begin, or end, a trigger block: the first is the wanted one.

@@ -76,6 +76,20 @@ impl Date {
         (found == *self).then_some(unix_ms)
     }
 
+    /// Nanoseconds of the UNIX epoch of `2015-07-10 06:17:32.249713`, with any number of digits behind the point.
+    pub fn unix_ns_from_iso(text: &str) -> Option<u64> {
+        let (day, time) = text.split_once(' ')?;
+        let (time, fraction) = time.split_once('.').unwrap_or((time, ""));
+        let numbers = |text: &str, separator| -> Option<Vec<u64>> {
+            text.split(separator).map(|number| number.parse().ok()).collect()
+        };
+        let (day, time) = (numbers(day, '-')?, numbers(time, ':')?);
+        let ([year, month, day], [hour, minute, second]) = (&day[..], &time[..]) else { return None };
+        let [year, month, day, hour, minute, second] = [year, month, day, hour, minute, second].map(|number| *number);
+        let date = Date { year, month, day, weekday: 0, hour, minute, second, millisecond: 0 };
+        date.unix_ns()?.checked_add(super::candump::nanoseconds(&format!("0.{fraction}"))?)
+    }
+
     /// In the form of ASC: `Sat Sep 30 15:06:13.191 2017`.
     pub fn asc(&self) -> String {
         let Date { year, month, day, weekday, hour, minute, second, millisecond } = *self;

@@ -47,9 +47,21 @@ pub enum CanLogError {
         /// The longest that is read, bytes.
         most: usize,
     },
-    /// A line that is not of a candump log.
-    #[error("it is not a line of `candump -L` such as (12.345678) vcan0 201#1122")]
+    /// A line that is not of candump.
+    #[error(
+        "it is not a line of candump: expected (12.345678) vcan0 201#1122 of `candump -L`, or vcan0 201 [2] 11 22 of \
+         its view"
+    )]
     CandumpLine,
+    /// A line without a time.
+    #[error("it has no time: log with `candump -L`, or with `candump -t a` in place of `candump`")]
+    NoTime,
+    /// A frame before the UNIX epoch, or before the start of a log without a date.
+    #[error("its time, {time_ns} ns, is before the start of a log that has no date")]
+    BeforeEpoch {
+        /// The time from the start of the log, ns.
+        time_ns: i64,
+    },
     /// A frame of a candump log that can't be read.
     #[error(transparent)]
     FrameText(FrameTextError),
@@ -57,9 +69,7 @@ pub enum CanLogError {
     #[error("it is not a frame of an ASC log such as 0.001000 1 201 Rx d 2 11 22")]
     AscLine,
     /// The end of an ASC log that isn't its end.
-    #[error(
-        "the log is cut short: it ends {inside}; to take what is there, end its whole lines with `End TriggerBlock`"
-    )]
+    #[error("the log is cut short: it ends {inside}")]
     Truncated {
         /// What it ends in.
         inside: &'static str,

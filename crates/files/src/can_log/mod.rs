@@ -1,4 +1,4 @@
-//! Frames in the log files of other tools: `candump -L` of can-utils, ASC and BLF of Vector.
+//! Frames in the log files of other tools: `candump` of can-utils, ASC and BLF of Vector.
 //!
 //! Writers take frames one by one, and readers return them one by one: none is kept.
 
@@ -17,7 +17,7 @@ use resonarm_protocol::Frame;
 use crate::recording::Direction;
 
 pub use blf::BlfFault;
-pub use candump::parse_line;
+pub use candump::{CandumpContent, CandumpLine, ErrorFrame, parse_line};
 pub use error::CanLogError;
 use reader::Entry;
 pub use reader::{LoggedFrames, read};
@@ -38,7 +38,8 @@ pub struct LoggedFrame {
 /// A format of logs.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum LogFormat {
-    /// Lines as `candump -L` of can-utils writes them, the direction last: `(12.345678) vcan0 201#1122 T`.
+    /// Lines as `candump -L` of can-utils writes them, the direction last: `(12.345678) vcan0 201#1122 T`; its view on a
+    /// terminal is read as well if it has times.
     Candump,
     /// The text format of Vector's CANalyzer and CANoe; times have microseconds.
     Asc,

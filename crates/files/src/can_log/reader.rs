@@ -4,11 +4,7 @@ use std::fs::File;
 use std::io::{BufRead, BufReader, Read};
 use std::path::{Path, PathBuf};
 
-use super::{CanLogError, LogFormat, LoggedFrame, asc, blf, parse_line};
-
-/// Set in the identifiers of a candump log's error frames, which report the bus's state and were never on it
-/// (linux/can.h).
-const ERROR_FRAME: u32 = 0x2000_0000;
+use super::{CanLogError, CandumpContent, LogFormat, LoggedFrame, asc, blf, parse_line};
 
 /// Longest accepted line, bytes: far above what a frame needs.
 const LONGEST_LINE: usize = 1 << 20;
@@ -17,12 +13,17 @@ const LONGEST_LINE: usize = 1 << 20;
 pub(super) enum Entry {
     Frame(LoggedFrame),
     Other,
+    /// A frame that can't be read, while the next entry can.
+    Unreadable(CanLogError),
 }
 
-/// The frames of a log, in its order. Ends after the first error.
+/// The frames of a log, in its order. A line or object that can't be read is left out and counted, as one odd line must
+/// not cost a whole log; the frames end with the first error behind which nothing can be read.
 pub struct LoggedFrames {
     entries: Entries,
     others: u64,
+    unreadable: u64,
+    pub(super) first_unreadable: Option<CanLogError>,
     has_failed: bool,
 }
 
@@ -39,6 +40,7 @@ struct Lines {
     bytes: Vec<u8>,
     number: u64,
     syntax: Syntax,
+    has_ended: bool,
 }
 
 enum Syntax {
@@ -67,13 +69,23 @@ pub fn read(path: &Path, format: LogFormat) -> Result<LoggedFrames, CanLogError>
         LogFormat::Asc => Entries::Lines(Lines::open(path, Syntax::Asc(asc::Reader::new()))?),
         LogFormat::Blf => Entries::Objects(blf::Reader::open(path)?),
     };
-    Ok(LoggedFrames { entries, others: 0, has_failed: false })
+    Ok(LoggedFrames { entries, others: 0, unreadable: 0, first_unreadable: None, has_failed: false })
 }
 
 impl LoggedFrames {
     /// Lines or objects so far that are not frames: error frames, comments and other events, the head of an ASC log.
     pub fn others(&self) -> u64 {
         self.others
+    }
+
+    /// Lines or objects so far that are left out since they can't be read.
+    pub fn unreadable(&self) -> u64 {
+        self.unreadable
+    }
+
+    /// Why the first of them can't be read.
+    pub fn first_unreadable(&self) -> Option<&CanLogError> {
+        self.first_unreadable.as_ref()
     }
 
     fn next_frame(&mut self) -> Result<Option<LoggedFrame>, CanLogError> {
@@ -85,6 +97,10 @@ impl LoggedFrames {
             match entry {
                 Some(Entry::Frame(frame)) => return Ok(Some(frame)),
                 Some(Entry::Other) => self.others += 1,
+                Some(Entry::Unreadable(error)) => {
+                    self.unreadable += 1;
+                    self.first_unreadable.get_or_insert(error);
+                }
                 None => return Ok(None),
             }
         }
@@ -95,7 +111,10 @@ impl Lines {
     fn open(path: &Path, syntax: Syntax) -> Result<Lines, CanLogError> {
         let path = path.to_path_buf();
         match File::open(&path) {
-            Ok(file) => Ok(Lines { path, file: BufReader::new(file), bytes: Vec::new(), number: 0, syntax }),
+            Ok(file) => {
+                let (file, bytes) = (BufReader::new(file), Vec::new());
+                Ok(Lines { path, file, bytes, number: 0, syntax, has_ended: false })
+            }
             Err(source) => Err(CanLogError::Read { path, source }),
         }
     }
@@ -112,7 +131,8 @@ impl Lines {
                 CanLogError::Line { path, line, source: Box::new(source) }
             };
             if read == 0 {
-                return self.syntax.end().map(|()| None).map_err(failed);
+                let end = self.syntax.end().err().filter(|_| !core::mem::replace(&mut self.has_ended, true));
+                return Ok(end.map(|error| Entry::Unreadable(failed(error))));
             }
             if read > LONGEST_LINE {
                 return Err(failed(CanLogError::LongLine { most: LONGEST_LINE }));
@@ -124,21 +144,25 @@ impl Lines {
                 continue;
             }
             let found = match &mut self.syntax {
-                Syntax::Candump if is_error_frame(line) => Ok(None),
-                Syntax::Candump => parse_line(line).map(Some),
+                Syntax::Candump => candump(line),
                 Syntax::Asc(reader) if self.bytes.ends_with(b"\n") => reader.line(line),
                 Syntax::Asc(reader) => reader.last_line(line),
             };
-            return found.map(|frame| Some(frame.map_or(Entry::Other, Entry::Frame))).map_err(failed);
+            return Ok(Some(match found {
+                Ok(Some(frame)) => Entry::Frame(frame),
+                Ok(None) => Entry::Other,
+                Err(error) => Entry::Unreadable(failed(error)),
+            }));
         }
     }
 }
 
-/// Whether a line of a candump log is an error frame.
-fn is_error_frame(line: &str) -> bool {
-    let id = line.split_whitespace().nth(2).and_then(|frame| frame.split_once('#')).map(|(id, _)| id);
-    let id = id.filter(|id| id.len() == 8).and_then(|id| u32::from_str_radix(id, 16).ok());
-    id.is_some_and(|id| id & ERROR_FRAME != 0)
+/// The frame in a line of candump; `None` of an error frame.
+fn candump(line: &str) -> Result<Option<LoggedFrame>, CanLogError> {
+    let line = parse_line(line)?;
+    let CandumpContent::Frame(frame) = line.content else { return Ok(None) };
+    let time_ns = line.time_ns.ok_or(CanLogError::NoTime)?;
+    Ok(Some(LoggedFrame { time_ns, interface: line.interface, direction: line.direction, frame }))
 }
 
 impl Iterator for LoggedFrames {

@@ -46,8 +46,24 @@ fn read_text(format: LogFormat, text: &[u8]) -> Result<(Vec<LoggedFrame>, u64), 
     let path = folder.path().join("log");
     fs::write(&path, text).unwrap();
     let mut frames = super::read(&path, format)?;
-    let found = frames.by_ref().collect::<Result<Vec<_>, _>>()?;
-    Ok((found, frames.others()))
+    let found = frames.by_ref().collect::<Result<Vec<_>, _>>();
+    match frames.first_unreadable.take() {
+        Some(error) => Err(error),
+        None => Ok((found?, frames.others())),
+    }
+}
+
+/// The frames of a log as text, and how many lines or objects can't be read.
+fn readable(format: LogFormat, text: &[u8]) -> (Vec<String>, u64) {
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("log");
+    fs::write(&path, text).unwrap();
+    let mut frames = super::read(&path, format).unwrap();
+    let found = frames.by_ref().map(|logged| {
+        let LoggedFrame { time_ns, interface, frame, .. } = logged.unwrap();
+        format!("{} {} {frame}", time_ns % 1_000_000_000_000, interface.unwrap_or_default())
+    });
+    (found.collect(), frames.unreadable())
 }
 
 #[test]
@@ -147,7 +163,7 @@ fn errors_name_their_line() {
         error.rsplit_once("/log").map(|(_, said)| said.to_owned()).unwrap_or(error)
     };
     let good = "(1.0) can0 123#00\n";
-    insta::assert_snapshot!(said(LogFormat::Candump, format!("{good}  can0  123  [1]  00\n{good}").as_bytes()), @", line 2: it is not a line of `candump -L` such as (12.345678) vcan0 201#1122");
+    insta::assert_snapshot!(said(LogFormat::Candump, format!("{good}  can0  123  [1]  00\n{good}").as_bytes()), @", line 2: it has no time: log with `candump -L`, or with `candump -t a` in place of `candump`");
     insta::assert_snapshot!(said(LogFormat::Candump, b"(-1.0) can0 123#00"), @r#", line 1: "(-1.0)" is not a time in brackets such as (12.345678)"#);
     insta::assert_snapshot!(said(LogFormat::Candump, b"(1.0) can0 123#0"), @", line 1: the data must be pairs of hexadecimal digits");
     insta::assert_snapshot!(said(LogFormat::Asc, b"0.1 1 123 Rx d 3 00 11"), @", line 1: it is not a frame of an ASC log such as 0.001000 1 201 Rx d 2 11 22");
@@ -159,13 +175,66 @@ fn errors_name_their_line() {
     }
     insta::assert_snapshot!(said(LogFormat::Asc, format!("{head}Tx").as_bytes()), @", line 2: it is not a frame of an ASC log such as 0.001000 1 201 Rx d 2 11 22");
     insta::assert_snapshot!(said(LogFormat::Asc, format!("{head}Tx\n").as_bytes()), @", line 2: it is not a frame of an ASC log such as 0.001000 1 201 Rx d 2 11 22");
-    insta::assert_snapshot!(said(LogFormat::Asc, format!("{head}Tx  d 1 0\n0.3").as_bytes()), @", line 3: the log is cut short: it ends inside this line; to take what is there, end its whole lines with `End TriggerBlock`");
+    insta::assert_snapshot!(said(LogFormat::Asc, format!("{head}Tx  d 1 0\n0.3").as_bytes()), @", line 3: the log is cut short: it ends inside this line");
     let whole = "Begin Triggerblock\n0.1 1 201 Rx d 2 11 22\n";
-    insta::assert_snapshot!(said(LogFormat::Asc, whole.as_bytes()), @", line 2: the log is cut short: it ends inside a trigger block; to take what is there, end its whole lines with `End TriggerBlock`");
-    insta::assert_snapshot!(said(LogFormat::Asc, &whole.as_bytes()[..whole.len() - 2]), @", line 2: the log is cut short: it ends inside a trigger block; to take what is there, end its whole lines with `End TriggerBlock`");
+    insta::assert_snapshot!(said(LogFormat::Asc, whole.as_bytes()), @", line 2: the log is cut short: it ends inside a trigger block");
+    insta::assert_snapshot!(said(LogFormat::Asc, &whole.as_bytes()[..whole.len() - 2]), @", line 2: the log is cut short: it ends inside a trigger block");
     assert_eq!(read_text(LogFormat::Asc, format!("{whole}End Triggerblock").as_bytes()).unwrap().0.len(), 1);
     insta::assert_snapshot!(said(LogFormat::Candump, &[b'1'; (1 << 20) + 1]), @", line 1: it is longer than 1048576 bytes");
     insta::assert_snapshot!(said(LogFormat::Asc, b"0.1 1 FFF Rx d 0"), @", line 1: identifier 0xFFF does not fit 11 bits (at most 0x7FF)");
+}
+
+/// A line that can't be read costs that line alone: of a log that was cut off, and with a raw DLC as `candump -8` writes
+/// it.
+#[test]
+fn odd_lines_are_counted_and_left_out() {
+    let log =
+        b"(1.0) can0 123#1122334455667788_9\n(1.1) can0 123#R8_C\nhello\n(1.2) can0 20000080#00\n(1.3) can0 101#0";
+    let (frames, unreadable) = readable(LogFormat::Candump, log);
+    assert_eq!(frames, ["1000000000 can0 123#1122334455667788", "1100000000 can0 123#R8"]);
+    assert_eq!(unreadable, 2);
+    let asc = b"Begin Triggerblock\n0.1 1 123 Rx d 3 00\n0.2 1 124 Rx d 1 00\n0.3 1 12";
+    let (frames, unreadable) = readable(LogFormat::Asc, asc);
+    assert_eq!((frames, unreadable), (vec!["200000000 1 124#00".to_string()], 3));
+}
+
+/// From the tests of python-can: a time before the start of the log, a frame of 64 bytes whose flags are left out, and a
+/// remote frame on a CAN FD channel, which has no bytes.
+#[test]
+fn frames_of_asc_logs_are_read_that_other_tools_write() {
+    let head = "date Thu May 16 06:16:50.884 pm 2024\nbase hex  timestamps absolute\n";
+    let long = "A1".to_owned() + &" 00".repeat(63);
+    let text = format!(
+        "{head}  -0.000105 1  101             Rx   d 2 01 02\n   0.506898 CANFD   4 Rx        4EE      0 1 f 64 {long} \
+         1331984 11 0 46500250 460a0250 20011736 20010205\n   0.600000 CANFD   3 Tx     50005x     0 1 5 0 140000 73 \
+         200050 7a60 46500250 460a0250 20011736 20010205\n"
+    );
+    let (frames, unreadable) = readable(LogFormat::Asc, text.as_bytes());
+    let data = "A1".to_owned() + &"00".repeat(63);
+    // The second in which the log begins, modulo a thousand.
+    let expected = [
+        "410883895000 1 101#0102".to_string(),
+        format!("411390898000 4 4EE##2{data}"),
+        "411484000000 3 00050005#R5".to_string(),
+    ];
+    assert_eq!((frames, unreadable), (expected.to_vec(), 0));
+    let (frames, unreadable) = readable(LogFormat::Asc, b"  -0.000105 1  101             Rx   d 2 01 02\n");
+    assert_eq!((frames.len(), unreadable), (0, 1));
+}
+
+/// Written by python-can's issue 1586: an object of 64 bytes by its DLC, of which 8 are valid.
+#[test]
+fn the_dlc_of_a_blf_object_says_its_length() {
+    let (frames, unreadable) = readable(LogFormat::Blf, include_bytes!("blf/valid-bytes.blf"));
+    let frames: Vec<&str> = frames.iter().filter_map(|frame| frame.split_once(' ').map(|(_, frame)| frame)).collect();
+    let data = "0001020304050607".to_string() + &"00".repeat(56);
+    let expected = [
+        format!("1 123##0{data}"),
+        "1 00000123##1000102030405060708090A0B".to_string(),
+        "2 124##0".to_string(),
+        "1 00000111#R8".to_string(),
+    ];
+    assert_eq!((frames, unreadable), (expected.iter().map(String::as_str).collect(), 0));
 }
 
 #[test]

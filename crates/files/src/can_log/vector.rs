@@ -22,6 +22,11 @@ pub(super) fn dlc(frame: &Frame) -> usize {
     LENGTHS.iter().position(|length| *length == frame.len()).unwrap_or(0)
 }
 
+/// The length that a DLC of CAN FD means.
+pub(super) fn length(dlc: usize) -> Option<usize> {
+    LENGTHS.get(dlc).copied()
+}
+
 /// The flags of a format.
 pub(super) fn flags(format: FrameFormat) -> u32 {
     let set = |flag: u32, is: bool| if is { flag } else { 0 };

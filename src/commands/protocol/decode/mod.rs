@@ -10,15 +10,15 @@ use clap::Args;
 use serde_json::{Map, Value, json};
 
 use super::NetworkFlags;
-use super::log_line::LogLine;
+use super::log_line::{LogEntry, LogLine};
 use crate::failure::{Failure, Verdict};
 use crate::output::{self, JsonFlag};
 use crate::recordings;
 use network::NetworkFrames;
-use resonarm::dbc::Database;
+use resonarm::dbc::{Database, Found};
 use resonarm::decoder::Decoder;
 use resonarm::recording::Recording;
-use resonarm::scenario::Scenario;
+use resonarm::scenario::{Scenario, ScenarioError};
 use wire::WireFrames;
 
 /// Explains frames, and says whether a receiver accepts them: form, E2E protection, content. Counters are checked from
@@ -29,13 +29,15 @@ use wire::WireFrames;
 /// mean to the plant; lengths, checksums and counters of mapped messages are checked. Whether the plant accepts a load
 /// depends on its limits and its state as well. Those of CANopen drives are explained by their objects: network
 /// management, PDOs by the mapping that the frames set, SDOs with the reason of an abort, control- and statusword in
-/// words. With --dbc alone signals have values, and nothing but the length is checked. The exit code is 1 if a frame is
-/// refused or too short.
+/// words. With --dbc signals have values, and nothing but the length is checked. What is wrong with a DBC is a warning,
+/// in the JSON as well; an integer of more than 53 bits has its raw number beside its rounded value. The exit code is 1
+/// if a frame is refused or too short.
 #[derive(Debug, Args)]
 pub(super) struct Decode {
-    /// Frames as cansend takes them, such as 201#8A00F40183FF3412; without any, lines of frames or of `candump -L` from
-    /// standard input: `candump -L can0 | resonarm protocol decode`, or of a file: `resonarm protocol decode <
-    /// can0.log`. Other lines are reported, counted and left out; then the exit code is 1.
+    /// Frames as cansend takes them, such as 201#8A00F40183FF3412; without any, lines of frames or of `candump`, with or
+    /// without -L, from standard input: `candump -L can0 | resonarm protocol decode`, or of a file: `resonarm protocol
+    /// decode < can0.log`. Error frames say what the CAN controller reports. Other lines are reported, counted and left
+    /// out; then the exit code is 1.
     #[arg(value_name = "FRAME")]
     frames: Vec<String>,
     /// TOML file with the scenario of the frames: its network, or its own protocol, [wire].
@@ -44,8 +46,9 @@ pub(super) struct Decode {
     /// DBC file of the frames.
     #[arg(long, value_name = "FILE", conflicts_with_all = NETWORK, conflicts_with = "scenario")]
     dbc: Option<PathBuf>,
-    /// Explain the frames in a recording, by the protocol of its scenario; times count from its beginning.
-    #[arg(long, value_name = "FILE", conflicts_with_all = NETWORK, conflicts_with_all = ["frames", "scenario", "dbc"])]
+    /// Explain the frames in a recording, by the protocol of its scenario, or by that of --scenario or --dbc; without any,
+    /// as in that of an imported log, by Resonarm's. Times count from its beginning.
+    #[arg(long, value_name = "FILE", conflicts_with_all = NETWORK, conflicts_with = "frames")]
     recording: Option<PathBuf>,
     #[command(flatten)]
     network: NetworkFlags,
@@ -76,8 +79,12 @@ trait Explains {
 
 struct Decoding {
     explains: Box<dyn Explains>,
+    /// What is wrong with the DBC, for --json.
+    warnings: Vec<Value>,
     /// Lines that hold no frame.
     unreadable_lines: u64,
+    /// Reports of the CAN controller.
+    error_frames: u64,
     /// With --json: the frames, and the lines that hold none.
     rows: Option<[Vec<Value>; 2]>,
 }
@@ -85,9 +92,12 @@ struct Decoding {
 impl Decode {
     pub fn execute(&self) -> Result<Verdict, Failure> {
         let recording = self.recording.as_deref().map(recordings::open).transpose()?;
+        let (explains, problems) = self.explains(recording.as_ref())?;
         let mut decoding = Decoding {
-            explains: self.explains(recording.as_ref())?,
+            explains,
+            warnings: problems.iter().map(warning).collect(),
             unreadable_lines: 0,
+            error_frames: 0,
             rows: self.json.json.then(Default::default),
         };
         if let Some(recording) = &recording {
@@ -96,33 +106,56 @@ impl Decode {
             decoding.lines(io::stdin().lock())?;
         } else {
             for frame in &self.frames {
-                decoding.frame(&parse(frame).map_err(|reason| not_a_frame(frame, reason))?)?;
+                decoding.entry(&parse(frame).map_err(|reason| not_a_frame(frame, reason))?)?;
             }
         }
         decoding.finish()
     }
 
-    /// What explains the frames: those of the recording's scenario, of the DBC, of the scenario or of the network.
-    fn explains(&self, recording: Option<&Recording>) -> Result<Box<dyn Explains>, Failure> {
+    /// What explains the frames, those of the DBC, of the scenario, of the recording's scenario or of the network, and
+    /// what is wrong with the DBC.
+    fn explains(&self, recording: Option<&Recording>) -> Result<(Box<dyn Explains>, Vec<Found>), Failure> {
         if let Some(path) = &self.dbc {
             let database = Database::read(path).map_err(|error| Failure::usage(error.to_string()))?;
-            for found in database.problems() {
-                let signal = found.signal.map_or(String::new(), |signal| format!(", signal {signal}"));
-                let (origin, line, message, problem) = (path.display(), found.line, found.message, found.problem);
-                tracing::warn!("{origin}, line {line}: message {message}{signal}: {problem}");
-            }
-            return Ok(Box::new(WireFrames::new(Decoder::new(database))));
+            return Ok(wire(Decoder::new(database)));
         }
         let scenario = match (recording, &self.scenario) {
-            (Some(recording), _) => Scenario::from_configuration(recording.configuration())?,
-            (None, Some(path)) => Scenario::read(path)?,
-            (None, None) => return Ok(Box::new(NetworkFrames::new(self.network.network()?))),
+            (_, Some(path)) => Scenario::read(path)?,
+            (Some(recording), None) => match Scenario::from_configuration(recording.configuration()) {
+                // That of an imported log says no protocol, as the log itself does not.
+                Err(ScenarioError::NotInRecording) => return self.of_network(),
+                scenario => scenario?,
+            },
+            (None, None) => return self.of_network(),
         };
         Ok(match Decoder::of_scenario(&scenario)? {
-            Some(decoder) => Box::new(WireFrames::new(decoder)),
-            None => Box::new(NetworkFrames::new(scenario.network()?)),
+            Some(decoder) => wire(decoder),
+            None => (Box::new(NetworkFrames::new(scenario.network()?)), Vec::new()),
         })
     }
+
+    /// What explains the frames of Resonarm's protocol.
+    fn of_network(&self) -> Result<(Box<dyn Explains>, Vec<Found>), Failure> {
+        Ok((Box::new(NetworkFrames::new(self.network.network()?)), Vec::new()))
+    }
+}
+
+/// What explains the frames of a DBC or of drives, and what is wrong with the DBC, which is said on standard error too.
+fn wire(decoder: Decoder) -> (Box<dyn Explains>, Vec<Found>) {
+    let problems = decoder.problems();
+    for Found { line, message, signal, problem } in &problems {
+        let message = Some(message).filter(|name| !name.is_empty()).map(|name| format!("message {name}"));
+        let signal = signal.as_ref().map(|name| format!("signal {name}"));
+        let of = message.into_iter().chain(signal).collect::<Vec<_>>().join(", ");
+        let origin = decoder.origin().unwrap_or_default();
+        tracing::warn!("{origin}, line {line}: {of}: {problem}");
+    }
+    (Box::new(WireFrames::new(decoder)), problems)
+}
+
+fn warning(found: &Found) -> Value {
+    let Found { line, message, signal, problem } = found;
+    json!({ "line": line, "message": message, "signal": signal, "problem": problem.to_string() })
 }
 
 impl Decoding {
@@ -135,7 +168,7 @@ impl Decoding {
                 continue;
             }
             match parse(&line) {
-                Ok(line) => self.frame(&line)?,
+                Ok(entry) => self.entry(&entry)?,
                 Err(reason) => self.unreadable(number, &reason)?,
             }
         }
@@ -153,6 +186,25 @@ impl Decoding {
         Ok(())
     }
 
+    fn entry(&mut self, entry: &LogEntry) -> Result<(), Failure> {
+        let (time_s, interface, error) = match entry {
+            LogEntry::Frame(line) => return self.frame(line),
+            LogEntry::ErrorFrame { time_s, interface, error } => (time_s, interface, error),
+        };
+        self.error_frames += 1;
+        if let Some([frames, _]) = &mut self.rows {
+            frames.push(json!({
+                "verdict": "error_frame",
+                "frame": null,
+                "reason": error.to_string(),
+                "time_s": time_s,
+                "interface": interface,
+            }));
+            return Ok(());
+        }
+        output::print(&format!("{}error frame ({error})\n", at(*time_s, interface.as_deref())))
+    }
+
     fn frame(&mut self, line: &LogLine) -> Result<(), Failure> {
         let LogLine { time_s, interface, frame } = line;
         if let Some([frames, _]) = &mut self.rows {
@@ -163,11 +215,7 @@ impl Decoding {
             frames.push(Value::Object(row));
             return Ok(());
         }
-        let at = match (time_s, interface) {
-            (Some(time_s), Some(interface)) => format!("({time_s:.6}) {interface} "),
-            _ => String::new(),
-        };
-        output::print(&format!("{at}{frame}  {}\n", self.explains.text(line)))
+        output::print(&format!("{}{frame}  {}\n", at(*time_s, interface.as_deref()), self.explains.text(line)))
     }
 
     fn unreadable(&mut self, number: u64, reason: &str) -> Result<(), Failure> {
@@ -180,24 +228,35 @@ impl Decoding {
     }
 
     fn finish(self) -> Result<Verdict, Failure> {
-        let Decoding { explains, unreadable_lines, rows } = self;
+        let Decoding { explains, warnings, unreadable_lines, error_frames, rows } = self;
         if let Some([frames, lines]) = rows {
             let mut counts = explains.counts();
             counts["unreadable_lines"] = json!(unreadable_lines);
-            output::print_json(&json!({ "frames": frames, "unreadable": lines, "counts": counts }))?;
-        } else if explains.frames() > 1 || unreadable_lines > 0 {
-            let unreadable = match unreadable_lines {
-                0 => String::new(),
-                lines => format!("; {lines} lines without a frame"),
-            };
-            output::print(&format!("{}{unreadable}\n", explains.counts_text()))?;
+            counts["error_frames"] = json!(error_frames);
+            let document = json!({ "frames": frames, "unreadable": lines, "warnings": warnings, "counts": counts });
+            output::print_json(&document)?;
+        } else if explains.frames() > 1 || unreadable_lines + error_frames > 0 {
+            let mut text = explains.counts_text();
+            for (count, what) in [(error_frames, "error frames"), (unreadable_lines, "lines without a frame")] {
+                if count > 0 {
+                    text += &format!("; {count} {what}");
+                }
+            }
+            output::print(&format!("{text}\n"))?;
         }
         Ok(Verdict::of(explains.is_clean() && unreadable_lines == 0))
     }
 }
 
-fn parse(line: &str) -> Result<LogLine, String> {
-    LogLine::parse(line).map_err(|error| match line.char_indices().nth(SHOWN_CHARS) {
+/// Time and interface before a frame.
+fn at(time_s: Option<f64>, interface: Option<&str>) -> String {
+    let time = time_s.map_or(String::new(), |time_s| format!("({time_s:.6}) "));
+    let interface = interface.map_or(String::new(), |interface| format!("{interface} "));
+    time + &interface
+}
+
+fn parse(line: &str) -> Result<LogEntry, String> {
+    LogEntry::parse(line).map_err(|error| match line.char_indices().nth(SHOWN_CHARS) {
         Some((end, _)) => format!("{:?}…: {error}", &line[..end]),
         None => format!("{line:?}: {error}"),
     })

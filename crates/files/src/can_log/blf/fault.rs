@@ -98,6 +98,12 @@ pub enum BlfFault {
         /// The least possible.
         least: usize,
     },
+    /// A DLC that no frame has.
+    #[error("a frame has DLC {got}, expected 0 to 15")]
+    Dlc {
+        /// The DLC.
+        got: u8,
+    },
     /// The time of a frame has an unknown unit.
     #[error("the time of a frame has unit {got}; known are 1, 10 µs, and 2, 1 ns")]
     Unit {

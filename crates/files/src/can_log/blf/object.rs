@@ -6,9 +6,12 @@ use super::{
     BASE_HEAD, BlfFault, CAN_FD_MESSAGE, CAN_FD_MESSAGE_64, CAN_MESSAGE, CAN_MESSAGE2, DIRECTION, EXTENDED, FD_FLAGS,
     FD_SHIFT, NANOSECONDS, OBJECT_HEAD, RECEIVED, REMOTE, SENT, TEN_MICROSECONDS,
 };
-use crate::can_log::vector::{self, LONGEST_CLASSIC, format};
+use crate::can_log::vector::{self, LONGEST_CLASSIC, format, length};
 use crate::can_log::{Entry, LoggedFrame};
 use crate::recording::Direction;
+
+/// Longest data of a frame, bytes.
+const PAYLOAD_MAX_BYTES: usize = 64;
 
 /// An object with its head.
 pub(super) struct Object<'a>(&'a [u8]);
@@ -100,12 +103,12 @@ impl<'a> Object<'a> {
         Ok(FrameFields { channel: u16::from_le_bytes(self.number(body)?), direction: flags & DIRECTION, frame })
     }
 
-    /// Channel, DLC, length, number of tries, identifier, length on the wire, flags, bit timings, direction, offset of
-    /// further data, CRC, data. Data missing at the end count as 0, as in Vector's tools (python-can,
-    /// issue 1905).
+    /// Channel, DLC, number of valid bytes, number of tries, identifier, length on the wire, flags, bit timings,
+    /// direction, offset of further data, CRC, data. The DLC says the length; bytes that are not valid, or missing at
+    /// the end, count as 0, as in Vector's tools (python-can, issues 1586 and 1905).
     fn fd64(&self) -> Result<FrameFields, BlfFault> {
         let body = self.body()?;
-        let [channel, _dlc, length] = self.number(body)?;
+        let [channel, dlc, valid] = self.number(body)?;
         let format = format(u32::from_le_bytes(self.number(body + 12)?));
         let [direction, further] = self.number(body + 34)?;
         let rest = self.from(body + 40)?;
@@ -113,10 +116,14 @@ impl<'a> Object<'a> {
             Some(end) => &rest[..end.min(rest.len())],
             None => rest,
         };
-        let mut data = [0; u8::MAX as usize];
-        let used = rest.len().min(length.into());
+        let length = match format {
+            FrameFormat::Fd { .. } => length(dlc.into()).ok_or(BlfFault::Dlc { got: dlc })?,
+            _ => LONGEST_CLASSIC.min(dlc.into()),
+        };
+        let mut data = [0; PAYLOAD_MAX_BYTES];
+        let used = rest.len().min(valid.into()).min(length);
         data[..used].copy_from_slice(&rest[..used]);
-        let frame = Frame::new(self.id(body + 4)?, format, &data[..length.into()])?;
+        let frame = Frame::new(self.id(body + 4)?, format, &data[..length])?;
         Ok(FrameFields { channel: channel.into(), direction, frame })
     }
 

@@ -109,7 +109,7 @@ impl Reader {
             let Some(bytes) = self.object()? else { break };
             let object = Object::new(&bytes);
             if object.kind()? != LOG_CONTAINER {
-                return Ok(Some(object.entry(self.start_ns)?));
+                return Ok(Some(self.entry(&object)));
             }
             self.objects.drain(..core::mem::take(&mut self.taken));
             unpack(&object, &mut self.objects)?;
@@ -126,12 +126,17 @@ impl Reader {
             if base.starts_with(OBJECT_SIGNATURE) {
                 let end = padding + object_length(base)?;
                 let Some(object) = rest.get(padding..end) else { return Ok(None) };
-                let entry = Object::new(object).entry(self.start_ns)?;
+                let entry = self.entry(&Object::new(object));
                 self.taken += end;
                 return Ok(Some(entry));
             }
         }
         Err(BlfFault::NoObject)
+    }
+
+    /// The entry of a whole object: where the next one begins is known, whatever is wrong in it.
+    fn entry(&self, object: &Object<'_>) -> Entry {
+        object.entry(self.start_ns).unwrap_or_else(|fault| Entry::Unreadable(self.error(Stop::Fault(fault))))
     }
 
     /// The next object of the file.
