@@ -10,6 +10,7 @@ from ._resonarm import Measurement, Mode, ResonarmError, StableMotion, __version
 from .arm import Arm
 from .basins import Basins
 from .continuation import Branch, BranchEndedEarly, Curve
+from .log_import import import_log
 from .own_structure import Structure
 from .plant import Plant
 from .protocol import Decoded, Decoder, Encoder, Frame, Network
@@ -54,6 +55,7 @@ __all__ = [
     "StructureBranchEndedEarly",
     "StructureMotion",
     "__version__",
+    "import_log",
     "presets",
     "run",
 ]

@@ -310,6 +310,18 @@ class LogWriter:
     def write(self, frame: _FrameParts, unix_ns: int, received: bool, interface: str) -> None: ...
     def finish(self) -> int: ...
 
+def import_log(
+    log: _Path,
+    format: str,
+    output: _Path,
+    original: tuple[_Path, str],
+    *,
+    scenario: Scenario | None,
+    interface: str | None,
+    by_sync: bool,
+    overwrite: bool,
+) -> dict[str, Any]: ...
+
 class Network:
     def __new__(
         cls, *, base: int = 0x200, plant_id: int = 1, exciter_id: int = 2, profile: Profile = "classic"

@@ -58,6 +58,7 @@ fn _resonarm(module: &Bound<'_, PyModule>) -> PyResult<()> {
     module.add_function(wrap_pyfunction!(recording::known_vectors, module)?)?;
     module.add_function(wrap_pyfunction!(recording::overrun_causes, module)?)?;
     module.add_class::<log::LogWriter>()?;
+    module.add_function(wrap_pyfunction!(log::import_log, module)?)?;
     module.add_class::<protocol::Network>()?;
     module.add_class::<protocol::Encoder>()?;
     module.add_class::<protocol::Decoder>()?;

@@ -5,12 +5,42 @@ use std::path::{Path, PathBuf};
 use std::sync::{Mutex, PoisonError};
 
 use pyo3::prelude::*;
-use resonarm::can_log::LoggedFrame;
-use resonarm::import::{DISORDER_NS, FrameLog, ImportError, ImportOptions, SampleClock};
+use resonarm::can_log::{LogFormat, LoggedFrame};
+use resonarm::import::{DISORDER_NS, FrameLog, ImportError, ImportOptions, SampleClock, import_converted};
 use resonarm::recording::{Direction, Existing, Naming};
 
-use crate::errors;
 use crate::protocol::FrameParts;
+use crate::scenario::Scenario;
+use crate::{errors, values};
+
+/// Makes a recording of a log in one of the program's formats, which was converted from `original`, a name and a
+/// format. Returns what was imported.
+#[pyfunction]
+#[pyo3(signature = (log, format, output, original, *, scenario, interface, by_sync, overwrite))]
+#[expect(clippy::too_many_arguments, reason = "keywords of Python")]
+pub fn import_log<'py>(
+    py: Python<'py>,
+    log: PathBuf,
+    format: &str,
+    output: PathBuf,
+    original: (PathBuf, String),
+    scenario: Option<&Scenario>,
+    interface: Option<String>,
+    by_sync: bool,
+    overwrite: bool,
+) -> PyResult<Bound<'py, PyAny>> {
+    let known = LogFormat::ALL.into_iter().find(|known| known.name() == format);
+    let format = known.ok_or_else(|| errors::value(format!("format is {format:?}: expected candump, asc or blf")))?;
+    let options = ImportOptions {
+        scenario: scenario.map(|scenario| scenario.inner.clone()),
+        interface,
+        existing: if overwrite { Existing::Overwrite } else { Existing::Refuse },
+        clock: if by_sync { SampleClock::Sync } else { SampleClock::TimeStamps },
+    };
+    let original = (original.0.as_path(), original.1.as_str());
+    let imported = py.detach(|| import_converted(&log, original, format, &output, &options)).map_err(refused)?;
+    values::document(py, &imported)
+}
 
 /// A recording that has only frames; begun when no earlier frame than those so far can arrive.
 #[pyclass(frozen, module = "resonarm._resonarm")]

@@ -136,6 +136,36 @@ def test_a_log_becomes_a_recording(tmp_path):
     assert resonarm.Recording(tmp_path / "log.mcap").summary["integrity"]["state"] == "complete"
 
 
+@pytest.mark.parametrize("ending", [".trc", ".csv", ".log"])
+def test_logs_that_the_program_does_not_read_are_imported(tmp_path, ending):
+    """TRC and CSV by python-can; without a scenario frames have the directions of the log."""
+    messages = [
+        can.Message(timestamp=1.8e9, arbitration_id=0x123, is_extended_id=False, data=[1, 2]),
+        can.Message(timestamp=1.8e9 + 0.5, arbitration_id=0x1ABCDEF0, data=[3], is_rx=ending == ".csv"),
+        can.Message(timestamp=1.8e9 + 1, arbitration_id=0x7FF, is_extended_id=False, is_remote_frame=True, dlc=4),
+    ]
+    if ending == ".trc":
+        messages.pop()  # python-can writes no remote frames into TRC
+    else:
+        for message in messages:
+            message.channel = 1
+    with can.Logger(tmp_path / f"log{ending}") as log:
+        for message in messages:
+            log(message)
+    imported = resonarm.import_log(tmp_path / f"log{ending}", tmp_path / "log.mcap")
+    assert (imported["frames"], imported["unreadable"]) == (len(messages), 0)
+    again = list(can.LogReader(tmp_path / "log.mcap"))
+    assert [(m.arbitration_id, bytes(m.data), m.is_remote_frame) for m in again] == [
+        (m.arbitration_id, bytes(m.data), m.is_remote_frame) for m in messages
+    ]
+    # python-can writes no length of a remote frame into candump's logs.
+    assert [m.dlc for m in again] == [2, 1, 4 if ending == ".csv" else 0][: len(messages)]
+    with pytest.raises(FileExistsError):
+        resonarm.import_log(tmp_path / f"log{ending}", tmp_path / "log.mcap")
+    with pytest.raises(ValueError, match="no frames of interface"):
+        resonarm.import_log(tmp_path / f"log{ending}", tmp_path / "other.mcap", interface="none")
+
+
 def test_frames_that_waited_in_a_queue_are_earlier_than_the_first(tmp_path):
     """For a plant that began after frames of the exciter had waited for some ms: from its recording, from a BLF log."""
     messages = list(can.LogReader(LOCKSTEP))
