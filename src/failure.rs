@@ -21,7 +21,7 @@ use resonarm::realtime::RateError;
 use resonarm::recording::RecordingError;
 use resonarm::replay::ReplayError;
 use resonarm::run::RunError;
-use resonarm::scenario::ScenarioError;
+use resonarm::scenario::{ScenarioError, StructureSectionError};
 use resonarm::structure::StepError;
 use resonarm::study::{JournalError, StudyError};
 use resonarm_figures::paper::PaperError;
@@ -146,6 +146,7 @@ impl Failure {
             Failure::Replay(ReplayError::Simulation(_)) => Exit::Negative,
             Failure::Replay(ReplayError::NoController { .. }) => Exit::Environment,
             Failure::Run(error) => run(error),
+            Failure::Scenario(error) => scenario(error),
             Failure::Fmu(resonarm_fmu::export::ExportError::NoLibrary { .. }) => Exit::Environment,
             Failure::Analysis(source) | Failure::BranchEndedEarly { source, .. } => analysis(source),
             Failure::Integrate(error) => integrate(error),
@@ -252,8 +253,8 @@ fn run(error: &RunError) -> Exit {
         RunError::Bus(error) => bus(error),
         RunError::Recording(error) => recording(error),
         RunError::NotRecorded(_) => Exit::Negative,
-        RunError::Scenario(_)
-        | RunError::PlantSpec(_)
+        RunError::Scenario(error) => scenario(error),
+        RunError::PlantSpec(_)
         | RunError::Rate(_)
         | RunError::Speed(_)
         | RunError::Spin(_)
@@ -267,6 +268,16 @@ fn run(error: &RunError) -> Exit {
         | RunError::PlantNotArmed { .. }
         | RunError::Histogram(_) => Exit::Environment,
         RunError::Plant(_) | RunError::Encode(_) | RunError::Periodic(_) | RunError::Stalled { .. } => Exit::Negative,
+    }
+}
+
+/// A third-party FMU may need a process or a folder that the system doesn't give.
+fn scenario(error: &ScenarioError) -> Exit {
+    match error {
+        ScenarioError::Structure(StructureSectionError::Fmu { fault, .. }) if fault.is_of_the_system() => {
+            Exit::Environment
+        }
+        _ => Exit::Usage,
     }
 }
 

@@ -212,8 +212,10 @@ def test_bad_calls_are_errors_in_words(walk):
             call(slave)
         slave.freeInstance()
         assert len(log) == 1 and message in log[0][1], log
+    said = []
     with pytest.raises(Exception, match="instantiate"):
-        fmus.plant.made(event_mode=False)
+        fmpy.simulate_fmu(str(fmus.plant.path), stop_time=0.01, logger=lambda *words: said.append(words[3]))
+    assert b"frames move in event mode alone; import the FMU with events" in said[0]
 
 
 def test_a_malformed_operation_is_answered(walk):

@@ -1,6 +1,8 @@
 """FMUs as the structure under test: one that `resonarm fmu` wrote gives the bits of its own native run."""
 
 import json
+import os
+import runpy
 import subprocess
 import sys
 from pathlib import Path
@@ -110,6 +112,94 @@ def test_an_fmu_of_ours_that_is_read_within_a_hold_is_refused(imported, tmp_path
     command = [RESONARM, "run", "--mode", "free", "--scenario", tmp_path / "s.toml"]
     done = subprocess.run([str(word) for word in command], capture_output=True, text=True, check=False)
     assert done.returncode == 2 and "samples its motion itself: take `read = \"end\"`" in done.stderr, done
+
+
+HOSTILE = {
+    "exits when it is loaded": ("constructor", "exit(0);"),
+    "ends at once when it is loaded": ("constructor", "_exit(0);"),
+    "crashes when it is loaded": ("constructor", "abort();"),
+    "exits when it is unloaded": ("destructor", "exit(0);"),
+    "ends at once when it is unloaded": ("destructor", "_exit(0);"),
+    "closes all files": ("constructor", "for (int file = 3; file < 1000; file++) close(file);"),
+}
+
+
+def hooked(folder, fault=0, hook=None):
+    """The command of a free run of the mass of the examples, with a function that the loader calls, and its TMPDIR."""
+    make = runpy.run_path("examples/fmu/make.py")["make"]
+    library = []
+    if hook:
+        kind, body = hook
+        source = folder / "hook.c"
+        head = "#include <stdlib.h>\n#include <unistd.h>\nvoid hook(void);\n"
+        source.write_text(f"{head}__attribute__(({kind})) void hook(void) {{ {body} }}\n")
+        library = [str(source)]
+    make(folder / "mass.fmu", 3, library)
+    text = (Path("examples/fmu") / "mass.toml").read_text().replace("cubic = 2e7", f"fault = {fault}\nfault_s = 0.02")
+    (folder / "mass.toml").write_text(text.replace("duration_s = 2.0", "duration_s = 0.2"))
+    temporary = folder / "tmp"
+    temporary.mkdir()
+    return [RESONARM, "run", "--mode", "free", "--scenario", folder / "mass.toml"], temporary
+
+
+def run_mass(folder, *words, fault=0, hook=None, **more):
+    """A run of `hooked`, and what is left in its TMPDIR."""
+    command, temporary = hooked(folder, fault, hook)
+    command = [*command, *words]
+    environment = os.environ | {"TMPDIR": str(temporary)}
+    done = subprocess.run([str(w) for w in command], capture_output=True, text=True, env=environment, timeout=60, **more)
+    return done, list(temporary.iterdir())
+
+
+@pytest.mark.parametrize("what", HOSTILE)
+def test_an_fmu_that_ends_its_process_makes_no_run_succeed(what, tmp_path):
+    """Licence checks and Fortran runtimes call exit(0), and a crash must say whose it is."""
+    done, left = run_mass(tmp_path, hook=HOSTILE[what], check=False)
+    assert done.returncode == 2 and not left, done
+    assert "loading the FMU, " in done.stderr or "unloading the FMU, " in done.stderr, done.stderr
+
+
+def test_an_fmu_that_exits_in_a_step_ends_the_run_as_a_fault(tmp_path):
+    done, left = run_mass(tmp_path, "--record", tmp_path / "run.mcap", fault=10, check=False)
+    assert done.returncode == 1 and not left, done
+    assert "it ended its own process with exit code 0" in done.stderr
+    assert inspected(tmp_path / "run.mcap")["integrity"] == "complete"
+
+
+def inspected(path):
+    words = [RESONARM, "inspect", path, "--json"]
+    return json.loads(subprocess.run([str(word) for word in words], capture_output=True, text=True, check=True).stdout)
+
+
+def test_what_an_fmu_prints_is_not_in_the_document(tmp_path):
+    done, left = run_mass(tmp_path, "--json", fault=12, check=True)
+    assert json.loads(done.stdout)["samples"] < 999999 and not left
+    assert done.stderr.count("999999") > 10
+
+
+def test_no_folder_and_no_process_is_left_when_the_program_is_killed(tmp_path):
+    """The folder of an instance is removed by a process that the FMU and the end of the program do not reach."""
+    hook = ("constructor", "if (write(2, \"loaded\\n\", 7)) for (;;) pause();")
+    command, temporary = hooked(tmp_path, hook=hook)
+    environment = os.environ | {"TMPDIR": str(temporary)}
+    with subprocess.Popen([str(word) for word in command], stderr=subprocess.PIPE, env=environment) as run:
+        # The FMU's processes have this standard error, too: it ends when the last of them has ended.
+        assert run.stderr.readline() == b"loaded\n"
+        assert list(temporary.iterdir())
+        run.kill()
+        run.stderr.read()
+        assert not list(temporary.iterdir())
+
+
+@pytest.mark.parametrize("file", ["/dev/zero", "fifo"])
+def test_only_a_regular_file_is_read_as_an_fmu(file, tmp_path):
+    """A device has no end, and a pipe without a writer no beginning."""
+    os.mkfifo(tmp_path / "fifo")
+    (tmp_path / "mass.toml").write_text((Path("examples/fmu") / "mass.toml").read_text().replace("mass.fmu", file))
+    command = [RESONARM, "run", "--mode", "free", "--scenario", tmp_path / "mass.toml"]
+    words = [str(word) for word in command]
+    done = subprocess.run(words, capture_output=True, text=True, check=False, timeout=30)
+    assert done.returncode == 2 and "it is not a regular file" in done.stderr, done
 
 
 def test_the_mode_of_an_fmu_is_identified_from_its_readings(tmp_path):

@@ -74,6 +74,22 @@ def test_every_step_gives_the_bits_of_the_native_run(arm, step_s):
     assert same(ends, expected)
 
 
+def test_steps_that_are_no_part_of_a_sample_and_another_start_give_the_same_samples(arm, tmp_path):
+    """An importer without event mode, as OMSimulator was, and steps that don't meet the samples."""
+    recorded = []
+    for start_s, step_s in ((0.0, 0.001), (0.0, 0.0007), (10.0, 0.001)):
+        path = tmp_path / f"{len(recorded)}.mcap"
+        values = {"parameter.recording": str(path), "load.force_x_n": 10.0}
+        result = fmpy.simulate_fmu(
+            str(arm.fmu.path), start_time=start_s, stop_time=start_s + 0.21, output_interval=step_s, start_values=values,
+            output=["sample"],
+        )
+        assert result["time"][0] == start_s and result["sample"][0] == 0
+        recorded.append(Recording.whole(path).states)
+    assert len(recorded[0]) == 211 and np.abs(recorded[0]).max() > 1e-6
+    assert same(recorded[1], recorded[0]) and same(recorded[2], recorded[0])
+
+
 def test_simulate_fmu_gives_the_states_and_readings_of_the_native_run(arm):
     native = arm.native
     # FMPy interpolates: a load that jumps has two rows at its time.

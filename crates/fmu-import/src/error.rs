@@ -2,6 +2,8 @@
 
 use thiserror::Error;
 
+use resonarm_bench::structure::ForeignFault;
+
 /// Why an FMU can't be the structure under test.
 #[derive(Clone, Debug, PartialEq, Error)]
 #[non_exhaustive]
@@ -21,12 +23,25 @@ pub enum ImportError {
         what: &'static str,
     },
     /// The archive is too large when it is unpacked.
-    #[error("the archive unpacks to more than {most_mb} MB, at `{name}`: no FMU is so large")]
+    #[error(
+        "the archive unpacks to more than {most_mb} MB, at `{name}`: an FMU may have 2000 MB, and no more than 100 MB and 100 times the size of \
+         its archive; pack its resources less densely if it really has so many"
+    )]
     TooLarge {
         /// The entry.
         name: String,
         /// The limit, MB.
         most_mb: u64,
+    },
+    /// The archive has more entries than an FMU.
+    #[error(
+        "the archive has {got} entries: at most {most} are read; put the files of a large folder into one archive among its resources"
+    )]
+    Entries {
+        /// How many it has.
+        got: usize,
+        /// The limit.
+        most: usize,
     },
     /// A file of every FMU is missing.
     #[error("no `{name}` in the archive: it is no FMU")]
@@ -99,26 +114,29 @@ pub enum ImportError {
     #[error("the library of the FMU has no function `{name}`")]
     Function {
         /// The function.
-        name: &'static str,
+        name: String,
     },
-    /// Loading changed how this thread computes.
-    #[error(
-        "{call} changed how this thread rounds (control bits 0x{before:x} became 0x{after:x}), as libraries built with -ffast-math do: \
-         nothing computed beside it would have its bits; build the FMU without it"
-    )]
-    FloatMode {
-        /// The call.
-        call: &'static str,
-        /// The control bits before.
-        before: u64,
-        /// And after.
-        after: u64,
+    /// The process in which the FMU is to run can't be started.
+    #[error("can't start a process for the FMU: {reason}")]
+    Process {
+        /// Why.
+        reason: String,
+    },
+    /// The FMU ended its process, or lost its connection, before the simulation began or as it was let go.
+    #[error("{during} the FMU, {fault}{}", log.as_ref().map(|log| format!("; the FMU says: {log}")).unwrap_or_default())]
+    Ended {
+        /// What was being done.
+        during: &'static str,
+        /// What it did.
+        fault: ForeignFault,
+        /// The last message of the FMU.
+        log: Option<String>,
     },
     /// A call before the simulation failed.
     #[error("{call} returned {status}{}", log.as_ref().map(|log| format!("; the FMU says: {log}")).unwrap_or_default())]
     Call {
         /// The function.
-        call: &'static str,
+        call: String,
         /// What it returned.
         status: &'static str,
         /// The last message of the FMU.
@@ -289,4 +307,11 @@ pub enum ImportError {
         /// What wrote it.
         tool: String,
     },
+}
+
+impl ImportError {
+    /// Whether the system lacks something, such as memory or space for files, and the FMU may be all right.
+    pub fn is_of_the_system(&self) -> bool {
+        matches!(self, ImportError::Process { .. } | ImportError::Unpack { .. })
+    }
 }

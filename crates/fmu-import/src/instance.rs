@@ -1,116 +1,236 @@
-//! An FMU that runs: its files in a folder of its own, its library, its variables.
+//! An FMU that runs in a process of its own.
 
-use std::ffi::CString;
+use std::io::{BufReader, Error, ErrorKind, PipeReader, PipeWriter, Write};
 
-use tempfile::TempDir;
-
-use crate::abi::{Called, Fmi, Fmi2, Fmi3, InstanceSpec, Library, StepOutcome, begin};
+use crate::ImportError;
 use crate::description::Version;
+use crate::message::{Answer, Request, StepCall, Stepped};
+use crate::process::{FarEnds, Guard};
 use crate::source::Source;
-use crate::{ImportError, float_mode};
 use resonarm_bench::structure::{ForeignFault, StructureError};
 
 /// The part of a step by which the time that an FMU has reached may differ: it adds up its own steps.
 const TOLERANCE_STEPS: f64 = 1e-3;
 
-/// An FMU that runs.
+/// An FMU that runs. Its process and its folder go when this is dropped.
+#[derive(Debug)]
 pub(crate) struct Instance {
-    fmu: Box<dyn Fmi>,
-    /// The control bits of the floating-point unit.
-    control: u64,
-    /// Removed when the library is unloaded.
-    _folder: TempDir,
+    version: Version,
+    requests: PipeWriter,
+    answers: BufReader<PipeReader>,
+    /// The last message of the FMU.
+    last: Option<String>,
+    /// The number of values that are set.
+    inputs: usize,
+    /// Whether it was asked to end, or has ended by itself.
+    is_over: bool,
+    request: Vec<u8>,
+    body: Vec<u8>,
+    /// After the pipes, so that an FMU that waits at one of them ends.
+    _guard: Guard,
 }
 
-#[allow(unsafe_code, reason = "the pointers of an instance belong to it alone")]
-// SAFETY: FMI lets an instance be called from any thread, one at a time: all calls of it need `&mut`.
-unsafe impl Send for Instance {}
-#[allow(unsafe_code, reason = "as above")]
-// SAFETY: nothing is called by `&`.
-unsafe impl Sync for Instance {}
-
-impl core::fmt::Debug for Instance {
-    fn fmt(&self, f: &mut core::fmt::Formatter<'_>) -> core::fmt::Result {
-        f.write_str("Instance")
+/// The name of a status: those of both standards have the same numbers.
+fn status_name(status: Option<i32>) -> &'static str {
+    match status {
+        None => "NULL",
+        Some(0) => "OK",
+        Some(1) => "Warning",
+        Some(2) => "Discard",
+        Some(3) => "Error",
+        Some(4) => "Fatal",
+        Some(5) => "Pending",
+        Some(_) => "a status that FMI does not have",
     }
 }
 
-fn failed(call: &'static str, t_s: f64, fault: ForeignFault) -> StructureError {
-    StructureError::Foreign { call, t_s, fault }
+fn is_good(status: i32) -> bool {
+    matches!(status, 0 | 1)
+}
+
+/// What a process did that has ended with a status of waitpid(2).
+fn ended(status: i32) -> ForeignFault {
+    if libc::WIFSIGNALED(status) {
+        ForeignFault::Killed { signal: libc::WTERMSIG(status) }
+    } else {
+        ForeignFault::Exited { code: libc::WEXITSTATUS(status) }
+    }
 }
 
 impl Instance {
-    /// Loads the FMU, and begins a simulation at 0.
-    pub fn start(source: &Source) -> Result<Instance, ImportError> {
+    /// Loads the FMU, begins a simulation at 0, and reads its variables into `read`.
+    pub fn start(source: &Source, read: &mut [f64]) -> Result<Instance, ImportError> {
+        let unstarted = |error: Error| ImportError::Process { reason: error.to_string() };
         let version = source.description.version;
-        let unwritten = |error: std::io::Error| ImportError::Unpack { reason: error.to_string() };
+        let (requests_far, requests) = std::io::pipe().map_err(unstarted)?;
+        let (answers, answers_far) = std::io::pipe().map_err(unstarted)?;
+        let (lifeline_far, lifeline) = std::io::pipe().map_err(unstarted)?;
+        let far = FarEnds { requests: requests_far, answers: answers_far, lifeline: lifeline_far };
+        let unwritten = |error: Error| ImportError::Unpack { reason: error.to_string() };
         let folder = tempfile::Builder::new().prefix("resonarm-fmu-").tempdir().map_err(unwritten)?;
-        source.archive.unpack(version.platform(), folder.path())?;
-        let text =
-            |text: &str| CString::new(text).map_err(|_| ImportError::Xml { reason: "a text in it has a NUL".into() });
-        let token = text(&source.description.token)?;
-        let resources = text(&format!("{}/", folder.path().join("resources").display()))?;
-        let mapping = &source.mapping;
-        let at_rest = mapping.set_at_rest();
-        let inputs = (&*mapping.set.references, &*at_rest);
-        let spec = InstanceSpec { token: &token, resources: &resources, parameters: &mapping.parameters, inputs };
-        let library = Library::load(&folder.path().join(source.description.library()))?;
-        let fmu = float_mode::kept("the initialization", || {
-            let mut fmu: Box<dyn Fmi> = match version {
-                Version::Fmi2 => Box::new(Fmi2::new(library, &spec)?),
-                Version::Fmi3 => Box::new(Fmi3::new(library, &spec)?),
-            };
-            begin(&mut *fmu, &spec).map(|()| fmu)
-        })??;
-        Ok(Instance { fmu, control: float_mode::control(), _folder: folder })
+        let mut guard = Guard::start(source, folder.path(), far, lifeline).map_err(unstarted)?;
+        // The guard removes it.
+        let folder = folder.keep();
+        source.archive.unpack(version.platform(), &folder)?;
+        guard.load().map_err(unstarted)?;
+        let mut instance = Instance {
+            version,
+            requests,
+            answers: BufReader::new(answers),
+            last: None,
+            inputs: source.mapping.set.count,
+            is_over: false,
+            request: Vec::new(),
+            body: Vec::new(),
+            _guard: guard,
+        };
+        instance.started(read)?;
+        Ok(instance)
     }
 
-    /// The fault of a call, unless it succeeded. The processor rounds as before in any case.
-    fn check(&self, called: Called, t_s: f64) -> Result<(), StructureError> {
-        let is_kept = float_mode::is_kept(self.control);
-        if !called.is_good() {
-            Err(failed(called.function, t_s, ForeignFault::Status(called.status())))
-        } else if !is_kept {
-            Err(failed(called.function, t_s, ForeignFault::FloatMode))
-        } else {
-            Ok(())
+    /// Waits until the simulation has begun.
+    fn started(&mut self, read: &mut [f64]) -> Result<(), ImportError> {
+        let answer = self.receive(read);
+        if !matches!(answer, Ok(Answer::Started)) {
+            self.is_over = true;
+        }
+        let log = self.last_message();
+        match answer {
+            Ok(Answer::Started) => match read.iter().find(|value| !value.is_finite()) {
+                Some(got) => {
+                    let fault = ForeignFault::NotFinite { got: *got };
+                    let call = self.function(StepCall::Get);
+                    Err(ImportError::Start {
+                        reason: StructureError::Foreign { call, t_s: 0.0, fault }.to_string(),
+                        log,
+                    })
+                }
+                None => Ok(()),
+            },
+            Ok(Answer::NotLoaded { reason }) => Err(ImportError::Load { reason }),
+            Ok(Answer::NoFunction { name }) => Err(ImportError::Function { name }),
+            Ok(Answer::Refused { function, status }) => {
+                Err(ImportError::Call { call: function, status: status_name(status), log })
+            }
+            Ok(_) => Err(ImportError::Ended { during: "loading", fault: ForeignFault::Lost, log }),
+            Err(fault) => Err(ImportError::Ended { during: "loading", fault, log }),
         }
     }
 
-    /// Sets variables.
-    pub fn set(&mut self, t_s: f64, references: &[u32], values: &[f64]) -> Result<(), StructureError> {
-        let called = self.fmu.set(references, values);
-        self.check(called, t_s)
-    }
-
-    /// Reads variables, all finite.
-    pub fn get(&mut self, t_s: f64, references: &[u32], values: &mut [f64]) -> Result<(), StructureError> {
-        let called = self.fmu.get(references, values);
-        self.check(called, t_s)?;
-        match values.iter().find(|value| !value.is_finite()) {
-            Some(got) => Err(failed(called.function, t_s, ForeignFault::NotFinite { got: *got })),
-            None => Ok(()),
+    /// The next answer that is not a message of the FMU.
+    fn receive(&mut self, read: &mut [f64]) -> Result<Answer, ForeignFault> {
+        loop {
+            match Answer::read(&mut self.answers, &mut self.body, read) {
+                Ok(Answer::Says { status, text }) => self.note(status, text),
+                Ok(Answer::Ended { status }) => return Err(ended(status)),
+                Ok(answer) => return Ok(answer),
+                Err(_) => return Err(ForeignFault::Lost),
+            }
         }
     }
 
-    /// A communication step, which has to come to its end.
-    pub fn step(&mut self, from_s: f64, step_s: f64) -> Result<(), StructureError> {
-        let StepOutcome { called, terminates, reached_s } = self.fmu.step(from_s, step_s);
-        let checked = self.check(called, from_s);
-        if terminates {
-            return Err(failed(called.function, from_s, ForeignFault::Terminates));
+    /// Notes a message, of a status as the standards number them, 1 a warning and from 2 on errors.
+    fn note(&mut self, status: i32, text: String) {
+        match status {
+            i32::MIN..=0 => tracing::debug!("the FMU says: {text}"),
+            1 => tracing::warn!("the FMU says: {text}"),
+            _ => tracing::error!("the FMU says: {text}"),
         }
-        checked?;
+        self.last = Some(text);
+    }
+
+    const fn function(&self, call: StepCall) -> &'static str {
+        match (self.version, call) {
+            (Version::Fmi2, StepCall::Set) => "fmi2SetReal",
+            (Version::Fmi2, StepCall::Step) => "fmi2DoStep",
+            (Version::Fmi2, StepCall::Get) => "fmi2GetReal",
+            (Version::Fmi3, StepCall::Set) => "fmi3SetFloat64",
+            (Version::Fmi3, StepCall::Step) => "fmi3DoStep",
+            (Version::Fmi3, StepCall::Get) => "fmi3GetFloat64",
+        }
+    }
+
+    /// A communication step, which has to come to its end; then the variables are read, all finite. `set` are the values
+    /// of the inputs if they have changed.
+    pub fn step(
+        &mut self,
+        from_s: f64,
+        step_s: f64,
+        (sets, set): (bool, &[f64]),
+        read: &mut [f64],
+    ) -> Result<(), StructureError> {
+        let failed = |call, fault| StructureError::Foreign { call, t_s: from_s, fault };
+        let answer = self.ask(Request::Step { from_s, step_s, sets }, set, read);
+        let Stepped { call, status, terminates, reached_s } = match answer {
+            Ok(Answer::Stepped(stepped)) => stepped,
+            other => {
+                self.is_over = true;
+                return Err(failed(self.function(StepCall::Step), other.err().unwrap_or(ForeignFault::Lost)));
+            }
+        };
         // Written so that NaN is elsewhere, too.
         let is_there = |reached_s: f64| (reached_s - (from_s + step_s)).abs() <= TOLERANCE_STEPS * step_s;
-        match reached_s.filter(|reached_s| !is_there(*reached_s)) {
-            Some(reached_s) => Err(failed(called.function, from_s, ForeignFault::Reached { reached_s })),
-            None => Ok(()),
+        let missed_s = reached_s.filter(|reached_s| !is_there(*reached_s));
+        let function = self.function(call);
+        match (call, missed_s) {
+            _ if terminates => Err(failed(function, ForeignFault::Terminates)),
+            (StepCall::Set | StepCall::Step, _) => {
+                Err(failed(function, ForeignFault::Status(status_name(Some(status)))))
+            }
+            (StepCall::Get, Some(reached_s)) => {
+                Err(failed(self.function(StepCall::Step), ForeignFault::Reached { reached_s }))
+            }
+            (StepCall::Get, None) => {
+                let failed = |fault| StructureError::Foreign { call: function, t_s: from_s + step_s, fault };
+                if !is_good(status) {
+                    return Err(failed(ForeignFault::Status(status_name(Some(status)))));
+                }
+                match read.iter().find(|value| !value.is_finite()) {
+                    Some(got) => Err(failed(ForeignFault::NotFinite { got: *got })),
+                    None => Ok(()),
+                }
+            }
+        }
+    }
+
+    /// Sends a request and waits for its answer.
+    fn ask(&mut self, request: Request, set: &[f64], read: &mut [f64]) -> Result<Answer, ForeignFault> {
+        request.write(set, &mut self.request);
+        // If nobody reads it, the FMU has ended, and the next answer tells how.
+        if let Err(error) = self.requests.write_all(&self.request)
+            && error.kind() != ErrorKind::BrokenPipe
+        {
+            return Err(ForeignFault::Lost);
+        }
+        self.receive(read)
+    }
+
+    /// Frees the FMU and unloads its library.
+    pub fn end(mut self) -> Result<(), ImportError> {
+        self.finish().map_err(|fault| ImportError::Ended { during: "unloading", fault, log: self.last_message() })
+    }
+
+    fn finish(&mut self) -> Result<(), ForeignFault> {
+        if core::mem::replace(&mut self.is_over, true) {
+            return Ok(());
+        }
+        let unused = vec![0.0; self.inputs];
+        match self.ask(Request::End, &unused, &mut [])? {
+            Answer::Freed => Ok(()),
+            _ => Err(ForeignFault::Lost),
         }
     }
 
     /// The last message of the FMU, once.
     pub fn last_message(&mut self) -> Option<String> {
-        self.fmu.handle().last_message()
+        self.last.take()
+    }
+}
+
+impl Drop for Instance {
+    fn drop(&mut self) {
+        if let Err(fault) = self.finish() {
+            tracing::warn!("unloading the FMU, {fault}; the samples before it are not affected");
+        }
     }
 }

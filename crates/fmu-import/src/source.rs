@@ -26,12 +26,12 @@ fn is_ours(tool: &str) -> bool {
 const TOLERANCE: f64 = 1e-6;
 
 impl Source {
-    /// Reads the FMU from the bytes of its file, and checks what is wanted of it. Nothing of its code runs.
+    /// Reads the FMU from the bytes of its file, `packed`, and checks what is wanted of it. Nothing of its code runs.
     ///
     /// # Errors
     /// [`ImportError`]: of the archive, the description and the variables.
-    pub fn read(bytes: &[u8], spec: &Spec) -> Result<Source, ImportError> {
-        let archive = Archive::read(bytes)?;
+    pub fn read(packed: Vec<u8>, spec: &Spec) -> Result<Source, ImportError> {
+        let archive = Archive::read(packed)?;
         let description = Description::parse(archive.description())?;
         archive.check_platform(&description.library())?;
         if let (ReadAt::Middle, Some(tool)) = (spec.read, description.tool.as_ref().filter(|tool| is_ours(tool))) {

@@ -69,11 +69,9 @@ impl Clone for Held {
 impl Held {
     /// The FMU at its start. It is loaded to read its outputs there, and let go again: there may be one instance alone.
     pub fn new(source: Arc<Source>) -> Result<Held, ImportError> {
-        let mut instance = Instance::start(&source)?;
         let mut read = vec![0.0; source.mapping.read.count];
-        instance
-            .get(0.0, &source.mapping.read.references, &mut read)
-            .map_err(|fault| ImportError::Start { reason: fault.to_string(), log: instance.last_message() })?;
+        // One that ends the process when it is unloaded is refused here, before a run.
+        Instance::start(&source, &mut read)?.end()?;
         let set = source.mapping.set_at_rest();
         Ok(Held { run: Run::AtStart, set, next: read.clone(), read, kept: Vec::new(), loads: None, source })
     }
@@ -82,7 +80,8 @@ impl Held {
     fn instance(&mut self, t_s: f64) -> Result<&mut Instance, StructureError> {
         let fails = |call, fault| StructureError::Foreign { call, t_s, fault };
         if matches!(self.run, Run::AtStart) {
-            let started = Instance::start(&self.source).map_err(|error| {
+            let mut at_start = vec![0.0; self.source.mapping.read.count];
+            let started = Instance::start(&self.source, &mut at_start).map_err(|error| {
                 tracing::error!("{error}");
                 fails("loading", ForeignFault::NotLoaded)
             });
@@ -118,13 +117,8 @@ impl Held {
             }
         }
         let (set, mut next) = (core::mem::take(&mut self.set), core::mem::take(&mut self.next));
-        let done = self.instance(t_s).and_then(|instance| {
-            if changes {
-                instance.set(t_s, &mapping.set.references, &set)?;
-            }
-            instance.step(t_s, source.step_s)?;
-            instance.get(t_s + source.step_s, &mapping.read.references, &mut next)
-        });
+        let done =
+            self.instance(t_s).and_then(|instance| instance.step(t_s, source.step_s, (changes, &set), &mut next));
         (self.set, self.next) = (set, next);
         done?;
         core::mem::swap(&mut self.read, &mut self.next);

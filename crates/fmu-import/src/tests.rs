@@ -3,8 +3,8 @@
 use std::collections::BTreeMap;
 use std::io::{Cursor, Write};
 
-use zip::ZipWriter;
 use zip::write::SimpleFileOptions;
+use zip::{CompressionMethod, ZipWriter};
 
 use crate::{ImportError, Numbers, OutputsOf, ReadAt, Source, Spec, sha256};
 
@@ -37,7 +37,9 @@ const MASS: &str = r#"<fmiModelDescription fmiVersion="3.0" modelName="mass" ins
 fn zip(entries: &[(&str, &str)]) -> Vec<u8> {
     let mut archive = ZipWriter::new(Cursor::new(Vec::new()));
     for (name, text) in entries {
-        archive.start_file(*name, SimpleFileOptions::default()).unwrap();
+        archive
+            .start_file(*name, SimpleFileOptions::default().compression_method(CompressionMethod::Deflated))
+            .unwrap();
         archive.write_all(text.as_bytes()).unwrap();
     }
     archive.finish().unwrap().into_inner()
@@ -60,7 +62,7 @@ fn spec() -> Spec {
 }
 
 fn read(description: &str, spec: &Spec) -> Result<Source, ImportError> {
-    Source::read(&zip(&[("modelDescription.xml", description), (LIBRARY, "")]), spec)
+    Source::read(zip(&[("modelDescription.xml", description), (LIBRARY, "")]), spec)
 }
 
 /// The refusal of a description, with a part of [`MASS`] replaced.
@@ -106,15 +108,15 @@ fn an_element_of_an_array_is_named_by_its_number() {
 
 #[test]
 fn archives_that_leave_their_folder_are_refused() {
-    let named = |name: &str| Source::read(&zip(&[(name, "")]), &spec()).unwrap_err().to_string();
+    let named = |name: &str| Source::read(zip(&[(name, "")]), &spec()).unwrap_err().to_string();
     insta::assert_snapshot!(named("resources/../../a"), @"`resources/../../a` in the archive leads out of its folder: names must stay within the FMU; nothing of it is unpacked");
     insta::assert_snapshot!(named("/etc/a"), @"`/etc/a` in the archive is absolute: names must stay within the FMU; nothing of it is unpacked");
     insta::assert_snapshot!(named("resources\\a"), @r"`resources\a` in the archive has a backslash or NUL: names must stay within the FMU; nothing of it is unpacked");
     let mut archive = ZipWriter::new(Cursor::new(Vec::new()));
     archive.add_symlink("resources/a", "/etc/passwd", SimpleFileOptions::default()).unwrap();
     let link = archive.finish().unwrap().into_inner();
-    insta::assert_snapshot!(Source::read(&link, &spec()).unwrap_err(), @"`resources/a` in the archive is a link: names must stay within the FMU; nothing of it is unpacked");
-    insta::assert_snapshot!(Source::read(b"text", &spec()).unwrap_err(), @"not a ZIP archive, as an FMU is: invalid Zip archive: Could not find EOCD");
+    insta::assert_snapshot!(Source::read(link, &spec()).unwrap_err(), @"`resources/a` in the archive is a link: names must stay within the FMU; nothing of it is unpacked");
+    insta::assert_snapshot!(Source::read(b"text".to_vec(), &spec()).unwrap_err(), @"not a ZIP archive, as an FMU is: invalid Zip archive: Could not find EOCD");
     insta::assert_snapshot!(named("a"), @"no `modelDescription.xml` in the archive: it is no FMU");
 }
 
@@ -122,7 +124,7 @@ fn archives_that_leave_their_folder_are_refused() {
 fn an_fmu_for_other_machines_is_refused() {
     let of = |entries: &[(&str, &str)]| {
         let all = [&[("modelDescription.xml", MASS)], entries].concat();
-        Source::read(&zip(&all), &spec()).unwrap_err().to_string().replace("aarch64-linux", "x86_64-linux")
+        Source::read(zip(&all), &spec()).unwrap_err().to_string().replace("aarch64-linux", "x86_64-linux")
     };
     insta::assert_snapshot!(of(&[("binaries/win64/mass.dll", ""), ("binaries/darwin64/mass.dylib", "")]), @"no `binaries/x86_64-linux/mass.so` in the FMU: it is for darwin64, win64");
     insta::assert_snapshot!(of(&[]), @"no `binaries/x86_64-linux/mass.so` in the FMU: it has no libraries");
@@ -196,6 +198,47 @@ fn coordinates_are_of_one_kind_and_without_a_gap() {
 fn an_fmu_that_samples_itself_makes_one_step_a_sample() {
     let steps = MASS.replace("modelName=\"mass\"", "generationTool=\"resonarm 0.1.0\"");
     assert_eq!(read(&steps, &Spec { read: ReadAt::End, ..spec() }).unwrap().step_s, 1e-3);
+}
+
+/// An archive of 20 kB that unpacks to 20 MB many times over: Deflate reaches a ratio of 1000 with zeros.
+#[test]
+fn an_archive_that_unpacks_to_far_more_than_its_size_is_refused_before_it_is_unpacked() {
+    let zeros = "\0".repeat(20_000_000);
+    let names: Vec<String> = (0..6).map(|n| format!("resources/{n}")).collect();
+    let mut entries = vec![("modelDescription.xml", MASS), (LIBRARY, "")];
+    entries.extend(names.iter().map(|name| (&**name, &*zeros)));
+    let deflated = zip(&entries);
+    let most_mb = 100 + 100 * deflated.len() / 1_000_000;
+    let refused = Source::read(deflated, &spec()).unwrap_err();
+    assert!(matches!(refused, ImportError::TooLarge { most_mb: got, .. } if got == most_mb as u64), "{refused}");
+    assert!(Source::read(zip(&entries[..4]), &spec()).is_ok());
+}
+
+/// The sizes that an archive states for its entries need not be true.
+#[test]
+fn an_archive_that_understates_its_sizes_is_refused_as_it_is_unpacked() {
+    let zeros = "\0".repeat(70_000_000);
+    let mut packed =
+        zip(&[("modelDescription.xml", MASS), (LIBRARY, ""), ("resources/a", &zeros), ("resources/b", &zeros)]);
+    let size = (zeros.len() as u32).to_le_bytes();
+    let places: Vec<usize> = (0..packed.len() - 4).filter(|at| packed[*at..at + 4] == size).collect();
+    assert!(places.len() >= 2);
+    places.into_iter().for_each(|at| packed[at..at + 4].copy_from_slice(&1_u32.to_le_bytes()));
+    let source = Source::read(packed, &spec()).unwrap();
+    let folder = tempfile::tempdir().unwrap();
+    let refused = source.archive.unpack("x86_64-linux", folder.path()).unwrap_err();
+    assert!(matches!(refused, ImportError::TooLarge { .. } | ImportError::Zip { .. }), "{refused}");
+    let written = std::fs::read_dir(folder.path().join("resources")).unwrap();
+    let written: u64 = written.map(|entry| entry.unwrap().metadata().unwrap().len()).sum();
+    assert!(written <= 101_000_000, "{written}");
+}
+
+#[test]
+fn an_archive_with_more_entries_than_an_fmu_has_is_refused() {
+    let names: Vec<String> = (0..20_000).map(|n| format!("resources/{n}")).collect();
+    let mut entries = vec![("modelDescription.xml", MASS)];
+    entries.extend(names.iter().map(|name| (&**name, "")));
+    insta::assert_snapshot!(Source::read(zip(&entries), &spec()).unwrap_err(), @"the archive has 20001 entries: at most 20000 are read; put the files of a large folder into one archive among its resources");
 }
 
 #[test]

@@ -48,11 +48,16 @@ pub fn read_bytes(path: &Path) -> Result<Vec<u8>> {
     bytes_at_most(path, NUMBERS_LIMIT)
 }
 
-/// The bytes of a file or pipe that is an archive of programs.
+/// The bytes of a file that is an archive of programs.
 ///
 /// # Errors
-/// What the system says; [`ErrorKind::FileTooLarge`] beyond 1 GiB.
+/// What the system says; [`ErrorKind::InvalidInput`] of anything but a regular file, which may have no end or never begin;
+/// [`ErrorKind::FileTooLarge`] beyond 1 GiB.
 pub fn read_archive(path: &Path) -> Result<Vec<u8>> {
+    // Before it is opened, which waits for the writer of a pipe.
+    if !std::fs::metadata(path)?.is_file() {
+        return Err(Error::new(ErrorKind::InvalidInput, "it is not a regular file"));
+    }
     bytes_at_most(path, ARCHIVE_LIMIT)
 }
 

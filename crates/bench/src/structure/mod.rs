@@ -70,6 +70,21 @@ impl Clone for Box<dyn Structure> {
     }
 }
 
+/// The name of a signal that ends faulty programs, in brackets after a blank; else empty.
+const fn signal_name(signal: i32) -> &'static str {
+    match signal {
+        4 => " (SIGILL, an invalid instruction)",
+        6 => " (SIGABRT, abort)",
+        7 => " (SIGBUS, an invalid address)",
+        8 => " (SIGFPE, a division by zero)",
+        9 => " (SIGKILL, as the system does when it runs out of memory)",
+        11 => " (SIGSEGV, an invalid address)",
+        14 => " (SIGALRM, as it took too long to end)",
+        15 => " (SIGTERM)",
+        _ => "",
+    }
+}
+
 /// What a library of somebody else did in place of the step.
 #[derive(Clone, Copy, Debug, PartialEq, Error)]
 #[non_exhaustive]
@@ -92,9 +107,21 @@ pub enum ForeignFault {
         /// The number.
         got: f64,
     },
-    /// It changed how the processor rounds.
-    #[error("it changed how the processor rounds, as libraries built with -ffast-math do")]
-    FloatMode,
+    /// It ended its own process.
+    #[error("it ended its own process with exit code {code}, as licence checks and STOP of Fortran do")]
+    Exited {
+        /// The code: 0 is no success here.
+        code: i32,
+    },
+    /// A signal ended its process.
+    #[error("signal {signal}{} ended its process", signal_name(*signal))]
+    Killed {
+        /// The number of the signal.
+        signal: i32,
+    },
+    /// Its process does not answer in the form that is agreed on.
+    #[error("the connection to its process is lost: the library closed or wrote to files that are not its own")]
+    Lost,
     /// It can't be loaded once more.
     #[error("it can't be loaded once more, as the log says")]
     NotLoaded,

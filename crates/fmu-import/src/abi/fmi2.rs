@@ -2,9 +2,10 @@
 
 use core::ffi::{CStr, c_char, c_int, c_void};
 use std::ffi::CString;
+use std::sync::Arc;
 
-use super::{Called, Fmi, Free, Handle, InstanceSpec, Library, Plain, Said, StepOutcome, function, text};
-use crate::ImportError;
+use super::{Called, Fmi, Free, Handle, InstanceSpec, Library, Plain, Said, StartError, StepOutcome, function, text};
+use crate::message::Answers;
 
 /// `fmi2CoSimulation`.
 const CO_SIMULATION: c_int = 1;
@@ -90,7 +91,7 @@ fn uri(folder: &CStr) -> CString {
 
 impl Fmi2 {
     /// An instance that is made; [`begin`](super::begin) begins its simulation.
-    pub fn new(library: Library, spec: &InstanceSpec<'_>) -> Result<Fmi2, ImportError> {
+    pub fn new(library: Library, spec: &InstanceSpec<'_>, answers: Arc<Answers>) -> Result<Fmi2, StartError> {
         let instantiate = function!(library, Instantiate, c"fmi2Instantiate");
         let setup = function!(library, Setup, c"fmi2SetupExperiment");
         let enter = function!(library, Plain, c"fmi2EnterInitializationMode");
@@ -101,7 +102,7 @@ impl Fmi2 {
         let real_status = function!(library, GetRealStatus, c"fmi2GetRealStatus");
         let boolean_status = function!(library, GetBooleanStatus, c"fmi2GetBooleanStatus");
         let ends = (function!(library, Plain, c"fmi2Terminate"), function!(library, Free, c"fmi2FreeInstance"));
-        let said = Box::new(Said::default());
+        let said = Box::new(Said(answers));
         let environment = core::ptr::from_ref(&*said).cast_mut().cast();
         let callbacks = Box::new(Callbacks {
             logger: log,

@@ -1,9 +1,10 @@
 //! FMI 3.0.
 
 use core::ffi::{c_char, c_int, c_void};
+use std::sync::Arc;
 
-use super::{Called, Fmi, Free, Handle, InstanceSpec, Library, Plain, Said, StepOutcome, function, text};
-use crate::ImportError;
+use super::{Called, Fmi, Free, Handle, InstanceSpec, Library, Plain, Said, StartError, StepOutcome, function, text};
+use crate::message::Answers;
 
 type Instantiate = unsafe extern "C" fn(
     *const c_char,
@@ -47,7 +48,7 @@ unsafe extern "C" fn log(environment: *mut c_void, status: c_int, _category: *co
 impl Fmi3 {
     /// An instance that is made; [`begin`](super::begin) begins its simulation. It handles its events itself: event
     /// mode is not asked for, nor that it may return early.
-    pub fn new(library: Library, spec: &InstanceSpec<'_>) -> Result<Fmi3, ImportError> {
+    pub fn new(library: Library, spec: &InstanceSpec<'_>, answers: Arc<Answers>) -> Result<Fmi3, StartError> {
         let instantiate = function!(library, Instantiate, c"fmi3InstantiateCoSimulation");
         let enter = function!(library, EnterInitialization, c"fmi3EnterInitializationMode");
         let exit = function!(library, Plain, c"fmi3ExitInitializationMode");
@@ -55,7 +56,7 @@ impl Fmi3 {
         let get = function!(library, GetFloat64, c"fmi3GetFloat64");
         let step = function!(library, DoStep, c"fmi3DoStep");
         let ends = (function!(library, Plain, c"fmi3Terminate"), function!(library, Free, c"fmi3FreeInstance"));
-        let said = Box::new(Said::default());
+        let said = Box::new(Said(answers));
         let environment = core::ptr::from_ref(&*said).cast_mut().cast();
         // SAFETY: texts, no intermediate variables, and what `log` expects.
         let pointer = unsafe {

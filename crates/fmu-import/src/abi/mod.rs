@@ -11,12 +11,30 @@ mod fmi3;
 use core::ffi::{CStr, c_int, c_void};
 use std::ffi::CString;
 use std::path::Path;
-use std::sync::{Mutex, PoisonError};
+use std::sync::Arc;
 
 pub(crate) use fmi2::Fmi2;
 pub(crate) use fmi3::Fmi3;
 
-use crate::{ImportError, float_mode};
+use crate::message::{Answer, Answers};
+
+/// Why the simulation of an FMU can't begin.
+#[derive(Clone, Debug, PartialEq)]
+pub(crate) enum StartError {
+    /// The library can't be loaded: what the loader says.
+    Load(String),
+    /// The library lacks a function.
+    Function(&'static str),
+    /// A function returned this status; `None` for an instance that is NULL.
+    Status { function: &'static str, status: Option<c_int> },
+}
+
+impl StartError {
+    /// The error of a call that failed.
+    pub fn of(called: Called) -> StartError {
+        StartError::Status { function: called.function, status: Some(called.status) }
+    }
+}
 
 /// A loaded library.
 pub(crate) struct Library {
@@ -25,27 +43,25 @@ pub(crate) struct Library {
 
 impl Library {
     /// Loads a library, with all that it needs.
-    pub fn load(path: &Path) -> Result<Library, ImportError> {
+    pub fn load(path: &Path) -> Result<Library, StartError> {
         let name = CString::new(path.as_os_str().as_encoded_bytes());
-        let name = name.map_err(|_| ImportError::Load { reason: "its path has a NUL".into() })?;
-        // SAFETY: a text; the code that runs is the user's choice.
-        let handle = float_mode::kept("loading the library", || unsafe {
-            libc::dlopen(name.as_ptr(), libc::RTLD_NOW | libc::RTLD_LOCAL)
-        })?;
+        let name = name.map_err(|_| StartError::Load("its path has a NUL".into()))?;
+        // SAFETY: a text; the code that runs is the user's choice, and has this process for itself.
+        let handle = unsafe { libc::dlopen(name.as_ptr(), libc::RTLD_NOW | libc::RTLD_LOCAL) };
         if handle.is_null() {
             // SAFETY: the text of the failed call above, on this thread.
             let reason = unsafe { text(libc::dlerror()) }.into_owned();
-            return Err(ImportError::Load { reason });
+            return Err(StartError::Load(reason));
         }
         Ok(Library { handle })
     }
 
     /// The address of a function.
-    fn address(&self, name: &'static CStr) -> Result<*mut c_void, ImportError> {
+    fn address(&self, name: &'static CStr) -> Result<*mut c_void, StartError> {
         // SAFETY: a library that is loaded, and a text.
         let address = unsafe { libc::dlsym(self.handle, name.as_ptr()) };
         if address.is_null() {
-            return Err(ImportError::Function { name: name.to_str().unwrap_or_default() });
+            return Err(StartError::Function(name.to_str().unwrap_or_default()));
         }
         Ok(address)
     }
@@ -67,25 +83,15 @@ macro_rules! function {
 }
 pub(crate) use function;
 
-/// What an instance has said last, where its calls of the log end.
-#[derive(Debug, Default)]
-pub(crate) struct Said(Mutex<Option<String>>);
+/// Passes on what an instance says, from any of its threads.
+#[derive(Debug)]
+pub(crate) struct Said(Arc<Answers>);
 
 impl Said {
-    /// Notes a message, of a status as the standards number them, 1 a warning and from 2 on errors.
+    /// Passes on a message, of a status as the standards number them, 1 a warning and from 2 on errors.
     fn note(&self, status: c_int, text: &str) {
-        let text = text.trim();
-        match status {
-            i32::MIN..=0 => tracing::debug!("the FMU says: {text}"),
-            1 => tracing::warn!("the FMU says: {text}"),
-            _ => tracing::error!("the FMU says: {text}"),
-        }
-        *self.0.lock().unwrap_or_else(PoisonError::into_inner) = Some(text.to_owned());
-    }
-
-    /// The last message, once.
-    fn take(&self) -> Option<String> {
-        self.0.lock().unwrap_or_else(PoisonError::into_inner).take()
+        // Nobody listens if the pipe is closed: the next request finds that out.
+        let _closed = self.0.send(&Answer::Says { status, text: text.trim().to_owned() }, &[]);
     }
 }
 
@@ -114,26 +120,13 @@ pub(crate) struct InstanceSpec<'a> {
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(crate) struct Called {
     pub function: &'static str,
-    status: c_int,
+    pub status: c_int,
 }
 
 impl Called {
     /// Whether it succeeded: OK or Warning.
     pub fn is_good(self) -> bool {
         matches!(self.status, 0 | 1)
-    }
-
-    /// The name of its status: those of both standards have the same numbers.
-    pub fn status(self) -> &'static str {
-        match self.status {
-            0 => "OK",
-            1 => "Warning",
-            2 => "Discard",
-            3 => "Error",
-            4 => "Fatal",
-            5 => "Pending",
-            _ => "a status that FMI does not have",
-        }
     }
 }
 
@@ -168,21 +161,26 @@ pub(crate) trait Fmi {
     fn handle(&mut self) -> &mut Handle;
 }
 
+/// The error of a call before the simulation, unless it succeeded.
+fn check(called: Called) -> Result<(), StartError> {
+    if called.is_good() { Ok(()) } else { Err(StartError::of(called)) }
+}
+
 /// Takes up parameters and inputs, and begins the simulation at 0.
-pub(crate) fn begin(fmu: &mut dyn Fmi, spec: &InstanceSpec<'_>) -> Result<(), ImportError> {
+pub(crate) fn begin(fmu: &mut dyn Fmi, spec: &InstanceSpec<'_>) -> Result<(), StartError> {
     for (reference, values) in spec.parameters {
         let called = fmu.set(&[*reference], values);
-        fmu.handle().check(called)?;
+        check(called)?;
     }
     let called = fmu.enter_initialization();
-    fmu.handle().check(called)?;
+    check(called)?;
     let (references, values) = spec.inputs;
     if !references.is_empty() {
         let called = fmu.set(references, values);
-        fmu.handle().check(called)?;
+        check(called)?;
     }
     let called = fmu.exit_initialization();
-    fmu.handle().check(called)?;
+    check(called)?;
     fmu.handle().is_running = true;
     Ok(())
 }
@@ -190,10 +188,11 @@ pub(crate) fn begin(fmu: &mut dyn Fmi, spec: &InstanceSpec<'_>) -> Result<(), Im
 type Plain = unsafe extern "C" fn(*mut c_void) -> c_int;
 type Free = unsafe extern "C" fn(*mut c_void);
 
-/// What instances of both versions have: the pointer, the last message, and how they end.
+/// What instances of both versions have: the pointer, what passes on their messages, and how they end.
 pub(crate) struct Handle {
     pointer: *mut c_void,
-    said: Box<Said>,
+    /// The instance has its address.
+    _said: Box<Said>,
     /// Whether the simulation has begun.
     is_running: bool,
     /// The worst status so far.
@@ -216,30 +215,17 @@ impl Handle {
         said: Box<Said>,
         (terminate, free): (Plain, Free),
         library: Library,
-    ) -> Result<Handle, ImportError> {
+    ) -> Result<Handle, StartError> {
         if pointer.is_null() {
-            return Err(ImportError::Call { call: instantiate, status: "NULL", log: said.take() });
+            return Err(StartError::Status { function: instantiate, status: None });
         }
-        Ok(Handle { pointer, said, is_running: false, worst: 0, terminate, free, library: Some(library) })
+        Ok(Handle { pointer, _said: said, is_running: false, worst: 0, terminate, free, library: Some(library) })
     }
 
     /// Notes what a function returned.
     fn called(&mut self, function: &'static str, status: c_int) -> Called {
         self.worst = self.worst.max(status);
         Called { function, status }
-    }
-
-    /// The error of a call before the simulation, unless it succeeded.
-    fn check(&self, called: Called) -> Result<(), ImportError> {
-        if called.is_good() {
-            return Ok(());
-        }
-        Err(ImportError::Call { call: called.function, status: called.status(), log: self.last_message() })
-    }
-
-    /// Its last message, once.
-    pub fn last_message(&self) -> Option<String> {
-        self.said.take()
     }
 }
 

@@ -40,7 +40,7 @@ impl StructureSection {
             return Err(StructureSectionError::FmuHash { path, got, expected: expected.clone() });
         }
         let of = |fault: ImportError| StructureSectionError::Fmu { path: path.clone(), fault: Box::new(fault) };
-        let source = Source::read(&bytes, &self.fmu_spec(spec)).map_err(of)?;
+        let source = Source::read(bytes, &self.fmu_spec(spec)).map_err(of)?;
         Arc::new(source).plant(spec).map_err(of)
     }
 
