@@ -183,6 +183,81 @@ def test_nonsense_and_wrong_tokens_change_nothing(programs):
     assert run.wait() == 0
 
 
+def upgraded(url, path, *headers):
+    """A connection that has become a WebSocket, and the head of the answer."""
+    connection = raw(url)
+    lines = [
+        f"GET {path} HTTP/1.1", "Host: 127.0.0.1:1", "Upgrade: websocket", "Connection: Upgrade",
+        "Sec-WebSocket-Key: dGhlIHNhbXBsZSBub25jZQ==", "Sec-WebSocket-Version: 13", *headers, "", "",
+    ]
+    connection.sendall("\r\n".join(lines).encode())
+    head = b""
+    while not head.endswith(b"\r\n\r\n"):
+        byte = connection.recv(1)
+        assert byte, head
+        head += byte
+    return connection, head
+
+
+def test_the_head_of_a_long_frame_ends_the_connection_before_memory_is_reserved(programs):
+    """14 bytes, a frame of 16 MiB - 1 bytes, reserved as much memory for each viewer, which a real-time run locks."""
+    run = free_run(programs)
+    url, _ = address(run)
+    size_kib = lambda: int(Path(f"/proc/{run.process.pid}/status").read_text().split("VmData:")[1].split()[0])
+    viewer = Viewer(url)
+    before = size_kib()
+    for path, *headers in (("/live",), ("/", "Sec-WebSocket-Protocol: foxglove.sdk.v1")):
+        connections = [upgraded(url, path, *headers)[0] for _ in range(10)]
+        for connection in connections:
+            connection.sendall(b"\x81\xff" + ((16 << 20) - 1).to_bytes(8, "big") + bytes(4))
+        for connection in connections:
+            with connection:
+                while True:
+                    try:
+                        if not connection.recv(1 << 16):
+                            break
+                    except ConnectionResetError:
+                        break
+    assert size_kib() - before < 10 * 16_000
+    viewer.next("update", lambda update: update["viewers"] == 1)
+
+
+def test_there_are_no_more_viewers_than_the_server_has_memory_for(programs):
+    url, _ = address(free_run(programs))
+    viewers = [upgraded(url, "/live") for _ in range(65)]
+    assert [int(head.split()[1]) for _, head in viewers] == [101] * 64 + [503]
+    for connection, _ in viewers:
+        connection.close()
+
+
+HEADERS = {
+    "content-security-policy": ["default-src 'self'", "base-uri 'none'", "form-action 'none'", "frame-ancestors 'none'"],
+    "cross-origin-resource-policy": ["same-origin"],
+    "cross-origin-opener-policy": ["same-origin"],
+    "permissions-policy": ["camera=()", "geolocation=()", "microphone=()", "usb=()"],
+    "x-content-type-options": ["nosniff"],
+    "x-frame-options": ["DENY"],
+    "referrer-policy": ["no-referrer"],
+    "cache-control": ["no-store"],
+}
+
+
+@pytest.mark.parametrize(
+    ("path", "host", "expected"), [("", "127.0.0.1:1", 200), ("nothing", "127.0.0.1:1", 404), ("", "example.com", 403)]
+)
+def test_every_answer_says_what_a_browser_may_do_with_it(programs, path, host, expected):
+    url, _ = address(free_run(programs))
+    request = urllib.request.Request(url + path, headers={"Host": host})
+    try:
+        answer = urllib.request.urlopen(request, timeout=PATIENCE_S)
+    except urllib.error.HTTPError as error:
+        answer = error
+    with answer:
+        assert answer.status == expected
+        for name, parts in HEADERS.items():
+            assert all(part in answer.headers[name] for part in parts), (name, answer.headers[name])
+
+
 def test_a_port_in_use_is_said(programs):
     with socket.socket() as taken:
         taken.bind(("127.0.0.1", 0))

@@ -15,6 +15,8 @@ use tokio::time::{sleep, timeout};
 
 /// Bytes that the system buffers for a viewer: about a second of updates.
 const HELD_BYTES: usize = 1 << 16;
+/// Most bytes of the head of a request, and of an answer that waits to be sent: less than hyper's 400 kB each.
+const BUFFERED_BYTES: usize = 1 << 16;
 /// How long to wait if the system has no file descriptor for another connection.
 const RETRY: Duration = Duration::from_secs(1);
 
@@ -59,6 +61,7 @@ async fn answer(stream: TcpStream, router: Router, limits: Limits, _permit: Owne
     let answering = http1::Builder::new()
         .timer(TokioTimer::new())
         .header_read_timeout(limits.head)
+        .max_buf_size(BUFFERED_BYTES)
         .serve_connection(TokioIo::new(stream), service)
         .with_upgrades();
     match timeout(limits.whole, answering).await {

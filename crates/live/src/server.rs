@@ -9,7 +9,7 @@ use std::thread::{self, JoinHandle};
 use axum::Router;
 use axum::extract::ws::WebSocketUpgrade;
 use axum::extract::{Request, State};
-use axum::http::{HeaderValue, StatusCode, header};
+use axum::http::{HeaderValue, StatusCode};
 use axum::middleware::{self, Next};
 use axum::response::{IntoResponse, Response};
 use axum::routing::get;
@@ -33,13 +33,14 @@ const BEAT: Duration = Duration::from_millis(33);
 const SPECTRUM_BEATS: u64 = 8;
 /// Messages queued for a slow viewer: two seconds of updates.
 const WAITING: usize = 128;
-/// Most viewers at once.
-const VIEWERS: usize = 256;
+/// Most viewers at once. Each holds what greets it, some hundred kB, one message that is sent and a buffer of
+/// [`LONGEST`] bytes, so that all of them together hold less than 64 MiB.
+const VIEWERS: usize = 64;
 /// How long viewers have to receive the last messages.
 const FAREWELL: Duration = Duration::from_millis(300);
 /// How much less processor time the thread gets than others (nice(2)).
 const NICE: i32 = 10;
-/// The longest message that a viewer may send, bytes.
+/// The longest message and frame that a viewer may send, bytes: memory for a frame is reserved when its head has come.
 const LONGEST: usize = 4096;
 
 /// How to serve.
@@ -195,24 +196,44 @@ async fn run(
     Ok(())
 }
 
-/// Refuses requests that are not permitted, and sets what a page of this server may do.
+/// What a browser may do with an answer of this server, refusals included: all that the page needs, and nothing that
+/// another site could use.
+const HEADERS: [(&str, &str); 10] = [
+    (
+        "content-security-policy",
+        "default-src 'self'; style-src 'self' 'unsafe-inline'; base-uri 'none'; form-action 'none'; frame-ancestors 'none'; \
+         object-src 'none'",
+    ),
+    ("cross-origin-embedder-policy", "require-corp"),
+    ("cross-origin-opener-policy", "same-origin"),
+    ("cross-origin-resource-policy", "same-origin"),
+    (
+        "permissions-policy",
+        "accelerometer=(), camera=(), display-capture=(), geolocation=(), gyroscope=(), hid=(), magnetometer=(), microphone=(), \
+         midi=(), payment=(), serial=(), usb=()",
+    ),
+    ("x-content-type-options", "nosniff"),
+    ("x-frame-options", "DENY"),
+    ("x-permitted-cross-domain-policies", "none"),
+    ("referrer-policy", "no-referrer"),
+    ("cache-control", "no-store"),
+];
+
+/// Refuses requests that are not permitted, and sets what a browser may do with the answer.
 async fn admit(State(shared): State<Arc<Shared>>, request: Request, next: Next) -> Response {
-    if let Err(refused) = shared.origins.admit(request.headers()) {
-        return (refused.status(), format!("{refused}\n")).into_response();
-    }
-    let mut response = next.run(request).await;
-    for (name, value) in [
-        (
-            header::CONTENT_SECURITY_POLICY,
-            "default-src 'self'; style-src 'self' 'unsafe-inline'; frame-ancestors 'none'",
-        ),
-        (header::X_CONTENT_TYPE_OPTIONS, "nosniff"),
-        (header::REFERRER_POLICY, "no-referrer"),
-        (header::CACHE_CONTROL, "no-store"),
-    ] {
+    let mut response = match shared.origins.admit(request.headers()) {
+        Ok(()) => next.run(request).await,
+        Err(refused) => (refused.status(), format!("{refused}\n")).into_response(),
+    };
+    for (name, value) in HEADERS {
         response.headers_mut().insert(name, HeaderValue::from_static(value));
     }
     response
+}
+
+/// A WebSocket that reserves no more memory for what a viewer sends than it may send.
+fn bounded(upgrade: WebSocketUpgrade) -> WebSocketUpgrade {
+    upgrade.max_message_size(LONGEST).max_frame_size(LONGEST).read_buffer_size(LONGEST)
 }
 
 /// The page; or the Foxglove stream, if a client asks for a WebSocket here.
@@ -227,7 +248,7 @@ async fn root(
         return (StatusCode::BAD_REQUEST, format!("a WebSocket here has the subprotocol {names}\n")).into_response();
     }
     match viewer::Counted::new(&shared, VIEWERS) {
-        Some(counted) => upgrade.max_message_size(LONGEST).on_upgrade(|socket| viewer::stream(socket, counted)),
+        Some(counted) => bounded(upgrade).on_upgrade(|socket| viewer::stream(socket, counted)),
         None => crowded(),
     }
 }
@@ -235,7 +256,7 @@ async fn root(
 /// The updates of the page.
 async fn live(State(shared): State<Arc<Shared>>, upgrade: WebSocketUpgrade) -> Response {
     match viewer::Counted::new(&shared, VIEWERS) {
-        Some(counted) => upgrade.max_message_size(LONGEST).on_upgrade(|socket| viewer::view(socket, counted)),
+        Some(counted) => bounded(upgrade).on_upgrade(|socket| viewer::view(socket, counted)),
         None => crowded(),
     }
 }

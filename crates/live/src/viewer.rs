@@ -145,9 +145,13 @@ pub async fn stream(mut socket: WebSocket, counted: Counted) {
         return;
     }
     loop {
-        let messages = tokio::select! {
+        let sent = tokio::select! {
             batch = published.recv() => match batch {
-                Ok(batch) => batch.iter().flat_map(|message| subscriptions.frames(message)).collect(),
+                // Each frame is made when it is sent: a client may subscribe to a channel many times.
+                Ok(batch) => {
+                    let frames = batch.iter().flat_map(|message| subscriptions.frames(message));
+                    send(&mut socket, frames).await
+                }
                 Err(RecvError::Lagged(lost)) => {
                     shared.lost_updates.fetch_add(lost, Ordering::Relaxed);
                     continue;
@@ -162,10 +166,9 @@ pub async fn stream(mut socket: WebSocket, counted: Counted) {
                     Some(Ok(Message::Close(_)) | Err(_)) | None => return,
                 };
                 nonsense += u32::from(answer.is_some());
-                Vec::from_iter(answer)
+                send(&mut socket, answer).await
             },
         };
-        let sent = send(&mut socket, messages).await;
         if sent == Err(LetGo::TooSlow) {
             shared.lost_updates.fetch_add(published.len() as u64, Ordering::Relaxed);
         }
