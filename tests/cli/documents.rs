@@ -310,7 +310,11 @@ fn doctor_says_what_can_be_fixed() {
     let got = document(here(), 0, &["doctor", "--json"]);
     let findings = got["findings"].as_array().unwrap();
     let subjects: Vec<_> = findings.iter().map(|finding| finding["subject"].as_str().unwrap()).collect();
-    assert_eq!(&subjects[..3], ["SocketCAN", "CAN interfaces", "python-can"]);
+    assert_eq!(&subjects[..4], ["SocketCAN", "CAN interfaces", "python-can", "live view"]);
+    let live = if cfg!(feature = "live") { "in this build" } else { "not in this build" };
+    assert_eq!(findings[3]["state"], live);
+    let python = findings[2]["state"].as_str().unwrap();
+    assert_eq!(python.starts_with("in this build"), cfg!(feature = "python-can"), "{python}");
     assert!(findings.len() > 3 && findings.iter().all(|finding| names(finding) == ["mend", "state", "subject"]));
 }
 

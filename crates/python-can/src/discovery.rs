@@ -3,6 +3,10 @@
 //! An embedded interpreter knows the directory it was installed in and nothing of virtual environments. So the
 //! environment is looked up here: the one that VIRTUAL_ENV names, otherwise a `.venv` in the working directory or
 //! the nearest of its parents, otherwise the packages of the interpreter itself.
+//!
+//! The packages of an environment are code that runs with the rights of this user. An environment that is named is the
+//! user's choice. One that is found counts only if nobody else can have put it there or changed it: anybody who may write
+//! to a directory above the working directory could otherwise place one.
 
 use alloc::format;
 use alloc::string::{String, ToString};
@@ -10,6 +14,7 @@ use core::fmt;
 use std::env;
 use std::ffi::{CString, OsString};
 use std::fs;
+use std::os::unix::fs::MetadataExt as _;
 use std::path::{Path, PathBuf};
 
 use pyo3::exceptions::PyModuleNotFoundError;
@@ -39,6 +44,39 @@ struct VirtualEnvironment {
     version: Version,
     /// The packages of the interpreter itself are out of sight.
     isolated: bool,
+}
+
+impl VirtualEnvironment {
+    /// The directory of its packages.
+    fn packages(&self) -> PathBuf {
+        self.path.join(format!("lib/python{}/site-packages", self.version))
+    }
+}
+
+/// What `python-can:` would load, found without running any Python.
+///
+/// # Errors
+/// [`PythonCanError::VirtualEnvironment`], [`PythonCanError::Untrusted`], and [`PythonCanError::Missing`] if an
+/// environment has no python-can.
+pub(super) fn would_load() -> Result<String, PythonCanError> {
+    let working_directory = env::current_dir().unwrap_or_default();
+    let Some(environment) = find(env::var_os("VIRTUAL_ENV"), &working_directory)? else {
+        return Ok(String::from("of the interpreter itself: no VIRTUAL_ENV, no .venv here or above"));
+    };
+    let path = environment.path.display();
+    let packages = environment.packages();
+    if !packages.join("can/__init__.py").is_file() {
+        return Err(PythonCanError::Missing {
+            environment: format!("the virtual environment `{path}` (Python {})", environment.version),
+            command: format!("{path}/bin/python3 -m pip install python-can"),
+        });
+    }
+    let installed =
+        fs::read_dir(&packages).into_iter().flatten().filter_map(|entry| entry.ok()?.file_name().into_string().ok());
+    let version =
+        installed.filter_map(|name| Some(name.strip_prefix("python_can-")?.strip_suffix(".dist-info")?.to_owned()));
+    let version = version.max().unwrap_or_else(|| String::from("of unknown version"));
+    Ok(format!("{version}, of `{path}` (Python {})", environment.version))
 }
 
 /// Imports the module `can` from the environment found.
@@ -98,18 +136,46 @@ fn base_interpreter(py: Python<'_>) -> PyResult<String> {
 fn activate(py: Python<'_>, environment: &VirtualEnvironment) -> PyResult<()> {
     let source = CString::new(include_str!("activate.py"))?;
     let module = PyModule::from_code(py, &source, c"activate.py", c"resonarm_activate")?;
-    let directory = environment.path.join(format!("lib/python{}/site-packages", environment.version));
-    module.getattr("activate")?.call1((directory.as_os_str(), environment.isolated))?;
+    module.getattr("activate")?.call1((environment.packages().as_os_str(), environment.isolated))?;
     Ok(())
 }
 
 /// The environment to use, by the rule at the top of this file.
 fn find(named: Option<OsString>, start: &Path) -> Result<Option<VirtualEnvironment>, PythonCanError> {
-    let found = match named.filter(|name| !name.is_empty()) {
-        Some(name) => Some(PathBuf::from(name)),
-        None => start.ancestors().map(|parent| parent.join(".venv")).find(|path| path.join("pyvenv.cfg").is_file()),
+    if let Some(name) = named.filter(|name| !name.is_empty()) {
+        return read(PathBuf::from(name)).map(Some);
+    }
+    let mut found = start.ancestors().map(|parent| parent.join(".venv"));
+    let Some(path) = found.find(|path| path.join("pyvenv.cfg").is_file()) else { return Ok(None) };
+    let user = rustix::process::geteuid().as_raw();
+    let above = path.parent().into_iter();
+    above.chain([&*path, &path.join("pyvenv.cfg")]).try_for_each(|place| check_owner(&path, place, user))?;
+    let environment = read(path)?;
+    let path = &environment.path;
+    let packages = environment.packages();
+    packages.ancestors().take_while(|place| *place != path).try_for_each(|place| check_owner(path, place, user))?;
+    Ok(Some(environment))
+}
+
+/// Checks that only `user` and root could have made `place`, of the environment at `path`, or could change it; a link and
+/// what it leads to. What is not there is not loaded.
+fn check_owner(path: &Path, place: &Path, user: u32) -> Result<(), PythonCanError> {
+    let untrusted = |reason: String| {
+        Err(PythonCanError::Untrusted { path: path.to_path_buf(), place: place.to_path_buf(), reason })
     };
-    found.map(read).transpose()
+    for (metadata, is_link) in [(fs::symlink_metadata(place), true), (fs::metadata(place), false)] {
+        let Ok(metadata) = metadata else { continue };
+        let (owner, group, mode) = (metadata.uid(), metadata.gid(), metadata.mode());
+        if owner != user && owner != 0 {
+            return untrusted(format!("belongs to the user with id {owner}"));
+        }
+        // The mode of a link means nothing. Many systems give each user a group of the same number.
+        let is_private = group == owner;
+        if !(is_link && metadata.is_symlink()) && (mode & 0o002 != 0 || (mode & 0o020 != 0 && !is_private)) {
+            return untrusted(format!("can be written by other users (mode {:04o}, group {group})", mode & 0o7777));
+        }
+    }
+    Ok(())
 }
 
 /// Reads `pyvenv.cfg`: lines `key = value`. `venv` writes `version`, virtualenv and uv write `version_info`.
@@ -171,6 +237,43 @@ mod tests {
         assert_eq!(path(None), Some(inner));
         let named = environment(directory.path(), "named", config);
         assert_eq!(path(Some(&named)), Some(named));
+    }
+
+    /// Anybody who may write above the working directory could place an environment there, as before CVE-2022-24765 of git.
+    #[test]
+    fn an_environment_that_others_could_have_made_is_refused() {
+        use std::os::unix::fs::PermissionsExt as _;
+        let directory = tempfile::tempdir().unwrap();
+        let path = environment(directory.path(), ".venv", "version = 3.11.2");
+        let project = directory.path().join("project");
+        fs::create_dir_all(&project).unwrap();
+        let user = rustix::process::geteuid().as_raw();
+        let text = |error: PythonCanError| error.to_string().replace(&directory.path().display().to_string(), "DIR");
+        check_owner(&path, &path, user).unwrap();
+        // Root may own it, and nobody else but the user.
+        if user != 0 {
+            let refused = text(check_owner(&path, &path, user + 1).unwrap_err());
+            assert!(refused.contains(&format!("belongs to the user with id {user}")), "{refused}");
+        }
+        let set = |place: &Path, mode: u32| fs::set_permissions(place, fs::Permissions::from_mode(mode)).unwrap();
+        set(directory.path(), 0o1777);
+        let refused = text(find(None, &project).unwrap_err());
+        assert!(
+            refused
+                .starts_with("the virtual environment `DIR/.venv` is not used, as `DIR` can be written by other users"),
+            "{refused}"
+        );
+        assert_eq!(find(Some(path.clone().into()), &project).unwrap().map(|found| found.path), Some(path.clone()));
+        set(directory.path(), 0o755);
+        set(&path, 0o757);
+        assert!(text(find(None, &project).unwrap_err()).contains("as `DIR/.venv` can be written"));
+        set(&path, 0o755);
+        let packages = path.join("lib/python3.11/site-packages");
+        fs::create_dir_all(&packages).unwrap();
+        set(&packages, 0o777);
+        assert!(text(find(None, &project).unwrap_err()).contains("site-packages` can be written"));
+        set(&packages, 0o755);
+        assert!(find(None, &project).unwrap().is_some());
     }
 
     #[test]

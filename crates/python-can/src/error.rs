@@ -30,6 +30,19 @@ pub enum PythonCanError {
         /// What is missing.
         reason: String,
     },
+    /// A virtual environment that was found, which other users could have made or changed.
+    #[error(
+        "the virtual environment `{path}` is not used, as `{place}` {reason}: its packages would run with your rights; set \
+         VIRTUAL_ENV={path} if you trust it, or make one of your own"
+    )]
+    Untrusted {
+        /// The directory of the environment.
+        path: PathBuf,
+        /// The file or directory that is not the user's alone.
+        place: PathBuf,
+        /// What is wrong with it.
+        reason: String,
+    },
     /// The virtual environment belongs to another version of Python than the one built in.
     #[error(
         "the virtual environment `{path}` is for Python {environment}, and this program embeds Python {embedded}; \

@@ -25,7 +25,7 @@ struct Document {
 
 impl Doctor {
     pub fn execute(&self) -> Result<Verdict, Failure> {
-        let mut findings = vec![can(), interfaces(), python_can()];
+        let mut findings = vec![can(), interfaces(), python_can(), live()];
         findings.extend(queues::findings());
         findings.extend(reception::findings());
         findings.extend(Privileges::probe().findings());
@@ -67,12 +67,15 @@ fn interfaces() -> Finding {
     }
 }
 
+/// Names what `python-can:` would load, without running any of it.
 #[cfg(feature = "python-can")]
 fn python_can() -> Finding {
     let subject = "python-can";
-    match resonarm::bus::python_can::version() {
-        Ok(version) => Finding { subject, state: version, fix: None },
-        Err(error) => Finding { subject, state: String::from("not available"), fix: Some(error.to_string()) },
+    match resonarm::bus::python_can::would_load() {
+        Ok(found) => Finding { subject, state: format!("in this build; {found}"), fix: None },
+        Err(error) => {
+            Finding { subject, state: String::from("in this build, but not available"), fix: Some(error.to_string()) }
+        }
     }
 }
 
@@ -80,4 +83,14 @@ fn python_can() -> Finding {
 fn python_can() -> Finding {
     let fix = "`cargo build --release --features python-can` makes a build that reaches its adapters";
     Finding { subject: "python-can", state: String::from("not in this build"), fix: Some(String::from(fix)) }
+}
+
+/// Whether `--live` works.
+fn live() -> Finding {
+    let subject = "live view";
+    if cfg!(feature = "live") {
+        return Finding { subject, state: String::from("in this build"), fix: None };
+    }
+    let fix = "`cargo build --release --features live` makes a build with --live";
+    Finding { subject, state: String::from("not in this build"), fix: Some(String::from(fix)) }
 }
