@@ -1,7 +1,9 @@
 """Writes the first inputs of a run into `fuzz/corpus/`: golden frames, scenarios, beginnings of recordings, logs."""
 
+import io
 import json
 import struct
+import zipfile
 import zlib
 from pathlib import Path
 
@@ -98,6 +100,28 @@ def wires():
         yield str(first), bytes([first]) + b"".join(frame(*entry) for entry in frames)
 
 
+def fmus():
+    """The example's descriptions with an empty library and a resource."""
+    for version, folder in ((2, "linux64"), (3, "x86_64-linux")):
+        content = io.BytesIO()
+        with zipfile.ZipFile(content, "w", zipfile.ZIP_DEFLATED) as archive:
+            archive.write(ROOT / f"examples/fmu/fmi{version}.xml", "modelDescription.xml")
+            archive.writestr(f"binaries/{folder}/mass.so", b"")
+            archive.writestr("resources/table.txt", b"0 0\n1 1\n")
+        yield f"mass{version}", content.getvalue()
+
+
+def viewers():
+    """What a browser and a client of Foxglove send; the first byte says as what."""
+    yield "request", b"\0GET / HTTP/1.1\r\nHost: 127.0.0.1\r\n\r\n"
+    yield "file", b"\0GET /page.js HTTP/1.1\r\nHost: 127.0.0.1\r\nOrigin: http://127.0.0.1\r\n\r\n"
+    for first in (1, 2):
+        yield f"ping-{first}", bytes([first]) + b"\x89\x80\0\0\0\0\x88\x80\0\0\0\0"
+        yield f"long-{first}", bytes([first]) + b"\x81\xff\0\0\0\0\0\xff\xff\xff\0\0\0\0"
+    yield "order", b'\3{"token":"0","request":"arm"}'
+    yield "subscribe", b'\4{"op":"subscribe","subscriptions":[{"id":1,"channelId":0}]}'
+
+
 def write(target, files):
     folder = CORPUS / target
     folder.mkdir(parents=True, exist_ok=True)
@@ -111,4 +135,6 @@ if __name__ == "__main__":
     write("can_log", logs())
     write("dbc", databases())
     write("wire", wires())
+    write("fmu", fmus())
+    write("live", viewers())
     write("recording", ((path.stem, path.read_bytes()[:BEGINNING]) for path in sorted(ROOT.glob("recordings/*.mcap"))))
