@@ -339,6 +339,18 @@ fn spawn(name: &str, run: impl FnOnce() + Send + 'static) -> Result<JoinHandle<(
     thread::Builder::new().name(name.to_string()).spawn(run).map_err(PythonCanError::Thread)
 }
 
+/// The release of the python-can that [`PythonCan::open`] would take, as "4.5.0". It is imported.
+///
+/// # Errors
+/// [`PythonCanError`] as of [`PythonCan::open`]: python-can is missing, or the environment doesn't fit.
+pub fn version() -> Result<String, PythonCanError> {
+    start_python()?;
+    Python::attach(|py| {
+        let release = discovery::import_can(py)?.getattr("__version__").and_then(|version| version.extract());
+        release.map_err(|error| exception(py, Operation::Import, error))
+    })
+}
+
 /// Where python-can would be loaded from, and its version, for people. No Python runs.
 ///
 /// # Errors
