@@ -163,7 +163,7 @@ def test_an_fmu_that_exits_in_a_step_ends_the_run_as_a_fault(tmp_path):
     done, left = run_mass(tmp_path, "--record", tmp_path / "run.mcap", fault=10, check=False)
     assert done.returncode == 1 and not left, done
     assert "it ended its own process with exit code 0" in done.stderr
-    assert inspected(tmp_path / "run.mcap")["integrity"] == "complete"
+    assert inspected(tmp_path / "run.mcap")["integrity"] == {"state": "complete"}
 
 
 def inspected(path):

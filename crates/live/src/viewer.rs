@@ -11,7 +11,7 @@ use axum::extract::ws::{Message, WebSocket};
 use tokio::sync::broadcast::Receiver;
 use tokio::sync::broadcast::error::RecvError;
 
-use super::foxglove::{self, Subscriptions};
+use super::foxglove::{self, Published, Subscriptions};
 use super::message::{Asked, PageMessage};
 use super::model::text;
 use super::shared::{Shared, lock};
@@ -134,6 +134,17 @@ fn refuse(why: &str, nonsense: &mut u32) -> Option<Message> {
     text(&PageMessage::Refused { why })
 }
 
+/// Sends a Foxglove client what it has subscribed to of a batch. Each frame is made when it is sent, so that a client with
+/// many subscriptions of one channel takes no more memory than another.
+async fn send_frames(socket: &mut WebSocket, batch: &[Published], subscriptions: &Subscriptions) -> Result<(), LetGo> {
+    for message in batch {
+        for frame in subscriptions.frames(message) {
+            send(socket, [frame]).await?;
+        }
+    }
+    Ok(())
+}
+
 /// Sends a Foxglove client the messages it has subscribed to.
 pub async fn stream(mut socket: WebSocket, counted: Counted) {
     let shared = &counted.shared;
@@ -147,11 +158,7 @@ pub async fn stream(mut socket: WebSocket, counted: Counted) {
     loop {
         let sent = tokio::select! {
             batch = published.recv() => match batch {
-                // Each frame is made when it is sent: a client may subscribe to a channel many times.
-                Ok(batch) => {
-                    let frames = batch.iter().flat_map(|message| subscriptions.frames(message));
-                    send(&mut socket, frames).await
-                }
+                Ok(batch) => send_frames(&mut socket, &batch, &subscriptions).await,
                 Err(RecvError::Lagged(lost)) => {
                     shared.lost_updates.fetch_add(lost, Ordering::Relaxed);
                     continue;
