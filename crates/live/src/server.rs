@@ -13,7 +13,7 @@ use axum::http::{HeaderValue, StatusCode};
 use axum::middleware::{self, Next};
 use axum::response::{IntoResponse, Response};
 use axum::routing::get;
-use tokio::sync::{broadcast, oneshot};
+use tokio::sync::{Semaphore, broadcast, oneshot};
 use tokio::time::MissedTickBehavior;
 
 use super::admission::{Origins, Token};
@@ -33,9 +33,11 @@ const BEAT: Duration = Duration::from_millis(33);
 const SPECTRUM_BEATS: u64 = 8;
 /// Messages queued for a slow viewer: two seconds of updates.
 const WAITING: usize = 128;
-/// Most viewers at once. Each holds what greets it, some hundred kB, one message that is sent and a buffer of
-/// [`LONGEST`] bytes, so that all of them together hold less than 64 MiB.
+/// Most viewers at once. Each holds one update that is sent and a buffer of [`LONGEST`] bytes.
 const VIEWERS: usize = 64;
+/// Most viewers at once that are sent all that is kept of the run, up to 3 MB each; others wait. So all viewers together
+/// hold less than 64 MiB.
+const GREETINGS: usize = 16;
 /// How long viewers have to receive the last messages.
 const FAREWELL: Duration = Duration::from_millis(300);
 /// How much less processor time the thread gets than others (nice(2)).
@@ -105,6 +107,7 @@ pub fn serve(options: &Options, shown: Shown) -> Result<Live, LiveError> {
         token: token.clone(),
         lost_updates: AtomicU64::new(0),
         viewers: AtomicUsize::new(0),
+        greetings: Semaphore::new(GREETINGS),
         session: shown.start_unix_ns.to_string(),
         channels: stream.channels().to_vec(),
         table: shown.table,

@@ -4,7 +4,7 @@ use std::sync::atomic::{AtomicU64, AtomicUsize};
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 
 use axum::extract::ws::Message;
-use tokio::sync::broadcast;
+use tokio::sync::{Semaphore, broadcast};
 
 use super::admission::{Origins, Token};
 use super::foxglove::{Channel, Published};
@@ -21,6 +21,8 @@ pub struct Shared {
     pub token: Token,
     pub lost_updates: AtomicU64,
     pub viewers: AtomicUsize,
+    /// Turns of the viewers that are sent all that is kept of the run, each a copy of some MB.
+    pub greetings: Semaphore,
     pub session: String,
     /// The channels published for Foxglove.
     pub channels: Vec<Channel>,

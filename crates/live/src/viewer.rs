@@ -18,6 +18,8 @@ use super::shared::{Shared, lock};
 
 /// How long a viewer may take to receive a message.
 const PATIENCE: Duration = Duration::from_secs(10);
+/// How long it may take to receive all that is kept of the run.
+const GREETING: Duration = Duration::from_secs(30);
 /// A viewer is dropped after this many invalid messages.
 const NONSENSE: u32 = 16;
 
@@ -65,11 +67,15 @@ pub async fn view(mut socket: WebSocket, counted: Counted) {
     let shared = &counted.shared;
     let mut nonsense = 0;
     loop {
+        // The semaphore is never closed.
+        let turn = shared.greetings.acquire().await;
         let (introduction, mut updates) = {
             let (model, source) = (lock(&shared.model), lock(&shared.source));
             (model.introduction(source.lost()), shared.updates.subscribe())
         };
-        let outcome = match send(&mut socket, introduction).await {
+        let greeted = tokio::time::timeout(GREETING, send(&mut socket, introduction)).await;
+        drop(turn);
+        let outcome = match greeted.unwrap_or(Err(LetGo::TooSlow)) {
             Ok(()) => send_updates(&mut socket, shared, &mut updates, &mut nonsense).await,
             Err(let_go) => Err(let_go),
         };
