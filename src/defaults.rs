@@ -119,7 +119,7 @@ mod tests {
             ("cut" | "merge" | "import" | "diff" | "recover", _) => "x y",
             ("basins", _) => "--frequency-hz 1",
             ("sweep", _) => "--from-hz 1 --to-hz 2",
-            ("poincare", "steps" | "direction") => "--parameter frequency",
+            ("poincare", "points" | "direction") => "--parameter frequency",
             ("fmu", _) => "--scenario bench.toml --out plant.fmu",
             ("protocol encode", _) => "Time",
             _ => "",
@@ -266,10 +266,10 @@ mod tests {
         backbone --at: where it is driven
         sweep --initial: that of the scenario, at rest
         sweep --at: where it is driven
-        sweep --steps: 101, and between them as many as the resonances of the forced response need
+        sweep --points: 101, and between them as many as the resonances of the forced response need
         poincare --initial: that of the scenario, at rest
         poincare --parameter: nothing, one section
-        poincare --points: 2000, in a diagram 200
+        poincare --section-points: 2000, in a diagram 200
         basins --initial: that of the scenario, at rest
         basins --coordinates: the first and its rate
         basins --from: minus the last

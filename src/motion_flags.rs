@@ -31,10 +31,10 @@ pub(crate) struct MotionFlags {
     /// Longest wait for a motion to settle, in time constants of the slowest mode.
     #[arg(long, value_name = "N", default_value_t = SettleOptions::default().time_constants)]
     pub time_constants: f64,
-    /// Folder for the results: CSV, JSON, and figures as SVG and PNG with captions. A stopped run resumes from what it
-    /// holds.
-    #[arg(long, value_name = "DIR")]
-    out: Option<PathBuf>,
+    /// Plot to STEM.svg and STEM.png; caption, CSV and JSON beside them. A command that was stopped resumes from
+    /// STEM.partial.jsonl.
+    #[arg(long, value_name = "STEM")]
+    plot: Option<PathBuf>,
     #[command(flatten)]
     overwrite: OverwriteFlag,
     #[command(flatten)]
@@ -93,28 +93,28 @@ impl MotionFlags {
         SettleOptions { time_constants: self.time_constants, section_points }
     }
 
-    /// The folder for the results, created if missing, and the journal in it; all files are called `name`.
-    pub fn make_out(&self, name: &str) -> Result<Option<PathBuf>, Failure> {
-        let Some(out) = &self.out else { return Ok(None) };
-        self.overwrite.check_stem(Some(&out.join(name)), output::PLOTTED)?;
-        std::fs::create_dir_all(out).map_err(|source| Failure::Write { path: out.clone(), source })?;
-        Ok(Some(out.join(name).with_extension("partial.jsonl")))
+    /// The journal from which a stopped command resumes, where results are to be written. Fails if one of the files to
+    /// be written exists and may not be overwritten, or if there is no folder for them.
+    pub fn journal(&self) -> Result<Option<PathBuf>, Failure> {
+        let Some(stem) = &self.plot else { return Ok(None) };
+        self.overwrite.check_stem(Some(stem), output::PLOTTED)?;
+        output::check_folder(stem)?;
+        Ok(Some(beside(stem, ".partial.jsonl")))
     }
 
-    /// Prints a document, then writes its table, itself and its figure to the folder, if there is one.
+    /// Prints a document, then writes its table, itself and its figure to the files of `--plot`, if it is given.
     pub fn show(
         &self,
-        name: &str,
         document: &impl Serialize,
         text: impl FnOnce() -> String,
         csv: impl FnOnce() -> String,
         figure: impl FnOnce() -> Result<Figure, Failure>,
     ) -> Result<(), Failure> {
         self.json.show(document, text, &[])?;
-        let Some(stem) = self.out.as_ref().map(|out| out.join(name)) else { return Ok(()) };
-        let csv = output::write(beside(&stem, ".csv"), &csv())?;
-        let json = output::write_json(beside(&stem, ".json"), document)?;
-        let drawn = figure()?.write(&stem)?;
+        let Some(stem) = &self.plot else { return Ok(()) };
+        let csv = output::write(beside(stem, ".csv"), &csv())?;
+        let json = output::write_json(beside(stem, ".json"), document)?;
+        let drawn = figure()?.write(stem)?;
         self.json.list(&[&[csv, json][..], &drawn].concat())
     }
 

@@ -73,7 +73,7 @@ class Arm(_resonarm.Arm):
         torque2_nm: float = 0.0,
         force_x_n: float = 0.0,
         force_y_n: float = 0.0,
-        excitation_hz: float = 0.0,
+        frequency_hz: float = 0.0,
         initial: tuple[float, float, float, float] = (0.0, 0.0, 0.0, 0.0),
         rate_hz: float | None = None,
         scheme: Scheme | None = None,
@@ -81,7 +81,7 @@ class Arm(_resonarm.Arm):
     ) -> Array:
         """The motion under A·sin(2πft), exact inside the step: rows with `t_s`, `alpha_rad` and `alpha_dot_rad_s`.
 
-        The amplitude A has torques at the joints, N·m, and a force at the tip, N; f is `excitation_hz`. `initial` is
+        The amplitude A has torques at the joints, N·m, and a force at the tip, N; f is `frequency_hz`. `initial` is
         α1, α2 in rad, α̇1, α̇2 in rad/s; `rate_hz` the integration steps a second, by default those of a scenario
         with the `scheme` (rk4, dop853, gl4, gl6, exponential, exponential8; by default the last). There is a row for
         the start, for every `every`th step and for the end. Ctrl-C ends it.
@@ -90,16 +90,16 @@ class Arm(_resonarm.Arm):
         can't carry the arm at the rate.
         """
         load = Load(torque1_nm, torque2_nm, force_x_n, force_y_n)
-        if excitation_hz <= 0 and any(load.components):
+        if frequency_hz <= 0 and any(load.components):
             raise ValueError(
-                f"excitation_hz is {excitation_hz:g}: an excitation A·sin(2πft) needs a positive frequency"
+                f"frequency_hz is {frequency_hz:g}: an excitation A·sin(2πft) needs a positive frequency"
             )
         state = _checks.four("initial", initial)
         if every < 1:
             raise ValueError(f"every is {every}: it must be 1 or more")
         rate = _resonarm.step_rate_hz(scheme) if rate_hz is None else rate_hz
         length = (_checks.steps(_checks.number("duration_s", duration_s), rate), every)
-        return view(self.motion(state, load.sine(excitation_hz), (scheme, rate), length), MOTION)
+        return view(self.motion(state, load.sine(frequency_hz), (scheme, rate), length), MOTION)
 
     def ensemble(
         self,

@@ -122,7 +122,7 @@ class _Structure(_resonarm.Assembly):
         *,
         drive: str | None = None,
         amplitude: float | None = None,
-        excitation_hz: float = 0.0,
+        frequency_hz: float = 0.0,
         initial: Sequence[float] | None = None,
         rate_hz: float | None = None,
         scheme: Scheme | None = None,
@@ -133,7 +133,7 @@ class _Structure(_resonarm.Assembly):
 
         Coordinates are `alpha_rad` and `alpha_dot_rad_s` of a chain, deflections of its joints from rest, and
         `q_m_sqrt_kg` and `q_dot_m_sqrt_kg_s` of modes; states of elements `element1_m`, or `element1_rad` at a joint.
-        `drive` is a degree of freedom, as `tip.x`, `amplitude` A (N, or N·m at a joint), `excitation_hz` f. `initial`
+        `drive` is a degree of freedom, as `tip.x`, `amplitude` A (N, or N·m at a joint), `frequency_hz` f. `initial`
         has the coordinates and their rates, and may have the states of elements, to continue a motion; by default it is
         the structure's own, or rest. `rate_hz` is the integration steps a second, by default those of a scenario with
         the `scheme`, which is for chains whose elements are smooth: modes alone are exact, and other elements' switches
@@ -143,7 +143,7 @@ class _Structure(_resonarm.Assembly):
         Warns with AccuracyWarning if a step has more switches than are located. Raises ValueError for invalid
         arguments, and if the structure needs a higher rate; ResonarmError if a step can't be made.
         """
-        sine = self._sine(drive, amplitude, excitation_hz)
+        sine = self._sine(drive, amplitude, frequency_hz)
         if every < 1:
             raise ValueError(f"every is {every}: it must be 1 or more")
         rate = _resonarm.step_rate_hz(scheme) if rate_hz is None else rate_hz
@@ -159,7 +159,7 @@ class _Structure(_resonarm.Assembly):
         return view(rows, motion(self.channels()))
 
     def _sine(
-        self, drive: str | None, amplitude: float | None, excitation_hz: float
+        self, drive: str | None, amplitude: float | None, frequency_hz: float
     ) -> tuple[str, float, float] | None:
         """The excitation, if there is one."""
         if drive is None:
@@ -168,11 +168,11 @@ class _Structure(_resonarm.Assembly):
                 raise ValueError(f"amplitude is {amplitude:g}: name what it drives, drive=DOF, with DOF one of {known}")
             return None
         peak = needed_amplitude(amplitude)
-        if excitation_hz <= 0:
+        if frequency_hz <= 0:
             raise ValueError(
-                f"excitation_hz is {excitation_hz:g}: an excitation A·sin(2πft) needs a positive frequency"
+                f"frequency_hz is {frequency_hz:g}: an excitation A·sin(2πft) needs a positive frequency"
             )
-        return drive, peak, excitation_hz
+        return drive, peak, frequency_hz
 
 
 class Chain(_Structure):

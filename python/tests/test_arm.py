@@ -33,9 +33,9 @@ def test_frequency_responses_are_those_of_independent_equations(beta1_deg, beta2
 
 
 def test_a_simulated_motion_is_that_of_the_program(command):
-    words = ["--beta2-deg", 75, "--torque1-nm", 60, "--excitation-hz", 22.1, "--scheme", "gl6", "--duration-s", 0.5]
+    words = ["--beta2-deg", 75, "--torque1-nm", 60, "--frequency-hz", 22.1, "--scheme", "gl6", "--duration-s", 0.5]
     document = command("simulate", *words)
-    motion = resonarm.Arm(beta2_deg=75).simulate(0.5, torque1_nm=60, excitation_hz=22.1, scheme="gl6", every=7)
+    motion = resonarm.Arm(beta2_deg=75).simulate(0.5, torque1_nm=60, frequency_hz=22.1, scheme="gl6", every=7)
     assert list(motion["alpha_rad"][-1]) == document["alpha_rad"]
     assert list(motion["alpha_dot_rad_s"][-1]) == document["alpha_dot_rad_s"]
     assert motion["t_s"][-1] == document["t_s"]

@@ -69,7 +69,7 @@ def test_an_ensemble_equals_its_motions_one_by_one(arm):
     drive = {"torque2_nm": 30.0}
     last = arm.ensemble(STATES[:5], 8, frequency_hz=20.0, **drive)[-1]
     for state, end in zip(STATES[:5], last, strict=True):
-        motion = arm.simulate(0.4, excitation_hz=20.0, initial=state, rate_hz=20_000, scheme="gl6", every=8000, **drive)
+        motion = arm.simulate(0.4, frequency_hz=20.0, initial=state, rate_hz=20_000, scheme="gl6", every=8000, **drive)
         np.testing.assert_allclose(motion["alpha_rad"][-1], end["alpha_rad"], atol=1e-9)
         np.testing.assert_allclose(motion["alpha_dot_rad_s"][-1], end["alpha_dot_rad_s"], atol=1e-7)
 

@@ -76,7 +76,7 @@ def frequencies(of):
             "torque_nm is (-inf, 0.0) at sample 0: it must be two finite numbers",
         ),
         (
-            lambda: resonarm.Arm().simulate(1, force_x_n=NAN, excitation_hz=3),
+            lambda: resonarm.Arm().simulate(1, force_x_n=NAN, frequency_hz=3),
             ValueError,
             "force_x_n is nan: it must be a finite number",
         ),

@@ -76,7 +76,7 @@ def test_a_motion_is_that_of_independent_equations(pair):
     initial = [0.01, -0.02, 0.03, 0.2, 0.0, -0.5]
     expected = runge_kutta(rate, np.array(initial), 1 / 20_000, 300)[::30]
     motion = chain.simulate(
-        0.015, drive="tip.y", amplitude=force_n, excitation_hz=hz, initial=initial, rate_hz=4000, every=6, scheme="gl6"
+        0.015, drive="tip.y", amplitude=force_n, frequency_hz=hz, initial=initial, rate_hz=4000, every=6, scheme="gl6"
     )
     np.testing.assert_allclose(motion["t_s"], np.arange(11) * 0.0015, rtol=1e-12)
     np.testing.assert_allclose(motion["alpha_rad"], expected[:, :3], rtol=0, atol=1e-8)

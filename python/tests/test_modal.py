@@ -61,7 +61,7 @@ def test_a_motion_against_a_stop_is_that_of_independent_equations():
         return linear(state, 30.0 * math.sin(math.tau * 21.0 * t_s) - force)
 
     modal = resonarm.Modal(MODES, elements=[STOP])
-    motion = modal.simulate(0.05, drive="tip.x", amplitude=30.0, excitation_hz=21.0, rate_hz=2000, every=20)
+    motion = modal.simulate(0.05, drive="tip.x", amplitude=30.0, frequency_hz=21.0, rate_hz=2000, every=20)
     assert motion.dtype.names == ("t_s", "q_m_sqrt_kg", "q_dot_m_sqrt_kg_s")
     # Their error is of first order where the stop is met.
     expected = runge_kutta(rate, np.zeros(4), 1 / 50_000, 2500)[::500]

@@ -25,12 +25,12 @@ use resonarm_numeric::number::short;
 
 const EXAMPLES: &str = "\
 Examples:
-  resonarm basins --torque1-nm 60 --frequency-hz 22.1 --out basins
+  resonarm basins --torque1-nm 60 --frequency-hz 22.1 --plot basins
   resonarm basins --torque1-nm 60 --frequency-hz 22.1 --points 21,21
   resonarm basins --force-x-n 20 --frequency-hz 22.145 \\
       --coordinates alpha1_rad,alpha2_rad --from=-0.2,-0.2 --to 0.2,0.2
   resonarm basins --scenario hardening.toml --drive tip.x --amplitude 2 \\
-      --frequency-hz 22.4 --points 9,9 --out tip
+      --frequency-hz 22.4 --points 9,9 --plot tip
 
 A state counts as having reached a stable motion when, over a quarter of the slowest time constant, it has approached as
 the linearisation at that motion says, but for a remainder of at most a quarter of the decay; until then it is integrated. States
@@ -114,7 +114,7 @@ impl Basins {
             "to": grid.ends.map(|ends| ends[1]),
             "points": grid.counts,
         });
-        let journal = self.motion.make_out("basins")?;
+        let journal = self.motion.journal()?;
         let basins = Study { arm, sine, motions: motions.clone(), grid, time_constants: self.motion.time_constants };
         let walked = study::basins(basins, journal, &configuration)?;
         let Some((walk, outcomes)) = walked else { return Ok(Verdict::Negative) };
@@ -124,7 +124,7 @@ impl Basins {
             Ok(document.figure(&grid).subtitle(conditions.and(format!("{} Hz", self.frequency_hz))))
         };
         let (text, csv) = (|| document.summary(self.motion.time_constants), || document.csv());
-        self.motion.show("basins", &document, text, csv, figure)?;
+        self.motion.show(&document, text, csv, figure)?;
         walk.finish()?;
         Ok(Verdict::Positive)
     }

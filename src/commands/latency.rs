@@ -8,7 +8,7 @@ use serde::Serialize;
 
 use crate::commands::doctor;
 use crate::failure::{Failure, Verdict};
-use crate::figures::latency_figure::{self, HistogramFlag, LatencyCurve};
+use crate::figures::latency_figure::{self, LatencyCurve, LatencyPlotFlag};
 use crate::flags::{SpinFlag, ThreadFlags};
 use crate::output::{JsonFlag, OverwriteFlag};
 use crate::recordings::existing;
@@ -48,7 +48,7 @@ pub(crate) struct Latency {
     #[command(flatten)]
     spin: SpinFlag,
     #[command(flatten)]
-    histogram: HistogramFlag,
+    plot: LatencyPlotFlag,
     #[command(flatten)]
     overwrite: OverwriteFlag,
     #[command(flatten)]
@@ -103,7 +103,7 @@ impl Latency {
     pub fn execute(&self) -> Result<Verdict, Failure> {
         let setup = self.thread.setup()?;
         seconds("--turn-s", self.turn_s)?;
-        self.histogram.check(self.overwrite.overwrite)?;
+        self.plot.check(self.overwrite.overwrite)?;
         let mut existing = existing(self.overwrite.overwrite);
         // All are checked before the first is run.
         for rate_hz in &self.rate_hz {
@@ -120,14 +120,15 @@ impl Latency {
             all.push((*rate_hz, turns));
         }
         let rates = all.iter().map(|(rate_hz, turns)| AtRate::of(*rate_hz, turns)).collect();
-        if let Some(path) = &self.histogram.histogram {
+        let mut written = Vec::new();
+        if let Some(stem) = &self.plot.plot {
             let panels: Vec<_> = all.iter().map(|(rate_hz, turns)| panel(*rate_hz, turns)).collect();
             let thread = got.as_ref().map_or(String::from("ordinary threads"), ToString::to_string);
-            latency_figure::write(path, &thread, &panels)?;
+            written = latency_figure::write(stem, &thread, &panels)?;
         }
         let document = Document { thread: got, rates, findings: Privileges::probe().findings() };
         let text = || table(&document) + "\n" + &doctor::in_words(&document.findings);
-        self.json.show(&document, text, &[])
+        self.json.show(&document, text, &written)
     }
 
     /// A plant and a controller that drives it below the first resonance for a turn.

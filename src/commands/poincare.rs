@@ -25,9 +25,9 @@ const EXAMPLES: &str = "\
 Examples:
   resonarm poincare --torque1-nm 60 --frequency-hz 22.1
   resonarm poincare --parameter amplitude --frequency-hz 22.1 --from-nm 5 \\
-      --to-nm 90 --out diagram
+      --to-nm 90 --plot diagram
   resonarm poincare --parameter frequency --torque1-nm 60 --from-hz 21.9 \\
-      --to-hz 22.3 --steps 21";
+      --to-hz 22.3 --points 21";
 
 /// The states of the settled arm at phase 0 of the excitation: one section, or a bifurcation diagram in frequency or
 /// amplitude.
@@ -46,13 +46,13 @@ pub(crate) struct Poincare {
     range: RangeFlags,
     /// Number of values, evenly spaced, both ends among them.
     #[arg(long, value_name = "N", default_value_t = 101, requires = "parameter")]
-    steps: u32,
+    points: u32,
     /// Which way to step.
     #[arg(long, value_enum, default_value_t, requires = "parameter")]
     direction: DirectionFlag,
     /// Points of the section to keep if a motion doesn't settle [default: 2000, in a diagram 200].
     #[arg(long, value_name = "N", value_parser = clap::value_parser!(u32).range(1..=1_000_000))]
-    points: Option<u32>,
+    section_points: Option<u32>,
 }
 
 /// A quantity that can be stepped.
@@ -140,22 +140,22 @@ impl Poincare {
             "frequency_hz": self.frequency_hz,
             "values": stepped.sweeps.iter().map(|sweep| sweep.grid.values()).map(|v| [v.first(), v.last()]).collect::<Vec<_>>(),
             "directions": stepped.sweeps.iter().map(|sweep| sweep.direction).collect::<Vec<_>>(),
-            "steps": self.parameter.map(|_| self.steps),
-            "points": self.section_points(),
+            "points": self.parameter.map(|_| self.points),
+            "section_points": self.section_points(),
         });
-        let journal = self.motion.make_out("poincare")?;
+        let journal = self.motion.journal()?;
         let walked = study::chains("section", chains, journal, &configuration)?;
         let Some(walked) = walked else { return Ok(Verdict::Negative) };
         let document = self.document(configuration, &stepped, walked.points());
         let (text, csv) = (|| document.summary(self.motion.time_constants), || document.csv(stepped.quantity.name));
-        self.motion.show("poincare", &document, text, csv, || self.figure(&scenario, &stepped, &document))?;
+        self.motion.show(&document, text, csv, || self.figure(&scenario, &stepped, &document))?;
         walked.finish()?;
         Ok(Verdict::Positive)
     }
 
     fn section_points(&self) -> usize {
         let usual = if self.parameter.is_some() { DIAGRAM_POINTS } else { SECTION_POINTS };
-        self.points.map_or(usual, |points| points as usize)
+        self.section_points.map_or(usual, |points| points as usize)
     }
 
     /// The frequency that isn't stepped.
@@ -186,7 +186,7 @@ impl Poincare {
             Coordinate::FrequencyHz => SweepParameter::Frequency { amplitude: load },
             Coordinate::Parameter(_) => SweepParameter::Amplitude { unit: load, frequency_hz: self.frequency()? },
         };
-        let sweeps = self.direction.sweeps(parameter, &Grid::new(from, to, self.steps)?);
+        let sweeps = self.direction.sweeps(parameter, &Grid::new(from, to, self.points)?);
         Ok(Stepped { quantity, load, sweeps })
     }
 

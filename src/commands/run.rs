@@ -1,6 +1,6 @@
 //! `resonarm run`: the plant on a bus.
 
-use std::path::Path;
+use std::path::{Path, PathBuf};
 
 use clap::Args;
 use serde::Serialize;
@@ -9,7 +9,7 @@ use serde_json::Value;
 use crate::commands::exciter::warn_of_wire;
 use crate::configuration;
 use crate::failure::{Failure, Verdict};
-use crate::figures::latency_figure::{self, HistogramFlag, LatencyCurve};
+use crate::figures::latency_figure::{self, LatencyCurve, LatencyPlotFlag};
 use crate::flags::{self, SessionFlags, SpinFlag, ThreadFlags};
 use crate::live::{LiveFlags, Role, ShownRole, SteerFlag};
 use crate::output::JsonFlag;
@@ -61,7 +61,7 @@ pub(crate) struct Run {
     #[command(flatten)]
     spin: SpinFlag,
     #[command(flatten)]
-    histogram: HistogramFlag,
+    plot: LatencyPlotFlag,
     #[command(flatten)]
     live: LiveFlags,
     #[command(flatten)]
@@ -111,12 +111,13 @@ impl Run {
             patience: self.patience_s.map(|given_s| seconds("--patience-s", given_s)).transpose()?,
             ..Options::default()
         };
-        self.histogram.check(self.record.overwrite)?;
+        self.plot.check(self.record.overwrite)?;
         let session = Session::new(self.scenario()?, self.mode, options)?;
-        if let (Mode::Free, Some(path)) = (self.mode, &self.histogram.histogram) {
+        if let (Mode::Free, Some(stem)) = (self.mode, &self.plot.plot) {
             return Err(Failure::usage(format!(
-                "--histogram {}: a run in the mode free has no schedule to be late for; take real-time or lockstep",
-                path.display()
+                "--plot {} draws how late samples were, but a run in the mode free has no schedule: use --mode \
+                 real-time or lockstep",
+                stem.display()
             )));
         }
         match self.mode {
@@ -209,7 +210,7 @@ impl Run {
     }
 
     /// Draws the latencies of a run with a schedule.
-    fn draw(&self, path: &Path, report: &PlantReport) -> Result<()> {
+    fn draw(stem: &Path, report: &PlantReport) -> Result<Vec<PathBuf>> {
         let latency =
             [("late", Color::Blue, &report.histograms.wakeup), ("work", Color::Vermillion, &report.histograms.exec)];
         let curves = latency.into_iter().filter_map(|(name, color, histogram)| {
@@ -217,21 +218,19 @@ impl Run {
         });
         let thread = report.thread.as_ref().map_or(String::from("an ordinary thread"), ToString::to_string);
         let subtitle = format!("{} samples, {} overruns, {thread}", report.samples, report.overruns);
-        latency_figure::write(path, &subtitle, &[(None, curves.collect())])
+        latency_figure::write(stem, &subtitle, &[(None, curves.collect())])
     }
 
     /// Prints the report, however the run ended; then reports what went wrong.
     fn conclude(&self, configuration: Value, report: PlantReport, exciter: Option<&ExciterReport>) -> Result<Verdict> {
-        if let Some(path) = &self.histogram.histogram {
-            self.draw(path, &report)?;
-        }
+        let drawn = self.plot.plot.as_deref().map(|stem| Self::draw(stem, &report)).transpose()?;
         let document = Document {
             plant: PlantDocument { configuration, report: &report },
             exciter: exciter.map(ExciterEnd::from),
             responses: exciter.map(|report| responses::documents(&report.responses)),
         };
         let read = || exciter.map_or(String::new(), |report| responses::table(&report.responses));
-        self.json.show(&document, || report_text(&report) + &read(), &[])?;
+        self.json.show(&document, || report_text(&report) + &read(), &drawn.unwrap_or_default())?;
         // With a duration the plant may leave before the excitation is over: no complaint.
         let complaints = [
             complaint(&report),

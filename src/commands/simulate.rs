@@ -39,7 +39,7 @@ pub(crate) struct Simulate {
     drive: StructureDriveFlags,
     /// Frequency f of the excitation, Hz.
     #[arg(long, value_name = "F", default_value_t = 0.0)]
-    excitation_hz: f64,
+    frequency_hz: f64,
     /// Integration steps a second; without it as many as the scenario has with this scheme.
     #[arg(long, value_name = "R")]
     rate_hz: Option<f64>,
@@ -94,7 +94,7 @@ impl Simulate {
         let (end, wall_s) = timed(|| (0..steps).try_fold(flags::state(initial), step));
         let end = end?;
         let mut configuration = configuration::of(&scenario, &excitation.amplitude)?;
-        configuration["excitation_hz"] = json!(excitation.frequency_hz);
+        configuration["frequency_hz"] = json!(excitation.frequency_hz);
         configuration["initial"] = json!(initial);
         configuration["scheme"] = json!(scheme);
         configuration["rate_hz"] = json!(rate_hz);
@@ -129,7 +129,7 @@ impl Simulate {
             initial: self.initial.as_deref(),
             drive,
             amplitude,
-            excitation_hz: self.excitation_hz,
+            frequency_hz: self.frequency_hz,
             scheme: (scheme, rate_hz),
             steps: self.steps(rate_hz)?,
             json: self.json,
@@ -166,9 +166,9 @@ impl Simulate {
     }
 
     fn check_excitation(&self, has_amplitude: bool) -> Result<(), Failure> {
-        if self.excitation_hz <= 0.0 && has_amplitude {
+        if self.frequency_hz <= 0.0 && has_amplitude {
             let why = "an excitation A·sin(2πft) needs a positive frequency";
-            return Err(Failure::value("--excitation-hz", self.excitation_hz, why));
+            return Err(Failure::value("--frequency-hz", self.frequency_hz, why));
         }
         Ok(())
     }
@@ -178,6 +178,6 @@ impl Simulate {
         self.check_excitation(amplitudes.iter().any(|amplitude| *amplitude != 0.0))?;
         let force_n = [self.force_x_n, self.force_y_n].into();
         let amplitude = Load { torque_nm: [self.torque1_nm, 0.0].into(), force_n };
-        Ok(Sine { amplitude, frequency_hz: self.excitation_hz })
+        Ok(Sine { amplitude, frequency_hz: self.frequency_hz })
     }
 }

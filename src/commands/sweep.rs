@@ -22,14 +22,14 @@ use resonarm_numeric::number::short;
 
 const EXAMPLES: &str = "\
 Examples:
-  resonarm sweep --torque1-nm 60 --from-hz 21.9 --to-hz 22.3 --steps 41 \\
-      --out sweep
-  resonarm sweep --torque1-nm 60 --from-hz 21.9 --to-hz 22.3 --steps 41 \\
+  resonarm sweep --torque1-nm 60 --from-hz 21.9 --to-hz 22.3 --points 41 \\
+      --plot sweep
+  resonarm sweep --torque1-nm 60 --from-hz 21.9 --to-hz 22.3 --points 41 \\
       --direction down
   resonarm sweep --force-x-n 20 --over-beta2-deg 60,70 --from-hz 22 \\
-      --to-hz 23 --out poses
+      --to-hz 23 --plot poses
   resonarm sweep --scenario hardening.toml --drive tip.x --amplitude 2 \\
-      --from-hz 22 --to-hz 22.8 --steps 9 --out tip";
+      --from-hz 22 --to-hz 22.8 --points 9 --plot tip";
 
 /// How a motion without a period is read.
 const UNUSUAL: &str = " A motion that has not settled is read over 64 periods of the excitation.";
@@ -55,7 +55,7 @@ pub(crate) struct Sweep {
     /// Number of frequencies, evenly spaced, both ends among them; a resonance between two of them is reported
     /// [default: 101, and between them as many as the resonances of the forced response need].
     #[arg(long, value_name = "N")]
-    steps: Option<u32>,
+    points: Option<u32>,
     /// Which way to step.
     #[arg(long, value_enum, default_value_t)]
     direction: DirectionFlag,
@@ -122,11 +122,11 @@ impl Sweep {
         configuration["sweep"] = serde_json::json!({
             "from_hz": self.from_hz,
             "to_hz": self.to_hz,
-            "steps": self.steps,
+            "points": self.points,
             "directions": self.direction.directions(),
             "over_beta2_deg": self.over_beta2_deg,
         });
-        let journal = self.motion.make_out("sweep")?;
+        let journal = self.motion.journal()?;
         let chains = self.chains(&scenario, &poses);
         let walked = study::chains("sweep", chains, journal, &configuration)?;
         let Some(walked) = walked else { return Ok(Verdict::Negative) };
@@ -135,7 +135,7 @@ impl Sweep {
             document.read(&walked)?;
         }
         let (text, csv) = (|| document.summary(self.motion.time_constants), || document.csv());
-        self.motion.show("sweep", &document, text, csv, || Ok(document.figure(&scenario, &load)))?;
+        self.motion.show(&document, text, csv, || Ok(document.figure(&scenario, &load)))?;
         walked.finish()?;
         Ok(Verdict::Positive)
     }
@@ -154,7 +154,7 @@ impl Sweep {
             amplitude: self.structure.needed_amplitude()?,
             at: &self.at,
             ends: [self.from_hz, self.to_hz],
-            steps: self.steps,
+            points: self.points,
             direction: self.direction,
         };
         structures::sweep::show(scenario, tested, &asked)
@@ -181,11 +181,11 @@ impl Sweep {
         poses.into_iter().map(|pose| self.in_pose(Arm::new(scenario.parameters()?, pose)?, pose, load)).collect()
     }
 
-    /// The sweeps of one pose; without --steps, over frequencies that resolve its resonances.
+    /// The sweeps of one pose; without --points, over frequencies that resolve its resonances.
     fn in_pose(&self, arm: Arm, pose: Pose, load: &Load) -> Result<InPose, Failure> {
         let ends = [self.from_hz, self.to_hz];
         let SweepFrequencies { grid, stepped_over, unknown_beyond } =
-            SweepFrequencies::new(&arm, load, ends, self.steps)?;
+            SweepFrequencies::new(&arm, load, ends, self.points)?;
         if let Some(reason) = unknown_beyond {
             tracing::warn!("β2 = {}: resonances are not looked for beyond: {reason}", degrees(pose.beta2_deg));
         }
@@ -279,7 +279,7 @@ impl Document {
                 let Resonance { joint, frequency_hz, amplitude_rad, width_hz } = found;
                 text += &format!(
                     "  stepped over: the resonance of α{joint} at {frequency_hz:.6} Hz, {amplitude_rad:.6} rad in the forced \
-                     response, is {width_hz:.6} Hz wide, less than a step; take more --steps, or none\n"
+                     response, is {width_hz:.6} Hz wide, less than a step; take more --points, or none\n"
                 );
             }
             if let [up, down] = same {

@@ -18,17 +18,18 @@ const SHORTEST_NS: u64 = 100;
 
 /// Where to draw latencies.
 #[derive(Clone, Debug, Args)]
-pub(crate) struct HistogramFlag {
-    /// Draw how late samples were and how long their work took: counts over microseconds, as SVG.
-    #[arg(long, value_name = "FILE")]
-    pub histogram: Option<PathBuf>,
+pub(crate) struct LatencyPlotFlag {
+    /// Plot how late samples were and how long their work took, counts over microseconds, to STEM.svg and STEM.png, with
+    /// the caption beside them.
+    #[arg(long, value_name = "STEM")]
+    pub plot: Option<PathBuf>,
 }
 
-impl HistogramFlag {
-    /// Refuses an existing file, or a folder that does not exist.
+impl LatencyPlotFlag {
+    /// Refuses existing files, or a folder that does not exist.
     pub fn check(&self, overwrite: bool) -> Result<(), Failure> {
-        OverwriteFlag { overwrite }.check(self.histogram.clone())?;
-        self.histogram.as_deref().map_or(Ok(()), output::check_folder)
+        OverwriteFlag { overwrite }.check_stem(self.plot.as_deref(), &Figure::ENDINGS)?;
+        self.plot.as_deref().map_or(Ok(()), output::check_folder)
     }
 }
 
@@ -39,15 +40,15 @@ pub(crate) struct LatencyCurve<'a> {
     pub counted: Vec<&'a LatencyHistogram>,
 }
 
-/// Writes the figure: a panel for each list of curves, under its title.
+/// Writes the figure: a panel for each list of curves, under its title. Returns the files.
 pub(crate) fn write(
-    path: &Path,
+    stem: &Path,
     subtitle: &str,
     panels: &[(Option<String>, Vec<LatencyCurve>)],
-) -> Result<(), Failure> {
+) -> Result<Vec<PathBuf>, Failure> {
     let figure = Figure::new("Latency of the real-time loop").subtitle(subtitle);
     let figure = panels.iter().fold(figure, |figure, (title, curves)| figure.with(panel(title.clone(), curves)));
-    Ok(figure.write_svg(path)?)
+    Ok(figure.write(stem)?.to_vec())
 }
 
 fn panel(title: Option<String>, curves: &[LatencyCurve]) -> Panel {

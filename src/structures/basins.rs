@@ -68,7 +68,7 @@ pub(crate) fn show(scenario: &Scenario, tested: &TestedAssembly, asked: &Asked<'
     let far = over.map(|index| reach(&motions, index, asked.frequency_hz));
     let grid = asked.grid.grid(over, [&names[0], &names[1]], far, others.clone())?;
     let configuration = asked.configuration(scenario, &others, &grid, &names)?;
-    let journal = asked.motion.make_out("basins")?;
+    let journal = asked.motion.journal()?;
     let basins = StructureBasins {
         forced,
         frequency_hz: asked.frequency_hz,
@@ -86,7 +86,7 @@ pub(crate) fn show(scenario: &Scenario, tested: &TestedAssembly, asked: &Asked<'
     let text = || asked.text(&document, &motions);
     let figure = || Ok(asked.figure(&document, &grid, &motions, tested, &label(scenario, tested)));
     let csv = || document.cells.csv([&document.over[0], &document.over[1]]);
-    asked.motion.show("basins", &document, text, csv, figure)?;
+    asked.motion.show(&document, text, csv, figure)?;
     walk.finish()?;
     Ok(Verdict::Positive)
 }

@@ -21,7 +21,7 @@ pub(crate) struct Asked<'a> {
     /// The peak of the sine, N, or N·m at a joint.
     pub amplitude: f64,
     /// Its frequency, Hz.
-    pub excitation_hz: f64,
+    pub frequency_hz: f64,
     /// The scheme, and integration steps a second, Hz.
     pub scheme: (Scheme, f64),
     /// The number of steps.
@@ -66,7 +66,7 @@ pub(crate) fn show(scenario: &Scenario, tested: &TestedAssembly, asked: Asked<'_
     stepper.restore(&start).map_err(failed)?;
     let (done, wall_s) = timed(|| {
         let amplitude = vec![asked.amplitude; drive.len()];
-        let omega_rad_s = core::f64::consts::TAU * asked.excitation_hz;
+        let omega_rad_s = core::f64::consts::TAU * asked.frequency_hz;
         let load = StepLoad::Sine { amplitude: &amplitude, omega_rad_s };
         (0..asked.steps).try_for_each(|k| stepper.advance_under(k as f64 / rate_hz, &load))
     });
@@ -75,7 +75,7 @@ pub(crate) fn show(scenario: &Scenario, tested: &TestedAssembly, asked: Asked<'_
     if let Some((_, name)) = asked.drive {
         configuration["drive"] = json!(name);
         configuration["amplitude"] = json!(asked.amplitude);
-        configuration["excitation_hz"] = json!(asked.excitation_hz);
+        configuration["frequency_hz"] = json!(asked.frequency_hz);
     }
     configuration["initial"] = json!(initial);
     configuration["scheme"] = json!(scheme);

@@ -31,7 +31,7 @@ pub(crate) struct Asked<'a> {
     /// The ends of the frequencies, Hz.
     pub ends: [f64; 2],
     /// Their number, if it is given.
-    pub steps: Option<u32>,
+    pub points: Option<u32>,
     /// Which way to step.
     pub direction: DirectionFlag,
 }
@@ -93,14 +93,14 @@ pub(crate) fn show(scenario: &Scenario, tested: &TestedAssembly, asked: &Asked<'
     let forced = Forced::new(assembly.clone(), asked.drive.0, asked.amplitude);
     let start = asked.motion.initial_of_structure(tested)?;
     let SweepFrequencies { grid, stepped_over, unknown_beyond } =
-        SweepFrequencies::new(&forced, &dofs, asked.ends, asked.steps)?;
+        SweepFrequencies::new(&forced, &dofs, asked.ends, asked.points)?;
     if let Some(reason) = unknown_beyond {
         tracing::warn!("resonances are not looked for beyond: {reason}");
     }
     let directions = asked.direction.directions();
     let frequencies_hz: Vec<Vec<f64>> = directions.iter().map(|direction| grid.in_order(*direction)).collect();
     let configuration = asked.configuration(scenario, &start)?;
-    let journal = asked.motion.make_out("sweep")?;
+    let journal = asked.motion.journal()?;
     let options = asked.motion.options(0);
     let chains = StructureChains { forced, read: dofs, frequencies_hz: frequencies_hz.clone(), start, options };
     let Some(walked) = study::chains("sweep", chains, journal, &configuration)? else { return Ok(Verdict::Negative) };
@@ -115,7 +115,7 @@ pub(crate) fn show(scenario: &Scenario, tested: &TestedAssembly, asked: &Asked<'
         Document { configuration, coordinates: configuration::coordinates(assembly), sweeps: sweeps.collect() };
     let text = || document.text(&label(scenario, tested), &read, &stepped_over, asked.motion.time_constants);
     let figure = || Ok(document.figure(&read, asked, &label(scenario, tested)));
-    asked.motion.show("sweep", &document, text, || document.csv(&read), figure)?;
+    asked.motion.show(&document, text, || document.csv(&read), figure)?;
     walked.finish()?;
     Ok(Verdict::Positive)
 }
@@ -134,7 +134,7 @@ impl Asked<'_> {
         configuration["drive"] = json!(self.drive.1);
         configuration["amplitude"] = json!(self.amplitude);
         configuration["sweep"] = json!({
-            "from_hz": self.ends[0], "to_hz": self.ends[1], "steps": self.steps, "at": self.at,
+            "from_hz": self.ends[0], "to_hz": self.ends[1], "points": self.points, "at": self.at,
             "directions": self.direction.directions(),
         });
         Ok(configuration)
@@ -181,7 +181,7 @@ impl Document {
             let (dof, name) = read[*reading];
             text += &format!(
                 "  stepped over: the resonance of {name} at {frequency_hz:.6} Hz, {largest:.6e} {} in the forced \
-                 response, is {width_hz:.6} Hz wide, less than a step; take more --steps, or none\n",
+                 response, is {width_hz:.6} Hz wide, less than a step; take more --points, or none\n",
                 displacement_unit(dof)
             );
         }

@@ -66,7 +66,7 @@ fn rates_and_times_that_cannot_be() {
 
     For more information, try '--help'.
     ");
-    assert_snapshot!(complaint(here(), 2, &["simulate", "--force-x-n", "1", "--duration-s", "1"]), @"resonarm: --excitation-hz is 0: an excitation A·sin(2πft) needs a positive frequency");
+    assert_snapshot!(complaint(here(), 2, &["simulate", "--force-x-n", "1", "--duration-s", "1"]), @"resonarm: --frequency-hz is 0: an excitation A·sin(2πft) needs a positive frequency");
     assert_snapshot!(complaint(here(), 2, &["simulate", "--scheme", "euler", "--duration-s", "1"]), @"resonarm: there is no integration scheme `euler`: the schemes are rk4, dop853, gl4, gl6, exponential, exponential8");
 }
 

@@ -175,7 +175,7 @@ fn simulate_meets_the_oracles() {
                     ["simulate", "--preset", preset(&case)].as_slice(),
                     &["--beta1-deg", &text("beta1_deg"), "--beta2-deg", &text("beta2_deg"), "--initial", &initial],
                     &["--torque1-nm", &text("torque1_nm"), "--force-x-n", &text("force_x_n")],
-                    &["--force-y-n", &text("force_y_n"), "--excitation-hz", &text("excitation_hz")],
+                    &["--force-y-n", &text("force_y_n"), "--frequency-hz", &text("excitation_hz")],
                     &["--rate-hz", "32000", "--duration-s", &t_s.to_string(), "--json"],
                 ]
                 .concat(),

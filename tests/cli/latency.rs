@@ -106,7 +106,7 @@ fn a_core_is_refused_with_rt_off() {
 #[test]
 fn the_loops_spin_with_the_flag_and_their_latencies_are_drawn() {
     let folder = tempfile::tempdir().unwrap();
-    let common = ["latency", "--turn-s", "0.05", "--turns", "2", "--histogram", "late.svg"];
+    let common = ["latency", "--turn-s", "0.05", "--turns", "2", "--plot", "late"];
     let given = document(folder.path(), 0, &[&common[..], &["--spin", "100", "--json"]].concat());
     let spin = serde_json::json!({ "spin_us": 100.0, "slept_p99_us": null, "most_us": 250.0 });
     assert_eq!(given["rates"][0]["spin"], spin);
@@ -123,8 +123,8 @@ fn the_loops_spin_with_the_flag_and_their_latencies_are_drawn() {
     assert!(p99_us > 0.0 && if p99_us > 250.0 { spin_us == 0.0 } else { spin_us <= p99_us }, "{found}");
     let said = complaint(folder.path(), 2, &["latency", "--rate-hz", "4000", "--turn-s", "0.05", "--spin", "63"]);
     assert_snapshot!(said, @"resonarm: spinning for 63 µs before each deadline: at 4000 Hz at most 62.5 µs are possible, a quarter of the period, so that others get the core; take less, or auto");
-    let said = complaint(folder.path(), 2, &["run", "--mode", "free", "--histogram", "run.svg"]);
-    assert_snapshot!(said, @"resonarm: --histogram run.svg: a run in the mode free has no schedule to be late for; take real-time or lockstep");
+    let said = complaint(folder.path(), 2, &["run", "--mode", "free", "--plot", "run"]);
+    assert_snapshot!(said, @"resonarm: --plot run draws how late samples were, but a run in the mode free has no schedule: use --mode real-time or lockstep");
 }
 
 /// The flags of the command in the unit are valid: the program gets as far as the missing interface.

@@ -140,11 +140,11 @@ fn backbone_reads_every_point() {
 fn sweep_reads_what_continue_does() {
     let folder = tempfile::tempdir().unwrap();
     let range = ["--torque1-nm", "60", "--from-hz", "21", "--to-hz", "21.5", "--readings", "--json"];
-    let steps = ["sweep", "--steps", "2", "--direction", "up", "--out", "sweep"];
+    let steps = ["sweep", "--points", "2", "--direction", "up", "--plot", "sweep"];
     let swept = document(folder.path(), 0, &[steps.as_slice(), &range].concat());
     let branch = document(folder.path(), 0, &[["continue"].as_slice(), &range].concat());
     let (swept, computed) = (array(&swept["sweeps"][0], "points"), array(&branch, "points"));
-    has_the_readings(&folder.path().join("sweep/sweep.csv"), 12, &swept);
+    has_the_readings(&folder.path().join("sweep.csv"), 12, &swept);
     for (swept, computed) in [(swept[0], computed[0]), (swept[1], computed[computed.len() - 1])] {
         assert_eq!(swept["frequency_hz"], computed["frequency_hz"]);
         for column in columns().iter().filter(|column| !column.contains("_lag_")) {

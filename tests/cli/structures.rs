@@ -384,16 +384,16 @@ fn backbones_of_structures() {
 #[test]
 fn sweeps_and_basins_of_structures() {
     let folder = oscillator();
-    let command = on_oscillator("sweep", "--drive tip.x --amplitude 5 --from-hz 10 --to-hz 12 --out out");
+    let command = on_oscillator("sweep", "--drive tip.x --amplitude 5 --from-hz 10 --to-hz 12 --plot swept");
     insta::assert_snapshot!(resonarm(folder.path(), &command).stdout, @"
     oscillator with an element, cubic, stepped up: 131 motions
       largest tip.x  1.890013e-2 m at 11.260000 Hz
     oscillator with an element, cubic, stepped down: 131 motions
       largest tip.x  1.708365e-2 m at 10.880000 Hz
       up and down differ from 10.886808 to 11.280000 Hz
-    written to out/sweep.csv, out/sweep.json, out/sweep.svg, out/sweep.png, out/sweep.txt
+    written to swept.csv, swept.json, swept.svg, swept.png, swept.txt
     ");
-    let text = fs::read_to_string(folder.path().join("out/sweep.json")).unwrap();
+    let text = fs::read_to_string(folder.path().join("swept.json")).unwrap();
     let swept: Value = serde_json::from_str(&text).unwrap();
     assert_eq!(names(&swept), ["configuration", "coordinates", "sweeps"]);
     let point = &swept["sweeps"][0]["points"][0];
@@ -401,20 +401,21 @@ fn sweeps_and_basins_of_structures() {
     assert_eq!(names(point), [&keys[..], &["settling_periods"]].concat());
     assert_eq!(numbers(&point["largest"])[0], point["readings"]["tip.x"]["largest"].as_f64().unwrap());
 
-    let few = on_oscillator("sweep", "--drive tip.x --amplitude 5 --from-hz 9 --to-hz 16 --steps 3 --direction up");
+    let few = on_oscillator("sweep", "--drive tip.x --amplitude 5 --from-hz 9 --to-hz 16 --points 3 --direction up");
     insta::assert_snapshot!(resonarm(folder.path(), &few).stdout, @"
     oscillator with an element, cubic, stepped up: 3 motions
       largest tip.x  5.724230e-3 m at 9.000000 Hz
-      stepped over: the resonance of tip.x at 11.257063 Hz, 1.890093e-2 m in the forced response, is 0.970644 Hz wide, less than a step; take more --steps, or none
+      stepped over: the resonance of tip.x at 11.257063 Hz, 1.890093e-2 m in the forced response, is 0.970644 Hz wide, less than a step; take more --points, or none
     ");
 
-    let command = on_oscillator("basins", "--drive tip.x --amplitude 5 --frequency-hz 11.08 --points 7,7 --out out");
+    let command =
+        on_oscillator("basins", "--drive tip.x --amplitude 5 --frequency-hz 11.08 --points 7,7 --plot basins");
     insta::assert_snapshot!(resonarm(folder.path(), &command).stdout, @"
     motion 1: largest tip.x 6.007680e-3 m; reached by 24 of 49 states
     motion 2: largest tip.x 1.821289e-2 m; reached by 25 of 49 states
-    written to out/basins.csv, out/basins.json, out/basins.svg, out/basins.png, out/basins.txt
+    written to basins.csv, basins.json, basins.svg, basins.png, basins.txt
     ");
-    let read = |name: &str| fs::read_to_string(folder.path().join("out").join(name)).unwrap();
+    let read = |name: &str| fs::read_to_string(folder.path().join(name)).unwrap();
     let found: Value = serde_json::from_str(&read("basins.json")).unwrap();
     let keys = ["cells", "configuration", "coordinates", "diverging", "motions", "over", "undecided"];
     assert_eq!(names(&found), keys);

@@ -13,7 +13,7 @@ const SWEEP: [&str; 11] = [
     "--torque1-nm=60",
     "--from-hz=22.05",
     "--to-hz=22.15",
-    "--steps=101",
+    "--points=101",
     "--direction=both",
     "--time-constants=40",
     "--initial=0,0,0,0",
@@ -27,9 +27,10 @@ fn resonarm(arguments: &[&str]) -> Command {
     command
 }
 
-fn into(out: &Path, arguments: &[&str]) -> Command {
+fn into(folder: &Path, arguments: &[&str]) -> Command {
+    std::fs::create_dir_all(folder).unwrap();
     let mut command = resonarm(arguments);
-    command.arg("--out").arg(out);
+    command.arg("--plot").arg(folder.join("sweep"));
     command
 }
 
@@ -99,7 +100,7 @@ fn a_diagram_is_one_json_document() {
         "--frequency-hz=46.3",
         "--from-nm=200",
         "--to-nm=300",
-        "--steps=3",
+        "--points=3",
         "--direction=up",
         "--json",
     ];
@@ -124,10 +125,10 @@ fn bad_input_has_exit_code_2() {
         errors(&output).trim_end().to_string()
     };
     let sweep = |arguments: &str| says(&format!("sweep --from-hz=21 --to-hz=23 {arguments}"));
-    insta::assert_snapshot!(sweep("--torque1-nm=60 --steps=5 --over-beta2-deg=60,90,60"), @"resonarm: --over-beta2-deg has 60 twice: give each angle once");
-    insta::assert_snapshot!(sweep("--steps=5"), @"resonarm: give the excitation: --torque1-nm A, or --force-x-n A and --force-y-n A");
+    insta::assert_snapshot!(sweep("--torque1-nm=60 --points=5 --over-beta2-deg=60,90,60"), @"resonarm: --over-beta2-deg has 60 twice: give each angle once");
+    insta::assert_snapshot!(sweep("--points=5"), @"resonarm: give the excitation: --torque1-nm A, or --force-x-n A and --force-y-n A");
     insta::assert_snapshot!(sweep("--torque1-nm=0"), @"resonarm: the excitation's amplitude, of --torque1-nm or --force-x-n and --force-y-n, is 0: it must be a finite number other than 0");
-    insta::assert_snapshot!(sweep("--torque1-nm=60 --steps=1"), @"resonarm: a sweep of 1 points: it must have from 2, one at each end, to 1000000");
+    insta::assert_snapshot!(sweep("--torque1-nm=60 --points=1"), @"resonarm: a sweep of 1 points: it must have from 2, one at each end, to 1000000");
     insta::assert_snapshot!(says("sweep --torque1-nm=60 --from-hz=23 --to-hz=23"), @"resonarm: a sweep from 23 to 23: both ends must be numbers, and different");
     insta::assert_snapshot!(says("sweep --torque1-nm=60 --from-hz=-1 --to-hz=21"), @"resonarm: excitation frequency -1 Hz: it must be a positive number");
     insta::assert_snapshot!(sweep("--torque1-nm=60 --time-constants=-1"), @"resonarm: time_constants is -1: it must be a positive number");
@@ -140,7 +141,7 @@ fn bad_input_has_exit_code_2() {
     insta::assert_snapshot!(says("poincare --torque1-nm=60"), @"resonarm: give the excitation's frequency: --frequency-hz F");
     insta::assert_snapshot!(says("poincare --parameter=amplitude --frequency-hz=22 --torque1-nm=60 --from-nm=1 --to-nm=2"), @"resonarm: the amplitude is what is stepped: leave --torque1-nm out");
     insta::assert_snapshot!(says("poincare --parameter=amplitude --frequency-hz=22 --from-n=1 --to-n=2"), @"resonarm: --from-n is not for --parameter amplitude: its interval is --from-nm a --to-nm b");
-    insta::assert_snapshot!(sweep("--torque1-nm=60 --steps=4000000000"), @"resonarm: a sweep of 4000000000 points: it must have from 2, one at each end, to 1000000");
+    insta::assert_snapshot!(sweep("--torque1-nm=60 --points=4000000000"), @"resonarm: a sweep of 4000000000 points: it must have from 2, one at each end, to 1000000");
     insta::assert_snapshot!(says("sweep --torque1-nm=60 --from-hz=NaN --to-hz=21"), @r"
     error: invalid value 'NaN' for '--from-hz <F>': it must be a finite number
 
@@ -148,16 +149,16 @@ fn bad_input_has_exit_code_2() {
     ");
     insta::assert_snapshot!(says("sweep --torque1-nm=60 --from-hz=1e-6 --to-hz=21 --direction=down"), @"resonarm: excitation frequency 1e-6 Hz: a period would take 9.2e8 steps, more than 1000000; go no lower than 9.21e-4 Hz, where the motion is quasi-static");
     insta::assert_snapshot!(says("poincare --torque1-nm=60 --frequency-hz=22 --to-hz=23"), @"resonarm: --to-hz is not for a section without --parameter");
-    insta::assert_snapshot!(says("poincare --torque1-nm=60 --frequency-hz=22 --steps=3"), @r"
+    insta::assert_snapshot!(says("poincare --torque1-nm=60 --frequency-hz=22 --points=3"), @r"
     error: the following required arguments were not provided:
       --parameter <PARAMETER>
 
-    Usage: resonarm poincare --parameter <PARAMETER> --torque1-nm <A> --frequency-hz <F> --steps <N>
+    Usage: resonarm poincare --parameter <PARAMETER> --torque1-nm <A> --frequency-hz <F> --points <N>
 
     For more information, try '--help'.
     ");
-    insta::assert_snapshot!(says("poincare --torque1-nm=60 --frequency-hz=22 --points=0"), @r"
-    error: invalid value '0' for '--points <N>': 0 is not in 1..=1000000
+    insta::assert_snapshot!(says("poincare --torque1-nm=60 --frequency-hz=22 --section-points=0"), @r"
+    error: invalid value '0' for '--section-points <N>': 0 is not in 1..=1000000
 
     For more information, try '--help'.
     ");
@@ -177,7 +178,7 @@ fn a_motion_that_can_not_be_followed_has_exit_code_1() {
 /// A range without a resonance is accepted.
 #[test]
 fn a_range_without_a_resonance_is_swept() {
-    let output = resonarm(&["sweep", "--torque1-nm=60", "--from-hz=5", "--to-hz=10", "--steps=6"]).output().unwrap();
+    let output = resonarm(&["sweep", "--torque1-nm=60", "--from-hz=5", "--to-hz=10", "--points=6"]).output().unwrap();
     assert!(output.status.success(), "{}", errors(&output));
     insta::assert_snapshot!(String::from_utf8_lossy(&output.stdout), @r"
     β2 = 60°, stepped up: 6 motions
@@ -220,8 +221,8 @@ fn help_lists_every_flag() {
                                      scenario, at rest]
           --time-constants <N>       Longest wait for a motion to settle, in time constants of the
                                      slowest mode [default: 40]
-          --out <DIR>                Folder for the results: CSV, JSON, and figures as SVG and PNG with
-                                     captions. A stopped run resumes from what it holds
+          --plot <STEM>              Plot to STEM.svg and STEM.png; caption, CSV and JSON beside them. A
+                                     command that was stopped resumes from STEM.partial.jsonl
           --overwrite                Overwrite existing files
           --json                     Print one JSON document
           --drive <DOF>              Of a scenario's structure: what is driven, point and axis as tip.x,
@@ -231,7 +232,7 @@ fn help_lists_every_flag() {
                                      [default: where it is driven]
           --from-hz <F>              One end of the frequencies, Hz
           --to-hz <F>                The other end, Hz
-          --steps <N>                Number of frequencies, evenly spaced, both ends among them; a
+          --points <N>               Number of frequencies, evenly spaced, both ends among them; a
                                      resonance between two of them is reported [default: 101, and
                                      between them as many as the resonances of the forced response need]
           --direction <DIRECTION>    Which way to step [default: both] [possible values: up, down, both]
@@ -263,8 +264,8 @@ fn help_lists_every_flag() {
                                      scenario, at rest]
           --time-constants <N>       Longest wait for a motion to settle, in time constants of the
                                      slowest mode [default: 40]
-          --out <DIR>                Folder for the results: CSV, JSON, and figures as SVG and PNG with
-                                     captions. A stopped run resumes from what it holds
+          --plot <STEM>              Plot to STEM.svg and STEM.png; caption, CSV and JSON beside them. A
+                                     command that was stopped resumes from STEM.partial.jsonl
           --overwrite                Overwrite existing files
           --json                     Print one JSON document
           --frequency-hz <F>         Excitation frequency, Hz; not with --parameter frequency
@@ -276,10 +277,10 @@ fn help_lists_every_flag() {
           --to-nm <A>                The other end, N·m
           --from-n <A>               One end of the forces at C, N
           --to-n <A>                 The other end, N
-          --steps <N>                Number of values, evenly spaced, both ends among them [default:
+          --points <N>               Number of values, evenly spaced, both ends among them [default:
                                      101]
           --direction <DIRECTION>    Which way to step [default: both] [possible values: up, down, both]
-          --points <N>               Points of the section to keep if a motion doesn't settle [default:
+          --section-points <N>       Points of the section to keep if a motion doesn't settle [default:
                                      2000, in a diagram 200]
       -h, --help                     Print help (see more with '--help')
     ");
@@ -307,10 +308,10 @@ fn a_sweep_sees_the_resonance() {
     assert_eq!(sweep["sweeps"][0]["stepped_over"], serde_json::json!([]));
 }
 
-/// With --steps the sweep reports that it stepped over the resonance.
+/// With --points the sweep reports that it stepped over the resonance.
 #[test]
 fn a_sweep_reports_what_it_stepped_over() {
-    let arguments = ["sweep", "--force-x-n=20", "--from-hz=21", "--to-hz=28", "--steps=11", "--direction=up"];
+    let arguments = ["sweep", "--force-x-n=20", "--from-hz=21", "--to-hz=28", "--points=11", "--direction=up"];
     let output = resonarm(&arguments).output().unwrap();
     let text = String::from_utf8(output.stdout).unwrap();
     assert!(text.contains("stepped over: the resonance of α1 at 22.14"), "{text}");
@@ -322,7 +323,7 @@ fn a_sweep_reports_what_it_stepped_over() {
 /// Swapping the ends gives the same sweep.
 #[test]
 fn a_sweep_accepts_its_ends_in_either_order() {
-    let sweep = |from, to| json(&["sweep", "--torque1-nm=1", from, to, "--steps=3"])["sweeps"].clone();
+    let sweep = |from, to| json(&["sweep", "--torque1-nm=1", from, to, "--points=3"])["sweeps"].clone();
     assert_eq!(sweep("--from-hz=24", "--to-hz=20"), sweep("--from-hz=20", "--to-hz=24"));
 }
 
@@ -331,8 +332,8 @@ fn a_sweep_accepts_its_ends_in_either_order() {
 fn results_are_not_overwritten() {
     let folder = tempfile::tempdir().unwrap();
     let commands: [(&str, &[&str]); 6] = [
-        ("sweep.csv", &["sweep", "--torque1-nm=1", "--from-hz=20", "--to-hz=24", "--steps=2", "--out=."]),
-        ("poincare.json", &["poincare", "--torque1-nm=1", "--frequency-hz=20", "--out=."]),
+        ("sweep.csv", &["sweep", "--torque1-nm=1", "--from-hz=20", "--to-hz=24", "--points=2", "--plot=sweep"]),
+        ("poincare.json", &["poincare", "--torque1-nm=1", "--frequency-hz=20", "--plot=poincare"]),
         ("a.svg", &["continue", "--torque1-nm=1", "--from-hz=20", "--to-hz=21", "--plot=a"]),
         ("b-response.csv", &["backbone", "--torque1-nm=1", "--plot=b"]),
         ("c.png", &["frf", "--plot=c"]),
@@ -359,9 +360,9 @@ fn results_are_not_overwritten() {
 #[test]
 fn a_numerical_blow_up_is_exit_code_1_everywhere() {
     for command in [
-        &["simulate", "--torque1-nm=1e12", "--excitation-hz=22", "--duration-s=1"][..],
+        &["simulate", "--torque1-nm=1e12", "--frequency-hz=22", "--duration-s=1"][..],
         &["simulate", "--scheme=rk4", "--initial=1e200,0,0,0", "--duration-s=1"],
-        &["sweep", "--torque1-nm=1e12", "--from-hz=21", "--to-hz=23", "--steps=2"],
+        &["sweep", "--torque1-nm=1e12", "--from-hz=21", "--to-hz=23", "--points=2"],
         &["poincare", "--torque1-nm=1e12", "--frequency-hz=22"],
         &["continue", "--torque1-nm=1e12", "--from-hz=21", "--to-hz=23"],
         &["backbone", "--torque1-nm=1e12", "--to-rad=3.1"],
