@@ -4,6 +4,7 @@ use core::fmt::Display;
 use std::io;
 use std::path::PathBuf;
 use std::process::ExitCode;
+use std::sync::Arc;
 
 use thiserror::Error;
 
@@ -38,6 +39,11 @@ pub(crate) enum Verdict {
 impl Verdict {
     pub const fn of(positive: bool) -> Verdict {
         if positive { Verdict::Positive } else { Verdict::Negative }
+    }
+
+    /// Positive if both are.
+    pub fn and(self, other: Verdict) -> Verdict {
+        if self == Verdict::Positive { other } else { Verdict::Negative }
     }
 }
 
@@ -93,6 +99,8 @@ pub(crate) enum Failure {
     Write { path: PathBuf, source: io::Error },
     #[error("{} already exists: name another place, or allow overwriting it (--overwrite)", path.display())]
     Exists { path: PathBuf },
+    #[error("{} can't be written over itself, since this command reads it: name another file for the result", path.display())]
+    SameFile { path: PathBuf },
     #[error("can't write to standard output: {0}")]
     Output(io::Error),
     #[error("the result can't be written as JSON: {0}")]
@@ -130,12 +138,30 @@ impl Failure {
         Failure::usage(format!("{flag} is {}: {why}", short(&got)))
     }
 
+    /// Whether memory, threads or file descriptors have run out.
+    fn is_exhaustion(&self) -> bool {
+        let mut cause: Option<&(dyn core::error::Error + 'static)> = Some(self);
+        while let Some(error) = cause {
+            let kept = error.downcast_ref::<Arc<io::Error>>().map(|error| &**error);
+            if error.downcast_ref::<io::Error>().or(kept).is_some_and(is_exhausted) {
+                return true;
+            }
+            if let Some(StructureSectionError::Read { kind: io::ErrorKind::OutOfMemory, .. }) = error.downcast_ref() {
+                return true;
+            }
+            cause = error.source();
+        }
+        false
+    }
+
     pub fn exit_code(&self) -> ExitCode {
         ExitCode::from(self.exit() as u8)
     }
 
     fn exit(&self) -> Exit {
         match self {
+            // Whatever was being done: it says nothing about what was asked for.
+            _ if self.is_exhaustion() => Exit::Environment,
             Failure::Bus(error) => bus(error),
             Failure::Recording(error) => recording(error),
             Failure::Replay(ReplayError::Bus(error)) => bus(error),
@@ -164,6 +190,12 @@ impl Failure {
             _ => Exit::Usage,
         }
     }
+}
+
+/// Whether a system call failed since memory, threads or file descriptors have run out.
+fn is_exhausted(error: &io::Error) -> bool {
+    let numbers = [libc::ENOMEM, libc::EMFILE, libc::ENFILE, libc::EAGAIN];
+    error.kind() == io::ErrorKind::OutOfMemory || error.raw_os_error().is_some_and(|number| numbers.contains(&number))
 }
 
 /// A file that can't be written: a place that isn't there is a wrong request.

@@ -20,6 +20,7 @@ mod live;
 #[cfg(feature = "live")]
 mod live_branch;
 mod logging;
+mod memory;
 mod motion_flags;
 mod numbers;
 mod output;

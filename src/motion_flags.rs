@@ -10,7 +10,7 @@ use crate::configuration;
 use crate::drive::DriveFlags;
 use crate::failure::Failure;
 use crate::flags::{self, ArmFlags};
-use crate::output::{self, JsonFlag, OverwriteFlag};
+use crate::output::{self, Inputs, JsonFlag, OverwriteFlag};
 use resonarm::analysis::time_domain::{Direction, Grid, SettleOptions, Sweep, SweepParameter};
 use resonarm::arm::Load;
 use resonarm::plant::TestedAssembly;
@@ -97,7 +97,9 @@ impl MotionFlags {
     /// be written exists and may not be overwritten, or if there is no folder for them.
     pub fn journal(&self) -> Result<Option<PathBuf>, Failure> {
         let Some(stem) = &self.plot else { return Ok(None) };
-        self.overwrite.check_stem(Some(stem), output::PLOTTED)?;
+        let inputs = Inputs::of_scenario(self.arm.scenario.as_deref());
+        self.overwrite.check_stem(Some(stem), output::PLOTTED, &inputs)?;
+        inputs.check(&beside(stem, ".partial.jsonl"))?;
         output::check_folder(stem)?;
         Ok(Some(beside(stem, ".partial.jsonl")))
     }

@@ -12,7 +12,8 @@ use clap::Args;
 use serde::Serialize;
 
 use crate::failure::{Failure, Verdict};
-use resonarm::write_whole;
+use resonarm::scenario::Scenario;
+use resonarm::{same_file, write_whole};
 use resonarm_figures::plot::{Figure, beside};
 
 /// Writes text to standard output, with its control characters escaped.
@@ -151,6 +152,31 @@ pub(crate) fn complain(failure: &Failure) {
     note(&format!("resonarm: {failure}"));
 }
 
+/// The files that a command reads: none of its outputs may replace one of them, whatever may be overwritten.
+#[derive(Clone, Debug, Default)]
+pub(crate) struct Inputs(Vec<PathBuf>);
+
+impl Inputs {
+    /// A command that reads these files.
+    pub fn of(files: impl IntoIterator<Item = impl AsRef<Path>>) -> Inputs {
+        Inputs(files.into_iter().map(|file| file.as_ref().to_path_buf()).collect())
+    }
+
+    /// A command that reads a scenario, if one is given, with the files that it names.
+    pub fn of_scenario(scenario: Option<&Path>) -> Inputs {
+        Inputs(scenario.map_or(Vec::new(), Scenario::files))
+    }
+
+    /// Fails if an output leads to one of the inputs: by device and inode, so also through links.
+    pub fn check(&self, output: &Path) -> Result<(), Failure> {
+        match self.0.iter().find(|input| same_file(input, output)) {
+            // A device or a pipe is not replaced: it may be both.
+            Some(input) if input.is_file() => Err(Failure::SameFile { path: output.to_path_buf() }),
+            _ => Ok(()),
+        }
+    }
+}
+
 /// Whether existing files may be overwritten. A command that writes files checks before it computes anything.
 #[derive(Clone, Copy, Debug, Args)]
 pub(crate) struct OverwriteFlag {
@@ -160,15 +186,20 @@ pub(crate) struct OverwriteFlag {
 }
 
 impl OverwriteFlag {
-    /// Fails if one of these files exists, unless it may be overwritten.
-    pub fn check(self, files: impl IntoIterator<Item = PathBuf>) -> Result<(), Failure> {
-        let there = files.into_iter().find(|path| !self.overwrite && path.symlink_metadata().is_ok());
-        there.map_or(Ok(()), |path| Err(Failure::Exists { path }))
+    /// Fails if one of these files is read by the command, or exists, unless it may be overwritten.
+    pub fn check(self, files: impl IntoIterator<Item = PathBuf>, inputs: &Inputs) -> Result<(), Failure> {
+        for path in files {
+            inputs.check(&path)?;
+            if !self.overwrite && path.symlink_metadata().is_ok() {
+                return Err(Failure::Exists { path });
+            }
+        }
+        Ok(())
     }
 
     /// The same for the files STEM + ending.
-    pub fn check_stem(self, stem: Option<&Path>, endings: &[&str]) -> Result<(), Failure> {
-        self.check(stem.into_iter().flat_map(|stem| endings.iter().map(|ending| beside(stem, ending))))
+    pub fn check_stem(self, stem: Option<&Path>, endings: &[&str], inputs: &Inputs) -> Result<(), Failure> {
+        self.check(stem.into_iter().flat_map(|stem| endings.iter().map(|ending| beside(stem, ending))), inputs)
     }
 }
 

@@ -1,10 +1,11 @@
 //! What the commands on recordings share.
 
+use std::fs::File;
 use std::path::Path;
 
 use clap::Args;
 
-use crate::failure::Failure;
+use crate::failure::{Failure, Verdict};
 use resonarm::recording::{Existing, Integrity, Recording};
 
 /// A range of simulated time: its beginning and its end.
@@ -38,12 +39,24 @@ pub(crate) fn warn_of_one(recording: &Recording) {
     integrity_note(recording.integrity()).iter().for_each(|note| tracing::warn!("{path}: {note}"));
 }
 
+/// The verdict of a command that has used what can be read of a recording: negative if it is not whole, however well the
+/// rest went.
+pub(crate) fn verdict(recording: &Recording) -> Verdict {
+    verdict_of(recording.integrity())
+}
+
+/// Likewise by what was found of a recording.
+pub(crate) fn verdict_of(integrity: &Integrity) -> Verdict {
+    Verdict::of(*integrity == Integrity::Complete)
+}
+
 /// The note on a recording that is not whole.
 pub(crate) fn integrity_note(integrity: &Integrity) -> Option<String> {
     let last = |sample: &Option<u64>| sample.map_or(String::from("no sample"), |last| format!("samples up to {last}"));
     match integrity {
         Integrity::Complete => None,
         Integrity::Unfinished => Some(String::from("the recording was recovered from a truncated or damaged one")),
+        Integrity::Incomplete { cause } => Some(format!("the recording is not whole: {cause}")),
         Integrity::Truncated { readable_bytes, file_bytes, last_sample } => Some(format!(
             "the recording is truncated: {readable_bytes} of {file_bytes} bytes can be read, {}",
             last(last_sample)
@@ -58,4 +71,10 @@ pub(crate) fn integrity_note(integrity: &Integrity) -> Option<String> {
 /// What happens to a recording that is there already.
 pub(crate) const fn existing(overwrite: bool) -> Existing {
     if overwrite { Existing::Overwrite } else { Existing::Refuse }
+}
+
+/// Waits for the reader of a named pipe to which a command will record, and keeps the pipe open until the returned value
+/// is dropped: the recorder, which has no way to give up, then doesn't wait. Until here signals end the process.
+pub(crate) fn wait_for_reader(path: &Path) -> Result<Option<File>, Failure> {
+    resonarm::wait_for_reader(path).map_err(|source| Failure::Write { path: path.to_path_buf(), source })
 }

@@ -1,7 +1,7 @@
 //! Flags of a session and its report in words, for `run`, `exciter` and `demo`.
 
 use core::time::Duration;
-use std::path::{Path, PathBuf};
+use std::path::PathBuf;
 
 use clap::Args;
 use rtrb::{Consumer, Producer, RingBuffer};
@@ -9,6 +9,7 @@ use serde::Serialize;
 use serde_json::Value;
 
 use crate::failure::Failure;
+use crate::output::Inputs;
 use crate::recordings::existing;
 use crate::supervise::Line;
 use resonarm::bus::{self, Bus, BusAddress};
@@ -31,16 +32,10 @@ pub(crate) struct RecordFlags {
 }
 
 impl RecordFlags {
-    /// The recording, which must not replace the scenario.
-    pub fn target(&self, scenario: Option<&Path>) -> Result<Option<RecordTo>, Failure> {
+    /// The recording, which must not replace a file that is read.
+    pub fn target(&self, inputs: &Inputs) -> Result<Option<RecordTo>, Failure> {
         let Some(path) = self.record.clone() else { return Ok(None) };
-        let place = |path: &Path| path.canonicalize().ok();
-        if scenario.and_then(place).is_some_and(|scenario| place(&path) == Some(scenario)) {
-            let path = path.display();
-            return Err(Failure::usage(format!(
-                "--record {path} is the scenario: name another file for the recording"
-            )));
-        }
+        inputs.check(&path)?;
         Ok(Some(RecordTo { path, existing: existing(self.overwrite) }))
     }
 }

@@ -2,6 +2,7 @@
 
 use std::future::Future;
 use std::io::IsTerminal;
+use std::os::unix::net::UnixStream;
 use std::sync::Arc;
 use std::thread;
 use std::time::Duration;
@@ -105,6 +106,7 @@ pub(crate) fn supervise<T: Send + 'static>(
     let signals = Arc::new(Signals::default());
     let watched = Arc::clone(&signals);
     let start = |source| Failure::Start { what: name, source };
+    check_descriptors().map_err(start)?;
     let runtime = tokio::runtime::Builder::new_current_thread().enable_all().build().map_err(start)?;
     // Before the work begins, so that a signal at its very start also stops it.
     let listening = {
@@ -125,6 +127,12 @@ pub(crate) fn supervise<T: Send + 'static>(
     on_tick(&mut line, &signals);
     line.bar.finish_and_clear();
     worker.join().map_err(|_panic| Failure::Panic(name))
+}
+
+/// Fails if the system has no file descriptors left for the runtime, which panics where it gets none for its signals.
+fn check_descriptors() -> std::io::Result<()> {
+    let pairs = [(); 4].map(|()| UnixStream::pair());
+    pairs.into_iter().try_for_each(|pair| pair.map(drop))
 }
 
 /// Waits for the end of the work and passes on requests to stop.

@@ -8,13 +8,26 @@ from pathlib import Path
 
 from . import export
 from ._resonarm import ResonarmError, __version__
+from .recording import Recording
 
-LACKING = {errno.ENOSPC, errno.EDQUOT, errno.EFBIG, errno.EIO, errno.EACCES, errno.EPERM, errno.EROFS}
-"""Refusals to write for want of space or privilege. The refusal to read a recording has no number."""
+LACKING = {
+    errno.ENOSPC,
+    errno.EDQUOT,
+    errno.EFBIG,
+    errno.EIO,
+    errno.EACCES,
+    errno.EPERM,
+    errno.EROFS,
+    errno.EMFILE,
+    errno.ENFILE,
+    errno.ENOMEM,
+}
+"""Refusals for want of space, privilege, memory or file descriptors. The refusal to read a recording has no number."""
 
 
 def main(words: list[str] | None = None) -> int:
-    """Runs a command. Returns the exit code: 0 done, 2 wrong input, 3 something is missing in this environment."""
+    """Runs a command. Returns the exit code: 0 done, 1 the recording is not whole, 2 wrong input, 3 something is
+    missing in this environment."""
     parser = argparse.ArgumentParser(prog="python3 -m resonarm", description=__doc__)
     parser.add_argument("--version", action="version", version=f"resonarm {__version__}")
     commands = parser.add_subparsers(dest="command", required=True)
@@ -28,16 +41,20 @@ def main(words: list[str] | None = None) -> int:
         stem = given.out or given.recording.with_suffix("")
         with warnings.catch_warnings():
             warnings.showwarning = _warn  # type: ignore[assignment]
-            written = export.export(given.recording, given.to, stem, overwrite=given.overwrite)
+            recording = Recording(given.recording)
+            written = export.of_recording(recording, given.to, stem, given.overwrite)
         for path in written:
             print(path)
     except ModuleNotFoundError as error:
         return _refuse(error, 3)
     except OSError as error:
         return _refuse(error, 3 if error.errno in LACKING else 2)
+    except MemoryError:
+        return _refuse(MemoryError("there is not enough memory"), 3)
     except (ValueError, ResonarmError) as error:
         return _refuse(error, 2)
-    return 0
+    # What was readable is written, and the warning says what is missing.
+    return 0 if recording.damage is None else 1
 
 
 def _warn(message: Warning | str, *_: object) -> None:

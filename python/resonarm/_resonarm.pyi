@@ -290,9 +290,11 @@ class Recording:
         """The number of records of a part."""
     def channels(self, part: str) -> list[tuple[str, list[str]]]: ...
     def scenario_toml(self) -> str: ...
-    def resim(self) -> dict[str, Any]:
+    def resim(self, *, fmu: _Path | None = None) -> dict[str, Any]:
         """Simulates the run again from its recorded loads: the document of `resonarm resim --json`, `identical` and
-        the first differences. Raises ResonarmError if the run can't be simulated."""
+        the first differences. A recording is data: the run of an FMU is simulated again with the file `fmu`, whose
+        SHA-256 must be the recorded one, and never with the file that the recording names. Raises ResonarmError if the
+        run can't be simulated, or is one of an FMU and `fmu` is missing or another one."""
     def reader(self, part: str, from_sample: int, to_sample: int) -> Reader: ...
 
 @final

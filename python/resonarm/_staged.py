@@ -1,6 +1,7 @@
 """Files that are whole under their names, or not there."""
 
 import os
+import stat
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from itertools import count
@@ -10,12 +11,17 @@ from ._resonarm import printable
 
 
 @contextmanager
-def staged(paths: Sequence[Path], overwrite: bool) -> Iterator[list[Path]]:
+def staged(paths: Sequence[Path], overwrite: bool, source: Path) -> Iterator[list[Path]]:
     """Creates a file in the folder of each path, for the block to write. They take the names of the paths after the
-    block; after an error they are removed, and what was there before stays as it was.
+    block; after an error they are removed, and what was there before stays as it was. A file that is replaced hands
+    its mode and its owner on.
 
-    Raises FileExistsError for a file that is there, unless `overwrite`, and at any rate if it is no regular file.
+    Raises FileExistsError for a file that is there, unless `overwrite`, and at any rate if it is no regular file;
+    ValueError for one that is `source`, from which the block reads.
     """
+    for path in paths:
+        if path.exists() and path.samefile(source):
+            raise ValueError(f"{printable(str(path))} can't be written over itself: name another file for the result")
     targets = [_target(path, overwrite) for path in paths]
     partial: list[Path] = []
     try:
@@ -67,6 +73,14 @@ def _created(target: Path) -> Path:
             part.open("xb").close()
         except FileExistsError:
             continue
+        if target.exists():
+            found = target.stat()
+            try:
+                os.chown(part, found.st_uid, found.st_gid)
+                os.chmod(part, stat.S_IMODE(found.st_mode))
+            except OSError:
+                part.unlink()
+                raise
         return part
     raise AssertionError("some number is free")
 

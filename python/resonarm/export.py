@@ -36,12 +36,17 @@ def export(
     Files take their names when all are whole; after an error nothing is left, and files that were there are unchanged.
 
     Raises ModuleNotFoundError if the extra `export` is missing, FileExistsError for an existing file, ValueError
-    for another format, OSError for a file that can't be read or written.
+    for another format and for a file that is the recording, OSError for a file that can't be read or written.
     """
+    return of_recording(Recording(recording), to, Path(stem), overwrite)
+
+
+def of_recording(recording: Recording, to: Format, stem: Path, overwrite: bool) -> list[Path]:
+    """The same of a recording that is open."""
     writers = {"parquet": _parquet, "mf4": _mf4, "blf": _blf}
     if to not in writers:
         raise ValueError(f"there is no format {to!r}: it is one of {', '.join(FORMATS)}")
-    return writers[to](Recording(recording), Path(stem), overwrite)
+    return writers[to](recording, stem, overwrite)
 
 
 def columns(rows: Array) -> dict[str, Array]:
@@ -70,7 +75,7 @@ def _parquet(recording: Recording, stem: Path, overwrite: bool) -> list[Path]:
     parquet = _extras.require("pyarrow", "export") and _extras.require("pyarrow.parquet", "export")
     parts = list(_parts(recording, PARTS))
     paths = [_named(stem, f"-{part}.parquet") for part in parts]
-    with staged(paths, overwrite) as partial:
+    with staged(paths, overwrite, recording.path) as partial:
         for part, path, target in zip(parts, paths, partial, strict=True):
             batches = recording.batches(part, ROWS)
             first = next(batches)
@@ -87,7 +92,11 @@ def _parquet(recording: Recording, stem: Path, overwrite: bool) -> list[Path]:
 def _mf4(recording: Recording, stem: Path, overwrite: bool) -> list[Path]:
     mdf = _extras.require("asammdf", "export")
     path = _named(stem, ".mf4")
-    with staged([path], overwrite) as (target,), writing(path), mdf.MDF(version="4.10") as measured:
+    with (
+        staged([path], overwrite, recording.path) as (target,),
+        writing(path),
+        mdf.MDF(version="4.10") as measured,
+    ):
         measured.header.start_time = datetime.fromtimestamp(0, timezone.utc)
         measured.header.abs_time = recording.summary["origin"]["start_unix_ns"] or 0
         for group, part in enumerate(_parts(recording, ("states", "samples"))):
@@ -117,7 +126,7 @@ def _blf(recording: Recording, stem: Path, overwrite: bool) -> list[Path]:
     messages = _extras.require("resonarm.can_log", "export").messages
     path = _named(stem, ".blf")
     with (
-        staged([path], overwrite) as (target,),
+        staged([path], overwrite, recording.path) as (target,),
         writing(path),
         target.open("wb") as file,
         can.BLFWriter(file) as log,

@@ -40,7 +40,7 @@ class Recording(_resonarm.Recording):
         if self.damage is not None:
             message = (
                 f"recording `{_resonarm.printable(str(self.path))}` is {self.damage}; `resonarm recover` makes a whole "
-                "file of what is left"
+                "file of what is left, also of what follows a damaged part, which is not read here"
             )
             if strict:
                 raise _resonarm.ResonarmError(message)
@@ -52,7 +52,8 @@ class Recording(_resonarm.Recording):
 
     @cached_property
     def scenario(self) -> Scenario:
-        """The scenario of the run. Raises ValueError if the recording has none."""
+        """The scenario of the run. Raises ValueError if the recording has none. Of an FMU it has the SHA-256, and not
+        the file: a recording is data, and does not say which code runs."""
         return Scenario(self.scenario_toml())
 
     def read(self, part: RecordingPart, from_sample: int = 0, to_sample: int = LAST) -> Array:

@@ -31,6 +31,12 @@ pub fn import_log<'py>(
 ) -> PyResult<Bound<'py, PyAny>> {
     let known = LogFormat::ALL.into_iter().find(|known| known.name() == format);
     let format = known.ok_or_else(|| errors::value(format!("format is {format:?}: expected candump, asc or blf")))?;
+    let mut read = scenario.map_or(Vec::new(), Scenario::files);
+    read.push(original.0.clone());
+    if read.iter().any(|file| resonarm::same_file(file, &output)) {
+        let output = errors::printable(output.display());
+        return Err(errors::value(format!("{output} is read: name another file for the recording")));
+    }
     let options = ImportOptions {
         scenario: scenario.map(|scenario| scenario.inner.clone()),
         interface,

@@ -73,6 +73,7 @@ impl Recording {
         let (state, more) = match self.inner.integrity() {
             Integrity::Complete => return None,
             Integrity::Unfinished => return Some(String::from("recovered from a truncated or damaged one")),
+            Integrity::Incomplete { cause } => return Some(errors::printable(format!("not whole: {cause}"))),
             Integrity::Truncated { readable_bytes, file_bytes, last_sample } => {
                 (String::from("truncated"), (readable_bytes, file_bytes, last_sample))
             }
@@ -85,15 +86,25 @@ impl Recording {
         Some(errors::printable(format!("{state}: {readable_bytes} of {file_bytes} bytes can be read, {last}")))
     }
 
-    /// The scenario of the run as TOML.
+    /// The scenario of the run as TOML. Where an FMU is is left out: a recording is data, and an FMU that it names is not
+    /// loaded.
     fn scenario_toml(&self) -> PyResult<String> {
-        let scenario = Scenario::from_configuration(self.inner.configuration()).map_err(errors::scenario)?;
+        let mut scenario = Scenario::from_configuration(self.inner.configuration()).map_err(errors::scenario)?;
+        if let Some(structure) = scenario.structure.as_mut().filter(|section| section.is_recorded) {
+            structure.file = None;
+        }
         scenario.to_toml().map_err(errors::scenario)
     }
 
-    /// The run simulated again from its recorded loads: the document of `resonarm resim --json`.
-    fn resim<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyAny>> {
-        let verdict = py.detach(|| replay::resimulate(&self.inner)).map_err(errors::replay)?;
+    /// The run simulated again from its recorded loads: the document of `resonarm resim --json`. An FMU is loaded from
+    /// the file `fmu` alone.
+    #[pyo3(signature = (*, fmu = None))]
+    fn resim<'py>(&self, py: Python<'py>, fmu: Option<PathBuf>) -> PyResult<Bound<'py, PyAny>> {
+        let recording = match fmu {
+            Some(fmu) => self.inner.clone().allow_fmu(fmu),
+            None => self.inner.clone(),
+        };
+        let verdict = py.detach(|| replay::resimulate(&recording)).map_err(errors::replay)?;
         values::document(py, &verdict)
     }
 

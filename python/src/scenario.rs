@@ -16,6 +16,15 @@ pub struct Scenario {
     pub inner: scenario::Scenario,
     /// The folder to which the path of a load file is relative.
     folder: PathBuf,
+    /// The file that it was read from.
+    file: Option<PathBuf>,
+}
+
+impl Scenario {
+    /// The files that it was read from, which no recording may replace.
+    pub fn files(&self) -> Vec<PathBuf> {
+        self.file.as_deref().map_or(Vec::new(), scenario::Scenario::files)
+    }
 }
 
 #[pymethods]
@@ -25,15 +34,17 @@ impl Scenario {
     #[pyo3(signature = (text = "", *, path = None, folder = None))]
     fn new(text: &str, path: Option<PathBuf>, folder: Option<PathBuf>) -> PyResult<Scenario> {
         match path {
-            Some(path) => Ok(Scenario {
+            Some(path) if text.is_empty() => Ok(Scenario {
                 inner: scenario::Scenario::read(&path).map_err(errors::scenario)?,
                 folder: path.parent().unwrap_or(Path::new("")).to_path_buf(),
+                file: Some(path),
             }),
-            None => {
+            // With a text, the path says only which file the values are from.
+            file => {
                 let folder = folder.unwrap_or_default();
                 let mut inner = scenario::Scenario::parse(text, "the scenario").map_err(errors::scenario)?;
                 inner.read_files(&folder).map_err(errors::scenario)?;
-                Ok(Scenario { inner, folder })
+                Ok(Scenario { inner, folder, file })
             }
         }
     }
@@ -66,6 +77,7 @@ impl Scenario {
         }
         let keywords = PyDict::new(slf.py());
         keywords.set_item("folder", &this.folder)?;
+        keywords.set_item("path", &this.file)?;
         let class: Bound<'py, PyType> = slf.get_type();
         class.call((whole.to_string(),), Some(&keywords))
     }

@@ -141,6 +141,13 @@ impl How {
     ) -> PyResult<(Session, Raised)> {
         let How(mode, record, overwrite, speed, patience_s, rearm, end_on_disarm, real_time) = self;
         let mode: Mode = mode.parse().map_err(errors::value)?;
+        let read = scenario.files();
+        if let Some(path) = record.as_ref().filter(|path| read.iter().any(|file| resonarm::same_file(file, path))) {
+            let path = errors::printable(path.display().to_string());
+            return Err(errors::value(format!(
+                "record is {path}, from which the scenario was read: name another file for the recording"
+            )));
+        }
         let existing = if overwrite { Existing::Overwrite } else { Existing::Refuse };
         let patience = patience_s.map(patience).transpose()?;
         let mut options = Options {

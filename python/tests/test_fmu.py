@@ -23,7 +23,12 @@ def scenario(tmp_path_factory):
 def test_a_run_of_an_fmu_is_that_of_its_plant(scenario, command, tmp_path):
     resonarm.run(scenario, "free", record=tmp_path / "run.mcap")
     recording = resonarm.Recording(tmp_path / "run.mcap")
-    assert command("resim", tmp_path / "run.mcap")["identical"]
+    fmu = scenario.values()["structure"]["file"]
+    assert command("resim", tmp_path / "run.mcap", "--fmu", fmu)["identical"]
+    assert recording.resim(fmu=fmu)["identical"]
+    with pytest.raises(resonarm.ResonarmError, match="nothing that a recording names is loaded"):
+        recording.resim()
+    assert "file" not in recording.scenario.values()["structure"]
     rows = resonarm.Plant(scenario).play(force_n=recording.states["force_n"][:-1])
     assert abs(rows["x_m"]).max() > 1e-5
     assert np.array_equal(rows["x_m"], recording.states["x_m"][:-1])

@@ -15,7 +15,7 @@ use crate::figures::branch_plot;
 use crate::figures::branch_table::csv;
 use crate::figures::captions;
 use crate::flags::ArmFlags;
-use crate::output::{self, JsonFlag, OverwriteFlag};
+use crate::output::{self, Inputs, JsonFlag, OverwriteFlag};
 use crate::progress::timed;
 use crate::readings::{self, Reader, ReadingsDocument, ReadingsFlag};
 use crate::structures::{self, StructureDriveFlags};
@@ -117,7 +117,9 @@ struct Document {
 
 impl Backbone {
     pub fn execute(&self) -> Result<Verdict, Failure> {
-        self.overwrite.check_stem(self.plot.as_deref(), &[output::PLOTTED, &["-response.csv"]].concat())?;
+        let inputs = Inputs::of_scenario(self.arm.scenario.as_deref());
+        let endings = [output::PLOTTED, &["-response.csv"]].concat();
+        self.overwrite.check_stem(self.plot.as_deref(), &endings, &inputs)?;
         let scenario = self.arm.scenario()?;
         if let Some(tested) = scenario.tested_structure()? {
             return self.of_structure(&scenario, &tested);

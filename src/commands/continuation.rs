@@ -16,7 +16,7 @@ use crate::figures::branch_table::csv;
 use crate::figures::captions;
 use crate::figures::singular_curves::{CurveFlags, Curves};
 use crate::flags::ArmFlags;
-use crate::output::{self, JsonFlag, OverwriteFlag};
+use crate::output::{self, Inputs, JsonFlag, OverwriteFlag};
 use crate::progress::timed;
 use crate::quantity::{self, Ends, Quantity};
 use crate::readings::{self, Reader, ReadingsFlag};
@@ -251,10 +251,9 @@ impl RangeFlags {
 
 impl Continue {
     pub fn execute(&self) -> Result<Verdict, Failure> {
-        self.overwrite.check_stem(
-            self.plot.as_deref(),
-            &[output::PLOTTED, &["-curves.svg", "-curves.png", "-curves.txt", "-curves.csv"]].concat(),
-        )?;
+        let endings = [output::PLOTTED, &["-curves.svg", "-curves.png", "-curves.txt", "-curves.csv"]].concat();
+        let inputs = Inputs::of_scenario(self.arm.scenario.as_deref());
+        self.overwrite.check_stem(self.plot.as_deref(), &endings, &inputs)?;
         let scenario = self.arm.scenario()?;
         if let Some(tested) = scenario.tested_structure()? {
             return self.of_structure(&scenario, &tested);

@@ -5,13 +5,14 @@ use std::path::PathBuf;
 use clap::Args;
 
 use crate::failure::{Failure, Verdict};
-use crate::output::JsonFlag;
-use crate::recordings::{TimeRange, existing, open_one};
+use crate::output::{Inputs, JsonFlag};
+use crate::recordings::{TimeRange, existing, open_one, verdict};
 use resonarm::cut::{cut, merge};
 use resonarm::export::samples;
 use resonarm::recording::Summary;
 
-/// Copies a range of time into a separate recording, which `resim`, `replay` and all other commands accept.
+/// Copies a range of time into a separate recording, which `resim`, `replay` and all other commands accept. Of a recording
+/// that is not whole, what can be read is copied: the copy is not whole either, and the exit code is 1.
 #[derive(Debug, Args)]
 pub(crate) struct Cut {
     /// The recording, an MCAP file.
@@ -27,7 +28,8 @@ pub(crate) struct Cut {
     json: JsonFlag,
 }
 
-/// Joins recordings of one run that follow each other, as `cut` makes them.
+/// Joins recordings of one run that follow each other, as `cut` makes them. If one is not whole, nor is the new one, and
+/// the exit code is 1.
 #[derive(Debug, Args)]
 pub(crate) struct Merge {
     /// The recordings, in order.
@@ -47,15 +49,18 @@ impl Cut {
     pub fn execute(&self) -> Result<Verdict, Failure> {
         let recording = open_one(&self.file)?;
         let samples = samples(&recording, self.range.from_s, self.range.to_s)?;
-        print(&cut(&recording, samples, &self.output, existing(self.overwrite))?, self.json)
+        print(&cut(&recording, samples, &self.output, existing(self.overwrite))?, self.json)?;
+        Ok(verdict(&recording))
     }
 }
 
 impl Merge {
     pub fn execute(&self) -> Result<Verdict, Failure> {
+        Inputs::of(&self.files).check(&self.out)?;
         let recordings = self.files.iter().map(open_one).collect::<Result<Vec<_>, _>>()?;
         let recordings: Vec<_> = recordings.iter().collect();
-        print(&merge(&recordings, &self.out, existing(self.overwrite))?, self.json)
+        print(&merge(&recordings, &self.out, existing(self.overwrite))?, self.json)?;
+        Ok(recordings.iter().fold(Verdict::Positive, |so_far, recording| so_far.and(verdict(recording))))
     }
 }
 

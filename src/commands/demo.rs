@@ -11,7 +11,7 @@ use crate::configuration;
 use crate::failure::{Failure, Verdict};
 use crate::flags::{self, ArmFlags};
 use crate::live::{LiveFlags, Role, ShownRole};
-use crate::output::{self, JsonFlag};
+use crate::output::{self, Inputs, JsonFlag};
 use crate::session::{PlantDocument, complaint, report_text};
 use crate::status::{Status, Style};
 use crate::structures::{self, walk::Computed};
@@ -90,6 +90,9 @@ impl Demo {
         (scenario.control, scenario.excitation) = (Some(control.clone()), None);
         // The run ends with the walk.
         scenario.simulation.duration_s = None;
+        let inputs = Inputs::of_scenario(self.arm.scenario.as_deref());
+        let outputs = ["demo.mcap", "response.svg", "response.png", "response.txt"];
+        outputs.iter().try_for_each(|name| inputs.check(&self.out.join(name)))?;
         let record = RecordTo { path: self.out.join("demo.mcap"), existing: Existing::Overwrite };
         let options = Options {
             record: Some(record),

@@ -7,7 +7,7 @@ use clap::Args;
 use crate::failure::{Failure, Verdict};
 use crate::flags;
 use crate::output::{JsonFlag, in_line};
-use crate::recordings::{TimeRange, warn_of_one};
+use crate::recordings::{TimeRange, verdict, warn_of_one};
 use resonarm::diff::{DiffOptions, Difference, PartDifference, diff};
 use resonarm::export::{RecordingPart, samples};
 use resonarm::recording::Recording;
@@ -20,8 +20,8 @@ const PARTS: [RecordingPart; 4] =
 /// What is compared if nothing else is asked for.
 const DEFAULT: [RecordingPart; 2] = [RecordingPart::States, RecordingPart::Samples];
 
-/// Compares two recordings sample by sample: exit code 1 if their records differ beyond the tolerance. Differences in
-/// their configuration are listed, too.
+/// Compares two recordings sample by sample: exit code 1 if their records differ beyond the tolerance, or one of them is
+/// not whole. Differences in their configuration are listed, too.
 #[derive(Debug, Args)]
 #[command(after_help = "States and samples are compared by their sample, frames and events in their order, whenever \
                         they were on the bus.\nExample: resonarm diff a.mcap b.mcap --parts states --tolerance 1e-9")]
@@ -73,7 +73,7 @@ impl Diff {
             )));
         }
         self.json.show(&difference, || text(&difference), &[])?;
-        Ok(Verdict::of(difference.same))
+        Ok(Verdict::of(difference.same).and(verdict(&a)).and(verdict(&b)))
     }
 }
 

@@ -6,7 +6,7 @@ use clap::Args;
 
 use crate::failure::{Failure, Verdict};
 use crate::flags;
-use crate::output::{self, JsonFlag, OverwriteFlag};
+use crate::output::{self, Inputs, JsonFlag, OverwriteFlag};
 use crate::recordings::{self, TimeRange};
 use resonarm::export::{ExportFormat, ExportedFile, RecordingPart, Selection, export};
 
@@ -24,7 +24,8 @@ Times are simulated time; a log of a run in real time has the machine's. Reading
 time before their sample, by the delay of the converters: their time_s says so.";
 
 /// Writes a recording in the formats of other tools, record by record, so it may be larger than the memory. Names the
-/// files on standard error before it writes them.
+/// files on standard error before it writes them. If the recording is not whole, it writes what can be read, and the exit
+/// code is 1.
 #[derive(Debug, Args)]
 #[command(after_help = HELP)]
 pub(crate) struct Export {
@@ -61,12 +62,13 @@ impl Export {
         let selection = Selection { magnification: self.moving_arm, ..chosen };
         self.to.check(&selection)?;
         let targets: Vec<PathBuf> = self.to.files(&stem, &selection.parts).into_iter().map(|(path, _)| path).collect();
-        self.overwrite.check(targets.iter().cloned())?;
+        self.overwrite.check(targets.iter().cloned(), &Inputs::of([&self.file]))?;
         output::check_folder(&stem)?;
         output::note(&format!("writing {}", output::listed(&targets)));
         let files = export(&recording, self.to, &selection, &stem)?;
         let document = serde_json::json!({ "format": self.to.name(), "files": &files });
-        self.json.show(&document, || text(&files), &[])
+        self.json.show(&document, || text(&files), &[])?;
+        Ok(recordings::verdict(&recording))
     }
 
     /// The beginning of the names of the files.

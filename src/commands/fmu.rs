@@ -5,7 +5,7 @@ use std::path::PathBuf;
 use clap::{Args, ValueEnum};
 
 use crate::failure::{Failure, Verdict};
-use crate::output::JsonFlag;
+use crate::output::{Inputs, JsonFlag, OverwriteFlag};
 use resonarm::scenario::Scenario;
 use resonarm_fmu::content::{Content, Interface, Role, Settings, TxClock};
 use resonarm_fmu::export::{Library, Summary, export};
@@ -82,9 +82,8 @@ impl Fmu {
     }
 
     pub fn execute(&self) -> Result<Verdict, Failure> {
-        if !self.overwrite && self.out.exists() {
-            return Err(Failure::Exists { path: self.out.clone() });
-        }
+        let inputs = Inputs::of(Scenario::files(&self.scenario).iter().chain(&self.library));
+        OverwriteFlag { overwrite: self.overwrite }.check([self.out.clone()], &inputs)?;
         let settings = self.settings();
         let content = Content { settings, scenario: Scenario::read(&self.scenario)? };
         let library = match &self.library {

@@ -11,7 +11,7 @@ use crate::failure::{Failure, Verdict};
 use crate::figures::captions;
 use crate::figures::response_curves::{csv, style};
 use crate::flags::{self, ArmFlags};
-use crate::output::{self, JsonFlag, OverwriteFlag};
+use crate::output::{self, Inputs, JsonFlag, OverwriteFlag};
 use crate::structures;
 use resonarm::analysis::{
     Drive, FrequencyResponse, Quantity, Response, UnknownTerm, continuous_phase, frequencies_hz, modes,
@@ -85,7 +85,8 @@ struct ResponseCurve {
 
 impl Frf {
     pub fn execute(&self) -> Result<Verdict, Failure> {
-        self.overwrite.check_stem(self.plot.as_deref(), output::PLOTTED)?;
+        let inputs = Inputs::of_scenario(self.arm.scenario.as_deref());
+        self.overwrite.check_stem(self.plot.as_deref(), output::PLOTTED, &inputs)?;
         let scenario = self.arm.scenario()?;
         if let Some(tested) = scenario.tested_structure()? {
             return self.of_structure(&scenario, &tested);

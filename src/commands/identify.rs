@@ -12,7 +12,7 @@ use crate::failure::{Failure, Verdict};
 use crate::figures::captions;
 use crate::figures::response_curves::broken_at_wraps;
 use crate::flags;
-use crate::output::{self, JsonFlag, OverwriteFlag};
+use crate::output::{self, Inputs, JsonFlag, OverwriteFlag};
 use crate::recordings;
 use crate::structures;
 use resonarm::analysis::{self, Pole, Response};
@@ -165,14 +165,15 @@ impl Identify {
     }
 
     pub fn execute(&self) -> Result<Verdict, Failure> {
-        self.overwrite.check_stem(self.plot.as_deref(), output::PLOTTED)?;
-        self.overwrite.check(self.angles.clone())?;
+        let inputs = Inputs::of([&self.file]);
+        self.overwrite.check_stem(self.plot.as_deref(), output::PLOTTED, &inputs)?;
+        self.overwrite.check(self.angles.clone(), &inputs)?;
         let recording = recordings::open(&self.file)?;
         let scenario = Scenario::from_configuration(recording.configuration())?;
         if let Some(csv) = &self.angles {
             let domain = self.domain();
             let request = Request { csv, domain, from_hz: self.from_hz, json: self.json };
-            return identify_angles::execute(&recording, &scenario, &request);
+            return Ok(identify_angles::execute(&recording, &scenario, &request)?.and(recordings::verdict(&recording)));
         }
         let document = self.compute(&recording, &scenario)?;
         for NumberedMode { found, .. } in document.modes.iter().filter(|mode| !mode.found.is_linear) {
@@ -193,7 +194,7 @@ impl Identify {
         let drawn = || (figure(&scenario, &document), document.csv());
         let files = output::plot(self.plot.as_deref(), &document, drawn)?;
         self.json.show(&document, || document.text(), &files)?;
-        Ok(Verdict::of(!document.modes.is_empty()))
+        Ok(Verdict::of(!document.modes.is_empty()).and(recordings::verdict(&recording)))
     }
 
     fn compute(&self, recording: &Recording, scenario: &Scenario) -> Result<Document, Failure> {

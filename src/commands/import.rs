@@ -6,7 +6,7 @@ use clap::Args;
 
 use crate::failure::{Failure, Verdict};
 use crate::flags;
-use crate::output::JsonFlag;
+use crate::output::{Inputs, JsonFlag};
 use crate::recordings::existing;
 use resonarm::can_log::LogFormat;
 use resonarm::import::{ImportOptions, Imported, Missing, SampleClock, WireImport, import};
@@ -51,6 +51,7 @@ impl Import {
             Some(format) => format,
             None => self.by_ending()?,
         };
+        Inputs::of_scenario(self.scenario.as_deref()).check(&self.output)?;
         let options = ImportOptions {
             scenario: self.scenario.as_deref().map(Scenario::read).transpose()?,
             interface: self.interface.clone(),

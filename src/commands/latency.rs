@@ -10,8 +10,8 @@ use crate::commands::doctor;
 use crate::failure::{Failure, Verdict};
 use crate::figures::latency_figure::{self, LatencyCurve, LatencyPlotFlag};
 use crate::flags::{SpinFlag, ThreadFlags};
-use crate::output::{JsonFlag, OverwriteFlag};
-use crate::recordings::existing;
+use crate::output::{Inputs, JsonFlag, OverwriteFlag};
+use crate::recordings::{existing, wait_for_reader};
 use crate::session::seconds;
 use resonarm::realtime::{
     Finding, LatencyHistogram, Percentiles, Privileges, SampleRate, SpinChoice, SystemClock, ThreadReport, ThreadSetup,
@@ -103,12 +103,13 @@ impl Latency {
     pub fn execute(&self) -> Result<Verdict, Failure> {
         let setup = self.thread.setup()?;
         seconds("--turn-s", self.turn_s)?;
-        self.plot.check(self.overwrite.overwrite)?;
+        self.plot.check(self.overwrite.overwrite, &Inputs::default())?;
         let mut existing = existing(self.overwrite.overwrite);
         // All are checked before the first is run.
         for rate_hz in &self.rate_hz {
             self.session(*rate_hz, setup, existing)?;
         }
+        let _reader = self.record.as_deref().map(wait_for_reader).transpose()?;
         let mut got = None;
         let mut all = Vec::with_capacity(self.rate_hz.len());
         for rate_hz in &self.rate_hz {
@@ -183,7 +184,11 @@ impl Latency {
 }
 
 fn on_a_thread<T: Send>(what: &'static str, body: impl FnOnce() -> T + Send) -> Result<T, Failure> {
-    thread::scope(|scope| scope.spawn(body).join().map_err(|_panic| Failure::Panic(what)))
+    thread::scope(|scope| {
+        let started = thread::Builder::new().spawn_scoped(scope, body);
+        let worker = started.map_err(|source| Failure::Start { what, source })?;
+        worker.join().map_err(|_panic| Failure::Panic(what))
+    })
 }
 
 impl AtRate {

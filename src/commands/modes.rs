@@ -10,7 +10,7 @@ use crate::configuration;
 use crate::failure::{Failure, Verdict};
 use crate::figures::captions;
 use crate::flags::{self, ArmFlags};
-use crate::output::{self, JsonFlag, OverwriteFlag};
+use crate::output::{self, Inputs, JsonFlag, OverwriteFlag};
 use crate::structures;
 use resonarm::analysis::{Mode, arm_poles, modes};
 use resonarm::arm::Arm;
@@ -89,7 +89,8 @@ struct InPose {
 
 impl Modes {
     pub fn execute(&self) -> Result<Verdict, Failure> {
-        self.overwrite.check_stem(self.plot.as_deref(), output::PLOTTED)?;
+        let inputs = Inputs::of_scenario(self.arm.scenario.as_deref());
+        self.overwrite.check_stem(self.plot.as_deref(), output::PLOTTED, &inputs)?;
         let scenario = self.arm.scenario()?;
         match (self.from_beta2_deg, self.to_beta2_deg) {
             (Some(from_deg), Some(to_deg)) => self.over(&scenario, from_deg, to_deg),

@@ -118,16 +118,18 @@ impl Replay {
             if range.from_s.or(range.to_s).is_some() {
                 return Err(Failure::usage("--from-s and --to-s are for --bus: `resonarm cut` copies a range of time"));
             }
+            let verdict = recordings::verdict(&recording);
             live::show(&self.live, recording, Showing { speed: self.speed, times: *times, wait: self.wait })?;
-            return Ok(Verdict::Positive);
+            return Ok(verdict);
         };
+        let whole = recordings::verdict(&recording);
         let json = JsonFlag { json: self.json };
         if self.against.against {
             let regression = self.regression()?;
             let compared =
                 on_bus(&address, move |bus, signals| play_against(&recording, bus, &SystemClock, regression, signals))?;
             json.show(&compared, || text(&compared), &[])?;
-            return Ok(Verdict::of(compared.first_difference.is_none()));
+            return Ok(Verdict::of(compared.first_difference.is_none()).and(whole));
         }
         let playback = self.playback(&recording)?;
         let played = on_bus(&address, move |bus, signals| play(&recording, bus, &SystemClock, &playback, signals))?;
@@ -139,7 +141,8 @@ impl Replay {
                 played.latest_s * 1e3
             )
         };
-        json.show(&played, text, &[])
+        json.show(&played, text, &[])?;
+        Ok(whole)
     }
 
     fn playback(&self, recording: &Recording) -> Result<Playback, Failure> {

@@ -6,9 +6,10 @@ use clap::Args;
 
 use crate::failure::{Failure, Verdict};
 use crate::output::JsonFlag;
-use crate::recordings::integrity_note;
-use resonarm::recording::{Integrity, Recording, build_info};
+use crate::recordings::{integrity_note, verdict};
+use resonarm::recording::{Recording, build_info};
 use resonarm::replay::{self, ReadingsVerdict, resimulate, resimulate_readings};
+use resonarm::scenario::StructureKind;
 use serde::Serialize;
 
 /// Simulates a recorded run again from its recorded loads and says whether every state is identical (if not, or if the
@@ -17,6 +18,10 @@ use serde::Serialize;
 pub(crate) struct Resim {
     /// The recording, an MCAP file.
     file: PathBuf,
+    /// The FMU of the run, if the structure was one: it is loaded and runs with your rights, if its SHA-256 is the recorded
+    /// one. The file that a recording names is never loaded.
+    #[arg(long, value_name = "FILE")]
+    fmu: Option<PathBuf>,
     /// Simulate the instruments as well, and compare every reading.
     #[arg(long)]
     readings: bool,
@@ -27,6 +32,11 @@ pub(crate) struct Resim {
 impl Resim {
     pub fn execute(&self) -> Result<Verdict, Failure> {
         let recording = Recording::open(&self.file)?;
+        let recording = match &self.fmu {
+            Some(fmu) => recording.allow_fmu(fmu),
+            None => recording,
+        };
+        self.warn_of_fmu(&recording);
         let (then, now) = (&recording.origin().build, build_info());
         if *then != now {
             tracing::warn!(
@@ -38,11 +48,24 @@ impl Resim {
         }
         let states = resimulate(&recording)?;
         let readings = self.readings.then(|| resimulate_readings(&recording)).transpose()?;
-        let is_whole = states.integrity == Integrity::Complete;
         let identical = states.identical && readings.as_ref().is_none_or(|readings| readings.identical);
         let document = Document { states, readings };
         self.json.show(&document, || text(&document), &[])?;
-        Ok(Verdict::of(identical && is_whole))
+        Ok(Verdict::of(identical).and(verdict(&recording)))
+    }
+
+    /// Warns where a named FMU can't be compared with the recorded one, or the recording has none.
+    fn warn_of_fmu(&self, recording: &Recording) {
+        let Some(fmu) = &self.fmu else { return };
+        let structure = recording.scenario().ok().and_then(|scenario| scenario.structure);
+        match structure.filter(|structure| structure.kind == StructureKind::Fmu) {
+            None => tracing::warn!("--fmu {}: the recording is of no FMU, so that none is loaded", fmu.display()),
+            Some(structure) if structure.sha256.is_none() => tracing::warn!(
+                "--fmu {}: the recording does not state the SHA-256 of its FMU, so that this one may be another",
+                fmu.display()
+            ),
+            Some(_) => {}
+        }
     }
 }
 

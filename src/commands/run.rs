@@ -12,7 +12,8 @@ use crate::failure::{Failure, Verdict};
 use crate::figures::latency_figure::{self, LatencyCurve, LatencyPlotFlag};
 use crate::flags::{self, SessionFlags, SpinFlag, ThreadFlags};
 use crate::live::{LiveFlags, Role, ShownRole, SteerFlag};
-use crate::output::JsonFlag;
+use crate::output::{Inputs, JsonFlag};
+use crate::recordings::wait_for_reader;
 use crate::responses::{self, ResponseDocument};
 use crate::session::{
     EventLog, PlantDocument, RecordFlags, complaint, event_ring, open_bus, other_sender_warning, report_text, seconds,
@@ -100,8 +101,9 @@ impl Run {
     }
 
     pub fn execute(&self) -> Result<Verdict> {
+        let inputs = Inputs::of_scenario(self.session.arm.scenario.as_deref());
         let options = Options {
-            record: self.record.target(self.session.arm.scenario.as_deref())?,
+            record: self.record.target(&inputs)?,
             speed: Speed::new(self.speed).map_err(RunError::from)?,
             overrun: self.overrun,
             spin: self.spin.spin,
@@ -111,7 +113,7 @@ impl Run {
             patience: self.patience_s.map(|given_s| seconds("--patience-s", given_s)).transpose()?,
             ..Options::default()
         };
-        self.plot.check(self.record.overwrite)?;
+        self.plot.check(self.record.overwrite, &inputs)?;
         let session = Session::new(self.scenario()?, self.mode, options)?;
         if let (Mode::Free, Some(stem)) = (self.mode, &self.plot.plot) {
             return Err(Failure::usage(format!(
@@ -120,6 +122,7 @@ impl Run {
                 stem.display()
             )));
         }
+        let _reader = self.record.record.as_deref().map(wait_for_reader).transpose()?;
         match self.mode {
             Mode::Free => self.run_free(session),
             Mode::RealTime | Mode::Lockstep => self.run_on_bus(session),

@@ -8,7 +8,7 @@ use serde_json::Value;
 
 use crate::configuration;
 use crate::failure::{Failure, Verdict};
-use crate::output::{self, JsonFlag, OverwriteFlag};
+use crate::output::{self, Inputs, JsonFlag, OverwriteFlag};
 use crate::structures::label;
 use resonarm::plant::TestedAssembly;
 use resonarm::scenario::structure::NotModal;
@@ -59,7 +59,8 @@ struct Section<'a> {
 
 impl Structure {
     pub fn execute(&self) -> Result<Verdict, Failure> {
-        self.overwrite.check(self.out.clone())?;
+        let read = self.from_modes.as_deref().or(self.scenario.as_deref());
+        self.overwrite.check(self.out.clone(), &Inputs::of_scenario(read))?;
         let (scenario, path) = self.scenario()?;
         let (Some(section), Some(tested)) = (&scenario.structure, scenario.tested_structure()?) else {
             return Err(Failure::usage(format!(

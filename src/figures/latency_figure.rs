@@ -5,7 +5,7 @@ use std::path::{Path, PathBuf};
 use clap::Args;
 
 use crate::failure::Failure;
-use crate::output::{self, OverwriteFlag};
+use crate::output::{self, Inputs, OverwriteFlag};
 use resonarm::realtime::LatencyHistogram;
 use resonarm_figures::plot::{Axis, Color, Figure, Panel, Series};
 
@@ -27,8 +27,8 @@ pub(crate) struct LatencyPlotFlag {
 
 impl LatencyPlotFlag {
     /// Refuses existing files, or a folder that does not exist.
-    pub fn check(&self, overwrite: bool) -> Result<(), Failure> {
-        OverwriteFlag { overwrite }.check_stem(self.plot.as_deref(), &Figure::ENDINGS)?;
+    pub fn check(&self, overwrite: bool, inputs: &Inputs) -> Result<(), Failure> {
+        OverwriteFlag { overwrite }.check_stem(self.plot.as_deref(), &Figure::ENDINGS, inputs)?;
         self.plot.as_deref().map_or(Ok(()), output::check_folder)
     }
 }

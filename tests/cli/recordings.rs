@@ -43,7 +43,7 @@ fn a_recording_never_replaces_the_scenario() {
     let folder = tempfile::tempdir().unwrap();
     fs::write(folder.path().join("s.toml"), "[simulation]\nduration_s = 0.1\n").unwrap();
     let run = ["run", "--mode", "free", "--scenario", "s.toml", "--record", "./s.toml", "--overwrite"];
-    assert_snapshot!(complaint(folder.path(), 2, &run), @"resonarm: --record ./s.toml is the scenario: name another file for the recording");
+    assert_snapshot!(complaint(folder.path(), 2, &run), @"resonarm: ./s.toml can't be written over itself, since this command reads it: name another file for the result");
     assert!(fs::read_to_string(folder.path().join("s.toml")).unwrap().contains("duration_s"));
 }
 

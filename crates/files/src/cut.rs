@@ -22,6 +22,8 @@ const NAMES: usize = 1000;
 /// `cut.git_commit`, and what the plant has gathered before the first sample under `cut.plant`, if the run up to there
 /// can be simulated again. Messages for plotting are made anew.
 ///
+/// A part of a recording that is not whole is not whole either: it opens as [`Integrity::Unfinished`].
+///
 /// # Errors
 /// [`RecordingError`] if the recording can't be read or the new one not be written; [`RecordingError::SameFile`] if
 /// they are one file; [`RecordingError::NothingToCopy`] if there is no record. No file is written then, and one that
@@ -125,7 +127,14 @@ fn join(
         return Err(RecordingError::NothingToCopy { sources, samples });
     }
     let is_whole = recordings.iter().all(|recording| *recording.integrity() == Integrity::Complete);
-    recorder.finish(&[("cut_from_whole_recordings", is_whole.to_string())])
+    let statistics = [("cut_from_whole_recordings", is_whole.to_string())];
+    if is_whole {
+        return recorder.finish(&statistics);
+    }
+    let told = |told: fn(&Recording) -> String| recordings.iter().map(|it| told(it)).collect::<Vec<_>>().join(", ");
+    let source = told(|recording| recording.path().display().to_string());
+    let integrity = told(|recording| recording.integrity().to_string());
+    recorder.finish_partial(&statistics, &[("source", source), ("source_integrity", integrity)])
 }
 
 /// What a part says of the run: the same as the whole, which build recorded it, and the plant at its first sample.

@@ -15,4 +15,4 @@ mod staged;
 pub mod starting_plant;
 pub mod statistics;
 
-pub use staged::write_whole;
+pub use staged::{same_file, wait_for_reader, write_whole};

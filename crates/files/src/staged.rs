@@ -1,8 +1,8 @@
 //! A file that is whole under its name, or not there.
 
-use std::fs::{self, File, FileType, OpenOptions};
+use std::fs::{self, File, FileType, OpenOptions, Permissions};
 use std::io::{self, Write};
-use std::os::unix::fs::{FileTypeExt, MetadataExt};
+use std::os::unix::fs::{FileTypeExt, MetadataExt, OpenOptionsExt, PermissionsExt, fchown};
 use std::path::{Path, PathBuf};
 
 use crate::recording::Existing;
@@ -20,11 +20,12 @@ pub(crate) struct Staged {
 
 impl Staged {
     /// Begins a file that will be `path`, and gives it opened. With [`Existing::Overwrite`] a file that is there stays
-    /// as it is until it is replaced.
+    /// as it is until it is replaced; the new one has its mode and its owner.
     ///
     /// # Errors
     /// What the system says; [`io::ErrorKind::AlreadyExists`] with [`Existing::Refuse`].
     pub fn create(path: &Path, existing: Existing) -> io::Result<(Staged, File)> {
+        let mut replaced = None;
         let target = match (existing, fs::metadata(path)) {
             (Existing::Refuse, _) if fs::symlink_metadata(path).is_ok() => {
                 return Err(io::ErrorKind::AlreadyExists.into());
@@ -34,19 +35,30 @@ impl Staged {
                 return Err(io::Error::other(format!("it is {got}, expected a regular file or none")));
             }
             // Behind a symbolic link, the file it names is replaced.
-            (Existing::Overwrite, Ok(_)) => path.canonicalize()?,
+            (Existing::Overwrite, Ok(found)) => {
+                replaced = Some(found);
+                path.canonicalize()?
+            }
             (Existing::Refuse | Existing::Overwrite, _) => path.to_path_buf(),
         };
-        let name = target.file_name().unwrap_or_default().to_string_lossy();
+        let name = target.file_name().unwrap_or_default().to_string_lossy().into_owned();
+        let mut open = OpenOptions::new();
+        open.write(true).create_new(true);
+        if replaced.is_some() {
+            // Nobody else reads it before it has the mode of the file that it replaces.
+            open.mode(0o600);
+        }
         // One that a killed process has left may have the same number.
         for number in 0.. {
             let temporary = target.with_file_name(format!(".{name}.{}.{number}.part", std::process::id()));
-            match OpenOptions::new().write(true).create_new(true).open(&temporary) {
+            match open.open(&temporary) {
                 Err(error) if error.kind() == io::ErrorKind::AlreadyExists => {}
                 Err(error) => return Err(error),
                 Ok(file) => {
                     let temporary = Some(temporary);
-                    return Ok((Staged { target, existing, temporary, created: None, published: false }, file));
+                    let staged = Staged { target, existing, temporary, created: None, published: false };
+                    replaced.map_or(Ok(()), |replaced| take_mode_and_owner(&file, &replaced))?;
+                    return Ok((staged, file));
                 }
             }
         }
@@ -119,6 +131,35 @@ pub fn write_whole(path: &Path, bytes: &[u8]) -> io::Result<()> {
     staged.publish()
 }
 
+/// Gives a new file the mode and the owner of the file that it will replace.
+fn take_mode_and_owner(file: &File, replaced: &fs::Metadata) -> io::Result<()> {
+    let new = file.metadata()?;
+    let (user, group) = (replaced.uid(), replaced.gid());
+    if (new.uid(), new.gid()) != (user, group) {
+        fchown(file, Some(user), Some(group)).map_err(|error| {
+            let what = format!(
+                "it belongs to user {user} and group {group}, and a new file can't ({error}): name another file, or remove \
+                 it first"
+            );
+            io::Error::new(error.kind(), what)
+        })?;
+    }
+    // After the owner, whose change clears the bits that set identities.
+    file.set_permissions(Permissions::from_mode(replaced.mode() & 0o7777))
+}
+
+/// Opens a named pipe for writing, which waits for its reader, and keeps it open. `None` for anything else, also for a
+/// file that is not there. Who writes to the pipe while the returned file is open does not wait any more.
+///
+/// # Errors
+/// What the system says.
+pub fn wait_for_reader(path: &Path) -> io::Result<Option<File>> {
+    match fs::metadata(path) {
+        Ok(found) if found.file_type().is_fifo() => OpenOptions::new().write(true).open(path).map(Some),
+        _ => Ok(None),
+    }
+}
+
 /// Renames a file to a name that is free.
 fn rename_new(from: &Path, to: &Path) -> io::Result<()> {
     match fs::hard_link(from, to) {
@@ -131,8 +172,8 @@ fn rename_new(from: &Path, to: &Path) -> io::Result<()> {
     }
 }
 
-/// Whether both paths lead to one file, be it by links.
-pub(crate) fn same_file(one: &Path, other: &Path) -> bool {
+/// Whether both paths lead to one file, be it by links: by its device and inode.
+pub fn same_file(one: &Path, other: &Path) -> bool {
     fs::metadata(one).is_ok_and(|one| is_at(&one, other))
 }
 
@@ -177,6 +218,21 @@ mod tests {
         staged.publish().unwrap();
         drop(staged);
         assert_eq!((names(folder.path()), fs::read(&path).unwrap()), (vec![String::from("file")], b"whole".to_vec()));
+    }
+
+    #[test]
+    fn a_file_that_is_replaced_keeps_its_mode_and_owner() {
+        let folder = tempfile::tempdir().unwrap();
+        let path = folder.path().join("file");
+        fs::write(&path, "old").unwrap();
+        fs::set_permissions(&path, Permissions::from_mode(0o640)).unwrap();
+        // Only root may give files away.
+        let _not_root = std::os::unix::fs::chown(&path, Some(12345), Some(23456));
+        let old = fs::metadata(&path).unwrap();
+        write_whole(&path, b"new").unwrap();
+        let new = fs::metadata(&path).unwrap();
+        assert_eq!((new.mode(), new.uid(), new.gid()), (old.mode(), old.uid(), old.gid()));
+        assert_eq!(fs::read(&path).unwrap(), b"new");
     }
 
     #[test]

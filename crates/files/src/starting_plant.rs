@@ -3,7 +3,6 @@
 
 use crate::recording::{Configuration, Recording, StateRecord};
 use resonarm_bench::plant::Plant;
-use resonarm_scenario::Scenario;
 
 /// The key of a cut's configuration that holds the plant at its first sample: states, and what converters and
 /// instruments have gathered, as numbers with a space between.
@@ -12,7 +11,7 @@ pub const PLANT: &str = "cut.plant";
 /// The plant at the first sample of the recording, whose readings continue from there. `None` if it begins in the
 /// middle of a run and does not hold the plant, or its scenario makes none.
 pub fn plant(recording: &Recording) -> Option<Plant> {
-    let scenario = Scenario::from_configuration(recording.configuration()).ok()?;
+    let scenario = recording.scenario().ok()?;
     let plant = scenario.plant().ok()?;
     let first = recording.summary().samples?.0;
     match recording.configuration().get(PLANT) {
@@ -27,7 +26,7 @@ pub fn plant(recording: &Recording) -> Option<Plant> {
 /// What is noted of the plant in a cut that begins at sample `first`: the run, simulated again up to there. `None` if
 /// it can't be, or its states are not the recorded ones.
 pub(crate) fn noted(recording: &Recording, first: u64) -> Option<String> {
-    let scenario = Scenario::from_configuration(recording.configuration()).ok()?;
+    let scenario = recording.scenario().ok()?;
     // The state of an FMU can't be set.
     if scenario.is_fmu() {
         return None;

@@ -177,7 +177,9 @@ fn fifo_priority_max() -> Option<FifoPriority> {
     let limit = getrlimit(Resource::Rtprio).current.map_or(99, |limit| limit.min(99)) as u8;
     let candidates = [99, limit].into_iter().filter_map(|priority| FifoPriority::try_from(priority).ok());
     std::thread::scope(|scope| {
-        let trial = scope.spawn(|| candidates.clone().find(|priority| set_fifo(*priority).is_ok()));
+        let try_all = || candidates.clone().find(|priority| set_fifo(*priority).is_ok());
+        // Without another thread there is no real-time one either.
+        let trial = std::thread::Builder::new().spawn_scoped(scope, try_all).ok()?;
         trial.join().unwrap_or(None)
     })
 }

@@ -26,7 +26,7 @@ pub use network::NetworkSection;
 pub use structure::{StructureKind, StructureSection, StructureSectionError};
 pub use wire::{LockstepSpec, WireError, WireLack, WireSection};
 
-use std::path::Path;
+use std::path::{Path, PathBuf};
 
 use serde::{Deserialize, Serialize};
 
@@ -179,6 +179,29 @@ impl Scenario {
         let mut scenario = Scenario::parse(&text, &path.display().to_string())?;
         scenario.read_files(path.parent().unwrap_or(Path::new("")))?;
         Ok(scenario)
+    }
+
+    /// The files that [`Scenario::read`] reads: the scenario file itself and those that it names, as far as it can be read.
+    pub fn files(path: &Path) -> Vec<PathBuf> {
+        let mut files = vec![path.to_path_buf()];
+        let text = text_file::read(path).ok();
+        let Some(scenario) = text.and_then(|text| Scenario::parse_unchecked(&text, "the scenario").ok()) else {
+            return files;
+        };
+        let folder = path.parent().unwrap_or(Path::new(""));
+        let matrices = scenario.structure.as_ref().and_then(|structure| structure.matrices.as_ref());
+        let named = [
+            scenario.wire.as_ref().map(|wire| &wire.dbc),
+            scenario.structure.as_ref().and_then(|structure| structure.file.as_ref()),
+            matrices.map(|matrices| &matrices.mass),
+            matrices.map(|matrices| &matrices.stiffness),
+            matrices.and_then(|matrices| matrices.damping.as_ref()),
+        ];
+        files.extend(named.into_iter().flatten().map(|file| folder.join(file)));
+        if let Some(Waveform::File { path, .. }) = scenario.excitation.as_ref().map(|spec| &spec.profile) {
+            files.push(folder.join(path));
+        }
+        files
     }
 
     /// Reads the files that the scenario names, the load of its excitation, the DBC of its wire and what its structure

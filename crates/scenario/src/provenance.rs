@@ -2,6 +2,7 @@
 
 use super::{Scenario, ScenarioError};
 use crate::configuration::Configuration;
+use crate::structure::StructureKind;
 use resonarm_bench::rig::Converter;
 use resonarm_protocol::{PROTOCOL_VERSION, dbc};
 
@@ -26,7 +27,7 @@ impl Scenario {
             .with("protocol_dbc_crc32", format!("{:08x}", dbc::hash(self.network.profile))))
     }
 
-    /// The scenario that a recording was made with.
+    /// The scenario that a recording was made with. An FMU that it names is not loaded: a recording is data.
     ///
     /// # Errors
     /// [`ScenarioError::NotInRecording`] if the recording has none, [`ScenarioError::Parse`] if this program can't read
@@ -37,6 +38,9 @@ impl Scenario {
         let mut scenario = Scenario::parse_unchecked(text, "the recording's scenario")?;
         if let Some(wire) = &mut scenario.wire {
             wire.text = configuration.get(DBC).map(str::to_string);
+        }
+        if let Some(structure) = scenario.structure.as_mut().filter(|section| section.kind == StructureKind::Fmu) {
+            structure.is_recorded = true;
         }
         if !states_a_converter(text) {
             scenario.rig.converter = Converter::Instant;

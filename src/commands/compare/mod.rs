@@ -10,7 +10,7 @@ use serde_json::Value;
 
 use crate::configuration;
 use crate::failure::{Failure, Verdict};
-use crate::output::{self, JsonFlag, OverwriteFlag};
+use crate::output::{self, Inputs, JsonFlag, OverwriteFlag};
 use crate::structures;
 use crate::walk_point;
 use resonarm::analysis::{Distances, MeasuredMotion, Nearest, nearest};
@@ -111,12 +111,15 @@ struct Document {
 
 impl Compare {
     pub fn execute(&self) -> Result<Verdict, Failure> {
-        self.overwrite.check_stem(self.plot.as_deref(), output::PLOTTED)?;
+        self.overwrite.check_stem(self.plot.as_deref(), output::PLOTTED, &Inputs::of([&self.file]))?;
+        let mut whole = Verdict::Positive;
         let bench = if self.is_recording() {
-            let (scenario, responses) = recording::responses(&self.file)?;
+            let (scenario, responses, is_whole) = recording::responses(&self.file)?;
+            whole = is_whole;
             if let Some(tested) = scenario.tested_structure()? {
                 let plot = self.plot.as_deref();
-                return structures::compare::show(&self.file, (&scenario, &tested), &responses, plot, self.json);
+                let shown = structures::compare::show(&self.file, (&scenario, &tested), &responses, plot, self.json)?;
+                return Ok(shown.and(whole));
             }
             recording::bench(&scenario, &responses)?
         } else {
@@ -144,7 +147,8 @@ impl Compare {
         };
         let figure = || walk_point::drawn("Measured on computed", &scenario, &load, &branch, &measured);
         let files = output::plot(self.plot.as_deref(), &document, || (figure(), csv(&document.points)))?;
-        self.json.show(&document, || text(&document), &files)
+        self.json.show(&document, || text(&document), &files)?;
+        Ok(whole)
     }
 
     fn is_recording(&self) -> bool {

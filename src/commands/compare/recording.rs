@@ -3,7 +3,7 @@
 use std::path::Path;
 
 use super::{Bench, BenchPoint, Configuration};
-use crate::failure::Failure;
+use crate::failure::{Failure, Verdict};
 use crate::recordings;
 use resonarm::arm::Arm;
 use resonarm::control::{JointAngles, ResponsePoint};
@@ -15,8 +15,8 @@ use resonarm::scenario::Scenario;
 const HOW: &str = "responses are read with [control] or with an [excitation] with `dwell`, `stepped-sine` or `sine-list`: \
                    `resonarm experiment walk --torque1-nm 20 --record walk.mcap` makes such a recording";
 
-/// The responses in a recording, with its scenario.
-pub(super) fn responses(file: &Path) -> Result<(Scenario, Vec<ResponsePoint>), Failure> {
+/// The responses in a recording, with its scenario, and whether the recording is whole.
+pub(super) fn responses(file: &Path) -> Result<(Scenario, Vec<ResponsePoint>, Verdict), Failure> {
     let recording = recordings::open(file)?;
     let scenario = Scenario::from_configuration(recording.configuration())?;
     let name = file.display();
@@ -28,7 +28,7 @@ pub(super) fn responses(file: &Path) -> Result<(Scenario, Vec<ResponsePoint>), F
     if responses.is_empty() {
         return Err(none("none was read before its end"));
     }
-    Ok((scenario, responses))
+    Ok((scenario, responses, recordings::verdict(&recording)))
 }
 
 /// The responses of the arm, with pose and load of the scenario.

@@ -9,8 +9,8 @@ use clap::{Args, value_parser};
 use crate::commands::protocol::NetworkFlags;
 use crate::failure::{Failure, Verdict};
 use crate::flags;
-use crate::output::{self, JsonFlag, OverwriteFlag};
-use crate::recordings::existing;
+use crate::output::{self, Inputs, JsonFlag, OverwriteFlag};
+use crate::recordings::{existing, wait_for_reader};
 use crate::session::seconds;
 use report::Row;
 use resonarm::bus::{self, BusAddress, BusError};
@@ -170,7 +170,9 @@ impl Conformance {
         (configuration, requirements): (&Configuration, &[Requirement]),
         run: impl FnMut(&Case<S>, &mut BusWire) -> Result<Finding, BusError>,
     ) -> Result<Verdict, Failure> {
-        self.overwrite.check(self.junit.iter().chain(&self.record).cloned())?;
+        let inputs = Inputs::of_scenario(self.scenario.as_deref());
+        self.overwrite.check(self.junit.iter().chain(&self.record).cloned(), &inputs)?;
+        let _reader = self.record.as_deref().map(wait_for_reader).transpose()?;
         let mut bus = bus::open(address)?;
         let evidence = self.evidence(&bus.name(), configuration)?;
         let interface = match address {

@@ -13,7 +13,7 @@ use resonarm::arm::{Arm, Pose};
 use crate::failure::{Failure, Verdict};
 use crate::figures::zone_figure;
 use crate::flags::SessionFlags;
-use crate::output::{self, JsonFlag, OverwriteFlag};
+use crate::output::{self, Inputs, JsonFlag, OverwriteFlag};
 use crate::progress::timed;
 use crate::supervise::{Line, supervise};
 use crate::walk_point::{self, WalkPoint};
@@ -113,7 +113,8 @@ impl Fig9 {
         let zones = self.zones(&arm)?;
         let experiment = ZoneExperiment::new(&zones);
         experiment.check(&scenario)?;
-        self.overwrite.check_stem(self.plot.as_deref(), output::PLOTTED)?;
+        let inputs = Inputs::of_scenario(self.session.arm.scenario.as_deref());
+        self.overwrite.check_stem(self.plot.as_deref(), output::PLOTTED, &inputs)?;
         self.plot.as_deref().map_or(Ok(()), output::check_folder)?;
         let (measured, wall_s) = timed(|| measure(&scenario, &zones, experiment));
         let measured = measured?;

@@ -13,9 +13,9 @@ use resonarm::arm::Load;
 
 use crate::failure::{Failure, Verdict};
 use crate::flags::SessionFlags;
-use crate::output::{self, JsonFlag, OverwriteFlag};
+use crate::output::{self, Inputs, JsonFlag, OverwriteFlag};
 use crate::progress::timed;
-use crate::recordings::existing;
+use crate::recordings::{existing, wait_for_reader};
 use crate::structures;
 use crate::structures::walk::{Computed, StructurePoint, StructureScore};
 use crate::supervise::supervise;
@@ -95,13 +95,16 @@ impl WalkExperiment {
     }
 
     pub fn execute(&self) -> Result<Verdict, Failure> {
-        self.overwrite.check_stem(self.plot.as_deref(), output::PLOTTED)?;
+        let inputs = Inputs::of_scenario(self.session.arm.scenario.as_deref());
+        self.overwrite.check_stem(self.plot.as_deref(), output::PLOTTED, &inputs)?;
+        self.record.as_deref().map_or(Ok(()), |path| inputs.check(path))?;
         let scenario = self.scenario()?;
         let existing = existing(self.overwrite.overwrite);
         let record = self.record.clone().map(|path| RecordTo { path, existing });
         let options = Options { record, ..Options::default() };
         let session = Session::new(scenario.clone(), Mode::Free, options)?;
         let length = session.controller()?.length();
+        let _reader = self.record.as_deref().map(wait_for_reader).transpose()?;
         let work = move |signals: &Signals| {
             let report = session.both(signals, |_| {})?;
             Ok::<_, RunError>((ExciterEnd::of(report.exciter_outcome(signals).as_ref()), report))

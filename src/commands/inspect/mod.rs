@@ -8,9 +8,9 @@ use clap::Args;
 use serde::Serialize;
 
 use crate::failure::{Failure, Verdict};
-use crate::output::{self, JsonFlag, OverwriteFlag, in_line};
-use crate::recordings::integrity_note;
-use resonarm::recording::{Integrity, Origin, Recording, RecordingSummary, RunTime};
+use crate::output::{self, Inputs, JsonFlag, OverwriteFlag, in_line};
+use crate::recordings::{integrity_note, verdict_of};
+use resonarm::recording::{Origin, Recording, RecordingSummary, RunTime};
 use resonarm::statistics::{ChannelStatistics, RecordingStatistics, statistics};
 use resonarm_figures::plot::Figure;
 
@@ -44,7 +44,7 @@ struct Document<'a> {
 
 impl Inspect {
     pub fn execute(&self) -> Result<Verdict, Failure> {
-        self.overwrite.check_stem(self.plot.as_deref(), &Figure::ENDINGS)?;
+        self.overwrite.check_stem(self.plot.as_deref(), &Figure::ENDINGS, &Inputs::of([&self.file]))?;
         let recording = Recording::open(&self.file)?;
         let summary = recording.summary();
         let statistics = if self.statistics { Some(statistics(&recording)?) } else { None };
@@ -55,14 +55,14 @@ impl Inspect {
         };
         let document = Document { summary: &summary, problems, statistics };
         self.json.show(&document, || document.text(), &written)?;
-        Ok(Verdict::of(summary.integrity == Integrity::Complete))
+        Ok(verdict_of(&summary.integrity))
     }
 }
 
 /// A problem of a run or its recording.
 #[derive(Clone, Debug, Serialize)]
 struct Problem {
-    /// `fault`, `other sender`, `clipped`, `gap`, `lost` or `refused`.
+    /// `fault`, `other sender`, `clipped`, `gap`, `repeated`, `lost` or `refused`.
     kind: &'static str,
     what: String,
 }
@@ -84,6 +84,9 @@ fn problems(summary: &RecordingSummary, statistics: Option<&RecordingStatistics>
     }
     for (name, topic) in summary.topics.iter().filter(|(_, topic)| topic.gaps > 0) {
         problem("gap", format!("{name} has {} gaps", topic.gaps));
+    }
+    for (name, topic) in summary.topics.iter().filter(|(_, topic)| topic.repeated > 0) {
+        problem("repeated", format!("{name} has {} records that are repeated or late", topic.repeated));
     }
     for (channel, lost) in summary.lost.iter().filter(|(_, lost)| **lost > 0) {
         problem("lost", format!("{lost} records of channel {channel}"));

@@ -9,7 +9,7 @@ use clap::{Args, ValueEnum};
 use serde::Serialize;
 
 use crate::failure::{Failure, Verdict};
-use crate::output::{self, JsonFlag, OverwriteFlag};
+use crate::output::{self, Inputs, JsonFlag, OverwriteFlag};
 use crate::progress::Progress;
 use resonarm::arm::Preset;
 use resonarm::realtime::{Clock, SystemClock};
@@ -96,7 +96,7 @@ impl Paper {
         let measured = self.measured()?;
         let start_ns = SystemClock.now_ns();
         if let Some(folder) = self.folder()? {
-            self.overwrite.check(self.files(folder, &text))?;
+            self.overwrite.check(self.files(folder, &text), &Inputs::of(self.settings.iter().chain(&self.measured)))?;
             fs::create_dir_all(folder).map_err(|source| Failure::Write { path: folder.to_path_buf(), source })?;
             output::write(folder.join("settings.toml"), &text)?;
         }

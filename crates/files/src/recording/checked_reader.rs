@@ -11,7 +11,7 @@ use mcap::records::{Record as McapRecord, op};
 use mcap::sans_io::linear_reader::{LinearReadEvent, LinearReader, LinearReaderOptions};
 
 use super::contents::{Contents, Fault, LONGEST, parse};
-use super::{RecordingError, source};
+use super::{RecordingError, lengths, source};
 
 /// Bytes asked for at a time, so that a wrong length costs no more memory than the file has bytes.
 const READ: usize = 1 << 16;
@@ -27,6 +27,24 @@ pub(super) struct CheckedReader {
     body: Vec<u8>,
     offset: u64,
     contents: Contents,
+    messages: u64,
+    /// Where the first message outside a chunk begins: the checksum of the data section alone covers it.
+    first_bare_message: Option<u64>,
+    layout: FileLayout,
+}
+
+/// Where things are in the file, to compare with what its index and its footer say: other readers go by these.
+#[derive(Default)]
+struct FileLayout {
+    /// Offset and length of every chunk, attachment and metadata record, in order.
+    indexable: Vec<(u64, u64)>,
+    chunks: u64,
+    indexed_chunks: u64,
+    /// Whether the record that ends the data section has come.
+    has_data_end: bool,
+    /// Where the first record behind the data section begins, and the first summary offset.
+    summary_start: Option<u64>,
+    summary_offset_start: Option<u64>,
 }
 
 /// A record at the top level of the file.
@@ -37,7 +55,11 @@ pub(super) enum TopLevelRecord {
     Metadata(String, BTreeMap<String, String>),
     /// Messages: they are in [`CheckedReader::contents`] until the next record is read.
     Chunk,
-    /// One that carries no data: an index, a statistic.
+    /// A message outside a chunk; it is in [`CheckedReader::contents`] likewise.
+    BareMessage,
+    /// The file's own statistics: how many messages it has.
+    Statistics(u64),
+    /// One that carries no data: an index, a schema.
     Other,
 }
 
@@ -66,6 +88,9 @@ impl CheckedReader {
             body: Vec::new(),
             offset: got.len() as u64,
             contents: Contents::default(),
+            messages: 0,
+            first_bare_message: None,
+            layout: FileLayout::default(),
         })
     }
 
@@ -84,6 +109,11 @@ impl CheckedReader {
         &self.contents
     }
 
+    /// Messages read so far, of all topics, also of those that others added.
+    pub fn messages(&self) -> u64 {
+        self.messages
+    }
+
     /// The error for a record at `offset` that is not what it should be.
     pub fn damaged(&self, offset: u64, cause: String) -> RecordingError {
         RecordingError::Damaged { path: self.path.clone(), offset, cause }
@@ -96,6 +126,8 @@ impl CheckedReader {
             match fault {
                 Fault::Truncated => RecordingError::Truncated { path, offset, file_bytes: self.file_bytes },
                 Fault::Damaged(cause) => self.damaged(offset, cause),
+                // Chunks have checksums of their own, which were right.
+                Fault::DataSection(cause) => self.damaged(self.first_bare_message.unwrap_or(offset), cause),
                 Fault::Io(source) => RecordingError::Open { path, source: Arc::new(source) },
                 Fault::Channels(topic, cause) => RecordingError::Channels { path, topic, cause },
                 Fault::Schema(topic, got) => {
@@ -137,19 +169,98 @@ impl CheckedReader {
 
     /// Makes sense of a record at the top level of the file.
     fn top_level(&mut self, opcode: u8, body: &[u8]) -> Result<TopLevelRecord, Fault> {
+        if !lengths::fit(opcode, body) {
+            return Err(Fault::Damaged(String::from("a length that is longer than its record")));
+        }
+        self.layout.follow(opcode, body, self.offset).map_err(Fault::Damaged)?;
         match opcode {
             op::HEADER => match parse(opcode, body)? {
                 McapRecord::Header(header) => Ok(TopLevelRecord::Header(header.library)),
                 _ => Ok(TopLevelRecord::Other),
             },
-            op::CHUNK => self.contents.read_chunk(body).map(|()| TopLevelRecord::Chunk),
+            op::CHUNK => {
+                self.contents.read_chunk(body)?;
+                self.messages += self.contents.message_count();
+                Ok(TopLevelRecord::Chunk)
+            }
             op::METADATA => match parse(opcode, body)? {
                 McapRecord::Metadata(metadata) => Ok(TopLevelRecord::Metadata(metadata.name, metadata.metadata)),
                 _ => Ok(TopLevelRecord::Other),
             },
-            op::MESSAGE => Err(Fault::Damaged(String::from("a message outside a chunk"))),
+            op::MESSAGE => {
+                self.contents.read_message(body)?;
+                self.messages += self.contents.message_count();
+                self.first_bare_message.get_or_insert(self.offset);
+                Ok(TopLevelRecord::BareMessage)
+            }
+            // Behind the data section they are repeated.
+            op::SCHEMA | op::CHANNEL if !self.layout.has_data_end => {
+                self.contents.read_record(opcode, body).map(|()| TopLevelRecord::Other)
+            }
+            op::STATISTICS => Ok(TopLevelRecord::Statistics(lengths::number_at(body, 0))),
             0 => Err(Fault::Damaged(String::from("a record with opcode 0"))),
             _ => Ok(TopLevelRecord::Other),
         }
+    }
+}
+
+impl FileLayout {
+    /// Takes in the record at `offset`. Errors: how index or footer contradict what was found.
+    fn follow(&mut self, opcode: u8, body: &[u8], offset: u64) -> Result<(), String> {
+        let number = |place: usize| lengths::number_at(body, place);
+        if self.has_data_end && opcode != op::FOOTER {
+            self.summary_start.get_or_insert(offset);
+        }
+        match opcode {
+            op::CHUNK | op::MESSAGE | op::METADATA | op::ATTACHMENT if self.has_data_end => {
+                return Err(String::from("a record of data behind the end of the data section"));
+            }
+            op::CHUNK | op::METADATA | op::ATTACHMENT => {
+                self.chunks += u64::from(opcode == op::CHUNK);
+                self.indexable.push((offset, RECORD_HEAD + body.len() as u64));
+            }
+            op::CHUNK_INDEX => {
+                self.indexed_chunks += 1;
+                self.check_indexed("chunk", number(16), number(24))?;
+            }
+            op::ATTACHMENT_INDEX => self.check_indexed("attachment", number(0), number(8))?,
+            op::METADATA_INDEX => self.check_indexed("metadata record", number(0), number(8))?,
+            op::DATA_END => self.has_data_end = true,
+            op::SUMMARY_OFFSET => {
+                self.summary_offset_start.get_or_insert(offset);
+            }
+            op::FOOTER => self.check_footer(offset, number(0), number(8))?,
+            _ => {}
+        }
+        Ok(())
+    }
+
+    fn check_indexed(&self, what: &str, offset: u64, bytes: u64) -> Result<(), String> {
+        match self.indexable.binary_search(&(offset, bytes)) {
+            Ok(_) => Ok(()),
+            Err(_) => Err(format!("the index names a {what} of {bytes} bytes at byte {offset}, where none is")),
+        }
+    }
+
+    /// Compares what the footer states with what was found; 0 states nothing (MCAP specification, "Footer").
+    fn check_footer(&self, offset: u64, summary_start: u64, summary_offset_start: u64) -> Result<(), String> {
+        if !self.has_data_end {
+            return Err(String::from("a footer without the record that ends the data section"));
+        }
+        let stated = [
+            ("the summary", summary_start, self.summary_start),
+            ("the group of summary offsets", summary_offset_start, self.summary_offset_start),
+        ];
+        for (what, stated, found) in stated {
+            let found = found.unwrap_or(offset);
+            if stated != 0 && stated != found {
+                return Err(format!("the footer states byte {stated} as the beginning of {what}, expected {found}"));
+            }
+        }
+        if self.indexed_chunks != 0 && self.indexed_chunks != self.chunks {
+            let (indexed, chunks) = (self.indexed_chunks, self.chunks);
+            return Err(format!("the index names {indexed} chunks, of which the file has {chunks}"));
+        }
+        Ok(())
     }
 }

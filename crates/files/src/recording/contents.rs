@@ -27,6 +27,8 @@ pub(super) enum Fault {
     Truncated,
     /// It is not what the format says.
     Damaged(String),
+    /// The checksum of the whole data section is wrong: any record before its end may be.
+    DataSection(String),
     /// It can't be read.
     Io(io::Error),
     /// A topic has another message type than it should.
@@ -39,14 +41,28 @@ impl From<McapError> for Fault {
     fn from(error: McapError) -> Fault {
         match error {
             McapError::UnexpectedEof => Fault::Truncated,
-            McapError::BadChunkCrc { saved, calculated }
-            | McapError::BadDataCrc { saved, calculated }
-            | McapError::BadSummaryCrc { saved, calculated } => {
-                Fault::Damaged(format!("the checksum is {calculated:#010x}, expected {saved:#010x}"))
+            McapError::BadDataCrc { saved, calculated } => Fault::DataSection(checksum(saved, calculated)),
+            McapError::BadChunkCrc { saved, calculated } | McapError::BadSummaryCrc { saved, calculated } => {
+                Fault::Damaged(checksum(saved, calculated))
             }
+            // A decompressor that gets no memory says nothing about the file.
+            McapError::DecompressionError(said) if says_no_memory(&said) => {
+                Fault::Io(io::ErrorKind::OutOfMemory.into())
+            }
+            McapError::Io(error) if says_no_memory(&error.to_string()) => Fault::Io(io::ErrorKind::OutOfMemory.into()),
             error => Fault::Damaged(error.to_string()),
         }
     }
+}
+
+/// Whether a decompressor said that it got no memory: Zstandard's `ZSTD_error_memory_allocation`, LZ4's
+/// `LZ4F_ERROR_allocation_failed`.
+fn says_no_memory(said: &str) -> bool {
+    said.contains("not enough memory") || said.contains("ERROR_allocation_failed")
+}
+
+fn checksum(saved: u32, calculated: u32) -> String {
+    format!("the checksum is {calculated:#010x}, expected {saved:#010x}")
 }
 
 /// What the chunks read so far have declared, and the messages of the last.
@@ -56,6 +72,8 @@ pub(super) struct Contents {
     channels: BTreeMap<u16, Option<Declared>>,
     bytes: Vec<u8>,
     messages: Vec<Message>,
+    /// Messages of all topics, also of those that others added, in the chunk read last.
+    message_count: u64,
 }
 
 /// A topic of ours that is declared.
@@ -70,6 +88,7 @@ pub(super) struct Declared {
 
 struct Message {
     channel: u16,
+    sequence: u32,
     log_time_ns: u64,
     publish_time_ns: u64,
     range: Range<usize>,
@@ -80,6 +99,8 @@ struct Message {
 pub(super) struct RawMessage<'a> {
     pub message_type: MessageType,
     pub layout: Option<&'a Arc<Layout>>,
+    /// Its number within the topic, from 0, in files that the recorder wrote; others may have 0 throughout.
+    pub sequence: u32,
     pub log_time_ns: u64,
     pub publish_time_ns: u64,
     pub bytes: &'a [u8],
@@ -103,12 +124,30 @@ impl Contents {
             let raw = RawMessage {
                 message_type: declared.message_type,
                 layout: declared.layout.as_ref(),
+                sequence: message.sequence,
                 log_time_ns: message.log_time_ns,
                 publish_time_ns: message.publish_time_ns,
                 bytes: &self.bytes[message.range.clone()],
             };
             Some((place, raw))
         })
+    }
+
+    /// Messages of all topics, also of those that others added, in the chunk read last.
+    pub fn message_count(&self) -> u64 {
+        self.message_count
+    }
+
+    /// Reads a message that stands alone, outside a chunk.
+    pub fn read_message(&mut self, body: &[u8]) -> Result<(), Fault> {
+        self.clear();
+        self.read_record(op::MESSAGE, body)
+    }
+
+    fn clear(&mut self) {
+        self.bytes.clear();
+        self.messages.clear();
+        self.message_count = 0;
     }
 
     /// Decompresses a chunk, compares its checksum, and gathers its messages.
@@ -125,8 +164,7 @@ impl Contents {
                 return Err(Fault::Damaged(format!("a chunk of {} bytes states {expected}", body.len())));
             }
         }
-        self.bytes.clear();
-        self.messages.clear();
+        self.clear();
         let options = LinearReaderOptions::default()
             .with_skip_start_magic(true)
             .with_skip_end_magic(true)
@@ -150,7 +188,7 @@ impl Contents {
         Ok(())
     }
 
-    /// Makes sense of a record inside a chunk, or of a declaration repeated at the end of the file.
+    /// Makes sense of a record inside a chunk, or of one that stands outside: a declaration, a message.
     pub fn read_record(&mut self, opcode: u8, body: &[u8]) -> Result<(), Fault> {
         match parse(opcode, body)? {
             McapRecord::Schema { header, data } => {
@@ -180,16 +218,18 @@ impl Contents {
             }
             McapRecord::Message { header, data } => match self.channels.get(&header.channel_id) {
                 Some(Some(_)) => {
+                    self.message_count += 1;
                     let start = self.bytes.len();
                     self.bytes.extend_from_slice(&data);
                     self.messages.push(Message {
                         channel: header.channel_id,
+                        sequence: header.sequence,
                         log_time_ns: header.log_time,
                         publish_time_ns: header.publish_time,
                         range: start..self.bytes.len(),
                     });
                 }
-                Some(None) => {} // a topic that others added
+                Some(None) => self.message_count += 1, // a topic that others added
                 None => return Err(Fault::Damaged(format!("a message of unknown channel {}", header.channel_id))),
             },
             _ => {}

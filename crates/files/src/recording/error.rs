@@ -207,8 +207,8 @@ pub enum RecordingError {
     },
     /// Samples are missing, so that the recording can't be taken as continuous.
     #[error(
-        "recording `{path}` is not continuous in topic `{topic}`: sample {got} follows where sample {expected} should \
-         ({gaps} such gaps in all); the run lost records, or the file was recovered from a damaged one"
+        "recording `{path}` is not continuous in topic `{topic}`: sample {got} follows where sample {expected} should{}; {}",
+        in_all(*.gaps), why_not_continuous(*.expected, *.got)
     )]
     Gap {
         /// The file.
@@ -308,6 +308,19 @@ impl RecordingError {
             McapError::Io(source) => RecordingError::Write { path, source: Arc::new(source) },
             source => RecordingError::Format { path, source: Arc::new(source) },
         }
+    }
+}
+
+/// How many gaps there are, for a message.
+fn in_all(gaps: u64) -> String {
+    if gaps == 0 { String::new() } else { format!(" ({gaps} such gaps in all)") }
+}
+
+/// What may have made a recording discontinuous, for a message.
+const fn why_not_continuous(expected: u64, got: u64) -> &'static str {
+    match got < expected {
+        true => "records are there more than once, or late: go back to the original file",
+        false => "the run lost records, or the file was recovered from a damaged one",
     }
 }
 

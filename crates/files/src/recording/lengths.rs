@@ -3,25 +3,49 @@
 
 use mcap::records::op;
 
-/// Whether every length in the record fits into it (MCAP specification, "Records"): after fields of fixed size stand
-/// texts and the like, each as its length (`u32`) and that many bytes; the last may be a map, a row of texts in its
-/// turn.
+/// Whether every field of the record, and every length in it, fits into it (MCAP specification, "Records"): after
+/// fields of fixed size stand texts and the like, each as its length (`u32`) and that many bytes; the last may be a
+/// map, a row of texts in its turn.
 pub(super) fn fit(opcode: u8, body: &[u8]) -> bool {
     let rest = match opcode {
         op::HEADER => after_texts(2, Some(body)),
+        op::FOOTER => body.get(8 + 8 + 4..),
         op::SCHEMA => after_texts(3, body.get(2..)),
         op::CHANNEL => after_texts(2, body.get(4..)).and_then(after_map),
+        op::MESSAGE => body.get(2 + 4 + 8 + 8..),
         op::CHUNK => after_texts(1, body.get(8 + 8 + 8 + 4..)),
+        op::MESSAGE_INDEX => after_texts(1, body.get(2..)),
+        op::CHUNK_INDEX => after_texts(1, body.get(4 * 8..))
+            .and_then(|rest| after_texts(1, rest.get(8..)))
+            .and_then(|rest| rest.get(8 + 8..)),
+        op::ATTACHMENT => after_texts(2, body.get(8 + 8..)).and_then(after_data).and_then(|rest| rest.get(4..)),
+        op::ATTACHMENT_INDEX => after_texts(2, body.get(5 * 8..)),
+        op::STATISTICS => after_texts(1, body.get(8 + 2 + 4 * 4 + 8 + 8..)),
         op::METADATA => after_texts(1, Some(body)).and_then(after_map),
+        op::METADATA_INDEX => after_texts(1, body.get(8 + 8..)),
+        op::SUMMARY_OFFSET => body.get(1 + 8 + 8..),
+        op::DATA_END => body.get(4..),
         _ => Some(body),
     };
     rest.is_some()
+}
+
+/// The number of eight bytes at `place` of a record whose fields fit.
+pub(super) fn number_at(body: &[u8], place: usize) -> u64 {
+    let bytes = body.get(place..).and_then(<[u8]>::first_chunk);
+    bytes.map_or(0, |bytes| u64::from_le_bytes(*bytes))
 }
 
 /// The first text, and what follows it.
 fn split(bytes: &[u8]) -> Option<(&[u8], &[u8])> {
     let (length, rest) = bytes.split_first_chunk()?;
     rest.split_at_checked(usize::try_from(u32::from_le_bytes(*length)).ok()?)
+}
+
+/// What follows the data of an attachment, whose length has eight bytes.
+fn after_data(bytes: &[u8]) -> Option<&[u8]> {
+    let (length, rest) = bytes.split_first_chunk()?;
+    rest.get(usize::try_from(u64::from_le_bytes(*length)).ok()?..)
 }
 
 fn after_texts(count: usize, bytes: Option<&[u8]>) -> Option<&[u8]> {
@@ -53,6 +77,7 @@ mod tests {
             (op::CHANNEL, vec![vec![1, 0, 1, 0], text(b"topic"), text(b"protobuf"), map()]),
             (op::CHUNK, vec![vec![0; 28], text(b"lz4")]),
             (op::METADATA, vec![vec![], text(b"name"), map()]),
+            (op::MESSAGE_INDEX, vec![vec![1, 0], text(&[0; 16])]),
         ];
         for (opcode, fields) in records {
             let body = fields.concat();

@@ -13,6 +13,7 @@ use super::{
     StateRecord, TickRecord,
 };
 use resonarm_numeric::number::short;
+use resonarm_scenario::{Scenario, ScenarioError};
 
 /// A recording whose every checksum has been checked.
 ///
@@ -23,6 +24,8 @@ pub struct Recording {
     scan: Scan,
     origin: Origin,
     configuration: Configuration,
+    /// The FMU that may be loaded to simulate the run again.
+    fmu: Option<PathBuf>,
 }
 
 impl Recording {
@@ -43,7 +46,26 @@ impl Recording {
             return Err(RecordingError::Metadata { path, name, key, got: short(&origin.dt_s).to_string(), expected });
         }
         let configuration = Configuration::from(scan.required(path, metadata::CONFIGURATION)?.clone());
-        Ok(Recording { path: path.to_path_buf(), scan, origin, configuration })
+        Ok(Recording { path: path.to_path_buf(), scan, origin, configuration, fmu: None })
+    }
+
+    /// Allows an FMU to be loaded from `file` where the run of one is simulated again. A recording is data, so that the
+    /// file that it names is never loaded; it counts as the recorded FMU if its SHA-256 is the recorded one.
+    #[must_use]
+    pub fn allow_fmu(self, file: impl Into<PathBuf>) -> Recording {
+        Recording { fmu: Some(file.into()), ..self }
+    }
+
+    /// The scenario of the run.
+    ///
+    /// # Errors
+    /// As [`Scenario::from_configuration`].
+    pub fn scenario(&self) -> Result<Scenario, ScenarioError> {
+        let mut scenario = Scenario::from_configuration(&self.configuration)?;
+        if let (Some(structure), Some(file)) = (&mut scenario.structure, &self.fmu) {
+            structure.allow_fmu(file);
+        }
+        Ok(scenario)
     }
 
     /// The file.

@@ -129,6 +129,21 @@ impl Recorder {
         self.end(Ending::Whole(statistics))
     }
 
+    /// As [`Recorder::finish`], of a recording made from others that are not whole. It says so, by `made_from`, and opens
+    /// as [`Integrity::Unfinished`](super::Integrity::Unfinished).
+    ///
+    /// # Errors
+    /// As [`Recorder::finish`].
+    pub fn finish_partial(
+        mut self,
+        statistics: &[(&str, String)],
+        made_from: &[(&str, String)],
+    ) -> Result<Summary, RecordingError> {
+        let [statistics, made_from] = [statistics, made_from]
+            .map(|entries| entries.iter().map(|(key, value)| (key.to_string(), value.clone())).collect());
+        self.end(Ending::Partial { statistics, made_from })
+    }
+
     /// Ends the thread. A thread that has ended before takes no command; its result says why.
     fn end(&mut self, ending: Ending) -> Result<Summary, RecordingError> {
         let _ended_before = self.control.send(Control::End(ending));

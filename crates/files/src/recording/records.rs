@@ -86,11 +86,11 @@ impl<T> Records<T> {
         while self.walk.offset() < self.readable_bytes {
             self.chunk = self.walk.offset();
             match self.walk.next()? {
-                Some(TopLevelRecord::Chunk) => {
+                Some(TopLevelRecord::Chunk | TopLevelRecord::BareMessage) => {
                     self.next = 0;
                     return Ok(true);
                 }
-                Some(TopLevelRecord::Header(_) | TopLevelRecord::Metadata(..) | TopLevelRecord::Other) => {}
+                Some(_) => {}
                 None => return Ok(false),
             }
         }

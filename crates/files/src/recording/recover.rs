@@ -82,7 +82,7 @@ pub fn recover(
         }
     };
     let messages = messages(&sink);
-    let bytes = sink.finish()?.len();
+    let bytes = sink.finish()?.bytes;
     staged.publish().map_err(|error| RecordingError::publish(output, error))?;
     let (lost_chunks, missing_samples) = (copied.lost, copied.missing);
     Ok(Recovered { path: output.to_path_buf(), bytes, messages, source: scan.integrity, lost_chunks, missing_samples })
@@ -117,7 +117,8 @@ fn messages(sink: &Sink) -> u64 {
 
 /// A first pass: metadata behind what is damaged go into `scan`, and what is declared anywhere is known to the second.
 fn survey(input: &Path, scan: &mut Scan) -> Result<Salvage, RecordingError> {
-    let mut salvage = Salvage::open(input)?;
+    let is_damaged = matches!(scan.integrity, Integrity::Damaged { .. });
+    let mut salvage = Salvage::open(input, !is_damaged)?;
     while let Some(piece) = salvage.next()? {
         if let Piece::Metadata(name, content) = piece {
             scan.metadata.entry(name).or_insert(content);

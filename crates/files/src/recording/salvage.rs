@@ -64,16 +64,19 @@ pub(super) struct Salvage {
     offset: u64,
     contents: Contents,
     body: Vec<u8>,
+    /// Whether messages outside chunks are taken: they have no checksum of their own.
+    takes_bare_messages: bool,
 }
 
 impl Salvage {
     /// Starts behind the magic bytes, which must be right.
-    pub fn open(path: &Path) -> Result<Salvage, RecordingError> {
+    pub fn open(path: &Path, takes_bare_messages: bool) -> Result<Salvage, RecordingError> {
         let file = source::open(path)?;
         let failed = |source| RecordingError::Open { path: path.to_path_buf(), source: Arc::new(source) };
         let file_bytes = file.metadata().map_err(failed)?.len();
         let (contents, body) = (Contents::default(), Vec::new());
-        Ok(Salvage { path: path.to_path_buf(), file, file_bytes, offset: MAGIC.len() as u64, contents, body })
+        let (path, offset) = (path.to_path_buf(), MAGIC.len() as u64);
+        Ok(Salvage { path, file, file_bytes, offset, contents, body, takes_bare_messages })
     }
 
     /// The same file from its start, with all that is declared anywhere in it known.
@@ -133,7 +136,11 @@ impl Salvage {
                 _ => Ok(Piece::Other),
             },
             op::SCHEMA | op::CHANNEL => self.contents.read_record(opcode, body).map(|()| Piece::Other),
-            op::MESSAGE => Err(Fault::Damaged(String::from("a message outside a chunk"))),
+            op::MESSAGE if self.takes_bare_messages => {
+                self.contents.read_message(body)?;
+                Ok(Piece::Chunk { offset: self.offset, bytes })
+            }
+            op::MESSAGE => Err(Fault::Damaged(String::from("a message without a checksum in a damaged file"))),
             _ => Ok(Piece::Other),
         }
     }
@@ -224,7 +231,7 @@ impl Salvage {
 fn cause(fault: Fault) -> String {
     match fault {
         Fault::Truncated => String::from("the file ends inside it"),
-        Fault::Damaged(cause) => cause,
+        Fault::Damaged(cause) | Fault::DataSection(cause) => cause,
         Fault::Io(error) => error.to_string(),
         Fault::Schema(topic, got) => format!("topic {} has messages {got}", topic.name()),
         Fault::Channels(topic, cause) => format!("topic {topic} has {cause}"),

@@ -56,6 +56,10 @@ pub(super) struct Tally {
     pub other_sender_frames: u64,
     /// One for each of [`Topic::ALL`].
     pub topics: [TopicTally; Topic::ALL.len()],
+    /// Whether messages are numbered within their topic, from 0, as our recorder numbers them.
+    pub is_numbered: bool,
+    /// The first thing that is wrong with the messages as a whole: some are repeated, late or missing.
+    pub flaw: Option<String>,
 }
 
 /// What is in a topic.
@@ -70,6 +74,8 @@ pub(super) struct TopicTally {
     pub expected: Option<u64>,
     /// The first sample of the chunk taken in last.
     pub first_of_chunk: Option<u64>,
+    /// The latest log time of a batch, ns.
+    pub last_log_time_ns: u64,
 }
 
 /// Passes through the file once.
@@ -78,10 +84,16 @@ pub(super) fn scan(path: &Path) -> Result<Scan, RecordingError> {
     let mut metadata = BTreeMap::new();
     let mut library = String::new();
     let mut tally = Tally::default();
-    let (readable_bytes, end) = loop {
+    // What was there before the first message outside a chunk: the rest counts if the data section's checksum is right.
+    let mut before_bare_messages = None;
+    let mut stated_messages = None;
+    let end = loop {
         let offset = reader.offset();
         match reader.next() {
-            Ok(Some(TopLevelRecord::Header(name))) => library = name,
+            Ok(Some(TopLevelRecord::Header(name))) => {
+                tally.is_numbered = name.starts_with(OUR_LIBRARY);
+                library = name;
+            }
             Ok(Some(TopLevelRecord::Metadata(name, content))) => {
                 if name == metadata::RECORDING && tally.dt_s.is_none() {
                     // First of all: what a later format means by the rest is not known.
@@ -90,20 +102,38 @@ pub(super) fn scan(path: &Path) -> Result<Scan, RecordingError> {
                 }
                 metadata.entry(name).or_insert(content);
             }
-            Ok(Some(TopLevelRecord::Chunk)) => match tally.clone().with(reader.contents()) {
-                Ok(with) => tally = with,
-                Err(cause) => break (offset, Err(reader.damaged(offset, cause))),
-            },
+            Ok(Some(record @ (TopLevelRecord::Chunk | TopLevelRecord::BareMessage))) => {
+                if let (TopLevelRecord::BareMessage, None) = (record, &before_bare_messages) {
+                    before_bare_messages = Some(tally.clone());
+                }
+                match tally.clone().with(reader.contents()) {
+                    Ok(with) => tally = with,
+                    Err(cause) => break Err(reader.damaged(offset, cause)),
+                }
+            }
+            Ok(Some(TopLevelRecord::Statistics(messages))) => stated_messages = Some(messages),
             Ok(Some(TopLevelRecord::Other)) => {}
-            Ok(None) => break (offset, Ok(())),
-            Err(error) => break (offset, Err(error)),
+            Ok(None) => break Ok(()),
+            Err(error) => break Err(error),
         }
     };
+    let readable_bytes = match &end {
+        Err(RecordingError::Damaged { offset, .. }) => *offset,
+        _ => reader.offset(),
+    };
+    if let (Err(RecordingError::Damaged { .. }), Some(before)) = (&end, before_bare_messages)
+        && readable_bytes < reader.offset()
+    {
+        tally = before;
+    }
     let file_bytes = reader.file_bytes();
     let last_sample = tally.samples.map(|(_, last)| last);
     let integrity = match end {
-        Ok(()) if metadata.contains_key(metadata::LOST) => Integrity::Complete,
-        Ok(()) => Integrity::Unfinished,
+        Ok(()) if !metadata.contains_key(metadata::LOST) => Integrity::Unfinished,
+        Ok(()) => match flaw(&tally, &metadata, stated_messages, reader.messages()) {
+            Some(cause) => Integrity::Incomplete { cause },
+            None => Integrity::Complete,
+        },
         Err(RecordingError::Truncated { .. }) => Integrity::Truncated { readable_bytes, file_bytes, last_sample },
         Err(RecordingError::Damaged { cause, .. }) => {
             Integrity::Damaged { readable_bytes, file_bytes, last_sample, cause }
@@ -113,6 +143,38 @@ pub(super) fn scan(path: &Path) -> Result<Scan, RecordingError> {
     };
     let lost = lost(path, &metadata)?;
     Ok(Scan { integrity, file_bytes, readable_bytes, library, metadata, lost, tally })
+}
+
+/// What is wrong with a file whose every record is in order: messages are missing or repeated.
+fn flaw(
+    tally: &Tally,
+    metadata: &BTreeMap<String, BTreeMap<String, String>>,
+    stated_messages: Option<u64>,
+    messages: u64,
+) -> Option<String> {
+    if let Some(flaw) = &tally.flaw {
+        return Some(flaw.clone());
+    }
+    match stated_messages {
+        Some(stated) if stated != messages => {
+            return Some(format!("the file's index counts {stated} messages, and {messages} are here"));
+        }
+        // Other writers may leave it out.
+        None if tally.is_numbered => {
+            return Some(String::from(
+                "the count of its messages, with which the recorder ends a file, was taken out: how many are missing is \
+                 not known",
+            ));
+        }
+        _ => {}
+    }
+    // The samples of a run are its states, unless the recorder lost some.
+    let lost = metadata.get(metadata::LOST)?.values().any(|count| count != "0");
+    let stated: u64 = metadata.get(metadata::STATISTICS)?.get(metadata::SAMPLES)?.parse().ok()?;
+    let states = &tally.topics[Topic::States as usize];
+    let found = states.summary.records;
+    (!lost && states.declared && found < stated)
+        .then(|| format!("the statistics count {stated} samples, and {found} are here"))
 }
 
 /// The counts of lost records.
@@ -228,6 +290,7 @@ impl Tally {
             declared.layout.iter().for_each(|layout| self.channels.set(topic, layout.channels()));
         }
         for message in contents.messages() {
+            self.check_place(&message);
             let topic = message.message_type.topic();
             let summary = &mut self.topics[topic as usize].summary;
             summary.messages += 1;
@@ -235,6 +298,30 @@ impl Tally {
             self.take(message)?;
         }
         Ok(self)
+    }
+
+    /// Notes a message that is not where it should be in its topic: one that is repeated, late, or behind a missing one.
+    fn check_place(&mut self, message: &RawMessage<'_>) {
+        let topic = message.message_type.topic();
+        let found = &mut self.topics[topic as usize];
+        let name = topic.name();
+        // The number wraps, as the recorder's does.
+        let expected = found.summary.messages as u32;
+        if self.is_numbered && message.sequence != expected {
+            let got = message.sequence;
+            self.flaw.get_or_insert_with(|| {
+                format!(
+                    "message {got} of topic {name} stands where message {expected} should: messages are missing, \
+                     repeated or late"
+                )
+            });
+        }
+        // Frames don't come one a sample: without numbers the times alone show that a batch is late.
+        let is_late = !self.is_numbered && topic == Topic::Frames && message.log_time_ns < found.last_log_time_ns;
+        if is_late {
+            self.flaw.get_or_insert_with(|| format!("messages of topic {name} are repeated or late"));
+        }
+        found.last_log_time_ns = found.last_log_time_ns.max(message.log_time_ns);
     }
 
     fn event(&mut self, event: &Event<String>) {
@@ -294,15 +381,26 @@ impl Tally {
         let (least, most) = self.samples.unwrap_or((first, last));
         self.samples = Some((least.min(first), most.max(last)));
         let has_every_sample = matches!(topic, Topic::States | Topic::Samples | Topic::Ticks);
+        let name = topic.name();
         let topic = &mut self.topics[topic as usize];
         topic.summary.records += last - first + 1;
         if has_every_sample {
             if let Some(expected) = topic.expected.filter(|&expected| expected != first) {
-                topic.summary.gaps += 1;
                 topic.first_gap.get_or_insert((expected, first));
+                if first > expected {
+                    topic.summary.gaps += 1;
+                } else {
+                    topic.summary.repeated += last.saturating_add(1).min(expected) - first;
+                    self.flaw.get_or_insert_with(|| {
+                        format!(
+                            "samples from {first} on are in topic {name} again or late, behind sample {}",
+                            expected - 1
+                        )
+                    });
+                }
             }
             topic.first_of_chunk.get_or_insert(first);
-            topic.expected = last.checked_add(1);
+            topic.expected = topic.expected.max(last.checked_add(1));
         }
     }
 }

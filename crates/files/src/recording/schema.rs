@@ -154,9 +154,11 @@ pub(super) mod metadata {
     pub const CONFIGURATION: &str = "resonarm.configuration";
     /// The statistics handed in at the end.
     pub const STATISTICS: &str = "resonarm.statistics";
+    /// The key of the samples of the run in them.
+    pub const SAMPLES: &str = "samples";
     /// Records lost in each channel. Last of all: a recording without it was not finished.
     pub const LOST: &str = "resonarm.lost";
-    /// What was repaired in a recovered recording.
+    /// What a recording was made from that is not whole: what was repaired, or that it is a part.
     pub const RECOVERED: &str = "resonarm.recovered";
 }
 

@@ -41,6 +41,8 @@ pub(super) enum Control {
 pub(super) enum Ending {
     /// With these statistics.
     Whole(BTreeMap<String, String>),
+    /// With these statistics, and what it was made from, which was not whole: nor is it.
+    Partial { statistics: BTreeMap<String, String>, made_from: BTreeMap<String, String> },
     /// Without an end: it must not look whole.
     GivenUp,
 }

@@ -21,11 +21,37 @@ const ZSTD_LEVEL: u32 = 3;
 /// chunk.
 pub(super) struct Sink {
     path: PathBuf,
-    writer: Writer<NoSeek<BufWriter<File>>>,
+    writer: Writer<NoSeek<BufWriter<Counted>>>,
     /// One for each of [`MessageType::ALL`] that has a channel.
     channels: [Option<Written>; MessageType::ALL.len()],
     buffer: Vec<u8>,
     unflushed: bool,
+}
+
+/// A file that counts what is written: a pipe or a device has no size to ask for.
+struct Counted {
+    file: File,
+    bytes: u64,
+}
+
+impl io::Write for Counted {
+    fn write(&mut self, bytes: &[u8]) -> io::Result<usize> {
+        let written = self.file.write(bytes)?;
+        self.bytes += written as u64;
+        Ok(written)
+    }
+
+    fn flush(&mut self) -> io::Result<()> {
+        self.file.flush()
+    }
+}
+
+/// A file that is written.
+pub(super) struct Finished {
+    /// Which file it is.
+    pub metadata: Metadata,
+    /// What was written, bytes.
+    pub bytes: u64,
 }
 
 /// The times of a message, ns.
@@ -61,7 +87,7 @@ impl Sink {
             .compression_level(ZSTD_LEVEL)
             .compression_threads(0)
             .disable_seeking(true)
-            .create(NoSeek::new(BufWriter::new(file)))
+            .create(NoSeek::new(BufWriter::new(Counted { file, bytes: 0 })))
             .map_err(|error| RecordingError::write(path, error))?;
         let channels = [const { None }; MessageType::ALL.len()];
         let mut sink = Sink { path: path.to_path_buf(), writer, channels, buffer: Vec::new(), unflushed: true };
@@ -95,7 +121,16 @@ impl Sink {
         let written = match message.encode(&mut buffer) {
             Ok(()) => {
                 let (log_time_ns, publish_time_ns) = (stamp.log_ns, stamp.publish_ns);
-                self.raw(RawMessage { message_type, layout: None, log_time_ns, publish_time_ns, bytes: &buffer })
+                // `raw` gives it its number.
+                let sequence = 0;
+                self.raw(RawMessage {
+                    message_type,
+                    layout: None,
+                    sequence,
+                    log_time_ns,
+                    publish_time_ns,
+                    bytes: &buffer,
+                })
             }
             Err(error) => Err(RecordingError::Write { path: self.path.clone(), source: Arc::new(error.into()) }),
         };
@@ -152,14 +187,17 @@ impl Sink {
     }
 
     /// Writes summary and footer and puts the file on the disk.
-    pub fn finish(mut self) -> Result<Metadata, RecordingError> {
+    pub fn finish(mut self) -> Result<Finished, RecordingError> {
         let finished = self.writer.finish();
         let path = self.path.clone();
         let mut file = self.into_file();
         finished.map_err(|error| RecordingError::write(&path, error))?;
         io::Write::flush(&mut file)
-            .and_then(|()| file.get_ref().sync_all())
-            .and_then(|()| file.get_ref().metadata())
+            .and_then(|()| {
+                let Counted { file, bytes } = file.get_ref();
+                synchronise(file)?;
+                Ok(Finished { metadata: file.metadata()?, bytes: *bytes })
+            })
             .map_err(|source| RecordingError::Write { path, source: Arc::new(source) })
     }
 
@@ -168,7 +206,15 @@ impl Sink {
         let _unwritten = self.into_file().into_parts();
     }
 
-    fn into_file(self) -> BufWriter<File> {
+    fn into_file(self) -> BufWriter<Counted> {
         self.writer.into_inner().into_inner()
+    }
+}
+
+/// Puts a file on the disk. Pipes and devices have none: fsync(2) says that it does not apply (EINVAL).
+fn synchronise(file: &File) -> io::Result<()> {
+    match file.sync_all() {
+        Err(error) if error.kind() == io::ErrorKind::InvalidInput && !file.metadata()?.is_file() => Ok(()),
+        synchronised => synchronised,
     }
 }

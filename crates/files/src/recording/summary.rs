@@ -51,6 +51,11 @@ pub enum Integrity {
     Complete,
     /// The file is whole, but it was recovered from a truncated or damaged one: parts of the run may be missing.
     Unfinished,
+    /// Every record of the file is in order, but records are missing, or are there more than once.
+    Incomplete {
+        /// What is wrong.
+        cause: String,
+    },
     /// The file ends inside a record: the run was killed, or a copy was cut short.
     Truncated {
         /// How much can be read, bytes.
@@ -78,6 +83,7 @@ impl fmt::Display for Integrity {
         let last_sample = match self {
             Integrity::Complete => return f.write_str("complete"),
             Integrity::Unfinished => return f.write_str("recovered from a truncated or damaged one"),
+            Integrity::Incomplete { cause } => return write!(f, "not whole: {cause}"),
             Integrity::Truncated { readable_bytes, file_bytes, last_sample } => {
                 write!(f, "truncated: {readable_bytes} of {file_bytes} bytes can be read")?;
                 last_sample
@@ -205,8 +211,10 @@ pub struct TopicSummary {
     pub records: u64,
     /// Their size before compression, bytes.
     pub bytes: u64,
-    /// Places where the samples of a batched topic are not consecutive.
+    /// Places where samples of a batched topic are missing.
     pub gaps: u64,
+    /// Records of samples that a batched topic has already had, or that are behind later ones.
+    pub repeated: u64,
 }
 
 impl Origin {

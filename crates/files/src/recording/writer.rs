@@ -129,7 +129,7 @@ impl Writer {
         let summary = self.summary();
         let Writer { shared, sink, mut file, sources: _let_go_at_the_end, .. } = self;
         let ended = match written {
-            Ok(Ending::Whole(_)) => close(sink, &mut file, summary),
+            Ok(Ending::Whole(_) | Ending::Partial { .. }) => close(sink, &mut file, summary),
             Ok(Ending::GivenUp) => {
                 sink.abandon();
                 Ok(summary)
@@ -154,7 +154,13 @@ impl Writer {
             if let Some(ending) = ending {
                 self.take_rest()?;
                 match &ending {
-                    Ending::Whole(statistics) => self.write_end(statistics)?,
+                    Ending::Whole(statistics) => {
+                        let lost = self.lost().into_iter().map(|(name, count)| (name, count.to_string())).collect();
+                        self.write_end(statistics, metadata::LOST, &lost)?;
+                    }
+                    Ending::Partial { statistics, made_from } => {
+                        self.write_end(statistics, metadata::RECOVERED, made_from)?;
+                    }
                     Ending::GivenUp => self.flush()?,
                 }
                 return Ok(ending);
@@ -380,16 +386,21 @@ impl Writer {
         self.sink.flush()
     }
 
-    /// Writes the configuration again, the statistics and the count of lost records.
-    fn write_end(&mut self, statistics: &BTreeMap<String, String>) -> Result<(), RecordingError> {
+    /// Writes the configuration again, the statistics, and last the metadata record that says how the recording ends: the
+    /// count of lost records, or what a recording that is not whole was made from.
+    fn write_end(
+        &mut self,
+        statistics: &BTreeMap<String, String>,
+        name: &str,
+        content: &BTreeMap<String, String>,
+    ) -> Result<(), RecordingError> {
         self.plots.end();
         self.write_plots()?;
         self.flush()?;
         self.sink.metadata(metadata::RECORDING, &about(&self.options, self.times.start_unix_ns))?;
         self.sink.metadata(metadata::CONFIGURATION, &self.configuration)?;
         self.sink.metadata(metadata::STATISTICS, statistics)?;
-        let lost = self.lost().into_iter().map(|(name, count)| (name, count.to_string())).collect();
-        self.sink.metadata(metadata::LOST, &lost)
+        self.sink.metadata(name, content)
     }
 
     /// Records lost, by channel; channels of one name count together.
@@ -441,8 +452,8 @@ impl Times {
 fn close(sink: Sink, file: &mut Staged, summary: Summary) -> Result<Summary, RecordingError> {
     let written = sink.finish()?;
     file.publish().map_err(|error| RecordingError::publish(&summary.path, error))?;
-    match is_at(&written, &summary.path) {
-        true => Ok(Summary { bytes: written.len(), ..summary }),
+    match is_at(&written.metadata, &summary.path) {
+        true => Ok(Summary { bytes: written.bytes, ..summary }),
         false => Err(RecordingError::Gone { path: summary.path }),
     }
 }

@@ -230,6 +230,18 @@ pub enum StructureSectionError {
         /// Why.
         fault: Box<ImportError>,
     },
+    /// The FMU of a recording, which is data: loading it would run code.
+    #[error(
+        "the recording was made with the FMU {}, {}: nothing that a recording names is loaded, since an FMU is code that runs \
+         with your rights; if you trust it, name its file by --fmu FILE (in Python fmu=FILE), whose SHA-256 is compared",
+        path.display(), of_hash(sha256)
+    )]
+    FmuNotAllowed {
+        /// The FMU that the recording names.
+        path: PathBuf,
+        /// The SHA-256 that it notes, if it does.
+        sha256: Option<String>,
+    },
     /// Another file than the one that is noted.
     #[error(
         "{}: its SHA-256 is {got}, and structure.sha256 is {expected}: it is another FMU than the one that was meant or recorded", path.display()
@@ -242,4 +254,9 @@ pub enum StructureSectionError {
         /// The one that is noted.
         expected: String,
     },
+}
+
+/// The SHA-256 of an FMU, for a message.
+fn of_hash(sha256: &Option<String>) -> String {
+    sha256.as_ref().map_or(String::from("whose SHA-256 it does not state"), |sha256| format!("SHA-256 {sha256}"))
 }

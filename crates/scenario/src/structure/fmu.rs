@@ -24,12 +24,32 @@ impl StructureSection {
         Ok(())
     }
 
+    /// Allows the FMU of a recording to be loaded, from `file` and not from the path that the recording names. Its
+    /// SHA-256 must be the recorded one, if there is one.
+    pub fn allow_fmu(&mut self, file: &Path) {
+        self.file = Some(absolute(file).unwrap_or_else(|_| file.to_path_buf()));
+        self.is_recorded = false;
+    }
+
+    /// Refuses the FMU of a recording before it is allowed.
+    ///
+    /// # Errors
+    /// [`StructureSectionError::FmuNotAllowed`].
+    pub fn check_allowed(&self) -> Result<(), StructureSectionError> {
+        if !self.is_recorded {
+            return Ok(());
+        }
+        let (path, sha256) = (self.file.clone().unwrap_or_default(), self.sha256.clone());
+        Err(StructureSectionError::FmuNotAllowed { path, sha256 })
+    }
+
     /// The plant of the FMU, which is loaded, with the rig, the rates and the seed of a specification.
     ///
     /// # Errors
     /// [`StructureSectionError`]: of keys, of the file, and of the FMU; else [`PlantSpecError`] of the rig.
     pub fn fmu_plant(&self, spec: &PlantSpec) -> Result<Result<Plant, PlantSpecError>, StructureSectionError> {
         self.check_keys()?;
+        self.check_allowed()?;
         if spec.rig.shaker.is_some() {
             return Err(StructureSectionError::OwnShaker { what: "of kind `fmu`" });
         }

@@ -128,6 +128,10 @@ pub struct StructureSection {
     /// The SHA-256 of the FMU's file, in hexadecimal digits: a recording notes it.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub sha256: Option<String>,
+    /// Whether it is the FMU of a recording. A recording is data: the FMU that it names is not loaded before
+    /// [`StructureSection::allow_fmu`] names the file.
+    #[serde(skip)]
+    pub is_recorded: bool,
     /// When within a hold the FMU is read.
     #[serde(skip_serializing_if = "is_default")]
     pub read: ReadAt,

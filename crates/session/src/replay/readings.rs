@@ -5,6 +5,7 @@ use super::verdict::load;
 use resonarm_bench::rig::{Measurement, Reading};
 use resonarm_files::recording::{Recording, SampleRecord};
 use resonarm_files::starting_plant;
+use resonarm_scenario::ScenarioError;
 
 /// Whether the readings of a run, simulated again, are the recorded ones.
 #[derive(Clone, Debug, PartialEq, serde::Serialize)]
@@ -26,6 +27,9 @@ pub struct ReadingsVerdict {
 /// gathered until then, or its scenario makes no plant; else as [`resimulate`](super::resimulate).
 pub fn resimulate_readings(recording: &Recording) -> Result<ReadingsVerdict, ReplayError> {
     let sample = recording.summary().samples.map_or(0, |(first, _)| first);
+    // Why an FMU is not loaded is said as such.
+    let structure = recording.scenario().ok().and_then(|scenario| scenario.structure);
+    structure.map_or(Ok(()), |structure| structure.check_allowed()).map_err(ScenarioError::from)?;
     let mut plant = starting_plant::plant(recording).ok_or(ReplayError::NoInstruments { sample })?;
     let mut readings = recording.samples()?;
     let mut next = readings.next().transpose()?;

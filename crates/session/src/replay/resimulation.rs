@@ -9,7 +9,6 @@ use resonarm_bench::structure::States;
 use resonarm_files::import::IMPORTED_FROM;
 use resonarm_files::recording::{Integrity, Recording, StateRecord};
 use resonarm_files::starting_plant::is_recorded;
-use resonarm_scenario::Scenario;
 
 /// Samples that are in memory at a time: some MB.
 const BLOCK: usize = 1 << 13;
@@ -20,14 +19,15 @@ const PART: usize = 1 << 10;
 ///
 /// State and current at a sample follow from state, current and load at the one before alone. So as long as none
 /// differs, all cores simulate parts of the run, each from a recorded state, with the result of one after the other.
-/// An FMU is simulated again from its start alone, and once more where it differs.
+/// An FMU is simulated again from its start alone, and once more where it differs. It is loaded from the file of
+/// [`Recording::allow_fmu`], never from the path in the recording.
 ///
 /// # Errors
 /// [`ReplayError`] if the recording can't be read, was imported from a log, has gaps or no states, its scenario makes
 /// no plant or not the one that was recorded: other samples, loads beyond its exciter; if it begins in the middle of a
 /// run without the current of its shaker's coil.
 pub fn resimulate(recording: &Recording) -> Result<Verdict, ReplayError> {
-    let scenario = Scenario::from_configuration(recording.configuration());
+    let scenario = recording.scenario();
     if let Some(log) = recording.configuration().get(IMPORTED_FROM) {
         return Err(ReplayError::Imported { log: log.to_owned(), has_scenario: scenario.is_ok() });
     }

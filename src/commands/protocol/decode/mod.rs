@@ -109,7 +109,8 @@ impl Decode {
                 decoding.entry(&parse(frame).map_err(|reason| not_a_frame(frame, reason))?)?;
             }
         }
-        decoding.finish()
+        let whole = recording.as_ref().map_or(Verdict::Positive, recordings::verdict);
+        Ok(decoding.finish()?.and(whole))
     }
 
     /// What explains the frames, those of the DBC, of the scenario, of the recording's scenario or of the network, and
