@@ -155,19 +155,11 @@ fn flaw(
     if let Some(flaw) = &tally.flaw {
         return Some(flaw.clone());
     }
-    match stated_messages {
-        Some(stated) if stated != messages => {
-            return Some(format!("the file's index counts {stated} messages, and {messages} are here"));
-        }
-        // Other writers may leave it out.
-        None if tally.is_numbered => {
-            return Some(String::from(
-                "the count of its messages, with which the recorder ends a file, was taken out: how many are missing is \
-                 not known",
-            ));
-        }
-        _ => {}
-    }
+    missing_samples(tally, metadata).or_else(|| wrong_count(tally, stated_messages, messages))
+}
+
+/// What the statistics of the run say of the samples that are here.
+fn missing_samples(tally: &Tally, metadata: &BTreeMap<String, BTreeMap<String, String>>) -> Option<String> {
     // The samples of a run are its states, unless the recorder lost some.
     let lost = metadata.get(metadata::LOST)?.values().any(|count| count != "0");
     let stated: u64 = metadata.get(metadata::STATISTICS)?.get(metadata::SAMPLES)?.parse().ok()?;
@@ -175,6 +167,20 @@ fn flaw(
     let found = states.summary.records;
     (!lost && states.declared && found < stated)
         .then(|| format!("the statistics count {stated} samples, and {found} are here"))
+}
+
+/// What the file's own count of messages says of those that are here.
+fn wrong_count(tally: &Tally, stated_messages: Option<u64>, messages: u64) -> Option<String> {
+    match stated_messages {
+        Some(stated) if stated != messages => {
+            Some(format!("the file's index counts {stated} messages, and {messages} are here"))
+        }
+        // Other writers may leave it out.
+        None if tally.is_numbered => Some(String::from(
+            "the count of its messages, with which the recorder ends a file, was taken out: how many are missing is not known",
+        )),
+        _ => None,
+    }
 }
 
 /// The counts of lost records.
