@@ -189,7 +189,7 @@ impl SendState {
             }
             Some(Flaw::SlowToArm) if kind == MessageKind::Operator && self.now_ns < 3_000_000_000 => None,
             Some(Flaw::JumpsInFault) if is_protected && self.state == Some(NodeState::Fault) => {
-                Some(rewritten(network, &frame, |data| data[1] = data[1] & 0xF0 | (data[1] + 7) % 15))
+                Some(rewritten(network, &frame, |data| data[1] = data[1] & 0xF0 | ((data[1] + 7) % 15)))
             }
 
             Some(Flaw::StepsBy(by)) if is_protected => {
