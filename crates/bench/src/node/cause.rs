@@ -78,7 +78,7 @@ impl Unheeded {
     /// Notes a frame that was refused.
     pub(super) fn refuse(&mut self, frame: &Frame, why: RefusedFor) {
         self.frames += 1;
-        self.first.get_or_insert_with(|| RefusedFrame { frame: *frame, why });
+        self.first.get_or_insert(RefusedFrame { frame: *frame, why });
     }
 
     /// Notes a command that came before the message `condition` had a value that is required.

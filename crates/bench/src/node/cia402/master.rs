@@ -411,10 +411,9 @@ impl ExciterInterface for Cia402Exciter {
         if self.slaves.iter().any(|slave| slave.id(COMMAND_BASE) == id) {
             self.work.second_sender(id).into_iter().for_each(|emergency| self.fault(emergency));
         } else if let Some(place) = self.slaves.iter().position(|slave| heard.iter().any(|base| slave.id(*base) == id))
+            && let Err(check) = self.hear(now_ns, place, frame)
         {
-            if let Err(check) = self.hear(now_ns, place, frame) {
-                self.work.refuse_frame(id, check);
-            }
+            self.work.refuse_frame(id, check);
         }
     }
 
