@@ -13,7 +13,7 @@
 //! its motion itself, as those of `resonarm fmu` do, and its outputs are read at the end.
 //!
 //! The library of an FMU is native code of a third party, with the rights of the user and without a bound on its time: it
-//! runs in lockstep and free, never in real time. Each instance runs in a process of its own ([`process`]), from a folder
+//! runs in lockstep and free, never in real time. Each instance runs in a process of its own (module `process`), from a folder
 //! of its own. So whatever the library does to its process, such as ending it, writing to its standard output or
 //! changing how it rounds, ends the simulation with an error or has no effect on it.
 

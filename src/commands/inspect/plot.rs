@@ -102,7 +102,7 @@ pub(super) fn figure(recording: &Recording, summary: &RecordingSummary) -> Resul
             _ => {}
         }
     }
-    let time_s = |span: usize| (first + span as u64 * width) as f64 * summary.origin.dt_s;
+    let time_s = |span: usize| (first as f64 + span as f64 * width as f64) * summary.origin.dt_s;
     let name = recording.path().file_name().map_or(String::new(), |name| name.to_string_lossy().into_owned());
     let mut figure = Figure::new(name);
     for (quantity, is_read) in QUANTITIES {
