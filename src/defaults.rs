@@ -260,6 +260,7 @@ mod tests {
         export --from-s: the beginning
         export --to-s: the end
         import --from: by its ending, .log for candump, .asc, .blf
+        import --interface: that of the first frame
         frf --points: 801, and more about each natural frequency
         simulate --initial: that of the scenario, at rest
         continue --at: where it is driven

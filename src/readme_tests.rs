@@ -125,9 +125,11 @@ fn files(arguments: &str) -> (Vec<String>, Vec<String>) {
             read.push((*word).to_owned());
         }
     }
-    if words[0] == "export" && !words.contains(&"--out") {
-        let stem = Path::new(&read[0]).file_stem().unwrap().to_str().unwrap().to_owned();
-        written.push(format!("{stem} as {}", words.iter().skip_while(|word| **word != "--to").nth(1).unwrap()));
+    if words[0] == "export" {
+        let out = words.iter().skip_while(|word| **word != "--out").nth(1);
+        let of_recording = || Path::new(&read[0]).file_stem().unwrap().to_str().unwrap();
+        let format = words.iter().skip_while(|word| **word != "--to").nth(1).unwrap();
+        written = vec![format!("{} as {format}", out.map_or_else(of_recording, |stem| *stem))];
     }
     (read, written)
 }
