@@ -170,7 +170,7 @@ def test_the_last_part_that_fails_leaves_no_other(tmp_path, monkeypatch):
 
 def test_a_name_that_is_taken_meanwhile_is_left(tmp_path):
     path = tmp_path / "sweep.blf"
-    with pytest.raises(FileExistsError, match="already exists"), staged([path], False) as (partial,):
+    with pytest.raises(FileExistsError, match="already exists"), staged([path], False, SWEEP) as (partial,):
         assert re.fullmatch(r"\.sweep\.blf\.\d+\.0\.part", partial.name)
         path.write_text("theirs")
     assert {found: found.read_text() for found in tmp_path.iterdir()} == {path: "theirs"}
@@ -224,7 +224,7 @@ def test_an_input_or_a_folder_that_is_not_there_is_wrong_input(tmp_path, capsys,
         raise PermissionError(f"can't read recording `{path}`: Permission denied (os error 13)")
 
     # As the extension refuses it.
-    monkeypatch.setattr(export, "Recording", unreadable)
+    monkeypatch.setattr(program, "Recording", unreadable)
     assert program.main(["export", str(SWEEP), "--to", "blf", "--out", str(tmp_path / "sweep")]) == 2
     assert "can't read recording" in capsys.readouterr().err
 

@@ -102,7 +102,7 @@ def test_readers_of_logs_warn_too(cut_short):
 
 
 def test_the_command_warns_in_a_line(cut_short, tmp_path, capsys):
-    assert program.main(["export", str(cut_short), "--to", "blf", "--out", str(tmp_path / "cut")]) == 0
+    assert program.main(["export", str(cut_short), "--to", "blf", "--out", str(tmp_path / "cut")]) == 1
     said = capsys.readouterr().err
     assert said.startswith("warning: recording `") and "is truncated" in said
     assert said.count("\n") == 1

@@ -104,8 +104,8 @@ fn checked(returned: c_int) -> Result<c_int> {
     if returned == -1 { Err(Error::last_os_error()) } else { Ok(returned) }
 }
 
-/// Makes a new process into one of its own: the program's handlers of signals, files and terminal are none of its.
-fn separate(kept: [RawFd; 3]) -> Result<()> {
+/// Gives a new process handlers of signals, a process group and standard files of its own.
+fn separate() -> Result<()> {
     // SAFETY: calls with numbers, and a set that is initialized by `sigemptyset`. Signals that can't be set are kept.
     unsafe {
         for signal in 1..=libc::SIGRTMAX() {
@@ -121,6 +121,15 @@ fn separate(kept: [RawFd; 3]) -> Result<()> {
         // Standard output may be a document of the program, such as that of `--json`.
         checked(libc::dup2(libc::STDERR_FILENO, libc::STDOUT_FILENO)).or_else(|_| checked(libc::dup2(null, 1)))?;
     }
+    Ok(())
+}
+
+/// Closes the program's files in this process, except those that are `kept`.
+///
+/// No process may be forked after this. A library of the program may have registered a handler for forks that needs its
+/// files: that of Apache Arrow, which runs in every Python program with pandas or pyarrow, aborts the new process if the
+/// files of its pipe are closed.
+fn close_others(kept: [RawFd; 2]) -> Result<()> {
     let open = fs::read_dir("/proc/self/fd")?;
     let open = open.filter_map(|entry| entry.ok()?.file_name().to_str()?.parse().ok());
     let open: Vec<RawFd> = open.filter(|fd| *fd > 2 && !kept.contains(fd)).collect();
@@ -135,10 +144,11 @@ extern "C" fn ignore(_signal: c_int) {}
 
 /// The guard: starts the FMU's process when it is told to, and waits for its end or that of the program.
 fn watch(source: &Source, folder: &Path, FarEnds { requests, answers, mut lifeline }: FarEnds) -> Result<()> {
-    separate([requests.as_raw_fd(), answers.as_raw_fd(), lifeline.as_raw_fd()])?;
+    separate()?;
     if lifeline.read(&mut [0])? == 0 {
         return Ok(());
     }
+    let answers_fd = answers.as_raw_fd();
     let answers = Arc::new(Answers::new(answers));
     // SAFETY: sets that are initialized by `sigemptyset`, and a handler that does nothing.
     let awake = unsafe {
@@ -156,9 +166,11 @@ fn watch(source: &Source, folder: &Path, FarEnds { requests, answers, mut lifeli
     let (guard, pid) = unsafe { (libc::getpid(), checked(libc::fork())?) };
     if pid == 0 {
         drop(lifeline);
-        run(source, folder, requests, &answers, guard);
+        let kept = [requests.as_raw_fd(), answers_fd];
+        run(source, folder, requests, &answers, guard, kept);
     }
     drop(requests);
+    close_others([answers_fd, lifeline.as_raw_fd()])?;
     let ended = |options| -> Result<Option<c_int>> {
         let mut status = 0;
         // SAFETY: a variable to write to.
@@ -203,8 +215,15 @@ pub(crate) fn end_within(seconds: u32) {
     }
 }
 
-/// The process of the FMU.
-fn run(source: &Source, folder: &Path, requests: PipeReader, answers: &Arc<Answers>, guard: libc::pid_t) -> ! {
+/// The process of the FMU, in which only the files that are `kept` stay open.
+fn run(
+    source: &Source,
+    folder: &Path,
+    requests: PipeReader,
+    answers: &Arc<Answers>,
+    guard: libc::pid_t,
+    kept: [RawFd; 2],
+) -> ! {
     let prepared = || -> Result<()> {
         // SAFETY: calls with numbers, a set that is initialized by `sigemptyset`, and a function that lives as long as
         // the process.
@@ -221,6 +240,7 @@ fn run(source: &Source, folder: &Path, requests: PipeReader, answers: &Arc<Answe
             #[cfg(target_env = "gnu")]
             on_exit(leave, core::ptr::null_mut());
         }
+        close_others(kept)?;
         serve(source, folder, requests, answers)
     };
     let served = catch_unwind(AssertUnwindSafe(prepared));
