@@ -120,7 +120,8 @@ def recorded_with_missed_deadlines(programs, folder):
     walk can't raise to a limit however late its answers are, the run continues."""
     scenario = folder / "patient.toml"
     walk = Path("scenarios/demo.toml").read_text().replace("force_x_n = 14.0", "force_x_n = 0.1")
-    scenario.write_text(walk + "\n[network]\ncommand_timeout_s = 60.0\npartner_timeout_s = 60.0\n")
+    timeouts = "[network]\ncommand_timeout_s = 60.0\npartner_timeout_s = 60.0\n"
+    scenario.write_text(walk.replace("[network]\n", timeouts))
     demo = programs.resonarm("demo", "--mode", "real-time", "--scenario", scenario, "--out", folder, "--json")
     recording = folder / "demo.mcap"
     # Records of half a second are written at once: by then it is under way.
