@@ -18,7 +18,7 @@ PICTURE = re.compile(r"^!\[[^\]]+\]\((../images/tutorials/.*\.svg)\)$", re.MULTI
 # What the text of each says of the output of its commands.
 SAID = {
     "controller": ["along x: 1.1", "identical", "1 passed"],
-    "recording": ["integrity    complete", "     1        22.16", "     2        48.8"],
+    "recording": ["integrity    complete", "     1           22.16", "     2           48.8"],
     "folds": [
         "fold             frequency_hz = 22.147",
         "fold             frequency_hz = 22.142",
