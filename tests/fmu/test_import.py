@@ -68,7 +68,7 @@ def test_our_own_fmu_gives_the_bits_of_the_native_run(arm, imported, tmp_path):
     frames = [[(frame.id, bytes(frame.data)) for frame in run.frames] for run in (recorded, arm.native)]
     assert frames[0] == frames[1]
     for flags in ((), ("--readings",)):
-        done = resim(tmp_path / "run.mcap", "--fmu", arm.fmu, *flags)
+        done = resim(tmp_path / "run.mcap", "--fmu", arm.fmu.path, *flags)
         assert done.returncode == 0 and '"identical":true' in done.stdout, done
 
 
