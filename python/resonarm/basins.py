@@ -13,7 +13,7 @@ from ._dtypes import NUMBER, OUTCOME, Array, view
 from ._load import Load
 from .words import Coordinate
 
-COORDINATES = ("alpha1_rad", "alpha2_rad", "alpha_dot1_rad_s", "alpha_dot2_rad_s")
+COORDINATES = ("alpha1_rad", "alpha2_rad", "alpha1_dot_rad_s", "alpha2_dot_rad_s")
 """The coordinates of a state, in its order."""
 LABELS = ("α₁ (rad)", "α₂ (rad)", "α̇₁ (rad/s)", "α̇₂ (rad/s)")
 UNDECIDED, DIVERGES = 0, -1
@@ -150,7 +150,7 @@ def basins(
     torque2_nm: float | None = None,
     force_x_n: float | None = None,
     force_y_n: float | None = None,
-    coordinates: Sequence[Coordinate] = ("alpha1_rad", "alpha_dot1_rad_s"),
+    coordinates: Sequence[Coordinate] = ("alpha1_rad", "alpha1_dot_rad_s"),
     start: Sequence[float] | None = None,
     stop: Sequence[float] | None = None,
     points: Sequence[int] = (41, 41),
@@ -161,7 +161,7 @@ def basins(
     phase 0, computed on all cores as by `resonarm basins`.
 
     - `torque1_nm`, `torque2_nm`, or `force_x_n` and `force_y_n`: the amplitude A.
-    - `coordinates`: two of alpha1_rad, alpha2_rad, alpha_dot1_rad_s, alpha_dot2_rad_s, by default α1 and α̇1.
+    - `coordinates`: two of alpha1_rad, alpha2_rad, alpha1_dot_rad_s, alpha2_dot_rad_s, by default α1 and α̇1.
     - `start`, `stop`: the first and the last value of each; by default 1.5 times as far as the largest stable motion
       reaches, to both sides.
     - `points`: the number of values of each, from 2 to 1000, by default (41, 41).
@@ -194,5 +194,5 @@ def _reach(
     for name in coordinates:
         joint = COORDINATES.index(name) % 2 if name in COORDINATES else 0
         largest = max(motion.amplitude_rad[joint] for motion in motions)
-        reaches.append(REACH * largest * (2 * math.pi * frequency_hz if name.startswith("alpha_dot") else 1.0))
+        reaches.append(REACH * largest * (2 * math.pi * frequency_hz if "_dot_" in name else 1.0))
     return (reaches[0], reaches[1])

@@ -37,8 +37,8 @@ UNITS = {
     "frequency_hz": "Hz",
     "alpha1_rad": "rad",
     "alpha2_rad": "rad",
-    "alpha_dot1_rad_s": "rad s-1",
-    "alpha_dot2_rad_s": "rad s-1",
+    "alpha1_dot_rad_s": "rad s-1",
+    "alpha2_dot_rad_s": "rad s-1",
 }
 LARGEST_STEP = 0.05
 """Largest step along a branch, relative to the motion's size: between its motions the map is linear."""
@@ -113,7 +113,7 @@ def basin_map(
     force_x_n: Amplitudes = None,
     force_y_n: Amplitudes = None,
     beta2_deg: Sequence[float] | None = None,
-    coordinates: Sequence[Coordinate] = ("alpha1_rad", "alpha_dot1_rad_s"),
+    coordinates: Sequence[Coordinate] = ("alpha1_rad", "alpha1_dot_rad_s"),
     points: Sequence[int] = (41, 41),
     initial: Sequence[float] = AT_REST,
     time_constants: float = TIME_CONSTANTS,

@@ -350,7 +350,7 @@ class Modal(_Structure):
         modes: list[ModeShape] = []
         at = document.get("at") or ACCELEROMETERS
         for number, mode in enumerate(found, 1):
-            shape, hz = mode.get("shape_per_sqrt_kg"), mode["frequency_hz"]
+            shape, hz = mode.get("shape_per_sqrt_kg"), mode["pole_frequency_hz"]
             if shape is None:
                 raise ValueError(
                     f"mode {number}, at {hz:g} Hz, has no modal mass (shape_per_sqrt_kg): identify a record under a "
@@ -365,7 +365,7 @@ class Modal(_Structure):
                 )
             # What both accelerometers read is of C.
             of = {name: amount for name, amount in zip(at, shape, strict=True) if name is not None}
-            modes.append({"frequency_hz": hz, "damping_ratio": mode["damping_ratio"], "shape": of})
+            modes.append({"frequency_hz": hz, "damping_ratio": mode["pole_damping_ratio"], "shape": of})
         return cls(modes, elements=elements, name=name)
 
     @property

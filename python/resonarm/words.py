@@ -29,7 +29,7 @@ Parameter = Literal[
     "damping2_nm_s_rad",
 ]
 """The parameter in which a branch is followed."""
-Coordinate = Literal["alpha1_rad", "alpha2_rad", "alpha_dot1_rad_s", "alpha_dot2_rad_s"]
+Coordinate = Literal["alpha1_rad", "alpha2_rad", "alpha1_dot_rad_s", "alpha2_dot_rad_s"]
 """A coordinate of the state."""
 Mode = Literal["free", "lockstep", "real-time"]
 """What drives the time of a run: only the simulation, the answers of a partner, or the clock."""

@@ -24,7 +24,7 @@ pub struct Arm {
 #[pyclass(frozen, eq, module = "resonarm._resonarm")]
 #[derive(Debug, PartialEq)]
 pub struct Mode {
-    /// Natural frequency, Hz.
+    /// Natural frequency of the undamped structure, Hz.
     frequency_hz: f64,
     /// Damping ratio.
     damping_ratio: f64,
@@ -39,7 +39,7 @@ impl Mode {
         Mode { frequency_hz, damping_ratio, shape }
     }
 
-    /// Natural frequency, Hz.
+    /// Natural frequency of the undamped structure, Hz.
     #[getter]
     fn frequency_hz(&self) -> f64 {
         self.frequency_hz

@@ -11,6 +11,7 @@ from matplotlib.figure import Figure
 import resonarm
 from resonarm import _resonarm
 from resonarm._dtypes import OUTCOME, view
+from resonarm.basins import COORDINATES
 
 HZ, TORQUE_NM = 21.98, 600.0
 DAMPED = {"damping1_nm_s_rad": 4.5, "damping2_nm_s_rad": 4.5}
@@ -43,7 +44,7 @@ def test_basins_are_those_of_the_program(command, tmp_path):
     counts = [np.count_nonzero(found.motion == k) for k in (1, 2)]
     assert min(counts) > 5
     expected = f"of 72 states {counts[0]} reach motion 1, {counts[1]} reach motion 2>"
-    assert repr(found) == f"<Basins in alpha1_rad and alpha_dot1_rad_s: {expected}"
+    assert repr(found) == f"<Basins in alpha1_rad and alpha1_dot_rad_s: {expected}"
     ax = found.plot(Figure().subplots())
     # Cells that touch: one mesh a motion, and one diamond each.
     assert [mesh.get_array().count() for mesh in ax.collections] == counts
@@ -133,3 +134,9 @@ def test_invalid_arguments_are_value_errors(arm, call, message):
     with pytest.raises(ValueError) as raised:
         call(arm)
     assert message in str(raised.value)
+
+
+def test_coordinates_have_the_names_of_the_channels():
+    """basins called the velocity of joint 1 alpha_dot1_rad_s, recordings and exports alpha1_dot_rad_s."""
+    channels = {name for names in _resonarm.arm_channels("states").values() for name in names}
+    assert set(COORDINATES) <= channels

@@ -106,7 +106,7 @@ def test_a_map_of_basins_is_those_of_each_place(basins):
         "beta2_deg": 1,
         "torque1_nm": 1,
         "frequency_hz": 2,
-        "alpha_dot1_rad_s": 15,
+        "alpha1_dot_rad_s": 15,
         "alpha1_rad": 18,
         "stable_motion": 2,
         "joint": 2,
@@ -117,7 +117,7 @@ def test_a_map_of_basins_is_those_of_each_place(basins):
     np.testing.assert_array_equal(here["periods"], one.periods)
     np.testing.assert_array_equal(here["alpha1_rad"], one.x)
     np.testing.assert_array_equal(here["amplitude_rad"], [motion.amplitude_rad for motion in one.motions])
-    assert here["alpha_dot1_rad_s"].attrs["units"] == "rad s-1"
+    assert here["alpha1_dot_rad_s"].attrs["units"] == "rad s-1"
     assert not basins["ended_early"].any()
 
 

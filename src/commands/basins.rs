@@ -51,7 +51,7 @@ pub(crate) struct Basins {
     frequency_hz: f64,
     #[command(flatten)]
     structure: StructureDriveFlags,
-    /// The two coordinates that vary: alpha1_rad, alpha2_rad, alpha_dot1_rad_s, alpha_dot2_rad_s; of a structure the
+    /// The two coordinates that vary: alpha1_rad, alpha2_rad, alpha1_dot_rad_s, alpha2_dot_rad_s; of a structure the
     /// names of its coordinates, as alpha3_rad or q1_m_sqrt_kg, and of their rates. The others are those of --initial
     /// [default: the first and its rate].
     #[arg(long, value_name = "NAMES", value_delimiter = ',', num_args = 1)]

@@ -15,7 +15,7 @@ use crate::flags;
 use crate::output::{self, JsonFlag, OverwriteFlag};
 use crate::recordings;
 use crate::structures;
-use resonarm::analysis::{self, Response};
+use resonarm::analysis::{self, Pole, Response};
 use resonarm::excitation::Waveform;
 use resonarm::identification::{MissingMode, averaging, band, missing_modes, mode_numbers, record, samples_in};
 use resonarm::identify::{
@@ -28,8 +28,11 @@ use resonarm::scenario::{READS_IMAGES, Scenario, ScenarioError};
 use resonarm_figures::plot::{Axis, Color, Figure, Legend, Panel, Series};
 use resonarm_numeric::number::short;
 
-/// Natural frequencies, damping ratios and frequency responses from the readings in a recording: accelerations of B and
-/// C over the force in the impedance head.
+/// Poles and frequency responses from the readings in a recording: accelerations of B and C over the force in the
+/// impedance head.
+///
+/// A pole λ is stated by its frequency |λ|/2π and its damping ratio −Re λ/|λ|. With damping that is not proportional they
+/// differ from those of the undamped structure; `resonarm modes` states both.
 ///
 /// The model of the modes includes the ends of the record, so the record may be shorter than their decay; frequencies
 /// and damping ratios have their standard deviation, shapes have none. The structure must be driven by a force where
@@ -146,6 +149,11 @@ struct ResponseCurve {
     coherence: Option<Vec<f64>>,
 }
 
+/// Pole frequencies of a structure's modes; not a number for a mode that does not oscillate, so that nothing is near it.
+fn pole_frequencies_hz(poles: &[Option<Pole>]) -> Vec<f64> {
+    poles.iter().map(|pole| pole.map_or(f64::NAN, |pole| pole.pole_frequency_hz)).collect()
+}
+
 /// The structure of a scenario, if it has one of which something can be computed.
 fn computable(scenario: &Scenario) -> Result<Option<TestedAssembly>, ScenarioError> {
     if scenario.is_fmu() { Ok(None) } else { scenario.tested_structure() }
@@ -170,7 +178,7 @@ impl Identify {
         for NumberedMode { found, .. } in document.modes.iter().filter(|mode| !mode.found.is_linear) {
             tracing::warn!(
                 "{:.3} Hz: the fit leaves {:.1} times the instruments' noise: the structure did not vibrate linearly, so lower the force, or the instruments are almost without noise",
-                found.frequency_hz,
+                found.pole_frequency_hz,
                 found.residual
             );
         }
@@ -204,8 +212,9 @@ impl Identify {
         let known_hz: Vec<f64> = match &tested {
             // An FMU does not show its equations.
             _ if scenario.is_fmu() => Vec::new(),
-            Some(tested) => tested.assembly.modes().iter().map(|mode| mode.frequency_hz).collect(),
-            None => analysis::modes(&scenario.build_arm()?).map(|mode| mode.frequency_hz).to_vec(),
+            // Poles are compared with poles; a mode that does not oscillate has none and is not found.
+            Some(tested) => pole_frequencies_hz(&analysis::structure_poles(&tested.assembly)),
+            None => pole_frequencies_hz(&analysis::arm_poles(&scenario.build_arm()?)),
         };
         let numbers = mode_numbers(&found.modes, &known_hz);
         let missing = missing_modes(&found, &numbers, &known_hz, band);
@@ -269,16 +278,17 @@ impl Document {
             short(&self.to_hz),
             self.averages
         );
-        text += "  mode   undamped frequency (Hz)   damping ratio       residual/noise   shape: B x, B y, C x, C y\n";
+        text +=
+            "  mode   pole frequency |λ|/2π (Hz)   damping ratio       residual/noise   shape: B x, B y, C x, C y\n";
         for NumberedMode { mode: number, found: mode } in &self.modes {
             let number = number.map_or(String::from("–"), |number| number.to_string());
             let [bx, by, cx, cy] = mode.shape.map(to_three_places);
             text += &format!(
-                "  {number:>4}   {:14.6} ± {:.0e}   {:.3e} ± {:.0e}   {:14.2}   {bx:+.3} {by:+.3} {cx:+.3} {cy:+.3}\n",
-                mode.frequency_hz,
-                mode.frequency_deviation_hz,
-                mode.damping_ratio,
-                mode.damping_ratio_deviation,
+                "  {number:>4}   {:17.6} ± {:.0e}   {:.3e} ± {:.0e}   {:14.2}   {bx:+.3} {by:+.3} {cx:+.3} {cy:+.3}\n",
+                mode.pole_frequency_hz,
+                mode.pole_frequency_deviation_hz,
+                mode.pole_damping_ratio,
+                mode.pole_damping_ratio_deviation,
                 mode.residual
             );
         }

@@ -12,14 +12,15 @@ use crate::figures::captions;
 use crate::flags::{self, ArmFlags};
 use crate::output::{self, JsonFlag, OverwriteFlag};
 use crate::structures;
-use resonarm::analysis::{Mode, modes};
+use resonarm::analysis::{Mode, arm_poles, modes};
 use resonarm::arm::Arm;
 use resonarm::scenario::{ArmSection, Scenario};
 use resonarm_figures::plot::{Axis, Color, Figure, Panel, Series};
 use resonarm_numeric::number::short;
 
-/// Undamped natural frequencies, damping ratios and mode shapes of the arm in its pose, or over a range of β2; or of a
-/// scenario's structure.
+/// Natural frequencies of the undamped arm, damping ratios and mode shapes in its pose, or over a range of β2; or of a
+/// scenario's structure. Beside them are the poles λ of the damped one, which `resonarm identify` finds: their frequency
+/// |λ|/2π and damping ratio −Re λ/|λ|.
 ///
 /// With gravity, α = 0 is the arm at rest under its weight; β is the pose with relaxed springs, before it sags.
 ///
@@ -50,7 +51,27 @@ pub(crate) struct Modes {
 #[derive(Serialize)]
 struct Document {
     configuration: Value,
-    modes: [Mode; 2],
+    modes: [ModeAndPole; 2],
+}
+
+/// A mode of the undamped arm and the pole of the damped one, if that oscillates.
+#[derive(Serialize)]
+struct ModeAndPole {
+    #[serde(flatten)]
+    mode: Mode,
+    pole_frequency_hz: Option<f64>,
+    pole_damping_ratio: Option<f64>,
+}
+
+impl ModeAndPole {
+    fn of(arm: &Arm) -> [ModeAndPole; 2] {
+        let (modes, poles) = (modes(arm), arm_poles(arm));
+        core::array::from_fn(|k| ModeAndPole {
+            mode: modes[k],
+            pole_frequency_hz: poles[k].map(|pole| pole.pole_frequency_hz),
+            pole_damping_ratio: poles[k].map(|pole| pole.pole_damping_ratio),
+        })
+    }
 }
 
 #[derive(Serialize)]
@@ -81,7 +102,7 @@ impl Modes {
             return structures::modes::show(scenario, &tested, self.json);
         }
         let arm = scenario.build_arm()?;
-        let modes = modes(&arm);
+        let modes = ModeAndPole::of(&arm);
         let document = Document { configuration: configuration::of_arm(scenario)?, modes };
         self.json.show(&document, || document.text(scenario, &arm), &[])
     }
@@ -119,22 +140,27 @@ impl Modes {
 impl Document {
     fn text(&self, scenario: &Scenario, arm: &Arm) -> String {
         let mut text = format!(
-            "{} at β1 = {}°, β2 = {}°\n{}\n  mode   undamped frequency   damping ratio   α2/α1\n",
+            "{} at β1 = {}°, β2 = {}°\n{}\n  mode   undamped frequency   damping ratio   α2/α1     pole frequency |λ|/2π   −Re λ/|λ|\n",
             scenario.arm.label(),
             scenario.arm.beta1_deg,
             scenario.arm.beta2_deg,
             sag_text(arm)
         );
         for (k, mode) in self.modes.iter().enumerate() {
-            let ratio = mode.shape[1] / mode.shape[0];
-            text += &format!(
-                "  {:4}   {:15.2} Hz   {:13.3e}   {ratio:+.4}\n",
-                k + 1,
-                mode.frequency_hz,
-                mode.damping_ratio
-            );
+            let pole = pole_text(mode.pole_frequency_hz, mode.pole_damping_ratio);
+            let ModeAndPole { mode: Mode { frequency_hz, damping_ratio, shape }, .. } = mode;
+            let ratio = shape[1] / shape[0];
+            text += &format!("  {:4}   {frequency_hz:15.2} Hz   {damping_ratio:13.3e}   {ratio:+.4}   {pole}\n", k + 1);
         }
         text
+    }
+}
+
+/// The columns of a mode's pole in a table.
+pub(crate) fn pole_text(frequency_hz: Option<f64>, damping_ratio: Option<f64>) -> String {
+    match (frequency_hz, damping_ratio) {
+        (Some(hz), Some(ratio)) => format!("{hz:18.4} Hz   {ratio:9.3e}"),
+        _ => format!("{:>21}   {:>9}", "overdamped", "–"),
     }
 }
 

@@ -285,7 +285,7 @@ impl Document {
     }
 
     fn csv(&self, name: &str) -> String {
-        let mut text = format!("direction,{name},period,alpha1_rad,alpha2_rad,alpha_dot1_rad_s,alpha_dot2_rad_s\n");
+        let mut text = format!("direction,{name},period,alpha1_rad,alpha2_rad,alpha1_dot_rad_s,alpha2_dot_rad_s\n");
         for motion in &self.motions {
             let (direction, period) = (or_empty(motion.direction.map(Direction::name)), or_empty(motion.period));
             for [x1, x2, v1, v2] in &motion.section {

@@ -332,7 +332,7 @@ fn readings_of_a_log_are_those_of_the_bench() {
     }
     // The modes are found in them.
     let found = document(folder, 0, &["identify", "bench.mcap", "--json"]);
-    let first = found["modes"][0]["frequency_hz"].as_f64().unwrap();
+    let first = found["modes"][0]["pole_frequency_hz"].as_f64().unwrap();
     assert!((first - 22.16).abs() < 0.05, "{first}");
     // The recording knows its own protocol.
     let decoded = resonarm(folder, &["protocol", "decode", "--recording", "bench.mcap"]);

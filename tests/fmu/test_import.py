@@ -211,4 +211,4 @@ def test_the_mode_of_an_fmu_is_identified_from_its_readings(tmp_path):
     words = [RESONARM, "identify", tmp_path / "run.mcap", "--json"]
     done = subprocess.run([str(word) for word in words], capture_output=True, text=True, check=True)
     [mode] = json.loads(done.stdout)["modes"]
-    assert mode["mode"] is None and abs(mode["frequency_hz"] - 20.0) < 0.05, mode
+    assert mode["mode"] is None and abs(mode["pole_frequency_hz"] - 20.0) < 0.05, mode

@@ -96,12 +96,12 @@ fn random(seed: u64) -> Waveform {
 /// Errors of frequency and damping over their deviations, for each mode found; every one must be a mode of the arm.
 fn errors(found: &Identification, pose: Pose) -> Vec<f64> {
     let of = |mode: &resonarm::identify::IdentifiedMode| {
-        let near = |of: &Mode| (mode.frequency_hz / of.frequency_hz - 1.0).abs() < 0.01;
+        let near = |of: &Mode| (mode.pole_frequency_hz / of.frequency_hz - 1.0).abs() < 0.01;
         let truth = arm_modes(pose).into_iter().find(near).unwrap_or_else(|| panic!("{pose:?}: {mode:?}"));
         assert!(mode.is_linear, "{mode:?}");
         [
-            (mode.frequency_hz - truth.frequency_hz) / mode.frequency_deviation_hz,
-            (mode.damping_ratio - truth.damping_ratio) / mode.damping_ratio_deviation,
+            (mode.pole_frequency_hz - truth.frequency_hz) / mode.pole_frequency_deviation_hz,
+            (mode.pole_damping_ratio - truth.damping_ratio) / mode.pole_damping_ratio_deviation,
         ]
     };
     found.modes.iter().flat_map(of).collect()
@@ -157,7 +157,7 @@ fn an_impact_finds_what_it_can() {
             all.extend(errors(&found, pose));
             for mode in arm_modes(pose) {
                 let near = |hz: f64| (hz / mode.frequency_hz - 1.0).abs() < 0.05;
-                let is_found = found.modes.iter().any(|found| near(found.frequency_hz));
+                let is_found = found.modes.iter().any(|found| near(found.pole_frequency_hz));
                 assert!(is_found || shaker.is_some(), "{pose:?}: {found:?}");
                 missing += usize::from(!is_found);
             }

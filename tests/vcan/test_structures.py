@@ -98,4 +98,4 @@ def test_a_structure_the_whole_way(name, tmp_path):
     random = session(tmp_path, "vcan0", "vcan0", scenario(tmp_path, name, drive, linear))
     identified = resonarm("identify", random.path, "--json")["modes"]
     assert [mode["mode"] for mode in identified] == list(range(1, found + 1)), identified
-    assert identified[0]["frequency_hz"] == pytest.approx(lowest_hz, rel=1e-3)
+    assert identified[0]["pole_frequency_hz"] == pytest.approx(lowest_hz, rel=1e-3)

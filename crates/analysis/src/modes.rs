@@ -10,8 +10,8 @@ use resonarm_dynamics::arm::Arm;
 /// A natural mode.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize)]
 pub struct Mode {
-    /// Undamped natural frequency, ω/(2π) with K φ = ω² M φ, Hz. For an eigenvalue λ of the damped arm it is |λ|/(2π),
-    /// but for terms in ζ² from damping that is not proportional.
+    /// Natural frequency of the undamped arm, ω/(2π) with K φ = ω² M φ, Hz. The pole frequency |λ|/(2π) of the damped arm,
+    /// [`arm_poles`](crate::arm_poles), differs from it by terms in ζ² if the damping is not proportional.
     pub frequency_hz: f64,
     /// Damping ratio ζ = φᵀDφ/(2ω), dimensionless: the modal one, without the coupling of the modes by D.
     pub damping_ratio: f64,

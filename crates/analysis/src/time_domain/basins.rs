@@ -30,17 +30,17 @@ pub enum StateCoordinate {
     /// `alpha2_rad`: α2, rad.
     #[serde(rename = "alpha2_rad")]
     Alpha2,
-    /// `alpha_dot1_rad_s`: α̇1, rad/s.
-    #[serde(rename = "alpha_dot1_rad_s")]
+    /// `alpha1_dot_rad_s`: α̇1, rad/s.
+    #[serde(rename = "alpha1_dot_rad_s")]
     AlphaDot1,
-    /// `alpha_dot2_rad_s`: α̇2, rad/s.
-    #[serde(rename = "alpha_dot2_rad_s")]
+    /// `alpha2_dot_rad_s`: α̇2, rad/s.
+    #[serde(rename = "alpha2_dot_rad_s")]
     AlphaDot2,
 }
 
 /// No coordinate of the state has this name.
 #[derive(Clone, Debug, PartialEq, Eq, Error)]
-#[error("there is no coordinate `{0}`: the coordinates are alpha1_rad, alpha2_rad, alpha_dot1_rad_s, alpha_dot2_rad_s")]
+#[error("there is no coordinate `{0}`: the coordinates are alpha1_rad, alpha2_rad, alpha1_dot_rad_s, alpha2_dot_rad_s")]
 pub struct UnknownStateCoordinate(pub String);
 
 impl StateCoordinate {
@@ -52,8 +52,8 @@ impl StateCoordinate {
         match self {
             Self::Alpha1 => "alpha1_rad",
             Self::Alpha2 => "alpha2_rad",
-            Self::AlphaDot1 => "alpha_dot1_rad_s",
-            Self::AlphaDot2 => "alpha_dot2_rad_s",
+            Self::AlphaDot1 => "alpha1_dot_rad_s",
+            Self::AlphaDot2 => "alpha2_dot_rad_s",
         }
     }
 

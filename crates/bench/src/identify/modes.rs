@@ -48,14 +48,15 @@ pub enum FittedPart {
 /// A mode from readings, with standard deviations.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize)]
 pub struct IdentifiedMode {
-    /// Undamped natural frequency, |λ|/(2π) of the eigenvalue λ, Hz, as the command `modes` states it.
-    pub frequency_hz: f64,
+    /// Pole frequency |λ|/(2π) of the damped structure's eigenvalue λ, Hz. Unless the damping is proportional it is not the
+    /// natural frequency of the undamped structure; the command `modes` states both.
+    pub pole_frequency_hz: f64,
     /// Its standard deviation, Hz.
-    pub frequency_deviation_hz: f64,
-    /// Damping ratio −Re λ/|λ|.
-    pub damping_ratio: f64,
+    pub pole_frequency_deviation_hz: f64,
+    /// Damping ratio of the pole, −Re λ/|λ|.
+    pub pole_damping_ratio: f64,
     /// Its standard deviation.
-    pub damping_ratio_deviation: f64,
+    pub pole_damping_ratio_deviation: f64,
     /// Amplitudes of acceleration of B along x and y and C along x and y relative to the largest, 1.
     pub shape: [f64; CHANNELS],
     /// The same shape with the modal mass 1 kg, 1/√kg, displacement over modal coordinate, from the residue of the
@@ -160,7 +161,7 @@ pub fn modes(record: &Record, band: Band) -> Result<Identification, IdentifyErro
         let others = centres.iter().map(|other| other.line).filter(|other| other != line);
         found.extend(stretch.fit(*line, *half, others.map(|other| other.abs_diff(*line)).min())?);
     }
-    found.sort_by(|a, b| a.frequency_hz.total_cmp(&b.frequency_hz));
+    found.sort_by(|a, b| a.pole_frequency_hz.total_cmp(&b.pole_frequency_hz));
     rejected.sort_by(|a, b| a.frequency_hz.total_cmp(&b.frequency_hz));
     Ok(Identification { modes: found, rejected })
 }
@@ -235,7 +236,7 @@ impl<'a> Stretch<'a> {
 
     /// Adds a mode to the centres, unless it is within `apart` lines of one that is there.
     fn add(&self, centres: &mut Vec<Centre>, mode: &IdentifiedMode, half: usize, apart: usize) {
-        let line = libm::round(mode.frequency_hz / self.spacing_hz()) as usize;
+        let line = libm::round(mode.pole_frequency_hz / self.spacing_hz()) as usize;
         if !centres.iter().any(|other| other.line.abs_diff(line) <= apart) {
             centres.push(Centre { line, half });
         }
@@ -247,9 +248,9 @@ impl<'a> Stretch<'a> {
         for half in BROAD_WIDTHS.map(|width| width * usual).into_iter().filter(|half| 2 * half <= self.band.1) {
             for peak in self.peaks(half) {
                 let Ok(mode) = self.fit_within(peak, half)? else { continue };
-                let bandwidth = mode.damping_ratio * mode.frequency_hz / self.spacing_hz();
+                let bandwidth = mode.pole_damping_ratio * mode.pole_frequency_hz / self.spacing_hz();
                 let is_in_band = (self.band.0..self.band.0 + self.band.1)
-                    .contains(&(libm::round(mode.frequency_hz / self.spacing_hz()) as usize));
+                    .contains(&(libm::round(mode.pole_frequency_hz / self.spacing_hz()) as usize));
                 if is_in_band && bandwidth >= BROAD_SHARE * usual as f64 {
                     self.add(centres, &mode, half, libm::ceil(bandwidth) as usize);
                 }
@@ -320,7 +321,7 @@ impl<'a> Stretch<'a> {
         let mut fitted = self.fit_within(centre, half)?;
         // A mode that is broad against the band has a wider one.
         if let Ok(mode) = &fitted {
-            let bandwidth = mode.damping_ratio * mode.frequency_hz / self.spacing_hz();
+            let bandwidth = mode.pole_damping_ratio * mode.pole_frequency_hz / self.spacing_hz();
             let wide = libm::ceil(6.0 * bandwidth).min(0.5 * centre as f64) as usize;
             if wide > half && half < room {
                 half = wide.min(room);
@@ -367,10 +368,10 @@ impl<'a> Stretch<'a> {
         let residue = pole.residue.map(|residue| residue * self.record.rate_hz());
         let mass_normalised = residue.and_then(|residue| self.mass_normalised(&shape, &reading, lambda, residue));
         Ok(Ok(IdentifiedMode {
-            frequency_hz: size / TAU,
-            frequency_deviation_hz: pole.deviation[0] * scale,
-            damping_ratio: decay / size,
-            damping_ratio_deviation: pole.deviation[1] * scale / size,
+            pole_frequency_hz: size / TAU,
+            pole_frequency_deviation_hz: pole.deviation[0] * scale,
+            pole_damping_ratio: decay / size,
+            pole_damping_ratio_deviation: pole.deviation[1] * scale / size,
             shape,
             shape_per_sqrt_kg: mass_normalised,
             residual: pole.residual,

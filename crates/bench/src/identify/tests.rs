@@ -63,13 +63,13 @@ fn assert_found(record: &Record, beta2_deg: f64, part: FittedPart) {
     let expected = analysis::modes(&arm(beta2_deg));
     assert_eq!(found.len(), 2, "{found:?}");
     for (found, mode) in found.iter().zip(expected) {
-        let off_hz = found.frequency_hz - mode.frequency_hz;
-        let off = found.damping_ratio - mode.damping_ratio;
+        let off_hz = found.pole_frequency_hz - mode.frequency_hz;
+        let off = found.pole_damping_ratio - mode.damping_ratio;
         assert!(off_hz.abs() < 1e-4 * mode.frequency_hz, "{found:?} {mode:?}");
         assert!(off.abs() < 0.05 * mode.damping_ratio, "{found:?} {mode:?}");
-        assert!(off_hz.abs() < 4.0 * found.frequency_deviation_hz, "{found:?} {mode:?}");
-        assert!(off.abs() < 4.0 * found.damping_ratio_deviation, "{found:?} {mode:?}");
-        assert!(found.damping_ratio_deviation < 0.05 * mode.damping_ratio, "{found:?} {mode:?}");
+        assert!(off_hz.abs() < 4.0 * found.pole_frequency_deviation_hz, "{found:?} {mode:?}");
+        assert!(off.abs() < 4.0 * found.pole_damping_ratio_deviation, "{found:?} {mode:?}");
+        assert!(found.pole_damping_ratio_deviation < 0.05 * mode.damping_ratio, "{found:?} {mode:?}");
         assert!(found.is_linear && found.part == part, "{found:?}");
     }
 }
@@ -101,8 +101,8 @@ fn ideal_instruments_are_almost_exact() {
         let record = recorded(&ideal, force(0.0, 0.01), profile).unwrap();
         let found = modes(&record, BAND).unwrap().modes;
         for (found, mode) in found.iter().zip(analysis::modes(&arm(60.0))) {
-            assert!((found.frequency_hz / mode.frequency_hz - 1.0).abs() < 1e-7, "{found:?} {mode:?}");
-            assert!((found.damping_ratio / mode.damping_ratio - 1.0).abs() < 1e-3, "{found:?} {mode:?}");
+            assert!((found.pole_frequency_hz / mode.frequency_hz - 1.0).abs() < 1e-7, "{found:?} {mode:?}");
+            assert!((found.pole_damping_ratio / mode.damping_ratio - 1.0).abs() < 1e-3, "{found:?} {mode:?}");
             // A ring-down has no force to compare with.
             assert_eq!(found.shape_per_sqrt_kg.is_some(), found.part == FittedPart::Forced);
             found.shape_per_sqrt_kg.iter().for_each(|shape| assert_shape(shape, &mode, 60.0, 2e-3));

@@ -14,7 +14,7 @@ pub struct State {
 }
 
 impl State {
-    /// The state with α = `(alpha1_rad, alpha2_rad)` and α̇ = `(alpha_dot1_rad_s, alpha_dot2_rad_s)`.
+    /// The state with α = `(alpha1_rad, alpha2_rad)` and α̇ = `(alpha1_dot_rad_s, alpha2_dot_rad_s)`.
     pub fn new(alpha_rad: [f64; 2], alpha_dot_rad_s: [f64; 2]) -> State {
         State { alpha_rad: alpha_rad.into(), alpha_dot_rad_s: alpha_dot_rad_s.into() }
     }

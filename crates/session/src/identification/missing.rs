@@ -16,8 +16,8 @@ const NEAR: f64 = 0.05;
 pub struct MissingMode {
     /// Its number.
     pub mode: u8,
-    /// Its undamped natural frequency in the scenario, Hz.
-    pub frequency_hz: f64,
+    /// Its pole frequency |λ|/(2π) in the scenario, Hz.
+    pub pole_frequency_hz: f64,
     /// Why.
     #[serde(flatten)]
     pub reason: Reason,
@@ -45,8 +45,8 @@ pub enum Reason {
 
 impl Display for MissingMode {
     fn fmt(&self, f: &mut Formatter<'_>) -> fmt::Result {
-        let MissingMode { mode, frequency_hz, reason } = self;
-        write!(f, "mode {mode}, at {frequency_hz:.2} Hz by the scenario, is missing: ")?;
+        let MissingMode { mode, pole_frequency_hz, reason } = self;
+        write!(f, "mode {mode}, at {pole_frequency_hz:.2} Hz by the scenario, is missing: ")?;
         match reason {
             Reason::NoPeak => write!(f, "no peak stands out near it; record for longer, or raise the force"),
             Reason::NoPole { peak_hz } => write!(
@@ -65,10 +65,10 @@ impl Display for MissingMode {
     }
 }
 
-/// The number of each mode that was found: that of the nearest of the structure's modes, each used once, by its natural
-/// frequencies `known_hz`, ascending.
+/// The number of each mode that was found: that of the nearest of the structure's modes, each used once, by its pole
+/// frequencies `known_hz`.
 pub fn mode_numbers(found: &[IdentifiedMode], known_hz: &[f64]) -> Vec<Option<u8>> {
-    let off = |mode: &IdentifiedMode, of_hz: f64| libm::fabs(libm::log(mode.frequency_hz / of_hz));
+    let off = |mode: &IdentifiedMode, of_hz: f64| libm::fabs(libm::log(mode.pole_frequency_hz / of_hz));
     let nearest = |of_hz: f64| {
         let near = found.iter().enumerate().filter(|(_, mode)| off(mode, of_hz) < SAME_MODE);
         // If a found mode is near several, it belongs to the nearest one.
@@ -80,7 +80,7 @@ pub fn mode_numbers(found: &[IdentifiedMode], known_hz: &[f64]) -> Vec<Option<u8
     (0..found.len()).map(number).collect()
 }
 
-/// The structure's modes in the band that were not found, by its natural frequencies `known_hz`, ascending.
+/// The structure's modes in the band that were not found, by its pole frequencies `known_hz`.
 pub fn missing_modes(found: &Identification, numbers: &[Option<u8>], known_hz: &[f64], band: Band) -> Vec<MissingMode> {
     let is_missing = |(number, known_hz): &(u8, &f64)| {
         (band.from_hz..=band.to_hz).contains(*known_hz) && !numbers.contains(&Some(*number))
@@ -99,5 +99,7 @@ pub fn missing_modes(found: &Identification, numbers: &[Option<u8>], known_hz: &
         }
     };
     let modes = (1..).zip(known_hz).filter(is_missing);
-    modes.map(|(mode, &frequency_hz)| MissingMode { mode, frequency_hz, reason: reason(frequency_hz) }).collect()
+    modes
+        .map(|(mode, &pole_frequency_hz)| MissingMode { mode, pole_frequency_hz, reason: reason(pole_frequency_hz) })
+        .collect()
 }

@@ -1,0 +1,127 @@
+//! Poles of the damped structure at rest: the eigenvalues λ of M q̈ + D q̇ + K q = 0.
+//!
+//! In modal coordinates (λ² + λ C + Ω²) u = 0 with C = ΦᵀDΦ, so the poles are the eigenvalues of
+//!
+//! ```text
+//! [  0   I ]
+//! [ −Ω² −C ]
+//! ```
+//!
+//! A mode, a solution of K φ = ω² M φ, has nothing to do with damping; |λ| equals its ω only where C is diagonal. What is
+//! identified from readings are poles.
+
+use alloc::vec;
+use alloc::vec::Vec;
+use core::f64::consts::TAU;
+
+use nalgebra::Vector2;
+use serde::Serialize;
+
+use crate::eigenvalues::eigenvalues;
+use crate::modes::modes;
+use resonarm_dynamics::arm::Arm;
+use resonarm_dynamics::structure::Assembly;
+
+/// An oscillating pole pair λ, λ̄ of a damped structure.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize)]
+pub struct Pole {
+    /// Pole frequency |λ|/(2π), Hz.
+    pub pole_frequency_hz: f64,
+    /// Damping ratio of the pole, −Re λ/|λ|.
+    pub pole_damping_ratio: f64,
+}
+
+/// The poles that belong to the arm's two [`modes`]; `None` for a mode that does not oscillate.
+pub fn arm_poles(arm: &Arm) -> [Option<Pole>; 2] {
+    let modes = modes(arm);
+    let damping = arm.tangent_damping_matrix(&Vector2::zeros());
+    let shapes = modes.map(|mode| Vector2::from(mode.shape));
+    let entries = [(0, 0), (0, 1), (1, 0), (1, 1)].map(|(i, k): (usize, usize)| shapes[i].dot(&(damping * shapes[k])));
+    let found = poles(&modes.map(|mode| TAU * mode.frequency_hz), &entries);
+    core::array::from_fn(|k| found.get(k).copied().flatten())
+}
+
+/// The poles that belong to a structure's modes, in their order; `None` for a mode that does not oscillate.
+pub fn structure_poles(of: &Assembly) -> Vec<Option<Pole>> {
+    let (n, modes, linear) = (of.coordinates(), of.modes(), of.linear());
+    let mut damping = vec![0.0; n * n];
+    for (i, row) in modes.iter().enumerate() {
+        for (k, column) in modes.iter().enumerate() {
+            let forces = linear.damping.chunks_exact(n).map(|entries| dot(entries, &column.shape));
+            damping[i * n + k] = row.shape.iter().zip(forces).map(|(shape, force)| shape * force).sum();
+        }
+    }
+    poles(&modes.iter().map(|mode| TAU * mode.frequency_hz).collect::<Vec<_>>(), &damping)
+}
+
+fn dot(a: &[f64], b: &[f64]) -> f64 {
+    a.iter().zip(b).map(|(a, b)| a * b).sum()
+}
+
+/// The pole of each mode, by the modes' ω, ascending, and C by rows.
+fn poles(omega: &[f64], damping: &[f64]) -> Vec<Option<Pole>> {
+    let n = omega.len();
+    let mut matrix = vec![0.0; 4 * n * n];
+    for i in 0..n {
+        matrix[i * 2 * n + n + i] = 1.0;
+        matrix[(n + i) * 2 * n + i] = -omega[i] * omega[i];
+        (0..n).for_each(|k| matrix[(n + i) * 2 * n + n + k] = -damping[i * n + k]);
+    }
+    let mut of_modes = vec![None; n];
+    let Some(found) = eigenvalues(2 * n, &mut matrix) else { return of_modes };
+    let mut oscillating: Vec<Pole> = found
+        .iter()
+        .filter(|lambda| lambda.im > 0.0)
+        .map(|lambda| {
+            let size = libm::hypot(lambda.re, lambda.im);
+            Pole { pole_frequency_hz: size / TAU, pole_damping_ratio: -lambda.re / size }
+        })
+        .collect();
+    oscillating.sort_by(|a, b| a.pole_frequency_hz.total_cmp(&b.pole_frequency_hz));
+    if oscillating.len() == n {
+        return oscillating.into_iter().map(Some).collect();
+    }
+    // Some modes are overdamped: each pole belongs to the nearest mode that has none.
+    for pole in oscillating {
+        let off = |k: usize| libm::fabs(libm::log(TAU * pole.pole_frequency_hz / omega[k]));
+        let free = (0..n).filter(|&k| of_modes[k].is_none());
+        if let Some(nearest) = free.min_by(|&a, &b| off(a).total_cmp(&off(b))) {
+            of_modes[nearest] = Some(pole);
+        }
+    }
+    of_modes
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use resonarm_dynamics::arm::{Parameters, Pose, Preset};
+
+    fn arm(damping_nm_s_rad: f64) -> Arm {
+        let preset = Preset::Irb1600Fitted.parameters().unwrap();
+        let parameters =
+            Parameters { damping1_nm_s_rad: damping_nm_s_rad, damping2_nm_s_rad: damping_nm_s_rad, ..preset };
+        Arm::new(parameters, Pose { beta1_deg: 30.0, beta2_deg: 60.0 }).unwrap()
+    }
+
+    /// With strong dampers that couple the modes, |λ|/2π is not the frequency of the undamped structure. The values are
+    /// those of NumPy's `eigvals`.
+    #[test]
+    fn poles_of_coupled_damping_are_not_the_modes() {
+        let arm = arm(60.0);
+        let [first, second] = arm_poles(&arm).map(Option::unwrap);
+        let [low, high] = modes(&arm);
+        assert!((first.pole_frequency_hz - 22.161_327).abs() < 1e-6, "{first:?}");
+        assert!((second.pole_frequency_hz - 48.888_170).abs() < 1e-6, "{second:?}");
+        assert!((low.frequency_hz - 22.157_526).abs() < 1e-6 && (high.frequency_hz - 48.896_557).abs() < 1e-6);
+    }
+
+    #[test]
+    fn an_overdamped_mode_has_no_pole() {
+        // Modal damping ratios of 0.1 and 2.
+        let found = poles(&[1.0, 10.0], &[0.2, 0.0, 0.0, 40.0]);
+        assert!(found[1].is_none(), "{found:?}");
+        let pole = found[0].unwrap();
+        assert!((pole.pole_frequency_hz * TAU - 1.0).abs() < 1e-12 && (pole.pole_damping_ratio - 0.1).abs() < 1e-12);
+    }
+}
