@@ -22,7 +22,7 @@ class Mode:
     def __new__(cls, frequency_hz: float, damping_ratio: float, shape: Sequence[float]) -> Self: ...
     @property
     def frequency_hz(self) -> float:
-        """Natural frequency, Hz."""
+        """Natural frequency of the undamped structure, Hz."""
     @property
     def damping_ratio(self) -> float:
         """Damping ratio, 1 is critical."""
