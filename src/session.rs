@@ -13,7 +13,7 @@ use crate::recordings::existing;
 use crate::supervise::Line;
 use resonarm::bus::{self, Bus, BusAddress};
 use resonarm::realtime::Percentiles;
-use resonarm::run::{BusCounts, BusLoss, Fault, PlantOutcome, PlantReport, RecordTo, RunEvent, Session, fault_text};
+use resonarm::run::{BusCounts, BusLoss, Fault, PlantOutcome, PlantReport, RecordTo, RunEvent, Session};
 use resonarm_numeric::number::short;
 
 /// Capacity of the ring of events for standard error.
@@ -135,13 +135,16 @@ pub(crate) fn other_sender_warning(bus: &BusCounts) -> Option<String> {
 
 /// The counts of a node's frames.
 pub(crate) fn frames_text(bus: &BusCounts) -> String {
-    let BusCounts { received, sent, dropped, refused, other_sender, malformed, limited_values, .. } = bus;
+    let BusCounts { received, sent, dropped, refused, other_sender, malformed, overwritten, limited_values, .. } = bus;
     let mut text = format!("{received} received, {sent} sent, {dropped} dropped, {refused} refused");
     if *other_sender > 0 {
         text += &format!(" ({other_sender} of another network under this node's identifiers)");
     }
     if *malformed > 0 {
         text += &format!(", {malformed} malformed");
+    }
+    if *overwritten > 0 {
+        text += &format!(", {overwritten} commands replaced by newer ones before they could act");
     }
     if *limited_values > 0 {
         text += &format!("; {limited_values} values were beyond the range of their signals, and the nearest was sent");
@@ -227,8 +230,8 @@ fn counted(kinds: &[(&str, u64)]) -> Option<String> {
 
 /// Why a run failed its purpose, and what to do; `None` if it did not.
 pub(crate) fn complaint(report: &PlantReport) -> Option<String> {
-    let mut text = match (&report.emergency, report.outcome) {
-        (Some(emergency), _) => fault_text(emergency, report.partner_fault.as_ref(), report.bus_loss),
+    let mut text = match (report.fault_text(), report.outcome) {
+        (Some(text), _) => text,
         (None, PlantOutcome::NotArmed) => String::from(
             "no controller armed the plant, so nothing was done: start one on the same bus, as `resonarm exciter` with the \
              same mode and scenario; --patience-s says how long to wait",

@@ -83,6 +83,7 @@ Fault = Literal[
     "sample sequence",
     "second sender",
     "exciter tripped",
+    "stop requested",
 ]
 """A fault, by its name in the protocol's specification."""
 NetworkFault = Literal[

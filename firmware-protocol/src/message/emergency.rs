@@ -38,10 +38,13 @@ pub enum EmergencyCode {
     SecondSender = 13,
     /// Plant: the exciter at the arm has switched off, at its own limit or that of the travel. Detail: the [`Trip`].
     ExciterTripped = 14,
+    /// Plant on a user's protocol: a message asked for a stop. It is not on the wire of this protocol, so that it is not
+    /// in [`EmergencyCode::ALL`]. Detail: 0.
+    StopRequested = 15,
 }
 
 impl EmergencyCode {
-    /// Every code.
+    /// Every code of this protocol.
     pub const ALL: [EmergencyCode; 14] = [
         EmergencyCode::CommandTimeout,
         EmergencyCode::SensorTimeout,
@@ -87,6 +90,7 @@ impl fmt::Display for EmergencyCode {
             EmergencyCode::Leaving => "the node leaves the bus",
             EmergencyCode::SecondSender => "another node sends this one's messages",
             EmergencyCode::ExciterTripped => "the exciter has tripped",
+            EmergencyCode::StopRequested => "a message asked for a stop",
         })
     }
 }
@@ -142,7 +146,7 @@ impl fmt::Display for Emergency {
         write!(f, "{node}, code {}: {code}", code as u16)?;
         match code {
             EmergencyCode::CommandTimeout => match Refusal::from_detail(detail) {
-                (0, _) | (_, None) => f.write_str(" (none was refused)")?,
+                (0, _) | (_, None) => {}
                 (255, Some(refusal)) => write!(f, " (255 or more were refused, the last because {refusal})")?,
                 (count, Some(refusal)) => write!(f, " ({count} refused, the last because {refusal})")?,
             },
@@ -165,7 +169,8 @@ impl fmt::Display for Emergency {
             | EmergencyCode::PartnerFault
             | EmergencyCode::CommandOutOfRange
             | EmergencyCode::SimulationFailed
-            | EmergencyCode::Leaving => {}
+            | EmergencyCode::Leaving
+            | EmergencyCode::StopRequested => {}
         }
         write!(f, ", at sample {sample}")
     }

@@ -24,4 +24,6 @@ pub enum NodeEvent {
     /// A frame was refused whose identifier only this node sends: another network with other
     /// node ids or another profile has the same base.
     OtherSender(DecodeError),
+    /// So many events other than faults and changes of state were dropped, as too many waited.
+    Lost(u64),
 }

@@ -313,8 +313,7 @@ impl<C: Answering> ExciterNode<C> {
             return;
         }
         if self.phase == Phase::Playing || (self.phase == Phase::Arming && incompatible) {
-            self.link.report(NodeEvent::Emergency(emergency));
-            self.link.transition(now_ns, StateEvent::Fault);
+            self.link.fail(now_ns, emergency);
             self.phase = Phase::Done(ExciterOutcome::Faulted(emergency));
         } else if self.has_missed_samples() && emergency.code != EmergencyCode::PartnerFault {
             // A consequence of this node's own fault is no reason for it.
@@ -411,8 +410,7 @@ impl<C: Answering> ExciterNode<C> {
 
     fn fault(&mut self, now_ns: u64, code: EmergencyCode, detail: u16) {
         let emergency = self.emergency(code, detail);
-        self.link.send_emergency(emergency);
-        self.link.transition(now_ns, StateEvent::Fault);
+        self.link.send_fault(now_ns, emergency);
         self.phase = Phase::Done(ExciterOutcome::Faulted(emergency));
     }
 

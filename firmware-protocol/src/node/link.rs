@@ -6,12 +6,12 @@ use crate::{
 };
 
 use super::listening::Listening;
+use super::node_core::{Happening, NodeCore};
 use super::outbox::Outbox;
-use super::queue::Queue;
 use super::{NodeEvent, Timing};
 
-/// Most events that wait to be fetched.
-const EVENTS: usize = 64;
+/// Most events that wait to be fetched, beside faults and changes of state.
+const NOTES: usize = 64;
 
 /// A node's connection to the bus, and its knowledge of its partner.
 #[derive(Clone, Debug)]
@@ -20,8 +20,7 @@ pub struct Link {
     transmitter: Transmitter,
     receiver: Receiver,
     outbox: Outbox,
-    events: Queue<NodeEvent, EVENTS>,
-    state: NodeState,
+    core: NodeCore<NodeEvent, NOTES>,
     hello: Hello,
     capabilities: Capabilities,
     timing: Timing,
@@ -33,6 +32,8 @@ pub struct Link {
     jammed_since_ns: Option<u64>,
     refused_frames: u64,
     other_sender_frames: u64,
+    /// Why the last of them was refused.
+    refused_for: Option<DecodeError>,
     /// The identifier of a message received from another node although only this one sends it, not yet reported.
     second_sender: Option<u16>,
 }
@@ -45,8 +46,7 @@ impl Link {
             transmitter: Transmitter::new(network),
             receiver: Receiver::new(network),
             outbox: Outbox::new(network),
-            events: Queue::new(),
-            state: NodeState::BootUp,
+            core: NodeCore::new(),
             hello: Hello::new(network.profile(), rate_hz),
             capabilities,
             timing,
@@ -57,6 +57,7 @@ impl Link {
             jammed_since_ns: None,
             refused_frames: 0,
             other_sender_frames: 0,
+            refused_for: None,
             second_sender: None,
         }
     }
@@ -71,7 +72,22 @@ impl Link {
 
     /// The node's state.
     pub fn state(&self) -> NodeState {
-        self.state
+        self.core.state()
+    }
+
+    /// The fault that is latched, if one is.
+    pub fn latched_fault(&self) -> Option<Emergency> {
+        self.core.latched_fault()
+    }
+
+    /// How often the node was armed.
+    pub fn arms(&self) -> u32 {
+        self.core.arms()
+    }
+
+    /// How often an armed node was disarmed, or faulted.
+    pub fn leaves(&self) -> u32 {
+        self.core.leaves()
     }
 
     /// The node's own hello.
@@ -82,6 +98,11 @@ impl Link {
     /// Frames of the protocol that were refused.
     pub fn refused_frames(&self) -> u64 {
         self.refused_frames
+    }
+
+    /// Why the last of them was refused.
+    pub fn refused_for(&self) -> Option<DecodeError> {
+        self.refused_for
     }
 
     /// Those of them with identifiers that only this node sends ([`NodeEvent::OtherSender`]).
@@ -101,12 +122,21 @@ impl Link {
 
     /// Follows the state table; returns `false` if it has no such event in this state.
     pub fn transition(&mut self, now_ns: u64, event: StateEvent) -> bool {
-        let Some(to) = self.state.next(event) else { return false };
-        let from = core::mem::replace(&mut self.state, to);
+        let turn = self.core.turn(event);
+        turn.is_some_and(|(from, _)| self.changed(now_ns, from))
+    }
+
+    /// Faults, and latches `emergency`; `false` if a fault is latched already.
+    pub fn fail(&mut self, now_ns: u64, emergency: Emergency) -> bool {
+        let from = self.core.state();
+        self.core.fail(emergency) && self.changed(now_ns, from)
+    }
+
+    /// The state was `from` until now.
+    fn changed(&mut self, now_ns: u64, from: NodeState) -> bool {
         if from == NodeState::Operational {
             self.outbox.clear_command();
         }
-        self.events.push(NodeEvent::State { from, to });
         self.send_heartbeat(now_ns);
         true
     }
@@ -142,9 +172,10 @@ impl Link {
         let is_question = matches!(error, DecodeError::Format { got: FrameFormat::Remote, .. });
         let is_other_sender = kind.sender() == self.node && kind != MessageKind::Operator && !is_question;
         self.refused_frames += 1;
+        self.refused_for = Some(error);
         self.other_sender_frames += u64::from(is_other_sender);
         let event = if is_other_sender { NodeEvent::OtherSender } else { NodeEvent::Frame };
-        self.events.push(event(error));
+        self.core.note(event(error));
     }
 
     /// The most samples per frame that this node sends or accepts.
@@ -201,10 +232,16 @@ impl Link {
         debug_assert!(sent.is_ok(), "{message:?}: {sent:?}");
     }
 
-    /// Queues an emergency, and reports it.
+    /// Queues an emergency that is no fault of the node, and reports it.
     pub fn send_emergency(&mut self, emergency: Emergency) {
-        self.events.push(NodeEvent::Emergency(emergency));
+        self.core.note(NodeEvent::Emergency(emergency));
         self.send_own(&Message::Emergency(emergency));
+    }
+
+    /// Faults, and queues the emergency that says why.
+    pub fn send_fault(&mut self, now_ns: u64, emergency: Emergency) {
+        self.send_own(&Message::Emergency(emergency));
+        self.fail(now_ns, emergency);
     }
 
     /// Queues the hello, in the FD profile followed by the capabilities.
@@ -221,7 +258,7 @@ impl Link {
 
     fn send_heartbeat(&mut self, now_ns: u64) {
         self.heartbeat_at_ns = now_ns.saturating_add(self.timing.early(self.timing.heartbeat_period_ns));
-        self.send_own(&Message::Heartbeat(Heartbeat { node: self.node, state: self.state }));
+        self.send_own(&Message::Heartbeat(Heartbeat { node: self.node, state: self.state() }));
     }
 
     /// Checks the clock, and sends the heartbeat and the hello that are due.
@@ -261,9 +298,9 @@ impl Link {
         u16::try_from(frames).unwrap_or(u16::MAX)
     }
 
-    /// Reports an event.
+    /// Reports an event that is no fault of the node, and no change of its state.
     pub fn report(&mut self, event: NodeEvent) {
-        self.events.push(event);
+        self.core.note(event);
     }
 
     /// The next frame to send.
@@ -296,6 +333,11 @@ impl Link {
 
     /// The next event.
     pub fn poll_event(&mut self) -> Option<NodeEvent> {
-        self.events.pop()
+        Some(match self.core.poll()? {
+            Happening::Fault(emergency) => NodeEvent::Emergency(emergency),
+            Happening::State { from, to } => NodeEvent::State { from, to },
+            Happening::Note(event) => event,
+            Happening::Lost(events) => NodeEvent::Lost(events),
+        })
     }
 }

@@ -47,6 +47,17 @@ impl<T, const N: usize> Queue<T, N> {
         self.items.get(self.first)?.as_ref()
     }
 
+    /// The first item, to change it.
+    pub fn front_mut(&mut self) -> Option<&mut T> {
+        self.items.get_mut(self.first)?.as_mut()
+    }
+
+    /// The last item, to change it.
+    pub fn back_mut(&mut self) -> Option<&mut T> {
+        let place = (self.first + self.len.checked_sub(1)?) % N;
+        self.items.get_mut(place)?.as_mut()
+    }
+
     /// All items, the first first.
     pub fn iter(&self) -> impl Iterator<Item = &T> {
         (0..self.len).filter_map(|k| self.items[(self.first + k) % N].as_ref())
@@ -98,6 +109,8 @@ mod tests {
                     }
                 }
                 prop_assert_eq!(queue.front(), expected.front());
+                prop_assert_eq!(queue.front_mut(), expected.front_mut());
+                prop_assert_eq!(queue.back_mut(), expected.back_mut());
                 prop_assert_eq!((queue.len(), queue.lost()), (expected.len(), lost));
                 let is_even = |item: &u8| item.is_multiple_of(2);
                 prop_assert_eq!(queue.latest(is_even), expected.iter().rev().find(|item| is_even(item)));

@@ -147,6 +147,7 @@ impl ExciterInterface for ExciterNode {
             unsent: self.unsent_frames(),
             refused: self.refused_frames(),
             other_sender: self.other_sender_frames(),
+            overwritten: 0,
             limited_values: 0,
         }
     }

@@ -1,9 +1,12 @@
 //! What a command passes on its way to the structure, whatever wire it came over: the gate with its limits, the hold,
 //! and the time for which it is valid.
 
-use resonarm_protocol::node::Listening;
-use resonarm_protocol::{CommandGate, EmergencyCode, NodeState, Refusal};
+use alloc::sync::Arc;
 
+use resonarm_protocol::node::Listening;
+use resonarm_protocol::{CommandGate, EmergencyCode, Frame, NodeState, Refusal};
+
+use super::cause::{RefusedFor, Unheeded};
 use super::hold::Hold;
 use super::{Refusals, Timing};
 use crate::rig::{Exciter, GateSpec};
@@ -26,6 +29,7 @@ pub(super) struct Guard {
     taken_ns: u64,
     refused_since_taken: u64,
     refusals: Refusals,
+    unheeded: Unheeded,
 }
 
 impl Guard {
@@ -43,6 +47,7 @@ impl Guard {
             taken_ns: 0,
             refused_since_taken: 0,
             refusals: Refusals::default(),
+            unheeded: Unheeded::default(),
         }
     }
 
@@ -69,6 +74,7 @@ impl Guard {
     /// The plant is armed: no sample has been answered since.
     pub fn arm(&mut self, listening: &Listening) {
         self.gate.arm();
+        self.heeded();
         self.taken_ns = listening.listened_ns();
         self.refused_since_taken = 0;
     }
@@ -92,6 +98,26 @@ impl Guard {
                 Err(refusal)
             }
         }
+    }
+
+    /// All that was commanded is taken: what came before and was not used is no cause of anything that follows.
+    pub fn heeded(&mut self) {
+        self.unheeded = Unheeded::default();
+    }
+
+    /// Notes a frame that was refused.
+    pub fn refuse_frame(&mut self, frame: &Frame, why: RefusedFor) {
+        self.unheeded.refuse(frame, why);
+    }
+
+    /// Notes a command that came before the message `condition` had a value that is required.
+    pub fn command_early(&mut self, condition: &Arc<str>) {
+        self.unheeded.command_early(condition);
+    }
+
+    /// What came and was not used, if anything.
+    pub fn unheeded(&self) -> Option<Unheeded> {
+        (!self.unheeded.is_empty()).then(|| self.unheeded.clone())
     }
 
     /// Counts a command that was refused before the gate.

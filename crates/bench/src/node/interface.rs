@@ -4,10 +4,10 @@ use alloc::boxed::Box;
 use alloc::vec::Vec;
 use core::fmt;
 
-use resonarm_protocol::node::NodeEvent;
+use resonarm_protocol::node::{Happening, NodeEvent};
 use resonarm_protocol::{Emergency, EmergencyCode, Frame, Id, Network, NodeState, OperatorRequest, Refusal};
 
-use super::{PlantNode, Refusals};
+use super::{FaultCause, PlantNode, Refusals};
 use crate::rig::Measurement;
 use resonarm_dynamics::arm::Load;
 
@@ -24,6 +24,15 @@ pub trait PlantInterface: fmt::Debug + Send {
     fn is_armed(&self) -> bool {
         self.state() == NodeState::Operational
     }
+
+    /// How often the plant was armed.
+    fn arms(&self) -> u32;
+
+    /// How often the armed plant was disarmed, or faulted. No event that is lost hides it.
+    fn leaves(&self) -> u32;
+
+    /// Why the plant has faulted, beyond the code: what its controller did.
+    fn fault_cause(&self) -> Option<FaultCause>;
 
     /// Whether the sample published last awaits no command.
     fn is_answered(&self) -> bool;
@@ -137,6 +146,8 @@ pub struct FrameCounts {
     pub refused: u64,
     /// Refused under identifiers that only the plant sends.
     pub other_sender: u64,
+    /// Commands of a user's protocol that newer ones replaced before they could act.
+    pub overwritten: u64,
     /// Values in frames that were sent which their signals could not represent: the nearest was sent.
     pub limited_values: u64,
 }
@@ -161,6 +172,19 @@ pub enum WireEvent {
     Frame(FrameFault),
     /// A frame was refused whose identifier only this node sends.
     OtherSender(Id),
+    /// So many events other than faults and changes of state were dropped, as too many waited.
+    Lost(u64),
+}
+
+impl From<Happening<WireEvent>> for WireEvent {
+    fn from(happening: Happening<WireEvent>) -> WireEvent {
+        match happening {
+            Happening::Fault(emergency) => WireEvent::Emergency(emergency),
+            Happening::State { from, to } => WireEvent::State { from, to },
+            Happening::Note(event) => event,
+            Happening::Lost(events) => WireEvent::Lost(events),
+        }
+    }
 }
 
 impl WireEvent {
@@ -172,6 +196,7 @@ impl WireEvent {
             NodeEvent::PartnerEmergency(emergency) => WireEvent::PartnerEmergency(emergency),
             NodeEvent::Refused(refusal) => WireEvent::Refused(refusal),
             NodeEvent::Frame(_) => WireEvent::Frame(FrameFault::Protocol),
+            NodeEvent::Lost(events) => WireEvent::Lost(events),
             NodeEvent::OtherSender(error) => WireEvent::OtherSender(Id::Standard(error.kind().id(network))),
         }
     }
@@ -194,7 +219,9 @@ pub enum FrameFault {
 /// The checks of a user's message.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum FrameCheck {
-    /// The payload ends before a signal.
+    /// It is a CAN FD frame and the message a classic one, or the reverse.
+    Format,
+    /// The payload ends before a signal, or is longer than the message.
     Length,
     /// The checksum is wrong.
     Checksum,
@@ -204,6 +231,18 @@ pub enum FrameCheck {
     Value,
 }
 
+impl fmt::Display for FrameCheck {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.write_str(match self {
+            FrameCheck::Format => "one of CAN FD and classic CAN was expected, and the other came",
+            FrameCheck::Length => "its length does not fit the message",
+            FrameCheck::Checksum => "its checksum is wrong",
+            FrameCheck::Counter => "its counter is repeated, or too many frames were lost before it",
+            FrameCheck::Value => "a signal in it is no finite number",
+        })
+    }
+}
+
 impl PlantInterface for PlantNode {
     fn start(&mut self, now_ns: u64) {
         PlantNode::start(self, now_ns);
@@ -211,6 +250,18 @@ impl PlantInterface for PlantNode {
 
     fn state(&self) -> NodeState {
         PlantNode::state(self)
+    }
+
+    fn arms(&self) -> u32 {
+        PlantNode::arms(self)
+    }
+
+    fn leaves(&self) -> u32 {
+        PlantNode::leaves(self)
+    }
+
+    fn fault_cause(&self) -> Option<FaultCause> {
+        PlantNode::fault_cause(self)
     }
 
     fn is_answered(&self) -> bool {
@@ -246,6 +297,7 @@ impl PlantInterface for PlantNode {
             unsent: self.unsent_frames(),
             refused: self.refused_frames(),
             other_sender: self.other_sender_frames(),
+            overwritten: 0,
             limited_values: 0,
         }
     }

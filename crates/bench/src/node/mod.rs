@@ -21,6 +21,7 @@
 //! protocol's `SPEC.md`; the states are CANopen's (CiA 301), with its stopped state as fault.
 
 mod carried;
+mod cause;
 pub mod cia402;
 mod exciter_interface;
 mod exciter_lack;
@@ -36,6 +37,7 @@ mod wire;
 mod work;
 
 pub use carried::{Carried, ExciterNode, ExciterOutcome, carry};
+pub use cause::{FaultCause, RefusedFor, RefusedFrame, StopRequest, Unheeded};
 pub use exciter_interface::ExciterInterface;
 pub use exciter_lack::{ExciterLack, ExciterRemark};
 pub use interface::{FrameCheck, FrameCounts, FrameFault, PlantInterface, PublishError, PublishedSample, WireEvent};

@@ -7,6 +7,7 @@ use resonarm_protocol::{
 
 use resonarm_protocol::node::Link;
 
+use super::cause::{FaultCause, RefusedFor};
 use super::guard::Guard;
 use super::sample;
 use super::{NodeEvent, Refusal, Refusals, Timing};
@@ -29,12 +30,12 @@ pub struct PlantNode {
     /// The index in the command taken in last, until [`PlantNode::take_echoed`] takes it.
     echoed: Option<u16>,
     is_leaving: bool,
-    /// Why the node faulted last.
-    emergency: Option<Emergency>,
     /// The exciter's last fault, until it leaves its fault state.
     exciter_fault: Option<Emergency>,
     /// The exciter's fault that caused the last fault of the node, if any.
     reason: Option<Emergency>,
+    /// Why the node faulted last, beyond the code.
+    cause: Option<FaultCause>,
 }
 
 impl PlantNode {
@@ -53,9 +54,9 @@ impl PlantNode {
             slipped_periods: 0,
             echoed: None,
             is_leaving: false,
-            emergency: None,
             exciter_fault: None,
             reason: None,
+            cause: None,
         }
     }
 
@@ -83,12 +84,27 @@ impl PlantNode {
 
     /// The fault that is latched now, if one is.
     pub fn latched_fault(&self) -> Option<Emergency> {
-        self.emergency.filter(|_| self.state() == NodeState::Fault)
+        self.link.latched_fault()
     }
 
     /// The exciter's fault that caused the latched fault, if any.
     pub fn fault_reason(&self) -> Option<Emergency> {
         self.reason.filter(|_| self.state() == NodeState::Fault)
+    }
+
+    /// How often the plant was armed.
+    pub fn arms(&self) -> u32 {
+        self.link.arms()
+    }
+
+    /// How often the armed plant was disarmed, or faulted.
+    pub fn leaves(&self) -> u32 {
+        self.link.leaves()
+    }
+
+    /// Why the plant faulted last, beyond the code of its fault.
+    pub fn fault_cause(&self) -> Option<FaultCause> {
+        self.cause.clone().filter(|_| self.state() == NodeState::Fault)
     }
 
     /// Whether commands reach the arm.
@@ -160,7 +176,13 @@ impl PlantNode {
 
     /// Handles a frame from the bus; frames of other protocols are ignored.
     pub fn handle_frame(&mut self, now_ns: u64, frame: &Frame) {
+        let refused = self.link.refused_frames();
         let message = self.link.accept(now_ns, frame);
+        if self.link.refused_frames() > refused
+            && let Some(error) = self.link.refused_for()
+        {
+            self.guard.refuse_frame(frame, RefusedFor::Protocol(error));
+        }
         if let Some(identifier) = self.link.take_second_sender() {
             self.fault(now_ns, EmergencyCode::SecondSender, identifier);
         }
@@ -248,7 +270,7 @@ impl PlantNode {
     /// heartbeat is still on its way.
     fn command_timeout(&mut self, now_ns: u64) {
         self.fault(now_ns, EmergencyCode::CommandTimeout, self.guard.timeout_detail());
-        self.reason = self.exciter_fault;
+        (self.reason, self.cause) = (self.exciter_fault, self.guard.unheeded().map(FaultCause::Unheeded));
     }
 
     fn forget_partner(&mut self) {
@@ -269,7 +291,11 @@ impl PlantNode {
     /// Beyond the travel an operational plant faults: it would be driven on once it swings back.
     fn take(&mut self, now_ns: u64, index: u16, load: Load) {
         self.echoed = Some(index);
-        if let Err(refusal) = self.guard.take(self.link.state(), self.link.listening(), index, load) {
+        let outcome = self.guard.take(self.link.state(), self.link.listening(), index, load);
+        if outcome.is_ok() {
+            self.guard.heeded();
+        }
+        if let Err(refusal) = outcome {
             self.link.report(NodeEvent::Refused(refusal));
             if refusal == Refusal::Travel {
                 self.fault(now_ns, EmergencyCode::ExciterTripped, Trip::Travel as u16);
@@ -353,9 +379,11 @@ impl PlantNode {
             return;
         }
         let emergency = self.emergency(code, detail);
-        (self.emergency, self.reason) = (Some(emergency), None);
-        self.link.send_emergency(emergency);
-        self.exit(now_ns, StateEvent::Fault);
+        (self.reason, self.cause) = (None, None);
+        if self.is_armed() {
+            self.guard.release();
+        }
+        self.link.send_fault(now_ns, emergency);
     }
 
     /// The bus is off: an armed plant faults. One that is not armed waits for the bus to come back.

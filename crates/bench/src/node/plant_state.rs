@@ -1,15 +1,16 @@
 //! What the nodes of users' protocols have in common: the state with its fault, the gate, the events and the counts.
 
-use resonarm_protocol::node::{Listening, Queue};
-use resonarm_protocol::{Emergency, EmergencyCode, Id, Node, NodeState, Refusal, StateEvent};
+use resonarm_protocol::node::{Listening, NodeCore};
+use resonarm_protocol::{Emergency, EmergencyCode, Frame, Id, Node, NodeState, Refusal, StateEvent};
 
 use super::Timing;
+use super::cause::{FaultCause, RefusedFor};
 use super::guard::Guard;
 use super::interface::{FrameCheck, FrameCounts, FrameFault, WireEvent};
 use crate::rig::{Exciter, GateSpec};
 
-/// Most events that wait to be fetched.
-const EVENTS: usize = 64;
+/// Most events that wait to be fetched, beside faults and changes of state.
+const NOTES: usize = 64;
 
 /// State, gate, events and counts of a plant's node.
 #[derive(Clone, Debug)]
@@ -17,9 +18,9 @@ pub(super) struct PlantState {
     pub guard: Guard,
     pub listening: Listening,
     pub frames: FrameCounts,
-    state: NodeState,
-    fault: Option<Emergency>,
-    events: Queue<WireEvent, EVENTS>,
+    core: NodeCore<WireEvent, NOTES>,
+    /// Why the plant faulted last, beyond the code.
+    cause: Option<FaultCause>,
     /// Since when, in time listened, frames wait and none was sent.
     jammed_since_ns: Option<u64>,
     jam_timeout_ns: u64,
@@ -34,9 +35,8 @@ impl PlantState {
             guard,
             listening: Listening::new(timing.look_period_ns),
             frames: FrameCounts::default(),
-            state: NodeState::BootUp,
-            fault: None,
-            events: Queue::new(),
+            core: NodeCore::new(),
+            cause: None,
             jammed_since_ns: None,
             jam_timeout_ns: timing.command_timeout_ns,
         }
@@ -50,46 +50,66 @@ impl PlantState {
 
     /// The state.
     pub fn state(&self) -> NodeState {
-        self.state
+        self.core.state()
+    }
+
+    /// How often the plant was armed.
+    pub fn arms(&self) -> u32 {
+        self.core.arms()
+    }
+
+    /// How often the armed plant was disarmed, or faulted.
+    pub fn leaves(&self) -> u32 {
+        self.core.leaves()
     }
 
     /// Follows the table of states; returns `false` if it has no such event in this state. A load that acts ramps to
     /// zero when it leaves operational, and a fault is forgotten when it is reset.
     pub fn transition(&mut self, event: StateEvent) -> bool {
-        let Some(to) = self.state.next(event) else { return false };
-        let from = core::mem::replace(&mut self.state, to);
+        let Some((from, _)) = self.core.turn(event) else { return false };
         match from {
             NodeState::Operational => self.guard.release(),
-            NodeState::Fault => self.fault = None,
+            NodeState::Fault => self.cause = None,
             NodeState::BootUp | NodeState::PreOperational => {}
         }
-        self.events.push(WireEvent::State { from, to });
         true
     }
 
-    /// Faults; returns the emergency, or `None` if a fault is latched already.
+    /// Faults; returns the emergency, or `None` if a fault is latched already. A load that acts ramps to zero.
     pub fn fail(&mut self, code: EmergencyCode, detail: u16) -> Option<Emergency> {
+        let unheeded = if code == EmergencyCode::CommandTimeout { self.guard.unheeded() } else { None };
+        self.fail_for(code, detail, unheeded.map(FaultCause::Unheeded))
+    }
+
+    /// The same, for a known cause.
+    pub fn fail_for(&mut self, code: EmergencyCode, detail: u16, cause: Option<FaultCause>) -> Option<Emergency> {
         debug_assert!(!code.is_notice(), "{code:?} is no fault");
         self.guard.fault(code);
-        if self.state == NodeState::Fault {
+        let (from, emergency) = (self.core.state(), self.emergency(code, detail));
+        if !self.core.fail(emergency) {
             return None;
         }
-        let emergency = self.emergency(code, detail);
-        self.events.push(WireEvent::Emergency(emergency));
-        self.transition(StateEvent::Fault);
-        self.fault = Some(emergency);
+        if from == NodeState::Operational {
+            self.guard.release();
+        }
+        self.cause = cause;
         Some(emergency)
     }
 
     /// The fault that is latched, if one is.
     pub fn latched_fault(&self) -> Option<Emergency> {
-        self.fault
+        self.core.latched_fault()
+    }
+
+    /// Why that fault is latched, beyond its code.
+    pub fn fault_cause(&self) -> Option<FaultCause> {
+        self.cause.clone()
     }
 
     /// Reports that the schedule has moved by `periods` missed sample periods.
     pub fn slip(&mut self, periods: u64) {
         let detail = u16::try_from(periods).unwrap_or(u16::MAX);
-        self.events.push(WireEvent::Emergency(self.emergency(EmergencyCode::ScheduleSlipped, detail)));
+        self.core.note(WireEvent::Emergency(self.emergency(EmergencyCode::ScheduleSlipped, detail)));
     }
 
     fn emergency(&self, code: EmergencyCode, detail: u16) -> Emergency {
@@ -104,19 +124,20 @@ impl PlantState {
 
     /// Reports a load that the gate has refused, and counted.
     pub fn report_refusal(&mut self, refusal: Refusal) {
-        self.events.push(WireEvent::Refused(refusal));
+        self.core.note(WireEvent::Refused(refusal));
     }
 
     /// Counts and reports a frame that failed a check.
-    pub fn refuse_frame(&mut self, id: Id, check: FrameCheck) {
+    pub fn refuse_frame(&mut self, frame: &Frame, check: FrameCheck, why: RefusedFor) {
         self.frames.refused += 1;
-        self.events.push(WireEvent::Frame(FrameFault::Mapped { id, check }));
+        self.guard.refuse_frame(frame, why);
+        self.core.note(WireEvent::Frame(FrameFault::Mapped { id: frame.id(), check }));
     }
 
     /// Counts and reports a frame that only this node sends.
     pub fn refuse_sender(&mut self, id: Id) {
         self.frames.other_sender += 1;
-        self.events.push(WireEvent::OtherSender(id));
+        self.core.note(WireEvent::OtherSender(id));
     }
 
     /// A frame waits.
@@ -136,6 +157,6 @@ impl PlantState {
 
     /// The next event.
     pub fn poll_event(&mut self) -> Option<WireEvent> {
-        self.events.pop()
+        self.core.poll().map(WireEvent::from)
     }
 }

@@ -1,5 +1,6 @@
 //! Two nodes in virtual time, with a wire between them that can lose, repeat, corrupt and delay.
 
+mod fresh;
 mod gate;
 mod indices;
 mod networks;

@@ -5,11 +5,11 @@ use alloc::boxed::Box;
 use super::interface::{FrameCheck, FrameCounts, FrameFault, WireEvent};
 use super::{Carried, ExciterOutcome, TimeBase, Timing};
 use crate::control::Controller;
-use resonarm_protocol::node::{Listening, Queue};
+use resonarm_protocol::node::{Listening, NodeCore};
 use resonarm_protocol::{Emergency, EmergencyCode, Id, Node, NodeState, StateEvent};
 
-/// Most events that wait to be fetched.
-const EVENTS: usize = 64;
+/// Most events that wait to be fetched, beside faults and changes of state.
+const NOTES: usize = 64;
 /// Time between two attempts to arm or disarm the plant, ns. In lockstep longer than a busy machine stops a process: a
 /// second command would count as the answer to the first sample.
 const RETRY_NS: u64 = 100_000_000;
@@ -50,7 +50,7 @@ pub(super) struct Work {
     pub listening: Listening,
     pub frames: FrameCounts,
     pub has_heard: bool,
-    state: NodeState,
+    core: NodeCore<WireEvent, NOTES>,
     timing: Timing,
     retry_ns: u64,
     retry_at_ns: u64,
@@ -64,7 +64,6 @@ pub(super) struct Work {
     missed: u64,
     /// When the last whole sample came, or the plant was armed, in time listened.
     sample_heard_ns: u64,
-    events: Queue<WireEvent, EVENTS>,
 }
 
 impl Work {
@@ -76,7 +75,7 @@ impl Work {
             listening: Listening::new(timing.look_period_ns),
             frames: FrameCounts::default(),
             has_heard: false,
-            state: NodeState::BootUp,
+            core: NodeCore::new(),
             timing,
             retry_ns: if time_base == TimeBase::Lockstep { LOCKSTEP_RETRY_NS } else { RETRY_NS },
             retry_at_ns: 0,
@@ -87,7 +86,6 @@ impl Work {
             answered: None,
             missed: 0,
             sample_heard_ns: 0,
-            events: Queue::new(),
         }
     }
 
@@ -98,7 +96,7 @@ impl Work {
     }
 
     pub fn state(&self) -> NodeState {
-        self.state
+        self.core.state()
     }
 
     /// How the work ended, once it has.
@@ -110,9 +108,7 @@ impl Work {
     }
 
     fn transition(&mut self, event: StateEvent) {
-        let Some(to) = self.state.next(event) else { return };
-        let from = core::mem::replace(&mut self.state, to);
-        self.events.push(WireEvent::State { from, to });
+        self.core.turn(event);
     }
 
     /// The plant was heard; whether it was for the first time.
@@ -183,8 +179,7 @@ impl Work {
 
     /// Ends the work by a fault.
     pub fn fault(&mut self, emergency: Emergency) {
-        self.events.push(WireEvent::Emergency(emergency));
-        self.transition(StateEvent::Fault);
+        self.core.fail(emergency);
         self.phase = Phase::Done(ExciterOutcome::Faulted(emergency));
     }
 
@@ -268,7 +263,7 @@ impl Work {
     /// Counts and reports a frame that failed a check.
     pub fn refuse_frame(&mut self, id: Id, check: FrameCheck) {
         self.frames.refused += 1;
-        self.events.push(WireEvent::Frame(FrameFault::Mapped { id, check }));
+        self.core.note(WireEvent::Frame(FrameFault::Mapped { id, check }));
     }
 
     /// Another node sends this one's messages: either of the two may control the plant. Counts and reports the frame;
@@ -276,12 +271,12 @@ impl Work {
     pub fn second_sender(&mut self, id: Id) -> Option<Emergency> {
         self.frames.refused += 1;
         self.frames.other_sender += 1;
-        self.events.push(WireEvent::OtherSender(id));
+        self.core.note(WireEvent::OtherSender(id));
         self.outcome().is_none().then(|| self.own(EmergencyCode::SecondSender, id.raw() as u16))
     }
 
     /// The next event.
     pub fn poll_event(&mut self) -> Option<WireEvent> {
-        self.events.pop()
+        self.core.poll().map(WireEvent::from)
     }
 }

@@ -39,7 +39,9 @@ impl Fault {
         match self {
             Fault::Protection(ProtectionFault::Checksum(_)) => "checksum",
             Fault::Protection(ProtectionFault::Counter(_) | ProtectionFault::Lost { .. }) => "counter",
-            Fault::Protection(ProtectionFault::Short { .. })
+            Fault::Protection(
+                ProtectionFault::Format { .. } | ProtectionFault::Long { .. } | ProtectionFault::Short { .. },
+            )
             | Fault::Short { .. }
             | Fault::NotFinite { .. }
             | Fault::CanOpen(_) => "form or content",

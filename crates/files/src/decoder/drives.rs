@@ -128,7 +128,7 @@ impl Drive {
     }
 
     fn malformed(&self, frame: &Frame, of: Part, fault: Malformed) -> DecodedMessage {
-        let is_sent = !matches!(of, Part::Nmt | Part::Request);
+        let is_sent = !matches!(of, Part::Nmt | Part::Sync | Part::ReceivePdo(_) | Part::Request);
         let message = self.message(frame, (part_name(of, self.spec.node_id), is_sent), Vec::new());
         DecodedMessage { outcome: Outcome::Refused(Fault::CanOpen(fault)), ..message }
     }
@@ -255,6 +255,9 @@ impl Drive {
 fn part_name(part: Part, node: u8) -> String {
     match part {
         Part::Nmt => String::from("NMT"),
+        Part::Sync => String::from("SYNC"),
+        Part::ReceivePdo(number) => format!("RPDO {number} of node {node}"),
+        Part::TransmitPdo(number) => format!("TPDO {number} of node {node}"),
         Part::Emergency => format!("EMCY of node {node}"),
         Part::Heartbeat => format!("Heartbeat of node {node}"),
         Part::Request => format!("SDO request to node {node}"),

@@ -6,7 +6,7 @@ use super::check::Fault;
 use super::meaning::Meaning;
 use super::name_of;
 use resonarm_bench::node::mapped::mapping::{
-    Action, CommandSignal, Counts, EventSignal, Incoming, LoadInput, MappedSignal, Outgoing, Protection,
+    Action, CommandSignal, Counts, EventSignal, Form, Incoming, LoadInput, MappedSignal, Outgoing, Protection,
     ProtectionCheck, Source, Value,
 };
 use resonarm_bench::structure::{Channel, Quantity};
@@ -47,7 +47,7 @@ pub(super) struct MessageRoles {
 impl MessageRoles {
     /// The roles of a message that the plant takes.
     pub fn incoming(message: &Message, of: &Incoming) -> MessageRoles {
-        let mut roles = MessageRoles::protected(message, &of.protection);
+        let mut roles = MessageRoles::protected(message, of.form(), &of.protection);
         roles.is_sync = of.is_sync;
         for command in &of.commands {
             roles.add(message, &command.signal, Role::Load(command.clone()));
@@ -63,7 +63,7 @@ impl MessageRoles {
 
     /// The roles of a message that the plant sends.
     pub fn outgoing(message: &Message, of: &Outgoing) -> MessageRoles {
-        let mut roles = MessageRoles::protected(message, &of.protection);
+        let mut roles = MessageRoles::protected(message, of.form(), &of.protection);
         roles.is_on_request = of.is_on_request;
         for reading in &of.signals {
             let role = match &reading.source {
@@ -79,9 +79,9 @@ impl MessageRoles {
         roles
     }
 
-    fn protected(message: &Message, protection: &Protection) -> MessageRoles {
+    fn protected(message: &Message, form: Form, protection: &Protection) -> MessageRoles {
         let mut roles = MessageRoles {
-            protection: ProtectionCheck::new(protection),
+            protection: ProtectionCheck::new(form, protection),
             roles: HashMap::new(),
             requests: Vec::new(),
             is_sync: false,

@@ -129,3 +129,24 @@ fn requests_and_other_frames_are_no_messages() {
     let Decoded::Message(found) = plain.decode(&frame) else { panic!() };
     assert_eq!((found.outcome.clone(), meanings(&found), plain.is_mapped()), (Outcome::Unmapped, String::new(), false));
 }
+
+/// A CAN FD frame, or one that is longer than its message, is refused by its receiver.
+#[test]
+fn a_frame_of_another_form_is_refused() {
+    let why = |decoder: &mut Decoder, frame| match message(decoder, frame).outcome {
+        Outcome::Refused(fault) => fault.to_string(),
+        other => panic!("{frame}: {other:?}"),
+    };
+    let mut mapped = decoder();
+    let fd = "it is a CAN FD frame, and the message is a classic CAN frame";
+    assert_eq!(why(&mut mapped, "100##1E8030100"), fd);
+    assert_eq!(why(&mut mapped, "200##1010000803F00"), fd);
+    assert_eq!(why(&mut mapped, "100#E803010000"), "it has 5 bytes, and the message has 4");
+    let text = "wire = { preset = 'cia402', drives = [{ node_id = 1, joint = 1, rated_torque_nm = 1.0, \
+        encoder_counts_per_turn = 4096 }] }";
+    let mut drives = Decoder::of_scenario(&Scenario::parse(text, "test").unwrap()).unwrap().unwrap();
+    for frame in ["201##10F00C800", "080##1", "000##10100", "601##14041600000000000"] {
+        assert_eq!(why(&mut drives, frame), "it is a CAN FD frame, and CANopen has classic frames alone");
+    }
+    assert_eq!(why(&mut drives, "080#0102"), "it has 2 bytes, and 1 belong into it");
+}

@@ -118,10 +118,13 @@ pub(super) fn error_register(register: u8) -> String {
 }
 
 /// The error codes that the drives of this program send.
-const ERRORS: [(u16, &str); 6] = [
+const ERRORS: [(u16, &str); 9] = [
     (0x6100, "internal software: the simulation failed"),
     (0x8100, "communication: the bus was lost, or took no frames"),
+    (0x8130, "heartbeat error: a heartbeat that the drive watches was lost"),
     (0x8200, "protocol error: a second SYNC for one sample"),
+    (0x8210, "protocol error: a PDO is shorter than its mapping, and not processed"),
+    (0x8220, "protocol error: a PDO is longer than its mapping"),
     (0x8250, "RPDO timeout: no target was taken in time"),
     (0xFF01, "the exciter tripped, by travel"),
     (0xFF02, "ticks were missed"),

@@ -57,7 +57,7 @@ impl Loads {
     pub fn new(mapping: &Mapping, is_wanted: bool, name: impl Fn(Id) -> String) -> Loads {
         let drives = mapping.incoming.iter().map(|message| message.drive + 1).max().unwrap_or(1);
         let command = |message: &Incoming| Command {
-            protection: ProtectionCheck::new(&message.protection),
+            protection: ProtectionCheck::new(message.form(), &message.protection),
             name: name(message.id),
             values: vec![None; message.events.len()],
             load: Load::default(),

@@ -184,7 +184,7 @@ impl Reader {
         });
         let of_counter = message.protection.counter.as_ref().map(|counter| Numbering::Counter(counter.values()));
         let numbering = of_signal.or(of_counter).unwrap_or(Numbering::Time);
-        let protection = ProtectionCheck::new(&message.protection);
+        let protection = ProtectionCheck::new(message.form(), &message.protection);
         Reader { message: message.clone(), name, protection, index: FrameIndex::new(order, numbering, rate_hz) }
     }
 

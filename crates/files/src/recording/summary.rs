@@ -162,7 +162,9 @@ impl RecordedFault {
 
 /// What a code means, if this version knows it.
 fn meaning(code: i64) -> Option<EmergencyCode> {
-    u16::try_from(code).ok().and_then(EmergencyCode::from_code)
+    let of_users_protocols = [EmergencyCode::StopRequested];
+    let code = u16::try_from(code).ok()?;
+    EmergencyCode::from_code(code).or_else(|| of_users_protocols.into_iter().find(|known| *known as u16 == code))
 }
 
 impl fmt::Display for RecordedFault {

@@ -1,6 +1,7 @@
 //! From names of a DBC to what the plant's node works with.
 
 use std::collections::BTreeMap;
+use std::sync::Arc;
 
 use super::conversion::{factor, known};
 use super::error::{Place, WireError};
@@ -213,7 +214,8 @@ impl Compiler<'_> {
         };
         let protection = protection(&place, message, (&spec.counter, &spec.checksum), &mut Used::default())?;
         let counts = if spec.every_frame { Counts::InEveryFrame } else { Counts::OnChange };
-        let event = EventSignal { signal, counts, actions, required };
+        let name = Arc::from(spec.signal.as_deref().unwrap_or_default());
+        let event = EventSignal { name, signal, counts, actions, required };
         let empty = bare(message, spec.drive);
         let incoming = self.incoming.entry(empty.id).or_insert(empty);
         if protection.counter.is_some() || protection.checksum.is_some() {
@@ -355,6 +357,7 @@ fn action(request: RequestSpec) -> Action {
 /// A message without a load, counter or checksum.
 fn bare(message: &Message, drive: usize) -> Incoming {
     Incoming {
+        name: Arc::from(message.name()),
         id: message.id(),
         format: message.format(),
         length: message.length(),

@@ -18,7 +18,7 @@ pub const STATES: [&str; 4] = ["boot-up", "pre-operational", "operational", "fau
 /// Every fault that a mapped plant can have, by name.
 pub const REASONS: [(&str, EmergencyCode); 7] = [
     ("command-timeout", EmergencyCode::CommandTimeout),
-    ("stop", EmergencyCode::PartnerFault),
+    ("stop", EmergencyCode::StopRequested),
     ("overrun", EmergencyCode::Overrun),
     ("bus-loss", EmergencyCode::BusLoss),
     ("sequence", EmergencyCode::SampleSequence),

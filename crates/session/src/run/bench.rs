@@ -39,8 +39,6 @@ pub(super) struct Bench<'a> {
     /// In real time.
     round_trips: Option<RoundTrips>,
     samples: u64,
-    was_armed: bool,
-    left_armed: bool,
     /// The load from the sample before to this one.
     held: Load,
 }
@@ -68,8 +66,6 @@ impl<'a> Bench<'a> {
             controller: ControllerState::Active,
             round_trips: None,
             samples: 0,
-            was_armed: false,
-            left_armed: false,
             held: Load::default(),
         }
     }
@@ -90,8 +86,6 @@ impl<'a> Bench<'a> {
             controller: self.controller,
             round_trips: None,
             samples: self.samples,
-            was_armed: self.was_armed,
-            left_armed: self.left_armed,
             held: self.held,
         }
     }
@@ -137,12 +131,12 @@ impl<'a> Bench<'a> {
 
     /// Whether the plant was ever armed.
     pub fn was_armed(&self) -> bool {
-        self.was_armed
+        self.node.arms() > 0
     }
 
     /// Whether the plant was armed once and has been disarmed or has faulted.
     pub fn has_left_armed(&self) -> bool {
-        self.left_armed
+        self.node.leaves() > 0
     }
 
     /// Times the round trips of samples from now on.
@@ -211,6 +205,13 @@ impl<'a> Bench<'a> {
     /// Faults from outside the node.
     pub fn fault(&mut self, now_ns: u64, code: EmergencyCode, detail: u64) {
         self.node.fault(now_ns, code, u16::try_from(detail).unwrap_or(u16::MAX));
+    }
+
+    /// The run can't go on, for an error of its own: an armed plant faults.
+    pub fn fail_if_armed(&mut self, now_ns: u64) {
+        if self.node.is_armed() {
+            self.fault(now_ns, EmergencyCode::SimulationFailed, 0);
+        }
     }
 
     /// The bus has failed.
@@ -296,11 +297,9 @@ impl<'a> Bench<'a> {
         let sample = self.sample();
         match event {
             WireEvent::State { to: NodeState::Operational, .. } => {
-                self.was_armed = true;
                 (self.on_event)(RunEvent::Armed { sample });
             }
             WireEvent::State { from: NodeState::Operational, to } => {
-                self.left_armed = true;
                 if *to == NodeState::PreOperational {
                     (self.on_event)(RunEvent::Disarmed { sample });
                 }
@@ -318,7 +317,7 @@ impl<'a> Bench<'a> {
                 (self.on_event)(RunEvent::OtherSender { sample, identifier: *identifier });
             }
             WireEvent::State { .. } | WireEvent::Refused(_) | WireEvent::Frame(_) => {}
-            WireEvent::PartnerEmergency(_) | WireEvent::OtherSender(_) => {}
+            WireEvent::PartnerEmergency(_) | WireEvent::OtherSender(_) | WireEvent::Lost(_) => {}
         }
     }
 

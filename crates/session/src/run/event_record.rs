@@ -25,6 +25,7 @@ const fn refusal_name(refusal: Refusal) -> &'static str {
 /// The name under which a refused frame of a user's protocol is recorded.
 const fn check_name(check: FrameCheck) -> &'static str {
     match check {
+        FrameCheck::Format => "frame.format",
         FrameCheck::Length => "frame.length",
         FrameCheck::Checksum => "frame.checksum",
         FrameCheck::Counter => "frame.counter",
@@ -43,7 +44,7 @@ pub(super) const fn controller_record(state: ControllerState) -> &'static str {
 }
 
 /// The name and the number under which the event is recorded.
-pub(super) const fn event_record(event: &WireEvent) -> (&'static str, i64) {
+pub(super) fn event_record(event: &WireEvent) -> (&'static str, i64) {
     match event {
         WireEvent::State { to: NodeState::BootUp, .. } => ("state.boot_up", 0),
         WireEvent::State { to: NodeState::PreOperational, .. } => ("state.pre_operational", 0),
@@ -60,6 +61,7 @@ pub(super) const fn event_record(event: &WireEvent) -> (&'static str, i64) {
         WireEvent::Frame(FrameFault::Protocol) => ("frame.refused", 0),
         WireEvent::Frame(FrameFault::Mapped { id, check }) => (check_name(*check), id.raw() as i64),
         WireEvent::OtherSender(_) => ("frame.other_sender", 0),
+        WireEvent::Lost(events) => ("events.lost", i64::try_from(*events).unwrap_or(i64::MAX)),
     }
 }
 

@@ -40,7 +40,9 @@ pub(super) fn finish<C: Clock>(
         Ok(_) => {}
         Err(RunError::Periodic(error)) => bench.fault(now_ns, EmergencyCode::Overrun, missed(error)),
         Err(RunError::Bus(_)) => bench.bus_lost(now_ns),
-        Err(_) => {}
+        // The node has faulted when the plant did.
+        Err(RunError::Plant(_)) => {}
+        Err(_) => bench.fail_if_armed(now_ns),
     }
     let outcome = outcome(bench, &ended);
     bench.leave(now_ns);
@@ -86,7 +88,10 @@ fn ramp<C: Clock>(bench: &mut Bench, bus: &mut dyn Bus, pace: &mut Pace<'_, C>) 
         let now_ns = pace.now_ns();
         failed = failed.and(bench.receive(now_ns, bus));
         bench.handle_deadline(now_ns);
-        bench.measure()?;
+        if let Err(error) = bench.measure() {
+            bench.fail_if_armed(now_ns);
+            return Err(error);
+        }
         failed = failed.and(bench.transmit(now_ns, bus).map(drop));
     }
     failed

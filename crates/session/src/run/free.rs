@@ -38,6 +38,9 @@ impl<C: Clock> Free<'_, '_, '_, C> {
     /// Runs until the exciter has finished, the duration has passed, or the run is asked to stop.
     pub fn run(&mut self) -> (PlantOutcome, Option<RunError>) {
         let ended = self.samples();
+        if !matches!(ended, Ok(_) | Err(RunError::Plant(_))) {
+            self.bench.fail_if_armed(self.now_ns());
+        }
         let outcome = outcome(self.bench, &ended);
         let simulates = !matches!(ended, Err(RunError::Plant(_)));
         let rest = self.finish(simulates);

@@ -7,7 +7,7 @@ use serde::{Serialize, Serializer};
 use super::bench::Bench;
 use super::{BusLoss, RunError, Signals};
 use resonarm_bench::control::ResponsePoint;
-use resonarm_bench::node::{self, FrameCounts, Refusals};
+use resonarm_bench::node::{self, FaultCause, FrameCounts, Refusals, Unheeded};
 use resonarm_bus::{ControllerErrors, Statistics};
 use resonarm_files::recording::Summary;
 use resonarm_protocol::{Emergency, EmergencyCode, Refusal, Trip};
@@ -49,6 +49,9 @@ pub struct PlantReport {
     /// The same as the protocol has it.
     #[serde(skip)]
     pub emergency: Option<Emergency>,
+    /// What the controller did that is the cause of the fault, where the plant knows it.
+    #[serde(skip_serializing_if = "Option::is_none", serialize_with = "as_cause")]
+    pub cause: Option<FaultCause>,
     /// What the exciter said was wrong, where that is the reason of the fault.
     #[serde(serialize_with = "as_fault")]
     pub partner_fault: Option<Emergency>,
@@ -102,6 +105,7 @@ impl PlantReport {
             outcome,
             fault: emergency.as_ref().map(Fault::from),
             emergency,
+            cause: bench.node().fault_cause(),
             partner_fault: bench.node().fault_reason(),
             bus_loss: bench.bus_loss(),
             error,
@@ -121,6 +125,12 @@ impl PlantReport {
             refused: RefusedCommands::from(bench.node().refusals()),
             recording: None,
         }
+    }
+
+    /// The fault that was latched at the end in words, with its cause and how to fix it.
+    pub fn fault_text(&self) -> Option<String> {
+        let emergency = self.emergency.as_ref()?;
+        Some(text_of_fault(emergency, self.cause.as_ref(), self.partner_fault.as_ref(), self.bus_loss))
     }
 }
 
@@ -235,12 +245,27 @@ const fn name(code: EmergencyCode) -> &'static str {
         EmergencyCode::Leaving => "leaving",
         EmergencyCode::SecondSender => "second sender",
         EmergencyCode::ExciterTripped => "exciter tripped",
+        EmergencyCode::StopRequested => "stop requested",
     }
 }
 
 /// A fault in words, and how to fix it; where `partner` reported the reason, its fault and fix.
 pub fn fault_text(emergency: &Emergency, partner: Option<&Emergency>, bus_loss: Option<BusLoss>) -> String {
-    let mut text = format!("fault of the {emergency}");
+    text_of_fault(emergency, None, partner, bus_loss)
+}
+
+/// The same, with what the node knows of the cause.
+fn text_of_fault(
+    emergency: &Emergency,
+    cause: Option<&FaultCause>,
+    partner: Option<&Emergency>,
+    bus_loss: Option<BusLoss>,
+) -> String {
+    let mut text = match cause {
+        Some(stop @ FaultCause::Stop(_)) => format!("{stop}, at sample {}", emergency.sample),
+        Some(FaultCause::Unheeded(unheeded)) => format!("fault of the {emergency}: {unheeded}"),
+        None => format!("fault of the {emergency}"),
+    };
     if let Some(said) = partner {
         let _infallible = write!(text, ", because of the {said}");
     }
@@ -254,7 +279,13 @@ pub fn fault_text(emergency: &Emergency, partner: Option<&Emergency>, bus_loss: 
             "check bit rate, wiring and the two terminations of 120 Ω: there were too many transmit errors"
         }
         (EmergencyCode::PartnerFault | EmergencyCode::SensorTimeout, Some(said)) => remedy(said),
-        _ => remedy(emergency),
+        _ => match cause {
+            Some(FaultCause::Unheeded(Unheeded { frames: 1.., .. })) => {
+                "correct what the controller sends: `resonarm protocol decode` says of each frame why it is refused"
+            }
+            Some(FaultCause::Unheeded(_)) => "let the controller send that message before its commands",
+            Some(FaultCause::Stop(_)) | None => remedy(emergency),
+        },
     };
     let _infallible = write!(text, "; to fix it: {remedy}");
     text
@@ -295,6 +326,7 @@ fn remedy(emergency: &Emergency) -> &'static str {
         EmergencyCode::ExciterTripped => {
             "lower the excitation, or take a larger shaker: the plant's own message names the limit"
         }
+        EmergencyCode::StopRequested => "end the request to stop, then reset and arm the plant",
         EmergencyCode::ScheduleSlipped | EmergencyCode::Leaving => "this is no fault",
     }
 }
@@ -349,6 +381,10 @@ pub struct BusCounts {
     pub other_sender: u64,
     /// Frames that came in and can't be any: of a length that CAN FD does not have.
     pub malformed: u64,
+    /// Commands of a user's protocol that newer ones replaced before they could act; left out of documents if there are
+    /// none.
+    #[serde(skip_serializing_if = "is_zero")]
+    pub overwritten: u64,
     /// Values that signals of a user's protocol could not say, so that the nearest was sent; left out of
     /// documents if there are none.
     #[serde(skip_serializing_if = "is_zero")]
@@ -370,10 +406,15 @@ impl BusCounts {
             refused: frames.refused,
             other_sender: frames.other_sender,
             malformed: statistics.malformed,
+            overwritten: frames.overwritten,
             limited_values: frames.limited_values,
             errors: statistics.errors,
         }
     }
+}
+
+fn as_cause<S: Serializer>(cause: &Option<FaultCause>, serializer: S) -> Result<S::Ok, S::Error> {
+    cause.as_ref().map(FaultCause::to_string).serialize(serializer)
 }
 
 fn as_fault<S: Serializer>(emergency: &Option<Emergency>, serializer: S) -> Result<S::Ok, S::Error> {

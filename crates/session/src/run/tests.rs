@@ -497,3 +497,29 @@ fn assert_ramped(ran: &Ran) {
     let largest = steps.fold(0.0, f64::max);
     assert!(largest < 40.0 * (1.0 / 50.0 + core::f64::consts::TAU * 20.0 / 1000.0), "a step of {largest} N");
 }
+
+/// docs/real-time.md: an armed plant is disarmed, or faults if an error ends the run.
+#[test]
+fn a_measurement_that_cannot_be_sent_is_a_fault_of_an_armed_plant() {
+    let (rig, mode) = (Rig::new(), Mode::Lockstep);
+    let session = Session::new(rig.scenario.clone(), mode, Options::default()).unwrap();
+    let mut bus = NodeBus::new(&rig.scenario, mode, &rig.clock);
+    let mut on_event = |_| {};
+    let mut bench = session.bench(None, &mut on_event).unwrap();
+    let rate = SampleRate::new(rig.scenario.simulation.rate_hz).unwrap();
+    let mut pace = super::pace::Pace::start(&rig.clock, rate, Speed::UNPACED).unwrap();
+    bench.start(0, 0);
+    for _ in 0..1000 {
+        rig.clock.pass(MS);
+        let now_ns = rig.clock.now_ns();
+        bench.transmit(now_ns, &mut bus).unwrap();
+        bench.receive(now_ns, &mut bus).unwrap();
+        bench.handle_deadline(now_ns);
+    }
+    assert!(bench.node().is_armed());
+    let error = node::PublishError::NotFinite { name: "head_force_x_n", got: f64::NAN };
+    let (outcome, error) = super::finish::finish(&mut bench, &mut bus, &mut pace, Err(error.into()));
+    assert_eq!((outcome, error.is_some()), (PlantOutcome::Failed, true));
+    let fault = bench.node().latched_fault().map(|fault| fault.code);
+    assert_eq!(fault, Some(EmergencyCode::SimulationFailed));
+}

@@ -27,6 +27,9 @@ pub enum Abort {
     /// More than 8 bytes, or more than 8 entries.
     #[error("the mapped objects are longer than a PDO")]
     MappingLength = 0x0604_0042,
+    /// It contradicts another parameter.
+    #[error("the value contradicts another parameter")]
+    Incompatible = 0x0604_0043,
     /// Another length than the type's.
     #[error("the length does not fit the type")]
     Length = 0x0607_0010,
@@ -51,11 +54,14 @@ pub enum Abort {
     /// Not now.
     #[error("the value can't be stored in the present state of the node")]
     DeviceState = 0x0800_0022,
+    /// There is nothing to read.
+    #[error("the object has no data")]
+    NoData = 0x0800_0024,
 }
 
 impl Abort {
     /// Every reason.
-    pub const ALL: [Abort; 15] = [
+    pub const ALL: [Abort; 17] = [
         Abort::Toggle,
         Abort::Command,
         Abort::WriteOnly,
@@ -63,6 +69,7 @@ impl Abort {
         Abort::NoObject,
         Abort::NotMappable,
         Abort::MappingLength,
+        Abort::Incompatible,
         Abort::Length,
         Abort::LengthTooHigh,
         Abort::LengthTooLow,
@@ -71,6 +78,7 @@ impl Abort {
         Abort::ValueTooHigh,
         Abort::ValueTooLow,
         Abort::DeviceState,
+        Abort::NoData,
     ];
 
     /// The code on the wire.

@@ -70,11 +70,17 @@ pub enum Heard {
     },
 }
 
-/// The frames of a node other than PDOs.
+/// The kinds of a node's frames.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Part {
     /// Network management.
     Nmt,
+    /// SYNC.
+    Sync,
+    /// A PDO that the node receives, by its number from 1.
+    ReceivePdo(u16),
+    /// A PDO that the node sends, by its number from 1.
+    TransmitPdo(u16),
     /// Emergencies.
     Emergency,
     /// Boot-up and heartbeat.
@@ -173,6 +179,9 @@ pub enum Malformed {
     /// A remote frame: only PDOs are asked for.
     #[error("it is a remote frame, and a data frame belongs here")]
     Remote,
+    /// A CAN FD frame.
+    #[error("it is a CAN FD frame, and CANopen has classic frames alone")]
+    Fd,
 }
 
 /// A transfer that is not over.
@@ -213,21 +222,27 @@ impl Listener {
     pub fn hear(&mut self, frame: &Frame) -> Heard {
         let Id::Standard(id) = frame.id() else { return Heard::Foreign };
         let is_remote = frame.format() == FrameFormat::Remote;
-        if !is_remote && frame.format() != FrameFormat::Classic {
-            return Heard::Foreign;
-        }
+        let is_fd = !is_remote && frame.format() != FrameFormat::Classic;
         let (own, data) = (u16::from(self.node_id), frame.data());
         let part = match id {
-            SYNC_ID if !is_remote => return Heard::Sync(data.first().copied()),
+            SYNC_ID if !is_remote => Part::Sync,
             NMT_ID => Part::Nmt,
             id if id == EMERGENCY_BASE + own => Part::Emergency,
             id if id == HEARTBEAT_BASE + own => Part::Heartbeat,
             id if id == SDO_REQUEST_BASE + own => Part::Request,
             id if id == SDO_ANSWER_BASE + own => Part::Answer,
+            id if is_fd => match self.pdo_of(id) {
+                Some(part) => part,
+                None => return Heard::Foreign,
+            },
             id => return self.hear_pdo(id, is_remote, data),
         };
         let heard = match part {
             _ if is_remote => Err(Malformed::Remote),
+            _ if is_fd => Err(Malformed::Fd),
+            Part::Sync if data.len() > 1 => Err(Malformed::Length { got: data.len(), expected: 1 }),
+            Part::Sync => Ok(Heard::Sync(data.first().copied())),
+            Part::ReceivePdo(_) | Part::TransmitPdo(_) => Ok(self.hear_pdo(id, false, data)),
             Part::Nmt => self.hear_nmt(data),
             Part::Emergency => exactly::<8>(data).map(|&[low, high, register, a, b, c, d, e]| Heard::Emergency {
                 code: u16::from_le_bytes([low, high]),
@@ -270,6 +285,18 @@ impl Listener {
     fn reset(&mut self, last: u16) {
         self.dictionary.reset(0x1000..=last);
         self.transfer = None;
+    }
+
+    /// The PDO of an identifier.
+    fn pdo_of(&self, id: u16) -> Option<Part> {
+        (0..PDOS).find_map(|number| {
+            let is_of = |direction| Pdo { direction, number }.id(&self.dictionary) == Some(id);
+            if is_of(TRANSMIT) {
+                Some(Part::TransmitPdo(number + 1))
+            } else {
+                is_of(RECEIVE).then_some(Part::ReceivePdo(number + 1))
+            }
+        })
     }
 
     fn hear_pdo(&mut self, id: u16, is_remote: bool, data: &[u8]) -> Heard {

@@ -23,6 +23,8 @@ mod abort;
 pub mod cia402;
 pub mod dictionary;
 pub mod eds;
+mod errors;
+mod heartbeat;
 pub mod listen;
 mod nmt;
 mod pdo;
@@ -32,6 +34,7 @@ mod server;
 mod tests;
 
 pub use abort::Abort;
+pub use errors::add_error_objects;
 pub use nmt::{NmtCommand, NmtState};
 pub use pdo::{EVENT_TYPE, EnabledPdo, PDOS, PdoDefaults, add_pdos, enabled_pdos, mapping_word};
 pub use server::{Device, Handled, Server};

@@ -2,6 +2,7 @@
 
 use super::Abort;
 use super::dictionary::{Address, Dictionary, TEXT_MAX_BYTES, Value, at};
+use super::errors;
 
 /// Bytes of every SDO.
 pub const SDO_BYTES: usize = 8;
@@ -134,6 +135,9 @@ impl SdoServer {
         let entry = dictionary.entry(address)?;
         if !entry.access.is_readable() {
             return Err(Abort::WriteOnly);
+        }
+        if errors::is_empty(dictionary, address) {
+            return Err(Abort::NoData);
         }
         let mut bytes = [0; TEXT_MAX_BYTES];
         let len = entry.value.encode(&mut bytes);

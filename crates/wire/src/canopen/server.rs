@@ -3,10 +3,13 @@
 use alloc::vec::Vec;
 
 use super::dictionary::{Address, Dictionary, TEXT_MAX_BYTES, Value, at};
+use super::errors::{CONSUMER_HEARTBEAT, ERROR_REGISTER, check_consumer, check_history, record_error};
+use super::heartbeat::Consumers;
 use super::pdo::{self, PDOS, Pdo, RECEIVE, TRANSMIT};
 use super::sdo::{SDO_BYTES, SdoServer, Step};
 use super::{
-    Abort, EMERGENCY_BASE, HEARTBEAT_BASE, NMT_ID, NmtCommand, NmtState, SDO_ANSWER_BASE, SDO_REQUEST_BASE, SYNC_ID,
+    Abort, EMERGENCY_BASE, HEARTBEAT_BASE, NMT_ID, NODE_ID_MAX, NmtCommand, NmtState, SDO_ANSWER_BASE,
+    SDO_REQUEST_BASE, SYNC_ID,
 };
 use resonarm_protocol::{Frame, FrameFormat, Id};
 
@@ -14,6 +17,8 @@ use resonarm_protocol::{Frame, FrameFormat, Id};
 const WAITING: usize = 16;
 /// The address of the heartbeat's period, ms.
 const HEARTBEAT_PERIOD: Address = at(0x1017, 0);
+/// The bits of the error register for a PDO of a wrong length: a generic error, of communication.
+const LENGTH_ERROR_REGISTER: u8 = 0x11;
 
 /// What the values of a node stand for.
 pub trait Device {
@@ -22,6 +27,10 @@ pub trait Device {
     /// # Errors
     /// [`Abort`]: the value is not stored.
     fn write(&mut self, address: Address, value: Value) -> Result<(), Abort>;
+
+    /// A number that changes whenever values received before must not act any more. PDO data that was received before
+    /// such a change and still waits for SYNC is dropped.
+    fn epoch(&self) -> u32;
 }
 
 /// What a frame was.
@@ -35,8 +44,17 @@ pub enum Handled {
     Sync,
     /// Network management: the node's communication is in its new state.
     Nmt(NmtCommand),
-    /// Of this node's identifiers, with too few bytes.
-    Short,
+    /// Of this node's identifiers, with a length that does not belong there: it is not used.
+    Length,
+    /// A PDO of this node that is shorter than its mapping: it is not used.
+    ShortPdo {
+        /// Its number, from 1.
+        number: u16,
+        /// The bytes of its mapping.
+        mapped: usize,
+    },
+    /// Of this node's identifiers, and a CAN FD frame: it is not used.
+    Format,
     /// With an identifier that only this node sends.
     OtherSender,
 }
@@ -53,7 +71,38 @@ struct Transmit {
     /// A sample came since it was asked for last.
     has_event: bool,
     queued_ns: Option<u64>,
+    /// An event or a remote frame asked for it within the inhibit time.
+    is_deferred: bool,
     due_ns: u64,
+}
+
+/// Data of a received PDO that waits for SYNC.
+#[derive(Clone, Copy, Debug)]
+struct Waiting {
+    bytes: [u8; 8],
+    /// When it was received, in time listened.
+    received_ns: u64,
+    /// The device's epoch when it was received.
+    epoch: u32,
+}
+
+/// How the length of a received PDO differs from that of its mapping.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+enum LengthError {
+    /// Too short: the PDO is not processed.
+    Short,
+    /// Too long: its first bytes are used.
+    Long,
+}
+
+impl LengthError {
+    /// The error code of the emergency (CiA 301, table 26).
+    const fn code(self) -> u16 {
+        match self {
+            LengthError::Short => 0x8210,
+            LengthError::Long => 0x8220,
+        }
+    }
 }
 
 /// A node with its object dictionary.
@@ -64,25 +113,45 @@ pub struct Server {
     state: NmtState,
     sdo: SdoServer,
     /// Received PDOs that wait for SYNC.
-    received: [Option<([u8; 8], usize)>; PDOS as usize],
+    received: [Option<Waiting>; PDOS as usize],
+    /// The longest time listened for which they may wait, ns.
+    wait_limit_ns: u64,
+    /// Those that were dropped as they were too old, or their PDO was set up anew.
+    dropped: u64,
+    /// The last error of the length of each received PDO, until one of the right length comes.
+    length_errors: [Option<LengthError>; PDOS as usize],
+    /// The bits of the error register that the device has set.
+    device_register: u8,
+    consumers: Consumers,
     transmit: [Transmit; PDOS as usize],
     waiting: Vec<Frame>,
     heartbeat_due_ns: u64,
+    /// The time of the last frame, and the time listened, ns.
+    now_ns: u64,
+    listened_ns: u64,
     unsent: u64,
 }
 
 impl Server {
-    /// A node of this id, 1 to 127, before its boot-up.
-    pub fn new(node_id: u8, dictionary: Dictionary) -> Server {
+    /// A node of this id, 1 to 127, before its boot-up. PDO data that waits for SYNC is dropped once it is older than
+    /// `wait_limit_ns` of [`Server::look`].
+    pub fn new(node_id: u8, dictionary: Dictionary, wait_limit_ns: u64) -> Server {
         Server {
             node_id,
             dictionary,
             state: NmtState::Initialising,
             sdo: SdoServer::new(),
             received: [None; PDOS as usize],
+            wait_limit_ns,
+            dropped: 0,
+            length_errors: [None; PDOS as usize],
+            device_register: 0,
+            consumers: Consumers::new(),
             transmit: [Transmit::default(); PDOS as usize],
             waiting: Vec::with_capacity(WAITING),
             heartbeat_due_ns: 0,
+            now_ns: 0,
+            listened_ns: 0,
             unsent: 0,
         }
     }
@@ -107,6 +176,44 @@ impl Server {
         self.dictionary.set(address, number);
     }
 
+    /// States how long the node has listened, ns: the clock of the age of PDO data and of the heartbeats of others.
+    pub fn look(&mut self, listened_ns: u64) {
+        self.listened_ns = listened_ns;
+    }
+
+    /// PDOs that waited for SYNC and were dropped since the last call, as they were too old or set up anew. Those of an
+    /// earlier state of the device are not counted: it takes nothing in such a state.
+    pub fn take_dropped(&mut self) -> u64 {
+        core::mem::take(&mut self.dropped)
+    }
+
+    /// Sets the bits of the error register (object 1001) that the device is the reason of.
+    pub fn set_register(&mut self, device: u8) {
+        self.device_register = device;
+        self.dictionary.set(ERROR_REGISTER, f64::from(self.register()));
+    }
+
+    /// The error register.
+    pub fn register(&self) -> u8 {
+        let has_length_error = self.length_errors.iter().any(Option::is_some);
+        self.device_register | if has_length_error { LENGTH_ERROR_REGISTER } else { 0 }
+    }
+
+    /// The heartbeats that the node watches (object 1016): when each was heard last, in time listened, and its time, ns.
+    pub fn watched_heartbeats(&self) -> impl Iterator<Item = (u64, u64)> {
+        self.consumers.watched(&self.dictionary)
+    }
+
+    /// Whether a heartbeat that the node watches has not come for its time. An operational node is pre-operational then
+    /// (object 1029 has its default), and the heartbeat is watched again from the next one on.
+    pub fn takes_heartbeat_loss(&mut self, is_over: impl Fn(u64, u64) -> bool) -> bool {
+        let is_lost = self.consumers.take_lost(&self.dictionary, is_over);
+        if is_lost && self.state == NmtState::Operational {
+            self.enter(NmtState::PreOperational);
+        }
+        is_lost
+    }
+
     /// Frames never sent, as newer ones replaced them or too many waited.
     pub fn unsent(&self) -> u64 {
         self.unsent
@@ -116,6 +223,9 @@ impl Server {
     pub fn boot(&mut self, now_ns: u64) {
         self.push(HEARTBEAT_BASE, &[NmtState::Initialising.byte()]);
         self.state = NmtState::Initialising;
+        self.length_errors = [None; PDOS as usize];
+        self.consumers = Consumers::new();
+        self.set_register(self.device_register);
         self.enter(NmtState::PreOperational);
         self.heartbeat_due_ns = now_ns.saturating_add(self.heartbeat_ns());
     }
@@ -124,24 +234,58 @@ impl Server {
     pub fn handle_frame(&mut self, now_ns: u64, frame: &Frame, device: &mut impl Device) -> Handled {
         let Id::Standard(id) = frame.id() else { return Handled::Foreign };
         let is_remote = frame.format() == FrameFormat::Remote;
-        if !is_remote && frame.format() != FrameFormat::Classic || self.state == NmtState::Initialising {
+        if self.state == NmtState::Initialising {
             return Handled::Foreign;
         }
+        if !is_remote && frame.format() != FrameFormat::Classic {
+            return self.handle_fd(id);
+        }
+        self.now_ns = now_ns;
         let own = u16::from(self.node_id);
         match id {
             NMT_ID if !is_remote => self.handle_nmt(now_ns, frame.data()),
             SYNC_ID if !is_remote && self.state == NmtState::Stopped => Handled::Foreign,
+            SYNC_ID if !is_remote && frame.data().len() > 1 => Handled::Length,
             SYNC_ID if !is_remote => self.synchronise(device),
             id if id == SDO_REQUEST_BASE + own && !is_remote => self.handle_sdo(frame.data(), device),
             id if [EMERGENCY_BASE, SDO_ANSWER_BASE, HEARTBEAT_BASE].iter().any(|base| base + own == id) => {
                 if is_remote { Handled::Foreign } else { Handled::OtherSender }
             }
+            id if !is_remote && (HEARTBEAT_BASE + 1..=HEARTBEAT_BASE + u16::from(NODE_ID_MAX)).contains(&id) => {
+                self.hear_heartbeat((id - HEARTBEAT_BASE) as u8, frame.data())
+            }
             id => self.handle_pdo(now_ns, id, frame, device),
         }
     }
 
+    /// CANopen has classic frames alone: a CAN FD frame under one of the node's identifiers is refused.
+    fn handle_fd(&self, id: u16) -> Handled {
+        let own = u16::from(self.node_id);
+        let is_own = [EMERGENCY_BASE, SDO_ANSWER_BASE, HEARTBEAT_BASE].iter().any(|base| base + own == id);
+        let is_pdo = |direction| (0..PDOS).any(|number| Pdo { direction, number }.id(&self.dictionary) == Some(id));
+        if is_own || is_pdo(TRANSMIT) {
+            Handled::OtherSender
+        } else if matches!(id, NMT_ID | SYNC_ID) || id == SDO_REQUEST_BASE + own || is_pdo(RECEIVE) {
+            Handled::Format
+        } else {
+            Handled::Foreign
+        }
+    }
+
+    /// The heartbeat of another node.
+    fn hear_heartbeat(&mut self, node_id: u8, data: &[u8]) -> Handled {
+        match (self.consumers.place_of(&self.dictionary, node_id), data) {
+            (None, _) => Handled::Foreign,
+            (Some(place), &[_state]) => {
+                self.consumers.hear(place, self.listened_ns);
+                Handled::Taken
+            }
+            (Some(_), _) => Handled::Length,
+        }
+    }
+
     fn handle_nmt(&mut self, now_ns: u64, data: &[u8]) -> Handled {
-        let &[byte, node, ..] = data else { return Handled::Foreign };
+        let &[byte, node] = data else { return Handled::Length };
         let command = NmtCommand::of(byte).filter(|_| node == 0 || node == self.node_id);
         let Some(command) = command else { return Handled::Foreign };
         match command {
@@ -167,7 +311,7 @@ impl Server {
     }
 
     fn handle_sdo(&mut self, data: &[u8], device: &mut impl Device) -> Handled {
-        let Ok(request) = <&[u8; SDO_BYTES]>::try_from(data) else { return Handled::Short };
+        let Ok(request) = <&[u8; SDO_BYTES]>::try_from(data) else { return Handled::Length };
         if self.state == NmtState::Stopped {
             return Handled::Foreign;
         }
@@ -189,12 +333,27 @@ impl Server {
     fn write(&mut self, address: Address, bytes: &[u8], device: &mut impl Device) -> Result<(), Abort> {
         let value = self.dictionary.judge(address, bytes)?;
         pdo::check(&self.dictionary, address, value)?;
+        check_history(address, value)?;
+        check_consumer(&self.dictionary, address, value)?;
         device.write(address, value)?;
         self.dictionary.store(address, value);
         // What waits of a PDO that is set up anew is not sent: it may be disabled.
         let number = address.index.wrapping_sub(TRANSMIT.communication);
         if let Some(transmit) = self.transmit.get_mut(usize::from(number)) {
             *transmit = Transmit::default();
+        }
+        // Nor does what was received by its earlier parameters act.
+        for base in [RECEIVE.communication, RECEIVE.mapping] {
+            let number = address.index.wrapping_sub(base);
+            if let Some(received) = self.received.get_mut(usize::from(number)) {
+                self.dropped += u64::from(received.take().is_some());
+            }
+        }
+        if address == HEARTBEAT_PERIOD {
+            self.heartbeat_due_ns = self.now_ns.saturating_add(self.heartbeat_ns());
+        }
+        if address.index == CONSUMER_HEARTBEAT {
+            self.consumers.forget(address.subindex);
         }
         Ok(())
     }
@@ -209,7 +368,7 @@ impl Server {
                 return Handled::OtherSender;
             }
             if self.state == NmtState::Operational && pdo.allows_remote(&self.dictionary) {
-                self.queue(place, now_ns);
+                self.request(place, now_ns);
             }
             return Handled::Taken;
         }
@@ -229,17 +388,41 @@ impl Server {
         let pdo = Pdo { direction: RECEIVE, number };
         let entries = pdo.mapped(&self.dictionary).filter_map(|address| self.dictionary.entry(address).ok());
         let length: usize = entries.map(|entry| entry.value.len()).sum();
-        if data.len() < length {
-            return Handled::Short;
-        }
         let mut bytes = [0; 8];
-        bytes[..length].copy_from_slice(&data[..length]);
+        let whole =
+            data.get(..length).and_then(|used| bytes.get_mut(..length).map(|place| place.copy_from_slice(used)));
+        let error = match whole {
+            None => Some(LengthError::Short),
+            Some(()) => (data.len() > length).then_some(LengthError::Long),
+        };
+        self.note_length(number, error, [data.len(), length]);
+        if whole.is_none() {
+            return Handled::ShortPdo { number: number + 1, mapped: length };
+        }
         if pdo.kind(&self.dictionary) > 240 {
             self.act(number, &bytes, device);
         } else if let Some(received) = self.received.get_mut(usize::from(number)) {
-            *received = Some((bytes, length));
+            *received = Some(Waiting { bytes, received_ns: self.listened_ns, epoch: device.epoch() });
         }
         Handled::Taken
+    }
+
+    /// Tells the master, once, that a PDO has another length than its mapping (CiA 301, section 7.5.2.36), and once that
+    /// all are right again.
+    fn note_length(&mut self, number: u16, error: Option<LengthError>, [got, mapped]: [usize; 2]) {
+        let Some(last) = self.length_errors.get_mut(usize::from(number)) else { return };
+        if core::mem::replace(last, error) == error {
+            return;
+        }
+        self.set_register(self.device_register);
+        let byte = |length: usize| u8::try_from(length).unwrap_or(u8::MAX);
+        match error {
+            Some(error) => {
+                self.emergency(error.code(), self.register(), [number as u8 + 1, byte(got), byte(mapped), 0, 0]);
+            }
+            None if self.register() == 0 => self.emergency(0, 0, [0; 5]),
+            None => {}
+        }
     }
 
     /// Writes what a PDO holds; what may not be written is left out.
@@ -260,8 +443,13 @@ impl Server {
             return Handled::Sync;
         }
         for number in 0..PDOS {
-            if let Some((bytes, _)) = self.received.get_mut(usize::from(number)).and_then(Option::take) {
-                self.act(number, &bytes, device);
+            let Some(waiting) = self.received.get_mut(usize::from(number)).and_then(Option::take) else { continue };
+            // A PDO before may have changed the device's state.
+            let age_ns = self.listened_ns.saturating_sub(waiting.received_ns);
+            if age_ns > self.wait_limit_ns {
+                self.dropped += 1;
+            } else if waiting.epoch == device.epoch() {
+                self.act(number, &waiting.bytes, device);
             }
         }
         for (number, transmit) in (0..PDOS).zip(&mut self.transmit) {
@@ -296,7 +484,7 @@ impl Server {
             let pdo = Pdo { direction: TRANSMIT, number };
             self.transmit[place].has_event = true;
             if self.is_event_driven(pdo) && pdo.event_timer_ns(&self.dictionary) == 0 {
-                self.queue(place, now_ns);
+                self.request(place, now_ns);
             }
         }
     }
@@ -308,6 +496,9 @@ impl Server {
             let period_ns = pdo.event_timer_ns(&self.dictionary);
             if self.is_event_driven(pdo) && period_ns > 0 && now_ns >= self.transmit[place].due_ns {
                 self.transmit[place].due_ns = next(self.transmit[place].due_ns, period_ns, now_ns);
+                self.request(place, now_ns);
+            }
+            if self.transmit[place].is_deferred && now_ns >= self.inhibited_until_ns(place) {
                 self.queue(place, now_ns);
             }
         }
@@ -327,7 +518,9 @@ impl Server {
             let is_timed = self.is_event_driven(pdo) && pdo.event_timer_ns(&self.dictionary) > 0;
             is_timed.then_some(transmit.due_ns)
         });
-        heartbeat.into_iter().chain(timers).min()
+        let deferred = (0..self.transmit.len()).filter(|place| self.transmit[*place].is_deferred);
+        let deferred = deferred.map(|place| self.inhibited_until_ns(place));
+        heartbeat.into_iter().chain(timers).chain(deferred).min()
     }
 
     fn is_event_driven(&self, pdo: Pdo) -> bool {
@@ -339,22 +532,38 @@ impl Server {
         self.dictionary.number(HEARTBEAT_PERIOD).max(0) as u64 * 1_000_000
     }
 
-    /// Lets a PDO wait to be sent, unless its inhibit time runs.
-    fn queue(&mut self, place: usize, now_ns: u64) {
-        let pdo = Pdo { direction: TRANSMIT, number: place as u16 };
-        let inhibit_ns = pdo.inhibit_ns(&self.dictionary);
-        let Some(transmit) = self.transmit.get_mut(place) else { return };
-        if transmit.queued_ns.is_some_and(|last_ns| now_ns < last_ns.saturating_add(inhibit_ns)) {
-            return;
+    /// When the inhibit time of a PDO ends, ns of the clock.
+    fn inhibited_until_ns(&self, place: usize) -> u64 {
+        let inhibit_ns = Pdo { direction: TRANSMIT, number: place as u16 }.inhibit_ns(&self.dictionary);
+        let last_ns = self.transmit.get(place).and_then(|transmit| transmit.queued_ns);
+        last_ns.map_or(0, |last_ns| last_ns.saturating_add(inhibit_ns))
+    }
+
+    /// An event, or a remote frame, asks for a PDO: it waits to be sent, or, while its inhibit time runs, for the end
+    /// of that.
+    fn request(&mut self, place: usize, now_ns: u64) {
+        if now_ns >= self.inhibited_until_ns(place) {
+            self.queue(place, now_ns);
+        } else if let Some(transmit) = self.transmit.get_mut(place) {
+            transmit.is_deferred = true;
         }
-        transmit.queued_ns = Some(now_ns);
+    }
+
+    /// Lets a PDO wait to be sent.
+    fn queue(&mut self, place: usize, now_ns: u64) {
+        let Some(transmit) = self.transmit.get_mut(place) else { return };
+        (transmit.queued_ns, transmit.is_deferred) = (Some(now_ns), false);
         if core::mem::replace(&mut transmit.waits, true) {
             self.unsent += 1;
         }
     }
 
-    /// Sends an emergency (CiA 301, section 7.2.7) with the manufacturer's bytes, unless the node is stopped.
+    /// Sends an emergency (CiA 301, section 7.2.7) with the manufacturer's bytes, unless the node is stopped, and writes
+    /// an error into the history (object 1003).
     pub fn emergency(&mut self, code: u16, register: u8, more: [u8; 5]) {
+        if code != 0 {
+            record_error(&mut self.dictionary, code, u16::from_le_bytes([more[0], more[1]]));
+        }
         if !matches!(self.state, NmtState::PreOperational | NmtState::Operational) {
             return;
         }

@@ -29,6 +29,10 @@ pub(super) struct Axis {
     /// When a target was taken last, or the drive was enabled, in time listened.
     taken_ns: u64,
     fault: Option<EmergencyCode>,
+    /// Counts the changes of state, mode and fault: a target received before one never acts after it.
+    epoch: u32,
+    /// Targets that newer ones replaced before they were judged.
+    overwritten: u64,
 }
 
 impl Axis {
@@ -47,6 +51,8 @@ impl Axis {
             is_leaving: false,
             taken_ns: 0,
             fault: None,
+            epoch: 0,
+            overwritten: 0,
         }
     }
 
@@ -60,6 +66,11 @@ impl Axis {
 
     pub fn is_enabled(&self) -> bool {
         self.state == DriveState::OperationEnabled
+    }
+
+    /// Targets that newer ones replaced before they were judged.
+    pub fn overwritten(&self) -> u64 {
+        self.overwritten
     }
 
     pub fn mode(&self) -> i8 {
@@ -95,7 +106,14 @@ impl Axis {
         }
         self.is_limited = false;
         self.state = to;
+        self.begin_epoch();
         self.stop();
+    }
+
+    /// Targets that were received before now never act.
+    fn begin_epoch(&mut self) {
+        self.epoch = self.epoch.wrapping_add(1);
+        self.pending_nm = None;
     }
 
     /// The target that waits is forgotten, and what acts acts no more.
@@ -138,12 +156,14 @@ impl Axis {
         if command == NmtCommand::ResetNode {
             self.reset();
             (self.controlword, self.mode) = (0, 0);
+            self.begin_epoch();
         }
     }
 
     /// Faults; the reaction lasts until [`Axis::end_reaction`].
     pub fn fail(&mut self, code: EmergencyCode) {
         self.fault = Some(code);
+        self.begin_epoch();
         self.go(DriveState::FaultReactionActive);
     }
 
@@ -151,6 +171,7 @@ impl Axis {
     pub fn end_reaction(&mut self) {
         if self.state == DriveState::FaultReactionActive {
             self.state = DriveState::Fault;
+            self.begin_epoch();
         }
     }
 
@@ -223,16 +244,23 @@ impl Device for Axis {
                 if !matches!(mode, 0 | TORQUE_MODE) {
                     return Err(Abort::Value);
                 }
-                self.mode = mode;
+                if core::mem::replace(&mut self.mode, mode) != mode {
+                    self.begin_epoch();
+                }
                 if !self.follows() {
                     self.stop();
                 }
             }
             (0x6071, Value::I16(target)) if self.is_enabled() => {
-                self.pending_nm = Some(f64::from(target) * self.spec.torque_step_nm());
+                let target_nm = f64::from(target) * self.spec.torque_step_nm();
+                self.overwritten += u64::from(self.pending_nm.replace(target_nm).is_some());
             }
             _ => {}
         }
         Ok(())
+    }
+
+    fn epoch(&self) -> u32 {
+        self.epoch
     }
 }

@@ -275,18 +275,28 @@ impl Cia402Exciter {
     /// A frame of drive `place`.
     ///
     /// # Errors
-    /// [`FrameCheck::Length`] if it is too short.
+    /// [`FrameCheck`] says what is wrong with it: nothing of it is used then.
     fn hear(&mut self, now_ns: u64, place: usize, frame: &Frame) -> Result<(), FrameCheck> {
         let (slave, id, data) = (self.slaves[place], frame.id(), frame.data());
+        if frame.format() != FrameFormat::Classic {
+            return Err(FrameCheck::Format);
+        }
+        let has_its_length = match id {
+            id if id == slave.id(STATUS_BASE) => data.len() >= 3,
+            id if id == slave.id(MOTION_BASE) => data.len() >= 8,
+            id if id == slave.id(HEARTBEAT_BASE) => data.len() == 1,
+            _ => data.len() == 8,
+        };
+        if !has_its_length {
+            return Err(FrameCheck::Length);
+        }
+        self.work.hear();
         if id == slave.id(STATUS_BASE) {
             let [low, high, mode, ..] = data else { return Err(FrameCheck::Length) };
             self.slaves[place].state = DriveState::of(u16::from_le_bytes([*low, *high]));
             self.slaves[place].has_mode = *mode == TORQUE_MODE as u8;
             self.watch(now_ns, place);
         } else if id == slave.id(MOTION_BASE) {
-            if data.len() < 8 {
-                return Err(FrameCheck::Length);
-            }
             self.take_position(now_ns, place);
         } else if id == slave.id(HEARTBEAT_BASE) {
             let state = data.first().ok_or(FrameCheck::Length)?;
@@ -402,7 +412,6 @@ impl ExciterInterface for Cia402Exciter {
             self.work.second_sender(id).into_iter().for_each(|emergency| self.fault(emergency));
         } else if let Some(place) = self.slaves.iter().position(|slave| heard.iter().any(|base| slave.id(*base) == id))
         {
-            self.work.hear();
             if let Err(check) = self.hear(now_ns, place, frame) {
                 self.work.refuse_frame(id, check);
             }

@@ -19,6 +19,7 @@ mod tests;
 use alloc::boxed::Box;
 use alloc::vec::Vec;
 
+use super::cause::{FaultCause, RefusedFor};
 use super::interface::{FrameCheck, FrameCounts, PlantInterface, PublishError, PublishedSample, WireEvent};
 use super::plant_state::PlantState;
 use super::{Refusal, Refusals, TimeBase, Timing};
@@ -27,7 +28,7 @@ use crate::structure::STATES;
 use axis::Axis;
 pub use master::Cia402Exciter;
 use resonarm_dynamics::arm::Load;
-use resonarm_protocol::{Emergency, EmergencyCode, Frame, NodeState, OperatorRequest, StateEvent, Trip};
+use resonarm_protocol::{Emergency, EmergencyCode, Frame, Node, NodeState, OperatorRequest, StateEvent, Trip};
 use resonarm_wire::canopen::dictionary::at;
 use resonarm_wire::canopen::{Handled, Server};
 pub use spec::{Cia402Spec, DriveSpec, Joint, TORQUE_MODE};
@@ -37,6 +38,7 @@ pub use spec::{Cia402Spec, DriveSpec, Joint, TORQUE_MODE};
 /// | fault | code |
 /// | --- | --- |
 /// | no target in time | 8250: RPDO timeout |
+/// | a heartbeat that a drive watches was lost | 8130: heartbeat error |
 /// | the bus was lost, or took no frames | 8100: communication |
 /// | a second SYNC for one sample, in lockstep | 8200: protocol error |
 /// | the exciter tripped | FF01 |
@@ -46,6 +48,7 @@ pub use spec::{Cia402Spec, DriveSpec, Joint, TORQUE_MODE};
 pub const fn error_code(code: EmergencyCode) -> u16 {
     match code {
         EmergencyCode::CommandTimeout => 0x8250,
+        EmergencyCode::HeartbeatLost => 0x8130,
         EmergencyCode::BusLoss => 0x8100,
         EmergencyCode::SampleSequence => 0x8200,
         EmergencyCode::ExciterTripped => 0xFF01,
@@ -76,8 +79,8 @@ impl Drive {
         let code = self.axis.fault_code().map_or(0, error_code);
         let register = if code == 0 { 0 } else { error_register(code) };
         let is_over = code == 0 && self.server.dictionary().number(at(0x603F, 0)) != 0;
+        self.server.set_register(register);
         for (index, number) in [
-            (0x1001, f64::from(register)),
             (0x603F, f64::from(code)),
             (0x6041, f64::from(self.axis.statusword())),
             (0x6061, f64::from(self.axis.mode())),
@@ -85,7 +88,7 @@ impl Drive {
             self.server.set(at(index, 0), number);
         }
         if is_over {
-            self.server.emergency(0, 0, [0; 5]);
+            self.server.emergency(0, self.server.register(), [0; 5]);
         }
     }
 
@@ -139,13 +142,14 @@ impl Cia402Node {
         exciter: Exciter,
         limits: GateSpec,
     ) -> Cia402Node {
+        let timeout_ns = if time_base == TimeBase::Clock { spec.timeout_ns } else { timing.command_timeout_ns };
         let drive = |drive: &DriveSpec| Drive {
-            server: Server::new(drive.node_id, drive.dictionary()),
+            server: Server::new(drive.node_id, drive.dictionary(), timeout_ns),
             axis: Axis::new(*drive),
         };
         Cia402Node {
             drives: spec.drives.iter().map(drive).collect(),
-            timeout_ns: if time_base == TimeBase::Clock { spec.timeout_ns } else { timing.command_timeout_ns },
+            timeout_ns,
             time_base,
             plant: PlantState::new(rate_hz, &timing, exciter, limits),
             now_ns: 0,
@@ -157,6 +161,8 @@ impl Cia402Node {
     fn look(&mut self, now_ns: u64) {
         self.plant.listening.look(now_ns);
         self.now_ns = now_ns;
+        let listened_ns = self.plant.listening.listened_ns();
+        self.drives.iter_mut().for_each(|drive| drive.server.look(listened_ns));
     }
 
     /// The plant's state and the load follow the states of the drives, and the object dictionaries show them.
@@ -203,6 +209,9 @@ impl Cia402Node {
         let (index, load) = (self.plant.guard.sample() as u16, self.sum(Axis::share_nm));
         let outcome = self.plant.guard.take(self.plant.state(), &self.plant.listening, index, load);
         let listening = self.plant.listening;
+        if outcome.is_ok() && self.drives.iter().all(|drive| drive.axis.is_new() || !drive.axis.is_enabled()) {
+            self.plant.guard.heeded();
+        }
         self.drives.iter_mut().for_each(|drive| drive.axis.judged(outcome.is_ok(), &listening));
         if let Err(refusal) = outcome {
             self.plant.report_refusal(refusal);
@@ -257,28 +266,61 @@ impl PlantInterface for Cia402Node {
         self.plant.latched_fault()
     }
 
+    fn arms(&self) -> u32 {
+        self.plant.arms()
+    }
+
+    fn leaves(&self) -> u32 {
+        self.plant.leaves()
+    }
+
+    fn fault_cause(&self) -> Option<FaultCause> {
+        self.plant.fault_cause()
+    }
+
     fn refusals(&self) -> &Refusals {
         self.plant.guard.refusals()
     }
 
     fn frames(&self) -> FrameCounts {
-        FrameCounts { unsent: self.drives.iter().map(|drive| drive.server.unsent()).sum(), ..self.plant.frames }
+        FrameCounts {
+            unsent: self.drives.iter().map(|drive| drive.server.unsent()).sum(),
+            overwritten: self.drives.iter().map(|drive| drive.axis.overwritten()).sum(),
+            ..self.plant.frames
+        }
     }
 
     fn handle_frame(&mut self, now_ns: u64, frame: &Frame) {
         self.look(now_ns);
         let (was_armed, mut is_sync) = (self.is_armed(), false);
+        let (mut refused, mut is_other_sender) = (None, false);
         for place in 0..self.drives.len() {
             let Drive { server, axis } = &mut self.drives[place];
             match server.handle_frame(now_ns, frame, axis) {
                 Handled::Foreign | Handled::Taken => {}
                 Handled::Sync => is_sync = true,
                 Handled::Nmt(command) => axis.manage(command),
-                Handled::Short => self.plant.refuse_frame(frame.id(), FrameCheck::Length),
-                Handled::OtherSender => {
-                    self.plant.refuse_sender(frame.id());
+                Handled::Length => {
+                    refused = Some((FrameCheck::Length, RefusedFor::CanOpen(FrameCheck::Length)));
                 }
+                Handled::ShortPdo { number, mapped } => {
+                    refused = Some((FrameCheck::Length, RefusedFor::ShortPdo { number, mapped }));
+                }
+                Handled::Format => {
+                    refused = Some((FrameCheck::Format, RefusedFor::CanOpen(FrameCheck::Format)));
+                }
+                Handled::OtherSender => is_other_sender = true,
             }
+            for _ in 0..self.drives[place].server.take_dropped() {
+                self.plant.refuse(Refusal::Late);
+            }
+        }
+        // Once, also if it is for several drives.
+        if let Some((check, why)) = refused {
+            self.plant.refuse_frame(frame, check, why);
+        }
+        if is_other_sender {
+            self.plant.refuse_sender(frame.id());
         }
         self.settle();
         if is_sync {
@@ -305,10 +347,15 @@ impl PlantInterface for Cia402Node {
         }
         self.drives.iter_mut().for_each(|drive| drive.server.handle_deadline(now_ns));
         self.settle();
+        let listening = self.plant.listening;
+        let lost =
+            |drive: &mut Drive| drive.server.takes_heartbeat_loss(|since, time| listening.has_passed(since, time));
+        if self.drives.iter_mut().filter_map(|drive| lost(drive).then_some(())).count() > 0 {
+            self.fault(now_ns, EmergencyCode::HeartbeatLost, u16::from(Node::Exciter.number()));
+        }
         if !self.is_armed() {
             return;
         }
-        let listening = self.plant.listening;
         if self.plant.is_jammed() {
             self.fault(now_ns, EmergencyCode::BusLoss, self.not_sent());
         } else if self.drives.iter().any(|drive| drive.axis.is_timed_out(self.timeout_ns, &listening)) {
@@ -319,7 +366,9 @@ impl PlantInterface for Cia402Node {
     fn next_deadline_ns(&self) -> u64 {
         let timers = self.drives.iter().filter_map(|drive| drive.server.next_deadline_ns());
         let timeout = |drive: &Drive| drive.axis.deadline_ns(self.timeout_ns, &self.plant.listening);
-        timers.chain(self.drives.iter().filter_map(timeout)).min().unwrap_or(u64::MAX)
+        let watched = self.drives.iter().flat_map(|drive| drive.server.watched_heartbeats());
+        let heartbeats = watched.map(|(heard_ns, time_ns)| self.plant.listening.next_look_ns(heard_ns, time_ns));
+        timers.chain(self.drives.iter().filter_map(timeout)).chain(heartbeats).min().unwrap_or(u64::MAX)
     }
 
     fn publish(&mut self, sample: &PublishedSample) -> Result<(), PublishError> {

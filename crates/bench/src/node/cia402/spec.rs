@@ -6,7 +6,7 @@ use alloc::vec::Vec;
 
 use resonarm_wire::canopen::dictionary::{Access, Dictionary, Entry, Kind, Mappable, Object, Text, Value, at};
 use resonarm_wire::canopen::eds::Eds;
-use resonarm_wire::canopen::{EVENT_TYPE, PdoDefaults, add_pdos, mapping_word};
+use resonarm_wire::canopen::{EVENT_TYPE, PdoDefaults, add_error_objects, add_pdos, mapping_word};
 
 /// The only mode of operation: cyclic synchronous torque (CiA 402-2).
 pub const TORQUE_MODE: i8 = 10;
@@ -102,6 +102,7 @@ impl DriveSpec {
         dictionary.variable(0x1008, Entry::new(0, "Device name", Const, name));
         dictionary.variable(0x1014, Entry::new(0, "COB-ID EMCY", Const, Value::U32(0x80 + id)).by_node());
         dictionary.variable(0x1017, Entry::new(0, "Producer heartbeat time", ReadWrite, Value::U16(1000)));
+        add_error_objects(dictionary);
         let identity = vec![
             Entry::new(0, "Largest subindex", Const, Value::U8(4)),
             Entry::new(1, "Vendor id", Const, Value::U32(VENDOR)),

@@ -27,7 +27,7 @@ pub(super) struct Receiver {
 impl Receiver {
     pub fn new(message: Incoming) -> Receiver {
         let values = vec![None; message.events.len()];
-        let protection = ProtectionCheck::new(&message.protection);
+        let protection = ProtectionCheck::new(message.form(), &message.protection);
         Receiver { message, protection, values, pending: None, taken: Load::default(), taken_ns: 0 }
     }
 
@@ -36,7 +36,7 @@ impl Receiver {
         !self.message.commands.is_empty()
     }
 
-    /// Checks checksum, counter and every signal that is used, before any of them asks for something.
+    /// Checks format, length, checksum, counter and every signal that is used, before any of them asks for something.
     ///
     /// # Errors
     /// The check that failed: the frame must not be used.
@@ -57,6 +57,11 @@ impl Receiver {
         let counts = event.counts == Counts::InEveryFrame || before != Some(value);
         let asked = event.actions.iter().find(|(asking, _)| *asking == value).map(|(_, action)| *action);
         Ok(asked.filter(|_| counts))
+    }
+
+    /// The last value of the signal of event `index`.
+    pub fn value(&self, index: usize) -> Option<f64> {
+        self.values.get(index).copied().flatten()
     }
 
     /// Whether every signal that must have a certain value has it.
@@ -122,7 +127,8 @@ impl From<Unreadable> for FrameCheck {
 impl From<ProtectionFault> for FrameCheck {
     fn from(fault: ProtectionFault) -> FrameCheck {
         match fault {
-            ProtectionFault::Short { .. } => FrameCheck::Length,
+            ProtectionFault::Format { .. } => FrameCheck::Format,
+            ProtectionFault::Short { .. } | ProtectionFault::Long { .. } => FrameCheck::Length,
             ProtectionFault::Checksum(_) => FrameCheck::Checksum,
             ProtectionFault::Counter(_) | ProtectionFault::Lost { .. } => FrameCheck::Counter,
         }

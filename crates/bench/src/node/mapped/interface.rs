@@ -6,6 +6,7 @@ use alloc::vec::Vec;
 use super::mapping::{Action, Lockstep, Trigger};
 use super::outgoing::Sender;
 use super::{MappedNode, Round};
+use crate::node::cause::{FaultCause, RefusedFor};
 use crate::node::interface::{FrameCounts, PlantInterface, PublishError, PublishedSample, WireEvent};
 use crate::node::{Refusals, TimeBase};
 use crate::structure::OUTPUTS;
@@ -33,6 +34,18 @@ impl PlantInterface for MappedNode {
         self.plant.latched_fault()
     }
 
+    fn arms(&self) -> u32 {
+        self.plant.arms()
+    }
+
+    fn leaves(&self) -> u32 {
+        self.plant.leaves()
+    }
+
+    fn fault_cause(&self) -> Option<FaultCause> {
+        self.plant.fault_cause()
+    }
+
     fn refusals(&self) -> &Refusals {
         self.plant.guard.refusals()
     }
@@ -51,7 +64,8 @@ impl PlantInterface for MappedNode {
             return;
         }
         if let Err(check) = self.handle_message(now_ns, index, frame) {
-            self.plant.refuse_frame(frame.id(), check);
+            let name = self.receivers[index].message.name.clone();
+            self.plant.refuse_frame(frame, check, RefusedFor::Message { name, check });
         }
     }
 
@@ -131,8 +145,7 @@ impl PlantInterface for MappedNode {
 
     fn fault(&mut self, _now_ns: u64, code: EmergencyCode, detail: u16) {
         if self.plant.fail(code, detail).is_some() {
-            self.has_begun = true;
-            self.drives.fill(false);
+            self.has_faulted();
         }
     }
 

@@ -1,8 +1,9 @@
 //! What the messages of a user's protocol mean to the plant.
 
+use alloc::sync::Arc;
 use alloc::vec::Vec;
 
-pub use super::protection::{Protection, ProtectionCheck, ProtectionFault};
+pub use super::protection::{Form, Protection, ProtectionCheck, ProtectionFault};
 use crate::rig::Measurement;
 use resonarm_dynamics::arm::Load;
 use resonarm_protocol::{EmergencyCode, FrameFormat, Id, NodeState};
@@ -84,6 +85,8 @@ pub enum Unreadable {
 /// A message that the plant takes.
 #[derive(Clone, Debug)]
 pub struct Incoming {
+    /// Its name.
+    pub name: Arc<str>,
     /// Its identifier.
     pub id: Id,
     /// The format in which a controller sends it.
@@ -105,6 +108,18 @@ pub struct Incoming {
 }
 
 impl Incoming {
+    /// The form of its frames. A message that only stops or disarms, and has nothing to read, does so at any length: a
+    /// stop must not be missed for bytes that say nothing.
+    pub fn form(&self) -> Form {
+        let only_stops = |event: &EventSignal| {
+            let stops = |(_, action): &(f64, Action)| matches!(action, Action::Stop | Action::Disarm);
+            event.signal.is_none() && event.actions.iter().all(stops)
+        };
+        let is_bare = self.commands.is_empty() && !self.is_sync && !self.events.is_empty();
+        let length = if is_bare && self.events.iter().all(only_stops) { usize::MAX } else { self.length };
+        Form { format: self.format, length }
+    }
+
     /// Whether every signal that it uses can be read in a payload.
     ///
     /// # Errors
@@ -193,6 +208,8 @@ impl LoadInput {
 /// A signal, or a whole message, that asks for something.
 #[derive(Clone, Debug)]
 pub struct EventSignal {
+    /// The name of the signal; empty for a whole message.
+    pub name: Arc<str>,
     /// The signal; `None`: every frame of the message asks for the only action.
     pub signal: Option<MappedSignal>,
     /// When it counts.
@@ -244,6 +261,13 @@ pub struct Outgoing {
     pub is_on_request: bool,
     /// What is in it.
     pub signals: Vec<ReadingSignal>,
+}
+
+impl Outgoing {
+    /// The form of its frames.
+    pub fn form(&self) -> Form {
+        Form { format: self.format, length: self.payload.len() }
+    }
 }
 
 /// When a message is sent.

@@ -17,6 +17,7 @@ mod protection;
 use alloc::vec;
 use alloc::vec::Vec;
 
+use super::cause::{FaultCause, StopRequest};
 use super::interface::{FrameCheck, PlantInterface};
 use super::plant_state::PlantState;
 use super::{Refusal, TimeBase, Timing};
@@ -25,7 +26,7 @@ use incoming::{Receiver, plus};
 use mapping::{Action, Arming, Lockstep, Mapping, Trigger, Values};
 use outgoing::{Sender, Status};
 use resonarm_dynamics::arm::Load;
-use resonarm_protocol::{EmergencyCode, Frame, FrameFormat, Node, NodeState, StateEvent, Trip};
+use resonarm_protocol::{EmergencyCode, Frame, FrameFormat, NodeState, StateEvent, Trip};
 
 /// How far the sample published last is, in lockstep.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -98,7 +99,8 @@ impl MappedNode {
     /// A frame with an identifier that the plant sends: a request, or another sender.
     fn handle_own(&mut self, sender: usize, frame: &Frame) {
         let message = &self.senders[sender].message;
-        let asks = frame.format() == FrameFormat::Remote || frame.data().is_empty();
+        let is_remote = frame.format() == FrameFormat::Remote;
+        let asks = is_remote || (frame.data().is_empty() && message.form().check(frame).is_ok());
         if asks && message.is_on_request {
             self.queue(sender);
         } else if !asks {
@@ -109,10 +111,17 @@ impl MappedNode {
     /// Handles a frame of a message that the plant takes.
     fn handle_message(&mut self, now_ns: u64, index: usize, frame: &Frame) -> Result<(), FrameCheck> {
         self.receivers[index].check(frame)?;
+        let drive = self.receivers[index].message.drive;
+        let was_ready = self.is_ready(drive);
         for event in 0..self.receivers[index].message.events.len() {
-            if let Some(action) = self.receivers[index].action(event, frame.data())? {
-                self.act(now_ns, Some(self.receivers[index].message.drive), action);
+            match self.receivers[index].action(event, frame.data())? {
+                Some(Action::Stop) => self.stop(index, event),
+                Some(action) => self.act(now_ns, Some(drive), action),
+                None => {}
             }
+        }
+        if self.is_ready(drive) != was_ready {
+            self.drop_waiting(drive);
         }
         if self.receivers[index].is_command() {
             self.receive(now_ns, index, frame)?;
@@ -126,13 +135,50 @@ impl MappedNode {
         Ok(())
     }
 
+    /// Whether every signal of a drive that must have a certain value has it.
+    fn is_ready(&self, drive: usize) -> bool {
+        self.receivers.iter().all(|receiver| receiver.message.drive != drive || receiver.is_ready())
+    }
+
+    /// A load that waits was received under other conditions than those that hold now: it never acts.
+    fn drop_waiting(&mut self, drive: usize) {
+        for receiver in 0..self.receivers.len() {
+            if self.receivers[receiver].message.drive == drive && self.receivers[receiver].is_new() {
+                self.receivers[receiver].judged(false, &self.plant.listening);
+                self.plant.refuse(Refusal::NotArmed);
+            }
+        }
+    }
+
+    /// Event `event` of message `index` asks for a stop.
+    fn stop(&mut self, index: usize, event: usize) {
+        let Receiver { message, .. } = &self.receivers[index];
+        let signal = message.events.get(event).filter(|event| event.signal.is_some());
+        let signal = signal.and_then(|signal| Some((signal.name.clone(), self.receivers[index].value(event)?)));
+        let request = StopRequest { message: message.name.clone(), signal };
+        if self.plant.fail_for(EmergencyCode::StopRequested, 0, Some(FaultCause::Stop(request))).is_some() {
+            self.has_faulted();
+        }
+    }
+
+    /// A fault disarms all drives, and no first command arms them again.
+    fn has_faulted(&mut self) {
+        self.has_begun = true;
+        self.drives.fill(false);
+    }
+
     /// Takes in a load. In lockstep by commands, one before the first sample answers none, and a second one for the
     /// same sample would shift all later ones.
     fn receive(&mut self, now_ns: u64, index: usize, frame: &Frame) -> Result<(), FrameCheck> {
         let (waits_for_set, round) = (self.waits_for_set(), self.round);
         let receiver = &mut self.receivers[index];
-        let is_second = receiver.is_new() || round == Round::Answered;
-        if !receiver.receive(frame.data())? || !waits_for_set {
+        let was_new = receiver.is_new();
+        let is_second = was_new || round == Round::Answered;
+        if !receiver.receive(frame.data())? {
+            return Ok(());
+        }
+        if !waits_for_set {
+            self.plant.frames.overwritten += u64::from(was_new);
             return Ok(());
         }
         if round == Round::NotBegun {
@@ -179,7 +225,7 @@ impl MappedNode {
             Action::Reset => {
                 self.plant.transition(StateEvent::Reset);
             }
-            Action::Stop => self.fault(now_ns, EmergencyCode::PartnerFault, u16::from(Node::Exciter.number())),
+            Action::Stop => self.fault(now_ns, EmergencyCode::StopRequested, 0),
         }
     }
 
@@ -240,11 +286,19 @@ impl MappedNode {
         if self.arming == Arming::ZeroCommand && !self.has_begun && self.is_nearly_zero() {
             return self.arm(None);
         }
-        let is_ready =
-            self.receivers.iter().all(|receiver| receiver.is_ready() || !self.drives[receiver.message.drive]);
+        let unready =
+            self.receivers.iter().find(|receiver| !receiver.is_ready() && self.drives[receiver.message.drive]);
+        if let Some(receiver) = unready {
+            self.plant.guard.command_early(&receiver.message.name);
+        }
+        let is_ready = unready.is_none();
+        let are_all_new = self.awaited().all(Receiver::is_new);
         let state = if is_ready { self.plant.state() } else { NodeState::PreOperational };
         let index = self.plant.guard.sample() as u16;
         let outcome = self.plant.guard.take(state, &self.plant.listening, index, self.shares());
+        if outcome.is_ok() && are_all_new {
+            self.plant.guard.heeded();
+        }
         let listening = &self.plant.listening;
         self.receivers.iter_mut().for_each(|receiver| receiver.judged(outcome.is_ok(), listening));
         if outcome.is_ok() && self.lockstep == Lockstep::Command {

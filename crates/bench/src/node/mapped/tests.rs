@@ -47,12 +47,14 @@ pub fn protection(data_id: u32) -> Protection {
 /// A message with a force in bits 0 to 15, enable in bit 16 and reset in bit 17.
 pub fn drive(id: Id, drive: usize, input: LoadInput) -> Incoming {
     let event = |bit, actions| EventSignal {
+        name: "Bits".into(),
         signal: Some(signal(bit, 1, Number::Unsigned, 1.0)),
         counts: Counts::OnChange,
         actions,
         required: vec![],
     };
     Incoming {
+        name: "Drive".into(),
         id,
         format: FrameFormat::Classic,
         length: 8,
@@ -259,6 +261,30 @@ fn of_two_frames_in_a_sample_the_newest_acts() {
     rig.send(DRIVE, 500, true);
     rig.send(DRIVE, 250, true);
     assert_eq!(force_n(rig.tick()), 5.0);
+    assert_eq!(rig.node.frames().overwritten, 1);
+}
+
+/// An adapter that was held up hands out what it has all at once, and swaps two frames.
+#[test]
+fn of_a_burst_the_newest_acts_and_a_swapped_frame_is_refused() {
+    let mut rig = Rig::new();
+    rig.send(DRIVE, 0, true);
+    rig.tick();
+    let burst: Vec<Frame> = (1..=20).map(|counts| rig.frame(DRIVE, counts, true, false)).collect();
+    burst.iter().for_each(|frame| rig.node.handle_frame(rig.now_ns, frame));
+    assert_eq!(force_n(rig.tick()), 20.0 * COUNT_N);
+    assert_eq!((rig.node.frames().overwritten, rig.node.frames().refused), (19, 0));
+    let [one, other] = [30, 40].map(|counts| rig.frame(DRIVE, counts, true, false));
+    [other, one].iter().for_each(|frame| rig.node.handle_frame(rig.now_ns, frame));
+    assert_eq!((force_n(rig.tick()), rig.node.frames().refused), (40.0 * COUNT_N, 1));
+    // Frames that are lost on the way are no fault, and commands count again as soon as the counter steps by one.
+    for _ in 0..9 {
+        rig.frame(DRIVE, 0, true, false);
+    }
+    let frames = [50, 60].map(|counts| rig.frame(DRIVE, counts, true, false));
+    frames.iter().for_each(|frame| rig.node.handle_frame(rig.now_ns, frame));
+    assert_eq!((force_n(rig.tick()), rig.node.is_armed()), (60.0 * COUNT_N, true));
+    assert_eq!(rig.node.frames().refused, 2, "the first behind the gap");
 }
 
 #[test]
@@ -313,7 +339,13 @@ fn commands_near_zero_arm_once_where_nothing_else_does() {
 fn a_condition_has_to_hold_before_loads_count() {
     let mut message = drive(DRIVE, 0, LoadInput::ForceX);
     let mode = Some(signal(24, 8, Number::Unsigned, 1.0));
-    let condition = EventSignal { signal: mode, counts: Counts::InEveryFrame, actions: vec![], required: vec![1.0] };
+    let condition = EventSignal {
+        name: "Mode".into(),
+        signal: mode,
+        counts: Counts::InEveryFrame,
+        actions: vec![],
+        required: vec![1.0],
+    };
     message.events.push(condition);
     message.protection = Protection::default();
     let mut rig = Rig::of(mapping(vec![message]), TimeBase::Clock);

@@ -131,13 +131,17 @@ fn frames_that_break_the_rules_differ_from_foreign_ones() {
     assert_eq!(bus.hear("085#00"), malformed(Part::Emergency, length(1, 8)));
     assert_eq!(bus.hear("705#06"), malformed(Part::Heartbeat, Malformed::NmtState { got: 6 }));
     assert_eq!(bus.hear("705#R1"), malformed(Part::Heartbeat, Malformed::Remote));
+    for (fd, part) in [("605##140", Part::Request), ("080##1", Part::Sync), ("205##10900", Part::ReceivePdo(1))] {
+        assert_eq!(bus.hear(fd), malformed(part, Malformed::Fd), "{fd}");
+    }
+    assert_eq!(bus.hear("080#0102"), malformed(Part::Sync, length(2, 1)));
     assert_eq!(bus.hear("185#R4"), Heard::PdoRequest { number: 1, is_answered: true });
     assert_eq!(bus.hear("205#R2"), Heard::PdoRequest { number: 1, is_answered: false });
     assert_eq!(
         bus.hear("085#5082110100340000"),
         Heard::Emergency { code: 0x8250, register: 0x11, more: [1, 0, 0x34, 0, 0] }
     );
-    for foreign in ["606#4000000000000000", "00000605#4000000000000000", "605##140"] {
+    for foreign in ["606#4000000000000000", "00000605#4000000000000000", "606##140"] {
         assert_eq!(bus.hear(foreign), Heard::Foreign, "{foreign}");
     }
 }

@@ -1,5 +1,6 @@
 //! A small node, as a master sees it.
 
+mod fresh;
 mod listening;
 mod objects;
 mod pdos;
@@ -12,7 +13,10 @@ use std::vec::Vec;
 
 /// Takes everything but 13 at 2000.
 #[derive(Default)]
-struct Taken(Vec<(u16, Value)>);
+struct Taken {
+    values: Vec<(u16, Value)>,
+    epoch: u32,
+}
 
 impl Device for Taken {
     fn write(&mut self, address: Address, value: Value) -> Result<(), Abort> {
@@ -20,9 +24,13 @@ impl Device for Taken {
             return Err(Abort::Value);
         }
         if address.index >= 0x2000 {
-            self.0.push((address.index, value));
+            self.values.push((address.index, value));
         }
         Ok(())
+    }
+
+    fn epoch(&self) -> u32 {
+        self.epoch
     }
 }
 
@@ -32,6 +40,8 @@ struct Master {
 }
 
 const NODE: u8 = 5;
+/// How long PDO data may wait for SYNC.
+const WAIT_LIMIT_NS: u64 = 1_000_000_000;
 
 fn dictionary() -> Dictionary {
     use Access::{Const, ReadOnly, ReadWrite, WriteOnly};
@@ -51,13 +61,15 @@ fn dictionary() -> Dictionary {
     let transmit = [mapping_word(at(0x2001, 0), 32)];
     let receive = PdoDefaults { mapped: &receive, ..none };
     let transmit = PdoDefaults { mapped: &transmit, kind: 1, event_timer_ms: 0 };
+    dictionary.variable(0x1001, Entry::new(0, "Error register", ReadOnly, Value::U8(0)));
+    add_error_objects(&mut dictionary);
     add_pdos(&mut dictionary, NODE, &[receive, none, none, none], &[transmit, none, none, none]);
     dictionary
 }
 
 impl Master {
     fn new() -> Master {
-        let mut server = Server::new(NODE, dictionary());
+        let mut server = Server::new(NODE, dictionary(), WAIT_LIMIT_NS);
         server.boot(0);
         let mut master = Master { server, device: Taken::default() };
         assert_eq!(texts(&master.frames()), ["705#00"]);

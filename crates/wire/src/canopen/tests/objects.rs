@@ -9,7 +9,7 @@ fn values_are_read_and_written() {
     assert_eq!(master.write(0x2000, 0, &500_u16.to_le_bytes()), Ok(()));
     assert_eq!(master.read(0x2000, 0), Ok(500));
     assert_eq!(master.read(0x2001, 0), Ok(0xFFFF_FFFE));
-    assert_eq!(master.device.0, [(0x2000, Value::U16(500))]);
+    assert_eq!(master.device.values, [(0x2000, Value::U16(500))]);
     // Without a size the type says how many bytes count.
     assert_eq!(outcome(master.sdo([0x22, 0x00, 0x20, 0, 9, 0, 1, 1]), 0x60).map(drop), Ok(()));
     assert_eq!(master.read(0x2000, 0), Ok(9));
@@ -28,12 +28,12 @@ fn every_wrong_access_has_its_abort_code_and_changes_nothing() {
     assert_eq!(master.write(0x2000, 0, &1001_u16.to_le_bytes()), Err(0x0609_0031));
     assert_eq!(master.write(0x2000, 0, &13_u16.to_le_bytes()), Err(0x0609_0030));
     assert_eq!(master.read(0x2000, 0), Ok(7));
-    assert!(master.device.0.is_empty());
+    assert!(master.device.values.is_empty());
     // A block transfer, segments of no transfer, a command that there is not.
     for command in [0xC0, 0xA0, 0x00, 0x60, 0xE0] {
         assert_eq!(outcome(master.sdo([command, 0x00, 0x20, 0, 0, 0, 0, 0]), 0), Err(0x0504_0001), "{command:x}");
     }
-    assert_eq!(master.send(0x605, &[0x40, 0, 0x10]), Handled::Short);
+    assert_eq!(master.send(0x605, &[0x40, 0, 0x10]), Handled::Length);
 }
 
 #[test]
@@ -64,7 +64,7 @@ fn values_are_taken_in_segments() {
     assert_eq!(master.sdo([0x21, 0x03, 0x20, 0, 9, 0, 0, 0])[0], 0x60);
     assert_eq!(master.sdo(*b"\x00abcdefg")[0], 0x20);
     assert_eq!(master.sdo(*b"\x1Bhi\0\0\0\0\0")[0], 0x30);
-    assert_eq!(master.device.0, [(0x2003, Value::Text(Text::new(b"abcdefghi").unwrap()))]);
+    assert_eq!(master.device.values, [(0x2003, Value::Text(Text::new(b"abcdefghi").unwrap()))]);
     // Another length than announced; more than there is room for; the same toggle bit twice.
     master.sdo([0x21, 0x03, 0x20, 0, 9, 0, 0, 0]);
     assert_eq!(outcome(master.sdo(*b"\x01abcdefg"), 0), Err(0x0607_0010));

@@ -9,16 +9,18 @@ fn pdos_act_and_are_sent_in_operational_only() {
     let mut master = Master::new();
     master.send(0x205, &[9, 0]);
     master.send(SYNC_ID, &[]);
-    assert!(master.device.0.is_empty() && master.frames().is_empty());
+    assert!(master.device.values.is_empty() && master.frames().is_empty());
     assert_eq!(master.send(NMT_ID, &START), Handled::Nmt(NmtCommand::Start));
     master.send(0x205, &[9, 0]);
     master.send(SYNC_ID, &[]);
-    assert_eq!(master.device.0, [(0x2000, Value::U16(9))]);
+    assert_eq!(master.device.values, [(0x2000, Value::U16(9))]);
     assert_eq!(texts(&master.frames()), ["185#FEFFFFFF"]);
     // Too short; longer than mapped; a value that may not be.
-    assert_eq!(master.send(0x205, &[9]), Handled::Short);
+    assert_eq!(master.send(0x205, &[9]), Handled::ShortPdo { number: 1, mapped: 2 });
+    assert_eq!(texts(&master.frames()), ["085#1082110101020000"]);
     assert_eq!(master.send(0x205, &[10, 0, 1, 2]), Handled::Taken);
     assert_eq!(master.send(0x205, &[13, 0]), Handled::Taken);
+    assert_eq!(texts(&master.frames()), ["085#2082110104020000", "085#0000000000000000"]);
     assert_eq!(master.read(0x2000, 0), Ok(10));
 }
 
@@ -29,10 +31,10 @@ fn a_synchronous_pdo_acts_at_sync() {
     master.send(NMT_ID, &START);
     master.send(0x205, &[8, 0]);
     master.send(0x205, &[9, 0]);
-    assert!(master.device.0.is_empty());
+    assert!(master.device.values.is_empty());
     master.send(SYNC_ID, &[1]);
     master.send(SYNC_ID, &[2]);
-    assert_eq!(master.device.0, [(0x2000, Value::U16(9))]);
+    assert_eq!(master.device.values, [(0x2000, Value::U16(9))]);
 }
 
 #[test]
@@ -107,7 +109,7 @@ fn a_pdo_is_mapped_anew() {
     assert_eq!(master.write(0x1401, 1, &0x305_u32.to_le_bytes()), Ok(()));
     master.send(NMT_ID, &START);
     master.send(0x305, &[0xFF, 1, 2, 3, 4]);
-    assert_eq!(master.device.0, [(0x2002, Value::I8(-1)), (0x2004, Value::U32(0x0403_0201))]);
+    assert_eq!(master.device.values, [(0x2002, Value::I8(-1)), (0x2004, Value::U32(0x0403_0201))]);
     // A reset of the communication brings the mapping back.
     master.send(NMT_ID, &[0x82, 0]);
     assert_eq!(texts(&master.frames()), ["705#00"]);

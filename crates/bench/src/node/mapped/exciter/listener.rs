@@ -66,7 +66,7 @@ impl Listener {
         let counter = message.protection.counter.as_ref().map(|_| Numbering::Counter);
         Listener {
             numbering: modulus.map(Numbering::Sample).or(counter).unwrap_or(Numbering::Frames),
-            check: ProtectionCheck::new(&message.protection),
+            check: ProtectionCheck::new(message.form(), &message.protection),
             message: message.clone(),
             every,
             last: None,
@@ -110,7 +110,7 @@ impl Listener {
 
     /// Forgets what it heard: another plant, or the same after a fault, counts anew.
     pub fn forget(&mut self) {
-        self.check = ProtectionCheck::new(&self.message.protection);
+        self.check = ProtectionCheck::new(self.message.form(), &self.message.protection);
         (self.last, self.has_come, self.clipped) = (None, false, 0);
     }
 

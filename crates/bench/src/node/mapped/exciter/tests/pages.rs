@@ -20,7 +20,7 @@ fn arming(incoming: Vec<Incoming>) -> Vec<Frame> {
 
 fn event(start: u64, bits: u64, actions: Vec<(f64, Action)>, required: Vec<f64>) -> EventSignal {
     let signal = Some(signal(start, bits, Number::Unsigned, 1.0));
-    EventSignal { signal, counts: Counts::InEveryFrame, actions, required }
+    EventSignal { name: "Event".into(), signal, counts: Counts::InEveryFrame, actions, required }
 }
 
 /// A message with events alone.
@@ -46,6 +46,7 @@ fn conditions_come_before_what_arms() {
 #[test]
 fn a_frame_without_signals_asks_by_coming() {
     let on_frame = |action| EventSignal {
+        name: "".into(),
         signal: None,
         counts: Counts::InEveryFrame,
         actions: vec![(0.0, action)],
