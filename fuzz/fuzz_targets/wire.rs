@@ -1,8 +1,9 @@
-//! Any frames on each wire of a user's own: no load acts beyond the limits, and none on a plant that is not armed.
+//! Any frames on each wire of a user's own: no load acts beyond the limits, none on a plant that is not armed, and none
+//! that was not freshly commanded.
 #![no_main]
 
 use libfuzzer_sys::fuzz_target;
-use resonarm::node::{PublishedSample, TimeBase, Timing};
+use resonarm::node::{PlantInterface, PublishedSample, TimeBase, Timing};
 use resonarm::protocol::{Frame, FrameFormat, Id, NodeState};
 use resonarm::rig::{Exciter, GateSpec, Measurement};
 use resonarm::scenario::Scenario;
@@ -14,11 +15,37 @@ const SCENARIOS: [&str; 3] = [
     include_str!("../../examples/canopen/drives.toml"),
 ];
 
+/// The identifiers of frames that command loads, of each scenario. A master maps the PDOs of its drives as it likes.
+fn can_command(scenario: usize, id: u16) -> bool {
+    match scenario {
+        0 => id == 0x100,
+        1 => id & 0x1F == 0x0E,
+        _ => !matches!(id, 0x000 | 0x080 | 0x600..=0x67F),
+    }
+}
+
+/// A copy of the node that only gets what answers samples, and no command: whether a load begins to act.
+fn acts_by_itself(node: &dyn PlantInterface, mut now_ns: u64, mut sample: u64) -> bool {
+    let mut twin = node.boxed_clone();
+    (0..4).any(|_| {
+        now_ns += 1_000_000;
+        sample += 1;
+        twin.handle_frame(now_ns, &Frame::classic(Id::Standard(0x080), &[]).expect("a frame"));
+        twin.handle_deadline(now_ns);
+        let (load, is_ramping) = (twin.load(), twin.is_ramping());
+        let measurement = Measurement { sample, ..Measurement::default() };
+        let published = PublishedSample { measurement: &measurement, states: &[0.0; 4], travel_m: 0.0 };
+        twin.publish(&published).expect("a sample of numbers");
+        twin.is_armed() && !is_ramping && load != Default::default()
+    })
+}
+
 // Ten bytes a frame: the low byte of the identifier, its high bits with the format, the data; each ends a sample if
 // its last byte is odd.
 fuzz_target!(|input: &[u8]| {
     let Some((&first, frames)) = input.split_first() else { return };
-    let mut scenario = Scenario::parse(SCENARIOS[usize::from(first) % 3], "fuzz").expect("a scenario");
+    let kind = usize::from(first) % 3;
+    let mut scenario = Scenario::parse(SCENARIOS[kind], "fuzz").expect("a scenario");
     if let Some(wire) = &mut scenario.wire {
         wire.text = Some(DBC.to_string());
     }
@@ -30,9 +57,23 @@ fuzz_target!(|input: &[u8]| {
     let (mut now_ns, mut sample, mut sent) = (0, 0, Vec::with_capacity(64));
     for chunk in frames.chunks_exact(10) {
         let id = Id::Standard(u16::from(chunk[1] & 7) << 8 | u16::from(chunk[0]));
-        let format = if chunk[1] & 0x80 == 0 { FrameFormat::Classic } else { FrameFormat::Remote };
+        let is_fd = chunk[1] & 0x88 == 0x88;
+        let format = match chunk[1] & 0x80 {
+            0 => FrameFormat::Classic,
+            _ if is_fd => FrameFormat::Fd { bit_rate_switch: true, error_state_indicator: false },
+            _ => FrameFormat::Remote,
+        };
         let length = usize::from(8 - (chunk[1] >> 4 & 7));
+        let (arms, before) = (node.arms(), node.frames().refused);
         node.handle_frame(now_ns, &Frame::new(id, format, &chunk[2..2 + length]).expect("a frame"));
+        // What arms and commands nothing lets nothing act that came before.
+        let Id::Standard(number) = id else { continue };
+        let is_newly_armed = node.arms() > arms && node.is_armed() && !node.is_ramping();
+        if is_newly_armed && !can_command(kind, number) {
+            assert!(!acts_by_itself(&*node, now_ns, sample), "a load of before the arming acts");
+        }
+        assert!(!is_fd || node.arms() == arms, "a CAN FD frame armed the plant");
+        assert!(node.frames().refused >= before);
         if chunk[9] & 1 == 0 {
             continue;
         }
