@@ -53,11 +53,9 @@ class Cells:
         """Draws the grid, and the two coordinates of each motion at phase 0."""
         ax = _extras.axes(ax)
         for k in sorted({int(k) for k in np.unique(self.motion)}):
-            rows, columns = np.nonzero(self.motion == k)
             color = {UNDECIDED: "0.7", DIVERGES: "black"}.get(k, f"C{k - 1}")
             name = {UNDECIDED: "undecided", DIVERGES: "beyond all bounds"}.get(k, f"reaches motion {k}")
-            cells = np.ma.masked_all(self.motion.shape)
-            cells[rows, columns] = 1.0
+            cells = np.ma.masked_where(self.motion != k, np.ones(self.motion.shape))
             colors = _extras.require("matplotlib.colors", "plot").ListedColormap([color])
             # Cells that touch, whatever the size of the figure.
             ax.pcolormesh(self.x, self.y, cells, cmap=colors, shading="nearest")
