@@ -91,9 +91,7 @@ class Arm(_resonarm.Arm):
         """
         load = Load(torque1_nm, torque2_nm, force_x_n, force_y_n)
         if frequency_hz <= 0 and any(load.components):
-            raise ValueError(
-                f"frequency_hz is {frequency_hz:g}: an excitation A·sin(2πft) needs a positive frequency"
-            )
+            raise ValueError(f"frequency_hz is {frequency_hz:g}: an excitation A·sin(2πft) needs a positive frequency")
         state = _checks.four("initial", initial)
         if every < 1:
             raise ValueError(f"every is {every}: it must be 1 or more")

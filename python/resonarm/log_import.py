@@ -24,12 +24,12 @@ def import_log(
 ) -> dict[str, Any]:
     """Makes the recording `output` of a log, as `resonarm import` does, and returns what that prints with `--json`.
 
-    `.log` of candump, `.asc` and `.blf` are read directly. All other formats, such as `.trc`, `.mf4` and python-can's own
-    `.csv`, are read by python-can, which takes asammdf for MF4: `resonarm[can]` and `resonarm[export]` install them.
+    `.log` of candump, `.asc` and `.blf` are read directly. All other formats, such as `.trc`, `.mf4` and python-can's
+    own `.csv`, are read by python-can, which takes asammdf for MF4: `resonarm[can]` and `resonarm[export]` install them.
     Error frames are left out.
 
-    `scenario` says what was logged: network and rate, or the protocol of `[wire]`. `interface` chooses the channel, that
-    of the first frame if it is None. With `by_sync` each SYNC begins a sample of CANopen drives.
+    `scenario` says what was logged: network and rate, or the protocol of `[wire]`. `interface` chooses the channel,
+    that of the first frame if it is None. With `by_sync` each SYNC begins a sample of CANopen drives.
 
     Raises ValueError for a log that can't be read or has no frames, OSError if a file can't be read or written.
     """
@@ -57,7 +57,7 @@ def import_log(
 
 
 def _write_candump(messages: Iterable[Any], lines: Any, *, has_directions: bool) -> int:
-    """Writes messages of python-can as lines of `candump -L`; returns the number of error frames, which are left out."""
+    """Writes messages of python-can as lines of `candump -L`; returns the number of error frames, left out of it."""
     error_frames = 0
     for message in messages:
         if message.is_error_frame:

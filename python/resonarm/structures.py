@@ -158,9 +158,7 @@ class _Structure(_resonarm.Assembly):
             )
         return view(rows, motion(self.channels()))
 
-    def _sine(
-        self, drive: str | None, amplitude: float | None, frequency_hz: float
-    ) -> tuple[str, float, float] | None:
+    def _sine(self, drive: str | None, amplitude: float | None, frequency_hz: float) -> tuple[str, float, float] | None:
         """The excitation, if there is one."""
         if drive is None:
             if amplitude is not None:
@@ -169,9 +167,7 @@ class _Structure(_resonarm.Assembly):
             return None
         peak = needed_amplitude(amplitude)
         if frequency_hz <= 0:
-            raise ValueError(
-                f"frequency_hz is {frequency_hz:g}: an excitation A·sin(2πft) needs a positive frequency"
-            )
+            raise ValueError(f"frequency_hz is {frequency_hz:g}: an excitation A·sin(2πft) needs a positive frequency")
         return drive, peak, frequency_hz
 
 
