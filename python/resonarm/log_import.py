@@ -25,7 +25,7 @@ def import_log(
     """Makes the recording `output` of a log, as `resonarm import` does, and returns what that prints with `--json`.
 
     `.log` of candump, `.asc` and `.blf` are read directly. All other formats, such as `.trc`, `.mf4` and python-can's
-    own `.csv`, are read by python-can, which takes asammdf for MF4: `resonarm[can]` and `resonarm[export]` install them.
+    own `.csv`, are read by python-can, which takes asammdf for MF4: the extras `can` and `export` install them.
     Error frames are left out.
 
     `scenario` says what was logged: network and rate, or the protocol of `[wire]`. `interface` chooses the channel,
