@@ -189,6 +189,15 @@ fn frames_are_explained_by_the_scenario_s_own_protocol() {
     "#);
 }
 
+/// A frame of one byte, which ends before its first signal: once it had two semicolons.
+#[test]
+fn a_frame_that_ends_before_its_first_signal_is_explained() {
+    let folder = bench();
+    let said = resonarm(folder.path(), &["protocol", "decode", "--scenario", "bench.toml", "200#00"]);
+    let explained = said.stdout.lines().next().unwrap_or_default();
+    assert_snapshot!(explained, @"200#00  Accelerations refused: its 1 bytes end before BX; 1 of 8 bytes, beyond them BX, BY, CX, CY");
+}
+
 #[test]
 fn frames_are_explained_by_a_dbc_alone() {
     let folder = bench();

@@ -17,8 +17,9 @@ VERSION = 0x12
 RATE_HZ, PERIOD_S = 200, 1 / 200
 FORCE_LIMIT_N, FREQUENCY_HZ, AMPLITUDE_N = 600.0, 15.0, 20.0
 COUNT_N = 0.02
-# How late the flaw "late-heartbeats" is.
-LATE_S = 0.08
+# How late the flaw "late-heartbeats" is, and the flaw "slow-to-arm".
+LATE_S, SLOW_S = 0.08, 3.0
+CLIPPED_N = 12.0
 
 
 class Node:
@@ -46,7 +47,8 @@ class Node:
 
     def say_state(self):
         self.heartbeat_at_s = time.monotonic() + 0.08
-        self.wire.send(f"{self.title}Heartbeat", bytes([self.state]))
+        for _ in range(31 if self.flaw == "heartbeat-flood" else 1):
+            self.wire.send(f"{self.title}Heartbeat", bytes([self.state]))
 
     def change(self, state):
         self.state = state
@@ -70,6 +72,8 @@ class Node:
     def fault(self, code, detail=0):
         if self.state != FAULT:
             self.emergency(code, detail)
+            if self.flaw == "jumps-in-fault":
+                self.wire.counters.update(dict.fromkeys(IDS, 7))
             self.change(FAULT)
 
     def mismatch(self):
@@ -112,6 +116,9 @@ class Node:
         if name == "bus-off":
             if self.state == OPERATIONAL and self.flaw != "ignores-bus-off":
                 self.lose_bus()
+        elif name == "remote":
+            if self.flaw == "answers-remote":
+                self.say_state()
         elif name.startswith(self.title) or name in self.only_own:
             self.second_sender(name)
         elif name:
@@ -297,6 +304,7 @@ class Exciter(Node):
         super().__init__(wire, lockstep)
         self.answered, self.stale, self.n, self.is_over = None, 0, 0, False
         self.indices, self.plant_state, self.retry_s = {}, None, 0.0
+        self.booted_s = time.monotonic()
         self.boot()
 
     def sample(self):
@@ -354,12 +362,14 @@ class Exciter(Node):
             self.stop(PRE_OPERATIONAL)
         elif code == LEAVING:
             self.partner_hello = None
-        elif code not in (SLIPPED, INCOMPATIBLE) and self.state == OPERATIONAL:
+        elif code not in (SLIPPED, INCOMPATIBLE) and self.state == OPERATIONAL and self.flaw != "deaf-to-emergencies":
             self.stop(FAULT, PARTNER_FAULT, 1)
 
     def ask(self):
         """Asks the plant to arm, and again in 100 ms."""
         self.retry_s = time.monotonic() + 0.1
+        if self.flaw == "slow-to-arm" and time.monotonic() < self.booted_s + SLOW_S:
+            return
         if self.plant_state == FAULT:
             self.wire.send("OperatorCommand", bytes([RESET, 1, 0, 0, 0, 0]))
         self.wire.send("OperatorCommand", bytes([ARM, 1, 0, 0, 0, 0]))
@@ -390,11 +400,16 @@ class Exciter(Node):
                 return
             self.n += ahead
         self.answered, self.sampled_s = index, self.listened_s
-        self.answer(index)
+        if self.flaw != "skips-tenth" or index % 10:
+            self.answer(index)
 
     def answer(self, index):
         time_s = self.n * PERIOD_S
         x_n = min(time_s / 0.1, 1.0) * AMPLITUDE_N * math.sin(2 * math.pi * FREQUENCY_HZ * time_s)
+        if self.flaw == "opposite-sign":
+            x_n = -x_n
+        elif self.flaw == "clips":
+            x_n = max(-CLIPPED_N, min(x_n, CLIPPED_N))
         if self.fd:
             self.wire.send("ForceCommand", index, x_n, 0.0)
             return

@@ -133,6 +133,8 @@ class Wire:
         data = raw[8 : 8 + length]
         if identifier & socket.CAN_ERR_FLAG:
             return ("bus-off", 0, b"")
+        if identifier & socket.CAN_RTR_FLAG:
+            return ("remote", 0, b"")
         if self.flaw == "any-base" and 0x180 <= identifier < 0x580:
             identifier = BASE | identifier & 0xF
         name = NAMES.get(identifier)

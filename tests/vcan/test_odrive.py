@@ -29,11 +29,18 @@ drives = [
 STATES = ("IDLE", "CLOSED_LOOP_CONTROL")
 
 
+class Client(ODriveCAN):
+    """The client with patience: by itself it gives up on an answer after half a second, which a busy machine exceeds."""
+
+    async def _request(self, msg_name, timeout=PATIENCE_S):
+        return await super()._request(msg_name, timeout)
+
+
 class Axis:
     """An axis as the client sees it."""
 
     def __init__(self, number):
-        self.drive = ODriveCAN(number, can.Bus(interface="socketcan", channel="vcan0"))
+        self.drive = Client(number, can.Bus(interface="socketcan", channel="vcan0"))
 
     async def reach(self, state):
         """Asks for a state until the heartbeat says it."""

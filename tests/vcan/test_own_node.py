@@ -17,6 +17,8 @@ BOTH = {
     "counter-by-4": ("counters", "a step of 4, not 1"),
     "one-counter": ("counters", "counter"),
     "ignores-bus-off": ("bus-off", "bus-off"),
+    "heartbeat-flood": ("heartbeats", "at most 20 a second are allowed"),
+    "answers-remote": ("remote-frames", "it answers remote frames"),
     **CRC,
 }
 FLAWS = {
@@ -40,6 +42,12 @@ FLAWS = {
         "beyond-limits": ("own-limits", "beyond the 10 N of its capabilities"),
         "unscaled": ("sine", "Is it sent without the factor of its counts?"),
         "swapped": ("sine", "Is its byte order wrong?"),
+        "opposite-sign": ("sine", "Is a sign wrong?"),
+        "clips": ("sine", "they are clipped at -12 and 12 N"),
+        "slow-to-arm": ("asks-to-arm", "it asks for arming"),
+        "deaf-to-emergencies": ("plant-emergency", "no heartbeat fault"),
+        "skips-tenth": ("answers", "at a regular distance of 10 samples"),
+        "jumps-in-fault": ("bus-off", "(R-2.1)"),
     },
 }
 FD = ("no-limit", "beyond-limits")

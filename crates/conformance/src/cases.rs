@@ -52,7 +52,7 @@ type Row = (&'static str, &'static str, &'static [&'static str], Of);
 
 use Of::{Damage as Spoilt, Loaded, Run};
 
-const PLANT: [Row; 40] = [
+const PLANT: [Row; 41] = [
     ("plant-hello", "version, profile, DBC hash and rate in its hello", &["R-6.5"], Run(common_cases::hello)),
     (
         "plant-first-hello",
@@ -60,7 +60,7 @@ const PLANT: [Row; 40] = [
         &["R-6.2", "R-7.1"],
         Run(common_cases::first_hello),
     ),
-    ("plant-heartbeats", "heartbeats", &["R-6.1"], Run(common_cases::heartbeats)),
+    ("plant-heartbeats", "heartbeats", &["R-6.1", "R-6.8"], Run(common_cases::heartbeats)),
     (
         "plant-frames",
         "all its frames are valid, its samples whole and in order",
@@ -68,6 +68,7 @@ const PLANT: [Row; 40] = [
         Run(plant_cases::frames),
     ),
     ("plant-counters", "each message has its own counter, which steps by 1", &["R-2.1"], Run(counter_cases::plant)),
+    ("plant-remote-frames", "remote frames with all identifiers", &["R-1.5"], Run(common_cases::remote_frames)),
     (
         "plant-arms-for-a-hello",
         "not armed without a hello that fits",
@@ -186,7 +187,7 @@ const PLANT: [Row; 40] = [
     ),
 ];
 
-const EXCITER: [Row; 33] = [
+const EXCITER: [Row; 36] = [
     ("exciter-hello", "version, profile, DBC hash and rate in its hello", &["R-6.5"], Run(common_cases::hello)),
     (
         "exciter-first-hello",
@@ -194,7 +195,7 @@ const EXCITER: [Row; 33] = [
         &["R-6.2", "R-7.1"],
         Run(common_cases::first_hello),
     ),
-    ("exciter-heartbeats", "heartbeats", &["R-6.1"], Run(common_cases::heartbeats)),
+    ("exciter-heartbeats", "heartbeats", &["R-6.1", "R-6.8"], Run(common_cases::heartbeats)),
     (
         "exciter-begins-for-a-hello",
         "no work without a hello that fits",
@@ -207,6 +208,7 @@ const EXCITER: [Row; 33] = [
         &["R-7.3"],
         Run(exciter_cases::plant_in_fault),
     ),
+    ("exciter-asks-to-arm", "it asks for arming in time", &["R-7.5"], Run(exciter_cases::asks_to_arm)),
     (
         "exciter-answers",
         "each sample answered once, with its index, in valid frames",
@@ -214,6 +216,7 @@ const EXCITER: [Row; 33] = [
         Run(exciter_cases::answers),
     ),
     ("exciter-counters", "each message has its own counter, which steps by 1", &["R-2.1"], Run(counter_cases::exciter)),
+    ("exciter-remote-frames", "remote frames with all identifiers", &["R-1.5"], Run(common_cases::remote_frames)),
     (
         "exciter-incomplete",
         "samples of which a frame is lost, each in turn",
@@ -259,6 +262,12 @@ const EXCITER: [Row; 33] = [
     ),
     ("exciter-sensor-timeout", "silence of the plant", &["R-6.6", "R-9.1"], Run(exciter_cases::sensor_timeout)),
     ("exciter-plant-faults", "the plant faults", &["R-8.10"], Run(exciter_cases::plant_faults)),
+    (
+        "exciter-plant-emergency",
+        "an emergency of the plant whose heartbeat stays operational",
+        &["R-8.10"],
+        Run(exciter_cases::plant_emergency),
+    ),
     ("exciter-plant-boots", "the plant boots", &["R-8.10"], Run(exciter_cases::plant_boots)),
     ("exciter-plant-disarmed", "the plant is disarmed", &["R-8.10", "R-5.2"], Run(exciter_cases::plant_disarmed)),
     ("exciter-state-changes", "its heartbeats at changes of state", &["R-5.2"], Run(exciter_cases::state_changes)),
@@ -293,7 +302,7 @@ const EXCITER: [Row; 33] = [
 ];
 
 const LOCKSTEP_PLANT: [Row; 5] = [
-    ("lockstep-plant-heartbeats", "heartbeats", &["R-6.1"], Run(common_cases::heartbeats)),
+    ("lockstep-plant-heartbeats", "heartbeats", &["R-6.1", "R-6.8"], Run(common_cases::heartbeats)),
     ("lockstep-plant-waits", "no sample before the last is answered", &["R-8.20"], Run(lockstep_cases::plant_waits)),
     (
         "lockstep-plant-other-samples",
@@ -311,7 +320,7 @@ const LOCKSTEP_PLANT: [Row; 5] = [
 ];
 
 const LOCKSTEP_EXCITER: [Row; 4] = [
-    ("lockstep-exciter-heartbeats", "heartbeats", &["R-6.1"], Run(common_cases::heartbeats)),
+    ("lockstep-exciter-heartbeats", "heartbeats", &["R-6.1", "R-6.8"], Run(common_cases::heartbeats)),
     ("lockstep-exciter-answers", "each sample answered once", &["R-8.2"], Run(lockstep_cases::exciter_answers)),
     ("lockstep-exciter-waits", "a plant that takes its time", &["R-8.22"], Run(lockstep_cases::exciter_waits)),
     ("lockstep-exciter-timeout", "silence of the plant", &["R-8.22"], Run(lockstep_cases::exciter_timeout)),

@@ -4,19 +4,27 @@ use alloc::format;
 use alloc::string::String;
 use alloc::vec::Vec;
 
+use super::counters::sample;
 use super::load::BusLoad;
-use super::stop::{Stop, failed, inconclusive, late, wrong};
-use super::tester::Tester;
+use super::stop::{Stop, failed, inconclusive, late, skipped, wrong};
+use super::tester::{Heard, Tester};
 use super::times::{MARGIN_NS, MS, ms};
 use super::{exciter_role, plant_role};
 use resonarm_protocol::timing::{HEARTBEAT_PERIOD_NS, HELLO_PERIOD_NS, REAL_TIME_RATE_MIN_HZ};
-use resonarm_protocol::{Hello, Message, MessageKind, Node};
+use resonarm_protocol::{Cycle, Frame, FrameFormat, Hello, Id, Message, MessageKind, Node, NodeState};
 
 /// How long heartbeats are watched, ns.
 const WATCH_NS: u64 = 1000 * MS;
 
-/// Heartbeats at least every 100 ms. A single late one may be due to a stop of the node; not so if the node was heard
-/// meanwhile, or if most are late.
+/// The most heartbeats in a second, apart from those that report a change of state.
+const MOST_HEARTBEATS: u64 = 20;
+/// How many remote frames are sent for each message.
+const REMOTE_FRAMES: u64 = 30;
+/// How far apart they are, ns.
+const REMOTE_PERIOD_NS: u64 = 5 * MS;
+
+/// Heartbeats at least every 100 ms, and at most 20 a second. A single late one may be due to a stop of the node; not so
+/// if the node was heard meanwhile, or if most are late.
 pub(super) fn heartbeats(t: &mut Tester) -> Result<(), Stop> {
     if t.wait_for(t.settings.patience_ns, |_| true)?.is_none() {
         return inconclusive("nothing of the node under test came");
@@ -29,6 +37,18 @@ pub(super) fn heartbeats(t: &mut Tester) -> Result<(), Stop> {
         return inconclusive("it left the bus");
     }
     let came = times.len() as u64;
+    let all: Vec<NodeState> = t.heard.iter().filter_map(|heard| state_said(&heard.message)).collect();
+    let changes = all.windows(2).filter(|two| two[0] != two[1]).count() as u64;
+    // What was sent while the tester was held up waits on the bus.
+    let watched_ns = t.now_ns() - start_ns + t.held_up_ns;
+    let most = (MOST_HEARTBEATS * watched_ns).div_ceil(WATCH_NS) + changes;
+    if came > most {
+        return wrong(format!(
+            "{came} heartbeats, {changes} of them of a new state, came in {}: at most {MOST_HEARTBEATS} a second are \
+             allowed besides those of a new state",
+            ms(t.now_ns() - start_ns)
+        ));
+    }
     times.insert(0, start_ns.min(times.first().copied().unwrap_or(start_ns)));
     times.push(t.now_ns());
     let longest_ns = times.windows(2).map(|pair| pair[1] - pair[0]).max().unwrap_or(WATCH_NS);
@@ -38,6 +58,62 @@ pub(super) fn heartbeats(t: &mut Tester) -> Result<(), Stop> {
     }
     let text = format!("no heartbeat for {}, at most {} is allowed", ms(longest_ns), ms(HEARTBEAT_PERIOD_NS));
     if came < WATCH_NS / HEARTBEAT_PERIOD_NS / 2 { failed(text) } else { late(text) }
+}
+
+/// The state in a heartbeat.
+fn state_said(message: &Message) -> Option<NodeState> {
+    match message {
+        Message::Heartbeat(heartbeat) => Some(heartbeat.state),
+        _ => None,
+    }
+}
+
+/// Remote frames with the identifiers of the network are not answered: as many messages come with them as without, and
+/// no sample comes, or is answered, twice.
+pub(super) fn remote_frames(t: &mut Tester) -> Result<(), Stop> {
+    match t.tested {
+        Node::Plant => plant_role::meet(t)?,
+        Node::Exciter => exciter_role::begin(t)?,
+    }
+    let duration_ns = REMOTE_FRAMES * REMOTE_PERIOD_NS;
+    let before = t.heard.len();
+    t.run_ns(duration_ns + MARGIN_NS)?;
+    let from = t.heard.len();
+    let kinds: Vec<MessageKind> =
+        MessageKind::ALL.into_iter().filter(|kind| kind.form(t.network.profile()).is_some()).collect();
+    for _ in 0..REMOTE_FRAMES {
+        for kind in &kinds {
+            let Ok(frame) = Frame::new(Id::Standard(kind.id(t.network)), FrameFormat::Remote, &[0; 8]) else {
+                continue;
+            };
+            match t.send_frame(&frame) {
+                Err(Stop::Bus(error)) => return skipped(format!("the bus can't send a remote frame: {error}")),
+                sent => sent?,
+            }
+        }
+        t.run_ns(REMOTE_PERIOD_NS)?;
+    }
+    t.run_ns(MARGIN_NS)?;
+    let count = |heard: &[Heard], kind| heard.iter().filter(|heard| heard.message.kind() == kind).count() as u64;
+    for kind in kinds.into_iter().filter(|kind| kind.sender() == t.tested) {
+        let (without, with) = (count(&t.heard[before..from], kind), count(&t.heard[from..], kind));
+        let is_answered = match kind.cycle() {
+            Cycle::Sample => indices(&t.heard[before..], kind).windows(2).any(|two| two[0] == two[1]),
+            Cycle::Period { .. } | Cycle::Event => with > 2 * without + REMOTE_FRAMES / 2,
+        };
+        if is_answered {
+            return wrong(format!(
+                "it answers remote frames: {with} {kind} came beside {REMOTE_FRAMES} remote frames of each message, and \
+                 {without} without them"
+            ));
+        }
+    }
+    Ok(())
+}
+
+/// The samples of these messages, in the order in which they came.
+fn indices(heard: &[Heard], kind: MessageKind) -> Vec<u16> {
+    heard.iter().filter(|heard| heard.message.kind() == kind).filter_map(|heard| sample(&heard.message)).collect()
 }
 
 /// Exchanges hellos with the node under test.

@@ -111,7 +111,7 @@ impl Counters {
 }
 
 /// The sample that a message carries or answers.
-fn sample(message: &Message) -> Option<u16> {
+pub(super) fn sample(message: &Message) -> Option<u16> {
     match message {
         Message::Head(head) => Some(head.sample),
         Message::AccelerometerB(a) | Message::AccelerometerC(a) => Some(a.sample),

@@ -1,12 +1,13 @@
 //! Cases for an exciter: answers to samples, faults. The tester plays the plant.
 
 use alloc::format;
+use alloc::vec::Vec;
 
 use super::damage::{Damage, needs_fd};
 use super::exciter_role::{begin, commands, commands_of, exchange_hellos, is_arm};
 use super::plant_role::period_ns;
 use super::source::{FRAMES, Samples};
-use super::stop::{Stop, failed, inconclusive, late, not_at_once, skipped};
+use super::stop::{Stop, failed, inconclusive, late, not_at_once, skipped, wrong};
 use super::tester::{Tester, emergency, is_state};
 use super::times::{GONE_NS, MARGIN_NS, MS, ms};
 use resonarm_protocol::timing::{HEARTBEAT_TIMEOUT_NS, sample_period_ns};
@@ -21,6 +22,13 @@ const AT_ONCE_NS: u64 = 75 * MS;
 /// How long samples may be answered before the heartbeat operational, ns: a controller may send frames of low
 /// identifiers first.
 const ANSWERS_AT_ONCE_NS: u64 = 20 * MS;
+/// By when an exciter that arms the plant itself asks for it, ns from when the plant's hello fits.
+const ARM_REQUEST_NS: u64 = 1000 * MS;
+/// How many samples are sent of which each waits for the answer to the one before, and how many of them may have none.
+const AWAITED: u16 = 60;
+const MOST_MISSING: usize = 2;
+/// The fewest distances between samples without an answer that show a rule.
+const REGULAR: usize = 4;
 /// An exciter that is still present this long after its work ended is taken to stay, ns.
 const STAYS_NS: u64 = 3 * GONE_NS;
 
@@ -79,6 +87,8 @@ pub(super) fn answers(t: &mut Tester) -> Result<(), Stop> {
     let (from, first) = (t.heard.len(), t.source.index);
     t.run_ns(300 * MS)?;
     let sent = t.source.index.wrapping_sub(first);
+    let awaited = t.source.index;
+    await_answers(t)?;
     t.check_frames()?;
     let answered = commands(t, from);
     if answered.windows(2).any(|pair| pair[1] == pair[0]) {
@@ -87,10 +97,14 @@ pub(super) fn answers(t: &mut Tester) -> Result<(), Stop> {
     if let Some(sample) = t.source.unsent {
         return failed(format!("it answers sample {sample} before that is sent"));
     }
-    t.note(format!("{} of {sent} samples answered", answered.len()));
-    if usize::from(sent) > answered.len() + answered.len() / 4 + 2 {
-        return late(format!("it answers {} of {sent} samples", answered.len()));
+    let answers = Answered::new(&answered, first, sent);
+    t.note(format!("{} of {sent} samples answered", answers.count));
+    let awaited = Answered::new(&answered, awaited, AWAITED);
+    t.note(format!("{} of {AWAITED} awaited ones", awaited.count));
+    if 5 * answers.missing() > answers.sent + 10 {
+        return late(format!("it answers {} of {sent} samples", answers.count));
     }
+    judge_awaited(&awaited)?;
     t.source.samples = Samples::Off;
     t.run_ns(MARGIN_NS)?;
     match (commands(t, from).last(), t.source.index.wrapping_sub(1)) {
@@ -98,6 +112,128 @@ pub(super) fn answers(t: &mut Tester) -> Result<(), Stop> {
         (Some(answered), sent) => late(format!("of the samples up to {sent} the last that it answers is {answered}")),
         (None, sent) => late(format!("it answers none of the samples up to {sent}")),
     }
+}
+
+/// Sends samples of which each waits for the answer to the one before, for as long as a machine may hold the exciter up.
+/// So none remains without an answer because a process was held up.
+fn await_answers(t: &mut Tester) -> Result<(), Stop> {
+    t.source.samples = Samples::Awaited;
+    for _ in 0..AWAITED {
+        let sample = t.source.index;
+        t.source.due_ns = t.source.sent_ns + period_ns(t);
+        t.wait_for(MARGIN_NS, |message| match message {
+            Message::Force(command) => command.sample == sample,
+            Message::Torque(command) => command.sample == sample,
+            _ => false,
+        })?;
+    }
+    Ok(())
+}
+
+/// Few awaited samples may remain without an answer: the exciter was held up for longer than it is waited for.
+fn judge_awaited(answers: &Answered) -> Result<(), Stop> {
+    let (missing, sent) = (answers.missing(), answers.sent);
+    if let Some(distance) = answers.distance() {
+        return wrong(format!(
+            "of {sent} samples it leaves {missing} without an answer within {}, at a regular distance of {distance} samples",
+            ms(MARGIN_NS)
+        ));
+    }
+    if missing > MOST_MISSING {
+        return not_at_once(format!(
+            "of {sent} samples it leaves {missing} without an answer within {}: at most {MOST_MISSING} may be",
+            ms(MARGIN_NS)
+        ));
+    }
+    Ok(())
+}
+
+/// Which samples of a series are answered.
+pub(super) struct Answered {
+    sent: usize,
+    /// How many of them are answered.
+    pub count: usize,
+    /// The samples that are the first of some in a row without an answer, counted from the first of the series, and how
+    /// many those are.
+    gaps: Vec<Gap>,
+}
+
+struct Gap {
+    at: usize,
+    samples: usize,
+}
+
+impl Answered {
+    /// Of the `sent` samples from `first` on those that these commands answer. Answers to earlier samples don't count.
+    pub fn new(commands: &[u16], first: u16, sent: u16) -> Answered {
+        let mut is_answered = alloc::vec![false; usize::from(sent)];
+        for sample in commands {
+            if let Some(sample) = is_answered.get_mut(usize::from(sample.wrapping_sub(first))) {
+                *sample = true;
+            }
+        }
+        let count = is_answered.iter().filter(|is_answered| **is_answered).count();
+        let mut gaps: Vec<Gap> = Vec::new();
+        for (at, _) in is_answered.iter().enumerate().filter(|(_, is_answered)| !**is_answered) {
+            match gaps.last_mut().filter(|gap| gap.at + gap.samples == at) {
+                Some(gap) => gap.samples += 1,
+                None => gaps.push(Gap { at, samples: 1 }),
+            }
+        }
+        Answered { sent: is_answered.len(), count, gaps }
+    }
+
+    /// The samples without an answer.
+    pub fn missing(&self) -> usize {
+        self.sent - self.count
+    }
+
+    /// The regular distance of the samples without an answer, if there is one: most of the gaps follow each other in it.
+    fn distance(&self) -> Option<usize> {
+        let distances: Vec<usize> = self.gaps.windows(2).map(|two| two[1].at - two[0].at).collect();
+        let distance = *distances.get(distances.len() / 2)?;
+        let alike = distances.iter().filter(|other| **other == distance).count();
+        (distances.len() >= REGULAR && 4 * alike >= 3 * distances.len()).then_some(distance)
+    }
+}
+
+/// It asks for arming soon after its partner's hello fits.
+pub(super) fn asks_to_arm(t: &mut Tester) -> Result<(), Stop> {
+    exchange_hellos(t)?;
+    t.boot()?;
+    let give_up_ns = t.now_ns() + t.settings.patience_ns;
+    loop {
+        t.send_hello()?;
+        let asked_ns = t.now_ns();
+        let left_ns = give_up_ns.saturating_sub(asked_ns);
+        let word = t.wait_for(left_ns, |message| is_arm(message) || is_state(message, NodeState::BootUp))?;
+        let Some(heard) = word else {
+            return t.unready("it doesn't ask the plant to arm: is it started again after each case?");
+        };
+        if !is_arm(&heard.message) {
+            // Another one has been started, which has heard no hello.
+            continue;
+        }
+        let took_ns = heard.at_ns - asked_ns;
+        t.note(format!("after {}", ms(took_ns)));
+        return match took_ns > ARM_REQUEST_NS + MARGIN_NS {
+            true => late(format!(
+                "it asks for arming {} after the plant's hello, at most {} are allowed",
+                ms(took_ns),
+                ms(ARM_REQUEST_NS)
+            )),
+            false => Ok(()),
+        };
+    }
+}
+
+/// The plant's emergency stops it, whatever the plant's heartbeat says.
+pub(super) fn plant_emergency(t: &mut Tester) -> Result<(), Stop> {
+    begin(t)?;
+    t.source.arms = false;
+    let from = t.heard.len();
+    t.send_emergency(EmergencyCode::CommandTimeout, 0)?;
+    ends(t, from, NodeState::Fault)
 }
 
 /// Samples that are incomplete or damaged are not answered; those after them are.

@@ -10,7 +10,8 @@
 //! indices of its own samples, which stop when it is stopped. If the tester itself was held up for longer than its
 //! partner tolerates, a failure is inconclusive, and the case is tried again. So is a delay of the node under test if
 //! it was silent meanwhile and then resumed: it was stopped itself. Many short stops add up without such a silence: a
-//! node that faults too late fails at the third time.
+//! node that faults too late fails at the third time. No case passes beside a frame of the node that the tester
+//! rejected.
 
 extern crate alloc;
 
@@ -65,7 +66,7 @@ use resonarm_session::run::Mode;
 use source::Answers;
 use stop::Stop;
 use tester::Tester;
-use tries::{Limits, Subject, Try, TryResult, judge, tries, unless_gone};
+use tries::{Limits, Rejected, Subject, Try, conclude, tries};
 
 /// The result of a case.
 #[derive(Clone, Debug, PartialEq, Eq)]
@@ -117,7 +118,7 @@ pub fn run(case: &Case, wire: &mut dyn Wire, network: Network, settings: Setting
     };
     tries(limits, wire, |wire| {
         let mut tester = Tester::new(wire, network, case.tested, settings);
-        let result = once(case, &mut tester, limits)?;
+        let result = conclude(case.script.run(&mut tester), &mut tester, limits)?;
         let Tester { held_up_ns, silent_ns, notes, traffic, .. } = tester;
         Ok(Try { result, held_up_ns, silent_ns, measured: notes, traffic })
     })
@@ -142,23 +143,6 @@ const fn silent_limit_ns(mode: Mode, tested: Node) -> u64 {
     }
 }
 
-/// One try, after which the node under test is released.
-fn once(case: &Case, tester: &mut Tester, limits: Limits) -> Result<TryResult, BusError> {
-    let result = judge(case.script.run(tester), tester, limits)?;
-    unless_gone(release(tester))?;
-    Ok(result)
-}
-
-/// Releases the node under test.
-fn release(tester: &mut Tester) -> Result<(), Stop> {
-    tester.answers = Answers::None;
-    if tester.tested == Node::Plant {
-        tester.request(OperatorRequest::Disarm)?;
-    }
-    tester.is_alive = false;
-    tester.send_emergency(EmergencyCode::Leaving, 0)
-}
-
 impl Subject for Tester<'_> {
     fn held_up_ns(&self) -> u64 {
         self.held_up_ns
@@ -170,6 +154,20 @@ impl Subject for Tester<'_> {
 
     fn resumes(&mut self) -> Result<bool, Stop> {
         Tester::resumes(self)
+    }
+
+    /// The plant is disarmed, and the partner leaves.
+    fn release(&mut self) -> Result<(), Stop> {
+        self.answers = Answers::None;
+        if self.tested == Node::Plant {
+            self.request(OperatorRequest::Disarm)?;
+        }
+        self.is_alive = false;
+        self.send_emergency(EmergencyCode::Leaving, 0)
+    }
+
+    fn rejected(&self) -> Option<Rejected> {
+        self.rejected_frames()
     }
 }
 

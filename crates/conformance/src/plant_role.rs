@@ -39,7 +39,7 @@ pub(super) fn meet(t: &mut Tester) -> Result<(), Stop> {
     t.request(OperatorRequest::Disarm)?;
     if t.wait_for_state(HEARTBEAT_TIMEOUT_NS, NodeState::PreOperational)?.is_none() {
         return inconclusive(match t.last_state() {
-            Some(NodeState::Fault) => "it stays in fault after a reset: the case plant-reset says more",
+            Some(NodeState::Fault) => "it stays in fault after a reset",
             _ => "no heartbeat pre-operational came after reset and disarm",
         });
     }

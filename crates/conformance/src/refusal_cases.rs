@@ -1,12 +1,13 @@
 //! Commands that a plant must refuse: they neither act nor keep it operational.
 
 use alloc::format;
+use alloc::string::String;
 use alloc::vec::Vec;
 
 use super::damage::{Damage, needs_fd};
 use super::plant_role::{arm, drive, forces, instead, meet, run_samples, samples, timeout_ns};
 use super::source::Answers;
-use super::stop::{Stop, failed, skipped};
+use super::stop::{Stop, failed, skipped, wrong};
 use super::tester::{Heard, Tester, emergency};
 use super::times::{MS, ms};
 use resonarm_protocol::timing::COMMAND_AGE_NS;
@@ -27,7 +28,7 @@ pub(super) fn damaged(t: &mut Tester, damage: Damage) -> Result<(), Stop> {
     drive(t)?;
     let from = t.heard.len();
     t.answers = Answers::Damaged(-t.settings.force_n, damage);
-    let faulted = starves(t, from);
+    let faulted = starves(t, from, wrong);
     match faulted {
         Err(Stop::Bus(error)) if needs_fd(damage, t.network.profile()) => {
             skipped(format!("the bus can't send a CAN FD frame: {error}"))
@@ -40,20 +41,20 @@ pub(super) fn damaged(t: &mut Tester, damage: Damage) -> Result<(), Stop> {
 pub(super) fn old(t: &mut Tester) -> Result<(), Stop> {
     meet(t)?;
     let limit = samples(t, COMMAND_AGE_NS) as i16;
-    shifted(t, -(limit + 1))
+    shifted(t, -(limit + 1), wrong)
 }
 
 /// Commands for a future sample, from arming on.
 pub(super) fn early(t: &mut Tester) -> Result<(), Stop> {
     meet(t)?;
     // Further than the plant advances while a command is on its way.
-    shifted(t, 1000)
+    shifted(t, 1000, failed)
 }
 
-fn shifted(t: &mut Tester, by: i16) -> Result<(), Stop> {
+fn shifted(t: &mut Tester, by: i16, acts: Acts) -> Result<(), Stop> {
     let from = t.heard.len();
     arm(t, Answers::Shifted(-t.settings.force_n, by))?;
-    let emergency = starves(t, from)?;
+    let emergency = starves(t, from, acts)?;
     says(&emergency, &[Refusal::Late])
 }
 
@@ -62,7 +63,7 @@ pub(super) fn same_sample(t: &mut Tester) -> Result<(), Stop> {
     drive(t)?;
     let from = t.heard.len();
     t.answers = Answers::Always(-t.settings.force_n, t.answered.unwrap_or(0));
-    let emergency = starves(t, from)?;
+    let emergency = starves(t, from, wrong)?;
     says(&emergency, &[Refusal::Repeated, Refusal::Late])
 }
 
@@ -71,7 +72,7 @@ pub(super) fn older(t: &mut Tester) -> Result<(), Stop> {
     drive(t)?;
     let from = t.heard.len();
     t.answers = Answers::Always(-t.settings.force_n, t.answered.unwrap_or(0).wrapping_sub(1));
-    let emergency = starves(t, from)?;
+    let emergency = starves(t, from, wrong)?;
     says(&emergency, &[Refusal::OutOfOrder, Refusal::Late])
 }
 
@@ -93,7 +94,7 @@ pub(super) fn too_large(t: &mut Tester) -> Result<(), Stop> {
     t.note(format!("{beyond_n} N"));
     let from = t.heard.len();
     t.answers = Answers::Force(-beyond_n);
-    let emergency = starves(t, from)?;
+    let emergency = starves(t, from, wrong)?;
     says(&emergency, &[Refusal::OutOfRange])
 }
 
@@ -121,7 +122,7 @@ pub(super) fn too_fast(t: &mut Tester) -> Result<(), Stop> {
     }
     let from = t.heard.len();
     t.answers = Answers::Force(force_n - jump_n);
-    let emergency = starves(t, from)?;
+    let emergency = starves(t, from, failed)?;
     says(&emergency, &[Refusal::RateOfChange])
 }
 
@@ -162,14 +163,18 @@ pub(super) fn too_far(t: &mut Tester) -> Result<(), Stop> {
     }
 }
 
+/// How a command that acts is judged: [`wrong`] if it must never act, whenever it comes, and [`failed`] if a command that
+/// comes late because the tester was held up may act.
+type Acts = fn(String) -> Result<Emergency, Stop>;
+
 /// The plant faults for lack of commands, and the commands sent meanwhile don't act.
-fn starves(t: &mut Tester, from: usize) -> Result<Emergency, Stop> {
+fn starves(t: &mut Tester, from: usize, acts: Acts) -> Result<Emergency, Stop> {
     let within_ns = timeout_ns(t);
     let text = format!("it feeds the timeout: no fault within {}", ms(within_ns));
     let word = t.expect_emergency(within_ns, EmergencyCode::CommandTimeout, text);
     let acted = forces(t, from).find(|(_, read_n)| *read_n < -0.5 * t.settings.force_n);
     if let Some((sample, read_n)) = acted {
-        return failed(format!("it acts: the head reads {read_n:.2} N at sample {sample}"));
+        return acts(format!("it acts: the head reads {read_n:.2} N at sample {sample}"));
     }
     match word? {
         (_, e) if e.code == EmergencyCode::CommandTimeout => Ok(e),

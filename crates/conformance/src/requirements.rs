@@ -29,7 +29,7 @@ const fn untested(id: &'static str, text: &'static str, why: &'static str) -> Re
 }
 
 /// All of them, in the order of their sections.
-pub const REQUIREMENTS: [Requirement; 55] = [
+pub const REQUIREMENTS: [Requirement; 58] = [
     untested(
         "R-1.1",
         "CAN FD frames are taken with and without bit rate switch",
@@ -42,6 +42,7 @@ pub const REQUIREMENTS: [Requirement; 55] = [
         "the bus doesn't show who sent a request",
     ),
     tested("R-1.4", "a second sender of the node's messages is a fault"),
+    tested("R-1.5", "a remote frame is not answered"),
     tested("R-2.1", "each message has its own counter, which steps by 1"),
     tested("R-2.2", "repeated counters and jumps of 5 or more are refused"),
     untested(
@@ -72,6 +73,7 @@ pub const REQUIREMENTS: [Requirement; 55] = [
     tested("R-5.3", "the plant arms only for a hello that fits"),
     tested("R-5.4", "the exciter begins only after a hello that fits"),
     tested("R-6.1", "a heartbeat at least every 100 ms"),
+    tested("R-6.8", "at most 20 heartbeats in 1000 ms, besides those of a change of state"),
     tested("R-6.6", "350 ms without a new whole sample are a fault of the exciter"),
     tested("R-6.2", "a hello at least every 1000 ms"),
     tested("R-6.3", "a node that was stopped doesn't take its own silence for its partner's"),
@@ -90,6 +92,7 @@ pub const REQUIREMENTS: [Requirement; 55] = [
         "an exciter in fault resets no plant",
         "the bus doesn't distinguish its requests from those of an operator's station",
     ),
+    tested("R-7.5", "an exciter that asks for arming by itself asks within 1000 ms of a hello that fits"),
     tested("R-8.1", "a sample's messages, in their order, with one index that has no gap"),
     tested("R-8.2", "a whole sample is answered with its index, an incomplete one is not"),
     tested("R-8.3", "repeated samples are ignored, ten are a fault, and so is an index outside the window"),

@@ -4,6 +4,7 @@ use alloc::format;
 use alloc::string::String;
 use alloc::vec::Vec;
 
+use super::exciter_cases::Answered;
 use super::exciter_role::{begin, commands};
 use super::plant_role::drive;
 use super::source::{ACCELERATION_END_M_S2, FORCE_END_N, Samples};
@@ -76,10 +77,11 @@ pub(super) fn exciter(t: &mut Tester) -> Result<(), Stop> {
         t.note(String::from("it disarms"));
         return Ok(());
     }
-    let sent = usize::from(t.source.index.wrapping_sub(first));
-    let answered = commands(t, from).iter().filter(|sample| sample.wrapping_sub(first) < 0x8000).count();
+    let sent = t.source.index.wrapping_sub(first);
+    let answers = Answered::new(&commands(t, from), first, sent);
+    let answered = answers.count;
     t.note(format!("{answered} of {sent} samples answered"));
-    match sent > answered + answered / 4 + 2 {
+    match 5 * answers.missing() > usize::from(sent) + 10 {
         true => late(format!("it answers {answered} of {sent} samples with clipped readings, and doesn't disarm")),
         false => Ok(()),
     }

@@ -3,7 +3,8 @@
 use alloc::format;
 use alloc::string::String;
 use alloc::vec::Vec;
-use core::f64::consts::TAU;
+use core::f64::consts::{PI, TAU};
+use core::ops::Range;
 
 use super::exciter_role::begin;
 use super::settings::{ExpectedSine, SineAmplitude};
@@ -27,6 +28,18 @@ const BLOCK_COMMANDS: usize = 10;
 const SETTLED: f64 = 0.005;
 /// The smallest amplitude that counts as a command.
 const NONE: f64 = 1e-9;
+/// By which share the frequency may differ from the expected one, by the times of the samples: more than quartz crystals
+/// do.
+const TIME_BASE: f64 = 1e-3;
+/// How often a frequency is fitted anew.
+const REFINEMENTS: u32 = 6;
+/// The fewest periods of which a sine is known.
+const PERIODS: f64 = 1.0;
+/// Commands are clipped if this share of them is at each end of their range.
+const CLIPPED: f64 = 0.1;
+/// Where a sine of the opposite sign begins, rad beyond π: with a slow ramp its first values are zero. One that begins
+/// anywhere is there once in ten times.
+const OPPOSITE: Range<f64> = -0.15..0.5;
 
 /// The commands are within the limits that its capabilities state.
 pub(super) fn own_limits(t: &mut Tester) -> Result<(), Stop> {
@@ -66,16 +79,19 @@ pub(super) fn own_limits(t: &mut Tester) -> Result<(), Stop> {
 /// The commands along an axis, at the times of the samples, s.
 type Points = Vec<(f64, f64)>;
 
-/// A sine fitted to points: its amplitude, and the root mean square of the residual without constants.
+/// A sine fitted to points, A sin(2π f t + φ) and a constant, and the root mean square of the residual.
 #[derive(Clone, Copy, Debug)]
 struct Fit {
+    frequency_hz: f64,
     amplitude: f64,
+    phase_rad: f64,
     rest: f64,
 }
 
 impl Fit {
-    fn is(&self, expected: f64) -> bool {
-        (self.amplitude - expected).abs() <= TOLERANCE * expected && self.is_sine()
+    /// Whether it is the sine of this amplitude.
+    fn is(&self, amplitude: f64) -> bool {
+        (self.amplitude - amplitude).abs() <= TOLERANCE * amplitude && self.is_sine()
     }
 
     fn is_sine(&self) -> bool {
@@ -99,26 +115,91 @@ pub(super) fn sine(t: &mut Tester) -> Result<(), Stop> {
     let mut settled = [0.0; 2];
     loop {
         let from = t.heard.len();
-        t.run_ns(block_ns)?;
-        let points = points(&t.heard[from..], wanted.axis(), rate_hz);
-        let has_ended = t.heard[from..].iter().any(|heard| !is_running(&heard.message));
-        if points.len() < BLOCK_COMMANDS || has_ended {
-            return late(format!("{} {} commands came within {}", points.len(), wanted.axis().name(), ms(block_ns)));
-        }
+        let points = block(t, wanted.axis(), block_ns)?;
         let Some(fit) = fit(&points, wanted.frequency_hz) else {
             return inconclusive("the commands that came are too few for a fit");
         };
         if fit.is(wanted.amplitude()) {
-            let (amplitude, unit) = (fit.amplitude, wanted.axis().unit());
-            t.note(format!("{amplitude:.3} {unit} at {} Hz", wanted.frequency_hz));
-            return Ok(());
+            return judge_time_and_sign(t, &wanted, from, rate_hz);
         }
         let has_settled = settled.iter().all(|before| (before - fit.amplitude).abs() < SETTLED * fit.amplitude);
         if t.now_ns() >= give_up_ns || (has_settled && fit.amplitude > NONE) {
+            if !fit.is_sine() {
+                // A lower frequency shows itself in a longer time.
+                t.run_ns(WATCH_NS)?;
+            }
             return failed(explained(t, &wanted, fit, from, rate_hz));
         }
         settled = [settled[1], fit.amplitude];
     }
+}
+
+/// The commands along an axis over a block of samples. On a busy machine the samples of the tester are fewer than the
+/// clock says, so it takes the time that they take.
+fn block(t: &mut Tester, axis: Axis, block_ns: u64) -> Result<Points, Stop> {
+    let (from, start_ns, rate_hz) = (t.heard.len(), t.now_ns(), f64::from(t.hello.rate_hz));
+    let give_up_ns = start_ns + block_ns + t.settings.patience_ns;
+    loop {
+        t.run_ns(block_ns)?;
+        let points = points(&t.heard[from..], axis, rate_hz);
+        let seen_s = points.last().map_or(0.0, |(time_s, _)| *time_s);
+        let is_whole = points.len() >= BLOCK_COMMANDS && seen_s >= 0.9e-9 * block_ns as f64;
+        if has_ended(t, from) || (!is_whole && t.now_ns() >= give_up_ns) {
+            let took = ms(t.now_ns() - start_ns);
+            return late(format!("{} {} commands came within {took}", points.len(), axis.name()));
+        }
+        if is_whole {
+            return Ok(points);
+        }
+    }
+}
+
+/// Whether its work has ended after index `from` of the log.
+fn has_ended(t: &Tester, from: usize) -> bool {
+    t.heard[from..].iter().any(|heard| !is_running(&heard.message))
+}
+
+/// Judges frequency and sign of the sine that the commands are from index `from` of the log on. Times are those of the
+/// samples, so that no hold-up changes them.
+fn judge_time_and_sign(t: &mut Tester, wanted: &ExpectedSine, from: usize, rate_hz: f64) -> Result<(), Stop> {
+    let (axis, until) = (wanted.axis(), t.heard.len());
+    t.run_ns(WATCH_NS)?;
+    // If the sine ends meanwhile, the time in which it was seen has to do.
+    let until = if has_ended(t, from) { until } else { t.heard.len() };
+    let is_boot = |heard: &Heard| is_state(&heard.message, NodeState::BootUp);
+    let boot = t.heard[..from].iter().rposition(is_boot).unwrap_or(0);
+    let all = points(&t.heard[boot..until], axis, rate_hz);
+    let seen = points(&t.heard[from..until], axis, rate_hz).len();
+    let Some((fit, deviation_hz)) = refined(&all[all.len().saturating_sub(seen)..], wanted.frequency_hz) else {
+        return inconclusive("the commands that came are too few for a fit");
+    };
+    let (unit, frequency_hz) = (axis.unit(), wanted.frequency_hz);
+    let ppm = |hz: f64| 1e6 * hz / frequency_hz;
+    let off_hz = fit.frequency_hz - frequency_hz;
+    let stated = format!(
+        "{:.3} {unit} at {:.5} Hz, {:+.0} ppm from {frequency_hz} Hz (standard deviation {:.1} ppm)",
+        fit.amplitude,
+        fit.frequency_hz,
+        ppm(off_hz),
+        ppm(deviation_hz)
+    );
+    if off_hz.abs() > TIME_BASE * frequency_hz + 4.0 * deviation_hz {
+        return failed(format!(
+            "it commands {stated}, by its samples: at most {:.0} ppm are allowed. Does its time advance by a sample period \
+             with each sample?",
+            ppm(TIME_BASE * frequency_hz)
+        ));
+    }
+    t.note(stated);
+    let first = all.iter().find(|(_, value)| value.abs() > NONE).map_or(0.0, |(time_s, _)| *time_s);
+    let begins_rad = fit.phase_rad + TAU * fit.frequency_hz * first;
+    if OPPOSITE.contains(&wrapped(begins_rad - PI)) {
+        return Err(Stop::Chance(format!(
+            "its sine begins with negative {}: it is the expected one with the opposite sign. Is a sign wrong?",
+            axis.name()
+        )));
+    }
+    Ok(())
 }
 
 fn is_running(message: &Message) -> bool {
@@ -195,14 +276,22 @@ impl ExpectedSine {
     }
 }
 
+/// The values along an axis, at the times of their samples since the first of them, s.
 fn points(heard: &[Heard], axis: Axis, rate_hz: f64) -> Points {
-    let values: Vec<(u16, f64)> = heard.iter().filter_map(|heard| axis.of(&heard.message)).collect();
-    let first = values.first().map_or(0, |(sample, _)| *sample);
-    values.iter().map(|(sample, value)| (f64::from(sample.wrapping_sub(first)) / rate_hz, *value)).collect()
+    let mut last = None;
+    let mut samples = 0_i64;
+    let values = heard.iter().filter_map(|heard| axis.of(&heard.message));
+    values
+        .map(|(sample, value)| {
+            // Modulo 2¹⁶: the upper half of the range is behind.
+            samples += i64::from(sample.wrapping_sub(last.replace(sample).unwrap_or(sample)) as i16);
+            (samples as f64 / rate_hz, value)
+        })
+        .collect()
 }
 
 /// The least squares of a cos ωt + b sin ωt + c, by its normal equations; `None` if the points don't determine them.
-fn fit(points: &Points, frequency_hz: f64) -> Option<Fit> {
+fn fit(points: &[(f64, f64)], frequency_hz: f64) -> Option<Fit> {
     let basis = |time_s: f64| {
         let (sin, cos) = libm::sincos(TAU * frequency_hz * time_s);
         [cos, sin, 1.0]
@@ -224,7 +313,29 @@ fn fit(points: &Points, frequency_hz: f64) -> Option<Fit> {
         rest * rest
     };
     let rest = libm::sqrt(points.iter().map(square).sum::<f64>() / points.len() as f64);
-    Some(Fit { amplitude: libm::hypot(a, b), rest })
+    Some(Fit { frequency_hz, amplitude: libm::hypot(a, b), phase_rad: libm::atan2(a, b), rest })
+}
+
+/// The sine whose frequency is fitted, too, beginning with a frequency, and the standard deviation of the frequency, Hz:
+/// the phases of both halves of the points agree. `None` if the points don't determine it.
+fn refined(points: &[(f64, f64)], frequency_hz: f64) -> Option<(Fit, f64)> {
+    let (first, second) = points.split_at(points.len() / 2);
+    let middle = |half: &[(f64, f64)]| half.iter().map(|(time_s, _)| time_s).sum::<f64>() / half.len() as f64;
+    let between_s = middle(second) - middle(first);
+    let mut frequency_hz = frequency_hz;
+    for _ in 0..REFINEMENTS {
+        let phase_rad = wrapped(fit(second, frequency_hz)?.phase_rad - fit(first, frequency_hz)?.phase_rad);
+        frequency_hz += phase_rad / (TAU * between_s);
+    }
+    let fit = fit(points, frequency_hz).filter(|fit| fit.frequency_hz.is_finite() && fit.amplitude > NONE)?;
+    // The phase of a half of n points has the variance 2 (rest / amplitude)² / n.
+    let of_phase_rad = 2.0 * fit.rest / fit.amplitude * libm::sqrt(2.0 / points.len() as f64);
+    Some((fit, of_phase_rad / (TAU * between_s)))
+}
+
+/// An angle, rad, between −π and π.
+fn wrapped(angle_rad: f64) -> f64 {
+    angle_rad - TAU * libm::round(angle_rad / TAU)
 }
 
 /// The solution of three equations, by Cramer's rule.
@@ -244,12 +355,38 @@ fn solved(matrix: [[f64; 3]; 3], right: [f64; 3]) -> Option<[f64; 3]> {
     solution.iter().all(|value: &f64| value.is_finite()).then_some(solution)
 }
 
+/// The smallest and the largest of the values.
+fn range(points: &[(f64, f64)]) -> (f64, f64) {
+    let values = points.iter().map(|(_, value)| *value);
+    values.fold((f64::INFINITY, f64::NEG_INFINITY), |(min, max), value| (min.min(value), max.max(value)))
+}
+
+/// Whether so many values are at both ends of their range that they were clipped there.
+fn is_clipped(points: &[(f64, f64)]) -> bool {
+    let (min, max) = range(points);
+    let at = |end: f64| points.iter().filter(|(_, value)| (value - end).abs() <= NONE).count() as f64;
+    max - min > NONE && [min, max].iter().all(|end| at(*end) >= CLIPPED * points.len() as f64)
+}
+
+/// The sine of this frequency that the points are; `None` if they are none. They determine it only if they are a period
+/// and more, and its amplitude is never beyond the range of their values.
+fn sine_at(points: &[(f64, f64)], frequency_hz: f64, rate_hz: f64) -> Option<Fit> {
+    let (Some((from_s, _)), Some((to_s, _))) = (points.first(), points.last()) else { return None };
+    if frequency_hz * (to_s - from_s) < PERIODS || frequency_hz >= rate_hz / 2.0 {
+        return None;
+    }
+    let (min, max) = range(points);
+    let is_within = |fit: &Fit| fit.amplitude <= (1.0 + TOLERANCE) * (max - min) / 2.0;
+    fit(points, frequency_hz).filter(Fit::is_sine).filter(is_within)
+}
+
 /// Describes the commands, with the usual mistake that explains them, if one does.
 fn explained(t: &Tester, wanted: &ExpectedSine, got: Fit, from: usize, rate_hz: f64) -> String {
     let (axis, amplitude, frequency_hz) = (wanted.axis(), wanted.amplitude(), wanted.frequency_hz);
     let (heard, unit) = (&t.heard[from..], axis.unit());
-    let fitted = |points: &Points, frequency_hz| fit(points, frequency_hz).filter(Fit::is_sine);
     let expected = format!("expected are {amplitude} {unit} at {frequency_hz} Hz along {}", axis.name());
+    let own = points(heard, axis, rate_hz);
+    let (min, max) = range(&own);
     if got.is_sine() {
         let ratio = got.amplitude / amplitude;
         let by_factor = |factor: f64| (ratio / factor - 1.0).abs() < TOLERANCE;
@@ -262,9 +399,11 @@ fn explained(t: &Tester, wanted: &ExpectedSine, got: Fit, from: usize, rate_hz: 
         };
         return format!("it commands {:.4} {unit}, {ratio:.4} times the amplitude; {expected}.{why}", got.amplitude);
     }
-    let own = points(heard, axis, rate_hz);
+    if is_clipped(&own) {
+        return format!("its commands are no sine: they are clipped at {min} and {max} {unit}; {expected}");
+    }
     let swapped: Points = own.iter().map(|(at, value)| (*at, axis.swapped(*value, t.network.profile()))).collect();
-    if let Some(fit) = fitted(&swapped, frequency_hz) {
+    if let Some(fit) = sine_at(&swapped, frequency_hz, rate_hz) {
         return format!(
             "with the bytes of each value the other way round it commands {:.4} {unit}; {expected}. Is its \
              byte order wrong?",
@@ -272,17 +411,20 @@ fn explained(t: &Tester, wanted: &ExpectedSine, got: Fit, from: usize, rate_hz: 
         );
     }
     for other in Axis::ALL.into_iter().filter(|other| *other != axis) {
-        if let Some(fit) = fitted(&points(heard, other, rate_hz), frequency_hz) {
+        if let Some(fit) = sine_at(&points(heard, other, rate_hz), frequency_hz, rate_hz) {
             return format!("it commands {:.4} {} along {}; {expected}", fit.amplitude, other.unit(), other.name());
         }
     }
-    for ratio in [1.0 / TAU, TAU, 0.5, 2.0, 0.1, 10.0, 0.01, 100.0, 0.001, 1000.0] {
-        if let Some(fit) = fitted(&own, ratio * frequency_hz).filter(|_| ratio * frequency_hz < rate_hz / 2.0) {
-            return format!("it commands {:.4} {unit} at {:.4} Hz; {expected}", fit.amplitude, ratio * frequency_hz);
+    let ratios = [1.0, 1.0 / TAU, TAU, 0.5, 2.0, 0.1, 10.0, 0.01, 100.0, 0.001, 1000.0];
+    for guess_hz in ratios.map(|ratio| ratio * frequency_hz) {
+        let near_hz = refined(&own, guess_hz).map_or(guess_hz, |(fit, _)| fit.frequency_hz);
+        if let Some(fit) = sine_at(&own, near_hz, rate_hz) {
+            return format!("it commands {:.4} {unit} at {:.4} Hz; {expected}", fit.amplitude, fit.frequency_hz);
         }
     }
+    let rest = got.rest;
     format!(
-        "its commands are no sine of this frequency: of {:.4} {unit} {:.4} {unit} rms are left; {expected}",
-        got.amplitude, got.rest
+        "its commands are no sine of this frequency: they are from {min} to {max} {unit}, and the best sine leaves {rest:.4} \
+         {unit} rms of them; {expected}"
     )
 }

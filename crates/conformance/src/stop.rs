@@ -17,6 +17,8 @@ pub(super) enum Stop {
     Late(String),
     /// The node does what it must, but too late: it may have been stopped often, too briefly to be noticed.
     Slow(String),
+    /// The node does what is a fault unless it is chance: it fails if it does so in each of several tries.
+    Chance(String),
     /// The case is undecided.
     Inconclusive(String),
     /// The case is not to be tried, or can't be here.

@@ -10,14 +10,15 @@ use super::load::BusLoad;
 use super::settings::Settings;
 use super::soak::Soak;
 use super::source::{Answers, Source};
-use super::stop::{Stop, inconclusive, late, slow, wrong};
+use super::stop::{Stop, failed, inconclusive, late, slow, wrong};
 use super::times::{GONE_NS, MS};
 use super::traffic::Traffic;
+use super::tries::Rejected;
 use super::wire::{BusOff, Stopped, Wire};
 use resonarm_protocol::timing::{HEARTBEAT_PERIOD_NS, HELLO_PERIOD_NS};
 use resonarm_protocol::{
-    Capabilities, Emergency, EmergencyCode, ForceCommand, Frame, Heartbeat, Hello, Message, MessageKind, Network, Node,
-    NodeState, OperatorCommand, OperatorRequest, Profile, Receiver, SamplesPerFrame, Transmitter,
+    Capabilities, DecodeError, Emergency, EmergencyCode, ForceCommand, Frame, Heartbeat, Hello, Message, MessageKind,
+    Network, Node, NodeState, OperatorCommand, OperatorRequest, Profile, Receiver, SamplesPerFrame, Transmitter,
 };
 
 /// After so many refused frames of a kind the tester no longer waits for a valid one.
@@ -368,15 +369,28 @@ impl<'w> Tester<'w> {
         Transmitter::new(self.network)
     }
 
+    /// The frames of the node under test that the protocol refuses, if there are any.
+    pub fn rejected_frames(&self) -> Option<Rejected> {
+        let refused = || self.traffic.refused_of(|kind| kind.sender() == self.tested);
+        let first = refused().next()?;
+        let count: u64 = refused().map(|refused| refused.count).sum();
+        let demand = match first.error {
+            DecodeError::Counter { .. } => " (R-2.1)",
+            DecodeError::OtherProfile { .. } => " (R-1.2)",
+            _ => "",
+        };
+        Some(Rejected {
+            text: format!("{count} of its frames {} refused{demand}: {first}", if count == 1 { "is" } else { "are" }),
+            may_be_lost: refused().all(|refused| matches!(refused.error, DecodeError::Counter { .. })),
+        })
+    }
+
     /// Fails if the protocol refused frames of the node.
     pub fn check_frames(&self) -> Result<(), Stop> {
-        let refused = || self.traffic.refused_of(|kind| kind.sender() == self.tested);
-        match refused().next() {
+        match self.rejected_frames() {
             None => Ok(()),
-            Some(first) => {
-                let count: u64 = refused().map(|refused| refused.count).sum();
-                wrong(format!("{count} of its frames are refused: {first}"))
-            }
+            Some(Rejected { text, may_be_lost: true }) => failed(text),
+            Some(Rejected { text, .. }) => wrong(text),
         }
     }
 

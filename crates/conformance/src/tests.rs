@@ -74,7 +74,10 @@ fn findings_in(
 ) -> Vec<(&'static str, Finding)> {
     let run = |case: Case| {
         let mut wire = Virtual::new(make());
-        (case.id, run(&case, &mut wire, network, settings()).unwrap())
+        let finding = run(&case, &mut wire, network, settings()).unwrap();
+        let rejected = finding.traffic.refused_of(|kind| kind.sender() == tested).next();
+        assert!(finding.verdict != Verdict::Passed || rejected.is_none(), "{}: {finding:#?}", case.id);
+        (case.id, finding)
     };
     cases(tested, mode).map(run).collect()
 }

@@ -15,7 +15,7 @@ use resonarm_bus::BusError;
 const TRIES: u32 = 5;
 
 /// In how many tries a node must be slow to fail. Fewer may be due to the machine: a node that is held up many times
-/// briefly is slow without a noticeable silence.
+/// briefly is slow without a noticeable silence. What may be chance is judged by as many tries.
 const SLOW_TRIES: u32 = 3;
 
 /// How long tester and node may be held up before a failure is inconclusive.
@@ -35,12 +35,27 @@ pub(super) trait Subject {
     fn silent_ns(&self) -> u64;
     /// Whether the node under test sends again without having booted: it was stopped.
     fn resumes(&mut self) -> Result<bool, Stop>;
+    /// Ends the case: the node under test is released.
+    fn release(&mut self) -> Result<(), Stop>;
+    /// The frames of the node under test that the tester rejected so far, if there are any.
+    fn rejected(&self) -> Option<Rejected>;
+}
+
+/// Frames of the node under test that the tester rejected.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub(super) struct Rejected {
+    /// The first of them and why, in words.
+    pub text: String,
+    /// Whether lost frames explain all of them: a tester that is held up for long loses frames.
+    pub may_be_lost: bool,
 }
 
 /// The result of one try.
 pub(super) enum TryResult {
     /// The node was slow, and nothing indicates that a process was held up.
     Slow(String),
+    /// The node does what is a fault unless it is chance.
+    Chance(String),
     Judged(Verdict),
 }
 
@@ -63,7 +78,7 @@ pub(super) fn tries(
     mut attempt: impl FnMut(&mut dyn Wire) -> Result<Try, BusError>,
 ) -> Result<Finding, BusError> {
     let start_ns = wire.now_ns();
-    let (mut tries, mut slow) = (0, 0);
+    let (mut tries, mut slow, mut chance) = (0, 0, 0);
     let mut slow_text = String::new();
     loop {
         tries += 1;
@@ -74,6 +89,10 @@ pub(super) fn tries(
                 (slow, slow_text) = (slow + 1, text.clone());
                 slow < SLOW_TRIES
             }
+            TryResult::Chance(_) => {
+                chance += 1;
+                chance < SLOW_TRIES
+            }
             TryResult::Judged(verdict) => matches!(verdict, Verdict::Inconclusive(_)) && is_held_up,
         };
         if says_nothing && tries < TRIES {
@@ -81,6 +100,10 @@ pub(super) fn tries(
         }
         let verdict = match result {
             TryResult::Slow(text) if slow == SLOW_TRIES => Verdict::Failed(text),
+            TryResult::Chance(text) if chance == SLOW_TRIES => Verdict::Failed(text),
+            TryResult::Chance(text) if slow == 0 => {
+                Verdict::Inconclusive(format!("{text}, in {chance} of {tries} tries"))
+            }
             TryResult::Judged(verdict) if slow == 0 || matches!(verdict, Verdict::Failed(_)) => verdict,
             _ => Verdict::Inconclusive(format!("{slow_text}, in {slow} of {tries} tries")),
         };
@@ -89,15 +112,41 @@ pub(super) fn tries(
     }
 }
 
-/// The result of a script.
+/// The result of a script, after which the node under test is released.
 ///
 /// # Errors
 /// [`BusError`] if the bus is gone.
-pub(super) fn judge(
+pub(super) fn conclude(
     outcome: Result<(), Stop>,
     subject: &mut impl Subject,
     limits: Limits,
 ) -> Result<TryResult, BusError> {
+    let result = judge(outcome, subject, limits)?;
+    unless_gone(subject.release())?;
+    Ok(match result {
+        TryResult::Judged(Verdict::Passed) => TryResult::Judged(beside_rejected(subject, limits)),
+        other => other,
+    })
+}
+
+/// The verdict on a script that found nothing wrong. A case never passes beside a frame that the tester itself
+/// rejected: such a frame is lost to any partner of the node.
+fn beside_rejected(subject: &impl Subject, limits: Limits) -> Verdict {
+    let held_up_ns = subject.held_up_ns();
+    match subject.rejected() {
+        None => Verdict::Passed,
+        Some(Rejected { text, may_be_lost: true }) if held_up_ns > limits.held_up_ns => {
+            Verdict::Inconclusive(format!("{text}; but the tester was held up for {}", ms(held_up_ns)))
+        }
+        Some(Rejected { text, .. }) => Verdict::Failed(text),
+    }
+}
+
+/// The result of a script.
+///
+/// # Errors
+/// [`BusError`] if the bus is gone.
+fn judge(outcome: Result<(), Stop>, subject: &mut impl Subject, limits: Limits) -> Result<TryResult, BusError> {
     let Err(stop) = outcome else { return Ok(TryResult::Judged(Verdict::Passed)) };
     let held_up_ns = subject.held_up_ns();
     Ok(match stop {
@@ -114,6 +163,7 @@ pub(super) fn judge(
             TryResult::Judged(Verdict::Inconclusive(as_if_stopped(&text, subject.silent_ns())))
         }
         Stop::Slow(text) => TryResult::Slow(text),
+        Stop::Chance(text) => TryResult::Chance(text),
         Stop::Late(text) => {
             let has_resumed = unless_gone(subject.resumes())?.unwrap_or(false);
             let silent_ns = subject.silent_ns();

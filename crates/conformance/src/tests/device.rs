@@ -336,7 +336,11 @@ impl ExciterDevice {
 
     pub fn in_mode(mode: Mode, network: Network, flaw: Option<Flaw>) -> ExciterDevice {
         let amplitude = Amplitude { force_x_n: 20.0, ..Amplitude::default() };
-        let profile = Waveform::Dwell { frequency_hz: 15.0, duration_s: 60.0, settle_s: 0.1 };
+        let frequency_hz = match flaw {
+            Some(Flaw::FastBy(ppm)) => 15.0 * (1.0 + 1e-6 * f64::from(ppm)),
+            _ => 15.0,
+        };
+        let profile = Waveform::Dwell { frequency_hz, duration_s: 60.0, settle_s: 0.1 };
         let spec = ExcitationSpec { amplitude, ramp_s: 0.05, profile };
         let profile = Excitation::new(&spec, f64::from(RATE_HZ)).unwrap();
         let controller = Box::new(OpenLoop::new(profile, Converter::default()));

@@ -6,8 +6,9 @@ use super::super::damage::protect;
 use super::device::{ExciterDevice, PlantDevice, RATE_HZ};
 use resonarm_dynamics::arm::Load;
 use resonarm_protocol::{
-    Acceleration, Cycle, Emergency, EmergencyCode, ForceCommand, Frame, Heartbeat, Hello, Id, ImpedanceHead, Message,
-    MessageKind, Network, Node, NodeState, OperatorCommand, OperatorRequest, Profile, StateEvent,
+    Acceleration, Cycle, Emergency, EmergencyCode, ForceCommand, Frame, FrameFormat, Heartbeat, Hello, Id,
+    ImpedanceHead, Message, MessageKind, Network, Node, NodeState, OperatorCommand, OperatorRequest, Profile,
+    StateEvent, Transmitter,
 };
 
 /// A flaw of a node.
@@ -99,6 +100,26 @@ pub enum Flaw {
     Swapped,
     /// Commands along y.
     OtherAxis,
+    /// Commands the opposite of its sine.
+    OppositeSign,
+    /// Its time base is fast by so many ppm.
+    FastBy(u16),
+    /// Clips its commands at so many newtons.
+    ClipsAt(i16),
+    /// Commands zero for three of four samples.
+    MostlyZero,
+    /// Leaves out every so-manieth answer.
+    Skips(u64),
+    /// Sends every heartbeat 31 times.
+    FloodsHeartbeats,
+    /// Answers each remote frame by a heartbeat.
+    AnswersRemote,
+    /// Asks for arming 3 s later.
+    SlowToArm,
+    /// Ignores the plant's emergencies, other than that it leaves.
+    DeafToEmergencies,
+    /// Once it has faulted, all its counters begin at 7.
+    JumpsInFault,
     /// The CRC of its frames has a wrong polynomial.
     OtherPolynomial,
     /// The CRC of its frames has a wrong start value.
@@ -128,6 +149,9 @@ pub struct ReceiveState {
 pub struct SendState {
     pub now_ns: u64,
     last_state: Option<NodeState>,
+    /// The state of its last heartbeat.
+    state: Option<NodeState>,
+    commands: u64,
     counters: [u8; MessageKind::COUNT],
     /// Delayed frames, with their times.
     late: VecDeque<(u64, Frame)>,
@@ -144,11 +168,30 @@ impl SendState {
         self.late.is_empty()
     }
 
+    /// Repeats the last heartbeat.
+    fn say_state(&mut self, network: Network, node: Node) {
+        let Some(state) = self.state else { return };
+        let heartbeat = Message::Heartbeat(Heartbeat { node, state });
+        self.late.push_back((self.now_ns, Transmitter::new(network).frame(&heartbeat).unwrap()));
+    }
+
     /// The frame sent instead, for flaws of either node.
     fn alter(&mut self, flaw: Option<Flaw>, network: Network, frame: Frame) -> Option<Frame> {
         let Some(kind) = kind(network, &frame) else { return Some(frame) };
         let is_protected = kind.data_id(network).is_some();
+        if let Some(Message::Heartbeat(Heartbeat { state, .. })) = read(network, &frame) {
+            self.state = Some(state);
+        }
         match flaw {
+            Some(Flaw::FloodsHeartbeats) if !is_protected && self.state != Some(NodeState::BootUp) => {
+                self.late.extend([(self.now_ns, frame); 30]);
+                Some(frame)
+            }
+            Some(Flaw::SlowToArm) if kind == MessageKind::Operator && self.now_ns < 3_000_000_000 => None,
+            Some(Flaw::JumpsInFault) if is_protected && self.state == Some(NodeState::Fault) => {
+                Some(rewritten(network, &frame, |data| data[1] = data[1] & 0xF0 | (data[1] + 7) % 15))
+            }
+
             Some(Flaw::StepsBy(by)) if is_protected => {
                 let counter = self.counters[kind as usize];
                 self.counters[kind as usize] = (counter + by) % 15;
@@ -220,7 +263,7 @@ impl ReceiveState {
             self.distracted_ticks = 2;
         }
         self.refused += u32::from(is_of_samples && message.is_none());
-        self.has_heard_pair |= kind == Some(MessageKind::SensorPair);
+        self.has_heard_pair |= matches!(message, Some(Message::SensorPair(_)));
         match flaw {
             Some(Flaw::Distracted) => self.distracted_ticks > 0,
             Some(Flaw::Clogs) => is_of_samples && self.refused > 200,
@@ -238,6 +281,12 @@ fn rewritten(network: Network, frame: &Frame, change: impl Fn(&mut [u8])) -> Fra
         protect(&mut data, data_id);
     }
     Frame::new(frame.id(), frame.format(), &data).unwrap()
+}
+
+/// A classical ForceCommand with another force along x, N.
+fn forced(network: Network, frame: &Frame, force_x_n: f64) -> Frame {
+    let count = (force_x_n * 50.0).round() as i16;
+    rewritten(network, frame, |data| data[2..4].copy_from_slice(&count.to_le_bytes()))
 }
 
 /// The message of a frame; only known messages with 11-bit identifiers are altered.
@@ -272,6 +321,10 @@ impl PlantDevice {
     pub fn alter_heard(&mut self, frame: &Frame) -> Vec<Frame> {
         let network = self.network;
         let frame = &if self.flaw == Some(Flaw::AnyBase) { rebased(network, frame) } else { *frame };
+        if self.flaw == Some(Flaw::AnswersRemote) && frame.format() == FrameFormat::Remote {
+            self.send_state.say_state(network, Node::Plant);
+            return vec![];
+        }
         if self.receive_state.misses(self.flaw, network, frame) {
             return vec![];
         }
@@ -366,6 +419,10 @@ impl ExciterDevice {
     pub fn alter_heard(&mut self, frame: &Frame) -> Vec<Frame> {
         let network = self.network;
         let frame = &if self.flaw == Some(Flaw::AnyBase) { rebased(network, frame) } else { *frame };
+        if self.flaw == Some(Flaw::AnswersRemote) && frame.format() == FrameFormat::Remote {
+            self.send_state.say_state(network, Node::Exciter);
+            return vec![];
+        }
         if self.receive_state.misses(self.flaw, network, frame) {
             return vec![];
         }
@@ -386,7 +443,10 @@ impl ExciterDevice {
             {
                 vec![]
             }
-            (Some(Flaw::DeafToLeaving), Some(Message::Emergency(_))) => vec![],
+            (Some(Flaw::DeafToLeaving), Some(Message::Emergency(e))) if e.code == EmergencyCode::Leaving => vec![],
+            (Some(Flaw::DeafToEmergencies), Some(Message::Emergency(e))) if e.code != EmergencyCode::Leaving => {
+                vec![]
+            }
             (Some(Flaw::DeafToClipping), Some(Message::Head(head))) if head.x_saturated => vec![],
             (Some(Flaw::DeafToItself), Some(message)) if message.kind().sender() == Node::Exciter => vec![],
             (Some(Flaw::AnswersC), Some(Message::Head(_) | Message::AccelerometerB(_))) => vec![],
@@ -423,6 +483,10 @@ impl ExciterDevice {
             (Some(Flaw::BeyondLimits), Some(Message::Capabilities(_))) => {
                 Some(rewritten(network, &frame, |data| data[8..12].copy_from_slice(&10_f32.to_le_bytes())))
             }
+            (Some(Flaw::Skips(every)), Some(Message::Force(_))) => {
+                self.send_state.commands += 1;
+                (!self.send_state.commands.is_multiple_of(every)).then_some(frame)
+            }
             (Some(_), Some(Message::Force(command))) => self.alter_command(frame, command),
             _ => self.send_state.alter(self.flaw, network, frame),
         }
@@ -437,6 +501,13 @@ impl ExciterDevice {
             Some(Flaw::Unscaled) => {
                 let count = command.force_x_n.round() as i16;
                 return Some(rewritten(network, &frame, |data| data[2..4].copy_from_slice(&count.to_le_bytes())));
+            }
+            Some(Flaw::OppositeSign) => return Some(forced(network, &frame, -command.force_x_n)),
+            Some(Flaw::ClipsAt(end)) => {
+                return Some(forced(network, &frame, command.force_x_n.clamp(-f64::from(end), f64::from(end))));
+            }
+            Some(Flaw::MostlyZero) if !command.sample.is_multiple_of(4) => {
+                return Some(forced(network, &frame, 0.0));
             }
             Some(Flaw::Swapped) => return Some(rewritten(network, &frame, |data| data.swap(2, 3))),
             Some(Flaw::OtherAxis) => {

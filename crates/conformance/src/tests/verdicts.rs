@@ -4,6 +4,7 @@ use super::super::*;
 use super::device::{Device, ExciterDevice, PlantDevice, StartedAgain, Virtual};
 use super::flaws::Flaw;
 use super::{findings, findings_in, settings};
+use crate::exciter_cases::Answered;
 use resonarm_protocol::{NodeState, Profile};
 
 #[test]
@@ -32,6 +33,8 @@ fn a_plant_with_a_flaw_fails_the_cases_for_it() {
         (Flaw::IgnoresCrc, &["plant-wrong-crc", "plant-data-id", "plant-load-wrong-crc", "plant-soak"]),
         (Flaw::IgnoresCounters, &["plant-repeated-counter", "plant-counter-jump", "plant-soak"]),
         (Flaw::NoHeartbeats, &["plant-heartbeats"]),
+        (Flaw::FloodsHeartbeats, &["plant-heartbeats"]),
+        (Flaw::AnswersRemote, &["plant-remote-frames"]),
         (Flaw::NoRamp, &["plant-command-timeout", "plant-disarm"]),
         (Flaw::ActsUnarmed, &["plant-not-armed", "plant-disarm", "plant-too-far"]),
         (Flaw::NoTimeout, &starved),
@@ -43,24 +46,22 @@ fn a_plant_with_a_flaw_fails_the_cases_for_it() {
         (Flaw::NoLatch, &["plant-states", "plant-load-states"]),
         (Flaw::DeafToLeaving, &["plant-exciter-leaves"]),
         (Flaw::DeafToItself, &["plant-second-sender"]),
-        (Flaw::LosesCount, &["plant-frames", "plant-counters", "plant-soak"]),
         (Flaw::Distracted, &["plant-foreign-base", "plant-load-wrong-crc", "plant-load-states", "plant-soak"]),
         (Flaw::Clogs, &["plant-soak"]),
         (Flaw::HidesBusLoss, &["plant-bus-off"]),
         (Flaw::HidesClipping, &["plant-saturation"]),
         (Flaw::StepsBy(2), &["plant-counters"]),
         (Flaw::StepsBy(4), &["plant-counters"]),
-        (Flaw::OneCounter, &["plant-counters", "plant-foreign-base", "plant-soak"]),
         (Flaw::TakesOlder, &["plant-older-command"]),
         (Flaw::Late(NodeState::Operational), &["plant-states", "plant-load-states"]),
         (Flaw::Late(NodeState::PreOperational), &["plant-states", "plant-disarm", "plant-load-states"]),
         (Flaw::Late(NodeState::Fault), &["plant-states", "plant-load-states"]),
         (Flaw::AnyBase, &["plant-foreign-base", "plant-soak"]),
         (Flaw::IgnoresReset, &["plant-reset"]),
-        (Flaw::CountsWallClock, &["plant-stopped"]),
-        (Flaw::OtherPolynomial, &["plant-hello", "plant-load-hello"]),
-        (Flaw::OtherStart, &["plant-hello", "plant-load-hello"]),
-        (Flaw::OtherDataId, &["plant-hello", "plant-load-hello"]),
+        (Flaw::CountsWallClock, &["plant-heartbeats", "plant-stopped"]),
+        (Flaw::OtherPolynomial, &["plant-hello", "plant-heartbeats", "plant-load-hello"]),
+        (Flaw::OtherStart, &["plant-hello", "plant-heartbeats", "plant-load-hello"]),
+        (Flaw::OtherDataId, &["plant-hello", "plant-heartbeats", "plant-load-hello"]),
     ];
     let network = Network::default();
     let found = table.map(|(flaw, _)| {
@@ -96,6 +97,98 @@ fn a_node_that_forgets_the_limits_it_states_fails_the_case_for_it() {
         "it acts: the head reads -606.00 N at sample 260",
     )
     "#);
+}
+
+/// Frames with a counter that the tester rejects come in nearly all cases: none of those passes.
+#[test]
+fn no_case_passes_beside_a_frame_that_the_tester_rejected() {
+    let network = Network::default();
+    for (flaw, cases) in [
+        (Flaw::LosesCount, ["plant-counters", "plant-frames", "plant-heartbeats", "plant-states", "plant-soak"]),
+        (Flaw::OneCounter, ["plant-counters", "plant-heartbeats", "plant-states", "plant-foreign-base", "plant-soak"]),
+    ] {
+        let failed = failed(&findings(Node::Plant, network, || Box::new(PlantDevice::with(network, Some(flaw)))));
+        assert!(cases.iter().all(|case| failed.contains(case)), "{flaw:?}: {failed:?}");
+    }
+    let found = findings(Node::Exciter, network, || Box::new(ExciterDevice::with(network, Some(Flaw::OneCounter))));
+    let failed = failed(&found);
+    for case in ["exciter-counters", "exciter-leaves", "exciter-sine", "exciter-soak"] {
+        assert!(failed.contains(&case), "{failed:?}");
+    }
+    // Its emergency and its last requests have other counters: they are lost to a plant.
+    insta::assert_snapshot!(report(Flaw::JumpsInFault, "exciter-bus-off"), @r"
+    failed: 1 of its frames is refused (R-2.1): ExciterEmergency refused: counter 8 after 0, a step of more than 4: 082#D3080C0000006400
+    ExciterEmergency refused: counter 8 after 0, a step of more than 4: 082#D3080C0000006400
+    ");
+}
+
+/// The tester may have lost the frames before.
+#[test]
+fn a_rejected_counter_decides_nothing_if_the_tester_was_held_up() {
+    let network = Network::default();
+    let case = cases(Node::Plant, Mode::RealTime).find(|case| case.id == "plant-heartbeats").unwrap();
+    let mut wire = Virtual::new(Box::new(PlantDevice::with(network, Some(Flaw::LosesCount))));
+    wire.held_up_every = Some(400);
+    let finding = run(&case, &mut wire, network, settings()).unwrap();
+    assert!(matches!(&finding.verdict, Verdict::Inconclusive(text) if text.contains("held up for")), "{finding:?}");
+}
+
+/// An exciter that begins its sine at any phase has the opposite sign by chance, but not in each of three tries.
+#[test]
+fn an_exciter_of_the_opposite_sign_and_one_that_is_slow_to_arm_fail() {
+    let network = Network::default();
+    let verdict = |flaw, case_id: &str| {
+        let case = cases(Node::Exciter, Mode::RealTime).find(|case| case.id == case_id).unwrap();
+        let mut wire = Virtual::new(Box::new(StartedAgain::new(ExciterDevice::with(network, Some(flaw)), 0)));
+        run(&case, &mut wire, network, Settings { patience_ns: 5_000_000_000, ..settings() }).unwrap().verdict
+    };
+    insta::assert_debug_snapshot!(verdict(Flaw::OppositeSign, "exciter-sine"), @r#"
+    Failed(
+        "its sine begins with negative force_x_n: it is the expected one with the opposite sign. Is a sign wrong?",
+    )
+    "#);
+    insta::assert_debug_snapshot!(verdict(Flaw::SlowToArm, "exciter-asks-to-arm"), @r#"
+    Failed(
+        "it asks for arming 3000 ms after the plant's hello, at most 1000 ms are allowed",
+    )
+    "#);
+}
+
+/// A time base that is off is stated, and one that no quartz crystal has is a fault.
+#[test]
+fn the_time_base_of_a_sine_is_stated() {
+    let network = Network::default();
+    let finding = |flaw| {
+        let case = cases(Node::Exciter, Mode::RealTime).find(|case| case.id == "exciter-sine").unwrap();
+        let mut wire = Virtual::new(Box::new(ExciterDevice::with(network, flaw)));
+        run(&case, &mut wire, network, settings()).unwrap()
+    };
+    insta::assert_debug_snapshot!(finding(None).measured, @r#"
+    [
+        "20.001 N at 15.00000 Hz, +0 ppm from 15 Hz (standard deviation 0.4 ppm)",
+    ]
+    "#);
+    let fast = finding(Some(Flaw::FastBy(200)));
+    assert_eq!(fast.verdict, Verdict::Passed);
+    insta::assert_debug_snapshot!(fast.measured, @r#"
+    [
+        "20.000 N at 15.00300 Hz, +200 ppm from 15 Hz (standard deviation 0.4 ppm)",
+    ]
+    "#);
+    insta::assert_debug_snapshot!(finding(Some(Flaw::FastBy(5000))).verdict, @r#"
+    Failed(
+        "it commands 20.000 N at 15.07500 Hz, +5000 ppm from 15 Hz (standard deviation 0.4 ppm), by its samples: at most 1000 ppm are allowed. Does its time advance by a sample period with each sample?",
+    )
+    "#);
+}
+
+/// Answers to samples before the series, and second ones, don't make the count larger than the series.
+#[test]
+fn no_more_samples_are_answered_than_were_sent() {
+    let answers = Answered::new(&[98, 99, 100, 101, 101, 103, 300], 100, 5);
+    assert_eq!((answers.count, answers.missing()), (3, 2));
+    let wrapped = Answered::new(&[65_535, 0, 1], 65_535, 3);
+    assert_eq!((wrapped.count, wrapped.missing()), (3, 0));
 }
 
 /// The report on a node with a flaw, by the case for it.
@@ -188,6 +281,13 @@ fn a_wrong_crc_is_shown_beside_the_right_one() {
 fn a_sine_that_is_not_the_expected_one_is_explained() {
     insta::assert_snapshot!(report(Flaw::Unscaled, "exciter-sine"), @"failed: it commands 0.4018 N, 0.0201 times the amplitude; expected are 20 N at 15 Hz along force_x_n. Is it sent without the factor of its counts?");
     insta::assert_snapshot!(report(Flaw::Swapped, "exciter-sine"), @"failed: with the bytes of each value the other way round it commands 20.0012 N; expected are 20 N at 15 Hz along force_x_n. Is its byte order wrong?");
+    insta::assert_snapshot!(report(Flaw::ClipsAt(12), "exciter-sine"), @"failed: its commands are no sine: they are clipped at -12 and 12 N; expected are 20 N at 15 Hz along force_x_n");
+    insta::assert_snapshot!(report(Flaw::MostlyZero, "exciter-sine"), @"failed: its commands are no sine of this frequency: they are from -20 to 20 N, and the best sine leaves 6.1242 N rms of them; expected are 20 N at 15 Hz along force_x_n");
+    insta::assert_snapshot!(report(Flaw::FastBy(30_000), "exciter-sine"), @"failed: it commands 19.9998 N at 15.4500 Hz; expected are 20 N at 15 Hz along force_x_n");
+    insta::assert_snapshot!(report(Flaw::Skips(10), "exciter-answers"), @"failed: of 60 samples it leaves 6 without an answer within 150 ms, at a regular distance of 10 samples");
+    insta::assert_snapshot!(report(Flaw::DeafToEmergencies, "exciter-plant-emergency"), @"failed: no heartbeat fault within 150 ms");
+    insta::assert_snapshot!(report(Flaw::AnswersRemote, "exciter-remote-frames"), @"failed: it answers remote frames: 363 ExciterHeartbeat came beside 30 remote frames of each message, and 3 without them");
+    insta::assert_snapshot!(report(Flaw::FloodsHeartbeats, "exciter-heartbeats"), @"failed: 342 heartbeats, 1 of them of a new state, came in 1000 ms: at most 20 a second are allowed besides those of a new state");
     insta::assert_snapshot!(report(Flaw::OtherAxis, "exciter-sine"), @"failed: it commands 20.0012 N along force_y_n; expected are 20 N at 15 Hz along force_x_n");
 }
 
@@ -214,9 +314,15 @@ fn an_exciter_with_a_flaw_fails_the_cases_for_it() {
         "exciter-state-changes",
         "exciter-load-plant-disarmed",
     ];
-    let table: [(Flaw, &[&str]); 30] = [
+    let table: [(Flaw, &[&str]); 35] = [
         (Flaw::IgnoresCrc, &["exciter-wrong-crc", "exciter-data-id", "exciter-load-wrong-crc", "exciter-soak"]),
         (Flaw::NoHeartbeats, &["exciter-heartbeats"]),
+        (Flaw::FloodsHeartbeats, &["exciter-heartbeats"]),
+        (Flaw::AnswersRemote, &["exciter-remote-frames"]),
+        (Flaw::DeafToEmergencies, &["exciter-plant-emergency"]),
+        (Flaw::Skips(10), &["exciter-answers"]),
+        (Flaw::ClipsAt(12), &["exciter-sine"]),
+        (Flaw::MostlyZero, &["exciter-sine"]),
         (Flaw::NoTimeout, &["exciter-sensor-timeout"]),
         (Flaw::WrongHash, &["exciter-hello", "exciter-load-hello"]),
         (Flaw::BelievesHellos, &["exciter-begins-for-a-hello"]),
@@ -232,7 +338,6 @@ fn an_exciter_with_a_flaw_fails_the_cases_for_it() {
         (Flaw::AnswersLast, &answers_last),
         (Flaw::StepsBy(2), &["exciter-counters"]),
         (Flaw::StepsBy(4), &["exciter-counters"]),
-        (Flaw::OneCounter, &["exciter-counters", "exciter-soak"]),
         (Flaw::Late(NodeState::Operational), &["exciter-state-changes"]),
         (Flaw::AnyBase, &["exciter-foreign-base", "exciter-soak"]),
         (Flaw::AnswersC, &["exciter-incomplete", "exciter-repeated-counter", "exciter-soak"]),
@@ -242,9 +347,9 @@ fn an_exciter_with_a_flaw_fails_the_cases_for_it() {
         (Flaw::Unscaled, &["exciter-sine"]),
         (Flaw::Swapped, &["exciter-sine"]),
         (Flaw::OtherAxis, &["exciter-sine"]),
-        (Flaw::OtherPolynomial, &["exciter-hello", "exciter-load-hello"]),
-        (Flaw::OtherStart, &["exciter-hello", "exciter-load-hello"]),
-        (Flaw::OtherDataId, &["exciter-hello", "exciter-load-hello"]),
+        (Flaw::OtherPolynomial, &["exciter-hello", "exciter-heartbeats", "exciter-load-hello"]),
+        (Flaw::OtherStart, &["exciter-hello", "exciter-heartbeats", "exciter-load-hello"]),
+        (Flaw::OtherDataId, &["exciter-hello", "exciter-heartbeats", "exciter-load-hello"]),
     ];
     let network = Network::default();
     let found = table.map(|(flaw, _)| {

@@ -6,6 +6,7 @@ use alloc::string::{String, ToString};
 use alloc::vec::Vec;
 
 use super::Kind;
+use super::end::{End, PlantEnd};
 use super::monitor::Heard;
 use super::readings::said_every_ns;
 use super::tester::Tester;
@@ -47,7 +48,7 @@ fn await_arming(t: &mut Tester) -> Result<bool, Stop> {
 pub(super) fn begin(t: &mut Tester) -> Result<(), Stop> {
     match await_arming(t)? {
         true => Ok(()),
-        false => inconclusive("it doesn't arm the plant: the case exciter-arms says more"),
+        false => inconclusive(not_armed(t)),
     }
 }
 
@@ -61,6 +62,11 @@ pub(super) fn arms(t: &mut Tester) -> Result<(), Stop> {
         t.note(format!("after {}", ms(t.now_ns() - start_ns)));
         return Ok(());
     }
+    failed(not_armed(t))
+}
+
+/// That the controller has not armed the plant, and what it does instead.
+fn not_armed(t: &Tester) -> String {
     let asks = |action| t.heard().iter().filter(|heard| heard.asks(action)).count();
     let (arm, reset) = (asks("arm"), asks("reset"));
     let came = t.monitor.in_words();
@@ -69,7 +75,7 @@ pub(super) fn arms(t: &mut Tester) -> Result<(), Stop> {
         (_, Kind::Cia402) => format!("the last controlword is {}", controlword(t)),
         _ => format!("{arm} requests to arm and {reset} to reset came"),
     };
-    failed(format!("it doesn't arm the plant within {}: {how}; heard: {came}", ms(t.settings.patience_ns)))
+    format!("it doesn't arm the plant within {}: {how}; heard: {came}", ms(t.settings.patience_ns))
 }
 
 fn controlword(t: &Tester) -> String {
@@ -224,23 +230,36 @@ pub(super) fn acts(t: &mut Tester) -> Result<(), Stop> {
 }
 
 fn has_acted(t: &Tester) -> bool {
-    matches!(&t.end, super::end::End::Plant(plant) if plant.has_acted)
+    matches!(&t.end, End::Plant(plant) if plant.has_acted)
 }
 
 /// No load is beyond the exciter's limits.
 pub(super) fn limits(t: &mut Tester) -> Result<(), Stop> {
     begin(t)?;
     t.until(WATCH_NS, |t| !t.is_armed())?;
-    let (force_n, torque_nm) = t.plant()?.limits();
-    let refused = t.plant()?.node.refusals().count(Refusal::OutOfRange);
-    if refused > 0 {
-        let largest = t.heard().iter().flat_map(Heard::loads).max_by(|a, b| a.1.abs().total_cmp(&b.1.abs()));
-        let largest =
-            largest.map_or_else(String::new, |(name, value, unit)| format!(", up to {name} {value:.3} {unit}"));
-        return wrong(format!("{refused} loads are beyond the exciter's {force_n} N, {torque_nm} N m{largest}"));
+    let beyond = match &t.end {
+        End::Plant(plant) => beyond_limits(plant, t.heard()),
+        End::Listener | End::Exciter(_) => None,
+    };
+    if let Some(text) = beyond {
+        return wrong(text);
     }
+    let (force_n, torque_nm) = t.plant()?.limits();
     t.note(format!("within {force_n} N, {torque_nm} N m"));
     Ok(())
+}
+
+/// The loads that the tester's plant refused because they are beyond its limits, in words; `None` if it refused none.
+pub(super) fn beyond_limits(plant: &PlantEnd, heard: &[Heard]) -> Option<String> {
+    let (force_n, torque_nm) = plant.limits();
+    let refused = match plant.node.refusals().count(Refusal::OutOfRange) {
+        0 => return None,
+        1 => String::from("1 load is"),
+        refused => format!("{refused} loads are"),
+    };
+    let largest = heard.iter().flat_map(Heard::loads).max_by(|a, b| a.1.abs().total_cmp(&b.1.abs()));
+    let largest = largest.map_or_else(String::new, |(name, value, unit)| format!(", up to {name} {value:.3} {unit}"));
+    Some(format!("{refused} beyond the exciter's {force_n} N, {torque_nm} N m{largest}"))
 }
 
 /// The plant faults: the controller commands no more, or resets the fault by what the mapping says.

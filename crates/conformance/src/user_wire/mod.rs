@@ -30,7 +30,7 @@ pub use requirements::WIRE_REQUIREMENTS;
 
 use super::stop::{Stop, skipped};
 use super::times::{MARGIN_NS, MS, ms};
-use super::tries::{Limits, Subject, Try, TryResult, judge, tries, unless_gone};
+use super::tries::{Limits, Rejected, Subject, Try, conclude, tries};
 use super::{Finding, Settings, Wire};
 use end::Constant;
 use resonarm_bench::node::mapped::mapping::{Arming, Incoming, LoadInput, Mapping, Outgoing, Trigger};
@@ -318,6 +318,14 @@ impl Subject for Tester<'_> {
     fn resumes(&mut self) -> Result<bool, Stop> {
         Tester::resumes(self)
     }
+
+    fn release(&mut self) -> Result<(), Stop> {
+        Tester::release(self)
+    }
+
+    fn rejected(&self) -> Option<Rejected> {
+        Tester::rejected(self)
+    }
 }
 
 /// Runs a case of a user's own protocol, up to five times if a hold-up keeps it from a result or the node was slow.
@@ -333,8 +341,7 @@ pub fn run_on_wire(
     let limits = user_wire.limits();
     tries(limits, wire, |wire| {
         let mut tester = Tester::new(wire, user_wire, settings);
-        let result: TryResult = judge(case.script.run(&mut tester), &mut tester, limits)?;
-        unless_gone(tester.release())?;
+        let result = conclude(case.script.run(&mut tester), &mut tester, limits)?;
         let Tester { held_up_ns, silent_ns, notes, monitor, .. } = tester;
         Ok(Try { result, held_up_ns, silent_ns, measured: notes, traffic: monitor.traffic })
     })

@@ -7,6 +7,7 @@ use alloc::vec::Vec;
 
 use super::{Kind, UserWire};
 use crate::traffic::Traffic;
+use crate::tries::Rejected;
 use resonarm_bench::node::mapped::mapping::ProtectionFault;
 use resonarm_files::decoder::{Decoded, DecodedMessage, Decoder, Fault, Meaning, Outcome};
 use resonarm_protocol::{Frame, Id, Node, NodeState};
@@ -110,8 +111,12 @@ struct Steps {
     repeated: u32,
     /// The first wrong one, in words.
     text: String,
-    /// What lost frames can't explain.
+    /// What neither lost frames nor a restart of the node explain.
     proof: Option<String>,
+    /// Frames that were refused for a counter after so many lost ones, without a restart of the node.
+    after_losses: Option<String>,
+    /// The run to which the frame before belongs.
+    run: Option<u64>,
 }
 
 /// The checks of all frames of the node under test.
@@ -121,6 +126,10 @@ pub(super) struct Monitor {
     steps: BTreeMap<String, Steps>,
     pub heard: Vec<Heard>,
     pub traffic: Traffic,
+    /// How often the tester's end has left the state operational. A controller under test begins anew at the earliest
+    /// then, and with it its counters.
+    runs: u64,
+    was_armed: bool,
 }
 
 /// What a frame on the bus is.
@@ -138,7 +147,14 @@ const REPEATED: u32 = 3;
 
 impl Monitor {
     pub fn new(on: &UserWire) -> Monitor {
-        Monitor { decoder: on.decoder.clone(), steps: BTreeMap::new(), heard: Vec::new(), traffic: Traffic::default() }
+        Monitor {
+            decoder: on.decoder.clone(),
+            steps: BTreeMap::new(),
+            heard: Vec::new(),
+            traffic: Traffic::default(),
+            runs: 0,
+            was_armed: false,
+        }
     }
 
     /// Takes in a frame that the tester has sent: what it says of the meaning of later ones counts.
@@ -146,8 +162,11 @@ impl Monitor {
         let _of_own = self.decoder.decode(frame);
     }
 
-    /// Takes in a frame from the bus.
-    pub fn take(&mut self, on: &UserWire, at_ns: u64, frame: &Frame) -> Seen {
+    /// Takes in a frame from the bus, which comes while the tester's end is in this state.
+    pub fn take(&mut self, on: &UserWire, at_ns: u64, frame: &Frame, state: NodeState) -> Seen {
+        let is_armed = state == NodeState::Operational;
+        self.runs += u64::from(self.was_armed && !is_armed);
+        self.was_armed = is_armed;
         let (sender, decoded) = (on.sender(frame), self.decoder.decode(frame));
         let message = match decoded {
             Decoded::Message(message) if !matches!(message.outcome, Outcome::Unmapped) => message,
@@ -163,14 +182,21 @@ impl Monitor {
         if sender != Some(on.tested) {
             return Seen::Double(message.message);
         }
-        self.count(frame, &message);
+        let run = match on.tested {
+            // It doesn't begin anew within a case.
+            Node::Plant => Some(0),
+            Node::Exciter => is_armed.then_some(self.runs),
+        };
+        self.count(frame, &message, run);
         let mut heard = Heard { at_ns, id: frame.id(), message, state_said: None, state: NodeState::BootUp };
         heard.state_said = heard.state_in_it(on.kind);
         self.heard.push(heard);
         Seen::Tested
     }
 
-    fn count(&mut self, frame: &Frame, message: &DecodedMessage) {
+    /// Counts a frame, and checks its counter. `run` is the run of the node to which it belongs; `None` while a
+    /// controller may have been started anew.
+    fn count(&mut self, frame: &Frame, message: &DecodedMessage, run: Option<u64>) {
         let name = &message.message;
         match &message.outcome {
             Outcome::Refused(fault) => self.traffic.note_user_refused(name, fault, frame),
@@ -183,17 +209,26 @@ impl Monitor {
         }
         let steps = self.steps.entry(name.clone()).or_default();
         steps.frames += 1;
+        let run_before = core::mem::replace(&mut steps.run, run);
+        let is_in_run = run.is_some() && run_before == run;
         let text = match &message.outcome {
             Outcome::Taken { lost } if *lost > 0 => format!("{name} comes after {lost} that were not sent or are lost"),
             Outcome::Refused(fault) if is_counter => format!("{name}: {fault}: {frame}"),
             _ => return,
         };
         steps.wrong += 1;
-        if let Outcome::Refused(Fault::Protection(ProtectionFault::Counter(fault))) = &message.outcome {
-            match fault {
-                CounterFault::Repeated { .. } => steps.repeated += 1,
-                CounterFault::Beyond { .. } => steps.proof = steps.proof.take().or(Some(text.clone())),
+        match &message.outcome {
+            Outcome::Refused(Fault::Protection(ProtectionFault::Counter(fault))) => {
+                let is_repeated = matches!(fault, CounterFault::Repeated { .. });
+                steps.repeated += u32::from(is_repeated);
+                if !is_repeated || is_in_run {
+                    steps.proof.get_or_insert_with(|| text.clone());
+                }
             }
+            Outcome::Refused(_) if is_in_run => {
+                steps.after_losses.get_or_insert_with(|| text.clone());
+            }
+            _ => {}
         }
         if steps.text.is_empty() {
             steps.text = text;
@@ -242,6 +277,32 @@ impl Monitor {
         Some(format!("{count} of its frames are refused: {first}"))
     }
 
+    /// The frames of the node that were refused, if there are any. Not counted are refused counters of a controller
+    /// that has just been started: it begins with any.
+    pub fn rejected(&self) -> Option<Rejected> {
+        let is_refused = |steps: &Steps| steps.proof.is_some() || steps.repeated >= REPEATED;
+        let by_counter = || {
+            let (message, _) = self.steps.iter().find(|(_, steps)| is_refused(steps))?;
+            let refused = self.traffic.user_refused.iter();
+            let first = refused.into_iter().find(|r| r.message == *message && r.fault.kind() == "counter")?;
+            Some(format!("frames of it are refused: {first}"))
+        };
+        if let Some(text) = self.refused().or_else(by_counter) {
+            return Some(Rejected { text, may_be_lost: false });
+        }
+        let text = self.steps.values().find_map(|steps| steps.after_losses.clone())?;
+        Some(Rejected { text, may_be_lost: true })
+    }
+
+    /// The frame that was refused last since a time, and why.
+    pub fn refused_since(&self, since_ns: u64) -> Option<String> {
+        let since = self.heard.iter().rev().take_while(|heard| heard.at_ns >= since_ns);
+        since.into_iter().find_map(|Heard { message, .. }| match &message.outcome {
+            Outcome::Refused(fault) => Some(format!("{}: {fault}", message.message)),
+            Outcome::Taken { .. } | Outcome::Unmapped => None,
+        })
+    }
+
     /// What came, in words.
     pub fn in_words(&self) -> String {
         let counted = |(message, count): (&String, &u64)| format!("{count} {message}");
@@ -260,7 +321,7 @@ impl Monitor {
 
 /// Whether a frame with this fault breaks the rules of its protocol by itself. Counters are judged by many frames;
 /// block transfers and node guarding are rules of CANopen that the drives of this program leave out.
-fn breaks_rules(fault: &Fault) -> bool {
+pub(super) fn breaks_rules(fault: &Fault) -> bool {
     let is_left_out = matches!(fault, Fault::CanOpen(Malformed::SdoCommand { .. } | Malformed::Remote));
     !is_left_out && fault.kind() != "counter"
 }

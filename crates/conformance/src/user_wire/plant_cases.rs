@@ -46,7 +46,8 @@ pub(super) fn arm(t: &mut Tester) -> Result<(), Stop> {
     if is_armed_within(t, t.settings.patience_ns)? {
         return Ok(());
     }
-    inconclusive("it can't be armed: the case plant-arms says more")
+    let (patience, said) = (ms(t.settings.patience_ns), said(t.heard()));
+    inconclusive(format!("asked to arm for {patience} it is not armed{said}"))
 }
 
 fn is_armed_within(t: &mut Tester, within_ns: u64) -> Result<bool, Stop> {
@@ -365,7 +366,7 @@ pub(super) fn reset(t: &mut Tester) -> Result<(), Stop> {
     t.alter = Alter::Mute;
     let (from, since_ns) = (t.mark(), t.commanded_ns);
     if judged_fault(t, from, since_ns, t.on.timeout_ns() + GONE_NS)?.is_none() {
-        return inconclusive("without commands it doesn't fault: the case plant-command-timeout says more");
+        return inconclusive("without commands it doesn't fault: the case plant-command-timeout tests this");
     }
     // The load has come to rest.
     t.run_ns(MARGIN_NS)?;

@@ -6,7 +6,7 @@ use super::craft::Damage;
 use super::plant_cases::{drive, in_words, judged_fault, load_of};
 use super::readings::{fault_within_ns, load_readings, load_within_ns, loads, says_state};
 use super::tester::{Alter, Tester};
-use crate::stop::{Stop, failed, late, not_at_once, skipped};
+use crate::stop::{Stop, late, not_at_once, skipped, wrong};
 use crate::times::{GONE_NS, ms};
 use resonarm_bench::node::mapped::mapping::LoadInput;
 
@@ -37,7 +37,7 @@ pub(super) fn damaged(t: &mut Tester, damage: Damage) -> Result<(), Stop> {
     let is_said = judged_fault(t, from, since_ns, within_ns)?.is_some();
     let acted = loads(&t.heard()[from..], &names).find(|(_, read)| *read < -ACTS * load_of(t)).map(|(_, read)| read);
     if let Some(read) = acted {
-        return failed(format!("it takes them: commanded {} that way, it {}", -load_of(t), in_words(t, read)));
+        return wrong(format!("it takes them: commanded {} that way, it {}", -load_of(t), in_words(t, read)));
     }
     if is_said || !has_state {
         return Ok(());
@@ -70,7 +70,7 @@ pub(super) fn too_large(t: &mut Tester) -> Result<(), Stop> {
     // The plant may fault as well.
     t.run_ns(load_within_ns(t))?;
     match loads(&t.heard()[from..], &names).find(|(_, read)| *read < -ACTS * load_of(t)) {
-        Some((_, read)) => failed(format!("commanded {beyond_n} N in the other direction, it {}", in_words(t, read))),
+        Some((_, read)) => wrong(format!("commanded {beyond_n} N in the other direction, it {}", in_words(t, read))),
         None => Ok(()),
     }
 }

@@ -8,12 +8,14 @@ use alloc::vec::Vec;
 use core::sync::atomic::{AtomicU64, Ordering};
 
 use super::UserWire;
+use super::controller_cases::beyond_limits;
 use super::craft::{Damage, Sent};
 use super::end::{Constant, End, PlantEnd};
 use super::monitor::{Heard, Monitor, Seen, name};
 use crate::settings::Settings;
 use crate::stop::{Stop, inconclusive};
 use crate::times::{GONE_NS, MS};
+use crate::tries::Rejected;
 use crate::wire::Wire;
 use resonarm_protocol::{EmergencyCode, Frame, Node, NodeState};
 
@@ -209,7 +211,7 @@ impl<'w> Tester<'w> {
     }
 
     fn take(&mut self, at_ns: u64, frame: &Frame) -> Result<(), Stop> {
-        match self.monitor.take(self.on, at_ns, frame) {
+        match self.monitor.take(self.on, at_ns, frame, self.end.state()) {
             Seen::Other => return Ok(()),
             Seen::Double(message) => {
                 let partner = name(self.on.tested.partner());
@@ -246,6 +248,16 @@ impl<'w> Tester<'w> {
             End::Exciter(node) => node.leave(now_ns),
         }
         self.run_ns(RELEASE_NS)
+    }
+
+    /// The frames of the node under test that were refused: by their form, or by the tester's plant for a load beyond
+    /// its limits.
+    pub fn rejected(&self) -> Option<Rejected> {
+        self.monitor.rejected().or_else(|| {
+            let End::Plant(plant) = &self.end else { return None };
+            let text = beyond_limits(plant, &self.monitor.heard)?;
+            Some(Rejected { text, may_be_lost: false })
+        })
     }
 
     /// Whether the tester's end is armed.

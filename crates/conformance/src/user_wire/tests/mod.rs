@@ -53,7 +53,10 @@ fn settings() -> Settings {
 fn findings(on: &UserWire, make: impl Fn() -> Box<dyn Device>) -> Vec<(&'static str, Finding)> {
     let run = |case: WireCase| {
         let mut wire = Virtual::new(make());
-        (case.id, run_on_wire(&case, &mut wire, on, settings()).unwrap())
+        let finding = run_on_wire(&case, &mut wire, on, settings()).unwrap();
+        let rejected = finding.traffic.user_refused.iter().find(|refused| monitor::breaks_rules(&refused.fault));
+        assert!(finding.verdict != Verdict::Passed || rejected.is_none(), "{}: {finding:#?}", case.id);
+        (case.id, finding)
     };
     wire_cases(on).into_iter().map(run).collect()
 }
