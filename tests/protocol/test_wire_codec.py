@@ -135,9 +135,7 @@ def test_frames_decode_as_by_cantools(path):
         values = {name: number(value) for name, value in values.items() if names.count(name) == 1}
         # What is wrong may be readable all the same: signals that share bits, integers of more than 53 bits.
         expected = {
-            name: value
-            for name, value in values.items()
-            if name in ours["signals"] or is_usable(message, name, wrong)
+            name: value for name, value in values.items() if name in ours["signals"] or is_usable(message, name, wrong)
         }
         found = {name: number(value) for name, value in ours["signals"].items() if names.count(name) == 1}
         assert found == expected, text(message, data)
