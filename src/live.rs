@@ -3,6 +3,7 @@
 use clap::Args;
 
 use crate::failure::Failure;
+use crate::output;
 use crate::supervise::supervise;
 use resonarm::control::{Length, Steered};
 use resonarm::realtime::{Clock, SystemClock};
@@ -60,6 +61,11 @@ pub(crate) struct Showing {
 /// Shows a recording until a signal stops it.
 pub(crate) fn show(flags: &LiveFlags, recording: Recording, showing: Showing) -> Result<(), Failure> {
     let _live = serving::of_recording(flags, recording, showing)?;
+    until_stopped()
+}
+
+/// Waits until a signal stops the program.
+fn until_stopped() -> Result<(), Failure> {
     let until_stopped = |signals: &Signals| {
         while !signals.is_stopped() {
             SystemClock.sleep_until_ns(SystemClock.now_ns() + LOOK_NS);
@@ -94,7 +100,17 @@ pub(crate) enum Role {
 pub(crate) struct Serving {
     watch: Watch,
     #[cfg(feature = "live")]
-    _live: resonarm_live::Live,
+    live: resonarm_live::Live,
+}
+
+impl Serving {
+    /// Shows a run that is over until a signal stops the program.
+    pub fn show_until_stopped(&self) -> Result<(), Failure> {
+        #[cfg(feature = "live")]
+        self.live.run_is_over();
+        output::note("live view    the run is over, and is shown until Ctrl-C");
+        until_stopped()
+    }
 }
 
 impl LiveFlags {
@@ -188,7 +204,7 @@ mod serving {
             range_hz: if responds { range_hz(scenario) } else { None },
             start_unix_ns: unix_time_ns(),
         };
-        Ok(Serving { watch, _live: begin(address, origins, shown, shown_role.json)? })
+        Ok(Serving { watch, live: begin(address, origins, shown, shown_role.json)? })
     }
 
     /// Serves a recording, and prints its URL; the view ends when the returned value is dropped.

@@ -32,7 +32,7 @@ const PATIENCE: Duration = Duration::from_secs(30);
 /// The main job in one process: plant and exciter controller on an in-memory bus, a phase walk over the folded first
 /// resonance, or over that of a scenario's structure. Records it, prints the points, and plots them over the computed
 /// branch. The plant waits for the controller's answer to each sample, so the result is the same to the last bit on
-/// every machine, however busy.
+/// every machine, however busy. With --live the result stays in the browser until Ctrl-C.
 #[derive(Debug, Args)]
 pub(crate) struct Demo {
     #[command(flatten)]
@@ -112,11 +112,17 @@ impl Demo {
             json: false,
             steered: None,
         };
-        let (session, _serving) = self.live.watched(session, &shown_role)?;
+        let (session, serving) = self.live.watched(session, &shown_role)?;
         let mut status = Status::new(Style::People { every: None });
-        let work = move |signals: &Signals| session.both(signals, |_| {});
-        let report = supervise("plant", length, |line, signals| status.write(line, signals), work)??;
-        self.conclude(&scenario, &control, report)
+        let work = move |signals: &Signals| (session.both(signals, |_| {}), signals.is_stopped());
+        let (report, is_stopped) = supervise("plant", length, |line, signals| status.write(line, signals), work)?;
+        let verdict = self.conclude(&scenario, &control, report?)?;
+        // The demo takes half a minute: who looks at it wants to go on looking.
+        match serving {
+            Some(serving) if !is_stopped => serving.show_until_stopped()?,
+            _ => {}
+        }
+        Ok(verdict)
     }
 
     /// Writes the figure, and prints points and report.
@@ -127,7 +133,7 @@ impl Demo {
         read: Read<Point>,
     ) -> Result<(), Failure> {
         let figures = match read.figure {
-            Some(figure) => figure.write(&self.out.join("response"))?.to_vec(),
+            Some(figure) => output::draw(figure, &self.out.join("response"))?,
             None => Vec::new(),
         };
         let document = Document {
