@@ -5,12 +5,7 @@ use serde::Serialize;
 use crate::motion_flags::or_empty;
 use resonarm::analysis::time_domain::BasinOutcome;
 use resonarm::study::StateGrid;
-use resonarm_figures::plot::{Axis, Color, Figure, Marker, Panel, Series};
-
-/// Width of the drawn grid, px: the marks of its cells touch.
-const DRAWN_PX: f64 = 420.0;
-/// The widest mark, px: a wider one does not fit in the legend.
-const WIDEST_PX: f64 = 16.0;
+use resonarm_figures::plot::{Axis, Color, Figure, Legend, Marker, Panel, Series};
 
 /// An initial state in results.
 #[derive(Serialize)]
@@ -84,11 +79,16 @@ impl Cells {
         text
     }
 
-    /// A mark for each state, in the colour of the motion it reaches, which `labels` name; the sections of the motions
-    /// over them. `columns` is the number of states in a row.
-    pub fn figure(&self, [x, y]: [&str; 2], columns: usize, labels: Vec<String>, sections: Vec<(f64, f64)>) -> Figure {
-        let mut panel = Panel::new(Axis::linear(x), Axis::linear(y));
-        let size = (DRAWN_PX / columns as f64).clamp(0.5, WIDEST_PX);
+    /// A tile for each state, in the colour of the motion it reaches, which `labels` name; the sections of the motions
+    /// over them. `spacing` is the distance of neighbouring states along each axis.
+    pub fn figure(
+        &self,
+        [x, y]: [&str; 2],
+        spacing: [f64; 2],
+        labels: Vec<String>,
+        sections: Vec<(f64, f64)>,
+    ) -> Figure {
+        let mut panel = Panel::new(Axis::linear(x), Axis::linear(y)).legend(Legend::Below);
         let cells = |wanted: &dyn Fn(&Cell) -> bool| {
             self.cells.iter().filter(|cell| wanted(cell)).map(|cell| (cell.at[0], cell.at[1])).collect::<Vec<_>>()
         };
@@ -96,15 +96,16 @@ impl Cells {
         for (k, label) in labels.into_iter().enumerate() {
             let color = colors[k % colors.len()];
             let points = cells(&|cell| cell.motion == Some(k + 1));
-            panel = panel.with_any(Series::markers(label, color, Marker::Square, points).marked(size, true));
+            panel = panel.with_any(Series::tiles(label, color, spacing, points));
         }
         for (outcome, label, color) in
             [("undecided", "undecided", Color::Grey), ("diverges", "beyond all bounds", Color::Black)]
         {
             let points = cells(&|cell| cell.outcome == outcome);
-            panel = panel.with_any(Series::markers(label, color, Marker::Cross, points));
+            panel = panel.with_any(Series::tiles(label, color, spacing, points));
         }
-        let panel = panel.with(Series::markers("stable motions, projected", Color::Black, Marker::Diamond, sections));
+        let sections = Series::markers("stable motions, projected", Color::Black, Marker::Diamond, sections);
+        let panel = panel.with(sections.marked(8.0, false));
         Figure::new("Basins of attraction: where each initial state ends").with(panel)
     }
 }

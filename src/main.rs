@@ -58,6 +58,9 @@ struct Cli {
     /// Log more: -v for what happens, -vv for every detail.
     #[arg(short, long, global = true, action = clap::ArgAction::Count)]
     verbose: u8,
+    /// Leave the title and the line below it out of figures, as papers want them; the caption in STEM.txt has both.
+    #[arg(long, global = true)]
+    no_title: bool,
     #[command(subcommand)]
     command: Command,
 }
@@ -151,6 +154,9 @@ fn main() -> ExitCode {
     if let Err(failure) = logging::log_to_stderr(cli.verbose) {
         output::complain(&failure);
         return failure.exit_code();
+    }
+    if cli.no_title {
+        output::leave_titles_out();
     }
     conclude(cli.command.execute())
 }

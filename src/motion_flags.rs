@@ -114,7 +114,7 @@ impl MotionFlags {
         let Some(stem) = &self.plot else { return Ok(()) };
         let csv = output::write(beside(stem, ".csv"), &csv())?;
         let json = output::write_json(beside(stem, ".json"), document)?;
-        let drawn = figure()?.write(stem)?;
+        let drawn = output::draw(figure()?, stem)?;
         self.json.list(&[&[csv, json][..], &drawn].concat())
     }
 

@@ -6,6 +6,7 @@
 use std::borrow::Cow;
 use std::io::{self, Write};
 use std::path::{Path, PathBuf};
+use std::sync::atomic::{AtomicBool, Ordering};
 
 use clap::Args;
 use serde::Serialize;
@@ -110,6 +111,20 @@ pub(crate) fn write_json(path: PathBuf, value: &impl Serialize) -> Result<PathBu
 /// The endings of the files of a figure: the figure, its caption, the data.
 pub(crate) const PLOTTED: &[&str] = &[".svg", ".png", ".txt", ".csv", ".json"];
 
+/// Whether figures are drawn without title: set once, from the command line.
+static WITHOUT_TITLES: AtomicBool = AtomicBool::new(false);
+
+/// From now on [`draw`] leaves out titles and subtitles.
+pub(crate) fn leave_titles_out() {
+    WITHOUT_TITLES.store(true, Ordering::Relaxed);
+}
+
+/// Writes a figure as SVG and PNG and its caption to `stem`. Returns the paths.
+pub(crate) fn draw(figure: Figure, stem: &Path) -> Result<Vec<PathBuf>, Failure> {
+    let is_titled = !WITHOUT_TITLES.load(Ordering::Relaxed);
+    Ok(Figure { is_titled, ..figure }.write(stem)?.to_vec())
+}
+
 /// With --plot STEM: writes the figure, its caption and the data, as a table and as the document, to STEM with
 /// [`PLOTTED`] appended. Returns the paths.
 pub(crate) fn plot(
@@ -119,7 +134,7 @@ pub(crate) fn plot(
 ) -> Result<Vec<PathBuf>, Failure> {
     let Some(stem) = stem else { return Ok(Vec::new()) };
     let (figure, csv) = figure_and_csv();
-    let mut files = figure.write(stem)?.to_vec();
+    let mut files = draw(figure, stem)?;
     files.push(write(beside(stem, ".csv"), &csv)?);
     files.push(write_json(beside(stem, ".json"), document)?);
     Ok(files)

@@ -31,8 +31,7 @@ pub(crate) struct WalkPoint {
     pub distortion: Option<f64>,
     pub settled: bool,
     pub tries: u32,
-    /// Whether α1 and α2 come from readings that were clipped in both axes: then they are accurate only to some per
-    /// cent.
+    /// Whether α1 and α2 come from an accelerometer with a clipped axis: then they are accurate only to some per cent.
     pub clipped: [bool; 2],
 }
 
@@ -110,6 +109,9 @@ pub(crate) fn csv(points: &[WalkPoint], unit: &str) -> String {
     text
 }
 
+/// The label of points that come from clipped readings.
+pub(crate) const CLIPPED: &str = "from clipped readings";
+
 /// Largest turn between two motions of the computed branch, for smooth lines.
 const SMOOTH_RAD: f64 = 0.05;
 
@@ -120,12 +122,14 @@ pub(crate) struct Drawn {
     /// The largest |α1| and |α2|.
     pub amplitude_rad: [f64; 2],
     pub settled: bool,
+    /// Whether each comes from clipped readings.
+    pub clipped: [bool; 2],
 }
 
 impl From<&WalkPoint> for Drawn {
     fn from(point: &WalkPoint) -> Drawn {
-        let WalkPoint { frequency_hz, amplitude_rad, settled, .. } = *point;
-        Drawn { frequency_hz, amplitude_rad, settled }
+        let WalkPoint { frequency_hz, amplitude_rad, settled, clipped, .. } = *point;
+        Drawn { frequency_hz, amplitude_rad, settled, clipped }
     }
 }
 
@@ -163,7 +167,7 @@ pub(crate) fn drawn(title: &str, scenario: &Scenario, load: &Load, branch: &Bran
     })
 }
 
-/// Filled markers where a point settled, open ones where it did not.
+/// Filled markers where a point settled, open ones where it did not, crosses where its readings were clipped.
 fn with_points(mut panel: Panel, points: &[Drawn], joint: usize) -> Panel {
     for (label, settled) in [("read, settled", true), ("read, not settled", false)] {
         let read = points.iter().filter(|point| point.settled == settled);
@@ -171,5 +175,7 @@ fn with_points(mut panel: Panel, points: &[Drawn], joint: usize) -> Panel {
         panel =
             panel.with_any(Series::markers(label, Color::Vermillion, Marker::Triangle, places).marked(6.0, settled));
     }
-    panel
+    let clipped = points.iter().filter(|point| point.clipped[joint]);
+    let places = clipped.map(|point| (point.frequency_hz, point.amplitude_rad[joint])).collect();
+    panel.with_any(Series::markers(CLIPPED, Color::Black, Marker::Cross, places).marked(11.0, false))
 }

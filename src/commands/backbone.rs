@@ -358,7 +358,7 @@ impl Backbone {
             let panel = branch_plot::with_branches(panel, &branches, joint);
             panel.with(Series::line(name, Color::Black, points).style(style))
         });
-        Ok([figure.write(stem)?.to_vec(), files].concat())
+        Ok([output::draw(figure, stem)?, files].concat())
     }
 
     fn response(&self, forced: &ForcedArm, curve: &Curve, early: &mut Early) -> Result<Option<Branch>, Failure> {

@@ -198,6 +198,6 @@ impl Document {
         let places = self.coordinates.map(|which| StateCoordinate::ALL.iter().position(|other| *other == which));
         let [x, y] = places.map(Option::unwrap_or_default);
         let sections = self.motions.iter().flat_map(|motion| &motion.section).map(|state| (state[x], state[y]));
-        self.cells.figure(self.coordinates.map(StateCoordinate::label), grid.counts[0], labels, sections.collect())
+        self.cells.figure(self.coordinates.map(StateCoordinate::label), grid.spacing(), labels, sections.collect())
     }
 }

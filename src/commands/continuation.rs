@@ -159,11 +159,12 @@ impl Found {
         on_curves: Subtitle,
     ) -> Result<Vec<PathBuf>, Failure> {
         let branches: Vec<&Branch> = core::iter::once(&self.branch).chain(&self.doubled).collect();
-        let mut files = branch_plot::figure(conditions, &varied.quantity.label, &branches).write(stem)?.to_vec();
+        let figure = branch_plot::figure(conditions, &varied.quantity.label, &branches);
+        let mut files = output::draw(figure, stem)?;
         files.push(output::write(beside(stem, ".csv"), &csv(varied.quantity.name, &branches, self.reader.as_ref()))?);
         if let Some(curves) = &self.curves {
             let stem = beside(stem, "-curves");
-            files.extend(curves.figure(on_curves).write(&stem)?);
+            files.extend(output::draw(curves.figure(on_curves), &stem)?);
             files.push(output::write(beside(&stem, ".csv"), &curves.csv())?);
         }
         Ok(files)

@@ -10,7 +10,7 @@ use crate::commands::identify_angles::{self, Domain, Request};
 use crate::configuration;
 use crate::failure::{Failure, Verdict};
 use crate::figures::captions;
-use crate::figures::response_curves::{broken_at_wraps, style};
+use crate::figures::response_curves::broken_at_wraps;
 use crate::flags;
 use crate::output::{self, JsonFlag, OverwriteFlag};
 use crate::recordings;
@@ -25,7 +25,7 @@ use resonarm::identify::{
 use resonarm::plant::TestedAssembly;
 use resonarm::recording::Recording;
 use resonarm::scenario::{READS_IMAGES, Scenario, ScenarioError};
-use resonarm_figures::plot::{Axis, Color, Figure, Legend, Panel, Series};
+use resonarm_figures::plot::{Axis, Color, Dash, Figure, Legend, Panel, Series, Style};
 use resonarm_numeric::number::short;
 
 /// Poles and frequency responses from the readings in a recording: accelerations of B and C over the force in the
@@ -325,35 +325,121 @@ fn to_three_places(value: f64) -> f64 {
     libm::rint(value * 1e3) / 1e3 + 0.0
 }
 
-/// Moduli and phases of H1, and the coherences, if there are any.
+/// Phases are drawn where the coherence is at least this: below, they are those of the noise.
+const LEAST_COHERENCE: f64 = 0.5;
+
+/// A row for each response: modulus and phase of H1, and the coherence, if there is one. The responses of the identified
+/// modes are drawn over them. All moduli have one axis.
 fn figure(scenario: &Scenario, document: &Document) -> Figure {
-    let x = || Axis::linear("frequency (Hz)");
-    let mut modulus = Panel::new(x(), Axis::log(format!("H₁ ({UNIT})")));
-    let mut phase = Panel::new(x(), Axis::degrees("phase (°)")).legend(Legend::None);
-    let mut coherence = Panel::new(x(), Axis::linear("coherence").range(0.0, 1.0)).legend(Legend::None);
-    for curve in &document.responses {
-        let line = |points| Series::line(curve.response.symbol(), Color::Black, points).style(style(curve.response));
-        let points = |value: &dyn Fn(usize) -> f64| -> Vec<(f64, f64)> {
-            document.frequency_hz.iter().enumerate().map(|(k, hz)| (*hz, value(k))).collect()
-        };
-        // A zero has no logarithm: it is left out.
-        let size = |k: usize| {
-            let [re, im] = curve.h1[k];
-            Some(libm::hypot(re, im)).filter(|size| *size > 0.0).unwrap_or(f64::NAN)
-        };
-        let angle = |k: usize| if size(k).is_nan() { f64::NAN } else { libm::atan2(curve.h1[k][1], curve.h1[k][0]) };
-        modulus.series.push(line(points(&size)));
-        phase.series.push(line(broken_at_wraps(points(&|k| angle(k).to_degrees()))));
-        if let Some(values) = &curve.coherence {
-            coherence.series.push(line(points(&|k| values[k])));
+    let sizes = |curve: &ResponseCurve| curve.h1.iter().map(|[re, im]| libm::hypot(*re, *im)).collect::<Vec<f64>>();
+    let read: Vec<&ResponseCurve> =
+        document.responses.iter().filter(|curve| sizes(curve).iter().any(|size| *size > 0.0)).collect();
+    let all = || read.iter().flat_map(|curve| sizes(curve)).filter(|size| *size > 0.0);
+    let range = [all().fold(f64::INFINITY, f64::min) / 2.0, all().fold(0.0, f64::max) * 2.0];
+    let has_coherence = read.iter().any(|curve| curve.coherence.is_some());
+    let mut figure = Figure::new("Frequency response from readings");
+    figure.columns = if has_coherence { 3 } else { 2 };
+    for (row, curve) in read.iter().enumerate() {
+        let identified = Identified::new(scenario, document, row_of(document, curve));
+        for panel in panels(document, curve, identified.as_ref(), range) {
+            // One legend, for all.
+            let is_first = figure.panels.is_empty() && row == 0;
+            figure = figure.with(panel.legend(if is_first { Legend::Bottom } else { Legend::None }));
         }
     }
-    let panels = [modulus, phase, coherence].into_iter().filter(|panel| !panel.series.is_empty());
-    let figure = Figure::new("Frequency response from readings");
-    let figure = match (computable(scenario), scenario.foreign_structure()) {
+    match (computable(scenario), scenario.foreign_structure()) {
         (Ok(Some(tested)), _) => figure.subtitle(structures::label(scenario, &tested)),
         (_, Some(section)) => figure.subtitle(structures::foreign_label(section)),
         _ => figure.subtitle(captions::pose(&scenario.arm)),
+    }
+}
+
+/// The number of a response among all.
+fn row_of(document: &Document, curve: &ResponseCurve) -> usize {
+    document.responses.iter().position(|other| other.response == curve.response).unwrap_or_default()
+}
+
+/// The panels of a response, from left to right.
+fn panels(
+    document: &Document,
+    curve: &ResponseCurve,
+    identified: Option<&Identified>,
+    [low, high]: [f64; 2],
+) -> Vec<Panel> {
+    // Also where phases are left out.
+    let [first, last] = [document.frequency_hz.first(), document.frequency_hz.last()];
+    let ends = first.zip(last).filter(|(first, last)| first < last);
+    let x = || ends.map_or(Axis::linear("frequency (Hz)"), |(a, b)| Axis::linear("frequency (Hz)").range(*a, *b));
+    let points = |value: &dyn Fn(usize) -> f64| -> Vec<(f64, f64)> {
+        document.frequency_hz.iter().enumerate().map(|(k, hz)| (*hz, value(k))).collect()
     };
-    panels.fold(figure, Figure::with)
+    // A zero has no logarithm: it is left out.
+    let size = |[re, im]: [f64; 2]| Some(libm::hypot(re, im)).filter(|size| *size > 0.0).unwrap_or(f64::NAN);
+    let angle = |[re, im]: [f64; 2]| libm::atan2(im, re).to_degrees();
+    let is_noise = |k: usize| curve.coherence.as_ref().is_some_and(|coherence| coherence[k] < LEAST_COHERENCE);
+    let measured = |points| Series::line("measured", Color::Blue, points);
+    let fitted = Style::Line { color: Color::Vermillion, width: 1.6, dash: Dash::Dashed };
+    let mut modulus =
+        Panel::new(x(), Axis::log(format!("H₁ ({UNIT})")).range(low, high)).title(curve.response.symbol());
+    modulus = modulus.with(measured(points(&|k| size(curve.h1[k]))));
+    let is_known = |k: usize| !size(curve.h1[k]).is_nan();
+    // A response of nothing but noise keeps its phases.
+    let is_all_noise = !(0..document.frequency_hz.len()).any(|k| is_known(k) && !is_noise(k));
+    let is_drawn = |k: usize| is_known(k) && (is_all_noise || !is_noise(k));
+    let phases = points(&|k| if is_drawn(k) { angle(curve.h1[k]) } else { f64::NAN });
+    let mut phase =
+        Panel::new(x(), Axis::degrees("phase (°)").range(-190.0, 190.0)).with(measured(broken_at_wraps(phases)));
+    if let Some(identified) = identified {
+        let at = |k: usize| identified.at(document.frequency_hz[k]);
+        let line = |points| Series::line("identified modes", Color::Vermillion, points).style(fitted);
+        modulus = modulus.with(line(points(&|k| size(at(k)))));
+        phase = phase.with(line(broken_at_wraps(points(&|k| angle(at(k))))));
+    }
+    let coherence = curve.coherence.as_ref().map(|values| {
+        Panel::new(x(), Axis::linear("coherence").range(0.0, 1.05)).with(measured(points(&|k| values[k])))
+    });
+    [Some(modulus), Some(phase), coherence].into_iter().flatten().collect()
+}
+
+/// The response of the identified modes at one accelerometer axis, to the force at C.
+struct Identified {
+    modes: Vec<IdentifiedPart>,
+}
+
+/// A mode's part: −ω² `residue` / (ω_r² − ω² + 2iζω_r ω).
+struct IdentifiedPart {
+    /// ω_r, rad/s.
+    rate: f64,
+    damping_ratio: f64,
+    residue: f64,
+}
+
+impl Identified {
+    /// Of the arm, whose force acts at C, if every mode has a shape with its mass; else `None`.
+    fn new(scenario: &Scenario, document: &Document, channel: usize) -> Option<Identified> {
+        if scenario.structure.is_some() || document.modes.is_empty() {
+            return None;
+        }
+        let [dx, dy] = document.direction;
+        let part = |mode: &NumberedMode| {
+            let shape = mode.found.shape_per_sqrt_kg?;
+            let [_, _, cx, cy] = shape;
+            Some(IdentifiedPart {
+                rate: core::f64::consts::TAU * mode.found.pole_frequency_hz,
+                damping_ratio: mode.found.pole_damping_ratio,
+                residue: shape.get(channel)? * (dx * cx + dy * cy),
+            })
+        };
+        Some(Identified { modes: document.modes.iter().map(part).collect::<Option<_>>()? })
+    }
+
+    /// The acceleration over the force at a frequency, complex.
+    fn at(&self, hz: f64) -> [f64; 2] {
+        let w = core::f64::consts::TAU * hz;
+        self.modes.iter().fold([0.0, 0.0], |[re, im], &IdentifiedPart { rate, damping_ratio, residue }| {
+            let (a, b) = (rate * rate - w * w, 2.0 * damping_ratio * rate * w);
+            let scale = -w * w * residue / (a * a + b * b);
+            [re + scale * a, im - scale * b]
+        })
+    }
 }

@@ -253,7 +253,7 @@ impl Poincare {
             let size = if points.len() > 20 { 2.0 } else { 6.0 };
             let alpha = captions::ALPHA[joint];
             let [x, y] = [format!("{alpha} (rad)"), format!("d{alpha}/dt (rad/s)")].map(Axis::linear);
-            let panel = Panel::new(x, y).legend(if joint == 0 { Legend::Auto } else { Legend::None });
+            let panel = Panel::new(x, y).legend(if joint == 0 { Legend::Bottom } else { Legend::None });
             let panel = panel.with_any(Series::line("motion", Color::Grey, path.iter().map(on_path).collect()));
             let section = Series::markers("section", Color::Blue, Marker::Circle, points);
             figure = figure.with(panel.with(section.marked(size, true)));

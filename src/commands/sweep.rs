@@ -331,13 +331,17 @@ impl Document {
         figure.columns = if one { 1 } else { 2 };
         for same in self.by_pose() {
             for joint in 0..2 {
-                // The legend is in the last panel of the first row: if it needs separate space, at the edge.
+                // One legend: of a single pose in the last panel of the first row, of several below all panels.
                 let panel = match same.first() {
                     Some(first) if !one => panel(same, joint).title(format!("β₂ = {}", degrees(first.beta2_deg))),
                     _ => panel(same, joint),
                 };
-                let legend = figure.panels.len() + 1 == figure.columns;
-                figure = figure.with(if legend { panel } else { panel.legend(Legend::None) });
+                let has_legend = figure.panels.len() + 1 == figure.columns;
+                figure = figure.with(match (has_legend, one) {
+                    (true, true) => panel,
+                    (true, false) => panel.legend(Legend::Bottom),
+                    (false, _) => panel.legend(Legend::None),
+                });
             }
         }
         figure

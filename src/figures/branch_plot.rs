@@ -1,16 +1,22 @@
 //! Branches as figures: stable blue, unstable red and dashed, those of doubled period in thin lines.
 
 use resonarm::analysis::{self, BifurcationKind, Branch, Row};
-use resonarm_figures::plot::{Axis, Color, Figure, Legend, Marker, Panel, Series, Style, Subtitle};
+use resonarm_figures::plot::{Axis, Color, Figure, Marker, Panel, Series, Style, Subtitle};
 
 use crate::figures::captions;
 
-/// The figure with two panels, |α1| and |α2| over what `x` says; the legend is in the first.
+/// The figure with two panels, |α1| and |α2| over what `x` says. The legend is in the first; that of the second has only
+/// what the first lacks.
 pub(crate) fn of_joints(figure: Figure, x: &str, drawn: impl Fn(Panel, usize) -> Panel) -> Figure {
-    (0..2).fold(figure, |figure, joint| {
-        let panel = drawn(Panel::new(Axis::linear(x), Axis::linear(captions::largest(joint))), joint);
-        figure.with(if joint == 0 { panel } else { panel.legend(Legend::None) })
-    })
+    let panel = |joint| drawn(Panel::new(Axis::linear(x), Axis::linear(captions::largest(joint))), joint);
+    let (first, mut second) = (panel(0), panel(1));
+    let known = |label: &Option<String>| first.series.iter().any(|series| series.label == *label);
+    for series in &mut second.series {
+        if known(&series.label) {
+            series.label = None;
+        }
+    }
+    figure.with(first).with(second)
 }
 
 /// The branches in such panels.
@@ -57,7 +63,7 @@ fn doubled(series: Series) -> Series {
     let label = series.label.map(|label| format!("{label}, two periods"));
     let style = match series.style {
         Style::Line { color, dash, .. } => Style::Line { color, width: THIN, dash },
-        markers @ Style::Markers { .. } => markers,
+        other @ (Style::Markers { .. } | Style::Tiles { .. }) => other,
     };
     Series { label, style, ..series }
 }
@@ -96,7 +102,7 @@ mod tests {
         let panel = with_branches(Panel::new(Axis::linear("x"), Axis::linear("y")), &branches, 0);
         let lines = panel.series.iter().filter_map(|series| match series.style {
             Style::Line { width, dash, .. } => Some((series.label.as_deref().unwrap_or(""), dash, width)),
-            Style::Markers { .. } => None,
+            Style::Markers { .. } | Style::Tiles { .. } => None,
         });
         let expected = [
             ("stable", Dash::Solid, 1.6),

@@ -48,7 +48,7 @@ pub(crate) fn write(
 ) -> Result<Vec<PathBuf>, Failure> {
     let figure = Figure::new("Latency of the real-time loop").subtitle(subtitle);
     let figure = panels.iter().fold(figure, |figure, (title, curves)| figure.with(panel(title.clone(), curves)));
-    Ok(figure.write(stem)?.to_vec())
+    output::draw(figure, stem)
 }
 
 fn panel(title: Option<String>, curves: &[LatencyCurve]) -> Panel {

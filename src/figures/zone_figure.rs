@@ -1,10 +1,10 @@
 //! Measured resonance zones over the computed responses.
 
 use crate::figures::{branch_plot, captions};
-use crate::walk_point::WalkPoint;
+use crate::walk_point::{CLIPPED, WalkPoint};
 use resonarm::experiment::Score;
 use resonarm::scenario::Scenario;
-use resonarm_figures::plot::{Axis, Color, Dash, Figure, Legend, Marker, Panel, Series, Style};
+use resonarm_figures::plot::{Axis, Color, Dash, Figure, Legend, Marker, Note, Panel, Series, Style};
 
 /// A zone as it is drawn.
 pub(crate) struct View<'a> {
@@ -28,9 +28,11 @@ pub(crate) fn figure(scenario: &Scenario, views: &[View], interrupted: bool) -> 
     for joint in 0..2 {
         let panel = Panel::new(Axis::linear("frequency (Hz)"), Axis::linear(captions::largest(joint)));
         let panel = panel.title(format!("Link {}", joint + 1));
-        // One legend, on the far right: its panel has both zones.
-        let panel = panel.legend(if joint == 1 { Legend::Outside } else { Legend::None });
-        figure = figure.with(views.iter().fold(panel, |panel, view| with_view(panel, view, joint)));
+        // One legend, of a panel that has both zones.
+        let panel = panel.legend(if joint == 1 { Legend::Bottom } else { Legend::None });
+        let mut panel = views.iter().fold(panel, |panel, view| with_view(panel, view, joint));
+        panel = between_zones(panel, views, joint);
+        figure = figure.with(panel);
     }
     for (index, view) in views.iter().enumerate() {
         let (low_hz, high_hz) = range(view);
@@ -40,6 +42,41 @@ pub(crate) fn figure(scenario: &Scenario, views: &[View], interrupted: bool) -> 
         figure = figure.with(with_view(panel, view, view.joint));
     }
     figure
+}
+
+/// A vertical line where one zone ends and the next begins, with the load on either side: the response jumps there because
+/// the load does.
+fn between_zones(mut panel: Panel, views: &[View], joint: usize) -> Panel {
+    let amplitude =
+        |view: &View| view.score.branch.orbits.iter().map(|orbit| orbit.amplitude_rad[joint]).fold(0.0, f64::max);
+    let top = views.iter().map(amplitude).fold(0.0, f64::max);
+    let hz = |view: &View| view.score.branch.orbits.iter().map(|orbit| orbit.frequency_hz).collect::<Vec<_>>();
+    for pair in views.windows(2) {
+        let [Some(end), Some(start)] =
+            [hz(&pair[0]).into_iter().reduce(f64::max), hz(&pair[1]).into_iter().reduce(f64::min)]
+        else {
+            continue;
+        };
+        let border = (end + start) / 2.0;
+        let style = Style::Line { color: Color::Grey, width: 0.8, dash: Dash::Dashed };
+        let line = Series::line("load changes", Color::Grey, vec![(border, 0.0), (border, top)]).style(style);
+        panel = panel.with(line);
+        // Beside the line, in the middle of the free half of each zone.
+        let beside = |view: &View, towards: f64| {
+            let zone = hz(view);
+            let peak = view
+                .score
+                .branch
+                .orbits
+                .iter()
+                .max_by(|a, b| a.amplitude_rad[joint].total_cmp(&b.amplitude_rad[joint]));
+            let peak = peak.map_or(towards, |orbit| orbit.frequency_hz);
+            (!zone.is_empty())
+                .then(|| Note { at: ((peak + towards) / 2.0, 0.6 * top), text: format!("{} N", view.force_n) })
+        };
+        panel.notes.extend(beside(&pair[0], border).into_iter().chain(beside(&pair[1], border)));
+    }
+    panel
 }
 
 /// The computed response and backbone, and the measured points over them.
@@ -59,7 +96,10 @@ fn with_view(panel: Panel, view: &View, joint: usize) -> Panel {
         let places = settled.map(|point| (point.frequency_hz, point.amplitude_rad[joint])).collect();
         panel = panel.with_any(Series::markers(label, color, shape, places).marked(5.0, false));
     }
-    panel
+    let all = [view.walk, view.backbone, view.up, view.down].into_iter().flatten();
+    let clipped = all.filter(|point| point.settled && point.clipped[joint]);
+    let places = clipped.map(|point| (point.frequency_hz, point.amplitude_rad[joint])).collect();
+    panel.with_any(Series::markers(CLIPPED, Color::Black, Marker::Cross, places).marked(9.0, false))
 }
 
 /// The range where a zone bends: five times the distance of its folds, or where the walk's lag is from 20° to 160°, or

@@ -184,7 +184,7 @@ impl Asked<'_> {
         let [x_label, y_label] = grid.coordinates.map(|index| configuration::state_label(assembly, index));
         document
             .cells
-            .figure([&x_label, &y_label], grid.counts[0], labels, sections)
+            .figure([&x_label, &y_label], grid.spacing(), labels, sections)
             .subtitle(format!("{label}, {load}"))
     }
 }

@@ -5,6 +5,7 @@ use serde::Serialize;
 use super::continuation::stretches;
 use super::{displacement_unit, label, load_unit};
 use crate::failure::Failure;
+use crate::walk_point::CLIPPED;
 use resonarm::analysis::Distances;
 use resonarm::analysis::structure::{Branch, Coordinate, Forced, Nearest, TraceOptions, nearest, trace};
 use resonarm::control::ResponsePoint;
@@ -219,6 +220,9 @@ impl Computed {
             let markers = Series::markers(title, Color::Vermillion, Marker::Triangle, places);
             panel = panel.with_any(markers.marked(6.0, settled));
         }
+        let clipped = responses.iter().filter(|point| point.clipped[*channel]);
+        let places = clipped.map(|point| (point.frequency_hz, size(point.displacement_m(*channel)))).collect();
+        panel = panel.with_any(Series::markers(CLIPPED, Color::Black, Marker::Cross, places).marked(11.0, false));
         Figure::new(title).subtitle(format!("{}, {}", label(scenario, tested), self.load)).with(panel)
     }
 }

@@ -205,6 +205,8 @@ fn help_lists_every_flag() {
                                 irb1600-fitted]
       -v, --verbose...          Log more: -v for what happens, -vv for every detail
           --beta1-deg <DEG>     Angle β1 of link 1 against the x axis, degrees [default: 0]
+          --no-title            Leave the title and the line below it out of figures, as papers want
+                                them; the caption in STEM.txt has both
           --beta2-deg <DEG>     Angle β2 of link 2 against link 1, degrees; 0 is the straight arm
                                 [default: 60]
           --scenario <FILE>     TOML file with the whole scenario, in place of the defaults; flags take

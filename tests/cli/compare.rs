@@ -25,6 +25,7 @@ fn a_walk_is_on_the_computed_branch() {
     assert_eq!(points.len(), 9);
     let keys = [
         "amplitude_deviation",
+        "clipped",
         "computed_frequency_hz",
         "computed_harmonic1_rad",
         "computed_stable",
@@ -51,6 +52,17 @@ fn a_walk_is_on_the_computed_branch() {
         said.stdout
     );
     assert_eq!(fs::read_to_string(folder.join("compared.csv")).unwrap().lines().count(), 10);
+    // A point from a clipped accelerometer at C, which was drawn as settled, unmarked and judged.
+    let mut clipped: Value = serde_json::from_str(&fs::read_to_string(folder.join("walk.json")).unwrap()).unwrap();
+    clipped["points"][4]["clipped"] = serde_json::json!([false, true]);
+    clipped["points"][4]["harmonic1_rad"][1] = (0.97 * number(&clipped["points"][4]["harmonic1_rad"][1])).into();
+    fs::write(folder.join("clipped.json"), clipped.to_string()).unwrap();
+    let said = resonarm(folder, &["compare", "clipped.json", "--plot", "marked"]);
+    assert_eq!(said.code, 0, "{}", said.stderr);
+    let plotted: Value = serde_json::from_str(&fs::read_to_string(folder.join("marked.json")).unwrap()).unwrap();
+    assert_eq!(plotted["points"][4]["clipped"], serde_json::json!([false, true]));
+    assert!(number(&plotted["largest_amplitude_deviation"][1]) < 0.01, "{plotted:#}");
+    assert!(fs::read_to_string(folder.join("marked.svg")).unwrap().contains(">from clipped readings<"));
 }
 
 #[test]
@@ -88,7 +100,7 @@ fn a_recording_is_compared_by_what_its_controller_reads() {
     assert_eq!(of_recording, of_document);
     let said = resonarm(folder, &["compare", "walk.mcap", "--plot", "compared"]);
     assert_eq!(said.code, 0, "{}", said.stderr);
-    assert!(said.stdout.contains("largest of settled points: "), "{}", said.stdout);
+    assert!(said.stdout.contains("largest of settled points without clipped readings: "), "{}", said.stdout);
     assert_eq!(fs::read_to_string(folder.join("compared.csv")).unwrap().lines().count(), 6);
 }
 

@@ -24,6 +24,8 @@ fn help_names_each_flag() {
     Options:
           --bus <BUS>                 The bus: vcan0, can0, python-can:interface=I,channel=C
       -v, --verbose...                Log more: -v for what happens, -vv for every detail
+          --no-title                  Leave the title and the line below it out of figures, as papers
+                                      want them; the caption in STEM.txt has both
           --role <ROLE>               The node under test. An exciter must be restarted whenever it
                                       ends, as by a loop in a shell [possible values: plant, exciter]
           --mode <MODE>               The mode of the node: each has its specific cases [default:

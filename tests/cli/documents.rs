@@ -106,7 +106,7 @@ fn a_plotted_response_leaves_standard_output_readable() {
     let axes = ["receptance (rad per N·m)", "receptance (m per N·m)", "phase (°)"];
     assert!(axes.iter().all(|axis| svg.contains(&format!(">{axis}<"))), "{svg}");
     // Every response is in the legend of its modulus and in that of the phases.
-    for response in ["α1", "α2", "B y", "C x", "C y"] {
+    for response in ["α₁", "α₂", "B y", "C x", "C y"] {
         assert_eq!(svg.matches(&format!(">{response}<")).count(), 2, "{response}");
     }
 }

@@ -80,6 +80,9 @@ struct BenchPoint {
     amplitude_rad: [f64; 2],
     excitation: Option<f64>,
     settled: bool,
+    /// Whether the angles come from clipped readings; documents of other programs may not say.
+    #[serde(default)]
+    clipped: [bool; 2],
 }
 
 /// A point and the place of the branch that is nearest to it.
@@ -88,6 +91,7 @@ struct Compared {
     frequency_hz: f64,
     harmonic1_rad: [f64; 2],
     settled: bool,
+    clipped: [bool; 2],
     computed_frequency_hz: f64,
     computed_harmonic1_rad: [f64; 2],
     computed_stable: bool,
@@ -100,7 +104,7 @@ struct Compared {
 struct Document {
     configuration: Value,
     points: Vec<Compared>,
-    /// The largest deviations of settled points.
+    /// The largest deviations of settled points, of angles that do not come from clipped readings.
     largest_frequency_deviation: f64,
     largest_amplitude_deviation: [f64; 2],
 }
@@ -127,13 +131,15 @@ impl Compare {
             nearest(&branch, &motion, joint, Distances::default()).map(|place| Compared::new(point, &place))
         };
         let points: Vec<Compared> = bench.points.iter().filter_map(place).collect();
-        let largest = |of: &dyn Fn(&Compared) -> f64| {
-            points.iter().filter(|point| point.settled).fold(0.0_f64, |largest, point| largest.max(of(point).abs()))
+        let largest = |is_read: &dyn Fn(&Compared) -> bool, of: &dyn Fn(&Compared) -> f64| {
+            let judged = points.iter().filter(|point| point.settled && is_read(point));
+            judged.fold(0.0_f64, |largest, point| largest.max(of(point).abs()))
         };
         let document = Document {
             configuration: configuration::of(&scenario, &load)?,
-            largest_frequency_deviation: largest(&|point| point.frequency_deviation),
-            largest_amplitude_deviation: [0, 1].map(|joint| largest(&|point| point.amplitude_deviation[joint])),
+            largest_frequency_deviation: largest(&|point| !point.clipped[joint], &|point| point.frequency_deviation),
+            largest_amplitude_deviation: [0, 1]
+                .map(|joint| largest(&|point| !point.clipped[joint], &|point| point.amplitude_deviation[joint])),
             points,
         };
         let figure = || walk_point::drawn("Measured on computed", &scenario, &load, &branch, &measured);
@@ -203,7 +209,8 @@ impl Compare {
 
 impl BenchPoint {
     fn drawn(&self) -> walk_point::Drawn {
-        walk_point::Drawn { frequency_hz: self.frequency_hz, amplitude_rad: self.amplitude_rad, settled: self.settled }
+        let BenchPoint { frequency_hz, amplitude_rad, settled, clipped, .. } = *self;
+        walk_point::Drawn { frequency_hz, amplitude_rad, settled, clipped }
     }
 }
 
@@ -213,6 +220,7 @@ impl Compared {
             frequency_hz: point.frequency_hz,
             harmonic1_rad: point.harmonic1_rad,
             settled: point.settled,
+            clipped: point.clipped,
             computed_frequency_hz: place.motion.frequency_hz,
             computed_harmonic1_rad: place.motion.harmonic1_rad,
             computed_stable: place.is_stable,
@@ -230,7 +238,12 @@ fn text(document: &Document) -> String {
     for point in &document.points {
         let ([h1, h2], [d1, d2]) = (point.harmonic1_rad, point.amplitude_deviation);
         let stability = if point.computed_stable { "stable" } else { "unstable" };
-        let remark = if point.settled { "" } else { ", point not settled" };
+        let remark = match (point.settled, point.clipped) {
+            (false, _) => ", point not settled",
+            (true, [false, false]) => "",
+            (true, [false, true]) => ", α2 from clipped readings",
+            (true, [true, _]) => ", from clipped readings",
+        };
         text += &format!(
             "  {:9.5} Hz  {h1:7.5} rad  {h2:7.5} rad  {:+12.2e}  {:+8.3} %  {:+8.3} %  {stability}{remark}\n",
             point.frequency_hz,
@@ -241,7 +254,7 @@ fn text(document: &Document) -> String {
     }
     let [a1, a2] = document.largest_amplitude_deviation;
     text += &format!(
-        "largest of settled points: {:.1e} in frequency, {:.3} % in α1, {:.3} % in α2\n",
+        "largest of settled points without clipped readings: {:.1e} in frequency, {:.3} % in α1, {:.3} % in α2\n",
         document.largest_frequency_deviation,
         100.0 * a1,
         100.0 * a2
@@ -252,14 +265,15 @@ fn text(document: &Document) -> String {
 fn csv(points: &[Compared]) -> String {
     let mut text = String::from(
         "frequency_hz,harmonic1_alpha1_rad,harmonic1_alpha2_rad,settled,computed_frequency_hz,computed_harmonic1_alpha1_rad,\
-         computed_harmonic1_alpha2_rad,computed_stable,frequency_deviation,amplitude_deviation_alpha1,amplitude_deviation_alpha2\n",
+         computed_harmonic1_alpha2_rad,computed_stable,frequency_deviation,amplitude_deviation_alpha1,amplitude_deviation_alpha2,\
+         clipped_alpha1,clipped_alpha2\n",
     );
     for point in points {
         let ([h1, h2], [c1, c2]) = (point.harmonic1_rad, point.computed_harmonic1_rad);
-        let [d1, d2] = point.amplitude_deviation;
+        let ([d1, d2], [clipped1, clipped2]) = (point.amplitude_deviation, point.clipped);
         let Compared { frequency_hz, settled, computed_frequency_hz, computed_stable, frequency_deviation, .. } = point;
         text += &format!(
-            "{frequency_hz},{h1},{h2},{settled},{computed_frequency_hz},{c1},{c2},{computed_stable},{frequency_deviation},{d1},{d2}\n"
+            "{frequency_hz},{h1},{h2},{settled},{computed_frequency_hz},{c1},{c2},{computed_stable},{frequency_deviation},{d1},{d2},{clipped1},{clipped2}\n"
         );
     }
     text

@@ -58,5 +58,6 @@ fn point(response: &ResponsePoint, scenario: &Scenario, arm: &Arm) -> Result<Ben
         amplitude_rad: angles.amplitude_rad,
         excitation: Some(acting_load(response, scenario, arm)?),
         settled: response.settled,
+        clipped: angles.clipped,
     })
 }

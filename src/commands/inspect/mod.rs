@@ -8,7 +8,7 @@ use clap::Args;
 use serde::Serialize;
 
 use crate::failure::{Failure, Verdict};
-use crate::output::{JsonFlag, OverwriteFlag, in_line};
+use crate::output::{self, JsonFlag, OverwriteFlag, in_line};
 use crate::recordings::integrity_note;
 use resonarm::recording::{Integrity, Origin, Recording, RecordingSummary, RunTime};
 use resonarm::statistics::{ChannelStatistics, RecordingStatistics, statistics};
@@ -50,7 +50,7 @@ impl Inspect {
         let statistics = if self.statistics { Some(statistics(&recording)?) } else { None };
         let problems = problems(&summary, statistics.as_ref());
         let written = match &self.plot {
-            Some(stem) => plot::figure(&recording, &summary)?.write(stem)?.to_vec(),
+            Some(stem) => output::draw(plot::figure(&recording, &summary)?, stem)?,
             None => Vec::new(),
         };
         let document = Document { summary: &summary, problems, statistics };

@@ -1,30 +1,34 @@
-//! A small figure of a recording: coordinates, load and readings over time.
+//! A small figure of a recording: coordinates, load and readings over time, a panel for each channel.
 
 use crate::failure::Failure;
 use resonarm::recording::{Record, Recording, RecordingSummary, Topic};
 use resonarm::structure::{Channel, Kind, Quantity};
-use resonarm_figures::plot::{Axis, Color, Figure, Panel, Series};
+use resonarm_figures::plot::{Axis, Color, Dash, Figure, Legend, Panel, Series, Style};
 
 /// Spans of time; each is drawn by its least and its largest value, about two spans a px.
 const SPANS: usize = 1200;
 
-/// Panels: name of the y axis, what is drawn, and whether as the instruments read it.
-const PANELS: [(&str, Quantity, bool); 8] = [
-    ("angle", Quantity::Angle, false),
-    ("modal coordinate", Quantity::ModalDisplacement, false),
-    ("displacement", Quantity::Displacement, false),
-    ("torque", Quantity::Torque, false),
-    ("force", Quantity::Force, false),
-    ("current", Quantity::Current, false),
-    ("acceleration", Quantity::Acceleration, true),
-    ("force in head", Quantity::Force, true),
+/// The quantities that are drawn, and whether as the instruments read them. Panels of one quantity have equal axes.
+const QUANTITIES: [(Quantity, bool); 8] = [
+    (Quantity::Angle, false),
+    (Quantity::ModalDisplacement, false),
+    (Quantity::Displacement, false),
+    (Quantity::Torque, false),
+    (Quantity::Force, false),
+    (Quantity::Current, false),
+    (Quantity::Acceleration, true),
+    (Quantity::Force, true),
 ];
-const COLORS: [Color; 4] = [Color::Blue, Color::Vermillion, Color::Green, Color::Purple];
+/// Part of its range by which an axis goes beyond the values.
+const MARGIN: f64 = 0.06;
+/// Width of the bar over a clipped stretch, px.
+const BAR: f64 = 4.0;
 
-/// The least and the largest value of a channel in every span of time.
+/// The least and the largest value of a channel in every span of time, and whether a value in it was clipped.
 struct Envelope {
     channel: Channel,
     spans: Vec<Option<[f64; 2]>>,
+    clipped: Vec<bool>,
 }
 
 impl Envelope {
@@ -41,6 +45,27 @@ impl Envelope {
         spans.flat_map(|(time_s, [least, largest])| [(time_s, least), (time_s, largest)]).collect()
     }
 
+    fn clip(&mut self, span: usize, clipped: u32) {
+        if let (Kind::Reading { clip_bit }, Some(span)) = (self.channel.kind, self.clipped.get_mut(span)) {
+            *span |= clipped >> clip_bit & 1 == 1;
+        }
+    }
+
+    /// A line over the clipped spans at the height `y`, with gaps between them.
+    fn bar(&self, y: f64, time_s: impl Fn(usize) -> f64) -> Vec<(f64, f64)> {
+        let is_clipped = |span: usize| self.clipped.get(span).copied().unwrap_or(false);
+        let ends = |span: usize| match is_clipped(span) {
+            true => [Some((time_s(span), y)), Some((time_s(span + 1), y))],
+            false => [(span > 0 && is_clipped(span - 1)).then_some((time_s(span), f64::NAN)), None],
+        };
+        (0..=self.clipped.len()).flat_map(ends).flatten().collect()
+    }
+
+    /// Its least and largest value.
+    fn ends(&self) -> Option<[f64; 2]> {
+        self.spans.iter().flatten().copied().reduce(|a, b| [a[0].min(b[0]), a[1].max(b[1])])
+    }
+
     fn is_zero(&self) -> bool {
         self.spans.iter().flatten().all(|[least, largest]| *least == 0.0 && *largest == 0.0)
     }
@@ -53,8 +78,9 @@ pub(super) fn figure(recording: &Recording, summary: &RecordingSummary) -> Resul
     let width = (last - first) / SPANS as u64 + 1;
     let channels = [Topic::States, Topic::Samples].map(|topic| recording.channels().of(topic));
     let all = channels.into_iter().flatten();
-    let mut envelopes: Vec<Envelope> =
-        all.map(|channel| Envelope { channel: *channel, spans: vec![None; SPANS] }).collect();
+    let mut envelopes: Vec<Envelope> = all
+        .map(|channel| Envelope { channel: *channel, spans: vec![None; SPANS], clipped: vec![false; SPANS] })
+        .collect();
     let (states, samples) = envelopes.split_at_mut(channels[0].len());
     let span = |sample: u64| ((sample - first) / width) as usize;
     for record in recording.records()? {
@@ -67,7 +93,11 @@ pub(super) fn figure(recording: &Recording, summary: &RecordingSummary) -> Resul
             }
             Record::Sample(readings) => {
                 let (values, span) = (readings.values(), span(readings.sample));
-                samples.iter_mut().zip(&values).for_each(|(envelope, value)| envelope.add(span, *value));
+                let bits = readings.clipped.bits();
+                for (envelope, value) in samples.iter_mut().zip(&values) {
+                    envelope.add(span, *value);
+                    envelope.clip(span, bits);
+                }
             }
             _ => {}
         }
@@ -75,18 +105,26 @@ pub(super) fn figure(recording: &Recording, summary: &RecordingSummary) -> Resul
     let time_s = |span: usize| (first + span as u64 * width) as f64 * summary.origin.dt_s;
     let name = recording.path().file_name().map_or(String::new(), |name| name.to_string_lossy().into_owned());
     let mut figure = Figure::new(name);
-    for (name, quantity, is_read) in PANELS {
-        let drawn = envelopes.iter().filter(|envelope| {
-            let Channel { quantity: of, kind, .. } = envelope.channel;
-            of == quantity && matches!(kind, Kind::Reading { .. }) == is_read && !envelope.is_zero()
-        });
-        let label = format!("{name} ({})", quantity.unit());
-        let mut panel = Panel::new(Axis::linear("time (s)"), Axis::linear(label));
-        for (envelope, color) in drawn.zip(COLORS.into_iter().cycle()) {
-            panel = panel.with(Series::line(envelope.channel.name, color, envelope.points(time_s)));
-        }
-        if !panel.series.is_empty() {
-            figure = figure.with(panel);
+    for (quantity, is_read) in QUANTITIES {
+        let drawn = || {
+            envelopes.iter().filter(move |envelope| {
+                let Channel { quantity: of, kind, .. } = envelope.channel;
+                of == quantity && matches!(kind, Kind::Reading { .. }) == is_read && !envelope.is_zero()
+            })
+        };
+        let ends = drawn().filter_map(Envelope::ends).reduce(|a, b| [a[0].min(b[0]), a[1].max(b[1])]);
+        let Some([low, high]) = ends else { continue };
+        let margin = if high > low { MARGIN * (high - low) } else { low.abs().max(1.0) };
+        for envelope in drawn() {
+            let y = Axis::linear(quantity.unit()).range(low - margin, high + margin);
+            let line = Series::line(envelope.channel.name, Color::Blue, envelope.points(time_s)).unlabelled();
+            let bar = Series::line("clipped", Color::Vermillion, envelope.bar(high + margin / 2.0, time_s));
+            let bar = bar.style(Style::Line { color: Color::Vermillion, width: BAR, dash: Dash::Solid });
+            let panel = Panel::new(Axis::linear("time (s)"), y).title(envelope.channel.name).with(line);
+            // One entry says it for all.
+            let is_first = figure.panels.iter().all(|panel| panel.series.len() == 1);
+            let legend = if is_first { Legend::Bottom } else { Legend::None };
+            figure = figure.with(if bar.points.is_empty() { panel } else { panel.with(bar).legend(legend) });
         }
     }
     match figure.panels[..] {

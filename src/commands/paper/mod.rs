@@ -203,7 +203,7 @@ fn save(
     csv: &str,
     data: &impl Serialize,
 ) -> Result<Made, Failure> {
-    let mut files = figure.write(&folder.join(name))?.to_vec();
+    let mut files = output::draw(figure.clone(), &folder.join(name))?;
     for (extension, text) in [("csv", csv), ("json", &serde_json::to_string(data)?)] {
         files.push(output::write(folder.join(name).with_extension(extension), text)?);
     }

@@ -93,8 +93,8 @@ impl Response {
     /// The symbol, for figures.
     pub const fn symbol(self) -> &'static str {
         match self {
-            Response::Alpha1 => "α1",
-            Response::Alpha2 => "α2",
+            Response::Alpha1 => "α₁",
+            Response::Alpha2 => "α₂",
             Response::BX => "B x",
             Response::BY => "B y",
             Response::CX => "C x",

@@ -109,6 +109,15 @@ fn data_range(coordinate: Coordinate, scale: Scale, panels: &[&Panel]) -> (f64, 
         low = low.min(value);
         high = high.max(value);
     }
+    // Tiles reach half their size beyond their centres.
+    let tiles = series().filter_map(|series| match series.style {
+        Style::Tiles { width, height, .. } => Some(if coordinate == Coordinate::X { width } else { height } / 2.0),
+        Style::Line { .. } | Style::Markers { .. } => None,
+    });
+    let beyond = tiles.fold(0.0, f64::max);
+    if beyond > 0.0 {
+        return (low - beyond, high + beyond);
+    }
     let only_lines = series().all(|series| matches!(series.style, Style::Line { .. }));
     let margin = if coordinate == Coordinate::X && only_lines { 0.0 } else { MARGIN };
     match scale {

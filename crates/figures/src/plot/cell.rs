@@ -20,6 +20,15 @@ pub(super) struct Cell<'a> {
     /// Whether the x axis is labelled below this panel.
     pub writes_x: bool,
     pub entries: Entries<'a>,
-    /// Upper left corner of the legend.
-    pub legend_at: Option<Point>,
+    /// Where the legend is.
+    pub legend_at: Option<LegendPlace>,
+}
+
+/// The place of a legend.
+#[derive(Clone, Copy)]
+pub(super) struct LegendPlace {
+    /// Its upper left corner.
+    pub corner: Point,
+    /// How many entries are side by side.
+    pub columns: usize,
 }

@@ -1,10 +1,10 @@
 //! Lays out a figure as a scene.
 //!
-//! Widths first: the left margin of a column holds its widest tick labels, so that plots below each other line up; the
-//! right one holds legends without a free corner. Then heights, row by row.
+//! Widths first: the left margin of a column holds its widest tick labels, so that plots below each other line up. Then
+//! heights, row by row; legends without a free corner are below their panel, so that panels of a row stay equal.
 
 use super::axis::{self, AxisMap, Coordinate};
-use super::cell::Cell;
+use super::cell::{Cell, LegendPlace};
 use super::font::Fonts;
 use super::legend::{self, Entries};
 use super::marks::{LABEL_SIZE, TICK_LENGTH, TICK_SIZE};
@@ -41,8 +41,11 @@ struct Draft<'a> {
     y_range: (f64, f64),
     y_label: Vec<String>,
     entries: Entries<'a>,
-    legend_outside: bool,
+    legend_below: bool,
 }
+
+/// Room between a legend and what is above it.
+const LEGEND_GAP: f64 = 6.0;
 
 /// The figure, laid out.
 pub(super) fn scene(figure: &Figure) -> Result<Scene, PlotError> {
@@ -52,15 +55,16 @@ pub(super) fn scene(figure: &Figure) -> Result<Scene, PlotError> {
     let (heading, top) = heading(figure, &fonts, width);
     let (plots, height) = loop {
         let (plots, height) = plot_areas(figure, &drafts, top, width);
-        if !move_legends_outside(&mut drafts, &plots) {
+        if !move_legends_below(&mut drafts, &plots) {
             break (plots, height);
         }
     };
     let area = Rect { left: 0.0, top: 0.0, right: width, bottom: height };
     let mut shapes = vec![Shape::Rect { area, fill: WHITE }];
     shapes.extend(heading);
+    let page = Page { width, height };
     for (draft, plot) in drafts.into_iter().zip(plots) {
-        panel::draw(&mut shapes, &fonts, cell(draft, plot));
+        panel::draw(&mut shapes, &fonts, cell(draft, plot, page));
     }
     Ok(Scene { width, height, title: figure.title.clone(), shapes })
 }
@@ -91,7 +95,7 @@ fn drafts<'a>(figure: &'a Figure, fonts: &Fonts) -> Result<Vec<Draft<'a>>, PlotE
             y_range,
             y_label: fonts.wrap(&panel.y.label, LABEL_SIZE, Weight::Regular, height),
             entries: Entries::new(panel, fonts),
-            legend_outside: panel.legend == Legend::Outside,
+            legend_below: panel.legend == Legend::Below,
         })
     };
     figure.panels.iter().enumerate().map(draft).collect()
@@ -110,12 +114,16 @@ fn plot_height(figure: &Figure) -> f64 {
         (1, 1) => 380.0,
         (2, 1) => 240.0,
         (1 | 2, _) => 230.0,
-        _ => 190.0,
+        (3..=5, _) => 190.0,
+        _ => 120.0,
     }
 }
 
 /// Title, in as many lines as needed, and subtitle, in one, and the y at which the rest begins.
 fn heading(figure: &Figure, fonts: &Fonts, width: f64) -> (Vec<Shape>, f64) {
+    if !figure.is_titled {
+        return (Vec::new(), EDGE);
+    }
     let room = width - 2.0 * EDGE;
     let title = fonts.wrap(&figure.title, TITLE_SIZE, Weight::Bold, room);
     let subtitle = Some(figure.subtitle.fitting(fonts, SUBTITLE_SIZE, room)).filter(|line| !line.is_empty());
@@ -156,12 +164,29 @@ fn plot_areas(figure: &Figure, drafts: &[Draft<'_>], top: f64, width: f64) -> (V
         let plot_bottom = plot_top + plot_height(figure);
         for draft in row {
             let left = draft.column as f64 * column_width + EDGE + of_column(draft.column, &left_of);
-            let right = (draft.column + 1) as f64 * column_width - EDGE - of_column(draft.column, &right_of);
+            let right = (draft.column + 1) as f64 * column_width - 1.5 * EDGE;
             plots.push(Rect { left, top: plot_top, right, bottom: plot_bottom });
         }
-        y = plot_bottom + of_row(&|draft| if draft.writes_x { X_TICK_LABELS + X_LABEL } else { X_SHARED });
+        let row_plots = &plots[plots.len() - row.len()..];
+        let below = row.iter().zip(row_plots).map(|(draft, plot)| x_room(draft) + legend_height(draft, plot));
+        y = plot_bottom + below.fold(0.0, f64::max);
     }
-    (plots, y + EDGE / 2.0)
+    let bottom = drafts.iter().filter(|draft| draft.panel.legend == Legend::Bottom && !draft.entries.is_empty());
+    let bottom = bottom.map(|draft| LEGEND_GAP + draft.entries.size(draft.entries.columns(width - 2.0 * EDGE))[1]);
+    (plots, y + bottom.fold(0.0, f64::max) + EDGE / 2.0)
+}
+
+/// Room for the labels of the x axis.
+fn x_room(draft: &Draft<'_>) -> f64 {
+    if draft.writes_x { X_TICK_LABELS + X_LABEL } else { X_SHARED }
+}
+
+/// Room for a legend below the panel.
+fn legend_height(draft: &Draft<'_>, plot: &Rect) -> f64 {
+    if !draft.legend_below || draft.entries.is_empty() {
+        return 0.0;
+    }
+    draft.entries.size(draft.entries.columns(plot.right - plot.left))[1] + LEGEND_GAP
 }
 
 fn above(draft: &Draft<'_>) -> f64 {
@@ -174,17 +199,13 @@ fn left_of(draft: &Draft<'_>) -> f64 {
     draft.y_tick_width + TICK_LENGTH + 12.0 + draft.y_label.len() as f64 * LABEL_SIZE * LEADING
 }
 
-fn right_of(draft: &Draft<'_>) -> f64 {
-    if draft.legend_outside && !draft.entries.is_empty() { draft.entries.width() + EDGE } else { EDGE / 2.0 }
-}
-
-/// Moves legends without a free corner outside. Returns whether there are more of them than before.
-fn move_legends_outside(drafts: &mut [Draft<'_>], plots: &[Rect]) -> bool {
+/// Moves legends without a free corner below their panel. Returns whether there are more of them than before.
+fn move_legends_below(drafts: &mut [Draft<'_>], plots: &[Rect]) -> bool {
     let mut moved = false;
     for (draft, plot) in drafts.iter_mut().zip(plots) {
-        let searched = draft.panel.legend == Legend::Auto && !draft.legend_outside && !draft.entries.is_empty();
+        let searched = draft.panel.legend == Legend::Auto && !draft.legend_below && !draft.entries.is_empty();
         if searched && free_corner(draft, plot).is_none() {
-            draft.legend_outside = true;
+            draft.legend_below = true;
             moved = true;
         }
     }
@@ -204,12 +225,30 @@ fn maps(draft: &Draft<'_>, plot: &Rect) -> [AxisMap; 2] {
     ]
 }
 
-fn cell(draft: Draft<'_>, plot: Rect) -> Cell<'_> {
+/// The size of the figure.
+#[derive(Clone, Copy)]
+struct Page {
+    width: f64,
+    height: f64,
+}
+
+fn cell(draft: Draft<'_>, plot: Rect, page: Page) -> Cell<'_> {
+    let entries = &draft.entries;
+    // In the middle of a stretch of the page, with its upper edge at `top`.
+    let centred = |left: f64, right: f64, top: f64| {
+        let columns = entries.columns(right - left);
+        let corner = (left + right - entries.size(columns)[0]) / 2.0;
+        LegendPlace { corner: [corner.max(EDGE / 2.0), top], columns }
+    };
     let legend_at = match draft.panel.legend {
-        _ if draft.entries.is_empty() => None,
+        _ if entries.is_empty() => None,
         Legend::None => None,
-        _ if draft.legend_outside => Some([plot.right + EDGE, plot.top]),
-        _ => free_corner(&draft, &plot),
+        Legend::Bottom => {
+            let height = entries.size(entries.columns(page.width - 2.0 * EDGE))[1];
+            Some(centred(EDGE, page.width - EDGE, page.height - EDGE / 2.0 - height))
+        }
+        _ if draft.legend_below => Some(centred(plot.left, plot.right, plot.bottom + x_room(&draft) + LEGEND_GAP)),
+        _ => free_corner(&draft, &plot).map(|corner| LegendPlace { corner, columns: 1 }),
     };
     let [x, y] = maps(&draft, &plot);
     Cell {

@@ -44,25 +44,34 @@ impl<'a> Entries<'a> {
         self.entries.is_empty()
     }
 
+    /// Its width with its entries below each other.
     pub fn width(&self) -> f64 {
         self.width
     }
 
-    fn height(&self) -> f64 {
-        2.0 * PADDING + LINE * self.entries.len() as f64
+    /// How many entries fit side by side into this width, at least one.
+    pub fn columns(&self, room: f64) -> usize {
+        (libm::floor(room / self.width) as usize).clamp(1, self.entries.len().max(1))
     }
 
-    /// Draws the legend with its upper left corner at `corner`.
-    pub fn draw(&self, shapes: &mut Vec<Shape>, corner: Point) {
+    /// Its size with so many entries side by side: width and height.
+    pub fn size(&self, columns: usize) -> [f64; 2] {
+        let rows = self.entries.len().div_ceil(columns);
+        [self.width * columns as f64, 2.0 * PADDING + LINE * rows as f64]
+    }
+
+    /// Draws the legend with its upper left corner at `corner`, and so many entries side by side.
+    pub fn draw(&self, shapes: &mut Vec<Shape>, corner: Point, columns: usize) {
         let [left, top] = corner;
-        let area = self.area(corner);
+        let area = self.area(corner, columns);
         let (upper, lower) =
             ([[area.left, area.top], [area.right, area.top]], [[area.right, area.bottom], [area.left, area.bottom]]);
         let outline = [upper[0], upper[1], lower[0], lower[1], upper[0]].to_vec();
         shapes.push(Shape::Rect { area, fill: WHITE });
         shapes.push(Shape::Lines { runs: vec![outline], stroke: GRID });
         for (index, (label, style)) in self.entries.iter().enumerate() {
-            let y = top + PADDING + LINE * (index as f64 + 0.5);
+            let left = left + self.width * (index % columns) as f64;
+            let y = top + PADDING + LINE * ((index / columns) as f64 + 0.5);
             shapes.push(sample(*style, left + PADDING, y));
             shapes.push(Shape::Text(Text {
                 at: [left + PADDING + SAMPLE + GAP, y + TICK_SIZE * CAP_HEIGHT / 2.0],
@@ -77,8 +86,9 @@ impl<'a> Entries<'a> {
     }
 
     /// The area it covers with its upper left corner at `[left, top]`.
-    pub fn area(&self, [left, top]: Point) -> Rect {
-        Rect { left, top, right: left + self.width, bottom: top + self.height() }
+    pub fn area(&self, [left, top]: Point, columns: usize) -> Rect {
+        let [width, height] = self.size(columns);
+        Rect { left, top, right: left + width, bottom: top + height }
     }
 }
 
@@ -88,6 +98,15 @@ fn sample(style: Style, left: f64, y: f64) -> Shape {
         (Style::Line { color, width, dash }, _) => {
             let stroke = Stroke { color: color.rgb(), width, dash };
             Shape::Lines { runs: vec![vec![[left, y], [left + SAMPLE, y]]], stroke }
+        }
+        (Style::Tiles { color, .. }, _) => {
+            let area = Rect {
+                left: left + SAMPLE / 2.0 - 6.0,
+                top: y - 6.0,
+                right: left + SAMPLE / 2.0 + 6.0,
+                bottom: y + 6.0,
+            };
+            Shape::Rect { area, fill: color.rgb() }
         }
         (Style::Markers { .. }, marker) => {
             marker.unwrap_or(Shape::Lines { runs: Vec::new(), stroke: Stroke::solid(BLACK, 1.0) })
@@ -104,7 +123,7 @@ pub(super) fn free_corner(
     y: &AxisMap,
 ) -> Option<Point> {
     let (left, top) = (plot.left + INSET, plot.top + INSET);
-    let (right, bottom) = (plot.right - INSET - entries.width(), plot.bottom - INSET - entries.height());
+    let (right, bottom) = (plot.right - INSET - entries.width(), plot.bottom - INSET - entries.size(1)[1]);
     if right < left || bottom < top {
         return None;
     }
@@ -113,7 +132,7 @@ pub(super) fn free_corner(
     let sides = [[middle_x, top], [right, middle_y], [left, middle_y], [middle_x, bottom]];
     let drawn: Vec<Drawn> = panel.series.iter().map(|series| Drawn::of(series, plot, x, y)).collect();
     corners.into_iter().chain(sides).find(|corner| {
-        let area = entries.area(*corner).grown(CLEARANCE);
+        let area = entries.area(*corner, 1).grown(CLEARANCE);
         !drawn.iter().any(|drawn| drawn.meets(&area))
     })
 }
@@ -130,6 +149,11 @@ impl Drawn {
             Style::Line { .. } => Self::Runs(clip::runs(on_page(series, x, y), plot)),
             Style::Markers { size, .. } => {
                 Self::Markers { at: on_page(series, x, y).filter(|point| plot.contains(*point)).collect(), size }
+            }
+            // Tiles are an area without free corners: their marks are as large as the largest of them.
+            Style::Tiles { width, height, .. } => {
+                let (wide, high) = ((x.px(width) - x.px(0.0)).abs(), (y.px(height) - y.px(0.0)).abs());
+                Self::Markers { at: on_page(series, x, y).collect(), size: wide.max(high) }
             }
         }
     }

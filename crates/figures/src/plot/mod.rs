@@ -42,6 +42,8 @@ pub struct Figure {
     pub panels: Vec<Panel>,
     /// The number of panels side by side, at least 1.
     pub columns: usize,
+    /// Whether title and subtitle are drawn. Papers have them in their caption; [`Figure::caption`] keeps both.
+    pub is_titled: bool,
 }
 
 impl Figure {
@@ -50,7 +52,7 @@ impl Figure {
 
     /// A figure without panels, of one column.
     pub fn new(title: impl Into<String>) -> Self {
-        Self { title: title.into(), subtitle: Subtitle::default(), panels: Vec::new(), columns: 1 }
+        Self { title: title.into(), subtitle: Subtitle::default(), panels: Vec::new(), columns: 1, is_titled: true }
     }
 
     /// The figure with a subtitle.
@@ -204,11 +206,13 @@ pub struct Note {
 /// The place of a panel's legend.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub enum Legend {
-    /// In the corner of the panel where it covers no data; if there is none, to the right of the panel.
+    /// In the corner of the panel where it covers no data; if there is none, below the panel.
     #[default]
     Auto,
-    /// To the right of the panel.
-    Outside,
+    /// Below the panel.
+    Below,
+    /// Below all panels, across the width of the figure: for a legend that holds for several panels.
+    Bottom,
     /// No legend.
     None,
 }
@@ -289,6 +293,11 @@ impl Series {
     /// Markers of the usual size.
     pub fn markers(label: impl Into<String>, color: Color, shape: Marker, points: Vec<(f64, f64)>) -> Self {
         Self { label: Some(label.into()), points, style: Style::Markers { color, shape, size: 6.0, filled: true } }
+    }
+
+    /// A rectangle around each point, in units of the axes: cells of a grid.
+    pub fn tiles(label: impl Into<String>, color: Color, [width, height]: [f64; 2], points: Vec<(f64, f64)>) -> Self {
+        Self { label: Some(label.into()), points, style: Style::Tiles { color, width, height } }
     }
 
     /// The series with markers of another size, px, which are open unless they are `filled`; a line stays as it is.

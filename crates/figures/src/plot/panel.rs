@@ -1,7 +1,7 @@
 //! One panel, drawn into the area that the layout gave its plot.
 
 use super::axis::AxisMap;
-use super::cell::Cell;
+use super::cell::{Cell, LegendPlace};
 use super::clip;
 use super::font::{CAP_HEIGHT, Fonts};
 use super::marks::{GRID, LABEL_SIZE, TICK_LENGTH, TICK_SIZE, markers, on_page};
@@ -19,7 +19,12 @@ pub(super) fn draw(shapes: &mut Vec<Shape>, fonts: &Fonts, cell: Cell<'_>) {
     let x_ticks = ticks::ticks(&cell.x, &room);
     grid(shapes, &cell, &x_ticks);
     for series in &cell.panel.series {
-        shapes.extend(series_shape(series, &cell.plot, &cell.x, &cell.y));
+        match series.style {
+            Style::Tiles { color, width, height } => tiles(shapes, &cell, series, color.rgb(), [width, height]),
+            Style::Line { .. } | Style::Markers { .. } => {
+                shapes.extend(series_shape(series, &cell.plot, &cell.x, &cell.y));
+            }
+        }
     }
     let taken = rows::draw(shapes, fonts, &cell);
     notes::draw(shapes, fonts, &cell, taken);
@@ -28,8 +33,8 @@ pub(super) fn draw(shapes: &mut Vec<Shape>, fonts: &Fonts, cell: Cell<'_>) {
         x_texts(shapes, &cell, &x_ticks);
     }
     y_texts(shapes, &cell);
-    if let Some(corner) = cell.legend_at {
-        cell.entries.draw(shapes, corner);
+    if let Some(LegendPlace { corner, columns }) = cell.legend_at {
+        cell.entries.draw(shapes, corner, columns);
     }
 }
 
@@ -42,9 +47,41 @@ fn series_shape(series: &Series, plot: &Rect, x: &AxisMap, y: &AxisMap) -> Optio
         Style::Markers { .. } => {
             markers(series.style, on_page(series, x, y).filter(|point| plot.contains(*point)).collect())?
         }
+        Style::Tiles { .. } => return None,
     };
     let empty = matches!(&shape, Shape::Lines { runs, .. } if runs.is_empty());
     (!empty).then_some(shape)
+}
+
+/// How far a tile reaches over the next, px: without it a viewer that smooths edges shows the ground between them.
+const OVERLAP: f64 = 0.4;
+
+/// The rectangles of a series, those beside each other in a row as one.
+fn tiles(shapes: &mut Vec<Shape>, cell: &Cell<'_>, series: &Series, fill: Rgb, [width, height]: [f64; 2]) {
+    let mut rows: Vec<Rect> = Vec::new();
+    let mut points: Vec<(f64, f64)> =
+        series.points.iter().copied().filter(|(x, y)| !x.is_nan() && !y.is_nan()).collect();
+    points.sort_by(|a, b| a.1.total_cmp(&b.1).then(a.0.total_cmp(&b.0)));
+    for (x, y) in points {
+        let (left, right) = (cell.x.px(x - width / 2.0), cell.x.px(x + width / 2.0));
+        let (top, bottom) = (cell.y.px(y + height / 2.0), cell.y.px(y - height / 2.0));
+        match rows.last_mut() {
+            Some(row) if row.bottom == bottom && (row.right - left).abs() < OVERLAP => row.right = right,
+            _ => rows.push(Rect { left, top, right, bottom }),
+        }
+    }
+    let plot = cell.plot;
+    for Rect { left, top, right, bottom } in rows {
+        let area = Rect {
+            left: (left - OVERLAP).max(plot.left),
+            top: (top - OVERLAP).max(plot.top),
+            right: (right + OVERLAP).min(plot.right),
+            bottom: (bottom + OVERLAP).min(plot.bottom),
+        };
+        if area.left < area.right && area.top < area.bottom {
+            shapes.push(Shape::Rect { area, fill });
+        }
+    }
 }
 
 fn grid(shapes: &mut Vec<Shape>, cell: &Cell<'_>, x_ticks: &Ticks) {

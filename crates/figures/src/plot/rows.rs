@@ -53,7 +53,7 @@ pub(super) fn draw(shapes: &mut Vec<Shape>, fonts: &Fonts, cell: &Cell<'_>) -> V
 /// The horizontal range for names: inside of the plot, and beside the legend.
 fn sides(cell: &Cell<'_>) -> (f64, f64) {
     let (mut left, mut right) = (cell.plot.left + GAP, cell.plot.right - GAP);
-    if let Some(legend) = cell.legend_at.map(|corner| cell.entries.area(corner)) {
+    if let Some(legend) = cell.legend_at.map(|place| cell.entries.area(place.corner, place.columns)) {
         let middle = (cell.plot.left + cell.plot.right) / 2.0;
         if legend.left > middle {
             right = right.min(legend.left - GAP);

@@ -70,6 +70,15 @@ pub enum Style {
         /// Filled with their colour, or with white inside an outline.
         filled: bool,
     },
+    /// Each the centre of a rectangle; rectangles beside each other leave no gap.
+    Tiles {
+        /// Their colour.
+        color: Color,
+        /// Their width, in units of the x axis.
+        width: f64,
+        /// Their height, in units of the y axis.
+        height: f64,
+    },
 }
 
 /// The dashes of a line.

@@ -41,6 +41,14 @@ impl<C, S> StateGrid<C, S> {
         self.len() == 0
     }
 
+    /// The distance of neighbouring values of each coordinate.
+    pub fn spacing(&self) -> [f64; 2] {
+        [0, 1].map(|axis| {
+            let [from, to] = self.ends[axis];
+            (to - from).abs() / (self.counts[axis] - 1) as f64
+        })
+    }
+
     /// The values of both coordinates at a place in the grid, counted along the rows.
     pub fn values(&self, index: usize) -> [f64; 2] {
         let places = [index % self.counts[0], index / self.counts[0]];
