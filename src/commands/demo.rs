@@ -117,7 +117,7 @@ impl Demo {
         let work = move |signals: &Signals| (session.both(signals, |_| {}), signals.is_stopped());
         let (report, is_stopped) = supervise("plant", length, |line, signals| status.write(line, signals), work)?;
         let verdict = self.conclude(&scenario, &control, report?)?;
-        // The demo takes half a minute: who looks at it wants to go on looking.
+        // The demo takes less than a minute: who looks at it wants to go on looking.
         match serving {
             Some(serving) if !is_stopped => serving.show_until_stopped()?,
             _ => {}
