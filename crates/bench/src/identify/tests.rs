@@ -137,7 +137,7 @@ fn the_shape_is_that_of_the_mode() {
     let record = recorded(&spec(60.0), force(18.0, 24.0), IMPACT).unwrap();
     let linear = FrequencyResponse::new(&arm(60.0));
     for mode in modes(&record, BAND).unwrap().modes {
-        let at = |response| linear.at(Quantity::Accelerance, Drive::ForceY, response, mode.frequency_hz).unwrap();
+        let at = |response| linear.at(Quantity::Accelerance, Drive::ForceY, response, mode.pole_frequency_hz).unwrap();
         let shape = [Response::BX, Response::BY, Response::CX, Response::CY].map(at);
         let largest = shape.iter().max_by(|a, b| a.norm().total_cmp(&b.norm())).unwrap();
         for (found, expected) in mode.shape.iter().zip(&shape) {
