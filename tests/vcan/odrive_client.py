@@ -6,12 +6,13 @@
 import asyncio
 import math
 import sys
-import time
 
 import can
 from odrive_can.odrive import ODriveCAN
 
 CLOSED_LOOP = "CLOSED_LOOP_CONTROL"
+# Between two commands.
+PERIOD_S = 0.02
 
 
 async def work(interface, node_id):
@@ -23,10 +24,12 @@ async def work(interface, node_id):
         drive.set_axis_state_no_wait(CLOSED_LOOP)
         drive.set_input_torque(0.0)
         await asyncio.sleep(0.05)
-    start = time.monotonic()
+    # By the number of commands, and from the first one on: a client that is held up has commanded a torque, too.
+    commands = 0
     while drive.axis_state == CLOSED_LOOP:
-        drive.set_input_torque(math.sin(2 * math.pi * 2.0 * (time.monotonic() - start)))
-        await asyncio.sleep(0.02)
+        commands += 1
+        drive.set_input_torque(math.sin(2 * math.pi * 2.0 * PERIOD_S * commands))
+        await asyncio.sleep(PERIOD_S)
     drive.stop()
 
 

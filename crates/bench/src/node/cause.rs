@@ -18,7 +18,7 @@ pub enum FaultCause {
 /// The message that asked a plant to stop.
 #[derive(Clone, Debug, PartialEq)]
 pub struct StopRequest {
-    /// Its name.
+    /// Name of the message.
     pub message: Arc<str>,
     /// The signal that asked, with its value; `None`: every frame of the message asks.
     pub signal: Option<(Arc<str>, f64)>,
@@ -40,9 +40,9 @@ pub struct Unheeded {
 /// A frame that was refused.
 #[derive(Clone, Debug, PartialEq)]
 pub struct RefusedFrame {
-    /// The frame.
+    /// The frame as it was received.
     pub frame: Frame,
-    /// Why.
+    /// The check that it failed.
     pub why: RefusedFor,
 }
 

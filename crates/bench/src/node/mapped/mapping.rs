@@ -85,7 +85,7 @@ pub enum Unreadable {
 /// A message that the plant takes.
 #[derive(Clone, Debug)]
 pub struct Incoming {
-    /// Its name.
+    /// Name of the message.
     pub name: Arc<str>,
     /// Its identifier.
     pub id: Id,
