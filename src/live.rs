@@ -8,6 +8,7 @@ use crate::supervise::supervise;
 use resonarm::control::{Length, Steered};
 use resonarm::realtime::{Clock, SystemClock};
 use resonarm::recording::Recording;
+use resonarm::rig::Converter;
 use resonarm::run::{Session, Signals, Watch};
 
 /// Interval at which the stop signal is checked, ns.
@@ -35,12 +36,13 @@ pub(crate) struct SteerFlag {
 }
 
 impl SteerFlag {
-    /// The session, with the steered sine as its controller if --steer is given.
-    pub fn steered(self, session: Session) -> Result<(Session, Option<Steered>), Failure> {
+    /// The session, with the steered sine as its controller if --steer is given, for a plant whose instruments have this
+    /// converter.
+    pub fn steered(self, session: Session, converter: Converter) -> Result<(Session, Option<Steered>), Failure> {
         if !self.steer {
             return Ok((session, None));
         }
-        let steered = session.scenario().steered()?;
+        let steered = session.scenario().steered(converter)?;
         let controller = steered.clone();
         Ok((session.with_controller(move || Box::new(controller.clone())), Some(steered)))
     }

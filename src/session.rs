@@ -210,6 +210,9 @@ pub(crate) fn report_text(report: &PlantReport) -> String {
         ("travel", refused.travel),
     ]);
     reasons.iter().for_each(|reasons| text.push_str(&format!("refused      commands: {reasons}\n")));
+    for (kind, first) in [("command", &report.first_refused_command), ("frame", &report.first_refused_frame)] {
+        first.iter().for_each(|first| text.push_str(&format!("             the first refused {kind} is {first}\n")));
+    }
     if let Some(summary) = &report.recording {
         let lost: u64 = summary.lost.values().sum();
         text += &format!("recording    {}, {} bytes, {lost} records lost\n", summary.path.display(), summary.bytes);

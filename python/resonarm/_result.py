@@ -92,12 +92,33 @@ class Result:
     def _bad_end(self) -> str | None:
         """The fault or error that ended the run, in words; None if there was none."""
         fault, error = self.plant["fault"], self.plant["error"]
+        ends = []
         if self.plant["outcome"] in ("faulted", "failed") or error:
             why = error or _in_words(fault)
-            return f"the plant ended {self.plant['outcome']}: {why}"
+            ends.append(f"the plant ended {self.plant['outcome']}: {why}")
         if self.exciter and self.exciter["outcome"] in ("faulted", "failed", "aborted"):
-            return f"the exciter ended {self.exciter['outcome']}: {self.exciter['reason']}"
-        return None
+            ends.append(f"the exciter ended {self.exciter['outcome']}: {self.exciter['reason']}")
+        if fault is not None and fault["name"] == "partner fault":
+            ends.reverse()  # The fault began at the exciter, which says why.
+        return "\n  ".join([*ends, *self._mistakes()]) if ends else None
+
+    def _mistakes(self) -> list[str]:
+        """What the controller did that the plant did not accept, and what neither end accepted of the bus."""
+        lines = [self.plant["cause"]] if self.plant.get("cause") else []
+        refused = ", ".join(f"{count} {reason}" for reason, count in self.plant["refused"].items() if count)
+        if refused:
+            first = self.plant.get("first_refused_command")
+            lines.append(f"commands were refused: {refused}" + (f"; the first of them is {first}" if first else ""))
+        for end, report in (("plant", self.plant), ("exciter", self.exciter)):
+            if first := report.get("first_refused_frame"):
+                lines.append(f"frames that the {end} refused: {report['bus']['refused']}; the first of them is {first}")
+        return lines
+
+    def _fault_sample(self) -> int:
+        """The sample at which the plant faulted last; the last sample if it did not."""
+        events = self.recording.events
+        faults = events["sample"][events["name"] == "state.fault"]
+        return int(faults[-1]) if len(faults) else self.plant["samples"] - 1
 
     def _never_armed(self) -> str | None:
         """A message if the plant was never armed."""
@@ -107,7 +128,7 @@ class Result:
 
     def _fail_at_the_end(self, why: str) -> None:
         __tracebackhide__ = True
-        self.fail(why, "force_x_n", self.plant["samples"] - 1)
+        self.fail(why, "force_x_n", self._fault_sample())
 
     def _check_end(self) -> None:
         """Fails if the run ended by a fault or an error, or if the plant was never armed."""

@@ -225,8 +225,16 @@ class Bench:
         hub = _resonarm.Hub(2) if self.bus == MEMORY else None
         near, far = (hub.end(), hub.end()) if hub else (self.bus, self.bus)
         with self._plant(near, mode, path, patience_s) as plant:
-            exciter = Node("exciter", self.scenario, far, mode, controller=controller, patience_s=patience_s).wait()
+            words = {"controller": controller, "patience_s": patience_s}
+            exciter = Node("exciter", self._of_simulated_plant(), far, mode, **words).wait()
             return Result(plant.wait(), exciter, "", path)
+
+    def _of_simulated_plant(self) -> Scenario:
+        """The scenario of an exciter that knows how the plant at the other end of its bus reads."""
+        values = self.scenario.values()
+        if "plant_converter" in values["network"]:
+            return self.scenario
+        return self.scenario.replace(network={"plant_converter": values["rig"]["converter"]})
 
     def _with_program(self, words: Sequence[str], patience_s: float) -> Result:
         if self.bus == MEMORY:

@@ -191,12 +191,16 @@ struct ExciterDocument {
     slipped_periods: u64,
     rearmed: u32,
     bus: resonarm::run::BusCounts,
+    /// The first frame that was refused for its checks, with the reason.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    first_refused_frame: Option<String>,
 }
 
 impl From<&ExciterReport> for ExciterDocument {
     fn from(report: &ExciterReport) -> ExciterDocument {
         let ExciterReport { samples_played, missed_samples, slipped_periods, rearmed, bus, .. } = *report;
-        ExciterDocument { end: ExciterEnd::from(report), samples_played, missed_samples, slipped_periods, rearmed, bus }
+        let (end, first_refused_frame) = (ExciterEnd::from(report), report.first_refused_frame.clone());
+        ExciterDocument { end, samples_played, missed_samples, slipped_periods, rearmed, bus, first_refused_frame }
     }
 }
 

@@ -1,5 +1,6 @@
 """The bench without pytest: its runs, faults in simulated time, and assertions that no bad run passes."""
 
+import re
 import subprocess
 import sys
 from pathlib import Path
@@ -293,3 +294,25 @@ def test_nan_in_a_signal_is_named_with_its_sample(bench, tmp_path):
 def test_a_controller_that_returns_nan_is_named(bench):
     with pytest.raises(ValueError, match=r"the controller returned \(nan, 0\.0\) for sample 0"):
         bench.run(nan)
+
+def test_a_failure_names_the_mistake_of_the_controller_and_shows_the_fault(bench):
+    """The failure said "partner fault (code 4, detail 2)" and showed the ramp to zero."""
+    def unstable(measured):
+        return (1.0 if measured.sample < 100 else 1e6, 0.0)
+
+    with pytest.raises(AssertionError) as raised:
+        bench.run(unstable).assert_completed()
+    said = str(raised.value)
+    assert "the exciter ended faulted: " in said.splitlines()[0]
+    assert "the controller commands (1000000, 0) N at sample 100" in said
+    assert "> sample    100" in said
+
+
+def test_a_failure_names_the_first_refused_command_and_frame(bench):
+    strong = bench.scenario.replace(rig={"exciter": {"force_limit_n": 300.0}})
+    bench.scenario = strong
+    with bench.wrong_crc(ids=[0x201], direction="receive", count=1), pytest.raises(AssertionError) as raised:
+        bench.run(lambda measured: (1.0 if measured.sample < 100 else 310.0, 0.0)).assert_completed()
+    said = str(raised.value)
+    assert re.search(r"commands were refused: \d+ out_of_range; the first of them is \(310, 0\) N at sample 100", said)
+    assert "frames that the plant refused: 1; the first of them is 201#" in said

@@ -13,6 +13,7 @@ use crate::status::{Status, StatusFlag, Style};
 use crate::supervise::supervise;
 use resonarm::bus::BusAddress;
 use resonarm::node::ExciterOutcome;
+use resonarm::rig::Converter;
 use resonarm::run::{BusCounts, BusLoss, ExciterEnd, ExciterReport, Fault, Mode, Options, RunError, Session, Signals};
 use resonarm::scenario::Scenario;
 
@@ -47,18 +48,23 @@ pub(crate) struct Exciter {
 }
 
 #[derive(Serialize)]
-struct Document {
+struct Document<'a> {
     #[serde(flatten)]
     end: ExciterEnd,
     fault: Option<Fault>,
     partner_fault: Option<Fault>,
     bus_loss: Option<BusLoss>,
+    /// The first frame that was refused for its checks, with the reason.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    first_refused_frame: Option<&'a str>,
     error: Option<String>,
     samples_played: u64,
     missed_samples: u64,
     slipped_periods: u64,
     rearmed: u32,
     bus: BusCounts,
+    /// The converter for which readings were corrected; none if they are as received.
+    plant_converter: Option<Converter>,
     responses: Vec<ResponseDocument>,
 }
 
@@ -84,7 +90,9 @@ impl Exciter {
             ..Options::default()
         };
         let session = Session::new(scenario, self.mode, options)?;
-        let (session, steered) = self.steer.steered(session)?;
+        let plant_converter = session.scenario().network.plant_converter;
+        let partner_converter = session.scenario().partner_converter();
+        let (session, steered) = self.steer.steered(session, partner_converter)?;
         let length = session.controller()?.length();
         warn_of_wire(&session)?;
         let mut bus = open_bus(&address, &session, self.live.live.is_some())?;
@@ -93,12 +101,12 @@ impl Exciter {
         let (session, _serving) = self.live.watched(session, &shown_role)?;
         let mut status = Status::new(Style::People { every: self.status.every()? });
         let work = move |signals: &Signals| {
-            let report = session.exciter(bus.as_mut(), signals)?;
-            let error = report.error.or(bus.close().err().map(RunError::from));
-            Ok::<_, RunError>(ExciterReport { error, ..report })
+            let mut report = session.exciter(bus.as_mut(), signals)?;
+            report.error = report.error.take().or(bus.close().err().map(RunError::from));
+            Ok::<_, RunError>(report)
         };
         let report = supervise("exciter", length, |line, signals| status.write(line, signals), work)??;
-        self.print(&report)?;
+        self.print(&report, plant_converter)?;
         other_sender_warning(&report.bus).iter().for_each(|text| tracing::warn!("{text}"));
         let complaint = complaint(&report);
         complaint.iter().for_each(|text| tracing::error!("{text}"));
@@ -108,11 +116,12 @@ impl Exciter {
         }
     }
 
-    fn print(&self, report: &ExciterReport) -> Result<Verdict, Failure> {
+    fn print(&self, report: &ExciterReport, plant_converter: Option<Converter>) -> Result<Verdict, Failure> {
         let document = Document {
             end: ExciterEnd::from(report),
-            fault: report.fault().map(Fault::from),
-            partner_fault: report.partner_fault.as_ref().map(Fault::from),
+            fault: report.fault().map(|fault| report.found(fault)),
+            partner_fault: report.partner_fault.as_ref().map(|fault| report.found(fault)),
+            first_refused_frame: report.first_refused_frame.as_deref(),
             bus_loss: report.bus_loss,
             error: report.error.as_ref().map(RunError::to_string),
             samples_played: report.samples_played,
@@ -120,13 +129,23 @@ impl Exciter {
             slipped_periods: report.slipped_periods,
             rearmed: report.rearmed,
             bus: report.bus,
+            plant_converter,
             responses: responses::documents(&report.responses),
         };
         let Document { end: ExciterEnd { outcome, .. }, samples_played, missed_samples, bus, .. } = &document;
         let text = || {
             let frames = frames_text(bus);
-            format!("{outcome} after {samples_played} samples, {missed_samples} missed; frames: {frames}\n")
-                + &responses::table(&report.responses)
+            let readings = match plant_converter {
+                Some(converter) => format!("corrected for the plant's converter, {}", converter.name()),
+                None => String::from("as received, since network.plant_converter does not state the plant's converter"),
+            };
+            let readings =
+                if report.responses.is_empty() { String::new() } else { format!("readings are {readings}\n") };
+            let refused = report.first_refused_frame.as_ref();
+            let refused = refused.map_or(String::new(), |first| format!("the first refused frame is {first}\n"));
+            format!(
+                "{outcome} after {samples_played} samples, {missed_samples} missed; frames: {frames}\n{refused}{readings}"
+            ) + &responses::table(&report.responses)
         };
         self.json.show(&document, text, &[])
     }

@@ -182,7 +182,10 @@ impl Run {
             return Err(RunError::FreeHasNoBus.into());
         }
         let configuration = configuration::of_arm(session.scenario())?;
-        let (session, steered) = self.steer.steered(session)?;
+        let (session, steered) = {
+            let converter = session.scenario().rig.converter;
+            self.steer.steered(session, converter)?
+        };
         warn_of_wire(&session)?;
         let length = match session.scenario().duration_samples()? {
             Some(samples) => Length::Samples(samples),

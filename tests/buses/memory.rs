@@ -62,6 +62,7 @@ fn loss() -> FaultSpec {
         from_s: 0.0,
         to_s: None,
         ids: Vec::new(),
+        extended_ids: Vec::new(),
         probability: None,
         count: None,
         delay_s: None,

@@ -6,7 +6,7 @@ use std::path::{Path, PathBuf};
 
 use resonarm::arm::{Gravity, Preset};
 use resonarm::plant::Plant;
-use resonarm::rig::RigSpec;
+use resonarm::rig::{Converter, RigSpec};
 use resonarm::scenario::Scenario;
 use toml::{Table, Value};
 
@@ -105,7 +105,7 @@ const HEAD: &str = "noise_rms_n = 1, noise_density_n_per_sqrt_hz = 1, resolution
 const FAULT: &str = "instrument = 'accelerometer_b', kind = 'drift', from_s = 1, to_s = 2, rate_m_s2_per_s = 1, \
     rate_n_per_s = 1, rms_m_s2 = 1, rms_n = 1, amplitude_m_s2 = 1, amplitude_n = 1";
 const GATE: &str = "force_rate_limit_n_per_s = 1, torque_rate_limit_nm_per_s = 1, travel_limit_m = 0.001";
-const NETWORK_FAULT: &str = "node = 'plant'\nkind = 'loss'\ndirection = 'both'\nfrom_s = 1\nto_s = 2\nids = [1]\n\
+const NETWORK_FAULT: &str = "node = 'plant'\nkind = 'loss'\ndirection = 'both'\nfrom_s = 1\nto_s = 2\nids = [1]\nextended_ids = [1]\n\
     probability = 1\ncount = 1\ndelay_s = 1\nrate_hz = 1";
 const LIMITS: &str = "force_n = 1\ntorque_nm = 1\nacceleration_m_s2 = 1\ndistortion = 1\nclipped_samples = 1\n\
     stuck_samples = 2\nstuck_above_n = 1\nstuck_above_nm = 1";
@@ -127,6 +127,7 @@ fn with_every_other_key(section: &str) -> Scenario {
     scenario.arm.parameters = Table::try_from(parameters).unwrap();
     scenario.rig = rig();
     scenario.limits = Some(toml::from_str(LIMITS).unwrap());
+    scenario.network.plant_converter = Some(Converter::Sinc3);
     scenario.network.bit_rate_hz = Some(1_000_000);
     scenario.network.data_bit_rate_hz = Some(2_000_000);
     scenario.network.bit_error_rate = Some(1e-6);

@@ -1,10 +1,14 @@
 //! The emulated exciter on protocols of users: free, in lockstep and in real time, recorded and simulated again.
 
 use std::path::Path;
+use std::thread;
+use std::time::Duration;
 
+use resonarm::bus::{Bus, memory};
 use resonarm::node::ExciterOutcome;
+use resonarm::realtime::SystemClock;
 use resonarm::recording::{Direction, Existing, Recording, StateRecord};
-use resonarm::replay::{self, ReplayError};
+use resonarm::replay::{self, Regression, ReplayError};
 use resonarm::run::{BothReport, Mode, Options, PlantOutcome, RecordTo, RunError, Session, Signals};
 use resonarm::scenario::{LockstepSpec, Scenario};
 
@@ -76,6 +80,45 @@ fn free_and_lockstep_have_the_same_bits_and_the_commanded_force_acts() {
             .collect()
     };
     assert_eq!(bits(&free), bits(&lockstep));
+}
+
+/// Most controllers wait for a reading before they do anything. In lockstep a plant on a user's protocol sent none before
+/// it was armed, so that such a controller waited for ever.
+#[test]
+fn in_lockstep_a_controller_that_waits_for_a_reading_starts_and_gets_the_free_bits() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("run.mcap");
+    let with_state = in_lockstep(bench(DWELL));
+    // A plant that does not say its state counts as armed once it waits for an answer.
+    let mut without_state = with_state.clone();
+    without_state.wire.as_mut().unwrap().readings.iter_mut().for_each(|message| {
+        message.signals.retain(|_, signal| signal.state.is_none() && signal.reason.is_none());
+    });
+    without_state.wire.as_mut().unwrap().readings.retain(|message| !message.signals.is_empty());
+    let free = whole(&both(&with_state, Mode::Free, &path), &path);
+    // A regression test by `--against` heard no controller in such a recording's protocol, after all its patience.
+    let [mut alone, _far] = memory::pair(8);
+    let regression = Regression { speed: 0.0, limit_n: 0.0, limit_nm: 0.0, patience: Duration::from_secs(60) };
+    let recording = Recording::open(&path).unwrap();
+    let refused = replay::play_against(&recording, &mut alone, &SystemClock, regression, &Signals::default());
+    assert!(matches!(refused, Err(ReplayError::AgainstWire)), "{refused:?}");
+    for scenario in [with_state, without_state] {
+        let [mut near, mut far] = memory::pair(1024);
+        let record = Some(RecordTo { path: path.clone(), existing: Existing::Overwrite });
+        let options = Options { record, end_on_disarm: true, ..Options::default() };
+        let session = Session::new(scenario, Mode::Lockstep, options).unwrap();
+        let report = thread::scope(|scope| {
+            let plant = scope.spawn(|| session.plant(&mut near, &Signals::default(), |_| {}).unwrap());
+            assert!(far.wait(Duration::from_secs(60)).unwrap(), "no reading before the plant is armed");
+            let exciter = session.exciter(&mut far, &Signals::default()).unwrap();
+            BothReport { plant: plant.join().unwrap(), exciter }
+        });
+        let lockstep = whole(&report, &path);
+        let bits = |states: &[StateRecord]| -> Vec<_> {
+            states[..600].iter().map(|state| (state.alpha_rad().map(f64::to_bits), state.force_n)).collect()
+        };
+        assert_eq!(bits(&free), bits(&lockstep));
+    }
 }
 
 #[test]

@@ -94,6 +94,15 @@ pub trait Bus: Send {
         Ok(())
     }
 
+    /// Checks before a run that the bus was opened for CAN FD frames. `Ok` also where the backend can't tell; sending then
+    /// does.
+    ///
+    /// # Errors
+    /// [`BusError`] says that it carries classical frames only, and how to change that.
+    fn check_fd(&self) -> Result<(), BusError> {
+        Ok(())
+    }
+
     /// The counts of this end so far.
     fn statistics(&self) -> Statistics;
 
@@ -144,6 +153,10 @@ impl<B: Bus + ?Sized> Bus for &mut B {
 
     fn work_on_caller(&mut self) -> Result<(), BusError> {
         (**self).work_on_caller()
+    }
+
+    fn check_fd(&self) -> Result<(), BusError> {
+        (**self).check_fd()
     }
 
     fn statistics(&self) -> Statistics {

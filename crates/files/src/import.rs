@@ -20,6 +20,7 @@ use std::fs;
 use std::path::{Path, PathBuf};
 
 use resonarm_bench::node::WireSpec;
+use resonarm_bench::rig::Converter;
 use resonarm_protocol::{DecodeError, Frame, MessageKind, Network, Node, Profile, Receiver};
 use thiserror::Error;
 
@@ -237,8 +238,16 @@ impl FrameLog {
             None => None,
         };
         let is_known = options.scenario.is_some();
+        // The log is of a plant that need not be the simulated one, so that `rig.converter` says nothing of it. What reads
+        // the recording corrects for the converter that is written there: one that changes nothing if it is not known.
+        let converter = options.scenario.as_ref().and_then(|known| known.network.plant_converter);
+        let converter = converter.unwrap_or(Converter::Instant);
         let configuration = match &options.scenario {
-            Some(scenario) => scenario.configuration("none")?,
+            Some(scenario) => {
+                let mut logged = scenario.clone();
+                logged.rig.converter = converter;
+                logged.configuration("none")?
+            }
             None => Configuration::new(),
         };
         let configuration = configuration.with(IMPORTED_FROM, log.display()).with("log_format", format);
@@ -246,7 +255,7 @@ impl FrameLog {
             time_base: TimeBase::RealTime { clock_epoch_unix_ns: first.time_ns },
             flush: FlushPolicy::Samples(1000),
             existing: options.existing,
-            reading_delay_samples: options.scenario.as_ref().map_or(0.5, |known| known.rig.converter.delay_samples()),
+            reading_delay_samples: converter.delay_samples(),
             naming,
             ..Options::virtual_time(1.0 / rate_hz, first.interface.as_deref().unwrap_or_default())
         };

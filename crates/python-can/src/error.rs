@@ -76,6 +76,15 @@ pub enum PythonCanError {
         /// The names it knows, separated by commas.
         known: String,
     },
+    /// The run has CAN FD frames, and the adapter was opened for classical ones.
+    #[error(
+        "the run has CAN FD frames, and python-can has opened the interface `{interface}` for classical frames only: add \
+         fd=true to the address, with the bit rates that the interface asks for, or take an adapter for CAN FD"
+    )]
+    Classic {
+        /// The interface of python-can.
+        interface: String,
+    },
     /// python-can or the driver beneath raised an exception.
     #[error("python-can could not {operation}: {kind}: {message}")]
     Exception {

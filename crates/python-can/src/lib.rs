@@ -53,6 +53,8 @@ pub const RECEIVE_QUEUE: usize = 1024;
 pub const TRANSMIT_QUEUE: usize = 1024;
 /// Failures kept for the caller; the first ones are kept.
 const FAILURE_QUEUE: usize = 16;
+/// The interface of python-can that carries CAN FD frames whatever it says.
+const VIRTUAL: &str = "virtual";
 /// How long [`Bus::close`] and [`Bus::set_filters`] wait for the driver.
 const PATIENCE: Duration = Duration::from_secs(3);
 
@@ -75,6 +77,8 @@ pub struct PythonCan {
     receiver: Option<JoinHandle<()>>,
     outcome: mpsc::Receiver<Result<(), PythonCanError>>,
     statistics: Statistics,
+    /// The interface of python-can, if it was opened for classical frames only.
+    classic_interface: Option<String>,
     /// What the threads work with, to be handed to the caller; `None` once it has it, or after the end.
     spare: Option<Direct>,
     /// The bus on the calling thread, once it works there.
@@ -102,8 +106,10 @@ impl PythonCan {
             "socketcan" => (Some(Python::attach(|py| counting_socket(&bus, py))?), options.channel),
             _ => (None, None),
         };
+        let is_classic = Python::attach(|py| is_classic(bus.bind(py))) && options.interface != VIRTUAL;
         let mut bus = PythonCan::start(bus, message_class, socket, ErrorFrames::of(&options.interface))?;
         bus.controller = controller.unwrap_or_else(|| name.clone());
+        bus.classic_interface = is_classic.then_some(options.interface);
         bus.name = name;
         Ok(bus)
     }
@@ -172,6 +178,7 @@ impl PythonCan {
             receiver: Some(receiver),
             outcome,
             statistics: Statistics::default(),
+            classic_interface: None,
             spare: Some(spare),
             direct: None,
         })
@@ -319,6 +326,13 @@ impl Bus for PythonCan {
         self.check_failures()
     }
 
+    fn check_fd(&self) -> Result<(), BusError> {
+        match &self.classic_interface {
+            Some(interface) => Err(PythonCanError::Classic { interface: interface.clone() }.into()),
+            None => Ok(()),
+        }
+    }
+
     fn close(&mut self) -> Result<(), BusError> {
         match self.direct.take() {
             Some(direct) => direct.close()?,
@@ -385,6 +399,12 @@ fn open_bus(py: Python<'_>, options: &Options) -> Result<(Py<PyAny>, Py<PyAny>),
         Ok((bus.unbind(), can.getattr("Message")?.unbind()))
     };
     open().map_err(|error| exception(py, Operation::Open, error))
+}
+
+/// Whether the bus says that it was opened for classical frames only (`can.BusABC.protocol`, from python-can 4.2 on).
+fn is_classic(bus: &Bound<'_, PyAny>) -> bool {
+    let protocol = bus.getattr("protocol").and_then(|protocol| protocol.getattr("name"));
+    protocol.and_then(|name| name.extract::<String>()).is_ok_and(|name| name == "CAN_20")
 }
 
 /// The socket that python-can's `socketcan` reads from, after checking that it reports its losses, which it is asked

@@ -418,19 +418,27 @@ impl Scenario {
         self.rig.shaker.is_some() && self.rig.converter == Converter::Instant
     }
 
-    /// How the instruments sample.
+    /// How the instruments of the simulated plant sample.
     pub fn sampling(&self) -> Sampling {
         Sampling { rate_hz: self.simulation.rate_hz, converter: self.rig.converter }
     }
 
-    /// The exciter's controller, with the limits, at sample 0.
+    /// The exciter's controller, with the limits, at sample 0, for the simulated plant.
     ///
     /// # Errors
     /// [`ScenarioError::Control`] if a loop can't be closed so, [`ScenarioError::TwoControllers`] if the scenario has
     /// an excitation as well, and without a control as [`Scenario::profile`].
     pub fn controller(&self) -> Result<Box<dyn Controller>, ScenarioError> {
+        self.controller_reading(self.rig.converter)
+    }
+
+    /// The same controller for a plant whose instruments have this converter, for which it corrects readings.
+    ///
+    /// # Errors
+    /// As [`Scenario::controller`].
+    pub fn controller_reading(&self, converter: Converter) -> Result<Box<dyn Controller>, ScenarioError> {
         self.check()?;
-        Ok(self.limited(self.unlimited_controller()?))
+        Ok(self.limited(self.unlimited_controller(converter)?))
     }
 
     /// The same controller with the limits, if the scenario has some.
@@ -441,20 +449,21 @@ impl Scenario {
         }
     }
 
-    fn unlimited_controller(&self) -> Result<Box<dyn Controller>, ScenarioError> {
+    fn unlimited_controller(&self, converter: Converter) -> Result<Box<dyn Controller>, ScenarioError> {
+        let sampling = Sampling { converter, ..self.sampling() };
         match &self.control {
-            None => Ok(Box::new(OpenLoop::new(self.profile()?, self.rig.converter))),
+            None => Ok(Box::new(OpenLoop::new(self.profile()?, converter))),
             Some(spec) => {
                 let limit = limit::largest(spec.amplitude(), &self.rig.drive(), self.network.profile);
                 if let Some(tested) = self.tested_structure()? {
                     let of = self.modelled(&tested)?;
-                    return Ok(spec.controller(of, self.sampling(), limit)?);
+                    return Ok(spec.controller(of, sampling, limit)?);
                 }
                 let arm = match &self.rig.shaker {
                     Some(shaker) => self.build_arm()?.with_attachment(shaker.armature())?,
                     None => self.build_arm()?,
                 };
-                Ok(spec.controller(&arm, self.sampling(), limit)?)
+                Ok(spec.controller(&arm, sampling, limit)?)
             }
         }
     }
@@ -476,12 +485,13 @@ impl Scenario {
         control.or(self.excitation.as_ref().map(|excitation| &excitation.amplitude))
     }
 
-    /// A controller that is steered, along the load of the scenario's control or excitation.
+    /// A controller that is steered, along the load of the scenario's control or excitation, for a plant whose
+    /// instruments have this converter.
     ///
     /// # Errors
     /// [`ScenarioError::NoExcitation`] if it has neither; [`ScenarioError::IdleLoad`] if nothing of the structure takes
     /// the load.
-    pub fn steered(&self) -> Result<Steered, ScenarioError> {
+    pub fn steered(&self, converter: Converter) -> Result<Steered, ScenarioError> {
         self.check()?;
         let amplitude = self.amplitude().ok_or(ScenarioError::NoExcitation)?;
         let limit = limit::largest(amplitude, &self.rig.drive(), self.network.profile);
@@ -496,7 +506,7 @@ impl Scenario {
             None => modes(&self.build_arm()?)[0].frequency_hz,
         };
         // Away from the resonance, where the structure would ring.
-        Ok(Steered::new(direction, limit, self.sampling(), 0.8 * first_hz))
+        Ok(Steered::new(direction, limit, Sampling { converter, ..self.sampling() }, 0.8 * first_hz))
     }
 
     /// What the exciter plays.

@@ -4,6 +4,7 @@ use serde::{Deserialize, Serialize};
 
 use super::{Scenario, ScenarioError};
 use resonarm_bench::node::Timing;
+use resonarm_bench::rig::Converter;
 use resonarm_bus::fault::{self, FaultSpec};
 use resonarm_protocol::{Network, Node, Profile, SamplesPerFrame, timing};
 
@@ -31,6 +32,11 @@ pub struct NetworkSection {
     pub partner_timeout_s: f64,
     /// How long each end waits for the other in lockstep, s of wall-clock time; at most an hour.
     pub lockstep_timeout_s: f64,
+    /// The converter of the instruments of the plant at the other end of the bus, for which an exciter on a bus corrects
+    /// the readings, and `import` those of a log. `None` corrects nothing: `rig.converter` is that of the simulated plant,
+    /// and says nothing of another.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub plant_converter: Option<Converter>,
     /// Bits a second of the bus, from 10000 to 1000000: what it can't carry is refused, and frames of a free run
     /// take their time, as those of both nodes of one process in lockstep. `None` is a bus without limits.
     #[serde(skip_serializing_if = "Option::is_none")]
@@ -59,6 +65,7 @@ impl Default for NetworkSection {
             command_timeout_s: timing::COMMAND_TIMEOUT_NS as f64 * 1e-9,
             partner_timeout_s: timing::HEARTBEAT_TIMEOUT_NS as f64 * 1e-9,
             lockstep_timeout_s: timing::LOCKSTEP_TIMEOUT_NS as f64 * 1e-9,
+            plant_converter: None,
             bit_rate_hz: None,
             data_bit_rate_hz: None,
             bit_error_rate: None,
@@ -93,6 +100,11 @@ impl NetworkSection {
 }
 
 impl Scenario {
+    /// The converter of a plant that need not be the simulated one: what `network.plant_converter` states, else unknown.
+    pub fn partner_converter(&self) -> Converter {
+        self.network.plant_converter.unwrap_or(Converter::Unknown)
+    }
+
     /// The CAN network.
     ///
     /// # Errors

@@ -27,11 +27,13 @@ pub struct Carried {
     controller: Box<dyn Controller>,
     responses: Queue<ResponsePoint, RESPONSES>,
     answers: Queue<(Measurement, Load), ANSWERS>,
+    /// The sample that was answered last by a load, and that load.
+    last_answer: Option<(u64, Load)>,
 }
 
 impl Carried {
     pub(super) fn new(controller: Box<dyn Controller>) -> Carried {
-        Carried { controller, responses: Queue::new(), answers: Queue::new() }
+        Carried { controller, responses: Queue::new(), answers: Queue::new(), last_answer: None }
     }
 
     /// The next response read.
@@ -42,6 +44,12 @@ impl Carried {
     /// The next sample that was answered, and the load that answers it; answers not fetched in time are dropped.
     pub fn poll_answer(&mut self) -> Option<(Measurement, Load)> {
         self.answers.pop()
+    }
+
+    /// The sample that the controller answered last by a load, counted from arming, and that load. The node may have found
+    /// that it can't command it.
+    pub fn last_answer(&self) -> Option<(u64, Load)> {
+        self.last_answer
     }
 
     /// Moves the controller to `set_point`; `false` if it does not accept it.
@@ -71,6 +79,7 @@ impl Carried {
         let answer = self.controller.answer(measurement);
         if let Answer::Hold(load) = answer {
             self.answers.push((*measurement, load));
+            self.last_answer = Some((measurement.sample, load));
         }
         while let Some(point) = self.controller.poll_response() {
             self.responses.push(point);

@@ -87,6 +87,10 @@ pub trait ExciterInterface: fmt::Debug + Send {
     /// The bus is off: a playing controller faults.
     fn bus_lost(&mut self, now_ns: u64);
 
+    /// Says before the start that the plant is on a bus in lockstep, where it sends readings before it is armed: these
+    /// answer no command, and must not be taken for its first sample.
+    fn expect_unarmed_readings(&mut self) {}
+
     /// The plant has ended for good, by what the process knows that runs both; of protocols that say so themselves
     /// nothing follows.
     fn plant_ended(&mut self, _now_ns: u64) {}

@@ -8,6 +8,7 @@ use resonarm_protocol::{CommandGate, EmergencyCode, Frame, NodeState, Refusal};
 
 use super::cause::{RefusedFor, Unheeded};
 use super::hold::Hold;
+use super::refusals::RefusedLoad;
 use super::{Refusals, Timing};
 use crate::rig::{Exciter, GateSpec};
 use resonarm_dynamics::arm::Load;
@@ -94,6 +95,7 @@ impl Guard {
                 Ok(())
             }
             Err(refusal) => {
+                self.refusals.keep_load(RefusedLoad { sample: self.sample, load, refusal });
                 self.refuse(refusal);
                 Err(refusal)
             }

@@ -37,6 +37,18 @@ pub trait PlantInterface: fmt::Debug + Send {
     /// Whether the sample published last awaits no command.
     fn is_answered(&self) -> bool;
 
+    /// Whether, in lockstep, readings are sent before the plant is armed for the first time; the specification of
+    /// Resonarm's protocol says that none are.
+    fn sends_unarmed_readings(&self) -> bool {
+        true
+    }
+
+    /// Whether, in lockstep, any command counts as the answer to the sample published last, since commands don't name
+    /// the sample that they answer.
+    fn has_unnumbered_answers(&self) -> bool {
+        false
+    }
+
     /// Whether the load is ramping to zero.
     fn is_ramping(&self) -> bool;
 
@@ -266,6 +278,10 @@ impl PlantInterface for PlantNode {
 
     fn is_answered(&self) -> bool {
         PlantNode::is_answered(self)
+    }
+
+    fn sends_unarmed_readings(&self) -> bool {
+        false
     }
 
     fn is_ramping(&self) -> bool {

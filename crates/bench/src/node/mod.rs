@@ -42,7 +42,7 @@ pub use exciter_interface::ExciterInterface;
 pub use exciter_lack::{ExciterLack, ExciterRemark};
 pub use interface::{FrameCheck, FrameCounts, FrameFault, PlantInterface, PublishError, PublishedSample, WireEvent};
 pub use plant::PlantNode;
-pub use refusals::Refusals;
+pub use refusals::{Refusals, RefusedLoad};
 pub use resonarm_protocol::Refusal;
 pub use resonarm_protocol::node::{NodeEvent, Timing};
 pub use wire::{TimeBase, WireSpec};

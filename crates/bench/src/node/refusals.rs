@@ -1,18 +1,43 @@
 //! Commands that did not reach the arm, by reason.
 
+use resonarm_dynamics::arm::Load;
 use resonarm_protocol::Refusal;
 
+/// A command that was refused for its load.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct RefusedLoad {
+    /// The sample measured last.
+    pub sample: u64,
+    /// The load.
+    pub load: Load,
+    /// Why.
+    pub refusal: Refusal,
+}
+
 /// How many commands were refused, by reason.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct Refusals {
     counts: [u64; Refusal::ALL.len()],
     last: Option<Refusal>,
+    first_load: Option<RefusedLoad>,
 }
 
 impl Refusals {
     pub(super) fn add(&mut self, refusal: Refusal) {
         self.counts[refusal as usize - 1] += 1;
         self.last = Some(refusal);
+    }
+
+    /// Keeps the first command that is refused for its load.
+    pub(super) fn keep_load(&mut self, refused: RefusedLoad) {
+        if matches!(refused.refusal, Refusal::OutOfRange | Refusal::RateOfChange | Refusal::Travel) {
+            self.first_load.get_or_insert(refused);
+        }
+    }
+
+    /// The first command that was refused for its load: beyond a limit, too fast a change, or beyond the travel.
+    pub fn first_load(&self) -> Option<RefusedLoad> {
+        self.first_load
     }
 
     /// The number for this reason.

@@ -42,10 +42,14 @@ pub enum Converter {
     /// A sinc filter of order 5, as in the fast path of sigma-delta converters.
     #[default]
     Sinc5,
+    /// Not known, as of a plant that is not simulated here: readings are taken as they are, and nothing in them is
+    /// corrected. No scenario and no recording states it.
+    #[serde(skip)]
+    Unknown,
 }
 
 impl Converter {
-    /// All of them.
+    /// All that a scenario can state.
     pub const ALL: [Converter; 4] = [Converter::Instant, Converter::Sinc1, Converter::Sinc3, Converter::Sinc5];
 
     /// Its name in a scenario.
@@ -55,13 +59,14 @@ impl Converter {
             Converter::Sinc1 => "sinc1",
             Converter::Sinc3 => "sinc3",
             Converter::Sinc5 => "sinc5",
+            Converter::Unknown => "unknown",
         }
     }
 
     /// The order N of its filter; 0 without one.
     pub const fn order(self) -> usize {
         match self {
-            Converter::Instant => 0,
+            Converter::Instant | Converter::Unknown => 0,
             Converter::Sinc1 => 1,
             Converter::Sinc3 => 3,
             Converter::Sinc5 => MOST_ORDER,
@@ -90,11 +95,12 @@ impl Converter {
     ///
     /// The readings of a staircase are Σ_j w_j c_{n−1−j} with w_j the integral of the spline's piece j: of c e^{iωTn}
     /// they are W = Σ_j w_j cos 2πf(j − (N−1)/2)T times the value held in the middle. The fundamental is sin πfT/(πfT)
-    /// of it. Instants read the held value: W = 1.
+    /// of it. Instants read the held value: W = 1. Of an unknown converter no images are assumed.
     pub fn images(self, cycles: f64) -> f64 {
         let middle = self.holds_late() as f64;
         let turn = |piece: usize| libm::cos(2.0 * PI * cycles * (piece as f64 - middle));
         let read = match self {
+            Converter::Unknown => return 0.0,
             Converter::Instant => 1.0,
             _ => (0..self.order()).map(|piece| self.piece_integral(piece) * turn(piece)).sum(),
         };
@@ -241,6 +247,7 @@ mod tests {
             }
         }
         assert_eq!(Converter::Instant.images(0.0), 0.0);
+        assert_eq!([Converter::Unknown.images(0.3), Converter::Unknown.gain(0.3) - 1.0], [0.0; 2]);
         assert!((Converter::Instant.images(0.022) - (1.0 - sinc(0.022))).abs() < 1e-15);
     }
 

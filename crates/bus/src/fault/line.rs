@@ -69,7 +69,8 @@ impl Ord for Held {
 struct Fault {
     kind: FaultKind,
     span_ns: Range<u64>,
-    ids: Vec<u16>,
+    /// Of the frames that it concerns; all if there are none.
+    ids: Vec<Id>,
     probability: f64,
     /// How many frames it still strikes.
     left: u64,
@@ -84,7 +85,7 @@ impl Fault {
 
     /// Whether it strikes this frame.
     fn strikes(&mut self, now_ns: u64, frame: &Frame) -> bool {
-        let concerns = self.ids.is_empty() || matches!(frame.id(), Id::Standard(id) if self.ids.contains(&id));
+        let concerns = self.ids.is_empty() || self.ids.contains(&frame.id());
         if !concerns || !self.is_active(now_ns) || self.left == 0 {
             return false;
         }
@@ -102,7 +103,7 @@ impl Line {
         let faults = own.map(|(index, spec)| Fault {
             kind: spec.kind,
             span_ns: spec.span_ns(),
-            ids: spec.ids.clone(),
+            ids: spec.identifiers(),
             probability: spec.probability.unwrap_or(1.0),
             left: spec.count.unwrap_or(u64::MAX),
             delay_ns: nanoseconds(spec.delay_s.unwrap_or(0.0)),

@@ -217,8 +217,12 @@ impl<B: Bus, C: Clock + Send> Bus for Faulty<B, C> {
             if has_come && self.incoming.is_sound() {
                 return Ok(true);
             }
-            if !has_come && now_ns >= end_ns {
-                return Ok(false);
+            if now_ns >= end_ns {
+                // Frames that the faults lose or delay must not prolong the wait, however many come.
+                if has_come {
+                    self.take_in(now_ns)?;
+                }
+                return Ok(self.incoming.peek(now_ns).is_some());
             }
         }
     }
@@ -229,6 +233,10 @@ impl<B: Bus, C: Clock + Send> Bus for Faulty<B, C> {
 
     fn work_on_caller(&mut self) -> Result<(), BusError> {
         self.bus.work_on_caller()
+    }
+
+    fn check_fd(&self) -> Result<(), BusError> {
+        self.bus.check_fd()
     }
 
     fn statistics(&self) -> Statistics {
@@ -269,7 +277,7 @@ impl<B: VirtualBus, C: Clock + Send> VirtualBus for Faulty<B, C> {
 
 /// A babbling node: a frame at `from`, and then at every period.
 struct Babble {
-    ids: Vec<u16>,
+    ids: Vec<Id>,
     /// How many frames are due so far.
     turns: u64,
     rate_hz: f64,
@@ -282,7 +290,10 @@ struct Babble {
 impl Babble {
     fn new(spec: &FaultSpec, index: usize, seed: u64) -> Option<Babble> {
         let rate_hz = spec.rate_hz.filter(|_| spec.kind == FaultKind::Babble)?;
-        let ids = if spec.ids.is_empty() { [0].to_vec() } else { spec.ids.clone() };
+        let mut ids = spec.identifiers();
+        if ids.is_empty() {
+            ids.push(Id::Standard(0));
+        }
         let (span_ns, content) = (spec.span_ns(), stream(seed, index, FaultDirection::Send));
         Some(Babble { ids, turns: 0, rate_hz, next_ns: span_ns.start, span_ns, content })
     }
@@ -298,7 +309,7 @@ impl Babble {
         self.next_ns = if self.span_ns.contains(&next_ns) { next_ns } else { u64::MAX };
         let id = self.ids[(self.turns - 1) as usize % self.ids.len()];
         let is_over = now_ns >= self.span_ns.end;
-        Frame::classic(Id::Standard(id), &self.content.bits().to_le_bytes()).ok().filter(|_| !is_over)
+        Frame::classic(id, &self.content.bits().to_le_bytes()).ok().filter(|_| !is_over)
     }
 }
 

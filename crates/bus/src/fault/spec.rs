@@ -2,7 +2,7 @@
 
 use alloc::vec::Vec;
 
-use resonarm_protocol::Node;
+use resonarm_protocol::{Id, Node};
 use serde::{Deserialize, Serialize};
 use thiserror::Error;
 
@@ -15,7 +15,9 @@ const DELAY_MAX_S: f64 = 10.0;
 /// Highest rate of a babbling node, Hz: more than the shortest frames that fit 8 Mbit/s.
 const BABBLE_MAX_HZ: f64 = 100_000.0;
 /// The largest identifier of 11 bits.
-const ID_MAX: u16 = 0x7FF;
+const ID_MAX: u32 = 0x7FF;
+/// The largest identifier of 29 bits.
+const EXTENDED_ID_MAX: u32 = 0x1FFF_FFFF;
 
 /// Whose end of the bus has a fault.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
@@ -88,10 +90,13 @@ pub struct FaultSpec {
     /// End, s, after the begin. `None` lasts to the end of the run.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub to_s: Option<f64>,
-    /// The 11-bit identifiers of the frames that have it, of babble those that are sent in turn; none are all, and of
-    /// babble 0, the highest priority.
+    /// The 11-bit identifiers of the frames that have it, of babble those that are sent in turn. Without identifiers of
+    /// either length all frames have it, and babble has the identifier 0, the highest priority.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
-    pub ids: Vec<u16>,
+    pub ids: Vec<u32>,
+    /// The same of 29 bits.
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    pub extended_ids: Vec<u32>,
     /// The probability with which a frame has it, 0 to 1.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub probability: Option<f64>,
@@ -174,6 +179,13 @@ impl FaultSpec {
         nanoseconds(self.from_s)..self.to_s.map_or(u64::MAX, nanoseconds)
     }
 
+    /// The identifiers of both lengths, those of 11 bits first.
+    pub(super) fn identifiers(&self) -> Vec<Id> {
+        // Every identifier has passed `check`, so that no bits are lost.
+        let standard = self.ids.iter().map(|id| Id::Standard(*id as u16));
+        standard.chain(self.extended_ids.iter().map(|id| Id::Extended(*id))).collect()
+    }
+
     fn check(&self, number: usize) -> Result<(), FaultError> {
         let value = |name, got, expected, fits| {
             if fits { Ok(()) } else { Err(FaultError::Value { number, name, got, expected }) }
@@ -182,8 +194,12 @@ impl FaultSpec {
         let to_s = self.to_s.unwrap_or(f64::INFINITY);
         value("to_s", to_s, "later than `from_s`", to_s > self.from_s)?;
         self.check_keys(number)?;
-        let largest = self.ids.iter().copied().max().unwrap_or(0);
-        value("ids", f64::from(largest), "of 11 bits, at most 2047", largest <= ID_MAX)?;
+        let largest = |ids: &[u32]| ids.iter().copied().max().unwrap_or(0);
+        let (standard, extended) = (largest(&self.ids), largest(&self.extended_ids));
+        let expected = "of 11 bits, at most 2047; identifiers of 29 bits belong in `extended_ids`";
+        value("ids", f64::from(standard), expected, standard <= ID_MAX)?;
+        let expected = "of 29 bits, at most 536870911";
+        value("extended_ids", f64::from(extended), expected, extended <= EXTENDED_ID_MAX)?;
         let probability = self.probability.unwrap_or(1.0);
         value("probability", probability, "from 0 to 1", (0.0..=1.0).contains(&probability))?;
         if self.probability.is_some() && self.count.is_some() {
@@ -213,6 +229,7 @@ impl FaultSpec {
         for (key, useful, stated) in [
             ("direction", !matches!(self.kind, Babble | BusOff), self.direction.is_some()),
             ("ids", of_frames || self.kind == Babble, !self.ids.is_empty()),
+            ("extended_ids", of_frames || self.kind == Babble, !self.extended_ids.is_empty()),
             ("probability", of_frames, self.probability.is_some()),
             ("count", of_frames, self.count.is_some()),
         ] {

@@ -196,7 +196,8 @@ fn says_what_is_wrong_with_a_fault() {
     insta::assert_snapshot!(says("kind = 'loss'\nfrom_s = 1\nto_s = 1"), @"network.faults, number 2: `to_s` is 1: it must be later than `from_s`");
     insta::assert_snapshot!(says("kind = 'loss'\nfrom_s = 1\nprobability = 1.5"), @"network.faults, number 2: `probability` is 1.5: it must be from 0 to 1");
     insta::assert_snapshot!(says("kind = 'loss'\nfrom_s = 1\nprobability = 0.5\ncount = 2"), @"network.faults, number 2: `probability` and `count` both say which frames have it: leave one out");
-    insta::assert_snapshot!(says("kind = 'loss'\nfrom_s = 1\nids = [2048]"), @"network.faults, number 2: `ids` is 2048: it must be of 11 bits, at most 2047");
+    insta::assert_snapshot!(says("kind = 'loss'\nfrom_s = 1\nids = [2048]"), @"network.faults, number 2: `ids` is 2048: it must be of 11 bits, at most 2047; identifiers of 29 bits belong in `extended_ids`");
+    insta::assert_snapshot!(says("kind = 'loss'\nfrom_s = 1\nextended_ids = [0x2000_0000]"), @"network.faults, number 2: `extended_ids` is 536870912: it must be of 29 bits, at most 536870911");
     insta::assert_snapshot!(says("kind = 'delay'\nfrom_s = 1"), @"network.faults, number 2: `delay_s` is missing: add it, or change `kind`");
     insta::assert_snapshot!(says("kind = 'jitter'\nfrom_s = 1\ndelay_s = 0"), @"network.faults, number 2: `delay_s` is 0: it must be a positive number of seconds, at most 10");
     insta::assert_snapshot!(says("kind = 'babble'\nfrom_s = 1"), @"network.faults, number 2: `rate_hz` is missing: add it, or change `kind`");
@@ -205,4 +206,63 @@ fn says_what_is_wrong_with_a_fault() {
     insta::assert_snapshot!(says("kind = 'link_down'\nfrom_s = 1\ncount = 1"), @"network.faults, number 2: `count` says nothing about this kind of fault: leave it out");
     let many = fault("kind = 'loss'\nfrom_s = 1").repeat(MOST_FAULTS + 1);
     insta::assert_snapshot!(check(&faults(&many)).unwrap_err(), @"network.faults are 65: at most 64 are taken");
+}
+
+/// A user's protocol with identifiers of 29 bits could not be disturbed message by message.
+#[test]
+fn a_fault_may_be_of_identifiers_of_29_bits() {
+    let extended = |id: u32| Frame::classic(Id::Extended(id), &[1]).unwrap();
+    let mut bench = Bench::new(&fault("kind = 'loss'\nfrom_s = 0\nids = [0x101]\nextended_ids = [0x0D000121]"), 1);
+    for sent in [extended(0x0D00_0121), extended(0x101), frame(0x101, &[1]), frame(0x121, &[1])] {
+        bench.plant.send(&sent).unwrap();
+    }
+    assert_eq!(bench.sent(), [extended(0x101), frame(0x121, &[1])]);
+    let babble = fault("kind = 'babble'\nfrom_s = 0.001\nto_s = 0.0025\nrate_hz = 1000\nextended_ids = [0x0D000121]");
+    let mut bench = Bench::new(&babble, 1);
+    bench.at(MS);
+    assert_eq!(bench.sent().iter().map(Frame::id).collect::<Vec<Id>>(), [Id::Extended(0x0D00_0121)]);
+}
+
+/// A bus with a frame whenever it is asked; reading one takes a microsecond.
+struct Flood(VirtualClock);
+
+impl Bus for Flood {
+    fn name(&self) -> String {
+        String::from("flood")
+    }
+
+    fn send(&mut self, _frame: &Frame) -> Result<Sent, BusError> {
+        Ok(Sent::Queued)
+    }
+
+    fn receive(&mut self) -> Result<Option<Received>, BusError> {
+        assert!(self.0.now_ns() < 100 * MS, "the wait of 1 ms goes on");
+        self.0.advance_to_ns(self.0.now_ns() + 1000);
+        Ok(Some(Received { frame: frame(5, &[]), timestamp_ns: None }))
+    }
+
+    fn wait(&mut self, _timeout: Duration) -> Result<bool, BusError> {
+        Ok(true)
+    }
+
+    fn set_filters(&mut self, _filters: &[Filter]) -> Result<(), BusError> {
+        Ok(())
+    }
+
+    fn statistics(&self) -> Statistics {
+        Statistics::default()
+    }
+
+    fn close(&mut self) -> Result<(), BusError> {
+        Ok(())
+    }
+}
+
+/// As long as frames came, all of which the fault loses, the wait went on.
+#[test]
+fn a_wait_ends_in_time_although_frames_come_that_are_lost() {
+    let clock = VirtualClock::default();
+    let faults = faults(&fault("kind = 'loss'\nfrom_s = 0\nprobability = 1.0"));
+    let mut bus = Faulty::new(Flood(clock.clone()), clock, &faults, Node::Plant, 1);
+    assert!(!bus.wait(Duration::from_millis(1)).unwrap());
 }

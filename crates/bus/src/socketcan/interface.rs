@@ -1,11 +1,12 @@
 //! The CAN interfaces that this process can reach.
 
 use alloc::borrow::ToOwned;
+use alloc::format;
 use alloc::string::String;
 use alloc::vec::Vec;
 use std::{fs, io};
 
-use socketcan::{CanFdSocket, Socket};
+use socketcan::{CanAddr, CanFdSocket, Socket};
 
 /// The names of all CAN interfaces in this process's network namespace, up or down, sorted. None where the kernel has
 /// no SocketCAN.
@@ -21,6 +22,15 @@ pub fn interfaces() -> io::Result<Vec<String>> {
         names(&table).filter(|name| CanFdSocket::open(name).is_ok()).map(str::to_owned).collect();
     names.sort();
     Ok(names)
+}
+
+/// The MTU of a CAN interface: 16 bytes carry classical frames, 72 also CAN FD frames. `None` if sysfs does not show the
+/// interface of this process's network namespace.
+pub(super) fn mtu(interface: &str) -> Option<u32> {
+    let read = |name: &str| fs::read_to_string(format!("/sys/class/net/{interface}/{name}")).ok()?.trim().parse().ok();
+    let index: u32 = read("ifindex")?;
+    let address = CanAddr::from_iface(interface).ok()?;
+    (address.ifindex() == index).then(|| read("mtu"))?
 }
 
 /// The interfaces in a table of counters: two lines of headings, then one line each, `name: figures`.

@@ -78,6 +78,9 @@ impl Default for Options {
     }
 }
 
+/// The MTU of an interface that carries CAN FD frames (`CANFD_MTU` of Linux's `can.h`).
+const CAN_FD_MTU: u32 = 72;
+
 /// One end on a CAN interface.
 pub struct SocketCan {
     interface: String,
@@ -289,6 +292,13 @@ impl Bus for SocketCan {
             socket.set_filters(&filters.iter().map(filter).collect::<Vec<CanFilter>>())
         };
         outcome.map_err(|source| self.failure("setting the receive filters", source))
+    }
+
+    fn check_fd(&self) -> Result<(), BusError> {
+        match interface::mtu(&self.interface) {
+            Some(..CAN_FD_MTU) => Err(BusError::FdNotEnabled { interface: self.interface.clone() }),
+            Some(_) | None => Ok(()),
+        }
     }
 
     fn statistics(&self) -> Statistics {

@@ -1,6 +1,7 @@
 //! The structures of sections `[structure]`, and the messages about invalid ones.
 
 use crate::Scenario;
+use resonarm_bench::rig::Converter;
 
 const CHAIN: &str = r#"
 [structure]
@@ -74,7 +75,7 @@ fn what_nothing_takes_is_not_steered() {
     let steered = |load: &str| {
         let profile = "profile = { waveform = \"dwell\", frequency_hz = 15.0, duration_s = 1.0, settle_s = 0.1 }";
         let text = format!("{MODAL}[excitation]\namplitude = {{ {load} = 2.0 }}\n{profile}\n");
-        Scenario::parse(&text, "bench.toml").unwrap().steered().map(|steered| steered.limit())
+        Scenario::parse(&text, "bench.toml").unwrap().steered(Converter::default()).map(|steered| steered.limit())
     };
     assert!(steered("force_x_n").unwrap() > 2.0);
     insta::assert_snapshot!(steered("force_y_n").unwrap_err(), @"the load has `force_y_n` = 2: nothing of the structure takes it: take a load along an axis of `rig.exciter.at`, or place the exciter elsewhere");

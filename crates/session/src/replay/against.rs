@@ -128,7 +128,7 @@ impl fmt::Display for DifferenceKind {
 /// Sends the plant's recorded frames to the controller on the bus, and compares what it answers.
 ///
 /// # Errors
-/// [`ReplayError::NoController`] if none is heard, [`ReplayError::Empty`] if the recording has no commands, and
+/// [`ReplayError::AgainstWire`] if the recording is of a user's protocol, [`ReplayError::NoController`] if none is heard, [`ReplayError::Empty`] if the recording has no commands, and
 /// [`ReplayError`] if the speed is impossible, or recording or bus fail.
 pub fn play_against<C: Clock>(
     recording: &Recording,
@@ -138,7 +138,11 @@ pub fn play_against<C: Clock>(
     signals: &Signals,
 ) -> Result<Compared, ReplayError> {
     check_speed(regression.speed)?;
-    let network = Scenario::from_configuration(recording.configuration())?.network()?;
+    let scenario = Scenario::from_configuration(recording.configuration())?;
+    if scenario.wire.is_some() {
+        return Err(ReplayError::AgainstWire);
+    }
+    let network = scenario.network()?;
     let mut test = Test { bus, clock, regression, signals, live: Live::new(network), compared: Compared::default() };
     if !test.wait_for(|live| live.is_there)? {
         let waited_s = regression.patience.as_secs_f64();

@@ -30,6 +30,13 @@ pub enum ReplayError {
     /// The bus failed.
     #[error(transparent)]
     Bus(#[from] BusError),
+    /// Commands of a user's protocol name no sample that they answer.
+    #[error(
+        "the recording's run was on its scenario's own protocol ([wire]), whose commands don't name the sample that they answer; \
+         --against compares those of Resonarm's protocol alone: record a run of the new controller with the same scenario in \
+         lockstep, and compare both recordings by `resonarm diff`"
+    )]
+    AgainstWire,
     /// Nobody is there to be tested.
     #[error("no controller was heard on the bus within {} s (--patience-s)", short(.waited_s))]
     NoController {

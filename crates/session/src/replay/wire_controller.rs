@@ -31,11 +31,14 @@ pub(super) fn timed_responses(
     // CANopen drives have no readings on which a control could be closed.
     let WireSpec::Mapped(mapping) = &spec else { return Err(ReplayError::NoLoad) };
     exciter.start(0);
+    let armed_ns = armed_ns(recording)?;
     let (mut loads, mut responses) = (Loads::new(mapping), Vec::new());
     loads.make(exciter.as_mut());
     for record in recording.frames()? {
         let record = record?;
         match record.direction {
+            // A plant in lockstep sends readings before it is armed. The recorded exciter did not answer them.
+            Direction::Sent if rate.1 == TimeBase::Lockstep && record.time_ns < armed_ns => {}
             Direction::Sent => {
                 exciter.handle_frame(record.time_ns, &record.frame);
                 loads.make(exciter.as_mut());
@@ -49,6 +52,17 @@ pub(super) fn timed_responses(
         }
     }
     if loads.has_begun { Ok(responses) } else { Err(ReplayError::NoLoad) }
+}
+
+/// When the plant was armed for the first time, ns; 0 if the recording does not say it.
+fn armed_ns(recording: &Recording) -> Result<u64, ReplayError> {
+    for event in recording.events()? {
+        let event = event?;
+        if event.name == "state.operational" {
+            return Ok(event.time_ns);
+        }
+    }
+    Ok(0)
 }
 
 /// How the recorded exciter answered samples, as the run made it.

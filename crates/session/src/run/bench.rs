@@ -1,16 +1,18 @@
 //! The plant with its node and its recording: the steps that all run loops share.
 
 use super::event_record::{controller_record, event_record, request_records, sample_record};
+use super::mistakes::{RefusedFrame, last_such_sample};
 use super::outage::Outage;
 use super::record_sink::RecordSink;
 use super::round_trip::RoundTrips;
 use super::{BusCounts, BusLoss, Fault, Gauges, Notice, Request, RunError, RunEvent, Watched};
 use resonarm_bench::node::{PlantInterface, PublishedSample, WireEvent};
 use resonarm_bench::plant::{Plant, PlantError};
+use resonarm_bench::rig::Measurement;
 use resonarm_bus::{Bus, BusError, ControllerState, Received, Sent, Statistics};
 use resonarm_dynamics::arm::Load;
 use resonarm_files::recording::{Direction, Event, FrameRecord, Record, StateRecord, TickRecord};
-use resonarm_protocol::{EmergencyCode, Frame, NodeState, OperatorRequest, Trip};
+use resonarm_protocol::{Emergency, EmergencyCode, Frame, NodeState, OperatorRequest, Trip};
 use resonarm_realtime::Percentiles;
 
 /// Frames taken from the bus in one go: bounds the work of a sample. At 1 Mbit/s a sample of 1 ms has at most 9 frames.
@@ -34,11 +36,14 @@ pub(super) struct Bench<'a> {
     bus_loss: Option<BusLoss>,
     /// Whether another sender of the plant's messages has been reported.
     other_sender_reported: bool,
+    first_refused_frame: Option<RefusedFrame>,
     /// The state of the bus's controller reported last.
     controller: ControllerState,
     /// In real time.
     round_trips: Option<RoundTrips>,
     samples: u64,
+    /// Sample 0, if it was measured and published before the plant was armed in lockstep.
+    start: Option<Measurement>,
     /// The load from the sample before to this one.
     held: Load,
 }
@@ -63,9 +68,11 @@ impl<'a> Bench<'a> {
             outage: None,
             bus_loss: None,
             other_sender_reported: false,
+            first_refused_frame: None,
             controller: ControllerState::Active,
             round_trips: None,
             samples: 0,
+            start: None,
             held: Load::default(),
         }
     }
@@ -83,9 +90,11 @@ impl<'a> Bench<'a> {
             outage: self.outage,
             bus_loss: self.bus_loss,
             other_sender_reported: self.other_sender_reported,
+            first_refused_frame: self.first_refused_frame,
             controller: self.controller,
             round_trips: None,
             samples: self.samples,
+            start: self.start,
             held: self.held,
         }
     }
@@ -122,6 +131,11 @@ impl<'a> Bench<'a> {
     /// What was counted so far, with a bus that has counted `statistics`.
     pub fn counts(&self, statistics: Statistics) -> BusCounts {
         BusCounts::new(statistics, self.node.frames())
+    }
+
+    /// The first frame that the node refused for one of its checks.
+    pub fn first_refused_frame(&self) -> Option<RefusedFrame> {
+        self.first_refused_frame
     }
 
     /// How the bus was lost last, if it was.
@@ -272,7 +286,12 @@ impl<'a> Bench<'a> {
         };
         self.record(&Record::Frame(record));
         self.outage.iter_mut().for_each(Outage::hear);
+        let refused = self.node.frames().refused;
         self.node.handle_frame(now_ns, &received.frame);
+        if self.node.frames().refused > refused {
+            let sample = self.sample();
+            self.first_refused_frame.get_or_insert(RefusedFrame { sample, frame: received.frame });
+        }
         if let (Some(index), Some(round_trips)) = (self.node.take_echoed(), &mut self.round_trips) {
             round_trips.arrive(index, now_ns, received.timestamp_ns);
         }
@@ -305,12 +324,14 @@ impl<'a> Bench<'a> {
                 }
             }
             WireEvent::Emergency(emergency) if emergency.code == EmergencyCode::Incompatible => {
-                (self.on_event)(RunEvent::NotArmed { fault: Fault::from(emergency) });
+                let fault = self.fault_found(emergency);
+                (self.on_event)(RunEvent::NotArmed { fault });
             }
             WireEvent::Emergency(emergency) if emergency.code.is_notice() => {}
             WireEvent::Emergency(emergency) => {
-                let partner = self.node.fault_reason().as_ref().map(Fault::from);
-                (self.on_event)(RunEvent::Faulted { fault: Fault::from(emergency), partner });
+                let partner = self.node.fault_reason().map(|reason| self.fault_found(&reason));
+                let fault = self.fault_found(emergency);
+                (self.on_event)(RunEvent::Faulted { fault, partner });
             }
             WireEvent::OtherSender(identifier) if !self.other_sender_reported => {
                 self.other_sender_reported = true;
@@ -321,13 +342,38 @@ impl<'a> Bench<'a> {
         }
     }
 
-    /// Measures the sample, records and publishes it.
+    /// A fault that was found by now, with the full index of its sample.
+    pub fn fault_found(&self, emergency: &Emergency) -> Fault {
+        Fault::at(emergency, last_such_sample(emergency.sample, self.sample()))
+    }
+
+    /// Measures the sample, records and publishes it. One that [`Bench::publish_start`] has measured is published again.
     pub fn measure(&mut self) -> Result<(), RunError> {
+        let measurement = self.measurement();
+        self.publish(&measurement)
+    }
+
+    /// The readings of the sample, recorded when they are measured.
+    fn measurement(&mut self) -> Measurement {
+        if let Some(start) = self.start.take() {
+            return start;
+        }
         let measurement = self.plant.measure();
         self.samples += 1;
         self.record(&Record::Sample(sample_record(&measurement)));
+        measurement
+    }
+
+    /// Publishes sample 0 while nobody has armed the plant. It is measured and recorded once.
+    pub fn publish_start(&mut self) -> Result<(), RunError> {
+        let measurement = self.measurement();
+        self.start = Some(measurement);
+        self.publish(&measurement)
+    }
+
+    fn publish(&mut self, measurement: &Measurement) -> Result<(), RunError> {
         let (states, travel_m) = (self.plant.states(), self.plant.travel_m());
-        Ok(self.node.publish(&PublishedSample { measurement: &measurement, states, travel_m })?)
+        Ok(self.node.publish(&PublishedSample { measurement, states, travel_m })?)
     }
 
     /// Advances to the next sample with the command that is held now, and records the state before. If the simulation

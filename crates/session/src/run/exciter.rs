@@ -4,6 +4,7 @@ use core::sync::atomic::{AtomicBool, Ordering};
 use core::time::Duration;
 
 use super::event_record::{event_record, request_records, sample_record};
+use super::mistakes::RefusedFrame;
 use super::outage::{self, Outage};
 use super::{BusCounts, BusLoss, CommandRecord, End, ExciterReport, Notice, Request, RunError, Signals, Watched};
 use resonarm_bench::control::ResponsePoint;
@@ -20,6 +21,8 @@ const RETRY_NS: u64 = 200_000;
 /// How long to go on sending what is left after the end, ns: several times what a full outbox takes on a wire of 125
 /// kbit/s.
 const SEND_LIMIT_NS: u64 = 500_000_000;
+/// Frames taken in between two looks at the stop signal and at the deadlines, so that a flooded bus delays neither.
+const FRAMES_AT_ONCE: usize = 256;
 
 /// How long to wait for a plant, and how often to begin anew after a fault.
 #[derive(Clone, Copy, Debug)]
@@ -58,6 +61,7 @@ pub(super) fn run<C: Clock>(
         outage: None,
         jammed_since_ns: None,
         bus_loss: None,
+        first_refused: None,
         rearmed: 0,
         signals,
         watched,
@@ -66,10 +70,11 @@ pub(super) fn run<C: Clock>(
     let answered = run.answer();
     let left_unheard = matches!(answered, Ok(Answered::PlantEnded)).then_some(ExciterOutcome::PlantLeft);
     let error = answered.and_then(|_end| run.send_rest()).err();
-    let Run { bus, responses, rearmed, bus_loss, .. } = run;
+    let Run { bus, responses, rearmed, bus_loss, first_refused, .. } = run;
     let counts = BusCounts::new(bus.statistics(), node.frames());
     let report = ExciterReport::new(node, error);
-    ExciterReport { outcome: left_unheard.or(report.outcome), responses, rearmed, bus: counts, bus_loss, ..report }
+    let outcome = left_unheard.or(report.outcome);
+    ExciterReport { outcome, responses, rearmed, bus: counts, bus_loss, first_refused, ..report }
 }
 
 /// What ended the exciter's loop.
@@ -87,6 +92,10 @@ impl ExciterReport {
             outcome: node.outcome(),
             partner_fault: node.plant_fault(),
             bus_loss: None,
+            cause: None,
+            first_refused_frame: None,
+            first_refused: None,
+            last_answer: node.carried().last_answer(),
             error,
             samples_played: node.samples_played(),
             missed_samples: node.missed_samples(),
@@ -110,6 +119,8 @@ struct Run<'r, C: Clock> {
     jammed_since_ns: Option<u64>,
     /// How it was lost last.
     bus_loss: Option<BusLoss>,
+    /// The first frame that the node refused for one of its checks.
+    first_refused: Option<RefusedFrame>,
     rearmed: u32,
     signals: &'r Signals,
     watched: Option<Watched>,
@@ -125,10 +136,11 @@ impl<C: Clock> Run<'_, C> {
         self.node.start(0);
         loop {
             let now_ns = self.now_ns();
-            // Looked at before the bus, so that all that the plant has sent is taken in by then.
-            let plant_ended = self.patience.has_plant_ended();
+            // Looked at before the bus: once nothing is left unread, all that the plant has sent was taken in.
+            let has_plant_ended = self.patience.has_plant_ended();
             let came = self.take_in(now_ns);
-            self.survive(now_ns, came)?;
+            let is_all_read = self.survive(now_ns, came)?.unwrap_or(true);
+            let plant_ended = has_plant_ended && is_all_read;
             if self.signals.is_stopped() {
                 self.node.leave(now_ns);
             }
@@ -180,16 +192,22 @@ impl<C: Clock> Run<'_, C> {
         false
     }
 
-    /// Takes in what has come, and answers it.
-    fn take_in(&mut self, now_ns: u64) -> Result<(), BusError> {
-        while let Some(received) = self.bus.receive()? {
+    /// Takes in what has come, at most [`FRAMES_AT_ONCE`] frames, and answers it; `true` if nothing is left unread.
+    fn take_in(&mut self, now_ns: u64) -> Result<bool, BusError> {
+        for _ in 0..FRAMES_AT_ONCE {
+            let Some(received) = self.bus.receive()? else { return Ok(true) };
             self.outage.iter_mut().for_each(Outage::hear);
             self.notify_frame(Direction::Received, received.timestamp_ns, received.frame);
+            let refused = self.node.frames().refused;
             self.node.handle_frame(now_ns, &received.frame);
+            if self.node.frames().refused > refused {
+                let sample = self.node.samples_played();
+                self.first_refused.get_or_insert(RefusedFrame { sample, frame: received.frame });
+            }
             // An answer must not wait for the frames behind the sample.
             self.transmit()?;
         }
-        Ok(())
+        Ok(false)
     }
 
     /// Sleeps until something comes, `limit_ns` at most.

@@ -32,8 +32,7 @@ impl ExciterEnd {
     /// The same, with what the run knows of a fault; an error of the run is left out.
     pub fn of_controller(report: &ExciterReport) -> ExciterEnd {
         let end = ExciterEnd::of(report.outcome.as_ref());
-        let fault = report.fault().map(|fault| fault_text(fault, report.partner_fault.as_ref(), report.bus_loss));
-        ExciterEnd { reason: fault.or(end.reason), ..end }
+        ExciterEnd { reason: report.fault_text().or(end.reason), ..end }
     }
 
     /// Whether it was asked to stop before the controller had finished.

@@ -66,7 +66,7 @@ fn missed(error: &PeriodicError) -> u64 {
 }
 
 pub(super) fn outcome(bench: &Bench, ended: &Result<EndedBy, RunError>) -> PlantOutcome {
-    let nothing_done = !bench.was_armed() && bench.samples() == 0;
+    let nothing_done = !bench.was_armed() && bench.sample() == 0;
     match ended {
         Err(_) => PlantOutcome::Failed,
         Ok(_) if bench.node().latched_fault().is_some() => PlantOutcome::Faulted,

@@ -3,6 +3,7 @@
 use super::bench::Bench;
 use super::exciter::steer;
 use super::finish::{EndedBy, outcome};
+use super::mistakes::RefusedFrame;
 use super::pace::Pace;
 use super::{Ending, Notice, PlantOutcome, RunError, Signals, Watched};
 use resonarm_bench::control::ResponsePoint;
@@ -32,6 +33,8 @@ pub(super) struct Free<'r, 'b, 'c, C: Clock> {
     pub signals: &'r Signals,
     pub watched: Option<Watched>,
     pub responses: Vec<ResponsePoint>,
+    /// The first frame that the exciter refused for one of its checks.
+    pub first_refused: Option<RefusedFrame>,
 }
 
 impl<C: Clock> Free<'_, '_, '_, C> {
@@ -145,7 +148,12 @@ impl<C: Clock> Free<'_, '_, '_, C> {
     /// The exciter takes in what has come, and sends what it has.
     fn answer(&mut self, now_ns: u64) -> Result<(), BusError> {
         while let Some(received) = self.far.receive()? {
+            let refused = self.exciter.frames().refused;
             self.exciter.handle_frame(now_ns, &received.frame);
+            if self.exciter.frames().refused > refused {
+                let sample = self.exciter.samples_played();
+                self.first_refused.get_or_insert(RefusedFrame { sample, frame: received.frame });
+            }
         }
         while let Some(frame) = self.exciter.next_frame() {
             if self.far.send(&frame)? == Sent::QueueFull {

@@ -109,12 +109,14 @@ impl Session {
         Ok(HostedPlant { bench, port: HostPort::default(), rate: self.rate })
     }
 
-    /// The exciter's node with its controller for a host, not yet started.
+    /// The exciter's node with its controller for a host, not yet started. It is made for the plant of the same
+    /// scenario: unless `network.plant_converter` states another converter, it corrects readings for `rig.converter`.
     ///
     /// # Errors
     /// [`RunError`] if the scenario has no such node, or no controller.
     pub fn hosted_exciter(&self) -> Result<HostedExciter, RunError> {
-        let node = self.exciter_node()?;
+        let converter = self.scenario.network.plant_converter.unwrap_or(self.scenario.rig.converter);
+        let node = self.exciter_node(converter)?;
         Ok(HostedExciter { node, port: HostPort::default(), responses: Vec::new() })
     }
 }

@@ -1,6 +1,7 @@
 //! Lockstep: simulated time, advanced by the controller's answers, and held to the clock if a speed is asked for.
 //!
-//! Sample 0 is published when the plant is armed for the first time. From then on an armed plant waits for the command
+//! Sample 0 is published when the plant is armed for the first time. On a user's protocol its readings are sent before
+//! that, too, again and again, for a controller that waits for a reading before it does anything. From then on an armed plant waits for the command
 //! that answers the sample it published, with the node's own timeout; after a fault or a disarm there is nobody to wait
 //! for, and the plant goes on at the sample rate.
 
@@ -15,6 +16,11 @@ use resonarm_realtime::{Clock, HistogramError, LatencyHistogram, SampleRate};
 
 /// Longest sleep between two looks at the stop signal, ns.
 const LOOK_NS: u64 = 20_000_000;
+/// Interval at which a plant that was never armed repeats the readings of sample 0, ns of the clock.
+const REPEAT_NS: u64 = 50_000_000;
+/// How long after arming commands that don't name their sample are still on their way as answers to those readings, ns
+/// of the clock. They would count as answers to sample 0, and shift all later ones by a sample.
+const SETTLE_NS: u64 = 50_000_000;
 
 /// Runs the plant in lockstep on the calling thread, until its end or until it is asked to stop.
 pub(super) fn lockstep<C: Clock>(
@@ -56,11 +62,8 @@ impl<C: Clock> Lockstep<'_, '_, '_, C> {
 
     fn samples(&mut self) -> Result<EndedBy, RunError> {
         self.bench.start(self.pace.start_ns(), self.pace.now_ns());
-        while !self.bench.node().is_armed() {
-            if let Some(end) = self.ended() {
-                return Ok(end);
-            }
-            self.serve(self.pace.now_ns(), LOOK_NS)?;
+        if let Some(end) = self.wait_for_arming()? {
+            return Ok(end);
         }
         self.pace.anchor(0);
         let mut now_ns = self.pace.now_ns();
@@ -90,6 +93,34 @@ impl<C: Clock> Lockstep<'_, '_, '_, C> {
             self.bench.show(self.signals.gauges(), self.pace.lag_ns(), exec_ns, 0);
             self.signals.set_done(self.bench.sample());
         }
+    }
+
+    /// Waits until the plant is armed; returns what ended the run instead, if anything did.
+    fn wait_for_arming(&mut self) -> Result<Option<EndedBy>, RunError> {
+        let mut repeat_at_ns = 0;
+        let mut now_ns = self.pace.now_ns();
+        while !self.bench.node().is_armed() {
+            if let Some(end) = self.ended() {
+                return Ok(Some(end));
+            }
+            let mut limit_ns = LOOK_NS;
+            if self.bench.node().sends_unarmed_readings() {
+                if now_ns >= repeat_at_ns {
+                    self.bench.publish_start()?;
+                    repeat_at_ns = now_ns + REPEAT_NS;
+                }
+                limit_ns = limit_ns.min(repeat_at_ns - now_ns);
+            }
+            now_ns = self.serve(now_ns, limit_ns)?;
+        }
+        let settled_ns = now_ns + if self.bench.node().has_unnumbered_answers() { SETTLE_NS } else { 0 };
+        while now_ns < settled_ns && self.bench.node().is_armed() {
+            if let Some(end) = self.ended() {
+                return Ok(Some(end));
+            }
+            now_ns = self.serve(now_ns, settled_ns - now_ns)?;
+        }
+        Ok(None)
     }
 
     fn waits_for_answer(&self) -> bool {

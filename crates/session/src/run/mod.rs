@@ -46,6 +46,7 @@ mod free;
 mod gauges;
 mod hosted;
 mod lockstep;
+mod mistakes;
 mod mode;
 mod outage;
 mod pace;
@@ -97,7 +98,9 @@ impl Ending {
             Some(EndedBy::Disarm)
         } else if self.after_samples.is_some_and(|samples| bench.sample() >= samples) {
             Some(EndedBy::Duration)
-        } else if !bench.was_armed() && self.patience_ns.is_some_and(|patience_ns| now_ns() >= patience_ns) {
+        } else if !bench.was_armed()
+            && (signals.has_exciter_ended() || self.patience_ns.is_some_and(|patience_ns| now_ns() >= patience_ns))
+        {
             Some(EndedBy::Patience)
         } else {
             None

@@ -4,12 +4,13 @@ use super::bench::Bench;
 use super::record_sink::RecordSink;
 use super::session::{Network, RecordTo};
 use super::{End, Mode, RunError, RunEvent, Session};
-use resonarm_bench::node::{self, ExciterInterface, ExciterRemark, PlantInterface, PlantNode, TimeBase};
+use resonarm_bench::node::{self, ExciterInterface, ExciterRemark, PlantInterface, PlantNode, TimeBase, WireSpec};
 use resonarm_bench::plant::Plant;
-use resonarm_bus::{Filter, network_filters};
+use resonarm_bench::rig::Converter;
+use resonarm_bus::{Bus, Filter, network_filters};
 use resonarm_files::recording::channels::Channels;
 use resonarm_files::recording::{self, Recorder};
-use resonarm_protocol::Id;
+use resonarm_protocol::{FrameFormat, Id, Node, Profile};
 use resonarm_realtime::SystemClock;
 
 /// Records on their way to the writer: at 1 kHz about four seconds of everything.
@@ -32,18 +33,36 @@ impl Session {
         })
     }
 
-    /// The exciter's node, of the scenario's own protocol or of Resonarm's.
-    pub(super) fn exciter_node(&self) -> Result<Box<dyn ExciterInterface>, RunError> {
+    /// The exciter's node, of the scenario's own protocol or of Resonarm's, for a plant whose instruments have this
+    /// converter.
+    pub(super) fn exciter_node(&self, converter: Converter) -> Result<Box<dyn ExciterInterface>, RunError> {
         let (network, rate_hz) = (self.scenario.network()?, self.scenario.wire_rate_hz()?);
-        let controller = self.controller()?;
+        let controller = self.controller_reading(converter)?;
         let Some(wire) = &self.wire else {
             return Ok(Box::new(node::carry(network, rate_hz, self.timing, controller)));
         };
-        let node = wire.exciter((rate_hz, self.time_base()), self.timing, controller)?;
+        let mut node = wire.exciter((rate_hz, self.time_base()), self.timing, controller)?;
+        if self.mode == Mode::Lockstep {
+            node.expect_unarmed_readings();
+        }
         if let Some(amplitude) = self.scenario.amplitude().filter(|_| !self.has_own_controller()) {
             node.check_load(&amplitude.load())?;
         }
         Ok(node)
+    }
+
+    /// Refuses a bus for classical frames if this node sends CAN FD frames.
+    pub(super) fn check_fd(&self, node: Node, bus: &dyn Bus) -> Result<(), RunError> {
+        let is_fd = |format: FrameFormat| matches!(format, FrameFormat::Fd { .. });
+        let sends_fd = match &self.wire {
+            None => self.scenario.network.profile == Profile::Fd,
+            Some(WireSpec::Mapped(mapping)) => match node {
+                Node::Plant => mapping.outgoing.iter().any(|message| is_fd(message.format)),
+                Node::Exciter => mapping.incoming.iter().any(|message| is_fd(message.format)),
+            },
+            Some(WireSpec::Cia402(_)) => false,
+        };
+        if sends_fd { Ok(bus.check_fd()?) } else { Ok(()) }
     }
 
     /// What the emulated exciter can't know on the scenario's own protocol; nothing without one.
@@ -51,7 +70,7 @@ impl Session {
     /// # Errors
     /// [`RunError::WireLacks`] if it can't drive the plant by it.
     pub fn exciter_remarks(&self) -> Result<Vec<ExciterRemark>, RunError> {
-        Ok(self.exciter_node()?.remarks())
+        Ok(self.exciter_node(self.scenario.partner_converter())?.remarks())
     }
 
     /// When the commands of the scenario's own protocol are judged. A free run on which every frame is there at once is

@@ -5,13 +5,16 @@ use core::fmt::Write;
 use serde::{Serialize, Serializer};
 
 use super::bench::Bench;
+use super::mistakes::{RefusedFrame, first_such_sample, refused_command, unsent_command};
 use super::{BusLoss, RunError, Signals};
 use resonarm_bench::control::ResponsePoint;
 use resonarm_bench::node::{self, FaultCause, FrameCounts, Refusals, Unheeded};
 use resonarm_bus::{ControllerErrors, Statistics};
+use resonarm_dynamics::arm::Load;
 use resonarm_files::recording::Summary;
-use resonarm_protocol::{Emergency, EmergencyCode, Refusal, Trip};
+use resonarm_protocol::{Emergency, EmergencyCode, Node, Refusal, Trip};
 use resonarm_realtime::{LatencyHistogram, OverrunCauses, Percentiles, SpinChoice, ThreadReport};
+use resonarm_scenario::Scenario;
 
 /// How a plant's run ended.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize)]
@@ -53,8 +56,11 @@ pub struct PlantReport {
     #[serde(skip_serializing_if = "Option::is_none", serialize_with = "as_cause")]
     pub cause: Option<FaultCause>,
     /// What the exciter said was wrong, where that is the reason of the fault.
-    #[serde(serialize_with = "as_fault")]
+    #[serde(skip)]
     pub partner_fault: Option<Emergency>,
+    /// The same as numbers and by name.
+    #[serde(rename = "partner_fault")]
+    pub partner: Option<Fault>,
     /// How the bus was lost, the last time that it was.
     pub bus_loss: Option<BusLoss>,
     /// What ended it early, if something failed.
@@ -92,6 +98,12 @@ pub struct PlantReport {
     pub bus: BusCounts,
     /// Valid commands that did not reach the arm, by reason.
     pub refused: RefusedCommands,
+    /// The first command that was refused for its load, with the limit.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub first_refused_command: Option<String>,
+    /// The first frame that was refused for its checks, with the reason.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub first_refused_frame: Option<String>,
     /// The recording, if there is one.
     #[serde(serialize_with = "as_path")]
     pub recording: Option<Summary>,
@@ -103,10 +115,11 @@ impl PlantReport {
         let emergency = bench.node().latched_fault();
         PlantReport {
             outcome,
-            fault: emergency.as_ref().map(Fault::from),
+            fault: emergency.as_ref().map(|found| bench.fault_found(found)),
             emergency,
             cause: bench.node().fault_cause(),
             partner_fault: bench.node().fault_reason(),
+            partner: bench.node().fault_reason().map(|reason| bench.fault_found(&reason)),
             bus_loss: bench.bus_loss(),
             error,
             samples: bench.samples(),
@@ -123,6 +136,8 @@ impl PlantReport {
             pacing: None,
             bus,
             refused: RefusedCommands::from(bench.node().refusals()),
+            first_refused_command: bench.node().refusals().first_load().map(|of| refused_command(&of, bench.plant())),
+            first_refused_frame: None,
             recording: None,
         }
     }
@@ -130,7 +145,9 @@ impl PlantReport {
     /// The fault that was latched at the end in words, with its cause and how to fix it.
     pub fn fault_text(&self) -> Option<String> {
         let emergency = self.emergency.as_ref()?;
-        Some(text_of_fault(emergency, self.cause.as_ref(), self.partner_fault.as_ref(), self.bus_loss))
+        let text = text_of_fault(emergency, self.cause.as_ref(), self.partner_fault.as_ref(), self.bus_loss);
+        let sample = self.fault.map_or_else(|| emergency.sample.into(), |fault| fault.sample);
+        Some(at_full_sample(text, emergency, sample))
     }
 }
 
@@ -152,6 +169,14 @@ pub struct ExciterReport {
     pub partner_fault: Option<Emergency>,
     /// How the bus was lost, the last time that it was.
     pub bus_loss: Option<BusLoss>,
+    /// What the controller did that is the cause of a fault, where it is known.
+    pub cause: Option<String>,
+    /// The first frame that was refused for its checks, with the reason.
+    pub first_refused_frame: Option<String>,
+    /// The same, before it is put in words.
+    pub(super) first_refused: Option<RefusedFrame>,
+    /// The load by which the controller answered last, and the sample.
+    pub(super) last_answer: Option<(u64, Load)>,
     /// What ended it early, if something failed.
     pub error: Option<RunError>,
     /// Samples answered, counted from the start of the profile.
@@ -176,6 +201,54 @@ impl ExciterReport {
             _ => None,
         }
     }
+
+    /// The full index of the sample that a fault states modulo 65536: an exciter counts samples from arming, and the plant
+    /// from its start.
+    fn full_sample(&self, emergency: &Emergency) -> u64 {
+        first_such_sample(emergency.sample, self.samples_played.saturating_sub(1))
+    }
+
+    /// A fault as numbers and by name.
+    pub fn found(&self, emergency: &Emergency) -> Fault {
+        Fault::at(emergency, self.full_sample(emergency))
+    }
+
+    /// The fault that ended it in words, with its cause and how to fix it.
+    pub fn fault_text(&self) -> Option<String> {
+        let fault = self.fault()?;
+        let text = fault_text(fault, self.partner_fault.as_ref(), self.bus_loss);
+        let mut text = at_full_sample(text, fault, self.full_sample(fault));
+        let mut causes: Vec<String> = self.cause.iter().cloned().collect();
+        let is_of_partner = matches!(fault.code, EmergencyCode::PartnerFault | EmergencyCode::SensorTimeout);
+        if let Some(first) = self.first_refused_frame.as_ref().filter(|_| is_of_partner) {
+            causes.push(format!("{} frames were refused, the first of them {first}", self.bus.refused));
+        }
+        if !causes.is_empty() {
+            let place = text.find(REMEDY).unwrap_or(text.len());
+            text.insert_str(place, &format!(": {}", causes.join("; ")));
+        }
+        Some(text)
+    }
+
+    /// The report with everything in words that a scenario is needed for.
+    pub(super) fn explained(self, scenario: &Scenario) -> ExciterReport {
+        let is_beyond = self
+            .fault()
+            .is_some_and(|fault| (fault.node, fault.code) == (Node::Exciter, EmergencyCode::CommandOutOfRange));
+        let cause =
+            self.last_answer.filter(|_| is_beyond).map(|(sample, load)| unsent_command(sample, &load, scenario));
+        let first_refused_frame = self.first_refused.map(|refused| refused.in_words(scenario));
+        ExciterReport { cause, first_refused_frame, ..self }
+    }
+}
+
+/// What leads from a fault to its remedy.
+const REMEDY: &str = "; to fix it: ";
+
+/// The text of a fault with the full index of its sample in place of that modulo 65536.
+fn at_full_sample(text: String, emergency: &Emergency, sample: u64) -> String {
+    let stated = format!("at sample {}", emergency.sample);
+    if sample == u64::from(emergency.sample) { text } else { text.replacen(&stated, &format!("at sample {sample}"), 1) }
 }
 
 /// What a run with both ends in one process came to.
@@ -218,13 +291,14 @@ pub struct Fault {
     pub name: &'static str,
     /// More about it; the meaning depends on the code.
     pub detail: u16,
-    /// The index, modulo 65536, of the sample at which it was found.
-    pub sample: u16,
+    /// The index of the sample at which it was found.
+    pub sample: u64,
 }
 
-impl From<&Emergency> for Fault {
-    fn from(emergency: &Emergency) -> Fault {
-        let Emergency { code, detail, sample, .. } = *emergency;
+impl Fault {
+    /// The fault of an emergency, which states its sample modulo 65536.
+    pub(super) fn at(emergency: &Emergency, sample: u64) -> Fault {
+        let Emergency { code, detail, .. } = *emergency;
         Fault { code: code as u16, name: name(code), detail, sample }
     }
 }
@@ -278,6 +352,10 @@ fn text_of_fault(
         _ if is_bus_off => {
             "check bit rate, wiring and the two terminations of 120 Ω: there were too many transmit errors"
         }
+        (EmergencyCode::PartnerFault, Some(said)) if said.code == EmergencyCode::PartnerFault => {
+            "neither end has faulted by itself: the exciter heard a heartbeat of this plant that says fault or boot-up, which \
+             the plant did not send so. A heartbeat has no checksum. Look for bit errors on the bus, and for a second plant"
+        }
         (EmergencyCode::PartnerFault | EmergencyCode::SensorTimeout, Some(said)) => remedy(said),
         _ => match cause {
             Some(FaultCause::Unheeded(Unheeded { frames: 1.., .. })) => {
@@ -287,7 +365,7 @@ fn text_of_fault(
             Some(FaultCause::Stop(_)) | None => remedy(emergency),
         },
     };
-    let _infallible = write!(text, "; to fix it: {remedy}");
+    let _infallible = write!(text, "{REMEDY}{remedy}");
     text
 }
 
@@ -307,7 +385,10 @@ fn remedy(emergency: &Emergency) -> &'static str {
         EmergencyCode::SensorTimeout | EmergencyCode::HeartbeatLost => {
             "the partner or the bus has gone: see whether it still runs; raise network.partner_timeout_s if it was held up"
         }
-        EmergencyCode::PartnerFault => "the partner says why",
+        EmergencyCode::PartnerFault => {
+            "the partner's report says why. If it names no other fault than this one, a heartbeat was corrupted, which has no \
+             checksum: look for bit errors on the bus, and for a second node that sends heartbeats"
+        }
         EmergencyCode::Incompatible => "start both ends with the same scenario and the same version",
         EmergencyCode::CommandOutOfRange => "lower the excitation's amplitude",
         EmergencyCode::SimulationFailed => {
@@ -415,10 +496,6 @@ impl BusCounts {
 
 fn as_cause<S: Serializer>(cause: &Option<FaultCause>, serializer: S) -> Result<S::Ok, S::Error> {
     cause.as_ref().map(FaultCause::to_string).serialize(serializer)
-}
-
-fn as_fault<S: Serializer>(emergency: &Option<Emergency>, serializer: S) -> Result<S::Ok, S::Error> {
-    emergency.as_ref().map(Fault::from).serialize(serializer)
 }
 
 fn as_text<S: Serializer>(error: &Option<RunError>, serializer: S) -> Result<S::Ok, S::Error> {

@@ -17,6 +17,7 @@ use super::{BothReport, BusCounts, End, Ending, ExciterReport, Mode, PlantReport
 use resonarm_bench::control::Controller;
 use resonarm_bench::node::{Timing, WireSpec};
 use resonarm_bench::plant::{Plant, Stepped};
+use resonarm_bench::rig::Converter;
 use resonarm_bus::fault::Faulty;
 use resonarm_bus::{Bus, VirtualBus, memory, timed};
 use resonarm_files::recording::{Existing, Recorder};
@@ -230,9 +231,14 @@ impl Session {
     /// # Errors
     /// [`RunError`] if the scenario has none.
     pub fn controller(&self) -> Result<Box<dyn Controller>, RunError> {
+        self.controller_reading(self.scenario.rig.converter)
+    }
+
+    /// The same, for a plant whose instruments have this converter. A controller of the caller's own knows its plant.
+    pub(super) fn controller_reading(&self, converter: Converter) -> Result<Box<dyn Controller>, RunError> {
         match &self.controller {
             Some(make) => Ok(self.scenario.limited(make.0())),
-            None => Ok(self.scenario.controller()?),
+            None => Ok(self.scenario.controller_reading(converter)?),
         }
     }
 
@@ -257,6 +263,7 @@ impl Session {
         signals: &Signals,
         mut on_event: impl FnMut(RunEvent),
     ) -> Result<PlantReport, RunError> {
+        self.check_fd(Node::Plant, bus)?;
         self.leave_core();
         let recorder = self.recorder(&bus.name())?;
         let mut bench = self.bench(recorder.as_ref(), &mut on_event)?;
@@ -275,8 +282,15 @@ impl Session {
             }
             Mode::Free => return Err(RunError::FreeHasNoBus),
         };
+        let report = self.explained(&bench, report);
         drop(bench);
         Ok(finish_recording(recorder, PlantReport { thread, ..report }))
+    }
+
+    /// The report with the first frame that the plant refused, in words.
+    fn explained(&self, bench: &Bench, report: PlantReport) -> PlantReport {
+        let first_refused_frame = bench.first_refused_frame().map(|refused| refused.in_words(&self.scenario));
+        PlantReport { first_refused_frame, ..report }
     }
 
     /// In real time a thread that looks at who has the core of the calling one.
@@ -304,7 +318,8 @@ impl Session {
     }
 
     /// Runs the exciter on `bus`, on the calling thread, until its controller has finished, it faults, or it is asked
-    /// to stop.
+    /// to stop. The plant at the other end need not be the scenario's: its readings are corrected only for a converter that
+    /// `network.plant_converter` states.
     ///
     /// # Errors
     /// [`RunError`] if the run can't begin. What ends it early is in the report.
@@ -312,7 +327,8 @@ impl Session {
         if self.mode == Mode::Free {
             return Err(RunError::FreeHasNoBus);
         }
-        let mut node = self.exciter_node()?;
+        self.check_fd(Node::Exciter, bus)?;
+        let mut node = self.exciter_node(self.scenario.partner_converter())?;
         let watched = self.watch.as_ref().map(|watch| watch.open(End::Exciter));
         let _awake = self.become_real_time()?;
         let patience = self.patience(None);
@@ -320,7 +336,8 @@ impl Session {
         if self.mode == Mode::Lockstep {
             bus.work_on_caller()?;
         }
-        Ok(exciter::run(&mut *node, bus, &SystemClock, patience, (signals, watched)))
+        let report = exciter::run(&mut *node, bus, &SystemClock, patience, (signals, watched));
+        Ok(report.explained(&self.scenario))
     }
 
     /// What a recording of [`Session::both`] calls the bus between them.
@@ -358,28 +375,34 @@ impl Session {
         signals: &Signals,
         on_event: impl FnMut(RunEvent),
     ) -> Result<BothReport, RunError> {
-        let mut node = self.exciter_node()?;
+        let mut node = self.exciter_node(self.scenario.rig.converter)?;
         let mut far = self.with_faults(far, SystemClock, Node::Exciter);
         let watched = self.watch.as_ref().map(|watch| watch.open(End::ExciterBesidePlant));
         let plant_ended = AtomicBool::new(false);
         let patience = self.patience(Some(&plant_ended));
+        signals.set_exciter_ended(false);
         thread::scope(|scope| {
             // Started before this thread becomes a real-time one and leaves the loop's core, so that it stays an
             // ordinary thread on any: it asks of the kernel only to be woken, and confined it is late more often.
             // The plant keeps the count of samples; the exciter only listens for the stop.
-            let work = move || exciter::run(&mut *node, &mut far, &SystemClock, patience, (signals, watched));
+            let work = move || {
+                let _ended = AtEnd(|| signals.set_exciter_ended(true));
+                exciter::run(&mut *node, &mut far, &SystemClock, patience, (signals, watched))
+            };
             let controller = thread::Builder::new()
                 .name(String::from("exciter"))
                 .spawn_scoped(scope, work)
                 .map_err(|source| RunError::NoThread { source })?;
+            // Also if the plant panics: the scope then waits for the exciter, which would wait for the plant for ever.
+            let ended = AtEnd(|| plant_ended.store(true, Ordering::Release));
             let plant = self.plant(&mut near, signals, on_event);
             if plant.is_err() {
                 signals.stop();
             }
             drop(near);
-            plant_ended.store(true, Ordering::Release);
+            drop(ended);
             let exciter = match controller.join() {
-                Ok(report) => report,
+                Ok(report) => report.explained(&self.scenario),
                 Err(panic) => std::panic::resume_unwind(panic),
             };
             Ok(BothReport { plant: plant?, exciter })
@@ -397,7 +420,7 @@ impl Session {
         signals: &Signals,
         mut on_event: impl FnMut(RunEvent),
     ) -> Result<BothReport, RunError> {
-        let mut exciter = self.exciter_node()?;
+        let mut exciter = self.exciter_node(self.scenario.rig.converter)?;
         let mut bench = self.bench(recorder.as_ref(), &mut on_event)?;
         let watched = self.watch.as_ref().map(|watch| watch.open(End::ExciterBesidePlant));
         let clock = VirtualClock::default();
@@ -415,17 +438,19 @@ impl Session {
             signals,
             watched,
             responses: Vec::new(),
+            first_refused: None,
         };
         let (outcome, error) = run.run();
-        let Free { pace, responses, .. } = run;
+        let Free { pace, responses, first_refused, .. } = run;
         let bus = bench.counts(near.statistics());
         let plant = PlantReport {
             wakeup_us: pace.wakeup_us(),
             pacing: pace.report(),
-            ..PlantReport::new(&bench, bus, outcome, error)
+            ..self.explained(&bench, PlantReport::new(&bench, bus, outcome, error))
         };
         let bus = BusCounts::new(far.statistics(), exciter.frames());
-        let exciter = ExciterReport { responses, bus, ..ExciterReport::new(&*exciter, None) };
+        let exciter = ExciterReport { responses, bus, first_refused, ..ExciterReport::new(&*exciter, None) };
+        let exciter = exciter.explained(&self.scenario);
         drop(bench);
         Ok(BothReport { plant: finish_recording(recorder, plant), exciter })
     }
@@ -455,6 +480,15 @@ impl Session {
     /// An end with the faults that the scenario gives to `node`.
     fn with_faults<B: Bus, C: Clock>(&self, bus: B, clock: C, node: Node) -> Faulty<B, C> {
         Faulty::new(bus, clock, &self.scenario.network.faults, node, self.scenario.simulation.seed)
+    }
+}
+
+/// Does something when it is dropped, also while a panic unwinds.
+struct AtEnd<F: FnMut()>(F);
+
+impl<F: FnMut()> Drop for AtEnd<F> {
+    fn drop(&mut self) {
+        (self.0)();
     }
 }
 

@@ -12,6 +12,8 @@ use resonarm_protocol::Id;
 #[derive(Debug, Default)]
 pub struct Signals {
     stop: AtomicBool,
+    /// Whether the exciter of the same process has ended, so that nobody arms the plant any more.
+    has_exciter_ended: AtomicBool,
     done: AtomicU64,
     responses: AtomicU64,
     gauges: Gauges,
@@ -26,6 +28,16 @@ impl Signals {
     /// Whether the run was asked to end.
     pub fn is_stopped(&self) -> bool {
         self.stop.load(Ordering::Relaxed)
+    }
+
+    /// Sets whether the exciter of the same process has ended.
+    pub(super) fn set_exciter_ended(&self, has_ended: bool) {
+        self.has_exciter_ended.store(has_ended, Ordering::Release);
+    }
+
+    /// Whether the only exciter on the plant's bus has ended: a plant that is not armed by then never will be.
+    pub(super) fn has_exciter_ended(&self) -> bool {
+        self.has_exciter_ended.load(Ordering::Acquire)
     }
 
     /// How far it is: the sample at which a run is, or what else the work counts.

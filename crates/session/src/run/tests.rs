@@ -16,8 +16,10 @@ use resonarm_realtime::{Clock, OverrunPolicy, SampleRate, Spin};
 use resonarm_scenario::Scenario;
 
 mod both_ends;
+mod flooded_bus;
 mod jammed_bus;
 mod lost_bus;
+mod mistakes;
 mod network;
 mod not_begun;
 mod watched;

@@ -26,6 +26,10 @@ impl PlantInterface for MappedNode {
         self.round == Round::Answered
     }
 
+    fn has_unnumbered_answers(&self) -> bool {
+        self.time_base == TimeBase::Lockstep && self.lockstep == Lockstep::Command
+    }
+
     fn is_ramping(&self) -> bool {
         self.plant.guard.ramp_left() > 0
     }

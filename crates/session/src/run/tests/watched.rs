@@ -105,7 +105,7 @@ fn a_set_point_becomes_commands_that_pass_the_gate() {
     let (watch, mut watcher) = watch();
     let mut scenario = scenario();
     scenario.simulation.duration_s = Some(4.0);
-    let steered = scenario.steered().unwrap();
+    let steered = scenario.steered(scenario.rig.converter).unwrap();
     let limit = steered.limit();
     let record = Some(RecordTo { path: folder.path().join("run.mcap"), existing: Existing::Refuse });
     let session = Session::new(scenario, Mode::Free, Options { record, ..Options::default() }).unwrap();

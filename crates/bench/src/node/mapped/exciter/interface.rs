@@ -127,11 +127,15 @@ impl ExciterInterface for MappedExciter {
             Phase::Disarming(outcome) if self.work.is_due(now_ns) => self.disarm_again(now_ns, outcome),
             _ => self.work.timed_out(self.not_sent()).into_iter().for_each(|emergency| self.fault(emergency)),
         }
+        if self.expects_unarmed_readings {
+            self.answer_if_whole(now_ns);
+        }
     }
 
     fn next_deadline_ns(&self) -> u64 {
         let sync_ns = self.sync.filter(|_| self.outcome().is_none()).map_or(u64::MAX, |(due_ns, _)| due_ns);
-        self.work.deadline_ns().min(sync_ns)
+        let first_ns = if self.awaits_quiet() { self.first_at_ns() } else { u64::MAX };
+        self.work.deadline_ns().min(sync_ns).min(first_ns)
     }
 
     fn rearm(&mut self, now_ns: u64) -> bool {
@@ -156,6 +160,10 @@ impl ExciterInterface for MappedExciter {
         if self.work.phase == Phase::Playing {
             self.fault(self.work.own(EmergencyCode::BusLoss, self.not_sent()));
         }
+    }
+
+    fn expect_unarmed_readings(&mut self) {
+        self.expects_unarmed_readings = true;
     }
 
     fn plant_ended(&mut self, _now_ns: u64) {

@@ -30,6 +30,12 @@ use resonarm_protocol::{Emergency, EmergencyCode, NodeState};
 /// their way.
 const UNARMED: u32 = 4;
 
+/// On a bus in lockstep: how long no sample may have come before the last one counts as the first of an armed plant,
+/// which waits for its answer, ns. A plant that is not armed repeats its readings more often. One that does not say its
+/// state has to be silent for longer than a busy machine stops a process.
+const QUIET_NS: u64 = 50_000_000;
+const QUIET_UNSAID_NS: u64 = 500_000_000;
+
 /// A drive that takes commands.
 #[derive(Clone, Copy, Debug)]
 struct Drive {
@@ -64,6 +70,12 @@ pub struct MappedExciter {
     queue: VecDeque<(usize, Ask)>,
     /// How often the plant has said that it is not armed since it was asked to.
     unarmed: u32,
+    /// Whether the plant sends readings before it is armed, though it is in lockstep.
+    expects_unarmed_readings: bool,
+    /// When the last whole sample came, ns of the clock.
+    whole_at_ns: u64,
+    /// Whether the first sample of the armed plant is still to be told from those before it.
+    is_first_due: bool,
     begins_anew: bool,
     /// Whether the plant was on the bus when it was asked to arm last.
     is_asked: bool,
@@ -99,6 +111,9 @@ impl MappedExciter {
             work: Work::new(time_base, timing, controller),
             load: Load::default(),
             unarmed: 0,
+            expects_unarmed_readings: false,
+            whole_at_ns: 0,
+            is_first_due: false,
             begins_anew: false,
             is_asked: false,
             reason: None,
@@ -183,13 +198,14 @@ impl MappedExciter {
         self.ask(Ask::Arm);
         (self.begins_anew, self.unarmed) = (false, 0);
         self.samples.is_whole &= self.says_state();
-        // In lockstep a plant says nothing before it is armed.
+        // In lockstep a plant may say nothing before it is armed.
         self.is_asked = self.work.has_heard || self.lockstep.is_some();
     }
 
     /// The plant is armed: its samples are answered from the next whole one on, or from one that waits.
     fn begin(&mut self, now_ns: u64) {
         self.work.begin();
+        self.is_first_due = self.expects_unarmed_readings;
         self.answer_if_whole(now_ns);
     }
 
@@ -233,8 +249,18 @@ impl MappedExciter {
     fn take(&mut self, now_ns: u64, place: usize, heard: Heard) {
         let is_first = self.work.hear();
         self.reason = heard.fault.or(self.reason.filter(|_| heard.state.is_none()));
-        if self.listeners[place].is_of_sample && heard.ahead > 0 {
+        // In lockstep the readings of sample 0 are repeated before the plant is armed.
+        let is_repeated = self.expects_unarmed_readings && matches!(self.work.phase, Phase::Arming);
+        if self.listeners[place].is_of_sample && (heard.ahead > 0 || is_repeated || self.is_first_due) {
             self.samples.join(&mut self.listeners, place, heard.ahead);
+            if self.samples.closes(place) && self.samples.is_whole {
+                // Samples that come together waited on the bus, and may all be of before the plant was asked to arm.
+                let is_apart = now_ns.saturating_sub(self.whole_at_ns) >= QUIET_NS / 2;
+                self.whole_at_ns = now_ns;
+                if is_repeated && is_apart && !self.says_state() {
+                    self.unarmed = self.unarmed.saturating_add(1);
+                }
+            }
         }
         if let Some(state) = heard.state {
             self.watch(now_ns, self.listeners[place].drive(), state);
@@ -267,12 +293,16 @@ impl MappedExciter {
 
     /// Answers a whole sample that waits.
     fn answer_if_whole(&mut self, now_ns: u64) {
-        if self.is_armed_unsaid() {
+        if self.is_armed_unsaid(now_ns) {
             return self.begin(now_ns);
         }
-        if self.work.phase != Phase::Playing || !core::mem::take(&mut self.samples.is_whole) {
+        if self.work.phase != Phase::Playing || !self.samples.is_whole {
             return;
         }
+        if self.is_first_due && now_ns < self.first_at_ns() {
+            return;
+        }
+        (self.is_first_due, self.samples.is_whole) = (false, false);
         let ahead = core::mem::take(&mut self.samples.ahead);
         let measurement = self.samples.measurement(self.work.next_sample(ahead, self.samples.every));
         match self.work.carried.answer_sample(&measurement) {
@@ -292,9 +322,24 @@ impl MappedExciter {
     }
 
     /// Whether the plant is armed by all that is known: it says no state, was asked to arm, and sends samples.
-    fn is_armed_unsaid(&self) -> bool {
+    fn is_armed_unsaid(&self, now_ns: u64) -> bool {
+        self.may_be_armed_unsaid() && (!self.expects_unarmed_readings || now_ns >= self.first_at_ns())
+    }
+
+    fn may_be_armed_unsaid(&self) -> bool {
         let is_asked = self.work.phase == Phase::Arming && self.is_asked && self.queue.is_empty();
         is_asked && self.samples.is_whole && !self.says_state()
+    }
+
+    /// Whether a whole sample waits for the plant to be silent, to be known as the first of the armed plant.
+    fn awaits_quiet(&self) -> bool {
+        let is_first = self.is_first_due && self.samples.is_whole;
+        is_first || (self.expects_unarmed_readings && self.may_be_armed_unsaid())
+    }
+
+    /// When the last whole sample counts as the first of an armed plant if no other comes, ns.
+    fn first_at_ns(&self) -> u64 {
+        self.whole_at_ns.saturating_add(if self.says_state() { QUIET_NS } else { QUIET_UNSAID_NS })
     }
 
     /// Whether the plant says the state of a drive.

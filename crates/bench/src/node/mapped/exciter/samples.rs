@@ -48,6 +48,11 @@ impl Samples {
         (self.ahead, self.is_whole) = (0, false);
     }
 
+    /// Whether the message at this place is the last of a sample.
+    pub fn closes(&self, place: usize) -> bool {
+        place == self.closing
+    }
+
     /// A part of a sample has come, so many samples after the one before.
     pub fn join(&mut self, listeners: &mut [Listener], place: usize, ahead: u64) {
         listeners[place].has_come = true;
