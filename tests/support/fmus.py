@@ -3,6 +3,7 @@
 import contextlib
 import os
 import subprocess
+import threading
 from pathlib import Path
 
 import fmpy
@@ -14,6 +15,11 @@ from recordings import bits
 
 # The library within the FMUs, as the Rust tests build it.
 LIBRARY = os.environ.get("RESONARM_FMU_LIBRARY", "target/debug/deps/libresonarm_fmu.so")
+
+
+# FMPy enters the library's folder while it loads it. The working directory belongs to the whole process, so that two
+# threads that load at once would leave it wherever the slower one came from.
+LOADING = threading.Lock()
 
 
 def stripped(folder):
@@ -67,10 +73,11 @@ class Fmu:
         """An instance, and the messages that it logs."""
         log = []
         identifier = self.description.coSimulation.modelIdentifier
-        slave = FMU3Slave(
-            guid=token or self.description.instantiationToken, unzipDirectory=str(self.folder),
-            modelIdentifier=identifier, instanceName=self.path.stem,
-        )
+        with LOADING:
+            slave = FMU3Slave(
+                guid=token or self.description.instantiationToken, unzipDirectory=str(self.folder),
+                modelIdentifier=identifier, instanceName=self.path.stem,
+            )
         slave.instantiate(
             eventModeUsed=event_mode, logMessage=lambda _, status, category, text: log.append((status, text.decode()))
         )
