@@ -247,11 +247,11 @@ impl Samples {
         for j in 0..samples {
             let [u, v, a] = [0, 1, 2].map(|d| &self.motion[d][j * n..(j + 1) * n]);
             let sine = libm::sin(TAU * j as f64 / samples as f64);
-            forced.assembly.direction(forced.drive, u, &mut direction);
+            let at = forced.assembly.at(u);
+            at.direction(forced.drive, &mut direction);
             let force = direction.map(|w| w * forced.amplitude * sine);
-            forced.assembly.linearise(u, v, a, &force[..n], &mut self.linearised);
-            let by_position = &mut self.linearised.by_position;
-            forced.assembly.add_curvature(forced.drive, u, -forced.amplitude * sine, by_position);
+            at.linearise(v, a, &force[..n], &mut self.linearised);
+            at.add_curvature(forced.drive, -forced.amplitude * sine, &mut self.linearised.by_position);
             for (i, (unbalance, along)) in self.linearised.unbalance.iter().zip(&direction).enumerate() {
                 self.load[i * samples + j] = *unbalance;
                 self.by_drive[i * samples + j] = -along * sine;
@@ -302,17 +302,17 @@ pub(super) fn geometry(forced: &Forced, unknowns: &Unknowns, element: usize, u: 
         direction[place] = 1.0;
         return Geometry { position: u[place], velocity: v[place], direction, curvature: None };
     }
-    let (assembly, element, n) = (&forced.assembly, &forced.assembly.elements()[element], u.len());
-    assembly.element_direction(element, u, &mut direction);
+    let (at, element, n) = (forced.assembly.at(u), &forced.assembly.elements()[element], u.len());
+    at.element_direction(element, &mut direction);
     let velocity = direction.iter().zip(v).map(|(w, v)| w * v).sum();
-    let position = assembly.element_displacement(element, u);
+    let position = at.element_displacement(element);
     if element.at().is_angle() {
         return Geometry { position, velocity, direction, curvature: None };
     }
     let (mut curvature, mut turning) = ([0.0; MOST_LINKS * MOST_LINKS], [0.0; MOST_LINKS]);
-    assembly.add_curvature(element.at(), u, 1.0, &mut curvature);
+    at.add_curvature(element.at(), 1.0, &mut curvature);
     if let Some(to) = element.to() {
-        assembly.add_curvature(to, u, -1.0, &mut curvature);
+        at.add_curvature(to, -1.0, &mut curvature);
     }
     for (turning, row) in turning.iter_mut().zip(curvature.chunks_exact(n)) {
         *turning = row.iter().zip(v).map(|(c, v)| c * v).sum();

@@ -185,7 +185,7 @@ impl Receptance {
 /// ω₀, ζ and (wᵀφ)² of every mode that an armature moves with.
 fn seen_modes(of: &Assembly, armature: &Armature) -> Vec<[f64; 3]> {
     let mut w = vec![0.0; of.coordinates()];
-    armature.direction(of, &vec![0.0; w.len()], &mut w);
+    armature.direction(&of.at(&vec![0.0; w.len()]), &mut w);
     let seen = |mode: &StructureMode| {
         let along: f64 = mode.shape.iter().zip(&w).map(|(shape, w)| shape * w).sum();
         [TAU * mode.frequency_hz, mode.damping_ratio, along * along]

@@ -4,18 +4,16 @@ use alloc::boxed::Box;
 use alloc::vec;
 use alloc::vec::Vec;
 
-use nalgebra::Vector2;
-
 use super::sampling::PointMotion;
 use super::stepped::{Loads, Stepped};
-use super::tested::{Placed, Places, TestedAssembly};
+use super::tested::{Places, TestedAssembly};
 use super::{PlantSpec, PlantSpecError};
 use crate::rig::ShakerSpec;
 use crate::structure::{
     COIL_CURRENT, Channel, Coordinates, LOADS, StructureError, branch_channel, coordinate_channels, element_channel,
 };
 use resonarm_dynamics::arm::Load;
-use resonarm_dynamics::structure::{Armature, Assembly, CoordinateUnit, Dof, MOST_COORDINATES, Stepper};
+use resonarm_dynamics::structure::{Armature, Assembly, CoordinateUnit, Dof, MOST_COORDINATES, Position, Stepper};
 
 /// The steps of the structure under test.
 #[derive(Clone, Debug)]
@@ -79,26 +77,18 @@ impl AssemblySteps {
         let mut acceleration = [0.0; MOST_COORDINATES];
         let a = &mut acceleration[..assembly.coordinates()];
         stepper.acceleration_at_current(current_a, a);
-        let (q, v) = (stepper.position(), stepper.velocity());
-        let along_m_s2 =
-            self.shaker.as_ref().map_or(0.0, |(_, armature)| armature.acceleration_m_s2(assembly, q, v, a));
-        (self.points_at(a), along_m_s2)
+        let (at, v) = (assembly.at(stepper.position()), stepper.velocity());
+        let along_m_s2 = self.shaker.as_ref().map_or(0.0, |(_, armature)| armature.acceleration_m_s2(&at, v, a));
+        (self.points_at(&at, a), along_m_s2)
     }
 
-    /// The points of the accelerometers at an acceleration of the structure.
-    fn points_at(&self, a: &[f64]) -> PointMotion {
-        let (stepper, assembly) = (&self.stepper, self.stepper.assembly());
-        let (q, v) = (stepper.position(), stepper.velocity());
-        let along = |placed: &Placed, of: &dyn Fn(Dof) -> f64| {
-            let [x, y] = placed.along.map(|dof| dof.map_or(0.0, of));
-            Vector2::new(x, y)
-        };
-        let velocity = |dof: Dof| assembly.velocity(dof, q, v);
-        let acceleration = |dof: Dof| assembly.acceleration(dof, q, v, a);
+    /// The points of the accelerometers at an acceleration of the structure, which is at its position.
+    fn points_at(&self, at: &Position<'_>, a: &[f64]) -> PointMotion {
+        let v = self.stepper.velocity();
         let points = [&self.places.accelerometer_b, &self.places.accelerometer_c];
         PointMotion {
-            velocity_m_s: points.map(|point| along(point, &velocity)),
-            acceleration_m_s2: points.map(|point| along(point, &acceleration)),
+            velocity_m_s: points.map(|point| point.vector(|dof| at.velocity(dof, v))),
+            acceleration_m_s2: points.map(|point| point.vector(|dof| at.acceleration(dof, v, a))),
         }
     }
 
@@ -150,16 +140,16 @@ impl Stepped for AssemblySteps {
         let mut acceleration = [0.0; MOST_COORDINATES];
         let a = &mut acceleration[..stepper.assembly().coordinates()];
         stepper.acceleration(drive.acting(), a)?;
-        Ok(self.points_at(a))
+        Ok(self.points_at(&stepper.assembly().at(stepper.position()), a))
     }
 
     fn travel_m(&self) -> f64 {
         if let Some(motion) = self.stepper.armature_motion() {
             return motion.displacement_m.abs();
         }
-        let (assembly, q) = (self.stepper.assembly(), self.stepper.position());
-        let [x, y] = self.places.exciter.along.map(|dof| dof.map_or(0.0, |dof| assembly.displacement(dof, q)));
-        libm::hypot(x, y)
+        let at = self.stepper.assembly().at(self.stepper.position());
+        let moved_m = self.places.exciter.vector(|dof| at.displacement(dof));
+        libm::hypot(moved_m.x, moved_m.y)
     }
 
     fn save(&self, states: &mut [f64]) {

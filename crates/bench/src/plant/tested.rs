@@ -3,6 +3,8 @@
 use alloc::string::String;
 use alloc::vec::Vec;
 
+use nalgebra::Vector2;
+
 use crate::excitation::Amplitude;
 use crate::structure::LOADS;
 use resonarm_dynamics::structure::{Assembly, Dof};
@@ -12,6 +14,14 @@ use resonarm_dynamics::structure::{Assembly, Dof};
 pub struct Placed {
     /// Along x and y.
     pub along: [Option<Dof>; 2],
+}
+
+impl Placed {
+    /// A number of each axis that the structure has there, and zero of one that it hasn't.
+    pub(super) fn vector(&self, of: impl Fn(Dof) -> f64) -> Vector2<f64> {
+        let [x, y] = self.along.map(|dof| dof.map_or(0.0, &of));
+        Vector2::new(x, y)
+    }
 }
 
 /// Where a rig is on a structure.

@@ -80,6 +80,11 @@ pub(crate) struct Angle<T> {
 }
 
 impl<T: Real> Turn<T> {
+    /// The turn by no angle.
+    pub fn none() -> Turn<T> {
+        Turn { sine: T::splat(0.0), versed: T::splat(0.0) }
+    }
+
     /// The turn by an angle. With `FAR` it holds for every angle. Without it, it holds only where [`within_reach`] is
     /// true, with the same bits, and takes no branch or call; elsewhere it is meaningless.
     #[inline(always)]

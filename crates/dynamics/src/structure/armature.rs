@@ -18,8 +18,9 @@
 //! 1997).
 
 use super::MOST_COORDINATES;
-use super::assembly::{Assembly, Body};
+use super::assembly::Assembly;
 use super::dof::Dof;
+use super::position::Position;
 
 /// The coil of a shaker and what its amplifier holds.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -137,32 +138,29 @@ impl Armature {
     }
 
     /// Writes w at a position of the structure, n numbers: m over the coordinates' unit.
-    pub fn direction(&self, of: &Assembly, q: &[f64], out: &mut [f64]) {
+    pub fn direction(&self, at: &Position<'_>, out: &mut [f64]) {
         let mut row = [0.0; MOST_COORDINATES];
         out.fill(0.0);
         for (dof, share) in self.dofs() {
-            of.direction(dof, q, &mut row);
+            at.direction(dof, &mut row);
             out.iter_mut().zip(row).for_each(|(out, w)| *out += share * w);
         }
     }
 
     /// Its motion at a position and velocity of the structure.
-    pub fn motion(&self, of: &Assembly, q: &[f64], v: &[f64]) -> ArmatureMotion {
+    pub fn motion(&self, at: &Position<'_>, v: &[f64]) -> ArmatureMotion {
         let mut motion = ArmatureMotion::default();
-        let still = [0.0; MOST_COORDINATES];
         for (dof, share) in self.dofs() {
-            motion.displacement_m += share * of.displacement(dof, q);
-            motion.velocity_m_s += share * of.velocity(dof, q, v);
-            if matches!(of.body, Body::Chain(_)) {
-                motion.drift_m_s2 += share * of.acceleration(dof, q, v, &still[..q.len()]);
-            }
+            motion.displacement_m += share * at.displacement(dof);
+            motion.velocity_m_s += share * at.velocity(dof, v);
+            motion.drift_m_s2 += share * at.drift(dof, v);
         }
         motion
     }
 
-    /// s̈ at an acceleration of the structure, m/s².
-    pub fn acceleration_m_s2(&self, of: &Assembly, q: &[f64], v: &[f64], a: &[f64]) -> f64 {
-        self.dofs().map(|(dof, share)| share * of.acceleration(dof, q, v, a)).sum()
+    /// s̈ at a velocity and an acceleration of the structure, m/s².
+    pub fn acceleration_m_s2(&self, at: &Position<'_>, v: &[f64], a: &[f64]) -> f64 {
+        self.dofs().map(|(dof, share)| share * at.acceleration(dof, v, a)).sum()
     }
 
     /// What the structure gets of the coil's force beside m s̈ of q̈, N.
@@ -172,8 +170,8 @@ impl Armature {
     }
 
     /// What it does at a position and velocity of the structure, a current and a command.
-    pub(super) fn push(&self, of: &Assembly, [q, v]: [&[f64]; 2], state_a: f64, blocked_n: f64) -> Push {
-        let (coil, motion) = (&self.coil, self.motion(of, q, v));
+    pub(super) fn push(&self, at: &Position<'_>, v: &[f64], state_a: f64, blocked_n: f64) -> Push {
+        let (coil, motion) = (&self.coil, self.motion(at, v));
         let current_a = coil.current_a(state_a, blocked_n, motion.velocity_m_s);
         let settled_a = coil.settled_a(blocked_n, motion.velocity_m_s);
         let force_n = self.push_n(coil.force_factor_n_a() * current_a, &motion);
@@ -212,7 +210,7 @@ impl Armature {
     pub(super) fn mobility_1_kg(&self, of: &Assembly) -> f64 {
         let (n, rest) = (of.coordinates(), [0.0; MOST_COORDINATES]);
         let (mut w, mut mass) = ([0.0; MOST_COORDINATES], of.linear().mass);
-        self.direction(of, &rest[..n], &mut w[..n]);
+        self.direction(&of.at(&rest[..n]), &mut w[..n]);
         let mut solved = w;
         match super::modes::cholesky(n, &mut mass) {
             Some(()) => super::modes::solve_cholesky(n, &mass, &mut solved[..n]),

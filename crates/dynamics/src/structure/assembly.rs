@@ -14,6 +14,7 @@ use super::element::Element;
 use super::error::StructureError;
 use super::modal::{Modal, shape_name};
 use super::modes::{StructureMode, modes};
+use super::position::Position;
 use super::spec::{Axis, BodySpec, ElementSpec, Place, StructureSpec};
 
 /// The unit of the coordinates.
@@ -80,7 +81,7 @@ impl Linearised {
         }
     }
 
-    fn slices(&mut self) -> LinearisedSlices<'_> {
+    pub(super) fn slices(&mut self) -> LinearisedSlices<'_> {
         LinearisedSlices {
             unbalance: &mut self.unbalance,
             by_position: &mut self.by_position,
@@ -267,83 +268,34 @@ impl Assembly {
         self.elements.iter().all(|element| element.law.is_smooth())
     }
 
-    /// Writes ∂x/∂q of a degree of freedom, n numbers: m or rad over the coordinates' unit.
-    pub fn direction(&self, dof: Dof, q: &[f64], out: &mut [f64]) {
-        match (dof.0, &self.body) {
-            (At::Point { links, axis }, Body::Chain(chain)) => chain.direction_m(links, axis, q, out),
-            (At::Joint(joint), _) => {
-                out[..self.coordinates()].fill(0.0);
-                out[joint] = 1.0;
-            }
-            (At::Shape(shape), Body::Modal(modal)) => {
-                let by_mode = &modal.shapes[shape].by_mode;
-                out[..by_mode.len()].copy_from_slice(by_mode);
-            }
-            _ => out[..self.coordinates()].fill(f64::NAN),
-        }
+    /// The structure at q, n numbers: what is read there more than once is read from this.
+    pub fn at<'a>(&'a self, q: &'a [f64]) -> Position<'a> {
+        Position::new(self, q)
     }
 
-    /// Adds `factor` ∂²x/∂q² of a degree of freedom to an n × n matrix by rows; zero but for points of a chain.
-    pub fn add_curvature(&self, dof: Dof, q: &[f64], factor: f64, matrix: &mut [f64]) {
-        if let (At::Point { links, axis }, Body::Chain(chain)) = (dof.0, &self.body) {
-            let (n, outer) = (chain.n, chain.curvature_m(links, axis, q));
-            for (k, entry) in matrix[..n * n].iter_mut().enumerate() {
-                *entry += factor * outer[(k / n).max(k % n)];
-            }
-        }
+    /// Writes ∂x/∂q of a degree of freedom; see [`Position::direction`].
+    pub fn direction(&self, dof: Dof, q: &[f64], out: &mut [f64]) {
+        self.at(q).direction(dof, out);
     }
 
     /// The displacement from rest, m or rad.
     pub fn displacement(&self, dof: Dof, q: &[f64]) -> f64 {
-        match (dof.0, &self.body) {
-            (At::Point { links, axis }, Body::Chain(chain)) => chain.displacement_m(links, axis, q),
-            (At::Joint(joint), _) => q[joint],
-            (At::Shape(shape), Body::Modal(modal)) => dot(&modal.shapes[shape].by_mode, q),
-            _ => f64::NAN,
-        }
+        self.at(q).displacement(dof)
     }
 
     /// The velocity, m/s or rad/s.
     pub fn velocity(&self, dof: Dof, q: &[f64], v: &[f64]) -> f64 {
-        let mut direction = [0.0; super::MOST_COORDINATES];
-        self.direction(dof, q, &mut direction);
-        dot(&direction, v)
+        self.at(q).velocity(dof, v)
     }
 
-    /// The acceleration, m/s² or rad/s²: of a point of a chain with the centripetal one.
+    /// The acceleration, m/s² or rad/s²; see [`Position::acceleration`].
     pub fn acceleration(&self, dof: Dof, q: &[f64], v: &[f64], a: &[f64]) -> f64 {
-        let along = self.velocity(dof, q, a);
-        let (At::Point { links, axis }, Body::Chain(chain)) = (dof.0, &self.body) else { return along };
-        // vᵀ ∂²x/∂q² v: the sum from joint k out is the same for all pairs up to k.
-        let (outer, mut sum, mut before) = (chain.curvature_m(links, axis, q), 0.0, 0.0);
-        for (curvature, v) in outer.iter().zip(v) {
-            let turning = before + v;
-            sum += curvature * (turning * turning - before * before);
-            before = turning;
-        }
-        along + sum
-    }
-
-    /// The displacement of an element: of one end less that of the other.
-    pub fn element_displacement(&self, element: &Element, q: &[f64]) -> f64 {
-        let at = self.displacement(element.at, q);
-        element.to.map_or(at, |to| at - self.displacement(to, q))
-    }
-
-    /// The velocity of an element.
-    pub fn element_velocity(&self, element: &Element, q: &[f64], v: &[f64]) -> f64 {
-        let at = self.velocity(element.at, q, v);
-        element.to.map_or(at, |to| at - self.velocity(to, q, v))
+        self.at(q).acceleration(dof, v, a)
     }
 
     /// Writes ∂x/∂q of an element.
     pub fn element_direction(&self, element: &Element, q: &[f64], out: &mut [f64]) {
-        self.direction(element.at, q, out);
-        if let Some(to) = element.to {
-            let mut other = [0.0; super::MOST_COORDINATES];
-            self.direction(to, q, &mut other);
-            out.iter_mut().zip(&other[..self.coordinates()]).for_each(|(entry, other)| *entry -= other);
-        }
+        self.at(q).element_direction(element, out);
     }
 
     /// The linear part at rest, with that of elements: the slopes of smooth ones, and the viscous part of LuGre's.
@@ -351,11 +303,12 @@ impl Assembly {
     pub fn linear(&self) -> Linear {
         let n = self.coordinates();
         let (rest, mut at) = (vec![0.0; n], Linearised::new(n));
-        self.linearise(&rest, &rest, &rest, &rest, &mut at);
+        let position = self.at(&rest);
+        position.linearise(&rest, &rest, &rest, &mut at);
         let mut direction = vec![0.0; n];
         for element in &self.elements {
             let reaction = element.law.at_rest();
-            self.element_direction(element, &rest, &mut direction);
+            position.element_direction(element, &mut direction);
             for k in 0..n * n {
                 let pair = direction[k / n] * direction[k % n];
                 at.by_position[k] += reaction.by_position * pair;
@@ -368,38 +321,6 @@ impl Assembly {
     /// The natural modes at rest, of [`Assembly::linear`], by frequency.
     pub fn modes(&self) -> &[StructureMode] {
         &self.modes
-    }
-
-    /// Writes the unbalance of a motion under generalised forces, without the elements: N·m of a chain, N/√kg of modes.
-    pub fn unbalance(&self, q: &[f64], v: &[f64], a: &[f64], force: &[f64], out: &mut [f64]) {
-        match &self.body {
-            Body::Chain(chain) => chain.unbalance([q, v, a], force, out),
-            Body::Modal(modal) => modal.unbalance([q, v, a], force, out),
-        }
-    }
-
-    /// Writes q̈ of a motion under generalised forces, without the elements; with M + m wwᵀ in place of M, if m and w
-    /// are `added`.
-    pub(super) fn accelerate_with(
-        &self,
-        q: &[f64],
-        v: &[f64],
-        force: &[f64],
-        added: Option<(f64, &[f64])>,
-        out: &mut [f64],
-    ) {
-        match &self.body {
-            Body::Chain(chain) => chain.acceleration([q, v], force, added, out),
-            Body::Modal(modal) => modal.acceleration([q, v], force, added, out),
-        }
-    }
-
-    /// Writes [`Assembly::unbalance`] with its derivatives, exact.
-    pub fn linearise(&self, q: &[f64], v: &[f64], a: &[f64], force: &[f64], at: &mut Linearised) {
-        match &self.body {
-            Body::Chain(chain) => chain.linearise([q, v, a], force, at.slices()),
-            Body::Modal(modal) => modal.linearise([q, v, a], force, at),
-        }
     }
 
     /// The energy of motion, springs and weight, zero at rest, without the elements, J.
@@ -420,22 +341,20 @@ impl Assembly {
 
     /// The energy stored in the elements at their states, J.
     pub fn element_energy_j(&self, q: &[f64], states: &[f64]) -> f64 {
-        let energy = |element: &Element| element.energy_j(self.element_displacement(element, q), element.own(states));
+        let at = self.at(q);
+        let energy = |element: &Element| element.energy_j(at.element_displacement(element), element.own(states));
         self.elements.iter().map(energy).sum()
     }
 
     /// The power that the elements turn into heat, W.
     pub fn element_loss_w(&self, q: &[f64], v: &[f64], states: &[f64]) -> f64 {
+        let at = self.at(q);
         let loss = |element: &Element| {
-            let (position, velocity) = (self.element_displacement(element, q), self.element_velocity(element, q, v));
+            let (position, velocity) = (at.element_displacement(element), at.element_velocity(element, v));
             element.loss_w(position, velocity, element.own(states))
         };
         self.elements.iter().map(loss).sum()
     }
-}
-
-fn dot(a: &[f64], b: &[f64]) -> f64 {
-    a.iter().zip(b).map(|(a, b)| a * b).sum()
 }
 
 /// The name of the point at the end of the first `links` links.

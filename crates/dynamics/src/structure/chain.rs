@@ -55,8 +55,9 @@ pub(super) struct LinearisedSlices<'a> {
     pub by_acceleration: &'a mut [f64],
 }
 
-/// The links in a position.
-struct Turned {
+/// The links in a position: what is needed of it many times; entries beyond the links are those of no turn.
+#[derive(Clone, Debug)]
+pub(super) struct Turned {
     turn: PerLink<Turn<f64>>,
     sine: PerLink,
     cosine: PerLink,
@@ -192,20 +193,24 @@ impl Chain {
         None
     }
 
-    fn turned(&self, q: &[f64]) -> Turned {
-        let turn = summed(&q[..self.n]).map(Turn::new::<true>);
-        let (mut sine, mut cosine) = ([0.0; MOST_LINKS], [0.0; MOST_LINKS]);
-        for i in 0..self.n {
-            (sine[i], cosine[i]) = self.rest[i].turned(turn[i]);
+    /// The links at q.
+    pub fn turned(&self, q: &[f64]) -> Turned {
+        let mut turned =
+            Turned { turn: [Turn::none(); MOST_LINKS], sine: [0.0; MOST_LINKS], cosine: [0.0; MOST_LINKS] };
+        let mut angle_rad = 0.0;
+        for (i, q) in q[..self.n].iter().enumerate() {
+            angle_rad += q;
+            turned.turn[i] = Turn::new::<true>(angle_rad);
+            (turned.sine[i], turned.cosine[i]) = self.rest[i].turned(turned.turn[i]);
         }
-        Turned { turn, sine, cosine }
+        turned
     }
 
     /// The unbalance under generalised forces.
-    pub fn unbalance(&self, [q, v, a]: [&[f64]; 3], force: &[f64], out: &mut [f64]) {
-        let (n, links, rate, acceleration) = (self.n, self.turned(q), summed(&v[..self.n]), summed(&a[..self.n]));
+    pub fn unbalance(&self, links: &Turned, [q, v, a]: [&[f64]; 3], force: &[f64], out: &mut [f64]) {
+        let (n, rate, acceleration) = (self.n, summed(&v[..self.n]), summed(&a[..self.n]));
         for (i, out) in out[..n].iter_mut().enumerate() {
-            *out = self.weight_nm[i] * self.cosine_change(&links, i);
+            *out = self.weight_nm[i] * self.cosine_change(links, i);
             for j in 0..n {
                 let (sine, cosine) = links.between(i, j);
                 *out += self.inertia[i][j] * (cosine * acceleration[j] + sine * (rate[j] * rate[j]));
@@ -218,8 +223,15 @@ impl Chain {
     }
 
     /// Writes q̈ under generalised forces: M, or M + m wwᵀ with m and w of `added`, from its Cholesky factors.
-    pub fn acceleration(&self, [q, v]: [&[f64]; 2], force: &[f64], added: Option<(f64, &[f64])>, out: &mut [f64]) {
-        let (n, links, mut mass) = (self.n, self.turned(q), [0.0; MOST_LINKS * MOST_LINKS]);
+    pub fn acceleration(
+        &self,
+        links: &Turned,
+        [q, v]: [&[f64]; 2],
+        force: &[f64],
+        added: Option<(f64, &[f64])>,
+        out: &mut [f64],
+    ) {
+        let (n, mut mass) = (self.n, [0.0; MOST_LINKS * MOST_LINKS]);
         let mass = &mut mass[..n * n];
         for (k, entry) in mass.iter_mut().enumerate() {
             let (i, j) = (k / n, k % n);
@@ -229,7 +241,7 @@ impl Chain {
         if let Some((mass_kg, w)) = added {
             mass.iter_mut().enumerate().for_each(|(k, entry)| *entry += mass_kg * w[k / n] * w[k % n]);
         }
-        self.unbalance([q, v, &[0.0; MOST_LINKS]], force, out);
+        self.unbalance(links, [q, v, &[0.0; MOST_LINKS]], force, out);
         out[..n].iter_mut().for_each(|entry| *entry = -*entry);
         if super::modes::cholesky(n, mass).is_some() {
             super::modes::solve_cholesky(n, mass, out);
@@ -251,10 +263,10 @@ impl Chain {
     /// ```
     ///
     /// Matrices are n × n, by rows, with nothing beside.
-    pub fn linearise(&self, [q, v, a]: [&[f64]; 3], force: &[f64], at: LinearisedSlices) {
-        let (n, links, rate, acceleration) = (self.n, self.turned(q), summed(&v[..self.n]), summed(&a[..self.n]));
+    pub fn linearise(&self, links: &Turned, [q, v, a]: [&[f64]; 3], force: &[f64], at: LinearisedSlices) {
+        let (n, rate, acceleration) = (self.n, summed(&v[..self.n]), summed(&a[..self.n]));
         let LinearisedSlices { unbalance, by_position, by_velocity, by_acceleration } = at;
-        self.unbalance([q, v, a], force, unbalance);
+        self.unbalance(links, [q, v, a], force, unbalance);
         for i in 0..n {
             by_position[i * n + i] = -self.weight_nm[i] * links.sine[i];
             let mut others = 0.0;
@@ -308,8 +320,7 @@ impl Chain {
     }
 
     /// How far the point at the end of the first `links` links is from rest, m.
-    pub fn displacement_m(&self, links: usize, axis: Axis, q: &[f64]) -> f64 {
-        let turned = self.turned(q);
+    pub fn displacement_m(&self, turned: &Turned, links: usize, axis: Axis) -> f64 {
         let along = |i: usize| {
             let Angle { sine, cosine } = self.rest[i];
             let (p, q) = if axis == Axis::X { (-sine, cosine) } else { (cosine, sine) };
@@ -319,8 +330,7 @@ impl Chain {
     }
 
     /// Its derivative, by each coordinate: Σ over the links from the joint out of l (−sin θ, cos θ), m.
-    pub fn direction_m(&self, links: usize, axis: Axis, q: &[f64], out: &mut [f64]) {
-        let turned = self.turned(q);
+    pub fn direction_m(&self, turned: &Turned, links: usize, axis: Axis, out: &mut [f64]) {
         for (i, entry) in out[..self.n].iter_mut().enumerate() {
             let turn = if axis == Axis::X { -turned.sine[i] } else { turned.cosine[i] };
             *entry = if i < links { self.length_m[i] * turn } else { 0.0 };
@@ -329,8 +339,8 @@ impl Chain {
     }
 
     /// The second derivative: of each pair of coordinates the sum from the outer joint out of −l (cos θ, sin θ), m.
-    pub fn curvature_m(&self, links: usize, axis: Axis, q: &[f64]) -> PerLink {
-        let (turned, mut sums) = (self.turned(q), [0.0; MOST_LINKS]);
+    pub fn curvature_m(&self, turned: &Turned, links: usize, axis: Axis) -> PerLink {
+        let mut sums = [0.0; MOST_LINKS];
         for (i, entry) in sums[..links].iter_mut().enumerate() {
             *entry = -self.length_m[i] * if axis == Axis::X { turned.cosine[i] } else { turned.sine[i] };
         }

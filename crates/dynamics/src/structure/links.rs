@@ -336,7 +336,8 @@ impl<const N: usize> Dynamics<N> for Links<N> {
             by_velocity: &mut by_velocity[..N * N],
             by_acceleration: &mut mass[..N * N],
         };
-        self.chain.linearise([&motion.x, &motion.v, &acceleration], &[0.0; N], slices);
+        let turned = self.chain.turned(&motion.x);
+        self.chain.linearise(&turned, [&motion.x, &motion.v, &acceleration], &[0.0; N], slices);
         let at = self.kernel.moving::<true>(motion);
         let mut turning = self.kernel.length_m;
         for (i, [x, y]) in load.force_n.into_iter().enumerate() {

@@ -24,6 +24,7 @@ mod error;
 mod links;
 mod modal;
 mod modes;
+mod position;
 mod smooth;
 mod spec;
 mod step;
@@ -34,6 +35,7 @@ pub use dof::Dof;
 pub use element::{Branch, Element, Reaction, StateRate};
 pub use error::StructureError;
 pub use modes::StructureMode;
+pub use position::Position;
 pub use spec::{
     Axis, BodySpec, ChainSpec, ElementSpec, Law, Link, ModalSpec, ModeSpec, Place, ShapeSpec, Side, StructureSpec,
 };

@@ -184,7 +184,7 @@ impl Stepper {
     /// The motion of the shaker's armature; `None` without a shaker.
     pub fn armature_motion(&self) -> Option<ArmatureMotion> {
         let armature = self.armature.as_ref()?;
-        Some(armature.motion(&self.assembly, self.position(), self.velocity()))
+        Some(armature.motion(&self.assembly.at(self.position()), self.velocity()))
     }
 
     /// How many times an element switched its branch.
@@ -283,6 +283,7 @@ impl Stepper {
         let (q, rest) = states.split_at(n);
         let (v, rest) = rest.split_at(n);
         let (coil, z) = rest.split_at(self.engine.state().coil.len());
+        let at = self.assembly.at(q);
         let mut branches = [Branch::Inner; super::MOST_ELEMENTS];
         for (i, (branch, element)) in branches.iter_mut().zip(self.assembly.elements()).enumerate() {
             *branch = match codes.get(i) {
@@ -290,8 +291,7 @@ impl Stepper {
                 Some(code) if *code > 0.0 => Branch::Upper,
                 Some(_) => Branch::Lower,
                 None => {
-                    let position = self.assembly.element_displacement(element, q);
-                    element.branch(position, self.assembly.element_velocity(element, q, v), element.own(z))
+                    element.branch(at.element_displacement(element), at.element_velocity(element, v), element.own(z))
                 }
             };
         }
@@ -309,8 +309,9 @@ impl Stepper {
 fn rows(assembly: &Assembly, dofs: &[Dof]) -> Vec<f64> {
     let n = assembly.coordinates();
     let (rest, mut rows) = ([0.0; super::MOST_COORDINATES], alloc::vec![0.0; n * dofs.len()]);
+    let at = assembly.at(&rest[..n]);
     for (row, dof) in rows.chunks_exact_mut(n).zip(dofs) {
-        assembly.direction(*dof, &rest[..n], row);
+        at.direction(*dof, row);
     }
     rows
 }

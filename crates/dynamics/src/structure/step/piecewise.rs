@@ -23,6 +23,7 @@ use crate::structure::armature::Armature;
 use crate::structure::assembly::{Assembly, Body};
 use crate::structure::element::{Branch, Element, Margin};
 use crate::structure::modes::{cholesky, solve_cholesky};
+use crate::structure::position::Position;
 use crate::structure::spec::Law;
 use crate::structure::{Dof, MOST_COORDINATES, MOST_ELEMENTS};
 
@@ -103,8 +104,9 @@ pub(super) fn engine(
     let elements: Vec<Dof> = assembly.elements().iter().map(Element::at).collect();
     let mut element_rows = rows(assembly, &elements);
     let rest = [0.0; MOST_COORDINATES];
+    let at = assembly.at(&rest[..n]);
     for (row, element) in element_rows.chunks_exact_mut(n).zip(assembly.elements()) {
-        assembly.element_direction(element, &rest[..n], row);
+        at.element_direction(element, row);
     }
     let omega = TAU * assembly.modes().last().map_or(f64::NAN, |mode| mode.frequency_hz);
     let mut stepped = Piecewise {
@@ -147,8 +149,13 @@ impl Piecewise {
         }
     }
 
-    /// x and v of an element.
-    fn element_motion(&self, index: usize, element: &Element, state: &State) -> (f64, f64) {
+    /// The structure at a state.
+    fn at<'a>(&'a self, state: &'a State) -> Position<'a> {
+        self.assembly.at(&state.q[..self.assembly.coordinates()])
+    }
+
+    /// x and v of an element at a state, where the structure is `at`.
+    fn element_motion(&self, index: usize, element: &Element, at: &Position<'_>, state: &State) -> (f64, f64) {
         let n = self.assembly.coordinates();
         let (q, v) = (&state.q[..n], &state.v[..n]);
         match self.assembly.body {
@@ -157,9 +164,7 @@ impl Piecewise {
                 let dot = |of: &[f64]| row.iter().zip(of).map(|(w, of)| w * of).sum();
                 (dot(q), dot(v))
             }
-            Body::Chain(_) => {
-                (self.assembly.element_displacement(element, q), self.assembly.element_velocity(element, q, v))
-            }
+            Body::Chain(_) => (at.element_displacement(element), at.element_velocity(element, v)),
         }
     }
 
@@ -168,16 +173,16 @@ impl Piecewise {
         let n = self.assembly.coordinates();
         let (mut force, mut z, mut row) = ([0.0; MOST_COORDINATES], [0.0; MOST_ELEMENTS], [0.0; MOST_COORDINATES]);
         let is_modal = matches!(self.assembly.body, Body::Modal(_));
-        let factor = load.factor(t_s);
+        let (at, factor) = (self.at(state), load.factor(t_s));
         for (i, (dof, load)) in self.drive.iter().zip(load.numbers()).enumerate() {
             if !is_modal {
-                self.assembly.direction(*dof, &state.q[..n], &mut row);
+                at.direction(*dof, &mut row);
             }
             let row = if is_modal { &self.drive_rows[i * n..(i + 1) * n] } else { &row[..n] };
             force.iter_mut().zip(row).for_each(|(force, w)| *force += w * (factor * load));
         }
         for (i, element) in self.assembly.elements().iter().enumerate() {
-            let (position, velocity) = self.element_motion(i, element, state);
+            let (position, velocity) = self.element_motion(i, element, &at, state);
             let own = element.own(&state.z);
             let pull = element.law.reaction(branches[i], position, velocity, own).force;
             if let Some(state) = element.state {
@@ -187,21 +192,21 @@ impl Piecewise {
                 continue;
             }
             if !is_modal {
-                self.assembly.element_direction(element, &state.q[..n], &mut row);
+                at.element_direction(element, &mut row);
             }
             let row = if is_modal { &self.element_rows[i * n..(i + 1) * n] } else { &row[..n] };
             force.iter_mut().zip(row).for_each(|(force, w)| *force -= w * pull);
         }
-        let (q, v, mut acceleration) = (&state.q[..n], &state.v[..n], [0.0; MOST_COORDINATES]);
+        let (v, mut acceleration) = (&state.v[..n], [0.0; MOST_COORDINATES]);
         let (mut added, mut current_a_s) = (None, 0.0);
         if let Some(armature) = &self.armature {
             let blocked_n = factor * load.numbers().first().copied().unwrap_or(0.0);
-            let push = armature.push(&self.assembly, [q, v], state.current_a, blocked_n);
-            armature.direction(&self.assembly, q, &mut row[..n]);
+            let push = armature.push(&at, v, state.current_a, blocked_n);
+            armature.direction(&at, &mut row[..n]);
             force.iter_mut().zip(&row[..n]).for_each(|(force, w)| *force += w * push.force_n);
             (added, current_a_s) = (Some((armature.mass_kg, &row[..n])), push.current_a_s);
         }
-        self.assembly.accelerate_with(q, v, &force[..n], added, &mut acceleration[..n]);
+        at.accelerate_with(v, &force[..n], added, &mut acceleration[..n]);
         Slope { acceleration, z, current_a_s }
     }
 
@@ -238,16 +243,16 @@ impl Piecewise {
     }
 
     /// The margins of an element.
-    fn margins(&self, index: usize, element: &Element, state: &State) -> [Option<Margin>; 2] {
-        let (position, velocity) = self.element_motion(index, element, state);
+    fn margins(&self, index: usize, element: &Element, at: &Position<'_>, state: &State) -> [Option<Margin>; 2] {
+        let (position, velocity) = self.element_motion(index, element, at, state);
         element.law.margins(self.branches[index], position, velocity, element.own(&state.z))
     }
 
     /// The least of the margins; negative where an element has left its branch.
     fn margin(&self, state: &State) -> f64 {
-        let mut least = f64::INFINITY;
+        let (at, mut least) = (self.at(state), f64::INFINITY);
         for (i, element) in self.assembly.elements().iter().enumerate() {
-            for margin in self.margins(i, element, state).iter().flatten() {
+            for margin in self.margins(i, element, &at, state).iter().flatten() {
                 least = least.min(margin.value);
             }
         }
@@ -257,9 +262,11 @@ impl Piecewise {
     /// When in a part of `h_s` a margin that is not negative at its ends may be: the first of the lows of the margins'
     /// cubics through both ends.
     fn dip_s(&self, start: &State, end: &State, h_s: f64) -> Option<f64> {
-        let mut first: Option<f64> = None;
+        let ([at_start, at_end], mut first) = ([start, end].map(|state| self.at(state)), None::<f64>);
         for (i, element) in self.assembly.elements().iter().enumerate() {
-            let margins = self.margins(i, element, start).into_iter().zip(self.margins(i, element, end));
+            let ends = [(&at_start, start), (&at_end, end)];
+            let [margins, later] = ends.map(|(at, state)| self.margins(i, element, at, state));
+            let margins = margins.into_iter().zip(later);
             for (start, end) in margins.filter_map(|(start, end)| Some((start?, end?))) {
                 if let Some(at_s) = dip_s([start, end], h_s) {
                     first = Some(first.map_or(at_s, |first| first.min(at_s)));
@@ -274,7 +281,7 @@ impl Piecewise {
         let mut rough = false;
         for i in 0..self.assembly.elements().len() {
             let element = self.assembly.elements()[i];
-            let margins = self.margins(i, &element, state);
+            let margins = self.margins(i, &element, &self.at(state), state);
             if let Some(Margin { to, .. }) = margins.into_iter().flatten().find(|margin| margin.value < 0.0) {
                 self.branches[i] = to;
                 self.events += 1;
@@ -289,8 +296,9 @@ impl Piecewise {
 
     /// Whether a contact of Hunt and Crossley ends at a state.
     fn opens_roughly(&self, state: &State) -> bool {
+        let at = self.at(state);
         let opens = |(i, element): (usize, &Element)| {
-            let mut margins = self.margins(i, element, state).into_iter().flatten();
+            let mut margins = self.margins(i, element, &at, state).into_iter().flatten();
             self.branches[i] == Branch::Upper && margins.any(|margin| margin.value < 0.0)
         };
         let elements = self.assembly.elements().iter().enumerate();
@@ -301,9 +309,9 @@ impl Piecewise {
     fn parts(&self, t_s: f64, h_s: f64, state: &State) -> Result<u32, StepError> {
         let reach_s = (PHASE_RAD / libm::sqrt(self.fastest_squared)).min(h_s);
         let [squared, decay] = self.armature_bounds;
-        let (mut squared, mut decay) = (self.fastest_squared + squared, decay);
+        let (at, mut squared, mut decay) = (self.at(state), self.fastest_squared + squared, decay);
         for (i, element) in self.assembly.elements().iter().enumerate() {
-            let (position, velocity) = self.element_motion(i, element, state);
+            let (position, velocity) = self.element_motion(i, element, &at, state);
             let [stiffness, damping, rate] = element.law.steepest(position, velocity, reach_s);
             squared += self.mobility[i] * stiffness;
             decay += self.mobility[i] * damping + rate;
@@ -388,7 +396,7 @@ impl Piecewise {
     fn set_branches(&mut self, state: &mut State) {
         for i in 0..self.assembly.elements().len() {
             let element = self.assembly.elements()[i];
-            let (position, velocity) = self.element_motion(i, &element, state);
+            let (position, velocity) = self.element_motion(i, &element, &self.at(state), state);
             self.branches[i] = element.branch(position, velocity, element.own(&state.z));
             if let Some(own) = element.state {
                 state.z[own] = element.law.state_on(self.branches[i], state.z[own]);
@@ -398,7 +406,7 @@ impl Piecewise {
 
     fn armature_velocity_m_s(&self, armature: &Armature) -> f64 {
         let StateRef { q, v, .. } = self.state();
-        armature.motion(&self.assembly, q, v).velocity_m_s
+        armature.motion(&self.assembly.at(q), v).velocity_m_s
     }
 
     /// The current of a shaker's coil after a step under a command, where it is not a state.

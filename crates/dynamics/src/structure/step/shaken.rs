@@ -47,7 +47,7 @@ struct Shaken {
 pub(super) fn engine(modal: &Modal, assembly: &Assembly, armature: &Armature, rate_hz: f64) -> Box<dyn Engine> {
     let n = assembly.coordinates();
     let mut direction = vec![0.0; n];
-    armature.direction(assembly, &[0.0; MOST_COORDINATES][..n], &mut direction);
+    armature.direction(&assembly.at(&[0.0; MOST_COORDINATES][..n]), &mut direction);
     let step_s = 1.0 / rate_hz;
     let flow = flow(modal, armature, &direction, step_s);
     let numbers = vec![0.0; 2 * n + usize::from(armature.coil.rate_1_s().is_some())];
@@ -180,7 +180,7 @@ impl Engine for Shaken {
         }
         self.numbers.copy_from_slice(&next[..states]);
         let (q, v) = self.motion();
-        let velocity_m_s = self.armature.motion(&self.assembly, q, v).velocity_m_s;
+        let velocity_m_s = self.armature.motion(&self.assembly.at(q), v).velocity_m_s;
         let state_a = self.numbers.last().copied().unwrap_or(0.0);
         self.current_a = self.armature.coil.current_a(state_a, blocked_n, velocity_m_s);
         Ok(())
@@ -188,7 +188,8 @@ impl Engine for Shaken {
 
     fn acceleration(&self, load: &[f64], current_a: Option<f64>, out: &mut [f64]) {
         let (q, v) = self.motion();
-        let motion = self.armature.motion(&self.assembly, q, v);
+        let at = self.assembly.at(q);
+        let motion = self.armature.motion(&at, v);
         let blocked_n = load.first().copied().unwrap_or(0.0);
         let coil = &self.armature.coil;
         let current_a = current_a.unwrap_or_else(|| coil.current_a(self.current_a, blocked_n, motion.velocity_m_s));
@@ -196,7 +197,7 @@ impl Engine for Shaken {
         let mut force = [0.0; MOST_COORDINATES];
         force.iter_mut().zip(&self.direction).for_each(|(force, w)| *force = w * push_n);
         let added = Some((self.armature.mass_kg, &self.direction[..]));
-        self.assembly.accelerate_with(q, v, &force[..q.len()], added, out);
+        at.accelerate_with(v, &force[..q.len()], added, out);
     }
 
     fn boxed_clone(&self) -> Box<dyn Engine> {

@@ -202,10 +202,10 @@ fn derivatives_of_the_unbalance_are_exact() {
     let assembly = hard_chain();
     let (a, force) = ([100.0, -50.0, 20.0, -80.0], [30.0, -40.0, 5.0, 6.0]);
     let mut at = Linearised::new(4);
-    assembly.linearise(&X, &V, &a, &force, &mut at);
+    assembly.at(&X).linearise(&V, &a, &force, &mut at);
     let unbalance = |x: &[f64; 4], v: &[f64; 4], a: &[f64; 4]| {
         let mut out = vec![0.0; 4];
-        assembly.unbalance(x, v, a, &force, &mut out);
+        assembly.at(x).unbalance(v, a, &force, &mut out);
         out
     };
     assert_eq!(at.unbalance, unbalance(&X, &V, &a));
@@ -230,13 +230,13 @@ fn integrators_solve_the_unbalance() {
         (0..4).for_each(|i| force[i] += direction[i] * pull);
     }
     for element in assembly.elements() {
-        let velocity = assembly.element_velocity(element, &X, &V);
-        let pull = element.force(assembly.element_displacement(element, &X), velocity, 0.0).force;
+        let velocity = assembly.at(&X).element_velocity(element, &V);
+        let pull = element.force(assembly.at(&X).element_displacement(element), velocity, 0.0).force;
         assembly.element_direction(element, &X, &mut direction);
         (0..4).for_each(|i| force[i] -= direction[i] * pull);
     }
     let mut unbalance = [0.0; 4];
-    assembly.unbalance(&X, &V, &acceleration(&X, &V), &force, &mut unbalance);
+    assembly.at(&X).unbalance(&V, &acceleration(&X, &V), &force, &mut unbalance);
     assert!(unbalance.iter().all(|torque| torque.abs() < 1e-9 * 579_200.0), "{unbalance:?}");
 
     let jacobian = links.jacobian(&Motion { x: X, v: V }, &load);
@@ -260,7 +260,7 @@ fn points_move_as_they_say() {
         let acceleration = (16.0 * (x(h) + x(-h)) - (x(2.0 * h) + x(-2.0 * h)) - 30.0 * x(0.0)) / (12.0 * h * h);
         assert!((acceleration - assembly.acceleration(dof, &X, &V, &a)).abs() < 1e-5, "{name}");
         let mut curvature = [0.0; 16];
-        assembly.add_curvature(dof, &X, 1.0, &mut curvature);
+        assembly.at(&X).add_curvature(dof, 1.0, &mut curvature);
         let direction = |x: &[f64; 4]| {
             let mut direction = vec![0.0; 4];
             assembly.direction(dof, x, &mut direction);

@@ -148,7 +148,8 @@ impl Halves {
     fn strained(&self, level: usize) -> usize {
         let stepper = &self.steppers[level];
         let (assembly, q, z) = (stepper.assembly(), stepper.position(), stepper.element_states());
-        let energy_j = |element: &&Element| element.energy_j(assembly.element_displacement(element, q), element.own(z));
+        let at = assembly.at(q);
+        let energy_j = |element: &&Element| element.energy_j(at.element_displacement(element), element.own(z));
         assembly.elements().iter().filter(|element| energy_j(element) > 0.0).count()
     }
 
