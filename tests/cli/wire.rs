@@ -415,7 +415,8 @@ fn responses_to_a_controller_of_the_user_are_compared() {
     let dwell = "[excitation]\namplitude = { force_y_n = 6.0 }\n\
         profile = { waveform = 'dwell', frequency_hz = 18.0, duration_s = 6, settle_s = 4 }\n";
     logged(folder, dwell, |_| true);
-    let scenario = format!("{}\n{dwell}", include_str!("wire/bench.toml"));
+    let of_plant = "[network]\nplant_converter = 'sinc5'\n";
+    let scenario = format!("{}\n{of_plant}{dwell}", include_str!("wire/bench.toml"));
     fs::write(folder.join("dwell.toml"), scenario).unwrap();
     document(folder, 0, &["import", "bench.log", "bench.mcap", "--scenario", "dwell.toml", "--json"]);
     let [ours, theirs] = ["run.mcap", "bench.mcap"].map(|name| document(folder, 0, &["compare", name, "--json"]));

@@ -8,7 +8,7 @@ use resonarm::bus::{Bus, memory};
 use resonarm::node::ExciterOutcome;
 use resonarm::realtime::SystemClock;
 use resonarm::recording::{Direction, Existing, Recording, StateRecord};
-use resonarm::replay::{self, Regression, ReplayError};
+use resonarm::replay::{self, Compared, DifferenceKind, Regression, ReplayError};
 use resonarm::run::{BothReport, Mode, Options, PlantOutcome, RecordTo, RunError, Session, Signals};
 use resonarm::scenario::{LockstepSpec, Scenario};
 
@@ -96,12 +96,6 @@ fn in_lockstep_a_controller_that_waits_for_a_reading_starts_and_gets_the_free_bi
     });
     without_state.wire.as_mut().unwrap().readings.retain(|message| !message.signals.is_empty());
     let free = whole(&both(&with_state, Mode::Free, &path), &path);
-    // A regression test by `--against` heard no controller in such a recording's protocol, after all its patience.
-    let [mut alone, _far] = memory::pair(8);
-    let regression = Regression { speed: 0.0, limit_n: 0.0, limit_nm: 0.0, patience: Duration::from_secs(60) };
-    let recording = Recording::open(&path).unwrap();
-    let refused = replay::play_against(&recording, &mut alone, &SystemClock, regression, &Signals::default());
-    assert!(matches!(refused, Err(ReplayError::AgainstWire)), "{refused:?}");
     for scenario in [with_state, without_state] {
         let [mut near, mut far] = memory::pair(1024);
         let record = Some(RecordTo { path: path.clone(), existing: Existing::Overwrite });
@@ -119,6 +113,55 @@ fn in_lockstep_a_controller_that_waits_for_a_reading_starts_and_gets_the_free_bi
         };
         assert_eq!(bits(&free), bits(&lockstep));
     }
+}
+
+/// Plays the recorded plant to the exciter of a scenario, in lockstep.
+fn against(recording: &Recording, exciter: Scenario) -> Compared {
+    let [mut near, mut far] = memory::pair(1024);
+    let session = Session::new(exciter, Mode::Lockstep, Options::default()).unwrap();
+    let regression = Regression { speed: 0.0, limit_n: 0.0, limit_nm: 0.0, patience: Duration::from_secs(60) };
+    let over = Signals::default();
+    thread::scope(|scope| {
+        let exciter = scope.spawn(|| session.exciter(&mut far, &over));
+        let compared = replay::play_against(recording, &mut near, &SystemClock, regression, &Signals::default());
+        over.stop();
+        exciter.join().unwrap().unwrap();
+        compared.unwrap()
+    })
+}
+
+/// Such a recording was refused, and before that no controller was heard in it, after all the patience.
+#[test]
+fn a_controller_is_tested_against_a_recording_of_a_protocol_of_the_user() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("run.mcap");
+    let odrive = format!("{}\n{TORQUES}", ODRIVE.replace("[wire]", "[wire]\nlockstep = 'command'"));
+    let of_bench = format!("{}\n{DWELL}", include_str!("../cli/wire/bench.toml"));
+    for (text, louder) in
+        [(of_bench, ("force_y_n = 6.0", "force_y_n = 7.0")), (odrive, ("torque2_nm = 5.0", "torque2_nm = 6.0"))]
+    {
+        let with = |from: &str, to: &str| {
+            let scenario = scenario(&text.replace(from, to));
+            if scenario.wire.as_ref().unwrap().preset.is_some() { scenario } else { in_lockstep(scenario) }
+        };
+        both(&with("", ""), Mode::Lockstep, &path);
+        let recording = Recording::open(&path).unwrap();
+        let same = against(&recording, with("", ""));
+        assert_eq!(same.first_difference, None, "{text}");
+        assert!(same.commands > 590, "{same:?}");
+        let other = against(&recording, with(louder.0, louder.1)).first_difference.unwrap();
+        assert!(matches!(other.kind, DifferenceKind::Command { .. }), "{other:?}");
+        assert!((1..20).contains(&other.sample), "{other:?}");
+        let shorter = against(&recording, with("duration_s = 0.6", "duration_s = 0.3")).first_difference.unwrap();
+        assert!((290..=310).contains(&shorter.sample), "{shorter:?}");
+    }
+    let cia402 = format!("{}\n{TORQUES}", include_str!("../../examples/canopen/drives.toml"));
+    both(&scenario(&cia402), Mode::Free, &path);
+    let [mut alone, _far] = memory::pair(8);
+    let regression = Regression { speed: 0.0, limit_n: 0.0, limit_nm: 0.0, patience: Duration::from_secs(60) };
+    let recording = Recording::open(&path).unwrap();
+    let refused = replay::play_against(&recording, &mut alone, &SystemClock, regression, &Signals::default());
+    assert!(matches!(refused, Err(ReplayError::AgainstDrives)), "{refused:?}");
 }
 
 #[test]

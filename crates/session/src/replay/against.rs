@@ -4,6 +4,10 @@
 //! A controller is a function of the frames it receives, and answers samples by their indices. So the plant's frames
 //! are sent in their order, and before the next is sent, the controller must have done what the recorded one had done
 //! by then: said hello, asked for the same, answered the same sample. How long it takes does not matter.
+//!
+//! On a scenario's own protocol, whose commands name no sample, [`wire`] compares them by their order.
+
+mod wire;
 
 use core::fmt;
 use core::ops::ControlFlow;
@@ -18,8 +22,9 @@ use super::ReplayError;
 use super::player::{FRAMES_AT_ONCE, LOOK_NS, RETRY_NS, check_speed, due_ns};
 use super::responses::command;
 use crate::run::Signals;
+use resonarm_bench::node::WireSpec;
 use resonarm_bus::{Bus, Sent};
-use resonarm_files::recording::{Direction, Recording};
+use resonarm_files::recording::{Direction, FrameRecord, Recording};
 use resonarm_realtime::Clock;
 use resonarm_scenario::Scenario;
 
@@ -83,8 +88,18 @@ pub enum DifferenceKind {
     NoHello,
     /// It does not ask for what the recorded one asked for.
     NoRequest {
-        /// What that was: `arm`, `disarm` or `reset`.
+        /// What that was: `arm`, `disarm`, `reset` or `stop`.
         expected: &'static str,
+    },
+    /// It has sent no command in the place of a recorded one, on a protocol whose commands name no sample.
+    NoCommand {
+        /// The recorded command; forces along x and y, N, and torques at the joints, N·m.
+        expected: [f64; 4],
+    },
+    /// It has sent more commands than the recording has come to, on a protocol whose commands name no sample.
+    MoreCommands {
+        /// How many are ahead.
+        ahead: usize,
     },
     /// It faults; if it is for want of a plant that goes on, what is expected of it is what is missing.
     Fault {
@@ -100,6 +115,7 @@ impl DifferenceKind {
     const fn expected(&self) -> &'static str {
         match self {
             DifferenceKind::Command { .. } | DifferenceKind::NoAnswer => "answer",
+            DifferenceKind::NoCommand { .. } | DifferenceKind::MoreCommands { .. } => "command",
             DifferenceKind::NoHello => "hello",
             DifferenceKind::NoRequest { expected } | DifferenceKind::Fault { expected, .. } => expected,
         }
@@ -118,6 +134,13 @@ impl fmt::Display for DifferenceKind {
             DifferenceKind::NoRequest { expected } => {
                 write!(f, "the controller does not ask the plant to {expected}; the recorded one did")
             }
+            DifferenceKind::NoCommand { expected } => write!(
+                f,
+                "the controller sends no further command; recorded is {expected:?} (force along x, y in N, torques in N\u{b7}m)"
+            ),
+            DifferenceKind::MoreCommands { ahead } => {
+                write!(f, "the controller has sent {ahead} commands more than the recorded one had by then")
+            }
             DifferenceKind::Fault { cause, expected } => {
                 write!(f, "the controller faults: {cause}; the recorded one continues with: {expected}")
             }
@@ -128,7 +151,7 @@ impl fmt::Display for DifferenceKind {
 /// Sends the plant's recorded frames to the controller on the bus, and compares what it answers.
 ///
 /// # Errors
-/// [`ReplayError::AgainstWire`] if the recording is of a user's protocol, [`ReplayError::NoController`] if none is heard, [`ReplayError::Empty`] if the recording has no commands, and
+/// [`ReplayError::AgainstDrives`] if the recording is of CANopen drives, [`ReplayError::NoController`] if none is heard, [`ReplayError::Empty`] if the recording has no commands, and
 /// [`ReplayError`] if the speed is impossible, or recording or bus fail.
 pub fn play_against<C: Clock>(
     recording: &Recording,
@@ -139,34 +162,39 @@ pub fn play_against<C: Clock>(
 ) -> Result<Compared, ReplayError> {
     check_speed(regression.speed)?;
     let scenario = Scenario::from_configuration(recording.configuration())?;
-    if scenario.wire.is_some() {
-        return Err(ReplayError::AgainstWire);
+    let compared = Compared::default();
+    if let Some(spec) = scenario.wire_spec()? {
+        let WireSpec::Mapped(mapping) = spec else { return Err(ReplayError::AgainstDrives) };
+        let live = wire::Live::new(&mapping);
+        let mut test = Test { bus, clock, regression, signals, live, compared };
+        let mut recorded = wire::Recorded::new(&mapping);
+        return test.run(recording, |test, record| wire::expect(test, &mut recorded, record));
     }
     let network = scenario.network()?;
-    let mut test = Test { bus, clock, regression, signals, live: Live::new(network), compared: Compared::default() };
+    let mut test = Test { bus, clock, regression, signals, live: Live::new(network), compared };
     if !test.wait_for(|live| live.is_there)? {
-        let waited_s = regression.patience.as_secs_f64();
-        return if signals.is_stopped() { Ok(test.compared) } else { Err(ReplayError::NoController { waited_s }) };
+        return test.unheard();
     }
     let mut recorded = Receiver::new(network);
-    let (start_ns, mut first_ns) = (clock.now_ns(), None);
-    for record in recording.frames()? {
-        let record = record?;
-        let time_ns = recording.origin().frame_time_ns(&record);
-        let recorded_ns = time_ns.saturating_sub(*first_ns.get_or_insert(time_ns));
-        let flow = match record.direction {
-            Direction::Sent => test.send(&record.frame, due_ns(start_ns, recorded_ns, regression.speed))?,
-            Direction::Received => match recorded.accept(&record.frame) {
-                Ok(Some(message)) => test.expect(record.sample, message)?,
-                _ => ControlFlow::Continue(()),
-            },
-        };
-        if flow.is_break() {
-            break;
+    test.run(recording, |test, record| {
+        if record.direction == Direction::Received
+            && let Ok(Some(message)) = recorded.accept(&record.frame)
+        {
+            return test.expect(record.sample, message);
         }
+        Ok(ControlFlow::Continue(()))
+    })
+}
+
+/// What the frames of a live controller say of it.
+trait Controller {
+    /// Takes in a frame of its own.
+    fn hear(&mut self, frame: &Frame);
+
+    /// The fault that it has reported.
+    fn fault(&self) -> Option<String> {
+        None
     }
-    let ended = test.compared.first_difference.is_some() || signals.is_stopped();
-    if test.compared.commands == 0 && !ended { Err(ReplayError::Empty { what: "commands" }) } else { Ok(test.compared) }
 }
 
 /// What the controller has done.
@@ -194,23 +222,6 @@ impl Live {
             answers: BTreeMap::new(),
             order: VecDeque::new(),
             fault: None,
-        }
-    }
-
-    /// Takes in a frame. One that a plant would refuse is none.
-    fn take(&mut self, frame: &Frame) {
-        let Ok(Some(message)) = self.receiver.accept(frame) else { return };
-        if message.kind().sender() == Node::Plant {
-            return;
-        }
-        self.is_there = true;
-        match message {
-            Message::ExciterHello(_) => self.has_said_hello = true,
-            Message::Operator(operator) => self.ask(operator.request),
-            Message::Emergency(emergency) if emergency.code != EmergencyCode::Leaving => {
-                self.fault.get_or_insert(emergency);
-            }
-            message => self.answer(message),
         }
     }
 
@@ -250,36 +261,40 @@ impl Live {
     }
 }
 
+impl Controller for Live {
+    /// A frame that a plant would refuse is none.
+    fn hear(&mut self, frame: &Frame) {
+        let Ok(Some(message)) = self.receiver.accept(frame) else { return };
+        if message.kind().sender() == Node::Plant {
+            return;
+        }
+        self.is_there = true;
+        match message {
+            Message::ExciterHello(_) => self.has_said_hello = true,
+            Message::Operator(operator) => self.ask(operator.request),
+            Message::Emergency(emergency) if emergency.code != EmergencyCode::Leaving => {
+                self.fault.get_or_insert(emergency);
+            }
+            message => self.answer(message),
+        }
+    }
+
+    fn fault(&self) -> Option<String> {
+        self.fault.map(|fault| fault.to_string())
+    }
+}
+
 /// The test as it goes.
-struct Test<'a, C> {
+struct Test<'a, C, L> {
     bus: &'a mut dyn Bus,
     clock: &'a C,
     regression: Regression,
     signals: &'a Signals,
-    live: Live,
+    live: L,
     compared: Compared,
 }
 
-impl<C: Clock> Test<'_, C> {
-    /// Sends a frame of the plant when it is due.
-    fn send(&mut self, frame: &Frame, due_ns: u64) -> Result<ControlFlow<()>, ReplayError> {
-        loop {
-            self.take_in()?;
-            if self.signals.is_stopped() {
-                return Ok(ControlFlow::Break(()));
-            }
-            let left_ns = due_ns.saturating_sub(self.clock.now_ns());
-            if left_ns > 0 {
-                self.bus.wait(Duration::from_nanos(left_ns.min(LOOK_NS)))?;
-            } else if self.bus.send(frame)? == Sent::QueueFull {
-                self.clock.sleep_until_ns(self.clock.now_ns().saturating_add(RETRY_NS));
-            } else {
-                self.compared.frames += 1;
-                return Ok(ControlFlow::Continue(()));
-            }
-        }
-    }
-
+impl<C: Clock> Test<'_, C, Live> {
     /// Waits until the controller has done what the recorded one did, and compares.
     fn expect(&mut self, sample: u64, message: Message) -> Result<ControlFlow<()>, ReplayError> {
         let (done, missing) = match message {
@@ -302,17 +317,71 @@ impl<C: Clock> Test<'_, C> {
                 (got.is_some(), DifferenceKind::NoAnswer)
             }
         };
-        if done {
-            return Ok(ControlFlow::Continue(()));
+        Ok(if done { ControlFlow::Continue(()) } else { self.differs(sample, missing) })
+    }
+}
+
+impl<C: Clock, L: Controller> Test<'_, C, L> {
+    /// Sends the plant's frames in their order, and lets `expect` wait for what each frame of the recorded controller
+    /// says.
+    fn run(
+        &mut self,
+        recording: &Recording,
+        mut expect: impl FnMut(&mut Self, &FrameRecord) -> Result<ControlFlow<()>, ReplayError>,
+    ) -> Result<Compared, ReplayError> {
+        let (start_ns, mut first_ns) = (self.clock.now_ns(), None);
+        for record in recording.frames()? {
+            let record = record?;
+            let time_ns = recording.origin().frame_time_ns(&record);
+            let recorded_ns = time_ns.saturating_sub(*first_ns.get_or_insert(time_ns));
+            let mut flow = ControlFlow::Continue(());
+            if record.direction == Direction::Sent {
+                flow = self.send(&record.frame, due_ns(start_ns, recorded_ns, self.regression.speed))?;
+            }
+            if flow.is_break() || expect(self, &record)?.is_break() {
+                break;
+            }
         }
+        let compared = core::mem::take(&mut self.compared);
+        let has_ended = compared.first_difference.is_some() || self.signals.is_stopped();
+        if compared.commands == 0 && !has_ended { Err(ReplayError::Empty { what: "commands" }) } else { Ok(compared) }
+    }
+
+    /// Nobody was there to be tested.
+    fn unheard(&self) -> Result<Compared, ReplayError> {
+        let waited_s = self.regression.patience.as_secs_f64();
+        if self.signals.is_stopped() { Ok(self.compared.clone()) } else { Err(ReplayError::NoController { waited_s }) }
+    }
+
+    /// Sends a frame of the plant when it is due.
+    fn send(&mut self, frame: &Frame, due_ns: u64) -> Result<ControlFlow<()>, ReplayError> {
+        loop {
+            self.take_in()?;
+            if self.signals.is_stopped() {
+                return Ok(ControlFlow::Break(()));
+            }
+            let left_ns = due_ns.saturating_sub(self.clock.now_ns());
+            if left_ns > 0 {
+                self.bus.wait(Duration::from_nanos(left_ns.min(LOOK_NS)))?;
+            } else if self.bus.send(frame)? == Sent::QueueFull {
+                self.clock.sleep_until_ns(self.clock.now_ns().saturating_add(RETRY_NS));
+            } else {
+                self.compared.frames += 1;
+                return Ok(ControlFlow::Continue(()));
+            }
+        }
+    }
+
+    /// The controller does something else; the test ends, and the first difference stays.
+    fn differs(&mut self, sample: u64, missing: DifferenceKind) -> ControlFlow<()> {
         if !self.signals.is_stopped() {
-            let kind = match self.live.fault {
-                Some(fault) => DifferenceKind::Fault { cause: fault.to_string(), expected: missing.expected() },
+            let kind = match self.live.fault() {
+                Some(cause) => DifferenceKind::Fault { cause, expected: missing.expected() },
                 None => missing,
             };
             self.compared.first_difference.get_or_insert(Difference { sample, kind });
         }
-        Ok(ControlFlow::Break(()))
+        ControlFlow::Break(())
     }
 
     fn compare(&mut self, sample: u64, expected: [f64; 4], got: [f64; 4]) {
@@ -330,7 +399,7 @@ impl<C: Clock> Test<'_, C> {
 
     /// Waits until something holds of the controller; `false` if it has faulted, patience is at its end, or the test
     /// was stopped.
-    fn wait_for(&mut self, holds: impl Fn(&Live) -> bool) -> Result<bool, ReplayError> {
+    fn wait_for(&mut self, holds: impl Fn(&L) -> bool) -> Result<bool, ReplayError> {
         let patience_ns = u64::try_from(self.regression.patience.as_nanos()).unwrap_or(u64::MAX);
         let end_ns = self.clock.now_ns().saturating_add(patience_ns);
         loop {
@@ -339,7 +408,7 @@ impl<C: Clock> Test<'_, C> {
                 return Ok(true);
             }
             let left_ns = end_ns.saturating_sub(self.clock.now_ns());
-            if left_ns == 0 || self.live.fault.is_some() || self.signals.is_stopped() {
+            if left_ns == 0 || self.live.fault().is_some() || self.signals.is_stopped() {
                 return Ok(false);
             }
             self.bus.wait(Duration::from_nanos(left_ns.min(LOOK_NS)))?;
@@ -349,7 +418,7 @@ impl<C: Clock> Test<'_, C> {
     fn take_in(&mut self) -> Result<(), ReplayError> {
         for _ in 0..FRAMES_AT_ONCE {
             match self.bus.receive()? {
-                Some(received) => self.live.take(&received.frame),
+                Some(received) => self.live.hear(&received.frame),
                 None => break,
             }
         }

@@ -30,13 +30,13 @@ pub enum ReplayError {
     /// The bus failed.
     #[error(transparent)]
     Bus(#[from] BusError),
-    /// Commands of a user's protocol name no sample that they answer.
+    /// What a CANopen master asks, and how often, depends on time.
     #[error(
-        "the recording's run was on its scenario's own protocol ([wire]), whose commands don't name the sample that they answer; \
-         --against compares those of Resonarm's protocol alone: record a run of the new controller with the same scenario in \
-         lockstep, and compare both recordings by `resonarm diff`"
+        "the recording's run was with CANopen drives, and --against does not test their masters: what a master asks by service data, and \
+         how often, depends on time; record a run of the new master with the same scenario in lockstep, and compare both recordings by \
+         `resonarm diff`"
     )]
-    AgainstWire,
+    AgainstDrives,
     /// Nobody is there to be tested.
     #[error("no controller was heard on the bus within {} s (--patience-s)", short(.waited_s))]
     NoController {

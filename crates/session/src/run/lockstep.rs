@@ -18,9 +18,11 @@ use resonarm_realtime::{Clock, HistogramError, LatencyHistogram, SampleRate};
 const LOOK_NS: u64 = 20_000_000;
 /// Interval at which a plant that was never armed repeats the readings of sample 0, ns of the clock.
 const REPEAT_NS: u64 = 50_000_000;
-/// How long after arming commands that don't name their sample are still on their way as answers to those readings, ns
-/// of the clock. They would count as answers to sample 0, and shift all later ones by a sample.
-const SETTLE_NS: u64 = 50_000_000;
+/// How long a plant that has sent readings before it was armed is silent before it publishes sample 0, ns of the clock.
+/// Commands that don't name their sample may still be on their way as answers to those readings: they would count as
+/// answers to sample 0, and shift all later ones by a sample. And by this silence a controller tells sample 0 from the
+/// readings before it, though it or the plant may be stopped for 150 ms by a busy machine.
+const SETTLE_NS: u64 = 500_000_000;
 
 /// Runs the plant in lockstep on the calling thread, until its end or until it is asked to stop.
 pub(super) fn lockstep<C: Clock>(
@@ -95,32 +97,37 @@ impl<C: Clock> Lockstep<'_, '_, '_, C> {
         }
     }
 
-    /// Waits until the plant is armed; returns what ended the run instead, if anything did.
+    /// Waits until the plant is armed, and has been for as long as it takes until nothing of before is on its way;
+    /// returns what ended the run instead, if anything did.
     fn wait_for_arming(&mut self) -> Result<Option<EndedBy>, RunError> {
-        let mut repeat_at_ns = 0;
+        let sends_readings = self.bench.node().sends_unarmed_readings();
+        let (mut repeat_at_ns, mut armed_at_ns) = (0, None);
         let mut now_ns = self.pace.now_ns();
-        while !self.bench.node().is_armed() {
+        loop {
             if let Some(end) = self.ended() {
                 return Ok(Some(end));
             }
             let mut limit_ns = LOOK_NS;
-            if self.bench.node().sends_unarmed_readings() {
-                if now_ns >= repeat_at_ns {
+            if !self.bench.node().is_armed() {
+                armed_at_ns = None;
+                if sends_readings && now_ns >= repeat_at_ns {
                     self.bench.publish_start()?;
                     repeat_at_ns = now_ns + REPEAT_NS;
                 }
-                limit_ns = limit_ns.min(repeat_at_ns - now_ns);
+                if sends_readings {
+                    limit_ns = limit_ns.min(repeat_at_ns - now_ns);
+                }
+            } else if sends_readings {
+                let settled_ns = *armed_at_ns.get_or_insert(now_ns) + SETTLE_NS;
+                if now_ns >= settled_ns {
+                    return Ok(None);
+                }
+                limit_ns = limit_ns.min(settled_ns - now_ns);
+            } else {
+                return Ok(None);
             }
             now_ns = self.serve(now_ns, limit_ns)?;
         }
-        let settled_ns = now_ns + if self.bench.node().has_unnumbered_answers() { SETTLE_NS } else { 0 };
-        while now_ns < settled_ns && self.bench.node().is_armed() {
-            if let Some(end) = self.ended() {
-                return Ok(Some(end));
-            }
-            now_ns = self.serve(now_ns, settled_ns - now_ns)?;
-        }
-        Ok(None)
     }
 
     fn waits_for_answer(&self) -> bool {

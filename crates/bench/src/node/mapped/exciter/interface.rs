@@ -134,7 +134,7 @@ impl ExciterInterface for MappedExciter {
 
     fn next_deadline_ns(&self) -> u64 {
         let sync_ns = self.sync.filter(|_| self.outcome().is_none()).map_or(u64::MAX, |(due_ns, _)| due_ns);
-        let first_ns = if self.awaits_quiet() { self.first_at_ns() } else { u64::MAX };
+        let first_ns = if self.awaits_quiet() { self.last_at_ns() } else { u64::MAX };
         self.work.deadline_ns().min(sync_ns).min(first_ns)
     }
 

@@ -30,11 +30,15 @@ use resonarm_protocol::{Emergency, EmergencyCode, NodeState};
 /// their way.
 const UNARMED: u32 = 4;
 
-/// On a bus in lockstep: how long no sample may have come before the last one counts as the first of an armed plant,
-/// which waits for its answer, ns. A plant that is not armed repeats its readings more often. One that does not say its
-/// state has to be silent for longer than a busy machine stops a process.
-const QUIET_NS: u64 = 50_000_000;
-const QUIET_UNSAID_NS: u64 = 500_000_000;
+/// On a bus in lockstep: how long no sample has come before the first one of an armed plant, ns. One that is not armed
+/// repeats its readings every 50 ms, and one that is armed is silent for 500 ms before its first sample; either side may
+/// be stopped for 150 ms by a busy machine.
+const GAP_NS: u64 = 250_000_000;
+/// For how long a sample must be the last one to count as the first of an armed plant without such a gap, ns: of a plant
+/// that sends nothing before it is armed.
+const LAST_NS: u64 = 1_000_000_000;
+/// Samples closer than this waited on the bus, ns, and may all be of before the plant was asked to arm.
+const TOGETHER_NS: u64 = 25_000_000;
 
 /// A drive that takes commands.
 #[derive(Clone, Copy, Debug)]
@@ -74,6 +78,8 @@ pub struct MappedExciter {
     expects_unarmed_readings: bool,
     /// When the last whole sample came, ns of the clock.
     whole_at_ns: u64,
+    /// Whether that one is by its time, or by what the plant had said, the first of the armed plant.
+    is_first: bool,
     /// Whether the first sample of the armed plant is still to be told from those before it.
     is_first_due: bool,
     begins_anew: bool,
@@ -113,6 +119,7 @@ impl MappedExciter {
             unarmed: 0,
             expects_unarmed_readings: false,
             whole_at_ns: 0,
+            is_first: false,
             is_first_due: false,
             begins_anew: false,
             is_asked: false,
@@ -251,20 +258,25 @@ impl MappedExciter {
         self.reason = heard.fault.or(self.reason.filter(|_| heard.state.is_none()));
         // In lockstep the readings of sample 0 are repeated before the plant is armed.
         let is_repeated = self.expects_unarmed_readings && matches!(self.work.phase, Phase::Arming);
+        let mut is_closed = false;
         if self.listeners[place].is_of_sample && (heard.ahead > 0 || is_repeated || self.is_first_due) {
             self.samples.join(&mut self.listeners, place, heard.ahead);
-            if self.samples.closes(place) && self.samples.is_whole {
-                // Samples that come together waited on the bus, and may all be of before the plant was asked to arm.
-                let is_apart = now_ns.saturating_sub(self.whole_at_ns) >= QUIET_NS / 2;
-                self.whole_at_ns = now_ns;
-                if is_repeated && is_apart && !self.says_state() {
-                    self.unarmed = self.unarmed.saturating_add(1);
-                }
+            is_closed = self.samples.closes(place) && self.samples.is_whole;
+        }
+        if is_closed && self.expects_unarmed_readings {
+            let since_ns = now_ns.saturating_sub(self.whole_at_ns);
+            // The very first sample is one of before, as a plant begins with it.
+            self.is_first = self.whole_at_ns > 0 && since_ns >= GAP_NS;
+            self.whole_at_ns = now_ns;
+            if is_repeated && (TOGETHER_NS..GAP_NS).contains(&since_ns) && !self.says_state() {
+                self.unarmed = self.unarmed.saturating_add(1);
             }
         }
         if let Some(state) = heard.state {
             self.watch(now_ns, self.listeners[place].drive(), state);
         }
+        // A plant says that it is armed after the last sample of before.
+        self.is_first |= is_closed && self.says_state() && self.work.phase == Phase::Playing;
         if is_first && self.work.phase == Phase::Arming && self.lockstep.is_none() {
             self.begins_anew |= !self.says_state();
             self.ask_for_arming(now_ns);
@@ -299,7 +311,7 @@ impl MappedExciter {
         if self.work.phase != Phase::Playing || !self.samples.is_whole {
             return;
         }
-        if self.is_first_due && now_ns < self.first_at_ns() {
+        if self.is_first_due && !self.is_first && now_ns < self.last_at_ns() {
             return;
         }
         (self.is_first_due, self.samples.is_whole) = (false, false);
@@ -323,7 +335,8 @@ impl MappedExciter {
 
     /// Whether the plant is armed by all that is known: it says no state, was asked to arm, and sends samples.
     fn is_armed_unsaid(&self, now_ns: u64) -> bool {
-        self.may_be_armed_unsaid() && (!self.expects_unarmed_readings || now_ns >= self.first_at_ns())
+        let is_first = self.is_first || now_ns >= self.last_at_ns();
+        self.may_be_armed_unsaid() && (!self.expects_unarmed_readings || is_first)
     }
 
     fn may_be_armed_unsaid(&self) -> bool {
@@ -331,15 +344,15 @@ impl MappedExciter {
         is_asked && self.samples.is_whole && !self.says_state()
     }
 
-    /// Whether a whole sample waits for the plant to be silent, to be known as the first of the armed plant.
+    /// Whether a whole sample waits that may be the first of the armed plant, if no other comes.
     fn awaits_quiet(&self) -> bool {
-        let is_first = self.is_first_due && self.samples.is_whole;
-        is_first || (self.expects_unarmed_readings && self.may_be_armed_unsaid())
+        let is_due = self.is_first_due && self.samples.is_whole;
+        is_due || (self.expects_unarmed_readings && self.may_be_armed_unsaid())
     }
 
     /// When the last whole sample counts as the first of an armed plant if no other comes, ns.
-    fn first_at_ns(&self) -> u64 {
-        self.whole_at_ns.saturating_add(if self.says_state() { QUIET_NS } else { QUIET_UNSAID_NS })
+    fn last_at_ns(&self) -> u64 {
+        self.whole_at_ns.saturating_add(LAST_NS)
     }
 
     /// Whether the plant says the state of a drive.

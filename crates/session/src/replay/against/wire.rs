@@ -1,0 +1,202 @@
+//! A controller on a scenario's own protocol, beside the recorded one.
+//!
+//! Its commands name no sample, so they are compared by their order, message by message: the first command with a load
+//! of the one controller with the first of the other, the next with the next. What a controller sends before that has no
+//! load, and how often it does so depends on when it was started. Requests to arm, disarm, reset or stop must come in
+//! their order; one repeated is one.
+
+use core::ops::ControlFlow;
+
+use alloc::collections::VecDeque;
+
+use super::{Controller, DifferenceKind, REQUESTS, Test};
+use crate::replay::ReplayError;
+use crate::replay::wire_responses::parts;
+use resonarm_bench::node::mapped::mapping::{Action, Counts, Incoming, Mapping};
+use resonarm_files::recording::{Direction, FrameRecord};
+use resonarm_protocol::Frame;
+use resonarm_realtime::Clock;
+
+/// What a controller asks for when it ends.
+const DISARM: &str = "disarm";
+/// Commands that may wait to be compared: more than are under way at one moment.
+const AHEAD: usize = 1024;
+
+/// What a frame of a controller says.
+#[derive(Clone, Debug, PartialEq)]
+enum Said {
+    /// It asks for something, by its name: `arm`.
+    Request(&'static str),
+    /// It commands a load by message `place`: force along x and y, N, and torques at the joints, N·m.
+    Load { place: usize, load: [f64; 4] },
+}
+
+/// A message that the plant takes, and the last value of each event's signal.
+#[derive(Clone, Debug)]
+struct Message {
+    incoming: Incoming,
+    values: Vec<Option<f64>>,
+}
+
+/// Reads a controller's frames.
+#[derive(Clone, Debug)]
+struct Reader(Vec<Message>);
+
+impl Reader {
+    fn new(mapping: &Mapping) -> Reader {
+        let message =
+            |incoming: &Incoming| Message { incoming: incoming.clone(), values: vec![None; incoming.events.len()] };
+        Reader(mapping.incoming.iter().map(message).collect())
+    }
+
+    /// What a frame of the controller says, requests first.
+    fn hear(&mut self, frame: &Frame) -> Vec<Said> {
+        let is_meant =
+            |message: &Message| (message.incoming.id, message.incoming.format) == (frame.id(), frame.format());
+        let place = self.0.iter().position(is_meant);
+        place.map_or_else(Vec::new, |place| self.0[place].hear(place, frame.data()))
+    }
+}
+
+impl Message {
+    fn hear(&mut self, place: usize, payload: &[u8]) -> Vec<Said> {
+        let mut said = Vec::new();
+        for (event, before) in self.incoming.events.iter().zip(&mut self.values) {
+            let action = match &event.signal {
+                None => event.actions.first(),
+                Some(signal) => {
+                    let Ok(Some(value)) = signal.read(payload) else { continue };
+                    let is_changed = before.replace(value) != Some(value);
+                    let counts = event.counts == Counts::InEveryFrame || is_changed;
+                    event.actions.iter().find(|(asking, _)| counts && *asking == value)
+                }
+            };
+            said.extend(action.map(|(_, action)| Said::Request(name(*action))));
+        }
+        if let Ok(Some(load)) = self.incoming.load(payload) {
+            said.push(Said::Load { place, load: parts(&load) });
+        }
+        said
+    }
+}
+
+const fn name(action: Action) -> &'static str {
+    match action {
+        Action::Arm => "arm",
+        Action::Disarm => DISARM,
+        Action::Reset => "reset",
+        Action::Stop => "stop",
+    }
+}
+
+/// What the live controller has done.
+pub(super) struct Live {
+    reader: Reader,
+    /// Anything of it has been heard.
+    is_there: bool,
+    /// Whether it has commanded a load.
+    has_begun: bool,
+    /// What it asked for from what was compared last on, oldest first.
+    requests: VecDeque<&'static str>,
+    /// Its loads that are not compared yet, by the places of their messages.
+    loads: Vec<VecDeque<[f64; 4]>>,
+}
+
+impl Live {
+    pub fn new(mapping: &Mapping) -> Live {
+        let loads = vec![VecDeque::new(); mapping.incoming.len()];
+        Live { reader: Reader::new(mapping), is_there: false, has_begun: false, requests: VecDeque::new(), loads }
+    }
+
+    fn has_ended(&self) -> bool {
+        self.requests.back() == Some(&DISARM)
+    }
+}
+
+impl Controller for Live {
+    fn hear(&mut self, frame: &Frame) {
+        for said in self.reader.hear(frame) {
+            self.is_there = true;
+            match said {
+                Said::Request(request) if self.requests.back() == Some(&request) => {}
+                Said::Request(request) => {
+                    self.requests.push_back(request);
+                    if self.requests.len() > REQUESTS {
+                        self.requests.pop_front();
+                    }
+                }
+                Said::Load { place, load } => {
+                    self.has_begun |= load != [0.0; 4];
+                    // No more than shows that it is ahead.
+                    if self.has_begun && self.loads[place].len() <= AHEAD {
+                        self.loads[place].push_back(load);
+                    }
+                }
+            }
+        }
+    }
+}
+
+/// What the recorded controller has done.
+pub(super) struct Recorded {
+    reader: Reader,
+    has_begun: bool,
+    asked: Option<&'static str>,
+}
+
+impl Recorded {
+    pub fn new(mapping: &Mapping) -> Recorded {
+        Recorded { reader: Reader::new(mapping), has_begun: false, asked: None }
+    }
+}
+
+/// Waits until the live controller has done what the recorded one says in this frame, and compares.
+pub(super) fn expect<C: Clock>(
+    test: &mut Test<'_, C, Live>,
+    recorded: &mut Recorded,
+    record: &FrameRecord,
+) -> Result<ControlFlow<()>, ReplayError> {
+    if record.direction == Direction::Sent {
+        return Ok(ControlFlow::Continue(()));
+    }
+    for said in recorded.reader.hear(&record.frame) {
+        let missing = match said {
+            Said::Request(request) if recorded.asked == Some(request) => None,
+            Said::Request(expected) => {
+                recorded.asked = Some(expected);
+                test.wait_for(|live| live.requests.contains(&expected))?;
+                let requests = &mut test.live.requests;
+                match requests.iter().position(|asked| *asked == expected) {
+                    // It stays, so that its repetitions are none.
+                    Some(before) => {
+                        requests.drain(..before);
+                        None
+                    }
+                    None => Some(DifferenceKind::NoRequest { expected }),
+                }
+            }
+            Said::Load { load, .. } if !recorded.has_begun && load == [0.0; 4] => None,
+            Said::Load { place, load: expected } => {
+                recorded.has_begun = true;
+                test.wait_for(|live| !live.loads[place].is_empty() || live.has_ended())?;
+                let ahead = test.live.loads[place].len();
+                match test.live.loads[place].pop_front() {
+                    Some(_) if ahead > AHEAD => Some(DifferenceKind::MoreCommands { ahead }),
+                    Some(got) => {
+                        test.compare(record.sample, expected, got);
+                        None
+                    }
+                    None => Some(DifferenceKind::NoCommand { expected }),
+                }
+            }
+        };
+        if let Some(missing) = missing {
+            if !test.live.is_there && !test.signals.is_stopped() {
+                let waited_s = test.regression.patience.as_secs_f64();
+                return Err(ReplayError::NoController { waited_s });
+            }
+            return Ok(test.differs(record.sample, missing));
+        }
+    }
+    Ok(ControlFlow::Continue(()))
+}
