@@ -20,6 +20,8 @@ pub struct Position<'a> {
 }
 
 /// The body in the position.
+// A position lives on the stack while it is read; a box would be an allocation in the real-time loop.
+#[expect(clippy::large_enum_variant)]
 #[derive(Clone, Debug)]
 enum BodyIn<'a> {
     Chain(&'a Chain, Turned),
