@@ -1,6 +1,6 @@
 //! Flags that several subcommands share.
 
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 
 use clap::builder::{PossibleValuesParser, RangedI64ValueParser, TypedValueParser};
 use clap::{Args, ValueEnum};
@@ -159,7 +159,7 @@ impl ArmFlags {
     /// The scenario of the file, or `default`, with the flags applied.
     pub fn scenario_or(&self, default: impl FnOnce() -> Result<Scenario, Failure>) -> Result<Scenario, Failure> {
         let mut scenario = match &self.scenario {
-            Some(path) => Scenario::read(path)?,
+            Some(path) => read_scenario(path)?,
             None => default()?,
         };
         self.refuse_for(&scenario)?;
@@ -215,4 +215,12 @@ pub(crate) fn refused(flag: &str, error: &impl core::fmt::Display) -> Failure {
 
 pub(crate) fn parse_scheme(name: &str) -> Result<Scheme, Failure> {
     name.parse().map_err(|error: resonarm::integrate::UnknownScheme| Failure::usage(error.to_string()))
+}
+/// Reads a scenario, and warns of what is doubtful in the files that it names.
+pub(crate) fn read_scenario(path: &Path) -> Result<Scenario, Failure> {
+    let scenario = Scenario::read(path)?;
+    for warning in scenario.structure.iter().flat_map(|section| &section.warnings) {
+        tracing::warn!("{}: {warning}", path.display());
+    }
+    Ok(scenario)
 }

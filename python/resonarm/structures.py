@@ -276,16 +276,18 @@ class Modal(_Structure):
         path: _Path,
         nodes: Mapping[str, int] | None = None,
         *,
+        modal_mass_kg: float | None = None,
         elements: Sequence[Element] = (),
         name: str | None = None,
     ) -> "Self":
-        """The modes of a UFF file, datasets 55, 15 or 2411, and 82, in SI units: `nodes` names those that are points,
-        `{"tip": 12}`; by default all are, as `node12`.
+        """The modes of a UFF file, datasets 55 or 2414, 15 or 2411, 82, and 164 for its units: `nodes` names those that
+        are points, `{"tip": 12}`; by default all are, as `node12`. Modes whose modal mass the file leaves at 0 have
+        `modal_mass_kg`.
 
         Raises OSError if the file can't be read, ValueError for what docs/structures.md says is refused, such as
         complex modes.
         """
-        section = {"kind": "modal", "file": fspath(path), "nodes": dict(nodes or {})}
+        section = {"kind": "modal", "file": fspath(path), "nodes": dict(nodes or {}), "modal_mass_kg": modal_mass_kg}
         return cls._of({**section, **_shared(elements, (), name)})
 
     @classmethod

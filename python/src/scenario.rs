@@ -33,20 +33,24 @@ impl Scenario {
     #[new]
     #[pyo3(signature = (text = "", *, path = None, folder = None))]
     fn new(text: &str, path: Option<PathBuf>, folder: Option<PathBuf>) -> PyResult<Scenario> {
-        match path {
-            Some(path) if text.is_empty() => Ok(Scenario {
+        let scenario = match path {
+            Some(path) if text.is_empty() => Scenario {
                 inner: scenario::Scenario::read(&path).map_err(errors::scenario)?,
                 folder: path.parent().unwrap_or(Path::new("")).to_path_buf(),
                 file: Some(path),
-            }),
+            },
             // With a text, the path says only which file the values are from.
             file => {
                 let folder = folder.unwrap_or_default();
                 let mut inner = scenario::Scenario::parse(text, "the scenario").map_err(errors::scenario)?;
                 inner.read_files(&folder).map_err(errors::scenario)?;
-                Ok(Scenario { inner, folder, file })
+                Scenario { inner, folder, file }
             }
+        };
+        for warning in scenario.inner.structure.iter().flat_map(|section| &section.warnings) {
+            tracing::warn!("structure: {warning}");
         }
+        Ok(scenario)
     }
 
     /// A scenario of the same class with other values: keys of a section, or the section removed where it is `None`.

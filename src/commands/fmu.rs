@@ -5,6 +5,7 @@ use std::path::PathBuf;
 use clap::{Args, ValueEnum};
 
 use crate::failure::{Failure, Verdict};
+use crate::flags::read_scenario;
 use crate::output::{Inputs, JsonFlag, OverwriteFlag};
 use resonarm::scenario::Scenario;
 use resonarm_fmu::content::{Content, Interface, Role, Settings, TxClock};
@@ -85,7 +86,7 @@ impl Fmu {
         let inputs = Inputs::of(Scenario::files(&self.scenario).iter().chain(&self.library));
         OverwriteFlag { overwrite: self.overwrite }.check([self.out.clone()], &inputs)?;
         let settings = self.settings();
-        let content = Content { settings, scenario: Scenario::read(&self.scenario)? };
+        let content = Content { settings, scenario: read_scenario(&self.scenario)? };
         let library = match &self.library {
             Some(path) => Library::read(path)?,
             None => Library::beside_program()?,

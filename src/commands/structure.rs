@@ -8,6 +8,7 @@ use serde_json::Value;
 
 use crate::configuration;
 use crate::failure::{Failure, Verdict};
+use crate::flags::read_scenario;
 use crate::output::{self, Inputs, JsonFlag, OverwriteFlag};
 use crate::structures::label;
 use resonarm::plant::TestedAssembly;
@@ -80,7 +81,7 @@ impl Structure {
     fn scenario(&self) -> Result<(Scenario, &Path), Failure> {
         match (&self.scenario, &self.from_modes) {
             (_, Some(path)) => Ok((of_modes(path)?, path)),
-            (Some(path), None) => Ok((Scenario::read(path)?, path)),
+            (Some(path), None) => Ok((read_scenario(path)?, path)),
             (None, None) => Err(Failure::usage("give --scenario FILE, or --from-modes FILE")),
         }
     }
@@ -88,7 +89,7 @@ impl Structure {
 
 /// A scenario with the modes of its arm or structure in its place.
 fn of_modes(path: &Path) -> Result<Scenario, Failure> {
-    let scenario = Scenario::read(path)?;
+    let scenario = read_scenario(path)?;
     let assembly = match scenario.tested_structure()? {
         Some(tested) => tested.assembly,
         None => {

@@ -19,6 +19,7 @@ pub use error::StructureSectionError;
 pub use resonarm_fmu_import::{ImportError, Numbers, OutputsOf, ReadAt};
 pub use source::{
     JointSection, Matrices, MatricesSection, MatrixError, NotModal, StructureFileError, UffError, UrdfError,
+    UrdfWarning,
 };
 
 use resonarm_bench::plant::TestedAssembly;
@@ -98,6 +99,10 @@ pub struct StructureSection {
     /// The nodes of the UFF file that are points, by their names; without them all, as `node12`.
     #[serde(skip_serializing_if = "BTreeMap::is_empty")]
     pub nodes: BTreeMap<String, u32>,
+    /// Modal mass of those modes of the UFF file whose modal mass it leaves at 0, kg: the tool that wrote it knows how it
+    /// scales shapes.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub modal_mass_kg: Option<f64>,
     /// The matrices that the modes are from; they are read where `modes` are not given.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub matrices: Option<MatricesSection>,
@@ -132,6 +137,9 @@ pub struct StructureSection {
     /// [`StructureSection::allow_fmu`] names the file.
     #[serde(skip)]
     pub is_recorded: bool,
+    /// What is doubtful about the file of a robot, known once it is read.
+    #[serde(skip)]
+    pub warnings: Vec<UrdfWarning>,
     /// When within a hold the FMU is read.
     #[serde(skip_serializing_if = "is_default")]
     pub read: ReadAt,

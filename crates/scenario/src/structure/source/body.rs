@@ -31,10 +31,27 @@ impl Frame {
 pub(super) struct Inertial {
     /// Where the centre of mass is, and how the axes of the inertia are turned.
     pub frame: Frame,
-    /// kg, positive.
+    /// kg, as the file states it.
     pub mass_kg: f64,
-    /// About the centre of mass, kg·m².
+    /// About the centre of mass, kg·m², as the file states it.
     pub inertia_kg_m2: Matrix3<f64>,
+}
+
+impl Inertial {
+    /// The moment about an axis of unit length in the frame that `frame` is stated in, through the centre of mass,
+    /// kg·m².
+    pub fn about(&self, axis: &Vector3<f64>) -> f64 {
+        let own = self.frame.turn.transpose() * axis;
+        own.dot(&(self.inertia_kg_m2 * own))
+    }
+
+    /// The principal moments, the least first, kg·m².
+    pub fn principal_kg_m2(&self) -> [f64; 3] {
+        let moments = self.inertia_kg_m2.symmetric_eigenvalues();
+        let mut moments = [moments[0], moments[1], moments[2]];
+        moments.sort_by(f64::total_cmp);
+        moments
+    }
 }
 
 /// Bodies that are rigidly one.
@@ -59,9 +76,7 @@ pub(super) fn together(bodies: &[Inertial], axis: &Vector3<f64>) -> Option<Whole
     }
     let moment = bodies.iter().fold(Vector3::zeros(), |sum, body| sum + body.frame.at * body.mass_kg);
     let centre = moment / mass_kg;
-    let about = |body: &Inertial| {
-        let own = body.frame.turn.transpose() * axis;
-        own.dot(&(body.inertia_kg_m2 * own)) + body.mass_kg * axis.cross(&(body.frame.at - centre)).norm_squared()
-    };
+    let about =
+        |body: &Inertial| body.about(axis) + body.mass_kg * axis.cross(&(body.frame.at - centre)).norm_squared();
     Some(Whole { mass_kg, centre, inertia_kg_m2: bodies.iter().map(about).sum() })
 }

@@ -29,8 +29,18 @@ pub enum UrdfError {
         /// Why, and where.
         reason: String,
     },
+    /// The file is a xacro, from which a URDF is made.
+    #[error(
+        "line {line}: {got}: the file is xacro, not URDF: expand it first, xacro file.urdf.xacro > file.urdf, and name that file"
+    )]
+    Xacro {
+        /// The line, from 1.
+        line: u32,
+        /// The tag or attribute.
+        got: String,
+    },
     /// The XML is of something else.
-    #[error("it is no robot: its root is <{got}>, not <robot>; xacro files must be expanded first")]
+    #[error("it is no robot: its root is <{got}>, not <robot>")]
     NotARobot {
         /// The root's tag.
         got: String,
@@ -95,13 +105,41 @@ pub enum UrdfError {
         /// The joint.
         joint: String,
     },
-    /// A link without a positive mass.
-    #[error("link `{link}`: its mass is {} kg: it must be positive; leave <inertial> out of a frame", short(.mass_kg))]
+    /// A link with moments of inertia, and without a positive mass.
+    #[error(
+        "link `{link}`: its mass is {} kg: it must be positive, or, with all moments of inertia, 0, as that of a frame", short(.mass_kg)
+    )]
     Mass {
         /// The link.
         link: String,
         /// kg.
         mass_kg: f64,
+    },
+    /// A link with a negative moment of inertia.
+    #[error("link `{link}`: its moment of inertia about the joints' axis is {} kg·m²: no body has a negative one", short(.got_kg_m2))]
+    Moment {
+        /// The link.
+        link: String,
+        /// About the axis through its centre of mass, kg·m².
+        got_kg_m2: f64,
+    },
+    /// A joint that follows the angle of another.
+    #[error(
+        "joint `{joint}` mimics `{followed}`, {}",
+        if *is_of_chain {
+            "so that it turns with that joint and has no spring of its own: the joints of a chain turn freely"
+        } else {
+            "which is a joint of the chain, and it is not named, so that it would be rigid: remove <mimic> from the file where \
+             that will do"
+        }
+    )]
+    Mimic {
+        /// The joint.
+        joint: String,
+        /// The joint that it follows.
+        followed: String,
+        /// Whether it is named as a joint of the chain.
+        is_of_chain: bool,
     },
     /// No joints are named.
     #[error("name the chain's joints, from the base out, in tables [[structure.joints]]: those that turn are {known}")]
@@ -151,7 +189,8 @@ pub enum UrdfError {
     },
     /// Axes that are not parallel.
     #[error(
-        "the axis of joint `{joint}` is {off_deg:.3}° from that of `{first}`: those of a planar chain are parallel"
+        "the axis of joint `{joint}` is {off_deg:.3}° from that of `{first}`: those of a planar chain are parallel{}",
+        if *axis_is_default { "; the joint has no <axis>, so that its axis is the default, x" } else { "" }
     )]
     NotParallel {
         /// The joint.
@@ -160,6 +199,8 @@ pub enum UrdfError {
         first: String,
         /// The angle between them, degrees.
         off_deg: f64,
+        /// Whether the file states no axis of the joint.
+        axis_is_default: bool,
     },
     /// Gravity across the plane.
     #[error(
@@ -170,16 +211,25 @@ pub enum UrdfError {
         tilt_deg: f64,
     },
     /// Two joints, or a joint and the tip, at one place.
-    #[error("from joint `{joint}` to `{end}` there is no length in the plane of motion: leave one out, or state `tip`")]
+    #[error(
+        "from joint `{joint}` to `{end}` there is no length in the plane of motion: {}",
+        if *axis_is_default {
+            "the joint has no <axis>, so that it turns about the default, x; state its axis"
+        } else {
+            "leave one out, or state `tip`"
+        }
+    )]
     NoLength {
         /// The joint.
         joint: String,
         /// The link that ends it.
         end: String,
+        /// Whether the file states no axis of the joint.
+        axis_is_default: bool,
     },
     /// Nothing has a mass.
     #[error(
-        "nothing beyond joint `{joint}`, up to the next of the chain, has an <inertial>: give one to link `{link}`"
+        "nothing beyond joint `{joint}`, up to the next of the chain, has a mass: give link `{link}` an <inertial>"
     )]
     NoInertial {
         /// The joint.
@@ -228,6 +278,24 @@ pub enum UrdfError {
     },
 }
 
+/// What is doubtful about a URDF file that makes a chain.
+#[derive(Clone, Debug, PartialEq, Error)]
+#[non_exhaustive]
+pub enum UrdfWarning {
+    /// Moments of inertia that no body has.
+    #[error(
+        "link `{link}`: its principal moments of inertia are {}, {} and {} kg·m²: no body has a negative one, or one above the sum of \
+         the other two; the chain takes the moment about the joints' axis as it is",
+        short(&principal_kg_m2[0]), short(&principal_kg_m2[1]), short(&principal_kg_m2[2])
+    )]
+    Moments {
+        /// The link.
+        link: String,
+        /// The least first, kg·m².
+        principal_kg_m2: [f64; 3],
+    },
+}
+
 /// Why a file in the Universal File Format gives no modes.
 #[derive(Clone, Debug, PartialEq, Error)]
 #[non_exhaustive]
@@ -249,7 +317,7 @@ pub enum UffError {
         line: usize,
     },
     /// There are no modes.
-    #[error("there are no modes: no dataset 55 of normal modes; there are {known}")]
+    #[error("there are no modes: no dataset 55 or 2414 of normal modes; there are {known}")]
     NoModes {
         /// The datasets.
         known: String,
@@ -264,6 +332,15 @@ pub enum UffError {
         /// The nodes with values.
         known: String,
     },
+    /// A stated modal mass that no mode has.
+    #[error("structure.modal_mass_kg is {}: it must be a positive number", short(.got))]
+    StatedMass {
+        /// kg.
+        got: f64,
+    },
+    /// A stated modal mass that no mode needs.
+    #[error("structure.modal_mass_kg is of modes whose modal mass the file leaves at 0, and it has none: leave it out")]
+    MassIdle,
     /// Two names of one node.
     #[error("structure.nodes: `{}` and `{}` are both node {node}", names[0], names[1])]
     NodeTwice {
@@ -314,8 +391,8 @@ pub enum UffFault {
         /// The text.
         got: String,
     },
-    /// Units other than SI.
-    #[error("the file is in units of which {} make a metre and {} a newton: export it in SI units", short(.length), short(.force))]
+    /// Units without a size.
+    #[error("the file is in units of which {} make a metre and {} a newton: both must be positive", short(.length), short(.force))]
     Units {
         /// Units of length in a metre.
         length: f64,
@@ -325,26 +402,35 @@ pub enum UffFault {
     /// Modes that are complex.
     #[error("the modes are complex: a modal structure has real, normal modes; their real part alone would be others")]
     Complex,
-    /// A dataset 55 of something else.
-    #[error("dataset 55 of analysis type {got}: modes have 2, normal mode")]
+    /// A dataset of something else.
+    #[error("dataset {dataset} of analysis type {got}: modes have 2, normal mode")]
     Analysis {
+        /// The dataset.
+        dataset: u32,
         /// The analysis type.
         got: i64,
     },
     /// Not displacements.
-    #[error("dataset 55 of specific data type {got}: shapes are displacements, 8")]
+    #[error("dataset {dataset} of specific data type {got}: shapes are displacements, 8")]
     Quantity {
+        /// The dataset.
+        dataset: u32,
         /// The specific data type.
         got: i64,
     },
     /// Values of another kind at the nodes.
-    #[error("dataset 55 has {got} values at a node: vectors have 3, or 6 with rotations")]
+    #[error("dataset {dataset} has {got} values at a node: vectors have 3, or 6 with rotations")]
     Values {
+        /// The dataset.
+        dataset: u32,
         /// How many.
         got: i64,
     },
     /// A modal mass that nothing can be normalised with.
-    #[error("mode {mode}: its modal mass is {}: shapes are normalised with it, so it must be positive", short(.got))]
+    #[error(
+        "mode {mode}: its modal mass is {}: shapes are normalised with it, so it must be positive{}", short(.got),
+        if *got == 0.0 { "; state the one of modes that the file leaves at 0 by structure.modal_mass_kg" } else { "" }
+    )]
     ModalMass {
         /// The mode's number.
         mode: i64,

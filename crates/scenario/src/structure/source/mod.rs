@@ -21,7 +21,7 @@ use std::path::{Path, PathBuf};
 
 use serde::{Deserialize, Serialize};
 
-pub use error::{MatrixError, StructureFileError, UffError, UrdfError};
+pub use error::{MatrixError, StructureFileError, UffError, UrdfError, UrdfWarning};
 pub use matrices::{Matrices, MatricesSection};
 pub use of_modes::NotModal;
 
@@ -55,6 +55,7 @@ impl StructureSection {
             joints: Vec::new(),
             tip: None,
             nodes: BTreeMap::new(),
+            modal_mass_kg: None,
             matrices: None,
             dofs: BTreeMap::new(),
             ..self.clone()
@@ -92,14 +93,14 @@ impl StructureSection {
                     tip: self.tip.as_deref(),
                     has_gravity: self.gravity_m_s2.is_some(),
                 };
-                self.links = urdf_chain::links(&robot, &wanted).map_err(of_file(&path))?;
+                (self.links, self.warnings) = urdf_chain::links(&robot, &wanted).map_err(of_file(&path))?;
             }
             (_, Some(file), _) => {
                 let path = folder.join(file);
                 let bytes = text_file::read_bytes(&path).map_err(unreadable(&path))?;
                 // Lines of identification may be in any encoding; no number of theirs is read.
                 let text = String::from_utf8_lossy(&bytes);
-                let read = uff::read(&text, &self.nodes).map_err(of_file(&path))?;
+                let read = uff::read(&text, &self.nodes, self.modal_mass_kg).map_err(of_file(&path))?;
                 self.modes = read.modes;
                 for (name, at) in read.points {
                     self.points.entry(name).or_insert(at);
@@ -136,6 +137,12 @@ impl StructureSection {
             ("joints", !self.joints.is_empty(), is_chain, "a chain with the `file` of a robot, URDF"),
             ("tip", self.tip.is_some(), is_chain, "a chain with the `file` of a robot, URDF"),
             ("nodes", !self.nodes.is_empty(), is_uff, "a modal structure with the `file` of its modes, UFF"),
+            (
+                "modal_mass_kg",
+                self.modal_mass_kg.is_some(),
+                is_uff,
+                "a modal structure with the `file` of its modes, UFF",
+            ),
             ("dofs", !self.dofs.is_empty(), is_matrices, "a modal structure with `matrices`"),
             ("sha256", self.sha256.is_some(), is_fmu, FMU),
             ("read", self.read != ReadAt::default(), is_fmu, FMU),

@@ -1,10 +1,15 @@
 //! Modes in the Universal File Format (SDRC 1988; the University of Cincinnati keeps the layouts at
-//! ceas3.uc.edu/sdrluff), in ASCII: dataset 55, data at nodes, of normal modes, with the nodes of dataset 15, or 2411,
-//! the lines of 82, and the units of 164.
+//! ceas3.uc.edu/sdrluff), in ASCII: dataset 55, data at nodes, or 2414, analysis data, of normal modes, with the nodes
+//! of dataset 15, or 2411, the lines of 82, and the units of 164.
 //!
 //! Numbers stand in lines, with an exponent of E or D. Shapes are divided by the root of the modal mass. A node that a
 //! mode leaves out is at rest in it; one that all modes leave out is no point. A line passes over nodes that are no
 //! points, or have no place.
+//!
+//! Dataset 164 says how many units of the file make a metre, l, and a newton, f, for what follows it. Places are divided
+//! by l. The file's unit of mass is its unit of force times s² over its unit of length, l/f kg: with mm and mN a
+//! kilogram, with mm and N a tonne. A modal mass μ = φᵀMφ belongs to the numbers φ of its shape, so that φ/√(μ l/f) has
+//! the modal mass 1 kg, whatever the unit and the scale of φ.
 
 use std::collections::{BTreeMap, BTreeSet};
 
@@ -33,11 +38,40 @@ struct Mode {
     damping_ratio: f64,
     /// Displacements of unit modal mass, 1/√kg.
     shape: BTreeMap<u32, [f64; 3]>,
+    /// Whether its modal mass is the one that the scenario states.
+    has_stated_mass: bool,
+}
+
+/// How many units of a file make a metre, and a newton.
+#[derive(Clone, Copy)]
+struct Units {
+    length: f64,
+    force: f64,
+}
+
+impl Default for Units {
+    fn default() -> Units {
+        Units { length: 1.0, force: 1.0 }
+    }
+}
+
+/// The modal masses, viscous and hysteretic damping ratios and the like at the head of a mode.
+struct ModeHead {
+    number: i64,
+    frequency_hz: f64,
+    modal_mass: f64,
+    viscous: f64,
+    hysteretic: f64,
+    /// Values at a node.
+    values: usize,
+    /// What messages call a node, and the values at it.
+    names: [&'static str; 2],
 }
 
 #[derive(Default)]
 struct Contents {
     modes: Vec<Mode>,
+    units: Units,
     nodes: BTreeMap<u32, [f64; 3]>,
     /// Lines from node to node.
     lines: Vec<Vec<u32>>,
@@ -45,13 +79,24 @@ struct Contents {
     datasets: Vec<String>,
 }
 
-/// Reads modes; the points are the nodes of these names, or all, each called `node` with its number.
-pub(super) fn read(text: &str, names: &BTreeMap<String, u32>) -> Result<ModesRead, UffError> {
-    let contents = contents(text)?;
+/// Reads modes; the points are the nodes of these names, or all, each called `node` with its number. Modes whose modal
+/// mass the file leaves at 0 have the one that is stated.
+pub(super) fn read(
+    text: &str,
+    names: &BTreeMap<String, u32>,
+    modal_mass_kg: Option<f64>,
+) -> Result<ModesRead, UffError> {
+    if let Some(got) = modal_mass_kg.filter(|mass_kg| !(mass_kg.is_finite() && *mass_kg > 0.0)) {
+        return Err(UffError::StatedMass { got });
+    }
+    let contents = contents(text, modal_mass_kg)?;
     if contents.modes.is_empty() {
         let datasets: BTreeSet<&str> = contents.datasets.iter().map(String::as_str).collect();
         let known = Vec::from_iter(datasets).join(", ");
         return Err(UffError::NoModes { known: if known.is_empty() { String::from("none") } else { known } });
+    }
+    if modal_mass_kg.is_some() && !contents.modes.iter().any(|mode| mode.has_stated_mass) {
+        return Err(UffError::MassIdle);
     }
     let with_values: BTreeSet<u32> = contents.modes.iter().flat_map(|mode| mode.shape.keys().copied()).collect();
     let points = named(names, &with_values)?;
@@ -89,7 +134,7 @@ fn named(names: &BTreeMap<String, u32>, with_values: &BTreeSet<u32>) -> Result<B
     Ok(names.clone())
 }
 
-fn contents(text: &str) -> Result<Contents, UffError> {
+fn contents(text: &str, modal_mass_kg: Option<f64>) -> Result<Contents, UffError> {
     let mut contents = Contents::default();
     let mut lines = (1..).zip(text.lines());
     while let Some((line, text)) = lines.next() {
@@ -101,8 +146,14 @@ fn contents(text: &str) -> Result<Contents, UffError> {
         }
         let Some((line, head)) = lines.next() else { break };
         let dataset = head.split_whitespace().next().unwrap_or_default().to_owned();
-        if dataset.strip_suffix('b').is_some_and(|number| number.parse::<u32>().is_ok()) {
-            return Err(at(line, UffFault::Binary { dataset }));
+        if let Some(number) = dataset.strip_suffix('b').and_then(|number| number.parse::<u32>().ok()) {
+            if matches!(number, 55 | 2414) {
+                return Err(at(line, UffFault::Binary { dataset }));
+            }
+            // Measurements, whose bytes say nothing about modes: the delimiter may follow them on their last line.
+            lines.by_ref().find(|(_, text)| text.trim_end().ends_with(DELIMITER));
+            contents.datasets.push(dataset);
+            continue;
         }
         if dataset.parse::<u32>().is_err() {
             return Err(at(line, UffFault::Dataset { got: head.trim().to_owned() }));
@@ -117,11 +168,19 @@ fn contents(text: &str) -> Result<Contents, UffError> {
         }
         let mut records = Records { lines: body.into_iter(), line };
         match dataset.as_str() {
-            "15" => nodes(&mut records, &mut contents.nodes, "dataset 15, a node")?,
-            "2411" => nodes_of_two_lines(&mut records, &mut contents.nodes)?,
+            "15" => nodes(&mut records, &mut contents.nodes, contents.units)?,
+            "2411" => nodes_of_two_lines(&mut records, &mut contents.nodes, contents.units)?,
             "82" => lines_of_nodes(&mut records, &mut contents.lines)?,
-            "55" => contents.modes.push(mode(&mut records)?),
-            "164" => units(&mut records)?,
+            "55" => {
+                let head = head_of_55(&mut records)?;
+                contents.modes.push(mode(&mut records, &head, contents.units, modal_mass_kg)?);
+            }
+            "2414" => {
+                if let Some(head) = head_of_2414(&mut records)? {
+                    contents.modes.push(mode(&mut records, &head, contents.units, modal_mass_kg)?);
+                }
+            }
+            "164" => contents.units = units(&mut records)?,
             _ => {}
         }
         contents.datasets.push(dataset);
@@ -190,23 +249,28 @@ fn insert(
 }
 
 /// Dataset 15: in each line number, two coordinate systems, colour, x, y, z.
-fn nodes(records: &mut Records<'_>, into: &mut BTreeMap<u32, [f64; 3]>, what: &'static str) -> Result<(), UffError> {
+fn nodes(records: &mut Records<'_>, into: &mut BTreeMap<u32, [f64; 3]>, units: Units) -> Result<(), UffError> {
+    let what = "dataset 15, a node";
     while !records.is_at_end() {
         let numbers = records.numbers(what, 7)?;
         let node = records.whole(what, numbers[0])?;
-        insert(records, into, node, [numbers[4], numbers[5], numbers[6]])?;
+        insert(records, into, node, [4, 5, 6].map(|axis| numbers[axis] / units.length))?;
     }
     Ok(())
 }
 
 /// Dataset 2411: number, two coordinate systems, colour; in a line of their own x, y, z.
-fn nodes_of_two_lines(records: &mut Records<'_>, into: &mut BTreeMap<u32, [f64; 3]>) -> Result<(), UffError> {
+fn nodes_of_two_lines(
+    records: &mut Records<'_>,
+    into: &mut BTreeMap<u32, [f64; 3]>,
+    units: Units,
+) -> Result<(), UffError> {
     let what = "dataset 2411, a node";
     while !records.is_at_end() {
         let numbers = records.numbers(what, 4)?;
         let node = records.whole(what, numbers[0])?;
         let place = records.numbers(what, 3)?;
-        insert(records, into, node, [place[0], place[1], place[2]])?;
+        insert(records, into, node, [0, 1, 2].map(|axis| place[axis] / units.length))?;
     }
     Ok(())
 }
@@ -230,58 +294,129 @@ fn lines_of_nodes(records: &mut Records<'_>, into: &mut Vec<Vec<u32>>) -> Result
 }
 
 /// Dataset 164: behind the code of the units, their numbers in a metre, a newton and a kelvin.
-fn units(records: &mut Records<'_>) -> Result<(), UffError> {
+fn units(records: &mut Records<'_>) -> Result<Units, UffError> {
     records.next();
     let factors = records.numbers("dataset 164, the units", 2)?;
     let (length, force) = (factors[0], factors[1]);
-    if [length, force] == [1.0; 2] { Ok(()) } else { records.refuse(UffFault::Units { length, force }) }
+    if length > 0.0 && force > 0.0 {
+        Ok(Units { length, force })
+    } else {
+        records.refuse(UffFault::Units { length, force })
+    }
 }
 
 /// Dataset 55: five lines of text; model, analysis, characteristic, quantity, real or complex, values at a node; counts
 /// and the number of the mode; frequency, modal mass, damping ratios; then each node and its values.
-fn mode(records: &mut Records<'_>) -> Result<Mode, UffError> {
+fn head_of_55(records: &mut Records<'_>) -> Result<ModeHead, UffError> {
     let what = "dataset 55";
     for _ in 0..5 {
         records.next();
     }
-    let kind = records.numbers(what, 6)?;
-    let kind: Vec<i64> = kind.into_iter().map(|value| records.whole(what, value)).collect::<Result<_, _>>()?;
-    // Complex eigenvalues of displacement and velocity, and complex numbers.
-    if matches!(kind[1], 3 | 7) || matches!(kind[4], 5 | 6) {
-        return records.refuse(UffFault::Complex);
+    let kind = kind(records, what)?;
+    check_real(records, &kind)?;
+    if kind[1] != NORMAL_MODE {
+        return records.refuse(UffFault::Analysis { dataset: 55, got: kind[1] });
     }
-    if kind[1] != 2 {
-        return records.refuse(UffFault::Analysis { got: kind[1] });
-    }
-    // 0 and 1 are unknown and general.
-    if !matches!(kind[3], 0 | 1 | 8) {
-        return records.refuse(UffFault::Quantity { got: kind[3] });
-    }
-    let count = match kind[5] {
-        count @ (3 | 6) => count as usize,
-        got => return records.refuse(UffFault::Values { got }),
-    };
+    let values = values_at_a_node(records, 55, &kind)?;
     let counts = records.numbers("dataset 55, the numbers of load case and mode", 4)?;
-    let number: i64 = records.whole(what, counts[3])?;
-    let [frequency_hz, mass, viscous, hysteretic] = four(records)?;
-    if mass <= 0.0 {
-        return records.refuse(UffFault::ModalMass { mode: number, got: mass });
+    let number = records.whole(what, counts[3])?;
+    let numbers = records.numbers("dataset 55, frequency, modal mass and damping ratios", 4)?;
+    let [frequency_hz, modal_mass, viscous, hysteretic] = [0, 1, 2, 3].map(|index| numbers[index]);
+    let names = ["dataset 55, a node", "dataset 55, the values at a node"];
+    Ok(ModeHead { number, frequency_hz, modal_mass, viscous, hysteretic, values, names })
+}
+
+/// Dataset 2414: its label, a name, where the data are, five lines of text; a line as in dataset 55; eight numbers, the
+/// sixth that of the mode, and two more; time, frequency, eigenvalue, modal mass and both damping ratios; a line of
+/// complex eigenvalues; then each node and its values. `None` of analyses, quantities and places other than
+/// displacements of modes at nodes: a file has many.
+fn head_of_2414(records: &mut Records<'_>) -> Result<Option<ModeHead>, UffError> {
+    const AT_NODES: i64 = 1;
+    let what = "dataset 2414";
+    records.next();
+    records.next();
+    let place = records.numbers(what, 1)?;
+    let is_at_nodes = records.whole::<i64>(what, place[0])? == AT_NODES;
+    for _ in 0..5 {
+        records.next();
     }
+    let kind = kind(records, what)?;
+    if !is_at_nodes || !matches!(kind[3], UNKNOWN | GENERAL | DISPLACEMENT) {
+        return Ok(None);
+    }
+    check_real(records, &kind)?;
+    if kind[1] != NORMAL_MODE {
+        return Ok(None);
+    }
+    let values = values_at_a_node(records, 2414, &kind)?;
+    let counts = records.numbers("dataset 2414, the numbers of the analysis", 6)?;
+    let number = records.whole(what, counts[5])?;
+    records.next();
+    let numbers = records.numbers("dataset 2414, frequency, modal mass and damping ratios", 6)?;
+    let [frequency_hz, modal_mass, viscous, hysteretic] = [1, 3, 4, 5].map(|index| numbers[index]);
+    records.next();
+    let names = ["dataset 2414, a node", "dataset 2414, the values at a node"];
+    Ok(Some(ModeHead { number, frequency_hz, modal_mass, viscous, hysteretic, values, names }))
+}
+
+/// Codes of the analysis and of the quantity.
+const NORMAL_MODE: i64 = 2;
+const UNKNOWN: i64 = 0;
+const GENERAL: i64 = 1;
+const DISPLACEMENT: i64 = 8;
+
+/// Model, analysis, characteristic, quantity, real or complex, values at a node.
+fn kind(records: &mut Records<'_>, what: &'static str) -> Result<[i64; 6], UffError> {
+    let numbers = records.numbers(what, 6)?;
+    let mut kind = [0; 6];
+    for (code, number) in kind.iter_mut().zip(numbers) {
+        *code = records.whole(what, number)?;
+    }
+    Ok(kind)
+}
+
+/// Refuses complex eigenvalues, of displacement and of velocity, and complex numbers.
+fn check_real(records: &Records<'_>, kind: &[i64; 6]) -> Result<(), UffError> {
+    match matches!(kind[1], 3 | 7) || (kind[1] == NORMAL_MODE && matches!(kind[4], 5 | 6)) {
+        true => records.refuse(UffFault::Complex),
+        false => Ok(()),
+    }
+}
+
+/// How many values there are at a node, of displacements.
+fn values_at_a_node(records: &Records<'_>, dataset: u32, kind: &[i64; 6]) -> Result<usize, UffError> {
+    if !matches!(kind[3], UNKNOWN | GENERAL | DISPLACEMENT) {
+        return records.refuse(UffFault::Quantity { dataset, got: kind[3] });
+    }
+    match kind[5] {
+        count @ (3 | 6) => Ok(count as usize),
+        got => records.refuse(UffFault::Values { dataset, got }),
+    }
+}
+
+/// The mode of a head, and of the values at the nodes that follow it.
+fn mode(
+    records: &mut Records<'_>,
+    head: &ModeHead,
+    units: Units,
+    modal_mass_kg: Option<f64>,
+) -> Result<Mode, UffError> {
+    let ModeHead { number, frequency_hz, modal_mass, viscous, hysteretic, values, names } = *head;
+    let mass_kg = match modal_mass_kg {
+        Some(mass_kg) if modal_mass == 0.0 => mass_kg,
+        _ if modal_mass > 0.0 => modal_mass * units.length / units.force,
+        _ => return records.refuse(UffFault::ModalMass { mode: number, got: modal_mass }),
+    };
     if viscous == 0.0 && hysteretic != 0.0 {
         return records.refuse(UffFault::Hysteretic { mode: number, got: hysteretic });
     }
-    let scale = 1.0 / libm::sqrt(mass);
+    let scale = 1.0 / libm::sqrt(mass_kg);
     let mut shape = BTreeMap::new();
     while !records.is_at_end() {
-        let node = records.numbers("dataset 55, a node", 1)?;
-        let node = records.whole("dataset 55, a node", node[0])?;
-        let values = records.numbers("dataset 55, the values at a node", count)?;
+        let node = records.numbers(names[0], 1)?;
+        let node = records.whole(names[0], node[0])?;
+        let values = records.numbers(names[1], values)?;
         insert(records, &mut shape, node, [0, 1, 2].map(|axis| scale * values[axis]))?;
     }
-    Ok(Mode { frequency_hz, damping_ratio: viscous, shape })
-}
-
-fn four(records: &mut Records<'_>) -> Result<[f64; 4], UffError> {
-    let numbers = records.numbers("dataset 55, frequency, modal mass and damping ratios", 4)?;
-    Ok([0, 1, 2, 3].map(|index| numbers[index]))
+    Ok(Mode { frequency_hz, damping_ratio: viscous, shape, has_stated_mass: modal_mass == 0.0 })
 }

@@ -1,7 +1,8 @@
 //! Robots in the Unified Robot Description Format of ROS (wiki.ros.org/urdf/XML): links, joints, inertias.
 //!
-//! A file is XML without a schema. Read are `link` with its `inertial`, and `joint` with type, parent, child, origin
-//! and axis; the rest says nothing about the dynamics.
+//! A file is XML without a schema. Read are `link` with its `inertial`, and `joint` with type, parent, child, origin,
+//! axis and `mimic`; the rest says nothing about the dynamics. A link of mass 0 without moments of inertia is a frame,
+//! as one without `inertial` is: exporters write both.
 
 use std::collections::{BTreeMap, BTreeSet};
 
@@ -10,6 +11,9 @@ use roxmltree::{Document, Node};
 
 use super::body::{Frame, Inertial};
 use super::error::UrdfError;
+
+/// The axis of a joint that states none.
+const DEFAULT_AXIS: [f64; 3] = [1.0, 0.0, 0.0];
 
 /// A joint.
 #[derive(Clone, Debug)]
@@ -23,6 +27,10 @@ pub(super) struct Joint {
     pub frame: Frame,
     /// Its axis in its frame, of unit length.
     pub axis: Vector3<f64>,
+    /// Whether the file has no `axis`, so that it is x.
+    pub axis_is_default: bool,
+    /// The joint whose angle it follows.
+    pub mimics: Option<String>,
 }
 
 /// A robot: a tree of links.
@@ -39,10 +47,17 @@ pub(super) struct Robot {
 impl Robot {
     /// Reads a robot from its text.
     pub fn parse(text: &str) -> Result<Robot, UrdfError> {
-        let document = Document::parse(text).map_err(|error| UrdfError::Xml { reason: error.to_string() })?;
+        let document = Document::parse(text).map_err(|error| match text.contains("<xacro:") {
+            // The prefix is not declared.
+            true => UrdfError::Xacro { line: error.pos().row, got: String::from("a tag of xacro") },
+            false => UrdfError::Xml { reason: error.to_string() },
+        })?;
         let root = document.root_element();
         if root.tag_name().name() != "robot" {
             return Err(UrdfError::NotARobot { got: root.tag_name().name().to_owned() });
+        }
+        if let Some((line, got)) = document.descendants().find_map(|node| xacro(&node)) {
+            return Err(UrdfError::Xacro { line, got });
         }
         let mut robot = Robot { links: BTreeMap::new(), joints: Vec::new(), above: BTreeMap::new() };
         let mut names = BTreeSet::new();
@@ -51,6 +66,8 @@ impl Robot {
                 "link" => {
                     let name = attribute(&element, "name")?.to_owned();
                     let inertial = child(&element, "inertial").map(|inertial| body(&inertial, &name)).transpose()?;
+                    let inertial =
+                        inertial.filter(|body| body.mass_kg != 0.0 || body.inertia_kg_m2 != Matrix3::zeros());
                     if robot.links.insert(name.clone(), inertial).is_some() {
                         return Err(UrdfError::Twice { what: "link", name });
                     }
@@ -110,24 +127,43 @@ fn joint(element: &Node<'_, '_>) -> Result<Joint, UrdfError> {
         attribute(&child(element, tag).ok_or_else(missing)?, "link").map(str::to_owned)
     };
     let (parent, child_link) = (of("parent")?, of("child")?);
-    let axis = match child(element, "axis") {
-        Some(axis) => numbers(&axis, "xyz", [1.0, 0.0, 0.0])?,
-        None => [1.0, 0.0, 0.0],
+    let stated = child(element, "axis");
+    let axis_is_default = stated.is_none_or(|axis| axis.attribute("xyz").is_none());
+    let axis = match stated {
+        Some(axis) => numbers(&axis, "xyz", DEFAULT_AXIS)?,
+        None => DEFAULT_AXIS,
     };
     let axis = Vector3::from(axis);
     // A fixed joint may have the axis 0.
     let length = axis.norm();
     let axis = if length > 0.0 { axis / length } else { axis };
     let kind = attribute(element, "type")?.to_owned();
-    Ok(Joint { kind, parent, child: child_link, frame: origin(element)?, axis, name })
+    let mimic = child(element, "mimic");
+    let mimics = mimic.map(|mimic| attribute(&mimic, "joint").map(str::to_owned)).transpose()?;
+    Ok(Joint { kind, parent, child: child_link, frame: origin(element)?, axis, axis_is_default, mimics, name })
+}
+
+/// The line and the text of a tag of xacro, or of an expression of it in an attribute, if a node is or has one.
+fn xacro(node: &Node<'_, '_>) -> Option<(u32, String)> {
+    if !node.is_element() {
+        return None;
+    }
+    if node.tag_name().namespace().is_some_and(|namespace| namespace.contains("xacro")) {
+        return Some((line(node), format!("<xacro:{}>", node.tag_name().name())));
+    }
+    let is_expression = |value: &str| value.contains("${") || value.contains("$(");
+    // Plug-ins of simulators may have dollars of their own in what is not read.
+    let is_read = matches!(
+        node.tag_name().name(),
+        "link" | "joint" | "inertial" | "mass" | "inertia" | "origin" | "parent" | "child" | "axis" | "mimic"
+    );
+    let expression = node.attributes().find(|attribute| is_read && is_expression(attribute.value()))?;
+    Some((line(node), format!("{}=\"{}\"", expression.name(), expression.value())))
 }
 
 fn body(inertial: &Node<'_, '_>, link: &str) -> Result<Inertial, UrdfError> {
     let missing = |what| UrdfError::Missing { element: format!("the inertial of link {link}"), what };
     let mass_kg = number(&child(inertial, "mass").ok_or_else(|| missing("mass"))?, "value")?;
-    if mass_kg <= 0.0 {
-        return Err(UrdfError::Mass { link: link.to_owned(), mass_kg });
-    }
     let inertia = child(inertial, "inertia").ok_or_else(|| missing("inertia"))?;
     let entry = |name| number(&inertia, name);
     let (xx, yy, zz) = (entry("ixx")?, entry("iyy")?, entry("izz")?);

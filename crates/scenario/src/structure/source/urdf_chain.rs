@@ -11,7 +11,7 @@ use nalgebra::{Vector2, Vector3};
 
 use super::JointSection;
 use super::body::{Frame, Inertial, Whole, together};
-use super::error::UrdfError;
+use super::error::{UrdfError, UrdfWarning};
 use super::urdf::{Joint, Robot};
 use crate::nearest::nearest;
 use resonarm_dynamics::structure::Link;
@@ -21,6 +21,8 @@ const PARALLEL_LIMIT: f64 = 1e-6;
 /// How far a centre of mass may be off the line between the joints, over the length of the link. What is off so little
 /// counts for the moment of inertia about the joint, and not for the direction.
 pub(super) const OFF_LINE_LIMIT: f64 = 1e-3;
+/// How far principal moments may be from the triangle's rule, over themselves: files round them.
+const TRIANGLE_LIMIT: f64 = 1e-3;
 /// The least length of a link, m.
 const SHORTEST_M: f64 = 1e-6;
 
@@ -62,7 +64,8 @@ impl Plane {
             return Ok(());
         }
         let off_deg = libm::asin(off.min(1.0)).to_degrees();
-        Err(UrdfError::NotParallel { joint: joint.name.clone(), first: first.name.clone(), off_deg })
+        let axis_is_default = joint.axis_is_default;
+        Err(UrdfError::NotParallel { joint: joint.name.clone(), first: first.name.clone(), off_deg, axis_is_default })
     }
 
     fn project(&self, at: &Vector3<f64>) -> Vector2<f64> {
@@ -70,8 +73,8 @@ impl Plane {
     }
 }
 
-/// The links of the chain.
-pub(super) fn links(robot: &Robot, wanted: &Wanted<'_>) -> Result<Vec<Link>, UrdfError> {
+/// The links of the chain, and what is doubtful about the file.
+pub(super) fn links(robot: &Robot, wanted: &Wanted<'_>) -> Result<(Vec<Link>, Vec<UrdfWarning>), UrdfError> {
     let joints = named(robot, wanted.joints)?;
     let frames = frames(robot);
     let axis = |joint: &Joint| frames[joint.child.as_str()].turn * joint.axis;
@@ -79,6 +82,8 @@ pub(super) fn links(robot: &Robot, wanted: &Wanted<'_>) -> Result<Vec<Link>, Urd
     let plane = Plane::new(axis(first), wanted.has_gravity)?;
     joints.iter().try_for_each(|joint| plane.check_parallel(joint, &axis(joint), first))?;
     let groups = groups(robot, &joints);
+    check_mimics(robot, &joints, &groups)?;
+    let mut warnings = Vec::new();
     let last = joints.len() - 1;
     let tip = tip(robot, wanted.tip, joints[last], &groups)?;
     let place = |link: &str| plane.project(&frames[link].at);
@@ -88,9 +93,14 @@ pub(super) fn links(robot: &Robot, wanted: &Wanted<'_>) -> Result<Vec<Link>, Urd
         let end = if i < last { joints[i + 1].child.as_str() } else { tip };
         let line = place(end) - place(&joint.child);
         if line.norm() < SHORTEST_M {
-            return Err(UrdfError::NoLength { joint: joint.name.clone(), end: end.to_owned() });
+            let axis_is_default = joint.axis_is_default;
+            return Err(UrdfError::NoLength { joint: joint.name.clone(), end: end.to_owned(), axis_is_default });
         }
         let bodies = bodies(robot, &frames, &groups, i);
+        for (link, body) in &bodies {
+            warnings.extend(check_body(link, body, &plane.normal)?);
+        }
+        let bodies: Vec<Inertial> = bodies.into_iter().map(|(_, body)| body).collect();
         let no_mass = || UrdfError::NoInertial { joint: joint.name.clone(), link: joint.child.clone() };
         let whole = together(&bodies, &plane.normal).ok_or_else(no_mass)?;
         let [centre_of_mass_m, off_m] = on_line(joint, line, plane.project(&whole.centre) - place(&joint.child))?;
@@ -109,7 +119,36 @@ pub(super) fn links(robot: &Robot, wanted: &Wanted<'_>) -> Result<Vec<Link>, Urd
         });
         before = joined;
     }
-    Ok(links)
+    Ok((links, warnings))
+}
+
+/// Refuses a body whose mass, or whose moment about the axis n, no body has; and warns of principal moments that none
+/// has: since each is an integral such as Ix = ∫ (y² + z²) dm, none is negative or more than the others together.
+fn check_body(link: &str, body: &Inertial, normal: &Vector3<f64>) -> Result<Option<UrdfWarning>, UrdfError> {
+    if body.mass_kg <= 0.0 {
+        return Err(UrdfError::Mass { link: link.to_owned(), mass_kg: body.mass_kg });
+    }
+    let got_kg_m2 = body.about(normal);
+    if got_kg_m2 < 0.0 {
+        return Err(UrdfError::Moment { link: link.to_owned(), got_kg_m2 });
+    }
+    let [least, middle, most] = body.principal_kg_m2();
+    let is_possible = least >= -TRIANGLE_LIMIT * most && most <= (least + middle) * (1.0 + TRIANGLE_LIMIT);
+    Ok((!is_possible).then(|| UrdfWarning::Moments { link: link.to_owned(), principal_kg_m2: [least, middle, most] }))
+}
+
+/// Refuses joints that follow the angle of another, if they are of the chain, or ride on it and follow one of it.
+fn check_mimics(robot: &Robot, joints: &[&Joint], groups: &BTreeMap<&str, Option<usize>>) -> Result<(), UrdfError> {
+    let is_named = |name: &str| joints.iter().any(|joint| joint.name == name);
+    for joint in &robot.joints {
+        let Some(followed) = &joint.mimics else { continue };
+        let rides = groups.get(joint.child.as_str()).copied().flatten().is_some();
+        let is_of_chain = is_named(&joint.name);
+        if is_of_chain || (rides && is_named(followed)) {
+            return Err(UrdfError::Mimic { joint: joint.name.clone(), followed: followed.clone(), is_of_chain });
+        }
+    }
+    Ok(())
 }
 
 /// Where a link points with all joints at zero, and how far its own joint is turned from there.
@@ -229,17 +268,17 @@ fn groups<'a>(robot: &'a Robot, joints: &[&Joint]) -> BTreeMap<&'a str, Option<u
     groups
 }
 
-/// The masses of a group, in the frame of the base.
-fn bodies(
-    robot: &Robot,
+/// The masses of a group, in the frame of the base, with the names of the links.
+fn bodies<'a>(
+    robot: &'a Robot,
     frames: &BTreeMap<&str, Frame>,
     groups: &BTreeMap<&str, Option<usize>>,
     group: usize,
-) -> Vec<Inertial> {
+) -> Vec<(&'a str, Inertial)> {
     let of_group = robot.links.iter().filter(|(link, _)| groups.get(link.as_str()) == Some(&Some(group)));
     let placed = of_group.filter_map(|(link, inertial)| {
         let inertial = (*inertial)?;
-        Some(Inertial { frame: frames.get(link.as_str())?.then(&inertial.frame), ..inertial })
+        Some((link.as_str(), Inertial { frame: frames.get(link.as_str())?.then(&inertial.frame), ..inertial }))
     });
     placed.collect()
 }

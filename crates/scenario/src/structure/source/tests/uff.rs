@@ -2,9 +2,15 @@
 
 use std::collections::BTreeMap;
 
-use super::super::uff::read;
+use super::super::error::UffError;
+use super::super::uff::{ModesRead, read as read_with};
 use super::{close, examples};
 use crate::Scenario;
+
+/// Without a stated modal mass.
+fn read(text: &str, names: &BTreeMap<String, u32>) -> Result<ModesRead, UffError> {
+    read_with(text, names, None)
+}
 
 /// One mode at two nodes, by hand, with exponents of D and six values at a node.
 const MODE: &str = "    -1
@@ -84,6 +90,105 @@ fn lines_from_node_to_node_are_read() {
     insta::assert_snapshot!(short.map(|read| read.modes).unwrap_err(), @"line 30: dataset 82, a line of nodes needs 1 numbers here: there are 0");
 }
 
+/// The units of a meshers' file: so many make a metre, and a newton.
+fn units(length: &str, force: &str) -> String {
+    format!(
+        "    -1\n   164\n         5  mm (milli-newton)         2\n  {length}  {force}  1.0D+00\n  2.7315D+02\n    -1\n"
+    )
+}
+
+/// Places in mm become metres. With mN the unit of mass is the kilogram, so that shapes stay; with N it is the tonne.
+#[test]
+fn units_of_a_file_become_those_of_si() {
+    let of = |length: &str, force: &str| {
+        let text = format!("{}{NODES}{MODE}", units(length, force));
+        let read = read(&text, &BTreeMap::new()).unwrap();
+        (read.points["node12"], read.modes[0].shape["node12.x"], read.modes[0].frequency_hz)
+    };
+    assert_eq!(of("1.0D+00", "1.0D+00"), ([1.0, 2.0, -3.0], 1.0, 12.5));
+    assert_eq!(of("1.0D+03", "1.0D+03"), ([0.001, 0.002, -0.003], 1.0, 12.5));
+    let (place, shape, _) = of("1.0D+03", "1.0D+00");
+    assert_eq!(place, [0.001, 0.002, -0.003]);
+    close(shape, 2.0 / f64::sqrt(4.0 * 1000.0), 1e-15);
+    // Pounds of force and feet: the slug, 14.5939 kg.
+    close(of("3.280839895", "0.2248089431").1, 2.0 / f64::sqrt(4.0 * 14.593_903), 1e-7);
+    let none = read(&format!("{}{MODE}", units("1.0D+03", "0.0D+00")), &BTreeMap::new());
+    insta::assert_snapshot!(none.map(|read| read.modes).unwrap_err(), @"line 4: the file is in units of which 1000 make a metre and 0 a newton: both must be positive");
+}
+
+/// As NX and Simcenter write modes, by the layout of pyuff 2.5.8; before them a stress on elements.
+const ANALYSIS: &str = "    -1
+  2414
+         1
+Stress - Mode 3
+         2
+a
+b
+c
+d
+e
+         1         2         4         2         2         6
+         1         0         1         0         1         3         0         0
+         0         0
+  0.00000E+00  2.12250E+02  1.77851E+06  1.75000E-03  6.00000E-03  0.00000E+00
+  0.00000E+00  0.00000E+00  0.00000E+00  0.00000E+00  0.00000E+00  0.00000E+00
+        31         6
+  1.00000E+00  1.00000E+00  1.00000E+00  1.00000E+00  1.00000E+00  1.00000E+00
+    -1
+    -1
+  2414
+         2
+Displacement - Mode 3
+         1
+a
+b
+c
+d
+e
+         1         2         3         8         2         6
+         1         0         1         0         1         3         0         0
+         0         0
+  0.00000E+00  2.12250E+02  1.77851E+06  1.75000E-03  6.00000E-03  0.00000E+00
+  0.00000E+00  0.00000E+00  0.00000E+00  0.00000E+00  0.00000E+00  0.00000E+00
+         4
+  0.00000E+00  1.00000E+00  0.00000E+00  9.00000E+00  9.00000E+00  9.00000E+00
+         7
+ -1.00000E-01 -6.00000E-01  0.00000E+00  9.00000E+00  9.00000E+00  9.00000E+00
+    -1
+";
+
+#[test]
+fn modes_of_analysis_data_are_read() {
+    let read = read(&format!("{}{ANALYSIS}", units("1.0D+03", "1.0D+00")), &BTreeMap::new()).unwrap();
+    let [mode] = &read.modes[..] else { panic!("{:?}", read.modes) };
+    assert_eq!((mode.frequency_hz, mode.damping_ratio), (212.25, 0.006));
+    // 0.00175 t are 1.75 kg.
+    close(mode.shape["node4.y"], 1.0 / f64::sqrt(1.75), 1e-14);
+    close(mode.shape["node7.x"], -0.1 / f64::sqrt(1.75), 1e-14);
+    close(mode.shape["node7.y"], -0.6 / f64::sqrt(1.75), 1e-14);
+    let complex =
+        ANALYSIS.replace("1         2         3         8         2", "1         3         3         8         5");
+    let complex = read_with(&complex, &BTreeMap::new(), None).map(|read| read.modes).unwrap_err();
+    insta::assert_snapshot!(complex, @"line 29: the modes are complex: a modal structure has real, normal modes; their real part alone would be others");
+}
+
+/// Shapes scaled to 1, which have no modal mass in the file, take the one that is stated.
+#[test]
+fn an_unknown_modal_mass_is_stated() {
+    let unknown = MODE.replace("4.00000D+00", "0.00000D+00");
+    let read = |text: &str, mass_kg: f64| read_with(text, &BTreeMap::new(), Some(mass_kg));
+    // kg, whatever the units of the file.
+    let text = format!("{}{unknown}", units("1.0D+03", "1.0D+00"));
+    close(read(&text, 2.25).unwrap().modes[0].shape["node12.x"], 2.0 / 1.5, 1e-15);
+    // A mode that has one keeps it.
+    let both = read(&format!("{unknown}{MODE}"), 2.25).unwrap().modes;
+    assert_eq!([0, 1].map(|mode: usize| both[mode].shape["node12.x"]), [2.0 / 1.5, 1.0]);
+    let says = |text: &str, mass_kg: f64| read(text, mass_kg).map(|read| read.modes).unwrap_err().to_string();
+    insta::assert_snapshot!(says(&unknown, 0.0), @"structure.modal_mass_kg is 0: it must be a positive number");
+    insta::assert_snapshot!(says(MODE, 1.0), @"structure.modal_mass_kg is of modes whose modal mass the file leaves at 0, and it has none: leave it out");
+    insta::assert_snapshot!(says(&MODE.replace("4.00000D+00", "-4.0000D+00"), 1.0), @"line 10: mode 7: its modal mass is -4: shapes are normalised with it, so it must be positive");
+}
+
 /// The message about a change of the mode.
 fn of(from: &str, to: &str) -> String {
     let text = MODE.replacen(from, to, 1);
@@ -100,22 +205,22 @@ fn named(names: &[(&str, u32)]) -> String {
 fn what_gives_no_modes_is_said() {
     insta::assert_snapshot!(of("    -1", "text\n    -1"), @r#"line 1: "text" is outside the datasets, which begin and end with a line -1"#);
     insta::assert_snapshot!(of("    55", "    5x"), @r#"line 2: "5x" is not the number of a dataset"#);
-    insta::assert_snapshot!(of("    55", "    58b     1     2"), @"line 2: dataset 58b is binary: export the modes as ASCII");
-    insta::assert_snapshot!(of("    -1\n    55", "    -1\n    57"), @"there are no modes: no dataset 55 of normal modes; there are 57");
+    insta::assert_snapshot!(of("    55", "    55b     1     2"), @"line 2: dataset 55b is binary: export the modes as ASCII");
+    insta::assert_snapshot!(of("    55", "    58b     1     2"), @"there are no modes: no dataset 55 or 2414 of normal modes; there are 58b");
+    insta::assert_snapshot!(of("    -1\n    55", "    -1\n    57"), @"there are no modes: no dataset 55 or 2414 of normal modes; there are 57");
     insta::assert_snapshot!(of("0.00000D+00  0.00000D+00  0.00000D+00\n    -1\n", "0.00000D+00  0.00000D+00  0.00000D+00\n"), @"dataset 55, from line 2, has no end: a line -1");
-    insta::assert_snapshot!(read("", &BTreeMap::new()).map(|read| read.modes).unwrap_err(), @"there are no modes: no dataset 55 of normal modes; there are none");
+    insta::assert_snapshot!(read("", &BTreeMap::new()).map(|read| read.modes).unwrap_err(), @"there are no modes: no dataset 55 or 2414 of normal modes; there are none");
     insta::assert_snapshot!(of("2         3         8         2", "2         3         8         5"), @"line 8: the modes are complex: a modal structure has real, normal modes; their real part alone would be others");
     insta::assert_snapshot!(of("1         2         3         8", "1         3         3         8"), @"line 8: the modes are complex: a modal structure has real, normal modes; their real part alone would be others");
     insta::assert_snapshot!(of("1         2         3         8", "1         5         3         8"), @"line 8: dataset 55 of analysis type 5: modes have 2, normal mode");
     insta::assert_snapshot!(of("3         8         2", "3        12         2"), @"line 8: dataset 55 of specific data type 12: shapes are displacements, 8");
     insta::assert_snapshot!(of("2         6\n", "2         1\n"), @"line 8: dataset 55 has 1 values at a node: vectors have 3, or 6 with rotations");
-    insta::assert_snapshot!(of("4.00000D+00", "0.00000D+00"), @"line 10: mode 7: its modal mass is 0: shapes are normalised with it, so it must be positive");
+    insta::assert_snapshot!(of("4.00000D+00", "0.00000D+00"), @"line 10: mode 7: its modal mass is 0: shapes are normalised with it, so it must be positive; state the one of modes that the file leaves at 0 by structure.modal_mass_kg");
     insta::assert_snapshot!(of("2.00000D-02  0.00000D+00", "0.00000D+00  1.00000D-02"), @"line 10: mode 7 has hysteretic damping, 0.01, and no viscous: state it as viscous damping, half the loss factor");
     insta::assert_snapshot!(of("  0.00000D+00\n        12", "\n        12"), @"line 10: dataset 55, frequency, modal mass and damping ratios needs 4 numbers here: there are 3");
     insta::assert_snapshot!(of("-1.00000D+00", "-1.0000D+400"), @r#"line 12: dataset 55, the values at a node: "-1.0000D+400" is not a finite number"#);
     insta::assert_snapshot!(of("        15", "      1.5"), @r#"line 13: dataset 55, a node: "1.5" is not a finite number"#);
     insta::assert_snapshot!(of("        15", "        12"), @"line 14: node 12 stands here for the second time");
-    insta::assert_snapshot!(of("    -1", "    -1\n   164\n         2  feet\n   3.2808D+00   2.248D-01   1.8D+00\n    -1\n    -1"), @"line 4: the file is in units of which 3.2808 make a metre and 0.2248 a newton: export it in SI units");
     insta::assert_snapshot!(named(&[("tip", 13)]), @"structure.nodes: `tip` is node 13: no mode has values there; nodes with values are 12, 15");
     insta::assert_snapshot!(named(&[("tip", 12), ("top", 12)]), @"structure.nodes: `tip` and `top` are both node 12");
 }

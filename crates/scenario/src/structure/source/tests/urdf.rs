@@ -2,7 +2,7 @@
 
 use super::super::urdf::Robot;
 use super::super::urdf_chain::{Wanted, links};
-use super::super::{JointSection, UrdfError};
+use super::super::{JointSection, UrdfError, UrdfWarning};
 use super::{close, examples, says};
 use crate::Scenario;
 use resonarm_dynamics::structure::Link;
@@ -27,7 +27,50 @@ fn joint(name: &str, angle_deg: f64) -> JointSection {
 }
 
 fn chain(text: &str, joints: &[JointSection], tip: Option<&str>) -> Result<Vec<Link>, UrdfError> {
-    links(&Robot::parse(text)?, &Wanted { joints, tip, has_gravity: false })
+    links(&Robot::parse(text)?, &Wanted { joints, tip, has_gravity: false }).map(|(links, _)| links)
+}
+
+/// Frames of mass 0, as descriptions of UR and Panda have them, are as links without an inertial: at the base, where the
+/// mass says nothing, in the chain, and at its end.
+#[test]
+fn links_of_mass_0_are_frames() {
+    let zero = "<inertial><mass value=\"0\"/><inertia ixx=\"0\" ixy=\"0\" ixz=\"0\" iyy=\"0\" iyz=\"0\" izz=\"0.0\"/></inertial>";
+    let frames = |inertial: &str| {
+        let frame = format!(
+            "<link name=\"flange\">{inertial}</link><joint name=\"at\" type=\"fixed\"><parent link=\"payload\"/>\
+             <child link=\"flange\"/><origin xyz=\"0.1 0 0\"/></joint></robot>"
+        );
+        let text = ROBOT.replace("</robot>", &frame);
+        text.replace("<link name=\"base\"/>", &format!("<link name=\"base\">{inertial}</link>"))
+    };
+    let both = [joint("shoulder", 0.0), joint("elbow", 0.0)];
+    let expected = chain(&frames(""), &both, None).unwrap();
+    close(expected[1].length_m, 0.5, 1e-12);
+    assert_eq!(chain(&frames(zero), &both, None).unwrap(), expected);
+    // What is before the first joint is fixed, whatever its inertia.
+    let base = frames(zero).replacen("<mass value=\"0\"/>", "<mass value=\"-1\"/>", 1);
+    assert_eq!(chain(&base, &both, None).unwrap(), expected);
+}
+
+/// A moment above the sum of the others, as no body has it, is said with link and numbers; a rod and a rounded plate
+/// aren't.
+#[test]
+fn an_impossible_inertia_is_a_warning() {
+    let warnings = |moments: [f64; 3]| -> Vec<UrdfWarning> {
+        let [x, y, z] = moments;
+        let inertia = format!("ixx=\"{x}\" ixy=\"0\" ixz=\"0\" iyy=\"{y}\" iyz=\"0\" izz=\"{z}\"");
+        let text = ROBOT.replace("ixx=\"1\" ixy=\"0\" ixz=\"0\" iyy=\"1\" iyz=\"0\" izz=\"0.3\"", &inertia);
+        assert_ne!(text.contains(&inertia), ROBOT.contains(&inertia));
+        let joints = [joint("shoulder", 0.0), joint("elbow", 0.0)];
+        let wanted = Wanted { joints: &joints, tip: None, has_gravity: false };
+        let warnings = links(&Robot::parse(&text).unwrap(), &wanted).unwrap().1;
+        warnings.into_iter().filter(|UrdfWarning::Moments { link, .. }| link == "upper").collect()
+    };
+    let triangle = warnings([0.001, 0.001, 0.5]);
+    insta::assert_snapshot!(triangle[0], @"link `upper`: its principal moments of inertia are 0.001, 0.001 and 0.5 kg·m²: no body has a negative one, or one above the sum of the other two; the chain takes the moment about the joints' axis as it is");
+    assert_eq!(warnings([-0.1, 0.3, 0.3]).len(), 1);
+    assert_eq!(warnings([0.0, 0.2, 0.2]), []);
+    assert_eq!(warnings([0.1, 0.2, 0.3001]), []);
 }
 
 #[test]
@@ -108,12 +151,17 @@ fn what_is_no_robot_is_said() {
     let both = ["shoulder", "elbow"];
     insta::assert_snapshot!(of("<link name=\"base\"/>", "<link name=\"base\">", &both), @"it is no XML: expected 'link' tag, not 'robot' at 13:1");
     insta::assert_snapshot!(of("<robot name=\"two\">", "<robot name=\"two\" xmlns=\"\">&payload;", &both), @"it is no XML: unknown entity reference 'payload' at 1:28");
-    insta::assert_snapshot!(chain("<sdf/>", &[], None).unwrap_err(), @"it is no robot: its root is <sdf>, not <robot>; xacro files must be expanded first");
+    insta::assert_snapshot!(chain("<sdf/>", &[], None).unwrap_err(), @"it is no robot: its root is <sdf>, not <robot>");
     insta::assert_snapshot!(of("<link name=\"base\"/>", "<link/>", &both), @"line 2: <link> lacks `name`");
     insta::assert_snapshot!(of("<mass value=\"10\"/>", "<mass value=\"ten\"/>", &both), @r#"line 3: `value` is "ten": it must be a finite number"#);
     insta::assert_snapshot!(of("0.5 0 0", "0.5 0", &both), @r#"line 11: `xyz` is "0.5 0": it must be three finite numbers"#);
     insta::assert_snapshot!(of("<mass value=\"10\"/>", "", &both), @"the inertial of link upper lacks <mass>");
-    insta::assert_snapshot!(of("<mass value=\"10\"/>", "<mass value=\"0\"/>", &both), @"link `upper`: its mass is 0 kg: it must be positive; leave <inertial> out of a frame");
+    insta::assert_snapshot!(of("<mass value=\"10\"/>", "<mass value=\"0\"/>", &both), @"link `upper`: its mass is 0 kg: it must be positive, or, with all moments of inertia, 0, as that of a frame");
+    insta::assert_snapshot!(of("<mass value=\"10\"/>", "<mass value=\"nan\"/>", &both), @r#"line 3: `value` is "nan": it must be a finite number"#);
+    let declared = "<robot name=\"two\" xmlns:xacro=\"http://www.ros.org/wiki/xacro\">";
+    insta::assert_snapshot!(of("<robot name=\"two\">", &format!("{declared}<xacro:property name=\"a\" value=\"1\"/>"), &both), @"line 1: <xacro:property>: the file is xacro, not URDF: expand it first, xacro file.urdf.xacro > file.urdf, and name that file");
+    insta::assert_snapshot!(of("<link name=\"base\"/>", "<xacro:base name=\"base\"/>", &both), @"line 2: a tag of xacro: the file is xacro, not URDF: expand it first, xacro file.urdf.xacro > file.urdf, and name that file");
+    insta::assert_snapshot!(of("0.5 0 0", "${len} 0 0", &both), @r#"line 11: xyz="${len} 0 0": the file is xacro, not URDF: expand it first, xacro file.urdf.xacro > file.urdf, and name that file"#);
     insta::assert_snapshot!(of("<child link=\"upper\"/>", "", &both), @"joint shoulder lacks <child>");
     insta::assert_snapshot!(of("<link name=\"base\"/>", "<link name=\"upper\"/>", &both), @"there are two of the link `upper`");
     insta::assert_snapshot!(of("joint name=\"grip\"", "joint name=\"elbow\"", &both), @"there are two of the joint `elbow`");
@@ -134,11 +182,20 @@ fn what_is_no_chain_is_said() {
     insta::assert_snapshot!(of("0 0 -1", "1 0 -1", &both), @"the axis of joint `elbow` is 45.000° from that of `shoulder`: those of a planar chain are parallel");
     insta::assert_snapshot!(of("0.5 0 0", "0 0 0.5", &both), @"from joint `shoulder` to `lower` there is no length in the plane of motion: leave one out, or state `tip`");
     insta::assert_snapshot!(of("0.2 0 0.3", "0.2 0.01 0.3", &both), @"the centre of mass beyond joint `shoulder` is 0.01 m off the line to the chain's next joint or tip: links of a chain have it on that line, within 0.0005 m, a thousandth of the length");
-    insta::assert_snapshot!(of("izz=\"0.3\"", "izz=\"-0.3\"", &both), @"the moment of inertia beyond joint `shoulder` comes out as -0.3 kg·m²: it must be positive");
+    insta::assert_snapshot!(of("izz=\"0.3\"", "izz=\"-0.3\"", &both), @"link `upper`: its moment of inertia about the joints' axis is -0.3 kg·m²: no body has a negative one");
     let bare = "<link name=\"upper\"/><joint name=\"other\" type=\"fixed\"><parent link=\"lower\"/><child link=\"base2\"/></joint>\
         <link name=\"base2\"/><link name=\"unused\">";
     insta::assert_snapshot!(of("<link name=\"upper\">", bare, &both), @"beyond joint `elbow` there are several ends: say by `tip` which is the chain's: base2, payload");
-    insta::assert_snapshot!(of("<link name=\"upper\">", "<link name=\"upper\"/><link name=\"unused\">", &both), @"nothing beyond joint `shoulder`, up to the next of the chain, has an <inertial>: give one to link `upper`");
+    insta::assert_snapshot!(of("<link name=\"upper\">", "<link name=\"upper\"/><link name=\"unused\">", &both), @"nothing beyond joint `shoulder`, up to the next of the chain, has a mass: give link `upper` an <inertial>");
+    insta::assert_snapshot!(of("<axis xyz=\"0 0 -1\"/>", "", &both), @"the axis of joint `elbow` is 90.000° from that of `shoulder`: those of a planar chain are parallel; the joint has no <axis>, so that its axis is the default, x");
+    let no_axis = ROBOT
+        .replace("<axis xyz=\"0 0 -1\"/>", "")
+        .replace("<axis xyz=\"0 0 2\"/>", "")
+        .replace(" rpy=\"0 0 1.5707963267948966\"", "");
+    insta::assert_snapshot!(chain(&no_axis, &both.map(|name| joint(name, 0.0)), None).unwrap_err(), @"from joint `shoulder` to `lower` there is no length in the plane of motion: the joint has no <axis>, so that it turns about the default, x; state its axis");
+    let mimic = ["0 0 -1\"/>", "0 0 -1\"/><mimic joint=\"shoulder\" multiplier=\"-1\"/>"];
+    insta::assert_snapshot!(of(mimic[0], mimic[1], &both), @"joint `elbow` mimics `shoulder`, so that it turns with that joint and has no spring of its own: the joints of a chain turn freely");
+    insta::assert_snapshot!(of(mimic[0], mimic[1], &["shoulder"]), @"joint `elbow` mimics `shoulder`, which is a joint of the chain, and it is not named, so that it would be rigid: remove <mimic> from the file where that will do");
     let tip = chain(ROBOT, &[joint("shoulder", 0.0), joint("elbow", 0.0)], Some("upper"));
     insta::assert_snapshot!(tip.unwrap_err(), @"structure.tip: link `upper` does not ride on joint `elbow`: these do: lower, payload");
     let joints = "joints = [{ name = 'turn', stiffness_nm_rad = 1, damping_nm_s_rad = 1 }]";
