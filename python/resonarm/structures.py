@@ -305,7 +305,8 @@ class Modal(_Structure):
         """The lowest `modes` of the mass (kg), stiffness (N/m) and damping matrices (N·s/m), all if there are not more
         than 32. `dofs` are degrees of freedom by their rows, from 0: `{"tip.x": 0}`.
 
-        Raises ValueError for matrices that are not square, symmetric or positive definite, and for damping that is not
+        The structure may be free. Degrees of freedom without mass, rows of zeros, are condensed statically. Raises
+        ValueError for matrices that are not square, symmetric or positive (semi)definite, and for damping that is not
         modal.
         """
         damped = None if damping is None else _matrix("damping", damping)

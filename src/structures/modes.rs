@@ -35,7 +35,7 @@ impl Mode {
     fn new(mode: &StructureMode, pole: Option<Pole>) -> Mode {
         let StructureMode { frequency_hz, damping_ratio, shape } = mode.clone();
         let pole_frequency_hz = pole.map(|pole| pole.pole_frequency_hz);
-        let pole_damping_ratio = pole.map(|pole| pole.pole_damping_ratio);
+        let pole_damping_ratio = pole.map(|pole| pole.pole_damping_ratio + 0.0);
         Mode { frequency_hz, damping_ratio, shape, pole_frequency_hz, pole_damping_ratio }
     }
 }
@@ -54,7 +54,10 @@ pub(crate) fn show(scenario: &Scenario, tested: &TestedAssembly, json: JsonFlag)
             label(scenario, tested)
         );
         for (mode, number) in document.modes.iter().zip(1..) {
-            let pole = pole_text(mode.pole_frequency_hz, mode.pole_damping_ratio);
+            let pole = match mode.frequency_hz == 0.0 {
+                true => String::from("rigid"),
+                false => pole_text(mode.pole_frequency_hz, mode.pole_damping_ratio),
+            };
             text += &format!("  {number:4}   {:15.4} Hz   {:13.3e}   {pole}\n", mode.frequency_hz, mode.damping_ratio);
         }
         text

@@ -492,3 +492,114 @@ fn analyses_of_structures_refuse_in_words() {
     insta::assert_snapshot!(of_arm(&["backbone", "--to=3"]), @"--to is 3: it is for a scenario with a [structure]; of the arm give --to-rad");
     insta::assert_snapshot!(of_arm(&["basins", "--torque1-nm=3", "--frequency-hz=22", "--coordinates=q1,q2"]), @"--coordinates: there is no coordinate `q1`: the coordinates are alpha1_rad, alpha2_rad, alpha1_dot_rad_s, alpha2_dot_rad_s");
 }
+
+/// Two masses of 2 kg, free, as a finite-element program writes them: rigid modes at 0 Hz, or nearly so by rounding.
+const FREE: &str = "    -1
+   164
+         1SI: Meter (newton)         2
+  1.00000000000000000e+00  1.00000000000000000e+00  1.00000000000000000e+00
+  2.73149999999999977e+02
+    -1
+    -1
+    55
+a
+b
+c
+d
+e
+         1         2         2         8         2         3
+         2         4         0         1
+  0.00000e+00  4.00000e+00  0.00000e+00  0.00000e+00
+         1
+  1.00000e+00  0.00000e+00  0.00000e+00
+         2
+  1.00000e+00  0.00000e+00  0.00000e+00
+    -1
+    -1
+    55
+a
+b
+c
+d
+e
+         1         2         2         8         2         3
+         2         4         0         2
+  3.10000e-05  4.00000e+00  0.00000e+00  0.00000e+00
+         1
+  0.00000e+00  1.00000e+00  0.00000e+00
+         2
+  0.00000e+00  1.00000e+00  0.00000e+00
+    -1
+    -1
+    55
+a
+b
+c
+d
+e
+         1         2         2         8         2         3
+         2         4         0         3
+  1.20000e+02  4.00000e+00  1.00000e-02  0.00000e+00
+         1
+  0.00000e+00  1.00000e+00  0.00000e+00
+         2
+  0.00000e+00 -1.00000e+00  0.00000e+00
+    -1
+";
+
+/// Every command on a structure that nothing holds: the closed forms, and what is refused in words.
+#[test]
+fn a_free_structure_through_the_commands() {
+    let folder = tempfile::tempdir().unwrap();
+    fs::write(folder.path().join("free.uff"), FREE).unwrap();
+    let scenario = "[structure]\nkind = 'modal'\nfile = 'free.uff'\nnodes = { tip = 2, end = 1 }\n\
+        [rig.exciter]\nat = 'tip'\n[excitation]\namplitude = { force_y_n = 2.0 }\n[excitation.profile]\nwaveform = 'dwell'\n\
+        frequency_hz = 30.0\nsettle_s = 0.1\nduration_s = 0.5\n";
+    fs::write(folder.path().join("free.toml"), scenario).unwrap();
+    let on = |arguments: &str| {
+        let all: Vec<&str> = arguments.split(' ').chain(["--scenario", "free.toml"]).collect();
+        document(folder.path(), 0, &all)
+    };
+    let modes = on("modes --json");
+    assert_eq!(modes["modes"][0]["frequency_hz"], 0.0);
+    assert!((modes["modes"][2]["frequency_hz"].as_f64().unwrap() - 120.0).abs() < 1e-9);
+    let frf = on("frf --json --drive tip.y --quantity accelerance --from-hz 1 --to-hz 2 --points 2");
+    let line = numbers(&frf["responses"][0]["value"][0]);
+    assert!((line[0] - 0.25).abs() < 1e-3 && line[1].abs() < 1e-5, "{line:?}");
+    // x = F/m (t/Ω − sin(Ωt)/Ω²) along x, where nothing is elastic, after ten periods: Ft/mΩ.
+    let moved = on("simulate --json --drive tip.x --amplitude 4 --frequency-hz 5 --duration-s 2");
+    let q = numbers(&moved["position"]);
+    assert!((0.5 * q[0] - 2.0 / (10.0 * std::f64::consts::PI)).abs() < 1e-9, "{q:?}");
+    let branch = on("continue --json --drive tip.y --amplitude 3 --from-hz 110 --to-hz 130");
+    assert!(branch["points"].as_array().unwrap().len() > 3);
+    on("run --mode free --record free.mcap --json");
+    assert_eq!(resonarm(folder.path(), &["resim", "free.mcap"]).code, 0);
+    let refused = |arguments: &str| {
+        let all: Vec<&str> = arguments.split(' ').chain(["--scenario", "free.toml"]).collect();
+        complaint(folder.path(), 2, &all)
+    };
+    insta::assert_snapshot!(refused("sweep --drive tip.y --amplitude 3 --from-hz 110 --to-hz 130").trim(), @"resonarm: mode 1 is rigid, at 0 Hz: nothing brings the structure back, so that no motion settles; give the mode the frequency and the damping that it has on its soft supports");
+    insta::assert_snapshot!(refused("backbone --drive tip.y --amplitude 3 --mode 1").trim(), @"resonarm: along the backbone: mode 1 is rigid, at 0 Hz, so that it has no resonance: take another mode");
+    insta::assert_snapshot!(refused("frf --drive tip.y --from-hz 0").trim(), @"resonarm: the response at 0 Hz is infinite: mode 1 is rigid, so that nothing holds the structure; begin above 0 Hz");
+    insta::assert_snapshot!(refused("experiment walk --points 3").trim(), @"resonarm: control: mode 1 does not oscillate: it is rigid, at 0 Hz, or overdamped; take a mode that has a resonance");
+}
+
+/// Doubtful moments of inertia are told, by link and numbers; the chain is computed.
+#[test]
+fn an_impossible_inertia_is_told() {
+    let folder = tempfile::tempdir().unwrap();
+    let robot = "<robot name='r'><link name='base'/><link name='l1'><inertial><origin xyz='0.25 0 0'/><mass value='8'/>\
+        <inertia ixx='0.001' ixy='0' ixz='0' iyy='0.001' iyz='0' izz='0.5'/></inertial></link><link name='tool'/>\
+        <joint name='a1' type='revolute'><parent link='base'/><child link='l1'/><axis xyz='0 0 1'/></joint>\
+        <joint name='t' type='fixed'><parent link='l1'/><child link='tool'/><origin xyz='0.5 0 0'/></joint></robot>";
+    fs::write(folder.path().join("r.urdf"), robot).unwrap();
+    let scenario = "[structure]\nkind = 'chain'\nfile = 'r.urdf'\n\
+        joints = [{ name = 'a1', stiffness_nm_rad = 3e4, damping_nm_s_rad = 10.0 }]\n";
+    fs::write(folder.path().join("r.toml"), scenario).unwrap();
+    for command in ["structure", "modes"] {
+        let shown = resonarm(folder.path(), &[command, "--scenario", "r.toml"]);
+        let told = shown.stderr;
+        assert_eq!(shown.code, 0, "{told}");
+        assert!(told.contains("link `l1`: its principal moments of inertia are 0.001, 0.001 and 0.5 kg·m²"), "{told}");
+    }
+}

@@ -1,6 +1,8 @@
 //! Errors of analyses, with advice.
 
 use alloc::boxed::Box;
+use alloc::format;
+use alloc::string::String;
 use core::fmt;
 
 use thiserror::Error;
@@ -31,6 +33,13 @@ impl fmt::Display for UnitSuffix {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         let space = if self.0.is_empty() || self.0 == "°" { "" } else { " " };
         write!(f, "{space}{}", self.0)
+    }
+}
+
+fn no_resonance(damping_ratio: &f64) -> String {
+    match *damping_ratio >= 1.0 && damping_ratio.is_finite() {
+        true => format!("is overdamped, with the damping ratio {}", short(damping_ratio)),
+        false => String::from("is rigid, at 0 Hz"),
     }
 }
 
@@ -122,6 +131,25 @@ pub enum AnalysisError {
         got: usize,
         /// The number of modes.
         most: usize,
+    },
+    /// A mode that doesn't oscillate.
+    #[error("mode {mode} {}, so that it has no resonance: take another mode", no_resonance(damping_ratio))]
+    NoResonance {
+        /// The mode, from 1.
+        mode: usize,
+        /// Its damping ratio; below 1 of a rigid mode.
+        damping_ratio: f64,
+    },
+    /// A rigid mode that an element alone holds.
+    #[error(
+        "mode {mode} is rigid, at 0 Hz, and element {element} holds it: about which mean position the structure then vibrates is not \
+         computed; integrate in time, or give the mode the frequency that it has on its soft supports"
+    )]
+    HeldByElement {
+        /// The mode, from 1.
+        mode: usize,
+        /// The first such element, from 1.
+        element: usize,
     },
     /// Small motions of a structure are not linear.
     #[error(

@@ -34,6 +34,14 @@ pub enum FrfError {
         /// The frequency, Hz.
         frequency_hz: f64,
     },
+    /// Nothing holds the structure at 0 Hz.
+    #[error(
+        "the response at 0 Hz is infinite: mode {mode} is rigid, so that nothing holds the structure; begin above 0 Hz"
+    )]
+    Rigid {
+        /// The mode, from 1.
+        mode: usize,
+    },
 }
 
 /// The linearised arm.

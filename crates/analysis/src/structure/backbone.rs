@@ -276,6 +276,9 @@ fn begin(forced: &Forced, options: &BackboneOptions) -> Result<(Quadrature, Star
     check_small_motions(assembly)?;
     let (got, modes) = (options.mode, assembly.modes());
     let mode = modes.get(got).ok_or(AnalysisError::NoMode { got: got + 1, most: modes.len() })?;
+    if mode.frequency_hz == 0.0 || mode.damping_ratio >= 1.0 {
+        return Err(AnalysisError::NoResonance { mode: got + 1, damping_ratio: mode.damping_ratio });
+    }
     let n = assembly.coordinates();
     let mass = assembly.linear().mass;
     let weights: Vec<f64> = (0..n).map(|i| (0..n).map(|k| mass[k * n + i] * mode.shape[k]).sum()).collect();
@@ -285,6 +288,7 @@ fn begin(forced: &Forced, options: &BackboneOptions) -> Result<(Quadrature, Star
     let beginning =
         Beginning::new(forced, mode, &weights).ok_or(AnalysisError::NotDriven { mode: got + 1, at: place })?;
     let mut balance = Balance::new(forced, mode.frequency_hz, Coordinate::FrequencyHz, options.branch.least_harmonics);
+    balance.unknowns.check_held()?;
     let (mut kept_scale, mut drive_unit) = (0.0, 1.0 / unit_deflection(forced));
     if let (BodySpec::Modal(_), Body::Condensed(condensed)) = (&assembly.spec().body, &balance.unknowns.body) {
         // The elements have no stiffness at rest: the modes are those given, in the order of their frequencies.

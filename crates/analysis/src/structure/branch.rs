@@ -55,6 +55,7 @@ pub fn trace(
 
 /// Both ends, and the frequency, must be numbers at which the system exists.
 fn check(balance: &mut Balance, options: &TraceOptions) -> Result<(), AnalysisError> {
+    balance.unknowns.check_held()?;
     let (from, to, unit) = (options.branch.from, options.branch.to, balance.unit());
     let domain = match balance.coordinate {
         Coordinate::FrequencyHz => "the positive frequencies",

@@ -32,7 +32,8 @@ impl LinearResponse {
     /// which the response leads. Units: m or rad, per s⁰, s¹ or s² as `quantity` says, over N, or N·m at a joint.
     ///
     /// # Errors
-    /// [`FrfError::Frequency`] if the frequency is negative or no number, [`FrfError::Unbounded`] if Z has no inverse.
+    /// [`FrfError::Frequency`] if the frequency is negative or no number, [`FrfError::Rigid`] at 0 Hz of a structure that
+    /// nothing holds, [`FrfError::Unbounded`] if Z has no inverse.
     pub fn at(
         &self,
         quantity: Quantity,
@@ -44,6 +45,10 @@ impl LinearResponse {
             return Err(FrfError::Frequency { got_hz: frequency_hz });
         }
         let omega = TAU * frequency_hz;
+        let rigid = self.assembly.modes().iter().position(|mode| mode.frequency_hz == 0.0);
+        if let Some(mode) = rigid.filter(|_| omega == 0.0) {
+            return Err(FrfError::Rigid { mode: mode + 1 });
+        }
         let mut motion = self.direction(drive).iter().map(|&p| Complex::new(p, 0.0)).collect::<Vec<_>>();
         dynamic_stiffness_solve(&self.linear, omega, &mut motion).ok_or(FrfError::Unbounded { frequency_hz })?;
         let displacement: Complex<f64> = motion.iter().zip(self.direction(response)).map(|(q, w)| q * w).sum();

@@ -9,6 +9,9 @@
 //!
 //! Q being the forces at the places, p the drive's at d. The number of modes costs only the sums in H.
 //!
+//! A rigid mode, ω = 0, has no compliance at rest. As long as no element sees it, nothing drives its mean, which is 0;
+//! with one the motions are refused ([`Condensed::held_by_element`]).
+//!
 //! At the natural frequency of a mode without damping H has a pole. A backbone begins there, and so has the first
 //! harmonic of its mode as an unknown of its own ([`Kept`]), which H₁ then leaves out.
 
@@ -21,6 +24,10 @@ use nalgebra::Complex;
 use resonarm_dynamics::structure::{Assembly, BodySpec, Dof};
 
 use super::Forced;
+use crate::AnalysisError;
+
+/// Displacements between points up to this part of those of the points are rounding.
+const RIGID: f64 = 1e-9;
 
 /// The unknowns of a structure.
 #[derive(Clone, Debug)]
@@ -81,6 +88,15 @@ impl Unknowns {
         }
     }
 
+    /// Refuses a structure with a rigid mode that an element alone holds.
+    pub fn check_held(&self) -> Result<(), AnalysisError> {
+        let Body::Condensed(condensed) = &self.body else { return Ok(()) };
+        match condensed.held_by_element() {
+            Some([mode, element]) => Err(AnalysisError::HeldByElement { mode: mode + 1, element: element + 1 }),
+            None => Ok(()),
+        }
+    }
+
     /// m.
     pub fn count(&self) -> usize {
         self.count
@@ -108,6 +124,11 @@ impl Condensed {
                 ends.push(own);
                 let mut direction = vec![0.0; modes.len()];
                 assembly.element_direction(element, &vec![0.0; modes.len()], &mut direction);
+                // Between two points a rigid mode moves nothing, but for rounding.
+                let end = direction_at_rest(assembly, element.at());
+                for ((along, end), _) in direction.iter_mut().zip(end).zip(&modes).filter(|(_, mode)| mode[0] == 0.0) {
+                    *along = if along.abs() <= RIGID * libm::fabs(end) { 0.0 } else { *along };
+                }
                 places.push(direction);
             }
             of_element.push(place);
@@ -118,10 +139,18 @@ impl Condensed {
         Condensed { of_element, places, drive, modes }
     }
 
+    /// The rigid mode that an element alone holds, with the element, both from 0.
+    pub fn held_by_element(&self) -> Option<[usize; 2]> {
+        let rigid = self.modes.iter().enumerate().filter(|(_, mode)| mode[0] == 0.0).map(|(mode, _)| mode);
+        let by = |mode: usize| self.of_element.iter().position(|&place| self.places[place][mode] != 0.0);
+        rigid.into_iter().find_map(|mode| by(mode).map(|element| [mode, element]))
+    }
+
     /// Each mode's 1/(ω² + 2ζω s + s²) at s = i `rate`, and its derivative by the rate; zeros of the mode left out.
     fn poles(&self, rate_rad_s: f64, without: Option<usize>) -> impl Iterator<Item = [Complex<f64>; 2]> + '_ {
         self.modes.iter().enumerate().map(move |(mode, &[omega, zeta])| {
-            if without == Some(mode) {
+            let is_rigid_at_rest = omega == 0.0 && rate_rad_s == 0.0;
+            if without == Some(mode) || is_rigid_at_rest {
                 return [Complex::new(0.0, 0.0); 2];
             }
             let value = Complex::new(omega * omega - rate_rad_s * rate_rad_s, 2.0 * zeta * omega * rate_rad_s).inv();

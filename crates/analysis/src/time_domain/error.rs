@@ -57,6 +57,15 @@ pub enum TimeDomainError {
         /// ζ.
         damping_ratio: f64,
     },
+    /// Nothing holds the structure.
+    #[error(
+        "mode {mode} is rigid, at 0 Hz: nothing brings the structure back, so that no motion settles; give the mode the frequency and \
+         the damping that it has on its soft supports"
+    )]
+    Rigid {
+        /// Its number, from 1.
+        mode: usize,
+    },
     /// A limit of the settling is no positive number.
     #[error("{name} is {got}: it must be a positive number", got = short(.got))]
     Option {

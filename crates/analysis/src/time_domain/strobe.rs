@@ -40,13 +40,21 @@ pub(crate) fn steps_in_period(
     let mut needed: f64 = FEWEST_STEPS;
     let mut slowest_decay = f64::INFINITY;
     for (index, (mode_hz, damping_ratio)) in modes.enumerate() {
+        if mode_hz == 0.0 {
+            return Err(TimeDomainError::Rigid { mode: index + 1 });
+        }
         if damping_ratio <= 0.0 {
             // −0 is 0, too.
             return Err(TimeDomainError::Undamped { mode: index + 1, damping_ratio: damping_ratio + 0.0 });
         }
         let phase_rad = libm::pow(AMPLITUDE_TOLERANCE * damping_ratio / FREQUENCY_ERROR, 0.125).min(1.0);
         needed = needed.max(TAU * mode_hz / (phase_rad * frequency_hz));
-        slowest_decay = slowest_decay.min(damping_ratio * TAU * mode_hz);
+        // ζω, or, where the mode does not oscillate, the slower of two decays, ω (ζ − √(ζ² − 1)).
+        let decay = match damping_ratio > 1.0 {
+            true => TAU * mode_hz / (damping_ratio + libm::sqrt((damping_ratio - 1.0) * (damping_ratio + 1.0))),
+            false => damping_ratio * TAU * mode_hz,
+        };
+        slowest_decay = slowest_decay.min(decay);
     }
     let steps = libm::ceil(needed);
     if steps > f64::from(MOST_STEPS) {

@@ -13,6 +13,7 @@ use super::mode_model::{ModeModel, SeenMode};
 use crate::excitation::Phasor;
 use crate::rig::Sampling;
 use crate::rig::converter::MOST_ORDER;
+use resonarm_dynamics::structure::mode_transient;
 
 /// The loop of an envelope feedback at one frequency of the drive.
 #[derive(Clone, Copy, Debug)]
@@ -46,11 +47,20 @@ const GAUSS: [(f64, f64); 5] = [
 
 impl SeenMode {
     /// The share s(t) and ṡ(t) of a mode from s(0), ṡ(0) under a load u that is held for a time t: s − s∞ with s∞ =
-    /// u/(mω²) rings with e^{−ζωt}, ω_d = ω√(1 − ζ²).
+    /// u/(mω²) rings with e^{−ζωt}, ω_d = ω√(1 − ζ²), or, with ζ ≥ 1, decays. The acceleration of a rigid mode, u/m, does
+    /// not depend on its share, so that no loop feels it: it is left at 0.
     fn advance(&self, [s, rate]: [f64; 2], u: f64, t_s: f64) -> [f64; 2] {
         let SeenMode { angular_frequency_rad_s: omega, damping_ratio: zeta, modal_mass: mass } = *self;
+        if omega == 0.0 {
+            return [0.0, 0.0];
+        }
         let rest = u / (mass * omega * omega);
         let sigma = zeta * omega;
+        if zeta >= 1.0 {
+            let ([c, s_of_rate], x) = (mode_transient(omega, zeta, t_s), s - rest);
+            let moved = c * x + s_of_rate * (rate + sigma * x);
+            return [rest + moved, (c - sigma * s_of_rate) * rate - omega * omega * s_of_rate * x];
+        }
         let damped = omega * libm::sqrt(1.0 - zeta * zeta);
         let (sine, cosine) = libm::sincos(damped * t_s);
         let decay = libm::exp(-sigma * t_s);
@@ -181,6 +191,27 @@ mod tests {
         let model = ModeModel::new(&arm, &Load::force_n(1.0, 0.0), mode).unwrap();
         let (sampling, omega_rad_s) = (Sampling { rate_hz: 1000.0, converter }, model.mode.angular_frequency_rad_s);
         Loop { model, sampling, adaptation: 5.0 * gain_1_s / 1000.0, gain_1_s, omega_rad_s, delay }
+    }
+
+    /// An overdamped mode, and a critical one, follow their equation of motion: two halves of a hold are the whole, and the
+    /// rate changes as the acceleration says. Of a rigid one only the acceleration u/m counts.
+    #[test]
+    fn overdamped_and_rigid_modes_follow_their_equation() {
+        for zeta in [1.0, 1.4, 30.0] {
+            let mode = SeenMode { angular_frequency_rad_s: 40.0, damping_ratio: zeta, modal_mass: -2.5 };
+            let (start, u, t_s) = ([0.3, -5.0], 7.0, 0.01);
+            let whole = mode.advance(start, u, t_s);
+            let half = mode.advance(mode.advance(start, u, 0.5 * t_s), u, 0.5 * t_s);
+            assert!(
+                (whole[0] - half[0]).abs() < 1e-14 && (whole[1] - half[1]).abs() < 1e-12,
+                "{zeta}: {whole:?} {half:?}"
+            );
+            let (h, before, after) = (1e-6, mode.advance(start, u, t_s - 1e-6), mode.advance(start, u, t_s + 1e-6));
+            assert!(((after[0] - before[0]) / (2.0 * h) - whole[1]).abs() < 1e-6, "{zeta}");
+            assert!(((after[1] - before[1]) / (2.0 * h) - mode.acceleration(whole, u)).abs() < 1e-4, "{zeta}");
+        }
+        let rigid = SeenMode { angular_frequency_rad_s: 0.0, damping_ratio: 0.0, modal_mass: 2.0 };
+        assert_eq!((rigid.advance([0.0; 2], 7.0, 0.01), rigid.acceleration([0.0; 2], 7.0)), ([0.0; 2], 3.5));
     }
 
     /// The decay of the slowest eigenvalue equals that of the simulated loop.

@@ -93,18 +93,27 @@ impl TryFrom<u8> for ModeNumber {
 
     fn try_from(got: u8) -> Result<ModeNumber, NoSuchMode> {
         let exists = (1..=MOST_COORDINATES).contains(&usize::from(got));
-        if exists { Ok(ModeNumber(got)) } else { Err(NoSuchMode { got, modes: MOST_COORDINATES }) }
+        if exists { Ok(ModeNumber(got)) } else { Err(NoSuchMode::Number { got, modes: MOST_COORDINATES }) }
     }
 }
 
-/// The structure does not have this mode.
+/// The structure does not have this mode, or the mode has no resonance.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Error)]
-#[error("mode {got}: modes are numbered from 1 to {modes}")]
-pub struct NoSuchMode {
-    /// The given number.
-    pub got: u8,
-    /// How many modes there are, or can be.
-    pub modes: usize,
+pub enum NoSuchMode {
+    /// There are fewer modes.
+    #[error("mode {got}: modes are numbered from 1 to {modes}")]
+    Number {
+        /// The given number.
+        got: u8,
+        /// How many modes there are, or can be.
+        modes: usize,
+    },
+    /// It is rigid, at 0 Hz, or overdamped.
+    #[error("mode {got} does not oscillate: it is rigid, at 0 Hz, or overdamped; take a mode that has a resonance")]
+    NoResonance {
+        /// The given number.
+        got: u8,
+    },
 }
 
 /// What a controller follows: the angle of a link of the arm, by the accelerometer at its end minus that at its start,
@@ -191,7 +200,7 @@ impl ModeModel {
     pub fn new(arm: &Arm, unit: &Load, mode: ModeNumber) -> Result<ModeModel, NoSuchMode> {
         let both = modes(arm);
         let Some(this) = both.get(mode.index()) else {
-            return Err(NoSuchMode { got: mode.into(), modes: both.len() });
+            return Err(NoSuchMode::Number { got: mode.into(), modes: both.len() });
         };
         let drive = unit.torque_nm + arm.tip_jacobian(&Vector2::zeros()).tr_mul(&unit.force_n);
         let first_is_faint = this.shape[0].abs() < FAINT * (this.shape[0] + this.shape[1]).abs();
@@ -221,13 +230,16 @@ impl ModeModel {
     /// direction e, m = 1/((e·(w·φ))(φ·d)) of every mode.
     ///
     /// # Errors
-    /// [`NoSuchMode`] if the structure has fewer modes.
+    /// [`NoSuchMode`] if the structure has fewer modes, or this one has no resonance.
     pub fn of_structure(tested: &TestedAssembly, unit: &Load, mode: ModeNumber) -> Result<ModeModel, NoSuchMode> {
         let assembly = &tested.assembly;
         let all = assembly.modes();
         let Some(this) = all.get(mode.index()) else {
-            return Err(NoSuchMode { got: mode.into(), modes: all.len() });
+            return Err(NoSuchMode::Number { got: mode.into(), modes: all.len() });
         };
+        if this.frequency_hz == 0.0 || this.damping_ratio >= 1.0 {
+            return Err(NoSuchMode::NoResonance { got: mode.into() });
+        }
         let by_mode = |shape: &[f64], dof: Option<Dof>| {
             let mut direction = [0.0; MOST_COORDINATES];
             if let Some(dof) = dof {
@@ -278,9 +290,10 @@ impl ModeModel {
     }
 
     /// The angular frequency of the tone that is modelled beside the harmonics, rad/s: of the most prominent other
-    /// mode, or, of a structure without, four times the mode's.
+    /// mode that is not rigid, or, of a structure without, four times the mode's.
     pub fn tone_rad_s(&self) -> f64 {
-        self.others().first().map_or(4.0 * self.mode.angular_frequency_rad_s, |other| other.angular_frequency_rad_s)
+        let mut oscillating = self.others().iter().filter(|other| other.angular_frequency_rad_s > 0.0);
+        oscillating.next().map_or(4.0 * self.mode.angular_frequency_rad_s, |other| other.angular_frequency_rad_s)
     }
 
     /// s̈ of the followed coordinate from the accelerometers, rad/s² or m/s², for small vibration: across the link at

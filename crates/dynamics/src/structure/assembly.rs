@@ -13,7 +13,7 @@ use super::dof::{At, Dof};
 use super::element::Element;
 use super::error::StructureError;
 use super::modal::{Modal, shape_name};
-use super::modes::{StructureMode, modes};
+use super::modes::{StructureMode, free_modes, modes};
 use super::position::Position;
 use super::spec::{Axis, BodySpec, ElementSpec, Place, StructureSpec};
 
@@ -125,8 +125,11 @@ impl Assembly {
             Assembly { spec: spec.clone(), body, elements: Vec::new(), element_states: 0, modes: Vec::new() };
         assembly.elements = assembly.placed(&spec.elements)?;
         assembly.element_states = assembly.elements.iter().filter(|element| element.state.is_some()).count();
-        assembly.modes = modes(&assembly.linear())
-            .filter(|modes| modes.iter().all(|mode| mode.frequency_hz.is_finite() && mode.frequency_hz > 0.0))
+        let is_free = matches!(&assembly.body, Body::Modal(modal) if modal.is_free());
+        let found = if is_free { free_modes(&assembly.linear()) } else { modes(&assembly.linear()) };
+        let is_possible = |hz: f64| hz.is_finite() && (hz > 0.0 || is_free);
+        assembly.modes = found
+            .filter(|modes| modes.iter().all(|mode| is_possible(mode.frequency_hz)))
             .ok_or_else(|| assembly.impossible_frequencies())?;
         Ok(assembly)
     }

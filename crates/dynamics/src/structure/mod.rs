@@ -34,6 +34,7 @@ pub use assembly::{Assembly, CoordinateUnit, Linear, Linearised};
 pub use dof::Dof;
 pub use element::{Branch, Element, Reaction, StateRate};
 pub use error::StructureError;
+pub use modal::mode_transient;
 pub use modes::StructureMode;
 pub use position::Position;
 pub use spec::{

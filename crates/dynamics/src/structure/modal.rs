@@ -1,4 +1,7 @@
 //! A structure known by its modes: q̈ + 2ζω q̇ + ω² q = Φᵀf with mass-normalised shapes Φ.
+//!
+//! ω = 0 is a rigid mode, q̈ = Φᵀf, of a structure that nothing holds; its damping ratio says nothing, since 2ζω is 0.
+//! With ζ ≥ 1 a mode does not oscillate, as the high modes of a structure with C = αM + βK.
 
 use alloc::format;
 use alloc::string::{String, ToString};
@@ -33,12 +36,12 @@ impl Modal {
         for (i, mode) in spec.modes.iter().enumerate() {
             let part = || format!("mode {}", i + 1);
             let (got, name) = (mode.frequency_hz, "frequency_hz");
-            if !(got.is_finite() && got > 0.0) {
-                return Err(StructureError::Value { part: part(), name, got, expected: "a positive number" });
+            if !(got.is_finite() && got >= 0.0) {
+                return Err(StructureError::Value { part: part(), name, got, expected: "a number from 0" });
             }
             let (got, name) = (mode.damping_ratio, "damping_ratio");
-            if !(0.0..1.0).contains(&got) {
-                return Err(StructureError::Value { part: part(), name, got, expected: "a number from 0 to below 1" });
+            if !(got.is_finite() && got >= 0.0) {
+                return Err(StructureError::Value { part: part(), name, got, expected: "a number from 0" });
             }
         }
         for (i, shape) in spec.shapes.iter().enumerate() {
@@ -49,6 +52,11 @@ impl Modal {
             damping_ratio: spec.modes.iter().map(|mode| mode.damping_ratio).collect(),
             shapes: spec.shapes.clone(),
         })
+    }
+
+    /// Whether it has a rigid mode, so that nothing holds it.
+    pub fn is_free(&self) -> bool {
+        self.omega_rad_s.contains(&0.0)
     }
 
     /// Every mode's ω and 2ζω, rad/s.
@@ -110,6 +118,51 @@ impl Modal {
             }
         }
         points
+    }
+}
+
+/// C and S of the free motion q = C q₀ + S (q̇₀ + σq₀) of q̈ + 2σ q̇ + ω² q = 0 after a time, with σ = ζω.
+///
+/// With ω_d = ω √(1 − ζ²) they are e^{−σt} cos ω_d t and e^{−σt} sin(ω_d t)/ω_d; with ω = 0 they are 1 and t. With ζ ≥ 1
+/// and s = ω √(ζ² − 1) the rates are a = σ − s = ω²/b and b = σ + s, and
+///
+/// ```text
+/// C = (e^{−at} + e^{−bt})/2 = e^{−at} (1 + e^{−2st})/2        S = (e^{−at} − e^{−bt})/2s = e^{−at} (1 − e^{−2st})/2s
+/// ```
+///
+/// in which nothing overflows or cancels; for s → 0 S becomes t e^{−σt}.
+pub fn mode_transient(omega_rad_s: f64, damping_ratio: f64, t_s: f64) -> [f64; 2] {
+    if omega_rad_s == 0.0 {
+        return [1.0, t_s];
+    }
+    if damping_ratio < 1.0 {
+        // (1 − ζ)(1 + ζ): no cancellation near ζ = 1.
+        let damped = omega_rad_s * libm::sqrt((1.0 - damping_ratio) * (1.0 + damping_ratio));
+        let decay = libm::exp(-damping_ratio * omega_rad_s * t_s);
+        let (sine, cosine) = libm::sincos(damped * t_s);
+        return [decay * cosine, decay * sine / damped];
+    }
+    let Rates { slow, half_gap } = Rates::new(omega_rad_s, damping_ratio);
+    let (slow, gap) = (libm::exp(-slow * t_s), -libm::expm1(-2.0 * half_gap * t_s));
+    let s = if half_gap > 0.0 { gap / (2.0 * half_gap) } else { t_s };
+    [slow * (1.0 - 0.5 * gap), slow * s]
+}
+
+/// The decay rates of a mode with ζ ≥ 1: a, and s, half of what b = a + 2s is more, 1/s.
+pub(super) struct Rates {
+    pub slow: f64,
+    pub half_gap: f64,
+}
+
+impl Rates {
+    pub fn new(omega_rad_s: f64, damping_ratio: f64) -> Rates {
+        let root = libm::sqrt((damping_ratio - 1.0) * (damping_ratio + 1.0));
+        Rates { slow: omega_rad_s / (damping_ratio + root), half_gap: omega_rad_s * root }
+    }
+
+    /// b.
+    pub fn fast(&self) -> f64 {
+        self.slow + 2.0 * self.half_gap
     }
 }
 

@@ -7,10 +7,13 @@ use core::f64::consts::TAU;
 use nalgebra::Complex;
 
 use super::Linear;
+use super::modal::Rates;
 use resonarm_numeric::linear_solve::solve_complex;
 
 /// Sweeps of Jacobi's rotations: each squares what is left off the diagonal, and matrices of 32 rows need about eight.
 const MOST_SWEEPS: usize = 50;
+/// Eigenvalues below this part of the largest, times n, are rounding.
+const ROUNDING: f64 = 16.0 * f64::EPSILON;
 /// Iterations for an eigenvalue of the damped structure, which converge cubically.
 const MOST_ITERATIONS: usize = 30;
 
@@ -20,13 +23,24 @@ pub struct StructureMode {
     /// Undamped natural frequency ω/(2π) with K φ = ω² M φ, Hz.
     pub frequency_hz: f64,
     /// Damping ratio −Re λ/|λ| of the damped structure's eigenvalue λ that belongs to the mode, dimensionless. It is
-    /// φᵀDφ/(2ω) where the damping is modal, and where that is 1 or more.
+    /// φᵀDφ/(2ω) where the damping is modal, and where that is 1 or more. Of a mode at 0 Hz it is 0, or infinite with
+    /// damping.
     pub damping_ratio: f64,
     /// φ in the structure's coordinates, of unit modal mass, φᵀMφ = 1; its largest entry is positive.
     pub shape: Vec<f64>,
 }
 
-/// The modes of a linear structure, by frequency. `None` if M or K is not positive definite, or not finite.
+impl StructureMode {
+    /// The fastest rate of its free motion, 1/s: ω, or with ζ > 1 that of the faster decay. Of damping on a rigid mode,
+    /// whose ratio is infinite, it says nothing.
+    pub(super) fn fastest_rad_s(&self) -> f64 {
+        let omega = TAU * self.frequency_hz;
+        let is_overdamped = self.damping_ratio.is_finite() && self.damping_ratio > 1.0;
+        if is_overdamped { Rates::new(omega, self.damping_ratio).fast() } else { omega }
+    }
+}
+
+/// The modes of a linear structure that is held, by frequency. `None` if M or K is not positive definite, or not finite.
 ///
 /// With K = L Lᵀ and y = Lᵀφ the eigenproblem is S y = λ y for S = L⁻¹ M L⁻ᵀ and λ = 1/ω²; S becomes diagonal by cyclic
 /// rotations (C. G. J. Jacobi, 1846; G. H. Golub, C. F. Van Loan, "Matrix Computations", 4th edition 2013, section
@@ -53,6 +67,47 @@ pub(super) fn modes(of: &Linear) -> Option<Vec<StructureMode>> {
         let scale = omega * largest.signum();
         let shape: Vec<f64> = y.iter().map(|y| scale * y).collect();
         if !(omega.is_finite() && shape.iter().all(|entry| entry.is_finite())) {
+            return None;
+        }
+        modes.push(StructureMode { frequency_hz: omega / TAU, damping_ratio: 0.0, shape });
+    }
+    modes.sort_by(|a, b| a.frequency_hz.total_cmp(&b.frequency_hz));
+    add_damping(of, &mut modes);
+    Some(modes)
+}
+
+/// The modes of a linear structure that may be free, by frequency: K is positive semidefinite. `None` if M is not
+/// positive definite, K has a negative eigenvalue, or either is not finite.
+///
+/// With M = L Lᵀ and y = Lᵀφ the eigenproblem is S y = ω² y for S = L⁻¹ K L⁻ᵀ, and yᵀy = 1 is φᵀMφ = 1. Eigenvalues are
+/// exact to rounding of the largest, below which those of rigid modes are 0; where S is diagonal there is no rounding.
+pub(super) fn free_modes(of: &Linear) -> Option<Vec<StructureMode>> {
+    let n = of.coordinates();
+    let mut factor = of.mass.clone();
+    cholesky(n, &mut factor)?;
+    let mut s = of.stiffness.clone();
+    for row in s.chunks_exact_mut(n) {
+        solve_lower(n, &factor, row);
+    }
+    let mut s = transposed(n, &s);
+    for row in s.chunks_exact_mut(n) {
+        solve_lower(n, &factor, row);
+    }
+    let is_diagonal = (0..n * n).all(|k| k / n == k % n || s[k] == 0.0);
+    let mut vectors = diagonalise(n, &mut s)?;
+    let largest = (0..n).map(|i| s[i * n + i].abs()).fold(0.0, f64::max);
+    let rounding = if is_diagonal { 0.0 } else { ROUNDING * n as f64 * largest };
+    let mut modes = Vec::with_capacity(n);
+    for (i, y) in vectors.chunks_exact_mut(n).enumerate() {
+        let square = s[i * n + i];
+        if !(square.is_finite() && square >= -rounding) {
+            return None;
+        }
+        let omega = if square <= rounding { 0.0 } else { libm::sqrt(square) };
+        solve_upper(n, &factor, y);
+        let largest = y.iter().fold(0.0_f64, |largest, &y| if y.abs() > largest.abs() { y } else { largest });
+        let shape: Vec<f64> = y.iter().map(|y| largest.signum() * y).collect();
+        if !shape.iter().all(|entry| entry.is_finite()) {
             return None;
         }
         modes.push(StructureMode { frequency_hz: omega / TAU, damping_ratio: 0.0, shape });
@@ -127,7 +182,8 @@ fn add_damping(of: &Linear, modes: &mut [StructureMode]) {
     }
     let omega: Vec<f64> = modes.iter().map(|mode| TAU * mode.frequency_hz).collect();
     for (k, mode) in modes.iter_mut().enumerate() {
-        let modal = damping[k * n + k] / (2.0 * omega[k]);
+        let own = damping[k * n + k];
+        let modal = if own == 0.0 { 0.0 } else { own / (2.0 * omega[k]) };
         let is_coupled = (0..n).any(|j| j != k && (damping[k * n + j] != 0.0 || damping[j * n + k] != 0.0));
         let rayleigh = if modal < 1.0 && is_coupled { damped_ratio(&omega, &damping, k) } else { None };
         mode.damping_ratio = rayleigh.unwrap_or(modal);

@@ -44,9 +44,10 @@ pub struct ChainSpec {
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct ModeSpec {
-    /// Undamped natural frequency, Hz, positive.
+    /// Undamped natural frequency, Hz, not negative; 0 is a rigid mode.
     pub frequency_hz: f64,
-    /// Damping ratio, dimensionless, from 0 to below 1.
+    /// Damping ratio, dimensionless, not negative; from 1 on the mode doesn't oscillate. That of a rigid mode says
+    /// nothing.
     pub damping_ratio: f64,
 }
 

@@ -157,7 +157,9 @@ impl Floquet {
         let of_motion = (STEPS[2] * balance.harmonics() as f64).max(LEAST_STEPS[0]);
         let fast = match &balance.unknowns.body {
             Body::Condensed(condensed) => {
-                condensed.places.len() == 1 && condensed.modes.len() >= exponents::LEAST_MODES
+                let oscillates = |[omega, zeta]: &[f64; 2]| *omega > 0.0 && *zeta < 1.0;
+                let is_wide = condensed.modes.len() >= exponents::LEAST_MODES;
+                condensed.places.len() == 1 && is_wide && condensed.modes.iter().all(oscillates)
             }
             Body::Chain => false,
         };

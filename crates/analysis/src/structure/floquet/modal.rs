@@ -16,7 +16,7 @@ use alloc::vec;
 use alloc::vec::Vec;
 
 use nalgebra::DMatrix;
-use resonarm_dynamics::structure::Law;
+use resonarm_dynamics::structure::{Law, mode_transient};
 use resonarm_numeric::registers::{Task, widest};
 
 use super::rows::eliminate;
@@ -32,8 +32,12 @@ type Lanes = [f64; LANES];
 /// The flow of a mode over a time: (q, q̇) ← these rows.
 type Block = [[f64; 2]; 2];
 
-/// With σ = ζω and ω_d = ω √(1 − ζ²), q(t) = e^{−σt} (q cos ω_d t + (q̇ + σq)/ω_d sin ω_d t).
+/// With σ = ζω and ω_d = ω √(1 − ζ²), but for rigid and overdamped modes, q(t) = e^{−σt} (q cos ω_d t + (q̇ + σq)/ω_d sin ω_d t).
 fn block(&[omega, zeta]: &[f64; 2], t: f64) -> Block {
+    if omega == 0.0 || zeta >= 1.0 {
+        let (sigma, [c, s]) = (zeta * omega, mode_transient(omega, zeta, t));
+        return [[c + sigma * s, s], [-omega * omega * s, c - sigma * s]];
+    }
     let (decay, damped) = (zeta * omega, omega * libm::sqrt(1.0 - zeta * zeta));
     let (sine, cosine) = libm::sincos(damped * t);
     let (scale, s) = (libm::exp(-decay * t), sine / damped);

@@ -398,3 +398,120 @@ fn a_branch_begins_beyond_the_corner_of_friction() {
     near(begun.largest, reached.largest, 1e-8);
     near(begun.harmonic1.norm(), reached.harmonic1.norm(), 1e-8);
 }
+
+/// Two masses of 2 kg, free, with a spring between them of 20 Hz, and a spring that hardens; held by nothing.
+fn free_masses(elements: Vec<ElementSpec>) -> Assembly {
+    let mode = |frequency_hz, damping_ratio| ModeSpec { frequency_hz, damping_ratio };
+    let shape =
+        |point: &str, by_mode: [f64; 2]| ShapeSpec { point: point.into(), axis: Axis::X, by_mode: by_mode.into() };
+    let modal = ModalSpec {
+        modes: vec![mode(0.0, 0.0), mode(20.0, 0.01)],
+        shapes: vec![shape("tip", [0.5, 0.5]), shape("mid", [0.5, -0.5])],
+    };
+    Assembly::new(&StructureSpec { body: BodySpec::Modal(modal), elements }).unwrap()
+}
+
+/// The mass line far below the first resonance, and the response of the whole, 1/(mω²) and that of the mode.
+#[test]
+fn a_free_structure_responds_above_0_hz() {
+    let assembly = free_masses(vec![]);
+    let (linear, tip) = (LinearResponse::new(&assembly), assembly.dof("tip.x").unwrap());
+    let accelerance = linear.at(Quantity::Accelerance, tip, tip, 0.01).unwrap();
+    near(accelerance.re, 0.25, 1e-6);
+    let omega = TAU * 31.0;
+    let own = Complex::new((TAU * 20.0).powi(2) - omega * omega, 2.0 * 0.01 * TAU * 20.0 * omega).inv() * 0.25;
+    let expected = own - Complex::new(0.25 / (omega * omega), 0.0);
+    let got = linear.at(Quantity::Receptance, tip, tip, 31.0).unwrap();
+    assert!((got - expected).norm() < 1e-12 * expected.norm(), "{got} {expected}");
+    let refused = linear.at(Quantity::Accelerance, tip, tip, 0.0).unwrap_err();
+    insta::assert_snapshot!(refused, @"the response at 0 Hz is infinite: mode 1 is rigid, so that nothing holds the structure; begin above 0 Hz");
+}
+
+/// With a hardening spring between the masses their distance d = x_a − x_b moves as one oscillator, d̈ + 2ζω ḋ + ω² d =
+/// F/m − (2/m) k₃ d³, whose mode has the shape 1 at d: the same branch as that oscillator held. The rigid mode adds its own
+/// motion and two multipliers 1, so that no motion is proved stable.
+#[test]
+fn a_free_structure_with_an_inner_spring_is_continued() {
+    let law = Law::Cubic { stiffness3: 1e9, stiffness5: 0.0 };
+    let inner = ElementSpec { at: place("tip.x"), to: Some(place("mid.x")), law };
+    let assembly = free_masses(vec![inner]);
+    let [tip, mid] = ["tip.x", "mid.x"].map(|name| assembly.dof(name).unwrap());
+    let ends = [15.0, 26.0];
+    let forced = Forced::new(assembly, tip, 0.6);
+    let options = TraceOptions::new(&forced, Coordinate::FrequencyHz, ends, vec![tip, mid]);
+    let free = super::trace(&forced, ends[0], Coordinate::FrequencyHz, &options).unwrap();
+    // q = d, of modal mass 1 as x = q/2 of both masses: F/2 drives it, and k₃ d³ acts with the shape 1.
+    let modal = ModalSpec {
+        modes: vec![ModeSpec { frequency_hz: 20.0, damping_ratio: 0.01 }],
+        shapes: [("tip", 0.5), ("mid", 1.0)]
+            .map(|(point, phi)| ShapeSpec { point: point.into(), axis: Axis::X, by_mode: vec![phi] })
+            .into(),
+    };
+    let held = ElementSpec { at: place("mid.x"), to: None, law };
+    let held = Assembly::new(&StructureSpec { body: BodySpec::Modal(modal), elements: vec![held] }).unwrap();
+    let (drive, read) = (held.dof("tip.x").unwrap(), held.dof("mid.x").unwrap());
+    let forced = Forced::new(held, drive, 0.6);
+    let options = TraceOptions::new(&forced, Coordinate::FrequencyHz, ends, vec![read]);
+    let expected = super::trace(&forced, ends[0], Coordinate::FrequencyHz, &options).unwrap();
+    let folds = [&free, &expected].map(|branch| {
+        of_kind(branch, BifurcationKind::Fold).iter().map(|orbit| orbit.frequency_hz).collect::<Vec<_>>()
+    });
+    assert_eq!(folds[0].len(), 2, "{folds:?}");
+    folds[0].iter().zip(&folds[1]).for_each(|(got, expected)| near(*got, *expected, 1e-9));
+    // At the branch's end, away from the resonance: the mean of both masses is that of the rigid mode, −F/(2m ω²).
+    let last = free.orbits.last().unwrap();
+    let omega = TAU * last.frequency_hz;
+    let mean = (last.readings[0].harmonic1 + last.readings[1].harmonic1) * 0.5;
+    near(mean.norm(), 0.6 / (4.0 * omega * omega), 1e-9);
+    assert!(free.orbits.iter().all(|orbit| orbit.readings.iter().all(|reading| reading.mean.abs() < 1e-12)));
+    for orbit in &free.orbits {
+        let stability = orbit.stability.as_ref().unwrap();
+        let ones = stability.multipliers.iter().filter(|mu| (*mu - Complex::new(1.0, 0.0)).norm() < 1e-9).count();
+        assert!(ones >= 2, "{:?}", stability.multipliers);
+    }
+}
+
+#[test]
+fn what_has_no_steady_state_is_refused() {
+    let law = Law::Cubic { stiffness3: 1e9, stiffness5: 0.0 };
+    let assembly = free_masses(vec![ElementSpec { at: place("tip.x"), to: None, law }]);
+    let tip = assembly.dof("tip.x").unwrap();
+    let forced = Forced::new(assembly.clone(), tip, 6.0);
+    let options = TraceOptions::new(&forced, Coordinate::FrequencyHz, [15.0, 26.0], vec![tip]);
+    let refused = super::trace(&forced, 15.0, Coordinate::FrequencyHz, &options).unwrap_err();
+    insta::assert_snapshot!(refused, @"mode 1 is rigid, at 0 Hz, and element 1 holds it: about which mean position the structure then vibrates is not computed; integrate in time, or give the mode the frequency that it has on its soft supports");
+    let refused =
+        super::backbone(&forced, &BackboneOptions::new(&forced, 0, 1e-3, f64::INFINITY, vec![tip])).unwrap_err();
+    insta::assert_snapshot!(refused, @"mode 1 is rigid, at 0 Hz, so that it has no resonance: take another mode");
+    let refused = time_domain::StroboscopicMap::new(&forced, 20.0).unwrap_err();
+    insta::assert_snapshot!(refused, @"mode 1 is rigid, at 0 Hz: nothing brings the structure back, so that no motion settles; give the mode the frequency and the damping that it has on its soft supports");
+}
+
+/// An overdamped mode beside one that oscillates: the closed form of the response, and, with a spring too weak to act,
+/// the multipliers e^{−aT} and e^{−bT}.
+#[test]
+fn an_overdamped_mode_is_continued() {
+    let mode = |frequency_hz, damping_ratio| ModeSpec { frequency_hz, damping_ratio };
+    let modal = ModalSpec {
+        modes: vec![mode(20.0, 0.01), mode(57.0, 1.5)],
+        shapes: vec![ShapeSpec { point: "tip".into(), axis: Axis::X, by_mode: vec![0.5, 0.4] }],
+    };
+    let weak = ElementSpec { at: place("tip.x"), to: None, law: Law::Cubic { stiffness3: 1e-3, stiffness5: 0.0 } };
+    let assembly = Assembly::new(&StructureSpec { body: BodySpec::Modal(modal), elements: vec![weak] }).unwrap();
+    let tip = assembly.dof("tip.x").unwrap();
+    let forced = Forced::new(assembly, tip, 1.0);
+    let options = TraceOptions::new(&forced, Coordinate::FrequencyHz, [15.0, 17.0], vec![tip]);
+    let branch = super::trace(&forced, 15.0, Coordinate::FrequencyHz, &options).unwrap();
+    let orbit = &branch.orbits[0];
+    let omega = TAU * 15.0;
+    let of = |hz: f64, zeta: f64, phi: f64| {
+        Complex::new((TAU * hz).powi(2) - omega * omega, 2.0 * zeta * TAU * hz * omega).inv() * (phi * phi)
+    };
+    near(orbit.readings[0].harmonic1.norm(), (of(20.0, 0.01, 0.5) + of(57.0, 1.5, 0.4)).norm(), 1e-9);
+    let root = libm::sqrt(1.25);
+    for rate in [TAU * 57.0 * (1.5 - root), TAU * 57.0 * (1.5 + root)] {
+        let mu = libm::exp(-rate / 15.0);
+        let multipliers = &orbit.stability.as_ref().unwrap().multipliers;
+        assert!(multipliers.iter().any(|found| (found - Complex::new(mu, 0.0)).norm() < 1e-9), "{mu} {multipliers:?}");
+    }
+}

@@ -8,6 +8,15 @@
 //!
 //! for q̈ + 2σ q̇ + ω² q = f. 1 − e u = (1 − e) + 2 e sin²(ω_d h/2) − e S σ/ω_d keeps its digits in short steps.
 //!
+//! A rigid mode, ω = 0, moves by h q̇ + h²/2 f. With ζ ≥ 1, s = ω √(ζ² − 1) and the decay rates a = ω²/b and b = σ + s,
+//! e C, e S and e u are those of [`mode_transient`], and
+//!
+//! ```text
+//! e (C − S σ/ω_d) = (b e^{−bh} − a e^{−ah})/2s        (1 − e u)/ω² = ((1 − e^{−ah})/a − (1 − e^{−bh})/b)/2s
+//! ```
+//!
+//! Where 2sh is small these cancel. Then the left sides do not: the last is the series A(h) below with Ω = 0 of short steps.
+//!
 //! Under a sine f = p sin Ωt a step from t adds Im(p e^{iΩt} A) to q and Im(p e^{iΩt} Ȧ) to q̇, with the response
 //! G(t) = exp(−σt) sin(ω_d t)/ω_d to an impulse and
 //!
@@ -29,7 +38,7 @@ use super::{Engine, StateRef, StepError, StepLoad, rows};
 use crate::structure::MOST_MODES;
 use crate::structure::assembly::Assembly;
 use crate::structure::dof::Dof;
-use crate::structure::modal::Modal;
+use crate::structure::modal::{Modal, Rates, mode_transient};
 
 /// The constants of the flow of a mode.
 #[derive(Clone, Copy, Debug)]
@@ -43,7 +52,7 @@ struct Flow {
 
 /// Terms of the series: the next one is below 1e-20 of the sum.
 const TERMS: u32 = 14;
-/// The largest ωk and Ωk of a part for the series.
+/// The largest ωk, Ωk and σk of a part for the series.
 const MOST_TURN: f64 = 0.25;
 /// From the longest finite step to such a part it takes fewer.
 const MOST_HALVINGS: u32 = 2048;
@@ -53,6 +62,13 @@ type Driven = [Complex<f64>; 2];
 
 impl Flow {
     fn new(omega_rad_s: f64, damping_ratio: f64, h_s: f64) -> Flow {
+        if omega_rad_s == 0.0 {
+            let position = [1.0, h_s, 0.5 * h_s * h_s];
+            return Flow { position, velocity: [0.0, 1.0, h_s], stiffness: 0.0, damping: 0.0 };
+        }
+        if damping_ratio >= 1.0 {
+            return Flow::overdamped(omega_rad_s, damping_ratio, h_s);
+        }
         let sigma = damping_ratio * omega_rad_s;
         // (1 − ζ)(1 + ζ): no cancellation near ζ = 1.
         let damped = omega_rad_s * libm::sqrt((1.0 - damping_ratio) * (1.0 + damping_ratio));
@@ -69,10 +85,34 @@ impl Flow {
         }
     }
 
+    /// With ζ ≥ 1.
+    fn overdamped(omega_rad_s: f64, damping_ratio: f64, h_s: f64) -> Flow {
+        let (sigma, square) = (damping_ratio * omega_rad_s, omega_rad_s * omega_rad_s);
+        let [c, s] = mode_transient(omega_rad_s, damping_ratio, h_s);
+        let rates = Rates::new(omega_rad_s, damping_ratio);
+        let (slow, fast, gap) = (rates.slow, rates.fast(), 2.0 * rates.half_gap);
+        let (back, held) = if gap * h_s > MOST_TURN {
+            let back = (fast * libm::exp(-fast * h_s) - slow * libm::exp(-slow * h_s)) / gap;
+            (back, (libm::expm1(-fast * h_s) / fast - libm::expm1(-slow * h_s) / slow) / gap)
+        } else if sigma * h_s > MOST_TURN {
+            (c - sigma * s, (1.0 - c - sigma * s) / square)
+        } else {
+            (c - sigma * s, Flow::series(omega_rad_s, damping_ratio, 0.0, h_s)[0].re)
+        };
+        Flow {
+            position: [c + sigma * s, s, held],
+            velocity: [-square * s, back, s],
+            stiffness: square,
+            damping: 2.0 * sigma,
+        }
+    }
+
     /// A and Ȧ of a step under e^{iΩt}, Ω being `drive_rad_s`.
     fn driven(omega_rad_s: f64, damping_ratio: f64, drive_rad_s: f64, h_s: f64) -> Driven {
         let (mut part_s, mut halvings) = (h_s, 0);
-        while omega_rad_s.max(drive_rad_s.abs()) * part_s > MOST_TURN && halvings < MOST_HALVINGS {
+        // Of an overdamped mode the damping is the fastest.
+        let fastest = omega_rad_s.max(drive_rad_s.abs()).max(damping_ratio * omega_rad_s);
+        while fastest * part_s > MOST_TURN && halvings < MOST_HALVINGS {
             part_s *= 0.5;
             halvings += 1;
         }

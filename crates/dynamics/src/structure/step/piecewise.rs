@@ -7,14 +7,14 @@
 //!
 //! The armature of a shaker is part of the mass and the forces, and the current of its coil a state.
 //!
-//! A part turns the fastest motion by [`PHASE_RAD`]: ω² is that of the fastest mode and of every element's stiffness
+//! A part turns the fastest motion by [`PHASE_RAD`]: ω² is that of the fastest mode, or of its faster decay where it is
+//! overdamped, and of every element's stiffness
 //! over the mass that it meets, m⁻¹ = wᵀM⁻¹w, which is a bound since each adds a matrix of rank one. A shaker adds k
 //! and, by its coil, Bl²/L over the mass that it meets with its armature.
 
 use alloc::boxed::Box;
 use alloc::vec;
 use alloc::vec::Vec;
-use core::f64::consts::TAU;
 
 use super::locate::{Located, locate};
 use super::{Engine, StateRef, StepError, StepLoad, check_coil, rows};
@@ -22,7 +22,7 @@ use crate::integrate::tableau::DOP853;
 use crate::structure::armature::Armature;
 use crate::structure::assembly::{Assembly, Body};
 use crate::structure::element::{Branch, Element, Margin};
-use crate::structure::modes::{cholesky, solve_cholesky};
+use crate::structure::modes::{StructureMode, cholesky, solve_cholesky};
 use crate::structure::position::Position;
 use crate::structure::spec::Law;
 use crate::structure::{Dof, MOST_COORDINATES, MOST_ELEMENTS};
@@ -108,7 +108,7 @@ pub(super) fn engine(
     for (row, element) in element_rows.chunks_exact_mut(n).zip(assembly.elements()) {
         at.element_direction(element, row);
     }
-    let omega = TAU * assembly.modes().last().map_or(f64::NAN, |mode| mode.frequency_hz);
+    let omega = assembly.modes().iter().map(StructureMode::fastest_rad_s).fold(0.0, f64::max);
     let mut stepped = Piecewise {
         assembly: assembly.clone(),
         step_s: 1.0 / rate_hz,

@@ -1,7 +1,7 @@
 //! Modes without elements that a shaker drives: the exact flow under a held command.
 //!
 //! Modes, armature and coil are one linear system under the command F. In the coordinates ωq, q̇ and √L i, whose
-//! squares are energies, with ŵ = M⁻¹w = w/(1 + m wᵀw) and r = 2ζω q̇ + ω² q of each mode,
+//! squares are energies, or q/h in place of ωq of a rigid mode, with ŵ = M⁻¹w = w/(1 + m wᵀw) and r = 2ζω q̇ + ω² q of each mode,
 //!
 //! ```text
 //! (ωq)' = ω q̇        q̈ = −r + ŵ m wᵀr − ŵ (k wᵀq + c wᵀq̇ − f)        √L i' = −(R/√L) i − (Bl/√L) wᵀq̇ + (R/√L) F/Bl
@@ -73,15 +73,17 @@ fn flow(modal: &Modal, armature: &Armature, w: &[f64], step_s: f64) -> Vec<f64> 
     let lightness = 1.0 / (1.0 + armature.mass_kg * square);
     let damping_n_s_m = armature.damping_n_s_m + coil.drag_n_s_m();
     let force_factor_n_a = coil.force_factor_n_a();
+    let per_position: Vec<f64> =
+        modal.omega_rad_s.iter().map(|&omega| if omega > 0.0 { omega } else { 1.0 / step_s }).collect();
     let mut a = vec![0.0; size * size];
     for i in 0..n {
         let ratio = lightness * w[i];
-        a[i * size + n + i] = modal.omega_rad_s[i];
+        a[i * size + n + i] = per_position[i];
         let row = &mut a[(n + i) * size..(n + i + 1) * size];
         for j in 0..n {
             let omega = modal.omega_rad_s[j];
             let taken = armature.mass_kg * ratio * w[j] - f64::from(u8::from(i == j));
-            row[j] = taken * omega - ratio * armature.stiffness_n_m * w[j] / omega;
+            row[j] = taken * omega - ratio * armature.stiffness_n_m * w[j] / per_position[j];
             row[n + j] = taken * 2.0 * modal.damping_ratio[j] * omega - ratio * damping_n_s_m * w[j];
         }
         match rate_1_s {
@@ -100,7 +102,7 @@ fn flow(modal: &Modal, armature: &Armature, w: &[f64], step_s: f64) -> Vec<f64> 
     // From ωq and √L i to q and i.
     let scale = |k: usize| {
         if k < n {
-            modal.omega_rad_s[k]
+            per_position[k]
         } else if k == 2 * n && k < states {
             root
         } else {

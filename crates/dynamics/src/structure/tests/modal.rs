@@ -147,3 +147,156 @@ fn dampers_in_friction_damp_the_linear_structure() {
     assert!(lugre == linear && tanh == linear, "{lugre:?} {linear:?} {tanh:?}");
     assert!(lugre.iter().zip(without).all(|(with, without)| with.damping_ratio > without.damping_ratio));
 }
+
+/// One mode of shape 0.5 under a force that is held: position and velocity after so many steps.
+fn held_on_one_mode(damping_ratio: f64, frequency_hz: f64, rate_hz: f64, steps: u32, force_n: f64) -> [f64; 2] {
+    let modes = vec![ModeSpec { frequency_hz, damping_ratio }];
+    let shapes = vec![ShapeSpec { point: "tip".into(), axis: Axis::X, by_mode: vec![0.5] }];
+    let assembly = assembly(BodySpec::Modal(ModalSpec { modes, shapes }), vec![]);
+    let tip = assembly.dof("tip.x").unwrap();
+    let mut stepper = Stepper::new(&assembly, &[tip], Scheme::Exponential8, rate_hz).unwrap();
+    (0..steps).for_each(|k| stepper.advance(f64::from(k) / rate_hz, &[force_n]).unwrap());
+    [stepper.position()[0], stepper.velocity()[0]]
+}
+
+/// A rigid mode moves by t and t²/2; under a sine from rest by p (t − sin(Ωt)/Ω)/Ω.
+#[test]
+fn a_rigid_mode_moves_freely() {
+    for (rate_hz, steps) in [(1e4, 20_000_u32), (1.0, 2)] {
+        let [position, velocity] = held_on_one_mode(0.0, 0.0, rate_hz, steps, 3.0);
+        assert!(
+            (position / (0.5 * 1.5 * 4.0) - 1.0).abs() < 1e-11 && (velocity / 3.0 - 1.0).abs() < 1e-11,
+            "{position}"
+        );
+        let omega = TAU * 1.3;
+        let [position, velocity] = sine_on_one_mode(0.0, 0.0, rate_hz, steps, 1.3);
+        let expected =
+            [0.5 * (2.0 - libm::sin(2.0 * omega) / omega) / omega, 0.5 * (1.0 - libm::cos(2.0 * omega)) / omega];
+        assert!((position / expected[0] - 1.0).abs() < 1e-11, "{position} {expected:?}");
+        assert!((velocity / expected[1] - 1.0).abs() < 1e-10, "{velocity} {expected:?}");
+    }
+    // The ratio says nothing.
+    assert_eq!(held_on_one_mode(0.7, 0.0, 1e3, 50, 3.0), held_on_one_mode(0.0, 0.0, 1e3, 50, 3.0));
+}
+
+/// C and S by the exponentials of the two decay rates; e^{−σt} and t e^{−σt} where these are one.
+fn two_decays(omega: f64, zeta: f64, t: f64) -> [f64; 2] {
+    let (sigma, s) = (zeta * omega, omega * libm::sqrt(zeta * zeta - 1.0));
+    if s == 0.0 {
+        return [libm::exp(-sigma * t), t * libm::exp(-sigma * t)];
+    }
+    let ends = [omega * omega / (sigma + s), sigma + s].map(|rate| libm::exp(-rate * t));
+    [0.5 * (ends[0] + ends[1]), (ends[0] - ends[1]) / (2.0 * s)]
+}
+
+/// A held force moves an overdamped mode by (1 − C − σS)/ω² of it, a sine by Im(P e^{iΩt}), P = p/(ω² − Ω² + 2iσΩ), and
+/// the free motion from what that lacks at the start. Steps of all lengths are exact.
+#[test]
+fn critical_and_overdamped_modes_are_exact() {
+    for zeta in [1.0, 1.0 + 1e-6, 1.1, 2.0, 30.0, 1e4] {
+        for (rate_hz, steps) in [(8000.0, 16_000_u32), (50.0, 100), (0.5, 1)] {
+            let (t, omega) = (2.0, TAU * 3.0);
+            let (sigma, [c, s]) = (zeta * omega, two_decays(omega, zeta, t));
+            let [position, velocity] = held_on_one_mode(zeta, 3.0, rate_hz, steps, 1.0);
+            let expected = [0.5 * (1.0 - c - sigma * s) / (omega * omega), 0.5 * s];
+            for (got, expected) in [position, velocity].iter().zip(expected) {
+                assert!((got - expected).abs() < 1e-10 * expected.abs() + 1e-13, "{zeta} {rate_hz}: {got} {expected}");
+            }
+            let drive = TAU * 1.7;
+            let phasor = nalgebra::Complex::new(omega * omega - drive * drive, 2.0 * sigma * drive).inv() * 0.5;
+            let (start, rate) = (-phasor.im, -drive * phasor.re);
+            let (sine, cosine) = libm::sincos(drive * t);
+            let steady = phasor.re * sine + phasor.im * cosine;
+            let expected = steady + c * start + s * (rate + sigma * start);
+            let [got, _] = sine_on_one_mode(zeta, 3.0, rate_hz, steps, 1.7);
+            let size = libm::hypot(phasor.re, phasor.im);
+            assert!((got - expected).abs() < 1e-9 * size, "{zeta} {rate_hz}: {got} {expected}");
+        }
+    }
+}
+
+/// From rest a mode first moves by p h²/2 (1 − 2σh/3), whatever its damping, with all digits.
+#[test]
+fn short_steps_of_overdamped_modes_keep_their_digits() {
+    for (zeta, frequency_hz) in [(1.0, 1e-3), (3.0, 1e-3), (1e3, 1e-3), (1.0 + 1e-12, 10.0)] {
+        let h = 1e-7;
+        let [position, velocity] = held_on_one_mode(zeta, frequency_hz, 1.0 / h, 1, 1.0);
+        let sigma = zeta * TAU * frequency_hz;
+        assert!((position / (0.25 * h * h * (1.0 - 2.0 * sigma * h / 3.0)) - 1.0).abs() < 1e-10, "{zeta}: {position}");
+        assert!((velocity / (0.5 * h * (1.0 - sigma * h)) - 1.0).abs() < 1e-10, "{zeta}: {velocity}");
+    }
+}
+
+/// A free structure of a rigid mode, one that oscillates and one that doesn't.
+fn free(elements: Vec<ElementSpec>) -> Assembly {
+    let mode = |frequency_hz, damping_ratio| ModeSpec { frequency_hz, damping_ratio };
+    let shape =
+        |point: &str, by_mode: [f64; 3]| ShapeSpec { point: point.into(), axis: Axis::X, by_mode: by_mode.into() };
+    let modes = vec![mode(0.0, 0.0), mode(20.0, 0.004), mode(57.0, 3.0)];
+    let shapes = vec![shape("tip", [0.5, 0.5, 0.4]), shape("mid", [0.5, -0.5, 0.35])];
+    assembly(BodySpec::Modal(ModalSpec { modes, shapes }), elements)
+}
+
+/// Explicit steps resolve the faster decay of an overdamped mode, and rigid modes: as exact steps do, and with a shaker.
+#[test]
+fn explicit_steps_follow_rigid_and_overdamped_modes() {
+    let weak = grounded(along("tip", Axis::X), Law::Cubic { stiffness3: f64::MIN_POSITIVE, stiffness5: 0.0 });
+    let coil = Coil::Voltage { force_factor_n_a: 20.0, resistance_ohm: 2.0, inductance_h: 1e-2 };
+    for is_shaken in [false, true] {
+        let ends = [vec![], vec![weak.clone()]].map(|elements| {
+            let assembly = free(elements);
+            let tip = assembly.dof("tip.x").unwrap();
+            let mut stepper = if is_shaken {
+                let along = [Some((tip, 1.0)), None];
+                let armature = Armature { along, mass_kg: 0.4, stiffness_n_m: 300.0, damping_n_s_m: 8.0, coil };
+                Stepper::shaken(&assembly, &armature, Scheme::Exponential8, 1000.0).unwrap()
+            } else {
+                Stepper::new(&assembly, &[tip], Scheme::Exponential8, 1000.0).unwrap()
+            };
+            for k in 0..500 {
+                let time_s = f64::from(k) / 1000.0;
+                stepper.advance(time_s, &[5.0 * libm::sin(40.0 * time_s) + 1.0]).unwrap();
+            }
+            [stepper.position().to_vec(), stepper.velocity().to_vec()].concat()
+        });
+        for (exact, explicit) in ends[0].iter().zip(&ends[1]) {
+            assert!((exact - explicit).abs() < 1e-8 * exact.abs().max(1e-3), "{is_shaken} {ends:?}");
+        }
+    }
+}
+
+/// Two masses of 2 kg with a spring between them have modes at 0 and 120 Hz; a spring to the ground at one of them
+/// leaves none at 0 Hz, and one between them leaves the rigid mode.
+#[test]
+fn modes_of_a_free_structure() {
+    let omega = TAU * 120.0;
+    let masses = |elements| {
+        let mode = |frequency_hz| ModeSpec { frequency_hz, damping_ratio: 0.01 };
+        let shape =
+            |point: &str, by_mode: [f64; 2]| ShapeSpec { point: point.into(), axis: Axis::Y, by_mode: by_mode.into() };
+        let shapes = vec![shape("a", [0.5, 0.5]), shape("b", [0.5, -0.5])];
+        assembly(BodySpec::Modal(ModalSpec { modes: vec![mode(0.0), mode(120.0)], shapes }), elements)
+    };
+    let found =
+        |of: &Assembly| of.modes().iter().map(|mode| (mode.frequency_hz, mode.damping_ratio)).collect::<Vec<_>>();
+    let modes = found(&masses(vec![]));
+    assert_eq!(modes[0], (0.0, 0.0));
+    assert!((modes[1].0 / 120.0 - 1.0).abs() < 1e-14 && (modes[1].1 / 0.01 - 1.0).abs() < 1e-14, "{modes:?}");
+    let (stiffness, damping) = (1e5, 0.0);
+    let spring = Law::Linear { stiffness, damping };
+    let inner = ElementSpec { to: Some(along("b", Axis::Y)), ..grounded(along("a", Axis::Y), spring) };
+    // k (1/m + 1/m) more.
+    let modes = found(&masses(vec![inner]));
+    assert_eq!(modes[0], (0.0, 0.0));
+    assert!((modes[1].0 - libm::sqrt(omega * omega + stiffness) / TAU).abs() < 1e-9, "{modes:?}");
+    // λ² − λ (ω² + k/m) + ω² k/2m = 0.
+    let modes = found(&masses(vec![grounded(along("a", Axis::Y), spring)]));
+    let (sum, product) = (omega * omega + stiffness / 2.0, omega * omega * stiffness / 4.0);
+    let root = libm::sqrt(sum * sum / 4.0 - product);
+    for (mode, square) in modes.iter().zip([product / (sum / 2.0 + root), sum / 2.0 + root]) {
+        assert!((mode.0 - libm::sqrt(square) / TAU).abs() < 1e-9 * mode.0, "{modes:?}");
+    }
+    // A damper on the rigid mode has no ratio below infinity.
+    let damper = Law::Linear { stiffness: 0.0, damping: 3.0 };
+    assert_eq!(found(&masses(vec![grounded(along("a", Axis::Y), damper)]))[0], (0.0, f64::INFINITY));
+}

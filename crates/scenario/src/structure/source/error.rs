@@ -535,6 +535,35 @@ pub enum MatrixError {
         /// What that means.
         fix: &'static str,
     },
+    /// A degree of freedom without mass that nothing holds.
+    #[error(
+        "degrees of freedom without mass, from row {row} on, are not held by stiffness: their displacement does not follow from the \
+         others'; give them a stiffness, or leave them out"
+    )]
+    MasslessFree {
+        /// The first such row, from 0.
+        row: usize,
+    },
+    /// Damping of a degree of freedom without mass.
+    #[error(
+        "row {row} has no mass, and its damping moves it against the stiffness: such a degree of freedom can't be condensed; take \
+         damping that is Rayleigh's, C = aM + bK, or give it a mass"
+    )]
+    MasslessDamped {
+        /// The row, from 0.
+        row: usize,
+    },
+    /// Damping of a rigid mode.
+    #[error(
+        "its damping acts on mode {}, which is rigid, at 0 Hz: φᵢᵀCφⱼ with mode {} is {} 1/s, and no damping ratio states that; take it \
+         out, as the part aM of Rayleigh's, and state what damps the whole structure as elements of kind linear", modes[0], modes[1], short(.got)
+    )]
+    RigidDamped {
+        /// The modes, from 1; the first is rigid.
+        modes: [usize; 2],
+        /// φᵢᵀCφⱼ, 1/s.
+        got: f64,
+    },
     /// The eigenproblem is not solved.
     #[error("its modes can't be computed: the eigenvalues do not converge")]
     NotSolved,

@@ -3,6 +3,14 @@
 //! With K = L Lᵀ and y = Lᵀφ the eigenproblem is S y = λ y for S = L⁻¹ M L⁻ᵀ and λ = 1/ω² (G. H. Golub, C. F. Van Loan,
 //! "Matrix Computations", 4th edition 2013, section 8.7): the lowest modes have the largest λ, the most exact ones.
 //! φ = ω L⁻ᵀy has unit modal mass. Then ζᵢ = φᵢᵀCφᵢ/(2ωᵢ), if φᵢᵀCφⱼ vanishes for all pairs.
+//!
+//! **Degrees of freedom without mass**, as rotations are of lumped masses, are those whose rows of M are zero. With b for
+//! these and a for the others K_ba x_a + K_bb x_b = 0, so that x_b = G x_a with G = −K_bb⁻¹ K_ba, and M_aa, K_aa + K_ab G
+//! are the matrices of x_a (R. J. Guyan, "Reduction of Stiffness and Mass Matrices", AIAA J. 3 (1965)), exact here. So is
+//! C_aa + C_ab G, if C_ba + C_bb G = 0, as that of C = αM + βK is.
+//!
+//! **A structure that nothing holds** has a singular K. Then K + μM takes its place, with λ = 1/(ω² + μ), for a μ between
+//! the diagonals' least ratio and, once that is known, the lowest ω² that is not 0, which keeps its digits.
 
 use std::collections::BTreeMap;
 use std::f64::consts::TAU;
@@ -18,6 +26,14 @@ use super::{mtx, npy, of_file, unreadable};
 use crate::text_file;
 use resonarm_dynamics::structure::{MOST_MODES, Place};
 
+/// Pivots of a matrix over its diagonal, over the number of rows, below which it is singular: what rounding leaves.
+const SINGULAR: f64 = 1e-14;
+/// ω² over μ below which a mode is rigid.
+const RIGID: f64 = 1e-9;
+/// φᵢᵀCφⱼ of a rigid mode over the largest of all below which nothing damps it.
+const RIGID_DAMPING: f64 = 1e-6;
+/// C_ba + C_bb G over what it is made of, below which damping follows condensed degrees of freedom.
+const MASSLESS_DAMPING: f64 = 1e-9;
 /// How far entries of a symmetric matrix may differ from their mirror images, over the largest.
 const SYMMETRY_LIMIT: f64 = 1e-9;
 /// The most of φᵢᵀCφⱼ over √(φᵢᵀCφᵢ φⱼᵀCφⱼ) of damping that counts as modal: the square of it is what it changes.
@@ -31,12 +47,12 @@ const MOST_ITERATIONS_A_ROW: usize = 50;
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct MatricesSection {
-    /// Mass matrix, kg, .npy of float64 or .mtx, symmetric and positive definite.
+    /// Mass matrix, kg, .npy of float64 or .mtx, symmetric and positive definite but for rows of zeros.
     pub mass: PathBuf,
     /// Damping matrix, N·s/m, symmetric; without it there is no damping.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub damping: Option<PathBuf>,
-    /// Stiffness matrix, N/m, symmetric and positive definite.
+    /// Stiffness matrix, N/m, symmetric and positive semidefinite.
     pub stiffness: PathBuf,
     /// How many modes to keep, the lowest, 1 to 32; without it all, if there are not more.
     #[serde(default, skip_serializing_if = "Option::is_none")]
@@ -46,9 +62,9 @@ pub struct MatricesSection {
 /// Square matrices, by rows.
 #[derive(Clone, Copy, Debug)]
 pub struct Matrices<'a> {
-    /// Mass matrix, kg, symmetric and positive definite.
+    /// Mass matrix, kg, symmetric and positive definite but for rows of zeros.
     pub mass: &'a [f64],
-    /// Stiffness matrix, N/m, symmetric and positive definite.
+    /// Stiffness matrix, N/m, symmetric and positive semidefinite.
     pub stiffness: &'a [f64],
     /// Damping matrix, N·s/m, symmetric; without it there is no damping.
     pub damping: Option<&'a [f64]>,
@@ -76,7 +92,7 @@ impl MatricesSection {
         let mass = read(&self.mass, None)?;
         let rows = mass.matrix.nrows();
         check_dofs(dofs, rows)?;
-        let keep = kept(self.modes, rows)?;
+        let keep = kept(self.modes, &mass.matrix)?;
         let stiffness = read(&self.stiffness, Some(rows))?;
         let damping = self.damping.as_deref().map(|path| read(path, Some(rows))).transpose()?;
         sections([mass, stiffness], damping, dofs, keep)
@@ -104,7 +120,7 @@ impl StructureSection {
         let mass = named("mass", matrices.mass, None)?;
         let rows = mass.matrix.nrows();
         check_dofs(dofs, rows)?;
-        let keep = kept(modes, rows)?;
+        let keep = kept(modes, &mass.matrix)?;
         let stiffness = named("stiffness", matrices.stiffness, Some(rows))?;
         let damping = matrices.damping.map(|damping| named("damping", damping, Some(rows))).transpose()?;
         let modes = sections([mass, stiffness], damping, dofs, keep)?;
@@ -128,11 +144,21 @@ fn square(numbers: &[f64]) -> Result<DMatrix<f64>, MatrixError> {
     }
 }
 
+/// The rows of a mass matrix that have a mass, and those that have none.
+fn with_mass(mass: &DMatrix<f64>) -> [Vec<usize>; 2] {
+    let (with, without) = (0..mass.nrows()).partition(|&row| mass.row(row).iter().any(|entry| *entry != 0.0));
+    [with, without]
+}
+
 /// How many modes to keep.
-fn kept(modes: Option<usize>, rows: usize) -> Result<usize, StructureSectionError> {
-    let most = rows.min(MOST_MODES);
+fn kept(modes: Option<usize>, mass: &DMatrix<f64>) -> Result<usize, StructureSectionError> {
+    let ([with_mass, _], rows) = (with_mass(mass), mass.nrows());
+    let all = with_mass.len();
+    let most = all.min(MOST_MODES);
     match modes {
-        None if rows <= MOST_MODES => Ok(rows),
+        // Of nothing there are no modes, as is said with the matrix.
+        _ if all == 0 => Ok(0),
+        None if all <= MOST_MODES => Ok(all),
         Some(keep) if (1..=most).contains(&keep) => Ok(keep),
         got => Err(StructureSectionError::Kept { got, rows, most }),
     }
@@ -146,24 +172,92 @@ fn sections(
     keep: usize,
 ) -> Result<Vec<ModeSection>, StructureSectionError> {
     let of_mass = || of_file(&mass.path);
-    if Cholesky::new(mass.matrix.clone()).is_none() {
-        return Err(of_mass()(MatrixError::NotPositive { fix: "every degree of freedom needs a mass" }));
+    let without_mass = || {
+        let fix = "every degree of freedom needs a mass, or a row of zeros, and is then condensed";
+        of_mass()(MatrixError::NotPositive { fix })
+    };
+    if keep == 0 {
+        return Err(without_mass());
     }
-    let fix = "the structure must be held, so that no mode has the frequency 0";
-    let factor = Cholesky::new(stiffness.matrix)
-        .ok_or_else(|| of_file(&stiffness.path)(MatrixError::NotPositive { fix }))?
-        .unpack();
-    let modes = modes(&mass.matrix, &factor, keep).ok_or_else(|| of_mass()(MatrixError::NotSolved))?;
+    let condensed = Condensed::new(&mass.matrix, &stiffness.matrix).map_err(of_file(&stiffness.path))?;
+    regular_factor(&condensed.mass).ok_or_else(without_mass)?;
+    let modes = all_modes(&condensed, keep)
+        .map_err(of_file(&stiffness.path))?
+        .ok_or_else(|| of_mass()(MatrixError::NotSolved))?;
     let damping = match &damping {
-        Some(Named { matrix, path }) => damping_ratios(matrix, &modes).map_err(of_file(path))?,
+        Some(Named { matrix, path }) => {
+            let matrix = condensed.damping(matrix).map_err(of_file(path))?;
+            damping_ratios(&matrix, &modes).map_err(of_file(path))?
+        }
         None => vec![0.0; modes.len()],
     };
-    let section = |(Mode { omega_rad_s, shape }, damping_ratio): (&Mode, f64)| ModeSection {
-        frequency_hz: omega_rad_s / TAU,
-        damping_ratio,
-        shape: dofs.iter().map(|(name, &row)| (name.clone(), shape[row])).collect(),
+    let section = |(mode, damping_ratio): (&Mode, f64)| {
+        let shape = condensed.whole(&mode.shape);
+        ModeSection {
+            frequency_hz: mode.omega_rad_s / TAU,
+            damping_ratio,
+            shape: dofs.iter().map(|(name, &row)| (name.clone(), shape[row])).collect(),
+        }
     };
     Ok(modes.iter().zip(damping).map(section).collect())
+}
+
+/// The matrices of the degrees of freedom with a mass.
+struct Condensed {
+    with_mass: Vec<usize>,
+    without: Vec<usize>,
+    mass: DMatrix<f64>,
+    stiffness: DMatrix<f64>,
+    /// G.
+    follows: DMatrix<f64>,
+}
+
+impl Condensed {
+    fn new(mass: &DMatrix<f64>, stiffness: &DMatrix<f64>) -> Result<Condensed, MatrixError> {
+        let [with_mass, without] = with_mass(mass);
+        let part = |of: &DMatrix<f64>, rows: &[usize], columns: &[usize]| of.select_rows(rows).select_columns(columns);
+        let mut condensed = Condensed {
+            mass: part(mass, &with_mass, &with_mass),
+            stiffness: part(stiffness, &with_mass, &with_mass),
+            follows: DMatrix::zeros(without.len(), with_mass.len()),
+            with_mass,
+            without,
+        };
+        if condensed.without.is_empty() {
+            return Ok(condensed);
+        }
+        let [a, b] = [&condensed.with_mass, &condensed.without];
+        let own = Cholesky::new(part(stiffness, b, b)).ok_or(MatrixError::MasslessFree { row: b[0] })?;
+        condensed.follows = -own.solve(&part(stiffness, b, a));
+        let reduced = &condensed.stiffness + part(stiffness, a, b) * &condensed.follows;
+        condensed.stiffness = (&reduced + reduced.transpose()) * 0.5;
+        Ok(condensed)
+    }
+
+    /// C_aa + C_ab G.
+    fn damping(&self, damping: &DMatrix<f64>) -> Result<DMatrix<f64>, MatrixError> {
+        let part = |rows: &[usize], columns: &[usize]| damping.select_rows(rows).select_columns(columns);
+        let [a, b] = [&self.with_mass, &self.without];
+        if b.is_empty() {
+            return Ok(damping.clone());
+        }
+        let (direct, by_own) = (part(b, a), part(b, b) * &self.follows);
+        let rest = &direct + &by_own;
+        let most = MASSLESS_DAMPING * direct.amax().max(by_own.amax());
+        if let Some(row) = (0..rest.nrows()).find(|&row| rest.row(row).amax() > most) {
+            return Err(MatrixError::MasslessDamped { row: b[row] });
+        }
+        let reduced = part(a, a) + part(a, b) * &self.follows;
+        Ok((&reduced + reduced.transpose()) * 0.5)
+    }
+
+    /// The displacements of all rows.
+    fn whole(&self, of_mass: &DVector<f64>) -> DVector<f64> {
+        let mut whole = DVector::zeros(self.with_mass.len() + self.without.len());
+        self.with_mass.iter().zip(of_mass).for_each(|(&row, value)| whole[row] = *value);
+        self.without.iter().zip(&(&self.follows * of_mass)).for_each(|(&row, value)| whole[row] = *value);
+        whole
+    }
 }
 
 /// A mode of unit modal mass.
@@ -172,8 +266,48 @@ struct Mode {
     shape: DVector<f64>,
 }
 
-/// The lowest modes.
-fn modes(mass: &DMatrix<f64>, factor: &DMatrix<f64>, keep: usize) -> Option<Vec<Mode>> {
+/// The lowest modes, of a structure that is held, or of one that is not; `None` if the eigenvalues don't converge.
+fn all_modes(of: &Condensed, keep: usize) -> Result<Option<Vec<Mode>>, MatrixError> {
+    let (mass, stiffness, rows) = (&of.mass, &of.stiffness, of.mass.nrows());
+    if let Some(factor) = regular_factor(stiffness) {
+        return Ok(modes(mass, &factor, keep, 0.0));
+    }
+    let ratio = |i: usize| stiffness[(i, i)] / mass[(i, i)];
+    let mut shift = (0..rows).map(ratio).filter(|ratio| *ratio > 0.0).fold(f64::INFINITY, f64::min);
+    // Nothing has a stiffness: all modes are rigid, whatever μ is.
+    shift = if shift.is_finite() { shift } else { 1.0 };
+    let mut found = None;
+    for _ in 0..2 {
+        let negative = MatrixError::NotPositive { fix: "with a negative stiffness the structure is at no stable rest" };
+        let factor = Cholesky::new(stiffness + mass * shift).ok_or(negative)?.unpack();
+        let Some(modes) = modes(mass, &factor, rows, shift) else { return Ok(None) };
+        let lowest =
+            modes.iter().map(|mode| mode.omega_rad_s * mode.omega_rad_s).find(|square| *square > RIGID * shift);
+        found = Some((modes, shift));
+        match lowest {
+            Some(square) => shift = square,
+            None => break,
+        }
+    }
+    let Some((mut modes, shift)) = found else { return Ok(None) };
+    for mode in &mut modes {
+        let is_rigid = mode.omega_rad_s * mode.omega_rad_s <= RIGID * shift;
+        mode.omega_rad_s = if is_rigid { 0.0 } else { mode.omega_rad_s };
+    }
+    modes.truncate(keep);
+    Ok(Some(modes))
+}
+
+/// L of A = L Lᵀ, if A is positive definite beyond what rounding leaves.
+fn regular_factor(a: &DMatrix<f64>) -> Option<DMatrix<f64>> {
+    let rows = a.nrows();
+    let is_regular =
+        |factor: &DMatrix<f64>| (0..rows).all(|i| factor[(i, i)] * factor[(i, i)] > SINGULAR * rows as f64 * a[(i, i)]);
+    Cholesky::new(a.clone()).map(Cholesky::unpack).filter(is_regular)
+}
+
+/// The lowest modes, K + μM being L Lᵀ.
+fn modes(mass: &DMatrix<f64>, factor: &DMatrix<f64>, keep: usize, shift: f64) -> Option<Vec<Mode>> {
     let rows = mass.nrows();
     let half = factor.solve_lower_triangular(mass)?;
     let s = factor.solve_lower_triangular(&half.transpose())?;
@@ -182,8 +316,12 @@ fn modes(mass: &DMatrix<f64>, factor: &DMatrix<f64>, keep: usize) -> Option<Vec<
     let mut order: Vec<usize> = (0..rows).collect();
     order.sort_by(|&a, &b| eigen.eigenvalues[b].total_cmp(&eigen.eigenvalues[a]));
     let mode = |&column: &usize| {
-        let omega_rad_s = 1.0 / libm::sqrt(eigen.eigenvalues[column]);
-        let shape = factor.tr_solve_lower_triangular(&eigen.eigenvectors.column(column))? * omega_rad_s;
+        let shifted = 1.0 / libm::sqrt(eigen.eigenvalues[column]);
+        let omega_rad_s = match shift == 0.0 {
+            true => shifted,
+            false => libm::sqrt((shifted * shifted - shift).max(0.0)),
+        };
+        let shape = factor.tr_solve_lower_triangular(&eigen.eigenvectors.column(column))? * shifted;
         // The sign of an eigenvector is open: the largest entry is positive.
         let sign = if shape[shape.iamax()] < 0.0 { -1.0 } else { 1.0 };
         omega_rad_s.is_finite().then(|| Mode { omega_rad_s, shape: shape * sign })
@@ -196,9 +334,16 @@ fn damping_ratios(damping: &DMatrix<f64>, modes: &[Mode]) -> Result<Vec<f64>, Ma
     let forces: Vec<DVector<f64>> = modes.iter().map(|mode| damping * &mode.shape).collect();
     let of = |i: usize, j: usize| modes[i].shape.dot(&forces[j]);
     let own: Vec<f64> = (0..modes.len()).map(|i| of(i, i)).collect();
+    let most = RIGID_DAMPING * own.iter().fold(0.0, |most, own| f64::max(most, own.abs()));
+    let is_rigid = |mode: usize| modes[mode].omega_rad_s == 0.0;
+    for i in (0..modes.len()).filter(|&mode| is_rigid(mode)) {
+        if let Some(j) = (0..modes.len()).find(|&j| of(i, j).abs() > most) {
+            return Err(MatrixError::RigidDamped { modes: [i + 1, j + 1], got: of(i, j) });
+        }
+    }
     let mut worst = (0.0, [0, 0]);
-    for i in 0..modes.len() {
-        for j in 0..i {
+    for i in (0..modes.len()).filter(|&mode| !is_rigid(mode)) {
+        for j in (0..i).filter(|&mode| !is_rigid(mode)) {
             let rounding = NO_DAMPING * 2.0 * libm::sqrt(modes[i].omega_rad_s * modes[j].omega_rad_s);
             let coupling = of(i, j).abs() / libm::sqrt((own[i] * own[j]).max(0.0)).max(rounding);
             if coupling > worst.0 {
@@ -210,7 +355,12 @@ fn damping_ratios(damping: &DMatrix<f64>, modes: &[Mode]) -> Result<Vec<f64>, Ma
         (coupling, modes) if coupling > COUPLING_LIMIT => {
             Err(MatrixError::Coupled { modes, coupling, most: COUPLING_LIMIT })
         }
-        _ => Ok(own.iter().zip(modes).map(|(own, mode)| own / (2.0 * mode.omega_rad_s)).collect()),
+        _ => {
+            let ratio = |(own, mode): (&f64, &Mode)| {
+                if mode.omega_rad_s == 0.0 { 0.0 } else { own / (2.0 * mode.omega_rad_s) }
+            };
+            Ok(own.iter().zip(modes).map(ratio).collect())
+        }
     }
 }
 

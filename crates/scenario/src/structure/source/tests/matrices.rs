@@ -63,8 +63,12 @@ fn matrices_that_make_no_modes_are_said() {
     let three = npy("(3, 3)", &[1.0, 0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0, 1.0]);
     insta::assert_snapshot!(with(m, c, &three), @"/k.npy: it has 3 rows: the mass matrix has 2");
     insta::assert_snapshot!(with(m, c, &two(&[3e4, -1e4, -2e4, 1e4])), @"/k.npy: it is not symmetric: entry 0, 1 is -10000, and entry 1, 0 is -20000");
-    insta::assert_snapshot!(with(m, c, &two(&[1e4, -1e4, -1e4, 1e4])), @"/k.npy: it is not positive definite: the structure must be held, so that no mode has the frequency 0");
-    insta::assert_snapshot!(with(&two(&[2.0, 0.0, 0.0, 0.0]), c, k), @"/m.npy: it is not positive definite: every degree of freedom needs a mass");
+    insta::assert_snapshot!(with(m, c, &two(&[1e4, -2e4, -2e4, 1e4])), @"/k.npy: it is not positive definite: with a negative stiffness the structure is at no stable rest");
+    insta::assert_snapshot!(with(&two(&[2.0, 1.0, 1.0, 0.5]), c, k), @"/m.npy: it is not positive definite: every degree of freedom needs a mass, or a row of zeros, and is then condensed");
+    insta::assert_snapshot!(with(&two(&[0.0; 4]), c, k), @"/m.npy: it is not positive definite: every degree of freedom needs a mass, or a row of zeros, and is then condensed");
+    insta::assert_snapshot!(with(&two(&[2.0, 0.0, 0.0, 0.0]), &two(&[2.0, 0.0, 0.0, 1.0]), k), @"/c.npy: row 1 has no mass, and its damping moves it against the stiffness: such a degree of freedom can't be condensed; take damping that is Rayleigh's, C = aM + bK, or give it a mass");
+    insta::assert_snapshot!(with(&two(&[2.0, 0.0, 0.0, 0.0]), c, &two(&[3e4, 0.0, 0.0, 0.0])), @"/k.npy: degrees of freedom without mass, from row 1 on, are not held by stiffness: their displacement does not follow from the others'; give them a stiffness, or leave them out");
+    insta::assert_snapshot!(with(m, c, &two(&[1e4, -1e4, -1e4, 1e4])), @"/c.npy: its damping acts on mode 1, which is rigid, at 0 Hz: φᵢᵀCφⱼ with mode 1 is 1 1/s, and no damping ratio states that; take it out, as the part aM of Rayleigh's, and state what damps the whole structure as elements of kind linear");
     insta::assert_snapshot!(with(m, &two(&[2.0, f64::NAN, 0.0, 1.0]), k), @"/c.npy: entry 0, 1 is NaN: all must be finite");
     insta::assert_snapshot!(with(m, &two(&[2.0, 0.0, 0.0, 0.0]), k), @"/c.npy: its damping couples modes 1 and 2: φᵢᵀCφⱼ is 1 of √(φᵢᵀCφᵢ φⱼᵀCφⱼ), and modal damping has at most 0.001; take damping that is, such as Rayleigh's, C = aM + bK, and state single dampers as elements of kind linear");
     insta::assert_snapshot!(of([m, c, k], "k.npy", "q.npy"), @"can't read /q.npy: No such file or directory (os error 2); paths count from the scenario's folder");
@@ -142,4 +146,90 @@ fn matrices_of_matrix_market_are_those_of_numpy() {
     insta::assert_snapshot!(says("coordinate real general\n2 2 1\n1 1 one\n"), @"/k.npy: line 3 is not as Matrix Market has it: it has no number");
     insta::assert_snapshot!(says("coordinate real symmetric\n2 2 1\n1 2 1\n"), @"/k.npy: line 3 is not as Matrix Market has it: a symmetric matrix has its lower triangle alone");
     insta::assert_snapshot!(says("coordinate real general\n2 2 2\n1 1 1\n1 1 1\n"), @"/k.npy: line 4 is not as Matrix Market has it: this entry is given twice: add them to one");
+}
+
+/// A beam of `n` elements by E. Hermite's cubics, 1 m long; its mass consistent, or lumped at the nodes without rotary
+/// inertia. Rows are deflection and rotation of each node from `first` on.
+fn beam(n: usize, is_lumped: bool, first: usize) -> ([Vec<f64>; 2], f64) {
+    let (length, stiffness, mass_kg_m) = (1.0 / n as f64, 2.1e11 * 0.03 * 1e-6 / 12.0, 7800.0 * 3e-4);
+    let l = length;
+    let k = [
+        [12.0, 6.0 * l, -12.0, 6.0 * l],
+        [6.0 * l, 4.0 * l * l, -6.0 * l, 2.0 * l * l],
+        [-12.0, -6.0 * l, 12.0, -6.0 * l],
+        [6.0 * l, 2.0 * l * l, -6.0 * l, 4.0 * l * l],
+    ];
+    let m = [
+        [156.0, 22.0 * l, 54.0, -13.0 * l],
+        [22.0 * l, 4.0 * l * l, 13.0 * l, -3.0 * l * l],
+        [54.0, 13.0 * l, 156.0, -22.0 * l],
+        [-13.0 * l, -3.0 * l * l, -22.0 * l, 4.0 * l * l],
+    ];
+    let all = 2 * (n + 1);
+    let (mut mass, mut whole) = (vec![0.0; all * all], vec![0.0; all * all]);
+    for element in 0..n {
+        for i in 0..4 {
+            for j in 0..4 {
+                let at = (2 * element + i) * all + 2 * element + j;
+                whole[at] += stiffness / (l * l * l) * k[i][j];
+                let lumped = if i == j && i % 2 == 0 { mass_kg_m * l / 2.0 } else { 0.0 };
+                mass[at] += if is_lumped { lumped } else { mass_kg_m * l / 420.0 * m[i][j] };
+            }
+        }
+    }
+    let cut = |of: &[f64]| {
+        (first..all).flat_map(|i| (first..all).map(move |j| (i, j))).map(|(i, j)| of[i * all + j]).collect()
+    };
+    ([cut(&mass), cut(&whole)], libm::sqrt(stiffness / mass_kg_m) / std::f64::consts::TAU)
+}
+
+fn of_beam(
+    [mass, stiffness]: &[Vec<f64>; 2],
+    damping: Option<&[f64]>,
+    row: usize,
+    modes: usize,
+) -> Vec<crate::structure::ModeSection> {
+    let matrices = crate::structure::Matrices { mass, stiffness, damping };
+    let dofs = std::collections::BTreeMap::from([("tip.y".to_owned(), row)]);
+    crate::structure::StructureSection::from_matrices(&matrices, &dofs, Some(modes)).unwrap().modes
+}
+
+/// A free beam has two rigid modes at 0 Hz, exactly, and elastic ones with all digits of the method: λ² EI/ρA of a free
+/// beam, λ = 4.730041, 7.853205, within the error of ten elements.
+#[test]
+fn a_free_structure_has_rigid_modes() {
+    let (matrices, unit_hz) = beam(10, false, 0);
+    let damping: Vec<f64> = matrices[1].iter().map(|k| 1e-5 * k).collect();
+    let modes = of_beam(&matrices, Some(&damping), 20, 4);
+    assert_eq!([modes[0].frequency_hz, modes[1].frequency_hz, modes[0].damping_ratio], [0.0; 3]);
+    for (mode, lambda) in modes[2..].iter().zip([4.730_040_744_862_7_f64, 7.853_204_624_095_8]) {
+        close(mode.frequency_hz, lambda * lambda * unit_hz, 1e-3);
+        close(mode.damping_ratio, 0.5e-5 * std::f64::consts::TAU * mode.frequency_hz, 1e-8);
+    }
+    // The rigid modes at the end of a beam of mass m have the accelerance 1/m + (l/2)²/I = 4/m.
+    let rigid: f64 = modes[..2].iter().map(|mode| mode.shape["tip.y"].powi(2)).sum();
+    close(rigid, 4.0 / (7800.0 * 3e-4), 1e-9);
+}
+
+/// Lumped masses on a cantilever without rotary inertia: the rotations are condensed, exactly. The same matrices with a
+/// rotary inertia of 1e-12 kg·m² at each node, which is all but none, have the same modes without condensation.
+#[test]
+fn degrees_of_freedom_without_mass_are_condensed() {
+    let (matrices, unit_hz) = beam(10, true, 2);
+    let damping: Vec<f64> = matrices[1].iter().map(|k| 1e-3 * k).collect();
+    let modes = of_beam(&matrices, Some(&damping), 18, 10);
+    let nearly =
+        matrices[0].iter().enumerate().map(|(at, m)| if at % 21 == 0 && *m == 0.0 { 1e-12 } else { *m }).collect();
+    let expected = of_beam(&[nearly, matrices[1].clone()], None, 18, 10);
+    for (mode, expected) in modes.iter().zip(&expected) {
+        close(mode.frequency_hz, expected.frequency_hz, 1e-6);
+        close(mode.shape["tip.y"].abs(), expected.shape["tip.y"].abs(), 1e-6);
+        close(mode.damping_ratio, 0.5e-3 * std::f64::consts::TAU * mode.frequency_hz, 1e-8);
+    }
+    close(modes[0].frequency_hz, 1.875_104_068_711_96_f64.powi(2) * unit_hz, 5e-3);
+    // The rotation at the tip, which has no mass, follows: 1.3765 of the deflection in the first mode of a cantilever.
+    let rotation = of_beam(&matrices, None, 19, 1)[0].shape["tip.y"] / modes[0].shape["tip.y"];
+    close(rotation, 1.3765, 1e-2);
+    // High modes of stiffness-proportional damping are overdamped.
+    assert!(modes[9].damping_ratio > 1.0, "{}", modes[9].damping_ratio);
 }
