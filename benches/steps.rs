@@ -80,6 +80,7 @@ fn chain_of(links: usize) -> StructureSpec {
         length_m: 0.5,
         mass_kg: 12.0 - i as f64,
         centre_of_mass_m: 0.2,
+        centre_of_mass_off_m: 0.0,
         inertia_kg_m2: 0.5,
         angle_deg,
         stiffness_nm_rad: 4e5 / (1.0 + i as f64),

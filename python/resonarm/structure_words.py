@@ -8,9 +8,7 @@ Side = Literal["positive", "negative"]
 """Which way along its axis a contact is."""
 
 
-class Link(TypedDict):
-    """A link of a chain, and the joint at its start: `structure.links` of a scenario."""
-
+class _LinkOnLine(TypedDict):
     length_m: float
     """From its joint to the next, or to the tip, m, positive."""
     mass_kg: float
@@ -25,6 +23,13 @@ class Link(TypedDict):
     """Of its joint, N·m/rad, positive."""
     damping_nm_s_rad: float
     """Of its joint, N·m·s/rad, not negative."""
+
+
+class Link(_LinkOnLine, total=False):
+    """A link of a chain, and the joint at its start: `structure.links` of a scenario."""
+
+    centre_of_mass_off_m: float
+    """How far the centre of mass is off the line from the joint to the next, or to the tip, m, to the left; 0 without."""
 
 
 class ModeShape(TypedDict):

@@ -136,15 +136,19 @@ impl Document {
 }
 
 fn links(links: &[Link]) -> String {
-    let mut text = String::from(
-        "  link   length m     mass kg   centre m   inertia kg·m²    angle °   stiffness N·m/rad   damping N·m·s/rad\n",
+    let is_straight = links.iter().all(|link| link.centre_of_mass_off_m == 0.0);
+    let off = |text: String| if is_straight { String::new() } else { text };
+    let mut text = format!(
+        "  link   length m     mass kg   centre m{}   inertia kg·m²    angle °   stiffness N·m/rad   damping N·m·s/rad\n",
+        off(String::from("      off m"))
     );
     for (link, number) in links.iter().zip(1..) {
         text += &format!(
-            "  {number:4} {:10.5} {:11.5} {:10.5} {:15.6} {:10.4} {:19} {:19}\n",
+            "  {number:4} {:10.5} {:11.5} {:10.5}{} {:15.6} {:10.4} {:19} {:19}\n",
             link.length_m,
             link.mass_kg,
             link.centre_of_mass_m,
+            off(format!(" {:10.5}", link.centre_of_mass_off_m)),
             link.inertia_kg_m2,
             link.angle_deg,
             short(&link.stiffness_nm_rad),

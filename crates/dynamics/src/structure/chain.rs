@@ -9,10 +9,16 @@
 //! w_i = g (m_i lc_i + l_i Σ_{k>i} m_k)
 //! ```
 //!
-//! by Lagrange's equations from the kinetic energy ½ Σ c_ij cos(θ_i − θ_j) φ̇_i φ̇_j. Two links are Eq. (3) of the arm.
+//! A centre of mass that is e off the line, to the left, is at lc + ie along the link in complex numbers. So the moment
+//! m_j (lc_j + ie_j) + l_j Σ_{k>j} m_k = p_j e^{iδ_j} points along θ_j + δ_j: in c_ij = l_i p_j and in w_j = g p_j it takes the place
+//! of the moment on the line, θ_j + δ_j that of θ_j in cos(θ_i − θ_j), sin(θ_i − θ_j) for i < j and in cos θ_j beside w_j, and lc_j² + e_j²
+//! that of lc_j² in c_jj.
+//!
+//! All this is by Lagrange's equations from the kinetic energy ½ Σ c_ij cos(θ_i − θ_j) φ̇_i φ̇_j. Two links are Eq. (3) of the arm.
 //! Tᵀ sums a row from each joint outwards, TᵀAT does so over rows and columns.
 
 use alloc::format;
+use core::cmp::Ordering;
 
 use super::MOST_LINKS;
 use super::error::StructureError;
@@ -36,13 +42,17 @@ pub(super) struct Chain {
     /// l, m, and p_j = m_j lc_j + l_j Σ_{k>j} m_k, kg·m.
     pub length_m: PerLink,
     pub moment_kg_m: PerLink,
+    /// δ, rad, and whether it is 0 for all links.
+    pub moment_turn_rad: PerLink,
+    pub is_straight: bool,
     /// w, N·m.
     pub weight_nm: PerLink,
     /// k, N·m/rad, and d, N·m·s/rad.
     pub stiffness: PerLink,
     pub damping: PerLink,
-    /// θ₀.
+    /// θ₀, and θ₀ + δ.
     pub rest: PerLink<Angle<f64>>,
+    pub moment_rest: PerLink<Angle<f64>>,
     /// How far the joints sag under the weight, rad.
     pub sag_rad: PerLink,
 }
@@ -61,12 +71,21 @@ pub(super) struct Turned {
     turn: PerLink<Turn<f64>>,
     sine: PerLink,
     cosine: PerLink,
+    /// Of θ + δ.
+    moment_sine: PerLink,
+    moment_cosine: PerLink,
 }
 
 impl Turned {
-    /// sin(θ_i − θ_j) and cos(θ_i − θ_j).
+    /// sin(θ_i − θ_j) and cos(θ_i − θ_j), with the moment of the outer of two links in place of its line.
     fn between(&self, i: usize, j: usize) -> (f64, f64) {
-        let ([si, ci], [sj, cj]) = ([self.sine[i], self.cosine[i]], [self.sine[j], self.cosine[j]]);
+        let line = |link: usize| [self.sine[link], self.cosine[link]];
+        let moment = |link: usize| [self.moment_sine[link], self.moment_cosine[link]];
+        let ([si, ci], [sj, cj]) = match i.cmp(&j) {
+            Ordering::Less => (line(i), moment(j)),
+            Ordering::Equal => (line(i), line(j)),
+            Ordering::Greater => (moment(i), line(j)),
+        };
         (si * cj - ci * sj, ci * cj + si * sj)
     }
 }
@@ -76,6 +95,9 @@ pub(super) struct Moving<T, const N: usize> {
     pub turn: [Turn<T>; N],
     pub sine: [T; N],
     pub cosine: [T; N],
+    /// Of the moments.
+    pub moment_sine: [T; N],
+    pub moment_cosine: [T; N],
     pub rate: [T; N],
 }
 
@@ -127,6 +149,7 @@ impl Chain {
         let sagged = summed(&chain.sag_rad);
         for i in 0..n {
             chain.rest[i] = Angle::new(relaxed[i] + sagged[i]);
+            chain.moment_rest[i] = Angle::new(relaxed[i] + sagged[i] + chain.moment_turn_rad[i]);
         }
         Ok(chain)
     }
@@ -136,11 +159,18 @@ impl Chain {
         let n = links.len();
         let mut inertia = [[0.0; MOST_LINKS]; MOST_LINKS];
         let (mut outside_kg, mut weight_nm, mut moment_kg_m) = (0.0, [0.0; MOST_LINKS], [0.0; MOST_LINKS]);
+        let mut moment_turn_rad = [0.0; MOST_LINKS];
         for j in (0..n).rev() {
-            let Link { length_m, mass_kg, centre_of_mass_m, inertia_kg_m2, .. } = links[j];
-            let moment = mass_kg * centre_of_mass_m + length_m * outside_kg;
-            (moment_kg_m[j], weight_nm[j]) = (moment, gravity_m_s2 * moment);
-            let about_joint = mass_kg * (centre_of_mass_m * centre_of_mass_m);
+            let Link { length_m, mass_kg, centre_of_mass_m, centre_of_mass_off_m, inertia_kg_m2, .. } = links[j];
+            let (along, across) = (mass_kg * centre_of_mass_m + length_m * outside_kg, mass_kg * centre_of_mass_off_m);
+            // On the line the moment keeps its sign.
+            let (moment, turn_rad) = match across == 0.0 {
+                true => (along, 0.0),
+                false => (libm::hypot(along, across), libm::atan2(across, along)),
+            };
+            (moment_kg_m[j], weight_nm[j], moment_turn_rad[j]) = (moment, gravity_m_s2 * moment, turn_rad);
+            let off_m2 = centre_of_mass_off_m * centre_of_mass_off_m;
+            let about_joint = mass_kg * (centre_of_mass_m * centre_of_mass_m + off_m2);
             inertia[j][j] = inertia_kg_m2 + about_joint + length_m * length_m * outside_kg;
             for i in 0..j {
                 inertia[i][j] = links[i].length_m * moment;
@@ -153,15 +183,18 @@ impl Chain {
             inertia,
             length_m: per_link(links, |link| link.length_m),
             moment_kg_m,
+            moment_turn_rad,
+            is_straight: moment_turn_rad == [0.0; MOST_LINKS],
             weight_nm,
             stiffness: per_link(links, |link| link.stiffness_nm_rad),
             damping: per_link(links, |link| link.damping_nm_s_rad),
             rest: [Angle { sine: 0.0, cosine: 0.0 }; MOST_LINKS],
+            moment_rest: [Angle { sine: 0.0, cosine: 0.0 }; MOST_LINKS],
             sag_rad: [0.0; MOST_LINKS],
         }
     }
 
-    /// The sag s with K s + Tᵀ[w cos(θ + Ts)] = 0 from relaxed springs, by Newton's method; `None` if no equilibrium is
+    /// The sag s with K s + Tᵀ[w cos(θ + δ + Ts)] = 0 from relaxed springs, by Newton's method; `None` if no equilibrium is
     /// found, or the one found is not stable.
     fn equilibrium(&self, relaxed_rad: &PerLink) -> Option<PerLink> {
         let (n, mut sag) = (self.n, [0.0; MOST_LINKS]);
@@ -172,7 +205,7 @@ impl Chain {
             let sagged = summed(&sag[..n]);
             let (mut residual, mut tangent) = ([0.0; MOST_LINKS], [0.0; MOST_LINKS * MOST_LINKS]);
             for i in 0..n {
-                let (sine, cosine) = libm::sincos(relaxed_rad[i] + sagged[i]);
+                let (sine, cosine) = libm::sincos(relaxed_rad[i] + sagged[i] + self.moment_turn_rad[i]);
                 residual[i] = self.weight_nm[i] * cosine;
                 tangent[i * n + i] = -self.weight_nm[i] * sine;
             }
@@ -195,13 +228,20 @@ impl Chain {
 
     /// The links at q.
     pub fn turned(&self, q: &[f64]) -> Turned {
-        let mut turned =
-            Turned { turn: [Turn::none(); MOST_LINKS], sine: [0.0; MOST_LINKS], cosine: [0.0; MOST_LINKS] };
+        let none = [0.0; MOST_LINKS];
+        let turn = [Turn::none(); MOST_LINKS];
+        let mut turned = Turned { turn, sine: none, cosine: none, moment_sine: none, moment_cosine: none };
         let mut angle_rad = 0.0;
         for (i, q) in q[..self.n].iter().enumerate() {
             angle_rad += q;
             turned.turn[i] = Turn::new::<true>(angle_rad);
             (turned.sine[i], turned.cosine[i]) = self.rest[i].turned(turned.turn[i]);
+        }
+        (turned.moment_sine, turned.moment_cosine) = (turned.sine, turned.cosine);
+        if !self.is_straight {
+            for i in 0..self.n {
+                (turned.moment_sine[i], turned.moment_cosine[i]) = self.moment_rest[i].turned(turned.turn[i]);
+            }
         }
         turned
     }
@@ -250,9 +290,9 @@ impl Chain {
         }
     }
 
-    /// cos θ_i − cos θ₀_i.
+    /// cos(θ_i + δ_i) − cos(θ₀_i + δ_i).
     fn cosine_change(&self, links: &Turned, i: usize) -> f64 {
-        links.turn[i].weighed(-self.rest[i].sine, self.rest[i].cosine)
+        links.turn[i].weighed(-self.moment_rest[i].sine, self.moment_rest[i].cosine)
     }
 
     /// The unbalance and its derivatives. With r_i the bracket above, s and c of θ_i − θ_j,
@@ -268,7 +308,7 @@ impl Chain {
         let LinearisedSlices { unbalance, by_position, by_velocity, by_acceleration } = at;
         self.unbalance(links, [q, v, a], force, unbalance);
         for i in 0..n {
-            by_position[i * n + i] = -self.weight_nm[i] * links.sine[i];
+            by_position[i * n + i] = -self.weight_nm[i] * links.moment_sine[i];
             let mut others = 0.0;
             for j in 0..n {
                 let ((sine, cosine), inertia) = (links.between(i, j), self.inertia[i][j]);
@@ -301,8 +341,8 @@ impl Chain {
                 kinetic += self.inertia[i][j] * links.between(i, j).1 * (rate[i] * rate[j]);
             }
             springs += self.stiffness[i] * (q[i] * q[i]);
-            // sin θ − sin θ₀ − cos θ₀ φ.
-            let Angle { sine, cosine } = self.rest[i];
+            // sin θ − sin θ₀ − cos θ₀ φ, of the moment.
+            let Angle { sine, cosine } = self.moment_rest[i];
             weight_j += self.weight_nm[i] * (links.turn[i].weighed(cosine, sine) - cosine * turned_rad[i]);
         }
         0.5 * (kinetic + springs) + weight_j
@@ -373,6 +413,9 @@ fn check(index: usize, link: &Link) -> Result<(), StructureError> {
     }
     if !link.centre_of_mass_m.is_finite() {
         return refuse("centre_of_mass_m", link.centre_of_mass_m, "a finite number");
+    }
+    if !link.centre_of_mass_off_m.is_finite() {
+        return refuse("centre_of_mass_off_m", link.centre_of_mass_off_m, "a finite number");
     }
     if !(link.damping_nm_s_rad.is_finite() && link.damping_nm_s_rad >= 0.0) {
         return refuse("damping_nm_s_rad", link.damping_nm_s_rad, "zero or a positive number");

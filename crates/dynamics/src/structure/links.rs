@@ -9,7 +9,7 @@
 //! X_i = l_i Σ_{j>i} p_j c_j φ̇_j² + p_i Σ_{j<i} l_j c_j φ̇_j²        Y_i the same with s_j for c_j
 //! ```
 //!
-//! with the sines s and cosines c of θ, and H = L D Lᵀ is factored without roots. q̈_i = φ̈_i − φ̈_{i−1}.
+//! with the sines s and cosines c of θ, beside p those of θ + δ (see [`Chain`]), and H = L D Lᵀ is factored without roots. q̈_i = φ̈_i − φ̈_{i−1}.
 //!
 //! Arrays are filled by loops: the closures of `array::from_fn` are compiled anew for each N, and the crate a tenth
 //! longer.
@@ -100,6 +100,9 @@ struct Kernel<T, const N: usize> {
     damping: [T; N],
     weight_nm: [T; N],
     rest: [Angle<T>; N],
+    /// Of the moments, and whether these are the same angles.
+    moment_rest: [Angle<T>; N],
+    is_straight: bool,
 }
 
 /// Sums from the first entry on.
@@ -125,7 +128,13 @@ impl<T: Real, const N: usize> Kernel<T, N> {
             }
             (sine[i], cosine[i]) = self.rest[i].turned(turn[i]);
         }
-        Moving { turn, sine, cosine, rate: summed(&motion.v) }
+        let (mut moment_sine, mut moment_cosine) = (sine, cosine);
+        if !self.is_straight {
+            for i in 0..N {
+                (moment_sine[i], moment_cosine[i]) = self.moment_rest[i].turned(turn[i]);
+            }
+        }
+        Moving { turn, sine, cosine, moment_sine, moment_cosine, rate: summed(&motion.v) }
     }
 
     /// The forces on each turn φ but those of joints, with the power of those from outside.
@@ -134,14 +143,14 @@ impl<T: Real, const N: usize> Kernel<T, N> {
         let (mut force, mut power) = ([T::splat(0.0); N], T::splat(0.0));
         for (i, (force, [x, y])) in force.iter_mut().zip(load.force_n).enumerate() {
             let tip = self.length_m[i] * (y * at.cosine[i] - x * at.sine[i]);
-            *force = tip - self.weight_nm[i] * self.rest[i].cosine_change(at.turn[i]);
+            *force = tip - self.weight_nm[i] * self.moment_rest[i].cosine_change(at.turn[i]);
             power = power + *force * at.rate[i];
         }
         let (mut x, mut y) = (T::splat(0.0), T::splat(0.0));
         let mut squares = at.rate;
         for i in 0..N {
             squares[i] = at.rate[i] * at.rate[i];
-            force[i] = force[i] - self.moment_kg_m[i] * (at.sine[i] * x - at.cosine[i] * y);
+            force[i] = force[i] - self.moment_kg_m[i] * (at.moment_sine[i] * x - at.moment_cosine[i] * y);
             let pull = self.length_m[i] * squares[i];
             (x, y) = (x + pull * at.cosine[i], y + pull * at.sine[i]);
         }
@@ -149,7 +158,7 @@ impl<T: Real, const N: usize> Kernel<T, N> {
         for i in (0..N).rev() {
             force[i] = force[i] - self.length_m[i] * (at.sine[i] * x - at.cosine[i] * y);
             let pull = self.moment_kg_m[i] * squares[i];
-            (x, y) = (x + pull * at.cosine[i], y + pull * at.sine[i]);
+            (x, y) = (x + pull * at.moment_cosine[i], y + pull * at.moment_sine[i]);
         }
         (force, power)
     }
@@ -163,7 +172,7 @@ impl<T: Real, const N: usize> Kernel<T, N> {
             let mut diagonal = self.inertia[i];
             for j in 0..i {
                 // H_ij less what is known is L_ij D_j; the row keeps it until it is done, rows above have L.
-                let cosine = at.cosine[i] * at.cosine[j] + at.sine[i] * at.sine[j];
+                let cosine = at.moment_cosine[i] * at.cosine[j] + at.moment_sine[i] * at.sine[j];
                 let mut scaled = self.length_m[j] * self.moment_kg_m[i] * cosine;
                 let (own, above) = (lower[i], lower[j]);
                 for (own, above) in own.iter().zip(&above).take(j) {
@@ -267,6 +276,8 @@ impl<T: Real, const N: usize> Kernel<T, N> {
             damping: lanes(&of.damping),
             weight_nm: lanes(&of.weight_nm),
             rest: array::from_fn(|i| Angle::gather(|_lane| &of.rest[i])),
+            moment_rest: array::from_fn(|i| Angle::gather(|_lane| &of.moment_rest[i])),
+            is_straight: of.is_straight,
         }
     }
 }
@@ -287,6 +298,8 @@ impl<const N: usize> Links<N> {
             damping: first(&chain.damping),
             weight_nm: first(&chain.weight_nm),
             rest: array::from_fn(|i| chain.rest[i]),
+            moment_rest: array::from_fn(|i| chain.moment_rest[i]),
+            is_straight: chain.is_straight,
         };
         let smooth = assembly.elements().iter().filter(|element| element.law.is_smooth());
         let elements = smooth.map(|element| SmoothElement::new(element, chain)).collect();
@@ -399,7 +412,7 @@ impl<const N: usize> Dynamics<N> for Links<N> {
         for i in 0..N {
             let rate = at.rate[i];
             twice += kernel.inertia[i] * (rate * rate) + kernel.stiffness[i] * (motion.x[i] * motion.x[i]);
-            cross += kernel.moment_kg_m[i] * rate * (at.cosine[i] * x + at.sine[i] * y);
+            cross += kernel.moment_kg_m[i] * rate * (at.moment_cosine[i] * x + at.moment_sine[i] * y);
             x += kernel.length_m[i] * rate * at.cosine[i];
             y += kernel.length_m[i] * rate * at.sine[i];
         }

@@ -17,6 +17,9 @@ pub struct Link {
     pub mass_kg: f64,
     /// Distance lc of the centre of mass from its joint along the link, m; negative behind the joint.
     pub centre_of_mass_m: f64,
+    /// How far the centre of mass is off the line from the joint to the link's end, e, m, to the left as seen along it.
+    #[serde(default, skip_serializing_if = "is_zero")]
+    pub centre_of_mass_off_m: f64,
     /// Moment of inertia I about the centre of mass, kg·m², positive.
     pub inertia_kg_m2: f64,
     /// Angle β against the link before, of the first link against the x axis, with the spring relaxed, degrees, −360 to
@@ -26,6 +29,10 @@ pub struct Link {
     pub stiffness_nm_rad: f64,
     /// Viscous damping d of its joint, N·m·s/rad, not negative.
     pub damping_nm_s_rad: f64,
+}
+
+fn is_zero(number: &f64) -> bool {
+    *number == 0.0
 }
 
 /// A planar chain of links, from the base out.

@@ -49,6 +49,7 @@ fn chain() -> TestedAssembly {
         length_m: 0.4,
         mass_kg: 5.0,
         centre_of_mass_m: 0.2,
+        centre_of_mass_off_m: 0.0,
         inertia_kg_m2: 0.07,
         angle_deg,
         stiffness_nm_rad: 4e4,

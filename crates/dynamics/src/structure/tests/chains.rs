@@ -34,6 +34,7 @@ fn points_of_a_chain_are_where_its_links_end_at_rest() {
         length_m,
         mass_kg: 2.0,
         centre_of_mass_m: 0.2,
+        centre_of_mass_off_m: 0.0,
         inertia_kg_m2: 0.1,
         angle_deg,
         stiffness_nm_rad,
@@ -151,7 +152,9 @@ fn two_links_step_as_the_arm() {
 
 /// A chain of four links under gravity with a hardening joint, a damped spring at an elbow and one between points.
 fn hard_chain() -> Assembly {
-    let ChainSpec { links, .. } = chain_of(&oracles("chains")[3]);
+    let ChainSpec { mut links, .. } = chain_of(&oracles("chains")[3]);
+    // The centres of mass of some links are off the line.
+    (links[1].centre_of_mass_off_m, links[3].centre_of_mass_off_m) = (0.07, -0.05);
     let elements = vec![
         grounded(Place::Joint(2), Law::Cubic { stiffness3: 3e7, stiffness5: -1e9 }),
         grounded(along("joint3", Axis::X), Law::Tanh { slip: 40.0, velocity: 0.3 }),
@@ -299,4 +302,111 @@ fn energy_of_a_chain_with_smooth_elements_is_balanced() {
         lost > 0.01 * scale && (after - before - work + lost).abs() < 1e-7 * scale,
         "{before} {after} {work} {lost}"
     );
+}
+
+/// Three links with centres of mass off the line.
+fn offset_chain(gravity_m_s2: f64) -> Assembly {
+    let link = |[length_m, mass_kg, centre_of_mass_m, centre_of_mass_off_m, inertia_kg_m2]: [f64; 5],
+                rest: [f64; 3]| Link {
+        length_m,
+        mass_kg,
+        centre_of_mass_m,
+        centre_of_mass_off_m,
+        inertia_kg_m2,
+        angle_deg: rest[0],
+        stiffness_nm_rad: rest[1],
+        damping_nm_s_rad: rest[2],
+    };
+    let links = vec![
+        link([0.5, 6.0, 0.2, 0.05, 0.09], [30.0, 3e3, 4.0]),
+        link([0.4, 4.0, -0.1, -0.12, 0.05], [50.0, 2e3, 3.0]),
+        link([0.3, 2.0, 0.18, 0.2, 0.02], [-70.0, 1e3, 2.0]),
+    ];
+    assembly(BodySpec::Chain(ChainSpec { links, gravity_m_s2 }), vec![])
+}
+
+/// Numbers of a NumPy script that knows nothing of this form of the equations: positions and velocities of the centres of
+/// mass, T = Σ ½ m |ċ|² + ½ I θ̇² and V of springs and weights, and Lagrange's equations d/dt ∂T/∂q̇ − ∂T/∂q + ∂V/∂q = −D q̇ + p
+/// with derivatives by the complex step (W. Squire, G. Trapp, "Using Complex Variables to Estimate Derivatives of Real Functions", SIAM
+/// Rev. 40 (1998)); of M along q̇ by differences of order 4.
+#[test]
+fn centres_of_mass_off_the_line_obey_lagranges_equations() {
+    let cases = [
+        (
+            [0.250_190_933_209_333_94, 0.794_427_601_939_151, 0.551_371_380_490_387],
+            [-1.648_756_860_056_448_8, -1.199_002_290_532_647_4, 2.241_320_672_377_571_4],
+            [-19.789_387_817_377_012, 12.849_136_735_310_651, 11.882_777_150_081_85],
+            [833.666_420_089_308_3, -3_848.490_323_184_643, 3_945.751_972_419_899_6],
+        ),
+        (
+            [-0.064_130_094_312_558_45, -0.393_935_146_361_372_95, -0.443_148_775_798_453_35],
+            [-1.470_782_474_075_252_4, -0.329_542_164_704_120_57, 0.027_289_553_747_719_797],
+            [2.139_894_082_979_699_7, 19.820_011_337_375_703, 11.706_476_768_550_122],
+            [-899.002_347_988_110_7, 924.406_377_633_489_9, 4_095.909_154_407_476_8],
+        ),
+    ];
+    let assembly = offset_chain(0.0);
+    let Body::Chain(chain) = &assembly.body else { unreachable!() };
+    let links = Links::<3>::new(chain, &assembly);
+    let drive = ["joint1", "joint2", "joint3"].map(|name| assembly.dof(name).unwrap());
+    for (q, v, torque, expected) in cases {
+        let mut stepper = Stepper::new(&assembly, &drive, Scheme::Dop853, 8000.0).unwrap();
+        stepper.restore(&[q, v].concat()).unwrap();
+        let mut seen = [0.0; 3];
+        stepper.acceleration(&torque, &mut seen).unwrap();
+        let load = LinksLoad { torque_nm: torque, force_n: [[0.0; 2]; 3] };
+        let stepped = links.rates(&Motion { x: q, v }, &load).acceleration;
+        for ((seen, stepped), expected) in seen.iter().zip(stepped).zip(expected) {
+            assert!(
+                (seen - expected).abs() < 1e-7 * 4e3 && (stepped - expected).abs() < 1e-7 * 4e3,
+                "{seen} {stepped} {expected}"
+            );
+        }
+    }
+}
+
+/// Under the weight: the equilibrium, the modes about it and the acceleration from beside it, by the same script.
+#[test]
+fn weight_off_the_line_turns_the_links() {
+    let assembly = offset_chain(9.81);
+    let Body::Chain(chain) = &assembly.body else { unreachable!() };
+    let sag = [-0.014_267_443_989_146_048, -0.004_132_529_569_330_729_5, -0.002_891_245_016_383_156_7];
+    for (got, expected) in chain.sag_rad.iter().zip(sag) {
+        assert!((got - expected).abs() < 1e-12, "{:?}", chain.sag_rad);
+    }
+    assert!((assembly.rest_m().unwrap()[3][1] - 0.682_168_018_126_114_5).abs() < 1e-12);
+    let hz = [3.731_827_577_591_674, 11.787_487_364_097_414, 29.759_587_129_016_79];
+    for (mode, expected) in assembly.modes().iter().zip(hz) {
+        assert!((mode.frequency_hz / expected - 1.0).abs() < 1e-9, "{mode:?}");
+    }
+    let drive = ["joint1", "joint2", "joint3"].map(|name| assembly.dof(name).unwrap());
+    let mut stepper = Stepper::new(&assembly, &drive, Scheme::Dop853, 8000.0).unwrap();
+    stepper.restore(&[0.3, -0.4, 0.5, 1.0, -2.0, 1.5]).unwrap();
+    let mut seen = [0.0; 3];
+    stepper.acceleration(&[1.0, -2.0, 3.0], &mut seen).unwrap();
+    for (seen, expected) in seen.iter().zip([-629.876_017_246_455_8, 10_877.404_146_062_958, -25_710.747_663_035_432]) {
+        assert!((seen - expected).abs() < 1e-7 * 2.5e4, "{seen} {expected}");
+    }
+}
+
+/// Every scheme, and explicit steps between the switches of a gap that never closes, make the same motion.
+#[test]
+fn all_schemes_move_centres_off_the_line() {
+    let far = Law::Gap { stiffness: 1e3, gap: 10.0 };
+    let spec =
+        StructureSpec { elements: vec![grounded(along("tip", Axis::X), far)], ..offset_chain(9.81).spec().clone() };
+    let others = [Scheme::Rk4, Scheme::Gl4, Scheme::Gl6, Scheme::Exponential, Scheme::Exponential8];
+    let end = |assembly: &Assembly, scheme: Scheme| {
+        let mut stepper = Stepper::new(assembly, &[], scheme, 16_000.0).unwrap();
+        stepper.restore(&[0.1, -0.2, 0.15, 0.0, 1.0, -1.0]).unwrap();
+        (0..1600).for_each(|k| stepper.advance(f64::from(k) / 16_000.0, &[]).unwrap());
+        [stepper.position(), stepper.velocity()].concat()
+    };
+    let expected = end(&offset_chain(9.81), Scheme::Dop853);
+    for scheme in others {
+        let error = apart(&end(&offset_chain(9.81), scheme), &expected);
+        assert!(error < 1e-6, "{scheme}: {error:e}");
+    }
+    let error = apart(&end(&Assembly::new(&spec).unwrap(), Scheme::Dop853), &expected);
+    assert!(error < 1e-9, "{error:e}");
 }

@@ -35,6 +35,7 @@ fn chain() -> Assembly {
         length_m,
         mass_kg: 6.0,
         centre_of_mass_m: 0.2,
+        centre_of_mass_off_m: 0.0,
         inertia_kg_m2: 0.09,
         angle_deg,
         stiffness_nm_rad: 3e4,

@@ -237,19 +237,6 @@ pub enum UrdfError {
         /// Its link.
         link: String,
     },
-    /// A centre of mass that is off the line between joints.
-    #[error(
-        "the centre of mass beyond joint `{joint}` is {} m off the line to the chain's next joint or tip: links of a chain have it on \
-         that line, within {} m, a thousandth of the length", short(.off_m), short(.most_m)
-    )]
-    OffLine {
-        /// The joint.
-        joint: String,
-        /// How far, m, positive to the left.
-        off_m: f64,
-        /// How far it may be, m.
-        most_m: f64,
-    },
     /// An impossible inertia.
     #[error("the moment of inertia beyond joint `{joint}` comes out as {} kg·m²: it must be positive", short(.got_kg_m2))]
     Inertia {

@@ -18,9 +18,8 @@ use resonarm_dynamics::structure::Link;
 
 /// How far axes may be from parallel, rad, and components of unit vectors from 0.
 const PARALLEL_LIMIT: f64 = 1e-6;
-/// How far a centre of mass may be off the line between the joints, over the length of the link. What is off so little
-/// counts for the moment of inertia about the joint, and not for the direction.
-pub(super) const OFF_LINE_LIMIT: f64 = 1e-3;
+/// How far a centre of mass is off the line between the joints, over the length of the link, to be on it but for rounding.
+const ON_LINE: f64 = 1e-9;
 /// How far principal moments may be from the triangle's rule, over themselves: files round them.
 const TRIANGLE_LIMIT: f64 = 1e-3;
 /// The least length of a link, m.
@@ -103,7 +102,7 @@ pub(super) fn links(robot: &Robot, wanted: &Wanted<'_>) -> Result<(Vec<Link>, Ve
         let bodies: Vec<Inertial> = bodies.into_iter().map(|(_, body)| body).collect();
         let no_mass = || UrdfError::NoInertial { joint: joint.name.clone(), link: joint.child.clone() };
         let whole = together(&bodies, &plane.normal).ok_or_else(no_mass)?;
-        let [centre_of_mass_m, off_m] = on_line(joint, line, plane.project(&whole.centre) - place(&joint.child))?;
+        let [centre_of_mass_m, centre_of_mass_off_m] = centre(line, plane.project(&whole.centre) - place(&joint.child));
         let direction_rad = libm::atan2(line.y, line.x);
         // An axis the other way round turns the other way.
         let turn_rad = section.angle_deg.to_radians() * axis(joint).dot(&plane.normal).signum();
@@ -112,7 +111,8 @@ pub(super) fn links(robot: &Robot, wanted: &Wanted<'_>) -> Result<(Vec<Link>, Ve
             length_m: line.norm(),
             mass_kg: whole.mass_kg,
             centre_of_mass_m,
-            inertia_kg_m2: inertia(joint, &whole, off_m)?,
+            centre_of_mass_off_m,
+            inertia_kg_m2: inertia(joint, &whole)?,
             angle_deg: joined.against(&before).to_degrees(),
             stiffness_nm_rad: section.stiffness_nm_rad,
             damping_nm_s_rad: section.damping_nm_s_rad,
@@ -165,19 +165,15 @@ impl Joined {
     }
 }
 
-/// Where the centre of mass is: along the line, and off it, m.
-fn on_line(joint: &Joint, line: Vector2<f64>, centre: Vector2<f64>) -> Result<[f64; 2], UrdfError> {
+/// Where the centre of mass is: along the line, and off it to the left, m.
+fn centre(line: Vector2<f64>, centre: Vector2<f64>) -> [f64; 2] {
     let along = line.normalize();
     let off_m = along.perp(&centre);
-    if off_m.abs() > OFF_LINE_LIMIT * line.norm() {
-        return Err(UrdfError::OffLine { joint: joint.name.clone(), off_m, most_m: OFF_LINE_LIMIT * line.norm() });
-    }
-    Ok([along.dot(&centre), off_m])
+    [along.dot(&centre), if off_m.abs() > ON_LINE * line.norm() { off_m } else { 0.0 }]
 }
 
-/// About the centre on the line, so that the moment about the joint is that of the file.
-fn inertia(joint: &Joint, whole: &Whole, off_m: f64) -> Result<f64, UrdfError> {
-    let got_kg_m2 = whole.inertia_kg_m2 + whole.mass_kg * off_m * off_m;
+fn inertia(joint: &Joint, whole: &Whole) -> Result<f64, UrdfError> {
+    let got_kg_m2 = whole.inertia_kg_m2;
     let is_one = got_kg_m2.is_finite() && got_kg_m2 > 0.0;
     if is_one { Ok(got_kg_m2) } else { Err(UrdfError::Inertia { joint: joint.name.clone(), got_kg_m2 }) }
 }
