@@ -32,15 +32,20 @@ class Link(_LinkOnLine, total=False):
     """How far the centre of mass is off the line from the joint to the next, or to the tip, m, to the left; 0 without."""
 
 
-class ModeShape(TypedDict):
-    """A mode with its shape: `structure.modes` of a scenario."""
-
+class _ModeOnGround(TypedDict):
     frequency_hz: float
-    """Undamped natural frequency, Hz, positive."""
+    """Undamped natural frequency, Hz, not negative; 0 is a rigid mode."""
     damping_ratio: float
-    """Damping ratio, from 0 to below 1."""
+    """Damping ratio, not negative; from 1 on the mode does not oscillate."""
     shape: dict[str, float]
     """Displacement of each point along an axis, as `tip.x`, 1/√kg, of the shape of modal mass 1 kg."""
+
+
+class ModeShape(_ModeOnGround, total=False):
+    """A mode with its shape: `structure.modes` of a scenario."""
+
+    participation: dict[str, float]
+    """Participation factor of a base that moves along an axis, as `base.z`, √kg."""
 
 
 class JointOfFile(TypedDict):

@@ -298,12 +298,15 @@ class Modal(_Structure):
         damping: ArrayLike | None = None,
         *,
         dofs: Mapping[str, int],
+        base: Mapping[str, Sequence[int]] | None = None,
         modes: int | None = None,
         elements: Sequence[Element] = (),
         name: str | None = None,
     ) -> "Self":
         """The lowest `modes` of the mass (kg), stiffness (N/m) and damping matrices (N·s/m), all if there are not more
-        than 32. `dofs` are degrees of freedom by their rows, from 0: `{"tip.x": 0}`.
+        than 32. `dofs` are degrees of freedom by their rows, from 0: `{"tip.x": 0}`. `base` has the rows that move by 1
+        with the base along an axis, `{"base.z": [2, 5]}`: then that can be driven, by its acceleration, and displacements
+        are relative to it.
 
         The structure may be free. Degrees of freedom without mass, rows of zeros, are condensed statically. Raises
         ValueError for matrices that are not square, symmetric or positive (semi)definite, and for damping that is not
@@ -311,7 +314,8 @@ class Modal(_Structure):
         """
         damped = None if damping is None else _matrix("damping", damping)
         matrices = (_matrix("mass", mass), _matrix("stiffness", stiffness), damped)
-        section = _resonarm.modes_of_matrices(matrices, dict(dofs), modes)
+        rows = {name: list(moved) for name, moved in (base or {}).items()}
+        section = _resonarm.modes_of_matrices(matrices, dict(dofs), rows, modes)
         return cls._of({**section, **_shared(elements, (), name)})
 
     @classmethod

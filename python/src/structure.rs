@@ -47,18 +47,20 @@ pub fn vectors(channels: &[Channel]) -> Vec<Vector> {
 }
 
 /// The section `[structure]` of matrices given as the bytes of arrays, mass, stiffness, damping, with degrees of
-/// freedom by their rows, and how many modes to keep.
+/// freedom and what moves with the base by their rows, and how many modes to keep.
 #[pyfunction]
 pub fn modes_of_matrices<'py>(
     py: Python<'py>,
     matrices: (Vec<u8>, Vec<u8>, Option<Vec<u8>>),
     dofs: BTreeMap<String, usize>,
+    base: BTreeMap<String, Vec<usize>>,
     modes: Option<usize>,
 ) -> PyResult<Bound<'py, PyAny>> {
     let (mass, stiffness, damping) = matrices;
     let (mass, stiffness, damping) = (numbers(&mass), numbers(&stiffness), damping.as_deref().map(numbers));
     let matrices = Matrices { mass: &mass, stiffness: &stiffness, damping: damping.as_deref() };
-    let section = py.detach(|| StructureSection::from_matrices(&matrices, &dofs, modes)).map_err(errors::value)?;
+    let section =
+        py.detach(|| StructureSection::from_matrices(&matrices, &dofs, &base, modes)).map_err(errors::value)?;
     values::document(py, &section)
 }
 

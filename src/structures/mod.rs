@@ -87,6 +87,16 @@ pub(crate) type Read<'a> = Vec<(Dof, &'a str)>;
 pub(crate) fn read<'a>(at: &'a [String], drive: (Dof, &'a str), assembly: &Assembly) -> Result<Read<'a>, Failure> {
     let named = at.iter().map(|name| Ok((dof("--at", name, assembly)?, name.as_str())));
     let read = named.collect::<Result<Read<'_>, Failure>>()?;
+    let still = read
+        .iter()
+        .find(|(dof, _)| dof.is_base())
+        .or(Some(&drive).filter(|drive| read.is_empty() && drive.0.is_base()));
+    if let Some((_, name)) = still {
+        let points = assembly.points().join(", ");
+        return Err(Failure::usage(format!(
+            "{name} is the base, from which displacements count: name by --at where the motion is read, on one of the points {points}"
+        )));
+    }
     Ok(if read.is_empty() { vec![drive] } else { read })
 }
 
@@ -95,7 +105,7 @@ pub(crate) const COLORS: [Color; 4] = [Color::Blue, Color::Vermillion, Color::Or
 
 /// The unit of a load at a degree of freedom.
 pub(crate) fn load_unit(dof: Dof) -> &'static str {
-    if dof.is_angle() { "N·m" } else { "N" }
+    dof.load_unit()
 }
 
 /// The unit of a displacement at a degree of freedom.

@@ -603,3 +603,31 @@ fn an_impossible_inertia_is_told() {
         assert!(told.contains("link `l1`: its principal moments of inertia are 0.001, 0.001 and 0.5 kg·m²"), "{told}");
     }
 }
+
+/// A bracket on a base: its transmissibility, its branch in m/s², and what a rig and a reading refuse.
+#[test]
+fn a_structure_on_a_base() {
+    let folder = tempfile::tempdir().unwrap();
+    let scenario = "[structure]\nkind = 'modal'\n[[structure.modes]]\nfrequency_hz = 20.0\ndamping_ratio = 0.05\n\
+        shape = { 'tip.z' = 0.5 }\nparticipation = { 'base.z' = 2.0 }\n";
+    fs::write(folder.path().join("base.toml"), format!("{scenario}[rig.exciter]\nat = 'tip.z'\n")).unwrap();
+    fs::write(folder.path().join("moved.toml"), format!("{scenario}[rig.exciter]\nat = 'base.z'\n")).unwrap();
+    let on = |arguments: &str| {
+        let all: Vec<&str> = arguments.split(' ').chain(["--json", "--scenario", "base.toml"]).collect();
+        document(folder.path(), 0, &all)
+    };
+    let frf = on("frf --drive base.z --response tip.z --quantity accelerance --from-hz 20 --to-hz 40 --points 2");
+    let peak = numbers(&frf["responses"][0]["value"][0]);
+    assert!((peak[0] - 1.0).abs() < 1e-9 && (peak[1] + 10.0).abs() < 1e-9, "{peak:?}");
+    assert_eq!(frf["responses"][0]["unit"], "m/s² per m/s²");
+    let branch = on("continue --drive base.z --at tip.z --amplitude 3 --from-hz 15 --to-hz 25");
+    let omega = 40.0 * std::f64::consts::PI;
+    let largest = branch["peaks"][0]["readings"]["tip.z"]["largest"].as_f64().unwrap();
+    assert!((largest / (3.0 / (2.0 * 0.05 * omega * omega)) - 1.0).abs() < 1e-2, "{largest}");
+    let refused = |arguments: &str| {
+        let all: Vec<&str> = arguments.split(' ').collect();
+        complaint(folder.path(), 2, &all)
+    };
+    insta::assert_snapshot!(refused("continue --drive base.z --amplitude 3 --from-hz 15 --to-hz 25 --scenario base.toml").trim(), @"resonarm: base.z is the base, from which displacements count: name by --at where the motion is read, on one of the points tip");
+    insta::assert_snapshot!(refused("run --mode free --scenario moved.toml").trim(), @"resonarm: rig.exciter: `at` is `base.z`, whose load is an acceleration, and a rig commands forces: frf, continue, simulate, sweep and basins move the base; for a run take the free structure, with the table's mass and modes at 0 Hz, and its exciter at the table");
+}

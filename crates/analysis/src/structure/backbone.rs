@@ -16,7 +16,7 @@ use super::adapt::{Spectral, adapt};
 use super::balance::{Balance, unit_deflection};
 use super::linear::dynamic_stiffness_solve;
 use super::orbit::{Reading, TraceOptions};
-use super::unknowns::{Body, Kept, direction_at_rest};
+use super::unknowns::{Body, Kept, direction_at_rest, load_at_rest};
 use super::{Coordinate, Forced, branch};
 use crate::continuation::{Continuation, ContinuationSettings, Point, System, Work};
 use crate::locate::{FINE, search};
@@ -89,7 +89,7 @@ struct Beginning {
 impl Beginning {
     /// The mode's motion about rest; where its modal coordinate is 90° behind the drive, as `crate::quadrature` says.
     fn new(forced: &Forced, mode: &StructureMode, weights: &[f64]) -> Option<Beginning> {
-        let (linear, direction) = (forced.assembly.linear(), direction_at_rest(&forced.assembly, forced.drive));
+        let (linear, direction) = (forced.assembly.linear(), load_at_rest(&forced.assembly, forced.drive));
         let along = |weights: &[f64], of: &[f64]| -> f64 { weights.iter().zip(of).map(|(w, x)| w * x).sum() };
         let modal_force = along(&mode.shape, &direction);
         if modal_force == 0.0 {

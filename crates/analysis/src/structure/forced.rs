@@ -15,7 +15,8 @@ pub struct Forced {
 }
 
 impl Forced {
-    /// The structure under amplitude · sin Ωt at `drive`, one of its degrees of freedom; N, or N·m at a joint.
+    /// The structure under amplitude · sin Ωt at `drive`, one of its degrees of freedom; N, N·m at a joint, or m/s² of
+    /// the base.
     pub fn new(assembly: Assembly, drive: Dof, amplitude: f64) -> Forced {
         Forced { assembly, drive, amplitude }
     }
@@ -61,7 +62,7 @@ impl Forced {
 
     /// The unit of the drive.
     pub fn unit(&self) -> &'static str {
-        if self.drive.is_angle() { "N·m" } else { "N" }
+        self.drive.load_unit()
     }
 }
 

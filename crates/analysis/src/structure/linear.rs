@@ -13,6 +13,7 @@ use nalgebra::Complex;
 use resonarm_dynamics::structure::{Assembly, Dof, Linear};
 use resonarm_numeric::linear_solve::solve_complex;
 
+use super::unknowns::load_at_rest;
 use crate::frf::{FrfError, Quantity};
 
 /// The linear part of a structure, with the slopes at rest of its smooth elements.
@@ -29,7 +30,8 @@ impl LinearResponse {
     }
 
     /// The response over the drive, complex: its modulus is the ratio of the amplitudes, its argument the phase by
-    /// which the response leads. Units: m or rad, per s⁰, s¹ or s² as `quantity` says, over N, or N·m at a joint.
+    /// which the response leads. Units: m or rad, per s⁰, s¹ or s² as `quantity` says, over N, N·m at a joint, or m/s²
+    /// of the base; the acceleration is then absolute, the transmissibility.
     ///
     /// # Errors
     /// [`FrfError::Frequency`] if the frequency is negative or no number, [`FrfError::Rigid`] at 0 Hz of a structure that
@@ -49,13 +51,15 @@ impl LinearResponse {
         if let Some(mode) = rigid.filter(|_| omega == 0.0) {
             return Err(FrfError::Rigid { mode: mode + 1 });
         }
-        let mut motion = self.direction(drive).iter().map(|&p| Complex::new(p, 0.0)).collect::<Vec<_>>();
+        let mut motion = load_at_rest(&self.assembly, drive).iter().map(|&p| Complex::new(p, 0.0)).collect::<Vec<_>>();
         dynamic_stiffness_solve(&self.linear, omega, &mut motion).ok_or(FrfError::Unbounded { frequency_hz })?;
         let displacement: Complex<f64> = motion.iter().zip(self.direction(response)).map(|(q, w)| q * w).sum();
         if !(displacement.re.is_finite() && displacement.im.is_finite()) {
             return Err(FrfError::Unbounded { frequency_hz });
         }
-        Ok(displacement * quantity.factor(omega))
+        // Accelerations are absolute; displacements and velocities count from the base.
+        let carried = if quantity == Quantity::Accelerance { self.assembly.carried(response, drive) } else { 0.0 };
+        Ok(displacement * quantity.factor(omega) + carried)
     }
 
     /// ∂x/∂q at rest.

@@ -111,12 +111,20 @@ pub(super) fn direction_at_rest(assembly: &Assembly, dof: Dof) -> Vec<f64> {
     direction
 }
 
+/// The generalised forces of a unit load at rest.
+pub(super) fn load_at_rest(assembly: &Assembly, dof: Dof) -> Vec<f64> {
+    let n = assembly.coordinates();
+    let (rest, mut direction) = (vec![0.0; n], vec![0.0; n]);
+    assembly.at(&rest).load_direction(dof, &mut direction);
+    direction
+}
+
 impl Condensed {
     /// Without elements the one place is that of the drive.
     fn new(forced: &Forced, modes: Vec<[f64; 2]>) -> Condensed {
         let assembly = &forced.assembly;
         let (mut ends, mut places, mut of_element) = (vec![], vec![], vec![]);
-        let drive = direction_at_rest(assembly, forced.drive);
+        let drive = load_at_rest(assembly, forced.drive);
         for element in assembly.elements() {
             let own = (element.at(), element.to());
             let place = ends.iter().position(|ends| *ends == own).unwrap_or(ends.len());

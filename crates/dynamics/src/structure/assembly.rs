@@ -15,7 +15,7 @@ use super::error::StructureError;
 use super::modal::{Modal, shape_name};
 use super::modes::{StructureMode, free_modes, modes};
 use super::position::Position;
-use super::spec::{Axis, BodySpec, ElementSpec, Place, StructureSpec};
+use super::spec::{Axis, BASE, BodySpec, ElementSpec, Place, StructureSpec};
 
 /// The unit of the coordinates.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -234,7 +234,11 @@ impl Assembly {
     pub fn dof(&self, name: &str) -> Result<Dof, StructureError> {
         let found = match &self.body {
             Body::Chain(chain) => chain_dof(chain.n, name),
-            Body::Modal(modal) => modal.shapes.iter().position(|shape| shape_name(shape) == name).map(At::Shape),
+            Body::Modal(modal) => modal
+                .shapes
+                .iter()
+                .position(|shape| shape_name(shape) == name)
+                .map(|at| if modal.shapes[at].point == BASE { At::Base(at) } else { At::Shape(at) }),
         };
         let unknown =
             || StructureError::UnknownPlace { got: name.to_string(), known: self.dof_names().as_slice().join(", ") };
@@ -256,9 +260,22 @@ impl Assembly {
         }
     }
 
-    /// Whether it never moves: the start of a chain's first link.
+    /// Whether it never moves: the start of a chain's first link, and the base of modes, relative to itself.
     pub(super) fn is_fixed(&self, dof: Dof) -> bool {
-        matches!(dof.0, At::Point { links: 0, .. })
+        matches!(dof.0, At::Point { links: 0, .. } | At::Base(_))
+    }
+
+    /// How far the base carries a degree of freedom when it moves by 1: 1 along its axis, else 0. The absolute
+    /// acceleration is the relative one and so many times the base's.
+    pub fn carried(&self, dof: Dof, base: Dof) -> f64 {
+        let axis = |shape: usize| match &self.body {
+            Body::Modal(modal) => modal.shapes.get(shape).map(|shape| shape.axis),
+            Body::Chain(_) => None,
+        };
+        match (dof.0, base.0) {
+            (At::Shape(at) | At::Base(at), At::Base(base)) if axis(at) == axis(base) => 1.0,
+            _ => 0.0,
+        }
     }
 
     /// The elements.

@@ -38,7 +38,7 @@ pub use modal::mode_transient;
 pub use modes::StructureMode;
 pub use position::Position;
 pub use spec::{
-    Axis, BodySpec, ChainSpec, ElementSpec, Law, Link, ModalSpec, ModeSpec, Place, ShapeSpec, Side, StructureSpec,
+    Axis, BASE, BodySpec, ChainSpec, ElementSpec, Law, Link, ModalSpec, ModeSpec, Place, ShapeSpec, Side, StructureSpec,
 };
 pub use step::{StepError, StepLoad, Stepper};
 

@@ -2,6 +2,11 @@
 //!
 //! ω = 0 is a rigid mode, q̈ = Φᵀf, of a structure that nothing holds; its damping ratio says nothing, since 2ζω is 0.
 //! With ζ ≥ 1 a mode does not oscillate, as the high modes of a structure with C = αM + βK.
+//!
+//! A base that moves by z along an axis carries the masses by rz, so that M (ẍ + r z̈) + C ẋ + K x = f for displacements x
+//! relative to the base. With x = Φq the acceleration of the base acts as the modal force −Γ z̈ with Γ = ΦᵀMr, and the
+//! absolute acceleration of a point along that axis is φᵀq̈ + z̈ (J. Wijker, "Mechanical Vibrations in Spacecraft Design", 2004,
+//! chapter 9).
 
 use alloc::format;
 use alloc::string::{String, ToString};
@@ -9,7 +14,7 @@ use alloc::vec::Vec;
 use core::f64::consts::TAU;
 
 use super::error::StructureError;
-use super::spec::{ModalSpec, ShapeSpec};
+use super::spec::{BASE, ModalSpec, ShapeSpec};
 use super::{Linearised, MOST_MODES};
 
 /// The most shapes: points that forces act on and that are read, one for each axis.
@@ -109,10 +114,10 @@ impl Modal {
         self.constants().zip(v).map(|((_, damping), v)| damping * (v * v)).sum()
     }
 
-    /// The names of its points, each once, in the order of the shapes.
+    /// The names of its points but the base, each once, in the order of the shapes.
     pub fn points(&self) -> Vec<String> {
         let mut points: Vec<String> = Vec::new();
-        for shape in &self.shapes {
+        for shape in self.shapes.iter().filter(|shape| shape.point != BASE) {
             if !points.contains(&shape.point) {
                 points.push(shape.point.to_string());
             }

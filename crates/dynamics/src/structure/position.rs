@@ -50,7 +50,18 @@ impl<'a> Position<'a> {
                 let by_mode = &modal.shapes[shape].by_mode;
                 out[..by_mode.len()].copy_from_slice(by_mode);
             }
+            (At::Base(_), _) => out[..self.q.len()].fill(0.0),
             _ => out[..self.q.len()].fill(f64::NAN),
+        }
+    }
+
+    /// Writes the generalised forces of a unit load at a degree of freedom, n numbers: ∂x/∂q, or of the base −Γ.
+    pub fn load_direction(&self, dof: Dof, out: &mut [f64]) {
+        match (dof.0, &self.body) {
+            (At::Base(shape), BodyIn::Modal(modal)) => {
+                out.iter_mut().zip(&modal.shapes[shape].by_mode).for_each(|(out, factor)| *out = -factor);
+            }
+            _ => self.direction(dof, out),
         }
     }
 
@@ -72,6 +83,7 @@ impl<'a> Position<'a> {
             (At::Point { links, axis }, BodyIn::Chain(chain, turned)) => chain.displacement_m(turned, links, axis),
             (At::Joint(joint), _) => self.q[joint],
             (At::Shape(shape), BodyIn::Modal(modal)) => dot(&modal.shapes[shape].by_mode, self.q),
+            (At::Base(_), _) => 0.0,
             _ => f64::NAN,
         }
     }
@@ -82,11 +94,13 @@ impl<'a> Position<'a> {
             (At::Point { links, axis }, BodyIn::Chain(chain, turned)) => along(chain, turned, (links, axis), v),
             (At::Joint(joint), _) => v[joint],
             (At::Shape(shape), BodyIn::Modal(modal)) => dot(&modal.shapes[shape].by_mode, v),
+            (At::Base(_), _) => 0.0,
             _ => f64::NAN,
         }
     }
 
-    /// The acceleration, m/s² or rad/s²: of a point of a chain with the centripetal one.
+    /// The acceleration, m/s² or rad/s²: of a point of a chain with the centripetal one; of modes relative to the base
+    /// (see [`Assembly::carried`]).
     pub fn acceleration(&self, dof: Dof, v: &[f64], a: &[f64]) -> f64 {
         self.velocity(dof, a) + self.drift(dof, v)
     }

@@ -42,7 +42,7 @@ impl<const N: usize> SmoothElement<N> {
                     link[along] += sign * length_m;
                 }
             }
-            At::Shape(_) => {}
+            At::Shape(_) | At::Base(_) => {}
         }
     }
 

@@ -90,7 +90,13 @@ impl fmt::Display for Axis {
     }
 }
 
+/// The point of modal structures that is their base, which may move along an axis: see [`ShapeSpec`].
+pub const BASE: &str = "base";
+
 /// How far every mode moves a point along an axis.
+///
+/// Of the point [`BASE`] it is how the modes are excited by a motion of the base, which all other points share: the
+/// displacements of the structure count from the base.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct ShapeSpec {
@@ -98,7 +104,8 @@ pub struct ShapeSpec {
     pub point: String,
     /// The axis.
     pub axis: Axis,
-    /// φ of each mode, mass-normalised, 1/√kg: the displacement is Σ φ q.
+    /// φ of each mode, mass-normalised, 1/√kg: the displacement is Σ φ q. Of the base the participation factor Γ = φᵀMr, √kg,
+    /// with the displacements r of all masses as the base moves by 1.
     pub by_mode: Vec<f64>,
 }
 

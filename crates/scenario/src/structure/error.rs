@@ -103,12 +103,25 @@ pub enum StructureSectionError {
         got: String,
     },
     /// A mode without the displacement of a point that another mode has.
-    #[error("structure.modes, number {mode}: `shape` lacks `{place}`: give it in every mode, 0 where it does not move")]
+    #[error(
+        "structure.modes, number {mode}: `{table}` lacks `{place}`: give it in every mode, 0 where it does not move"
+    )]
     ShapeMissing {
+        /// `shape` or `participation`.
+        table: &'static str,
         /// The number of the mode, from 1.
         mode: usize,
         /// Point and axis.
         place: String,
+    },
+    /// A shape of the base, or a participation factor of another point.
+    #[error(
+        "structure: `{got}`: `base` is what the structure stands on: its motion excites the modes by the key `participation`, as \
+         \"base.z\" = 1.2, √kg, and no point of a shape is called so"
+    )]
+    Base {
+        /// Point and axis.
+        got: String,
     },
     /// A line through a point that has no place.
     #[error(
@@ -182,7 +195,7 @@ pub enum StructureSectionError {
         most: usize,
     },
     /// A row that the matrices don't have.
-    #[error("structure.dofs: `{name}` is row {got}: the matrices have rows 0 to {}", rows - 1)]
+    #[error("structure: `{name}` is row {got}: the matrices have rows 0 to {}", rows - 1)]
     Row {
         /// The degree of freedom.
         name: String,

@@ -26,7 +26,7 @@ use resonarm_bench::plant::TestedAssembly;
 use resonarm_bench::rig::RigSpec;
 use resonarm_dynamics::arm::{Parameters, Pose};
 use resonarm_dynamics::structure::{
-    Assembly, BodySpec, ChainSpec, ElementSpec, Link, ModalSpec, ModeSpec, Place, ShapeSpec, StructureSpec,
+    Assembly, BASE, BodySpec, ChainSpec, ElementSpec, Link, ModalSpec, ModeSpec, Place, ShapeSpec, StructureSpec,
 };
 
 /// What a structure is.
@@ -75,6 +75,10 @@ pub struct ModeSection {
     /// Displacement of each point along an axis, `tip.x`, of the shape that is normalised to the modal mass 1 kg,
     /// 1/√kg.
     pub shape: BTreeMap<String, f64>,
+    /// Participation factor of a base that moves along an axis, `base.z`, √kg: Γ = φᵀMr of the same shape, with the
+    /// displacements r of all masses as the base moves by 1.
+    #[serde(default, skip_serializing_if = "BTreeMap::is_empty")]
+    pub participation: BTreeMap<String, f64>,
 }
 
 /// A structure in place of the two-link arm, or elements on the arm.
@@ -109,6 +113,10 @@ pub struct StructureSection {
     /// Degrees of freedom, `tip.x`, by their rows in the matrices, from 0.
     #[serde(skip_serializing_if = "BTreeMap::is_empty")]
     pub dofs: BTreeMap<String, usize>,
+    /// Rows of the matrices that move by 1 as the base does along an axis, by `base.x`, `base.y` and `base.z`: the
+    /// displacements are relative to the base.
+    #[serde(skip_serializing_if = "BTreeMap::is_empty")]
+    pub base: BTreeMap<String, Vec<usize>>,
     /// Acceleration of gravity along −y, m/s², of a chain; without it there is none.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub gravity_m_s2: Option<f64>,
@@ -286,20 +294,36 @@ impl StructureSection {
     }
 
     fn modal(&self) -> Result<ModalSpec, StructureSectionError> {
-        let names: std::collections::BTreeSet<&String> = self.modes.iter().flat_map(|mode| mode.shape.keys()).collect();
+        let shapes = self.shapes("shape", |mode| &mode.shape, |point| point != BASE)?;
+        let bases = self.shapes("participation", |mode| &mode.participation, |point| point == BASE)?;
+        let of = |mode: &ModeSection| ModeSpec { frequency_hz: mode.frequency_hz, damping_ratio: mode.damping_ratio };
+        Ok(ModalSpec { modes: self.modes.iter().map(of).collect(), shapes: [shapes, bases].concat() })
+    }
+
+    /// The shapes that a table of the modes has, whose points must be allowed there.
+    fn shapes(
+        &self,
+        key: &'static str,
+        table: fn(&ModeSection) -> &BTreeMap<String, f64>,
+        allowed: fn(&str) -> bool,
+    ) -> Result<Vec<ShapeSpec>, StructureSectionError> {
+        let names: std::collections::BTreeSet<&String> =
+            self.modes.iter().flat_map(|mode| table(mode).keys()).collect();
         let shape = |name: &&String| {
-            let missing =
-                |index: usize| StructureSectionError::ShapeMissing { mode: index + 1, place: (*name).clone() };
+            let missing = |index: usize| StructureSectionError::ShapeMissing {
+                table: key,
+                mode: index + 1,
+                place: (*name).clone(),
+            };
             let value =
-                |(index, mode): (usize, &ModeSection)| mode.shape.get(*name).copied().ok_or_else(|| missing(index));
+                |(index, mode): (usize, &ModeSection)| table(mode).get(*name).copied().ok_or_else(|| missing(index));
             let by_mode = self.modes.iter().enumerate().map(value).collect::<Result<_, _>>()?;
             match element::place(name)? {
-                Place::Dof { point, axis } => Ok(ShapeSpec { point, axis, by_mode }),
+                Place::Dof { point, axis } if allowed(&point) => Ok(ShapeSpec { point, axis, by_mode }),
+                Place::Dof { .. } => Err(StructureSectionError::Base { got: (*name).clone() }),
                 Place::Joint(_) => Err(StructureSectionError::Place { got: (*name).clone() }),
             }
         };
-        let shapes = names.iter().map(shape).collect::<Result<_, StructureSectionError>>()?;
-        let of = |mode: &ModeSection| ModeSpec { frequency_hz: mode.frequency_hz, damping_ratio: mode.damping_ratio };
-        Ok(ModalSpec { modes: self.modes.iter().map(of).collect(), shapes })
+        names.iter().map(shape).collect()
     }
 }

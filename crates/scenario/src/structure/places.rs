@@ -37,7 +37,15 @@ fn placed(assembly: &Assembly, instrument: &'static str, at: &str) -> Result<Pla
     let points = assembly.points();
     if at.contains('.') {
         let unknown = |error| StructureSectionError::Rig { instrument, reason: format!("is `{at}`: {error}") };
-        return Ok(Placed { along: [Some(assembly.dof(at).map_err(unknown)?), None] });
+        let dof = assembly.dof(at).map_err(unknown)?;
+        if dof.is_base() {
+            let reason = format!(
+                "is `{at}`, whose load is an acceleration, and a rig commands forces: frf, continue, simulate, sweep and basins move the \
+                 base; for a run take the free structure, with the table's mass and modes at 0 Hz, and its exciter at the table"
+            );
+            return Err(StructureSectionError::Rig { instrument, reason });
+        }
+        return Ok(Placed { along: [Some(dof), None] });
     }
     let along = ["x", "y"].map(|axis| assembly.dof(&format!("{at}.{axis}")).ok());
     let is_known = points.iter().any(|point| point == at);

@@ -6,7 +6,7 @@ use alloc::vec::Vec;
 use core::f64::consts::TAU;
 
 use resonarm_dynamics::structure::{
-    Assembly, Axis, BodySpec, ChainSpec, ElementSpec, Law, Link, ModalSpec, ModeSpec, Place, ShapeSpec, Side,
+    Assembly, Axis, BodySpec, ChainSpec, Dof, ElementSpec, Law, Link, ModalSpec, ModeSpec, Place, ShapeSpec, Side,
     StructureSpec,
 };
 use serde_json::Value;
@@ -514,4 +514,53 @@ fn an_overdamped_mode_is_continued() {
         let multipliers = &orbit.stability.as_ref().unwrap().multipliers;
         assert!(multipliers.iter().any(|found| (found - Complex::new(mu, 0.0)).norm() < 1e-9), "{mu} {multipliers:?}");
     }
+}
+
+/// A mass of 4 kg on a spring, and one that hardens, on a base that moves along x.
+fn on_a_base(elements: Vec<ElementSpec>) -> Assembly {
+    let shape = |point: &str, phi| ShapeSpec { point: point.into(), axis: Axis::X, by_mode: vec![phi] };
+    let modal = ModalSpec {
+        modes: vec![ModeSpec { frequency_hz: 20.0, damping_ratio: 0.05 }],
+        shapes: vec![shape("tip", 0.5), shape("base", 2.0)],
+    };
+    Assembly::new(&StructureSpec { body: BodySpec::Modal(modal), elements }).unwrap()
+}
+
+/// The transmissibility (ω₀² + 2iζω₀ω)/(ω₀² − ω² + 2iζω₀ω) of absolute accelerations, and the relative displacement −1 over
+/// the same.
+#[test]
+fn a_base_excites_the_structure() {
+    let assembly = on_a_base(vec![]);
+    let [tip, base] = ["tip.x", "base.x"].map(|name| assembly.dof(name).unwrap());
+    let linear = LinearResponse::new(&assembly);
+    let (own, omega) = (TAU * 20.0, TAU * 23.0);
+    let z = Complex::new(own * own - omega * omega, 2.0 * 0.05 * own * omega);
+    let expected = Complex::new(own * own, 2.0 * 0.05 * own * omega) / z;
+    let got = linear.at(Quantity::Accelerance, base, tip, 23.0).unwrap();
+    assert!((got - expected).norm() < 1e-12, "{got} {expected}");
+    let got = linear.at(Quantity::Receptance, base, tip, 23.0).unwrap();
+    assert!((got + z.inv()).norm() < 1e-12 * z.inv().norm(), "{got}");
+    // The base follows itself, and at 0 Hz the mass follows the base.
+    assert_eq!(linear.at(Quantity::Accelerance, base, base, 23.0).unwrap(), Complex::new(1.0, 0.0));
+    assert_eq!(linear.at(Quantity::Accelerance, base, tip, 0.0).unwrap(), Complex::new(1.0, 0.0));
+}
+
+/// An acceleration of the base does what the force −ma at the mass does, with its branches, and settled motions.
+#[test]
+fn branches_under_a_moving_base_are_those_of_a_force() {
+    let law = Law::Cubic { stiffness3: 1e8, stiffness5: 0.0 };
+    let assembly = on_a_base(vec![ElementSpec { at: place("tip.x"), to: None, law }]);
+    let [tip, base] = ["tip.x", "base.x"].map(|name| assembly.dof(name).unwrap());
+    let branch = |drive: Dof, amplitude: f64| {
+        let forced = Forced::new(assembly.clone(), drive, amplitude);
+        let options = TraceOptions::new(&forced, Coordinate::FrequencyHz, [15.0, 35.0], vec![tip]);
+        super::trace(&forced, 15.0, Coordinate::FrequencyHz, &options).unwrap()
+    };
+    let (moved, pushed) = (branch(base, 30.0), branch(tip, 120.0));
+    assert_eq!(of_kind(&moved, BifurcationKind::Fold).len(), 2);
+    for (moved, pushed) in moved.bifurcations.iter().zip(&pushed.bifurcations) {
+        near(moved.orbit.frequency_hz, pushed.orbit.frequency_hz, 1e-9);
+        near(moved.orbit.readings[0].largest, pushed.orbit.readings[0].largest, 1e-7);
+    }
+    assert_eq!(Forced::new(assembly.clone(), base, 1.0).unit(), "m/s²");
 }

@@ -67,7 +67,7 @@ impl<const N: usize> Stepped<N> {
                     let along = usize::from(axis == Axis::Y);
                     force_n[..links].iter_mut().for_each(|force| force[along] += load);
                 }
-                At::Shape(_) => {}
+                At::Shape(_) | At::Base(_) => {}
             }
         }
         LinksLoad { torque_nm, force_n }

@@ -311,7 +311,7 @@ fn rows(assembly: &Assembly, dofs: &[Dof]) -> Vec<f64> {
     let (rest, mut rows) = ([0.0; super::MOST_COORDINATES], alloc::vec![0.0; n * dofs.len()]);
     let at = assembly.at(&rest[..n]);
     for (row, dof) in rows.chunks_exact_mut(n).zip(dofs) {
-        at.direction(*dof, row);
+        at.load_direction(*dof, row);
     }
     rows
 }

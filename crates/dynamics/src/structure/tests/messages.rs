@@ -208,3 +208,13 @@ fn impossible_steps_are_refused() {
         @"a saved state of 1 finite numbers: the structure has 6, or 6 with the branches of its elements"
     );
 }
+
+#[test]
+fn elements_on_the_base_are_refused() {
+    let BodySpec::Modal(mut modal) = two_modes(vec![]).spec().body.clone() else { unreachable!() };
+    modal.shapes.push(ShapeSpec { point: BASE.into(), axis: Axis::X, by_mode: vec![1.0, 0.5] });
+    let law = Law::Cubic { stiffness3: 1.0, stiffness5: 0.0 };
+    let elements = vec![ElementSpec { to: Some(along(BASE, Axis::X)), ..grounded(along("tip", Axis::X), law) }];
+    let refused = Assembly::new(&StructureSpec { body: BodySpec::Modal(modal), elements }).unwrap_err();
+    assert_snapshot!(refused, @"element 1 acts at `base.x`, which doesn't move: leave `to` out for the ground");
+}

@@ -300,3 +300,30 @@ fn modes_of_a_free_structure() {
     let damper = Law::Linear { stiffness: 0.0, damping: 3.0 };
     assert_eq!(found(&masses(vec![grounded(along("a", Axis::Y), damper)]))[0], (0.0, f64::INFINITY));
 }
+
+/// A mass of 4 kg on a spring, on a base that moves along z: Γ = φᵀm = √m. A held acceleration a of the base moves the mass
+/// relative to it as the force −ma does, and its absolute acceleration is −ω²x − 2ζω ẋ.
+#[test]
+fn a_base_moves_the_structure_by_its_acceleration() {
+    let modes = vec![ModeSpec { frequency_hz: 20.0, damping_ratio: 0.05 }];
+    let shape = |point: &str, axis, phi| ShapeSpec { point: point.into(), axis, by_mode: vec![phi] };
+    let shapes = vec![shape("tip", Axis::Z, 0.5), shape("tip", Axis::X, 0.0), shape(BASE, Axis::Z, 2.0)];
+    let assembly = assembly(BodySpec::Modal(ModalSpec { modes, shapes }), vec![]);
+    let [tip, across, base] = ["tip.z", "tip.x", "base.z"].map(|name| assembly.dof(name).unwrap());
+    assert_eq!((assembly.points(), base.load_unit(), base.is_base()), (vec!["tip".into()], "m/s²", true));
+    assert_eq!([tip, across, base].map(|dof| assembly.carried(dof, base)), [1.0, 0.0, 1.0]);
+    let run = |drive: Dof, load: f64| {
+        let mut stepper = Stepper::new(&assembly, &[drive], Scheme::Exponential8, 1000.0).unwrap();
+        (0..100).for_each(|k| stepper.advance(f64::from(k) / 1000.0, &[load]).unwrap());
+        stepper
+    };
+    let (moved, pushed) = (run(base, 3.0), run(tip, -12.0));
+    assert!((moved.position()[0] - pushed.position()[0]).abs() < 1e-15 && moved.position()[0] != 0.0);
+    let mut a = [0.0];
+    moved.acceleration(&[3.0], &mut a).unwrap();
+    let at = assembly.at(moved.position());
+    let absolute = at.acceleration(tip, moved.velocity(), &a) + 3.0 * assembly.carried(tip, base);
+    let (omega, x, v) = (TAU * 20.0, at.displacement(tip), at.velocity(tip, moved.velocity()));
+    assert!((absolute + omega * omega * x + 2.0 * 0.05 * omega * v).abs() < 1e-12, "{absolute}");
+    assert_eq!((at.displacement(base), at.velocity(base, moved.velocity())), (0.0, 0.0));
+}

@@ -24,7 +24,7 @@ use super::super::{ModeSection, StructureKind, StructureSection, StructureSectio
 use super::error::MatrixError;
 use super::{mtx, npy, of_file, unreadable};
 use crate::text_file;
-use resonarm_dynamics::structure::{MOST_MODES, Place};
+use resonarm_dynamics::structure::{BASE, MOST_MODES, Place};
 
 /// Pivots of a matrix over its diagonal, over the number of rows, below which it is singular: what rounding leaves.
 const SINGULAR: f64 = 1e-14;
@@ -82,6 +82,7 @@ impl MatricesSection {
         &self,
         folder: &Path,
         dofs: &BTreeMap<String, usize>,
+        base: &BTreeMap<String, Vec<usize>>,
     ) -> Result<Vec<ModeSection>, StructureSectionError> {
         let read = |path: &Path, rows| {
             let path = folder.join(path);
@@ -92,16 +93,18 @@ impl MatricesSection {
         let mass = read(&self.mass, None)?;
         let rows = mass.matrix.nrows();
         check_dofs(dofs, rows)?;
+        check_base(base, rows)?;
         let keep = kept(self.modes, &mass.matrix)?;
         let stiffness = read(&self.stiffness, Some(rows))?;
         let damping = self.damping.as_deref().map(|path| read(path, Some(rows))).transpose()?;
-        sections([mass, stiffness], damping, dofs, keep)
+        sections([mass, stiffness], damping, (dofs, base), keep)
     }
 }
 
 impl StructureSection {
     /// The modal structure of matrices: the lowest `modes`, all if it is `None` and there are not more than 32, with
-    /// shapes at `dofs`, degrees of freedom by their rows, from 0.
+    /// shapes at `dofs`, degrees of freedom by their rows, from 0, and participation factors of `base`, the rows that move by 1
+    /// with it along an axis.
     ///
     /// # Errors
     /// [`StructureSectionError::File`] says what is wrong with a matrix, by its name in place of a file's;
@@ -110,6 +113,7 @@ impl StructureSection {
     pub fn from_matrices(
         matrices: &Matrices<'_>,
         dofs: &BTreeMap<String, usize>,
+        base: &BTreeMap<String, Vec<usize>>,
         modes: Option<usize>,
     ) -> Result<StructureSection, StructureSectionError> {
         let named = |name: &str, numbers: &[f64], rows| {
@@ -120,10 +124,11 @@ impl StructureSection {
         let mass = named("mass", matrices.mass, None)?;
         let rows = mass.matrix.nrows();
         check_dofs(dofs, rows)?;
+        check_base(base, rows)?;
         let keep = kept(modes, &mass.matrix)?;
         let stiffness = named("stiffness", matrices.stiffness, Some(rows))?;
         let damping = matrices.damping.map(|damping| named("damping", damping, Some(rows))).transpose()?;
-        let modes = sections([mass, stiffness], damping, dofs, keep)?;
+        let modes = sections([mass, stiffness], damping, (dofs, base), keep)?;
         Ok(StructureSection { kind: StructureKind::Modal, modes, ..StructureSection::default() })
     }
 }
@@ -168,7 +173,7 @@ fn kept(modes: Option<usize>, mass: &DMatrix<f64>) -> Result<usize, StructureSec
 fn sections(
     [mass, stiffness]: [Named; 2],
     damping: Option<Named>,
-    dofs: &BTreeMap<String, usize>,
+    (dofs, base): (&BTreeMap<String, usize>, &BTreeMap<String, Vec<usize>>),
     keep: usize,
 ) -> Result<Vec<ModeSection>, StructureSectionError> {
     let of_mass = || of_file(&mass.path);
@@ -191,12 +196,18 @@ fn sections(
         }
         None => vec![0.0; modes.len()],
     };
+    // Γ = φᵀMr. Rows without mass add nothing.
+    let participation = |shape: &DVector<f64>, rows: &Vec<usize>| -> f64 {
+        let momentum = &mass.matrix * shape;
+        rows.iter().map(|&row| momentum[row]).sum()
+    };
     let section = |(mode, damping_ratio): (&Mode, f64)| {
         let shape = condensed.whole(&mode.shape);
         ModeSection {
             frequency_hz: mode.omega_rad_s / TAU,
             damping_ratio,
             shape: dofs.iter().map(|(name, &row)| (name.clone(), shape[row])).collect(),
+            participation: base.iter().map(|(name, rows)| (name.clone(), participation(&shape, rows))).collect(),
         }
     };
     Ok(modes.iter().zip(damping).map(section).collect())
@@ -400,6 +411,18 @@ fn check_dofs(dofs: &BTreeMap<String, usize>, rows: usize) -> Result<(), Structu
         }
         if row >= rows {
             return Err(StructureSectionError::Row { name: name.clone(), got: row, rows });
+        }
+    }
+    Ok(())
+}
+
+fn check_base(base: &BTreeMap<String, Vec<usize>>, rows: usize) -> Result<(), StructureSectionError> {
+    for (name, moved) in base {
+        if !matches!(place(name)?, Place::Dof { point, .. } if point == BASE) {
+            return Err(StructureSectionError::Base { got: name.clone() });
+        }
+        if let Some(&got) = moved.iter().find(|&&row| row >= rows) {
+            return Err(StructureSectionError::Row { name: name.clone(), got, rows });
         }
     }
     Ok(())

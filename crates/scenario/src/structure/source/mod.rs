@@ -58,6 +58,7 @@ impl StructureSection {
             modal_mass_kg: None,
             matrices: None,
             dofs: BTreeMap::new(),
+            base: BTreeMap::new(),
             ..self.clone()
         }
     }
@@ -109,7 +110,7 @@ impl StructureSection {
                     self.lines = read.lines;
                 }
             }
-            (_, None, Some(matrices)) => self.modes = matrices.read(folder, &self.dofs)?,
+            (_, None, Some(matrices)) => self.modes = matrices.read(folder, &self.dofs, &self.base)?,
             (_, None, None) => {}
         }
         Ok(())
@@ -144,6 +145,7 @@ impl StructureSection {
                 "a modal structure with the `file` of its modes, UFF",
             ),
             ("dofs", !self.dofs.is_empty(), is_matrices, "a modal structure with `matrices`"),
+            ("base", !self.base.is_empty(), is_matrices, "a modal structure with `matrices`"),
             ("sha256", self.sha256.is_some(), is_fmu, FMU),
             ("read", self.read != ReadAt::default(), is_fmu, FMU),
             ("inputs", !self.inputs.is_empty(), is_fmu, FMU),

@@ -72,8 +72,9 @@ impl StructureSection {
         let damping = damping(of, kept)?;
         let section = |(mode, own): (&StructureMode, f64)| ModeSection {
             frequency_hz: mode.frequency_hz,
-            damping_ratio: own / (2.0 * TAU * mode.frequency_hz),
+            damping_ratio: if own == 0.0 { 0.0 } else { own / (2.0 * TAU * mode.frequency_hz) },
             shape: shape(of, mode),
+            participation: BTreeMap::new(),
         };
         let modes = kept.iter().zip(damping).map(section).collect();
         let rest_m = of.rest_m().unwrap_or_default();
@@ -88,7 +89,7 @@ fn shape(of: &Assembly, mode: &StructureMode) -> BTreeMap<String, f64> {
     let (rest, mut direction) = (vec![0.0; of.coordinates()], vec![0.0; of.coordinates()]);
     let mut moved = BTreeMap::new();
     for name in of.dof_names() {
-        if let Some(dof) = of.dof(&name).ok().filter(|dof| !dof.is_angle()) {
+        if let Some(dof) = of.dof(&name).ok().filter(|dof| !dof.is_angle() && !dof.is_base()) {
             of.direction(dof, &rest, &mut direction);
             moved.insert(name, direction.iter().zip(&mode.shape).map(|(x, q)| x * q).sum());
         }

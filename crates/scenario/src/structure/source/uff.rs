@@ -106,7 +106,12 @@ pub(super) fn read(
             AXES.iter().zip(values).map(|(axis, value)| (format!("{name}.{axis}"), value)).collect::<Vec<_>>()
         };
         let shape = points.iter().flat_map(at).collect();
-        ModeSection { frequency_hz: mode.frequency_hz, damping_ratio: mode.damping_ratio, shape }
+        ModeSection {
+            frequency_hz: mode.frequency_hz,
+            damping_ratio: mode.damping_ratio,
+            shape,
+            participation: BTreeMap::new(),
+        }
     };
     let places = points.iter().filter_map(|(name, node)| Some((name.clone(), *contents.nodes.get(node)?)));
     let modes = contents.modes.iter().map(section).collect();

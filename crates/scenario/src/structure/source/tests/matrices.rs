@@ -73,7 +73,7 @@ fn matrices_that_make_no_modes_are_said() {
     insta::assert_snapshot!(with(m, &two(&[2.0, 0.0, 0.0, 0.0]), k), @"/c.npy: its damping couples modes 1 and 2: φᵢᵀCφⱼ is 1 of √(φᵢᵀCφᵢ φⱼᵀCφⱼ), and modal damping has at most 0.001; take damping that is, such as Rayleigh's, C = aM + bK, and state single dampers as elements of kind linear");
     insta::assert_snapshot!(of([m, c, k], "k.npy", "q.npy"), @"can't read /q.npy: No such file or directory (os error 2); paths count from the scenario's folder");
     insta::assert_snapshot!(of([m, c, k], "k.npy'", "k.npy', modes = 3"), @"structure.matrices: `modes` is 3: the matrices have 2 rows, and 1 to 2 of the lowest modes are kept");
-    insta::assert_snapshot!(of([m, c, k], "'tip.x' = 1", "'tip.x' = 2"), @"structure.dofs: `tip.x` is row 2: the matrices have rows 0 to 1");
+    insta::assert_snapshot!(of([m, c, k], "'tip.x' = 1", "'tip.x' = 2"), @"structure: `tip.x` is row 2: the matrices have rows 0 to 1");
     insta::assert_snapshot!(of([m, c, k], "'tip.x' = 1", "'tip' = 1"), @r#"structure: `tip` names no place: write point and axis, as in "tip.x""#);
     insta::assert_snapshot!(of([m, c, k], "'tip.x' = 1", ""), @r#"structure: `dofs` are missing: name degrees of freedom by their rows, from 0, in a table [structure.dofs], as "tip.x" = 0"#);
     let many: Vec<f64> = (0..33 * 33).map(|k| f64::from(k % 34 == 0)).collect();
@@ -191,7 +191,9 @@ fn of_beam(
 ) -> Vec<crate::structure::ModeSection> {
     let matrices = crate::structure::Matrices { mass, stiffness, damping };
     let dofs = std::collections::BTreeMap::from([("tip.y".to_owned(), row)]);
-    crate::structure::StructureSection::from_matrices(&matrices, &dofs, Some(modes)).unwrap().modes
+    crate::structure::StructureSection::from_matrices(&matrices, &dofs, &std::collections::BTreeMap::new(), Some(modes))
+        .unwrap()
+        .modes
 }
 
 /// A free beam has two rigid modes at 0 Hz, exactly, and elastic ones with all digits of the method: λ² EI/ρA of a free
@@ -232,4 +234,27 @@ fn degrees_of_freedom_without_mass_are_condensed() {
     close(rotation, 1.3765, 1e-2);
     // High modes of stiffness-proportional damping are overdamped.
     assert!(modes[9].damping_ratio > 1.0, "{}", modes[9].damping_ratio);
+}
+
+/// A clamped beam on a base that moves across it: all modes together have the effective mass of what moves, and the first
+/// 61.3 % of it, as that of a cantilever has.
+#[test]
+fn participation_factors_of_matrices_are_effective_masses() {
+    let (matrices, _) = beam(10, false, 2);
+    let [mass, stiffness] = &matrices;
+    let of = crate::structure::Matrices { mass, stiffness, damping: None };
+    let dofs = std::collections::BTreeMap::from([("tip.y".to_owned(), 18)]);
+    let base = |rows: Vec<usize>| std::collections::BTreeMap::from([("base.y".to_owned(), rows)]);
+    let deflections: Vec<usize> = (0..20).step_by(2).collect();
+    let section = crate::structure::StructureSection::from_matrices(&of, &dofs, &base(deflections), None).unwrap();
+    let effective: Vec<f64> = section.modes.iter().map(|mode| mode.participation["base.y"].powi(2)).collect();
+    let all: f64 =
+        (0..20).step_by(2).flat_map(|i| (0..20).step_by(2).map(move |j| (i, j))).map(|(i, j)| mass[i * 20 + j]).sum();
+    close(effective.iter().sum(), all, 1e-9);
+    close(effective[0] / (7800.0 * 3e-4), 0.6131, 2e-3);
+    let refused = crate::structure::StructureSection::from_matrices(&of, &dofs, &base(vec![20]), None).unwrap_err();
+    insta::assert_snapshot!(refused, @"structure: `base.y` is row 20: the matrices have rows 0 to 19");
+    let other = std::collections::BTreeMap::from([("foot.y".to_owned(), vec![0])]);
+    let refused = crate::structure::StructureSection::from_matrices(&of, &dofs, &other, None).unwrap_err();
+    insta::assert_snapshot!(refused, @r#"structure: `foot.y`: `base` is what the structure stands on: its motion excites the modes by the key `participation`, as "base.z" = 1.2, √kg, and no point of a shape is called so"#);
 }

@@ -49,7 +49,7 @@ const MASS: [f64; 4] = [2.0, 0.0, 0.0, 1.0];
 const STIFFNESS: [f64; 4] = [3e4, -1e4, -1e4, 1e4];
 
 fn of(matrices: &Matrices<'_>) -> Result<StructureSection, StructureSectionError> {
-    StructureSection::from_matrices(matrices, &BTreeMap::from([(String::from("tip.x"), 1)]), None)
+    StructureSection::from_matrices(matrices, &BTreeMap::from([(String::from("tip.x"), 1)]), &BTreeMap::new(), None)
 }
 
 #[test]
