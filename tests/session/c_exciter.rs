@@ -11,7 +11,9 @@ use std::sync::OnceLock;
 
 use resonarm::arm::Load;
 use resonarm::control::{Abort, Answer, Controller, Length, LoadKind, ResponsePoint};
-use resonarm::node::{self, ExciterNode, ExciterOutcome, PlantNode, Timing};
+use resonarm::node::{
+    self, ExciterInterface, ExciterNode, ExciterOutcome, PlantInterface, PlantNode, PublishedSample, Timing,
+};
 use resonarm::protocol::header::Header;
 use resonarm::protocol::{
     Emergency, EmergencyCode, Frame, FrameFormat, Heartbeat, Hello, Id, Message, MessageKind, Network, Node, NodeState,
@@ -131,9 +133,9 @@ impl Both {
             node.missed_samples(),
             node.stale_samples(),
             node.slipped_periods(),
-            node.refused_frames(),
-            node.other_sender_frames(),
-            node.unsent_frames(),
+            node.frames().refused,
+            node.frames().other_sender,
+            node.frames().unsent,
             u8::from(node.is_quiet()),
         )
     }
@@ -250,7 +252,8 @@ impl Bench {
     fn publish(&mut self) {
         self.plant.handle_deadline(self.now_ns);
         self.sample += 1;
-        self.plant.publish(&Measurement { sample: self.sample, ..Measurement::default() }).unwrap();
+        let measurement = Measurement { sample: self.sample, ..Measurement::default() };
+        self.plant.publish(&PublishedSample::of(&measurement)).unwrap();
     }
 
     fn fetch_from_plant(&mut self) -> Vec<Frame> {

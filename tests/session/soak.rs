@@ -8,7 +8,9 @@ use resonarm::bus::fault::{FaultSpec, Faulty, check};
 use resonarm::bus::memory::{self, MemoryBus};
 use resonarm::bus::{Bus, BusError, Sent, VirtualBus};
 use resonarm::control::{Answer, Controller, Length, LoadKind, ResponsePoint};
-use resonarm::node::{self, ExciterNode, ExciterOutcome, PlantNode, Timing};
+use resonarm::node::{
+    self, ExciterInterface, ExciterNode, ExciterOutcome, PlantInterface, PlantNode, PublishedSample, Timing,
+};
 use resonarm::protocol::{Network, Node, Profile};
 use resonarm::realtime::{Clock, VirtualClock};
 use resonarm::rig::{Exciter, Measurement, Reading};
@@ -182,7 +184,7 @@ impl Soak {
     fn sample(&mut self, sample: u64) {
         let due_ns = (sample + 1) * MS;
         self.clock.advance_to_ns(sample * MS);
-        self.plant.publish(&measurement(sample)).unwrap();
+        self.plant.publish(&PublishedSample::of(&measurement(sample))).unwrap();
         self.exchange();
         loop {
             let next_ns = [self.near.next_event_ns(), self.far.next_event_ns()].into_iter().flatten().min();
@@ -256,7 +258,7 @@ fn soak(profile: Profile) -> (u64, u64) {
     // 36 times a node was off or cut off, and the run began anew; of the rest most samples were answered.
     assert!(soak.anew >= 18, "{}", soak.anew);
     assert!(soak.commands > SAMPLES / 2, "{}", soak.commands);
-    let refused = (soak.plant.refused_frames(), soak.exciter.refused_frames());
+    let refused = (soak.plant.frames().refused, soak.exciter.frames().refused);
     assert!(refused.0 > 5_000 && refused.1 > 5_000, "{refused:?}");
     soak.exciter.stop(soak.clock.now_ns());
     (SAMPLES..SAMPLES + 100).for_each(|sample| soak.sample(sample));

@@ -1,8 +1,9 @@
 //! The events of a node.
 
-use crate::{DecodeError, Emergency, NodeState, Refusal};
+use super::frames::FrameFault;
+use crate::{Emergency, Id, NodeState, Refusal};
 
-/// An event of a node.
+/// An event of a node, whatever protocol it speaks.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum NodeEvent {
     /// The node changed its state.
@@ -19,11 +20,11 @@ pub enum NodeEvent {
     PartnerEmergency(Emergency),
     /// The plant refused a command.
     Refused(Refusal),
-    /// A frame of the protocol was refused.
-    Frame(DecodeError),
+    /// A frame failed one of its checks.
+    Frame(FrameFault),
     /// A frame was refused whose identifier only this node sends: another network with other
     /// node ids or another profile has the same base.
-    OtherSender(DecodeError),
-    /// So many events other than faults and changes of state were dropped, as too many waited.
+    OtherSender(Id),
+    /// So many events other than faults and changes of state were dropped, because too many waited.
     Lost(u64),
 }

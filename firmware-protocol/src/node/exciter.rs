@@ -1,13 +1,12 @@
 //! The exciter's node: arms the plant, lets a controller answer its samples, disarms it.
 
-use super::link::Link;
-use super::phase::{Leave, Phase};
+use super::link::{Link, Unused};
 use super::sequence::{Place, Sequence};
-use super::{NodeEvent, Timing};
+use super::{NodeCore, NodeEvent, Phase, Timing, Work};
 use crate::{
     Acceleration, Capabilities, Emergency, EmergencyCode, ForceCommand, Frame, Heartbeat, Hello, ImpedanceHead,
     Message, Mismatch, Network, Node, NodeState, OperatorCommand, OperatorRequest, SensorPair, SensorValues, Sensors,
-    StateEvent, TorqueCommand,
+    TorqueCommand,
 };
 
 use super::answering::{Answer, Answering, ExciterOutcome};
@@ -19,21 +18,13 @@ const RETRY_NS: u64 = 100_000_000;
 #[derive(Clone, Debug)]
 pub struct ExciterNode<C: Answering> {
     link: Link,
-    timing: Timing,
-    controller: C,
-    phase: Phase<C::Abort>,
+    work: Work<C>,
     plant_hello: Option<Hello>,
     plant_state: Option<NodeState>,
-    leave: Leave,
-    retry_at_ns: u64,
-    /// When the last new sample was received, in time listened.
-    sample_heard_ns: u64,
+    has_announced_leaving: bool,
     head: Option<ImpedanceHead>,
     b: Option<Acceleration>,
     sequence: Sequence,
-    /// The last sample answered, counted from the first.
-    answered: Option<u64>,
-    missed_samples: u64,
     slipped_periods: u64,
     plant_fault: Option<Emergency>,
 }
@@ -49,19 +40,13 @@ impl<C: Answering> ExciterNode<C> {
         let capabilities = Capabilities { node: Node::Exciter, ..capabilities };
         ExciterNode {
             link: Link::new(network, rate_hz, timing, capabilities),
-            timing,
-            controller,
-            phase: Phase::Arming,
+            work: Work::new(controller, &timing, RETRY_NS),
             plant_hello: None,
             plant_state: None,
-            leave: Leave::Stay,
-            retry_at_ns: 0,
-            sample_heard_ns: 0,
+            has_announced_leaving: false,
             head: None,
             b: None,
             sequence: Sequence::new(rate_hz),
-            answered: None,
-            missed_samples: 0,
             slipped_periods: 0,
             plant_fault: None,
         }
@@ -70,30 +55,42 @@ impl<C: Answering> ExciterNode<C> {
     /// Boots: boot-up heartbeat, pre-operational, hello.
     pub fn start(&mut self, now_ns: u64) {
         self.link.start(now_ns);
-        self.retry_at_ns = now_ns;
+        self.work.start(now_ns);
+    }
+
+    /// State, fault, counts and events of the node.
+    pub fn core(&self) -> &NodeCore {
+        &self.link.core
+    }
+
+    /// The same, to fetch the events.
+    pub fn core_mut(&mut self) -> &mut NodeCore {
+        &mut self.link.core
+    }
+
+    /// The controller, the phase of its work and the samples answered.
+    pub fn work(&self) -> &Work<C> {
+        &self.work
+    }
+
+    /// The same, to read the controller's results.
+    pub fn work_mut(&mut self) -> &mut Work<C> {
+        &mut self.work
     }
 
     /// The node's state.
     pub fn state(&self) -> NodeState {
-        self.link.state()
+        self.link.core.state()
     }
 
     /// The controller.
     pub fn controller(&self) -> &C {
-        &self.controller
-    }
-
-    /// The controller, to read its results.
-    pub fn controller_mut(&mut self) -> &mut C {
-        &mut self.controller
+        &self.work.controller
     }
 
     /// How the work ended, once it has.
     pub fn outcome(&self) -> Option<ExciterOutcome<C::Abort>> {
-        match self.phase {
-            Phase::Done(outcome) => Some(outcome),
-            _ => None,
-        }
+        self.work.outcome()
     }
 
     /// Whether a plant has been heard.
@@ -103,12 +100,7 @@ impl<C: Answering> ExciterNode<C> {
 
     /// Samples answered so far, including lost ones.
     pub fn samples_played(&self) -> u64 {
-        self.answered.map_or(0, |n| n + 1)
-    }
-
-    /// Samples of the plant that were never complete.
-    pub fn missed_samples(&self) -> u64 {
-        self.missed_samples
+        self.work.samples_played()
     }
 
     /// Samples ignored because their index was repeated or older.
@@ -126,16 +118,6 @@ impl<C: Answering> ExciterNode<C> {
         self.link.network()
     }
 
-    /// Frames of the protocol refused by the checks (E2E, length, values).
-    pub fn refused_frames(&self) -> u64 {
-        self.link.refused_frames()
-    }
-
-    /// Those of them with identifiers that only this node sends: another network has the same base.
-    pub fn other_sender_frames(&self) -> u64 {
-        self.link.other_sender_frames()
-    }
-
     /// The plant's fault, reported after this node had missed its samples and faulted: the reason for the missing
     /// samples.
     pub fn plant_fault(&self) -> Option<Emergency> {
@@ -148,26 +130,26 @@ impl<C: Answering> ExciterNode<C> {
     }
 
     fn has_missed_samples(&self) -> bool {
-        let Phase::Done(ExciterOutcome::Faulted(own)) = &self.phase else { return false };
+        let Phase::Done(ExciterOutcome::Faulted(own)) = &self.work.phase else { return false };
         (own.node, own.code) == (Node::Exciter, EmergencyCode::SensorTimeout)
     }
 
-    /// Frames that were never sent, as newer ones replaced them.
-    pub fn unsent_frames(&self) -> u64 {
-        self.link.unsent_frames()
+    /// How many frames wait to be sent.
+    pub fn waiting(&self) -> usize {
+        self.link.waiting()
     }
 
     /// Whether the work is done, and all frames are sent.
     pub fn is_quiet(&self) -> bool {
-        matches!(self.phase, Phase::Done(_)) && !self.link.has_frames()
+        self.outcome().is_some() && self.waiting() == 0
     }
 
     /// Ends the work now: disarms the plant, even if it was only asked to arm. The outcome follows the plant's answer.
     pub fn stop(&mut self, now_ns: u64) {
-        match self.phase {
+        match self.work.phase {
             Phase::Playing => self.disarm(now_ns, ExciterOutcome::Stopped),
             Phase::Arming if self.plant_hello.is_some() => self.disarm(now_ns, ExciterOutcome::Stopped),
-            Phase::Arming => self.phase = Phase::Done(ExciterOutcome::Stopped),
+            Phase::Arming => self.work.phase = Phase::Done(ExciterOutcome::Stopped),
             Phase::Disarming(_) | Phase::Done(_) => {}
         }
     }
@@ -175,50 +157,45 @@ impl<C: Answering> ExciterNode<C> {
     /// Starts over after a fault: resets itself, arms the plant, and restarts the controller. `false` if no fault
     /// ended the work, or the node leaves.
     pub fn rearm(&mut self, now_ns: u64) -> bool {
-        if !matches!(self.phase, Phase::Done(ExciterOutcome::Faulted(_))) || self.leave != Leave::Stay {
+        if !self.work.rearm(&mut self.link.core, now_ns) {
             return false;
         }
-        self.link.transition(now_ns, StateEvent::Reset);
-        self.phase = Phase::Arming;
-        // By then it knows the plant's state after the fault.
-        self.retry_at_ns = now_ns.saturating_add(RETRY_NS);
-        (self.head, self.b, self.answered, self.plant_fault) = (None, None, None, None);
+        self.link.announce(now_ns);
+        (self.head, self.b, self.plant_fault) = (None, None, None);
         self.sequence = Sequence::new(self.link.hello().rate_hz);
-        self.controller.restart();
         true
     }
 
     /// Leaves the bus in good order: stops like [`ExciterNode::stop`], then sends its leaving. It has
     /// left when [`ExciterNode::is_quiet`].
     pub fn leave(&mut self, now_ns: u64) {
-        if self.leave == Leave::Stay {
-            self.leave = Leave::Asked;
+        if self.work.leave() {
             self.stop(now_ns);
-            self.send_leaving();
         }
+        self.send_leaving();
     }
 
     fn send_leaving(&mut self) {
-        if self.leave == Leave::Asked && matches!(self.phase, Phase::Done(_)) {
-            self.leave = Leave::Announced;
-            self.link.send_emergency(self.emergency(EmergencyCode::Leaving, 0));
+        if self.work.is_leaving() && self.outcome().is_some() && !self.has_announced_leaving {
+            self.has_announced_leaving = true;
+            self.link.send_emergency(self.work.own(EmergencyCode::Leaving, 0));
         }
     }
 
     /// The bus is off: a playing controller faults. Otherwise the node waits for the bus to come back.
     pub fn bus_lost(&mut self, now_ns: u64) {
-        if self.phase == Phase::Playing {
-            self.fault(now_ns, EmergencyCode::BusLoss, self.link.not_sent());
+        if self.work.phase == Phase::Playing {
+            self.fault(now_ns, self.work.own(EmergencyCode::BusLoss, self.link.core.not_sent(self.waiting())));
         }
     }
 
     /// Takes a frame from the bus; frames of other protocols are ignored.
     pub fn handle_frame(&mut self, now_ns: u64, frame: &Frame) {
-        let message = self.link.accept(now_ns, frame);
-        if let Some(identifier) = self.link.take_second_sender() {
-            self.meet_second_sender(now_ns, identifier);
-        }
-        let Some(message) = message else { return };
+        let message = match self.link.accept(now_ns, frame) {
+            Ok(Some(message)) => message,
+            Ok(None) | Err(Unused::Rejected(_)) => return,
+            Err(Unused::SecondSender(identifier)) => return self.meet_second_sender(now_ns, identifier),
+        };
         match message {
             Message::PlantHello(hello) => self.take_hello(now_ns, hello),
             Message::Heartbeat(Heartbeat { node: Node::Plant, state }) => self.watch(now_ns, state),
@@ -238,8 +215,8 @@ impl<C: Answering> ExciterNode<C> {
 
     /// Another node sends this one's messages: either of the two may control the plant.
     fn meet_second_sender(&mut self, now_ns: u64, identifier: u16) {
-        if !matches!(self.phase, Phase::Done(_)) {
-            self.fault(now_ns, EmergencyCode::SecondSender, identifier);
+        if self.outcome().is_none() {
+            self.fault(now_ns, self.work.own(EmergencyCode::SecondSender, identifier));
         }
     }
 
@@ -249,9 +226,11 @@ impl<C: Answering> ExciterNode<C> {
         let mismatch = self.link.hello().mismatch(&hello);
         let is_new = self.plant_hello.is_none();
         self.plant_hello = mismatch.is_none().then_some(hello);
-        match (self.phase, mismatch) {
+        match (self.work.phase, mismatch) {
             (Phase::Done(_), Some(_)) => {}
-            (_, Some(mismatch)) => self.fault(now_ns, EmergencyCode::Incompatible, mismatch as u16),
+            (_, Some(mismatch)) => {
+                self.fault(now_ns, self.work.own(EmergencyCode::Incompatible, mismatch as u16));
+            }
             (Phase::Arming, None) if is_new => self.ask_for_arming(now_ns),
             (_, None) if is_new => self.link.send_hello(now_ns),
             (_, None) => {}
@@ -263,18 +242,17 @@ impl<C: Answering> ExciterNode<C> {
         if state == NodeState::BootUp {
             self.plant_hello = None;
         }
-        match (self.phase, state) {
+        match (self.work.phase, state) {
             (Phase::Arming, NodeState::Operational) if self.plant_hello.is_some() => {
-                self.phase = Phase::Playing;
-                self.sample_heard_ns = self.link.listening().listened_ns();
-                self.link.transition(now_ns, StateEvent::Arm);
+                self.work.begin(&mut self.link.core);
+                self.link.announce(now_ns);
             }
             (Phase::Playing, NodeState::BootUp | NodeState::Fault) => {
-                self.fault(now_ns, EmergencyCode::PartnerFault, u16::from(Node::Plant.number()));
+                self.fault(now_ns, self.work.of_plant(None));
             }
             (Phase::Playing, NodeState::PreOperational) => self.disarm(now_ns, ExciterOutcome::Stopped),
             (Phase::Disarming(outcome), NodeState::PreOperational | NodeState::Fault) => {
-                self.phase = Phase::Done(outcome)
+                self.work.phase = Phase::Done(outcome)
             }
             _ => {}
         }
@@ -283,7 +261,7 @@ impl<C: Answering> ExciterNode<C> {
     fn heed(&mut self, now_ns: u64, emergency: Emergency) {
         match emergency.code {
             EmergencyCode::ScheduleSlipped => {
-                self.link.report(NodeEvent::Emergency(emergency));
+                self.link.core.note(NodeEvent::Emergency(emergency));
                 self.slipped_periods += u64::from(emergency.detail);
             }
             EmergencyCode::Leaving => self.take_leaving(now_ns, emergency),
@@ -293,16 +271,10 @@ impl<C: Answering> ExciterNode<C> {
 
     /// The plant leaves the bus. Before arming, another plant may appear.
     fn take_leaving(&mut self, now_ns: u64, emergency: Emergency) {
-        self.link.report(NodeEvent::Emergency(emergency));
+        self.link.core.note(NodeEvent::Emergency(emergency));
         (self.plant_hello, self.plant_state) = (None, None);
-        match self.phase {
-            Phase::Playing => {
-                self.phase = Phase::Done(ExciterOutcome::PlantLeft);
-                self.link.transition(now_ns, StateEvent::Disarm);
-            }
-            Phase::Disarming(outcome) => self.phase = Phase::Done(outcome),
-            Phase::Arming | Phase::Done(_) => {}
-        }
+        self.work.plant_ended(&mut self.link.core);
+        self.link.announce(now_ns);
     }
 
     /// The plant's emergency describes its fault better than its heartbeat.
@@ -312,12 +284,13 @@ impl<C: Answering> ExciterNode<C> {
         if no_hello_yet {
             return;
         }
-        if self.phase == Phase::Playing || (self.phase == Phase::Arming && incompatible) {
-            self.link.fail(now_ns, emergency);
-            self.phase = Phase::Done(ExciterOutcome::Faulted(emergency));
+        let phase = self.work.phase;
+        if phase == Phase::Playing || (phase == Phase::Arming && incompatible) {
+            self.work.fault(&mut self.link.core, emergency);
+            self.link.announce(now_ns);
         } else if self.has_missed_samples() && emergency.code != EmergencyCode::PartnerFault {
             // A consequence of this node's own fault is no reason for it.
-            self.link.report(NodeEvent::PartnerEmergency(emergency));
+            self.link.core.note(NodeEvent::PartnerEmergency(emergency));
             self.plant_fault = Some(emergency);
         }
     }
@@ -341,7 +314,7 @@ impl<C: Answering> ExciterNode<C> {
 
     /// The command that answers the whole sample of this index, if there is one.
     fn whole(&mut self, now_ns: u64, index: u16, values: &SensorValues) -> Option<Message> {
-        match self.phase {
+        match self.work.phase {
             Phase::Playing => {}
             // The plant still waits for a command: the request was lost.
             Phase::Disarming(_) => {
@@ -350,21 +323,18 @@ impl<C: Answering> ExciterNode<C> {
             }
             Phase::Arming | Phase::Done(_) => return None,
         }
-        let n = match (self.sequence.judge(index), self.answered) {
-            (Place::Stale, _) => return None,
-            (Place::Broken, _) => {
-                self.fault(now_ns, EmergencyCode::SampleSequence, index);
+        let ahead = match self.sequence.judge(index) {
+            Place::Stale => return None,
+            Place::Broken => {
+                self.fault(now_ns, self.work.own(EmergencyCode::SampleSequence, index));
                 return None;
             }
-            (Place::Ahead(ahead), Some(last)) => {
-                self.missed_samples += u64::from(ahead) - 1;
-                last + u64::from(ahead)
-            }
-            (Place::First | Place::Ahead(_), _) => 0,
+            Place::Ahead(ahead) => u64::from(ahead),
+            Place::First => 1,
         };
-        self.sample_heard_ns = self.link.listening().listened_ns();
-        self.answered = Some(n);
-        let outcome = match self.controller.answer(n, values) {
+        let n = self.work.next_sample(&self.link.core, ahead, 1);
+        self.work.last_index = index;
+        let outcome = match self.work.controller.answer(n, values) {
             Answer::HoldForce { force_x_n, force_y_n } => {
                 return Some(Message::Force(ForceCommand { force_x_n, force_y_n, sample: index }));
             }
@@ -380,12 +350,12 @@ impl<C: Answering> ExciterNode<C> {
 
     fn command(&mut self, now_ns: u64, command: Option<Message>) {
         if command.is_some_and(|command| !self.link.is_stated(&command) || self.link.send(&command).is_err()) {
-            self.fault(now_ns, EmergencyCode::CommandOutOfRange, 0);
+            self.fault(now_ns, self.work.own(EmergencyCode::CommandOutOfRange, 0));
         }
     }
 
     fn ask_for_arming(&mut self, now_ns: u64) {
-        self.retry_at_ns = now_ns.saturating_add(RETRY_NS);
+        self.work.asked(now_ns);
         if self.plant_hello.is_none() {
             return;
         }
@@ -397,10 +367,10 @@ impl<C: Answering> ExciterNode<C> {
     }
 
     fn disarm(&mut self, now_ns: u64, outcome: ExciterOutcome<C::Abort>) {
-        self.phase = Phase::Disarming(outcome);
-        self.retry_at_ns = now_ns.saturating_add(RETRY_NS);
+        self.work.disarm(&mut self.link.core, outcome);
+        self.work.asked(now_ns);
         self.request(OperatorRequest::Disarm);
-        self.link.transition(now_ns, StateEvent::Disarm);
+        self.link.announce(now_ns);
     }
 
     fn request(&mut self, request: OperatorRequest) {
@@ -408,56 +378,35 @@ impl<C: Answering> ExciterNode<C> {
         debug_assert!(sent.is_ok(), "{sent:?}");
     }
 
-    fn fault(&mut self, now_ns: u64, code: EmergencyCode, detail: u16) {
-        let emergency = self.emergency(code, detail);
+    fn fault(&mut self, now_ns: u64, emergency: Emergency) {
+        self.work.fault(&mut self.link.core, emergency);
         self.link.send_fault(now_ns, emergency);
-        self.phase = Phase::Done(ExciterOutcome::Faulted(emergency));
-    }
-
-    fn emergency(&self, code: EmergencyCode, detail: u16) -> Emergency {
-        Emergency { node: Node::Exciter, code, detail, sample: self.last_sample() }
-    }
-
-    /// The index of the last sample answered.
-    fn last_sample(&self) -> u16 {
-        self.sequence.last().unwrap_or(0)
     }
 
     /// Does the work that is due: heartbeats, hellos, retries, and the timeouts of a playing controller.
     pub fn handle_deadline(&mut self, now_ns: u64) {
         self.link.handle_deadline(now_ns);
-        match self.phase {
-            Phase::Arming if now_ns >= self.retry_at_ns => self.ask_for_arming(now_ns),
+        match self.work.phase {
+            Phase::Arming if self.work.is_due(now_ns) => self.ask_for_arming(now_ns),
             Phase::Disarming(_) if self.link.is_partner_lost() => {
-                self.fault(now_ns, EmergencyCode::HeartbeatLost, u16::from(Node::Plant.number()));
+                self.fault(now_ns, self.work.own(EmergencyCode::HeartbeatLost, u16::from(Node::Plant.number())));
             }
-            Phase::Disarming(outcome) if now_ns >= self.retry_at_ns => self.disarm(now_ns, outcome),
-            Phase::Playing if self.link.is_jammed() => {
-                self.fault(now_ns, EmergencyCode::BusLoss, self.link.not_sent());
+            Phase::Disarming(outcome) if self.work.is_due(now_ns) => self.disarm(now_ns, outcome),
+            _ => {
+                if let Some(emergency) = self.work.timed_out(&self.link.core, self.waiting()) {
+                    self.fault(now_ns, emergency);
+                }
             }
-            Phase::Playing if self.is_sensor_lost() => {
-                self.fault(now_ns, EmergencyCode::SensorTimeout, self.last_sample());
-            }
-            _ => {}
         }
         self.send_leaving();
     }
 
-    fn is_sensor_lost(&self) -> bool {
-        self.link.listening().has_passed(self.sample_heard_ns, self.timing.partner_timeout_ns)
-    }
-
     /// The latest time for the next call of [`ExciterNode::handle_deadline`].
     pub fn next_deadline_ns(&self) -> u64 {
-        let link = self.link.next_deadline_ns();
-        match self.phase {
-            Phase::Arming => link.min(self.retry_at_ns),
-            Phase::Disarming(_) => link.min(self.retry_at_ns).min(self.link.partner_deadline_ns()),
-            Phase::Playing => {
-                let sensors = self.link.listening().next_look_ns(self.sample_heard_ns, self.timing.partner_timeout_ns);
-                link.min(sensors)
-            }
-            Phase::Done(_) => link,
+        let deadline_ns = self.link.next_deadline_ns().min(self.work.deadline_ns(&self.link.core));
+        match self.work.phase {
+            Phase::Disarming(_) => deadline_ns.min(self.link.partner_deadline_ns()),
+            _ => deadline_ns,
         }
     }
 
@@ -480,6 +429,6 @@ impl<C: Answering> ExciterNode<C> {
 
     /// The next event.
     pub fn poll_event(&mut self) -> Option<NodeEvent> {
-        self.link.poll_event()
+        self.link.core.poll()
     }
 }

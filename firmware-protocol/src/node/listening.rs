@@ -19,7 +19,7 @@ pub struct Listening {
 
 impl Listening {
     /// No time listened yet; at most `look_period_ns` counts between two looks.
-    pub fn new(look_period_ns: u64) -> Listening {
+    pub const fn new(look_period_ns: u64) -> Listening {
         Listening { look_period_ns, looked_at_ns: 0, listened_ns: 0 }
     }
 

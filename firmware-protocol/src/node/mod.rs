@@ -1,4 +1,7 @@
-//! The exciter's node, and its common part with the plant's: state machines without IO, heap and clock.
+//! The exciter's node, and what all nodes have in common: state machines without IO, heap and clock.
+//!
+//! [`NodeCore`] is the core of every node, also on other protocols: state, fault, timeouts, counts, events. [`Work`] is
+//! what an exciter does with it, and [`Link`] a node's connection by Resonarm's protocol.
 //!
 //! [`ExciterNode`] arms the plant, asks your [`Answering`] for the load at each sample, disarms, and detects
 //! faults. Frames and the time go in, frames come out:
@@ -50,20 +53,23 @@
 mod answering;
 mod event;
 mod exciter;
+mod frames;
 mod link;
 mod listening;
 mod node_core;
 mod outbox;
-mod phase;
 mod queue;
 mod sequence;
 mod timing;
+mod work;
 
 pub use answering::{Answer, Answering, ExciterOutcome};
 pub use event::NodeEvent;
 pub use exciter::ExciterNode;
-pub use link::Link;
+pub use frames::{FrameCheck, FrameCounts, FrameFault};
+pub use link::{Link, Unused};
 pub use listening::Listening;
-pub use node_core::{Happening, NodeCore};
+pub use node_core::NodeCore;
 pub use queue::Queue;
 pub use timing::Timing;
+pub use work::{Phase, Unanswered, Work};

@@ -1,14 +1,20 @@
-//! State, fault and events of a node, whatever protocol it speaks.
+//! The core of every node, whatever protocol it speaks: state, fault, timeouts, counts and events.
 //!
 //! Transitions are the truth of a run: whether it was armed, when that ended, why it faulted. They are counted, and wait
 //! in a ring of their own that never loses the newest state. Everything else is a note: of those the newest are dropped
-//! when too many wait, and how many is told.
+//! when too many wait, and [`NodeEvent::Lost`] tells how many.
 
+use super::frames::{FrameCounts, FrameFault};
+use super::listening::Listening;
 use super::queue::Queue;
-use crate::{Emergency, NodeState, StateEvent};
+use super::{NodeEvent, Timing};
+use crate::{Emergency, Id, NodeState, StateEvent};
 
 /// Transitions that wait to be fetched one by one. Where more wait, the last one leads to the newest state.
 const TURNS: usize = 16;
+
+/// Other events that wait to be fetched.
+const NOTES: usize = 64;
 
 /// A transition that waits to be fetched, with the fault that it tells.
 #[derive(Clone, Copy, Debug)]
@@ -19,53 +25,40 @@ struct Turn {
     fault: Option<Emergency>,
 }
 
-/// Something that happened to a node.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub enum Happening<N> {
-    /// It faulted, for this reason; its transition follows.
-    Fault(Emergency),
-    /// It changed its state.
-    State {
-        /// The state before.
-        from: NodeState,
-        /// The state now.
-        to: NodeState,
-    },
-    /// A note.
-    Note(N),
-    /// So many notes were dropped, as too many waited.
-    Lost(u64),
-}
-
-/// State, fault and events of a node; at most `NOTES` notes wait to be fetched.
+/// State, fault, timeouts, counts and events of a node.
 #[derive(Clone, Debug)]
-pub struct NodeCore<N, const NOTES: usize> {
+pub struct NodeCore {
+    /// The time that the node listened: the clock of its timeouts.
+    pub listening: Listening,
+    /// What was counted of frames.
+    pub counts: FrameCounts,
     state: NodeState,
     fault: Option<Emergency>,
     arms: u32,
     leaves: u32,
+    /// Since when, in time listened, frames wait and none was sent.
+    jammed_since_ns: Option<u64>,
+    jam_timeout_ns: u64,
     turns: Queue<Turn, TURNS>,
-    notes: Queue<(u32, N), NOTES>,
+    notes: Queue<(u32, NodeEvent), NOTES>,
     /// Of the notes lost, those that were told.
     told_lost: u64,
     /// The number of the next turn or note.
     order: u32,
 }
 
-impl<N, const NOTES: usize> Default for NodeCore<N, NOTES> {
-    fn default() -> NodeCore<N, NOTES> {
-        NodeCore::new()
-    }
-}
-
-impl<N, const NOTES: usize> NodeCore<N, NOTES> {
+impl NodeCore {
     /// The state boot-up.
-    pub const fn new() -> NodeCore<N, NOTES> {
+    pub const fn new(timing: &Timing) -> NodeCore {
         NodeCore {
+            listening: Listening::new(timing.look_period_ns),
+            counts: FrameCounts { unsent: 0, refused: 0, other_sender: 0, overwritten: 0, limited_values: 0 },
             state: NodeState::BootUp,
             fault: None,
             arms: 0,
             leaves: 0,
+            jammed_since_ns: None,
+            jam_timeout_ns: timing.command_timeout_ns,
             turns: Queue::new(),
             notes: Queue::new(),
             told_lost: 0,
@@ -73,9 +66,20 @@ impl<N, const NOTES: usize> NodeCore<N, NOTES> {
         }
     }
 
+    /// Starts to listen, and leaves the boot-up.
+    pub fn start(&mut self, now_ns: u64) {
+        self.listening.start(now_ns);
+        self.turn(StateEvent::Started);
+    }
+
     /// The state.
     pub const fn state(&self) -> NodeState {
         self.state
+    }
+
+    /// Whether the node is operational.
+    pub fn is_operational(&self) -> bool {
+        self.state == NodeState::Operational
     }
 
     /// The fault that is latched, if one is.
@@ -93,19 +97,19 @@ impl<N, const NOTES: usize> NodeCore<N, NOTES> {
         self.leaves
     }
 
-    /// Follows the table of states; returns the states before and after, or `None` if the table has no such event in
-    /// this state. A fault is forgotten when it is reset.
-    pub fn turn(&mut self, event: StateEvent) -> Option<(NodeState, NodeState)> {
+    /// Follows the table of states; `false` if the table has no such event in this state. A fault is forgotten when it
+    /// is reset.
+    pub fn turn(&mut self, event: StateEvent) -> bool {
         self.go(event, None)
     }
 
     /// Faults and latches `emergency`; `false` if a fault is latched already.
     pub fn fail(&mut self, emergency: Emergency) -> bool {
-        self.go(StateEvent::Fault, Some(emergency)).is_some()
+        self.go(StateEvent::Fault, Some(emergency))
     }
 
-    fn go(&mut self, event: StateEvent, fault: Option<Emergency>) -> Option<(NodeState, NodeState)> {
-        let to = self.state.next(event)?;
+    fn go(&mut self, event: StateEvent, fault: Option<Emergency>) -> bool {
+        let Some(to) = self.state.next(event) else { return false };
         let from = core::mem::replace(&mut self.state, to);
         self.fault = fault;
         self.arms = self.arms.saturating_add(u32::from(to == NodeState::Operational));
@@ -116,13 +120,47 @@ impl<N, const NOTES: usize> NodeCore<N, NOTES> {
             Some(last) => (last.to, last.fault) = (to, fault.or(last.fault)),
             None => self.turns.push(Turn { order, from, to, fault }),
         }
-        Some((from, to))
+        true
     }
 
-    /// Notes something; it is dropped, and counted, if too many notes wait.
-    pub fn note(&mut self, note: N) {
+    /// Notes an event that is neither a change of state nor the fault that causes one; it is dropped, and counted, if
+    /// too many wait.
+    pub fn note(&mut self, event: NodeEvent) {
         let order = self.next_order();
-        self.notes.push((order, note));
+        self.notes.push((order, event));
+    }
+
+    /// Counts and notes a frame that failed a check.
+    pub fn reject(&mut self, fault: FrameFault) {
+        self.counts.refused += 1;
+        self.note(NodeEvent::Frame(fault));
+    }
+
+    /// Counts and notes a frame from another node with an identifier that only this node sends. It counts as refused
+    /// only if the caller adds it there: a plant of a user's protocol has no check that such a frame fails.
+    pub fn reject_sender(&mut self, id: Id) {
+        self.counts.other_sender += 1;
+        self.note(NodeEvent::OtherSender(id));
+    }
+
+    /// A frame waits to be sent.
+    pub fn frame_waits(&mut self) {
+        self.jammed_since_ns.get_or_insert(self.listening.listened_ns());
+    }
+
+    /// A frame was sent, or those that waited were dropped; others wait or not.
+    pub fn frame_sent(&mut self, do_others_wait: bool) {
+        self.jammed_since_ns = do_others_wait.then(|| self.listening.listened_ns());
+    }
+
+    /// Whether frames have waited for the timeout of commands and none could be sent.
+    pub fn is_jammed(&self) -> bool {
+        self.jammed_since_ns.is_some_and(|since_ns| self.listening.has_passed(since_ns, self.jam_timeout_ns))
+    }
+
+    /// Frames not sent, for the detail of a bus loss: `waiting` ones, and those that newer ones replaced.
+    pub fn not_sent(&self, waiting: usize) -> u16 {
+        u16::try_from(self.counts.unsent.saturating_add(waiting as u64)).unwrap_or(u16::MAX)
     }
 
     fn next_order(&mut self) -> u32 {
@@ -131,22 +169,23 @@ impl<N, const NOTES: usize> NodeCore<N, NOTES> {
         order
     }
 
-    /// The next that happened, in its order. Notes that were dropped are told behind those that were not.
-    pub fn poll(&mut self) -> Option<Happening<N>> {
+    /// The next event, in the order in which they happened. A fault comes before the transition that it causes. Notes
+    /// that were dropped are told behind those that were not.
+    pub fn poll(&mut self) -> Option<NodeEvent> {
         let note = self.notes.front().map(|(order, _)| *order);
         let lost = self.notes.lost().saturating_sub(self.told_lost);
         if note.is_none() && lost > 0 {
             self.told_lost = self.notes.lost();
-            return Some(Happening::Lost(lost));
+            return Some(NodeEvent::Lost(lost));
         }
         match self.turns.front_mut() {
             Some(turn) if note.is_none_or(|note| (turn.order.wrapping_sub(note) as i32) < 0) => {
                 if let Some(fault) = turn.fault.take() {
-                    return Some(Happening::Fault(fault));
+                    return Some(NodeEvent::Emergency(fault));
                 }
-                self.turns.pop().map(|Turn { from, to, .. }| Happening::State { from, to })
+                self.turns.pop().map(|Turn { from, to, .. }| NodeEvent::State { from, to })
             }
-            _ => self.notes.pop().map(|(_, note)| Happening::Note(note)),
+            _ => self.notes.pop().map(|(_, event)| event),
         }
     }
 }
@@ -157,46 +196,53 @@ mod tests {
     use crate::{EmergencyCode, Node};
     use std::vec::Vec;
 
-    type Core = NodeCore<u32, 64>;
+    fn new_core() -> NodeCore {
+        NodeCore::new(&Timing::real_time(1000))
+    }
 
-    fn all(core: &mut Core) -> Vec<Happening<u32>> {
+    fn all(core: &mut NodeCore) -> Vec<NodeEvent> {
         core::iter::from_fn(|| core.poll()).collect()
+    }
+
+    /// A note with a number.
+    fn note(number: u32) -> NodeEvent {
+        NodeEvent::OtherSender(Id::Extended(number))
     }
 
     #[test]
     fn three_hundred_notes_on_both_sides_hide_no_transition() {
-        let mut core = Core::new();
+        let mut core = new_core();
         core.turn(StateEvent::Started);
-        (0..300).for_each(|note| core.note(note));
+        (0..300).for_each(|number| core.note(note(number)));
         core.turn(StateEvent::Arm);
         core.turn(StateEvent::Disarm);
-        (0..300).for_each(|note| core.note(note));
+        (0..300).for_each(|number| core.note(note(number)));
         assert_eq!((core.arms(), core.leaves()), (1, 1));
         let happened = all(&mut core);
-        let states: Vec<_> = happened.iter().filter(|one| matches!(one, Happening::State { .. })).collect();
+        let states: Vec<_> = happened.iter().filter(|one| matches!(one, NodeEvent::State { .. })).collect();
         assert_eq!(states.len(), 3, "{happened:?}");
-        assert!(happened.contains(&Happening::Lost(536)));
-        assert_eq!(happened.iter().filter(|one| matches!(one, Happening::Note(_))).count(), 64);
+        assert!(happened.contains(&NodeEvent::Lost(536)));
+        assert_eq!(happened.iter().filter(|one| matches!(one, NodeEvent::OtherSender(_))).count(), 64);
         assert_eq!(core.poll(), None);
     }
 
     #[test]
     fn what_happened_is_told_in_its_order() {
-        let mut core = Core::new();
+        let mut core = new_core();
         let emergency = Emergency { node: Node::Plant, code: EmergencyCode::BusLoss, detail: 3, sample: 9 };
-        core.note(1);
+        core.note(note(1));
         core.turn(StateEvent::Started);
-        core.note(2);
+        core.note(note(2));
         assert!(core.fail(emergency) && !core.fail(emergency));
-        core.note(3);
+        core.note(note(3));
         let (boot, idle, fault) = (NodeState::BootUp, NodeState::PreOperational, NodeState::Fault);
         let expected = [
-            Happening::Note(1),
-            Happening::State { from: boot, to: idle },
-            Happening::Note(2),
-            Happening::Fault(emergency),
-            Happening::State { from: idle, to: fault },
-            Happening::Note(3),
+            note(1),
+            NodeEvent::State { from: boot, to: idle },
+            note(2),
+            NodeEvent::Emergency(emergency),
+            NodeEvent::State { from: idle, to: fault },
+            note(3),
         ];
         assert_eq!(all(&mut core), expected);
         assert_eq!(core.latched_fault(), Some(emergency));
@@ -206,7 +252,7 @@ mod tests {
 
     #[test]
     fn of_a_hundred_transitions_the_last_told_is_the_state() {
-        let mut core = Core::new();
+        let mut core = new_core();
         core.turn(StateEvent::Started);
         for _ in 0..50 {
             core.turn(StateEvent::Arm);
@@ -216,6 +262,25 @@ mod tests {
         assert_eq!((core.arms(), core.leaves()), (51, 50));
         let happened = all(&mut core);
         assert_eq!(happened.len(), TURNS);
-        assert!(matches!(happened.last(), Some(Happening::State { to: NodeState::Operational, .. })), "{happened:?}");
+        assert!(matches!(happened.last(), Some(NodeEvent::State { to: NodeState::Operational, .. })), "{happened:?}");
+    }
+
+    #[test]
+    fn frames_that_wait_jam_the_bus_after_the_timeout() {
+        let mut core = new_core();
+        core.start(0);
+        core.frame_waits();
+        let listen = |core: &mut NodeCore, ticks: u64| {
+            let from = core.listening.listened_ns();
+            (1..=ticks).for_each(|tick| core.listening.look(from + tick * 1_000_000));
+            core.is_jammed()
+        };
+        assert!(!listen(&mut core, 19), "the timeout is 20 ms");
+        core.frame_sent(true);
+        assert!(!listen(&mut core, 19) && listen(&mut core, 1));
+        core.counts.unsent = 5;
+        assert_eq!((core.not_sent(3), core.not_sent(1 << 20)), (8, u16::MAX));
+        core.frame_sent(false);
+        assert!(!listen(&mut core, 100));
     }
 }

@@ -49,11 +49,6 @@ impl Sequence {
         }
     }
 
-    /// The last index that was new.
-    pub fn last(&self) -> Option<u16> {
-        self.last
-    }
-
     /// Indices that were repeated or older.
     pub fn stale(&self) -> u64 {
         self.stale
@@ -84,7 +79,7 @@ mod tests {
         sequence.judge(7);
         let places: std::vec::Vec<_> = (0..10).map(|_| sequence.judge(7)).collect();
         assert!(places[..9].iter().all(|place| *place == Place::Stale));
-        assert_eq!((places[9], sequence.stale(), sequence.last()), (Place::Broken, 10, Some(7)));
+        assert_eq!((places[9], sequence.stale(), sequence.last), (Place::Broken, 10, Some(7)));
     }
 
     proptest! {

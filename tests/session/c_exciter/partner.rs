@@ -14,7 +14,7 @@ fn an_own_heartbeat_is_a_double_and_another_network_at_the_base_is_counted() {
         bench.deliver(&hello);
         let id = Id::Standard(MessageKind::ExciterHeartbeat.id(network));
         bench.deliver(&Frame::new(id, FrameFormat::Classic, &[0; 2]).unwrap());
-        assert_eq!((bench.both.node.other_sender_frames(), bench.outcome()), (2, None));
+        assert_eq!((bench.both.node.frames().other_sender, bench.outcome()), (2, None));
         let heartbeat = Message::Heartbeat(Heartbeat { node: Node::Exciter, state: NodeState::Operational });
         bench.deliver(&Transmitter::new(network).frame(&heartbeat).unwrap());
         let Some(ExciterOutcome::Faulted(fault)) = bench.outcome() else { panic!("{:?}", bench.outcome()) };

@@ -5,7 +5,7 @@ use alloc::boxed::Box;
 use resonarm_protocol::node::{self, Answering, Queue, Timing};
 use resonarm_protocol::{Capabilities, Network, Node, SamplesPerFrame, SensorValues};
 
-use super::sample;
+use super::{TimeBase, sample};
 use crate::control::{Abort, Answer, Controller, LoadKind, ResponsePoint, SetPoint};
 use crate::rig::Measurement;
 use resonarm_dynamics::arm::Load;
@@ -14,6 +14,15 @@ use resonarm_dynamics::arm::Load;
 const RESPONSES: usize = 16;
 /// Most answers waiting to be fetched: those to two samples in a frame.
 const ANSWERS: usize = 2;
+
+/// Time between two attempts to arm or disarm the plant on a user's protocol, ns. In lockstep longer than a busy machine
+/// stops a process: a second command would count as the answer to the first sample.
+pub(super) const fn retry_ns(time_base: TimeBase) -> u64 {
+    match time_base {
+        TimeBase::Clock => 100_000_000,
+        TimeBase::Lockstep => 400_000_000,
+    }
+}
 
 /// The exciter controller as a node: that of the protocol, with a [`Controller`].
 pub type ExciterNode = node::ExciterNode<Carried>;

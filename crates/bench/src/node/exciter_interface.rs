@@ -3,31 +3,57 @@
 use alloc::vec::Vec;
 use core::fmt;
 
+use resonarm_protocol::node::{FrameCounts, NodeCore, NodeEvent, Work};
 use resonarm_protocol::{Emergency, Frame, NodeState};
 
-use super::{Carried, ExciterLack, ExciterNode, ExciterOutcome, ExciterRemark, FrameCounts, WireEvent};
+use super::{Carried, ExciterLack, ExciterNode, ExciterOutcome, ExciterRemark};
 use resonarm_dynamics::arm::Load;
 
 /// The exciter's node with its controller: frames and the time go in, frames and events come out. Nothing allocates
 /// after construction.
 pub trait ExciterInterface: fmt::Debug + Send {
+    /// State, fault, counts and events of the node.
+    fn core(&self) -> &NodeCore;
+
+    /// The same, to change it.
+    fn core_mut(&mut self) -> &mut NodeCore;
+
+    /// The controller, the phase of its work and the samples answered.
+    fn work(&self) -> &Work<Carried>;
+
+    /// The same, to change it.
+    fn work_mut(&mut self) -> &mut Work<Carried>;
+
+    /// How many frames wait to be sent.
+    fn waiting(&self) -> usize;
+
     /// Boots the node.
     fn start(&mut self, now_ns: u64);
 
     /// The node's state: operational while its controller answers samples.
-    fn state(&self) -> NodeState;
+    fn state(&self) -> NodeState {
+        self.core().state()
+    }
 
     /// How the work ended, once it has.
-    fn outcome(&self) -> Option<ExciterOutcome>;
+    fn outcome(&self) -> Option<ExciterOutcome> {
+        self.work().outcome()
+    }
 
     /// Whether a plant has been heard.
-    fn has_heard_plant(&self) -> bool;
+    fn has_heard_plant(&self) -> bool {
+        self.work().has_heard
+    }
 
     /// Samples answered so far, including lost ones.
-    fn samples_played(&self) -> u64;
+    fn samples_played(&self) -> u64 {
+        self.work().samples_played()
+    }
 
     /// Samples of the plant that were never complete.
-    fn missed_samples(&self) -> u64;
+    fn missed_samples(&self) -> u64 {
+        self.work().missed_samples()
+    }
 
     /// Sample periods by which the plant said its schedule has moved; 0 if the protocol has no word for it.
     fn slipped_periods(&self) -> u64 {
@@ -45,16 +71,24 @@ pub trait ExciterInterface: fmt::Debug + Send {
     }
 
     /// Whether the work is done, and all frames are sent.
-    fn is_quiet(&self) -> bool;
+    fn is_quiet(&self) -> bool {
+        self.outcome().is_some() && self.waiting() == 0
+    }
 
     /// What was counted of frames.
-    fn frames(&self) -> FrameCounts;
+    fn frames(&self) -> FrameCounts {
+        self.core().counts
+    }
 
     /// The controller, with what it has read.
-    fn carried(&self) -> &Carried;
+    fn carried(&self) -> &Carried {
+        &self.work().controller
+    }
 
     /// The controller, to steer it and to fetch what it has read.
-    fn carried_mut(&mut self) -> &mut Carried;
+    fn carried_mut(&mut self) -> &mut Carried {
+        &mut self.work_mut().controller
+    }
 
     /// Refuses a load that the wire can't command; of Resonarm's protocol the encoder does.
     ///
@@ -102,32 +136,38 @@ pub trait ExciterInterface: fmt::Debug + Send {
     fn frame_sent(&mut self);
 
     /// The next event.
-    fn poll_event(&mut self) -> Option<WireEvent>;
+    fn poll_event(&mut self) -> Option<NodeEvent> {
+        self.core_mut().poll()
+    }
 }
 
 impl ExciterInterface for ExciterNode {
+    fn core(&self) -> &NodeCore {
+        ExciterNode::core(self)
+    }
+
+    fn core_mut(&mut self) -> &mut NodeCore {
+        ExciterNode::core_mut(self)
+    }
+
+    fn work(&self) -> &Work<Carried> {
+        ExciterNode::work(self)
+    }
+
+    fn work_mut(&mut self) -> &mut Work<Carried> {
+        ExciterNode::work_mut(self)
+    }
+
+    fn waiting(&self) -> usize {
+        ExciterNode::waiting(self)
+    }
+
     fn start(&mut self, now_ns: u64) {
         ExciterNode::start(self, now_ns);
     }
 
-    fn state(&self) -> NodeState {
-        ExciterNode::state(self)
-    }
-
-    fn outcome(&self) -> Option<ExciterOutcome> {
-        ExciterNode::outcome(self)
-    }
-
     fn has_heard_plant(&self) -> bool {
         ExciterNode::has_heard_plant(self)
-    }
-
-    fn samples_played(&self) -> u64 {
-        ExciterNode::samples_played(self)
-    }
-
-    fn missed_samples(&self) -> u64 {
-        ExciterNode::missed_samples(self)
     }
 
     fn slipped_periods(&self) -> u64 {
@@ -140,28 +180,6 @@ impl ExciterInterface for ExciterNode {
 
     fn awaits_reason(&self) -> bool {
         ExciterNode::awaits_reason(self)
-    }
-
-    fn is_quiet(&self) -> bool {
-        ExciterNode::is_quiet(self)
-    }
-
-    fn frames(&self) -> FrameCounts {
-        FrameCounts {
-            unsent: self.unsent_frames(),
-            refused: self.refused_frames(),
-            other_sender: self.other_sender_frames(),
-            overwritten: 0,
-            limited_values: 0,
-        }
-    }
-
-    fn carried(&self) -> &Carried {
-        self.controller()
-    }
-
-    fn carried_mut(&mut self) -> &mut Carried {
-        self.controller_mut()
     }
 
     fn handle_frame(&mut self, now_ns: u64, frame: &Frame) {
@@ -194,9 +212,5 @@ impl ExciterInterface for ExciterNode {
 
     fn frame_sent(&mut self) {
         ExciterNode::frame_sent(self);
-    }
-
-    fn poll_event(&mut self) -> Option<WireEvent> {
-        Some(WireEvent::of(&ExciterNode::poll_event(self)?, self.network()))
     }
 }

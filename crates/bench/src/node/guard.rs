@@ -1,12 +1,12 @@
 //! What a command passes on its way to the structure, whatever wire it came over: the gate with its limits, the hold,
-//! and the time for which it is valid.
+//! and the time for which it is valid. The guard arms, disarms and faults the node's core, so that the load follows.
 
 use alloc::sync::Arc;
 
-use resonarm_protocol::node::Listening;
-use resonarm_protocol::{CommandGate, EmergencyCode, Frame, NodeState, Refusal};
+use resonarm_protocol::node::{NodeCore, NodeEvent};
+use resonarm_protocol::{CommandGate, Emergency, EmergencyCode, Frame, Node, NodeState, Refusal, StateEvent};
 
-use super::cause::{RefusedFor, Unheeded};
+use super::cause::{FaultCause, RefusedFor, Unheeded};
 use super::hold::Hold;
 use super::refusals::RefusedLoad;
 use super::{Refusals, Timing};
@@ -15,7 +15,7 @@ use resonarm_dynamics::arm::Load;
 
 /// The gate of a plant's node, with the load that acts.
 #[derive(Clone, Debug)]
-pub(super) struct Guard {
+pub struct Guard {
     exciter: Exciter,
     limits: GateSpec,
     rate_hz: u16,
@@ -31,14 +31,16 @@ pub(super) struct Guard {
     refused_since_taken: u64,
     refusals: Refusals,
     unheeded: Unheeded,
+    /// Why the node faulted last, beyond the code.
+    cause: Option<FaultCause>,
 }
 
 impl Guard {
-    /// A guard of an exciter with its own limits alone, for `rate_hz` samples a second.
-    pub fn new(rate_hz: u16, timing: &Timing, exciter: Exciter) -> Guard {
+    /// A guard with the limits of an exciter and of its gate, for `rate_hz` samples a second.
+    pub fn new(rate_hz: u16, timing: &Timing, exciter: Exciter, limits: GateSpec) -> Guard {
         Guard {
             exciter,
-            limits: GateSpec::default(),
+            limits,
             rate_hz,
             timeout_ns: timing.command_timeout_ns,
             gate: CommandGate::new(timing.command_age_ns, rate_hz),
@@ -49,6 +51,7 @@ impl Guard {
             refused_since_taken: 0,
             refusals: Refusals::default(),
             unheeded: Unheeded::default(),
+            cause: None,
         }
     }
 
@@ -57,14 +60,9 @@ impl Guard {
         self.limits = limits;
     }
 
-    /// States the travel at the sample that is measured next, m.
-    pub fn set_travel(&mut self, travel_m: f64) {
-        self.travel_m = travel_m;
-    }
-
-    /// A sample has been measured.
-    pub fn measured(&mut self, sample: u64) {
-        self.sample = sample;
+    /// A sample has been measured, at this distance of the driven point from rest, m.
+    pub fn measured(&mut self, sample: u64, travel_m: f64) {
+        (self.sample, self.travel_m) = (sample, travel_m);
     }
 
     /// The sample measured last.
@@ -72,31 +70,72 @@ impl Guard {
         self.sample
     }
 
-    /// The plant is armed: no sample has been answered since.
-    pub fn arm(&mut self, listening: &Listening) {
+    /// Arms the plant: no sample has been answered since.
+    pub fn arm(&mut self, core: &mut NodeCore) {
         self.gate.arm();
         self.heeded();
-        self.taken_ns = listening.listened_ns();
+        self.taken_ns = core.listening.listened_ns();
         self.refused_since_taken = 0;
+        core.turn(StateEvent::Arm);
     }
 
-    /// Holds the load of a command that answers the sample of index `index`, if the plant's state and all limits allow.
+    /// Disarms an armed plant: a load that acts ramps to zero.
+    pub fn disarm(&mut self, core: &mut NodeCore) {
+        if core.turn(StateEvent::Disarm) {
+            self.hold.release();
+        }
+    }
+
+    /// Faults: a load that acts ramps to zero, or is dropped at once in a fault after which the exciter acts no more.
+    /// Returns the emergency, or `None` if a fault is latched already.
+    pub fn fault(&mut self, core: &mut NodeCore, code: EmergencyCode, detail: u16) -> Option<Emergency> {
+        debug_assert!(!code.is_notice(), "{code:?} is no fault");
+        match code {
+            EmergencyCode::SimulationFailed | EmergencyCode::ExciterTripped => self.hold.drop_load(),
+            _ => self.hold.release(),
+        }
+        let emergency = self.emergency(code, detail);
+        if !core.fail(emergency) {
+            return None;
+        }
+        let is_unheeded = code == EmergencyCode::CommandTimeout && !self.unheeded.is_empty();
+        self.cause = is_unheeded.then(|| FaultCause::Unheeded(self.unheeded.clone()));
+        Some(emergency)
+    }
+
+    /// An emergency of the plant, at the sample measured last.
+    pub fn emergency(&self, code: EmergencyCode, detail: u16) -> Emergency {
+        Emergency { node: Node::Plant, code, detail, sample: self.sample as u16 }
+    }
+
+    /// States why the plant has faulted, beyond the code.
+    pub fn set_cause(&mut self, cause: FaultCause) {
+        self.cause = Some(cause);
+    }
+
+    /// Why the plant faulted last, beyond the code.
+    pub fn cause(&self) -> Option<&FaultCause> {
+        self.cause.as_ref()
+    }
+
+    /// Holds the load of a command that answers the sample of index `index`, if `state` and all limits allow. The state
+    /// is the core's, or another if the drives that the command is for are not ready.
     ///
     /// # Errors
-    /// Why not; it is counted.
-    pub fn take(&mut self, state: NodeState, listening: &Listening, index: u16, load: Load) -> Result<(), Refusal> {
+    /// Why not; it is counted and noted.
+    pub fn take(&mut self, core: &mut NodeCore, state: NodeState, index: u16, load: Load) -> Result<(), Refusal> {
         let rate_hz = f64::from(self.rate_hz);
         let check = self.limits.command_check(&self.exciter, rate_hz, self.travel_m, [self.hold.load(), &load]);
         match self.gate.take(state, self.sample, index, &check) {
             Ok(()) => {
                 self.hold.take(load);
-                self.taken_ns = listening.listened_ns();
+                self.taken_ns = core.listening.listened_ns();
                 self.refused_since_taken = 0;
                 Ok(())
             }
             Err(refusal) => {
                 self.refusals.keep_load(RefusedLoad { sample: self.sample, load, refusal });
-                self.refuse(refusal);
+                self.refuse(core, refusal);
                 Err(refusal)
             }
         }
@@ -117,15 +156,11 @@ impl Guard {
         self.unheeded.command_early(condition);
     }
 
-    /// What came and was not used, if anything.
-    pub fn unheeded(&self) -> Option<Unheeded> {
-        (!self.unheeded.is_empty()).then(|| self.unheeded.clone())
-    }
-
-    /// Counts a command that was refused before the gate.
-    pub fn refuse(&mut self, refusal: Refusal) {
+    /// Counts and notes a command that was refused.
+    pub fn refuse(&mut self, core: &mut NodeCore, refusal: Refusal) {
         self.refused_since_taken += 1;
         self.refusals.add(refusal);
+        core.note(NodeEvent::Refused(refusal));
     }
 
     /// Whether commands have been refused since the last one that was taken.
@@ -139,13 +174,13 @@ impl Guard {
     }
 
     /// Whether an armed plant has listened for longer than the timeout since the last command that was taken.
-    pub fn is_timed_out(&self, listening: &Listening) -> bool {
-        listening.has_passed(self.taken_ns, self.timeout_ns)
+    pub fn is_timed_out(&self, core: &NodeCore) -> bool {
+        core.listening.has_passed(self.taken_ns, self.timeout_ns)
     }
 
     /// When to check [`Guard::is_timed_out`] next, ns.
-    pub fn deadline_ns(&self, listening: &Listening) -> u64 {
-        listening.next_look_ns(self.taken_ns, self.timeout_ns)
+    pub fn deadline_ns(&self, core: &NodeCore) -> u64 {
+        core.listening.next_look_ns(self.taken_ns, self.timeout_ns)
     }
 
     /// The detail of [`EmergencyCode::CommandTimeout`].
@@ -166,13 +201,6 @@ impl Guard {
     /// Starts the ramp to zero.
     pub fn release(&mut self) {
         self.hold.release();
-    }
-
-    /// Drops the load at once in a fault of this code after which the exciter acts no more.
-    pub fn fault(&mut self, code: EmergencyCode) {
-        if matches!(code, EmergencyCode::SimulationFailed | EmergencyCode::ExciterTripped) {
-            self.hold.drop_load();
-        }
     }
 
     /// The load of the next sample period: one step down the ramp, if one runs.

@@ -14,8 +14,11 @@
 //! To end, call `fault` or `leave` (the exciter: `stop`, or `leave`), and continue to call the node until `is_quiet`:
 //! the load has ramped to zero and all frames are sent.
 //!
-//! The exciter's node and the code shared with the plant's are in the protocol's crate ([`resonarm_protocol::node`]);
-//! here the node carries a [`Controller`](crate::control::Controller).
+//! The exciter's node and the code that all nodes share are in the protocol's crate ([`resonarm_protocol::node`]); here
+//! the node carries a [`Controller`](crate::control::Controller). Each node has a
+//! [`NodeCore`](resonarm_protocol::node::NodeCore): state, fault, timeouts, counts and events. Beside it a plant has a
+//! [`Guard`], and an exciter a [`Work`](resonarm_protocol::node::Work); the protocols differ in their codecs and in
+//! their rules of arming.
 //!
 //! Times are nanoseconds of any monotonic clock. Nothing here allocates after construction. The rules are those of the
 //! protocol's `SPEC.md`; the states are CANopen's (CiA 301), with its stopped state as fault.
@@ -30,21 +33,21 @@ mod hold;
 mod interface;
 pub mod mapped;
 mod plant;
-mod plant_state;
 mod refusals;
 mod sample;
 mod wire;
-mod work;
 
+use carried::retry_ns;
 pub use carried::{Carried, ExciterNode, ExciterOutcome, carry};
 pub use cause::{FaultCause, RefusedFor, RefusedFrame, StopRequest, Unheeded};
 pub use exciter_interface::ExciterInterface;
 pub use exciter_lack::{ExciterLack, ExciterRemark};
-pub use interface::{FrameCheck, FrameCounts, FrameFault, PlantInterface, PublishError, PublishedSample, WireEvent};
+pub use guard::Guard;
+pub use interface::{PlantInterface, PublishError, PublishedSample};
 pub use plant::PlantNode;
 pub use refusals::{Refusals, RefusedLoad};
 pub use resonarm_protocol::Refusal;
-pub use resonarm_protocol::node::{NodeEvent, Timing};
+pub use resonarm_protocol::node::{FrameCheck, FrameCounts, FrameFault, NodeEvent, Timing};
 pub use wire::{TimeBase, WireSpec};
 
 #[cfg(test)]

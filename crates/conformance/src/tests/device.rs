@@ -6,7 +6,7 @@ use super::super::{BusOff, Stopped, Wire};
 use super::flaws::{Flaw, ReceiveState, SendState};
 use resonarm_bench::control::OpenLoop;
 use resonarm_bench::excitation::{Amplitude, ExcitationSpec, Profile as Excitation, Waveform};
-use resonarm_bench::node::{self, ExciterNode, PlantNode, Timing};
+use resonarm_bench::node::{self, ExciterNode, PlantInterface, PlantNode, PublishedSample, Timing};
 use resonarm_bench::rig::{Converter, Exciter, ExciterSpec, GateSpec, Measurement, Reading};
 use resonarm_bus::BusError;
 use resonarm_dynamics::arm::Load;
@@ -238,8 +238,8 @@ impl PlantDevice {
         let acceleration_b_m_s2 = [Reading { value: 2000.0, clipped: true }, reading(0.0)];
         let sample = self.sample;
         let measurement = Measurement { sample, head_force_n, acceleration_b_m_s2, ..Measurement::default() };
-        self.node.set_travel(self.load.force_n.x.abs() * COMPLIANCE_M_N);
-        self.node.publish(&measurement).unwrap();
+        let travel_m = self.load.force_n.x.abs() * COMPLIANCE_M_N;
+        self.node.publish(&PublishedSample { travel_m, ..PublishedSample::of(&measurement) }).unwrap();
         self.sample += 1;
     }
 

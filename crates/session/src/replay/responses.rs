@@ -63,7 +63,7 @@ pub fn timed_responses(recording: &Recording) -> Result<Vec<(u64, ResponsePoint)
         {
             return Err(ReplayError::Incompatible { detail });
         }
-        let read = core::iter::from_fn(|| exciter.controller_mut().poll_response());
+        let read = core::iter::from_fn(|| exciter.work_mut().controller.poll_response());
         responses.extend(read.map(|response| (record.sample, response)));
         while let Some(frame) = exciter.poll_transmit() {
             commands.extend(made.accept(&frame).ok().flatten().and_then(command));

@@ -6,7 +6,7 @@ use super::outage::Outage;
 use super::record_sink::RecordSink;
 use super::round_trip::RoundTrips;
 use super::{BusCounts, BusLoss, Fault, Gauges, Notice, Request, RunError, RunEvent, Watched};
-use resonarm_bench::node::{PlantInterface, PublishedSample, WireEvent};
+use resonarm_bench::node::{NodeEvent, PlantInterface, PublishedSample};
 use resonarm_bench::plant::{Plant, PlantError};
 use resonarm_bench::rig::Measurement;
 use resonarm_bus::{Bus, BusError, ControllerState, Received, Sent, Statistics};
@@ -312,33 +312,33 @@ impl<'a> Bench<'a> {
     }
 
     /// Reports what somebody watching the run wants to know.
-    fn report(&mut self, event: &WireEvent) {
+    fn report(&mut self, event: &NodeEvent) {
         let sample = self.sample();
         match event {
-            WireEvent::State { to: NodeState::Operational, .. } => {
+            NodeEvent::State { to: NodeState::Operational, .. } => {
                 (self.on_event)(RunEvent::Armed { sample });
             }
-            WireEvent::State { from: NodeState::Operational, to } => {
+            NodeEvent::State { from: NodeState::Operational, to } => {
                 if *to == NodeState::PreOperational {
                     (self.on_event)(RunEvent::Disarmed { sample });
                 }
             }
-            WireEvent::Emergency(emergency) if emergency.code == EmergencyCode::Incompatible => {
+            NodeEvent::Emergency(emergency) if emergency.code == EmergencyCode::Incompatible => {
                 let fault = self.fault_found(emergency);
                 (self.on_event)(RunEvent::NotArmed { fault });
             }
-            WireEvent::Emergency(emergency) if emergency.code.is_notice() => {}
-            WireEvent::Emergency(emergency) => {
+            NodeEvent::Emergency(emergency) if emergency.code.is_notice() => {}
+            NodeEvent::Emergency(emergency) => {
                 let partner = self.node.fault_reason().map(|reason| self.fault_found(&reason));
                 let fault = self.fault_found(emergency);
                 (self.on_event)(RunEvent::Faulted { fault, partner });
             }
-            WireEvent::OtherSender(identifier) if !self.other_sender_reported => {
+            NodeEvent::OtherSender(identifier) if !self.other_sender_reported => {
                 self.other_sender_reported = true;
                 (self.on_event)(RunEvent::OtherSender { sample, identifier: *identifier });
             }
-            WireEvent::State { .. } | WireEvent::Refused(_) | WireEvent::Frame(_) => {}
-            WireEvent::PartnerEmergency(_) | WireEvent::OtherSender(_) | WireEvent::Lost(_) => {}
+            NodeEvent::State { .. } | NodeEvent::Refused(_) | NodeEvent::Frame(_) => {}
+            NodeEvent::PartnerEmergency(_) | NodeEvent::OtherSender(_) | NodeEvent::Lost(_) => {}
         }
     }
 

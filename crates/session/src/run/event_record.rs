@@ -4,7 +4,7 @@ use resonarm_protocol::{EmergencyCode, Node, NodeState, Refusal};
 
 use super::Request;
 use resonarm_bench::control::SetPoint;
-use resonarm_bench::node::{FrameCheck, FrameFault, WireEvent};
+use resonarm_bench::node::{FrameCheck, FrameFault, NodeEvent};
 use resonarm_bench::rig::{Measurement, Reading};
 use resonarm_bus::ControllerState;
 use resonarm_files::recording::{Clipped, SampleRecord};
@@ -44,24 +44,24 @@ pub(super) const fn controller_record(state: ControllerState) -> &'static str {
 }
 
 /// The name and the number under which the event is recorded.
-pub(super) fn event_record(event: &WireEvent) -> (&'static str, i64) {
+pub(super) fn event_record(event: &NodeEvent) -> (&'static str, i64) {
     match event {
-        WireEvent::State { to: NodeState::BootUp, .. } => ("state.boot_up", 0),
-        WireEvent::State { to: NodeState::PreOperational, .. } => ("state.pre_operational", 0),
-        WireEvent::State { to: NodeState::Operational, .. } => ("state.operational", 0),
-        WireEvent::State { to: NodeState::Fault, .. } => ("state.fault", 0),
-        WireEvent::Emergency(emergency) => match (emergency.code, emergency.node) {
+        NodeEvent::State { to: NodeState::BootUp, .. } => ("state.boot_up", 0),
+        NodeEvent::State { to: NodeState::PreOperational, .. } => ("state.pre_operational", 0),
+        NodeEvent::State { to: NodeState::Operational, .. } => ("state.operational", 0),
+        NodeEvent::State { to: NodeState::Fault, .. } => ("state.fault", 0),
+        NodeEvent::Emergency(emergency) => match (emergency.code, emergency.node) {
             (EmergencyCode::ScheduleSlipped, _) => ("schedule.slipped", emergency.detail as i64),
             (EmergencyCode::Leaving, Node::Plant) => ("plant.leaving", emergency.detail as i64),
             (EmergencyCode::Leaving, Node::Exciter) => ("exciter.leaving", 0),
             (code, _) => ("emergency", code as i64),
         },
-        WireEvent::Refused(refusal) => (refusal_name(*refusal), 0),
-        WireEvent::PartnerEmergency(emergency) => ("partner.emergency", emergency.code as i64),
-        WireEvent::Frame(FrameFault::Protocol) => ("frame.refused", 0),
-        WireEvent::Frame(FrameFault::Mapped { id, check }) => (check_name(*check), id.raw() as i64),
-        WireEvent::OtherSender(_) => ("frame.other_sender", 0),
-        WireEvent::Lost(events) => ("events.lost", i64::try_from(*events).unwrap_or(i64::MAX)),
+        NodeEvent::Refused(refusal) => (refusal_name(*refusal), 0),
+        NodeEvent::PartnerEmergency(emergency) => ("partner.emergency", emergency.code as i64),
+        NodeEvent::Frame(FrameFault::Protocol(_)) => ("frame.refused", 0),
+        NodeEvent::Frame(FrameFault::Mapped { id, check }) => (check_name(*check), id.raw() as i64),
+        NodeEvent::OtherSender(_) => ("frame.other_sender", 0),
+        NodeEvent::Lost(events) => ("events.lost", i64::try_from(*events).unwrap_or(i64::MAX)),
     }
 }
 

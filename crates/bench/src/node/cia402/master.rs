@@ -20,15 +20,15 @@ use alloc::vec::Vec;
 use super::error_code;
 use super::spec::{Cia402Spec, DriveSpec, Joint, TORQUE_MODE};
 use crate::control::{Answer, Controller};
-use crate::node::work::{Phase, Unanswered, Work};
 use crate::node::{
-    Carried, ExciterInterface, ExciterLack, ExciterOutcome, ExciterRemark, FrameCheck, FrameCounts, TimeBase, Timing,
-    WireEvent,
+    Carried, ExciterInterface, ExciterLack, ExciterOutcome, ExciterRemark, FrameCheck, FrameFault, TimeBase, Timing,
+    retry_ns,
 };
 use crate::rig::{Measurement, Reading};
 use crate::structure::LOADS;
 use resonarm_dynamics::arm::Load;
-use resonarm_protocol::{Emergency, EmergencyCode, Frame, FrameFormat, Id, NodeState};
+use resonarm_protocol::node::{NodeCore, Phase, Unanswered, Work};
+use resonarm_protocol::{Emergency, EmergencyCode, Frame, FrameFormat, Id};
 use resonarm_wire::canopen::cia402::DriveState;
 use resonarm_wire::canopen::{EMERGENCY_BASE, HEARTBEAT_BASE, NMT_ID, SDO_REQUEST_BASE, SYNC_ID};
 
@@ -103,7 +103,8 @@ impl Slave {
 #[derive(Debug)]
 pub struct Cia402Exciter {
     slaves: Vec<Slave>,
-    work: Work,
+    core: NodeCore,
+    work: Work<Carried>,
     time_base: TimeBase,
     queue: VecDeque<Message>,
     /// In real time: when the next SYNC is due, and their period, ns of the clock.
@@ -127,8 +128,8 @@ impl Cia402Exciter {
         let slave =
             |drive: &DriveSpec| Slave { spec: *drive, state: None, has_mode: false, has_position: false, target: 0 };
         let slaves: Vec<Slave> = spec.drives.iter().map(slave).collect();
-        let work = Work::new(time_base, timing, controller);
-        let needs = work.carried.needs();
+        let work = Work::new(Carried::new(controller), &timing, retry_ns(time_base));
+        let needs = work.controller.needs();
         let needed: Vec<usize> = (0..Measurement::CHANNELS).filter(|place| needs[*place]).collect();
         if !needed.is_empty() {
             return Err(ExciterLack::Drives { needed });
@@ -137,6 +138,7 @@ impl Cia402Exciter {
             // Of each drive a start, a mode and every controlword, and SYNC.
             queue: VecDeque::with_capacity(7 * slaves.len() + 1),
             slaves,
+            core: NodeCore::new(&timing),
             work,
             time_base,
             sync_at_ns: 0,
@@ -148,11 +150,11 @@ impl Cia402Exciter {
     /// Lets a frame wait. One that waits already is sent with the newest target.
     fn push(&mut self, message: Message) {
         if self.queue.contains(&message) {
-            self.work.frames.unsent += 1;
+            self.core.counts.unsent += 1;
             return;
         }
         self.queue.push_back(message);
-        self.work.frame_waits();
+        self.core.frame_waits();
     }
 
     fn control(&mut self, controlword: u16) {
@@ -163,7 +165,7 @@ impl Cia402Exciter {
     fn clear(&mut self) {
         self.queue.clear();
         self.slaves.iter_mut().for_each(|slave| slave.target = 0);
-        self.work.frame_sent(false);
+        self.core.frame_sent(false);
     }
 
     /// Starts the drives that were not heard.
@@ -183,7 +185,7 @@ impl Cia402Exciter {
     }
 
     fn disarm(&mut self, now_ns: u64, outcome: ExciterOutcome) {
-        self.work.disarm(outcome);
+        self.work.disarm(&mut self.core, outcome);
         self.ask_for_disarming(now_ns);
     }
 
@@ -199,7 +201,7 @@ impl Cia402Exciter {
     fn fault(&mut self, emergency: Emergency) {
         self.clear();
         self.control(SHUTDOWN);
-        self.work.fault(emergency);
+        self.work.fault(&mut self.core, emergency);
     }
 
     /// A statusword has come: the next step on the way, or the end of the work.
@@ -225,7 +227,7 @@ impl Cia402Exciter {
 
     /// All drives are enabled. In lockstep the plant waits for the answer to a sample whose positions nobody asked for.
     fn begin(&mut self, now_ns: u64) {
-        self.work.begin();
+        self.work.begin(&mut self.core);
         self.slaves.iter_mut().for_each(|slave| slave.has_position = false);
         self.syncs = 0;
         if self.time_base == TimeBase::Lockstep {
@@ -243,11 +245,11 @@ impl Cia402Exciter {
     }
 
     fn answer(&mut self, now_ns: u64) {
-        let sample = self.work.next_sample(core::mem::take(&mut self.syncs), 1);
+        let sample = self.work.next_sample(&self.core, core::mem::take(&mut self.syncs), 1);
         let none = [Reading { value: f64::NAN, clipped: false }; 2];
         let measurement =
             Measurement { sample, head_force_n: none, acceleration_b_m_s2: none, acceleration_c_m_s2: none };
-        match self.work.carried.answer_sample(&measurement) {
+        match self.work.controller.answer_sample(&measurement) {
             Answer::Hold(load) if self.check_load(&load).is_ok() => {
                 self.slaves.iter_mut().for_each(|slave| slave.target = slave.target_of(&load).unwrap_or(0));
                 self.control(ENABLE);
@@ -314,8 +316,13 @@ impl Cia402Exciter {
         Ok(())
     }
 
-    fn not_sent(&self) -> u16 {
-        u16::try_from(self.work.frames.unsent.saturating_add(self.queue.len() as u64)).unwrap_or(u16::MAX)
+    /// Another node sends this one's messages: either of the two may control the plant.
+    fn meet_second_sender(&mut self, id: Id) {
+        self.core.counts.refused += 1;
+        self.core.reject_sender(id);
+        if self.outcome().is_none() {
+            self.fault(self.work.own(EmergencyCode::SecondSender, id.raw() as u16));
+        }
     }
 
     fn frame(&self, message: Message) -> Option<Frame> {
@@ -341,45 +348,29 @@ impl Cia402Exciter {
 const OTHER: EmergencyCode = EmergencyCode::Incompatible;
 
 impl ExciterInterface for Cia402Exciter {
+    fn core(&self) -> &NodeCore {
+        &self.core
+    }
+
+    fn core_mut(&mut self) -> &mut NodeCore {
+        &mut self.core
+    }
+
+    fn work(&self) -> &Work<Carried> {
+        &self.work
+    }
+
+    fn work_mut(&mut self) -> &mut Work<Carried> {
+        &mut self.work
+    }
+
+    fn waiting(&self) -> usize {
+        self.queue.len()
+    }
+
     fn start(&mut self, now_ns: u64) {
-        self.work.start(now_ns);
+        self.core.start(now_ns);
         self.ask_for_arming(now_ns);
-    }
-
-    fn state(&self) -> NodeState {
-        self.work.state()
-    }
-
-    fn outcome(&self) -> Option<ExciterOutcome> {
-        self.work.outcome()
-    }
-
-    fn has_heard_plant(&self) -> bool {
-        self.work.has_heard
-    }
-
-    fn samples_played(&self) -> u64 {
-        self.work.samples_played()
-    }
-
-    fn missed_samples(&self) -> u64 {
-        self.work.missed_samples()
-    }
-
-    fn is_quiet(&self) -> bool {
-        self.work.outcome().is_some() && self.queue.is_empty()
-    }
-
-    fn frames(&self) -> FrameCounts {
-        self.work.frames
-    }
-
-    fn carried(&self) -> &Carried {
-        &self.work.carried
-    }
-
-    fn carried_mut(&mut self) -> &mut Carried {
-        &mut self.work.carried
     }
 
     fn check_load(&self, load: &Load) -> Result<(), ExciterLack> {
@@ -402,38 +393,40 @@ impl ExciterInterface for Cia402Exciter {
     }
 
     fn handle_frame(&mut self, now_ns: u64, frame: &Frame) {
-        self.work.listening.look(now_ns);
+        self.core.listening.look(now_ns);
         if frame.format() == FrameFormat::Remote {
             return;
         }
         let id = frame.id();
         let heard = [STATUS_BASE, MOTION_BASE, HEARTBEAT_BASE, EMERGENCY_BASE];
         if self.slaves.iter().any(|slave| slave.id(COMMAND_BASE) == id) {
-            self.work.second_sender(id).into_iter().for_each(|emergency| self.fault(emergency));
+            self.meet_second_sender(id);
         } else if let Some(place) = self.slaves.iter().position(|slave| heard.iter().any(|base| slave.id(*base) == id))
             && let Err(check) = self.hear(now_ns, place, frame)
         {
-            self.work.refuse_frame(id, check);
+            self.core.reject(FrameFault::Mapped { id, check });
         }
     }
 
     fn handle_deadline(&mut self, now_ns: u64) {
-        self.work.listening.look(now_ns);
+        self.core.listening.look(now_ns);
         self.synchronise(now_ns);
         match self.work.phase {
             Phase::Arming if self.work.is_due(now_ns) => self.ask_for_arming(now_ns),
             Phase::Disarming(outcome) if self.work.is_due(now_ns) => self.disarm_again(now_ns, outcome),
-            _ => self.work.timed_out(self.not_sent()).into_iter().for_each(|emergency| self.fault(emergency)),
+            _ => {
+                self.work.timed_out(&self.core, self.waiting()).into_iter().for_each(|emergency| self.fault(emergency))
+            }
         }
     }
 
     fn next_deadline_ns(&self) -> u64 {
         let is_clocked = self.time_base == TimeBase::Clock && self.work.phase == Phase::Playing;
-        self.work.deadline_ns().min(if is_clocked { self.sync_at_ns } else { u64::MAX })
+        self.work.deadline_ns(&self.core).min(if is_clocked { self.sync_at_ns } else { u64::MAX })
     }
 
     fn rearm(&mut self, now_ns: u64) -> bool {
-        if !self.work.rearm(now_ns) {
+        if !self.work.rearm(&mut self.core, now_ns) {
             return false;
         }
         self.slaves.iter_mut().for_each(|slave| slave.state = None);
@@ -449,12 +442,12 @@ impl ExciterInterface for Cia402Exciter {
 
     fn bus_lost(&mut self, _now_ns: u64) {
         if self.work.phase == Phase::Playing {
-            self.fault(self.work.own(EmergencyCode::BusLoss, self.not_sent()));
+            self.fault(self.work.own(EmergencyCode::BusLoss, self.core.not_sent(self.waiting())));
         }
     }
 
     fn plant_ended(&mut self, _now_ns: u64) {
-        self.work.plant_ended();
+        self.work.plant_ended(&mut self.core);
     }
 
     fn next_frame(&mut self) -> Option<Frame> {
@@ -463,10 +456,6 @@ impl ExciterInterface for Cia402Exciter {
 
     fn frame_sent(&mut self) {
         self.queue.pop_front();
-        self.work.frame_sent(!self.queue.is_empty());
-    }
-
-    fn poll_event(&mut self) -> Option<WireEvent> {
-        self.work.poll_event()
+        self.core.frame_sent(!self.queue.is_empty());
     }
 }

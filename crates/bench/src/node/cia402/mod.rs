@@ -19,15 +19,15 @@ mod tests;
 use alloc::boxed::Box;
 use alloc::vec::Vec;
 
-use super::cause::{FaultCause, RefusedFor};
-use super::interface::{FrameCheck, FrameCounts, PlantInterface, PublishError, PublishedSample, WireEvent};
-use super::plant_state::PlantState;
-use super::{Refusal, Refusals, TimeBase, Timing};
+use super::cause::RefusedFor;
+use super::guard::Guard;
+use super::{FrameCheck, FrameFault, PlantInterface, PublishError, PublishedSample, Refusal, TimeBase, Timing};
 use crate::rig::{Exciter, GateSpec};
 use crate::structure::STATES;
 use axis::Axis;
 pub use master::Cia402Exciter;
 use resonarm_dynamics::arm::Load;
+use resonarm_protocol::node::NodeCore;
 use resonarm_protocol::{Emergency, EmergencyCode, Frame, Node, NodeState, OperatorRequest, StateEvent, Trip};
 use resonarm_wire::canopen::dictionary::at;
 use resonarm_wire::canopen::{Handled, Server};
@@ -124,7 +124,8 @@ pub struct Cia402Node {
     drives: Vec<Drive>,
     timeout_ns: u64,
     time_base: TimeBase,
-    plant: PlantState,
+    core: NodeCore,
+    guard: Guard,
     /// The time of the last call that stated one.
     now_ns: u64,
     /// In lockstep: whether the sample published last has its answer.
@@ -151,7 +152,8 @@ impl Cia402Node {
             drives: spec.drives.iter().map(drive).collect(),
             timeout_ns,
             time_base,
-            plant: PlantState::new(rate_hz, &timing, exciter, limits),
+            core: NodeCore::new(&timing),
+            guard: Guard::new(rate_hz, &timing, exciter, limits),
             now_ns: 0,
             is_synced: false,
             held: Load::default(),
@@ -159,9 +161,9 @@ impl Cia402Node {
     }
 
     fn look(&mut self, now_ns: u64) {
-        self.plant.listening.look(now_ns);
+        self.core.listening.look(now_ns);
         self.now_ns = now_ns;
-        let listened_ns = self.plant.listening.listened_ns();
+        let listened_ns = self.core.listening.listened_ns();
         self.drives.iter_mut().for_each(|drive| drive.server.look(listened_ns));
     }
 
@@ -169,19 +171,18 @@ impl Cia402Node {
     fn settle(&mut self) {
         let is_stopped = self.drives.iter_mut().filter_map(|drive| drive.axis.take_stopped().then_some(())).count() > 0;
         let is_any_enabled = self.drives.iter().any(|drive| drive.axis.is_enabled());
-        if self.plant.state() == NodeState::Fault && self.drives.iter().any(|drive| !drive.axis.state().is_fault()) {
-            self.plant.transition(StateEvent::Reset);
+        if self.state() == NodeState::Fault && self.drives.iter().any(|drive| !drive.axis.state().is_fault()) {
+            self.core.turn(StateEvent::Reset);
         }
-        if is_any_enabled && self.plant.state() == NodeState::PreOperational {
-            self.plant.guard.arm(&self.plant.listening);
-            self.plant.transition(StateEvent::Arm);
+        if is_any_enabled && self.state() == NodeState::PreOperational {
+            self.guard.arm(&mut self.core);
         } else if !is_any_enabled && self.is_armed() {
-            self.plant.transition(StateEvent::Disarm);
+            self.guard.disarm(&mut self.core);
         } else if is_stopped && self.is_armed() {
             // Of a drive beside others, or one that halts: it drops, as that of a motor without current does.
-            self.plant.guard.reduce(self.sum(|axis| axis.acting_nm()));
+            self.guard.reduce(self.sum(|axis| axis.acting_nm()));
         }
-        let (listening, is_reaction_over) = (self.plant.listening, self.plant.guard.ramp_left() == 0);
+        let (listening, is_reaction_over) = (self.core.listening, self.guard.ramp_left() == 0);
         for drive in &mut self.drives {
             drive.axis.restart(&listening);
             if is_reaction_over {
@@ -189,8 +190,10 @@ impl Cia402Node {
             }
             drive.show();
         }
-        if self.drives.iter().any(|drive| drive.server.waiting() > 0) {
-            self.plant.frame_waits();
+        self.core.counts.unsent = self.drives.iter().map(|drive| drive.server.unsent()).sum();
+        self.core.counts.overwritten = self.drives.iter().map(|drive| drive.axis.overwritten()).sum();
+        if self.waiting() > 0 {
+            self.core.frame_waits();
         }
     }
 
@@ -203,28 +206,26 @@ impl Cia402Node {
 
     /// Judges the targets that were received, as the answer to the sample published last.
     fn judge(&mut self, now_ns: u64) {
-        if self.plant.guard.is_answered() || !self.drives.iter().any(|drive| drive.axis.is_new()) {
+        if self.guard.is_answered() || !self.drives.iter().any(|drive| drive.axis.is_new()) {
             return;
         }
-        let (index, load) = (self.plant.guard.sample() as u16, self.sum(Axis::share_nm));
-        let outcome = self.plant.guard.take(self.plant.state(), &self.plant.listening, index, load);
-        let listening = self.plant.listening;
+        let (index, load) = (self.guard.sample() as u16, self.sum(Axis::share_nm));
+        let state = self.state();
+        let outcome = self.guard.take(&mut self.core, state, index, load);
+        let listening = self.core.listening;
         if outcome.is_ok() && self.drives.iter().all(|drive| drive.axis.is_new() || !drive.axis.is_enabled()) {
-            self.plant.guard.heeded();
+            self.guard.heeded();
         }
         self.drives.iter_mut().for_each(|drive| drive.axis.judged(outcome.is_ok(), &listening));
-        if let Err(refusal) = outcome {
-            self.plant.report_refusal(refusal);
-            if refusal == Refusal::Travel {
-                self.fault(now_ns, EmergencyCode::ExciterTripped, Trip::Travel as u16);
-            }
+        if outcome == Err(Refusal::Travel) {
+            self.fault(now_ns, EmergencyCode::ExciterTripped, Trip::Travel as u16);
         }
     }
 
     fn synchronise(&mut self, now_ns: u64, was_armed: bool) {
         if self.time_base == TimeBase::Lockstep && was_armed && self.is_armed() {
             if self.is_synced {
-                return self.fault(now_ns, EmergencyCode::SampleSequence, self.plant.guard.sample() as u16);
+                return self.fault(now_ns, EmergencyCode::SampleSequence, self.guard.sample() as u16);
             }
             self.judge(now_ns);
             self.is_synced = true;
@@ -232,61 +233,36 @@ impl Cia402Node {
             self.drives.iter_mut().for_each(|drive| drive.server.release(now_ns));
         }
     }
-
-    fn not_sent(&self) -> u16 {
-        let waiting: usize = self.drives.iter().map(|drive| drive.server.waiting()).sum();
-        u16::try_from(self.frames().unsent.saturating_add(waiting as u64)).unwrap_or(u16::MAX)
-    }
 }
 
 impl PlantInterface for Cia402Node {
+    fn core(&self) -> &NodeCore {
+        &self.core
+    }
+
+    fn core_mut(&mut self) -> &mut NodeCore {
+        &mut self.core
+    }
+
+    fn guard(&self) -> &Guard {
+        &self.guard
+    }
+
+    fn waiting(&self) -> usize {
+        self.drives.iter().map(|drive| drive.server.waiting()).sum()
+    }
+
     fn start(&mut self, now_ns: u64) {
         self.now_ns = now_ns;
         self.drives.iter_mut().for_each(|drive| drive.server.boot(now_ns));
-        self.plant.start(now_ns);
+        self.core.start(now_ns);
         self.settle();
-    }
-
-    fn state(&self) -> NodeState {
-        self.plant.state()
     }
 
     fn is_answered(&self) -> bool {
         match self.time_base {
-            TimeBase::Clock => self.plant.guard.is_answered(),
+            TimeBase::Clock => self.guard.is_answered(),
             TimeBase::Lockstep => self.is_synced,
-        }
-    }
-
-    fn is_ramping(&self) -> bool {
-        self.plant.guard.ramp_left() > 0
-    }
-
-    fn latched_fault(&self) -> Option<Emergency> {
-        self.plant.latched_fault()
-    }
-
-    fn arms(&self) -> u32 {
-        self.plant.arms()
-    }
-
-    fn leaves(&self) -> u32 {
-        self.plant.leaves()
-    }
-
-    fn fault_cause(&self) -> Option<FaultCause> {
-        self.plant.fault_cause()
-    }
-
-    fn refusals(&self) -> &Refusals {
-        self.plant.guard.refusals()
-    }
-
-    fn frames(&self) -> FrameCounts {
-        FrameCounts {
-            unsent: self.drives.iter().map(|drive| drive.server.unsent()).sum(),
-            overwritten: self.drives.iter().map(|drive| drive.axis.overwritten()).sum(),
-            ..self.plant.frames
         }
     }
 
@@ -312,15 +288,16 @@ impl PlantInterface for Cia402Node {
                 Handled::OtherSender => is_other_sender = true,
             }
             for _ in 0..self.drives[place].server.take_dropped() {
-                self.plant.refuse(Refusal::Late);
+                self.guard.refuse(&mut self.core, Refusal::Late);
             }
         }
         // Once, also if it is for several drives.
         if let Some((check, why)) = refused {
-            self.plant.refuse_frame(frame, check, why);
+            self.core.reject(FrameFault::Mapped { id: frame.id(), check });
+            self.guard.refuse_frame(frame, why);
         }
         if is_other_sender {
-            self.plant.refuse_sender(frame.id());
+            self.core.reject_sender(frame.id());
         }
         self.settle();
         if is_sync {
@@ -347,7 +324,7 @@ impl PlantInterface for Cia402Node {
         }
         self.drives.iter_mut().for_each(|drive| drive.server.handle_deadline(now_ns));
         self.settle();
-        let listening = self.plant.listening;
+        let listening = self.core.listening;
         let lost =
             |drive: &mut Drive| drive.server.takes_heartbeat_loss(|since, time| listening.has_passed(since, time));
         if self.drives.iter_mut().filter_map(|drive| lost(drive).then_some(())).count() > 0 {
@@ -356,25 +333,24 @@ impl PlantInterface for Cia402Node {
         if !self.is_armed() {
             return;
         }
-        if self.plant.is_jammed() {
-            self.fault(now_ns, EmergencyCode::BusLoss, self.not_sent());
+        if self.core.is_jammed() {
+            self.fault(now_ns, EmergencyCode::BusLoss, self.core.not_sent(self.waiting()));
         } else if self.drives.iter().any(|drive| drive.axis.is_timed_out(self.timeout_ns, &listening)) {
-            self.fault(now_ns, EmergencyCode::CommandTimeout, self.plant.guard.timeout_detail());
+            self.fault(now_ns, EmergencyCode::CommandTimeout, self.guard.timeout_detail());
         }
     }
 
     fn next_deadline_ns(&self) -> u64 {
         let timers = self.drives.iter().filter_map(|drive| drive.server.next_deadline_ns());
-        let timeout = |drive: &Drive| drive.axis.deadline_ns(self.timeout_ns, &self.plant.listening);
+        let timeout = |drive: &Drive| drive.axis.deadline_ns(self.timeout_ns, &self.core.listening);
         let watched = self.drives.iter().flat_map(|drive| drive.server.watched_heartbeats());
-        let heartbeats = watched.map(|(heard_ns, time_ns)| self.plant.listening.next_look_ns(heard_ns, time_ns));
+        let heartbeats = watched.map(|(heard_ns, time_ns)| self.core.listening.next_look_ns(heard_ns, time_ns));
         timers.chain(self.drives.iter().filter_map(timeout)).chain(heartbeats).min().unwrap_or(u64::MAX)
     }
 
     fn publish(&mut self, sample: &PublishedSample) -> Result<(), PublishError> {
         let PublishedSample { measurement, states, travel_m } = sample;
-        self.plant.guard.measured(measurement.sample);
-        self.plant.guard.set_travel(*travel_m);
+        self.guard.measured(measurement.sample, *travel_m);
         self.is_synced = false;
         let (held, now_ns) = (self.held, self.now_ns);
         for drive in &mut self.drives {
@@ -387,12 +363,12 @@ impl PlantInterface for Cia402Node {
     }
 
     fn load(&mut self) -> Load {
-        self.held = self.plant.guard.load();
+        self.held = self.guard.load();
         self.held
     }
 
     fn fault(&mut self, _now_ns: u64, code: EmergencyCode, detail: u16) {
-        let Some(Emergency { sample, .. }) = self.plant.fail(code, detail) else { return };
+        let Some(Emergency { sample, .. }) = self.guard.fault(&mut self.core, code, detail) else { return };
         let ([a, b], [c, d], number) = (detail.to_le_bytes(), sample.to_le_bytes(), error_code(code));
         for drive in &mut self.drives {
             drive.axis.fail(code);
@@ -401,20 +377,10 @@ impl PlantInterface for Cia402Node {
         self.settle();
     }
 
-    fn bus_lost(&mut self, now_ns: u64) {
-        if self.is_armed() {
-            self.fault(now_ns, EmergencyCode::BusLoss, self.not_sent());
-        }
-    }
-
     fn leave(&mut self, now_ns: u64) {
         self.look(now_ns);
         self.drives.iter_mut().for_each(|drive| drive.axis.leave());
         self.settle();
-    }
-
-    fn slip(&mut self, periods: u64) {
-        self.plant.slip(periods);
     }
 
     fn waiting_frames(&mut self, most: usize, frames: &mut Vec<Frame>) {
@@ -423,13 +389,9 @@ impl PlantInterface for Cia402Node {
 
     fn frame_sent(&mut self) {
         if let Some(drive) = self.drives.iter_mut().find(|drive| drive.server.waiting() > 0) {
-            self.plant.frames.limited_values += drive.server.sent();
+            self.core.counts.limited_values += drive.server.sent();
         }
-        self.plant.frame_sent(self.drives.iter().any(|drive| drive.server.waiting() > 0));
-    }
-
-    fn poll_event(&mut self) -> Option<WireEvent> {
-        self.plant.poll_event()
+        self.core.frame_sent(self.waiting() > 0);
     }
 
     fn boxed_clone(&self) -> Box<dyn PlantInterface> {

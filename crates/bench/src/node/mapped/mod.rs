@@ -9,24 +9,25 @@
 
 pub mod exciter;
 mod incoming;
-mod interface;
 pub mod mapping;
 mod outgoing;
 mod protection;
 
+use alloc::boxed::Box;
 use alloc::vec;
 use alloc::vec::Vec;
 
-use super::cause::{FaultCause, StopRequest};
-use super::interface::{FrameCheck, PlantInterface};
-use super::plant_state::PlantState;
-use super::{Refusal, TimeBase, Timing};
+use super::cause::{FaultCause, RefusedFor, StopRequest};
+use super::guard::Guard;
+use super::{FrameCheck, FrameFault, PlantInterface, PublishError, PublishedSample, Refusal, TimeBase, Timing};
 use crate::rig::{Exciter, GateSpec};
+use crate::structure::OUTPUTS;
 use incoming::{Receiver, plus};
 use mapping::{Action, Arming, Lockstep, Mapping, Trigger, Values};
 use outgoing::{Sender, Status};
 use resonarm_dynamics::arm::Load;
-use resonarm_protocol::{EmergencyCode, Frame, FrameFormat, NodeState, StateEvent, Trip};
+use resonarm_protocol::node::NodeCore;
+use resonarm_protocol::{EmergencyCode, Frame, FrameFormat, NodeState, OperatorRequest, StateEvent, Trip};
 
 /// How far the sample published last is, in lockstep.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -49,7 +50,8 @@ pub struct MappedNode {
     time_base: TimeBase,
     timing: Timing,
     exciter: Exciter,
-    plant: PlantState,
+    core: NodeCore,
+    guard: Guard,
     /// Whether each drive is armed.
     drives: Vec<bool>,
     /// Whether the plant was armed by a first command, or is not to be any more.
@@ -80,7 +82,8 @@ impl MappedNode {
             time_base,
             timing,
             exciter,
-            plant: PlantState::new(rate_hz, &timing, exciter, limits),
+            core: NodeCore::new(&timing),
+            guard: Guard::new(rate_hz, &timing, exciter, limits),
             drives: vec![false; drives.map_or(1, |last| last + 1)],
             has_begun: false,
             has_published: false,
@@ -90,10 +93,10 @@ impl MappedNode {
         }
     }
 
-    /// Leaves the state, with all drives.
-    fn exit(&mut self, event: StateEvent) {
+    /// Disarms all drives.
+    fn exit(&mut self) {
         self.drives.fill(false);
-        self.plant.transition(event);
+        self.guard.disarm(&mut self.core);
     }
 
     /// A frame with an identifier that the plant sends: a request, or another sender.
@@ -104,7 +107,7 @@ impl MappedNode {
         if asks && message.is_on_request {
             self.queue(sender);
         } else if !asks {
-            self.plant.refuse_sender(frame.id());
+            self.core.reject_sender(frame.id());
         }
     }
 
@@ -144,8 +147,8 @@ impl MappedNode {
     fn drop_waiting(&mut self, drive: usize) {
         for receiver in 0..self.receivers.len() {
             if self.receivers[receiver].message.drive == drive && self.receivers[receiver].is_new() {
-                self.receivers[receiver].judged(false, &self.plant.listening);
-                self.plant.refuse(Refusal::NotArmed);
+                self.receivers[receiver].judged(false, &self.core.listening);
+                self.guard.refuse(&mut self.core, Refusal::NotArmed);
             }
         }
     }
@@ -156,15 +159,19 @@ impl MappedNode {
         let signal = message.events.get(event).filter(|event| event.signal.is_some());
         let signal = signal.and_then(|signal| Some((signal.name.clone(), self.receivers[index].value(event)?)));
         let request = StopRequest { message: message.name.clone(), signal };
-        if self.plant.fail_for(EmergencyCode::StopRequested, 0, Some(FaultCause::Stop(request))).is_some() {
-            self.has_faulted();
+        if self.fail(EmergencyCode::StopRequested, 0) {
+            self.guard.set_cause(FaultCause::Stop(request));
         }
     }
 
-    /// A fault disarms all drives, and no first command arms them again.
-    fn has_faulted(&mut self) {
+    /// Faults; `false` if a fault is latched already. A fault disarms all drives, and no first command arms them again.
+    fn fail(&mut self, code: EmergencyCode, detail: u16) -> bool {
+        if self.guard.fault(&mut self.core, code, detail).is_none() {
+            return false;
+        }
         self.has_begun = true;
         self.drives.fill(false);
+        true
     }
 
     /// Takes in a load. In lockstep by commands, one before the first sample answers none, and a second one for the
@@ -178,14 +185,14 @@ impl MappedNode {
             return Ok(());
         }
         if !waits_for_set {
-            self.plant.frames.overwritten += u64::from(was_new);
+            self.core.counts.overwritten += u64::from(was_new);
             return Ok(());
         }
         if round == Round::NotBegun {
-            receiver.judged(false, &self.plant.listening);
-            self.plant.refuse(Refusal::NotArmed);
+            receiver.judged(false, &self.core.listening);
+            self.guard.refuse(&mut self.core, Refusal::NotArmed);
         } else if is_second {
-            self.plant.refuse(Refusal::Repeated);
+            self.guard.refuse(&mut self.core, Refusal::Repeated);
             self.fault(now_ns, EmergencyCode::SampleSequence, self.values.sample as u16);
         }
         Ok(())
@@ -223,7 +230,7 @@ impl MappedNode {
             Action::Arm => {}
             Action::Disarm => self.disarm(drive),
             Action::Reset => {
-                self.plant.transition(StateEvent::Reset);
+                self.core.turn(StateEvent::Reset);
             }
             Action::Stop => self.fault(now_ns, EmergencyCode::StopRequested, 0),
         }
@@ -231,13 +238,13 @@ impl MappedNode {
 
     /// Arms a drive, or all.
     fn arm(&mut self, drive: Option<usize>) {
-        if !matches!(self.plant.state(), NodeState::PreOperational | NodeState::Operational) {
-            return;
-        }
-        if self.plant.state() == NodeState::PreOperational {
-            self.plant.guard.arm(&self.plant.listening);
-            self.round = Round::NotBegun;
-            self.plant.transition(StateEvent::Arm);
+        match self.state() {
+            NodeState::BootUp | NodeState::Fault => return,
+            NodeState::PreOperational => {
+                self.guard.arm(&mut self.core);
+                self.round = Round::NotBegun;
+            }
+            NodeState::Operational => {}
         }
         self.has_begun = true;
         let is_meant = |number: usize| drive.is_none_or(|drive| drive == number);
@@ -246,9 +253,9 @@ impl MappedNode {
             if is_meant(number) && !self.drives[number] {
                 // A load that was received before the drive was armed never acts.
                 if self.receivers[receiver].is_new() {
-                    self.plant.refuse(Refusal::NotArmed);
+                    self.guard.refuse(&mut self.core, Refusal::NotArmed);
                 }
-                self.receivers[receiver].restart(&self.plant.listening);
+                self.receivers[receiver].restart(&self.core.listening);
             }
         }
         (0..self.drives.len()).filter(|number| is_meant(*number)).for_each(|number| self.drives[number] = true);
@@ -262,13 +269,13 @@ impl MappedNode {
             return;
         }
         if self.drives.iter().enumerate().all(|(number, armed)| !armed || is_meant(number)) {
-            return self.exit(StateEvent::Disarm);
+            return self.exit();
         }
         (0..self.drives.len()).filter(|number| is_meant(*number)).for_each(|number| self.drives[number] = false);
-        let listening = &self.plant.listening;
+        let listening = &self.core.listening;
         let stopped = self.receivers.iter_mut().filter(|receiver| is_meant(receiver.message.drive));
         stopped.for_each(|receiver| receiver.restart(listening));
-        self.plant.guard.reduce(self.shares());
+        self.guard.reduce(self.shares());
     }
 
     /// The sum of all armed drives' shares of the load.
@@ -289,26 +296,23 @@ impl MappedNode {
         let unready =
             self.receivers.iter().find(|receiver| !receiver.is_ready() && self.drives[receiver.message.drive]);
         if let Some(receiver) = unready {
-            self.plant.guard.command_early(&receiver.message.name);
+            self.guard.command_early(&receiver.message.name);
         }
         let is_ready = unready.is_none();
         let are_all_new = self.awaited().all(Receiver::is_new);
-        let state = if is_ready { self.plant.state() } else { NodeState::PreOperational };
-        let index = self.plant.guard.sample() as u16;
-        let outcome = self.plant.guard.take(state, &self.plant.listening, index, self.shares());
+        let state = if is_ready { self.state() } else { NodeState::PreOperational };
+        let (index, load) = (self.guard.sample() as u16, self.shares());
+        let outcome = self.guard.take(&mut self.core, state, index, load);
         if outcome.is_ok() && are_all_new {
-            self.plant.guard.heeded();
+            self.guard.heeded();
         }
-        let listening = &self.plant.listening;
+        let listening = &self.core.listening;
         self.receivers.iter_mut().for_each(|receiver| receiver.judged(outcome.is_ok(), listening));
         if outcome.is_ok() && self.lockstep == Lockstep::Command {
             self.round = Round::Answered;
         }
-        if let Err(refusal) = outcome {
-            self.plant.report_refusal(refusal);
-            if refusal == Refusal::Travel {
-                self.fault(now_ns, EmergencyCode::ExciterTripped, Trip::Travel as u16);
-            }
+        if outcome == Err(Refusal::Travel) {
+            self.fault(now_ns, EmergencyCode::ExciterTripped, Trip::Travel as u16);
         }
     }
 
@@ -317,8 +321,8 @@ impl MappedNode {
         for receiver in 0..self.receivers.len() {
             let Receiver { message, .. } = &self.receivers[receiver];
             if self.is_armed() && !self.drives[message.drive] && self.receivers[receiver].is_new() {
-                self.receivers[receiver].judged(false, &self.plant.listening);
-                self.plant.refuse(Refusal::NotArmed);
+                self.receivers[receiver].judged(false, &self.core.listening);
+                self.guard.refuse(&mut self.core, Refusal::NotArmed);
             }
         }
     }
@@ -333,9 +337,9 @@ impl MappedNode {
 
     fn queue(&mut self, sender: usize) {
         if !self.senders[sender].queue() {
-            self.plant.frames.unsent += 1;
+            self.core.counts.unsent += 1;
         }
-        self.plant.frame_waits();
+        self.core.frame_waits();
     }
 
     fn queue_all(&mut self, trigger: Trigger) {
@@ -348,8 +352,8 @@ impl MappedNode {
 
     /// What readings say of a drive.
     fn status(&self, drive: usize) -> Status {
-        let is_idle = self.plant.state() == NodeState::Operational && !self.drives[drive];
-        let state = if is_idle { NodeState::PreOperational } else { self.plant.state() };
+        let is_idle = self.state() == NodeState::Operational && !self.drives[drive];
+        let state = if is_idle { NodeState::PreOperational } else { self.state() };
         Status { state, fault: self.latched_fault() }
     }
 
@@ -364,10 +368,155 @@ impl MappedNode {
     fn awaited(&self) -> impl Iterator<Item = &Receiver> {
         self.receivers.iter().filter(|receiver| receiver.is_command() && self.drives[receiver.message.drive])
     }
+}
 
-    fn not_sent(&self) -> u16 {
-        let waiting = self.senders.iter().filter(|sender| sender.waits()).count() as u64;
-        u16::try_from(self.plant.frames.unsent.saturating_add(waiting)).unwrap_or(u16::MAX)
+impl PlantInterface for MappedNode {
+    fn core(&self) -> &NodeCore {
+        &self.core
+    }
+
+    fn core_mut(&mut self) -> &mut NodeCore {
+        &mut self.core
+    }
+
+    fn guard(&self) -> &Guard {
+        &self.guard
+    }
+
+    fn waiting(&self) -> usize {
+        self.senders.iter().filter(|sender| sender.waits()).count()
+    }
+
+    fn start(&mut self, now_ns: u64) {
+        self.core.start(now_ns);
+    }
+
+    fn is_answered(&self) -> bool {
+        self.round == Round::Answered
+    }
+
+    fn handle_frame(&mut self, now_ns: u64, frame: &Frame) {
+        self.core.listening.look(now_ns);
+        if let Some(sender) = self.senders.iter().position(|sender| sender.message.id == frame.id()) {
+            return self.handle_own(sender, frame);
+        }
+        let Some(index) = self.receivers.iter().position(|receiver| receiver.message.id == frame.id()) else { return };
+        if frame.format() == FrameFormat::Remote {
+            return;
+        }
+        if let Err(check) = self.handle_message(now_ns, index, frame) {
+            let name = self.receivers[index].message.name.clone();
+            self.core.reject(FrameFault::Mapped { id: frame.id(), check });
+            self.guard.refuse_frame(frame, RefusedFor::Message { name, check });
+        }
+    }
+
+    fn execute(&mut self, now_ns: u64, request: OperatorRequest) {
+        self.act(
+            now_ns,
+            None,
+            match request {
+                OperatorRequest::Arm => Action::Arm,
+                OperatorRequest::Disarm => Action::Disarm,
+                OperatorRequest::Reset => Action::Reset,
+            },
+        );
+    }
+
+    fn handle_deadline(&mut self, now_ns: u64) {
+        self.core.listening.look(now_ns);
+        if self.time_base == TimeBase::Clock || !self.is_armed() {
+            self.judge(now_ns);
+        }
+        for sender in 0..self.senders.len() {
+            if self.senders[sender].take_due(now_ns) {
+                self.queue(sender);
+            }
+        }
+        if !self.is_armed() {
+            return;
+        }
+        let listening = &self.core.listening;
+        if self.core.is_jammed() {
+            self.fault(now_ns, EmergencyCode::BusLoss, self.core.not_sent(self.waiting()));
+        } else if self.awaited().any(|receiver| receiver.is_timed_out(self.timeout_ns(receiver), listening)) {
+            self.fault(now_ns, EmergencyCode::CommandTimeout, self.guard.timeout_detail());
+        }
+    }
+
+    fn next_deadline_ns(&self) -> u64 {
+        let periodic = self.senders.iter().filter_map(Sender::due_ns).min();
+        let command =
+            self.awaited().map(|receiver| receiver.deadline_ns(self.timeout_ns(receiver), &self.core.listening));
+        periodic.into_iter().chain(command).min().unwrap_or(u64::MAX)
+    }
+
+    fn publish(&mut self, sample: &PublishedSample) -> Result<(), PublishError> {
+        let PublishedSample { measurement, states, travel_m } = sample;
+        self.guard.measured(measurement.sample, *travel_m);
+        if self.is_armed() {
+            self.round = Round::Open;
+        }
+        self.values.sample = measurement.sample;
+        self.has_published = true;
+        for (place, reading) in measurement.readings().iter().enumerate() {
+            if !reading.value.is_finite() {
+                return Err(PublishError::NotFinite { name: OUTPUTS[place].name, got: reading.value });
+            }
+            (self.values.readings[place], self.values.clipped[place]) = (reading.value, reading.clipped);
+        }
+        self.values.states.iter_mut().zip(*states).for_each(|(to, from)| *to = *from);
+        for sender in 0..self.senders.len() {
+            let is_due = match self.senders[sender].message.trigger {
+                Trigger::Every(samples) => measurement.sample.is_multiple_of(samples),
+                Trigger::Sync => self.time_base == TimeBase::Lockstep && self.lockstep == Lockstep::Sync,
+                Trigger::Period(_) | Trigger::Request => false,
+            };
+            if is_due {
+                self.queue(sender);
+            }
+        }
+        Ok(())
+    }
+
+    fn load(&mut self) -> Load {
+        self.values.load = self.guard.load();
+        self.values.load
+    }
+
+    fn fault(&mut self, _now_ns: u64, code: EmergencyCode, detail: u16) {
+        self.fail(code, detail);
+    }
+
+    fn leave(&mut self, _now_ns: u64) {
+        self.is_leaving = true;
+        if self.is_armed() {
+            self.exit();
+        }
+    }
+
+    fn waiting_frames(&mut self, most: usize, frames: &mut Vec<Frame>) {
+        for sender in 0..self.senders.len() {
+            if frames.len() < most && self.senders[sender].waits() {
+                let status = self.status(self.senders[sender].message.drive);
+                match self.senders[sender].frame(&self.values, &status) {
+                    Some(frame) => frames.push(frame),
+                    // A mapping that was not checked: its message is never sent.
+                    None => self.core.counts.unsent += u64::from(self.senders[sender].give_up()),
+                }
+            }
+        }
+    }
+
+    fn frame_sent(&mut self) {
+        if let Some(sender) = self.senders.iter_mut().find(|sender| sender.waits()) {
+            self.core.counts.limited_values += sender.sent();
+        }
+        self.core.frame_sent(self.senders.iter().any(Sender::waits));
+    }
+
+    fn boxed_clone(&self) -> Box<dyn PlantInterface> {
+        Box::new(self.clone())
     }
 }
 

@@ -8,7 +8,7 @@ use alloc::vec;
 
 use super::mapping::*;
 use super::*;
-use crate::node::{FrameFault, PublishError, PublishedSample, WireEvent};
+use crate::node::{FrameFault, NodeEvent, PublishError, PublishedSample};
 use crate::rig::{ExciterSpec, Measurement, Reading};
 use resonarm_protocol::{Id, OperatorRequest};
 use resonarm_wire::checksum::{DataId, Preset};
@@ -106,7 +106,7 @@ pub struct Rig {
     pub now_ns: u64,
     pub sample: u64,
     counters: [u64; 2],
-    pub events: Vec<WireEvent>,
+    pub events: Vec<NodeEvent>,
     pub sent: Vec<Frame>,
 }
 

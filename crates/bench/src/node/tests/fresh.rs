@@ -674,11 +674,22 @@ fn rejected_frames_hide_no_transition() {
         plant.node.fault(plant.now_ns, EmergencyCode::Overrun, 1);
         reject(&mut plant);
         assert_eq!((plant.node.arms(), plant.node.leaves()), (1, 1), "{protocol:?}");
-        let events: Vec<WireEvent> = core::iter::from_fn(|| plant.node.poll_event()).collect();
-        let to = |wanted| events.iter().any(|event| matches!(event, WireEvent::State { to, .. } if *to == wanted));
+        let events: Vec<NodeEvent> = core::iter::from_fn(|| plant.node.poll_event()).collect();
+        let to = |wanted| events.iter().any(|event| matches!(event, NodeEvent::State { to, .. } if *to == wanted));
         assert!(to(NodeState::Operational) && to(NodeState::Fault), "{protocol:?}: {events:?}");
-        assert!(events.iter().any(|event| matches!(event, WireEvent::Lost(lost) if *lost > 0)), "{protocol:?}");
+        assert!(events.iter().any(|event| matches!(event, NodeEvent::Lost(lost) if *lost > 0)), "{protocol:?}");
     }
+}
+
+/// The same of the exciter; those of users' protocols are in the tests of their exciters.
+#[test]
+fn rejected_frames_hide_no_transition_of_the_exciter() {
+    let mut plant = Transmitter::new(Network::default());
+    let armed = Heartbeat { node: NodeName::Plant, state: NodeState::Operational };
+    let hello = Message::PlantHello(Hello::new(WireProfile::Classic, RATE_HZ));
+    let arming = [hello, Message::Heartbeat(armed)].map(|message| plant.frame(&message).unwrap());
+    let rejected = Frame::classic(arming[0].id(), &[0; 8]).unwrap();
+    check_that_rejected_frames_hide_no_transition(&mut exciter_node(1.0), &rejected, &arming);
 }
 
 /// The cause of the fault, by which the plant's controller is sent to the right place.

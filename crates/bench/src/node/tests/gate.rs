@@ -44,8 +44,8 @@ impl Driven {
         self.sample += 1;
         self.plant.handle_deadline(self.now_ns);
         let load = self.plant.load();
-        self.plant.set_travel(travel_m);
-        self.plant.publish(&Measurement { sample: self.sample, ..Measurement::default() }).unwrap();
+        let measurement = Measurement { sample: self.sample, ..Measurement::default() };
+        self.plant.publish(&PublishedSample { travel_m, ..PublishedSample::of(&measurement) }).unwrap();
         while self.plant.poll_transmit().is_some() {}
         load
     }

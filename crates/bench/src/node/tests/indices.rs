@@ -93,7 +93,7 @@ fn refusals_are_counted_by_reason_and_the_fault_names_the_last() {
     let (mut plant, mut transmitter) = armed();
     let forces = [(1.0, 4464), (1.0, 4464), (1.0, 4463), (700.0, 4464), (1.0, 4400), (601.0, 4464)];
     for (force_x_n, index) in forces {
-        plant.publish(&Measurement { sample: 70_000, ..Measurement::default() }).unwrap();
+        plant.publish(&PublishedSample::of(&Measurement { sample: 70_000, ..Measurement::default() })).unwrap();
         let command = ForceCommand { force_x_n, force_y_n: 0.0, sample: index };
         // A load that the wire can't carry is not sent.
         if let Ok(frame) = transmitter.frame(&Message::Force(command)) {
@@ -101,7 +101,7 @@ fn refusals_are_counted_by_reason_and_the_fault_names_the_last() {
         }
     }
     for (tick, force_x_n) in [(1, 601.0), (2, 602.0)] {
-        plant.publish(&Measurement { sample: 70_000 + tick, ..Measurement::default() }).unwrap();
+        plant.publish(&PublishedSample::of(&Measurement { sample: 70_000 + tick, ..Measurement::default() })).unwrap();
         let command = ForceCommand { force_x_n, force_y_n: 0.0, sample: (70_000 + tick) as u16 };
         plant.handle_frame(0, &transmitter.frame(&Message::Force(command)).unwrap());
     }

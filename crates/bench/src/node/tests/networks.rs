@@ -30,7 +30,7 @@ fn a_sample_of_the_fd_profile_is_one_frame_with_every_reading() {
         acceleration_b_m_s2: [reading(2500.0, false), reading(1e-3, false)],
         acceleration_c_m_s2: [reading(-1e39, false), reading(0.0, false)],
     };
-    plant.publish(&measurement).unwrap();
+    plant.publish(&PublishedSample::of(&measurement)).unwrap();
     let frame = plant.poll_transmit().unwrap();
     assert_eq!(plant.poll_transmit(), None);
     assert!(matches!(frame.format(), FrameFormat::Fd { bit_rate_switch: true, .. }));
@@ -65,7 +65,7 @@ fn two_samples_go_in_a_frame_once_armed() {
     bench.run(600);
     assert_eq!(bench.outcome(), Some(ExciterOutcome::Finished));
     let exciter = bench.exciter.as_ref().unwrap();
-    assert_eq!((exciter.missed_samples(), exciter.unsent_frames(), bench.plant.refusals().total()), (0, 0, 0));
+    assert_eq!((exciter.missed_samples(), exciter.frames().unsent, bench.plant.refusals().total()), (0, 0, 0));
     assert_eq!(exciter.samples_played(), profile(0.5).samples() + 1);
     let held: Vec<f64> = bench.loads.iter().map(|load| load.force_n.x).skip_while(|force| *force == 0.0).collect();
     let expected = profile(0.5);
@@ -107,7 +107,9 @@ impl Crowd {
             for (plant, loads) in self.plants.iter_mut().zip(&mut self.loads) {
                 plant.handle_deadline(self.now_ns);
                 loads.push(plant.load());
-                plant.publish(&Measurement { sample: self.sample, ..Measurement::default() }).unwrap();
+                plant
+                    .publish(&PublishedSample::of(&Measurement { sample: self.sample, ..Measurement::default() }))
+                    .unwrap();
             }
             self.exchange();
         }
@@ -160,7 +162,7 @@ fn benches_side_by_side_do_not_disturb_each_other() {
     let mut alone = Crowd::new(&networks[..1], &networks[..1]);
     alone.run(400);
     assert!(crowd.exciters.iter().all(|exciter| exciter.outcome() == Some(ExciterOutcome::Finished)));
-    assert!(crowd.plants.iter().all(|plant| plant.refused_frames() == 0 && plant.refusals().total() == 0));
+    assert!(crowd.plants.iter().all(|plant| plant.frames().refused == 0 && plant.refusals().total() == 0));
     assert_eq!(crowd.loads[0], alone.loads[0]);
     assert_eq!(crowd.loads[1], alone.loads[0]);
     assert!(alone.loads[0].iter().any(|load| load.force_n.x > 10.0));

@@ -56,7 +56,7 @@ fn refused_in_lockstep([of_plant, of_exciter]: [u64; 2]) -> (PlantNode, ExciterN
         plant.handle_deadline(now_ns);
         if plant.is_armed() && (sample == 0 || plant.is_answered()) {
             sample += 1;
-            plant.publish(&Measurement { sample, ..Measurement::default() }).unwrap();
+            plant.publish(&PublishedSample::of(&Measurement { sample, ..Measurement::default() })).unwrap();
         }
         events.extend(core::iter::from_fn(|| plant.poll_event()));
     }
@@ -125,11 +125,11 @@ fn another_network_at_one_base_is_counted_and_reported_by_every_node() {
         assert_eq!(crowd.faults(), [None; 4], "{other:?}");
         assert_eq!(crowd.loads[0], alone.loads[0]);
         for plant in &mut crowd.plants {
-            assert!(plant.other_sender_frames() > 0 && plant.other_sender_frames() <= plant.refused_frames());
+            assert!(plant.frames().other_sender > 0 && plant.frames().other_sender <= plant.frames().refused);
             assert!(other_senders(core::iter::from_fn(|| plant.poll_event())) > 0);
         }
         for exciter in &mut crowd.exciters {
-            assert!(exciter.other_sender_frames() > 0 && exciter.other_sender_frames() <= exciter.refused_frames());
+            assert!(exciter.frames().other_sender > 0 && exciter.frames().other_sender <= exciter.frames().refused);
             assert!(other_senders(core::iter::from_fn(|| exciter.poll_event())) > 0);
         }
     }
@@ -145,7 +145,7 @@ fn a_remote_frame_and_a_refused_request_are_of_no_other_sender() {
         let frame = Frame::new(Id::Standard(id), format, &[0; 8]).unwrap();
         exciter.handle_frame(bench.now_ns, &frame);
     }
-    assert_eq!((exciter.refused_frames(), exciter.other_sender_frames()), (2, 0));
+    assert_eq!((exciter.frames().refused, exciter.frames().other_sender), (2, 0));
 }
 
 #[test]
@@ -212,7 +212,10 @@ fn an_exciter_that_ends_asks_to_disarm_at_every_sample_and_commands_no_more() {
     assert_eq!((requests(exciter), exciter.state()), (alloc::vec![OperatorRequest::Disarm], NodeState::PreOperational));
     for sample in 1..4 {
         bench.now_ns += TICK_NS;
-        bench.plant.publish(&Measurement { sample: bench.sample + sample, ..Measurement::default() }).unwrap();
+        bench
+            .plant
+            .publish(&PublishedSample::of(&Measurement { sample: bench.sample + sample, ..Measurement::default() }))
+            .unwrap();
         while let Some(frame) = bench.plant.poll_transmit() {
             exciter.handle_frame(bench.now_ns, &frame);
         }
@@ -229,7 +232,10 @@ fn of_timeouts_that_pass_together_one_is_reported() {
     jammed.run(100);
     assert!(jammed.plant.is_armed());
     // Its frames wait from the time of the last command.
-    jammed.plant.publish(&Measurement { sample: jammed.sample + 1, ..Measurement::default() }).unwrap();
+    jammed
+        .plant
+        .publish(&PublishedSample::of(&Measurement { sample: jammed.sample + 1, ..Measurement::default() }))
+        .unwrap();
     for tick in 1..2000 {
         jammed.plant.handle_deadline(jammed.now_ns + tick * TICK_NS);
     }

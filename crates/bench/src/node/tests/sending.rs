@@ -4,7 +4,7 @@ use super::*;
 use resonarm_protocol::{Id, ImpedanceHead, Receiver};
 
 fn publish(plant: &mut PlantNode, sample: u64) {
-    plant.publish(&Measurement { sample, ..Measurement::default() }).unwrap();
+    plant.publish(&PublishedSample::of(&Measurement { sample, ..Measurement::default() })).unwrap();
 }
 
 #[test]
@@ -25,7 +25,7 @@ fn after_a_jam_the_latest_sample_goes_out_whole_and_no_counter_is_missing() {
     }
     let expected: Vec<u16> = (0..10).chain(200..300).collect();
     assert_eq!((heads, receiver.lost()), (expected, 0));
-    assert_eq!(plant.unsent_frames(), 3 * 190);
+    assert_eq!(plant.frames().unsent, 3 * 190);
 }
 
 #[test]
@@ -67,7 +67,7 @@ fn a_node_that_repeats_itself_in_a_jam_sends_it_once() {
     let heartbeats =
         core::iter::from_fn(|| bench.plant.poll_transmit()).filter(|frame| frame.id() == Id::Standard(0x701));
     assert_eq!(heartbeats.count(), 2, "boot-up and pre-operational");
-    assert_eq!(bench.plant.unsent_frames(), 0);
+    assert_eq!(bench.plant.frames().unsent, 0);
 }
 
 #[test]
@@ -111,7 +111,10 @@ fn a_command_that_still_waits_when_the_controller_stops_is_taken_back() {
     bench.run(300);
     let exciter = bench.exciter.as_mut().unwrap();
     let answered = exciter.samples_played();
-    bench.plant.publish(&Measurement { sample: bench.sample + 1, ..Measurement::default() }).unwrap();
+    bench
+        .plant
+        .publish(&PublishedSample::of(&Measurement { sample: bench.sample + 1, ..Measurement::default() }))
+        .unwrap();
     while let Some(frame) = bench.plant.poll_transmit() {
         exciter.handle_frame(bench.now_ns, &frame);
     }
@@ -127,10 +130,11 @@ fn waiting_frames_are_sent_one_by_one() {
     let mut plant = plant_node();
     plant.start(0);
     publish(&mut plant, 0);
-    let waiting: Vec<Frame> = plant.waiting_frames().collect();
+    let mut waiting = Vec::new();
+    plant.waiting_frames(64, &mut waiting);
     assert_eq!(waiting.len(), 6, "boot-up, pre-operational, hello, three of the sample");
-    assert_eq!(plant.waiting_frames().next(), plant.next_frame());
+    assert_eq!(waiting.first().copied(), plant.next_frame());
     let one_by_one: Vec<Frame> = core::iter::from_fn(|| plant.poll_transmit()).collect();
     assert_eq!(waiting, one_by_one);
-    assert_eq!(plant.waiting_frames().count(), 0);
+    assert_eq!(plant.waiting(), 0);
 }

@@ -5,6 +5,7 @@ use alloc::format;
 
 use super::*;
 use crate::control::{Answer, Controller, Length, LoadKind, ResponsePoint};
+use crate::node::tests::check_that_rejected_frames_hide_no_transition;
 use crate::node::{ExciterInterface, ExciterLack, ExciterOutcome};
 use resonarm_protocol::Node;
 
@@ -119,6 +120,14 @@ fn it_enables_the_drives_commands_each_sample_and_shuts_them_down() {
         assert_eq!((pair.master.samples_played(), pair.master.missed_samples()), (5, 0));
         assert!(pair.master.is_quiet());
     }
+}
+
+#[test]
+fn rejected_frames_hide_no_transition() {
+    let frame = |node: u16, data: &[u8]| Frame::classic(Id::Standard(0x180 + node), data).unwrap();
+    let enabled = [1, 2].map(|node| frame(node, &[0x27, 0, TORQUE_MODE as u8]));
+    let mut master = master(2, TimeBase::Clock, 100).unwrap();
+    check_that_rejected_frames_hide_no_transition(&mut master, &frame(1, &[0x27]), &enabled);
 }
 
 #[test]

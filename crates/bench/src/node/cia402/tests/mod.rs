@@ -8,6 +8,7 @@ mod masters;
 mod torques;
 
 use super::*;
+use crate::node::NodeEvent;
 use crate::rig::Measurement;
 use resonarm_protocol::FrameFormat;
 use resonarm_protocol::Id;
@@ -35,7 +36,7 @@ struct Bench {
     now_ns: u64,
     sample: u64,
     states: [f64; 4],
-    events: Vec<WireEvent>,
+    events: Vec<NodeEvent>,
     load: Load,
     /// Frames that the bus has taken, until they are looked at.
     taken: Vec<Frame>,

@@ -76,7 +76,7 @@ fn a_refused_target_never_acts_and_is_counted() {
     bench.tick();
     assert_eq!(bench.torques_nm(), [1.0, 0.0]);
     assert_eq!(bench.node.refusals().total(), 1);
-    assert!(bench.events.contains(&WireEvent::Refused(Refusal::OutOfRange)));
+    assert!(bench.events.contains(&NodeEvent::Refused(Refusal::OutOfRange)));
     assert_eq!(bench.statusword(1) & 0x0800, 0x0800);
     bench.target(1, 20);
     bench.tick();

@@ -5,7 +5,6 @@
 //! sample before; an index or a counter in them counts the lost ones. A wire has no heartbeats, so that the plant is
 //! known by its readings alone: silence while it is armed is a fault.
 
-mod interface;
 mod listener;
 mod page;
 mod samples;
@@ -20,11 +19,14 @@ use self::page::{Ask, Page};
 use self::samples::Samples;
 use super::mapping::{Arming, Lockstep, Mapping};
 use crate::control::{Answer, Controller};
-use crate::node::work::{Phase, Unanswered, Work};
-use crate::node::{ExciterInterface, ExciterLack, ExciterOutcome, TimeBase, Timing};
+use crate::node::{
+    Carried, ExciterInterface, ExciterLack, ExciterOutcome, ExciterRemark, FrameFault, TimeBase, Timing, retry_ns,
+};
 use crate::rig::Measurement;
+use crate::structure::LOADS;
 use resonarm_dynamics::arm::Load;
-use resonarm_protocol::{Emergency, EmergencyCode, NodeState};
+use resonarm_protocol::node::{NodeCore, Phase, Unanswered, Work};
+use resonarm_protocol::{Emergency, EmergencyCode, Frame, FrameFormat, Id, NodeState};
 
 /// How often a plant that was asked to arm says that it is not before it is asked from the start: more than can be on
 /// their way.
@@ -67,7 +69,8 @@ pub struct MappedExciter {
     samples: Samples,
     drives: Vec<Drive>,
     lockstep: Option<Lockstep>,
-    work: Work,
+    core: NodeCore,
+    work: Work<Carried>,
     /// The load that is commanded.
     load: Load,
     /// Pages that wait to be sent, with what they ask for.
@@ -114,7 +117,8 @@ impl MappedExciter {
             pages,
             listeners,
             lockstep,
-            work: Work::new(time_base, timing, controller),
+            core: NodeCore::new(&timing),
+            work: Work::new(Carried::new(controller), &timing, retry_ns(time_base)),
             load: Load::default(),
             unarmed: 0,
             expects_unarmed_readings: false,
@@ -148,7 +152,7 @@ impl MappedExciter {
                 return Err(ExciterLack::Disarming { drive: *number });
             }
         }
-        let needs = self.work.carried.needs();
+        let needs = self.work.controller.needs();
         let is_lacking = |place: &usize| needs[*place] && (self.samples.every > 1 || !self.reads(*place));
         let needed: Vec<usize> = (0..Measurement::CHANNELS).filter(is_lacking).collect();
         if needed.is_empty() { Ok(()) } else { Err(ExciterLack::Readings { needed }) }
@@ -162,11 +166,11 @@ impl MappedExciter {
     /// Lets a page wait to be sent. One that waits already is sent with the newest load.
     fn push(&mut self, page: usize, ask: Ask) {
         if self.queue.contains(&(page, ask)) {
-            self.work.frames.unsent += 1;
+            self.core.counts.unsent += 1;
             return;
         }
         self.queue.push_back((page, ask));
-        self.work.frame_waits();
+        self.core.frame_waits();
     }
 
     /// Lets all pages wait that ask for this.
@@ -182,7 +186,7 @@ impl MappedExciter {
     fn clear(&mut self) {
         self.queue.clear();
         self.load = Load::default();
-        self.work.frame_sent(false);
+        self.core.frame_sent(false);
     }
 
     /// Asks the plant to arm. A signal that counts when it changes goes back to rest before only if the plant says that
@@ -211,13 +215,13 @@ impl MappedExciter {
 
     /// The plant is armed: its samples are answered from the next whole one on, or from one that waits.
     fn begin(&mut self, now_ns: u64) {
-        self.work.begin();
+        self.work.begin(&mut self.core);
         self.is_first_due = self.expects_unarmed_readings;
         self.answer_if_whole(now_ns);
     }
 
     fn disarm(&mut self, now_ns: u64, outcome: ExciterOutcome) {
-        self.work.disarm(outcome);
+        self.work.disarm(&mut self.core, outcome);
         self.ask_for_disarming(now_ns);
     }
 
@@ -240,7 +244,7 @@ impl MappedExciter {
     fn fault(&mut self, emergency: Emergency) {
         self.clear();
         self.ask(Ask::Disarm);
-        self.work.fault(emergency);
+        self.work.fault(&mut self.core, emergency);
     }
 
     /// The plant's fault, by what its readings say of it.
@@ -316,8 +320,8 @@ impl MappedExciter {
         }
         (self.is_first_due, self.samples.is_whole) = (false, false);
         let ahead = core::mem::take(&mut self.samples.ahead);
-        let measurement = self.samples.measurement(self.work.next_sample(ahead, self.samples.every));
-        match self.work.carried.answer_sample(&measurement) {
+        let measurement = self.samples.measurement(self.work.next_sample(&self.core, ahead, self.samples.every));
+        match self.work.controller.answer_sample(&measurement) {
             Answer::Hold(load) if page::can_command(&self.pages, &load) => {
                 self.load = load;
                 for page in 0..self.pages.len() {
@@ -355,6 +359,30 @@ impl MappedExciter {
         self.whole_at_ns.saturating_add(LAST_NS)
     }
 
+    /// Asks for readings that come only when they are asked for.
+    fn synchronise(&mut self, now_ns: u64) {
+        let Some((due_ns, period_ns)) = self.sync else { return };
+        if now_ns < due_ns || self.work.outcome().is_some() {
+            return;
+        }
+        let next_ns = due_ns.saturating_add(period_ns);
+        self.sync = Some((if next_ns > now_ns { next_ns } else { now_ns.saturating_add(period_ns) }, period_ns));
+        for page in 0..self.pages.len() {
+            if self.pages[page].is_sync {
+                self.push(page, Ask::Arm);
+            }
+        }
+    }
+
+    /// Another node sends this one's messages: either of the two may control the plant.
+    fn meet_second_sender(&mut self, id: Id) {
+        self.core.counts.refused += 1;
+        self.core.reject_sender(id);
+        if self.outcome().is_none() {
+            self.fault(self.work.own(EmergencyCode::SecondSender, id.raw() as u16));
+        }
+    }
+
     /// Whether the plant says the state of a drive.
     fn says_state(&self) -> bool {
         self.drives.iter().any(|drive| drive.says_state)
@@ -366,6 +394,156 @@ impl MappedExciter {
             && !self.says_state()
         {
             self.work.phase = Phase::Done(outcome);
+        }
+    }
+}
+
+impl ExciterInterface for MappedExciter {
+    fn core(&self) -> &NodeCore {
+        &self.core
+    }
+
+    fn core_mut(&mut self) -> &mut NodeCore {
+        &mut self.core
+    }
+
+    fn work(&self) -> &Work<Carried> {
+        &self.work
+    }
+
+    fn work_mut(&mut self) -> &mut Work<Carried> {
+        &mut self.work
+    }
+
+    fn waiting(&self) -> usize {
+        self.queue.len()
+    }
+
+    fn start(&mut self, now_ns: u64) {
+        self.core.start(now_ns);
+        // A plant that does not say its state may be in fault, with an enable that is still set.
+        self.begins_anew = !self.says_state();
+        // In real time the load in a frame that arms answers the sample before: a plant that has none is not asked yet.
+        if self.lockstep.is_some() { self.ask_for_arming(now_ns) } else { self.work.asked(now_ns) }
+    }
+
+    fn check_load(&self, load: &Load) -> Result<(), ExciterLack> {
+        if page::can_command(&self.pages, load) {
+            return Ok(());
+        }
+        let Load { torque_nm, force_n } = load;
+        let parts = [
+            Load::torque_nm(torque_nm.x, 0.0),
+            Load::torque_nm(0.0, torque_nm.y),
+            Load::force_n(force_n.x, 0.0),
+            Load::force_n(0.0, force_n.y),
+        ];
+        let part = parts.iter().position(|part| !page::can_command(&self.pages, part));
+        Err(ExciterLack::Load { part: part.map_or("several parts", |place| LOADS[place].name) })
+    }
+
+    fn remarks(&self) -> Vec<ExciterRemark> {
+        let unread: Vec<usize> = (0..Measurement::CHANNELS).filter(|place| !self.reads(*place)).collect();
+        let every = self.samples.every;
+        let remarks = [
+            (!unread.is_empty()).then_some(ExciterRemark::Unread { unread }),
+            (every > 1).then_some(ExciterRemark::Sparse { every }),
+            self.drives.iter().any(|drive| !drive.says_state).then_some(ExciterRemark::State),
+            (self.listeners[self.samples.counting].counts() == 0).then_some(ExciterRemark::Index),
+        ];
+        remarks.into_iter().flatten().collect()
+    }
+
+    fn handle_frame(&mut self, now_ns: u64, frame: &Frame) {
+        self.core.listening.look(now_ns);
+        if frame.format() == FrameFormat::Remote {
+            return;
+        }
+        let id = frame.id();
+        if let Some(place) = self.listeners.iter().position(|listener| listener.id() == id) {
+            match self.listeners[place].hear(frame, &mut self.samples.readings) {
+                Ok(heard) => self.take(now_ns, place, heard),
+                Err(check) => self.core.reject(FrameFault::Mapped { id, check }),
+            }
+        } else if self.pages.iter().any(|page| page.is_of(id) && (page.is_command() || page.asks(Ask::Arm))) {
+            self.meet_second_sender(id);
+        }
+    }
+
+    fn handle_deadline(&mut self, now_ns: u64) {
+        self.core.listening.look(now_ns);
+        self.synchronise(now_ns);
+        match self.work.phase {
+            Phase::Arming if self.work.is_due(now_ns) => self.ask_for_arming(now_ns),
+            Phase::Disarming(outcome) if self.work.is_due(now_ns) => self.disarm_again(now_ns, outcome),
+            _ => {
+                self.work.timed_out(&self.core, self.waiting()).into_iter().for_each(|emergency| self.fault(emergency))
+            }
+        }
+        if self.expects_unarmed_readings {
+            self.answer_if_whole(now_ns);
+        }
+    }
+
+    fn next_deadline_ns(&self) -> u64 {
+        let sync_ns = self.sync.filter(|_| self.outcome().is_none()).map_or(u64::MAX, |(due_ns, _)| due_ns);
+        let first_ns = if self.awaits_quiet() { self.last_at_ns() } else { u64::MAX };
+        self.work.deadline_ns(&self.core).min(sync_ns).min(first_ns)
+    }
+
+    fn rearm(&mut self, now_ns: u64) -> bool {
+        if !self.work.rearm(&mut self.core, now_ns) {
+            return false;
+        }
+        (self.begins_anew, self.reason) = (true, None);
+        self.drives.iter_mut().for_each(|drive| drive.state = None);
+        self.listeners.iter_mut().for_each(Listener::forget);
+        self.samples.restart();
+        self.clear();
+        true
+    }
+
+    fn leave(&mut self, now_ns: u64) {
+        if self.work.leave() {
+            self.disarm(now_ns, ExciterOutcome::Stopped);
+        }
+    }
+
+    fn bus_lost(&mut self, _now_ns: u64) {
+        if self.work.phase == Phase::Playing {
+            self.fault(self.work.own(EmergencyCode::BusLoss, self.core.not_sent(self.waiting())));
+        }
+    }
+
+    fn expect_unarmed_readings(&mut self) {
+        self.expects_unarmed_readings = true;
+    }
+
+    fn plant_ended(&mut self, _now_ns: u64) {
+        self.work.plant_ended(&mut self.core);
+    }
+
+    fn next_frame(&mut self) -> Option<Frame> {
+        while let Some((page, ask)) = self.queue.front().copied() {
+            let page = &self.pages[page];
+            if let Some(frame) = page.frame(ask, &self.load, self.counters[page.message]) {
+                return Some(frame);
+            }
+            // A load that was checked can be sent: this is never reached.
+            self.queue.pop_front();
+            self.core.counts.unsent += 1;
+        }
+        None
+    }
+
+    fn frame_sent(&mut self) {
+        if let Some((page, _)) = self.queue.pop_front() {
+            let page = &self.pages[page];
+            self.counters[page.message] = page.after(self.counters[page.message]);
+        }
+        self.core.frame_sent(!self.queue.is_empty());
+        if self.queue.is_empty() {
+            self.all_is_sent();
         }
     }
 }

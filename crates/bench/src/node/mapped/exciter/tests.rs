@@ -13,7 +13,8 @@ use crate::control::{Controller, Length, LoadKind, ResponsePoint};
 use crate::node::mapped::MappedNode;
 use crate::node::mapped::mapping::*;
 use crate::node::mapped::tests::*;
-use crate::node::{ExciterRemark, FrameCheck, FrameFault, PlantInterface, PublishedSample, Refusals, WireEvent};
+use crate::node::tests::check_that_rejected_frames_hide_no_transition;
+use crate::node::{ExciterRemark, FrameCheck, FrameFault, NodeEvent, PlantInterface, PublishedSample, Refusals};
 use crate::rig::{GateSpec, Reading};
 use resonarm_protocol::{Frame, FrameFormat, Id, Node, OperatorRequest, Refusal};
 
@@ -64,7 +65,7 @@ struct Pair {
     frames: u64,
     /// The frames of the plant.
     sent: Vec<Frame>,
-    events: Vec<WireEvent>,
+    events: Vec<NodeEvent>,
 }
 
 impl Pair {
@@ -168,7 +169,7 @@ fn it_arms_answers_every_sample_and_disarms() {
     pair.ticks(2);
     assert_eq!(pair.exciter.outcome(), Some(ExciterOutcome::Finished));
     assert!(!pair.plant.is_armed() && pair.exciter.is_quiet() && pair.plant.latched_fault().is_none());
-    let states: Vec<_> = pair.events.iter().map(|event| matches!(event, WireEvent::State { .. })).collect();
+    let states: Vec<_> = pair.events.iter().map(|event| matches!(event, NodeEvent::State { .. })).collect();
     assert_eq!(states, [true; 3]);
 }
 
@@ -233,7 +234,7 @@ fn damaged_readings_are_refused() {
         Frame::new(frame.id(), frame.format(), &data).ok()
     };
     assert_eq!(counts(&pair.ticks(8)), [0, 1, 2, 3, 4, 4, 6, 7]);
-    let refused = WireEvent::Frame(FrameFault::Mapped { id: MEAS, check: FrameCheck::Checksum });
+    let refused = NodeEvent::Frame(FrameFault::Mapped { id: MEAS, check: FrameCheck::Checksum });
     assert!(pair.events.contains(&refused) && pair.exciter.frames().refused == 1);
 }
 
@@ -368,11 +369,22 @@ fn first_commands_of_zero_arm_where_nothing_else_does() {
 #[test]
 fn a_load_beyond_its_signal_is_a_fault_and_nothing_is_sent_of_it() {
     let mut pair = Pair::new(100_000);
-    pair.exciter.work.next_sample(1, 1);
-    pair.exciter.work.next_sample(40_000, 1);
+    let MappedExciter { work, core, .. } = &mut pair.exciter;
+    work.next_sample(core, 1, 1);
+    work.next_sample(core, 40_000, 1);
     pair.ticks(3);
     assert_eq!(pair.fault(), Some((Node::Exciter, EmergencyCode::CommandOutOfRange)));
     assert!(!pair.plant.is_armed() && pair.plant.latched_fault().is_none());
+}
+
+#[test]
+fn rejected_frames_hide_no_transition() {
+    let mut pair = Pair::new(100);
+    pair.ticks(3);
+    assert!(pair.plant.is_armed());
+    let rejected = Frame::classic(MEAS, &[0; 8]).unwrap();
+    let mut exciter = Pair::new(100).exciter;
+    check_that_rejected_frames_hide_no_transition(&mut exciter, &rejected, &pair.sent);
 }
 
 #[test]

@@ -121,8 +121,8 @@ fn each_check_says_what_it_found() {
     let late = rig.frame(DRIVE, 0, false, false);
     rig.node.handle_frame(0, &late);
     rig.tick();
-    let check = |event: &WireEvent| match event {
-        WireEvent::Frame(FrameFault::Mapped { id: DRIVE, check }) => Some(*check),
+    let check = |event: &NodeEvent| match event {
+        NodeEvent::Frame(FrameFault::Mapped { id: DRIVE, check }) => Some(*check),
         _ => None,
     };
     let checks: Vec<FrameCheck> = rig.events.iter().filter_map(check).collect();

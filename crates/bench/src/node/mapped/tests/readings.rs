@@ -75,7 +75,7 @@ fn another_sender_of_its_messages_is_reported() {
     let mut rig = Rig::new();
     rig.node.handle_frame(0, &Frame::new(MEAS, FrameFormat::Classic, &[0; 8]).unwrap());
     rig.tick();
-    assert!(rig.events.contains(&WireEvent::OtherSender(MEAS)));
+    assert!(rig.events.contains(&NodeEvent::OtherSender(MEAS)));
     assert_eq!(rig.node.frames().other_sender, 1);
 }
 

@@ -1,0 +1,234 @@
+//! The work of an exciter, whatever protocol it speaks.
+
+use super::answering::{Answering, ExciterOutcome};
+use super::{NodeCore, Timing};
+use crate::{Emergency, EmergencyCode, Node, StateEvent};
+
+/// How often a plant that is silent, or that says it is armed, is asked to disarm.
+const SILENT_TRIES: u32 = 3;
+const ARMED_TRIES: u32 = 30;
+
+/// The phase of an exciter's work; `A` is its controller's reason to give up.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub enum Phase<A> {
+    /// Looking for the plant and arming it.
+    Arming,
+    /// Answering samples.
+    Playing,
+    /// Disarming the plant, for this outcome.
+    Disarming(ExciterOutcome<A>),
+    /// The work has ended with this outcome.
+    Done(ExciterOutcome<A>),
+}
+
+/// What follows when the plant has not said in time that it is disarmed.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Unanswered {
+    /// It is asked again.
+    Ask,
+    /// It is silent: it has stopped or ended its run, and its own timeout disarms it in any case.
+    Silent,
+    /// It says that it is armed, again and again.
+    StillArmed,
+}
+
+/// The controller of an exciter, the phase of its work, and the samples answered.
+///
+/// Its methods that change the state of the node, or read the time, take the node's core.
+#[derive(Clone, Debug)]
+pub struct Work<C: Answering> {
+    /// The controller.
+    pub controller: C,
+    /// The phase.
+    pub phase: Phase<C::Abort>,
+    /// Whether the plant has been heard.
+    pub has_heard: bool,
+    /// The index on the wire of the sample that was answered last.
+    pub last_index: u16,
+    sample_timeout_ns: u64,
+    retry_ns: u64,
+    retry_at_ns: u64,
+    tries: u32,
+    heard_since_asked: bool,
+    is_leaving: bool,
+    /// The number of the sample that was answered last, from 0.
+    answered: Option<u64>,
+    missed: u64,
+    /// When the last whole sample came, or the plant was armed, in time listened.
+    sample_heard_ns: u64,
+}
+
+impl<C: Answering> Work<C> {
+    /// The work of `controller`, not begun. The plant is asked to arm or disarm every `retry_ns`.
+    pub fn new(controller: C, timing: &Timing, retry_ns: u64) -> Work<C> {
+        Work {
+            controller,
+            phase: Phase::Arming,
+            has_heard: false,
+            last_index: 0,
+            sample_timeout_ns: timing.partner_timeout_ns,
+            retry_ns,
+            retry_at_ns: 0,
+            tries: 0,
+            heard_since_asked: false,
+            is_leaving: false,
+            answered: None,
+            missed: 0,
+            sample_heard_ns: 0,
+        }
+    }
+
+    /// The plant may be asked from now on.
+    pub fn start(&mut self, now_ns: u64) {
+        self.retry_at_ns = now_ns;
+    }
+
+    /// How the work ended, once it has.
+    pub fn outcome(&self) -> Option<ExciterOutcome<C::Abort>> {
+        match self.phase {
+            Phase::Done(outcome) => Some(outcome),
+            _ => None,
+        }
+    }
+
+    /// Samples answered so far, including lost ones.
+    pub fn samples_played(&self) -> u64 {
+        self.answered.map_or(0, |last| last + 1)
+    }
+
+    /// Samples of the plant that were never complete.
+    pub fn missed_samples(&self) -> u64 {
+        self.missed
+    }
+
+    /// Whether the node leaves the bus.
+    pub fn is_leaving(&self) -> bool {
+        self.is_leaving
+    }
+
+    /// The plant was heard; whether it was for the first time.
+    pub fn hear(&mut self) -> bool {
+        self.heard_since_asked = true;
+        !core::mem::replace(&mut self.has_heard, true)
+    }
+
+    /// The plant is asked for something now.
+    pub fn asked(&mut self, now_ns: u64) {
+        self.retry_at_ns = now_ns.saturating_add(self.retry_ns);
+        self.heard_since_asked = false;
+    }
+
+    /// Whether the plant has to be asked again.
+    pub fn is_due(&self, now_ns: u64) -> bool {
+        matches!(self.phase, Phase::Arming | Phase::Disarming(_)) && now_ns >= self.retry_at_ns
+    }
+
+    /// The plant is armed.
+    pub fn begin(&mut self, core: &mut NodeCore) {
+        self.phase = Phase::Playing;
+        self.sample_heard_ns = core.listening.listened_ns();
+        core.turn(StateEvent::Arm);
+    }
+
+    /// A sample is answered, so many samples after the one before, of which every `every`th is; returns its number.
+    pub fn next_sample(&mut self, core: &NodeCore, ahead: u64, every: u64) -> u64 {
+        let ahead = ahead.max(1);
+        let sample = self.answered.map_or(0, |last| last.saturating_add(ahead));
+        if self.answered.is_some() {
+            self.missed += (ahead / every).saturating_sub(1);
+        }
+        (self.answered, self.last_index) = (Some(sample), sample as u16);
+        self.sample_heard_ns = core.listening.listened_ns();
+        sample
+    }
+
+    /// The plant is to be disarmed, for this outcome.
+    pub fn disarm(&mut self, core: &mut NodeCore, outcome: ExciterOutcome<C::Abort>) {
+        (self.phase, self.tries) = (Phase::Disarming(outcome), 1);
+        core.turn(StateEvent::Disarm);
+    }
+
+    /// What follows when the plant has not said in time that it is disarmed.
+    pub fn unanswered(&mut self) -> Unanswered {
+        if !self.heard_since_asked && self.tries >= SILENT_TRIES {
+            Unanswered::Silent
+        } else if self.tries >= ARMED_TRIES {
+            Unanswered::StillArmed
+        } else {
+            self.tries += 1;
+            Unanswered::Ask
+        }
+    }
+
+    /// Ends the work by a fault.
+    pub fn fault(&mut self, core: &mut NodeCore, emergency: Emergency) {
+        core.fail(emergency);
+        self.phase = Phase::Done(ExciterOutcome::Faulted(emergency));
+    }
+
+    /// An emergency of this node.
+    pub fn own(&self, code: EmergencyCode, detail: u16) -> Emergency {
+        Emergency { node: Node::Exciter, code, detail, sample: self.last_index }
+    }
+
+    /// A fault of the plant; without a code that is known it is this node's, for its partner's.
+    pub fn of_plant(&self, code: Option<EmergencyCode>) -> Emergency {
+        let known = |code| Emergency { node: Node::Plant, code, detail: 0, sample: self.last_index };
+        let unknown = || self.own(EmergencyCode::PartnerFault, u16::from(Node::Plant.number()));
+        code.map_or_else(unknown, known)
+    }
+
+    /// The fault of an exciter that answers samples and hears none, or sends nothing, if it is one. `waiting` frames
+    /// wait.
+    pub fn timed_out(&self, core: &NodeCore, waiting: usize) -> Option<Emergency> {
+        if self.phase != Phase::Playing {
+            None
+        } else if core.is_jammed() {
+            Some(self.own(EmergencyCode::BusLoss, core.not_sent(waiting)))
+        } else if core.listening.has_passed(self.sample_heard_ns, self.sample_timeout_ns) {
+            Some(self.own(EmergencyCode::SensorTimeout, self.last_index))
+        } else {
+            None
+        }
+    }
+
+    /// When to call the node next for its work, at the latest, ns.
+    pub fn deadline_ns(&self, core: &NodeCore) -> u64 {
+        match self.phase {
+            Phase::Arming | Phase::Disarming(_) => self.retry_at_ns,
+            Phase::Playing => core.listening.next_look_ns(self.sample_heard_ns, self.sample_timeout_ns),
+            Phase::Done(_) => u64::MAX,
+        }
+    }
+
+    /// Begins anew after a fault; `false` if no fault ended the work, or the node leaves.
+    pub fn rearm(&mut self, core: &mut NodeCore, now_ns: u64) -> bool {
+        if !matches!(self.phase, Phase::Done(ExciterOutcome::Faulted(_))) || self.is_leaving {
+            return false;
+        }
+        core.turn(StateEvent::Reset);
+        (self.phase, self.answered, self.last_index) = (Phase::Arming, None, 0);
+        self.controller.restart();
+        // By the first attempt the plant has said its state.
+        self.asked(now_ns);
+        true
+    }
+
+    /// The node leaves the bus; whether the plant has to be disarmed for that.
+    pub fn leave(&mut self) -> bool {
+        let is_first = !core::mem::replace(&mut self.is_leaving, true);
+        is_first && matches!(self.phase, Phase::Arming | Phase::Playing)
+    }
+
+    /// The plant has ended for good.
+    pub fn plant_ended(&mut self, core: &mut NodeCore) {
+        match self.phase {
+            Phase::Playing => {
+                self.phase = Phase::Done(ExciterOutcome::PlantLeft);
+                core.turn(StateEvent::Disarm);
+            }
+            Phase::Disarming(outcome) => self.phase = Phase::Done(outcome),
+            Phase::Arming | Phase::Done(_) => {}
+        }
+    }
+}
