@@ -32,6 +32,12 @@ impl CountMotions for SingularCurve {
     }
 }
 
+impl CountMotions for structure::SingularCurve {
+    fn motions(&self) -> usize {
+        self.points.len()
+    }
+}
+
 impl CountMotions for structure::Backbone {
     fn motions(&self) -> usize {
         self.points.len()
@@ -54,12 +60,12 @@ impl Early {
     /// # Errors [`Failure::BranchEndedEarly`] if it holds no motion.
     pub fn keep<T: CountMotions + Debug>(
         &mut self,
-        along: &'static str,
+        along: &str,
         traced: Result<T, EndedEarly<T>>,
     ) -> Result<T, Failure> {
         traced.or_else(|EndedEarly { reason, so_far }| {
             let kept = so_far.motions();
-            let failure = Failure::BranchEndedEarly { along, source: reason, kept };
+            let failure = Failure::BranchEndedEarly { along: along.to_owned(), source: reason, kept };
             if kept == 0 {
                 return Err(failure);
             }
@@ -73,7 +79,7 @@ impl Early {
     /// # Errors [`Failure::BranchEndedEarly`] if the interval is invalid.
     pub fn keep_any<T: CountMotions + Debug>(
         &mut self,
-        along: &'static str,
+        along: &str,
         traced: Result<T, EndedEarly<T>>,
     ) -> Result<Option<T>, Failure> {
         match self.keep(along, traced) {

@@ -88,7 +88,7 @@ pub(crate) enum Failure {
     #[error(transparent)]
     Analysis(#[from] AnalysisError),
     #[error("along {along}: {source}{}{}", continuation_hint(source), kept_so_far(kept))]
-    BranchEndedEarly { along: &'static str, source: AnalysisError, kept: usize },
+    BranchEndedEarly { along: String, source: AnalysisError, kept: usize },
     #[error(transparent)]
     Paper(#[from] PaperError),
     #[error(transparent)]

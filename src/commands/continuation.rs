@@ -44,7 +44,7 @@ Examples:
   resonarm continue --torque1-nm 800 --beta2-deg 75 --from-hz 40 --to-hz 50 \\
       --doubled
   resonarm continue --scenario hardening.toml --drive tip.x --amplitude 4 \\
-      --from-hz 21 --to-hz 24
+      --from-hz 21 --to-hz 24 --curves-in amplitude --curves-to 1
 
 A walk that ends early prints what it found, says why on standard error, and ends with exit code 1.";
 
@@ -65,7 +65,8 @@ pub(crate) struct Continue {
     /// Of a structure: leave out the stability, and with it all bifurcations but folds. Faster, with many modes most.
     #[arg(long, requires = "drive")]
     no_stability: bool,
-    /// What varies: frequency, amplitude, beta1_deg, beta2_deg, or a parameter of the arm as a scenario calls it.
+    /// What varies: frequency, amplitude, beta1_deg, beta2_deg, or a parameter of the arm as a scenario calls it; of a
+    /// structure a parameter is link2.angle_deg, mode3.damping_ratio, element1.gap_m, gravity_m_s2.
     #[arg(long, value_name = "NAME", default_value = "frequency")]
     parameter: String,
     #[command(flatten)]
@@ -119,10 +120,10 @@ struct RangeFlags {
     /// Last angle, degrees.
     #[arg(long, value_name = "DEG")]
     to_deg: Option<f64>,
-    /// First value of a parameter of the arm, in its SI unit.
+    /// First value of a parameter of the arm, in its SI unit, or of a structure, in the unit of its name.
     #[arg(long, value_name = "X")]
     from: Option<f64>,
-    /// Last value of a parameter of the arm.
+    /// Last value of a parameter.
     #[arg(long, value_name = "X")]
     to: Option<f64>,
 }
@@ -305,15 +306,28 @@ impl Continue {
                 let suffix = if drive.0.is_angle() { "-nm" } else { "-n" };
                 (structure::Coordinate::Amplitude, 1.0, Some(self.positive_frequency_hz()?), suffix)
             }
-            other => {
-                let what = format!("--parameter {other}: of a structure vary frequency or amplitude");
-                return Err(Failure::usage(what));
+            _ => {
+                let coordinate =
+                    structures::continuation::coordinate("--parameter", &self.parameter, &tested.assembly)?;
+                (coordinate, self.structure.needed_amplitude()?, Some(self.positive_frequency_hz()?), "")
             }
         };
-        if self.doubled || self.curves.are_given() || self.readings.readings {
-            let what = "--doubled, --curves-in and --readings are for the two-link arm: leave them out";
-            return Err(Failure::usage(what));
+        if self.readings.readings {
+            return Err(Failure::usage("--readings is for the two-link arm: leave it out"));
         }
+        if self.no_stability && self.doubled {
+            return Err(Failure::usage("--no-stability finds no period doublings: leave it out, or --doubled"));
+        }
+        let second = self.curves.given().map(|(name, to)| {
+            let second = structures::continuation::coordinate("--curves-in", name, &tested.assembly)?;
+            if second == coordinate {
+                return Err(Failure::usage(format!(
+                    "--curves-in {name} is what the branch is followed in already: name another parameter"
+                )));
+            }
+            Ok((second, to))
+        });
+        let second = second.transpose()?;
         let (from, to) =
             quantity::interval(&format!("--parameter {}", self.parameter), Some(suffix), &ends)?.unwrap_or_default();
         let asked = structures::continuation::Asked {
@@ -323,6 +337,8 @@ impl Continue {
             coordinate,
             ends: [from, to],
             at: &self.at,
+            doubled: self.doubled,
+            curves: second,
             assess: if self.no_stability { structure::Assess::Nothing } else { structure::Assess::Multipliers },
             settings: &|options| self.walk.options(options),
             plot: self.plot.as_deref(),

@@ -37,17 +37,17 @@ struct BifurcationCurve {
 }
 
 /// The largest step along a curve, relative to its local size: short enough for a smooth drawing.
-const LARGEST_STEP: f64 = 0.08;
+pub(crate) const LARGEST_STEP: f64 = 0.08;
 
 impl CurveFlags {
-    /// Whether curves are wanted.
-    pub const fn are_given(&self) -> bool {
-        self.curves_in.is_some()
+    /// The second parameter's name and where the curves end, if curves are wanted.
+    pub fn given(&self) -> Option<(&str, f64)> {
+        Some((self.curves_in.as_deref()?, self.curves_to?))
     }
 
     /// The second quantity and where the curves end, if curves are wanted.
     pub fn second(&self, first: &Quantity, drive: &DriveFlags) -> Result<Option<(Quantity, f64)>, Failure> {
-        let (Some(name), Some(to)) = (&self.curves_in, self.curves_to) else { return Ok(None) };
+        let Some((name, to)) = self.given() else { return Ok(None) };
         let second = Quantity::parse("--curves-in", name, drive)?;
         if second.name == first.name {
             return Err(Failure::usage(format!(

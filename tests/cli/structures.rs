@@ -454,6 +454,90 @@ fn a_branch_without_stability() {
     ");
 }
 
+/// The chain that moves as the arm has the arm's curves of folds, in the amplitude and in an angle, and its doubled
+/// branches.
+#[test]
+fn curves_and_doubled_branches_of_a_chain_are_those_of_the_arm() {
+    let folder = tempfile::tempdir().unwrap();
+    let close = |a: &Value, b: &Value| {
+        let (a, b) = (a.as_f64().unwrap(), b.as_f64().unwrap());
+        assert!((a / b - 1.0).abs() < 1e-9, "{a} {b}");
+    };
+    let run = |command: String| document(folder.path(), 0, &command.split_whitespace().collect::<Vec<_>>());
+    let both = |beta2_deg: f64, amplitude: f64, ends: &str, on_arm: &str, on_chain: &str| {
+        fs::write(
+            folder.path().join("arm.toml"),
+            format!("[arm]\nbeta2_deg = {beta2_deg}\n[structure]\nkind = \"arm\"\n"),
+        )
+        .unwrap();
+        let arm = format!("continue --beta2-deg {beta2_deg} --torque1-nm {amplitude} {ends} {on_arm} --json");
+        let chain =
+            format!("continue --scenario arm.toml --drive joint1 --amplitude {amplitude} {ends} {on_chain} --json");
+        [run(arm), run(chain)]
+    };
+    let list = |value: &Value| value.as_array().unwrap().clone();
+    for (on_arm, name, on_chain, in_chain) in [
+        ("--curves-in amplitude --curves-to 5", "torque1_nm", "--curves-in amplitude --curves-to 5", "amplitude"),
+        (
+            "--curves-in beta2_deg --curves-to 65",
+            "beta2_deg",
+            "--curves-in link2.angle_deg --curves-to 65",
+            "link2.angle_deg",
+        ),
+    ] {
+        let [arm, chain] = both(60.0, 60.0, "--from-hz 21 --to-hz 23.5", on_arm, on_chain);
+        let [arm, chain] = [&arm, &chain].map(|found| list(&found["curves"]));
+        assert_eq!(arm.len(), chain.len());
+        for (arm, chain) in arm.iter().zip(&chain) {
+            assert_eq!((&arm["kind"], list(&arm["turns"]).len()), (&chain["kind"], list(&chain["turns"]).len()));
+            for turn in list(&arm["turns"]).iter().zip(list(&chain["turns"])) {
+                assert_eq!(turn.0["kind"], turn.1["kind"]);
+                close(&turn.0["frequency_hz"], &turn.1["frequency_hz"]);
+            }
+            let [arm, chain] = [arm, chain].map(|curve| list(&curve["points"]).last().unwrap().clone());
+            close(&arm["frequency_hz"], &chain["frequency_hz"]);
+            close(&arm[name], &chain[in_chain]);
+        }
+    }
+    let [arm, chain] = both(75.0, 800.0, "--from-hz 40 --to-hz 50", "--doubled", "--doubled");
+    let [arm, chain] = [&arm, &chain].map(|found| list(&found["doubled"]));
+    assert_eq!((arm.len(), chain.len()), (2, 2));
+    for (arm, chain) in arm.iter().zip(&chain) {
+        assert!(list(&chain["points"]).iter().all(|point| point["period"] == 2));
+        let [arm, chain] = [arm, chain].map(|branch| list(&branch["bifurcations"]));
+        for (arm, chain) in arm.iter().zip(&chain) {
+            assert_eq!(arm["kind"], chain["kind"]);
+            if arm["kind"] != "neimark-sacker" {
+                close(&arm["frequency_hz"], &chain["frequency_hz"]);
+            }
+        }
+    }
+}
+
+/// A branch in a value of the element, with its curve of folds, drawn.
+#[test]
+fn a_branch_in_a_parameter_of_an_element() {
+    let folder = oscillator();
+    let all = "--drive tip.x --amplitude 5 --parameter element1.stiffness3_n_m3 --frequency-hz 11 --from 1e5 --to 8e6 \
+               --curves-in mode1.damping_ratio --curves-to 0.02 --plot branch";
+    let shown = resonarm(folder.path(), &on_oscillator("continue", all)).stdout;
+    assert!(shown.contains("curve of folds"), "{shown}");
+    let svg = fs::read_to_string(folder.path().join("branch-curves.svg")).unwrap();
+    assert!(svg.contains("mode1.damping_ratio") && svg.contains("element1.stiffness3_n_m3 (N/m³)"));
+    let head = fs::read_to_string(folder.path().join("branch-curves.csv")).unwrap();
+    let names = "curve,kind,element1_stiffness3_n_m3,mode1_damping_ratio,tip_x_amplitude_m";
+    assert_eq!(head.lines().next(), Some(names));
+    let says = |more: &str| complaint(folder.path(), 2, &on_oscillator("continue", more)).trim().to_owned();
+    insta::assert_snapshot!(
+        says("--drive tip.x --amplitude 5 --parameter link1.mass_kg --frequency-hz 11 --from 1 --to 2"),
+        @"resonarm: --parameter link1.mass_kg: there is no parameter `link1.mass_kg` in this structure: there are mode1.frequency_hz, mode1.damping_ratio, element1.stiffness3_n_m3, element1.stiffness5_n_m5; or frequency, or amplitude"
+    );
+    insta::assert_snapshot!(
+        says("--drive tip.x --amplitude 5 --from-hz 9 --to-hz 13 --curves-in frequency --curves-to 9"),
+        @"resonarm: --curves-in frequency is what the branch is followed in already: name another parameter"
+    );
+}
+
 /// What the commands ask for, and what has no meaning for a structure, or for the arm.
 #[test]
 fn analyses_of_structures_refuse_in_words() {

@@ -67,7 +67,7 @@ pub fn trace_singular<O: Oscillator>(
 }
 
 /// dλ/ds counts as zero below this fraction of its value beside the point: a cusp is located far more exactly.
-const STANDS: f64 = 1e-4;
+pub(super) const STANDS: f64 = 1e-4;
 /// Two ends nearer than this, relative, are one point: bifurcations are located to about 1e-12.
 const SAME: f64 = 1e-8;
 

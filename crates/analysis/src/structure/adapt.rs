@@ -9,11 +9,20 @@ const DROP_SHARE: f64 = 1e-3;
 
 /// Equations whose last unknowns are the series of a motion.
 pub(super) trait Spectral: System {
-    /// The balance.
-    fn balance(&mut self) -> &mut Balance;
+    /// The balance, of the motion or of one with a multiple of its period.
+    fn balance(&self) -> &Balance;
 
     /// The number of unknowns before the series.
     fn others(&self) -> usize;
+
+    /// H of the series.
+    fn harmonics(&self) -> usize;
+
+    /// ν of the series.
+    fn period(&self) -> usize;
+
+    /// Changes H.
+    fn set_harmonics(&mut self, harmonics: usize);
 
     /// Evaluates the motion of these unknowns; whether it exists.
     #[must_use]
@@ -21,12 +30,24 @@ pub(super) trait Spectral: System {
 }
 
 impl Spectral for Balance {
-    fn balance(&mut self) -> &mut Balance {
+    fn balance(&self) -> &Balance {
         self
     }
 
     fn others(&self) -> usize {
         0
+    }
+
+    fn harmonics(&self) -> usize {
+        Balance::harmonics(self)
+    }
+
+    fn period(&self) -> usize {
+        Balance::period(self)
+    }
+
+    fn set_harmonics(&mut self, harmonics: usize) {
+        Balance::set_harmonics(self, harmonics);
     }
 
     fn evaluate_motion(&mut self, z: &[f64], lambda: f64) -> bool {
@@ -46,6 +67,7 @@ pub(super) fn adapt<S: Spectral>(
     branch: &BranchOptions,
 ) -> Result<(), AnalysisError> {
     let smooth = system.balance().forced.assembly.is_smooth();
+    let [least, most] = [branch.least_harmonics, branch.most_harmonics].map(|harmonics| harmonics * system.period());
     loop {
         let (z, lambda) = (&continuation.point().x, continuation.point().lambda);
         if !system.evaluate_motion(z, lambda) {
@@ -54,18 +76,18 @@ pub(super) fn adapt<S: Spectral>(
         let (series, balance) = (&z[system.others()..], system.balance());
         let (size, m) = (branch.continuation.size(series), balance.unknowns.count());
         let last = series[series.len() - 2 * m..].iter().fold(0.0, |largest: f64, value| largest.max(value.abs()));
-        let (error, allowed, harmonics) = (balance.truncation_error(), branch.truncation * size, balance.harmonics());
+        let (error, allowed, harmonics) = (balance.truncation_error(), branch.truncation * size, system.harmonics());
         if error > allowed {
-            if harmonics < branch.most_harmonics {
-                balance.set_harmonics((harmonics + 1 + harmonics / 8).min(branch.most_harmonics));
+            if harmonics < most {
+                system.set_harmonics((harmonics + 1 + harmonics / 8).min(most));
                 continuation.resize(system)?;
                 continue;
             }
             if smooth {
                 return Err(AnalysisError::TooManyHarmonics { at: system.place(lambda), harmonics });
             }
-        } else if harmonics > branch.least_harmonics && error.max(last) < DROP_SHARE * allowed {
-            balance.set_harmonics(harmonics - 1);
+        } else if harmonics > least && error.max(last) < DROP_SHARE * allowed {
+            system.set_harmonics(harmonics - 1);
             continuation.resize(system)?;
         }
         return Ok(());

@@ -16,7 +16,7 @@ use super::adapt::{Spectral, adapt};
 use super::balance::{Balance, unit_deflection};
 use super::linear::dynamic_stiffness_solve;
 use super::orbit::{Reading, TraceOptions};
-use super::unknowns::{Body, Kept, direction_at_rest, load_at_rest};
+use super::unknowns::{Body, Kept, direction_at_rest};
 use super::{Coordinate, Forced, branch};
 use crate::continuation::{Continuation, ContinuationSettings, Point, System, Work};
 use crate::locate::{FINE, search};
@@ -89,7 +89,7 @@ struct Beginning {
 impl Beginning {
     /// The mode's motion about rest; where its modal coordinate is 90° behind the drive, as `crate::quadrature` says.
     fn new(forced: &Forced, mode: &StructureMode, weights: &[f64]) -> Option<Beginning> {
-        let (linear, direction) = (forced.assembly.linear(), load_at_rest(&forced.assembly, forced.drive));
+        let (linear, direction) = (forced.assembly.linear(), forced.direction_at_rest());
         let along = |weights: &[f64], of: &[f64]| -> f64 { weights.iter().zip(of).map(|(w, x)| w * x).sum() };
         let modal_force = along(&mode.shape, &direction);
         if modal_force == 0.0 {
@@ -223,12 +223,24 @@ impl System for Quadrature {
 }
 
 impl Spectral for Quadrature {
-    fn balance(&mut self) -> &mut Balance {
-        &mut self.balance
+    fn balance(&self) -> &Balance {
+        &self.balance
     }
 
     fn others(&self) -> usize {
         1 + usize::from(self.of_modes())
+    }
+
+    fn harmonics(&self) -> usize {
+        self.balance.harmonics()
+    }
+
+    fn period(&self) -> usize {
+        self.balance.period()
+    }
+
+    fn set_harmonics(&mut self, harmonics: usize) {
+        self.balance.set_harmonics(harmonics);
     }
 
     fn evaluate_motion(&mut self, z: &[f64], lambda: f64) -> bool {

@@ -1,8 +1,12 @@
 //! Harmonic balance of a structure, by alternating between frequency and time; see `crate::harmonic_balance` for the
 //! method and [`super::unknowns`] for what is solved for.
 //!
-//! The unknowns X are the coefficients of 1, cos kτ, sin kτ, k = 1 … H, each of all m unknowns. Of a chain row k is the
-//! unbalance over the stiffness scale and max(1, k²), of modes the displacement less what the forces make of it.
+//! With the base frequency ω = Ω/ν and τ = ωt, ν being the periods of the drive after which the motion repeats, the
+//! unknowns X are the coefficients of 1, cos kτ, sin kτ, k = 1 … H, each of all m unknowns. Of a chain row k is the
+//! unbalance over the stiffness scale and max(1, (k/ν)²), of modes the displacement less what the forces make of it.
+//!
+//! The derivatives by a parameter of the structure are differences of fourth order: rows depend on most parameters by a
+//! polynomial of degree 2 at most, so that only rounding is left, and on the others smoothly.
 
 use alloc::vec;
 use alloc::vec::Vec;
@@ -10,7 +14,7 @@ use core::f64::consts::TAU;
 
 use nalgebra::Complex;
 
-use resonarm_dynamics::structure::{Dof, Law, Linear};
+use resonarm_dynamics::structure::{Assembly, Dof, Law, Linear, Parameter};
 use resonarm_numeric::registers::{Task, widest};
 
 use super::linear::dynamic_stiffness_solve;
@@ -27,6 +31,13 @@ const ROUGH_SAMPLES: usize = 512;
 const SUPERHARMONICS: [f64; 3] = [1.0, 2.0, 3.0];
 /// Steps may miss resonances narrower than this relative width.
 const LEAST_DAMPING: f64 = 1e-5;
+/// The step of a difference by a parameter, relative to its value, or to 1 in its unit if that is larger for an angle,
+/// or the value is zero.
+const PARAMETER_STEP: f64 = 1e-3;
+/// Offsets and weights, over 12 steps, of differences of fourth order: central, and to one side where the structure
+/// does not exist on the other, as with a negative mass.
+const CENTRAL: [(f64, f64); 4] = [(-2.0, 1.0), (-1.0, -8.0), (1.0, 8.0), (2.0, -1.0)];
+const ONE_SIDED: [(f64, f64); 5] = [(0.0, -25.0), (1.0, 48.0), (2.0, -36.0), (3.0, 16.0), (4.0, -3.0)];
 
 /// The balance of a structure as one coordinate varies.
 #[derive(Clone, Debug)]
@@ -77,37 +88,79 @@ pub(super) fn unit_deflection(forced: &Forced) -> f64 {
             libm::sqrt(compliance.drive.iter().map(|[h, _]| h.re * h.re).sum())
         }
         Body::Chain => {
-            let mut motion: Vec<_> =
-                direction_at_rest(&forced.assembly, forced.drive).iter().map(|&w| Complex::new(w, 0.0)).collect();
+            let mut motion: Vec<_> = forced.direction_at_rest().iter().map(|&w| Complex::new(w, 0.0)).collect();
             let solved = dynamic_stiffness_solve(&forced.assembly.linear(), 0.0, &mut motion);
             solved.map_or(f64::NAN, |()| libm::sqrt(motion.iter().map(|q| q.re * q.re).sum()))
         }
     }
 }
 
-/// max(1, k²) of a row of coefficients.
-fn order_squared(row: usize) -> f64 {
-    let k = row.div_ceil(2) as f64;
-    (k * k).max(1.0)
+/// max(1, (k/ν)²) of a row of coefficients.
+fn order_squared(row: usize, period: usize) -> f64 {
+    let order = row.div_ceil(2) as f64 / period as f64;
+    (order * order).max(1.0)
 }
 
 /// Points of the period for H harmonics, so that what aliases onto them is negligible: a power of degree d has
 /// components up to dH, of which those from N − H on alias.
-fn samples_for(forced: &Forced, harmonics: usize) -> usize {
+fn samples_for(forced: &Forced, period: usize, harmonics: usize) -> usize {
+    let rough = ROUGH_SAMPLES * period;
     let of_law = |law: &Law| match law {
         Law::Cubic { stiffness5, .. } if *stiffness5 == 0.0 => 4 * harmonics + 4,
         Law::Cubic { .. } => 6 * harmonics + 6,
         Law::Linear { .. } => 4 * harmonics + 4,
-        Law::Tanh { .. } => (12 * harmonics).max(ROUGH_SAMPLES / 4),
-        _ => ROUGH_SAMPLES,
+        Law::Tanh { .. } => (12 * harmonics).max(rough / 4),
+        _ => rough,
     };
     let needed = forced.assembly.elements().iter().map(|element| of_law(element.law()));
     needed.fold(4 * harmonics + 4, usize::max)
 }
 
+/// The rows of cos kτ and sin kτ among those of all unknowns; for k = 0 that of 1, and none.
+#[derive(Clone, Copy)]
+struct Pair {
+    first: usize,
+    second: Option<usize>,
+}
+
+impl Pair {
+    fn of(k: usize, unknowns: usize) -> Pair {
+        let second = (k > 0).then_some(2 * k * unknowns);
+        Pair { first: (2 * k).saturating_sub(1) * unknowns, second }
+    }
+
+    /// The coefficients of one unknown.
+    fn at(self, of: &[f64], unknown: usize) -> [f64; 2] {
+        [of[self.first + unknown], self.second.map_or(0.0, |second| of[second + unknown])]
+    }
+
+    fn put(self, into: &mut [f64], unknown: usize, [first, second]: [f64; 2]) {
+        into[self.first + unknown] = first;
+        if let Some(at) = self.second {
+            into[at + unknown] = second;
+        }
+    }
+}
+
+/// The coefficients of H U, U = c − is being a harmonic c cos + s sin.
+fn times(h: Complex<f64>, [c, s]: [f64; 2]) -> [f64; 2] {
+    [h.re * c + h.im * s, h.re * s - h.im * c]
+}
+
 impl Balance {
+    /// Of motions with the period of the drive.
     pub fn new(forced: &Forced, frequency_hz: f64, coordinate: Coordinate, harmonics: usize) -> Balance {
-        let unknowns = Unknowns::new(forced);
+        Balance::of_period(forced, [1, harmonics], frequency_hz, coordinate)
+    }
+
+    /// Of motions with ν periods of the drive, with H harmonics of Ω/ν.
+    pub fn of_period(
+        forced: &Forced,
+        [period, harmonics]: [usize; 2],
+        frequency_hz: f64,
+        coordinate: Coordinate,
+    ) -> Balance {
+        let unknowns = Unknowns::with_period(forced, period);
         let linear = forced.assembly.linear();
         let n = linear.coordinates();
         let scale = (0..n).map(|i| linear.stiffness[i * n + i]).fold(0.0, f64::max);
@@ -135,7 +188,7 @@ impl Balance {
     /// Changes H.
     pub fn set_harmonics(&mut self, harmonics: usize) {
         self.harmonics = harmonics;
-        let samples = samples_for(&self.forced, harmonics);
+        let samples = samples_for(&self.forced, self.period(), harmonics);
         self.samples.set(2 * harmonics + 1, samples);
         self.compliances.resize(2 * harmonics + 1, Compliance::default());
     }
@@ -145,19 +198,69 @@ impl Balance {
         self.harmonics
     }
 
-    /// Sets the coordinate; returns whether such a motion exists.
-    #[must_use]
-    pub fn set_value(&mut self, value: f64) -> bool {
-        match self.coordinate {
-            Coordinate::FrequencyHz => self.frequency_hz = value,
-            Coordinate::Amplitude => self.forced.amplitude = value,
-        }
-        value.is_finite() && (value > 0.0 || self.coordinate == Coordinate::Amplitude)
+    /// ν.
+    pub fn period(&self) -> usize {
+        self.unknowns.period
     }
 
-    /// Ω, rad/s.
+    /// Sets the coordinate that varies; returns whether such a motion exists.
+    #[must_use]
+    pub fn set_value(&mut self, value: f64) -> bool {
+        self.set(self.coordinate, value)
+    }
+
+    /// Sets a coordinate; returns whether such a motion exists. If not, a parameter of the structure is not changed.
+    #[must_use]
+    pub fn set(&mut self, coordinate: Coordinate, value: f64) -> bool {
+        match coordinate {
+            Coordinate::FrequencyHz => self.frequency_hz = value,
+            Coordinate::Amplitude => self.forced.amplitude = value,
+            Coordinate::Parameter(parameter) => {
+                let assembly = &self.forced.assembly;
+                if assembly.value(parameter) != Ok(value) {
+                    let Ok(changed) = assembly.with(parameter, value) else { return false };
+                    self.set_assembly(changed);
+                }
+            }
+        }
+        value.is_finite() && (value > 0.0 || coordinate != Coordinate::FrequencyHz)
+    }
+
+    /// The value of a coordinate; not a number if the structure has no such parameter.
+    pub fn value(&self, coordinate: Coordinate) -> f64 {
+        match coordinate {
+            Coordinate::FrequencyHz => self.frequency_hz,
+            Coordinate::Amplitude => self.forced.amplitude,
+            Coordinate::Parameter(parameter) => self.forced.assembly.value(parameter).unwrap_or(f64::NAN),
+        }
+    }
+
+    /// The unit of a coordinate.
+    pub fn unit_of(&self, coordinate: Coordinate) -> &'static str {
+        match coordinate {
+            Coordinate::FrequencyHz => "Hz",
+            Coordinate::Amplitude => self.forced.unit(),
+            Coordinate::Parameter(parameter) => parameter.unit(),
+        }
+    }
+
+    /// Takes another structure of the same kind; the scale of the rows stays.
+    fn set_assembly(&mut self, assembly: Assembly) {
+        self.forced.assembly = assembly;
+        self.linear = self.forced.assembly.linear();
+        if let Body::Condensed(_) = self.unknowns.body {
+            self.unknowns = Unknowns::with_period(&self.forced, self.period());
+        }
+    }
+
+    /// Ω/2πν, Hz.
+    pub fn base_hz(&self) -> f64 {
+        self.frequency_hz / self.period() as f64
+    }
+
+    /// ω = Ω/ν, rad/s.
     pub fn omega_rad_s(&self) -> f64 {
-        TAU * self.frequency_hz
+        TAU * self.base_hz()
     }
 
     /// The motion X and the forces along it. The following methods are about this motion.
@@ -174,11 +277,11 @@ impl Balance {
         }
     }
 
-    /// Q̂ₖ of a harmonic up to 2H as complex numbers, of u = Re(U e^{ikτ}).
-    fn load_harmonic(&self, k: usize) -> Vec<Complex<f64>> {
+    /// The harmonic k ≤ 2H + 1 of signals of all unknowns as complex numbers, of u = Re(U e^{ikτ}).
+    fn harmonic(&self, signals: &[f64], k: usize) -> Vec<Complex<f64>> {
         let count = self.samples.count();
         let of = |i: usize| {
-            let signal = &self.samples.load[i * count..(i + 1) * count];
+            let signal = &signals[i * count..(i + 1) * count];
             let (c, s) = self.samples.basis.project(k - 1, signal);
             Complex::new(c, -s)
         };
@@ -188,9 +291,32 @@ impl Balance {
     /// An estimate of what the truncation to H harmonics leaves out, in the unit of u: the largest of the harmonics k =
     /// H + 1 … 2H + 1 that the linear structure makes of what the balance misses there.
     pub fn truncation_error(&self) -> f64 {
+        self.missing(&self.samples.load)
+    }
+
+    /// An estimate of how far a variation of the motion last linearised, a null vector of the matrix or a part of it, is
+    /// from one that includes the harmonics left out, in its own unit. States of elements are taken as held.
+    pub fn variation_error(&self, variation: &[f64]) -> f64 {
+        let (m, count) = (self.unknowns.count(), self.samples.count());
+        let mut moved = self.samples.clone();
+        moved.synthesise(variation, &self.unknowns, self.omega_rad_s());
+        let mut signals = vec![0.0; m * count];
+        for (by, motion) in self.samples.by.iter().zip(&moved.motion) {
+            for (pair, by) in by.chunks_exact(count).enumerate() {
+                let (i, k) = (pair / m, pair % m);
+                let signal = &mut signals[i * count..(i + 1) * count];
+                let moves = motion.iter().skip(k).step_by(m);
+                signal.iter_mut().zip(by).zip(moves).for_each(|((sum, by), moves)| *sum += by * moves);
+            }
+        }
+        self.missing(&signals)
+    }
+
+    /// The largest of the harmonics k = H + 1 … 2H + 1 that the linear structure makes of forces.
+    fn missing(&self, signals: &[f64]) -> f64 {
         let mut compliance = Compliance::default();
         let missing = |k: usize| {
-            let (rate, mut load) = (k as f64 * self.omega_rad_s(), self.load_harmonic(k));
+            let (rate, mut load) = (k as f64 * self.omega_rad_s(), self.harmonic(signals, k));
             match &self.unknowns.body {
                 Body::Chain => dynamic_stiffness_solve(&self.linear, rate, &mut load)
                     .map_or(f64::INFINITY, |()| libm::sqrt(load.iter().map(|q| q.norm_sqr()).sum())),
@@ -278,20 +404,173 @@ impl Balance {
 
     /// The derivatives of the rows by the drive's peak, for the motion last evaluated.
     pub fn by_amplitude(&self, out: &mut [f64]) {
-        let m = self.unknowns.count();
+        let (m, period) = (self.unknowns.count(), self.period());
         out[..self.load.len()].fill(0.0);
         for i in 0..m {
             match &self.unknowns.body {
                 Body::Chain => {
                     let signal = &self.samples.by_drive[i * self.samples.count()..][..self.samples.count()];
-                    let scale = |row: usize| self.scale * order_squared(row);
+                    let scale = |row: usize| self.scale * order_squared(row, period);
                     project(&self.samples, signal, self.harmonics, |row, value| out[row * m + i] = value / scale(row));
                 }
                 Body::Condensed(_) => {
-                    let [h, _] = self.compliances[1].drive[i];
-                    (out[m + i], out[2 * m + i]) = (-h.im, -h.re);
+                    let [h, _] = self.compliances[period].drive[i];
+                    (out[(2 * period - 1) * m + i], out[2 * period * m + i]) = (-h.im, -h.re);
                 }
             }
+        }
+    }
+
+    /// The derivatives of the rows by Ω/2π, for the motion last linearised.
+    fn rows_by_frequency(&self, out: &mut [f64]) {
+        let (m, period) = (self.unknowns.count(), self.period());
+        if let Body::Chain = self.unknowns.body {
+            for (row, (out, by)) in out.iter_mut().zip(&self.by_frequency).enumerate() {
+                *out = by * (1.0 / (self.scale * order_squared(row / m, period)));
+            }
+            return;
+        }
+        for k in 0..=self.harmonics {
+            let (compliance, by_rate) = (&self.compliances[k], TAU * k as f64 / period as f64);
+            let rows = Pair::of(k, m);
+            for i in 0..m {
+                let mut slope = [0.0; 2];
+                for j in 0..m {
+                    let [h, turned] = compliance.places[i * m + j];
+                    let by = times(h, rows.at(&self.by_frequency, j));
+                    let turned = times(turned * by_rate, rows.at(&self.load, j));
+                    (0..2).for_each(|d| slope[d] += by[d] + turned[d]);
+                }
+                if k == period {
+                    let driven = times(compliance.drive[i][1] * by_rate, [0.0, 1.0]);
+                    (0..2).for_each(|d| slope[d] -= self.forced.amplitude * driven[d]);
+                }
+                rows.put(out, i, slope);
+            }
+        }
+    }
+
+    /// The derivatives of the rows at the motion X by a parameter of the structure; not numbers if structures to neither
+    /// side exist. The motion then has to be evaluated again.
+    fn rows_by_parameter(&mut self, x: &[f64], parameter: Parameter, out: &mut [f64]) {
+        let here = self.forced.assembly.clone();
+        let value = here.value(parameter).unwrap_or(f64::NAN);
+        let scale = if value == 0.0 || parameter.unit() == "°" { value.abs().max(1.0) } else { value.abs() };
+        let step = PARAMETER_STEP * scale;
+        let stencils: [(f64, &[(f64, f64)]); 3] = [(step, &CENTRAL), (step, &ONE_SIDED), (-step, &ONE_SIDED)];
+        let mut row = vec![0.0; x.len()];
+        'stencils: for (step, stencil) in stencils {
+            out[..x.len()].fill(0.0);
+            for (offset, weight) in stencil {
+                let Ok(shifted) = here.with(parameter, value + offset * step) else { continue 'stencils };
+                self.set_assembly(shifted);
+                self.evaluate_motion(x);
+                self.set_compliances();
+                self.residual(x, &mut row);
+                out.iter_mut().zip(&row).for_each(|(sum, row)| *sum += weight / (12.0 * step) * row);
+            }
+            self.set_assembly(here);
+            return;
+        }
+        self.set_assembly(here);
+        out[..x.len()].fill(f64::NAN);
+    }
+
+    /// R(X) and its derivatives by X and then by coordinates, each in a column of `stride` numbers.
+    pub fn derivatives(
+        &mut self,
+        x: &[f64],
+        coordinates: &[Coordinate],
+        residual: &mut [f64],
+        matrix: &mut [f64],
+        stride: usize,
+    ) {
+        let (size, columns) = (x.len(), x.len()..);
+        for (column, coordinate) in columns.clone().zip(coordinates) {
+            if let Coordinate::Parameter(parameter) = *coordinate {
+                self.rows_by_parameter(x, parameter, &mut matrix[column * stride..][..size]);
+            }
+        }
+        self.evaluate_motion(x);
+        self.linearise();
+        self.set_compliances();
+        self.residual(x, residual);
+        self.rows(matrix, stride);
+        for (column, coordinate) in columns.zip(coordinates) {
+            let out = &mut matrix[column * stride..][..size];
+            match coordinate {
+                Coordinate::FrequencyHz => self.rows_by_frequency(out),
+                Coordinate::Amplitude => self.by_amplitude(out),
+                Coordinate::Parameter(_) => {}
+            }
+        }
+    }
+
+    /// H of modes at every harmonic.
+    fn set_compliances(&mut self) {
+        let omega = self.omega_rad_s();
+        let Body::Condensed(condensed) = &self.unknowns.body else { return };
+        for (k, compliance) in self.compliances.iter_mut().enumerate().take(self.harmonics + 1) {
+            let kept = self.kept.filter(|_| k == 1);
+            condensed.compliance(k as f64 * omega, kept.map(|kept| kept.mode), compliance);
+        }
+    }
+
+    /// R of the motion last evaluated. With U = c − is of a harmonic c cos + s sin, H U has the coefficients Re H c + Im
+    /// H s and Re H s − Im H c.
+    fn residual(&self, x: &[f64], residual: &mut [f64]) {
+        let (m, period) = (self.unknowns.count(), self.period());
+        let Body::Condensed(condensed) = &self.unknowns.body else {
+            for (row, (out, load)) in residual.iter_mut().zip(&self.load).enumerate() {
+                *out = load * (1.0 / (self.scale * order_squared(row / m, period)));
+            }
+            return;
+        };
+        for k in 0..=self.harmonics {
+            let (compliance, kept) = (&self.compliances[k], self.kept.filter(|_| k == 1));
+            let rows = Pair::of(k, m);
+            for i in 0..m {
+                let mut value = rows.at(x, i);
+                value[0] -= kept.map_or(0.0, |kept| condensed.places[i][kept.mode] * kept.cosine);
+                for j in 0..m {
+                    let part = times(compliance.places[i * m + j][0], rows.at(&self.load, j));
+                    (0..2).for_each(|d| value[d] += part[d]);
+                }
+                if k == period {
+                    let driven = times(compliance.drive[i][0], [0.0, 1.0]);
+                    (0..2).for_each(|d| value[d] -= self.forced.amplitude * driven[d]);
+                }
+                rows.put(residual, i, value);
+            }
+        }
+    }
+
+    /// ∂R/∂X of the motion last linearised.
+    fn rows(&self, matrix: &mut [f64], stride: usize) {
+        let (m, size, period) = (self.unknowns.count(), self.load.len(), self.period());
+        let columns = || self.operator.chunks_exact(size);
+        if let Body::Chain = self.unknowns.body {
+            for (out, operator) in matrix.chunks_mut(stride).zip(columns()) {
+                for (row, (out, operator)) in out.iter_mut().zip(operator).enumerate() {
+                    *out = operator * (1.0 / (self.scale * order_squared(row / m, period)));
+                }
+            }
+            return;
+        }
+        for (column, (out, operator)) in matrix.chunks_mut(stride).zip(columns()).enumerate() {
+            out[..size].fill(0.0);
+            for k in 0..=self.harmonics {
+                let (compliance, rows) = (&self.compliances[k], Pair::of(k, m));
+                for i in 0..m {
+                    let mut value = [0.0; 2];
+                    for j in 0..m {
+                        let part = times(compliance.places[i * m + j][0], rows.at(operator, j));
+                        (0..2).for_each(|d| value[d] += part[d]);
+                    }
+                    rows.put(out, i, value);
+                }
+            }
+            out[column] += 1.0;
         }
     }
 
@@ -317,80 +596,6 @@ impl Balance {
             row(part, own[part] + sum(&self.load), own_slope[part] + sum(&self.by_frequency));
             for (column, operator) in self.operator.chunks_exact(size).enumerate() {
                 by(part, column, sum(operator));
-            }
-        }
-    }
-
-    /// The rows of a chain: Q̂ over their scales.
-    fn chain_rows(&self, lambda: usize, residual: &mut [f64], matrix: &mut [f64]) {
-        let (m, size) = (self.unknowns.count(), self.load.len());
-        let scale = |row: usize| 1.0 / (self.scale * order_squared(row / m));
-        let mut by_drive = vec![0.0; size];
-        if self.coordinate == Coordinate::Amplitude {
-            self.by_amplitude(&mut by_drive);
-        }
-        for row in 0..size {
-            residual[row] = self.load[row] * scale(row);
-            for column in 0..size {
-                matrix[column * (size + 1) + row] = self.operator[column * size + row] * scale(row);
-            }
-            matrix[lambda + row] = match self.coordinate {
-                Coordinate::FrequencyHz => self.by_frequency[row] * scale(row),
-                Coordinate::Amplitude => by_drive[row],
-            };
-        }
-    }
-
-    /// The rows of modes. With U = c − is of a harmonic c cos + s sin, H U has the coefficients Re H c + Im H s and Re
-    /// H s − Im H c.
-    fn condensed_rows(&mut self, x: &[f64], lambda: usize, residual: &mut [f64], matrix: &mut [f64]) {
-        let (m, size, omega) = (self.unknowns.count(), x.len(), self.omega_rad_s());
-        let Body::Condensed(condensed) = &self.unknowns.body else { return };
-        let (by_frequency, amplitude) = (self.coordinate == Coordinate::FrequencyHz, self.forced.amplitude);
-        for k in 0..=self.harmonics {
-            let (compliance, kept) = (&mut self.compliances[k], self.kept.filter(|_| k == 1));
-            condensed.compliance(k as f64 * omega, kept.map(|kept| kept.mode), compliance);
-            let times = |h: Complex<f64>, c: f64, s: f64| [h.re * c + h.im * s, h.re * s - h.im * c];
-            // The rows of cos and sin; of 1 for k = 0.
-            let first = (2 * k).saturating_sub(1) * m;
-            let second = 2 * k * m;
-            let parts = if k == 0 { 1 } else { 2 };
-            let sine = |of: &[f64], j: usize| if k == 0 { 0.0 } else { of[second + j] };
-            for i in 0..m {
-                let rows = [first + i, second + i];
-                let [mut value, mut slope] = [[0.0; 2]; 2];
-                (0..parts).for_each(|part| value[part] = x[rows[part]]);
-                value[0] -= kept.map_or(0.0, |kept| condensed.places[i][kept.mode] * kept.cosine);
-                for j in 0..m {
-                    let [h, by_rate] = compliance.places[i * m + j];
-                    let part = times(h, self.load[first + j], sine(&self.load, j));
-                    let by = times(h, self.by_frequency[first + j], sine(&self.by_frequency, j));
-                    let turned = times(by_rate * (TAU * k as f64), self.load[first + j], sine(&self.load, j));
-                    for d in 0..2 {
-                        value[d] += part[d];
-                        slope[d] += by[d] + turned[d];
-                    }
-                    for column in 0..size {
-                        let by = &self.operator[column * size..(column + 1) * size];
-                        let product = times(h, by[first + j], sine(by, j));
-                        (0..parts).for_each(|d| matrix[column * (size + 1) + rows[d]] += product[d]);
-                    }
-                }
-                if k == 1 {
-                    let [h, by_rate] = compliance.drive[i];
-                    let (driven, turned) = (times(h, 0.0, 1.0), times(by_rate * TAU, 0.0, 1.0));
-                    for d in 0..2 {
-                        value[d] -= amplitude * driven[d];
-                        slope[d] = if by_frequency { slope[d] - amplitude * turned[d] } else { -driven[d] };
-                    }
-                } else if !by_frequency {
-                    slope = [0.0; 2];
-                }
-                for d in 0..parts {
-                    residual[rows[d]] = value[d];
-                    matrix[rows[d] * (size + 1) + rows[d]] += 1.0;
-                    matrix[lambda + rows[d]] = slope[d];
-                }
             }
         }
     }
@@ -438,7 +643,7 @@ impl Balance {
                 _ => Complex::new(self.load[(2 * k - 1) * m + i], -self.load[2 * k * m + i]),
             };
             let loads: Vec<_> = (0..m).map(load).collect();
-            let drive = Complex::new(0.0, if k == 1 { -self.forced.amplitude } else { 0.0 });
+            let drive = Complex::new(0.0, if k == self.period() { -self.forced.amplitude } else { 0.0 });
             let kept = self.kept.filter(|_| k == 1);
             let x = condensed.harmonic(k as f64 * omega, direction, kept, drive, &loads);
             series.push(x.re);
@@ -459,22 +664,12 @@ impl System for Balance {
         if !self.set_value(lambda) {
             return false;
         }
-        self.evaluate_motion(x);
-        self.linearise();
-        let last = x.len() * (x.len() + 1);
-        matrix.chunks_exact_mut(x.len() + 1).for_each(|column| column[..x.len()].fill(0.0));
-        match self.unknowns.body {
-            Body::Chain => self.chain_rows(last, residual, matrix),
-            Body::Condensed(_) => self.condensed_rows(x, last, residual, matrix),
-        }
+        self.derivatives(x, &[self.coordinate], residual, matrix, x.len() + 1);
         true
     }
 
     fn unit(&self) -> &'static str {
-        match self.coordinate {
-            Coordinate::FrequencyHz => "Hz",
-            Coordinate::Amplitude => self.forced.unit(),
-        }
+        self.unit_of(self.coordinate)
     }
 
     /// Half the way to the nearest linear resonance, or, on top of it, half of its half-power bandwidth.

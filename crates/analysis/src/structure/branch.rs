@@ -2,6 +2,7 @@
 //! stability and other bifurcations.
 
 use alloc::boxed::Box;
+use alloc::vec::Vec;
 
 use nalgebra::Complex;
 use resonarm_dynamics::structure::Dof;
@@ -9,12 +10,14 @@ use resonarm_dynamics::structure::Dof;
 use super::adapt::adapt;
 use super::balance::Balance;
 use super::floquet::Floquet;
-use super::orbit::{Assess, Branch, Orbit, Reading, Stability, TraceOptions};
+use super::orbit::{Assess, Bifurcation, Branch, Orbit, Reading, Stability, TraceOptions};
+use super::singular::{Singular, doubled};
 use super::spectral::largest;
 use super::walk::Walk;
 use super::{Coordinate, Forced};
 use crate::continuation::{Continuation, Point, System, at_parameter};
-use crate::{AnalysisError, EndedEarly};
+use crate::curve::near;
+use crate::{AnalysisError, BifurcationKind, EndedEarly, Singularity};
 
 /// Multiples of the frequency at which to start if Newton's method finds no motion from rest.
 const DETOURS: [f64; 2] = [0.7, 1.4];
@@ -36,35 +39,93 @@ pub fn trace(
 ) -> Result<Branch, EndedEarly<Branch>> {
     let mut balance = Balance::new(forced, frequency_hz, coordinate, options.branch.least_harmonics);
     check(&mut balance, options)?;
-    let mut walk = Walk::new(enter(&mut balance, options)?);
-    let mut tracer = Tracer { balance, options, floquet: Floquet::default(), branch: Branch::default() };
-    let reason = tracer.follow(&mut walk).err();
-    tracer.locate_peaks();
-    let mut branch = tracer.branch;
-    branch.work = walk.work();
-    branch.bifurcations.sort_by(|a, b| a.orbit.arclength.total_cmp(&b.orbit.arclength));
-    for bifurcation in &mut branch.bifurcations {
-        let at = bifurcation.orbit.arclength;
-        bifurcation.index = branch.orbits.partition_point(|orbit| orbit.arclength < at);
-    }
-    match reason {
-        None => Ok(branch),
-        Some(reason) => Err(EndedEarly { reason, so_far: Box::new(branch) }),
-    }
+    let continuation = enter(&mut balance, options)?;
+    Tracer::new(balance, options).run(continuation)
 }
+
+/// Traces the branch of motions of twice the period that leaves a period doubling of a branch in `coordinate`.
+///
+/// The first step goes along the null vector: the motion on the even harmonics of the halved base frequency, the null
+/// vector on the odd ones. The branch ends where it leaves the interval of the options, or at a branch point, where it
+/// meets motions of the single period again: beyond are the same motions, shifted by one period.
+///
+/// # Errors
+/// [`AnalysisError::NotSingular`] if the bifurcation is of another kind; otherwise as [`trace`].
+pub fn trace_doubled(
+    forced: &Forced,
+    bifurcation: &Bifurcation,
+    coordinate: Coordinate,
+    options: &TraceOptions,
+) -> Result<Branch, EndedEarly<Branch>> {
+    if bifurcation.kind != BifurcationKind::PeriodDoubling {
+        return Err(AnalysisError::NotSingular { kind: bifurcation.kind.name() }.into());
+    }
+    let (orbit, branch) = (&bifurcation.orbit, &options.branch);
+    let mut single = Balance::of_period(forced, [orbit.period, orbit.harmonics], orbit.frequency_hz, coordinate);
+    check(&mut single, options)?;
+    if !(single.set(Coordinate::Amplitude, orbit.drive) && single.set_value(orbit.value)) {
+        return Err(not_there(&single, options).into());
+    }
+    let (singular, z, _) =
+        Singular::solved(&single, Singularity::PeriodDoubling, &branch.continuation, &orbit.coefficients)?;
+    let (lambda, x) = singular.split(&z);
+    let mut direction = singular.null_vector();
+    let m = single.unknowns.count();
+    let orders = [2 * orbit.period, (direction.len() / m - 1) / 2];
+    let mut balance = Balance::of_period(&single.forced, orders, orbit.frequency_hz, coordinate);
+    let mut start = doubled(x, m);
+    start.resize(direction.len(), 0.0);
+    direction.push(0.0);
+    let settings = branch.continuation;
+    let continuation =
+        Continuation::start_along(&mut balance, settings, &start, lambda, &direction, FIRST_DOUBLED_STEP)?;
+    Tracer::new(balance, options).run(continuation)
+}
+
+/// The doubled branches from the period doublings of a branch, each with its end; see [`trace_doubled`]. A branch that
+/// returns through another of the doublings is listed once for both.
+pub fn trace_doublings(
+    forced: &Forced,
+    branch: &Branch,
+    coordinate: Coordinate,
+    options: &TraceOptions,
+) -> Vec<Result<Branch, EndedEarly<Branch>>> {
+    let mut branches: Vec<Result<Branch, EndedEarly<Branch>>> = Vec::new();
+    for doubling in branch.bifurcations.iter().filter(|found| found.kind == BifurcationKind::PeriodDoubling) {
+        let ends_here = |traced: &Result<Branch, _>| {
+            let end = traced.as_ref().ok().and_then(|branch| branch.bifurcations.last());
+            end.is_some_and(|end| {
+                end.kind == BifurcationKind::BranchPoint && near(end.orbit.value, doubling.orbit.value)
+            })
+        };
+        if !branches.iter().any(ends_here) {
+            branches.push(trace_doubled(forced, doubling, coordinate, options));
+        }
+    }
+    branches
+}
+
+/// The first step along a doubled branch, relative to the size of the motion.
+const FIRST_DOUBLED_STEP: f64 = 1e-2;
 
 /// Both ends, and the frequency, must be numbers at which the system exists.
 fn check(balance: &mut Balance, options: &TraceOptions) -> Result<(), AnalysisError> {
     balance.unknowns.check_held()?;
-    let (from, to, unit) = (options.branch.from, options.branch.to, balance.unit());
-    let domain = match balance.coordinate {
-        Coordinate::FrequencyHz => "the positive frequencies",
-        Coordinate::Amplitude => "the amplitudes of the drive",
-    };
+    let (from, to) = (options.branch.from, options.branch.to);
     let known = balance.coordinate == Coordinate::FrequencyHz
         || (balance.frequency_hz.is_finite() && balance.frequency_hz > 0.0);
     let exists = from != to && balance.set_value(to) && balance.set_value(from);
-    if exists && known { Ok(()) } else { Err(AnalysisError::Interval { from, to, unit, domain }) }
+    if exists && known { Ok(()) } else { Err(not_there(balance, options)) }
+}
+
+/// The error that the system does not exist at both ends.
+fn not_there(balance: &Balance, options: &TraceOptions) -> AnalysisError {
+    let domain = match balance.coordinate {
+        Coordinate::FrequencyHz => "the positive frequencies",
+        Coordinate::Amplitude => "the amplitudes of the drive",
+        Coordinate::Parameter(_) => "the range of the parameter",
+    };
+    AnalysisError::Interval { from: options.branch.from, to: options.branch.to, unit: balance.unit(), domain }
 }
 
 /// Starts at `options.branch.from`: from rest, or, if that is too far, from the end of a continuation in frequency that
@@ -122,9 +183,33 @@ pub(super) struct Tracer<'a> {
     pub options: &'a TraceOptions,
     pub floquet: Floquet,
     pub branch: Branch,
+    /// Whether a branch of doubled period has met the single one.
+    pub rejoined: bool,
 }
 
-impl Tracer<'_> {
+impl<'a> Tracer<'a> {
+    pub fn new(balance: Balance, options: &'a TraceOptions) -> Tracer<'a> {
+        Tracer { balance, options, floquet: Floquet::default(), branch: Branch::default(), rejoined: false }
+    }
+
+    /// The branch, whole or up to where the continuation ended, with its bifurcations in order and its peaks.
+    fn run(mut self, continuation: Continuation) -> Result<Branch, EndedEarly<Branch>> {
+        let mut walk = Walk::new(continuation);
+        let reason = self.follow(&mut walk).err();
+        self.locate_peaks();
+        let mut branch = self.branch;
+        branch.work = walk.work();
+        branch.bifurcations.sort_by(|a, b| a.orbit.arclength.total_cmp(&b.orbit.arclength));
+        for bifurcation in &mut branch.bifurcations {
+            let at = bifurcation.orbit.arclength;
+            bifurcation.index = branch.orbits.partition_point(|orbit| orbit.arclength < at);
+        }
+        match reason {
+            None => Ok(branch),
+            Some(reason) => Err(EndedEarly { reason, so_far: Box::new(branch) }),
+        }
+    }
+
     fn follow(&mut self, walk: &mut Walk) -> Result<(), AnalysisError> {
         let branch = &self.options.branch;
         adapt(&mut self.balance, &mut walk.continuation, branch)?;
@@ -145,7 +230,7 @@ impl Tracer<'_> {
             self.push(&after);
             self.detect(&before, &after);
             before = after;
-            if end.is_some() {
+            if end.is_some() || self.rejoined {
                 return Ok(());
             }
         }
@@ -205,21 +290,31 @@ impl Tracer<'_> {
 
     /// All results for the motion at a point.
     pub fn orbit(&mut self, point: &Point) -> Orbit {
-        self.at(point, |tracer| Orbit {
-            value: point.lambda,
-            frequency_hz: tracer.balance.frequency_hz,
-            drive: tracer.balance.forced.amplitude,
-            readings: tracer.options.read.iter().map(|&dof| reading(&tracer.balance, dof)).collect(),
-            stability: tracer.stability(&point.x),
-            harmonics: tracer.balance.harmonics(),
-            coefficients: point.x.clone(),
-            arclength: point.arclength,
+        self.at(point, |tracer| {
+            let (balance, read) = (&tracer.balance, &tracer.options.read);
+            let orbit = orbit_of(balance, read, &point.x, point.lambda, point.arclength);
+            Orbit { stability: tracer.stability(&point.x), ..orbit }
         })
     }
 
     /// The largest displacement in the motion at a point, without the other results.
     pub fn largest_at(&mut self, point: &Point, dof: Dof) -> f64 {
         self.at(point, |tracer| reading(&tracer.balance, dof).largest)
+    }
+}
+
+/// The motion last evaluated, without its stability.
+pub(super) fn orbit_of(balance: &Balance, read: &[Dof], x: &[f64], value: f64, arclength: f64) -> Orbit {
+    Orbit {
+        value,
+        frequency_hz: balance.frequency_hz,
+        drive: balance.forced.amplitude,
+        period: balance.period(),
+        readings: read.iter().map(|&dof| reading(balance, dof)).collect(),
+        stability: None,
+        harmonics: balance.harmonics(),
+        coefficients: x.to_vec(),
+        arclength,
     }
 }
 
@@ -230,6 +325,6 @@ pub(super) fn reading(balance: &Balance, dof: Dof) -> Reading {
 
 /// The same of a series.
 pub(super) fn reading_of(balance: &Balance, series: &[f64]) -> Reading {
-    let largest = largest(&balance.samples, series);
-    Reading { largest, mean: series[0], harmonic1: Complex::new(series[2], series[1]) }
+    let (largest, drive) = (largest(&balance.samples, series), 2 * balance.period());
+    Reading { largest, mean: series[0], harmonic1: Complex::new(series[drive], series[drive - 1]) }
 }

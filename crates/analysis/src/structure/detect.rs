@@ -22,10 +22,11 @@ use nalgebra::Complex;
 use super::balance::Balance;
 use super::branch::{FRACTION, Tracer};
 use super::orbit::{Bifurcation, Orbit, ROUNDING, Stability, Unlocated};
+use super::singular::{Singular, doubled, halved};
 use crate::continuation::{Cut, Point, Slices, System};
 use crate::dense::Determinant;
 use crate::locate::search;
-use crate::{AnalysisError, BifurcationKind};
+use crate::{AnalysisError, BifurcationKind, Singularity};
 
 use BifurcationKind::{BranchPoint, Fold, NeimarkSacker, PeriodDoubling};
 
@@ -35,6 +36,9 @@ const REAL: f64 = 1e-9;
 const NEAR: f64 = 5e-3;
 /// The most steps of the search for a peak, and the fraction of its interval at which it ends.
 const PEAK: (usize, f64) = (8, 1e-5);
+/// A branch of doubled period meets the single one in a segment if it does so within this distance of its end, in units
+/// of Λ.
+const REACH: f64 = 0.1;
 
 /// The sign of a product of real factors times the magnitude of its least, of those that have a sign; zero if none has
 /// one, and not a number without factors.
@@ -127,7 +131,8 @@ impl Tracer<'_> {
         let stabilities = [before.stability.clone(), after.stability.clone()];
         let assessed = stabilities[0].is_some();
         for kind in [BranchPoint, Fold, PeriodDoubling, NeimarkSacker] {
-            if kind != Fold && !assessed {
+            // A branch that ends on another one turns back there: a branch point, not a fold.
+            if (kind != Fold && !assessed) || (kind == Fold && self.rejoined) {
                 continue;
             }
             let point = match self.locate(kind, [a, b], &stabilities) {
@@ -139,11 +144,56 @@ impl Tracer<'_> {
                     continue;
                 }
             };
+            let point = match kind {
+                PeriodDoubling => self.doubling([a, b], point),
+                BranchPoint if self.balance.period() > 1 => self.rejoin(b, point),
+                _ => point,
+            };
             let orbit = self.orbit(&point);
             if confirmed(kind, orbit.stability.as_ref(), Marginal::of(stabilities[0].as_ref())) {
                 self.branch.bifurcations.push(Bifurcation { kind, orbit, index: 0 });
             }
         }
+    }
+
+    /// The period doubling near a point that the multipliers have led to, by its extended system; the point itself if
+    /// that leads elsewhere, or the forces aren't smooth.
+    fn doubling(&self, ends: [&Point; 2], point: Point) -> Point {
+        let settings = &self.options.branch.continuation;
+        if !self.balance.forced.assembly().is_smooth() {
+            return point;
+        }
+        let Some(located) = self.doubling_of(&self.balance, &point, &point.x) else { return point };
+        let size = self.balance.dimension().max(located.x.len());
+        if Slices::new(size, settings, ends, Cut::Chord).hold(ends, &located) { located } else { point }
+    }
+
+    /// The point where a branch of doubled period meets the single one: a period doubling of the single one, located on
+    /// it from the single-period components of a branch point. If it is not there, the branch point itself.
+    fn rejoin(&mut self, end: &Point, point: Point) -> Point {
+        let balance = &self.balance;
+        let x = halved(&point.x, balance.unknowns.count());
+        let orders = [balance.period() / 2, (x.len() / balance.unknowns.count() - 1) / 2];
+        let single = Balance::of_period(&balance.forced, orders, balance.frequency_hz, balance.coordinate);
+        let Some(located) = self.doubling_of(&single, &point, &x) else { return point };
+        let reach = REACH * self.options.branch.continuation.lambda_scale(end.lambda);
+        if (located.lambda - end.lambda).abs() > reach {
+            return point;
+        }
+        self.rejoined = true;
+        Point { x: doubled(&located.x, self.balance.unknowns.count()), ..located }
+    }
+
+    /// The period doubling near a motion `x` with the coordinate of a point, if there is one.
+    fn doubling_of(&self, balance: &Balance, point: &Point, x: &[f64]) -> Option<Point> {
+        let mut balance = balance.clone();
+        balance.set_harmonics((x.len() / balance.unknowns.count() - 1) / 2);
+        let exists = balance.set_value(point.lambda);
+        let settings = &self.options.branch.continuation;
+        let (singular, z, _) =
+            exists.then(|| Singular::solved(&balance, Singularity::PeriodDoubling, settings, x).ok()).flatten()?;
+        let (lambda, x) = singular.split(&z);
+        Some(Point { x: x.to_vec(), lambda, ..point.clone() })
     }
 
     /// The branch point between two points, if the branch has one there.
@@ -269,11 +319,9 @@ mod tests {
     use alloc::vec;
 
     use super::super::branch::Tracer;
-    use super::super::floquet::Floquet;
     use super::super::tests::{modal, oracles};
     use super::super::{Coordinate, Forced, TraceOptions};
     use super::*;
-    use crate::structure::orbit::Branch;
 
     fn tests_of(multipliers: &[[f64; 2]]) -> [f64; 2] {
         let multipliers: Vec<_> = multipliers.iter().map(|[re, im]| Complex::new(*re, *im)).collect();
@@ -339,7 +387,7 @@ mod tests {
             tangent: vec![direction; n + 1],
             determinant: Determinant { sign: 1.0, log_magnitude: 0.0 },
         };
-        let mut tracer = Tracer { balance, options: &options, floquet: Floquet::default(), branch: Branch::default() };
+        let mut tracer = Tracer::new(balance, &options);
         let ends = [point(20.0, 1.0, 0.0), point(20.1, -1.0, 0.1)];
         ends.iter().for_each(|end| {
             let orbit = tracer.orbit(end);

@@ -1,16 +1,19 @@
 //! A structure under a sinusoidal drive.
 
+use alloc::vec;
+use alloc::vec::Vec;
 use core::fmt;
 
-use resonarm_dynamics::structure::{Assembly, BodySpec, Dof, Law};
+use resonarm_dynamics::structure::{Assembly, BodySpec, Dof, Law, MOST_COORDINATES, Parameter, Position};
 
 use crate::AnalysisError;
 
-/// A structure and its drive, amplitude · sin Ωt: a force along an axis at a point, or a torque at a joint.
+/// A structure and its drive, amplitude · sin Ωt: a force along an axis at a point, or a torque at a joint; or several
+/// in phase, each with a share of the amplitude.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Forced {
     pub(super) assembly: Assembly,
-    pub(super) drive: Dof,
+    pub(super) drives: Vec<(Dof, f64)>,
     pub(super) amplitude: f64,
 }
 
@@ -18,7 +21,12 @@ impl Forced {
     /// The structure under amplitude · sin Ωt at `drive`, one of its degrees of freedom; N, N·m at a joint, or m/s² of
     /// the base.
     pub fn new(assembly: Assembly, drive: Dof, amplitude: f64) -> Forced {
-        Forced { assembly, drive, amplitude }
+        Forced { assembly, drives: vec![(drive, 1.0)], amplitude }
+    }
+
+    /// The structure under share · amplitude · sin Ωt at each of several of its degrees of freedom, at least one.
+    pub fn at_several(assembly: Assembly, drives: &[(Dof, f64)], amplitude: f64) -> Forced {
+        Forced { assembly, drives: drives.to_vec(), amplitude }
     }
 
     /// The same without damping: dampers of joints, damping ratios, losses of contacts, dampers between points.
@@ -50,9 +58,34 @@ impl Forced {
         &self.assembly
     }
 
-    /// Where it is driven.
-    pub fn drive(&self) -> Dof {
-        self.drive
+    /// Where it is driven, with the shares of the amplitude.
+    pub fn drives(&self) -> &[(Dof, f64)] {
+        &self.drives
+    }
+
+    /// The generalised force of the drive at the amplitude 1 in a position, n numbers.
+    pub(super) fn direction(&self, at: &Position<'_>, out: &mut [f64]) {
+        let mut one = [0.0; MOST_COORDINATES];
+        out.fill(0.0);
+        for &(dof, share) in &self.drives {
+            at.load_direction(dof, &mut one);
+            out.iter_mut().zip(&one).for_each(|(sum, along)| *sum += share * along);
+        }
+    }
+
+    /// The same at rest.
+    pub(super) fn direction_at_rest(&self) -> Vec<f64> {
+        let rest = vec![0.0; self.assembly.coordinates()];
+        let mut direction = rest.clone();
+        self.direction(&self.assembly.at(&rest), &mut direction);
+        direction
+    }
+
+    /// Adds `factor` times the derivative of [`Forced::direction`] by the coordinates to a matrix by rows.
+    pub(super) fn add_curvature(&self, at: &Position<'_>, factor: f64, matrix: &mut [f64]) {
+        for &(dof, share) in &self.drives {
+            at.add_curvature(dof, share * factor, matrix);
+        }
     }
 
     /// The peak of the drive, N, or N·m at a joint.
@@ -60,9 +93,11 @@ impl Forced {
         self.amplitude
     }
 
-    /// The unit of the drive.
+    /// The unit of the amplitude.
     pub fn unit(&self) -> &'static str {
-        self.drive.load_unit()
+        let mut units = self.drives.iter().map(|(dof, _)| dof.load_unit());
+        let first = units.next().unwrap_or_default();
+        if units.all(|unit| unit == first) { first } else { "times the drive" }
     }
 }
 
@@ -73,20 +108,17 @@ pub enum Coordinate {
     FrequencyHz,
     /// The peak of the drive, N, or N·m at a joint.
     Amplitude,
+    /// A parameter of the structure, in its unit.
+    Parameter(Parameter),
 }
 
-impl Coordinate {
-    /// The name in results.
-    pub const fn name(self) -> &'static str {
-        match self {
-            Coordinate::FrequencyHz => "frequency_hz",
-            Coordinate::Amplitude => "amplitude",
-        }
-    }
-}
-
+/// The name in results: `frequency_hz`, `amplitude`, or that of the parameter.
 impl fmt::Display for Coordinate {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        f.pad(self.name())
+        match self {
+            Coordinate::FrequencyHz => f.pad("frequency_hz"),
+            Coordinate::Amplitude => f.pad("amplitude"),
+            Coordinate::Parameter(parameter) => parameter.fmt(f),
+        }
     }
 }

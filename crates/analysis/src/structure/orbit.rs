@@ -51,7 +51,7 @@ impl TraceOptions {
             branch.least_harmonics = 9;
         }
         let amplitude = match coordinate {
-            Coordinate::FrequencyHz => forced.amplitude.abs(),
+            Coordinate::FrequencyHz | Coordinate::Parameter(_) => forced.amplitude.abs(),
             Coordinate::Amplitude => from.abs().max(to.abs()),
         };
         let deflection = super::balance::unit_deflection(forced) * amplitude;
@@ -105,13 +105,15 @@ pub struct Orbit {
     pub frequency_hz: f64,
     /// The peak of the drive, N, or N·m at a joint.
     pub drive: f64,
+    /// ν: periods of the drive after which the motion repeats.
+    pub period: usize,
     /// The motion at each degree of freedom that is read.
     pub readings: Vec<Reading>,
     /// The multipliers, if they are computed.
     pub stability: Option<Stability>,
     /// H.
     pub harmonics: usize,
-    /// Fourier coefficients of the unknowns u: those of 1, then of cos kΩt and sin kΩt, k = 1 … H, each of all
+    /// Fourier coefficients of the unknowns u: those of 1, then of cos kΩt/ν and sin kΩt/ν, k = 1 … H, each of all
     /// unknowns. Of a chain u are its coordinates, rad; of modes the displacements of the elements, m.
     pub coefficients: Vec<f64>,
     /// The arclength from the start, in units of the local size of the motion.

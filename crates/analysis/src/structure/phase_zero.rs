@@ -1,7 +1,6 @@
 //! The states at phase 0 of the drive of the motions of a branch.
 
 use alloc::vec::Vec;
-use core::f64::consts::TAU;
 
 use super::balance::Balance;
 use super::detect::point_of;
@@ -42,7 +41,7 @@ fn at_phase_zero(balance: &Balance) -> Vec<f64> {
         let series = balance.coordinate_series(coordinate);
         let pairs = || series[1..].chunks_exact(2);
         state.push(series[0] + pairs().map(|pair| pair[0]).sum::<f64>());
-        let rate = |(k, pair): (u32, &[f64])| f64::from(k) * TAU * balance.frequency_hz * pair[1];
+        let rate = |(k, pair): (u32, &[f64])| f64::from(k) * balance.omega_rad_s() * pair[1];
         rates.push((1..).zip(pairs()).map(rate).sum());
     }
     state.extend(rates);

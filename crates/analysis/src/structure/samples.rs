@@ -168,7 +168,7 @@ impl Samples {
         self.by_step.resize(m * samples, 0.0);
         self.histories.iter_mut().for_each(History::clear);
         if let Body::Chain = unknowns.body {
-            self.unbalance(forced, m);
+            self.unbalance(forced, unknowns);
         }
         let step_s = TAU / (self.omega_rad_s * samples as f64);
         if let Body::Condensed(condensed) = &unknowns.body {
@@ -239,19 +239,19 @@ impl Samples {
     }
 
     /// The unbalance of a chain under its drive.
-    fn unbalance(&mut self, forced: &Forced, n: usize) {
-        let samples = self.count();
+    fn unbalance(&mut self, forced: &Forced, unknowns: &Unknowns) {
+        let (samples, n) = (self.count(), unknowns.count());
         self.by_drive.clear();
         self.by_drive.resize(n * samples, 0.0);
         let mut direction = [0.0; MOST_COORDINATES];
         for j in 0..samples {
             let [u, v, a] = [0, 1, 2].map(|d| &self.motion[d][j * n..(j + 1) * n]);
-            let sine = libm::sin(TAU * j as f64 / samples as f64);
+            let sine = libm::sin(TAU * ((j * unknowns.period) % samples) as f64 / samples as f64);
             let at = forced.assembly.at(u);
-            at.direction(forced.drive, &mut direction);
+            forced.direction(&at, &mut direction[..n]);
             let force = direction.map(|w| w * forced.amplitude * sine);
             at.linearise(v, a, &force[..n], &mut self.linearised);
-            at.add_curvature(forced.drive, -forced.amplitude * sine, &mut self.linearised.by_position);
+            forced.add_curvature(&at, -forced.amplitude * sine, &mut self.linearised.by_position);
             for (i, (unbalance, along)) in self.linearised.unbalance.iter().zip(&direction).enumerate() {
                 self.load[i * samples + j] = *unbalance;
                 self.by_drive[i * samples + j] = -along * sine;

@@ -34,6 +34,8 @@ const RIGID: f64 = 1e-9;
 pub(super) struct Unknowns {
     pub body: Body,
     count: usize,
+    /// ν: the periods of the drive after which the motion repeats.
+    pub period: usize,
 }
 
 #[derive(Clone, Debug)]
@@ -75,15 +77,21 @@ pub(super) struct Compliance {
 }
 
 impl Unknowns {
+    /// Of motions with the period of the drive.
     pub fn new(forced: &Forced) -> Unknowns {
+        Unknowns::with_period(forced, 1)
+    }
+
+    /// Of motions with `period` periods of the drive.
+    pub fn with_period(forced: &Forced, period: usize) -> Unknowns {
         let assembly = &forced.assembly;
         match &assembly.spec().body {
-            BodySpec::Chain(_) => Unknowns { body: Body::Chain, count: assembly.coordinates() },
+            BodySpec::Chain(_) => Unknowns { body: Body::Chain, count: assembly.coordinates(), period },
             BodySpec::Modal(modal) => {
                 let modes = modal.modes.iter().map(|mode| [TAU * mode.frequency_hz, mode.damping_ratio]).collect();
                 let condensed = Condensed::new(forced, modes);
                 let count = condensed.places.len();
-                Unknowns { body: Body::Condensed(condensed), count }
+                Unknowns { body: Body::Condensed(condensed), count, period }
             }
         }
     }
@@ -124,7 +132,7 @@ impl Condensed {
     fn new(forced: &Forced, modes: Vec<[f64; 2]>) -> Condensed {
         let assembly = &forced.assembly;
         let (mut ends, mut places, mut of_element) = (vec![], vec![], vec![]);
-        let drive = load_at_rest(assembly, forced.drive);
+        let drive = forced.direction_at_rest();
         for element in assembly.elements() {
             let own = (element.at(), element.to());
             let place = ends.iter().position(|ends| *ends == own).unwrap_or(ends.len());

@@ -64,6 +64,14 @@ pub enum StructureError {
         /// The existing names.
         known: String,
     },
+    /// No parameter has this name.
+    #[error("there is no parameter `{got}` in this structure: there are {known}")]
+    UnknownParameter {
+        /// The given name.
+        got: String,
+        /// The existing names.
+        known: String,
+    },
     /// A joint that the structure doesn't have.
     #[error("there is no joint {got}: the chain has joints 1 to {most}")]
     UnknownJoint {

@@ -24,6 +24,7 @@ mod error;
 mod links;
 mod modal;
 mod modes;
+mod parameter;
 mod position;
 mod smooth;
 mod spec;
@@ -36,6 +37,7 @@ pub use element::{Branch, Element, Reaction, StateRate};
 pub use error::StructureError;
 pub use modal::mode_transient;
 pub use modes::StructureMode;
+pub use parameter::{ElementField, LinkField, ModeField, Parameter};
 pub use position::Position;
 pub use spec::{
     Axis, BASE, BodySpec, ChainSpec, ElementSpec, Law, Link, ModalSpec, ModeSpec, Place, ShapeSpec, Side, StructureSpec,

@@ -80,7 +80,7 @@ impl Variations<'_> {
             average(&mut samples);
         }
         let states = (0..samples.histories.len()).filter(|&at| samples.histories[at].forgets).collect();
-        let spacing_s = 1.0 / (balance.frequency_hz * points as f64);
+        let spacing_s = 1.0 / (balance.base_hz() * points as f64);
         Variations { balance, samples, states, spacing_s }
     }
 
@@ -192,7 +192,7 @@ fn steps(balance: &Balance) -> f64 {
     let assembly = balance.forced.assembly();
     let fastest_hz = assembly.modes().last().map_or(0.0, |mode| mode.frequency_hz);
     let (smooth, condensed) = (assembly.is_smooth(), matches!(balance.unknowns.body, Body::Condensed(_)));
-    let of_modes = STEPS[usize::from(!condensed)] * fastest_hz / balance.frequency_hz;
+    let of_modes = STEPS[usize::from(!condensed)] * fastest_hz / balance.base_hz();
     let of_motion = STEPS[2] * balance.harmonics() as f64;
     of_modes.max(of_motion).max(LEAST_STEPS[usize::from(!smooth)])
 }

@@ -68,7 +68,7 @@ fn exponents_of_many_modes_are_those_of_their_flow() {
     let laws = [(Law::Cubic { stiffness3: 2e8, stiffness5: 0.0 }, 1.0), (Law::Tanh { slip: 3.0, velocity: 0.1 }, 0.5)];
     for (law, share) in laws {
         let forced = modes(9, law);
-        let mut options = TraceOptions::new(&forced, Coordinate::FrequencyHz, [15.0, 28.0], vec![forced.drive()]);
+        let mut options = TraceOptions::new(&forced, Coordinate::FrequencyHz, [15.0, 28.0], vec![forced.drives()[0].0]);
         options.assess = Assess::Nothing;
         let branch = trace(&forced, 15.0, Coordinate::FrequencyHz, &options).unwrap();
         let (mut tested, mut by_exponents) = (0, 0);

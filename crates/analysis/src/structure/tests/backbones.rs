@@ -21,7 +21,7 @@ fn single(damping_ratio: f64, law: Law) -> Forced {
 }
 
 fn followed(forced: &Forced, largest: f64, largest_drive: f64) -> Backbone {
-    let options = BackboneOptions::new(forced, 0, largest, largest_drive, vec![forced.drive()]);
+    let options = BackboneOptions::new(forced, 0, largest, largest_drive, vec![forced.drives()[0].0]);
     super::super::backbone(forced, &options).unwrap()
 }
 
@@ -142,7 +142,7 @@ fn a_backbone_passes_the_peak_of_the_forced_response() {
 fn a_backbone_refuses_what_it_can_not_begin_with() {
     let friction = single(1e-3, Law::Friction { stiffness: 1e4, slip: 5.0 });
     let refusal = |forced: &Forced, mode: usize| {
-        let options = BackboneOptions::new(forced, mode, 0.01, 10.0, vec![forced.drive()]);
+        let options = BackboneOptions::new(forced, mode, 0.01, 10.0, vec![forced.drives()[0].0]);
         super::super::backbone(forced, &options).unwrap_err().to_string()
     };
     insta::assert_snapshot!(refusal(&friction, 0), @"element 1, friction, acts in the smallest motion: a backbone begins in a linear mode; leave the element out, or give a contact a gap");

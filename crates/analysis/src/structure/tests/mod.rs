@@ -1,4 +1,5 @@
 mod backbones;
+mod curves;
 mod margins;
 
 use alloc::vec;

@@ -8,7 +8,6 @@ use super::StroboscopicMap;
 use crate::resonances::summits;
 use crate::structure::balance::Balance;
 use crate::structure::branch::Tracer;
-use crate::structure::floquet::Floquet;
 use crate::structure::{Branch, Coordinate, Forced, Orbit, TraceOptions, trace};
 use crate::time_domain::{Grid, STEPS, TimeDomainError};
 use crate::{AnalysisError, EndedEarly};
@@ -34,7 +33,8 @@ fn missed(forced: &Forced, options: &TraceOptions, branch: &Branch, frequencies_
     if !balance.set_value(options.branch.from) {
         return Vec::new();
     }
-    let mut tracer = Tracer { balance, options, floquet: Floquet::default(), branch: branch.clone() };
+    let mut tracer = Tracer::new(balance, options);
+    tracer.branch = branch.clone();
     let mut found = Vec::new();
     for (reading, &dof) in options.read.iter().enumerate() {
         let of = |orbit: &Orbit| [orbit.arclength, orbit.frequency_hz, orbit.readings[reading].largest];

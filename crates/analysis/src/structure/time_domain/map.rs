@@ -7,7 +7,7 @@ use core::f64::consts::TAU;
 
 use nalgebra::DVector;
 use resonarm_dynamics::integrate::{IntegrateError, Scheme};
-use resonarm_dynamics::structure::{Assembly, StepError, StepLoad, Stepper};
+use resonarm_dynamics::structure::{Assembly, Dof, StepError, StepLoad, Stepper};
 
 use crate::structure::Forced;
 use crate::time_domain::{Strobe, TimeDomainError, steps_in_period};
@@ -58,7 +58,8 @@ impl StroboscopicMap {
             let lowest_hz = steps * frequency_hz / f64::from(most);
             return Err(TimeDomainError::FrequencyTooLow { got_hz: frequency_hz, steps, most, lowest_hz });
         }
-        let stepper = Stepper::new(&forced.assembly, &[forced.drive], Self::SCHEME, steps * frequency_hz);
+        let dofs: Vec<Dof> = forced.drives.iter().map(|(dof, _)| *dof).collect();
+        let stepper = Stepper::new(&forced.assembly, &dofs, Self::SCHEME, steps * frequency_hz);
         let stepper = match stepper {
             Err(StepError::RateTooLow { needed_hz, .. }) => {
                 let more = libm::ceil(needed_hz / frequency_hz).max(steps + 1.0);
@@ -105,7 +106,8 @@ impl StroboscopicMap {
     ) -> Result<Vec<f64>, TimeDomainError> {
         let failed = |source| TimeDomainError::Step { frequency_hz: self.frequency_hz, source };
         let mut stepper = self.stepper.borrow_mut();
-        let load = StepLoad::Sine { amplitude: &[self.forced.amplitude], omega_rad_s: TAU * self.frequency_hz };
+        let amplitude: Vec<f64> = self.forced.drives.iter().map(|(_, share)| share * self.forced.amplitude).collect();
+        let load = StepLoad::Sine { amplitude: &amplitude, omega_rad_s: TAU * self.frequency_hz };
         stepper.restore(state).map_err(failed)?;
         for step in 0..self.steps {
             visit(step, &stepper).map_err(failed)?;

@@ -1,6 +1,7 @@
 mod chains;
 mod messages;
 mod modal;
+mod parameters;
 mod shaken;
 mod switches;
 

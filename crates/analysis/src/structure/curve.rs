@@ -1,0 +1,202 @@
+//! Curves of folds and of period doublings of a structure's motions in two coordinates.
+
+use alloc::boxed::Box;
+use alloc::vec::Vec;
+
+use super::adapt::{Spectral, adapt};
+use super::balance::Balance;
+use super::branch::orbit_of;
+use super::orbit::{Bifurcation, Branch, Orbit, TraceOptions};
+use super::singular::Singular;
+use super::{Coordinate, Forced};
+use crate::continuation::{Continuation, Cut, Point, Slices, System, Work, at_parameter};
+use crate::curve::{STANDS, near};
+use crate::locate::{FINE, search};
+use crate::{AnalysisError, BifurcationKind, BranchOptions, EndedEarly, Singularity};
+
+/// A singular motion on a curve of them.
+#[derive(Clone, Debug, PartialEq)]
+pub struct SingularPoint {
+    /// The coordinate of the branch on which the bifurcation was found.
+    pub lambda: f64,
+    /// The coordinate that was continued in.
+    pub mu: f64,
+    /// The motion, at `lambda`, without its stability.
+    pub orbit: Orbit,
+}
+
+/// Where a curve turns back in `mu`.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Turn {
+    /// Whether it is a cusp: the curve turns back in both coordinates at once, and two folds meet and vanish.
+    pub is_cusp: bool,
+    /// The motion there.
+    pub point: SingularPoint,
+    /// The number of points of the curve before it.
+    pub index: usize,
+}
+
+/// A curve of singular motions.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct SingularCurve {
+    /// Its motions in order.
+    pub points: Vec<SingularPoint>,
+    /// Where it turns back, in order.
+    pub turns: Vec<Turn>,
+    /// The work of the continuation.
+    pub work: Work,
+}
+
+/// A curve with the kind of its bifurcations, whole or up to where it ended early.
+pub type TracedCurve = (BifurcationKind, Result<SingularCurve, EndedEarly<SingularCurve>>);
+
+impl SingularCurve {
+    /// The points at the value of `mu` at which the curve begins: the first, and the last if the curve returns to it.
+    pub fn on_the_branch(&self) -> impl Iterator<Item = &SingularPoint> {
+        let first = self.points.first();
+        let back = self.points.last().filter(|last| first.is_some_and(|first| near(last.mu, first.mu)));
+        first.into_iter().chain(back)
+    }
+}
+
+/// Follows a fold or a period doubling of a branch in `lambda` as `mu` goes from its value there to
+/// `options.branch.to`. The curve may turn back, sharply at a cusp; it ends where it leaves the interval.
+///
+/// # Errors
+/// [`AnalysisError::NotSingular`] if the bifurcation is of another kind; otherwise as [`super::trace`].
+pub fn trace_singular(
+    forced: &Forced,
+    bifurcation: &Bifurcation,
+    [lambda, mu]: [Coordinate; 2],
+    options: &TraceOptions,
+) -> Result<SingularCurve, EndedEarly<SingularCurve>> {
+    let (mut singular, mut continuation, options) = begin(forced, bifurcation, [lambda, mu], options)?;
+    let mut curve = SingularCurve::default();
+    let reason = follow(&mut singular, &mut continuation, &options, &mut curve).err();
+    curve.work = continuation.work();
+    match reason {
+        None => Ok(curve),
+        Some(reason) => Err(EndedEarly { reason, so_far: Box::new(curve) }),
+    }
+}
+
+/// Follows each fold and each period doubling of a branch in `lambda` as `mu` goes from its value there to
+/// `options.branch.to`, each curve with its kind and its end. A curve that returns through another of these
+/// bifurcations is listed once for both.
+pub fn trace_singular_curves(
+    forced: &Forced,
+    branch: &Branch,
+    coordinates: [Coordinate; 2],
+    options: &TraceOptions,
+) -> Vec<TracedCurve> {
+    let mut curves: Vec<TracedCurve> = Vec::new();
+    let followed = [BifurcationKind::Fold, BifurcationKind::PeriodDoubling];
+    for bifurcation in branch.bifurcations.iter().filter(|found| followed.contains(&found.kind)) {
+        let from = balance_at(forced, bifurcation, coordinates[0]).map_or(f64::NAN, |at| at.value(coordinates[1]));
+        let ends_here = |(kind, curve): &TracedCurve| {
+            let last = curve.as_ref().ok().and_then(|curve| curve.points.last());
+            *kind == bifurcation.kind
+                && last.is_some_and(|end| near(end.mu, from) && near(end.lambda, bifurcation.orbit.value))
+        };
+        if !curves.iter().any(ends_here) {
+            curves.push((bifurcation.kind, trace_singular(forced, bifurcation, coordinates, options)));
+        }
+    }
+    curves
+}
+
+/// The balance of a bifurcation of a branch in `lambda`; none if no such structure exists.
+fn balance_at(forced: &Forced, bifurcation: &Bifurcation, lambda: Coordinate) -> Option<Balance> {
+    let orbit = &bifurcation.orbit;
+    let mut balance = Balance::of_period(forced, [orbit.period, orbit.harmonics], orbit.frequency_hz, lambda);
+    (balance.set(Coordinate::Amplitude, orbit.drive) && balance.set_value(orbit.value)).then_some(balance)
+}
+
+/// The equations, and a continuation that begins at the bifurcation, with options for the interval from there.
+fn begin(
+    forced: &Forced,
+    bifurcation: &Bifurcation,
+    [lambda, mu]: [Coordinate; 2],
+    options: &TraceOptions,
+) -> Result<(Singular, Continuation, TraceOptions), AnalysisError> {
+    let kind = match bifurcation.kind {
+        BifurcationKind::Fold => Singularity::Fold,
+        BifurcationKind::PeriodDoubling => Singularity::PeriodDoubling,
+        other => return Err(AnalysisError::NotSingular { kind: other.name() }),
+    };
+    let x = &bifurcation.orbit.coefficients;
+    let (to, domain) = (options.branch.to, "the range of the second coordinate");
+    let refused = |from: f64, unit: &'static str| AnalysisError::Interval { from, to, unit, domain };
+    let mut balance = balance_at(forced, bifurcation, lambda).ok_or_else(|| refused(f64::NAN, ""))?;
+    let (from, unit) = (balance.value(mu), balance.unit_of(mu));
+    let exists = from.is_finite() && to.is_finite() && from != to && balance.set(mu, to);
+    if !(exists && balance.set(mu, from)) {
+        return Err(refused(from, unit));
+    }
+    let branch = options.branch.between(from, to);
+    let (singular, z, _) = Singular::solved(&balance, kind, &branch.continuation, x)?;
+    let least_harmonics = branch.least_harmonics.max(singular.harmonics().div_ceil(singular.period()));
+    let options = TraceOptions { branch: BranchOptions { least_harmonics, ..branch }, ..options.clone() };
+    let mut singular = singular.with(mu);
+    let continuation = Continuation::start(&mut singular, branch.continuation, &z, from, to - from)?;
+    Ok((singular, continuation, options))
+}
+
+/// Continues to the end of the interval.
+fn follow(
+    singular: &mut Singular,
+    continuation: &mut Continuation,
+    options: &TraceOptions,
+    curve: &mut SingularCurve,
+) -> Result<(), AnalysisError> {
+    let branch = &options.branch;
+    loop {
+        adapt(singular, continuation, branch)?;
+        curve.points.push(singular_point(singular, continuation.point(), options));
+        let (before, points) = (continuation.point().clone(), curve.points.len());
+        if points >= branch.most_points {
+            return Err(AnalysisError::TooManyPoints { points, at: singular.place(before.lambda) });
+        }
+        let after = continuation.advance(singular)?;
+        if along_mu(&before) * along_mu(after) < 0.0 {
+            let (is_cusp, point) = turn(singular, options, [&before, after])?;
+            curve.turns.push(Turn { is_cusp, point, index: points });
+        }
+        if let Some(limit) = branch.left_at(after.lambda) {
+            let last = at_parameter(singular, &branch.continuation, [&before, after], limit)?;
+            curve.points.push(singular_point(singular, &last, options));
+            return Ok(());
+        }
+    }
+}
+
+/// dμ/ds.
+fn along_mu(point: &Point) -> f64 {
+    point.tangent.last().copied().unwrap_or(0.0)
+}
+
+/// The point between two of the curve at which it turns back in μ, dμ/ds = 0, and whether that is a cusp; see
+/// `crate::curve` for why it is exact.
+fn turn(
+    singular: &mut Singular,
+    options: &TraceOptions,
+    ends: [&Point; 2],
+) -> Result<(bool, SingularPoint), AnalysisError> {
+    let (n, settings) = (singular.dimension(), &options.branch.continuation);
+    let mut slices = Slices::new(n, settings, ends, Cut::Chord);
+    let solved = [slices.solve(singular, ends, 0.0)?, slices.solve(singular, ends, 1.0)?];
+    let values = [along_mu(&solved[0]), along_mu(&solved[1])];
+    let ends = [&solved[0], &solved[1]];
+    let point = search(singular, settings, ends, values, FINE, |_, point| along_mu(point))?;
+    let by_lambda = libm::fabs(point.tangent[0]);
+    let beside = libm::fabs(solved[0].tangent[0]).max(libm::fabs(solved[1].tangent[0]));
+    Ok((by_lambda < STANDS * beside, singular_point(singular, &point, options)))
+}
+
+fn singular_point(singular: &mut Singular, point: &Point, options: &TraceOptions) -> SingularPoint {
+    let (lambda, x) = singular.split(&point.x);
+    let x = x.to_vec();
+    let orbit =
+        singular.orbit(&point.x, point.lambda, |balance| orbit_of(balance, &options.read, &x, lambda, point.arclength));
+    SingularPoint { lambda, mu: point.lambda, orbit }
+}
