@@ -21,58 +21,19 @@ use nalgebra::{Complex, Matrix2, Matrix4};
 
 use super::eigenvalues::of_four;
 use super::fourier::{Basis, Harmonics, Motion, uniform};
+use super::gauss::{S, Tableau, steps_for};
 use super::hill::{Hill, Rates};
 use super::{HarmonicBalance, Instant, Oscillator};
 use resonarm_numeric::linear_solve::solve;
 
 /// The rounding error of a product of multipliers that is 1.
 const ROUNDING: f64 = 1e-12;
-/// Stages.
-const S: usize = 4;
 /// Beyond this number of steps a period, Hill's method is faster.
 const SLOW_STEPS: usize = 2048;
 /// Hill's method is accepted if Liouville's formula holds to this error.
 const LIOUVILLE: f64 = 1e-8;
 /// Steps whose tables are computed together.
 const CHUNK: usize = 2048;
-
-/// The collocation method: a, a², b, bᵀa and c of Butcher's tableau.
-#[derive(Clone, Debug)]
-struct Tableau {
-    a: [[f64; S]; S],
-    a_squared: [[f64; S]; S],
-    b: [f64; S],
-    b_bar: [f64; S],
-    c: [f64; S],
-}
-
-impl Tableau {
-    /// The nodes are the zeros of the Legendre polynomial P₄ on (0, 1), and aᵢⱼ = ∫₀^cᵢ ℓⱼ with the Lagrange
-    /// polynomials ℓⱼ (J. C. Butcher, "Implicit Runge–Kutta Processes", Math. Comp. 18 (1964)).
-    fn new() -> Tableau {
-        let inner = libm::sqrt(3.0 / 7.0 - 2.0 / 7.0 * libm::sqrt(1.2));
-        let outer = libm::sqrt(3.0 / 7.0 + 2.0 / 7.0 * libm::sqrt(1.2));
-        let c = [-outer, -inner, inner, outer].map(|root| 0.5 + 0.5 * root);
-        let integrals = |upper: f64| core::array::from_fn(|j| lagrange_integral(&c, j, upper));
-        let a: [[f64; S]; S] = c.map(integrals);
-        let b: [f64; S] = integrals(1.0);
-        let product = |row: &[f64; S]| core::array::from_fn(|j| (0..S).map(|k| row[k] * a[k][j]).sum());
-        Tableau { a, a_squared: a.map(|row| product(&row)), b, b_bar: product(&b), c }
-    }
-}
-
-/// ∫₀^upper ℓⱼ(x) dx with ℓⱼ(x) = Π (x − cₘ)/(cⱼ − cₘ) multiplied out.
-fn lagrange_integral(c: &[f64; S], j: usize, upper: f64) -> f64 {
-    let mut polynomial = [1.0, 0.0, 0.0, 0.0];
-    for (_, node) in c.iter().enumerate().filter(|(m, _)| *m != j) {
-        let scale = 1.0 / (c[j] - node);
-        for power in (0..S).rev() {
-            let lower = if power == 0 { 0.0 } else { polynomial[power - 1] };
-            polynomial[power] = scale * (lower - node * polynomial[power]);
-        }
-    }
-    (0..S).rev().fold(0.0, |sum, power| (sum + polynomial[power] / (power + 1) as f64) * upper)
-}
 
 /// The multipliers of a motion, and its stability.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -144,15 +105,10 @@ impl Default for Floquet {
 }
 
 impl Floquet {
-    /// Steps a period such that the phase error of the faster mode over the period stays below about 1e-10, and that
-    /// the harmonics of the motion are resolved. A few sizes only, so that the tables can be kept.
+    /// The steps a period of a motion.
     fn steps_for<O: Oscillator>(balance: &HarmonicBalance<O>) -> usize {
-        let phase = TAU * balance.oscillator().modes()[1].frequency_rad_s / balance.base_rad_s();
-        // phase · (phase/steps)⁸ / 25 401 600 = 1e-10, with a tenth more for the motion's own effect on the frequency.
-        let needed = 1.1 * phase * libm::pow(phase * 1e10 / 25_401_600.0, 0.125);
-        let needed = needed.max(3.0 * balance.harmonics() as f64).max(8.0);
-        let octave = libm::exp2(libm::ceil(4.0 * libm::log2(needed)) / 4.0);
-        libm::ceil(octave) as usize
+        let fastest = balance.oscillator().modes()[1].frequency_rad_s;
+        steps_for(TAU * fastest / balance.base_rad_s(), balance.harmonics())
     }
 
     /// The stability of the motion X of the balance.
@@ -303,19 +259,6 @@ mod tests {
     use crate::tests::arm_at;
     use crate::{BranchOptions, Coordinate, ForcedArm, Orbit, trace};
     use resonarm_dynamics::arm::{Load, Preset};
-
-    /// Four stages have order 8: the sum of the weights times any polynomial of degree up to 7 is its integral.
-    #[test]
-    fn tableau_has_the_order_of_gauss() {
-        let t = Tableau::new();
-        for power in 0..8 {
-            let sum: f64 = (0..S).map(|i| t.b[i] * t.c[i].powi(power)).sum();
-            assert!((sum - 1.0 / f64::from(power + 1)).abs() < 1e-15, "{power}: {sum}");
-        }
-        for i in 0..S {
-            assert!((t.a[i].iter().sum::<f64>() - t.c[i]).abs() < 1e-15);
-        }
-    }
 
     /// Under a slow excitation, weak or so strong that the modes are modulated by many harmonics, Hill's method has the
     /// multipliers of the flow.

@@ -25,6 +25,7 @@ mod floquet;
 mod forced_arm;
 mod fourier;
 pub mod frf;
+mod gauss;
 mod grid;
 mod harmonic_balance;
 mod hill;

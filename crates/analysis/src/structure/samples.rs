@@ -85,6 +85,13 @@ impl Samples {
         self.rates.clear();
     }
 
+    /// Points at other phases than evenly spaced ones, rad, and functions up to the harmonic `harmonics`.
+    pub fn set_phases(&mut self, harmonics: usize, phases_rad: impl Iterator<Item = f64>) {
+        self.basis.set(Harmonics::Integer(harmonics), phases_rad);
+        self.functions.clear();
+        self.rates.clear();
+    }
+
     /// N.
     pub fn count(&self) -> usize {
         self.basis.samples()
@@ -246,7 +253,7 @@ impl Samples {
         let mut direction = [0.0; MOST_COORDINATES];
         for j in 0..samples {
             let [u, v, a] = [0, 1, 2].map(|d| &self.motion[d][j * n..(j + 1) * n]);
-            let sine = libm::sin(TAU * ((j * unknowns.period) % samples) as f64 / samples as f64);
+            let sine = self.basis.tables(unknowns.period - 1).1[j];
             let at = forced.assembly.at(u);
             forced.direction(&at, &mut direction[..n]);
             let force = direction.map(|w| w * forced.amplitude * sine);

@@ -1,6 +1,7 @@
 mod arm;
 mod backbones;
 mod early;
+mod oracles;
 mod textbook;
 mod work;
 

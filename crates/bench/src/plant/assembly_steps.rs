@@ -4,6 +4,8 @@ use alloc::boxed::Box;
 use alloc::vec;
 use alloc::vec::Vec;
 
+use nalgebra::Vector2;
+
 use super::sampling::PointMotion;
 use super::stepped::{Loads, Stepped};
 use super::tested::{Places, TestedAssembly};
@@ -13,7 +15,7 @@ use crate::structure::{
     COIL_CURRENT, Channel, Coordinates, LOADS, StructureError, branch_channel, coordinate_channels, element_channel,
 };
 use resonarm_dynamics::arm::Load;
-use resonarm_dynamics::structure::{Armature, Assembly, CoordinateUnit, Dof, MOST_COORDINATES, Position, Stepper};
+use resonarm_dynamics::structure::{Armature, Assembly, CoordinateUnit, Dof, Kinematics, Stepper};
 
 /// The steps of the structure under test.
 #[derive(Clone, Debug)]
@@ -23,8 +25,15 @@ pub(super) struct AssemblySteps {
     /// Which load of the plant acts on each degree of freedom of the drive; none with a shaker.
     acting: Vec<usize>,
     shaker: Option<(ShakerSpec, Armature)>,
+    /// What is read: where accelerometers are, then what a shaker's armature moves along.
+    read: Vec<Dof>,
+    /// Point, B or C, and axis of each that an accelerometer reads.
+    points: Vec<[usize; 2]>,
     states: Vec<Channel>,
 }
+
+/// The most degrees of freedom that are read: two axes of each accelerometer and of an armature.
+const MOST_READ: usize = 6;
 
 /// The loads as the drive takes them.
 struct Drive {
@@ -58,7 +67,14 @@ impl AssemblySteps {
         let start: Vec<f64> = initial.iter().copied().chain(vec![0.0; devices]).collect();
         stepper.restore(&start)?;
         let states = state_channels(assembly, shaker.is_some(), stepper.saved_len());
-        Ok(AssemblySteps { places: *places, acting, shaker, states, stepper })
+        let placed = [&places.accelerometer_b, &places.accelerometer_c];
+        let axes = placed
+            .iter()
+            .zip(0..)
+            .flat_map(|(placed, point)| placed.along.into_iter().zip(0..).map(move |(dof, axis)| (dof, [point, axis])));
+        let (mut read, points): (Vec<Dof>, Vec<[usize; 2]>) = axes.filter_map(|(dof, at)| Some((dof?, at))).unzip();
+        read.extend(shaker.iter().flat_map(|(_, armature)| armature.dofs()).map(|(dof, _)| dof));
+        Ok(AssemblySteps { places: *places, acting, shaker, read, points, states, stepper })
     }
 
     /// The armature's s, m, and ṡ, m/s, and the current in its coil, A, under a command, N; zeros without a shaker.
@@ -73,23 +89,21 @@ impl AssemblySteps {
 
     /// The motion with a current in the coil, A, and s̈ of the armature, m/s²; without a shaker that without a load.
     pub fn motion_at_current(&self, current_a: f64) -> (PointMotion, f64) {
-        let (stepper, assembly) = (&self.stepper, self.stepper.assembly());
-        let mut acceleration = [0.0; MOST_COORDINATES];
-        let a = &mut acceleration[..assembly.coordinates()];
-        stepper.acceleration_at_current(current_a, a);
-        let (at, v) = (assembly.at(stepper.position()), stepper.velocity());
-        let along_m_s2 = self.shaker.as_ref().map_or(0.0, |(_, armature)| armature.acceleration_m_s2(&at, v, a));
-        (self.points_at(&at, a), along_m_s2)
+        let mut read = [Kinematics::default(); MOST_READ];
+        self.stepper.read_at_current(current_a, &self.read, &mut read);
+        let armature = self.shaker.iter().flat_map(|(_, armature)| armature.dofs());
+        let along_m_s2 = armature.zip(&read[self.points.len()..]).map(|((_, share), at)| share * at.acceleration).sum();
+        (self.points_of(&read), along_m_s2)
     }
 
-    /// The points of the accelerometers at an acceleration of the structure, which is at its position.
-    fn points_at(&self, at: &Position<'_>, a: &[f64]) -> PointMotion {
-        let v = self.stepper.velocity();
-        let points = [&self.places.accelerometer_b, &self.places.accelerometer_c];
-        PointMotion {
-            velocity_m_s: points.map(|point| point.vector(|dof| at.velocity(dof, v))),
-            acceleration_m_s2: points.map(|point| point.vector(|dof| at.acceleration(dof, v, a))),
+    /// The points of the accelerometers from what is read.
+    fn points_of(&self, read: &[Kinematics; MOST_READ]) -> PointMotion {
+        let mut motion = PointMotion { velocity_m_s: [Vector2::zeros(); 2], acceleration_m_s2: [Vector2::zeros(); 2] };
+        for ([point, axis], at) in self.points.iter().zip(read) {
+            motion.velocity_m_s[*point][*axis] = at.velocity;
+            motion.acceleration_m_s2[*point][*axis] = at.acceleration;
         }
+        motion
     }
 
     /// The loads of the plant as the drive takes them.
@@ -137,10 +151,9 @@ impl Stepped for AssemblySteps {
 
     fn points(&self, _t_s: f64, loads: &Loads) -> Result<PointMotion, StructureError> {
         let (stepper, drive) = (&self.stepper, self.drive(loads)?);
-        let mut acceleration = [0.0; MOST_COORDINATES];
-        let a = &mut acceleration[..stepper.assembly().coordinates()];
-        stepper.acceleration(drive.acting(), a)?;
-        Ok(self.points_at(&stepper.assembly().at(stepper.position()), a))
+        let mut read = [Kinematics::default(); MOST_READ];
+        stepper.read(drive.acting(), &self.read[..self.points.len()], &mut read)?;
+        Ok(self.points_of(&read))
     }
 
     fn travel_m(&self) -> f64 {

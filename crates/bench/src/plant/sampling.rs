@@ -7,7 +7,7 @@
 //! a(τ) = a₀ + a₁ τ + a₂ τ² + g e^{−λτ}
 //! ```
 //!
-//! where g is from the transient of a coil's current ([`Current`](crate::rig::coil::Current)) and the polynomial has
+//! where g is from the transient of a coil's current ([`Current`](resonarm_dynamics::structure::Current)) and the polynomial has
 //! the values of the rest at both ends and its integral, the change of velocity: A = a(0), B = a(1), and the mean m
 //! give a₂ = 3 (A + B) − 6 m and a₁ = B − A − a₂. Velocity and displacement along a shaker follow by integration, and
 //! the head's force is F − m s̈ − c ṡ − k s. So every channel is a polynomial of degree 4 and an exponential, whose

@@ -2,7 +2,7 @@
 //!
 //! The motion is that of [`Stepper::shaken`](resonarm_dynamics::structure::Stepper::shaken). Where the amplifier holds
 //! the voltage, the current over a step is a polynomial and a transient, by the motion at its ends
-//! ([`Coil`](crate::rig::coil::Coil)), and so are force and accelerations, which are linear in the current.
+//! ([`Circuit`]), and so are force and accelerations, which are linear in the current.
 
 use nalgebra::Vector2;
 use thiserror::Error;
@@ -13,11 +13,10 @@ use super::shaker::{Drive, coil_of};
 use super::stepped::{Loads, Stepped};
 use super::tested::{Placed, TestedAssembly};
 use super::{PlantSpec, PlantSpecError};
-use crate::rig::coil::{Coil, Stroke};
 use crate::rig::{Amplifier, Measurement, ShakerSpec};
 use crate::structure::StructureError;
 use resonarm_dynamics::arm::{Attachment, Load};
-use resonarm_dynamics::structure::{Armature, Coil as ArmatureCoil};
+use resonarm_dynamics::structure::{Armature, Circuit, Coil, Stroke};
 use resonarm_numeric::number::short;
 
 /// The share of a shaker's direction along which a structure may be fixed: rounding of its sine or cosine.
@@ -41,7 +40,7 @@ pub struct ShakerAcross {
 pub(super) struct Shaken {
     pub steps: AssemblySteps,
     spec: ShakerSpec,
-    coil: Coil,
+    coil: Circuit,
     step_s: f64,
 }
 
@@ -86,10 +85,8 @@ impl ShakerSpec {
         let along = core::array::from_fn(|axis| at.along[axis].map(|dof| (dof, shares[axis])));
         let (force_factor_n_a, resistance_ohm) = (self.force_factor_n_a, self.resistance_ohm);
         let coil = match self.amplifier {
-            Amplifier::Current => ArmatureCoil::Current { force_factor_n_a },
-            Amplifier::Voltage => {
-                ArmatureCoil::Voltage { force_factor_n_a, resistance_ohm, inductance_h: self.inductance_h }
-            }
+            Amplifier::Current => Coil::Current { force_factor_n_a },
+            Amplifier::Voltage => Coil::Voltage { force_factor_n_a, resistance_ohm, inductance_h: self.inductance_h },
         };
         Ok(Armature { along, mass_kg, stiffness_n_m, damping_n_s_m, coil })
     }

@@ -53,31 +53,38 @@ fn along(force_n: f64) -> Load {
     Load { force_n: SHAKER.direction() * force_n, ..Load::default() }
 }
 
-/// The same arm as a chain of two links: the motion, the current and all that the converters sample.
+/// The same arm as a chain of two links, from every state of the arm one sample on: the motion, the current and all that
+/// the converters sample, by an implicit, an exponential and an explicit scheme.
 #[test]
 fn a_chain_of_two_links_is_shaken_as_the_arm() {
-    for (shaker, converter) in shakers().into_iter().zip([Converter::Instant, Converter::Sinc3, Converter::Sinc5]) {
-        let mut arm = PlantSpec { steps_per_sample: 20, ..shaken(shaker) };
+    let schemes = [Scheme::default(), Scheme::Gl6, Scheme::Rk4];
+    let converters = [Converter::Instant, Converter::Sinc3, Converter::Sinc5];
+    for (shaker, (scheme, converter)) in
+        shakers().into_iter().flat_map(|shaker| schemes.into_iter().zip(converters).map(move |of| (shaker, of)))
+    {
+        let steps_per_sample = scheme.steps_per_sample().max(4);
+        let mut arm = PlantSpec { scheme, steps_per_sample, ..shaken(shaker) };
         arm.rig.converter = converter;
         let body = BodySpec::Chain(ChainSpec::from_arm(&arm.parameters, arm.pose));
         let chain = PlantSpec { structure: Some(tested(body, Vec::new(), "joint2")), ..arm.clone() };
-        let mut plants = [arm, chain].map(|spec| Plant::new(&spec).unwrap());
-        assert_eq!(plants[0].structure().states(), plants[1].structure().states());
+        let [mut arm, mut chain] = [arm, chain].map(|spec| Plant::new(&spec).unwrap());
+        assert_eq!(arm.structure().states(), chain.structure().states());
         let (mut largest, mut most) = ([0.0_f64; 5], [0.0_f64; OUTPUTS.len()]);
         for n in 0..150 {
-            let [states, others] = plants.each_ref().map(Plant::states);
-            for (k, largest) in largest.iter_mut().enumerate() {
-                *largest = largest.max(states[k].abs());
-                assert!((states[k] - others[k]).abs() <= 1e-9 * *largest, "{shaker:?} {n} {k}: {states:?} {others:?}");
-            }
-            let [outputs, others] = plants.each_ref().map(sensed);
-            for (k, most) in most.iter_mut().enumerate() {
-                *most = most.max(outputs[k].abs());
-                assert!((outputs[k] - others[k]).abs() <= 1e-7 * *most, "{shaker:?} {n}: {outputs:?} {others:?}");
-            }
-            assert!((plants[0].travel_m() - plants[1].travel_m()).abs() < 1e-12);
-            let load = along(80.0 * libm::sin(0.13 * f64::from(n)));
-            plants.iter_mut().for_each(|plant| plant.advance(&load).unwrap());
+            chain = chain.restored(n, &arm.save()).unwrap();
+            let load = along(80.0 * libm::sin(0.13 * n as f64));
+            arm.advance(&load).unwrap();
+            chain.advance(&load).unwrap();
+            let case = alloc::format!("{shaker:?}, {scheme}, {converter:?}, sample {n}");
+            let near = |got: &[f64], expected: &[f64], largest: &mut [f64]| {
+                for ((got, expected), largest) in got.iter().zip(expected).zip(largest) {
+                    *largest = largest.max(expected.abs());
+                    assert!((got - expected).abs() <= 1e-12 * *largest, "{case}: {got} {expected} of {largest}");
+                }
+            };
+            near(chain.states(), arm.states(), &mut largest);
+            near(&sensed(&chain), &sensed(&arm), &mut most);
+            assert!((arm.travel_m() - chain.travel_m()).abs() < 1e-12);
         }
     }
 }

@@ -9,10 +9,10 @@
 use nalgebra::Vector2;
 
 use super::PlantSpecError;
-use crate::rig::coil::{Coil, Current, LEAST_DECAY, Stroke};
 use crate::rig::{Amplifier, ShakerLimit, ShakerSpec};
 use resonarm_dynamics::arm::{Arm, Load, State};
 use resonarm_dynamics::integrate::{Excitation, IntegrateError, Integrator};
+use resonarm_dynamics::structure::{Circuit, Current, LEAST_DECAY, Stroke};
 
 /// Passes of a step in voltage mode before it counts as failed.
 const MOST_PASSES: usize = 30;
@@ -25,7 +25,7 @@ const PASS_LIMIT: f64 = 1e-12;
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Shaker {
     spec: ShakerSpec,
-    coil: Coil,
+    coil: Circuit,
     step_s: f64,
     current_a: f64,
     /// The current over the last step.
@@ -84,14 +84,14 @@ impl Excitation<Load> for CoilForce<'_> {
 ///
 /// # Errors
 /// [`PlantSpecError::Inductance`] if the current changes too slowly for the closed form of a step.
-pub(super) fn coil_of(spec: &ShakerSpec, step_s: f64) -> Result<Coil, PlantSpecError> {
+pub(super) fn coil_of(spec: &ShakerSpec, step_s: f64) -> Result<Circuit, PlantSpecError> {
     let most_h = spec.resistance_ohm * step_s / LEAST_DECAY;
     if spec.amplifier == Amplifier::Voltage && spec.inductance_h > most_h {
         return Err(PlantSpecError::Inductance { got_h: spec.inductance_h, most_h });
     }
     let (force_factor_n_a, resistance_ohm) = (spec.force_factor_n_a, spec.resistance_ohm);
     let decay = step_s * resistance_ohm / spec.inductance_h;
-    Ok(Coil { force_factor_n_a, resistance_ohm, decay })
+    Ok(Circuit { force_factor_n_a, resistance_ohm, decay })
 }
 
 impl Shaker {

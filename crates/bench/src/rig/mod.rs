@@ -1,7 +1,6 @@
 //! The rig on the arm: the exciter, the impedance head at C and the accelerometers at B and C.
 
 mod chain;
-pub(crate) mod coil;
 pub(crate) mod converter;
 mod exciter;
 mod fault;

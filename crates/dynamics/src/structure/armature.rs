@@ -18,7 +18,7 @@
 //! 1997).
 
 use super::MOST_COORDINATES;
-use super::assembly::Assembly;
+use super::assembly::{Assembly, Linear};
 use super::dof::Dof;
 use super::position::Position;
 
@@ -133,7 +133,7 @@ impl Coil {
 
 impl Armature {
     /// The degrees of freedom along which it moves, with their shares.
-    fn dofs(&self) -> impl Iterator<Item = (Dof, f64)> {
+    pub fn dofs(&self) -> impl Iterator<Item = (Dof, f64)> {
         self.along.into_iter().flatten()
     }
 
@@ -188,6 +188,18 @@ impl Armature {
             .map_or(0.0, |rate_1_s| rate_1_s * self.coil.force_factor_n_a() * self.coil.back_a_s_m());
         let damping_n_s_m = self.damping_n_s_m + self.coil.drag_n_s_m();
         [mobility * (self.stiffness_n_m + coil_n_m), mobility * damping_n_s_m]
+    }
+
+    /// The linear part of a structure at rest with the armature on it, without its coil.
+    pub(super) fn linear(&self, of: &Assembly) -> Linear {
+        let (n, rest, mut w) = (of.coordinates(), [0.0; MOST_COORDINATES], [0.0; MOST_COORDINATES]);
+        self.direction(&of.at(&rest[..n]), &mut w[..n]);
+        let mut linear = of.linear();
+        let own = [self.mass_kg, self.damping_n_s_m, self.stiffness_n_m];
+        for (matrix, own) in [&mut linear.mass, &mut linear.damping, &mut linear.stiffness].into_iter().zip(own) {
+            matrix.iter_mut().enumerate().for_each(|(k, entry)| *entry += own * w[k / n] * w[k % n]);
+        }
+        linear
     }
 
     /// The energy of the armature, its spring and the field of its coil at a current, J.

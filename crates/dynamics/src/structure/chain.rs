@@ -102,6 +102,7 @@ pub(super) struct Moving<T, const N: usize> {
 }
 
 /// φ = T q of the first n.
+#[inline(always)]
 fn summed(q: &[f64]) -> PerLink {
     let (mut sums, mut sum) = ([0.0; MOST_LINKS], 0.0);
     for (entry, q) in sums.iter_mut().zip(q) {
@@ -112,6 +113,7 @@ fn summed(q: &[f64]) -> PerLink {
 }
 
 /// Tᵀ of a vector, in place.
+#[inline(always)]
 fn sum_outwards(of: &mut [f64]) {
     for i in (1..of.len()).rev() {
         of[i - 1] += of[i];
@@ -119,6 +121,7 @@ fn sum_outwards(of: &mut [f64]) {
 }
 
 /// TᵀAT of an n × n matrix by rows, in place.
+#[inline(always)]
 fn sum_both_outwards(n: usize, matrix: &mut [f64]) {
     for row in matrix.chunks_exact_mut(n) {
         sum_outwards(row);
@@ -303,32 +306,62 @@ impl Chain {
     /// ```
     ///
     /// Matrices are n × n, by rows, with nothing beside.
-    pub fn linearise(&self, links: &Turned, [q, v, a]: [&[f64]; 3], force: &[f64], at: LinearisedSlices) {
-        let (n, rate, acceleration) = (self.n, summed(&v[..self.n]), summed(&a[..self.n]));
-        let LinearisedSlices { unbalance, by_position, by_velocity, by_acceleration } = at;
-        self.unbalance(links, [q, v, a], force, unbalance);
-        for i in 0..n {
-            by_position[i * n + i] = -self.weight_nm[i] * links.moment_sine[i];
+    pub fn linearise(&self, links: &Turned, motion: [&[f64]; 3], force: &[f64], at: LinearisedSlices) {
+        match self.n {
+            1 => self.linearise_links::<1>(links, motion, force, at),
+            2 => self.linearise_links::<2>(links, motion, force, at),
+            3 => self.linearise_links::<3>(links, motion, force, at),
+            4 => self.linearise_links::<4>(links, motion, force, at),
+            5 => self.linearise_links::<5>(links, motion, force, at),
+            6 => self.linearise_links::<6>(links, motion, force, at),
+            7 => self.linearise_links::<7>(links, motion, force, at),
+            _ => self.linearise_links::<8>(links, motion, force, at),
+        }
+    }
+
+    /// The same for N links: loops of a known length take half the time.
+    fn linearise_links<const N: usize>(
+        &self,
+        links: &Turned,
+        [q, v, a]: [&[f64]; 3],
+        force: &[f64],
+        at: LinearisedSlices,
+    ) {
+        let (rate, acceleration) = (summed(&v[..N]), summed(&a[..N]));
+        let mut unbalance = [0.0; N];
+        let [mut by_position, mut by_velocity, mut by_acceleration] = [[[0.0; N]; N]; 3];
+        for i in 0..N {
+            unbalance[i] = self.weight_nm[i] * self.cosine_change(links, i);
+            by_position[i][i] = -self.weight_nm[i] * links.moment_sine[i];
             let mut others = 0.0;
-            for j in 0..n {
+            for j in 0..N {
                 let ((sine, cosine), inertia) = (links.between(i, j), self.inertia[i][j]);
-                by_velocity[i * n + j] = if i == j { 0.0 } else { 2.0 * inertia * sine * rate[j] };
-                by_acceleration[i * n + j] = if i == j { inertia } else { inertia * cosine };
-                if i != j {
-                    let entry = inertia * (sine * acceleration[j] - cosine * (rate[j] * rate[j]));
-                    by_position[i * n + j] = entry;
-                    others += entry;
+                let square = rate[j] * rate[j];
+                unbalance[i] += inertia * (cosine * acceleration[j] + sine * square);
+                if i == j {
+                    by_acceleration[i][i] = inertia;
+                    continue;
                 }
+                by_velocity[i][j] = 2.0 * inertia * sine * rate[j];
+                by_acceleration[i][j] = inertia * cosine;
+                by_position[i][j] = inertia * (sine * acceleration[j] - cosine * square);
+                others += by_position[i][j];
             }
-            by_position[i * n + i] -= others;
+            by_position[i][i] -= others;
         }
-        for matrix in [&mut *by_position, &mut *by_velocity, &mut *by_acceleration] {
-            sum_both_outwards(n, matrix);
+        sum_outwards(&mut unbalance);
+        for matrix in [&mut by_position, &mut by_velocity, &mut by_acceleration] {
+            sum_both_outwards(N, matrix.as_flattened_mut());
         }
-        for i in 0..n {
-            by_position[i * n + i] += self.stiffness[i];
-            by_velocity[i * n + i] += self.damping[i];
+        for i in 0..N {
+            unbalance[i] += self.damping[i] * v[i] + self.stiffness[i] * q[i] - force[i];
+            by_position[i][i] += self.stiffness[i];
+            by_velocity[i][i] += self.damping[i];
         }
+        at.unbalance[..N].copy_from_slice(&unbalance);
+        at.by_position[..N * N].copy_from_slice(by_position.as_flattened());
+        at.by_velocity[..N * N].copy_from_slice(by_velocity.as_flattened());
+        at.by_acceleration[..N * N].copy_from_slice(by_acceleration.as_flattened());
     }
 
     /// The energy of motion, of springs, and of the weight less its value and slope at rest, J.

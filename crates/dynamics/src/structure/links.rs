@@ -9,7 +9,8 @@
 //! X_i = l_i Σ_{j>i} p_j c_j φ̇_j² + p_i Σ_{j<i} l_j c_j φ̇_j²        Y_i the same with s_j for c_j
 //! ```
 //!
-//! with the sines s and cosines c of θ, beside p those of θ + δ (see [`Chain`]), and H = L D Lᵀ is factored without roots. q̈_i = φ̈_i − φ̈_{i−1}.
+//! with the sines s and cosines c of θ, beside p those of θ + δ (see [`Chain`]), and H = L D Lᵀ is factored without roots.
+//! q̈_i = φ̈_i − φ̈_{i−1}. The armature of a shaker, [`SmoothMass`], adds m wwᵀ to H; its spring and damper are an element.
 //!
 //! Arrays are filled by loops: the closures of `array::from_fn` are compiled anew for each N, and the crate a tenth
 //! longer.
@@ -18,8 +19,12 @@ use alloc::vec::Vec;
 use core::array;
 
 use super::chain::{Chain, LinearisedSlices, Moving};
-use super::smooth::SmoothElement;
-use super::{Assembly, MOST_LINKS};
+use super::dof::{At, Dof};
+use super::modes::modes;
+use super::position::Kinematics;
+use super::smooth::{MovingMass, SmoothElement, SmoothMass};
+use super::spec::{Axis, Law};
+use super::{Armature, Assembly, MOST_LINKS};
 use crate::arm::angle::{Angle, Turn, within_reach};
 use crate::integrate::{Dynamics, Excitation, Jacobian, Motion, Rates, SolveStages, StageEquation, StageLoads, Wide};
 use crate::real::Real;
@@ -31,8 +36,15 @@ pub(super) struct Links<const N: usize> {
     kernel: Kernel<f64, N>,
     /// The same in every lane.
     lanes: Kernel<Wide, N>,
-    elements: Vec<SmoothElement<N>>,
+    smooth: Smooth<N>,
     fastest_rad_s: f64,
+}
+
+/// What moves with the links: smooth elements, and the armature of a shaker, a mass and an element.
+#[derive(Clone, Debug, PartialEq)]
+struct Smooth<const N: usize> {
+    elements: Vec<SmoothElement<N>>,
+    armature: Option<SmoothMass<N>>,
 }
 
 /// The loads that are held over a step.
@@ -163,17 +175,23 @@ impl<T: Real, const N: usize> Kernel<T, N> {
         (force, power)
     }
 
-    /// L by rows and the inverse of D of H = L D Lᵀ.
+    /// L by rows and the inverse of D of H = L D Lᵀ, with m wwᵀ of an armature added to H.
     #[inline(always)]
-    fn factored(&self, at: &Moving<T, N>) -> ([[T; N]; N], [T; N]) {
+    fn factored(&self, at: &Moving<T, N>, armature: Option<&MovingMass<T, N>>) -> ([[T; N]; N], [T; N]) {
         let zero = T::splat(0.0);
         let (mut lower, mut inverse) = ([[zero; N]; N], [zero; N]);
         for i in 0..N {
             let mut diagonal = self.inertia[i];
+            if let Some(armature) = armature {
+                diagonal = diagonal + armature.between(i, i);
+            }
             for j in 0..i {
                 // H_ij less what is known is L_ij D_j; the row keeps it until it is done, rows above have L.
                 let cosine = at.moment_cosine[i] * at.cosine[j] + at.moment_sine[i] * at.sine[j];
                 let mut scaled = self.length_m[j] * self.moment_kg_m[i] * cosine;
+                if let Some(armature) = armature {
+                    scaled = scaled + armature.between(i, j);
+                }
                 let (own, above) = (lower[i], lower[j]);
                 for (own, above) in own.iter().zip(&above).take(j) {
                     scaled = scaled - *own * *above;
@@ -192,14 +210,20 @@ impl<T: Real, const N: usize> Kernel<T, N> {
 
     /// ẍ from torques at the joints and forces on the turns.
     #[inline(always)]
-    fn solved(&self, at: &Moving<T, N>, torque: &[T; N], mut force: [T; N]) -> [T; N] {
+    fn solved(
+        &self,
+        at: &Moving<T, N>,
+        armature: Option<&MovingMass<T, N>>,
+        torque: &[T; N],
+        mut force: [T; N],
+    ) -> [T; N] {
         for i in 0..N {
             force[i] = force[i] + torque[i];
             if i + 1 < N {
                 force[i] = force[i] - torque[i + 1];
             }
         }
-        let (lower, inverse) = self.factored(at);
+        let (lower, inverse) = self.factored(at, armature);
         for i in 0..N {
             for j in 0..i {
                 force[i] = force[i] - lower[i][j] * force[j];
@@ -207,7 +231,8 @@ impl<T: Real, const N: usize> Kernel<T, N> {
         }
         for i in (0..N).rev() {
             force[i] = force[i] * inverse[i];
-            for k in i + 1..N {
+            // The entry that is known last comes last.
+            for k in (i + 1..N).rev() {
                 force[i] = force[i] - lower[k][i] * force[k];
             }
         }
@@ -218,46 +243,54 @@ impl<T: Real, const N: usize> Kernel<T, N> {
     }
 
     #[inline(always)]
-    fn rates<const FAR: bool>(
+    fn rates<const FAR: bool>(&self, motion: &Motion<T, N>, load: &LinksLoad<T, N>, smooth: &Smooth<N>) -> Rates<T, N> {
+        self.rates_at(&self.moving::<FAR>(motion), motion, load, smooth)
+    }
+
+    #[inline(always)]
+    fn rates_at(
         &self,
+        at: &Moving<T, N>,
         motion: &Motion<T, N>,
         load: &LinksLoad<T, N>,
-        elements: &[SmoothElement<N>],
+        smooth: &Smooth<N>,
     ) -> Rates<T, N> {
-        let at = self.moving::<FAR>(motion);
-        let (mut force, mut power_w) = self.outer(&at, load);
+        let (mut force, mut power_w) = self.outer(at, load);
         let mut torque = load.torque_nm;
-        for element in elements {
-            power_w = power_w - element.act(motion, &at, &self.rest, &mut torque, &mut force);
+        for element in &smooth.elements {
+            power_w = power_w - element.act(motion, at, &self.rest, &mut torque, &mut force);
         }
         for (i, torque) in torque.iter_mut().enumerate() {
             let damped = load.torque_nm[i] - self.damping[i] * motion.v[i];
             power_w = power_w + damped * motion.v[i];
             *torque = (*torque - self.stiffness[i] * motion.x[i]) - self.damping[i] * motion.v[i];
         }
-        Rates { acceleration: self.solved(&at, &torque, force), power_w }
+        let Some(armature) = &smooth.armature else {
+            return Rates { acceleration: self.solved(at, None, &torque, force), power_w };
+        };
+        let armature = armature.at(at);
+        let drift_n = armature.mass_kg * armature.drift(at);
+        for (force, direction) in force.iter_mut().zip(armature.direction) {
+            *force = *force - direction * drift_n;
+        }
+        Rates { acceleration: self.solved(at, Some(&armature), &torque, force), power_w }
     }
 
     /// The same at every angle, and fast at small ones.
     #[inline(always)]
-    fn rates_anywhere(
-        &self,
-        motion: &Motion<T, N>,
-        load: &LinksLoad<T, N>,
-        elements: &[SmoothElement<N>],
-    ) -> Rates<T, N> {
+    fn rates_anywhere(&self, motion: &Motion<T, N>, load: &LinksLoad<T, N>, smooth: &Smooth<N>) -> Rates<T, N> {
         // Without a short cut, so that there is one branch.
         if summed(&motion.x).iter().fold(true, |all, turn| all & within_reach(*turn)) {
-            self.rates::<false>(motion, load, elements)
+            self.rates::<false>(motion, load, smooth)
         } else {
-            self.far_rates(motion, load, elements)
+            self.far_rates(motion, load, smooth)
         }
     }
 
     #[cold]
     #[inline(never)]
-    fn far_rates(&self, motion: &Motion<T, N>, load: &LinksLoad<T, N>, elements: &[SmoothElement<N>]) -> Rates<T, N> {
-        self.rates::<true>(motion, load, elements)
+    fn far_rates(&self, motion: &Motion<T, N>, load: &LinksLoad<T, N>, smooth: &Smooth<N>) -> Rates<T, N> {
+        self.rates::<true>(motion, load, smooth)
     }
 
     fn gather(of: &Kernel<f64, N>) -> Kernel<T, N> {
@@ -283,8 +316,9 @@ impl<T: Real, const N: usize> Kernel<T, N> {
 }
 
 impl<const N: usize> Links<N> {
-    /// The chain of an assembly of N links whose elements are smooth; others are left out.
-    pub fn new(chain: &Chain, assembly: &Assembly) -> Links<N> {
+    /// The chain of an assembly of N links whose elements are smooth, others are left out; with a shaker's armature, if
+    /// it has one, but not the coil.
+    pub fn new(chain: &Chain, assembly: &Assembly, armature: Option<&Armature>) -> Links<N> {
         let first = |of: &[f64]| {
             let mut numbers = [0.0; N];
             numbers.copy_from_slice(&of[..N]);
@@ -302,15 +336,71 @@ impl<const N: usize> Links<N> {
             is_straight: chain.is_straight,
         };
         let smooth = assembly.elements().iter().filter(|element| element.law.is_smooth());
-        let elements = smooth.map(|element| SmoothElement::new(element, chain)).collect();
-        let fastest_hz = assembly.modes().last().map_or(f64::NAN, |mode| mode.frequency_hz);
-        let lanes = Kernel::gather(&kernel);
-        Links { chain: chain.clone(), kernel, lanes, elements, fastest_rad_s: core::f64::consts::TAU * fastest_hz }
+        let mut elements: Vec<_> = smooth.map(|element| SmoothElement::new(element, chain)).collect();
+        let mut fastest_hz = assembly.modes().last().map_or(f64::NAN, |mode| mode.frequency_hz);
+        let armature = armature.map(|armature| {
+            let modes = modes(&armature.linear(assembly));
+            fastest_hz = modes.and_then(|modes| modes.last().map(|mode| mode.frequency_hz)).unwrap_or(f64::NAN);
+            let law = Law::Linear { stiffness: armature.stiffness_n_m, damping: armature.damping_n_s_m };
+            let along = SmoothElement::along(law, armature.dofs(), chain);
+            elements.push(along.clone());
+            SmoothMass::new(armature.mass_kg, along)
+        });
+        let (lanes, smooth) = (Kernel::gather(&kernel), Smooth { elements, armature });
+        Links { chain: chain.clone(), kernel, lanes, smooth, fastest_rad_s: core::f64::consts::TAU * fastest_hz }
     }
 
     /// M⁻¹ of one column, in place.
     fn solve_mass(&self, at: &Moving<f64, N>, torque: [f64; N]) -> [f64; N] {
-        self.kernel.solved(at, &torque, [0.0; N])
+        let armature = self.smooth.armature.as_ref().map(|armature| armature.at(at));
+        self.kernel.solved(at, armature.as_ref(), &torque, [0.0; N])
+    }
+
+    /// What degrees of freedom do at a motion under a load.
+    pub fn read(&self, motion: &Motion<f64, N>, load: &LinksLoad<f64, N>, dofs: &[Dof], out: &mut [Kinematics]) {
+        let (at, kernel) = (self.kernel.moving::<true>(motion), &self.kernel);
+        let acceleration = kernel.rates_at(&at, motion, load, &self.smooth).acceleration;
+        let turned = summed(&acceleration);
+        for (dof, out) in dofs.iter().zip(out) {
+            *out = match dof.0 {
+                At::Joint(joint) => {
+                    let [displacement, velocity] = [motion.x[joint], motion.v[joint]];
+                    Kinematics { displacement, velocity, acceleration: acceleration[joint] }
+                }
+                At::Point { links, axis } => {
+                    let mut sum = Kinematics::default();
+                    for (i, turned) in turned.iter().enumerate().take(links) {
+                        let (l, Angle { sine, cosine }) = (kernel.length_m[i], kernel.rest[i]);
+                        // Along x the derivatives of cos θ, along y those of sin θ.
+                        let (moved, slope, curvature) = match axis {
+                            Axis::X => (at.turn[i].weighed(-sine, cosine), -at.sine[i], -at.cosine[i]),
+                            Axis::Y => (at.turn[i].weighed(cosine, sine), at.cosine[i], -at.sine[i]),
+                            Axis::Z => (f64::NAN, f64::NAN, f64::NAN),
+                        };
+                        sum.displacement += l * moved;
+                        sum.velocity += l * (slope * at.rate[i]);
+                        sum.acceleration += l * (slope * turned + curvature * (at.rate[i] * at.rate[i]));
+                    }
+                    sum
+                }
+                At::Shape(_) | At::Base(_) => {
+                    Kinematics { displacement: f64::NAN, velocity: f64::NAN, acceleration: f64::NAN }
+                }
+            };
+        }
+    }
+
+    /// s, m, ṡ, m/s, and s̈, m/s², of the armature at a motion under a load; zeros without one.
+    pub fn armature(&self, motion: &Motion<f64, N>, load: &LinksLoad<f64, N>) -> Kinematics {
+        let Some(armature) = &self.smooth.armature else { return Kinematics::default() };
+        let at = self.kernel.moving::<true>(motion);
+        let acceleration = self.kernel.rates_at(&at, motion, load, &self.smooth).acceleration;
+        let own = armature.at(&at);
+        Kinematics {
+            displacement: armature.displacement_m(motion, &at, &self.kernel.rest),
+            velocity: own.along(&at.rate),
+            acceleration: own.along(&summed(&acceleration)) + own.drift(&at),
+        }
     }
 }
 
@@ -318,14 +408,14 @@ impl<const N: usize> Links<N> {
 struct Stages<'a, const N: usize> {
     kernel: &'a Kernel<Wide, N>,
     load: LinksLoad<Wide, N>,
-    elements: &'a [SmoothElement<N>],
+    smooth: &'a Smooth<N>,
 }
 
 impl<const N: usize> StageEquation<N> for Stages<'_, N> {
     // Compiled once for all numbers of stages.
     #[inline(never)]
     fn rates(&self, motion: &Motion<Wide, N>) -> Rates<Wide, N> {
-        self.kernel.rates_anywhere(motion, &self.load, self.elements)
+        self.kernel.rates_anywhere(motion, &self.load, self.smooth)
     }
 }
 
@@ -335,7 +425,7 @@ impl<const N: usize> Dynamics<N> for Links<N> {
 
     #[inline(never)]
     fn rates(&self, motion: &Motion<f64, N>, load: &LinksLoad<f64, N>) -> Rates<f64, N> {
-        self.kernel.rates_anywhere(motion, load, &self.elements)
+        self.kernel.rates_anywhere(motion, load, &self.smooth)
     }
 
     /// From the unbalance r(q, q̇, q̈) = 0: ∂q̈/∂x = −M⁻¹ ∂r/∂x. A force along x and y at the ends of the links adds l
@@ -356,8 +446,11 @@ impl<const N: usize> Dynamics<N> for Links<N> {
         for (i, [x, y]) in load.force_n.into_iter().enumerate() {
             turning[i] *= x * at.cosine[i] + y * at.sine[i];
         }
-        for element in &self.elements {
+        for element in &self.smooth.elements {
             element.linearise(motion, &at, &self.kernel.rest, [&mut by_position, &mut by_velocity], &mut turning);
+        }
+        if let Some(armature) = &self.smooth.armature {
+            armature.linearise(&acceleration, &at, [&mut by_position, &mut by_velocity], &mut turning);
         }
         for i in (1..N).rev() {
             turning[i - 1] += turning[i];
@@ -391,7 +484,7 @@ impl<const N: usize> Dynamics<N> for Links<N> {
         let motion = Motion { x: *position, v: [0.0; N] };
         let at = self.kernel.moving::<true>(&motion);
         let [mut stiffness, mut damping] = [[0.0; MOST_LINKS * MOST_LINKS]; 2];
-        for element in &self.elements {
+        for element in &self.smooth.elements {
             element.linearise(&motion, &at, &self.kernel.rest, [&mut stiffness, &mut damping], &mut [0.0; N]);
         }
         let share = |n: usize| {
@@ -405,7 +498,7 @@ impl<const N: usize> Dynamics<N> for Links<N> {
     }
 
     /// Without the weight's and the elements', which act as loads: ½ Σ c_ii φ̇_i² + Σ_j p_j φ̇_j (c_j Σ_{i<j} l_i c_i
-    /// φ̇_i + s_j Σ_{i<j} l_i s_i φ̇_i) + ½ Σ k q².
+    /// φ̇_i + s_j Σ_{i<j} l_i s_i φ̇_i) + ½ Σ k q², and ½ m ṡ² of an armature.
     fn energy_j(&self, motion: &Motion<f64, N>) -> f64 {
         let (at, kernel) = (self.kernel.moving::<true>(motion), &self.kernel);
         let (mut twice, mut cross, mut x, mut y) = (0.0, 0.0, 0.0, 0.0);
@@ -415,6 +508,11 @@ impl<const N: usize> Dynamics<N> for Links<N> {
             cross += kernel.moment_kg_m[i] * rate * (at.moment_cosine[i] * x + at.moment_sine[i] * y);
             x += kernel.length_m[i] * rate * at.cosine[i];
             y += kernel.length_m[i] * rate * at.sine[i];
+        }
+        if let Some(armature) = &self.smooth.armature {
+            let armature = armature.at(&at);
+            let velocity_m_s = armature.along(&at.rate);
+            twice += armature.mass_kg * (velocity_m_s * velocity_m_s);
         }
         0.5 * twice + cross
     }
@@ -426,6 +524,6 @@ impl<const N: usize> Dynamics<N> for Links<N> {
         solve: V,
     ) -> V::Solution {
         let load = if loads.held { loads.at(0).splat() } else { LinksLoad::gather(|lane| loads.at(lane)) };
-        solve.solve(&Stages { kernel: &self.lanes, load, elements: &self.elements })
+        solve.solve(&Stages { kernel: &self.lanes, load, smooth: &self.smooth })
     }
 }

@@ -18,6 +18,7 @@ mod armature;
 mod assembly;
 mod chain;
 mod check;
+mod coil;
 mod dof;
 mod element;
 mod error;
@@ -32,13 +33,14 @@ mod step;
 
 pub use armature::{Armature, ArmatureMotion, Coil};
 pub use assembly::{Assembly, CoordinateUnit, Linear, Linearised};
+pub use coil::{Circuit, Current, LEAST_DECAY, Stroke};
 pub use dof::Dof;
 pub use element::{Branch, Element, Reaction, StateRate};
 pub use error::StructureError;
 pub use modal::mode_transient;
 pub use modes::StructureMode;
 pub use parameter::{ElementField, LinkField, ModeField, Parameter};
-pub use position::Position;
+pub use position::{Kinematics, Position};
 pub use spec::{
     Axis, BASE, BodySpec, ChainSpec, ElementSpec, Law, Link, ModalSpec, ModeSpec, Place, ShapeSpec, Side, StructureSpec,
 };

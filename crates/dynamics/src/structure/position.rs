@@ -8,6 +8,17 @@ use super::element::Element;
 use super::modal::Modal;
 use super::spec::Axis;
 
+/// What a degree of freedom does at an instant: displacement from rest, velocity, acceleration; m and s, or rad and s.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct Kinematics {
+    /// x, m or rad.
+    pub displacement: f64,
+    /// v, m/s or rad/s.
+    pub velocity: f64,
+    /// a, m/s² or rad/s².
+    pub acceleration: f64,
+}
+
 /// A structure in a position q.
 ///
 /// What is costly to compute from q is computed once, when it is made: the sines and cosines of a chain's links. Then
@@ -116,6 +127,15 @@ impl<'a> Position<'a> {
             before = turning;
         }
         sum
+    }
+
+    /// All three of a degree of freedom.
+    pub fn kinematics(&self, dof: Dof, v: &[f64], a: &[f64]) -> Kinematics {
+        Kinematics {
+            displacement: self.displacement(dof),
+            velocity: self.velocity(dof, v),
+            acceleration: self.acceleration(dof, v, a),
+        }
     }
 
     /// The displacement of an element: of one end less that of the other.

@@ -25,11 +25,14 @@ pub(super) struct SmoothElement<const N: usize> {
 
 impl<const N: usize> SmoothElement<N> {
     pub fn new(element: &Element, chain: &Chain) -> SmoothElement<N> {
-        let mut own = SmoothElement { law: element.law, joints: [0.0; N], links_m: [[0.0; 2]; N] };
-        own.add(element.at, 1.0, chain);
-        if let Some(to) = element.to {
-            own.add(to, -1.0, chain);
-        }
+        let to = element.to.map(|to| (to, -1.0));
+        SmoothElement::along(element.law, [(element.at, 1.0)].into_iter().chain(to), chain)
+    }
+
+    /// An element whose displacement is a sum of those of some degrees of freedom, each with its share.
+    pub fn along(law: Law, dofs: impl Iterator<Item = (Dof, f64)>, chain: &Chain) -> SmoothElement<N> {
+        let mut own = SmoothElement { law, joints: [0.0; N], links_m: [[0.0; 2]; N] };
+        dofs.for_each(|(dof, share)| own.add(dof, share, chain));
         own
     }
 
@@ -106,6 +109,106 @@ impl<const N: usize> SmoothElement<N> {
                 let slope = reaction.by_position * w[column] + reaction.by_velocity * drift[column];
                 by_position[row * N + column] += w[row] * slope;
                 by_velocity[row * N + column] += reaction.by_velocity * w[row] * w[column];
+            }
+        }
+    }
+}
+
+/// A mass m that moves as one end of a smooth element does, without a share of joints: with its displacement s, and w
+/// and w′ its first and second derivatives by each turn, it adds m wwᵀ to the mass and takes the force m (Σ w′ φ̇²) w.
+#[derive(Clone, Debug, PartialEq)]
+pub(super) struct SmoothMass<const N: usize> {
+    mass_kg: f64,
+    along: SmoothElement<N>,
+}
+
+/// It in motion.
+pub(super) struct MovingMass<T, const N: usize> {
+    /// m, kg.
+    pub mass_kg: T,
+    /// w and w′.
+    pub direction: [T; N],
+    curvature: [T; N],
+}
+
+impl<T: Real, const N: usize> MovingMass<T, N> {
+    /// m w_i w_j.
+    #[inline(always)]
+    pub fn between(&self, i: usize, j: usize) -> T {
+        self.mass_kg * self.direction[i] * self.direction[j]
+    }
+
+    /// Σ w′ φ̇².
+    #[inline(always)]
+    pub fn drift(&self, at: &Moving<T, N>) -> T {
+        let mut drift = T::splat(0.0);
+        for i in 0..N {
+            drift = drift + self.curvature[i] * (at.rate[i] * at.rate[i]);
+        }
+        drift
+    }
+
+    /// Σ w φ̇, or of other numbers of the turns.
+    #[inline(always)]
+    pub fn along(&self, of: &[T; N]) -> T {
+        let mut sum = T::splat(0.0);
+        for (direction, of) in self.direction.iter().zip(of) {
+            sum = sum + *direction * *of;
+        }
+        sum
+    }
+}
+
+impl<const N: usize> SmoothMass<N> {
+    pub fn new(mass_kg: f64, along: SmoothElement<N>) -> SmoothMass<N> {
+        SmoothMass { mass_kg, along }
+    }
+
+    /// s.
+    pub fn displacement_m(&self, motion: &Motion<f64, N>, at: &Moving<f64, N>, rest: &[Angle<f64>; N]) -> f64 {
+        self.along.position_and_velocity(motion, at, rest).0
+    }
+
+    #[inline(always)]
+    pub fn at<T: Real>(&self, at: &Moving<T, N>) -> MovingMass<T, N> {
+        let (mut direction, mut curvature) = ([T::splat(0.0); N], [T::splat(0.0); N]);
+        for i in 0..N {
+            let [a, b] = self.along.links_m[i].map(T::splat);
+            direction[i] = b * at.cosine[i] - a * at.sine[i];
+            curvature[i] = -(a * at.cosine[i] + b * at.sine[i]);
+        }
+        MovingMass { mass_kg: T::splat(self.mass_kg), direction, curvature }
+    }
+
+    /// Adds the derivatives of w m s̈ by q and q̇ at q̈ to two N × N matrices by rows, and m s̈ w′ to what is summed over
+    /// the turns: with s̈ = Σ w φ̈ + Σ w′ φ̇² and w″ = −w, ∂s̈/∂φ = w′ φ̈ − w φ̇² and ∂s̈/∂φ̇ = 2 w′ φ̇.
+    pub fn linearise(
+        &self,
+        acceleration: &[f64; N],
+        at: &Moving<f64, N>,
+        [by_position, by_velocity]: [&mut [f64]; 2],
+        turning: &mut [f64; N],
+    ) {
+        let own = self.at(at);
+        let mut turned = *acceleration;
+        for i in 1..N {
+            turned[i] += turned[i - 1];
+        }
+        let force_n = self.mass_kg * (own.along(&turned) + own.drift(at));
+        let (mut w, mut slope, mut by_rate) = ([0.0; N], [0.0; N], [0.0; N]);
+        let (mut outer, mut outer_slope, mut outer_rate) = (0.0, 0.0, 0.0);
+        for i in (0..N).rev() {
+            let (direction, curvature, rate) = (own.direction[i], own.curvature[i], at.rate[i]);
+            outer += direction;
+            outer_slope += curvature * turned[i] - direction * (rate * rate);
+            outer_rate += 2.0 * curvature * rate;
+            (w[i], slope[i], by_rate[i]) = (outer, outer_slope, outer_rate);
+            turning[i] += force_n * curvature;
+        }
+        for row in 0..N {
+            for column in 0..N {
+                by_position[row * N + column] += self.mass_kg * w[row] * slope[column];
+                by_velocity[row * N + column] += self.mass_kg * w[row] * by_rate[column];
             }
         }
     }

@@ -1,7 +1,7 @@
 //! Stability of a structure's periodic motion by its Floquet multipliers, the eigenvalues of the flow of variations
 //! over a period.
 //!
-//! On 2L points of the period, a step goes over 2 of them with the derivatives in its middle: half a step of the
+//! Of modes, and of a chain that isn't smooth: on 2L points of the period, a step goes over 2 of them with the derivatives in its middle: half a step of the
 //! linear structure, exact, the impulse of what it leaves out, and another half (G. Strang, 1968). This is symmetric,
 //! with errors in h², h⁴, …; where the motion is smooth, steps over 4 and 8 points remove the first two (W. Romberg,
 //! 1955):
@@ -14,6 +14,8 @@
 //! whether |μ| is 1. So where damping is small Φ is scaled such that ln |det Φ| is the same sum of the three
 //! logarithms.
 //!
+//! The variations of a smooth chain are integrated by collocation of order 8, [`collocation`].
+//!
 //! The multipliers of many modes with one smooth element are found in the frequency domain, [`exponents`].
 //!
 //! Where the motion is symmetric, x(t + T/2) = −x(t), and the forces are, the derivatives repeat after half a period.
@@ -22,6 +24,7 @@
 //! The state of a friction element that slips is a state of the flow. One that doesn't slip is a spring.
 
 mod chain;
+mod collocation;
 mod exponents;
 mod modal;
 mod newton;
@@ -72,7 +75,7 @@ impl Variations<'_> {
     /// Along the motion X, on two points a step of at least so many steps; `samples` is storage.
     fn new<'a>(balance: &'a Balance, x: &[f64], steps: f64, mut samples: Samples) -> Variations<'a> {
         let points = 8 * libm::ceil(steps / 4.0) as usize;
-        samples.set(balance.harmonics(), points);
+        samples.set(balance.harmonics().max(balance.period()), points);
         samples.synthesise(x, &balance.unknowns, balance.omega_rad_s());
         samples.evaluate(&balance.forced, &balance.unknowns, balance.frequency_hz);
         add_stuck_friction(balance, &mut samples);
@@ -149,12 +152,18 @@ fn repeats_after_half(signal: &[f64], limit: f64) -> bool {
 #[derive(Debug, Default)]
 pub(super) struct Floquet {
     samples: Option<Samples>,
+    /// Of smooth chains: the stages that the samples are at.
+    stages: Option<collocation::Stages>,
 }
 
 impl Floquet {
     /// The stability of the motion X of a balance; none if the multipliers can't be computed.
     pub fn stability(&mut self, balance: &Balance, x: &[f64]) -> Option<Stability> {
         let of_motion = (STEPS[2] * balance.harmonics() as f64).max(LEAST_STEPS[0]);
+        if matches!(balance.unknowns.body, Body::Chain) && balance.forced.assembly().is_smooth() {
+            let new = || Samples::new(&balance.forced, &balance.unknowns);
+            return collocation::stability(balance, x, self.samples.get_or_insert_with(new), &mut self.stages);
+        }
         let fast = match &balance.unknowns.body {
             Body::Condensed(condensed) => {
                 let oscillates = |[omega, zeta]: &[f64; 2]| *omega > 0.0 && *zeta < 1.0;

@@ -1,3 +1,4 @@
+mod arm;
 mod backbones;
 mod curves;
 mod margins;

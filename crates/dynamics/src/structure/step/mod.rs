@@ -8,10 +8,12 @@
 //! - all others: explicit steps of order 8 between the switches of the elements, whatever the scheme; a switch is
 //!   located to rounding and the step goes on behind it.
 //!
-//! With a shaker's [`Armature`], whose command is held, modes without elements are stepped exactly, with its coil; all
-//! others by the explicit steps, with the coil's current as a state.
+//! With a shaker's [`Armature`], whose command is held, a chain is stepped by the scheme, too, and its coil in closed
+//! form; modes without elements exactly, with the coil; all others by the explicit steps, with the coil's current as a
+//! state. So is a chain under a coil whose current changes too slowly for the closed form of a step.
 
 mod chains;
+mod coil;
 mod error;
 mod exact;
 mod locate;
@@ -28,6 +30,7 @@ use super::armature::{Armature, ArmatureMotion, Coil};
 use super::assembly::{Assembly, Body};
 use super::dof::Dof;
 use super::element::Branch;
+use super::position::Kinematics;
 use crate::integrate::Scheme;
 
 /// What makes the steps of a structure.
@@ -40,6 +43,11 @@ trait Engine: fmt::Debug + Send + Sync {
     fn advance(&mut self, t_s: f64, load: &StepLoad<'_>) -> Result<(), StepError>;
     /// Writes q̈ at the state, with `current_a` in place of the current of a shaker's coil.
     fn acceleration(&self, load: &[f64], current_a: Option<f64>, out: &mut [f64]);
+    /// Writes what degrees of freedom do at the state, as [`Engine::acceleration`] takes loads and current; `false` if it
+    /// has no faster way than by the acceleration.
+    fn read(&self, _load: &[f64], _current_a: Option<f64>, _dofs: &[Dof], _out: &mut [Kinematics]) -> bool {
+        false
+    }
     /// Switches so far, and steps whose switches were not all located.
     fn counters(&self) -> [u64; 2] {
         [0, 0]
@@ -117,7 +125,9 @@ impl Stepper {
     pub fn new(assembly: &Assembly, drive: &[Dof], scheme: Scheme, rate_hz: f64) -> Result<Stepper, StepError> {
         let engine = match &assembly.body {
             _ if !(rate_hz.is_finite() && rate_hz > 0.0) => return Err(StepError::Rate { got_hz: rate_hz }),
-            Body::Chain(chain) if assembly.is_smooth() => chains::engine(chain, assembly, drive, scheme, rate_hz)?,
+            Body::Chain(chain) if assembly.is_smooth() => {
+                chains::engine(chain, assembly, chains::Drive::Loads(drive), scheme, rate_hz)?
+            }
             Body::Modal(modal) if assembly.elements().is_empty() => exact::engine(modal, assembly, drive, rate_hz),
             _ => piecewise::engine(assembly, drive, None, rate_hz)?,
         };
@@ -126,10 +136,11 @@ impl Stepper {
     }
 
     /// A stepper at rest, for `rate_hz` steps a second, of a structure that a shaker alone drives: the load is the
-    /// force that it would exert were it blocked, N. The steps are the same whatever the scheme.
+    /// force that it would exert were it blocked, N. Of modes, and of chains with elements that switch, the steps are the
+    /// same whatever the scheme.
     ///
     /// # Errors
-    /// [`StepError::Rate`]; [`StepError::RateTooLow`] or [`StepError::TooStiff`] with the lowest valid rate if the
+    /// As [`Stepper::new`]; [`StepError::Rate`]; [`StepError::RateTooLow`] or [`StepError::TooStiff`] with the lowest valid rate if the
     /// explicit steps need a higher one, [`StepError::Coil`] if they can't follow the current of the coil.
     pub fn shaken(
         assembly: &Assembly,
@@ -137,9 +148,15 @@ impl Stepper {
         scheme: Scheme,
         rate_hz: f64,
     ) -> Result<Stepper, StepError> {
-        let engine = match &assembly.body {
+        let driver = coil::Driver::new(armature, 1.0 / rate_hz);
+        let engine = match (&assembly.body, driver) {
             _ if !(rate_hz.is_finite() && rate_hz > 0.0) => return Err(StepError::Rate { got_hz: rate_hz }),
-            Body::Modal(modal) if assembly.elements().is_empty() => shaken::engine(modal, assembly, armature, rate_hz),
+            (Body::Chain(chain), Some(driver)) if assembly.is_smooth() => {
+                chains::engine(chain, assembly, chains::Drive::Shaker(driver), scheme, rate_hz)?
+            }
+            (Body::Modal(modal), _) if assembly.elements().is_empty() => {
+                shaken::engine(modal, assembly, armature, rate_hz)
+            }
             _ => piecewise::engine(assembly, &[], Some(armature), rate_hz)?,
         };
         let (assembly, step_s) = (assembly.clone(), 1.0 / rate_hz);
@@ -234,6 +251,32 @@ impl Stepper {
     /// load.
     pub fn acceleration_at_current(&self, current_a: f64, out: &mut [f64]) {
         self.engine.acceleration(&[], Some(current_a), out);
+    }
+
+    /// Writes what degrees of freedom do at the state under loads, one after the other.
+    ///
+    /// # Errors
+    /// [`StepError::Loads`].
+    pub fn read(&self, load: &[f64], dofs: &[Dof], out: &mut [Kinematics]) -> Result<(), StepError> {
+        self.check_loads(load)?;
+        self.read_with(load, None, dofs, out);
+        Ok(())
+    }
+
+    /// The same with a current in the coil of the shaker, A; without a shaker without a load.
+    pub fn read_at_current(&self, current_a: f64, dofs: &[Dof], out: &mut [Kinematics]) {
+        self.read_with(&[], Some(current_a), dofs, out);
+    }
+
+    fn read_with(&self, load: &[f64], current_a: Option<f64>, dofs: &[Dof], out: &mut [Kinematics]) {
+        if self.engine.read(load, current_a, dofs, out) {
+            return;
+        }
+        let (mut acceleration, v) = ([0.0; super::MOST_COORDINATES], self.velocity());
+        let a = &mut acceleration[..v.len()];
+        self.engine.acceleration(load, current_a, a);
+        let at = self.assembly.at(self.position());
+        out.iter_mut().zip(dofs).for_each(|(out, dof)| *out = at.kinematics(*dof, v, a));
     }
 
     fn check_loads(&self, load: &[f64]) -> Result<(), StepError> {

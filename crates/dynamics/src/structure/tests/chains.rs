@@ -223,7 +223,7 @@ fn derivatives_of_the_unbalance_are_exact() {
 fn integrators_solve_the_unbalance() {
     let assembly = hard_chain();
     let Body::Chain(chain) = &assembly.body else { unreachable!() };
-    let links = Links::<4>::new(chain, &assembly);
+    let links = Links::<4>::new(chain, &assembly, None);
     let load = LinksLoad { torque_nm: [10.0, 0.0, -20.0, 3.0], force_n: [[30.0, -20.0]; 4] };
     let acceleration = |x: &[f64; 4], v: &[f64; 4]| links.rates(&Motion { x: *x, v: *v }, &load).acceleration;
     let mut force = load.torque_nm;
@@ -347,7 +347,7 @@ fn centres_of_mass_off_the_line_obey_lagranges_equations() {
     ];
     let assembly = offset_chain(0.0);
     let Body::Chain(chain) = &assembly.body else { unreachable!() };
-    let links = Links::<3>::new(chain, &assembly);
+    let links = Links::<3>::new(chain, &assembly, None);
     let drive = ["joint1", "joint2", "joint3"].map(|name| assembly.dof(name).unwrap());
     for (q, v, torque, expected) in cases {
         let mut stepper = Stepper::new(&assembly, &drive, Scheme::Dop853, 8000.0).unwrap();

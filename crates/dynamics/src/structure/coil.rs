@@ -11,6 +11,8 @@
 //!
 //! which is exact for that polynomial, for any λ, and for λ → ∞ is Ohm's law.
 
+use super::armature::Coil;
+
 /// Least hR/L: below it the sums for q lose digits to cancellation, by 4!/λ⁴.
 pub const LEAST_DECAY: f64 = 0.05;
 
@@ -19,8 +21,8 @@ const TERMS: usize = 5;
 
 /// The circuit, for one step length.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Coil {
-    /// Bl, N/A, and R, Ω.
+pub struct Circuit {
+    /// Bl, N/A.
     pub force_factor_n_a: f64,
     /// R, Ω.
     pub resistance_ohm: f64,
@@ -58,7 +60,15 @@ pub struct Current {
     decay: f64,
 }
 
-impl Coil {
+impl Circuit {
+    /// The circuit of a coil in voltage mode, for steps of `step_s`, s; `None` if the amplifier holds the current, or
+    /// the current changes too slowly for the closed form.
+    pub fn new(coil: &Coil, step_s: f64) -> Option<Circuit> {
+        let Coil::Voltage { force_factor_n_a, resistance_ohm, inductance_h } = *coil else { return None };
+        let decay = step_s * resistance_ohm / inductance_h;
+        (decay >= LEAST_DECAY).then_some(Circuit { force_factor_n_a, resistance_ohm, decay })
+    }
+
     /// The current over a step that starts with `start_a`, at a voltage and a motion of the armature.
     pub fn current(&self, start_a: f64, voltage_v: f64, stroke: &Stroke) -> Current {
         let p = stroke.polynomial();
@@ -104,7 +114,7 @@ mod tests {
         let stroke =
             Stroke { velocity_m_s: [velocity(0.0), velocity(1.0)], change_m_s: [slope(0.0), slope(1.0)], mean_m_s };
         for decay in [LEAST_DECAY, 0.5, 2.5, 40.0] {
-            let coil = Coil { force_factor_n_a: 20.0, resistance_ohm: 2.0, decay };
+            let coil = Circuit { force_factor_n_a: 20.0, resistance_ohm: 2.0, decay };
             let current = coil.current(1.5, 7.0, &stroke);
             assert!((current.at(0.0) - 1.5).abs() < 1e-9);
             for x in [0.1, 0.35, 0.5, 0.8] {
@@ -114,7 +124,7 @@ mod tests {
                 assert!((rate - expected).abs() < 1e-5 * (1.0 + decay * decay), "{decay} {x}: {rate} {expected}");
             }
         }
-        let resistive = Coil { force_factor_n_a: 20.0, resistance_ohm: 2.0, decay: f64::INFINITY };
+        let resistive = Circuit { force_factor_n_a: 20.0, resistance_ohm: 2.0, decay: f64::INFINITY };
         let current = resistive.current(1.5, 7.0, &stroke);
         assert!((current.at(0.5) - (7.0 - 20.0 * velocity(0.5)) / 2.0).abs() < 1e-12);
     }

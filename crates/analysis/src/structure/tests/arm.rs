@@ -1,0 +1,226 @@
+//! Chains made from the two-link arm against what the arm's own equations and analysis gave: `tests/oracles/arm.json`.
+
+use nalgebra::{Complex, Matrix2, Normed as _, Vector2};
+use serde_json::Value;
+
+use super::*;
+use crate::structure::floquet::Floquet;
+use crate::structure::time_domain;
+use crate::time_domain::SettleOptions;
+use resonarm_dynamics::arm::{Parameters, Pose};
+use resonarm_dynamics::integrate::Scheme;
+use resonarm_dynamics::structure::{Armature, Coil, Dof, Linearised, Stepper};
+
+fn oracles_of_the_arm() -> Value {
+    serde_json::from_str(include_str!("../../../../../tests/oracles/arm.json")).unwrap()
+}
+
+fn numbers(of: &Value) -> Vec<f64> {
+    of.as_array().unwrap().iter().map(|number| number.as_f64().unwrap()).collect()
+}
+
+fn pair(of: &Value) -> [f64; 2] {
+    numbers(of).try_into().unwrap()
+}
+
+fn chain(parameters: &Parameters, pose: Pose) -> Assembly {
+    let body = BodySpec::Chain(ChainSpec::from_arm(parameters, pose));
+    Assembly::new(&StructureSpec { body, elements: vec![] }).unwrap()
+}
+
+/// The preset of the analysis' cases under a torque at joint 1, without damping if there is to be none.
+fn forced(case: &Value, torque1_nm: f64) -> Forced {
+    let parameters = Preset::Irb1600Fitted.parameters().unwrap();
+    let assembly = chain(&parameters, Pose { beta1_deg: 0.0, beta2_deg: number(case, "beta2_deg") });
+    let joint = assembly.dof("joint1").unwrap();
+    Forced::new(assembly, joint, torque1_nm)
+}
+
+fn joints(of: &Forced) -> [Dof; 2] {
+    ["joint1", "joint2"].map(|name| of.assembly().dof(name).unwrap())
+}
+
+fn all_near(got: &[f64], expected: &[f64], relative: f64, what: &str) {
+    let size = expected.iter().fold(0.0_f64, |size, number| size.max(number.abs()));
+    for (got, number) in got.iter().zip(expected) {
+        assert!((got - number).abs() <= relative * size, "{what}: {got}, expected {number} of {size}");
+    }
+    assert_eq!(got.len(), expected.len(), "{what}");
+}
+
+/// ẍ, its derivatives, energies and the motion of the points of random arms, with gravity or without, near rest and
+/// far from it; of some with a mass on a spring and a damper at the tip, which is a shaker's armature.
+#[test]
+fn chains_have_the_equations_of_random_arms() {
+    let cases = oracles_of_the_arm();
+    let cases = cases["rates"].as_array().unwrap();
+    assert_eq!(cases.len(), 100);
+    for (index, case) in cases.iter().enumerate() {
+        let parameters: Parameters = serde_json::from_value(case["parameters"].clone()).unwrap();
+        let [beta1_deg, beta2_deg] = pair(&case["pose_deg"]);
+        let assembly = chain(&parameters, Pose { beta1_deg, beta2_deg });
+        let [x, v, torque, force] =
+            ["alpha_rad", "alpha_dot_rad_s", "torque_nm", "force_n"].map(|key| pair(&case[key]));
+        let expected = numbers(&case["acceleration_rad_s2"]);
+        let what = |part: &str| format!("arm {index}, {part}");
+        let state = [x, v].concat();
+        let [joint1, joint2, tip_x, tip_y] =
+            ["joint1", "joint2", "tip.x", "tip.y"].map(|name| assembly.dof(name).unwrap());
+        let at = assembly.at(&x);
+        let mut acceleration = [0.0; 2];
+        if let Some(attachment) = case["attachment"].as_array() {
+            let [mass_kg, stiffness_n_m, damping_n_s_m, direction_deg] =
+                [0, 1, 2, 3].map(|i| attachment[i].as_f64().unwrap());
+            let (sine, cosine) = libm::sincos(direction_deg.to_radians());
+            let along = [Some((tip_x, cosine)), Some((tip_y, sine))];
+            let coil = Coil::Current { force_factor_n_a: 1.0 };
+            let armature = Armature { along, mass_kg, stiffness_n_m, damping_n_s_m, coil };
+            let mut stepper = Stepper::shaken(&assembly, &armature, Scheme::Rk4, 1e5).unwrap();
+            let current_a = force[0] * cosine + force[1] * sine;
+            stepper.restore(&[&state[..], &[current_a]].concat()).unwrap();
+            stepper.acceleration(&[current_a], &mut acceleration).unwrap();
+            // The torques, which no shaker gives, by the mass that they meet.
+            let mut linear = Linearised::new(2);
+            at.linearise(&v, &acceleration, &[0.0; 2], &mut linear);
+            let mut w = [0.0; 2];
+            armature.direction(&at, &mut w);
+            let mass = Matrix2::from_row_slice(&linear.by_acceleration)
+                + Vector2::from(w) * Vector2::from(w).transpose() * mass_kg;
+            let more = mass.try_inverse().unwrap() * Vector2::from(torque);
+            acceleration = [acceleration[0] + more.x, acceleration[1] + more.y];
+            let own_j = armature.energy_j(&armature.motion(&at, &v), 0.0);
+            near(assembly.energy_j(&x, &v) + own_j, number(case, "energy_j"), 1e-12);
+        } else {
+            let drive = [joint1, joint2, tip_x, tip_y];
+            let mut stepper = Stepper::new(&assembly, &drive, Scheme::Rk4, 1e5).unwrap();
+            stepper.restore(&state).unwrap();
+            stepper.acceleration(&[torque, force].concat(), &mut acceleration).unwrap();
+            near(assembly.energy_j(&x, &v), number(case, "energy_j"), 1e-12);
+            let (mut generalised, mut w) = (torque, [0.0; 2]);
+            let mut linear = Linearised::new(2);
+            for (dof, force) in [tip_x, tip_y].into_iter().zip(force) {
+                at.direction(dof, &mut w);
+                (0..2).for_each(|i| generalised[i] += force * w[i]);
+            }
+            at.linearise(&v, &expected, &generalised, &mut linear);
+            for (dof, force) in [tip_x, tip_y].into_iter().zip(force) {
+                at.add_curvature(dof, -force, &mut linear.by_position);
+            }
+            let matrix = |rows: &[f64]| Matrix2::from_row_slice(rows);
+            let inverse = -matrix(&linear.by_acceleration).try_inverse().unwrap();
+            for (rows, key) in [(&linear.by_position, "by_alpha"), (&linear.by_velocity, "by_alpha_dot")] {
+                let by = (inverse * matrix(rows)).transpose();
+                all_near(by.as_slice(), &numbers(&case[key]), 1e-11, &what(key));
+            }
+        }
+        all_near(&acceleration, &expected, 1e-11, &what("acceleration"));
+        let points = ["joint2.x", "joint2.y", "tip.x", "tip.y"].map(|name| assembly.dof(name).unwrap());
+        all_near(
+            &points.map(|dof| at.velocity(dof, &v)),
+            &numbers(&case["velocities_m_s"]),
+            1e-12,
+            &what("velocities"),
+        );
+        let accelerations = points.map(|dof| at.acceleration(dof, &v, &expected));
+        all_near(&accelerations, &numbers(&case["accelerations_m_s2"]), 1e-12, &what("accelerations"));
+    }
+}
+
+/// A motion of the arm satisfies the equations of the chain, which are divided by the stiffness scale, and has its
+/// multipliers.
+fn has_motion(forced: &Forced, orbit: &Value) {
+    let x = numbers(&orbit["coefficients_rad"]);
+    let hz = number(orbit, "frequency_hz");
+    let mut balance = Balance::new(forced, hz, Coordinate::FrequencyHz, x.len() / 4);
+    let mut residual = vec![0.0; x.len()];
+    assert!(balance.evaluate(&x, hz, &mut residual, &mut vec![0.0; (x.len() + 1) * (x.len() + 1)]));
+    let (size, off) = [&x, &residual].map(|of| of.iter().map(|x| x * x).sum::<f64>().sqrt()).into();
+    assert!(off < 1e-10 * size, "{hz} Hz: {off} of {size}");
+    let got = Floquet::default().stability(&balance, &x).unwrap();
+    for (got, expected) in got.multipliers.iter().zip(orbit["multipliers"].as_array().unwrap()) {
+        let [re, im] = pair(expected);
+        // A double multiplier, as at a fold, has the root of the error.
+        assert!((got - Complex::new(re, im)).norm() < 1e-6, "{hz} Hz: {got}, expected {expected}");
+    }
+    let trace = got.multipliers.iter().sum::<Complex<f64>>().re;
+    let expected: f64 = orbit["multipliers"].as_array().unwrap().iter().map(|mu| pair(mu)[0]).sum();
+    assert!((trace - expected).abs() < 1e-9, "{hz} Hz: {trace}, expected {expected}");
+}
+
+/// Every motion of the arm's branches is one of the chain, point by point; the chain's own branches have the same
+/// bifurcations. Folds are located by equations of their own, period doublings from the multipliers beside them.
+#[test]
+fn chains_have_the_branches_of_the_arm() {
+    let cases = oracles_of_the_arm();
+    for case in cases["branches"].as_array().unwrap() {
+        let forced = forced(case, number(case, "torque1_nm"));
+        let of_arm = &case["branch"];
+        let bifurcations = of_arm["bifurcations"].as_array().unwrap();
+        let orbits = of_arm["orbits"].as_array().unwrap().iter();
+        orbits.chain(bifurcations.iter().map(|found| &found["orbit"])).for_each(|orbit| has_motion(&forced, orbit));
+        let ends = pair(&case["hz"]);
+        let options = TraceOptions::new(&forced, Coordinate::FrequencyHz, ends, joints(&forced).into());
+        let got = super::super::trace(&forced, ends[0], Coordinate::FrequencyHz, &options).unwrap();
+        assert_eq!(got.bifurcations.len(), bifurcations.len());
+        for (got, expected) in got.bifurcations.iter().zip(bifurcations) {
+            let orbit = &expected["orbit"];
+            assert_eq!(got.kind.name(), expected["kind"]);
+            let is_fold = got.kind == BifurcationKind::Fold;
+            near(got.orbit.value, number(orbit, "value"), if is_fold { 1e-10 } else { 1e-8 });
+            let [largest, harmonic1] = ["amplitude_rad", "harmonic1_rad"].map(|key| pair(&orbit[key]));
+            for (joint, reading) in got.orbit.readings.iter().enumerate() {
+                near(reading.largest, largest[joint], if is_fold { 1e-8 } else { 1e-6 });
+                near(reading.harmonic1.norm(), harmonic1[joint], if is_fold { 1e-8 } else { 1e-6 });
+            }
+        }
+    }
+}
+
+/// Along backbones, with damping or without, of both modes. The points of both curves lie elsewhere, so the motions
+/// are put into the chain's equations; the drive may have either sign.
+#[test]
+fn chains_have_the_backbones_of_the_arm() {
+    let cases = oracles_of_the_arm();
+    for case in cases["backbones"].as_array().unwrap() {
+        for point in case["some"].as_array().unwrap() {
+            let mut forced = forced(case, number(point, "drive_nm"));
+            if case["damped"] == false {
+                forced = forced.undamped().unwrap();
+            }
+            let (x, hz) = (numbers(&point["coefficients_rad"]), number(point, "frequency_hz"));
+            let mut balance = Balance::new(&forced, hz, Coordinate::FrequencyHz, x.len() / 4);
+            let mut residual = vec![0.0; x.len()];
+            assert!(balance.evaluate(&x, hz, &mut residual, &mut vec![0.0; (x.len() + 1) * (x.len() + 1)]));
+            let (size, off) = [&x, &residual].map(|of| of.iter().map(|x| x * x).sum::<f64>().sqrt()).into();
+            assert!(off < 1e-10 * size, "{hz} Hz: {off} of {size}");
+        }
+    }
+}
+
+/// From the same start a period of the drive ends in the same state, and the motion settles in the same section.
+#[test]
+fn chains_settle_as_the_arm() {
+    let cases = oracles_of_the_arm();
+    for case in cases["sections"].as_array().unwrap() {
+        let forced = forced(case, number(case, "torque1_nm"));
+        let map = time_domain::StroboscopicMap::new(&forced, number(case, "frequency_hz")).unwrap();
+        let rest = vec![0.0; 4];
+        let joints = joints(&forced);
+        let got = time_domain::settle(&map, &joints, &rest, &SettleOptions::default(), &|| false).unwrap();
+        assert_eq!(got.period.map(u64::from), case["period"].as_u64());
+        near(got.largest_multiplier.unwrap(), number(case, "largest_multiplier"), 1e-7);
+        let sections: Vec<Vec<f64>> = case["section"].as_array().unwrap().iter().map(numbers).collect();
+        // The sections begin at one of the points of their cycle.
+        let off = |other: &Vec<f64>| {
+            let off = other.iter().zip(&got.end).map(|(a, b)| (a - b) * (a - b)).sum::<f64>();
+            off / other.iter().map(|number| number * number).sum::<f64>()
+        };
+        let least = sections.iter().map(off).fold(f64::INFINITY, f64::min);
+        assert!(least.sqrt() < 1e-7, "{case}: {got:?}");
+        let [largest, harmonic1] = ["amplitude_rad", "harmonic1_rad"].map(|key| pair(&case[key]));
+        for joint in 0..2 {
+            near(got.readings[joint].largest, largest[joint], 1e-7);
+            near(got.readings[joint].harmonic1.norm(), harmonic1[joint], 1e-7);
+        }
+    }
+}
