@@ -29,7 +29,7 @@ class Link(_LinkOnLine, total=False):
     """A link of a chain, and the joint at its start: `structure.links` of a scenario."""
 
     centre_of_mass_off_m: float
-    """How far the centre of mass is off the line from the joint to the next, or to the tip, m, to the left; 0 without."""
+    """How far the centre of mass is to the left of the line from the joint to the next, or to the tip, m; 0 without."""
 
 
 class _ModeOnGround(TypedDict):

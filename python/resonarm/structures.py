@@ -305,8 +305,8 @@ class Modal(_Structure):
     ) -> "Self":
         """The lowest `modes` of the mass (kg), stiffness (N/m) and damping matrices (N·s/m), all if there are not more
         than 32. `dofs` are degrees of freedom by their rows, from 0: `{"tip.x": 0}`. `base` has the rows that move by 1
-        with the base along an axis, `{"base.z": [2, 5]}`: then that can be driven, by its acceleration, and displacements
-        are relative to it.
+        with the base along an axis, `{"base.z": [2, 5]}`: then that can be driven, by its acceleration, and
+        displacements are relative to it.
 
         The structure may be free. Degrees of freedom without mass, rows of zeros, are condensed statically. Raises
         ValueError for matrices that are not square, symmetric or positive (semi)definite, and for damping that is not

@@ -295,8 +295,10 @@ def test_a_controller_that_returns_nan_is_named(bench):
     with pytest.raises(ValueError, match=r"the controller returned \(nan, 0\.0\) for sample 0"):
         bench.run(nan)
 
+
 def test_a_failure_names_the_mistake_of_the_controller_and_shows_the_fault(bench):
     """The failure said "partner fault (code 4, detail 2)" and showed the ramp to zero."""
+
     def unstable(measured):
         return (1.0 if measured.sample < 100 else 1e6, 0.0)
 
