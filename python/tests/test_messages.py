@@ -95,11 +95,6 @@ CASES = [
         lambda: chain().continuation("frequency", 1, 2, drive="tip.x", amplitude=0),
         ValueError,
     ),
-    (
-        f"continue --scenario {CHAIN} --drive tip.x --parameter mass",
-        lambda: chain().continuation("mass", 1, 2, drive="tip.x"),
-        ValueError,
-    ),
     ("run --mode free --rate-hz 0", lambda: run(sections={"simulation": {"rate_hz": 0.0}}), ValueError),
     ("run --mode free --speed=-1", lambda: run(speed=-1.0), ValueError),
     ("run --mode free --patience-s=-1", lambda: run(patience_s=-1.0), ValueError),

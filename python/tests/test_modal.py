@@ -227,7 +227,7 @@ def test_structures_are_values():
     assert repr(modal) == "<Modal 'bracket': 2 modes, points mid, tip, 1 element; 20 to 71 Hz>"
 
 
-SLACK = {**MODES[0], "damping_ratio": 1.0}
+SLACK = {**MODES[0], "damping_ratio": -0.5}
 COUPLED = np.array([[3.0, -2.9], [-2.9, 3.0]])
 
 
@@ -235,7 +235,7 @@ COUPLED = np.array([[3.0, -2.9], [-2.9, 3.0]])
     ("call", "message"),
     [
         (lambda: resonarm.Modal([]), "`modes` are missing"),
-        (lambda: resonarm.Modal([SLACK]), "mode 1: `damping_ratio` is 1: it must be"),
+        (lambda: resonarm.Modal([SLACK]), "mode 1: `damping_ratio` is -0.5: it must be"),
         (lambda: resonarm.Modal([*MODES, {**MODES[0], "shape": {"tip.x": 1}}]), "number 3: `shape` lacks `mid.x`"),
         (lambda: resonarm.Modal(MODES, elements=[{**STOP, "at": "end.x"}]), "there is no `end.x` in this structure"),
         (
