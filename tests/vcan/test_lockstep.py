@@ -121,9 +121,12 @@ def test_a_free_run_gives_the_same_file_twice(tmp_path, three_frequencies, free_
     assert free(tmp_path, three_frequencies).path.read_bytes() == free_run.path.read_bytes()
 
 
+# An exciter on a bus corrects readings for the converter that the scenario states, and for no other.
 WALK = """
 [arm]
 beta1_deg = 30.0
+[network]
+plant_converter = "sinc5"
 [control]
 law = "phase-walk"
 amplitude = { force_x_n = 5.0 }

@@ -58,7 +58,9 @@ def scenario(folder, name, drive, excitation):
     path = folder / f"{name}.toml"
     # Of an exciter at a degree of freedom of its own the load is along x.
     axis = "x" if drive == "tip.z" else drive[-1]
-    path.write_text(structure + text.format(axis=axis, load=load, band=band))
+    # The exciter of another process corrects readings for the converter that the scenario states.
+    network = '[network]\nplant_converter = "sinc5"\n'
+    path.write_text(structure + network + text.format(axis=axis, load=load, band=band))
     return path
 
 

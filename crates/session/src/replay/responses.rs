@@ -5,6 +5,7 @@ use alloc::collections::BTreeMap;
 use super::{ReplayError, wire_controller, wire_responses};
 use resonarm_bench::control::ResponsePoint;
 use resonarm_bench::node::{self, ExciterOutcome};
+use resonarm_bench::rig::Converter;
 use resonarm_files::recording::{Direction, Recording};
 use resonarm_protocol::{Emergency, EmergencyCode, ForceCommand, Message, Receiver, TorqueCommand};
 use resonarm_scenario::Scenario;
@@ -34,15 +35,35 @@ pub fn responses(recording: &Recording) -> Result<Vec<ResponsePoint>, ReplayErro
 /// As [`responses`].
 pub fn timed_responses(recording: &Recording) -> Result<Vec<(u64, ResponsePoint)>, ReplayError> {
     let scenario = Scenario::from_configuration(recording.configuration())?;
+    // An exciter in the plant's process corrects readings for the plant's converter, as one does that was told the converter;
+    // another corrects nothing. What it commanded shows which of them it was.
+    let stated = scenario.network.plant_converter;
+    match responses_reading(recording, &scenario, stated.unwrap_or(scenario.rig.converter)) {
+        Err(corrected @ ReplayError::Command { .. }) if stated.is_none() => {
+            match responses_reading(recording, &scenario, Converter::Unknown) {
+                Err(ReplayError::Command { .. }) => Err(corrected),
+                uncorrected => uncorrected,
+            }
+        }
+        read => read,
+    }
+}
+
+/// The responses of a controller that corrects readings for this converter.
+fn responses_reading(
+    recording: &Recording,
+    scenario: &Scenario,
+    converter: Converter,
+) -> Result<Vec<(u64, ResponsePoint)>, ReplayError> {
     match (&scenario.wire, &scenario.control) {
-        (Some(_), Some(_)) => return wire_controller::timed_responses(recording, &scenario),
-        (Some(_), None) => return wire_responses::timed_responses(recording, &scenario),
+        (Some(_), Some(_)) => return wire_controller::timed_responses(recording, scenario, converter),
+        (Some(_), None) => return wire_responses::timed_responses(recording, scenario),
         (None, _) => {}
     }
     let network = scenario.network()?;
     let (mut made, mut recorded) = (Receiver::new(network), Receiver::new(network));
-    let mut exciter =
-        node::carry(network, scenario.wire_rate_hz()?, scenario.lockstep_timing()?, scenario.controller()?);
+    let controller = scenario.controller_reading(converter)?;
+    let mut exciter = node::carry(network, scenario.wire_rate_hz()?, scenario.lockstep_timing()?, controller);
     exciter.start(0);
     let (mut responses, mut commands) = (Vec::new(), BTreeMap::new());
     for record in recording.frames()? {

@@ -12,11 +12,12 @@ use super::wire_responses::parts;
 use resonarm_bench::control::ResponsePoint;
 use resonarm_bench::node::mapped::mapping::Mapping;
 use resonarm_bench::node::{ExciterInterface, TimeBase, WireSpec};
+use resonarm_bench::rig::Converter;
 use resonarm_files::recording::{Direction, Recording};
 use resonarm_protocol::{Frame, NodeState};
 use resonarm_scenario::Scenario;
 
-/// The responses, each with the sample by which it was read.
+/// The responses, each with the sample by which it was read, by an exciter that corrects readings for this converter.
 ///
 /// # Errors
 /// [`ReplayError::Command`] if another controller was recorded, [`ReplayError::NoLoad`] if no command has a load;
@@ -24,10 +25,11 @@ use resonarm_scenario::Scenario;
 pub(super) fn timed_responses(
     recording: &Recording,
     scenario: &Scenario,
+    converter: Converter,
 ) -> Result<Vec<(u64, ResponsePoint)>, ReplayError> {
     let Some(spec) = scenario.wire_spec()? else { return Err(ReplayError::NoLoad) };
     let rate = (scenario.wire_rate_hz()?, time_base(recording, scenario)?);
-    let mut exciter = spec.exciter(rate, scenario.lockstep_timing()?, scenario.controller()?)?;
+    let mut exciter = spec.exciter(rate, scenario.lockstep_timing()?, scenario.controller_reading(converter)?)?;
     // CANopen drives have no readings on which a control could be closed.
     let WireSpec::Mapped(mapping) = &spec else { return Err(ReplayError::NoLoad) };
     exciter.start(0);
