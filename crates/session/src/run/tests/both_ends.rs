@@ -7,6 +7,7 @@ use std::thread;
 
 use super::super::exciter::{self, Patience};
 use super::*;
+use resonarm_files::recording::{Existing, Recording};
 use resonarm_realtime::SystemClock;
 
 /// Ends a hang, and is an error then; far longer than a machine under load keeps a thread waiting.
@@ -100,4 +101,27 @@ fn an_exciter_on_a_bus_corrects_readings_for_no_converter_that_is_not_stated() {
     let corrected_n = head_force_n("sinc5", "plant_converter = 'sinc5'");
     // A held sine is smaller than its samples.
     assert!((corrected_n / 40.0 - 0.994).abs() < 2e-3, "corrected for the converter stated: {corrected_n}");
+}
+
+/// Read again with the rig's converter, the commands of an exciter that knows none were those of another controller.
+#[test]
+fn the_responses_of_an_exciter_that_knows_no_converter_are_read_again() {
+    const WALK: &str = "[control]\nlaw = 'phase-walk'\namplitude = { force_x_n = 5.0 }\npoints = 3\n";
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("run.mcap");
+    let record = Some(RecordTo { path: path.clone(), existing: Existing::Refuse });
+    let session = |record| {
+        let options = Options { end_on_disarm: true, patience: Some(PATIENCE), record, ..Options::default() };
+        Session::new(Scenario::parse(WALK, "test").unwrap(), Mode::Lockstep, options).unwrap()
+    };
+    let (plant, exciter) = (session(record), session(None));
+    let [mut near, mut far] = memory::pair(1024);
+    let report = thread::scope(|scope| {
+        let plant = scope.spawn(|| plant.plant(&mut near, &Signals::default(), |_| {}).unwrap());
+        let report = exciter.exciter(&mut far, &Signals::default()).unwrap();
+        plant.join().unwrap();
+        report
+    });
+    assert_eq!(report.responses.len(), 3, "{:?}", report.outcome);
+    assert_eq!(crate::replay::responses(&Recording::open(&path).unwrap()).unwrap(), report.responses);
 }
