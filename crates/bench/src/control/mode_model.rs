@@ -103,7 +103,7 @@ pub enum NoSuchMode {
     /// There are fewer modes.
     #[error("mode {got}: modes are numbered from 1 to {modes}")]
     Number {
-        /// The given number.
+        /// The mode that was given, counted from 1.
         got: u8,
         /// How many modes there are, or can be.
         modes: usize,
@@ -111,7 +111,7 @@ pub enum NoSuchMode {
     /// It is rigid, at 0 Hz, or overdamped.
     #[error("mode {got} does not oscillate: it is rigid, at 0 Hz, or overdamped; take a mode that has a resonance")]
     NoResonance {
-        /// The given number.
+        /// The mode that was given, counted from 1.
         got: u8,
     },
 }

@@ -75,7 +75,7 @@ pub enum StructureError {
     /// A joint that the structure doesn't have.
     #[error("there is no joint {got}: the chain has joints 1 to {most}")]
     UnknownJoint {
-        /// The given number.
+        /// The joint that was given, counted from 1.
         got: usize,
         /// The number of joints.
         most: usize,
@@ -83,7 +83,7 @@ pub enum StructureError {
     /// A joint of a structure without joints.
     #[error("joint {got}: a structure of modes has no joints; name a point and an axis")]
     NoJoints {
-        /// The given number.
+        /// The joint that was given, counted from 1.
         got: usize,
     },
     /// An element at a place that doesn't move.

@@ -88,13 +88,13 @@ pub enum UrdfError {
     NoLink {
         /// The joint.
         joint: String,
-        /// The link.
+        /// Name of the link.
         link: String,
     },
     /// A link at the end of two joints.
     #[error("link `{link}` is the child of two joints, `{}` and `{}`: a robot is a tree", joints[0], joints[1])]
     TwoParents {
-        /// The link.
+        /// Name of the link.
         link: String,
         /// The joints.
         joints: [String; 2],
@@ -110,7 +110,7 @@ pub enum UrdfError {
         "link `{link}`: its mass is {} kg: it must be positive, or, with all moments of inertia, 0, as that of a frame", short(.mass_kg)
     )]
     Mass {
-        /// The link.
+        /// Name of the link.
         link: String,
         /// kg.
         mass_kg: f64,
@@ -118,7 +118,7 @@ pub enum UrdfError {
     /// A link with a negative moment of inertia.
     #[error("link `{link}`: its moment of inertia about the joints' axis is {} kg·m²: no body has a negative one", short(.got_kg_m2))]
     Moment {
-        /// The link.
+        /// Name of the link.
         link: String,
         /// About the axis through its centre of mass, kg·m².
         got_kg_m2: f64,
@@ -248,7 +248,7 @@ pub enum UrdfError {
     /// The link that ends the chain does not ride on its last joint.
     #[error("structure.tip: link `{got}` does not ride on joint `{joint}`: these do: {known}")]
     Tip {
-        /// The link.
+        /// Name of the link.
         got: String,
         /// The last joint.
         joint: String,
@@ -276,7 +276,7 @@ pub enum UrdfWarning {
         short(&principal_kg_m2[0]), short(&principal_kg_m2[1]), short(&principal_kg_m2[2])
     )]
     Moments {
-        /// The link.
+        /// Name of the link.
         link: String,
         /// The least first, kg·m².
         principal_kg_m2: [f64; 3],
@@ -298,7 +298,7 @@ pub enum UffError {
     /// The file ends inside a dataset.
     #[error("dataset {dataset}, from line {line}, has no end: a line -1")]
     NoEnd {
-        /// The dataset.
+        /// Number of the dataset, as the file has it.
         dataset: String,
         /// Its first line, from 1.
         line: usize,
@@ -357,7 +357,7 @@ pub enum UffFault {
     /// A binary dataset.
     #[error("dataset {dataset} is binary: export the modes as ASCII")]
     Binary {
-        /// The dataset.
+        /// Number of the dataset, as the file has it.
         dataset: String,
     },
     /// Too few numbers.
@@ -392,7 +392,7 @@ pub enum UffFault {
     /// A dataset of something else.
     #[error("dataset {dataset} of analysis type {got}: modes have 2, normal mode")]
     Analysis {
-        /// The dataset.
+        /// Number of the dataset, as the file has it.
         dataset: u32,
         /// The analysis type.
         got: i64,
@@ -400,7 +400,7 @@ pub enum UffFault {
     /// Not displacements.
     #[error("dataset {dataset} of specific data type {got}: shapes are displacements, 8")]
     Quantity {
-        /// The dataset.
+        /// Number of the dataset, as the file has it.
         dataset: u32,
         /// The specific data type.
         got: i64,
@@ -408,7 +408,7 @@ pub enum UffFault {
     /// Values of another kind at the nodes.
     #[error("dataset {dataset} has {got} values at a node: vectors have 3, or 6 with rotations")]
     Values {
-        /// The dataset.
+        /// Number of the dataset, as the file has it.
         dataset: u32,
         /// How many.
         got: i64,
