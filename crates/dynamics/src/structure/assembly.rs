@@ -289,6 +289,7 @@ impl Assembly {
     }
 
     /// The structure at q, n numbers: what is read there more than once is read from this.
+    #[inline]
     pub fn at<'a>(&'a self, q: &'a [f64]) -> Position<'a> {
         Position::new(self, q)
     }
@@ -300,7 +301,10 @@ impl Assembly {
 
     /// The displacement from rest, m or rad.
     pub fn displacement(&self, dof: Dof, q: &[f64]) -> f64 {
-        self.at(q).displacement(dof)
+        match dof.0 {
+            At::Joint(joint) => q[joint],
+            _ => self.at(q).displacement(dof),
+        }
     }
 
     /// The velocity, m/s or rad/s.

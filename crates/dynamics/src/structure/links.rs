@@ -66,15 +66,23 @@ impl<T: Real, const N: usize> LinksLoad<T, N> {
 impl<const N: usize> LinksLoad<f64, N> {
     /// The same in every lane.
     #[inline(always)]
-    fn splat(&self) -> LinksLoad<Wide, N> {
+    pub fn splat<T: Real>(&self) -> LinksLoad<T, N> {
         let mut lanes = LinksLoad::zero();
         for i in 0..N {
-            lanes.torque_nm[i] = Wide::splat(self.torque_nm[i]);
+            lanes.torque_nm[i] = T::splat(self.torque_nm[i]);
             for axis in [0, 1] {
-                lanes.force_n[i][axis] = Wide::splat(self.force_n[i][axis]);
+                lanes.force_n[i][axis] = T::splat(self.force_n[i][axis]);
             }
         }
         lanes
+    }
+
+    /// Times a factor.
+    #[inline(always)]
+    pub fn times(&self, factor: f64) -> LinksLoad<f64, N> {
+        let mut load = *self;
+        load.torque_nm.iter_mut().chain(load.force_n.as_flattened_mut()).for_each(|of| *of *= factor);
+        load
     }
 }
 
@@ -293,6 +301,7 @@ impl<T: Real, const N: usize> Kernel<T, N> {
         self.rates::<true>(motion, load, smooth)
     }
 
+    #[inline(always)]
     fn gather(of: &Kernel<f64, N>) -> Kernel<T, N> {
         let lanes = |numbers: &[f64; N]| {
             let mut lanes = [T::splat(0.0); N];
@@ -350,6 +359,12 @@ impl<const N: usize> Links<N> {
         Links { chain: chain.clone(), kernel, lanes, smooth, fastest_rad_s: core::f64::consts::TAU * fastest_hz }
     }
 
+    /// The equation of several motions side by side.
+    #[inline(always)]
+    pub fn side_by_side<T: Real>(&self) -> SideBySide<'_, T, N> {
+        SideBySide { kernel: Kernel::gather(&self.kernel), smooth: &self.smooth }
+    }
+
     /// M⁻¹ of one column, in place.
     fn solve_mass(&self, at: &Moving<f64, N>, torque: [f64; N]) -> [f64; N] {
         let armature = self.smooth.armature.as_ref().map(|armature| armature.at(at));
@@ -401,6 +416,20 @@ impl<const N: usize> Links<N> {
             velocity: own.along(&at.rate),
             acceleration: own.along(&summed(&acceleration)) + own.drift(&at),
         }
+    }
+}
+
+/// A chain in several motions side by side, one in each lane.
+pub(super) struct SideBySide<'a, T, const N: usize> {
+    kernel: Kernel<T, N>,
+    smooth: &'a Smooth<N>,
+}
+
+impl<T: Real, const N: usize> SideBySide<'_, T, N> {
+    /// ẍ, at every angle.
+    #[inline(always)]
+    pub fn acceleration(&self, motion: &Motion<T, N>, load: &LinksLoad<T, N>) -> [T; N] {
+        self.kernel.rates::<true>(motion, load, self.smooth).acceleration
     }
 }
 

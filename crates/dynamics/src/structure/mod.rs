@@ -44,7 +44,7 @@ pub use position::{Kinematics, Position};
 pub use spec::{
     Axis, BASE, BodySpec, ChainSpec, ElementSpec, Law, Link, ModalSpec, ModeSpec, Place, ShapeSpec, Side, StructureSpec,
 };
-pub use step::{StepError, StepLoad, Stepper};
+pub use step::{STAGE_TIMES, SineSteps, StepError, StepLoad, Stepper};
 
 /// The most links of a chain.
 pub const MOST_LINKS: usize = 8;

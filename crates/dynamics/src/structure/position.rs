@@ -41,6 +41,7 @@ enum BodyIn<'a> {
 
 impl<'a> Position<'a> {
     /// The structure at q, n numbers.
+    #[inline]
     pub(super) fn new(of: &'a Assembly, q: &'a [f64]) -> Position<'a> {
         let body = match &of.body {
             Body::Chain(chain) => BodyIn::Chain(chain, chain.turned(q)),

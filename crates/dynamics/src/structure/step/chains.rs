@@ -4,6 +4,7 @@ use alloc::boxed::Box;
 use alloc::vec::Vec;
 
 use super::coil::Driver;
+use super::lanes::{self, SineSteps};
 use super::{Engine, StateRef, StepError, StepLoad};
 use crate::integrate::{Dynamics, Excitation, IntegrateError, Integrator, Motion, Scheme};
 use crate::structure::Kinematics;
@@ -139,9 +140,7 @@ impl<const N: usize> Excitation<LinksLoad<f64, N>> for Driven<'_, N> {
                 force_factor_n_a * current.at((t_s - start_s) / step_s)
             }
         };
-        let mut load = self.load;
-        load.torque_nm.iter_mut().chain(load.force_n.as_flattened_mut()).for_each(|of| *of *= factor);
-        load
+        self.load.times(factor)
     }
 
     fn is_constant(&self) -> bool {
@@ -185,6 +184,14 @@ impl<const N: usize> Engine for Stepped<N> {
     fn read(&self, load: &[f64], current_a: Option<f64>, dofs: &[Dof], out: &mut [Kinematics]) -> bool {
         self.links.read(&self.motion, &self.acting(load, current_a), dofs, out);
         true
+    }
+
+    fn advance_together(&self, steps: &SineSteps<'_>, states: &mut [Vec<f64>]) -> bool {
+        if const { N <= lanes::MOST_LINKS } && self.driver.is_none() && self.integrator.scheme() == Scheme::Dop853 {
+            lanes::advance(&self.links, self.integrator.step_s(), &self.load(steps.amplitude), steps, states);
+            return true;
+        }
+        false
     }
 
     fn boxed_clone(&self) -> Box<dyn Engine> {

@@ -16,11 +16,13 @@ mod chains;
 mod coil;
 mod error;
 mod exact;
+mod lanes;
 mod locate;
 mod piecewise;
 mod shaken;
 
 pub use error::StepError;
+pub use lanes::{STAGE_TIMES, SineSteps};
 
 use alloc::boxed::Box;
 use alloc::vec::Vec;
@@ -46,6 +48,11 @@ trait Engine: fmt::Debug + Send + Sync {
     /// Writes what degrees of freedom do at the state, as [`Engine::acceleration`] takes loads and current; `false` if it
     /// has no faster way than by the acceleration.
     fn read(&self, _load: &[f64], _current_a: Option<f64>, _dofs: &[Dof], _out: &mut [Kinematics]) -> bool {
+        false
+    }
+    /// Takes each of some states, coordinates and rates, through the same steps, side by side; `false` if it can't, with
+    /// the states as before.
+    fn advance_together(&self, _steps: &SineSteps<'_>, _states: &mut [Vec<f64>]) -> bool {
         false
     }
     /// Switches so far, and steps whose switches were not all located.
@@ -235,6 +242,21 @@ impl Stepper {
             return Err(StepError::NotHeld);
         }
         self.engine.advance(t_s, load)
+    }
+
+    /// Takes each of some states, coordinates and rates, through the same steps, side by side in the lanes of the
+    /// processor. Each ends as [`Stepper::restore`] and [`Stepper::advance_under`] would take it, bit for bit; one that
+    /// grows without bound ends in numbers that are not finite. The state of the stepper does not change.
+    ///
+    /// Chains of at most three links with smooth elements are stepped so by `dop853`. For all other structures the
+    /// result is `false`, and the states are as before: the implicit schemes, the default among them, take a number of
+    /// iterations that differs from motion to motion.
+    ///
+    /// # Errors
+    /// [`StepError::Loads`] if there is not one amplitude for each degree of freedom of the drive.
+    pub fn advance_together(&self, steps: &SineSteps<'_>, states: &mut [Vec<f64>]) -> Result<bool, StepError> {
+        self.check_loads(steps.amplitude)?;
+        Ok(self.engine.advance_together(steps, states))
     }
 
     /// Writes q̈ at the state under loads, n numbers.
