@@ -9,8 +9,8 @@ use crate::configuration;
 use crate::failure::{Failure, Verdict};
 use crate::motion_flags::{DirectionFlag, MotionFlags, or_empty, periods};
 use crate::study;
-use resonarm::analysis::structure::time_domain::{Resonance, SweepFrequencies};
-use resonarm::analysis::structure::{Forced, Reading};
+use resonarm::analysis::structure::time_domain::{Resonance, Sweep, SweepFrequencies};
+use resonarm::analysis::structure::{Coordinate, Forced, Reading};
 use resonarm::analysis::time_domain::{Direction, hysteresis};
 use resonarm::plant::TestedAssembly;
 use resonarm::scenario::Scenario;
@@ -102,7 +102,11 @@ pub(crate) fn show(scenario: &Scenario, tested: &TestedAssembly, asked: &Asked<'
     let configuration = asked.configuration(scenario, &start)?;
     let journal = asked.motion.journal()?;
     let options = asked.motion.options(0);
-    let chains = StructureChains { forced, read: dofs, frequencies_hz: frequencies_hz.clone(), start, options };
+    let sweep = |values: &Vec<f64>| {
+        let (forced, over, values) = (forced.clone(), Coordinate::FrequencyHz, values.clone());
+        Sweep { forced, frequency_hz: asked.ends[0], over, values }
+    };
+    let chains = StructureChains { sweeps: frequencies_hz.iter().map(sweep).collect(), read: dofs, start, options };
     let Some(walked) = study::chains("sweep", chains, journal, &configuration)? else { return Ok(Verdict::Negative) };
     let sweeps = directions.iter().zip(frequencies_hz).zip(walked.points());
     let sweeps = sweeps.map(|((direction, hz), points)| {

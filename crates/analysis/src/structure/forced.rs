@@ -4,7 +4,9 @@ use alloc::vec;
 use alloc::vec::Vec;
 use core::fmt;
 
-use resonarm_dynamics::structure::{Assembly, BodySpec, Dof, Law, MOST_COORDINATES, Parameter, Position};
+use resonarm_dynamics::structure::{
+    Assembly, BodySpec, Dof, Law, MOST_COORDINATES, Parameter, Position, StructureError,
+};
 
 use crate::AnalysisError;
 
@@ -53,6 +55,19 @@ impl Forced {
         Ok(Forced { assembly: Assembly::new(&spec)?, ..self.clone() })
     }
 
+    /// The same under a drive of another amplitude.
+    pub fn with_amplitude(&self, amplitude: f64) -> Forced {
+        Forced { amplitude, ..self.clone() }
+    }
+
+    /// The same drive of a structure with another value of a parameter.
+    ///
+    /// # Errors
+    /// As [`Assembly::with`].
+    pub fn with_parameter(&self, parameter: Parameter, value: f64) -> Result<Forced, StructureError> {
+        Ok(Forced { assembly: self.assembly.with(parameter, value)?, ..self.clone() })
+    }
+
     /// The structure.
     pub fn assembly(&self) -> &Assembly {
         &self.assembly
@@ -65,9 +80,11 @@ impl Forced {
 
     /// The generalised force of the drive at the amplitude 1 in a position, n numbers.
     pub(super) fn direction(&self, at: &Position<'_>, out: &mut [f64]) {
-        let mut one = [0.0; MOST_COORDINATES];
-        out.fill(0.0);
-        for &(dof, share) in &self.drives {
+        let Some(((first, share), others)) = self.drives.split_first() else { return out.fill(0.0) };
+        at.load_direction(*first, out);
+        out.iter_mut().for_each(|along| *along *= share);
+        for &(dof, share) in others {
+            let mut one = [0.0; MOST_COORDINATES];
             at.load_direction(dof, &mut one);
             out.iter_mut().zip(&one).for_each(|(sum, along)| *sum += share * along);
         }

@@ -3,11 +3,11 @@
 use thiserror::Error;
 
 use resonarm_dynamics::integrate::IntegrateError;
-use resonarm_dynamics::structure::StepError;
+use resonarm_dynamics::structure::{StepError, StructureError};
 use resonarm_numeric::number::short;
 
 /// Why the forced arm can't be followed through time.
-#[derive(Clone, Copy, Debug, PartialEq, Error)]
+#[derive(Clone, Debug, PartialEq, Error)]
 #[non_exhaustive]
 pub enum TimeDomainError {
     /// The excitation has no period.
@@ -90,6 +90,9 @@ pub enum TimeDomainError {
         /// Why.
         source: StepError,
     },
+    /// No structure has this value of a parameter that is swept.
+    #[error(transparent)]
+    Structure(#[from] StructureError),
     /// A stop was requested.
     #[error("stopped before the motion had settled")]
     Stopped,

@@ -5,23 +5,21 @@ use std::ops::Range;
 use serde::{Deserialize, Serialize};
 
 use super::{BasinStudy, ChainStudy, StateGrid};
-use resonarm_analysis::structure::time_domain::{Settled, StableMotion, StroboscopicMap, outcomes, settle};
+use resonarm_analysis::structure::time_domain::{Settled, StableMotion, StroboscopicMap, Sweep, outcomes, settle};
 use resonarm_analysis::structure::{Forced, Reading};
 use resonarm_analysis::time_domain::{BasinOutcome, SettleOptions, TimeDomainError};
 use resonarm_dynamics::structure::Dof;
 
-/// Chains of one structure that begin in the same state, over the frequency of the drive.
+/// Stepped sweeps of a structure, or of structures that differ in a parameter, that begin in the same state.
 #[derive(Clone, Debug)]
 pub struct StructureChains {
-    /// The structure and its drive.
-    pub forced: Forced,
+    /// The sweeps: each is one chain.
+    pub sweeps: Vec<Sweep>,
     /// Where motions are read.
     pub read: Vec<Dof>,
-    /// The frequencies of each chain in their order, Hz.
-    pub frequencies_hz: Vec<Vec<f64>>,
     /// The state, at phase 0, in which the first motion of each begins: coordinates, rates, states of elements.
     pub start: Vec<f64>,
-    /// How long each motion is waited for.
+    /// How long each motion is waited for, and how much is kept of its section.
     pub options: SettleOptions,
 }
 
@@ -41,6 +39,8 @@ pub struct StructurePoint {
     pub drift: f64,
     coordinates: Vec<[f64; 4]>,
     readings: Vec<[f64; 4]>,
+    /// As [`Settled::section`].
+    pub section: Vec<Vec<f64>>,
     end: Vec<f64>,
 }
 
@@ -60,12 +60,11 @@ impl ChainStudy for StructureChains {
     type Point = StructurePoint;
 
     fn lengths(&self) -> Vec<usize> {
-        self.frequencies_hz.iter().map(Vec::len).collect()
+        self.sweeps.iter().map(|sweep| sweep.values.len()).collect()
     }
 
     fn check(&self) -> Result<(), TimeDomainError> {
-        let mut all = self.frequencies_hz.iter().flatten();
-        all.try_for_each(|hz| StroboscopicMap::new(&self.forced, *hz).map(drop))
+        self.sweeps.iter().try_for_each(Sweep::check)
     }
 
     fn place(point: &StructurePoint) -> [usize; 2] {
@@ -78,10 +77,12 @@ impl ChainStudy for StructureChains {
         before: Option<&StructurePoint>,
         stop: &dyn Fn() -> bool,
     ) -> Result<StructurePoint, TimeDomainError> {
-        let map = StroboscopicMap::new(&self.forced, self.frequencies_hz[chain][index])?;
+        let sweep = &self.sweeps[chain];
+        let map = sweep.map(sweep.values[index])?;
         let start = before.map_or(&self.start, |before| &before.end);
         let settled = settle(&map, &self.read, start, &self.options, stop)?;
-        let Settled { period, largest_multiplier, settling_periods, drift, coordinates, readings, end } = settled;
+        let Settled { period, largest_multiplier, settling_periods, drift, coordinates, readings, section, end } =
+            settled;
         let [coordinates, readings] = [coordinates, readings].map(|all| all.iter().map(Reading::numbers).collect());
         Ok(StructurePoint {
             chain,
@@ -92,6 +93,7 @@ impl ChainStudy for StructureChains {
             drift,
             coordinates,
             readings,
+            section,
             end,
         })
     }
@@ -167,8 +169,10 @@ mod tests {
         // From below both folds to above both.
         let up: Vec<f64> = (0..7).map(|k| folds[1] + (folds[0] - folds[1]) * (f64::from(k) - 1.5) / 4.0).collect();
         let down = up.iter().rev().copied().collect();
-        let options = SettleOptions::default();
-        StructureChains { forced, read: vec![dof], frequencies_hz: vec![up, down], start: vec![0.0; 2], options }
+        let over = Coordinate::FrequencyHz;
+        let sweeps = [up, down].map(|values| Sweep { forced: forced.clone(), frequency_hz: 0.0, over, values });
+        let (sweeps, options) = (sweeps.into(), SettleOptions::default());
+        StructureChains { sweeps, read: vec![dof], start: vec![0.0; 2], options }
     }
 
     /// Resumed after any number of points it comes out the same, bit for bit; up and down differ between the folds.
@@ -194,7 +198,10 @@ mod tests {
         assert!(
             !differing.is_empty() && differing.len() < 7 && differing.windows(2).all(|pair| pair[1] == pair[0] + 1)
         );
-        assert!(points.iter().flatten().all(|point| point.period == Some(1) && point.drift < 1e-9));
+        let settled = |point: &StructurePoint| {
+            point.period == Some(1) && point.drift < 1e-9 && point.section[..] == *std::slice::from_ref(&point.end)
+        };
+        assert!(points.iter().flatten().all(settled));
     }
 
     /// The fates on all cores are those of one state after the other.

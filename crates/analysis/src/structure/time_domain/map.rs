@@ -7,10 +7,13 @@ use core::f64::consts::TAU;
 
 use nalgebra::DVector;
 use resonarm_dynamics::integrate::{IntegrateError, Scheme};
-use resonarm_dynamics::structure::{Assembly, Dof, StepError, StepLoad, Stepper};
+use resonarm_dynamics::structure::{Assembly, Dof, STAGE_TIMES, SineSteps, StepError, StepLoad, Stepper};
 
 use crate::structure::Forced;
 use crate::time_domain::{Strobe, TimeDomainError, steps_in_period};
+
+/// Most steps whose sines are kept at once.
+const LONGEST_STRETCH: u32 = 4096;
 
 /// The map of one structure under one sine. A state has the coordinates, their rates and the states of the elements.
 ///
@@ -44,15 +47,19 @@ impl StroboscopicMap {
         }
         let modes = forced.assembly.modes().iter().map(|mode| (mode.frequency_hz, mode.damping_ratio));
         let (steps, time_constant_periods) = steps_in_period(modes, frequency_hz)?;
-        StroboscopicMap::with_steps(forced, frequency_hz, f64::from(steps), time_constant_periods)
+        StroboscopicMap::with_steps(forced, frequency_hz, f64::from(steps), 1, time_constant_periods)
     }
 
+    /// With at least so many steps in a period, and a multiple of `unit`.
     fn with_steps(
         forced: &Forced,
         frequency_hz: f64,
-        steps: f64,
+        least: f64,
+        unit: u32,
         time_constant_periods: f64,
     ) -> Result<StroboscopicMap, TimeDomainError> {
+        let unit_steps = f64::from(unit);
+        let steps = libm::ceil(least / unit_steps) * unit_steps;
         let most = crate::time_domain::MOST_STEPS;
         if steps > f64::from(most) {
             let lowest_hz = steps * frequency_hz / f64::from(most);
@@ -63,7 +70,7 @@ impl StroboscopicMap {
         let stepper = match stepper {
             Err(StepError::RateTooLow { needed_hz, .. }) => {
                 let more = libm::ceil(needed_hz / frequency_hz).max(steps + 1.0);
-                return StroboscopicMap::with_steps(forced, frequency_hz, more, time_constant_periods);
+                return StroboscopicMap::with_steps(forced, frequency_hz, more, unit, time_constant_periods);
             }
             made => made.map_err(|source| TimeDomainError::Step { frequency_hz, source })?,
         };
@@ -80,7 +87,63 @@ impl StroboscopicMap {
     /// The same with at least this many steps a second, and twice as many as here.
     pub(super) fn finer(&self, needed_hz: f64) -> Result<StroboscopicMap, TimeDomainError> {
         let steps = libm::ceil(needed_hz / self.frequency_hz).max(2.0 * f64::from(self.steps));
-        StroboscopicMap::with_steps(&self.forced, self.frequency_hz, steps, self.time_constant_periods)
+        StroboscopicMap::with_steps(&self.forced, self.frequency_hz, steps, 1, self.time_constant_periods)
+    }
+
+    /// The same with as many steps in a period or more, a multiple of `unit`.
+    pub(super) fn in_multiples_of(&self, unit: u32) -> Result<StroboscopicMap, TimeDomainError> {
+        let least = f64::from(self.steps);
+        StroboscopicMap::with_steps(&self.forced, self.frequency_hz, least, unit, self.time_constant_periods)
+    }
+
+    /// The state one period after `state`, both at phase 0: coordinates, rates, states of elements.
+    ///
+    /// # Errors
+    /// [`TimeDomainError::Step`] if a step can't be made.
+    pub fn advance(&self, state: &[f64]) -> Result<Vec<f64>, TimeDomainError> {
+        self.next(&state.to_vec())
+    }
+
+    /// Takes states at phase 0 a number of periods on. The states of a chain of at most three links with smooth elements
+    /// go side by side, each with the bits of [`StroboscopicMap::advance`]. A motion that grows without bound ends in
+    /// numbers that are not finite.
+    ///
+    /// # Errors
+    /// [`TimeDomainError::Step`] if a step can't be made for another reason.
+    pub fn advance_all(&self, states: &mut [Vec<f64>], periods: u32) -> Result<(), TimeDomainError> {
+        self.advance_together(states, periods)
+    }
+
+    /// The same, if the structure can go side by side; else `false`.
+    fn advance_side_by_side(&self, states: &mut [Vec<f64>], periods: u32) -> Result<bool, TimeDomainError> {
+        let failed = |source| TimeDomainError::Step { frequency_hz: self.frequency_hz, source };
+        let stepper = self.stepper.borrow();
+        let (amplitude, omega_rad_s, h_s) = (self.amplitudes(), TAU * self.frequency_hz, stepper.step_s());
+        let at = |step| STAGE_TIMES.map(|part| libm::sin(omega_rad_s * (self.time_s(step) + part * h_s)));
+        let stretches = self.steps.div_ceil(LONGEST_STRETCH);
+        // Usually a period is one stretch, and its sines are computed once for all periods.
+        let (rounds, times) = if stretches == 1 { (1, periods) } else { (periods, 1) };
+        for _ in 0..rounds {
+            for first in (0..stretches).map(|stretch| stretch * LONGEST_STRETCH) {
+                let last = (first + LONGEST_STRETCH).min(self.steps);
+                let sines: Vec<_> = (first..last).map(at).collect();
+                let steps = SineSteps { amplitude: &amplitude, sines: &sines, times };
+                if !stepper.advance_together(&steps, states).map_err(failed)? {
+                    return Ok(false);
+                }
+            }
+        }
+        Ok(true)
+    }
+
+    /// The peaks of the loads, one for each degree of freedom that is driven.
+    fn amplitudes(&self) -> Vec<f64> {
+        self.forced.drives.iter().map(|(_, share)| share * self.forced.amplitude).collect()
+    }
+
+    /// Time in which the slowest transient of the linear structure falls by e, in periods of the drive.
+    pub fn time_constant_periods(&self) -> f64 {
+        self.time_constant_periods
     }
 
     /// The structure and its drive.
@@ -106,15 +169,14 @@ impl StroboscopicMap {
     ) -> Result<Vec<f64>, TimeDomainError> {
         let failed = |source| TimeDomainError::Step { frequency_hz: self.frequency_hz, source };
         let mut stepper = self.stepper.borrow_mut();
-        let amplitude: Vec<f64> = self.forced.drives.iter().map(|(_, share)| share * self.forced.amplitude).collect();
+        let amplitude = self.amplitudes();
         let load = StepLoad::Sine { amplitude: &amplitude, omega_rad_s: TAU * self.frequency_hz };
         stepper.restore(state).map_err(failed)?;
         for step in 0..self.steps {
             visit(step, &stepper).map_err(failed)?;
             stepper.advance_under(self.time_s(step), &load).map_err(failed)?;
         }
-        let numbers = stepper.position().iter().chain(stepper.velocity()).chain(stepper.element_states());
-        Ok(numbers.copied().collect())
+        Ok(states(&stepper))
     }
 
     /// Time at the start of a step, s since phase 0.
@@ -126,6 +188,11 @@ impl StroboscopicMap {
     pub(super) fn load(&self, step: u32) -> f64 {
         self.forced.amplitude * libm::sin(TAU * f64::from(step) / f64::from(self.steps))
     }
+}
+
+/// The state of a structure: coordinates, rates, states of elements.
+pub(super) fn states(of: &Stepper) -> Vec<f64> {
+    of.position().iter().chain(of.velocity()).chain(of.element_states()).copied().collect()
 }
 
 /// Rates over Ω; the state of an element over |∂x/∂q|, so that it is in the unit of the coordinates.
@@ -172,6 +239,9 @@ impl Strobe for StroboscopicMap {
     }
 
     fn advance_together(&self, states: &mut [Vec<f64>], periods: u32) -> Result<(), TimeDomainError> {
+        if self.advance_side_by_side(states, periods)? {
+            return Ok(());
+        }
         for state in states {
             for _ in 0..periods {
                 if !Self::is_finite(state) {

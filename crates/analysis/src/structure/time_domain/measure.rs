@@ -31,6 +31,9 @@ pub struct Settled {
     pub coordinates: Vec<Reading>,
     /// The degrees of freedom that are read, likewise; m or rad.
     pub readings: Vec<Reading>,
+    /// The states at phase 0 of the drive, coordinates, rates, states of elements: as many as the period has, or as
+    /// many as the options keep if it is unsettled.
+    pub section: Vec<Vec<f64>>,
     /// The state at phase 0 from which a sweep continues.
     pub end: Vec<f64>,
 }
@@ -58,6 +61,7 @@ pub fn settle(
         drift: followed.drift,
         coordinates: measured.coordinates,
         readings: measured.readings,
+        section: if followed.period.is_some() { measured.section } else { followed.section },
         end: followed.end,
     })
 }

@@ -93,27 +93,74 @@ fn a_chain_of_two_links_settles_as_the_arm() {
     near(got.largest_multiplier.unwrap(), expected.largest_multiplier.unwrap(), 1e-7);
 }
 
-/// Up, the motion of the hardening structure jumps where the upper branch ends, and down, where the lower one ends:
-/// within a step of the folds of the computed branch.
+/// A sweep over the frequency, the amplitude or a parameter of the structure follows the branch up to the fold at which
+/// the stretch of the branch ends, and jumps within a step of it.
 #[test]
-fn up_and_down_jump_at_the_folds() {
+fn sweeps_jump_at_the_folds() {
     let (forced, read) = hardening();
-    let branch = traced(&forced, read, [8.0, 20.0]);
-    let folds: Vec<f64> = of_kind(&branch, BifurcationKind::Fold).iter().map(|orbit| orbit.frequency_hz).collect();
-    let step_hz = 0.01;
-    let motions = stable_motions(&forced, &[read], 0.5 * (folds[0] + folds[1]), &|| false).unwrap().0;
-    for (fold, sign, start) in [(folds[0], 1.0, &motions[1]), (folds[1], -1.0, &motions[0])] {
-        let mut state = start.section[0].clone();
-        let hz = (0..7).map(|k| fold + sign * step_hz * (f64::from(k) - 3.5));
-        let size = |hz: f64| {
-            let reached = settled(&forced, read, hz, &state);
-            assert!(reached.period == Some(1) && reached.drift < 1e-9);
-            state.clone_from(&reached.end);
-            reached.readings[0].largest
-        };
-        let sizes: Vec<f64> = hz.map(size).collect();
-        let jumps: Vec<usize> = (1..7).filter(|&k| !(0.6..1.6).contains(&(sizes[k] / sizes[k - 1]))).collect();
-        assert_eq!(jumps, [4], "{sizes:?} {folds:?}");
+    let parameter = forced.assembly().parameter("element1.stiffness3_n_m3").unwrap();
+    let sweeps = [
+        (Coordinate::FrequencyHz, 5.0, [8.0, 20.0]),
+        (Coordinate::Amplitude, 5.0, [2.0, 60.0]),
+        (Coordinate::Parameter(parameter), 20.0, [1e5, 4e7]),
+    ];
+    for (over, amplitude, ends) in sweeps {
+        let (forced, frequency_hz) = (forced.with_amplitude(amplitude), 13.0);
+        let options = TraceOptions::new(&forced, over, ends, vec![read]);
+        let branch = trace(&forced, frequency_hz, over, &options).unwrap();
+        let folds: Vec<f64> = of_kind(&branch, BifurcationKind::Fold).iter().map(|orbit| orbit.value).collect();
+        for (fold, from) in folds.iter().zip(ends) {
+            let step = 1e-3 * fold * (fold - from).signum();
+            let (begin, fine) = (fold - 3.5 * step, 7);
+            // Denser towards the fold, where a step may not disturb the motion off its stretch.
+            let left = |k: u32| (1.0 - f64::from(k) / 60.0) * (1.0 - f64::from(k) / 60.0);
+            let coarse = (0..60).map(|k| begin + (from - begin) * left(k));
+            let values = coarse.chain((0..fine).map(|k| begin + f64::from(k) * step)).collect();
+            let sweep = Sweep { forced: forced.clone(), frequency_hz, over, values };
+            sweep.check().unwrap();
+            let mut state = rest(&forced);
+            let size = |value: &f64| {
+                let options = SettleOptions::default();
+                let reached = settle(&sweep.map(*value).unwrap(), &[read], &state, &options, &|| false).unwrap();
+                assert!(reached.period == Some(1) && reached.drift < 1e-9);
+                assert_eq!(&reached.section[..], core::slice::from_ref(&reached.end));
+                state.clone_from(&reached.end);
+                reached.readings[0].largest
+            };
+            let sizes: Vec<f64> = sweep.values.iter().map(size).collect();
+            let sizes = &sizes[60..];
+            let jumps: Vec<usize> = (1..7).filter(|&k| !(0.6..1.6).contains(&(sizes[k] / sizes[k - 1]))).collect();
+            assert_eq!(jumps, [4], "{over} from {from}: {sizes:?} {folds:?}");
+        }
+        assert_eq!(folds.len(), 2);
+    }
+}
+
+/// Values at which no structure exists are refused before anything is computed.
+#[test]
+fn sweeps_refuse_values_without_a_structure() {
+    let (forced, _) = hardening();
+    let over = Coordinate::Parameter(forced.assembly().parameter("mode1.frequency_hz").unwrap());
+    let sweep = Sweep { forced, frequency_hz: 13.0, over, values: vec![10.0, -1.0] };
+    let refusal = sweep.check().unwrap_err().to_string();
+    insta::assert_snapshot!(refusal, @"mode 1: `frequency_hz` is -1: it must be a number from 0");
+}
+
+/// 400 states a period, of which those at phase 0 are the section; also of a slow drive, where the steps are short.
+#[test]
+fn a_path_connects_the_points_of_the_section() {
+    let (forced, read) = hardening();
+    for frequency_hz in [0.5, 13.0] {
+        let map = StroboscopicMap::new(&forced, frequency_hz).unwrap();
+        let start = [2e-3, 0.1];
+        let path = path(&map, &start, 2).unwrap();
+        assert_eq!((path.len(), &path[0][..]), (801, &start[..]));
+        let mut expected = start.to_vec();
+        for at in [400, 800] {
+            expected = map.advance(&expected).unwrap();
+            path[at].iter().zip(&expected).for_each(|(got, expected)| near(*got, *expected, 1e-7));
+        }
+        assert_eq!(section_point(forced.assembly(), read, &start), start);
     }
 }
 
