@@ -213,7 +213,7 @@ impl<'a> Tracer<'a> {
     fn follow(&mut self, walk: &mut Walk) -> Result<(), AnalysisError> {
         let branch = &self.options.branch;
         adapt(&mut self.balance, &mut walk.continuation, branch)?;
-        let mut before = walk.point().clone();
+        let (mut older, mut before) = (None, walk.point().clone());
         self.push(&before);
         loop {
             if self.branch.orbits.len() >= branch.most_points {
@@ -228,8 +228,8 @@ impl<'a> Tracer<'a> {
             };
             let after = end.clone().unwrap_or_else(|| reached.clone());
             self.push(&after);
-            self.detect(&before, &after);
-            before = after;
+            self.detect(older.as_ref(), &before, &after);
+            older = Some(core::mem::replace(&mut before, after));
             if end.is_some() || self.rejoined {
                 return Ok(());
             }

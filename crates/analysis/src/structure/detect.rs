@@ -12,6 +12,8 @@
 //! of which the sign counts, and of the magnitude only that of the least factor: the products of many modes leave the
 //! range of numbers. The second also vanishes where two real multipliers have the product 1.
 //!
+//! A change between two points locates one bifurcation, two of a kind close together are found by [`Tracer::descend`].
+//!
 //! A factor below [`ROUNDING`] has no sign: without damping |μ|² − 1 of every pair is 0 all along the branch, and its
 //! sign is rounding. Such factors are left out; if no other is left, no bifurcation is found at the motion.
 
@@ -21,11 +23,12 @@ use nalgebra::Complex;
 
 use super::balance::Balance;
 use super::branch::{FRACTION, Tracer};
+use super::floquet::Floquet;
 use super::orbit::{Bifurcation, Orbit, ROUNDING, Stability, Unlocated};
 use super::singular::{Singular, doubled, halved};
 use crate::continuation::{Cut, Point, Slices, System};
 use crate::dense::Determinant;
-use crate::locate::search;
+use crate::locate::{FINE, search};
 use crate::{AnalysisError, BifurcationKind, Singularity};
 
 use BifurcationKind::{BranchPoint, Fold, NeimarkSacker, PeriodDoubling};
@@ -34,11 +37,29 @@ use BifurcationKind::{BranchPoint, Fold, NeimarkSacker, PeriodDoubling};
 const REAL: f64 = 1e-9;
 /// At a bifurcation of the motion a multiplier is this near its place on the unit circle.
 const NEAR: f64 = 5e-3;
+/// The most steps down to a smallest magnitude.
+const DESCENT_LIMIT: usize = 8;
+/// Steps before a parabola through the points is trusted: the first points are far apart.
+const DESCENT_LEAST: usize = 3;
+/// The descent ends when a parabola promises less than this fraction of the value.
+const PROMISE: f64 = 0.2;
+/// The secant rule on the distance of a pair from the unit circle: its first step and its last one, as fractions of a
+/// segment, and the most steps.
+const SECANT: Secant = Secant { first: 1e-3, last: 1e-13, limit: 12 };
+/// A pair is on the unit circle if |μ|² is 1 within this.
+const CIRCLE: f64 = 1e-13;
 /// The most steps of the search for a peak, and the fraction of its interval at which it ends.
 const PEAK: (usize, f64) = (8, 1e-5);
 /// A branch of doubled period meets the single one in a segment if it does so within this distance of its end, in units
 /// of Λ.
 const REACH: f64 = 0.1;
+
+/// Steps of the secant rule.
+struct Secant {
+    first: f64,
+    last: f64,
+    limit: usize,
+}
 
 /// The sign of a product of real factors times the magnitude of its least, of those that have a sign; zero if none has
 /// one, and not a number without factors.
@@ -83,6 +104,19 @@ fn value(kind: BifurcationKind, point: &Point, stability: Option<&Stability>, re
     }
 }
 
+/// The same at a point whose stability is not known.
+fn test(
+    floquet: &mut Floquet,
+    balance: &mut Balance,
+    kind: BifurcationKind,
+    point: &Point,
+    reference: Determinant,
+) -> f64 {
+    let known = matches!(kind, Fold | BranchPoint);
+    let found = if known || !balance.set_value(point.lambda) { None } else { floquet.stability(balance, &point.x) };
+    value(kind, point, found.as_ref(), reference)
+}
+
 /// Pairs of multipliers whose product is 1 but for rounding.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 struct Marginal {
@@ -124,36 +158,173 @@ fn confirmed(kind: BifurcationKind, stability: Option<&Stability>, before: Margi
     }
 }
 
+/// Whether a test function has changed its sign; not if a value is unknown.
+fn crosses([a, b]: [f64; 2]) -> bool {
+    a * b < 0.0
+}
+
+/// The minimum of the parabola through three points, between the outer two, and its place; none if there is none, or if
+/// it is practically the middle point.
+fn vertex(s: [f64; 3], f: [f64; 3]) -> Option<Vertex> {
+    let is_least = f[1] <= f[0] && f[1] <= f[2] && f[1] > 0.0;
+    let slopes = [(f[1] - f[0]) / (s[1] - s[0]), (f[2] - f[1]) / (s[2] - s[1])];
+    let curvature = (slopes[1] - slopes[0]) / (s[2] - s[0]);
+    if !(is_least && curvature > 0.0) {
+        return None;
+    }
+    let at_middle = slopes[0] + curvature * (s[1] - s[0]);
+    let at = s[1] - 0.5 * at_middle / curvature;
+    let margin = 1e-6 * (s[2] - s[0]);
+    let is_inside = at > s[0] + margin && at < s[2] - margin && (at - s[1]).abs() > margin;
+    is_inside.then(|| Vertex { at, value: f[1] - 0.25 * at_middle * at_middle / curvature })
+}
+
+/// The lowest point of a parabola.
+struct Vertex {
+    at: f64,
+    value: f64,
+}
+
 impl Tracer<'_> {
-    /// Locates the bifurcations between the last two points of the branch, or notes that it can't.
-    pub fn detect(&mut self, a: &Point, b: &Point) {
+    /// Locates the bifurcations between the last two points of the branch, a and b, and pairs of one kind beside a, of
+    /// which `older` is the point before; or notes that it can't.
+    pub fn detect(&mut self, older: Option<&Point>, a: &Point, b: &Point) {
         let [.., before, after] = self.branch.orbits.as_slice() else { return };
         let stabilities = [before.stability.clone(), after.stability.clone()];
+        let earlier = older.and_then(|older| Some((older, self.branch.orbits.iter().nth_back(2)?.stability.clone())));
         let assessed = stabilities[0].is_some();
         for kind in [BranchPoint, Fold, PeriodDoubling, NeimarkSacker] {
             // A branch that ends on another one turns back there: a branch point, not a fold.
             if (kind != Fold && !assessed) || (kind == Fold && self.rejoined) {
                 continue;
             }
-            let point = match self.locate(kind, [a, b], &stabilities) {
-                Ok(Some(point)) => point,
-                Ok(None) => continue,
-                Err(_) => {
-                    let index = self.branch.orbits.len() - 1;
-                    self.branch.unlocated.push(Unlocated { kind, between: [a.lambda, b.lambda], index });
-                    continue;
+            let reference = a.determinant;
+            let at = |point: &Point, stability: &Option<Stability>| value(kind, point, stability.as_ref(), reference);
+            let values = [at(a, &stabilities[0]), at(b, &stabilities[1])];
+            let marginal = Marginal::of(stabilities[0].as_ref());
+            if crosses(values) {
+                self.find(kind, [a, b], values, marginal);
+            } else if let Some((older, stability)) = earlier.as_ref().filter(|_| kind != BranchPoint) {
+                let values = [at(older, stability), values[0], values[1]];
+                let smooth = self.balance.forced.assembly().is_smooth();
+                if (smooth || kind == Fold) && !crosses([values[0], values[1]]) {
+                    self.descend(kind, [older, a, b], values, marginal);
                 }
-            };
-            let point = match kind {
-                PeriodDoubling => self.doubling([a, b], point),
-                BranchPoint if self.balance.period() > 1 => self.rejoin(b, point),
-                _ => point,
-            };
-            let orbit = self.orbit(&point);
-            if confirmed(kind, orbit.stability.as_ref(), Marginal::of(stabilities[0].as_ref())) {
-                self.branch.bifurcations.push(Bifurcation { kind, orbit, index: 0 });
             }
         }
+    }
+
+    /// Two bifurcations of a kind between two points leave the sign of the test function as it is, but the function
+    /// comes near zero between them. So if its magnitude is smallest at the middle one of three points, it is followed
+    /// down by parabolas; if the sign changes on the way, the bifurcations on both sides are located.
+    fn descend(&mut self, kind: BifurcationKind, points: [&Point; 3], values: [f64; 3], marginal: Marginal) {
+        let sign = values[1].signum();
+        let mut f = values.map(|value| value * sign);
+        let mut points = points.map(Clone::clone);
+        for step in 0..DESCENT_LIMIT {
+            let s = [0, 1, 2].map(|i| points[i].arclength);
+            let Some(lowest) = vertex(s, f) else { return };
+            if step >= DESCENT_LEAST && lowest.value > (1.0 - PROMISE) * f[1] {
+                return;
+            }
+            let half = usize::from(lowest.at > s[1]);
+            let ends = [&points[half], &points[half + 1]];
+            let settings = &self.options.branch.continuation;
+            let mut slices = Slices::new(self.balance.dimension(), settings, ends, Cut::Chord);
+            let fraction = (lowest.at - s[half]) / (s[half + 1] - s[half]);
+            let Ok(point) = slices.solve_beside(&mut self.balance, ends, fraction) else { return };
+            let new = sign * self.test(kind, &point, point.determinant);
+            if new < 0.0 {
+                let (before, after) = (points[half].clone(), points[half + 1].clone());
+                self.find(kind, [&before, &point], [sign * f[half], sign * new], marginal);
+                return self.find(kind, [&point, &after], [sign * new, sign * f[half + 1]], marginal);
+            }
+            // Keeps three points with the lowest in the middle: the new one becomes the middle or an outer one.
+            let outer = if new < f[1] { 2 * (1 - half) } else { 2 * half };
+            if new < f[1] {
+                points.swap(outer, 1);
+                f.swap(outer, 1);
+                (points[1], f[1]) = (point, new);
+            } else {
+                (points[outer], f[outer]) = (point, new);
+            }
+        }
+    }
+
+    /// The test function of a kind at a point of the branch.
+    fn test(&mut self, kind: BifurcationKind, point: &Point, reference: Determinant) -> f64 {
+        test(&mut self.floquet, &mut self.balance, kind, point, reference)
+    }
+
+    /// Locates the bifurcation between two points at which the test function of its kind has these values, of opposite
+    /// signs; or notes that it can't.
+    fn find(&mut self, kind: BifurcationKind, ends: [&Point; 2], values: [f64; 2], marginal: Marginal) {
+        let point = match self.locate(kind, ends, values) {
+            Ok(Some(point)) => point,
+            Ok(None) => return,
+            Err(_) => {
+                let index = self.branch.orbits.partition_point(|orbit| orbit.arclength <= ends[0].arclength);
+                self.branch.unlocated.push(Unlocated { kind, between: ends.map(|end| end.lambda), index });
+                return;
+            }
+        };
+        let point = match kind {
+            PeriodDoubling => self.doubling(ends, point),
+            NeimarkSacker => self.on_the_circle(ends, point, marginal),
+            BranchPoint if self.balance.period() > 1 => self.rejoin(ends[1], point),
+            _ => point,
+        };
+        let orbit = self.orbit(&point);
+        if confirmed(kind, orbit.stability.as_ref(), marginal) {
+            self.branch.bifurcations.push(Bifurcation { kind, orbit, index: 0 });
+        }
+    }
+
+    /// The Neimark–Sacker point near a point that the test function has led to, where the pair of multipliers nearest
+    /// to the unit circle is on it but for rounding: |μ|² − 1 of that pair has a slope there along the branch, so that
+    /// the secant rule finds its zero in a few motions. The point itself if that leads elsewhere, or the multipliers
+    /// jump, as those of forces that aren't smooth.
+    fn on_the_circle(&mut self, ends: [&Point; 2], point: Point, marginal: Marginal) -> Point {
+        if !self.balance.forced.assembly().is_smooth() {
+            return point;
+        }
+        self.secant(ends, &point, marginal).unwrap_or(point)
+    }
+
+    fn secant(&mut self, ends: [&Point; 2], point: &Point, marginal: Marginal) -> Option<Point> {
+        let settings = &self.options.branch.continuation;
+        let mut slices = Slices::new(self.balance.dimension(), settings, ends, Cut::Chord);
+        let multipliers = self.multipliers_at(point)?;
+        let mut by_distance: Vec<_> = pairs(&multipliers).collect();
+        by_distance.sort_by(|a, b| a.1.abs().total_cmp(&b.1.abs()));
+        // Beyond those that are on the circle all along the branch.
+        let (mut mu, mut off) = *by_distance.get(marginal.pairs).filter(|(mu, _)| is_complex(*mu))?;
+        let mut at = (point.arclength - ends[0].arclength) / (ends[1].arclength - ends[0].arclength);
+        let mut next = at + if at < 0.5 { SECANT.first } else { -SECANT.first };
+        for _ in 0..SECANT.limit {
+            let found = slices.solve(&mut self.balance, ends, next).ok()?;
+            let multipliers = self.multipliers_at(&found)?;
+            let conjugates = multipliers.iter().filter(|mu| mu.im > REAL);
+            mu = *conjugates.min_by(|a, b| (*a - mu).norm_sqr().total_cmp(&(*b - mu).norm_sqr()))?;
+            let (moved, new) = (next - at, mu.norm_sqr() - 1.0);
+            if moved.abs() < SECANT.last || new.abs() < CIRCLE {
+                return (0.0..=1.0).contains(&next).then_some(found);
+            }
+            let slope = (new - off) / moved;
+            (at, off) = (next, new);
+            next = at - off / slope;
+            if !next.is_finite() {
+                return None;
+            }
+        }
+        None
+    }
+
+    /// The multipliers of the motion at a point of the branch.
+    fn multipliers_at(&mut self, point: &Point) -> Option<Vec<Complex<f64>>> {
+        let exists = self.balance.set_value(point.lambda);
+        let found = if exists { self.floquet.stability(&self.balance, &point.x) } else { None };
+        found.map(|stability| stability.multipliers)
     }
 
     /// The period doubling near a point that the multipliers have led to, by its extended system; the point itself if
@@ -198,7 +369,9 @@ impl Tracer<'_> {
 
     /// The branch point between two points, if the branch has one there.
     pub fn branch_point(&mut self, a: &Point, b: &Point) -> Option<Point> {
-        let point = self.locate(BranchPoint, [a, b], &[None, None]).ok().flatten()?;
+        let values = [a, b].map(|point| value(BranchPoint, point, None, a.determinant));
+        let point =
+            if crosses(values) { self.locate(BranchPoint, [a, b], values).ok().flatten()? } else { return None };
         let harmonics = self.balance.harmonics();
         self.balance.set_harmonics(point.x.len() / self.balance.unknowns.count() / 2);
         let exists = self.balance.set_value(point.lambda);
@@ -207,31 +380,23 @@ impl Tracer<'_> {
         confirmed(BranchPoint, found.as_ref(), Marginal::default()).then_some(point)
     }
 
-    /// Where the test function of a kind vanishes between two points with these stabilities; none if it doesn't.
+    /// Where the test function of a kind vanishes between two points at which it has these values, of opposite signs;
+    /// none if it jumps there.
     fn locate(
         &mut self,
         kind: BifurcationKind,
-        [a, b]: [&Point; 2],
-        stabilities: &[Option<Stability>; 2],
+        ends: [&Point; 2],
+        values: [f64; 2],
     ) -> Result<Option<Point>, AnalysisError> {
-        let reference = a.determinant;
-        let at = |point: &Point, stability: &Option<Stability>| value(kind, point, stability.as_ref(), reference);
-        let values = [at(a, &stabilities[0]), at(b, &stabilities[1])];
-        if values[0].is_nan() || values[1].is_nan() || values[0] * values[1] >= 0.0 {
-            return Ok(None);
-        }
-        let floquet = &mut self.floquet;
-        let test = |balance: &mut Balance, point: &Point| {
-            let known = matches!(kind, Fold | BranchPoint);
-            let found =
-                if known || !balance.set_value(point.lambda) { None } else { floquet.stability(balance, &point.x) };
-            value(kind, point, found.as_ref(), reference)
-        };
-        let settings = &self.options.branch.continuation;
-        match search(&mut self.balance, settings, [a, b], values, FRACTION, test) {
+        let (floquet, reference) = (&mut self.floquet, ends[0].determinant);
+        let test = |balance: &mut Balance, point: &Point| test(floquet, balance, kind, point, reference);
+        let (settings, smooth) = (&self.options.branch.continuation, self.balance.forced.assembly().is_smooth());
+        // Others have equations of their own, or are exact to the square of the fraction.
+        let tolerance = if kind == BranchPoint && smooth { FINE } else { FRACTION };
+        match search(&mut self.balance, settings, ends, values, tolerance, test) {
             Ok(point) => Ok(Some(point)),
             // At a corner of a branch the determinant and the multipliers may jump.
-            Err(_) if kind != Fold && !self.balance.forced.assembly().is_smooth() => Ok(None),
+            Err(_) if kind != Fold && !smooth => Ok(None),
             Err(error) => Err(error),
         }
     }
@@ -393,7 +558,7 @@ mod tests {
             let orbit = tracer.orbit(end);
             tracer.branch.orbits.push(orbit);
         });
-        tracer.detect(&ends[0], &ends[1]);
+        tracer.detect(None, &ends[0], &ends[1]);
         let expected = Unlocated { kind: Fold, between: [20.0, 20.1], index: 1 };
         assert_eq!((&tracer.branch.unlocated[..], tracer.branch.bifurcations.len()), (&[expected][..], 0));
     }

@@ -9,7 +9,7 @@ use crate::*;
 use resonarm_dynamics::arm::{Load, Preset, Sine, State};
 use resonarm_dynamics::integrate::{Integrator, Scheme};
 
-pub(super) fn forced(beta2_deg: f64, torque1_nm: f64) -> ForcedArm {
+pub(crate) fn forced(beta2_deg: f64, torque1_nm: f64) -> ForcedArm {
     ForcedArm::new(arm_at(Preset::Irb1600Fitted, 0.0, beta2_deg), Load::torque_nm(1.0, 0.0), torque1_nm)
 }
 

@@ -1,4 +1,4 @@
-mod arm;
+pub(crate) mod arm;
 mod backbones;
 mod early;
 mod oracles;

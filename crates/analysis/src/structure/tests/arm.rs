@@ -6,7 +6,7 @@ use serde_json::Value;
 use super::*;
 use crate::structure::floquet::Floquet;
 use crate::structure::time_domain;
-use crate::time_domain::SettleOptions;
+use crate::time_domain::{SettleOptions, Strobe as _};
 use resonarm_dynamics::arm::{Parameters, Pose};
 use resonarm_dynamics::integrate::Scheme;
 use resonarm_dynamics::structure::{Armature, Coil, Dof, Linearised, Stepper};
@@ -176,6 +176,69 @@ fn chains_have_the_branches_of_the_arm() {
     }
 }
 
+/// Wherever the points of a continuation lie, it has the same bifurcations: also the two close pairs of period doublings,
+/// which leave the signs of test functions as they are. They are those that the arm's analysis finds.
+#[test]
+fn chains_have_the_close_pairs_of_the_arm() {
+    let forced = forced(&serde_json::json!({ "beta2_deg": 60.0 }), 200.0);
+    let traced = |from: f64| {
+        let options = TraceOptions::new(&forced, Coordinate::FrequencyHz, [from, 21.0], vec![joints(&forced)[0]]);
+        super::super::trace(&forced, from, Coordinate::FrequencyHz, &options).unwrap()
+    };
+    let of_arm = crate::tests::arm::forced(60.0, 200.0);
+    let of_arm = crate::trace(of_arm, 22.6, crate::Coordinate::FrequencyHz, &BranchOptions::new(22.6, 21.0)).unwrap();
+    let expected: Vec<_> = of_arm.bifurcations.iter().map(|found| (found.kind, found.orbit.value)).collect();
+    assert_eq!(expected.len(), 6);
+    for from in [22.6, 22.12, 22.15, 24.0] {
+        let found = traced(from).bifurcations;
+        let kinds: Vec<_> = found.iter().map(|found| (found.kind, found.orbit.value)).collect();
+        assert_eq!(kinds.len(), expected.len(), "from {from} Hz: {kinds:?} {expected:?}");
+        for (got, expected) in kinds.iter().zip(&expected) {
+            assert_eq!(got.0, expected.0, "from {from} Hz: {kinds:?}");
+            near(got.1, expected.1, 1e-9);
+        }
+    }
+}
+
+/// With a hardening spring at the elbow the branch has a fold and, 1.3 µHz above it, a Neimark–Sacker point. Both are
+/// real: by the stroboscopic map, which is integrated in time, the two multipliers near 1 have the product 1.000014 at
+/// the fold, so that both leave it above 1; and they are a pair on the unit circle at the other point.
+#[test]
+fn a_fold_and_a_neimark_sacker_point_side_by_side() {
+    let parameters = Preset::Irb1600Fitted.parameters().unwrap();
+    let body = BodySpec::Chain(ChainSpec::from_arm(&parameters, Pose { beta1_deg: 0.0, beta2_deg: 60.0 }));
+    let law = Law::Cubic { stiffness3: 3e9, stiffness5: 0.0 };
+    let elements = vec![ElementSpec { at: Place::Joint(2), to: None, law }];
+    let assembly = Assembly::new(&StructureSpec { body, elements }).unwrap();
+    let tip = assembly.dof("tip.x").unwrap();
+    let forced = Forced::new(assembly, tip, 40.0);
+    let options = TraceOptions::new(&forced, Coordinate::FrequencyHz, [21.9, 23.1], vec![tip]);
+    let branch = super::super::trace(&forced, 21.9, Coordinate::FrequencyHz, &options).unwrap();
+    let near_the_fold = |found: &&Bifurcation| (found.orbit.value - 22.62937).abs() < 1e-4;
+    let found: Vec<&Bifurcation> = branch.bifurcations.iter().filter(near_the_fold).collect();
+    let [fold, pair] = found[..] else { panic!("{found:?}") };
+    assert_eq!([fold.kind, pair.kind], [BifurcationKind::Fold, BifurcationKind::NeimarkSacker]);
+    assert!((1e-6..2e-6).contains(&(pair.orbit.value - fold.orbit.value)));
+    let of_pair = pair.orbit.stability.as_ref().unwrap().multipliers[0];
+    assert!(of_pair.im > 1e-3 && (of_pair.norm_sqr() - 1.0).abs() < 1e-12, "{of_pair}");
+    for (orbit, expected) in [(&fold.orbit, 1.000_014), (&pair.orbit, 1.0)] {
+        let mut state = orbit.coefficients[..2].to_vec();
+        state.resize(4, 0.0);
+        for (k, rows) in (1..).zip(orbit.coefficients[2..].chunks_exact(4)) {
+            for i in 0..2 {
+                state[i] += rows[i];
+                state[2 + i] += f64::from(k) * TAU * orbit.frequency_hz * rows[2 + i];
+            }
+        }
+        let map = time_domain::StroboscopicMap::new(&forced, orbit.frequency_hz).unwrap();
+        let mut derivative = map.derivative(&map.to_point(&state), 1).unwrap();
+        let mut multipliers = crate::eigenvalues::eigenvalues(4, derivative.as_mut_slice()).unwrap();
+        multipliers.sort_by(|a, b| (a - 1.0).norm_sqr().total_cmp(&(b - 1.0).norm_sqr()));
+        let product = (multipliers[0] * multipliers[1]).re;
+        assert!((product - expected).abs() < 2e-7, "{product}, expected {expected}: {multipliers:?}");
+    }
+}
+
 /// Along backbones, with damping or without, of both modes. The points of both curves lie elsewhere, so the motions
 /// are put into the chain's equations; the drive may have either sign.
 #[test]
@@ -197,30 +260,42 @@ fn chains_have_the_backbones_of_the_arm() {
     }
 }
 
-/// From the same start a period of the drive ends in the same state, and the motion settles in the same section.
+/// From the same start a period of the drive ends in the same state, and the motion settles in the same section. The
+/// structure is one of a sweep over the angle of link 2 that begins elsewhere.
 #[test]
 fn chains_settle_as_the_arm() {
     let cases = oracles_of_the_arm();
     for case in cases["sections"].as_array().unwrap() {
-        let forced = forced(case, number(case, "torque1_nm"));
-        let map = time_domain::StroboscopicMap::new(&forced, number(case, "frequency_hz")).unwrap();
+        let (expected, angle_deg) = (forced(case, number(case, "torque1_nm")), number(case, "beta2_deg"));
+        let elsewhere = forced(&serde_json::json!({ "beta2_deg": 10.0 }), number(case, "torque1_nm"));
+        let over = Coordinate::Parameter(elsewhere.assembly().parameter("link2.angle_deg").unwrap());
+        let frequency_hz = number(case, "frequency_hz");
+        let sweep = time_domain::Sweep { forced: elsewhere, frequency_hz, over, values: vec![angle_deg] };
+        let map = sweep.map(angle_deg).unwrap();
+        assert_eq!(*map.forced(), expected);
+        let after = map.advance(&numbers(&case["start"])).unwrap();
+        all_near(&after, &numbers(&case["after_a_period"]), 1e-9, "after a period");
         let rest = vec![0.0; 4];
-        let joints = joints(&forced);
-        let got = time_domain::settle(&map, &joints, &rest, &SettleOptions::default(), &|| false).unwrap();
+        let got = time_domain::settle(&map, &joints(&expected), &rest, &SettleOptions::default(), &|| false).unwrap();
         assert_eq!(got.period.map(u64::from), case["period"].as_u64());
         near(got.largest_multiplier.unwrap(), number(case, "largest_multiplier"), 1e-7);
         let sections: Vec<Vec<f64>> = case["section"].as_array().unwrap().iter().map(numbers).collect();
         // The sections begin at one of the points of their cycle.
-        let off = |other: &Vec<f64>| {
-            let off = other.iter().zip(&got.end).map(|(a, b)| (a - b) * (a - b)).sum::<f64>();
-            off / other.iter().map(|number| number * number).sum::<f64>()
+        let off = |shift: usize| {
+            let own = got.section.iter().cycle().skip(shift).flatten();
+            let [mut off, mut size] = [0.0; 2];
+            for (own, expected) in own.zip(sections.iter().flatten()) {
+                off += (own - expected) * (own - expected);
+                size += expected * expected;
+            }
+            libm::sqrt(off / size)
         };
-        let least = sections.iter().map(off).fold(f64::INFINITY, f64::min);
-        assert!(least.sqrt() < 1e-7, "{case}: {got:?}");
+        let least = (0..sections.len()).map(off).fold(f64::INFINITY, f64::min);
+        assert!(got.section.len() == sections.len() && least < 1e-9, "{least}: {case} {got:?}");
         let [largest, harmonic1] = ["amplitude_rad", "harmonic1_rad"].map(|key| pair(&case[key]));
         for joint in 0..2 {
-            near(got.readings[joint].largest, largest[joint], 1e-7);
-            near(got.readings[joint].harmonic1.norm(), harmonic1[joint], 1e-7);
+            near(got.readings[joint].largest, largest[joint], 1e-9);
+            near(got.readings[joint].harmonic1.norm(), harmonic1[joint], 1e-9);
         }
     }
 }
