@@ -49,15 +49,27 @@ pub(super) struct Balance {
     pub samples: Samples,
     /// Of modes along a backbone.
     pub kept: Option<Kept>,
+    evaluated: Evaluated,
     harmonics: usize,
     linear: Linear,
-    /// Of a chain: what its rows are divided by, N·m.
+    /// Of a chain: the largest stiffness, N·m, and what each row is multiplied by.
     scale: f64,
+    row_scales: Vec<f64>,
     compliances: Vec<Compliance>,
     /// ∂Q̂/∂X, column by column, and Q̂ and ∂Q̂/∂Ω/2π.
     operator: Vec<f64>,
     load: Vec<f64>,
     by_frequency: Vec<f64>,
+}
+
+/// The motion that the samples are of.
+#[derive(Clone, Debug, Default)]
+struct Evaluated {
+    /// Whether they are of one: not after the structure or the samples have changed.
+    is_known: bool,
+    x: Vec<f64>,
+    frequency_hz: f64,
+    amplitude: f64,
 }
 
 /// The product of a column of weights and a row, added to a block of rows.
@@ -173,9 +185,11 @@ impl Balance {
             frequency_hz,
             samples,
             kept: None,
+            evaluated: Evaluated::default(),
             harmonics,
             linear,
             scale,
+            row_scales: vec![],
             compliances: vec![],
             operator: vec![],
             load: vec![],
@@ -188,9 +202,13 @@ impl Balance {
     /// Changes H.
     pub fn set_harmonics(&mut self, harmonics: usize) {
         self.harmonics = harmonics;
+        self.evaluated.is_known = false;
         let samples = samples_for(&self.forced, self.period(), harmonics);
         self.samples.set(2 * harmonics + 1, samples);
         self.compliances.resize(2 * harmonics + 1, Compliance::default());
+        let (m, period) = (self.unknowns.count(), self.period());
+        let scale = |row: usize| 1.0 / (self.scale * order_squared(row / m, period));
+        self.row_scales = (0..m * (2 * harmonics + 1)).map(scale).collect();
     }
 
     /// H.
@@ -247,6 +265,7 @@ impl Balance {
     /// Takes another structure of the same kind; the scale of the rows stays.
     fn set_assembly(&mut self, assembly: Assembly) {
         self.forced.assembly = assembly;
+        self.evaluated.is_known = false;
         self.linear = self.forced.assembly.linear();
         if let Body::Condensed(_) = self.unknowns.body {
             self.unknowns = Unknowns::with_period(&self.forced, self.period());
@@ -263,8 +282,15 @@ impl Balance {
         TAU * self.base_hz()
     }
 
-    /// The motion X and the forces along it. The following methods are about this motion.
+    /// The motion X and the forces along it, unless it was the last one. The following methods are about this motion.
     pub fn evaluate_motion(&mut self, x: &[f64]) {
+        let (frequency_hz, amplitude, known) = (self.frequency_hz, self.forced.amplitude, &mut self.evaluated);
+        if known.is_known && known.x == x && known.frequency_hz == frequency_hz && known.amplitude == amplitude {
+            return;
+        }
+        known.x.clear();
+        known.x.extend_from_slice(x);
+        (known.is_known, known.frequency_hz, known.amplitude) = (true, frequency_hz, amplitude);
         let (m, omega) = (self.unknowns.count(), self.omega_rad_s());
         self.samples.synthesise(x, &self.unknowns, omega);
         self.samples.evaluate(&self.forced, &self.unknowns, self.frequency_hz);
@@ -410,8 +436,10 @@ impl Balance {
             match &self.unknowns.body {
                 Body::Chain => {
                     let signal = &self.samples.by_drive[i * self.samples.count()..][..self.samples.count()];
-                    let scale = |row: usize| self.scale * order_squared(row, period);
-                    project(&self.samples, signal, self.harmonics, |row, value| out[row * m + i] = value / scale(row));
+                    let scales = &self.row_scales;
+                    project(&self.samples, signal, self.harmonics, |row, value| {
+                        out[row * m + i] = value * scales[row * m + i];
+                    });
                 }
                 Body::Condensed(_) => {
                     let [h, _] = self.compliances[period].drive[i];
@@ -425,9 +453,8 @@ impl Balance {
     fn rows_by_frequency(&self, out: &mut [f64]) {
         let (m, period) = (self.unknowns.count(), self.period());
         if let Body::Chain = self.unknowns.body {
-            for (row, (out, by)) in out.iter_mut().zip(&self.by_frequency).enumerate() {
-                *out = by * (1.0 / (self.scale * order_squared(row / m, period)));
-            }
+            let rows = self.by_frequency.iter().zip(&self.row_scales);
+            out.iter_mut().zip(rows).for_each(|(out, (by, scale))| *out = by * scale);
             return;
         }
         for k in 0..=self.harmonics {
@@ -521,9 +548,8 @@ impl Balance {
     fn residual(&self, x: &[f64], residual: &mut [f64]) {
         let (m, period) = (self.unknowns.count(), self.period());
         let Body::Condensed(condensed) = &self.unknowns.body else {
-            for (row, (out, load)) in residual.iter_mut().zip(&self.load).enumerate() {
-                *out = load * (1.0 / (self.scale * order_squared(row / m, period)));
-            }
+            let rows = self.load.iter().zip(&self.row_scales);
+            residual.iter_mut().zip(rows).for_each(|(out, (load, scale))| *out = load * scale);
             return;
         };
         for k in 0..=self.harmonics {
@@ -547,13 +573,12 @@ impl Balance {
 
     /// ∂R/∂X of the motion last linearised.
     fn rows(&self, matrix: &mut [f64], stride: usize) {
-        let (m, size, period) = (self.unknowns.count(), self.load.len(), self.period());
+        let (m, size) = (self.unknowns.count(), self.load.len());
         let columns = || self.operator.chunks_exact(size);
         if let Body::Chain = self.unknowns.body {
             for (out, operator) in matrix.chunks_mut(stride).zip(columns()) {
-                for (row, (out, operator)) in out.iter_mut().zip(operator).enumerate() {
-                    *out = operator * (1.0 / (self.scale * order_squared(row / m, period)));
-                }
+                let rows = operator.iter().zip(&self.row_scales);
+                out.iter_mut().zip(rows).for_each(|(out, (operator, scale))| *out = operator * scale);
             }
             return;
         }

@@ -23,6 +23,8 @@ pub(super) struct Samples {
     omega_rad_s: f64,
     /// u, u̇, ü, sample by sample.
     pub motion: [Vec<f64>; 3],
+    /// Those of one unknown.
+    signals: [Vec<f64>; 3],
     /// Q = Σ w f, of a chain with the unbalance: unknown by unknown.
     pub load: Vec<f64>,
     /// ∂Q/∂u, ∂Q/∂u̇, ∂Q/∂ü without the states' part, pair of unknowns by pair.
@@ -62,6 +64,7 @@ impl Samples {
             rates: vec![],
             omega_rad_s: 0.0,
             motion: Default::default(),
+            signals: Default::default(),
             load: vec![],
             by: Default::default(),
             by_step: vec![],
@@ -141,23 +144,29 @@ impl Samples {
             self.rates.clear();
         }
         let (samples, m) = (self.count(), unknowns.count());
-        for signal in &mut self.motion {
-            signal.clear();
-            signal.resize(samples * m, 0.0);
-        }
-        let [position, velocity, acceleration] = &mut self.motion;
-        position.chunks_exact_mut(m).for_each(|at| at.copy_from_slice(&x[..m]));
-        for (k, pair) in (1..).zip(x[m..].chunks_exact(2 * m)) {
-            let (tables, rate) = (self.basis.tables(k - 1), k as f64 * omega_rad_s);
-            let (cosine, sine) = pair.split_at(m);
-            for i in 0..m {
-                let (a, b) = (cosine[i], sine[i]);
-                add_along(position, [m, i], tables, [a, b]);
+        self.motion.iter_mut().for_each(|signal| signal.resize(samples * m, 0.0));
+        let with_acceleration = matches!(unknowns.body, Body::Chain);
+        // One unknown after the other in signals without gaps, which the sums over the harmonics pass many times.
+        for i in 0..m {
+            let [position, velocity, acceleration] = &mut self.signals;
+            position.clear();
+            position.resize(samples, x[i]);
+            for signal in [&mut *velocity, &mut *acceleration] {
+                signal.clear();
+                signal.resize(samples, 0.0);
+            }
+            for (k, pair) in (1..).zip(x[m..].chunks_exact(2 * m)) {
+                let (tables, rate) = (self.basis.tables(k - 1), k as f64 * omega_rad_s);
+                let (a, b) = (pair[i], pair[m + i]);
+                add_sine(position, tables, [a, b]);
                 // cos kτ has the rate −kΩ sin kτ, sin kτ the rate kΩ cos kτ.
-                add_along(velocity, [m, i], tables, [rate * b, -rate * a]);
-                if let Body::Chain = unknowns.body {
-                    add_along(acceleration, [m, i], tables, [-rate * rate * a, -rate * rate * b]);
+                add_sine(velocity, tables, [rate * b, -rate * a]);
+                if with_acceleration {
+                    add_sine(acceleration, tables, [-rate * rate * a, -rate * rate * b]);
                 }
+            }
+            for (motion, signal) in self.motion.iter_mut().zip(&self.signals) {
+                motion[i..].iter_mut().step_by(m).zip(signal).for_each(|(motion, value)| *motion = *value);
             }
         }
     }
@@ -250,13 +259,13 @@ impl Samples {
         let (samples, n) = (self.count(), unknowns.count());
         self.by_drive.clear();
         self.by_drive.resize(n * samples, 0.0);
-        let mut direction = [0.0; MOST_COORDINATES];
+        let (mut direction, mut force) = ([0.0; MOST_LINKS], [0.0; MOST_LINKS]);
         for j in 0..samples {
             let [u, v, a] = [0, 1, 2].map(|d| &self.motion[d][j * n..(j + 1) * n]);
             let sine = self.basis.tables(unknowns.period - 1).1[j];
             let at = forced.assembly.at(u);
             forced.direction(&at, &mut direction[..n]);
-            let force = direction.map(|w| w * forced.amplitude * sine);
+            force.iter_mut().zip(&direction).for_each(|(force, w)| *force = w * forced.amplitude * sine);
             at.linearise(v, a, &force[..n], &mut self.linearised);
             forced.add_curvature(&at, -forced.amplitude * sine, &mut self.linearised.by_position);
             for (i, (unbalance, along)) in self.linearised.unbalance.iter().zip(&direction).enumerate() {
@@ -291,14 +300,9 @@ impl Samples {
     }
 }
 
-/// Adds a cos kτ + b sin kτ to one of `m` signals that stand sample by sample.
-fn add_along(signals: &mut [f64], [m, i]: [usize; 2], (cosines, sines): (&[f64], &[f64]), [a, b]: [f64; 2]) {
-    let tables = cosines.iter().zip(sines);
-    if m == 1 {
-        signals.iter_mut().zip(tables).for_each(|(value, (c, s))| *value += a * c + b * s);
-    } else {
-        signals[i..].iter_mut().step_by(m).zip(tables).for_each(|(value, (c, s))| *value += a * c + b * s);
-    }
+/// Adds a cos kτ + b sin kτ to a signal.
+fn add_sine(signal: &mut [f64], (cosines, sines): (&[f64], &[f64]), [a, b]: [f64; 2]) {
+    signal.iter_mut().zip(cosines.iter().zip(sines)).for_each(|(value, (c, s))| *value += a * c + b * s);
 }
 
 /// An element at u and u̇.

@@ -6,29 +6,52 @@ use core::f64::consts::TAU;
 
 use super::samples::Samples;
 
-/// 2/T ∫ f cos kτ and 2/T ∫ f sin kτ of one signal, k = 0 … 2H.
-#[derive(Clone, Debug, Default)]
+/// 2/T ∫ f cos kτ and 2/T ∫ f sin kτ of one signal, k = −2H … 2H, at the place k + 2H: the cosines are even in k, the
+/// sines odd.
+#[derive(Clone, Debug)]
 struct Line {
     cosines: Vec<f64>,
     sines: Vec<f64>,
 }
 
 impl Line {
-    /// Of a signal; none if it is zero everywhere.
-    fn of(samples: &Samples, signal: &[f64], harmonics: usize) -> Option<Line> {
-        let first = signal[0];
+    fn new(harmonics: usize) -> Line {
+        Line { cosines: vec![0.0; 4 * harmonics + 1], sines: vec![0.0; 4 * harmonics + 1] }
+    }
+
+    /// Becomes that of a signal; returns whether the signal is other than zero anywhere.
+    fn transform(&mut self, samples: &Samples, signal: &[f64]) -> bool {
+        let (first, middle) = (signal[0], self.cosines.len() / 2);
         let constant = signal.iter().all(|value| *value == first);
-        if constant && first == 0.0 {
-            return None;
+        if constant {
+            self.cosines.fill(0.0);
+            self.sines.fill(0.0);
         }
-        let mut line = Line { cosines: vec![0.0; 2 * harmonics + 1], sines: vec![0.0; 2 * harmonics + 1] };
-        line.cosines[0] = 2.0 * if constant { first } else { signal.iter().sum::<f64>() / signal.len() as f64 };
+        self.cosines[middle] = 2.0 * if constant { first } else { signal.iter().sum::<f64>() / signal.len() as f64 };
         if !constant {
-            for k in 1..=2 * harmonics {
-                (line.cosines[k], line.sines[k]) = samples.basis.project(k - 1, signal);
+            for k in 1..=middle {
+                let (cosine, sine) = samples.basis.project(k - 1, signal);
+                (self.cosines[middle + k], self.sines[middle + k]) = (cosine, sine);
+                (self.cosines[middle - k], self.sines[middle - k]) = (cosine, -sine);
             }
         }
-        Some(line)
+        !constant || first != 0.0
+    }
+
+    /// Becomes a sum of lines, each times a factor.
+    fn combine<'a>(&mut self, of: impl Iterator<Item = (f64, &'a Line)>) {
+        self.cosines.fill(0.0);
+        self.sines.fill(0.0);
+        for (factor, line) in of {
+            self.cosines.iter_mut().zip(&line.cosines).for_each(|(sum, value)| *sum += factor * value);
+            self.sines.iter_mut().zip(&line.sines).for_each(|(sum, value)| *sum += factor * value);
+        }
+    }
+
+    /// From k = −l and from k = l on: the numbers at k − l and at k + l, k = 0, 1 …
+    fn around(&self, l: usize) -> [[&[f64]; 2]; 2] {
+        let middle = self.cosines.len() / 2;
+        [middle - l, middle + l].map(|at| [&self.cosines[at..], &self.sines[at..]])
     }
 }
 
@@ -46,72 +69,51 @@ pub(super) fn project(samples: &Samples, signal: &[f64], harmonics: usize, mut o
 ///
 /// A column of cos lτ makes the signal U cos lτ − V sin lτ and one of sin lτ makes U sin lτ + V cos lτ, with U = S −
 /// l²Ω²M and V = lΩG. With A and B the lines of a signal, its product with cos lτ has along cos kτ and sin kτ the
-/// components ½(A|k−l| + A_k+l) and ½(B_k+l ± B|k−l|), that with sin lτ ½(B_k+l ∓ B|k−l|) and ½(A|k−l| − A_k+l), the
-/// upper sign for k > l; along 1 half of the first of each.
+/// components ½(A_k−l + A_k+l) and ½(B_k+l + B_k−l), that with sin lτ ½(B_k+l − B_k−l) and ½(A_k−l − A_k+l); along 1
+/// half of the first of each.
 pub(super) fn operator(samples: &Samples, unknowns: usize, harmonics: usize, omega_rad_s: f64, matrix: &mut [f64]) {
-    let (m, size) = (unknowns, unknowns * (2 * harmonics + 1));
+    let (m, size, count) = (unknowns, unknowns * (2 * harmonics + 1), samples.count());
     matrix[..size * size].fill(0.0);
-    let count = samples.count();
+    let mut lines = [(); 3].map(|()| Line::new(harmonics));
+    let [mut u, mut v] = [(); 2].map(|()| Line::new(harmonics));
     for pair in 0..m * m {
-        let lines: [Option<Line>; 3] =
-            core::array::from_fn(|d| Line::of(samples, &samples.by[d][pair * count..(pair + 1) * count], harmonics));
-        if lines.iter().all(Option::is_none) {
+        let mut acts = [false; 3];
+        for ((line, acts), signals) in lines.iter_mut().zip(&mut acts).zip(&samples.by) {
+            *acts = line.transform(samples, &signals[pair * count..(pair + 1) * count]);
+        }
+        if acts == [false; 3] {
             continue;
         }
         let (i, j) = (pair / m, pair % m);
         for l in 0..=harmonics {
             let rate = l as f64 * omega_rad_s;
-            let (u, v) = combine(&lines, rate, harmonics);
-            for k in 0..=harmonics {
-                let block = product(&u, &v, k, l);
-                for (c, column) in block.iter().enumerate().skip(usize::from(l == 0)) {
-                    for (r, value) in column.iter().enumerate().skip(usize::from(k == 0)) {
-                        let row = (2 * k + r).saturating_sub(1) * m + i;
-                        let at = (2 * l + c).saturating_sub(1) * m + j;
-                        matrix[at * size + row] += value;
-                    }
-                }
+            let factors = [1.0, rate, -rate * rate];
+            let of = |which: usize| (acts[which] && factors[which] != 0.0).then_some((factors[which], &lines[which]));
+            u.combine(of(0).into_iter().chain(of(2)));
+            v.combine(of(1).into_iter());
+            let ([[cu_minus, su_minus], [cu_plus, su_plus]], [[cv_minus, sv_minus], [cv_plus, sv_plus]]) =
+                (u.around(l), v.around(l));
+            // The columns of cos lτ and sin lτ, or that of 1.
+            let (first, others) = matrix[(2 * l).saturating_sub(1) * m * size..].split_at_mut(m * size);
+            let cosine = &mut first[j * size..(j + 1) * size];
+            cosine[i] = 0.5 * (0.5 * (cu_minus[0] + cu_plus[0]) - 0.5 * (sv_plus[0] - sv_minus[0]));
+            for k in 1..=harmonics {
+                let row = (2 * k - 1) * m + i;
+                cosine[row] = 0.5 * (cu_minus[k] + cu_plus[k]) - 0.5 * (sv_plus[k] - sv_minus[k]);
+                cosine[row + m] = 0.5 * (su_plus[k] + su_minus[k]) - 0.5 * (cv_minus[k] - cv_plus[k]);
+            }
+            if l == 0 {
+                continue;
+            }
+            let sine = &mut others[j * size..(j + 1) * size];
+            sine[i] = 0.5 * (0.5 * (su_plus[0] - su_minus[0]) + 0.5 * (cv_minus[0] + cv_plus[0]));
+            for k in 1..=harmonics {
+                let row = (2 * k - 1) * m + i;
+                sine[row] = 0.5 * (su_plus[k] - su_minus[k]) + 0.5 * (cv_minus[k] + cv_plus[k]);
+                sine[row + m] = 0.5 * (cu_minus[k] - cu_plus[k]) + 0.5 * (sv_plus[k] + sv_minus[k]);
             }
         }
     }
-}
-
-/// U and V at a rate l Ω.
-fn combine(lines: &[Option<Line>; 3], rate: f64, harmonics: usize) -> (Line, Line) {
-    let zero = || Line { cosines: vec![0.0; 2 * harmonics + 1], sines: vec![0.0; 2 * harmonics + 1] };
-    let (mut u, mut v) = (zero(), zero());
-    let targets = [(0, 1.0), (1, rate), (2, -rate * rate)];
-    for (which, factor) in targets {
-        let Some(line) = &lines[which] else { continue };
-        let target = if which == 1 { &mut v } else { &mut u };
-        target.cosines.iter_mut().zip(&line.cosines).for_each(|(t, s)| *t += factor * s);
-        target.sines.iter_mut().zip(&line.sines).for_each(|(t, s)| *t += factor * s);
-    }
-    (u, v)
-}
-
-/// The columns of cos lτ and sin lτ, each along cos kτ and sin kτ; for l = 0 the second is that of 1, and for k = 0 the
-/// second entry that along 1.
-fn product(u: &Line, v: &Line, k: usize, l: usize) -> [[f64; 2]; 2] {
-    let (sum, difference) = (k + l, k.abs_diff(l));
-    let sign = if k > l { 1.0 } else { -1.0 };
-    let by_cosine = |f: &Line| {
-        let (a, b) = (f.cosines[difference] + f.cosines[sum], f.sines[sum] + sign * f.sines[difference]);
-        [0.5 * a, 0.5 * b]
-    };
-    let by_sine = |f: &Line| {
-        let (a, b) = (f.sines[sum] - sign * f.sines[difference], f.cosines[difference] - f.cosines[sum]);
-        [0.5 * a, 0.5 * b]
-    };
-    let [uc, us, vc, vs] = [by_cosine(u), by_sine(u), by_cosine(v), by_sine(v)];
-    let mut columns = [[uc[0] - vs[0], uc[1] - vs[1]], [us[0] + vc[0], us[1] + vc[1]]];
-    if l == 0 {
-        columns[1] = columns[0];
-    }
-    if k == 0 {
-        columns.iter_mut().for_each(|column| column[1] = 0.5 * column[0]);
-    }
-    columns
 }
 
 /// The largest |x(τ)| of a series of one signal, with as many frequencies as the samples' functions at most: the
