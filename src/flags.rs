@@ -201,7 +201,7 @@ pub(crate) fn initial(given: Option<&[f64]>, scenario: &Scenario) -> Result<[f64
         Failure::usage(format!("--initial has {count} numbers: it needs four, α1,α2,α̇1,α̇2 in rad and rad/s"))
     })?;
     let is_finite = initial.iter().all(|value| value.is_finite());
-    if is_finite { Ok(initial) } else { Err(PlantSpecError::Initial(initial).into()) }
+    if is_finite { Ok(initial) } else { Err(PlantSpecError::Initial(initial.to_vec()).into()) }
 }
 
 pub(crate) fn state([x1, x2, v1, v2]: [f64; 4]) -> State {

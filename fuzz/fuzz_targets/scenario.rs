@@ -8,8 +8,8 @@ use resonarm::scenario::{Scenario, ScenarioError};
 
 fuzz_target!(|text: &str| {
     let Ok(scenario) = Scenario::parse(text, "fuzz") else { return };
-    if let Ok(spec) = scenario.plant_spec() {
-        let _ = Plant::new(&spec).map(|mut plant| plant.measure());
+    if let Ok(tested) = scenario.under_test() {
+        let _ = Plant::new(&scenario.plant_spec(), &tested).map(|mut plant| plant.measure());
     }
     let _ = (scenario.profile(), scenario.duration_samples(), scenario.network());
     let _ = (scenario.real_time_timing(), scenario.lockstep_timing(), scenario.wire_rate_hz());

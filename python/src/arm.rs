@@ -179,7 +179,7 @@ impl Arm {
         let integrator = Integrator::new(scheme, rate_hz, &self.inner).map_err(errors::value)?;
         let mut state = state(&initial);
         if !state.is_finite() {
-            return Err(errors::value(PlantSpecError::Initial(initial)));
+            return Err(errors::value(PlantSpecError::Initial(initial.to_vec())));
         }
         let mut rows = Rows::default();
         push(&mut rows, 0.0, &state);

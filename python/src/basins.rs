@@ -27,7 +27,7 @@ fn states(bytes: &[u8]) -> PyResult<Vec<State>> {
     let numbers = numbers(bytes);
     let (rows, _rest) = numbers.as_chunks::<4>();
     match rows.iter().find(|row| row.iter().any(|number| !number.is_finite())) {
-        Some(row) => Err(errors::value(PlantSpecError::Initial(*row))),
+        Some(row) => Err(errors::value(PlantSpecError::Initial(row.to_vec()))),
         None => Ok(rows.iter().map(state).collect()),
     }
 }

@@ -137,7 +137,7 @@ impl Plant {
         let (scenario, raised) = (&scenario.inner, Raised::default());
         let made = match structure {
             None if scenario.is_fmu() => Ok(scenario.plant().map_err(errors::scenario)?),
-            None => plant::Plant::new(&scenario.plant_spec().map_err(errors::scenario)?),
+            None => plant::Plant::new(&scenario.plant_spec(), &scenario.under_test().map_err(errors::scenario)?),
             Some(parts) => {
                 let spec = scenario.own_plant_spec().map_err(errors::scenario)?;
                 plant::Plant::stepped(&spec, parts.structure(scenario, &raised)?)

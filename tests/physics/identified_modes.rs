@@ -2,12 +2,13 @@
 //! modes: the stated deviations hold over seeds, exciters and poses.
 
 use resonarm::analysis::{self, Mode};
-use resonarm::arm::{Arm, Pose, Preset, State};
+use resonarm::arm::{Arm, Pose, Preset};
 use resonarm::excitation::{Amplitude, ExcitationSpec, Profile, SweepLaw, Waveform};
 use resonarm::identify::{Band, Direction, Identification, Record, modes};
 use resonarm::integrate::Scheme;
-use resonarm::plant::{Plant, PlantSpec};
+use resonarm::plant::{Plant, PlantSpec, TestedAssembly};
 use resonarm::rig::{Amplifier, Converter, RigSpec, ShakerSpec};
+use resonarm_dynamics::structure::{Assembly, BodySpec, ChainSpec, StructureSpec};
 
 const RATE_HZ: f64 = 1000.0;
 const BAND: Band = Band { from_hz: 10.0, to_hz: 80.0 };
@@ -63,18 +64,11 @@ fn identified_by(
     let amplitude = Amplitude { force_x_n, ..Amplitude::default() };
     let profile = Profile::new(&ExcitationSpec { amplitude, ramp_s: 0.0, profile }, RATE_HZ).unwrap();
     let rig = RigSpec { shaker, converter, ..RigSpec::default() };
-    let spec = PlantSpec {
-        parameters: Preset::default().parameters().unwrap(),
-        pose,
-        initial: State::default(),
-        structure: None,
-        scheme: Scheme::default(),
-        sample_rate_hz: RATE_HZ,
-        steps_per_sample: 2,
-        rig: rig.clone(),
-        seed,
-    };
-    let mut plant = Plant::new(&spec).unwrap();
+    let spec =
+        PlantSpec { scheme: Scheme::default(), sample_rate_hz: RATE_HZ, steps_per_sample: 2, rig: rig.clone(), seed };
+    let body = BodySpec::Chain(ChainSpec::from_arm(&Preset::default().parameters().unwrap(), pose));
+    let assembly = Assembly::new(&StructureSpec { body, elements: vec![] }).unwrap();
+    let mut plant = Plant::new(&spec, &TestedAssembly::at_rest(assembly, "tip", "joint2")).unwrap();
     let readings: Vec<_> = (0..profile.samples())
         .map(|n| {
             let [hx, hy, bx, by, cx, cy] = plant.measure().readings().map(|reading| reading.within_range().unwrap());

@@ -5,15 +5,16 @@ use resonarm::analysis::{
     ArmParameter, BackboneOptions, Branch, BranchOptions, Coordinate, Distances, ForcedArm, MeasuredMotion, backbone,
     nearest, trace,
 };
-use resonarm::arm::{Arm, Pose, Preset, State};
+use resonarm::arm::{Arm, Pose, Preset};
 use resonarm::control::{
     Answer, CancelHarmonics, Controller, JointAngles, ModeNumber, PhaseWalk, PhaseWalkSpec, ResponseControlSpec,
     ResponsePoint,
 };
 use resonarm::excitation::Amplitude;
 use resonarm::integrate::Scheme;
-use resonarm::plant::{Plant, PlantSpec};
+use resonarm::plant::{Plant, PlantSpec, TestedAssembly};
 use resonarm::rig::{Amplifier, Converter, RigSpec, Sampling, ShakerSpec};
+use resonarm_dynamics::structure::{Assembly, BodySpec, ChainSpec, StructureSpec};
 
 const RATE_HZ: f64 = 1000.0;
 const SAMPLING: Sampling = Sampling { rate_hz: RATE_HZ, converter: Converter::Sinc5 };
@@ -48,20 +49,24 @@ impl Case {
     }
 
     fn plant_with(&self, rig: RigSpec) -> Plant {
-        Plant::new(&self.spec(rig)).unwrap()
+        let arm = self.arm();
+        let body = BodySpec::Chain(ChainSpec::from_arm(arm.parameters(), arm.pose()));
+        let assembly = Assembly::new(&StructureSpec { body, elements: vec![] }).unwrap();
+        Plant::new(&self.spec(rig), &TestedAssembly::at_rest(assembly, "tip", "joint2")).unwrap()
     }
 
     /// The arm, with the armature of a shaker.
     fn arm(&self) -> Arm {
-        self.spec(quiet()).arm().unwrap()
+        let pose = Pose { beta1_deg: self.beta1_deg, beta2_deg: self.beta2_deg };
+        let arm = Arm::new(Preset::Irb1600Fitted.parameters().unwrap(), pose).unwrap();
+        match &self.shaker {
+            Some(shaker) => arm.with_attachment(shaker.armature()).unwrap(),
+            None => arm,
+        }
     }
 
     fn spec(&self, rig: RigSpec) -> PlantSpec {
         PlantSpec {
-            parameters: Preset::Irb1600Fitted.parameters().unwrap(),
-            pose: Pose { beta1_deg: self.beta1_deg, beta2_deg: self.beta2_deg },
-            initial: State::default(),
-            structure: None,
             scheme: Scheme::default(),
             sample_rate_hz: RATE_HZ,
             steps_per_sample: 4,

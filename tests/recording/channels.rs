@@ -3,7 +3,6 @@
 use std::path::Path;
 
 use resonarm::export::{ExportFormat, RecordingPart, Selection, export};
-use resonarm::plant::Plant;
 use resonarm::recording::channels::Channels;
 use resonarm::recording::{Options, Record, Recording, RecordingError, Topic};
 use resonarm::scenario::Scenario;
@@ -44,7 +43,7 @@ fn only_a_plant_with_a_coil_has_its_current() {
 fn the_channels_of_the_arm_s_structure_are_the_table() {
     for (name, has_coil) in [("demo", false), ("shaker", true)] {
         let scenario = Scenario::read(Path::new(&format!("scenarios/{name}.toml"))).unwrap();
-        let plant = Plant::new(&scenario.plant_spec().unwrap()).unwrap();
+        let plant = scenario.plant().unwrap();
         assert_eq!(Channels::of_structure(plant.structure()), Channels::arm(has_coil));
     }
 }

@@ -2,7 +2,6 @@
 #![allow(clippy::unwrap_used, clippy::panic, reason = "a test fails by panicking, its helpers too")]
 
 #[cfg(unix)]
-mod arm_as_chain;
 mod channels;
 mod crash;
 mod damage;

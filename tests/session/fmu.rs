@@ -290,5 +290,5 @@ fn what_can_not_be_is_refused_before_the_run() {
     insta::assert_snapshot!(refused(missing, Mode::Free), @"structure: `file` is missing: name the FMU's file");
     let idle = Scenario::parse("structure = { kind = 'modal', inputs = { 'tip.x' = 'F' } }", "test").unwrap();
     insta::assert_snapshot!(refused(idle, Mode::Free), @"structure: `inputs` is of a structure of kind `fmu`: leave it out");
-    insta::assert_snapshot!(scenario(3, "").plant_spec().unwrap_err(), @"structure: `kind` is fmu: an FMU is stepped and read, in the modes free and lockstep of a run; modes, responses and branches are computed of equations, which it does not show");
+    insta::assert_snapshot!(scenario(3, "").under_test().unwrap_err(), @"structure: `kind` is fmu: an FMU is stepped and read, in the modes free and lockstep of a run; modes, responses and branches are computed of equations, which it does not show");
 }

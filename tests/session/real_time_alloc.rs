@@ -2,7 +2,6 @@
 
 use assert_no_alloc::assert_no_alloc;
 use resonarm::arm::Load;
-use resonarm::plant::Plant;
 use resonarm::realtime::{Clock, OverrunPolicy, Periodic, SampleRate, SystemClock, ThreadSetup, unix_time_ns};
 use resonarm::scenario::Scenario;
 
@@ -48,7 +47,7 @@ fn instruments_at_work_allocate_nothing() {
         "[rig]\naccelerometer_b = {{ {chain}, gravity_m_s2 = 9.81 }}\nimpedance_head = {{ {chain} }}\nfaults = [{}]",
         faults.map(fault).join(", ")
     );
-    let mut plant = Plant::new(&Scenario::parse(&text, "test").unwrap().plant_spec().unwrap()).unwrap();
+    let mut plant = Scenario::parse(&text, "test").unwrap().plant().unwrap();
     let zero = assert_no_alloc(|| {
         let samples = (0..100).filter(|_| {
             let [x, y] = plant.measure().acceleration_b_m_s2;
@@ -70,7 +69,7 @@ fn a_shaken_structure_allocates_nothing() {
         current_limit_a = 15.0\nvoltage_limit_v = 60.0\n";
     for elements in ["", stop] {
         let text = format!("{modes}{elements}{shaker}");
-        let mut plant = Plant::new(&Scenario::parse(&text, "test").unwrap().plant_spec().unwrap()).unwrap();
+        let mut plant = Scenario::parse(&text, "test").unwrap().plant().unwrap();
         let advanced = assert_no_alloc(|| {
             let samples =
                 (0..200).filter(|_| plant.measure().sample < 200 && plant.advance(&Load::force_n(20.0, 0.0)).is_ok());

@@ -5,7 +5,6 @@ use std::fs;
 use std::path::{Path, PathBuf};
 
 use resonarm::arm::{Gravity, Preset};
-use resonarm::plant::Plant;
 use resonarm::rig::{Converter, RigSpec};
 use resonarm::scenario::Scenario;
 use toml::{Table, Value};
@@ -22,7 +21,7 @@ fn every_scenario_makes_a_plant_and_a_controller() {
         for path in paths.filter(|path| path.extension().is_some_and(|extension| extension == "toml")) {
             let check = || -> Result<(), Box<dyn std::error::Error>> {
                 let scenario = Scenario::read(&path)?;
-                Plant::new(&scenario.plant_spec()?)?;
+                scenario.plant()?;
                 scenario.controller()?;
                 scenario.wire_rate_hz()?;
                 scenario.network()?;

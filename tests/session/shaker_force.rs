@@ -6,7 +6,6 @@ use std::path::Path;
 
 use resonarm::arm::Parameters;
 use resonarm::control::{Answer, ResponsePoint};
-use resonarm::plant::Plant;
 use resonarm::rig::{Converter, ShakerSpec};
 use resonarm::scenario::Scenario;
 
@@ -104,7 +103,7 @@ fn amplitude(values: &[f64], cycles: f64) -> f64 {
 /// Runs the scenario's controller; what it read at the end of each window, with the sample, and all that it commanded,
 /// N.
 fn run(scenario: &Scenario) -> (Vec<(usize, ResponsePoint)>, Vec<f64>) {
-    let mut plant = Plant::new(&scenario.plant_spec().unwrap()).unwrap();
+    let mut plant = scenario.plant().unwrap();
     let mut controller = scenario.controller().unwrap();
     let (mut points, mut commands_n) = (Vec::new(), Vec::new());
     loop {

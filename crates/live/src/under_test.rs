@@ -218,13 +218,12 @@ mod tests {
     use super::*;
     use resonarm_bench::control::ResponsePoint;
     use resonarm_bench::excitation::Phasor;
-    use resonarm_bench::plant::Plant;
 
     fn under_test(text: &str) -> UnderTest {
         let scenario = Scenario::parse(text, "bench.toml").unwrap();
         let table = match &scenario.structure {
             Some(section) if !section.kind.is_foreign() => {
-                Channels::of_structure(Plant::new(&scenario.plant_spec().unwrap()).unwrap().structure())
+                Channels::of_structure(scenario.plant().unwrap().structure())
             }
             _ => Channels::arm(true),
         };

@@ -6,14 +6,13 @@
 //! ```
 //! use resonarm::analysis::modes;
 //! use resonarm::arm::Load;
-//! use resonarm::plant::Plant;
 //! use resonarm::scenario::Scenario;
 //!
 //! let scenario = Scenario::parse("arm = { preset = 'irb1600-fitted', beta2_deg = 60 }", "here")?;
 //! let [first, _] = modes(&scenario.build_arm()?);
 //! assert!((first.frequency_hz - 22.16).abs() < 0.01);
 //!
-//! let mut plant = Plant::new(&scenario.plant_spec()?)?;
+//! let mut plant = scenario.plant()?;
 //! for _ in 0..100 {
 //!     let acceleration_c_m_s2 = plant.measure().acceleration_c_m_s2.map(|reading| reading.value);
 //!     // A controller of your own: the force at the tip answers the acceleration there.

@@ -36,7 +36,7 @@ use resonarm_bench::control::{ControlSpec, Controller, Limited, LimitsSpec, Mode
 use resonarm_bench::excitation::{Amplitude, ExcitationSpec, LoadFile, Profile, Waveform};
 use resonarm_bench::plant::{self, Plant, PlantSpec, TestedAssembly};
 use resonarm_bench::rig::{Converter, RigSpec, Sampling};
-use resonarm_dynamics::arm::{Arm, Parameters, Pose, Preset, State};
+use resonarm_dynamics::arm::{Arm, Parameters, Pose, Preset};
 use resonarm_dynamics::integrate::Scheme;
 
 /// The most samples of a run that has an end: 31 years at 1 kHz.
@@ -330,12 +330,28 @@ impl Scenario {
         Ok(Some(section.tested(|| (parameters, self.pose()), &self.rig)?))
     }
 
-    /// Everything that makes the plant.
+    /// The structure under test, with its initial state and where the rig is on it: the arm is a chain of two links.
     ///
     /// # Errors
-    /// [`ScenarioError`] if the arm's parameters are invalid, or the structure is.
-    pub fn plant_spec(&self) -> Result<PlantSpec, ScenarioError> {
-        self.spec_of(self.tested_structure()?)
+    /// [`ScenarioError`] if the arm's parameters are invalid, and as [`Scenario::tested_structure`].
+    pub fn under_test(&self) -> Result<TestedAssembly, ScenarioError> {
+        if let Some(tested) = self.tested_structure()? {
+            return Ok(tested);
+        }
+        let arm = self.build_arm()?;
+        let section = StructureSection { initial: self.arm.initial.to_vec(), ..StructureSection::default() };
+        Ok(section.tested(|| (*arm.parameters(), arm.pose()), &self.rig)?)
+    }
+
+    /// Everything that makes the plant but for its structure.
+    pub fn plant_spec(&self) -> PlantSpec {
+        PlantSpec {
+            scheme: self.simulation.scheme,
+            sample_rate_hz: self.simulation.rate_hz,
+            steps_per_sample: self.simulation.steps_per_sample(),
+            rig: self.rig.clone(),
+            seed: self.simulation.seed,
+        }
     }
 
     /// Everything that makes the plant of a structure that the program makes, but for this structure.
@@ -344,18 +360,18 @@ impl Scenario {
     /// [`ScenarioError::Structure`] if the scenario has another structure, or the rig does not fit the program's.
     pub fn own_plant_spec(&self) -> Result<PlantSpec, ScenarioError> {
         self.structure.clone().unwrap_or_else(|| StructureSection::own(None)).check_own(&self.rig)?;
-        self.spec_of(None)
+        Ok(self.plant_spec())
     }
 
     /// The plant at its start: of the arm, of a structure in its place, or of an FMU, which is loaded.
     ///
     /// # Errors
-    /// [`ScenarioError`] as [`Scenario::plant_spec`], [`ScenarioError::Plant`] if it is impossible, and
+    /// [`ScenarioError`] as [`Scenario::under_test`], [`ScenarioError::Plant`] if it is impossible, and
     /// [`ScenarioError::Structure`] of an FMU that can't be the structure.
     pub fn plant(&self) -> Result<Plant, ScenarioError> {
         match &self.structure {
-            Some(section) if section.kind == StructureKind::Fmu => Ok(section.fmu_plant(&self.spec_of(None)?)??),
-            _ => Ok(Plant::new(&self.plant_spec()?)?),
+            Some(section) if section.kind == StructureKind::Fmu => Ok(section.fmu_plant(&self.plant_spec())??),
+            _ => Ok(Plant::new(&self.plant_spec(), &self.under_test()?)?),
         }
     }
 
@@ -367,21 +383,6 @@ impl Scenario {
     /// The structure under test if its equations are somebody else's: a program makes it, or it is an FMU.
     pub fn foreign_structure(&self) -> Option<&StructureSection> {
         self.structure.as_ref().filter(|section| section.kind.is_foreign())
-    }
-
-    fn spec_of(&self, structure: Option<TestedAssembly>) -> Result<PlantSpec, ScenarioError> {
-        let [x1, x2, v1, v2] = self.arm.initial;
-        Ok(PlantSpec {
-            parameters: self.arm_parameters()?,
-            pose: self.pose(),
-            initial: State::new([x1, x2], [v1, v2]),
-            structure,
-            scheme: self.simulation.scheme,
-            sample_rate_hz: self.simulation.rate_hz,
-            steps_per_sample: self.simulation.steps_per_sample(),
-            rig: self.rig.clone(),
-            seed: self.simulation.seed,
-        })
     }
 
     /// The sample rate as the wire states it.

@@ -26,7 +26,7 @@ fn own_parameters_replace_the_presets() {
 
 #[test]
 fn names_an_unknown_key_and_suggests_the_nearest() {
-    let says = |text: &str| parse(text).and_then(|scenario| scenario.plant_spec()).unwrap_err().to_string();
+    let says = |text: &str| parse(text).and_then(|scenario| scenario.under_test()).unwrap_err().to_string();
     insta::assert_snapshot!(says("[simulation]\nrate_hz = 1000\nstep_per_sample = 2\n"), @r"
     test.toml: TOML parse error at line 3, column 1
       |

@@ -3,15 +3,23 @@
 
 use super::{Answer, Controller, OpenLoop, ResponsePoint, SetPoint, Steered};
 use crate::excitation::{Amplitude, ExcitationSpec, Phasor, Profile, Waveform};
-use crate::plant::{Plant, PlantSpec};
+use crate::plant::{Plant, PlantSpec, tests};
 use crate::rig::{AccelerometerSpec, Converter, ForceSensorSpec, RigSpec, Sampling};
 use nalgebra::Vector2;
 use resonarm_analysis::FrequencyResponse;
-use resonarm_dynamics::arm::{Load, Parameters, Pose, Preset, State};
+use resonarm_dynamics::arm::{Arm, Load, Parameters, Pose};
 use resonarm_dynamics::integrate::Scheme;
 
 const FORCE_N: f64 = 0.01;
 const RATE_HZ: f64 = 1000.0;
+
+/// The arm with a hundred times its damping, so that it settles within seconds.
+fn arm() -> Arm {
+    let preset = tests::arm(Pose { beta1_deg: 20.0, beta2_deg: 60.0 });
+    let of = preset.parameters();
+    let [damping1_nm_s_rad, damping2_nm_s_rad] = [of.damping1_nm_s_rad, of.damping2_nm_s_rad].map(|of| 100.0 * of);
+    Arm::new(Parameters { damping1_nm_s_rad, damping2_nm_s_rad, ..*of }, preset.pose()).unwrap()
+}
 
 fn spec(converter: Converter) -> PlantSpec {
     let accelerometer =
@@ -19,21 +27,7 @@ fn spec(converter: Converter) -> PlantSpec {
     let head = ForceSensorSpec { noise_rms_n: Some(0.0), resolution_n: Some(0.0), ..ForceSensorSpec::default() };
     let (accelerometer_b, accelerometer_c) = (accelerometer, accelerometer);
     let rig = RigSpec { converter, accelerometer_b, accelerometer_c, impedance_head: head, ..RigSpec::default() };
-    // A hundred times the damping, so that the arm settles within seconds.
-    let preset = Preset::default().parameters().unwrap();
-    let [damping1_nm_s_rad, damping2_nm_s_rad] =
-        [preset.damping1_nm_s_rad, preset.damping2_nm_s_rad].map(|damping| 100.0 * damping);
-    PlantSpec {
-        parameters: Parameters { damping1_nm_s_rad, damping2_nm_s_rad, ..preset },
-        pose: Pose { beta1_deg: 20.0, beta2_deg: 60.0 },
-        initial: State::default(),
-        structure: None,
-        scheme: Scheme::default(),
-        sample_rate_hz: RATE_HZ,
-        steps_per_sample: 4,
-        rig,
-        seed: 1,
-    }
+    PlantSpec { scheme: Scheme::default(), sample_rate_hz: RATE_HZ, steps_per_sample: 4, rig, seed: 1 }
 }
 
 /// The first response that a controller reads from sample `from` on; `before` is called before each of its answers.
@@ -43,7 +37,7 @@ fn read<C: Controller>(
     from: u64,
     mut before: impl FnMut(&mut C, u64),
 ) -> ResponsePoint {
-    let mut plant = Plant::new(&spec(converter)).unwrap();
+    let mut plant = Plant::new(&spec(converter), &tests::chain(arm().parameters(), arm().pose())).unwrap();
     loop {
         before(controller, plant.sample());
         let answer = controller.answer(&plant.measure());
@@ -57,7 +51,7 @@ fn read<C: Controller>(
 
 /// Acceleration of the tip along x over a force there.
 fn accelerance(frequency_hz: f64) -> Phasor {
-    let arm = spec(Converter::Instant).arm().unwrap();
+    let arm = arm();
     let receptance = FrequencyResponse::new(&arm).receptance_matrix(frequency_hz).unwrap();
     let tip = arm.tip_jacobian(&Vector2::zeros()).transpose() * Vector2::new(1.0, 0.0);
     let at = |n: usize| receptance[(n / 2, n % 2)] * (tip[n / 2] * tip[n % 2]);

@@ -5,27 +5,21 @@ use alloc::string::ToString;
 use alloc::vec::Vec;
 use core::f64::consts::TAU;
 
-use crate::plant::{Plant, PlantSpec};
+use crate::plant::{Plant, PlantSpec, tests};
 use crate::rig::{AccelerometerSpec, RigSpec};
 use resonarm_analysis as analysis;
-use resonarm_dynamics::arm::{Arm, Load, Pose, Preset, State};
+use resonarm_dynamics::arm::{Arm, Load, Pose};
 use resonarm_dynamics::integrate::Scheme;
 
 const RATE_HZ: f64 = 1000.0;
 const WAYS: [Integration; 2] = [Integration::Frequency, Integration::Time];
 
-fn spec(beta2_deg: f64, seed: u64) -> PlantSpec {
-    PlantSpec {
-        parameters: Preset::default().parameters().unwrap(),
-        pose: Pose { beta1_deg: 20.0, beta2_deg },
-        initial: State::default(),
-        structure: None,
-        scheme: Scheme::default(),
-        sample_rate_hz: RATE_HZ,
-        steps_per_sample: 4,
-        rig: RigSpec::default(),
-        seed,
-    }
+fn arm(beta2_deg: f64) -> Arm {
+    tests::arm(Pose { beta1_deg: 20.0, beta2_deg })
+}
+
+fn spec(seed: u64) -> PlantSpec {
+    PlantSpec { scheme: Scheme::default(), sample_rate_hz: RATE_HZ, steps_per_sample: 4, rig: RigSpec::default(), seed }
 }
 
 fn ideal(mut spec: PlantSpec) -> PlantSpec {
@@ -46,20 +40,20 @@ struct Run {
 
 /// Plays a load, a function of the time; the readings of sample 0 are left out, as they don't belong to the middle of a
 /// hold.
-fn run(spec: &PlantSpec, samples: usize, load: impl Fn(f64) -> Load) -> Run {
-    let mut plant = Plant::new(spec).unwrap();
-    let arm = Arm::new(spec.parameters, spec.pose).unwrap();
+fn run(spec: &PlantSpec, beta2_deg: f64, samples: usize, load: impl Fn(f64) -> Load) -> Run {
+    let arm = arm(beta2_deg);
+    let mut plant = Plant::new(spec, &tests::preset(arm.pose())).unwrap();
     // A reading belongs to the middle of a hold that began this many holds before the last.
     let late = spec.rig.converter.holds_late();
-    let (mut readings, mut alpha_rad) = (Vec::new(), alloc::vec![spec.initial.alpha_rad.into(); late]);
+    let (mut readings, mut alpha_rad) = (Vec::new(), alloc::vec![[0.0; 2]; late]);
     plant.measure();
     for k in 0..samples {
-        let before = plant.state();
+        let before = plant.states().arm();
         plant.advance(&load(k as f64 / RATE_HZ)).unwrap();
         let [_, _, bx, by, cx, cy] = plant.measure().readings().map(|reading| reading.value);
         readings.push([bx, by, cx, cy]);
         // Hermite's cubic in the middle: (x0 + x1)/2 + (v0 − v1)/(8 rate).
-        let after = plant.state();
+        let after = plant.states().arm();
         let middle = (before.alpha_rad + after.alpha_rad) * 0.5
             + (before.alpha_dot_rad_s - after.alpha_dot_rad_s) * (0.125 / RATE_HZ);
         alpha_rad.push(middle.into());
@@ -120,10 +114,9 @@ fn difference(found: &AngleHistory, expected: &[[f64; 2]]) -> f64 {
 #[test]
 fn ideal_readings_give_the_angles() {
     for beta2_deg in [60.0, 120.0] {
-        let arm = Arm::new(spec(beta2_deg, 0).parameters, spec(beta2_deg, 0).pose).unwrap();
-        let hz = analysis::modes(&arm)[0].frequency_hz;
+        let hz = analysis::modes(&arm(beta2_deg))[0].frequency_hz;
         for (torque1_nm, least_rad, most_off) in [(1.0, 3e-4, 1e-4), (100.0, 0.04, 1e-3)] {
-            let run = run(&ideal(spec(beta2_deg, 0)), 4000, dwell(hz, torque1_nm));
+            let run = run(&ideal(spec(0)), beta2_deg, 4000, dwell(hz, torque1_nm));
             let expected = without_slow(&run.alpha_rad);
             assert!(largest(&expected, 0) > least_rad, "{}", largest(&expected, 0));
             let ways = WAYS.map(|integration| run.angles(run.settings(integration)).unwrap());
@@ -142,7 +135,7 @@ fn ideal_readings_give_the_angles() {
 /// A beginning from rest has angles from the first reading on; any other beginning is left out, as is the end.
 #[test]
 fn ends_are_left_out_but_a_beginning_from_rest() {
-    let run = run(&ideal(spec(60.0, 0)), 4000, dwell(24.0, 20.0));
+    let run = run(&ideal(spec(0)), 60.0, 4000, dwell(24.0, 20.0));
     for integration in WAYS {
         let ends = libm::ceil(4.0 * RATE_HZ / run.from_hz) as usize;
         let settings = run.settings(integration);
@@ -160,14 +153,14 @@ fn ends_are_left_out_but_a_beginning_from_rest() {
 /// within 5.
 #[test]
 fn stated_deviations_are_those_over_seeds() {
-    let play = |spec: &PlantSpec| run(spec, 3000, dwell(24.0, 40.0));
-    let exact = play(&ideal(spec(60.0, 0)));
+    let play = |spec: &PlantSpec| run(spec, 60.0, 3000, dwell(24.0, 40.0));
+    let exact = play(&ideal(spec(0)));
     for integration in WAYS {
         let exact = exact.angles(exact.settings(integration)).unwrap();
         let (mut squares, mut residuals, mut worst, mut count) = ([0.0; 2], 0.0, 0.0_f64, 0);
         let seeds = 12;
         for seed in 0..seeds {
-            let run = play(&spec(60.0, seed));
+            let run = play(&spec(seed));
             let found = run.angles(run.settings(integration)).unwrap();
             for ((found, sigma), exact) in found.alpha_rad.iter().zip(&found.deviation_rad).zip(&exact.alpha_rad) {
                 for joint in 0..2 {
@@ -190,7 +183,7 @@ fn stated_deviations_are_those_over_seeds() {
 /// The angles agree with the arm's states within three deviations, except as often as chance allows.
 #[test]
 fn angles_are_those_of_the_states_within_their_deviations() {
-    let run = run(&spec(60.0, 7), 6000, dwell(24.0, 40.0));
+    let run = run(&spec(7), 60.0, 6000, dwell(24.0, 40.0));
     let expected = without_slow(&run.alpha_rad);
     for integration in WAYS {
         let found = run.angles(run.settings(integration)).unwrap();
@@ -207,25 +200,25 @@ fn angles_are_those_of_the_states_within_their_deviations() {
 /// Gravity in the readings is an offset, and the residual shows a faulty instrument.
 #[test]
 fn gravity_is_left_out_and_contradictions_are_reported() {
-    let mut heavy = spec(60.0, 1);
+    let mut heavy = spec(1);
     heavy.rig.accelerometer_b.gravity_m_s2 = Some(9.80665);
-    let (plain, heavy) = (run(&spec(60.0, 1), 4000, dwell(24.0, 40.0)), run(&heavy, 4000, dwell(24.0, 40.0)));
+    let (plain, heavy) = (run(&spec(1), 60.0, 4000, dwell(24.0, 40.0)), run(&heavy, 60.0, 4000, dwell(24.0, 40.0)));
     let found = heavy.angles(heavy.settings(Integration::Frequency)).unwrap();
     let expected = plain.angles(plain.settings(Integration::Frequency)).unwrap();
     let off = difference(&found, &padded(&expected));
     // The counts of B differ by a fraction of 0.05 m/s².
     assert!(off < 1e-2, "{off}");
     assert!((0.5..2.0).contains(&found.residual.over_noise.unwrap()), "{:?}", found.residual);
-    let mut weak = spec(60.0, 1);
+    let mut weak = spec(1);
     weak.rig.accelerometer_b.gain = Some(0.9);
-    let weak = run(&weak, 4000, dwell(24.0, 40.0));
+    let weak = run(&weak, 60.0, 4000, dwell(24.0, 40.0));
     let residual = weak.angles(weak.settings(Integration::Time)).unwrap().residual;
     assert!(residual.over_noise.unwrap() > 5.0 && residual.over_displacement > 0.02, "{residual:?}");
 }
 
 #[test]
 fn says_why_there_are_no_angles() {
-    let mut run = run(&spec(60.0, 0), 1000, dwell(24.0, 1.0));
+    let mut run = run(&spec(0), 60.0, 1000, dwell(24.0, 1.0));
     let says = |run: &Run, from_hz| {
         let settings = AngleSettings { from_hz, ..run.settings(Integration::Time) };
         run.angles(settings).unwrap_err().to_string()

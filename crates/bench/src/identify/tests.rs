@@ -7,22 +7,19 @@ use alloc::vec::Vec;
 use nalgebra::Normed as _;
 
 use crate::excitation::{Amplitude, ExcitationSpec, Phases, Profile, Waveform};
+use crate::plant::tests::chain;
 use crate::plant::{Plant, PlantSpec};
 use crate::rig::RigSpec;
 use resonarm_analysis as analysis;
 use resonarm_analysis::{Drive, FrequencyResponse, Quantity, Response};
-use resonarm_dynamics::arm::{Arm, Pose, Preset, State};
+use resonarm_dynamics::arm::{Arm, Parameters, Pose, State};
 use resonarm_dynamics::integrate::Scheme;
 
 const RATE_HZ: f64 = 1000.0;
 const BAND: Band = Band { from_hz: 5.0, to_hz: 80.0 };
 
-fn spec(beta2_deg: f64) -> PlantSpec {
+fn spec() -> PlantSpec {
     PlantSpec {
-        parameters: Preset::default().parameters().unwrap(),
-        pose: Pose { beta1_deg: 0.0, beta2_deg },
-        initial: State::default(),
-        structure: None,
         scheme: Scheme::default(),
         sample_rate_hz: RATE_HZ,
         steps_per_sample: 4,
@@ -32,8 +29,7 @@ fn spec(beta2_deg: f64) -> PlantSpec {
 }
 
 fn arm(beta2_deg: f64) -> Arm {
-    let spec = spec(beta2_deg);
-    Arm::new(spec.parameters, spec.pose).unwrap()
+    crate::plant::tests::arm(Pose { beta1_deg: 0.0, beta2_deg })
 }
 
 fn force(x_n: f64, y_n: f64) -> Amplitude {
@@ -41,9 +37,9 @@ fn force(x_n: f64, y_n: f64) -> Amplitude {
 }
 
 /// The readings while a profile is played.
-fn recorded(spec: &PlantSpec, amplitude: Amplitude, profile: Waveform) -> Result<Record, IdentifyError> {
+fn recorded(spec: &PlantSpec, arm: &Arm, amplitude: Amplitude, profile: Waveform) -> Result<Record, IdentifyError> {
     let profile = Profile::new(&ExcitationSpec { amplitude, ramp_s: 0.0, profile }, RATE_HZ).unwrap();
-    let mut plant = Plant::new(spec).unwrap();
+    let mut plant = Plant::new(spec, &chain(arm.parameters(), arm.pose())).unwrap();
     let samples: Vec<_> = (0..profile.samples())
         .map(|n| {
             let [hx, hy, bx, by, cx, cy] = plant.measure().readings().map(|reading| reading.value);
@@ -77,28 +73,36 @@ fn assert_found(record: &Record, beta2_deg: f64, part: FittedPart) {
 #[test]
 fn random_force_gives_frequencies_and_damping() {
     for beta2_deg in [60.0, 120.0] {
-        assert_found(&recorded(&spec(beta2_deg), force(3.0, 4.0), RANDOM).unwrap(), beta2_deg, FittedPart::Forced);
+        assert_found(
+            &recorded(&spec(), &arm(beta2_deg), force(3.0, 4.0), RANDOM).unwrap(),
+            beta2_deg,
+            FittedPart::Forced,
+        );
     }
 }
 
 #[test]
 fn an_impact_gives_frequencies_and_damping() {
     for beta2_deg in [60.0, 120.0] {
-        assert_found(&recorded(&spec(beta2_deg), force(18.0, 24.0), IMPACT).unwrap(), beta2_deg, FittedPart::RingDown);
+        assert_found(
+            &recorded(&spec(), &arm(beta2_deg), force(18.0, 24.0), IMPACT).unwrap(),
+            beta2_deg,
+            FittedPart::RingDown,
+        );
     }
 }
 
 /// With noiseless instruments the only error is that of the polynomials for the other mode.
 #[test]
 fn ideal_instruments_are_almost_exact() {
-    let mut ideal = spec(60.0);
+    let mut ideal = spec();
     let rig = &mut ideal.rig;
     for accelerometer in [&mut rig.accelerometer_b, &mut rig.accelerometer_c] {
         (accelerometer.noise_rms_m_s2, accelerometer.resolution_m_s2) = (None, None);
     }
     (rig.impedance_head.noise_rms_n, rig.impedance_head.resolution_n) = (None, None);
     for profile in [RANDOM, IMPACT] {
-        let record = recorded(&ideal, force(0.0, 0.01), profile).unwrap();
+        let record = recorded(&ideal, &arm(60.0), force(0.0, 0.01), profile).unwrap();
         let found = modes(&record, BAND).unwrap().modes;
         for (found, mode) in found.iter().zip(analysis::modes(&arm(60.0))) {
             assert!((found.pole_frequency_hz / mode.frequency_hz - 1.0).abs() < 1e-7, "{found:?} {mode:?}");
@@ -126,7 +130,7 @@ fn assert_shape(found: &[f64; CHANNELS], mode: &analysis::Mode, beta2_deg: f64, 
 
 #[test]
 fn noisy_records_give_the_modal_mass() {
-    let found = modes(&recorded(&spec(60.0), force(3.0, 4.0), RANDOM).unwrap(), BAND).unwrap().modes;
+    let found = modes(&recorded(&spec(), &arm(60.0), force(3.0, 4.0), RANDOM).unwrap(), BAND).unwrap().modes;
     for (found, mode) in found.iter().zip(analysis::modes(&arm(60.0))) {
         assert_shape(&found.shape_per_sqrt_kg.unwrap(), &mode, 60.0, 0.03);
     }
@@ -134,7 +138,7 @@ fn noisy_records_give_the_modal_mass() {
 
 #[test]
 fn the_shape_is_that_of_the_mode() {
-    let record = recorded(&spec(60.0), force(18.0, 24.0), IMPACT).unwrap();
+    let record = recorded(&spec(), &arm(60.0), force(18.0, 24.0), IMPACT).unwrap();
     let linear = FrequencyResponse::new(&arm(60.0));
     for mode in modes(&record, BAND).unwrap().modes {
         let at = |response| linear.at(Quantity::Accelerance, Drive::ForceY, response, mode.pole_frequency_hz).unwrap();
@@ -159,12 +163,13 @@ fn averaged_responses_are_those_of_the_equations() {
     ];
     for (waveform, averaging, averages) in cases {
         let amplitude = if averaging == Averaging::Single { force(0.0, 400.0) } else { force(0.0, 20.0) };
-        let mut spec = spec(60.0);
         // With strong damping the arm's motion settles within a segment.
-        spec.parameters.damping1_nm_s_rad *= 60.0;
-        spec.parameters.damping2_nm_s_rad *= 60.0;
-        let damped = FrequencyResponse::new(&Arm::new(spec.parameters, spec.pose).unwrap());
-        let record = recorded(&spec, amplitude, waveform).unwrap();
+        let of = *arm(60.0).parameters();
+        let [damping1_nm_s_rad, damping2_nm_s_rad] = [of.damping1_nm_s_rad, of.damping2_nm_s_rad].map(|of| 60.0 * of);
+        let damped = Parameters { damping1_nm_s_rad, damping2_nm_s_rad, ..of };
+        let damped = Arm::new(damped, arm(60.0).pose()).unwrap();
+        let record = recorded(&spec(), &damped, amplitude, waveform).unwrap();
+        let damped = FrequencyResponse::new(&damped);
         let estimate = frequency_response(&record, far, averaging).unwrap();
         assert_eq!(estimate.averages, averages);
         assert_eq!(estimate.coherence.is_some(), averages > 1);
@@ -182,7 +187,7 @@ fn averaged_responses_are_those_of_the_equations() {
 /// Strong vibration is not linear, as the residual shows.
 #[test]
 fn strong_vibration_is_reported_as_not_linear() {
-    let record = recorded(&spec(60.0), force(0.0, 500.0), RANDOM).unwrap();
+    let record = recorded(&spec(), &arm(60.0), force(0.0, 500.0), RANDOM).unwrap();
     assert!(modes(&record, BAND).unwrap().modes.iter().any(|mode| !mode.is_linear));
 }
 
@@ -192,12 +197,12 @@ fn says_why_a_record_can_t_be_identified() {
     let error = |record: Result<Record, IdentifyError>, band| {
         record.and_then(|record| modes(&record, band)).unwrap_err().to_string()
     };
-    let spec = spec(60.0);
-    insta::assert_snapshot!(error(recorded(&spec, force(0.0, 5.0), short), BAND), @"the record has 200 samples where 256 are needed: record for longer");
+    let (spec, arm) = (spec(), arm(60.0));
+    insta::assert_snapshot!(error(recorded(&spec, &arm, force(0.0, 5.0), short), BAND), @"the record has 200 samples where 256 are needed: record for longer");
     let random = |duration_s| Waveform::Random { from_hz: 5.0, to_hz: 80.0, duration_s, spectrum: None, seed: 3 };
     let torque = Amplitude { torque1_nm: 5.0, ..Amplitude::default() };
-    insta::assert_snapshot!(error(recorded(&spec, torque, random(2.0)), BAND), @"the impedance head reads no force beyond its own noise (0.012 N): drive by a force where the head is, and by a larger one than that");
-    let record = recorded(&spec, force(0.0, 5.0), random(10.0)).unwrap();
+    insta::assert_snapshot!(error(recorded(&spec, &arm, torque, random(2.0)), BAND), @"the impedance head reads no force beyond its own noise (0.012 N): drive by a force where the head is, and by a larger one than that");
+    let record = recorded(&spec, &arm, force(0.0, 5.0), random(10.0)).unwrap();
     insta::assert_snapshot!(error(Ok(record.clone()), Band { from_hz: 200.0, to_hz: 300.0 }), @"the force has no energy from 200 to 300 Hz: drive the structure there, or name the band that was driven");
     // Peaks of the random force are no modes.
     let between = modes(&record, Band { from_hz: 30.0, to_hz: 36.0 }).unwrap();

@@ -53,6 +53,9 @@ impl AssemblySteps {
         super::check_steps_per_sample(spec.steps_per_sample)?;
         let rate_hz = spec.sample_rate_hz * f64::from(spec.steps_per_sample);
         let TestedAssembly { assembly, initial, places } = tested;
+        if !initial.iter().all(|number| number.is_finite()) {
+            return Err(PlantSpecError::Initial(initial.clone()));
+        }
         let (acting, drive): (Vec<usize>, Vec<Dof>) =
             tested.loaded().into_iter().enumerate().filter_map(|(load, dof)| Some((load, dof?))).unzip();
         let shaker = match spec.rig.shaker {

@@ -9,11 +9,9 @@
 //! at once would lag the rest by half a period, an error of up to some per cent in a frequency response.
 
 mod assembly_steps;
-mod driven_arm;
 mod driven_structure;
 mod sampling;
 mod shaken;
-mod shaker;
 mod stepped;
 mod tested;
 
@@ -24,9 +22,8 @@ use thiserror::Error;
 
 use crate::rig::{Exciter, GateSpec, Measurement, Rig, RigError, RigSpec, ShakerLimit};
 use crate::structure::{Kind, LOADS, MOST_STATES, OUTPUTS, States, Structure, StructureError};
-use driven_arm::DrivenArm;
 use driven_structure::DrivenStructure;
-use resonarm_dynamics::arm::{Arm, ArmError, Load, Parameters, Pose, State};
+use resonarm_dynamics::arm::Load;
 use resonarm_dynamics::integrate::{IntegrateError, Scheme};
 use resonarm_dynamics::structure::StepError;
 use resonarm_numeric::number::{rounded, short};
@@ -38,17 +35,9 @@ pub use tested::{Placed, Places, ReadDof, TestedAssembly};
 /// The most integration steps a sample: 250 times the default.
 pub const MOST_STEPS_PER_SAMPLE: u32 = 1000;
 
-/// Everything that makes a plant.
+/// Everything that makes a plant of a structure.
 #[derive(Clone, Debug, PartialEq)]
 pub struct PlantSpec {
-    /// The arm's parameters.
-    pub parameters: Parameters,
-    /// The arm's pose.
-    pub pose: Pose,
-    /// The arm's state at sample 0.
-    pub initial: State,
-    /// The structure in place of the arm, if it is another.
-    pub structure: Option<TestedAssembly>,
     /// The integration scheme.
     pub scheme: Scheme,
     /// Samples a second, Hz, positive.
@@ -108,7 +97,7 @@ pub enum PlantError {
 impl PlantError {
     fn new(sample: u64, source: StructureError) -> PlantError {
         match source {
-            StructureError::Integrate(source) => PlantError::Integrate { sample, source },
+            StructureError::Step(StepError::Integrate(source)) => PlantError::Integrate { sample, source },
             StructureError::Tripped { limit, got, most } => PlantError::Tripped { sample, limit, got, most },
             source => PlantError::Structure { sample, source },
         }
@@ -119,15 +108,9 @@ impl PlantError {
 #[derive(Clone, Debug, PartialEq, Error)]
 #[non_exhaustive]
 pub enum PlantSpecError {
-    /// The arm is impossible.
-    #[error(transparent)]
-    Arm(#[from] ArmError),
     /// An instrument is impossible.
     #[error(transparent)]
     Rig(#[from] RigError),
-    /// The scheme can't carry the arm at this rate.
-    #[error(transparent)]
-    Integrate(#[from] IntegrateError),
     /// No steps can be made of the structure at this rate.
     #[error(transparent)]
     Step(#[from] StepError),
@@ -136,7 +119,7 @@ pub enum PlantSpecError {
     Start(#[from] StructureError),
     /// A shaker on a structure of one's own.
     #[error(
-        "rig.shaker needs the arm or a structure of the scenario, as its armature moves with it: leave it out here; \
+        "rig.shaker needs a structure of the scenario, as its armature moves with it: leave it out here; \
          a structure that the program makes is driven by the ideal exciter of `rig.exciter`"
     )]
     Shaker,
@@ -152,8 +135,8 @@ pub enum PlantSpecError {
         most_h: f64,
     },
     /// The initial state is not finite.
-    #[error("the initial state {0:?} is not finite: give four numbers, rad and rad/s")]
-    Initial([f64; 4]),
+    #[error("the initial state {0:?} is not finite: give finite numbers, coordinates before rates")]
+    Initial(Vec<f64>),
     /// A structure with other channels than a plant takes.
     #[error(
         "the structure has {inputs} inputs, {outputs} outputs and {states} states: a plant takes the {} loads and {} \
@@ -187,20 +170,6 @@ pub fn check_steps_per_sample(got: u32) -> Result<(), PlantSpecError> {
     if fits { Ok(()) } else { Err(PlantSpecError::StepsPerSample { got }) }
 }
 
-impl PlantSpec {
-    /// The arm, with the shaker's armature at its tip if there is one.
-    ///
-    /// # Errors
-    /// [`ArmError`] if it is impossible.
-    pub fn arm(&self) -> Result<Arm, ArmError> {
-        let arm = Arm::new(self.parameters, self.pose)?;
-        match &self.rig.shaker {
-            Some(shaker) => arm.with_attachment(shaker.armature()),
-            None => Ok(arm),
-        }
-    }
-}
-
 /// A structure with its instruments at a sample.
 #[derive(Clone, Debug)]
 pub struct Plant {
@@ -213,21 +182,16 @@ pub struct Plant {
 }
 
 impl Plant {
-    /// A plant of the arm, or of the structure in its place, at sample 0.
+    /// A plant of a structure, in its initial state at sample 0.
     ///
     /// # Errors
     /// [`PlantSpecError`] says which part of the specification is invalid.
-    pub fn new(spec: &PlantSpec) -> Result<Plant, PlantSpecError> {
+    pub fn new(spec: &PlantSpec, tested: &TestedAssembly) -> Result<Plant, PlantSpecError> {
         let rig = Rig::new(&spec.rig, spec.sample_rate_hz, spec.seed)?;
-        let structure: Box<dyn Structure> = match &spec.structure {
-            None => Box::new(DrivenArm::new(spec)?),
-            Some(tested) => Box::new(DrivenStructure::assembly(spec, tested)?),
-        };
-        Plant::of(structure, rig, spec.sample_rate_hz)
+        Plant::of(Box::new(DrivenStructure::assembly(spec, tested)?), rig, spec.sample_rate_hz)
     }
 
-    /// A plant of a structure of one's own in place of the specification's, in its state at sample 0: with the rig, the
-    /// rates and the seed of the specification.
+    /// A plant of a structure of one's own, in its state at sample 0.
     ///
     /// # Errors
     /// [`PlantSpecError`]: of the rig and the rates, [`PlantSpecError::Shaker`] if the rig has a shaker,
@@ -336,11 +300,6 @@ impl Plant {
         &self.states
     }
 
-    /// The state of the arm at the sample: the first four states of the structure.
-    pub fn state(&self) -> State {
-        self.states.arm()
-    }
-
     /// The readings at the sample: the converters' samples, through the instruments' chains. Before sample 0 all values
     /// have always been those of the start. Call it once a sample: every call draws new noise.
     pub fn measure(&mut self) -> Measurement {
@@ -379,4 +338,4 @@ mod stepped_tests;
 #[cfg(test)]
 mod structure_tests;
 #[cfg(test)]
-mod tests;
+pub(crate) mod tests;

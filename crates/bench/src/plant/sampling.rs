@@ -19,17 +19,16 @@ use alloc::vec::Vec;
 use nalgebra::Vector2;
 
 use super::PlantSpec;
-use super::shaker::Drive;
 use crate::rig::converter::MOST_ORDER;
 use crate::rig::{Converter, Measurement};
-use resonarm_dynamics::arm::{Arm, Attachment, Load, State};
+use resonarm_dynamics::arm::Attachment;
 
 const CHANNELS: usize = Measurement::CHANNELS;
 /// Coefficients of 1, τ … τ⁴ and of e^{−λτ}.
 const TERMS: usize = 6;
 
 /// A channel over a step: coefficients of 1, τ … τ⁴ and of e^{−λτ}.
-type Course = [f64; TERMS];
+pub(super) type Course = [f64; TERMS];
 
 /// The factors of a step within its hold, for every term: for the reading after this hold and those after the next
 /// ones.
@@ -50,7 +49,7 @@ pub(super) struct Filter {
     decay: f64,
     /// ∫ e^{−λτ} dτ.
     transient_mean: f64,
-    /// The unit vector of a possible attachment at the tip.
+    /// The unit vector of a possible shaker.
     along: Vector2<f64>,
 }
 
@@ -61,24 +60,6 @@ pub struct PointMotion {
     pub velocity_m_s: [Vector2<f64>; 2],
     /// Accelerations of B and C, m/s², without those by the transient of a coil's current.
     pub acceleration_m_s2: [Vector2<f64>; 2],
-}
-
-impl PointMotion {
-    /// Of the arm at a state under a load.
-    pub(super) fn new(arm: &Arm, state: &State, load: &Load) -> PointMotion {
-        let (velocity_m_s, motion) = arm.point_motion(state, load);
-        PointMotion { velocity_m_s, acceleration_m_s2: [motion.b_m_s2, motion.c_m_s2] }
-    }
-}
-
-/// A finished step, for the converters.
-pub(super) struct Step<'a> {
-    pub arm: &'a Arm,
-    pub from: &'a State,
-    pub start: PointMotion,
-    pub end: PointMotion,
-    /// The drive of the arm and its armature over the step.
-    pub drive: &'a Drive,
 }
 
 /// A finished step of a structure with a shaker's armature, for the converters.
@@ -94,7 +75,8 @@ pub(super) struct ShakenStep {
     /// s at the start, m.
     pub displacement_m: f64,
     pub attachment: Attachment,
-    pub drive: Drive,
+    /// The coil's force along the shaker, N.
+    pub force_n: Course,
 }
 
 impl Filter {
@@ -123,11 +105,6 @@ impl Filter {
         })
     }
 
-    /// Adds step `index` of a hold.
-    pub fn add(&self, sums: &mut Sums, index: usize, step: &Step<'_>) {
-        self.add_courses(sums, index, &self.courses(step));
-    }
-
     /// Adds step `index` of a hold between the motions at its ends, under a force that an ideal exciter holds, N.
     pub fn add_held(&self, sums: &mut Sums, index: usize, start: &PointMotion, end: &PointMotion, force_n: [f64; 2]) {
         let [b, c] = self.accelerations([start, end], &[Vector2::zeros(); 2]);
@@ -140,7 +117,8 @@ impl Filter {
         let [b, c] = self.accelerations([&step.start, &step.end], &step.transient_m_s2);
         let acceleration = self.course(step.armature, step.armature_transient_m_s2);
         let taken = self.taken(&step.attachment, (step.displacement_m, step.armature[0].0), acceleration);
-        let [hx, hy] = self.less(&Self::force(&step.drive), &taken);
+        let head_n: Course = core::array::from_fn(|term| step.force_n[term] - taken[term]);
+        let [hx, hy] = [self.along.x, self.along.y].map(|share| head_n.map(|term| share * term));
         self.add_courses(sums, index, &[hx, hy, b[0], b[1], c[0], c[1]]);
     }
 
@@ -162,13 +140,6 @@ impl Filter {
         readings
     }
 
-    /// The channels over a step: head x, y; B x, y; C x, y.
-    fn courses(&self, step: &Step<'_>) -> [Course; CHANNELS] {
-        let [b, c] = self.accelerations([&step.start, &step.end], &self.transient(step));
-        let [hx, hy] = self.head(step, &c);
-        [hx, hy, b[0], b[1], c[0], c[1]]
-    }
-
     /// Accelerations of B and C along x and y between the motions at the ends of a step, with those by a coil's
     /// transient at its start.
     #[inline(always)]
@@ -187,46 +158,6 @@ impl Filter {
     fn course(&self, [(v0, a0), (v1, a1)]: [(f64, f64); 2], g: f64) -> Course {
         let square = 3.0 * (a0 + a1) - 6.0 * ((v1 - v0) / self.step_s - g * self.transient_mean);
         [a0, a1 - a0 - square, square, 0.0, 0.0, g]
-    }
-
-    /// The accelerations of B and C by the coil's transient at the start of the step, m/s².
-    fn transient(&self, step: &Step<'_>) -> [Vector2<f64>; 2] {
-        match step.drive {
-            Drive::Coil { transient_n, along, .. } if self.decay.is_finite() => {
-                let load = |force_n: f64| Load { force_n: *along * force_n, ..Load::default() };
-                let with = PointMotion::new(step.arm, step.from, &load(step.drive.along_n(0.0) + transient_n));
-                core::array::from_fn(|point| with.acceleration_m_s2[point] - step.start.acceleration_m_s2[point])
-            }
-            _ => [Vector2::zeros(); 2],
-        }
-    }
-
-    /// The force in the head along x and y: F − m s̈ − c ṡ − k s, or F with an ideal exciter.
-    fn head(&self, step: &Step<'_>, c: &[Course; 2]) -> [Course; 2] {
-        let force = Self::force(step.drive);
-        let Some(attachment) = step.arm.attachment() else { return force };
-        let e = self.along;
-        let along = core::array::from_fn(|term| e.x * c[0][term] + e.y * c[1][term]);
-        self.less(&force, &self.taken(attachment, step.arm.attachment_motion(step.from), along))
-    }
-
-    /// The force F of the drive along x and y.
-    #[inline(always)]
-    fn force(drive: &Drive) -> [Course; 2] {
-        match drive {
-            Drive::Held(load) => [load.force_n.x, load.force_n.y].map(|force_n| [force_n, 0.0, 0.0, 0.0, 0.0, 0.0]),
-            Drive::Coil { polynomial_n: [f0, f1, f2, f3, f4], transient_n, along } => {
-                let course = [*f0, *f1, *f2, *f3, *f4, *transient_n];
-                [along.x, along.y].map(|share| course.map(|term| share * term))
-            }
-        }
-    }
-
-    /// The force less what an attachment takes along its direction.
-    #[inline(always)]
-    fn less(&self, force: &[Course; 2], taken: &Course) -> [Course; 2] {
-        let e = self.along;
-        [0, 1].map(|axis| core::array::from_fn(|term| force[axis][term] - e[axis] * taken[term]))
     }
 
     /// m s̈ + c ṡ + k s over the step with the acceleration s̈, from s and ṡ at its start.

@@ -1,11 +1,10 @@
 //! The converters' samples against the same motion read on a fine grid.
 
-use super::driven_arm::instant;
-use super::tests::{SHAKER, shaken};
+use super::tests::{SHAKER, chain, shaken};
 use super::*;
 use crate::rig::{Amplifier, Converter, ShakerSpec};
 use nalgebra::Vector2;
-use resonarm_dynamics::arm::Preset;
+use resonarm_dynamics::arm::{Arm, Pose, Preset, State};
 
 /// Fine samples a hold. A transient that decays e^−6.6-fold over a hold is summed to (6.6/1600)²/24 = 7e-7.
 const FINE: u32 = 1600;
@@ -18,21 +17,43 @@ fn load(hold: usize) -> Load {
 
 fn spec(shaker: Option<ShakerSpec>, converter: Converter, steps_per_sample: u32) -> PlantSpec {
     let base = shaken(shaker.unwrap_or(SHAKER));
-    let pose = Pose { beta1_deg: 17.3, beta2_deg: 101.7 };
-    let rig = RigSpec { shaker, converter, ..base.rig };
-    PlantSpec { pose, rig, steps_per_sample, initial: State::new([2e-3, -1e-3], [0.1, 0.3]), ..base }
+    PlantSpec { rig: RigSpec { shaker, converter, ..base.rig }, steps_per_sample, ..base }
+}
+
+const POSE: Pose = Pose { beta1_deg: 17.3, beta2_deg: 101.7 };
+
+/// α and α̇ at the beginning.
+const INITIAL: [[f64; 2]; 2] = [[2e-3, -1e-3], [0.1, 0.3]];
+
+fn arm(preset: Preset) -> Arm {
+    Arm::new(preset.parameters().unwrap(), POSE).unwrap()
+}
+
+/// The arm as a chain, from its beginning.
+fn plant(spec: &PlantSpec) -> Plant {
+    let tested = TestedAssembly { initial: INITIAL.concat(), ..chain(arm(Preset::default()).parameters(), POSE) };
+    Plant::new(spec, &tested).unwrap()
+}
+
+/// Force in the head, N, and accelerations of B and C, m/s², along x and y, at a state of the arm with its attachment;
+/// `load` acts on both, and the head is between them.
+fn instant(arm: &Arm, state: &State, load: &Load) -> [f64; 6] {
+    let acceleration_rad_s2 = arm.acceleration(state, load);
+    let motion = arm.point_accelerations(state, &acceleration_rad_s2);
+    let head_n = load.force_n - arm.attachment_force_n(state, &acceleration_rad_s2);
+    [head_n.x, head_n.y, motion.b_m_s2.x, motion.b_m_s2.y, motion.c_m_s2.x, motion.c_m_s2.y]
 }
 
 /// The motion under the same loads at 1600 instants of every hold, channels by fine samples: arm and coil integrated
 /// together by the classical Runge-Kutta method, with two steps from instant to instant.
 fn fine(shaker: Option<ShakerSpec>) -> Vec<[f64; 6]> {
-    let spec = spec(shaker, Converter::Instant, 2);
-    let alone = Arm::new(spec.parameters, spec.pose).unwrap();
+    let alone = arm(Preset::default());
     let arm = match shaker {
         Some(shaker) => alone.with_attachment(shaker.armature()).unwrap(),
         None => alone,
     };
-    let (mut state, mut current_a) = (spec.initial, 0.0);
+    let [alpha_rad, alpha_dot_rad_s] = INITIAL;
+    let (mut state, mut current_a) = (State::new(alpha_rad, alpha_dot_rad_s), 0.0);
     let h = 0.5e-3 / f64::from(FINE);
     let mut all = Vec::new();
     for index in 0..HOLDS * FINE as usize {
@@ -106,7 +127,7 @@ fn expected(converter: Converter, fine: &[[f64; 6]], began: [f64; 6]) -> Vec<[f6
 }
 
 fn seen(spec: &PlantSpec) -> Vec<[f64; 6]> {
-    let mut plant = Plant::new(spec).unwrap();
+    let mut plant = plant(spec);
     let mut readings = vec![plant.measure().readings().map(|reading| reading.value)];
     for hold in 0..HOLDS {
         plant.advance(&load(hold)).unwrap();
@@ -145,7 +166,8 @@ fn readings_are_the_weighted_means_of_the_continuous_motion() {
 #[test]
 fn a_plant_at_rest_under_gravity_reads_constant_values_from_the_first_sample() {
     for converter in Converter::ALL {
-        let mut plant = Plant::new(&PlantSpec { initial: State::default(), ..spec(None, converter, 2) }).unwrap();
+        let at_rest = chain(arm(Preset::default()).parameters(), POSE);
+        let mut plant = Plant::new(&spec(None, converter, 2), &at_rest).unwrap();
         for _ in 0..8 {
             assert!(plant.measure().readings().iter().all(|reading| reading.value.abs() < 1e-12));
             plant.advance(&Load::default()).unwrap();
@@ -157,11 +179,11 @@ fn a_plant_at_rest_under_gravity_reads_constant_values_from_the_first_sample() {
 #[test]
 fn the_mean_over_a_hold_is_the_change_of_velocity() {
     let spec = spec(None, Converter::Sinc1, 2);
-    let (arm, mut plant) = (spec.arm().unwrap(), Plant::new(&spec).unwrap());
+    let (arm, mut plant) = (arm(Preset::default()), plant(&spec));
     for hold in 0..HOLDS {
-        let before = arm.point_velocities(&plant.state());
+        let before = arm.point_velocities(&plant.states().arm());
         plant.advance(&load(hold)).unwrap();
-        let after = arm.point_velocities(&plant.state());
+        let after = arm.point_velocities(&plant.states().arm());
         let [_, _, bx, by, cx, cy] = plant.measure().readings().map(|reading| reading.value);
         for (mean, change) in [([bx, by], after[0] - before[0]), ([cx, cy], after[1] - before[1])] {
             assert!((Vector2::from(mean) - change * 1000.0).norm() < 1e-9 * (1.0 + change.norm() * 1000.0));
@@ -172,11 +194,11 @@ fn the_mean_over_a_hold_is_the_change_of_velocity() {
 /// The converters do not change the motion.
 #[test]
 fn states_have_the_same_bits_whatever_the_converter() {
-    let preset = Preset::Irb1600Table1.parameters().unwrap();
+    let tested = chain(arm(Preset::Irb1600Table1).parameters(), POSE);
     let states = Converter::ALL.map(|converter| {
-        let mut plant = Plant::new(&PlantSpec { parameters: preset, ..spec(Some(SHAKER), converter, 2) }).unwrap();
+        let mut plant = Plant::new(&spec(Some(SHAKER), converter, 2), &tested).unwrap();
         (0..HOLDS).for_each(|hold| plant.advance(&load(hold)).unwrap());
-        plant.state()
+        *plant.states()
     });
     assert!(states.iter().all(|state| *state == states[0]));
 }

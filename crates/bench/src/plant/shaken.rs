@@ -8,15 +8,14 @@ use nalgebra::Vector2;
 use thiserror::Error;
 
 use super::assembly_steps::AssemblySteps;
-use super::sampling::{Filter, PointMotion, ShakenStep, Sums};
-use super::shaker::{Drive, coil_of};
+use super::sampling::{Course, Filter, PointMotion, ShakenStep, Sums};
 use super::stepped::{Loads, Stepped};
 use super::tested::{Placed, TestedAssembly};
 use super::{PlantSpec, PlantSpecError};
 use crate::rig::{Amplifier, Measurement, ShakerSpec};
 use crate::structure::StructureError;
 use resonarm_dynamics::arm::{Attachment, Load};
-use resonarm_dynamics::structure::{Armature, Circuit, Coil, Stroke};
+use resonarm_dynamics::structure::{Armature, Circuit, Coil, LEAST_DECAY, Stroke};
 use resonarm_numeric::number::short;
 
 /// The share of a shaker's direction along which a structure may be fixed: rounding of its sine or cosine.
@@ -92,6 +91,20 @@ impl ShakerSpec {
     }
 }
 
+/// The coil of a shaker, for steps of `step_s`.
+///
+/// # Errors
+/// [`PlantSpecError::Inductance`] if the current changes too slowly for the closed form of a step.
+fn coil_of(spec: &ShakerSpec, step_s: f64) -> Result<Circuit, PlantSpecError> {
+    let most_h = spec.resistance_ohm * step_s / LEAST_DECAY;
+    if spec.amplifier == Amplifier::Voltage && spec.inductance_h > most_h {
+        return Err(PlantSpecError::Inductance { got_h: spec.inductance_h, most_h });
+    }
+    let (force_factor_n_a, resistance_ohm) = (spec.force_factor_n_a, spec.resistance_ohm);
+    let decay = step_s * resistance_ohm / spec.inductance_h;
+    Ok(Circuit { force_factor_n_a, resistance_ohm, decay })
+}
+
 impl Shaken {
     /// The structure of a valid specification at sample 0, in steps of `step_s`, s.
     pub fn new(
@@ -145,10 +158,10 @@ impl Shaken {
 
     /// A step between the motions at its ends, under loads.
     fn step(&self, [start, end]: [&ShakenMotion; 2], loads: &Loads) -> ShakenStep {
-        let (blocked_n, along) = (self.blocked_n(loads), self.spec.direction());
+        let blocked_n = self.blocked_n(loads);
         let (mut currents_a, mut transient_a) = ([start.current_a, end.current_a], 0.0);
-        let drive = match self.spec.amplifier {
-            Amplifier::Current => Drive::Held(Load { force_n: along * blocked_n, ..Load::default() }),
+        let force_n: Course = match self.spec.amplifier {
+            Amplifier::Current => [blocked_n, 0.0, 0.0, 0.0, 0.0, 0.0],
             Amplifier::Voltage => {
                 let ([s0, v0, a0], [s1, v1, a1]) = (start.armature, end.armature);
                 let stroke = Stroke {
@@ -159,8 +172,8 @@ impl Shaken {
                 let voltage_v = blocked_n / self.spec.force_factor_n_a * self.spec.resistance_ohm;
                 let (steady_a, left_a) = self.coil.current(start.current_a, voltage_v, &stroke).terms();
                 (currents_a, transient_a) = ([steady_a[0], steady_a.iter().sum()], left_a);
-                let force = |current_a: f64| self.spec.force_factor_n_a * current_a;
-                Drive::Coil { polynomial_n: steady_a.map(force), transient_n: force(transient_a), along }
+                let [c0, c1, c2, c3, c4] = steady_a;
+                [c0, c1, c2, c3, c4, left_a].map(|current_a| self.spec.force_factor_n_a * current_a)
             }
         };
         let [armature_start, armature_end] = [start.armature_at(currents_a[0]), end.armature_at(currents_a[1])];
@@ -172,7 +185,7 @@ impl Shaken {
             armature_transient_m_s2: start.per_ampere.1 * transient_a,
             displacement_m: start.armature[0],
             attachment: self.spec.armature(),
-            drive,
+            force_n,
         }
     }
 

@@ -1,4 +1,4 @@
-//! A shaker on structures of a scenario, against the arm's and against closed forms.
+//! A shaker on structures of a scenario, against closed forms.
 
 use super::tests::{SHAKER, shaken};
 use super::*;
@@ -7,19 +7,8 @@ use crate::rig::{Amplifier, Converter, ShakerSpec};
 use crate::structure::Channel;
 use core::f64::consts::TAU;
 use resonarm_dynamics::structure::{
-    Assembly, Axis, BodySpec, ChainSpec, ElementSpec, Law, ModalSpec, ModeSpec, Place, ShapeSpec, StructureSpec,
+    Assembly, Axis, BodySpec, ElementSpec, Law, ModalSpec, ModeSpec, Place, ShapeSpec, StructureSpec,
 };
-
-fn placed(assembly: &Assembly, point: &str) -> Placed {
-    Placed { along: ["x", "y"].map(|axis| assembly.dof(&alloc::format!("{point}.{axis}")).ok()) }
-}
-
-fn tested(body: BodySpec, elements: Vec<ElementSpec>, b: &str) -> TestedAssembly {
-    let assembly = Assembly::new(&StructureSpec { body, elements }).unwrap();
-    let (tip, b) = (placed(&assembly, "tip"), placed(&assembly, b));
-    let places = Places { exciter: tip, accelerometer_b: b, accelerometer_c: tip };
-    TestedAssembly { initial: vec![0.0; 2 * assembly.coordinates()], places, assembly }
-}
 
 /// Modes at 20 and 57 Hz that move `tip` and `mid` along x and y.
 pub(crate) fn modal(elements: Vec<ElementSpec>) -> TestedAssembly {
@@ -32,7 +21,8 @@ pub(crate) fn modal(elements: Vec<ElementSpec>) -> TestedAssembly {
         shape("mid", x, [0.3, 0.35]),
         shape("mid", y, [0.1, -0.2]),
     ];
-    tested(BodySpec::Modal(ModalSpec { modes: vec![mode(20.0), mode(57.0)], shapes }), elements, "mid")
+    let body = BodySpec::Modal(ModalSpec { modes: vec![mode(20.0), mode(57.0)], shapes });
+    TestedAssembly::at_rest(Assembly::new(&StructureSpec { body, elements }).unwrap(), "tip", "mid")
 }
 
 fn voltage(inductance_h: f64) -> ShakerSpec {
@@ -53,42 +43,6 @@ fn along(force_n: f64) -> Load {
     Load { force_n: SHAKER.direction() * force_n, ..Load::default() }
 }
 
-/// The same arm as a chain of two links, from every state of the arm one sample on: the motion, the current and all that
-/// the converters sample, by an implicit, an exponential and an explicit scheme.
-#[test]
-fn a_chain_of_two_links_is_shaken_as_the_arm() {
-    let schemes = [Scheme::default(), Scheme::Gl6, Scheme::Rk4];
-    let converters = [Converter::Instant, Converter::Sinc3, Converter::Sinc5];
-    for (shaker, (scheme, converter)) in
-        shakers().into_iter().flat_map(|shaker| schemes.into_iter().zip(converters).map(move |of| (shaker, of)))
-    {
-        let steps_per_sample = scheme.steps_per_sample().max(4);
-        let mut arm = PlantSpec { scheme, steps_per_sample, ..shaken(shaker) };
-        arm.rig.converter = converter;
-        let body = BodySpec::Chain(ChainSpec::from_arm(&arm.parameters, arm.pose));
-        let chain = PlantSpec { structure: Some(tested(body, Vec::new(), "joint2")), ..arm.clone() };
-        let [mut arm, mut chain] = [arm, chain].map(|spec| Plant::new(&spec).unwrap());
-        assert_eq!(arm.structure().states(), chain.structure().states());
-        let (mut largest, mut most) = ([0.0_f64; 5], [0.0_f64; OUTPUTS.len()]);
-        for n in 0..150 {
-            chain = chain.restored(n, &arm.save()).unwrap();
-            let load = along(80.0 * libm::sin(0.13 * n as f64));
-            arm.advance(&load).unwrap();
-            chain.advance(&load).unwrap();
-            let case = alloc::format!("{shaker:?}, {scheme}, {converter:?}, sample {n}");
-            let near = |got: &[f64], expected: &[f64], largest: &mut [f64]| {
-                for ((got, expected), largest) in got.iter().zip(expected).zip(largest) {
-                    *largest = largest.max(expected.abs());
-                    assert!((got - expected).abs() <= 1e-12 * *largest, "{case}: {got} {expected} of {largest}");
-                }
-            };
-            near(chain.states(), arm.states(), &mut largest);
-            near(&sensed(&chain), &sensed(&arm), &mut most);
-            assert!((arm.travel_m() - chain.travel_m()).abs() < 1e-12);
-        }
-    }
-}
-
 /// a_C along the shaker over the head's force is −ω²R of the structure alone, R = Σ (e·φ)²/(ω₀² − ω² + 2iζω₀ω), and the
 /// head's force over the command 1/(1 + R (k − ω²m + iωc)) of the coil's.
 #[test]
@@ -107,9 +61,9 @@ fn head_and_point_are_those_of_the_closed_form() {
         .sum();
     let armature = Phasor::new(SHAKER.stiffness_n_m - omega * omega * SHAKER.moving_mass_kg, omega * DAMPING_N_S_M);
     for shaker in [SHAKER, voltage(3e-4)].map(|of| ShakerSpec { damping_n_s_m: DAMPING_N_S_M, ..of }) {
-        let mut spec = PlantSpec { structure: Some(tested.clone()), sample_rate_hz: 4000.0, ..shaken(shaker) };
+        let mut spec = PlantSpec { sample_rate_hz: 4000.0, ..shaken(shaker) };
         spec.rig.converter = Converter::Sinc5;
-        let mut plant = Plant::new(&spec).unwrap();
+        let mut plant = Plant::new(&spec, &tested).unwrap();
         let mut fit = HarmonicFit::<2, 3>::new(4000);
         for n in 0..24_000_u64 {
             let cycles = FREQUENCY_HZ * n as f64 / spec.sample_rate_hz;
@@ -144,14 +98,14 @@ fn a_saved_shaken_structure_continues_with_the_same_bits() {
     for tested in [modal(Vec::new()), modal(vec![friction])] {
         for (shaker, converter) in shakers().into_iter().flat_map(|of| Converter::ALL.map(|converter| (of, converter)))
         {
-            let mut spec = PlantSpec { structure: Some(tested.clone()), ..shaken(shaker) };
+            let mut spec = shaken(shaker);
             spec.rig.converter = converter;
-            let mut plant = Plant::new(&spec).unwrap();
+            let mut plant = Plant::new(&spec, &tested).unwrap();
             let load = |n: u64| along(20.0 * libm::sin(0.14 * n as f64));
             (0..30).for_each(|n| plant.advance(&load(n)).unwrap());
             let mut restored = [
-                Plant::new(&spec).unwrap().restored(30, &plant.save()).unwrap(),
-                Plant::new(&spec).unwrap().at(30, plant.states()).unwrap(),
+                Plant::new(&spec, &tested).unwrap().restored(30, &plant.save()).unwrap(),
+                Plant::new(&spec, &tested).unwrap().at(30, plant.states()).unwrap(),
             ];
             for n in 30..50 {
                 plant.advance(&load(n)).unwrap();
@@ -166,9 +120,9 @@ fn a_saved_shaken_structure_continues_with_the_same_bits() {
 }
 
 #[test]
-fn trips_with_the_same_words_as_on_the_arm() {
+fn trips_at_its_limits_on_modes() {
     let trips = |shaker: ShakerSpec| {
-        let mut plant = Plant::new(&PlantSpec { structure: Some(modal(Vec::new())), ..shaken(shaker) }).unwrap();
+        let mut plant = Plant::new(&shaken(shaker), &modal(Vec::new())).unwrap();
         loop {
             let before = plant.save();
             if let Err(error) = plant.advance(&along(60.0)) {
@@ -187,13 +141,9 @@ fn trips_with_the_same_words_as_on_the_arm() {
 fn says_where_a_shaker_cannot_push() {
     let mut across = modal(Vec::new());
     across.places.exciter.along[1] = None;
-    let says = |shaker: ShakerSpec, tested: &TestedAssembly| {
-        Plant::new(&PlantSpec { structure: Some(tested.clone()), ..shaken(shaker) }).unwrap_err().to_string()
-    };
+    let says =
+        |shaker: ShakerSpec, tested: &TestedAssembly| Plant::new(&shaken(shaker), tested).unwrap_err().to_string();
     insta::assert_snapshot!(says(SHAKER, &across), @"rig.shaker: `direction_deg` is 30, and the structure does not move along y where the exciter is: turn it along an axis that moves, or place it by `rig.exciter.at`");
-    assert!(
-        Plant::new(&PlantSpec { structure: Some(across), ..shaken(ShakerSpec { direction_deg: 180.0, ..SHAKER }) })
-            .is_ok()
-    );
+    assert!(Plant::new(&shaken(ShakerSpec { direction_deg: 180.0, ..SHAKER }), &across).is_ok());
     insta::assert_snapshot!(says(voltage(0.1), &modal(Vec::new())), @"rig.shaker: `inductance_h` is 0.1: at this resistance and step in voltage mode it must be at most 0.01");
 }

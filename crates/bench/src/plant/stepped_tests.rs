@@ -72,7 +72,7 @@ impl Stepped for Mode {
 }
 
 fn spec(converter: Converter) -> PlantSpec {
-    let mut spec = PlantSpec { structure: None, steps_per_sample: 4, ..shaken(SHAKER) };
+    let mut spec = PlantSpec { steps_per_sample: 4, ..shaken(SHAKER) };
     (spec.rig.shaker, spec.rig.converter) = (None, converter);
     spec
 }
@@ -86,8 +86,7 @@ fn modal(spec: &PlantSpec) -> Plant {
     let assembly = Assembly::new(&StructureSpec { body, elements: Vec::new() }).unwrap();
     let at = |name: &str| Placed { along: [Some(assembly.dof(name).unwrap()), None] };
     let places = Places { exciter: at("tip.x"), accelerometer_b: at("still.x"), accelerometer_c: at("tip.x") };
-    let structure = Some(TestedAssembly { initial: mode().state.to_vec(), places, assembly });
-    Plant::new(&PlantSpec { structure, ..spec.clone() }).unwrap()
+    Plant::new(spec, &TestedAssembly { initial: mode().state.to_vec(), places, assembly }).unwrap()
 }
 
 #[test]
@@ -123,5 +122,5 @@ fn a_hold_that_fails_returns_to_its_start() {
     let again = Plant::stepped(&spec(Converter::Sinc3), Box::new(mode())).unwrap().restored(1, &before);
     assert_eq!(again.unwrap().save(), before);
     let shaker = Plant::stepped(&shaken(SHAKER), Box::new(mode())).unwrap_err();
-    insta::assert_snapshot!(shaker, @"rig.shaker needs the arm or a structure of the scenario, as its armature moves with it: leave it out here; a structure that the program makes is driven by the ideal exciter of `rig.exciter`");
+    insta::assert_snapshot!(shaker, @"rig.shaker needs a structure of the scenario, as its armature moves with it: leave it out here; a structure that the program makes is driven by the ideal exciter of `rig.exciter`");
 }

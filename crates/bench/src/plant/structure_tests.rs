@@ -1,6 +1,6 @@
 //! Structures behind the trait.
 
-use super::tests::{SHAKER, shaken};
+use super::tests::{POSE, SHAKER, plant, preset, shaken};
 use super::*;
 use crate::rig::{AccelerometerSpec, Amplifier, Converter, ForceSensorSpec, ShakerSpec};
 use crate::structure::Channel;
@@ -18,17 +18,17 @@ fn saved(structure: &dyn Structure) -> Vec<f64> {
 }
 
 #[test]
-fn a_saved_arm_continues_with_the_same_bits() {
+fn a_saved_chain_continues_with_the_same_bits() {
     let voltage = ShakerSpec { amplifier: Amplifier::Voltage, ..SHAKER };
     for (shaker, states) in [(None, 4), (Some(SHAKER), 5), (Some(voltage), 5)] {
         for converter in Converter::ALL {
             let mut spec = shaken(SHAKER);
             (spec.rig.shaker, spec.rig.converter) = (shaker, converter);
             let load = |n: u64| Load::force_n(10.0 * libm::sin(0.14 * n as f64), 0.0);
-            let mut plant = Plant::new(&spec).unwrap();
+            let mut plant = plant(&spec);
             (0..37).for_each(|n| plant.advance(&load(n)).unwrap());
             assert_eq!(plant.structure().states().len(), states);
-            let mut again = Plant::new(&spec).unwrap().at(37, &saved(plant.structure())).unwrap();
+            let mut again = self::plant(&spec).at(37, &saved(plant.structure())).unwrap();
             for n in 37..60 {
                 assert_eq!(
                     bits(&saved(again.structure())),
@@ -47,10 +47,10 @@ fn a_saved_arm_continues_with_the_same_bits() {
 fn a_saved_plant_reads_on_with_the_same_bits() {
     let spec = PlantSpec { rig: toml::from_str(RIG).unwrap(), ..shaken(SHAKER) };
     let load = |n: u64| Load::force_n(40.0 * libm::sin(0.14 * n as f64), 0.0);
-    let mut plant = Plant::new(&spec).unwrap();
+    let mut plant = plant(&spec);
     let mut clipped = false;
     for n in 0..260 {
-        let mut again = Plant::new(&spec).unwrap().restored(n, &plant.save()).unwrap();
+        let mut again = self::plant(&spec).restored(n, &plant.save()).unwrap();
         let (mut ahead, mut n) = (plant.clone(), n);
         for _ in 0..12 {
             assert_eq!(again.measure(), ahead.measure(), "sample {n}");
@@ -63,7 +63,7 @@ fn a_saved_plant_reads_on_with_the_same_bits() {
         plant.advance(&load(plant.sample())).unwrap();
     }
     assert!(clipped);
-    let other = Plant::new(&shaken(SHAKER)).unwrap().restored(260, &plant.save()).unwrap_err();
+    let other = Plant::new(&shaken(SHAKER), &preset(POSE)).unwrap().restored(260, &plant.save()).unwrap_err();
     insta::assert_snapshot!(other, @"a saved state of 84 numbers: the instruments of this plant have gathered more or fewer");
 }
 
@@ -88,7 +88,7 @@ to_s = 0.2
 #[test]
 fn names_its_channels_with_their_units() {
     let names = |channels: &[Channel]| channels.iter().map(|channel| channel.name).collect::<Vec<_>>().join(" ");
-    let plant = Plant::new(&shaken(SHAKER)).unwrap();
+    let plant = plant(&shaken(SHAKER));
     let structure = plant.structure();
     assert_eq!(names(structure.inputs()), "torque1_nm torque2_nm force_x_n force_y_n");
     assert_eq!(names(structure.states()), "alpha1_rad alpha2_rad alpha1_dot_rad_s alpha2_dot_rad_s coil_current_a");
@@ -101,7 +101,7 @@ fn names_its_channels_with_their_units() {
 
 #[test]
 fn says_what_is_not_a_state_of_the_structure() {
-    let plant = Plant::new(&shaken(SHAKER)).unwrap();
+    let plant = plant(&shaken(SHAKER));
     let says = |saved: &[f64]| plant.clone().at(7, saved).unwrap_err().to_string();
     insta::assert_snapshot!(says(&[0.0; 4]), @"sample 7: a saved state of 4 finite numbers: the structure has 5, or 41 with its converters");
     insta::assert_snapshot!(says(&[0.0, 0.0, f64::NAN, 0.0, 0.0]), @"sample 7: a saved state of 2 finite numbers: the structure has 5, or 41 with its converters");
@@ -175,7 +175,7 @@ impl Structure for Mass {
 /// Under a held force the mass swings between 0 and twice the deflection: x = F/k (1 − cos ωt), and the accelerometer
 /// of the bench reads F/m cos ωt.
 #[test]
-fn any_structure_takes_the_place_of_the_arm() {
+fn any_structure_makes_a_plant() {
     let quiet =
         AccelerometerSpec { noise_rms_m_s2: Some(0.0), resolution_m_s2: Some(0.0), ..AccelerometerSpec::default() };
     let head = ForceSensorSpec { noise_rms_n: Some(0.0), resolution_n: Some(0.0), ..ForceSensorSpec::default() };

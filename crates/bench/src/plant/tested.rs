@@ -1,6 +1,8 @@
 //! A chain of links or vibration modes under test, and where the rig is on it.
 
+use alloc::format;
 use alloc::string::String;
+use alloc::vec;
 use alloc::vec::Vec;
 
 use nalgebra::Vector2;
@@ -17,6 +19,11 @@ pub struct Placed {
 }
 
 impl Placed {
+    /// A point of a structure: along x and y, each if it moves so.
+    pub fn at_point(assembly: &Assembly, point: &str) -> Placed {
+        Placed { along: ["x", "y"].map(|axis| assembly.dof(&format!("{point}.{axis}")).ok()) }
+    }
+
     /// A number of each axis that the structure has there, and zero of one that it hasn't.
     pub(super) fn vector(&self, of: impl Fn(Dof) -> f64) -> Vector2<f64> {
         let [x, y] = self.along.map(|dof| dof.map_or(0.0, &of));
@@ -58,6 +65,13 @@ pub struct ReadDof {
 }
 
 impl TestedAssembly {
+    /// A structure at rest: the exciter and accelerometer C are at the point `tip`, accelerometer B at the point `b`.
+    pub fn at_rest(assembly: Assembly, tip: &str, b: &str) -> TestedAssembly {
+        let [tip, b] = [tip, b].map(|point| Placed::at_point(&assembly, point));
+        let places = Places { exciter: tip, accelerometer_b: b, accelerometer_c: tip };
+        TestedAssembly { initial: vec![0.0; 2 * assembly.coordinates()], places, assembly }
+    }
+
     /// What the accelerometers read: the axes of C, then of B, that the structure has. An axis that both read is that
     /// of C.
     pub fn read(&self) -> Vec<ReadDof> {

@@ -5,14 +5,40 @@ use crate::excitation::{HarmonicFit, Phasor};
 use crate::rig::{AccelerometerSpec, Amplifier, Converter, ForceSensorSpec, ShakerSpec};
 use nalgebra::Vector2;
 use resonarm_analysis::{FrequencyResponse, modes};
-use resonarm_dynamics::arm::Preset;
+use resonarm_dynamics::arm::{Arm, Parameters, Pose, Preset, State};
+use resonarm_dynamics::structure::{Assembly, BodySpec, ChainSpec, StructureSpec};
+
+/// The arm as a chain, at rest, with the exciter at its tip.
+pub(crate) fn chain(parameters: &Parameters, pose: Pose) -> TestedAssembly {
+    let body = BodySpec::Chain(ChainSpec::from_arm(parameters, pose));
+    TestedAssembly::at_rest(Assembly::new(&StructureSpec { body, elements: vec![] }).unwrap(), "tip", "joint2")
+}
+
+/// The arm of the preset in a pose.
+pub(crate) fn arm(pose: Pose) -> Arm {
+    Arm::new(Preset::default().parameters().unwrap(), pose).unwrap()
+}
+
+/// The same as a chain.
+pub(crate) fn preset(pose: Pose) -> TestedAssembly {
+    chain(arm(pose).parameters(), pose)
+}
+
+pub(super) const POSE: Pose = Pose { beta1_deg: 20.0, beta2_deg: 60.0 };
+
+/// Of the chain of the arm in its pose, in a state.
+fn plant_from(spec: &PlantSpec, initial: State) -> Plant {
+    let (x, v) = (initial.alpha_rad, initial.alpha_dot_rad_s);
+    Plant::new(spec, &TestedAssembly { initial: vec![x.x, x.y, v.x, v.y], ..preset(POSE) }).unwrap()
+}
+
+/// The same at rest.
+pub(super) fn plant(spec: &PlantSpec) -> Plant {
+    plant_from(spec, State::default())
+}
 
 fn spec() -> PlantSpec {
     PlantSpec {
-        parameters: Preset::default().parameters().unwrap(),
-        pose: Pose { beta1_deg: 20.0, beta2_deg: 60.0 },
-        initial: State::default(),
-        structure: None,
         scheme: Scheme::default(),
         sample_rate_hz: 1000.0,
         steps_per_sample: 4,
@@ -23,21 +49,21 @@ fn spec() -> PlantSpec {
 
 #[test]
 fn same_commands_give_the_same_bits() {
-    let [mut a, mut b] = [(); 2].map(|()| Plant::new(&spec()).unwrap());
+    let [mut a, mut b] = [(); 2].map(|()| plant(&spec()));
     for k in 0..500_u32 {
         assert_eq!(a.measure(), b.measure());
         let load = Load::force_n(f64::from(k % 17) - 8.0, 3.0);
         a.advance(&load).unwrap();
         b.advance(&load).unwrap();
-        assert_eq!(a.state(), b.state());
+        assert_eq!(a.states(), b.states());
     }
     assert_eq!(a.sample(), 500);
-    assert!(a.state().alpha_rad.norm() > 1e-6);
+    assert!(a.states().arm().alpha_rad.norm() > 1e-6);
 }
 
 #[test]
 fn at_rest_the_instruments_read_the_held_force() {
-    let mut plant = Plant::new(&spec()).unwrap();
+    let mut plant = plant(&spec());
     for _ in 0..5 {
         plant.advance(&Load::force_n(50.0, -20.0)).unwrap();
     }
@@ -47,38 +73,38 @@ fn at_rest_the_instruments_read_the_held_force() {
 
 #[test]
 fn the_travel_is_that_of_the_tip_and_of_a_shaker_its_armature() {
-    assert_eq!(Plant::new(&spec()).unwrap().travel_m(), 0.0);
+    assert_eq!(plant(&spec()).travel_m(), 0.0);
     let away = State::new([-0.2, 0.0], [5.0, 0.0]);
-    let plant = Plant::new(&PlantSpec { initial: away, ..spec() }).unwrap();
+    let plant = plant_from(&spec(), away);
     // The chord of an arc about joint A.
-    let radius_m = spec().arm().unwrap().points(&Vector2::zeros()).c_m.norm();
+    let radius_m = arm(POSE).points(&Vector2::zeros()).c_m.norm();
     assert!((plant.travel_m() - 2.0 * radius_m * libm::sin(0.1)).abs() < 1e-12);
 
-    let shaken = Plant::new(&PlantSpec { initial: away, ..shaken(SHAKER) }).unwrap();
-    let tip_m = |alpha_rad| spec().arm().unwrap().points(&alpha_rad).c_m;
+    let shaken = plant_from(&shaken(SHAKER), away);
+    let tip_m = |alpha_rad| arm(POSE).points(&alpha_rad).c_m;
     let moved_m = tip_m(away.alpha_rad) - tip_m(Vector2::zeros());
     assert!((shaken.travel_m() - SHAKER.direction().dot(&moved_m).abs()).abs() < 1e-12 && shaken.travel_m() > 0.0);
 }
 
 #[test]
 fn a_step_that_fails_changes_nothing() {
-    let mut plant = Plant::new(&spec()).unwrap();
+    let mut plant = plant(&spec());
     plant.advance(&Load::force_n(1.0, 1.0)).unwrap();
-    let before = plant.state();
+    let before = *plant.states();
     let error = plant.advance(&Load::torque_nm(f64::MAX, f64::MAX)).unwrap_err();
     assert!(matches!(error, PlantError::Integrate { sample: 1, .. }), "{error}");
-    assert_eq!((plant.sample(), plant.state()), (1, before));
+    assert_eq!((plant.sample(), *plant.states()), (1, before));
 }
 
 #[test]
 fn says_what_is_wrong_with_a_plant() {
-    let says = |spec: PlantSpec| Plant::new(&spec).unwrap_err().to_string();
+    let says = |spec: PlantSpec| Plant::new(&spec, &preset(POSE)).unwrap_err().to_string();
     insta::assert_snapshot!(says(PlantSpec { steps_per_sample: 0, ..spec() }), @"`steps_per_sample` is 0: it must be even, since the instruments sample in the middle, and from 2 to 1000");
     insta::assert_snapshot!(says(PlantSpec { steps_per_sample: 5, ..spec() }), @"`steps_per_sample` is 5: it must be even, since the instruments sample in the middle, and from 2 to 1000");
     insta::assert_snapshot!(says(PlantSpec { steps_per_sample: 1002, ..spec() }), @"`steps_per_sample` is 1002: it must be even, since the instruments sample in the middle, and from 2 to 1000");
-    assert!(Plant::new(&PlantSpec { steps_per_sample: MOST_STEPS_PER_SAMPLE, ..spec() }).is_ok());
-    let initial = State::new([0.0, f64::NAN], [0.0, 1.0]);
-    insta::assert_snapshot!(says(PlantSpec { initial, ..spec() }), @"the initial state [0.0, NaN, 0.0, 1.0] is not finite: give four numbers, rad and rad/s");
+    assert!(Plant::new(&PlantSpec { steps_per_sample: MOST_STEPS_PER_SAMPLE, ..spec() }, &preset(POSE)).is_ok());
+    let lost = TestedAssembly { initial: vec![0.0, f64::NAN, 0.0, 1.0], ..preset(POSE) };
+    insta::assert_snapshot!(Plant::new(&spec(), &lost).unwrap_err(), @"the initial state [0.0, NaN, 0.0, 1.0] is not finite: give finite numbers, coordinates before rates");
     insta::assert_snapshot!(says(PlantSpec { sample_rate_hz: 0.0, ..spec() }), @"integration rate 0 Hz: it must be a positive number");
 }
 
@@ -122,11 +148,11 @@ fn sine(n: u64, frequency_hz: f64, force_n: f64) -> Load {
 }
 
 fn states(spec: &PlantSpec, samples: u64) -> State {
-    let mut plant = Plant::new(spec).unwrap();
+    let mut plant = plant(spec);
     for n in 0..samples {
         plant.advance(&sine(n, 21.0, 80.0)).unwrap();
     }
-    plant.state()
+    plant.states().arm()
 }
 
 fn distance(a: &State, b: &State) -> f64 {
@@ -137,7 +163,7 @@ fn distance(a: &State, b: &State) -> f64 {
 fn a_shaker_without_mass_is_the_ideal_exciter() {
     let nothing = ShakerSpec { moving_mass_kg: 0.0, stiffness_n_m: 0.0, damping_n_s_m: 0.0, ..SHAKER };
     let ideal = PlantSpec { rig: RigSpec { shaker: None, ..shaken(nothing).rig }, ..spec() };
-    let [mut with, mut without] = [shaken(nothing), ideal].map(|spec| Plant::new(&spec).unwrap());
+    let [mut with, mut without] = [shaken(nothing), ideal].map(|spec| plant(&spec));
     for n in 0..500 {
         let (a, b) = (with.measure(), without.measure());
         for (a, b) in a.readings().iter().zip(&b.readings()) {
@@ -146,7 +172,8 @@ fn a_shaker_without_mass_is_the_ideal_exciter() {
         with.advance(&sine(n, 21.0, 80.0)).unwrap();
         without.advance(&sine(n, 21.0, 80.0)).unwrap();
     }
-    assert!(distance(&with.state(), &without.state()) < 1e-10 && without.state().alpha_rad.norm() > 1e-4);
+    let [with, without] = [with, without].map(|plant| plant.states().arm());
+    assert!(distance(&with, &without) < 1e-10 && without.alpha_rad.norm() > 1e-4);
 }
 
 fn size(phasor: Phasor) -> f64 {
@@ -157,7 +184,7 @@ fn size(phasor: Phasor) -> f64 {
 /// receptance G along the shaker and Z = k − mω² + iωc, s = G H, H = Bl i − Z s and, at a voltage V, (R + iωL) i = V −
 /// iω Bl s.
 fn theory(shaker: &ShakerSpec, frequency_hz: f64, force_n: f64) -> (Phasor, Phasor) {
-    let arm = Arm::new(spec().parameters, spec().pose).unwrap();
+    let arm = arm(POSE);
     let receptance = FrequencyResponse::new(&arm).receptance_matrix(frequency_hz).unwrap();
     let omega = core::f64::consts::TAU * frequency_hz;
     let tip = arm.tip_jacobian(&Vector2::zeros()).transpose() * shaker.direction();
@@ -187,7 +214,7 @@ fn head_and_tip_are_those_of_linear_theory() {
     for (converter, bound) in [(Converter::Sinc5, 1e-4), (Converter::Sinc3, 1e-4), (Converter::Sinc1, 2e-2)] {
         for frequency_hz in [15.0, 21.8, 22.4, 30.0] {
             let rig = RigSpec { converter, ..shaken(shaker).rig };
-            let mut plant = Plant::new(&PlantSpec { rig, ..shaken(shaker) }).unwrap();
+            let mut plant = plant(&PlantSpec { rig, ..shaken(shaker) });
             let (from, to) = (14_000, 16_000);
             let mut fit = HarmonicFit::<3, 3>::new(to - from);
             for n in 0..to {
@@ -222,7 +249,7 @@ fn head_and_tip_are_those_of_linear_theory() {
 /// At the resonance of the arm alone, where little force is needed, most of the coil's force moves the armature.
 #[test]
 fn the_force_drops_out_at_the_resonance() {
-    let [mode, _] = modes(&Arm::new(spec().parameters, spec().pose).unwrap());
+    let [mode, _] = modes(&arm(POSE));
     let off = size(theory(&SHAKER, mode.frequency_hz - 3.0, 1.0).0);
     let on = size(theory(&SHAKER, mode.frequency_hz, 1.0).0);
     assert!(off > 0.5 && on < 0.1 * off, "{off} {on}");
@@ -265,22 +292,22 @@ fn an_arm_whose_motion_dies_out_under_its_shaker_keeps_running() {
     for exponent in [150, 155, 158, 160, 162, 200, 300, 306, 308, 310, 312, 315] {
         let small = libm::exp10(-f64::from(exponent));
         let initial = State::new([small, -small], [0.0, 0.0]);
-        let mut plant = Plant::new(&PlantSpec { initial, ..shaken(shaker) }).unwrap();
+        let mut plant = plant_from(&shaken(shaker), initial);
         for _ in 0..300 {
             plant.advance(&Load::default()).unwrap();
         }
-        assert!(plant.state().alpha_rad.norm() < 10.0 * small, "{small}");
+        assert!(plant.states().arm().alpha_rad.norm() < 10.0 * small, "{small}");
     }
 }
 
 #[test]
 fn a_shaker_trips_at_its_limits() {
     let trips = |shaker: ShakerSpec| {
-        let mut plant = Plant::new(&shaken(shaker)).unwrap();
+        let mut plant = plant(&shaken(shaker));
         for n in 0..4000 {
-            let before = plant.state();
+            let before = *plant.states();
             if let Err(error) = plant.advance(&sine(n, 22.0, 100.0)) {
-                assert_eq!(plant.state(), before);
+                assert_eq!(*plant.states(), before);
                 return error.to_string();
             }
         }
@@ -294,12 +321,12 @@ fn a_shaker_trips_at_its_limits() {
 
 #[test]
 fn says_what_is_wrong_with_a_shaker() {
-    let says = |shaker: ShakerSpec| Plant::new(&shaken(shaker)).unwrap_err().to_string();
+    let says = |shaker: ShakerSpec| Plant::new(&shaken(shaker), &preset(POSE)).unwrap_err().to_string();
     insta::assert_snapshot!(says(ShakerSpec { force_factor_n_a: 0.0, ..SHAKER }), @"rig.shaker: `force_factor_n_a` is 0: it must be a positive number");
     insta::assert_snapshot!(says(ShakerSpec { moving_mass_kg: -1.0, ..SHAKER }), @"rig.shaker: `moving_mass_kg` is -1: it must be zero or a positive number");
     let slow = ShakerSpec { amplifier: Amplifier::Voltage, inductance_h: 0.1, ..SHAKER };
     insta::assert_snapshot!(says(slow), @"rig.shaker: `inductance_h` is 0.1: at this resistance and step in voltage mode it must be at most 0.01");
-    assert!(Plant::new(&shaken(ShakerSpec { amplifier: Amplifier::Current, ..slow })).is_ok());
+    assert!(Plant::new(&shaken(ShakerSpec { amplifier: Amplifier::Current, ..slow }), &preset(POSE)).is_ok());
 }
 
 #[test]

@@ -15,7 +15,6 @@ use core::fmt;
 use thiserror::Error;
 
 use crate::rig::ShakerLimit;
-use resonarm_dynamics::integrate::IntegrateError;
 use resonarm_dynamics::structure::StepError;
 use resonarm_numeric::number::short;
 
@@ -137,9 +136,6 @@ pub enum ForeignFault {
 #[derive(Clone, Copy, Debug, PartialEq, Error)]
 #[non_exhaustive]
 pub enum StructureError {
-    /// The integrator could not make a step.
-    #[error(transparent)]
-    Integrate(#[from] IntegrateError),
     /// The shaker's amplifier switched off.
     #[error("the {what} would be {got} {unit}, and {most} {unit} is its limit", what = .limit.names()[0], unit = .limit.names()[1])]
     Tripped {
@@ -150,7 +146,7 @@ pub enum StructureError {
         /// The limit.
         most: f64,
     },
-    /// A step of a chain or of modes could not be made.
+    /// A step of a structure of the library could not be made.
     #[error(transparent)]
     Step(#[from] StepError),
     /// A load on an input that the structure doesn't have.

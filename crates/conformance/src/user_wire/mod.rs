@@ -126,8 +126,8 @@ impl UserWire {
             Mode::Lockstep => scenario.lockstep_timing()?,
             Mode::RealTime | Mode::Free => scenario.real_time_timing()?,
         };
-        let (rate_hz, plant) = (scenario.wire_rate_hz()?, scenario.plant_spec()?);
-        let plant = Plant::new(&plant).map_err(RunError::from)?;
+        let (rate_hz, tested_structure) = (scenario.wire_rate_hz()?, scenario.under_test()?);
+        let plant = Plant::new(&scenario.plant_spec(), &tested_structure).map_err(RunError::from)?;
         let wire = UserWire { tested, mode, kind, spec, rate_hz, timing, plant, decoder, scenario };
         if tested == Node::Plant {
             let (constant, _load) = Constant::new(wire.input());

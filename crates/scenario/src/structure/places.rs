@@ -47,10 +47,10 @@ fn placed(assembly: &Assembly, instrument: &'static str, at: &str) -> Result<Pla
         }
         return Ok(Placed { along: [Some(dof), None] });
     }
-    let along = ["x", "y"].map(|axis| assembly.dof(&format!("{at}.{axis}")).ok());
+    let found = Placed::at_point(assembly, at);
     let is_known = points.iter().any(|point| point == at);
-    if is_known && along.iter().any(Option::is_some) {
-        return Ok(Placed { along });
+    if is_known && found.along.iter().any(Option::is_some) {
+        return Ok(found);
     }
     let reason = match is_known {
         true => format!("is `{at}`, which moves along z alone: write \"{at}.z\""),

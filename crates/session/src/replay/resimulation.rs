@@ -35,7 +35,7 @@ pub fn resimulate(recording: &Recording) -> Result<Verdict, ReplayError> {
     if scenario.is_fmu() {
         return repetition::repeat(recording, &scenario);
     }
-    let mut spec = scenario.plant_spec()?;
+    let mut spec = scenario.plant_spec();
     // No reading is taken, and of the states none depends on the converters: the one without a filter is the fastest.
     spec.rig.converter = Converter::Instant;
     check(recording, spec.sample_rate_hz)?;
@@ -45,7 +45,7 @@ pub fn resimulate(recording: &Recording) -> Result<Verdict, ReplayError> {
     let identical = !matches!(integrity, Integrity::Damaged { .. });
     let mut verdict =
         Verdict { identical, integrity, samples: 1, steps: 0, first_divergence: None, max_drift_rad: 0.0 };
-    let fresh = Plant::new(&spec)?;
+    let fresh = Plant::new(&spec, &scenario.under_test()?)?;
     let mut plant = plant(&fresh, &spec, &first)?;
     load(&first, &plant)?;
     let mut block = Vec::with_capacity(BLOCK + 1);
@@ -73,11 +73,12 @@ fn plant(fresh: &Plant, spec: &PlantSpec, record: &StateRecord) -> Result<Plant,
     let states = match (spec.rig.shaker, record.states.internal()) {
         // At sample 0 the coil has none, and an amplifier in current mode sets it with the load.
         (Some(shaker), []) if record.sample == 0 || shaker.amplifier == Amplifier::Current => {
-            States::of_arm(&record.states.arm(), Some(0.0))
+            States::new(record.states.moving(), &[0.0])
         }
-        (Some(_), []) => return Err(ReplayError::NoCurrent { sample: record.sample }),
-        _ => record.states,
+        (Some(_), []) => None,
+        _ => Some(record.states),
     };
+    let states = states.ok_or(ReplayError::NoCurrent { sample: record.sample })?;
     Ok(fresh.clone().at(record.sample, &states)?)
 }
 

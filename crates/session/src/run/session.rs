@@ -138,7 +138,9 @@ impl Session {
     /// [`RunError`] says what in scenario or options is impossible.
     pub fn new(mut scenario: Scenario, mode: Mode, options: Options) -> Result<Session, RunError> {
         match (scenario.is_fmu(), mode) {
-            (false, _) => return Session::of(scenario, mode, options, |of| Ok(Plant::new(&of.plant_spec()?)?)),
+            (false, _) => {
+                return Session::of(scenario, mode, options, |of| Ok(Plant::new(&of.plant_spec(), &of.under_test()?)?));
+            }
             (true, Mode::RealTime) => return Err(ScenarioError::from(StructureSectionError::FmuInRealTime).into()),
             // The recording says which FMU it was, also if the scenario was not read from a file.
             (true, _) => scenario.read_structure(Path::new(""))?,

@@ -2,11 +2,11 @@
 
 use super::*;
 use crate::excitation::Amplitude;
-use crate::plant::{Plant, PlantSpec};
+use crate::plant::{Plant, PlantSpec, tests};
 use crate::rig::{Amplifier, Converter, RigSpec, ShakerSpec};
 use alloc::string::ToString;
 use alloc::vec::Vec;
-use resonarm_dynamics::arm::{Arm, Pose, Preset, State};
+use resonarm_dynamics::arm::{Arm, Pose};
 use resonarm_dynamics::integrate::Scheme;
 
 fn sampling(rate_hz: f64) -> Sampling {
@@ -29,10 +29,6 @@ fn plant_spec(amplifier: Amplifier) -> PlantSpec {
         voltage_limit_v: 200.0,
     };
     PlantSpec {
-        parameters: Preset::default().parameters().unwrap(),
-        pose: Pose { beta1_deg: 30.0, beta2_deg: 60.0 },
-        initial: State::default(),
-        structure: None,
         scheme: Scheme::default(),
         sample_rate_hz: 1000.0,
         steps_per_sample: 2,
@@ -41,12 +37,15 @@ fn plant_spec(amplifier: Amplifier) -> PlantSpec {
     }
 }
 
+const POSE: Pose = Pose { beta1_deg: 30.0, beta2_deg: 60.0 };
+
 fn plant(amplifier: Amplifier) -> Plant {
-    Plant::new(&plant_spec(amplifier)).unwrap()
+    Plant::new(&plant_spec(amplifier), &tests::preset(POSE)).unwrap()
 }
 
 fn arm() -> Arm {
-    plant_spec(Amplifier::Current).arm().unwrap()
+    let armature = plant_spec(Amplifier::Current).rig.shaker.unwrap().armature();
+    tests::arm(POSE).with_attachment(armature).unwrap()
 }
 
 fn stepped(force_x_n: f64, settle_s: f64) -> ForceControlSpec {
@@ -105,13 +104,13 @@ fn the_force_is_kept_where_it_would_drop_out() {
 #[test]
 fn the_force_is_kept_on_a_structure() {
     let tested = crate::plant::shaken_tests::modal(Vec::new());
-    let spec = PlantSpec { structure: Some(tested.clone()), ..plant_spec(Amplifier::Voltage) };
+    let spec = plant_spec(Amplifier::Voltage);
     let armature = spec.rig.shaker.unwrap().armature_at(&tested.places.exciter).unwrap();
     let frequencies = Waveform::SteppedSine { from_hz: 19.0, to_hz: 21.0, steps: 3, dwell_s: 1.5, settle_s: 0.5 };
     let control = ForceControlSpec { profile: frequencies, ..stepped(2.0, 1.0) };
     let of = Modelled::Shaken(&tested, armature);
     let mut closed = ForceControl::new(&control, of, sampling(1000.0), 600.0).unwrap();
-    let (points, end) = play(&mut closed, &mut Plant::new(&spec).unwrap());
+    let (points, end) = play(&mut closed, &mut Plant::new(&spec, &tested).unwrap());
     assert_eq!((points.len(), end), (3, Answer::Finished));
     for point in &points {
         let omega = TAU * point.frequency_hz;

@@ -3,13 +3,12 @@
 use super::*;
 use crate::control::{Followed, ModeNumber, Modelled};
 use crate::excitation::Amplitude;
-use crate::plant::{Placed, Places, Plant, PlantSpec, TestedAssembly};
+use crate::plant::{Plant, PlantSpec, TestedAssembly};
 use crate::rig::{Amplifier, Converter, RigSpec, ShakerSpec};
 use alloc::string::{String, ToString};
 use alloc::vec;
 use resonarm_analysis::Distances;
 use resonarm_analysis::structure::{Assess, Coordinate, Forced, TraceOptions, nearest, trace};
-use resonarm_dynamics::arm::{Pose, Preset, State};
 use resonarm_dynamics::integrate::Scheme;
 use resonarm_dynamics::structure::{
     Assembly, Axis, BodySpec, ChainSpec, ElementSpec, Law, Link, ModalSpec, ModeSpec, Place, ShapeSpec, StructureSpec,
@@ -24,9 +23,7 @@ fn place(point: &str, axis: Axis) -> Place {
 /// The exciter and accelerometer C at `tip`, B at `b`.
 fn tested(body: BodySpec, elements: Vec<ElementSpec>, b: &str) -> TestedAssembly {
     let assembly = Assembly::new(&StructureSpec { body, elements }).unwrap();
-    let placed = |at: &str| Placed { along: ["x", "y"].map(|axis| assembly.dof(&alloc::format!("{at}.{axis}")).ok()) };
-    let places = Places { exciter: placed("tip"), accelerometer_b: placed(b), accelerometer_c: placed("tip") };
-    TestedAssembly { initial: vec![0.0; 2 * assembly.coordinates()], places, assembly }
+    TestedAssembly::at_rest(assembly, "tip", b)
 }
 
 /// Modes at 20, 43 and 71 Hz with a spring at the tip that hardens.
@@ -91,18 +88,9 @@ fn plant(tested: &TestedAssembly, shaker: Option<ShakerSpec>) -> Plant {
     rig.accelerometer_b.noise_rms_m_s2 = Some(0.0);
     rig.accelerometer_c.noise_rms_m_s2 = Some(0.0);
     rig.impedance_head.noise_rms_n = Some(0.0);
-    let spec = PlantSpec {
-        parameters: Preset::default().parameters().unwrap(),
-        pose: Pose { beta1_deg: 0.0, beta2_deg: 60.0 },
-        initial: State::default(),
-        structure: Some(tested.clone()),
-        scheme: Scheme::default(),
-        sample_rate_hz: SAMPLING.rate_hz,
-        steps_per_sample: 4,
-        rig,
-        seed: 1,
-    };
-    Plant::new(&spec).unwrap()
+    let spec =
+        PlantSpec { scheme: Scheme::default(), sample_rate_hz: SAMPLING.rate_hz, steps_per_sample: 4, rig, seed: 1 };
+    Plant::new(&spec, tested).unwrap()
 }
 
 /// The responses of a walk that finishes.

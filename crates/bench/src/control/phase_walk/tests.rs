@@ -3,15 +3,15 @@
 use super::*;
 use crate::control::{CancelHarmonics, ModeNumber};
 use crate::excitation::Amplitude;
-use crate::plant::{Plant, PlantSpec};
+use crate::plant::{Plant, PlantSpec, tests};
 use crate::rig::{AccelerometerSpec, Converter, RigSpec};
 use alloc::collections::VecDeque;
 use alloc::string::{String, ToString};
-use resonarm_dynamics::arm::{Arm, Pose, Preset, State};
+use resonarm_dynamics::arm::{Arm, Pose};
 use resonarm_dynamics::integrate::Scheme;
 
 fn arm(beta2_deg: f64) -> Arm {
-    Arm::new(Preset::default().parameters().unwrap(), Pose { beta1_deg: 0.0, beta2_deg }).unwrap()
+    tests::arm(Pose { beta1_deg: 0.0, beta2_deg })
 }
 
 fn sampling(rate_hz: f64) -> Sampling {
@@ -23,18 +23,8 @@ fn torque(torque1_nm: f64) -> PhaseWalkSpec {
 }
 
 fn plant(beta2_deg: f64, rig: RigSpec) -> Plant {
-    let spec = PlantSpec {
-        parameters: Preset::default().parameters().unwrap(),
-        pose: Pose { beta1_deg: 0.0, beta2_deg },
-        initial: State::default(),
-        structure: None,
-        scheme: Scheme::default(),
-        sample_rate_hz: 1000.0,
-        steps_per_sample: 2,
-        rig,
-        seed: 1,
-    };
-    Plant::new(&spec).unwrap()
+    let spec = PlantSpec { scheme: Scheme::default(), sample_rate_hz: 1000.0, steps_per_sample: 2, rig, seed: 1 };
+    Plant::new(&spec, &tests::preset(arm(beta2_deg).pose())).unwrap()
 }
 
 /// Runs to the end of the walk, or stops after a minute and a half of simulated time.
@@ -72,7 +62,7 @@ fn walks_over_the_resonance_and_again_after_a_restart() {
         assert!((point.lag_rad.unwrap().to_degrees() - lag_deg).abs() < 0.6, "{point:?}");
     }
     // The plant is at rest again, except for what the loop leaves after half a second.
-    assert!(plant.state().alpha_rad.norm() < 1e-3, "{:?}", plant.state());
+    assert!(plant.states().arm().alpha_rad.norm() < 1e-3, "{:?}", plant.states());
     controller.restart();
     let mut fresh = self::plant(60.0, RigSpec::default());
     assert_eq!(walk(&mut controller, &mut fresh), (points, Answer::Finished));
