@@ -5,7 +5,7 @@
 
 use core::ops::{Add, Div, Mul, Neg, Sub};
 
-use wide::f64x4;
+use wide::{f64x4, f64x8};
 
 /// A number of the simulated path: `f64`, [`Lanes`] of them for arms side by side, [`f64x4`] for the stages of a step.
 pub(crate) trait Real:
@@ -154,6 +154,36 @@ impl Real for Lanes {
             all &= self.0[i].all_within(limit);
         }
         all
+    }
+}
+
+// The numbers of [`Lanes`] in vectors of the processor: for formulas so long that the compiler no longer finds the lanes
+// in loops.
+impl Real for f64x8 {
+    const WIDTH: usize = LANES;
+
+    #[inline(always)]
+    fn gather(of: impl Fn(usize) -> f64) -> f64x8 {
+        let mut result = [0.0; LANES];
+        for (i, value) in result.iter_mut().enumerate() {
+            *value = of(i);
+        }
+        f64x8::new(result)
+    }
+
+    #[inline(always)]
+    fn lane(self, i: usize) -> f64 {
+        self.to_array()[i]
+    }
+
+    #[inline(always)]
+    fn splat(value: f64) -> f64x8 {
+        f64x8::splat(value)
+    }
+
+    #[inline(always)]
+    fn all_within(self, limit: f64) -> bool {
+        (self * self).simd_le(f64x8::splat(limit * limit)).all()
     }
 }
 

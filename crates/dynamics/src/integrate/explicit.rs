@@ -81,7 +81,7 @@ pub(crate) fn step_by<T: Real, const S: usize, const N: usize>(
 
 /// y + h Σⱼ wⱼ kⱼ, the sum first; weights of zero cost nothing.
 #[inline(always)]
-fn combined<T: Real, const S: usize, const N: usize>(
+pub(crate) fn combined<T: Real, const S: usize, const N: usize>(
     y: &Motion<T, N>,
     h_s: f64,
     weights: &[f64; S],
