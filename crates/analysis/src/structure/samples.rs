@@ -174,11 +174,13 @@ impl Samples {
     /// Q and its derivatives along the motion.
     pub fn evaluate(&mut self, forced: &Forced, unknowns: &Unknowns, frequency_hz: f64) {
         let (samples, m) = (self.count(), unknowns.count());
-        self.load.clear();
-        self.load.resize(m * samples, 0.0);
-        for signal in &mut self.by {
-            signal.clear();
-            signal.resize(m * m * samples, 0.0);
+        let is_chain = matches!(unknowns.body, Body::Chain);
+        for (signal, pairs) in core::iter::once((&mut self.load, m)).chain(self.by.iter_mut().map(|by| (by, m * m))) {
+            // The unbalance of a chain is written over all of them.
+            if !is_chain {
+                signal.clear();
+            }
+            signal.resize(pairs * samples, 0.0);
         }
         self.by_step.clear();
         self.by_step.resize(m * samples, 0.0);

@@ -6,33 +6,31 @@ use core::f64::consts::TAU;
 
 use super::samples::Samples;
 
-/// 2/T ∫ f cos kτ and 2/T ∫ f sin kτ of one signal, k = −2H … 2H, at the place k + 2H: the cosines are even in k, the
-/// sines odd.
+/// 2/T ∫ f cos kτ and 2/T ∫ f sin kτ of one signal, k = −2H … 2H, at the place k + 2H: the first are even in k, the
+/// second odd.
 #[derive(Clone, Debug)]
 struct Line {
-    cosines: Vec<f64>,
-    sines: Vec<f64>,
+    harmonics: usize,
+    orders: Vec<[f64; 2]>,
 }
 
 impl Line {
     fn new(harmonics: usize) -> Line {
-        Line { cosines: vec![0.0; 4 * harmonics + 1], sines: vec![0.0; 4 * harmonics + 1] }
+        Line { harmonics, orders: vec![[0.0; 2]; 4 * harmonics + 1] }
     }
 
     /// Becomes that of a signal; returns whether the signal is other than zero anywhere.
     fn transform(&mut self, samples: &Samples, signal: &[f64]) -> bool {
-        let (first, middle) = (signal[0], self.cosines.len() / 2);
+        let (first, middle) = (signal[0], 2 * self.harmonics);
         let constant = signal.iter().all(|value| *value == first);
-        if constant {
-            self.cosines.fill(0.0);
-            self.sines.fill(0.0);
-        }
-        self.cosines[middle] = 2.0 * if constant { first } else { signal.iter().sum::<f64>() / signal.len() as f64 };
+        let mean = if constant { first } else { signal.iter().sum::<f64>() / signal.len() as f64 };
+        self.orders.fill([0.0; 2]);
+        self.orders[middle][0] = 2.0 * mean;
         if !constant {
             for k in 1..=middle {
                 let (cosine, sine) = samples.basis.project(k - 1, signal);
-                (self.cosines[middle + k], self.sines[middle + k]) = (cosine, sine);
-                (self.cosines[middle - k], self.sines[middle - k]) = (cosine, -sine);
+                self.orders[middle + k] = [cosine, sine];
+                self.orders[middle - k] = [cosine, -sine];
             }
         }
         !constant || first != 0.0
@@ -40,18 +38,20 @@ impl Line {
 
     /// Becomes a sum of lines, each times a factor.
     fn combine<'a>(&mut self, of: impl Iterator<Item = (f64, &'a Line)>) {
-        self.cosines.fill(0.0);
-        self.sines.fill(0.0);
+        self.orders.fill([0.0; 2]);
         for (factor, line) in of {
-            self.cosines.iter_mut().zip(&line.cosines).for_each(|(sum, value)| *sum += factor * value);
-            self.sines.iter_mut().zip(&line.sines).for_each(|(sum, value)| *sum += factor * value);
+            for (sum, order) in self.orders.iter_mut().zip(&line.orders) {
+                sum[0] += factor * order[0];
+                sum[1] += factor * order[1];
+            }
         }
     }
 
-    /// From k = −l and from k = l on: the numbers at k − l and at k + l, k = 0, 1 …
-    fn around(&self, l: usize) -> [[&[f64]; 2]; 2] {
-        let middle = self.cosines.len() / 2;
-        [middle - l, middle + l].map(|at| [&self.cosines[at..], &self.sines[at..]])
+    /// The numbers at k − l and at k + l, k = 0 … H.
+    fn around(&self, l: usize) -> impl Iterator<Item = [&[f64; 2]; 2]> {
+        let middle = 2 * self.harmonics;
+        let below = self.orders[middle - l..].iter().take(self.harmonics + 1);
+        below.zip(&self.orders[middle + l..]).map(|(below, above)| [below, above])
     }
 }
 
@@ -91,28 +91,30 @@ pub(super) fn operator(samples: &Samples, unknowns: usize, harmonics: usize, ome
             let of = |which: usize| (acts[which] && factors[which] != 0.0).then_some((factors[which], &lines[which]));
             u.combine(of(0).into_iter().chain(of(2)));
             v.combine(of(1).into_iter());
-            let ([[cu_minus, su_minus], [cu_plus, su_plus]], [[cv_minus, sv_minus], [cv_plus, sv_plus]]) =
-                (u.around(l), v.around(l));
             // The columns of cos lτ and sin lτ, or that of 1.
             let (first, others) = matrix[(2 * l).saturating_sub(1) * m * size..].split_at_mut(m * size);
-            let cosine = &mut first[j * size..(j + 1) * size];
-            cosine[i] = 0.5 * (0.5 * (cu_minus[0] + cu_plus[0]) - 0.5 * (sv_plus[0] - sv_minus[0]));
-            for k in 1..=harmonics {
-                let row = (2 * k - 1) * m + i;
-                cosine[row] = 0.5 * (cu_minus[k] + cu_plus[k]) - 0.5 * (sv_plus[k] - sv_minus[k]);
-                cosine[row + m] = 0.5 * (su_plus[k] + su_minus[k]) - 0.5 * (cv_minus[k] - cv_plus[k]);
-            }
-            if l == 0 {
-                continue;
-            }
-            let sine = &mut others[j * size..(j + 1) * size];
-            sine[i] = 0.5 * (0.5 * (su_plus[0] - su_minus[0]) + 0.5 * (cv_minus[0] + cv_plus[0]));
-            for k in 1..=harmonics {
-                let row = (2 * k - 1) * m + i;
-                sine[row] = 0.5 * (su_plus[k] - su_minus[k]) + 0.5 * (cv_minus[k] + cv_plus[k]);
-                sine[row + m] = 0.5 * (cu_minus[k] - cu_plus[k]) + 0.5 * (sv_plus[k] + sv_minus[k]);
+            let cosine = u.around(l).zip(v.around(l)).map(|([u, up], [v, vp])| {
+                [0.5 * (u[0] + up[0]) - 0.5 * (vp[1] - v[1]), 0.5 * (up[1] + u[1]) - 0.5 * (v[0] - vp[0])]
+            });
+            put(&mut first[j * size..(j + 1) * size], [m, i], cosine);
+            if l > 0 {
+                let sine = u.around(l).zip(v.around(l)).map(|([u, up], [v, vp])| {
+                    [0.5 * (up[1] - u[1]) + 0.5 * (v[0] + vp[0]), 0.5 * (u[0] - up[0]) + 0.5 * (vp[1] + v[1])]
+                });
+                put(&mut others[j * size..(j + 1) * size], [m, i], sine);
             }
         }
+    }
+}
+
+/// Puts the components along cos kτ and sin kτ, k = 0 … H, into the rows of one of `m` unknowns; along 1 half the first.
+fn put(column: &mut [f64], [m, i]: [usize; 2], mut components: impl Iterator<Item = [f64; 2]>) {
+    let (constant, others) = column.split_at_mut(m);
+    if let Some([first, _]) = components.next() {
+        constant[i] = 0.5 * first;
+    }
+    for (rows, [cosine, sine]) in others.chunks_exact_mut(2 * m).zip(components) {
+        (rows[i], rows[m + i]) = (cosine, sine);
     }
 }
 

@@ -79,8 +79,8 @@ fn doublings_and_doubled_branches_of_a_chain_are_those_of_the_arm() {
         let kinds: Vec<_> = expected.iter().map(|found| found.kind).collect();
         assert_eq!(got.iter().map(|found| found.kind).collect::<Vec<_>>(), kinds);
         for (got, expected) in got.iter().zip(expected) {
-            // Neimark–Sacker points are where the multipliers are on the circle, of the flow in steps.
-            let tolerance = if got.kind == BifurcationKind::NeimarkSacker { 1e-6 } else { 1e-10 };
+            // Neimark–Sacker points are where the multipliers of the flow are on the circle.
+            let tolerance = if got.kind == BifurcationKind::NeimarkSacker { 1e-9 } else { 1e-10 };
             near(got.orbit.value, expected.orbit.value, tolerance);
             near(got.orbit.readings[1].harmonic1.norm(), expected.orbit.harmonic1_rad[1], 1e3 * tolerance);
         }
