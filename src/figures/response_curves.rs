@@ -36,14 +36,47 @@ pub(crate) fn csv(frequency_hz: &[f64], responses: &[(String, String, Vec<[f64; 
     text
 }
 
-/// Phases in degrees with a gap wherever they jump from one end of the circle to the other.
+/// Phases in degrees, with a gap wherever they jump from one end of the circle to the other. The line goes on to ±180° on
+/// both sides of it, so that a point alone on one side is seen, too.
 pub(crate) fn broken_at_wraps(points: Vec<(f64, f64)>) -> Vec<(f64, f64)> {
-    let mut broken = Vec::with_capacity(points.len());
-    for point in points {
-        if broken.last().is_some_and(|before: &(f64, f64)| (point.1 - before.1).abs() > 270.0) {
-            broken.push((point.0, f64::NAN));
+    let mut broken: Vec<(f64, f64)> = Vec::with_capacity(points.len());
+    for (x, phase) in points {
+        if let Some(&(before_x, before)) = broken.last()
+            && (phase - before).abs() > 270.0
+        {
+            let edge = if phase < before { 180.0 } else { -180.0 };
+            let way = phase + 2.0 * edge - before;
+            let share = if way == 0.0 { 0.5 } else { (edge - before) / way };
+            let at = before_x + share * (x - before_x);
+            broken.extend([(at, edge), (at, f64::NAN), (at, -edge)]);
         }
-        broken.push(point);
+        broken.push((x, phase));
     }
     broken
+}
+
+#[cfg(test)]
+mod tests {
+    use super::broken_at_wraps;
+
+    #[test]
+    fn a_phase_that_wraps_goes_on_to_both_ends_of_the_circle() {
+        let found = broken_at_wraps(vec![(1.0, 170.0), (2.0, -170.0), (4.0, 160.0), (5.0, f64::NAN), (6.0, 180.0)]);
+        let expected = [
+            (1.0, 170.0),
+            (1.5, 180.0),
+            (1.5, f64::NAN),
+            (1.5, -180.0),
+            (2.0, -170.0),
+            (2.0 + 2.0 / 3.0, -180.0),
+            (2.0 + 2.0 / 3.0, f64::NAN),
+            (2.0 + 2.0 / 3.0, 180.0),
+            (4.0, 160.0),
+            (5.0, f64::NAN),
+            (6.0, 180.0),
+        ];
+        assert_eq!(format!("{found:?}"), format!("{expected:?}"));
+        let flat = broken_at_wraps(vec![(1.0, 180.0), (2.0, -180.0)]);
+        assert_eq!((flat.len(), flat[1], flat[3]), (5, (1.5, 180.0), (1.5, -180.0)));
+    }
 }

@@ -386,11 +386,48 @@ pub enum UffFault {
         /// Units of force in a newton.
         force: f64,
     },
-    /// Modes that are complex.
-    #[error("the modes are complex: a modal structure has real, normal modes; their real part alone would be others")]
-    Complex,
+    /// A complex mode.
+    #[error(
+        "mode {mode} is complex: turned so that it is as real as it can be, its shape has an imaginary part of {} of the \
+         shape; a modal structure has normal modes, with {} at most. Identify normal modes, or write the structure as \
+         matrices, with its dampers as elements of kind `linear`", short(&(libm::round(share * 1e4) / 1e4)), short(.most)
+    )]
+    ComplexShape {
+        /// The mode's number.
+        mode: i64,
+        /// The imaginary part over the shape.
+        share: f64,
+        /// The most that a normal mode may have.
+        most: f64,
+    },
+    /// Modal A of another mode.
+    #[error(
+        "mode {mode}: modal A, over twice its eigenvalue's imaginary part, is a modal mass of {} + {}j: that of a normal \
+         mode is positive, with an imaginary part of {} of it at most", short(&got[0]), short(&got[1]), short(.most)
+    )]
+    ModalA {
+        /// The mode's number.
+        mode: i64,
+        /// Real and imaginary part of the modal mass, in the units of the file.
+        got: [f64; 2],
+        /// The most of the imaginary part, over the real one.
+        most: f64,
+    },
+    /// An eigenvalue that is not of a vibration.
+    #[error(
+        "mode {mode}: its eigenvalue is {} + {}j rad/s: expected the one of its pair with a positive imaginary part",
+        short(&got[0]), short(&got[1])
+    )]
+    Eigenvalue {
+        /// The mode's number.
+        mode: i64,
+        /// Real and imaginary part, rad/s.
+        got: [f64; 2],
+    },
     /// A dataset of something else.
-    #[error("dataset {dataset} of analysis type {got}: modes have 2, normal mode")]
+    #[error(
+        "dataset {dataset} of analysis type {got}: modes have 2, normal mode, or 3, complex eigenvalue of first order"
+    )]
     Analysis {
         /// Number of the dataset, as the file has it.
         dataset: u32,

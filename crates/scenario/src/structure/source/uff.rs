@@ -10,6 +10,14 @@
 //! by l. The file's unit of mass is its unit of force times s² over its unit of length, l/f kg: with mm and mN a
 //! kilogram, with mm and N a tonne. A modal mass μ = φᵀMφ belongs to the numbers φ of its shape, so that φ/√(μ l/f) has
 //! the modal mass 1 kg, whatever the unit and the scale of φ.
+//!
+//! Test software also writes normal modes as complex ones: with a complex eigenvalue λ = σ + jω (analysis type 3), complex
+//! numbers at the nodes, or both. Then f = |λ|/2π and ζ = −σ/|λ|. A complex shape φ of a normal mode is a real one, ψ,
+//! turned by an angle: φ = ψ exp(jθ). The real parts of φ exp(−jθ) have the sum of squares (Σ|φᵢ|² + Re(exp(−2jθ) Σφᵢ²))/2,
+//! which is largest for 2θ = arg Σφᵢ²; what is left in the imaginary parts has (Σ|φᵢ|² − |Σφᵢ²|)/2. The mode is taken as
+//! normal if the root of that over Σ|φᵢ|² is at most [`MOST_IMAGINARY`]. Instead of the modal mass such a file has modal A,
+//! a = φᵀ(2λM + C)φ = 2jωμ exp(2jθ) with ψᵀCψ = −2σμ, so that μ = a exp(−2jθ)/2jω, which must be real within the same
+//! share.
 
 use std::collections::{BTreeMap, BTreeSet};
 
@@ -18,6 +26,9 @@ use super::error::{UffError, UffFault};
 
 /// Begins and ends a dataset.
 const DELIMITER: &str = "-1";
+/// The largest imaginary part of a normal mode's shape, over the shape, and of its modal mass. Modes that are made of a
+/// structure leave out as much at most, by which damping makes one mode move another.
+const MOST_IMAGINARY: f64 = 0.01;
 /// Axes of a node.
 const AXES: [&str; 3] = ["x", "y", "z"];
 
@@ -55,17 +66,40 @@ impl Default for Units {
     }
 }
 
-/// The modal masses, viscous and hysteretic damping ratios and the like at the head of a mode.
+/// What a dataset says about a mode before the values at the nodes.
 struct ModeHead {
     number: i64,
     frequency_hz: f64,
-    modal_mass: f64,
-    viscous: f64,
-    hysteretic: f64,
+    damping_ratio: f64,
+    mass: HeadMass,
+    /// Whether each value at a node is two numbers, real and imaginary part.
+    is_complex: bool,
     /// Values at a node.
     values: usize,
     /// What messages call a node, and the values at it.
     names: [&'static str; 2],
+}
+
+/// What a head says about the modal mass, in the units of the file; 0 if it is not known.
+#[derive(Clone, Copy)]
+enum HeadMass {
+    Modal(f64),
+    /// Modal A, real and imaginary part, of a mode with this imaginary part of its eigenvalue, rad/s.
+    ModalA([f64; 2], f64),
+}
+
+impl HeadMass {
+    /// Real and imaginary part of the modal mass of the shape turned back by θ, of which this is the angle 2θ.
+    fn turned(self, twice_rad: f64) -> [f64; 2] {
+        match self {
+            HeadMass::Modal(mass) => [mass, 0.0],
+            HeadMass::ModalA([re, im], omega_rad_s) => {
+                let (sin, cos) = (libm::sin(twice_rad), libm::cos(twice_rad));
+                let (re, im) = (re * cos + im * sin, im * cos - re * sin);
+                [im / (2.0 * omega_rad_s), -re / (2.0 * omega_rad_s)]
+            }
+        }
+    }
 }
 
 #[derive(Default)]
@@ -318,17 +352,55 @@ fn head_of_55(records: &mut Records<'_>) -> Result<ModeHead, UffError> {
         records.next();
     }
     let kind = kind(records, what)?;
-    check_real(records, &kind)?;
-    if kind[1] != NORMAL_MODE {
+    if !matches!(kind[1], NORMAL_MODE | COMPLEX_EIGENVALUE) {
         return records.refuse(UffFault::Analysis { dataset: 55, got: kind[1] });
     }
     let values = values_at_a_node(records, 55, &kind)?;
     let counts = records.numbers("dataset 55, the numbers of load case and mode", 4)?;
     let number = records.whole(what, counts[3])?;
+    let names = ["dataset 55, a node", "dataset 55, the values at a node"];
+    if kind[1] == COMPLEX_EIGENVALUE {
+        let numbers = records.numbers("dataset 55, eigenvalue and modal A", 4)?;
+        return complex_head(records, number, &numbers, &kind, values, names);
+    }
     let numbers = records.numbers("dataset 55, frequency, modal mass and damping ratios", 4)?;
     let [frequency_hz, modal_mass, viscous, hysteretic] = [0, 1, 2, 3].map(|index| numbers[index]);
-    let names = ["dataset 55, a node", "dataset 55, the values at a node"];
-    Ok(ModeHead { number, frequency_hz, modal_mass, viscous, hysteretic, values, names })
+    let damping_ratio = viscous_ratio(records, number, viscous, hysteretic)?;
+    let (mass, is_complex) = (HeadMass::Modal(modal_mass), has_complex_values(&kind));
+    Ok(ModeHead { number, frequency_hz, damping_ratio, mass, is_complex, values, names })
+}
+
+/// The head of a mode with a complex eigenvalue, whose numbers are those of the eigenvalue and of modal A.
+fn complex_head(
+    records: &Records<'_>,
+    number: i64,
+    numbers: &[f64],
+    kind: &[i64; 6],
+    values: usize,
+    names: [&'static str; 2],
+) -> Result<ModeHead, UffError> {
+    let (sigma, omega) = (numbers[0], numbers[1]);
+    if omega <= 0.0 {
+        return records.refuse(UffFault::Eigenvalue { mode: number, got: [sigma, omega] });
+    }
+    let magnitude = libm::hypot(sigma, omega);
+    Ok(ModeHead {
+        number,
+        frequency_hz: magnitude / core::f64::consts::TAU,
+        damping_ratio: -sigma / magnitude,
+        mass: HeadMass::ModalA([numbers[2], numbers[3]], omega),
+        is_complex: has_complex_values(kind),
+        values,
+        names,
+    })
+}
+
+/// The viscous damping ratio. Refuses hysteretic damping alone.
+fn viscous_ratio(records: &Records<'_>, mode: i64, viscous: f64, hysteretic: f64) -> Result<f64, UffError> {
+    if viscous == 0.0 && hysteretic != 0.0 {
+        return records.refuse(UffFault::Hysteretic { mode, got: hysteretic });
+    }
+    Ok(viscous)
 }
 
 /// Dataset 2414: its label, a name, where the data are, five lines of text; a line as in dataset 55; eight numbers, the
@@ -349,8 +421,7 @@ fn head_of_2414(records: &mut Records<'_>) -> Result<Option<ModeHead>, UffError>
     if !is_at_nodes || !matches!(kind[3], UNKNOWN | GENERAL | DISPLACEMENT) {
         return Ok(None);
     }
-    check_real(records, &kind)?;
-    if kind[1] != NORMAL_MODE {
+    if !matches!(kind[1], NORMAL_MODE | COMPLEX_EIGENVALUE) {
         return Ok(None);
     }
     let values = values_at_a_node(records, 2414, &kind)?;
@@ -358,14 +429,22 @@ fn head_of_2414(records: &mut Records<'_>) -> Result<Option<ModeHead>, UffError>
     let number = records.whole(what, counts[5])?;
     records.next();
     let numbers = records.numbers("dataset 2414, frequency, modal mass and damping ratios", 6)?;
+    let names = ["dataset 2414, a node", "dataset 2414, the values at a node"];
+    if kind[1] == COMPLEX_EIGENVALUE {
+        let numbers = records.numbers("dataset 2414, eigenvalue and modal A", 4)?;
+        return complex_head(records, number, &numbers, &kind, values, names).map(Some);
+    }
     let [frequency_hz, modal_mass, viscous, hysteretic] = [1, 3, 4, 5].map(|index| numbers[index]);
     records.next();
-    let names = ["dataset 2414, a node", "dataset 2414, the values at a node"];
-    Ok(Some(ModeHead { number, frequency_hz, modal_mass, viscous, hysteretic, values, names }))
+    let damping_ratio = viscous_ratio(records, number, viscous, hysteretic)?;
+    let (mass, is_complex) = (HeadMass::Modal(modal_mass), has_complex_values(&kind));
+    Ok(Some(ModeHead { number, frequency_hz, damping_ratio, mass, is_complex, values, names }))
 }
 
 /// Codes of the analysis and of the quantity.
 const NORMAL_MODE: i64 = 2;
+/// With displacements. Type 7, with velocities, has another scale, and is not read.
+const COMPLEX_EIGENVALUE: i64 = 3;
 const UNKNOWN: i64 = 0;
 const GENERAL: i64 = 1;
 const DISPLACEMENT: i64 = 8;
@@ -380,12 +459,9 @@ fn kind(records: &mut Records<'_>, what: &'static str) -> Result<[i64; 6], UffEr
     Ok(kind)
 }
 
-/// Refuses complex eigenvalues, of displacement and of velocity, and complex numbers.
-fn check_real(records: &Records<'_>, kind: &[i64; 6]) -> Result<(), UffError> {
-    match matches!(kind[1], 3 | 7) || (kind[1] == NORMAL_MODE && matches!(kind[4], 5 | 6)) {
-        true => records.refuse(UffFault::Complex),
-        false => Ok(()),
-    }
+/// Whether values are complex, in single or in double precision.
+const fn has_complex_values(kind: &[i64; 6]) -> bool {
+    matches!(kind[4], 5 | 6)
 }
 
 /// How many values there are at a node, of displacements.
@@ -406,22 +482,46 @@ fn mode(
     units: Units,
     modal_mass_kg: Option<f64>,
 ) -> Result<Mode, UffError> {
-    let ModeHead { number, frequency_hz, modal_mass, viscous, hysteretic, values, names } = *head;
-    let mass_kg = match modal_mass_kg {
-        Some(mass_kg) if modal_mass == 0.0 => mass_kg,
-        _ if modal_mass > 0.0 => modal_mass * units.length / units.force,
-        _ => return records.refuse(UffFault::ModalMass { mode: number, got: modal_mass }),
-    };
-    if viscous == 0.0 && hysteretic != 0.0 {
-        return records.refuse(UffFault::Hysteretic { mode: number, got: hysteretic });
-    }
-    let scale = 1.0 / libm::sqrt(mass_kg);
-    let mut shape = BTreeMap::new();
+    let ModeHead { number, frequency_hz, damping_ratio, mass, is_complex, values, names } = *head;
+    let line = records.line;
+    let mut shape: BTreeMap<u32, [[f64; 2]; 3]> = BTreeMap::new();
     while !records.is_at_end() {
         let node = records.numbers(names[0], 1)?;
         let node = records.whole(names[0], node[0])?;
-        let values = records.numbers(names[1], values)?;
-        insert(records, &mut shape, node, [0, 1, 2].map(|axis| scale * values[axis]))?;
+        let values = match is_complex {
+            false => Vec::from_iter(records.numbers(names[1], values)?.into_iter().map(|value| [value, 0.0])),
+            true => {
+                // Of six complex values there are two lines.
+                let mut numbers = Vec::new();
+                while numbers.len() < 2 * values {
+                    numbers.extend(records.numbers(names[1], 1)?);
+                }
+                numbers.as_chunks().0.to_vec()
+            }
+        };
+        if shape.insert(node, [0, 1, 2].map(|axis| values[axis])).is_some() {
+            return records.refuse(UffFault::NodeAgain { node });
+        }
     }
-    Ok(Mode { frequency_hz, damping_ratio: viscous, shape, has_stated_mass: modal_mass == 0.0 })
+    let (mut square, mut sum) = ([0.0, 0.0], 0.0);
+    for &[re, im] in shape.values().flatten() {
+        square = [square[0] + (re * re - im * im), square[1] + 2.0 * re * im];
+        sum += re * re + im * im;
+    }
+    let twice_rad = libm::atan2(square[1], square[0]);
+    let left = libm::sqrt(f64::max(0.5 * (1.0 - libm::hypot(square[0], square[1]) / sum), 0.0));
+    if left > MOST_IMAGINARY {
+        return Err(at(line, UffFault::ComplexShape { mode: number, share: left, most: MOST_IMAGINARY }));
+    }
+    let is_known = !matches!(mass, HeadMass::Modal(0.0) | HeadMass::ModalA([0.0, 0.0], _));
+    let mass_kg = match (modal_mass_kg, mass.turned(twice_rad)) {
+        (Some(mass_kg), _) if !is_known => mass_kg,
+        (_, [mass, left]) if mass > 0.0 && left.abs() <= MOST_IMAGINARY * mass => mass * units.length / units.force,
+        (_, [got, 0.0]) => return Err(at(line, UffFault::ModalMass { mode: number, got })),
+        (_, got) => return Err(at(line, UffFault::ModalA { mode: number, got, most: MOST_IMAGINARY })),
+    };
+    let (scale, sin, cos) = (1.0 / libm::sqrt(mass_kg), libm::sin(0.5 * twice_rad), libm::cos(0.5 * twice_rad));
+    let real = |[re, im]: [f64; 2]| scale * if is_complex { re * cos + im * sin } else { re };
+    let shape = shape.into_iter().map(|(node, values)| (node, values.map(real))).collect();
+    Ok(Mode { frequency_hz, damping_ratio, shape, has_stated_mass: !is_known })
 }
