@@ -2,38 +2,34 @@
 simulated on a bench and computed by analysis.
 
 SI units throughout, angles of the pose in degrees; a name that is not a typed quantity carries its unit. Vibration
-angles α are deflections of the joints about the pose β. Invalid values raise `ValueError`, arguments of the wrong type
+angles α are deflections of the joints about the pose. Invalid values raise `ValueError`, arguments of the wrong type
 `TypeError`, refusals of the system `OSError`, and valid requests that fail `ResonarmError`.
 """
 
-from ._resonarm import Measurement, Mode, ResonarmError, StableMotion, __version__, presets
-from .arm import Arm
-from .basins import Basins
-from .continuation import Branch, BranchEndedEarly, Curve
+from ._resonarm import Measurement, Mode, ResonarmError, __version__, presets
+from .basins import Basins, StableMotion
+from .continuation import Branch, Curve, EndedEarly
 from .log_import import import_log
-from .own_structure import Structure
+from .own_structure import Stepped
 from .plant import Plant
 from .protocol import Decoded, Decoder, Encoder, Frame, Network
 from .recording import Recording, RecordingWarning
 from .scenario import Scenario
 from .session import Node, Report, run
-from .structure_basins import StructureBasins, StructureMotion
-from .structure_branch import StructureBranch, StructureBranchEndedEarly
-from .structure_words import Element, Link, ModeShape
-from .structures import AccuracyWarning, Chain, Modal
+from .structures import AccuracyWarning, Chain, Modal, Structure
+from .tables import Element, Link, ModeShape
 
 __all__ = [
     "AccuracyWarning",
-    "Arm",
     "Basins",
     "Branch",
-    "BranchEndedEarly",
     "Chain",
     "Curve",
     "Decoded",
     "Decoder",
     "Element",
     "Encoder",
+    "EndedEarly",
     "Frame",
     "Link",
     "Measurement",
@@ -49,11 +45,8 @@ __all__ = [
     "ResonarmError",
     "Scenario",
     "StableMotion",
+    "Stepped",
     "Structure",
-    "StructureBasins",
-    "StructureBranch",
-    "StructureBranchEndedEarly",
-    "StructureMotion",
     "__version__",
     "import_log",
     "presets",

@@ -2,7 +2,6 @@
 
 import math
 import operator
-from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
@@ -51,14 +50,6 @@ def rows(count: int) -> int:
     if operator.index(count) < 1:
         raise ValueError(f"rows is {count}: it must be 1 or more")
     return min(operator.index(count), LAST)
-
-
-def four(name: str, given: Sequence[float]) -> tuple[float, float, float, float]:
-    """A state, whole."""
-    if len(given) != 4:
-        raise ValueError(f"{name} has {len(given)} numbers: it needs four, α1,α2,α̇1,α̇2 in rad and rad/s")
-    first, second, third, fourth = given
-    return (first, second, third, fourth)
 
 
 def number(name: str, given: float) -> float:

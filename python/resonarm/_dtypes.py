@@ -32,18 +32,7 @@ def _rows(*fields: tuple[str, str, int]) -> np.dtype[Any]:
 
 NUMBER: np.dtype[Any] = np.dtype("<f8")
 COMPLEX: np.dtype[Any] = np.dtype("<c16")
-MOTION = _rows(("t_s", "f8", 1), ("alpha_rad", "f8", 2), ("alpha_dot_rad_s", "f8", 2))
-ORBIT = _rows(
-    ("value", "f8", 1),
-    ("frequency_hz", "f8", 1),
-    ("amplitude_rad", "f8", 2),
-    ("harmonic1_rad", "f8", 2),
-    ("stable", "?", 1),
-    ("period", "u8", 1),
-    ("multipliers", "c16", 4),
-)
 OUTCOME = _rows(("motion", "i8", 1), ("periods", "u8", 1))
-SINGULAR = _rows(("value", "f8", 1), ("value2", "f8", 1), ("harmonic1_rad", "f8", 2))
 
 _COMPONENTS = dict(known_vectors())
 
@@ -100,16 +89,26 @@ def played(channels: Vectors) -> np.dtype[Any]:
     return _rows(("sample", "u8", 1), *_vectors(channels), *_READINGS)
 
 
-def structure_orbit(read: list[tuple[str, str]], multipliers: int) -> np.dtype[Any]:
-    """The type of the rows of a structure's branch: degrees of freedom that are read, each with its unit, and the
-    number of multipliers."""
-    readings = [
+def _readings(read: list[tuple[str, str]]) -> list[tuple[str, str, int]]:
+    """The columns of degrees of freedom that are read, each with its unit."""
+    return [
         (f"{dof.replace('.', '_')}_{name}_{unit}", form, 1)
         for dof, unit in read
         for name, form in (("largest", "f8"), ("mean", "f8"), ("harmonic1", "c16"))
     ]
+
+
+def orbit(read: list[tuple[str, str]], multipliers: int) -> np.dtype[Any]:
+    """The type of the rows of a branch: degrees of freedom that are read, each with its unit, and the number of
+    multipliers."""
     scalars = [("value", "f8", 1), ("frequency_hz", "f8", 1), ("drive", "f8", 1), ("stable", "?", 1)]
-    return _rows(*scalars, ("harmonics", "u8", 1), *readings, ("multipliers", f"({multipliers},)c16", 1))
+    counts = [("harmonics", "u8", 1), ("period", "u8", 1)]
+    return _rows(*scalars, *counts, *_readings(read), ("multipliers", f"({multipliers},)c16", 1))
+
+
+def singular(read: list[tuple[str, str]]) -> np.dtype[Any]:
+    """The type of the rows of a curve of bifurcations, with the degrees of freedom that are read."""
+    return _rows(("value", "f8", 1), ("value2", "f8", 1), *_readings(read))
 
 
 def rows_of(recording: Recording, part: str) -> np.dtype[Any]:

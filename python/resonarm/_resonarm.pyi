@@ -17,7 +17,7 @@ def printable(text: str) -> str: ...
 
 @final
 class Mode:
-    """A natural mode of a linearised arm or structure. Modes are equal if all their numbers are."""
+    """A natural mode of a structure. Modes are equal if all their numbers are."""
 
     def __new__(cls, frequency_hz: float, damping_ratio: float, shape: Sequence[float]) -> Self: ...
     @property
@@ -28,102 +28,18 @@ class Mode:
         """Damping ratio, 1 is critical."""
     @property
     def shape(self) -> tuple[float, ...]:
-        """Shape in the coordinates, of an arm (α1, α2), normalised to the mass matrix."""
-
-class Arm:
-    def __new__(
-        cls,
-        preset: Preset = "irb1600-fitted",
-        *,
-        beta1_deg: float = 0.0,
-        beta2_deg: float = 60.0,
-        parameters: dict[str, Any] | None = None,
-    ) -> Self: ...
-    @property
-    def preset(self) -> Preset: ...
-    @property
-    def beta1_deg(self) -> float: ...
-    @property
-    def beta2_deg(self) -> float: ...
-    @property
-    def parameters(self) -> dict[str, Any]: ...
-    @property
-    def own_parameters(self) -> dict[str, Any]: ...
-    def modes(self) -> list[Mode]:
-        """Both natural modes, the lower first."""
-    def __getnewargs_ex__(self) -> tuple[tuple[str], dict[str, Any]]: ...
-    def frf_at(self, frequency_hz: bytes, terms: tuple[str, str, str]) -> bytearray: ...
-    def motion(
-        self,
-        initial: tuple[float, float, float, float],
-        sine: _Sine,
-        stepping: tuple[str | None, float],
-        length: tuple[int, int],
-    ) -> bytearray: ...
-
-def ensemble(arm: Arm, sine: _Sine, initial: bytes, length: tuple[int, int]) -> bytearray: ...
-
-@final
-class StableMotion:
-    """A stable periodic motion of the arm under a sine. Motions are equal if all their numbers are."""
-
-    def __new__(
-        cls,
-        period: int,
-        largest_multiplier: float,
-        amplitude_rad: tuple[float, float],
-        section: list[tuple[float, float, float, float]],
-    ) -> Self: ...
-    @property
-    def period(self) -> int:
-        """Periods of the excitation after which it repeats."""
-    @property
-    def largest_multiplier(self) -> float:
-        """Largest magnitude of its Floquet multipliers, over its own period."""
-    @property
-    def amplitude_rad(self) -> tuple[float, float]:
-        """The largest |α1| and |α2|, rad."""
-    @property
-    def section(self) -> list[tuple[float, float, float, float]]:
-        """The states at phase 0 of the excitation: α1, α2, rad, α̇1, α̇2, rad/s."""
-
-@final
-class Attractors:
-    def __new__(cls, arm: Arm, sine: _Sine) -> Self: ...
-    @property
-    def motions(self) -> list[StableMotion]: ...
-    @property
-    def ended_early(self) -> str | None: ...
-    def outcomes(self, initial: bytes, time_constants: float, on_cores: bool) -> bytearray: ...
-
-@final
-class Traced:
-    @property
-    def branches(self) -> list[tuple[bytearray, list[str], bytearray]]: ...
-    @property
-    def curves(self) -> list[tuple[str, bytearray, bytearray, list[bool]]]: ...
-    @property
-    def ended_early(self) -> str | None: ...
+        """Shape in the coordinates, normalised to the mass matrix."""
 
 def presets() -> list[Preset]:
     """The names of the parameter sets that come with the package."""
 
 def step_rate_hz(name: str | None = None) -> float: ...
-def parameter_label(name: str) -> tuple[str, str]: ...
-def trace_branch(
-    arm: Arm,
-    drive: tuple[tuple[float, float, float, float], float, float],
-    range: tuple[str, float, float],
-    limits: tuple[int, int, float],
-    doubled: bool,
-    curves: tuple[str, float] | None,
-) -> Traced: ...
 
 _Load = tuple[float, float]
 _Pair = Sequence[float] | NDArray[Any]
 _Path = str | PathLike[str]
 _FrameParts = tuple[int, bool, bytes, bool, bool]
-_Sine = tuple[_Load, _Load, float]
+_Drive = tuple[list[tuple[str, float]], float, float]
 _RealTime = tuple[str | None, str | None, int | None, int | None, bool, float | str | None]
 _How = tuple[str, _Path | None, bool, float | None, float | None, int, bool, _RealTime]
 _Controller = tuple[Callable[[Measurement], _Load | None], str]
@@ -140,8 +56,10 @@ class Assembly:
     @property
     def numbers(self) -> dict[str, Any]: ...
     @property
-    def arm_section(self) -> dict[str, Any] | None:
-        """The section `[arm]` beside it, of an arm with elements; else None."""
+    def parameters(self) -> list[str]:
+        """The names of all its parameters, as `link2.mass_kg`, `mode1.damping_ratio` or `element1.gap_m`."""
+    def parameter(self, name: str) -> tuple[float, str]:
+        """The value of a parameter, and its unit, empty if it has none. Raises ValueError for an unknown name."""
     @property
     def chain_links(self) -> list[Any]: ...
     @property
@@ -161,23 +79,25 @@ class Assembly:
     def motion(
         self,
         initial: list[float] | None,
-        sine: tuple[str, float, float] | None,
+        drive: _Drive | None,
         stepping: tuple[str | None, float],
         length: tuple[int, int],
     ) -> tuple[bytearray, int]: ...
 
+def ensemble(structure: Assembly, drive: _Drive, initial: bytes, length: tuple[int, int]) -> bytearray: ...
+
 @final
-class StructureAttractors:
-    def __new__(cls, structure: Assembly, drive: tuple[str, float, float]) -> Self: ...
+class Attractors:
+    def __new__(cls, structure: Assembly, drive: _Drive) -> Self: ...
     @property
     def motions(self) -> list[tuple[int, float, list[float], list[list[float]]]]: ...
     @property
     def ended_early(self) -> str | None: ...
     def reach(self, index: int) -> float: ...
-    def outcomes(self, initial: bytes, time_constants: float) -> bytearray: ...
+    def outcomes(self, initial: bytes, time_constants: float, on_cores: bool) -> bytearray: ...
 
 @final
-class TracedStructure:
+class TracedBranch:
     @property
     def points(self) -> bytearray: ...
     @property
@@ -190,6 +110,15 @@ class TracedStructure:
     def unlocated(self) -> list[tuple[str, float, float]]: ...
     @property
     def multipliers(self) -> int: ...
+
+@final
+class Traced:
+    @property
+    def branch(self) -> TracedBranch: ...
+    @property
+    def doubled(self) -> list[TracedBranch]: ...
+    @property
+    def curves(self) -> list[tuple[str, bytearray, bytearray, list[bool]]]: ...
     @property
     def ended_early(self) -> str | None: ...
 
@@ -197,14 +126,14 @@ def modes_of_matrices(
     matrices: _Matrices, dofs: dict[str, int], base: dict[str, list[int]], modes: int | None
 ) -> dict[str, Any]: ...
 def modes_of_structure(structure: Assembly, modes: int | None) -> dict[str, Any]: ...
-def trace_structure(
+def trace_branch(
     structure: Assembly,
-    drive: tuple[str, float, float],
-    range: tuple[bool, float, float],
+    drive: _Drive,
+    range: tuple[str, float, float],
     at: list[str],
-    limits: tuple[int, int, float],
-    stability: bool,
-) -> TracedStructure: ...
+    settings: tuple[int, int, float, bool],
+    beyond: tuple[bool, tuple[str, float] | None],
+) -> Traced: ...
 
 class Scenario:
     def __new__(cls, text: str = "", *, path: _Path | None = None, folder: _Path | None = None) -> Self: ...

@@ -6,27 +6,37 @@ from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
+from numpy.typing import ArrayLike, NDArray
 
-from . import _checks, _extras, _resonarm
+from . import _checks, _drive, _extras, _resonarm
+from ._drive import Drive
 from ._dtypes import NUMBER, OUTCOME, Array, view
-from ._load import Load
-from .words import Coordinate
 
-COORDINATES = ("alpha1_rad", "alpha2_rad", "alpha1_dot_rad_s", "alpha2_dot_rad_s")
-"""The coordinates of a state, in its order."""
-LABELS = ("α₁ (rad)", "α₂ (rad)", "α̇₁ (rad/s)", "α̇₂ (rad/s)")
 UNDECIDED, DIVERGES = 0, -1
-REACH = 1.5
 MOST_POINTS = 1000
 TIME_CONSTANTS = 40.0
-State = tuple[float, float, float, float]
-AT_REST: State = (0.0, 0.0, 0.0, 0.0)
 
 
 @dataclass(frozen=True, repr=False, eq=False)
-class Cells:
-    """Which motion the states of a grid reach."""
+class StableMotion:
+    """A stable periodic motion under a sine."""
+
+    period: int
+    """Periods of the excitation after which it repeats."""
+    largest_multiplier: float
+    """Largest magnitude of its Floquet multipliers, over its own period."""
+    largest: NDArray[np.float64]
+    """The largest magnitude of each coordinate, rad or m·√kg."""
+    section: NDArray[np.float64]
+    """The states at phase 0 of the excitation, one a row: coordinates, rates, states of elements."""
+
+    def __repr__(self) -> str:
+        return f"<StableMotion of period {self.period}, largest multiplier {self.largest_multiplier:.6}>"
+
+
+@dataclass(frozen=True, repr=False, eq=False)
+class Basins:
+    """Which initial states reach which stable motion."""
 
     coordinates: tuple[str, str]
     """The coordinates that vary, of the columns and of the rows."""
@@ -40,17 +50,22 @@ class Cells:
     """Periods of the excitation until that was certain."""
     ended_early: str | None
     """Why some stable motions may not be known; None if all are."""
+    motions: tuple[StableMotion, ...]
+    """The stable motions, by their largest displacement where the structure is driven first."""
+    known: tuple[str, ...]
+    """The names of all coordinates and rates, in the order of a state."""
 
-    def _counted(self, motions: int) -> str:
-        counts = [f"{np.count_nonzero(self.motion == k + 1)} reach motion {k + 1}" for k in range(motions)]
+    def __repr__(self) -> str:
+        counts = [f"{np.count_nonzero(self.motion == k + 1)} reach motion {k + 1}" for k in range(len(self.motions))]
         for outcome, name in ((UNDECIDED, "undecided"), (DIVERGES, "diverge")):
             if count := np.count_nonzero(self.motion == outcome):
                 counts.append(f"{count} {name}")
-        of = f"<{type(self).__name__} in {self.coordinates[0]} and {self.coordinates[1]}"
+        of = f"<Basins in {self.coordinates[0]} and {self.coordinates[1]}"
         return f"{of}: of {self.motion.size} states {', '.join(counts)}>"
 
-    def _drawn(self, ax: Any, sections: Sequence[NDArray[np.float64]], labels: Sequence[str]) -> Any:
-        """Draws the grid, and the two coordinates of each motion at phase 0."""
+    def plot(self, ax: Any = None) -> Any:
+        """Draws the grid, a colour a motion, grey where undecided, and the motions at phase 0 as diamonds. `ax` are
+        matplotlib's axes, by default those of a new figure; they are returned."""
         ax = _extras.axes(ax)
         for k in sorted({int(k) for k in np.unique(self.motion)}):
             color = {UNDECIDED: "0.7", DIVERGES: "black"}.get(k, f"C{k - 1}")
@@ -60,31 +75,15 @@ class Cells:
             # Cells that touch, whatever the size of the figure.
             ax.pcolormesh(self.x, self.y, cells, cmap=colors, shading="nearest")
             ax.plot([], [], "s", color=color, label=name)
-        for number, section in enumerate(sections):
+        index = [self.known.index(name) for name in self.coordinates]
+        for number, motion in enumerate(self.motions):
+            at = motion.section[:, index]
             label = None if number else "stable motions"
-            ax.plot(section[:, 0], section[:, 1], "D", color="black", markerfacecolor="white", label=label)
-        ax.set_xlabel(labels[0])
-        ax.set_ylabel(labels[1])
+            ax.plot(at[:, 0], at[:, 1], "D", color="black", markerfacecolor="white", label=label)
+        ax.set_xlabel(self.coordinates[0])
+        ax.set_ylabel(self.coordinates[1])
         ax.legend()
         return ax
-
-
-@dataclass(frozen=True, repr=False, eq=False)
-class Basins(Cells):
-    """Which initial states reach which stable motion."""
-
-    motions: tuple[_resonarm.StableMotion, ...]
-    """The stable motions, by their largest |α1|."""
-
-    def __repr__(self) -> str:
-        return self._counted(len(self.motions))
-
-    def plot(self, ax: Any = None) -> Any:
-        """Draws the grid, a colour a motion, grey where undecided, and the motions at phase 0 as diamonds. `ax` are
-        matplotlib's axes, by default those of a new figure; they are returned."""
-        index = [COORDINATES.index(name) for name in self.coordinates]
-        sections = [np.array(motion.section)[:, index] for motion in self.motions]
-        return self._drawn(ax, sections, [LABELS[k] for k in index])
 
 
 @dataclass(frozen=True)
@@ -96,7 +95,8 @@ class Grid:
     stop: tuple[float, float]
     points: tuple[int, int]
     initial: Sequence[float]
-    known: tuple[str, ...] = COORDINATES
+    """A state that gives the others: coordinates, rates, states of elements."""
+    known: tuple[str, ...]
 
     def __post_init__(self) -> None:
         for name in self.coordinates:
@@ -134,63 +134,92 @@ def pair(name: str, values: Sequence[Any]) -> tuple[Any, Any]:
     return (values[0], values[1])
 
 
+def names(structure: _resonarm.Assembly) -> tuple[str, ...]:
+    """The names of the coordinates and their rates, in the order of a state."""
+    (_, places), (_, rates), *_elements = structure.channels()
+    return (*places, *rates)
+
+
+def full_states(structure: _resonarm.Assembly, initial: ArrayLike) -> NDArray[np.float64]:
+    """Rows of states, those of elements, which are 0 where they are not given, included."""
+    given = _checks.real("initial", initial)
+    channels = [len(components) for _vector, components in structure.channels()]
+    moving, size = sum(channels[:2]), sum(channels)
+    if given.ndim != 2 or given.shape[1] not in (moving, size) or not len(given):
+        more = f", or {size} with the states of its elements" if size > moving else ""
+        raise ValueError(
+            f"initial has the shape {given.shape}: give rows of {moving} numbers, coordinates and their rates{more}"
+        )
+    states = np.zeros((len(given), size), NUMBER)
+    states[:, : given.shape[1]] = given
+    return states
+
+
+def grid_of(
+    structure: _resonarm.Assembly,
+    coordinates: Sequence[str],
+    start: Sequence[float],
+    stop: Sequence[float],
+    points: Sequence[int],
+    initial: Sequence[float] | None,
+) -> Grid:
+    """The grid of a structure's initial states."""
+    known = names(structure)
+    given = np.zeros(len(known)) if initial is None else _checks.real("initial", initial).ravel()
+    state = full_states(structure, given[np.newaxis])[0].tolist()
+    two = pair("coordinates", coordinates)
+    return Grid(two, pair("start", start), pair("stop", stop), pair("points", points), state, known)
+
+
 def found(attractors: _resonarm.Attractors, states: NDArray[np.float64], wait: float, on_cores: bool) -> Array:
     """Rows with the motion that each state reaches, and the number of periods it takes."""
-    return view(attractors.outcomes(states.astype(NUMBER).tobytes(), wait, on_cores), OUTCOME)
+    return view(attractors.outcomes(states.tobytes(), wait, on_cores), OUTCOME)
 
 
 def basins(
-    arm: _resonarm.Arm,
+    structure: _resonarm.Assembly,
     /,
     frequency_hz: float,
     *,
-    torque1_nm: float | None = None,
-    torque2_nm: float | None = None,
-    force_x_n: float | None = None,
-    force_y_n: float | None = None,
-    coordinates: Sequence[Coordinate] = ("alpha1_rad", "alpha1_dot_rad_s"),
+    drive: Drive,
+    coordinates: Sequence[str] | None = None,
     start: Sequence[float] | None = None,
     stop: Sequence[float] | None = None,
     points: Sequence[int] = (41, 41),
-    initial: Sequence[float] = AT_REST,
+    initial: Sequence[float] | None = None,
     time_constants: float = TIME_CONSTANTS,
 ) -> Basins:
     """Which initial states reach which stable motion under A·sin(2πft), over a grid of two coordinates of the state at
     phase 0, computed on all cores as by `resonarm basins`.
 
-    - `torque1_nm`, `torque2_nm`, or `force_x_n` and `force_y_n`: the amplitude A.
-    - `coordinates`: two of alpha1_rad, alpha2_rad, alpha1_dot_rad_s, alpha2_dot_rad_s, by default α1 and α̇1.
+    - `drive`: the amplitude at each degree of freedom that is driven, `{"joint1": 60}`, N·m at a joint, else N.
+    - `coordinates`: the names of two coordinates or rates, as `alpha1_rad` or `q1_dot_m_sqrt_kg_s`, by default the
+      first coordinate and its rate.
     - `start`, `stop`: the first and the last value of each; by default 1.5 times as far as the largest stable motion
       reaches, to both sides.
     - `points`: the number of values of each, from 2 to 1000, by default (41, 41).
-    - `initial`: the state that gives the other two coordinates, by default at rest.
-    - `time_constants`: the longest wait, in time constants of the arm's slowest mode, by default 40.
+    - `initial`: the state that gives the other coordinates and rates, by default at rest. States of elements are zero.
+    - `time_constants`: the longest wait, in time constants of the structure's slowest mode, by default 40.
 
-    Raises ValueError for invalid arguments, ResonarmError where no stable motion is known. Ctrl-C ends it.
+    Raises ValueError for invalid arguments, ResonarmError where no stable motion is known: none is with friction that
+    sticks. Ctrl-C ends it.
     """
-    load = Load(torque1_nm, torque2_nm, force_x_n, force_y_n).checked()
-    attractors = _resonarm.Attractors(arm, load.sine(frequency_hz))
-    motions = tuple(attractors.motions)
+    known = names(structure)
+    two = pair("coordinates", (known[0], known[len(known) // 2]) if coordinates is None else coordinates)
+    # The grid is checked before the stable motions are looked for, which takes long.
+    ends = ((-1.0, -1.0), (1.0, 1.0)) if start is None or stop is None else (start, stop)
+    grid_of(structure, two, *ends, points, initial)
+    attractors = _resonarm.Attractors(structure, _drive.parts(drive, _drive.frequency(frequency_hz)))
+    motions = tuple(StableMotion(*of[:2], np.array(of[2]), np.array(of[3])) for of in attractors.motions)
     if not motions:
         raise _resonarm.ResonarmError(
             f"no stable motion is known at {frequency_hz:g} Hz: no state can be said to reach one"
         )
-    names = pair("coordinates", coordinates)
-    last = _reach(motions, names, frequency_hz) if stop is None else pair("stop", stop)
+    reach = tuple(attractors.reach(known.index(name)) for name in two)
+    last = reach if stop is None else pair("stop", stop)
     first = (-last[0], -last[1]) if start is None else pair("start", start)
-    grid = Grid(names, first, last, pair("points", points), _checks.four("initial", initial))
+    grid = grid_of(structure, two, first, last, points, initial)
     rows = found(attractors, grid.states(), time_constants, True).reshape(grid.points[1], grid.points[0])
     motion, periods = np.ascontiguousarray(rows["motion"]), np.ascontiguousarray(rows["periods"])
-    return Basins(names, grid.axis(0), grid.axis(1), motion, periods, attractors.ended_early, motions)
-
-
-def _reach(
-    motions: Sequence[_resonarm.StableMotion], coordinates: tuple[str, str], frequency_hz: float
-) -> tuple[float, float]:
-    """The default extent of the grid: 1.5 times the largest motion; for a rate this times 2πf."""
-    reaches = []
-    for name in coordinates:
-        joint = COORDINATES.index(name) % 2 if name in COORDINATES else 0
-        largest = max(motion.amplitude_rad[joint] for motion in motions)
-        reaches.append(REACH * largest * (2 * math.pi * frequency_hz if "_dot_" in name else 1.0))
-    return (reaches[0], reaches[1])
+    axes = (grid.axis(0), grid.axis(1))
+    return Basins(two, *axes, motion, periods, attractors.ended_early, motions, known)

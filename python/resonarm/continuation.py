@@ -1,16 +1,15 @@
 """Branches of periodic motions, their bifurcations, and the curves of these in two parameters."""
 
-import math
+from collections.abc import Sequence
 from dataclasses import dataclass
 from itertools import pairwise
 from typing import Any
 
 import numpy as np
 
-from . import _extras, _resonarm
-from ._dtypes import ORBIT, SINGULAR, Array, named, view
-from ._load import Load
-from .words import Parameter
+from . import _drive, _extras, _resonarm
+from ._drive import Drive
+from ._dtypes import Array, named, orbit, singular, view
 
 
 @dataclass(frozen=True, repr=False, eq=False)
@@ -21,8 +20,10 @@ class Curve:
     """`fold` or `period-doubling`."""
     parameters: tuple[str, str]
     """The parameter of the branch and the second one."""
+    labels: tuple[str, str]
+    """What both are called in pictures, with their units."""
     points: Array
-    """Rows with `value` (of the first parameter), `value2` (of the second) and `harmonic1_rad`."""
+    """Rows with `value` (of the first parameter), `value2` (of the second) and the readings of a branch's `points`."""
     turns: Array
     """Points where it turns back in the second parameter; `kind` is `turn`, or `cusp` where two folds meet."""
 
@@ -37,52 +38,83 @@ class Curve:
         for kind in np.unique(self.turns["kind"]):
             at = self.turns[self.turns["kind"] == kind]
             ax.plot(at["value"], at["value2"], "o", markersize=4, label=str(kind))
-        ax.set_xlabel("{} ({})".format(*_label(self.parameters[0])))
-        ax.set_ylabel("{} ({})".format(*_label(self.parameters[1])))
+        ax.set_xlabel(self.labels[0])
+        ax.set_ylabel(self.labels[1])
         ax.legend()
         return ax
 
 
 @dataclass(frozen=True, repr=False, eq=False)
 class Branch:
-    """A branch of periodic motions."""
+    """A branch of periodic motions. The excitation is A·sin(2πft)."""
 
     parameter: str
-    """The parameter in which it was followed."""
+    """The quantity in which it was followed: frequency (Hz), amplitude (of the first load, N, or N·m at a joint) or a
+    parameter of the structure, as `link2.angle_deg`, in its unit."""
+    label: str
+    """What it is called in pictures, with its unit."""
+    drive: dict[str, float]
+    """The loads: the amplitude at each degree of freedom that is driven, or their ratio if the amplitude varies."""
+    at: tuple[str, ...]
+    """The degrees of freedom that are read."""
     points: Array
-    """Rows with `value` (of the parameter), `frequency_hz`, `amplitude_rad` (the largest |α1|, |α2|), `harmonic1_rad`
-    (of the component at the excitation's frequency), `stable`, `period` (in those of the excitation) and the four
-    Floquet `multipliers`, the largest first."""
+    """Rows with `value` (of the parameter), `frequency_hz`, `drive` (the amplitude of the first load, N, or N·m at a
+    joint), `stable` (False where it is not known, too: all multipliers are NaN there), `harmonics`, `period` (in those
+    of the excitation), for each degree of freedom that is read, as `tip.x`, the columns `tip_x_largest_m` (the largest
+    displacement from rest), `tip_x_mean_m` and complex `tip_x_harmonic1_m` (the component at f: its argument is the
+    phase by which it leads the drive), of a joint in rad (`joint2_largest_rad`), and the Floquet `multipliers`, the
+    largest first, followed by NaN where others have more."""
     bifurcations: Array
     """The same columns after `kind`: fold, period-doubling, neimark-sacker or branch-point."""
+    peaks: Array
+    """The same columns: for each degree of freedom that is read the motion with its largest displacement, located
+    between the points."""
+    unlocated: tuple[tuple[str, float, float], ...] = ()
+    """Bifurcations that were detected between two points and could not be located: kind, and the parameter at both
+    points."""
+    stability: bool = True
+    """Whether the stability was computed. If not, `stable` is False in all rows, and bifurcations are folds alone."""
     doubled: tuple["Branch", ...] = ()
     """The branches of twice the period that leave at period doublings, if requested."""
     curves: tuple[Curve, ...] = ()
     """The curves of the folds and period doublings, if requested."""
 
     def __repr__(self) -> str:
-        unstable = int(np.count_nonzero(~self.points["stable"]))
+        unstable = f"{np.count_nonzero(~self.points['stable'])} of them not stable"
         kinds, counts = np.unique(self.bifurcations["kind"], return_counts=True)
         found = ", ".join(f"{count} × {kind}" for kind, count in zip(kinds, counts, strict=True))
-        of = f"<Branch in {self.parameter}: {len(self.points)} motions, {unstable} of them unstable"
+        of = f"<Branch in {self.parameter}, driven at {', '.join(self.drive)}: {len(self.points)} motions"
+        of += f", {unstable if self.stability else 'stability not computed'}"
         return f"{of}; {found}>" if found else f"{of}>"
 
-    def plot(self, ax: Any = None, *, joint: int = 1) -> Any:
-        """Draws the largest |α| of a joint, 1 or 2, over the parameter: stable motions as lines, unstable ones dashed,
-        bifurcations as markers. `ax` are matplotlib's axes, by default those of a new figure; they are returned."""
-        ax, index = _extras.axes(ax), joint - 1
-        x, y, stable = self.points["value"], self.points["amplitude_rad"][:, index], self.points["stable"]
-        stretches(ax, x, y, stable)
+    def plot(self, ax: Any = None, *, at: str | None = None) -> Any:
+        """Draws the largest displacement of a degree of freedom, by default the first that is read, over the parameter:
+        stable motions as lines, others dashed, all as lines if the stability was not computed, bifurcations as markers,
+        doubled branches with the others. `ax` are matplotlib's axes, by default those of a new figure; they are
+        returned."""
+        at = self.at[0] if at is None else at
+        ax, column = _extras.axes(ax), self.column(at)
+        for branch in (self, *self.doubled):
+            points = branch.points
+            solid = points["stable"] if branch.stability else np.ones(len(points), bool)
+            _stretches(ax, points["value"], points[column], solid)
         for kind in np.unique(self.bifurcations["kind"]):
-            at = self.bifurcations[self.bifurcations["kind"] == kind]
-            ax.plot(at["value"], at["amplitude_rad"][:, index], "o", markersize=4, label=str(kind))
-        ax.set_xlabel("{} ({})".format(*_label(self.parameter)))
-        ax.set_ylabel(f"largest |{'α₁' if joint == 1 else 'α₂'}| (rad)")
+            found = self.bifurcations[self.bifurcations["kind"] == kind]
+            ax.plot(found["value"], found[column], "o", markersize=4, label=str(kind))
+        ax.set_xlabel(self.label)
+        ax.set_ylabel(f"largest displacement of {at} ({column.rpartition('_')[2]})")
         ax.legend()
         return ax
 
+    def column(self, at: str, reading: str = "largest") -> str:
+        """The name of a column of a degree of freedom that is read: its `largest`, `mean` or `harmonic1`."""
+        if at not in self.at:
+            raise ValueError(f"at is {at!r}: the branch is read at {', '.join(self.at)}")
+        prefix = f"{at.replace('.', '_')}_{reading}_"
+        return next(name for name in self.points.dtype.names or () if name.startswith(prefix))
 
-def stretches(ax: Any, x: Array, y: Array, stable: Array) -> None:
+
+def _stretches(ax: Any, x: Array, y: Array, stable: Array) -> None:
     """Draws y over x: where motions are stable as lines, elsewhere dashed."""
     # A motion on either side of a change belongs to both stretches, so that the line has no gap.
     edges = [0, *(np.flatnonzero(np.diff(stable)) + 1), len(x)]
@@ -94,8 +126,8 @@ def stretches(ax: Any, x: Array, y: Array, stable: Array) -> None:
         ax.plot(x[stretch], y[stretch], color=color, linestyle=style, label=None if is_known else label)
 
 
-class BranchEndedEarly(_resonarm.ResonarmError):
-    """A branch could not be followed to its end. `branch` is the branch up to there."""
+class EndedEarly(_resonarm.ResonarmError):
+    """A branch, or one that it leads to, could not be followed to its end. `branch` is what was found."""
 
     def __init__(self, reason: str, branch: Branch) -> None:
         super().__init__(reason)
@@ -105,98 +137,106 @@ class BranchEndedEarly(_resonarm.ResonarmError):
         return type(self), (str(self), self.branch)
 
 
-def _label(parameter: str) -> tuple[str, str]:
-    name, unit = _resonarm.parameter_label(parameter)
-    return name, unit or "N or N·m"
-
-
 def continuation(
-    arm: _resonarm.Arm,
+    structure: _resonarm.Assembly,
     /,
-    parameter: Parameter,
+    parameter: str,
     start: float,
     stop: float,
     *,
-    torque1_nm: float | None = None,
-    torque2_nm: float | None = None,
-    force_x_n: float | None = None,
-    force_y_n: float | None = None,
+    drive: Drive | str,
     frequency_hz: float | None = None,
+    at: Sequence[str] = (),
     doubled: bool = False,
-    curves_in: Parameter | None = None,
+    curves_in: str | None = None,
     curves_to: float | None = None,
     most_harmonics: int = 64,
     most_points: int = 20_000,
     largest_step: float = 0.25,
+    stability: bool = True,
 ) -> Branch:
     """Follows the periodic motions under A·sin(2πft) from `start` to `stop` of a parameter, around folds.
 
-    `parameter` is frequency (Hz), amplitude (of the load, N or N·m), beta1_deg, beta2_deg or a parameter of the arm by
-    its name, in its SI unit.
+    `parameter` is frequency (Hz), amplitude (N, or N·m at a joint) or a parameter of the structure, as
+    `link2.angle_deg`, `mode1.damping_ratio` or `element1.gap_m`; `parameters` has all of them.
 
-    - `torque1_nm` and `torque2_nm`, or `force_x_n` and `force_y_n`: the amplitude A of torques at the joints or of a
-      force at the tip. If the amplitude varies, a force gives only the direction; without one the load is a torque
-      at joint 1.
-    - `frequency_hz`: of the excitation, if another parameter varies.
+    - `drive`: the amplitude at each degree of freedom that is driven, `{"joint1": 60}`. If the amplitude varies, the
+      name of one, `"joint1"`, or several in a ratio; then it is that of the first.
+    - `frequency_hz`: f, if another parameter varies.
+    - `at`: where the motion is read, by default where it is driven.
     - `doubled`: follow the motions of twice the period that leave at period doublings, too.
     - `curves_in`, `curves_to`: follow each fold and period doubling in a second parameter as well, up to a value.
     - `most_harmonics` (64), `most_points` (20 000), `largest_step` (0.25, relative to the motion's size).
+    - `stability`: False leaves it out, and with it all bifurcations but folds. Faster, with many modes most.
 
-    Raises ValueError for invalid arguments, BranchEndedEarly if the continuation ends before `stop`, with the branch
-    up to there.
+    Raises ValueError for invalid arguments, EndedEarly if the continuation ends before `stop`, with the branch up to
+    there.
     """
-    _resonarm.parameter_label(parameter)  # an unknown one raises an error with the known names
-    load = _direction(parameter, Load(torque1_nm, torque2_nm, force_x_n, force_y_n))
-    amplitude = math.hypot(*load)
     if parameter == "frequency":
         if frequency_hz is not None:
             raise ValueError("frequency_hz is for runs in another parameter: leave it out")
-        frequency_hz = start
-    elif frequency_hz is None or not (math.isfinite(frequency_hz) and frequency_hz > 0):
-        raise ValueError(f"frequency_hz is {frequency_hz}: it must be a positive number")
-    if not 1e-6 <= largest_step <= 1:
-        raise ValueError(f"largest_step is {largest_step:g}: it must be from 0.000001 to 1")
-    if not 3 <= most_harmonics <= 1000:
-        raise ValueError(f"most_harmonics is {most_harmonics}: it must be from 3 to 1000")
+        hz = start
+    else:
+        hz = _drive.frequency(frequency_hz)
+    loads = _drive.direction(drive, hz) if parameter == "amplitude" else _drive.parts(drive, hz)  # type: ignore[arg-type]
+    _check_settings(most_harmonics, most_points, largest_step)
     if (curves_in is None) != (curves_to is None):
         raise ValueError("curves_in and curves_to belong together: give both or neither")
     if curves_in == parameter:
         raise ValueError(f"curves_in is {parameter}, in which the branch is followed already: name another parameter")
-    u1, u2, fx, fy = load
-    direction = (u1 / amplitude, u2 / amplitude, fx / amplitude, fy / amplitude)
+    if isinstance(at, str):
+        raise TypeError(f"at is {at!r}: it is a list of degrees of freedom, as [{at!r}]")
+    amplitudes = {name: loads[1] * share for name, share in loads[0]}
+    for name in amplitudes:
+        structure.units("drive", name)  # an unknown one raises an error with the known names
+    read = tuple(dict.fromkeys(at)) or tuple(amplitudes)
     traced = _resonarm.trace_branch(
-        arm,
-        (direction, amplitude, frequency_hz),
+        structure,
+        loads,
         (parameter, start, stop),
-        (most_harmonics, most_points, largest_step),
-        doubled,
-        (curves_in, curves_to) if curves_in is not None and curves_to is not None else None,
+        list(read),
+        (most_harmonics, most_points, largest_step, stability),
+        (doubled, None if curves_in is None or curves_to is None else (curves_in, curves_to)),
     )
-    branch = _branch(traced, parameter, curves_in or "")
+    units = [(dof, structure.units("at", dof)[0]) for dof in read]
+    label = _label(structure, parameter, amplitudes)
+
+    def branch(rows: _resonarm.TracedBranch, **more: Any) -> Branch:
+        form = orbit(units, rows.multipliers)
+        points, peaks = view(rows.points, form), view(rows.peaks, form)
+        bifurcations, unlocated = named(rows.kinds, view(rows.bifurcations, form)), tuple(rows.unlocated)
+        of = (parameter, label, amplitudes, read, points, bifurcations, peaks, unlocated, stability)
+        return Branch(*of, **more)
+
+    curves = []
+    if curves_in is not None:
+        names, labels = (parameter, curves_in), (label, _label(structure, curves_in, amplitudes))
+        form = singular(units)
+        for kind, points, turns, cusps in traced.curves:
+            kinds = ["cusp" if cusp else "turn" for cusp in cusps]
+            curves.append(Curve(kind, names, labels, view(points, form), named(kinds, view(turns, form))))
+    found = branch(traced.branch, doubled=tuple(map(branch, traced.doubled)), curves=tuple(curves))
     if traced.ended_early is not None:
-        raise BranchEndedEarly(traced.ended_early, branch)
-    return branch
+        raise EndedEarly(traced.ended_early, found)
+    return found
 
 
-def _direction(parameter: str, load: Load) -> tuple[float, float, float, float]:
-    """u1, u2, Fx, Fy. If the amplitude varies: the direction of the force, or 1 N·m at joint 1 without one."""
-    if parameter != "amplitude":
-        return load.checked().components
-    if load.is_torque:
-        raise ValueError("the amplitude is what varies: leave torque1_nm out")
-    return load.checked().components if load.is_force else (1.0, 0.0, 0.0, 0.0)
+def _label(structure: _resonarm.Assembly, parameter: str, drive: dict[str, float]) -> str:
+    """What a parameter is called in pictures, with its unit."""
+    if parameter == "frequency":
+        return "excitation frequency (Hz)"
+    if parameter == "amplitude":
+        first = next(iter(drive))
+        return f"load at {first} ({structure.units('drive', first)[1]})"
+    _value, unit = structure.parameter(parameter)
+    return f"{parameter} ({unit})" if unit else parameter
 
 
-def _branch(traced: _resonarm.Traced, parameter: str, second: str) -> Branch:
-    found = [(view(points, ORBIT), named(kinds, view(events, ORBIT))) for points, kinds, events in traced.branches]
-    curves = tuple(
-        Curve(
-            kind,
-            (parameter, second),
-            view(points, SINGULAR),
-            named(["cusp" if cusp else "turn" for cusp in cusps], view(turns, SINGULAR)),
-        )
-        for kind, points, turns, cusps in traced.curves
-    )
-    doubled = tuple(Branch(parameter, *of) for of in found[1:])
-    return Branch(parameter, *found[0], doubled, curves)
+def _check_settings(most_harmonics: int, most_points: int, largest_step: float) -> None:
+    """Raises ValueError for limits that no continuation can have."""
+    if not 1e-6 <= largest_step <= 1:
+        raise ValueError(f"largest_step is {largest_step:g}: it must be from 0.000001 to 1")
+    if not 3 <= most_harmonics <= 1000:
+        raise ValueError(f"most_harmonics is {most_harmonics}: it must be from 3 to 1000")
+    if most_points < 1:
+        raise ValueError(f"most_points is {most_points}: it must be 1 or more")

@@ -3,155 +3,147 @@ identical bits, resumable."""
 
 import json
 import threading
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from functools import lru_cache
-from itertools import pairwise
+from itertools import pairwise, product
 from os import PathLike
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from . import _checks, _chunks, _extras, _resonarm
+from . import _chunks, _drive, _dtypes, _extras, _resonarm
 from ._chunks import Arrays, Chunk
-from ._load import Load
-from .arm import Arm
-from .basins import AT_REST, TIME_CONSTANTS, Grid, found, pair
-from .continuation import Branch, BranchEndedEarly
+from .basins import TIME_CONSTANTS, found, grid_of, names, pair
+from .continuation import Branch, EndedEarly
 from .scenario import Scenario
 from .session import run
-from .words import Coordinate, Preset
+from .structures import Structure
 
 VARIABLES = {
-    "stable": ("1", "number of stable motions"),
-    "unstable": ("1", "number of unstable motions"),
-    "least_rad": ("rad", "largest |α| of the smallest stable motion"),
-    "largest_rad": ("rad", "largest |α| of the largest stable motion"),
+    "stable": "number of stable motions",
+    "unstable": "number of unstable motions",
+    "least": "largest displacement in the smallest stable motion",
+    "largest": "largest displacement in the largest stable motion",
 }
-UNITS = {
-    "beta2_deg": "degree",
-    "torque1_nm": "N m",
-    "torque2_nm": "N m",
-    "force_x_n": "N",
-    "force_y_n": "N",
-    "frequency_hz": "Hz",
-    "alpha1_rad": "rad",
-    "alpha2_rad": "rad",
-    "alpha1_dot_rad_s": "rad s-1",
-    "alpha2_dot_rad_s": "rad s-1",
-}
+UNITS = {"N·m": "N m", "m/s²": "m s-2", "°": "degree", "rad/s": "rad s-1", "m·√kg": "m kg0.5", "m·√kg/s": "m kg0.5 s-1"}
+"""Units as UDUNITS has them, where ours are other."""
 LARGEST_STEP = 0.05
 """Largest step along a branch, relative to the motion's size: between its motions the map is linear."""
 BLOCK = 256
 """Initial states of a chunk."""
 
 Folder = str | PathLike[str] | None
-Amplitudes = Sequence[float] | None
+Over = Mapping[str, Sequence[float]]
+Loads = dict[str, float]
 
 
 def response_map(
-    arm: Arm,
+    structure: Structure,
     *,
+    drive: _drive.Drive | str,
+    amplitude: Sequence[float],
     frequency_hz: Sequence[float],
-    torque1_nm: Amplitudes = None,
-    torque2_nm: Amplitudes = None,
-    force_x_n: Amplitudes = None,
-    force_y_n: Amplitudes = None,
-    beta2_deg: Sequence[float] | None = None,
+    over: Over | None = None,
+    at: Sequence[str] = (),
     folder: Folder = None,
     client: Any = None,
 ) -> Any:
-    """The periodic motions at each frequency, Hz, amplitude and angle β2, degrees. The amplitudes are those
-    of one load: a torque at a joint, N·m, or a force at the tip along x or y, N.
+    """The periodic motions at each frequency, Hz, amplitude and value of parameters.
 
-    An `xarray.Dataset` with units: the numbers of stable and unstable motions and, for each joint, the largest |α| of
-    the smallest and of the largest stable motion, rad; NaN where there is none. Between the motions of a branch it is
-    linear.
+    `drive` is the degree of freedom that is driven, as `"joint1"`, or several in a ratio, `{"tip.x": 3, "tip.y": 4}`;
+    the amplitudes are those of the first, N·m at a joint, else N. `over` has values of parameters of the structure,
+    `{"link2.angle_deg": [50.0, 60.0]}`; the map covers all their combinations. `at` are the degrees of freedom that
+    are read, by default those that are driven.
 
-    Each pair of β2 and amplitude is one branch over the frequencies, a chunk: computed by a Dask `client`, or on all
-    cores of this machine without one, with identical bits. With a `folder`, which a cluster shares, each chunk is
-    stored when it is finished, and a repeated call resumes from the stored chunks. `ended_early` marks the chunks whose
-    branch could not be followed to its end: beyond it the map has no motions.
+    An `xarray.Dataset` with units: the numbers of stable and unstable motions and, at each degree of freedom, the
+    largest displacement in the smallest and in the largest stable motion, m or rad, as `unit` says; NaN where there is
+    none. Between the motions of a branch it is linear.
 
-    Raises ValueError for frequencies that don't rise, and for impossible poses.
+    Each combination of parameters and amplitude is one branch over the frequencies, a chunk: computed by a Dask
+    `client`, or on all cores of this machine without one, with identical bits. With a `folder`, which a cluster shares,
+    each chunk is stored when it is finished, and a repeated call resumes from the stored chunks. `ended_early` marks
+    the chunks whose branch could not be followed to its end: beyond it the map has no motions.
+
+    Raises ValueError for frequencies that don't rise, and for values that make no structure.
     """
     hz = np.asarray(frequency_hz, dtype=np.float64)
     if hz.ndim != 1 or len(hz) < 2 or not (np.diff(hz) > 0).all() or hz[0] <= 0:
         raise ValueError("frequency_hz must be two or more positive frequencies that rise")
-    name, amplitudes = _load(torque1_nm, torque2_nm, force_x_n, force_y_n)
-    places = {"beta2_deg": _poses(arm, beta2_deg), name: amplitudes}
+    loads, places = _places(structure, drive, amplitude, over)
+    read = tuple(dict.fromkeys(at)) or tuple(loads)
+    units = [structure.units("at", dof)[0] for dof in read]
     chunks = [
-        Chunk(branch_chunk, (posed, name, amplitude, hz), [_key(posed), name, amplitude, hz.tolist(), LARGEST_STEP])
-        for posed in (_posed(arm, beta) for beta in places["beta2_deg"])
-        for amplitude in amplitudes
+        Chunk(branch_chunk, (varied, driven, read, hz), [*_key(varied, driven), read, hz.tolist(), LARGEST_STEP])
+        for varied in _varied(structure, places)
+        for driven in _scaled(loads, places)
     ]
     computed = list(_chunks.computed(chunks, folder, client))
-    places["frequency_hz"] = hz.tolist()
-    shape, axes = tuple(map(len, places.values())), tuple(places)
+    shape, axes = tuple(len(values) for values, _unit in places.values()), tuple(places)
     data: dict[str, Any] = {}
-    for variable, (unit, label) in VARIABLES.items():
+    for variable, label in VARIABLES.items():
         values = np.stack([chunk[variable] for chunk in computed])
-        of_joints = values.ndim == 3
+        of_dofs = values.ndim == 3
         data[variable] = (
-            (*axes, "joint") if of_joints else axes,
-            values.reshape((*shape, 2) if of_joints else shape),
-            {"units": unit, "long_name": label},
+            (*axes, "frequency_hz", "at") if of_dofs else (*axes, "frequency_hz"),
+            values.reshape((*shape, len(hz), len(read)) if of_dofs else (*shape, len(hz))),
+            {"long_name": label} if of_dofs else {"units": "1", "long_name": label},
         )
-    early = np.array([bool(chunk["ended_early"]) for chunk in computed]).reshape(shape[:2])
-    data["ended_early"] = (axes[:2], early, {"long_name": "the branch could not be followed to its end"})
-    return _dataset(data, places, {"joint": [1, 2]}, arm)
+    early = np.array([bool(chunk["ended_early"]) for chunk in computed]).reshape(shape)
+    data["ended_early"] = (axes, early, {"long_name": "the branch could not be followed to its end"})
+    places["frequency_hz"] = (hz.tolist(), "Hz")
+    return _dataset(data, places, {"at": list(read), "unit": ("at", units)}, structure, loads)
 
 
 def basin_map(
-    arm: Arm,
+    structure: Structure,
     *,
+    drive: _drive.Drive | str,
+    amplitude: Sequence[float],
     frequency_hz: Sequence[float],
     start: Sequence[float],
     stop: Sequence[float],
-    torque1_nm: Amplitudes = None,
-    torque2_nm: Amplitudes = None,
-    force_x_n: Amplitudes = None,
-    force_y_n: Amplitudes = None,
-    beta2_deg: Sequence[float] | None = None,
-    coordinates: Sequence[Coordinate] = ("alpha1_rad", "alpha1_dot_rad_s"),
+    over: Over | None = None,
+    coordinates: Sequence[str] | None = None,
     points: Sequence[int] = (41, 41),
-    initial: Sequence[float] = AT_REST,
+    initial: Sequence[float] | None = None,
     time_constants: float = TIME_CONSTANTS,
     folder: Folder = None,
     client: Any = None,
 ) -> Any:
-    """Which initial states reach which stable motion, as `Arm.basins`, at each frequency, Hz, amplitude of one load and
-    angle β2, degrees, over the same grid from `start` to `stop`.
+    """Which initial states reach which stable motion, as `basins` of a structure has it, at each frequency, Hz,
+    amplitude and value of parameters, over the same grid from `start` to `stop`; `drive`, `amplitude` and `over` are
+    those of `response_map`.
 
-    An `xarray.Dataset` with units: `motion` is which of the stable motions, by their largest |α1|, each state reaches,
-    from 1; 0 where this is undecided, −1 where it grows beyond all bounds; `periods` of the excitation until this was
-    certain; `amplitude_rad` the largest |α| of each stable motion, NaN beyond their number; `ended_early` where not all
-    may be known.
+    An `xarray.Dataset` with units: `motion` is which of the stable motions, by their largest displacement where the
+    structure is driven first, each state reaches, from 1; 0 where this is undecided, −1 where it grows beyond all
+    bounds; `periods` of the excitation until this was certain; `largest` the largest magnitude of each coordinate in
+    each stable motion, NaN beyond their number; `ended_early` where not all may be known.
 
     256 states are a chunk; `folder` and `client` are those of `response_map`.
 
     Raises ValueError for invalid arguments.
     """
-    name, amplitudes = _load(torque1_nm, torque2_nm, force_x_n, force_y_n)
-    first, last = pair("start", start), pair("stop", stop)
-    grid = Grid(pair("coordinates", coordinates), first, last, pair("points", points), _checks.four("initial", initial))
+    loads, places = _places(structure, drive, amplitude, over)
+    known = names(structure)
+    two = pair("coordinates", (known[0], known[len(known) // 2]) if coordinates is None else coordinates)
+    grid = grid_of(structure, two, start, stop, points, initial)
     states = grid.states()
     blocks = [states[k : k + BLOCK] for k in range(0, len(states), BLOCK)]
-    places: dict[str, list[float]] = {"beta2_deg": _poses(arm, beta2_deg), name: amplitudes}
-    places["frequency_hz"] = [float(hz) for hz in frequency_hz]
+    frequencies = [_drive.frequency(hz) for hz in frequency_hz]
     chunks = []
-    for posed in (_posed(arm, beta) for beta in places["beta2_deg"]):
-        for amplitude in amplitudes:
-            for hz in places["frequency_hz"]:
-                case = (posed, name, amplitude, hz)
-                key = [_key(posed), name, amplitude, hz]
+    for varied in _varied(structure, places):
+        for driven in _scaled(loads, places):
+            for hz in frequencies:
+                case, key = (varied, driven, hz), [*_key(varied, driven), hz]
                 chunks.append(Chunk(motions_chunk, case, key))
                 for own in blocks:
                     arguments = (*case, own, time_constants)
                     chunks.append(Chunk(block_chunk, arguments, [*key, own.tolist(), time_constants]))
+    places["frequency_hz"] = (frequencies, "Hz")
     computed = list(_chunks.computed(chunks, folder, client))
     each = [computed[k : k + len(blocks) + 1] for k in range(0, len(computed), len(blocks) + 1)]
-    shape, axes = tuple(map(len, places.values())), tuple(places)
+    shape, axes = tuple(len(values) for values, _unit in places.values()), tuple(places)
     x, y = grid.coordinates
     data: dict[str, Any] = {}
     for variable, label in (("motion", "motion that the state reaches, from 1"), ("periods", "periods until certain")):
@@ -161,16 +153,18 @@ def basin_map(
             values.reshape(*shape, grid.points[1], grid.points[0]),
             {"units": "1", "long_name": label},
         )
-    most = max((len(of[0]["amplitude_rad"]) for of in each), default=0)
-    padded = np.full((len(each), most, 2), np.nan)
+    moving = known[: len(known) // 2]
+    most = max((len(of[0]["largest"]) for of in each), default=0)
+    padded = np.full((len(each), most, len(moving)), np.nan)
     for row, of in zip(padded, each, strict=True):
-        row[: len(of[0]["amplitude_rad"])] = of[0]["amplitude_rad"]
-    labels = {"units": "rad", "long_name": "largest |α| of the stable motion"}
-    data["amplitude_rad"] = ((*axes, "stable_motion", "joint"), padded.reshape(*shape, most, 2), labels)
+        row[: len(of[0]["largest"])] = of[0]["largest"]
+    labels = {"units": _unit(moving[0]), "long_name": "largest magnitude of the coordinate in the stable motion"}
+    data["largest"] = ((*axes, "stable_motion", "coordinate"), padded.reshape(*shape, most, len(moving)), labels)
     early = np.array([bool(of[0]["ended_early"]) for of in each]).reshape(shape)
     data["ended_early"] = (axes, early, {"long_name": "not all stable motions may be known"})
-    places |= {y: grid.axis(1).tolist(), x: grid.axis(0).tolist()}
-    return _dataset(data, places, {"joint": [1, 2], "stable_motion": list(range(1, most + 1))}, arm)
+    places |= {y: (grid.axis(1).tolist(), _unit(y)), x: (grid.axis(0).tolist(), _unit(x))}
+    more = {"coordinate": list(moving), "stable_motion": list(range(1, most + 1))}
+    return _dataset(data, places, more, structure, loads)
 
 
 def seed_map(scenario: Scenario, seeds: Sequence[int], *, folder: Folder = None, client: Any = None) -> Any:
@@ -218,41 +212,59 @@ def _amplitude(scenario: Scenario) -> dict[str, Any]:
     return {}
 
 
-def _dataset(data: dict[str, Any], places: dict[str, list[float]], more: dict[str, Any], arm: Arm) -> Any:
-    coords = {name: (name, np.array(values, float), {"units": UNITS[name]}) for name, values in places.items()}
-    return _extras.require("xarray", "dask").Dataset(data, {**coords, **more}, {"arm": repr(arm)})
+Places = dict[str, tuple[list[float], str]]
+"""Axes of a map by their names: values, and their unit."""
 
 
-def _load(*amplitudes: Amplitudes) -> tuple[str, list[float]]:
-    """The load whose amplitudes the map covers: its name and its amplitudes."""
-    names = ("torque1_nm", "torque2_nm", "force_x_n", "force_y_n")
-    given = [(name, values) for name, values in zip(names, amplitudes, strict=True) if values is not None]
-    if len(given) != 1:
-        raise ValueError(f"a map goes over the amplitudes of one load: give one of {', '.join(names)}")
-    name, values = given[0]
-    return name, [float(value) for value in values]
+def _unit(coordinate: str) -> str:
+    """The unit of a coordinate or a rate, as UDUNITS has it."""
+    own = _dtypes.unit(coordinate)
+    return UNITS.get(own, own)
 
 
-def _poses(arm: Arm, beta2_deg: Sequence[float] | None) -> list[float]:
-    return [arm.beta2_deg] if beta2_deg is None else [float(beta) for beta in beta2_deg]
+def _dataset(data: dict[str, Any], places: Places, more: dict[str, Any], structure: Structure, loads: Loads) -> Any:
+    coords = {name: (name, np.array(values, float), {"units": unit}) for name, (values, unit) in places.items()}
+    attributes = {"structure": repr(structure), "drive": json.dumps(loads)}
+    return _extras.require("xarray", "dask").Dataset(data, {**coords, **more}, attributes)
 
 
-def _posed(arm: Arm, beta2_deg: float) -> Arm:
-    return Arm(arm.preset, beta1_deg=arm.beta1_deg, beta2_deg=beta2_deg, parameters=arm.own_parameters)
+def _places(
+    structure: Structure, drive: _drive.Drive | str, amplitude: Sequence[float], over: Over | None
+) -> tuple[Loads, Places]:
+    """The loads for the amplitude 1, and the axes of a map: parameters, then amplitudes."""
+    loads = {drive: 1.0} if isinstance(drive, str) else _drive.checked(drive)
+    first = next(iter(loads.values()))
+    loads = {name: share / first for name, share in loads.items()}
+    places: Places = {}
+    for name, values in (over or {}).items():
+        own = structure.parameter(name)[1]
+        places[name] = ([float(value) for value in values], UNITS.get(own, own or "1"))
+    own = structure.units("drive", next(iter(loads)))[1]
+    places["amplitude"] = ([float(value) for value in amplitude], UNITS.get(own, own))
+    return loads, places
 
 
-def _key(arm: Arm) -> list[Any]:
-    return [arm.parameters, arm.beta1_deg, arm.beta2_deg]
+def _varied(structure: Structure, places: Places) -> list[Structure]:
+    """The structure with each combination of the parameters of a map."""
+    over = {name: values for name, (values, _unit) in places.items() if name != "amplitude"}
+    return [structure.replace(dict(zip(over, values, strict=True))) for values in product(*over.values())]
 
 
-def branch_chunk(arm: Arm, load: str, amplitude: float, hz: NDArray[np.float64]) -> Arrays:
+def _scaled(loads: Loads, places: Places) -> list[Loads]:
+    """The loads with each amplitude of a map."""
+    return [{name: share * amplitude for name, share in loads.items()} for amplitude in places["amplitude"][0]]
+
+
+def _key(structure: Structure, drive: Loads) -> list[Any]:
+    return [type(structure).__name__, structure.numbers, drive]
+
+
+def branch_chunk(structure: Structure, drive: Loads, at: Sequence[str], hz: NDArray[np.float64]) -> Arrays:
     """The variables of one branch at its frequencies."""
-    early, excitation = False, Load(**{load: amplitude})
+    early, ends = False, (float(hz[0]), float(hz[-1]))
     try:
-        branch = arm.continuation(
-            "frequency", float(hz[0]), float(hz[-1]), largest_step=LARGEST_STEP, **vars(excitation)
-        )
-    except BranchEndedEarly as ended:
+        branch = structure.continuation("frequency", *ends, drive=drive, at=at, largest_step=LARGEST_STEP)
+    except EndedEarly as ended:
         branch, early = ended.branch, True
     return {**_at(branch, hz), "ended_early": np.array(early)}
 
@@ -261,35 +273,31 @@ _attractors_lock = threading.Lock()
 
 
 @lru_cache(maxsize=64)
-def _attractors_of(
-    preset: Preset, pose: tuple[float, float], parameters: str, load: str, a: float, hz: float
-) -> _resonarm.Attractors:
-    arm = Arm(preset, beta1_deg=pose[0], beta2_deg=pose[1], parameters=json.loads(parameters))
-    return _resonarm.Attractors(arm, Load(**{load: a}).checked().sine(hz))
+def _attractors_of(structure: Structure, drive: str, hz: float) -> _resonarm.Attractors:
+    return _resonarm.Attractors(structure, _drive.parts(json.loads(drive), hz))
 
 
-def _attractors(arm: Arm, load: str, amplitude: float, hz: float) -> _resonarm.Attractors:
+def _attractors(structure: Structure, drive: Loads, hz: float) -> _resonarm.Attractors:
     """The stable motions, computed once in each process."""
-    own = json.dumps(arm.own_parameters)
     with _attractors_lock:
-        return _attractors_of(arm.preset, (arm.beta1_deg, arm.beta2_deg), own, load, amplitude, hz)
+        return _attractors_of(structure, json.dumps(drive), hz)
 
 
-def motions_chunk(arm: Arm, load: str, amplitude: float, hz: float) -> Arrays:
+def motions_chunk(structure: Structure, drive: Loads, hz: float) -> Arrays:
     """The stable motions under a load."""
-    attractors = _attractors(arm, load, amplitude, hz)
-    amplitudes = [motion.amplitude_rad for motion in attractors.motions]
+    attractors = _attractors(structure, drive, hz)
+    largest = [motion[2] for motion in attractors.motions]
     return {
-        "amplitude_rad": np.array(amplitudes, np.float64).reshape(-1, 2),
+        "largest": np.array(largest, np.float64).reshape(len(largest), -1),
         "ended_early": np.array(attractors.ended_early is not None),
     }
 
 
 def block_chunk(
-    arm: Arm, load: str, amplitude: float, hz: float, states: NDArray[np.float64], time_constants: float
+    structure: Structure, drive: Loads, hz: float, states: NDArray[np.float64], time_constants: float
 ) -> Arrays:
     """The motions that some initial states reach."""
-    rows = found(_attractors(arm, load, amplitude, hz), states, time_constants, False)
+    rows = found(_attractors(structure, drive, hz), states, time_constants, False)
     return {"motion": np.ascontiguousarray(rows["motion"]), "periods": np.ascontiguousarray(rows["periods"])}
 
 
@@ -303,20 +311,21 @@ def run_chunk(scenario: Scenario, seed: int) -> Arrays:
 
 def _at(branch: Branch, hz: NDArray[np.float64]) -> Arrays:
     """The motions at each frequency, linear between those of the branch."""
+    displacements = np.stack([branch.points[branch.column(at)] for at in branch.at], axis=1)
     stable, unstable = np.zeros(len(hz), np.int64), np.zeros(len(hz), np.int64)
-    least, largest = np.full((len(hz), 2), np.nan), np.full((len(hz), 2), np.nan)
+    least, largest = (np.full((len(hz), len(branch.at)), np.nan) for _ in range(2))
     last = branch.points["value"][-1] if len(branch.points) else np.nan
-    for one, other in pairwise(branch.points):
+    for (one, from_one), (other, to_other) in pairwise(zip(branch.points, displacements, strict=True)):
         low, high = sorted((one["value"], other["value"]))
         for k in np.flatnonzero((hz >= low) & ((hz < high) | (hz == last) & (hz <= high))):
             if high == low:
                 continue
             part = (hz[k] - one["value"]) / (other["value"] - one["value"])
-            amplitude = one["amplitude_rad"] * (1 - part) + other["amplitude_rad"] * part
+            displacement = from_one * (1 - part) + to_other * part
             if one["stable"] and other["stable"]:
                 stable[k] += 1
-                least[k] = np.fmin(least[k], amplitude)
-                largest[k] = np.fmax(largest[k], amplitude)
+                least[k] = np.fmin(least[k], displacement)
+                largest[k] = np.fmax(largest[k], displacement)
             else:
                 unstable[k] += 1
-    return {"stable": stable, "unstable": unstable, "least_rad": least, "largest_rad": largest}
+    return {"stable": stable, "unstable": unstable, "least": least, "largest": largest}

@@ -20,9 +20,9 @@ Coordinates = Literal["angles", "displacements", "modal"]
 
 
 @dataclass(frozen=True, eq=False)
-class Structure:
-    """A structure whose step is written in Python or NumPy. It stands in place of the arm in a `Plant`, and in runs and
-    nodes in the modes free and lockstep; in real time it is refused.
+class Stepped:
+    """A structure whose step is written in Python or NumPy. It stands in place of a scenario's in a `Plant`, and in
+    runs and nodes in the modes free and lockstep; in real time it is refused.
 
     A state is an array of n coordinates and their n rates; loads are an array of the torques at joints 1 and 2, N·m,
     and the force of the exciter along x and y, N, held over a sample. All arrays that the functions take are read-only.
@@ -40,7 +40,7 @@ class Structure:
             a = loads[2] / 5 - frequency**2 * x
             return [[0, 0], [x, 0]], [[0, 0], [v, 0]], [[0, 0], [a, 0]]
 
-        resonarm.run(scenario, structure=resonarm.Structure(step, points, initial=[0, 0]))
+        resonarm.run(scenario, structure=resonarm.Stepped(step, points, initial=[0, 0]))
     """
 
     step: Step
@@ -89,11 +89,11 @@ def _numbers(what: str, given: Any, shape: tuple[int, ...]) -> bytes:
     return np.ascontiguousarray(numbers).tobytes()
 
 
-def parts(structure: Structure | None) -> tuple[Any, Any, str, list[float], str | None] | None:
+def parts(structure: Stepped | None) -> tuple[Any, Any, str, list[float], str | None] | None:
     """A structure as the extension takes it. Raises TypeError for anything else."""
-    if structure is None or isinstance(structure, Structure):
+    if structure is None or isinstance(structure, Stepped):
         return None if structure is None else structure._parts()
     raise TypeError(
-        f"structure is {structure!r}: a structure with a step in Python is a resonarm.Structure; a Chain or a Modal "
+        f"structure is {structure!r}: a structure with a step in Python is a resonarm.Stepped; a Chain or a Modal "
         "goes into the scenario, scenario.replace(structure=chain.section)"
     )

@@ -7,7 +7,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from . import _checks, _resonarm
 from ._dtypes import Array, played, unit, view
-from .own_structure import Structure, parts
+from .own_structure import Stepped, parts
 from .scenario import Scenario
 
 _OF_THE_STATE = ("sample", "time_s", "alpha_rad", "alpha_dot_rad_s", "states")
@@ -27,7 +27,7 @@ class Plant(_resonarm.Plant):
             plant.advance((10 - 0.5 * ax, 0.0))
     """
 
-    def __new__(cls, scenario: Scenario | None = None, *, structure: Structure | None = None) -> "Plant":
+    def __new__(cls, scenario: Scenario | None = None, *, structure: Stepped | None = None) -> "Plant":
         """Starts at sample 0 of the scenario, with a `structure` whose step is written in Python in place of the arm if
         one is given. Raises ValueError if the scenario can't make a plant."""
         scenario = Scenario() if scenario is None else scenario

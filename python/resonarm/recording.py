@@ -127,7 +127,8 @@ class Recording(_resonarm.Recording):
 
     def to_pandas(self, part: RecordingPart, from_sample: int = 0, to_sample: int = LAST) -> Any:
         """The same as a `pandas.DataFrame`, by the extra `pandas`: a vector, as `alpha_rad`, is a column for each
-        component under the component's own name, as `alpha1_rad`, and the payloads of frames are bytes."""
+        component under the component's own name, as `alpha1_rad`, and the payloads of frames are bytes. pandas itself
+        refuses the arrays of `read`, since their vectors have two dimensions."""
         pandas = _extras.require("pandas", "pandas")
         rows = self.read(part, from_sample, to_sample)
         components = dict(self.channels(part)) if part in ("states", "samples") else {}

@@ -4,8 +4,7 @@ from os import PathLike
 from typing import TYPE_CHECKING, Any
 
 from . import _resonarm
-from .arm import Arm
-from .structures import Chain, Modal
+from .structures import Chain, Modal, Structure
 
 if TYPE_CHECKING:
     from typing_extensions import Self
@@ -42,32 +41,12 @@ class Scenario(_resonarm.Scenario):
         return scenario.replace(**sections) if sections else scenario
 
     @property
-    def arm(self) -> Arm:
-        """The arm in its pose. Raises ValueError if the scenario has a structure in its place: `structure` is that."""
-        values = self.values()
-        if "structure" in values:
-            kind = values["structure"]["kind"]
-            raise ValueError(f"the scenario has a [structure] of kind {kind} in place of the arm: Scenario.structure")
-        section = values["arm"]
-        return Arm(
-            section["preset"],
-            beta1_deg=section["beta1_deg"],
-            beta2_deg=section["beta2_deg"],
-            parameters=section.get("parameters"),
-        )
-
-    @property
-    def structure(self) -> Chain | Modal | None:
-        """The structure in place of the arm; None if there is none. An arm with elements is a chain of two links.
+    def structure(self) -> Chain | Modal:
+        """The structure under test; without a section `[structure]` the robot arm of `[arm]`, a chain of two links.
         Raises ValueError for one whose step is written in Python, and for an FMU."""
-        section = self.values().get("structure")
-        if section is None:
-            return None
-        if section["kind"] == "own":
-            raise ValueError("structure.kind is own: the program that runs the scenario makes the structure")
-        if section["kind"] == "fmu":
-            raise ValueError("structure.kind is fmu: an FMU does not show its equations")
-        return Modal.from_scenario(self) if section["kind"] == "modal" else Chain.from_scenario(self)
+        found = Structure.from_scenario(self)
+        assert isinstance(found, Chain | Modal)
+        return found
 
     @property
     def sample_rate_hz(self) -> float:
@@ -87,5 +66,5 @@ class Scenario(_resonarm.Scenario):
         end = "" if duration_s is None else f", {duration_s:g} s"
         kind = values.get("structure", {}).get("kind")
         foreign = {"own": "a program's own structure", "fmu": "an FMU"}
-        of = foreign.get(kind) or repr(self.structure or self.arm)
+        of = foreign.get(kind) or repr(self.structure)
         return f"<Scenario of {of}: {controller}, {self.sample_rate_hz:g} Hz{end}>"

@@ -9,7 +9,7 @@ import numpy as np
 
 from . import _checks, _extras, _resonarm
 from ._dtypes import RESPONSE, Array, unit, view
-from .own_structure import Structure, parts
+from .own_structure import Stepped, parts
 from .recording import Recording
 from .scenario import Scenario
 from .words import BusMode, LoadKind, Mode, NodeRole, Overrun, Reading, RealTime, Spin
@@ -79,7 +79,7 @@ def run(
     *,
     controller: Controller | None = None,
     load: LoadKind = "force",
-    structure: Structure | None = None,
+    structure: Stepped | None = None,
     record: str | PathLike[str] | None = None,
     overwrite: bool = False,
     speed: float | None = None,
@@ -154,7 +154,7 @@ class Node(_resonarm.NodeRun):
         *,
         controller: Controller | None = None,
         load: LoadKind = "force",
-        structure: Structure | None = None,
+        structure: Stepped | None = None,
         record: str | PathLike[str] | None = None,
         overwrite: bool = False,
         speed: float | None = None,

@@ -1,27 +1,30 @@
-"""Chains of links and modal structures: modes, frequency responses, motions under a sine, branches of motions."""
+"""Chains of links and modal structures: modes, frequency responses, motions under a sine, branches of motions, basins
+of attraction."""
 
 import json
 import warnings
 from collections.abc import Mapping, Sequence
 from os import PathLike, fspath
-from typing import TYPE_CHECKING, Any, ClassVar
+from typing import TYPE_CHECKING, Any, cast
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from . import _checks, _resonarm
+from . import _checks, _drive, _resonarm
+from ._drive import Drive
 from ._dtypes import COMPLEX, Array, motion, view
-from .structure_basins import basins
-from .structure_branch import continuation, needed_amplitude
-from .structure_drawing import plot
-from .structure_words import Element, Link, ModeShape, PosedJoint
-from .words import Quantity, Scheme
+from .basins import basins, full_states
+from .continuation import continuation
+from .drawing import plot
+from .tables import Element, Link, ModeShape, PosedJoint
+from .words import Preset, Quantity, Scheme
 
 if TYPE_CHECKING:
     from typing_extensions import Self
 
 ACCELEROMETERS = ("joint2.x", "joint2.y", "tip.x", "tip.y")
 """Where the accelerometers are on the arm, in the order of an identified shape: B, then C."""
+MOST_PERIODS = 2**32 - 1
 _Path = str | PathLike[str]
 _Section = dict[str, Any]
 
@@ -30,46 +33,51 @@ class AccuracyWarning(UserWarning):
     """A result has a larger error than its method has: the message says by what, and how to lower it."""
 
 
-class _Structure(_resonarm.Assembly):
-    """What chains and modal structures share."""
-
-    _kinds: ClassVar[tuple[str, ...]]
-    _other: ClassVar[str]
+class Structure(_resonarm.Assembly):
+    """What is vibrated: a `Chain` of links or a `Modal` structure. Both have these methods."""
 
     continuation = continuation
     basins = basins
     plot = plot
 
+    def __new__(cls, *_arguments: Any, **_named: Any) -> "Self":
+        """Raises TypeError: the two kinds of structure are made by their classes."""
+        raise TypeError("a structure is a resonarm.Chain or a resonarm.Modal: make one of these")
+
     @classmethod
-    def _of(cls, section: _Section, arm: _Section | None = None) -> "Self":
-        """The structure of a section `[structure]`, and of `[arm]` if it is an arm with elements."""
-        return super().__new__(cls, section, arm)
+    def _of(cls, section: _Section) -> "Self":
+        """The structure of a section `[structure]`."""
+        return super().__new__(cls, section)
 
     @classmethod
     def from_scenario(cls, scenario: "_Path | _resonarm.Scenario") -> "Self":
-        """The structure of a scenario, or of that in a TOML file, with what it takes from other files.
+        """The structure of a scenario, or of that in a TOML file, with what it takes from other files. Without a
+        section `[structure]` it is a chain of two links: the robot arm of `[arm]`.
 
-        Raises ValueError if it has none of this class, OSError if the file can't be read.
+        Raises ValueError if it has none of this class, and for an FMU and a program's own, which show no equations;
+        OSError if the file can't be read.
         """
         if not isinstance(scenario, _resonarm.Scenario):
             scenario = _resonarm.Scenario(path=scenario)
         values = scenario.values()
-        section = values.get("structure")
-        if section is None:
-            raise ValueError("the scenario has no [structure]: its plant is the two-link arm of [arm], Scenario.arm")
-        if section["kind"] not in cls._kinds:
-            raise ValueError(f"structure.kind is {section['kind']}: {cls._other}.from_scenario takes it")
-        return cls._of(section, values["arm"] if section["kind"] == "arm" else None)
+        section = values.get("structure", {"kind": "arm"})
+        kind = section["kind"]
+        if kind == "own":
+            raise ValueError("structure.kind is own: the program that runs the scenario makes the structure")
+        if kind == "fmu":
+            raise ValueError("structure.kind is fmu: an FMU does not show its equations")
+        made = Modal if kind == "modal" else Chain
+        if not (issubclass(made, cls) or issubclass(cls, made)):
+            raise ValueError(f"structure.kind is {kind}: {made.__name__}.from_scenario takes it")
+        made = cls if issubclass(cls, made) else made
+        return cast("Self", made._of(_of_arm(section, values["arm"]) if kind == "arm" else section))
 
     def __reduce__(self) -> tuple[Any, ...]:
-        return _unpickled, (type(self), *self._value())
-
-    def _value(self) -> tuple[_Section, _Section | None]:
-        """The sections that equal structures share: without notes of the files that they are from."""
-        return self.numbers, self.arm_section
+        return _unpickled, (type(self), self.numbers)
 
     def _text(self) -> str:
-        return json.dumps(self._value(), sort_keys=True)
+        """The numbers that equal structures share: without notes of the files that they are from."""
+        return json.dumps(self.numbers, sort_keys=True)
 
     def __eq__(self, other: object) -> bool:
         return self._text() == other._text() if isinstance(other, type(self)) else NotImplemented
@@ -87,6 +95,23 @@ class _Structure(_resonarm.Assembly):
         """Its elements, with the keys of a scenario."""
         return list(self.section.get("elements", []))
 
+    def replace(self, values: Mapping[str, float]) -> "Self":
+        """The same structure with other values of some parameters, by their names, as `{"link2.mass_kg": 40}`;
+        `parameters` has all names, and `parameter(name)` the value and the unit of one.
+
+        Raises ValueError for an unknown name, and for values that make no structure.
+        """
+        section = json.loads(json.dumps(self.numbers))
+        for name, value in values.items():
+            self.parameter(name)  # an unknown one raises an error with the known names
+            part, _, key = name.rpartition(".")
+            table = section
+            if part:
+                kind = part.rstrip("0123456789")
+                table = section[f"{kind}s"][int(part.removeprefix(kind)) - 1]
+            table[key] = _checks.number(name, value)
+        return self._of(section)
+
     def _label(self, of: str) -> str:
         name = f" {self.name!r}" if self.name else ""
         count = len(self.elements)
@@ -95,34 +120,28 @@ class _Structure(_resonarm.Assembly):
         return f"<{type(self).__name__}{name}: {of}{elements}; {hz[0]:.4g} to {hz[-1]:.4g} Hz>"
 
     def frf(
-        self,
-        frequency_hz: ArrayLike,
-        *,
-        drive: str,
-        response: str | None = None,
-        quantity: Quantity = "receptance",
+        self, frequency_hz: ArrayLike, *, drive: str, at: str | None = None, quantity: Quantity = "receptance"
     ) -> NDArray[np.complex128]:
         """Frequency response of the structure linearised at rest, with the slopes of smooth elements and without the
         others: response over drive, complex, as an array of the frequencies' shape.
 
-        `drive` and `response` are degrees of freedom, as `tip.x` (N, m) or, of a chain, `joint2` (N·m, rad); without a
-        response it is taken where it is driven. `quantity` is receptance, mobility or accelerance: the displacement,
-        its first or second derivative in time, over the drive (ISO 7626-1).
+        `drive` is the degree of freedom that is driven, as `tip.x` (N) or, of a chain, `joint2` (N·m), `at` the one
+        whose response is taken (m, rad), by default the same. `quantity` is receptance, mobility or accelerance: the
+        displacement, its first or second derivative in time, over the drive (ISO 7626-1).
 
         Raises ValueError for an unknown term or a negative frequency, TypeError for one that is no real number,
         ResonarmError where the response is infinite.
         """
         hz = _checks.real("frequency_hz", frequency_hz)
-        terms = (drive, drive if response is None else response, quantity)
+        terms = (drive, drive if at is None else at, quantity)
         return view(self.frf_at(hz.tobytes(), terms), COMPLEX).reshape(hz.shape)
 
     def simulate(
         self,
         duration_s: float,
         *,
-        drive: str | None = None,
-        amplitude: float | None = None,
-        frequency_hz: float = 0.0,
+        drive: Drive | None = None,
+        frequency_hz: float | None = None,
         initial: Sequence[float] | None = None,
         rate_hz: float | None = None,
         scheme: Scheme | None = None,
@@ -133,23 +152,28 @@ class _Structure(_resonarm.Assembly):
 
         Coordinates are `alpha_rad` and `alpha_dot_rad_s` of a chain, deflections of its joints from rest, and
         `q_m_sqrt_kg` and `q_dot_m_sqrt_kg_s` of modes; states of elements `element1_m`, or `element1_rad` at a joint.
-        `drive` is a degree of freedom, as `tip.x`, `amplitude` A (N, or N·m at a joint), `frequency_hz` f. `initial`
-        has the coordinates and their rates, and may have the states of elements, to continue a motion; by default it is
-        the structure's own, or rest. `rate_hz` is the integration steps a second, by default those of a scenario with
-        the `scheme`, which is for chains whose elements are smooth: modes alone are exact, and other elements' switches
-        are located between steps of order 8, whatever the scheme. There is a row for the start, for every `every`th
-        step and for the end. Ctrl-C ends it.
+        `drive` has the amplitude A at each degree of freedom that is driven, `{"tip.x": 100}` (N, or N·m at a joint),
+        `frequency_hz` is f. `initial` has the coordinates and their rates, and may have the states of elements, to
+        continue a motion; by default it is the structure's own, or rest. `rate_hz` is the integration steps a second,
+        by default those of a scenario with the `scheme` (rk4, dop853, gl4, gl6, exponential, exponential8), which is
+        for chains whose elements are smooth: modes alone are exact, and other elements' switches are located between
+        steps of order 8, whatever the scheme. There is a row for the start, for every `every`th step and for the end.
+        Ctrl-C ends it.
 
         Warns with AccuracyWarning if a step has more switches than are located. Raises ValueError for invalid
         arguments, and if the structure needs a higher rate; ResonarmError if a step can't be made.
         """
-        sine = self._sine(drive, amplitude, frequency_hz)
+        loads = None
+        if drive is not None:
+            loads = _drive.parts(drive, _drive.frequency(frequency_hz))
+        elif frequency_hz is not None:
+            raise ValueError(f"frequency_hz is {frequency_hz:g}: give what it drives, too, drive={{DOF: A}}")
         if every < 1:
             raise ValueError(f"every is {every}: it must be 1 or more")
         rate = _resonarm.step_rate_hz(scheme) if rate_hz is None else rate_hz
         length = (_checks.steps(_checks.number("duration_s", duration_s), rate), every)
         state = None if initial is None else _checks.real("initial", initial).ravel().tolist()
-        rows, not_located = self.motion(state, sine, (scheme, rate), length)
+        rows, not_located = self.motion(state, loads, (scheme, rate), length)
         if not_located:
             warnings.warn(
                 f"{not_located} steps had more switches than are located: their error is of first order; raise rate_hz",
@@ -158,20 +182,39 @@ class _Structure(_resonarm.Assembly):
             )
         return view(rows, motion(self.channels()))
 
-    def _sine(self, drive: str | None, amplitude: float | None, frequency_hz: float) -> tuple[str, float, float] | None:
-        """The excitation, if there is one."""
-        if drive is None:
-            if amplitude is not None:
-                known = ", ".join(self.dofs)
-                raise ValueError(f"amplitude is {amplitude:g}: name what it drives, drive=DOF, with DOF one of {known}")
-            return None
-        peak = needed_amplitude(amplitude)
-        if frequency_hz <= 0:
-            raise ValueError(f"frequency_hz is {frequency_hz:g}: an excitation A·sin(2πft) needs a positive frequency")
-        return drive, peak, frequency_hz
+    def ensemble(
+        self,
+        initial: ArrayLike,
+        periods: int,
+        *,
+        drive: Drive,
+        frequency_hz: float,
+        every: int | None = None,
+    ) -> Array:
+        """Many motions under one A·sin(2πft), over all cores; those of a chain of up to three links with smooth elements
+        side by side in the lanes of the processor.
+
+        `initial` has a row for each motion, at phase 0 of the excitation: coordinates and their rates, with or without
+        the states of elements. `drive` has the amplitude A at each degree of freedom that is driven, `{"joint1": 60}`.
+        The array has a row for the start, for every `every`th period (by default the last alone) and for the end, and a
+        column for each motion, with the fields of `simulate`. A motion that grows beyond all bounds is NaN. Steps
+        (`dop853`, so many a period that the frequency is right to 1e-8 of the damping ratio) are the same for all, and
+        each motion has the bits that it has alone. Ctrl-C ends it.
+
+        Raises ValueError for a frequency that is not positive, a structure without damping, or states that are not
+        finite.
+        """
+        states = full_states(self, initial)
+        step = periods if every is None else every
+        for name, count in (("periods", periods), ("every", step)):
+            if not 1 <= count <= MOST_PERIODS:
+                raise ValueError(f"{name} is {count}: it must be from 1 to {MOST_PERIODS}")
+        loads = _drive.parts(drive, _drive.frequency(frequency_hz))
+        rows = view(_resonarm.ensemble(self, loads, states.tobytes(), (periods, step)), motion(self.channels()))
+        return rows.reshape(-1, len(states))
 
 
-class Chain(_Structure):
+class Chain(Structure):
     """A planar chain of 1 to 8 links with compliant joints, with elements at its points and joints. Its points are
     `joint1`, which is fixed, to the last joint, and `tip`.
 
@@ -184,11 +227,10 @@ class Chain(_Structure):
                              stiffness_nm_rad=3e4, damping_nm_s_rad=5)
         chain = resonarm.Chain([link, link, link], gravity_m_s2=9.81)
         chain.frf(20.0, drive="tip.x")
+        arm = resonarm.Chain.preset(angles_deg=(0, 75))
 
     Raises ValueError for an impossible structure, with the message of the command line.
     """
-
-    _kinds, _other = ("arm", "chain"), "Modal"
 
     def __new__(
         cls,
@@ -222,10 +264,29 @@ class Chain(_Structure):
         return cls._of({**section, "gravity_m_s2": gravity_m_s2, **_shared(elements, (), name)})
 
     @classmethod
-    def from_arm(cls, arm: _resonarm.Arm, *, elements: Sequence[Element] = (), name: str | None = None) -> "Self":
-        """The chain of two links that moves as the arm does, with elements. The elbow is `joint2`."""
-        section = {"preset": arm.preset, "beta1_deg": arm.beta1_deg, "beta2_deg": arm.beta2_deg}
-        return cls._of({"kind": "arm", **_shared(elements, (), name)}, {**section, "parameters": arm.own_parameters})
+    def preset(
+        cls,
+        name: Preset = "irb1600-fitted",
+        *,
+        angles_deg: Sequence[float] = (0.0, 60.0),
+        elements: Sequence[Element] = (),
+        initial: Sequence[float] = (),
+    ) -> "Self":
+        """The robot arm of P. Gierlak and J. Warmiński ("Analysis of Bifurcation Vibrations of an Industrial Robot Arm
+        System with Joints Compliance", Appl. Sci. 2023, 13, 11941): two rigid links with compliant joints; the elbow
+        is `joint2`. `name` is one of `resonarm.presets()`, `angles_deg` the pose: the angle of link 1 against the x
+        axis and that of link 2 against link 1. `replace` gives other values of its parameters. Of the mass of
+        link 1 the preset knows its moment of inertia about joint 1 alone: it is 1 kg at the joint. Under gravity its
+        own mass and centre of mass count, which you must replace as well.
+
+        Raises ValueError for an unknown name, and for other than two angles.
+        """
+        angles = _checks.real("angles_deg", angles_deg).ravel().tolist()
+        links = _resonarm.Assembly({"kind": "arm"}, {"preset": name}).chain_links
+        if len(angles) != len(links):
+            raise ValueError(f"angles_deg has {len(angles)} numbers: give {len(links)}, one for each link of {name}")
+        turned = [{**link, "angle_deg": angle} for link, angle in zip(links, angles, strict=True)]
+        return cls._of({"kind": "chain", "links": turned, **_shared(elements, initial, name)})
 
     @property
     def links(self) -> list[Link]:
@@ -243,7 +304,7 @@ class Chain(_Structure):
         return self._label(f"{count} link{'s' if count > 1 else ''}{gravity}")
 
 
-class Modal(_Structure):
+class Modal(Structure):
     """A structure known by 1 to 32 vibration modes, with elements at its points.
 
     `modes` have the keys of `structure.modes` in a scenario (`resonarm.ModeShape`): the shapes, of modal mass 1 kg,
@@ -254,8 +315,6 @@ class Modal(_Structure):
 
     Raises ValueError for an impossible structure, with the message of the command line.
     """
-
-    _kinds, _other = ("modal",), "Chain"
 
     def __new__(
         cls,
@@ -319,21 +378,15 @@ class Modal(_Structure):
         return cls._of({**section, **_shared(elements, (), name)})
 
     @classmethod
-    def from_arm(
-        cls,
-        arm: "_resonarm.Arm | Chain",
-        *,
-        modes: int | None = None,
-        elements: Sequence[Element] = (),
-        name: str | None = None,
+    def from_chain(
+        cls, chain: Chain, *, modes: int | None = None, elements: Sequence[Element] = (), name: str | None = None
     ) -> "Self":
-        """The lowest `modes` of an arm or a chain about its rest, all by default. Points are those of the chain: the
-        elbow of the arm is `joint2`; elements of the chain itself are refused.
+        """The lowest `modes` of a chain about its rest, all by default. Points are those of the chain; elements of the
+        chain itself are refused.
 
         Modes are linear, in the displacements too, and leave out by how much damping makes one move another: more than
         0.01 of its motion is refused. Raises ValueError.
         """
-        chain = arm if isinstance(arm, Chain) else Chain.from_arm(arm)
         section = _resonarm.modes_of_structure(chain, modes)
         return cls._of({**section, **_shared(elements, (), name)})
 
@@ -381,9 +434,20 @@ class Modal(_Structure):
         return self._label(f"{count} mode{'s' if count > 1 else ''}, points {', '.join(self.point_names)}")
 
 
-def _unpickled(cls: type[_Structure], section: _Section, arm: _Section | None) -> _Structure:
+def _unpickled(cls: type[Structure], section: _Section) -> Structure:
     """The pickled form of a structure."""
-    return cls._of(section, arm)
+    return cls._of(section)
+
+
+def _of_arm(section: _Section, arm: _Section) -> _Section:
+    """The section `[structure]` of the chain that moves as the arm of `[arm]` does, with its elements."""
+    assembly = _resonarm.Assembly(section, arm)
+    initial = section.get("initial") or arm["initial"]
+    changed = ", changed" if arm.get("parameters") else ""
+    name = section.get("name") or arm.get("name") or f"{arm['preset']}{changed}"
+    shared = _shared(section.get("elements", ()), initial if any(initial) else (), name)
+    gravity_m_s2 = assembly.chain_gravity_m_s2 or None
+    return {"kind": "chain", "links": assembly.chain_links, "gravity_m_s2": gravity_m_s2, **shared}
 
 
 def _matrix(name: str, given: ArrayLike) -> bytes:

@@ -18,7 +18,7 @@ from typing import Any
 
 from . import _checks, _extras, _resonarm
 from ._result import Result
-from .own_structure import Structure
+from .own_structure import Stepped
 from .scenario import Scenario
 from .session import Controller, Node, run
 from .words import BusMode, Instrument, Mode, NetworkFault, NodeRole, SensorFault
@@ -148,7 +148,7 @@ class Bench:
         bus: str = MEMORY,
         mode: Mode | None = None,
         *,
-        structure: Structure | None = None,
+        structure: Stepped | None = None,
         time_limit_s: float | None = TIME_LIMIT_S,
     ) -> None:
         if time_limit_s is not None and not (math.isfinite(time_limit_s) and time_limit_s > 0):

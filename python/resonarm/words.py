@@ -4,33 +4,10 @@ from typing import Literal
 
 Preset = Literal["irb1600-table1", "irb1600-fitted"]
 """A parameter set that comes with the package."""
-Drive = Literal["torque1", "torque2", "force-x", "force-y"]
-"""Where the arm is driven: at a joint, or at the tip C."""
-Response = Literal["alpha1", "alpha2", "b-x", "b-y", "c-x", "c-y"]
-"""Where a response is taken: at a joint, at the elbow B or at the tip C."""
 Quantity = Literal["receptance", "mobility", "accelerance"]
 """The quantity of a frequency response (ISO 7626-1)."""
 Scheme = Literal["rk4", "dop853", "gl4", "gl6", "exponential", "exponential8"]
 """An integration scheme."""
-Parameter = Literal[
-    "frequency",
-    "amplitude",
-    "beta1_deg",
-    "beta2_deg",
-    "inertia1_kg_m2",
-    "inertia2_kg_m2",
-    "mass2_kg",
-    "length1_m",
-    "length2_m",
-    "centre2_m",
-    "stiffness1_nm_rad",
-    "stiffness2_nm_rad",
-    "damping1_nm_s_rad",
-    "damping2_nm_s_rad",
-]
-"""The parameter in which a branch is followed."""
-Coordinate = Literal["alpha1_rad", "alpha2_rad", "alpha1_dot_rad_s", "alpha2_dot_rad_s"]
-"""A coordinate of the state."""
 Mode = Literal["free", "lockstep", "real-time"]
 """What drives the time of a run: only the simulation, the answers of a partner, or the clock."""
 BusMode = Literal["lockstep", "real-time"]

@@ -1,20 +1,21 @@
-//! Many motions side by side: ensembles, and basins of attraction.
+//! Many motions of a structure at once: ensembles, and basins of attraction.
 
 use core::sync::atomic::{AtomicBool, Ordering};
 
 use pyo3::prelude::*;
 use pyo3::types::PyByteArray;
-use resonarm::analysis::time_domain::{self, BasinOutcome, StateCoordinate, StroboscopicMap, TimeDomainError};
-use resonarm::arm::{Sine, State};
-use resonarm::plant::PlantSpecError;
+use resonarm::analysis::structure::Forced;
+use resonarm::analysis::structure::time_domain::{StableMotion, StroboscopicMap, outcomes, reach, stable_motions};
+use resonarm::analysis::time_domain::{BasinOutcome, TimeDomainError};
 use resonarm::study::on_all_cores;
 
-use crate::arm::{Arm, SineParts, push, state};
 use crate::errors;
+use crate::forced::Drive;
 use crate::rows::{Rows, numbers};
+use crate::structure::Assembly;
 use crate::watch::watched;
 
-/// Motions computed side by side on one core.
+/// Motions that a core follows together.
 const TOGETHER: usize = 64;
 /// Periods between two checks whether to stop.
 const AT_ONCE: u32 = 64;
@@ -22,107 +23,74 @@ const AT_ONCE: u32 = 64;
 const UNDECIDED: i64 = 0;
 const DIVERGES: i64 = -1;
 
-/// The states in an array of Python, given as its bytes.
-fn states(bytes: &[u8]) -> PyResult<Vec<State>> {
-    let numbers = numbers(bytes);
-    let (rows, _rest) = numbers.as_chunks::<4>();
-    match rows.iter().find(|row| row.iter().any(|number| !number.is_finite())) {
-        Some(row) => Err(errors::value(PlantSpecError::Initial(row.to_vec()))),
-        None => Ok(rows.iter().map(state).collect()),
+/// The states in an array of Python, given as its bytes: coordinates, rates, states of elements.
+fn states(forced: &Forced, bytes: &[u8]) -> PyResult<Vec<Vec<f64>>> {
+    let assembly = forced.assembly();
+    let size = 2 * assembly.coordinates() + assembly.element_states();
+    let states: Vec<Vec<f64>> = numbers(bytes).chunks(size).map(<[f64]>::to_vec).collect();
+    match states.iter().position(|state| state.iter().any(|number| !number.is_finite())) {
+        Some(at) => Err(errors::value(format!("initial is not finite in row {at}: it must have finite numbers"))),
+        None => Ok(states),
     }
 }
 
-/// Follows motions from states at phase 0 of a sine: rows of t, α and α̇ of all of them at the start, after every so
-/// many periods and at the end.
+/// Follows motions from states at phase 0 of a drive: rows of t, coordinates, rates and states of elements of all of
+/// them at the start, after every so many periods and at the end.
 #[pyfunction]
 pub fn ensemble<'py>(
     py: Python<'py>,
-    arm: &Arm,
-    sine: SineParts,
+    structure: &Assembly,
+    drive: Drive,
     initial: &[u8],
     length: (u32, u32),
 ) -> PyResult<Bound<'py, PyByteArray>> {
-    let (sine, (periods, every)) = (sine.sine(), length);
-    let map = StroboscopicMap::new(&arm.inner, sine).map_err(errors::time_domain)?;
-    let (states, stopped) = (states(initial)?, AtomicBool::new(false));
-    let groups: Vec<&[State]> = states.chunks(TOGETHER).collect();
+    let (forced, frequency_hz, (periods, every)) = (drive.forced(structure)?, drive.2, length);
+    let states = states(&forced, initial)?;
+    // Refused before any thread begins.
+    StroboscopicMap::new(&forced, frequency_hz).map_err(errors::time_domain)?;
+    let (groups, stopped) = (states.chunks(TOGETHER).collect::<Vec<_>>(), AtomicBool::new(false));
     let stop = || stopped.load(Ordering::Relaxed);
-    let work = || on_all_cores(&groups, |group| followed(&map, group, periods, every, &stop), || ());
+    let of =
+        |group: &&[Vec<f64>]| followed(&StroboscopicMap::new(&forced, frequency_hz)?, group, periods, every, &stop);
+    let work = || on_all_cores(&groups, of, || ());
     let found = watched(py, &|| stopped.store(true, Ordering::Relaxed), work)?;
+    let found: Vec<Vec<Vec<Vec<f64>>>> =
+        found.into_iter().collect::<Result<_, TimeDomainError>>().map_err(errors::time_domain)?;
     let mut rows = Rows::default();
     for k in 0..=periods.div_ceil(every) {
-        let t_s = f64::from(k.saturating_mul(every).min(periods)) / sine.frequency_hz;
-        for group in &found {
-            group.get(k as usize).into_iter().flatten().for_each(|state| push(&mut rows, t_s, state));
+        let t_s = f64::from(k.saturating_mul(every).min(periods)) / frequency_hz;
+        for state in found.iter().filter_map(|group| group.get(k as usize)).flatten() {
+            rows.numbers(&[t_s]);
+            rows.numbers(state);
         }
     }
     rows.into_bytes(py)
 }
 
-/// A group of motions at the start, after every so many periods and at the end, or up to where it is stopped.
+/// The states of a group at the start, after every so many periods and at the end, or up to where it is stopped.
 fn followed(
-    map: &StroboscopicMap<'_>,
-    group: &[State],
+    map: &StroboscopicMap,
+    group: &[Vec<f64>],
     periods: u32,
     every: u32,
     stop: &dyn Fn() -> bool,
-) -> Vec<Vec<State>> {
+) -> Result<Vec<Vec<Vec<f64>>>, TimeDomainError> {
     let (mut states, mut done) = (group.to_vec(), 0);
     let mut kept = vec![states.clone()];
     while done < periods && !stop() {
         let next = (done / every + 1).saturating_mul(every);
         let more = (next.min(periods) - done).min(AT_ONCE);
-        map.advance_all(&mut states, more);
+        map.advance_all(&mut states, more)?;
         done += more;
         if done == next || done == periods {
             kept.push(states.clone());
         }
     }
-    kept
-}
-
-/// A stable periodic motion of the arm under a sine.
-#[pyclass(frozen, eq, get_all, module = "resonarm._resonarm")]
-#[derive(Debug, PartialEq)]
-pub struct StableMotion {
-    /// Periods of the excitation after which it repeats.
-    period: u32,
-    /// Largest magnitude of its Floquet multipliers, over its own period.
-    largest_multiplier: f64,
-    /// The largest |α1| and |α2|, rad.
-    amplitude_rad: (f64, f64),
-    /// The states at phase 0 of the excitation: α1, α2, rad, α̇1, α̇2, rad/s.
-    section: Vec<Section>,
-}
-
-/// A state at phase 0: α1, α2, rad, α̇1, α̇2, rad/s.
-type Section = (f64, f64, f64, f64);
-
-#[pymethods]
-impl StableMotion {
-    #[new]
-    fn new(period: u32, largest_multiplier: f64, amplitude_rad: (f64, f64), section: Vec<Section>) -> StableMotion {
-        StableMotion { period, largest_multiplier, amplitude_rad, section }
-    }
-
-    fn __getnewargs__(&self) -> (u32, f64, (f64, f64), Vec<Section>) {
-        (self.period, self.largest_multiplier, self.amplitude_rad, self.section.clone())
-    }
-
-    fn __hash__(&self, py: Python<'_>) -> PyResult<isize> {
-        (self.period, self.largest_multiplier, self.amplitude_rad).into_pyobject(py)?.hash()
-    }
-
-    fn __repr__(&self) -> String {
-        let StableMotion { period, largest_multiplier, amplitude_rad: (a1, a2), .. } = self;
-        format!(
-            "StableMotion(period={period}, largest_multiplier={largest_multiplier:.6}, amplitude_rad=({a1:.6}, {a2:.6}))"
-        )
-    }
+    Ok(kept)
 }
 
 /// A row with the number of the motion that is reached, and that of the periods.
-pub fn push_outcome(rows: &mut Rows, outcome: BasinOutcome) {
+fn push_outcome(rows: &mut Rows, outcome: BasinOutcome) {
     let (motion, periods) = match outcome {
         BasinOutcome::Reaches { motion, periods } => (motion as i64 + 1, periods),
         BasinOutcome::Undecided => (UNDECIDED, 0),
@@ -132,13 +100,17 @@ pub fn push_outcome(rows: &mut Rows, outcome: BasinOutcome) {
     rows.word(periods);
 }
 
-/// The stable motions of an arm under a sine, which initial states may reach.
+/// A stable periodic motion: its period, the largest magnitude of its multipliers, the largest of each coordinate, and
+/// the states at phase 0 of the drive.
+type Motion = (u32, f64, Vec<f64>, Vec<Vec<f64>>);
+
+/// The stable motions of a structure under a drive, which initial states may reach.
 #[pyclass(frozen, module = "resonarm._resonarm")]
 #[derive(Debug)]
 pub struct Attractors {
-    arm: resonarm::arm::Arm,
-    sine: Sine,
-    motions: Vec<time_domain::StableMotion>,
+    forced: Forced,
+    frequency_hz: f64,
+    motions: Vec<StableMotion>,
     /// Why a branch ended early.
     #[pyo3(get)]
     ended_early: Option<String>,
@@ -147,27 +119,34 @@ pub struct Attractors {
 #[pymethods]
 impl Attractors {
     #[new]
-    fn new(py: Python<'_>, arm: &Arm, sine: SineParts) -> PyResult<Attractors> {
-        let (arm, sine) = (arm.inner.clone(), sine.sine());
-        let found = py.detach(|| time_domain::stable_motions(&arm, &sine));
+    fn new(py: Python<'_>, structure: &Assembly, drive: Drive) -> PyResult<Attractors> {
+        let (forced, frequency_hz, stopped) = (drive.forced(structure)?, drive.2, AtomicBool::new(false));
+        let read: Vec<_> = forced.drives().iter().map(|(dof, _share)| *dof).collect();
+        let stop = || stopped.load(Ordering::Relaxed);
+        let work = || stable_motions(&forced, &read, frequency_hz, &stop);
+        let found = watched(py, &|| stopped.store(true, Ordering::Relaxed), work)?;
         let (motions, early) = found.map_err(errors::time_domain)?;
-        Ok(Attractors { arm, sine, motions, ended_early: early.first().map(|early| early.reason.to_string()) })
+        let ended_early = early.map(|early| errors::printable(early.reason));
+        Ok(Attractors { forced, frequency_hz, motions, ended_early })
     }
 
-    /// The motions, by their largest |α1|.
+    /// The motions, by their largest displacement where the structure is driven first.
     #[getter]
-    fn motions(&self) -> Vec<StableMotion> {
-        let motion = |motion: &time_domain::StableMotion| StableMotion {
-            period: motion.period,
-            largest_multiplier: motion.largest_multiplier,
-            amplitude_rad: motion.amplitude_rad.into(),
-            section: motion.section.iter().map(|state| StateCoordinate::ALL.map(|of| of.of(state)).into()).collect(),
+    fn motions(&self) -> Vec<Motion> {
+        let motion = |motion: &StableMotion| {
+            let largest = motion.coordinates.iter().map(|reading| reading.largest).collect();
+            (motion.period, motion.largest_multiplier, largest, motion.section.clone())
         };
         self.motions.iter().map(motion).collect()
     }
 
-    /// The motion that each initial state reaches, and the number of periods it takes: on all cores, or on the
-    /// calling thread alone.
+    /// How far a grid goes in a coordinate or a rate to show what surrounds the motions.
+    fn reach(&self, index: usize) -> f64 {
+        reach(&self.motions, index, self.frequency_hz)
+    }
+
+    /// The motion that each initial state reaches, and the number of periods it takes: on all cores, or on the calling
+    /// thread alone. States are rows of coordinates, rates and states of elements.
     fn outcomes<'py>(
         &self,
         py: Python<'py>,
@@ -175,11 +154,11 @@ impl Attractors {
         time_constants: f64,
         on_cores: bool,
     ) -> PyResult<Bound<'py, PyByteArray>> {
-        let map = StroboscopicMap::new(&self.arm, self.sine).map_err(errors::time_domain)?;
-        let (states, stopped) = (states(initial)?, AtomicBool::new(false));
-        let groups: Vec<&[State]> = states.chunks(TOGETHER).collect();
+        let map = || StroboscopicMap::new(&self.forced, self.frequency_hz);
+        let states = states(&self.forced, initial)?;
+        let (groups, stopped) = (states.chunks(TOGETHER).collect::<Vec<_>>(), AtomicBool::new(false));
         let stop = || stopped.load(Ordering::Relaxed);
-        let of = |group: &&[State]| time_domain::outcomes(&map, &self.motions, group, time_constants, &stop);
+        let of = |group: &&[Vec<f64>]| outcomes(&map()?, &self.motions, group, time_constants, &stop);
         let found = if on_cores {
             watched(py, &|| stopped.store(true, Ordering::Relaxed), || on_all_cores(&groups, of, || ()))?
         } else {

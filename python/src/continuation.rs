@@ -1,118 +1,142 @@
-//! Branches of periodic motions, and the curves of their bifurcations.
+//! Branches of a structure's periodic motions, those of twice the period, and curves of bifurcations.
 
 use pyo3::prelude::*;
 use pyo3::types::PyByteArray;
-use resonarm::analysis::{
-    AnalysisError, ArmParameter, Branch, BranchOptions, Coordinate, EndedEarly, ForcedArm, Orbit, SingularCurve,
-    SingularPoint, trace, trace_doublings, trace_singular_curves,
+use resonarm::analysis::structure::{
+    Assess, Branch, Coordinate, Forced, Orbit, SingularCurve, SingularPoint, TraceOptions, trace, trace_doublings,
+    trace_singular_curves,
 };
-use resonarm::arm::Load;
+use resonarm::analysis::{AnalysisError, EndedEarly};
 
-use crate::arm::Arm;
 use crate::errors;
+use crate::forced::Drive;
 use crate::rows::Rows;
+use crate::structure::Assembly;
 
 /// The largest step along a curve of bifurcations, relative to its local size: short enough to be drawn.
 const LARGEST_CURVE_STEP: f64 = 0.08;
 
-/// Points; kinds and points of bifurcations.
-type BranchRows = (Py<PyByteArray>, Vec<&'static str>, Py<PyByteArray>);
+/// A branch: points, kinds and points of bifurcations, those not located by kind and interval, for each degree of
+/// freedom that is read the motion with the largest displacement; the number of multipliers in a row.
+#[pyclass(frozen, get_all, module = "resonarm._resonarm")]
+pub struct TracedBranch {
+    points: Py<PyByteArray>,
+    kinds: Vec<&'static str>,
+    bifurcations: Py<PyByteArray>,
+    unlocated: Vec<(&'static str, f64, f64)>,
+    peaks: Py<PyByteArray>,
+    multipliers: usize,
+}
+
 /// Kind, points, places of turns; whether each is a cusp.
 type CurveRows = (&'static str, Py<PyByteArray>, Py<PyByteArray>, Vec<bool>);
 
-/// The results: the branch and those that leave it at period doublings, curves, and why it ended early if it did.
+/// The results: the branch, those that leave it at period doublings, curves, and why any of these ended early if one
+/// did.
 #[pyclass(frozen, get_all, module = "resonarm._resonarm")]
 pub struct Traced {
-    branches: Vec<BranchRows>,
+    branch: Py<TracedBranch>,
+    doubled: Vec<Py<TracedBranch>>,
     curves: Vec<CurveRows>,
     ended_early: Option<String>,
 }
 
-/// Name and unit of a quantity in which a branch can be followed.
-#[pyfunction]
-pub fn parameter_label(name: &str) -> PyResult<(String, String)> {
-    match coordinate("parameter", name)? {
-        Coordinate::FrequencyHz => Ok((String::from("excitation frequency"), String::from("Hz"))),
-        Coordinate::Parameter(which) => Ok((which.symbol().to_owned(), which.unit().to_owned())),
+/// What an argument names as a coordinate of a branch.
+fn coordinate(argument: &str, name: &str, structure: &Assembly) -> PyResult<Coordinate> {
+    match name {
+        "frequency" => Ok(Coordinate::FrequencyHz),
+        "amplitude" => Ok(Coordinate::Amplitude),
+        _ => structure
+            .inner
+            .parameter(name)
+            .map(Coordinate::Parameter)
+            .map_err(|error| errors::value(format!("{argument} {name}: {error}; or frequency, or amplitude"))),
     }
 }
 
-fn coordinate(flag: &str, name: &str) -> PyResult<Coordinate<ArmParameter>> {
-    if name == "frequency" {
-        return Ok(Coordinate::FrequencyHz);
-    }
-    name.parse().map(Coordinate::Parameter).map_err(|_unknown| {
-        let known: Vec<&str> = core::iter::once("frequency").chain(ArmParameter::ALL.map(ArmParameter::name)).collect();
-        errors::value(format!("{flag} is `{name}`: it must be one of {}", known.join(", ")))
-    })
-}
+/// Limits of harmonics, points and step length, and whether the stability is computed.
+type Settings = (usize, usize, f64, bool);
 
-/// Follows the motions of an arm under a load (its direction u1, u2, Fx, Fy, its amplitude and frequency) in a
-/// parameter from one value to another, with limits of harmonics, points and step length.
+/// Follows the motions of a structure under a drive in the frequency, the amplitude or a parameter from one value to
+/// another, read at degrees of freedom. Follows what leaves the branch at period doublings, and its folds and
+/// doublings in a second coordinate up to a value, if that is asked for.
 #[pyfunction]
 pub fn trace_branch(
     py: Python<'_>,
-    arm: &Arm,
-    drive: ([f64; 4], f64, f64),
+    structure: &Assembly,
+    drive: Drive,
     range: (String, f64, f64),
-    limits: (usize, usize, f64),
-    doubled: bool,
-    curves: Option<(String, f64)>,
+    at: Vec<String>,
+    settings: Settings,
+    beyond: (bool, Option<(String, f64)>),
 ) -> PyResult<Traced> {
-    let (direction, amplitude, frequency_hz) = drive;
-    let ((parameter, start, stop), (most_harmonics, most_points, largest_step)) = (range, limits);
-    let varied = coordinate("parameter", &parameter)?;
+    let ((parameter, start, stop), (doubled, curves)) = (range, beyond);
+    let varied = coordinate("parameter", &parameter, structure)?;
     let curves = match curves {
-        Some((name, to)) => Some((coordinate("curves_in", &name)?, to)),
+        Some((name, to)) => Some((coordinate("curves_in", &name, structure)?, to)),
         None => None,
     };
-    let [torque1_nm, torque2_nm, force_x_n, force_y_n] = direction;
-    let load = Load { torque_nm: [torque1_nm, torque2_nm].into(), force_n: [force_x_n, force_y_n].into() };
-    let forced = ForcedArm::new(arm.inner.clone(), load, amplitude);
-    let mut options = BranchOptions::new(start, stop);
-    options.most_harmonics = most_harmonics;
-    options.most_points = most_points;
-    options.continuation.largest_step = largest_step;
-    let (branches, curves, early) =
-        py.detach(|| follow(&forced, frequency_hz, varied, &options, doubled, curves)).map_err(errors::analysis)?;
+    let read = at.iter().map(|name| structure.dof("at", name)).collect::<PyResult<Vec<_>>>()?;
+    let asked = Asked { forced: drive.forced(structure)?, frequency_hz: drive.2, varied, doubled, curves, settings };
+    let options = asked.set(TraceOptions::new(&asked.forced, varied, [start, stop], read));
+    let (branch, doubled, curves, early) = py.detach(|| asked.follow(&options)).map_err(errors::analysis)?;
     Ok(Traced {
-        branches: branches.iter().map(|branch| branch_rows(py, branch)).collect::<PyResult<_>>()?,
+        branch: TracedBranch::new(py, &branch)?,
+        doubled: doubled.iter().map(|branch| TracedBranch::new(py, branch)).collect::<PyResult<_>>()?,
         curves: curves.iter().map(|(kind, curve)| curve_rows(py, kind, curve)).collect::<PyResult<_>>()?,
-        ended_early: early.map(|reason| reason.to_string()),
+        ended_early: early.map(errors::printable),
     })
 }
 
-type Found = (Vec<Branch>, Vec<(&'static str, SingularCurve)>, Option<AnalysisError>);
-
-fn follow(
-    forced: &ForcedArm,
+/// What is followed.
+struct Asked {
+    forced: Forced,
     frequency_hz: f64,
-    varied: Coordinate<ArmParameter>,
-    options: &BranchOptions,
+    varied: Coordinate,
     doubled: bool,
-    curves: Option<(Coordinate<ArmParameter>, f64)>,
-) -> Result<Found, AnalysisError> {
-    let mut early = None;
-    let branch = match trace(forced.clone(), frequency_hz, varied, options) {
-        Err(ended) if ended.so_far.orbits.is_empty() => return Err(ended.reason),
-        traced => keep(traced, &mut early),
-    };
-    let mut found = Vec::new();
-    if let Some((second, to)) = curves {
-        let mut options = options.between(0.0, to);
-        options.continuation.largest_step = options.continuation.largest_step.min(LARGEST_CURVE_STEP);
-        for (kind, traced) in trace_singular_curves(forced, &branch, varied, second, &options) {
-            found.push((kind.name(), keep(traced, &mut early)));
-        }
+    curves: Option<(Coordinate, f64)>,
+    settings: Settings,
+}
+
+/// The branch, those of twice the period, curves with the names of their kinds, and the first reason why one ended
+/// early.
+type Found = (Branch, Vec<Branch>, Vec<(&'static str, SingularCurve)>, Option<AnalysisError>);
+
+impl Asked {
+    /// Options with the settings.
+    fn set(&self, mut options: TraceOptions) -> TraceOptions {
+        let (most_harmonics, most_points, largest_step, stability) = self.settings;
+        options.branch.most_harmonics = most_harmonics;
+        options.branch.most_points = most_points;
+        options.branch.continuation.largest_step = largest_step;
+        options.assess = if stability { Assess::Multipliers } else { Assess::Nothing };
+        options
     }
-    let mut branches = Vec::new();
-    if doubled {
-        for traced in trace_doublings(forced, &branch, varied, options) {
-            branches.push(keep(traced, &mut early));
+
+    fn follow(&self, options: &TraceOptions) -> Result<Found, AnalysisError> {
+        let mut early = None;
+        let branch = match trace(&self.forced, self.frequency_hz, self.varied, options) {
+            Err(ended) if ended.so_far.orbits.is_empty() => return Err(ended.reason),
+            traced => keep(traced, &mut early),
+        };
+        let mut doubled = Vec::new();
+        if self.doubled {
+            for traced in trace_doublings(&self.forced, &branch, self.varied, options) {
+                doubled.push(keep(traced, &mut early));
+            }
         }
+        let mut curves = Vec::new();
+        if let Some((second, to)) = self.curves {
+            // They begin at the value on the branch, whichever that is.
+            let mut along = self.set(TraceOptions::new(&self.forced, second, [0.0, to], options.read.clone()));
+            let largest_step = &mut along.branch.continuation.largest_step;
+            *largest_step = largest_step.min(LARGEST_CURVE_STEP);
+            for (kind, traced) in trace_singular_curves(&self.forced, &branch, [self.varied, second], &along) {
+                curves.push((kind.name(), keep(traced, &mut early)));
+            }
+        }
+        Ok((branch, doubled, curves, early))
     }
-    branches.insert(0, branch);
-    Ok((branches, found, early))
 }
 
 /// The result of a continuation, complete or not; keeps the first reason why one ended early.
@@ -123,28 +147,51 @@ fn keep<T: core::fmt::Debug>(traced: Result<T, EndedEarly<T>>, early: &mut Optio
     })
 }
 
-fn branch_rows(py: Python<'_>, branch: &Branch) -> PyResult<BranchRows> {
-    let (mut points, mut events) = (Rows::default(), Rows::default());
-    branch.orbits.iter().for_each(|orbit| push(&mut points, orbit));
-    branch.bifurcations.iter().for_each(|found| push(&mut events, &found.orbit));
-    let kinds = branch.bifurcations.iter().map(|found| found.kind.name()).collect();
-    Ok((points.into_bytes(py)?.unbind(), kinds, events.into_bytes(py)?.unbind()))
+impl TracedBranch {
+    fn new(py: Python<'_>, branch: &Branch) -> PyResult<Py<TracedBranch>> {
+        let found = || branch.bifurcations.iter().map(|bifurcation| &bifurcation.orbit);
+        let all = || branch.orbits.iter().chain(found()).chain(&branch.peaks);
+        let multipliers = all().map(|orbit| multipliers(orbit).len()).max().unwrap_or(0);
+        let rows = |orbits: &mut dyn Iterator<Item = &Orbit>| {
+            let mut rows = Rows::default();
+            orbits.for_each(|orbit| push(&mut rows, orbit, multipliers));
+            rows.into_bytes(py).map(Bound::unbind)
+        };
+        let traced = TracedBranch {
+            points: rows(&mut branch.orbits.iter())?,
+            kinds: branch.bifurcations.iter().map(|bifurcation| bifurcation.kind.name()).collect(),
+            bifurcations: rows(&mut found())?,
+            unlocated: branch.unlocated.iter().map(|at| (at.kind.name(), at.between[0], at.between[1])).collect(),
+            peaks: rows(&mut branch.peaks.iter())?,
+            multipliers,
+        };
+        Py::new(py, traced)
+    }
 }
 
-fn push(rows: &mut Rows, orbit: &Orbit) {
-    rows.numbers(&[orbit.value, orbit.frequency_hz]);
-    rows.numbers(&orbit.amplitude_rad);
-    rows.numbers(&orbit.harmonic1_rad);
-    rows.word(orbit.is_stable());
+/// The Floquet multipliers of a motion, re and im; none if they are not known.
+fn multipliers(orbit: &Orbit) -> Vec<[f64; 2]> {
+    let known = orbit.stability.iter().flat_map(|stability| &stability.multipliers);
+    known.map(|multiplier| [multiplier.re, multiplier.im]).collect()
+}
+
+/// A row; NaN in place of multipliers that there are not.
+fn push(rows: &mut Rows, orbit: &Orbit, count: usize) {
+    rows.numbers(&[orbit.value, orbit.frequency_hz, orbit.drive]);
+    rows.word(orbit.is_stable() == Some(true));
+    rows.word(orbit.harmonics as u64);
     rows.word(orbit.period as u64);
-    orbit.multipliers().iter().for_each(|z| rows.numbers(&[z.re, z.im]));
+    orbit.readings.iter().for_each(|reading| rows.numbers(&reading.numbers()));
+    let mut multipliers = multipliers(orbit);
+    multipliers.resize(count, [f64::NAN; 2]);
+    rows.numbers(multipliers.as_flattened());
 }
 
 fn curve_rows(py: Python<'_>, kind: &'static str, curve: &SingularCurve) -> PyResult<CurveRows> {
     let (mut points, mut turns) = (Rows::default(), Rows::default());
     let push = |rows: &mut Rows, point: &SingularPoint| {
         rows.numbers(&[point.lambda, point.mu]);
-        rows.numbers(&point.harmonic1_rad);
+        point.orbit.readings.iter().for_each(|reading| rows.numbers(&reading.numbers()));
     };
     curve.points.iter().for_each(|point| push(&mut points, point));
     curve.turns.iter().for_each(|turn| push(&mut turns, &turn.point));

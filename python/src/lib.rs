@@ -3,14 +3,15 @@
 //! Public names and documentation for users are in the package, `python/resonarm`. Long calls release the
 //! interpreter's lock. Arrays are passed as rows of words (`rows`), errors as exceptions of a fitting type (`errors`).
 
-mod arm;
 mod basins;
 mod bus;
 mod continuation;
 mod controller;
 mod errors;
+mod forced;
 mod log;
 mod logging;
+mod modes;
 mod own_structure;
 mod plant;
 mod protocol;
@@ -19,8 +20,6 @@ mod rows;
 mod scenario;
 mod session;
 mod structure;
-mod structure_basins;
-mod structure_branch;
 mod values;
 mod watch;
 
@@ -33,22 +32,17 @@ fn _resonarm(module: &Bound<'_, PyModule>) -> PyResult<()> {
     module.add("__version__", env!("CARGO_PKG_VERSION"))?;
     module.add("ResonarmError", module.py().get_type::<errors::ResonarmError>())?;
     module.add_function(wrap_pyfunction!(errors::printable_text, module)?)?;
-    module.add_class::<arm::Arm>()?;
-    module.add_class::<arm::Mode>()?;
-    module.add_function(wrap_pyfunction!(arm::presets, module)?)?;
-    module.add_function(wrap_pyfunction!(arm::step_rate_hz, module)?)?;
-    module.add_function(wrap_pyfunction!(basins::ensemble, module)?)?;
-    module.add_class::<basins::StableMotion>()?;
-    module.add_class::<basins::Attractors>()?;
-    module.add_class::<continuation::Traced>()?;
-    module.add_function(wrap_pyfunction!(continuation::trace_branch, module)?)?;
-    module.add_function(wrap_pyfunction!(continuation::parameter_label, module)?)?;
+    module.add_class::<modes::Mode>()?;
+    module.add_function(wrap_pyfunction!(modes::presets, module)?)?;
+    module.add_function(wrap_pyfunction!(modes::step_rate_hz, module)?)?;
     module.add_class::<structure::Assembly>()?;
     module.add_function(wrap_pyfunction!(structure::modes_of_matrices, module)?)?;
     module.add_function(wrap_pyfunction!(structure::modes_of_structure, module)?)?;
-    module.add_class::<structure_basins::StructureAttractors>()?;
-    module.add_class::<structure_branch::TracedStructure>()?;
-    module.add_function(wrap_pyfunction!(structure_branch::trace_structure, module)?)?;
+    module.add_function(wrap_pyfunction!(basins::ensemble, module)?)?;
+    module.add_class::<basins::Attractors>()?;
+    module.add_class::<continuation::TracedBranch>()?;
+    module.add_class::<continuation::Traced>()?;
+    module.add_function(wrap_pyfunction!(continuation::trace_branch, module)?)?;
     module.add_class::<scenario::Scenario>()?;
     module.add_class::<plant::Plant>()?;
     module.add_class::<plant::Measurement>()?;

@@ -10,16 +10,17 @@ use resonarm::analysis::Quantity;
 use resonarm::analysis::structure::LinearResponse;
 use resonarm::drawing::Drawing;
 use resonarm::integrate::Scheme;
-use resonarm::scenario::structure::{Matrices, StructureKind, StructureSection, StructureSectionError};
-use resonarm::scenario::{ArmSection, Scenario};
+use resonarm::scenario::Scenario;
+use resonarm::scenario::structure::{Matrices, StructureSection, StructureSectionError};
 use resonarm::structure::{
     self, BodySpec, Channel, CoordinateUnit, Coordinates, Dof, Link, StepError, StepLoad, Stepper, coordinate_channels,
     element_channel,
 };
 use toml::Value;
 
-use crate::arm::{Mode, STEPS_A_LOOK, scheme};
 use crate::errors;
+use crate::forced::Drive;
+use crate::modes::{Mode, scheme};
 use crate::rows::{Rows, numbers};
 use crate::values;
 
@@ -30,9 +31,10 @@ pub struct Assembly {
     pub inner: structure::Assembly,
     /// Its `[structure]`, what is from files resolved.
     section: StructureSection,
-    /// Its `[arm]`, if it is an arm with elements.
-    arm: Option<ArmSection>,
 }
+
+/// Steps between two looks for signals: some 20 ms of work.
+const STEPS_A_LOOK: u64 = 1 << 15;
 
 /// A vector of numbers in rows: its name, and the names of its components.
 pub type Vector = (&'static str, Vec<&'static str>);
@@ -97,8 +99,7 @@ impl Assembly {
             got if got == expected => {}
             got => return Err(errors::value(StructureSectionError::Initial { got, expected })),
         }
-        let arm = (section.kind == StructureKind::Arm).then_some(scenario.arm);
-        Ok(Assembly { inner, section, arm })
+        Ok(Assembly { inner, section })
     }
 
     /// The section `[structure]`, with the links or modes from files in it.
@@ -107,10 +108,16 @@ impl Assembly {
         values::document(py, &self.section)
     }
 
-    /// The section `[arm]` of an arm with elements.
+    /// The names of all parameters, as `link2.mass_kg`, `mode1.damping_ratio` or `element1.gap_m`.
     #[getter]
-    fn arm_section<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyAny>> {
-        values::document(py, &self.arm)
+    fn parameters(&self) -> Vec<String> {
+        self.inner.parameters().iter().map(ToString::to_string).collect()
+    }
+
+    /// The value of a parameter, and its unit, empty if it has none.
+    fn parameter(&self, name: &str) -> PyResult<(f64, &'static str)> {
+        let parameter = self.inner.parameter(name).map_err(errors::value)?;
+        Ok((self.inner.value(parameter).map_err(errors::value)?, parameter.unit()))
     }
 
     /// The links of a chain; of an arm those of the chain that moves as it does.
@@ -192,8 +199,8 @@ impl Assembly {
         frequency_hz: &[u8],
         terms: (String, String, String),
     ) -> PyResult<Bound<'py, PyByteArray>> {
-        let (drive, response, quantity) = terms;
-        let (drive, response) = (self.dof("drive", &drive)?, self.dof("response", &response)?);
+        let (drive, at, quantity) = terms;
+        let (drive, response) = (self.dof("drive", &drive)?, self.dof("at", &at)?);
         let quantity: Quantity = quantity.parse().map_err(errors::value)?;
         let mut rows = Rows::default();
         py.detach(|| {
@@ -208,19 +215,19 @@ impl Assembly {
         rows.into_bytes(py)
     }
 
-    /// Rows of t, coordinates, rates and states of elements from `initial` on under a sine (degree of freedom, peak,
-    /// frequency), and how many steps met more switches than are located. `stepping` is a scheme and the steps a
-    /// second, `length` the number of steps and the number from row to row; the end has a row, too.
+    /// Rows of t, coordinates, rates and states of elements from `initial` on under a drive, and how many steps
+    /// met more switches than are located. `stepping` is a scheme and the steps a second, `length` the number of steps
+    /// and the number from row to row; the end has a row, too.
     fn motion<'py>(
         &self,
         py: Python<'py>,
         initial: Option<Vec<f64>>,
-        sine: Option<(String, f64, f64)>,
+        drive: Option<Drive>,
         stepping: (Option<String>, f64),
         length: (u64, u64),
     ) -> PyResult<(Bound<'py, PyByteArray>, u64)> {
         let ((name, rate_hz), (steps, every)) = (stepping, length);
-        let mut motion = Motion::new(self, initial, sine, (scheme(name.as_deref())?, rate_hz))?;
+        let mut motion = Motion::new(self, initial, drive, (scheme(name.as_deref())?, rate_hz))?;
         let mut rows = Rows::default();
         motion.push(&mut rows, 0.0);
         let mut step = 0;
@@ -272,7 +279,7 @@ impl Assembly {
     }
 }
 
-/// A structure that moves under a sine.
+/// A structure that moves under a drive.
 struct Motion {
     stepper: Stepper,
     amplitude: Vec<f64>,
@@ -283,13 +290,14 @@ impl Motion {
     fn new(
         of: &Assembly,
         initial: Option<Vec<f64>>,
-        sine: Option<(String, f64, f64)>,
+        drive: Option<Drive>,
         (scheme, rate_hz): (Scheme, f64),
     ) -> PyResult<Motion> {
-        let (drive, amplitude, frequency_hz) = match sine {
-            Some((drive, amplitude, frequency_hz)) => (vec![of.dof("drive", &drive)?], vec![amplitude], frequency_hz),
-            None => (Vec::new(), Vec::new(), 0.0),
+        let (shares, all, frequency_hz) = match drive {
+            Some(drive) => (drive.shares(of)?, drive.1, drive.2),
+            None => (Vec::new(), 0.0, 0.0),
         };
+        let (drive, amplitude): (Vec<Dof>, Vec<f64>) = shares.iter().map(|(dof, share)| (*dof, share * all)).unzip();
         let mut stepper = Stepper::new(&of.inner, &drive, scheme, rate_hz).map_err(errors::value)?;
         stepper.restore(&of.start(initial)?).map_err(errors::value)?;
         Ok(Motion { stepper, amplitude, omega_rad_s: TAU * frequency_hz })

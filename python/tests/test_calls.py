@@ -13,25 +13,19 @@ NAN = float("nan")
 
 
 def frequencies(of):
-    return resonarm.Arm().frf(of)
+    return resonarm.Chain.preset().frf(of, drive="joint1")
 
 
 @pytest.mark.parametrize(
     ("call", "kind", "message"),
     [
         (
-            lambda: resonarm.Arm().continuation("freq", 21, 23, torque1_nm=60),
-            ValueError,
-            "parameter is `freq`: it must be one of frequency, amplitude, beta1_deg",
-        ),
-        (lambda: resonarm.Arm().continuation("freq", 21, 23), ValueError, "parameter is `freq`: it must be one of"),
-        (
-            lambda: resonarm.Arm().continuation("frequency", 21, 23, torque_nm=60),
+            lambda: resonarm.Chain.preset().continuation("frequency", 21, 23, torque_nm=60),
             TypeError,
             "continuation() got an unexpected keyword argument 'torque_nm'",
         ),
         (
-            lambda: resonarm.Arm().basins(22, torque_nm=60),
+            lambda: resonarm.Chain.preset().basins(22, torque_nm=60),
             TypeError,
             "basins() got an unexpected keyword argument 'torque_nm'",
         ),
@@ -51,7 +45,7 @@ def frequencies(of):
             "force_n has complex numbers: give real ones",
         ),
         (
-            lambda: resonarm.Arm().ensemble(np.zeros((3, 4), complex), 1, frequency_hz=1),
+            lambda: resonarm.Chain.preset().ensemble(np.zeros((3, 4), complex), 1, drive={"joint1": 1}, frequency_hz=1),
             TypeError,
             "initial has complex numbers: give real ones",
         ),
@@ -76,14 +70,14 @@ def frequencies(of):
             "torque_nm is (-inf, 0.0) at sample 0: it must be two finite numbers",
         ),
         (
-            lambda: resonarm.Arm().simulate(1, force_x_n=NAN, frequency_hz=3),
+            lambda: resonarm.Chain.preset().simulate(1, drive={"tip.x": NAN}, frequency_hz=3),
             ValueError,
-            "force_x_n is nan: it must be a finite number",
+            "drive['tip.x'] is nan: it must be a finite number",
         ),
         (
-            lambda: resonarm.Arm().ensemble([(0, 0, 0, 0)], 1, torque2_nm=NAN, frequency_hz=3),
+            lambda: resonarm.Chain.preset().ensemble([(0, 0, 0, 0)], 1, drive={"joint2": NAN}, frequency_hz=3),
             ValueError,
-            "torque2_nm is nan: it must be a finite number",
+            "drive['joint2'] is nan: it must be a finite number",
         ),
         (lambda: resonarm.run("scenarios/bench.toml"), TypeError, "Scenario.load('scenarios/bench.toml') reads one"),
         (lambda: resonarm.Plant("bench.toml"), TypeError, "a scenario is a resonarm.Scenario: this is str"),
@@ -109,9 +103,9 @@ def frequencies(of):
             "rig.faults.to_s is NaN: it must be a number",
         ),
         (
-            lambda: resonarm.Arm(parameters={"mass2_kg": NAN}),
+            lambda: resonarm.Chain.preset().replace({"link2.mass_kg": NAN}),
             ValueError,
-            "parameters.mass2_kg is NaN: it must be a number",
+            "mass_kg is NaN: it must be a number",
         ),
         (
             lambda: resonarm.Scenario().replace(simulation=3),
@@ -119,11 +113,11 @@ def frequencies(of):
             "`simulation` is 3: a section of a scenario is",
         ),
         (
-            lambda: resonarm.Arm().simulate(1, initial=(0, 0)),
+            lambda: resonarm.Chain.preset().simulate(1, initial=(0, 0)),
             ValueError,
-            "initial has 2 numbers: it needs four, α1,α2,α̇1,α̇2 in rad and rad/s",
+            "initial has 2 numbers: give 4, the coordinates and their rates",
         ),
-        (lambda: resonarm.Arm().simulate("1"), TypeError, "duration_s is '1': it must be a number"),
+        (lambda: resonarm.Chain.preset().simulate("1"), TypeError, "duration_s is '1': it must be a number"),
         (lambda: frequencies(None), TypeError, "frequency_hz is no array of numbers"),
         (
             lambda: resonarm.Recording(ROOT / "recordings/fd.mcap").read("wheels"),

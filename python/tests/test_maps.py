@@ -16,40 +16,41 @@ import resonarm
 from resonarm.maps import basin_map, response_map, seed_map
 
 HZ = np.linspace(21.5, 22.5, 41)
-GRID = {"frequency_hz": HZ, "torque1_nm": [0.5, 60.0], "beta2_deg": [50.0, 60.0]}
+ARM = resonarm.Chain.preset()
+TURN = "link2.angle_deg"
+GRID = {"frequency_hz": HZ, "drive": "joint1", "amplitude": [0.5, 60.0], "over": {TURN: [50.0, 60.0]}}
 
 
 @pytest.fixture(scope="module")
 def whole():
-    return response_map(resonarm.Arm(), **GRID)
+    return response_map(ARM, **GRID)
 
 
 def test_the_map_agrees_with_the_branch_and_the_linear_arm(whole):
-    arm = resonarm.Arm(beta2_deg=60)
-    folds = arm.continuation("frequency", 21.5, 22.5, torque1_nm=60).bifurcations
+    folds = ARM.continuation("frequency", 21.5, 22.5, drive={"joint1": 60}).bifurcations
     low, high = sorted(folds["value"])
-    here = whole.sel(beta2_deg=60.0, torque1_nm=60.0)
+    here = whole.sel({TURN: 60.0, "amplitude": 60.0})
     # A stable motion on either side of the folds, two and an unstable one between them.
     between = (low < HZ) & (high > HZ)
     assert here["stable"].values.tolist() == [2 if inside else 1 for inside in between]
     assert here["unstable"].values.tolist() == [1 if inside else 0 for inside in between]
-    assert (here["largest_rad"].values[between] > 1.5 * here["least_rad"].values[between]).all()
-    weak = whole.sel(beta2_deg=60.0, torque1_nm=0.5)["largest_rad"].values[:, 0]
-    linear = 0.5 * abs(arm.frf(HZ, drive="torque1", response="alpha1"))
-    away = abs(HZ - arm.modes()[0].frequency_hz) > 0.2
+    assert (here["largest"].values[between] > 1.5 * here["least"].values[between]).all()
+    weak = whole.sel({TURN: 60.0, "amplitude": 0.5, "at": "joint1"})["largest"].values
+    linear = 0.5 * abs(ARM.frf(HZ, drive="joint1"))
+    away = abs(HZ - ARM.modes()[0].frequency_hz) > 0.2
     np.testing.assert_allclose(weak[away], linear[away], rtol=5e-3)
 
 
 def test_the_map_has_units(whole):
-    assert whole["least_rad"].attrs["units"] == "rad"
-    assert whole["frequency_hz"].attrs["units"] == "Hz"
-    assert dict(whole.sizes) == {"beta2_deg": 2, "torque1_nm": 2, "frequency_hz": 41, "joint": 2}
+    assert whole["unit"].values.tolist() == ["rad"] and whole["amplitude"].attrs["units"] == "N m"
+    assert whole["frequency_hz"].attrs["units"] == "Hz" and whole[TURN].attrs["units"] == "degree"
+    assert dict(whole.sizes) == {TURN: 2, "amplitude": 2, "frequency_hz": 41, "at": 1}
     assert not whole["ended_early"].any()
 
 
 def test_a_cluster_gives_the_same_bits(whole, tmp_path):
     with LocalCluster(2, threads_per_worker=1, dashboard_address=None) as cluster, Client(cluster) as client:
-        found = response_map(resonarm.Arm(), folder=tmp_path, client=client, **GRID)
+        found = response_map(ARM, folder=tmp_path, client=client, **GRID)
     assert found.identical(whole)
     assert len(list(tmp_path.glob("chunk-*.npz"))) == 4
 
@@ -62,8 +63,8 @@ from resonarm.maps import basin_map, response_map, seed_map
 if __name__ == "__main__":
     with LocalCluster(1, threads_per_worker=1, dashboard_address=None) as cluster, Client(cluster) as client:
         torques = np.linspace(20, 80, 400)
-        response_map(resonarm.Arm(), frequency_hz=np.linspace(21.5, 22.5, 41), torque1_nm=torques, folder=sys.argv[1],
-                     client=client)
+        response_map(resonarm.Chain.preset(), frequency_hz=np.linspace(21.5, 22.5, 41), drive="joint1",
+                     amplitude=torques, folder=sys.argv[1], client=client)
 """
 
 
@@ -79,18 +80,20 @@ def test_a_killed_map_resumes(whole, tmp_path):
     done = {path: path.stat().st_mtime_ns for path in folder.glob("chunk-*.npz")}
     assert 3 <= len(done) < 400
     torques = np.linspace(20, 80, 400)[: len(done) + 5]
-    resumed = response_map(resonarm.Arm(), frequency_hz=HZ, torque1_nm=torques, folder=folder)
+    resumed = response_map(ARM, frequency_hz=HZ, drive="joint1", amplitude=torques, folder=folder)
     assert {path: path.stat().st_mtime_ns for path in done} == done, "what was there is not computed again"
-    assert resumed.identical(response_map(resonarm.Arm(), frequency_hz=HZ, torque1_nm=torques))
+    assert resumed.identical(response_map(ARM, frequency_hz=HZ, drive="joint1", amplitude=torques))
 
 
-DAMPED = resonarm.Arm(parameters={"damping1_nm_s_rad": 4.5, "damping2_nm_s_rad": 4.5})
+DAMPED = ARM.replace({"link1.damping_nm_s_rad": 4.5, "link2.damping_nm_s_rad": 4.5})
 BASINS = {
     "frequency_hz": [21.9, 21.98],
-    "torque1_nm": [600.0],
+    "drive": "joint1",
+    "amplitude": [600.0],
     "start": (-0.6, -80),
     "stop": (0.6, 80),
     "points": (18, 15),
+    "time_constants": 0.5,
 }
 BENCH = {"amplitude": {"force_x_n": 80.0}, "ramp_s": 0.1}
 STEPS = {"waveform": "stepped-sine", "from_hz": 14.0, "to_hz": 15.0, "steps": 2, "dwell_s": 0.6, "settle_s": 0.2}
@@ -103,20 +106,21 @@ def basins():
 
 def test_a_map_of_basins_is_those_of_each_place(basins):
     assert dict(basins.sizes) == {
-        "beta2_deg": 1,
-        "torque1_nm": 1,
+        "amplitude": 1,
         "frequency_hz": 2,
         "alpha1_dot_rad_s": 15,
         "alpha1_rad": 18,
         "stable_motion": 2,
-        "joint": 2,
+        "coordinate": 2,
     }
-    one = DAMPED.basins(21.98, torque1_nm=600.0, start=(-0.6, -80), stop=(0.6, 80), points=(18, 15))
-    here = basins.sel(beta2_deg=60.0, torque1_nm=600.0, frequency_hz=21.98)
+    grid = {name: BASINS[name] for name in ("start", "stop", "points", "time_constants")}
+    one = DAMPED.basins(21.98, drive={"joint1": 600.0}, **grid)
+    here = basins.sel(amplitude=600.0, frequency_hz=21.98)
     np.testing.assert_array_equal(here["motion"], one.motion)
     np.testing.assert_array_equal(here["periods"], one.periods)
     np.testing.assert_array_equal(here["alpha1_rad"], one.x)
-    np.testing.assert_array_equal(here["amplitude_rad"], [motion.amplitude_rad for motion in one.motions])
+    np.testing.assert_array_equal(here["largest"], [motion.largest for motion in one.motions])
+    assert here["coordinate"].values.tolist() == ["alpha1_rad", "alpha2_rad"]
     assert here["alpha1_dot_rad_s"].attrs["units"] == "rad s-1"
     assert not basins["ended_early"].any()
 
@@ -152,18 +156,21 @@ def test_a_map_of_seeds_is_its_runs():
 
 
 def test_a_map_goes_over_any_load():
-    found = response_map(resonarm.Arm(), frequency_hz=[14.0, 15.0, 16.0], force_y_n=[0.5])
-    assert found["force_y_n"].attrs["units"] == "N"
-    linear = 0.5 * abs(resonarm.Arm().frf([14.0, 15.0, 16.0], drive="force-y", response="alpha2"))
-    np.testing.assert_allclose(found["largest_rad"].values[0, 0, :, 1], linear, rtol=5e-3)
-    with pytest.raises(ValueError, match="give one of torque1_nm, torque2_nm, force_x_n, force_y_n"):
-        response_map(resonarm.Arm(), frequency_hz=[1.0, 2.0], force_y_n=[0.5], torque2_nm=[1.0])
+    found = response_map(ARM, frequency_hz=[14.0, 15.0, 16.0], drive="tip.y", amplitude=[0.5], at=["joint2", "tip.x"])
+    assert found["amplitude"].attrs["units"] == "N" and found["unit"].values.tolist() == ["rad", "m"]
+    for at in ("joint2", "tip.x"):
+        linear = 0.5 * abs(ARM.frf([14.0, 15.0, 16.0], drive="tip.y", at=at))
+        np.testing.assert_allclose(found["largest"].sel(at=at, amplitude=0.5), linear, rtol=5e-3)
+    with pytest.raises(ValueError, match="drive joint3: there is no `joint3`"):
+        response_map(ARM, frequency_hz=[1.0, 2.0], drive="joint3", amplitude=[0.5])
+    with pytest.raises(ValueError, match=r"link3\.mass_kg"):
+        response_map(ARM, frequency_hz=[1.0, 2.0], drive="joint1", amplitude=[0.5], over={"link3.mass_kg": [1.0]})
 
 
 def test_invalid_arguments_are_value_errors():
     for hz in ([22.0], [22.0, 21.0], [-1.0, 1.0]):
         with pytest.raises(ValueError, match="two or more positive frequencies that rise"):
-            response_map(resonarm.Arm(), frequency_hz=hz, torque1_nm=[1.0])
+            response_map(ARM, frequency_hz=hz, drive="joint1", amplitude=[1.0])
 
 
 ONCE = """
@@ -171,7 +178,7 @@ import sys
 import numpy as np, resonarm
 from resonarm.maps import response_map
 assert resonarm.__file__.startswith(sys.argv[1]), resonarm.__file__
-response_map(resonarm.Arm(), frequency_hz=[10.0, 11.0], torque1_nm=[1.0], folder=sys.argv[2])
+response_map(resonarm.Chain.preset(), frequency_hz=[10.0, 11.0], drive="joint1", amplitude=[1.0], folder=sys.argv[2])
 """
 
 

@@ -13,9 +13,7 @@ import resonarm
 ROOT = Path(__file__).resolve().parents[2]
 TEXT = ROOT / "Cargo.toml"
 NONE = ROOT / "none.mcap"
-CONTINUE = "continue --from-hz 21 --to-hz 23"
 CHAIN = ROOT / "examples/structures/chain.toml"
-BASINS = "basins --frequency-hz 22 --torque1-nm 1"
 
 
 def in_pythons_words(said):
@@ -24,10 +22,6 @@ def in_pythons_words(said):
     said = said.partition("\n\nFor more information")[0]
     said = re.sub(r"--([a-z0-9-]+) A\b", lambda flag: flag[1].replace("-", "_") + "=A", said)
     return re.sub(r"--([a-z0-9-]+)", lambda flag: flag[1].replace("-", "_"), said)
-
-
-def branch(**options):
-    return resonarm.Arm().continuation("frequency", 21, 23, **options)
 
 
 def chain():
@@ -40,61 +34,15 @@ def run(mode="free", **options):
 
 
 CASES = [
-    ("modes --preset irb", lambda: resonarm.Arm("irb"), ValueError),
-    ("modes --beta2-deg 400", lambda: resonarm.Arm(beta2_deg=400), ValueError),
-    ("simulate --duration-s 0.00033", lambda: resonarm.Arm().simulate(0.00033), ValueError),
-    ("simulate --duration-s=-1", lambda: resonarm.Arm().simulate(-1), ValueError),
-    ("simulate --duration-s 1 --torque1-nm 1", lambda: resonarm.Arm().simulate(1, torque1_nm=1), ValueError),
-    ("simulate --duration-s 1 --scheme euler", lambda: resonarm.Arm().simulate(1, scheme="euler"), ValueError),
-    (CONTINUE, branch, ValueError),
-    (f"{CONTINUE} --torque1-nm 0", lambda: branch(torque1_nm=0), ValueError),
-    (f"{CONTINUE} --torque1-nm 1 --largest-step 0", lambda: branch(torque1_nm=1, largest_step=0), ValueError),
+    ("modes --preset irb", lambda: resonarm.Chain.preset("irb"), ValueError),
+    (f"simulate --scenario {CHAIN} --duration-s 0.00033", lambda: chain().simulate(0.00033), ValueError),
+    (f"simulate --scenario {CHAIN} --duration-s=-1", lambda: chain().simulate(-1), ValueError),
     (
-        f"{CONTINUE} --torque1-nm 1 --curves-in foo --curves-to 1",
-        lambda: branch(torque1_nm=1, curves_in="foo", curves_to=1),
+        f"simulate --scenario {CHAIN} --duration-s 1 --scheme euler",
+        lambda: chain().simulate(1, scheme="euler"),
         ValueError,
     ),
-    (
-        "continue --from-hz 0 --to-hz 23 --torque1-nm 1",
-        lambda: resonarm.Arm().continuation("frequency", 0, 23, torque1_nm=1),
-        ValueError,
-    ),
-    (
-        "continue --parameter foo --from 1 --to 2 --torque1-nm 1 --frequency-hz 2",
-        lambda: resonarm.Arm().continuation("foo", 1, 2, torque1_nm=1, frequency_hz=2),
-        ValueError,
-    ),
-    ("basins --frequency-hz 22", lambda: resonarm.Arm().basins(22), ValueError),
-    ("basins --torque1-nm 1 --frequency-hz=-1", lambda: resonarm.Arm().basins(-1, torque1_nm=1), ValueError),
-    (f"{BASINS} --points 1,5", lambda: resonarm.Arm().basins(22, torque1_nm=1, points=(1, 5)), ValueError),
-    (f"{BASINS} --points 5", lambda: resonarm.Arm().basins(22, torque1_nm=1, points=(5,)), ValueError),
-    (
-        f"{BASINS} --from 1,1 --to 1,2",
-        lambda: resonarm.Arm().basins(22, torque1_nm=1, start=(1, 1), stop=(1, 2)),
-        ValueError,
-    ),
-    (
-        f"{BASINS} --coordinates a,b",
-        lambda: resonarm.Arm().basins(22, torque1_nm=1, coordinates=("a", "b")),
-        ValueError,
-    ),
-    (
-        f"{BASINS} --points 2,2 --time-constants 0",
-        lambda: resonarm.Arm().basins(22, torque1_nm=1, points=(2, 2), time_constants=0),
-        ValueError,
-    ),
-    (f"{BASINS} --initial 1,2", lambda: resonarm.Arm().basins(22, torque1_nm=1, initial=(1, 2)), ValueError),
     (f"frf --scenario {CHAIN} --drive tip.z", lambda: chain().frf(1.0, drive="tip.z"), ValueError),
-    (
-        f"simulate --scenario {CHAIN} --duration-s 0.1 --drive tip.x",
-        lambda: chain().simulate(0.1, drive="tip.x"),
-        ValueError,
-    ),
-    (
-        f"continue --scenario {CHAIN} --drive tip.x --amplitude 0 --from-hz 1 --to-hz 2",
-        lambda: chain().continuation("frequency", 1, 2, drive="tip.x", amplitude=0),
-        ValueError,
-    ),
     ("run --mode free --rate-hz 0", lambda: run(sections={"simulation": {"rate_hz": 0.0}}), ValueError),
     ("run --mode free --speed=-1", lambda: run(speed=-1.0), ValueError),
     ("run --mode free --patience-s=-1", lambda: run(patience_s=-1.0), ValueError),

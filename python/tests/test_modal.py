@@ -36,8 +36,8 @@ def test_frequency_responses_are_sums_of_modes():
     hz = np.linspace(0.0, 100.0, 7)
     modal = resonarm.Modal(MODES)
     expected = by_modes(hz, "tip.x", "mid.x")
-    np.testing.assert_allclose(modal.frf(hz, drive="tip.x", response="mid.x"), expected, rtol=1e-10)
-    mobility = modal.frf(hz, drive="tip.x", response="mid.x", quantity="mobility")
+    np.testing.assert_allclose(modal.frf(hz, drive="tip.x", at="mid.x"), expected, rtol=1e-10)
+    mobility = modal.frf(hz, drive="tip.x", at="mid.x", quantity="mobility")
     np.testing.assert_allclose(mobility, 2j * math.pi * hz * expected, rtol=1e-10)
     assert [mode.frequency_hz for mode in modal.modes()] == pytest.approx([20.0, 71.0], rel=1e-12)
 
@@ -61,7 +61,7 @@ def test_a_motion_against_a_stop_is_that_of_independent_equations():
         return linear(state, 30.0 * math.sin(math.tau * 21.0 * t_s) - force)
 
     modal = resonarm.Modal(MODES, elements=[STOP])
-    motion = modal.simulate(0.05, drive="tip.x", amplitude=30.0, frequency_hz=21.0, rate_hz=2000, every=20)
+    motion = modal.simulate(0.05, drive={"tip.x": 30.0}, frequency_hz=21.0, rate_hz=2000, every=20)
     assert motion.dtype.names == ("t_s", "q_m_sqrt_kg", "q_dot_m_sqrt_kg_s")
     # Their error is of first order where the stop is met.
     expected = runge_kutta(rate, np.zeros(4), 1 / 50_000, 2500)[::500]
@@ -72,7 +72,7 @@ def test_a_motion_against_a_stop_is_that_of_independent_equations():
 
 def test_a_hardening_branch_has_the_amplitudes_of_settled_motions():
     modal = resonarm.Modal(MODES[:1], elements=[HARDENING])
-    branch = modal.continuation("frequency", 16.0, 30.0, drive="tip.x", amplitude=6.0)
+    branch = modal.continuation("frequency", 16.0, 30.0, drive={"tip.x": 6.0})
     assert branch.bifurcations["kind"].tolist() == ["fold", "fold"]
     stable = branch.points[branch.points["stable"]]
     point = stable[np.argmin(abs(stable["frequency_hz"] - 19.0))]
@@ -92,8 +92,8 @@ def test_a_hardening_branch_has_the_amplitudes_of_settled_motions():
 
 def test_a_branch_without_stability_has_the_same_motions():
     modal = resonarm.Modal(MODES[:1], elements=[HARDENING])
-    excitation = {"drive": "tip.x", "amplitude": 6.0}
-    whole, bare = (modal.continuation("frequency", 16.0, 30.0, **excitation, stability=on) for on in (True, False))
+    drive = {"tip.x": 6.0}
+    whole, bare = (modal.continuation("frequency", 16.0, 30.0, drive=drive, stability=on) for on in (True, False))
     assert (whole.stability, bare.stability) == (True, False)
     for name in ("value", "tip_x_largest_m", "harmonics"):
         for rows in ("points", "bifurcations", "peaks"):
@@ -133,7 +133,7 @@ def test_matrices_give_the_modes_of_their_eigenproblem():
     whole = resonarm.Modal.from_matrices(mass, stiffness, damping, dofs={"tip.z": 4, "mid.z": 1})
     omega = math.tau * 25.0
     receptance = np.linalg.inv(stiffness - omega**2 * mass + 1j * omega * damping)
-    np.testing.assert_allclose(whole.frf(25.0, drive="tip.z", response="mid.z"), receptance[4, 1], rtol=1e-9)
+    np.testing.assert_allclose(whole.frf(25.0, drive="tip.z", at="mid.z"), receptance[4, 1], rtol=1e-9)
 
 
 def test_matrices_of_files_are_the_same():
@@ -153,23 +153,23 @@ def test_modes_of_a_uff_file_are_those_that_pyuff_reads():
         resonarm.Modal.from_uff("none.uff")
 
 
-def test_the_modes_of_an_arm_respond_as_the_arm():
-    arm = resonarm.Arm(beta2_deg=75)
-    modal = resonarm.Modal.from_arm(arm, name="arm by its modes")
+def test_the_modes_of_a_chain_respond_as_the_chain():
+    arm = resonarm.Chain.preset(angles_deg=(0, 75))
+    modal = resonarm.Modal.from_chain(arm, name="arm by its modes")
     hz = np.linspace(1.0, 80.0, 400)
-    for drive, of in (("tip.x", "force-x"), ("tip.y", "force-y")):
-        for response, place in (("tip.x", "c-x"), ("tip.y", "c-y"), ("joint2.y", "b-y")):
-            expected = arm.frf(hz, drive=of, response=place)
-            found = modal.frf(hz, drive=drive, response=response)
+    for drive in ("tip.x", "tip.y"):
+        for at in ("tip.x", "tip.y", "joint2.y"):
+            expected = arm.frf(hz, drive=drive, at=at)
+            found = modal.frf(hz, drive=drive, at=at)
             assert abs(found - expected).max() < 2e-3 * abs(expected).max()
     assert modal.point_names == ["joint2", "tip"]
-    first = resonarm.Modal.from_arm(arm, modes=1)
+    first = resonarm.Modal.from_chain(arm, modes=1)
     assert first.mode_shapes == modal.mode_shapes[:1]
 
 
 def test_the_modes_of_a_chain_under_its_weight_have_its_frequencies():
     chain = resonarm.Chain.from_scenario(EXAMPLES / "chain.toml")
-    modal = resonarm.Modal.from_arm(chain, modes=2)
+    modal = resonarm.Modal.from_chain(chain, modes=2)
     np.testing.assert_allclose(
         [mode.frequency_hz for mode in modal.modes()], [mode.frequency_hz for mode in chain.modes()[:2]], rtol=1e-12
     )
@@ -183,7 +183,7 @@ def test_identified_modes_are_those_of_the_arm(command, tmp_path):
     )
     resonarm.run(scenario, record=tmp_path / "random.mcap")
     document = command("identify", tmp_path / "random.mcap")
-    modal, own = resonarm.Modal.from_identified(document), resonarm.Modal.from_arm(scenario.arm)
+    modal, own = resonarm.Modal.from_identified(document), resonarm.Modal.from_chain(scenario.structure)
     for mode, expected in zip(modal.mode_shapes, own.mode_shapes, strict=True):
         assert mode["frequency_hz"] == pytest.approx(expected["frequency_hz"], rel=1e-4)
         found, shape = (np.array(list(of["shape"].values())) for of in (mode, expected))
@@ -255,16 +255,23 @@ COUPLED = np.array([[3.0, -2.9], [-2.9, 3.0]])
             "damping: its damping couples modes 1 and 2",
         ),
         (lambda: resonarm.Modal.from_matrices(np.eye(2), np.eye(2), dofs={"a.x": 2}), "`a.x` is row 2"),
-        (lambda: resonarm.Modal.from_arm(resonarm.Arm(), modes=3), "3 modes are to be kept: the structure has 2"),
         (
-            lambda: resonarm.Modal.from_arm(resonarm.Arm(parameters={"damping1_nm_s_rad": 1000.0})),
+            lambda: resonarm.Modal.from_chain(resonarm.Chain.preset(), modes=3),
+            "3 modes are to be kept: the structure has 2",
+        ),
+        (
+            lambda: resonarm.Modal.from_chain(resonarm.Chain.preset().replace({"link1.damping_nm_s_rad": 1000.0})),
             "its damping couples modes 1 and 2",
         ),
         (
-            lambda: resonarm.Modal.from_arm(resonarm.Chain.from_scenario(EXAMPLES / "hardening.toml")),
+            lambda: resonarm.Modal.from_chain(resonarm.Chain.from_scenario(EXAMPLES / "hardening.toml")),
             "the structure has elements, 1, and modes are of its linear part",
         ),
         (lambda: resonarm.Modal.from_scenario(EXAMPLES / "chain.toml"), "Chain.from_scenario takes it"),
+        (
+            lambda: resonarm.Modal.from_scenario(resonarm.Scenario()),
+            "structure.kind is arm: Chain.from_scenario takes it",
+        ),
     ],
 )
 def test_invalid_arguments_are_value_errors(call, message):

@@ -43,7 +43,7 @@ def points(_t_s, state, loads):
 
 def own(**changes):
     parts = {"step": step, "points": points, "initial": np.zeros(4), "coordinates": "modal", "name": "by NumPy"}
-    return resonarm.Structure(**{**parts, **changes})
+    return resonarm.Stepped(**{**parts, **changes})
 
 
 @pytest.mark.parametrize("converter", ["instant", "sinc3"])

@@ -104,7 +104,7 @@ E     sample    208      0.2080 s           +52
 E   recording: FOLDER/run-1.mcap
 ----------------------------- resonarm recordings ------------------------------
 FOLDER/run-1.mcap
-on memory, <Scenario of Arm('irb1600-fitted', beta1_deg=30, beta2_deg=60): excitation, 1000 Hz, 1 s>
+on memory, <Scenario of <Chain 'irb1600-fitted': 2 links; 22.16 to 48.9 Hz>: excitation, 1000 Hz, 1 s>
 =========================== short test summary info ============================
 """
 

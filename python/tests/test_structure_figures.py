@@ -24,7 +24,7 @@ def test_basins_of_a_structure_are_those_of_the_program(command, tmp_path):
     file.write_text(resonarm.Scenario().replace(arm=None, structure=modal.section).to_toml())
     words = ["--drive", "tip.x", "--amplitude", FORCE_N, "--frequency-hz", HZ, "--points", "7,6", "--scenario", file]
     document = command("basins", *words)
-    found = modal.basins(HZ, drive="tip.x", amplitude=FORCE_N, points=GRID)
+    found = modal.basins(HZ, drive={"tip.x": FORCE_N}, points=GRID)
     assert found.coordinates == ("q1_m_sqrt_kg", "q1_dot_m_sqrt_kg_s")
     cells = document["cells"]
     assert found.motion.ravel().tolist() == [cell["motion"] or 0 for cell in cells]
@@ -37,7 +37,7 @@ def test_basins_of_a_structure_are_those_of_the_program(command, tmp_path):
         assert (motion.period, motion.largest_multiplier) == (expected["period"], expected["largest_multiplier"])
     counts = [np.count_nonzero(found.motion == k) for k in (1, 2)]
     assert min(counts) > 2
-    of = "<StructureBasins in q1_m_sqrt_kg and q1_dot_m_sqrt_kg_s"
+    of = "<Basins in q1_m_sqrt_kg and q1_dot_m_sqrt_kg_s"
     assert repr(found) == f"{of}: of 42 states {counts[0]} reach motion 1, {counts[1]} reach motion 2>"
     assert repr(pickle.loads(pickle.dumps(found))) == repr(found)
     ax = found.plot(Figure().subplots())
@@ -51,14 +51,14 @@ def test_basins_of_a_structure_are_those_of_the_program(command, tmp_path):
 
 def test_what_makes_no_basins_is_said():
     modal = resonarm.Modal(MODES, elements=[SPRING])
-    drive = {"drive": "tip.x", "amplitude": FORCE_N}
+    drive = {"drive": {"tip.x": FORCE_N}}
     with pytest.raises(ValueError, match="frequency_hz is 0: it must be a positive number"):
         modal.basins(0.0, **drive)
     with pytest.raises(ValueError, match=r"drive top\.x: there is no `top\.x`"):
-        modal.basins(HZ, drive="top.x", amplitude=FORCE_N)
+        modal.basins(HZ, drive={"top.x": FORCE_N})
     with pytest.raises(ValueError, match="no coordinate `alpha1_rad`: the coordinates are q1_m_sqrt_kg, q2_m_sqrt_kg"):
         modal.basins(HZ, **drive, coordinates=("alpha1_rad", "q1_m_sqrt_kg"))
-    with pytest.raises(ValueError, match="initial has 2 numbers: give 4"):
+    with pytest.raises(ValueError, match=r"initial has the shape \(1, 2\): give rows of 4 numbers"):
         modal.basins(HZ, **drive, initial=(0.0, 0.0))
 
 

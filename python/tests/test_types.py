@@ -35,17 +35,13 @@ SCENARIO = resonarm.Scenario()
 
 
 def own(coordinates):
-    return resonarm.Structure(step=lambda *_: [0.0, 0.0], points=lambda *_: [], initial=[0, 0], coordinates=coordinates)
+    return resonarm.Stepped(step=lambda *_: [0.0, 0.0], points=lambda *_: [], initial=[0, 0], coordinates=coordinates)
 
 
 KNOWN = [
-    (words.Preset, lambda: resonarm.Arm("x")),
-    (words.Drive, lambda: resonarm.Arm().frf(1, drive="x")),
-    (words.Response, lambda: resonarm.Arm().frf(1, response="x")),
-    (words.Quantity, lambda: resonarm.Arm().frf(1, quantity="x")),
-    (words.Scheme, lambda: resonarm.Arm().simulate(1, scheme="x")),
-    (words.Parameter, lambda: resonarm.Arm().continuation("x", 1, 2)),
-    (words.Coordinate, lambda: resonarm.Arm().basins(22, torque1_nm=1, coordinates=("x", "y"))),
+    (words.Preset, lambda: resonarm.Chain.preset("x")),
+    (words.Quantity, lambda: resonarm.Chain.preset().frf(1, drive="joint1", quantity="x")),
+    (words.Scheme, lambda: resonarm.Chain.preset().simulate(1, scheme="x")),
     (words.RecordingPart, lambda: resonarm.Recording(ROOT / "recordings/fd.mcap").read("x")),
     (own_structure.Coordinates, lambda: resonarm.Plant(structure=own("x"))),
     (words.Mode, lambda: resonarm.run(SCENARIO, "x")),
@@ -68,19 +64,23 @@ WRONG = """\
 import resonarm
 from resonarm.testing import Bench
 
-arm, scenario = resonarm.Arm("irb1600-table1"), resonarm.Scenario()
-resonarm.Arm("irb")  # wrong
-arm.frf(1.0, drive="force-x", response="c-y", quantity="mobility")
-arm.frf(1.0, drive="force")  # wrong
-arm.frf(1.0, response="c")  # wrong
-arm.frf(1.0, quantity="inertance")  # wrong
+arm, scenario = resonarm.Chain.preset("irb1600-table1"), resonarm.Scenario()
+resonarm.Chain.preset("irb")  # wrong
+arm.frf(1.0, drive="tip.x", at="tip.y", quantity="mobility")
+arm.frf(1.0)  # wrong
+arm.frf(1.0, drive="joint1", response="tip.x")  # wrong
+arm.frf(1.0, drive="joint1", quantity="inertance")  # wrong
 arm.simulate(1.0, scheme="gl6")
 arm.simulate(1.0, scheme="euler")  # wrong
-arm.continuation("frequency", 21, 23, torque1_nm=1.0, curves_in="amplitude", curves_to=2.0)
-arm.continuation("freq", 21, 23, torque1_nm=1.0)  # wrong
+arm.simulate(1.0, drive="joint1", frequency_hz=3.0)  # wrong
+arm.continuation("frequency", 21, 23, drive={"joint1": 1.0}, curves_in="amplitude", curves_to=2.0)
+arm.continuation("frequency", 21, 23)  # wrong
 arm.continuation("frequency", 21, 23, torque_nm=1.0)  # wrong
-arm.basins(22.0, torque1_nm=1.0, coordinates=("alpha1_rad", "alpha2_rad"))
-arm.basins(22.0, torque1_nm=1.0, coordinates=("alpha1", "alpha2_rad"))  # wrong
+arm.basins(22.0, drive={"joint1": 1.0}, coordinates=("alpha1_rad", "alpha2_rad"))
+arm.basins(22.0, drive={"joint1": "1"})  # wrong
+arm.ensemble([[0.0, 0.0, 0.0, 0.0]], 3, drive={"joint1": 1.0}, frequency_hz=22.0)
+arm.replace({"link2.mass_kg": 40}).plot()
+structure: resonarm.Structure = arm
 modal = resonarm.Modal([{"frequency_hz": 20.0, "damping_ratio": 0.01, "shape": {"tip.x": 1.0}}])
 resonarm.Modal([{"frequency_hz": 20.0, "damping": 0.01, "shape": {"tip.x": 1.0}}])  # wrong
 resonarm.Chain([{"length_m": 1.0}])  # wrong
@@ -88,9 +88,9 @@ resonarm.Element(kind="gap", at="tip.x", stiffness_n_m=1e5, gap_m=1e-4)
 resonarm.Element(kind="spring", at="tip.x")  # wrong
 resonarm.Element(kind="gap", at="tip.x", stiffness=1e5)  # wrong
 modal.continuation("amplitude", 0, 5, drive="tip.x", frequency_hz=20.0)
-modal.continuation("freq", 0, 5, drive="tip.x")  # wrong
-resonarm.Structure(lambda t, dt, x, u: x, lambda t, x, u: (x, x, x), [0.0, 0.0])
-resonarm.Structure(lambda t, x: x, lambda t, x, u: (x, x, x), [0.0, 0.0])  # wrong
+structure = modal
+resonarm.Stepped(lambda t, dt, x, u: x, lambda t, x, u: (x, x, x), [0.0, 0.0])
+resonarm.Stepped(lambda t, x: x, lambda t, x, u: (x, x, x), [0.0, 0.0])  # wrong
 resonarm.run(scenario, structure=modal)  # wrong
 resonarm.run(scenario, "real-time", overrun="slip", rt="auto", spin_s="auto")
 resonarm.run(scenario, "realtime")  # wrong

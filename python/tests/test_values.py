@@ -45,16 +45,16 @@ def the_same(found, expected):
 
 
 def branch(arm):
-    return arm.continuation("frequency", 21, 23, torque1_nm=60, curves_in="amplitude", curves_to=20)
+    return arm.continuation("frequency", 21, 23, drive={"joint1": 60}, curves_in="amplitude", curves_to=20)
 
 
 def basins(arm):
-    return arm.basins(22.1, torque1_nm=60, points=(2, 2), time_constants=1)
+    return arm.basins(22.1, drive={"joint1": 60}, points=(2, 2), time_constants=0.1)
 
 
 def ended_early(arm):
-    with pytest.raises(resonarm.BranchEndedEarly) as raised:
-        arm.continuation("frequency", 21, 23, torque1_nm=60, most_points=10)
+    with pytest.raises(resonarm.EndedEarly) as raised:
+        arm.continuation("frequency", 21, 23, drive={"joint1": 60}, most_points=10)
     return raised.value
 
 
@@ -68,7 +68,7 @@ def modes(arm):
 
 @pytest.mark.parametrize("work", [branch, basins, run, modes])
 def test_results_come_back_from_another_process(processes, work):
-    arm = resonarm.Arm(beta2_deg=60, parameters={"mass2_kg": 41})
+    arm = resonarm.Chain.preset().replace({"link2.mass_kg": 41})
     found = processes.submit(work, arm).result(120)
     expected = work(arm)
     if work is run:  # whose thread took another time
@@ -79,14 +79,17 @@ def test_results_come_back_from_another_process(processes, work):
 
 
 def test_a_branch_that_ended_early_comes_back_with_its_branch(processes):
-    found, expected = processes.submit(ended_early, resonarm.Arm()).result(120), ended_early(resonarm.Arm())
+    found, expected = (
+        processes.submit(ended_early, resonarm.Chain.preset()).result(120),
+        ended_early(resonarm.Chain.preset()),
+    )
     assert (type(found), str(found)) == (type(expected), str(expected))
     the_same(found.branch, expected.branch)
 
 
 def test_errors_come_back(processes):
     with pytest.raises(resonarm.ResonarmError, match="Newton"):
-        processes.submit(fails, resonarm.Arm()).result(120)
+        processes.submit(fails, resonarm.Chain.preset()).result(120)
 
 
 def fails(arm):
@@ -103,21 +106,16 @@ def test_the_result_of_a_bench_is_a_value(tmp_path):
     found.assert_completed()
 
 
-def test_arms_compare_by_value():
-    arm = resonarm.Arm(beta2_deg=75, parameters={"mass2_kg": 40})
-    same = resonarm.Arm("irb1600-fitted", beta1_deg=0, beta2_deg=75.0, parameters={"mass2_kg": 40.0})
+def test_structures_compare_by_value():
+    arm = resonarm.Chain.preset(angles_deg=(0, 75)).replace({"link2.mass_kg": 40})
+    same = resonarm.Chain.preset("irb1600-fitted", angles_deg=[0, 75.0]).replace({"link2.mass_kg": 40.0})
     assert arm == same and hash(arm) == hash(same) and len({arm, same}) == 1
-    assert arm == pickle.loads(pickle.dumps(arm))
-    fitted = resonarm.Arm("irb1600-table1", parameters={"inertia2_kg_m2": 1.5})
-    assert fitted == resonarm.Arm(), "the same arm by another way"
+    assert arm == pickle.loads(pickle.dumps(arm)) == resonarm.Chain(arm.links, name="irb1600-fitted")
     others = [
-        resonarm.Arm(beta2_deg=75),
-        resonarm.Arm(beta2_deg=76, parameters={"mass2_kg": 40}),
-        resonarm.Arm(beta1_deg=1, beta2_deg=75, parameters={"mass2_kg": 40}),
-        resonarm.Arm(
-            beta2_deg=75,
-            parameters={"mass2_kg": 40, "gravity": {"gravity_m_s2": 9.81, "mass1_kg": 30, "centre1_m": 0.2}},
-        ),
+        resonarm.Chain.preset(angles_deg=(0, 75)),
+        resonarm.Chain.preset(angles_deg=(1, 75)).replace({"link2.mass_kg": 40}),
+        arm.replace({"gravity_m_s2": 9.81}),
+        resonarm.Chain(arm.links),
     ]
     for other in others:
         assert arm != other
@@ -150,6 +148,6 @@ def test_a_measurement_is_made_for_a_controller_under_test():
 
 
 def test_modes_compare_by_value():
-    first, second = resonarm.Arm().modes()
-    assert first == resonarm.Arm().modes()[0] and hash(first) == hash(resonarm.Arm().modes()[0])
+    first, second = resonarm.Chain.preset().modes()
+    assert first == resonarm.Chain.preset().modes()[0] and hash(first) == hash(resonarm.Chain.preset().modes()[0])
     assert first != second
