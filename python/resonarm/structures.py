@@ -191,8 +191,8 @@ class Structure(_resonarm.Assembly):
         frequency_hz: float,
         every: int | None = None,
     ) -> Array:
-        """Many motions under one A·sin(2πft), over all cores; those of a chain of up to three links with smooth elements
-        side by side in the lanes of the processor.
+        """Many motions under one A·sin(2πft), over all cores; those of a chain of up to three links with smooth
+        elements side by side in the lanes of the processor.
 
         `initial` has a row for each motion, at phase 0 of the excitation: coordinates and their rates, with or without
         the states of elements. `drive` has the amplitude A at each degree of freedom that is driven, `{"joint1": 60}`.
