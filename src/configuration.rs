@@ -4,8 +4,33 @@ use serde_json::{Value, json};
 
 use crate::failure::Failure;
 use resonarm::arm::Load;
-use resonarm::scenario::Scenario;
-use resonarm::structure::{Assembly, Channel, CoordinateUnit, Coordinates, coordinate_channels};
+use resonarm::plant::TestedAssembly;
+use resonarm::scenario::{Scenario, StructureKind};
+use resonarm::structure::{Assembly, BodySpec, Channel, CoordinateUnit, Coordinates, coordinate_channels};
+
+/// The structure under test, with everything that its equations depend on.
+pub(crate) fn of_structure(scenario: &Scenario, tested: &TestedAssembly) -> Value {
+    let mut structure = json!(scenario.structure.clone().unwrap_or_default());
+    let kind = scenario.structure.as_ref().map_or(StructureKind::Arm, |section| section.kind);
+    if let (StructureKind::Arm, BodySpec::Chain(chain)) = (kind, &tested.assembly.spec().body) {
+        structure["preset"] = json!(scenario.arm.preset);
+        structure["angles_deg"] = chain.links.iter().map(|link| json!(link.angle_deg)).collect();
+        structure["links"] = json!(chain.links);
+        if chain.gravity_m_s2 != 0.0 {
+            structure["gravity_m_s2"] = json!(chain.gravity_m_s2);
+        }
+        if let Some(name) = scenario.arm.name.as_ref().filter(|_| structure["name"].is_null()) {
+            structure["name"] = json!(name);
+        }
+        structure.as_object_mut().map(|keys| keys.remove("kind"));
+    }
+    let mut configuration = json!({ "structure": structure });
+    // The angles are those of relaxed springs; at rest the joints are deflected by this much.
+    if let Some(sag_rad) = tested.assembly.sag_rad() {
+        configuration["static_deflection_rad"] = json!(sag_rad);
+    }
+    configuration
+}
 
 /// The arm with all its parameters, and its pose, or the structure in its place: results of every command depend on
 /// them.
@@ -44,6 +69,16 @@ pub(crate) fn state_names(assembly: &Assembly) -> Vec<&'static str> {
     channels(assembly).iter().map(|channel| channel.name).collect()
 }
 
+/// The initial state of `--initial`, or that of the scenario, of elements at rest.
+pub(crate) fn initial(given: Option<&[f64]>, tested: &TestedAssembly) -> Result<Vec<f64>, Failure> {
+    let (initial, needed) = (given.unwrap_or(&tested.initial), 2 * tested.assembly.coordinates());
+    if initial.len() != needed {
+        let known = state_names(&tested.assembly).join(", ");
+        return Err(Failure::usage(format!("--initial has {} numbers: give {needed}, {known}", initial.len())));
+    }
+    Ok(initial.to_vec())
+}
+
 /// A coordinate by its number, from 0, or past them its rate, with its unit, for figures.
 pub(crate) fn state_label(assembly: &Assembly, index: usize) -> String {
     let n = assembly.coordinates();
@@ -63,7 +98,7 @@ fn channels(assembly: &Assembly) -> Vec<Channel> {
     coordinate_channels(of, assembly.coordinates())
 }
 
-/// The same, and the peak load.
+/// The arm or structure, and the peak load.
 pub(crate) fn of(scenario: &Scenario, load: &Load) -> Result<Value, Failure> {
     let mut configuration = of_arm(scenario)?;
     configuration["torque_nm"] = json!(<[f64; 2]>::from(load.torque_nm));

@@ -86,8 +86,7 @@ fn of_scenario(scenario: &Scenario) -> Defaults {
     let (arm, simulation) = (&scenario.arm, &scenario.simulation);
     vec![
         ("preset", arm.preset.clone()),
-        ("beta1_deg", short(&arm.beta1_deg).to_string()),
-        ("beta2_deg", short(&arm.beta2_deg).to_string()),
+        ("angles_deg", format!("{},{}", short(&arm.beta1_deg), short(&arm.beta2_deg))),
         ("rate_hz", short(&simulation.rate_hz).to_string()),
         ("seed", simulation.seed.to_string()),
         ("scheme", simulation.scheme.to_string()),
@@ -111,7 +110,7 @@ mod tests {
             ("conformance", _) => "--bus vcan0 --role plant",
             ("experiment walk", _) => "--torque1-nm 1",
             ("paper", _) => "fig4",
-            ("modes", "points") => "--from-beta2-deg 0 --to-beta2-deg 9",
+            ("modes", "points") => "--over link2.angle_deg --from 0 --to 9",
             ("identify", "integration") => "x --angles y",
             ("identify" | "compare" | "inspect" | "resim", _) => "x",
             ("replay", _) => "x --bus vcan0",
@@ -146,17 +145,17 @@ mod tests {
                 Kind::Walk(command) => of(command.scenario()),
             },
             Simulate(command) => {
-                let scenario = command.arm.scenario().unwrap();
+                let scenario = command.structure.scenario().unwrap();
                 format!("{:?} {scenario:?}", command.scheme_and_rate(&scenario).unwrap())
             }
             Integrators(command) => {
-                let scenario = command.arm.scenario().unwrap();
+                let scenario = command.structure.scenario().unwrap();
                 format!("{} {scenario:?}", command.rate_hz(&scenario))
             }
-            Modes(command) => of(command.arm.scenario()),
-            Frf(command) => of(command.arm.scenario()),
-            Continue(command) => of(command.arm.scenario()),
-            Backbone(command) => of(command.arm.scenario()),
+            Modes(command) => of(command.structure.scenario()),
+            Frf(command) => of(command.structure.scenario()),
+            Continue(command) => of(command.structure.scenario()),
+            Backbone(command) => of(command.structure.scenario()),
             Sweep(command) => of(command.motion.scenario()),
             Poincare(command) => of(command.motion.scenario()),
             Basins(command) => of(command.motion.scenario()),
@@ -261,10 +260,13 @@ mod tests {
         export --to-s: the end
         import --from: by its ending, .log for candump, .asc, .blf
         import --interface: that of the first frame
+        frf --drive: joint1 of a chain
+        frf --at: where the load acts
         frf --points: 801, and more about each natural frequency
         simulate --initial: that of the scenario, at rest
-        continue --at: where it is driven
-        backbone --at: where it is driven
+        continue --at: where the loads act
+        backbone --at: where the loads act
+        backbone --to: 0.3 at a joint
         sweep --initial: that of the scenario, at rest
         sweep --at: where it is driven
         sweep --points: 101, and between them as many as the resonances of the forced response need

@@ -1,89 +1,177 @@
-//! The excitation of the commands for periodic motions.
+//! The excitation of the commands that analyse a structure: loads A·sin(2πft) at its degrees of freedom.
+
+use std::str::FromStr;
 
 use clap::Args;
+use serde_json::{Map, Value, json};
 
 use crate::failure::Failure;
-use resonarm::arm::Load;
+use crate::numbers;
+use crate::read_at::{ReadAt, dof};
+use resonarm::analysis::structure::Forced;
+use resonarm::structure::{Assembly, Dof};
 use resonarm_numeric::number::short;
 
-/// The excitation A·sin(2πft): torque at joint 1, or a force at the tip.
+/// The loads.
 #[derive(Clone, Debug, Args)]
 pub(crate) struct DriveFlags {
-    /// Amplitude of a torque at joint 1, N·m.
-    #[arg(long, value_name = "A", conflicts_with_all = ["force_x_n", "force_y_n"])]
-    torque1_nm: Option<f64>,
-    /// Amplitude of a force at point C along x, N.
-    #[arg(long, value_name = "A")]
-    force_x_n: Option<f64>,
-    /// Amplitude of a force at point C along y, N.
-    #[arg(long, value_name = "A")]
-    force_y_n: Option<f64>,
+    /// Load A·sin(2πft) at a degree of freedom, which is a point and an axis, as tip.x, or a joint, as joint1: N, at a
+    /// joint N·m; may be repeated, all in phase.
+    #[arg(long = "drive", value_name = "DOF=A", allow_hyphen_values = true)]
+    loads: Vec<LoadFlag>,
 }
 
-/// The amplitude of an excitation in words.
-#[derive(Clone, Copy, Debug)]
-pub(crate) struct AmplitudeWords {
-    /// The name in results, with its unit.
-    pub name: &'static str,
-    /// For people.
-    pub what: &'static str,
-    pub unit: &'static str,
-    /// The suffix of its flags.
-    pub suffix: &'static str,
+/// A degree of freedom, with an amplitude or without.
+#[derive(Clone, Debug, PartialEq)]
+pub(crate) struct LoadFlag {
+    name: String,
+    amplitude: Option<f64>,
+}
+
+impl FromStr for LoadFlag {
+    type Err = String;
+
+    fn from_str(text: &str) -> Result<LoadFlag, String> {
+        let Some((name, amplitude)) = text.split_once('=') else {
+            return Ok(LoadFlag { name: text.to_owned(), amplitude: None });
+        };
+        match numbers::finite(amplitude)? {
+            0.0 => Err(String::from("the amplitude is 0: it must be another number")),
+            amplitude => Ok(LoadFlag { name: name.to_owned(), amplitude: Some(amplitude) }),
+        }
+    }
+}
+
+/// A load at a degree of freedom.
+#[derive(Clone, Debug, PartialEq)]
+pub(crate) struct Load {
+    /// Where it acts.
+    pub at: ReadAt,
+    /// Its peak, N, N·m at a joint, or m/s² of a base.
+    pub amplitude: f64,
+}
+
+/// Loads in phase, at least one.
+#[derive(Clone, Debug, PartialEq)]
+pub(crate) struct Drive {
+    pub loads: Vec<Load>,
 }
 
 impl DriveFlags {
-    /// Whether a torque or a force is named.
-    pub fn is_given(&self) -> bool {
-        self.torque1_nm.is_some() || self.is_force()
-    }
-
-    fn is_force(&self) -> bool {
-        self.force_x_n.is_some() || self.force_y_n.is_some()
-    }
-
-    /// What its amplitude is: that of a torque, unless a force is named.
-    pub fn words(&self) -> AmplitudeWords {
-        if self.is_force() {
-            AmplitudeWords { name: "force_n", what: "force at C", unit: "N", suffix: "-n" }
-        } else {
-            AmplitudeWords { name: "torque1_nm", what: "torque at joint 1", unit: "N·m", suffix: "-nm" }
+    /// The loads with their amplitudes.
+    pub fn drive(&self, assembly: &Assembly) -> Result<Drive, Failure> {
+        self.check_given(assembly)?;
+        match self.loads.iter().find(|load| load.amplitude.is_none()) {
+            Some(LoadFlag { name, .. }) => Err(lacks_amplitude(name, dof("--drive", name, assembly)?)),
+            None => self.resolved(assembly),
         }
     }
 
-    /// The peak load, exactly as given.
-    pub fn load(&self) -> Result<Load, Failure> {
-        self.direction().map(|_checked| self.given())
+    /// Likewise, but of no loads where none is given.
+    pub fn any(&self, assembly: &Assembly) -> Result<Option<Drive>, Failure> {
+        if self.loads.is_empty() { Ok(None) } else { self.drive(assembly).map(Some) }
     }
 
-    fn given(&self) -> Load {
-        match self.torque1_nm {
-            Some(torque) => Load::torque_nm(torque, 0.0),
-            None => Load::force_n(self.force_x_n.unwrap_or(0.0), self.force_y_n.unwrap_or(0.0)),
+    /// The loads whose common amplitude varies: one without an amplitude, which counts as 1, or several, whose ratio
+    /// their amplitudes are.
+    pub fn direction(&self, assembly: &Assembly) -> Result<Drive, Failure> {
+        self.check_given(assembly)?;
+        match &self.loads[..] {
+            [LoadFlag { name, amplitude: Some(_) }] => {
+                Err(Failure::usage(format!("the amplitude is what varies: give --drive {name} without one")))
+            }
+            [_] => self.resolved(assembly),
+            _ => self.drive(assembly),
         }
     }
 
-    /// The direction of the load, with a largest component of 1, and its amplitude.
-    pub fn direction(&self) -> Result<(Load, f64), Failure> {
-        if self.torque1_nm.is_some() == self.is_force() {
-            return Err(Failure::usage("give the excitation: --torque1-nm A, or --force-x-n A and --force-y-n A"));
+    /// The loads, whose amplitude may be left out; it is then 1, and `None` is returned for it. Without loads a torque
+    /// at joint 1 of a chain.
+    pub fn up_to(&self, assembly: &Assembly) -> Result<(Drive, Option<f64>), Failure> {
+        match &self.loads[..] {
+            [] if assembly.dof("joint1").is_ok() => {
+                let load = LoadFlag { name: String::from("joint1"), amplitude: None };
+                Ok((DriveFlags { loads: vec![load] }.resolved(assembly)?, None))
+            }
+            [LoadFlag { amplitude: None, .. }] => Ok((self.resolved(assembly)?, None)),
+            _ => {
+                let drive = self.drive(assembly)?;
+                let amplitude = drive.amplitude();
+                Ok((drive, Some(amplitude)))
+            }
         }
-        let load = self.given();
-        let amplitude = if self.is_force() { load.force_n.norm() } else { load.torque_nm.x.abs() };
-        if !amplitude.is_finite() || amplitude == 0.0 {
-            return Err(Failure::usage(format!(
-                "the excitation's amplitude, of --torque1-nm or --force-x-n and --force-y-n, is {}: it must be a finite number other than 0",
-                short(&amplitude)
-            )));
-        }
-        Ok((load.scaled(1.0 / amplitude), amplitude))
     }
 
-    /// The same where the amplitude is `varied`: it needs no value, only a direction.
-    pub fn direction_of(&self, varied: &str) -> Result<(Load, f64), Failure> {
-        if self.torque1_nm.is_some() {
-            return Err(Failure::usage(format!("the amplitude is what {varied}: leave --torque1-nm out")));
+    fn check_given(&self, assembly: &Assembly) -> Result<(), Failure> {
+        let twice = |(index, load): (usize, &LoadFlag)| {
+            self.loads[..index].iter().any(|before| before.name == load.name).then(|| load.name.clone())
+        };
+        match self.loads.iter().enumerate().find_map(twice) {
+            Some(name) => Err(Failure::usage(format!("--drive {name} is given twice: give each load once"))),
+            None if self.loads.is_empty() => Err(missing("--drive DOF=A", assembly)),
+            None => Ok(()),
         }
-        if self.is_force() { self.direction() } else { Ok((Load::torque_nm(1.0, 0.0), 1.0)) }
+    }
+
+    fn resolved(&self, assembly: &Assembly) -> Result<Drive, Failure> {
+        let load = |LoadFlag { name, amplitude }: &LoadFlag| {
+            let at = ReadAt { dof: dof("--drive", name, assembly)?, name: name.clone() };
+            Ok(Load { at, amplitude: amplitude.unwrap_or(1.0) })
+        };
+        Ok(Drive { loads: self.loads.iter().map(load).collect::<Result<_, Failure>>()? })
+    }
+}
+
+/// The refusal of a command without its load.
+pub(crate) fn missing(flag: &str, assembly: &Assembly) -> Failure {
+    let known = assembly.dof_names().join(", ");
+    Failure::usage(format!("the excitation is missing: give it by {flag}, with DOF one of {known}"))
+}
+
+fn lacks_amplitude(name: &str, dof: Dof) -> Failure {
+    Failure::usage(format!("--drive {name} has no amplitude: give --drive {name}=A, in {}", dof.load_unit()))
+}
+
+impl Drive {
+    /// The structure under these loads.
+    pub fn forced(&self, assembly: &Assembly) -> Forced {
+        let amplitude = self.amplitude();
+        let shares: Vec<(Dof, f64)> = self.loads.iter().map(|load| (load.at.dof, load.amplitude / amplitude)).collect();
+        Forced::at_several(assembly.clone(), &shares, amplitude)
+    }
+
+    /// The amplitude of the first load; the others keep their ratio to it.
+    pub fn amplitude(&self) -> f64 {
+        self.loads[0].amplitude
+    }
+
+    /// The unit of the first load.
+    pub fn unit(&self) -> &'static str {
+        self.loads[0].at.dof.load_unit()
+    }
+
+    /// Where the loads act.
+    pub fn driven(&self) -> Vec<ReadAt> {
+        self.loads.iter().map(|load| load.at.clone()).collect()
+    }
+
+    /// Where they act in words: `tip.x and tip.y`.
+    pub fn at(&self) -> String {
+        self.loads.iter().map(|load| load.at.name.as_str()).collect::<Vec<_>>().join(" and ")
+    }
+
+    /// The loads in words: `60 N·m at joint1`.
+    pub fn words(&self) -> String {
+        let one = |Load { at, amplitude }: &Load| {
+            let amplitude = short(amplitude).to_string().replace('-', "−");
+            format!("{amplitude} {} at {}", at.dof.load_unit(), at.name)
+        };
+        self.loads.iter().map(one).collect::<Vec<_>>().join(", ")
+    }
+
+    /// The amplitudes by the degrees of freedom.
+    pub fn document(&self) -> Value {
+        let load = |load: &Load| (load.at.name.clone(), json!(load.amplitude));
+        Value::Object(self.loads.iter().map(load).collect::<Map<_, _>>())
     }
 }

@@ -6,7 +6,8 @@ use serde_json::{Value, json};
 
 use crate::failure::{Failure, Verdict};
 use crate::output;
-use resonarm::analysis::{AnalysisError, Backbone, Branch, EndedEarly, SingularCurve, structure};
+use resonarm::analysis::structure::{Backbone, Branch, SingularCurve};
+use resonarm::analysis::{AnalysisError, EndedEarly};
 
 /// A result that a continuation builds point by point.
 pub(crate) trait CountMotions {
@@ -20,25 +21,7 @@ impl CountMotions for Branch {
     }
 }
 
-impl CountMotions for structure::Branch {
-    fn motions(&self) -> usize {
-        self.orbits.len()
-    }
-}
-
 impl CountMotions for SingularCurve {
-    fn motions(&self) -> usize {
-        self.points.len()
-    }
-}
-
-impl CountMotions for structure::SingularCurve {
-    fn motions(&self) -> usize {
-        self.points.len()
-    }
-}
-
-impl CountMotions for structure::Backbone {
     fn motions(&self) -> usize {
         self.points.len()
     }

@@ -61,6 +61,8 @@ pub(crate) enum Failure {
     #[error(transparent)]
     Integrate(#[from] IntegrateError),
     #[error(transparent)]
+    Step(#[from] StepError),
+    #[error(transparent)]
     Rate(#[from] RateError),
     #[error(transparent)]
     Bus(#[from] BusError),
@@ -176,6 +178,7 @@ impl Failure {
             Failure::Fmu(resonarm_fmu::export::ExportError::NoLibrary { .. }) => Exit::Environment,
             Failure::Analysis(source) | Failure::BranchEndedEarly { source, .. } => analysis(source),
             Failure::Integrate(error) => integrate(error),
+            Failure::Step(error) => step(error),
             Failure::TimeDomain(error) | Failure::Study(StudyError::TimeDomain(error)) => time_domain(error),
             Failure::Paper(PaperError::Settings(_) | PaperError::Measured(_) | PaperError::Arm(_)) => Exit::Usage,
             Failure::Paper(_) => Exit::Negative,
@@ -249,13 +252,18 @@ fn integrate(error: &IntegrateError) -> Exit {
     }
 }
 
+fn step(error: &StepError) -> Exit {
+    match error {
+        StepError::Integrate(source) => integrate(source),
+        StepError::NotFinite { .. } | StepError::TooStiff { .. } => Exit::Negative,
+        _ => Exit::Usage,
+    }
+}
+
 fn time_domain(error: &TimeDomainError) -> Exit {
     match error {
         TimeDomainError::Integrate { source, .. } => integrate(source),
-        TimeDomainError::Step { source: StepError::Integrate(source), .. } => integrate(source),
-        TimeDomainError::Step { source: StepError::NotFinite { .. } | StepError::TooStiff { .. }, .. } => {
-            Exit::Negative
-        }
+        TimeDomainError::Step { source, .. } => step(source),
         _ => Exit::Usage,
     }
 }

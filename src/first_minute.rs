@@ -14,7 +14,7 @@ Controllers   resonarm run --bus vcan0               the plant on a bus, for you
 Measurements  resonarm inspect run.mcap              what a recording holds; export and import convert it
               resonarm identify run.mcap             natural frequencies and damping from what was measured
 Analysis      resonarm frf --plot responses          responses of the linear structure
-              resonarm continue --torque1-nm 60 --from-hz 21 --to-hz 23 --plot branch      folds and stability
+              resonarm continue --drive joint1=60 --from-hz 21 --to-hz 23 --plot branch    folds and stability
 All commands  resonarm --help, and resonarm COMMAND --help
 ";
 

@@ -1,17 +1,19 @@
 //! Flags that several subcommands share.
 
 use std::path::{Path, PathBuf};
+use std::str::FromStr;
 
 use clap::builder::{PossibleValuesParser, RangedI64ValueParser, TypedValueParser};
 use clap::{Args, ValueEnum};
 
 use crate::failure::Failure;
+use crate::numbers;
 use resonarm::arm::State;
 use resonarm::integrate::Scheme;
 use resonarm::plant::PlantSpecError;
 use resonarm::realtime::{FifoPriority, Spin, ThreadSetup};
 use resonarm::run::OnShortfall;
-use resonarm::scenario::Scenario;
+use resonarm::scenario::{Scenario, StructureKind, StructureSection};
 use resonarm_numeric::seed;
 
 /// The number of points in a range; the maximum fits easily in memory and in a figure.
@@ -33,28 +35,46 @@ where
     })
 }
 
-/// The arm and its pose. [`defaults`](crate::defaults) adds each command's defaults to the help.
+/// A name with a number, as flags take it: `NAME=X`.
+#[derive(Clone, Debug, PartialEq)]
+pub(crate) struct NamedNumber {
+    pub name: String,
+    pub value: f64,
+}
+
+impl FromStr for NamedNumber {
+    type Err = String;
+
+    fn from_str(text: &str) -> Result<NamedNumber, String> {
+        let (name, value) = text.split_once('=').ok_or("it must be a name with a number, NAME=X")?;
+        Ok(NamedNumber { name: name.to_owned(), value: numbers::finite(value)? })
+    }
+}
+
+/// The scenario, and what of its structure differs. [`defaults`](crate::defaults) adds each command's defaults to the
+/// help.
 #[derive(Clone, Debug, Args)]
-pub(crate) struct ArmFlags {
-    /// Parameter set: irb1600-fitted or irb1600-table1.
-    #[arg(long, value_name = "NAME")]
-    pub preset: Option<String>,
-    /// Angle β1 of link 1 against the x axis, degrees.
-    #[arg(long, value_name = "DEG")]
-    pub beta1_deg: Option<f64>,
-    /// Angle β2 of link 2 against link 1, degrees; 0 is the straight arm.
-    #[arg(long, value_name = "DEG")]
-    pub beta2_deg: Option<f64>,
+pub(crate) struct StructureFlags {
     /// TOML file with the whole scenario, in place of the defaults; flags take precedence.
     #[arg(long, value_name = "FILE")]
     pub scenario: Option<PathBuf>,
+    /// Parameters of the two-link arm: irb1600-fitted or irb1600-table1.
+    #[arg(long, value_name = "NAME")]
+    pub preset: Option<String>,
+    /// Angle of each link of a chain against the link before, degrees, from the base out; 0 goes straight on.
+    #[arg(long, value_name = "A,B", value_delimiter = ',', num_args = 1)]
+    pub angles_deg: Option<Vec<f64>>,
+    /// Value of a parameter of the structure, as link2.mass_kg=40, mode1.damping_ratio=0.01 or element1.gap_m=1e-3; may
+    /// be repeated.
+    #[arg(long, value_name = "NAME=X", allow_hyphen_values = true)]
+    pub set: Vec<NamedNumber>,
 }
 
 /// What the plant and the exciter of a run must agree on.
 #[derive(Clone, Debug, Args)]
 pub(crate) struct SessionFlags {
     #[command(flatten)]
-    pub arm: ArmFlags,
+    pub structure: StructureFlags,
     /// Samples a second, whole Hz.
     #[arg(long, value_name = "HZ")]
     pub rate_hz: Option<f64>,
@@ -134,23 +154,7 @@ impl ThreadFlags {
     }
 }
 
-impl ArmFlags {
-    /// Refuses the arm's flags for a structure without an arm.
-    fn refuse_for(&self, scenario: &Scenario) -> Result<(), Failure> {
-        let kind = scenario.structure.as_ref().map_or("arm", |section| section.kind.name());
-        let given = [
-            ("--preset", self.preset.is_some()),
-            ("--beta1-deg", self.beta1_deg.is_some()),
-            ("--beta2-deg", self.beta2_deg.is_some()),
-        ];
-        match given.into_iter().find(|(_, is_given)| *is_given && kind != "arm") {
-            Some((flag, _)) => Err(Failure::usage(format!(
-                "{flag} is for the two-link arm, and the scenario's [structure] is of the kind {kind}: leave it out"
-            ))),
-            None => Ok(()),
-        }
-    }
-
+impl StructureFlags {
     /// The scenario of the file, or the usual one, with the flags applied.
     pub fn scenario(&self) -> Result<Scenario, Failure> {
         self.scenario_or(|| Ok(Scenario::default()))
@@ -162,15 +166,55 @@ impl ArmFlags {
             Some(path) => read_scenario(path)?,
             None => default()?,
         };
-        self.refuse_for(&scenario)?;
-        let arm = &mut scenario.arm;
         if let Some(preset) = &self.preset {
-            arm.preset.clone_from(preset);
+            let kind = scenario.structure.as_ref().map_or(StructureKind::Arm, |section| section.kind);
+            if kind != StructureKind::Arm {
+                return Err(Failure::usage(format!(
+                    "--preset {preset} is of the two-link arm, and the scenario's [structure] is of the kind {}: leave it out",
+                    kind.name()
+                )));
+            }
+            scenario.arm.preset.clone_from(preset);
         }
-        arm.beta1_deg = self.beta1_deg.unwrap_or(arm.beta1_deg);
-        arm.beta2_deg = self.beta2_deg.unwrap_or(arm.beta2_deg);
+        if let Some(angles_deg) = &self.angles_deg {
+            turn(&mut scenario, angles_deg)?;
+        }
+        if !self.set.is_empty() {
+            let set = &mut scenario.structure.get_or_insert_with(StructureSection::default).set;
+            set.extend(self.set.iter().map(|NamedNumber { name, value }| (name.clone(), *value)));
+        }
         Ok(scenario)
     }
+}
+
+/// Gives the links of a scenario's chain these angles, degrees.
+fn turn(scenario: &mut Scenario, angles_deg: &[f64]) -> Result<(), Failure> {
+    let arm = &mut scenario.arm;
+    let mut angles: Vec<&mut f64> = match &mut scenario.structure {
+        None => vec![&mut arm.beta1_deg, &mut arm.beta2_deg],
+        Some(section) => {
+            section.set.retain(|name, _| !(name.starts_with("link") && name.ends_with(".angle_deg")));
+            match section.kind {
+                StructureKind::Arm => vec![&mut arm.beta1_deg, &mut arm.beta2_deg],
+                StructureKind::Chain => section.links.iter_mut().map(|link| &mut link.angle_deg).collect(),
+                StructureKind::Modal | StructureKind::Own | StructureKind::Fmu => {
+                    return Err(Failure::usage(format!(
+                        "--angles-deg turns the links of a chain, and the scenario's [structure] is of the kind {}: leave it out",
+                        section.kind.name()
+                    )));
+                }
+            }
+        }
+    };
+    if angles.len() != angles_deg.len() {
+        return Err(Failure::usage(format!(
+            "--angles-deg has {} numbers: give {}, one for each link",
+            angles_deg.len(),
+            angles.len()
+        )));
+    }
+    angles.iter_mut().zip(angles_deg).for_each(|(angle, given)| **angle = *given);
+    Ok(())
 }
 
 impl SessionFlags {
@@ -182,7 +226,7 @@ impl SessionFlags {
 
     /// The scenario of the file, or `default`, with the flags applied.
     pub fn scenario_or(&self, default: impl FnOnce() -> Result<Scenario, Failure>) -> Result<Scenario, Failure> {
-        let mut scenario = self.arm.scenario_or(default)?;
+        let mut scenario = self.structure.scenario_or(default)?;
         let simulation = &mut scenario.simulation;
         simulation.rate_hz = self.rate_hz.unwrap_or(simulation.rate_hz);
         simulation.seed = self.seed.unwrap_or(simulation.seed);

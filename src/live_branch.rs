@@ -1,6 +1,6 @@
 //! The computed branch of the live view: the motions on which the responses that are read should lie.
 
-use crate::structures::continuation::stretches;
+use crate::figures::branches::stretches;
 use resonarm::analysis::structure::{self, Coordinate, Forced, Orbit, Reading, TraceOptions, trace};
 use resonarm::analysis::{BifurcationKind, Branch, Row, response_around, segments};
 use resonarm::arm::{Arm, Load};

@@ -3,6 +3,7 @@
 //! Results go to standard output, logs to standard error. Exit codes: 0 done, 1 a negative verdict, 2 bad usage or
 //! input, 3 the environment lacks something.
 
+mod arm_drive;
 mod basin_cells;
 mod basin_grid;
 mod commands;
@@ -26,6 +27,7 @@ mod numbers;
 mod output;
 mod progress;
 mod quantity;
+mod read_at;
 mod readings;
 mod recordings;
 mod responses;

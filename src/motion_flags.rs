@@ -6,10 +6,10 @@ use clap::{Args, ValueEnum};
 use serde::Serialize;
 use serde_json::{Value, json};
 
+use crate::arm_drive::ArmDriveFlags;
 use crate::configuration;
-use crate::drive::DriveFlags;
 use crate::failure::Failure;
-use crate::flags::{self, ArmFlags};
+use crate::flags::{self, StructureFlags};
 use crate::output::{self, Inputs, JsonFlag, OverwriteFlag};
 use resonarm::analysis::time_domain::{Direction, Grid, SettleOptions, Sweep, SweepParameter};
 use resonarm::arm::Load;
@@ -21,9 +21,9 @@ use resonarm_figures::plot::{Figure, beside};
 #[derive(Clone, Debug, Args)]
 pub(crate) struct MotionFlags {
     #[command(flatten)]
-    pub arm: ArmFlags,
+    pub structure: StructureFlags,
     #[command(flatten)]
-    pub drive: DriveFlags,
+    pub drive: ArmDriveFlags,
     /// State in which the first motion begins: coordinates, of the arm α1,α2 in rad, then their rates, rad/s [default:
     /// that of the scenario, at rest].
     #[arg(long, value_name = "α1,α2,α̇1,α̇2", value_delimiter = ',', num_args = 1)]
@@ -72,7 +72,7 @@ impl DirectionFlag {
 impl MotionFlags {
     /// The scenario, with the initial state of the flags in it.
     pub fn scenario(&self) -> Result<Scenario, Failure> {
-        let mut scenario = self.arm.scenario()?;
+        let mut scenario = self.structure.scenario()?;
         scenario.arm.initial = flags::initial(self.initial.as_deref(), &scenario)?;
         Ok(scenario)
     }
@@ -97,7 +97,7 @@ impl MotionFlags {
     /// be written exists and may not be overwritten, or if there is no folder for them.
     pub fn journal(&self) -> Result<Option<PathBuf>, Failure> {
         let Some(stem) = &self.plot else { return Ok(None) };
-        let inputs = Inputs::of_scenario(self.arm.scenario.as_deref());
+        let inputs = Inputs::of_scenario(self.structure.scenario.as_deref());
         self.overwrite.check_stem(Some(stem), output::PLOTTED, &inputs)?;
         inputs.check(&beside(stem, ".partial.jsonl"))?;
         output::check_folder(stem)?;

@@ -5,7 +5,7 @@ use core::any::TypeId;
 use clap::{Arg, Command};
 
 /// A command, and its subcommands, with strict numeric flags: values may be negative, also after a blank, and those of
-/// type `f64` must be finite. So `--beta1-deg -1` is an angle, not an unknown flag, and the refusal of `--rate-hz nan`
+/// type `f64` must be finite. So `--to-hz -1` is a frequency, not an unknown flag, and the refusal of `--rate-hz nan`
 /// names the flag.
 pub(crate) fn strict(command: Command) -> Command {
     command.mut_args(strict_flag).mut_subcommands(strict)
@@ -30,7 +30,8 @@ fn strict_flag(arg: Arg) -> Arg {
     }
 }
 
-fn finite(text: &str) -> Result<f64, String> {
+/// A finite number.
+pub(crate) fn finite(text: &str) -> Result<f64, String> {
     let number = text.parse::<f64>().map_err(|error| error.to_string())?;
     if number.is_finite() { Ok(number) } else { Err(String::from("it must be a finite number")) }
 }

@@ -1,9 +1,9 @@
 //! The quantities in which a branch can be followed, by their names on the command line, and the flags of their
 //! interval.
 
-use crate::drive::DriveFlags;
+use crate::arm_drive::ArmDriveFlags;
 use crate::failure::Failure;
-use resonarm::analysis::{ArmParameter, Coordinate, UnknownArmParameter};
+use resonarm::analysis::{ArmParameter, Coordinate};
 
 /// A quantity that can vary.
 #[derive(Clone, Debug)]
@@ -18,21 +18,6 @@ pub(crate) struct Quantity {
 }
 
 impl Quantity {
-    /// The quantity that `flag` names; an amplitude is that of the drive.
-    pub fn parse(flag: &str, name: &str, drive: &DriveFlags) -> Result<Quantity, Failure> {
-        if name == FREQUENCY {
-            return Ok(Quantity::frequency());
-        }
-        let which: ArmParameter = name.parse().map_err(|_unknown: UnknownArmParameter| unknown(flag, name))?;
-        let unit = match which {
-            ArmParameter::Amplitude => return Ok(Quantity::amplitude(drive)),
-            ArmParameter::Beta1Deg | ArmParameter::Beta2Deg => "-deg",
-            _ => "",
-        };
-        let label = format!("{} ({})", which.symbol(), which.unit());
-        Ok(Quantity { name: which.name(), coordinate: Coordinate::Parameter(which), unit, label })
-    }
-
     /// The frequency of the excitation.
     pub fn frequency() -> Quantity {
         let label = String::from("excitation frequency (Hz)");
@@ -40,7 +25,7 @@ impl Quantity {
     }
 
     /// The amplitude of the excitation.
-    pub fn amplitude(drive: &DriveFlags) -> Quantity {
+    pub fn amplitude(drive: &ArmDriveFlags) -> Quantity {
         let words = drive.words();
         let coordinate = Coordinate::Parameter(ArmParameter::Amplitude);
         let label = format!("{} ({})", words.what, words.unit);
@@ -51,14 +36,6 @@ impl Quantity {
     pub fn interval(&self, parameter: &str, given: &[Ends]) -> Result<(f64, f64), Failure> {
         Ok(interval(parameter, Some(self.unit), given)?.unwrap_or_default())
     }
-}
-
-/// The frequency of the excitation, which is not a parameter of the arm.
-const FREQUENCY: &str = "frequency";
-
-fn unknown(flag: &str, got: &str) -> Failure {
-    let known: Vec<&str> = core::iter::once(FREQUENCY).chain(ArmParameter::ALL.map(ArmParameter::name)).collect();
-    Failure::usage(format!("{flag} is `{got}`: it must be one of {}", known.join(", ")))
 }
 
 /// A pair of flags, `--from-UNIT a --to-UNIT b`, with their values.

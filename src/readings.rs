@@ -5,7 +5,7 @@ use clap::Args;
 use serde::{Serialize, Serializer};
 use serde_json::{Map, Value, json};
 
-use resonarm::analysis::{ArmParameter, Coordinate, ForcedArm, Orbit, Readings, Response};
+use resonarm::analysis::{Readings, Response};
 use resonarm::excitation::Phasor;
 
 /// Whether to add readings.
@@ -96,19 +96,6 @@ impl ReadingsDocument {
 impl Serialize for ReadingsDocument {
     fn serialize<S: Serializer>(&self, serializer: S) -> Result<S::Ok, S::Error> {
         self.value().serialize(serializer)
-    }
-}
-
-/// Reads the motions on the branches of one arm.
-#[derive(Clone, Debug)]
-pub(crate) struct Reader {
-    pub forced: ForcedArm,
-    pub coordinate: Coordinate<ArmParameter>,
-}
-
-impl Reader {
-    pub fn read(&self, orbit: &Orbit) -> ReadingsDocument {
-        ReadingsDocument(Readings::of_orbit(&self.forced, self.coordinate, orbit))
     }
 }
 

@@ -179,6 +179,6 @@ fn every_link_within_the_project_has_its_target() {
 #[test]
 fn an_invalid_command_is_found() {
     assert!(check_arguments(["replay", "run.mcap"]).is_err());
-    assert!(check_arguments(["modes", "--beta-deg", "60"]).is_err());
-    assert!(check_arguments(["modes", "--beta2-deg", "-60"]).is_ok());
+    assert!(check_arguments(["modes", "--angle-deg", "60"]).is_err());
+    assert!(check_arguments(["modes", "--angles-deg", "0,-60"]).is_ok());
 }

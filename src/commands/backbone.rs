@@ -1,82 +1,68 @@
 //! `resonarm backbone`: how the frequency of a resonance changes with its amplitude.
 
-use std::path::{Path, PathBuf};
+use std::path::PathBuf;
 
 use clap::Args;
 use serde::Serialize;
-use serde_json::{Value, json};
+use serde_json::{Map, Value, json};
 
 use crate::configuration;
 use crate::continuation_flags::ContinuationFlags;
-use crate::drive::{AmplitudeWords, DriveFlags};
+use crate::drive::{Drive, DriveFlags};
 use crate::ended_early::Early;
 use crate::failure::{Failure, Verdict};
-use crate::figures::branch_plot;
-use crate::figures::branch_table::csv;
+use crate::figures::branches::{of_each, table, with_branches};
 use crate::figures::captions;
-use crate::flags::ArmFlags;
+use crate::flags::StructureFlags;
 use crate::output::{self, Inputs, JsonFlag, OverwriteFlag};
 use crate::progress::timed;
-use crate::readings::{self, Reader, ReadingsDocument, ReadingsFlag};
-use crate::structures::{self, StructureDriveFlags};
-use resonarm::analysis::{
-    ArmParameter, Backbone as Curve, BackboneOptions, BackbonePoint, Bending, Branch, BranchOptions, Coordinate,
-    ForcedArm, Readings, backbone, modes, trace,
+use crate::read_at::{ReadAt, cells, columns, dofs, read_at, readings};
+use resonarm::analysis::structure::{
+    Backbone as Curve, BackboneMotion, BackboneOptions, Branch, Coordinate, Forced, TraceOptions, backbone, trace,
 };
-use resonarm::arm::Load;
+use resonarm::analysis::{Bending, BranchOptions};
 use resonarm::plant::TestedAssembly;
 use resonarm::scenario::Scenario;
-use resonarm_figures::plot::{Color, Dash, Figure, Series, Style, beside};
+use resonarm_figures::plot::{Color, Dash, Figure, Series, Style, Subtitle, beside};
 
 const EXAMPLES: &str = "\
 Examples:
   resonarm backbone
-  resonarm backbone --torque1-nm 60 --plot backbone
-  resonarm backbone --mode 2 --undamped --beta2-deg 120
-  resonarm backbone --force-x-n 60 --beta1-deg 30 --beta2-deg 120 --json
-  resonarm backbone --scenario hardening.toml --drive tip.x --amplitude 4 \\
-      --plot hardening
+  resonarm backbone --drive joint1=60 --plot backbone
+  resonarm backbone --mode 2 --undamped --angles-deg 0,120 --at joint2 --to 0.1
+  resonarm backbone --drive tip.x=60 --angles-deg 30,120 --json
+  resonarm backbone --scenario hardening.toml --drive tip.x=4 --plot hardening
 
 A curve that ends early is printed as far as it came; standard error says why, and the exit code is 1.";
 
-/// How a motion without a load is read.
-const UNUSUAL: &str = " With --undamped there is no load, and sin Ωt is in quadrature with the mode.";
-
-/// Follows a resonance of the arm, or of a scenario's structure, to larger amplitudes: its frequency, the excitation it
-/// needs, whether it hardens or softens.
+/// Follows a resonance of the structure to larger amplitudes: its frequency, the excitation it needs, whether it hardens
+/// or softens.
 ///
-/// With dampers each point is a motion in phase quadrature, 90° behind the excitation, which is at the peak of the
-/// forced response. Without dampers it is a free motion, and the curve a nonlinear normal mode.
+/// With damping each point is a motion in phase quadrature, 90° behind the excitation, which is at the peak of the
+/// forced response. Without damping it is a free motion, and the curve a nonlinear normal mode. Without --drive a torque
+/// acts at joint 1 of a chain; the amplitude of a load may be left out, and the curve then ends at --to.
 #[derive(Debug, Args)]
-#[command(after_long_help = readings::help_after(EXAMPLES, UNUSUAL))]
+#[command(after_long_help = EXAMPLES)]
 pub(crate) struct Backbone {
     #[command(flatten)]
-    pub(crate) arm: ArmFlags,
-    /// Linear mode in which the curve begins, from 1, by frequency; the arm has two.
+    pub(crate) structure: StructureFlags,
+    /// Linear mode in which the curve begins, from 1, by frequency.
     #[arg(long, value_name = "N", default_value_t = 1, value_parser = clap::value_parser!(u8).range(1..))]
     mode: u8,
-    /// The nonlinear normal mode without dampers, which takes no excitation.
+    /// The nonlinear normal mode without damping, which takes no excitation; --drive says where one would act.
     #[arg(long)]
     undamped: bool,
     #[command(flatten)]
     drive: DriveFlags,
-    #[command(flatten)]
-    structure: StructureDriveFlags,
-    /// Of a structure: where the motion is read, separated by commas [default: where it is driven].
-    #[arg(long, value_name = "DOF", value_delimiter = ',', requires = "drive")]
+    /// Where the motion is read, separated by commas [default: where the loads act].
+    #[arg(long, value_name = "DOF", value_delimiter = ',')]
     at: Vec<String>,
-    /// Of a structure: the curve ends where the first of --at reaches this, m, or rad at a joint, or where the
-    /// excitation reaches --amplitude.
+    /// The curve ends where the first of --at reaches this, m, or rad at a joint, or where the loads reach their
+    /// amplitudes [default: 0.3 at a joint].
     #[arg(long, value_name = "X")]
     to: Option<f64>,
-    /// The curve ends where |α1| or |α2| reaches this, rad, or where the excitation reaches the amplitude given
-    /// [default: 0.3].
-    #[arg(long, value_name = "RAD")]
-    to_rad: Option<f64>,
     #[command(flatten)]
     walk: ContinuationFlags,
-    #[command(flatten)]
-    readings: ReadingsFlag,
     /// Plot to STEM.svg and STEM.png, over the forced response if an amplitude of the excitation is given; caption, CSV
     /// and JSON beside them, of the forced response STEM-response.csv.
     #[arg(long, value_name = "STEM")]
@@ -87,28 +73,33 @@ pub(crate) struct Backbone {
     json: JsonFlag,
 }
 
-/// Where the curve ends without another limit, rad.
+/// Where the curve ends at a joint without another limit, rad.
 const TO_RAD: f64 = 0.3;
 /// Largest step of a drawn curve, as a fraction of the motion's size.
 const SMOOTH_STEP: f64 = 0.05;
 
-/// The excitation: its direction, and its amplitude if one is given.
-struct Drive {
-    direction: Load,
+/// What is followed.
+struct Walk {
+    drive: Drive,
+    /// The amplitude of the first load at which the curve ends, if it is given.
     amplitude: Option<f64>,
-    words: AmplitudeWords,
+    read: Vec<ReadAt>,
+    /// The displacement at which the curve ends, if there is one.
+    to: Option<f64>,
 }
 
 #[derive(Serialize)]
 struct Document {
     /// What the results depend on; without an amplitude of the excitation the load is that of the value 1.
     configuration: Value,
+    coordinates: Value,
     mode: u8,
     kind: &'static str,
     linear_frequency_hz: f64,
     bending: Option<&'static str>,
     frequency_shift_hz: f64,
-    curvature_hz_rad2: [Option<f64>; 2],
+    /// df/d(a²) at small amplitudes a of each degree of freedom that is read, Hz over the square of its unit.
+    curvature: Map<String, Value>,
     points: Vec<Value>,
     #[serde(skip_serializing_if = "Option::is_none")]
     ended_early: Option<Value>,
@@ -117,258 +108,180 @@ struct Document {
 
 impl Backbone {
     pub fn execute(&self) -> Result<Verdict, Failure> {
-        let inputs = Inputs::of_scenario(self.arm.scenario.as_deref());
+        let inputs = Inputs::of_scenario(self.structure.scenario.as_deref());
         let endings = [output::PLOTTED, &["-response.csv"]].concat();
         self.overwrite.check_stem(self.plot.as_deref(), &endings, &inputs)?;
-        let scenario = self.arm.scenario()?;
-        if let Some(tested) = scenario.tested_structure()? {
-            return self.of_structure(&scenario, &tested);
-        }
-        self.refuse_structure_flags()?;
-        let arm = scenario.build_arm()?;
-        let drive = self.drive()?;
-        let linear_hz = modes(&arm)[usize::from(self.mode - 1)].frequency_hz;
-        let options = self.options(&drive, linear_hz)?;
-        let damped = ForcedArm::new(arm, drive.direction, 0.0);
+        let scenario = self.structure.scenario()?;
+        let tested = scenario.under_test()?;
+        let walk = self.walk(&tested)?;
+        let damped = walk.drive.forced(&tested.assembly);
+        let forced = if self.undamped { damped.undamped()? } else { damped.clone() };
+        let options = self.options(&forced, &walk)?;
         let mut early = Early::default();
-        let (curve, wall_s) = timed(|| self.curve(&damped, &options, &mut early));
-        let curve = curve?;
-        let mut files = Vec::new();
-        if let Some(stem) = &self.plot {
-            let mut options = options;
-            smooth(&mut options.branch);
-            let curve = self.curve(&damped, &options, &mut early)?;
-            files = self.plot(stem, &scenario, (&damped, &drive), &curve, &mut early)?;
-        }
-        let configuration = self.configuration(&scenario, &drive)?;
-        let readings = self.read(&damped, &curve);
-        let document = self.document(configuration, linear_hz, &drive, (&curve, &readings), wall_s);
-        let document = Document { ended_early: early.document(), ..document };
-        if let Some(stem) = &self.plot {
-            files.push(output::write(beside(stem, ".csv"), &self.csv(&drive, &curve, &readings))?);
-            files.push(output::write_json(beside(stem, ".json"), &document)?);
+        let (followed, wall_s) = timed(|| backbone(&forced, &options));
+        let curve = early.keep("the backbone", followed)?;
+        let response = match (&self.plot, walk.amplitude) {
+            (Some(_), Some(_)) => self.response(&damped, &curve, &walk.read, &mut early)?,
+            _ => None,
+        };
+        let document = Document {
+            configuration: self.configuration(&scenario, &tested, &walk),
+            coordinates: configuration::coordinates(&tested.assembly),
+            mode: self.mode,
+            kind: if self.undamped { "nonlinear-normal-mode" } else { "phase-quadrature" },
+            linear_frequency_hz: forced.assembly().modes()[options.mode].frequency_hz,
+            bending: curve.bending().map(Bending::name),
+            frequency_shift_hz: curve.shift_hz(),
+            curvature: (walk.read.iter().enumerate())
+                .map(|(k, at)| (at.name.clone(), json!(curve.curvature(k))))
+                .collect(),
+            points: curve.points.iter().map(|motion| self.point(motion, &walk.read)).collect(),
+            ended_early: early.document(),
+            wall_s,
+        };
+        let conditions = captions::structure(&scenario, &tested, &[]);
+        let drawn = || (self.figure(conditions, &curve, response.as_ref(), &walk), self.csv(&curve, &walk.read));
+        let mut files = output::plot(self.plot.as_deref(), &document, drawn)?;
+        if let (Some(stem), Some(response)) = (&self.plot, &response) {
+            let table = table(Coordinate::FrequencyHz, &[response], &walk.read);
+            files.push(output::write(beside(stem, "-response.csv"), &table)?);
         }
         let text = || {
             // With --plot the points are in the files.
-            let table = if self.plot.is_none() { self.table(&drive, &curve) } else { String::new() };
-            let head = self.head(&scenario, &document, &drive);
-            format!("{head}\n\n{table}{}\n", reading(&document, &curve))
+            let table = if self.plot.is_none() { self.table(&curve, &walk) } else { String::new() };
+            let head = self.head(&captions::label(&scenario, &tested), &document, &walk);
+            format!("{head}\n\n{table}{}\n", reading_of(&document, &curve, &walk.read))
         };
         self.json.show(&document, text, &files)?;
         early.verdict()
     }
 
-    /// A structure in place of the arm.
-    fn of_structure(&self, scenario: &Scenario, tested: &TestedAssembly) -> Result<Verdict, Failure> {
-        if self.drive.is_given() {
-            return Err(structures::arm_drive(&tested.assembly));
-        }
-        if self.to_rad.is_some() || self.readings.readings {
-            return Err(Failure::usage("--to-rad and --readings are for the two-link arm: take --to and --at"));
-        }
-        let asked = structures::backbone::Asked {
-            drive: self.structure.dof(&tested.assembly)?,
-            amplitude: self.structure.amplitude(),
-            to: self.to,
-            mode: self.mode,
-            undamped: self.undamped,
-            at: &self.at,
-            settings: &|options| self.walk.options(options),
-            plot: self.plot.as_deref(),
-            json: self.json,
+    /// What the flags ask for.
+    fn walk(&self, tested: &TestedAssembly) -> Result<Walk, Failure> {
+        let (drive, amplitude) = self.drive.up_to(&tested.assembly)?;
+        let read = read_at(&self.at, &drive.driven(), &tested.assembly)?;
+        let to = match self.to {
+            Some(to) if to > 0.0 => Some(to),
+            Some(to) => return Err(Failure::value("--to", to, "it must be a positive number")),
+            None if read[0].dof.is_angle() => Some(TO_RAD),
+            None => None,
         };
-        structures::backbone::show(scenario, tested, &asked)
-    }
-
-    /// Refuses what is for structures only.
-    fn refuse_structure_flags(&self) -> Result<(), Failure> {
-        self.structure.refuse()?;
-        if let Some(to) = self.to {
-            return Err(Failure::value(
-                "--to",
-                to,
-                "it is for a scenario with a [structure]; of the arm give --to-rad",
-            ));
+        if to.is_none() && (amplitude.is_none() || self.undamped) {
+            let ReadAt { name, .. } = &read[0];
+            let or = if self.undamped {
+                String::new()
+            } else {
+                format!(", or at which load, by --drive {}=A", drive.loads[0].at.name)
+            };
+            return Err(Failure::usage(format!(
+                "say where the curve ends: at which displacement of {name}, {}, by --to X{or}",
+                read[0].unit()
+            )));
         }
-        match self.mode {
-            1 | 2 => Ok(()),
-            mode => Err(Failure::value("--mode", f64::from(mode), "the arm has modes 1 and 2")),
-        }
+        Ok(Walk { drive, amplitude, read, to })
     }
 
-    fn to_rad(&self) -> f64 {
-        self.to_rad.unwrap_or(TO_RAD)
-    }
-
-    /// The excitation; a torque at joint 1 if none is named.
-    fn drive(&self) -> Result<Drive, Failure> {
-        let (words, given) = (self.drive.words(), self.drive.is_given());
-        let (direction, amplitude) = if given { self.drive.direction()? } else { (Load::torque_nm(1.0, 0.0), 1.0) };
-        Ok(Drive { direction, amplitude: given.then_some(amplitude), words })
-    }
-
-    fn options(&self, drive: &Drive, linear_hz: f64) -> Result<BackboneOptions, Failure> {
-        let most_rad = BackboneOptions::LARGEST_RAD;
-        let to_rad = self.to_rad();
-        if !(to_rad > 0.0 && to_rad <= most_rad) {
-            let why = format!("it must be above 0 and at most {most_rad:.4} rad");
-            return Err(Failure::value("--to-rad", to_rad, why));
-        }
-        let mut options = BackboneOptions::new(linear_hz, to_rad);
-        options.largest_drive = drive.amplitude.unwrap_or(options.largest_drive);
+    fn options(&self, forced: &Forced, walk: &Walk) -> Result<BackboneOptions, Failure> {
+        let mode = usize::from(self.mode).saturating_sub(1);
+        let largest = walk.to.unwrap_or(f64::INFINITY);
+        let load = walk.amplitude.map_or(f64::INFINITY, f64::abs);
+        let mut options = BackboneOptions::new(forced, mode, largest, load, dofs(&walk.read));
         options.branch = self.walk.options(options.branch)?;
+        if self.plot.is_some() {
+            smooth(&mut options.branch);
+        }
         Ok(options)
     }
 
-    fn curve(&self, damped: &ForcedArm, options: &BackboneOptions, early: &mut Early) -> Result<Curve, Failure> {
-        let forced = if self.undamped { damped.undamped()? } else { damped.clone() };
-        early.keep("the backbone", backbone(forced, usize::from(self.mode - 1), ArmParameter::Amplitude, options))
+    fn configuration(&self, scenario: &Scenario, tested: &TestedAssembly, walk: &Walk) -> Value {
+        let mut configuration = configuration::of_structure(scenario, tested);
+        configuration["drive"] = walk.drive.document();
+        configuration["backbone"] = json!({ "undamped": self.undamped, "to": walk.to });
+        configuration
     }
 
-    fn kind(&self) -> &'static str {
-        if self.undamped { "nonlinear-normal-mode" } else { "phase-quadrature" }
-    }
-
-    /// What the results depend on.
-    fn configuration(&self, scenario: &Scenario, drive: &Drive) -> Result<Value, Failure> {
-        let load = if drive.amplitude.is_some() { self.drive.load()? } else { drive.direction };
-        let mut configuration = configuration::of(scenario, &load)?;
-        configuration["backbone"] = json!({ "undamped": self.undamped, "to_rad": self.to_rad() });
-        Ok(configuration)
-    }
-
-    /// The readings of each point, if they are wanted.
-    fn read(&self, damped: &ForcedArm, curve: &Curve) -> Vec<ReadingsDocument> {
-        let read = |point| ReadingsDocument(Readings::of_backbone(damped.arm(), point));
-        curve.points.iter().filter(|_| self.readings.readings).map(read).collect()
-    }
-
-    /// A line for each point, with the units in the names of the columns.
-    fn csv(&self, drive: &Drive, curve: &Curve, readings: &[ReadingsDocument]) -> String {
-        let columns = readings::columns(self.readings.readings);
-        let head = if self.undamped { String::new() } else { format!(",{}", drive.words.name) };
-        let mut text = format!(
-            "frequency_hz,amplitude1_rad,amplitude2_rad,harmonic1_alpha1_rad,harmonic1_alpha2_rad{head}{columns}\n"
-        );
-        for (index, point) in curve.points.iter().enumerate() {
-            let ([a1, a2], [h1, h2]) = (point.amplitude_rad, point.harmonic1_rad);
-            let amount = if self.undamped { String::new() } else { format!(",{}", point.drive.abs()) };
-            let read = readings.get(index).map_or_else(String::new, ReadingsDocument::cells);
-            text += &format!("{},{a1},{a2},{h1},{h2}{amount}{read}\n", point.frequency_hz);
-        }
-        text
-    }
-
-    fn document(
+    /// The forced response around the curve.
+    fn response(
         &self,
-        configuration: Value,
-        linear_frequency_hz: f64,
-        drive: &Drive,
-        (curve, readings): (&Curve, &[ReadingsDocument]),
-        wall_s: f64,
-    ) -> Document {
-        let point = |(index, point): (usize, &BackbonePoint)| {
-            let BackbonePoint { frequency_hz, amplitude_rad, harmonic1_rad, .. } = point;
-            let mut document = json!({
-                "frequency_hz": frequency_hz, "amplitude_rad": amplitude_rad, "harmonic1_rad": harmonic1_rad,
-            });
-            if !self.undamped {
-                document[drive.words.name] = json!(point.drive.abs());
-            }
-            if let Some(read) = readings.get(index) {
-                document["readings"] = read.value();
-            }
-            document
-        };
-        Document {
-            configuration,
-            mode: self.mode,
-            kind: self.kind(),
-            linear_frequency_hz,
-            bending: curve.bending().map(Bending::name),
-            frequency_shift_hz: curve.shift_hz(),
-            curvature_hz_rad2: [0, 1].map(|joint| curve.curvature_hz_rad2(joint)),
-            points: curve.points.iter().enumerate().map(point).collect(),
-            ended_early: None,
-            wall_s,
+        forced: &Forced,
+        curve: &Curve,
+        read: &[ReadAt],
+        early: &mut Early,
+    ) -> Result<Option<Branch>, Failure> {
+        let mut options = TraceOptions::new(forced, Coordinate::FrequencyHz, curve.window_hz(), dofs(read));
+        options.branch = self.walk.options(options.branch)?;
+        smooth(&mut options.branch);
+        let traced = trace(forced, options.branch.from, Coordinate::FrequencyHz, &options);
+        early.keep_any("frequency_hz of the forced response", traced)
+    }
+
+    /// A motion with its readings by the names of the degrees of freedom.
+    fn point(&self, motion: &BackboneMotion, read: &[ReadAt]) -> Value {
+        let mut point = json!({
+            "frequency_hz": motion.frequency_hz, "readings": readings(&motion.readings, read),
+            "harmonics": motion.harmonics,
+        });
+        if !self.undamped {
+            point["drive"] = json!(motion.drive);
         }
+        point
     }
 
-    fn head(&self, scenario: &Scenario, document: &Document, drive: &Drive) -> String {
+    fn head(&self, label: &str, document: &Document, walk: &Walk) -> String {
         let what = if self.undamped {
-            String::from("nonlinear normal mode of the arm without dampers")
+            String::from("nonlinear normal mode of the structure without damping")
         } else {
-            format!("in phase quadrature with a {}", drive.words.what)
+            format!("in phase quadrature with a load at {}", walk.drive.at())
         };
-        let arm = &scenario.arm;
-        format!(
-            "{}, β1 = {}, β2 = {}, mode {} from {:.6} Hz: {what}",
-            arm.label(),
-            captions::degrees(arm.beta1_deg),
-            captions::degrees(arm.beta2_deg),
-            self.mode,
-            document.linear_frequency_hz
-        )
+        format!("{label}, mode {} from {:.6} Hz: {what}", self.mode, document.linear_frequency_hz)
     }
 
-    fn table(&self, drive: &Drive, curve: &Curve) -> String {
-        let drive_head = if self.undamped { String::new() } else { format!("   {:>12}", drive.words.unit) };
-        let mut text = format!("  frequency Hz   largest |α1| rad   largest |α2| rad{drive_head}\n");
-        for point in &curve.points {
-            let [a1, a2] = point.amplitude_rad;
-            let amount = if self.undamped { String::new() } else { format!("   {:12.4}", point.drive.abs()) };
-            text += &format!("  {:12.6}   {a1:16.8}   {a2:16.8}{amount}\n", point.frequency_hz);
+    fn table(&self, curve: &Curve, walk: &Walk) -> String {
+        let heads: Vec<String> =
+            walk.read.iter().map(|at| format!("{:>16}", format!("largest {} {}", at.name, at.unit()))).collect();
+        let mut text = String::from("  frequency Hz");
+        heads.iter().for_each(|head| text += &format!("   {head}"));
+        if !self.undamped {
+            text += &format!("   {:>12}", walk.drive.unit());
+        }
+        text.push('\n');
+        for motion in &curve.points {
+            text += &format!("  {:12.6}", motion.frequency_hz);
+            for (head, reading) in heads.iter().zip(&motion.readings) {
+                text += &format!("   {:width$.6e}", reading.largest, width = head.chars().count());
+            }
+            if !self.undamped {
+                text += &format!("   {:12.4}", motion.drive);
+            }
+            text.push('\n');
         }
         text.push('\n');
         text
     }
 
-    /// Two panels, |α1| and |α2|: the curve over the forced response. Returns the files written, including that of the
-    /// response's points.
-    fn plot(
-        &self,
-        stem: &Path,
-        scenario: &Scenario,
-        forced: (&ForcedArm, &Drive),
-        curve: &Curve,
-        early: &mut Early,
-    ) -> Result<Vec<PathBuf>, Failure> {
-        let (arm, drive) = forced;
-        let response = match drive.amplitude {
-            Some(amplitude) => {
-                self.response(&ForcedArm::new(arm.arm().clone(), drive.direction, amplitude), curve, early)?
-            }
-            None => None,
-        };
-        let branches: Vec<&Branch> = response.iter().collect();
-        let mut files = Vec::new();
-        if response.is_some() {
-            let (forced, coordinate) = (arm.clone(), Coordinate::FrequencyHz);
-            let reader = self.readings.readings.then_some(Reader { forced, coordinate });
-            let table = csv("frequency_hz", &branches, reader.as_ref());
-            files.push(output::write(beside(stem, "-response.csv"), &table)?);
+    /// A line for each motion, with the units in the names of the columns.
+    fn csv(&self, curve: &Curve, read: &[ReadAt]) -> String {
+        let drive = if self.undamped { "" } else { ",drive" };
+        let mut text = format!("frequency_hz{drive}{}\n", columns(read));
+        for motion in &curve.points {
+            let drive = if self.undamped { String::new() } else { format!(",{}", motion.drive) };
+            text += &format!("{}{drive}{}\n", motion.frequency_hz, cells(&motion.readings));
         }
-        let name = if self.undamped { "nonlinear normal mode" } else { "phase quadrature" };
-        let response_to =
-            |amplitude: f64| format!("response to a {} of {amplitude} {}", drive.words.what, drive.words.unit);
-        let with = drive.amplitude.map_or(String::new(), response_to);
-        let figure =
-            Figure::new(format!("Backbone of mode {}", self.mode)).subtitle(captions::pose(&scenario.arm).and(with));
-        let figure = branch_plot::of_joints(figure, "frequency (Hz)", |panel, joint| {
-            let points = curve.points.iter().map(|point| (point.frequency_hz, point.amplitude_rad[joint])).collect();
-            let style = Style::Line { color: Color::Black, width: 1.2, dash: Dash::Chain };
-            let panel = branch_plot::with_branches(panel, &branches, joint);
-            panel.with(Series::line(name, Color::Black, points).style(style))
-        });
-        Ok([output::draw(figure, stem)?, files].concat())
+        text
     }
 
-    fn response(&self, forced: &ForcedArm, curve: &Curve, early: &mut Early) -> Result<Option<Branch>, Failure> {
-        let [low, high] = curve.window_hz();
-        let mut options = self.walk.options(BranchOptions::new(low, high))?;
-        smooth(&mut options);
-        let walked = trace(forced.clone(), options.from, Coordinate::FrequencyHz, &options);
-        early.keep_any("frequency_hz of the forced response", walked)
+    /// The curve over the forced response.
+    fn figure(&self, conditions: Subtitle, curve: &Curve, response: Option<&Branch>, walk: &Walk) -> Figure {
+        let kind = if self.undamped { "nonlinear normal mode" } else { "phase quadrature" };
+        let with = response.map_or(String::new(), |_response| format!("response to {}", walk.drive.words()));
+        let figure = Figure::new(format!("Backbone of mode {}", self.mode)).subtitle(conditions.and(with));
+        let branches: Vec<&Branch> = response.into_iter().collect();
+        of_each(figure, "frequency (Hz)", &walk.read, |panel, index| {
+            let points = curve.points.iter().map(|motion| (motion.frequency_hz, motion.readings[index].largest));
+            let style = Style::Line { color: Color::Black, width: 1.2, dash: Dash::Chain };
+            let line = Series::line(kind, Color::Black, points.collect()).style(style);
+            with_branches(panel, &branches, index).with(line)
+        })
     }
 }
 
@@ -377,19 +290,18 @@ fn smooth(options: &mut BranchOptions) {
 }
 
 /// Whether the curve hardens or softens, and by how much.
-fn reading(document: &Document, curve: &Curve) -> String {
-    let Some(last) = curve.points.last() else { return String::from("no points") };
-    let joint = usize::from(last.harmonic1_rad[1] > last.harmonic1_rad[0]);
+fn reading_of(document: &Document, curve: &Curve, read: &[ReadAt]) -> String {
+    let (Some(last), Some(at)) = (curve.points.last(), read.first()) else { return String::from("no points") };
     let (shift_hz, part) = (document.frequency_shift_hz, document.frequency_shift_hz / document.linear_frequency_hz);
+    let (name, unit) = (&at.name, at.unit());
     let mut text = format!(
-        "{}: {shift_hz:+.6} Hz ({:+.4} %) at |α{}| = {:.6} rad",
+        "{}: {shift_hz:+.6} Hz ({:+.4} %) at {name} {:.6e} {unit}",
         document.bending.unwrap_or("straight"),
         100.0 * part,
-        joint + 1,
-        last.amplitude_rad[joint]
+        last.readings[0].largest,
     );
-    if let Some(curvature) = document.curvature_hz_rad2[joint] {
-        text += &format!("; at small amplitudes a of α{}, df/d(a²) = {curvature:+.5} Hz/rad²", joint + 1);
+    if let Some(curvature) = curve.curvature(0) {
+        text += &format!("; at small amplitudes a of {name}, df/d(a²) = {curvature:+.6e} Hz/{unit}²");
     }
     text
 }

@@ -82,7 +82,7 @@ struct Document {
 
 impl Basins {
     pub fn execute(&self) -> Result<Verdict, Failure> {
-        let scenario = self.motion.arm.scenario()?;
+        let scenario = self.motion.structure.scenario()?;
         if let Some(tested) = scenario.tested_structure()? {
             return self.of_structure(&scenario, &tested);
         }

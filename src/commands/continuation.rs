@@ -1,6 +1,6 @@
 //! `resonarm continue`: branches of periodic motions, their stability and bifurcations.
 
-use std::path::{Path, PathBuf};
+use std::path::PathBuf;
 
 use clap::Args;
 use serde::Serialize;
@@ -8,65 +8,64 @@ use serde_json::{Value, json};
 
 use crate::configuration;
 use crate::continuation_flags::ContinuationFlags;
-use crate::drive::DriveFlags;
+use crate::drive::{Drive, DriveFlags};
 use crate::ended_early::Early;
 use crate::failure::{Failure, Verdict};
-use crate::figures::branch_plot;
-use crate::figures::branch_table::csv;
+use crate::figures::branches::{of_each, table, with_branches};
 use crate::figures::captions;
-use crate::figures::singular_curves::{CurveFlags, Curves};
-use crate::flags::ArmFlags;
+use crate::figures::singular_curves::{BifurcationCurve, CurveFlags, Curves, LARGEST_STEP, coordinate, title, unit};
+use crate::flags::StructureFlags;
 use crate::output::{self, Inputs, JsonFlag, OverwriteFlag};
 use crate::progress::timed;
-use crate::quantity::{self, Ends, Quantity};
-use crate::readings::{self, Reader, ReadingsFlag};
-use crate::structures::{self, StructureDriveFlags};
-use resonarm::analysis::{
-    ArmParameter, Bifurcation, Branch, BranchOptions, Coordinate, ForcedArm, Orbit, structure, trace, trace_doublings,
+use crate::quantity::{self, Ends};
+use crate::read_at::{ReadAt, dofs, read_at, readings, words};
+use resonarm::analysis::structure::{
+    Assess, Bifurcation, Branch, Coordinate, Forced, Orbit, TraceOptions, Unlocated, trace, trace_doublings,
+    trace_singular_curves,
 };
-use resonarm::arm::Load;
 use resonarm::plant::TestedAssembly;
 use resonarm::scenario::Scenario;
-use resonarm_figures::plot::{Subtitle, beside};
+use resonarm_figures::plot::{Figure, Subtitle, beside};
 use resonarm_numeric::number::short;
 
 const EXAMPLES: &str = "\
 Examples:
-  resonarm continue --torque1-nm 60 --from-hz 21 --to-hz 23 --plot branch
-  resonarm continue --force-x-n 20 --beta1-deg 30 --beta2-deg 120 --from-hz 60 \\
-      --to-hz 20
-  resonarm continue --parameter amplitude --frequency-hz 22.1 --from-nm 0 \\
-      --to-nm 300
-  resonarm continue --parameter mass2_kg --torque1-nm 60 --frequency-hz 22 \\
-      --from 40 --to 60
-  resonarm continue --torque1-nm 60 --from-hz 21 --to-hz 23 \\
+  resonarm continue --drive joint1=60 --from-hz 21 --to-hz 23 --plot branch
+  resonarm continue --drive tip.x=20 --angles-deg 30,120 --from-hz 60 \\
+      --to-hz 20 --at joint1,joint2,tip.x
+  resonarm continue --parameter amplitude --drive joint1 --frequency-hz 22.1 \\
+      --from 0 --to 300
+  resonarm continue --parameter link2.mass_kg --drive joint1=60 \\
+      --frequency-hz 22 --from 40 --to 60
+  resonarm continue --drive joint1=60 --from-hz 21 --to-hz 23 \\
       --curves-in amplitude --curves-to 5
-  resonarm continue --torque1-nm 800 --beta2-deg 75 --from-hz 40 --to-hz 50 \\
-      --doubled
-  resonarm continue --scenario hardening.toml --drive tip.x --amplitude 4 \\
-      --from-hz 21 --to-hz 24 --curves-in amplitude --curves-to 1
+  resonarm continue --drive joint1=800 --angles-deg 0,75 --from-hz 40 \\
+      --to-hz 50 --doubled
+  resonarm continue --scenario hardening.toml --drive tip.x=4 --from-hz 21 \\
+      --to-hz 24 --curves-in amplitude --curves-to 1
+
+In JSON and CSV every motion has its readings by degree of freedom: the largest displacement from rest, the mean, and the
+component at the frequency of the drive, as its amplitude and the phase in degrees by which it leads the drive. With the
+angular frequency Ω a velocity is iΩ times this component, an acceleration −Ω² times.
 
 A walk that ends early prints what it found, says why on standard error, and ends with exit code 1.";
 
-/// Follows periodic motions of the forced arm, or of a scenario's structure, in a parameter, with stability and
-/// bifurcations, around folds.
+/// Follows periodic motions of the structure under a sine in a parameter, with stability and bifurcations, around folds.
 #[derive(Debug, Args)]
-#[command(after_long_help = readings::help_after(EXAMPLES, ""))]
+#[command(after_long_help = EXAMPLES)]
 pub(crate) struct Continue {
     #[command(flatten)]
-    pub(crate) arm: ArmFlags,
+    pub(crate) structure: StructureFlags,
     #[command(flatten)]
     drive: DriveFlags,
-    #[command(flatten)]
-    structure: StructureDriveFlags,
-    /// Of a structure: where the motion is read, separated by commas [default: where it is driven].
-    #[arg(long, value_name = "DOF", value_delimiter = ',', requires = "drive")]
+    /// Where the motion is read, separated by commas [default: where the loads act].
+    #[arg(long, value_name = "DOF", value_delimiter = ',')]
     at: Vec<String>,
-    /// Of a structure: leave out the stability, and with it all bifurcations but folds. Faster, with many modes most.
-    #[arg(long, requires = "drive")]
+    /// Leave out the stability, and with it all bifurcations but folds. Faster, with many modes most.
+    #[arg(long, conflicts_with = "doubled")]
     no_stability: bool,
-    /// What varies: frequency, amplitude, beta1_deg, beta2_deg, or a parameter of the arm as a scenario calls it; of a
-    /// structure a parameter is link2.angle_deg, mode3.damping_ratio, element1.gap_m, gravity_m_s2.
+    /// What varies: frequency, amplitude, or a parameter of the structure, as link2.angle_deg, mode3.damping_ratio,
+    /// element1.gap_m or gravity_m_s2. The amplitude is that of the first load; others keep their ratio to it.
     #[arg(long, value_name = "NAME", default_value = "frequency")]
     parameter: String,
     #[command(flatten)]
@@ -81,8 +80,6 @@ pub(crate) struct Continue {
     doubled: bool,
     #[command(flatten)]
     curves: CurveFlags,
-    #[command(flatten)]
-    readings: ReadingsFlag,
     /// Plot to STEM.svg and STEM.png, the curves to STEM-curves.svg and STEM-curves.png; captions,
     /// CSV and JSON beside them.
     #[arg(long, value_name = "STEM")]
@@ -93,7 +90,7 @@ pub(crate) struct Continue {
     json: JsonFlag,
 }
 
-/// The interval of what varies, in its unit.
+/// The interval of what varies.
 #[derive(Clone, Debug, Args)]
 struct RangeFlags {
     /// First frequency, Hz.
@@ -102,127 +99,45 @@ struct RangeFlags {
     /// Last frequency, Hz; below the first for a walk down.
     #[arg(long, value_name = "F")]
     to_hz: Option<f64>,
-    /// First torque amplitude, N·m.
-    #[arg(long, value_name = "A")]
-    from_nm: Option<f64>,
-    /// Last torque amplitude, N·m.
-    #[arg(long, value_name = "A")]
-    to_nm: Option<f64>,
-    /// First force amplitude, N.
-    #[arg(long, value_name = "A")]
-    from_n: Option<f64>,
-    /// Last force amplitude, N.
-    #[arg(long, value_name = "A")]
-    to_n: Option<f64>,
-    /// First angle, degrees.
-    #[arg(long, value_name = "DEG")]
-    from_deg: Option<f64>,
-    /// Last angle, degrees.
-    #[arg(long, value_name = "DEG")]
-    to_deg: Option<f64>,
-    /// First value of a parameter of the arm, in its SI unit, or of a structure, in the unit of its name.
+    /// First amplitude, in the unit of the first load, or value of a parameter, in the unit of its name.
     #[arg(long, value_name = "X")]
     from: Option<f64>,
-    /// Last value of a parameter.
+    /// Last amplitude or value.
     #[arg(long, value_name = "X")]
     to: Option<f64>,
 }
 
-/// What varies, with its name in results.
-struct Varied {
-    quantity: Quantity,
-    from: f64,
-    to: f64,
+/// What is followed.
+struct Walk {
+    drive: Drive,
+    read: Vec<ReadAt>,
+    coordinate: Coordinate,
+    ends: [f64; 2],
+    /// The frequency at the start, Hz.
+    frequency_hz: f64,
+    /// The second coordinate of curves, and where they end.
+    second: Option<(Coordinate, f64)>,
 }
 
-impl Varied {
-    fn is_amplitude(&self) -> bool {
-        self.quantity.coordinate == Coordinate::Parameter(ArmParameter::Amplitude)
-    }
-}
-
+/// What was found.
 struct Found {
     branch: Branch,
     doubled: Vec<Branch>,
     curves: Option<Curves>,
-    /// Reads the motions, if readings are wanted.
-    reader: Option<Reader>,
-    early: Early,
-}
-
-impl Found {
-    /// Writes the figures and their data, and returns the files.
-    fn plot(
-        &self,
-        stem: &Path,
-        varied: &Varied,
-        conditions: Subtitle,
-        on_curves: Subtitle,
-    ) -> Result<Vec<PathBuf>, Failure> {
-        let branches: Vec<&Branch> = core::iter::once(&self.branch).chain(&self.doubled).collect();
-        let figure = branch_plot::figure(conditions, &varied.quantity.label, &branches);
-        let mut files = output::draw(figure, stem)?;
-        files.push(output::write(beside(stem, ".csv"), &csv(varied.quantity.name, &branches, self.reader.as_ref()))?);
-        if let Some(curves) = &self.curves {
-            let stem = beside(stem, "-curves");
-            files.extend(output::draw(curves.figure(on_curves), &stem)?);
-            files.push(output::write(beside(&stem, ".csv"), &curves.csv())?);
-        }
-        Ok(files)
-    }
-
-    fn document(&self, configuration: Value, varied: &Varied, wall_s: f64) -> Document {
-        let reader = self.reader.as_ref();
-        let document = |branch: &Branch| BranchDocument {
-            points: branch.orbits.iter().map(|orbit| point(varied, orbit, reader)).collect(),
-            bifurcations: branch.bifurcations.iter().map(|event| bifurcation(varied, event, reader)).collect(),
-        };
-        Document {
-            configuration,
-            branch: document(&self.branch),
-            doubled: self.doubled.iter().map(document).collect(),
-            curves: self.curves.as_ref().map(Curves::document),
-            ended_early: self.early.document(),
-            wall_s,
-        }
-    }
-
-    fn text(&self, varied: &Varied, wall_s: f64) -> String {
-        let mut text = String::new();
-        for (k, branch) in core::iter::once(&self.branch).chain(&self.doubled).enumerate() {
-            let unstable = branch.orbits.iter().filter(|orbit| !orbit.is_stable()).count();
-            let which = if k == 0 { String::from("branch") } else { format!("doubled branch {k}") };
-            let largest = branch.orbits.iter().fold([0.0_f64; 2], |largest, orbit| {
-                [largest[0].max(orbit.amplitude_rad[0]), largest[1].max(orbit.amplitude_rad[1])]
-            });
-            text += &format!(
-                "{which}: {} motions, {unstable} of them unstable; largest |α1| {:.6} rad, |α2| {:.6} rad\n",
-                branch.orbits.len(),
-                largest[0],
-                largest[1]
-            );
-            for event in &branch.bifurcations {
-                let [h1, h2] = event.orbit.harmonic1_rad;
-                text += &format!(
-                    "  {:16} {} = {:.9}   first harmonic α1 {h1:.9} rad, α2 {h2:.9} rad\n",
-                    event.kind.name(),
-                    varied.quantity.name,
-                    event.orbit.value
-                );
-            }
-        }
-        text.push_str(&self.curves.as_ref().map_or_else(String::new, Curves::text));
-        text += &format!("in {:.3} s\n", wall_s);
-        text
-    }
 }
 
 #[derive(Serialize)]
 struct Document {
-    /// What the results depend on; the load is that of the value 1 where the amplitude varies.
+    /// What the results depend on; where the amplitude varies, the loads are those at the amplitude 1 of the first.
     configuration: Value,
+    coordinates: Value,
     #[serde(flatten)]
     branch: BranchDocument,
+    /// Bifurcations that were detected between two points and could not be located.
+    unlocated: Vec<Value>,
+    /// For each degree of freedom that is read, the motion with the largest displacement, and whether it is at an end
+    /// of the branch.
+    peaks: Vec<Value>,
     #[serde(skip_serializing_if = "Vec::is_empty")]
     doubled: Vec<BranchDocument>,
     #[serde(skip_serializing_if = "Option::is_none")]
@@ -238,169 +153,81 @@ struct BranchDocument {
     bifurcations: Vec<Value>,
 }
 
-impl RangeFlags {
-    fn ends(&self) -> [Ends; 5] {
-        [
-            Ends { unit: "-hz", from: self.from_hz, to: self.to_hz },
-            Ends { unit: "-nm", from: self.from_nm, to: self.to_nm },
-            Ends { unit: "-n", from: self.from_n, to: self.to_n },
-            Ends { unit: "-deg", from: self.from_deg, to: self.to_deg },
-            Ends { unit: "", from: self.from, to: self.to },
-        ]
+impl BranchDocument {
+    fn new(branch: &Branch, read: &[ReadAt]) -> BranchDocument {
+        BranchDocument {
+            points: branch.orbits.iter().map(|orbit| point(orbit, read)).collect(),
+            bifurcations: branch.bifurcations.iter().map(|found| bifurcation(found, read)).collect(),
+        }
     }
 }
 
 impl Continue {
     pub fn execute(&self) -> Result<Verdict, Failure> {
         let endings = [output::PLOTTED, &["-curves.svg", "-curves.png", "-curves.txt", "-curves.csv"]].concat();
-        let inputs = Inputs::of_scenario(self.arm.scenario.as_deref());
+        let inputs = Inputs::of_scenario(self.structure.scenario.as_deref());
         self.overwrite.check_stem(self.plot.as_deref(), &endings, &inputs)?;
-        let scenario = self.arm.scenario()?;
-        if let Some(tested) = scenario.tested_structure()? {
-            return self.of_structure(&scenario, &tested);
-        }
-        self.structure.refuse()?;
-        let arm = scenario.build_arm()?;
-        let varied = self.varied()?;
-        let second = self.curves.second(&varied.quantity, &self.drive)?;
-        let (direction, amplitude, load) = self.excitation(&varied)?;
-        let forced = (ForcedArm::new(arm, direction, amplitude), self.frequency_hz(&varied)?);
-        let mut configuration = configuration::of(&scenario, &load)?;
-        configuration["continue"] = json!({
-            "parameter": varied.quantity.name,
-            "from": varied.from,
-            "to": varied.to,
-            "frequency_hz": self.frequency_hz,
-        });
-        let conditions = self.conditions(&scenario, &load, &[&varied.quantity]);
-        let on_curves =
-            second.as_ref().map(|(second, _)| self.conditions(&scenario, &load, &[&varied.quantity, second]));
-        let (found, wall_s) = timed(|| self.follow(forced, &varied, second));
+        let scenario = self.structure.scenario()?;
+        let tested = scenario.under_test()?;
+        let walk = self.walk(&tested)?;
+        let mut early = Early::default();
+        let (found, wall_s) = timed(|| self.follow(&tested, &walk, &mut early));
         let found = found?;
-        let document = found.document(configuration, &varied, wall_s);
-        let mut files = Vec::new();
-        if let Some(stem) = &self.plot {
-            files = found.plot(stem, &varied, conditions, on_curves.unwrap_or_default())?;
-            files.push(output::write_json(beside(stem, ".json"), &document)?);
+        let document = Document {
+            configuration: self.configuration(&scenario, &tested, &walk),
+            coordinates: configuration::coordinates(&tested.assembly),
+            branch: BranchDocument::new(&found.branch, &walk.read),
+            unlocated: found.branch.unlocated.iter().map(unlocated).collect(),
+            peaks: peaks(&found.branch, &walk.read),
+            doubled: found.doubled.iter().map(|branch| BranchDocument::new(branch, &walk.read)).collect(),
+            curves: found.curves.as_ref().map(|curves| curves.document(&walk.read)),
+            ended_early: early.document(),
+            wall_s,
+        };
+        let branches: Vec<&Branch> = core::iter::once(&found.branch).chain(&found.doubled).collect();
+        let drawn = || {
+            let conditions = self.conditions(&scenario, &tested, &walk, &[walk.coordinate]);
+            (walk.figure(conditions, &branches), table(walk.coordinate, &branches, &walk.read))
+        };
+        let mut files = output::plot(self.plot.as_deref(), &document, drawn)?;
+        if let (Some(stem), Some(curves)) = (&self.plot, &found.curves) {
+            let stem = beside(stem, "-curves");
+            let conditions = self.conditions(&scenario, &tested, &walk, &curves.coordinates);
+            files.extend(output::draw(curves.figure(conditions, &walk.drive), &stem)?);
+            files.push(output::write(beside(&stem, ".csv"), &curves.table(&walk.read))?);
         }
-        self.json.show(&document, || found.text(&varied, wall_s), &files)?;
-        found.early.verdict()
+        self.json.show(&document, || self.text(&found, &walk, wall_s), &files)?;
+        early.verdict()
     }
 
-    /// A structure in place of the arm.
-    fn of_structure(&self, scenario: &Scenario, tested: &TestedAssembly) -> Result<Verdict, Failure> {
-        if self.drive.is_given() {
-            return Err(structures::arm_drive(&tested.assembly));
-        }
-        let drive = self.structure.dof(&tested.assembly)?;
-        let ends = self.range.ends();
-        let (coordinate, amplitude, frequency_hz, suffix) = match self.parameter.as_str() {
-            "frequency" if self.frequency_hz.is_some() => {
+    /// What the flags ask for.
+    fn walk(&self, tested: &TestedAssembly) -> Result<Walk, Failure> {
+        let assembly = &tested.assembly;
+        let coordinate = coordinate("--parameter", &self.parameter, assembly)?;
+        let drive = match coordinate {
+            Coordinate::Amplitude => self.drive.direction(assembly)?,
+            Coordinate::FrequencyHz | Coordinate::Parameter(_) => self.drive.drive(assembly)?,
+        };
+        let frequency_hz = match (coordinate, self.frequency_hz) {
+            (Coordinate::FrequencyHz, Some(_)) => {
                 return Err(Failure::usage("--frequency-hz is for runs in another parameter: leave it out"));
             }
-            "frequency" => (structure::Coordinate::FrequencyHz, self.structure.needed_amplitude()?, None, "-hz"),
-            "amplitude" if self.structure.amplitude().is_some() => {
-                return Err(Failure::usage("the amplitude is what varies: leave --amplitude out"));
-            }
-            "amplitude" => {
-                let suffix = if drive.0.is_angle() { "-nm" } else { "-n" };
-                (structure::Coordinate::Amplitude, 1.0, Some(self.positive_frequency_hz()?), suffix)
-            }
-            _ => {
-                let coordinate =
-                    structures::continuation::coordinate("--parameter", &self.parameter, &tested.assembly)?;
-                (coordinate, self.structure.needed_amplitude()?, Some(self.positive_frequency_hz()?), "")
-            }
+            (Coordinate::FrequencyHz, None) => None,
+            (Coordinate::Amplitude | Coordinate::Parameter(_), _) => Some(self.positive_frequency_hz()?),
         };
-        if self.readings.readings {
-            return Err(Failure::usage("--readings is for the two-link arm: leave it out"));
-        }
-        if self.no_stability && self.doubled {
-            return Err(Failure::usage("--no-stability finds no period doublings: leave it out, or --doubled"));
-        }
-        let second = self.curves.given().map(|(name, to)| {
-            let second = structures::continuation::coordinate("--curves-in", name, &tested.assembly)?;
-            if second == coordinate {
-                return Err(Failure::usage(format!(
-                    "--curves-in {name} is what the branch is followed in already: name another parameter"
-                )));
-            }
-            Ok((second, to))
-        });
-        let second = second.transpose()?;
-        let (from, to) =
-            quantity::interval(&format!("--parameter {}", self.parameter), Some(suffix), &ends)?.unwrap_or_default();
-        let asked = structures::continuation::Asked {
-            drive,
-            amplitude,
+        let RangeFlags { from_hz, to_hz, from, to } = self.range;
+        let given = [Ends { unit: "-hz", from: from_hz, to: to_hz }, Ends { unit: "", from, to }];
+        let unit = if coordinate == Coordinate::FrequencyHz { "-hz" } else { "" };
+        let parameter = format!("--parameter {}", self.parameter);
+        let (from, to) = quantity::interval(&parameter, Some(unit), &given)?.unwrap_or_default();
+        Ok(Walk {
+            read: read_at(&self.at, &drive.driven(), assembly)?,
+            second: self.curves.second(coordinate, assembly)?,
             frequency_hz: frequency_hz.unwrap_or(from),
-            coordinate,
             ends: [from, to],
-            at: &self.at,
-            doubled: self.doubled,
-            curves: second,
-            assess: if self.no_stability { structure::Assess::Nothing } else { structure::Assess::Multipliers },
-            settings: &|options| self.walk.options(options),
-            plot: self.plot.as_deref(),
-            json: self.json,
-        };
-        structures::continuation::show(scenario, tested, &asked)
-    }
-
-    /// A figure's subtitle: the arm, its pose and the excitation, without the quantities that vary.
-    fn conditions(&self, scenario: &Scenario, load: &Load, varied: &[&Quantity]) -> Subtitle {
-        let names: Vec<&str> = varied.iter().map(|quantity| quantity.name).collect();
-        let amplitude = Coordinate::Parameter(ArmParameter::Amplitude);
-        let has = |coordinate| varied.iter().any(|quantity| quantity.coordinate == coordinate);
-        let load = if has(amplitude) { captions::direction(load) } else { captions::load(load) };
-        let hz = self.frequency_hz.filter(|_| !has(Coordinate::FrequencyHz));
-        let hz = hz.map_or(String::new(), |hz| format!("{hz} Hz"));
-        captions::pose_without(&scenario.arm, &names).and(load).and(hz)
-    }
-
-    fn follow(
-        &self,
-        (forced, frequency_hz): (ForcedArm, f64),
-        varied: &Varied,
-        second: Option<(Quantity, f64)>,
-    ) -> Result<Found, Failure> {
-        let options = self.walk.options(BranchOptions::new(varied.from, varied.to))?;
-        let Quantity { name, coordinate, .. } = varied.quantity;
-        let mut early = Early::default();
-        let branch = early.keep(name, trace(forced.clone(), frequency_hz, coordinate, &options))?;
-        let mut doubled = Vec::new();
-        if self.doubled {
-            for walked in trace_doublings(&forced, &branch, coordinate, &options) {
-                doubled.extend(early.keep_any(name, walked)?);
-            }
-        }
-        let curves = second
-            .map(|second| Curves::trace(&forced, &branch, varied.quantity.clone(), second, &self.walk, &mut early))
-            .transpose()?;
-        let reader = self.readings.readings.then_some(Reader { forced, coordinate });
-        Ok(Found { branch, doubled, curves, reader, early })
-    }
-
-    /// The excitation's direction and amplitude, and the peak load: where the amplitude varies, that of the value 1.
-    fn excitation(&self, varied: &Varied) -> Result<(Load, f64, Load), Failure> {
-        let ((direction, amplitude), load) = if varied.is_amplitude() {
-            let found = self.drive.direction_of("varies")?;
-            (found, found.0)
-        } else {
-            (self.drive.direction()?, self.drive.load()?)
-        };
-        Ok((direction, amplitude, load))
-    }
-
-    /// The excitation frequency at the start.
-    fn frequency_hz(&self, varied: &Varied) -> Result<f64, Failure> {
-        match (varied.quantity.coordinate, self.frequency_hz) {
-            (Coordinate::FrequencyHz, None) => Ok(varied.from),
-            (Coordinate::FrequencyHz, Some(_)) => {
-                Err(Failure::usage("--frequency-hz is for runs in another parameter: leave it out"))
-            }
-            _ => self.positive_frequency_hz(),
-        }
+            coordinate,
+            drive,
+        })
     }
 
     fn positive_frequency_hz(&self) -> Result<f64, Failure> {
@@ -413,38 +240,163 @@ impl Continue {
         }
     }
 
-    fn varied(&self) -> Result<Varied, Failure> {
-        let quantity = Quantity::parse("--parameter", &self.parameter, &self.drive)?;
-        let parameter = format!("--parameter {}", self.parameter);
-        let (from, to) = quantity.interval(&parameter, &self.range.ends())?;
-        Ok(Varied { quantity, from, to })
+    fn assess(&self) -> Assess {
+        if self.no_stability { Assess::Nothing } else { Assess::Multipliers }
+    }
+
+    /// The branch, and what leaves it.
+    fn follow(&self, tested: &TestedAssembly, walk: &Walk, early: &mut Early) -> Result<Found, Failure> {
+        let Walk { coordinate, ends, frequency_hz, .. } = *walk;
+        let forced = walk.drive.forced(&tested.assembly);
+        let mut options = TraceOptions::new(&forced, coordinate, ends, dofs(&walk.read));
+        options.branch = self.walk.options(options.branch)?;
+        options.assess = self.assess();
+        let name = coordinate.to_string();
+        let branch = early.keep(&name, trace(&forced, frequency_hz, coordinate, &options))?;
+        let mut doubled = Vec::new();
+        if self.doubled {
+            for walked in trace_doublings(&forced, &branch, coordinate, &options) {
+                doubled.extend(early.keep_any(&name, walked)?);
+            }
+        }
+        let curves = match walk.second {
+            Some(second) => Some(self.curves(&forced, &branch, walk, second, early)?),
+            None => None,
+        };
+        Ok(Found { branch, doubled, curves })
+    }
+
+    /// The curves of folds and period doublings of the branch.
+    fn curves(
+        &self,
+        forced: &Forced,
+        branch: &Branch,
+        walk: &Walk,
+        (second, to): (Coordinate, f64),
+        early: &mut Early,
+    ) -> Result<Curves, Failure> {
+        // They begin at the value on the branch, whichever that is.
+        let mut along = TraceOptions::new(forced, second, [0.0, to], dofs(&walk.read));
+        along.branch = self.walk.options(along.branch)?;
+        let largest_step = &mut along.branch.continuation.largest_step;
+        *largest_step = largest_step.min(LARGEST_STEP);
+        let (coordinates, mut curves) = ([walk.coordinate, second], Vec::new());
+        for (kind, traced) in trace_singular_curves(forced, branch, coordinates, &along) {
+            let curve = early.keep_any(&second.to_string(), traced)?;
+            curves.extend(curve.map(|curve| BifurcationCurve { kind, curve }));
+        }
+        Ok(Curves { coordinates, curves })
+    }
+
+    fn configuration(&self, scenario: &Scenario, tested: &TestedAssembly, walk: &Walk) -> Value {
+        let mut configuration = configuration::of_structure(scenario, tested);
+        configuration["drive"] = walk.drive.document();
+        configuration["continue"] = json!({
+            "parameter": walk.coordinate.to_string(), "from": walk.ends[0], "to": walk.ends[1],
+            "frequency_hz": self.frequency_hz, "stability": !self.no_stability,
+        });
+        configuration
+    }
+
+    /// A figure's subtitle: the structure and its excitation, without the coordinates that vary.
+    fn conditions(&self, scenario: &Scenario, tested: &TestedAssembly, walk: &Walk, varied: &[Coordinate]) -> Subtitle {
+        let names: Vec<String> = varied.iter().map(Coordinate::to_string).collect();
+        let is_in_amplitude = varied.contains(&Coordinate::Amplitude);
+        let load = if is_in_amplitude { format!("driven at {}", walk.drive.at()) } else { walk.drive.words() };
+        let hz = self.frequency_hz.filter(|_| !varied.contains(&Coordinate::FrequencyHz));
+        let hz = hz.map_or(String::new(), |hz| format!("{hz} Hz"));
+        captions::structure(scenario, tested, &names).and(load).and(hz)
+    }
+
+    /// The bifurcations and peaks.
+    fn text(&self, found: &Found, walk: &Walk, wall_s: f64) -> String {
+        let (branch, read) = (&found.branch, &walk.read);
+        let unit = unit(walk.coordinate, &walk.drive);
+        let mut text = if self.no_stability {
+            format!(
+                "{} motions, in {wall_s:.3} s\nstability not computed: bifurcations other than folds are not found\n",
+                branch.orbits.len()
+            )
+        } else {
+            format!("{}, in {wall_s:.3} s\n", counted(branch))
+        };
+        for Bifurcation { kind, orbit, .. } in &branch.bifurcations {
+            text += &format!("{} at {:.7} {unit}: {}\n", kind.name(), orbit.value, words(&orbit.readings, read));
+        }
+        for Unlocated { kind, between: [from, to], .. } in &branch.unlocated {
+            let kind = kind.name();
+            text += &format!(
+                "{kind} between {from:.7} and {to:.7} {unit}, not located: \
+                 try smaller steps or more harmonics (--largest-step, --most-harmonics)\n"
+            );
+        }
+        for (orbit, ReadAt { name, .. }) in branch.peaks.iter().zip(read) {
+            let end = if is_at_end(branch, orbit) { ", an end of the branch" } else { "" };
+            let readings = words(&orbit.readings, read);
+            text += &format!("largest motion of {name} at {:.7} {unit}{end}: {readings}\n", orbit.value);
+        }
+        for (k, branch) in (1..).zip(&found.doubled) {
+            text += &format!("doubled branch {k}: {}\n", counted(branch));
+            for Bifurcation { kind, orbit, .. } in &branch.bifurcations {
+                let readings = words(&orbit.readings, read);
+                text += &format!("  {} at {:.7} {unit}: {readings}\n", kind.name(), orbit.value);
+            }
+        }
+        text + &found.curves.as_ref().map_or_else(String::new, |curves| curves.text(&walk.drive))
     }
 }
 
-/// A motion as JSON, with the quantity that varies beside the frequency.
-fn point(varied: &Varied, orbit: &Orbit, reader: Option<&Reader>) -> Value {
-    let mut point = place(varied, orbit, reader);
-    point["stable"] = json!(orbit.is_stable());
-    point["multipliers"] = orbit.multipliers().iter().map(|z| json!([z.re, z.im])).collect();
-    point
+/// The number of motions, and how many of them are unstable.
+fn counted(branch: &Branch) -> String {
+    let unstable = branch.orbits.iter().filter(|orbit| orbit.is_stable() == Some(false)).count();
+    format!("{} motions, {unstable} of them unstable", branch.orbits.len())
 }
 
-fn bifurcation(varied: &Varied, bifurcation: &Bifurcation, reader: Option<&Reader>) -> Value {
-    let mut point = place(varied, &bifurcation.orbit, reader);
-    point["kind"] = json!(bifurcation.kind.name());
-    point
+impl Walk {
+    /// The largest displacement over what varies; unstable motions dashed, bifurcations as marks.
+    fn figure(&self, conditions: Subtitle, branches: &[&Branch]) -> Figure {
+        let figure = Figure::new("Periodic motions").subtitle(conditions);
+        let title = title(self.coordinate, &self.drive);
+        of_each(figure, &title, &self.read, |panel, index| with_branches(panel, branches, index))
+    }
 }
 
-/// The keys that points and bifurcations share.
-fn place(varied: &Varied, orbit: &Orbit, reader: Option<&Reader>) -> Value {
-    let mut place = json!({
-        "frequency_hz": orbit.frequency_hz,
-        "amplitude_rad": orbit.amplitude_rad,
-        "harmonic1_rad": orbit.harmonic1_rad,
+/// A motion with its readings.
+fn point(orbit: &Orbit, read: &[ReadAt]) -> Value {
+    let multipliers = orbit.stability.as_ref().map(|stability| {
+        stability.multipliers.iter().map(|multiplier| [multiplier.re, multiplier.im]).collect::<Vec<_>>()
     });
-    place[varied.quantity.name] = json!(orbit.value);
-    if let Some(reader) = reader {
-        place["readings"] = reader.read(orbit).value();
-    }
-    place
+    json!({
+        "value": orbit.value, "frequency_hz": orbit.frequency_hz, "drive": orbit.drive, "period": orbit.period,
+        "readings": readings(&orbit.readings, read), "stable": orbit.is_stable(),
+        "multipliers": multipliers, "harmonics": orbit.harmonics,
+    })
+}
+
+fn bifurcation(found: &Bifurcation, read: &[ReadAt]) -> Value {
+    let mut value = point(&found.orbit, read);
+    value["kind"] = json!(found.kind.name());
+    value["index"] = json!(found.index);
+    value
+}
+
+/// The largest motion of each degree of freedom.
+fn peaks(branch: &Branch, read: &[ReadAt]) -> Vec<Value> {
+    let peak = |(orbit, at): (&Orbit, &ReadAt)| {
+        let mut value = point(orbit, read);
+        value["at"] = json!(at.name);
+        value["at_end"] = json!(is_at_end(branch, orbit));
+        value
+    };
+    branch.peaks.iter().zip(read).map(peak).collect()
+}
+
+/// Whether a motion is the first or the last of the branch, so that beyond it there may be larger ones.
+fn is_at_end(branch: &Branch, orbit: &Orbit) -> bool {
+    let ends = [branch.orbits.first(), branch.orbits.last()];
+    ends.into_iter().flatten().any(|end| end.arclength == orbit.arclength)
+}
+
+fn unlocated(found: &Unlocated) -> Value {
+    json!({ "kind": found.kind.name(), "between": found.between, "index": found.index })
 }

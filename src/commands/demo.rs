@@ -9,7 +9,7 @@ use serde::Serialize;
 use crate::commands::exciter::complaint as complaint_of_exciter;
 use crate::configuration;
 use crate::failure::{Failure, Verdict};
-use crate::flags::{self, ArmFlags};
+use crate::flags::{self, StructureFlags};
 use crate::live::{LiveFlags, Role, ShownRole};
 use crate::output::{self, Inputs, JsonFlag};
 use crate::session::{PlantDocument, complaint, report_text};
@@ -36,7 +36,7 @@ const PATIENCE: Duration = Duration::from_secs(30);
 #[derive(Debug, Args)]
 pub(crate) struct Demo {
     #[command(flatten)]
-    arm: ArmFlags,
+    structure: StructureFlags,
     /// Which run loop drives the plant; in real-time a machine that stalls disturbs the result.
     #[arg(long, value_parser = flags::one_of([Mode::Lockstep, Mode::RealTime], Mode::name), default_value_t = Mode::Lockstep)]
     mode: Mode,
@@ -75,7 +75,7 @@ pub(crate) fn scenario() -> Result<Scenario, Failure> {
 
 impl Demo {
     pub(crate) fn scenario(&self) -> Result<Scenario, Failure> {
-        self.arm.scenario_or(scenario)
+        self.structure.scenario_or(scenario)
     }
 
     /// Simulated seconds a second.
@@ -90,7 +90,7 @@ impl Demo {
         (scenario.control, scenario.excitation) = (Some(control.clone()), None);
         // The run ends with the walk.
         scenario.simulation.duration_s = None;
-        let inputs = Inputs::of_scenario(self.arm.scenario.as_deref());
+        let inputs = Inputs::of_scenario(self.structure.scenario.as_deref());
         let outputs = ["demo.mcap", "response.svg", "response.png", "response.txt"];
         outputs.iter().try_for_each(|name| inputs.check(&self.out.join(name)))?;
         let record = RecordTo { path: self.out.join("demo.mcap"), existing: Existing::Overwrite };

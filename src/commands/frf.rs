@@ -1,4 +1,4 @@
-//! `resonarm frf`: frequency responses of the linearised arm.
+//! `resonarm frf`: frequency responses of the linear part of the structure.
 
 use std::path::PathBuf;
 
@@ -7,41 +7,38 @@ use serde::Serialize;
 use serde_json::Value;
 
 use crate::configuration;
+use crate::drive;
 use crate::failure::{Failure, Verdict};
 use crate::figures::captions;
 use crate::figures::response_curves::{csv, style};
-use crate::flags::{self, ArmFlags};
+use crate::flags::{self, StructureFlags};
 use crate::output::{self, Inputs, JsonFlag, OverwriteFlag};
-use crate::structures;
-use resonarm::analysis::{
-    Drive, FrequencyResponse, Quantity, Response, UnknownTerm, continuous_phase, frequencies_hz, modes,
-};
-use resonarm::arm::Arm;
+use crate::read_at::{ReadAt, displacement_unit, dof, read_at};
+use resonarm::analysis::structure::LinearResponse;
+use resonarm::analysis::{Quantity, continuous_phase, frequencies_hz};
 use resonarm::plant::TestedAssembly;
-use resonarm::scenario::Scenario;
-use resonarm_figures::plot::{Axis, Color, Figure, Panel, Series};
+use resonarm::structure::Assembly;
+use resonarm_figures::plot::{Axis, Color, Figure, Panel, Series, Subtitle};
 use resonarm_numeric::number::short;
 
-/// Frequency responses of the linearised arm: receptance, mobility or accelerance of α, B and C; or of the linear part
-/// of a scenario's structure.
+/// Frequency responses of the structure, linearised at rest: receptance, mobility or accelerance over a load at a degree
+/// of freedom, which is a point and an axis, as tip.x, or a joint, as joint1.
 ///
 /// CSV has a line for each frequency, with modulus and phase; JSON has complex values, [real, imaginary]. Every
 /// response names its unit. With --plot both go to files beside the figure, and standard output lists them.
 #[derive(Debug, Args)]
 pub(crate) struct Frf {
     #[command(flatten)]
-    pub(crate) arm: ArmFlags,
-    /// What drives: of the arm torque1, force-x or force-y [default: torque1], of a scenario's structure point and
-    /// axis, as tip.x, or a joint, as joint2.
+    pub(crate) structure: StructureFlags,
+    /// Where the load acts, a force, or a torque at a joint [default: joint1 of a chain].
     #[arg(long, value_name = "DOF")]
     drive: Option<String>,
-    /// Displacement, velocity or acceleration over the drive.
+    /// Displacement, velocity or acceleration over the load.
     #[arg(long, value_parser = flags::one_of(Quantity::ALL, Quantity::name), default_value_t = Quantity::Receptance)]
     quantity: Quantity,
-    /// Where the response is taken, separated by commas: of the arm alpha1, alpha2, b-x, b-y, c-x, c-y [default: all],
-    /// of a structure as --drive [default: where it is driven].
+    /// Where the response is read, separated by commas [default: where the load acts].
     #[arg(long, value_name = "DOF", value_delimiter = ',')]
-    response: Vec<String>,
+    at: Vec<String>,
     /// First frequency, Hz.
     #[arg(long, value_name = "F", default_value_t = 1.0)]
     from_hz: f64,
@@ -60,7 +57,7 @@ pub(crate) struct Frf {
     json: JsonFlag,
 }
 
-/// Beyond any vibration of an arm; its square is still finite.
+/// Beyond any vibration of a structure; its square is still finite.
 const HIGHEST_HZ: f64 = 1e9;
 
 /// Evenly spaced frequencies where no number is given.
@@ -69,7 +66,9 @@ const EVEN_POINTS: u32 = 801;
 #[derive(Serialize)]
 struct Document {
     configuration: Value,
-    drive: Drive,
+    coordinates: Value,
+    /// Where the load acts.
+    drive: String,
     quantity: Quantity,
     frequency_hz: Vec<f64>,
     responses: Vec<ResponseCurve>,
@@ -78,67 +77,54 @@ struct Document {
 /// One response over all frequencies, complex as [real, imaginary].
 #[derive(Serialize)]
 struct ResponseCurve {
-    response: Response,
+    at: String,
     unit: String,
     value: Vec<[f64; 2]>,
+    #[serde(skip)]
+    read: ReadAt,
 }
 
 impl Frf {
     pub fn execute(&self) -> Result<Verdict, Failure> {
-        let inputs = Inputs::of_scenario(self.arm.scenario.as_deref());
+        let inputs = Inputs::of_scenario(self.structure.scenario.as_deref());
         self.overwrite.check_stem(self.plot.as_deref(), output::PLOTTED, &inputs)?;
-        let scenario = self.arm.scenario()?;
-        if let Some(tested) = scenario.tested_structure()? {
-            return self.of_structure(&scenario, &tested);
+        let scenario = self.structure.scenario()?;
+        let tested = scenario.under_test()?;
+        let (assembly, linear) = (&tested.assembly, LinearResponse::new(&tested.assembly));
+        let drive = self.drive(assembly)?;
+        let document = Document {
+            configuration: configuration::of_structure(&scenario, &tested),
+            coordinates: configuration::coordinates(assembly),
+            responses: self.responses(&tested, &linear, &drive)?,
+            frequency_hz: self.frequencies(assembly)?,
+            drive: drive.name.clone(),
+            quantity: self.quantity,
+        };
+        let is_still = document.responses.iter().all(|curve| curve.value.iter().all(|z| *z == [0.0; 2]));
+        if is_still && self.plot.is_some() {
+            let at: Vec<_> = document.responses.iter().map(|curve| curve.at.as_str()).collect();
+            let (drive, at) = (&drive.name, at.join(", "));
+            return Err(Failure::usage(format!("there is nothing to plot: a load at {drive} moves nothing at {at}")));
         }
-        let arm = scenario.build_arm()?;
-        let linear = FrequencyResponse::new(&arm);
-        let document = self.compute(&scenario, (&arm, &linear))?;
-        let drawn = || (self.figure(&scenario, &document, (&arm, &linear)), table(&document));
+        let conditions = captions::structure(&scenario, &tested, &[]);
+        let drawn = || (self.figure(conditions, &document, (assembly, &linear, &drive)), table(&document));
         let files = output::plot(self.plot.as_deref(), &document, drawn)?;
         let text = || if files.is_empty() { table(&document) } else { String::new() };
         self.json.show(&document, text, &files)
     }
 
-    /// A structure in place of the arm.
-    fn of_structure(&self, scenario: &Scenario, tested: &TestedAssembly) -> Result<Verdict, Failure> {
-        let Some(drive) = &self.drive else {
-            let known = tested.assembly.dof_names().join(", ");
-            return Err(Failure::usage(format!(
-                "give what drives the structure: --drive DOF, with DOF one of {known}"
-            )));
+    /// Where the load acts.
+    fn drive(&self, assembly: &Assembly) -> Result<ReadAt, Failure> {
+        let name = match &self.drive {
+            Some(name) => name,
+            None if assembly.dof("joint1").is_ok() => "joint1",
+            None => return Err(drive::missing("--drive DOF", assembly)),
         };
-        let modes = tested.assembly.modes().iter().map(|mode| (mode.frequency_hz, mode.damping_ratio));
-        let modes: Vec<(f64, f64)> = modes.collect();
-        let asked = structures::frf::Asked {
-            drive,
-            responses: self.response.iter().map(String::as_str).collect(),
-            quantity: self.quantity,
-            frequency_hz: self.frequencies(&modes)?,
-            plot: self.plot.as_deref(),
-            json: self.json,
-        };
-        structures::frf::show(scenario, tested, asked)
-    }
-
-    fn drive(&self) -> Result<Drive, Failure> {
-        let parse =
-            |name: &str| name.parse().map_err(|error: UnknownTerm| Failure::usage(format!("--drive {name}: {error}")));
-        self.drive.as_deref().map_or(Ok(Drive::Torque1), parse)
-    }
-
-    fn wanted(&self) -> Result<Vec<Response>, Failure> {
-        if self.response.is_empty() {
-            return Ok(Response::ALL.to_vec());
-        }
-        let parse = |name: &String| {
-            name.parse().map_err(|error: UnknownTerm| Failure::usage(format!("--response {name}: {error}")))
-        };
-        self.response.iter().map(parse).collect()
+        Ok(ReadAt { dof: dof("--drive", name, assembly)?, name: name.to_owned() })
     }
 
     /// The frequencies of the flags, Hz; without their number more about the natural ones.
-    fn frequencies(&self, modes: &[(f64, f64)]) -> Result<Vec<f64>, Failure> {
+    fn frequencies(&self, assembly: &Assembly) -> Result<Vec<f64>, Failure> {
         let (from, to) = (self.from_hz, self.to_hz);
         if !(from >= 0.0 && to > from && to <= HIGHEST_HZ) {
             return Err(Failure::usage(format!(
@@ -147,59 +133,69 @@ impl Frf {
                 short(&to)
             )));
         }
+        let modes: Vec<_> = assembly.modes().iter().map(|mode| (mode.frequency_hz, mode.damping_ratio)).collect();
         Ok(match self.points {
             Some(points) => frequencies_hz(from, to, points, &[]),
-            None => frequencies_hz(from, to, EVEN_POINTS, modes),
+            None => frequencies_hz(from, to, EVEN_POINTS, &modes),
         })
     }
 
-    /// The unit of a response over the drive, as `m/s² per N`.
-    fn unit(&self, response: Response, drive: Drive) -> String {
-        format!("{} per {}", self.quantity.unit(response), drive.unit())
-    }
-
-    fn compute(&self, scenario: &Scenario, (arm, linear): (&Arm, &FrequencyResponse)) -> Result<Document, Failure> {
-        let (drive, quantity) = (self.drive()?, self.quantity);
-        let frequency_hz = self.frequencies(&modes(arm).map(|mode| (mode.frequency_hz, mode.damping_ratio)))?;
-        let curve = |response: Response| -> Result<ResponseCurve, Failure> {
-            let value = |hz: &f64| linear.at(quantity, drive, response, *hz).map(|z| [z.re, z.im]);
+    /// The responses where `--at` says, or where the load acts, even at a base.
+    fn responses(
+        &self,
+        tested: &TestedAssembly,
+        linear: &LinearResponse,
+        drive: &ReadAt,
+    ) -> Result<Vec<ResponseCurve>, Failure> {
+        let frequency_hz = self.frequencies(&tested.assembly)?;
+        let time = match self.quantity {
+            Quantity::Receptance => "",
+            Quantity::Mobility => "/s",
+            Quantity::Accelerance => "/s²",
+        };
+        let curve = |read: ReadAt| {
+            let value = |hz: &f64| linear.at(self.quantity, drive.dof, read.dof, *hz).map(|z| [z.re, z.im]);
             let value = frequency_hz.iter().map(value).collect::<Result<_, _>>();
-            let unit = self.unit(response, drive);
-            Ok(ResponseCurve { response, unit, value: value.map_err(|error| Failure::usage(error.to_string()))? })
+            let value = value.map_err(|error| Failure::usage(error.to_string()))?;
+            let unit = format!("{}{time} per {}", displacement_unit(read.dof), drive.dof.load_unit());
+            Ok(ResponseCurve { at: read.name.clone(), unit, value, read })
         };
-        let responses = self.wanted()?.into_iter().map(curve).collect::<Result<_, Failure>>()?;
-        Ok(Document { configuration: configuration::of_arm(scenario)?, drive, quantity, frequency_hz, responses })
+        let driven = core::slice::from_ref(drive);
+        read_at(&self.at, driven, &tested.assembly)?.into_iter().map(curve).collect()
     }
 
-    /// The moduli of angles and of displacements in separate panels, since their units differ, above the phases of all.
-    fn figure(&self, scenario: &Scenario, document: &Document, (arm, linear): (&Arm, &FrequencyResponse)) -> Figure {
-        let natural_hz = modes(arm).map(|mode| mode.frequency_hz);
+    /// Moduli, a panel for each unit, above the phases of all.
+    fn figure(
+        &self,
+        conditions: Subtitle,
+        document: &Document,
+        (assembly, linear, drive): (&Assembly, &LinearResponse, &ReadAt),
+    ) -> Figure {
+        let natural_hz: Vec<f64> = assembly.modes().iter().map(|mode| mode.frequency_hz).collect();
         let x = || Axis::linear("frequency (Hz)");
-        let modulus = |like: Response| {
-            Panel::new(x(), Axis::log(format!("{} ({})", self.quantity, self.unit(like, document.drive))))
-        };
-        let (mut angles, mut displacements) = (modulus(Response::Alpha1), modulus(Response::CX));
+        let mut moduli: Vec<(&str, Panel)> = Vec::new();
         let mut phase = Panel::new(x(), Axis::degrees("phase (°)"));
-        for curve in &document.responses {
-            let response = curve.response;
+        for (k, curve) in document.responses.iter().enumerate() {
             // Zeros are left out: they have no logarithm.
             let size = |[re, im]: &[f64; 2]| Some(libm::hypot(*re, *im)).filter(|size| *size > 0.0).unwrap_or(f64::NAN);
             let sizes = document.frequency_hz.iter().zip(&curve.value).map(|(hz, value)| (*hz, size(value))).collect();
-            let at = |hz: f64| linear.at(self.quantity, document.drive, response, hz).ok();
-            let line = |points| Series::line(response.symbol(), Color::Black, points).style(style(response));
-            let panel = if response.is_angle() { &mut angles } else { &mut displacements };
-            panel.series.push(line(sizes));
-            phase.series.push(line(continuous_phase(&document.frequency_hz, natural_hz, &at)));
+            let at = |hz: f64| linear.at(self.quantity, drive.dof, curve.read.dof, hz).ok();
+            let line = |points| Series::line(curve.at.as_str(), Color::Black, points).style(style(k));
+            match moduli.iter_mut().find(|(unit, _)| *unit == curve.unit) {
+                Some((_, modulus)) => modulus.series.push(line(sizes)),
+                None => {
+                    let modulus = Panel::new(x(), Axis::log(format!("{} ({})", document.quantity, curve.unit)));
+                    moduli.push((&curve.unit, modulus.with(line(sizes))));
+                }
+            }
+            phase.series.push(line(continuous_phase(&document.frequency_hz, &natural_hz, &at)));
         }
-        let moduli = [angles, displacements].into_iter().filter(|panel| !panel.series.is_empty());
-        let figure = Figure::new(format!("Frequency response to {}", document.drive.label()));
-        let figure = figure.subtitle(captions::pose(&scenario.arm));
-        moduli.fold(figure, Figure::with).with(phase)
+        let figure = Figure::new(format!("Frequency response to a load at {}", document.drive)).subtitle(conditions);
+        moduli.into_iter().fold(figure, |figure, (_, modulus)| figure.with(modulus)).with(phase)
     }
 }
 
 fn table(document: &Document) -> String {
-    let curve =
-        |curve: &ResponseCurve| (curve.response.name().replace('-', "_"), curve.unit.clone(), curve.value.clone());
+    let curve = |curve: &ResponseCurve| (curve.read.column(), curve.unit.clone(), curve.value.clone());
     csv(&document.frequency_hz, &document.responses.iter().map(curve).collect::<Vec<_>>())
 }

@@ -8,24 +8,26 @@ use serde_json::Value;
 
 use crate::configuration;
 use crate::failure::{Failure, Verdict};
-use crate::flags::{self, ArmFlags};
+use crate::figures::captions;
+use crate::flags::{self, StructureFlags};
 use crate::output::JsonFlag;
 use crate::progress::Progress;
-use resonarm::analysis::{EnergyDrift, ModeError, energy_drift, mode_errors, modes};
-use resonarm::arm::{Arm, Load, State};
-use resonarm::integrate::{IntegrateError, Integrator, Scheme};
+use resonarm::analysis::structure::Forced;
+use resonarm::analysis::{EnergyDrift, ModeError, energy_drift, mode_errors};
+use resonarm::integrate::{IntegrateError, Scheme};
 use resonarm::realtime::{Clock, SystemClock};
-use resonarm::scenario::{ArmSection, Scenario};
+use resonarm::scenario::Scenario;
+use resonarm::structure::{Assembly, StepError, Stepper};
 
-/// Each integration scheme's numerical damping and frequency error in both modes, its drift of energy, and its cost per
-/// step.
+/// Each integration scheme's numerical damping and frequency error in every mode of a chain, its drift of energy, and its
+/// cost per step.
 #[derive(Debug, Args)]
 #[command(
-    after_help = "All is measured on the arm without its dampers and without load. docs/integrators.md describes how, and what each scheme is for."
+    after_help = "All is measured on the chain without its damping and without load. docs/integrators.md describes how, and what each scheme is for."
 )]
 pub(crate) struct Integrators {
     #[command(flatten)]
-    pub(crate) arm: ArmFlags,
+    pub(crate) structure: StructureFlags,
     /// Integration steps a second, else as many as the scenario has.
     #[arg(long, value_name = "HZ")]
     rate_hz: Option<f64>,
@@ -36,8 +38,9 @@ pub(crate) struct Integrators {
     json: JsonFlag,
 }
 
-/// Where the free vibration starts: an amplitude at which the arm is far from linear.
-const START: ([f64; 2], [f64; 2]) = ([0.05, -0.08], [0.5, -1.0]);
+/// Where the joints of the free vibration start, by turns, rad, and at which rate, rad/s: an amplitude at which a chain is
+/// far from linear.
+const START: [[f64; 2]; 2] = [[0.05, -0.08], [0.5, -1.0]];
 /// The cost is the minimum over these rounds of steps, which keeps the influence of other processes small.
 const COST_ROUNDS: u32 = 50;
 const COST_STEPS: u32 = 500;
@@ -45,12 +48,13 @@ const COST_STEPS: u32 = 500;
 #[derive(Serialize)]
 struct Document {
     configuration: Value,
-    /// The same for people.
+    coordinates: Value,
+    /// The structure for people.
     #[serde(skip)]
-    arm: String,
+    label: String,
     rate_hz: f64,
     default_scheme: Scheme,
-    natural_frequencies_hz: [f64; 2],
+    natural_frequencies_hz: Vec<f64>,
     schemes: Vec<Row>,
 }
 
@@ -59,7 +63,7 @@ struct Document {
 struct Row {
     scheme: Scheme,
     order: u32,
-    modes: Option<[ModeError; 2]>,
+    modes: Option<Vec<ModeError>>,
     energy: Option<EnergyDrift>,
     cost_ns: Option<f64>,
     refused: Option<String>,
@@ -72,32 +76,38 @@ impl Integrators {
     }
 
     pub fn execute(&self) -> Result<Verdict, Failure> {
-        let scenario = self.arm.scenario()?;
-        let arm = scenario.build_arm()?;
+        let scenario = self.structure.scenario()?;
+        let tested = scenario.under_test()?;
+        let chain = undamped_chain(&tested.assembly)?;
         let rate_hz = self.rate_hz(&scenario);
         let progress = Progress::new("integrators", Scheme::ALL.len(), "schemes");
         let row = |scheme| {
-            let row = self.row(&arm, scheme, rate_hz);
+            let row = self.row(&chain, scheme, rate_hz);
             progress.step();
             row
         };
         let schemes = Scheme::ALL.into_iter().map(row).collect::<Result<_, _>>()?;
         drop(progress);
-        let configuration = configuration::of_arm(&scenario)?;
-        let ArmSection { beta1_deg, beta2_deg, .. } = scenario.arm;
-        let arm_in_pose = format!("{} at β1 = {beta1_deg}°, β2 = {beta2_deg}°", scenario.arm.label());
-        let natural_frequencies_hz = modes(&arm).map(|mode| mode.frequency_hz);
-        let default_scheme = Scheme::default();
-        let document =
-            Document { configuration, arm: arm_in_pose, rate_hz, default_scheme, natural_frequencies_hz, schemes };
+        let document = Document {
+            configuration: configuration::of_structure(&scenario, &tested),
+            coordinates: configuration::coordinates(&chain),
+            label: captions::label(&scenario, &tested),
+            rate_hz,
+            default_scheme: Scheme::default(),
+            natural_frequencies_hz: chain.modes().iter().map(|mode| mode.frequency_hz).collect(),
+            schemes,
+        };
         self.json.show(&document, || document.table(self.drift_steps), &[])
     }
 
     /// If a scheme fails, its row says why; an invalid rate ends the command.
-    fn row(&self, arm: &Arm, scheme: Scheme, rate_hz: f64) -> Result<Row, Failure> {
+    fn row(&self, chain: &Assembly, scheme: Scheme, rate_hz: f64) -> Result<Row, Failure> {
         let mut row = Row { scheme, order: scheme.order(), modes: None, energy: None, cost_ns: None, refused: None };
-        match self.measure(arm, rate_hz, &mut row) {
-            Err(error @ (IntegrateError::Rate { .. } | IntegrateError::RateTooHigh { .. })) => {
+        match self.measure(chain, rate_hz, &mut row) {
+            Err(
+                error @ (StepError::Rate { .. }
+                | StepError::Integrate(IntegrateError::Rate { .. } | IntegrateError::RateTooHigh { .. })),
+            ) => {
                 return Err(if self.rate_hz.is_some() { flags::refused("--rate-hz", &error) } else { error.into() });
             }
             Err(error) => row.refused = Some(error.to_string()),
@@ -106,26 +116,44 @@ impl Integrators {
         Ok(row)
     }
 
-    fn measure(&self, arm: &Arm, rate_hz: f64, row: &mut Row) -> Result<(), IntegrateError> {
-        let start = State::new(START.0, START.1);
-        row.modes = Some(mode_errors(arm, row.scheme, rate_hz)?);
-        row.energy = Some(energy_drift(arm, row.scheme, rate_hz, &start, self.drift_steps)?);
-        row.cost_ns = Some(cost_ns(arm, row.scheme, rate_hz, &start)?);
+    fn measure(&self, chain: &Assembly, rate_hz: f64, row: &mut Row) -> Result<(), StepError> {
+        let start: Vec<f64> =
+            START.iter().flat_map(|by_turns| by_turns.iter().cycle().take(chain.coordinates())).copied().collect();
+        row.modes = Some(mode_errors(chain, row.scheme, rate_hz)?);
+        row.energy = Some(energy_drift(chain, row.scheme, rate_hz, &start, self.drift_steps)?);
+        row.cost_ns = Some(cost_ns(chain, row.scheme, rate_hz, &start)?);
         Ok(())
     }
 }
 
+/// The chain without damping, which the schemes step.
+fn undamped_chain(assembly: &Assembly) -> Result<Assembly, Failure> {
+    let Ok(joint1) = assembly.dof("joint1") else {
+        return Err(Failure::usage(
+            "the structure is of modes, which are stepped by their exact solution, whatever the scheme: name a chain",
+        ));
+    };
+    if !assembly.is_smooth() {
+        return Err(Failure::usage(
+            "the structure has elements that switch, which are stepped from switch to switch, whatever the scheme: leave \
+             them out",
+        ));
+    }
+    Ok(Forced::new(assembly.clone(), joint1, 1.0).undamped()?.assembly().clone())
+}
+
 /// The time of a step, ns.
-fn cost_ns(arm: &Arm, scheme: Scheme, rate_hz: f64, start: &State) -> Result<f64, IntegrateError> {
-    let integrator = Integrator::new(scheme, rate_hz, arm)?;
+fn cost_ns(chain: &Assembly, scheme: Scheme, rate_hz: f64, start: &[f64]) -> Result<f64, StepError> {
+    let mut stepper = Stepper::new(chain, &[], scheme, rate_hz)?;
     let clock = SystemClock;
     let mut least_ns = u64::MAX;
     for _ in 0..COST_ROUNDS {
+        stepper.restore(start)?;
         let begin_ns = clock.now_ns();
-        let end = (0..COST_STEPS).try_fold(*start, |state, k| {
-            integrator.step(arm, f64::from(k) * integrator.step_s(), &state, black_box(&Load::default()))
-        })?;
-        black_box(end);
+        for k in 0..COST_STEPS {
+            stepper.advance(f64::from(k) / rate_hz, black_box(&[]))?;
+        }
+        black_box(stepper.position());
         least_ns = least_ns.min(clock.now_ns().saturating_sub(begin_ns));
     }
     Ok(least_ns as f64 / f64::from(COST_STEPS))
@@ -134,42 +162,38 @@ fn cost_ns(arm: &Arm, scheme: Scheme, rate_hz: f64, start: &State) -> Result<f64
 impl Document {
     fn table(&self, drift_steps: u32) -> String {
         let mut text =
-            format!("{}, {} steps a second; default scheme: {}\n\n", self.arm, self.rate_hz, self.default_scheme);
-        let [low, high] = self.natural_frequencies_hz.map(|frequency_hz| format!("{frequency_hz:.2} Hz"));
-        text += &format!(
-            "                        {:<22}  {:<22}  energy, {drift_steps} steps\n  \
-             scheme       order     damping   frequency     damping   frequency    change   spread   ns a step\n",
-            format!("mode 1: {low}"),
-            format!("mode 2: {high}"),
-        );
-        self.schemes.iter().for_each(|row| text.push_str(&row.line()));
+            format!("{}, {} steps a second; default scheme: {}\n\n", self.label, self.rate_hz, self.default_scheme);
+        text += &format!("{:<24}", "");
+        for (hz, number) in self.natural_frequencies_hz.iter().zip(1..) {
+            text += &format!("{:<24}", format!("mode {number}: {hz:.2} Hz"));
+        }
+        text += &format!("energy, {drift_steps} steps\n  scheme       order  ");
+        self.natural_frequencies_hz.iter().for_each(|_mode| text += "   damping   frequency  ");
+        text += "  change   spread   ns a step\n";
+        let modes = self.natural_frequencies_hz.len();
+        self.schemes.iter().for_each(|row| text.push_str(&row.line(modes)));
         text.push_str(
             "\nDamping: the damping ratio that the scheme adds. Frequency: its relative error. Energy: of a free vibration from\n\
-             0.05 and -0.08 rad, relative; change from the first tenth of the steps to the last, and largest less smallest.\n",
+             0.05 and -0.08 rad by turns, relative; change from the first tenth of the steps to the last, and largest less\n\
+             smallest.\n",
         );
         text
     }
 }
 
 impl Row {
-    fn line(&self) -> String {
+    fn line(&self, modes: usize) -> String {
         let small = |value: Option<f64>| value.map_or(String::from("–"), |value| format!("{value:+.1e}"));
-        let modes = self.modes;
-        let numbers = [
-            small(modes.map(|[low, _]| low.damping_ratio)),
-            small(modes.map(|[low, _]| low.frequency_error)),
-            small(modes.map(|[_, high]| high.damping_ratio)),
-            small(modes.map(|[_, high]| high.frequency_error)),
-            small(self.energy.map(|energy| energy.change)),
-            self.energy.map_or(String::from("–"), |energy| format!("{:.0e}", energy.spread)),
-            self.cost_ns.map_or(String::from("–"), |cost| format!("{cost:.0}")),
-        ];
-        let [low_damping, low_frequency, high_damping, high_frequency, change, spread, cost] = numbers;
-        let mut line = format!(
-            "  {:<12}     {}    {low_damping:>8}    {low_frequency:>8}    {high_damping:>8}    {high_frequency:>8}  {change:>8}   \
-             {spread:>6}   {cost:>9}\n",
-            self.scheme, self.order
-        );
+        let mut line = format!("  {:<12}     {}  ", self.scheme, self.order);
+        for k in 0..modes {
+            let mode = self.modes.as_ref().map(|modes| modes[k]);
+            let (damping, frequency) = (mode.map(|mode| mode.damping_ratio), mode.map(|mode| mode.frequency_error));
+            line += &format!("  {:>8}    {:>8}  ", small(damping), small(frequency));
+        }
+        let spread = self.energy.map_or(String::from("–"), |energy| format!("{:.0e}", energy.spread));
+        let cost = self.cost_ns.map_or(String::from("–"), |cost| format!("{cost:.0}"));
+        let change = small(self.energy.map(|energy| energy.change));
+        line += &format!("{change:>8}   {spread:>6}   {cost:>9}\n");
         if let Some(reason) = &self.refused {
             line += &format!("                 {reason}\n");
         }

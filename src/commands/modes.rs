@@ -1,5 +1,6 @@
-//! `resonarm modes`: the natural modes of the linearised arm, in one pose or over β2.
+//! `resonarm modes`: the natural modes of the structure, or over a range of one of its parameters.
 
+use core::f64::consts::TAU;
 use std::path::PathBuf;
 
 use clap::Args;
@@ -9,38 +10,42 @@ use serde_json::Value;
 use crate::configuration;
 use crate::failure::{Failure, Verdict};
 use crate::figures::captions;
-use crate::flags::{self, ArmFlags};
+use crate::flags::{self, StructureFlags};
 use crate::output::{self, Inputs, JsonFlag, OverwriteFlag};
-use crate::structures;
-use resonarm::analysis::{Mode, arm_poles, modes};
-use resonarm::arm::Arm;
-use resonarm::scenario::{ArmSection, Scenario};
-use resonarm_figures::plot::{Axis, Color, Figure, Panel, Series};
+use resonarm::analysis::{Pole, structure_poles};
+use resonarm::plant::TestedAssembly;
+use resonarm::scenario::Scenario;
+use resonarm::structure::{Assembly, CoordinateUnit, Linear, Parameter, StructureMode};
+use resonarm_figures::plot::{Axis, Color, Figure, Panel, Series, Subtitle};
 use resonarm_numeric::number::short;
 
-/// Natural frequencies of the undamped arm, damping ratios and mode shapes in its pose, or over a range of β2; or of a
-/// scenario's structure. Beside them are the poles λ of the damped one, which `resonarm identify` finds: their frequency
-/// |λ|/2π and damping ratio −Re λ/|λ|.
+/// Natural frequencies of the undamped structure, damping ratios and mode shapes, or over a range of a parameter. Beside
+/// them are the poles λ of the damped one, which `resonarm identify` finds: their frequency |λ|/2π and damping ratio
+/// −Re λ/|λ|. Elements take part with their slopes at rest.
 ///
-/// With gravity, α = 0 is the arm at rest under its weight; β is the pose with relaxed springs, before it sags.
+/// Coordinates of a chain with gravity count from rest under its weight; angles are those of relaxed springs, before it
+/// sags.
 ///
-/// With --from-beta2-deg and --to-beta2-deg it prints CSV, a line for each β2; shapes are normalised to unit modal
-/// mass. With --plot CSV and JSON go to files beside the figure, and standard output lists them.
+/// With --over it prints CSV, a line for each value; shapes are normalised to unit modal mass. With --plot CSV and JSON
+/// go to files beside the figure, and standard output lists them.
 #[derive(Debug, Args)]
 pub(crate) struct Modes {
     #[command(flatten)]
-    pub(crate) arm: ArmFlags,
-    /// First β2 of a range, degrees.
-    #[arg(long, value_name = "DEG", requires = "to_beta2_deg", conflicts_with = "beta2_deg")]
-    from_beta2_deg: Option<f64>,
-    /// Last β2 of a range, degrees.
-    #[arg(long, value_name = "DEG", requires = "from_beta2_deg")]
-    to_beta2_deg: Option<f64>,
-    /// Number of poses in the range, evenly spaced, at most a million.
-    #[arg(long, value_name = "N", default_value_t = 181, requires = "from_beta2_deg", value_parser = flags::points())]
+    pub(crate) structure: StructureFlags,
+    /// Parameter that varies, as link2.angle_deg, mode1.frequency_hz or element1.stiffness_n_m.
+    #[arg(long, value_name = "NAME", requires = "from", requires = "to")]
+    over: Option<String>,
+    /// Its first value, in the unit of its name.
+    #[arg(long, value_name = "X", requires = "over")]
+    from: Option<f64>,
+    /// Its last value.
+    #[arg(long, value_name = "X", requires = "over")]
+    to: Option<f64>,
+    /// Number of values, evenly spaced, at most a million.
+    #[arg(long, value_name = "N", default_value_t = 181, requires = "over", value_parser = flags::points())]
     points: u32,
-    /// Plot the natural frequencies over the range to STEM.svg and STEM.png; caption, CSV and JSON beside them.
-    #[arg(long, value_name = "STEM", requires = "from_beta2_deg")]
+    /// Plot the natural frequencies over the parameter to STEM.svg and STEM.png; caption, CSV and JSON beside them.
+    #[arg(long, value_name = "STEM", requires = "over")]
     plot: Option<PathBuf>,
     #[command(flatten)]
     overwrite: OverwriteFlag,
@@ -51,10 +56,12 @@ pub(crate) struct Modes {
 #[derive(Serialize)]
 struct Document {
     configuration: Value,
-    modes: [ModeAndPole; 2],
+    coordinates: Value,
+    modes: Vec<ModeAndPole>,
 }
 
-/// A mode of the undamped arm and the pole of the damped one, if that oscillates.
+/// A mode of the undamped structure, its shape in the coordinates, of unit modal mass; and the pole of the damped one,
+/// if that oscillates.
 #[derive(Serialize)]
 struct ModeAndPole {
     #[serde(flatten)]
@@ -63,102 +70,154 @@ struct ModeAndPole {
     pole_damping_ratio: Option<f64>,
 }
 
+#[derive(Serialize)]
+struct Mode {
+    frequency_hz: f64,
+    damping_ratio: f64,
+    shape: Vec<f64>,
+}
+
+impl Mode {
+    /// The mode of the undamped structure with the part φᵀDφ/2ω of the damping D in it, for a shape φ of unit modal
+    /// mass; a rigid mode's is 0, or infinite with damping.
+    fn new(mode: &StructureMode, linear: &Linear) -> Mode {
+        let StructureMode { frequency_hz, damping_ratio, shape } = mode.clone();
+        let rows = linear.damping.chunks_exact(shape.len().max(1));
+        let along = |row: &[f64]| row.iter().zip(&shape).map(|(d, part)| d * part).sum::<f64>();
+        let modal: f64 = rows.zip(&shape).map(|(row, part)| along(row) * part).sum();
+        let is_rigid = frequency_hz == 0.0;
+        let damping_ratio = if is_rigid { damping_ratio } else { modal / (2.0 * TAU * frequency_hz) };
+        Mode { frequency_hz, damping_ratio, shape }
+    }
+
+    /// The modes of a structure.
+    fn of(assembly: &Assembly) -> Vec<Mode> {
+        let linear = assembly.linear();
+        assembly.modes().iter().map(|mode| Mode::new(mode, &linear)).collect()
+    }
+}
+
 impl ModeAndPole {
-    fn of(arm: &Arm) -> [ModeAndPole; 2] {
-        let (modes, poles) = (modes(arm), arm_poles(arm));
-        core::array::from_fn(|k| ModeAndPole {
-            mode: modes[k],
-            pole_frequency_hz: poles[k].map(|pole| pole.pole_frequency_hz),
-            pole_damping_ratio: poles[k].map(|pole| pole.pole_damping_ratio),
-        })
+    fn new(mode: Mode, pole: Option<Pole>) -> ModeAndPole {
+        ModeAndPole {
+            mode,
+            pole_frequency_hz: pole.map(|pole| pole.pole_frequency_hz),
+            // Without damping it is 0, not −0.
+            pole_damping_ratio: pole.map(|pole| pole.pole_damping_ratio + 0.0),
+        }
     }
 }
 
 #[derive(Serialize)]
 struct RangeDocument {
-    /// The arm and β1.
+    /// The structure, with the value of the parameter that it has without the range.
     configuration: Value,
-    poses: Vec<InPose>,
+    coordinates: Value,
+    /// The parameter that varies.
+    over: String,
+    points: Vec<AtValue>,
 }
 
 #[derive(Serialize)]
-struct InPose {
-    beta2_deg: f64,
-    modes: [Mode; 2],
+struct AtValue {
+    value: f64,
+    modes: Vec<Mode>,
 }
 
 impl Modes {
     pub fn execute(&self) -> Result<Verdict, Failure> {
-        let inputs = Inputs::of_scenario(self.arm.scenario.as_deref());
+        let inputs = Inputs::of_scenario(self.structure.scenario.as_deref());
         self.overwrite.check_stem(self.plot.as_deref(), output::PLOTTED, &inputs)?;
-        let scenario = self.arm.scenario()?;
-        match (self.from_beta2_deg, self.to_beta2_deg) {
-            (Some(from_deg), Some(to_deg)) => self.over(&scenario, from_deg, to_deg),
-            _ => self.in_pose(&scenario),
+        let scenario = self.structure.scenario()?;
+        let tested = scenario.under_test()?;
+        match (&self.over, self.from, self.to) {
+            (Some(name), Some(from), Some(to)) => self.over(&scenario, &tested, name, [from, to]),
+            _ => self.alone(&scenario, &tested),
         }
     }
 
-    fn in_pose(&self, scenario: &Scenario) -> Result<Verdict, Failure> {
-        if let Some(tested) = scenario.tested_structure()? {
-            return structures::modes::show(scenario, &tested, self.json);
-        }
-        let arm = scenario.build_arm()?;
-        let modes = ModeAndPole::of(&arm);
-        let document = Document { configuration: configuration::of_arm(scenario)?, modes };
-        self.json.show(&document, || document.text(scenario, &arm), &[])
+    /// The modes of the structure as it is.
+    fn alone(&self, scenario: &Scenario, tested: &TestedAssembly) -> Result<Verdict, Failure> {
+        let assembly = &tested.assembly;
+        let poles = structure_poles(assembly);
+        let document = Document {
+            configuration: configuration::of_structure(scenario, tested),
+            coordinates: configuration::coordinates(assembly),
+            modes: Mode::of(assembly).into_iter().zip(poles).map(|(mode, pole)| ModeAndPole::new(mode, pole)).collect(),
+        };
+        self.json.show(&document, || document.text(&captions::label(scenario, tested), assembly), &[])
     }
 
-    fn over(&self, scenario: &Scenario, from_deg: f64, to_deg: f64) -> Result<Verdict, Failure> {
-        // False for NaN, too.
-        let rises = -360.0 <= from_deg && from_deg < to_deg && to_deg <= 360.0;
-        if !rises {
-            return Err(Failure::usage(format!(
-                "--from-beta2-deg {} --to-beta2-deg {}: the poses must rise from one angle to the other, within -360 to 360",
-                short(&from_deg),
-                short(&to_deg)
-            )));
+    /// The modes over the values of a parameter.
+    fn over(
+        &self,
+        scenario: &Scenario,
+        tested: &TestedAssembly,
+        name: &str,
+        [from, to]: [f64; 2],
+    ) -> Result<Verdict, Failure> {
+        let assembly = &tested.assembly;
+        let parameter = assembly.parameter(name).map_err(|error| flags::refused("--over", &error))?;
+        if from == to {
+            let (from, to) = (short(&from), short(&to));
+            return Err(Failure::usage(format!("--from {from} --to {to}: the ends must be different")));
         }
         let last = f64::from(self.points - 1);
-        let in_pose = |k: u32| {
-            let beta2_deg = from_deg + (to_deg - from_deg) * (f64::from(k) / last);
-            let posed = Scenario { arm: ArmSection { beta2_deg, ..scenario.arm.clone() }, ..scenario.clone() };
-            Ok(InPose { beta2_deg, modes: modes(&posed.build_arm()?) })
+        let at = |k: u32| {
+            let value = from + (to - from) * (f64::from(k) / last);
+            let changed = assembly.with(parameter, value);
+            let changed = changed.map_err(|error| Failure::usage(format!("--over {name}: {error}")))?;
+            Ok(AtValue { value, modes: Mode::of(&changed) })
         };
-        let poses = (0..self.points).map(in_pose).collect::<Result<_, Failure>>()?;
-        let mut configuration = configuration::of_arm(scenario)?;
-        // β2 and the sag vary: each pose has its own.
-        if let Some(arm) = configuration.as_object_mut() {
-            ["beta2_deg", "static_deflection_rad"].into_iter().for_each(|varied| drop(arm.remove(varied)));
-        }
-        let document = RangeDocument { configuration, poses };
-        let drawn = || (document.figure(&scenario.arm), document.csv());
+        let document = RangeDocument {
+            configuration: configuration::of_structure(scenario, tested),
+            coordinates: configuration::coordinates(assembly),
+            over: name.to_owned(),
+            points: (0..self.points).map(at).collect::<Result<_, Failure>>()?,
+        };
+        let conditions = captions::structure(scenario, tested, core::slice::from_ref(&document.over));
+        let drawn = || (document.figure(conditions, parameter), document.csv(assembly));
         let files = output::plot(self.plot.as_deref(), &document, drawn)?;
-        let text = || if files.is_empty() { document.csv() } else { String::new() };
+        let text = || if files.is_empty() { document.csv(assembly) } else { String::new() };
         self.json.show(&document, text, &files)
     }
 }
 
 impl Document {
-    fn text(&self, scenario: &Scenario, arm: &Arm) -> String {
+    fn text(&self, label: &str, assembly: &Assembly) -> String {
+        let is_chain = assembly.coordinate_unit() == CoordinateUnit::Radian;
+        let shape_head =
+            if is_chain { format!("   shape: {}", symbols(assembly, "α").join(", ")) } else { String::new() };
         let mut text = format!(
-            "{} at β1 = {}°, β2 = {}°\n{}\n  mode   undamped frequency   damping ratio   α2/α1     pole frequency |λ|/2π   −Re λ/|λ|\n",
-            scenario.arm.label(),
-            scenario.arm.beta1_deg,
-            scenario.arm.beta2_deg,
-            sag_text(arm)
+            "{label}\n{}\n  mode   undamped frequency   damping ratio   pole frequency |λ|/2π   −Re λ/|λ|{shape_head}\n",
+            sag_text(assembly)
         );
-        for (k, mode) in self.modes.iter().enumerate() {
-            let pole = pole_text(mode.pole_frequency_hz, mode.pole_damping_ratio);
-            let ModeAndPole { mode: Mode { frequency_hz, damping_ratio, shape }, .. } = mode;
-            let ratio = shape[1] / shape[0];
-            text += &format!("  {:4}   {frequency_hz:15.2} Hz   {damping_ratio:13.3e}   {ratio:+.4}   {pole}\n", k + 1);
+        for (ModeAndPole { mode, pole_frequency_hz, pole_damping_ratio }, number) in self.modes.iter().zip(1..) {
+            let pole = match mode.frequency_hz == 0.0 {
+                true => format!("{:>21}   {:>9}", "rigid", "–"),
+                false => pole_text(*pole_frequency_hz, *pole_damping_ratio),
+            };
+            let shape = if is_chain { format!("   {}", shape_text(&mode.shape)) } else { String::new() };
+            let Mode { frequency_hz, damping_ratio, .. } = mode;
+            text += &format!("  {number:4}   {frequency_hz:15.4} Hz   {damping_ratio:13.3e}   {pole}{shape}\n");
         }
         text
     }
 }
 
+/// `alpha1`, `alpha2` … or, after another letter, those of modes.
+fn symbols(assembly: &Assembly, letter: &str) -> Vec<String> {
+    (1..=assembly.coordinates()).map(|number| format!("{letter}{number}")).collect()
+}
+
+/// A shape with the largest part 1.
+fn shape_text(shape: &[f64]) -> String {
+    let largest = shape.iter().copied().max_by(|a, b| a.abs().total_cmp(&b.abs())).unwrap_or(1.0);
+    shape.iter().map(|part| format!("{:+.4}", part / largest)).collect::<Vec<_>>().join(" ")
+}
+
 /// The columns of a mode's pole in a table.
-pub(crate) fn pole_text(frequency_hz: Option<f64>, damping_ratio: Option<f64>) -> String {
+fn pole_text(frequency_hz: Option<f64>, damping_ratio: Option<f64>) -> String {
     match (frequency_hz, damping_ratio) {
         (Some(hz), Some(ratio)) => format!("{hz:18.4} Hz   {ratio:9.3e}"),
         _ => format!("{:>21}   {:>9}", "overdamped", "–"),
@@ -166,28 +225,30 @@ pub(crate) fn pole_text(frequency_hz: Option<f64>, damping_ratio: Option<f64>) -
 }
 
 /// A line with the joints' deflection under the weight; empty without gravity.
-fn sag_text(arm: &Arm) -> String {
-    if arm.parameters().gravity.is_none() {
-        return String::new();
-    }
-    let sag_rad = arm.static_deflection_rad();
+fn sag_text(assembly: &Assembly) -> String {
+    let Some(sag_rad) = assembly.sag_rad() else { return String::new() };
+    let joint = |(sag_rad, number): (&f64, usize)| format!("{sag_rad:+.5} rad in joint {number}");
+    let joints: Vec<String> = sag_rad.iter().zip(1..).map(joint).collect();
     format!(
-        "under its weight it sags by {:+.5} rad in joint 1 and {:+.5} rad in joint 2: α counts from there, β is the pose \
-         before\n",
-        sag_rad.x, sag_rad.y
+        "under its weight it sags by {}: coordinates count from there, angles are those before\n",
+        joints.join(", ")
     )
 }
 
 impl RangeDocument {
-    fn csv(&self) -> String {
-        let mut text = String::from("beta2_deg");
-        for k in 1..=2 {
-            text += &format!(",frequency{k}_hz,damping_ratio{k},shape{k}_alpha1,shape{k}_alpha2");
+    fn csv(&self, assembly: &Assembly) -> String {
+        let letter = if assembly.coordinate_unit() == CoordinateUnit::Radian { "alpha" } else { "q" };
+        let names = symbols(assembly, letter);
+        let mut text = self.over.replace('.', "_");
+        for k in 1..=names.len() {
+            text += &format!(",frequency{k}_hz,damping_ratio{k}");
+            names.iter().for_each(|name| text += &format!(",shape{k}_{name}"));
         }
-        for InPose { beta2_deg, modes } in &self.poses {
-            text += &format!("\n{beta2_deg}");
-            for Mode { frequency_hz, damping_ratio, shape: [first, second] } in modes {
-                text += &format!(",{frequency_hz},{damping_ratio:e},{first},{second}");
+        for AtValue { value, modes } in &self.points {
+            text += &format!("\n{value}");
+            for Mode { frequency_hz, damping_ratio, shape } in modes {
+                text += &format!(",{frequency_hz},{damping_ratio:e}");
+                shape.iter().for_each(|part| text += &format!(",{part}"));
             }
         }
         text.push('\n');
@@ -195,14 +256,19 @@ impl RangeDocument {
     }
 
     /// As Fig. 3 of the paper.
-    fn figure(&self, arm: &ArmSection) -> Figure {
-        let mut panel = Panel::new(Axis::degrees("β₂ (°)"), Axis::linear("natural frequency (Hz)"));
-        for (k, color) in [Color::Blue, Color::Vermillion].into_iter().enumerate() {
-            let points = self.poses.iter().map(|pose| (pose.beta2_deg, pose.modes[k].frequency_hz)).collect();
+    fn figure(&self, conditions: Subtitle, parameter: Parameter) -> Figure {
+        const COLORS: [Color; 4] = [Color::Blue, Color::Vermillion, Color::Orange, Color::Black];
+        let x = match parameter.unit() {
+            "°" => Axis::degrees(format!("{parameter} (°)")),
+            "" => Axis::linear(parameter.to_string()),
+            unit => Axis::linear(format!("{parameter} ({unit})")),
+        };
+        let mut panel = Panel::new(x, Axis::linear("natural frequency (Hz)"));
+        let modes = self.points.first().map_or(0, |point| point.modes.len());
+        for (k, color) in (0..modes).zip(COLORS.into_iter().cycle()) {
+            let points = self.points.iter().map(|point| (point.value, point.modes[k].frequency_hz)).collect();
             panel = panel.with(Series::line(format!("mode {}", k + 1), color, points));
         }
-        Figure::new("Natural frequencies of the arm against the angle of link 2")
-            .subtitle(captions::pose_without(arm, &["beta2_deg"]))
-            .with(panel)
+        Figure::new(format!("Natural frequencies over {parameter}")).subtitle(conditions).with(panel)
     }
 }

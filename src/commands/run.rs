@@ -101,7 +101,7 @@ impl Run {
     }
 
     pub fn execute(&self) -> Result<Verdict> {
-        let inputs = Inputs::of_scenario(self.session.arm.scenario.as_deref());
+        let inputs = Inputs::of_scenario(self.session.structure.scenario.as_deref());
         let options = Options {
             record: self.record.target(&inputs)?,
             speed: Speed::new(self.speed).map_err(RunError::from)?,

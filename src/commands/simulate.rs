@@ -1,49 +1,38 @@
-//! `resonarm simulate`: the arm alone, under an exact sine, for a stated time.
+//! `resonarm simulate`: the structure alone, under exact sines, for a stated time.
 
 use clap::Args;
 use serde::Serialize;
 use serde_json::{Value, json};
 
 use crate::configuration;
+use crate::drive::DriveFlags;
 use crate::failure::{Failure, Verdict};
-use crate::flags::{self, ArmFlags, parse_scheme};
+use crate::flags::{self, StructureFlags, parse_scheme};
 use crate::output::JsonFlag;
 use crate::progress::timed;
-use crate::structures::{self, StructureDriveFlags};
-use resonarm::arm::{Load, Sine};
-use resonarm::integrate::{Integrator, Scheme};
-use resonarm::plant::TestedAssembly;
+use resonarm::integrate::Scheme;
 use resonarm::scenario::{Scenario, SimulationSection};
+use resonarm::structure::{Dof, StepLoad, Stepper};
 use resonarm_numeric::number::short;
 
-/// Simulates the arm, or a scenario's structure, under A·sin(2πft), exact inside the step, and prints the state at the
-/// end.
+/// Simulates the structure under A·sin(2πft), exact inside the step, and prints the state at the end.
 #[derive(Debug, Args)]
 pub(crate) struct Simulate {
     #[command(flatten)]
-    pub(crate) arm: ArmFlags,
-    /// Initial state: α1,α2 in rad, α̇1,α̇2 in rad/s; of a structure its coordinates and their rates [default: that of
+    pub(crate) structure: StructureFlags,
+    /// Initial state: the coordinates, of a chain the deflections of its joints, rad, then their rates [default: that of
     /// the scenario, at rest].
-    #[arg(long, value_name = "α1,α2,α̇1,α̇2", value_delimiter = ',', num_args = 1)]
+    #[arg(long, value_name = "Q,V", value_delimiter = ',', num_args = 1)]
     initial: Option<Vec<f64>>,
-    /// Torque at joint 1, N·m.
-    #[arg(long, value_name = "A", default_value_t = 0.0)]
-    torque1_nm: f64,
-    /// Force at point C along x, N.
-    #[arg(long, value_name = "A", default_value_t = 0.0)]
-    force_x_n: f64,
-    /// Force at point C along y, N.
-    #[arg(long, value_name = "A", default_value_t = 0.0)]
-    force_y_n: f64,
     #[command(flatten)]
-    drive: StructureDriveFlags,
+    drive: DriveFlags,
     /// Frequency f of the excitation, Hz.
     #[arg(long, value_name = "F", default_value_t = 0.0)]
     frequency_hz: f64,
     /// Integration steps a second; without it as many as the scenario has with this scheme.
     #[arg(long, value_name = "R")]
     rate_hz: Option<f64>,
-    /// Integration scheme: rk4, dop853, gl4, gl6, exponential, exponential8.
+    /// Integration scheme of a chain: rk4, dop853, gl4, gl6, exponential, exponential8.
     #[arg(long, value_name = "NAME")]
     scheme: Option<String>,
     /// Length, s, a whole number of steps.
@@ -55,12 +44,18 @@ pub(crate) struct Simulate {
 
 #[derive(Serialize)]
 struct Document {
-    /// The arm, its pose, and everything else that the state depends on.
     configuration: Value,
+    coordinates: Value,
     t_s: f64,
-    alpha_rad: [f64; 2],
-    alpha_dot_rad_s: [f64; 2],
+    position: Vec<f64>,
+    velocity: Vec<f64>,
+    /// States of the elements that have one.
+    element_states: Vec<f64>,
     steps: u64,
+    /// Switches of elements, each located within its step.
+    switches: u64,
+    /// Steps with more switches than are located.
+    steps_not_located: u64,
     wall_s: f64,
 }
 
@@ -76,65 +71,49 @@ impl Simulate {
     }
 
     pub fn execute(&self) -> Result<Verdict, Failure> {
-        let scenario = self.arm.scenario()?;
-        if let Some(tested) = scenario.tested_structure()? {
-            return self.of_structure(&scenario, &tested);
-        }
-        self.drive.refuse()?;
-        let arm = scenario.build_arm()?;
+        let scenario = self.structure.scenario()?;
+        let tested = scenario.under_test()?;
+        let assembly = &tested.assembly;
+        let drive = self.drive.any(assembly)?;
+        let loads = drive.as_ref().map_or(&[][..], |drive| &drive.loads[..]);
+        self.check_frequency(!loads.is_empty())?;
         let (scheme, rate_hz) = self.scheme_and_rate(&scenario)?;
-        let integrator = Integrator::new(scheme, rate_hz, &arm).map_err(|error| match self.rate_hz {
+        let dofs: Vec<Dof> = loads.iter().map(|load| load.at.dof).collect();
+        let stepper = Stepper::new(assembly, &dofs, scheme, rate_hz);
+        let mut stepper = stepper.map_err(|error| match self.rate_hz {
             Some(_) => flags::refused("--rate-hz", &error),
             None => error.into(),
         })?;
         let steps = self.steps(rate_hz)?;
-        let excitation = self.excitation()?;
-        let initial = flags::initial(self.initial.as_deref(), &scenario)?;
-        let step = |state, k: u64| integrator.step(&arm, k as f64 / rate_hz, &state, &excitation);
-        let (end, wall_s) = timed(|| (0..steps).try_fold(flags::state(initial), step));
-        let end = end?;
-        let mut configuration = configuration::of(&scenario, &excitation.amplitude)?;
-        configuration["frequency_hz"] = json!(excitation.frequency_hz);
+        let initial = configuration::initial(self.initial.as_deref(), &tested)?;
+        stepper.restore(&[&initial[..], &vec![0.0; assembly.element_states()]].concat())?;
+        let (done, wall_s) = timed(|| {
+            let amplitude: Vec<f64> = loads.iter().map(|load| load.amplitude).collect();
+            let omega_rad_s = core::f64::consts::TAU * self.frequency_hz;
+            let load = StepLoad::Sine { amplitude: &amplitude, omega_rad_s };
+            (0..steps).try_for_each(|k| stepper.advance_under(k as f64 / rate_hz, &load))
+        });
+        done?;
+        let mut configuration = configuration::of_structure(&scenario, &tested);
+        configuration["drive"] = drive.as_ref().map_or(json!({}), |drive| drive.document());
+        configuration["frequency_hz"] = json!(self.frequency_hz);
         configuration["initial"] = json!(initial);
         configuration["scheme"] = json!(scheme);
         configuration["rate_hz"] = json!(rate_hz);
         let document = Document {
             configuration,
+            coordinates: configuration::coordinates(assembly),
             t_s: steps as f64 / rate_hz,
-            alpha_rad: end.alpha_rad.into(),
-            alpha_dot_rad_s: end.alpha_dot_rad_s.into(),
+            position: stepper.position().to_vec(),
+            velocity: stepper.velocity().to_vec(),
+            element_states: stepper.element_states().to_vec(),
             steps,
+            switches: stepper.events(),
+            steps_not_located: stepper.fallbacks(),
             wall_s,
         };
-        let Document { t_s, alpha_rad: [x1, x2], alpha_dot_rad_s: [v1, v2], .. } = document;
-        let text = || {
-            format!(
-                "t = {t_s} s after {steps} steps of {scheme} at {rate_hz} Hz, in {wall_s:.3} s\n\
-                 α = {x1:+.12e}, {x2:+.12e} rad\nα̇ = {v1:+.12e}, {v2:+.12e} rad/s\n"
-            )
-        };
-        self.json.show(&document, text, &[])
-    }
-
-    /// A structure in place of the arm.
-    fn of_structure(&self, scenario: &Scenario, tested: &TestedAssembly) -> Result<Verdict, Failure> {
-        if [self.torque1_nm, self.force_x_n, self.force_y_n].iter().any(|amplitude| *amplitude != 0.0) {
-            return Err(structures::arm_drive(&tested.assembly));
-        }
-        let drive = self.drive.drive.as_ref().map(|_| self.drive.dof(&tested.assembly)).transpose()?;
-        let amplitude = if drive.is_some() { self.drive.needed_amplitude()? } else { 0.0 };
-        self.check_excitation(amplitude != 0.0)?;
-        let (scheme, rate_hz) = self.scheme_and_rate(scenario)?;
-        let asked = structures::simulate::Asked {
-            initial: self.initial.as_deref(),
-            drive,
-            amplitude,
-            frequency_hz: self.frequency_hz,
-            scheme: (scheme, rate_hz),
-            steps: self.steps(rate_hz)?,
-            json: self.json,
-        };
-        structures::simulate::show(scenario, tested, asked)
+        let names = configuration::state_names(assembly);
+        self.json.show(&document, || document.text(&names, rate_hz), &[])
     }
 
     /// The duration as a whole number of steps.
@@ -165,19 +144,36 @@ impl Simulate {
         Ok(steps as u64)
     }
 
-    fn check_excitation(&self, has_amplitude: bool) -> Result<(), Failure> {
-        if self.frequency_hz <= 0.0 && has_amplitude {
+    fn check_frequency(&self, is_driven: bool) -> Result<(), Failure> {
+        if self.frequency_hz <= 0.0 && is_driven {
             let why = "an excitation A·sin(2πft) needs a positive frequency";
             return Err(Failure::value("--frequency-hz", self.frequency_hz, why));
         }
         Ok(())
     }
+}
 
-    fn excitation(&self) -> Result<Sine, Failure> {
-        let amplitudes = [self.torque1_nm, self.force_x_n, self.force_y_n];
-        self.check_excitation(amplitudes.iter().any(|amplitude| *amplitude != 0.0))?;
-        let force_n = [self.force_x_n, self.force_y_n].into();
-        let amplitude = Load { torque_nm: [self.torque1_nm, 0.0].into(), force_n };
-        Ok(Sine { amplitude, frequency_hz: self.frequency_hz })
+impl Document {
+    /// The state by the names of its channels, then the switches.
+    fn text(&self, names: &[&str], rate_hz: f64) -> String {
+        let mut text =
+            format!("t = {} s after {} steps at {rate_hz} Hz, in {:.3} s\n", self.t_s, self.steps, self.wall_s);
+        let width = names.iter().map(|name| name.len()).max().unwrap_or_default();
+        for (name, value) in names.iter().zip(self.position.iter().chain(&self.velocity)) {
+            text += &format!("  {name:width$}  {value:+.12e}\n");
+        }
+        for (value, number) in self.element_states.iter().zip(1..) {
+            text += &format!("  state {number} of the elements  {value:+.12e}\n");
+        }
+        if self.switches > 0 {
+            text += &format!("{} switches of elements\n", self.switches);
+        }
+        if self.steps_not_located > 0 {
+            text += &format!(
+                "{} steps had more switches than are located: their error is of first order; raise --rate-hz\n",
+                self.steps_not_located
+            );
+        }
+        text
     }
 }

@@ -13,7 +13,7 @@ use crate::output::{self, Inputs, JsonFlag, OverwriteFlag};
 use crate::structures::label;
 use resonarm::plant::TestedAssembly;
 use resonarm::scenario::structure::NotModal;
-use resonarm::scenario::{Scenario, ScenarioError, StructureSection};
+use resonarm::scenario::{Scenario, StructureSection};
 use resonarm::structure::{BodySpec, Link};
 use resonarm_numeric::number::short;
 
@@ -90,13 +90,7 @@ impl Structure {
 /// A scenario with the modes of its arm or structure in its place.
 fn of_modes(path: &Path) -> Result<Scenario, Failure> {
     let scenario = read_scenario(path)?;
-    let assembly = match scenario.tested_structure()? {
-        Some(tested) => tested.assembly,
-        None => {
-            let (parameters, pose) = (scenario.parameters()?, scenario.pose());
-            StructureSection::default().assembly(|| (parameters, pose)).map_err(ScenarioError::from)?
-        }
-    };
+    let assembly = scenario.under_test()?.assembly;
     let refused = |error: NotModal| Failure::usage(format!("{}: {error}", path.display()));
     let structure = Some(StructureSection::from_modes(&assembly, None).map_err(refused)?);
     Ok(Scenario { structure, ..scenario })

@@ -60,7 +60,7 @@ pub(crate) struct Sweep {
     #[arg(long, value_enum, default_value_t)]
     direction: DirectionFlag,
     /// Sweep at each of these angles β2 instead of one, degrees.
-    #[arg(long, value_name = "DEG,…", value_delimiter = ',', conflicts_with = "beta2_deg")]
+    #[arg(long, value_name = "DEG,…", value_delimiter = ',')]
     over_beta2_deg: Vec<f64>,
     #[command(flatten)]
     readings: ReadingsFlag,
@@ -109,7 +109,7 @@ struct Document {
 
 impl Sweep {
     pub fn execute(&self) -> Result<Verdict, Failure> {
-        let scenario = self.motion.arm.scenario()?;
+        let scenario = self.motion.structure.scenario()?;
         if let Some(tested) = scenario.tested_structure()? {
             return self.of_structure(&scenario, &tested);
         }

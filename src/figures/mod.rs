@@ -1,7 +1,7 @@
 //! Figures and tables of several commands.
 
 pub mod branch_plot;
-pub mod branch_table;
+pub mod branches;
 pub mod captions;
 pub mod latency_figure;
 pub mod response_curves;

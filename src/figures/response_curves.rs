@@ -1,19 +1,13 @@
 //! Frequency responses as curves and as a table.
 
-use resonarm::analysis::Response;
 use resonarm_figures::plot::{Color, Dash, Style};
 
-/// A colour each; responses along y and of the second angle are dashed, so that they differ in black and white.
-pub(crate) const fn style(response: Response) -> Style {
-    let (color, dash) = match response {
-        Response::Alpha1 => (Color::Blue, Dash::Solid),
-        Response::Alpha2 => (Color::Vermillion, Dash::Dashed),
-        Response::BX => (Color::Orange, Dash::Solid),
-        Response::BY => (Color::Orange, Dash::Dashed),
-        Response::CX => (Color::Black, Dash::Solid),
-        Response::CY => (Color::Black, Dash::Dashed),
-    };
-    Style::Line { color, width: 1.6, dash }
+/// The style of a response by its number: neighbours differ in their dashes as well, so that they differ in black and
+/// white.
+pub(crate) const fn style(number: usize) -> Style {
+    const COLORS: [Color; 4] = [Color::Black, Color::Blue, Color::Vermillion, Color::Orange];
+    const DASHES: [Dash; 3] = [Dash::Solid, Dash::Dashed, Dash::Chain];
+    Style::Line { color: COLORS[number % COLORS.len()], width: 1.6, dash: DASHES[number % DASHES.len()] }
 }
 
 /// CSV: frequency, then modulus and phase of each response of this name, unit and complex values.

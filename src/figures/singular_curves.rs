@@ -1,16 +1,14 @@
-//! Curves of folds and period doublings in the plane of two parameters.
+//! Curves of folds and period doublings in the plane of two coordinates.
 
 use clap::Args;
 use serde_json::{Value, json};
 
-use crate::continuation_flags::ContinuationFlags;
-use crate::drive::DriveFlags;
-use crate::ended_early::Early;
+use crate::drive::Drive;
 use crate::failure::Failure;
-use crate::quantity::Quantity;
-use resonarm::analysis::{
-    BifurcationKind, Branch, BranchOptions, ForcedArm, SingularCurve, SingularPoint, Turn, trace_singular_curves,
-};
+use crate::read_at::{ReadAt, amplitude, readings};
+use resonarm::analysis::BifurcationKind;
+use resonarm::analysis::structure::{Coordinate, SingularCurve, SingularPoint, Turn};
+use resonarm::structure::Assembly;
 use resonarm_figures::plot::{Axis, Color, Dash, Figure, Marker, Panel, Series, Style, Subtitle};
 
 /// Which second parameter the bifurcations of the branch are followed in, and how far.
@@ -24,32 +22,60 @@ pub(crate) struct CurveFlags {
     curves_to: Option<f64>,
 }
 
-/// The curves of a branch's bifurcations, in the plane of two quantities.
-pub(crate) struct Curves {
-    first: Quantity,
-    second: Quantity,
-    curves: Vec<BifurcationCurve>,
+/// What a flag names as a coordinate: `frequency`, `amplitude` or a parameter of the structure.
+pub(crate) fn coordinate(flag: &str, name: &str, assembly: &Assembly) -> Result<Coordinate, Failure> {
+    match name {
+        "frequency" => Ok(Coordinate::FrequencyHz),
+        "amplitude" => Ok(Coordinate::Amplitude),
+        _ => assembly
+            .parameter(name)
+            .map(Coordinate::Parameter)
+            .map_err(|error| Failure::usage(format!("{flag} {name}: {error}; or frequency, or amplitude"))),
+    }
 }
 
-struct BifurcationCurve {
-    kind: BifurcationKind,
-    curve: SingularCurve,
+/// The unit of a coordinate; empty if it has none.
+pub(crate) fn unit(coordinate: Coordinate, drive: &Drive) -> &'static str {
+    match coordinate {
+        Coordinate::FrequencyHz => "Hz",
+        Coordinate::Amplitude => drive.unit(),
+        Coordinate::Parameter(parameter) => parameter.unit(),
+    }
+}
+
+/// The name of a coordinate in figures, with its unit.
+pub(crate) fn title(coordinate: Coordinate, drive: &Drive) -> String {
+    match coordinate {
+        Coordinate::FrequencyHz => String::from("excitation frequency (Hz)"),
+        Coordinate::Amplitude => format!("load at {} ({})", drive.loads[0].at.name, drive.unit()),
+        Coordinate::Parameter(parameter) => match parameter.unit() {
+            "" => parameter.to_string(),
+            unit => format!("{parameter} ({unit})"),
+        },
+    }
+}
+
+/// A curve of one kind of bifurcation.
+pub(crate) struct BifurcationCurve {
+    pub kind: BifurcationKind,
+    pub curve: SingularCurve,
+}
+
+/// The curves of a branch's folds and period doublings.
+pub(crate) struct Curves {
+    pub coordinates: [Coordinate; 2],
+    pub curves: Vec<BifurcationCurve>,
 }
 
 /// The largest step along a curve, relative to its local size: short enough for a smooth drawing.
 pub(crate) const LARGEST_STEP: f64 = 0.08;
 
 impl CurveFlags {
-    /// The second parameter's name and where the curves end, if curves are wanted.
-    pub fn given(&self) -> Option<(&str, f64)> {
-        Some((self.curves_in.as_deref()?, self.curves_to?))
-    }
-
-    /// The second quantity and where the curves end, if curves are wanted.
-    pub fn second(&self, first: &Quantity, drive: &DriveFlags) -> Result<Option<(Quantity, f64)>, Failure> {
-        let Some((name, to)) = self.given() else { return Ok(None) };
-        let second = Quantity::parse("--curves-in", name, drive)?;
-        if second.name == first.name {
+    /// The second coordinate, which is not the first, and where the curves end, if curves are wanted.
+    pub fn second(&self, first: Coordinate, assembly: &Assembly) -> Result<Option<(Coordinate, f64)>, Failure> {
+        let (Some(name), Some(to)) = (&self.curves_in, self.curves_to) else { return Ok(None) };
+        let second = coordinate("--curves-in", name, assembly)?;
+        if second == first {
             return Err(Failure::usage(format!(
                 "--curves-in {name} is what the branch is followed in already: name another parameter"
             )));
@@ -59,80 +85,71 @@ impl CurveFlags {
 }
 
 impl Curves {
-    /// Follows each fold and each period doubling of the branch in `second` from its value there to `to`. A curve that
-    /// returns through another of them represents both.
-    pub fn trace(
-        forced: &ForcedArm,
-        branch: &Branch,
-        first: Quantity,
-        (second, to): (Quantity, f64),
-        flags: &ContinuationFlags,
-        early: &mut Early,
-    ) -> Result<Curves, Failure> {
-        let mut options = flags.options(BranchOptions::new(0.0, to))?;
-        let largest_step = &mut options.continuation.largest_step;
-        *largest_step = largest_step.min(LARGEST_STEP);
-        let traced = trace_singular_curves(forced, branch, first.coordinate, second.coordinate, &options);
-        let mut curves = Vec::new();
-        for (kind, traced) in traced {
-            curves.extend(early.keep_any(second.name, traced)?.map(|curve| BifurcationCurve { kind, curve }));
-        }
-        Ok(Curves { first, second, curves })
+    /// A point of a curve: both coordinates by their names, and the readings.
+    fn point(&self, point: &SingularPoint, read: &[ReadAt]) -> Value {
+        let [first, second] = self.coordinates.map(|coordinate| coordinate.to_string());
+        let mut document = json!({ "readings": readings(&point.orbit.readings, read) });
+        document[first] = json!(point.lambda);
+        document[second] = json!(point.mu);
+        document
     }
 
-    pub fn document(&self) -> Value {
-        let point = |point: &SingularPoint| {
-            let mut document = json!({ "harmonic1_rad": point.harmonic1_rad });
-            document[self.first.name] = json!(point.lambda);
-            document[self.second.name] = json!(point.mu);
-            document
-        };
+    /// The curves as a document.
+    pub fn document(&self, read: &[ReadAt]) -> Value {
         let turn = |turn: &Turn| {
-            let mut document = point(&turn.point);
+            let mut document = self.point(&turn.point, read);
             document["kind"] = json!(turn_name(turn));
             document
         };
         let curve = |BifurcationCurve { kind, curve }: &BifurcationCurve| {
-            let points: Vec<Value> = curve.points.iter().map(point).collect();
+            let points: Vec<Value> = curve.points.iter().map(|point| self.point(point, read)).collect();
             let turns: Vec<Value> = curve.turns.iter().map(turn).collect();
             json!({ "kind": kind.name(), "points": points, "turns": turns })
         };
         Value::Array(self.curves.iter().map(curve).collect())
     }
 
-    /// A line for each point, with the units in the names of the columns. `curve` counts from 0.
-    pub fn csv(&self) -> String {
-        let (first, second) = (self.first.name, self.second.name);
-        let mut text = format!("curve,kind,{first},{second},harmonic1_alpha1_rad,harmonic1_alpha2_rad\n");
+    /// A line for each point, with the units in the names of the columns; `curve` counts from 0.
+    pub fn table(&self, read: &[ReadAt]) -> String {
+        let [first, second] = self.coordinates.map(|coordinate| coordinate.to_string().replace('.', "_"));
+        let mut text = format!("curve,kind,{first},{second}");
+        read.iter().for_each(|at| text += &format!(",{}_amplitude_{}", at.column(), at.unit()));
+        text.push('\n');
         for (number, BifurcationCurve { kind, curve }) in self.curves.iter().enumerate() {
-            for SingularPoint { lambda, mu, harmonic1_rad: [h1, h2], .. } in &curve.points {
-                text += &format!("{number},{},{lambda},{mu},{h1},{h2}\n", kind.name());
+            for SingularPoint { lambda, mu, orbit } in &curve.points {
+                text += &format!("{number},{},{lambda},{mu}", kind.name());
+                orbit.readings.iter().for_each(|reading| text += &format!(",{:e}", amplitude(reading)));
+                text.push('\n');
             }
         }
         text
     }
 
-    pub fn text(&self) -> String {
-        let (first, second) = (self.first.name, self.second.name);
+    /// The ends and turns of each curve.
+    pub fn text(&self, drive: &Drive) -> String {
         if self.curves.is_empty() {
             return String::from("no fold or period doubling to follow\n");
         }
+        let names = self.coordinates.map(|coordinate| coordinate.to_string());
+        let units = self.coordinates.map(|coordinate| unit(coordinate, drive));
+        let value =
+            |which: usize, value: f64| format!("{} {value:.7} {}", names[which], units[which]).trim_end().to_owned();
+        let place = |point: &SingularPoint| format!("{}, {}", value(0, point.lambda), value(1, point.mu));
         let mut text = String::new();
         for BifurcationCurve { kind, curve: SingularCurve { points, turns, .. } } in &self.curves {
-            let place = |point: &SingularPoint| format!("{first} = {:.6}, {second} = {:.6}", point.lambda, point.mu);
-            let ends = [points.first(), points.last()].map(|end| end.map_or_else(String::new, place));
-            text += &format!("curve of {}s: {} points from {} to {}\n", kind.name(), points.len(), ends[0], ends[1]);
+            let [first, last] = [points.first(), points.last()].map(|end| end.map_or_else(String::new, place));
+            text += &format!("curve of {}s, {} points: from {first} to {last}\n", kind.name(), points.len());
             for turn in turns {
-                let SingularPoint { lambda, mu, .. } = turn.point;
-                text += &format!("  {} at {first} = {lambda:.9}, {second} = {mu:.9}\n", turn_name(turn));
+                text += &format!("  {} at {}\n", turn_name(turn), place(&turn.point));
             }
         }
         text
     }
 
-    /// The plane of both quantities with the curves in it.
-    pub fn figure(&self, conditions: Subtitle) -> Figure {
-        let mut panel = Panel::new(Axis::linear(&self.first.label), Axis::linear(&self.second.label));
+    /// The plane of both coordinates with the curves in it.
+    pub fn figure(&self, conditions: Subtitle, drive: &Drive) -> Figure {
+        let [x, y] = self.coordinates.map(|coordinate| title(coordinate, drive));
+        let mut panel = Panel::new(Axis::linear(x), Axis::linear(y));
         for (kind, label, color, dash) in [
             (BifurcationKind::Fold, "fold", Color::Black, Dash::Solid),
             (BifurcationKind::PeriodDoubling, "period doubling", Color::Vermillion, Dash::Chain),
@@ -151,7 +168,7 @@ impl Curves {
         let cusps = self.curves.iter().flat_map(|curve| &curve.curve.turns).filter(|turn| turn.is_cusp);
         let cusps = cusps.map(|turn| (turn.point.lambda, turn.point.mu)).collect();
         panel = panel.with_any(Series::markers("cusp", Color::Black, Marker::Diamond, cusps));
-        Figure::new("Bifurcations of the forced arm in two parameters").subtitle(conditions).with(panel)
+        Figure::new("Bifurcations of periodic motions in two parameters").subtitle(conditions).with(panel)
     }
 }
 

@@ -81,7 +81,7 @@ fn between_zones(mut panel: Panel, views: &[View], joint: usize) -> Panel {
 
 /// The computed response and backbone, and the measured points over them.
 fn with_view(panel: Panel, view: &View, joint: usize) -> Panel {
-    let panel = branch_plot::with_branches(panel, &[&view.score.branch], joint);
+    let panel = branch_plot::with_branch(panel, &view.score.branch, joint);
     let backbone = view.score.backbone.points.iter().map(|point| (point.frequency_hz, point.amplitude_rad[joint]));
     let thin = Style::Line { color: Color::Black, width: 0.8, dash: Dash::Chain };
     let mut panel = panel.with(Series::line("backbone", Color::Black, backbone.collect()).style(thin));

@@ -3,8 +3,7 @@
 use serde::Serialize;
 use serde_json::{Value, json};
 
-use super::continuation::{amplitude, readings};
-use super::{displacement_unit, label, load_unit};
+use super::{amplitude, displacement_unit, label, load_unit, readings};
 use crate::basin_cells::Cells;
 use crate::basin_grid::{GridFlags, pair};
 use crate::configuration;

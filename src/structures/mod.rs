@@ -1,23 +1,21 @@
-//! The commands on a structure of a scenario in place of the two-link arm.
+//! The commands whose arm is not yet a chain, on a structure of a scenario in its place.
 
-pub(crate) mod backbone;
 pub(crate) mod basins;
 pub(crate) mod compare;
-pub(crate) mod continuation;
-pub(crate) mod frf;
-pub(crate) mod modes;
-pub(crate) mod simulate;
 pub(crate) mod sweep;
 pub(crate) mod walk;
 
 use clap::Args;
+use nalgebra::Complex;
+use serde_json::Value;
 
 use crate::failure::Failure;
-use resonarm::plant::TestedAssembly;
-use resonarm::scenario::{Scenario, StructureSection};
+pub(crate) use crate::figures::captions::{foreign_label, label};
+use crate::read_at::{self, ReadAt};
+pub(crate) use crate::read_at::{displacement_unit, dof};
+use resonarm::analysis::structure::Reading;
 use resonarm::structure::{Assembly, Dof};
 use resonarm_figures::plot::{Axis, Color, Panel};
-use resonarm_numeric::number::short;
 
 /// The excitation of a structure.
 #[derive(Clone, Debug, Args)]
@@ -52,11 +50,6 @@ impl StructureDriveFlags {
         Ok((dof("--drive", name, assembly)?, name))
     }
 
-    /// The amplitude, if it is given.
-    pub const fn amplitude(&self) -> Option<f64> {
-        self.amplitude
-    }
-
     /// The amplitude, finite and not 0.
     pub fn needed_amplitude(&self) -> Result<f64, Failure> {
         match self.amplitude {
@@ -73,11 +66,6 @@ pub(crate) fn arm_drive(assembly: &Assembly) -> Failure {
     Failure::usage(format!(
         "the scenario has a [structure]: give its load by --drive DOF --amplitude A, with DOF one of {known}"
     ))
-}
-
-/// The degree of freedom that a flag names.
-pub(crate) fn dof(flag: &str, name: &str, assembly: &Assembly) -> Result<Dof, Failure> {
-    assembly.dof(name).map_err(|error| Failure::usage(format!("{flag} {name}: {error}")))
 }
 
 /// The degrees of freedom that are read, with their names.
@@ -108,9 +96,15 @@ pub(crate) fn load_unit(dof: Dof) -> &'static str {
     dof.load_unit()
 }
 
-/// The unit of a displacement at a degree of freedom.
-pub(crate) fn displacement_unit(dof: Dof) -> &'static str {
-    if dof.is_angle() { "rad" } else { "m" }
+/// The amplitude of a component.
+pub(crate) fn amplitude(harmonic: &Complex<f64>) -> f64 {
+    libm::hypot(harmonic.re, harmonic.im)
+}
+
+/// Readings by the names of the degrees of freedom.
+pub(crate) fn readings(of: &[Reading], read: &Read<'_>) -> Value {
+    let at = |(dof, name): &(Dof, &str)| ReadAt { dof: *dof, name: (*name).to_owned() };
+    read_at::readings(of, &read.iter().map(at).collect::<Vec<_>>())
 }
 
 /// A panel for each unit of what is read, of its largest displacements over `x`; `draw` adds a degree of freedom by its
@@ -129,33 +123,4 @@ pub(crate) fn displacement_panels(
         of_unit.fold(empty, |panel, (index, ((_, name), color))| draw(panel, index, name, color))
     };
     units.iter().map(panel).collect()
-}
-
-/// What a structure is called whose equations are somebody else's.
-pub(crate) fn foreign_label(section: &StructureSection) -> String {
-    let file = section.file.as_ref().and_then(|file| file.file_name());
-    let plain = || file.map_or("a program's own structure".into(), |file| file.to_string_lossy());
-    section.name.clone().unwrap_or_else(|| plain().into_owned())
-}
-
-/// What the structure is called in headers and figures.
-pub(crate) fn label(scenario: &Scenario, tested: &TestedAssembly) -> String {
-    let section = scenario.structure.as_ref();
-    let n = tested.assembly.coordinates();
-    let plain = match section.map(|section| section.kind.name()) {
-        Some("chain") => format!("chain of {n} {}", if n == 1 { "link" } else { "links" }),
-        Some("arm") => format!(
-            "{} at β1 = {}°, β2 = {}°",
-            scenario.arm.label(),
-            short(&scenario.arm.beta1_deg),
-            short(&scenario.arm.beta2_deg)
-        ),
-        _ => format!("{n} {}", if n == 1 { "mode" } else { "modes" }),
-    };
-    let name = section.and_then(|section| section.name.clone()).unwrap_or(plain);
-    match tested.assembly.elements() {
-        [] => name,
-        [one] => format!("{name} with an element, {}", one.law().name()),
-        many => format!("{name} with {} elements", many.len()),
-    }
 }

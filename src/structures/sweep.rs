@@ -3,8 +3,7 @@
 use serde::Serialize;
 use serde_json::{Value, json};
 
-use super::continuation::{amplitude, readings};
-use super::{Read, displacement_panels, displacement_unit, label, load_unit};
+use super::{Read, amplitude, displacement_panels, displacement_unit, label, load_unit, readings};
 use crate::configuration;
 use crate::failure::{Failure, Verdict};
 use crate::motion_flags::{DirectionFlag, MotionFlags, or_empty, periods};

@@ -2,9 +2,9 @@
 
 use serde::Serialize;
 
-use super::continuation::stretches;
 use super::{displacement_unit, label, load_unit};
 use crate::failure::Failure;
+use crate::figures::branches::stretches;
 use crate::walk_point::CLIPPED;
 use resonarm::analysis::Distances;
 use resonarm::analysis::structure::{Branch, Coordinate, Forced, Nearest, TraceOptions, nearest, trace};

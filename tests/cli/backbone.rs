@@ -26,92 +26,94 @@ fn document(arguments: &str) -> Value {
 /// The first mode at β2 = 60° softens; a mode of the undamped arm has no excitation and almost the same frequencies.
 #[test]
 fn a_table_with_its_reading() {
-    insta::assert_snapshot!(done("backbone --torque1-nm=10 --to-rad=0.1"), @r"
-    irb1600-fitted, β1 = 0°, β2 = 60°, mode 1 from 22.157526 Hz: in phase quadrature with a torque at joint 1
+    insta::assert_snapshot!(done("backbone --drive=joint1=10 --at=joint1,joint2 --to=0.1"), @r"
+    irb1600-fitted at 0°, 60°, mode 1 from 22.157526 Hz: in phase quadrature with a load at joint1
 
-      frequency Hz   largest |α1| rad   largest |α2| rad            N·m
-         22.157527         0.00026250         0.00020550         0.0530
-         22.157527         0.00032812         0.00025689         0.0663
-         22.157527         0.00041016         0.00032114         0.0829
-         22.157526         0.00051271         0.00040146         0.1036
-         22.157526         0.00064089         0.00050188         0.1295
-         22.157526         0.00080113         0.00062744         0.1619
-         22.157525         0.00100144         0.00078444         0.2023
-         22.157524         0.00125184         0.00098077         0.2529
-         22.157523         0.00156486         0.00122631         0.3161
-         22.157520         0.00195618         0.00153342         0.3952
-         22.157517         0.00244537         0.00191761         0.4940
-         22.157511         0.00305694         0.00239832         0.6175
-         22.157502         0.00382154         0.00299993         0.7718
-         22.157488         0.00477749         0.00375308         0.9648
-         22.157467         0.00597274         0.00469630         1.2060
-         22.157433         0.00746728         0.00587806         1.5076
-         22.157381         0.00933620         0.00735955         1.8847
-         22.157298         0.01167348         0.00921804         2.3561
-         22.157170         0.01459681         0.01155141         2.9456
-         22.156970         0.01825359         0.01448393         3.6830
-         22.156657         0.02282849         0.01817384         4.6056
-         22.156170         0.02855290         0.02282321         5.7606
-         22.155411         0.03571680         0.02869082         7.2078
-         22.154232         0.04468345         0.03610861         9.0233
-         22.153497         0.04949438         0.04012078        10.0000
+      frequency Hz   largest joint1 rad   largest joint2 rad            N·m
+         22.157527          1.649711e-4          1.291410e-4         0.0333
+         22.157527          2.062150e-4          1.614322e-4         0.0417
+         22.157527          2.577704e-4          2.017996e-4         0.0521
+         22.157527          3.222156e-4          2.522641e-4         0.0651
+         22.157527          4.027736e-4          3.153529e-4         0.0814
+         22.157526          5.034734e-4          3.942267e-4         0.1017
+         22.157526          6.293518e-4          4.928389e-4         0.1272
+         22.157526          7.867054e-4          6.161354e-4         0.1589
+         22.157525          9.834061e-4          7.703048e-4         0.1987
+         22.157524          1.229296e-3          9.630926e-4         0.2484
+         22.157523          1.536679e-3          1.204196e-3         0.3104
+         22.157521          1.920941e-3          1.505761e-3         0.3881
+         22.157517          2.401321e-3          1.883007e-3         0.4851
+         22.157512          3.001876e-3          2.355016e-3         0.6063
+         22.157503          3.752694e-3          2.945731e-3         0.7579
+         22.157490          4.691412e-3          3.685221e-3         0.9474
+         22.157469          5.865109e-3          4.611292e-3         1.1843
+         22.157437          7.332694e-3          5.771536e-3         1.4805
+         22.157386          9.167891e-3          7.225968e-3         1.8507
+         22.157307          1.146298e-2          9.050407e-3         2.3136
+         22.157183          1.433352e-2          1.134085e-2         2.8925
+         22.156989          1.792423e-2          1.421918e-2         3.6165
+         22.156688          2.241640e-2          1.784052e-2         4.5224
+         22.156218          2.803724e-2          2.240294e-2         5.6565
+         22.155486          3.507142e-2          2.816004e-2         7.0773
+         22.154349          4.387562e-2          3.543708e-2         8.8595
+         22.153497          4.949438e-2          4.012078e-2        10.0000
 
-    softening: -0.004030 Hz (-0.0182 %) at |α1| = 0.049494 rad; at small amplitudes a of α1, df/d(a²) = -1.68247 Hz/rad²
+    softening: -0.004030 Hz (-0.0182 %) at joint1 4.949438e-2 rad; at small amplitudes a of joint1, df/d(a²) = -1.682467e0 Hz/rad²
     ");
-    insta::assert_snapshot!(done("backbone --undamped --mode=2 --beta2-deg=120 --to-rad=0.01"), @r"
-    irb1600-fitted, β1 = 0°, β2 = 120°, mode 2 from 40.363745 Hz: nonlinear normal mode of the arm without dampers
+    insta::assert_snapshot!(done("backbone --undamped --mode=2 --angles-deg=0,120 --at=joint2,joint1 --to=0.01"), @r"
+    irb1600-fitted at 0°, 120°, mode 2 from 40.363745 Hz: nonlinear normal mode of the structure without damping
 
-      frequency Hz   largest |α1| rad   largest |α2| rad
-         40.363745         0.00000127         0.00003331
-         40.363745         0.00000159         0.00004164
-         40.363745         0.00000199         0.00005205
-         40.363745         0.00000248         0.00006506
-         40.363745         0.00000310         0.00008132
-         40.363745         0.00000388         0.00010165
-         40.363745         0.00000485         0.00012706
-         40.363745         0.00000606         0.00015883
-         40.363745         0.00000757         0.00019854
-         40.363745         0.00000947         0.00024817
-         40.363745         0.00001184         0.00031022
-         40.363745         0.00001480         0.00038777
-         40.363745         0.00001850         0.00048471
-         40.363746         0.00002312         0.00060589
-         40.363746         0.00002891         0.00075737
-         40.363747         0.00003614         0.00094671
-         40.363748         0.00004519         0.00118339
-         40.363749         0.00005650         0.00147924
-         40.363752         0.00007065         0.00184905
-         40.363756         0.00008836         0.00231132
-         40.363763         0.00011051         0.00288916
-         40.363773         0.00013823         0.00361146
-         40.363789         0.00017294         0.00451435
-         40.363814         0.00021641         0.00564298
-         40.363853         0.00027089         0.00705379
-         40.363914         0.00033919         0.00881734
-         40.363963         0.00038512         0.01000000
+      frequency Hz   largest joint2 rad   largest joint1 rad
+         40.363745          3.333334e-5          1.271438e-6
+         40.363745          4.166668e-5          1.589311e-6
+         40.363745          5.208335e-5          1.986659e-6
+         40.363745          6.510419e-5          2.483355e-6
+         40.363745          8.138025e-5          3.104243e-6
+         40.363745          1.017253e-4          3.880381e-6
+         40.363745          1.271567e-4          4.850598e-6
+         40.363745          1.589459e-4          6.063435e-6
+         40.363745          1.986824e-4          7.579589e-6
+         40.363745          2.483531e-4          9.474947e-6
+         40.363745          3.104415e-4          1.184440e-5
+         40.363745          3.880520e-4          1.480663e-5
+         40.363745          4.850653e-4          1.851004e-5
+         40.363746          6.063321e-4          2.314029e-5
+         40.363746          7.579158e-4          2.892965e-5
+         40.363747          9.473959e-4          3.616877e-5
+         40.363748          1.184247e-3          4.522142e-5
+         40.363749          1.480311e-3          5.654312e-5
+         40.363752          1.850393e-3          7.070445e-5
+         40.363756          2.312998e-3          8.842046e-5
+         40.363763          2.891258e-3          1.105879e-4
+         40.363773          3.614088e-3          1.383323e-4
+         40.363789          4.517636e-3          1.730674e-4
+         40.363814          5.647085e-3          2.165718e-4
+         40.363853          7.058920e-3          2.710858e-4
+         40.363915          8.823749e-3          3.394365e-4
+         40.363963          1.000000e-2          3.851195e-4
 
-    hardening: +0.000218 Hz (+0.0005 %) at |α2| = 0.010000 rad; at small amplitudes a of α2, df/d(a²) = +2.18148 Hz/rad²
+    hardening: +0.000218 Hz (+0.0005 %) at joint2 1.000000e-2 rad; at small amplitudes a of joint2, df/d(a²) = +2.181479e0 Hz/rad²
     ");
 }
 
 /// Each point of the curve is next to the peak of the forced response under the excitation in its row.
 #[test]
 fn a_document_that_the_forced_response_passes_through() {
-    let curve = document("backbone --force-x-n=60 --beta1-deg=30 --beta2-deg=120");
+    let curve = document("backbone --drive=tip.x=60 --angles-deg=30,120 --at=joint1 --to=1");
     assert_eq!((curve["kind"].as_str(), curve["bending"].as_str()), (Some("phase-quadrature"), Some("softening")));
     assert!(curve["frequency_shift_hz"].as_f64().unwrap() < 0.0);
     let points = curve["points"].as_array().unwrap();
     let number = |point: &Value, key: &str| point[key].as_f64().unwrap();
-    assert!((number(&points[points.len() - 1], "force_n") / 60.0 - 1.0).abs() < 1e-9);
+    assert!((number(&points[points.len() - 1], "drive") / 60.0 - 1.0).abs() < 1e-9);
     for point in [&points[points.len() / 2], &points[points.len() - 2]] {
-        let (hz, force) = (number(point, "frequency_hz"), number(point, "force_n"));
+        let (hz, force) = (number(point, "frequency_hz"), number(point, "drive"));
         let arguments = format!(
-            "continue --force-x-n={force} --beta1-deg=30 --beta2-deg=120 --from-hz={} --to-hz={}",
+            "continue --drive=tip.x={force} --angles-deg=30,120 --at=joint1 --from-hz={} --to-hz={}",
             hz - 0.5,
             hz + 0.5
         );
         let branch = document(&arguments);
-        let of = |point: &Value| point["harmonic1_rad"][0].as_f64().unwrap();
+        let of = |point: &Value| point["readings"]["joint1"]["amplitude"].as_f64().unwrap();
         let highest = branch["points"].as_array().unwrap().iter().map(of).fold(0.0, f64::max);
         // No point of the branch is above the peak, which the continuation may miss by a step.
         let ratio = highest / of(point);
@@ -123,23 +125,23 @@ fn a_document_that_the_forced_response_passes_through() {
 fn a_figure_over_the_forced_response() {
     let folder = tempfile::tempdir().unwrap();
     let stem = folder.path().join("backbone");
-    let said = done(&format!("backbone --torque1-nm=60 --plot={}", stem.display()));
+    let said = done(&format!("backbone --drive=joint1=60 --plot={}", stem.display()));
     insta::assert_snapshot!(said.replace(&folder.path().display().to_string(), "."), @r"
-    irb1600-fitted, β1 = 0°, β2 = 60°, mode 1 from 22.157526 Hz: in phase quadrature with a torque at joint 1
+    irb1600-fitted at 0°, 60°, mode 1 from 22.157526 Hz: in phase quadrature with a load at joint1
 
-    softening: -0.093994 Hz (-0.4242 %) at |α1| = 0.274462 rad; at small amplitudes a of α1, df/d(a²) = -1.68246 Hz/rad²
-    written to ./backbone.svg, ./backbone.png, ./backbone.txt, ./backbone-response.csv, ./backbone.csv, ./backbone.json
+    softening: -0.093993 Hz (-0.4242 %) at joint1 2.744624e-1 rad; at small amplitudes a of joint1, df/d(a²) = -1.682464e0 Hz/rad²
+    written to ./backbone.svg, ./backbone.png, ./backbone.txt, ./backbone.csv, ./backbone.json, ./backbone-response.csv
     ");
     let svg = std::fs::read_to_string(stem.with_extension("svg")).unwrap();
-    for words in ["phase quadrature", "unstable", "fold", "response to a torque at joint 1 of 60 N·m"] {
+    for words in ["phase quadrature", "unstable", "fold", "response to 60 N·m at joint1"] {
         assert!(svg.contains(words), "{words}");
     }
     assert!(stem.with_extension("png").exists());
     let read = |ending: &str| std::fs::read_to_string(format!("{}{ending}", stem.display())).unwrap();
     let curve: Value = serde_json::from_str(&read(".json")).unwrap();
     assert_eq!(read(".csv").lines().count(), 1 + curve["points"].as_array().unwrap().len());
-    assert!(read(".csv").lines().next().unwrap().ends_with(",torque1_nm"));
-    assert_eq!(read("-response.csv").lines().filter(|line| line.ends_with(",marginal,fold")).count(), 2);
+    assert!(read(".csv").starts_with("frequency_hz,drive,joint1_largest_rad,"));
+    assert_eq!(read("-response.csv").lines().filter(|line| line.contains(",marginal,fold,")).count(), 2);
 }
 
 /// A figure of branches has its numbers in files beside it, with the inputs; its title states the excitation, but not
@@ -148,24 +150,24 @@ fn a_figure_over_the_forced_response() {
 fn figures_of_branches_have_their_numbers_beside_them() {
     let folder = tempfile::tempdir().unwrap();
     let stem = folder.path().join("branch");
-    let command = "continue --parameter=beta2_deg --torque1-nm=60 --frequency-hz=22 --from-deg=55 --to-deg=60";
+    let command = "continue --parameter=link2.angle_deg --drive=joint1=60 --frequency-hz=22 --from=55 --to=60";
     let said = done(&format!("{command} --curves-in=amplitude --curves-to=50 --plot={}", stem.display()));
     let said = said.replace(&folder.path().display().to_string(), ".");
-    insta::assert_snapshot!(said.lines().last().unwrap(), @"written to ./branch.svg, ./branch.png, ./branch.txt, ./branch.csv, ./branch-curves.svg, ./branch-curves.png, ./branch-curves.txt, ./branch-curves.csv, ./branch.json");
+    insta::assert_snapshot!(said.lines().last().unwrap(), @"written to ./branch.svg, ./branch.png, ./branch.txt, ./branch.csv, ./branch.json, ./branch-curves.svg, ./branch-curves.png, ./branch-curves.txt, ./branch-curves.csv");
     let read = |ending: &str| std::fs::read_to_string(format!("{}{ending}", stem.display())).unwrap();
     let svg = read(".svg");
-    assert!(svg.contains("irb1600-fitted, β₁ = 0°, 60 N·m at joint 1, 22 Hz"), "{svg}");
+    assert!(svg.contains("irb1600-fitted at 0°, …, 60 N·m at joint1, 22 Hz"), "{svg}");
     let document: Value = serde_json::from_str(&read(".json")).unwrap();
     let configuration = &document["configuration"];
-    assert_eq!(configuration["torque_nm"], serde_json::json!([60.0, 0.0]));
-    assert_eq!(configuration["parameters"]["mass2_kg"].as_f64(), Some(50.58));
+    assert_eq!(configuration["drive"], serde_json::json!({ "joint1": 60.0 }));
+    assert_eq!(configuration["structure"]["links"][1]["mass_kg"].as_f64(), Some(50.58));
     assert_eq!(configuration["continue"]["frequency_hz"].as_f64(), Some(22.0));
     let csv = read(".csv");
-    insta::assert_snapshot!(csv.lines().next().unwrap(), @"branch,beta2_deg,frequency_hz,amplitude1_rad,amplitude2_rad,harmonic1_alpha1_rad,harmonic1_alpha2_rad,largest_multiplier,stability,bifurcation");
+    insta::assert_snapshot!(csv.lines().next().unwrap(), @"branch,link2_angle_deg,frequency_hz,drive,largest_multiplier,stability,bifurcation,joint1_largest_rad,joint1_mean_rad,joint1_amplitude_rad,joint1_phase_deg");
     let [points, events] = ["points", "bifurcations"].map(|key| document[key].as_array().unwrap().len());
     assert_eq!((csv.lines().count(), events), (1 + points + events, 2));
-    insta::assert_snapshot!(read("-curves.csv").lines().next().unwrap(), @"curve,kind,beta2_deg,torque1_nm,harmonic1_alpha1_rad,harmonic1_alpha2_rad");
-    assert!(read("-curves.svg").contains("irb1600-fitted, β₁ = 0°, torque at joint 1, 22 Hz"));
+    insta::assert_snapshot!(read("-curves.csv").lines().next().unwrap(), @"curve,kind,link2_angle_deg,amplitude,joint1_amplitude_rad");
+    assert!(read("-curves.svg").contains("irb1600-fitted at 0°, …, driven at joint1, 22 Hz"));
 }
 
 /// The examples at the end of a help text work: each succeeds, and those with a folder or a figure write one.
@@ -195,43 +197,38 @@ fn examples_of_the_help_run() {
 #[test]
 fn help_lists_every_flag() {
     insta::assert_snapshot!(done("backbone -h"), @r"
-    Follows a resonance of the arm, or of a scenario's structure, to larger amplitudes: its frequency,
-    the excitation it needs, whether it hardens or softens
+    Follows a resonance of the structure to larger amplitudes: its frequency, the excitation it needs,
+    whether it hardens or softens
 
     Usage: resonarm backbone [OPTIONS]
 
     Options:
-          --preset <NAME>       Parameter set: irb1600-fitted or irb1600-table1 [default:
-                                irb1600-fitted]
-      -v, --verbose...          Log more: -v for what happens, -vv for every detail
-          --beta1-deg <DEG>     Angle β1 of link 1 against the x axis, degrees [default: 0]
-          --no-title            Leave the title and the line below it out of figures, as papers want
-                                them; the caption in STEM.txt has both
-          --beta2-deg <DEG>     Angle β2 of link 2 against link 1, degrees; 0 is the straight arm
-                                [default: 60]
           --scenario <FILE>     TOML file with the whole scenario, in place of the defaults; flags take
                                 precedence
-          --mode <N>            Linear mode in which the curve begins, from 1, by frequency; the arm has
-                                two [default: 1]
-          --undamped            The nonlinear normal mode without dampers, which takes no excitation
-          --torque1-nm <A>      Amplitude of a torque at joint 1, N·m
-          --force-x-n <A>       Amplitude of a force at point C along x, N
-          --force-y-n <A>       Amplitude of a force at point C along y, N
-          --drive <DOF>         Of a scenario's structure: what is driven, point and axis as tip.x, or a
-                                joint as joint2
-          --amplitude <A>       Amplitude at --drive, N, or N·m at a joint
-          --at <DOF>            Of a structure: where the motion is read, separated by commas [default:
-                                where it is driven]
-          --to <X>              Of a structure: the curve ends where the first of --at reaches this, m,
-                                or rad at a joint, or where the excitation reaches --amplitude
-          --to-rad <RAD>        The curve ends where |α1| or |α2| reaches this, rad, or where the
-                                excitation reaches the amplitude given [default: 0.3]
+      -v, --verbose...          Log more: -v for what happens, -vv for every detail
+          --no-title            Leave the title and the line below it out of figures, as papers want
+                                them; the caption in STEM.txt has both
+          --preset <NAME>       Parameters of the two-link arm: irb1600-fitted or irb1600-table1
+                                [default: irb1600-fitted]
+          --angles-deg <A,B>    Angle of each link of a chain against the link before, degrees, from the
+                                base out; 0 goes straight on [default: 0,60]
+          --set <NAME=X>        Value of a parameter of the structure, as link2.mass_kg=40,
+                                mode1.damping_ratio=0.01 or element1.gap_m=1e-3; may be repeated
+          --mode <N>            Linear mode in which the curve begins, from 1, by frequency [default: 1]
+          --undamped            The nonlinear normal mode without damping, which takes no excitation;
+                                --drive says where one would act
+          --drive <DOF=A>       Load A·sin(2πft) at a degree of freedom, which is a point and an axis,
+                                as tip.x, or a joint, as joint1: N, at a joint N·m; may be repeated, all
+                                in phase
+          --at <DOF>            Where the motion is read, separated by commas [default: where the loads
+                                act]
+          --to <X>              The curve ends where the first of --at reaches this, m, or rad at a
+                                joint, or where the loads reach their amplitudes [default: 0.3 at a
+                                joint]
           --most-harmonics <N>  Most harmonics that a motion may take [default: 64]
           --most-points <N>     Most points of a branch [default: 20000]
           --largest-step <X>    Largest step along a branch, as a fraction of the motion's size
                                 [default: 0.25]
-          --readings            Add what a bench reads at B and C to the points in JSON and CSV: the
-                                fundamental of displacement, velocity and acceleration
           --plot <STEM>         Plot to STEM.svg and STEM.png, over the forced response if an amplitude
                                 of the excitation is given; caption, CSV and JSON beside them, of the
                                 forced response STEM-response.csv
@@ -249,22 +246,26 @@ fn bad_input_is_refused() {
         assert!(output.stdout.is_empty());
         text(&output.stderr)
     };
-    insta::assert_snapshot!(says(2, "backbone --mode=3"), @"resonarm: --mode is 3: the arm has modes 1 and 2");
-    insta::assert_snapshot!(says(2, "backbone --to-rad=0"), @"resonarm: --to-rad is 0: it must be above 0 and at most 3.1416 rad");
-    insta::assert_snapshot!(says(2, "backbone --to-rad=NaN"), @r"
-    error: invalid value 'NaN' for '--to-rad <RAD>': it must be a finite number
+    insta::assert_snapshot!(says(2, "backbone --mode=3"), @"resonarm: along the backbone: there is no mode 3: the structure has modes 1 to 2");
+    insta::assert_snapshot!(says(2, "backbone --to=0"), @"resonarm: --to is 0: it must be a positive number");
+    insta::assert_snapshot!(says(2, "backbone --to=NaN"), @r"
+    error: invalid value 'NaN' for '--to <X>': it must be a finite number
 
     For more information, try '--help'.
     ");
-    insta::assert_snapshot!(says(2, "backbone --torque1-nm=0"), @"resonarm: the excitation's amplitude, of --torque1-nm or --force-x-n and --force-y-n, is 0: it must be a finite number other than 0");
-    insta::assert_snapshot!(says(2, "backbone --force-x-n=NaN"), @r"
-    error: invalid value 'NaN' for '--force-x-n <A>': it must be a finite number
+    insta::assert_snapshot!(says(2, "backbone --drive=joint1=0"), @r"
+    error: invalid value 'joint1=0' for '--drive <DOF=A>': the amplitude is 0: it must be another number
+
+    For more information, try '--help'.
+    ");
+    insta::assert_snapshot!(says(2, "backbone --drive=tip.x=NaN"), @r"
+    error: invalid value 'tip.x=NaN' for '--drive <DOF=A>': it must be a finite number
 
     For more information, try '--help'.
     ");
     insta::assert_snapshot!(says(2, "backbone --largest-step=0"), @"resonarm: --largest-step is 0: it must be from 0.000001 to 1");
     insta::assert_snapshot!(says(2, "backbone --preset=none"), @"resonarm: there is no preset `none`: the presets are irb1600-table1, irb1600-fitted");
-    insta::assert_snapshot!(says(2, "backbone --to-rad=0.01 --plot=/no/such/folder/stem"), @"resonarm: can't write /no/such/folder/stem.svg: No such file or directory (os error 2); check that the folder exists and that you may write there");
+    insta::assert_snapshot!(says(2, "backbone --to=0.01 --plot=/no/such/folder/stem"), @"resonarm: can't write /no/such/folder/stem.svg: No such file or directory (os error 2); check that the folder exists and that you may write there");
 }
 
 /// The result so far is printed, the reason for the early end reported, and the exit code is that of a negative
@@ -277,31 +278,31 @@ fn partial(arguments: &str) -> (String, String) {
 
 #[test]
 fn a_curve_that_ends_early_is_kept() {
-    let (table, reason) = partial("backbone --most-points=5");
+    let (table, reason) = partial("backbone --at=joint1,joint2 --most-points=5");
     insta::assert_snapshot!(table, @r"
-    irb1600-fitted, β1 = 0°, β2 = 60°, mode 1 from 22.157526 Hz: in phase quadrature with a torque at joint 1
+    irb1600-fitted at 0°, 60°, mode 1 from 22.157526 Hz: in phase quadrature with a load at joint1
 
-      frequency Hz   largest |α1| rad   largest |α2| rad            N·m
-         22.157526         0.00078754         0.00061679         0.1591
-         22.157525         0.00098446         0.00077113         0.1989
-         22.157524         0.00123061         0.00096412         0.2486
-         22.157523         0.00153832         0.00120548         0.3108
-         22.157521         0.00192299         0.00150737         0.3885
+      frequency Hz   largest joint1 rad   largest joint2 rad            N·m
+         22.157525          1.000127e-3          7.834124e-4         0.2021
+         22.157524          1.250198e-3          9.794844e-4         0.2526
+         22.157523          1.562809e-3          1.224697e-3         0.3157
+         22.157520          1.953607e-3          1.531405e-3         0.3947
+         22.157517          2.442158e-3          1.915090e-3         0.4933
 
-    softening: -0.000005 Hz (-0.0000 %) at |α1| = 0.001923 rad; at small amplitudes a of α1, df/d(a²) = -1.68247 Hz/rad²
+    softening: -0.000008 Hz (-0.0000 %) at joint1 2.442158e-3 rad; at small amplitudes a of joint1, df/d(a²) = -1.682467e0 Hz/rad²
     ");
-    insta::assert_snapshot!(reason, @"resonarm: along the backbone: the branch has more than 5 points and has come to 22.157521 Hz; try to allow more points or larger steps (--most-points, --largest-step); the 5 motions before that are in the results");
+    insta::assert_snapshot!(reason, @"resonarm: along the backbone: the branch has more than 5 points and has come to 22.157517 Hz; try to allow more points or larger steps (--most-points, --largest-step); the 5 motions before that are in the results");
     let (document, reason) = partial("backbone --most-harmonics=3 --json");
-    insta::assert_snapshot!(reason, @"resonarm: along the backbone: at 22.157517 Hz the motion needs more than 3 harmonics; try to allow more, or less excitation (--most-harmonics); the 5 motions before that are in the results");
+    insta::assert_snapshot!(reason, @"resonarm: along the backbone: at 22.157517 Hz the motion needs more than 3 harmonics; try to allow more, or less excitation (--most-harmonics); the 4 motions before that are in the results");
     let document: Value = serde_json::from_str(&document).unwrap();
-    assert_eq!(document["points"].as_array().unwrap().len(), 5);
+    assert_eq!(document["points"].as_array().unwrap().len(), 4);
     assert_eq!(format!("resonarm: {}", document["ended_early"][0].as_str().unwrap()), reason);
 }
 
 /// A branch that ends early has the first motions and bifurcations of the whole one, and its figure is drawn.
 #[test]
 fn a_branch_that_ends_early_is_kept() {
-    let command = "continue --torque1-nm=60 --from-hz=21 --to-hz=23";
+    let command = "continue --drive=joint1=60 --from-hz=21 --to-hz=23";
     let whole = document(command);
     assert!(whole["ended_early"].is_null());
     let folder = tempfile::tempdir().unwrap();
@@ -313,18 +314,18 @@ fn a_branch_that_ends_early_is_kept() {
     assert_eq!(early["bifurcations"], whole["bifurcations"]);
     assert!(stem.with_extension("png").exists());
     let (summary, _) = partial(&format!("{command} --most-points=10"));
-    assert!(summary.starts_with("branch: 10 motions, 0 of them unstable"), "{summary}");
+    assert!(summary.starts_with("10 motions, 0 of them unstable"), "{summary}");
 }
 
 /// Curves of folds that end early do not change the branch; each is kept as far as it came.
 #[test]
 fn curves_that_end_early_leave_the_branch() {
-    let command = "continue --torque1-nm=60 --from-hz=21 --to-hz=23 --curves-in=amplitude --curves-to=5";
+    let command = "continue --drive=joint1=60 --from-hz=21 --to-hz=23 --curves-in=amplitude --curves-to=5";
     let (early, reason) = partial(&format!("{command} --most-points=60 --json"));
     insta::assert_snapshot!(reason, @r"
     resonarm: along frequency_hz: the branch has more than 60 points and has come to 22.244301 Hz; try to allow more points or larger steps (--most-points, --largest-step); the 60 motions before that are in the results
-    resonarm: along torque1_nm: the branch has more than 60 points and has come to 24.192237 N·m; try to allow more points or larger steps (--most-points, --largest-step); the 60 motions before that are in the results
-    resonarm: along torque1_nm: the branch has more than 60 points and has come to 24.506233 N·m; try to allow more points or larger steps (--most-points, --largest-step); the 60 motions before that are in the results
+    resonarm: along amplitude: the branch has more than 60 points and has come to 24.192237 N·m; try to allow more points or larger steps (--most-points, --largest-step); the 60 motions before that are in the results
+    resonarm: along amplitude: the branch has more than 60 points and has come to 24.506233 N·m; try to allow more points or larger steps (--most-points, --largest-step); the 60 motions before that are in the results
     ");
     let early: Value = serde_json::from_str(&early).unwrap();
     assert_eq!(early["ended_early"].as_array().unwrap().len(), reason.lines().count());
@@ -335,28 +336,28 @@ fn curves_that_end_early_leave_the_branch() {
 /// continuation ended early, and what to try.
 #[test]
 fn continue_reports_its_failures() {
-    assert!(done("continue --torque1-nm=60 --from-hz=3 --to-hz=10").contains("0 of them unstable"));
+    assert!(done("continue --drive=joint1=60 --from-hz=3 --to-hz=10").contains("0 of them unstable"));
     let says = |code, arguments: &str| {
         let output = resonarm(&format!("continue {arguments}"));
         assert_eq!(output.status.code(), Some(code), "{arguments}: {}", text(&output.stderr));
         text(&output.stderr)
     };
-    insta::assert_snapshot!(says(2, "--torque1-nm=60 --from-hz=22 --to-hz=22"), @"resonarm: along frequency_hz: the interval from 22 to 22 Hz can't be walked: both ends must be numbers, different, and inside the positive frequencies");
-    insta::assert_snapshot!(says(2, "--torque1-nm=60 --from-hz=-1 --to-hz=22"), @"resonarm: along frequency_hz: the interval from -1 to 22 Hz can't be walked: both ends must be numbers, different, and inside the positive frequencies");
-    insta::assert_snapshot!(says(2, "--torque1-nm=60 --from-hz=22 --to-hz=NaN"), @r"
+    insta::assert_snapshot!(says(2, "--drive=joint1=60 --from-hz=22 --to-hz=22"), @"resonarm: along frequency_hz: the interval from 22 to 22 Hz can't be walked: both ends must be numbers, different, and inside the positive frequencies");
+    insta::assert_snapshot!(says(2, "--drive=joint1=60 --from-hz=-1 --to-hz=22"), @"resonarm: along frequency_hz: the interval from -1 to 22 Hz can't be walked: both ends must be numbers, different, and inside the positive frequencies");
+    insta::assert_snapshot!(says(2, "--drive=joint1=60 --from-hz=22 --to-hz=NaN"), @r"
     error: invalid value 'NaN' for '--to-hz <F>': it must be a finite number
 
     For more information, try '--help'.
     ");
-    insta::assert_snapshot!(says(2, "--torque1-nm=60 --from-hz=21"), @"resonarm: --parameter frequency needs its interval: --from-hz a --to-hz b");
-    insta::assert_snapshot!(says(2, "--torque1-nm=60 --from-hz=21 --to-hz=22 --to-deg=3"), @"resonarm: --to-deg is not for --parameter frequency: its interval is --from-hz a --to-hz b");
-    insta::assert_snapshot!(says(2, "--torque1-nm=60 --from-hz=21 --to-hz=22 --frequency-hz=3"), @"resonarm: --frequency-hz is for runs in another parameter: leave it out");
-    insta::assert_snapshot!(says(2, "--from-hz=21 --to-hz=22"), @"resonarm: give the excitation: --torque1-nm A, or --force-x-n A and --force-y-n A");
-    insta::assert_snapshot!(says(2, "--parameter=amplitude --torque1-nm=60 --frequency-hz=22 --from-nm=1 --to-nm=2"), @"resonarm: the amplitude is what varies: leave --torque1-nm out");
-    insta::assert_snapshot!(says(2, "--parameter=amplitude --from-nm=1 --to-nm=2"), @"resonarm: --frequency-hz is missing: it must be a positive number");
-    insta::assert_snapshot!(says(2, "--parameter=wind --torque1-nm=60"), @"resonarm: --parameter is `wind`: it must be one of frequency, amplitude, beta1_deg, beta2_deg, inertia1_kg_m2, inertia2_kg_m2, mass2_kg, length1_m, length2_m, centre2_m, stiffness1_nm_rad, stiffness2_nm_rad, damping1_nm_s_rad, damping2_nm_s_rad");
-    insta::assert_snapshot!(says(2, "--parameter=mass2_kg --torque1-nm=60 --frequency-hz=22 --from=36 --to=-1"), @"resonarm: along mass2_kg: the interval from 36 to -1 kg can't be walked: both ends must be numbers, different, and inside the range of the parameter");
-    insta::assert_snapshot!(says(1, "--torque1-nm=600000 --from-hz=21 --to-hz=22"), @"resonarm: along frequency_hz: no solution at 21.000000 Hz: Newton's method did not converge; try to start elsewhere, away from a resonance, or with less excitation");
-    insta::assert_snapshot!(says(1, "--torque1-nm=60 --from-hz=21 --to-hz=23 --most-harmonics=4"), @"resonarm: along frequency_hz: at 22.062334 Hz the motion needs more than 4 harmonics; try to allow more, or less excitation (--most-harmonics); the 14 motions before that are in the results");
-    insta::assert_snapshot!(says(1, "--torque1-nm=60 --from-hz=21 --to-hz=23 --most-points=10"), @"resonarm: along frequency_hz: the branch has more than 10 points and has come to 21.868289 Hz; try to allow more points or larger steps (--most-points, --largest-step); the 10 motions before that are in the results");
+    insta::assert_snapshot!(says(2, "--drive=joint1=60 --from-hz=21"), @"resonarm: --parameter frequency needs its interval: --from-hz a --to-hz b");
+    insta::assert_snapshot!(says(2, "--drive=joint1=60 --from-hz=21 --to-hz=22 --to=3"), @"resonarm: --to is not for --parameter frequency: its interval is --from-hz a --to-hz b");
+    insta::assert_snapshot!(says(2, "--drive=joint1=60 --from-hz=21 --to-hz=22 --frequency-hz=3"), @"resonarm: --frequency-hz is for runs in another parameter: leave it out");
+    insta::assert_snapshot!(says(2, "--from-hz=21 --to-hz=22"), @"resonarm: the excitation is missing: give it by --drive DOF=A, with DOF one of joint2.x, joint2.y, tip.x, tip.y, joint1, joint2");
+    insta::assert_snapshot!(says(2, "--parameter=amplitude --drive=joint1=60 --frequency-hz=22 --from=1 --to=2"), @"resonarm: the amplitude is what varies: give --drive joint1 without one");
+    insta::assert_snapshot!(says(2, "--parameter=amplitude --drive=joint1 --from=1 --to=2"), @"resonarm: --frequency-hz is missing: it must be a positive number");
+    insta::assert_snapshot!(says(2, "--parameter=wind --drive=joint1=60"), @"resonarm: --parameter wind: there is no parameter `wind` in this structure: there are link1.length_m, link1.mass_kg, link1.centre_of_mass_m, link1.centre_of_mass_off_m, link1.inertia_kg_m2, link1.angle_deg, link1.stiffness_nm_rad, link1.damping_nm_s_rad, link2.length_m, link2.mass_kg, link2.centre_of_mass_m, link2.centre_of_mass_off_m, link2.inertia_kg_m2, link2.angle_deg, link2.stiffness_nm_rad, link2.damping_nm_s_rad, gravity_m_s2; or frequency, or amplitude");
+    insta::assert_snapshot!(says(2, "--parameter=link2.mass_kg --drive=joint1=60 --frequency-hz=22 --from=36 --to=-1"), @"resonarm: along link2.mass_kg: the interval from 36 to -1 kg can't be walked: both ends must be numbers, different, and inside the range of the parameter");
+    insta::assert_snapshot!(says(1, "--drive=joint1=600000 --from-hz=21 --to-hz=22"), @"resonarm: along frequency_hz: no solution at 21.000000 Hz: Newton's method did not converge; try to start elsewhere, away from a resonance, or with less excitation");
+    insta::assert_snapshot!(says(1, "--drive=joint1=60 --from-hz=21 --to-hz=23 --most-harmonics=4"), @"resonarm: along frequency_hz: at 22.062334 Hz the motion needs more than 4 harmonics; try to allow more, or less excitation (--most-harmonics); the 14 motions before that are in the results");
+    insta::assert_snapshot!(says(1, "--drive=joint1=60 --from-hz=21 --to-hz=23 --most-points=10"), @"resonarm: along frequency_hz: the branch has more than 10 points and has come to 21.868289 Hz; try to allow more points or larger steps (--most-points, --largest-step); the 10 motions before that are in the results");
 }

@@ -22,13 +22,13 @@ fn scenario(text: &str) -> String {
 #[test]
 fn arms_that_cannot_be() {
     assert_snapshot!(complaint(here(), 2, &["modes", "--preset", "irb140"]), @"resonarm: there is no preset `irb140`: the presets are irb1600-table1, irb1600-fitted");
-    assert_snapshot!(complaint(here(), 2, &["modes", "--beta2-deg", "nan"]), @r"
-    error: invalid value 'nan' for '--beta2-deg <DEG>': it must be a finite number
+    assert_snapshot!(complaint(here(), 2, &["modes", "--angles-deg", "0,nan"]), @r"
+    error: invalid value 'nan' for '--angles-deg <A,B>': it must be a finite number
 
     For more information, try '--help'.
     ");
-    assert_snapshot!(complaint(here(), 2, &["simulate", "--beta1-deg", "inf", "--duration-s", "1"]), @r"
-    error: invalid value 'inf' for '--beta1-deg <DEG>': it must be a finite number
+    assert_snapshot!(complaint(here(), 2, &["simulate", "--angles-deg", "inf,0", "--duration-s", "1"]), @r"
+    error: invalid value 'inf' for '--angles-deg <A,B>': it must be a finite number
 
     For more information, try '--help'.
     ");
@@ -62,11 +62,11 @@ fn rates_and_times_that_cannot_be() {
     assert_snapshot!(complaint(here(), 2, &["simulate", "--duration-s", "-1"]), @"resonarm: --duration-s is -1: it must be a positive number");
     assert_snapshot!(complaint(here(), 2, &["simulate", "--rate-hz", "1000", "--duration-s", "0.0015"]), @"resonarm: --duration-s 0.0015 is 1.5 steps at 1000 Hz, not a whole number: take 0.002, or another rate");
     assert_snapshot!(complaint(here(), 2, &["simulate", "--initial", "nan,0,0,0", "--duration-s", "1"]), @r"
-    error: invalid value 'nan' for '--initial <α1,α2,α̇1,α̇2>': it must be a finite number
+    error: invalid value 'nan' for '--initial <Q,V>': it must be a finite number
 
     For more information, try '--help'.
     ");
-    assert_snapshot!(complaint(here(), 2, &["simulate", "--force-x-n", "1", "--duration-s", "1"]), @"resonarm: --frequency-hz is 0: an excitation A·sin(2πft) needs a positive frequency");
+    assert_snapshot!(complaint(here(), 2, &["simulate", "--drive", "tip.x=1", "--duration-s", "1"]), @"resonarm: --frequency-hz is 0: an excitation A·sin(2πft) needs a positive frequency");
     assert_snapshot!(complaint(here(), 2, &["simulate", "--scheme", "euler", "--duration-s", "1"]), @"resonarm: there is no integration scheme `euler`: the schemes are rk4, dop853, gl4, gl6, exponential, exponential8");
 }
 
@@ -117,7 +117,7 @@ fn scenarios_beyond_the_limits() {
     assert_snapshot!(complaint(here(), 2, &run), @"resonarm: the speed is 1e-300: a sample would take 1.000e297 s, and at most half of `network.lockstep_timeout_s` (1 s) is possible, or each end takes the other for lost; the speed must be at least 2.0e-3");
     let run = ["run", "--bus", "memory", "--patience-s", "-1e300"];
     assert_snapshot!(complaint(here(), 2, &run), @"resonarm: --patience-s is -1e300: cannot convert float seconds to Duration: value is negative; it is a time in seconds, 0 or more");
-    assert_snapshot!(complaint(here(), 2, &["backbone", "--to-rad", "1e300"]), @"resonarm: --to-rad is 1e300: it must be above 0 and at most 3.1416 rad");
+    assert_snapshot!(complaint(here(), 2, &["backbone", "--to=-1e300"]), @"resonarm: --to is -1e300: it must be a positive number");
     assert_snapshot!(complaint(here(), 2, &["simulate", "--duration-s", "1e15"]), @"resonarm: --duration-s 1e15 is 2e18 steps at 2000 Hz: at most 10000000000 are possible; take a shorter time or a lower rate");
 }
 
@@ -193,43 +193,48 @@ fn invalid_words() {
     For more information, try '--help'.
     ");
     assert_snapshot!(complaint(here(), 2, &["run", "--bus", "vcan0", "--priority", "0"]), @"resonarm: the real-time priority is 0; it must be from 1 to 99");
-    assert_snapshot!(complaint(here(), 2, &["simulate", "--initial", "1,2", "--duration-s", "1"]), @"resonarm: --initial has 2 numbers: it needs four, α1,α2,α̇1,α̇2 in rad and rad/s");
+    assert_snapshot!(complaint(here(), 2, &["simulate", "--initial", "1,2", "--duration-s", "1"]), @"resonarm: --initial has 2 numbers: give 4, alpha1_rad, alpha2_rad, alpha1_dot_rad_s, alpha2_dot_rad_s");
 }
 
 #[test]
-fn invalid_ranges_of_poses() {
-    assert_snapshot!(complaint(here(), 2, &["modes", "--from-beta2-deg", "30", "--to-beta2-deg", "-30"]), @"resonarm: --from-beta2-deg 30 --to-beta2-deg -30: the poses must rise from one angle to the other, within -360 to 360");
-    assert_snapshot!(complaint(here(), 2, &["modes", "--from-beta2-deg", "0", "--to-beta2-deg", "90", "--points", "1"]), @r"
+fn invalid_ranges_of_a_parameter() {
+    let over = |more: &str| {
+        let all: Vec<&str> = ["modes", "--over", "link2.angle_deg"].into_iter().chain(more.split(' ')).collect();
+        complaint(here(), 2, &all)
+    };
+    assert_snapshot!(over("--from 30 --to 30"), @"resonarm: --from 30 --to 30: the ends must be different");
+    assert_snapshot!(over("--from 0 --to 400"), @"resonarm: --over link2.angle_deg: link 2: `angle_deg` is 362.22222222222223: it must be a number from -360 to 360 degrees");
+    assert_snapshot!(over("--from 0 --to 90 --points 1"), @r"
     error: invalid value '1' for '--points <N>': 1 is not in 2..=1000000
 
     For more information, try '--help'.
     ");
-    assert_snapshot!(complaint(here(), 2, &["modes", "--from-beta2-deg", "0", "--to-beta2-deg", "inf"]), @r"
-    error: invalid value 'inf' for '--to-beta2-deg <DEG>': it must be a finite number
+    assert_snapshot!(over("--from 0 --to inf"), @r"
+    error: invalid value 'inf' for '--to <X>': it must be a finite number
 
     For more information, try '--help'.
     ");
-    assert_snapshot!(complaint(here(), 2, &["modes", "--from-beta2-deg", "0"]), @r"
+    assert_snapshot!(over("--from 0"), @r"
     error: the following required arguments were not provided:
-      --to-beta2-deg <DEG>
+      --to <X>
 
-    Usage: resonarm modes --from-beta2-deg <DEG> --to-beta2-deg <DEG>
-
-    For more information, try '--help'.
-    ");
-    assert_snapshot!(complaint(here(), 2, &["modes", "--from-beta2-deg", "0", "--to-beta2-deg", "9", "--beta2-deg", "3"]), @r"
-    error: the argument '--from-beta2-deg <DEG>' cannot be used with '--beta2-deg <DEG>'
-
-    Usage: resonarm modes --from-beta2-deg <DEG> --to-beta2-deg <DEG>
+    Usage: resonarm modes --over <NAME> --from <X> --to <X>
 
     For more information, try '--help'.
     ");
+    assert_snapshot!(complaint(here(), 2, &["modes", "--over", "beta2", "--from", "0", "--to", "9"]), @"resonarm: --over: there is no parameter `beta2` in this structure: there are link1.length_m, link1.mass_kg, link1.centre_of_mass_m, link1.centre_of_mass_off_m, link1.inertia_kg_m2, link1.angle_deg, link1.stiffness_nm_rad, link1.damping_nm_s_rad, link2.length_m, link2.mass_kg, link2.centre_of_mass_m, link2.centre_of_mass_off_m, link2.inertia_kg_m2, link2.angle_deg, link2.stiffness_nm_rad, link2.damping_nm_s_rad, gravity_m_s2");
     assert_snapshot!(complaint(here(), 2, &["modes", "--plot", "modes"]), @r"
     error: the following required arguments were not provided:
-      --to-beta2-deg <DEG>
-      --from-beta2-deg <DEG>
+      --from <X>
+      --to <X>
+      --over <NAME>
 
-    Usage: resonarm modes --to-beta2-deg <DEG> --from-beta2-deg <DEG> --plot <STEM>
+    Usage: resonarm modes --from <X> --to <X> --over <NAME> --plot <STEM>
+
+    For more information, try '--help'.
+    ");
+    assert_snapshot!(complaint(here(), 2, &["modes", "--set", "link2.mass_kg"]), @r"
+    error: invalid value 'link2.mass_kg' for '--set <NAME=X>': it must be a name with a number, NAME=X
 
     For more information, try '--help'.
     ");
@@ -248,16 +253,28 @@ fn invalid_responses() {
 
     For more information, try '--help'.
     ");
-    assert_snapshot!(complaint(here(), 2, &["frf", "--response", "elbow"]), @"resonarm: --response elbow: there is no response `elbow`: it must be one of alpha1, alpha2, b-x, b-y, c-x, c-y");
+    assert_snapshot!(complaint(here(), 2, &["frf", "--at", "elbow"]), @"resonarm: --at elbow: there is no `elbow` in this structure: there are joint2.x, joint2.y, tip.x, tip.y, joint1, joint2");
 }
 
 #[test]
 fn curves_that_cannot_be() {
     let with = |name| {
-        ["continue", "--torque1-nm", "60", "--from-hz", "21", "--to-hz", "23", "--curves-in", name, "--curves-to", "90"]
+        [
+            "continue",
+            "--drive",
+            "joint1=60",
+            "--from-hz",
+            "21",
+            "--to-hz",
+            "23",
+            "--curves-in",
+            name,
+            "--curves-to",
+            "90",
+        ]
     };
     assert_snapshot!(complaint(here(), 2, &with("frequency")), @"resonarm: --curves-in frequency is what the branch is followed in already: name another parameter");
-    assert_snapshot!(complaint(here(), 2, &with("beta2")), @"resonarm: --curves-in is `beta2`: it must be one of frequency, amplitude, beta1_deg, beta2_deg, inertia1_kg_m2, inertia2_kg_m2, mass2_kg, length1_m, length2_m, centre2_m, stiffness1_nm_rad, stiffness2_nm_rad, damping1_nm_s_rad, damping2_nm_s_rad");
+    assert_snapshot!(complaint(here(), 2, &with("beta2")), @"resonarm: --curves-in beta2: there is no parameter `beta2` in this structure: there are link1.length_m, link1.mass_kg, link1.centre_of_mass_m, link1.centre_of_mass_off_m, link1.inertia_kg_m2, link1.angle_deg, link1.stiffness_nm_rad, link1.damping_nm_s_rad, link2.length_m, link2.mass_kg, link2.centre_of_mass_m, link2.centre_of_mass_off_m, link2.inertia_kg_m2, link2.angle_deg, link2.stiffness_nm_rad, link2.damping_nm_s_rad, gravity_m_s2; or frequency, or amplitude");
 }
 
 /// A disk that is full, here a limit of the size of files: nothing is left under a name that promises a whole file.
@@ -269,7 +286,7 @@ fn a_full_disk_leaves_no_half_of_a_file() {
     let commands: [&[&str]; 5] = [
         &["export", "run.mcap", "--to", "csv", "--out", "out"],
         &["inspect", "run.mcap", "--plot", "seen"],
-        &["continue", "--torque1-nm", "60", "--from-hz", "21", "--to-hz", "23", "--plot", "branch"],
+        &["continue", "--drive", "joint1=60", "--from-hz", "21", "--to-hz", "23", "--plot", "branch"],
         &["cut", "run.mcap", "part.mcap", "--to-s", "0.9"],
         &["quickstart", "bench"],
     ];

@@ -48,7 +48,7 @@ fn joined_sections_are_the_whole() {
     let said =
         |arguments: &[&str]| complaint(folder.path(), 2, &[&["merge"], arguments, &["--out", "new.mcap"]].concat());
     assert_snapshot!(said(&["b.mcap", "a.mcap"]), @"resonarm: recording `a.mcap` can't be joined to the one before it: it has samples from 0 on, expected later ones than 200");
-    run(folder.path(), "run --mode free --duration-s 0.05 --beta2-deg 30 --record other.mcap");
+    run(folder.path(), "run --mode free --duration-s 0.05 --angles-deg 0,30 --record other.mcap");
     assert_snapshot!(said(&["a.mcap", "other.mcap"]), @"resonarm: recording `other.mcap` can't be joined to the one before it: it has another configuration, which `diff` tells, expected the same");
     run(folder.path(), "run --mode free --duration-s 0.05 --rate-hz 500 --record slow.mcap");
     assert_snapshot!(said(&["a.mcap", "slow.mcap"]), @"resonarm: recording `slow.mcap` can't be joined to the one before it: it has 0.002 s from sample to sample, expected 0.001 s from sample to sample");

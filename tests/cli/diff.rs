@@ -13,7 +13,17 @@ use crate::{complaint, document, resonarm};
 
 /// Records a run.
 fn record(folder: &Path, name: &str, duration_s: &str, beta2_deg: &str) {
-    let run = ["run", "--mode", "free", "--duration-s", duration_s, "--beta2-deg", beta2_deg, "--record", name];
+    let run = [
+        "run",
+        "--mode",
+        "free",
+        "--duration-s",
+        duration_s,
+        "--angles-deg",
+        &format!("0,{beta2_deg}"),
+        "--record",
+        name,
+    ];
     assert_eq!(resonarm(folder, &run).code, 0);
 }
 

@@ -22,8 +22,9 @@ fn preset(case: &Value) -> &'static str {
 fn modes_are_those_of_the_oracles() {
     for case in oracles("modes") {
         let beta2 = case["beta2_deg"].to_string();
-        let got = document(here(), 0, &["modes", "--preset", preset(&case), "--beta2-deg", &beta2, "--json"]);
-        assert_eq!(names(&got), ["configuration", "modes"]);
+        let got =
+            document(here(), 0, &["modes", "--preset", preset(&case), "--angles-deg", &format!("0,{beta2}"), "--json"]);
+        assert_eq!(names(&got), ["configuration", "coordinates", "modes"]);
         let modes = got["modes"].as_array().unwrap();
         assert_eq!(modes.len(), 2);
         for (i, mode) in modes.iter().enumerate() {
@@ -43,16 +44,18 @@ fn modes_are_those_of_the_oracles() {
 #[test]
 fn modes_over_beta2_are_those_of_the_oracles() {
     for preset_name in ["irb1600-table1", "irb1600-fitted"] {
-        let range =
-            ["modes", "--preset", preset_name, "--from-beta2-deg", "-150", "--to-beta2-deg", "150", "--points", "11"];
+        let over = ["--over", "link2.angle_deg", "--from", "-150", "--to", "150", "--points", "11"];
+        let range = [&["modes", "--preset", preset_name], &over[..]].concat();
         let got = document(here(), 0, &[range.as_slice(), &["--json"]].concat());
-        let poses = got["poses"].as_array().unwrap();
-        assert_eq!((names(&got), poses.len()), (vec!["configuration", "poses"], 11));
-        let configuration = &got["configuration"];
-        assert_eq!((&configuration["preset"], configuration["beta1_deg"].as_f64()), (&preset_name.into(), Some(0.0)));
+        let poses = got["points"].as_array().unwrap();
+        assert_eq!((names(&got), poses.len()), (vec!["configuration", "coordinates", "over", "points"], 11));
+        assert_eq!(
+            (&got["over"], &got["configuration"]["structure"]["preset"]),
+            (&"link2.angle_deg".into(), &preset_name.into())
+        );
         let mut compared = 0;
         for case in oracles("modes").iter().filter(|case| preset(case) == preset_name) {
-            let pose = poses.iter().find(|pose| pose["beta2_deg"].as_f64() == case["beta2_deg"].as_f64()).unwrap();
+            let pose = poses.iter().find(|pose| pose["value"].as_f64() == case["beta2_deg"].as_f64()).unwrap();
             for (i, mode) in pose["modes"].as_array().unwrap().iter().enumerate() {
                 let (got, expected) =
                     (mode["frequency_hz"].as_f64().unwrap(), case["frequency_hz"][i].as_f64().unwrap());
@@ -61,20 +64,24 @@ fn modes_over_beta2_are_those_of_the_oracles() {
             compared += 1;
         }
         assert_eq!(compared, 6);
-        // β2 and −β2 mirror each other.
-        assert_eq!(poses[0]["modes"], poses[10]["modes"]);
+        // An angle and its opposite mirror each other.
+        for key in ["frequency_hz", "damping_ratio"] {
+            let [first, last] = [0, 10].map(|k: usize| poses[k]["modes"][1][key].as_f64().unwrap());
+            assert!((first / last - 1.0).abs() < 1e-12, "{key}: {first} {last}");
+        }
 
         let folder = tempfile::tempdir().unwrap();
         let csv = crate::resonarm(folder.path(), &range);
         let mut lines = csv.stdout.lines();
         let header = lines.next().unwrap();
         assert!(
-            header.starts_with("beta2_deg,frequency1_hz,damping_ratio1,shape1_alpha1,shape1_alpha2,frequency2_hz,")
+            header
+                .starts_with("link2_angle_deg,frequency1_hz,damping_ratio1,shape1_alpha1,shape1_alpha2,frequency2_hz,")
         );
         for (line, pose) in lines.by_ref().zip(poses) {
             let values: Vec<f64> = line.split(',').map(|value| value.parse().unwrap()).collect();
             let modes = &pose["modes"];
-            let expected = [&pose["beta2_deg"], &modes[0]["frequency_hz"], &modes[0]["damping_ratio"]];
+            let expected = [&pose["value"], &modes[0]["frequency_hz"], &modes[0]["damping_ratio"]];
             let near = |got: f64, expected: &Value| (got - expected.as_f64().unwrap()).abs() <= 1e-14 * got.abs();
             assert!(values.iter().zip(expected).all(|(got, expected)| near(*got, expected)), "{line} {pose}");
             assert!(values.len() == 9 && near(values[5], &modes[1]["frequency_hz"]), "{line} {pose}");
@@ -99,14 +106,16 @@ fn plots_beside_its_data(folder: &std::path::Path, command: &[&str], csv: &str, 
 #[test]
 fn a_plotted_response_leaves_standard_output_readable() {
     let folder = tempfile::tempdir().unwrap();
-    let csv = crate::resonarm(folder.path(), &["frf"]).stdout;
-    plots_beside_its_data(folder.path(), &["frf"], &csv, &document(folder.path(), 0, &["frf", "--json"]));
+    let frf = ["frf", "--drive", "joint1", "--at", "joint1,joint2,joint2.y,tip.x,tip.y"];
+    let csv = crate::resonarm(folder.path(), &frf).stdout;
+    let with_json = document(folder.path(), 0, &[&frf[..], &["--json"]].concat());
+    plots_beside_its_data(folder.path(), &frf, &csv, &with_json);
     // One unit per axis: rad and m are separate.
     let svg = std::fs::read_to_string(folder.path().join("figure.svg")).unwrap();
     let axes = ["receptance (rad per N·m)", "receptance (m per N·m)", "phase (°)"];
     assert!(axes.iter().all(|axis| svg.contains(&format!(">{axis}<"))), "{svg}");
     // Every response is in the legend of its modulus and in that of the phases.
-    for response in ["α₁", "α₂", "B y", "C x", "C y"] {
+    for response in ["joint1", "joint2", "joint2.y", "tip.x", "tip.y"] {
         assert_eq!(svg.matches(&format!(">{response}<")).count(), 2, "{response}");
     }
 }
@@ -115,7 +124,7 @@ fn a_plotted_response_leaves_standard_output_readable() {
 /// modulus is 1/√2 of it.
 #[test]
 fn default_frequencies_meet_the_peaks() {
-    let drive = ["frf", "--drive", "force-x", "--quantity", "accelerance", "--response", "c-x"];
+    let drive = ["frf", "--drive", "tip.x", "--quantity", "accelerance"];
     let got = document(here(), 0, &[drive.as_slice(), &["--json"]].concat());
     let modulus = |at: &Value| libm::hypot(at[0].as_f64().unwrap(), at[1].as_f64().unwrap());
     let values = got["responses"][0]["value"].as_array().unwrap();
@@ -132,19 +141,19 @@ fn default_frequencies_meet_the_peaks() {
 /// torque over the stiffness of the joint, and B moves by l1 α1, along y with link 1 along x.
 #[test]
 fn responses_have_their_units() {
-    let range = ["frf", "--from-hz", "0", "--to-hz", "60", "--points", "7", "--response", "alpha1,b-y"];
+    let range = ["frf", "--from-hz", "0", "--to-hz", "60", "--points", "7", "--at", "joint1,joint2.y"];
     let got = document(here(), 0, &[range.as_slice(), &["--json"]].concat());
-    let expected = ["configuration", "drive", "frequency_hz", "quantity", "responses"];
+    let expected = ["configuration", "coordinates", "drive", "frequency_hz", "quantity", "responses"];
     assert_eq!(names(&got), expected);
     let curves = got["responses"].as_array().unwrap();
-    let said = curves.iter().map(|curve| (curve["response"].as_str().unwrap(), curve["unit"].as_str().unwrap()));
-    assert_eq!(said.collect::<Vec<_>>(), [("alpha1", "rad per N·m"), ("b-y", "m per N·m")]);
+    let said = curves.iter().map(|curve| (curve["at"].as_str().unwrap(), curve["unit"].as_str().unwrap()));
+    assert_eq!(said.collect::<Vec<_>>(), [("joint1", "rad per N·m"), ("joint2.y", "m per N·m")]);
     let at_rest = [0, 1].map(|k: usize| curves[k]["value"][0][0].as_f64().unwrap());
     assert!((at_rest[0] * 555_000.0 - 1.0).abs() < 1e-14 && (at_rest[1] / at_rest[0] - 0.63).abs() < 1e-14);
 
     let csv = crate::resonarm(here(), &range);
     let mut lines = csv.stdout.lines();
-    let header = "frequency_hz,alpha1_modulus_rad_per_nm,alpha1_phase_deg,b_y_modulus_m_per_nm,b_y_phase_deg";
+    let header = "frequency_hz,joint1_modulus_rad_per_nm,joint1_phase_deg,joint2_y_modulus_m_per_nm,joint2_y_phase_deg";
     assert_eq!(lines.next(), Some(header));
     for (k, line) in lines.by_ref().enumerate() {
         let values: Vec<f64> = line.split(',').map(|value| value.parse().unwrap()).collect();
@@ -155,10 +164,10 @@ fn responses_have_their_units() {
             assert!(error < 1e-14 * polar[0], "{line} {curve}");
         }
     }
-    let force = ["frf", "--drive", "force-x", "--quantity", "accelerance", "--points", "2"];
+    let force = ["frf", "--drive", "tip.x", "--at", "joint2,tip.x", "--quantity", "accelerance", "--points", "2"];
     let header = crate::resonarm(here(), &force).stdout.lines().next().map(String::from).unwrap();
     assert!(
-        header.contains(",alpha2_modulus_rad_s2_per_n,") && header.contains(",c_x_modulus_m_s2_per_n,"),
+        header.contains(",joint2_modulus_rad_s2_per_n,") && header.contains(",tip_x_modulus_m_s2_per_n,"),
         "{header}"
     );
 }
@@ -171,31 +180,32 @@ fn simulate_meets_the_oracles() {
         let text = |name: &str| case[name].to_string();
         let initial = case["initial"].as_array().unwrap().iter().map(Value::to_string).collect::<Vec<_>>().join(",");
         for (i, t_s) in case["t_s"].as_array().unwrap().iter().enumerate().skip(1) {
-            let got = document(
-                here(),
-                0,
-                &[
-                    ["simulate", "--preset", preset(&case)].as_slice(),
-                    &["--beta1-deg", &text("beta1_deg"), "--beta2-deg", &text("beta2_deg"), "--initial", &initial],
-                    &["--torque1-nm", &text("torque1_nm"), "--force-x-n", &text("force_x_n")],
-                    &["--force-y-n", &text("force_y_n"), "--frequency-hz", &text("excitation_hz")],
-                    &["--rate-hz", "32000", "--duration-s", &t_s.to_string(), "--json"],
-                ]
-                .concat(),
-            );
-            assert_eq!(names(&got), ["alpha_dot_rad_s", "alpha_rad", "configuration", "steps", "t_s", "wall_s"]);
+            let angles = format!("{},{}", text("beta1_deg"), text("beta2_deg"));
+            let loads = [("joint1", "torque1_nm"), ("tip.x", "force_x_n"), ("tip.y", "force_y_n")];
+            let loads = loads.iter().filter(|(_, key)| case[key].as_f64() != Some(0.0));
+            let loads: Vec<String> = loads.map(|(dof, key)| format!("--drive={dof}={}", text(key))).collect();
+            let start = ["simulate", "--preset", preset(&case), "--angles-deg", &angles, "--initial", &initial];
+            let loads: Vec<&str> = loads.iter().map(String::as_str).collect();
+            let (hz, length) = (text("excitation_hz"), t_s.to_string());
+            let rest = ["--frequency-hz", &hz, "--rate-hz", "32000", "--duration-s", &length, "--json"];
+            let simulate = [&start[..], &loads, &rest];
+            let got = document(here(), 0, &simulate.concat());
+            let keys = ["configuration", "coordinates", "element_states", "position", "steps", "steps_not_located"];
+            assert_eq!(names(&got), [&keys[..], &["switches", "t_s", "velocity", "wall_s"]].concat());
             assert_eq!((&got["t_s"], got["steps"].as_f64()), (t_s, t_s.as_f64().map(|t_s| t_s * 32e3)));
-            for (name, k) in [("alpha_rad", 0), ("alpha_rad", 1), ("alpha_dot_rad_s", 0), ("alpha_dot_rad_s", 1)] {
-                let (got, expected) = (got[name][k].as_f64().unwrap(), case[name][i][k].as_f64().unwrap());
-                worst = worst.max((got - expected).abs());
+            for (name, of_case) in [("position", "alpha_rad"), ("velocity", "alpha_dot_rad_s")] {
+                for k in 0..2 {
+                    let (got, expected) = (got[name][k].as_f64().unwrap(), case[of_case][i][k].as_f64().unwrap());
+                    worst = worst.max((got - expected).abs());
+                }
             }
         }
     }
     assert!(worst < 1e-9 && worst > 0.0, "{worst:e}");
 }
 
-/// Every document of an analysis or a run has the arm, its pose and all of its parameters; headers state the
-/// differences from the preset.
+/// Every document of an analysis has the structure with all of its parameters, those of a run the arm and its pose;
+/// headers state the differences from the preset.
 #[test]
 fn a_changed_arm_is_in_every_document_and_header() {
     let folder = tempfile::tempdir().unwrap();
@@ -208,14 +218,20 @@ fn a_changed_arm_is_in_every_document_and_header() {
         &["frf", "--points", "2"],
         &["simulate", "--duration-s", "0.01"],
         &["integrators", "--drift-steps", "10"],
-        &["continue", "--torque1-nm", "1", "--from-hz", "10", "--to-hz", "10.1"],
-        &["backbone", "--mode", "1", "--to-rad", "0.001"],
+        &["continue", "--drive", "joint1=1", "--from-hz", "10", "--to-hz", "10.1"],
+        &["backbone", "--mode", "1", "--to", "0.001"],
         &["poincare", "--torque1-nm", "1", "--frequency-hz", "10", "--time-constants", "0.01"],
         &["run", "--mode", "free", "--duration-s", "0.1"],
         &["demo", "--speed", "0"],
     ];
     for command in commands {
         let got = document(folder.path(), 0, &[command, &["--scenario", "own.toml", "--json"]].concat());
+        let structure = &got["configuration"]["structure"];
+        if !structure.is_null() {
+            assert_eq!(structure["angles_deg"], serde_json::json!([20.0, 30.0]), "{command:?}");
+            assert_eq!(structure["links"][1]["mass_kg"].as_f64(), Some(40.0), "{command:?}");
+            continue;
+        }
         let arm = &got["configuration"];
         assert_eq!((arm["beta1_deg"].as_f64(), arm["beta2_deg"].as_f64()), (Some(20.0), Some(30.0)), "{command:?}");
         let parameters = &arm["parameters"];
@@ -223,17 +239,17 @@ fn a_changed_arm_is_in_every_document_and_header() {
     }
     for command in [["modes"].as_slice(), &["integrators", "--drift-steps", "10"]] {
         let header = crate::resonarm(folder.path(), &[command, &["--scenario", "own.toml"]].concat()).stdout;
-        let expected = "irb1600-fitted with mass2_kg = 40 (preset 50.58) at β1 = 20°, β2 = 30°";
+        let expected = "irb1600-fitted with mass2_kg = 40 (preset 50.58) at 20°, 30°";
         assert!(header.starts_with(expected), "{header}");
     }
     let plot = ["frf", "--points", "2", "--plot", "figure", "--scenario", "own.toml"];
     assert_eq!(crate::resonarm(folder.path(), &plot).code, 0);
     let svg = std::fs::read_to_string(folder.path().join("figure.svg")).unwrap();
-    assert!(svg.contains(">irb1600-fitted with 1 changed parameter, β₁ = 20°, β₂ = 30°<"), "{svg}");
+    assert!(svg.contains(">irb1600-fitted with 1 changed parameter at 20°, 30°<"), "{svg}");
     let caption = std::fs::read_to_string(folder.path().join("figure.txt")).unwrap();
     insta::assert_snapshot!(caption, @"
-    Frequency response to torque at joint 1
-    irb1600-fitted with 1 changed parameter, β₁ = 20°, β₂ = 30°
+    Frequency response to a load at joint1
+    irb1600-fitted with 1 changed parameter at 20°, 30°
     arm: irb1600-fitted with mass2_kg = 40 (preset 50.58)
     ");
 }
@@ -245,11 +261,11 @@ fn a_named_arm_is_called_by_its_name() {
     let folder = folder.path();
     std::fs::write(folder.join("own.toml"), "arm = { name = 'lab arm', parameters = { mass2_kg = 40 } }").unwrap();
     let header = crate::resonarm(folder, &["modes", "--scenario", "own.toml"]).stdout;
-    assert!(header.starts_with("lab arm at β1 = 0°, β2 = 60°"), "{header}");
+    assert!(header.starts_with("lab arm at 0°, 60°"), "{header}");
     let plot = ["frf", "--points", "2", "--plot", "figure", "--scenario", "own.toml", "--json"];
-    assert_eq!(document(folder, 0, &plot)["configuration"]["name"], "lab arm");
+    assert_eq!(document(folder, 0, &plot)["configuration"]["structure"]["name"], "lab arm");
     let read = |file: &str| std::fs::read_to_string(folder.join(file)).unwrap();
-    assert!(read("figure.svg").contains(">lab arm, β₁ = 0°, β₂ = 60°<"));
+    assert!(read("figure.svg").contains(">lab arm at 0°, 60°<"));
     assert!(read("figure.txt").ends_with("\narm: irb1600-fitted with mass2_kg = 40 (preset 50.58)\n"));
 }
 
@@ -258,9 +274,9 @@ fn a_pose_may_come_from_a_scenario_and_flags_take_precedence() {
     let folder = tempfile::tempdir().unwrap();
     std::fs::write(folder.path().join("arm.toml"), "[arm]\npreset = 'irb1600-table1'\nbeta2_deg = 30.0\n").unwrap();
     let modes = |arguments: &[&str]| document(folder.path(), 0, &[&["modes", "--json"], arguments].concat());
-    assert_eq!(modes(&["--scenario", "arm.toml"]), modes(&["--preset", "irb1600-table1", "--beta2-deg", "30"]));
+    assert_eq!(modes(&["--scenario", "arm.toml"]), modes(&["--preset", "irb1600-table1", "--angles-deg", "0,30"]));
     let both = ["--scenario", "arm.toml", "--preset", "irb1600-fitted"];
-    assert_eq!(modes(&both), modes(&["--preset", "irb1600-fitted", "--beta2-deg", "30"]));
+    assert_eq!(modes(&both), modes(&["--preset", "irb1600-fitted", "--angles-deg", "0,30"]));
 }
 
 #[test]
@@ -324,9 +340,10 @@ fn doctor_says_what_can_be_fixed() {
 /// The curve from one fold of a branch turns back in a cusp and returns at the other fold.
 #[test]
 fn curves_of_folds_are_in_files_beside_the_branch() {
-    let branch = ["continue", "--torque1-nm", "60", "--from-hz", "21", "--to-hz", "23.5", "--json"];
+    let branch = ["continue", "--drive", "joint1=60", "--from-hz", "21", "--to-hz", "23.5", "--json"];
     let got = document(here(), 0, &[branch.as_slice(), &["--curves-in", "amplitude", "--curves-to", "5"]].concat());
-    assert_eq!(names(&got), ["bifurcations", "configuration", "curves", "points", "wall_s"]);
+    let keys = ["bifurcations", "configuration", "coordinates", "curves", "peaks", "points", "unlocated", "wall_s"];
+    assert_eq!(names(&got), keys);
     let folds: Vec<f64> =
         got["bifurcations"].as_array().unwrap().iter().map(|fold| fold["frequency_hz"].as_f64().unwrap()).collect();
     let curves = got["curves"].as_array().unwrap();
@@ -334,9 +351,9 @@ fn curves_of_folds_are_in_files_beside_the_branch() {
     let points = curves[0]["points"].as_array().unwrap();
     let at = |k: usize, name: &str| points[k][name].as_f64().unwrap();
     for (k, fold) in [(0, folds[0]), (points.len() - 1, folds[1])] {
-        assert!((at(k, "frequency_hz") / fold - 1.0).abs() < 1e-9 && at(k, "torque1_nm") == 60.0, "{}", points[k]);
+        assert!((at(k, "frequency_hz") / fold - 1.0).abs() < 1e-9 && at(k, "amplitude") == 60.0, "{}", points[k]);
     }
-    let cusp_nm = (0..points.len()).map(|k| at(k, "torque1_nm")).fold(f64::INFINITY, f64::min);
+    let cusp_nm = (0..points.len()).map(|k| at(k, "amplitude")).fold(f64::INFINITY, f64::min);
     assert!(cusp_nm > 5.0 && cusp_nm < 20.0, "{cusp_nm}");
 }
 
@@ -347,23 +364,23 @@ fn modes_state_the_sag_under_gravity() {
     let gravity = "[arm.parameters.gravity]\ngravity_m_s2 = 9.80665\nmass1_kg = 30.0\ncentre1_m = 0.3\n";
     std::fs::write(folder.path().join("heavy.toml"), gravity).unwrap();
     let found = document(folder.path(), 0, &["modes", "--scenario", "heavy.toml", "--json"]);
-    let arm = &found["configuration"];
+    let structure = &found["configuration"]["structure"];
     let number = |value: &serde_json::Value| value.as_f64().unwrap();
-    let parameter = |name: &str| number(&arm["parameters"][name]);
-    let sag_rad = [0, 1].map(|joint| number(&arm["static_deflection_rad"][joint]));
+    let of = |link: usize, key: &str| number(&structure["links"][link][key]);
+    let sag_rad = [0, 1].map(|joint| number(&found["configuration"]["static_deflection_rad"][joint]));
     // K α + G(β + α) = 0 at the links' angles q.
-    let q1 = number(&arm["beta1_deg"]).to_radians() + sag_rad[0];
-    let q12 = q1 + number(&arm["beta2_deg"]).to_radians() + sag_rad[1];
+    let q1 = of(0, "angle_deg").to_radians() + sag_rad[0];
+    let q12 = q1 + of(1, "angle_deg").to_radians() + sag_rad[1];
     let g = 9.80665;
-    let second = g * parameter("mass2_kg") * parameter("centre2_m") * libm::cos(q12);
-    let first = g * (30.0 * 0.3 + parameter("mass2_kg") * parameter("length1_m")) * libm::cos(q1) + second;
+    let second = g * of(1, "mass_kg") * of(1, "centre_of_mass_m") * libm::cos(q12);
+    let first = g * (30.0 * 0.3 + of(1, "mass_kg") * of(0, "length_m")) * libm::cos(q1) + second;
     for (joint, moment_nm) in [first, second].into_iter().enumerate() {
-        let spring_nm = parameter(["stiffness1_nm_rad", "stiffness2_nm_rad"][joint]) * sag_rad[joint];
+        let spring_nm = of(joint, "stiffness_nm_rad") * sag_rad[joint];
         assert!((spring_nm + moment_nm).abs() < 1e-9 * moment_nm.abs() && sag_rad[joint] != 0.0, "{sag_rad:?}");
     }
     let said = resonarm(folder.path(), &["modes", "--scenario", "heavy.toml"]).stdout;
     let line =
-        format!("under its weight it sags by {:+.5} rad in joint 1 and {:+.5} rad in joint 2", sag_rad[0], sag_rad[1]);
+        format!("under its weight it sags by {:+.5} rad in joint 1, {:+.5} rad in joint 2", sag_rad[0], sag_rad[1]);
     assert!(said.contains(&line), "{said}");
     let light = document(folder.path(), 0, &["modes", "--json"]);
     assert!(light["configuration"]["static_deflection_rad"].is_null());

@@ -26,9 +26,9 @@ pub fn unstable_motions_are_dashed(svg: &str) {
 #[test]
 fn unstable_motions_are_dashed_in_figures_of_branches() {
     let commands = [
-        "continue --torque1-nm 60 --from-hz 21 --to-hz 23",
-        "continue --torque1-nm 800 --beta2-deg 75 --from-hz 46 --to-hz 50 --doubled",
-        "backbone --torque1-nm 60",
+        "continue --drive joint1=60 --from-hz 21 --to-hz 23",
+        "continue --drive joint1=800 --angles-deg 0,75 --from-hz 46 --to-hz 50 --doubled",
+        "backbone --drive joint1=60",
     ];
     for command in commands {
         let folder = tempfile::tempdir().unwrap();
@@ -63,21 +63,21 @@ fn lines(command: &str, figure: &str) -> String {
 /// Lines that may cross differ in their dashes, or, as black and orange, in lightness.
 #[test]
 fn lines_differ_without_colours() {
-    insta::assert_snapshot!(lines("frf --beta1-deg 30 --plot figure", "figure.svg"), @r"
-    #0072B2, 1.6 px, solid
-    #D55E00, 1.6 px, 6.4 4
-    #E69F00, 1.6 px, solid
-    #E69F00, 1.6 px, 6.4 4
+    insta::assert_snapshot!(lines("frf --angles-deg 30,60 --at joint1,joint2,joint2.x,joint2.y,tip.x,tip.y --plot figure", "figure.svg"), @r"
     #000000, 1.6 px, solid
+    #0072B2, 1.6 px, 6.4 4
+    #D55E00, 1.6 px, 8 3.2 1.6 3.2
+    #E69F00, 1.6 px, solid
     #000000, 1.6 px, 6.4 4
+    #0072B2, 1.6 px, 8 3.2 1.6 3.2
     ");
-    insta::assert_snapshot!(lines("backbone --torque1-nm 60 --plot figure", "figure.svg"), @r"
+    insta::assert_snapshot!(lines("backbone --drive joint1=60 --plot figure", "figure.svg"), @r"
     #0077BB, 1.6 px, solid
     #CC3311, 1.6 px, 6.4 4
     #000000, 1.2 px, 6 2.4 1.2 2.4
     ");
     let curves =
-        "continue --torque1-nm 800 --beta2-deg 75 --from-hz 45 --to-hz 50 --curves-in amplitude --curves-to 600";
+        "continue --drive joint1=800 --angles-deg 0,75 --from-hz 45 --to-hz 50 --curves-in amplitude --curves-to 600";
     insta::assert_snapshot!(lines(&format!("{curves} --plot figure"), "figure-curves.svg"), @r"
     #000000, 1.6 px, solid
     #D55E00, 1.6 px, 8 3.2 1.6 3.2

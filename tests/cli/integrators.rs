@@ -3,7 +3,7 @@
 use std::path::Path;
 
 use resonarm::analysis::mode_errors;
-use resonarm::arm::{Arm, Pose, Preset};
+use resonarm::analysis::structure::Forced;
 use resonarm::integrate::Scheme;
 use resonarm::scenario::Scenario;
 use serde_json::Value;
@@ -25,9 +25,12 @@ fn complaint(arguments: &[&str]) -> String {
 #[test]
 fn document_has_every_scheme_measured() {
     let rate_hz = Scenario::default().simulation.step_rate_hz();
-    let arm = Arm::new(Preset::Irb1600Fitted.parameters().unwrap(), Pose { beta1_deg: 0.0, beta2_deg: 60.0 }).unwrap();
+    let assembly = Scenario::default().under_test().unwrap().assembly;
+    let joint1 = assembly.dof("joint1").unwrap();
+    let chain = Forced::new(assembly, joint1, 1.0).undamped().unwrap().assembly().clone();
     let got = document(&["--drift-steps", "500"]);
-    assert_eq!((&got["configuration"]["preset"], got["rate_hz"].as_f64()), (&"irb1600-fitted".into(), Some(rate_hz)));
+    let preset = &got["configuration"]["structure"]["preset"];
+    assert_eq!((preset, got["rate_hz"].as_f64()), (&"irb1600-fitted".into(), Some(rate_hz)));
     assert_eq!(got["default_scheme"], Scheme::default().name());
     let rows = got["schemes"].as_array().unwrap();
     assert_eq!(rows.len(), Scheme::ALL.len());
@@ -35,7 +38,7 @@ fn document_has_every_scheme_measured() {
         assert_eq!((&row["scheme"], row["order"].as_u64()), (&scheme.name().into(), Some(scheme.order().into())));
         assert!(row["refused"].is_null() && row["cost_ns"].as_f64() > Some(1.0), "{row}");
         assert_eq!((&row["energy"]["steps"], row["energy"]["tenths"].as_array().unwrap().len()), (&500.into(), 10));
-        let expected = mode_errors(&arm, scheme, rate_hz).unwrap();
+        let expected = mode_errors(&chain, scheme, rate_hz).unwrap();
         for (got, expected) in row["modes"].as_array().unwrap().iter().zip(expected) {
             let near = |name: &str, expected: f64| {
                 let got = got[name].as_f64().unwrap();
@@ -64,7 +67,7 @@ fn a_scheme_that_fails_says_so_in_its_row() {
     assert_eq!(got["rate_hz"].as_f64(), Some(1000.0));
     let row =
         |scheme: Scheme| got["schemes"].as_array().unwrap().iter().find(|row| row["scheme"] == scheme.name()).unwrap();
-    insta::assert_snapshot!(row(Scheme::Rk4)["refused"].as_str().unwrap(), @"scheme rk4 can't carry this arm at 1000 Hz: its second mode needs at least 1265 Hz");
+    insta::assert_snapshot!(row(Scheme::Rk4)["refused"].as_str().unwrap(), @"scheme rk4 can't carry this structure at 1000 Hz: its fastest mode needs at least 1265 Hz");
     assert!(row(Scheme::Rk4)["modes"].is_null() && row(Scheme::Rk4)["cost_ns"].is_null());
     assert!(row(Scheme::Gl6)["modes"][1]["frequency_error"].as_f64() < Some(-1e-6));
     let higher = ["--scenario", scenario.to_str().unwrap(), "--drift-steps", "100", "--rate-hz", "8000"];
@@ -73,16 +76,16 @@ fn a_scheme_that_fails_says_so_in_its_row() {
 
 #[test]
 fn table_has_a_line_for_every_scheme() {
-    let arguments = ["--preset", "irb1600-table1", "--beta2-deg", "0", "--rate-hz", "1000", "--drift-steps", "10"];
+    let arguments = ["--preset", "irb1600-table1", "--angles-deg", "0,0", "--rate-hz", "1000", "--drift-steps", "10"];
     let text = resonarm(here(), &[&["integrators"], &arguments[..]].concat()).stdout;
     let head: Vec<&str> = text.lines().take(6).collect();
     insta::assert_snapshot!(head.join("\n"), @r"
-    irb1600-table1 at β1 = 0°, β2 = 0°, 1000 steps a second; default scheme: exponential8
+    irb1600-table1 at 0°, 0°, 1000 steps a second; default scheme: exponential8
 
                             mode 1: 21.77 Hz        mode 2: 569.25 Hz       energy, 10 steps
       scheme       order     damping   frequency     damping   frequency    change   spread   ns a step
       rk4              4           –           –           –           –         –        –           –
-                     scheme rk4 can't carry this arm at 1000 Hz: its second mode needs at least 1265 Hz
+                     scheme rk4 can't carry this structure at 1000 Hz: its fastest mode needs at least 1265 Hz
     ");
     for scheme in Scheme::ALL {
         assert!(text.lines().any(|line| line.trim_start().starts_with(scheme.name())), "{scheme} in {text}");

@@ -18,11 +18,11 @@ const COMMANDS: [(&str, &str); 39] = [
     ("experiment walk", "--torque1-nm 10 --points 3"),
     ("simulate", "--frequency-hz 10 --duration-s 0.01"),
     ("structure", "--scenario none.toml"),
-    ("modes", "--from-beta2-deg 0 --to-beta2-deg 90 --points 3"),
+    ("modes", "--over link2.angle_deg --from 0 --to 90 --points 3"),
     ("frf", "--points 2"),
     ("integrators", "--drift-steps 10"),
-    ("continue", "--torque1-nm 1 --from-hz 10 --to-hz 10.1"),
-    ("backbone", "--to-rad 0.001"),
+    ("continue", "--drive joint1=1 --from-hz 10 --to-hz 10.1"),
+    ("backbone", "--to 0.001"),
     ("sweep", "--torque1-nm 1 --from-hz 10 --to-hz 10.1 --points 2 --time-constants 0.01"),
     ("poincare", "--torque1-nm 1 --frequency-hz 10 --time-constants 0.01"),
     ("basins", "--torque1-nm 1 --frequency-hz 10 --points 2,2 --time-constants 0.01"),
@@ -52,7 +52,7 @@ const COMMANDS: [(&str, &str); 39] = [
 ];
 
 /// Value names of numeric flags in the help, and of all others.
-const NUMERIC: [&str; 18] = [
+const NUMERIC: [&str; 22] = [
     "N",
     "NM",
     "N/S",
@@ -71,6 +71,10 @@ const NUMERIC: [&str; 18] = [
     "R",
     "Z",
     "α1,α2,α̇1,α̇2",
+    "A,B",
+    "Q,V",
+    "DOF=A",
+    "NAME=X",
 ];
 const OTHERS: [&str; 32] = [
     "PID",
@@ -133,9 +137,7 @@ fn with(command: &str, usual: &str, flag: &str, value: &str) -> Vec<String> {
     let mut arguments: Vec<String> = command.split(' ').map(String::from).collect();
     let mut words = usual.split_whitespace().peekable();
     while let Some(word) = words.next() {
-        // A single angle instead of a range of angles.
-        let replaced = word == flag || (command == "modes" && flag == "--beta2-deg" && word.starts_with("--"));
-        if replaced {
+        if word == flag {
             let _value = words.next();
         } else {
             arguments.push(String::from(word));

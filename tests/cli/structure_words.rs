@@ -13,8 +13,7 @@ fn what_has_two_units_ends_early_or_has_no_meaning() {
     let folder = tempfile::tempdir().unwrap();
     let chain = example("chain.toml");
     let of_chain = |more: &str| -> Vec<String> {
-        let command =
-            ["continue", "--scenario", &chain, "--drive", "joint2", "--amplitude", "5", "--at", "tip.x,joint3"];
+        let command = ["continue", "--scenario", &chain, "--drive", "joint2=5", "--at", "tip.x,joint3"];
         command.into_iter().chain(more.split_whitespace()).map(String::from).collect()
     };
     let run = |code: i32, command: Vec<String>| {
@@ -22,7 +21,7 @@ fn what_has_two_units_ends_early_or_has_no_meaning() {
     };
     let found = run(0, of_chain("--from-hz 12 --to-hz 13 --plot both --json --no-stability"));
     let figure = fs::read_to_string(folder.path().join("both.svg")).unwrap();
-    for unit in ["largest displacement (m)", "largest displacement (rad)"] {
+    for unit in ["largest tip.x (m)", "largest joint3 (rad)"] {
         assert_eq!(figure.matches(unit).count(), 1, "{unit}");
     }
     let [tip, joint] = [0, 1].map(|k| &found["peaks"][k]);
@@ -35,7 +34,7 @@ fn what_has_two_units_ends_early_or_has_no_meaning() {
     assert_eq!(early["points"].as_array().unwrap().len(), 3);
     assert!(early["ended_early"].to_string().contains("most-points"), "{}", early["ended_early"]);
 
-    let frf = ["frf", "--scenario", &chain, "--drive", "joint2", "--response", "tip.x,joint3", "--plot", "frf"];
+    let frf = ["frf", "--scenario", &chain, "--drive", "joint2", "--at", "tip.x,joint3", "--plot", "frf"];
     assert_eq!(resonarm(folder.path(), &frf).code, 0);
     let figure = fs::read_to_string(folder.path().join("frf.svg")).unwrap();
     for unit in ["receptance (m per N·m)", "receptance (rad per N·m)"] {
@@ -43,8 +42,8 @@ fn what_has_two_units_ends_early_or_has_no_meaning() {
     }
     let says =
         |command: &[&str]| complaint(folder.path(), 2, command).trim().trim_start_matches("resonarm: ").to_owned();
-    insta::assert_snapshot!(says(&["modes", "--scenario", &chain, "--beta2-deg", "30"]), @"--beta2-deg is for the two-link arm, and the scenario's [structure] is of the kind chain: leave it out");
-    insta::assert_snapshot!(says(&["frf", "--scenario", &chain, "--preset=irb1600-table1", "--drive=joint2"]), @"--preset is for the two-link arm, and the scenario's [structure] is of the kind chain: leave it out");
+    insta::assert_snapshot!(says(&["modes", "--scenario", &chain, "--angles-deg", "30,20"]), @"--angles-deg has 2 numbers: give 6, one for each link");
+    insta::assert_snapshot!(says(&["frf", "--scenario", &chain, "--preset=irb1600-table1", "--drive=joint2"]), @"--preset irb1600-table1 is of the two-link arm, and the scenario's [structure] is of the kind chain: leave it out");
     let still = "[structure]\nkind = \"modal\"\nmodes = [{ frequency_hz = 9.0, damping_ratio = 0.01, \
                  shape = { \"tip.x\" = 1.0, \"b.x\" = 0.0 } }]\n";
     fs::write(folder.path().join("still.toml"), still).unwrap();

@@ -26,10 +26,11 @@ def test_the_points_are_those_of_the_branch(demo):
     points = demo.said["points"]
     assert len(points) == POINTS and all(point["settled"] for point in points)
     with Programs() as programs:
-        arm = ("--beta1-deg", 30, "--beta2-deg", 60, "--force-x-n", FORCE_N, "--most-points", 100000)
+        arm = ("--angles-deg", "30,60", "--drive", f"tip.x={FORCE_N}", "--at", "joint1,joint2", "--most-points", 100000)
         span = ("--from-hz", 22.0, "--to-hz", 22.3, "--largest-step", 0.002)
         branch = programs.resonarm("continue", *arm, *span, "--json").result(120)["points"]
-    computed = np.array([[point["frequency_hz"], *point["harmonic1_rad"]] for point in branch])
+    joints = [[point["readings"][joint]["amplitude"] for joint in ("joint1", "joint2")] for point in branch]
+    computed = np.column_stack([[point["frequency_hz"] for point in branch], joints])
     stable = np.array([point["stable"] for point in branch])
     seen = set()
     for point in points:

@@ -87,7 +87,7 @@ def test_modes_with_friction_in_an_fmu_give_the_bits_of_the_native_run(make, str
     assert same(recorded.samples, native.samples)
 
 
-FOLLOW = ("continue", "--drive", "tip.x", "--amplitude", "1", "--from-hz", "1", "--to-hz", "2")
+FOLLOW = ("continue", "--drive", "tip.x=1", "--from-hz", "1", "--to-hz", "2")
 REFUSED = {
     ("modes",): "an FMU is stepped and read",
     ("frf",): "an FMU is stepped and read",

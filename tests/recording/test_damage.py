@@ -273,8 +273,8 @@ def test_a_recording_without_its_last_chunk_says_how_many_samples_are_gone(parts
 
 # Outputs that are inputs, and outputs that are no files.
 
-WALK = ["experiment", "walk", "--beta2-deg", "60", "--torque1-nm", "20", "--points", "3", "--json"]
-POSES, BAND = ["--from-beta2-deg", "10", "--to-beta2-deg", "20"], ["--from-hz", "10", "--to-hz", "11"]
+WALK = ["experiment", "walk", "--angles-deg", "0,60", "--torque1-nm", "20", "--points", "3", "--json"]
+POSES, BAND = ["--over", "link2.angle_deg", "--from", "10", "--to", "20"], ["--from-hz", "10", "--to-hz", "11"]
 ITSELF = {
     "identify": ("a.mcap", ["identify", "a.mcap", "--angles", "a.mcap", "--overwrite"]),
     "foxglove": ("x-foxglove.mcap", ["export", "x-foxglove.mcap", "--to", "foxglove", "--out", "x", "--overwrite"]),
@@ -284,8 +284,8 @@ ITSELF = {
     "merge": ("a.mcap", ["merge", "a.mcap", "a.mcap", "--out", "link.mcap", "--overwrite"]),
     "frf": ("s.csv", ["frf", "--scenario", "s.csv", "--plot", "s", "--overwrite"]),
     "modes": ("s.csv", ["modes", "--scenario", "s.csv", "--plot", "s", *POSES, "--overwrite"]),
-    "backbone": ("s.csv", ["backbone", "--scenario", "s.csv", "--plot", "s", "--torque1-nm", "1", "--overwrite"]),
-    "continue": ("s-curves.csv", ["continue", "--scenario", "s-curves.csv", "--plot", "s", "--torque1-nm", "1", "--overwrite"]),
+    "backbone": ("s.csv", ["backbone", "--scenario", "s.csv", "--plot", "s", "--drive", "joint1=1", "--overwrite"]),
+    "continue": ("s-curves.csv", ["continue", "--scenario", "s-curves.csv", "--plot", "s", "--drive", "joint1=1", "--overwrite"]),
     "sweep": ("sweep.csv", ["sweep", "--scenario", "sweep.csv", "--plot", "sweep", "--torque1-nm", "1", *BAND, "--overwrite"]),
     "run": ("s.toml", ["run", "--mode", "free", "--scenario", "s.toml", "--record", "link.toml", "--overwrite"]),
     "walk": ("s.toml", [*WALK, "--scenario", "s.toml", "--record", "s.toml", "--overwrite"]),

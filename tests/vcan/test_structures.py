@@ -80,10 +80,10 @@ def test_a_structure_the_whole_way(name, tmp_path):
     lowest_hz = stuck_hz()[0] if name == "friction" else modes_hz[0]
 
     band = ["--from-hz", 0.8 * modes_hz[0], "--to-hz", 1.2 * modes_hz[0]]
-    response = resonarm("frf", *of, "--drive", drive, "--response", drive, *band)
+    response = resonarm("frf", *of, "--drive", drive, *band)
     assert response["configuration"]
     picture = tmp_path / name
-    branch = resonarm("continue", *of, "--drive", drive, "--amplitude", loaded[1], *band, "--plot", picture)
+    branch = resonarm("continue", *of, "--drive", f"{drive}={loaded[1]}", *band, "--plot", picture)
     assert len(branch["points"]) > 20
     assert picture.with_suffix(".svg").read_text().startswith("<svg")
 

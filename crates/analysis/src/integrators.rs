@@ -1,13 +1,14 @@
 //! Errors of the integration schemes: numerical damping, frequency error, drift of energy.
 
+use alloc::vec;
+use alloc::vec::Vec;
 use core::f64::consts::TAU;
 
-use nalgebra::{Complex, Vector2};
+use nalgebra::Complex;
 use serde::Serialize;
 
-use super::modes::{Mode, modes};
-use resonarm_dynamics::arm::{Arm, Load, State};
-use resonarm_dynamics::integrate::{IntegrateError, Integrator, Scheme};
+use resonarm_dynamics::integrate::Scheme;
+use resonarm_dynamics::structure::{Assembly, StepError, Stepper, StructureMode};
 
 /// The error of a scheme in one natural mode.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize)]
@@ -20,7 +21,7 @@ pub struct ModeError {
     pub frequency_error: f64,
 }
 
-/// The change of energy of an arm without dampers and load, ideally zero.
+/// The change of energy of a structure without damping and load, ideally zero.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize)]
 pub struct EnergyDrift {
     /// Steps made.
@@ -35,14 +36,15 @@ pub struct EnergyDrift {
 
 /// Steps over which [`mode_errors`] measures.
 const MODE_STEPS: u32 = 1000;
-/// Largest deflection in [`mode_errors`], rad: so small that the arm's nonlinearity, of the order of it, is below
+/// Largest deflection in [`mode_errors`], rad: so small that a chain's nonlinearity, of the order of it, is below
 /// rounding.
 const MODE_AMPLITUDE_RAD: f64 = 1e-13;
 
-/// The scheme's damping ratio and relative frequency error in both modes of the arm without its dampers, at `rate_hz`
-/// steps a second, measured from the motion in time.
+/// The scheme's damping ratio and relative frequency error in each mode of a smooth chain without damping, at `rate_hz`
+/// steps a second, measured from the motion in time. Modal structures, and elements that switch, are stepped by other
+/// methods, whatever the scheme.
 ///
-/// The arm starts on a mode φ with an amplitude at which it is linear. Its modal coordinate η = φᵀM0 α follows η̈ =
+/// The chain starts on a mode φ with an amplitude at which it is linear. Its modal coordinate η = φᵀM0 α follows η̈ =
 /// −ω²η, so that Z = ωη − iη̇ turns as Z₀ e^{iωt}. A Runge–Kutta method gives Zₙ₊₁ = R(iωh) Zₙ with its stability
 /// function R (E. Hairer, G. Wanner, "Solving Ordinary Differential Equations II", 1996, section IV.3), and the
 /// exponential scheme e^{iωh} Zₙ. As the motion of an oscillator with damping ratio ζ and frequency (1 + e) ω, to first
@@ -56,35 +58,37 @@ const MODE_AMPLITUDE_RAD: f64 = 1e-13;
 /// remaining rounding error is about 1e-15.
 ///
 /// # Errors
-/// [`IntegrateError`] if the scheme can't carry the arm at this rate.
-pub fn mode_errors(arm: &Arm, scheme: Scheme, rate_hz: f64) -> Result<[ModeError; 2], IntegrateError> {
-    let arm = arm.without_dampers();
-    let integrator = Integrator::new(scheme, rate_hz, &arm)?;
-    let [low, high] = modes(&arm);
-    Ok([mode_error(&arm, &integrator, &low)?, mode_error(&arm, &integrator, &high)?])
+/// [`StepError`] if the scheme can't carry the chain at this rate.
+pub fn mode_errors(chain: &Assembly, scheme: Scheme, rate_hz: f64) -> Result<Vec<ModeError>, StepError> {
+    let mut stepper = Stepper::new(chain, &[], scheme, rate_hz)?;
+    chain.modes().iter().map(|mode| mode_error(chain, &mut stepper, mode)).collect()
 }
 
-fn mode_error(arm: &Arm, integrator: &Integrator, mode: &Mode) -> Result<ModeError, IntegrateError> {
-    let shape = Vector2::from(mode.shape);
-    let row = arm.mass_matrix(&Vector2::zeros()) * shape;
+fn mode_error(chain: &Assembly, stepper: &mut Stepper, mode: &StructureMode) -> Result<ModeError, StepError> {
+    let (n, mass) = (chain.coordinates(), chain.linear().mass);
+    let product = |column: usize| (0..n).map(|row| mode.shape[row] * mass[row * n + column]).sum::<f64>();
+    let row: Vec<f64> = (0..n).map(product).collect();
+    let along = |values: &[f64]| row.iter().zip(values).map(|(weight, value)| weight * value).sum::<f64>();
     let omega = TAU * mode.frequency_hz;
-    let phasor = |state: &State| Complex::new(omega * row.dot(&state.alpha_rad), -row.dot(&state.alpha_dot_rad_s));
-    let (sine, cosine) = libm::sincos(omega * integrator.step_s());
+    let phasor = |stepper: &Stepper| Complex::new(omega * along(stepper.position()), -along(stepper.velocity()));
+    let (sine, cosine) = libm::sincos(omega * stepper.step_s());
     let one_step_back = Complex::new(cosine, -sine);
-    let mut state = State::new((shape * (MODE_AMPLITUDE_RAD / shape.amax())).into(), [0.0; 2]);
-    let mut phasor_before = phasor(&state);
+    let largest = mode.shape.iter().fold(0.0_f64, |largest, part| largest.max(part.abs()));
+    let mut start = vec![0.0; stepper.states()];
+    start.iter_mut().zip(&mode.shape).for_each(|(q, part)| *q = part * (MODE_AMPLITUDE_RAD / largest));
+    stepper.restore(&start)?;
+    let mut phasor_before = phasor(stepper);
     let (mut log_amplitude, mut phase_rad) = (0.0, 0.0);
     for k in 0..MODE_STEPS {
-        let t_s = f64::from(k) * integrator.step_s();
-        state = integrator.step(arm, t_s, &state, &Load::default())?;
-        let phasor_after = phasor(&state);
+        stepper.advance(f64::from(k) * stepper.step_s(), &[])?;
+        let phasor_after = phasor(stepper);
         // Near 1, or exactly 1 for a perfect scheme.
         let turn = phasor_after / phasor_before * one_step_back;
         log_amplitude += 0.5 * libm::log1p(turn.re * turn.re + turn.im * turn.im - 1.0);
         phase_rad += libm::atan2(turn.im, turn.re);
         phasor_before = phasor_after;
     }
-    let exact_phase_rad = omega * integrator.step_s() * f64::from(MODE_STEPS);
+    let exact_phase_rad = omega * stepper.step_s() * f64::from(MODE_STEPS);
     Ok(ModeError {
         frequency_hz: mode.frequency_hz,
         damping_ratio: -log_amplitude / exact_phase_rad,
@@ -92,9 +96,10 @@ fn mode_error(arm: &Arm, integrator: &Integrator, mode: &Mode) -> Result<ModeErr
     })
 }
 
-/// The drift of energy over `steps` steps (at least 10) of free vibration of the arm without its dampers, from `start`.
+/// The drift of energy over `steps` steps (at least 10) of free vibration of a smooth chain without damping, from
+/// `start`, its coordinates and their rates.
 ///
-/// Free vibration without dampers is reversible. A symmetric scheme with a fixed step keeps that, and with it, as long
+/// Free vibration without damping is reversible. A symmetric scheme with a fixed step keeps that, and with it, as long
 /// as the motion is quasi-periodic, invariants that differ from the true ones by O(hᵖ) (E. Hairer, C. Lubich, G.
 /// Wanner, "Geometric Numerical Integration", 2006, chapter XI): the energy oscillates without drift. `spread` shows
 /// the oscillation, `change` the drift. No scheme here is symplectic: in (α, α̇) the momenta Mα̇ are not among the
@@ -103,27 +108,29 @@ fn mode_error(arm: &Arm, integrator: &Integrator, mode: &Mode) -> Result<ModeErr
 /// Das, Y. Saiki, E. Sander, J. A. Yorke, "Quantitative quasiperiodicity", Nonlinearity 30 (2017)).
 ///
 /// # Errors
-/// [`IntegrateError`] if the scheme can't carry the arm at this rate or can't make a step.
+/// [`StepError`] if the scheme can't carry the chain at this rate or can't make a step, or `start` is no state of it.
 pub fn energy_drift(
-    arm: &Arm,
+    chain: &Assembly,
     scheme: Scheme,
     rate_hz: f64,
-    start: &State,
+    start: &[f64],
     steps: u32,
-) -> Result<EnergyDrift, IntegrateError> {
-    let arm = arm.without_dampers();
-    let integrator = Integrator::new(scheme, rate_hz, &arm)?;
-    let first_j = arm.energy(start).total_j();
-    let (mut state, mut tenths) = (*start, [0.0; 10]);
-    let (mut smallest, mut largest) = (0.0_f64, 0.0_f64);
-    let mut done = 0;
+) -> Result<EnergyDrift, StepError> {
+    let mut stepper = Stepper::new(chain, &[], scheme, rate_hz)?;
+    stepper.restore(start)?;
+    let energy_j = |stepper: &Stepper| {
+        let elements_j = chain.element_energy_j(stepper.position(), stepper.element_states());
+        chain.energy_j(stepper.position(), stepper.velocity()) + elements_j
+    };
+    let first_j = energy_j(&stepper);
+    let (mut tenths, mut smallest, mut largest, mut done) = ([0.0; 10], 0.0_f64, 0.0_f64, 0);
     for (tenth, mean) in (1_u64..).zip(&mut tenths) {
         let end = (u64::from(steps) * tenth / 10) as u32;
         let (mut sum, mut weights) = (0.0, 0.0);
         for k in done..end {
-            state = integrator.step(&arm, f64::from(k) * integrator.step_s(), &state, &Load::default())?;
+            stepper.advance(f64::from(k) * stepper.step_s(), &[])?;
             // Relative to the start before summing, so that the sum keeps its digits.
-            let relative = (arm.energy(&state).total_j() - first_j) / first_j;
+            let relative = (energy_j(&stepper) - first_j) / first_j;
             (smallest, largest) = (smallest.min(relative), largest.max(relative));
             let s = (f64::from(k - done) + 0.5) / f64::from(end - done);
             let weight = libm::pow(s * (1.0 - s), 3.0);
@@ -140,8 +147,15 @@ mod tests {
     use nalgebra::ComplexField as _;
 
     use super::*;
-    use crate::tests::arm_at;
-    use resonarm_dynamics::arm::{Attachment, Preset};
+    use resonarm_dynamics::arm::{Pose, Preset};
+    use resonarm_dynamics::structure::{BodySpec, ChainSpec, StructureSpec};
+
+    /// The arm as a chain, without its dampers.
+    fn undamped(preset: Preset, beta1_deg: f64, beta2_deg: f64) -> Assembly {
+        let mut chain = ChainSpec::from_arm(&preset.parameters().unwrap(), Pose { beta1_deg, beta2_deg });
+        chain.links.iter_mut().for_each(|link| link.damping_nm_s_rad = 0.0);
+        Assembly::new(&StructureSpec { body: BodySpec::Chain(chain), elements: vec![] }).unwrap()
+    }
 
     /// The prediction of linear theory for each scheme, to the leading term: ζ and the frequency error as powers of z =
     /// ωh.
@@ -157,11 +171,9 @@ mod tests {
 
     #[test]
     fn errors_are_those_of_theory() {
-        let alone = arm_at(Preset::Irb1600Fitted, 0.0, 60.0);
-        let armature = Attachment { mass_kg: 2.0, stiffness_n_m: 2e4, damping_n_s_m: 30.0, direction_deg: 40.0 };
-        let driven = alone.clone().with_attachment(armature).unwrap();
-        for (arm, scheme) in [&alone, &driven].into_iter().flat_map(|arm| Scheme::ALL.map(|scheme| (arm, scheme))) {
-            for error in mode_errors(arm, scheme, 1000.0).unwrap() {
+        let chain = undamped(Preset::Irb1600Fitted, 0.0, 60.0);
+        for scheme in Scheme::ALL {
+            for error in mode_errors(&chain, scheme, 1000.0).unwrap() {
                 let z = TAU * error.frequency_hz / 1000.0;
                 let (damping, frequency) = theory(scheme, z);
                 let near = |got: f64, expected: f64| (got - expected).abs() < 0.06 * expected.abs() + 1e-12;
@@ -175,10 +187,10 @@ mod tests {
     /// For gl4 this is a step in two parts.
     #[test]
     fn errors_are_those_of_the_functions_of_stability() {
-        let arm = arm_at(Preset::Irb1600Table1, 0.0, 0.0);
+        let chain = undamped(Preset::Irb1600Table1, 0.0, 0.0);
         let rate_hz = 4000.0;
         for scheme in [Scheme::Rk4, Scheme::Gl4, Scheme::Gl6] {
-            let [_, error] = mode_errors(&arm, scheme, rate_hz).unwrap();
+            let error = mode_errors(&chain, scheme, rate_hz).unwrap()[1];
             let parts = if scheme == Scheme::Gl4 { 2.0 } else { 1.0 };
             let z = TAU * error.frequency_hz / (rate_hz * parts);
             let z2 = z * z;
@@ -200,8 +212,8 @@ mod tests {
     fn exponential_scheme_adds_nothing_at_any_pose() {
         for preset in Preset::ALL {
             for beta2_deg in (-150..=150).step_by(10) {
-                let arm = arm_at(preset, 0.0, f64::from(beta2_deg));
-                for error in mode_errors(&arm, Scheme::Exponential, 1000.0).unwrap() {
+                let chain = undamped(preset, 0.0, f64::from(beta2_deg));
+                for error in mode_errors(&chain, Scheme::Exponential, 1000.0).unwrap() {
                     assert!(error.damping_ratio.abs() < 1e-12 && error.frequency_error.abs() < 1e-12, "{error:?}");
                 }
             }
@@ -212,9 +224,9 @@ mod tests {
     /// not.
     #[test]
     fn symmetric_schemes_keep_the_energy() {
-        let start = State::new([0.05, -0.08], [0.5, -1.0]);
+        let start = [0.05, -0.08, 0.5, -1.0];
         let drift = |preset, beta2_deg, scheme, rate_hz| {
-            energy_drift(&arm_at(preset, 20.0, beta2_deg), scheme, rate_hz, &start, 20_000).unwrap()
+            energy_drift(&undamped(preset, 20.0, beta2_deg), scheme, rate_hz, &start, 20_000).unwrap()
         };
         let (fitted, table1) = (Preset::Irb1600Fitted, Preset::Irb1600Table1);
         // The last two are so slow that the second mode turns by about π a step.
@@ -238,7 +250,7 @@ mod tests {
 
     #[test]
     fn says_which_rate_would_do() {
-        let arm = arm_at(Preset::Irb1600Table1, 0.0, 0.0);
-        insta::assert_snapshot!(mode_errors(&arm, Scheme::Rk4, 1000.0).unwrap_err(), @"scheme rk4 can't carry this arm at 1000 Hz: its second mode needs at least 1265 Hz");
+        let chain = undamped(Preset::Irb1600Table1, 0.0, 0.0);
+        insta::assert_snapshot!(mode_errors(&chain, Scheme::Rk4, 1000.0).unwrap_err(), @"scheme rk4 can't carry this structure at 1000 Hz: its fastest mode needs at least 1265 Hz");
     }
 }

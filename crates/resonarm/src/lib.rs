@@ -75,8 +75,8 @@ pub mod structure {
     pub use resonarm_bench::structure::*;
     pub use resonarm_dynamics::structure::{
         Armature, ArmatureMotion, Assembly, BodySpec, Branch, ChainSpec, Coil, CoordinateUnit, Dof, Element,
-        ElementSpec, Law, Linear, Linearised, Link, ModalSpec, ModeSpec, Place, Reaction, ShapeSpec, Side, StateRate,
-        StepError, StepLoad, Stepper, StructureError as SpecError, StructureMode, StructureSpec,
+        ElementSpec, Law, Linear, Linearised, Link, ModalSpec, ModeSpec, Parameter, Place, Reaction, ShapeSpec, Side,
+        StateRate, StepError, StepLoad, Stepper, StructureError as SpecError, StructureMode, StructureSpec,
     };
 }
 

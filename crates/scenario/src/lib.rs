@@ -325,22 +325,26 @@ impl Scenario {
     /// [`ScenarioError::Structure`] if it makes none, or the rig does not fit it; of an arm with elements what
     /// [`Scenario::parameters`] finds.
     pub fn tested_structure(&self) -> Result<Option<TestedAssembly>, ScenarioError> {
-        let Some(section) = &self.structure else { return Ok(None) };
-        let parameters = self.arm_parameters()?;
-        Ok(Some(section.tested(|| (parameters, self.pose()), &self.rig)?))
+        self.structure.as_ref().map(|_section| self.under_test()).transpose()
     }
 
-    /// The structure under test, with its initial state and where the rig is on it: the arm is a chain of two links.
+    /// The structure under test of any scenario, as an assembly: that of `[structure]`, and without this section the
+    /// two-link arm as a chain; with its initial state, and where the rig is on it.
     ///
     /// # Errors
-    /// [`ScenarioError`] if the arm's parameters are invalid, and as [`Scenario::tested_structure`].
+    /// [`ScenarioError::Structure`] if it makes none, or the rig does not fit it; of an FMU, and of a structure that a
+    /// program makes, there is no assembly. Of the arm [`ScenarioError::Arm`] and [`ScenarioError::Parse`].
     pub fn under_test(&self) -> Result<TestedAssembly, ScenarioError> {
-        if let Some(tested) = self.tested_structure()? {
-            return Ok(tested);
+        let mut section = self.structure.clone().unwrap_or_default();
+        if section.kind == StructureKind::Arm && section.initial.is_empty() {
+            section.initial = self.arm.initial.to_vec();
         }
-        let arm = self.build_arm()?;
-        let section = StructureSection { initial: self.arm.initial.to_vec(), ..StructureSection::default() };
-        Ok(section.tested(|| (*arm.parameters(), arm.pose()), &self.rig)?)
+        let parameters = self.arm_parameters()?;
+        if self.structure.is_none() {
+            // Names an impossible value by its key in `[arm]`.
+            self.build_arm()?;
+        }
+        Ok(section.tested(|| (parameters, self.pose()), &self.rig)?)
     }
 
     /// Everything that makes the plant but for its structure.

@@ -113,7 +113,7 @@ impl Fig9 {
         let zones = self.zones(&arm)?;
         let experiment = ZoneExperiment::new(&zones);
         experiment.check(&scenario)?;
-        let inputs = Inputs::of_scenario(self.session.arm.scenario.as_deref());
+        let inputs = Inputs::of_scenario(self.session.structure.scenario.as_deref());
         self.overwrite.check_stem(self.plot.as_deref(), output::PLOTTED, &inputs)?;
         self.plot.as_deref().map_or(Ok(()), output::check_folder)?;
         let (measured, wall_s) = timed(|| measure(&scenario, &zones, experiment));

@@ -7,8 +7,8 @@ use clap::Args;
 use serde::Serialize;
 use serde_json::Value;
 
+use crate::arm_drive::ArmDriveFlags;
 use crate::configuration;
-use crate::drive::DriveFlags;
 use resonarm::arm::Load;
 
 use crate::failure::{Failure, Verdict};
@@ -35,7 +35,7 @@ pub(crate) struct WalkExperiment {
     #[command(flatten)]
     session: SessionFlags,
     #[command(flatten)]
-    drive: DriveFlags,
+    drive: ArmDriveFlags,
     /// Amplitude of a force at point C in the direction of the scenario's shaker, N. If no load is given the walk takes
     /// that of the scenario's control or excitation.
     #[arg(long, value_name = "A", conflicts_with_all = ["torque1_nm", "force_x_n", "force_y_n"])]
@@ -95,7 +95,7 @@ impl WalkExperiment {
     }
 
     pub fn execute(&self) -> Result<Verdict, Failure> {
-        let inputs = Inputs::of_scenario(self.session.arm.scenario.as_deref());
+        let inputs = Inputs::of_scenario(self.session.structure.scenario.as_deref());
         self.overwrite.check_stem(self.plot.as_deref(), output::PLOTTED, &inputs)?;
         self.record.as_deref().map_or(Ok(()), |path| inputs.check(path))?;
         let scenario = self.scenario()?;

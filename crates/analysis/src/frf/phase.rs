@@ -14,7 +14,7 @@ const MOST_HALVINGS: u32 = 40;
 /// there is no phase. The frequencies ascend, Hz; `at` is the response at any of them.
 pub fn continuous_phase(
     frequency_hz: &[f64],
-    natural_hz: [f64; 2],
+    natural_hz: &[f64],
     at: &dyn Fn(f64) -> Option<Complex<f64>>,
 ) -> Vec<(f64, f64)> {
     let at = |hz: f64| at(hz).filter(|value| value.norm_sqr() > 0.0);
@@ -29,7 +29,7 @@ pub fn continuous_phase(
         (*hz, phase_rad.to_degrees())
     };
     let [from_hz, to_hz] = [frequency_hz.first(), frequency_hz.last()].map(|end| end.copied().unwrap_or_default());
-    let between = natural_hz.into_iter().filter(|hz| (from_hz..=to_hz).contains(hz) && !frequency_hz.contains(hz));
+    let between = natural_hz.iter().copied().filter(|hz| (from_hz..=to_hz).contains(hz) && !frequency_hz.contains(hz));
     let mut all: Vec<f64> = frequency_hz.iter().copied().chain(between).collect();
     all.sort_by(f64::total_cmp);
     all.iter().map(point).filter(|(hz, _)| frequency_hz.contains(hz)).collect()
@@ -72,7 +72,7 @@ mod tests {
             let hz = frequencies_hz(1.0, 500.0, points, &[]);
             for (response, expected_deg) in [(Response::Alpha1, -180.0), (Response::Alpha2, -360.0)] {
                 let at = |hz: f64| linear.at(Quantity::Receptance, Drive::Torque1, response, hz).ok();
-                let phase = continuous_phase(&hz, natural_hz, &at);
+                let phase = continuous_phase(&hz, &natural_hz, &at);
                 let (first, last) = (phase[0].1, phase[phase.len() - 1].1);
                 assert!((last - first - expected_deg).abs() < 1.0, "{response:?}, {points}: {first} {last}");
                 for (hz, deg) in phase {

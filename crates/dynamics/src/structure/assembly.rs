@@ -206,6 +206,15 @@ impl Assembly {
         }
     }
 
+    /// How far the joints of a chain under gravity sag under its weight, from the relaxed springs to rest, rad; `None` of
+    /// a chain without gravity, and of modes.
+    pub fn sag_rad(&self) -> Option<&[f64]> {
+        match (&self.body, &self.spec.body) {
+            (Body::Chain(chain), BodySpec::Chain(spec)) if spec.gravity_m_s2 != 0.0 => Some(&chain.sag_rad[..chain.n]),
+            _ => None,
+        }
+    }
+
     /// Where the points of a chain are at rest, under its weight, along x and y of the base frame, m; in the order of
     /// [`Assembly::points`]. `None` of modes, which say nothing of places.
     pub fn rest_m(&self) -> Option<Vec<[f64; 2]>> {

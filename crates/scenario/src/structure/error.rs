@@ -8,6 +8,7 @@ use super::ImportError;
 use super::source::StructureFileError;
 use resonarm_bench::plant::ShakerAcross;
 use resonarm_dynamics::structure::StructureError;
+use resonarm_numeric::number::short;
 
 /// Why the section `[structure]` of a scenario, or a file that it names, makes no structure.
 #[derive(Clone, Debug, PartialEq, Error)]
@@ -45,6 +46,16 @@ pub enum StructureSectionError {
         key: &'static str,
         /// The kind.
         kind: &'static str,
+    },
+    /// A parameter of `set` is unknown, or its value impossible.
+    #[error("structure.set: `{name}` is {value}: {source}", value = short(.value))]
+    Set {
+        /// The name of the parameter.
+        name: String,
+        /// The value.
+        value: f64,
+        /// What is wrong with it.
+        source: StructureError,
     },
     /// An element lacks a key.
     #[error("structure.elements, number {element}: `{key}` is missing")]

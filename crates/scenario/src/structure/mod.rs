@@ -120,6 +120,10 @@ pub struct StructureSection {
     /// Acceleration of gravity along −y, m/s², of a chain; without it there is none.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub gravity_m_s2: Option<f64>,
+    /// Parameters in place of the values that the structure has without them, by their names: `link2.mass_kg`,
+    /// `mode1.damping_ratio`, `element1.gap_m`, `gravity_m_s2`.
+    #[serde(skip_serializing_if = "BTreeMap::is_empty")]
+    pub set: BTreeMap<String, f64>,
     /// Initial state: coordinates and their rates; at rest without it.
     #[serde(skip_serializing_if = "Vec::is_empty")]
     pub initial: Vec<f64>,
@@ -189,7 +193,11 @@ impl StructureSection {
         };
         let elements = self.elements.iter().zip(1..).map(|(element, number)| element.spec(number));
         let elements: Vec<ElementSpec> = elements.collect::<Result<_, _>>()?;
-        Ok(Assembly::new(&StructureSpec { body, elements })?)
+        let assembly = Assembly::new(&StructureSpec { body, elements })?;
+        self.set.iter().try_fold(assembly, |assembly, (name, value)| {
+            let changed = assembly.parameter(name).and_then(|parameter| assembly.with(parameter, *value));
+            changed.map_err(|source| StructureSectionError::Set { name: name.clone(), value: *value, source })
+        })
     }
 
     /// The structure under test: with its initial state, and where the rig is on it.
@@ -258,12 +266,13 @@ impl StructureSection {
         let (gravity, points) = (("gravity_m_s2", self.gravity_m_s2.is_some()), ("points", !self.points.is_empty()));
         let lines = ("lines", !self.lines.is_empty());
         let (elements, initial) = (("elements", !self.elements.is_empty()), ("initial", !self.initial.is_empty()));
+        let set = ("set", !self.set.is_empty());
         let (idle, missing): (&[(&'static str, bool)], _) = match self.kind {
-            StructureKind::Own => (&[links, modes, gravity, points, lines, elements, initial], None),
+            StructureKind::Own => (&[links, modes, gravity, points, lines, elements, initial, set], None),
             StructureKind::Fmu => {
                 let fix = "name the FMU's file";
                 let missing = self.file.is_none().then_some(("`file` is", fix));
-                (&[links, modes, gravity, points, lines, elements, initial], missing)
+                (&[links, modes, gravity, points, lines, elements, initial, set], missing)
             }
             StructureKind::Arm => (&[links, modes, gravity, points, lines], None),
             StructureKind::Chain => {

@@ -54,6 +54,28 @@ fn a_chain_and_modes_with_elements_are_structures_and_written_as_they_were_read(
     }
 }
 
+/// Without a section the structure under test is the arm as a chain, in the pose and the state of `[arm]`; with one its
+/// parameters can be set by name.
+#[test]
+fn every_scenario_has_an_assembly_whose_parameters_can_be_set() {
+    let of = |text: &str| Scenario::parse(text, "bench.toml").and_then(|scenario| scenario.under_test());
+    let arm = "[arm]\nbeta1_deg = 30\nbeta2_deg = 75\ninitial = [0.1, 0, 0, 0.2]\n";
+    let (plain, set) = (of(arm).unwrap(), of(&format!("{arm}[structure]\nset = {{ 'link2.mass_kg' = 40 }}")).unwrap());
+    assert_eq!(plain.initial, [0.1, 0.0, 0.0, 0.2]);
+    assert_eq!(set.initial, plain.initial);
+    let value = |name: &str| plain.assembly.value(plain.assembly.parameter(name).unwrap()).unwrap();
+    assert_eq!([value("link1.angle_deg"), value("link2.angle_deg"), value("link2.mass_kg")], [30.0, 75.0, 50.58]);
+    let mass = plain.assembly.parameter("link2.mass_kg").unwrap();
+    assert_eq!(set.assembly, plain.assembly.with(mass, 40.0).unwrap());
+    let refused = |set: &str| of(&format!("{MODAL}[structure.set]\n{set}")).unwrap_err().to_string();
+    for (set, words) in
+        [("'mode1.damping_ratio' = -1", "is -1"), ("'mode3.damping_ratio' = 0.1", "there is no parameter")]
+    {
+        let said = refused(set);
+        assert!(said.starts_with("structure.set: `mode") && said.contains(words), "{said}");
+    }
+}
+
 #[test]
 fn where_the_rig_is_follows_from_the_points_or_is_stated() {
     let places = |text: &str| Scenario::parse(text, "bench.toml").unwrap().tested_structure().unwrap().unwrap();

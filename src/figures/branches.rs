@@ -1,0 +1,177 @@
+//! Branches of periodic motions as figures, stable blue, unstable red and dashed, those of doubled period in thin lines;
+//! and as tables.
+
+use resonarm::analysis::structure::{Branch, Coordinate, Orbit};
+use resonarm::analysis::{self, BifurcationKind};
+use resonarm_figures::plot::{Axis, Color, Dash, Figure, Panel, Series, Style};
+
+use crate::figures::branch_plot::{BIFURCATIONS, doubled};
+use crate::read_at::{ReadAt, cells, columns};
+
+/// A motion of a branch, in order.
+struct Row<'a> {
+    orbit: &'a Orbit,
+    /// The bifurcation, if it is one.
+    bifurcation: Option<BifurcationKind>,
+}
+
+impl Row<'_> {
+    /// Whether it is drawn as stable; at a bifurcation neither. A motion whose largest multiplier is on the unit circle,
+    /// as without damping, is not unstable.
+    fn stable(&self) -> Option<bool> {
+        self.bifurcation.is_none().then(|| self.orbit.is_stable() != Some(false))
+    }
+
+    /// The same in words; empty if it is not computed.
+    fn stability(&self) -> &'static str {
+        match (self.orbit.is_stable(), self.bifurcation) {
+            (Some(true), None) => "stable",
+            (Some(false), None) => "unstable",
+            (None, None) if self.orbit.stability.is_none() => "",
+            _ => "marginal",
+        }
+    }
+}
+
+/// The motions of a branch with its bifurcations in their places.
+fn rows(branch: &Branch) -> Vec<Row<'_>> {
+    let mut found = branch.bifurcations.iter().peekable();
+    let mut rows = Vec::with_capacity(branch.orbits.len() + branch.bifurcations.len());
+    for (index, orbit) in branch.orbits.iter().enumerate() {
+        while let Some(bifurcation) = found.next_if(|found| found.index <= index) {
+            rows.push(Row { orbit: &bifurcation.orbit, bifurcation: Some(bifurcation.kind) });
+        }
+        rows.push(Row { orbit, bifurcation: None });
+    }
+    rows.extend(found.map(|found| Row { orbit: &found.orbit, bifurcation: Some(found.kind) }));
+    rows
+}
+
+/// The figure with a panel for each degree of freedom that is read, its largest displacement over what `x` says. The
+/// legend is in the first; those of the others have only what it lacks.
+pub(crate) fn of_each(mut figure: Figure, x: &str, read: &[ReadAt], drawn: impl Fn(Panel, usize) -> Panel) -> Figure {
+    figure.columns = if read.len() > 3 { 2 } else { 1 };
+    let mut known: Vec<Option<String>> = Vec::new();
+    for (index, at) in read.iter().enumerate() {
+        let y = Axis::linear(format!("largest {} ({})", at.name, at.unit()));
+        let mut panel = drawn(Panel::new(Axis::linear(x), y), index);
+        let labels: Vec<_> = panel.series.iter().map(|series| series.label.clone()).collect();
+        panel.series.iter_mut().filter(|series| known.contains(&series.label)).for_each(|series| series.label = None);
+        known.extend(labels);
+        figure = figure.with(panel);
+    }
+    figure
+}
+
+/// The panel with the branches of the largest displacement of a degree of freedom, by its number among those that are
+/// read, and their bifurcations: the first branch, then those of doubled period.
+pub(crate) fn with_branches(mut panel: Panel, branches: &[&Branch], index: usize) -> Panel {
+    let at = |row: &Row<'_>| (row.orbit.value, row.orbit.readings[index].largest);
+    for (k, branch) in branches.iter().enumerate() {
+        let rows = rows(branch);
+        let is_assessed = branch.orbits.iter().any(|orbit| orbit.stability.is_some());
+        let lines = if is_assessed {
+            let of = |wanted| analysis::stretches(&rows, Row::stable, wanted, at);
+            vec![Series::stable(of(true)), Series::unstable(of(false))]
+        } else {
+            let style = Style::Line { color: Color::Black, width: 1.6, dash: Dash::Solid };
+            let points = rows.iter().map(at).collect();
+            vec![Series::line("stability not computed", Color::Black, points).style(style)]
+        };
+        for series in lines {
+            panel = panel.with(match k {
+                0 => series,
+                1 => doubled(series),
+                _ => doubled(series).unlabelled(),
+            });
+        }
+    }
+    for (kind, label, shape) in BIFURCATIONS {
+        let found = branches.iter().flat_map(|branch| &branch.bifurcations).filter(|found| found.kind == kind);
+        let points = found.map(|found| (found.orbit.value, found.orbit.readings[index].largest)).collect();
+        panel = panel.with_any(Series::markers(label, Color::Black, shape, points));
+    }
+    panel
+}
+
+/// Runs of motions of one stability; neighbours share a motion.
+pub(crate) fn stretches(branch: &Branch) -> Vec<(&[Orbit], Option<bool>)> {
+    let (orbits, mut runs, mut start) = (&branch.orbits, Vec::new(), 0);
+    for end in 1..=orbits.len() {
+        if end == orbits.len() || orbits[end].is_stable() != orbits[start].is_stable() {
+            runs.push((&orbits[start..(end + 1).min(orbits.len())], orbits[start].is_stable()));
+            start = end;
+        }
+    }
+    runs
+}
+
+/// Comma-separated values (RFC 4180), with the units in the names of the columns: a line for each motion, bifurcations
+/// in their places. `branch` is 0, and counts from 1 for doubled branches; `drive` is the amplitude of the first load.
+pub(crate) fn table(coordinate: Coordinate, branches: &[&Branch], read: &[ReadAt]) -> String {
+    let parameter = match coordinate {
+        Coordinate::FrequencyHz | Coordinate::Amplitude => None,
+        Coordinate::Parameter(parameter) => Some(parameter.to_string().replace('.', "_")),
+    };
+    let varied = parameter.as_ref().map_or(String::new(), |name| format!(",{name}"));
+    let mut text =
+        format!("branch{varied},frequency_hz,drive,largest_multiplier,stability,bifurcation{}\n", columns(read));
+    for (number, branch) in branches.iter().enumerate() {
+        for row in rows(branch) {
+            let Orbit { value, frequency_hz, drive, readings, stability, .. } = row.orbit;
+            let varied = parameter.as_ref().map_or(String::new(), |_name| format!(",{value}"));
+            let largest = stability.as_ref().and_then(|of| of.multipliers.first());
+            let largest = largest.map_or(String::new(), |mu| libm::hypot(mu.re, mu.im).to_string());
+            let (stability, kind) = (row.stability(), row.bifurcation.map_or("", BifurcationKind::name));
+            text +=
+                &format!("{number}{varied},{frequency_hz},{drive},{largest},{stability},{kind}{}\n", cells(readings));
+        }
+    }
+    text
+}
+
+#[cfg(test)]
+#[allow(clippy::unwrap_used, reason = "a test fails by panicking")]
+mod tests {
+    use super::*;
+    use resonarm::analysis::structure::{Forced, TraceOptions, trace, trace_doublings};
+    use resonarm::scenario::Scenario;
+
+    /// Strong excitation at the 1:2 resonance: its branch and those of doubled period.
+    fn strongly_forced() -> (Branch, Vec<Branch>) {
+        let scenario = Scenario::parse("[arm]\nbeta2_deg = 75.0", "test.toml").unwrap();
+        let assembly = scenario.under_test().unwrap().assembly;
+        let joint1 = assembly.dof("joint1").unwrap();
+        let forced = Forced::new(assembly, joint1, 800.0);
+        let options = TraceOptions::new(&forced, Coordinate::FrequencyHz, [46.0, 50.0], vec![joint1]);
+        let branch = trace(&forced, 46.0, Coordinate::FrequencyHz, &options).unwrap();
+        let doubled = trace_doublings(&forced, &branch, Coordinate::FrequencyHz, &options);
+        let doubled = doubled.into_iter().map(Result::unwrap).collect();
+        (branch, doubled)
+    }
+
+    /// Without colours, the lines still differ: by stability in their dashes, by period in their widths. The colours
+    /// change at the period doublings, although the continuation has no motion exactly there.
+    #[test]
+    fn lines_differ_without_colours_and_change_at_the_bifurcations() {
+        let (branch, doubled) = strongly_forced();
+        let branches: Vec<&Branch> = core::iter::once(&branch).chain(&doubled).collect();
+        let panel = with_branches(Panel::new(Axis::linear("x"), Axis::linear("y")), &branches, 0);
+        let lines = panel.series.iter().filter_map(|series| match series.style {
+            Style::Line { width, dash, .. } => Some((series.label.as_deref().unwrap_or(""), dash, width)),
+            Style::Markers { .. } | Style::Tiles { .. } => None,
+        });
+        let expected = [
+            ("stable", Dash::Solid, 1.6),
+            ("unstable", Dash::Dashed, 1.6),
+            ("stable, two periods", Dash::Solid, 0.8),
+            ("unstable, two periods", Dash::Dashed, 0.8),
+        ];
+        assert_eq!(lines.take(4).collect::<Vec<_>>(), expected);
+        let found: Vec<f64> = branch.bifurcations.iter().map(|found| found.orbit.value).collect();
+        assert!((found[0] - 46.1742).abs() < 1e-3 && (found[1] - 46.3572).abs() < 1e-3, "{found:?}");
+        let unstable = panel.series.iter().find(|series| series.label.as_deref() == Some("unstable")).unwrap();
+        let hz: Vec<f64> = unstable.points.iter().map(|point| point.0).filter(|hz| hz.is_finite()).collect();
+        assert_eq!((hz.first(), hz.last()), (found.first(), found.last()));
+    }
+}
