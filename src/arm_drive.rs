@@ -20,18 +20,6 @@ pub(crate) struct ArmDriveFlags {
     force_y_n: Option<f64>,
 }
 
-/// The amplitude of an excitation in words.
-#[derive(Clone, Copy, Debug)]
-pub(crate) struct AmplitudeWords {
-    /// The name in results, with its unit.
-    pub name: &'static str,
-    /// For people.
-    pub what: &'static str,
-    pub unit: &'static str,
-    /// The suffix of its flags.
-    pub suffix: &'static str,
-}
-
 impl ArmDriveFlags {
     /// Whether a torque or a force is named.
     pub fn is_given(&self) -> bool {
@@ -40,15 +28,6 @@ impl ArmDriveFlags {
 
     fn is_force(&self) -> bool {
         self.force_x_n.is_some() || self.force_y_n.is_some()
-    }
-
-    /// What its amplitude is: that of a torque, unless a force is named.
-    pub fn words(&self) -> AmplitudeWords {
-        if self.is_force() {
-            AmplitudeWords { name: "force_n", what: "force at C", unit: "N", suffix: "-n" }
-        } else {
-            AmplitudeWords { name: "torque1_nm", what: "torque at joint 1", unit: "N·m", suffix: "-nm" }
-        }
     }
 
     /// The peak load, exactly as given.
@@ -77,13 +56,5 @@ impl ArmDriveFlags {
             )));
         }
         Ok((load.scaled(1.0 / amplitude), amplitude))
-    }
-
-    /// The same where the amplitude is `varied`: it needs no value, only a direction.
-    pub fn direction_of(&self, varied: &str) -> Result<(Load, f64), Failure> {
-        if self.torque1_nm.is_some() {
-            return Err(Failure::usage(format!("the amplitude is what {varied}: leave --torque1-nm out")));
-        }
-        if self.is_force() { self.direction() } else { Ok((Load::torque_nm(1.0, 0.0), 1.0)) }
     }
 }

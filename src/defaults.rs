@@ -156,9 +156,9 @@ mod tests {
             Frf(command) => of(command.structure.scenario()),
             Continue(command) => of(command.structure.scenario()),
             Backbone(command) => of(command.structure.scenario()),
-            Sweep(command) => of(command.motion.scenario()),
-            Poincare(command) => of(command.motion.scenario()),
-            Basins(command) => of(command.motion.scenario()),
+            Sweep(command) => of(command.motion.structure.scenario()),
+            Poincare(command) => of(command.motion.structure.scenario()),
+            Basins(command) => of(command.motion.structure.scenario()),
             Paper(command) => command.preset().name().to_owned(),
             Identify(command) => format!("{:?}", command.domain()),
             other => panic!("{other:?}: say here what it computes with of the flag"),
@@ -268,12 +268,14 @@ mod tests {
         backbone --at: where the loads act
         backbone --to: 0.3 at a joint
         sweep --initial: that of the scenario, at rest
-        sweep --at: where it is driven
+        sweep --at: where the loads act
         sweep --points: 101, and between them as many as the resonances of the forced response need
         poincare --initial: that of the scenario, at rest
+        poincare --at: where the loads act
         poincare --parameter: nothing, one section
         poincare --section-points: 2000, in a diagram 200
         basins --initial: that of the scenario, at rest
+        basins --at: where the loads act
         basins --coordinates: the first and its rate
         basins --from: minus the last
         basins --to: 1.5 times as far as the largest stable motion reaches

@@ -8,9 +8,7 @@ use clap::{Args, ValueEnum};
 
 use crate::failure::Failure;
 use crate::numbers;
-use resonarm::arm::State;
 use resonarm::integrate::Scheme;
-use resonarm::plant::PlantSpecError;
 use resonarm::realtime::{FifoPriority, Spin, ThreadSetup};
 use resonarm::run::OnShortfall;
 use resonarm::scenario::{Scenario, StructureKind, StructureSection};
@@ -236,20 +234,6 @@ impl SessionFlags {
         }
         Ok(scenario)
     }
-}
-
-/// The initial state of --initial or of the scenario: α1, α2, rad, α̇1, α̇2, rad/s.
-pub(crate) fn initial(given: Option<&[f64]>, scenario: &Scenario) -> Result<[f64; 4], Failure> {
-    let initial = given.map_or(Ok(scenario.arm.initial), <[f64; 4]>::try_from).map_err(|_wrong_count| {
-        let count = given.map_or(0, <[f64]>::len);
-        Failure::usage(format!("--initial has {count} numbers: it needs four, α1,α2,α̇1,α̇2 in rad and rad/s"))
-    })?;
-    let is_finite = initial.iter().all(|value| value.is_finite());
-    if is_finite { Ok(initial) } else { Err(PlantSpecError::Initial(initial.to_vec()).into()) }
-}
-
-pub(crate) fn state([x1, x2, v1, v2]: [f64; 4]) -> State {
-    State::new([x1, x2], [v1, v2])
 }
 
 /// The failure for a flag whose value was refused with `error`.

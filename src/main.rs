@@ -28,7 +28,6 @@ mod output;
 mod progress;
 mod quantity;
 mod read_at;
-mod readings;
 mod recordings;
 mod responses;
 mod session;

@@ -6,27 +6,26 @@ use clap::{Args, ValueEnum};
 use serde::Serialize;
 use serde_json::{Value, json};
 
-use crate::arm_drive::ArmDriveFlags;
 use crate::configuration;
+use crate::drive::{Drive, DriveFlags};
 use crate::failure::Failure;
-use crate::flags::{self, StructureFlags};
+use crate::flags::StructureFlags;
 use crate::output::{self, Inputs, JsonFlag, OverwriteFlag};
-use resonarm::analysis::time_domain::{Direction, Grid, SettleOptions, Sweep, SweepParameter};
-use resonarm::arm::Load;
+use resonarm::analysis::time_domain::{Direction, SettleOptions};
 use resonarm::plant::TestedAssembly;
 use resonarm::scenario::Scenario;
 use resonarm_figures::plot::{Figure, beside};
 
-/// The arm, its excitation and initial state, how long to wait, and where the results go.
+/// The structure, its excitation and initial state, how long to wait, and where the results go.
 #[derive(Clone, Debug, Args)]
 pub(crate) struct MotionFlags {
     #[command(flatten)]
     pub structure: StructureFlags,
     #[command(flatten)]
-    pub drive: ArmDriveFlags,
-    /// State in which the first motion begins: coordinates, of the arm α1,α2 in rad, then their rates, rad/s [default:
-    /// that of the scenario, at rest].
-    #[arg(long, value_name = "α1,α2,α̇1,α̇2", value_delimiter = ',', num_args = 1)]
+    pub drive: DriveFlags,
+    /// State in which the first motion begins: the coordinates, of a chain the deflections of its joints, rad, then
+    /// their rates [default: that of the scenario, at rest].
+    #[arg(long, value_name = "Q,V", value_delimiter = ',', num_args = 1)]
     initial: Option<Vec<f64>>,
     /// Longest wait for a motion to settle, in time constants of the slowest mode.
     #[arg(long, value_name = "N", default_value_t = SettleOptions::default().time_constants)]
@@ -61,31 +60,13 @@ impl DirectionFlag {
             DirectionFlag::Both => &[Direction::Up, Direction::Down],
         }
     }
-
-    /// The sweeps over the values of a grid.
-    pub fn sweeps(self, parameter: SweepParameter, grid: &Grid) -> Vec<Sweep> {
-        let sweep = |direction: &Direction| Sweep { parameter, grid: grid.clone(), direction: *direction };
-        self.directions().iter().map(sweep).collect()
-    }
 }
 
 impl MotionFlags {
-    /// The scenario, with the initial state of the flags in it.
-    pub fn scenario(&self) -> Result<Scenario, Failure> {
-        let mut scenario = self.structure.scenario()?;
-        scenario.arm.initial = flags::initial(self.initial.as_deref(), &scenario)?;
-        Ok(scenario)
-    }
-
-    /// The initial state of a structure: coordinates and rates of --initial or the scenario, and elements at rest.
-    pub fn initial_of_structure(&self, tested: &TestedAssembly) -> Result<Vec<f64>, Failure> {
-        let (n, given) = (tested.assembly.coordinates(), self.initial.as_ref().unwrap_or(&tested.initial));
-        if given.len() != 2 * n {
-            let (got, needed) = (given.len(), 2 * n);
-            let what = format!("--initial has {got} numbers: give {needed}, the coordinates and their rates");
-            return Err(Failure::usage(what));
-        }
-        Ok([given.as_slice(), &vec![0.0; tested.assembly.element_states()]].concat())
+    /// The initial state: coordinates and rates of --initial or the scenario, and elements at rest.
+    pub fn initial(&self, tested: &TestedAssembly) -> Result<Vec<f64>, Failure> {
+        let initial = configuration::initial(self.initial.as_deref(), tested)?;
+        Ok([initial, vec![0.0; tested.assembly.element_states()]].concat())
     }
 
     /// How long to wait, and how many points of the section to keep if a motion doesn't settle.
@@ -121,11 +102,12 @@ impl MotionFlags {
     }
 
     /// Everything in these flags that results depend on.
-    pub fn configuration(&self, scenario: &Scenario, load: &Load) -> Result<Value, Failure> {
-        let mut configuration = configuration::of(scenario, load)?;
-        configuration["initial"] = json!(scenario.arm.initial);
+    pub fn configuration(&self, scenario: &Scenario, tested: &TestedAssembly, drive: &Drive, start: &[f64]) -> Value {
+        let mut configuration = configuration::of_structure(scenario, tested);
+        configuration["drive"] = drive.document();
+        configuration["initial"] = json!(start);
         configuration["time_constants"] = json!(self.time_constants);
-        Ok(configuration)
+        configuration
     }
 }
 

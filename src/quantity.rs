@@ -1,42 +1,6 @@
-//! The quantities in which a branch can be followed, by their names on the command line, and the flags of their
-//! interval.
+//! The flags of an interval.
 
-use crate::arm_drive::ArmDriveFlags;
 use crate::failure::Failure;
-use resonarm::analysis::{ArmParameter, Coordinate};
-
-/// A quantity that can vary.
-#[derive(Clone, Debug)]
-pub(crate) struct Quantity {
-    /// The name in results, with its unit.
-    pub name: &'static str,
-    pub coordinate: Coordinate<ArmParameter>,
-    /// The suffix of `--from` and `--to`, as `-hz`.
-    unit: &'static str,
-    /// For people, with its unit.
-    pub label: String,
-}
-
-impl Quantity {
-    /// The frequency of the excitation.
-    pub fn frequency() -> Quantity {
-        let label = String::from("excitation frequency (Hz)");
-        Quantity { name: "frequency_hz", coordinate: Coordinate::FrequencyHz, unit: "-hz", label }
-    }
-
-    /// The amplitude of the excitation.
-    pub fn amplitude(drive: &ArmDriveFlags) -> Quantity {
-        let words = drive.words();
-        let coordinate = Coordinate::Parameter(ArmParameter::Amplitude);
-        let label = format!("{} ({})", words.what, words.unit);
-        Quantity { name: words.name, coordinate, unit: words.suffix, label }
-    }
-
-    /// Both ends of its interval, among the flags `given`; `parameter` names it in messages.
-    pub fn interval(&self, parameter: &str, given: &[Ends]) -> Result<(f64, f64), Failure> {
-        Ok(interval(parameter, Some(self.unit), given)?.unwrap_or_default())
-    }
-}
 
 /// A pair of flags, `--from-UNIT a --to-UNIT b`, with their values.
 #[derive(Clone, Copy, Debug)]

@@ -97,7 +97,7 @@ def test_a_motion_with_a_contact_can_be_continued():
 
 
 def test_a_branch_is_that_of_the_program(command):
-    words = ["--drive", "tip.x", "--amplitude", 0.5, "--from-hz", 22.1, "--to-hz", 22.3, "--at", "joint2,tip.y"]
+    words = ["--drive", "tip.x=0.5", "--from-hz", 22.1, "--to-hz", 22.3, "--at", "joint2,tip.y"]
     document = command("continue", "--scenario", EXAMPLES / "hardening.toml", *words)
     chain = resonarm.Chain.from_scenario(EXAMPLES / "hardening.toml")
     branch = chain.continuation("frequency", 22.1, 22.3, drive={"tip.x": 0.5}, at=["joint2", "tip.y"])

@@ -22,7 +22,7 @@ def test_basins_of_a_structure_are_those_of_the_program(command, tmp_path):
     modal = resonarm.Modal(MODES, elements=[SPRING])
     file = tmp_path / "hard.toml"
     file.write_text(resonarm.Scenario().replace(arm=None, structure=modal.section).to_toml())
-    words = ["--drive", "tip.x", "--amplitude", FORCE_N, "--frequency-hz", HZ, "--points", "7,6", "--scenario", file]
+    words = ["--drive", f"tip.x={FORCE_N}", "--frequency-hz", HZ, "--points", "7,6", "--scenario", file]
     document = command("basins", *words)
     found = modal.basins(HZ, drive={"tip.x": FORCE_N}, points=GRID)
     assert found.coordinates == ("q1_m_sqrt_kg", "q1_dot_m_sqrt_kg_s")

@@ -1,20 +1,25 @@
 //! `resonarm poincare`: Poincaré sections, and bifurcation diagrams made of them.
 
-use clap::{Args, ValueEnum};
+use clap::Args;
 use serde::Serialize;
-use serde_json::{Map, Value, json};
+use serde_json::{Value, json};
 
+use crate::configuration;
+use crate::drive::Drive;
 use crate::failure::{Failure, Verdict};
 use crate::figures::captions;
-use crate::flags;
+use crate::figures::singular_curves::{coordinate, title};
 use crate::motion_flags::{DirectionFlag, MotionFlags, or_empty};
-use crate::quantity::{Ends, Quantity, interval};
+use crate::quantity::{Ends, interval};
+use crate::read_at::{ReadAt, dofs, read_at, readings};
 use crate::study;
-use resonarm::analysis::Coordinate;
-use resonarm::analysis::time_domain::{Direction, Grid, Sweep, SweepParameter, path};
-use resonarm::arm::{Load, Sine, State};
+use resonarm::analysis::structure::Coordinate;
+use resonarm::analysis::structure::time_domain::{Sweep, path, section_point};
+use resonarm::analysis::time_domain::{Direction, Grid};
+use resonarm::plant::TestedAssembly;
 use resonarm::scenario::Scenario;
-use resonarm::study::{Chain, Chains, Point};
+use resonarm::structure::Assembly;
+use resonarm::study::{StructureChains, StructurePoint};
 use resonarm_figures::plot::{Axis, Color, Figure, Legend, Marker, Panel, Series};
 
 /// Points of the section to keep if a motion doesn't settle: of a single motion, and at each value of a diagram.
@@ -23,25 +28,29 @@ const DIAGRAM_POINTS: usize = 200;
 
 const EXAMPLES: &str = "\
 Examples:
-  resonarm poincare --torque1-nm 60 --frequency-hz 22.1
-  resonarm poincare --parameter amplitude --frequency-hz 22.1 --from-nm 5 \\
-      --to-nm 90 --plot diagram
-  resonarm poincare --parameter frequency --torque1-nm 60 --from-hz 21.9 \\
+  resonarm poincare --drive joint1=60 --frequency-hz 22.1 --at joint1,joint2
+  resonarm poincare --parameter amplitude --drive joint1 --frequency-hz 22.1 \\
+      --from 5 --to 90 --plot diagram
+  resonarm poincare --parameter frequency --drive joint1=60 --from-hz 21.9 \\
       --to-hz 22.3 --points 21";
 
-/// The states of the settled arm at phase 0 of the excitation: one section, or a bifurcation diagram in frequency or
-/// amplitude.
+/// The states of the settled structure at phase 0 of the excitation: one section, or a bifurcation diagram in the
+/// frequency, the amplitude or a parameter.
 #[derive(Debug, Args)]
 #[command(after_long_help = EXAMPLES)]
 pub(crate) struct Poincare {
     #[command(flatten)]
     pub(crate) motion: MotionFlags,
+    /// Where the motion is read and drawn, separated by commas [default: where the loads act].
+    #[arg(long, value_name = "DOF", value_delimiter = ',')]
+    at: Vec<String>,
     /// Excitation frequency, Hz; not with --parameter frequency.
     #[arg(long, value_name = "F")]
     frequency_hz: Option<f64>,
-    /// Quantity to step for a bifurcation diagram [default: nothing, one section].
-    #[arg(long, value_enum)]
-    parameter: Option<ParameterFlag>,
+    /// What is stepped for a bifurcation diagram: frequency, amplitude, or a parameter of the structure, as
+    /// link2.angle_deg [default: nothing, one section].
+    #[arg(long, value_name = "NAME")]
+    parameter: Option<String>,
     #[command(flatten)]
     range: RangeFlags,
     /// Number of values, evenly spaced, both ends among them.
@@ -55,16 +64,7 @@ pub(crate) struct Poincare {
     section_points: Option<u32>,
 }
 
-/// A quantity that can be stepped.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
-enum ParameterFlag {
-    /// Frequency of the excitation.
-    Frequency,
-    /// Amplitude of the excitation: torque at joint 1, or force at C in the direction of the force flags.
-    Amplitude,
-}
-
-/// The interval of the stepped quantity, in its unit.
+/// The interval of what is stepped.
 #[derive(Clone, Debug, Args)]
 struct RangeFlags {
     /// One end of the frequencies, Hz.
@@ -73,82 +73,75 @@ struct RangeFlags {
     /// The other end, Hz.
     #[arg(long, value_name = "F")]
     to_hz: Option<f64>,
-    /// One end of the torques at joint 1, N·m.
-    #[arg(long, value_name = "A")]
-    from_nm: Option<f64>,
-    /// The other end, N·m.
-    #[arg(long, value_name = "A")]
-    to_nm: Option<f64>,
-    /// One end of the forces at C, N.
-    #[arg(long, value_name = "A")]
-    from_n: Option<f64>,
-    /// The other end, N.
-    #[arg(long, value_name = "A")]
-    to_n: Option<f64>,
+    /// One end of the amplitudes, in the unit of the first load, or of the values of a parameter, in the unit of its name.
+    #[arg(long, value_name = "X")]
+    from: Option<f64>,
+    /// The other end.
+    #[arg(long, value_name = "X")]
+    to: Option<f64>,
 }
 
-/// What is stepped; without sweeps nothing.
-struct Stepped {
-    quantity: Quantity,
-    /// The peak load; for the value 1 where the amplitude is stepped.
-    load: Load,
-    sweeps: Vec<Sweep>,
+/// What is computed.
+struct Plan {
+    drive: Drive,
+    read: Vec<ReadAt>,
+    /// What is stepped, and its values; a section alone has one frequency.
+    over: Coordinate,
+    grid: Option<Grid>,
+    /// The frequency where it is not stepped, Hz.
+    frequency_hz: f64,
 }
 
 #[derive(Serialize)]
 struct MotionDocument {
     #[serde(skip_serializing_if = "Option::is_none")]
     direction: Option<Direction>,
-    /// The stepped quantity, by its name.
-    #[serde(flatten)]
-    place: Map<String, Value>,
+    /// The value of what is stepped; of a section alone the frequency, Hz.
+    value: f64,
     period: Option<u32>,
     settling_periods: u64,
     drift: f64,
-    amplitude_rad: [f64; 2],
-    /// α1, α2, rad, α̇1, α̇2, rad/s, at phase 0.
-    section: Vec<[f64; 4]>,
-    #[serde(skip)]
-    value: f64,
+    readings: Value,
+    /// The states at phase 0: coordinates, their rates, states of elements.
+    section: Vec<Vec<f64>>,
 }
 
 #[derive(Serialize)]
 struct Document {
-    /// What the results depend on; the load is that of the value 1 where the amplitude is stepped.
+    /// What the results depend on; where the amplitude is stepped, the loads are those at the amplitude 1 of the first.
     configuration: Value,
+    coordinates: Value,
     motions: Vec<MotionDocument>,
-}
-
-impl RangeFlags {
-    fn ends(&self) -> [Ends; 3] {
-        [
-            Ends { unit: "-hz", from: self.from_hz, to: self.to_hz },
-            Ends { unit: "-nm", from: self.from_nm, to: self.to_nm },
-            Ends { unit: "-n", from: self.from_n, to: self.to_n },
-        ]
-    }
 }
 
 impl Poincare {
     pub fn execute(&self) -> Result<Verdict, Failure> {
-        let scenario = self.motion.scenario()?;
-        let stepped = self.stepped()?;
-        let chains = self.chains(&scenario, &stepped)?;
-        let mut configuration = self.motion.configuration(&scenario, &stepped.load)?;
+        let scenario = self.motion.structure.scenario()?;
+        let tested = scenario.under_test()?;
+        let plan = self.plan(&tested)?;
+        let start = self.motion.initial(&tested)?;
+        let mut configuration = self.motion.configuration(&scenario, &tested, &plan.drive, &start);
         configuration["poincare"] = json!({
-            "parameter": stepped.quantity.name,
-            "frequency_hz": self.frequency_hz,
-            "values": stepped.sweeps.iter().map(|sweep| sweep.grid.values()).map(|v| [v.first(), v.last()]).collect::<Vec<_>>(),
-            "directions": stepped.sweeps.iter().map(|sweep| sweep.direction).collect::<Vec<_>>(),
-            "points": self.parameter.map(|_| self.points),
-            "section_points": self.section_points(),
+            "parameter": self.parameter, "frequency_hz": self.frequency_hz,
+            "ends": plan.grid.as_ref().map(|grid| [grid.values().first().copied(), grid.values().last().copied()]),
+            "directions": plan.grid.as_ref().map(|_grid| self.direction.directions()),
+            "points": plan.grid.as_ref().map(|_grid| self.points),
+            "section_points": self.section_points(), "at": self.at,
         });
         let journal = self.motion.journal()?;
+        let chains = StructureChains {
+            sweeps: self.sweeps(&tested, &plan),
+            read: dofs(&plan.read),
+            start,
+            options: self.motion.options(self.section_points()),
+        };
         let walked = study::chains("section", chains, journal, &configuration)?;
         let Some(walked) = walked else { return Ok(Verdict::Negative) };
-        let document = self.document(configuration, &stepped, walked.points());
-        let (text, csv) = (|| document.summary(self.motion.time_constants), || document.csv(stepped.quantity.name));
-        self.motion.show(&document, text, csv, || self.figure(&scenario, &stepped, &document))?;
+        let coordinates = configuration::coordinates(&tested.assembly);
+        let document = Document { configuration, coordinates, motions: self.motions(&plan, walked.points()) };
+        let text = || document.summary(self.motion.time_constants);
+        let csv = || document.csv(&plan, &tested.assembly);
+        self.motion.show(&document, text, csv, || self.figure(&scenario, &tested, &plan, &document))?;
         walked.finish()?;
         Ok(Verdict::Positive)
     }
@@ -163,102 +156,153 @@ impl Poincare {
         self.frequency_hz.ok_or_else(|| Failure::usage("give the excitation's frequency: --frequency-hz F"))
     }
 
-    fn stepped(&self) -> Result<Stepped, Failure> {
-        let (drive, given) = (&self.motion.drive, self.range.ends());
-        let (parameter, quantity, load) = match self.parameter {
-            None => {
-                self.frequency()?;
-                interval("a section without --parameter", None, &given)?;
-                return Ok(Stepped { quantity: Quantity::frequency(), load: drive.load()?, sweeps: Vec::new() });
-            }
-            Some(ParameterFlag::Frequency) if self.frequency_hz.is_some() => {
-                let refusal = "--frequency-hz is for a section or a diagram in amplitude: leave it out";
-                return Err(Failure::usage(refusal));
-            }
-            Some(ParameterFlag::Frequency) => ("--parameter frequency", Quantity::frequency(), drive.load()?),
-            Some(ParameterFlag::Amplitude) => {
-                let (direction, _) = drive.direction_of("is stepped")?;
-                ("--parameter amplitude", Quantity::amplitude(drive), direction)
-            }
+    /// What the flags ask for.
+    fn plan(&self, tested: &TestedAssembly) -> Result<Plan, Failure> {
+        let assembly = &tested.assembly;
+        let RangeFlags { from_hz, to_hz, from, to } = self.range;
+        let given = [Ends { unit: "-hz", from: from_hz, to: to_hz }, Ends { unit: "", from, to }];
+        let Some(name) = &self.parameter else {
+            interval("a section without --parameter", None, &given)?;
+            let drive = self.motion.drive.drive(assembly)?;
+            let read = read_at(&self.at, &drive.driven(), assembly)?;
+            let frequency_hz = self.frequency()?;
+            return Ok(Plan { drive, read, over: Coordinate::FrequencyHz, grid: None, frequency_hz });
         };
-        let (from, to) = quantity.interval(parameter, &given)?;
-        let parameter = match quantity.coordinate {
-            Coordinate::FrequencyHz => SweepParameter::Frequency { amplitude: load },
-            Coordinate::Parameter(_) => SweepParameter::Amplitude { unit: load, frequency_hz: self.frequency()? },
+        let over = coordinate("--parameter", name, assembly)?;
+        let drive = match over {
+            Coordinate::Amplitude => self.motion.drive.direction(assembly)?,
+            Coordinate::FrequencyHz | Coordinate::Parameter(_) => self.motion.drive.drive(assembly)?,
         };
-        let sweeps = self.direction.sweeps(parameter, &Grid::new(from, to, self.points)?);
-        Ok(Stepped { quantity, load, sweeps })
+        let unit = if over == Coordinate::FrequencyHz { "-hz" } else { "" };
+        let (from, to) = interval(&format!("--parameter {name}"), Some(unit), &given)?.unwrap_or_default();
+        let frequency_hz = match over {
+            Coordinate::FrequencyHz if self.frequency_hz.is_some() => {
+                return Err(Failure::usage(
+                    "--frequency-hz is for a section or a diagram in another parameter: leave it out",
+                ));
+            }
+            Coordinate::FrequencyHz => from,
+            Coordinate::Amplitude | Coordinate::Parameter(_) => self.frequency()?,
+        };
+        let read = read_at(&self.at, &drive.driven(), assembly)?;
+        Ok(Plan { drive, read, over, grid: Some(Grid::new(from, to, self.points)?), frequency_hz })
     }
 
-    fn chains(&self, scenario: &Scenario, stepped: &Stepped) -> Result<Chains, Failure> {
-        let arm = scenario.build_arm()?;
-        let excitations: Vec<Vec<Sine>> = match self.parameter {
-            None => vec![vec![Sine { amplitude: stepped.load, frequency_hz: self.frequency()? }]],
-            Some(_) => stepped.sweeps.iter().map(Sweep::sines).collect(),
+    /// One for each direction, or the section alone.
+    fn sweeps(&self, tested: &TestedAssembly, plan: &Plan) -> Vec<Sweep> {
+        let sweep = |values: Vec<f64>| Sweep {
+            forced: plan.drive.forced(&tested.assembly),
+            frequency_hz: plan.frequency_hz,
+            over: plan.over,
+            values,
         };
-        let chains = excitations.into_iter().map(|excitations| Chain { arm: arm.clone(), excitations }).collect();
-        let options = self.motion.options(self.section_points());
-        Ok(Chains { chains, start: flags::state(scenario.arm.initial), options })
+        match &plan.grid {
+            None => vec![sweep(vec![plan.frequency_hz])],
+            Some(grid) => {
+                self.direction.directions().iter().map(|direction| sweep(grid.in_order(*direction))).collect()
+            }
+        }
     }
 
-    fn document(&self, configuration: Value, stepped: &Stepped, points: &[Vec<Point>]) -> Document {
-        let motion = |direction, value: f64, point: &Point| MotionDocument {
+    fn motions(&self, plan: &Plan, points: &[Vec<StructurePoint>]) -> Vec<MotionDocument> {
+        let motion = |direction, value, point: &StructurePoint| MotionDocument {
             direction,
-            place: Map::from_iter([(String::from(stepped.quantity.name), json!(value))]),
+            value,
             period: point.period,
             settling_periods: point.settling_periods,
             drift: point.drift,
-            amplitude_rad: point.amplitude_rad,
+            readings: readings(&point.readings(), &plan.read),
             section: point.section.clone(),
-            value,
         };
         let mut motions = Vec::new();
-        for (k, chain) in points.iter().enumerate() {
-            let sweep = stepped.sweeps.get(k);
-            let values = sweep.map_or_else(|| vec![self.frequency_hz.unwrap_or_default()], Sweep::values);
-            for (value, point) in values.into_iter().zip(chain) {
-                motions.push(motion(sweep.map(|sweep| sweep.direction), value, point));
-            }
+        for (chain, direction) in points.iter().zip(self.direction.directions()) {
+            let (direction, values) = match &plan.grid {
+                None => (None, vec![plan.frequency_hz]),
+                Some(grid) => (Some(*direction), grid.in_order(*direction)),
+            };
+            motions.extend(values.into_iter().zip(chain).map(|(value, point)| motion(direction, value, point)));
         }
-        Document { configuration, motions }
+        motions
     }
 
-    fn figure(&self, scenario: &Scenario, stepped: &Stepped, document: &Document) -> Result<Figure, Failure> {
-        let pose = captions::pose(&scenario.arm);
+    fn figure(
+        &self,
+        scenario: &Scenario,
+        tested: &TestedAssembly,
+        plan: &Plan,
+        document: &Document,
+    ) -> Result<Figure, Failure> {
+        let varied: Vec<String> = plan.grid.iter().map(|_grid| plan.over.to_string()).collect();
+        let is_in_amplitude = plan.over == Coordinate::Amplitude;
+        let load = if is_in_amplitude { format!("driven at {}", plan.drive.at()) } else { plan.drive.words() };
         let hz = self.frequency_hz.map_or(String::new(), |hz| format!("{hz} Hz"));
-        let (load, direction) = (captions::load(&stepped.load), captions::direction(&stepped.load));
-        Ok(match self.parameter {
-            None => self.section_figure(scenario, stepped, document)?.subtitle(pose.and(load).and(hz)),
-            Some(ParameterFlag::Frequency) => diagram(document, stepped).subtitle(pose.and(load)),
-            Some(ParameterFlag::Amplitude) => diagram(document, stepped).subtitle(pose.and(direction).and(hz)),
-        })
+        let conditions = captions::structure(scenario, tested, &varied).and(load).and(hz);
+        let figure = match &plan.grid {
+            None => self.section_figure(tested, plan, document)?,
+            Some(_) => self.diagram(tested, plan, document),
+        };
+        Ok(figure.subtitle(conditions))
     }
 
-    /// The section in the planes of both joints, over the path of the motion if it is periodic: its few points alone
-    /// would show little.
-    fn section_figure(&self, scenario: &Scenario, stepped: &Stepped, document: &Document) -> Result<Figure, Failure> {
-        let sine = Sine { amplitude: stepped.load, frequency_hz: self.frequency()? };
+    /// The section in the plane of each degree of freedom, over the path of the motion if it is periodic: its few points
+    /// alone would show little.
+    fn section_figure(&self, tested: &TestedAssembly, plan: &Plan, document: &Document) -> Result<Figure, Failure> {
         let motion = document.motions.first();
         let repeating = motion.and_then(|motion| Some((motion.section.first()?, motion.period?)));
-        let path = match repeating {
-            Some((start, periods)) => path(&scenario.build_arm()?, &sine, &flags::state(*start), periods)?,
-            None => Vec::new(),
+        let states = match (repeating, self.sweeps(tested, plan).first()) {
+            (Some((start, periods)), Some(sweep)) => path(&sweep.map(plan.frequency_hz)?, start, periods)?,
+            _ => Vec::new(),
         };
         let mut figure = Figure::new("Poincaré section at phase 0 of the excitation");
-        figure.columns = 2;
-        for joint in 0..2 {
-            let plane = |state: &[f64; 4]| (state[joint], state[2 + joint]);
-            let on_path = |state: &State| (state.alpha_rad[joint], state.alpha_dot_rad_s[joint]);
-            let points: Vec<_> = document.motions.iter().flat_map(|motion| &motion.section).map(plane).collect();
+        figure.columns = plan.read.len().min(2);
+        for (index, at) in plan.read.iter().enumerate() {
+            let plane = |state: &Vec<f64>| section_point(&tested.assembly, at.dof, state).into();
+            let points: Vec<(f64, f64)> =
+                document.motions.iter().flat_map(|motion| &motion.section).map(plane).collect();
             let size = if points.len() > 20 { 2.0 } else { 6.0 };
-            let alpha = captions::ALPHA[joint];
-            let [x, y] = [format!("{alpha} (rad)"), format!("d{alpha}/dt (rad/s)")].map(Axis::linear);
-            let panel = Panel::new(x, y).legend(if joint == 0 { Legend::Bottom } else { Legend::None });
-            let panel = panel.with_any(Series::line("motion", Color::Grey, path.iter().map(on_path).collect()));
+            let (name, unit) = (&at.name, at.unit());
+            let [x, y] = [format!("{name} ({unit})"), format!("d{name}/dt ({unit}/s)")].map(Axis::linear);
+            let panel = Panel::new(x, y).legend(if index == 0 { Legend::Bottom } else { Legend::None });
+            let panel = panel.with_any(Series::line("motion", Color::Grey, states.iter().map(plane).collect()));
             let section = Series::markers("section", Color::Blue, Marker::Circle, points);
             figure = figure.with(panel.with(section.marked(size, true)));
         }
         Ok(figure)
+    }
+
+    /// The sections over what is stepped.
+    fn diagram(&self, tested: &TestedAssembly, plan: &Plan, document: &Document) -> Figure {
+        let mut figure = Figure::new("Bifurcation diagram: the section at phase 0 of the excitation");
+        for (index, at) in plan.read.iter().enumerate() {
+            let y = Axis::linear(format!("{} ({})", at.name, at.unit()));
+            let mut panel = Panel::new(Axis::linear(title(plan.over, &plan.drive)), y);
+            for direction in self.direction.directions() {
+                let (color, size) = match direction {
+                    Direction::Up => (Color::Blue, 3.5),
+                    Direction::Down => (Color::Vermillion, 2.0),
+                };
+                let name = direction.name();
+                // Periodic motions as a few points, others as a cloud of small ones.
+                for (repeats, label, size) in [
+                    (true, format!("stepped {name}"), size),
+                    (false, format!("stepped {name}, not settled"), 0.4 * size),
+                ] {
+                    let motions = document
+                        .motions
+                        .iter()
+                        .filter(|motion| motion.direction == Some(*direction) && motion.period.is_some() == repeats);
+                    let of = |motion: &MotionDocument| {
+                        let displacement = |state: &Vec<f64>| section_point(&tested.assembly, at.dof, state)[0];
+                        let value = motion.value;
+                        motion.section.iter().map(move |state| (value, displacement(state))).collect::<Vec<_>>()
+                    };
+                    let series = Series::markers(label, color, Marker::Circle, motions.flat_map(of).collect());
+                    panel = panel.with_any(series.marked(size, true));
+                }
+            }
+            figure = figure.with(if index > 0 { panel.legend(Legend::None) } else { panel });
+        }
+        figure
     }
 }
 
@@ -284,44 +328,19 @@ impl Document {
         text
     }
 
-    fn csv(&self, name: &str) -> String {
-        let mut text = format!("direction,{name},period,alpha1_rad,alpha2_rad,alpha1_dot_rad_s,alpha2_dot_rad_s\n");
+    /// A line for each point of a section: the coordinates and their rates.
+    fn csv(&self, plan: &Plan, assembly: &Assembly) -> String {
+        let names = configuration::state_names(assembly);
+        let varied = plan.over.to_string().replace('.', "_");
+        let mut text = format!("direction,{varied},period,{}\n", names.join(","));
         for motion in &self.motions {
             let (direction, period) = (or_empty(motion.direction.map(Direction::name)), or_empty(motion.period));
-            for [x1, x2, v1, v2] in &motion.section {
-                text += &format!("{direction},{},{period},{x1},{x2},{v1},{v2}\n", motion.value);
+            for state in &motion.section {
+                text += &format!("{direction},{},{period}", motion.value);
+                state.iter().take(names.len()).for_each(|value| text += &format!(",{value}"));
+                text.push('\n');
             }
         }
         text
     }
-}
-
-/// The sections over the stepped quantity.
-fn diagram(document: &Document, stepped: &Stepped) -> Figure {
-    let mut figure = Figure::new("Bifurcation diagram: the section at phase 0 of the excitation");
-    for joint in 0..2 {
-        let axis = Axis::linear(format!("{} (rad)", captions::ALPHA[joint]));
-        let mut panel = Panel::new(Axis::linear(&stepped.quantity.label), axis);
-        for sweep in &stepped.sweeps {
-            let (color, size) = match sweep.direction {
-                Direction::Up => (Color::Blue, 3.5),
-                Direction::Down => (Color::Vermillion, 2.0),
-            };
-            let direction = sweep.direction.name();
-            // Periodic motions as a few points, others as a cloud of small ones.
-            for (repeats, label, size) in [
-                (true, format!("stepped {direction}"), size),
-                (false, format!("stepped {direction}, not settled"), 0.4 * size),
-            ] {
-                let motions = document.motions.iter();
-                let motions = motions
-                    .filter(|motion| motion.direction == Some(sweep.direction) && motion.period.is_some() == repeats);
-                let points = motions.flat_map(|motion| motion.section.iter().map(|state| (motion.value, state[joint])));
-                let series = Series::markers(label, color, Marker::Circle, points.collect());
-                panel = panel.with_any(series.marked(size, true));
-            }
-        }
-        figure = figure.with(if joint == 1 { panel.legend(Legend::None) } else { panel });
-    }
-    figure
 }

@@ -220,7 +220,7 @@ fn a_changed_arm_is_in_every_document_and_header() {
         &["integrators", "--drift-steps", "10"],
         &["continue", "--drive", "joint1=1", "--from-hz", "10", "--to-hz", "10.1"],
         &["backbone", "--mode", "1", "--to", "0.001"],
-        &["poincare", "--torque1-nm", "1", "--frequency-hz", "10", "--time-constants", "0.01"],
+        &["poincare", "--drive", "joint1=1", "--frequency-hz", "10", "--time-constants", "0.01"],
         &["run", "--mode", "free", "--duration-s", "0.1"],
         &["demo", "--speed", "0"],
     ];

@@ -23,9 +23,9 @@ const COMMANDS: [(&str, &str); 39] = [
     ("integrators", "--drift-steps 10"),
     ("continue", "--drive joint1=1 --from-hz 10 --to-hz 10.1"),
     ("backbone", "--to 0.001"),
-    ("sweep", "--torque1-nm 1 --from-hz 10 --to-hz 10.1 --points 2 --time-constants 0.01"),
-    ("poincare", "--torque1-nm 1 --frequency-hz 10 --time-constants 0.01"),
-    ("basins", "--torque1-nm 1 --frequency-hz 10 --points 2,2 --time-constants 0.01"),
+    ("sweep", "--drive joint1=1 --from-hz 10 --to-hz 10.1 --points 2 --time-constants 0.01"),
+    ("poincare", "--drive joint1=1 --frequency-hz 10 --time-constants 0.01"),
+    ("basins", "--drive joint1=1 --frequency-hz 10 --points 2,2 --time-constants 0.01"),
     ("paper", ""),
     ("compare", "none.json"),
     ("replay", "none.mcap --bus vcan999"),
@@ -52,7 +52,7 @@ const COMMANDS: [(&str, &str); 39] = [
 ];
 
 /// Value names of numeric flags in the help, and of all others.
-const NUMERIC: [&str; 22] = [
+const NUMERIC: [&str; 23] = [
     "N",
     "NM",
     "N/S",
@@ -75,6 +75,7 @@ const NUMERIC: [&str; 22] = [
     "Q,V",
     "DOF=A",
     "NAME=X",
+    "NAME=X,…",
 ];
 const OTHERS: [&str; 32] = [
     "PID",

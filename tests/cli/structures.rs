@@ -384,7 +384,7 @@ fn backbones_of_structures() {
 #[test]
 fn sweeps_and_basins_of_structures() {
     let folder = oscillator();
-    let command = on_oscillator("sweep", "--drive tip.x --amplitude 5 --from-hz 10 --to-hz 12 --plot swept");
+    let command = on_oscillator("sweep", "--drive tip.x=5 --from-hz 10 --to-hz 12 --plot swept");
     insta::assert_snapshot!(resonarm(folder.path(), &command).stdout, @"
     oscillator with an element, cubic, stepped up: 131 motions
       largest tip.x  1.890013e-2 m at 11.260000 Hz
@@ -397,19 +397,17 @@ fn sweeps_and_basins_of_structures() {
     let swept: Value = serde_json::from_str(&text).unwrap();
     assert_eq!(names(&swept), ["configuration", "coordinates", "sweeps"]);
     let point = &swept["sweeps"][0]["points"][0];
-    let keys = ["amplitude", "drift", "frequency_hz", "largest", "largest_multiplier", "period", "readings"];
-    assert_eq!(names(point), [&keys[..], &["settling_periods"]].concat());
-    assert_eq!(numbers(&point["largest"])[0], point["readings"]["tip.x"]["largest"].as_f64().unwrap());
+    let keys = ["drift", "frequency_hz", "largest_multiplier", "period", "readings", "settling_periods"];
+    assert_eq!(names(point), keys);
 
-    let few = on_oscillator("sweep", "--drive tip.x --amplitude 5 --from-hz 9 --to-hz 16 --points 3 --direction up");
+    let few = on_oscillator("sweep", "--drive tip.x=5 --from-hz 9 --to-hz 16 --points 3 --direction up");
     insta::assert_snapshot!(resonarm(folder.path(), &few).stdout, @"
     oscillator with an element, cubic, stepped up: 3 motions
       largest tip.x  5.724230e-3 m at 9.000000 Hz
       stepped over: the resonance of tip.x at 11.257063 Hz, 1.890093e-2 m in the forced response, is 0.970644 Hz wide, less than a step; take more --points, or none
     ");
 
-    let command =
-        on_oscillator("basins", "--drive tip.x --amplitude 5 --frequency-hz 11.08 --points 7,7 --plot basins");
+    let command = on_oscillator("basins", "--drive tip.x=5 --frequency-hz 11.08 --points 7,7 --plot basins");
     insta::assert_snapshot!(resonarm(folder.path(), &command).stdout, @"
     motion 1: largest tip.x 6.007680e-3 m; reached by 24 of 49 states
     motion 2: largest tip.x 1.821289e-2 m; reached by 25 of 49 states
@@ -452,6 +450,43 @@ fn a_branch_without_stability() {
     fold at 10.8842870 Hz: tip.x 9.901828e-3 m
     largest motion of tip.x at 11.2570627 Hz: tip.x 1.890093e-2 m
     ");
+}
+
+/// Sections over a parameter, and sweeps at several of its values, of modes with an element.
+#[test]
+fn sections_and_sweeps_over_a_parameter() {
+    let folder = oscillator();
+    let section = on_oscillator("poincare", "--drive tip.x=5 --frequency-hz 11.08 --plot section");
+    insta::assert_snapshot!(resonarm(folder.path(), &section).stdout, @r"
+    1 motion with the period of the excitation
+    written to section.csv, section.json, section.svg, section.png, section.txt
+    ");
+    let svg = fs::read_to_string(folder.path().join("section.svg")).unwrap();
+    assert!(svg.contains("tip.x (m)") && svg.contains("dtip.x/dt (m/s)"), "{svg}");
+    let over = "--drive tip.x=5 --frequency-hz 11 --parameter element1.stiffness3_n_m3 --from 1e5 --to 8e6 --points 5";
+    let diagram = document(folder.path(), 0, &on_oscillator("poincare", &format!("{over} --json --plot diagram")));
+    let motions = diagram["motions"].as_array().unwrap();
+    assert_eq!(motions.len(), 10);
+    assert_eq!(
+        names(&motions[0]),
+        ["direction", "drift", "period", "readings", "section", "settling_periods", "value"]
+    );
+    // At the first value both directions settle on the only motion.
+    let size = |k: usize| motions[k]["readings"]["tip.x"]["largest"].as_f64().unwrap();
+    assert_eq!((motions[0]["value"].as_f64(), motions[9]["value"].as_f64()), (Some(1e5), Some(1e5)));
+    assert!((size(0) / size(9) - 1.0).abs() < 1e-6, "{} {}", size(0), size(9));
+    let csv = fs::read_to_string(folder.path().join("diagram.csv")).unwrap();
+    assert_eq!(csv.lines().next(), Some("direction,element1_stiffness3_n_m3,period,q1_m_sqrt_kg,q1_dot_m_sqrt_kg_s"));
+
+    let over = "--drive tip.x=1 --from-hz 9 --to-hz 11 --points 3 --direction up --over mode1.damping_ratio=0.02,0.1";
+    let swept = document(folder.path(), 0, &on_oscillator("sweep", &format!("{over} --json --plot both")));
+    assert_eq!(swept["over"], "mode1.damping_ratio");
+    let largest =
+        [0, 1].map(|k: usize| swept["sweeps"][k]["points"][1]["readings"]["tip.x"]["largest"].as_f64().unwrap());
+    assert!(largest[0] > 2.0 * largest[1], "{largest:?}");
+    assert_eq!([0, 1].map(|k: usize| swept["sweeps"][k]["value"].as_f64()), [Some(0.02), Some(0.1)]);
+    let svg = fs::read_to_string(folder.path().join("both.svg")).unwrap();
+    assert!(svg.contains("mode1.damping_ratio = 0.02") && svg.contains("mode1.damping_ratio = 0.1"));
 }
 
 /// A branch in a value of the element, with its curve of folds, drawn.
@@ -499,15 +534,16 @@ fn analyses_of_structures_refuse_in_words() {
     insta::assert_snapshot!(says("modes", "--angles-deg 1"), @"--angles-deg turns the links of a chain, and the scenario's [structure] is of the kind modal: leave it out");
     insta::assert_snapshot!(says("modes", "--preset irb1600-fitted"), @"--preset irb1600-fitted is of the two-link arm, and the scenario's [structure] is of the kind modal: leave it out");
     insta::assert_snapshot!(says("modes", "--set mode2.frequency_hz=3"), @"structure.set: `mode2.frequency_hz` is 3: there is no parameter `mode2.frequency_hz` in this structure: there are mode1.frequency_hz, mode1.damping_ratio, element1.stiffness3_n_m3, element1.stiffness5_n_m5");
-    let sweep = |more: &str| says("sweep", &format!("--drive tip.x --from-hz 9 --to-hz 10 {more}"));
-    insta::assert_snapshot!(sweep(""), @"give the amplitude of the excitation: --amplitude A");
-    insta::assert_snapshot!(sweep("--amplitude 1 --readings"), @"--over-beta2-deg and --readings are for the two-link arm: leave them out");
-    insta::assert_snapshot!(sweep("--amplitude 1 --initial 0"), @"--initial has 1 numbers: give 2, the coordinates and their rates");
-    let basins = |more: &str| says("basins", &format!("--drive tip.x --amplitude 5 --frequency-hz 13 {more}"));
+    let sweep = |more: &str| says("sweep", &format!("--drive tip.x=1 --from-hz 9 --to-hz 10 {more}"));
+    insta::assert_snapshot!(sweep("--initial 0"), @"--initial has 1 numbers: give 2, q1_m_sqrt_kg, q1_dot_m_sqrt_kg_s");
+    insta::assert_snapshot!(sweep("--over link2.angle_deg=1,2"), @"--over: there is no parameter `link2.angle_deg` in this structure: there are mode1.frequency_hz, mode1.damping_ratio, element1.stiffness3_n_m3, element1.stiffness5_n_m5");
+    insta::assert_snapshot!(sweep("--over mode1.damping_ratio=-1"), @"--over: mode 1: `damping_ratio` is -1: it must be a number from 0");
+    let basins = |more: &str| says("basins", &format!("--drive tip.x=5 --frequency-hz 13 {more}"));
     insta::assert_snapshot!(basins("--coordinates q1_m_sqrt_kg,q3"), @"--coordinates: there is no coordinate `q3`: the coordinates are q1_m_sqrt_kg, q1_dot_m_sqrt_kg_s");
     insta::assert_snapshot!(basins("--coordinates q1_m_sqrt_kg,q1_m_sqrt_kg"), @"--coordinates has q1_m_sqrt_kg twice: give two");
-    insta::assert_snapshot!(says("basins", "--force-x-n 3 --frequency-hz 13"), @"the scenario has a [structure]: give its load by --drive DOF --amplitude A, with DOF one of tip.x");
-    insta::assert_snapshot!(says("poincare", "--force-x-n 3 --frequency-hz 10"), @"the scenario has a [structure]: this needs the two-link arm without elements");
+    let section = |more: &str| says("poincare", &format!("--drive tip.x=3 {more}"));
+    insta::assert_snapshot!(section(""), @"give the excitation's frequency: --frequency-hz F");
+    insta::assert_snapshot!(section("--frequency-hz 10 --parameter mode1.frequency_hz --from-hz 9 --to-hz 10"), @"--from-hz is not for --parameter mode1.frequency_hz: its interval is --from a --to b");
     let friction = example("friction.toml");
     let refused = |more: &str| {
         let command = ["backbone", "--scenario", &friction, "--drive", "tip.y", "--to", "1"];
@@ -516,11 +552,6 @@ fn analyses_of_structures_refuse_in_words() {
     };
     insta::assert_snapshot!(refused(""), @"along the backbone: element 1, friction, acts in the smallest motion: a backbone begins in a linear mode; leave the element out, or give a contact a gap");
     insta::assert_snapshot!(refused("--undamped"), @"element 1, friction, dissipates: there is no structure without damping that has it");
-
-    let of_arm =
-        |command: &[&str]| complaint(folder.path(), 2, command).trim().trim_start_matches("resonarm: ").to_owned();
-    insta::assert_snapshot!(of_arm(&["sweep", "--torque1-nm=3", "--drive=tip.x", "--from-hz=9", "--to-hz=10"]), @"--drive tip.x is for a scenario with a [structure]: of the arm give --torque1-nm, --force-x-n or --force-y-n");
-    insta::assert_snapshot!(of_arm(&["basins", "--torque1-nm=3", "--frequency-hz=22", "--coordinates=q1,q2"]), @"--coordinates: there is no coordinate `q1`: the coordinates are alpha1_rad, alpha2_rad, alpha1_dot_rad_s, alpha2_dot_rad_s");
 }
 
 /// Two masses of 2 kg, free, as a finite-element program writes them: rigid modes at 0 Hz, or nearly so by rounding.
@@ -608,7 +639,7 @@ fn a_free_structure_through_the_commands() {
         let all: Vec<&str> = arguments.split(' ').chain(["--scenario", "free.toml"]).collect();
         complaint(folder.path(), code, &all)
     };
-    insta::assert_snapshot!(refused(2, "sweep --drive tip.y --amplitude 3 --from-hz 110 --to-hz 130").trim(), @"resonarm: mode 1 is rigid, at 0 Hz: nothing brings the structure back, so that no motion settles; give the mode the frequency and the damping that it has on its soft supports");
+    insta::assert_snapshot!(refused(2, "sweep --drive tip.y=3 --from-hz 110 --to-hz 130").trim(), @"resonarm: mode 1 is rigid, at 0 Hz: nothing brings the structure back, so that no motion settles; give the mode the frequency and the damping that it has on its soft supports");
     insta::assert_snapshot!(refused(1, "backbone --drive tip.y=3 --mode 1").trim(), @"resonarm: along the backbone: mode 1 is rigid, at 0 Hz, so that it has no resonance: take another mode");
     insta::assert_snapshot!(refused(2, "frf --drive tip.y --from-hz 0").trim(), @"resonarm: the response at 0 Hz is infinite: mode 1 is rigid, so that nothing holds the structure; begin above 0 Hz");
     insta::assert_snapshot!(refused(2, "experiment walk --points 3").trim(), @"resonarm: control: mode 1 does not oscillate: it is rigid, at 0 Hz, or overdamped; take a mode that has a resonance");

@@ -10,7 +10,7 @@ use rustix::process::{Pid, Signal, kill_process};
 const SWEEP: [&str; 10] = [
     "sweep",
     "--angles-deg=0,60",
-    "--torque1-nm=60",
+    "--drive=joint1=60",
     "--from-hz=22.05",
     "--to-hz=22.15",
     "--points=101",
@@ -76,7 +76,7 @@ fn a_stopped_sweep_resumes_to_the_same_result() {
 
     let other = into(&stopped, &[&SWEEP[..1], &["--angles-deg=0,90"], &SWEEP[2..]].concat()).output().unwrap();
     assert_eq!(other.status.code(), Some(2));
-    let had = "sweep.partial.jsonl was begun with configuration.beta2_deg = 60.0, and this command has 90.0";
+    let had = "sweep.partial.jsonl was begun with configuration.structure.angles_deg = [0.0,60.0], and this command has [0.0,90.0]";
     assert!(errors(&other).contains(had), "{}", errors(&other));
 
     let resumed = into(&stopped, &SWEEP).output().unwrap();
@@ -96,9 +96,10 @@ fn a_diagram_is_one_json_document() {
         "poincare",
         "--angles-deg=0,75",
         "--parameter=amplitude",
+        "--drive=joint1",
         "--frequency-hz=46.3",
-        "--from-nm=200",
-        "--to-nm=300",
+        "--from=200",
+        "--to=300",
         "--points=3",
         "--direction=up",
         "--json",
@@ -108,7 +109,7 @@ fn a_diagram_is_one_json_document() {
     let document: serde_json::Value = serde_json::from_slice(&output.stdout).unwrap();
     let motions = document["motions"].as_array().unwrap();
     let of = |key: &str| motions.iter().map(|motion| motion[key].as_f64().unwrap()).collect::<Vec<_>>();
-    assert_eq!((of("torque1_nm"), of("period")), (vec![200.0, 250.0, 300.0], vec![1.0, 2.0, 2.0]));
+    assert_eq!((of("value"), of("period")), (vec![200.0, 250.0, 300.0], vec![1.0, 2.0, 2.0]));
     for motion in motions {
         assert_eq!(motion["section"].as_array().unwrap().len() as f64, motion["period"].as_f64().unwrap());
         assert_eq!(motion["direction"], "up");
@@ -124,51 +125,59 @@ fn bad_input_has_exit_code_2() {
         errors(&output).trim_end().to_string()
     };
     let sweep = |arguments: &str| says(&format!("sweep --from-hz=21 --to-hz=23 {arguments}"));
-    insta::assert_snapshot!(sweep("--torque1-nm=60 --points=5 --over-beta2-deg=60,90,60"), @"resonarm: --over-beta2-deg has 60 twice: give each angle once");
-    insta::assert_snapshot!(sweep("--points=5"), @"resonarm: give the excitation: --torque1-nm A, or --force-x-n A and --force-y-n A");
-    insta::assert_snapshot!(sweep("--torque1-nm=0"), @"resonarm: the excitation's amplitude, of --torque1-nm or --force-x-n and --force-y-n, is 0: it must be a finite number other than 0");
-    insta::assert_snapshot!(sweep("--torque1-nm=60 --points=1"), @"resonarm: a sweep of 1 points: it must have from 2, one at each end, to 1000000");
-    insta::assert_snapshot!(says("sweep --torque1-nm=60 --from-hz=23 --to-hz=23"), @"resonarm: a sweep from 23 to 23: both ends must be numbers, and different");
-    insta::assert_snapshot!(says("sweep --torque1-nm=60 --from-hz=-1 --to-hz=21"), @"resonarm: excitation frequency -1 Hz: it must be a positive number");
-    insta::assert_snapshot!(sweep("--torque1-nm=60 --time-constants=-1"), @"resonarm: time_constants is -1: it must be a positive number");
-    insta::assert_snapshot!(sweep("--torque1-nm=60 --initial=0,1"), @"resonarm: --initial has 2 numbers: it needs four, α1,α2,α̇1,α̇2 in rad and rad/s");
-    insta::assert_snapshot!(sweep("--torque1-nm=60 --initial=0,1,NaN,0"), @r"
-    error: invalid value 'NaN' for '--initial <α1,α2,α̇1,α̇2>': it must be a finite number
+    insta::assert_snapshot!(sweep("--drive=joint1=60 --points=5 --over=link2.angle_deg=60,90,60"), @r"
+    error: invalid value 'link2.angle_deg=60,90,60' for '--over <NAME=X,…>': 60 is there twice: give each value once
 
     For more information, try '--help'.
     ");
-    insta::assert_snapshot!(says("poincare --torque1-nm=60"), @"resonarm: give the excitation's frequency: --frequency-hz F");
-    insta::assert_snapshot!(says("poincare --parameter=amplitude --frequency-hz=22 --torque1-nm=60 --from-nm=1 --to-nm=2"), @"resonarm: the amplitude is what is stepped: leave --torque1-nm out");
-    insta::assert_snapshot!(says("poincare --parameter=amplitude --frequency-hz=22 --from-n=1 --to-n=2"), @"resonarm: --from-n is not for --parameter amplitude: its interval is --from-nm a --to-nm b");
-    insta::assert_snapshot!(sweep("--torque1-nm=60 --points=4000000000"), @"resonarm: a sweep of 4000000000 points: it must have from 2, one at each end, to 1000000");
-    insta::assert_snapshot!(says("sweep --torque1-nm=60 --from-hz=NaN --to-hz=21"), @r"
+    insta::assert_snapshot!(sweep("--points=5"), @"resonarm: the excitation is missing: give it by --drive DOF=A, with DOF one of joint2.x, joint2.y, tip.x, tip.y, joint1, joint2");
+    insta::assert_snapshot!(sweep("--drive=joint1=0"), @r"
+    error: invalid value 'joint1=0' for '--drive <DOF=A>': the amplitude is 0: it must be another number
+
+    For more information, try '--help'.
+    ");
+    insta::assert_snapshot!(sweep("--drive=joint1=60 --points=1"), @"resonarm: a sweep of 1 points: it must have from 2, one at each end, to 1000000");
+    insta::assert_snapshot!(says("sweep --drive=joint1=60 --from-hz=23 --to-hz=23"), @"resonarm: a sweep from 23 to 23: both ends must be numbers, and different");
+    insta::assert_snapshot!(says("sweep --drive=joint1=60 --from-hz=-1 --to-hz=21"), @"resonarm: excitation frequency -1 Hz: it must be a positive number");
+    insta::assert_snapshot!(sweep("--drive=joint1=60 --time-constants=-1"), @"resonarm: time_constants is -1: it must be a positive number");
+    insta::assert_snapshot!(sweep("--drive=joint1=60 --initial=0,1"), @"resonarm: --initial has 2 numbers: give 4, alpha1_rad, alpha2_rad, alpha1_dot_rad_s, alpha2_dot_rad_s");
+    insta::assert_snapshot!(sweep("--drive=joint1=60 --initial=0,1,NaN,0"), @r"
+    error: invalid value 'NaN' for '--initial <Q,V>': it must be a finite number
+
+    For more information, try '--help'.
+    ");
+    insta::assert_snapshot!(says("poincare --drive=joint1=60"), @"resonarm: give the excitation's frequency: --frequency-hz F");
+    insta::assert_snapshot!(says("poincare --parameter=amplitude --frequency-hz=22 --drive=joint1=60 --from=1 --to=2"), @"resonarm: the amplitude is what varies: give --drive joint1 without one");
+    insta::assert_snapshot!(says("poincare --parameter=amplitude --drive=joint1 --frequency-hz=22 --from-hz=1 --to-hz=2"), @"resonarm: --from-hz is not for --parameter amplitude: its interval is --from a --to b");
+    insta::assert_snapshot!(sweep("--drive=joint1=60 --points=4000000000"), @"resonarm: a sweep of 4000000000 points: it must have from 2, one at each end, to 1000000");
+    insta::assert_snapshot!(says("sweep --drive=joint1=60 --from-hz=NaN --to-hz=21"), @r"
     error: invalid value 'NaN' for '--from-hz <F>': it must be a finite number
 
     For more information, try '--help'.
     ");
-    insta::assert_snapshot!(says("sweep --torque1-nm=60 --from-hz=1e-6 --to-hz=21 --direction=down"), @"resonarm: excitation frequency 1e-6 Hz: a period would take 9.2e8 steps, more than 1000000; go no lower than 9.21e-4 Hz, where the motion is quasi-static");
-    insta::assert_snapshot!(says("poincare --torque1-nm=60 --frequency-hz=22 --to-hz=23"), @"resonarm: --to-hz is not for a section without --parameter");
-    insta::assert_snapshot!(says("poincare --torque1-nm=60 --frequency-hz=22 --points=3"), @r"
+    insta::assert_snapshot!(says("sweep --drive=joint1=60 --from-hz=1e-6 --to-hz=21 --direction=down"), @"resonarm: excitation frequency 1e-6 Hz: a period would take 9.2e8 steps, more than 1000000; go no lower than 9.21e-4 Hz, where the motion is quasi-static");
+    insta::assert_snapshot!(says("poincare --drive=joint1=60 --frequency-hz=22 --to-hz=23"), @"resonarm: --to-hz is not for a section without --parameter");
+    insta::assert_snapshot!(says("poincare --drive=joint1=60 --frequency-hz=22 --points=3"), @r"
     error: the following required arguments were not provided:
-      --parameter <PARAMETER>
+      --parameter <NAME>
 
-    Usage: resonarm poincare --parameter <PARAMETER> --torque1-nm <A> --frequency-hz <F> --points <N>
+    Usage: resonarm poincare --parameter <NAME> --drive <DOF=A> --frequency-hz <F> --points <N>
 
     For more information, try '--help'.
     ");
-    insta::assert_snapshot!(says("poincare --torque1-nm=60 --frequency-hz=22 --section-points=0"), @r"
+    insta::assert_snapshot!(says("poincare --drive=joint1=60 --frequency-hz=22 --section-points=0"), @r"
     error: invalid value '0' for '--section-points <N>': 0 is not in 1..=1000000
 
     For more information, try '--help'.
     ");
-    insta::assert_snapshot!(says("poincare --parameter=amplitude --frequency-hz=22 --from-nm=2 --to-nm=2"), @"resonarm: a sweep from 2 to 2: both ends must be numbers, and different");
-    insta::assert_snapshot!(says("poincare --parameter=frequency --frequency-hz=22 --torque1-nm=60"), @"resonarm: --frequency-hz is for a section or a diagram in amplitude: leave it out");
+    insta::assert_snapshot!(says("poincare --parameter=amplitude --drive=joint1 --frequency-hz=22 --from=2 --to=2"), @"resonarm: a sweep from 2 to 2: both ends must be numbers, and different");
+    insta::assert_snapshot!(says("poincare --parameter=frequency --frequency-hz=22 --drive=joint1=60"), @"resonarm: --parameter frequency needs its interval: --from-hz a --to-hz b");
 }
 
 /// More load than the arm can bear is not bad usage: it is found during the computation.
 #[test]
 fn a_motion_that_can_not_be_followed_has_exit_code_1() {
-    let output = resonarm(&["sweep", "--torque1-nm=1e9", "--from-hz=21", "--to-hz=23"]).output().unwrap();
+    let output = resonarm(&["sweep", "--drive=joint1=1e9", "--from-hz=21", "--to-hz=23"]).output().unwrap();
     assert_eq!(output.status.code(), Some(1));
     let says = errors(&output);
     insta::assert_snapshot!(says.lines().last().unwrap_or_default(), @"resonarm: excited at 21 Hz: the motion grows beyond all bounds, 3.25e-3 s after phase 0; try less excitation");
@@ -177,15 +186,13 @@ fn a_motion_that_can_not_be_followed_has_exit_code_1() {
 /// A range without a resonance is accepted.
 #[test]
 fn a_range_without_a_resonance_is_swept() {
-    let output = resonarm(&["sweep", "--torque1-nm=60", "--from-hz=5", "--to-hz=10", "--points=6"]).output().unwrap();
+    let output = resonarm(&["sweep", "--drive=joint1=60", "--from-hz=5", "--to-hz=10", "--points=6"]).output().unwrap();
     assert!(output.status.success(), "{}", errors(&output));
     insta::assert_snapshot!(String::from_utf8_lossy(&output.stdout), @r"
-    β2 = 60°, stepped up: 6 motions
-      largest |α1|  0.000133 rad at 10.000000 Hz
-      largest |α2|  0.000016 rad at 10.000000 Hz
-    β2 = 60°, stepped down: 6 motions
-      largest |α1|  0.000133 rad at 10.000000 Hz
-      largest |α2|  0.000016 rad at 10.000000 Hz
+    irb1600-fitted at 0°, 60°, stepped up: 6 motions
+      largest joint1  1.329212e-4 rad at 10.000000 Hz
+    irb1600-fitted at 0°, 60°, stepped down: 6 motions
+      largest joint1  1.329212e-4 rad at 10.000000 Hz
       up and down agree
     ");
 }
@@ -197,97 +204,93 @@ fn help_lists_every_flag() {
         String::from_utf8_lossy(&output.stdout).into_owned()
     };
     insta::assert_snapshot!(help("sweep"), @r"
-    Steps the frequency of a sine up and down and lets the arm, or a scenario's structure, settle at
-    each step, as on a bench, with jumps and hysteresis. Every motion is followed until it is proved to
-    have settled
+    Steps the frequency of a sine up and down and lets the structure settle at each step, as on a bench,
+    with jumps and hysteresis. Every motion is followed until it is proved to have settled
 
     Usage: resonarm sweep [OPTIONS] --from-hz <F> --to-hz <F>
 
     Options:
-          --scenario <FILE>          TOML file with the whole scenario, in place of the defaults; flags
-                                     take precedence
-      -v, --verbose...               Log more: -v for what happens, -vv for every detail
-          --no-title                 Leave the title and the line below it out of figures, as papers
-                                     want them; the caption in STEM.txt has both
-          --preset <NAME>            Parameters of the two-link arm: irb1600-fitted or irb1600-table1
-                                     [default: irb1600-fitted]
-          --angles-deg <A,B>         Angle of each link of a chain against the link before, degrees,
-                                     from the base out; 0 goes straight on [default: 0,60]
-          --set <NAME=X>             Value of a parameter of the structure, as link2.mass_kg=40,
-                                     mode1.damping_ratio=0.01 or element1.gap_m=1e-3; may be repeated
-          --torque1-nm <A>           Amplitude of a torque at joint 1, N·m
-          --force-x-n <A>            Amplitude of a force at point C along x, N
-          --force-y-n <A>            Amplitude of a force at point C along y, N
-          --initial <α1,α2,α̇1,α̇2>  State in which the first motion begins: coordinates, of the arm
-                                     α1,α2 in rad, then their rates, rad/s [default: that of the
-                                     scenario, at rest]
-          --time-constants <N>       Longest wait for a motion to settle, in time constants of the
-                                     slowest mode [default: 40]
-          --plot <STEM>              Plot to STEM.svg and STEM.png; caption, CSV and JSON beside them. A
-                                     command that was stopped resumes from STEM.partial.jsonl
-          --overwrite                Overwrite existing files
-          --json                     Print one JSON document
-          --drive <DOF>              Of a scenario's structure: what is driven, point and axis as tip.x,
-                                     or a joint as joint2
-          --amplitude <A>            Amplitude at --drive, N, or N·m at a joint
-          --at <DOF>                 Of a structure: where the motion is read, separated by commas
-                                     [default: where it is driven]
-          --from-hz <F>              One end of the frequencies, Hz
-          --to-hz <F>                The other end, Hz
-          --points <N>               Number of frequencies, evenly spaced, both ends among them; a
-                                     resonance between two of them is reported [default: 101, and
-                                     between them as many as the resonances of the forced response need]
-          --direction <DIRECTION>    Which way to step [default: both] [possible values: up, down, both]
-          --over-beta2-deg <DEG,…>   Sweep at each of these angles β2 instead of one, degrees
-          --readings                 Add what a bench reads at B and C to the points in JSON and CSV:
-                                     the fundamental of displacement, velocity and acceleration
-      -h, --help                     Print help (see more with '--help')
+          --scenario <FILE>        TOML file with the whole scenario, in place of the defaults; flags
+                                   take precedence
+      -v, --verbose...             Log more: -v for what happens, -vv for every detail
+          --no-title               Leave the title and the line below it out of figures, as papers want
+                                   them; the caption in STEM.txt has both
+          --preset <NAME>          Parameters of the two-link arm: irb1600-fitted or irb1600-table1
+                                   [default: irb1600-fitted]
+          --angles-deg <A,B>       Angle of each link of a chain against the link before, degrees, from
+                                   the base out; 0 goes straight on [default: 0,60]
+          --set <NAME=X>           Value of a parameter of the structure, as link2.mass_kg=40,
+                                   mode1.damping_ratio=0.01 or element1.gap_m=1e-3; may be repeated
+          --drive <DOF=A>          Load A·sin(2πft) at a degree of freedom, which is a point and an
+                                   axis, as tip.x, or a joint, as joint1: N, at a joint N·m; may be
+                                   repeated, all in phase
+          --initial <Q,V>          State in which the first motion begins: the coordinates, of a chain
+                                   the deflections of its joints, rad, then their rates [default: that
+                                   of the scenario, at rest]
+          --time-constants <N>     Longest wait for a motion to settle, in time constants of the slowest
+                                   mode [default: 40]
+          --plot <STEM>            Plot to STEM.svg and STEM.png; caption, CSV and JSON beside them. A
+                                   command that was stopped resumes from STEM.partial.jsonl
+          --overwrite              Overwrite existing files
+          --json                   Print one JSON document
+          --at <DOF>               Where the motion is read, separated by commas [default: where the
+                                   loads act]
+          --from-hz <F>            One end of the frequencies, Hz
+          --to-hz <F>              The other end, Hz
+          --points <N>             Number of frequencies, evenly spaced, both ends among them; a
+                                   resonance between two of them is reported [default: 101, and between
+                                   them as many as the resonances of the forced response need]
+          --direction <DIRECTION>  Which way to step [default: both] [possible values: up, down, both]
+          --over <NAME=X,…>        Sweep at each of these values of a parameter instead of one, as
+                                   link2.angle_deg=60,70
+      -h, --help                   Print help (see more with '--help')
     ");
     insta::assert_snapshot!(help("poincare"), @r"
-    The states of the settled arm at phase 0 of the excitation: one section, or a bifurcation diagram in
-    frequency or amplitude
+    The states of the settled structure at phase 0 of the excitation: one section, or a bifurcation
+    diagram in the frequency, the amplitude or a parameter
 
     Usage: resonarm poincare [OPTIONS]
 
     Options:
-          --scenario <FILE>          TOML file with the whole scenario, in place of the defaults; flags
-                                     take precedence
-      -v, --verbose...               Log more: -v for what happens, -vv for every detail
-          --no-title                 Leave the title and the line below it out of figures, as papers
-                                     want them; the caption in STEM.txt has both
-          --preset <NAME>            Parameters of the two-link arm: irb1600-fitted or irb1600-table1
-                                     [default: irb1600-fitted]
-          --angles-deg <A,B>         Angle of each link of a chain against the link before, degrees,
-                                     from the base out; 0 goes straight on [default: 0,60]
-          --set <NAME=X>             Value of a parameter of the structure, as link2.mass_kg=40,
-                                     mode1.damping_ratio=0.01 or element1.gap_m=1e-3; may be repeated
-          --torque1-nm <A>           Amplitude of a torque at joint 1, N·m
-          --force-x-n <A>            Amplitude of a force at point C along x, N
-          --force-y-n <A>            Amplitude of a force at point C along y, N
-          --initial <α1,α2,α̇1,α̇2>  State in which the first motion begins: coordinates, of the arm
-                                     α1,α2 in rad, then their rates, rad/s [default: that of the
-                                     scenario, at rest]
-          --time-constants <N>       Longest wait for a motion to settle, in time constants of the
-                                     slowest mode [default: 40]
-          --plot <STEM>              Plot to STEM.svg and STEM.png; caption, CSV and JSON beside them. A
-                                     command that was stopped resumes from STEM.partial.jsonl
-          --overwrite                Overwrite existing files
-          --json                     Print one JSON document
-          --frequency-hz <F>         Excitation frequency, Hz; not with --parameter frequency
-          --parameter <PARAMETER>    Quantity to step for a bifurcation diagram [default: nothing, one
-                                     section] [possible values: frequency, amplitude]
-          --from-hz <F>              One end of the frequencies, Hz
-          --to-hz <F>                The other end, Hz
-          --from-nm <A>              One end of the torques at joint 1, N·m
-          --to-nm <A>                The other end, N·m
-          --from-n <A>               One end of the forces at C, N
-          --to-n <A>                 The other end, N
-          --points <N>               Number of values, evenly spaced, both ends among them [default:
-                                     101]
-          --direction <DIRECTION>    Which way to step [default: both] [possible values: up, down, both]
-          --section-points <N>       Points of the section to keep if a motion doesn't settle [default:
-                                     2000, in a diagram 200]
-      -h, --help                     Print help (see more with '--help')
+          --scenario <FILE>        TOML file with the whole scenario, in place of the defaults; flags
+                                   take precedence
+      -v, --verbose...             Log more: -v for what happens, -vv for every detail
+          --no-title               Leave the title and the line below it out of figures, as papers want
+                                   them; the caption in STEM.txt has both
+          --preset <NAME>          Parameters of the two-link arm: irb1600-fitted or irb1600-table1
+                                   [default: irb1600-fitted]
+          --angles-deg <A,B>       Angle of each link of a chain against the link before, degrees, from
+                                   the base out; 0 goes straight on [default: 0,60]
+          --set <NAME=X>           Value of a parameter of the structure, as link2.mass_kg=40,
+                                   mode1.damping_ratio=0.01 or element1.gap_m=1e-3; may be repeated
+          --drive <DOF=A>          Load A·sin(2πft) at a degree of freedom, which is a point and an
+                                   axis, as tip.x, or a joint, as joint1: N, at a joint N·m; may be
+                                   repeated, all in phase
+          --initial <Q,V>          State in which the first motion begins: the coordinates, of a chain
+                                   the deflections of its joints, rad, then their rates [default: that
+                                   of the scenario, at rest]
+          --time-constants <N>     Longest wait for a motion to settle, in time constants of the slowest
+                                   mode [default: 40]
+          --plot <STEM>            Plot to STEM.svg and STEM.png; caption, CSV and JSON beside them. A
+                                   command that was stopped resumes from STEM.partial.jsonl
+          --overwrite              Overwrite existing files
+          --json                   Print one JSON document
+          --at <DOF>               Where the motion is read and drawn, separated by commas [default:
+                                   where the loads act]
+          --frequency-hz <F>       Excitation frequency, Hz; not with --parameter frequency
+          --parameter <NAME>       What is stepped for a bifurcation diagram: frequency, amplitude, or a
+                                   parameter of the structure, as link2.angle_deg [default: nothing, one
+                                   section]
+          --from-hz <F>            One end of the frequencies, Hz
+          --to-hz <F>              The other end, Hz
+          --from <X>               One end of the amplitudes, in the unit of the first load, or of the
+                                   values of a parameter, in the unit of its name
+          --to <X>                 The other end
+          --points <N>             Number of values, evenly spaced, both ends among them [default: 101]
+          --direction <DIRECTION>  Which way to step [default: both] [possible values: up, down, both]
+          --section-points <N>     Points of the section to keep if a motion doesn't settle [default:
+                                   2000, in a diagram 200]
+      -h, --help                   Print help (see more with '--help')
     ");
 }
 
@@ -306,10 +309,10 @@ fn largest(points: &serde_json::Value, of: impl Fn(&serde_json::Value) -> &serde
 fn a_sweep_sees_the_resonance() {
     let band = ["--from-hz=21", "--to-hz=28"];
     let branch = json(&[&["continue", "--drive=tip.x=20", "--at=joint1"], &band[..]].concat());
-    let sweep = ["sweep", "--force-x-n=20", "--over-beta2-deg=60", "--direction=down"];
+    let sweep = ["sweep", "--drive=tip.x=20", "--at=joint1", "--over=link2.angle_deg=60", "--direction=down"];
     let sweep = json(&[&sweep[..], &band].concat());
     let continued = largest(&branch["points"], |point| &point["readings"]["joint1"]["largest"]);
-    let swept = largest(&sweep["sweeps"][0]["points"], |point| &point["amplitude_rad"][0]);
+    let swept = largest(&sweep["sweeps"][0]["points"], |point| &point["readings"]["joint1"]["largest"]);
     assert!((continued - 0.0905).abs() < 1e-4 && (swept / continued - 1.0).abs() < 0.01, "{continued} {swept}");
     assert_eq!(sweep["sweeps"][0]["stepped_over"], serde_json::json!([]));
 }
@@ -317,19 +320,19 @@ fn a_sweep_sees_the_resonance() {
 /// With --points the sweep reports that it stepped over the resonance.
 #[test]
 fn a_sweep_reports_what_it_stepped_over() {
-    let arguments = ["sweep", "--force-x-n=20", "--from-hz=21", "--to-hz=28", "--points=11", "--direction=up"];
+    let arguments = ["sweep", "--drive=tip.x=20", "--from-hz=21", "--to-hz=28", "--points=11", "--direction=up"];
     let output = resonarm(&arguments).output().unwrap();
     let text = String::from_utf8(output.stdout).unwrap();
-    assert!(text.contains("stepped over: the resonance of α1 at 22.14"), "{text}");
+    assert!(text.contains("stepped over: the resonance of tip.x at 22.14"), "{text}");
     let document = json(&arguments);
     let stepped_over = document["sweeps"][0]["stepped_over"].as_array().unwrap();
-    assert!(stepped_over.iter().any(|found| found["joint"] == 1 && found["width_hz"].as_f64().unwrap() < 0.1));
+    assert!(stepped_over.iter().any(|found| found["at"] == "tip.x" && found["width_hz"].as_f64().unwrap() < 0.1));
 }
 
 /// Swapping the ends gives the same sweep.
 #[test]
 fn a_sweep_accepts_its_ends_in_either_order() {
-    let sweep = |from, to| json(&["sweep", "--torque1-nm=1", from, to, "--points=3"])["sweeps"].clone();
+    let sweep = |from, to| json(&["sweep", "--drive=joint1=1", from, to, "--points=3"])["sweeps"].clone();
     assert_eq!(sweep("--from-hz=24", "--to-hz=20"), sweep("--from-hz=20", "--to-hz=24"));
 }
 
@@ -338,8 +341,8 @@ fn a_sweep_accepts_its_ends_in_either_order() {
 fn results_are_not_overwritten() {
     let folder = tempfile::tempdir().unwrap();
     let commands: [(&str, &[&str]); 6] = [
-        ("sweep.csv", &["sweep", "--torque1-nm=1", "--from-hz=20", "--to-hz=24", "--points=2", "--plot=sweep"]),
-        ("poincare.json", &["poincare", "--torque1-nm=1", "--frequency-hz=20", "--plot=poincare"]),
+        ("sweep.csv", &["sweep", "--drive=joint1=1", "--from-hz=20", "--to-hz=24", "--points=2", "--plot=sweep"]),
+        ("poincare.json", &["poincare", "--drive=joint1=1", "--frequency-hz=20", "--plot=poincare"]),
         ("a.svg", &["continue", "--drive=joint1=1", "--from-hz=20", "--to-hz=21", "--plot=a"]),
         ("b-response.csv", &["backbone", "--drive=joint1=1", "--plot=b"]),
         ("c.png", &["frf", "--plot=c"]),
@@ -368,8 +371,8 @@ fn a_numerical_blow_up_is_exit_code_1_everywhere() {
     for command in [
         &["simulate", "--drive=joint1=1e12", "--frequency-hz=22", "--duration-s=1"][..],
         &["simulate", "--scheme=rk4", "--initial=1e200,0,0,0", "--duration-s=1"],
-        &["sweep", "--torque1-nm=1e12", "--from-hz=21", "--to-hz=23", "--points=2"],
-        &["poincare", "--torque1-nm=1e12", "--frequency-hz=22"],
+        &["sweep", "--drive=joint1=1e12", "--from-hz=21", "--to-hz=23", "--points=2"],
+        &["poincare", "--drive=joint1=1e12", "--frequency-hz=22"],
         &["continue", "--drive=joint1=1e12", "--from-hz=21", "--to-hz=23"],
         &["backbone", "--drive=joint1=1e12", "--to=3.1"],
     ] {

@@ -286,7 +286,7 @@ ITSELF = {
     "modes": ("s.csv", ["modes", "--scenario", "s.csv", "--plot", "s", *POSES, "--overwrite"]),
     "backbone": ("s.csv", ["backbone", "--scenario", "s.csv", "--plot", "s", "--drive", "joint1=1", "--overwrite"]),
     "continue": ("s-curves.csv", ["continue", "--scenario", "s-curves.csv", "--plot", "s", "--drive", "joint1=1", "--overwrite"]),
-    "sweep": ("sweep.csv", ["sweep", "--scenario", "sweep.csv", "--plot", "sweep", "--torque1-nm", "1", *BAND, "--overwrite"]),
+    "sweep": ("sweep.csv", ["sweep", "--scenario", "sweep.csv", "--plot", "sweep", "--drive", "joint1=1", *BAND, "--overwrite"]),
     "run": ("s.toml", ["run", "--mode", "free", "--scenario", "s.toml", "--record", "link.toml", "--overwrite"]),
     "walk": ("s.toml", [*WALK, "--scenario", "s.toml", "--record", "s.toml", "--overwrite"]),
     "fmu": ("s.toml", ["fmu", "--scenario", "s.toml", "--out", "link.toml", "--overwrite"]),

@@ -61,16 +61,17 @@ class Sine:
 
 
 def document(command, scenario, *flags):
-    return json.loads(run(RESONARM, command, "--scenario", scenario, "--json", *flags))
+    torque = ("--drive", f"joint1={TORQUE_NM}", "--at", "joint1,joint2", "--json")
+    return json.loads(run(RESONARM, command, "--scenario", scenario, *torque, *flags))
 
 
 def swept(scenario, direction, frequencies_hz):
     """The amplitudes of settled motions, stepped evenly, rad."""
     ends = ("--from-hz", min(frequencies_hz), "--to-hz", max(frequencies_hz), "--points", len(frequencies_hz))
-    (sweep,) = document("sweep", scenario, "--torque1-nm", TORQUE_NM, *ends, "--direction", direction)["sweeps"]
+    (sweep,) = document("sweep", scenario, *ends, "--direction", direction)["sweeps"]
     points = sorted(sweep["points"], key=lambda point: point["frequency_hz"], reverse=direction == "down")
     assert [point["frequency_hz"] for point in points] == pytest.approx(frequencies_hz)
-    return [point["harmonic1_rad"] for point in points]
+    return [[point["readings"][joint]["amplitude"] for joint in ("joint1", "joint2")] for point in points]
 
 
 def test_steps_jump_at_the_computed_folds_and_have_the_computed_amplitudes(programs, tmp_path):
@@ -84,7 +85,7 @@ def test_steps_jump_at_the_computed_folds_and_have_the_computed_amplitudes(progr
     computed, scenario = tmp_path / "arm.toml", tmp_path / "drives.toml"
     computed.write_text(ARM)
     scenario.write_text(ARM + DRIVES)
-    branch = document("continue", computed, "--drive", f"joint1={TORQUE_NM}", "--from-hz", FROM_HZ, "--to-hz", TO_HZ)
+    branch = document("continue", computed, "--from-hz", FROM_HZ, "--to-hz", TO_HZ)
     low_hz, high_hz = sorted(
         special["frequency_hz"] for special in branch["bifurcations"] if special["kind"] == "fold"
     )
