@@ -37,8 +37,9 @@ const UNARMED: u32 = 4;
 /// be stopped for 150 ms by a busy machine.
 const GAP_NS: u64 = 250_000_000;
 /// For how long a sample must be the last one to count as the first of an armed plant without such a gap, ns: of a plant
-/// that sends nothing before it is armed.
-const LAST_NS: u64 = 1_000_000_000;
+/// that sends nothing before it is armed, or is not silent after it. It is longer than that silence and a stop together,
+/// and shorter than the second for which other plants often wait for a command.
+const LAST_NS: u64 = 750_000_000;
 /// Samples closer than this waited on the bus, ns, and may all be of before the plant was asked to arm.
 const TOGETHER_NS: u64 = 25_000_000;
 

@@ -202,6 +202,44 @@ fn in_lockstep_the_first_sample_has_the_first_load() {
     assert!(!pair.plant.is_armed() && pair.plant.latched_fault().is_none());
 }
 
+/// A plant of others, which is not silent after it was armed and says so only after its first sample: that sample is known by
+/// being the last one, for longer than our own plant is silent, and before a second is over, for which it waits.
+#[test]
+fn in_lockstep_a_plant_that_says_late_that_it_is_armed_is_answered_within_a_second() {
+    let bare = Outgoing { protection: Protection::default(), signals: meas().signals[..1].to_vec(), ..meas() };
+    let state = vec![reading(0, 8, 1.0, Source::State([0.0, 1.0, 2.0, 3.0]))];
+    let status = Outgoing { id: SECOND, trigger: Trigger::Period(100 * TICK_NS), signals: state, ..bare.clone() };
+    let mapping = Mapping { outgoing: vec![bare, status], ..mapping(vec![drive(DRIVE, 0, LoadInput::ForceX)]) };
+    let timing = Timing::lockstep(10_000 * TICK_NS);
+    let mut exciter = MappedExciter::new(&mapping, (RATE_HZ, TimeBase::Lockstep), timing, steps(3)).unwrap();
+    exciter.expect_unarmed_readings();
+    exciter.start(0);
+    let frame = |id, byte| Frame::new(id, FrameFormat::Classic, &[byte, 0, 0, 0, 0, 0, 0, 0]).unwrap();
+    let is_loaded = |exciter: &mut MappedExciter| {
+        let mut is_loaded = false;
+        while let Some(frame) = exciter.next_frame() {
+            exciter.frame_sent();
+            is_loaded |= frame.data()[0] != 0;
+        }
+        is_loaded
+    };
+    let (mut answered_ms, first_ms) = (None, 40);
+    for ms in 0..2000 {
+        let now_ns = ms * TICK_NS;
+        exciter.handle_deadline(now_ns);
+        if ms % 100 == 0 {
+            exciter.handle_frame(now_ns, &frame(SECOND, if ms > first_ms { 2 } else { 1 }));
+        }
+        if ms <= first_ms && ms % 4 == 0 {
+            exciter.handle_frame(now_ns, &frame(MEAS, 0));
+        }
+        if is_loaded(&mut exciter) {
+            answered_ms.get_or_insert(ms - first_ms);
+        }
+    }
+    assert!(answered_ms.is_some_and(|ms| (650..900).contains(&ms)), "{answered_ms:?}");
+}
+
 #[test]
 fn the_message_that_synchronises_answers() {
     let bare = Incoming { protection: Protection::default(), length: 0, ..drive(SYNC, 0, LoadInput::ForceX) };
