@@ -104,6 +104,7 @@ class Structure(_resonarm.Assembly):
         section = json.loads(json.dumps(self.numbers))
         for name, value in values.items():
             self.parameter(name)  # an unknown one raises an error with the known names
+            section.get("set", {}).pop(name, None)
             part, _, key = name.rpartition(".")
             table = section
             if part:
@@ -447,7 +448,9 @@ def _of_arm(section: _Section, arm: _Section) -> _Section:
     name = section.get("name") or arm.get("name") or f"{arm['preset']}{changed}"
     shared = _shared(section.get("elements", ()), initial if any(initial) else (), name)
     gravity_m_s2 = assembly.chain_gravity_m_s2 or None
-    return {"kind": "chain", "links": assembly.chain_links, "gravity_m_s2": gravity_m_s2, **shared}
+    made = {"kind": "chain", "links": assembly.chain_links, "gravity_m_s2": gravity_m_s2, **shared}
+    # Links have what is set; elements do not yet.
+    return {**made, "set": section["set"]} if section.get("set") else made
 
 
 def _matrix(name: str, given: ArrayLike) -> bytes:

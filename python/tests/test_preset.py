@@ -62,6 +62,13 @@ def test_parameters_of_elements_and_modes_are_replaced():
         modal.replace({"link1.mass_kg": 1.0})
 
 
+def test_a_value_that_a_scenario_sets_is_replaced():
+    section = {**resonarm.Chain.preset().section, "set": {"link2.mass_kg": 40.0}}
+    chain = resonarm.Scenario().replace(structure=section).structure
+    assert chain.parameter("link2.mass_kg") == (40.0, "kg")
+    assert chain.replace({"link2.mass_kg": 45}).parameter("link2.mass_kg") == (45.0, "kg")
+
+
 def test_a_scenario_without_a_structure_has_the_arm():
     scenario = resonarm.Scenario()
     assert scenario.structure == resonarm.Chain.preset() == resonarm.Structure.from_scenario(scenario)
