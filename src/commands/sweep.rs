@@ -62,7 +62,7 @@ pub(crate) struct Sweep {
     #[arg(long, value_enum, default_value_t)]
     direction: DirectionFlag,
     /// Sweep at each of these values of a parameter instead of one, as link2.angle_deg=60,70.
-    #[arg(long, value_name = "NAME=X,…")]
+    #[arg(long, value_name = "NAME=X,…", allow_hyphen_values = true)]
     over: Option<OverFlag>,
 }
 
