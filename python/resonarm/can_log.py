@@ -56,9 +56,9 @@ class McapWriter(MessageWriter):
     """Writes messages into a recording that has only frames, as `resonarm import` makes one; replaces an existing
     file.
 
-    The file is created after messages of a tenth of a second, or at the end; without messages there is no file. Error
-    frames and remote frames are left out. The file is complete after `stop`. A message may be up to a tenth of a second
-    earlier than the first one; the recording begins with the earliest.
+    The file is created after messages of a quarter of a second, or at the end; without messages there is no file. Error
+    frames and remote frames are left out. The file is complete after `stop`. A message may be up to a quarter of a
+    second earlier than the first one; the recording begins with the earliest.
     """
 
     def __init__(self, file: StringPathLike, *, append: bool = False, **kwargs: Any) -> None:

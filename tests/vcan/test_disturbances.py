@@ -124,7 +124,8 @@ def test_cansend_of_nonsense_to_an_idle_plant(programs):
 def test_an_interface_that_goes_down_ends_the_run_with_a_whole_recording(programs, tmp_path, interface, mode):
     path, scenario = tmp_path / "run.mcap", tmp_path / "patient.toml"
     # Stalls of the machine are not tested here.
-    scenario.write_text((SCENARIOS / "bench.toml").read_text() + "\n[network]\ncommand_timeout_s = 5.0\n")
+    patient = (SCENARIOS / "bench.toml").read_text().replace("[network]\n", "[network]\ncommand_timeout_s = 5.0\n")
+    scenario.write_text(patient)
     common = ["--bus", interface, "--mode", mode, "--rate-hz", 100, "--scenario", scenario]
     plant = programs.resonarm("run", *common, "--record", path, "--json")
     exciter = programs.resonarm("exciter", *common, "--json")
