@@ -20,8 +20,8 @@ SAID = {
     "controller": ["along x: 1.1", "identical", "1 passed"],
     "recording": ["integrity    complete", "     1           22.16", "     2           48.8"],
     "folds": [
-        "fold             frequency_hz = 22.147",
-        "fold             frequency_hz = 22.142",
+        "fold at 22.147",
+        "fold at 22.142",
         "softening",
         "up and down differ from 22.142500 to 22.145000 Hz",
     ],
