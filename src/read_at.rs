@@ -36,7 +36,7 @@ pub(crate) fn dof(flag: &str, name: &str, assembly: &Assembly) -> Result<Dof, Fa
     assembly.dof(name).map_err(|error| Failure::usage(format!("{flag} {name}: {error}")))
 }
 
-/// The degrees of freedom of `--at`; without them what is driven.
+/// Resolves `--at`. Without it, motions are read at the degrees of freedom that are driven.
 pub(crate) fn read_at(at: &[String], driven: &[ReadAt], assembly: &Assembly) -> Result<Vec<ReadAt>, Failure> {
     let named = at.iter().map(|name| Ok(ReadAt { dof: dof("--at", name, assembly)?, name: name.clone() }));
     let named = named.collect::<Result<Vec<_>, Failure>>()?;

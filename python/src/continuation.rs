@@ -77,9 +77,10 @@ pub fn trace_branch(
         None => None,
     };
     let read = at.iter().map(|name| structure.dof("at", name)).collect::<PyResult<Vec<_>>>()?;
-    let asked = Asked { forced: drive.forced(structure)?, frequency_hz: drive.2, varied, doubled, curves, settings };
-    let options = asked.set(TraceOptions::new(&asked.forced, varied, [start, stop], read));
-    let (branch, doubled, curves, early) = py.detach(|| asked.follow(&options)).map_err(errors::analysis)?;
+    let request =
+        BranchRequest { forced: drive.forced(structure)?, frequency_hz: drive.2, varied, doubled, curves, settings };
+    let options = request.set(TraceOptions::new(&request.forced, varied, [start, stop], read));
+    let (branch, doubled, curves, early) = py.detach(|| request.follow(&options)).map_err(errors::analysis)?;
     Ok(Traced {
         branch: TracedBranch::new(py, &branch)?,
         doubled: doubled.iter().map(|branch| TracedBranch::new(py, branch)).collect::<PyResult<_>>()?,
@@ -88,8 +89,8 @@ pub fn trace_branch(
     })
 }
 
-/// What is followed.
-struct Asked {
+/// The branch to compute, and the curves that start on it.
+struct BranchRequest {
     forced: Forced,
     frequency_hz: f64,
     varied: Coordinate,
@@ -102,7 +103,7 @@ struct Asked {
 /// early.
 type Found = (Branch, Vec<Branch>, Vec<(&'static str, SingularCurve)>, Option<AnalysisError>);
 
-impl Asked {
+impl BranchRequest {
     /// Options with the settings.
     fn set(&self, mut options: TraceOptions) -> TraceOptions {
         let (most_harmonics, most_points, largest_step, stability) = self.settings;

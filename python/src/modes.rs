@@ -14,7 +14,7 @@ use crate::errors;
 pub struct Mode {
     /// Natural frequency of the undamped structure, Hz.
     frequency_hz: f64,
-    /// Damping ratio.
+    /// Damping ratio of the mode's pole λ, −Re λ/|λ|, dimensionless.
     damping_ratio: f64,
     /// Shape in the coordinates, normalised to the mass matrix.
     shape: Vec<f64>,
@@ -33,7 +33,7 @@ impl Mode {
         self.frequency_hz
     }
 
-    /// Damping ratio.
+    /// Damping ratio of the mode's pole λ, −Re λ/|λ|, dimensionless.
     #[getter]
     fn damping_ratio(&self) -> f64 {
         self.damping_ratio

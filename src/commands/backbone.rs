@@ -78,7 +78,7 @@ const TO_RAD: f64 = 0.3;
 /// Largest step of a drawn curve, as a fraction of the motion's size.
 const SMOOTH_STEP: f64 = 0.05;
 
-/// What is followed.
+/// The backbone to compute: its load, its readings, and where it ends.
 struct Walk {
     drive: Drive,
     /// The amplitude of the first load at which the curve ends, if it is given.

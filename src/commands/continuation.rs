@@ -107,7 +107,7 @@ struct RangeFlags {
     to: Option<f64>,
 }
 
-/// What is followed.
+/// The branch to compute, and the curves that start on it.
 struct Walk {
     drive: Drive,
     read: Vec<ReadAt>,

@@ -64,7 +64,7 @@ pub(crate) struct Poincare {
     section_points: Option<u32>,
 }
 
-/// The interval of what is stepped.
+/// The interval of the quantity that is stepped.
 #[derive(Clone, Debug, Args)]
 struct RangeFlags {
     /// One end of the frequencies, Hz.
@@ -81,12 +81,13 @@ struct RangeFlags {
     to: Option<f64>,
 }
 
-/// What is computed.
+/// The sections to compute.
 struct Plan {
     drive: Drive,
     read: Vec<ReadAt>,
-    /// What is stepped, and its values; a section alone has one frequency.
+    /// The quantity that is stepped.
     over: Coordinate,
+    /// The values of that quantity; a single section has none.
     grid: Option<Grid>,
     /// The frequency where it is not stepped, Hz.
     frequency_hz: f64,
@@ -96,7 +97,7 @@ struct Plan {
 struct MotionDocument {
     #[serde(skip_serializing_if = "Option::is_none")]
     direction: Option<Direction>,
-    /// The value of what is stepped; of a section alone the frequency, Hz.
+    /// The value of the quantity that is stepped; for a single section, the frequency in Hz.
     value: f64,
     period: Option<u32>,
     settling_periods: u64,

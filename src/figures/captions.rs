@@ -72,7 +72,7 @@ fn called(scenario: &Scenario, tested: &TestedAssembly, arm: String, varied: &[S
     format!("{}{set}{angles}{elements}", name.unwrap_or(plain))
 }
 
-/// What a structure is called whose equations are somebody else's.
+/// Display name of an external structure: an FMU, or one that a program steps itself.
 pub(crate) fn foreign_label(section: &StructureSection) -> String {
     let file = section.file.as_ref().and_then(|file| file.file_name());
     let plain = || file.map_or("a program's own structure".into(), |file| file.to_string_lossy());

@@ -23,7 +23,7 @@ pub(super) struct Samples {
     omega_rad_s: f64,
     /// u, u̇, ü, sample by sample.
     pub motion: [Vec<f64>; 3],
-    /// Those of one unknown.
+    /// u, u̇, ü of one unknown, before they are spread over `motion`.
     signals: [Vec<f64>; 3],
     /// Q = Σ w f, of a chain with the unbalance: unknown by unknown.
     pub load: Vec<f64>,

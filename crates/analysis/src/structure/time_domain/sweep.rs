@@ -18,7 +18,7 @@ pub struct Sweep {
     pub forced: Forced,
     /// The frequency of the drive, Hz, where it is not swept.
     pub frequency_hz: f64,
-    /// What is swept.
+    /// The quantity that is swept: frequency, amplitude, or a parameter of the structure.
     pub over: Coordinate,
     /// Its values in the order of the sweep, as [`Grid::in_order`](crate::time_domain::Grid::in_order) has them.
     pub values: Vec<f64>,

@@ -393,7 +393,7 @@ pub enum UffFault {
          matrices, with its dampers as elements of kind `linear`", short(&(libm::round(share * 1e4) / 1e4)), short(.most)
     )]
     ComplexShape {
-        /// The mode's number.
+        /// The number of the mode in the file.
         mode: i64,
         /// The imaginary part over the shape.
         share: f64,
@@ -406,7 +406,7 @@ pub enum UffFault {
          mode is positive, with an imaginary part of {} of it at most", short(&got[0]), short(&got[1]), short(.most)
     )]
     ModalA {
-        /// The mode's number.
+        /// The number of the mode in the file.
         mode: i64,
         /// Real and imaginary part of the modal mass, in the units of the file.
         got: [f64; 2],
@@ -419,7 +419,7 @@ pub enum UffFault {
         short(&got[0]), short(&got[1])
     )]
     Eigenvalue {
-        /// The mode's number.
+        /// The number of the mode in the file.
         mode: i64,
         /// Real and imaginary part, rad/s.
         got: [f64; 2],
@@ -456,7 +456,7 @@ pub enum UffFault {
         if *got == 0.0 { "; state the one of modes that the file leaves at 0 by structure.modal_mass_kg" } else { "" }
     )]
     ModalMass {
-        /// The mode's number.
+        /// The number of the mode in the file.
         mode: i64,
         /// kg.
         got: f64,
@@ -464,7 +464,7 @@ pub enum UffFault {
     /// Hysteretic damping.
     #[error("mode {mode} has hysteretic damping, {}, and no viscous: state it as viscous damping, half the loss factor", short(.got))]
     Hysteretic {
-        /// The mode's number.
+        /// The number of the mode in the file.
         mode: i64,
         /// The ratio.
         got: f64,

@@ -36,9 +36,10 @@ const UNARMED: u32 = 4;
 /// repeats its readings every 50 ms, and one that is armed is silent for 500 ms before its first sample; either side may
 /// be stopped for 150 ms by a busy machine.
 const GAP_NS: u64 = 250_000_000;
-/// For how long a sample must be the last one to count as the first of an armed plant without such a gap, ns: of a plant
-/// that sends nothing before it is armed, or is not silent after it. It is longer than that silence and a stop together,
-/// and shorter than the second for which other plants often wait for a command.
+/// How long a sample must be the last one before it counts as the first of an armed plant, ns, where no such gap precedes
+/// it: some plants send nothing before they are armed, and some are not silent afterwards. The time is longer than our
+/// plant's silence of 500 ms and a stop of 150 ms together, and shorter than the second for which third-party plants
+/// often wait for a command.
 const LAST_NS: u64 = 750_000_000;
 /// Samples closer than this waited on the bus, ns, and may all be of before the plant was asked to arm.
 const TOGETHER_NS: u64 = 25_000_000;

@@ -202,8 +202,9 @@ fn in_lockstep_the_first_sample_has_the_first_load() {
     assert!(!pair.plant.is_armed() && pair.plant.latched_fault().is_none());
 }
 
-/// A plant of others, which is not silent after it was armed and says so only after its first sample: that sample is known by
-/// being the last one, for longer than our own plant is silent, and before a second is over, for which it waits.
+/// A third-party plant is not silent after it was armed, and reports the arming only after its first sample. The exciter
+/// takes the last sample as the first one of the armed plant: after longer than our own plant is silent, and within the
+/// second for which such a plant waits for a command.
 #[test]
 fn in_lockstep_a_plant_that_says_late_that_it_is_armed_is_answered_within_a_second() {
     let bare = Outgoing { protection: Protection::default(), signals: meas().signals[..1].to_vec(), ..meas() };
