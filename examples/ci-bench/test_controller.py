@@ -18,7 +18,7 @@ def test_the_force_in_the_head_is_held(bench):
 
 
 def test_its_command_stays_below_its_limit_when_the_head_is_silent(bench):
-    with bench.sensor_fault("impedance_head", "stuck", axis="x", from_s=0.0):
+    with bench.sensor_fault("head", "stuck", axis="x", from_s=0.0):
         result = bench.run(HeldSine(AMPLITUDE_N, limit_n=LIMIT_N))
     result.assert_completed()
     result.assert_force_below(1.001 * LIMIT_N)

@@ -63,11 +63,11 @@ FAULTS: tuple[BenchFault, ...] = (
     BenchFault("commands-damaged", "bit_error", {"probability": 0.01, **_COMMANDS}),
     BenchFault("readings-damaged", "bit_error", {"probability": 0.01, **_READINGS}),
     BenchFault("bus-busy", "babble", {"rate_hz": 1000.0, "ids": [0x700]}),
-    BenchFault("tip-sensor-stuck", "stuck", {"axis": "x", "from_s": 0.3}, "accelerometer_c"),
-    BenchFault("tip-sensor-silent", "dropout", {"axis": "x", "from_s": 0.3}, "accelerometer_c"),
-    BenchFault("tip-sensor-noisy", "noise", {"axis": "x", "rms_m_s2": 1.0, "from_s": 0.3}, "accelerometer_c"),
-    BenchFault("head-stuck", "stuck", {"axis": "x", "from_s": 0.3}, "impedance_head"),
-    BenchFault("head-silent", "dropout", {"axis": "x", "from_s": 0.3}, "impedance_head"),
+    BenchFault("tip-sensor-stuck", "stuck", {"axis": "x", "from_s": 0.3}, "c"),
+    BenchFault("tip-sensor-silent", "dropout", {"axis": "x", "from_s": 0.3}, "c"),
+    BenchFault("tip-sensor-noisy", "noise", {"axis": "x", "rms_m_s2": 1.0, "from_s": 0.3}, "c"),
+    BenchFault("head-stuck", "stuck", {"axis": "x", "from_s": 0.3}, "head"),
+    BenchFault("head-silent", "dropout", {"axis": "x", "from_s": 0.3}, "head"),
     BenchFault("cable-unplugged", "link_down", {"from_s": 0.3}, ends_run=True),
     BenchFault("commands-end", "loss", {"from_s": 0.3, **_COMMANDS}, ends_run=True),
 )
@@ -350,7 +350,7 @@ class Bench:
 
     @contextmanager
     def sensor_fault(self, instrument: Instrument, kind: SensorFault, **values: Any) -> Iterator[None]:
-        """An instrument (accelerometer_b, accelerometer_c, impedance_head) has a fault: stuck, dropout, drift, noise
+        """An instrument (head, b, c) has a fault: stuck, dropout, drift, noise
         or spike, with the keys of `[[rig.faults]]`."""
         with self._section("rig", {"instrument": instrument, "kind": kind, **values}):
             yield

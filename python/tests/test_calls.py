@@ -223,7 +223,7 @@ def test_a_controller_returns_what_has_two_numbers(bench_scenario):
 def test_numbers_of_numpy_are_numbers():
     scenario = resonarm.Scenario().replace(
         simulation={"seed": np.int64(3), "duration_s": np.float32(0.5)},
-        rig={"faults": [{"instrument": "impedance_head", "kind": "stuck", "from_s": np.array(0.25)}]},
+        rig={"faults": [{"instrument": "head", "kind": "stuck", "from_s": np.array(0.25)}]},
         network={"faults": [{"node": "plant", "kind": "loss", "from_s": 0.0, "ids": np.array([0x201, 0x202])}]},
     )
     values = scenario.values()

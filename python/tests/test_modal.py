@@ -204,7 +204,7 @@ def test_identified_modes_of_a_structure_are_at_its_points(command, tmp_path):
     random = {"waveform": "random", "from_hz": 20.0, "to_hz": 300.0, "duration_s": 4.0, "seed": 3}
     scenario = resonarm.Scenario.load(
         EXAMPLES / "bracket.toml",
-        rig={"accelerometer_b": {"at": "mid"}},
+        rig={"sensors": {"b": {"at": "mid"}}},
         excitation={"amplitude": {"force_y_n": 2.0}, "ramp_s": 0.0, "profile": random},
     )
     resonarm.run(scenario, record=tmp_path / "random.mcap")

@@ -48,7 +48,7 @@ def test_a_failure_shows_the_signal_and_names_the_recording(pytester):
         pytester,
         """
 def test_it(bench):
-    with bench.sensor_fault("accelerometer_c", "stuck", axis="x", from_s=0.4):
+    with bench.sensor_fault("c", "stuck", axis="x", from_s=0.4):
         result = bench.run()
     result.assert_settled("acceleration_c_x_m_s2", 8.0, from_s=0.1, to_s=0.9)
 """,
@@ -237,7 +237,7 @@ def test_it(bench, force_n):
 def test_faults_end_with_their_block(tmp_path):
     bench = Bench(resonarm.Scenario(), tmp_path)
     before = bench.scenario
-    with bench.loss(probability=0.1), bench.sensor_fault("impedance_head", "dropout", from_s=1.0):
+    with bench.loss(probability=0.1), bench.sensor_fault("head", "dropout", from_s=1.0):
         values = bench.scenario.values()
         assert [fault["kind"] for fault in values["network"]["faults"]] == ["loss"]
         assert [fault["kind"] for fault in values["rig"]["faults"]] == ["dropout"]

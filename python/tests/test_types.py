@@ -109,7 +109,7 @@ recording.read("states")
 recording.read("state")  # wrong
 verdict: str = resonarm.Decoder().decode(resonarm.Frame(1, False, b"", False, False)).verdict
 bench = Bench("bench.toml")
-with bench.fault("loss", node="exciter"), bench.sensor_fault("impedance_head", "stuck"):
+with bench.fault("loss", node="exciter"), bench.sensor_fault("head", "stuck"):
     result = bench.run()
 with bench.fault("lost"):  # wrong
     pass

@@ -27,10 +27,10 @@ profile = '{profile}'
 command_timeout_s = 20
 partner_timeout_s = 30
 [rig]
-impedance_head = { range_n = 200, noise_rms_n = 0.02, gain = 1.02, highpass_hz = 0.5, lowpass_hz = 200, bits = 24 }
-accelerometer_b = { range_m_s2 = 490, noise_rms_m_s2 = 0.03, delay_samples = 3, bits = 16 }
+head = { range_n = 200, noise_rms_n = 0.02, gain = 1.02, highpass_hz = 0.5, lowpass_hz = 200, bits = 24 }
+sensors.b = { range_m_s2 = 490, noise_rms_m_s2 = 0.03, delay_samples = 3, bits = 16 }
 [[rig.faults]]
-instrument = 'accelerometer_c'
+instrument = 'c'
 kind = 'noise'
 rms_m_s2 = 1
 from_s = 0.1

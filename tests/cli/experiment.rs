@@ -16,7 +16,7 @@ use crate::{complaint, document, names, resonarm};
 const BENCH: &str = "arm = { beta1_deg = -76.5413, beta2_deg = 120 }\nsimulation = { scheme = 'rk4' }\n\
     [rig.shaker]\nmoving_mass_kg = 0.01\nstiffness_n_m = 0\ndamping_n_s_m = 400\nforce_factor_n_a = 30\nresistance_ohm = 1\n\
     inductance_h = 0\nstroke_m = 0.1\ncurrent_limit_a = 22\nvoltage_limit_v = 1000\n\
-    [rig.accelerometer_b]\nnoise_rms_m_s2 = 0\n[rig.accelerometer_c]\nnoise_rms_m_s2 = 0\n[rig.impedance_head]\nnoise_rms_n = 0\n";
+    [rig.sensors.b]\nnoise_rms_m_s2 = 0\n[rig.sensors.c]\nnoise_rms_m_s2 = 0\n[rig.head]\nnoise_rms_n = 0\n";
 
 const SMALL: [&str; 12] = [
     "experiment",

@@ -107,8 +107,8 @@ fn poles_are_compared_with_poles() {
     let folder = tempfile::tempdir().unwrap();
     let folder = folder.path();
     let scenario = "[arm]\nbeta1_deg = 30.0\nparameters = { damping1_nm_s_rad = 60.0, damping2_nm_s_rad = 60.0 }\n\
-        [rig.impedance_head]\nnoise_rms_n = 0.02\n[rig.accelerometer_b]\nnoise_rms_m_s2 = 0.03\n\
-        [rig.accelerometer_c]\nnoise_rms_m_s2 = 0.03\n[excitation]\namplitude = { force_x_n = 40.0 }\n\
+        [rig.head]\nnoise_rms_n = 0.02\n[rig.sensors.b]\nnoise_rms_m_s2 = 0.03\n\
+        [rig.sensors.c]\nnoise_rms_m_s2 = 0.03\n[excitation]\namplitude = { force_x_n = 40.0 }\n\
         profile = { waveform = \"random\", from_hz = 5.0, to_hz = 120.0, duration_s = 20.0 }\n";
     fs::write(folder.join("damped.toml"), scenario).unwrap();
     let run = ["run", "--mode", "free", "--scenario", "damped.toml", "--record", "damped.mcap", "--json"];
@@ -214,7 +214,7 @@ fn recordings_without_angles_are_refused() {
     assert_snapshot!(first_line(&["--integration", "time"]), @"error: the following required arguments were not provided:");
     assert_snapshot!(says(&["--angles", "no/a.csv"]), @"resonarm: can't write no/a.csv: No such file or directory (os error 2)");
     let clipping = "[excitation]\namplitude = { torque1_nm = 200 }\nprofile = { waveform = 'dwell', frequency_hz = 22, \
-                    duration_s = 2, settle_s = 1 }\n[rig.accelerometer_c]\nrange_m_s2 = 50\n";
+                    duration_s = 2, settle_s = 1 }\n[rig.sensors.c]\nrange_m_s2 = 50\n";
     fs::write(folder.join("clipping.toml"), clipping).unwrap();
     let run = ["run", "--mode", "free", "--scenario", "clipping.toml", "--record", "clipping.mcap"];
     assert_eq!(resonarm(folder, &run).code, 0);

@@ -318,7 +318,7 @@ fn a_fault_is_reported() {
 fn clipped_readings_are_reported() {
     let folder = tempfile::tempdir().unwrap();
     let scenario = "
-        rig = { accelerometer_b = { range_m_s2 = 0.5, resolution_m_s2 = 0.0 } }
+        rig = { sensors.b = { range_m_s2 = 0.5, resolution_m_s2 = 0.0 } }
         [excitation]
         amplitude = { force_x_n = 300.0 }
         profile = { waveform = 'dwell', frequency_hz = 22.0, duration_s = 0.15, settle_s = 0.05 }

@@ -113,7 +113,7 @@ shape = { 'tip.x' = 0.3, 'mid.x' = -0.3 }
 kind = 'cubic'
 at = 'tip.x'
 stiffness3_n_m3 = 2e8
-[rig.accelerometer_b]
+[rig.sensors.b]
 at = 'mid'
 [excitation]
 amplitude = { force_x_n = 12.0 }
@@ -145,7 +145,7 @@ fn responses_of_a_recording_are_compared_with_the_branch() {
 fn the_modes_of_a_structure_are_identified() {
     let folder = tempfile::tempdir().unwrap();
     let linear = STEPPED.split("[[structure.elements]]").next().unwrap();
-    let random = "[rig.accelerometer_b]\nat = 'mid'\n[excitation]\namplitude = { force_x_n = 12.0 }\n\
+    let random = "[rig.sensors.b]\nat = 'mid'\n[excitation]\namplitude = { force_x_n = 12.0 }\n\
         profile = { waveform = 'random', from_hz = 10.0, to_hz = 60.0, duration_s = 16.0, seed = 3 }\n";
     fs::write(folder.path().join("random.toml"), format!("{linear}{random}")).unwrap();
     let run = ["run", "--mode", "free", "--scenario", "random.toml", "--record", "random.mcap", "--json"];
@@ -200,7 +200,7 @@ fn a_shaken_structure_is_identified_and_compared() {
     let stepped =
         STEPPED.replace("steps = 5, dwell_s = 4.0, settle_s = 3.0", "steps = 3, dwell_s = 2.0, settle_s = 1.0");
     let (_, excitation) = stepped.split_once("[excitation]").unwrap();
-    let structure = format!("{modes}[rig.accelerometer_b]\nat = 'mid'\n");
+    let structure = format!("{modes}[rig.sensors.b]\nat = 'mid'\n");
     let control = excitation.replace("profile = {", "ramp_s = 0.2\nprofile = {");
     let control = format!("{structure}{SHAKER}[control]\nlaw = 'force-control'{control}");
     let found = document(folder, 0, &["compare", &record("control", control), "--json"]);

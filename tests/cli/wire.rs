@@ -276,7 +276,7 @@ fn bad_input_of_decode_is_refused() {
     let folder = bench();
     let said = |arguments: &[&str]| complaint(folder.path(), 2, &[&["protocol", "decode"], arguments].concat());
     assert_snapshot!(said(&["--dbc", "none.dbc", "300#00"]), @"resonarm: can't read the DBC none.dbc: No such file or directory (os error 2)");
-    assert_snapshot!(said(&["--dbc", "bench.toml", "300#00"]), @r#"resonarm: bench.toml, line 1, column 1: expected a statement such as BO_, got "[rig.accelerometer_b]""#);
+    assert_snapshot!(said(&["--dbc", "bench.toml", "300#00"]), @r#"resonarm: bench.toml, line 1, column 1: expected a statement such as BO_, got "[rig.sensors.b]""#);
     assert_snapshot!(said(&["--scenario", "none.toml", "300#00"]), @"resonarm: can't read the scenario none.toml: No such file or directory (os error 2)");
     assert_snapshot!(said(&["--recording", "none.mcap"]), @"resonarm: can't read recording `none.mcap`: No such file or directory (os error 2)");
     assert!(said(&["--dbc", "bench.dbc", "--scenario", "bench.toml", "300#00"]).contains("cannot be used with"));

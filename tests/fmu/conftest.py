@@ -20,7 +20,7 @@ rate_hz = 1000.0
 seed = 7
 [rig]
 converter = "sinc5"
-[rig.accelerometer_b]
+[rig.sensors.b]
 lowpass_hz = 400.0
 delay_samples = 2
 [excitation]

@@ -46,7 +46,7 @@ kind = "friction"
 at = "mid.y"
 stiffness_n_m = 2e3
 slip_force_n = 0.5
-[rig.accelerometer_b]
+[rig.sensors.b]
 at = "mid"
 [excitation]
 amplitude = {{ force_y_n = 2.0 }}

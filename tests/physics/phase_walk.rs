@@ -37,9 +37,9 @@ struct Case {
 /// Instruments without noise, but with the converters' quantisation.
 fn quiet() -> RigSpec {
     let mut rig = RigSpec::default();
-    rig.accelerometer_b.noise_rms_m_s2 = Some(0.0);
-    rig.accelerometer_c.noise_rms_m_s2 = Some(0.0);
-    rig.impedance_head.noise_rms_n = Some(0.0);
+    rig.sensors.b.noise_rms = Some(0.0);
+    rig.sensors.c.noise_rms = Some(0.0);
+    rig.head.noise_rms = Some(0.0);
     rig
 }
 
@@ -255,7 +255,7 @@ fn the_walk_works_with_a_shaker_that_takes_most_of_the_force() {
     let (beta1_deg, beta2_deg, mode) = (-76.5413, 120.0, ModeNumber::SECOND);
     let case = Case { beta1_deg, beta2_deg, amplitude, mode, shaker, unstable: 0, tries: 3.0 };
     let mut fine = quiet();
-    fine.impedance_head.resolution_n = Some(1e-3);
+    fine.head.resolution = Some(1e-3);
     check_on(&case, case.plant_with(fine));
 }
 

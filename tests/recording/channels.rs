@@ -91,7 +91,7 @@ fn renamed(path: &Path, from: &str, to: &str) -> TestResult<String> {
     let bytes = std::fs::read(path)?;
     let options = mcap::WriteOptions::new().library("resonarm test").compression(None);
     let mut writer = options.create(std::io::Cursor::new(Vec::new()))?;
-    let about = [("format", "4"), ("dt_s", "0.001"), ("time", "simulated"), ("plot_every_samples", "10")];
+    let about = [("format", "5"), ("dt_s", "0.001"), ("time", "simulated"), ("plot_every_samples", "10")];
     let metadata = about.iter().map(|(key, value)| (key.to_string(), value.to_string())).collect();
     writer.write_metadata(&mcap::records::Metadata { name: String::from("resonarm.recording"), metadata })?;
     for message in mcap::MessageStream::new(&bytes)? {

@@ -85,7 +85,8 @@ fn foreign(about: &[(&str, &str)], topic: &str, schema: &str) -> TestResult<Vec<
 fn of_recordings_of_another_kind() -> TestResult {
     let directory = tempfile::tempdir()?;
     let path = directory.path().join("run.mcap");
-    let good = [("format", "3"), ("dt_s", "0.001"), ("time", "simulated"), ("plot_every_samples", "10")];
+    let delay = ("reading_delay_samples", "2.5");
+    let good = [("format", "5"), ("dt_s", "0.001"), ("time", "simulated"), ("plot_every_samples", "10"), delay];
     let open = |about: &[(&str, &str)], topic: &str, schema: &str| -> Result<Recording, RecordingError> {
         let bytes = foreign(about, topic, schema).unwrap_or_default();
         let _written = fs::write(&path, bytes);
@@ -94,11 +95,11 @@ fn of_recordings_of_another_kind() -> TestResult {
     let (topic, schema) = ("/can/frames", "resonarm.v1.FrameBatch");
     let recording = open(&good, topic, schema)?;
     insta::assert_snapshot!(text(recording.states(), &directory)?, @"recording `run.mcap` has no topic `/plant/steps`: it was taken out by another tool; go back to the original file");
-    insta::assert_snapshot!(text(open(&[("format", "5"), ("version", "9.1.0")], topic, "acme.Samples"), &directory)?, @"recording `run.mcap` has format 5, written by resonarm 9.1.0: this is resonarm 0.1.0, which reads formats 3 to 4; read it with version 9.1.0");
-    insta::assert_snapshot!(text(open(&[("format", "2"), ("version", "0.0.9")], topic, schema), &directory)?, @"recording `run.mcap` has format 2, written by resonarm 0.0.9: this is resonarm 0.1.0, which reads formats 3 to 4; read it with version 0.0.9");
+    insta::assert_snapshot!(text(open(&[("format", "6"), ("version", "9.1.0")], topic, "acme.Samples"), &directory)?, @"recording `run.mcap` has format 6, written by resonarm 9.1.0: this is resonarm 0.1.0, which reads format 5; read it with version 9.1.0");
+    insta::assert_snapshot!(text(open(&[("format", "2"), ("version", "0.0.9")], topic, schema), &directory)?, @"recording `run.mcap` has format 2, written by resonarm 0.0.9: this is resonarm 0.1.0, which reads format 5; read it with version 0.0.9");
     insta::assert_snapshot!(text(open(&[("format", "three")], topic, schema), &directory)?, @"recording `run.mcap` states `format` as `three` in its metadata `resonarm.recording`, expected a version of the format");
-    insta::assert_snapshot!(text(open(&[("format", "3")], topic, schema), &directory)?, @"recording `run.mcap` states `dt_s` as `` in its metadata `resonarm.recording`, expected a time in s");
-    insta::assert_snapshot!(text(open(&[("format", "3"), ("dt_s", "-1")], topic, schema), &directory)?, @"recording `run.mcap` states `dt_s` as `-1` in its metadata `resonarm.recording`, expected a finite time above 0 s");
+    insta::assert_snapshot!(text(open(&[("format", "5")], topic, schema), &directory)?, @"recording `run.mcap` states `dt_s` as `` in its metadata `resonarm.recording`, expected a time in s");
+    insta::assert_snapshot!(text(open(&[("format", "5"), ("dt_s", "-1")], topic, schema), &directory)?, @"recording `run.mcap` states `dt_s` as `-1` in its metadata `resonarm.recording`, expected a finite time above 0 s");
     insta::assert_snapshot!(text(open(&good, topic, "acme.Samples"), &directory)?, @"recording `run.mcap` has messages `acme.Samples (protobuf)` in topic `/can/frames`, expected `resonarm.v1.FrameBatch (protobuf)`: read it with the version of resonarm that wrote it");
     Ok(())
 }

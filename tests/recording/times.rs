@@ -1,17 +1,15 @@
 //! Times, samples and instruments stated in messages.
 
 use std::fs;
-use std::path::Path;
 use std::time::Duration;
 
 use resonarm::arm::State;
-use resonarm::cut::{cut, merge};
+use resonarm::cut::merge;
 use resonarm::protocol::{Frame, Id};
 use resonarm::recording::{
     Clipped, Direction, Event, Existing, FrameRecord, Integrity, Options, Record, Recorder, Recording, RunTime,
-    SampleRecord, StateRecord, channels::Channels, recover,
+    SampleRecord, StateRecord,
 };
-use resonarm::replay::{resimulate, responses};
 use resonarm::structure::States;
 
 use crate::{TestResult, configuration, options, record, rewritten, run};
@@ -29,7 +27,7 @@ fn never() -> Duration {
 
 /// Records sample 7 of a run, with a frame taken in 7.5 ms and an event 7.75 ms after its start; returns topic,
 /// log time and publish time of every message.
-fn stamps(path: &Path, options: Options) -> TestResult<Vec<(String, u64, u64)>> {
+fn stamps(path: &std::path::Path, options: Options) -> TestResult<Vec<(String, u64, u64)>> {
     let recorder = Recorder::create(path, &configuration(), options)?;
     let mut channel = recorder.channel("plant", 64)?;
     channel.begin(BEGUN_NS);
@@ -101,41 +99,6 @@ fn parts_of_two_runs_are_not_joined() -> TestResult {
     let refused = merge(&[&a, &c], &path("other"), Existing::Refuse).err().ok_or("two runs were joined")?;
     let said = refused.to_string().replace(&format!("{}/", directory.path().display()), "");
     insta::assert_snapshot!(said, @"recording `c` can't be joined to the one before it: it has a run that began 1700000000.000000005 s after the UNIX epoch, expected one that began 1700000000.000000000 s after the UNIX epoch");
-    Ok(())
-}
-
-#[test]
-fn a_recording_of_format_3_is_read_as_it_was() -> TestResult {
-    let path = Path::new(env!("CARGO_MANIFEST_DIR")).join("tests/recording/format-3.mcap");
-    let recording = Recording::open(&path)?;
-    let origin = recording.origin();
-    assert_eq!((origin.format, origin.time, origin.reading_delay_samples), (3, RunTime::Lockstep, 0.5));
-    assert_eq!((recording.integrity(), recording.summary().clipped_samples), (&Integrity::Complete, 0));
-    let states = recording.states()?.collect::<Result<Vec<_>, _>>()?;
-    let (last, others) = states.split_last().ok_or("no states")?;
-    assert!(last.is_end && others.iter().all(|state| !state.is_end && state.states.internal().is_empty()));
-    assert_eq!(recording.channels(), &Channels::arm(false));
-    // Its last digits come from another arithmetic: the motions are equal except for rounding.
-    let verdict = resimulate(&recording)?;
-    assert!(verdict.samples == states.len() as u64 && verdict.max_drift_rad < 1e-15, "{verdict:?}");
-    let (samples, frames) = (recording.samples()?.count(), recording.frames()?.collect::<Result<Vec<_>, _>>()?);
-    assert!(samples + 1 >= states.len() && frames.len() > 2 * samples, "{samples} {}", frames.len());
-    assert!(!responses(&recording)?.is_empty());
-
-    // The recovered file is also of format 3, a cut of the current format.
-    let directory = tempfile::tempdir()?;
-    let [truncated, recovered, part] = ["truncated", "recovered", "part"].map(|name| directory.path().join(name));
-    let bytes = fs::read(&path)?;
-    fs::write(&truncated, &bytes[..bytes.len() - 100])?;
-    recover(&truncated, &recovered, Existing::Refuse)?;
-    let recovered = Recording::open(&recovered)?;
-    assert_eq!(recovered.origin(), recording.origin());
-    assert_eq!(recovered.states()?.collect::<Result<Vec<_>, _>>()?, states);
-    assert_eq!(recovered.frames()?.collect::<Result<Vec<_>, _>>()?, frames);
-    cut(&recording, 100..=200, &part, Existing::Refuse)?;
-    let part = Recording::open(&part)?;
-    assert_eq!((part.origin().format, part.origin().reading_delay_samples), (4, 0.5));
-    assert_eq!(part.states()?.collect::<Result<Vec<_>, _>>()?, states[100..=200]);
     Ok(())
 }
 

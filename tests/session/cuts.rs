@@ -52,10 +52,10 @@ fn cuts_of_every_kind_of_run_are_simulated_again() {
 
 const CONDITIONED: &str = "[rig]
 converter = 'sinc3'
-accelerometer_b = { highpass_hz = 1.0, lowpass_hz = 200.0, delay_samples = 40 }
-impedance_head = { delay_samples = 3, range_n = 15.0 }
+sensors.b = { highpass_hz = 1.0, lowpass_hz = 200.0, delay_samples = 40 }
+head = { delay_samples = 3, range_n = 15.0 }
 [[rig.faults]]
-instrument = 'accelerometer_c'
+instrument = 'c'
 kind = 'noise'
 rms_m_s2 = 0.3
 from_s = 0.05

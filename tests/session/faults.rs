@@ -10,9 +10,9 @@ use resonarm::scenario::Scenario;
 const DWELL: &str = "[excitation]\namplitude = { force_x_n = 40.0 }\n\
     profile = { waveform = 'dwell', frequency_hz = 18.0, duration_s = 0.4, settle_s = 0.1 }\n";
 
-const FAULTS: &str = "[[rig.faults]]\ninstrument = 'accelerometer_c'\naxis = 'x'\nkind = 'stuck'\nfrom_s = 0.1\nto_s = 0.15\n\
-    [[rig.faults]]\ninstrument = 'accelerometer_c'\naxis = 'y'\nkind = 'noise'\nrms_m_s2 = 4.0\nfrom_s = 0.12\n\
-    [[rig.faults]]\ninstrument = 'impedance_head'\nkind = 'dropout'\nfrom_s = 0.2\nto_s = 0.3\n";
+const FAULTS: &str = "[[rig.faults]]\ninstrument = 'c'\naxis = 'x'\nkind = 'stuck'\nfrom_s = 0.1\nto_s = 0.15\n\
+    [[rig.faults]]\ninstrument = 'c'\naxis = 'y'\nkind = 'noise'\nrms_m_s2 = 4.0\nfrom_s = 0.12\n\
+    [[rig.faults]]\ninstrument = 'head'\nkind = 'dropout'\nfrom_s = 0.2\nto_s = 0.3\n";
 
 /// Samples of a run, and whether it is simulated again bit for bit.
 fn run(text: &str, mode: Mode, path: &Path) -> (Vec<SampleRecord>, bool) {

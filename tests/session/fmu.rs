@@ -170,7 +170,7 @@ fn its_readings_are_those_of_the_same_mass_as_a_mode() {
         let damping_ratio = 5.0 / (4.0 * core::f64::consts::TAU * frequency_hz);
         let text = format!(
             "[structure]\nkind = 'modal'\nmodes = [{{ frequency_hz = {frequency_hz}, damping_ratio = {damping_ratio}, \
-             shape = {{ 'tip.x' = {shape} }} }}]\n[rig]\nconverter = '{converter}'\naccelerometer_c = {{ resolution_m_s2 = 1e-9 }}"
+             shape = {{ 'tip.x' = {shape} }} }}]\n[rig]\nconverter = '{converter}'\nsensors.c = {{ resolution_m_s2 = 1e-9 }}"
         );
         let mut mode = Scenario::parse(&text, "mode").unwrap();
         mode.simulation.seed = fmu.simulation.seed;

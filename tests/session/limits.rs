@@ -43,22 +43,22 @@ fn reason(work: &str, limits: &str, fault: &str) -> String {
 
 #[test]
 fn a_spike_of_the_head_is_beyond_the_force() {
-    let spike = "instrument = 'impedance_head'\naxis = 'y'\nkind = 'spike'\namplitude_n = -100\nfrom_s = 0.3";
+    let spike = "instrument = 'head'\naxis = 'y'\nkind = 'spike'\namplitude_n = -100\nfrom_s = 0.3";
     insta::assert_snapshot!(reason(DWELL, "force_n = 60", spike), @"limits.force_n: the impedance head reads -100 N along y after 0.300 s, beyond the limit of 60 N: drive less, fix the sensor if that can't be, or raise the limit");
 }
 
 #[test]
 fn a_drift_and_the_noise_of_a_cable_are_beyond_the_acceleration() {
-    let drift = "instrument = 'accelerometer_c'\naxis = 'y'\nkind = 'drift'\nrate_m_s2_per_s = 500\nfrom_s = 0.3";
+    let drift = "instrument = 'c'\naxis = 'y'\nkind = 'drift'\nrate_m_s2_per_s = 500\nfrom_s = 0.3";
     insta::assert_snapshot!(reason(DWELL, "acceleration_m_s2 = 100", drift), @"limits.acceleration_m_s2: the accelerometer at C reads 100.45 m/s² along y after 0.498 s, beyond the limit of 100 m/s²: drive less, fix the sensor if that can't be, or raise the limit");
-    let noise = "instrument = 'accelerometer_b'\naxis = 'x'\nkind = 'noise'\nrms_m_s2 = 50\nfrom_s = 0.3";
+    let noise = "instrument = 'b'\naxis = 'x'\nkind = 'noise'\nrms_m_s2 = 50\nfrom_s = 0.3";
     insta::assert_snapshot!(reason(DWELL, "acceleration_m_s2 = 100", noise), @"limits.acceleration_m_s2: the accelerometer at B reads 109.05 m/s² along x after 0.311 s, beyond the limit of 100 m/s²: drive less, fix the sensor if that can't be, or raise the limit");
 }
 
 /// The feedback follows what it reads.
 #[test]
 fn a_spike_of_what_the_loop_reads_makes_it_ask_for_too_much() {
-    let spike = "instrument = 'accelerometer_b'\nkind = 'spike'\namplitude_m_s2 = 130\nfrom_s = 0.5\nto_s = 0.52";
+    let spike = "instrument = 'b'\nkind = 'spike'\namplitude_m_s2 = 130\nfrom_s = 0.5\nto_s = 0.52";
     let abort = abort(TORQUE_WALK, "torque_nm = 80", spike);
     assert!(
         matches!(abort, Abort::Command { key: "torque_nm", got, time_s, .. } if got > 80.0 && time_s < 0.52),
@@ -71,24 +71,23 @@ fn a_spike_of_what_the_loop_reads_makes_it_ask_for_too_much() {
 
 #[test]
 fn a_spike_beyond_the_range_stays_clipped() {
-    let spike =
-        "instrument = 'accelerometer_b'\naxis = 'y'\nkind = 'spike'\namplitude_m_s2 = 1e4\nfrom_s = 0.3\nto_s = 0.4";
-    insta::assert_snapshot!(reason(DWELL, "clipped_samples = 20", spike), @"limits.clipped_samples: the accelerometer at B is clipped along y for 20 samples in a row, up to 0.319 s: drive less, or give it more range (`rig.accelerometer_b.range_m_s2`)");
-    insta::assert_snapshot!(reason(DWELL, "clipped_samples = 1", spike), @"limits.clipped_samples: the accelerometer at B is clipped along y for 1 sample in a row, up to 0.300 s: drive less, or give it more range (`rig.accelerometer_b.range_m_s2`)");
+    let spike = "instrument = 'b'\naxis = 'y'\nkind = 'spike'\namplitude_m_s2 = 1e4\nfrom_s = 0.3\nto_s = 0.4";
+    insta::assert_snapshot!(reason(DWELL, "clipped_samples = 20", spike), @"limits.clipped_samples: the accelerometer at B is clipped along y for 20 samples in a row, up to 0.319 s: drive less, or give it more range (`rig.sensors.b.range_m_s2`)");
+    insta::assert_snapshot!(reason(DWELL, "clipped_samples = 1", spike), @"limits.clipped_samples: the accelerometer at B is clipped along y for 1 sample in a row, up to 0.300 s: drive less, or give it more range (`rig.sensors.b.range_m_s2`)");
 }
 
 #[test]
 fn stuck_and_dropped_out_axes_do_not_move() {
     let limits = "stuck_samples = 200\nstuck_above_n = 5";
-    let stuck = "instrument = 'accelerometer_c'\naxis = 'y'\nkind = 'stuck'\nfrom_s = 0.3";
+    let stuck = "instrument = 'c'\naxis = 'y'\nkind = 'stuck'\nfrom_s = 0.3";
     insta::assert_snapshot!(reason(DWELL, limits, stuck), @"limits.stuck_samples: the accelerometer at C says 0.1 m/s² along y and does not move for 200 samples under load, up to 0.515 s: fix sensor or cable, or state more samples if the axis has nothing to read");
-    let dropout = "instrument = 'impedance_head'\naxis = 'x'\nkind = 'dropout'\nfrom_s = 0.3";
+    let dropout = "instrument = 'head'\naxis = 'x'\nkind = 'dropout'\nfrom_s = 0.3";
     insta::assert_snapshot!(reason(DWELL, limits, dropout), @"limits.stuck_samples: the impedance head says 0 N along x and does not move for 200 samples under load, up to 0.516 s: fix sensor or cable, or state more samples if the axis has nothing to read");
 }
 
 #[test]
 fn noise_in_the_head_s_cable_distorts_the_force() {
-    let noise = "instrument = 'impedance_head'\naxis = 'x'\nkind = 'noise'\nrms_n = 20\nfrom_s = 1";
+    let noise = "instrument = 'head'\naxis = 'x'\nkind = 'noise'\nrms_n = 20\nfrom_s = 1";
     let abort = abort(FORCE_WALK, "distortion = 0.05", noise);
     assert!(matches!(abort, Abort::Distorted { got, limit: 0.05, .. } if got > 0.05 && got < 1.0), "{abort}");
     let abort = Abort::Distorted { got: 0.23361, limit: 0.05, frequency_hz: 22.08731, time_s: 9.692 };
@@ -97,7 +96,7 @@ fn noise_in_the_head_s_cable_distorts_the_force() {
 
 #[test]
 fn limits_end_a_run_in_lockstep_as_in_a_free_one() {
-    let fault = "[[rig.faults]]\ninstrument = 'accelerometer_c'\naxis = 'x'\nkind = 'stuck'\nfrom_s = 0.2\n";
+    let fault = "[[rig.faults]]\ninstrument = 'c'\naxis = 'x'\nkind = 'stuck'\nfrom_s = 0.2\n";
     let text = format!("{DWELL}[limits]\nstuck_samples = 100\n{fault}");
     let free = ended(&text, Mode::Free);
     assert!(matches!(free.0, ExciterOutcome::Aborted(_)), "{free:?}");

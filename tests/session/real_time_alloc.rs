@@ -35,7 +35,7 @@ fn ticks_on_time_late_and_failed_allocate_nothing() {
 #[test]
 fn instruments_at_work_allocate_nothing() {
     let chain = "transverse = 0.03, gain = 1.02, highpass_hz = 0.5, lowpass_hz = 200, delay_samples = 3, bits = 24";
-    let fault = |kind: &str| format!("{{ instrument = 'accelerometer_b', from_s = 0.02, to_s = 0.05, kind = {kind} }}");
+    let fault = |kind: &str| format!("{{ instrument = 'b', from_s = 0.02, to_s = 0.05, kind = {kind} }}");
     let faults = [
         "'noise', rms_m_s2 = 1",
         "'drift', rate_m_s2_per_s = 1",
@@ -44,7 +44,7 @@ fn instruments_at_work_allocate_nothing() {
         "'dropout'",
     ];
     let text = format!(
-        "[rig]\naccelerometer_b = {{ {chain}, gravity_m_s2 = 9.81 }}\nimpedance_head = {{ {chain} }}\nfaults = [{}]",
+        "[rig]\nsensors.b = {{ {chain}, gravity_m_s2 = 9.81 }}\nhead = {{ {chain} }}\nfaults = [{}]",
         faults.map(fault).join(", ")
     );
     let mut plant = Scenario::parse(&text, "test").unwrap().plant().unwrap();

@@ -101,7 +101,7 @@ const ACCELEROMETER: &str = "noise_rms_m_s2 = 1, noise_density_m_s2_per_sqrt_hz 
     gravity_m_s2 = 9.81, sensor_range_m_s2 = 1, transverse = 0.1, gain = 1, highpass_hz = 1, lowpass_hz = 2, delay_samples = 1";
 const HEAD: &str = "noise_rms_n = 1, noise_density_n_per_sqrt_hz = 1, resolution_n = 1, bits = 2, sensor_range_n = 1, \
     transverse = 0.1, gain = 1, highpass_hz = 1, lowpass_hz = 2, delay_samples = 1";
-const FAULT: &str = "instrument = 'accelerometer_b', kind = 'drift', from_s = 1, to_s = 2, rate_m_s2_per_s = 1, \
+const FAULT: &str = "instrument = 'b', kind = 'drift', from_s = 1, to_s = 2, rate_m_s2_per_s = 1, \
     rate_n_per_s = 1, rms_m_s2 = 1, rms_n = 1, amplitude_m_s2 = 1, amplitude_n = 1";
 const GATE: &str = "force_rate_limit_n_per_s = 1, torque_rate_limit_nm_per_s = 1, travel_limit_m = 0.001";
 const NETWORK_FAULT: &str = "node = 'plant'\nkind = 'loss'\ndirection = 'both'\nfrom_s = 1\nto_s = 2\nids = [1]\nextended_ids = [1]\n\
@@ -111,7 +111,7 @@ const LIMITS: &str = "force_n = 1\ntorque_nm = 1\nacceleration_m_s2 = 1\ndistort
 
 fn rig() -> RigSpec {
     let instruments = format!(
-        "accelerometer_b = {{ {ACCELEROMETER} }}\naccelerometer_c = {{ {ACCELEROMETER} }}\nimpedance_head = {{ {HEAD} }}\n\
+        "sensors.b = {{ {ACCELEROMETER} }}\nsensors.c = {{ {ACCELEROMETER} }}\nhead = {{ {HEAD} }}\n\
          faults = [{{ {FAULT} }}]\ngate = {{ {GATE} }}"
     );
     Scenario::parse(&format!("[rig]\n{instruments}\n{SHAKER}"), "rig").unwrap().rig

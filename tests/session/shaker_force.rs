@@ -132,8 +132,8 @@ fn compared(converter: Converter) -> Vec<Compared> {
     let mut scenario = Scenario::read(&Path::new(env!("CARGO_MANIFEST_DIR")).join("scenarios/shaker.toml")).unwrap();
     scenario.rig.converter = converter;
     // An ideal head: its noise and counts alone are 0.1 % of 2 N.
-    scenario.rig.impedance_head.noise_rms_n = Some(0.0);
-    scenario.rig.impedance_head.resolution_n = Some(0.0);
+    scenario.rig.head.noise_rms = Some(0.0);
+    scenario.rig.head.resolution = Some(0.0);
     let rate_hz = scenario.simulation.rate_hz;
     let (points, commands_n) = run(&scenario);
     assert_eq!(points.len(), 9);

@@ -13,7 +13,7 @@ from websockets.sync.client import connect
 OPEN = {"open_timeout": PATIENCE_S, "ping_interval": None}
 # A scenario that is steered; the accelerometer at C has so small a range, m/s², that it clips.
 SMALL_RANGE = """
-[rig.accelerometer_c]
+[rig.sensors.c]
 range_m_s2 = {}
 
 [excitation]

@@ -18,10 +18,10 @@ COMMON = ("--mode", "lockstep", "--live", "--scenario")
 @pytest.fixture
 def bench(tmp_path):
     """The bench with so small a range for C that its accelerometer clips."""
-    ranges = (SCENARIOS / "bench.toml").read_text().split("[rig.accelerometer_c]\nrange_m_s2 = 490.0")
+    ranges = (SCENARIOS / "bench.toml").read_text().split("[rig.sensors.c]\nrange_m_s2 = 490.0")
     assert len(ranges) == 2
     scenario = tmp_path / "bench.toml"
-    scenario.write_text("[rig.accelerometer_c]\nrange_m_s2 = 0.2".join(ranges))
+    scenario.write_text("[rig.sensors.c]\nrange_m_s2 = 0.2".join(ranges))
     return scenario
 
 

@@ -78,7 +78,7 @@ impl Mapping {
         let is_read = |at: &str| axes(at).iter().flatten().any(|dof| spec.outputs.contains_key(dof));
         let b = spec.accelerometer_b.as_deref().unwrap_or(if is_read(ELBOW) { ELBOW } else { exciter });
         let c = spec.accelerometer_c.as_deref().unwrap_or(exciter);
-        for (index, (instrument, at)) in [("accelerometer_b", b), ("accelerometer_c", c)].into_iter().enumerate() {
+        for (index, (instrument, at)) in [("sensors.b", b), ("sensors.c", c)].into_iter().enumerate() {
             mapping.accelerometer(description, spec, index, (instrument, at))?;
         }
         mapping.at_exciter(description, spec, exciter)?;

@@ -158,7 +158,7 @@ fn variables_that_do_not_fit_are_refused() {
     let mode = |spec: &mut Spec| drop(spec.inputs.insert("mode1".into(), "force".into()));
     insta::assert_snapshot!(with(mode), @"structure.inputs: `mode1` is not driven: loads are forces at points and torques at joint1 and joint2");
     insta::assert_snapshot!(with(|spec| spec.exciter = Some("top".into())), @"rig.exciter: nothing of structure.inputs is at `top`; there are tip.x");
-    insta::assert_snapshot!(with(|spec| spec.accelerometer_b = Some("tip.z".into())), @"rig.accelerometer_b: nothing of structure.outputs with acceleration is at `tip.z`; there are tip.x");
+    insta::assert_snapshot!(with(|spec| spec.accelerometer_b = Some("tip.z".into())), @"rig.sensors.b: nothing of structure.outputs with acceleration is at `tip.z`; there are tip.x");
     let filtered = |spec: &mut Spec| (spec.is_filtered, outputs(spec).velocity) = (true, None);
     insta::assert_snapshot!(with(filtered), @r#"structure.outputs."tip.x": `velocity` is missing: the filter of rig.converter needs it beside the acceleration; or take the converter `instant`"#);
     let limited = |spec: &mut Spec| (spec.limits_travel, outputs(spec).displacement) = (true, None);

@@ -247,7 +247,7 @@ elements = [
 ]
 [rig.exciter]
 at = "tip.z"
-[rig.accelerometer_b]
+[rig.sensors.b]
 at = "mid"
 "#;
 
@@ -272,8 +272,8 @@ at = "mid"
     #[test]
     fn angles_are_read_of_two_links_with_b_and_c_at_their_ends() {
         assert!(under_test("").angles_are_read() && under_test("[structure]\n").angles_are_read());
-        assert!(!under_test("[structure]\n[rig.accelerometer_c]\nat = \"tip.y\"\n").angles_are_read());
-        assert!(!under_test("[structure]\n[rig.accelerometer_b]\nat = \"tip\"\n").angles_are_read());
+        assert!(!under_test("[structure]\n[rig.sensors.c]\nat = \"tip.y\"\n").angles_are_read());
+        assert!(!under_test("[structure]\n[rig.sensors.b]\nat = \"tip\"\n").angles_are_read());
         assert!(!under_test(MODAL).angles_are_read());
     }
 

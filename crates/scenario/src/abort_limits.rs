@@ -46,12 +46,11 @@ fn check_numbers(limits: &LimitsSpec) -> Result<(), ScenarioError> {
 fn check_instruments(limits: &LimitsSpec, scenario: &Scenario) -> Result<(), ScenarioError> {
     let rig = &scenario.rig;
     let profile = scenario.network.profile;
-    let head_n = rig.impedance_head.range_n.min(FORCE.limit(profile));
+    let head_n = rig.head.range.min(FORCE.limit(profile));
     let expected =
         "below the range of the impedance head and of the wire (655.34 in the classic profile), or it is never read";
     refuse_unless("limits.force_n", limits.force_n, expected, |got| got < head_n)?;
-    let range_m_s2 =
-        rig.accelerometer_b.range_m_s2.min(rig.accelerometer_c.range_m_s2).min(ACCELERATION.limit(profile));
+    let range_m_s2 = rig.sensors.b.range.min(rig.sensors.c.range).min(ACCELERATION.limit(profile));
     let expected =
         "below the ranges of both accelerometers and of the wire (1638.35 in the classic profile), or it is never read";
     refuse_unless("limits.acceleration_m_s2", limits.acceleration_m_s2, expected, |got| got < range_m_s2)
@@ -104,8 +103,8 @@ mod tests {
         insta::assert_snapshot!(says("clipped_samples = 0", ""), @"limits.clipped_samples is 0: it must be from 1 to 1000000");
         insta::assert_snapshot!(says("stuck_above_n = 3", forces), @"limits.stuck_above_n is 3: it must be left out, or `limits.stuck_samples` stated beside it");
         insta::assert_snapshot!(says("force_n = 20", forces), @"limits.force_n is 20: it must be above the amplitude of the load, or the run ends before that is there");
-        insta::assert_snapshot!(says("force_n = 200", "[rig.impedance_head]\nrange_n = 200"), @"limits.force_n is 200: it must be below the range of the impedance head and of the wire (655.34 in the classic profile), or it is never read");
-        insta::assert_snapshot!(says("acceleration_m_s2 = 400", "[rig.accelerometer_c]\nrange_m_s2 = 300"), @"limits.acceleration_m_s2 is 400: it must be below the ranges of both accelerometers and of the wire (1638.35 in the classic profile), or it is never read");
+        insta::assert_snapshot!(says("force_n = 200", "[rig.head]\nrange_n = 200"), @"limits.force_n is 200: it must be below the range of the impedance head and of the wire (655.34 in the classic profile), or it is never read");
+        insta::assert_snapshot!(says("acceleration_m_s2 = 400", "[rig.sensors.c]\nrange_m_s2 = 300"), @"limits.acceleration_m_s2 is 400: it must be below the ranges of both accelerometers and of the wire (1638.35 in the classic profile), or it is never read");
         insta::assert_snapshot!(says("torque_nm = 30", forces), @"limits.torque_nm is 30: it must be left out: the load is of the other kind, forces or torques");
         insta::assert_snapshot!(says("force_n = 30", torques), @"limits.force_n is 30: it must be left out: the load is of the other kind, forces or torques");
         insta::assert_snapshot!(says("torque_nm = 9", torques), @"limits.torque_nm is 9: it must be above the amplitude of the load, or the run ends before that is there");

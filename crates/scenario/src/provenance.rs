@@ -3,7 +3,6 @@
 use super::{Scenario, ScenarioError};
 use crate::configuration::Configuration;
 use crate::structure::StructureKind;
-use resonarm_bench::rig::Converter;
 use resonarm_protocol::{PROTOCOL_VERSION, dbc};
 
 /// The key of the scenario in a recording's configuration.
@@ -42,16 +41,6 @@ impl Scenario {
         if let Some(structure) = scenario.structure.as_mut().filter(|section| section.kind == StructureKind::Fmu) {
             structure.is_recorded = true;
         }
-        if !states_a_converter(text) {
-            scenario.rig.converter = Converter::Instant;
-        }
         Ok(scenario)
     }
-}
-
-/// Whether the text of a scenario states `rig.converter`. A recording's scenario has every default written out; those
-/// of format 3 know no converters, and their instruments read instants.
-fn states_a_converter(text: &str) -> bool {
-    let table = text.parse::<toml::Table>().ok();
-    table.as_ref().and_then(|table| table.get("rig")?.get("converter")).is_some()
 }

@@ -10,7 +10,7 @@ use resonarm_numeric::number::{rounded, short};
 pub enum Abort {
     /// A reading that the loop is closed on was clipped: it is below the true value, and the loop would drive on.
     #[error(
-        "the accelerometer at {point} was clipped at {frequency_hz:.4} Hz: drive less, or give it more range (`rig.accelerometer_{point_key}.range_m_s2`; \
+        "the accelerometer at {point} was clipped at {frequency_hz:.4} Hz: drive less, or give it more range (`rig.sensors.{point_key}.range_m_s2`; \
          the classic profile carries 1638 m/s\u{b2})"
     )]
     Clipped {
@@ -23,7 +23,7 @@ pub enum Abort {
     },
     /// A reading of the impedance head was clipped, and the loop is closed on it.
     #[error(
-        "the impedance head was clipped at {frequency_hz:.4} Hz: drive less, or give it more range (`rig.impedance_head.range_n`; the classic profile carries 655 N)"
+        "the impedance head was clipped at {frequency_hz:.4} Hz: drive less, or give it more range (`rig.head.range_n`; the classic profile carries 655 N)"
     )]
     HeadClipped {
         /// Frequency of the drive, Hz.

@@ -43,12 +43,12 @@ pub struct LimitsSpec {
 
 /// Names of an axis: instrument, direction, unit, and the key of its range.
 const AXES: [[&str; 4]; CHANNELS] = [
-    ["the impedance head", "x", "N", "rig.impedance_head.range_n"],
-    ["the impedance head", "y", "N", "rig.impedance_head.range_n"],
-    ["the accelerometer at B", "x", "m/s\u{b2}", "rig.accelerometer_b.range_m_s2"],
-    ["the accelerometer at B", "y", "m/s\u{b2}", "rig.accelerometer_b.range_m_s2"],
-    ["the accelerometer at C", "x", "m/s\u{b2}", "rig.accelerometer_c.range_m_s2"],
-    ["the accelerometer at C", "y", "m/s\u{b2}", "rig.accelerometer_c.range_m_s2"],
+    ["the impedance head", "x", "N", "rig.head.range_n"],
+    ["the impedance head", "y", "N", "rig.head.range_n"],
+    ["the accelerometer at B", "x", "m/s\u{b2}", "rig.sensors.b.range_m_s2"],
+    ["the accelerometer at B", "y", "m/s\u{b2}", "rig.sensors.b.range_m_s2"],
+    ["the accelerometer at C", "x", "m/s\u{b2}", "rig.sensors.c.range_m_s2"],
+    ["the accelerometer at C", "y", "m/s\u{b2}", "rig.sensors.c.range_m_s2"],
 ];
 
 /// The recent readings of an axis.

@@ -3,8 +3,9 @@
 
 use super::{Answer, Controller, OpenLoop, ResponsePoint, SetPoint, Steered};
 use crate::excitation::{Amplitude, ExcitationSpec, Phasor, Profile, Waveform};
+use crate::plant::tests::ideal_rig;
 use crate::plant::{Plant, PlantSpec, tests};
-use crate::rig::{AccelerometerSpec, Converter, ForceSensorSpec, RigSpec, Sampling};
+use crate::rig::{Converter, RigSpec, Sampling};
 use nalgebra::Vector2;
 use resonarm_analysis::FrequencyResponse;
 use resonarm_dynamics::arm::{Arm, Load, Parameters, Pose};
@@ -22,11 +23,7 @@ fn arm() -> Arm {
 }
 
 fn spec(converter: Converter) -> PlantSpec {
-    let accelerometer =
-        AccelerometerSpec { noise_rms_m_s2: Some(0.0), resolution_m_s2: Some(0.0), ..AccelerometerSpec::default() };
-    let head = ForceSensorSpec { noise_rms_n: Some(0.0), resolution_n: Some(0.0), ..ForceSensorSpec::default() };
-    let (accelerometer_b, accelerometer_c) = (accelerometer, accelerometer);
-    let rig = RigSpec { converter, accelerometer_b, accelerometer_c, impedance_head: head, ..RigSpec::default() };
+    let rig = RigSpec { converter, ..ideal_rig() };
     PlantSpec { scheme: Scheme::default(), sample_rate_hz: RATE_HZ, steps_per_sample: 4, rig, seed: 1 }
 }
 

@@ -104,7 +104,7 @@ pub fn joint_angles(
     let links = Links::new(arm);
     let (across, along) = links.displacements(&d_b, &d_c);
     let turns = turns(&integrator, &across)?;
-    let noise_m_s2 = [&rig.accelerometer_b, &rig.accelerometer_c].map(|sensor| sensor.reading_noise_m_s2(rate_hz));
+    let noise_m_s2 = [&rig.sensors.b, &rig.sensors.c].map(|sensor| sensor.reading_noise(rate_hz));
     let noise_m = noise_m_s2.map(|noise| noise * integrator.noise_gain_s2());
     let shortened: Vec<Pair> =
         turns.iter().map(|turn| Pair::new(one_less_cos(turn.re), one_less_cos(turn.im))).collect();

@@ -6,7 +6,7 @@ use alloc::vec::Vec;
 use core::f64::consts::TAU;
 
 use crate::plant::{Plant, PlantSpec, tests};
-use crate::rig::{AccelerometerSpec, RigSpec};
+use crate::rig::{RigSpec, SensorSpec};
 use resonarm_analysis as analysis;
 use resonarm_dynamics::arm::{Arm, Load, Pose};
 use resonarm_dynamics::integrate::Scheme;
@@ -23,8 +23,8 @@ fn spec(seed: u64) -> PlantSpec {
 }
 
 fn ideal(mut spec: PlantSpec) -> PlantSpec {
-    for sensor in [&mut spec.rig.accelerometer_b, &mut spec.rig.accelerometer_c] {
-        *sensor = AccelerometerSpec { range_m_s2: 1e6, noise_rms_m_s2: None, resolution_m_s2: None, ..*sensor };
+    for sensor in [&mut spec.rig.sensors.b, &mut spec.rig.sensors.c] {
+        *sensor = SensorSpec { range: 1e6, noise_rms: None, resolution: None, ..*sensor };
     }
     spec
 }
@@ -201,7 +201,7 @@ fn angles_are_those_of_the_states_within_their_deviations() {
 #[test]
 fn gravity_is_left_out_and_contradictions_are_reported() {
     let mut heavy = spec(1);
-    heavy.rig.accelerometer_b.gravity_m_s2 = Some(9.80665);
+    heavy.rig.sensors.b.gravity_m_s2 = Some(9.80665);
     let (plain, heavy) = (run(&spec(1), 60.0, 4000, dwell(24.0, 40.0)), run(&heavy, 60.0, 4000, dwell(24.0, 40.0)));
     let found = heavy.angles(heavy.settings(Integration::Frequency)).unwrap();
     let expected = plain.angles(plain.settings(Integration::Frequency)).unwrap();
@@ -210,7 +210,7 @@ fn gravity_is_left_out_and_contradictions_are_reported() {
     assert!(off < 1e-2, "{off}");
     assert!((0.5..2.0).contains(&found.residual.over_noise.unwrap()), "{:?}", found.residual);
     let mut weak = spec(1);
-    weak.rig.accelerometer_b.gain = Some(0.9);
+    weak.rig.sensors.b.gain = Some(0.9);
     let weak = run(&weak, 60.0, 4000, dwell(24.0, 40.0));
     let residual = weak.angles(weak.settings(Integration::Time)).unwrap().residual;
     assert!(residual.over_noise.unwrap() > 5.0 && residual.over_displacement > 0.02, "{residual:?}");

@@ -77,8 +77,8 @@ impl Record {
         if head_n.len() < LEAST_SAMPLES {
             return Err(IdentifyError::TooShort { samples: head_n.len(), least: LEAST_SAMPLES });
         }
-        let force_noise_n = rig.impedance_head.reading_noise_n(rate_hz);
-        let [b, c] = [&rig.accelerometer_b, &rig.accelerometer_c].map(|sensor| sensor.reading_noise_m_s2(rate_hz));
+        let force_noise_n = rig.head.reading_noise(rate_hz);
+        let [b, c] = [&rig.sensors.b, &rig.sensors.c].map(|sensor| sensor.reading_noise(rate_hz));
         let direction = unit(&head_n, direction);
         let force_n: Vec<f64> = head_n.iter().map(|[x, y]| x * direction[0] + y * direction[1]).collect();
         let is_force = |force: &f64| libm::fabs(*force) > CLEAR * force_noise_n;

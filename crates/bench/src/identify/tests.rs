@@ -97,10 +97,10 @@ fn an_impact_gives_frequencies_and_damping() {
 fn ideal_instruments_are_almost_exact() {
     let mut ideal = spec();
     let rig = &mut ideal.rig;
-    for accelerometer in [&mut rig.accelerometer_b, &mut rig.accelerometer_c] {
-        (accelerometer.noise_rms_m_s2, accelerometer.resolution_m_s2) = (None, None);
+    for accelerometer in [&mut rig.sensors.b, &mut rig.sensors.c] {
+        (accelerometer.noise_rms, accelerometer.resolution) = (None, None);
     }
-    (rig.impedance_head.noise_rms_n, rig.impedance_head.resolution_n) = (None, None);
+    (rig.head.noise_rms, rig.head.resolution) = (None, None);
     for profile in [RANDOM, IMPACT] {
         let record = recorded(&ideal, &arm(60.0), force(0.0, 0.01), profile).unwrap();
         let found = modes(&record, BAND).unwrap().modes;

@@ -2,7 +2,7 @@
 
 use super::tests::{POSE, SHAKER, plant, preset, shaken};
 use super::*;
-use crate::rig::{AccelerometerSpec, Amplifier, Converter, ForceSensorSpec, ShakerSpec};
+use crate::rig::{Amplifier, Converter, ShakerSpec};
 use crate::structure::Channel;
 use alloc::vec;
 use alloc::vec::Vec;
@@ -68,17 +68,17 @@ fn a_saved_plant_reads_on_with_the_same_bits() {
 }
 
 const RIG: &str = "converter = 'sinc3'
-accelerometer_b = { highpass_hz = 1.0, lowpass_hz = 200.0, delay_samples = 5, range_m_s2 = 1.0 }
-accelerometer_c = { lowpass_hz = 300.0, transverse = 0.02 }
-impedance_head = { highpass_hz = 0.5, delay_samples = 3 }
+sensors.b = { highpass_hz = 1.0, lowpass_hz = 200.0, delay_samples = 5, range_m_s2 = 1.0 }
+sensors.c = { lowpass_hz = 300.0, transverse = 0.02 }
+head = { highpass_hz = 0.5, delay_samples = 3 }
 [[faults]]
-instrument = 'accelerometer_c'
+instrument = 'c'
 kind = 'noise'
 rms_m_s2 = 0.3
 from_s = 0.05
 to_s = 0.15
 [[faults]]
-instrument = 'impedance_head'
+instrument = 'head'
 kind = 'stuck'
 axis = 'x'
 from_s = 0.1
@@ -176,10 +176,7 @@ impl Structure for Mass {
 /// of the bench reads F/m cos ωt.
 #[test]
 fn any_structure_makes_a_plant() {
-    let quiet =
-        AccelerometerSpec { noise_rms_m_s2: Some(0.0), resolution_m_s2: Some(0.0), ..AccelerometerSpec::default() };
-    let head = ForceSensorSpec { noise_rms_n: Some(0.0), resolution_n: Some(0.0), ..ForceSensorSpec::default() };
-    let spec = RigSpec { accelerometer_c: quiet, impedance_head: head, ..RigSpec::default() };
+    let spec = super::tests::ideal_rig();
     let channels = [LOADS.to_vec(), OUTPUTS.to_vec(), crate::structure::STATES[..2].to_vec()];
     let mass = Mass { channels, state: [0.0; 2], force_n: 0.0 };
     let rig = || Rig::new(&spec, 1000.0, 1).unwrap();

@@ -2,7 +2,7 @@
 
 use super::*;
 use crate::excitation::{HarmonicFit, Phasor};
-use crate::rig::{AccelerometerSpec, Amplifier, Converter, ForceSensorSpec, ShakerSpec};
+use crate::rig::{Amplifier, Converter, Measured, SensorSpec, SensorSpecs, ShakerSpec};
 use nalgebra::Vector2;
 use resonarm_analysis::{FrequencyResponse, modes};
 use resonarm_dynamics::arm::{Arm, Parameters, Pose, Preset, State};
@@ -123,21 +123,16 @@ pub(super) const SHAKER: ShakerSpec = ShakerSpec {
     voltage_limit_v: 60.0,
 };
 
+/// A rig of instruments without noise and counts.
+pub(crate) fn ideal_rig() -> RigSpec {
+    let ideal = |measures| SensorSpec { noise_rms: Some(0.0), resolution: Some(0.0), ..SensorSpec::of(measures) };
+    let (head, accelerometer) = (ideal(Measured::Force), ideal(Measured::Acceleration));
+    RigSpec { head, sensors: SensorSpecs { b: accelerometer, c: accelerometer }, ..RigSpec::default() }
+}
+
 /// A plant with a shaker and instruments without noise and resolution.
 pub(super) fn shaken(shaker: ShakerSpec) -> PlantSpec {
-    let accelerometer =
-        AccelerometerSpec { noise_rms_m_s2: Some(0.0), resolution_m_s2: Some(0.0), ..AccelerometerSpec::default() };
-    let rig = RigSpec {
-        shaker: Some(shaker),
-        accelerometer_b: accelerometer,
-        accelerometer_c: accelerometer,
-        impedance_head: ForceSensorSpec {
-            noise_rms_n: Some(0.0),
-            resolution_n: Some(0.0),
-            ..ForceSensorSpec::default()
-        },
-        ..RigSpec::default()
-    };
+    let rig = RigSpec { shaker: Some(shaker), ..ideal_rig() };
     PlantSpec { rig, ..spec() }
 }
 

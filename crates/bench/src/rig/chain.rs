@@ -13,45 +13,10 @@
 use alloc::vec;
 use alloc::vec::Vec;
 
-use super::RigError;
+use super::SensorSpec;
 use super::fault::Fault;
 use super::filter::Section;
 use resonarm_numeric::noise::Noise;
-
-/// The longest delay, samples.
-const MOST_DELAY_SAMPLES: u32 = 1000;
-/// The most bits of a converter, within the precision of f64.
-const MOST_BITS: u32 = 48;
-
-/// The keys of an instrument, with their units.
-#[derive(Debug)]
-pub(super) struct Keys {
-    pub range: &'static str,
-    pub noise_rms: &'static str,
-    pub noise_density: &'static str,
-    pub resolution: &'static str,
-    pub sensor_range: &'static str,
-}
-
-/// An instrument's specification, in the instrument's unit.
-#[derive(Clone, Copy, Debug)]
-pub(super) struct ChainSpec {
-    pub instrument: &'static str,
-    pub keys: &'static Keys,
-    pub range: f64,
-    pub noise_rms: Option<f64>,
-    pub noise_density: Option<f64>,
-    pub resolution: Option<f64>,
-    pub bits: Option<u32>,
-    /// The reading along y at rest.
-    pub gravity: Option<f64>,
-    pub transverse: Option<f64>,
-    pub gain: Option<f64>,
-    pub sensor_range: Option<f64>,
-    pub highpass_hz: Option<f64>,
-    pub lowpass_hz: Option<f64>,
-    pub delay_samples: Option<u32>,
-}
 
 /// The reading of one axis.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
@@ -82,15 +47,14 @@ pub(super) struct Instrument {
 }
 
 impl Instrument {
-    /// An instrument at `rate_hz` samples a second, with the noise streams `stream` and `stream + 1` of `seed`.
-    pub fn new(spec: &ChainSpec, rate_hz: f64, seed: u64, stream: u64) -> Result<Instrument, RigError> {
-        spec.check(rate_hz)?;
-        let (gravity, transverse) = (spec.gravity, spec.transverse);
+    /// A valid instrument at `rate_hz` samples a second, with the noise streams `stream` and `stream + 1` of `seed`.
+    pub fn new(spec: &SensorSpec, rate_hz: f64, seed: u64, stream: u64) -> Instrument {
+        let (gravity, transverse) = (spec.gravity_m_s2, spec.transverse);
         let [x, y] = seen([0.0; 2], gravity, transverse);
         let axis = |rest, stream| Axis::new(spec, rate_hz, Noise::new(seed, stream), rest);
         let axes = [axis(x, stream), axis(y, stream + 1)];
         let last = [axes[0].at_rest(), axes[1].at_rest()];
-        Ok(Instrument { gravity, transverse, axes, faults: Vec::new(), last })
+        Instrument { gravity, transverse, axes, faults: Vec::new(), last }
     }
 
     /// The same with faults.
@@ -161,7 +125,7 @@ struct Axis {
 
 impl Axis {
     /// An axis settled on `rest`.
-    fn new(spec: &ChainSpec, rate_hz: f64, noise: Noise, rest: f64) -> Axis {
+    fn new(spec: &SensorSpec, rate_hz: f64, noise: Noise, rest: f64) -> Axis {
         let gain = spec.gain.unwrap_or(1.0);
         let sensor_range = spec.sensor_range.unwrap_or(f64::INFINITY);
         let mut highpass = spec.highpass_hz.map(|corner_hz| Section::highpass(corner_hz, rate_hz));
@@ -171,7 +135,7 @@ impl Axis {
         let rest = lowpass.as_mut().map_or(rest, |lowpass| lowpass.settle(rest));
         Axis {
             gain,
-            noise_rms: spec.noise_rms(rate_hz),
+            noise_rms: spec.sensor_noise(rate_hz),
             noise,
             sensor_range,
             highpass,
@@ -179,7 +143,7 @@ impl Axis {
             delayed: vec![rest; spec.delay_samples.unwrap_or(0) as usize],
             oldest: 0,
             rest,
-            quantizer: Quantizer::new(spec.range, spec.resolution()),
+            quantizer: Quantizer::new(spec.range, spec.count()),
         }
     }
 
@@ -237,81 +201,4 @@ impl Quantizer {
 fn largest(range: f64, resolution: f64) -> f64 {
     const ROUNDING: f64 = 1e-9;
     if resolution == 0.0 { range } else { libm::floor(range / resolution * (1.0 + ROUNDING)) * resolution }
-}
-
-impl ChainSpec {
-    /// White noise of the density d up to half the sample rate has the standard deviation d √(rate/2).
-    fn noise_rms(&self, rate_hz: f64) -> f64 {
-        match (self.noise_rms, self.noise_density) {
-            (_, Some(density)) => density * libm::sqrt(0.5 * rate_hz),
-            (rms, None) => rms.unwrap_or(0.0),
-        }
-    }
-
-    /// With n bits 2ⁿ − 1 counts are used, as many below 0 as above: one count is range/(2ⁿ⁻¹ − 1).
-    fn resolution(&self) -> f64 {
-        match (self.resolution, self.bits) {
-            (_, Some(bits)) => self.range / (libm::exp2(f64::from(bits) - 1.0) - 1.0),
-            (resolution, None) => resolution.unwrap_or(0.0),
-        }
-    }
-
-    /// Standard deviation of a reading: rounding to counts q adds q/√12.
-    pub fn reading_noise(&self, rate_hz: f64) -> f64 {
-        let (noise, resolution) = (self.noise_rms(rate_hz), self.resolution());
-        libm::sqrt(noise * noise + resolution * resolution / 12.0)
-    }
-
-    fn check(&self, rate_hz: f64) -> Result<(), RigError> {
-        let keys = self.keys;
-        self.positive(keys.range, Some(self.range))?;
-        self.not_both([keys.noise_rms, keys.noise_density], self.noise_rms.is_some() && self.noise_density.is_some())?;
-        self.not_both([keys.resolution, "bits"], self.resolution.is_some() && self.bits.is_some())?;
-        self.not_negative(keys.noise_rms, self.noise_rms)?;
-        self.not_negative(keys.noise_density, self.noise_density)?;
-        self.not_negative(keys.resolution, self.resolution)?;
-        let expected = "at most the range, or no count is within it";
-        self.within(keys.resolution, self.resolution, expected, |got| got <= self.range)?;
-        let whole = |number: Option<u32>| number.map(f64::from);
-        self.within("bits", whole(self.bits), "from 2 to 48", |got| (2.0..=f64::from(MOST_BITS)).contains(&got))?;
-        self.not_negative("gravity_m_s2", self.gravity)?;
-        self.within("transverse", self.transverse, "above -1 and below 1", |got| got.abs() < 1.0)?;
-        self.positive(keys.sensor_range, self.sensor_range)?;
-        let expected = "a number from -10 to 10, and not 0";
-        self.within("gain", self.gain, expected, |got| got != 0.0 && got.abs() <= 10.0)?;
-        for (name, corner_hz) in [("highpass_hz", self.highpass_hz), ("lowpass_hz", self.lowpass_hz)] {
-            let expected = "above 0 and below half the sample rate";
-            self.within(name, corner_hz, expected, |got| got > 0.0 && got < 0.5 * rate_hz)?;
-        }
-        let low = self.lowpass_hz.unwrap_or(f64::INFINITY);
-        self.within("highpass_hz", self.highpass_hz, "below `lowpass_hz`, or nothing passes", |got| got < low)?;
-        let most = f64::from(MOST_DELAY_SAMPLES);
-        self.within("delay_samples", whole(self.delay_samples), "at most 1000", |got| got <= most)
-    }
-
-    fn positive(&self, name: &'static str, value: Option<f64>) -> Result<(), RigError> {
-        self.within(name, value, "a positive number", |got| got.is_finite() && got > 0.0)
-    }
-
-    fn not_negative(&self, name: &'static str, value: Option<f64>) -> Result<(), RigError> {
-        self.within(name, value, "zero or a positive number", |got| got.is_finite() && got >= 0.0)
-    }
-
-    /// Refuses a value that is given and invalid.
-    fn within(
-        &self,
-        name: &'static str,
-        value: Option<f64>,
-        expected: &'static str,
-        fits: impl Fn(f64) -> bool,
-    ) -> Result<(), RigError> {
-        match value.filter(|got| !fits(*got)) {
-            Some(got) => Err(RigError::Spec { instrument: self.instrument, name, got, expected }),
-            None => Ok(()),
-        }
-    }
-
-    fn not_both(&self, names: [&'static str; 2], both: bool) -> Result<(), RigError> {
-        if both { Err(RigError::Both { instrument: self.instrument, names }) } else { Ok(()) }
-    }
 }

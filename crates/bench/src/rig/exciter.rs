@@ -3,7 +3,7 @@
 use serde::{Deserialize, Serialize};
 use thiserror::Error;
 
-use super::{PlaceName, ShakerSpec};
+use super::{InstrumentName, PlaceName, Section, ShakerSpec};
 use resonarm_dynamics::arm::Load;
 use resonarm_numeric::number::short;
 
@@ -12,10 +12,10 @@ use resonarm_numeric::number::short;
 #[non_exhaustive]
 pub enum RigError {
     /// A value of the specification is impossible.
-    #[error("{instrument}: `{name}` is {got}: it must be {expected}", got = short(.got))]
+    #[error("{section}: `{name}` is {got}: it must be {expected}", got = short(.got))]
     Spec {
-        /// The name of the instrument in a scenario.
-        instrument: &'static str,
+        /// The section of the scenario.
+        section: Section,
         /// The name of the value in a scenario.
         name: &'static str,
         /// The given value.
@@ -24,12 +24,20 @@ pub enum RigError {
         expected: &'static str,
     },
     /// Two keys state the same.
-    #[error("{instrument}: `{}` and `{}` state the same: leave one out", names[0], names[1])]
+    #[error("{section}: `{}` and `{}` state the same: leave one out", names[0], names[1])]
     Both {
-        /// The name of the instrument in a scenario.
-        instrument: &'static str,
+        /// The section of the scenario.
+        section: Section,
         /// The keys.
         names: [&'static str; 2],
+    },
+    /// A fault of an instrument that the rig does not have.
+    #[error("rig.faults, number {number}: `instrument` is \"{got}\": the instruments are head, b and c")]
+    FaultInstrument {
+        /// The number of the fault, from 1.
+        number: usize,
+        /// The given name.
+        got: InstrumentName,
     },
     /// A number of a fault is impossible.
     #[error("rig.faults, number {number}: `{name}` is {got}: it must be {expected}", got = short(.got))]
@@ -143,7 +151,12 @@ impl ExciterSpec {
     pub(super) fn check(&self) -> Result<(), RigError> {
         for (name, got) in [("force_limit_n", self.force_limit_n), ("torque_limit_nm", self.torque_limit_nm)] {
             if !(got.is_finite() && got > 0.0) {
-                return Err(RigError::Spec { instrument: "rig.exciter", name, got, expected: "a positive number" });
+                return Err(RigError::Spec {
+                    section: Section::Rig("exciter"),
+                    name,
+                    got,
+                    expected: "a positive number",
+                });
             }
         }
         Ok(())

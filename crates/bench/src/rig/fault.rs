@@ -7,7 +7,7 @@ use alloc::boxed::Box;
 
 use serde::{Deserialize, Serialize};
 
-use super::{Reading, RigError};
+use super::{InstrumentName, Measured, Reading, RigError};
 use resonarm_numeric::noise::Noise;
 
 /// The most faults of a rig.
@@ -15,18 +15,6 @@ pub const MOST_FAULTS: usize = 64;
 
 /// The first stream of the faults' noise; those before are the instruments'.
 const FIRST_STREAM: u64 = 1 << 32;
-
-/// An instrument, by its key.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
-#[serde(rename_all = "snake_case")]
-pub enum InstrumentName {
-    /// The accelerometer at B.
-    AccelerometerB,
-    /// The accelerometer at C.
-    AccelerometerC,
-    /// The force side of the impedance head.
-    ImpedanceHead,
-}
 
 /// Which axes of an instrument have a fault.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
@@ -62,7 +50,7 @@ pub enum FaultKind {
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct FaultSpec {
-    /// The instrument.
+    /// The instrument: a sensor, or the head.
     pub instrument: InstrumentName,
     /// The axes.
     #[serde(default)]
@@ -96,8 +84,8 @@ pub struct FaultSpec {
 
 impl FaultSpec {
     /// The key of the amount, if the kind has one, in the unit of the instrument.
-    fn key(&self) -> Option<&'static str> {
-        let force = self.instrument == InstrumentName::ImpedanceHead;
+    fn key(&self, measures: Measured) -> Option<&'static str> {
+        let force = measures == Measured::Force;
         match self.kind {
             FaultKind::Stuck | FaultKind::Dropout => None,
             FaultKind::Drift => Some(if force { "rate_n_per_s" } else { "rate_m_s2_per_s" }),
@@ -107,7 +95,7 @@ impl FaultSpec {
     }
 
     /// The amount, if the kind has one.
-    fn size(&self, number: usize) -> Result<f64, RigError> {
+    fn size(&self, measures: Measured, number: usize) -> Result<f64, RigError> {
         let stated = [
             ("rate_m_s2_per_s", self.rate_m_s2_per_s),
             ("rate_n_per_s", self.rate_n_per_s),
@@ -116,7 +104,7 @@ impl FaultSpec {
             ("amplitude_m_s2", self.amplitude_m_s2),
             ("amplitude_n", self.amplitude_n),
         ];
-        let wanted = self.key();
+        let wanted = self.key(measures);
         let mut size = None;
         for (key, value) in stated {
             match value {
@@ -160,14 +148,14 @@ enum Effect {
 }
 
 impl Fault {
-    /// The fault at `index` among those of the rig.
-    pub fn new(spec: &FaultSpec, index: usize, rate_hz: f64, seed: u64) -> Result<Fault, RigError> {
+    /// The fault at `index` among those of the rig, of an instrument that measures this.
+    pub fn new(spec: &FaultSpec, measures: Measured, index: usize, rate_hz: f64, seed: u64) -> Result<Fault, RigError> {
         let number = index + 1;
         if !(spec.from_s.is_finite() && spec.from_s >= 0.0) {
             let (name, expected) = ("from_s", "zero or a positive number");
             return Err(RigError::Fault { number, name, got: spec.from_s, expected });
         }
-        let size = spec.size(number)?;
+        let size = spec.size(measures, number)?;
         let first = sample_at(spec.from_s, rate_hz);
         let end = match (spec.to_s, spec.kind) {
             (Some(got), _) if got.is_nan() || sample_at(got, rate_hz) <= first => {
@@ -242,8 +230,8 @@ mod tests {
     use alloc::string::{String, ToString};
     use alloc::vec::Vec;
 
-    const QUIET: &str = "accelerometer_b = { noise_rms_m_s2 = 0, resolution_m_s2 = 0, range_m_s2 = 100 }\n\
-        impedance_head = { noise_rms_n = 0, resolution_n = 0 }\n";
+    const QUIET: &str = "sensors.b = { noise_rms_m_s2 = 0, resolution_m_s2 = 0, range_m_s2 = 100 }\n\
+        head = { noise_rms_n = 0, resolution_n = 0 }\n";
 
     fn spec(faults: &str) -> RigSpec {
         toml::from_str(&format!("{QUIET}{faults}")).unwrap()
@@ -265,7 +253,7 @@ mod tests {
 
     #[test]
     fn faults_act_on_their_axes_at_their_samples() {
-        let fault = |rest: &str| format!("[[faults]]\ninstrument = 'accelerometer_b'\n{rest}");
+        let fault = |rest: &str| format!("[[faults]]\ninstrument = 'b'\n{rest}");
         let stuck = fault("axis = 'x'\nkind = 'stuck'\nfrom_s = 0.25\nto_s = 0.6");
         assert_eq!(b(&stuck, 0), [1.0, 2.0, 3.0, 3.0, 3.0, 3.0, 7.0, 8.0]);
         assert_eq!(b(&stuck, 1), b("", 1));
@@ -282,14 +270,14 @@ mod tests {
 
     #[test]
     fn an_axis_stuck_from_the_start_keeps_its_reading_at_rest() {
-        let stuck = "[[faults]]\ninstrument = 'impedance_head'\nkind = 'stuck'\nfrom_s = 0";
+        let stuck = "[[faults]]\ninstrument = 'head'\nkind = 'stuck'\nfrom_s = 0";
         let readings = readings(&spec(stuck), 3);
         assert!(readings.iter().all(|sample| sample.head_force_n == [Reading::default(); 2]));
     }
 
     #[test]
     fn additions_are_rounded_and_clipped_by_the_converter() {
-        let spike = "[[faults]]\ninstrument = 'accelerometer_b'\naxis = 'x'\nkind = 'spike'\namplitude_m_s2 = 1e4\n\
+        let spike = "[[faults]]\ninstrument = 'b'\naxis = 'x'\nkind = 'spike'\namplitude_m_s2 = 1e4\n\
             from_s = 0.1\nto_s = 0.3";
         let clipped: Vec<_> = readings(&spec(spike), 4).iter().map(|sample| sample.acceleration_b_m_s2[0]).collect();
         let reading = |value, clipped| Reading { value, clipped };
@@ -299,11 +287,11 @@ mod tests {
 
     #[test]
     fn noise_of_a_cable_is_seeded_and_leaves_the_others_as_they_were() {
-        let noise = "[[faults]]\ninstrument = 'accelerometer_b'\nkind = 'noise'\nrms_m_s2 = 0.5\nfrom_s = 0.2\n\
-            [accelerometer_c]\nnoise_rms_m_s2 = 3.0";
+        let noise = "[[faults]]\ninstrument = 'b'\nkind = 'noise'\nrms_m_s2 = 0.5\nfrom_s = 0.2\n\
+            [sensors.c]\nnoise_rms_m_s2 = 3.0";
         let [noisy, again] = [(); 2].map(|()| readings(&spec(noise), 2000));
         assert_eq!(noisy, again);
-        let clean = readings(&spec("[accelerometer_c]\nnoise_rms_m_s2 = 3.0"), 2000);
+        let clean = readings(&spec("[sensors.c]\nnoise_rms_m_s2 = 3.0"), 2000);
         let mut squares = [0.0; 2];
         for (noisy, clean) in noisy.iter().zip(&clean).take(90) {
             assert_eq!(noisy.acceleration_c_m_s2, clean.acceleration_c_m_s2);
@@ -330,19 +318,18 @@ mod tests {
     #[test]
     fn says_what_is_wrong_with_a_fault() {
         let says = |rest: &str| {
-            let good = "[[faults]]\ninstrument = 'accelerometer_c'\nkind = 'stuck'\nfrom_s = 1\n";
+            let good = "[[faults]]\ninstrument = 'c'\nkind = 'stuck'\nfrom_s = 1\n";
             Rig::new(&spec(&format!("{good}[[faults]]\n{rest}")), 1000.0, 0).unwrap_err().to_string()
         };
-        let c = |rest: &str| says(&format!("instrument = 'accelerometer_c'\n{rest}"));
+        let c = |rest: &str| says(&format!("instrument = 'c'\n{rest}"));
         insta::assert_snapshot!(c("kind = 'stuck'\nfrom_s = -1"), @"rig.faults, number 2: `from_s` is -1: it must be zero or a positive number");
         insta::assert_snapshot!(c("kind = 'stuck'\nfrom_s = 1\nto_s = 0.9999"), @"rig.faults, number 2: `to_s` is 0.9999: it must be at least a sample later than `from_s`");
         insta::assert_snapshot!(c("kind = 'drift'\nfrom_s = 1"), @"rig.faults, number 2: `rate_m_s2_per_s` is missing: add it, or change `kind`");
         insta::assert_snapshot!(c("kind = 'noise'\nfrom_s = 1\nrms_n = 2"), @"rig.faults, number 2: `rms_n` says nothing about this kind of fault of this instrument: leave it out");
         insta::assert_snapshot!(c("kind = 'noise'\nfrom_s = 1\nrms_m_s2 = -2"), @"rig.faults, number 2: `rms_m_s2` is -2: it must be zero or a positive number");
-        insta::assert_snapshot!(says("instrument = 'impedance_head'\nkind = 'spike'\nfrom_s = 1\namplitude_n = nan"), @"rig.faults, number 2: `amplitude_n` is NaN: it must be a number");
-        let many: String = (0..MOST_FAULTS)
-            .map(|_| "[[faults]]\ninstrument = 'impedance_head'\nkind = 'dropout'\nfrom_s = 1\n")
-            .collect();
+        insta::assert_snapshot!(says("instrument = 'head'\nkind = 'spike'\nfrom_s = 1\namplitude_n = nan"), @"rig.faults, number 2: `amplitude_n` is NaN: it must be a number");
+        let many: String =
+            (0..MOST_FAULTS).map(|_| "[[faults]]\ninstrument = 'head'\nkind = 'dropout'\nfrom_s = 1\n").collect();
         insta::assert_snapshot!(says(&many.replacen("[[faults]]", "", 1)), @"rig.faults are 65: at most 64 are taken");
     }
 }

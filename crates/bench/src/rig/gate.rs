@@ -2,7 +2,7 @@
 
 use serde::{Deserialize, Serialize};
 
-use super::{Exciter, RigError};
+use super::{Exciter, RigError, Section};
 use resonarm_dynamics::arm::Load;
 use resonarm_protocol::{CommandCheck, Limit};
 
@@ -28,7 +28,7 @@ impl GateSpec {
     }
 
     pub(super) fn check(&self, exciter: &Exciter) -> Result<(), RigError> {
-        let spec = |name, got, expected| Err(RigError::Spec { instrument: "rig.gate", name, got, expected });
+        let spec = |name, got, expected| Err(RigError::Spec { section: Section::Rig("gate"), name, got, expected });
         let limits = [
             ("force_rate_limit_n_per_s", self.force_rate_limit_n_per_s),
             ("torque_rate_limit_nm_per_s", self.torque_rate_limit_nm_per_s),

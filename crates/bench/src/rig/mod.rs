@@ -1,4 +1,4 @@
-//! The rig on the arm: the exciter, the impedance head at C and the accelerometers at B and C.
+//! The rig on a structure: the exciter, the impedance head and the sensors.
 
 mod chain;
 pub(crate) mod converter;
@@ -6,6 +6,7 @@ mod exciter;
 mod fault;
 mod filter;
 mod gate;
+mod name;
 mod place;
 mod sensor;
 mod shaker;
@@ -13,10 +14,11 @@ mod shaker;
 pub use chain::Reading;
 pub use converter::{Converter, Sampling};
 pub use exciter::{Exciter, ExciterSpec, RigError};
-pub use fault::{FaultAxis, FaultKind, FaultSpec, InstrumentName, MOST_FAULTS};
+pub use fault::{FaultAxis, FaultKind, FaultSpec, MOST_FAULTS};
 pub use gate::GateSpec;
+pub use name::{InstrumentName, Section};
 pub use place::PlaceName;
-pub use sensor::{AccelerometerSpec, ForceSensorSpec};
+pub use sensor::{Measured, SensorSpec, SensorSpecs};
 pub use shaker::{Amplifier, ShakerLimit, ShakerSpec};
 
 use alloc::vec::Vec;
@@ -27,7 +29,7 @@ use chain::Instrument;
 use fault::Fault;
 
 /// The instruments of a rig in a scenario.
-#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(default, deny_unknown_fields)]
 pub struct RigSpec {
     /// The ideal exciter, unless a shaker drives the arm.
@@ -40,15 +42,28 @@ pub struct RigSpec {
     pub gate: GateSpec,
     /// The sampling of the converters of all instruments.
     pub converter: Converter,
-    /// The accelerometer at the elbow, point B.
-    pub accelerometer_b: AccelerometerSpec,
-    /// The accelerometer at the tip, point C.
-    pub accelerometer_c: AccelerometerSpec,
-    /// The force side of the impedance head at C. Its acceleration side is the accelerometer at C.
-    pub impedance_head: ForceSensorSpec,
+    /// The force side of the impedance head, between exciter and structure.
+    #[serde(deserialize_with = "SensorSpec::head")]
+    pub head: SensorSpec,
+    /// The sensors. `b` and `c` are the accelerometers that the protocol carries; the acceleration side of the head is c.
+    pub sensors: SensorSpecs,
     /// Faults of the instruments at stated times, at most [`MOST_FAULTS`].
     #[serde(skip_serializing_if = "Vec::is_empty")]
     pub faults: Vec<FaultSpec>,
+}
+
+impl Default for RigSpec {
+    fn default() -> RigSpec {
+        RigSpec {
+            exciter: ExciterSpec::default(),
+            shaker: None,
+            gate: GateSpec::default(),
+            converter: Converter::default(),
+            head: SensorSpec::of(Measured::Force),
+            sensors: SensorSpecs::default(),
+            faults: Vec::new(),
+        }
+    }
 }
 
 impl RigSpec {
@@ -60,18 +75,24 @@ impl RigSpec {
     /// The same rig with sensors without noise; faults keep theirs.
     #[must_use]
     pub fn without_noise(mut self) -> RigSpec {
-        for accelerometer in [&mut self.accelerometer_b, &mut self.accelerometer_c] {
-            (accelerometer.noise_rms_m_s2, accelerometer.noise_density_m_s2_per_sqrt_hz) = (Some(0.0), None);
+        for sensor in [&mut self.head, &mut self.sensors.b, &mut self.sensors.c] {
+            *sensor = sensor.without_noise();
         }
-        let head = &mut self.impedance_head;
-        (head.noise_rms_n, head.noise_density_n_per_sqrt_hz) = (Some(0.0), None);
         self
+    }
+
+    /// The instruments that every rig has.
+    fn instruments(&self) -> [(InstrumentName, &SensorSpec); 3] {
+        let SensorSpecs { b, c } = &self.sensors;
+        [(InstrumentName::HEAD, &self.head), (InstrumentName::B, b), (InstrumentName::C, c)]
     }
 
     /// The faults of an instrument, each with its own noise.
     fn faults_of(&self, name: InstrumentName, rate_hz: f64, seed: u64) -> Result<Vec<Fault>, RigError> {
+        let measures =
+            |name| self.instruments().into_iter().find(|(known, _)| *known == name).map(|(_, spec)| spec.measures);
         let own = self.faults.iter().enumerate().filter(|(_, fault)| fault.instrument == name);
-        own.map(|(index, fault)| Fault::new(fault, index, rate_hz, seed)).collect()
+        own.filter_map(|(index, fault)| Some(Fault::new(fault, measures(name)?, index, rate_hz, seed))).collect()
     }
 }
 
@@ -123,17 +144,24 @@ impl Rig {
         if spec.faults.len() > MOST_FAULTS {
             return Err(RigError::TooManyFaults { got: spec.faults.len() });
         }
-        let faults = |name| spec.faults_of(name, rate_hz, seed);
-        let (head, b, c) = (&spec.impedance_head, &spec.accelerometer_b, &spec.accelerometer_c);
-        let head = head.instrument("rig.impedance_head", rate_hz, seed, 0)?;
-        let b = b.instrument("rig.accelerometer_b", rate_hz, seed, 2)?;
-        let c = c.instrument("rig.accelerometer_c", rate_hz, seed, 4)?;
+        if let Some((index, fault)) = spec
+            .faults
+            .iter()
+            .enumerate()
+            .find(|(_, fault)| spec.instruments().iter().all(|(name, _)| *name != fault.instrument))
+        {
+            return Err(RigError::FaultInstrument { number: index + 1, got: fault.instrument });
+        }
+        let instrument = |name: InstrumentName, sensor: &SensorSpec, stream| {
+            sensor.check(name.section(), rate_hz)?;
+            Ok(Instrument::new(sensor, rate_hz, seed, stream).with_faults(spec.faults_of(name, rate_hz, seed)?))
+        };
         Ok(Rig {
             exciter,
             gate: spec.gate,
-            head: head.with_faults(faults(InstrumentName::ImpedanceHead)?),
-            accelerometer_b: b.with_faults(faults(InstrumentName::AccelerometerB)?),
-            accelerometer_c: c.with_faults(faults(InstrumentName::AccelerometerC)?),
+            head: instrument(InstrumentName::HEAD, &spec.head, 0)?,
+            accelerometer_b: instrument(InstrumentName::B, &spec.sensors.b, 2)?,
+            accelerometer_c: instrument(InstrumentName::C, &spec.sensors.c, 4)?,
         })
     }
 

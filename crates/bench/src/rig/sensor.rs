@@ -1,264 +1,329 @@
 //! Specifications of instruments in a scenario.
 
+use alloc::string::String;
+use core::fmt;
+
+use serde::de::{self, DeserializeSeed, MapAccess, Visitor};
+use serde::ser::SerializeMap;
 use serde::{Deserialize, Deserializer, Serialize, Serializer};
 
-use super::chain::{ChainSpec, Instrument, Keys};
+use super::name::Section;
 use super::{PlaceName, RigError};
 
-/// A two-axis accelerometer with conditioner and converter, its axes along x and y of the base frame.
+/// The longest delay, samples.
+const MOST_DELAY_SAMPLES: u32 = 1000;
+/// The most bits of a converter, within the precision of f64.
+const MOST_BITS: u32 = 48;
+
+/// What an instrument measures.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Measured {
+    /// Force, N: the impedance head.
+    Force,
+    /// Acceleration, m/s².
+    Acceleration,
+}
+
+/// The keys of an instrument that have a unit.
+#[derive(Debug)]
+struct Keys {
+    range: &'static str,
+    noise_rms: &'static str,
+    noise_density: &'static str,
+    resolution: &'static str,
+    sensor_range: &'static str,
+    /// All keys of the instrument.
+    all: &'static [&'static str],
+}
+
+/// The keys of an instrument whose quantity has this unit; `$own` are those that only it has.
+macro_rules! keys {
+    ($unit:literal, $($own:literal),*) => {
+        Keys {
+            range: concat!("range_", $unit),
+            noise_rms: concat!("noise_rms_", $unit),
+            noise_density: concat!("noise_density_", $unit, "_per_sqrt_hz"),
+            resolution: concat!("resolution_", $unit),
+            sensor_range: concat!("sensor_range_", $unit),
+            all: &[
+                concat!("range_", $unit),
+                concat!("noise_rms_", $unit),
+                concat!("noise_density_", $unit, "_per_sqrt_hz"),
+                concat!("resolution_", $unit),
+                "bits",
+                "transverse",
+                "gain",
+                concat!("sensor_range_", $unit),
+                "highpass_hz",
+                "lowpass_hz",
+                "delay_samples",
+                $($own),*
+            ],
+        }
+    };
+}
+
+static FORCE: Keys = keys!("n",);
+static ACCELERATION: Keys = keys!("m_s2", "at", "gravity_m_s2");
+
+impl Measured {
+    fn keys(self) -> &'static Keys {
+        match self {
+            Measured::Force => &FORCE,
+            Measured::Acceleration => &ACCELERATION,
+        }
+    }
+}
+
+/// An instrument with conditioner and converter, its axes along those of the base frame.
 ///
 /// The signal passes through, in this order: gravity, transverse sensitivity, gain, the sensor's noise, the sensor's
 /// range, high-pass, low-pass, delay, and the converter with counts and range. The filters see the samples: they have
 /// gain and phase of their analog counterparts at frequencies far below the sample rate, and can't remove components
 /// folded before.
-#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
-#[serde(remote = "Self", default, deny_unknown_fields)]
-pub struct AccelerometerSpec {
-    /// Where it is on a structure; on the two-link arm its name is its place.
-    #[serde(skip_serializing_if = "Option::is_none")]
+///
+/// Numbers are in the unit of what it measures, and their keys in a scenario end with it: `range_m_s2`.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct SensorSpec {
+    /// What it measures.
+    pub measures: Measured,
+    /// Where it is on the structure; `None` where the rig puts it.
     pub at: Option<PlaceName>,
-    /// Largest magnitude of the converter, m/s², positive.
-    pub range_m_s2: f64,
-    /// Standard deviation of the sensor's noise of a sample, m/s², not negative. `None`, as with a density: none.
-    #[serde(default, skip_serializing_if = "Option::is_none")]
-    pub noise_rms_m_s2: Option<f64>,
-    /// Density of the sensor's noise, in place of its standard deviation: (m/s²)/√Hz, not negative, white up to half
-    /// the sample rate.
-    #[serde(skip_serializing_if = "Option::is_none")]
-    pub noise_density_m_s2_per_sqrt_hz: Option<f64>,
-    /// One count of the converter, m/s², not negative; 0 is an ideal converter. `None`, as with `bits`: ideal.
-    #[serde(default, skip_serializing_if = "Option::is_none")]
-    pub resolution_m_s2: Option<f64>,
+    /// Largest magnitude of the converter, positive.
+    pub range: f64,
+    /// Standard deviation of the sensor's noise of a sample, not negative. `None`, as with a density: none.
+    pub noise_rms: Option<f64>,
+    /// Density of the sensor's noise, in place of its standard deviation: the unit over √Hz, not negative, white up to
+    /// half the sample rate.
+    pub noise_density: Option<f64>,
+    /// One count of the converter, not negative; 0 is an ideal converter. `None`, as with `bits`: ideal.
+    pub resolution: Option<f64>,
     /// Bits of the converter over the range from −range to range, 2 to 48, in place of the resolution.
-    #[serde(skip_serializing_if = "Option::is_none")]
     pub bits: Option<u32>,
-    /// The reading of gravity, along y, if it measures static accelerations: g, m/s², not negative.
-    #[serde(skip_serializing_if = "Option::is_none")]
+    /// The reading of gravity, along y, of an accelerometer that measures static accelerations: g, m/s², not negative.
     pub gravity_m_s2: Option<f64>,
     /// Share of the other axis that an axis reads, above −1 and below 1.
-    #[serde(skip_serializing_if = "Option::is_none")]
     pub transverse: Option<f64>,
     /// Sensitivity against the stated one, −10 to 10 and not 0.
-    #[serde(skip_serializing_if = "Option::is_none")]
     pub gain: Option<f64>,
-    /// Largest magnitude that comes from the sensor to the filters, m/s², positive. Readings beyond are not marked.
-    #[serde(skip_serializing_if = "Option::is_none")]
-    pub sensor_range_m_s2: Option<f64>,
+    /// Largest magnitude that comes from the sensor to the filters, positive. Readings beyond are not marked.
+    pub sensor_range: Option<f64>,
     /// Corner of the conditioner's high-pass of first order, Hz, below half the sample rate.
-    #[serde(skip_serializing_if = "Option::is_none")]
     pub highpass_hz: Option<f64>,
     /// Corner of the low-pass, a Butterworth of second order, Hz, below half the sample rate.
-    #[serde(skip_serializing_if = "Option::is_none")]
     pub lowpass_hz: Option<f64>,
     /// Delay of the conversion, samples, at most 1000.
-    #[serde(skip_serializing_if = "Option::is_none")]
     pub delay_samples: Option<u32>,
 }
 
-impl Default for AccelerometerSpec {
-    /// ±1600 m/s², 0.02 m/s² of noise, and 0.05 m/s² a count as on the wire.
-    fn default() -> AccelerometerSpec {
-        AccelerometerSpec {
+impl SensorSpec {
+    /// An instrument with the range, the noise and the counts that it has by default: of accelerations ±1600 m/s²,
+    /// 0.02 m/s² and 0.05 m/s² a count; of forces ±650 N, 0.01 N and 0.02 N a count: the counts of the wire.
+    pub fn of(measures: Measured) -> SensorSpec {
+        let (range, noise_rms, resolution) = match measures {
+            Measured::Force => (650.0, 0.01, 0.02),
+            Measured::Acceleration => (1600.0, 0.02, 0.05),
+        };
+        SensorSpec {
+            measures,
             at: None,
-            range_m_s2: 1600.0,
-            noise_rms_m_s2: Some(0.02),
-            noise_density_m_s2_per_sqrt_hz: None,
-            resolution_m_s2: Some(0.05),
+            range,
+            noise_rms: Some(noise_rms),
+            noise_density: None,
+            resolution: Some(resolution),
             bits: None,
             gravity_m_s2: None,
             transverse: None,
             gain: None,
-            sensor_range_m_s2: None,
+            sensor_range: None,
             highpass_hz: None,
             lowpass_hz: None,
             delay_samples: None,
         }
     }
-}
 
-impl AccelerometerSpec {
-    pub(super) fn instrument(
-        &self,
-        instrument: &'static str,
-        rate_hz: f64,
-        seed: u64,
-        stream: u64,
-    ) -> Result<Instrument, RigError> {
-        Instrument::new(&self.chain(instrument), rate_hz, seed, stream)
+    /// The same without the sensor's noise.
+    #[must_use]
+    pub fn without_noise(self) -> SensorSpec {
+        SensorSpec { noise_rms: Some(0.0), noise_density: None, ..self }
     }
 
-    /// Standard deviation of a reading at `rate_hz` samples a second, m/s²: the sensor's noise, and the rounding to
-    /// counts.
-    pub fn reading_noise_m_s2(&self, rate_hz: f64) -> f64 {
-        self.chain("").reading_noise(rate_hz)
+    /// Standard deviation of the sensor's noise: white noise of the density d up to half the sample rate has d √(rate/2).
+    pub(super) fn sensor_noise(&self, rate_hz: f64) -> f64 {
+        match (self.noise_rms, self.noise_density) {
+            (_, Some(density)) => density * libm::sqrt(0.5 * rate_hz),
+            (rms, None) => rms.unwrap_or(0.0),
+        }
     }
 
-    fn chain(&self, instrument: &'static str) -> ChainSpec {
-        const KEYS: Keys = Keys {
-            range: "range_m_s2",
-            noise_rms: "noise_rms_m_s2",
-            noise_density: "noise_density_m_s2_per_sqrt_hz",
-            resolution: "resolution_m_s2",
-            sensor_range: "sensor_range_m_s2",
+    /// One count. With n bits 2ⁿ − 1 counts are used, as many below 0 as above: one is range/(2ⁿ⁻¹ − 1).
+    pub(super) fn count(&self) -> f64 {
+        match (self.resolution, self.bits) {
+            (_, Some(bits)) => self.range / (libm::exp2(f64::from(bits) - 1.0) - 1.0),
+            (resolution, None) => resolution.unwrap_or(0.0),
+        }
+    }
+
+    /// Standard deviation of a reading at `rate_hz` samples a second: the sensor's noise, and the rounding to counts q,
+    /// which adds q/√12.
+    pub fn reading_noise(&self, rate_hz: f64) -> f64 {
+        let (noise, count) = (self.sensor_noise(rate_hz), self.count());
+        libm::sqrt(noise * noise + count * count / 12.0)
+    }
+
+    /// Refuses what no instrument can be; `section` names it.
+    pub(super) fn check(&self, section: Section, rate_hz: f64) -> Result<(), RigError> {
+        let keys = self.measures.keys();
+        let within = |name, value: Option<f64>, expected, fits: &dyn Fn(f64) -> bool| match value {
+            Some(got) if !fits(got) => Err(RigError::Spec { section, name, got, expected }),
+            _ => Ok(()),
         };
-        ChainSpec {
-            instrument,
-            keys: &KEYS,
-            range: self.range_m_s2,
-            noise_rms: self.noise_rms_m_s2,
-            noise_density: self.noise_density_m_s2_per_sqrt_hz,
-            resolution: self.resolution_m_s2,
-            bits: self.bits,
-            gravity: self.gravity_m_s2,
-            transverse: self.transverse,
-            gain: self.gain,
-            sensor_range: self.sensor_range_m_s2,
-            highpass_hz: self.highpass_hz,
-            lowpass_hz: self.lowpass_hz,
-            delay_samples: self.delay_samples,
+        let not_both = |names, both| if both { Err(RigError::Both { section, names }) } else { Ok(()) };
+        let positive = |name, value| within(name, value, "a positive number", &|got: f64| got.is_finite() && got > 0.0);
+        let not_negative =
+            |name, value| within(name, value, "zero or a positive number", &|got: f64| got.is_finite() && got >= 0.0);
+        let whole = |number: Option<u32>| number.map(f64::from);
+        positive(keys.range, Some(self.range))?;
+        not_both([keys.noise_rms, keys.noise_density], self.noise_rms.is_some() && self.noise_density.is_some())?;
+        not_both([keys.resolution, "bits"], self.resolution.is_some() && self.bits.is_some())?;
+        not_negative(keys.noise_rms, self.noise_rms)?;
+        not_negative(keys.noise_density, self.noise_density)?;
+        not_negative(keys.resolution, self.resolution)?;
+        let expected = "at most the range, or no count is within it";
+        within(keys.resolution, self.resolution, expected, &|got| got <= self.range)?;
+        within("bits", whole(self.bits), "from 2 to 48", &|got| (2.0..=f64::from(MOST_BITS)).contains(&got))?;
+        not_negative("gravity_m_s2", self.gravity_m_s2)?;
+        within("transverse", self.transverse, "above -1 and below 1", &|got| got.abs() < 1.0)?;
+        positive(keys.sensor_range, self.sensor_range)?;
+        let expected = "a number from -10 to 10, and not 0";
+        within("gain", self.gain, expected, &|got| got != 0.0 && got.abs() <= 10.0)?;
+        for (name, corner_hz) in [("highpass_hz", self.highpass_hz), ("lowpass_hz", self.lowpass_hz)] {
+            let expected = "above 0 and below half the sample rate";
+            within(name, corner_hz, expected, &|got| got > 0.0 && got < 0.5 * rate_hz)?;
         }
+        let low = self.lowpass_hz.unwrap_or(f64::INFINITY);
+        within("highpass_hz", self.highpass_hz, "below `lowpass_hz`, or nothing passes", &|got| got < low)?;
+        let most = f64::from(MOST_DELAY_SAMPLES);
+        within("delay_samples", whole(self.delay_samples), "at most 1000", &|got| got <= most)
+    }
+
+    /// The head, as `[rig.head]` states it.
+    pub(super) fn head<'de, D: Deserializer<'de>>(deserializer: D) -> Result<SensorSpec, D::Error> {
+        deserializer.deserialize_map(SpecVisitor(Measured::Force))
+    }
+
+    /// An accelerometer, as `[rig.sensors.b]` states it.
+    pub(super) fn accelerometer<'de, D: Deserializer<'de>>(deserializer: D) -> Result<SensorSpec, D::Error> {
+        deserializer.deserialize_map(SpecVisitor(Measured::Acceleration))
     }
 }
 
-/// A two-axis force sensor with conditioner and converter; its chain is that of an [`AccelerometerSpec`], without
-/// gravity.
-#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
-#[serde(remote = "Self", default, deny_unknown_fields)]
-pub struct ForceSensorSpec {
-    /// Largest magnitude of the converter, N, positive.
-    pub range_n: f64,
-    /// Standard deviation of the sensor's noise of a sample, N, not negative. `None`, as with a density: none.
-    #[serde(default, skip_serializing_if = "Option::is_none")]
-    pub noise_rms_n: Option<f64>,
-    /// Density of the sensor's noise, in place of its standard deviation: N/√Hz, not negative, white up to half the
-    /// sample rate.
-    #[serde(skip_serializing_if = "Option::is_none")]
-    pub noise_density_n_per_sqrt_hz: Option<f64>,
-    /// One count of the converter, N, not negative; 0 is an ideal converter. `None`, as with `bits`: ideal.
-    #[serde(default, skip_serializing_if = "Option::is_none")]
-    pub resolution_n: Option<f64>,
-    /// Bits of the converter over the range from −range to range, 2 to 48, in place of the resolution.
-    #[serde(skip_serializing_if = "Option::is_none")]
-    pub bits: Option<u32>,
-    /// Share of the other axis that an axis reads, above −1 and below 1.
-    #[serde(skip_serializing_if = "Option::is_none")]
-    pub transverse: Option<f64>,
-    /// Sensitivity against the stated one, −10 to 10 and not 0.
-    #[serde(skip_serializing_if = "Option::is_none")]
-    pub gain: Option<f64>,
-    /// Largest magnitude that comes from the sensor to the filters, N, positive. Readings beyond are not marked.
-    #[serde(skip_serializing_if = "Option::is_none")]
-    pub sensor_range_n: Option<f64>,
-    /// Corner of the conditioner's high-pass of first order, Hz, below half the sample rate.
-    #[serde(skip_serializing_if = "Option::is_none")]
-    pub highpass_hz: Option<f64>,
-    /// Corner of the low-pass, a Butterworth of second order, Hz, below half the sample rate.
-    #[serde(skip_serializing_if = "Option::is_none")]
-    pub lowpass_hz: Option<f64>,
-    /// Delay of the conversion, samples, at most 1000.
-    #[serde(skip_serializing_if = "Option::is_none")]
-    pub delay_samples: Option<u32>,
-}
-
-impl Default for ForceSensorSpec {
-    /// ±650 N, 0.01 N of noise, and 0.02 N a count as on the wire.
-    fn default() -> ForceSensorSpec {
-        ForceSensorSpec {
-            range_n: 650.0,
-            noise_rms_n: Some(0.01),
-            noise_density_n_per_sqrt_hz: None,
-            resolution_n: Some(0.02),
-            bits: None,
-            transverse: None,
-            gain: None,
-            sensor_range_n: None,
-            highpass_hz: None,
-            lowpass_hz: None,
-            delay_samples: None,
+impl Serialize for SensorSpec {
+    fn serialize<S: Serializer>(&self, serializer: S) -> Result<S::Ok, S::Error> {
+        let keys = self.measures.keys();
+        let mut map = serializer.serialize_map(None)?;
+        if let Some(at) = &self.at {
+            map.serialize_entry("at", at)?;
         }
-    }
-}
-
-impl ForceSensorSpec {
-    pub(super) fn instrument(
-        &self,
-        instrument: &'static str,
-        rate_hz: f64,
-        seed: u64,
-        stream: u64,
-    ) -> Result<Instrument, RigError> {
-        Instrument::new(&self.chain(instrument), rate_hz, seed, stream)
-    }
-
-    /// Standard deviation of a reading at `rate_hz` samples a second, N: the sensor's noise, and the rounding to
-    /// counts.
-    pub fn reading_noise_n(&self, rate_hz: f64) -> f64 {
-        self.chain("").reading_noise(rate_hz)
-    }
-
-    fn chain(&self, instrument: &'static str) -> ChainSpec {
-        const KEYS: Keys = Keys {
-            range: "range_n",
-            noise_rms: "noise_rms_n",
-            noise_density: "noise_density_n_per_sqrt_hz",
-            resolution: "resolution_n",
-            sensor_range: "sensor_range_n",
+        let number = |map: &mut S::SerializeMap, key: &str, value: Option<f64>| match value {
+            Some(value) => map.serialize_entry(key, &value),
+            None => Ok(()),
         };
-        ChainSpec {
-            instrument,
-            keys: &KEYS,
-            range: self.range_n,
-            noise_rms: self.noise_rms_n,
-            noise_density: self.noise_density_n_per_sqrt_hz,
-            resolution: self.resolution_n,
-            bits: self.bits,
-            gravity: None,
-            transverse: self.transverse,
-            gain: self.gain,
-            sensor_range: self.sensor_range_n,
-            highpass_hz: self.highpass_hz,
-            lowpass_hz: self.lowpass_hz,
-            delay_samples: self.delay_samples,
+        number(&mut map, keys.range, Some(self.range))?;
+        number(&mut map, keys.noise_rms, self.noise_rms)?;
+        number(&mut map, keys.noise_density, self.noise_density)?;
+        number(&mut map, keys.resolution, self.resolution)?;
+        if let Some(bits) = self.bits {
+            map.serialize_entry("bits", &bits)?;
         }
+        number(&mut map, "gravity_m_s2", self.gravity_m_s2)?;
+        number(&mut map, "transverse", self.transverse)?;
+        number(&mut map, "gain", self.gain)?;
+        number(&mut map, keys.sensor_range, self.sensor_range)?;
+        number(&mut map, "highpass_hz", self.highpass_hz)?;
+        number(&mut map, "lowpass_hz", self.lowpass_hz)?;
+        if let Some(samples) = self.delay_samples {
+            map.serialize_entry("delay_samples", &samples)?;
+        }
+        map.end()
     }
 }
 
-/// A key of noise or counts that is absent in both forms takes its default.
-impl<'de> Deserialize<'de> for AccelerometerSpec {
-    fn deserialize<D: Deserializer<'de>>(deserializer: D) -> Result<AccelerometerSpec, D::Error> {
-        let (mut spec, default) = (AccelerometerSpec::deserialize(deserializer)?, AccelerometerSpec::default());
-        if spec.noise_density_m_s2_per_sqrt_hz.is_none() {
-            spec.noise_rms_m_s2 = spec.noise_rms_m_s2.or(default.noise_rms_m_s2);
+/// Reads the name of a key that an instrument has.
+struct KeySeed(&'static Keys);
+
+impl<'de> DeserializeSeed<'de> for KeySeed {
+    type Value = &'static str;
+
+    fn deserialize<D: Deserializer<'de>>(self, deserializer: D) -> Result<&'static str, D::Error> {
+        let name = String::deserialize(deserializer)?;
+        let known = self.0.all.iter().find(|key| **key == name);
+        known.copied().ok_or_else(|| de::Error::unknown_field(&name, self.0.all))
+    }
+}
+
+/// Reads the specification of an instrument.
+struct SpecVisitor(Measured);
+
+impl<'de> Visitor<'de> for SpecVisitor {
+    type Value = SensorSpec;
+
+    fn expecting(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.write_str("the keys of an instrument")
+    }
+
+    /// A key of noise or counts that is absent in both forms takes its default.
+    fn visit_map<A: MapAccess<'de>>(self, mut map: A) -> Result<SensorSpec, A::Error> {
+        let (keys, default) = (self.0.keys(), SensorSpec::of(self.0));
+        let mut spec = SensorSpec { noise_rms: None, resolution: None, ..default };
+        while let Some(key) = map.next_key_seed(KeySeed(keys))? {
+            match key {
+                "at" => spec.at = Some(map.next_value()?),
+                "bits" => spec.bits = Some(map.next_value()?),
+                "delay_samples" => spec.delay_samples = Some(map.next_value()?),
+                _ => {
+                    let value: f64 = map.next_value()?;
+                    match key {
+                        "gravity_m_s2" => spec.gravity_m_s2 = Some(value),
+                        "transverse" => spec.transverse = Some(value),
+                        "gain" => spec.gain = Some(value),
+                        "highpass_hz" => spec.highpass_hz = Some(value),
+                        "lowpass_hz" => spec.lowpass_hz = Some(value),
+                        _ if key == keys.range => spec.range = value,
+                        _ if key == keys.noise_rms => spec.noise_rms = Some(value),
+                        _ if key == keys.noise_density => spec.noise_density = Some(value),
+                        _ if key == keys.resolution => spec.resolution = Some(value),
+                        _ => spec.sensor_range = Some(value),
+                    }
+                }
+            }
+        }
+        if spec.noise_density.is_none() {
+            spec.noise_rms = spec.noise_rms.or(default.noise_rms);
         }
         if spec.bits.is_none() {
-            spec.resolution_m_s2 = spec.resolution_m_s2.or(default.resolution_m_s2);
+            spec.resolution = spec.resolution.or(default.resolution);
         }
         Ok(spec)
     }
 }
 
-impl Serialize for AccelerometerSpec {
-    fn serialize<S: Serializer>(&self, serializer: S) -> Result<S::Ok, S::Error> {
-        AccelerometerSpec::serialize(self, serializer)
-    }
+/// The sensors of a rig.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(default, deny_unknown_fields)]
+pub struct SensorSpecs {
+    /// Accelerometer B: of the arm at the elbow.
+    #[serde(deserialize_with = "SensorSpec::accelerometer")]
+    pub b: SensorSpec,
+    /// Accelerometer C: of the arm at the tip.
+    #[serde(deserialize_with = "SensorSpec::accelerometer")]
+    pub c: SensorSpec,
 }
 
-/// A key of noise or counts that is absent in both forms takes its default.
-impl<'de> Deserialize<'de> for ForceSensorSpec {
-    fn deserialize<D: Deserializer<'de>>(deserializer: D) -> Result<ForceSensorSpec, D::Error> {
-        let (mut spec, default) = (ForceSensorSpec::deserialize(deserializer)?, ForceSensorSpec::default());
-        if spec.noise_density_n_per_sqrt_hz.is_none() {
-            spec.noise_rms_n = spec.noise_rms_n.or(default.noise_rms_n);
-        }
-        if spec.bits.is_none() {
-            spec.resolution_n = spec.resolution_n.or(default.resolution_n);
-        }
-        Ok(spec)
-    }
-}
-
-impl Serialize for ForceSensorSpec {
-    fn serialize<S: Serializer>(&self, serializer: S) -> Result<S::Ok, S::Error> {
-        ForceSensorSpec::serialize(self, serializer)
+impl Default for SensorSpecs {
+    /// Accelerometers B and C.
+    fn default() -> SensorSpecs {
+        let accelerometer = SensorSpec::of(Measured::Acceleration);
+        SensorSpecs { b: accelerometer, c: accelerometer }
     }
 }

@@ -16,7 +16,7 @@
 use nalgebra::Vector2;
 use serde::{Deserialize, Serialize};
 
-use super::RigError;
+use super::{RigError, Section};
 use resonarm_dynamics::arm::{Attachment, Load};
 
 /// How far a force may point across the shaker: two counts of the wire, N, and a share of the force, for sines and
@@ -89,7 +89,7 @@ impl ShakerLimit {
 
 impl ShakerSpec {
     pub(super) fn check(&self) -> Result<(), RigError> {
-        let spec = |name, got, expected| Err(RigError::Spec { instrument: "rig.shaker", name, got, expected });
+        let spec = |name, got, expected| Err(RigError::Spec { section: Section::Rig("shaker"), name, got, expected });
         if !(-360.0..=360.0).contains(&self.direction_deg) {
             return spec("direction_deg", self.direction_deg, "from -360 to 360 degrees");
         }

@@ -6,18 +6,24 @@ use resonarm_protocol::{CommandCheck, Limit};
 
 const RATE_HZ: f64 = 1000.0;
 
-fn quiet(range_m_s2: f64, resolution_m_s2: f64) -> AccelerometerSpec {
-    let (noise_rms_m_s2, resolution_m_s2) = (Some(0.0), Some(resolution_m_s2));
-    AccelerometerSpec { range_m_s2, noise_rms_m_s2, resolution_m_s2, ..AccelerometerSpec::default() }
+fn quiet(range: f64, resolution: f64) -> SensorSpec {
+    SensorSpec { range, noise_rms: Some(0.0), resolution: Some(resolution), ..SensorSpec::of(Measured::Acceleration) }
 }
 
 /// Practically without noise, counts or range: readings equal the input.
-fn ideal() -> AccelerometerSpec {
+fn ideal() -> SensorSpec {
     quiet(1e6, 0.0)
 }
 
-fn instrument(spec: &AccelerometerSpec) -> Instrument {
-    spec.instrument("test", RATE_HZ, 0, 0).unwrap()
+/// The default rig with other sensors.
+fn with_sensors(change: impl FnOnce(&mut SensorSpecs)) -> RigSpec {
+    let mut rig = RigSpec::default();
+    change(&mut rig.sensors);
+    rig
+}
+
+fn instrument(spec: &SensorSpec) -> Instrument {
+    Instrument::new(spec, RATE_HZ, 0, 0)
 }
 
 impl Instrument {
@@ -55,7 +61,7 @@ fn never_reads_more_than_its_range() {
 
 #[test]
 fn noise_that_goes_beyond_the_range_is_clipped() {
-    let spec = AccelerometerSpec { noise_rms_m_s2: Some(1.0), ..quiet(1.0, 0.25) };
+    let spec = SensorSpec { noise_rms: Some(1.0), ..quiet(1.0, 0.25) };
     let mut sensor = instrument(&spec);
     let readings: alloc::vec::Vec<_> = core::iter::repeat_with(|| sensor.read_x(0.0)).take(1000).collect();
     assert!(readings.iter().all(|reading| reading.value.abs() <= 1.0));
@@ -67,9 +73,9 @@ fn noise_that_goes_beyond_the_range_is_clipped() {
 
 #[test]
 fn noise_is_normal_and_seeded() {
-    let spec = AccelerometerSpec { noise_rms_m_s2: Some(2.0), ..quiet(1e3, 0.0) };
+    let spec = SensorSpec { noise_rms: Some(2.0), ..quiet(1e3, 0.0) };
     let draw = |seed, stream| {
-        let mut sensor = spec.instrument("test", RATE_HZ, seed, stream).unwrap();
+        let mut sensor = Instrument::new(&spec, RATE_HZ, seed, stream);
         core::iter::repeat_with(move || sensor.read_x(5.0).value).take(40_000).collect::<alloc::vec::Vec<_>>()
     };
     let sample = draw(7, 1);
@@ -88,12 +94,12 @@ fn noise_is_normal_and_seeded() {
 #[test]
 fn says_what_is_wrong_with_an_instrument() {
     let says = |spec: RigSpec| Rig::new(&spec, RATE_HZ, 0).unwrap_err().to_string();
-    let range = RigSpec { accelerometer_b: quiet(0.0, 0.5), ..RigSpec::default() };
-    insta::assert_snapshot!(says(range), @"rig.accelerometer_b: `range_m_s2` is 0: it must be a positive number");
-    let resolution = RigSpec { accelerometer_c: quiet(1.0, -0.5), ..RigSpec::default() };
-    insta::assert_snapshot!(says(resolution), @"rig.accelerometer_c: `resolution_m_s2` is -0.5: it must be zero or a positive number");
-    let coarse = RigSpec { accelerometer_c: quiet(1.0, 1.5), ..RigSpec::default() };
-    insta::assert_snapshot!(says(coarse), @"rig.accelerometer_c: `resolution_m_s2` is 1.5: it must be at most the range, or no count is within it");
+    let range = with_sensors(|sensors| sensors.b = quiet(0.0, 0.5));
+    insta::assert_snapshot!(says(range), @"rig.sensors.b: `range_m_s2` is 0: it must be a positive number");
+    let resolution = with_sensors(|sensors| sensors.c = quiet(1.0, -0.5));
+    insta::assert_snapshot!(says(resolution), @"rig.sensors.c: `resolution_m_s2` is -0.5: it must be zero or a positive number");
+    let coarse = with_sensors(|sensors| sensors.c = quiet(1.0, 1.5));
+    insta::assert_snapshot!(says(coarse), @"rig.sensors.c: `resolution_m_s2` is 1.5: it must be at most the range, or no count is within it");
     let limit = RigSpec {
         exciter: ExciterSpec { force_limit_n: f64::NAN, torque_limit_nm: 1.0, at: None },
         ..RigSpec::default()
@@ -177,7 +183,7 @@ fn the_gate_checks_range_change_and_travel() {
 
 #[test]
 fn an_axis_reads_gravity_its_share_of_the_other_and_its_gain() {
-    let spec = AccelerometerSpec { gravity_m_s2: Some(10.0), transverse: Some(0.05), gain: Some(1.5), ..ideal() };
+    let spec = SensorSpec { gravity_m_s2: Some(10.0), transverse: Some(0.05), gain: Some(1.5), ..ideal() };
     let [x, y] = instrument(&spec).values([100.0, 30.0]);
     // 1.5 (100 + 0.05 (30 + 10)), 1.5 (30 + 10 + 0.05 · 100)
     assert!((x - 153.0).abs() < 1e-12 && (y - 67.5).abs() < 1e-12, "{x} {y}");
@@ -185,7 +191,7 @@ fn an_axis_reads_gravity_its_share_of_the_other_and_its_gain() {
 
 #[test]
 fn a_delay_is_whole_samples_and_begins_with_rest() {
-    let mut late = instrument(&AccelerometerSpec { delay_samples: Some(3), gravity_m_s2: Some(9.0), ..ideal() });
+    let mut late = instrument(&SensorSpec { delay_samples: Some(3), gravity_m_s2: Some(9.0), ..ideal() });
     let said: alloc::vec::Vec<_> = (1..=8).map(|k| late.values([f64::from(k), f64::from(k)])).collect();
     let y = said.iter().map(|[_, y]| *y);
     assert!(y.eq([9.0, 9.0, 9.0, 10.0, 11.0, 12.0, 13.0, 14.0]), "{said:?}");
@@ -196,11 +202,11 @@ fn a_delay_is_whole_samples_and_begins_with_rest() {
 /// at its corner.
 #[test]
 fn filters_settle_on_rest_and_have_their_corners() {
-    let mut blocked = instrument(&AccelerometerSpec { gravity_m_s2: Some(9.81), highpass_hz: Some(0.5), ..ideal() });
+    let mut blocked = instrument(&SensorSpec { gravity_m_s2: Some(9.81), highpass_hz: Some(0.5), ..ideal() });
     for _ in 0..100 {
         assert!(blocked.values([0.0, 0.0])[1].abs() < 1e-10);
     }
-    let peak = |spec: AccelerometerSpec, frequency_hz: f64| {
+    let peak = |spec: SensorSpec, frequency_hz: f64| {
         let mut instrument = instrument(&spec);
         let sine = |n: u32| libm::sin(core::f64::consts::TAU * frequency_hz / RATE_HZ * f64::from(n));
         (0..8000)
@@ -208,68 +214,68 @@ fn filters_settle_on_rest_and_have_their_corners() {
             .filter(|(n, _)| *n >= 4000)
             .fold(0.0_f64, |peak, (_, value)| peak.max(value.abs()))
     };
-    let high = peak(AccelerometerSpec { highpass_hz: Some(2.0), ..ideal() }, 2.0);
-    let low = peak(AccelerometerSpec { lowpass_hz: Some(20.0), ..ideal() }, 20.0);
+    let high = peak(SensorSpec { highpass_hz: Some(2.0), ..ideal() }, 2.0);
+    let low = peak(SensorSpec { lowpass_hz: Some(20.0), ..ideal() }, 20.0);
     assert!((high - 0.5_f64.sqrt()).abs() < 1e-3 && (low - 0.5_f64.sqrt()).abs() < 3e-3, "{high} {low}");
 }
 
 /// Filters smooth values clipped by the sensor, so no reading is marked. Readings clipped by the converter are.
 #[test]
 fn only_the_converter_marks_what_it_clips() {
-    let mut sensor = instrument(&AccelerometerSpec { sensor_range_m_s2: Some(5.0), ..quiet(10.0, 0.0) });
+    let mut sensor = instrument(&SensorSpec { sensor_range: Some(5.0), ..quiet(10.0, 0.0) });
     assert_eq!(sensor.read_x(-80.0), Reading { value: -5.0, clipped: false });
-    let mut converter = instrument(&AccelerometerSpec { sensor_range_m_s2: Some(50.0), ..quiet(10.0, 0.0) });
+    let mut converter = instrument(&SensorSpec { sensor_range: Some(50.0), ..quiet(10.0, 0.0) });
     assert_eq!(converter.read_x(-80.0), Reading { value: -10.0, clipped: true });
 }
 
 #[test]
 fn a_density_of_noise_is_that_rms_over_half_the_rate() {
     let density = |rate_hz| {
-        let density = AccelerometerSpec { noise_rms_m_s2: None, noise_density_m_s2_per_sqrt_hz: Some(0.25), ..ideal() };
-        density.instrument("test", rate_hz, 3, 1).unwrap().values([0.0; 2])
+        let density = SensorSpec { noise_rms: None, noise_density: Some(0.25), ..ideal() };
+        Instrument::new(&density, rate_hz, 3, 1).values([0.0; 2])
     };
-    let rms = AccelerometerSpec { noise_rms_m_s2: Some(0.25 * libm::sqrt(400.0)), ..ideal() };
-    assert_eq!(density(800.0), rms.instrument("test", 800.0, 3, 1).unwrap().values([0.0; 2]));
+    let rms = SensorSpec { noise_rms: Some(0.25 * libm::sqrt(400.0)), ..ideal() };
+    assert_eq!(density(800.0), Instrument::new(&rms, 800.0, 3, 1).values([0.0; 2]));
     assert_ne!(density(800.0), density(1000.0));
 }
 
 #[test]
 fn bits_count_from_one_end_of_the_range_to_the_other() {
-    let spec = AccelerometerSpec { resolution_m_s2: None, bits: Some(3), ..quiet(6.0, 0.0) };
+    let spec = SensorSpec { resolution: None, bits: Some(3), ..quiet(6.0, 0.0) };
     let mut converter = instrument(&spec);
     // 7 counts: −6, −4, −2, 0, 2, 4, 6.
     let said = [0.9, 1.1, -4.9, -5.1, 6.9].map(|truth| converter.read_x(truth).value);
     assert_eq!(said, [0.0, 2.0, -4.0, -6.0, 6.0]);
     assert!(converter.read_x(7.1).clipped && !converter.read_x(6.9).clipped);
     // 24 bits over ±1600 m/s².
-    let mut fine = instrument(&AccelerometerSpec { range_m_s2: 1600.0, bits: Some(24), ..spec });
+    let mut fine = instrument(&SensorSpec { range: 1600.0, bits: Some(24), ..spec });
     assert!((fine.read_x(1.0).value - 1.0).abs() <= 0.5 * 1600.0 / 8_388_607.0);
 }
 
 #[test]
 fn one_form_of_noise_or_counts_replaces_the_default_of_the_other() {
     let read = |text: &str| toml::from_str::<RigSpec>(text).unwrap();
-    let rig = read("[accelerometer_b]\nnoise_density_m_s2_per_sqrt_hz = 1e-3\nbits = 16\n[impedance_head]\nbits = 24");
-    assert_eq!((rig.accelerometer_b.noise_rms_m_s2, rig.accelerometer_b.resolution_m_s2), (None, None));
-    assert_eq!((rig.impedance_head.noise_rms_n, rig.impedance_head.resolution_n), (Some(0.01), None));
-    assert_eq!(rig.accelerometer_c, AccelerometerSpec::default());
+    let rig = read("[sensors.b]\nnoise_density_m_s2_per_sqrt_hz = 1e-3\nbits = 16\n[head]\nbits = 24");
+    assert_eq!((rig.sensors.b.noise_rms, rig.sensors.b.resolution), (None, None));
+    assert_eq!((rig.head.noise_rms, rig.head.resolution), (Some(0.01), None));
+    assert_eq!(rig.sensors.c, SensorSpec::of(Measured::Acceleration));
     assert_eq!(read(&toml::to_string(&rig).unwrap()), rig);
 }
 
 #[test]
 fn says_what_is_wrong_with_a_chain() {
     let says = |keys: &str| {
-        let rig = toml::from_str(&alloc::format!("[accelerometer_b]\n{keys}")).unwrap();
+        let rig = toml::from_str(&alloc::format!("[sensors.b]\n{keys}")).unwrap();
         Rig::new(&rig, RATE_HZ, 0).unwrap_err().to_string()
     };
-    insta::assert_snapshot!(says("noise_rms_m_s2 = 0.1\nnoise_density_m_s2_per_sqrt_hz = 0.1"), @"rig.accelerometer_b: `noise_rms_m_s2` and `noise_density_m_s2_per_sqrt_hz` state the same: leave one out");
-    insta::assert_snapshot!(says("resolution_m_s2 = 0.1\nbits = 12"), @"rig.accelerometer_b: `resolution_m_s2` and `bits` state the same: leave one out");
-    insta::assert_snapshot!(says("bits = 1"), @"rig.accelerometer_b: `bits` is 1: it must be from 2 to 48");
-    insta::assert_snapshot!(says("gravity_m_s2 = -9.81"), @"rig.accelerometer_b: `gravity_m_s2` is -9.81: it must be zero or a positive number");
-    insta::assert_snapshot!(says("transverse = 1"), @"rig.accelerometer_b: `transverse` is 1: it must be above -1 and below 1");
-    insta::assert_snapshot!(says("gain = 0"), @"rig.accelerometer_b: `gain` is 0: it must be a number from -10 to 10, and not 0");
-    insta::assert_snapshot!(says("sensor_range_m_s2 = nan"), @"rig.accelerometer_b: `sensor_range_m_s2` is NaN: it must be a positive number");
-    insta::assert_snapshot!(says("lowpass_hz = 500"), @"rig.accelerometer_b: `lowpass_hz` is 500: it must be above 0 and below half the sample rate");
-    insta::assert_snapshot!(says("highpass_hz = 30\nlowpass_hz = 20"), @"rig.accelerometer_b: `highpass_hz` is 30: it must be below `lowpass_hz`, or nothing passes");
-    insta::assert_snapshot!(says("delay_samples = 1001"), @"rig.accelerometer_b: `delay_samples` is 1001: it must be at most 1000");
+    insta::assert_snapshot!(says("noise_rms_m_s2 = 0.1\nnoise_density_m_s2_per_sqrt_hz = 0.1"), @"rig.sensors.b: `noise_rms_m_s2` and `noise_density_m_s2_per_sqrt_hz` state the same: leave one out");
+    insta::assert_snapshot!(says("resolution_m_s2 = 0.1\nbits = 12"), @"rig.sensors.b: `resolution_m_s2` and `bits` state the same: leave one out");
+    insta::assert_snapshot!(says("bits = 1"), @"rig.sensors.b: `bits` is 1: it must be from 2 to 48");
+    insta::assert_snapshot!(says("gravity_m_s2 = -9.81"), @"rig.sensors.b: `gravity_m_s2` is -9.81: it must be zero or a positive number");
+    insta::assert_snapshot!(says("transverse = 1"), @"rig.sensors.b: `transverse` is 1: it must be above -1 and below 1");
+    insta::assert_snapshot!(says("gain = 0"), @"rig.sensors.b: `gain` is 0: it must be a number from -10 to 10, and not 0");
+    insta::assert_snapshot!(says("sensor_range_m_s2 = nan"), @"rig.sensors.b: `sensor_range_m_s2` is NaN: it must be a positive number");
+    insta::assert_snapshot!(says("lowpass_hz = 500"), @"rig.sensors.b: `lowpass_hz` is 500: it must be above 0 and below half the sample rate");
+    insta::assert_snapshot!(says("highpass_hz = 30\nlowpass_hz = 20"), @"rig.sensors.b: `highpass_hz` is 30: it must be below `lowpass_hz`, or nothing passes");
+    insta::assert_snapshot!(says("delay_samples = 1001"), @"rig.sensors.b: `delay_samples` is 1001: it must be at most 1000");
 }

@@ -9,7 +9,7 @@ use mcap::McapError;
 
 use super::Integrity;
 use super::layout::ChannelsError;
-use super::schema::{FIRST_FORMAT, FORMAT};
+use super::schema::FORMAT;
 
 /// Why a recording can't be written or read.
 #[derive(Clone, Debug, thiserror::Error)]
@@ -145,7 +145,7 @@ pub enum RecordingError {
     /// The file has a format that this version does not read.
     #[error(
         "recording `{path}` has format {format}, written by resonarm {writer}: this is resonarm {version}, which reads \
-         formats {FIRST_FORMAT} to {FORMAT}; read it with version {writer}", version = env!("CARGO_PKG_VERSION")
+         format {FORMAT}; read it with version {writer}", version = env!("CARGO_PKG_VERSION")
     )]
     OtherFormat {
         /// The file.

@@ -69,7 +69,7 @@ pub struct StateRecord {
     /// Index of the sample; sample k is at k times the sample period.
     pub sample: u64,
     /// Coordinates, their rates, and states of devices and elements, in the order of the recording's channels; of the
-    /// arm α1, α2, α̇1, α̇2, and the current in the coil of its shaker, which recordings of format 3 do not hold.
+    /// arm α1, α2, α̇1, α̇2, and the current in the coil of its shaker.
     pub states: States,
     /// Torques at joints 1 and 2, N·m.
     pub torque_nm: [f64; 2],

@@ -10,8 +10,8 @@ use super::contents::{Contents, RawMessage};
 use super::decode::{decode, number_batch};
 use super::number_batch::Numbers;
 use super::schema::{
-    ARMED_EVENT, DT_S, FAULT_EVENT, FIRST_FORMAT, FORMAT, MessageType, OTHER_SENDER_EVENT, OUR_LIBRARY, PARTNER_EVENT,
-    READING_DELAY, Topic, metadata,
+    ARMED_EVENT, DT_S, FAULT_EVENT, FORMAT, MessageType, OTHER_SENDER_EVENT, OUR_LIBRARY, PARTNER_EVENT, READING_DELAY,
+    Topic, metadata,
 };
 use super::{
     BuildInfo, Event, Integrity, Origin, Record, RecordedFault, RecordingError, RunTime, SampleRecord, StateRecord,
@@ -243,9 +243,8 @@ impl Scan {
             RunTime::stated(&value("time")).ok_or_else(|| wrong("time", "`simulated`, `lockstep` or `real-time`"))?;
         let every = "plot_every_samples";
         let plot_every_samples = value(every).parse().map_err(|_| wrong(every, "a number of samples"))?;
-        let reading_delay_samples = match (format, value(READING_DELAY).parse::<f64>()) {
-            (..4, _) => 0.5,
-            (_, Ok(delay)) if delay.is_finite() && delay >= 0.0 => delay,
+        let reading_delay_samples = match value(READING_DELAY).parse::<f64>() {
+            Ok(delay) if delay.is_finite() && delay >= 0.0 => delay,
             _ => return Err(wrong(READING_DELAY, "a number of samples, 0 or more")),
         };
         Ok(Origin {
@@ -272,7 +271,7 @@ fn format(path: &Path, about: &BTreeMap<String, String>) -> Result<u32, Recordin
     let value = |key| about.get(key).cloned().unwrap_or_default();
     let got = value(metadata::FORMAT);
     match got.parse() {
-        Ok(format) if (FIRST_FORMAT..=FORMAT).contains(&format) => Ok(format),
+        Ok(FORMAT) => Ok(FORMAT),
         Ok(format) => {
             Err(RecordingError::OtherFormat { path: path.to_path_buf(), format, writer: value(metadata::VERSION) })
         }

@@ -163,11 +163,7 @@ pub(super) mod metadata {
 }
 
 /// Version of topics, schemas and metadata that is written.
-pub(super) const FORMAT: u32 = 4;
-
-/// The first version that is read, and all from it to [`FORMAT`]. 3 has no column of the shaker's current, and its
-/// instruments read instants.
-pub(super) const FIRST_FORMAT: u32 = 3;
+pub(super) const FORMAT: u32 = 5;
 
 /// The key of the time from sample to sample in [`metadata::RECORDING`].
 pub(super) const DT_S: &str = "dt_s";

@@ -24,8 +24,7 @@ pub struct Origin {
     pub start_unix_ns: Option<u64>,
     /// Every how many samples the plotting topics hold a message; 0 is never.
     pub plot_every_samples: u64,
-    /// How long before its sample a reading was, in samples: the delay of the instruments' converters. Half a sample in
-    /// format 3.
+    /// How long before its sample a reading was, in samples: the delay of the instruments' converters.
     pub reading_delay_samples: f64,
     /// The build that recorded.
     pub build: BuildInfo,

@@ -67,7 +67,7 @@ fn the_load_is_the_one_that_was_set_when_the_hold_began() {
 
 #[test]
 fn a_state_as_bytes_continues_with_the_same_bits_in_another_instance() {
-    let text = "rig = { converter = 'sinc5', accelerometer_b = { lowpass_hz = 300, delay_samples = 3 } }";
+    let text = "rig = { converter = 'sinc5', sensors.b = { lowpass_hz = 300, delay_samples = 3 } }";
     let (_folder, mut instance) = made(text);
     let (_other, mut fresh) = made(text);
     let force = of(&instance, "load.force_x_n");

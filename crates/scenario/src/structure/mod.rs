@@ -241,11 +241,7 @@ impl StructureSection {
         if rig.shaker.is_some() {
             return Err(StructureSectionError::OwnShaker { what: "that the program makes" });
         }
-        let places = [
-            ("exciter", &rig.exciter.at),
-            ("accelerometer_b", &rig.accelerometer_b.at),
-            ("accelerometer_c", &rig.accelerometer_c.at),
-        ];
+        let places = [("exciter", &rig.exciter.at), ("sensors.b", &rig.sensors.b.at), ("sensors.c", &rig.sensors.c.at)];
         match places.into_iter().find(|(_, at)| at.is_some()) {
             Some((instrument, _)) => {
                 let reason =

@@ -22,13 +22,13 @@ pub(super) fn places(assembly: &Assembly, rig: &RigSpec) -> Result<Places, Struc
             return Err(StructureSectionError::Rig { instrument: "exciter", reason });
         }
     };
-    let b = rig.accelerometer_b.at.as_ref().map(PlaceName::as_str);
+    let b = rig.sensors.b.at.as_ref().map(PlaceName::as_str);
     let b = b.unwrap_or(if default("joint2") { "joint2" } else { exciter });
-    let c = rig.accelerometer_c.at.as_ref().map_or(exciter, PlaceName::as_str);
+    let c = rig.sensors.c.at.as_ref().map_or(exciter, PlaceName::as_str);
     Ok(Places {
         exciter: placed(assembly, "exciter", exciter)?,
-        accelerometer_b: placed(assembly, "accelerometer_b", b)?,
-        accelerometer_c: placed(assembly, "accelerometer_c", c)?,
+        accelerometer_b: placed(assembly, "sensors.b", b)?,
+        accelerometer_c: placed(assembly, "sensors.c", c)?,
     })
 }
 

@@ -83,7 +83,7 @@ fn where_the_rig_is_follows_from_the_points_or_is_stated() {
     let dof = |name: &str| Some(chain.assembly.dof(name).unwrap());
     assert_eq!(chain.places.exciter.along, [dof("tip.x"), dof("tip.y")]);
     assert_eq!(chain.places.accelerometer_b.along, [dof("joint2.x"), dof("joint2.y")]);
-    let moved = places(&format!("{CHAIN}[rig.exciter]\nat = \"joint3\"\n[rig.accelerometer_b]\nat = \"tip.y\"\n"));
+    let moved = places(&format!("{CHAIN}[rig.exciter]\nat = \"joint3\"\n[rig.sensors.b]\nat = \"tip.y\"\n"));
     assert_eq!(moved.places.exciter.along, [dof("joint3.x"), dof("joint3.y")]);
     assert_eq!(moved.places.accelerometer_b.along, [dof("tip.y"), None]);
     assert_eq!(moved.places.accelerometer_c, moved.places.exciter);
@@ -149,5 +149,5 @@ fn the_programs_own_structure_is_the_programs() {
     insta::assert_snapshot!(own(MODAL), @"structure: `kind` is modal, and the program has a structure of its own: leave [structure] out, or make `kind` own");
     insta::assert_snapshot!(own("[structure]\nkind = \"own\"\ninitial = [1.0]\n"), @"structure: `initial` says nothing about a structure of kind `own`: leave it out");
     insta::assert_snapshot!(own("[structure]\nkind = \"own\"\nfile = \"a.uff\"\n"), @"structure: `file` says nothing about a structure of kind `own`: leave it out");
-    insta::assert_snapshot!(own("[rig.accelerometer_b]\nat = \"tip\"\n"), @"rig.accelerometer_b: `at` is given, and the program that makes the structure says where it is: leave it out");
+    insta::assert_snapshot!(own("[rig.sensors.b]\nat = \"tip\"\n"), @"rig.sensors.b: `at` is given, and the program that makes the structure says where it is: leave it out");
 }

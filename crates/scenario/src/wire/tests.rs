@@ -158,7 +158,7 @@ fn readings_that_are_refused() {
     insta::assert_snapshot!(says("every = 10", "every = 0"), @"wire.readings: message Pose: `every` is 0: it must be at least 1");
     insta::assert_snapshot!(says("rate_hz = 1000", "rate_hz = 1500"), @"wire.readings: message Meas: its cycle time in the DBC, 0.001 s, is 1.5 samples at 1500 Hz: give `every`, or a rate of which it is a whole number");
     insta::assert_snapshot!(says("rate_hz = 1000", "rate_hz = 1000\n[network]\nbit_rate_hz = 250000"), @"the messages of [wire] are up to 117.0 % of what network.bit_rate_hz carries, and a bus for control is loaded to 80 % at most: send readings less often, or raise the bit rate");
-    insta::assert_snapshot!(dbc_says("AccX : 0|16@1- (0.01,0) [-327|327] \"g\"", "AccX : 0|16@1- (0.001,0) [-32|32] \"g\""), @"wire.readings: message Meas, signal AccX: its range is -32.768 to 32.767 g, and acceleration_c_x_m_s2 goes from -163.154594 to 163.154594: widen the signal, or lower rig.accelerometer_c.range_m_s2");
+    insta::assert_snapshot!(dbc_says("AccX : 0|16@1- (0.01,0) [-327|327] \"g\"", "AccX : 0|16@1- (0.001,0) [-32|32] \"g\""), @"wire.readings: message Meas, signal AccX: its range is -32.768 to 32.767 g, and acceleration_c_x_m_s2 goes from -163.154594 to 163.154594: widen the signal, or lower rig.sensors.c.range_m_s2");
 }
 
 #[test]

@@ -78,7 +78,7 @@ impl RecordedAngles {
 
 /// Whether an accelerometer has a fault in a scenario.
 pub fn has_faulty_accelerometer(scenario: &Scenario) -> bool {
-    scenario.rig.faults.iter().any(|fault| fault.instrument != InstrumentName::ImpedanceHead)
+    scenario.rig.faults.iter().any(|fault| fault.instrument != InstrumentName::HEAD)
 }
 
 /// The readings from sample 1 on: those of sample 0 only show the initial state.
@@ -108,7 +108,7 @@ fn read(recording: &Recording) -> Result<Readings, IdentificationError> {
 
 /// Whether nothing moved before the first reading, and the accelerometers read zero then.
 fn starts_at_rest(scenario: &Scenario, first_sample: u64) -> bool {
-    let reads_gravity = [&scenario.rig.accelerometer_b, &scenario.rig.accelerometer_c]
+    let reads_gravity = [&scenario.rig.sensors.b, &scenario.rig.sensors.c]
         .iter()
         .any(|sensor| sensor.gravity_m_s2.is_some_and(|gravity| gravity != 0.0));
     first_sample == 1 && scenario.arm.initial == [0.0; 4] && !reads_gravity

@@ -98,8 +98,8 @@ pub enum ReplayError {
     },
     /// The current of the shaker's coil at the first sample is not known.
     #[error(
-        "the recording begins at sample {sample} and does not hold the current in the coil of its shaker, as format 3 \
-         does not: simulate the whole recording again, from sample 0 on"
+        "the recording begins at sample {sample} and does not hold the current in the coil of its shaker: \
+         simulate the whole recording again, from sample 0 on"
     )]
     NoCurrent {
         /// The first sample.

@@ -85,9 +85,9 @@ const SHAKER: ShakerSpec = ShakerSpec {
 
 fn plant(tested: &TestedAssembly, shaker: Option<ShakerSpec>) -> Plant {
     let mut rig = RigSpec { converter: SAMPLING.converter, shaker, ..RigSpec::default() };
-    rig.accelerometer_b.noise_rms_m_s2 = Some(0.0);
-    rig.accelerometer_c.noise_rms_m_s2 = Some(0.0);
-    rig.impedance_head.noise_rms_n = Some(0.0);
+    rig.sensors.b.noise_rms = Some(0.0);
+    rig.sensors.c.noise_rms = Some(0.0);
+    rig.head.noise_rms = Some(0.0);
     let spec =
         PlantSpec { scheme: Scheme::default(), sample_rate_hz: SAMPLING.rate_hz, steps_per_sample: 4, rig, seed: 1 };
     Plant::new(&spec, tested).unwrap()

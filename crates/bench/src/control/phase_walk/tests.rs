@@ -4,7 +4,7 @@ use super::*;
 use crate::control::{CancelHarmonics, ModeNumber};
 use crate::excitation::Amplitude;
 use crate::plant::{Plant, PlantSpec, tests};
-use crate::rig::{AccelerometerSpec, Converter, RigSpec};
+use crate::rig::{Converter, RigSpec};
 use alloc::collections::VecDeque;
 use alloc::string::{String, ToString};
 use resonarm_dynamics::arm::{Arm, Pose};
@@ -70,8 +70,9 @@ fn walks_over_the_resonance_and_again_after_a_restart() {
 
 #[test]
 fn a_clipped_reading_of_the_followed_angle_ends_the_walk() {
-    let deaf = AccelerometerSpec { range_m_s2: 300.0, ..AccelerometerSpec::default() };
-    let mut plant = plant(60.0, RigSpec { accelerometer_b: deaf, ..RigSpec::default() });
+    let mut deaf = RigSpec::default();
+    deaf.sensors.b.range = 300.0;
+    let mut plant = plant(60.0, deaf);
     let mut controller = PhaseWalk::new(torque(20.0), &arm(60.0), sampling(1000.0), 1600.0).unwrap();
     let (_, end) = walk(&mut controller, &mut plant);
     let Answer::Aborted(abort) = end else { panic!("{end:?}") };
@@ -187,7 +188,7 @@ fn says_why_it_gives_up() {
     ];
     let texts: Vec<String> = aborts.iter().map(ToString::to_string).collect();
     insta::assert_snapshot!(texts.join("\n"), @"
-    the accelerometer at B was clipped at 22.1317 Hz: drive less, or give it more range (`rig.accelerometer_b.range_m_s2`; the classic profile carries 1638 m/s²)
+    the accelerometer at B was clipped at 22.1317 Hz: drive less, or give it more range (`rig.sensors.b.range_m_s2`; the classic profile carries 1638 m/s²)
     the loop asks for 612.3 N at 22.1317 Hz, the exciter has 600 N: drive less, or raise the limit if the exciter has more
     3 points in a row did not settle, the last at 22.1317 Hz and a lag of 23.3° (drift 5.9e-5): another mode takes part there, or the arm is not the one that the scenario describes
     no motion of the mode has a lag of 10.0° at this load by what was found so far: the frequency would be 31.500 Hz, the amplitude 0.700 rad; a walk stays within a tenth of the mode's frequency: take lags nearer to 90°, or another load

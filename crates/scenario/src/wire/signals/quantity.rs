@@ -100,9 +100,9 @@ fn largest(scenario: &Scenario, channel: &Channel) -> Option<(f64, &'static str)
     let rig = &scenario.rig;
     let (force_n, torque_nm) = rig.drive().limits();
     match channel.vector {
-        "acceleration_b_m_s2" => Some((rig.accelerometer_b.range_m_s2, "rig.accelerometer_b.range_m_s2")),
-        "acceleration_c_m_s2" => Some((rig.accelerometer_c.range_m_s2, "rig.accelerometer_c.range_m_s2")),
-        "head_force_n" => Some((rig.impedance_head.range_n, "rig.impedance_head.range_n")),
+        "acceleration_b_m_s2" => Some((rig.sensors.b.range, "rig.sensors.b.range_m_s2")),
+        "acceleration_c_m_s2" => Some((rig.sensors.c.range, "rig.sensors.c.range_m_s2")),
+        "head_force_n" => Some((rig.head.range, "rig.head.range_n")),
         "force_n" => Some((force_n, "rig.exciter.force_limit_n")),
         "torque_nm" => Some((torque_nm, "rig.exciter.torque_limit_nm")),
         _ => None,

@@ -76,9 +76,7 @@ fn faults_of_the_network_are_seeded_and_the_run_survives_what_it_can() {
     let text = |seed: u64| {
         let faults = "[[network.faults]]\nnode = 'plant'\nkind = 'loss'\nprobability = 0.05\nfrom_s = 0.2\n\
             [[network.faults]]\nnode = 'exciter'\nkind = 'bit_error'\nprobability = 0.02\ndirection = 'receive'\nfrom_s = 0.2\n";
-        format!(
-            "{faults}[network]\nbit_rate_hz = 1_000_000\nbit_error_rate = 1e-4\n[rig.impedance_head]\ngain = 1.{seed}"
-        )
+        format!("{faults}[network]\nbit_rate_hz = 1_000_000\nbit_error_rate = 1e-4\n[rig.head]\ngain = 1.{seed}")
     };
     let (report, _, bytes) = free(&session(&text(1), &folder));
     assert_eq!(report.exciter.outcome, Some(ExciterOutcome::Finished));
