@@ -1,18 +1,18 @@
 //! The phase walk against the independent branches of harmonic balance: by the accelerometers' readings every settled
 //! point is on the branch, stable or not.
 
-use resonarm::analysis::{
-    ArmParameter, BackboneOptions, Branch, BranchOptions, Coordinate, Distances, ForcedArm, MeasuredMotion, backbone,
-    nearest, trace,
+use resonarm::analysis::Distances;
+use resonarm::analysis::structure::{
+    BackboneOptions, Branch, Coordinate, Forced, Reading, TraceOptions, backbone, nearest, trace,
 };
-use resonarm::arm::{Arm, Pose, Preset};
+use resonarm::arm::{Pose, Preset};
 use resonarm::control::{
-    Answer, CancelHarmonics, Controller, JointAngles, ModeNumber, PhaseWalk, PhaseWalkSpec, ResponseControlSpec,
+    Answer, CancelHarmonics, Controller, ModeNumber, Modelled, PhaseWalk, PhaseWalkSpec, ResponseControlSpec,
     ResponsePoint,
 };
-use resonarm::excitation::Amplitude;
+use resonarm::excitation::{Amplitude, Phasor};
 use resonarm::integrate::Scheme;
-use resonarm::plant::{Plant, PlantSpec, TestedAssembly};
+use resonarm::plant::{Plant, PlantSpec, ReadDof, TestedAssembly};
 use resonarm::rig::{Amplifier, Converter, RigSpec, Sampling, ShakerSpec};
 use resonarm_dynamics::structure::{Assembly, BodySpec, ChainSpec, StructureSpec};
 
@@ -49,20 +49,23 @@ impl Case {
     }
 
     fn plant_with(&self, rig: RigSpec) -> Plant {
-        let arm = self.arm();
-        let body = BodySpec::Chain(ChainSpec::from_arm(arm.parameters(), arm.pose()));
-        let assembly = Assembly::new(&StructureSpec { body, elements: vec![] }).unwrap();
-        Plant::new(&self.spec(rig), &TestedAssembly::at_rest(assembly, "tip", "joint2")).unwrap()
+        Plant::new(&self.spec(rig), &self.tested()).unwrap()
     }
 
-    /// The arm, with the armature of a shaker.
-    fn arm(&self) -> Arm {
+    /// The arm as a chain.
+    fn tested(&self) -> TestedAssembly {
         let pose = Pose { beta1_deg: self.beta1_deg, beta2_deg: self.beta2_deg };
-        let arm = Arm::new(Preset::Irb1600Fitted.parameters().unwrap(), pose).unwrap();
-        match &self.shaker {
-            Some(shaker) => arm.with_attachment(shaker.armature()).unwrap(),
-            None => arm,
-        }
+        let body = BodySpec::Chain(ChainSpec::from_arm(&Preset::Irb1600Fitted.parameters().unwrap(), pose));
+        let assembly = Assembly::new(&StructureSpec { body, elements: vec![] }).unwrap();
+        TestedAssembly::at_rest(assembly, "tip", "joint2")
+    }
+
+    /// The walk that a specification asks for.
+    fn controller(&self, spec: PhaseWalkSpec) -> PhaseWalk {
+        let tested = self.tested();
+        let of = Modelled::new(&tested, &RigSpec { shaker: self.shaker, ..quiet() }).unwrap();
+        let limit = if self.amplitude.is_torque() { 1600.0 } else { 600.0 };
+        PhaseWalk::new(spec, of, SAMPLING, limit).unwrap()
     }
 
     fn spec(&self, rig: RigSpec) -> PlantSpec {
@@ -81,21 +84,44 @@ impl Case {
 
     fn walk_by(&self, plant: &mut Plant, spec: PhaseWalkSpec) -> Vec<ResponsePoint> {
         let spec = PhaseWalkSpec { mode_number: self.mode, ..spec };
-        let limit = if self.amplitude.is_torque() { 1600.0 } else { 600.0 };
-        drive(&mut PhaseWalk::new(spec, &self.arm(), SAMPLING, limit).unwrap(), plant)
+        drive(&mut self.controller(spec), plant)
+    }
+
+    /// The arm under the load, without a shaker's armature: the force between them is a load on the arm.
+    fn forced(&self, amplitude: &Amplitude) -> Forced {
+        let tested = self.tested();
+        let (drive, load) = tested.driven(amplitude).unwrap();
+        Forced::new(tested.assembly, drive, load)
     }
 
     /// The branch around the points, in steps so small that it is straight between its motions.
-    fn branch(&self, arm: &Arm, points: &[ResponsePoint]) -> Branch {
+    fn branch(&self, at: &ReadDof, points: &[ResponsePoint]) -> Branch {
         let (low, high) = points.iter().fold((f64::INFINITY, 0.0_f64), |(low, high), point| {
             (low.min(point.frequency_hz), high.max(point.frequency_hz))
         });
-        let mut options = BranchOptions::new(0.98 * low, 1.02 * high);
-        options.continuation.largest_turn_rad = 0.01;
-        options.most_points = 100_000;
-        let forced = ForcedArm::new(arm.clone(), self.amplitude.load(), 1.0);
-        trace(forced, 0.98 * low, Coordinate::FrequencyHz, &options).unwrap()
+        let forced = self.forced(&self.amplitude);
+        let ends = [0.98 * low, 1.02 * high];
+        let mut options = TraceOptions::new(&forced, Coordinate::FrequencyHz, ends, vec![at.dof]);
+        options.branch.continuation.largest_turn_rad = 0.01;
+        options.branch.most_points = 100_000;
+        trace(&forced, ends[0], Coordinate::FrequencyHz, &options).unwrap()
     }
+}
+
+fn size(phasor: Phasor) -> f64 {
+    phasor.norm_sqr().sqrt()
+}
+
+/// The amplitude of a displacement.
+fn amplitude_m(point: &ResponsePoint, at: &ReadDof) -> f64 {
+    size(point.displacement_m(at.channel))
+}
+
+/// The degree of freedom that moves most of those that are read without clipping.
+fn most_moving(tested: &TestedAssembly, points: &[ResponsePoint]) -> ReadDof {
+    let most = |at: &ReadDof| points.iter().map(|point| amplitude_m(point, at)).fold(0.0, f64::max);
+    let is_whole = |at: &ReadDof| points.iter().all(|point| !point.clipped[at.channel]);
+    tested.read().into_iter().filter(is_whole).max_by(|a, b| most(a).total_cmp(&most(b))).unwrap()
 }
 
 /// Runs to the end of the controller's work.
@@ -118,25 +144,23 @@ fn check(case: &Case) {
 
 fn check_on(case: &Case, mut plant: Plant) {
     let points = case.walk(&mut plant);
-    let arm = case.arm();
-    let branch = case.branch(&arm, &points);
-    // The joint that moves most in the mode.
-    let joint = usize::from(u8::from(case.mode) - 1);
+    let at = most_moving(&case.tested(), &points);
+    let branch = case.branch(&at, &points);
     let mut unstable = 0;
     for point in &points {
         assert!(point.settled, "{point:?}");
-        // The load is within 0.11 % of the wanted one. With an ideal exciter it is the command, and the angle at a lag
-        // is proportional to it. With a shaker it is read, with noise.
+        // The load is within 0.11 % of the wanted one. With an ideal exciter it is the command, and the displacement
+        // at a lag is proportional to it. With a shaker it is read, with noise.
         let load = case.amplitude.load();
         let part = point.load / libm::hypot(load.force_n.norm(), load.torque_nm.norm());
         assert!((part - 1.0).abs() < 1.1e-3, "{point:?}");
         let scale = if case.shaker.is_none() { part } else { 1.0 };
-        let harmonic1_rad = JointAngles::of(point, &case.arm()).harmonic1_rad().map(|angle_rad| angle_rad / scale);
-        let measured = MeasuredMotion { frequency_hz: point.frequency_hz, harmonic1_rad };
-        let place = nearest(&branch, &measured, joint, BOUNDS).unwrap();
-        let distance = place.distance;
+        let measured = [point.frequency_hz, amplitude_m(point, &at) / scale];
+        let place = nearest(&branch.orbits, 0, measured, BOUNDS).unwrap();
+        let distance =
+            libm::hypot(place.frequency_deviation / BOUNDS.frequency, place.amplitude_deviation / BOUNDS.amplitude);
         assert!(distance < 1.0, "{} Hz, {:?}: {distance}", point.frequency_hz, case.shaker);
-        unstable += usize::from(!place.is_stable);
+        unstable += usize::from(place.is_stable == Some(false));
     }
     assert!(unstable >= case.unstable, "{unstable} unstable motions");
     let tries: u32 = points.iter().map(|point| point.tries).sum();
@@ -274,19 +298,19 @@ fn the_backbone_is_walked_at_quadrature() {
     };
     let mut plant = case.plant();
     let points = case.walk_by(&mut plant, PhaseWalkSpec { points: 9, ..PhaseWalkSpec::backbone(amplitude) });
-    let direction = Amplitude { torque1_nm: 1.0, ..amplitude }.load();
-    let mut branch = BranchOptions::new(20.0, 24.0);
-    branch.continuation.largest_turn_rad = 0.01;
-    branch.continuation.largest_step = 0.02;
-    let options = BackboneOptions { smallest_rad: 1e-3, largest_rad: 1.0, largest_drive: 21.0, branch };
-    let computed = backbone(ForcedArm::new(case.arm(), direction, 1.0), 0, ArmParameter::Amplitude, &options);
-    let computed = computed.unwrap().points;
+    let forced = case.forced(&amplitude);
+    let at = most_moving(&case.tested(), &points);
+    let mut options = BackboneOptions::new(&forced, 0, 1.0, 21.0, vec![at.dof]);
+    options.branch.continuation.largest_turn_rad = 0.01;
+    options.branch.continuation.largest_step = 0.02;
+    let computed = backbone(&forced, &options).unwrap().points;
+    let read = |readings: &[Reading]| size(readings[0].harmonic1);
     for (point, load) in points.iter().zip((0..9).map(|k| 2.0 + 2.25 * f64::from(k))) {
         assert!(point.settled && (point.load / load - 1.0).abs() < 1.5e-3, "{load}: {point:?}");
-        let a = JointAngles::of(point, &case.arm()).harmonic1_rad()[0];
-        let after = computed.iter().position(|motion| motion.harmonic1_rad[0] > a).unwrap();
+        let a = amplitude_m(point, &at);
+        let after = computed.iter().position(|motion| read(&motion.readings) > a).unwrap();
         let (low, high) = (&computed[after - 1], &computed[after]);
-        let share = (a - low.harmonic1_rad[0]) / (high.harmonic1_rad[0] - low.harmonic1_rad[0]);
+        let share = (a - read(&low.readings)) / (read(&high.readings) - read(&low.readings));
         let between = |low: f64, high: f64| low + share * (high - low);
         let frequency_hz = between(low.frequency_hz, high.frequency_hz);
         assert!((point.frequency_hz / frequency_hz - 1.0).abs() < FREQUENCY, "{load}: {frequency_hz} {point:?}");
@@ -295,6 +319,9 @@ fn the_backbone_is_walked_at_quadrature() {
     }
     assert_eq!(points.len(), 9);
 }
+
+/// The displacement of C at about 0.06 rad of joint 1.
+const HELD_M: f64 = 0.08;
 
 /// At every frequency the load that holds the amplitude is the one whose computed motion has it, on either side of the
 /// resonance and in it, where the motion is unstable at constant load.
@@ -314,27 +341,32 @@ fn one_amplitude_is_held_by_the_computed_loads() {
     let spec = ResponseControlSpec {
         amplitude,
         mode_number: case.mode,
-        angle_rad: Some(0.06),
-        displacement_m: None,
+        displacement_m: HELD_M,
         from_hz: 22.13,
         to_hz: 22.17,
         points: 9,
         cancel_harmonics: CancelHarmonics::NONE,
     };
-    let points = drive(&mut PhaseWalk::at_one_amplitude(spec, &case.arm(), SAMPLING, 1600.0).unwrap(), &mut plant);
+    let tested = case.tested();
+    let of = Modelled::new(&tested, &quiet()).unwrap();
+    let points = drive(&mut PhaseWalk::at_one_amplitude(spec, of, SAMPLING, 1600.0).unwrap(), &mut plant);
     assert_eq!(points.len(), 9);
-    let direction = Amplitude { torque1_nm: 1.0, ..amplitude }.load();
-    let forced = ForcedArm::new(case.arm(), direction, 1.0);
+    let forced = case.forced(&amplitude);
+    let at = most_moving(&tested, &points);
     for (point, frequency_hz) in points.iter().zip((0..9).map(|k| 22.13 + 0.005 * f64::from(k))) {
         assert!(point.settled && (point.frequency_hz - frequency_hz).abs() < 1e-9, "{point:?}");
-        let a = JointAngles::of(point, &case.arm()).harmonic1_rad()[0];
-        assert!((a / 0.06 - 1.0).abs() < 2e-3, "{point:?}");
-        let mut options = BranchOptions::new(0.1, 1.5 * point.load);
-        options.continuation.largest_turn_rad = 0.01;
-        let coordinate = Coordinate::Parameter(ArmParameter::Amplitude);
-        let branch = trace(forced.clone(), point.frequency_hz, coordinate, &options).unwrap();
+        let omega = core::f64::consts::TAU * point.frequency_hz;
+        // Across the direction of C in the mode it moves by the third power of its amplitude alone.
+        let [x, y] = point.acceleration_c_m_s2;
+        let held_m = (x.norm_sqr() + y.norm_sqr()).sqrt() / (omega * omega);
+        assert!((held_m / HELD_M - 1.0).abs() < 2e-3, "{point:?}");
+        let ends = [0.1, 1.5 * point.load];
+        let mut options = TraceOptions::new(&forced, Coordinate::Amplitude, ends, vec![at.dof]);
+        options.branch.continuation.largest_turn_rad = 0.01;
+        let branch = trace(&forced, point.frequency_hz, Coordinate::Amplitude, &options).unwrap();
+        let a = amplitude_m(point, &at);
         let loads = branch.orbits.windows(2).filter_map(|pair| {
-            let [low, high] = [pair[0].harmonic1_rad[0], pair[1].harmonic1_rad[0]];
+            let [low, high] = [&pair[0], &pair[1]].map(|orbit| size(orbit.readings[0].harmonic1));
             let share = (a - low) / (high - low);
             (0.0..=1.0).contains(&share).then(|| pair[0].value + share * (pair[1].value - pair[0].value))
         });

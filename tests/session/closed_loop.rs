@@ -27,7 +27,7 @@ fn a_walk_in_lockstep_is_the_free_one_bit_for_bit() {
 /// Gives up with a word of its own, and the plant is disarmed.
 #[test]
 fn a_controller_that_gives_up_disarms() {
-    let deaf = format!("{WALK}[rig.sensors.b]\nrange_m_s2 = 50.0\n");
+    let deaf = format!("{WALK}[rig]\nsensors.b.range_m_s2 = 50.0\nsensors.c.range_m_s2 = 50.0\n");
     let report = both(&deaf, Mode::Free);
     assert!(matches!(report.exciter.outcome, Some(ExciterOutcome::Aborted(_))), "{:?}", report.exciter.outcome);
     assert_eq!(report.plant.outcome, resonarm::run::PlantOutcome::Disarmed);

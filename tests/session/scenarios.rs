@@ -70,7 +70,7 @@ fn controlled() -> Scenario {
 
 /// The same with the response kept.
 fn response_controlled() -> Scenario {
-    let spec = "mode_number = 2, points = 7, angle_rad = 0.1, displacement_m = 0.1, from_hz = 1, to_hz = 1";
+    let spec = "mode_number = 2, points = 7, displacement_m = 0.1, from_hz = 1, to_hz = 1";
     with_every_other_key(&format!("control = {{ law = 'response-control', amplitude = {{ {AMPLITUDE} }}, {spec} }}"))
 }
 

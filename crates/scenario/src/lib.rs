@@ -31,7 +31,6 @@ use std::path::{Path, PathBuf};
 use serde::{Deserialize, Serialize};
 
 use crate::toml_error::TomlError;
-use resonarm_analysis::modes;
 use resonarm_bench::control::{ControlSpec, Controller, Limited, LimitsSpec, Modelled, OpenLoop, Steered};
 use resonarm_bench::excitation::{Amplitude, ExcitationSpec, LoadFile, Profile, Waveform};
 use resonarm_bench::plant::{self, Plant, PlantSpec, TestedAssembly};
@@ -460,28 +459,11 @@ impl Scenario {
             None => Ok(Box::new(OpenLoop::new(self.profile()?, converter))),
             Some(spec) => {
                 let limit = limit::largest(spec.amplitude(), &self.rig.drive(), self.network.profile);
-                if let Some(tested) = self.tested_structure()? {
-                    let of = self.modelled(&tested)?;
-                    return Ok(spec.controller(of, sampling, limit)?);
-                }
-                let arm = match &self.rig.shaker {
-                    Some(shaker) => self.build_arm()?.with_attachment(shaker.armature())?,
-                    None => self.build_arm()?,
-                };
-                Ok(spec.controller(&arm, sampling, limit)?)
+                let tested = self.under_test()?;
+                let of = Modelled::new(&tested, &self.rig).map_err(StructureSectionError::from)?;
+                Ok(spec.controller(of, sampling, limit)?)
             }
         }
-    }
-
-    /// A structure as a controller models it, with the armature of a shaker.
-    fn modelled<'a>(&self, tested: &'a TestedAssembly) -> Result<Modelled<'a>, ScenarioError> {
-        Ok(match &self.rig.shaker {
-            Some(shaker) => {
-                let armature = shaker.armature_at(&tested.places.exciter).map_err(StructureSectionError::from)?;
-                Modelled::Shaken(tested, armature)
-            }
-            None => Modelled::Structure(tested),
-        })
     }
 
     /// Amplitude and direction of the load of the control or of the excitation, if there is one.
@@ -502,14 +484,11 @@ impl Scenario {
         let limit = limit::largest(amplitude, &self.rig.drive(), self.network.profile);
         let load = amplitude.load();
         let direction = load.scaled(1.0 / libm::hypot(load.force_n.norm(), load.torque_nm.norm()));
-        let tested = self.tested_structure()?;
-        if let Some((name, got)) = tested.as_ref().and_then(|tested| tested.idle_load(amplitude)) {
+        let tested = self.under_test()?;
+        if let Some((name, got)) = tested.idle_load(amplitude) {
             return Err(ScenarioError::IdleLoad { name, got });
         }
-        let first_hz = match tested {
-            Some(tested) => tested.assembly.modes().first().map_or(f64::NAN, |mode| mode.frequency_hz),
-            None => modes(&self.build_arm()?)[0].frequency_hz,
-        };
+        let first_hz = tested.assembly.modes().first().map_or(f64::NAN, |mode| mode.frequency_hz);
         // Away from the resonance, where the structure would ring.
         Ok(Steered::new(direction, limit, Sampling { converter, ..self.sampling() }, 0.8 * first_hz))
     }

@@ -61,17 +61,15 @@ pub enum Abort {
     },
     /// The next motion that follows from the points so far is impossible.
     #[error(
-        "no motion of the mode has a lag of {lag_deg:.1}\u{b0} at this load by what was found so far: the frequency would be {frequency_hz:.3} Hz, the amplitude {amplitude:.3} {unit}; a walk stays within a tenth of the mode's frequency: take lags nearer to 90\u{b0}, or another load"
+        "no motion of the mode has a lag of {lag_deg:.1}\u{b0} at this load by what was found so far: the frequency would be {frequency_hz:.3} Hz, the amplitude {amplitude_m:.3} m; a walk stays within a tenth of the mode's frequency: take lags nearer to 90\u{b0}, or another load"
     )]
     OutOfBand {
         /// The wanted lag, degrees.
         lag_deg: f64,
         /// The frequency that follows, Hz.
         frequency_hz: f64,
-        /// The amplitude there.
-        amplitude: f64,
-        /// Its unit.
-        unit: &'static str,
+        /// The amplitude there, m.
+        amplitude_m: f64,
     },
     /// A reading is beyond a limit of the scenario.
     #[error(

@@ -38,8 +38,6 @@ use super::Modelled;
 use super::fourier_filter::unit;
 use crate::excitation::{HarmonicFit, Phasor};
 use crate::rig::{Measurement, Sampling};
-use resonarm_analysis::FrequencyResponse;
-use resonarm_dynamics::arm::Attachment;
 use resonarm_dynamics::structure::{Armature, Assembly, StructureMode};
 
 /// The orders that can be cancelled: those that are read beside the fundamental.
@@ -111,21 +109,13 @@ impl From<CancelHarmonics> for alloc::vec::Vec<u8> {
     }
 }
 
-/// How far the structure alone moves along a shaker for each newton along it, R.
-#[derive(Clone, Debug)]
-enum Receptance {
-    /// Of the arm, linearised in its pose, with w, m.
-    Arm { arm: FrequencyResponse, moment: Vector2<f64> },
-    /// Of another structure by its modes, R = Σ (wᵀφ)²/(ω₀² − ω² + 2iζω₀ω): of each mode ω₀, rad/s, ζ, and (wᵀφ)²,
-    /// 1/kg.
-    Modes(Vec<[f64; 3]>),
-}
-
 /// Transfer from the coil's force to that in the head, by way of an armature to the structure; an ideal exciter's force
 /// is all in the head.
 #[derive(Clone, Debug)]
 struct HeadTransfer {
-    receptance: Receptance,
+    /// How far the structure alone moves along the shaker for each newton along it, by its modes: R = Σ (wᵀφ)²/(ω₀² − ω² +
+    /// 2iζω₀ω). Of each mode ω₀, rad/s, ζ, and (wᵀφ)², 1/kg.
+    modes: Vec<[f64; 3]>,
     /// m, kg; k, N/m; c, N·s/m of the armature.
     mass_kg: f64,
     stiffness_n_m: f64,
@@ -134,51 +124,30 @@ struct HeadTransfer {
 
 impl HeadTransfer {
     /// `None` with an ideal exciter.
-    fn new(of: Modelled<'_>, direction: &Vector2<f64>) -> Option<HeadTransfer> {
-        match of {
-            Modelled::Arm(arm) => {
-                let Attachment { mass_kg, stiffness_n_m, damping_n_s_m, .. } = arm.attachment().copied()?;
-                let alone = arm.clone().without_attachment();
-                let moment = alone.tip_jacobian(&Vector2::zeros()).tr_mul(direction);
-                let receptance = Receptance::Arm { arm: FrequencyResponse::new(&alone), moment };
-                Some(HeadTransfer { receptance, mass_kg, stiffness_n_m, damping_n_s_m })
-            }
-            Modelled::Structure(_) => None,
-            Modelled::Shaken(tested, armature) => {
-                let Armature { mass_kg, stiffness_n_m, damping_n_s_m, .. } = armature;
-                let receptance = Receptance::Modes(seen_modes(&tested.assembly, &armature));
-                Some(HeadTransfer { receptance, mass_kg, stiffness_n_m, damping_n_s_m })
-            }
-        }
+    fn new(of: Modelled<'_>) -> Option<HeadTransfer> {
+        let armature = of.armature?;
+        let Armature { mass_kg, stiffness_n_m, damping_n_s_m, .. } = armature;
+        let modes = seen_modes(&of.tested.assembly, &armature);
+        Some(HeadTransfer { modes, mass_kg, stiffness_n_m, damping_n_s_m })
     }
 
     /// 1/(1 + R Z); `None` where the structure's response is infinite.
     fn at(&self, frequency_hz: f64) -> Option<Phasor> {
         let one = Phasor::new(1.0, 0.0);
         let omega = TAU * frequency_hz;
-        let receptance = self.receptance.at(frequency_hz)?;
+        let receptance = self.receptance(omega)?;
         let stiffness = Phasor::new(self.stiffness_n_m - omega * omega * self.mass_kg, omega * self.damping_n_s_m);
         Some(one / (one + receptance * stiffness))
     }
-}
 
-impl Receptance {
     /// R, m/N; `None` where it is infinite.
-    fn at(&self, frequency_hz: f64) -> Option<Phasor> {
-        match self {
-            Receptance::Arm { arm, moment } => {
-                let w = moment.map(|component| Phasor::new(component, 0.0));
-                Some(w.dot(&(arm.receptance_matrix(frequency_hz).ok()? * w)))
-            }
-            Receptance::Modes(modes) => {
-                let omega = TAU * frequency_hz;
-                let mode = |[own, zeta, square]: &[f64; 3]| {
-                    Phasor::new(*square, 0.0) / Phasor::new(own * own - omega * omega, 2.0 * zeta * own * omega)
-                };
-                let sum = modes.iter().map(mode).fold(Phasor::new(0.0, 0.0), |sum, term| sum + term);
-                (sum.re.is_finite() && sum.im.is_finite()).then_some(sum)
-            }
-        }
+    fn receptance(&self, omega_rad_s: f64) -> Option<Phasor> {
+        let mode = |[own, zeta, square]: &[f64; 3]| {
+            let denominator = Phasor::new(own * own - omega_rad_s * omega_rad_s, 2.0 * zeta * own * omega_rad_s);
+            Phasor::new(*square, 0.0) / denominator
+        };
+        let sum = self.modes.iter().map(mode).fold(Phasor::new(0.0, 0.0), |sum, term| sum + term);
+        (sum.re.is_finite() && sum.im.is_finite()).then_some(sum)
     }
 }
 
@@ -211,7 +180,7 @@ struct Harmonic {
 pub(super) struct Cancellation {
     harmonics: [Option<Harmonic>; ORDERS.len()],
     transfer: Option<HeadTransfer>,
-    /// Share of the coil's force that goes into the arm far above the natural frequencies.
+    /// Share of the coil's force that goes into the structure far above the natural frequencies.
     share: f64,
     direction: Vector2<f64>,
     sampling: Sampling,
@@ -237,7 +206,7 @@ impl Cancellation {
             |order| Harmonic { order, command_n: zero, before_n: zero, tried_n: None, ratio: Phasor::new(1.0, 0.0) };
         Some(Cancellation {
             harmonics: core::array::from_fn(|index| orders.0[index].then(|| harmonic(i32::from(ORDERS[index])))),
-            transfer: HeadTransfer::new(of, &direction),
+            transfer: HeadTransfer::new(of),
             share: of.high_frequency_force_share(),
             direction,
             sampling,

@@ -181,14 +181,17 @@ pub fn slowest_decay_1_s(control: &Loop) -> f64 {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::control::ModeNumber;
+    use crate::control::{ModeNumber, Modelled};
+    use crate::plant::tests;
     use crate::rig::Converter;
-    use resonarm_dynamics::arm::{Arm, Load, Pose, Preset};
+    use crate::rig::RigSpec;
+    use resonarm_dynamics::arm::{Load, Pose};
 
     fn control(mode: ModeNumber, converter: Converter, gain_1_s: f64, delay: usize) -> Loop {
         let pose = Pose { beta1_deg: 30.0, beta2_deg: 60.0 };
-        let arm = Arm::new(Preset::default().parameters().unwrap(), pose).unwrap();
-        let model = ModeModel::new(&arm, &Load::force_n(1.0, 0.0), mode).unwrap();
+        let tested = tests::preset(pose);
+        let of = Modelled::new(&tested, &RigSpec::default()).unwrap();
+        let model = ModeModel::new(&of, &Load::force_n(1.0, 0.0), 1.0, mode).unwrap();
         let (sampling, omega_rad_s) = (Sampling { rate_hz: 1000.0, converter }, model.mode.angular_frequency_rad_s);
         Loop { model, sampling, adaptation: 5.0 * gain_1_s / 1000.0, gain_1_s, omega_rad_s, delay }
     }

@@ -8,54 +8,44 @@ use serde::{Deserialize, Serialize};
 use thiserror::Error;
 
 use crate::excitation::Phasor;
-use crate::plant::{Placed, TestedAssembly};
-use crate::rig::{Measurement, Reading};
-use resonarm_analysis::modes;
-use resonarm_dynamics::arm::{Arm, Load};
+use crate::plant::{Placed, ShakerAcross, TestedAssembly};
+use crate::rig::{Measurement, Reading, RigSpec, SensorSpec};
+use resonarm_dynamics::arm::Load;
 use resonarm_dynamics::structure::{Armature, Dof, MOST_COORDINATES};
 
 /// The share of the motion of the other accelerometer below which an accelerometer is not followed.
 const FAINT: f64 = 0.2;
 
+/// The share of an accelerometer's range for the fundamental of a motion; the rest is for its harmonics and for the other
+/// modes.
+const USABLE: f64 = 0.8;
+
 /// The structure as a controller models it.
 #[derive(Clone, Copy, Debug)]
-pub enum Modelled<'a> {
-    /// The arm, with a shaker's armature if there is one.
-    Arm(&'a Arm),
-    /// Another structure, under an ideal exciter.
-    Structure(&'a TestedAssembly),
-    /// Another structure with a shaker's armature.
-    Shaken(&'a TestedAssembly, Armature),
+pub struct Modelled<'a> {
+    /// The structure.
+    pub tested: &'a TestedAssembly,
+    /// The armature of the shaker that drives it, if one does.
+    pub armature: Option<Armature>,
+    /// The largest accelerations that the accelerometers at B and C read, m/s².
+    pub ranges_m_s2: [f64; 2],
 }
 
-impl<'a> From<&'a Arm> for Modelled<'a> {
-    fn from(arm: &'a Arm) -> Modelled<'a> {
-        Modelled::Arm(arm)
+impl<'a> Modelled<'a> {
+    /// The structure under a rig.
+    ///
+    /// # Errors
+    /// [`ShakerAcross`] if the rig's shaker pushes along an axis along which the structure can't move there.
+    pub fn new(tested: &'a TestedAssembly, rig: &RigSpec) -> Result<Modelled<'a>, ShakerAcross> {
+        let armature = rig.shaker.map(|shaker| shaker.armature_at(&tested.places.exciter)).transpose()?;
+        let ranges_m_s2 = [&rig.sensors.b, &rig.sensors.c].map(SensorSpec::largest_reading);
+        Ok(Modelled { tested, armature, ranges_m_s2 })
     }
-}
 
-impl<'a> From<&'a TestedAssembly> for Modelled<'a> {
-    fn from(tested: &'a TestedAssembly) -> Modelled<'a> {
-        Modelled::Structure(tested)
-    }
-}
-
-impl Modelled<'_> {
     /// Share of the exciter's force that goes into the structure far above the natural frequencies.
     pub(super) fn high_frequency_force_share(&self) -> f64 {
-        match self {
-            Modelled::Arm(arm) => arm.high_frequency_force_share(),
-            Modelled::Structure(_) => 1.0,
-            Modelled::Shaken(tested, armature) => armature.high_frequency_force_share(&tested.assembly),
-        }
-    }
-
-    /// The mode of this number as driven by multiples of `unit`, without an armature.
-    pub(super) fn mode_model(&self, unit: &Load, mode: ModeNumber) -> Result<ModeModel, NoSuchMode> {
-        match self {
-            Modelled::Arm(arm) => ModeModel::new(&(*arm).clone().without_attachment(), unit, mode),
-            Modelled::Structure(tested) | Modelled::Shaken(tested, _) => ModeModel::of_structure(tested, unit, mode),
-        }
+        let assembly = &self.tested.assembly;
+        self.armature.as_ref().map_or(1.0, |armature| armature.high_frequency_force_share(assembly))
     }
 }
 
@@ -116,14 +106,9 @@ pub enum NoSuchMode {
     },
 }
 
-/// What a controller follows: the angle of a link of the arm, by the accelerometer at its end minus that at its start,
-/// rad; or the displacement of an accelerometer's point along one direction, m.
+/// What a controller follows: the displacement of an accelerometer's point along one direction, m.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Followed {
-    /// α1, from B.
-    FirstLink,
-    /// α1 + α2, from C minus B.
-    SecondLink,
     /// The displacement of B.
     PointB,
     /// The displacement of C.
@@ -133,28 +118,13 @@ pub enum Followed {
 impl Followed {
     /// Whether the readings of B and of C take part.
     pub fn takes(self) -> [bool; 2] {
+        [self == Followed::PointB, self == Followed::PointC]
+    }
+
+    /// That of B and C which takes part.
+    fn of<T>(self, [b, c]: [T; 2]) -> T {
         match self {
-            Followed::FirstLink | Followed::PointB => [true, false],
-            Followed::SecondLink => [true, true],
-            Followed::PointC => [false, true],
-        }
-    }
-
-    /// Whether it is an angle, rad; else it is a displacement, m.
-    pub fn is_angle(self) -> bool {
-        matches!(self, Followed::FirstLink | Followed::SecondLink)
-    }
-
-    /// Its unit.
-    pub fn unit(self) -> &'static str {
-        if self.is_angle() { "rad" } else { "m" }
-    }
-
-    /// B and C as they take part.
-    fn combined<T: Copy + core::ops::Sub<Output = T>>(self, [b, c]: [T; 2]) -> T {
-        match self {
-            Followed::FirstLink | Followed::PointB => b,
-            Followed::SecondLink => c - b,
+            Followed::PointB => b,
             Followed::PointC => c,
         }
     }
@@ -184,54 +154,27 @@ pub struct ModeModel {
     count: usize,
     /// The followed coordinate.
     pub followed: Followed,
-    /// s̈ = direction · (difference of accelerations): 1/m of an angle, dimensionless of a displacement.
+    /// s̈ = direction · acceleration of the point.
     direction: Vector2<f64>,
 }
 
 impl ModeModel {
-    /// The mode of this number of `arm` as driven by multiples of `unit`.
-    ///
-    /// With the shape φ of unit modal mass, the generalised load d = u + JᵀF of `unit` at rest and c = (1, 0) or (1, 1)
-    /// for the followed link, s = c·φ q and q̈ + 2ζω₀ q̇ + ω₀² q = φ·d u, so m = 1/((c·φ)(φ·d)). Link 1 is followed
-    /// unless it moves less than a fifth of link 2: the accelerometer at B has the most range left.
-    ///
-    /// # Errors
-    /// [`NoSuchMode`] but for modes 1 and 2.
-    pub fn new(arm: &Arm, unit: &Load, mode: ModeNumber) -> Result<ModeModel, NoSuchMode> {
-        let both = modes(arm);
-        let Some(this) = both.get(mode.index()) else {
-            return Err(NoSuchMode::Number { got: mode.into(), modes: both.len() });
-        };
-        let drive = unit.torque_nm + arm.tip_jacobian(&Vector2::zeros()).tr_mul(&unit.force_n);
-        let first_is_faint = this.shape[0].abs() < FAINT * (this.shape[0] + this.shape[1]).abs();
-        let followed = if first_is_faint { Followed::SecondLink } else { Followed::FirstLink };
-        let seen = both.map(|mode| {
-            let angle = match followed {
-                Followed::FirstLink => mode.shape[0],
-                _ => mode.shape[0] + mode.shape[1],
-            };
-            let modal_mass = 1.0 / (angle * Vector2::from(mode.shape).dot(&drive));
-            SeenMode { angular_frequency_rad_s: TAU * mode.frequency_hz, damping_ratio: mode.damping_ratio, modal_mass }
-        });
-        let points = arm.points(&Vector2::zeros());
-        // The link r turns with s̈ (−r_y, r_x), so s̈ = (−r_y, r_x)·a / r².
-        let r = match followed {
-            Followed::FirstLink => points.b_m,
-            _ => points.c_m - points.b_m,
-        };
-        Ok(ModeModel::of(&seen, mode.index(), followed, Vector2::new(-r.y, r.x) * (1.0 / r.norm_squared())))
-    }
-
-    /// The mode of this number of another structure, without an armature, as driven by multiples of `unit`.
+    /// The mode of this number of a structure, without an armature, as driven by multiples of `unit`.
     ///
     /// With the shape φ of unit modal mass and the directions w = ∂x/∂q of the loads and of the accelerometers' axes at
-    /// rest, the loads give φ·d with d = Σ w u, and a point moves by (w_x·φ, w_y·φ) q. The followed displacement is
-    /// that of C along its motion in the mode, unless C moves less than a fifth of B; then that of B. With its unit
-    /// direction e, m = 1/((e·(w·φ))(φ·d)) of every mode.
+    /// rest, the loads give φ·d with d = Σ w u, and a point moves by (w_x·φ, w_y·φ) q. With e the unit direction of the
+    /// followed point's motion in the mode, m = 1/((e·(w·φ))(φ·d)) of every mode.
+    ///
+    /// C is followed, or B where C moves less than a fifth as far: its noise would be more than five times as large a part
+    /// of what it reads. But a clipped reading ends a walk, so B is followed where the range of C is too small for the
+    /// largest motion, that in resonance under multiples of `unit` up to `largest`, and that of B takes more of it: with
+    /// ζ of the mode, which no spring changes, |ẍ| = |w·φ| (φ·d) `largest`/2ζ. B is not always preferred for its room,
+    /// since the farther point shows the mode more clearly beside the others.
     ///
     /// # Errors
     /// [`NoSuchMode`] if the structure has fewer modes, or this one has no resonance.
-    pub fn of_structure(tested: &TestedAssembly, unit: &Load, mode: ModeNumber) -> Result<ModeModel, NoSuchMode> {
+    pub fn new(of: &Modelled<'_>, unit: &Load, largest: f64, mode: ModeNumber) -> Result<ModeModel, NoSuchMode> {
+        let tested = of.tested;
         let assembly = &tested.assembly;
         let all = assembly.modes();
         let Some(this) = all.get(mode.index()) else {
@@ -254,9 +197,15 @@ impl ModeModel {
         };
         let places = [&tested.places.accelerometer_b, &tested.places.accelerometer_c];
         let [b, c] = places.map(|placed| motion(&this.shape, placed));
-        let (followed, at, e) = match c.norm() < FAINT * b.norm() {
-            true => (Followed::PointB, places[0], b / b.norm()),
-            false => (Followed::PointC, places[1], c / c.norm()),
+        let [size_b, size_c] = [b.norm(), c.norm()];
+        let [range_b, range_c] = of.ranges_m_s2;
+        let acceleration_c = size_c * (driven(&this.shape) * largest / (2.0 * this.damping_ratio)).abs();
+        let c_clips = acceleration_c > USABLE * range_c;
+        let b_has_more_room = size_b >= FAINT * size_c && size_b / range_b < size_c / range_c;
+        let follows_b = size_c < FAINT * size_b || (c_clips && b_has_more_room);
+        let (followed, at, e) = match follows_b {
+            true => (Followed::PointB, places[0], b / size_b),
+            false => (Followed::PointC, places[1], c / size_c),
         };
         let seen: Vec<SeenMode> = all
             .iter()
@@ -296,17 +245,16 @@ impl ModeModel {
         oscillating.next().map_or(4.0 * self.mode.angular_frequency_rad_s, |other| other.angular_frequency_rad_s)
     }
 
-    /// s̈ of the followed coordinate from the accelerometers, rad/s² or m/s², for small vibration: across the link at
-    /// rest, of sin s.
+    /// s̈ of the followed displacement from its accelerometer, m/s².
     pub fn acceleration(&self, sample: &Measurement) -> f64 {
         let pair = |readings: [Reading; 2]| Vector2::from(readings.map(|reading| reading.value));
         let points = [pair(sample.acceleration_b_m_s2), pair(sample.acceleration_c_m_s2)];
-        self.direction.dot(&self.followed.combined(points))
+        self.direction.dot(&self.followed.of(points))
     }
 
     /// The same s̈ from the phasors of the accelerations of B and C along x and y.
     pub fn across(&self, points: [[Phasor; 2]; 2]) -> Phasor {
-        self.followed.combined(points.map(|p| p[0] * self.direction.x + p[1] * self.direction.y))
+        self.followed.of(points.map(|p| p[0] * self.direction.x + p[1] * self.direction.y))
     }
 
     /// Whether a reading that the followed coordinate depends on was clipped.

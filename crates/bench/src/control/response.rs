@@ -32,7 +32,7 @@ pub struct ResponsePoint {
     /// Lag of the response that a closed loop follows behind the load, rad; `None` in open loop.
     pub lag_rad: Option<f64>,
     /// Relative change of the response while it was read: in open loop the change from the first to the second half of
-    /// the window in the channel with the largest acceleration, in closed loop the change of the followed angle over
+    /// the window in the channel with the largest acceleration, in closed loop the change of the followed displacement over
     /// the reading.
     pub drift: f64,
     /// The channels with a clipped reading in the window: head x, y; B x, y; C x, y. Clipped readings are left out of

@@ -52,13 +52,12 @@ impl ControlSpec {
     ///
     /// # Errors
     /// [`ControlError`] names the impossible setting.
-    pub fn controller<'a>(
+    pub fn controller(
         &self,
-        of: impl Into<Modelled<'a>>,
+        of: Modelled<'_>,
         sampling: Sampling,
         limit: f64,
     ) -> Result<Box<dyn Controller>, ControlError> {
-        let of = of.into();
         Ok(match self {
             ControlSpec::PhaseWalk(spec) => Box::new(PhaseWalk::new(*spec, of, sampling, limit)?),
             ControlSpec::ForceControl(spec) => Box::new(ForceControl::new(spec, of, sampling, limit)?),

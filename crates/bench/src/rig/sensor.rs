@@ -148,6 +148,11 @@ impl SensorSpec {
         SensorSpec { noise_rms: Some(0.0), noise_density: None, ..self }
     }
 
+    /// The largest magnitude that it reads: the converter's range, or the sensor's if that is smaller.
+    pub fn largest_reading(&self) -> f64 {
+        self.sensor_range.map_or(self.range, |sensor| sensor.min(self.range))
+    }
+
     /// Standard deviation of the sensor's noise: white noise of the density d up to half the sample rate has d √(rate/2).
     pub(super) fn sensor_noise(&self, rate_hz: f64) -> f64 {
         match (self.noise_rms, self.noise_density) {

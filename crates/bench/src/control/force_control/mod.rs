@@ -174,18 +174,17 @@ pub struct ForceControl {
 
 impl ForceControl {
     /// A controller that plays the frequencies of `spec` on a structure as the controller models it, with readings at
-    /// this
-    /// `sampling` and an exciter with the limit `limit_n`.
+    /// this `sampling` and an exciter with the limit `limit_n`.
     ///
     /// # Errors
     /// [`ForceControlError`] names the impossible setting.
-    pub fn new<'a>(
+    pub fn new(
         spec: &ForceControlSpec,
-        of: impl Into<Modelled<'a>>,
+        of: Modelled<'_>,
         sampling: Sampling,
         limit_n: f64,
     ) -> Result<ForceControl, ForceControlError> {
-        let (of, rate_hz) = (of.into(), sampling.rate_hz);
+        let rate_hz = sampling.rate_hz;
         let notches = [("notch_b_m_s2", spec.notch_b_m_s2), ("notch_c_m_s2", spec.notch_c_m_s2)];
         for (name, got) in notches.into_iter().filter_map(|(name, notch)| Some((name, notch?))) {
             if !(got.is_finite() && got > 0.0) {

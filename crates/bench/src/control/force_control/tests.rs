@@ -2,11 +2,11 @@
 
 use super::*;
 use crate::excitation::Amplitude;
-use crate::plant::{Plant, PlantSpec, tests};
+use crate::plant::{Plant, PlantSpec, TestedAssembly, tests};
 use crate::rig::{Amplifier, Converter, RigSpec, ShakerSpec};
 use alloc::string::ToString;
 use alloc::vec::Vec;
-use resonarm_dynamics::arm::{Arm, Pose};
+use resonarm_dynamics::arm::Pose;
 use resonarm_dynamics::integrate::Scheme;
 
 fn sampling(rate_hz: f64) -> Sampling {
@@ -43,9 +43,14 @@ fn plant(amplifier: Amplifier) -> Plant {
     Plant::new(&plant_spec(amplifier), &tests::preset(POSE)).unwrap()
 }
 
-fn arm() -> Arm {
-    let armature = plant_spec(Amplifier::Current).rig.shaker.unwrap().armature();
-    tests::arm(POSE).with_attachment(armature).unwrap()
+/// The arm as a chain.
+fn arm() -> TestedAssembly {
+    tests::preset(POSE)
+}
+
+/// As the controller knows it, with the armature of the shaker on it.
+fn known(tested: &TestedAssembly) -> Modelled<'_> {
+    Modelled::new(tested, &plant_spec(Amplifier::Current).rig).unwrap()
 }
 
 fn stepped(force_x_n: f64, settle_s: f64) -> ForceControlSpec {
@@ -86,7 +91,7 @@ fn the_force_is_kept_where_it_would_drop_out() {
         let forces: Vec<f64> = points.iter().map(force_n).collect();
         let (least, most) = forces.iter().fold((f64::INFINITY, 0.0_f64), |(a, b), f| (a.min(*f), b.max(*f)));
         assert!(least < most / 3.0, "{amplifier:?}: {forces:?}");
-        let mut closed = ForceControl::new(&spec, &arm(), sampling(1000.0), 600.0).unwrap();
+        let mut closed = ForceControl::new(&spec, known(&arm()), sampling(1000.0), 600.0).unwrap();
         let (points, end) = play(&mut closed, &mut plant(amplifier));
         assert_eq!((points.len(), end), (4, Answer::Finished));
         for point in &points {
@@ -105,10 +110,9 @@ fn the_force_is_kept_where_it_would_drop_out() {
 fn the_force_is_kept_on_a_structure() {
     let tested = crate::plant::shaken_tests::modal(Vec::new());
     let spec = plant_spec(Amplifier::Voltage);
-    let armature = spec.rig.shaker.unwrap().armature_at(&tested.places.exciter).unwrap();
     let frequencies = Waveform::SteppedSine { from_hz: 19.0, to_hz: 21.0, steps: 3, dwell_s: 1.5, settle_s: 0.5 };
     let control = ForceControlSpec { profile: frequencies, ..stepped(2.0, 1.0) };
-    let of = Modelled::Shaken(&tested, armature);
+    let of = Modelled::new(&tested, &spec.rig).unwrap();
     let mut closed = ForceControl::new(&control, of, sampling(1000.0), 600.0).unwrap();
     let (points, end) = play(&mut closed, &mut Plant::new(&spec, &tested).unwrap());
     assert_eq!((points.len(), end), (3, Answer::Finished));
@@ -139,7 +143,7 @@ fn dwell(force_x_n: f64, frequency_hz: f64, cancel_harmonics: CancelHarmonics) -
 fn harmonics_of_the_force_are_cancelled() {
     let play = |cancel_harmonics| {
         let spec = dwell(20.0, 22.1, cancel_harmonics);
-        let mut controller = ForceControl::new(&spec, &arm(), sampling(1000.0), 600.0).unwrap();
+        let mut controller = ForceControl::new(&spec, known(&arm()), sampling(1000.0), 600.0).unwrap();
         let (points, end) = play(&mut controller, &mut plant(Amplifier::Voltage));
         assert_eq!((points.len(), end), (1, Answer::Finished));
         controller.restart();
@@ -157,10 +161,10 @@ fn harmonics_of_the_force_are_cancelled() {
 /// Twice the frequency is that of the second mode, where no command produces a force in the head.
 #[test]
 fn a_harmonic_at_a_mode_is_never_called_cancelled_wrongly() {
-    let [_, second] = resonarm_analysis::modes(&arm().without_attachment());
+    let [_, second] = resonarm_analysis::modes(&tests::arm(POSE));
     for part in [0.49, 0.5, 0.51] {
         let spec = dwell(30.0, part * second.frequency_hz, CancelHarmonics::ALL);
-        let mut controller = ForceControl::new(&spec, &arm(), sampling(1000.0), 600.0).unwrap();
+        let mut controller = ForceControl::new(&spec, known(&arm()), sampling(1000.0), 600.0).unwrap();
         let (points, end) = play(&mut controller, &mut plant(Amplifier::Current));
         match end {
             Answer::Finished => assert!(!points[0].settled || points[0].distortion().unwrap() < 5e-3, "{points:?}"),
@@ -171,7 +175,7 @@ fn a_harmonic_at_a_mode_is_never_called_cancelled_wrongly() {
 
 #[test]
 fn stops_where_the_shaker_has_no_more() {
-    let mut controller = ForceControl::new(&stepped(2.0, 2.0), &arm(), sampling(1000.0), 3.0).unwrap();
+    let mut controller = ForceControl::new(&stepped(2.0, 2.0), known(&arm()), sampling(1000.0), 3.0).unwrap();
     let (_, end) = play(&mut controller, &mut plant(Amplifier::Current));
     let Answer::Aborted(abort) = end else { panic!("{end:?}") };
     assert!(matches!(abort, Abort::Load { limit: 3.0, .. }), "{abort}");
@@ -181,7 +185,7 @@ fn stops_where_the_shaker_has_no_more() {
 #[test]
 fn the_force_is_notched_where_the_tip_would_move_too_fast() {
     let spec = ForceControlSpec { notch_c_m_s2: Some(2.0), ..stepped(2.0, 2.0) };
-    let mut controller = ForceControl::new(&spec, &arm(), sampling(1000.0), 600.0).unwrap();
+    let mut controller = ForceControl::new(&spec, known(&arm()), sampling(1000.0), 600.0).unwrap();
     let (points, end) = play(&mut controller, &mut plant(Amplifier::Voltage));
     assert_eq!((points.len(), end), (4, Answer::Finished));
     let tip = |point: &ResponsePoint| {
@@ -202,9 +206,9 @@ fn the_force_is_notched_where_the_tip_would_move_too_fast() {
 #[test]
 fn names_what_is_wrong_with_impossible_settings() {
     let notch = ForceControlSpec { notch_b_m_s2: Some(-1.0), ..stepped(1.0, 2.0) };
-    insta::assert_snapshot!(ForceControl::new(&notch, &arm(), sampling(1000.0), 600.0).unwrap_err(), @"control: `notch_b_m_s2` is -1: it must be a positive number");
+    insta::assert_snapshot!(ForceControl::new(&notch, known(&arm()), sampling(1000.0), 600.0).unwrap_err(), @"control: `notch_b_m_s2` is -1: it must be a positive number");
     let says = |spec: &ForceControlSpec, rate_hz| {
-        ForceControl::new(spec, &arm(), sampling(rate_hz), 600.0).unwrap_err().to_string()
+        ForceControl::new(spec, known(&arm()), sampling(rate_hz), 600.0).unwrap_err().to_string()
     };
     let torque =
         ForceControlSpec { amplitude: Amplitude { torque1_nm: 1.0, ..Amplitude::default() }, ..stepped(1.0, 2.0) };

@@ -1,15 +1,15 @@
 //! Phase walk: the whole response at a constant amplitude of the load, stable or not, point by point; or the backbone,
-//! at a lag of 90° and growing load; or, frequency by frequency, the load that holds one amplitude of the angle.
+//! at a lag of 90° and growing load; or, frequency by frequency, the load that holds one amplitude of the response.
 //!
-//! The angle of the followed link is kept at a chosen amplitude by feedback of its envelope, so that every motion is
+//! The followed displacement is kept at a chosen amplitude by feedback of its envelope, so that every motion is
 //! stable under control and settles in a fraction of a second. In steady state the feedback is a pure sine: it is an
-//! excitation like any other, and load and angle are a point of the open-loop response, for any chosen amplitude. As a
-//! function of the lag φ of the angle behind the load that response is single-valued, with or without folds (T. Zhou,
+//! excitation like any other, and load and displacement are a point of the open-loop response, for any chosen amplitude. As a
+//! function of the lag φ of the displacement behind the load that response is single-valued, with or without folds (T. Zhou,
 //! G. Kerschen, "Identification of Secondary Resonances of Nonlinear Systems using Phase-Locked Loop Testing", 2024,
 //! arXiv:2401.01151). So φ is stepped, and for each φ amplitude and frequency are corrected until the load has the
 //! wanted amplitude.
 //!
-//! With a the complex amplitude of the angle, U that of the load, and m, ω₀, ζ of the mode, the envelope follows
+//! With a the complex amplitude of the displacement, U that of the load, and m, ω₀, ζ of the mode, the envelope follows
 //! 2iωm ȧ + m(ω₀² − ω² + 2iζω₀ω) a = U. The controller's U = 2iωm (g (A − a) + Ȧ) + D A, with D the dynamic stiffness
 //! U/a expected at the target, makes a follow A(t), which is real, with the rate g.
 //!
@@ -53,21 +53,21 @@ const LOAD_TOLERANCE: f64 = 5e-4;
 const NOISY_LOAD_TOLERANCE: f64 = 1.1e-3;
 /// Allowed deviation of the lag from its target, rad.
 const LAG_TOLERANCE_RAD: f64 = 0.01;
-/// Allowed deviation of the angle's amplitude from a wanted one, relative.
+/// Allowed deviation of the displacement's amplitude from a wanted one, relative.
 const AMPLITUDE_TOLERANCE: f64 = 1e-3;
-/// Allowed change of the angle while a point is read, relative; the share of the load that it may take; and the
+/// Allowed change of the displacement while a point is read, relative; the share of the load that it may take; and the
 /// uncertain share of that.
 const DRIFT_TOLERANCE: f64 = 4e-3;
 const DRIFT_LOAD_TOLERANCE: f64 = 0.004;
 const DRIFT_DOUBT: f64 = 0.6;
-/// The amplitude that no motion is meant to reach: half a radian, or half a metre.
+/// The amplitude that no motion is meant to reach, m.
 const LARGEST_AMPLITUDE: f64 = 0.5;
 /// Durations of ramp (at least), wait (at least and at most) and reading, in time constants 1/g of the loop.
 const RAMP: f64 = 3.0;
 const LEAST_SETTLE: f64 = 2.0;
 const MOST_SETTLE: f64 = 6.0;
 const READ: f64 = 5.0;
-/// The step that may remain after the wait, relative to the angle's amplitude, within the limits of the wait above.
+/// The step that may remain after the wait, relative to the amplitude, within the limits of the wait above.
 const SETTLED_STEP: f64 = 2.5e-3;
 /// How much longer a reading becomes with each try, relative to its length.
 const RETRY: f64 = 0.25;
@@ -76,7 +76,7 @@ const LONGEST_READ: f64 = 1.5;
 /// Number of responses that wait to be fetched.
 const RESPONSES: usize = 4;
 
-/// A motion to hold: the angle's amplitude, its frequency, and the dynamic stiffness U/a expected there.
+/// A motion to hold: the displacement's amplitude, m, its frequency, and the dynamic stiffness U/a expected there.
 #[derive(Clone, Copy, Debug)]
 struct Target {
     amplitude: f64,
@@ -107,14 +107,14 @@ pub struct PhaseWalk {
     /// The exciter's limit.
     limit: f64,
     unit_load: Load,
-    /// Share of the coil's force that goes into the arm far above the natural frequencies.
+    /// Share of the coil's force that goes into the structure far above the natural frequencies.
     share: f64,
     model: ModeModel,
     sampling: Sampling,
     gain_1_s: f64,
     filter: FourierFilter,
     backbone: BackboneModel,
-    /// The load that is taken between the command and the arm, over the angle, as a reading has found it: a shaker's
+    /// The load that is taken between the command and the structure, over the displacement, as a reading has found it: a shaker's
     /// armature.
     taken: Phasor,
     reader: Reader,
@@ -138,31 +138,30 @@ pub struct PhaseWalk {
 
 impl PhaseWalk {
     /// A walk on a structure as the controller models it, with readings at this `sampling` and an exciter with the
-    /// limit
-    /// `limit`, N or N·m.
+    /// limit `limit`, N or N·m.
     ///
     /// # Errors
     /// [`PhaseWalkError`] names the impossible setting.
-    pub fn new<'a>(
+    pub fn new(
         spec: PhaseWalkSpec,
-        of: impl Into<Modelled<'a>>,
+        of: Modelled<'_>,
         sampling: Sampling,
         limit: f64,
     ) -> Result<PhaseWalk, PhaseWalkError> {
-        PhaseWalk::of(Plan::Walk(spec), of.into(), sampling, limit)
+        PhaseWalk::of(Plan::Walk(spec), of, sampling, limit)
     }
 
     /// A stepped sine that controls the response, with the same arguments.
     ///
     /// # Errors
     /// [`PhaseWalkError`] names the impossible setting.
-    pub fn at_one_amplitude<'a>(
+    pub fn at_one_amplitude(
         spec: ResponseControlSpec,
-        of: impl Into<Modelled<'a>>,
+        of: Modelled<'_>,
         sampling: Sampling,
         limit: f64,
     ) -> Result<PhaseWalk, PhaseWalkError> {
-        PhaseWalk::of(Plan::Response(spec), of.into(), sampling, limit)
+        PhaseWalk::of(Plan::Response(spec), of, sampling, limit)
     }
 
     fn of(plan: Plan, of: Modelled<'_>, sampling: Sampling, limit: f64) -> Result<PhaseWalk, PhaseWalkError> {
@@ -173,7 +172,7 @@ impl PhaseWalk {
             return Err(PhaseWalkError::Value { name: "amplitude", got: load, expected });
         }
         let share = of.high_frequency_force_share();
-        let model = of.mode_model(&unit_load, plan.mode_number())?;
+        let model = ModeModel::new(&of, &unit_load, plan.largest_load(), plan.mode_number())?;
         let gain_1_s = spec::gain_1_s(&model, plan.mode_number(), &sampling)?;
         plan.check_mode(&model)?;
         let cancellation = Cancellation::new(plan.cancel_harmonics(), of, unit_load.force_n, sampling);
@@ -255,8 +254,7 @@ impl PhaseWalk {
         if !(in_band && amplitude < LARGEST_AMPLITUDE) {
             let lag_deg = libm::atan2(stiffness.im, stiffness.re).to_degrees();
             let frequency_hz = omega_rad_s / TAU;
-            let unit = self.model.followed.unit();
-            self.stage = Stage::Done(Some(Abort::OutOfBand { lag_deg, frequency_hz, amplitude, unit }));
+            self.stage = Stage::Done(Some(Abort::OutOfBand { lag_deg, frequency_hz, amplitude_m: amplitude }));
             return;
         }
         self.head_for(n, Target { amplitude, omega_rad_s, stiffness });
@@ -376,8 +374,8 @@ impl PhaseWalk {
         }
     }
 
-    /// The angle's complex amplitude: in a steady vibration the acceleration's is −ω² times it.
-    fn angle(&self) -> Phasor {
+    /// The displacement's complex amplitude: in a steady vibration the acceleration's is −ω² times it.
+    fn displacement(&self) -> Phasor {
         let gain = self.sampling.gain(self.omega_rad_s / TAU);
         -self.filter.fundamental() / (self.omega_rad_s * self.omega_rad_s * gain)
     }
@@ -387,7 +385,7 @@ impl PhaseWalk {
         let (amplitude, rate, omega, stiffness) = self.wanted(n);
         self.phase_rad = wrapped(self.phase_rad + 0.5 * (self.omega_rad_s + omega) / self.sampling.rate_hz);
         self.omega_rad_s = omega;
-        let envelope = (Phasor::new(amplitude, 0.0) - self.angle()) * self.gain_1_s + rate;
+        let envelope = (Phasor::new(amplitude, 0.0) - self.displacement()) * self.gain_1_s + rate;
         let forward = (stiffness + self.taken) * amplitude;
         let u = Phasor::new(0.0, 2.0 * omega * self.model.mode.modal_mass) * envelope + forward;
         // A load held for a sample acts less by sin y/y, y = ½ωT; with a shaker, which takes many times the arm's load,
@@ -431,7 +429,7 @@ impl Controller for PhaseWalk {
         if self.plan.amplitude().is_torque() { LoadKind::Torque } else { LoadKind::Force }
     }
 
-    /// The angle of the followed link is that of the accelerations, and the acting force that of the head.
+    /// The followed displacement is that of its accelerometer, and the acting force that of the head.
     fn needs(&self) -> [bool; Measurement::CHANNELS] {
         let head = self.load_kind() == LoadKind::Force;
         let [b, c] = self.model.followed.takes();

@@ -1,6 +1,5 @@
 //! The sequence of wanted motions: a load and a lag each, or one amplitude and a frequency each.
 
-use alloc::vec::Vec;
 use core::f64::consts::TAU;
 
 use serde::{Deserialize, Serialize};
@@ -16,9 +15,8 @@ use resonarm_dynamics::arm::Load;
 /// Strongly Nonlinear Systems by Using Response-Controlled Stepped-Sine Testing (RCT)", Vibration 3 (2020),
 /// doi:10.3390/vibration3030019).
 ///
-/// Of the arm the followed coordinate is the angle α1, or α1 + α2 where in the mode's shape link 1 turns less than a
-/// fifth as far as link 2; of another structure it is the displacement of accelerometer C, or of B where C moves less
-/// than a fifth as far ([`Followed`](crate::control::Followed)).
+/// The followed coordinate is the displacement of accelerometer C along its motion in the mode, or that of B where C
+/// moves less than a fifth as far.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct ResponseControlSpec {
@@ -28,12 +26,8 @@ pub struct ResponseControlSpec {
     /// The mode near whose frequency the sines are.
     #[serde(default)]
     pub mode_number: ModeNumber,
-    /// Amplitude of the followed angle at every frequency, rad, above 0 and below 0.5: of the arm.
-    #[serde(default, skip_serializing_if = "Option::is_none")]
-    pub angle_rad: Option<f64>,
-    /// Amplitude of the followed displacement at every frequency, m, above 0 and below 0.5: of another structure.
-    #[serde(default, skip_serializing_if = "Option::is_none")]
-    pub displacement_m: Option<f64>,
+    /// Amplitude of the followed displacement at every frequency, m, above 0 and below 0.5.
+    pub displacement_m: f64,
     /// First frequency, Hz, within a tenth of the mode's.
     pub from_hz: f64,
     /// Last frequency, Hz, with the same bounds; below the first for a sweep down.
@@ -60,7 +54,7 @@ pub(super) enum Plan {
 pub(super) enum Wanted {
     /// This lag of the followed coordinate behind the load, rad, and this amplitude of the load.
     Lag(f64, f64),
-    /// This amplitude of the followed coordinate, rad or m, and this angular frequency, rad/s.
+    /// This amplitude of the followed displacement, m, and this angular frequency, rad/s.
     Amplitude(f64, f64),
 }
 
@@ -98,6 +92,15 @@ impl Plan {
         size(self.amplitude())
     }
 
+    /// The largest load by which the followed accelerometer is chosen, N or N·m: 0 in response control, whose amplitude
+    /// is that of one point at every load.
+    pub fn largest_load(&self) -> f64 {
+        match self {
+            Plan::Walk(_) => self.load(),
+            Plan::Response(_) => 0.0,
+        }
+    }
+
     /// The load of amplitude 1.
     pub fn unit_load(&self) -> Load {
         self.amplitude().load().scaled(1.0 / self.load())
@@ -107,7 +110,7 @@ impl Plan {
     pub fn wanted(&self, point: usize) -> Wanted {
         match self {
             Plan::Walk(spec) => Wanted::Lag(spec.lag_rad(point), spec.load_at(point)),
-            Plan::Response(spec) => Wanted::Amplitude(spec.response(), TAU * spec.frequency_hz(point)),
+            Plan::Response(spec) => Wanted::Amplitude(spec.displacement_m, TAU * spec.frequency_hz(point)),
         }
     }
 
@@ -125,14 +128,6 @@ impl Plan {
     /// Checks what depends on the mode.
     pub fn check_mode(&self, model: &ModeModel) -> Result<(), PhaseWalkError> {
         let Plan::Response(spec) = self else { return Ok(()) };
-        let (what, expected) = match model.followed.is_angle() {
-            true => ("the angle of a link", "angle_rad"),
-            false => ("the displacement of a point", "displacement_m"),
-        };
-        let got = spec.stated().first().map(|(name, _)| *name);
-        if got != Some(expected) {
-            return Err(PhaseWalkError::Followed { what, expected, got });
-        }
         let mode_hz = model.mode.angular_frequency_rad_s / TAU;
         for (name, got_hz) in [("from_hz", spec.from_hz), ("to_hz", spec.to_hz)] {
             let within = (1.0 - BAND) * mode_hz..=(1.0 + BAND) * mode_hz;
@@ -151,30 +146,10 @@ impl ResponseControlSpec {
         if !(3..=MOST_POINTS).contains(&self.points) {
             return value("points", self.points as f64, "from 3 to 10000");
         }
-        if let [_, (name, got)] = self.stated()[..] {
-            return value(name, got, "left out beside `angle_rad`");
+        match self.displacement_m > 0.0 && self.displacement_m < LARGEST_AMPLITUDE {
+            true => Ok(()),
+            false => value("displacement_m", self.displacement_m, "above 0 and below 0.5"),
         }
-        match self.stated().into_iter().find(|(_, got)| !(*got > 0.0 && *got < LARGEST_AMPLITUDE)) {
-            Some((name, got)) => value(name, got, "above 0 and below 0.5"),
-            None => Ok(()),
-        }
-    }
-
-    /// The amplitudes that are given, with their names in a scenario.
-    fn stated(&self) -> Vec<(&'static str, f64)> {
-        let both = [("angle_rad", self.angle_rad), ("displacement_m", self.displacement_m)];
-        both.into_iter().filter_map(|(name, amplitude)| Some((name, amplitude?))).collect()
-    }
-
-    /// The amplitude of the followed coordinate; NaN if none is given.
-    fn response(&self) -> f64 {
-        self.response_with_unit().map_or(f64::NAN, |(amplitude, _)| amplitude)
-    }
-
-    /// The amplitude of the followed coordinate with its unit, rad or m, if one is given.
-    pub fn response_with_unit(&self) -> Option<(f64, &'static str)> {
-        let angle = self.angle_rad.map(|angle_rad| (angle_rad, "rad"));
-        angle.or(self.displacement_m.map(|displacement_m| (displacement_m, "m")))
     }
 
     fn frequency_hz(&self, point: usize) -> f64 {

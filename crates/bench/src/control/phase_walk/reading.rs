@@ -32,7 +32,7 @@ pub(super) struct Reader {
 /// The result of a reading.
 #[derive(Clone, Debug)]
 pub(super) struct Found {
-    /// Amplitude of the followed coordinate, rad or m.
+    /// Amplitude of the followed displacement, m.
     pub amplitude: f64,
     /// U/a without the contribution of a remaining drift of a: that of the steady motion.
     pub stiffness: Phasor,
@@ -107,21 +107,21 @@ impl Reader {
                 head - held * (share * sampling.images(frequency_hz))
             }
         };
-        let angle =
+        let displacement =
             model.across([[fundamental(2), fundamental(3)], [fundamental(4), fundamental(5)]]) / -(omega * omega);
         let drift = self.drift.finish()?;
         let windows_1_s = sampling.rate_hz / self.samples as f64;
         let taken_by_drift = Phasor::new(0.0, 2.0 * omega * model.mode.modal_mass * windows_1_s) * drift.change;
-        let stiffness = acting / angle - taken_by_drift;
-        let steady = stiffness * angle;
+        let stiffness = acting / displacement - taken_by_drift;
+        let steady = stiffness * displacement;
         Some(Found {
-            amplitude: size(angle),
+            amplitude: size(displacement),
             stiffness,
-            taken: (held * sampling.hold(frequency_hz) - acting) / angle,
+            taken: (held * sampling.hold(frequency_hz) - acting) / displacement,
             load: size(steady),
             load_deviation: 2.0 * model.mode.modal_mass / omega * windows_1_s * drift.deviation
                 / sampling.gain(frequency_hz),
-            taken_by_drift: size(taken_by_drift * angle),
+            taken_by_drift: size(taken_by_drift * displacement),
             drift: size(drift.change),
             harmonics: harmonics.map(|orders| turned(orders, -libm::atan2(steady.im, steady.re))),
             clipped: self.clipped,

@@ -94,19 +94,6 @@ pub enum PhaseWalkError {
     /// The structure does not have this mode.
     #[error("control: {0}")]
     NoSuchMode(#[from] NoSuchMode),
-    /// The response is not stated as the coordinate that is followed.
-    #[error(
-        "control: `response-control` follows {what} here: give its amplitude as `{expected}`, and not as {}",
-        .got.map_or(String::from("nothing"), |got| format!("`{got}`"))
-    )]
-    Followed {
-        /// What is followed.
-        what: &'static str,
-        /// The key that states its amplitude.
-        expected: &'static str,
-        /// The key that is given, if one is.
-        got: Option<&'static str>,
-    },
     /// There is no force with harmonics to cancel.
     #[error(
         "control: `cancel_harmonics` is closed on the impedance head, which reads no torque: leave it out, or give forces"

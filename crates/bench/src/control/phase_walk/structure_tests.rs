@@ -83,13 +83,13 @@ const SHAKER: ShakerSpec = ShakerSpec {
     voltage_limit_v: 200.0,
 };
 
+fn rig(shaker: Option<ShakerSpec>) -> RigSpec {
+    RigSpec { converter: SAMPLING.converter, shaker, ..RigSpec::default() }.without_noise()
+}
+
 fn plant(tested: &TestedAssembly, shaker: Option<ShakerSpec>) -> Plant {
-    let mut rig = RigSpec { converter: SAMPLING.converter, shaker, ..RigSpec::default() };
-    rig.sensors.b.noise_rms = Some(0.0);
-    rig.sensors.c.noise_rms = Some(0.0);
-    rig.head.noise_rms = Some(0.0);
-    let spec =
-        PlantSpec { scheme: Scheme::default(), sample_rate_hz: SAMPLING.rate_hz, steps_per_sample: 4, rig, seed: 1 };
+    let (scheme, sample_rate_hz, rig) = (Scheme::default(), SAMPLING.rate_hz, rig(shaker));
+    let spec = PlantSpec { scheme, sample_rate_hz, steps_per_sample: 4, rig, seed: 1 };
     Plant::new(&spec, tested).unwrap()
 }
 
@@ -113,12 +113,8 @@ fn walked(tested: &TestedAssembly, shaker: Option<ShakerSpec>, walk: &mut PhaseW
 fn on_the_branch(tested: &TestedAssembly, (name, mode): (&str, u8), force_n: f64, shaker: Option<ShakerSpec>) -> usize {
     let mut amplitude = Amplitude::default();
     *(if name == "tip.x" { &mut amplitude.force_x_n } else { &mut amplitude.force_y_n }) = force_n;
-    let of = match shaker {
-        Some(shaker) => Modelled::Shaken(tested, shaker.armature_at(&tested.places.exciter).unwrap()),
-        None => Modelled::Structure(tested),
-    };
+    let of = Modelled::new(tested, &rig(shaker)).unwrap();
     let mut walk = PhaseWalk::new(spec(amplitude, mode), of, SAMPLING, 600.0).unwrap();
-    assert_eq!(walk.model().followed, Followed::PointC);
     let points = walked(tested, shaker, &mut walk);
     let dof = tested.assembly.dof(name).unwrap();
     let read = ["tip.x", "tip.y"].map(|name| tested.assembly.dof(name).ok());
@@ -180,36 +176,51 @@ fn one_displacement_is_held() {
     let spec = ResponseControlSpec {
         amplitude,
         mode_number: ModeNumber::FIRST,
-        angle_rad: None,
-        displacement_m: Some(5e-4),
+        displacement_m: 5e-4,
         from_hz: 19.8,
         to_hz: 20.4,
         points: 4,
         cancel_harmonics: crate::control::CancelHarmonics::NONE,
     };
-    let mut walk = PhaseWalk::at_one_amplitude(spec, &tested, SAMPLING, 600.0).unwrap();
+    let mut walk =
+        PhaseWalk::at_one_amplitude(spec, Modelled::new(&tested, &rig(None)).unwrap(), SAMPLING, 600.0).unwrap();
     for point in walked(&tested, None, &mut walk) {
         let omega = TAU * point.frequency_hz;
         let held_m = point.acceleration_c_m_s2[0].norm_sqr().sqrt() / (omega * omega);
         assert!(point.settled && (held_m / 5e-4 - 1.0).abs() < 2e-3, "{point:?}");
     }
-    let refused = |spec| PhaseWalk::at_one_amplitude(spec, &tested, SAMPLING, 600.0).unwrap_err().to_string();
-    let angle = ResponseControlSpec { angle_rad: Some(0.01), displacement_m: None, ..spec };
-    insta::assert_snapshot!(refused(angle), @"control: `response-control` follows the displacement of a point here: give its amplitude as `displacement_m`, and not as `angle_rad`");
-    let none = ResponseControlSpec { displacement_m: None, ..spec };
-    insta::assert_snapshot!(refused(none), @"control: `response-control` follows the displacement of a point here: give its amplitude as `displacement_m`, and not as nothing");
-    let both = ResponseControlSpec { angle_rad: Some(0.01), ..spec };
-    insta::assert_snapshot!(refused(both), @"control: `displacement_m` is 0.0005: it must be left out beside `angle_rad`");
+}
+
+/// In mode 1 the tip, C, moves with 0.4 · 0.4/2ζ = 8 m/s² a newton in resonance, the middle, B, half as far.
+#[test]
+fn the_range_of_the_followed_accelerometer_suffices() {
+    let followed = |ranges_m_s2: [f64; 2], shape_b: f64, load_n: f64| {
+        let mut spec = modal(&[20.0, 43.0, 71.0]).assembly.spec().clone();
+        let BodySpec::Modal(body) = &mut spec.body else { unreachable!() };
+        body.shapes[1].by_mode[0] = shape_b;
+        let tested = tested(spec.body, vec![], "mid");
+        let of = Modelled { ranges_m_s2, ..Modelled::new(&tested, &rig(None)).unwrap() };
+        ModeModel::new(&of, &Load::force_n(1.0, 0.0), load_n, ModeNumber::FIRST).unwrap().followed
+    };
+    assert_eq!(followed([1600.0, 1600.0], 0.2, 150.0), Followed::PointC);
+    assert_eq!(followed([1600.0, 1600.0], 0.2, 170.0), Followed::PointB);
+    assert_eq!(followed([1600.0, 3300.0], 0.2, 1000.0), Followed::PointC);
+    // Less than a fifth as far as the other.
+    assert_eq!(followed([1600.0, 1600.0], 0.079, 170.0), Followed::PointC);
+    assert_eq!(followed([100.0, 1600.0], 2.1, 170.0), Followed::PointB);
 }
 
 #[test]
 fn a_mode_that_is_not_there_is_refused() {
     let amplitude = Amplitude { force_x_n: 20.0, ..Amplitude::default() };
     let refused = |tested: &TestedAssembly, mode: u8| -> String {
-        PhaseWalk::new(spec(amplitude, mode), tested, SAMPLING, 600.0).unwrap_err().to_string()
+        PhaseWalk::new(spec(amplitude, mode), Modelled::new(tested, &rig(None)).unwrap(), SAMPLING, 600.0)
+            .unwrap_err()
+            .to_string()
     };
     insta::assert_snapshot!(refused(&modal(&[20.0]), 2), @"control: mode 2: modes are numbered from 1 to 1");
     let y = Amplitude { force_x_n: 0.0, force_y_n: 20.0, ..amplitude };
-    let off = PhaseWalk::new(spec(y, 1), &modal(&[20.0]), SAMPLING, 600.0).unwrap_err();
+    let one = modal(&[20.0]);
+    let off = PhaseWalk::new(spec(y, 1), Modelled::new(&one, &rig(None)).unwrap(), SAMPLING, 600.0).unwrap_err();
     insta::assert_snapshot!(off, @"control: this load does not drive mode 1: choose another direction");
 }

@@ -3,15 +3,21 @@
 use super::*;
 use crate::control::{CancelHarmonics, ModeNumber};
 use crate::excitation::Amplitude;
-use crate::plant::{Plant, PlantSpec, tests};
+use crate::plant::{Plant, PlantSpec, TestedAssembly, tests};
 use crate::rig::{Converter, RigSpec};
 use alloc::collections::VecDeque;
 use alloc::string::{String, ToString};
-use resonarm_dynamics::arm::{Arm, Pose};
+use resonarm_dynamics::arm::Pose;
 use resonarm_dynamics::integrate::Scheme;
 
-fn arm(beta2_deg: f64) -> Arm {
-    tests::arm(Pose { beta1_deg: 0.0, beta2_deg })
+/// The arm as a chain.
+fn arm(beta2_deg: f64) -> TestedAssembly {
+    tests::preset(Pose { beta1_deg: 0.0, beta2_deg })
+}
+
+/// As the controller knows it, under an ideal exciter.
+fn known(tested: &TestedAssembly) -> Modelled<'_> {
+    Modelled::new(tested, &RigSpec::default()).unwrap()
 }
 
 fn sampling(rate_hz: f64) -> Sampling {
@@ -24,7 +30,7 @@ fn torque(torque1_nm: f64) -> PhaseWalkSpec {
 
 fn plant(beta2_deg: f64, rig: RigSpec) -> Plant {
     let spec = PlantSpec { scheme: Scheme::default(), sample_rate_hz: 1000.0, steps_per_sample: 2, rig, seed: 1 };
-    Plant::new(&spec, &tests::preset(arm(beta2_deg).pose())).unwrap()
+    Plant::new(&spec, &arm(beta2_deg)).unwrap()
 }
 
 /// Runs to the end of the walk, or stops after a minute and a half of simulated time.
@@ -54,7 +60,7 @@ fn walk_late(controller: &mut PhaseWalk, plant: &mut Plant, late: usize) -> (Vec
 #[test]
 fn walks_over_the_resonance_and_again_after_a_restart() {
     let mut plant = plant(60.0, RigSpec::default());
-    let mut controller = PhaseWalk::new(torque(10.0), &arm(60.0), sampling(1000.0), 1600.0).unwrap();
+    let mut controller = PhaseWalk::new(torque(10.0), known(&arm(60.0)), sampling(1000.0), 1600.0).unwrap();
     let (points, end) = walk(&mut controller, &mut plant);
     assert_eq!((points.len(), end), (5, Answer::Finished));
     for (point, lag_deg) in points.iter().zip([10.0, 50.0, 90.0, 130.0, 170.0]) {
@@ -69,11 +75,11 @@ fn walks_over_the_resonance_and_again_after_a_restart() {
 }
 
 #[test]
-fn a_clipped_reading_of_the_followed_angle_ends_the_walk() {
+fn a_clipped_reading_of_the_followed_point_ends_the_walk() {
     let mut deaf = RigSpec::default();
     deaf.sensors.b.range = 300.0;
     let mut plant = plant(60.0, deaf);
-    let mut controller = PhaseWalk::new(torque(20.0), &arm(60.0), sampling(1000.0), 1600.0).unwrap();
+    let mut controller = PhaseWalk::new(torque(20.0), known(&arm(60.0)), sampling(1000.0), 1600.0).unwrap();
     let (_, end) = walk(&mut controller, &mut plant);
     let Answer::Aborted(abort) = end else { panic!("{end:?}") };
     assert!(matches!(abort, Abort::Clipped { point: 'B', .. }), "{abort}");
@@ -87,7 +93,7 @@ fn commands_may_come_late() {
         let mut plant = plant(60.0, RigSpec::default());
         let amplitude = Amplitude { force_y_n: 10.0, ..Amplitude::default() };
         let spec = PhaseWalkSpec { points: 5, ..PhaseWalkSpec::new(amplitude) };
-        let mut controller = PhaseWalk::new(spec, &arm(60.0), sampling(1000.0), 600.0).unwrap();
+        let mut controller = PhaseWalk::new(spec, known(&arm(60.0)), sampling(1000.0), 600.0).unwrap();
         walk_late(&mut controller, &mut plant, late)
     };
     let (points, end) = walked(3);
@@ -101,14 +107,14 @@ fn commands_may_come_late() {
 #[test]
 fn detects_an_arm_other_than_the_scenario_s() {
     let mut plant = plant(60.0, RigSpec::default());
-    let mut controller = PhaseWalk::new(torque(20.0), &arm(120.0), sampling(1000.0), 1600.0).unwrap();
+    let mut controller = PhaseWalk::new(torque(20.0), known(&arm(120.0)), sampling(1000.0), 1600.0).unwrap();
     let (points, end) = walk(&mut controller, &mut plant);
     assert!(matches!(end, Answer::Aborted(_)), "{end:?}");
     assert!(points.iter().all(|point| !point.settled), "{points:?}");
 }
 
-/// With a light shaker the second harmonic of the force is as large as the fundamental. Mode 2 is near that harmonic,
-/// so that one point may run out of tries.
+/// With a light shaker the second harmonic of the force grows to a fifth of the fundamental. Mode 2 is far from it, so that
+/// every point settles.
 #[test]
 fn harmonics_of_the_force_are_cancelled() {
     let shaker = crate::rig::ShakerSpec {
@@ -124,25 +130,25 @@ fn harmonics_of_the_force_are_cancelled() {
         current_limit_a: 30.0,
         voltage_limit_v: 200.0,
     };
-    let known = arm(60.0).with_attachment(shaker.armature()).unwrap();
+    let tested = arm(30.0);
+    let of = Modelled::new(&tested, &RigSpec { shaker: Some(shaker), ..RigSpec::default() }).unwrap();
     let largest = |cancel_harmonics| {
         let amplitude = Amplitude { force_x_n: 5.0, ..Amplitude::default() };
         let spec = PhaseWalkSpec { points: 5, cancel_harmonics, ..PhaseWalkSpec::new(amplitude) };
-        let mut controller = PhaseWalk::new(spec, &known, sampling(1000.0), 600.0).unwrap();
-        let mut plant = plant(60.0, RigSpec { shaker: Some(shaker), ..RigSpec::default() });
+        let mut controller = PhaseWalk::new(spec, of, sampling(1000.0), 600.0).unwrap();
+        let mut plant = plant(30.0, RigSpec { shaker: Some(shaker), ..RigSpec::default() });
         let (points, end) = walk(&mut controller, &mut plant);
-        let settled: Vec<_> = points.iter().filter(|point| point.settled).collect();
-        assert!(end == Answer::Finished && settled.len() >= 4, "{end:?} {points:?}");
-        settled.into_iter().filter_map(ResponsePoint::distortion).fold(0.0, f64::max)
+        assert!(end == Answer::Finished && points.iter().all(|point| point.settled), "{end:?} {points:?}");
+        points.iter().filter_map(ResponsePoint::distortion).fold(0.0, f64::max)
     };
     let (as_it_is, cancelled) = (largest(CancelHarmonics::NONE), largest(CancelHarmonics::ALL));
-    assert!(as_it_is > 0.1 && cancelled < 5e-3, "{as_it_is} {cancelled}");
+    assert!(as_it_is > 0.1 && cancelled < 3e-3, "{as_it_is} {cancelled}");
 }
 
 #[test]
 fn rejects_impossible_walks() {
     let says = |spec: PhaseWalkSpec, rate_hz, limit| -> String {
-        PhaseWalk::new(spec, &arm(60.0), sampling(rate_hz), limit).unwrap_err().to_string()
+        PhaseWalk::new(spec, known(&arm(60.0)), sampling(rate_hz), limit).unwrap_err().to_string()
     };
     let spec = torque(20.0);
     insta::assert_snapshot!(says(PhaseWalkSpec { points: 2, ..spec }, 1000.0, 1600.0), @"control: `points` is 2: it must be from 3 to 10000");
@@ -161,18 +167,17 @@ fn rejects_impossible_response_control() {
     let spec = ResponseControlSpec {
         amplitude,
         mode_number: ModeNumber::FIRST,
-        angle_rad: Some(0.05),
-        displacement_m: None,
+        displacement_m: 0.05,
         from_hz,
         to_hz,
         points,
         cancel_harmonics,
     };
     let says = |spec: ResponseControlSpec| -> String {
-        PhaseWalk::at_one_amplitude(spec, &arm(60.0), sampling(1000.0), 1600.0).unwrap_err().to_string()
+        PhaseWalk::at_one_amplitude(spec, known(&arm(60.0)), sampling(1000.0), 1600.0).unwrap_err().to_string()
     };
     insta::assert_snapshot!(says(ResponseControlSpec { points: 1, ..spec }), @"control: `points` is 1: it must be from 3 to 10000");
-    insta::assert_snapshot!(says(ResponseControlSpec { angle_rad: Some(-0.05), ..spec }), @"control: `angle_rad` is -0.05: it must be above 0 and below 0.5");
+    insta::assert_snapshot!(says(ResponseControlSpec { displacement_m: -0.05, ..spec }), @"control: `displacement_m` is -0.05: it must be above 0 and below 0.5");
     insta::assert_snapshot!(says(ResponseControlSpec { from_hz: 12.0, ..spec }), @"control: `from_hz` is 12: it must be within a tenth of the mode's 22.16 Hz, from 19.94 to 24.37 Hz");
     insta::assert_snapshot!(says(ResponseControlSpec { to_hz: f64::NAN, ..spec }), @"control: `to_hz` is NaN: it must be within a tenth of the mode's 22.16 Hz, from 19.94 to 24.37 Hz");
 }
@@ -184,13 +189,13 @@ fn says_why_it_gives_up() {
         Abort::Clipped { point: 'B', point_key: 'b', frequency_hz },
         Abort::Load { got: 612.3, limit: 600.0, unit: "N", frequency_hz },
         Abort::NotSettling { points: 3, frequency_hz, lag_deg: 23.26, drift: 5.9e-5 },
-        Abort::OutOfBand { lag_deg: 10.0, frequency_hz: 31.5, amplitude: 0.7, unit: "rad" },
+        Abort::OutOfBand { lag_deg: 10.0, frequency_hz: 31.5, amplitude_m: 0.7 },
     ];
     let texts: Vec<String> = aborts.iter().map(ToString::to_string).collect();
     insta::assert_snapshot!(texts.join("\n"), @"
     the accelerometer at B was clipped at 22.1317 Hz: drive less, or give it more range (`rig.sensors.b.range_m_s2`; the classic profile carries 1638 m/s²)
     the loop asks for 612.3 N at 22.1317 Hz, the exciter has 600 N: drive less, or raise the limit if the exciter has more
     3 points in a row did not settle, the last at 22.1317 Hz and a lag of 23.3° (drift 5.9e-5): another mode takes part there, or the arm is not the one that the scenario describes
-    no motion of the mode has a lag of 10.0° at this load by what was found so far: the frequency would be 31.500 Hz, the amplitude 0.700 rad; a walk stays within a tenth of the mode's frequency: take lags nearer to 90°, or another load
+    no motion of the mode has a lag of 10.0° at this load by what was found so far: the frequency would be 31.500 Hz, the amplitude 0.700 m; a walk stays within a tenth of the mode's frequency: take lags nearer to 90°, or another load
     ");
 }
