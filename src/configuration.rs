@@ -4,9 +4,10 @@ use serde_json::{Value, json};
 
 use crate::failure::Failure;
 use resonarm::arm::Load;
+use resonarm::excitation::Amplitude;
 use resonarm::plant::TestedAssembly;
-use resonarm::scenario::{Scenario, StructureKind};
-use resonarm::structure::{Assembly, BodySpec, Channel, CoordinateUnit, Coordinates, coordinate_channels};
+use resonarm::scenario::{Scenario, ScenarioError, StructureKind};
+use resonarm::structure::{Assembly, BodySpec, Channel, CoordinateUnit, Coordinates, Dof, coordinate_channels};
 
 /// The structure under test, with everything that its equations depend on.
 pub(crate) fn of_structure(scenario: &Scenario, tested: &TestedAssembly) -> Value {
@@ -30,6 +31,36 @@ pub(crate) fn of_structure(scenario: &Scenario, tested: &TestedAssembly) -> Valu
         configuration["static_deflection_rad"] = json!(sag_rad);
     }
     configuration
+}
+
+/// The structure of a scenario; `None` of one whose equations are not known, an FMU or a program's own.
+pub(crate) fn computable(scenario: &Scenario) -> Result<Option<TestedAssembly>, ScenarioError> {
+    if scenario.foreign_structure().is_some() { Ok(None) } else { scenario.under_test().map(Some) }
+}
+
+/// The structure of a scenario and the peak load of its control or excitation by what it drives: N, N·m at a joint. Of a
+/// structure whose equations are not known, forces act at `exciter_x` and `exciter_y`.
+pub(crate) fn of_scenario(scenario: &Scenario) -> Result<Value, Failure> {
+    let tested = computable(scenario)?;
+    let mut configuration = match &tested {
+        Some(tested) => of_structure(scenario, tested),
+        None => json!({ "structure": scenario.structure }),
+    };
+    if let Some(amplitude) = scenario.amplitude() {
+        configuration["drive"] = match &tested {
+            Some(tested) => {
+                let named = |(dof, load): (Dof, f64)| (tested.dof_name(dof), json!(load));
+                tested.drives(amplitude).into_iter().map(named).collect()
+            }
+            None => {
+                let Amplitude { torque1_nm, torque2_nm, force_x_n, force_y_n } = *amplitude;
+                let loads = [torque1_nm, torque2_nm, force_x_n, force_y_n];
+                let named = ["joint1", "joint2", "exciter_x", "exciter_y"].map(String::from).into_iter().zip(loads);
+                named.filter(|(_, load)| *load != 0.0).map(|(name, load)| (name, json!(load))).collect()
+            }
+        };
+    }
+    Ok(configuration)
 }
 
 /// The arm with all its parameters, and its pose, or the structure in its place: results of every command depend on

@@ -241,22 +241,11 @@ mod serving {
         if let Some(section) = scenario.foreign_structure() {
             return Ok(foreign_label(section));
         }
-        Ok(match scenario.tested_structure()? {
-            Some(tested) => label(scenario, &tested),
-            None => format!(
-                "{}, \u{3b2}1 = {}\u{b0}, \u{3b2}2 = {}\u{b0}",
-                scenario.arm.label(),
-                scenario.arm.beta1_deg,
-                scenario.arm.beta2_deg
-            ),
-        })
+        Ok(label(scenario, &scenario.under_test()?))
     }
 
     /// The channels of the scenario's plant.
     fn table(scenario: &Scenario) -> Result<Channels, Failure> {
-        if scenario.structure.is_none() {
-            return Ok(Channels::arm(scenario.rig.shaker.is_some()));
-        }
         let plant = scenario.plant()?;
         Ok(Channels::of_structure(plant.structure()))
     }

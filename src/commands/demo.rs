@@ -14,16 +14,14 @@ use crate::live::{LiveFlags, Role, ShownRole};
 use crate::output::{self, Inputs, JsonFlag};
 use crate::session::{PlantDocument, complaint, report_text};
 use crate::status::{Status, Style};
-use crate::structures::{self, walk::Computed};
+use crate::structures;
+use crate::structures::walk::{self, Computed, StructurePoint};
 use crate::supervise::supervise;
-use crate::walk_point::{self, WalkPoint};
-use resonarm::analysis::modes;
 use resonarm::control::{ControlSpec, PhaseWalkSpec};
 use resonarm::realtime::ThreadSetup;
 use resonarm::recording::Existing;
-use resonarm::run::{BothReport, Mode, Options, PlantReport, RecordTo, RunError, Session, Signals, Speed};
+use resonarm::run::{BothReport, Mode, Options, RecordTo, RunError, Session, Signals, Speed};
 use resonarm::scenario::{Scenario, ScenarioError};
-use resonarm_figures::plot::Figure;
 use resonarm_numeric::number::rounded;
 
 /// How long plant and exciter wait for each other: far longer than a loaded machine delays a thread.
@@ -54,19 +52,12 @@ pub(crate) struct Demo {
 }
 
 #[derive(Serialize)]
-struct Document<'a, Point> {
+struct Document<'a> {
     #[serde(flatten)]
     plant: PlantDocument<'a>,
     /// The figure's files; none if no point was read.
     figures: Vec<PathBuf>,
-    points: &'a [Point],
-}
-
-/// The points that were read, as text, and their figure.
-struct Read<Point> {
-    points: Vec<Point>,
-    table: String,
-    figure: Option<Figure>,
+    points: &'a [StructurePoint],
 }
 
 pub(crate) fn scenario() -> Result<Scenario, Failure> {
@@ -128,56 +119,30 @@ impl Demo {
         Ok(verdict)
     }
 
-    /// Writes the figure, and prints points and report.
-    fn show<Point: Serialize>(
-        &self,
-        scenario: &Scenario,
-        plant: &PlantReport,
-        read: Read<Point>,
-    ) -> Result<(), Failure> {
-        let figures = match read.figure {
-            Some(figure) => output::draw(figure, &self.out.join("response"))?,
-            None => Vec::new(),
-        };
-        let document = Document {
-            plant: PlantDocument { configuration: configuration::of_arm(scenario)?, report: plant },
-            figures,
-            points: &read.points,
-        };
-        let text = || {
-            let plotted = output::listed(&document.figures);
-            let plotted = if plotted.is_empty() { plotted } else { format!("plot         {plotted}\n") };
-            read.table.clone() + "\n" + &report_text(plant) + &plotted
-        };
-        self.json.show(&document, text, &[])?;
-        Ok(())
-    }
-
+    /// Writes the figure, prints points and report, and says whether all went well.
     fn conclude(
         &self,
         scenario: &Scenario,
         control: &ControlSpec,
         BothReport { plant, exciter }: BothReport,
     ) -> Result<Verdict, Failure> {
-        let unit = control.amplitude().unit();
-        match scenario.tested_structure()? {
-            Some(tested) => {
-                let points = structures::walk::points(&tested, &exciter.responses);
-                let computed = Computed::new(&tested, control.amplitude(), &exciter.responses)?;
-                let figure = |computed: Computed| {
-                    computed.figure("Phase walk over the resonance", scenario, &tested, &exciter.responses)
-                };
-                let table = structures::walk::table(&points, unit);
-                self.show(scenario, &plant, Read { points, table, figure: computed.map(figure) })?;
+        let tested = scenario.under_test()?;
+        let points = walk::points(&tested, &exciter.responses);
+        let figures = match Computed::new(&tested, control.amplitude(), &exciter.responses)? {
+            Some(computed) => {
+                let figure = computed.figure("Phase walk over the resonance", scenario, &tested, &exciter.responses);
+                output::draw(figure, &self.out.join("response"))?
             }
-            None => {
-                let arm = scenario.build_arm()?;
-                let points: Vec<WalkPoint> =
-                    exciter.responses.iter().map(|point| WalkPoint::new(point, &arm)).collect();
-                let figure = walk_point::figure(scenario, control, &points)?;
-                self.show(scenario, &plant, Read { table: walk_point::table(&points, unit), points, figure })?;
-            }
-        }
+            None => Vec::new(),
+        };
+        let configuration = configuration::of_scenario(scenario)?;
+        let document = Document { plant: PlantDocument { configuration, report: &plant }, figures, points: &points };
+        let text = || {
+            let plotted = output::listed(&document.figures);
+            let plotted = if plotted.is_empty() { plotted } else { format!("plot         {plotted}\n") };
+            walk::table(&points, control.amplitude().unit()) + "\n" + &report_text(&plant) + &plotted
+        };
+        self.json.show(&document, text, &[])?;
         let complaints = [complaint(&plant), complaint_of_exciter(&exciter)];
         complaints.iter().flatten().for_each(|text| tracing::error!("{text}"));
         match plant.error.or(exciter.error) {
@@ -187,35 +152,23 @@ impl Demo {
     }
 }
 
-/// The control of the scenario. Without one an arm is driven like the demo's, a structure by a phase walk at the load
-/// of its excitation.
+/// The control of the scenario; without one a phase walk at the load of its excitation.
 fn control(scenario: &mut Scenario) -> Result<ControlSpec, Failure> {
-    let control = match (scenario.control.take(), &scenario.structure, &scenario.excitation) {
-        (Some(control), _, _) => Some(control),
-        (None, Some(_), Some(spec)) => Some(ControlSpec::PhaseWalk(PhaseWalkSpec::new(spec.amplitude))),
-        (None, Some(_), None) => None,
-        (None, None, _) => self::scenario()?.control,
-    };
-    control.ok_or_else(|| ScenarioError::NoExcitation.into())
-}
-
-/// What vibrates, and its modes: frequency, Hz, and damping ratio.
-fn subject(scenario: &Scenario) -> Result<(String, Vec<[f64; 2]>), Failure> {
-    if let Some(tested) = scenario.tested_structure()? {
-        let modes = tested.assembly.modes().iter().map(|mode| [mode.frequency_hz, mode.damping_ratio]);
-        return Ok((format!("structure    {}", structures::label(scenario, &tested)), modes.collect()));
+    match (scenario.control.take(), &scenario.excitation) {
+        (Some(control), _) => Ok(control),
+        (None, Some(spec)) => Ok(ControlSpec::PhaseWalk(PhaseWalkSpec::new(spec.amplitude))),
+        (None, None) => Err(ScenarioError::NoExcitation.into()),
     }
-    let (name, [beta1_deg, beta2_deg]) = (scenario.arm.label(), [scenario.arm.beta1_deg, scenario.arm.beta2_deg]);
-    let modes = modes(&scenario.build_arm()?).map(|mode| [mode.frequency_hz, mode.damping_ratio]);
-    Ok((format!("arm          {name} at β1 = {beta1_deg}°, β2 = {beta2_deg}°"), modes.to_vec()))
 }
 
 /// Describes the run that is about to start.
 fn introduction(scenario: &Scenario, control: &ControlSpec, mode: Mode, speed: Speed) -> Result<String, Failure> {
-    let (subject, modes) = subject(scenario)?;
-    let [first_hz, damping_ratio] = modes.first().copied().unwrap_or([f64::NAN; 2]);
+    let tested = scenario.under_test()?;
+    let (modes, label) = (tested.assembly.modes(), structures::label(scenario, &tested));
+    let first = modes.first();
+    let (first_hz, damping_ratio) = first.map_or((f64::NAN, f64::NAN), |mode| (mode.frequency_hz, mode.damping_ratio));
     let settling_s = 1.0 / (core::f64::consts::TAU * first_hz * damping_ratio);
-    let others: String = modes.iter().skip(1).map(|[frequency_hz, _]| format!(", {frequency_hz:.2} Hz")).collect();
+    let others: String = modes.iter().skip(1).map(|mode| format!(", {:.2} Hz", mode.frequency_hz)).collect();
     let pace = match (mode, speed.times()) {
         (Mode::RealTime, _) => String::from("in real time"),
         (_, 0.0) => String::from("in lockstep, as fast as it goes"),
@@ -231,12 +184,11 @@ fn introduction(scenario: &Scenario, control: &ControlSpec, mode: Mode, speed: S
         }
         ControlSpec::ForceControl(_) => format!("force control at {size} {unit}"),
         ControlSpec::ResponseControl(spec) => {
-            let (amplitude, unit) = spec.response_with_unit().unwrap_or((f64::NAN, "rad"));
-            format!("response control at {amplitude} {unit}, {} to {} Hz", spec.from_hz, spec.to_hz)
+            format!("response control at {} m, {} to {} Hz", spec.displacement_m, spec.from_hz, spec.to_hz)
         }
     };
     Ok(format!(
-        "{subject}\n\
+        "structure    {label}\n\
          modes        {first_hz:.2} Hz (damping ratio {damping_ratio:.1e}, time constant {} s){others}\n\
          control      {law}\n\
          bus          in memory, {} samples a second, {pace}\n\n",

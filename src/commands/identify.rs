@@ -14,7 +14,6 @@ use crate::figures::response_curves::broken_at_wraps;
 use crate::flags;
 use crate::output::{self, Inputs, JsonFlag, OverwriteFlag};
 use crate::recordings;
-use crate::structures;
 use resonarm::analysis::{self, Pole, Response};
 use resonarm::excitation::Waveform;
 use resonarm::identification::{MissingMode, averaging, band, missing_modes, mode_numbers, record, samples_in};
@@ -22,9 +21,9 @@ use resonarm::identify::{
     self, Averaging, Band, CHANNELS, Direction, FrequencyResponseEstimate, Identification, IdentifiedMode,
     IdentifyError, Record,
 };
-use resonarm::plant::TestedAssembly;
+use resonarm::plant::{Places, TestedAssembly};
 use resonarm::recording::Recording;
-use resonarm::scenario::{READS_IMAGES, Scenario, ScenarioError};
+use resonarm::scenario::{READS_IMAGES, Scenario};
 use resonarm_figures::plot::{Axis, Color, Dash, Figure, Legend, Panel, Series, Style};
 use resonarm_numeric::number::short;
 
@@ -42,7 +41,8 @@ use resonarm_numeric::number::short;
 /// structure; one that is not found is listed with the reason. If no mode is found the exit code is 1.
 ///
 /// With --angles, for a run with any load, it gives the joints' angles over time instead: the accelerations are
-/// integrated twice, and the displacements are converted to angles with the arm's lengths and pose in the recording.
+/// integrated twice, and the displacements are converted to angles with the lengths and the pose of the two links in the
+/// recording's scenario, at whose ends B and C must be.
 /// Vibration at f has the gain 1 − (1 + (f/f0)⁴)⁻³ with the corner f0 of --from-hz. Accelerometers can't measure means,
 /// so these are zero. Each angle has the standard deviation due to the instruments' white noise. Four periods of the
 /// corner are left out at both ends, except at a start from rest. Clipped readings are refused. The droop of the
@@ -51,8 +51,8 @@ use resonarm_numeric::number::short;
 pub(crate) struct Identify {
     /// The recording, an MCAP file.
     file: PathBuf,
-    /// Lowest frequency, Hz [default: that of the recorded excitation, or 1; with --angles a quarter of the arm's
-    /// lowest natural frequency].
+    /// Lowest frequency, Hz [default: that of the recorded excitation, or 1; with --angles a quarter of the
+    /// structure's lowest natural frequency].
     #[arg(long, value_name = "F")]
     from_hz: Option<f64>,
     /// Highest frequency, Hz [default: that of the recorded excitation; of an impact 1 over its length; or 100].
@@ -108,11 +108,11 @@ const UNIT: &str = "m/s² per N";
 struct Document {
     /// The recorded structure, to compare the modes with.
     configuration: Value,
-    /// Of a structure.
+    /// None of a structure whose equations are not known.
     #[serde(skip_serializing_if = "Option::is_none")]
     coordinates: Option<Value>,
-    /// Of a structure: what the shapes' components are of, the degrees of freedom at B along x and y and at C; none
-    /// where an accelerometer reads nothing.
+    /// What the shapes' components are of, the degrees of freedom at B along x and y and at C; none where an
+    /// accelerometer reads nothing, and of a structure whose equations are not known.
     #[serde(skip_serializing_if = "Option::is_none")]
     at: Option<[Option<String>; 4]>,
     recording: String,
@@ -154,11 +154,6 @@ fn pole_frequencies_hz(poles: &[Option<Pole>]) -> Vec<f64> {
     poles.iter().map(|pole| pole.map_or(f64::NAN, |pole| pole.pole_frequency_hz)).collect()
 }
 
-/// The structure of a scenario, if it has one of which something can be computed.
-fn computable(scenario: &Scenario) -> Result<Option<TestedAssembly>, ScenarioError> {
-    if scenario.is_fmu() { Ok(None) } else { scenario.tested_structure() }
-}
-
 impl Identify {
     pub(crate) fn domain(&self) -> Domain {
         self.integration.unwrap_or(Domain::Frequency)
@@ -175,7 +170,8 @@ impl Identify {
             let request = Request { csv, domain, from_hz: self.from_hz, json: self.json };
             return Ok(identify_angles::execute(&recording, &scenario, &request)?.and(recordings::verdict(&recording)));
         }
-        let document = self.compute(&recording, &scenario)?;
+        let tested = configuration::computable(&scenario)?;
+        let document = self.compute(&recording, &scenario, tested.as_ref())?;
         for NumberedMode { found, .. } in document.modes.iter().filter(|mode| !mode.found.is_linear) {
             tracing::warn!(
                 "{:.3} Hz: the fit leaves {:.1} times the instruments' noise: the structure did not vibrate linearly, so lower the force, or the instruments are almost without noise",
@@ -191,13 +187,18 @@ impl Identify {
         if scenario.reads_images() {
             tracing::warn!("{READS_IMAGES}");
         }
-        let drawn = || (figure(&scenario, &document), document.csv());
+        let drawn = || (figure(&scenario, tested.as_ref(), &document), document.csv());
         let files = output::plot(self.plot.as_deref(), &document, drawn)?;
         self.json.show(&document, || document.text(), &files)?;
         Ok(Verdict::of(!document.modes.is_empty()).and(recordings::verdict(&recording)))
     }
 
-    fn compute(&self, recording: &Recording, scenario: &Scenario) -> Result<Document, Failure> {
+    fn compute(
+        &self,
+        recording: &Recording,
+        scenario: &Scenario,
+        tested: Option<&TestedAssembly>,
+    ) -> Result<Document, Failure> {
         let record = record(recording, scenario, self.input.direction())?;
         let waveform = scenario.excitation.as_ref().map(|excitation| &excitation.profile);
         let usual = band(waveform, record.rate_hz());
@@ -209,21 +210,15 @@ impl Identify {
             Err(IdentifyError::NoResonance { .. }) => Identification { modes: Vec::new(), rejected: Vec::new() },
             Err(error) => return Err(error.into()),
         };
-        let tested = computable(scenario)?;
-        let known_hz: Vec<f64> = match &tested {
-            // An FMU does not show its equations.
-            _ if scenario.is_fmu() => Vec::new(),
-            // Poles are compared with poles; a mode that does not oscillate has none and is not found.
-            Some(tested) => pole_frequencies_hz(&analysis::structure_poles(&tested.assembly)),
-            None => pole_frequencies_hz(&analysis::arm_poles(&scenario.build_arm()?)),
-        };
+        // Poles are compared with poles; a mode that does not oscillate has none and is not found.
+        let poles = tested.map_or(Vec::new(), |tested| analysis::structure_poles(&tested.assembly));
+        let known_hz = pole_frequencies_hz(&poles);
         let numbers = mode_numbers(&found.modes, &known_hz);
         let missing = missing_modes(&found, &numbers, &known_hz, band);
         let numbered = numbers.into_iter().zip(found.modes);
-        let configuration = configuration::of_arm(scenario)?;
         Ok(Document {
-            coordinates: configuration.get("coordinates").cloned(),
-            configuration,
+            coordinates: tested.map(|tested| configuration::coordinates(&tested.assembly)),
+            configuration: configuration::of_scenario(scenario)?,
             at: tested.map(|tested| {
                 let [[bx, by], [cx, cy]] = [tested.places.accelerometer_b.along, tested.places.accelerometer_c.along];
                 [bx, by, cx, cy].map(|dof| dof.map(|dof| tested.dof_name(dof)))
@@ -331,7 +326,7 @@ const LEAST_COHERENCE: f64 = 0.5;
 
 /// A row for each response: modulus and phase of H1, and the coherence, if there is one. The responses of the identified
 /// modes are drawn over them. All moduli have one axis.
-fn figure(scenario: &Scenario, document: &Document) -> Figure {
+fn figure(scenario: &Scenario, tested: Option<&TestedAssembly>, document: &Document) -> Figure {
     let sizes = |curve: &ResponseCurve| curve.h1.iter().map(|[re, im]| libm::hypot(*re, *im)).collect::<Vec<f64>>();
     let read: Vec<&ResponseCurve> =
         document.responses.iter().filter(|curve| sizes(curve).iter().any(|size| *size > 0.0)).collect();
@@ -341,17 +336,17 @@ fn figure(scenario: &Scenario, document: &Document) -> Figure {
     let mut figure = Figure::new("Frequency response from readings");
     figure.columns = if has_coherence { 3 } else { 2 };
     for (row, curve) in read.iter().enumerate() {
-        let identified = Identified::new(scenario, document, row_of(document, curve));
+        let identified = tested.and_then(|tested| Identified::new(tested, document, row_of(document, curve)));
         for panel in panels(document, curve, identified.as_ref(), range) {
             // One legend, for all.
             let is_first = figure.panels.is_empty() && row == 0;
             figure = figure.with(panel.legend(if is_first { Legend::Bottom } else { Legend::None }));
         }
     }
-    match (computable(scenario), scenario.foreign_structure()) {
-        (Ok(Some(tested)), _) => figure.subtitle(structures::label(scenario, &tested)),
-        (_, Some(section)) => figure.subtitle(structures::foreign_label(section)),
-        _ => figure.subtitle(captions::pose(&scenario.arm)),
+    match (tested, scenario.foreign_structure()) {
+        (Some(tested), _) => figure.subtitle(captions::structure(scenario, tested, &[])),
+        (None, Some(section)) => figure.subtitle(captions::foreign_label(section)),
+        (None, None) => figure,
     }
 }
 
@@ -416,19 +411,19 @@ struct IdentifiedPart {
 }
 
 impl Identified {
-    /// Of the arm, whose force acts at C, if every mode has a shape with its mass; else `None`.
-    fn new(scenario: &Scenario, document: &Document, channel: usize) -> Option<Identified> {
-        if scenario.structure.is_some() || document.modes.is_empty() {
-            return None;
-        }
+    /// `None` if no accelerometer is where the force acts, which the shapes must show, or if a mode has no shape with
+    /// its mass.
+    fn new(tested: &TestedAssembly, document: &Document, channel: usize) -> Option<Identified> {
+        let Places { exciter, accelerometer_b, accelerometer_c } = &tested.places;
+        let driven = [(accelerometer_c, 2), (accelerometer_b, 0)].into_iter().find(|(placed, _)| *placed == exciter);
+        let (_, first) = driven.filter(|_| !document.modes.is_empty())?;
         let [dx, dy] = document.direction;
         let part = |mode: &NumberedMode| {
             let shape = mode.found.shape_per_sqrt_kg?;
-            let [_, _, cx, cy] = shape;
             Some(IdentifiedPart {
                 rate: core::f64::consts::TAU * mode.found.pole_frequency_hz,
                 damping_ratio: mode.found.pole_damping_ratio,
-                residue: shape.get(channel)? * (dx * cx + dy * cy),
+                residue: shape.get(channel)? * (dx * shape[first] + dy * shape[first + 1]),
             })
         };
         Some(Identified { modes: document.modes.iter().map(part).collect::<Option<_>>()? })

@@ -49,7 +49,7 @@ pub(crate) struct Request<'a> {
 
 #[derive(Serialize)]
 struct Document {
-    /// The arm that was recorded, and its pose.
+    /// The structure that was recorded.
     configuration: Value,
     recording: PathBuf,
     /// The table of the angles.
@@ -78,7 +78,7 @@ pub(crate) fn execute(recording: &Recording, scenario: &Scenario, request: &Requ
     let history = &found.history;
     let file = output::write(request.csv.to_path_buf(), &csv(&found))?;
     let document = Document {
-        configuration: configuration::of_arm(scenario)?,
+        configuration: configuration::of_scenario(scenario)?,
         recording: recording.path().to_path_buf(),
         angles: file.clone(),
         integration: request.domain.name(),

@@ -142,7 +142,7 @@ impl Run {
                 self.mode
             )));
         }
-        let configuration = configuration::of_arm(session.scenario())?;
+        let configuration = configuration::of_scenario(session.scenario())?;
         for lack in session.scenario().wire.iter().flat_map(WireSection::lacks) {
             tracing::warn!("[wire] {lack}");
         }
@@ -181,7 +181,7 @@ impl Run {
         if self.bus.is_some() {
             return Err(RunError::FreeHasNoBus.into());
         }
-        let configuration = configuration::of_arm(session.scenario())?;
+        let configuration = configuration::of_scenario(session.scenario())?;
         let (session, steered) = {
             let converter = session.scenario().rig.converter;
             self.steer.steered(session, converter)?

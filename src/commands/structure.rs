@@ -106,7 +106,7 @@ impl Document {
     fn new(scenario: &Scenario, tested: &TestedAssembly) -> Result<Document, Failure> {
         let modes = tested.assembly.modes();
         Ok(Document {
-            configuration: configuration::of_arm(scenario)?,
+            configuration: configuration::of_structure(scenario, tested),
             points: tested.assembly.points(),
             degrees_of_freedom: tested.assembly.dof_names(),
             natural_frequencies_hz: modes.iter().map(|mode| mode.frequency_hz).collect(),

@@ -45,7 +45,8 @@ fn faults_that_a_bus_cannot_simulate() {
     let errors = "network = { bit_rate_hz = 1_000_000, bit_error_rate = 1e-6 }";
     assert_snapshot!(say(errors, &["run", "--bus", "vcan0", "--mode", "lockstep"]), @"resonarm: network.bit_error_rate is 1e-6: the bus of the mode lockstep has the bit errors that it has; leave it out, take --mode free, where they are simulated, or corrupt frames by [[network.faults]]");
     assert_snapshot!(say(errors, &["run", "--bus", "vcan0"]), @"resonarm: network.bit_error_rate is 1e-6: the bus of the mode real-time has the bit errors that it has; leave it out, take --mode free, where they are simulated, or corrupt frames by [[network.faults]]");
-    let timed = "network = { bit_rate_hz = 1_000_000 }";
+    let timed = "network = { bit_rate_hz = 1_000_000 }\n\
+                 control = { law = 'phase-walk', amplitude = { force_x_n = 14.0 } }";
     assert_snapshot!(say(timed, &["demo", "--mode", "real-time", "--json"]), @"resonarm: network.bit_rate_hz is 1000000: in real time plant and exciter of one process share a bus in memory, on which frames take no time; leave it out, or take the mode free or lockstep");
 }
 

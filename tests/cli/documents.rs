@@ -204,8 +204,7 @@ fn simulate_meets_the_oracles() {
     assert!(worst < 1e-9 && worst > 0.0, "{worst:e}");
 }
 
-/// Every document of an analysis has the structure with all of its parameters, those of a run the arm and its pose;
-/// headers state the differences from the preset.
+/// Every document has the structure with all of its parameters; headers state the differences from the preset.
 #[test]
 fn a_changed_arm_is_in_every_document_and_header() {
     let folder = tempfile::tempdir().unwrap();
@@ -227,15 +226,11 @@ fn a_changed_arm_is_in_every_document_and_header() {
     for command in commands {
         let got = document(folder.path(), 0, &[command, &["--scenario", "own.toml", "--json"]].concat());
         let structure = &got["configuration"]["structure"];
-        if !structure.is_null() {
-            assert_eq!(structure["angles_deg"], serde_json::json!([20.0, 30.0]), "{command:?}");
-            assert_eq!(structure["links"][1]["mass_kg"].as_f64(), Some(40.0), "{command:?}");
-            continue;
+        assert_eq!(structure["angles_deg"], serde_json::json!([20.0, 30.0]), "{command:?}");
+        assert_eq!(structure["links"][1]["mass_kg"].as_f64(), Some(40.0), "{command:?}");
+        if matches!(command[0], "run" | "demo") {
+            assert_eq!(got["configuration"]["drive"], serde_json::json!({ "tip.x": 1.0 }), "{command:?}");
         }
-        let arm = &got["configuration"];
-        assert_eq!((arm["beta1_deg"].as_f64(), arm["beta2_deg"].as_f64()), (Some(20.0), Some(30.0)), "{command:?}");
-        let parameters = &arm["parameters"];
-        assert_eq!((parameters["mass2_kg"].as_f64(), names(parameters).len()), (Some(40.0), 10), "{command:?}");
     }
     for command in [["modes"].as_slice(), &["integrators", "--drift-steps", "10"]] {
         let header = crate::resonarm(folder.path(), &[command, &["--scenario", "own.toml"]].concat()).stdout;

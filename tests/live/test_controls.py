@@ -156,7 +156,7 @@ def test_series_are_shown_and_hidden_by_keys(browser, programs):
     page.until(f"{pressed} === 'true' && {blue} > 100")
     names = "[...document.querySelectorAll('.plot button')].map((it) => it.textContent).join()"
     assert page.value(names) == (
-        "load x,load y,head x,head y,x,y,x,y,force x (N),force y (N),C x (m/s²),C y (m/s²),load,largest,lateness,latest"
+        "load x,load y,head x,head y,x,y,x,y,force x (N),force y (N),C x (m/s²),C y (m/s²),α₁,α₂,load,largest,lateness,latest"
     )
     assert page.errors == []
 

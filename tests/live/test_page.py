@@ -49,8 +49,8 @@ def test_the_demo_moves_and_its_response_builds_up_on_the_branch(browser, progra
     assert page.value("""(() => {
         const { branch, points } = resonarm.data;
         const lines = [...branch.stable, ...branch.unstable].filter((point) => point !== null);
-        return points.every((point) => lines.some(([hz, a1]) =>
-            Math.abs(hz - point.frequency_hz) < 2e-3 && Math.abs(a1 / point.amplitude[0] - 1) < 0.05));
+        return points.every((point) => lines.some(([hz, x]) =>
+            Math.abs(hz - point.frequency_hz) < 2e-3 && Math.abs(x / point.amplitude[0] - 1) < 0.05));
     })()""")
     peak_hz = page.value("resonarm.data.spectrum.peak_hz")
     assert abs(peak_hz - 22.15) < 0.1
@@ -248,9 +248,8 @@ def test_clipped_readings_are_marked_wherever_they_are_shown(browser, programs, 
     assert notes() == [""] * len(CLIPPED)
     assert [page.value(f"{BAD_PIXELS}('{panel}')") for panel in ("#acceleration-c canvas", "#lissajous")] == [0, 0]
     page.value("resonarm.ask({ set: { load: 30, frequency_hz: 15, phase_deg: 0 } })")
-    # Both axes of C, and so what α2 is computed from.
-    assert page.until("resonarm.data.points[0]")["clipped"] == [False, True]
-    page.value("document.querySelector('[name=response][value=\"1\"]').click()")
+    # Both axes of C, and none of B.
+    assert page.until("resonarm.data.points[0]")["clipped"] == [True, True, False, False]
     both = "clipped: C x, C y"
     expected = [["", "", "clipped: x, y", along, both, ""] for along in ("clipped: C x", "clipped: C y")]
     wait_until(lambda: notes() in expected, "the notes beside the titles")

@@ -337,10 +337,10 @@ def test_who_comes_late_is_told_what_was(programs):
     assert kept["rows"] == 2048 and kept["first"] + kept["rows"] == kept["sample"] + 1
 
 
-# The topics of recordings, and the arm for 3D views.
+# The topics of recordings, and the structure for 3D views.
 TOPICS = {
     "/plant/state", "/plant/command", "/plant/sensors", "/plant/steps", "/plant/samples", "/timing/ticks", "/events",
-    "/can/frames", "/arm",
+    "/can/frames", "/structure",
 }  # fmt: skip
 
 
@@ -386,7 +386,7 @@ def check_arm(updates, recording, about, start_ns):
     for time_ns, update in updates:
         published(SceneUpdate.DESCRIPTOR, update)
         (entity,) = update["entities"]
-        assert (entity["id"], entity["frame_id"]) == ("arm", "base")
+        assert (entity["id"], entity["frame_id"]) == ("structure", "base")
         assert entity["timestamp"] == {"sec": time_ns // 10**9, "nsec": time_ns % 10**9}
         (pair,) = entity["metadata"]
         alpha = float(pair["value"]) * recording.states[round((time_ns - start_ns) / 1e6), :2]
@@ -419,16 +419,16 @@ def test_the_client_of_foxglove_s_makers_reads_the_stream(programs, tmp_path, su
     check_frames(messages["/can/frames"], recording)
     # The time of sample 0 is when the program began to serve.
     time_ns, batch = messages["/plant/steps"][0]
-    check_arm(messages["/arm"], recording, viewer.about, time_ns - 10**6 * batch.first_step)
+    check_arm(messages["/structure"], recording, viewer.about, time_ns - 10**6 * batch.first_step)
 
 
-def test_a_recording_is_streamed_with_its_frames_and_the_arm(programs):
+def test_a_recording_is_streamed_with_its_frames_and_the_structure(programs):
     path = "recordings/lockstep-dwell.mcap"
     replay = programs.resonarm("replay", path, "--live")
     viewer = Viewer(*address(replay))
     # Played to its end, and again from the beginning as often as the client needs.
     with ThreadPoolExecutor(1) as pool:
-        client = pool.submit(streamed, replay, SUBPROTOCOLS[0], "/can/frames", "/arm", count=40)
+        client = pool.submit(streamed, replay, SUBPROTOCOLS[0], "/can/frames", "/structure", count=40)
         while not client.done():
             assert viewer.ask("play") == {"kind": "taken"}
             time.sleep(0.1)
@@ -436,7 +436,7 @@ def test_a_recording_is_streamed_with_its_frames_and_the_arm(programs):
     recording = Recording.whole(Path(path))
     assert set(messages) == TOPICS
     check_frames(messages["/can/frames"], recording)
-    check_arm(messages["/arm"], recording, viewer.about, 0)
+    check_arm(messages["/structure"], recording, viewer.about, 0)
 
 
 def test_another_subprotocol_and_nonsense_from_a_client_are_answered(programs):

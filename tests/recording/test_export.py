@@ -183,7 +183,7 @@ def test_viewers_find_every_sample(recorded, tmp_path):
     assert [schemas[topic][0] for topic in logs] == ["foxglove.Log"]
     # The 3D view shows the additions of `--moving-arm`.
     assert [panel["topics"] for name, panel in layout["configById"].items() if name.startswith("3D!")] == [
-        {"/arm": {"visible": True}, "/structure": {"visible": True}}
+        {"/structure": {"visible": True}}
     ]
     panels = re.findall(r'"(\w+!\w+)"', json.dumps(layout["layout"]))
     assert sorted(panels) == sorted(layout["configById"])
@@ -193,7 +193,7 @@ def test_the_moving_arm(recorded, tmp_path):
     path, recording = recorded
     export(tmp_path, path, "--to", "foxglove", "--moving-arm", "20", "--to-s", "0.3")
     with (tmp_path / "x-foxglove.mcap").open("rb") as stream:
-        updates = list(make_reader(stream, validate_crcs=True).iter_messages(topics=["/arm"]))
+        updates = list(make_reader(stream, validate_crcs=True).iter_messages(topics=["/structure"]))
     assert [message.log_time for _, _, message in updates] == [k * 1_000_000 for k in range(301)]
     schema = updates[0][0]
     assert (schema.name, schema.encoding) == ("foxglove.SceneUpdate", "jsonschema")
@@ -204,7 +204,7 @@ def test_the_moving_arm(recorded, tmp_path):
         update = json.loads(message.data)
         published(SceneUpdate.DESCRIPTOR, update)
         (entity,) = update["entities"]
-        assert (entity["id"], entity["frame_id"]) == ("arm", "base")
+        assert (entity["id"], entity["frame_id"]) == ("structure", "base")
         assert entity["metadata"] == [{"key": "magnification", "value": "20"}]
         (line,) = entity["lines"]
         first, second = beta[0] + 20 * alpha1, beta.sum() + 20 * (alpha1 + alpha2)

@@ -64,7 +64,7 @@ def decoders(channels):
     pool, decode = descriptor_pool.DescriptorPool(), {}
     for channel in channels:
         topic, name = channel["topic"], channel["schemaName"]
-        if topic in ("/arm", "/structure"):
+        if topic == "/structure":
             assert (channel["encoding"], channel["schemaEncoding"]) == ("json", "jsonschema")
             assert name == "foxglove.SceneUpdate"
             declared(SceneUpdate.DESCRIPTOR, json.loads(channel["schema"]))

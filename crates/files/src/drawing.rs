@@ -6,35 +6,13 @@
 
 use serde::Serialize;
 
-use resonarm_dynamics::arm::Arm;
 use resonarm_dynamics::structure::{Assembly, Axis};
-use resonarm_scenario::structure::StructureKind;
 use resonarm_scenario::{Scenario, ScenarioError, StructureSection};
 
 /// The largest turn of a link that is drawn where the magnification is chosen, rad.
 const DRAWN_RAD: f64 = 0.22;
 /// The largest displacement by modes that is drawn then, over the size of the structure.
 const DRAWN_OF_SIZE: f64 = 0.12;
-
-/// What is called by which name in pictures.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize)]
-#[serde(rename_all = "lowercase")]
-pub enum Subject {
-    /// The two-link arm, with elements or without.
-    Arm,
-    /// A chain or modes.
-    Structure,
-}
-
-impl Subject {
-    /// `arm` or `structure`.
-    pub const fn name(self) -> &'static str {
-        match self {
-            Subject::Arm => "arm",
-            Subject::Structure => "structure",
-        }
-    }
-}
 
 /// How the points follow from the coordinates.
 #[derive(Clone, Debug, PartialEq, Serialize)]
@@ -54,8 +32,6 @@ pub enum DrawnMotion {
 /// A structure as lines between points in the base frame.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct Drawing {
-    /// What it shows.
-    pub subject: Subject,
     /// The names of its points.
     pub points: Vec<String>,
     /// Where they are at rest, along x, y and z, m.
@@ -67,42 +43,30 @@ pub struct Drawing {
 }
 
 impl Drawing {
-    /// Of the arm or the structure of a scenario; `None` if nothing says where its points are: of modes without places,
-    /// and of a structure that a program makes.
+    /// The structure of a scenario; `None` if nothing says where its points are: of modes without places, of a structure
+    /// that a program makes, and of an FMU.
     ///
     /// # Errors
     /// [`ScenarioError`] if the scenario makes no structure.
     pub fn of(scenario: &Scenario) -> Result<Option<Drawing>, ScenarioError> {
-        match &scenario.structure {
-            None => Ok(Some(Drawing::of_arm(&scenario.build_arm()?))),
-            Some(section) if section.kind.is_foreign() => Ok(None),
-            Some(section) => {
-                let tested = scenario.tested_structure()?;
-                Ok(tested.and_then(|tested| Drawing::of_assembly(section, &tested.assembly)))
-            }
+        if scenario.foreign_structure().is_some() {
+            return Ok(None);
         }
+        let section = scenario.structure.clone().unwrap_or_default();
+        Ok(Drawing::of_assembly(&section, &scenario.under_test()?.assembly))
     }
 
-    /// Of the arm: base, elbow and tip.
-    pub fn of_arm(arm: &Arm) -> Drawing {
-        let points = arm.points(&nalgebra::Vector2::zeros());
-        let names = ["joint1", "joint2", "tip"].map(String::from).to_vec();
-        Drawing::of_links(Subject::Arm, names, &[[0.0; 2], points.b_m.into(), points.c_m.into()])
-    }
-
-    /// Of the structure that a section makes; `None` of modes without places.
+    /// The structure that a section makes; `None` of modes without places.
     pub fn of_assembly(section: &StructureSection, assembly: &Assembly) -> Option<Drawing> {
-        let subject = if section.kind == StructureKind::Arm { Subject::Arm } else { Subject::Structure };
         match assembly.rest_m() {
-            Some(rest_m) => Some(Drawing::of_links(subject, assembly.points(), &rest_m)),
+            Some(rest_m) => Some(Drawing::of_links(assembly.points(), &rest_m)),
             None => Drawing::of_modes(section, assembly),
         }
     }
 
-    fn of_links(subject: Subject, points: Vec<String>, rest_m: &[[f64; 2]]) -> Drawing {
+    fn of_links(points: Vec<String>, rest_m: &[[f64; 2]]) -> Drawing {
         let links = || rest_m.windows(2).map(|ends| [ends[1][0] - ends[0][0], ends[1][1] - ends[0][1]]);
         Drawing {
-            subject,
             lines: vec![(0..points.len()).collect()],
             points,
             rest_m: rest_m.iter().map(|[x, y]| [*x, *y, 0.0]).collect(),
@@ -126,7 +90,6 @@ impl Drawing {
         let points: Vec<String> = section.points.keys().cloned().collect();
         let place = |name: &String| points.iter().position(|point| point == name);
         let drawing = Drawing {
-            subject: Subject::Structure,
             rest_m: section.points.values().copied().collect(),
             lines: section.lines.iter().map(|line| line.iter().filter_map(place).collect()).collect(),
             motion: DrawnMotion::Shapes(points.iter().map(shapes).collect()),
@@ -211,21 +174,23 @@ mod tests {
         assert!(found.len() == expected.len() && apart.fold(0.0, f64::max) < 1e-12, "{found:?}, {expected:?}");
     }
 
-    /// The same by the arm's kinematics, sagging or not, and by those of a chain.
+    /// The arm has links of 0.63 and 0.6 m.
     #[test]
-    fn the_arm_is_where_its_own_kinematics_have_it() {
-        for text in ["", "[arm]\nbeta1_deg = 25.0\nbeta2_deg = -70.0\n", "[structure]\n"] {
-            let scenario = Scenario::parse(text, "bench.toml").unwrap();
-            let plain = Scenario { structure: None, ..scenario.clone() };
-            let drawing = Drawing::of(&scenario).unwrap().unwrap();
-            assert_eq!(drawing.subject, Subject::Arm);
+    fn the_arm_is_drawn_in_its_pose() {
+        for (text, [beta1_deg, beta2_deg]) in [
+            ("", [0.0_f64, 60.0]),
+            ("[arm]\nbeta1_deg = 25.0\nbeta2_deg = -70.0\n", [25.0, -70.0]),
+            ("[structure]\n", [0.0, 60.0]),
+        ] {
+            let drawing = drawing(text).unwrap();
             assert_eq!(
                 (&drawing.points[..], &drawing.lines[..]),
                 (&["joint1", "joint2", "tip"].map(String::from)[..], &[vec![0, 1, 2]][..])
             );
-            let points = plain.build_arm().unwrap().points(&[0.06, -0.02].into());
-            let expected = [[0.0; 3], [points.b_m.x, points.b_m.y, 0.0], [points.c_m.x, points.c_m.y, 0.0]];
-            near(&drawing.positions_m(&[3e-3, -1e-3], 20.0), &expected);
+            let (first, second) = (beta1_deg.to_radians() + 0.06, (beta1_deg + beta2_deg).to_radians() + 0.04);
+            let elbow = [0.63 * libm::cos(first), 0.63 * libm::sin(first), 0.0];
+            let tip = [elbow[0] + 0.6 * libm::cos(second), elbow[1] + 0.6 * libm::sin(second), 0.0];
+            near(&drawing.positions_m(&[3e-3, -1e-3], 20.0), &[[0.0; 3], elbow, tip]);
             assert!((drawing.vibration(&[3e-3, -5e-3]) - 3e-3 / 0.22).abs() < 1e-15);
         }
     }
@@ -243,7 +208,7 @@ links = [
     #[test]
     fn a_chain_is_drawn_link_by_link() {
         let drawing = drawing(CHAIN).unwrap();
-        assert_eq!((drawing.subject, &drawing.lines[..]), (Subject::Structure, &[vec![0, 1, 2, 3]][..]));
+        assert_eq!(drawing.lines, [vec![0, 1, 2, 3]]);
         assert_eq!(drawing.points, ["joint1", "joint2", "joint3", "tip"]);
         near(&drawing.rest_m, &[[0.0; 3], [0.0, 0.5, 0.0], [0.4, 0.5, 0.0], [0.4, 0.2, 0.0]]);
         // A quarter turn at the second joint, half of it drawn twice.

@@ -56,8 +56,8 @@ const PLOT_EVERY: u64 = 10;
 pub enum Channel {
     /// Messages as in recordings.
     Recorded(MessageType),
-    /// The moving arm or structure, as in copies for viewers, under its topic.
-    Scene(&'static str),
+    /// The moving structure, as in copies for viewers.
+    Scene,
 }
 
 impl Channel {
@@ -72,9 +72,9 @@ impl Channel {
                 "schema": STANDARD.encode(of.descriptor(table)),
                 "schemaEncoding": "protobuf",
             }),
-            Channel::Scene(topic) => json!({
+            Channel::Scene => json!({
                 "id": id,
-                "topic": topic,
+                "topic": scene::TOPIC,
                 "encoding": "json",
                 "schemaName": scene::SCHEMA,
                 "schema": scene::schema().to_string(),
@@ -114,7 +114,7 @@ impl Stream {
     /// a structure that is drawn if its coordinates are known; states and readings consist of the channels of `table`.
     pub fn new(dt_s: f64, start_unix_ns: u64, interface: &str, drawing: Option<Drawing>, table: Channels) -> Stream {
         let moving = drawing.map(Moving::new);
-        let scene = moving.as_ref().map(|moving| Channel::Scene(moving.topic()));
+        let scene = moving.as_ref().map(|_moving| Channel::Scene);
         Stream {
             dt_s,
             start_unix_ns,
@@ -382,10 +382,10 @@ mod tests {
     }
 
     #[test]
-    fn the_arm_is_sent_once_an_update_as_in_copies_for_viewers() {
+    fn the_structure_is_sent_once_an_update_as_in_copies_for_viewers() {
         let drawing = Drawing::of(&Scenario::default()).unwrap();
         let mut stream = Stream::new(1e-3, 1_000, "none", drawing, Channels::default());
-        assert_eq!(stream.channels()[RECORDED.len()..], [Channel::Scene("/arm")]);
+        assert_eq!(stream.channels()[RECORDED.len()..], [Channel::Scene]);
         let zero = [0.0; 2];
         for sample in 5..8 {
             let (alpha_rad, alpha_dot_rad_s) = ([1e-3, 0.0], zero);

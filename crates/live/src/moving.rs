@@ -35,11 +35,6 @@ impl Moving {
         Moving { drawing, newest: None, largest: 0.0, before: VecDeque::new(), magnification: 1.0 }
     }
 
-    /// The topic of its messages.
-    pub fn topic(&self) -> &'static str {
-        scene::topic(self.drawing.subject)
-    }
-
     /// Takes a state.
     pub fn state(&mut self, state: &StateRecord) {
         self.largest = self.largest.max(self.drawing.vibration(state.states.coordinates()));
@@ -107,8 +102,8 @@ mod tests {
 
     #[test]
     fn the_newest_state_of_an_update_is_drawn_where_the_arm_is() {
-        let arm = Scenario::default().build_arm().unwrap();
-        let mut moving = Moving::new(Drawing::of_arm(&arm));
+        let drawing = Drawing::of(&Scenario::default()).unwrap().unwrap();
+        let mut moving = Moving::new(drawing.clone());
         assert!(moving.take(|sample| sample).is_none());
         moving.state(&state(7, [2e-3, 2e-3]));
         moving.state(&state(8, [1e-3, -2e-3]));
@@ -117,12 +112,10 @@ mod tests {
         let entity = &message["entities"][0];
         assert_eq!(entity["timestamp"], serde_json::json!({ "sec": 1, "nsec": 500_000_008 }));
         assert_eq!(entity["metadata"], serde_json::json!([{ "key": "magnification", "value": "50" }]));
-        let points = arm.points(&[5e-2, -0.1].into());
-        let drawn = &entity["lines"][0]["points"];
-        for (point, expected) in [(&drawn[0], [0.0; 2].into()), (&drawn[1], points.b_m), (&drawn[2], points.c_m)] {
-            let found = [&point["x"], &point["y"]].map(|number| number.as_f64().unwrap());
-            assert!((nalgebra::Vector2::from(found) - expected).norm() < 1e-12, "{point} {expected}");
-        }
+        let expected = drawing.positions_m(&[1e-3, -2e-3], 50.0);
+        let drawn = entity["lines"][0]["points"].as_array().unwrap();
+        let found: Vec<_> = drawn.iter().map(|at| ["x", "y", "z"].map(|axis| at[axis].as_f64().unwrap())).collect();
+        assert_eq!(found, expected);
         assert!(moving.take(|sample| sample).is_none());
     }
 }

@@ -3,9 +3,8 @@
 use serde::Serialize;
 
 use super::rows::{self, Plotted, Shown};
-use resonarm_bench::control::{JointAngles, ResponsePoint};
+use resonarm_bench::control::ResponsePoint;
 use resonarm_bench::plant::{Placed, TestedAssembly};
-use resonarm_dynamics::arm::Arm;
 use resonarm_files::drawing::Drawing;
 use resonarm_files::recording::channels::Channels;
 use resonarm_scenario::{Scenario, ScenarioError, StructureSection};
@@ -24,9 +23,7 @@ pub struct UnderTest {
 
 #[derive(Clone, Debug)]
 enum Kind {
-    /// The two-link arm without elements.
-    Arm(Box<Arm>),
-    /// A chain or modes, or the arm with elements.
+    /// A chain or modes.
     Assembly(Box<TestedAssembly>),
     /// One that a program makes, or an FMU: with how many joints torques act on.
     Foreign { joints: usize },
@@ -51,7 +48,7 @@ pub struct Panels {
     /// The accelerations of B and C.
     pub acceleration_b: Vec<Plotted>,
     pub acceleration_c: Vec<Plotted>,
-    /// Coordinates, and states of elements; of the arm without elements none, since it is drawn.
+    /// Coordinates, and states of elements.
     pub coordinates: Vec<Plotted>,
     pub elements: Vec<Plotted>,
 }
@@ -82,10 +79,7 @@ impl UnderTest {
     pub fn new(scenario: &Scenario, name: String, table: Channels) -> Result<UnderTest, ScenarioError> {
         let kind = match scenario.foreign_structure() {
             Some(section) => Kind::foreign(section),
-            None => match scenario.tested_structure()? {
-                Some(tested) => Kind::Assembly(tested.into()),
-                None => Kind::Arm(scenario.build_arm()?.into()),
-            },
+            None => Kind::Assembly(scenario.under_test()?.into()),
         };
         Ok(UnderTest { name, table, drawing: Drawing::of(scenario)?, kind })
     }
@@ -93,7 +87,6 @@ impl UnderTest {
     /// Frequencies of the modes, Hz.
     pub fn modes_hz(&self) -> Vec<f64> {
         match &self.kind {
-            Kind::Arm(arm) => resonarm_analysis::modes(arm).map(|mode| mode.frequency_hz).to_vec(),
             Kind::Assembly(tested) => tested.assembly.modes().iter().map(|mode| mode.frequency_hz).collect(),
             Kind::Foreign { .. } => Vec::new(),
         }
@@ -103,7 +96,6 @@ impl UnderTest {
     /// an FMU.
     pub fn rig(&self) -> Option<[String; 3]> {
         match &self.kind {
-            Kind::Arm(_) => Some(["tip", "joint2", "tip"].map(String::from)),
             Kind::Assembly(tested) => {
                 let places = [&tested.places.exciter, &tested.places.accelerometer_b, &tested.places.accelerometer_c];
                 let point = |placed: &Placed| placed.along.into_iter().flatten().next().map(|dof| tested.dof_name(dof));
@@ -117,16 +109,7 @@ impl UnderTest {
     /// Whether B and C are at the ends of two links, so that their accelerations give the angles.
     pub fn angles_are_read(&self) -> bool {
         match &self.kind {
-            Kind::Arm(_) => true,
-            Kind::Assembly(tested) => {
-                let whole = |placed: &Placed| placed.along.iter().all(Option::is_some);
-                let (places, two) = (&tested.places, tested.assembly.points() == ["joint1", "joint2", "tip"]);
-                let rig = self.rig().is_some_and(|[_, b, c]| b == "joint2" && c == "tip");
-                two && tested.assembly.rest_m().is_some()
-                    && rig
-                    && whole(&places.accelerometer_b)
-                    && whole(&places.accelerometer_c)
-            }
+            Kind::Assembly(tested) => tested.measured_links_m().is_some(),
             Kind::Foreign { .. } => false,
         }
     }
@@ -138,7 +121,6 @@ impl UnderTest {
             let one = |(channel, label): (usize, &str)| shown.plotted(channel, label.to_owned());
             (first..).zip(labels).map(one).collect::<Vec<_>>()
         };
-        let is_arm = matches!(self.kind, Kind::Arm(_));
         let of = |first: usize, labels: [&str; 2], name: &str, placed: fn(&TestedAssembly) -> &Placed| {
             let Kind::Assembly(tested) = &self.kind else { return all(first, labels) };
             let named = (first..).zip(placed(tested).along).filter_map(|(channel, dof)| {
@@ -154,7 +136,7 @@ impl UnderTest {
             head: of(rows::HEAD, ["head x", "head y"], "head", |tested| &tested.places.exciter),
             acceleration_b: of(rows::ACCELERATION_B, ["x", "y"], "", |tested| &tested.places.accelerometer_b),
             acceleration_c: of(rows::ACCELERATION_C, ["x", "y"], "", |tested| &tested.places.accelerometer_c),
-            coordinates: if is_arm { Vec::new() } else { shown.coordinates() },
+            coordinates: shown.coordinates(),
             elements: shown.elements(),
         }
     }
@@ -162,7 +144,6 @@ impl UnderTest {
     /// The joints that torques act on, at most 2.
     fn joints(&self) -> usize {
         match &self.kind {
-            Kind::Arm(_) => 2,
             Kind::Assembly(tested) => tested.loaded().iter().take(2).flatten().count(),
             Kind::Foreign { joints } => *joints,
         }
@@ -173,9 +154,6 @@ impl UnderTest {
         let displacement =
             |name: String| ResponseAxis { title: format!("amplitude of {name}"), label: name, unit: "m" };
         match &self.kind {
-            Kind::Arm(_) => ["\u{3b1}\u{2081}", "\u{3b1}\u{2082}"]
-                .map(|name| ResponseAxis { label: name.to_owned(), title: format!("largest |{name}|"), unit: "rad" })
-                .to_vec(),
             Kind::Assembly(tested) => tested.read().into_iter().map(|read| displacement(read.name)).collect(),
             Kind::Foreign { .. } => FOREIGN.map(|(name, _)| displacement(name.to_owned())).to_vec(),
         }
@@ -189,13 +167,9 @@ impl UnderTest {
         place.unwrap_or(0)
     }
 
-    /// The sizes of a response: of the arm the largest angles over a period, else the fundamental of displacements.
+    /// The sizes of a response: the fundamentals of displacements.
     pub fn sizes(&self, point: &ResponsePoint) -> Sizes {
         let read: Vec<usize> = match &self.kind {
-            Kind::Arm(arm) => {
-                let JointAngles { amplitude_rad, clipped, .. } = JointAngles::of(point, arm);
-                return Sizes { amplitude: amplitude_rad.to_vec(), clipped: clipped.to_vec() };
-            }
             Kind::Assembly(tested) => tested.read().into_iter().map(|read| read.channel).collect(),
             Kind::Foreign { .. } => FOREIGN.map(|(_, channel)| channel).to_vec(),
         };
@@ -221,11 +195,9 @@ mod tests {
 
     fn under_test(text: &str) -> UnderTest {
         let scenario = Scenario::parse(text, "bench.toml").unwrap();
-        let table = match &scenario.structure {
-            Some(section) if !section.kind.is_foreign() => {
-                Channels::of_structure(scenario.plant().unwrap().structure())
-            }
-            _ => Channels::arm(true),
+        let table = match scenario.foreign_structure() {
+            None => Channels::of_structure(scenario.plant().unwrap().structure()),
+            Some(_) => Channels::arm(true),
         };
         UnderTest::new(&scenario, String::from("it"), table).unwrap()
     }
@@ -258,7 +230,7 @@ at = "mid"
         assert_eq!(named(&arm.force), "2 load x (N), 3 load y (N)");
         assert_eq!(named(&arm.head), "4 head x (N), 5 head y (N)");
         assert_eq!(named(&arm.acceleration_c), "8 x (m/s²), 9 y (m/s²)");
-        assert_eq!((&arm.coordinates[..], &arm.elements[..]), (&[][..], &[][..]));
+        assert_eq!((named(&arm.coordinates), named(&arm.elements)), ("10 α₁ (rad), 11 α₂ (rad)".into(), String::new()));
         let modal = under_test(MODAL).panels();
         assert_eq!((named(&modal.torque), named(&modal.force)), (String::new(), String::from("2 load z (N)")));
         assert_eq!(named(&modal.head), "4 head z (N)");

@@ -26,7 +26,6 @@ use super::double_integration::{Integration, Integrator, Pair};
 use super::droop::without_droop;
 use super::{CHANNELS, IdentifyError};
 use crate::rig::{Converter, RigSpec};
-use resonarm_dynamics::arm::Arm;
 
 /// Length of each end, in periods of the corner: by then about 1e-5 is left of the effects of the record's ends.
 const END_PERIODS: f64 = 4.0;
@@ -84,14 +83,15 @@ pub struct Residual {
 }
 
 /// The angles behind the accelerations of B and C along x and y, m/s², read `rate_hz` times a second by the instruments
-/// of `rig` on `arm`, whose converters' droop is corrected. None may be clipped. The rest of the instruments' chains is
+/// of `rig`, whose converters' droop is corrected. B is at the end of the first and C at the end of the second of two
+/// links, which at rest lead `links_m` from their starts to their ends. None may be clipped. The rest of the instruments' chains is
 /// not corrected.
 ///
 /// # Errors
 /// [`IdentifyError`] if the corner is outside the record's band, the record consists only of its ends, a reading is not
 /// finite, or the angles exceed 1 rad.
 pub fn joint_angles(
-    arm: &Arm,
+    links_m: &[Vector2<f64>; 2],
     rate_hz: f64,
     rig: &RigSpec,
     readings: &[[f64; CHANNELS]],
@@ -101,7 +101,7 @@ pub fn joint_angles(
     let integrator = Integrator::new(settings.integration, readings.len(), silence, rate_hz, settings.from_hz);
     let [d_b, d_c] =
         [0, 2].map(|channel| integrator.displacements(&accelerations(readings, channel, settings, rig.converter)));
-    let links = Links::new(arm);
+    let links = Links::new(links_m);
     let (across, along) = links.displacements(&d_b, &d_c);
     let turns = turns(&integrator, &across)?;
     let noise_m_s2 = [&rig.sensors.b, &rig.sensors.c].map(|sensor| sensor.reading_noise(rate_hz));
@@ -197,9 +197,7 @@ struct Links {
 }
 
 impl Links {
-    fn new(arm: &Arm) -> Links {
-        let points = arm.points(&Vector2::zeros());
-        let links = [points.b_m, points.c_m - points.b_m];
+    fn new(links: &[Vector2<f64>; 2]) -> Links {
         let along = links.map(|link| link.normalize());
         Links {
             length_m: links.map(|link| link.norm()),

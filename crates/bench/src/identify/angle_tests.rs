@@ -5,17 +5,16 @@ use alloc::string::ToString;
 use alloc::vec::Vec;
 use core::f64::consts::TAU;
 
-use crate::plant::{Plant, PlantSpec, tests};
+use crate::plant::{Plant, PlantSpec, TestedAssembly, tests};
 use crate::rig::{RigSpec, SensorSpec};
-use resonarm_analysis as analysis;
-use resonarm_dynamics::arm::{Arm, Load, Pose};
+use resonarm_dynamics::arm::{Load, Pose};
 use resonarm_dynamics::integrate::Scheme;
 
 const RATE_HZ: f64 = 1000.0;
 const WAYS: [Integration; 2] = [Integration::Frequency, Integration::Time];
 
-fn arm(beta2_deg: f64) -> Arm {
-    tests::arm(Pose { beta1_deg: 20.0, beta2_deg })
+fn arm(beta2_deg: f64) -> TestedAssembly {
+    tests::preset(Pose { beta1_deg: 20.0, beta2_deg })
 }
 
 fn spec(seed: u64) -> PlantSpec {
@@ -31,7 +30,7 @@ fn ideal(mut spec: PlantSpec) -> PlantSpec {
 
 /// A run: its readings, and the true angles at the instants of the readings.
 struct Run {
-    arm: Arm,
+    arm: TestedAssembly,
     rig: RigSpec,
     readings: Vec<[f64; CHANNELS]>,
     alpha_rad: Vec<[f64; 2]>,
@@ -42,7 +41,7 @@ struct Run {
 /// hold.
 fn run(spec: &PlantSpec, beta2_deg: f64, samples: usize, load: impl Fn(f64) -> Load) -> Run {
     let arm = arm(beta2_deg);
-    let mut plant = Plant::new(spec, &tests::preset(arm.pose())).unwrap();
+    let mut plant = Plant::new(spec, &arm).unwrap();
     // A reading belongs to the middle of a hold that began this many holds before the last.
     let late = spec.rig.converter.holds_late();
     let (mut readings, mut alpha_rad) = (Vec::new(), alloc::vec![[0.0; 2]; late]);
@@ -59,7 +58,7 @@ fn run(spec: &PlantSpec, beta2_deg: f64, samples: usize, load: impl Fn(f64) -> L
         alpha_rad.push(middle.into());
     }
     alpha_rad.truncate(samples);
-    let from_hz = 0.25 * analysis::modes(&arm)[0].frequency_hz;
+    let from_hz = 0.25 * arm.assembly.modes()[0].frequency_hz;
     Run { arm, rig: spec.rig.clone(), readings, alpha_rad, from_hz }
 }
 
@@ -69,7 +68,7 @@ impl Run {
     }
 
     fn angles(&self, settings: AngleSettings) -> Result<AngleHistory, IdentifyError> {
-        joint_angles(&self.arm, RATE_HZ, &self.rig, &self.readings, settings)
+        joint_angles(&self.arm.measured_links_m().unwrap(), RATE_HZ, &self.rig, &self.readings, settings)
     }
 }
 
@@ -114,7 +113,7 @@ fn difference(found: &AngleHistory, expected: &[[f64; 2]]) -> f64 {
 #[test]
 fn ideal_readings_give_the_angles() {
     for beta2_deg in [60.0, 120.0] {
-        let hz = analysis::modes(&arm(beta2_deg))[0].frequency_hz;
+        let hz = arm(beta2_deg).assembly.modes()[0].frequency_hz;
         for (torque1_nm, least_rad, most_off) in [(1.0, 3e-4, 1e-4), (100.0, 0.04, 1e-3)] {
             let run = run(&ideal(spec(0)), beta2_deg, 4000, dwell(hz, torque1_nm));
             let expected = without_slow(&run.alpha_rad);

@@ -85,6 +85,17 @@ impl TestedAssembly {
         read
     }
 
+    /// Both links of a chain of two, from start to end at rest, m, if the accelerometers B and C are at their ends and
+    /// read both axes there: then the accelerations give the angles.
+    pub fn measured_links_m(&self) -> Option<[Vector2<f64>; 2]> {
+        let rest_m = self.assembly.rest_m()?;
+        let [base, elbow, tip] = rest_m.as_slice() else { return None };
+        let at = |point| Placed::at_point(&self.assembly, point);
+        let is_measured = self.places.accelerometer_b == at("joint2") && self.places.accelerometer_c == at("tip");
+        let link = |start: &[f64; 2], end: &[f64; 2]| Vector2::from(*end) - Vector2::from(*start);
+        is_measured.then(|| [link(base, elbow), link(elbow, tip)])
+    }
+
     /// The name of a degree of freedom of the structure.
     pub fn dof_name(&self, dof: Dof) -> String {
         self.assembly.dof_names().into_iter().find(|name| self.assembly.dof(name) == Ok(dof)).unwrap_or_default()
@@ -103,6 +114,12 @@ impl TestedAssembly {
         let loads = [amplitude.torque1_nm, amplitude.torque2_nm, amplitude.force_x_n, amplitude.force_y_n];
         let all = LOADS.into_iter().zip(loads).zip(self.loaded());
         all.map(|((channel, load), dof)| (channel.name, load, dof)).filter(|(_, load, _)| *load != 0.0)
+    }
+
+    /// The degrees of freedom that a load drives, each with its amplitude, N or N·m; without those that the structure
+    /// has not.
+    pub fn drives(&self, amplitude: &Amplitude) -> Vec<(Dof, f64)> {
+        self.acting(amplitude).filter_map(|(_, load, dof)| Some((dof?, load))).collect()
     }
 
     /// The first load that nothing of the structure takes: its name and its amplitude, N or N·m.

@@ -68,7 +68,9 @@ fn copy(
     let declared = parts.iter().map(|part| Ok((*part, declare(&mut writer, recording.channels(), *part)?)));
     let mut topics = declared.collect::<Result<Vec<_>, _>>().map_err(failed)?;
     let mut moving = match &scene {
-        Some(scene) => Some((scene, declare_scene(&mut writer, scene).map_err(failed)?)),
+        Some(scene) => {
+            Some((scene, add_topic(&mut writer, scene::TOPIC, scene::SCHEMA, &scene::schema()).map_err(failed)?))
+        }
         None => None,
     };
     let mut rows = 0;
@@ -115,11 +117,6 @@ fn declare(writer: &mut Writer<BufWriter<File>>, channels: &Channels, part: Reco
         }
     };
     add_topic(writer, &topic, name, &schema)
-}
-
-/// Declares the topic of the moving structure.
-fn declare_scene(writer: &mut Writer<BufWriter<File>>, scene: &Scene) -> Result<Topic, McapError> {
-    add_topic(writer, scene.topic(), scene::SCHEMA, &scene::schema())
 }
 
 fn add_topic(

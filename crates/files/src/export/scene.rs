@@ -1,10 +1,10 @@
-//! The moving structure as `foxglove.SceneUpdate`, which replaces that of the sample before: of the arm a line over
-//! base, elbow and tip; of another structure its lines, and a sphere at each of its points.
+//! The moving structure as `foxglove.SceneUpdate`, which replaces that of the sample before: its lines, and a sphere at
+//! each of its points.
 
 use serde_json::{Value, json};
 
 use super::ExportError;
-use crate::drawing::{Drawing, Subject};
+use crate::drawing::Drawing;
 use crate::recording::{Recording, StateRecord};
 use resonarm_scenario::Scenario;
 
@@ -14,21 +14,14 @@ pub const SCHEMA: &str = "foxglove.SceneUpdate";
 const FRAME: &str = "base";
 /// Of a line (foxglove.dev, "LineType"): from each point to the next.
 const LINE_STRIP: u8 = 0;
-/// Thickness of the arm's line, m.
-const ARM_THICKNESS_M: f64 = 0.05;
-/// Thickness of another structure's lines, and diameter of its points, over its size.
+/// Thickness of lines, and diameter of points, over the size of the structure.
 const THICKNESS: f64 = 0.015;
 const DIAMETER: f64 = 0.03;
 
-/// The topic of a drawing: `/arm` or `/structure`.
-pub const fn topic(subject: Subject) -> &'static str {
-    match subject {
-        Subject::Arm => "/arm",
-        Subject::Structure => "/structure",
-    }
-}
+/// The topic of its messages.
+pub const TOPIC: &str = "/structure";
 
-/// Draws the arm, or the structure in its place.
+/// Draws the structure of a recording.
 pub struct Scene {
     drawing: Drawing,
     /// How many times as large as they are the vibrations are drawn.
@@ -36,7 +29,7 @@ pub struct Scene {
 }
 
 impl Scene {
-    /// The arm or the structure of the recording's scenario.
+    /// The structure of the recording's scenario.
     ///
     /// # Errors
     /// [`ExportError::Magnification`], [`ExportError::NoPlaces`] if nothing says where the points of the structure are,
@@ -47,11 +40,6 @@ impl Scene {
         }
         let drawing = Drawing::of(&Scenario::from_configuration(recording.configuration())?)?;
         Ok(Scene { drawing: drawing.ok_or(ExportError::NoPlaces)?, magnification })
-    }
-
-    /// The topic of its messages.
-    pub fn topic(&self) -> &'static str {
-        topic(self.drawing.subject)
     }
 
     /// The message of a state.
@@ -65,25 +53,19 @@ impl Scene {
 pub fn message(drawing: &Drawing, coordinates: &[f64], magnification: f64, time_ns: u64) -> Value {
     let positions: Vec<Value> =
         drawing.positions_m(coordinates, magnification).iter().map(|[x, y, z]| vector(*x, *y, *z)).collect();
-    let thickness_m = match drawing.subject {
-        Subject::Arm => ARM_THICKNESS_M,
-        Subject::Structure => THICKNESS * drawing.size_m(),
-    };
+    let size_m = drawing.size_m();
     let line = |line: &Vec<usize>| {
         let points: Vec<&Value> = line.iter().filter_map(|point| positions.get(*point)).collect();
         json!({
-            "type": LINE_STRIP, "pose": pose(&vector(0.0, 0.0, 0.0)), "thickness": thickness_m,
+            "type": LINE_STRIP, "pose": pose(&vector(0.0, 0.0, 0.0)), "thickness": THICKNESS * size_m,
             "scale_invariant": false, "points": points, "color": color(), "colors": [], "indices": []
         })
     };
-    let spheres: Vec<Value> = match drawing.subject {
-        Subject::Arm => Vec::new(),
-        Subject::Structure => positions.iter().map(|at| sphere(at, DIAMETER * drawing.size_m())).collect(),
-    };
+    let spheres: Vec<Value> = positions.iter().map(|at| sphere(at, DIAMETER * size_m)).collect();
     let entity = json!({
         "timestamp": time(time_ns),
         "frame_id": FRAME,
-        "id": drawing.subject.name(),
+        "id": "structure",
         "lifetime": { "sec": 0, "nsec": 0 },
         "frame_locked": false,
         "metadata": [{ "key": "magnification", "value": magnification.to_string() }],

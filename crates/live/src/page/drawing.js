@@ -9,8 +9,8 @@ const YAW = 0.45, PITCH = 0.4;
 const dot = (a, b) => a.reduce((sum, value, k) => sum + value * b[k], 0);
 
 export class Drawing {
-  constructor({ subject, points, rest_m, lines, motion }) {
-    Object.assign(this, { subject, points, rest_m, lines, links: motion.links, shapes: motion.shapes });
+  constructor({ points, rest_m, lines, motion }) {
+    Object.assign(this, { points, rest_m, lines, links: motion.links, shapes: motion.shapes });
     const along = (axis) => rest_m.map((point) => point[axis]);
     const ranges = [0, 1, 2].map((axis) => Math.max(...along(axis)) - Math.min(...along(axis)));
     this.size = Math.hypot(...ranges) || 1;

@@ -102,10 +102,8 @@ function makeViews(about) {
 
 // The titles of panels, the choice of responses, and the modes.
 function entitle(about) {
-  const isArm = about.drawing?.subject === "arm";
-  element("structure-name").textContent = isArm ? "Arm" : "Structure";
   element("structure-choices").hidden = about.drawing === null;
-  const [, b, c] = isArm ? [] : about.rig ?? [];
+  const [, b, c] = about.rig ?? [];
   element("b-name").textContent = `Acceleration of B${b ? `, at ${b}` : ""}`;
   element("c-name").textContent = `Acceleration of C${c ? `, at ${c}` : ""}`;
   const modes = about.modes_hz.map((hz) => hz.toFixed(2));

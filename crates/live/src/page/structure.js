@@ -82,7 +82,7 @@ export class StructureView {
     line(context, latest.map((coordinates) => place(drawing.position(this.followed, coordinates, this.factor))));
     if (drawing.links) this.links(context, points); else this.lines(context, rest, points);
     this.labels(context, points, width);
-    if (drawing.subject !== "arm") frame(context, drawing, height);
+    frame(context, drawing, height);
     this.scaleText.textContent = this.scale(isRead && !about.angles_are_read, toScale);
     this.tip = points[this.followed];
   }
@@ -158,13 +158,13 @@ function furthest(rows) {
   return rows.reduce((one, other) => (other[moving] > one[moving] ? other : one));
 }
 
-// What is written beside points: of the arm B and C, else what of the rig is there and the name of the point.
+// What is written beside points: what of the rig is there, and the name of the point.
 function names(about, drawing) {
   const rig = about.rig ?? [];
   const parts = rig[0] === rig[2] ? [[1, "B"], [2, "C"]] : [[1, "B"], [2, "C"], [0, "load"]];
   const named = drawing.points.map((name, point) => {
     const at = parts.filter(([part]) => rig[part] === name).map(([, letter]) => letter);
-    return { point, at, name: drawing.subject === "arm" ? at.join(", ") : `${at.join(", ")} ${name}`.trim() };
+    return { point, at, name: `${at.join(", ")} ${name}`.trim() };
   });
   const all = !drawing.links && named.length <= POINTS_NAMED;
   const ofRig = named.filter(({ at }) => at.length > 0);

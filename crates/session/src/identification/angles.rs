@@ -1,8 +1,8 @@
 //! The joints' angles over time from the accelerometers in a recording.
 
 use super::IdentificationError;
-use resonarm_analysis::modes;
 use resonarm_bench::identify::{AngleHistory, AngleSettings, CHANNELS, IdentifyError, Integration, joint_angles};
+use resonarm_bench::plant::TestedAssembly;
 use resonarm_bench::rig::InstrumentName;
 use resonarm_files::recording::Recording;
 use resonarm_scenario::Scenario;
@@ -37,7 +37,7 @@ struct Readings {
 
 impl RecordedAngles {
     /// Integrates the accelerations of a recording of `scenario` twice, above a corner, Hz; without one above a quarter
-    /// of the arm's lowest natural frequency.
+    /// of the structure's lowest natural frequency.
     ///
     /// # Errors
     /// [`IdentificationError`] if the recording can't be read, a reading is clipped, or the angles can't be found.
@@ -48,13 +48,14 @@ impl RecordedAngles {
         from_hz: Option<f64>,
     ) -> Result<RecordedAngles, IdentificationError> {
         let rate_hz = 1.0 / recording.origin().dt_s;
-        let arm = scenario.build_arm()?;
-        let [mode, _] = modes(&arm);
+        let tested = scenario.under_test()?;
+        let links_m = tested.measured_links_m().ok_or(IdentificationError::NoAngles)?;
+        let first_hz = tested.assembly.modes().first().map_or(0.0, |mode| mode.frequency_hz);
         let Readings { accelerations_m_s2, first_sample } = read(recording)?;
-        let from_hz = from_hz.unwrap_or(CORNER_PART * mode.frequency_hz);
-        let starts_at_rest = starts_at_rest(scenario, first_sample);
+        let from_hz = from_hz.unwrap_or(CORNER_PART * first_hz);
+        let starts_at_rest = starts_at_rest(scenario, &tested, first_sample);
         let settings = AngleSettings { integration, from_hz, starts_at_rest };
-        let mut history = joint_angles(&arm, rate_hz, &scenario.rig, &accelerations_m_s2, settings)?;
+        let mut history = joint_angles(&links_m, rate_hz, &scenario.rig, &accelerations_m_s2, settings)?;
         let delay = recording.origin().reading_delay_samples;
         // The first readings are of the time before the run.
         let before_run = (libm::ceil(delay) as usize).saturating_sub(first_sample as usize + history.first);
@@ -107,9 +108,9 @@ fn read(recording: &Recording) -> Result<Readings, IdentificationError> {
 }
 
 /// Whether nothing moved before the first reading, and the accelerometers read zero then.
-fn starts_at_rest(scenario: &Scenario, first_sample: u64) -> bool {
+fn starts_at_rest(scenario: &Scenario, tested: &TestedAssembly, first_sample: u64) -> bool {
     let reads_gravity = [&scenario.rig.sensors.b, &scenario.rig.sensors.c]
         .iter()
         .any(|sensor| sensor.gravity_m_s2.is_some_and(|gravity| gravity != 0.0));
-    first_sample == 1 && scenario.arm.initial == [0.0; 4] && !reads_gravity
+    first_sample == 1 && tested.initial.iter().all(|value| *value == 0.0) && !reads_gravity
 }

@@ -24,9 +24,14 @@ pub enum IdentificationError {
     /// The recording can't be read.
     #[error(transparent)]
     Recording(#[from] RecordingError),
-    /// Its scenario has no arm.
+    /// Its scenario makes no structure.
     #[error(transparent)]
     Scenario(#[from] ScenarioError),
+    /// Its accelerometers don't show the angles of joints.
+    #[error(
+        "no angles follow from these accelerations: that takes a chain of two links with the accelerometers at their ends, B at joint2 and C at tip"
+    )]
+    NoAngles,
     /// It was imported from a log that has no readings.
     #[error(
         "the recording was imported from {log} and has no readings: `import` names those that its wire does not carry"
@@ -51,7 +56,7 @@ const HIGHEST_HZ: f64 = 100.0;
 ///
 /// # Errors
 /// [`IdentificationError`] if the recording can't be read or has no readings, a reading is clipped, or nothing drives
-/// the arm.
+/// the structure.
 pub fn record(recording: &Recording, scenario: &Scenario, input: Direction) -> Result<Record, IdentificationError> {
     check_readings(recording)?;
     let rate_hz = 1.0 / recording.origin().dt_s;
