@@ -2,7 +2,8 @@
 
 use divan::counter::ItemsCount;
 use divan::{Bencher, black_box};
-use resonarm::analysis::time_domain::StroboscopicMap;
+use resonarm::analysis::structure::Forced;
+use resonarm::analysis::structure::time_domain::StroboscopicMap;
 use resonarm::arm::{Arm, ArmError, Load, Pose, Preset, Sine, State};
 use resonarm::integrate::{Integrator, Scheme};
 use resonarm_dynamics::structure::{
@@ -138,19 +139,18 @@ fn modes_with_friction(bencher: Bencher, count: usize) {
     steps_of(bencher, &modes(count, Some(law)), Scheme::Exponential8, &[], swing);
 }
 
-/// A hundred periods of many motions under a sine, on one thread, in periods of one motion: alone, and side by side.
+/// A hundred periods of many motions of the arm as a chain under a sine, on one thread, in periods of one motion: alone,
+/// and side by side.
 #[divan::bench(args = [1, 8, 64, 512])]
 fn periods(bencher: Bencher, motions: usize) {
     let Ok(arm) = arm() else { return };
-    let amplitude = Load { torque_nm: [60.0, 0.0].into(), force_n: [0.0, 0.0].into() };
-    let Ok(map) = StroboscopicMap::new(&arm, Sine { amplitude, frequency_hz: 22.1 }) else { return };
-    bencher.counter(ItemsCount::new(100 * motions)).with_inputs(|| vec![start(); motions]).bench_local_refs(|states| {
-        if motions == 1 {
-            let advance = |state, _period| map.advance(&state);
-            (0..100).try_fold(states[0], advance).map(|state| states[0] = state)
-        } else {
-            map.advance_all(states, 100);
-            Ok(())
-        }
-    });
+    let body = BodySpec::Chain(ChainSpec::from_arm(arm.parameters(), arm.pose()));
+    let Ok(assembly) = Assembly::new(&StructureSpec { body, elements: vec![] }) else { return };
+    let Ok(joint) = assembly.dof("joint1") else { return };
+    let Ok(map) = StroboscopicMap::new(&Forced::new(assembly, joint, 60.0), 22.1) else { return };
+    let start = vec![0.02, -0.03, 0.0, 0.0];
+    bencher
+        .counter(ItemsCount::new(100 * motions))
+        .with_inputs(|| vec![start.clone(); motions])
+        .bench_local_refs(|states| map.advance_all(states, 100));
 }

@@ -29,7 +29,7 @@ pub(crate) struct Cells {
 
 impl Cells {
     /// The fates of the states of a grid.
-    pub fn new<C, S>(grid: &StateGrid<C, S>, outcomes: &[BasinOutcome]) -> Cells {
+    pub fn new(grid: &StateGrid, outcomes: &[BasinOutcome]) -> Cells {
         let cell = |(index, outcome): (usize, &BasinOutcome)| {
             let (motion, periods, name) = match outcome {
                 BasinOutcome::Reaches { motion, periods } => (Some(motion + 1), Some(*periods), "reaches"),

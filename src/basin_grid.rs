@@ -32,13 +32,13 @@ pub(crate) struct GridFlags {
 
 impl GridFlags {
     /// The grid in two coordinates, which go as far as `reach` says.
-    pub fn grid<C, S>(
+    pub fn grid(
         &self,
-        coordinates: [C; 2],
+        coordinates: [usize; 2],
         names: [&str; 2],
         reach: [f64; 2],
-        others: S,
-    ) -> Result<StateGrid<C, S>, Failure> {
+        others: Vec<f64>,
+    ) -> Result<StateGrid, Failure> {
         if names[0] == names[1] {
             return Err(Failure::usage(format!("--coordinates has {} twice: give two", names[0])));
         }

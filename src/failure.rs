@@ -262,7 +262,6 @@ fn step(error: &StepError) -> Exit {
 
 fn time_domain(error: &TimeDomainError) -> Exit {
     match error {
-        TimeDomainError::Integrate { source, .. } => integrate(source),
         TimeDomainError::Step { source, .. } => step(source),
         _ => Exit::Usage,
     }

@@ -9,16 +9,16 @@ use crate::supervise::supervise;
 use resonarm::analysis::time_domain::BasinOutcome;
 use resonarm::control::Length;
 use resonarm::run::Signals;
-use resonarm::study::{BasinComputation, BasinStudy, ChainComputation, ChainStudy, Control, StudyError};
+use resonarm::study::{BasinComputation, Basins, Control, StudyError, SweepComputation, Sweeps};
 
-/// Computes the chains from where the journal ends. `None` if it was stopped early, which is logged.
-pub(crate) fn chains<S: ChainStudy + Send + 'static>(
+/// Computes the sweeps from where the journal ends. `None` if it was stopped early, which is logged.
+pub(crate) fn sweeps(
     name: &'static str,
-    chains: S,
+    sweeps: Sweeps,
     journal: Option<PathBuf>,
     configuration: &Value,
-) -> Result<Option<ChainComputation<S>>, Failure> {
-    let begun = chains.begin(journal.as_deref().map(|path| (path, configuration)))?;
+) -> Result<Option<SweepComputation>, Failure> {
+    let begun = sweeps.begin(journal.as_deref().map(|path| (path, configuration)))?;
     let (done, total) = (begun.done(), begun.total());
     let ended = watch(name, "points", [done, total], move |control| begun.compute_missing(control))?;
     if !ended.is_complete() {
@@ -29,14 +29,14 @@ pub(crate) fn chains<S: ChainStudy + Send + 'static>(
 }
 
 /// Basins with the outcome of each state.
-type Ended<S> = (BasinComputation<S>, Vec<BasinOutcome>);
+type Ended = (BasinComputation, Vec<BasinOutcome>);
 
 /// Likewise computes basins.
-pub(crate) fn basins<S: BasinStudy + Send + 'static>(
-    basins: S,
+pub(crate) fn basins(
+    basins: Basins,
     journal: Option<PathBuf>,
     configuration: &Value,
-) -> Result<Option<Ended<S>>, Failure> {
+) -> Result<Option<Ended>, Failure> {
     let begun = basins.begin(journal.as_deref().map(|path| (path, configuration)))?;
     let (done, total) = (begun.done(), begun.total());
     let ended = watch("basins", "states", [done, total], move |control| begun.compute_missing(control))?;

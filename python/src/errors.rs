@@ -99,7 +99,7 @@ pub fn analysis(error: AnalysisError) -> PyErr {
 /// The exception for an error of motions followed through time.
 pub fn time_domain(error: TimeDomainError) -> PyErr {
     match error {
-        TimeDomainError::Integrate { .. } | TimeDomainError::Step { .. } | TimeDomainError::Stopped => failed(error),
+        TimeDomainError::Step { .. } | TimeDomainError::Stopped => failed(error),
         _ => value(error),
     }
 }

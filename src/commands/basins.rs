@@ -17,7 +17,7 @@ use resonarm::analysis::structure::time_domain::{StableMotion, reach, stable_mot
 use resonarm::plant::TestedAssembly;
 use resonarm::scenario::Scenario;
 use resonarm::structure::Assembly;
-use resonarm::study::{StateGrid, StructureBasins};
+use resonarm::study::StateGrid;
 use resonarm_figures::plot::{Figure, Subtitle};
 use resonarm_numeric::number::short;
 
@@ -59,7 +59,6 @@ pub(crate) struct Basins {
 }
 
 /// A grid in two coordinates, by their numbers.
-type Grid = StateGrid<usize, Vec<f64>>;
 
 #[derive(Serialize)]
 struct Document {
@@ -95,7 +94,7 @@ impl Basins {
         let grid = self.grid.grid(over, [&names[0], &names[1]], far, others.clone())?;
         let configuration = self.configuration(&scenario, &tested, &drive, &grid, &names);
         let journal = self.motion.journal()?;
-        let basins = StructureBasins {
+        let basins = resonarm::study::Basins {
             forced,
             frequency_hz: self.frequency_hz,
             motions: motions.clone(),
@@ -144,7 +143,7 @@ impl Basins {
         scenario: &Scenario,
         tested: &TestedAssembly,
         drive: &Drive,
-        grid: &Grid,
+        grid: &StateGrid,
         names: &[String; 2],
     ) -> Value {
         let mut configuration = self.motion.configuration(scenario, tested, drive, &grid.others);
@@ -187,7 +186,7 @@ fn motion_document(motion: &StableMotion, read: &[ReadAt], reached_by: usize) ->
 impl Document {
     fn figure(
         &self,
-        grid: &Grid,
+        grid: &StateGrid,
         motions: &[StableMotion],
         read: &[ReadAt],
         assembly: &Assembly,

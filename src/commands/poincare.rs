@@ -19,7 +19,7 @@ use resonarm::analysis::time_domain::{Direction, Grid};
 use resonarm::plant::TestedAssembly;
 use resonarm::scenario::Scenario;
 use resonarm::structure::Assembly;
-use resonarm::study::{StructureChains, StructurePoint};
+use resonarm::study::{SweepPoint, Sweeps};
 use resonarm_figures::plot::{Axis, Color, Figure, Legend, Marker, Panel, Series};
 
 /// Points of the section to keep if a motion doesn't settle: of a single motion, and at each value of a diagram.
@@ -130,13 +130,13 @@ impl Poincare {
             "section_points": self.section_points(), "at": self.at,
         });
         let journal = self.motion.journal()?;
-        let chains = StructureChains {
+        let sweeps = Sweeps {
             sweeps: self.sweeps(&tested, &plan),
             read: dofs(&plan.read),
             start,
             options: self.motion.options(self.section_points()),
         };
-        let walked = study::chains("section", chains, journal, &configuration)?;
+        let walked = study::sweeps("section", sweeps, journal, &configuration)?;
         let Some(walked) = walked else { return Ok(Verdict::Negative) };
         let coordinates = configuration::coordinates(&tested.assembly);
         let document = Document { configuration, coordinates, motions: self.motions(&plan, walked.points()) };
@@ -205,8 +205,8 @@ impl Poincare {
         }
     }
 
-    fn motions(&self, plan: &Plan, points: &[Vec<StructurePoint>]) -> Vec<MotionDocument> {
-        let motion = |direction, value, point: &StructurePoint| MotionDocument {
+    fn motions(&self, plan: &Plan, points: &[Vec<SweepPoint>]) -> Vec<MotionDocument> {
+        let motion = |direction, value, point: &SweepPoint| MotionDocument {
             direction,
             value,
             period: point.period,

@@ -20,7 +20,7 @@ use resonarm::analysis::structure::time_domain::{Resonance, Sweep as SteppedSwee
 use resonarm::analysis::structure::{Coordinate, Reading};
 use resonarm::analysis::time_domain::{Direction, Grid, hysteresis};
 use resonarm::plant::TestedAssembly;
-use resonarm::study::{StructureChains, StructurePoint};
+use resonarm::study::{SweepPoint, Sweeps};
 use resonarm_figures::plot::{Color, Dash, Figure, Legend, Marker, Panel, Series, Style, Subtitle};
 use resonarm_numeric::number::short;
 
@@ -129,7 +129,7 @@ struct SweepDocument {
 /// A motion at a frequency, Hz.
 struct Motion {
     frequency_hz: f64,
-    point: StructurePoint,
+    point: SweepPoint,
     readings: Vec<Reading>,
 }
 
@@ -149,13 +149,13 @@ impl Sweep {
             "over": self.over.as_ref().map(|over| json!({ &*over.name: over.values })),
         });
         let journal = self.motion.journal()?;
-        let chains = StructureChains {
+        let sweeps = Sweeps {
             sweeps: self.sweeps(&variants, &drive),
             read: dofs(&read),
             start,
             options: self.motion.options(0),
         };
-        let walked = study::chains("sweep", chains, journal, &configuration)?;
+        let walked = study::sweeps("sweep", sweeps, journal, &configuration)?;
         let Some(walked) = walked else { return Ok(Verdict::Negative) };
         let document = Document {
             configuration,
@@ -220,10 +220,10 @@ impl Sweep {
         variants.iter().flat_map(of).collect()
     }
 
-    fn documents(&self, variants: &[Variant], points: &[Vec<StructurePoint>], read: &[ReadAt]) -> Vec<SweepDocument> {
+    fn documents(&self, variants: &[Variant], points: &[Vec<SweepPoint>], read: &[ReadAt]) -> Vec<SweepDocument> {
         let of = |variant| self.direction.directions().iter().map(move |direction| (variant, *direction));
         let each = variants.iter().flat_map(of);
-        let document = |((variant, direction), points): ((&Variant, Direction), &Vec<StructurePoint>)| {
+        let document = |((variant, direction), points): ((&Variant, Direction), &Vec<SweepPoint>)| {
             let hz = variant.grid.in_order(direction).into_iter();
             let motions: Vec<Motion> = hz.zip(points).map(Motion::new).collect();
             SweepDocument {
@@ -246,7 +246,7 @@ fn missed(found: &Resonance, read: &[ReadAt]) -> Value {
 }
 
 impl Motion {
-    fn new((frequency_hz, point): (f64, &StructurePoint)) -> Motion {
+    fn new((frequency_hz, point): (f64, &SweepPoint)) -> Motion {
         Motion { frequency_hz, readings: point.readings(), point: point.clone() }
     }
 

@@ -1,8 +1,9 @@
 //! Analysis of the arm by computation instead of simulated measurement: the reference for bench measurements.
 //!
 //! The linearised arm: natural [`modes`](mod@modes), frequency responses ([`frf`]). The nonlinear arm: periodic motions
-//! by harmonic balance, their branches by [`continuation`], stability and bifurcations, backbones; and by integration
-//! in time ([`time_domain`]): stepped sweeps, stroboscopic sections, basins of attraction.
+//! by harmonic balance, their branches by [`continuation`], stability and bifurcations, backbones. Every structure
+//! ([`structure`]): the same, and by integration in time ([`time_domain`]) stepped sweeps, stroboscopic sections, basins
+//! of attraction.
 //!
 //! Harmonic balance is used, not collocation of a boundary value problem: the arm's forced motions are nearly
 //! sinusoidal, so a few harmonics describe them, where 40 intervals of degree 4 have 640 unknowns.
@@ -66,7 +67,7 @@ pub use oscillator::{Instant, LinearMode, Linearisation, Oscillator};
 pub use peaks::{Maximum, half_power_width_hz, maxima};
 pub use poles::{Pole, arm_poles, structure_poles};
 pub use readings::Readings;
-pub use resonances::{Resonance, forced_response, response_around};
+pub use resonances::response_around;
 pub use response::ForcedResponse;
 pub use rows::{Row, segments, stretches};
 

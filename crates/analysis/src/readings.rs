@@ -135,18 +135,12 @@ impl<'a> Sums<'a> {
 
 #[cfg(test)]
 mod tests {
-    use alloc::vec;
-    use alloc::vec::Vec;
-
     use nalgebra::{Normed as _, Vector2};
 
     use super::*;
     use crate::tests::arm_at;
-    use crate::time_domain::{StroboscopicMap, readings};
-    use crate::{
-        BackboneOptions, BranchOptions, Drive, FrequencyResponse, Quantity, backbone, modes, trace, trace_doublings,
-    };
-    use resonarm_dynamics::arm::{Load, Preset, Sine};
+    use crate::{BackboneOptions, BranchOptions, Drive, FrequencyResponse, Quantity, backbone, modes, trace};
+    use resonarm_dynamics::arm::{Load, Preset};
 
     fn fitted(beta1_deg: f64, beta2_deg: f64) -> Arm {
         arm_at(Preset::Irb1600Fitted, beta1_deg, beta2_deg)
@@ -273,48 +267,5 @@ mod tests {
         let last = branch.orbits.last().unwrap();
         let read = Readings::of_orbit(&forced, beta2, last);
         is_the_linear_response(&read, &fitted(20.0, last.value), Drive::Torque1, 1e-3, 1e-5);
-    }
-
-    /// The state at t = 0.
-    fn start(orbit: &Orbit) -> State {
-        let mut state = State::new([orbit.coefficients[0], orbit.coefficients[1]], [0.0; 2]);
-        for (k, pair) in orbit.coefficients[2..].chunks_exact(4).enumerate() {
-            let rate = (k + 1) as f64 * TAU * orbit.frequency_hz / orbit.period as f64;
-            for dof in 0..2 {
-                state.alpha_rad[dof] += pair[dof];
-                state.alpha_dot_rad_s[dof] += rate * pair[2 + dof];
-            }
-        }
-        state
-    }
-
-    /// Large motions, of one period and of two: the same by harmonic balance and by integration in time over the
-    /// motion's period.
-    #[test]
-    fn harmonic_balance_and_integration_agree() {
-        let forced = ForcedArm::new(fitted(0.0, 75.0), Load::torque_nm(1.0, 0.0), 800.0);
-        let (hz, options) = (Coordinate::FrequencyHz, BranchOptions::new(40.0, 50.0));
-        let single = trace(forced.clone(), 40.0, hz, &options).unwrap();
-        let doubled = trace_doublings(&forced, &single, hz, &options).remove(0).unwrap();
-        let mut compared = vec![];
-        for orbits in [&single.orbits, &doubled.orbits] {
-            for orbit in orbits.iter().step_by(orbits.len() / 5) {
-                let sine = Sine { amplitude: forced.load(), frequency_hz: orbit.frequency_hz };
-                let map = StroboscopicMap::new(forced.arm(), sine).unwrap();
-                let integrated = readings(&map, &start(orbit), u32::try_from(orbit.period).ok()).unwrap();
-                let read = Readings::of_orbit(&forced, hz, orbit);
-                let largest = read.displacement(Response::CX).norm().max(read.displacement(Response::CY).norm());
-                for of in Response::ALL {
-                    near(read.displacement(of), integrated.displacement(of), 1e-6 * largest);
-                }
-                for joint in [Response::Alpha1, Response::Alpha2] {
-                    let size = read.displacement(joint).norm();
-                    assert!((size - orbit.harmonic1_rad[joint as usize]).abs() < 1e-12 * largest, "{joint}: {size}");
-                }
-                compared.push(orbit.period);
-            }
-        }
-        let count = |period| compared.iter().filter(|other| **other == period).collect::<Vec<_>>().len();
-        assert!(count(1) >= 5 && count(2) >= 5, "{compared:?}");
     }
 }

@@ -3,26 +3,9 @@
 use alloc::vec::Vec;
 use core::f64::consts::FRAC_1_SQRT_2;
 
-use serde::Serialize;
-
 use super::orbit::{Branch, BranchOptions};
-use super::{AnalysisError, Coordinate, EndedEarly, ForcedArm, trace};
+use super::{AnalysisError, Coordinate, ForcedArm, trace};
 use resonarm_dynamics::arm::{Arm, Load};
-
-/// The largest step along a branch, relative to the motion's size: for the continuation a resonance is a circle, and
-/// gets 60 points. The largest of them misses the peak by an eighth of the step's square at most.
-const SMOOTH_STEP: f64 = 0.1;
-
-/// The forced motions of an arm over the frequency, in steps so small that no resonance is missed.
-///
-/// # Errors
-/// As [`trace`].
-pub fn forced_response(arm: &Arm, load: &Load, [from_hz, to_hz]: [f64; 2]) -> Result<Branch, EndedEarly<Branch>> {
-    let mut options = BranchOptions::new(from_hz, to_hz);
-    options.continuation.largest_step = SMOOTH_STEP;
-    let forced = ForcedArm::new(arm.clone(), *load, 1.0);
-    trace(forced, from_hz, Coordinate::FrequencyHz, &options)
-}
 
 /// The forced motions of an arm are computed this far beyond the frequencies of interest: a part of their distance, and
 /// at least a part of the highest.
@@ -45,47 +28,6 @@ pub fn response_around(
     options.continuation.largest_turn_rad = largest_turn_rad;
     let forced = ForcedArm::new(arm.clone(), *load, 1.0);
     Ok(trace(forced, options.from, Coordinate::FrequencyHz, &options)?)
-}
-
-/// A maximum of |αᵢ| along a branch over the frequency.
-#[derive(Clone, Copy, Debug, PartialEq, Serialize)]
-pub struct Resonance {
-    /// The joint, 1 or 2.
-    pub joint: usize,
-    /// The frequency of the largest |αᵢ|, Hz.
-    pub frequency_hz: f64,
-    /// The largest |αᵢ|, rad.
-    pub amplitude_rad: f64,
-    /// The width of the band around it in which |αᵢ| is at least 1/√2 of that, Hz.
-    pub width_hz: f64,
-}
-
-impl Branch {
-    /// The frequencies of its stable motions, Hz: close together where the motion changes fast.
-    pub fn stable_frequencies_hz(&self) -> impl Iterator<Item = f64> + '_ {
-        self.orbits.iter().filter(|orbit| orbit.is_stable()).map(|orbit| orbit.frequency_hz)
-    }
-
-    /// The maxima of |α1| and |α2| from which the branch falls to less than 1/√2 on both sides.
-    pub fn resonances(&self) -> Vec<Resonance> {
-        self.resonances_missed_by(&[])
-    }
-
-    /// Those in whose band none of some frequencies lies.
-    pub(crate) fn resonances_missed_by(&self, frequencies_hz: &[f64]) -> Vec<Resonance> {
-        let of = |joint: usize| {
-            let curve: Vec<(f64, f64)> =
-                self.orbits.iter().map(|orbit| (orbit.frequency_hz, orbit.amplitude_rad[joint])).collect();
-            let missed = summits(&curve).into_iter().filter(|summit| summit.is_missed_by(frequencies_hz));
-            missed.map(move |summit| Resonance {
-                joint: joint + 1,
-                frequency_hz: summit.frequency_hz,
-                amplitude_rad: summit.amplitude,
-                width_hz: summit.width_hz(),
-            })
-        };
-        (0..2).flat_map(of).collect()
-    }
 }
 
 /// A maximum of an amplitude along a curve over the frequency.
@@ -148,27 +90,8 @@ fn falls<'a>(top: (f64, f64), way: impl Iterator<Item = &'a (f64, f64)>, level: 
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::modes;
     use crate::tests::arm_at;
     use resonarm_dynamics::arm::Preset;
-
-    /// Under a small load each resonance is as wide as 2ζf and as high as the linear arm's.
-    #[test]
-    fn resonances_of_the_linear_arm_are_as_wide_as_its_damping() {
-        let arm = arm_at(Preset::Irb1600Fitted, 0.0, 60.0);
-        let branch = forced_response(&arm, &Load::torque_nm(1e-3, 0.0), [20.0, 60.0]).unwrap();
-        let resonances = branch.resonances();
-        for mode in modes(&arm) {
-            for joint in 1..=2 {
-                let near =
-                    |found: &&Resonance| found.joint == joint && (found.frequency_hz - mode.frequency_hz).abs() < 0.1;
-                let found = resonances.iter().find(near).unwrap();
-                let width_hz = 2.0 * mode.damping_ratio * mode.frequency_hz;
-                assert!((found.width_hz / width_hz - 1.0).abs() < 0.02, "{found:?} {width_hz}");
-            }
-        }
-        assert_eq!(resonances.len(), 4, "{resonances:?}");
-    }
 
     #[test]
     fn a_response_around_one_frequency_goes_a_thousandth_beyond_it() {

@@ -7,7 +7,6 @@
 extern crate alloc;
 
 pub mod arm;
-pub mod ensemble;
 pub mod integrate;
 mod real;
 pub mod structure;

@@ -1,4 +1,4 @@
-//! Why the forced arm can't be followed through time.
+//! Why a forced structure can't be followed through time.
 
 use thiserror::Error;
 
@@ -6,7 +6,7 @@ use resonarm_dynamics::integrate::IntegrateError;
 use resonarm_dynamics::structure::{StepError, StructureError};
 use resonarm_numeric::number::short;
 
-/// Why the forced arm can't be followed through time.
+/// Why a forced structure can't be followed through time.
 #[derive(Clone, Debug, PartialEq, Error)]
 #[non_exhaustive]
 pub enum TimeDomainError {
@@ -76,14 +76,6 @@ pub enum TimeDomainError {
     },
     /// A step can't be made.
     #[error("excited at {frequency_hz} Hz: {}", reason(source), frequency_hz = short(.frequency_hz))]
-    Integrate {
-        /// Frequency of the excitation, Hz.
-        frequency_hz: f64,
-        /// Why.
-        source: IntegrateError,
-    },
-    /// A step of a structure can't be made.
-    #[error("excited at {frequency_hz} Hz: {}", reason_of_structure(source), frequency_hz = short(.frequency_hz))]
     Step {
         /// Frequency of the excitation, Hz.
         frequency_hz: f64,
@@ -99,20 +91,12 @@ pub enum TimeDomainError {
 }
 
 /// The reason, with advice for users who don't choose the rate.
-fn reason(source: &IntegrateError) -> alloc::string::String {
-    match source {
-        IntegrateError::NotFinite { t_s } => {
+fn reason(error: &StepError) -> alloc::string::String {
+    match error {
+        StepError::NotFinite { t_s } | StepError::Integrate(IntegrateError::NotFinite { t_s }) => {
             alloc::format!("the motion grows beyond all bounds, {t_s:.2e} s after phase 0; try less excitation")
         }
-        other => alloc::format!("{other}"),
-    }
-}
-
-/// The same of a structure.
-fn reason_of_structure(error: &StepError) -> alloc::string::String {
-    match error {
-        StepError::NotFinite { t_s } => reason(&IntegrateError::NotFinite { t_s: *t_s }),
-        StepError::Integrate(source) => reason(source),
+        StepError::Integrate(source) => alloc::format!("{source}"),
         other => alloc::format!("{other}"),
     }
 }

@@ -5,15 +5,13 @@ use alloc::vec::Vec;
 
 use nalgebra::DVector;
 
+use super::TimeDomainError;
 use super::fixed_point::FixedPoint;
 use super::map::{Strobe, size};
-use super::measure::{UNSETTLED_PERIODS, measure};
-use super::{StroboscopicMap, TimeDomainError};
-use resonarm_dynamics::arm::State;
 
 /// Longest period looked for, in periods of the excitation.
 const LONGEST_PERIOD: u32 = 8;
-/// Returns are checked after this fraction of the slowest time constant of the linear arm.
+/// Returns are checked after this fraction of the slowest time constant of the linear structure.
 pub(super) const STRETCH: f64 = 0.25;
 /// A motion that returns this near, relative to its size, has settled.
 pub(super) const CLOSURE: f64 = 1e-9;
@@ -25,7 +23,7 @@ const NEARER: f64 = 0.5;
 /// How long to wait, and what to keep.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct SettleOptions {
-    /// Longest wait, in time constants of the slowest mode of the linear arm; a motion that has not settled by then is
+    /// Longest wait, in time constants of the slowest mode of the linear structure; a motion that has not settled by then is
     /// unsettled. Positive.
     pub time_constants: f64,
     /// How many points of the section to keep of a motion that doesn't settle.
@@ -39,84 +37,26 @@ impl Default for SettleOptions {
     }
 }
 
-/// A motion after its transient.
-#[derive(Clone, Debug, PartialEq)]
-pub struct Settled {
-    /// Periods of the excitation after which the motion repeats; `None` if it did not settle within the wait: it is
-    /// quasi-periodic, chaotic, of a period longer than 8, or still transient.
-    pub period: Option<u32>,
-    /// Largest magnitude of the Floquet multipliers over the motion's period: below 1, the transients' slowest decay.
-    pub largest_multiplier: Option<f64>,
-    /// Periods of plain integration until the end of the transient was proved.
-    pub settling_periods: u64,
-    /// How far the motion is from its start, relative to its size, after a quarter of a time constant of plain
-    /// integration; for an unsettled motion its nearest return.
-    pub drift: f64,
-    /// max |αᵢ(t)| over the motion's period, between the steps too; over 64 periods if it is unsettled. rad.
-    pub amplitude_rad: [f64; 2],
-    /// Amplitude of αᵢ at the frequency of the excitation, over the same time, rad.
-    pub harmonic1_rad: [f64; 2],
-    /// The states at phase 0 of the excitation: as many as the period has, or as many as the options keep if it is
-    /// unsettled.
-    pub section: Vec<State>,
-    /// The state at phase 0 from which a sweep continues.
-    pub end: State,
-}
-
-/// Follows the arm from `start`, at phase 0, to the end of its transient.
-///
-/// With damping ratios of 1e-4 a transient takes tens of thousands of periods. So after every quarter of a time
-/// constant Newton's method looks for a motion that repeats near the present one, and the next quarter of plain
-/// integration shows whether the present motion approaches it as its linearisation predicts, so that it can only end
-/// there (see `FixedPoint::captures`). Only then is the transient cut short. If no such motion captures the arm, as
-/// after a fold, the whole transient is integrated. At the end plain integration from the motion found must return to
-/// it within 1e-9 of its size.
-///
-/// `stop` is called regularly; `true` ends the wait.
-///
-/// # Errors
-/// [`TimeDomainError::Option`] if the wait is no positive number, [`TimeDomainError::Integrate`] if a step can't be
-/// made, [`TimeDomainError::Stopped`] if `stop` said so.
-pub fn settle(
-    map: &StroboscopicMap,
-    start: &State,
-    options: &SettleOptions,
-    stop: &dyn Fn() -> bool,
-) -> Result<Settled, TimeDomainError> {
-    let followed = follow(map, start, options, stop)?;
-    let measured = measure(map, &followed.start, followed.period.unwrap_or(UNSETTLED_PERIODS))?;
-    Ok(Settled {
-        period: followed.period,
-        largest_multiplier: followed.largest_multiplier,
-        settling_periods: followed.settling_periods,
-        drift: followed.drift,
-        amplitude_rad: measured.amplitude_rad,
-        harmonic1_rad: measured.harmonic1_rad,
-        section: if followed.period.is_some() { measured.section } else { followed.section },
-        end: followed.end,
-    })
-}
-
 /// The end of a transient, without measurements.
 #[derive(Clone, Debug)]
 pub(crate) struct Followed<S> {
-    /// As [`Settled::period`].
+    /// As [`Settled::period`](crate::structure::time_domain::Settled::period).
     pub period: Option<u32>,
-    /// As [`Settled::largest_multiplier`].
+    /// As [`Settled::largest_multiplier`](crate::structure::time_domain::Settled::largest_multiplier).
     pub largest_multiplier: Option<f64>,
-    /// As [`Settled::settling_periods`].
+    /// As [`Settled::settling_periods`](crate::structure::time_domain::Settled::settling_periods).
     pub settling_periods: u64,
-    /// As [`Settled::drift`].
+    /// As [`Settled::drift`](crate::structure::time_domain::Settled::drift).
     pub drift: f64,
     /// The state from which the motion is measured.
     pub start: S,
     /// Of a motion that doesn't settle, its section.
     pub section: Vec<S>,
-    /// As [`Settled::end`].
+    /// As [`Settled::end`](crate::structure::time_domain::Settled::end).
     pub end: S,
 }
 
-/// Follows any forced system; see [`settle()`].
+/// Follows any forced system; see [`settle()`](crate::structure::time_domain::settle()).
 pub(crate) fn follow<M: Strobe>(
     map: &M,
     start: &M::State,

@@ -1,37 +1,15 @@
-//! Stepped sweeps: a parameter of the excitation set to one value after the other, the motion carried over.
-//!
-//! A resonance of the arm is 0.004 Hz wide, and even steps over a few hertz miss it. So [`SweepFrequencies`] without a
-//! number of steps has the frequencies of the stable motions of the computed branch, too, which are dense along a peak.
+//! The values of stepped sweeps.
 
 use alloc::vec::Vec;
 
 use serde::{Deserialize, Serialize};
 
-use super::{StroboscopicMap, TimeDomainError};
-use crate::{AnalysisError, EndedEarly, Resonance, forced_response};
-use resonarm_dynamics::arm::{Arm, Load, Sine};
+use super::TimeDomainError;
 
 /// Most points of a sweep.
 const MOST_POINTS: u32 = 1_000_000;
 /// Evenly spaced frequencies of a sweep whose number is not given.
 pub(crate) const STEPS: u32 = 101;
-
-/// The parameter that is stepped.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub enum SweepParameter {
-    /// The frequency of the excitation, Hz, at a constant amplitude.
-    Frequency {
-        /// The peak load.
-        amplitude: Load,
-    },
-    /// The amplitude of the excitation at a constant frequency.
-    Amplitude {
-        /// The peak load at the value 1, for example 1 N·m or 1 N.
-        unit: Load,
-        /// The frequency, Hz.
-        frequency_hz: f64,
-    },
-}
 
 /// The order of the values.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
@@ -100,93 +78,17 @@ impl Grid {
     }
 }
 
-/// The frequencies of a sweep, Hz, and what they miss.
-#[derive(Clone, Debug, PartialEq)]
-pub struct SweepFrequencies {
-    /// The frequencies.
-    pub grid: Grid,
-    /// The resonances in whose half-power band no step lies.
-    pub stepped_over: Vec<Resonance>,
-    /// Why the resonances are known only in a part of the interval; none if they are known in all of it.
-    pub unknown_beyond: Option<AnalysisError>,
-}
-
-impl SweepFrequencies {
-    /// `steps` frequencies between two ends, evenly spaced; without a number 101, and between them as many as the
-    /// resonances of the forced response need.
-    ///
-    /// # Errors
-    /// As [`Grid::new`] and [`StroboscopicMap::new`].
-    pub fn new(
-        arm: &Arm,
-        load: &Load,
-        [from_hz, to_hz]: [f64; 2],
-        steps: Option<u32>,
-    ) -> Result<SweepFrequencies, TimeDomainError> {
-        let mut grid = Grid::new(from_hz, to_hz, steps.unwrap_or(STEPS))?;
-        let ends = [from_hz.min(to_hz), from_hz.max(to_hz)];
-        // Refuses invalid sweeps before the search for resonances.
-        StroboscopicMap::new(arm, Sine { amplitude: *load, frequency_hz: ends[0] })?;
-        let (branch, unknown_beyond) = match forced_response(arm, load, ends) {
-            Ok(branch) => (branch, None),
-            Err(EndedEarly { reason, so_far }) => (*so_far, Some(reason)),
-        };
-        let mut stepped_over = Vec::new();
-        match steps {
-            None => grid = grid.with(branch.stable_frequencies_hz()),
-            Some(_) => stepped_over = branch.resonances_missed_by(grid.values()),
-        }
-        Ok(SweepFrequencies { grid, stepped_over, unknown_beyond })
-    }
-}
-
-/// A stepped sweep of one arm.
-#[derive(Clone, Debug, PartialEq)]
-pub struct Sweep {
-    /// The parameter that is stepped.
-    pub parameter: SweepParameter,
-    /// Its values: Hz, or multiples of the unit load.
-    pub grid: Grid,
-    /// Their order.
-    pub direction: Direction,
-}
-
-impl Sweep {
-    /// The values in the order of the sweep.
-    pub fn values(&self) -> Vec<f64> {
-        self.grid.in_order(self.direction)
-    }
-
-    /// The excitations in the order of the sweep.
-    pub fn sines(&self) -> Vec<Sine> {
-        self.values().into_iter().map(|value| self.parameter.sine(value)).collect()
-    }
-}
-
-impl SweepParameter {
-    /// The excitation at a value.
-    pub fn sine(&self, value: f64) -> Sine {
-        match *self {
-            SweepParameter::Frequency { amplitude } => Sine { amplitude, frequency_hz: value },
-            SweepParameter::Amplitude { unit, frequency_hz } => Sine { amplitude: unit.scaled(value), frequency_hz },
-        }
-    }
-}
-
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::tests::arm_at;
-    use resonarm_dynamics::arm::Preset;
 
-    /// A resonance is narrower than 0.1 Hz: few steps miss it, and frequencies without a number of steps don't.
     #[test]
-    fn frequencies_resolve_a_resonance_or_say_that_they_do_not() {
-        let (arm, load) = (arm_at(Preset::Irb1600Fitted, 0.0, 60.0), Load::torque_nm(1.0, 0.0));
-        let few = SweepFrequencies::new(&arm, &load, [22.3, 21.9], Some(5)).unwrap();
-        assert_eq!((few.grid.values().len(), few.stepped_over.len()), (5, 2));
-        let all = SweepFrequencies::new(&arm, &load, [22.3, 21.9], None).unwrap();
-        let values = all.grid.values();
-        assert!(values.len() > 110 && all.stepped_over.is_empty() && all.unknown_beyond.is_none(), "{values:?}");
+    fn values_rise_and_go_in_the_order_of_a_sweep() {
+        insta::assert_snapshot!(Grid::new(23.0, 23.0, 10).unwrap_err(), @"a sweep from 23 to 23: both ends must be numbers, and different");
+        insta::assert_snapshot!(Grid::new(f64::NAN, 21.0, 10).unwrap_err(), @"a sweep from NaN to 21: both ends must be numbers, and different");
+        insta::assert_snapshot!(Grid::new(21.0, 23.0, 1).unwrap_err(), @"a sweep of 1 points: it must have from 2, one at each end, to 1000000");
+        assert_eq!(Grid::new(23.0, 21.0, 3).unwrap().values(), [21.0, 22.0, 23.0]);
+        let more = Grid::new(21.0, 23.0, 2).unwrap().with([24.0, 22.5, 21.0]);
+        assert_eq!(more.in_order(Direction::Down), [23.0, 22.5, 21.0]);
     }
 }

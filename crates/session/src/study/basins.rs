@@ -9,28 +9,27 @@ use serde::{Deserialize, Serialize};
 use serde_json::Value;
 
 use super::{Control, Journal, StudyError, on_all_cores};
-use resonarm_analysis::time_domain::{
-    BasinOutcome, StableMotion, StateCoordinate, StroboscopicMap, TimeDomainError, outcomes,
-};
-use resonarm_dynamics::arm::{Arm, Sine, State};
+use resonarm_analysis::structure::Forced;
+use resonarm_analysis::structure::time_domain::{StableMotion, StroboscopicMap, outcomes};
+use resonarm_analysis::time_domain::{BasinOutcome, TimeDomainError};
 
 /// States that are computed side by side, and kept together in the journal.
 const TOGETHER: usize = 64;
 
-/// A grid of initial states in two coordinates: of the arm, or, by their numbers from 0, of a list of numbers.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub struct StateGrid<C = StateCoordinate, S = State> {
-    /// The coordinates that vary: along a row, and from row to row.
-    pub coordinates: [C; 2],
+/// A grid of initial states in two of the numbers of a state.
+#[derive(Clone, Debug, PartialEq)]
+pub struct StateGrid {
+    /// The numbers, by their places in the state, that vary along a row and from row to row.
+    pub coordinates: [usize; 2],
     /// First value and last of each.
     pub ends: [[f64; 2]; 2],
     /// How many values of each, from 2.
     pub counts: [usize; 2],
-    /// The state whose other coordinates all have.
-    pub others: S,
+    /// The state whose other numbers all have.
+    pub others: Vec<f64>,
 }
 
-impl<C, S> StateGrid<C, S> {
+impl StateGrid {
     /// How many states there are.
     pub fn len(&self) -> usize {
         self.counts[0] * self.counts[1]
@@ -57,20 +56,7 @@ impl<C, S> StateGrid<C, S> {
             (from * (last - places[axis] as f64) + to * places[axis] as f64) / last
         })
     }
-}
 
-impl StateGrid {
-    /// The state at a place in the grid.
-    pub fn state(&self, index: usize) -> State {
-        let mut state = self.others;
-        for (coordinate, value) in self.coordinates.iter().zip(self.values(index)) {
-            coordinate.set(&mut state, value);
-        }
-        state
-    }
-}
-
-impl StateGrid<usize, Vec<f64>> {
     /// The state at a place in the grid.
     pub fn state(&self, index: usize) -> Vec<f64> {
         let mut state = self.others.clone();
@@ -81,18 +67,18 @@ impl StateGrid<usize, Vec<f64>> {
     }
 }
 
-/// Basins to be computed.
+/// Basins of a structure to be computed.
 #[derive(Clone, Debug)]
 pub struct Basins {
-    /// The arm.
-    pub arm: Arm,
-    /// Its excitation.
-    pub sine: Sine,
+    /// The structure and its drive.
+    pub forced: Forced,
+    /// The frequency of the drive, Hz.
+    pub frequency_hz: f64,
     /// The motions that the states may reach.
     pub motions: Vec<StableMotion>,
-    /// The initial states, at phase 0 of the excitation.
+    /// The initial states, at phase 0 of the drive.
     pub grid: StateGrid,
-    /// Longest wait, in time constants of the arm's slowest mode.
+    /// Longest wait, in time constants of the slowest mode.
     pub time_constants: f64,
 }
 
@@ -104,36 +90,21 @@ struct GridPart {
     outcomes: Vec<BasinOutcome>,
 }
 
-/// Where the motions from the states of a grid end.
-pub trait BasinStudy: Sync + Sized {
-    /// How many states there are.
-    fn states(&self) -> usize;
-
-    /// Refuses an excitation under which nothing can be computed.
-    ///
-    /// # Errors
-    /// [`TimeDomainError`] says why.
-    fn check(&self) -> Result<(), TimeDomainError>;
-
-    /// Where those from some of them end.
-    ///
-    /// # Errors
-    /// [`TimeDomainError::Stopped`] if `stop` said so, another if nothing can be computed.
-    fn outcomes(&self, states: Range<usize>, stop: &dyn Fn() -> bool) -> Result<Vec<BasinOutcome>, TimeDomainError>;
-
+impl Basins {
     /// The computation, with what is in the journal for this configuration.
     ///
     /// # Errors
-    /// [`StudyError::TimeDomain`] for an excitation under which nothing can be computed, [`StudyError::Journal`] for a
+    /// [`StudyError::TimeDomain`] for a drive under which nothing can be computed, [`StudyError::Journal`] for a
     /// journal that can't be used.
-    fn begin(self, journal: Option<(&Path, &Value)>) -> Result<BasinComputation<Self>, StudyError> {
-        self.check()?;
-        let mut parts = vec![None; self.states().div_ceil(TOGETHER)];
+    pub fn begin(self, journal: Option<(&Path, &Value)>) -> Result<BasinComputation, StudyError> {
+        StroboscopicMap::new(&self.forced, self.frequency_hz)?;
+        let states = self.grid.len();
+        let mut parts = vec![None; states.div_ceil(TOGETHER)];
         let journal = match journal {
             Some((path, configuration)) => {
                 let (journal, known) = Journal::open::<GridPart>(path, configuration)?;
                 for (k, GridPart { part, outcomes }) in known.into_iter().enumerate() {
-                    let place = parts.get_mut(part).filter(|_| outcomes.len() == range(part, self.states()).len());
+                    let place = parts.get_mut(part).filter(|_| outcomes.len() == range(part, states).len());
                     *place.ok_or_else(|| journal.damaged(k + 2, "part of this grid"))? = Some(outcomes);
                 }
                 Some(journal)
@@ -142,6 +113,13 @@ pub trait BasinStudy: Sync + Sized {
         };
         Ok(BasinComputation { basins: self, parts, journal })
     }
+
+    /// Where the motions from some of the states end.
+    fn outcomes(&self, states: Range<usize>, stop: &dyn Fn() -> bool) -> Result<Vec<BasinOutcome>, TimeDomainError> {
+        let map = StroboscopicMap::new(&self.forced, self.frequency_hz)?;
+        let starts: Vec<Vec<f64>> = states.map(|index| self.grid.state(index)).collect();
+        outcomes(&map, &self.motions, &starts, self.time_constants, stop)
+    }
 }
 
 /// The states of a part, of so many.
@@ -149,31 +127,15 @@ fn range(part: usize, states: usize) -> Range<usize> {
     part * TOGETHER..((part + 1) * TOGETHER).min(states)
 }
 
-impl BasinStudy for Basins {
-    fn states(&self) -> usize {
-        self.grid.len()
-    }
-
-    fn check(&self) -> Result<(), TimeDomainError> {
-        StroboscopicMap::new(&self.arm, self.sine).map(drop)
-    }
-
-    fn outcomes(&self, states: Range<usize>, stop: &dyn Fn() -> bool) -> Result<Vec<BasinOutcome>, TimeDomainError> {
-        let map = StroboscopicMap::new(&self.arm, self.sine)?;
-        let starts: Vec<State> = states.map(|index| self.grid.state(index)).collect();
-        outcomes(&map, &self.motions, &starts, self.time_constants, stop)
-    }
-}
-
 /// Basins as far as they are computed, and where they are kept.
 #[derive(Debug)]
-pub struct BasinComputation<S: BasinStudy = Basins> {
-    basins: S,
+pub struct BasinComputation {
+    basins: Basins,
     parts: Vec<Option<Vec<BasinOutcome>>>,
     journal: Option<Journal>,
 }
 
-impl<S: BasinStudy> BasinComputation<S> {
+impl BasinComputation {
     /// What became of the states, in the order of the grid; `None` until all are computed.
     pub fn outcomes(&self) -> Option<Vec<BasinOutcome>> {
         let parts: Option<Vec<&Vec<BasinOutcome>>> = self.parts.iter().map(Option::as_ref).collect();
@@ -187,7 +149,7 @@ impl<S: BasinStudy> BasinComputation<S> {
 
     /// How many there are.
     pub fn total(&self) -> usize {
-        self.basins.states()
+        self.basins.grid.len()
     }
 
     /// Whether what is computed is kept in a journal.
@@ -199,12 +161,12 @@ impl<S: BasinStudy> BasinComputation<S> {
     ///
     /// # Errors
     /// [`StudyError::TimeDomain`] if nothing can be computed, [`StudyError::Journal`] if the journal can't be written.
-    pub fn compute_missing(self, control: &Control<'_>) -> Result<BasinComputation<S>, StudyError> {
+    pub fn compute_missing(self, control: &Control<'_>) -> Result<BasinComputation, StudyError> {
         let done = AtomicU64::new(self.done() as u64);
         let (failed, journal) = (AtomicBool::new(false), Mutex::new(self.journal));
         let stop = || (control.stop)() || failed.load(Ordering::Relaxed);
         let compute = |part: usize| -> Result<Option<Vec<BasinOutcome>>, StudyError> {
-            let outcomes = match self.basins.outcomes(range(part, self.basins.states()), &stop) {
+            let outcomes = match self.basins.outcomes(range(part, self.basins.grid.len()), &stop) {
                 Err(TimeDomainError::Stopped) => return Ok(None),
                 computed => computed?,
             };
@@ -236,50 +198,36 @@ impl<S: BasinStudy> BasinComputation<S> {
 
 #[cfg(test)]
 mod tests {
+    use super::super::tests::{QUIET, folds_hz, hardening};
     use super::*;
-    use resonarm_analysis::time_domain::{SettleOptions, settle, stable_motions};
-    use resonarm_dynamics::arm::{Load, Parameters, Pose, Preset};
+    use resonarm_analysis::structure::time_domain::{reach, stable_motions};
+    use resonarm_dynamics::structure::Dof;
 
-    /// Between the folds, with five times the damping and an excitation that bends the resonance as far for it.
-    fn basins(counts: [usize; 2]) -> Basins {
-        let parameters = Preset::Irb1600Fitted.parameters().unwrap();
-        let damped = Parameters {
-            damping1_nm_s_rad: 5.0 * parameters.damping1_nm_s_rad,
-            damping2_nm_s_rad: 5.0 * parameters.damping2_nm_s_rad,
-            ..parameters
-        };
-        let arm = Arm::new(damped, Pose { beta1_deg: 0.0, beta2_deg: 60.0 }).unwrap();
-        let sine = Sine { amplitude: Load::torque_nm(600.0, 0.0), frequency_hz: 21.98 };
-        let (motions, early) = stable_motions(&arm, &sine).unwrap();
-        assert!(early.is_empty());
-        let coordinates = [StateCoordinate::Alpha1, StateCoordinate::AlphaDot1];
-        let grid = StateGrid { coordinates, ends: [[-0.6, 0.6], [-80.0, 80.0]], counts, others: State::default() };
-        Basins { arm, sine, motions, grid, time_constants: 40.0 }
+    /// Of the hardening oscillator, in the middle between its folds.
+    fn basins(counts: [usize; 2]) -> (Basins, Dof) {
+        let (forced, dof) = hardening();
+        let folds = folds_hz(&forced, dof);
+        let frequency_hz = 0.5 * (folds[0] + folds[1]);
+        let (motions, early) = stable_motions(&forced, &[dof], frequency_hz, &|| false).unwrap();
+        assert!(motions.len() == 2 && early.is_none(), "{motions:?}");
+        let ends = [0, 1].map(|index| reach(&motions, index, frequency_hz)).map(|far| [-far, far]);
+        let grid = StateGrid { coordinates: [0, 1], ends, counts, others: vec![0.0; 2] };
+        (Basins { forced, frequency_hz, motions, grid, time_constants: 40.0 }, dof)
     }
 
-    const QUIET: Control<'static> = Control { stop: &|| false, done: &|_done| () };
-
-    /// Each state reaches the motion that it settles in when it is followed alone, by the rules of a sweep.
+    /// The fates on all cores are those of one state after the other, and both motions are reached.
     #[test]
-    fn a_state_reaches_what_it_settles_in() {
-        let basins = basins([9, 8]);
-        assert_eq!(basins.motions.len(), 2, "{:?}", basins.motions);
-        let (arm, sine, grid, motions) = (basins.arm.clone(), basins.sine, basins.grid, basins.motions.clone());
-        let outcomes = basins.begin(None).unwrap().compute_missing(&QUIET).unwrap().outcomes().unwrap();
-        let map = StroboscopicMap::new(&arm, sine).unwrap();
-        let mut reached = [0; 2];
-        for (index, outcome) in outcomes.iter().enumerate() {
-            let settled = settle(&map, &grid.state(index), &SettleOptions::default(), &|| false).unwrap();
-            match outcome {
-                BasinOutcome::Reaches { motion, .. } => {
-                    let (a, b) = (motions[*motion].amplitude_rad[0], settled.amplitude_rad[0]);
-                    assert!((a / b - 1.0).abs() < 1e-6, "{index}: {a} {b}");
-                    reached[*motion] += 1;
-                }
-                other => assert_eq!((settled.period, *other), (None, BasinOutcome::Undecided), "{index}"),
-            }
+    fn fates_on_all_cores_are_those_of_one_state_after_the_other() {
+        let (basins, _) = basins([13, 11]);
+        let alone: Vec<BasinOutcome> =
+            (0..143).map(|state| basins.outcomes(state..state + 1, &|| false).unwrap()[0]).collect();
+        let computed = basins.begin(None).unwrap().compute_missing(&QUIET).unwrap().outcomes().unwrap();
+        assert_eq!(computed, alone);
+        for wanted in [0, 1] {
+            let reaches =
+                |outcome: &BasinOutcome| matches!(outcome, BasinOutcome::Reaches { motion, .. } if *motion == wanted);
+            assert!(computed.iter().any(reaches), "{wanted}: {computed:?}");
         }
-        assert!(reached.iter().all(|count| *count > 5), "{reached:?}");
     }
 
     /// Stopped after any part, it goes on to the same outcomes.
@@ -288,14 +236,15 @@ mod tests {
         let folder = tempfile::tempdir().unwrap();
         let path = folder.path().join("journal");
         let configuration = serde_json::json!({});
-        let whole = basins([10, 20]).begin(Some((&path, &configuration))).unwrap().compute_missing(&QUIET).unwrap();
+        let begun = |counts| basins(counts).0.begin(Some((&path, &configuration))).unwrap();
+        let whole = begun([10, 20]).compute_missing(&QUIET).unwrap();
         let text = std::fs::read_to_string(&path).unwrap();
         let outcomes = whole.outcomes().unwrap();
         drop(whole);
         let lines: Vec<&str> = text.split_inclusive('\n').collect();
         assert_eq!((lines.len(), outcomes.len()), (5, 200));
         std::fs::write(&path, lines[..3].concat() + &lines[3][..9]).unwrap();
-        let resumed = basins([10, 20]).begin(Some((&path, &configuration))).unwrap();
+        let resumed = begun([10, 20]);
         assert!(resumed.outcomes().is_none() && resumed.done() < 200 && resumed.done() > 0);
         let resumed = resumed.compute_missing(&QUIET).unwrap();
         assert_eq!(resumed.outcomes().unwrap(), outcomes);

@@ -1,23 +1,20 @@
-//! Parameter studies: many motions of the arm, or of a structure, computed over all cores, which can be stopped and
-//! resumed.
+//! Parameter studies: many motions of a structure, computed on all cores, which can be stopped and resumed.
 //!
-//! [`Chains`] are motions of which each begins where the one before ended, as in a stepped sweep. What is finished goes
-//! into a [`Journal`], so that a study that was stopped, or killed, continues from there and gives the same bits; so do
-//! [`Basins`], which say which initial states reach which stable motion. [`on_all_cores`] spreads independent jobs.
+//! In [`Sweeps`] each motion begins where the one before ended; [`Basins`] say which initial states reach which stable
+//! motion. What is finished goes into a [`Journal`], so that a study that was stopped, or killed, continues from there
+//! and gives the same bits. [`on_all_cores`] spreads independent jobs.
 
 mod basins;
-mod chains;
 mod journal;
 mod parallel;
-mod structures;
+mod sweeps;
 
 use thiserror::Error;
 
-pub use basins::{BasinComputation, BasinStudy, Basins, StateGrid};
-pub use chains::{Chain, ChainComputation, ChainStudy, Chains, Point};
+pub use basins::{BasinComputation, Basins, StateGrid};
 pub use journal::{Journal, JournalError};
 pub use parallel::on_all_cores;
-pub use structures::{StructureBasins, StructureChains, StructurePoint};
+pub use sweeps::{SweepComputation, SweepPoint, Sweeps};
 
 use resonarm_analysis::time_domain::TimeDomainError;
 
@@ -40,4 +37,36 @@ pub enum StudyError {
     /// The journal can't be used.
     #[error(transparent)]
     Journal(#[from] JournalError),
+}
+
+#[cfg(test)]
+mod tests {
+    use super::Control;
+    use resonarm_analysis::structure::{Coordinate, Forced, TraceOptions, trace};
+    use resonarm_dynamics::structure::{
+        Assembly, Axis, BodySpec, Dof, ElementSpec, Law, ModalSpec, ModeSpec, Place, ShapeSpec, StructureSpec,
+    };
+
+    pub(super) const QUIET: Control<'static> = Control { stop: &|| false, done: &|_done| () };
+
+    /// An oscillator that hardens so that its resonance folds over.
+    pub(super) fn hardening() -> (Forced, Dof) {
+        let tip = Place::Dof { point: "tip".into(), axis: Axis::X };
+        let body = ModalSpec {
+            modes: vec![ModeSpec { frequency_hz: 10.0, damping_ratio: 0.02 }],
+            shapes: vec![ShapeSpec { point: "tip".into(), axis: Axis::X, by_mode: vec![1.0] }],
+        };
+        let law = Law::Cubic { stiffness3: 4e6, stiffness5: 0.0 };
+        let elements = vec![ElementSpec { at: tip, to: None, law }];
+        let assembly = Assembly::new(&StructureSpec { body: BodySpec::Modal(body), elements }).unwrap();
+        let dof = assembly.dof("tip.x").unwrap();
+        (Forced::new(assembly, dof, 2.0), dof)
+    }
+
+    /// The frequencies of its folds, Hz.
+    pub(super) fn folds_hz(forced: &Forced, dof: Dof) -> Vec<f64> {
+        let options = TraceOptions::new(forced, Coordinate::FrequencyHz, [8.0, 20.0], vec![dof]);
+        let branch = trace(forced, 8.0, Coordinate::FrequencyHz, &options).unwrap();
+        branch.bifurcations.iter().map(|found| found.orbit.frequency_hz).collect()
+    }
 }

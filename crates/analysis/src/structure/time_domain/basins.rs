@@ -9,10 +9,12 @@ use super::StroboscopicMap;
 use super::measure::{Measured, measure};
 use crate::EndedEarly;
 use crate::structure::{Branch, Coordinate, Forced, Reading, TraceOptions, phase_zero_states, trace};
-use crate::time_domain::{
-    Attractor, BasinOutcome, FixedPoint, REACH, SettleOptions, Strobe, TimeDomainError, WINDOW, fates, follow,
-};
+use crate::time_domain::{Attractor, BasinOutcome, FixedPoint, SettleOptions, Strobe, TimeDomainError, fates, follow};
 
+/// The branch is traced between these multiples of the frequency to find the motions at it.
+const WINDOW: [f64; 2] = [0.75, 4.0 / 3.0];
+/// A grid of initial states reaches this many times as far as the largest stable motion.
+const REACH: f64 = 1.5;
 /// A motion is followed from beside an unstable one, off by this part of its size.
 const BESIDE: f64 = 1e-3;
 
@@ -105,8 +107,13 @@ pub fn stable_motions(
     Ok((motions, early))
 }
 
-/// The fate of each initial state, given at phase 0, within `time_constants` of the structure's slowest mode; see
-/// [`crate::time_domain::outcomes`].
+/// The fate of each initial state, given at phase 0, within `time_constants` of the structure's slowest mode.
+///
+/// All are integrated side by side. After every quarter of a time constant a motion counts as having reached a stable
+/// one if it is within 1e-9 of it, relative to its size, or if it is in its linear neighbourhood: if over that quarter
+/// it approached as the linearisation at the stable motion predicts, but for a remainder of at most a quarter of the
+/// decay; from then on the remainder, of second order, falls faster than the deviation itself. Motions for which
+/// neither holds by the end of the wait are undecided.
 ///
 /// # Errors
 /// [`TimeDomainError::Option`] if the wait is no positive number, [`TimeDomainError::Step`] if a step can't be made for

@@ -1,4 +1,7 @@
 //! The frequencies of a structure's sweep.
+//!
+//! A resonance of the arm is 0.004 Hz wide, and even steps over a few hertz miss it. So [`SweepFrequencies`] without a
+//! number of steps has the frequencies of the stable motions of the computed branch, too, which are dense along a peak.
 
 use alloc::vec::Vec;
 
@@ -55,7 +58,7 @@ fn missed(forced: &Forced, options: &TraceOptions, branch: &Branch, frequencies_
     found
 }
 
-/// The frequencies of a sweep, Hz, and what they miss; see [`crate::time_domain::SweepFrequencies`].
+/// The frequencies of a sweep, Hz, and what they miss.
 #[derive(Clone, Debug, PartialEq)]
 pub struct SweepFrequencies {
     /// The frequencies.

@@ -10,16 +10,62 @@ use resonarm_dynamics::integrate::{IntegrateError, Scheme};
 use resonarm_dynamics::structure::{Assembly, Dof, STAGE_TIMES, SineSteps, StepError, StepLoad, Stepper};
 
 use crate::structure::Forced;
-use crate::time_domain::{Strobe, TimeDomainError, steps_in_period};
+use crate::time_domain::{Strobe, TimeDomainError};
 
 /// Most steps whose sines are kept at once.
 const LONGEST_STRETCH: u32 = 4096;
+/// The scheme's relative frequency error is this times (ωh)⁸.
+const FREQUENCY_ERROR: f64 = 6.4e-8;
+/// The largest relative error of an amplitude by the scheme.
+const AMPLITUDE_TOLERANCE: f64 = 1e-8;
+/// Fewest steps in a period of the excitation, so that its harmonics are followed too.
+const FEWEST_STEPS: f64 = 40.0;
+/// Most steps in a period of the excitation.
+const MOST_STEPS: u32 = 1_000_000;
+
+/// N for modes of these frequencies, Hz, and damping ratios, and the time in which the slowest of their transients
+/// falls by e, in periods of the excitation.
+///
+/// # Errors
+/// [`TimeDomainError::Frequency`], [`TimeDomainError::FrequencyTooLow`], [`TimeDomainError::Undamped`].
+fn steps_in_period(modes: impl Iterator<Item = (f64, f64)>, frequency_hz: f64) -> Result<(u32, f64), TimeDomainError> {
+    if !(frequency_hz.is_finite() && frequency_hz > 0.0) {
+        return Err(TimeDomainError::Frequency { got_hz: frequency_hz });
+    }
+    let mut needed: f64 = FEWEST_STEPS;
+    let mut slowest_decay = f64::INFINITY;
+    for (index, (mode_hz, damping_ratio)) in modes.enumerate() {
+        if mode_hz == 0.0 {
+            return Err(TimeDomainError::Rigid { mode: index + 1 });
+        }
+        if damping_ratio <= 0.0 {
+            // −0 is 0, too.
+            return Err(TimeDomainError::Undamped { mode: index + 1, damping_ratio: damping_ratio + 0.0 });
+        }
+        let phase_rad = libm::pow(AMPLITUDE_TOLERANCE * damping_ratio / FREQUENCY_ERROR, 0.125).min(1.0);
+        needed = needed.max(TAU * mode_hz / (phase_rad * frequency_hz));
+        // ζω, or, where the mode does not oscillate, the slower of two decays, ω (ζ − √(ζ² − 1)).
+        let decay = match damping_ratio > 1.0 {
+            true => TAU * mode_hz / (damping_ratio + libm::sqrt((damping_ratio - 1.0) * (damping_ratio + 1.0))),
+            false => damping_ratio * TAU * mode_hz,
+        };
+        slowest_decay = slowest_decay.min(decay);
+    }
+    let steps = libm::ceil(needed);
+    if steps > f64::from(MOST_STEPS) {
+        let lowest_hz = needed * frequency_hz / f64::from(MOST_STEPS);
+        return Err(TimeDomainError::FrequencyTooLow { got_hz: frequency_hz, steps, most: MOST_STEPS, lowest_hz });
+    }
+    Ok((steps as u32, frequency_hz / slowest_decay))
+}
 
 /// The map of one structure under one sine. A state has the coordinates, their rates and the states of the elements.
 ///
-/// A period has a whole number of steps of order 8, as many as [`crate::time_domain::StroboscopicMap`] needs for the
-/// structure's modes, or more if the structure asks for more; where elements need still more in some motion, that
-/// period is integrated again with them.
+/// A period has a whole number of steps N, so that each period repeats the same phases exactly. N keeps the frequency
+/// error of the scheme, −6.4e-8 (ωh)⁸ relative, below 1e-8 ζ in every mode: at resonance an amplitude changes by a
+/// relative detuning over ζ, so it is exact to about 1e-8. The effect of the scheme's damping, 2.26e-8 (ωh)⁹ against ζ,
+/// is smaller still. There are more steps if the structure asks for more; where elements need still more in some
+/// motion, that period is integrated again with them.
 #[derive(Debug)]
 pub struct StroboscopicMap {
     forced: Forced,
@@ -32,7 +78,7 @@ pub struct StroboscopicMap {
 }
 
 impl StroboscopicMap {
-    /// The scheme: that of the arm's map.
+    /// The scheme: its damping is negligible at these steps, and it is two to ten times as fast as the implicit ones.
     const SCHEME: Scheme = Scheme::Dop853;
 
     /// The map of a structure driven at `frequency_hz`, Hz.
@@ -60,7 +106,7 @@ impl StroboscopicMap {
     ) -> Result<StroboscopicMap, TimeDomainError> {
         let unit_steps = f64::from(unit);
         let steps = libm::ceil(least / unit_steps) * unit_steps;
-        let most = crate::time_domain::MOST_STEPS;
+        let most = MOST_STEPS;
         if steps > f64::from(most) {
             let lowest_hz = steps * frequency_hz / f64::from(most);
             return Err(TimeDomainError::FrequencyTooLow { got_hz: frequency_hz, steps, most, lowest_hz });

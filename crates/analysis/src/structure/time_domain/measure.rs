@@ -9,15 +9,18 @@ use resonarm_dynamics::structure::{Assembly, Dof, StepError, Stepper};
 
 use super::StroboscopicMap;
 use crate::structure::Reading;
-use crate::time_domain::{SettleOptions, TimeDomainError, UNSETTLED_PERIODS, follow};
+use crate::time_domain::{SettleOptions, TimeDomainError, follow};
 
+/// Periods over which an unsettled motion is measured.
+const UNSETTLED_PERIODS: u32 = 64;
 /// Bisections of a step to the turn in it.
 const BISECTIONS: usize = 40;
 
-/// A motion after its transient; see [`crate::time_domain::Settled`].
+/// A motion after its transient.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Settled {
-    /// Periods of the drive after which the motion repeats; `None` if it did not settle within the wait.
+    /// Periods of the drive after which the motion repeats; `None` if it did not settle within the wait: it is
+    /// quasi-periodic, chaotic, of a period longer than 8, or still transient.
     pub period: Option<u32>,
     /// Largest magnitude of the Floquet multipliers over the motion's period; `None`, too, of a motion that keeps a
     /// constant, as the state of friction that sticks.
@@ -38,9 +41,19 @@ pub struct Settled {
     pub end: Vec<f64>,
 }
 
-/// Follows a structure from `start`, at phase 0, to the end of its transient; see [`crate::time_domain::settle()`]. A
-/// motion that keeps a constant has settled where it returns to within 1e-9 of its size after a quarter of a time
+/// Follows a structure from `start`, at phase 0, to the end of its transient.
+///
+/// With damping ratios of 1e-4 a transient takes tens of thousands of periods. So after every quarter of a time
+/// constant Newton's method looks for a motion that repeats near the present one, and the next quarter of plain
+/// integration shows whether the present motion approaches it as its linearisation predicts, so that it can only end
+/// there (see `FixedPoint::captures`). Only then is the transient cut short. If no such motion captures the structure, as
+/// after a fold, the whole transient is integrated. At the end plain integration from the motion found must return to
+/// it within 1e-9 of its size.
+///
+/// A motion that keeps a constant has settled where it returns to within 1e-9 of its size after a quarter of a time
 /// constant.
+///
+/// `stop` is called regularly; `true` ends the wait.
 ///
 /// # Errors
 /// [`TimeDomainError::Option`] if the wait is no positive number, [`TimeDomainError::Step`] if a step can't be made,

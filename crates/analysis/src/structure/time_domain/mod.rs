@@ -1,6 +1,6 @@
-//! Structures by integration in time, as [`crate::time_domain`] has the arm: stepped sweeps of the frequency or the
-//! amplitude of the drive or of any parameter of the structure, settled motions and their sections at phase 0, the paths
-//! between the points of a section, basins of attraction.
+//! Structures by integration in time: stepped sweeps of the frequency or the amplitude of the drive or of any parameter
+//! of the structure, settled motions and their sections at phase 0, the paths between the points of a section, basins
+//! of attraction.
 
 mod basins;
 mod frequencies;

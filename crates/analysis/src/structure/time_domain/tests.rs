@@ -3,14 +3,16 @@ use core::f64::consts::TAU;
 
 use super::*;
 use crate::structure::tests::{modal, near, number, of_kind, oracles, place};
-use crate::structure::{Branch, Coordinate, Forced, LinearResponse, TraceOptions, trace};
+use crate::structure::{Bifurcation, Branch, Coordinate, Forced, LinearResponse, Orbit, TraceOptions, trace};
 use crate::tests::arm_at;
-use crate::time_domain::{BasinOutcome, Grid, SettleOptions, TimeDomainError};
+use crate::time_domain::{BasinOutcome, Grid, SettleOptions, Strobe as _, TimeDomainError};
 use crate::{BifurcationKind, Quantity};
 use nalgebra::Normed as _;
-use resonarm_dynamics::arm::{Load, Preset, Sine, State};
+use resonarm_dynamics::arm::Preset;
+use resonarm_dynamics::integrate::Scheme;
 use resonarm_dynamics::structure::{
-    Assembly, Axis, BodySpec, ChainSpec, Dof, ElementSpec, Law, ModalSpec, ModeSpec, ShapeSpec, Side, StructureSpec,
+    Assembly, Axis, BodySpec, ChainSpec, Dof, ElementSpec, Law, ModalSpec, ModeSpec, ShapeSpec, Side, StepLoad,
+    Stepper, StructureSpec,
 };
 
 /// The first structure of the oracles under its drive, and where it is read.
@@ -71,26 +73,149 @@ fn small_motions_are_those_of_the_linear_structure() {
     }
 }
 
-/// A chain of two links settles as the arm does.
-#[test]
-fn a_chain_of_two_links_settles_as_the_arm() {
-    let arm = arm_at(Preset::Irb1600Fitted, 0.0, 60.0);
+/// The fitted arm as a chain, under a torque at joint 1, and that joint.
+fn arm(beta2_deg: f64, torque1_nm: f64) -> (Forced, Dof) {
+    let arm = arm_at(Preset::Irb1600Fitted, 0.0, beta2_deg);
     let chain = BodySpec::Chain(ChainSpec::from_arm(arm.parameters(), arm.pose()));
     let assembly = Assembly::new(&StructureSpec { body: chain, elements: vec![] }).unwrap();
     let joint = assembly.dof("joint1").unwrap();
-    let chain = Forced::new(assembly, joint, 60.0);
-    let got = settled(&chain, joint, 22.1, &rest(&chain));
-    let sine = Sine { amplitude: Load::torque_nm(60.0, 0.0), frequency_hz: 22.1 };
-    let map = crate::time_domain::StroboscopicMap::new(&arm, sine).unwrap();
-    let options = SettleOptions::default();
-    let expected = crate::time_domain::settle(&map, &State::default(), &options, &|| false).unwrap();
-    assert_eq!((got.period, got.settling_periods), (expected.period, expected.settling_periods));
-    for i in 0..2 {
-        near(got.coordinates[i].largest, expected.amplitude_rad[i], 1e-8);
-        near(got.coordinates[i].harmonic1.norm(), expected.harmonic1_rad[i], 1e-8);
+    (Forced::new(assembly, joint, torque1_nm), joint)
+}
+
+/// The state at phase 0 of a motion of a branch.
+fn start_of(orbit: &Orbit) -> Vec<f64> {
+    let mut state = orbit.coefficients[..2].to_vec();
+    state.resize(4, 0.0);
+    for (k, rows) in (1..).zip(orbit.coefficients[2..].chunks_exact(4)) {
+        for i in 0..2 {
+            state[i] += rows[i];
+            state[2 + i] += f64::from(k) * TAU * orbit.frequency_hz * rows[2 + i];
+        }
     }
-    assert_eq!(got.coordinates[0], got.readings[0]);
-    near(got.largest_multiplier.unwrap(), expected.largest_multiplier.unwrap(), 1e-7);
+    state
+}
+
+/// How far a state is from another, relative to its size, in the coordinates of the section.
+fn off(map: &StroboscopicMap, state: &[f64], expected: &[f64]) -> f64 {
+    let [state, expected] = [state, expected].map(|state| map.to_point(&state.to_vec()));
+    (&state - &expected).norm() / expected.norm()
+}
+
+/// The shortcut ends where integration alone ends: before the jump, through it, after it, and from rest into a
+/// resonance with two stable motions.
+#[test]
+fn ends_where_plain_integration_ends() {
+    let (forced, joint) = arm(60.0, 60.0);
+    let before = settled(&forced, joint, 22.134, &settled(&forced, joint, 22.12, &[0.02, 0.016, 0.0, 0.0]).end).end;
+    let cases = [(22.1345, &before), (22.136, &before), (22.10, &vec![0.0; 4]), (22.07, &vec![0.2, 0.1, 3.0, 5.0])];
+    for (frequency_hz, start) in cases {
+        let map = StroboscopicMap::new(&forced, frequency_hz).unwrap();
+        let settled = settled(&forced, joint, frequency_hz, start);
+        let mut truth = [start.clone()];
+        map.advance_all(&mut truth, (25.0 * map.time_constant_periods()).ceil() as u32).unwrap();
+        let error = off(&map, &settled.end, &truth[0]);
+        assert!(error < 1e-8, "{frequency_hz} Hz: {error} {settled:?}");
+        assert!((settled.settling_periods as f64) < 8.0 * map.time_constant_periods(), "{settled:?}");
+    }
+}
+
+/// A settled motion closes after its period, by another scheme with far smaller steps too: the errors of single periods
+/// of the map add up to less than 1e-8 of the amplitude over a time constant.
+#[test]
+fn settled_motion_closes_by_another_scheme() {
+    for (beta2_deg, torque1_nm, frequency_hz, period) in
+        [(60.0, 60.0, 22.15, 1), (120.0, 60.0, 26.82, 1), (30.0, 100.0, 55.6, 1), (75.0, 300.0, 46.3, 2)]
+    {
+        let (forced, joint) = arm(beta2_deg, torque1_nm);
+        let map = StroboscopicMap::new(&forced, frequency_hz).unwrap();
+        // Into the subharmonic motion by a start of about its size.
+        let start = if period == 1 { [0.0; 4] } else { [0.05, -0.05, 5.0, 5.0] };
+        let settled = settled(&forced, joint, frequency_hz, &start);
+        assert_eq!(settled.period, Some(period), "{settled:?}");
+        let rate_hz = 1000.0 * frequency_hz;
+        let mut stepper = Stepper::new(forced.assembly(), &[joint], Scheme::Gl6, rate_hz).unwrap();
+        stepper.restore(&settled.end).unwrap();
+        let load = StepLoad::Sine { amplitude: &[torque1_nm], omega_rad_s: TAU * frequency_hz };
+        let mut largest = [0.0_f64; 2];
+        for k in 0..1000 * period {
+            largest = [0, 1].map(|i| largest[i].max(stepper.position()[i].abs()));
+            stepper.advance_under(f64::from(k) / rate_hz, &load).unwrap();
+        }
+        let error = off(&map, &[stepper.position(), stepper.velocity()].concat(), &settled.end);
+        assert!(error < 1e-8 / map.time_constant_periods(), "{beta2_deg}°: {error}");
+        for (coordinate, largest) in settled.coordinates.iter().zip(largest) {
+            // Between samples of 1/1000 of a period the peak is missed by at most (nπ/1000)²/2 of harmonic n.
+            let missed = coordinate.largest / largest - 1.0;
+            assert!((0.0..1e-4).contains(&missed), "{beta2_deg}°: {missed}");
+        }
+    }
+}
+
+/// Between two Neimark–Sacker points, which harmonic balance locates at the 1:2 internal resonance, the motion is
+/// quasi-periodic and its section a closed curve; beyond them it has the period of the drive.
+#[test]
+fn finds_the_quasi_periodic_motion_between_the_neimark_sacker_points() {
+    let (forced, joint) = arm(75.0, 1500.0);
+    let branch = traced(&forced, joint, [23.1, 22.94]);
+    let torus = |event: &&Bifurcation| event.kind == BifurcationKind::NeimarkSacker;
+    let [upper, lower] = branch.bifurcations.iter().filter(torus).collect::<Vec<_>>()[..] else { panic!("{branch:?}") };
+    let options = SettleOptions { time_constants: 15.0, section_points: 400 };
+    let at = |frequency_hz, start: &[f64]| {
+        settle(&StroboscopicMap::new(&forced, frequency_hz).unwrap(), &[joint], start, &options, &|| false).unwrap()
+    };
+    let above = at(upper.orbit.frequency_hz + 0.005, &start_of(&upper.orbit));
+    let between = at(upper.orbit.frequency_hz - 0.01, &above.end);
+    let below = at(lower.orbit.frequency_hz - 0.005, &start_of(&lower.orbit));
+    assert_eq!([above.period, between.period, below.period], [Some(1), None, Some(1)]);
+    assert!(between.drift > 1e-4 && between.section.len() == 400);
+    // A closed curve around the motion that has lost its stability: it keeps away from it, and each point has
+    // neighbours.
+    let map = StroboscopicMap::new(&forced, upper.orbit.frequency_hz).unwrap();
+    let centre = map.to_point(&above.end);
+    let section: Vec<_> = between.section.iter().map(|state| map.to_point(state)).collect();
+    let distances = section.iter().map(|point| (point - &centre).norm());
+    let (near, far) = distances.fold((f64::INFINITY, 0.0_f64), |(near, far), d| (near.min(d), far.max(d)));
+    assert!(near > 0.1 * far, "{near} {far}");
+    for point in &section {
+        let mut others: Vec<f64> = section.iter().map(|other| (point - other).norm()).collect();
+        others.sort_by(f64::total_cmp);
+        assert!(others[2] < 0.1 * far, "{others:?}");
+    }
+}
+
+/// A wait that is too short is reported, never taken for a result.
+#[test]
+fn says_when_a_motion_has_not_settled() {
+    let (forced, joint) = arm(60.0, 60.0);
+    let map = StroboscopicMap::new(&forced, 22.15).unwrap();
+    let options = SettleOptions { time_constants: 0.5, section_points: 7 };
+    let unsettled = settle(&map, &[joint], &[0.0; 4], &options, &|| false).unwrap();
+    assert_eq!((unsettled.period, unsettled.largest_multiplier, unsettled.section.len()), (None, None, 7));
+    assert!(unsettled.drift > 1e-6 && unsettled.readings[0].largest > 0.0 && unsettled.settling_periods > 400);
+    // Settled by itself from there.
+    assert_eq!(settled(&forced, joint, 22.15, &unsettled.end).period, Some(1));
+}
+
+/// Without a load the structure comes to rest from any state.
+#[test]
+fn without_a_load_the_structure_comes_to_rest() {
+    let (forced, joint) = arm(120.0, 0.0);
+    let settled = settled(&forced, joint, 30.0, &[0.1, -0.1, 1.0, 1.0]);
+    assert_eq!(settled.period, Some(1));
+    assert!(settled.coordinates.iter().all(|coordinate| coordinate.largest < 1e-12), "{settled:?}");
+}
+
+/// The amount of work is tested too: a change of it shows.
+#[test]
+fn the_amount_of_work_is_unchanged() {
+    let (forced, joint) = arm(60.0, 60.0);
+    let (mut state, mut periods) = (vec![0.0; 4], 0);
+    for frequency_hz in Grid::new(21.0, 23.5, 51).unwrap().values() {
+        let settled = settled(&forced, joint, *frequency_hz, &state);
+        (state, periods) = (settled.end, periods + settled.settling_periods);
+    }
+    let steps = StroboscopicMap::new(&forced, 21.0).unwrap().steps_per_period();
+    insta::assert_snapshot!(format!("{periods} periods of {steps} steps at 21 Hz"), @"17038 periods of 44 steps at 21 Hz");
 }
 
 /// A sweep over the frequency, the amplitude or a parameter of the structure follows the branch up to the fold at which
@@ -266,5 +391,13 @@ fn stops_and_refuses() {
     assert_eq!(stopped, Err(TimeDomainError::Stopped));
     let refusal = |forced: &Forced, hz: f64| StroboscopicMap::new(forced, hz).unwrap_err().to_string();
     insta::assert_snapshot!(refusal(&forced, 0.0), @"excitation frequency 0 Hz: it must be a positive number");
+    insta::assert_snapshot!(refusal(&forced, f64::NAN), @"excitation frequency NaN Hz: it must be a positive number");
+    let (arm, joint) = arm(60.0, 1.0);
+    insta::assert_snapshot!(refusal(&arm, 1e-6), @"excitation frequency 1e-6 Hz: a period would take 9.2e8 steps, more than 1000000; go no lower than 9.21e-4 Hz, where the motion is quasi-static");
+    insta::assert_snapshot!(refusal(&arm.with_amplitude(f64::INFINITY), 20.0), @"the amplitude of the excitation is not finite: torque and force must be numbers");
     insta::assert_snapshot!(refusal(&forced.undamped().unwrap(), 20.0), @"mode 1 has the damping ratio 0e0: without damping no motion settles; give it damping");
+    let options = SettleOptions { time_constants: 0.0, ..SettleOptions::default() };
+    insta::assert_snapshot!(settle(&map, &[read], &rest(&forced), &options, &|| false).unwrap_err(), @"time_constants is 0: it must be a positive number");
+    let map = StroboscopicMap::new(&arm.with_amplitude(1e12), 20.0).unwrap();
+    insta::assert_snapshot!(settle(&map, &[joint], &[0.0; 4], &SettleOptions::default(), &|| false).unwrap_err(), @"excited at 20 Hz: the motion grows beyond all bounds, 1.06e-3 s after phase 0; try less excitation");
 }
