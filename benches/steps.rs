@@ -88,7 +88,7 @@ fn chain_of(links: usize) -> StructureSpec {
         damping_nm_s_rad: 3.0,
     };
     let links = ANGLES_DEG.iter().take(links).enumerate().map(link).collect();
-    StructureSpec { body: BodySpec::Chain(ChainSpec { links, gravity_m_s2: 0.0 }), elements: vec![] }
+    StructureSpec { body: BodySpec::Chain(ChainSpec { links, gravity_m_s2: 0.0, unstated: vec![] }), elements: vec![] }
 }
 
 /// The arm of the other measurements as a chain, with the steps of `held` and the default scheme.

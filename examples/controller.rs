@@ -31,7 +31,7 @@ fn main() -> Result<(), Box<dyn Error>> {
 
 /// The largest angular velocity left after a run with a controller of this gain, N per m/s.
 fn vibration_rad(gain_n_s_m: f64) -> Result<f64, Box<dyn Error>> {
-    let text = format!("arm = {{ initial = [1e-4, 0, 0, 0] }}\nsimulation = {{ duration_s = {DURATION_S} }}");
+    let text = format!("structure = {{ initial = [1e-4, 0, 0, 0] }}\nsimulation = {{ duration_s = {DURATION_S} }}");
     let scenario = Scenario::parse(&text, "example")?;
     let [mut near, mut far] = memory::pair(1024);
     thread::scope(|scope| {

@@ -34,7 +34,7 @@ fn main() -> Result<(), Box<dyn Error>> {
     let mut scenario = Scenario::parse(
         &format!(
             "[simulation]\nrate_hz = {rate_hz}\nduration_s = {duration_s}\n\
-             [excitation]\namplitude = {{ force_x_n = 50.0 }}\n\
+             [excitation]\namplitude = {{ exciter_x = 50.0 }}\n\
              profile = {{ waveform = \"dwell\", frequency_hz = 15.0, duration_s = {duration_s}, settle_s = 1 }}\n"
         ),
         "the scenario of the soak",

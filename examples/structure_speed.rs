@@ -48,7 +48,7 @@ fn main() -> Result<(), Box<dyn std::error::Error>> {
     else {
         return Err("give AMPLITUDE, FROM_HZ and TO_HZ after the drive".into());
     };
-    let tested = Scenario::read(Path::new(file))?.tested_structure()?.ok_or("the scenario has no [structure]")?;
+    let tested = Scenario::read(Path::new(file))?.under_test()?;
     let dof = tested.assembly.dof(drive)?;
     let forced = Forced::new(tested.assembly, dof, amplitude);
     let coordinate = Coordinate::FrequencyHz;

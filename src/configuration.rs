@@ -11,17 +11,12 @@ use resonarm::structure::{Assembly, BodySpec, Channel, CoordinateUnit, Coordinat
 
 /// The structure under test, with everything that its equations depend on.
 pub(crate) fn of_structure(scenario: &Scenario, tested: &TestedAssembly) -> Value {
-    let mut structure = json!(scenario.structure.clone().unwrap_or_default());
-    let kind = scenario.structure.as_ref().map_or(StructureKind::Arm, |section| section.kind);
-    if let (StructureKind::Arm, BodySpec::Chain(chain)) = (kind, &tested.assembly.spec().body) {
-        structure["preset"] = json!(scenario.arm.preset);
+    let mut structure = json!(scenario.structure);
+    if let (StructureKind::Preset, BodySpec::Chain(chain)) = (scenario.structure.kind, &tested.assembly.spec().body) {
         structure["angles_deg"] = chain.links.iter().map(|link| json!(link.angle_deg)).collect();
         structure["links"] = json!(chain.links);
         if chain.gravity_m_s2 != 0.0 {
             structure["gravity_m_s2"] = json!(chain.gravity_m_s2);
-        }
-        if let Some(name) = scenario.arm.name.as_ref().filter(|_| structure["name"].is_null()) {
-            structure["name"] = json!(name);
         }
         structure.as_object_mut().map(|keys| keys.remove("kind"));
     }
@@ -70,23 +65,28 @@ pub(crate) fn of_arm(scenario: &Scenario) -> Result<Value, Failure> {
         return Ok(json!({ "structure": scenario.structure }));
     }
     if let Some(tested) = scenario.tested_structure()? {
-        return Ok(json!({ "structure": scenario.structure, "coordinates": coordinates(&tested.assembly) }));
+        return Ok(of_section(scenario, &tested));
     }
+    let arm = scenario.build_arm()?;
     let mut configuration = json!({
-        "preset": scenario.arm.preset,
-        "parameters": scenario.parameters()?,
-        "beta1_deg": scenario.arm.beta1_deg,
-        "beta2_deg": scenario.arm.beta2_deg,
+        "preset": scenario.structure.preset,
+        "parameters": arm.parameters(),
+        "beta1_deg": arm.pose().beta1_deg,
+        "beta2_deg": arm.pose().beta2_deg,
     });
     // β is the pose of the relaxed springs; at α = 0 the joints are deflected by this much.
-    let arm = scenario.build_arm()?;
     if arm.parameters().gravity.is_some() {
         configuration["static_deflection_rad"] = json!(<[f64; 2]>::from(arm.static_deflection_rad()));
     }
-    if let Some(name) = &scenario.arm.name {
+    if let Some(name) = &scenario.structure.name {
         configuration["name"] = json!(name);
     }
     Ok(configuration)
+}
+
+/// The section `[structure]` as it is stated, with name and unit of each coordinate.
+pub(crate) fn of_section(scenario: &Scenario, tested: &TestedAssembly) -> Value {
+    json!({ "structure": scenario.structure, "coordinates": coordinates(&tested.assembly) })
 }
 
 /// Name and unit of each coordinate of a structure.

@@ -83,10 +83,11 @@ fn defaults(command: &str) -> Result<Defaults, Failure> {
 
 /// A scenario's values for the flags of an arm and a session.
 fn of_scenario(scenario: &Scenario) -> Defaults {
-    let (arm, simulation) = (&scenario.arm, &scenario.simulation);
+    let (structure, simulation) = (&scenario.structure, &scenario.simulation);
+    let angles: Vec<String> = structure.angles_deg.iter().map(|angle_deg| short(angle_deg).to_string()).collect();
     vec![
-        ("preset", arm.preset.clone()),
-        ("angles_deg", format!("{},{}", short(&arm.beta1_deg), short(&arm.beta2_deg))),
+        ("preset", structure.preset.clone().unwrap_or_default()),
+        ("angles_deg", angles.join(",")),
         ("rate_hz", short(&simulation.rate_hz).to_string()),
         ("seed", simulation.seed.to_string()),
         ("scheme", simulation.scheme.to_string()),

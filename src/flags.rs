@@ -11,7 +11,7 @@ use crate::numbers;
 use resonarm::integrate::Scheme;
 use resonarm::realtime::{FifoPriority, Spin, ThreadSetup};
 use resonarm::run::OnShortfall;
-use resonarm::scenario::{Scenario, StructureKind, StructureSection};
+use resonarm::scenario::{Scenario, StructureKind};
 use resonarm_numeric::seed;
 
 /// The number of points in a range; the maximum fits easily in memory and in a figure.
@@ -165,20 +165,20 @@ impl StructureFlags {
             None => default()?,
         };
         if let Some(preset) = &self.preset {
-            let kind = scenario.structure.as_ref().map_or(StructureKind::Arm, |section| section.kind);
-            if kind != StructureKind::Arm {
+            let kind = scenario.structure.kind;
+            if kind != StructureKind::Preset {
                 return Err(Failure::usage(format!(
-                    "--preset {preset} is of the two-link arm, and the scenario's [structure] is of the kind {}: leave it out",
+                    "--preset {preset} is a structure of its own, and the scenario's [structure] is of the kind {}: leave it out",
                     kind.name()
                 )));
             }
-            scenario.arm.preset.clone_from(preset);
+            scenario.structure.preset = Some(preset.clone());
         }
         if let Some(angles_deg) = &self.angles_deg {
             turn(&mut scenario, angles_deg)?;
         }
         if !self.set.is_empty() {
-            let set = &mut scenario.structure.get_or_insert_with(StructureSection::default).set;
+            let set = &mut scenario.structure.set;
             set.extend(self.set.iter().map(|NamedNumber { name, value }| (name.clone(), *value)));
         }
         Ok(scenario)
@@ -187,21 +187,16 @@ impl StructureFlags {
 
 /// Gives the links of a scenario's chain these angles, degrees.
 fn turn(scenario: &mut Scenario, angles_deg: &[f64]) -> Result<(), Failure> {
-    let arm = &mut scenario.arm;
-    let mut angles: Vec<&mut f64> = match &mut scenario.structure {
-        None => vec![&mut arm.beta1_deg, &mut arm.beta2_deg],
-        Some(section) => {
-            section.set.retain(|name, _| !(name.starts_with("link") && name.ends_with(".angle_deg")));
-            match section.kind {
-                StructureKind::Arm => vec![&mut arm.beta1_deg, &mut arm.beta2_deg],
-                StructureKind::Chain => section.links.iter_mut().map(|link| &mut link.angle_deg).collect(),
-                StructureKind::Modal | StructureKind::Own | StructureKind::Fmu => {
-                    return Err(Failure::usage(format!(
-                        "--angles-deg turns the links of a chain, and the scenario's [structure] is of the kind {}: leave it out",
-                        section.kind.name()
-                    )));
-                }
-            }
+    let section = &mut scenario.structure;
+    section.set.retain(|name, _| !(name.starts_with("link") && name.ends_with(".angle_deg")));
+    let mut angles: Vec<&mut f64> = match section.kind {
+        StructureKind::Preset => section.angles_deg.iter_mut().collect(),
+        StructureKind::Chain => section.links.iter_mut().map(|link| &mut link.angle_deg).collect(),
+        StructureKind::Modal | StructureKind::Own | StructureKind::Fmu => {
+            return Err(Failure::usage(format!(
+                "--angles-deg turns the links of a chain, and the scenario's [structure] is of the kind {}: leave it out",
+                section.kind.name()
+            )));
         }
     };
     if angles.len() != angles_deg.len() {
@@ -247,7 +242,7 @@ pub(crate) fn parse_scheme(name: &str) -> Result<Scheme, Failure> {
 /// Reads a scenario, and warns of what is doubtful in the files that it names.
 pub(crate) fn read_scenario(path: &Path) -> Result<Scenario, Failure> {
     let scenario = Scenario::read(path)?;
-    for warning in scenario.structure.iter().flat_map(|section| &section.warnings) {
+    for warning in &scenario.structure.warnings {
         tracing::warn!("{}: {warning}", path.display());
     }
     Ok(scenario)

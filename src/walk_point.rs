@@ -161,7 +161,7 @@ pub(crate) fn branch(
 
 /// Points over a branch.
 pub(crate) fn drawn(title: &str, scenario: &Scenario, load: &Load, branch: &Branch, points: &[Drawn]) -> Figure {
-    let conditions = captions::pose(&scenario.arm).and(captions::load(load));
+    let conditions = captions::pose(scenario).and(captions::load(load));
     branch_plot::of_joints(Figure::new(title).subtitle(conditions), "frequency (Hz)", |panel, joint| {
         with_points(branch_plot::with_branch(panel, branch, joint), points, joint)
     })

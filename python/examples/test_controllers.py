@@ -15,7 +15,7 @@ import pytest
 FREQUENCY_HZ, FORCE_N, RAMP_S, LENGTH_S = 14.0, 2.0, 0.3, 2.5
 SCENARIO = Path(__file__).resolve().parents[2] / "scenarios/bench.toml"
 EXCITATION = {
-    "amplitude": {"force_x_n": FORCE_N},
+    "amplitude": {"exciter_x": FORCE_N},
     "ramp_s": RAMP_S,
     "profile": {"waveform": "dwell", "frequency_hz": FREQUENCY_HZ, "duration_s": LENGTH_S, "settle_s": 0.5},
 }

@@ -42,7 +42,7 @@ class Scenario(_resonarm.Scenario):
 
     @property
     def structure(self) -> Chain | Modal:
-        """The structure under test; without a section `[structure]` the robot arm of `[arm]`, a chain of two links.
+        """The structure under test; without a section `[structure]` it is `Chain.preset()`.
         Raises ValueError for one whose step is written in Python, and for an FMU."""
         found = Structure.from_scenario(self)
         assert isinstance(found, Chain | Modal)
@@ -64,7 +64,7 @@ class Scenario(_resonarm.Scenario):
         controller = next((name for name in ("excitation", "control") if values.get(name)), "no excitation")
         duration_s = values["simulation"].get("duration_s")
         end = "" if duration_s is None else f", {duration_s:g} s"
-        kind = values.get("structure", {}).get("kind")
+        kind = values["structure"]["kind"]
         foreign = {"own": "a program's own structure", "fmu": "an FMU"}
         of = foreign.get(kind) or repr(self.structure)
         return f"<Scenario of {of}: {controller}, {self.sample_rate_hz:g} Hz{end}>"

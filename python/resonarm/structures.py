@@ -52,7 +52,7 @@ class Structure(_resonarm.Assembly):
     @classmethod
     def from_scenario(cls, scenario: "_Path | _resonarm.Scenario") -> "Self":
         """The structure of a scenario, or of that in a TOML file, with what it takes from other files. Without a
-        section `[structure]` it is a chain of two links: the robot arm of `[arm]`.
+        section `[structure]` it is `Chain.preset()`.
 
         Raises ValueError if it has none of this class, and for an FMU and a program's own, which show no equations;
         OSError if the file can't be read.
@@ -60,7 +60,7 @@ class Structure(_resonarm.Assembly):
         if not isinstance(scenario, _resonarm.Scenario):
             scenario = _resonarm.Scenario(path=scenario)
         values = scenario.values()
-        section = values.get("structure", {"kind": "arm"})
+        section = values["structure"]
         kind = section["kind"]
         if kind == "own":
             raise ValueError("structure.kind is own: the program that runs the scenario makes the structure")
@@ -70,7 +70,7 @@ class Structure(_resonarm.Assembly):
         if not (issubclass(made, cls) or issubclass(cls, made)):
             raise ValueError(f"structure.kind is {kind}: {made.__name__}.from_scenario takes it")
         made = cls if issubclass(cls, made) else made
-        return cast("Self", made._of(_of_arm(section, values["arm"]) if kind == "arm" else section))
+        return cast("Self", made._of(section))
 
     def __reduce__(self) -> tuple[Any, ...]:
         return _unpickled, (type(self), self.numbers)
@@ -87,8 +87,8 @@ class Structure(_resonarm.Assembly):
 
     @property
     def name(self) -> str | None:
-        """What it is called in headers and figures."""
-        return self.section.get("name")
+        """What it is called in headers and figures; of a preset without a name of its own the preset's."""
+        return self.section.get("name") or self.section.get("preset")
 
     @property
     def elements(self) -> list[Element]:
@@ -97,7 +97,8 @@ class Structure(_resonarm.Assembly):
 
     def replace(self, values: Mapping[str, float]) -> "Self":
         """The same structure with other values of some parameters, by their names, as `{"link2.mass_kg": 40}`;
-        `parameters` has all names, and `parameter(name)` the value and the unit of one.
+        `parameters` has all names, and `parameter(name)` the value and the unit of one. Values that are only possible
+        together, as gravity and the mass of a link that a preset does not state, are given together.
 
         Raises ValueError for an unknown name, and for values that make no structure.
         """
@@ -106,10 +107,11 @@ class Structure(_resonarm.Assembly):
             self.parameter(name)  # an unknown one raises an error with the known names
             section.get("set", {}).pop(name, None)
             part, _, key = name.rpartition(".")
-            table = section
-            if part:
-                kind = part.rstrip("0123456789")
-                table = section[f"{kind}s"][int(part.removeprefix(kind)) - 1]
+            kind = part.rstrip("0123456789")
+            if kind == "link" and section["kind"] == "preset":
+                section.setdefault("set", {})[name] = _checks.number(name, value)
+                continue
+            table = section[f"{kind}s"][int(part.removeprefix(kind)) - 1] if part else section
             table[key] = _checks.number(name, value)
         return self._of(section)
 
@@ -276,18 +278,15 @@ class Chain(Structure):
         """The robot arm of P. Gierlak and J. Warmiński ("Analysis of Bifurcation Vibrations of an Industrial Robot Arm
         System with Joints Compliance", Appl. Sci. 2023, 13, 11941): two rigid links with compliant joints; the elbow
         is `joint2`. `name` is one of `resonarm.presets()`, `angles_deg` the pose: the angle of link 1 against the x
-        axis and that of link 2 against link 1. `replace` gives other values of its parameters. Of the mass of
-        link 1 the preset knows its moment of inertia about joint 1 alone: it is 1 kg at the joint. Under gravity its
-        own mass and centre of mass count, which you must replace as well.
+        axis and that of link 2 against link 1. `replace` gives other values of its parameters. Of link 1 the presets
+        state the moment of inertia about joint 1 alone, so that its mass is 1 kg at the joint. Gravity asks for
+        `link1.mass_kg`, `link1.centre_of_mass_m` and `link1.inertia_kg_m2`, about the centre of mass: replace them
+        together.
 
         Raises ValueError for an unknown name, and for other than two angles.
         """
         angles = _checks.real("angles_deg", angles_deg).ravel().tolist()
-        links = _resonarm.Assembly({"kind": "arm"}, {"preset": name}).chain_links
-        if len(angles) != len(links):
-            raise ValueError(f"angles_deg has {len(angles)} numbers: give {len(links)}, one for each link of {name}")
-        turned = [{**link, "angle_deg": angle} for link, angle in zip(links, angles, strict=True)]
-        return cls._of({"kind": "chain", "links": turned, **_shared(elements, initial, name)})
+        return cls._of({"preset": name, "angles_deg": angles, **_shared(elements, initial, None)})
 
     @property
     def links(self) -> list[Link]:
@@ -298,6 +297,13 @@ class Chain(Structure):
     def gravity_m_s2(self) -> float:
         """Acceleration of gravity along −y, m/s²; 0 without."""
         return self.chain_gravity_m_s2
+
+    def _text(self) -> str:
+        """The numbers that equal chains share, however they are stated: as links, or as a preset with changes."""
+        numbers = self.numbers
+        of_elements = {key: value for key, value in numbers.get("set", {}).items() if key.startswith("element")}
+        shared = (self.name, self.links, self.gravity_m_s2, self.elements, of_elements, numbers.get("initial"))
+        return json.dumps(shared, sort_keys=True)
 
     def __repr__(self) -> str:
         count, weight = len(self.links), self.gravity_m_s2
@@ -438,19 +444,6 @@ class Modal(Structure):
 def _unpickled(cls: type[Structure], section: _Section) -> Structure:
     """The pickled form of a structure."""
     return cls._of(section)
-
-
-def _of_arm(section: _Section, arm: _Section) -> _Section:
-    """The section `[structure]` of the chain that moves as the arm of `[arm]` does, with its elements."""
-    assembly = _resonarm.Assembly(section, arm)
-    initial = section.get("initial") or arm["initial"]
-    changed = ", changed" if arm.get("parameters") else ""
-    name = section.get("name") or arm.get("name") or f"{arm['preset']}{changed}"
-    shared = _shared(section.get("elements", ()), initial if any(initial) else (), name)
-    gravity_m_s2 = assembly.chain_gravity_m_s2 or None
-    made = {"kind": "chain", "links": assembly.chain_links, "gravity_m_s2": gravity_m_s2, **shared}
-    # Links have what is set; elements do not yet.
-    return {**made, "set": section["set"]} if section.get("set") else made
 
 
 def _matrix(name: str, given: ArrayLike) -> bytes:

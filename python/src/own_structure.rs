@@ -6,7 +6,7 @@ use std::sync::{Arc, PoisonError};
 use pyo3::prelude::*;
 use pyo3::types::PyBytes;
 use resonarm::plant::{Loads, PointMotion, Stepped};
-use resonarm::scenario::{Scenario, StructureSection};
+use resonarm::scenario::Scenario;
 use resonarm::structure::{Channel, Coordinates, StructureError, coordinate_channels};
 
 use crate::errors::{self, Raised};
@@ -48,7 +48,7 @@ impl OwnParts {
     /// Its name goes into the scenario, if this does not say already that the program has a structure.
     pub fn name(&self, scenario: &mut Scenario) {
         let OwnParts(.., name) = self;
-        scenario.structure.get_or_insert_with(|| StructureSection::own(name.clone()));
+        scenario.leave_structure_to_program(name.clone());
     }
 
     /// The structure at its start, with the step of the scenario. An exception of a call is stored in `raised`.

@@ -90,8 +90,8 @@ impl Recording {
     /// loaded.
     fn scenario_toml(&self) -> PyResult<String> {
         let mut scenario = Scenario::from_configuration(self.inner.configuration()).map_err(errors::scenario)?;
-        if let Some(structure) = scenario.structure.as_mut().filter(|section| section.is_recorded) {
-            structure.file = None;
+        if scenario.structure.is_recorded {
+            scenario.structure.file = None;
         }
         scenario.to_toml().map_err(errors::scenario)
     }

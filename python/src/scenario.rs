@@ -47,13 +47,14 @@ impl Scenario {
                 Scenario { inner, folder, file }
             }
         };
-        for warning in scenario.inner.structure.iter().flat_map(|section| &section.warnings) {
+        for warning in &scenario.inner.structure.warnings {
             tracing::warn!("structure: {warning}");
         }
         Ok(scenario)
     }
 
-    /// A scenario of the same class with other values: keys of a section, or the section removed where it is `None`.
+    /// A scenario of the same class with other values: keys of a section, or the section removed where it is `None`. A
+    /// `structure` with its `kind`, as that of `Chain.section`, is whole: nothing of the one before stays.
     #[pyo3(signature = (**sections))]
     fn replace<'py>(slf: &Bound<'py, Self>, sections: Option<&Bound<'py, PyDict>>) -> PyResult<Bound<'py, PyAny>> {
         let this = slf.get();
@@ -70,6 +71,10 @@ impl Scenario {
                 return Err(errors::value(message));
             };
             let given = values::table(&name, values)?;
+            if name == "structure" && given.contains_key("kind") {
+                whole.insert(name, toml::Value::Table(given));
+                continue;
+            }
             let section = whole.entry(name).or_insert_with(|| toml::Value::Table(toml::Table::new()));
             let Some(section) = section.as_table_mut() else { continue };
             for (key, value) in values {

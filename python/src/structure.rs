@@ -78,21 +78,15 @@ pub fn modes_of_structure<'py>(
 
 #[pymethods]
 impl Assembly {
-    /// The structure of the sections `[structure]` and, if it is an arm with elements, `[arm]`.
+    /// The structure of the section `[structure]`.
     #[new]
-    #[pyo3(signature = (structure, arm = None))]
-    fn new(structure: &Bound<'_, PyDict>, arm: Option<&Bound<'_, PyDict>>) -> PyResult<Assembly> {
+    fn new(structure: &Bound<'_, PyDict>) -> PyResult<Assembly> {
         let mut sections = toml::Table::new();
         sections.insert(String::from("structure"), Value::Table(values::table("structure", structure)?));
-        if let Some(arm) = arm {
-            sections.insert(String::from("arm"), Value::Table(values::table("arm", arm)?));
-        }
         let mut scenario = Scenario::parse(&sections.to_string(), "the structure").map_err(errors::scenario)?;
         scenario.read_files(Path::new("")).map_err(errors::scenario)?;
-        let section = scenario.structure.clone().unwrap_or_default();
-        let of_arm = Scenario { arm: scenario.arm.clone(), ..Scenario::default() };
-        let (parameters, pose) = (of_arm.parameters().map_err(errors::scenario)?, of_arm.pose());
-        let inner = section.assembly(|| (parameters, pose)).map_err(errors::value)?;
+        let section = scenario.structure;
+        let inner = section.assembly().map_err(errors::value)?;
         let expected = 2 * inner.coordinates();
         match section.initial.len() {
             0 => {}

@@ -26,7 +26,7 @@ ROOT = Path(__file__).resolve().parents[2]
 def test_a_scenario_has_other_values_in_place_of_its_own(bench_scenario):
     assert bench_scenario.sample_rate_hz == 1000
     assert bench_scenario.values()["simulation"]["duration_s"] == 1.0
-    other = bench_scenario.replace(arm={"parameters": {"mass2_kg": 40}}, simulation={"duration_s": None, "seed": 7})
+    other = bench_scenario.replace(structure={"set": {"link2.mass_kg": 40}}, simulation={"duration_s": None, "seed": 7})
     assert isinstance(other, resonarm.Scenario)
     assert other.structure.parameter("link2.mass_kg") == (40.0, "kg")
     assert "duration_s" not in other.values()["simulation"]
@@ -37,7 +37,7 @@ def test_a_scenario_has_other_values_in_place_of_its_own(bench_scenario):
 
 def test_a_load_file_counts_from_the_scenarios_folder(tmp_path):
     (tmp_path / "load.csv").write_text("time_s,load\n" + "".join(f"{k / 100},1\n" for k in range(50)))
-    text = "[excitation]\namplitude = {{ force_x_n = 1.0 }}\nprofile = {{ waveform = 'file', path = '{}' }}\n"
+    text = "[excitation]\namplitude = {{ exciter_x = 1.0 }}\nprofile = {{ waveform = 'file', path = '{}' }}\n"
     path = tmp_path / "file.toml"
     path.write_text(text.format("load.csv"))
     scenario = resonarm.Scenario.load(path)
@@ -242,7 +242,7 @@ def test_files_are_refused_with_the_programs_messages(tmp_path, bench_scenario, 
     with pytest.raises(FileNotFoundError, match="can't read the scenario"):
         resonarm.Scenario.load(tmp_path / "none.toml")
     with pytest.raises(ValueError, match="Did you mean `preset`"):
-        resonarm.Scenario("[arm]\nprest = 'x'")
+        resonarm.Scenario("[structure]\nprest = 'x'")
 
 
 class Dwell:

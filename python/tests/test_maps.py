@@ -95,7 +95,7 @@ BASINS = {
     "points": (18, 15),
     "time_constants": 0.5,
 }
-BENCH = {"amplitude": {"force_x_n": 80.0}, "ramp_s": 0.1}
+BENCH = {"amplitude": {"exciter_x": 80.0}, "ramp_s": 0.1}
 STEPS = {"waveform": "stepped-sine", "from_hz": 14.0, "to_hz": 15.0, "steps": 2, "dwell_s": 0.6, "settle_s": 0.2}
 
 

@@ -179,7 +179,7 @@ def test_the_modes_of_a_chain_under_its_weight_have_its_frequencies():
 def test_identified_modes_are_those_of_the_arm(command, tmp_path):
     random = {"waveform": "random", "from_hz": 5.0, "to_hz": 80.0, "duration_s": 12.0, "seed": 3}
     scenario = resonarm.Scenario().replace(
-        excitation={"amplitude": {"force_x_n": 3.0, "force_y_n": 4.0}, "ramp_s": 0.0, "profile": random}
+        excitation={"amplitude": {"exciter_x": 3.0, "exciter_y": 4.0}, "ramp_s": 0.0, "profile": random}
     )
     resonarm.run(scenario, record=tmp_path / "random.mcap")
     document = command("identify", tmp_path / "random.mcap")
@@ -205,7 +205,7 @@ def test_identified_modes_of_a_structure_are_at_its_points(command, tmp_path):
     scenario = resonarm.Scenario.load(
         EXAMPLES / "bracket.toml",
         rig={"sensors": {"b": {"at": "mid"}}},
-        excitation={"amplitude": {"force_y_n": 2.0}, "ramp_s": 0.0, "profile": random},
+        excitation={"amplitude": {"exciter_y": 2.0}, "ramp_s": 0.0, "profile": random},
     )
     resonarm.run(scenario, record=tmp_path / "random.mcap")
     document = command("identify", tmp_path / "random.mcap")

@@ -53,6 +53,22 @@ def test_parameters_are_those_of_the_preset_unless_replaced():
     assert (again, again.modes()) == (heavier, heavier.modes())
 
 
+def test_gravity_asks_for_what_a_preset_does_not_state():
+    arm = resonarm.Chain.preset()
+    for values in ({"gravity_m_s2": 9.81}, {"link1.centre_of_mass_m": 0.1}):
+        with pytest.raises(ValueError, match=r"give .*link1\.mass_kg, .*link1\.inertia_kg_m2; .*0\.55 kg·m²"):
+            arm.replace(values)
+    link1 = {"link1.mass_kg": 40, "link1.centre_of_mass_m": 0.1, "link1.inertia_kg_m2": 0.15}
+    heavy = arm.replace({"gravity_m_s2": 9.81, **link1})
+    assert (heavy.gravity_m_s2, heavy.links[0]["mass_kg"]) == (9.81, 40.0)
+    # What is stated once stays, and a chain of the same links is the same.
+    light = heavy.replace({"gravity_m_s2": 0})
+    assert light == resonarm.Chain(light.links, name="irb1600-fitted")
+    np.testing.assert_allclose(
+        [mode.frequency_hz for mode in light.modes()], [mode.frequency_hz for mode in arm.modes()], rtol=1e-12
+    )
+
+
 def test_parameters_of_elements_and_modes_are_replaced():
     stop = resonarm.Element(kind="contact", at="tip.x", stiffness_n_m=1e5, gap_m=1e-4)
     mode = resonarm.ModeShape(frequency_hz=20.0, damping_ratio=0.01, shape={"tip.x": 1.0})
@@ -72,15 +88,16 @@ def test_a_value_that_a_scenario_sets_is_replaced():
 def test_a_scenario_without_a_structure_has_the_arm():
     scenario = resonarm.Scenario()
     assert scenario.structure == resonarm.Chain.preset() == resonarm.Structure.from_scenario(scenario)
-    changed = scenario.replace(arm={"beta2_deg": 75, "parameters": {"mass2_kg": 40}, "initial": [0.1, 0, 0, 0]})
-    chain = changed.structure
-    assert chain.name == "irb1600-fitted, changed" and chain.section["initial"] == [0.1, 0.0, 0.0, 0.0]
+    section = {"angles_deg": [0, 75], "set": {"link2.mass_kg": 40}, "initial": [0.1, 0, 0, 0]}
+    chain = scenario.replace(structure=section).structure
+    assert chain.name == "irb1600-fitted" and chain.section["initial"] == [0.1, 0.0, 0.0, 0.0]
     expected = resonarm.Chain.preset(angles_deg=(0, 75)).replace({"link2.mass_kg": 40})
     assert chain.links == expected.links
     spring = resonarm.Element(kind="cubic", joint=2, stiffness3_nm_rad3=1e7)
-    with_element = scenario.replace(structure={"kind": "arm", "elements": [spring]}).structure
+    with_element = scenario.replace(structure={"elements": [spring]}).structure
     assert with_element == resonarm.Chain.preset(elements=[spring])
-    # The chain in the place of the arm, in a scenario, and its runs.
+    # The section of a chain is whole: what was set before does not stay.
+    assert scenario.replace(structure=section).replace(structure=with_element.section).structure == with_element
     run = scenario.replace(structure=with_element.section, simulation={"duration_s": 0.1})
     assert run.structure == with_element
     rows = resonarm.Plant(run).play(force_n=np.full((20, 2), 10.0))

@@ -67,11 +67,11 @@ def test_a_recording_without_a_scenario_is_a_table(tmp_path):
 
 
 def test_a_recording_whose_scenario_is_of_another_version_is_a_table(tmp_path):
-    path = foreign(tmp_path / "later.mcap", {"resonarm.configuration": {"scenario": "[arm]\nlater = 1\n"}})
+    path = foreign(tmp_path / "later.mcap", {"resonarm.configuration": {"scenario": "[structure]\nlater = 1\n"}})
     recording = resonarm.Recording(path)
     table = recording.arrow("states")
     np.testing.assert_array_equal(table["alpha1_rad"].to_numpy(), recording.states["alpha_rad"][:, 0])
-    assert table.schema.metadata[b"scenario"] == b"[arm]\nlater = 1\n"
+    assert table.schema.metadata[b"scenario"] == b"[structure]\nlater = 1\n"
 
 
 def test_a_whole_recording_warns_of_nothing():
@@ -137,7 +137,7 @@ ESCAPE = "\x1b]0;owned\x07\x9b2J"
 
 def test_control_characters_of_a_file_are_escaped(tmp_path):
     """A name, a scenario and metadata with control sequences for a terminal."""
-    scenario = {"scenario": f'[arm]\npreset = "{ESCAPE}"\n'.replace("\x1b", "\\u001b").replace("\x07", "\\u0007")}
+    scenario = {"scenario": f'[structure]\npreset = "{ESCAPE}"\n'.replace("\x1b", "\\u001b").replace("\x07", "\\u0007")}
     named = foreign(tmp_path / "named\x1b[2J.mcap", {"resonarm.configuration": scenario})
     recording = resonarm.Recording(named)
     time = foreign(tmp_path / "time.mcap", {"resonarm.recording": {"time": ESCAPE}})

@@ -21,7 +21,7 @@ SPRING = resonarm.Element(kind="cubic", at="tip.x", stiffness3_n_m3=3.711e6)
 def test_basins_of_a_structure_are_those_of_the_program(command, tmp_path):
     modal = resonarm.Modal(MODES, elements=[SPRING])
     file = tmp_path / "hard.toml"
-    file.write_text(resonarm.Scenario().replace(arm=None, structure=modal.section).to_toml())
+    file.write_text(resonarm.Scenario().replace(structure=modal.section).to_toml())
     words = ["--drive", f"tip.x={FORCE_N}", "--frequency-hz", HZ, "--points", "7,6", "--scenario", file]
     document = command("basins", *words)
     found = modal.basins(HZ, drive={"tip.x": FORCE_N}, points=GRID)

@@ -57,7 +57,7 @@ impl Resim {
     /// Warns where a named FMU can't be compared with the recorded one, or the recording has none.
     fn warn_of_fmu(&self, recording: &Recording) {
         let Some(fmu) = &self.fmu else { return };
-        let structure = recording.scenario().ok().and_then(|scenario| scenario.structure);
+        let structure = recording.scenario().ok().map(|scenario| scenario.structure);
         match structure.filter(|structure| structure.kind == StructureKind::Fmu) {
             None => tracing::warn!("--fmu {}: the recording is of no FMU, so that none is loaded", fmu.display()),
             Some(structure) if structure.sha256.is_none() => tracing::warn!(

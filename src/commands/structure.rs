@@ -21,13 +21,13 @@ use resonarm_numeric::number::short;
 ///
 /// What the scenario takes from files (URDF, UFF, matrices) is shown as the links or modes that it makes. With --out it
 /// is written as a section [structure] that needs no file. With --from-modes it is the modal structure of the modes
-/// that a scenario's arm or chain has about its rest.
+/// that a scenario's chain has about its rest.
 #[derive(Debug, Args)]
 pub(crate) struct Structure {
     /// TOML file with the scenario.
     #[arg(long, value_name = "FILE")]
     scenario: Option<PathBuf>,
-    /// TOML file with a scenario: take the modes of its arm or chain as a modal structure.
+    /// TOML file with a scenario: take the modes of its chain as a modal structure.
     #[arg(long, value_name = "FILE", conflicts_with = "scenario")]
     from_modes: Option<PathBuf>,
     /// Write the section [structure], with the links or modes from files in it, to this TOML file.
@@ -62,37 +62,32 @@ impl Structure {
     pub fn execute(&self) -> Result<Verdict, Failure> {
         let read = self.from_modes.as_deref().or(self.scenario.as_deref());
         self.overwrite.check(self.out.clone(), &Inputs::of_scenario(read))?;
-        let (scenario, path) = self.scenario()?;
-        let (Some(section), Some(tested)) = (&scenario.structure, scenario.tested_structure()?) else {
-            return Err(Failure::usage(format!(
-                "{}: the scenario has no [structure]: its plant is the two-link arm of [arm], which `resonarm modes` shows",
-                path.display()
-            )));
-        };
+        let scenario = self.scenario()?;
+        let tested = scenario.under_test()?;
         let document = Document::new(&scenario, &tested)?;
         let mut written = Vec::new();
         if let Some(path) = &self.out {
-            written.push(output::write(path.clone(), &toml_of(section)?)?);
+            written.push(output::write(path.clone(), &toml_of(&scenario.structure)?)?);
         }
         self.json.show(&document, || document.text(&scenario, &tested), &written)
     }
 
-    /// The scenario, or that of the modes of one, and its file.
-    fn scenario(&self) -> Result<(Scenario, &Path), Failure> {
+    /// The scenario, or that of the modes of one.
+    fn scenario(&self) -> Result<Scenario, Failure> {
         match (&self.scenario, &self.from_modes) {
-            (_, Some(path)) => Ok((of_modes(path)?, path)),
-            (Some(path), None) => Ok((read_scenario(path)?, path)),
+            (_, Some(path)) => of_modes(path),
+            (Some(path), None) => read_scenario(path),
             (None, None) => Err(Failure::usage("give --scenario FILE, or --from-modes FILE")),
         }
     }
 }
 
-/// A scenario with the modes of its arm or structure in its place.
+/// A scenario with the modes of its structure in its place.
 fn of_modes(path: &Path) -> Result<Scenario, Failure> {
     let scenario = read_scenario(path)?;
     let assembly = scenario.under_test()?.assembly;
     let refused = |error: NotModal| Failure::usage(format!("{}: {error}", path.display()));
-    let structure = Some(StructureSection::from_modes(&assembly, None).map_err(refused)?);
+    let structure = StructureSection::from_modes(&assembly, None).map_err(refused)?;
     Ok(Scenario { structure, ..scenario })
 }
 
@@ -154,7 +149,7 @@ fn links(links: &[Link]) -> String {
 
 /// A line for each element, with the values as the scenario states them.
 fn elements(scenario: &Scenario) -> String {
-    let elements = scenario.structure.iter().flat_map(|section| &section.elements);
+    let elements = scenario.structure.elements.iter();
     let line = |(element, number): (&resonarm::scenario::structure::ElementSection, usize)| {
         let values = element.values.iter().map(|(key, value)| format!(", {key} = {}", short(value)));
         format!("element {number}: {} {}{}\n", element.kind.name(), element.place(), values.collect::<String>())

@@ -139,7 +139,7 @@ mod tests {
 
     /// Strong excitation at the 1:2 resonance: its branch and those of doubled period.
     fn strongly_forced() -> (Branch, Vec<Branch>) {
-        let scenario = Scenario::parse("[arm]\nbeta2_deg = 75.0", "test.toml").unwrap();
+        let scenario = Scenario::parse("structure.angles_deg = [0, 75]", "test.toml").unwrap();
         let assembly = scenario.under_test().unwrap().assembly;
         let joint1 = assembly.dof("joint1").unwrap();
         let forced = Forced::new(assembly, joint1, 800.0);

@@ -2,10 +2,9 @@
 
 use resonarm::arm::Load;
 use resonarm::plant::TestedAssembly;
-use resonarm::scenario::{ArmSection, Scenario, StructureKind, StructureSection};
+use resonarm::scenario::{Scenario, StructureKind, StructureSection};
 use resonarm::structure::BodySpec;
 use resonarm_figures::plot::Subtitle;
-use resonarm_numeric::number::short;
 
 /// α of each joint.
 const ALPHA: [&str; 2] = ["α₁", "α₂"];
@@ -15,38 +14,55 @@ pub(crate) fn degrees(value: f64) -> String {
     format!("{value}°").replace('-', "−")
 }
 
-/// What the structure under test is called in headers, with every parameter that differs from a preset's.
+/// What the structure under test is called in headers, with every parameter that is set.
 pub(crate) fn label(scenario: &Scenario, tested: &TestedAssembly) -> String {
-    called(scenario, tested, scenario.arm.label(), &[])
+    called(scenario, tested, &[], &|changes| changes.join(", "))
 }
 
-/// The same on a figure, without the parameters that vary, as `link2.angle_deg`: the caption has the parameters that
-/// differ from the preset's.
+/// The same on a figure, without the parameters that vary, as `link2.angle_deg`: the caption has those that are set.
 pub(crate) fn structure(scenario: &Scenario, tested: &TestedAssembly, varied: &[String]) -> Subtitle {
-    let line = called(scenario, tested, scenario.arm.short_label_without(&[]), varied);
-    let (short, long) = (scenario.arm.short_label_without(&[]), scenario.arm.description());
-    let is_arm = kind(scenario) == StructureKind::Arm;
-    let more = if is_arm && short != long { vec![format!("arm: {long}")] } else { Vec::new() };
+    let changes = changes(scenario, varied);
+    let line = called(scenario, tested, varied, &|changes| match changes {
+        [one] => one.clone(),
+        many => format!("{} parameters set", many.len()),
+    });
+    let more = if changes.len() > 1 { vec![format!("set: {}", changes.join(", "))] } else { Vec::new() };
     Subtitle { line, more }
 }
 
-fn kind(scenario: &Scenario) -> StructureKind {
-    scenario.structure.as_ref().map_or(StructureKind::Arm, |section| section.kind)
+/// The parameters that are set, but for those that vary and for angles that stand in the line.
+fn changes(scenario: &Scenario, varied: &[String]) -> Vec<String> {
+    let shows_angles = shows_angles(scenario);
+    let is_shown = |name: &str| {
+        let is_in_line = shows_angles && name.ends_with(".angle_deg");
+        !is_in_line && varied.iter().all(|varied| varied != name)
+    };
+    let changes = scenario.structure.changes();
+    changes.iter().filter(|change| is_shown(&change.name)).map(ToString::to_string).collect()
 }
 
-/// The structure, with what is set, the angles of the arm and the elements.
-fn called(scenario: &Scenario, tested: &TestedAssembly, arm: String, varied: &[String]) -> String {
-    let (section, n) = (scenario.structure.as_ref(), tested.assembly.coordinates());
-    let plain = match kind(scenario) {
-        StructureKind::Arm => arm,
+/// Whether the line has the angles: of a preset without a name.
+fn shows_angles(scenario: &Scenario) -> bool {
+    scenario.structure.kind == StructureKind::Preset && scenario.structure.name.is_none()
+}
+
+/// The structure, with what is set, the angles of a preset and the elements.
+fn called(
+    scenario: &Scenario,
+    tested: &TestedAssembly,
+    varied: &[String],
+    set: &dyn Fn(&[String]) -> String,
+) -> String {
+    let (section, n) = (&scenario.structure, tested.assembly.coordinates());
+    let plain = || match section.kind {
+        StructureKind::Preset => section.preset.clone().unwrap_or_default(),
         StructureKind::Chain => format!("chain of {n} {}", if n == 1 { "link" } else { "links" }),
         StructureKind::Modal | StructureKind::Own | StructureKind::Fmu => {
             format!("{n} {}", if n == 1 { "mode" } else { "modes" })
         }
     };
-    let name = section.and_then(|section| section.name.clone());
-    let angles = match (&name, &tested.assembly.spec().body) {
-        (None, BodySpec::Chain(chain)) if kind(scenario) == StructureKind::Arm => {
+    let angles = match &tested.assembly.spec().body {
+        BodySpec::Chain(chain) if shows_angles(scenario) => {
             let angle = |(link, number): (&resonarm::structure::Link, usize)| {
                 let is_varied = varied.iter().any(|name| *name == format!("link{number}.angle_deg"));
                 if is_varied { String::from("…") } else { degrees(link.angle_deg) }
@@ -55,21 +71,14 @@ fn called(scenario: &Scenario, tested: &TestedAssembly, arm: String, varied: &[S
         }
         _ => String::new(),
     };
-    let is_shown = |name: &str| {
-        !varied.iter().any(|varied| varied == name) && (angles.is_empty() || !name.ends_with(".angle_deg"))
-    };
-    let set: Vec<_> = section.iter().flat_map(|section| &section.set).filter(|(name, _)| is_shown(name)).collect();
-    let set = match &set[..] {
-        [] => String::new(),
-        [(name, value)] => format!(" with {name} = {}", short(value)),
-        many => format!(" with {} parameters set", many.len()),
-    };
+    let changes = changes(scenario, varied);
+    let set = if changes.is_empty() { String::new() } else { format!(" with {}", set(&changes)) };
     let elements = match tested.assembly.elements() {
         [] => String::new(),
         [one] => format!(" with an element, {}", one.law().name()),
         many => format!(" with {} elements", many.len()),
     };
-    format!("{}{set}{angles}{elements}", name.unwrap_or(plain))
+    format!("{}{set}{angles}{elements}", section.name.clone().unwrap_or_else(plain))
 }
 
 /// Display name of an external structure: an FMU, or one that a program steps itself.
@@ -79,12 +88,14 @@ pub(crate) fn foreign_label(section: &StructureSection) -> String {
     section.name.clone().unwrap_or_else(|| plain().into_owned())
 }
 
-/// An arm and its pose; the caption has the parameters that differ from the preset's.
-pub(crate) fn pose(arm: &ArmSection) -> Subtitle {
-    let (line, description) = (arm.short_label_without(&[]), arm.description());
+/// A preset and its angles; the caption has the parameters that differ from the preset's.
+pub(crate) fn pose(scenario: &Scenario) -> Subtitle {
+    let section = &scenario.structure;
+    let (line, description) = (section.short_label(), section.description());
     let more = if line == description { Vec::new() } else { vec![format!("arm: {description}")] };
-    let angles = [("β₁", arm.beta1_deg), ("β₂", arm.beta2_deg)];
-    angles.iter().fold(Subtitle { line, more }, |subtitle, (symbol, value)| {
+    let angles =
+        [("β₁", 0), ("β₂", 1)].into_iter().filter_map(|(symbol, i)| Some((symbol, section.angles_deg.get(i)?)));
+    angles.fold(Subtitle { line, more }, |subtitle, (symbol, value)| {
         subtitle.and(format!("{symbol} = {}", degrees(*value)))
     })
 }

@@ -21,7 +21,7 @@ pub(crate) struct View<'a> {
 /// Above: the amplitudes of both links over all frequencies. Below: each zone where its response bends.
 pub(crate) fn figure(scenario: &Scenario, views: &[View], interrupted: bool) -> Figure {
     let forces: Vec<_> = views.iter().map(|view| format!("{} N", view.force_n)).collect();
-    let conditions = captions::pose(&scenario.arm).and(format!("along x at C: {}", forces.join(" and ")));
+    let conditions = captions::pose(scenario).and(format!("along x at C: {}", forces.join(" and ")));
     let conditions = conditions.and(if interrupted { "interrupted" } else { "" });
     let mut figure = Figure::new("Resonance zones, measured on the bench and computed").subtitle(conditions);
     figure.columns = 2;

@@ -35,7 +35,7 @@ kind = 'noise'
 rms_m_s2 = 1
 from_s = 0.1
 [excitation]
-amplitude = { force_x_n = 40.0 }
+amplitude = { exciter_x = 40.0 }
 ramp_s = 0.2
 profile = { waveform = 'stepped-sine', from_hz = 18, to_hz = 20, steps = 3, dwell_s = 0.5, settle_s = 0.1 }
 ";

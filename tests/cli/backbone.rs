@@ -264,7 +264,7 @@ fn bad_input_is_refused() {
     For more information, try '--help'.
     ");
     insta::assert_snapshot!(says(2, "backbone --largest-step=0"), @"resonarm: --largest-step is 0: it must be from 0.000001 to 1");
-    insta::assert_snapshot!(says(2, "backbone --preset=none"), @"resonarm: there is no preset `none`: the presets are irb1600-table1, irb1600-fitted");
+    insta::assert_snapshot!(says(2, "backbone --preset=none"), @"resonarm: structure: there is no preset `none`: the presets are irb1600-table1, irb1600-fitted");
     insta::assert_snapshot!(says(2, "backbone --to=0.01 --plot=/no/such/folder/stem"), @"resonarm: can't write /no/such/folder/stem.svg: No such file or directory (os error 2); check that the folder exists and that you may write there");
 }
 

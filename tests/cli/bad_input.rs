@@ -21,7 +21,7 @@ fn scenario(text: &str) -> String {
 
 #[test]
 fn arms_that_cannot_be() {
-    assert_snapshot!(complaint(here(), 2, &["modes", "--preset", "irb140"]), @"resonarm: there is no preset `irb140`: the presets are irb1600-table1, irb1600-fitted");
+    assert_snapshot!(complaint(here(), 2, &["modes", "--preset", "irb140"]), @"resonarm: structure: there is no preset `irb140`: the presets are irb1600-table1, irb1600-fitted");
     assert_snapshot!(complaint(here(), 2, &["modes", "--angles-deg", "0,nan"]), @r"
     error: invalid value 'nan' for '--angles-deg <A,B>': it must be a finite number
 
@@ -32,7 +32,7 @@ fn arms_that_cannot_be() {
 
     For more information, try '--help'.
     ");
-    assert_snapshot!(scenario("[arm.parameters]\nmass2_kg = -1.0"), @"resonarm: arm parameter `mass2_kg` is -1: it must be a positive number");
+    assert_snapshot!(scenario("[structure.set]\n'link2.mass_kg' = -1.0"), @"resonarm: structure: link 2: `mass_kg` is -1: it must be a positive number");
 }
 
 #[test]
@@ -46,7 +46,7 @@ fn faults_that_a_bus_cannot_simulate() {
     assert_snapshot!(say(errors, &["run", "--bus", "vcan0", "--mode", "lockstep"]), @"resonarm: network.bit_error_rate is 1e-6: the bus of the mode lockstep has the bit errors that it has; leave it out, take --mode free, where they are simulated, or corrupt frames by [[network.faults]]");
     assert_snapshot!(say(errors, &["run", "--bus", "vcan0"]), @"resonarm: network.bit_error_rate is 1e-6: the bus of the mode real-time has the bit errors that it has; leave it out, take --mode free, where they are simulated, or corrupt frames by [[network.faults]]");
     let timed = "network = { bit_rate_hz = 1_000_000 }\n\
-                 control = { law = 'phase-walk', amplitude = { force_x_n = 14.0 } }";
+                 control = { law = 'phase-walk', amplitude = { exciter_x = 14.0 } }";
     assert_snapshot!(say(timed, &["demo", "--mode", "real-time", "--json"]), @"resonarm: network.bit_rate_hz is 1000000: in real time plant and exciter of one process share a bus in memory, on which frames take no time; leave it out, or take the mode free or lockstep");
 }
 
@@ -89,14 +89,14 @@ fn scenarios_that_cannot_be_read() {
       |                        ^^^^^^^
     unknown variant `chirp`, expected one of `dwell`, `stepped-sine`, `sine-list`, `swept-sine`, `impulse`, `random`, `burst-random`, `multisine`, `file`
     ");
-    assert_snapshot!(scenario("[arm]\nbeta1_deg = 'up'"), @r#"
-    resonarm: scenario.toml: TOML parse error at line 2, column 13
+    assert_snapshot!(scenario("[structure]\nangles_deg = ['up', 0]"), @r#"
+    resonarm: scenario.toml: TOML parse error at line 2, column 15
       |
-    2 | beta1_deg = 'up'
-      |             ^^^^
+    2 | angles_deg = ['up', 0]
+      |               ^^^^
     invalid type: string "up", expected f64
     "#);
-    assert_snapshot!(scenario("[arm]\nbeta1_deg = 3"), @"resonarm: the scenario has neither [excitation] nor [control]: add one, as scenarios/bench.toml and scenarios/demo.toml show");
+    assert_snapshot!(scenario("[structure]\nangles_deg = [3, 60]"), @"resonarm: the scenario has neither [excitation] nor [control]: add one, as scenarios/bench.toml and scenarios/demo.toml show");
 }
 
 #[test]
@@ -109,7 +109,7 @@ fn scenarios_beyond_the_limits() {
         let said = scenario(&text);
         assert!(said.starts_with("resonarm: scenario.toml: ") && said.len() < 1000, "{} bytes", said.len());
     }
-    assert_snapshot!(scenario("arm.beta1_deg = 1e300\nexcitation = { amplitude = { force_x_n = 1 }, profile = { waveform = 'swept-sine', from_hz = 1, to_hz = 2, duration_s = 1 } }"), @"resonarm: pose angle `beta1_deg` is 1e300: it must be a number from -360 to 360 degrees");
+    assert_snapshot!(scenario("structure.angles_deg = [1e300, 60]\nexcitation = { amplitude = { exciter_x = 1 }, profile = { waveform = 'swept-sine', from_hz = 1, to_hz = 2, duration_s = 1 } }"), @"resonarm: structure: link 1: `angle_deg` is 1e300: it must be a number from -360 to 360 degrees");
     let run = ["run", "--mode", "free", "--duration-s", "1e300"];
     assert_snapshot!(complaint(here(), 2, &run), @"resonarm: simulation.duration_s is 1e300, which is 1e303 samples: at most 1000000000000 are simulated; leave it out for a run until it is stopped");
     let run = ["run", "--mode", "free", "--speed", "-1e300"];

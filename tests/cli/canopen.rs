@@ -114,7 +114,7 @@ fn frames_that_break_the_rules_of_canopen_are_refused() {
 }
 
 /// A torque that both drives exert.
-const DWELL: &str = "[excitation]\namplitude = { torque1_nm = 20.0, torque2_nm = 5.0 }\n\
+const DWELL: &str = "[excitation]\namplitude = { joint1 = 20.0, joint2 = 5.0 }\n\
     profile = { waveform = 'dwell', frequency_hz = 18.0, duration_s = 1, settle_s = 0 }\n";
 
 /// The drives of the scenario, and the states of a run with the excitation.

@@ -115,7 +115,7 @@ fn record(folder: &std::path::Path, name: &str, scenario: &str) {
 /// Dwells in open loop, the arm damped so that they settle.
 fn dwells(rest: &str) -> String {
     format!(
-        "[arm.parameters]\ndamping1_nm_s_rad = 100.0\ndamping2_nm_s_rad = 50.0\n[excitation]\namplitude = {{ force_x_n = 300.0 }}\nprofile = {{ waveform = 'stepped-sine', \
+        "[structure.set]\n'link1.damping_nm_s_rad' = 100.0\n'link2.damping_nm_s_rad' = 50.0\n[excitation]\namplitude = {{ exciter_x = 300.0 }}\nprofile = {{ waveform = 'stepped-sine', \
          from_hz = 19.0, to_hz = 24.0, steps = 3, dwell_s = 5.0, settle_s = 4.0 }}\n{rest}"
     )
 }
@@ -164,7 +164,7 @@ fn reports_why_a_recording_can_t_be_compared() {
     of_another_dbc(&folder.join("old.mcap"));
     assert_snapshot!(complaint(folder, 2, &["compare", "old.mcap"]), @"resonarm: a controller of this version refuses the recorded plant (another DBC): read it with the version that recorded it");
     let swept = "waveform = 'swept-sine', from_hz = 20, to_hz = 24, duration_s = 1";
-    record(folder, "swept", &format!("[excitation]\namplitude = {{ force_x_n = 5 }}\nprofile = {{ {swept} }}\n"));
+    record(folder, "swept", &format!("[excitation]\namplitude = {{ exciter_x = 5 }}\nprofile = {{ {swept} }}\n"));
     assert_snapshot!(complaint(folder, 2, &["compare", "swept.mcap"]), @"resonarm: swept.mcap holds no responses: none was read before its end; responses are read with [control] or with an [excitation] with `dwell`, `stepped-sine` or `sine-list`: `resonarm experiment walk --torque1-nm 20 --record walk.mcap` makes such a recording");
     fs::write(folder.join("text.mcap"), "frequency").unwrap();
     assert_snapshot!(complaint(folder, 2, &["compare", "text.mcap"]), @"resonarm: `text.mcap` is not an MCAP file: it begins with `frequenc`");

@@ -63,7 +63,7 @@ fn the_first_and_the_largest_difference_are_found() {
         assert!(channel["sample"].as_u64().unwrap() >= first, "{channel:#}");
     }
     let keys: Vec<_> = found["configuration"].as_array().unwrap().iter().map(|entry| entry["key"].clone()).collect();
-    assert_eq!(keys, ["scenario.arm.beta2_deg", "scenario.simulation.duration_s"]);
+    assert_eq!(keys, ["scenario.simulation.duration_s", "scenario.structure.angles_deg"]);
 
     let within = [&both[..], &["--parts", "states", "--tolerance", "0.1", "--to-s", "0.08"]].concat();
     assert_eq!(document(folder.path(), 0, &within)["same"], true);
@@ -72,8 +72,8 @@ fn the_first_and_the_largest_difference_are_found() {
     let said = resonarm(folder.path(), &["diff", "a.mcap", "b.mcap", "--parts", "events"]);
     assert_snapshot!(said.stdout, @r"
     events: 4 compared; first difference at sample 101: event is plant.leaving 50 at sample 101 in A, plant.leaving 50 at sample 81 in B
-    scenario.arm.beta2_deg: 60.0 in A, 60.001 in B
     scenario.simulation.duration_s: 0.1 in A, 0.08 in B
+    scenario.structure.angles_deg: [0.0, 60.0] in A, [0.0, 60.001] in B
     ");
 }
 

@@ -208,8 +208,8 @@ fn simulate_meets_the_oracles() {
 #[test]
 fn a_changed_arm_is_in_every_document_and_header() {
     let folder = tempfile::tempdir().unwrap();
-    let text = "arm = { beta1_deg = 20, beta2_deg = 30, parameters = { mass2_kg = 40 } }
-        excitation.amplitude.force_x_n = 1
+    let text = "structure = { angles_deg = [20, 30], set = { 'link2.mass_kg' = 40 } }
+        excitation.amplitude.exciter_x = 1
         excitation.profile = { waveform = 'dwell', frequency_hz = 10, duration_s = 0.3, settle_s = 0.1 }";
     std::fs::write(folder.path().join("own.toml"), text).unwrap();
     let commands: [&[&str]; 9] = [
@@ -234,40 +234,52 @@ fn a_changed_arm_is_in_every_document_and_header() {
     }
     for command in [["modes"].as_slice(), &["integrators", "--drift-steps", "10"]] {
         let header = crate::resonarm(folder.path(), &[command, &["--scenario", "own.toml"]].concat()).stdout;
-        let expected = "irb1600-fitted with mass2_kg = 40 (preset 50.58) at 20°, 30°";
+        let expected = "irb1600-fitted with link2.mass_kg = 40 (preset 50.58) at 20°, 30°";
         assert!(header.starts_with(expected), "{header}");
     }
     let plot = ["frf", "--points", "2", "--plot", "figure", "--scenario", "own.toml"];
     assert_eq!(crate::resonarm(folder.path(), &plot).code, 0);
     let svg = std::fs::read_to_string(folder.path().join("figure.svg")).unwrap();
-    assert!(svg.contains(">irb1600-fitted with 1 changed parameter at 20°, 30°<"), "{svg}");
+    assert!(svg.contains(">irb1600-fitted with link2.mass_kg = 40 (preset 50.58) at 20°, 30°<"), "{svg}");
     let caption = std::fs::read_to_string(folder.path().join("figure.txt")).unwrap();
     insta::assert_snapshot!(caption, @"
     Frequency response to a load at joint1
-    irb1600-fitted with 1 changed parameter at 20°, 30°
-    arm: irb1600-fitted with mass2_kg = 40 (preset 50.58)
+    irb1600-fitted with link2.mass_kg = 40 (preset 50.58) at 20°, 30°
     ");
 }
 
-/// Headers, figures and documents call an arm by its name; the caption describes it.
+/// Headers, figures and documents call a structure by its name; the caption has what is set, if it is too much for a line.
 #[test]
-fn a_named_arm_is_called_by_its_name() {
+fn a_named_structure_is_called_by_its_name() {
     let folder = tempfile::tempdir().unwrap();
     let folder = folder.path();
-    std::fs::write(folder.join("own.toml"), "arm = { name = 'lab arm', parameters = { mass2_kg = 40 } }").unwrap();
+    std::fs::write(
+        folder.join("own.toml"),
+        "structure = { name = 'lab arm', set = { 'link1.length_m' = 0.6, 'link2.mass_kg' = 40 } }",
+    )
+    .unwrap();
     let header = crate::resonarm(folder, &["modes", "--scenario", "own.toml"]).stdout;
-    assert!(header.starts_with("lab arm at 0°, 60°"), "{header}");
+    assert!(
+        header.starts_with("lab arm with link1.length_m = 0.6 (preset 0.63), link2.mass_kg = 40 (preset 50.58)\n"),
+        "{header}"
+    );
     let plot = ["frf", "--points", "2", "--plot", "figure", "--scenario", "own.toml", "--json"];
     assert_eq!(document(folder, 0, &plot)["configuration"]["structure"]["name"], "lab arm");
     let read = |file: &str| std::fs::read_to_string(folder.join(file)).unwrap();
-    assert!(read("figure.svg").contains(">lab arm at 0°, 60°<"));
-    assert!(read("figure.txt").ends_with("\narm: irb1600-fitted with mass2_kg = 40 (preset 50.58)\n"));
+    assert!(read("figure.svg").contains(">lab arm with 2 parameters set<"));
+    assert!(
+        read("figure.txt").ends_with("\nset: link1.length_m = 0.6 (preset 0.63), link2.mass_kg = 40 (preset 50.58)\n")
+    );
 }
 
 #[test]
 fn a_pose_may_come_from_a_scenario_and_flags_take_precedence() {
     let folder = tempfile::tempdir().unwrap();
-    std::fs::write(folder.path().join("arm.toml"), "[arm]\npreset = 'irb1600-table1'\nbeta2_deg = 30.0\n").unwrap();
+    std::fs::write(
+        folder.path().join("arm.toml"),
+        "[structure]\npreset = 'irb1600-table1'\nangles_deg = [0.0, 30.0]\n",
+    )
+    .unwrap();
     let modes = |arguments: &[&str]| document(folder.path(), 0, &[&["modes", "--json"], arguments].concat());
     assert_eq!(modes(&["--scenario", "arm.toml"]), modes(&["--preset", "irb1600-table1", "--angles-deg", "0,30"]));
     let both = ["--scenario", "arm.toml", "--preset", "irb1600-fitted"];
@@ -356,7 +368,8 @@ fn curves_of_folds_are_in_files_beside_the_branch() {
 #[test]
 fn modes_state_the_sag_under_gravity() {
     let folder = tempfile::tempdir().unwrap();
-    let gravity = "[arm.parameters.gravity]\ngravity_m_s2 = 9.80665\nmass1_kg = 30.0\ncentre1_m = 0.3\n";
+    let gravity = "[structure]\ngravity_m_s2 = 9.80665\nset = { 'link1.mass_kg' = 30.0, 'link1.centre_of_mass_m' = 0.1, \
+        'link1.inertia_kg_m2' = 0.25 }\n";
     std::fs::write(folder.path().join("heavy.toml"), gravity).unwrap();
     let found = document(folder.path(), 0, &["modes", "--scenario", "heavy.toml", "--json"]);
     let structure = &found["configuration"]["structure"];
@@ -368,7 +381,7 @@ fn modes_state_the_sag_under_gravity() {
     let q12 = q1 + of(1, "angle_deg").to_radians() + sag_rad[1];
     let g = 9.80665;
     let second = g * of(1, "mass_kg") * of(1, "centre_of_mass_m") * libm::cos(q12);
-    let first = g * (30.0 * 0.3 + of(1, "mass_kg") * of(0, "length_m")) * libm::cos(q1) + second;
+    let first = g * (30.0 * 0.1 + of(1, "mass_kg") * of(0, "length_m")) * libm::cos(q1) + second;
     for (joint, moment_nm) in [first, second].into_iter().enumerate() {
         let spring_nm = of(joint, "stiffness_nm_rad") * sag_rad[joint];
         assert!((spring_nm + moment_nm).abs() < 1e-9 * moment_nm.abs() && sag_rad[joint] != 0.0, "{sag_rad:?}");

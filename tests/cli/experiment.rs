@@ -13,7 +13,7 @@ use serde_json::Value;
 use crate::{complaint, document, names, resonarm};
 
 /// A brake that settles the arm within some seconds, and instruments without noise.
-const BENCH: &str = "arm = { beta1_deg = -76.5413, beta2_deg = 120 }\nsimulation = { scheme = 'rk4' }\n\
+const BENCH: &str = "structure.angles_deg = [-76.5413, 120]\nsimulation = { scheme = 'rk4' }\n\
     [rig.shaker]\nmoving_mass_kg = 0.01\nstiffness_n_m = 0\ndamping_n_s_m = 400\nforce_factor_n_a = 30\nresistance_ohm = 1\n\
     inductance_h = 0\nstroke_m = 0.1\ncurrent_limit_a = 22\nvoltage_limit_v = 1000\n\
     [rig.sensors.b]\nnoise_rms_m_s2 = 0\n[rig.sensors.c]\nnoise_rms_m_s2 = 0\n[rig.head]\nnoise_rms_n = 0\n";
@@ -111,7 +111,7 @@ fn impossible_measurements_are_refused_at_once() {
     assert_snapshot!(refusal(&["--from-hz", "30"]), @"resonarm: --from-hz is 30: it must be above 0 and below the first natural frequency, 26.84 Hz at β1 = -76.5413°, β2 = 120°");
     assert_snapshot!(refusal(&["--to-hz", "40"]), @"resonarm: --to-hz is 40: it must be above the second natural frequency, 40.36 Hz at β1 = -76.5413°, β2 = 120°");
     assert_snapshot!(refusal(&["--step-hz", "0"]), @"resonarm: --step-hz is 0: it must be positive, and 26 to 46 Hz at most 10000 of it");
-    assert_snapshot!(refusal(&["--first-force-n", "1000"]), @"resonarm: control.amplitude.force_x_n is 1000, beyond the shaker's blocked force, 660 N: lower it, or raise the limit if the exciter has more");
+    assert_snapshot!(refusal(&["--first-force-n", "1000"]), @"resonarm: control.amplitude.exciter_x is 1000, beyond the shaker's blocked force, 660 N: lower it, or raise the limit if the exciter has more");
     assert_snapshot!(refusal(&["--second-force-n", "0"]), @"resonarm: --second-force-n is 0: it must be a positive number");
     assert_snapshot!(refusal(&["--rate-hz", "300"]), @"resonarm: control: 300 samples a second are too few for a mode at 40.36 Hz: at least 445 are needed");
 }
@@ -129,7 +129,7 @@ fn a_walk_goes_along_the_shaker_of_its_scenario() {
     let message = complaint(folder, 2, &["experiment", "walk", "--force-n", "4"]);
     assert_snapshot!(message, @"resonarm: --force-n 4 acts along a shaker, and the scenario has none: add [rig.shaker], or give --force-x-n and --force-y-n");
     // Without a load in the flags, the walk takes that of the scenario.
-    let dwell = "[excitation]\namplitude = { force_y_n = 4 }\nprofile = { waveform = 'dwell', frequency_hz = 20, duration_s = 1, settle_s = 0.1 }\n";
+    let dwell = "[excitation]\namplitude = { exciter_y = 4 }\nprofile = { waveform = 'dwell', frequency_hz = 20, duration_s = 1, settle_s = 0.1 }\n";
     fs::write(folder.join("bench.toml"), format!("{bench}{dwell}")).unwrap();
     assert_eq!(document(folder, 0, &walk)["configuration"]["force_n"], serde_json::json!([0.0, 4.0]));
 }
@@ -147,7 +147,7 @@ fn a_torque_has_no_distortion() {
     let walk = |load| document(folder, 0, &["experiment", "walk", load, "10", "--points", "3", "--json"]);
     assert!(distortions(&walk("--torque1-nm"), "points").iter().all(Value::is_null));
     assert!(distortions(&walk("--force-x-n"), "points").iter().all(|value| !value.is_null()));
-    for (amplitude, has_one) in [("torque1_nm", false), ("force_x_n", true)] {
+    for (amplitude, has_one) in [("joint1", false), ("exciter_x", true)] {
         let dwell = "profile = { waveform = 'dwell', frequency_hz = 18, duration_s = 1, settle_s = 0.5 }";
         fs::write(folder.join("dwell.toml"), format!("[excitation]\namplitude = {{ {amplitude} = 20 }}\n{dwell}\n"))
             .unwrap();

@@ -29,10 +29,10 @@ fn modes_are_identified_from_a_recording() {
     record(
         folder,
         "random",
-        "force_y_n = 6",
+        "exciter_y = 6",
         "waveform = 'random', from_hz = 5, to_hz = 80, duration_s = 30, seed = 2",
     );
-    record(folder, "impact", "force_y_n = 40", "waveform = 'impulse', pulse_s = 0.008, duration_s = 20");
+    record(folder, "impact", "exciter_y = 40", "waveform = 'impulse', pulse_s = 0.008, duration_s = 20");
     let computed = document(folder, 0, &["modes", "--json"]);
     for (recording, averaging, averages) in [("random.mcap", "welch", 15), ("impact.mcap", "single", 1)] {
         let found = document(folder, 0, &["identify", recording, "--json"]);
@@ -74,9 +74,9 @@ fn modes_are_identified_from_a_recording() {
 fn a_missing_mode_is_listed() {
     let folder = tempfile::tempdir().unwrap();
     let folder = folder.path();
-    let shaker = "arm.beta1_deg = 30\n[rig.shaker]\namplifier = 'voltage'\nmoving_mass_kg = 0.5\nstiffness_n_m = 2000.0\n\
+    let shaker = "structure.angles_deg = [30, 60]\n[rig.shaker]\namplifier = 'voltage'\nmoving_mass_kg = 0.5\nstiffness_n_m = 2000.0\n\
         damping_n_s_m = 10.0\nforce_factor_n_a = 20.0\nresistance_ohm = 2.0\ninductance_h = 2.1e-3\nstroke_m = 0.0127\n\
-        current_limit_a = 15.0\nvoltage_limit_v = 60.0\n[excitation]\namplitude = { force_x_n = 40 }\n\
+        current_limit_a = 15.0\nvoltage_limit_v = 60.0\n[excitation]\namplitude = { exciter_x = 40 }\n\
         profile = { waveform = 'impulse', pulse_s = 0.008, duration_s = 20 }\n";
     fs::write(folder.join("braked.toml"), shaker).unwrap();
     fs::write(folder.join("instant.toml"), format!("rig.converter = 'instant'\n{shaker}")).unwrap();
@@ -95,7 +95,7 @@ fn a_missing_mode_is_listed() {
     assert!(said.stderr.contains("rig.converter is `instant`: the head reads images"), "{}", said.stderr);
     // The second mode keeps its number if it is alone in the band.
     let random = "waveform = 'random', from_hz = 40, to_hz = 60, duration_s = 20, seed = 2";
-    record(folder, "second", "force_y_n = 6", random);
+    record(folder, "second", "exciter_y = 6", random);
     let found = document(folder, 0, &["identify", "second.mcap", "--json"]);
     assert_eq!((&found["modes"][0]["mode"], found["missing"].as_array().unwrap().len()), (&2.into(), 0));
 }
@@ -106,9 +106,10 @@ fn a_missing_mode_is_listed() {
 fn poles_are_compared_with_poles() {
     let folder = tempfile::tempdir().unwrap();
     let folder = folder.path();
-    let scenario = "[arm]\nbeta1_deg = 30.0\nparameters = { damping1_nm_s_rad = 60.0, damping2_nm_s_rad = 60.0 }\n\
+    let scenario = "[structure]\nangles_deg = [30.0, 60.0]\n\
+        set = { 'link1.damping_nm_s_rad' = 60.0, 'link2.damping_nm_s_rad' = 60.0 }\n\
         [rig.head]\nnoise_rms_n = 0.02\n[rig.sensors.b]\nnoise_rms_m_s2 = 0.03\n\
-        [rig.sensors.c]\nnoise_rms_m_s2 = 0.03\n[excitation]\namplitude = { force_x_n = 40.0 }\n\
+        [rig.sensors.c]\nnoise_rms_m_s2 = 0.03\n[excitation]\namplitude = { exciter_x = 40.0 }\n\
         profile = { waveform = \"random\", from_hz = 5.0, to_hz = 120.0, duration_s = 20.0 }\n";
     fs::write(folder.join("damped.toml"), scenario).unwrap();
     let run = ["run", "--mode", "free", "--scenario", "damped.toml", "--record", "damped.mcap", "--json"];
@@ -134,9 +135,9 @@ fn recordings_without_modes_are_refused() {
     let folder = tempfile::tempdir().unwrap();
     let folder = folder.path();
     let random = |duration_s: &str| format!("waveform = 'random', from_hz = 5, to_hz = 80, duration_s = {duration_s}");
-    record(folder, "torque", "torque1_nm = 5", &random("2"));
-    record(folder, "short", "force_y_n = 5", &random("0.1"));
-    record(folder, "force", "force_y_n = 5", &random("4"));
+    record(folder, "torque", "joint1 = 5", &random("2"));
+    record(folder, "short", "exciter_y = 5", &random("0.1"));
+    record(folder, "force", "exciter_y = 5", &random("4"));
     fs::write(folder.join("notes.txt"), "no recording").unwrap();
     let says = |arguments: &[&str]| complaint(folder, 2, &[&["identify"], arguments].concat());
     assert_snapshot!(says(&["torque.mcap"]), @"resonarm: the impedance head reads no force beyond its own noise (0.012 N): drive by a force where the head is, and by a larger one than that");
@@ -153,7 +154,7 @@ fn angles_are_identified_from_a_recording() {
     let folder = tempfile::tempdir().unwrap();
     let folder = folder.path();
     let dwell = "waveform = 'dwell', frequency_hz = 22, duration_s = 4, settle_s = 1";
-    record(folder, "dwell", "torque1_nm = 60", dwell);
+    record(folder, "dwell", "joint1 = 60", dwell);
     let states: Vec<_> =
         Recording::open(folder.join("dwell.mcap")).unwrap().states().unwrap().map(Result::unwrap).collect();
     for domain in ["frequency", "time"] {
@@ -204,7 +205,7 @@ fn recordings_without_angles_are_refused() {
     let folder = tempfile::tempdir().unwrap();
     let folder = folder.path();
     let dwell = "waveform = 'dwell', frequency_hz = 22, duration_s = 1, settle_s = 0.2";
-    record(folder, "short", "torque1_nm = 5", dwell);
+    record(folder, "short", "joint1 = 5", dwell);
     let says = |arguments: &[&str]| complaint(folder, 2, &[&["identify", "short.mcap"], arguments].concat());
     assert_snapshot!(says(&["--angles", "a.csv", "--from-hz", "2"]), @"resonarm: the record has 1050 samples where 2500 are needed for angles from 2.000 Hz on: record for longer, or raise the lower corner");
     assert_snapshot!(says(&["--angles", "a.csv", "--from-hz", "-2"]), @"resonarm: the lower corner, -2 Hz, must be above 0 and below half the sample rate, 1000 Hz");
@@ -213,7 +214,7 @@ fn recordings_without_angles_are_refused() {
     assert_snapshot!(first_line(&["--angles", "a.csv", "--segment-s", "2"]), @"error: the argument '--angles <FILE>' cannot be used with '--segment-s <S>'");
     assert_snapshot!(first_line(&["--integration", "time"]), @"error: the following required arguments were not provided:");
     assert_snapshot!(says(&["--angles", "no/a.csv"]), @"resonarm: can't write no/a.csv: No such file or directory (os error 2)");
-    let clipping = "[excitation]\namplitude = { torque1_nm = 200 }\nprofile = { waveform = 'dwell', frequency_hz = 22, \
+    let clipping = "[excitation]\namplitude = { joint1 = 200 }\nprofile = { waveform = 'dwell', frequency_hz = 22, \
                     duration_s = 2, settle_s = 1 }\n[rig.sensors.c]\nrange_m_s2 = 50\n";
     fs::write(folder.join("clipping.toml"), clipping).unwrap();
     let run = ["run", "--mode", "free", "--scenario", "clipping.toml", "--record", "clipping.mcap"];

@@ -13,7 +13,7 @@ use crate::{complaint, document, resonarm};
 /// A folder with the recording of a run in which a response is read, and its frames as logs.
 fn exported() -> tempfile::TempDir {
     let folder = tempfile::tempdir().unwrap();
-    let scenario = "[network]\nbase_id = 0x300\nplant_id = 3\nplant_converter = 'sinc5'\n[excitation]\namplitude = { torque1_nm = 60.0 }\n\
+    let scenario = "[network]\nbase_id = 0x300\nplant_id = 3\nplant_converter = 'sinc5'\n[excitation]\namplitude = { joint1 = 60.0 }\n\
         profile = { waveform = 'dwell', frequency_hz = 22.1, duration_s = 0.5, settle_s = 0.1 }";
     fs::write(folder.path().join("run.toml"), scenario).unwrap();
     for arguments in [

@@ -59,7 +59,7 @@ fn a_scheme_that_fails_says_so_in_its_row() {
     let scenario = folder.path().join("straight.toml");
     std::fs::write(
         &scenario,
-        "[arm]\npreset = 'irb1600-table1'\nbeta2_deg = 0\n[simulation]\nrate_hz = 500\nsteps_per_sample = 2\n",
+        "[structure]\npreset = 'irb1600-table1'\nangles_deg = [0, 0]\n[simulation]\nrate_hz = 500\nsteps_per_sample = 2\n",
     )
     .unwrap();
     let scenario: &Path = &scenario;
@@ -101,7 +101,7 @@ fn bad_input_is_refused() {
     For more information, try '--help'.
     ");
     insta::assert_snapshot!(complaint(&["--rate-hz", "1e14"]), @"resonarm: --rate-hz: integration rate 1e14 Hz: it must be at most 3.29881543934e11 Hz for this arm; what a shorter step changes is lost in rounding");
-    insta::assert_snapshot!(complaint(&["--preset", "irb140"]), @"resonarm: there is no preset `irb140`: the presets are irb1600-table1, irb1600-fitted");
+    insta::assert_snapshot!(complaint(&["--preset", "irb140"]), @"resonarm: structure: there is no preset `irb140`: the presets are irb1600-table1, irb1600-fitted");
     insta::assert_snapshot!(complaint(&["--drift-steps", "9"]), @r"
     error: invalid value '9' for '--drift-steps <N>': 9 is not in 10..=4294967295
 

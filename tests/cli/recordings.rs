@@ -320,7 +320,7 @@ fn clipped_readings_are_reported() {
     let scenario = "
         rig = { sensors.b = { range_m_s2 = 0.5, resolution_m_s2 = 0.0 } }
         [excitation]
-        amplitude = { force_x_n = 300.0 }
+        amplitude = { exciter_x = 300.0 }
         profile = { waveform = 'dwell', frequency_hz = 22.0, duration_s = 0.15, settle_s = 0.05 }
     ";
     fs::write(folder.path().join("small.toml"), scenario).unwrap();
@@ -348,7 +348,7 @@ fn the_topics_for_plotting_follow_the_scenario() {
     let run = ["run", "--mode", "free", "--scenario", "plot.toml", "--record", "run.mcap", "--overwrite"];
     // 0.3 s, and 50 ms of ramp in addition.
     let scenario = |every: u64| {
-        let excitation = "amplitude = { force_x_n = 30.0 }
+        let excitation = "amplitude = { exciter_x = 30.0 }
             profile = { waveform = 'dwell', frequency_hz = 22.0, duration_s = 0.3, settle_s = 0.05 }";
         let text = format!("recording = {{ plot_every_samples = {every} }}\n[excitation]\n{excitation}");
         fs::write(folder.path().join("plot.toml"), text).unwrap();

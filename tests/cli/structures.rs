@@ -116,7 +116,7 @@ stiffness3_n_m3 = 2e8
 [rig.sensors.b]
 at = 'mid'
 [excitation]
-amplitude = { force_x_n = 12.0 }
+amplitude = { exciter_x = 12.0 }
 profile = { waveform = 'stepped-sine', from_hz = 19.0, to_hz = 21.0, steps = 5, dwell_s = 4.0, settle_s = 3.0 }
 ";
 
@@ -145,7 +145,7 @@ fn responses_of_a_recording_are_compared_with_the_branch() {
 fn the_modes_of_a_structure_are_identified() {
     let folder = tempfile::tempdir().unwrap();
     let linear = STEPPED.split("[[structure.elements]]").next().unwrap();
-    let random = "[rig.sensors.b]\nat = 'mid'\n[excitation]\namplitude = { force_x_n = 12.0 }\n\
+    let random = "[rig.sensors.b]\nat = 'mid'\n[excitation]\namplitude = { exciter_x = 12.0 }\n\
         profile = { waveform = 'random', from_hz = 10.0, to_hz = 60.0, duration_s = 16.0, seed = 3 }\n";
     fs::write(folder.path().join("random.toml"), format!("{linear}{random}")).unwrap();
     let run = ["run", "--mode", "free", "--scenario", "random.toml", "--record", "random.mcap", "--json"];
@@ -189,7 +189,7 @@ fn a_shaken_structure_is_identified_and_compared() {
         recording
     };
     let modes = STEPPED.split("[[structure.elements]]").next().unwrap();
-    let random = "[excitation]\namplitude = { force_x_n = 12.0 }\n\
+    let random = "[excitation]\namplitude = { exciter_x = 12.0 }\n\
         profile = { waveform = 'random', from_hz = 10.0, to_hz = 60.0, duration_s = 8.0, seed = 3 }\n";
     let random = record("random", format!("{modes}{SHAKER}{random}"));
     let found = document(folder, 0, &["identify", &random, "--json"]);
@@ -211,14 +211,14 @@ fn a_shaken_structure_is_identified_and_compared() {
     let refused = complaint(folder, 2, &["compare", &open]);
     assert!(refused.contains("its responses are not on a single branch"), "{refused}");
 
-    let lags = "[control]\nlaw = 'phase-walk'\namplitude = { force_x_n = 1.0 }\nfrom_lag_deg = 40\nto_lag_deg = 140\n";
+    let lags = "[control]\nlaw = 'phase-walk'\namplitude = { exciter_x = 1.0 }\nfrom_lag_deg = 40\nto_lag_deg = 140\n";
     fs::write(folder.join("walk.toml"), format!("{structure}{SHAKER}{lags}")).unwrap();
     let walk = ["experiment", "walk", "--scenario", "walk.toml", "--force-n", "12", "--points", "3", "--json"];
     let score = &document(folder, 0, &walk)["score"];
     assert_eq!(score["settled_points"].as_u64(), Some(3), "{score:#}");
     assert!(score["largest_amplitude_deviation"].as_f64().unwrap() < 5e-3, "{score:#}");
     let across =
-        format!("{modes}{SHAKER}direction_deg = 90.0\n[excitation]{}", excitation.replace("force_x_n", "force_y_n"));
+        format!("{modes}{SHAKER}direction_deg = 90.0\n[excitation]{}", excitation.replace("exciter_x", "exciter_y"));
     fs::write(folder.join("across.toml"), across).unwrap();
     let refused = complaint(folder, 2, &["run", "--mode", "free", "--scenario", "across.toml"]);
     insta::assert_snapshot!(refused.trim(), @"resonarm: rig.shaker: `direction_deg` is 90, and the structure does not move along y where the exciter is: turn it along an axis that moves, or place it by `rig.exciter.at`");
@@ -266,14 +266,22 @@ fn a_structure_is_shown() {
     ");
     let folder = tempfile::tempdir().unwrap();
     fs::write(folder.path().join("arm.toml"), "").unwrap();
-    let none = complaint(folder.path(), 2, &["structure", "--scenario", "arm.toml"]);
-    insta::assert_snapshot!(none.trim(), @"resonarm: arm.toml: the scenario has no [structure]: its plant is the two-link arm of [arm], which `resonarm modes` shows");
+    insta::assert_snapshot!(resonarm(folder.path(), &["structure", "--scenario", "arm.toml"]).stdout, @"
+    irb1600-fitted at 0°, 60°
+      link   length m     mass kg   centre m   inertia kg·m²    angle °   stiffness N·m/rad   damping N·m·s/rad
+         1    0.63000     1.00000    0.00000        0.550000     0.0000 555000 0.9
+         2    0.60000    50.58000    0.10000        1.500000    60.0000 128000 0.9
+    points: joint1, joint2, tip
+      mode   undamped frequency   damping ratio
+         1           22.1575 Hz        1.595e-4
+         2           48.8966 Hz        9.772e-4
+    ");
 }
 
 #[test]
 fn the_modes_of_an_arm_are_a_structure() {
     let folder = tempfile::tempdir().unwrap();
-    fs::write(folder.path().join("arm.toml"), "[arm]\nbeta2_deg = 75.0\n").unwrap();
+    fs::write(folder.path().join("arm.toml"), "[structure]\nangles_deg = [0.0, 75.0]\n").unwrap();
     let shown = resonarm(folder.path(), &["structure", "--from-modes", "arm.toml", "--out", "modes.toml"]).stdout;
     insta::assert_snapshot!(shown, @"
     2 modes
@@ -324,7 +332,7 @@ fn on_oscillator<'a>(command: &'a str, more: &'a str) -> Vec<&'a str> {
 #[test]
 fn the_demo_walks_on_a_structure() {
     let folder = oscillator();
-    let walk = "[control]\nlaw = \"phase-walk\"\namplitude = { force_x_n = 1.0 }\npoints = 3\nfrom_lag_deg = 60.0\n\
+    let walk = "[control]\nlaw = \"phase-walk\"\namplitude = { exciter_x = 1.0 }\npoints = 3\nfrom_lag_deg = 60.0\n\
                 to_lag_deg = 120.0\n";
     let text = fs::read_to_string(folder.path().join("osc.toml")).unwrap() + walk;
     fs::write(folder.path().join("osc.toml"), text).unwrap();
@@ -532,7 +540,7 @@ fn analyses_of_structures_refuse_in_words() {
     insta::assert_snapshot!(continued("--drive tip.x=1 --parameter amplitude --frequency-hz 9 --from 1 --to 2"), @"the amplitude is what varies: give --drive tip.x without one");
     insta::assert_snapshot!(says("integrators", ""), @"the structure is of modes, which are stepped by their exact solution, whatever the scheme: name a chain");
     insta::assert_snapshot!(says("modes", "--angles-deg 1"), @"--angles-deg turns the links of a chain, and the scenario's [structure] is of the kind modal: leave it out");
-    insta::assert_snapshot!(says("modes", "--preset irb1600-fitted"), @"--preset irb1600-fitted is of the two-link arm, and the scenario's [structure] is of the kind modal: leave it out");
+    insta::assert_snapshot!(says("modes", "--preset irb1600-fitted"), @"--preset irb1600-fitted is a structure of its own, and the scenario's [structure] is of the kind modal: leave it out");
     insta::assert_snapshot!(says("modes", "--set mode2.frequency_hz=3"), @"structure.set: `mode2.frequency_hz` is 3: there is no parameter `mode2.frequency_hz` in this structure: there are mode1.frequency_hz, mode1.damping_ratio, element1.stiffness3_n_m3, element1.stiffness5_n_m5");
     let sweep = |more: &str| says("sweep", &format!("--drive tip.x=1 --from-hz 9 --to-hz 10 {more}"));
     insta::assert_snapshot!(sweep("--initial 0"), @"--initial has 1 numbers: give 2, q1_m_sqrt_kg, q1_dot_m_sqrt_kg_s");
@@ -614,7 +622,7 @@ fn a_free_structure_through_the_commands() {
     let folder = tempfile::tempdir().unwrap();
     fs::write(folder.path().join("free.uff"), FREE).unwrap();
     let scenario = "[structure]\nkind = 'modal'\nfile = 'free.uff'\nnodes = { tip = 2, end = 1 }\n\
-        [rig.exciter]\nat = 'tip'\n[excitation]\namplitude = { force_y_n = 2.0 }\n[excitation.profile]\nwaveform = 'dwell'\n\
+        [rig.exciter]\nat = 'tip'\n[excitation]\namplitude = { exciter_y = 2.0 }\n[excitation.profile]\nwaveform = 'dwell'\n\
         frequency_hz = 30.0\nsettle_s = 0.1\nduration_s = 0.5\n";
     fs::write(folder.path().join("free.toml"), scenario).unwrap();
     let on = |arguments: &str| {

@@ -291,7 +291,7 @@ fn bad_input_of_decode_is_refused() {
 }
 
 /// A random force, as in a scenario.
-const RANDOM: &str = "[excitation]\namplitude = { force_y_n = 6.0 }\n\
+const RANDOM: &str = "[excitation]\namplitude = { exciter_y = 6.0 }\n\
     profile = { waveform = 'random', from_hz = 5, to_hz = 80, duration_s = 12, seed = 2 }\n";
 
 /// The readings of a run with an excitation, and the log of a bench that plays and reads the same.
@@ -412,7 +412,7 @@ fn readings_that_the_wire_does_not_carry_are_named() {
 fn responses_to_a_controller_of_the_user_are_compared() {
     let folder = bench();
     let folder = folder.path();
-    let dwell = "[excitation]\namplitude = { force_y_n = 6.0 }\n\
+    let dwell = "[excitation]\namplitude = { exciter_y = 6.0 }\n\
         profile = { waveform = 'dwell', frequency_hz = 18.0, duration_s = 6, settle_s = 4 }\n";
     logged(folder, dwell, |_| true);
     let of_plant = "[network]\nplant_converter = 'sinc5'\n";

@@ -23,13 +23,13 @@ SYSTEM = Path(__file__).with_name("stm32f103.yaml")
 PATIENT = f"""
 [network]
 lockstep_timeout_s = {PATIENCE_S}.0
-[arm]
-beta1_deg = 30.0
+[structure]
+angles_deg = [30.0, 60.0]
 """
 # The sines of the port's main.c and of the firmware in Rust.
 SINES = """
 [excitation]
-amplitude = { force_x_n = 150.0 }
+amplitude = { exciter_x = 150.0 }
 ramp_s = 0.2
 profile = { waveform = "sine-list", frequencies_hz = [19.7, 26.0], dwell_s = 0.4, settle_s = 0.1 }
 """

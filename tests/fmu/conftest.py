@@ -12,9 +12,9 @@ from recordings import Recording
 
 # The force is the same for ten samples at a time, so that steps of 10 ms can set it.
 STEPS = """
-[arm]
+[structure]
 preset = "irb1600-fitted"
-beta1_deg = 30.0
+angles_deg = [30.0, 60.0]
 [simulation]
 rate_hz = 1000.0
 seed = 7
@@ -24,7 +24,7 @@ converter = "sinc5"
 lowpass_hz = 400.0
 delay_samples = 2
 [excitation]
-amplitude = { force_x_n = 60.0 }
+amplitude = { exciter_x = 60.0 }
 profile = { waveform = "file", path = "steps.csv" }
 """
 SAMPLES = 600

@@ -21,12 +21,13 @@ from recordings import Recording
 
 # Damped so that the walk over the resonance at 22.16 Hz, in three points, takes 15 s of simulated time.
 WALK = """
-arm = {{ beta1_deg = 30.0, parameters = {{ damping1_nm_s_rad = 60.0, damping2_nm_s_rad = 60.0 }} }}
+structure.angles_deg = [30.0, 60.0]
+structure.set = {{ "link1.damping_nm_s_rad" = 60.0, "link2.damping_nm_s_rad" = 60.0 }}
 simulation = {{ rate_hz = {rate_hz}, seed = 2{duration} }}
 network = {{ profile = "{profile}", {network} }}
 [control]
 law = "phase-walk"
-amplitude = {{ force_x_n = 200.0 }}
+amplitude = {{ exciter_x = 200.0 }}
 points = 3
 from_lag_deg = 60.0
 to_lag_deg = 120.0

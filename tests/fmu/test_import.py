@@ -56,7 +56,7 @@ def imported(arm, tmp_path_factory):
     folder = tmp_path_factory.mktemp("imported")
     blocks = [[(7 * block) % 13 - 6] * 10 for block in range(SAMPLES // 10)]
     (folder / "steps.csv").write_text("\n".join(str(load) for block in blocks for load in block))
-    before, after = STEPS.split("[arm]")[0], STEPS[STEPS.index("[simulation]"):]
+    before, after = STEPS.split("[structure]")[0], STEPS[STEPS.index("[simulation]"):]
     (folder / "imported.toml").write_text(before + section(arm.fmu, ARM) + after)
     return folder / "imported.toml"
 

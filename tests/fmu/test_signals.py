@@ -47,7 +47,7 @@ def test_validators_find_nothing(arm, make, structures):
 
 def test_the_same_scenario_gives_the_same_bytes(arm, library, tmp_path):
     scenario = tmp_path / "s.toml"
-    scenario.write_text("arm = { beta2_deg = 90 }")
+    scenario.write_text("structure = { angles_deg = [0, 90] }")
     for folder in ("one", "two"):
         (tmp_path / folder).mkdir()
         done = export(library, scenario, tmp_path / folder / "s.fmu", "--json")
@@ -172,7 +172,7 @@ def test_a_thousand_instances_leave_no_memory_behind(arm):
 
 def test_a_recording_is_simulated_again(arm, tmp_path):
     path = tmp_path / "run.mcap"
-    with arm.fmu.instance(recording=str(path), seed=5, beta1_deg=10.0) as slave:
+    with arm.fmu.instance(recording=str(path), seed=5, **{"link1.angle_deg": 10.0}) as slave:
         for step in range(400):
             state = slave.getFMUState()
             for force_n in (20.0, 3.0 + step % 7):
@@ -275,6 +275,6 @@ def test_a_wrong_token_or_edited_resources_make_no_instance(arm, make, tmp_path)
     (tmp_path / "s.toml").write_text("")
     fmu = make(tmp_path / "s.toml", name="edited")
     edited = fmu.folder / "resources/scenario.toml"
-    edited.write_text(edited.read_text().replace("beta2_deg = 60.0", "beta2_deg = 61.0"))
+    edited.write_text(edited.read_text().replace("angles_deg = [0.0, 60.0]", "angles_deg = [0.0, 61.0]"))
     with pytest.raises(Exception, match="instantiate"):
         fmu.made()

@@ -119,7 +119,7 @@ def recorded_with_missed_deadlines(programs, folder):
     periods each miss deadlines, whatever else the machine does. With timeouts of a minute and a small load, which the
     walk can't raise to a limit however late its answers are, the run continues."""
     scenario = folder / "patient.toml"
-    walk = Path("scenarios/demo.toml").read_text().replace("force_x_n = 14.0", "force_x_n = 0.1")
+    walk = Path("scenarios/demo.toml").read_text().replace("exciter_x = 14.0", "exciter_x = 0.1")
     timeouts = "[network]\ncommand_timeout_s = 60.0\npartner_timeout_s = 60.0\n"
     scenario.write_text(walk.replace("[network]\n", timeouts))
     demo = programs.resonarm("demo", "--mode", "real-time", "--scenario", scenario, "--out", folder, "--json")

@@ -32,7 +32,7 @@ links = [
     stiffness_nm_rad = 5e4, damping_nm_s_rad = 10.0 },
 ]
 [excitation]
-amplitude = { force_y_n = 50.0 }
+amplitude = { exciter_y = 50.0 }
 profile = { waveform = "dwell", frequency_hz = 15.0, duration_s = 2.0, settle_s = 1.0 }
 """
 BRACKET = f"""
@@ -49,7 +49,7 @@ slip_force_n = 0.5
 [rig.sensors.b]
 at = "mid"
 [excitation]
-amplitude = {{ force_y_n = 2.0 }}
+amplitude = {{ exciter_y = 2.0 }}
 profile = {{ waveform = "sine-list", frequencies_hz = [55.0, 60.0], dwell_s = 1.5, settle_s = 1.0 }}
 """
 

@@ -37,7 +37,7 @@ def parts(tmp_path_factory):
     """A recording of several chunks, `one.mcap`, and the part of the run that follows, `two.mcap`."""
     folder = tmp_path_factory.mktemp("parts")
     (folder / "run.toml").write_text(
-        "[excitation]\namplitude = { force_x_n = 10.0 }\n"
+        "[excitation]\namplitude = { exciter_x = 10.0 }\n"
         'profile = { waveform = "swept-sine", from_hz = 5.0, to_hz = 60.0, duration_s = 3.0 }\n'
     )
     assert run(folder, "run", "--mode", "free", "--scenario", "run.toml", "--record", "run.mcap").returncode == 0
@@ -313,7 +313,7 @@ def test_the_files_of_a_scenario_are_not_replaced(tmp_path):
     """Nor through a hard link."""
     (tmp_path / "pulse.csv").write_text("0\n0.1\n1e-3\n")
     (tmp_path / "s.toml").write_text(
-        '[excitation]\namplitude = { force_x_n = 1.0 }\nprofile = { waveform = "file", path = "pulse.csv" }\n'
+        '[excitation]\namplitude = { exciter_x = 1.0 }\nprofile = { waveform = "file", path = "pulse.csv" }\n'
     )
     (tmp_path / "other.mcap").hardlink_to(tmp_path / "pulse.csv")
     words = ["run", "--mode", "free", "--scenario", "s.toml", "--record", "other.mcap", "--overwrite"]

@@ -32,7 +32,7 @@ profile = "fd"
 """
 DWELL = """
 [excitation]
-amplitude = { torque1_nm = 60.0 }
+amplitude = { joint1 = 60.0 }
 profile = { waveform = "dwell", frequency_hz = 22.1, duration_s = 1.0, settle_s = 0.2 }
 """
 

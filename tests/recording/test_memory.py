@@ -18,7 +18,7 @@ SCENARIO = """
 [simulation]
 duration_s = {duration_s}
 [excitation]
-amplitude = {{ force_x_n = 100.0 }}
+amplitude = {{ exciter_x = 100.0 }}
 profile = {{ waveform = "dwell", frequency_hz = 18.0, duration_s = 1000.0, settle_s = 1.0 }}
 """
 

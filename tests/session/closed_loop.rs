@@ -8,7 +8,7 @@ use resonarm::rig::Measurement;
 use resonarm::run::{BothReport, Mode, Options, Session, Signals};
 use resonarm::scenario::Scenario;
 
-const WALK: &str = "[control]\nlaw = 'phase-walk'\namplitude = { torque1_nm = 10.0 }\npoints = 3\n";
+const WALK: &str = "[control]\nlaw = 'phase-walk'\namplitude = { joint1 = 10.0 }\npoints = 3\n";
 
 fn both(text: &str, mode: Mode) -> BothReport {
     let session = Session::new(Scenario::parse(text, "test").unwrap(), mode, Options::default()).unwrap();
@@ -69,7 +69,7 @@ impl Controller for Damper {
 #[test]
 fn a_controller_of_one_s_own_needs_no_excitation() {
     for mode in [Mode::Free, Mode::Lockstep] {
-        let scenario = Scenario::parse("arm = { initial = [1e-4, 0, 0, 0] }", "test").unwrap();
+        let scenario = Scenario::parse("structure = { initial = [1e-4, 0, 0, 0] }", "test").unwrap();
         let session = Session::new(scenario, mode, Options::default()).unwrap();
         let session = session.with_controller(|| Box::new(Damper::default()));
         let report = session.both(&Signals::default(), |_event| {}).unwrap();

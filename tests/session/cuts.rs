@@ -25,7 +25,7 @@ fn cuts_of_every_kind_of_run_are_simulated_again() {
     let others = [(&rigs[1], "sinc5", MODES), (&rigs[2], "instant", MODES), (&rigs[2], "sinc5", TOUCHING)];
     for (rig, converter, structure) in arm.chain(others) {
         let text = format!(
-            "{structure}[rig]\nconverter = '{converter}'\n{rig}[excitation]\namplitude = {{ force_x_n = 20.0 }}\n\
+            "{structure}[rig]\nconverter = '{converter}'\n{rig}[excitation]\namplitude = {{ exciter_x = 20.0 }}\n\
              profile = {{ waveform = 'dwell', frequency_hz = 18.0, duration_s = 0.3, settle_s = 0.1 }}\n"
         );
         let directory = tempfile::tempdir().unwrap();
@@ -61,7 +61,7 @@ rms_m_s2 = 0.3
 from_s = 0.05
 to_s = 0.15
 [excitation]
-amplitude = { force_x_n = 20.0 }
+amplitude = { exciter_x = 20.0 }
 profile = { waveform = 'dwell', frequency_hz = 18.0, duration_s = 0.3, settle_s = 0.1 }
 ";
 
@@ -97,7 +97,7 @@ fn the_readings_of_a_cut_are_simulated_again() {
 fn a_cut_of_a_run_in_voltage_mode_is_simulated_again() {
     let text = "[rig.shaker]\namplifier = 'voltage'\nmoving_mass_kg = 0.5\nstiffness_n_m = 2000.0\ndamping_n_s_m = 10.0\n\
         force_factor_n_a = 20.0\nresistance_ohm = 2.0\ninductance_h = 3e-4\nstroke_m = 0.0127\ncurrent_limit_a = 15.0\n\
-        voltage_limit_v = 60.0\n[excitation]\namplitude = { force_x_n = 20.0 }\n\
+        voltage_limit_v = 60.0\n[excitation]\namplitude = { exciter_x = 20.0 }\n\
         profile = { waveform = 'dwell', frequency_hz = 18.0, duration_s = 0.5, settle_s = 0.1 }\n";
     let directory = tempfile::tempdir().unwrap();
     let (whole, part) = (directory.path().join("whole.mcap"), directory.path().join("part.mcap"));

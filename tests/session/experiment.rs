@@ -9,7 +9,7 @@ use resonarm::scenario::Scenario;
 
 /// A light armature on a suspension that brakes: the arm settles with a time constant of 1.6 s in place of 45 s. In
 /// this pose the tip's arc adds no second harmonic to what the brake takes.
-const BENCH: &str = "arm = { beta1_deg = 77, beta2_deg = 60 }\n\
+const BENCH: &str = "structure.angles_deg = [77, 60]\n\
     simulation = { scheme = 'rk4' }\n\
     [rig.shaker]\nmoving_mass_kg = 0.01\nstiffness_n_m = 0\ndamping_n_s_m = 20\nforce_factor_n_a = 30\nresistance_ohm = 1\n\
     inductance_h = 0\nstroke_m = 0.5\ncurrent_limit_a = 22\nvoltage_limit_v = 1000\n";

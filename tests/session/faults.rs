@@ -7,7 +7,7 @@ use resonarm::replay::resimulate;
 use resonarm::run::{Mode, Options, RecordTo, Session, Signals};
 use resonarm::scenario::Scenario;
 
-const DWELL: &str = "[excitation]\namplitude = { force_x_n = 40.0 }\n\
+const DWELL: &str = "[excitation]\namplitude = { exciter_x = 40.0 }\n\
     profile = { waveform = 'dwell', frequency_hz = 18.0, duration_s = 0.4, settle_s = 0.1 }\n";
 
 const FAULTS: &str = "[[rig.faults]]\ninstrument = 'c'\naxis = 'x'\nkind = 'stuck'\nfrom_s = 0.1\nto_s = 0.15\n\

@@ -43,7 +43,7 @@ file = "mass{version}.fmu"
 [simulation]
 seed = 3
 [excitation]
-amplitude = {{ force_x_n = 20.0 }}
+amplitude = {{ exciter_x = 20.0 }}
 profile = {{ waveform = "dwell", frequency_hz = 19.0, duration_s = 0.2, settle_s = 0.1 }}
 "#
     );
@@ -82,7 +82,7 @@ fn allowed(path: &Path) -> Recording {
 fn the_fmu_that_a_recording_names_is_not_loaded() {
     let (_, path) = recorded(scenario(3, ""), Mode::Free, "named.mcap");
     let recording = Recording::open(&path).unwrap();
-    let structure = recording.scenario().unwrap().structure.unwrap();
+    let structure = recording.scenario().unwrap().structure;
     let hash = structure.sha256.unwrap();
     let said = [resimulate(&recording).unwrap_err(), resimulate_readings(&recording).unwrap_err()];
     for error in said {
@@ -108,7 +108,7 @@ fn its_run_is_the_same_free_in_lockstep_and_simulated_again() {
     let verdict = resimulate(&recording).unwrap();
     assert!(verdict.identical && verdict.samples > 200, "{verdict:?}");
     assert!(resimulate_readings(&recording).unwrap().identical);
-    let kept = Scenario::from_configuration(recording.configuration()).unwrap().structure.unwrap();
+    let kept = Scenario::from_configuration(recording.configuration()).unwrap().structure;
     assert_eq!((kept.sha256.unwrap().len(), kept.file.unwrap().is_absolute()), (64, true));
     let (_, of_fmi_2) = recorded(scenario(2, ""), Mode::Free, "free2.mcap");
     let (_, lockstep) = recorded(scenario(3, ""), Mode::Lockstep, "lockstep.mcap");
@@ -146,7 +146,7 @@ joint2 = { displacement = "state.alpha2_rad", velocity = "state.alpha2_dot_rad_s
 
 #[test]
 fn one_of_our_own_has_the_bits_of_the_native_run_in_lockstep() {
-    let rest = "[simulation]\nseed = 3\n[excitation]\namplitude = { force_x_n = 60.0 }\n\
+    let rest = "[simulation]\nseed = 3\n[excitation]\namplitude = { exciter_x = 60.0 }\n\
                 profile = { waveform = 'dwell', frequency_hz = 15.0, duration_s = 0.2, settle_s = 0.1 }\n";
     let native = Scenario::parse(rest, "native").unwrap();
     let content = Content { settings: Settings::default(), scenario: native.clone() };
@@ -279,7 +279,7 @@ fn what_can_not_be_is_refused_before_the_run() {
     insta::assert_snapshot!(refused(scenario(3, "parameters = { fault = 8 }"), Mode::Free), @"mass3.fmu: fmi3EnterInitializationMode returned Error");
     insta::assert_snapshot!(refused(scenario(3, "parameters = { masse = 8 }"), Mode::Free), @"mass3.fmu: structure.parameters: the FMU has no variable `masse`, did you mean `mass`?");
     let mut other = scenario(3, "");
-    other.structure.as_mut().unwrap().sha256 = Some("0".repeat(64));
+    other.structure.sha256 = Some("0".repeat(64));
     let text = refused(other, Mode::Free);
     let (_, reason) = text.split_once("structure.sha256").unwrap();
     insta::assert_snapshot!(reason.trim(), @"is 0000000000000000000000000000000000000000000000000000000000000000: it is another FMU than the one that was meant or recorded");

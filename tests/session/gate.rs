@@ -47,7 +47,7 @@ fn an_impulse_is_refused_where_the_rate_of_change_is_limited() {
     let path = folder.path().join("run.mcap");
     // Up to π · 100 N / 0.05 s = 6283 N/s.
     let impulse = format!(
-        "{NETWORK}[excitation]\namplitude = {{ force_x_n = 100.0 }}\n\
+        "{NETWORK}[excitation]\namplitude = {{ exciter_x = 100.0 }}\n\
          profile = {{ waveform = 'impulse', pulse_s = 0.05, duration_s = 0.5 }}\n"
     );
     let (free, moments) = run(&impulse, Mode::Free, &path);
@@ -74,7 +74,7 @@ fn an_impulse_is_refused_where_the_rate_of_change_is_limited() {
 fn in_lockstep_a_refused_command_ends_with_its_reason_at_both_ends() {
     let folder = tempfile::tempdir().unwrap();
     let path = folder.path().join("run.mcap");
-    let text = "network = { lockstep_timeout_s = 0.4 }\n[excitation]\namplitude = { force_x_n = 100.0 }\n\
+    let text = "network = { lockstep_timeout_s = 0.4 }\n[excitation]\namplitude = { exciter_x = 100.0 }\n\
          profile = { waveform = 'impulse', pulse_s = 0.05, duration_s = 0.5 }\n\
          [rig.gate]\nforce_rate_limit_n_per_s = 5000.0\n";
     let record = Some(RecordTo { path: path.clone(), existing: Existing::Overwrite });
@@ -98,7 +98,7 @@ fn an_arm_driven_beyond_its_travel_is_let_go_at_once() {
     let folder = tempfile::tempdir().unwrap();
     let path = folder.path().join("run.mcap");
     let dwell = format!(
-        "{NETWORK}[excitation]\namplitude = {{ force_x_n = 40.0 }}\nramp_s = 0.2\n\
+        "{NETWORK}[excitation]\namplitude = {{ exciter_x = 40.0 }}\nramp_s = 0.2\n\
          profile = {{ waveform = 'dwell', frequency_hz = 18.0, duration_s = 2.0, settle_s = 0.1 }}\n"
     );
     for mode in [Mode::Free, Mode::Lockstep] {

@@ -5,12 +5,12 @@ use resonarm::node::ExciterOutcome;
 use resonarm::run::{self, Mode, Options, Session, Signals};
 use resonarm::scenario::Scenario;
 
-const DWELL: &str = "[excitation]\namplitude = { force_x_n = 40.0 }\nramp_s = 0.1\n\
+const DWELL: &str = "[excitation]\namplitude = { exciter_x = 40.0 }\nramp_s = 0.1\n\
     profile = { waveform = 'dwell', frequency_hz = 18.0, duration_s = 1.0, settle_s = 0.2 }\n";
 const FORCE_WALK: &str =
-    "arm.beta1_deg = 30\n[control]\nlaw = 'phase-walk'\namplitude = { force_x_n = 14.0 }\npoints = 3\n";
+    "structure.angles_deg = [30, 60]\n[control]\nlaw = 'phase-walk'\namplitude = { exciter_x = 14.0 }\npoints = 3\n";
 const TORQUE_WALK: &str =
-    "rig.exciter.torque_limit_nm = 100\n[control]\nlaw = 'phase-walk'\namplitude = { torque1_nm = 10.0 }\npoints = 3\n";
+    "rig.exciter.torque_limit_nm = 100\n[control]\nlaw = 'phase-walk'\namplitude = { joint1 = 10.0 }\npoints = 3\n";
 
 /// How the exciter's work ended, with the plant's outcome.
 fn ended(text: &str, mode: Mode) -> (ExciterOutcome, run::PlantOutcome) {

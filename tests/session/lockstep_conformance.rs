@@ -9,7 +9,7 @@ use resonarm::protocol::Node;
 use resonarm::run::{Mode, Options, Session, Signals};
 use resonarm::scenario::Scenario;
 
-const DWELL: &str = "[excitation]\namplitude = { force_x_n = 5.0 }\n\
+const DWELL: &str = "[excitation]\namplitude = { exciter_x = 5.0 }\n\
     profile = { waveform = 'dwell', frequency_hz = 18.0, duration_s = 1000.0, settle_s = 0.1 }\n";
 
 /// A machine that holds a process up makes a finding inconclusive, and no node wrong.

@@ -4,7 +4,6 @@ use std::collections::BTreeMap;
 use std::fs;
 use std::path::{Path, PathBuf};
 
-use resonarm::arm::{Gravity, Preset};
 use resonarm::rig::{Converter, RigSpec};
 use resonarm::scenario::Scenario;
 use toml::{Table, Value};
@@ -94,7 +93,7 @@ stroke_m = 0.02
 current_limit_a = 15.0
 voltage_limit_v = 60.0";
 
-const AMPLITUDE: &str = "force_x_n = 1.0, force_y_n = 1.0, torque1_nm = 1.0, torque2_nm = 1.0";
+const AMPLITUDE: &str = "exciter_x = 1.0, exciter_y = 1.0, joint1 = 1.0, joint2 = 1.0";
 
 /// Every key of an instrument, also those that state the same, which no instrument takes together.
 const ACCELEROMETER: &str = "noise_rms_m_s2 = 1, noise_density_m_s2_per_sqrt_hz = 1, resolution_m_s2 = 1, bits = 2, \
@@ -120,10 +119,9 @@ fn rig() -> RigSpec {
 fn with_every_other_key(section: &str) -> Scenario {
     let text = format!("simulation = {{ duration_s = 1.0 }}\n{section}");
     let mut scenario = Scenario::parse(&text, "full").unwrap();
-    let mut parameters = Preset::default().parameters().unwrap();
-    parameters.gravity = Some(Gravity { gravity_m_s2: 9.80665, mass1_kg: 1.0, centre1_m: 0.1 });
-    scenario.arm.name = Some(String::from("lab arm"));
-    scenario.arm.parameters = Table::try_from(parameters).unwrap();
+    scenario.structure.name = Some(String::from("lab arm"));
+    scenario.structure.initial = vec![0.0; 4];
+    scenario.structure.gravity_m_s2 = Some(9.80665);
     scenario.rig = rig();
     scenario.limits = Some(toml::from_str(LIMITS).unwrap());
     scenario.network.plant_converter = Some(Converter::Sinc3);
@@ -193,7 +191,7 @@ fn a_load_file_is_read_from_the_scenarios_folder() {
     let folder = tempfile::tempdir().unwrap();
     let path = folder.path().join("scenario.toml");
     let profile = "profile = { waveform = 'file', path = 'load.csv' }";
-    fs::write(&path, format!("[excitation]\namplitude = {{ torque2_nm = 20 }}\n{profile}\n")).unwrap();
+    fs::write(&path, format!("[excitation]\namplitude = {{ joint2 = 20 }}\n{profile}\n")).unwrap();
     let said = |scenario: Result<Scenario, _>| {
         let error: resonarm::scenario::ScenarioError = scenario.unwrap_err();
         error.to_string().replace(folder.path().to_str().unwrap(), "FOLDER")
@@ -301,7 +299,7 @@ const STRUCTURES: [&str; 4] = [
      modes = [{ frequency_hz = 1, damping_ratio = 0, shape = { A = 1 } }]",
     "kind = 'fmu'\nsha256 = 'x'\nread = 'end'\ninputs = { A = 'x' }\nparameters = { A = 1 }\n\
      outputs = { A = { displacement = 'x', velocity = 'x', acceleration = 'x', force = 'x' } }",
-    "elements = [{ kind = 'contact', joint = 1, at = 'x', between = ['x', 'y'], side = 'negative' }]",
+    "preset = 'x'\nangles_deg = [0]\nset = { A = 1 }\nelements = [{ kind = 'contact', joint = 1, at = 'x', between = ['x', 'y'], side = 'negative' }]",
 ];
 
 #[test]

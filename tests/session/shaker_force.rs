@@ -138,9 +138,9 @@ fn compared(converter: Converter) -> Vec<Compared> {
     let (points, commands_n) = run(&scenario);
     assert_eq!(points.len(), 9);
     let rig = Rig {
-        p: scenario.parameters().unwrap(),
+        p: *scenario.build_arm().unwrap().parameters(),
         shaker: scenario.rig.shaker.unwrap(),
-        beta_rad: [scenario.arm.beta1_deg.to_radians(), scenario.arm.beta2_deg.to_radians()],
+        beta_rad: [0, 1].map(|link| scenario.structure.angles_deg[link].to_radians()),
     };
     let head_n = rig.head_n(&commands_n, rate_hz);
     let compare = |(sample, point): &(usize, ResponsePoint)| {

@@ -12,11 +12,11 @@ use resonarm::replay::{self, Compared, DifferenceKind, Regression, ReplayError};
 use resonarm::run::{BothReport, Mode, Options, PlantOutcome, RecordTo, RunError, Session, Signals};
 use resonarm::scenario::{LockstepSpec, Scenario};
 
-const DWELL: &str = "[excitation]\namplitude = { force_y_n = 6.0 }\n\
+const DWELL: &str = "[excitation]\namplitude = { exciter_y = 6.0 }\n\
     profile = { waveform = 'dwell', frequency_hz = 18.0, duration_s = 0.6, settle_s = 0.2 }\n";
 const ODRIVE: &str = "[wire]\npreset = 'odrive'\ntimeout_s = 5.0\n\
     drives = [{ node_id = 0, joint = 1, gear_ratio = 10.0 }, { node_id = 1, joint = 2 }]\n";
-const TORQUES: &str = "[excitation]\namplitude = { torque1_nm = 20.0, torque2_nm = 5.0 }\n\
+const TORQUES: &str = "[excitation]\namplitude = { joint1 = 20.0, joint2 = 5.0 }\n\
     profile = { waveform = 'dwell', frequency_hz = 18.0, duration_s = 0.6, settle_s = 0.2 }\n";
 
 /// The bench of `tests/cli/wire`, which carries all readings each sample.
@@ -138,7 +138,7 @@ fn a_controller_is_tested_against_a_recording_of_a_protocol_of_the_user() {
     let odrive = format!("{}\n{TORQUES}", ODRIVE.replace("[wire]", "[wire]\nlockstep = 'command'"));
     let of_bench = format!("{}\n{DWELL}", include_str!("../cli/wire/bench.toml"));
     for (text, louder) in
-        [(of_bench, ("force_y_n = 6.0", "force_y_n = 7.0")), (odrive, ("torque2_nm = 5.0", "torque2_nm = 6.0"))]
+        [(of_bench, ("exciter_y = 6.0", "exciter_y = 7.0")), (odrive, ("joint2 = 5.0", "joint2 = 6.0"))]
     {
         let with = |from: &str, to: &str| {
             let scenario = scenario(&text.replace(from, to));
@@ -191,7 +191,7 @@ fn another_controller_has_no_responses(scenario: &Scenario, path: &Path) {
 fn a_loop_is_closed_on_the_readings_of_the_wire() {
     let folder = tempfile::tempdir().unwrap();
     let path = folder.path().join("run.mcap");
-    let control = "[control]\nlaw = 'force-control'\namplitude = { force_y_n = 4.0 }\n\
+    let control = "[control]\nlaw = 'force-control'\namplitude = { exciter_y = 4.0 }\n\
         [control.profile]\nwaveform = 'dwell'\nfrequency_hz = 14.0\nduration_s = 2.0\nsettle_s = 1.4\n";
     let scenario = bench(control);
     let report = both(&scenario, Mode::Free, &path);
@@ -259,9 +259,9 @@ fn what_the_wire_lacks_is_refused_before_anything_is_written() {
         assert!(!path.exists());
         error.to_string()
     };
-    insta::assert_snapshot!(said(bench(&DWELL.replace("force_y_n", "force_x_n"))), @"the exciter's load has force_x_n, and no signal of [[wire.commands]] commands so much of it: map it there, or change the excitation");
+    insta::assert_snapshot!(said(bench(&DWELL.replace("exciter_y", "exciter_x"))), @"the exciter's load has force_x_n, and no signal of [[wire.commands]] commands so much of it: map it there, or change the excitation");
     let mut blind = bench(
-        "[control]\nlaw = 'force-control'\namplitude = { force_y_n = 4.0 }\n\
+        "[control]\nlaw = 'force-control'\namplitude = { exciter_y = 4.0 }\n\
         profile = { waveform = 'dwell', frequency_hz = 14.0, duration_s = 2.0, settle_s = 1.4 }\n",
     );
     blind.wire.as_mut().unwrap().readings[1].every = Some(5);

@@ -116,9 +116,9 @@ fn exciters_take_no_memory() {
         )
     };
     for (text, load) in [
-        (include_str!("../../examples/own-protocol/bench.toml"), "force_x_n = 5"),
-        (include_str!("../../examples/odrive/drives.toml"), "torque1_nm = 5"),
-        (include_str!("../../examples/canopen/drives.toml"), "torque2_nm = 5"),
+        (include_str!("../../examples/own-protocol/bench.toml"), "exciter_x = 5"),
+        (include_str!("../../examples/odrive/drives.toml"), "joint1 = 5"),
+        (include_str!("../../examples/canopen/drives.toml"), "joint2 = 5"),
     ] {
         let answered = run_both(&mut *node(text), &mut *exciter(text, &sine(load)));
         assert!(answered > 300, "{answered} {text}");

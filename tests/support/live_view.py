@@ -17,7 +17,7 @@ SMALL_RANGE = """
 range_m_s2 = {}
 
 [excitation]
-amplitude = {{ force_x_n = 50.0 }}
+amplitude = {{ exciter_x = 50.0 }}
 profile = {{ waveform = "dwell", frequency_hz = 15.0, duration_s = 1.0, settle_s = 0.1 }}
 """
 

@@ -26,7 +26,7 @@ SCENARIO = """
 simulation = {{ rate_hz = {rate_hz} }}
 network = {{ command_timeout_s = 10, partner_timeout_s = 30 }}
 [excitation]
-amplitude = {{ force_x_n = 50.0 }}
+amplitude = {{ exciter_x = 50.0 }}
 profile = {{ waveform = "dwell", frequency_hz = 15.0, duration_s = {duration_s}, settle_s = 0.1 }}
 """
 

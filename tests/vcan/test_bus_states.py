@@ -24,7 +24,7 @@ command_timeout_s = 20.0
 partner_timeout_s = 30.0
 lockstep_timeout_s = 30.0
 [excitation]
-amplitude = { force_x_n = 50.0 }
+amplitude = { exciter_x = 50.0 }
 ramp_s = 0.1
 profile = { waveform = "dwell", frequency_hz = 11.3, duration_s = %s, settle_s = 0.1 }
 """

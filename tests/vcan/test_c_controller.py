@@ -14,8 +14,8 @@ from shaker import SHAKER, fundamental
 CONTROLLER = os.environ.get("RESONARM_C_CONTROLLER", "firmware-protocol/c/build/controller")
 
 ARM = """
-[arm]
-beta1_deg = 30.0
+[structure]
+angles_deg = [30.0, 60.0]
 """
 FORCE_N = 2.0
 # An exit status of the controller, and how often it tries a frequency.
@@ -106,7 +106,7 @@ def test_the_force_in_the_head_is_held_in_the_fd_profile(tmp_path, programs):
 
 SINES = """
 [excitation]
-amplitude = { force_x_n = 150.0 }
+amplitude = { exciter_x = 150.0 }
 ramp_s = 0.5
 profile = { waveform = "sine-list", frequencies_hz = [12.0, 19.7, 26.0], dwell_s = 2.0, settle_s = 0.5 }
 """

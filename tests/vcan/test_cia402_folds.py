@@ -17,11 +17,9 @@ RATE_HZ, TORQUE_NM, FROM_HZ, TO_HZ = 150, 4000.0, 26.0, 26.8
 # Damping ratio 4e-3 and 27 Hz: a time constant of 1.4 s.
 DWELL_S, READ_S = 8.4, 1.6
 ARM = """
-[arm]
-beta2_deg = 120.0
-[arm.parameters]
-damping1_nm_s_rad = 27.0
-damping2_nm_s_rad = 27.0
+[structure]
+angles_deg = [0.0, 120.0]
+set = { "link1.damping_nm_s_rad" = 27.0, "link2.damping_nm_s_rad" = 27.0 }
 [rig.exciter]
 torque_limit_nm = 5000.0
 """

@@ -20,7 +20,7 @@ rate_hz = {RATE_HZ}
 force_rate_limit_n_per_s = 4000.0
 travel_limit_m = 0.001
 [excitation]
-amplitude = {{ force_x_n = 20.0 }}
+amplitude = {{ exciter_x = 20.0 }}
 ramp_s = 0.1
 profile = {{ waveform = "dwell", frequency_hz = 15.0, duration_s = 60.0, settle_s = 0.2 }}
 """

@@ -15,7 +15,7 @@ from recordings import Recording, bits
 CAN_RAW_FD_FRAMES = 5
 SCENARIO = """
 [excitation]
-amplitude = { force_x_n = 50.0 }
+amplitude = { exciter_x = 50.0 }
 ramp_s = 0.2
 profile = { waveform = "dwell", frequency_hz = 18.0, duration_s = 2.0, settle_s = 0.2 }
 """

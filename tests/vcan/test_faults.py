@@ -26,14 +26,14 @@ HEARTBEAT, READING = " vcan0 701#", " vcan0 205#"
 CONTROLLERS = 5
 
 SCENARIO = f"""
-[arm]
-beta1_deg = 30.0
+[structure]
+angles_deg = [30.0, 60.0]
 [simulation]
 rate_hz = {RATE_HZ}
 [network]
 command_timeout_s = {COMMAND_TIMEOUT_S}
 [excitation]
-amplitude = {{ force_x_n = {FORCE_N} }}
+amplitude = {{ exciter_x = {FORCE_N} }}
 ramp_s = 0.1
 profile = {{ waveform = "dwell", frequency_hz = 11.3, duration_s = %s, settle_s = 0.1 }}
 """

@@ -24,10 +24,10 @@ MODES = {
     "real-time": (5, ["--bus", "vcan0"]),
 }
 SWINGING = """
-[arm]
+[structure]
 initial = [0.001, 0.0, 0.0, 0.0]
 [excitation]
-amplitude = { force_x_n = 50.0 }
+amplitude = { exciter_x = 50.0 }
 profile = { waveform = "dwell", frequency_hz = 15.0, duration_s = 30.0, settle_s = 0.2 }
 """
 

@@ -123,13 +123,13 @@ def test_a_free_run_gives_the_same_file_twice(tmp_path, three_frequencies, free_
 
 # An exciter on a bus corrects readings for the converter that the scenario states, and for no other.
 WALK = """
-[arm]
-beta1_deg = 30.0
+[structure]
+angles_deg = [30.0, 60.0]
 [network]
 plant_converter = "sinc5"
 [control]
 law = "phase-walk"
-amplitude = { force_x_n = 5.0 }
+amplitude = { exciter_x = 5.0 }
 points = 4
 """
 # The coil's current and the armature are states of the plant beside the arm's.

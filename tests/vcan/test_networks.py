@@ -20,10 +20,10 @@ base_id = %d
 plant_id = %d
 exciter_id = %d
 profile = "%s"
-[arm]
-beta1_deg = 30.0
+[structure]
+angles_deg = [30.0, 60.0]
 [excitation]
-amplitude = { force_x_n = %g }
+amplitude = { exciter_x = %g }
 ramp_s = 0.1
 profile = { waveform = "dwell", frequency_hz = 11.3, duration_s = %g, settle_s = 0.1 }
 """

@@ -13,11 +13,11 @@ from recordings import Recording
 STIFFNESS_NM_RAD, GEAR = 5e5, 10.0
 # Damped so much that nothing rings; torques are valid for longer than a busy machine stops a process.
 SCENARIO = f"""
-[arm.parameters]
-stiffness1_nm_rad = {STIFFNESS_NM_RAD}
-stiffness2_nm_rad = {STIFFNESS_NM_RAD}
-damping1_nm_s_rad = 2000.0
-damping2_nm_s_rad = 2000.0
+[structure.set]
+"link1.stiffness_nm_rad" = {STIFFNESS_NM_RAD}
+"link2.stiffness_nm_rad" = {STIFFNESS_NM_RAD}
+"link1.damping_nm_s_rad" = 2000.0
+"link2.damping_nm_s_rad" = 2000.0
 [wire]
 preset = "odrive"
 timeout_s = 5.0

@@ -14,7 +14,7 @@ seed = 5
 [network]
 lockstep_timeout_s = 30.0
 [excitation]
-amplitude = { torque1_nm = 60.0 }
+amplitude = { joint1 = 60.0 }
 ramp_s = 0.1
 profile = { waveform = "dwell", frequency_hz = 20.0, duration_s = 0.5, settle_s = 0.1 }
 """

@@ -15,7 +15,7 @@ rate_hz = {RATE_HZ}
 command_timeout_s = 0.5
 partner_timeout_s = 2.0
 [excitation]
-amplitude = {{ force_x_n = 50.0 }}
+amplitude = {{ exciter_x = 50.0 }}
 ramp_s = 0.1
 profile = {{ waveform = "dwell", frequency_hz = 15.0, duration_s = {DURATION_S}, settle_s = 0.2 }}
 """

@@ -9,7 +9,7 @@ from recordings import RECEIVED, SENT, Recording
 
 SHORT = """
 [excitation]
-amplitude = { force_x_n = 50.0 }
+amplitude = { exciter_x = 50.0 }
 profile = { waveform = "dwell", frequency_hz = 15.0, duration_s = 1.2, settle_s = 0.2 }
 """
 

@@ -21,7 +21,7 @@ rate_hz = {RATE_HZ}
 [network]
 command_timeout_s = %s
 [excitation]
-amplitude = {{ force_x_n = 50.0 }}
+amplitude = {{ exciter_x = 50.0 }}
 ramp_s = 0.1
 profile = {{ waveform = "dwell", frequency_hz = 15.0, duration_s = 3, settle_s = 0.2 }}
 """

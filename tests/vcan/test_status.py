@@ -14,7 +14,7 @@ SCENARIO = """
 simulation = { rate_hz = 200 }
 network = { command_timeout_s = 10, partner_timeout_s = 30 }
 [excitation]
-amplitude = { force_x_n = 50.0 }
+amplitude = { exciter_x = 50.0 }
 profile = { waveform = "dwell", frequency_hz = 15.0, duration_s = 3, settle_s = 0.2 }
 """
 PLANT = r"armed, \d+ samples/s, load [\d.]+ %, late \d+ µs, [\d.]+ N"

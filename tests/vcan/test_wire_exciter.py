@@ -36,12 +36,12 @@ def controller():
 def own_protocol(folder):
     text = (OWN / "bench.toml").read_text().replace("timeout_s = 0.1", "timeout_s = 5.0")
     text = text.replace('dbc = "bench.dbc"', f'dbc = "{OWN / "bench.dbc"}"')
-    return write(folder, PATIENT + text + EXCITATION.format(load="force_x_n = 20.0"))
+    return write(folder, PATIENT + text + EXCITATION.format(load="exciter_x = 20.0"))
 
 
 def odrive(folder, lockstep=""):
     text = (EXAMPLES / "odrive" / "drives.toml").read_text().replace("timeout_s = 0.5", f"timeout_s = 5.0\n{lockstep}")
-    return write(folder, PATIENT + text + EXCITATION.format(load="torque1_nm = 20.0, torque2_nm = 10.0"))
+    return write(folder, PATIENT + text + EXCITATION.format(load="joint1 = 20.0, joint2 = 10.0"))
 
 
 def write(folder, text):
@@ -105,7 +105,7 @@ def test_two_axes_of_odrive(programs, tmp_path, lockstep):
 @pytest.mark.parametrize("in_lockstep", [False, True])
 def test_canopen_drives(programs, tmp_path, in_lockstep):
     text = (EXAMPLES / "canopen" / "drives.toml").read_text().replace("timeout_s = 0.5", "timeout_s = 5.0")
-    scenario = write(tmp_path, PATIENT + text + EXCITATION.format(load="torque1_nm = 20.0, torque2_nm = 10.0"))
+    scenario = write(tmp_path, PATIENT + text + EXCITATION.format(load="joint1 = 20.0, joint2 = 10.0"))
     both_torques_act(programs, tmp_path, scenario, in_lockstep)
 
 

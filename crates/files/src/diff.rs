@@ -87,7 +87,7 @@ pub struct ChannelDifference {
 /// An entry that differs.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct KeyDifference {
-    /// The key; of a scenario with its tables, as `scenario.arm.beta2_deg`.
+    /// The key; of a scenario with its tables, as `scenario.structure.angles_deg`.
     pub key: String,
     /// In A, where it is there.
     pub a: Option<String>,

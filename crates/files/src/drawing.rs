@@ -52,8 +52,7 @@ impl Drawing {
         if scenario.foreign_structure().is_some() {
             return Ok(None);
         }
-        let section = scenario.structure.clone().unwrap_or_default();
-        Ok(Drawing::of_assembly(&section, &scenario.under_test()?.assembly))
+        Ok(Drawing::of_assembly(&scenario.structure, &scenario.under_test()?.assembly))
     }
 
     /// The structure that a section makes; `None` of modes without places.
@@ -179,7 +178,7 @@ mod tests {
     fn the_arm_is_drawn_in_its_pose() {
         for (text, [beta1_deg, beta2_deg]) in [
             ("", [0.0_f64, 60.0]),
-            ("[arm]\nbeta1_deg = 25.0\nbeta2_deg = -70.0\n", [25.0, -70.0]),
+            ("structure.angles_deg = [25.0, -70.0]\n", [25.0, -70.0]),
             ("[structure]\n", [0.0, 60.0]),
         ] {
             let drawing = drawing(text).unwrap();

@@ -177,7 +177,7 @@ mod tests {
         let folder = tempfile::tempdir().unwrap();
         fs::write(folder.path().join("pulse.csv"), "0\n0.1\n1e-3\n").unwrap();
         let text =
-            "excitation = { amplitude = { force_x_n = 3 }, profile = { waveform = 'file', path = 'pulse.csv' } }";
+            "excitation = { amplitude = { exciter_x = 3 }, profile = { waveform = 'file', path = 'pulse.csv' } }";
         fs::write(folder.path().join("s.toml"), text).unwrap();
         let scenario = Scenario::read(&folder.path().join("s.toml")).unwrap();
         let settings = Settings { clock: TxClock::Countdown, ..Settings::default() };

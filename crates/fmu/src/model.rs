@@ -18,7 +18,8 @@ pub(crate) const TOLERANCE_SAMPLES: f64 = 1e-3;
 /// What the importer may set before the simulation begins.
 #[derive(Clone, Debug, PartialEq)]
 pub(crate) struct Parameters {
-    pub beta_deg: [f64; 2],
+    /// The angles of the links of a preset; empty of another structure.
+    pub angles_deg: Vec<f64>,
     pub seed: u64,
     pub noise: bool,
     /// Empty for none.
@@ -30,7 +31,7 @@ impl Parameters {
     /// Those of the scenario.
     pub fn of(scenario: &Scenario) -> Parameters {
         Parameters {
-            beta_deg: [scenario.arm.beta1_deg, scenario.arm.beta2_deg],
+            angles_deg: scenario.structure.angles_deg.clone(),
             seed: scenario.simulation.seed,
             noise: true,
             recording: String::new(),
@@ -41,7 +42,7 @@ impl Parameters {
     /// The content's scenario with these parameters, ready to run.
     pub fn session(&self, content: &Content) -> Result<Session, Fault> {
         let mut scenario = content.scenario.clone();
-        [scenario.arm.beta1_deg, scenario.arm.beta2_deg] = self.beta_deg;
+        scenario.structure.angles_deg.clone_from(&self.angles_deg);
         scenario.simulation.seed = self.seed;
         if !self.noise {
             scenario.rig = scenario.rig.without_noise();

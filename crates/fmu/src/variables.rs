@@ -23,8 +23,8 @@ pub(crate) enum Source {
     State(usize),
     /// The number of the sample.
     Sample,
-    /// β1 or β2.
-    Beta(usize),
+    /// The angle of a link of a preset.
+    LinkAngle(usize),
     Seed,
     Noise,
     Recording,
@@ -268,10 +268,10 @@ fn parameters(content: &Content) -> Vec<Variable> {
         unit,
         ..variable(format!("parameter.{name}"), source, kind, Causality::Parameter, description)
     };
-    let betas = [("beta1_deg", scenario.arm.beta1_deg), ("beta2_deg", scenario.arm.beta2_deg)];
-    let betas = betas.into_iter().enumerate().map(|(index, (name, start))| {
-        let description = "the arm's pose: the angle of the joint with its spring relaxed";
-        parameter(name, Source::Beta(index), Kind::Float64, format!("{start:?}"), Some(DEGREE), description)
+    let angles = scenario.structure.angles_deg.iter().enumerate().map(|(index, start)| {
+        let (name, start) = (format!("link{}.angle_deg", index + 1), format!("{start:?}"));
+        let description = "the angle of the link against the one before, with the spring of its joint relaxed";
+        parameter(&name, Source::LinkAngle(index), Kind::Float64, start, Some(DEGREE), description)
     });
     let [seed, yes, no] = [scenario.simulation.seed.to_string(), String::from("true"), String::from("false")];
     let described = "an MCAP file to record the run in; empty for none";
@@ -288,7 +288,7 @@ fn parameters(content: &Content) -> Vec<Variable> {
             "whether a recording that is there is replaced",
         ),
     ];
-    betas.filter(|_| scenario.structure.is_none()).chain(rest).collect()
+    angles.chain(rest).collect()
 }
 
 /// A channel in words: `acceleration at tip C along x`.

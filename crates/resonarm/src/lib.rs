@@ -8,7 +8,7 @@
 //! use resonarm::arm::Load;
 //! use resonarm::scenario::Scenario;
 //!
-//! let scenario = Scenario::parse("arm = { preset = 'irb1600-fitted', beta2_deg = 60 }", "here")?;
+//! let scenario = Scenario::parse("structure = { preset = 'irb1600-fitted', angles_deg = [0, 60] }", "here")?;
 //! let [first, _] = modes(&scenario.build_arm()?);
 //! assert!((first.frequency_hz - 22.16).abs() < 0.01);
 //!

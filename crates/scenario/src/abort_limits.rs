@@ -93,9 +93,9 @@ mod tests {
 
     #[test]
     fn limits_that_contradict_are_refused_when_they_are_read() {
-        let forces = "[excitation]\namplitude = { force_x_n = 10, force_y_n = -20 }\n\
+        let forces = "[excitation]\namplitude = { exciter_x = 10, exciter_y = -20 }\n\
             profile = { waveform = 'dwell', frequency_hz = 20, duration_s = 2, settle_s = 0.5 }\n";
-        let torques = "[control]\nlaw = 'phase-walk'\namplitude = { torque1_nm = 10 }\n";
+        let torques = "[control]\nlaw = 'phase-walk'\namplitude = { joint1 = 10 }\n";
         let read = |text: &str| Scenario::parse(text, "test");
         let says = |limits: &str, rest: &str| read(&format!("[limits]\n{limits}\n{rest}")).unwrap_err().to_string();
         insta::assert_snapshot!(says("force_n = 0", ""), @"limits.force_n is 0: it must be a positive number");

@@ -52,8 +52,8 @@ pub enum ScenarioError {
         /// What the TOML writer says.
         reason: String,
     },
-    /// The arm's name can't be shown in a line.
-    #[error("arm.name is {got:?}: it must be 1 to {most} characters, none of them a control character")]
+    /// The structure's name can't be shown in a line.
+    #[error("structure.name is {got:?}: it must be 1 to {most} characters, none of them a control character")]
     Name {
         /// The name.
         got: String,
@@ -82,7 +82,7 @@ pub enum ScenarioError {
     #[error(transparent)]
     Wire(Box<WireError>),
     /// What only the two-link arm has is asked for of another structure.
-    #[error("the scenario has a [structure]: this needs the two-link arm without elements")]
+    #[error("this needs a two-link arm without elements: a preset in the scenario's [structure]")]
     NotTheArm,
     /// A load that is to be steered acts on nothing.
     #[error(
@@ -153,7 +153,7 @@ pub enum ScenarioError {
     },
     /// A load that does not point along the shaker.
     #[error(
-        "{section}.amplitude does not point along the shaker, at {direction_deg}° to the x axis: give `force_x_n` and `force_y_n` in \
+        "{section}.amplitude does not point along the shaker, at {direction_deg}° to the x axis: give `exciter_x` and `exciter_y` in \
          that direction alone, turn the shaker (`rig.shaker.direction_deg`), or leave `[rig.shaker]` out for an ideal exciter, which \
          takes torques, too", direction_deg = short(.direction_deg)
     )]

@@ -22,6 +22,7 @@ pub mod wire;
 
 pub use configuration::Configuration;
 pub use error::ScenarioError;
+pub use label::Change;
 pub use network::NetworkSection;
 pub use structure::{StructureKind, StructureSection, StructureSectionError};
 pub use wire::{LockstepSpec, WireError, WireLack, WireSection};
@@ -35,21 +36,19 @@ use resonarm_bench::control::{ControlSpec, Controller, Limited, LimitsSpec, Mode
 use resonarm_bench::excitation::{Amplitude, ExcitationSpec, LoadFile, Profile, Waveform};
 use resonarm_bench::plant::{self, Plant, PlantSpec, TestedAssembly};
 use resonarm_bench::rig::{Converter, RigSpec, Sampling};
-use resonarm_dynamics::arm::{Arm, Parameters, Pose, Preset};
+use resonarm_dynamics::arm::Arm;
 use resonarm_dynamics::integrate::Scheme;
+use resonarm_dynamics::structure::BodySpec;
 
 /// The most samples of a run that has an end: 31 years at 1 kHz.
 pub const MOST_SAMPLES: u64 = 1_000_000_000_000;
 
 /// Everything about a run.
-#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(default, deny_unknown_fields)]
 pub struct Scenario {
-    /// The arm and how it starts.
-    pub arm: ArmSection,
-    /// The structure in place of the arm, or elements on the arm.
-    #[serde(skip_serializing_if = "Option::is_none")]
-    pub structure: Option<StructureSection>,
+    /// The structure under test.
+    pub structure: StructureSection,
     /// The simulation: rate, scheme, seed, length.
     pub simulation: SimulationSection,
     /// The CAN network.
@@ -72,37 +71,19 @@ pub struct Scenario {
     pub limits: Option<LimitsSpec>,
 }
 
-/// The arm and how it starts.
-#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
-#[serde(default, deny_unknown_fields)]
-pub struct ArmSection {
-    /// What the arm is called in headers and figures, from 1 to 60 characters; without it the preset and what differs
-    /// from it say so.
-    #[serde(skip_serializing_if = "Option::is_none")]
-    pub name: Option<String>,
-    /// Name of the preset.
-    pub preset: String,
-    /// β1, degrees.
-    pub beta1_deg: f64,
-    /// β2, degrees.
-    pub beta2_deg: f64,
-    /// Initial state: α1, α2 in rad, α̇1, α̇2 in rad/s.
-    pub initial: [f64; 4],
-    /// Parameters that differ from the preset's, by their names.
-    #[serde(skip_serializing_if = "toml::Table::is_empty")]
-    pub parameters: toml::Table,
-}
-
-impl Default for ArmSection {
-    /// The default preset at β1 = 0°, β2 = 60°, at rest.
-    fn default() -> ArmSection {
-        ArmSection {
-            name: None,
-            preset: Preset::default().name().to_string(),
-            beta1_deg: 0.0,
-            beta2_deg: 60.0,
-            initial: [0.0; 4],
-            parameters: toml::Table::new(),
+impl Default for Scenario {
+    /// The scenario of an empty text.
+    fn default() -> Scenario {
+        Scenario {
+            structure: StructureSection::default().with_defaults(),
+            simulation: SimulationSection::default(),
+            network: NetworkSection::default(),
+            wire: None,
+            rig: RigSpec::default(),
+            recording: RecordingSection::default(),
+            excitation: None,
+            control: None,
+            limits: None,
         }
     }
 }
@@ -188,10 +169,10 @@ impl Scenario {
             return files;
         };
         let folder = path.parent().unwrap_or(Path::new(""));
-        let matrices = scenario.structure.as_ref().and_then(|structure| structure.matrices.as_ref());
+        let matrices = scenario.structure.matrices.as_ref();
         let named = [
             scenario.wire.as_ref().map(|wire| &wire.dbc),
-            scenario.structure.as_ref().and_then(|structure| structure.file.as_ref()),
+            scenario.structure.file.as_ref(),
             matrices.map(|matrices| &matrices.mass),
             matrices.map(|matrices| &matrices.stiffness),
             matrices.and_then(|matrices| matrices.damping.as_ref()),
@@ -230,7 +211,7 @@ impl Scenario {
     /// # Errors
     /// [`ScenarioError::Structure`].
     pub fn read_structure(&mut self, folder: &Path) -> Result<(), ScenarioError> {
-        self.structure.as_mut().map_or(Ok(()), |structure| Ok(structure.read(folder)?))
+        Ok(self.structure.read(folder)?)
     }
 
     /// Reads a scenario from its text; `origin` is what to call it in messages. A load file that it names is not read,
@@ -245,10 +226,11 @@ impl Scenario {
     }
 
     fn parse_unchecked(text: &str, origin: &str) -> Result<Scenario, ScenarioError> {
-        toml::from_str(text).map_err(|error| TomlError::new(origin, &error).into())
+        let scenario: Scenario = toml::from_str(text).map_err(|error| TomlError::new(origin, &error))?;
+        Ok(Scenario { structure: scenario.structure.with_defaults(), ..scenario })
     }
 
-    /// Checks what no run can use, whatever its mode: the arm's name, the steps a sample, the timeouts, and the
+    /// Checks what no run can use, whatever its mode: the structure's name, the steps a sample, the timeouts, and the
     /// excitation against its exciter's limits. What flags of the command line may still replace is checked where it is
     /// used.
     ///
@@ -260,7 +242,7 @@ impl Scenario {
     /// limits that contradict, [`ScenarioError::Fault`] for a fault of the network that can't be,
     /// [`ScenarioError::BeyondLimit`] for an excitation beyond the limits.
     pub fn check(&self) -> Result<(), ScenarioError> {
-        self.arm.check_name()?;
+        self.structure.check_name()?;
         plant::check_steps_per_sample(self.simulation.steps_per_sample())?;
         self.network.check()?;
         abort_limits::check(self)?;
@@ -280,70 +262,59 @@ impl Scenario {
     /// The scenario as TOML, with every default written out.
     ///
     /// # Errors
-    /// [`ScenarioError::Write`] if a parameter of the arm can't be written.
+    /// [`ScenarioError::Write`] if a value can't be written.
     pub fn to_toml(&self) -> Result<String, ScenarioError> {
         let mut whole = self.clone();
         whole.simulation.steps_per_sample = Some(self.simulation.steps_per_sample());
         toml::to_string(&whole).map_err(|error| ScenarioError::Write { reason: error.to_string() })
     }
 
-    /// The arm's parameters: the preset's, with the scenario's own in their place.
+    /// The structure under test as an assembly, with its initial state, and where the rig is on it.
     ///
     /// # Errors
-    /// [`ScenarioError::Arm`] for an unknown preset, [`ScenarioError::Parse`] for an unknown or unreadable parameter;
-    /// [`ScenarioError::NotTheArm`] if the scenario has a structure in the arm's place.
-    pub fn parameters(&self) -> Result<Parameters, ScenarioError> {
-        if self.structure.is_some() { Err(ScenarioError::NotTheArm) } else { self.arm_parameters() }
-    }
-
-    /// The same whatever the structure is: elements act on an arm of these parameters.
-    fn arm_parameters(&self) -> Result<Parameters, ScenarioError> {
-        let preset = self.arm.preset.parse::<Preset>()?.parameters()?;
-        let mut table =
-            toml::Table::try_from(preset).map_err(|error| ScenarioError::Write { reason: error.to_string() })?;
-        table.extend(self.arm.parameters.clone());
-        table.try_into().map_err(|error: toml::de::Error| TomlError::new("[arm.parameters]", &error).into())
-    }
-
-    /// The pose.
-    pub fn pose(&self) -> Pose {
-        Pose { beta1_deg: self.arm.beta1_deg, beta2_deg: self.arm.beta2_deg }
-    }
-
-    /// The arm in its pose.
-    ///
-    /// # Errors
-    /// [`ScenarioError`] if there is no such arm, or the scenario has a structure in its place.
-    pub fn build_arm(&self) -> Result<Arm, ScenarioError> {
-        Ok(Arm::new(self.parameters()?, self.pose())?)
-    }
-
-    /// The structure in place of the arm, if the scenario has one: with its initial state, and where the rig is on it.
-    ///
-    /// # Errors
-    /// [`ScenarioError::Structure`] if it makes none, or the rig does not fit it; of an arm with elements what
-    /// [`Scenario::parameters`] finds.
-    pub fn tested_structure(&self) -> Result<Option<TestedAssembly>, ScenarioError> {
-        self.structure.as_ref().map(|_section| self.under_test()).transpose()
-    }
-
-    /// The structure under test of any scenario, as an assembly: that of `[structure]`, and without this section the
-    /// two-link arm as a chain; with its initial state, and where the rig is on it.
-    ///
-    /// # Errors
-    /// [`ScenarioError::Structure`] if it makes none, or the rig does not fit it; of an FMU, and of a structure that a
-    /// program makes, there is no assembly. Of the arm [`ScenarioError::Arm`] and [`ScenarioError::Parse`].
+    /// [`ScenarioError::Structure`] if the section makes none, or the rig does not fit it; of an FMU, and of a structure
+    /// that a program makes, there is no assembly.
     pub fn under_test(&self) -> Result<TestedAssembly, ScenarioError> {
-        let mut section = self.structure.clone().unwrap_or_default();
-        if section.kind == StructureKind::Arm && section.initial.is_empty() {
-            section.initial = self.arm.initial.to_vec();
+        Ok(self.structure.tested(&self.rig)?)
+    }
+
+    /// Whether the structure is a preset without elements, a two-link arm.
+    pub fn is_plain_arm(&self) -> bool {
+        self.structure.kind == StructureKind::Preset && self.structure.elements.is_empty()
+    }
+
+    /// The structure under test if it is more than a two-link arm: see [`Scenario::under_test`].
+    ///
+    /// # Errors
+    /// As [`Scenario::under_test`].
+    pub fn tested_structure(&self) -> Result<Option<TestedAssembly>, ScenarioError> {
+        if self.is_plain_arm() { Ok(None) } else { self.under_test().map(Some) }
+    }
+
+    /// The two-link arm that moves as the structure under test does.
+    ///
+    /// # Errors
+    /// [`ScenarioError::NotTheArm`] if there is none; else as [`Scenario::under_test`].
+    pub fn build_arm(&self) -> Result<Arm, ScenarioError> {
+        if !self.is_plain_arm() {
+            return Err(ScenarioError::NotTheArm);
         }
-        let parameters = self.arm_parameters()?;
-        if self.structure.is_none() {
-            // Names an impossible value by its key in `[arm]`.
-            self.build_arm()?;
+        let tested = self.under_test()?;
+        let BodySpec::Chain(chain) = &tested.assembly.spec().body else { return Err(ScenarioError::NotTheArm) };
+        let (parameters, pose) = chain.to_arm().ok_or(ScenarioError::NotTheArm)?;
+        Ok(Arm::new(parameters, pose)?)
+    }
+
+    /// Leaves the structure to the program that runs the scenario, which calls it `name`, if the scenario states none.
+    pub fn leave_structure_to_program(&mut self, name: Option<String>) {
+        if self.states_no_structure() {
+            self.structure = StructureSection::own(name);
         }
-        Ok(section.tested(|| (parameters, self.pose()), &self.rig)?)
+    }
+
+    /// Whether the scenario leaves the section `[structure]` out, or all its values are the defaults.
+    fn states_no_structure(&self) -> bool {
+        self.structure == Scenario::default().structure
     }
 
     /// Everything that makes the plant but for its structure.
@@ -362,30 +333,32 @@ impl Scenario {
     /// # Errors
     /// [`ScenarioError::Structure`] if the scenario has another structure, or the rig does not fit the program's.
     pub fn own_plant_spec(&self) -> Result<PlantSpec, ScenarioError> {
-        self.structure.clone().unwrap_or_else(|| StructureSection::own(None)).check_own(&self.rig)?;
+        let mut scenario = self.clone();
+        scenario.leave_structure_to_program(None);
+        scenario.structure.check_own(&self.rig)?;
         Ok(self.plant_spec())
     }
 
-    /// The plant at its start: of the arm, of a structure in its place, or of an FMU, which is loaded.
+    /// The plant at its start; an FMU is loaded.
     ///
     /// # Errors
     /// [`ScenarioError`] as [`Scenario::under_test`], [`ScenarioError::Plant`] if it is impossible, and
     /// [`ScenarioError::Structure`] of an FMU that can't be the structure.
     pub fn plant(&self) -> Result<Plant, ScenarioError> {
-        match &self.structure {
-            Some(section) if section.kind == StructureKind::Fmu => Ok(section.fmu_plant(&self.plant_spec())??),
-            _ => Ok(Plant::new(&self.plant_spec(), &self.under_test()?)?),
+        if self.is_fmu() {
+            return Ok(self.structure.fmu_plant(&self.plant_spec())??);
         }
+        Ok(Plant::new(&self.plant_spec(), &self.under_test()?)?)
     }
 
     /// Whether the structure under test is an FMU.
     pub fn is_fmu(&self) -> bool {
-        self.structure.as_ref().is_some_and(|section| section.kind == StructureKind::Fmu)
+        self.structure.kind == StructureKind::Fmu
     }
 
     /// The structure under test if its equations are somebody else's: a program makes it, or it is an FMU.
     pub fn foreign_structure(&self) -> Option<&StructureSection> {
-        self.structure.as_ref().filter(|section| section.kind.is_foreign())
+        self.structure.kind.is_foreign().then_some(&self.structure)
     }
 
     /// The sample rate as the wire states it.

@@ -30,10 +30,10 @@ fn check_ideal(
     let check_axis = |key: &str, got, limit| check_axis((section, key, unit), got, limit, profile);
     let force = (FORCE, "rig.exciter.force_limit_n", exciter.force_limit_n);
     let torque = (TORQUE, "rig.exciter.torque_limit_nm", exciter.torque_limit_nm);
-    check_axis("force_x_n", amplitude.force_x_n, force)?;
-    check_axis("force_y_n", amplitude.force_y_n, force)?;
-    check_axis("torque1_nm", amplitude.torque1_nm, torque)?;
-    check_axis("torque2_nm", amplitude.torque2_nm, torque)
+    check_axis("exciter_x", amplitude.force_x_n, force)?;
+    check_axis("exciter_y", amplitude.force_y_n, force)?;
+    check_axis("joint1", amplitude.torque1_nm, torque)?;
+    check_axis("joint2", amplitude.torque2_nm, torque)
 }
 
 /// A shaker takes forces along itself; its limit is that of the force's size, the wire's that of each axis.
@@ -47,8 +47,8 @@ fn check_shaker(
         return Err(ScenarioError::AcrossShaker { section: section.to_string(), direction_deg: shaker.direction_deg });
     }
     let limit = (FORCE, "the shaker's blocked force", shaker.force_limit_n());
-    check_axis((section, "force_x_n", "N"), amplitude.force_x_n, limit, profile)?;
-    check_axis((section, "force_y_n", "N"), amplitude.force_y_n, limit, profile)?;
+    check_axis((section, "exciter_x", "N"), amplitude.force_x_n, limit, profile)?;
+    check_axis((section, "exciter_y", "N"), amplitude.force_y_n, limit, profile)?;
     let (got, limit) = (shaker.along_n(&amplitude.load()).abs(), shaker.force_limit_n());
     if got > limit {
         let (name, limit_name, unit) = (format!("{section}.amplitude"), "the shaker's blocked force", "N");

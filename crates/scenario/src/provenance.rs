@@ -38,9 +38,7 @@ impl Scenario {
         if let Some(wire) = &mut scenario.wire {
             wire.text = configuration.get(DBC).map(str::to_string);
         }
-        if let Some(structure) = scenario.structure.as_mut().filter(|section| section.kind == StructureKind::Fmu) {
-            structure.is_recorded = true;
-        }
+        scenario.structure.is_recorded = scenario.structure.kind == StructureKind::Fmu;
         Ok(scenario)
     }
 }

@@ -1,5 +1,6 @@
 use super::*;
 use resonarm_bench::node::Timing;
+use resonarm_dynamics::structure::Preset;
 use resonarm_protocol::timing;
 
 fn parse(text: &str) -> Result<Scenario, ScenarioError> {
@@ -13,15 +14,19 @@ fn an_empty_scenario_is_the_default_and_survives_writing() {
     let written = scenario.to_toml().unwrap();
     assert_eq!(parse(&written).unwrap().to_toml().unwrap(), written);
     assert!(written.contains("steps_per_sample = 2"), "{written}");
-    assert_eq!(scenario.parameters().unwrap(), Preset::Irb1600Fitted.parameters().unwrap());
+    let BodySpec::Chain(chain) = scenario.under_test().unwrap().assembly.spec().body.clone() else {
+        panic!("no chain")
+    };
+    assert_eq!(chain, Preset::Irb1600Fitted.chain().unwrap());
+    assert!(written.contains("preset = \"irb1600-fitted\"\nangles_deg = [0.0, 60.0]\n"), "{written}");
     assert_eq!(scenario.real_time_timing().unwrap(), Timing::real_time(1000));
     assert_eq!(scenario.lockstep_timing().unwrap(), Timing::lockstep(timing::LOCKSTEP_TIMEOUT_NS));
 }
 
 #[test]
 fn own_parameters_replace_the_presets() {
-    let scenario = parse("[arm]\npreset = 'irb1600-table1'\nparameters = { inertia2_kg_m2 = 1.5 }").unwrap();
-    assert_eq!(scenario.parameters().unwrap(), Preset::Irb1600Fitted.parameters().unwrap());
+    let scenario = parse("[structure]\npreset = 'irb1600-table1'\nset = { 'link2.inertia_kg_m2' = 1.5 }").unwrap();
+    assert_eq!(scenario.under_test().unwrap().assembly, parse("").unwrap().under_test().unwrap().assembly);
 }
 
 #[test]
@@ -35,10 +40,9 @@ fn names_an_unknown_key_and_suggests_the_nearest() {
     unknown field `step_per_sample`, expected one of `rate_hz`, `steps_per_sample`, `scheme`, `seed`, `duration_s`
     Did you mean `steps_per_sample`?
     ");
-    let parameter = says("[arm]\nparameters = { mass_kg = 3.0 }");
-    assert!(parameter.starts_with("[arm.parameters]: unknown field `mass_kg`"), "{parameter}");
-    assert!(parameter.ends_with("Did you mean `mass2_kg`?"), "{parameter}");
-    insta::assert_snapshot!(says("[arm]\npreset = 'irb140'"), @"there is no preset `irb140`: the presets are irb1600-table1, irb1600-fitted");
+    let parameter = says("[structure.set]\nmass_kg = 3.0");
+    assert!(parameter.starts_with("structure.set: `mass_kg` is 3: there is no parameter `mass_kg`"), "{parameter}");
+    insta::assert_snapshot!(says("[structure]\npreset = 'irb140'"), @"structure: there is no preset `irb140`: the presets are irb1600-table1, irb1600-fitted");
 }
 
 #[test]
@@ -104,7 +108,7 @@ fn rejects_when_it_is_read_what_no_run_can_use() {
     let says = |text: &str| parse(text).unwrap_err().to_string();
     insta::assert_snapshot!(says("network.samples_per_frame = 2"), @r#"network.samples_per_frame is 2: it must be 1, or with `network.profile = "fd"` 2"#);
     insta::assert_snapshot!(says("network.profile = \"fd\"\nnetwork.samples_per_frame = 3"), @r#"network.samples_per_frame is 3: it must be 1, or with `network.profile = "fd"` 2"#);
-    insta::assert_snapshot!(says("network.profile = \"fd\"\nnetwork.samples_per_frame = 2\ncontrol.law = \"phase-walk\"\ncontrol.amplitude = { force_x_n = 10 }"), @"network.samples_per_frame is 2: it must be 1 with [control]: a loop that is closed answers every sample");
+    insta::assert_snapshot!(says("network.profile = \"fd\"\nnetwork.samples_per_frame = 2\ncontrol.law = \"phase-walk\"\ncontrol.amplitude = { exciter_x = 10 }"), @"network.samples_per_frame is 2: it must be 1 with [control]: a loop that is closed answers every sample");
     insta::assert_snapshot!(says("network.profile = \"can\""), @r#"
     test.toml: TOML parse error at line 1, column 19
       |
@@ -124,12 +128,12 @@ fn rejects_when_it_is_read_what_no_run_can_use() {
         parse(&format!("{rig}\n[excitation]\namplitude = {{ {amplitude} }}\n{profile}"))
     };
     let says = |rig: &str, amplitude: &str| plays(rig, amplitude).unwrap_err().to_string();
-    insta::assert_snapshot!(says("rig.exciter.force_limit_n = 10", "force_x_n = 20"), @"excitation.amplitude.force_x_n is 20, beyond rig.exciter.force_limit_n, 10 N: lower it, or raise the limit if the exciter has more");
-    insta::assert_snapshot!(says("", "torque2_nm = -1600.1"), @"excitation.amplitude.torque2_nm is -1600.1, beyond rig.exciter.torque_limit_nm, 1600 N·m: lower it, or raise the limit if the exciter has more");
-    insta::assert_snapshot!(says("rig.exciter.force_limit_n = 1000", "force_y_n = 700"), @r#"excitation.amplitude.force_y_n is 700, beyond the range of the wire, 655.34 N: lower it, or take `network.profile = "fd"`: a command can't say more"#);
+    insta::assert_snapshot!(says("rig.exciter.force_limit_n = 10", "exciter_x = 20"), @"excitation.amplitude.exciter_x is 20, beyond rig.exciter.force_limit_n, 10 N: lower it, or raise the limit if the exciter has more");
+    insta::assert_snapshot!(says("", "joint2 = -1600.1"), @"excitation.amplitude.joint2 is -1600.1, beyond rig.exciter.torque_limit_nm, 1600 N·m: lower it, or raise the limit if the exciter has more");
+    insta::assert_snapshot!(says("rig.exciter.force_limit_n = 1000", "exciter_y = 700"), @r#"excitation.amplitude.exciter_y is 700, beyond the range of the wire, 655.34 N: lower it, or take `network.profile = "fd"`: a command can't say more"#);
     // 9.991 N is sent as 10 N, which the exciter can't produce.
-    assert!(plays("rig.exciter.force_limit_n = 9.995", "force_x_n = 9.991").is_err());
-    assert!(plays("rig.exciter.force_limit_n = 10", "force_x_n = 10").is_ok());
+    assert!(plays("rig.exciter.force_limit_n = 9.995", "exciter_x = 9.991").is_err());
+    assert!(plays("rig.exciter.force_limit_n = 10", "exciter_x = 10").is_ok());
 }
 
 #[test]
@@ -148,7 +152,7 @@ fn refusal(section: &str) -> String {
 fn rejects_harmonics_that_can_t_be_cancelled() {
     let with = |orders: &str| {
         refusal(&format!(
-            "[control]\nlaw = 'phase-walk'\namplitude = {{ force_x_n = 1 }}\ncancel_harmonics = {orders}\n"
+            "[control]\nlaw = 'phase-walk'\namplitude = {{ exciter_x = 1 }}\ncancel_harmonics = {orders}\n"
         ))
     };
     insta::assert_snapshot!(with("[0]"), @r"
@@ -179,7 +183,7 @@ fn rejects_harmonics_that_can_t_be_cancelled() {
       | ^^^^^^^^^
     `cancel_harmonics`: harmonic 2 is listed twice: list each once
     ");
-    let open = "[excitation]\namplitude = { force_x_n = 1 }\ncancel_harmonics = [2]\n\
+    let open = "[excitation]\namplitude = { exciter_x = 1 }\ncancel_harmonics = [2]\n\
         profile = { waveform = 'dwell', frequency_hz = 20, duration_s = 2, settle_s = 1 }\n";
     insta::assert_snapshot!(refusal(open), @r"
     test: TOML parse error at line 3, column 1
@@ -188,7 +192,7 @@ fn rejects_harmonics_that_can_t_be_cancelled() {
       | ^^^^^^^^^^^^^^^^
     unknown field `cancel_harmonics`, expected one of `amplitude`, `ramp_s`, `profile`
     ");
-    let torque = "[control]\nlaw = 'phase-walk'\namplitude = { torque1_nm = 1 }\ncancel_harmonics = [2]\n";
+    let torque = "[control]\nlaw = 'phase-walk'\namplitude = { joint1 = 1 }\ncancel_harmonics = [2]\n";
     let scenario = Scenario::parse(torque, "test").unwrap();
     insta::assert_snapshot!(scenario.controller().unwrap_err(), @"control: `cancel_harmonics` is closed on the impedance head, which reads no torque: leave it out, or give forces");
 }

@@ -14,8 +14,8 @@ use crate::output::{self, Inputs, JsonFlag, OverwriteFlag};
 use crate::structures;
 use crate::walk_point;
 use resonarm::analysis::{Distances, MeasuredMotion, Nearest, nearest};
-use resonarm::arm::{Load, Parameters};
-use resonarm::scenario::{ArmSection, Scenario};
+use resonarm::arm::{Load, Parameters, Pose};
+use resonarm::scenario::{Scenario, StructureSection};
 use resonarm_scenario::text_file;
 
 /// Compare measured points with the computed branch: the document of `experiment walk`, any other with the same keys,
@@ -194,20 +194,14 @@ impl Compare {
                 "its points are of loads from {least:.4} to {most:.4}: they are not on a single branch; a backbone is drawn by `resonarm backbone`"
             )));
         }
-        let parameters = toml::Table::try_from(parameters).map_err(|source| usage(source.to_string()))?;
-        let arm = ArmSection {
-            name: arm_name.clone(),
-            preset: preset.clone(),
-            beta1_deg: *beta1_deg,
-            beta2_deg: *beta2_deg,
-            parameters,
-            ..ArmSection::default()
-        };
+        let pose = Pose { beta1_deg: *beta1_deg, beta2_deg: *beta2_deg };
+        let of_arm = StructureSection::of_arm(preset, parameters, pose).map_err(|source| usage(source.to_string()))?;
+        let structure = StructureSection { name: arm_name.clone(), ..of_arm };
         let load = Load { torque_nm: (*torque_nm).into(), force_n: (*force_n).into() };
         if load == Load::default() {
             return Err(usage(String::from("the load in its configuration is zero")));
         }
-        Ok((Scenario { arm, ..Scenario::default() }, load))
+        Ok((Scenario { structure, ..Scenario::default() }, load))
     }
 }
 

@@ -38,11 +38,11 @@ pub(super) fn bench(scenario: &Scenario, responses: &[ResponsePoint]) -> Result<
     let acting: Vec<f64> = points.iter().filter_map(|point| point.excitation).collect();
     let load = common_load(scenario, &acting);
     let configuration = Configuration {
-        name: scenario.arm.name.clone(),
-        preset: scenario.arm.preset.clone(),
-        parameters: scenario.parameters()?,
-        beta1_deg: scenario.arm.beta1_deg,
-        beta2_deg: scenario.arm.beta2_deg,
+        name: scenario.structure.name.clone(),
+        preset: scenario.structure.preset.clone().unwrap_or_default(),
+        parameters: *arm.parameters(),
+        beta1_deg: arm.pose().beta1_deg,
+        beta2_deg: arm.pose().beta2_deg,
         torque_nm: load.torque_nm.into(),
         force_n: load.force_n.into(),
     };

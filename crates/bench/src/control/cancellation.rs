@@ -346,7 +346,7 @@ mod tests {
     #[test]
     fn harmonics_are_a_list_of_orders() {
         let written = "law = \"phase-walk\"\npoints = 25\nfrom_lag_deg = 10.0\n\
-            to_lag_deg = 170.0\ncancel_harmonics = [3, 2]\n[amplitude]\nforce_x_n = 1.0\n";
+            to_lag_deg = 170.0\ncancel_harmonics = [3, 2]\n[amplitude]\nexciter_x = 1.0\n";
         let spec: crate::control::ControlSpec = toml::from_str(written).unwrap();
         let crate::control::ControlSpec::PhaseWalk(walk) = &spec else { panic!("{spec:?}") };
         assert_eq!(walk.cancel_harmonics, CancelHarmonics::ALL);

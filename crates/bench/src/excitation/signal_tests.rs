@@ -323,7 +323,7 @@ fn says_what_is_wrong_with_a_spectrum() {
 #[test]
 fn signals_read_from_toml() {
     let reads = |profile: &str| {
-        let text = alloc::format!("amplitude = {{ force_x_n = 10 }}\nprofile = {{ {profile} }}");
+        let text = alloc::format!("amplitude = {{ exciter_x = 10 }}\nprofile = {{ {profile} }}");
         toml::from_str::<ExcitationSpec>(&text).unwrap().profile
     };
     assert_eq!(

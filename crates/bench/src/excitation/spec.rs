@@ -21,21 +21,21 @@ pub struct ExcitationSpec {
     pub profile: Waveform,
 }
 
-/// The peak load: forces at C or torques at the joints, not both, since one command carries one kind.
+/// The peak load: forces of the exciter or torques at the joints, not both, since one command carries one kind.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
 #[serde(default, deny_unknown_fields)]
 pub struct Amplitude {
-    /// Force at C along x, N.
-    #[serde(skip_serializing_if = "is_zero")]
+    /// Force of the exciter along x, N.
+    #[serde(rename = "exciter_x", skip_serializing_if = "is_zero")]
     pub force_x_n: f64,
-    /// Force at C along y, N.
-    #[serde(skip_serializing_if = "is_zero")]
+    /// Force of the exciter along y, N.
+    #[serde(rename = "exciter_y", skip_serializing_if = "is_zero")]
     pub force_y_n: f64,
     /// Torque at joint 1, N·m.
-    #[serde(skip_serializing_if = "is_zero")]
+    #[serde(rename = "joint1", skip_serializing_if = "is_zero")]
     pub torque1_nm: f64,
     /// Torque at joint 2, N·m.
-    #[serde(skip_serializing_if = "is_zero")]
+    #[serde(rename = "joint2", skip_serializing_if = "is_zero")]
     pub torque2_nm: f64,
 }
 
@@ -202,10 +202,10 @@ impl ExcitationSpec {
 impl Amplitude {
     pub(crate) fn check(&self) -> Result<(), ExcitationError> {
         let values = [
-            ("force_x_n", self.force_x_n),
-            ("force_y_n", self.force_y_n),
-            ("torque1_nm", self.torque1_nm),
-            ("torque2_nm", self.torque2_nm),
+            ("exciter_x", self.force_x_n),
+            ("exciter_y", self.force_y_n),
+            ("joint1", self.torque1_nm),
+            ("joint2", self.torque2_nm),
         ];
         for (name, got) in values {
             if !got.is_finite() {
@@ -218,7 +218,7 @@ impl Amplitude {
                 "forces and torques at once: a command carries one kind; set one of them to 0",
             )),
             (false, false) => Err(ExcitationError::Amplitude(
-                "the amplitude is 0: set `force_x_n`, `force_y_n`, `torque1_nm` or `torque2_nm`",
+                "the amplitude is 0: set `exciter_x`, `exciter_y`, `joint1` or `joint2`",
             )),
             _ => Ok(()),
         }

@@ -78,12 +78,12 @@ fn says_why_an_excitation_can_t_be_played() {
     let both = Amplitude { force_x_n: 1.0, torque1_nm: 1.0, ..Amplitude::default() };
     insta::assert_snapshot!(says(ExcitationSpec { amplitude: both, ..force(STEPPED) }, 1000.0), @"excitation: forces and torques at once: a command carries one kind; set one of them to 0");
     let none = Amplitude::default();
-    insta::assert_snapshot!(says(ExcitationSpec { amplitude: none, ..force(STEPPED) }, 1000.0), @"excitation: the amplitude is 0: set `force_x_n`, `force_y_n`, `torque1_nm` or `torque2_nm`");
+    insta::assert_snapshot!(says(ExcitationSpec { amplitude: none, ..force(STEPPED) }, 1000.0), @"excitation: the amplitude is 0: set `exciter_x`, `exciter_y`, `joint1` or `joint2`");
 }
 
 #[test]
 fn reads_from_toml_and_names_unknown_keys() {
-    let text = "amplitude = { force_x_n = 10.0 }\nramp_s = 0.5\n[profile]\nwaveform = 'stepped-sine'\nfrom_hz = 20\nto_hz = 25\nsteps = 11\ndwell_s = 2\nsettle_s = 0.6\n";
+    let text = "amplitude = { exciter_x = 10.0 }\nramp_s = 0.5\n[profile]\nwaveform = 'stepped-sine'\nfrom_hz = 20\nto_hz = 25\nsteps = 11\ndwell_s = 2\nsettle_s = 0.6\n";
     assert_eq!(toml::from_str::<ExcitationSpec>(text).unwrap(), force(STEPPED));
     assert!(
         toml::from_str::<ExcitationSpec>(&text.replace("settle_s", "settel_s"))

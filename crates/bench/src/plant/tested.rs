@@ -8,7 +8,6 @@ use alloc::vec::Vec;
 use nalgebra::Vector2;
 
 use crate::excitation::Amplitude;
-use crate::structure::LOADS;
 use resonarm_dynamics::structure::{Assembly, Dof};
 
 /// What the exciter or an instrument is at: the degrees of freedom that are its x and y, if the structure has them.
@@ -109,11 +108,16 @@ impl TestedAssembly {
         [joint("joint1"), joint("joint2"), x, y]
     }
 
-    /// The loads that are not zero, by name, with what they act on.
+    /// The loads that are not zero, by their keys in a scenario, with what they act on.
     fn acting(&self, amplitude: &Amplitude) -> impl Iterator<Item = (&'static str, f64, Option<Dof>)> {
-        let loads = [amplitude.torque1_nm, amplitude.torque2_nm, amplitude.force_x_n, amplitude.force_y_n];
-        let all = LOADS.into_iter().zip(loads).zip(self.loaded());
-        all.map(|((channel, load), dof)| (channel.name, load, dof)).filter(|(_, load, _)| *load != 0.0)
+        let loads = [
+            ("joint1", amplitude.torque1_nm),
+            ("joint2", amplitude.torque2_nm),
+            ("exciter_x", amplitude.force_x_n),
+            ("exciter_y", amplitude.force_y_n),
+        ];
+        let all = loads.into_iter().zip(self.loaded());
+        all.map(|((name, load), dof)| (name, load, dof)).filter(|(_, load, _)| *load != 0.0)
     }
 
     /// The degrees of freedom that a load drives, each with its amplitude, N or N·m; without those that the structure

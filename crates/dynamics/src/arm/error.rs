@@ -1,9 +1,9 @@
 //! Errors of the arm's parameters and pose.
 
-use alloc::string::String;
-
 use resonarm_numeric::number::short;
 use thiserror::Error;
+
+use crate::structure::StructureError;
 
 /// Why a set of numbers is not an arm.
 #[derive(Clone, Debug, PartialEq, Error)]
@@ -66,20 +66,12 @@ pub enum ArmError {
         /// The two frequencies, Hz.
         got_hz: [f64; 2],
     },
-    /// No preset has this name.
-    #[error("there is no preset `{got}`: the presets are {known}")]
-    UnknownPreset {
-        /// The given value.
-        got: String,
-        /// The existing names.
-        known: String,
-    },
-    /// A preset's text can't be read.
-    #[error("preset `{name}`: {reason}")]
-    PresetText {
-        /// The preset.
-        name: &'static str,
-        /// The error of the TOML reader.
-        reason: String,
-    },
+    /// The chain has another number of links, or a centre of mass off its link's line.
+    #[error(
+        "the chain is no two-link arm: it has another number of links, or a centre of mass off the line of its link"
+    )]
+    NotTheArm,
+    /// The chain is invalid.
+    #[error(transparent)]
+    Structure(#[from] StructureError),
 }

@@ -1,6 +1,7 @@
 //! The two-link arm as a chain, so that elements act on it too.
 
 use alloc::vec;
+use alloc::vec::Vec;
 
 use super::spec::{ChainSpec, Link};
 use crate::arm::{Gravity, Parameters, Pose};
@@ -35,7 +36,32 @@ impl ChainSpec {
             damping_nm_s_rad: p.damping2_nm_s_rad,
         };
         let gravity_m_s2 = p.gravity.map_or(0.0, |gravity| gravity.gravity_m_s2);
-        ChainSpec { links: vec![first, second], gravity_m_s2 }
+        ChainSpec { links: vec![first, second], gravity_m_s2, unstated: Vec::new() }
+    }
+
+    /// The arm that moves as this chain does, with its pose; none for another number of links, and for a centre of mass
+    /// off the line of its link.
+    pub fn to_arm(&self) -> Option<(Parameters, Pose)> {
+        let [first, second] = self.links[..] else { return None };
+        if first.centre_of_mass_off_m != 0.0 || second.centre_of_mass_off_m != 0.0 {
+            return None;
+        }
+        let (mass1_kg, centre1_m) = (first.mass_kg, first.centre_of_mass_m);
+        let gravity = Gravity { gravity_m_s2: self.gravity_m_s2, mass1_kg, centre1_m };
+        let parameters = Parameters {
+            inertia1_kg_m2: first.inertia_kg_m2 + mass1_kg * centre1_m * centre1_m,
+            inertia2_kg_m2: second.inertia_kg_m2,
+            mass2_kg: second.mass_kg,
+            length1_m: first.length_m,
+            length2_m: second.length_m,
+            centre2_m: second.centre_of_mass_m,
+            stiffness1_nm_rad: first.stiffness_nm_rad,
+            stiffness2_nm_rad: second.stiffness_nm_rad,
+            damping1_nm_s_rad: first.damping_nm_s_rad,
+            damping2_nm_s_rad: second.damping_nm_s_rad,
+            gravity: (self.gravity_m_s2 != 0.0).then_some(gravity),
+        };
+        Some((parameters, Pose { beta1_deg: first.angle_deg, beta2_deg: second.angle_deg }))
     }
 }
 

@@ -18,10 +18,13 @@
 //! Tᵀ sums a row from each joint outwards, TᵀAT does so over rows and columns.
 
 use alloc::format;
+use alloc::string::ToString;
+use alloc::vec::Vec;
 use core::cmp::Ordering;
 
 use super::MOST_LINKS;
 use super::error::StructureError;
+use super::parameter::{LinkField, Parameter};
 use super::spec::{Axis, ChainSpec, Link};
 use crate::arm::angle::{Angle, Turn};
 
@@ -146,6 +149,7 @@ impl Chain {
             let (part, expected) = ("chain".into(), "zero or a positive number");
             return Err(StructureError::Value { part, name: "gravity_m_s2", got: gravity_m_s2, expected });
         }
+        check_stated(spec)?;
         let mut chain = Chain::relaxed(&spec.links, gravity_m_s2);
         let relaxed = summed(&per_link(&spec.links, |link| link.angle_deg.to_radians()));
         chain.sag_rad = chain.equilibrium(&relaxed).ok_or(StructureError::Collapse { gravity_m_s2 })?;
@@ -426,6 +430,25 @@ fn per_link(links: &[Link], of: impl Fn(&Link) -> f64) -> PerLink {
     let mut numbers = [0.0; MOST_LINKS];
     numbers.iter_mut().zip(links).for_each(|(number, link)| *number = of(link));
     numbers
+}
+
+/// Refuses a chain in which values count that its source does not state.
+fn check_stated(spec: &ChainSpec) -> Result<(), StructureError> {
+    for (i, link) in (1..).zip(&spec.links) {
+        let is_at_joint = link.centre_of_mass_m == 0.0 && link.centre_of_mass_off_m == 0.0;
+        let missing = spec.unstated.iter().filter(|parameter| matches!(parameter, Parameter::Link(of, _) if *of == i));
+        let missing: Vec<&Parameter> = missing.collect();
+        if missing.is_empty() || (spec.gravity_m_s2 == 0.0 && is_at_joint) {
+            continue;
+        }
+        let needs_inertia = missing.contains(&&Parameter::Link(i, LinkField::Inertia));
+        return Err(StructureError::Unstated {
+            link: i,
+            missing: missing.iter().map(ToString::to_string).collect::<Vec<_>>().join(", "),
+            about_joint_kg_m2: needs_inertia.then_some(link.inertia_kg_m2),
+        });
+    }
+    Ok(())
 }
 
 /// Checks that such a link can exist.

@@ -1,5 +1,6 @@
 //! Errors of structures.
 
+use alloc::format;
 use alloc::string::String;
 
 use thiserror::Error;
@@ -63,6 +64,36 @@ pub enum StructureError {
         got: String,
         /// The existing names.
         known: String,
+    },
+    /// No preset has this name.
+    #[error("there is no preset `{got}`: the presets are {known}")]
+    UnknownPreset {
+        /// The given value.
+        got: String,
+        /// The existing names.
+        known: String,
+    },
+    /// A preset's text can't be read.
+    #[error("preset `{name}`: {reason}")]
+    PresetText {
+        /// The preset.
+        name: &'static str,
+        /// What is wrong with it.
+        reason: String,
+    },
+    /// Values count that the source of a chain does not state.
+    #[error(
+        "gravity, and a centre of mass of link {link} away from its joint, need values that the source of this chain does not \
+         state: give {missing}{}", about_joint(*link, about_joint_kg_m2)
+    )]
+    Unstated {
+        /// The number of the link, from 1.
+        link: u8,
+        /// The names of the values.
+        missing: String,
+        /// The moment of inertia about the joint, which the source states, if that about the centre of mass is missing,
+        /// kg·m².
+        about_joint_kg_m2: Option<f64>,
     },
     /// No parameter has this name.
     #[error("there is no parameter `{got}` in this structure: there are {known}")]
@@ -141,4 +172,15 @@ pub enum StructureError {
         /// The highest, Hz.
         highest_hz: f64,
     },
+}
+
+/// What to know of the moment of inertia that is missing.
+fn about_joint(link: u8, about_joint_kg_m2: &Option<f64>) -> String {
+    about_joint_kg_m2.as_ref().map_or(String::new(), |inertia| {
+        format!(
+            "; link{link}.inertia_kg_m2 is about the centre of mass, and the source states {} kg·m² about the joint, which is \
+             mass_kg · centre_of_mass_m² more",
+            short(inertia)
+        )
+    })
 }

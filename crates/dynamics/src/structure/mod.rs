@@ -27,6 +27,7 @@ mod modal;
 mod modes;
 mod parameter;
 mod position;
+mod preset;
 mod smooth;
 mod spec;
 mod step;
@@ -41,6 +42,7 @@ pub use modal::mode_transient;
 pub use modes::StructureMode;
 pub use parameter::{ElementField, LinkField, ModeField, Parameter};
 pub use position::{Kinematics, Position};
+pub use preset::Preset;
 pub use spec::{
     Axis, BASE, BodySpec, ChainSpec, ElementSpec, Law, Link, ModalSpec, ModeSpec, Place, ShapeSpec, Side, StructureSpec,
 };

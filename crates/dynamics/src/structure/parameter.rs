@@ -8,6 +8,7 @@ use alloc::string::{String, ToString};
 use alloc::vec::Vec;
 use core::fmt;
 
+use super::MOST_LINKS;
 use super::assembly::Assembly;
 use super::error::StructureError;
 use super::spec::{BodySpec, Law, Link, ModeSpec, Place, StructureSpec};
@@ -177,6 +178,14 @@ impl Parameter {
         }
     }
 
+    /// The value of a link with this name; none if there is none, or for more links than a chain has.
+    pub(super) fn of_link(name: &str) -> Option<Parameter> {
+        let (part, key) = name.split_once('.')?;
+        let link: u8 = part.strip_prefix("link")?.parse().ok()?;
+        let field = LinkField::ALL.into_iter().find(|field| field.words().0 == key)?;
+        (1..=MOST_LINKS).contains(&usize::from(link)).then_some(Parameter::Link(link, field))
+    }
+
     /// Its value in a specification; none if the specification has no such parameter.
     fn of(self, spec: &mut StructureSpec) -> Option<&mut f64> {
         let part = |number: u8| usize::from(number).wrapping_sub(1);
@@ -265,9 +274,22 @@ impl Assembly {
     /// # Errors
     /// [`StructureError::UnknownParameter`] if it is a parameter of another structure; otherwise as [`Assembly::new`].
     pub fn with(&self, parameter: Parameter, value: f64) -> Result<Assembly, StructureError> {
+        self.with_all(&[(parameter, value)])
+    }
+
+    /// The structure with other values of several parameters, which need not be possible one by one.
+    ///
+    /// # Errors
+    /// As [`Assembly::with`].
+    pub fn with_all(&self, values: &[(Parameter, f64)]) -> Result<Assembly, StructureError> {
         let mut spec = self.spec().clone();
-        let own = parameter.of(&mut spec).ok_or_else(|| self.unknown_parameter(parameter.to_string()))?;
-        *own = value;
+        for (parameter, value) in values {
+            let own = parameter.of(&mut spec).ok_or_else(|| self.unknown_parameter(parameter.to_string()))?;
+            *own = *value;
+            if let BodySpec::Chain(chain) = &mut spec.body {
+                chain.unstated.retain(|unstated| unstated != parameter);
+            }
+        }
         Assembly::new(&spec)
     }
 }

@@ -7,6 +7,8 @@ use core::fmt;
 
 use serde::{Deserialize, Serialize};
 
+use super::parameter::Parameter;
+
 /// A link of a planar chain and the joint at its start.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
@@ -36,7 +38,7 @@ fn is_zero(number: &f64) -> bool {
 }
 
 /// A planar chain of links, from the base out.
-#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct ChainSpec {
     /// The links, 1 to [`MOST_LINKS`](super::MOST_LINKS).
@@ -45,6 +47,11 @@ pub struct ChainSpec {
     /// under the weight.
     #[serde(default)]
     pub gravity_m_s2: f64,
+    /// Values of links that the source of the chain does not state, because they only count with gravity, or where the
+    /// centre of mass of their link is away from its joint. Such a chain is refused as long as one of them is in this
+    /// list; [`Assembly::with_all`](super::Assembly::with_all) gives them.
+    #[serde(skip)]
+    pub unstated: Vec<Parameter>,
 }
 
 /// A vibration mode.

@@ -7,8 +7,8 @@ use thiserror::Error;
 
 use resonarm_dynamics::arm::{Arm, ArmError, Parameters, Pose, Preset};
 use resonarm_numeric::number::short;
-use resonarm_scenario::ArmSection;
 use resonarm_scenario::text_file;
+use resonarm_scenario::{StructureSection, StructureSectionError};
 
 /// Why a document of measured zones can't be used.
 #[derive(Debug, Error)]
@@ -37,6 +37,14 @@ pub enum MeasuredError {
         origin: String,
         /// The reason.
         source: ArmError,
+    },
+    /// The preset is unknown, or the arm no variant of it.
+    #[error("{origin}: {source}")]
+    Structure {
+        /// Name of the document.
+        origin: String,
+        /// The reason.
+        source: StructureSectionError,
     },
     /// It has no zones.
     #[error("{origin}: it has no zones")]
@@ -185,13 +193,15 @@ impl MeasuredZones {
             serde_json::from_str(text).map_err(|source| MeasuredError::Parse { origin: name(), source })?;
         let Configuration { name: arm_name, preset, parameters, beta1_deg, beta2_deg } = document.configuration;
         let no_arm = |source| MeasuredError::Arm { origin: name(), source };
-        // Parameters are a table of numbers, which TOML can hold.
-        let table = toml::Table::try_from(parameters).unwrap_or_default();
-        let section = ArmSection { name: arm_name, preset, parameters: table, ..ArmSection::default() };
+        let pose = Pose { beta1_deg, beta2_deg };
+        let arm = Arm::new(parameters, pose).map_err(no_arm)?;
+        let no_structure = |source| MeasuredError::Structure { origin: name(), source };
+        let of_arm = StructureSection::of_arm(&preset, &parameters, pose).map_err(no_structure)?;
+        let section = StructureSection { name: arm_name, ..of_arm };
         let zones = document.zones.iter().enumerate().map(|(index, zone)| zone.measured(origin, index + 1));
         let measured = MeasuredZones {
-            preset: section.preset.parse().map_err(no_arm)?,
-            arm: Arm::new(parameters, Pose { beta1_deg, beta2_deg }).map_err(no_arm)?,
+            preset: preset.parse().map_err(|source| no_structure(StructureSectionError::from(source)))?,
+            arm,
             label: section.label(),
             zones: zones.collect::<Result<_, _>>()?,
         };

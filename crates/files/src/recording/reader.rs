@@ -62,8 +62,8 @@ impl Recording {
     /// As [`Scenario::from_configuration`].
     pub fn scenario(&self) -> Result<Scenario, ScenarioError> {
         let mut scenario = Scenario::from_configuration(&self.configuration)?;
-        if let (Some(structure), Some(file)) = (&mut scenario.structure, &self.fmu) {
-            structure.allow_fmu(file);
+        if let Some(file) = &self.fmu {
+            scenario.structure.allow_fmu(file);
         }
         Ok(scenario)
     }

@@ -10,7 +10,7 @@ use resonarm_bench::structure::{LOADS, OUTPUTS};
 use super::{SavedInstance, State};
 
 /// What a state begins with: the name and version of the format.
-const MAGIC: [u8; 8] = *b"rsnfmu\0\x01";
+const MAGIC: [u8; 8] = *b"rsnfmu\0\x02";
 const CALL: &str = "fmi3DeserializeFMUState";
 
 /// A state as bytes; `None` of a model that has no such form.
@@ -24,8 +24,9 @@ pub(crate) fn write(saved: &SavedInstance) -> Option<Vec<u8>> {
     bytes.push(saved.state as u8);
     put(&mut bytes, &[saved.start_s, saved.time_s]);
     put(&mut bytes, &saved.inputs);
-    let Parameters { beta_deg, seed, noise, recording, overwrite } = &saved.parameters;
-    put(&mut bytes, beta_deg);
+    let Parameters { angles_deg, seed, noise, recording, overwrite } = &saved.parameters;
+    bytes.extend((angles_deg.len() as u64).to_le_bytes());
+    put(&mut bytes, angles_deg);
     bytes.extend(seed.to_le_bytes());
     bytes.extend([u8::from(*noise), u8::from(*overwrite)]);
     bytes.extend((recording.len() as u64).to_le_bytes());
@@ -59,11 +60,12 @@ pub(crate) fn read(
     let state = State::of(rest.byte()?).ok_or_else(|| refused("its state of FMI is none"))?;
     let [start_s, time_s] = rest.numbers()?;
     let inputs = rest.numbers::<{ LOADS.len() }>()?;
-    let beta_deg = rest.numbers()?;
+    let count = rest.length()?;
+    let angles_deg = rest.list(count)?;
     let seed = u64::from_le_bytes(rest.take()?);
     let [noise, overwrite] = [rest.flag()?, rest.flag()?];
     let recording = rest.text()?.to_string();
-    let parameters = Parameters { beta_deg, seed, noise, recording, overwrite };
+    let parameters = Parameters { angles_deg, seed, noise, recording, overwrite };
     let sample = u64::from_le_bytes(rest.take()?);
     let held = rest.flag()?;
     let load = rest.numbers::<{ LOADS.len() }>()?;
@@ -76,7 +78,7 @@ pub(crate) fn read(
     if rest.bytes.len() != count.saturating_mul(8) {
         return Err(refused("it ends before its last number, or behind it"));
     }
-    let numbers = (0..count).map(|_| Ok(rest.numbers::<1>()?[0])).collect::<Result<Vec<f64>, Fault>>()?;
+    let numbers = rest.list(count)?;
     let plant = plant(&parameters)?.restored_measured(sample, &numbers)?;
     let held = held.then(|| crate::variables::load(&load));
     let now = Measured { plant, measurement: measurement(sample, readings), held };
@@ -122,6 +124,10 @@ impl<'a> Rest<'a> {
             *number = f64::from_le_bytes(self.take()?);
         }
         Ok(numbers)
+    }
+
+    fn list(&mut self, count: usize) -> Result<Vec<f64>, Fault> {
+        (0..count).map(|_| Ok(self.numbers::<1>()?[0])).collect()
     }
 
     fn length(&mut self) -> Result<usize, Fault> {

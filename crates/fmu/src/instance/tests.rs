@@ -91,8 +91,8 @@ fn a_state_as_bytes_continues_with_the_same_bits_in_another_instance() {
 
 #[test]
 fn parameters_are_those_of_the_scenario_until_they_are_set() {
-    let (_folder, mut instance) = made("arm.beta2_deg = 75\nsimulation.seed = 9");
-    let (beta, seed) = (of(&instance, "parameter.beta2_deg"), of(&instance, "parameter.seed"));
+    let (_folder, mut instance) = made("structure.angles_deg = [0, 75]\nsimulation.seed = 9");
+    let (beta, seed) = (of(&instance, "parameter.link2.angle_deg"), of(&instance, "parameter.seed"));
     assert_eq!((instance.float64("", beta).unwrap(), instance.uint64("", seed).unwrap()), (75.0, 9));
     let rest = outputs(&mut instance);
     instance.set("", seed, Value::UInt64(10)).unwrap();

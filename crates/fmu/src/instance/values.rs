@@ -42,7 +42,7 @@ impl Instance {
         match self.variable(call, reference, Kind::Float64)?.source {
             Source::Time => Ok(self.time_s),
             Source::Load(index) => Ok(self.inputs[index]),
-            Source::Beta(index) => Ok(self.parameters.beta_deg[index]),
+            Source::LinkAngle(index) => Ok(self.parameters.angles_deg[index]),
             source => Ok(self.model()?.number(source)),
         }
     }
@@ -195,7 +195,7 @@ impl Instance {
                 self.inputs[index] = load;
                 return Ok(());
             }
-            (Source::Beta(index), Value::Float64(beta_deg)) => self.parameters.beta_deg[index] = beta_deg,
+            (Source::LinkAngle(index), Value::Float64(angle_deg)) => self.parameters.angles_deg[index] = angle_deg,
             (Source::Seed, Value::UInt64(seed)) => self.parameters.seed = seed,
             (Source::Noise, Value::Boolean(noise)) => self.parameters.noise = noise,
             (Source::Overwrite, Value::Boolean(overwrite)) => self.parameters.overwrite = overwrite,

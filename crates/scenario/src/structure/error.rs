@@ -47,7 +47,33 @@ pub enum StructureSectionError {
         /// The kind.
         kind: &'static str,
     },
-    /// A parameter of `set` is unknown, or its value impossible.
+    /// A key of a kind of structure beside a preset.
+    #[error("structure: `preset` is {preset}, a structure of its own, and `kind` is {kind}: leave one of them out")]
+    PresetKind {
+        /// The preset.
+        preset: String,
+        /// The kind.
+        kind: &'static str,
+    },
+    /// Links beside a preset.
+    #[error("structure: `{key}` is given, and not the kind of structure: add `kind = \"{kind}\"`")]
+    KindMissing {
+        /// The key.
+        key: &'static str,
+        /// The kind that has it.
+        kind: &'static str,
+    },
+    /// Angles for another number of links.
+    #[error("structure.angles_deg has {got} numbers: give {expected}, one for each link of {preset}")]
+    Angles {
+        /// How many were given.
+        got: usize,
+        /// How many links there are.
+        expected: usize,
+        /// The preset.
+        preset: String,
+    },
+    /// A parameter of `set` is unknown.
     #[error("structure.set: `{name}` is {value}: {source}", value = short(.value))]
     Set {
         /// The name of the parameter.

@@ -1,5 +1,5 @@
-//! `[structure]`: a chain of links or vibration modes in place of the two-link arm, and elements at its points, which
-//! the arm may have as well.
+//! `[structure]`: what is under test, a chain of links, of a preset or of one's own, or vibration modes, and elements at
+//! its points.
 
 mod element;
 mod error;
@@ -24,18 +24,19 @@ pub use source::{
 
 use resonarm_bench::plant::TestedAssembly;
 use resonarm_bench::rig::RigSpec;
-use resonarm_dynamics::arm::{Parameters, Pose};
+use resonarm_dynamics::arm::{Parameters as ArmParameters, Pose};
 use resonarm_dynamics::structure::{
-    Assembly, BASE, BodySpec, ChainSpec, ElementSpec, Link, ModalSpec, ModeSpec, Place, ShapeSpec, StructureSpec,
+    Assembly, BASE, BodySpec, ChainSpec, ElementSpec, Link, ModalSpec, ModeSpec, Parameter, Place, Preset, ShapeSpec,
+    StructureSpec,
 };
 
 /// What a structure is.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "lowercase")]
 pub enum StructureKind {
-    /// The two-link arm of `[arm]`, with elements.
+    /// A chain that comes with the program.
     #[default]
-    Arm,
+    Preset,
     /// A planar chain of links with compliant joints.
     Chain,
     /// Vibration modes.
@@ -50,7 +51,7 @@ impl StructureKind {
     /// Its name.
     pub const fn name(self) -> &'static str {
         match self {
-            StructureKind::Arm => "arm",
+            StructureKind::Preset => "preset",
             StructureKind::Chain => "chain",
             StructureKind::Modal => "modal",
             StructureKind::Own => "own",
@@ -81,15 +82,23 @@ pub struct ModeSection {
     pub participation: BTreeMap<String, f64>,
 }
 
-/// A structure in place of the two-link arm, or elements on the arm.
+/// The structure under test.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
 #[serde(default, deny_unknown_fields)]
 pub struct StructureSection {
     /// What it is.
     pub kind: StructureKind,
-    /// What it is called in headers and figures.
+    /// What it is called in headers and figures, from 1 to 60 characters; without it the preset and what differs from it,
+    /// or the kind of structure, say so.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub name: Option<String>,
+    /// Name of the preset.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub preset: Option<String>,
+    /// The angle of each link of the preset against the link before, of the first against the x axis, with the spring
+    /// relaxed, degrees; without them those of the preset.
+    #[serde(skip_serializing_if = "Vec::is_empty")]
+    pub angles_deg: Vec<f64>,
     /// The file that the structure is from: of a chain a robot, URDF, of modes UFF, which are read where `links` or
     /// `modes` are not given; or the FMU.
     #[serde(skip_serializing_if = "Option::is_none")]
@@ -172,20 +181,58 @@ fn is_default<T: Default + PartialEq>(value: &T) -> bool {
 }
 
 impl StructureSection {
-    /// The structure; an arm has these parameters and this pose.
+    /// The same section with the defaults of its kind written out: preset and angles of a preset.
+    #[must_use]
+    pub fn with_defaults(mut self) -> StructureSection {
+        if self.kind == StructureKind::Preset {
+            let name = self.preset.get_or_insert_with(|| Preset::default().name().to_owned());
+            // Of an unknown preset no angles are known, which is an error where the structure is made.
+            let chain = name.parse::<Preset>().and_then(Preset::chain);
+            if let (true, Ok(chain)) = (self.angles_deg.is_empty(), chain) {
+                self.angles_deg = chain.links.iter().map(|link| link.angle_deg).collect();
+            }
+        }
+        self
+    }
+
+    /// The preset with the parameters and the pose of a two-link arm: what differs from the preset is set.
+    ///
+    /// # Errors
+    /// [`StructureSectionError`] for an unknown preset, and for an impossible arm.
+    pub fn of_arm(
+        preset: &str,
+        parameters: &ArmParameters,
+        pose: Pose,
+    ) -> Result<StructureSection, StructureSectionError> {
+        let chain = ChainSpec::from_arm(parameters, pose);
+        let mut section = StructureSection {
+            preset: Some(preset.to_owned()),
+            angles_deg: chain.links.iter().map(|link| link.angle_deg).collect(),
+            ..StructureSection::default()
+        };
+        let (plain, unstated) = (section.assembly()?, section.preset_chain()?.unstated);
+        let is_weighed = chain.gravity_m_s2 != 0.0;
+        let own = Assembly::new(&StructureSpec { body: BodySpec::Chain(chain), elements: Vec::new() })?;
+        for parameter in own.parameters() {
+            let value = own.value(parameter)?;
+            if value != plain.value(parameter)? || (is_weighed && unstated.contains(&parameter)) {
+                section.set.insert(parameter.to_string(), value);
+            }
+        }
+        Ok(section)
+    }
+
+    /// The structure.
     ///
     /// # Errors
     /// [`StructureSectionError`]: what of the section is missing, too much, or impossible.
-    pub fn assembly(&self, arm: impl FnOnce() -> (Parameters, Pose)) -> Result<Assembly, StructureSectionError> {
+    pub fn assembly(&self) -> Result<Assembly, StructureSectionError> {
         self.check_keys()?;
+        let gravity_m_s2 = self.gravity_m_s2.unwrap_or(0.0);
         let body = match self.kind {
-            StructureKind::Arm => {
-                let (parameters, pose) = arm();
-                BodySpec::Chain(ChainSpec::from_arm(&parameters, pose))
-            }
+            StructureKind::Preset => BodySpec::Chain(self.preset_chain()?),
             StructureKind::Chain => {
-                let gravity_m_s2 = self.gravity_m_s2.unwrap_or(0.0);
-                BodySpec::Chain(ChainSpec { links: self.links.clone(), gravity_m_s2 })
+                BodySpec::Chain(ChainSpec { links: self.links.clone(), gravity_m_s2, unstated: Vec::new() })
             }
             StructureKind::Modal => BodySpec::Modal(self.modal()?),
             StructureKind::Own => return Err(StructureSectionError::Own),
@@ -194,10 +241,30 @@ impl StructureSection {
         let elements = self.elements.iter().zip(1..).map(|(element, number)| element.spec(number));
         let elements: Vec<ElementSpec> = elements.collect::<Result<_, _>>()?;
         let assembly = Assembly::new(&StructureSpec { body, elements })?;
-        self.set.iter().try_fold(assembly, |assembly, (name, value)| {
-            let changed = assembly.parameter(name).and_then(|parameter| assembly.with(parameter, *value));
-            changed.map_err(|source| StructureSectionError::Set { name: name.clone(), value: *value, source })
-        })
+        let mut values = Vec::new();
+        // Gravity on a preset needs values of `set`, and is given with them.
+        if let (StructureKind::Preset, Some(gravity_m_s2)) = (self.kind, self.gravity_m_s2) {
+            values.push((Parameter::Gravity, gravity_m_s2));
+        }
+        for (name, value) in &self.set {
+            let unknown = |source| StructureSectionError::Set { name: name.clone(), value: *value, source };
+            values.push((assembly.parameter(name).map_err(unknown)?, *value));
+        }
+        if values.is_empty() { Ok(assembly) } else { Ok(assembly.with_all(&values)?) }
+    }
+
+    /// The chain of the preset at its angles, without gravity.
+    fn preset_chain(&self) -> Result<ChainSpec, StructureSectionError> {
+        let preset: Preset = self.preset.as_deref().map_or(Ok(Preset::default()), str::parse)?;
+        let mut chain = preset.chain()?;
+        let (got, expected) = (self.angles_deg.len(), chain.links.len());
+        if got != 0 && got != expected {
+            return Err(StructureSectionError::Angles { got, expected, preset: preset.name().to_owned() });
+        }
+        for (link, angle_deg) in chain.links.iter_mut().zip(&self.angles_deg) {
+            link.angle_deg = *angle_deg;
+        }
+        Ok(chain)
     }
 
     /// The structure under test: with its initial state, and where the rig is on it.
@@ -205,12 +272,8 @@ impl StructureSection {
     /// # Errors
     /// [`StructureSectionError`]: as [`StructureSection::assembly`], and what of the rig or the initial state does not
     /// fit.
-    pub fn tested(
-        &self,
-        arm: impl FnOnce() -> (Parameters, Pose),
-        rig: &RigSpec,
-    ) -> Result<TestedAssembly, StructureSectionError> {
-        let assembly = self.assembly(arm)?;
+    pub fn tested(&self, rig: &RigSpec) -> Result<TestedAssembly, StructureSectionError> {
+        let assembly = self.assembly()?;
         let expected = 2 * assembly.coordinates();
         let initial = match self.initial.len() {
             0 => vec![0.0; expected],
@@ -263,21 +326,31 @@ impl StructureSection {
         let lines = ("lines", !self.lines.is_empty());
         let (elements, initial) = (("elements", !self.elements.is_empty()), ("initial", !self.initial.is_empty()));
         let set = ("set", !self.set.is_empty());
+        let angles = ("angles_deg", !self.angles_deg.is_empty());
+        if let (Some(preset), true) = (&self.preset, self.kind != StructureKind::Preset) {
+            return Err(StructureSectionError::PresetKind { preset: preset.clone(), kind: self.kind.name() });
+        }
         let (idle, missing): (&[(&'static str, bool)], _) = match self.kind {
-            StructureKind::Own => (&[links, modes, gravity, points, lines, elements, initial, set], None),
+            StructureKind::Own => (&[angles, links, modes, gravity, points, lines, elements, initial, set], None),
             StructureKind::Fmu => {
                 let fix = "name the FMU's file";
                 let missing = self.file.is_none().then_some(("`file` is", fix));
-                (&[links, modes, gravity, points, lines, elements, initial, set], missing)
+                (&[angles, links, modes, gravity, points, lines, elements, initial, set], missing)
             }
-            StructureKind::Arm => (&[links, modes, gravity, points, lines], None),
+            StructureKind::Preset if links.1 => {
+                return Err(StructureSectionError::KindMissing { key: links.0, kind: StructureKind::Chain.name() });
+            }
+            StructureKind::Preset if modes.1 => {
+                return Err(StructureSectionError::KindMissing { key: modes.0, kind: StructureKind::Modal.name() });
+            }
+            StructureKind::Preset => (&[points, lines], None),
             StructureKind::Chain => {
                 let fix = "add a table [[structure.links]] for every link, from the base out";
-                (&[modes, points, lines], (!links.1).then_some(("`links` are", fix)))
+                (&[angles, modes, points, lines], (!links.1).then_some(("`links` are", fix)))
             }
             StructureKind::Modal => {
                 let fix = "add a table [[structure.modes]] for every mode";
-                (&[links, gravity], (!modes.1).then_some(("`modes` are", fix)))
+                (&[angles, links, gravity], (!modes.1).then_some(("`modes` are", fix)))
             }
         };
         if let Some((missing, fix)) = missing {

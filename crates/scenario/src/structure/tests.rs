@@ -27,7 +27,7 @@ shape = { "tip.x" = -0.4, "mid.x" = 0.35 }
 "#;
 
 fn says(text: &str) -> String {
-    match Scenario::parse(text, "bench.toml").and_then(|scenario| scenario.tested_structure()) {
+    match Scenario::parse(text, "bench.toml").and_then(|scenario| scenario.under_test()) {
         Ok(tested) => format!("{tested:?}"),
         Err(error) => error.to_string(),
     }
@@ -49,18 +49,18 @@ fn a_chain_and_modes_with_elements_are_structures_and_written_as_they_were_read(
         let written = Scenario::parse(&scenario.to_toml().unwrap(), "written.toml").unwrap();
         assert_eq!(written.structure, scenario.structure);
         insta::allow_duplicates! {
-            insta::assert_snapshot!(scenario.build_arm().unwrap_err(), @"the scenario has a [structure]: this needs the two-link arm without elements");
+            insta::assert_snapshot!(scenario.build_arm().unwrap_err(), @"this needs a two-link arm without elements: a preset in the scenario's [structure]");
         }
     }
 }
 
-/// Without a section the structure under test is the arm as a chain, in the pose and the state of `[arm]`; with one its
-/// parameters can be set by name.
+/// Without a section the structure under test is the preset; with one its parameters can be set by name.
 #[test]
 fn every_scenario_has_an_assembly_whose_parameters_can_be_set() {
     let of = |text: &str| Scenario::parse(text, "bench.toml").and_then(|scenario| scenario.under_test());
-    let arm = "[arm]\nbeta1_deg = 30\nbeta2_deg = 75\ninitial = [0.1, 0, 0, 0.2]\n";
-    let (plain, set) = (of(arm).unwrap(), of(&format!("{arm}[structure]\nset = {{ 'link2.mass_kg' = 40 }}")).unwrap());
+    assert_eq!(of("").unwrap(), of("structure = { preset = 'irb1600-fitted', angles_deg = [0, 60] }").unwrap());
+    let arm = "[structure]\nangles_deg = [30, 75]\ninitial = [0.1, 0, 0, 0.2]\n";
+    let (plain, set) = (of(arm).unwrap(), of(&format!("{arm}set = {{ 'link2.mass_kg' = 40 }}")).unwrap());
     assert_eq!(plain.initial, [0.1, 0.0, 0.0, 0.2]);
     assert_eq!(set.initial, plain.initial);
     let value = |name: &str| plain.assembly.value(plain.assembly.parameter(name).unwrap()).unwrap();
@@ -68,12 +68,27 @@ fn every_scenario_has_an_assembly_whose_parameters_can_be_set() {
     let mass = plain.assembly.parameter("link2.mass_kg").unwrap();
     assert_eq!(set.assembly, plain.assembly.with(mass, 40.0).unwrap());
     let refused = |set: &str| of(&format!("{MODAL}[structure.set]\n{set}")).unwrap_err().to_string();
-    for (set, words) in
-        [("'mode1.damping_ratio' = -1", "is -1"), ("'mode3.damping_ratio' = 0.1", "there is no parameter")]
-    {
-        let said = refused(set);
-        assert!(said.starts_with("structure.set: `mode") && said.contains(words), "{said}");
-    }
+    insta::assert_snapshot!(refused("'mode1.damping_ratio' = -1"), @"structure: mode 1: `damping_ratio` is -1: it must be zero or a positive number");
+    let unknown = refused("'mode3.damping_ratio' = 0.1");
+    assert!(unknown.starts_with("structure.set: `mode3.damping_ratio` is 0.1: there is no parameter"), "{unknown}");
+    // Values that are possible together only.
+    let weighed = "gravity_m_s2 = 9.81\n[structure.set]\n'link1.mass_kg' = 40\n'link1.centre_of_mass_m' = 0.1\n";
+    let whole = of(&format!("[structure]\n{weighed}'link1.inertia_kg_m2' = 0.15")).unwrap();
+    assert!(whole.assembly.sag_rad().is_some());
+    insta::assert_snapshot!(of(&format!("[structure]\n{weighed}")).unwrap_err(), @"structure: gravity, and a centre of mass of link 1 away from its joint, need values that the source of this chain does not state: give link1.inertia_kg_m2; link1.inertia_kg_m2 is about the centre of mass, and the source states 0.55 kg·m² about the joint, which is mass_kg · centre_of_mass_m² more");
+}
+
+#[test]
+fn what_makes_no_preset_is_said() {
+    insta::assert_snapshot!(says("[structure]\npreset = 'irb'"), @"structure: there is no preset `irb`: the presets are irb1600-table1, irb1600-fitted");
+    insta::assert_snapshot!(says("[structure]\nangles_deg = [1, 2, 3]"), @"structure.angles_deg has 3 numbers: give 2, one for each link of irb1600-fitted");
+    insta::assert_snapshot!(says("[structure]\nangles_deg = [0, 400]"), @"structure: link 2: `angle_deg` is 400: it must be a number from -360 to 360 degrees");
+    insta::assert_snapshot!(says("[structure]\ngravity_m_s2 = 9.81"), @"structure: gravity, and a centre of mass of link 1 away from its joint, need values that the source of this chain does not state: give link1.mass_kg, link1.centre_of_mass_m, link1.inertia_kg_m2; link1.inertia_kg_m2 is about the centre of mass, and the source states 0.55 kg·m² about the joint, which is mass_kg · centre_of_mass_m² more");
+    insta::assert_snapshot!(says("[structure]\ninitial = [0.0]"), @"structure.initial has 1 numbers: give 4, the coordinates and their rates");
+    insta::assert_snapshot!(says("[structure]\npoints = { tip = [0, 0, 0] }"), @"structure: `points` says nothing about a structure of kind `preset`: leave it out");
+    insta::assert_snapshot!(says(&CHAIN.replace("kind = \"chain\"", "preset = 'irb1600-fitted'")), @r#"structure: `links` is given, and not the kind of structure: add `kind = "chain"`"#);
+    insta::assert_snapshot!(says(&CHAIN.replace("kind =", "preset = 'irb1600-fitted'\nkind =")), @"structure: `preset` is irb1600-fitted, a structure of its own, and `kind` is chain: leave one of them out");
+    insta::assert_snapshot!(says(&MODAL.replace("kind =", "angles_deg = [0, 0]\nkind =")), @"structure: `angles_deg` says nothing about a structure of kind `modal`: leave it out");
 }
 
 #[test]
@@ -99,9 +114,9 @@ fn what_nothing_takes_is_not_steered() {
         let text = format!("{MODAL}[excitation]\namplitude = {{ {load} = 2.0 }}\n{profile}\n");
         Scenario::parse(&text, "bench.toml").unwrap().steered(Converter::default()).map(|steered| steered.limit())
     };
-    assert!(steered("force_x_n").unwrap() > 2.0);
-    insta::assert_snapshot!(steered("force_y_n").unwrap_err(), @"the load has `force_y_n` = 2: nothing of the structure takes it: take a load along an axis of `rig.exciter.at`, or place the exciter elsewhere");
-    insta::assert_snapshot!(steered("torque1_nm").unwrap_err(), @"the load has `torque1_nm` = 2: nothing of the structure takes it: take a load along an axis of `rig.exciter.at`, or place the exciter elsewhere");
+    assert!(steered("exciter_x").unwrap() > 2.0);
+    insta::assert_snapshot!(steered("exciter_y").unwrap_err(), @"the load has `exciter_y` = 2: nothing of the structure takes it: take a load along an axis of `rig.exciter.at`, or place the exciter elsewhere");
+    insta::assert_snapshot!(steered("joint1").unwrap_err(), @"the load has `joint1` = 2: nothing of the structure takes it: take a load along an axis of `rig.exciter.at`, or place the exciter elsewhere");
 }
 
 /// An element of the modal structure.

@@ -16,7 +16,7 @@ use resonarm_scenario::Scenario;
 
 const SCENARIO: &str = "
     [excitation]
-    amplitude = { force_x_n = 50.0 }
+    amplitude = { exciter_x = 50.0 }
     profile = { waveform = 'dwell', frequency_hz = 15.0, duration_s = 0.4, settle_s = 0.1 }
 ";
 const EXACT: Regression = Regression { speed: 0.0, limit_n: 0.0, limit_nm: 0.0, patience: Duration::from_secs(1) };

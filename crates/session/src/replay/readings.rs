@@ -28,7 +28,7 @@ pub struct ReadingsVerdict {
 pub fn resimulate_readings(recording: &Recording) -> Result<ReadingsVerdict, ReplayError> {
     let sample = recording.summary().samples.map_or(0, |(first, _)| first);
     // Why an FMU is not loaded is said as such.
-    let structure = recording.scenario().ok().and_then(|scenario| scenario.structure);
+    let structure = recording.scenario().ok().map(|scenario| scenario.structure);
     structure.map_or(Ok(()), |structure| structure.check_allowed()).map_err(ScenarioError::from)?;
     let mut plant = starting_plant::plant(recording).ok_or(ReplayError::NoInstruments { sample })?;
     let mut readings = recording.samples()?;

@@ -11,7 +11,7 @@ use resonarm_scenario::Scenario;
 
 const SCENARIO: &str = "
     [excitation]
-    amplitude = { torque1_nm = 60.0 }
+    amplitude = { joint1 = 60.0 }
     profile = { waveform = 'dwell', frequency_hz = 22.1, duration_s = 0.5, settle_s = 0.1 }
 ";
 
@@ -57,7 +57,7 @@ fn a_run_simulated_again_is_identical() {
 #[test]
 fn another_arm_diverges_at_the_first_sample_that_moves() {
     let folder = tempfile::tempdir().unwrap();
-    let other = format!("{SCENARIO}\n[arm.parameters]\nstiffness2_nm_rad = 128001.0");
+    let other = format!("{SCENARIO}\n[structure.set]\n'link2.stiffness_nm_rad' = 128001.0");
     let recording = record(&folder.path().join("other.mcap"), SCENARIO, &other);
     let verdict = resimulate(&recording).unwrap();
     // The profile's sample 0 is zero, so the arm first moves at sample 2.

@@ -10,7 +10,7 @@ use resonarm_protocol::{Frame, Id};
 
 const DWELL: &str = "
     [excitation]
-    amplitude = { torque1_nm = 60.0, torque2_nm = 6.0 }
+    amplitude = { joint1 = 60.0, joint2 = 6.0 }
     profile = { waveform = 'dwell', frequency_hz = 22.1, duration_s = 0.5, settle_s = 0.1 }
 ";
 const DRIVES: &str = "

@@ -23,7 +23,7 @@ use resonarm_bus::{Bus, VirtualBus, memory, timed};
 use resonarm_files::recording::{Existing, Recorder};
 use resonarm_protocol::Node;
 use resonarm_realtime::{Clock, OverrunPolicy, SampleRate, Spin, SystemClock, ThreadSetup, VirtualClock};
-use resonarm_scenario::{Scenario, ScenarioError, StructureSection, StructureSectionError, WireError};
+use resonarm_scenario::{Scenario, ScenarioError, StructureSectionError, WireError};
 
 /// Overruns with another cause on their way to the writer.
 const CORE_RECORDS_CAPACITY: usize = 1 << 10;
@@ -160,7 +160,7 @@ impl Session {
         options: Options,
         structure: Box<dyn Stepped>,
     ) -> Result<Session, RunError> {
-        scenario.structure.get_or_insert_with(|| StructureSection::own(None));
+        scenario.leave_structure_to_program(None);
         Session::of(scenario, mode, options, |scenario| Ok(Plant::stepped(&scenario.own_plant_spec()?, structure)?))
     }
 

@@ -29,10 +29,10 @@ use jammed_bus::JammedBus;
 const MS: u64 = 1_000_000;
 
 const SCENARIO: &str = "
-    arm = { beta2_deg = 60.0 }
+    structure = { angles_deg = [0.0, 60.0] }
     simulation = { seed = 3 }
     [excitation]
-    amplitude = { force_x_n = 40.0 }
+    amplitude = { exciter_x = 40.0 }
     ramp_s = 0.2
     profile = { waveform = 'stepped-sine', from_hz = 18, to_hz = 20, steps = 3, dwell_s = 0.5, settle_s = 0.1 }
 ";

@@ -16,7 +16,7 @@ fn link(stiffness_nm_rad: f64) -> Assembly {
         stiffness_nm_rad,
         damping_nm_s_rad: 0.0,
     };
-    let body = BodySpec::Chain(ChainSpec { links: vec![link], gravity_m_s2: 0.0 });
+    let body = BodySpec::Chain(ChainSpec { links: vec![link], gravity_m_s2: 0.0, unstated: vec![] });
     Assembly::new(&StructureSpec { body, elements: vec![] }).unwrap()
 }
 

@@ -105,7 +105,7 @@ pub enum ForceControlError {
     },
     /// The amplitude is a torque, which the head does not read.
     #[error(
-        "control: force control is closed on the impedance head, which reads no torque: give `force_x_n` or `force_y_n`"
+        "control: force control is closed on the impedance head, which reads no torque: give `exciter_x` or `exciter_y`"
     )]
     Torque,
     /// The profile is not one frequency after the other.

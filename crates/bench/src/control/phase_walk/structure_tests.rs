@@ -55,7 +55,7 @@ fn chain() -> TestedAssembly {
     let links = vec![link(20.0), link(35.0), link(40.0)];
     let law = Law::Cubic { stiffness3: 4e9, stiffness5: 0.0 };
     let elements = vec![ElementSpec { at: Place::Joint(3), to: None, law }];
-    tested(BodySpec::Chain(ChainSpec { links, gravity_m_s2: 0.0 }), elements, "joint3")
+    tested(BodySpec::Chain(ChainSpec { links, gravity_m_s2: 0.0, unstated: vec![] }), elements, "joint3")
 }
 
 fn spec(amplitude: Amplitude, mode: u8) -> PhaseWalkSpec {

@@ -150,7 +150,7 @@ mod tests {
             (Place::Dof { point: "tip".into(), axis: Axis::Y }, Law::Tanh { slip: 30.0, velocity: 0.1 }),
         ];
         let elements = laws.into_iter().filter(|_| with_elements).map(|(at, law)| ElementSpec { at, to: None, law });
-        let body = BodySpec::Chain(ChainSpec { links: (0..links).map(link).collect(), gravity_m_s2 });
+        let body = BodySpec::Chain(ChainSpec { links: (0..links).map(link).collect(), gravity_m_s2, unstated: vec![] });
         Assembly::new(&StructureSpec { body, elements: elements.collect() }).unwrap()
     }
 

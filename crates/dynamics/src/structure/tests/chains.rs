@@ -40,7 +40,9 @@ fn points_of_a_chain_are_where_its_links_end_at_rest() {
         stiffness_nm_rad,
         damping_nm_s_rad: 1.0,
     };
-    let chain = |links: Vec<Link>, gravity_m_s2| assembly(BodySpec::Chain(ChainSpec { links, gravity_m_s2 }), vec![]);
+    let chain = |links: Vec<Link>, gravity_m_s2| {
+        assembly(BodySpec::Chain(ChainSpec { links, gravity_m_s2, unstated: vec![] }), vec![])
+    };
     let rest_m = chain(vec![link(0.5, 30.0, 1e4), link(0.4, -90.0, 1e4)], 0.0).rest_m().unwrap();
     let (s30, c30) = (0.5, f64::sqrt(0.75));
     let expected = [[0.0, 0.0], [0.5 * c30, 0.5 * s30], [0.5 * c30 + 0.4 * s30, 0.5 * s30 - 0.4 * c30]];
@@ -165,7 +167,7 @@ fn hard_chain() -> Assembly {
             law: Law::Cubic { stiffness3: 5e7, stiffness5: 0.0 },
         },
     ];
-    assembly(BodySpec::Chain(ChainSpec { links, gravity_m_s2: 9.80665 }), elements)
+    assembly(BodySpec::Chain(ChainSpec { links, gravity_m_s2: 9.80665, unstated: vec![] }), elements)
 }
 
 const X: [f64; 4] = [0.1, -0.2, 0.3, 0.15];
@@ -322,7 +324,7 @@ fn offset_chain(gravity_m_s2: f64) -> Assembly {
         link([0.4, 4.0, -0.1, -0.12, 0.05], [50.0, 2e3, 3.0]),
         link([0.3, 2.0, 0.18, 0.2, 0.02], [-70.0, 1e3, 2.0]),
     ];
-    assembly(BodySpec::Chain(ChainSpec { links, gravity_m_s2 }), vec![])
+    assembly(BodySpec::Chain(ChainSpec { links, gravity_m_s2, unstated: vec![] }), vec![])
 }
 
 /// Numbers of a NumPy script that knows nothing of this form of the equations: positions and velocities of the centres of

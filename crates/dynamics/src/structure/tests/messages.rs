@@ -218,3 +218,30 @@ fn elements_on_the_base_are_refused() {
     let refused = Assembly::new(&StructureSpec { body: BodySpec::Modal(modal), elements }).unwrap_err();
     assert_snapshot!(refused, @"element 1 acts at `base.x`, which doesn't move: leave `to` out for the ground");
 }
+
+/// A preset knows nothing of the weight of link 1: it says what is needed, and takes it in one go.
+#[test]
+fn values_that_a_preset_does_not_state_are_asked_for_where_they_count() {
+    for preset in Preset::ALL {
+        let spec = StructureSpec { body: BodySpec::Chain(preset.chain().unwrap()), elements: vec![] };
+        let plain = Assembly::new(&spec).unwrap();
+        let with = |values: &[(&str, f64)]| {
+            let values: Vec<_> = values.iter().map(|(name, value)| (plain.parameter(name).unwrap(), *value)).collect();
+            plain.with_all(&values).map_err(|error| error.to_string())
+        };
+        let (gravity, mass, centre) =
+            (("gravity_m_s2", 9.81), ("link1.mass_kg", 40.0), ("link1.centre_of_mass_m", 0.1));
+        insta::allow_duplicates! {
+            assert_snapshot!(with(&[gravity]).unwrap_err(), @"gravity, and a centre of mass of link 1 away from its joint, need values that the source of this chain does not state: give link1.mass_kg, link1.centre_of_mass_m, link1.inertia_kg_m2; link1.inertia_kg_m2 is about the centre of mass, and the source states 0.55 kg·m² about the joint, which is mass_kg · centre_of_mass_m² more");
+            assert_snapshot!(with(&[mass, centre]).unwrap_err(), @"gravity, and a centre of mass of link 1 away from its joint, need values that the source of this chain does not state: give link1.inertia_kg_m2; link1.inertia_kg_m2 is about the centre of mass, and the source states 0.55 kg·m² about the joint, which is mass_kg · centre_of_mass_m² more");
+        }
+        let inertia = ("link1.inertia_kg_m2", 0.55 - 40.0 * 0.1 * 0.1);
+        let weighed = with(&[gravity, mass, centre, inertia]).unwrap();
+        assert!(weighed.sag_rad().unwrap()[0] < 0.0);
+        // Without gravity the link is the same wherever its centre of mass is said to be.
+        let moved = with(&[mass, centre, inertia]).unwrap();
+        for (mode, other) in plain.modes().iter().zip(moved.modes()) {
+            assert!((mode.frequency_hz / other.frequency_hz - 1.0).abs() < 1e-14);
+        }
+    }
+}

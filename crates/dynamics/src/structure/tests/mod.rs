@@ -19,7 +19,7 @@ fn numbers(of: &Value) -> Vec<f64> {
 }
 
 fn chain_of(case: &Value) -> ChainSpec {
-    ChainSpec { links: serde_json::from_value(case["links"].clone()).unwrap(), gravity_m_s2: 0.0 }
+    ChainSpec { links: serde_json::from_value(case["links"].clone()).unwrap(), gravity_m_s2: 0.0, unstated: vec![] }
 }
 
 fn assembly(body: BodySpec, elements: Vec<ElementSpec>) -> Assembly {

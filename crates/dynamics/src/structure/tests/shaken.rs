@@ -47,7 +47,10 @@ fn chain_with(law: Law) -> Assembly {
         damping_nm_s_rad: 4.0,
     };
     let links = vec![link(0.5, 30.0), link(0.4, 50.0)];
-    assembly(BodySpec::Chain(ChainSpec { links, gravity_m_s2: 0.0 }), vec![grounded(Place::Joint(2), law)])
+    assembly(
+        BodySpec::Chain(ChainSpec { links, gravity_m_s2: 0.0, unstated: vec![] }),
+        vec![grounded(Place::Joint(2), law)],
+    )
 }
 
 /// A spring without stiffness makes the explicit steps take the same modes.

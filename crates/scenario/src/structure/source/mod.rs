@@ -125,7 +125,7 @@ impl StructureSection {
         if is_uff && is_matrices {
             return Err(StructureSectionError::TwoSources);
         }
-        if matches!(self.kind, StructureKind::Arm | StructureKind::Own)
+        if matches!(self.kind, StructureKind::Preset | StructureKind::Own)
             && (self.file.is_some() || self.matrices.is_some())
         {
             let key = if self.file.is_some() { "file" } else { "matrices" };

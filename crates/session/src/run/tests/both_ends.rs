@@ -70,7 +70,7 @@ fn a_plant_ends_when_the_exciter_beside_it_has_ended_before_arming() {
 
 /// What an exciter on a bus reads of the force in the head, N, of a plant with this converter.
 fn head_force_n(plant_converter: &str, exciter_knows: &str) -> f64 {
-    const DWELL: &str = "[excitation]\namplitude = { force_x_n = 40.0 }\nramp_s = 0.1\n\
+    const DWELL: &str = "[excitation]\namplitude = { exciter_x = 40.0 }\nramp_s = 0.1\n\
         profile = { waveform = 'dwell', frequency_hz = 60.0, duration_s = 0.4, settle_s = 0.1 }\n";
     let session = |text: String| {
         let scenario = Scenario::parse(&text, "test").unwrap();
@@ -106,7 +106,7 @@ fn an_exciter_on_a_bus_corrects_readings_for_no_converter_that_is_not_stated() {
 /// Read again with the rig's converter, the commands of an exciter that knows none were those of another controller.
 #[test]
 fn the_responses_of_an_exciter_that_knows_no_converter_are_read_again() {
-    const WALK: &str = "[control]\nlaw = 'phase-walk'\namplitude = { force_x_n = 5.0 }\npoints = 3\n";
+    const WALK: &str = "[control]\nlaw = 'phase-walk'\namplitude = { exciter_x = 5.0 }\npoints = 3\n";
     let folder = tempfile::tempdir().unwrap();
     let path = folder.path().join("run.mcap");
     let record = Some(RecordTo { path: path.clone(), existing: Existing::Refuse });

@@ -20,7 +20,7 @@ fn npy(shape: &str, numbers: &[f64]) -> Vec<u8> {
 /// Numbers of NumPy: frequency, damping ratio, shape of row 8 and row 4.
 #[test]
 fn the_modes_of_matrices_are_those_of_numpy() {
-    let modes = Scenario::read(&examples().join("plate.toml")).unwrap().structure.unwrap().modes;
+    let modes = Scenario::read(&examples().join("plate.toml")).unwrap().structure.modes;
     let expected = [
         [36.411_857_299_800_9, 0.001_102_975_387_743_629_3, 0.430_809_909_715_701_2, 0.438_056_492_620_758_8],
         [125.227_628_471_634_9, 0.001_041_013_426_212_099_4, -0.564_196_956_067_023_9, 0.015_758_636_600_378_486],
@@ -47,7 +47,7 @@ fn of([mass, damping, stiffness]: [&[u8]; 3], from: &str, to: &str) -> String {
         fs::write(folder.path().join(name), bytes).unwrap();
     }
     match read_in(folder.path(), &SCENARIO.replacen(from, to, 1)) {
-        Ok(scenario) => format!("{:?}", scenario.structure.unwrap().modes),
+        Ok(scenario) => format!("{:?}", scenario.structure.modes),
         Err(error) => error.to_string().replace(&folder.path().display().to_string(), ""),
     }
 }

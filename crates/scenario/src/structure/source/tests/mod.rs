@@ -26,7 +26,7 @@ fn read_in(folder: &Path, text: &str) -> Result<Scenario, ScenarioError> {
 
 /// The message about a scenario in the examples' folder.
 fn says(text: &str) -> String {
-    match read_in(&examples(), text).and_then(|scenario| scenario.tested_structure()) {
+    match read_in(&examples(), text).and_then(|scenario| scenario.under_test()) {
         Ok(tested) => format!("{tested:?}"),
         Err(error) => error.to_string().replace(&examples().display().to_string(), "examples"),
     }
@@ -42,7 +42,7 @@ fn what_was_read_is_written_and_needs_no_file() {
         written.read_files(Path::new("/dev/null/none")).unwrap();
         assert_eq!(written.structure, scenario.structure, "{name}");
         // Without what was read it is that of the file.
-        let section = written.structure.as_mut().unwrap();
+        let section = &mut written.structure;
         section.links.clear();
         section.modes.clear();
         written.read_files(&examples()).unwrap();

@@ -40,7 +40,7 @@ const NODES: &str = "    -1
 /// `bracket.uff` is by pyuff 2.5.8, from the numbers of `make.py`: shapes there are over √(modal mass).
 #[test]
 fn modes_written_by_pyuff_are_read() {
-    let section = Scenario::read(&examples().join("bracket.toml")).unwrap().structure.unwrap();
+    let section = Scenario::read(&examples().join("bracket.toml")).unwrap().structure;
     let expected = [
         (63.4, 0.004, 2.5, "y", 1.0, 0.3),
         (212.25, 0.006, 1.75, "y", 1.0, -0.6),

@@ -113,7 +113,7 @@ fn a_robot_in_a_pose_is_the_chain_of_its_numbers() {
 #[test]
 fn six_joints_are_projected_onto_their_plane() {
     let scenario = Scenario::read(&examples().join("chain.toml")).unwrap();
-    let links = scenario.structure.unwrap().links;
+    let links = scenario.structure.links;
     let expected = [
         [0.6, 34.0, 0.25, 1.1, 90.0 - 20.0],
         [0.5, 27.0, 0.144_444_444_444_444_4, 0.926_666_666_666_666_5, 35.0],
