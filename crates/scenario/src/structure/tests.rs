@@ -68,7 +68,7 @@ fn every_scenario_has_an_assembly_whose_parameters_can_be_set() {
     let mass = plain.assembly.parameter("link2.mass_kg").unwrap();
     assert_eq!(set.assembly, plain.assembly.with(mass, 40.0).unwrap());
     let refused = |set: &str| of(&format!("{MODAL}[structure.set]\n{set}")).unwrap_err().to_string();
-    insta::assert_snapshot!(refused("'mode1.damping_ratio' = -1"), @"structure: mode 1: `damping_ratio` is -1: it must be zero or a positive number");
+    insta::assert_snapshot!(refused("'mode1.damping_ratio' = -1"), @"structure: mode 1: `damping_ratio` is -1: it must be a number from 0");
     let unknown = refused("'mode3.damping_ratio' = 0.1");
     assert!(unknown.starts_with("structure.set: `mode3.damping_ratio` is 0.1: there is no parameter"), "{unknown}");
     // Values that are possible together only.
