@@ -158,7 +158,7 @@ mod serving {
     use super::{Failure, LiveFlags, Role, Serving, Session, Showing, ShownRole};
     use crate::live_branch::compute;
     use crate::output;
-    use crate::structures::{foreign_label, label};
+    use crate::figures::captions::{foreign_label, label};
     use resonarm::realtime::unix_time_ns;
     use resonarm::recording::Recording;
     use resonarm::recording::channels::Channels;

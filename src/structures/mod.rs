@@ -3,7 +3,7 @@
 pub(crate) mod compare;
 pub(crate) mod walk;
 
-pub(crate) use crate::figures::captions::{foreign_label, label};
+pub(crate) use crate::figures::captions::label;
 pub(crate) use crate::read_at::displacement_unit;
 use resonarm::structure::Dof;
 

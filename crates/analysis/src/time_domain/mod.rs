@@ -1,9 +1,10 @@
 //! Any forced system by integration in time: the reference for bench measurements and computed branches.
 //!
-//! The motion is sampled once a period of the excitation, always at phase 0: that is the stroboscopic map, [`Strobe`]. A
-//! motion that repeats after n periods is a fixed point of its nth power, a quasi-periodic one a closed curve, a chaotic
-//! one a scatter. [`follow`] follows the map until it can prove where the transient ends; [`fates`] tells which fixed
-//! points many states reach. [`crate::structure::time_domain`] has the map of a structure, and what is made of it.
+//! The motion is sampled once a period of the excitation, always at phase 0: that is the stroboscopic map. A motion
+//! that repeats after n periods is a fixed point of its nth power, a quasi-periodic one a closed curve, a chaotic one a
+//! scatter. The map is followed until it can be proved where the transient ends ([`SettleOptions`]), or from many states
+//! to the fixed points that they reach ([`BasinOutcome`]). [`crate::structure::time_domain`] has the map of a structure,
+//! and what is made of it.
 
 mod error;
 mod fates;
