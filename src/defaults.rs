@@ -247,7 +247,7 @@ mod tests {
         conformance --pid: it isn't
         replay --from-s: the beginning
         replay --to-s: the end
-        identify --from-hz: that of the recorded excitation, or 1; with --angles a quarter of the arm's lowest natural frequency
+        identify --from-hz: that of the recorded excitation, or 1; with --angles a quarter of the structure's lowest natural frequency
         identify --to-hz: that of the recorded excitation; of an impact 1 over its length; or 100
         identify --segment-s: whole periods, or an eighth of the record
         diff --parts: states,samples, or frames if neither recording has those
