@@ -303,7 +303,7 @@ mod tests {
         insta::assert_snapshot!(says("/zones/0/up/points/1/frequency_hz", 0.into()), @"zones.json: zone 1: frequency_hz of a point is 0: it must be a positive number");
         insta::assert_snapshot!(says("/zones/0/walk/points/0/amplitude_rad/1", (-0.5).into()), @"zones.json: zone 1: amplitude_rad of a point is -0.5: it must be zero or a positive number");
         insta::assert_snapshot!(says("/configuration/beta2_deg", serde_json::Value::Null), @"zones.json is no document of `experiment fig9 --json`: invalid type: null, expected f64 at line 1 column 52");
-        insta::assert_snapshot!(says("/configuration/preset", "irb".into()), @"zones.json: there is no preset `irb`: the presets are irb1600-table1, irb1600-fitted");
+        insta::assert_snapshot!(says("/configuration/preset", "irb".into()), @"zones.json: structure: there is no preset `irb`: the presets are irb1600-table1, irb1600-fitted");
         let mut unsettled = document();
         for zone in unsettled["zones"].as_array_mut().unwrap() {
             for run in ["up", "down", "walk"] {
