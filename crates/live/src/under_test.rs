@@ -283,6 +283,6 @@ at = "mid"
             let text = format!("[structure]\n[excitation]\namplitude = {{ {key} = 2.0 }}\n{profile}\n");
             under_test(&text).driven_response(&Scenario::parse(&text, "bench.toml").unwrap())
         };
-        assert_eq!(["force_x_n", "force_y_n", "torque1_nm"].map(load), [0, 1, 0]);
+        assert_eq!(["exciter_x", "exciter_y", "joint1"].map(load), [0, 1, 0]);
     }
 }

@@ -372,7 +372,7 @@ fn a_run_that_stops_at_an_overrun_faults_and_ramps_first() {
 #[test]
 fn a_failed_simulation_is_reported_to_the_controller() {
     // As fast as this, the squares of the velocities overflow within a step.
-    let text = SCENARIO.replace("beta2_deg = 60.0", "beta2_deg = 60.0, initial = [0.0, 0.0, 1e150, 0.0]");
+    let text = SCENARIO.replace("60.0]", "60.0], initial = [0.0, 0.0, 1e150, 0.0]");
     let rig = Rig { scenario: Scenario::parse(&text, "test").unwrap(), ..Rig::new() };
     let failed = rig.run(Mode::Lockstep, &Signals::default());
     assert!(matches!(failed.report.error, Some(RunError::Plant(_))), "{:?}", failed.report);
