@@ -156,9 +156,9 @@ mod serving {
     use std::net::{IpAddr, SocketAddr};
 
     use super::{Failure, LiveFlags, Role, Serving, Session, Showing, ShownRole};
+    use crate::figures::captions::{foreign_label, label};
     use crate::live_branch::compute;
     use crate::output;
-    use crate::figures::captions::{foreign_label, label};
     use resonarm::realtime::unix_time_ns;
     use resonarm::recording::Recording;
     use resonarm::recording::channels::Channels;

@@ -97,9 +97,9 @@ def run(
     `mode` is free (simulated time, one loop, as fast as possible), lockstep (simulated time, the plant waits for each
     answer; `speed` is the number of simulated seconds a second) or real-time. A `controller` replaces the scenario's;
     `load` says whether it commands a force at the tip (N) or torques at the joints (N·m). A `structure` whose step is
-    written in Python stands in place of the arm, in the modes free and lockstep; its recording can't be simulated
-    again. `record` names an MCAP file. `patience_s` is how long a plant waits to be armed, `rearm` how often the
-    exciter restarts after a fault. Ctrl-C ends the run in order.
+    written in Python is under test, in the modes free and lockstep (the scenario states no other); its recording can't
+    be simulated again. `record` names an MCAP file. `patience_s` is how long a plant waits to be armed, `rearm` how
+    often the exciter restarts after a fault. Ctrl-C ends the run in order.
 
     In real time `overrun` is the reaction to a missed deadline: slip (the default), continue, fault or stop
     (`docs/real-time.md`). With `rt` auto the thread of the run, the plant's, asks for what `resonarm run` asks for:

@@ -127,7 +127,7 @@ class Bench:
     `scenario` is one or the path of one, by default the default one. `folder` is created if missing, and existing
     recordings in it are kept; without one there is a temporary folder, removed after a `with` block, or with the
     process. `bus` is memory or a CAN interface of the kernel, for controller programs. Chains and modes are in the
-    scenario; a `structure` whose step is written in Python stands in place of the arm in every run.
+    scenario; a `structure` whose step is written in Python is under test in every run if the scenario states none.
 
     A run whose scenario has no `simulation.duration_s` and whose controller does not end it fails with TimeLimit after
     `time_limit_s` of its samples' time; the emulated controller ends by itself. None is no limit.

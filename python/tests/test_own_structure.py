@@ -64,7 +64,8 @@ def test_a_plant_reads_the_same_as_that_of_the_library(converter):
 
 @pytest.fixture
 def scenario():
-    return resonarm.Scenario.load(ROOT / "scenarios/bench.toml", simulation={"duration_s": 0.2})
+    """A bench that leaves its structure to the program."""
+    return resonarm.Scenario.load(ROOT / "scenarios/bench.toml", simulation={"duration_s": 0.2}, structure=None)
 
 
 def test_free_and_lockstep_runs_have_the_same_bits(scenario, tmp_path):

@@ -114,7 +114,7 @@ def test_structures_compare_by_value():
     others = [
         resonarm.Chain.preset(angles_deg=(0, 75)),
         resonarm.Chain.preset(angles_deg=(1, 75)).replace({"link2.mass_kg": 40}),
-        arm.replace({"gravity_m_s2": 9.81}),
+        arm.replace({"link1.stiffness_nm_rad": 1e5}),
         resonarm.Chain(arm.links),
     ]
     for other in others:
