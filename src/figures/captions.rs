@@ -24,7 +24,7 @@ pub(crate) fn structure(scenario: &Scenario, tested: &TestedAssembly, varied: &[
     let changes = changes(scenario, varied);
     let line = called(scenario, tested, varied, &|changes| match changes {
         [one] => one.clone(),
-        many => format!("{} parameters set", many.len()),
+        many => format!("{} changed parameters", many.len()),
     });
     let more = if changes.len() > 1 { vec![format!("set: {}", changes.join(", "))] } else { Vec::new() };
     Subtitle { line, more }

@@ -266,7 +266,7 @@ fn a_named_structure_is_called_by_its_name() {
     let plot = ["frf", "--points", "2", "--plot", "figure", "--scenario", "own.toml", "--json"];
     assert_eq!(document(folder, 0, &plot)["configuration"]["structure"]["name"], "lab arm");
     let read = |file: &str| std::fs::read_to_string(folder.join(file)).unwrap();
-    assert!(read("figure.svg").contains(">lab arm with 2 parameters set<"));
+    assert!(read("figure.svg").contains(">lab arm with 2 changed parameters<"));
     assert!(
         read("figure.txt").ends_with("\nset: link1.length_m = 0.6 (preset 0.63), link2.mass_kg = 40 (preset 50.58)\n")
     );

@@ -14,17 +14,17 @@ from conftest import session
 EXAMPLES = Path(__file__).parents[2] / "examples/structures"
 WALK = """[control]
 law = "phase-walk"
-amplitude = {{ force_{axis}_n = {load} }}
+amplitude = {{ exciter_{axis} = {load} }}
 from_lag_deg = 60
 to_lag_deg = 120
 points = 3
 """
 STEPPED = """[excitation]
-amplitude = {{ force_{axis}_n = {load} }}
+amplitude = {{ exciter_{axis} = {load} }}
 profile = {{ waveform = "stepped-sine", {band}, steps = 2, dwell_s = 4.0, settle_s = 3.5 }}
 """
 RANDOM = """[excitation]
-amplitude = {{ force_{axis}_n = {load} }}
+amplitude = {{ exciter_{axis} = {load} }}
 profile = {{ waveform = "random", {band}, duration_s = 8.0, seed = 3 }}
 """
 # Of each its drive, a run whose responses lie on the computed branch, and a random force that leaves it linear, with
