@@ -1,13 +1,15 @@
 //! Watching a run: rings between its loops and the watcher.
 //!
 //! ```text
-//! run loop ── Watched::notify ───────► rings of records and commands, of responses ──► Watcher::take
+//! run loop ── Watched::notify ───────► rings of records and commands, of events,   ──► Watcher::take
+//!                                      of responses
 //!          ── Watched::notify_frame ─► ring of frames ───────────────────────────────►
 //!          ◄─ Watched::request ─────── ring of requests ◄───────────────────────────── Watcher::ask
 //! ```
 //!
 //! A slot of a ring is as large as its largest entry, and what a loop writes has to leave the other core's caches. So
-//! the few large responses have a separate ring.
+//! the few large responses have a separate ring. So have events: samples that come faster than they are taken, as of a
+//! run without a pace, crowd out no change of state.
 //!
 //! The loop's side never waits: an entry that finds a ring full is lost, and counted. The run does not depend on
 //! whether it is watched. Frames are passed on only while the watcher wants them.
@@ -20,9 +22,9 @@ use rtrb::{Consumer, Producer, RingBuffer};
 use resonarm_bench::control::{ResponsePoint, SetPoint};
 use resonarm_dynamics::arm::Load;
 use resonarm_files::recording::slots::{self, Entry, Slot};
-use resonarm_files::recording::{FrameRecord, Record};
+use resonarm_files::recording::{Event, FrameRecord, Record};
 
-/// Entries in a loop's ring at most: at 1 kHz two seconds.
+/// Entries in a loop's ring at most, and events: at 1 kHz two seconds.
 const NOTICES: usize = 1 << 13;
 /// Responses that wait at most.
 const RESPONSES: usize = 1 << 8;
@@ -130,6 +132,7 @@ struct Shared {
 struct Opened {
     end: End,
     often: Consumer<Slot<Often>>,
+    events: Consumer<Event>,
     responses: Consumer<ResponsePoint>,
     frames: Consumer<FrameRecord>,
     requests: Producer<Request>,
@@ -139,7 +142,11 @@ impl Opened {
     /// Whether the loop has ended and all its notices were taken.
     fn is_over(&self) -> bool {
         // First whether it has ended: all its notices are then in the rings.
-        self.often.is_abandoned() && self.often.is_empty() && self.responses.is_empty() && self.frames.is_empty()
+        self.often.is_abandoned()
+            && self.often.is_empty()
+            && self.events.is_empty()
+            && self.responses.is_empty()
+            && self.frames.is_empty()
     }
 }
 
@@ -148,6 +155,7 @@ impl Opened {
 pub struct Watched {
     end: End,
     often: Producer<Slot<Often>>,
+    events: Producer<Event>,
     responses: Producer<ResponsePoint>,
     frames: Producer<FrameRecord>,
     requests: Consumer<Request>,
@@ -185,14 +193,21 @@ impl Watch {
     /// Opens the rings of a loop, before it begins.
     pub fn open(&self, end: End) -> Watched {
         let (often, frames) = end.capacities();
+        let (events, event_reader) = RingBuffer::new(often);
         let ((often, often_reader), (frames, frame_reader)) = (RingBuffer::new(often), RingBuffer::new(frames));
         let (responses, response_reader) = RingBuffer::new(RESPONSES);
         let (writer, requests) = RingBuffer::new(REQUESTS);
-        let opened =
-            Opened { end, often: often_reader, responses: response_reader, frames: frame_reader, requests: writer };
+        let opened = Opened {
+            end,
+            often: often_reader,
+            events: event_reader,
+            responses: response_reader,
+            frames: frame_reader,
+            requests: writer,
+        };
         // If the watcher is gone, notices are lost, and counted.
         let _nobody = self.opened.send(opened);
-        Watched { end, often, responses, frames, requests, set_point: None, shared: Arc::clone(&self.shared) }
+        Watched { end, often, events, responses, frames, requests, set_point: None, shared: Arc::clone(&self.shared) }
     }
 }
 
@@ -206,6 +221,7 @@ impl Watched {
     #[inline]
     pub fn notify(&mut self, notice: Notice) {
         let is_queued = match notice {
+            Notice::Record(Record::Event(event)) => self.events.push(event).is_ok(),
             Notice::Record(record) => slots::push(&mut self.often, &record),
             Notice::Command(command) => slots::push_other(&mut self.often, Often::Command(command)),
             Notice::Response(response) => self.responses.push(response).is_ok(),
@@ -248,16 +264,17 @@ impl Watched {
 }
 
 impl Watcher {
-    /// Hands over the notices since the last call, at most `most` of each loop, oldest first; then responses and frames
-    /// likewise.
+    /// Hands over the notices since the last call, at most `most` of each loop, oldest first; then events, responses and
+    /// frames likewise.
     pub fn take(&mut self, most: usize, mut hand: impl FnMut(End, &Notice)) {
         self.open.extend(self.opening.try_iter());
-        for Opened { end, often, responses, frames, .. } in &mut self.open {
+        for Opened { end, often, events, responses, frames, .. } in &mut self.open {
             for _ in 0..most.min(often.slots()) {
                 if slots::pop(often, |entry| hand(*end, &Notice::from(entry))).is_none() {
                     break;
                 }
             }
+            drain(events, most, |event| hand(*end, &Notice::Record(Record::Event(*event))));
             drain(responses, most, |response| hand(*end, &Notice::Response(*response)));
             drain(frames, most, |frame| hand(*end, &Notice::Record(Record::Frame(*frame))));
         }
@@ -317,6 +334,20 @@ mod tests {
 
     fn tick(sample: u64) -> Notice {
         Notice::Record(Record::Tick(TickRecord { sample, wakeup_ns: 0, exec_ns: 0, overruns: 0, cause: None }))
+    }
+
+    /// The page of a demo without a pace showed its plant as armed when it had ended: its last event was lost.
+    #[test]
+    fn samples_crowd_out_no_event() {
+        let (watch, mut watcher) = watch();
+        let mut watched = watch.open(End::Plant);
+        (0..=NOTICES as u64).for_each(|sample| watched.notify(tick(sample)));
+        let event =
+            Notice::Record(Record::Event(Event { sample: 9000, time_ns: 0, name: "state.pre_operational", value: 0 }));
+        watched.notify(event);
+        let mut last = None;
+        watcher.take(usize::MAX, |_, notice| last = Some(*notice));
+        assert_eq!((last, watcher.lost()), (Some(event), 1));
     }
 
     #[test]
