@@ -402,6 +402,8 @@ def check_arm(updates, recording, about, start_ns):
 def test_the_client_of_foxglove_s_makers_reads_the_stream(programs, tmp_path, subprotocol):
     run = free_run(programs, "--record", tmp_path / "run.mcap")
     viewer = Viewer(*address(run))
+    # The page is there a little before the loop that takes set-points.
+    viewer.next("update")
     assert viewer.ask({"set": {"load": 30, "frequency_hz": 18, "phase_deg": 0}}) == {"kind": "taken"}
     received, messages = streamed(run, subprotocol, *(TOPICS - {"/timing/ticks", "/events"}))
     assert received["serverInfo"]["name"].startswith("resonarm ")
