@@ -33,6 +33,7 @@ def test_the_numbers_are_those_that_are_recorded(programs, tmp_path):
     scenario.write_text(SMALL_RANGE.format(1.0))
     run = free_run(programs, "--record", recording, "--scenario", scenario)
     viewer = Viewer(*address(run))
+    viewer.next("update")
     assert viewer.ask({"set": {"load": 50, "frequency_hz": 18, "phase_deg": 0}}) == {"kind": "taken"}
     rows, stretches = {}, {}
     while len(rows) < 1500:
