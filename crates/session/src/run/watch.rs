@@ -24,15 +24,15 @@ use resonarm_dynamics::arm::Load;
 use resonarm_files::recording::slots::{self, Entry, Slot};
 use resonarm_files::recording::{Event, FrameRecord, Record};
 
-/// Entries in a loop's ring at most, and events: at 1 kHz two seconds.
+/// Entries in a loop's ring at most: at 1 kHz two seconds.
 const NOTICES: usize = 1 << 13;
 /// Responses that wait at most.
 const RESPONSES: usize = 1 << 8;
 /// Frames that wait at most: two seconds at 1 kHz with four a sample, its command and the plant's three; 1 MiB. They
 /// have a separate ring, so that a jammed bus crowds out nothing else.
 const FRAMES: usize = 1 << 13;
-/// Entries in the ring of the thread beside a loop at most: it reports missed deadlines only.
-const NOTICES_BESIDE: usize = 1 << 10;
+/// Events that wait at most: 120,000 a second, if they are taken thirty times a second.
+const EVENTS: usize = 1 << 12;
 /// Requests that wait to be taken.
 const REQUESTS: usize = 64;
 
@@ -99,7 +99,8 @@ pub enum End {
     Exciter,
     /// The exciter's, of a run in which the plant passes on the samples.
     ExciterBesidePlant,
-    /// No loop: the thread beside the plant's that looks at who has its core. It takes no requests.
+    /// No loop: the thread beside the plant's that looks at who has its core. It reports missed deadlines, which are events,
+    /// and takes no requests.
     CoreWatch,
 }
 
@@ -109,7 +110,7 @@ impl End {
         match self {
             End::Plant | End::Exciter => (NOTICES, FRAMES),
             End::ExciterBesidePlant => (NOTICES, 0),
-            End::CoreWatch => (NOTICES_BESIDE, 0),
+            End::CoreWatch => (0, 0),
         }
     }
 }
@@ -193,7 +194,7 @@ impl Watch {
     /// Opens the rings of a loop, before it begins.
     pub fn open(&self, end: End) -> Watched {
         let (often, frames) = end.capacities();
-        let (events, event_reader) = RingBuffer::new(often);
+        let (events, event_reader) = RingBuffer::new(EVENTS);
         let ((often, often_reader), (frames, frame_reader)) = (RingBuffer::new(often), RingBuffer::new(frames));
         let (responses, response_reader) = RingBuffer::new(RESPONSES);
         let (writer, requests) = RingBuffer::new(REQUESTS);
