@@ -95,8 +95,8 @@ fn of_recordings_of_another_kind() -> TestResult {
     let (topic, schema) = ("/can/frames", "resonarm.v1.FrameBatch");
     let recording = open(&good, topic, schema)?;
     insta::assert_snapshot!(text(recording.states(), &directory)?, @"recording `run.mcap` has no topic `/plant/steps`: it was taken out by another tool; go back to the original file");
-    insta::assert_snapshot!(text(open(&[("format", "6"), ("version", "9.1.0")], topic, "acme.Samples"), &directory)?, @"recording `run.mcap` has format 6, written by resonarm 9.1.0: this is resonarm 0.1.0, which reads format 5; read it with version 9.1.0");
-    insta::assert_snapshot!(text(open(&[("format", "2"), ("version", "0.0.9")], topic, schema), &directory)?, @"recording `run.mcap` has format 2, written by resonarm 0.0.9: this is resonarm 0.1.0, which reads format 5; read it with version 0.0.9");
+    insta::assert_snapshot!(text(open(&[("format", "6"), ("version", "9.1.0")], topic, "acme.Samples"), &directory)?, @"recording `run.mcap` has format 6, written by resonarm 9.1.0, and this program, resonarm 0.1.0, reads format 5: read it with the program that wrote it");
+    insta::assert_snapshot!(text(open(&[("format", "2"), ("version", "0.0.9")], topic, schema), &directory)?, @"recording `run.mcap` has format 2, written by resonarm 0.0.9, and this program, resonarm 0.1.0, reads format 5: read it with the program that wrote it");
     insta::assert_snapshot!(text(open(&[("format", "three")], topic, schema), &directory)?, @"recording `run.mcap` states `format` as `three` in its metadata `resonarm.recording`, expected a version of the format");
     insta::assert_snapshot!(text(open(&[("format", "5")], topic, schema), &directory)?, @"recording `run.mcap` states `dt_s` as `` in its metadata `resonarm.recording`, expected a time in s");
     insta::assert_snapshot!(text(open(&[("format", "5"), ("dt_s", "-1")], topic, schema), &directory)?, @"recording `run.mcap` states `dt_s` as `-1` in its metadata `resonarm.recording`, expected a finite time above 0 s");

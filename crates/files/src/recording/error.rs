@@ -144,8 +144,8 @@ pub enum RecordingError {
     },
     /// The file has a format that this version does not read.
     #[error(
-        "recording `{path}` has format {format}, written by resonarm {writer}: this is resonarm {version}, which reads \
-         format {FORMAT}; read it with version {writer}", version = env!("CARGO_PKG_VERSION")
+        "recording `{path}` has format {format}, written by resonarm {writer}, and this program, resonarm {version}, reads \
+         format {FORMAT}: read it with the program that wrote it", version = env!("CARGO_PKG_VERSION")
     )]
     OtherFormat {
         /// The file.
