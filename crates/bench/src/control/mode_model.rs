@@ -23,7 +23,7 @@ const USABLE: f64 = 0.8;
 /// The structure as a controller models it.
 #[derive(Clone, Copy, Debug)]
 pub struct Modelled<'a> {
-    /// The structure.
+    /// The structure under test, and where the rig is on it.
     pub tested: &'a TestedAssembly,
     /// The armature of the shaker that drives it, if one does.
     pub armature: Option<Armature>,

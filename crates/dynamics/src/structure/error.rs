@@ -76,7 +76,7 @@ pub enum StructureError {
     /// A preset's text can't be read.
     #[error("preset `{name}`: {reason}")]
     PresetText {
-        /// The preset.
+        /// The name of the preset.
         name: &'static str,
         /// What is wrong with it.
         reason: String,

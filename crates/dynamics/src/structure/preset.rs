@@ -22,7 +22,7 @@ pub enum Preset {
     Irb1600Fitted,
 }
 
-/// A preset's file.
+/// What the TOML file of a preset contains.
 #[derive(Deserialize)]
 #[serde(deny_unknown_fields)]
 struct PresetFile {
