@@ -26,6 +26,7 @@ def main():
     pages = collect()
     reference.write(ROOT, SOURCE / "docs/reference", os.environ["RESONARM_BIN"])
     shutil.copy(ROOT / "docs/zensical.toml", SOURCE.parent / "zensical.toml")
+    copy(ROOT / "docs/site.css")
     build = subprocess.run(["zensical", "build", "--strict", "--config-file", SOURCE.parent / "zensical.toml"])
     wrong = broken_links() + fetched_at_view_time()
     print(*wrong, sep="\n")
