@@ -4,17 +4,22 @@
 use std::thread;
 use std::time::Instant;
 
-use resonarm::analysis::{AnalysisError, BifurcationKind, Branch, BranchOptions, Coordinate, ForcedArm, trace};
-use resonarm::arm::{Arm, ArmError, Load, Pose, Preset};
+use resonarm::analysis::structure::{Branch, Coordinate, Forced, TraceOptions, trace};
+use resonarm::analysis::{AnalysisError, BifurcationKind};
+use resonarm::structure::{Assembly, BodySpec, Preset, StructureSpec};
 
-fn forced(beta2_deg: f64) -> Result<ForcedArm, ArmError> {
-    let arm = Arm::new(Preset::Irb1600Fitted.parameters()?, Pose { beta1_deg: 0.0, beta2_deg })?;
-    Ok(ForcedArm::new(arm, Load::torque_nm(1.0, 0.0), 60.0))
+fn forced(beta2_deg: f64) -> Result<Forced, Box<dyn std::error::Error>> {
+    let mut chain = Preset::Irb1600Fitted.chain()?;
+    chain.links.iter_mut().zip([0.0, beta2_deg]).for_each(|(link, angle_deg)| link.angle_deg = angle_deg);
+    let arm = Assembly::new(&StructureSpec { body: BodySpec::Chain(chain), elements: vec![] })?;
+    let joint = arm.dof("joint1")?;
+    Ok(Forced::new(arm, joint, 60.0))
 }
 
-fn branch(forced: &ForcedArm, from_hz: f64, to_hz: f64) -> Result<Branch, AnalysisError> {
-    trace(forced.clone(), from_hz, Coordinate::FrequencyHz, &BranchOptions::new(from_hz, to_hz))
-        .map_err(AnalysisError::from)
+fn branch(forced: &Forced, from_hz: f64, to_hz: f64) -> Result<Branch, AnalysisError> {
+    let read = vec![forced.drives()[0].0];
+    let options = TraceOptions::new(forced, Coordinate::FrequencyHz, [from_hz, to_hz], read);
+    trace(forced, from_hz, Coordinate::FrequencyHz, &options).map_err(AnalysisError::from)
 }
 
 /// The result and the time of a computation, s.
@@ -36,7 +41,7 @@ fn peer() -> Result<(), Box<dyn std::error::Error>> {
             best = (result?, seconds);
         }
     }
-    let harmonics = best.0.orbits.iter().map(|orbit| orbit.harmonics()).max().unwrap_or(0);
+    let harmonics = best.0.orbits.iter().map(|orbit| orbit.harmonics).max().unwrap_or(0);
     print!("RESONARM {harmonics} {:.6} {}", best.1, best.0.orbits.len());
     for fold in best.0.bifurcations.iter().filter(|b| b.kind == BifurcationKind::Fold) {
         print!(" {:.11}", fold.orbit.frequency_hz);
@@ -49,7 +54,7 @@ fn peer() -> Result<(), Box<dyn std::error::Error>> {
 fn fig4() -> Result<(), Box<dyn std::error::Error>> {
     let poses = [0.0, 60.0, 120.0, 30.0, 90.0, 150.0].map(forced).into_iter().collect::<Result<Vec<_>, _>>()?;
     let cores = thread::available_parallelism()?.get();
-    let trace_all = |arms: &[ForcedArm]| arms.iter().map(|arm| branch(arm, 0.5, 80.0)).collect::<Result<Vec<_>, _>>();
+    let trace_all = |arms: &[Forced]| arms.iter().map(|arm| branch(arm, 0.5, 80.0)).collect::<Result<Vec<_>, _>>();
     let (branches, seconds) = timed(|| {
         thread::scope(|scope| {
             let threads: Vec<_> =

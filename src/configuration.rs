@@ -3,7 +3,6 @@
 use serde_json::{Value, json};
 
 use crate::failure::Failure;
-use resonarm::arm::Load;
 use resonarm::excitation::Amplitude;
 use resonarm::plant::TestedAssembly;
 use resonarm::scenario::{Scenario, ScenarioError, StructureKind};
@@ -33,8 +32,7 @@ pub(crate) fn computable(scenario: &Scenario) -> Result<Option<TestedAssembly>, 
     if scenario.foreign_structure().is_some() { Ok(None) } else { scenario.under_test().map(Some) }
 }
 
-/// The structure of a scenario and the peak load of its control or excitation by what it drives: N, N·m at a joint. Of a
-/// structure whose equations are not known, forces act at `exciter_x` and `exciter_y`.
+/// The structure of a scenario and the peak loads of its control or excitation.
 pub(crate) fn of_scenario(scenario: &Scenario) -> Result<Value, Failure> {
     let tested = computable(scenario)?;
     let mut configuration = match &tested {
@@ -42,51 +40,32 @@ pub(crate) fn of_scenario(scenario: &Scenario) -> Result<Value, Failure> {
         None => json!({ "structure": scenario.structure }),
     };
     if let Some(amplitude) = scenario.amplitude() {
-        configuration["drive"] = match &tested {
-            Some(tested) => {
-                let named = |(dof, load): (Dof, f64)| (tested.dof_name(dof), json!(load));
-                tested.drives(amplitude).into_iter().map(named).collect()
-            }
-            None => {
-                let Amplitude { torque1_nm, torque2_nm, force_x_n, force_y_n } = *amplitude;
-                let loads = [torque1_nm, torque2_nm, force_x_n, force_y_n];
-                let named = ["joint1", "joint2", "exciter_x", "exciter_y"].map(String::from).into_iter().zip(loads);
-                named.filter(|(_, load)| *load != 0.0).map(|(name, load)| (name, json!(load))).collect()
-            }
+        configuration["drive"] = commanded(amplitude, tested.as_ref());
+    }
+    Ok(configuration)
+}
+
+/// The loads that a scenario commands, in the form of [`Drive::document`](crate::drive::Drive::document), by the degrees
+/// of freedom that they act on. A load has its key in the scenario in place of that if nothing of the structure takes it,
+/// or if the equations of the structure are not known.
+fn commanded(amplitude: &Amplitude, tested: Option<&TestedAssembly>) -> Value {
+    let Amplitude { torque1_nm, torque2_nm, force_x_n, force_y_n } = *amplitude;
+    let loads = [
+        ("joint1", torque1_nm, "N·m"),
+        ("joint2", torque2_nm, "N·m"),
+        ("exciter_x", force_x_n, "N"),
+        ("exciter_y", force_y_n, "N"),
+    ];
+    let dofs = tested.map_or([None; 4], TestedAssembly::loaded);
+    let commanded = loads.into_iter().zip(dofs).filter(|((_, amplitude, _), _)| *amplitude != 0.0);
+    let named = |((key, amplitude, unit), dof): ((&str, f64, &str), Option<Dof>)| {
+        let name = match (tested, dof) {
+            (Some(tested), Some(dof)) => tested.dof_name(dof),
+            _ => String::from(key),
         };
-    }
-    Ok(configuration)
-}
-
-/// The arm with all its parameters, and its pose, or the structure in its place: results of every command depend on
-/// them.
-pub(crate) fn of_arm(scenario: &Scenario) -> Result<Value, Failure> {
-    if scenario.is_fmu() {
-        return Ok(json!({ "structure": scenario.structure }));
-    }
-    if let Some(tested) = scenario.tested_structure()? {
-        return Ok(of_section(scenario, &tested));
-    }
-    let arm = scenario.build_arm()?;
-    let mut configuration = json!({
-        "preset": scenario.structure.preset,
-        "parameters": arm.parameters(),
-        "beta1_deg": arm.pose().beta1_deg,
-        "beta2_deg": arm.pose().beta2_deg,
-    });
-    // β is the pose of the relaxed springs; at α = 0 the joints are deflected by this much.
-    if arm.parameters().gravity.is_some() {
-        configuration["static_deflection_rad"] = json!(<[f64; 2]>::from(arm.static_deflection_rad()));
-    }
-    if let Some(name) = &scenario.structure.name {
-        configuration["name"] = json!(name);
-    }
-    Ok(configuration)
-}
-
-/// The section `[structure]` as it is stated, with name and unit of each coordinate.
-pub(crate) fn of_section(scenario: &Scenario, tested: &TestedAssembly) -> Value {
-    json!({ "structure": scenario.structure, "coordinates": coordinates(&tested.assembly) })
+        (name, json!({ "amplitude": amplitude, "unit": unit }))
+    };
+    commanded.map(named).collect()
 }
 
 /// Name and unit of each coordinate of a structure.
@@ -127,12 +106,4 @@ fn channels(assembly: &Assembly) -> Vec<Channel> {
         CoordinateUnit::MetreRootKilogram => Coordinates::Modes,
     };
     coordinate_channels(of, assembly.coordinates())
-}
-
-/// The arm or structure, and the peak load.
-pub(crate) fn of(scenario: &Scenario, load: &Load) -> Result<Value, Failure> {
-    let mut configuration = of_arm(scenario)?;
-    configuration["torque_nm"] = json!(<[f64; 2]>::from(load.torque_nm));
-    configuration["force_n"] = json!(<[f64; 2]>::from(load.force_n));
-    Ok(configuration)
 }

@@ -4,11 +4,11 @@ use clap::{Arg, Command};
 
 use crate::commands::{demo, exciter, experiment, run};
 use crate::failure::Failure;
-use resonarm::arm::Preset;
 use resonarm::control::PhaseWalkSpec;
 use resonarm::excitation::Amplitude;
 use resonarm::run::{Mode, Speed};
 use resonarm::scenario::Scenario;
+use resonarm::structure::Preset;
 use resonarm_numeric::number::short;
 
 /// A command, or its subcommands, with `[default: …]` after the help of every flag whose default comes from a scenario.
@@ -109,7 +109,7 @@ mod tests {
             ("simulate", _) => "--duration-s 1",
             ("exciter", _) => "--bus vcan0",
             ("conformance", _) => "--bus vcan0 --role plant",
-            ("experiment walk", _) => "--torque1-nm 1",
+            ("experiment walk", _) => "--drive joint1=1",
             ("paper", _) => "fig4",
             ("modes", "points") => "--over link2.angle_deg --from 0 --to 9",
             ("identify", "integration") => "x --angles y",
@@ -280,6 +280,7 @@ mod tests {
         basins --coordinates: the first and its rate
         basins --from: minus the last
         basins --to: 1.5 times as far as the largest stable motion reaches
+        compare --at: where they move most, without clipped readings if possible
         fmu --library: libresonarm_fmu.so beside this program
         ");
     }

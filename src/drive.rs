@@ -1,14 +1,18 @@
 //! The excitation of the commands that analyse a structure: loads A·sin(2πft) at its degrees of freedom.
 
+use std::collections::BTreeMap;
 use std::str::FromStr;
 
 use clap::Args;
-use serde_json::{Map, Value, json};
+use serde::{Deserialize, Serialize};
+use serde_json::{Value, json};
 
 use crate::failure::Failure;
 use crate::numbers;
 use crate::read_at::{ReadAt, dof};
 use resonarm::analysis::structure::Forced;
+use resonarm::excitation::Amplitude;
+use resonarm::plant::TestedAssembly;
 use resonarm::structure::{Assembly, Dof};
 use resonarm_numeric::number::short;
 
@@ -24,8 +28,8 @@ pub(crate) struct DriveFlags {
 /// A degree of freedom, with an amplitude or without.
 #[derive(Clone, Debug, PartialEq)]
 pub(crate) struct LoadFlag {
-    name: String,
-    amplitude: Option<f64>,
+    pub name: String,
+    pub amplitude: Option<f64>,
 }
 
 impl FromStr for LoadFlag {
@@ -49,6 +53,15 @@ pub(crate) struct Load {
     pub at: ReadAt,
     /// Its peak, N, N·m at a joint, or m/s² of a base.
     pub amplitude: f64,
+}
+
+/// A load in a document, which names the degree of freedom.
+#[derive(Clone, Debug, Serialize, Deserialize)]
+pub(crate) struct LoadDocument {
+    pub amplitude: f64,
+    /// Other programs may leave it out.
+    #[serde(default)]
+    pub unit: Option<String>,
 }
 
 /// Loads in phase, at least one.
@@ -128,11 +141,48 @@ pub(crate) fn missing(flag: &str, assembly: &Assembly) -> Failure {
     Failure::usage(format!("the excitation is missing: give it by {flag}, with DOF one of {known}"))
 }
 
-fn lacks_amplitude(name: &str, dof: Dof) -> Failure {
+/// The refusal of a load without its amplitude.
+pub(crate) fn lacks_amplitude(name: &str, dof: Dof) -> Failure {
     Failure::usage(format!("--drive {name} has no amplitude: give --drive {name}=A, in {}", dof.load_unit()))
 }
 
 impl Drive {
+    /// The loads of a scenario's exciter; `None` if it drives nothing of the structure.
+    pub fn of_exciter(amplitude: &Amplitude, tested: &TestedAssembly) -> Option<Drive> {
+        let load = |(dof, amplitude)| Load { at: ReadAt { dof, name: tested.dof_name(dof) }, amplitude };
+        let loads: Vec<Load> = tested.driven(amplitude).into_iter().map(load).collect();
+        (!loads.is_empty()).then_some(Drive { loads })
+    }
+
+    /// The loads of a document, by the names of the degrees of freedom.
+    ///
+    /// # Errors
+    /// If the structure has no such degree of freedom, or a load has another unit than it has there.
+    pub fn of_document(loads: &BTreeMap<String, LoadDocument>, assembly: &Assembly) -> Result<Drive, Failure> {
+        let load = |(name, load): (&String, &LoadDocument)| {
+            let dof = dof("drive", name, assembly)?;
+            match &load.unit {
+                Some(unit) if unit != dof.load_unit() => {
+                    Err(Failure::usage(format!("the drive at {name} is in {unit}: give it in {}", dof.load_unit())))
+                }
+                _ => Ok(Load { at: ReadAt { dof, name: name.clone() }, amplitude: load.amplitude }),
+            }
+        };
+        Ok(Drive { loads: loads.iter().map(load).collect::<Result<_, Failure>>()? })
+    }
+
+    /// The size of the loads together: √Σ A², as that of a force along a direction.
+    pub fn size(&self) -> f64 {
+        self.loads.iter().map(|load| load.amplitude * load.amplitude).sum::<f64>().sqrt()
+    }
+
+    /// All loads times a factor.
+    #[must_use]
+    pub fn scaled(&self, factor: f64) -> Drive {
+        let scaled = |load: &Load| Load { amplitude: factor * load.amplitude, ..load.clone() };
+        Drive { loads: self.loads.iter().map(scaled).collect() }
+    }
+
     /// The structure under these loads.
     pub fn forced(&self, assembly: &Assembly) -> Forced {
         let amplitude = self.amplitude();
@@ -162,16 +212,28 @@ impl Drive {
 
     /// The loads in words: `60 N·m at joint1`.
     pub fn words(&self) -> String {
+        self.words_by(|amplitude| short(&amplitude).to_string())
+    }
+
+    /// The same with at most three decimals, of loads that were measured.
+    pub fn rounded_words(&self) -> String {
+        self.words_by(|amplitude| short(&((1e3 * amplitude).round() / 1e3)).to_string())
+    }
+
+    fn words_by(&self, number: impl Fn(f64) -> String) -> String {
         let one = |Load { at, amplitude }: &Load| {
-            let amplitude = short(amplitude).to_string().replace('-', "−");
+            let amplitude = number(*amplitude).replace('-', "−");
             format!("{amplitude} {} at {}", at.dof.load_unit(), at.name)
         };
         self.loads.iter().map(one).collect::<Vec<_>>().join(", ")
     }
 
-    /// The amplitudes by the degrees of freedom.
+    /// The amplitudes and their units by the degrees of freedom.
     pub fn document(&self) -> Value {
-        let load = |load: &Load| (load.at.name.clone(), json!(load.amplitude));
-        Value::Object(self.loads.iter().map(load).collect::<Map<_, _>>())
+        let document = |Load { at, amplitude }: &Load| LoadDocument {
+            amplitude: *amplitude,
+            unit: Some(at.dof.load_unit().to_owned()),
+        };
+        self.loads.iter().map(|load| (load.at.name.clone(), json!(document(load)))).collect()
     }
 }

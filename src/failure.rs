@@ -10,7 +10,6 @@ use thiserror::Error;
 
 use resonarm::analysis::AnalysisError;
 use resonarm::analysis::time_domain::TimeDomainError;
-use resonarm::arm::ArmError;
 use resonarm::bus::BusError;
 use resonarm::export::ExportError;
 use resonarm::identification::IdentificationError;
@@ -54,8 +53,6 @@ pub(crate) enum Failure {
     Usage(String),
     #[error(transparent)]
     Scenario(#[from] ScenarioError),
-    #[error(transparent)]
-    Arm(#[from] ArmError),
     #[error(transparent)]
     Plant(#[from] PlantSpecError),
     #[error(transparent)]
@@ -180,7 +177,7 @@ impl Failure {
             Failure::Integrate(error) => integrate(error),
             Failure::Step(error) => step(error),
             Failure::TimeDomain(error) | Failure::Study(StudyError::TimeDomain(error)) => time_domain(error),
-            Failure::Paper(PaperError::Settings(_) | PaperError::Measured(_) | PaperError::Arm(_)) => Exit::Usage,
+            Failure::Paper(PaperError::Settings(_) | PaperError::Measured(_)) => Exit::Usage,
             Failure::Paper(_) => Exit::Negative,
             Failure::Study(StudyError::Journal(error)) => journal(error),
             Failure::Write { source, .. }

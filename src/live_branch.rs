@@ -1,8 +1,10 @@
 //! The computed branch of the live view: the motions on which the responses that are read should lie.
 
+use crate::drive::Drive;
 use crate::figures::branches::stretches;
+use crate::measured_points::size;
 use resonarm::analysis::BifurcationKind;
-use resonarm::analysis::structure::{Branch, Coordinate, Forced, Orbit, Reading, TraceOptions, trace};
+use resonarm::analysis::structure::{Branch, Coordinate, Orbit, Reading, TraceOptions, trace};
 use resonarm::scenario::{Scenario, ScenarioError};
 use resonarm::structure::Dof;
 use resonarm_live::{BranchLines, ComputeBranch};
@@ -12,19 +14,17 @@ const TURN_RAD: f64 = 0.1;
 /// The branch goes beyond the responses by this part of their frequencies.
 const MARGIN: f64 = 0.02;
 
-/// Computes the branch of the load at which the scenario's responses are read; `None` without a load, of a structure
-/// that a program makes, and of an FMU.
+/// Computes the branch of the load at which the scenario's responses are read; `None` without a load, and of a structure
+/// whose equations are unknown: one that a program makes, and an FMU.
 pub(crate) fn compute(scenario: &Scenario) -> Result<Option<ComputeBranch>, ScenarioError> {
     let Some(amplitude) = scenario.amplitude().filter(|_| scenario.foreign_structure().is_none()) else {
         return Ok(None);
     };
     let tested = scenario.under_test()?;
-    let drives = tested.drives(amplitude);
-    let load = drives.iter().map(|(_, load)| load * load).sum::<f64>().sqrt();
-    let shares: Vec<(Dof, f64)> = drives.into_iter().map(|(dof, one)| (dof, one / load)).collect();
-    let read: Vec<Dof> = tested.read().into_iter().map(|read| read.dof).collect();
+    let Some(drive) = Drive::of_exciter(amplitude, &tested) else { return Ok(None) };
+    let read: Vec<Dof> = tested.read().iter().map(|read| read.dof).collect();
     Ok(Some(Box::new(move |low_hz, high_hz| {
-        let forced = Forced::at_several(tested.assembly.clone(), &shares, load);
+        let forced = drive.forced(&tested.assembly);
         let ends = [(1.0 - MARGIN) * low_hz, (1.0 + MARGIN) * high_hz];
         let mut options = TraceOptions::new(&forced, Coordinate::FrequencyHz, ends, read.clone());
         options.branch.continuation.largest_turn_rad = TURN_RAD;
@@ -36,7 +36,7 @@ pub(crate) fn compute(scenario: &Scenario) -> Result<Option<ComputeBranch>, Scen
 
 /// Fundamentals of the displacements that are read.
 fn lines(branch: &Branch) -> BranchLines {
-    let size = |reading: &Reading| libm::hypot(reading.harmonic1.re, reading.harmonic1.im);
+    let size = |reading: &Reading| size(reading.harmonic1);
     let at = |orbit: &Orbit| core::iter::once(orbit.value).chain(orbit.readings.iter().map(size)).collect::<Vec<f64>>();
     let mut lines = BranchLines::default();
     for (stretch, is_stable) in stretches(branch) {

@@ -3,10 +3,10 @@
 //! Results go to standard output, logs to standard error. Exit codes: 0 done, 1 a negative verdict, 2 bad usage or
 //! input, 3 the environment lacks something.
 
-mod arm_drive;
 mod basin_cells;
 mod basin_grid;
 mod commands;
+mod computed_branch;
 mod configuration;
 mod continuation_flags;
 mod defaults;
@@ -21,6 +21,7 @@ mod live;
 #[cfg(feature = "live")]
 mod live_branch;
 mod logging;
+mod measured_points;
 mod memory;
 mod motion_flags;
 mod numbers;
@@ -32,10 +33,8 @@ mod recordings;
 mod responses;
 mod session;
 mod status;
-mod structures;
 mod study;
 mod supervise;
-mod walk_point;
 
 #[cfg(test)]
 mod readme_tests;

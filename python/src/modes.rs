@@ -2,9 +2,9 @@
 
 use pyo3::prelude::*;
 use pyo3::types::PyTuple;
-use resonarm::arm::Preset;
 use resonarm::integrate::Scheme;
 use resonarm::scenario::SimulationSection;
+use resonarm::structure::Preset;
 
 use crate::errors;
 

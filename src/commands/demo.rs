@@ -7,15 +7,17 @@ use clap::Args;
 use serde::Serialize;
 
 use crate::commands::exciter::complaint as complaint_of_exciter;
+use crate::computed_branch::ComputedBranch;
 use crate::configuration;
+use crate::drive::Drive;
 use crate::failure::{Failure, Verdict};
+use crate::figures::captions;
 use crate::flags::{self, StructureFlags};
 use crate::live::{LiveFlags, Role, ShownRole};
+use crate::measured_points::{self, MeasuredPoint};
 use crate::output::{self, Inputs, JsonFlag};
 use crate::session::{PlantDocument, complaint, report_text};
 use crate::status::{Status, Style};
-use crate::structures;
-use crate::structures::walk::{self, Computed, StructurePoint};
 use crate::supervise::supervise;
 use resonarm::control::{ControlSpec, PhaseWalkSpec};
 use resonarm::realtime::ThreadSetup;
@@ -57,7 +59,7 @@ struct Document<'a> {
     plant: PlantDocument<'a>,
     /// The figure's files; none if no point was read.
     figures: Vec<PathBuf>,
-    points: &'a [StructurePoint],
+    points: &'a [MeasuredPoint],
 }
 
 pub(crate) fn scenario() -> Result<Scenario, Failure> {
@@ -126,11 +128,16 @@ impl Demo {
         control: &ControlSpec,
         BothReport { plant, exciter }: BothReport,
     ) -> Result<Verdict, Failure> {
-        let tested = scenario.under_test()?;
-        let points = walk::points(&tested, &exciter.responses);
-        let figures = match Computed::new(&tested, control.amplitude(), &exciter.responses)? {
+        let (tested, amplitude) = (scenario.under_test()?, control.amplitude());
+        let points = measured_points::points(&tested, &exciter.responses);
+        let computed = Drive::of_exciter(amplitude, &tested)
+            .map(|drive| ComputedBranch::new(&tested.assembly, &drive, &points, None))
+            .transpose()?
+            .flatten();
+        let figures = match computed {
             Some(computed) => {
-                let figure = computed.figure("Phase walk over the resonance", scenario, &tested, &exciter.responses);
+                let conditions = captions::structure(scenario, &tested, &[]);
+                let figure = computed.figure("Phase walk over the resonance", conditions, &points);
                 output::draw(figure, &self.out.join("response"))?
             }
             None => Vec::new(),
@@ -140,7 +147,7 @@ impl Demo {
         let text = || {
             let plotted = output::listed(&document.figures);
             let plotted = if plotted.is_empty() { plotted } else { format!("plot         {plotted}\n") };
-            walk::table(&points, control.amplitude().unit()) + "\n" + &report_text(&plant) + &plotted
+            measured_points::table(&points, amplitude.unit()) + "\n" + &report_text(&plant) + &plotted
         };
         self.json.show(&document, text, &[])?;
         let complaints = [complaint(&plant), complaint_of_exciter(&exciter)];
@@ -164,7 +171,7 @@ fn control(scenario: &mut Scenario) -> Result<ControlSpec, Failure> {
 /// Describes the run that is about to start.
 fn introduction(scenario: &Scenario, control: &ControlSpec, mode: Mode, speed: Speed) -> Result<String, Failure> {
     let tested = scenario.under_test()?;
-    let (modes, label) = (tested.assembly.modes(), structures::label(scenario, &tested));
+    let (modes, label) = (tested.assembly.modes(), captions::label(scenario, &tested));
     let first = modes.first();
     let (first_hz, damping_ratio) = first.map_or((f64::NAN, f64::NAN), |mode| (mode.frequency_hz, mode.damping_ratio));
     let settling_s = 1.0 / (core::f64::consts::TAU * first_hz * damping_ratio);

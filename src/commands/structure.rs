@@ -8,9 +8,9 @@ use serde_json::Value;
 
 use crate::configuration;
 use crate::failure::{Failure, Verdict};
+use crate::figures::captions::label;
 use crate::flags::read_scenario;
 use crate::output::{self, Inputs, JsonFlag, OverwriteFlag};
-use crate::structures::label;
 use resonarm::plant::TestedAssembly;
 use resonarm::scenario::structure::NotModal;
 use resonarm::scenario::{Scenario, StructureSection};
@@ -42,8 +42,10 @@ pub(crate) struct Structure {
 /// What is printed with --json.
 #[derive(Serialize)]
 struct Document {
-    /// The section, with the name and unit of each coordinate.
+    /// The section.
     configuration: Value,
+    /// Name and unit of each coordinate.
+    coordinates: Value,
     /// The names of the points.
     points: Vec<String>,
     /// What a load can act on and what is read: point and axis, or a joint.
@@ -64,7 +66,7 @@ impl Structure {
         self.overwrite.check(self.out.clone(), &Inputs::of_scenario(read))?;
         let scenario = self.scenario()?;
         let tested = scenario.under_test()?;
-        let document = Document::new(&scenario, &tested)?;
+        let document = Document::new(&scenario, &tested);
         let mut written = Vec::new();
         if let Some(path) = &self.out {
             written.push(output::write(path.clone(), &toml_of(&scenario.structure)?)?);
@@ -98,15 +100,16 @@ fn toml_of(section: &StructureSection) -> Result<String, Failure> {
 }
 
 impl Document {
-    fn new(scenario: &Scenario, tested: &TestedAssembly) -> Result<Document, Failure> {
+    fn new(scenario: &Scenario, tested: &TestedAssembly) -> Document {
         let modes = tested.assembly.modes();
-        Ok(Document {
+        Document {
             configuration: configuration::of_structure(scenario, tested),
+            coordinates: configuration::coordinates(&tested.assembly),
             points: tested.assembly.points(),
             degrees_of_freedom: tested.assembly.dof_names(),
             natural_frequencies_hz: modes.iter().map(|mode| mode.frequency_hz).collect(),
             damping_ratios: modes.iter().map(|mode| mode.damping_ratio).collect(),
-        })
+        }
     }
 
     fn text(&self, scenario: &Scenario, tested: &TestedAssembly) -> String {

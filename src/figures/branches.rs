@@ -3,10 +3,20 @@
 
 use resonarm::analysis::structure::{Branch, Coordinate, Orbit};
 use resonarm::analysis::{self, BifurcationKind};
-use resonarm_figures::plot::{Axis, Color, Dash, Figure, Panel, Series, Style};
+use resonarm_figures::plot::{Axis, Color, Dash, Figure, Marker, Panel, Series, Style};
 
-use crate::figures::branch_plot::{BIFURCATIONS, doubled};
 use crate::read_at::{ReadAt, cells, columns};
+
+/// Width of the lines of doubled branches, px: half of that of the others.
+const THIN: f64 = 0.8;
+
+/// The kinds of bifurcation with their label and mark.
+const BIFURCATIONS: [(BifurcationKind, &str, Marker); 4] = [
+    (BifurcationKind::Fold, "fold", Marker::Circle),
+    (BifurcationKind::PeriodDoubling, "period doubling", Marker::Square),
+    (BifurcationKind::NeimarkSacker, "Neimark–Sacker", Marker::Triangle),
+    (BifurcationKind::BranchPoint, "branch point", Marker::Diamond),
+];
 
 /// A motion of a branch, in order.
 struct Row<'a> {
@@ -92,6 +102,16 @@ pub(crate) fn with_branches(mut panel: Panel, branches: &[&Branch], index: usize
         panel = panel.with_any(Series::markers(label, Color::Black, shape, points));
     }
     panel
+}
+
+/// The series in the style of a doubled branch.
+fn doubled(series: Series) -> Series {
+    let label = series.label.map(|label| format!("{label}, two periods"));
+    let style = match series.style {
+        Style::Line { color, dash, .. } => Style::Line { color, width: THIN, dash },
+        other @ (Style::Markers { .. } | Style::Tiles { .. }) => other,
+    };
+    Series { label, style, ..series }
 }
 
 /// Runs of motions of one stability; neighbours share a motion.

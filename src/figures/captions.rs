@@ -1,13 +1,9 @@
 //! Texts on figures, with a typographic minus sign and subscripts.
 
-use resonarm::arm::Load;
 use resonarm::plant::TestedAssembly;
 use resonarm::scenario::{Scenario, StructureKind, StructureSection};
 use resonarm::structure::BodySpec;
 use resonarm_figures::plot::Subtitle;
-
-/// α of each joint.
-const ALPHA: [&str; 2] = ["α₁", "α₂"];
 
 /// An angle in degrees, with a minus sign where it is negative.
 pub(crate) fn degrees(value: f64) -> String {
@@ -86,30 +82,4 @@ pub(crate) fn foreign_label(section: &StructureSection) -> String {
     let file = section.file.as_ref().and_then(|file| file.file_name());
     let plain = || file.map_or("a program's own structure".into(), |file| file.to_string_lossy());
     section.name.clone().unwrap_or_else(|| plain().into_owned())
-}
-
-/// A preset and its angles; the caption has the parameters that differ from the preset's.
-pub(crate) fn pose(scenario: &Scenario) -> Subtitle {
-    let section = &scenario.structure;
-    let (line, description) = (section.short_label(), section.description());
-    let more = if line == description { Vec::new() } else { vec![format!("arm: {description}")] };
-    let angles =
-        [("β₁", 0), ("β₂", 1)].into_iter().filter_map(|(symbol, i)| Some((symbol, section.angles_deg.get(i)?)));
-    angles.fold(Subtitle { line, more }, |subtitle, (symbol, value)| {
-        subtitle.and(format!("{symbol} = {}", degrees(*value)))
-    })
-}
-
-/// The excitation in words.
-pub(crate) fn load(load: &Load) -> String {
-    let ([u1, u2], [fx, fy]) = (<[f64; 2]>::from(load.torque_nm), <[f64; 2]>::from(load.force_n));
-    let parts = [(u1, "N·m at joint 1"), (u2, "N·m at joint 2"), (fx, "N at C along x"), (fy, "N at C along y")];
-    let parts: Vec<String> =
-        parts.iter().filter(|(value, _)| *value != 0.0).map(|(value, what)| format!("{value} {what}")).collect();
-    parts.join(", ").replace('-', "−")
-}
-
-/// The axis of the largest |α| over a period.
-pub(crate) fn largest(joint: usize) -> String {
-    format!("largest |{}| (rad)", ALPHA[joint])
 }

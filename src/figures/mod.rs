@@ -1,6 +1,5 @@
 //! Figures and tables of several commands.
 
-pub mod branch_plot;
 pub mod branches;
 pub mod captions;
 pub mod latency_figure;

@@ -1,55 +1,87 @@
 //! Measured resonance zones over the computed responses.
 
-use crate::figures::{branch_plot, captions};
-use crate::walk_point::{CLIPPED, WalkPoint};
+use crate::computed_branch::CLIPPED;
+use crate::figures::branches::stretches;
+use crate::measured_points::{MeasuredPoint, size};
+use crate::read_at::displacement_unit;
+use resonarm::analysis::structure::Reading;
 use resonarm::experiment::Score;
-use resonarm::scenario::Scenario;
-use resonarm_figures::plot::{Axis, Color, Dash, Figure, Legend, Marker, Note, Panel, Series, Style};
+use resonarm::plant::ReadDof;
+use resonarm_figures::plot::{Axis, Color, Dash, Figure, Legend, Marker, Note, Panel, Series, Style, Subtitle};
 
 /// A zone as it is drawn.
 pub(crate) struct View<'a> {
-    /// The joint that moves most in it, 0 or 1.
-    pub joint: usize,
     pub force_n: f64,
     pub score: &'a Score,
-    pub walk: &'a [WalkPoint],
-    pub backbone: &'a [WalkPoint],
-    pub up: &'a [WalkPoint],
-    pub down: &'a [WalkPoint],
+    pub walk: &'a [MeasuredPoint],
+    pub backbone: &'a [MeasuredPoint],
+    pub up: &'a [MeasuredPoint],
+    pub down: &'a [MeasuredPoint],
 }
 
-/// Above: the amplitudes of both links over all frequencies. Below: each zone where its response bends.
-pub(crate) fn figure(scenario: &Scenario, views: &[View], interrupted: bool) -> Figure {
+impl View<'_> {
+    /// The largest computed amplitude at the reading of a number.
+    fn peak(&self, at: usize) -> f64 {
+        self.score.branch.orbits.iter().map(|orbit| size_at(&orbit.readings, at)).fold(0.0, f64::max)
+    }
+}
+
+/// The amplitude of the reading of a number.
+fn size_at(readings: &[Reading], at: usize) -> f64 {
+    readings.get(at).map_or(f64::NAN, |reading| size(reading.harmonic1))
+}
+
+/// The numbers of the readings that are drawn: of each accelerometer the axis along which it moves most.
+fn drawn(views: &[View]) -> Vec<usize> {
+    let read: &[ReadDof] = views.first().map_or(&[], |view| &view.score.read);
+    let most = |at: &usize| views.iter().map(|view| view.peak(*at)).fold(0.0, f64::max);
+    // Channels count head x, y; B x, y; C x, y.
+    let of = |accelerometer: usize| {
+        let axes = (0..read.len()).filter(|at| read[*at].channel / 2 == accelerometer);
+        axes.max_by(|a, b| most(a).total_cmp(&most(b)))
+    };
+    [of(1), of(2)].into_iter().flatten().collect()
+}
+
+/// The axis of an amplitude.
+fn amplitude_axis(read: &ReadDof) -> Axis {
+    Axis::linear(format!("amplitude of {} ({})", read.name, displacement_unit(read.dof)))
+}
+
+/// Above: the amplitudes of both accelerometers over all frequencies. Below: each zone where its response bends, at the
+/// degree of freedom that is compared. `conditions` name the structure.
+pub(crate) fn figure(conditions: Subtitle, views: &[View], interrupted: bool) -> Figure {
     let forces: Vec<_> = views.iter().map(|view| format!("{} N", view.force_n)).collect();
-    let conditions = captions::pose(scenario).and(format!("along x at C: {}", forces.join(" and ")));
+    let conditions = conditions.and(format!("along x at the exciter: {}", forces.join(" and ")));
     let conditions = conditions.and(if interrupted { "interrupted" } else { "" });
     let mut figure = Figure::new("Resonance zones, measured on the bench and computed").subtitle(conditions);
     figure.columns = 2;
-    for joint in 0..2 {
-        let panel = Panel::new(Axis::linear("frequency (Hz)"), Axis::linear(captions::largest(joint)));
-        let panel = panel.title(format!("Link {}", joint + 1));
+    let all = drawn(views);
+    for (place, &at) in all.iter().enumerate() {
+        let Some(read) = views.first().and_then(|view| view.score.read.get(at)) else { continue };
+        let panel = Panel::new(Axis::linear("frequency (Hz)"), amplitude_axis(read));
         // One legend, of a panel that has both zones.
-        let panel = panel.legend(if joint == 1 { Legend::Bottom } else { Legend::None });
-        let mut panel = views.iter().fold(panel, |panel, view| with_view(panel, view, joint));
-        panel = between_zones(panel, views, joint);
+        let panel = panel.legend(if place + 1 == all.len() { Legend::Bottom } else { Legend::None });
+        let mut panel = views.iter().fold(panel, |panel, view| with_view(panel, view, at, &read.name));
+        panel = between_zones(panel, views, at);
         figure = figure.with(panel);
     }
     for (index, view) in views.iter().enumerate() {
+        let name = &view.score.at;
+        let Some(at) = view.score.read.iter().position(|read| read.name == *name) else { continue };
         let (low_hz, high_hz) = range(view);
         let x = Axis::linear("frequency (Hz)").range(low_hz, high_hz);
-        let panel = Panel::new(x, Axis::linear(captions::largest(view.joint)));
+        let panel = Panel::new(x, amplitude_axis(&view.score.read[at]));
         let panel = panel.title(format!("Zone {}, {} N", index + 1, view.force_n)).legend(Legend::None);
-        figure = figure.with(with_view(panel, view, view.joint));
+        figure = figure.with(with_view(panel, view, at, name));
     }
     figure
 }
 
 /// A vertical line where one zone ends and the next begins, with the load on either side: the response jumps there because
 /// the load does.
-fn between_zones(mut panel: Panel, views: &[View], joint: usize) -> Panel {
-    let amplitude =
-        |view: &View| view.score.branch.orbits.iter().map(|orbit| orbit.amplitude_rad[joint]).fold(0.0, f64::max);
-    let top = views.iter().map(amplitude).fold(0.0, f64::max);
+fn between_zones(mut panel: Panel, views: &[View], at: usize) -> Panel {
+    let top = views.iter().map(|view| view.peak(at)).fold(0.0, f64::max);
     let hz = |view: &View| view.score.branch.orbits.iter().map(|orbit| orbit.frequency_hz).collect::<Vec<_>>();
     for pair in views.windows(2) {
         let [Some(end), Some(start)] =
@@ -64,12 +96,8 @@ fn between_zones(mut panel: Panel, views: &[View], joint: usize) -> Panel {
         // Beside the line, in the middle of the free half of each zone.
         let beside = |view: &View, towards: f64| {
             let zone = hz(view);
-            let peak = view
-                .score
-                .branch
-                .orbits
-                .iter()
-                .max_by(|a, b| a.amplitude_rad[joint].total_cmp(&b.amplitude_rad[joint]));
+            let orbits = view.score.branch.orbits.iter();
+            let peak = orbits.max_by(|a, b| size_at(&a.readings, at).total_cmp(&size_at(&b.readings, at)));
             let peak = peak.map_or(towards, |orbit| orbit.frequency_hz);
             (!zone.is_empty())
                 .then(|| Note { at: ((peak + towards) / 2.0, 0.6 * top), text: format!("{} N", view.force_n) })
@@ -79,27 +107,32 @@ fn between_zones(mut panel: Panel, views: &[View], joint: usize) -> Panel {
     panel
 }
 
-/// The computed response and backbone, and the measured points over them.
-fn with_view(panel: Panel, view: &View, joint: usize) -> Panel {
-    let panel = branch_plot::with_branch(panel, &view.score.branch, joint);
-    let backbone = view.score.backbone.points.iter().map(|point| (point.frequency_hz, point.amplitude_rad[joint]));
+/// The computed response and backbone, and the measured points over them, at the reading of a number and name.
+fn with_view(mut panel: Panel, view: &View, at: usize, name: &str) -> Panel {
+    for (stretch, is_stable) in stretches(&view.score.branch) {
+        let points = stretch.iter().map(|orbit| (orbit.frequency_hz, size_at(&orbit.readings, at))).collect();
+        panel = panel.with(if is_stable == Some(false) { Series::unstable(points) } else { Series::stable(points) });
+    }
+    let backbone = view.score.backbone.points.iter().map(|point| (point.frequency_hz, size_at(&point.readings, at)));
     let thin = Style::Line { color: Color::Black, width: 0.8, dash: Dash::Chain };
-    let mut panel = panel.with(Series::line("backbone", Color::Black, backbone.collect()).style(thin));
+    panel = panel.with(Series::line("backbone", Color::Black, backbone.collect()).style(thin));
+    // Settled points; the others are only in the data.
+    let places = |points: &[MeasuredPoint], wanted: &dyn Fn(&MeasuredPoint) -> bool| -> Vec<(f64, f64)> {
+        let settled = points.iter().filter(|point| point.settled && wanted(point));
+        settled.filter_map(|point| Some((point.frequency_hz, point.amplitude(name)?))).collect()
+    };
     for (label, color, shape, points) in [
         ("sine up", Color::Vermillion, Marker::Triangle, view.up),
         ("sine down", Color::Purple, Marker::Square, view.down),
         ("phase walk", Color::Green, Marker::Circle, view.walk),
         ("phase lock", Color::Black, Marker::Diamond, view.backbone),
     ] {
-        // Settled points; the others are only in the data.
-        let settled = points.iter().filter(|point| point.settled);
-        let places = settled.map(|point| (point.frequency_hz, point.amplitude_rad[joint])).collect();
-        panel = panel.with_any(Series::markers(label, color, shape, places).marked(5.0, false));
+        let read = places(points, &|_| true);
+        panel = panel.with_any(Series::markers(label, color, shape, read).marked(5.0, false));
     }
-    let all = [view.walk, view.backbone, view.up, view.down].into_iter().flatten();
-    let clipped = all.filter(|point| point.settled && point.clipped[joint]);
-    let places = clipped.map(|point| (point.frequency_hz, point.amplitude_rad[joint])).collect();
-    panel.with_any(Series::markers(CLIPPED, Color::Black, Marker::Cross, places).marked(9.0, false))
+    let all = [view.walk, view.backbone, view.up, view.down];
+    let clipped = all.into_iter().flat_map(|points| places(points, &|point| point.is_clipped(name))).collect();
+    panel.with_any(Series::markers(CLIPPED, Color::Black, Marker::Cross, clipped).marked(9.0, false))
 }
 
 /// The range where a zone bends: five times the distance of its folds, or where the walk's lag is from 20° to 160°, or
@@ -109,7 +142,8 @@ fn range(view: &View) -> (f64, f64) {
         hz.fold((f64::INFINITY, f64::NEG_INFINITY), |(low, high), hz| (low.min(hz), high.max(hz)))
     };
     let folds = ends(&mut view.score.folds_hz.iter().copied());
-    let inner = view.walk.iter().filter(|point| (20.0..=160.0).contains(&point.phase_deg));
+    let within = |point: &&MeasuredPoint| point.lag_deg.is_some_and(|lag_deg| (20.0..=160.0).contains(&lag_deg));
+    let inner = view.walk.iter().filter(within);
     let inner = ends(&mut inner.map(|point| point.frequency_hz));
     let ((low, high), margin) = if folds.0 < folds.1 {
         (folds, 2.0)

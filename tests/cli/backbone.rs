@@ -159,7 +159,7 @@ fn figures_of_branches_have_their_numbers_beside_them() {
     assert!(svg.contains("irb1600-fitted at 0°, …, 60 N·m at joint1, 22 Hz"), "{svg}");
     let document: Value = serde_json::from_str(&read(".json")).unwrap();
     let configuration = &document["configuration"];
-    assert_eq!(configuration["drive"], serde_json::json!({ "joint1": 60.0 }));
+    assert_eq!(configuration["drive"], serde_json::json!({ "joint1": { "amplitude": 60.0, "unit": "N·m" } }));
     assert_eq!(configuration["structure"]["links"][1]["mass_kg"].as_f64(), Some(50.58));
     assert_eq!(configuration["continue"]["frequency_hz"].as_f64(), Some(22.0));
     let csv = read(".csv");

@@ -229,7 +229,11 @@ fn a_changed_arm_is_in_every_document_and_header() {
         assert_eq!(structure["angles_deg"], serde_json::json!([20.0, 30.0]), "{command:?}");
         assert_eq!(structure["links"][1]["mass_kg"].as_f64(), Some(40.0), "{command:?}");
         if matches!(command[0], "run" | "demo") {
-            assert_eq!(got["configuration"]["drive"], serde_json::json!({ "tip.x": 1.0 }), "{command:?}");
+            assert_eq!(
+                got["configuration"]["drive"],
+                serde_json::json!({ "tip.x": { "amplitude": 1.0, "unit": "N" } }),
+                "{command:?}"
+            );
         }
     }
     for command in [["modes"].as_slice(), &["integrators", "--drift-steps", "10"]] {

@@ -15,7 +15,7 @@ const COMMANDS: [(&str, &str); 39] = [
     ("run", "--mode free --duration-s 0.05"),
     ("exciter", "--bus vcan999"),
     ("experiment fig9", "--plot /dev/null/none"),
-    ("experiment walk", "--torque1-nm 10 --points 3"),
+    ("experiment walk", "--drive joint1=10 --points 3"),
     ("simulate", "--frequency-hz 10 --duration-s 0.01"),
     ("structure", "--scenario none.toml"),
     ("modes", "--over link2.angle_deg --from 0 --to 90 --points 3"),

@@ -6,8 +6,7 @@ use std::path::Path;
 use std::process::{Command, Output, Stdio};
 
 use insta::assert_snapshot;
-use resonarm::analysis::modes;
-use resonarm::arm::{Arm, Pose, Preset};
+use resonarm::structure::{Assembly, BodySpec, Preset, StructureSpec};
 use serde_json::Value;
 
 /// The embedded settings.
@@ -79,7 +78,7 @@ fn every_figure_has_four_files_and_finite_numbers() {
             for (column, name) in header.iter().enumerate().filter(|(_, name)| !words.contains(&name.as_str())) {
                 let finite = |row: &Vec<String>| row[column].parse().is_ok_and(f64::is_finite);
                 assert!(rows.iter().all(finite), "{figure}: {name}");
-                let unit = ["_hz", "_rad", "_deg", "_nm", "_n"].iter().any(|unit| name.ends_with(unit));
+                let unit = ["_hz", "_rad", "_deg", "_nm", "_n", "_m"].iter().any(|unit| name.ends_with(unit));
                 assert!(unit || name == "curve", "{figure}: {name}");
             }
         }
@@ -98,12 +97,14 @@ fn natural_frequencies_are_those_of_modes_and_of_the_oracles() {
     for row in rows {
         let preset = *Preset::ALL.iter().find(|preset| preset.name() == row[0]).unwrap();
         let [beta2_deg, f1, f2] = [1, 2, 3].map(|column| row[column].parse::<f64>().unwrap());
-        let parameters = preset.parameters().unwrap();
-        let arm = Arm::new(parameters, Pose { beta1_deg: 0.0, beta2_deg }).unwrap();
-        assert_eq!(modes(&arm).map(|mode| mode.frequency_hz), [f1, f2], "{row:?}");
+        let mut chain = preset.chain().unwrap();
+        chain.links.iter_mut().zip([0.0, beta2_deg]).for_each(|(link, angle_deg)| link.angle_deg = angle_deg);
+        let inertia2_kg_m2 = chain.links[1].inertia_kg_m2;
+        let arm = Assembly::new(&StructureSpec { body: BodySpec::Chain(chain), elements: vec![] }).unwrap();
+        let found: Vec<f64> = arm.modes().iter().map(|mode| mode.frequency_hz).collect();
+        assert_eq!(found, [f1, f2], "{row:?}");
         let known = oracles["modes"].as_array().unwrap().iter().find(|oracle| {
-            oracle["I_S2"].as_f64() == Some(parameters.inertia2_kg_m2)
-                && oracle["beta2_deg"].as_f64() == Some(beta2_deg)
+            oracle["I_S2"].as_f64() == Some(inertia2_kg_m2) && oracle["beta2_deg"].as_f64() == Some(beta2_deg)
         });
         for (index, seen) in [f1, f2].into_iter().enumerate().filter(|_| known.is_some()) {
             let expected = known.unwrap()["frequency_hz"][index].as_f64().unwrap();
@@ -135,7 +136,7 @@ fn bad_input_is_refused_with_the_accepted_values() {
     assert_snapshot!(measured("fig9", "none.json"), @"resonarm: can't read none.json: No such file or directory (os error 2)");
     assert_snapshot!(measured("fig4", "none.json"), @"resonarm: --measured is for `paper fig9`: leave it out, or make that figure");
     fs::write(folder.path().join("walk.json"), r#"{ "configuration": {}, "points": [] }"#).unwrap();
-    assert_snapshot!(measured("fig9", "walk.json"), @"resonarm: walk.json is no document of `experiment fig9 --json`: missing field `preset` at line 1 column 21");
+    assert_snapshot!(measured("fig9", "walk.json"), @"resonarm: walk.json is no document of `experiment fig9 --json`: missing field `structure` at line 1 column 21");
     assert!(!folder.path().join("out").exists());
     fs::write(folder.path().join("file"), "").unwrap();
     let output = paper(folder.path(), &["fig3", "--out", "file/out"]);

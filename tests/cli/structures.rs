@@ -54,7 +54,14 @@ fn a_structure_is_written_without_its_files() {
         );
         assert_eq!(
             names(&made),
-            ["configuration", "damping_ratios", "degrees_of_freedom", "natural_frequencies_hz", "points"]
+            [
+                "configuration",
+                "coordinates",
+                "damping_ratios",
+                "degrees_of_freedom",
+                "natural_frequencies_hz",
+                "points"
+            ]
         );
         assert!(!fs::read_to_string(out).unwrap().contains("file ="));
         let again = document(folder.path(), 0, &["structure", "--json", "--scenario", out]);
@@ -77,7 +84,7 @@ fn a_walk_on_the_bracket_is_on_its_branch() {
     let found = document(folder.path(), 0, &[&walk[..], &["--plot", "walk", "--json"]].concat());
     assert_eq!(
         names(&found),
-        ["configuration", "outcome", "points", "reason", "score", "simulated_s", "wall_s"],
+        ["configuration", "coordinates", "outcome", "points", "reason", "score", "simulated_s", "wall_s"],
         "{found:#}"
     );
     let score = &found["score"];
@@ -85,17 +92,15 @@ fn a_walk_on_the_bracket_is_on_its_branch() {
     assert!(score["largest_frequency_deviation"].as_f64().unwrap() < 2e-5, "{score:#}");
     assert!(score["largest_amplitude_deviation"].as_f64().unwrap() < 1e-3, "{score:#}");
     let point = &found["points"][2];
-    let at: Vec<&str> =
-        point["readings"].as_array().unwrap().iter().map(|reading| reading["at"].as_str().unwrap()).collect();
-    assert_eq!(at, ["tip.x", "tip.y"]);
+    assert_eq!(names(&point["readings"]), ["tip.x", "tip.y"]);
     // The displacement lags the load as the walk says, in the direction of the load.
-    let off_deg = point["readings"][1]["phase_deg"].as_f64().unwrap() + point["lag_deg"].as_f64().unwrap();
+    let off_deg = point["readings"]["tip.y"]["phase_deg"].as_f64().unwrap() + point["lag_deg"].as_f64().unwrap();
     assert!(off_deg.abs() < 0.5, "{point:#}");
     assert!(fs::read_to_string(folder.path().join("walk.csv")).unwrap().starts_with("frequency_hz,lag_deg,"));
     let none = complaint(folder.path(), 2, &[&walk[..], &["--mode-number", "4"]].concat());
     insta::assert_snapshot!(none.trim(), @"resonarm: control: mode 4: modes are numbered from 1 to 3");
-    let torque = complaint(folder.path(), 2, &[&walk[..], &["--torque1-nm", "4"]].concat());
-    insta::assert_snapshot!(torque.trim(), @"resonarm: control: this load does not drive mode 1: choose another direction");
+    let torque = complaint(folder.path(), 2, &[&walk[..], &["--drive", "joint1=4"]].concat());
+    insta::assert_snapshot!(torque.trim(), @"resonarm: --drive joint1: there is no `joint1` in this structure: there are mid.x, mid.y, mid.z, tip.x, tip.y, tip.z");
 }
 
 /// Two modes, the tip on a spring that hardens, under a stepped sine.
@@ -134,9 +139,7 @@ fn responses_of_a_recording_are_compared_with_the_branch() {
     assert!(score["largest_amplitude_deviation"].as_f64().unwrap() < 1e-3, "{score:#}");
     for point in points {
         assert!(point["phase_deviation_deg"].as_f64().unwrap().abs() < 0.2, "{point:#}");
-        let at: Vec<&str> =
-            point["readings"].as_array().unwrap().iter().map(|reading| reading["at"].as_str().unwrap()).collect();
-        assert_eq!(at, ["tip.x", "mid.x"]);
+        assert_eq!(names(&point["readings"]), ["mid.x", "tip.x"]);
     }
 }
 
@@ -209,11 +212,11 @@ fn a_shaken_structure_is_identified_and_compared() {
     assert!(score["largest_amplitude_deviation"].as_f64().unwrap() < 5e-3, "{score:#}");
     let open = record("open", format!("{structure}{SHAKER}[excitation]{excitation}"));
     let refused = complaint(folder, 2, &["compare", &open]);
-    assert!(refused.contains("its responses are not on a single branch"), "{refused}");
+    assert!(refused.contains("they are not on a single branch"), "{refused}");
 
     let lags = "[control]\nlaw = 'phase-walk'\namplitude = { exciter_x = 1.0 }\nfrom_lag_deg = 40\nto_lag_deg = 140\n";
     fs::write(folder.join("walk.toml"), format!("{structure}{SHAKER}{lags}")).unwrap();
-    let walk = ["experiment", "walk", "--scenario", "walk.toml", "--force-n", "12", "--points", "3", "--json"];
+    let walk = ["experiment", "walk", "--scenario", "walk.toml", "--drive", "shaker=12", "--points", "3", "--json"];
     let score = &document(folder, 0, &walk)["score"];
     assert_eq!(score["settled_points"].as_u64(), Some(3), "{score:#}");
     assert!(score["largest_amplitude_deviation"].as_f64().unwrap() < 5e-3, "{score:#}");
@@ -266,7 +269,14 @@ fn a_structure_is_shown() {
     ");
     let folder = tempfile::tempdir().unwrap();
     fs::write(folder.path().join("arm.toml"), "").unwrap();
-    insta::assert_snapshot!(resonarm(folder.path(), &["structure", "--scenario", "arm.toml"]).stdout, @"
+    let structure = |file: &str, rest: &[&str]| {
+        let words = [&["structure", "--scenario", file], rest].concat();
+        let said = resonarm(folder.path(), &words);
+        assert_eq!(said.code, 0, "{}", said.stderr);
+        said.stdout
+    };
+    let arm = structure("arm.toml", &[]);
+    insta::assert_snapshot!(arm, @"
     irb1600-fitted at 0°, 60°
       link   length m     mass kg   centre m   inertia kg·m²    angle °   stiffness N·m/rad   damping N·m·s/rad
          1    0.63000     1.00000    0.00000        0.550000     0.0000 555000 0.9
@@ -276,6 +286,8 @@ fn a_structure_is_shown() {
          1           22.1575 Hz        1.595e-4
          2           48.8966 Hz        9.772e-4
     ");
+    structure("arm.toml", &["--out", "preset.toml"]);
+    assert_eq!(structure("preset.toml", &[]), arm);
 }
 
 #[test]

@@ -420,7 +420,7 @@ fn responses_to_a_controller_of_the_user_are_compared() {
     fs::write(folder.join("dwell.toml"), scenario).unwrap();
     document(folder, 0, &["import", "bench.log", "bench.mcap", "--scenario", "dwell.toml", "--json"]);
     let [ours, theirs] = ["run.mcap", "bench.mcap"].map(|name| document(folder, 0, &["compare", name, "--json"]));
-    let amplitude = |found: &serde_json::Value| found["points"][0]["harmonic1_rad"][1].as_f64().unwrap();
+    let amplitude = |found: &serde_json::Value| found["points"][0]["readings"]["tip.y"]["amplitude"].as_f64().unwrap();
     assert!((amplitude(&theirs) / amplitude(&ours) - 1.0).abs() < 1e-3, "{ours:#} {theirs:#}");
     // Another excitation was played, or none is known.
     fs::write(
@@ -434,7 +434,7 @@ fn responses_to_a_controller_of_the_user_are_compared() {
         complaint(folder, 2, &["compare", "other.mcap"])
     };
     assert!(compare("other.toml").contains("another controller was recorded"));
-    assert_snapshot!(compare("bench.toml"), @"resonarm: other.mcap holds no responses: its scenario does not say what the exciter played; responses are read with [control] or with an [excitation] with `dwell`, `stepped-sine` or `sine-list`: `resonarm experiment walk --torque1-nm 20 --record walk.mcap` makes such a recording");
+    assert_snapshot!(compare("bench.toml"), @"resonarm: other.mcap holds no responses: its scenario does not say what the exciter played; responses are read with [control] or with an [excitation] with `dwell`, `stepped-sine` or `sine-list`: `resonarm experiment walk --drive joint1=20 --record walk.mcap` makes such a recording");
 }
 
 /// The scenario that the page on own protocols names.

@@ -36,8 +36,7 @@ def test_the_points_are_those_of_the_branch(demo):
     stable = np.array([point["stable"] for point in branch])
     seen = set()
     for point in points:
-        readings = {reading["at"]: reading["amplitude"] for reading in point["readings"]}
-        read = np.array([point["frequency_hz"], *(readings[name] for name in READ)])
+        read = np.array([point["frequency_hz"], *(point["readings"][name]["amplitude"] for name in READ)])
         # In units of 2e-5 in frequency and of 0.2 % in amplitude, at the noise of the default instruments.
         distance = np.linalg.norm((computed / read - 1) / [2e-5, 2e-3, 2e-3], axis=1)
         assert distance.min() < 1.2, point

@@ -1,8 +1,10 @@
 //! Folds of forced branches against independent numbers (`tests/oracles/oracles.json`: harmonic balance with nine
 //! harmonics, the first case equal to AUTO-07p in all its printed digits).
 
-use resonarm::analysis::{BifurcationKind, Branch, BranchOptions, Coordinate, ForcedArm, modes, trace};
-use resonarm::arm::{Arm, Load, Parameters, Pose, Preset};
+use resonarm::analysis::BifurcationKind;
+use resonarm::analysis::structure::{Branch, Coordinate, Forced, Reading, TraceOptions, trace};
+use resonarm::arm::{Parameters, Pose, Preset};
+use resonarm::structure::{Assembly, BodySpec, ChainSpec, Dof, StructureSpec};
 use serde_json::Value;
 
 fn number(case: &Value, key: &str) -> f64 {
@@ -13,21 +15,37 @@ fn pair(value: &Value) -> [f64; 2] {
     [value[0].as_f64().unwrap(), value[1].as_f64().unwrap()]
 }
 
-fn forced(case: &Value) -> ForcedArm {
+fn chain(parameters: &Parameters, beta1_deg: f64, beta2_deg: f64) -> Assembly {
+    let body = BodySpec::Chain(ChainSpec::from_arm(parameters, Pose { beta1_deg, beta2_deg }));
+    Assembly::new(&StructureSpec { body, elements: vec![] }).unwrap()
+}
+
+fn forced(case: &Value) -> Forced {
     let parameters = Parameters {
         inertia2_kg_m2: number(case, "I_S2"),
         length2_m: number(case, "l2"),
         ..Preset::Irb1600Fitted.parameters().unwrap()
     };
-    let pose = Pose { beta1_deg: number(case, "beta1_deg"), beta2_deg: number(case, "beta2_deg") };
-    let load =
-        Load { torque_nm: [number(case, "torque1_nm"), 0.0].into(), force_n: [number(case, "force_x_n"), 0.0].into() };
-    ForcedArm::new(Arm::new(parameters, pose).unwrap(), load, 1.0)
+    let assembly = chain(&parameters, number(case, "beta1_deg"), number(case, "beta2_deg"));
+    let loads = [("joint1", number(case, "torque1_nm")), ("tip.x", number(case, "force_x_n"))];
+    let loads = loads.into_iter().filter(|(_, load)| *load != 0.0);
+    let loads: Vec<(Dof, f64)> = loads.map(|(name, load)| (assembly.dof(name).unwrap(), load)).collect();
+    Forced::at_several(assembly, &loads, 1.0)
 }
 
-fn folds(branch: &Branch) -> Vec<(f64, [f64; 2], [f64; 2])> {
+fn traced(forced: &Forced, [from, to]: [f64; 2]) -> Branch {
+    let joints = ["joint1", "joint2"].map(|name| forced.assembly().dof(name).unwrap());
+    let options = TraceOptions::new(forced, Coordinate::FrequencyHz, [from, to], joints.into());
+    trace(forced, from, Coordinate::FrequencyHz, &options).unwrap()
+}
+
+fn harmonic1(reading: &Reading) -> f64 {
+    libm::hypot(reading.harmonic1.re, reading.harmonic1.im)
+}
+
+fn folds(branch: &Branch) -> Vec<(f64, &[Reading])> {
     let folds = branch.bifurcations.iter().filter(|b| b.kind == BifurcationKind::Fold);
-    folds.map(|fold| (fold.orbit.frequency_hz, fold.orbit.harmonic1_rad, fold.orbit.amplitude_rad)).collect()
+    folds.map(|fold| (fold.orbit.frequency_hz, &fold.orbit.readings[..])).collect()
 }
 
 #[test]
@@ -37,9 +55,8 @@ fn folds_and_peaks_are_those_of_the_oracles_in_both_directions() {
     assert_eq!(cases.len(), 6);
     for case in cases {
         let (from, to) = (number(case, "from_hz"), number(case, "to_hz"));
-        let traced =
-            |from, to| trace(forced(case), from, Coordinate::FrequencyHz, &BranchOptions::new(from, to)).unwrap();
-        let (up, down) = (traced(from, to), traced(to, from));
+        let forced = forced(case);
+        let (up, down) = (traced(&forced, [from, to]), traced(&forced, [to, from]));
         let (found, mut back) = (folds(&up), folds(&down));
         back.reverse();
         assert_eq!(found.len(), back.len(), "{case}");
@@ -54,15 +71,15 @@ fn folds_and_peaks_are_those_of_the_oracles_in_both_directions() {
         for expected in expected {
             let frequency = number(expected, "frequency_hz");
             let fold = near.iter().find(|fold| (fold.0 / frequency - 1.0).abs() < 1e-9);
-            let Some((_, harmonic1, amplitude)) = fold else { panic!("{frequency} Hz is not in {near:?}") };
+            let Some((_, readings)) = fold else { panic!("{frequency} Hz is not in {near:?}") };
             for dof in 0..2 {
-                assert!((harmonic1[dof] / pair(&expected["harmonic1_rad"])[dof] - 1.0).abs() < 1e-5);
+                assert!((harmonic1(&readings[dof]) / pair(&expected["harmonic1_rad"])[dof] - 1.0).abs() < 1e-5);
                 // The oracle's amplitude is the largest of its samples.
-                assert!((amplitude[dof] / pair(&expected["amplitude_rad"])[dof] - 1.0).abs() < 1e-3);
+                assert!((readings[dof].largest / pair(&expected["amplitude_rad"])[dof] - 1.0).abs() < 1e-3);
             }
         }
         let peak = pair(&case["peak_harmonic1_rad"])[0];
-        let highest = up.orbits.iter().fold(0.0_f64, |highest, orbit| highest.max(orbit.harmonic1_rad[0]));
+        let highest = up.orbits.iter().fold(0.0_f64, |highest, orbit| highest.max(harmonic1(&orbit.readings[0])));
         assert!(highest < peak * (1.0 + 1e-5) && highest > 0.9 * peak, "{highest} {peak}");
     }
 }
@@ -70,23 +87,23 @@ fn folds_and_peaks_are_those_of_the_oracles_in_both_directions() {
 /// Two resonance zones in one continuation, at an amplitude at which it is easily lost on the way.
 #[test]
 fn both_zones_are_walked_whole_in_both_directions() {
-    let parameters = Preset::Irb1600Fitted.parameters().unwrap();
-    let arm = Arm::new(parameters, Pose { beta1_deg: 30.0, beta2_deg: 120.0 }).unwrap();
+    let arm = chain(&Preset::Irb1600Fitted.parameters().unwrap(), 30.0, 120.0);
     for amplitude_n in [5.0, 20.0, 60.0, 100.0] {
-        let forced = ForcedArm::new(arm.clone(), Load::force_n(1.0, 0.0), amplitude_n);
-        let traced = |from, to| {
-            let branch = trace(forced.clone(), from, Coordinate::FrequencyHz, &BranchOptions::new(from, to)).unwrap();
-            assert_eq!(branch.orbits.last().unwrap().frequency_hz, to);
+        let forced = Forced::new(arm.clone(), arm.dof("tip.x").unwrap(), amplitude_n);
+        let traced = |ends: [f64; 2]| {
+            let branch = traced(&forced, ends);
+            assert_eq!(branch.orbits.last().unwrap().frequency_hz, ends[1]);
             branch
         };
-        let (up, mut down) = (traced(20.0, 60.0), traced(60.0, 20.0));
+        let (up, mut down) = (traced([20.0, 60.0]), traced([60.0, 20.0]));
         down.bifurcations.reverse();
         // Below 20 N the resonances do not bend far enough for folds; the branch passes both all the same.
-        let natural = modes(&arm).map(|mode| mode.frequency_hz);
-        for (joint, natural_hz) in natural.into_iter().enumerate() {
+        for (joint, natural_hz) in arm.modes().iter().map(|mode| mode.frequency_hz).enumerate() {
             let near = up.orbits.iter().filter(|orbit| (orbit.frequency_hz / natural_hz - 1.0).abs() < 0.01);
-            let [top, elsewhere] =
-                [near.map(|orbit| orbit.harmonic1_rad[joint]).fold(0.0, f64::max), up.orbits[0].harmonic1_rad[joint]];
+            let [top, elsewhere] = [
+                near.map(|orbit| harmonic1(&orbit.readings[joint])).fold(0.0, f64::max),
+                harmonic1(&up.orbits[0].readings[joint]),
+            ];
             assert!(top > 100.0 * elsewhere, "{amplitude_n} N, {natural_hz} Hz: {top} {elsewhere}");
         }
         assert_eq!(folds(&up).is_empty(), amplitude_n < 20.0, "{amplitude_n} N: {:?}", folds(&up));

@@ -2,8 +2,6 @@
 #![allow(clippy::unwrap_used, clippy::panic, reason = "a test fails by panicking, its helpers too")]
 
 mod continuation;
-#[cfg(debug_assertions)]
-mod continuation_alloc;
 mod identified_modes;
 mod integrators;
 #[cfg(debug_assertions)]

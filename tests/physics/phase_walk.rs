@@ -90,8 +90,8 @@ impl Case {
     /// The arm under the load, without a shaker's armature: the force between them is a load on the arm.
     fn forced(&self, amplitude: &Amplitude) -> Forced {
         let tested = self.tested();
-        let (drive, load) = tested.driven(amplitude).unwrap();
-        Forced::new(tested.assembly, drive, load)
+        let &[(dof, load)] = &tested.driven(amplitude)[..] else { panic!("{amplitude:?} acts at several places") };
+        Forced::new(tested.assembly, dof, load)
     }
 
     /// The branch around the points, in steps so small that it is straight between its motions.

@@ -273,7 +273,7 @@ def test_a_recording_without_its_last_chunk_says_how_many_samples_are_gone(parts
 
 # Outputs that are inputs, and outputs that are no files.
 
-WALK = ["experiment", "walk", "--angles-deg", "0,60", "--torque1-nm", "20", "--points", "3", "--json"]
+WALK = ["experiment", "walk", "--angles-deg", "0,60", "--drive", "joint1=20", "--points", "3", "--json"]
 POSES, BAND = ["--over", "link2.angle_deg", "--from", "10", "--to", "20"], ["--from-hz", "10", "--to-hz", "11"]
 ITSELF = {
     "identify": ("a.mcap", ["identify", "a.mcap", "--angles", "a.mcap", "--overwrite"]),

@@ -30,7 +30,7 @@ fn a_folded_zone_is_measured_as_it_is_computed() {
     for run in measured.runs() {
         assert_eq!(run.outcome, Some(ExciterOutcome::Finished));
     }
-    let score = score(&scenario.build_arm().unwrap(), &zone, &measured).unwrap();
+    let score = score(&scenario.under_test().unwrap(), &zone, &measured).unwrap();
     assert_eq!(score.folds_hz.len(), 2);
     assert!(score.unstable_points >= 3, "{score:?}");
     assert!(score.settled_points + 1 >= zone.walk_points, "one point may run out of tries: {score:?}");

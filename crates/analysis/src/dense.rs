@@ -27,11 +27,6 @@ impl Lu {
         &mut self.a
     }
 
-    /// The elements of the matrix, before it is factored.
-    pub fn elements(&mut self) -> &mut [f64] {
-        &mut self.a
-    }
-
     /// Replaces the matrix by its factors, PA = LU.
     ///
     /// # Errors

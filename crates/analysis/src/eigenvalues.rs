@@ -16,7 +16,7 @@
 use alloc::vec;
 use alloc::vec::Vec;
 
-use nalgebra::{Complex, Matrix4};
+use nalgebra::Complex;
 use resonarm_numeric::registers::{Task, widest};
 
 /// The most steps for an eigenvalue, and the number after which an exceptional shift is tried.
@@ -62,14 +62,6 @@ pub(crate) fn eigenvalues(n: usize, a: &mut [f64]) -> Option<Vec<Complex<f64>>> 
     let mut wide = vec![0.0; n * stride];
     wide.chunks_exact_mut(stride).zip(a.chunks_exact(n)).for_each(|(wide, row)| wide[..n].copy_from_slice(row));
     widest(Find { a: &mut wide, stride, factors: &mut factors, found: &mut found }).then_some(found)
-}
-
-/// Those of a matrix of order 4; NaN if the algorithm doesn't converge. Allocates nothing.
-pub(crate) fn of_four(matrix: &Matrix4<f64>) -> [Complex<f64>; 4] {
-    // By columns: those of the transpose are the same.
-    let mut a: [f64; 16] = core::array::from_fn(|k| matrix[k]);
-    let mut found = [NAN; 4];
-    if find(&mut a, 4, &mut [0.0; 4], &mut found) { found } else { [NAN; 4] }
 }
 
 /// [`find`] as a task.

@@ -1,15 +1,4 @@
-//! The motion of a branch that is nearest to a measured one.
-
-use super::{Branch, Orbit};
-
-/// A measured motion: frequency of the excitation, and amplitudes of α1 and α2 at that frequency.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub struct MeasuredMotion {
-    /// Hz.
-    pub frequency_hz: f64,
-    /// √(a² + b²) of α1 and α2, rad.
-    pub harmonic1_rad: [f64; 2],
-}
+//! The place of a curve that is nearest to a measured point.
 
 /// Relative deviations that count as equal distances.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -25,43 +14,6 @@ impl Default for Distances {
     fn default() -> Distances {
         Distances { frequency: 2e-5, amplitude: 1e-3 }
     }
-}
-
-/// The place of a branch that is nearest to a measured motion.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Nearest {
-    /// The motion there.
-    pub motion: MeasuredMotion,
-    /// Whether the computed motion is stable.
-    pub is_stable: bool,
-    /// Measured over computed frequency, less 1.
-    pub frequency_deviation: f64,
-    /// Measured over computed amplitudes, less 1.
-    pub amplitude_deviation: [f64; 2],
-    /// The distance in units of [`Distances`].
-    pub distance: f64,
-}
-
-/// The place of the branch nearest to a measured motion by frequency and the amplitude of one joint (0 or 1), in units
-/// of `distances`; `None` for a branch of fewer than two motions.
-/// Between two motions the curve is taken as straight.
-pub fn nearest(branch: &Branch, measured: &MeasuredMotion, joint: usize, distances: Distances) -> Option<Nearest> {
-    let place = |orbit: &Orbit| {
-        let frequency = (orbit.frequency_hz / measured.frequency_hz - 1.0) / distances.frequency;
-        let amplitude = (orbit.harmonic1_rad[joint] / measured.harmonic1_rad[joint] - 1.0) / distances.amplitude;
-        [frequency, amplitude]
-    };
-    let Foot { distance, share, pair } = foot(&branch.orbits, place)?;
-    let between = |of: &dyn Fn(&Orbit) -> f64| of(pair[0]) + share * (of(pair[1]) - of(pair[0]));
-    let frequency_hz = between(&|orbit| orbit.frequency_hz);
-    let harmonic1_rad = [0, 1].map(|joint| between(&|orbit| orbit.harmonic1_rad[joint]));
-    Some(Nearest {
-        motion: MeasuredMotion { frequency_hz, harmonic1_rad },
-        is_stable: pair[0].is_stable(),
-        frequency_deviation: measured.frequency_hz / frequency_hz - 1.0,
-        amplitude_deviation: [0, 1].map(|joint| measured.harmonic1_rad[joint] / harmonic1_rad[joint] - 1.0),
-        distance,
-    })
 }
 
 /// The place of a curve that is nearest to the origin.

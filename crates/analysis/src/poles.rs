@@ -20,7 +20,7 @@ use serde::Serialize;
 use crate::eigenvalues::eigenvalues;
 use crate::modes::modes;
 use resonarm_dynamics::arm::Arm;
-use resonarm_dynamics::structure::Assembly;
+use resonarm_dynamics::structure::{Armature, Assembly};
 
 /// An oscillating pole pair λ, λ̄ of a damped structure.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize)]
@@ -43,6 +43,11 @@ pub fn arm_poles(arm: &Arm) -> [Option<Pole>; 2] {
 
 /// The poles that belong to a structure's modes, in their order; `None` for a mode that does not oscillate.
 pub fn structure_poles(of: &Assembly) -> Vec<Option<Pole>> {
+    poles(&of.modes().iter().map(|mode| TAU * mode.frequency_hz).collect::<Vec<_>>(), &modal_damping(of))
+}
+
+/// C = ΦᵀDΦ by rows.
+fn modal_damping(of: &Assembly) -> Vec<f64> {
     let (n, modes, linear) = (of.coordinates(), of.modes(), of.linear());
     let mut damping = vec![0.0; n * n];
     for (i, row) in modes.iter().enumerate() {
@@ -51,7 +56,44 @@ pub fn structure_poles(of: &Assembly) -> Vec<Option<Pole>> {
             damping[i * n + k] = row.shape.iter().zip(forces).map(|(shape, force)| shape * force).sum();
         }
     }
-    poles(&modes.iter().map(|mode| TAU * mode.frequency_hz).collect::<Vec<_>>(), &damping)
+    damping
+}
+
+/// The time constant of the slowest decay of a structure at rest, 1/min(−Re λ), s, with a shaker's armature on it or
+/// without; its coil does nothing. Infinite without damping.
+///
+/// In modal coordinates with s = Φᵀw the armature makes (I + m ssᵀ) ü + (C + c ssᵀ) u̇ + (Ω² + k ssᵀ) u = 0, and
+/// (I + m ssᵀ)⁻¹ = I − m ssᵀ/(1 + m sᵀs).
+pub fn longest_time_constant_s(of: &Assembly, armature: Option<&Armature>) -> f64 {
+    let (n, modes) = (of.coordinates(), of.modes());
+    let (rest, mut w) = (vec![0.0; n], vec![0.0; n]);
+    let [mut mass_kg, mut damping_n_s_m, mut stiffness_n_m] = [0.0; 3];
+    if let Some(armature) = armature {
+        armature.direction(&of.at(&rest), &mut w);
+        [mass_kg, damping_n_s_m, stiffness_n_m] = [armature.mass_kg, armature.damping_n_s_m, armature.stiffness_n_m];
+    }
+    let s: Vec<f64> = modes.iter().map(|mode| dot(&mode.shape, &w)).collect();
+    let mut damping = modal_damping(of);
+    let mut stiffness = vec![0.0; n * n];
+    for i in 0..n {
+        let omega = TAU * modes[i].frequency_hz;
+        stiffness[i * n + i] = omega * omega;
+        for k in 0..n {
+            damping[i * n + k] += damping_n_s_m * s[i] * s[k];
+            stiffness[i * n + k] += stiffness_n_m * s[i] * s[k];
+        }
+    }
+    let share = mass_kg / (1.0 + mass_kg * dot(&s, &s));
+    let mut matrix = vec![0.0; 4 * n * n];
+    for k in 0..n {
+        matrix[k * 2 * n + n + k] = 1.0;
+        for (forces, first) in [(&stiffness, 0), (&damping, n)] {
+            let along: f64 = (0..n).map(|i| s[i] * forces[i * n + k]).sum();
+            (0..n).for_each(|i| matrix[(n + i) * 2 * n + first + k] = share * s[i] * along - forces[i * n + k]);
+        }
+    }
+    let found = eigenvalues(2 * n, &mut matrix).unwrap_or_default();
+    1.0 / found.iter().map(|lambda| -lambda.re).fold(f64::INFINITY, f64::min)
 }
 
 fn dot(a: &[f64], b: &[f64]) -> f64 {
@@ -96,6 +138,7 @@ fn poles(omega: &[f64], damping: &[f64]) -> Vec<Option<Pole>> {
 mod tests {
     use super::*;
     use resonarm_dynamics::arm::{Parameters, Pose, Preset};
+    use resonarm_dynamics::structure::{Axis, BodySpec, Coil, ModalSpec, ModeSpec, ShapeSpec, StructureSpec};
 
     fn arm(damping_nm_s_rad: f64) -> Arm {
         let preset = Preset::Irb1600Fitted.parameters().unwrap();
@@ -114,6 +157,23 @@ mod tests {
         assert!((first.pole_frequency_hz - 22.161_327).abs() < 1e-6, "{first:?}");
         assert!((second.pole_frequency_hz - 48.888_170).abs() < 1e-6, "{second:?}");
         assert!((low.frequency_hz - 22.157_526).abs() < 1e-6 && (high.frequency_hz - 48.896_557).abs() < 1e-6);
+    }
+
+    /// One mode: 1/(ζω) alone; with an armature (1 + m φ²) ü + (2ζω + c φ²) u̇ + (ω² + k φ²) u = 0.
+    #[test]
+    fn an_armature_changes_the_longest_time_constant() {
+        let (hz, zeta, phi) = (20.0, 0.01, 0.5);
+        let shapes = vec![ShapeSpec { point: "tip".into(), axis: Axis::X, by_mode: vec![phi] }];
+        let modes = vec![ModeSpec { frequency_hz: hz, damping_ratio: zeta }];
+        let body = BodySpec::Modal(ModalSpec { modes, shapes });
+        let assembly = Assembly::new(&StructureSpec { body, elements: vec![] }).unwrap();
+        let along = [Some((assembly.dof("tip.x").unwrap(), 1.0)), None];
+        let coil = Coil::Current { force_factor_n_a: 1.0 };
+        let armature = Armature { along, mass_kg: 0.4, stiffness_n_m: 2e3, damping_n_s_m: 3.0, coil };
+        let near = |seen: f64, expected: f64| assert!((seen / expected - 1.0).abs() < 1e-12, "{seen} {expected}");
+        near(longest_time_constant_s(&assembly, None), 1.0 / (zeta * TAU * hz));
+        let (mass, damping) = (1.0 + 0.4 * phi * phi, 2.0 * zeta * TAU * hz + 3.0 * phi * phi);
+        near(longest_time_constant_s(&assembly, Some(&armature)), 2.0 * mass / damping);
     }
 
     #[test]

@@ -1,34 +1,7 @@
-//! Resonances on a branch over the frequency, with their widths.
+//! Resonances on a curve over the frequency, with their widths.
 
 use alloc::vec::Vec;
 use core::f64::consts::FRAC_1_SQRT_2;
-
-use super::orbit::{Branch, BranchOptions};
-use super::{AnalysisError, Coordinate, ForcedArm, trace};
-use resonarm_dynamics::arm::{Arm, Load};
-
-/// The forced motions of an arm are computed this far beyond the frequencies of interest: a part of their distance, and
-/// at least a part of the highest.
-const MARGIN: [f64; 2] = [0.15, 1e-3];
-
-/// The forced motions of an arm around two frequencies, Hz, which may be equal, in steps that turn by
-/// `largest_turn_rad` at most.
-///
-/// # Errors
-/// [`AnalysisError`] if the branch can't be followed from one end to the other.
-pub fn response_around(
-    arm: &Arm,
-    load: &Load,
-    [a_hz, b_hz]: [f64; 2],
-    largest_turn_rad: f64,
-) -> Result<Branch, AnalysisError> {
-    let (low_hz, high_hz) = (a_hz.min(b_hz), a_hz.max(b_hz));
-    let margin_hz = (MARGIN[0] * (high_hz - low_hz)).max(MARGIN[1] * high_hz);
-    let mut options = BranchOptions::new(low_hz - margin_hz, high_hz + margin_hz);
-    options.continuation.largest_turn_rad = largest_turn_rad;
-    let forced = ForcedArm::new(arm.clone(), *load, 1.0);
-    Ok(trace(forced, options.from, Coordinate::FrequencyHz, &options)?)
-}
 
 /// A maximum of an amplitude along a curve over the frequency.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -85,19 +58,4 @@ fn falls<'a>(top: (f64, f64), way: impl Iterator<Item = &'a (f64, f64)>, level: 
         last = point;
     }
     None
-}
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-    use crate::tests::arm_at;
-    use resonarm_dynamics::arm::Preset;
-
-    #[test]
-    fn a_response_around_one_frequency_goes_a_thousandth_beyond_it() {
-        let arm = arm_at(Preset::Irb1600Fitted, 0.0, 60.0);
-        let branch = response_around(&arm, &Load::torque_nm(1e-3, 0.0), [30.0; 2], 0.1).unwrap();
-        let ends = [branch.orbits.first(), branch.orbits.last()].map(|orbit| orbit.unwrap().frequency_hz);
-        assert!((ends[0] - 29.97).abs() < 1e-9 && (ends[1] - 30.03).abs() < 1e-9, "{ends:?}");
-    }
 }

@@ -1,40 +1,6 @@
-//! A branch as one list: its motions with its bifurcations in their places, and its stretches of equal stability.
+//! Stretches of equal stability along a branch.
 
 use alloc::vec::Vec;
-
-use super::orbit::{BifurcationKind, Branch, Orbit};
-
-/// A motion of a branch, in order.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Row<'a> {
-    /// The motion.
-    pub orbit: &'a Orbit,
-    /// The bifurcation, if it is one.
-    pub bifurcation: Option<BifurcationKind>,
-}
-
-impl Row<'_> {
-    /// Whether small disturbances die out; at a bifurcation neither.
-    pub fn stable(&self) -> Option<bool> {
-        self.bifurcation.is_none().then(|| self.orbit.is_stable())
-    }
-}
-
-impl Branch {
-    /// Its motions with its bifurcations in their places.
-    pub fn rows(&self) -> Vec<Row<'_>> {
-        let mut events = self.bifurcations.iter().peekable();
-        let mut rows = Vec::with_capacity(self.orbits.len() + self.bifurcations.len());
-        for (index, orbit) in self.orbits.iter().enumerate() {
-            while let Some(found) = events.next_if(|found| found.index <= index) {
-                rows.push(Row { orbit: &found.orbit, bifurcation: Some(found.kind) });
-            }
-            rows.push(Row { orbit, bifurcation: None });
-        }
-        rows.extend(events.map(|found| Row { orbit: &found.orbit, bifurcation: Some(found.kind) }));
-        rows
-    }
-}
 
 /// Neighbours in pairs, and whether the motions between them are stable, `stable` being `None` at a bifurcation.
 /// Between two bifurcations they are taken to be unstable.

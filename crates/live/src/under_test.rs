@@ -162,7 +162,7 @@ impl UnderTest {
     /// The size along the scenario's load, if one is; else the first.
     pub fn driven_response(&self, scenario: &Scenario) -> usize {
         let Kind::Assembly(tested) = &self.kind else { return 0 };
-        let driven = scenario.amplitude().and_then(|amplitude| tested.driven(amplitude));
+        let driven = scenario.amplitude().and_then(|amplitude| tested.driven(amplitude).first().copied());
         let place = driven.and_then(|(dof, _)| tested.read().iter().position(|read| read.dof == dof));
         place.unwrap_or(0)
     }

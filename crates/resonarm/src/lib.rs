@@ -4,13 +4,12 @@
 //! by sample; everything else carries the readings out and the loads in.
 //!
 //! ```
-//! use resonarm::analysis::modes;
 //! use resonarm::arm::Load;
 //! use resonarm::scenario::Scenario;
 //!
 //! let scenario = Scenario::parse("structure = { preset = 'irb1600-fitted', angles_deg = [0, 60] }", "here")?;
-//! let [first, _] = modes(&scenario.build_arm()?);
-//! assert!((first.frequency_hz - 22.16).abs() < 0.01);
+//! let structure = scenario.under_test()?.assembly;
+//! assert!((structure.modes()[0].frequency_hz - 22.16).abs() < 0.01);
 //!
 //! let mut plant = scenario.plant()?;
 //! for _ in 0..100 {
@@ -75,8 +74,8 @@ pub mod structure {
     pub use resonarm_bench::structure::*;
     pub use resonarm_dynamics::structure::{
         Armature, ArmatureMotion, Assembly, BodySpec, Branch, ChainSpec, Coil, CoordinateUnit, Dof, Element,
-        ElementSpec, Law, Linear, Linearised, Link, ModalSpec, ModeSpec, Parameter, Place, Reaction, ShapeSpec, Side,
-        StateRate, StepError, StepLoad, Stepper, StructureError as SpecError, StructureMode, StructureSpec,
+        ElementSpec, Law, Linear, Linearised, Link, ModalSpec, ModeSpec, Parameter, Place, Preset, Reaction, ShapeSpec,
+        Side, StateRate, StepError, StepLoad, Stepper, StructureError as SpecError, StructureMode, StructureSpec,
     };
 }
 

@@ -55,31 +55,6 @@ impl StructureSection {
             .collect()
     }
 
-    /// The structure's name; without one the preset with every parameter that differs from it, or the kind of
-    /// structure.
-    pub fn label(&self) -> String {
-        self.name.clone().unwrap_or_else(|| self.description())
-    }
-
-    /// The preset with every parameter that differs from it: `irb1600-fitted with link2.mass_kg = 40 (preset 50.58)`;
-    /// of another structure its kind.
-    pub fn description(&self) -> String {
-        let changes: Vec<String> = self.changes().iter().map(ToString::to_string).collect();
-        let of = self.preset.as_deref().unwrap_or(self.kind.name());
-        if changes.is_empty() { of.to_owned() } else { format!("{of} with {}", changes.join(", ")) }
-    }
-
-    /// The structure in few words, for one line: its name, or the preset and how many parameters differ from it.
-    pub fn short_label(&self) -> String {
-        let of = self.preset.as_deref().unwrap_or(self.kind.name());
-        match (&self.name, self.changes().len()) {
-            (Some(name), _) => name.clone(),
-            (None, 0) => of.to_owned(),
-            (None, 1) => format!("{of} with 1 changed parameter"),
-            (None, count) => format!("{of} with {count} changed parameters"),
-        }
-    }
-
     /// Checks that the name can be shown in a line.
     pub(super) fn check_name(&self) -> Result<(), ScenarioError> {
         match &self.name {
@@ -97,30 +72,21 @@ impl StructureSection {
 
 #[cfg(test)]
 mod tests {
-    use crate::{Scenario, StructureSection};
+    use crate::Scenario;
 
-    fn label(text: &str) -> String {
-        Scenario::parse(text, "test.toml").unwrap().structure.label()
+    fn changes(text: &str) -> String {
+        let changes = Scenario::parse(text, "test.toml").unwrap().structure.changes();
+        changes.iter().map(ToString::to_string).collect::<Vec<_>>().join(", ")
     }
 
     #[test]
-    fn a_changed_preset_is_not_called_by_its_name_alone() {
-        insta::assert_snapshot!(label(""), @"irb1600-fitted");
-        insta::assert_snapshot!(label("[structure.set]\n'link2.stiffness_nm_rad' = 128000.0\n'link2.mass_kg' = 40\n'link1.damping_nm_s_rad' = 20.5"), @"irb1600-fitted with link1.damping_nm_s_rad = 20.5 (preset 0.9), link2.mass_kg = 40 (preset 50.58)");
-        insta::assert_snapshot!(label("structure = { gravity_m_s2 = 9.81, set = { 'link1.mass_kg' = 40, 'link1.centre_of_mass_m' = 0.1, 'link1.inertia_kg_m2' = 0.15, 'link2.mass_kg' = 50.58 } }"), @"irb1600-fitted with gravity_m_s2 = 9.81 (preset 0), link1.centre_of_mass_m = 0.1, link1.inertia_kg_m2 = 0.15, link1.mass_kg = 40");
+    fn changes_are_those_from_what_the_preset_states() {
+        insta::assert_snapshot!(changes(""), @"");
+        insta::assert_snapshot!(changes("[structure.set]\n'link2.stiffness_nm_rad' = 128000.0\n'link2.mass_kg' = 40\n'link1.damping_nm_s_rad' = 20.5"), @"link1.damping_nm_s_rad = 20.5 (preset 0.9), link2.mass_kg = 40 (preset 50.58)");
+        insta::assert_snapshot!(changes("structure = { gravity_m_s2 = 9.81, set = { 'link1.mass_kg' = 40, 'link1.centre_of_mass_m' = 0.1, 'link1.inertia_kg_m2' = 0.15, 'link2.mass_kg' = 50.58 } }"), @"gravity_m_s2 = 9.81 (preset 0), link1.centre_of_mass_m = 0.1, link1.inertia_kg_m2 = 0.15, link1.mass_kg = 40");
         let table1 = "structure = { preset = 'irb1600-table1', set = { 'link2.inertia_kg_m2' = 1.5 } }";
-        insta::assert_snapshot!(label(table1), @"irb1600-table1 with link2.inertia_kg_m2 = 1.5 (preset 0.0009)");
-        insta::assert_snapshot!(label("structure.set = { 'link2.inertia_kg_m2' = 1.5 }"), @"irb1600-fitted");
-    }
-
-    #[test]
-    fn a_structure_with_a_name_is_called_by_it() {
-        let named = "structure = { name = 'lab arm', set = { 'link2.mass_kg' = 40, 'link1.length_m' = 0.6 } }";
-        let section = Scenario::parse(named, "test.toml").unwrap().structure;
-        assert_eq!((section.label().as_str(), section.short_label().as_str()), ("lab arm", "lab arm"));
-        insta::assert_snapshot!(section.description(), @"irb1600-fitted with link1.length_m = 0.6 (preset 0.63), link2.mass_kg = 40 (preset 50.58)");
-        let unnamed = StructureSection { name: None, ..section };
-        insta::assert_snapshot!(unnamed.short_label(), @"irb1600-fitted with 2 changed parameters");
+        insta::assert_snapshot!(changes(table1), @"link2.inertia_kg_m2 = 1.5 (preset 0.0009)");
+        insta::assert_snapshot!(changes("structure.set = { 'link2.inertia_kg_m2' = 1.5 }"), @"");
     }
 
     #[test]

@@ -283,14 +283,6 @@ impl Scenario {
         self.structure.kind == StructureKind::Preset && self.structure.elements.is_empty()
     }
 
-    /// The structure under test if it is more than a two-link arm: see [`Scenario::under_test`].
-    ///
-    /// # Errors
-    /// As [`Scenario::under_test`].
-    pub fn tested_structure(&self) -> Result<Option<TestedAssembly>, ScenarioError> {
-        if self.is_plain_arm() { Ok(None) } else { self.under_test().map(Some) }
-    }
-
     /// The two-link arm that moves as the structure under test does.
     ///
     /// # Errors

@@ -2,42 +2,52 @@
 
 mod recording;
 
+use std::collections::BTreeMap;
 use std::path::PathBuf;
 
 use clap::Args;
 use serde::{Deserialize, Serialize};
-use serde_json::Value;
+use serde_json::{Value, json};
 
+use crate::computed_branch::{ComputedBranch, SAME_LOAD, Score, is_at_one_load, load_range};
 use crate::configuration;
+use crate::drive::{Drive, LoadDocument};
 use crate::failure::{Failure, Verdict};
+use crate::figures::captions;
+use crate::measured_points::MeasuredPoint;
 use crate::output::{self, Inputs, JsonFlag, OverwriteFlag};
-use crate::structures;
-use crate::walk_point;
-use resonarm::analysis::{Distances, MeasuredMotion, Nearest, nearest};
-use resonarm::arm::{Load, Parameters, Pose};
+use crate::read_at::displacement_unit;
+use resonarm::analysis::structure::Nearest;
+use resonarm::plant::TestedAssembly;
 use resonarm::scenario::{Scenario, StructureSection};
+use resonarm_numeric::number::short;
 use resonarm_scenario::text_file;
+
+const EXAMPLES: &str = "\
+FILE is a recording, *.mcap, whose responses are read again from its frames, or JSON with `configuration` (structure, as
+links or modes, and drive: amplitude by degree of freedom) and `points` (frequency_hz, readings by degree of freedom with their
+amplitude, settled; if known excitation, and of each reading phase_deg and clipped). The nearest place of the branch is
+that by frequency and the amplitude at one degree of freedom, a deviation of 2e-5 in the first counting as 1e-3 in the
+second.
+
+Examples:
+  resonarm experiment walk --drive joint1=20 --plot walk
+  resonarm compare walk.json --plot compared
+  resonarm experiment walk --drive joint1=20 --record walk.mcap
+  resonarm compare walk.mcap --at joint2.y";
 
 /// Compare measured points with the computed branch: the document of `experiment walk`, any other with the same keys,
 /// or a recording
 #[derive(Debug, Args)]
-#[command(
-    after_help = "FILE is a recording, *.mcap, whose responses are read again from its frames, or JSON with `configuration` (preset, parameters, beta1_deg, beta2_deg, torque_nm, force_n) and `points` \
-                        (frequency_hz, harmonic1_rad, amplitude_rad, settled). The nearest place of the branch is that by frequency and the \
-                        fundamental of one joint, a deviation of 2e-5 in the first counting as 1e-3 in the second.\n\n\
-                        Examples:\n  \
-                        resonarm experiment walk --torque1-nm 20 --plot walk\n  \
-                        resonarm compare walk.json --plot compared\n  \
-                        resonarm experiment walk --torque1-nm 20 --record walk.mcap\n  \
-                        resonarm compare walk.mcap"
-)]
+#[command(after_help = EXAMPLES)]
 pub(crate) struct Compare {
     /// The document with the points, - for standard input; or a recording, an MCAP file.
     #[arg(value_name = "FILE")]
     file: PathBuf,
-    /// The joint whose amplitude says which place of the branch is nearest, 1 or 2.
-    #[arg(long, value_name = "N", default_value_t = 1, value_parser = clap::value_parser!(u8).range(1..=2))]
-    joint: u8,
+    /// Degree of freedom whose amplitude is compared, one at which the points were measured [default: where they move
+    /// most, without clipped readings if possible].
+    #[arg(long, value_name = "DOF")]
+    at: Option<String>,
     /// Draw the points over the branch to STEM.svg and STEM.png, and write the deviations to STEM.csv and STEM.json.
     #[arg(long, value_name = "STEM")]
     plot: Option<PathBuf>,
@@ -47,115 +57,95 @@ pub(crate) struct Compare {
     json: JsonFlag,
 }
 
-/// Largest turn between two motions of the computed branch: with this it is straight between them to a tenth of the
-/// relevant deviation.
-const STRAIGHT_RAD: f64 = 0.01;
+/// What was measured, and on what.
+struct Measured {
+    /// The structure and the drive, as the document states them.
+    configuration: Value,
+    scenario: Scenario,
+    tested: TestedAssembly,
+    drive: Drive,
+    points: Vec<MeasuredPoint>,
+}
 
-/// Largest relative difference between the loads of points on a single branch.
-const SAME_LOAD: f64 = 0.02;
-
-/// The keys that are read from a bench's document.
+/// The keys that are read from a document.
 #[derive(Deserialize)]
-struct Bench {
+struct MeasuredDocument {
     configuration: Configuration,
-    points: Vec<BenchPoint>,
+    points: Vec<MeasuredPoint>,
 }
 
 #[derive(Deserialize)]
 struct Configuration {
-    #[serde(default)]
-    name: Option<String>,
-    preset: String,
-    parameters: Parameters,
-    beta1_deg: f64,
-    beta2_deg: f64,
-    torque_nm: [f64; 2],
-    force_n: [f64; 2],
-}
-
-#[derive(Deserialize)]
-struct BenchPoint {
-    frequency_hz: f64,
-    harmonic1_rad: [f64; 2],
-    amplitude_rad: [f64; 2],
-    excitation: Option<f64>,
-    settled: bool,
-    /// Whether the angles come from clipped readings; documents of other programs may not say.
-    #[serde(default)]
-    clipped: [bool; 2],
+    structure: Value,
+    drive: BTreeMap<String, LoadDocument>,
 }
 
 /// A point and the place of the branch that is nearest to it.
 #[derive(Serialize)]
 struct Compared {
-    frequency_hz: f64,
-    harmonic1_rad: [f64; 2],
-    settled: bool,
-    clipped: [bool; 2],
-    computed_frequency_hz: f64,
-    computed_harmonic1_rad: [f64; 2],
-    computed_stable: bool,
+    #[serde(flatten)]
+    point: MeasuredPoint,
     /// Measured over computed, less 1.
     frequency_deviation: f64,
-    amplitude_deviation: [f64; 2],
+    amplitude_deviation: f64,
+    /// Measured less computed phase.
+    phase_deviation_deg: Option<f64>,
+    computed_stable: Option<bool>,
 }
 
 #[derive(Serialize)]
-struct Document {
+struct Document<'a> {
     configuration: Value,
+    coordinates: Value,
+    /// The degree of freedom whose fundamental is compared.
+    at: &'a str,
+    /// The unit of its displacement.
+    #[serde(skip)]
+    unit: &'static str,
+    /// The load of the computed branch: the mean of what acted.
+    load: String,
     points: Vec<Compared>,
-    /// The largest deviations of settled points, of angles that do not come from clipped readings.
-    largest_frequency_deviation: f64,
-    largest_amplitude_deviation: [f64; 2],
+    /// The largest deviations of settled points without clipped readings; none if there are no such points.
+    score: Option<Score>,
 }
 
 impl Compare {
     pub fn execute(&self) -> Result<Verdict, Failure> {
         self.overwrite.check_stem(self.plot.as_deref(), output::PLOTTED, &Inputs::of([&self.file]))?;
-        let mut whole = Verdict::Positive;
-        let bench = if self.is_recording() {
-            let (scenario, responses, is_whole) = recording::responses(&self.file)?;
-            whole = is_whole;
-            if let Some(tested) = scenario.tested_structure()? {
-                let plot = self.plot.as_deref();
-                let shown = structures::compare::show(&self.file, (&scenario, &tested), &responses, plot, self.json)?;
-                return Ok(shown.and(whole));
-            }
-            recording::bench(&scenario, &responses)?
+        let (measured, whole) = if self.file.extension().is_some_and(|extension| extension == "mcap") {
+            let (scenario, responses, whole) = recording::responses(&self.file)?;
+            let tested = scenario.under_test()?;
+            let (drive, points) = recording::measured(&self.file, (&scenario, &tested), &responses)?;
+            let mut configuration = configuration::of_structure(&scenario, &tested);
+            configuration["drive"] = drive.document();
+            (Measured { configuration, scenario, tested, drive, points }, whole)
         } else {
-            self.read()?
+            (self.read()?, Verdict::Positive)
         };
-        let (scenario, load) = self.bench_of(&bench)?;
-        let measured: Vec<walk_point::Drawn> = bench.points.iter().map(BenchPoint::drawn).collect();
-        let branch = walk_point::branch(&scenario, &load, &measured, STRAIGHT_RAD)?;
-        let joint = usize::from(self.joint - 1);
-        let place = |point: &BenchPoint| {
-            let motion = MeasuredMotion { frequency_hz: point.frequency_hz, harmonic1_rad: point.harmonic1_rad };
-            nearest(&branch, &motion, joint, Distances::default()).map(|place| Compared::new(point, &place))
-        };
-        let points: Vec<Compared> = bench.points.iter().filter_map(place).collect();
-        let largest = |is_read: &dyn Fn(&Compared) -> bool, of: &dyn Fn(&Compared) -> f64| {
-            let judged = points.iter().filter(|point| point.settled && is_read(point));
-            judged.fold(0.0_f64, |largest, point| largest.max(of(point).abs()))
+        self.check(&measured.points, &measured.tested)?;
+        let Measured { configuration, scenario, tested, drive, points } = &measured;
+        let computed = ComputedBranch::new(&tested.assembly, drive, points, self.at.as_deref())?;
+        let Some(computed) = computed.filter(|_| is_at_one_load(points)) else {
+            return Err(self.not_on_one_branch(points));
         };
         let document = Document {
-            configuration: configuration::of(&scenario, &load)?,
-            largest_frequency_deviation: largest(&|point| !point.clipped[joint], &|point| point.frequency_deviation),
-            largest_amplitude_deviation: [0, 1]
-                .map(|joint| largest(&|point| !point.clipped[joint], &|point| point.amplitude_deviation[joint])),
-            points,
+            configuration: configuration.clone(),
+            coordinates: configuration::coordinates(&tested.assembly),
+            at: computed.at(),
+            unit: computed.unit(),
+            load: computed.load(),
+            points: points.iter().filter_map(|point| Compared::new(point, &computed)).collect(),
+            score: computed.score(points),
         };
-        let figure = || walk_point::drawn("Measured on computed", &scenario, &load, &branch, &measured);
-        let files = output::plot(self.plot.as_deref(), &document, || (figure(), csv(&document.points)))?;
-        self.json.show(&document, || text(&document), &files)?;
+        let conditions = captions::structure(scenario, tested, &[]);
+        let figure = || computed.figure("Measured on computed", conditions, points);
+        let files = output::plot(self.plot.as_deref(), &document, || (figure(), document.csv()))?;
+        self.json.show(&document, || document.text(), &files)?;
         Ok(whole)
     }
 
-    fn is_recording(&self) -> bool {
-        self.file.extension().is_some_and(|extension| extension == "mcap")
-    }
-
-    fn read(&self) -> Result<Bench, Failure> {
+    /// The points of a document with their structure and its loads.
+    fn read(&self) -> Result<Measured, Failure> {
         let name = self.file.display();
         let read = if self.file.as_os_str() == "-" {
             text_file::read_numbers("/dev/stdin".as_ref())
@@ -163,116 +153,144 @@ impl Compare {
             text_file::read_numbers(&self.file)
         };
         let text = read.map_err(|source| Failure::usage(format!("{name} can't be read: {source}")))?;
-        serde_json::from_str(&text)
-            .map_err(|source| Failure::usage(format!("{name} is no document of `experiment walk --json`: {source}")))
+        let foreign = |source| Failure::usage(format!("{name} is no document of `experiment walk --json`: {source}"));
+        let MeasuredDocument { configuration, points } = serde_json::from_str(&text).map_err(foreign)?;
+        let Configuration { structure, drive } = configuration;
+        let mut configuration = json!({ "structure": structure.clone() });
+        let preset = preset_name(&structure);
+        let mut structure = StructureSection::from_document(structure).map_err(foreign)?;
+        structure.name = structure.name.or(preset);
+        let scenario = Scenario { structure, ..Scenario::default() };
+        let tested = scenario.under_test()?;
+        let drive = Drive::of_document(&drive, &tested.assembly)?;
+        if drive.loads.is_empty() || !drive.size().is_finite() || drive.size() == 0.0 {
+            return Err(Failure::usage(format!("{name}: the drive in its configuration is zero")));
+        }
+        configuration["drive"] = drive.document();
+        Ok(Measured { configuration, scenario, tested, drive, points })
     }
 
-    /// Arm, pose and load of the points, if they are on one branch.
-    fn bench_of(&self, bench: &Bench) -> Result<(Scenario, Load), Failure> {
-        let Configuration { name: arm_name, preset, parameters, beta1_deg, beta2_deg, torque_nm, force_n } =
-            &bench.configuration;
-        let name = self.file.display();
-        let usage = |problem: String| Failure::usage(format!("{name}: {problem}"));
-        if bench.points.is_empty() {
-            return Err(usage(String::from("it has no points")));
+    /// Refuses points that can't be compared.
+    fn check(&self, points: &[MeasuredPoint], tested: &TestedAssembly) -> Result<(), Failure> {
+        let usage = |problem: String| Err(Failure::usage(format!("{}: {problem}", self.file.display())));
+        if points.is_empty() {
+            return usage(String::from("it has no points"));
         }
-        let numbers = |point: &BenchPoint| {
-            let [h1, h2] = point.harmonic1_rad;
-            point.frequency_hz > 0.0
-                && [point.frequency_hz, h1, h2].iter().all(|value| value.is_finite())
-                && h1 != 0.0
-                && h2 != 0.0
+        let is_positive = |value: f64| value.is_finite() && value > 0.0;
+        if let Some(at) = points.iter().position(|point| !is_positive(point.frequency_hz)) {
+            return usage(format!("point {at} has no positive frequency"));
+        }
+        // A reading below the resolution of an instrument is zero.
+        let is_amplitude = |value: f64| value.is_finite() && value >= 0.0;
+        let amplitudes = |point: &MeasuredPoint| {
+            !point.readings.is_empty() && point.readings.values().all(|reading| is_amplitude(reading.amplitude))
         };
-        if let Some(at) = bench.points.iter().position(|point| !numbers(point)) {
-            return Err(usage(format!("point {at} has no positive frequency and amplitudes other than zero")));
+        if let Some(at) = points.iter().position(|point| !amplitudes(point)) {
+            return usage(format!("point {at} has no readings, or one with a negative amplitude"));
         }
-        let loads: Vec<f64> = bench.points.iter().filter_map(|point| point.excitation).collect();
-        let (least, most) =
-            loads.iter().fold((f64::INFINITY, 0.0_f64), |(low, high), load| (low.min(*load), high.max(*load)));
-        if most > least * (1.0 + SAME_LOAD) {
-            return Err(usage(format!(
-                "its points are of loads from {least:.4} to {most:.4}: they are not on a single branch; a backbone is drawn by `resonarm backbone`"
-            )));
+        for (at, point) in points.iter().enumerate() {
+            for (name, reading) in &point.readings {
+                let expected = tested.assembly.dof(name).map(displacement_unit);
+                if let (Some(unit), Ok(expected)) = (&reading.unit, expected)
+                    && unit != expected
+                {
+                    return usage(format!("point {at}: the reading at {name} is in {unit}: give it in {expected}"));
+                }
+            }
         }
-        let pose = Pose { beta1_deg: *beta1_deg, beta2_deg: *beta2_deg };
-        let of_arm = StructureSection::of_arm(preset, parameters, pose).map_err(|source| usage(source.to_string()))?;
-        let structure = StructureSection { name: arm_name.clone(), ..of_arm };
-        let load = Load { torque_nm: (*torque_nm).into(), force_n: (*force_n).into() };
-        if load == Load::default() {
-            return Err(usage(String::from("the load in its configuration is zero")));
+        match &self.at {
+            Some(dof) if points.iter().all(|point| point.amplitude(dof).is_none()) => {
+                let known: Vec<&str> = points[0].readings.keys().map(String::as_str).collect();
+                usage(format!("--at {dof}: its points were measured at {}: name one of these", known.join(", ")))
+            }
+            _ => Ok(()),
         }
-        Ok((Scenario { structure, ..Scenario::default() }, load))
+    }
+
+    fn not_on_one_branch(&self, points: &[MeasuredPoint]) -> Failure {
+        let [least, most] = load_range(points);
+        Failure::usage(format!(
+            "{}: its points are of loads from {least:.4} to {most:.4}: they are not on a single branch, of loads that differ by \
+             at most {} %; a backbone is drawn by `resonarm backbone`",
+            self.file.display(),
+            short(&(100.0 * SAME_LOAD)),
+        ))
     }
 }
 
-impl BenchPoint {
-    fn drawn(&self) -> walk_point::Drawn {
-        let BenchPoint { frequency_hz, amplitude_rad, settled, clipped, .. } = *self;
-        walk_point::Drawn { frequency_hz, amplitude_rad, settled, clipped }
-    }
+/// The preset and the angles that a document states, `irb1600-fitted at 0°, 60°`.
+fn preset_name(structure: &Value) -> Option<String> {
+    let (preset, angles) = (structure["preset"].as_str()?, structure["angles_deg"].as_array()?);
+    let angles: Vec<String> = angles.iter().filter_map(Value::as_f64).map(captions::degrees).collect();
+    Some(format!("{preset} at {}", angles.join(", ")))
 }
 
 impl Compared {
-    fn new(point: &BenchPoint, place: &Nearest) -> Compared {
-        Compared {
-            frequency_hz: point.frequency_hz,
-            harmonic1_rad: point.harmonic1_rad,
-            settled: point.settled,
-            clipped: point.clipped,
-            computed_frequency_hz: place.motion.frequency_hz,
-            computed_harmonic1_rad: place.motion.harmonic1_rad,
-            computed_stable: place.is_stable,
-            frequency_deviation: place.frequency_deviation,
-            amplitude_deviation: place.amplitude_deviation,
-        }
-    }
-}
-
-fn text(document: &Document) -> String {
-    let mut text = format!(
-        "  {:>12}  {:>11}  {:>11}  {:>12}  {:>9}  {:>9}  computed\n",
-        "frequency", "α1", "α2", "Δf/f", "Δα1/α1", "Δα2/α2"
-    );
-    for point in &document.points {
-        let ([h1, h2], [d1, d2]) = (point.harmonic1_rad, point.amplitude_deviation);
-        let stability = if point.computed_stable { "stable" } else { "unstable" };
-        let remark = match (point.settled, point.clipped) {
-            (false, _) => ", point not settled",
-            (true, [false, false]) => "",
-            (true, [false, true]) => ", α2 from clipped readings",
-            (true, [true, _]) => ", from clipped readings",
+    fn new(point: &MeasuredPoint, computed: &ComputedBranch) -> Option<Compared> {
+        let Nearest { frequency_deviation, amplitude_deviation, phase_rad, is_stable } = computed.nearest(point)?;
+        let measured_deg = point.readings.get(computed.at()).and_then(|reading| reading.phase_deg);
+        let off_deg = |measured_deg: f64| {
+            let off_deg = measured_deg - phase_rad.to_degrees();
+            off_deg - 360.0 * (off_deg / 360.0).round()
         };
-        text += &format!(
-            "  {:9.5} Hz  {h1:7.5} rad  {h2:7.5} rad  {:+12.2e}  {:+8.3} %  {:+8.3} %  {stability}{remark}\n",
-            point.frequency_hz,
-            point.frequency_deviation,
-            100.0 * d1,
-            100.0 * d2,
-        );
+        Some(Compared {
+            point: point.clone(),
+            frequency_deviation,
+            amplitude_deviation,
+            phase_deviation_deg: measured_deg.map(off_deg),
+            computed_stable: is_stable,
+        })
     }
-    let [a1, a2] = document.largest_amplitude_deviation;
-    text += &format!(
-        "largest of settled points without clipped readings: {:.1e} in frequency, {:.3} % in α1, {:.3} % in α2\n",
-        document.largest_frequency_deviation,
-        100.0 * a1,
-        100.0 * a2
-    );
-    text
 }
 
-fn csv(points: &[Compared]) -> String {
-    let mut text = String::from(
-        "frequency_hz,harmonic1_alpha1_rad,harmonic1_alpha2_rad,settled,computed_frequency_hz,computed_harmonic1_alpha1_rad,\
-         computed_harmonic1_alpha2_rad,computed_stable,frequency_deviation,amplitude_deviation_alpha1,amplitude_deviation_alpha2,\
-         clipped_alpha1,clipped_alpha2\n",
-    );
-    for point in points {
-        let ([h1, h2], [c1, c2]) = (point.harmonic1_rad, point.computed_harmonic1_rad);
-        let ([d1, d2], [clipped1, clipped2]) = (point.amplitude_deviation, point.clipped);
-        let Compared { frequency_hz, settled, computed_frequency_hz, computed_stable, frequency_deviation, .. } = point;
-        text += &format!(
-            "{frequency_hz},{h1},{h2},{settled},{computed_frequency_hz},{c1},{c2},{computed_stable},{frequency_deviation},{d1},{d2},{clipped1},{clipped2}\n"
-        );
+impl Document<'_> {
+    fn text(&self) -> String {
+        let at = self.at;
+        let mut text = format!("computed for {}\n", self.load);
+        text += &format!("  {:>12}  {at:>13}  {:>12}  {:>9}  {:>9}  computed\n", "frequency", "Δf/f", "ΔA/A", "Δφ");
+        for compared in &self.points {
+            let Compared { point, frequency_deviation, amplitude_deviation, phase_deviation_deg, .. } = compared;
+            let stability = match compared.computed_stable {
+                Some(true) => "stable",
+                Some(false) => "unstable",
+                None => "–",
+            };
+            let remark = match (point.settled, point.is_clipped(at)) {
+                (false, _) => ", point not settled",
+                (true, true) => ", from clipped readings",
+                (true, false) => "",
+            };
+            let amplitude = point
+                .readings
+                .get(at)
+                .map_or(String::from("–"), |reading| format!("{:.4e} {}", reading.amplitude, self.unit));
+            let phase = phase_deviation_deg.map_or(String::from("–"), |off_deg| format!("{off_deg:+.2}°"));
+            text += &format!(
+                "  {:9.5} Hz  {:>13}  {frequency_deviation:+12.2e}  {:+7.3} %  {phase:>9}  {stability}{remark}\n",
+                point.frequency_hz,
+                amplitude,
+                100.0 * amplitude_deviation,
+            );
+        }
+        text + &self.score.as_ref().map_or(String::new(), Score::line)
     }
-    text
+
+    fn csv(&self) -> String {
+        let mut text = String::from(
+            "frequency_hz,amplitude,settled,clipped,frequency_deviation,amplitude_deviation,phase_deviation_deg,computed_stable\n",
+        );
+        for compared in &self.points {
+            let Compared { point, frequency_deviation, amplitude_deviation, .. } = compared;
+            let amplitude = point.amplitude(self.at).map_or(String::new(), |amplitude| format!("{amplitude:e}"));
+            let phase = compared.phase_deviation_deg.map_or(String::new(), |off_deg| off_deg.to_string());
+            let stable = compared.computed_stable.map_or(String::new(), |stable| stable.to_string());
+            text += &format!(
+                "{},{amplitude},{},{},{frequency_deviation},{amplitude_deviation},{phase},{stable}\n",
+                point.frequency_hz,
+                point.settled,
+                point.is_clipped(self.at),
+            );
+        }
+        text
+    }
 }

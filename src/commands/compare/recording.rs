@@ -2,18 +2,19 @@
 
 use std::path::Path;
 
-use super::{Bench, BenchPoint, Configuration};
+use crate::drive::Drive;
 use crate::failure::{Failure, Verdict};
+use crate::measured_points::{self, MeasuredPoint};
 use crate::recordings;
-use resonarm::arm::Arm;
-use resonarm::control::{JointAngles, ResponsePoint};
-use resonarm::identification::{acting_load, common_load};
+use resonarm::control::ResponsePoint;
+use resonarm::identification::acting_load;
+use resonarm::plant::TestedAssembly;
 use resonarm::replay;
 use resonarm::scenario::Scenario;
 
 /// Which recordings can be compared.
 const HOW: &str = "responses are read with [control] or with an [excitation] with `dwell`, `stepped-sine` or `sine-list`: \
-                   `resonarm experiment walk --torque1-nm 20 --record walk.mcap` makes such a recording";
+                   `resonarm experiment walk --drive joint1=20 --record walk.mcap` makes such a recording";
 
 /// The responses in a recording, with its scenario, and whether the recording is whole.
 pub(super) fn responses(file: &Path) -> Result<(Scenario, Vec<ResponsePoint>, Verdict), Failure> {
@@ -31,33 +32,21 @@ pub(super) fn responses(file: &Path) -> Result<(Scenario, Vec<ResponsePoint>, Ve
     Ok((scenario, responses, recordings::verdict(&recording)))
 }
 
-/// The responses of the arm, with pose and load of the scenario.
-pub(super) fn bench(scenario: &Scenario, responses: &[ResponsePoint]) -> Result<Bench, Failure> {
-    let arm = scenario.build_arm()?;
-    let points = responses.iter().map(|response| point(response, scenario, &arm)).collect::<Result<Vec<_>, _>>()?;
-    let acting: Vec<f64> = points.iter().filter_map(|point| point.excitation).collect();
-    let load = common_load(scenario, &acting);
-    let configuration = Configuration {
-        name: scenario.structure.name.clone(),
-        preset: scenario.structure.preset.clone().unwrap_or_default(),
-        parameters: *arm.parameters(),
-        beta1_deg: arm.pose().beta1_deg,
-        beta2_deg: arm.pose().beta2_deg,
-        torque_nm: load.torque_nm.into(),
-        force_n: load.force_n.into(),
+/// The points of a recording with the load that acted: in open loop a shaker's force on the structure is not the
+/// commanded one.
+pub(super) fn measured(
+    file: &Path,
+    (scenario, tested): (&Scenario, &TestedAssembly),
+    responses: &[ResponsePoint],
+) -> Result<(Drive, Vec<MeasuredPoint>), Failure> {
+    let acting = |response: &ResponsePoint| {
+        let load = acting_load(response, scenario, tested).map_err(|error| Failure::usage(error.to_string()))?;
+        Ok(ResponsePoint { load, ..*response })
     };
-    Ok(Bench { configuration, points })
-}
-
-/// The angles that belong to a response, and the load that acted.
-fn point(response: &ResponsePoint, scenario: &Scenario, arm: &Arm) -> Result<BenchPoint, Failure> {
-    let angles = JointAngles::of(response, arm);
-    Ok(BenchPoint {
-        frequency_hz: response.frequency_hz,
-        harmonic1_rad: angles.harmonic1_rad(),
-        amplitude_rad: angles.amplitude_rad,
-        excitation: Some(acting_load(response, scenario, arm)?),
-        settled: response.settled,
-        clipped: angles.clipped,
-    })
+    let acted = responses.iter().map(acting).collect::<Result<Vec<_>, Failure>>()?;
+    let amplitude = scenario.amplitude().copied().unwrap_or_default();
+    let drive = Drive::of_exciter(&amplitude, tested).ok_or_else(|| {
+        Failure::usage(format!("{}: the load of its scenario drives nothing of the structure", file.display()))
+    })?;
+    Ok((drive, measured_points::points(tested, &acted)))
 }

@@ -8,18 +8,18 @@ use serde::Serialize;
 use serde_json::{Value, json};
 
 use crate::configuration;
-use resonarm::arm::{Arm, Pose};
-
+use crate::drive::Drive;
 use crate::failure::{Failure, Verdict};
-use crate::figures::zone_figure;
+use crate::figures::{captions, zone_figure};
 use crate::flags::SessionFlags;
+use crate::measured_points::{self, MeasuredPoint};
 use crate::output::{self, Inputs, JsonFlag, OverwriteFlag};
 use crate::progress::timed;
 use crate::supervise::{Line, supervise};
-use crate::walk_point::{self, WalkPoint};
 use resonarm::control::{CancelHarmonics, Length, ModeNumber};
 use resonarm::excitation::Amplitude;
 use resonarm::experiment::{Measured, Score, Zone, ZoneExperiment, ZoneMeasured, score};
+use resonarm::plant::TestedAssembly;
 use resonarm::run::{ExciterEnd, Signals};
 use resonarm::scenario::Scenario;
 use resonarm_numeric::number::short;
@@ -65,6 +65,7 @@ const BACKBONE_POINTS: usize = 10;
 #[derive(Serialize)]
 struct Document<'a> {
     configuration: Value,
+    coordinates: Value,
     /// Whether it was stopped before all was measured.
     interrupted: bool,
     zones: Vec<ZoneDocument<'a>>,
@@ -75,7 +76,10 @@ struct Document<'a> {
 #[derive(Serialize)]
 struct ZoneDocument<'a> {
     mode_number: u8,
-    force_n: [f64; 2],
+    /// The load by degree of freedom, N.
+    drive: Value,
+    #[serde(skip)]
+    force_n: f64,
     range_hz: [f64; 2],
     walk: Run,
     backbone: Run,
@@ -89,7 +93,7 @@ struct ZoneDocument<'a> {
 /// The responses that a controller read, and how it ended.
 #[derive(Serialize)]
 struct Run {
-    points: Vec<WalkPoint>,
+    points: Vec<MeasuredPoint>,
     #[serde(flatten)]
     end: ExciterEnd,
 }
@@ -109,8 +113,8 @@ impl Fig9 {
     pub fn execute(&self) -> Result<Verdict, Failure> {
         self.session.refuse_duration("the experiment ends by itself")?;
         let scenario = self.scenario()?;
-        let arm = scenario.build_arm()?;
-        let zones = self.zones(&arm)?;
+        let tested = scenario.under_test()?;
+        let zones = self.zones(&tested)?;
         let experiment = ZoneExperiment::new(&zones);
         experiment.check(&scenario)?;
         let inputs = Inputs::of_scenario(self.session.structure.scenario.as_deref());
@@ -118,14 +122,15 @@ impl Fig9 {
         self.plot.as_deref().map_or(Ok(()), output::check_folder)?;
         let (measured, wall_s) = timed(|| measure(&scenario, &zones, experiment));
         let measured = measured?;
-        let scores = zones.iter().zip(&measured).map(|(zone, measured)| score(&arm, zone, measured));
+        let scores = zones.iter().zip(&measured).map(|(zone, measured)| score(&tested, zone, measured));
         let scores = scores.collect::<Result<Vec<_>, _>>()?;
         let results = zones.iter().zip(&measured).zip(&scores);
-        let zone_documents = results.map(|((zone, measured), score)| ZoneDocument::new(zone, measured, score, &arm));
+        let zone_documents = results.map(|((zone, measured), score)| ZoneDocument::new(zone, measured, score, &tested));
         let zone_documents: Vec<_> = zone_documents.collect();
         let interrupted = zone_documents.iter().flat_map(ZoneDocument::runs).any(|(_, run)| run.end.is_stopped());
         let document = Document {
-            configuration: configuration::of_arm(&scenario)?,
+            configuration: configuration::of_structure(&scenario, &tested),
+            coordinates: configuration::coordinates(&tested.assembly),
             interrupted,
             zones: zone_documents,
             simulated_s: measured.iter().map(ZoneMeasured::simulated_s).sum(),
@@ -133,7 +138,10 @@ impl Fig9 {
         };
         let drawn = || {
             let views: Vec<_> = document.zones.iter().zip(&scores).map(|(zone, score)| zone.view(score)).collect();
-            (zone_figure::figure(&scenario, &views, interrupted), csv(&document.zones))
+            (
+                zone_figure::figure(captions::structure(&scenario, &tested, &[]), &views, interrupted),
+                csv(&document.zones),
+            )
         };
         let files = output::plot(self.plot.as_deref(), &document, drawn)?;
         self.json.show(&document, || text(&document), &files)?;
@@ -146,22 +154,27 @@ impl Fig9 {
     }
 
     /// The two zones, which meet halfway between the natural frequencies.
-    fn zones(&self, arm: &Arm) -> Result<[Zone; 2], Failure> {
-        let [first_hz, second_hz] = resonarm::analysis::modes(arm).map(|mode| mode.frequency_hz);
+    fn zones(&self, tested: &TestedAssembly) -> Result<[Zone; 2], Failure> {
+        let modes = tested.assembly.modes();
+        let [first, second, ..] = modes else {
+            let count = modes.len();
+            return Err(Failure::usage(format!(
+                "the structure has {count} mode: the experiment goes through the resonances of two"
+            )));
+        };
+        let (first_hz, second_hz) = (first.frequency_hz, second.frequency_hz);
         let halfway_hz = 0.5 * (first_hz + second_hz);
         for (flag, got_n) in [("--first-force-n", self.first_force_n), ("--second-force-n", self.second_force_n)] {
             if !(got_n.is_finite() && got_n > 0.0) {
                 return Err(Failure::value(flag, got_n, "it must be a positive number"));
             }
         }
-        let Pose { beta1_deg, beta2_deg } = arm.pose();
-        let pose = format!("at β1 = {}°, β2 = {}°", short(&beta1_deg), short(&beta2_deg));
         if !(self.from_hz > 0.0 && self.from_hz < first_hz) {
-            let why = format!("it must be above 0 and below the first natural frequency, {first_hz:.2} Hz {pose}");
+            let why = format!("it must be above 0 and below the first natural frequency, {first_hz:.2} Hz");
             return Err(Failure::value("--from-hz", self.from_hz, why));
         }
         if !(self.to_hz.is_finite() && self.to_hz > second_hz) {
-            let why = format!("it must be above the second natural frequency, {second_hz:.2} Hz {pose}");
+            let why = format!("it must be above the second natural frequency, {second_hz:.2} Hz");
             return Err(Failure::value("--to-hz", self.to_hz, why));
         }
         if !(self.step_hz > 0.0 && self.to_hz - self.from_hz <= MOST_STEPS * self.step_hz) {
@@ -204,8 +217,8 @@ pub(crate) fn scenario() -> Result<Scenario, Failure> {
 }
 
 impl Run {
-    fn new(measured: &Measured, arm: &Arm) -> Run {
-        let points = measured.points.iter().map(|point| WalkPoint::new(point, arm)).collect();
+    fn new(measured: &Measured, tested: &TestedAssembly) -> Run {
+        let points = measured_points::points(tested, &measured.points);
         Run { points, end: ExciterEnd::of(measured.outcome.as_ref()) }
     }
 
@@ -220,8 +233,8 @@ impl Run {
 }
 
 impl<'a> ZoneDocument<'a> {
-    fn new(zone: &Zone, measured: &ZoneMeasured, score: &'a Score, arm: &Arm) -> ZoneDocument<'a> {
-        let [walk, backbone, up, down] = measured.runs().map(|run| Run::new(run, arm));
+    fn new(zone: &Zone, measured: &ZoneMeasured, score: &'a Score, tested: &TestedAssembly) -> ZoneDocument<'a> {
+        let [walk, backbone, up, down] = measured.runs().map(|run| Run::new(run, tested));
         let jumps = score.jumps.map(|[up, down]| {
             let jump = |jump: resonarm::experiment::Jump| {
                 json!({ "between_hz": jump.between_hz, "fold_hz": jump.fold_hz, "steps_off": jump.steps_off() })
@@ -231,7 +244,8 @@ impl<'a> ZoneDocument<'a> {
         let have_finished = [&walk, &backbone, &up, &down].iter().all(|run| run.end.is_finished());
         ZoneDocument {
             mode_number: zone.mode_number.into(),
-            force_n: zone.amplitude.load().force_n.into(),
+            drive: Drive::of_exciter(&zone.amplitude, tested).map_or(Value::Null, |drive| drive.document()),
+            force_n: zone.amplitude.force_x_n,
             range_hz: zone.range_hz,
             walk,
             backbone,
@@ -247,8 +261,7 @@ impl<'a> ZoneDocument<'a> {
 
     fn view(&'a self, score: &'a Score) -> zone_figure::View<'a> {
         zone_figure::View {
-            joint: usize::from(self.mode_number - 1),
-            force_n: self.force_n[0],
+            force_n: self.force_n,
             score,
             walk: &self.walk.points,
             backbone: &self.backbone.points,
@@ -261,7 +274,7 @@ impl<'a> ZoneDocument<'a> {
 fn text(document: &Document) -> String {
     let mut text = String::new();
     for zone in &document.zones {
-        text += &format!("zone {}: {} N along x\n", zone.mode_number, zone.force_n[0]);
+        text += &format!("zone {}: {} N along x\n", zone.mode_number, zone.force_n);
         for (name, run) in zone.runs() {
             let reason = run.end.reason.as_ref().map_or(String::new(), |reason| format!(": {reason}"));
             let distortion = run.distortion().map_or(String::new(), |distortion| {
@@ -274,10 +287,12 @@ fn text(document: &Document) -> String {
                 run.end.outcome
             );
         }
-        text.push_str(&zone.computed.as_ref().map_or_else(
-            || String::from("  not judged: not all of its runs have finished\n"),
-            |computed| computed.text(zone.mode_number),
-        ));
+        text.push_str(
+            &zone
+                .computed
+                .as_ref()
+                .map_or_else(|| String::from("  not judged: not all of its runs have finished\n"), Computed::text),
+        );
     }
     let minutes = document.simulated_s / 60.0;
     let interrupted = if document.interrupted { "interrupted after " } else { "" };
@@ -286,7 +301,7 @@ fn text(document: &Document) -> String {
 }
 
 impl Computed<'_> {
-    fn text(&self, mode_number: u8) -> String {
+    fn text(&self) -> String {
         let folds: Vec<_> = self.score.folds_hz.iter().map(|hz| format!("{hz:.6} Hz")).collect();
         let folds = if folds.is_empty() { String::from("none") } else { folds.join(", ") };
         let jumps = self.jumps.as_ref().map_or(String::from("none: up and down are the same"), |jumps| {
@@ -298,24 +313,23 @@ impl Computed<'_> {
         });
         format!(
             "  folds     computed: {folds}\n  jumps     measured: {jumps}\n  \
-             walk      {} points on the unstable part; at most {:.1e} off in frequency, {:.3} % in α{mode_number}\n  \
+             walk      {} points on the unstable part; at most {:.1e} off in frequency, {:.3} % in the amplitude of {}\n  \
              backbone  at most {:.1e} off in frequency\n",
             self.score.unstable_points,
             self.score.largest_frequency_deviation,
             100.0 * self.score.largest_amplitude_deviation,
+            self.score.at,
             self.score.largest_backbone_deviation,
         )
     }
 }
 
 fn csv(zones: &[ZoneDocument]) -> String {
-    let mut text = format!("zone,run,{}\n", walk_point::columns("N"));
-    for zone in zones {
-        for (name, run) in zone.runs() {
-            for point in &run.points {
-                text += &format!("{},{name},{}\n", zone.mode_number, point.cells());
-            }
-        }
+    let runs = || zones.iter().flat_map(|zone| zone.runs().map(|(name, run)| (zone.mode_number, name, run)));
+    let some = runs().map(|(.., run)| &run.points[..]).find(|points| !points.is_empty()).unwrap_or_default();
+    let mut text = format!("zone,run,{}\n", measured_points::columns(some, "N"));
+    for (zone, name, run) in runs() {
+        run.points.iter().for_each(|point| text += &format!("{zone},{name},{}\n", point.cells()));
     }
     text
 }

@@ -7,20 +7,19 @@ use clap::Args;
 use serde::Serialize;
 use serde_json::Value;
 
-use crate::arm_drive::ArmDriveFlags;
+use crate::computed_branch::{ComputedBranch, Score};
 use crate::configuration;
-use resonarm::arm::Load;
-
+use crate::drive::{Drive, LoadFlag, lacks_amplitude, missing};
 use crate::failure::{Failure, Verdict};
+use crate::figures::captions;
 use crate::flags::SessionFlags;
+use crate::measured_points::{self, MeasuredPoint};
 use crate::output::{self, Inputs, JsonFlag, OverwriteFlag};
 use crate::progress::timed;
+use crate::read_at::dof;
 use crate::recordings::{existing, wait_for_reader};
-use crate::structures;
-use crate::structures::walk::{Computed, StructurePoint, StructureScore};
 use crate::supervise::supervise;
-use crate::walk_point::{self, WalkPoint};
-use resonarm::control::{ControlSpec, ModeNumber, PhaseWalkSpec, ResponsePoint};
+use resonarm::control::{ControlSpec, ModeNumber, PhaseWalkSpec};
 use resonarm::excitation::Amplitude;
 use resonarm::plant::TestedAssembly;
 use resonarm::rig::ShakerSpec;
@@ -28,19 +27,32 @@ use resonarm::run::{BothReport, ExciterEnd, Mode, Options, RecordTo, RunError, S
 use resonarm::scenario::Scenario;
 use resonarm_numeric::number::short;
 
+const EXAMPLES: &str = "\
+Examples:
+  resonarm experiment walk --drive joint1=20 --plot walk
+  resonarm experiment walk --drive tip.x=14 --angles-deg 30,60
+  resonarm experiment walk --drive joint1=20 --backbone
+  resonarm experiment walk --scenario shaken.toml --drive shaker=100
+
+In JSON and CSV every point has its readings by degree of freedom: amplitude and phase of the fundamental of the
+displacement, as the accelerometers read it.";
+
+/// The name by which --drive means the direction of the scenario's shaker.
+const SHAKER: &str = "shaker";
+
 /// Phase walk: a closed loop holds one motion after another, stable or not, at constant amplitude of the load, from a
-/// lag of the response behind the load of 10° to 170°. Amplitudes are computed from the accelerometers.
+/// lag of the response behind the load of 10° to 170°. Displacements are computed from the accelerometers.
 #[derive(Debug, Args)]
+#[command(after_long_help = EXAMPLES)]
 pub(crate) struct WalkExperiment {
     #[command(flatten)]
     session: SessionFlags,
-    #[command(flatten)]
-    drive: ArmDriveFlags,
-    /// Amplitude of a force at point C in the direction of the scenario's shaker, N. If no load is given the walk takes
-    /// that of the scenario's control or excitation.
-    #[arg(long, value_name = "A", conflicts_with_all = ["torque1_nm", "force_x_n", "force_y_n"])]
-    force_n: Option<f64>,
-    /// The mode whose resonance is walked through: of the arm 1 or 2.
+    /// Load whose amplitude is held: at a joint, as joint1=20, N·m; where the exciter is along an axis, as tip.x=14, or
+    /// along the scenario's shaker, as shaker=100, N; may be repeated, all in phase. Without it the walk takes the load of
+    /// the scenario's control or excitation.
+    #[arg(long, value_name = "DOF=A", allow_hyphen_values = true)]
+    drive: Vec<LoadFlag>,
+    /// The mode whose resonance is walked through, from 1, by frequency.
     #[arg(long, value_name = "N")]
     mode_number: Option<u8>,
     /// Walk the backbone: a lag of 90° at loads from a tenth of the given one up to it.
@@ -65,20 +77,10 @@ pub(crate) struct WalkExperiment {
 #[derive(Serialize)]
 struct Document<'a> {
     configuration: Value,
-    points: &'a [WalkPoint],
-    #[serde(flatten)]
-    end: &'a ExciterEnd,
-    simulated_s: f64,
-    wall_s: f64,
-}
-
-#[derive(Serialize)]
-struct StructureDocument<'a> {
-    configuration: Value,
-    points: &'a [StructurePoint],
-    /// Against the computed branch; none at a load that grows, along more than one degree of freedom, or if no point
-    /// has settled.
-    score: Option<&'a StructureScore>,
+    coordinates: Value,
+    points: &'a [MeasuredPoint],
+    /// Against the computed branch; none at a load that grows, or if no point has settled.
+    score: Option<Score>,
     #[serde(flatten)]
     end: &'a ExciterEnd,
     simulated_s: f64,
@@ -89,7 +91,8 @@ impl WalkExperiment {
     /// The scenario of the flags, with the walk in it.
     pub(crate) fn scenario(&self) -> Result<Scenario, Failure> {
         let mut scenario = self.session.scenario_or(|| Ok(Scenario::default()))?;
-        scenario.control = Some(ControlSpec::PhaseWalk(self.spec(&scenario)?));
+        let tested = scenario.under_test()?;
+        scenario.control = Some(ControlSpec::PhaseWalk(self.spec(&scenario, &tested)?));
         scenario.excitation = None;
         Ok(scenario)
     }
@@ -115,12 +118,12 @@ impl WalkExperiment {
     }
 
     /// The walk of the flags, or of the scenario, or the default.
-    fn spec(&self, scenario: &Scenario) -> Result<PhaseWalkSpec, Failure> {
+    fn spec(&self, scenario: &Scenario, tested: &TestedAssembly) -> Result<PhaseWalkSpec, Failure> {
         let of_scenario = match &scenario.control {
             Some(ControlSpec::PhaseWalk(spec)) => Some(*spec),
             Some(ControlSpec::ForceControl(_) | ControlSpec::ResponseControl(_)) | None => None,
         };
-        let amplitude = self.amplitude(scenario)?;
+        let amplitude = self.amplitude(scenario, tested)?;
         let mut spec = of_scenario.map_or(PhaseWalkSpec::new(amplitude), |spec| PhaseWalkSpec { amplitude, ..spec });
         if self.backbone {
             let PhaseWalkSpec { amplitude, mode_number, points, .. } = spec;
@@ -134,23 +137,36 @@ impl WalkExperiment {
     }
 
     /// The load of the flags, or that of the scenario's control or excitation.
-    fn amplitude(&self, scenario: &Scenario) -> Result<Amplitude, Failure> {
-        let drive = &self.drive;
-        let of_scenario = scenario.control.as_ref().map(ControlSpec::amplitude);
-        let of_scenario = of_scenario.or(scenario.excitation.as_ref().map(|excitation| &excitation.amplitude));
-        match (self.force_n, &scenario.rig.shaker, of_scenario) {
-            (Some(force_n), Some(shaker), _) => Ok(along(shaker, force_n)),
-            (Some(force_n), None, _) => Err(Failure::usage(format!(
-                "--force-n {} acts along a shaker, and the scenario has none: add [rig.shaker], or give --force-x-n and --force-y-n",
-                short(&force_n)
-            ))),
-            (None, _, Some(amplitude)) if !drive.is_given() => Ok(*amplitude),
-            (None, _, _) => {
-                let Load { torque_nm, force_n } = drive.load()?;
-                let (force_x_n, force_y_n) = (force_n.x, force_n.y);
-                Ok(Amplitude { force_x_n, force_y_n, torque1_nm: torque_nm.x, torque2_nm: torque_nm.y })
+    fn amplitude(&self, scenario: &Scenario, tested: &TestedAssembly) -> Result<Amplitude, Failure> {
+        if self.drive.is_empty() {
+            let of_scenario = scenario.control.as_ref().map(ControlSpec::amplitude);
+            let of_scenario = of_scenario.or(scenario.excitation.as_ref().map(|excitation| &excitation.amplitude));
+            return of_scenario.copied().ok_or_else(|| missing("--drive DOF=A", &tested.assembly));
+        }
+        let mut whole = Amplitude::default();
+        for flag in &self.drive {
+            let LoadFlag { name, amplitude } = flag;
+            let sum = if name == SHAKER {
+                let amplitude = amplitude
+                    .ok_or_else(|| Failure::usage("--drive shaker has no amplitude: give --drive shaker=A, in N"))?;
+                along(scenario.rig.shaker.as_ref(), amplitude)?
+            } else {
+                one_load(tested, name, *amplitude)?
+            };
+            let pairs = [
+                (&mut whole.force_x_n, sum.force_x_n),
+                (&mut whole.force_y_n, sum.force_y_n),
+                (&mut whole.torque1_nm, sum.torque1_nm),
+                (&mut whole.torque2_nm, sum.torque2_nm),
+            ];
+            for (total, load) in pairs.into_iter().filter(|(_, load)| *load != 0.0) {
+                if *total != 0.0 {
+                    return Err(Failure::usage(format!("--drive {name} is given twice: give each load once")));
+                }
+                *total = load;
             }
         }
+        Ok(whole)
     }
 
     fn conclude(
@@ -163,60 +179,20 @@ impl WalkExperiment {
         if let Some(error) = plant.error.or(exciter.error) {
             return Err(error.into());
         }
-        if let Some(tested) = scenario.tested_structure()? {
-            return self.conclude_on(&tested, scenario, end, (&exciter.responses, plant.samples, wall_s));
-        }
-        let arm = scenario.build_arm()?;
-        let points: Vec<WalkPoint> = exciter.responses.iter().map(|point| WalkPoint::new(point, &arm)).collect();
+        let tested = scenario.under_test()?;
+        let points = measured_points::points(&tested, &exciter.responses);
+        let amplitude = scenario.amplitude().copied().unwrap_or_default();
+        let drive = Drive::of_exciter(&amplitude, &tested);
+        let computed = drive.as_ref().map(|drive| ComputedBranch::new(&tested.assembly, drive, &points, None));
+        let computed = computed.transpose()?.flatten();
         let simulated_s = plant.samples as f64 / scenario.simulation.rate_hz;
-        let amplitude = scenario.control.as_ref().map(|control| *control.amplitude()).unwrap_or_default();
-        let (unit, load) = (amplitude.unit(), amplitude.load());
-        let configuration = configuration::of(scenario, &load)?;
-        let document = Document { configuration, points: &points, end, simulated_s, wall_s };
-        let mut files = Vec::new();
-        if let (Some(stem), Some(control)) = (&self.plot, &scenario.control)
-            && let Some(figure) = walk_point::figure(scenario, control, &points)?
-        {
-            files = output::plot(Some(stem), &document, || (figure, walk_point::csv(&points, unit)))?;
-        }
-        let text = || {
-            let settled = points.iter().filter(|point| point.settled).count();
-            let table = if self.plot.is_none() { walk_point::table(&points, unit) } else { String::new() };
-            format!(
-                "{table}{}: {} points, {settled} settled, in {simulated_s:.1} simulated seconds ({wall_s:.1} s)\n",
-                end.outcome,
-                points.len()
-            )
-        };
-        self.json.show(&document, text, &files)?;
-        if let Some(reason) = &end.reason {
-            tracing::error!("{reason}");
-        }
-        Ok(Verdict::of(end.is_finished() && points.iter().all(|point| point.settled)))
-    }
-}
-
-impl WalkExperiment {
-    /// The same on a structure in place of the arm.
-    fn conclude_on(
-        &self,
-        tested: &TestedAssembly,
-        scenario: &Scenario,
-        end: &ExciterEnd,
-        (responses, samples, wall_s): (&[ResponsePoint], u64, f64),
-    ) -> Result<Verdict, Failure> {
-        let points = structures::walk::points(tested, responses);
-        let control = scenario.control.as_ref();
-        let amplitude = control.map(|control| *control.amplitude()).unwrap_or_default();
-        let computed = Computed::new(tested, &amplitude, responses)?;
-        let score = computed.as_ref().and_then(|computed| computed.score(responses));
-        let simulated_s = samples as f64 / scenario.simulation.rate_hz;
-        let configuration = configuration::of(scenario, &amplitude.load())?;
-        let (document_points, document_score) = (&points[..], score.as_ref());
-        let document = StructureDocument {
+        let mut configuration = configuration::of_structure(scenario, &tested);
+        configuration["drive"] = drive.as_ref().map_or(Value::Null, Drive::document);
+        let document = Document {
             configuration,
-            points: document_points,
-            score: document_score,
+            coordinates: configuration::coordinates(&tested.assembly),
+            points: &points,
+            score: computed.as_ref().and_then(|computed| computed.score(&points)),
             end,
             simulated_s,
             wall_s,
@@ -224,13 +200,14 @@ impl WalkExperiment {
         let unit = amplitude.unit();
         let mut files = Vec::new();
         if let (Some(stem), Some(computed)) = (&self.plot, &computed) {
-            let figure = computed.figure("Phase walk over the resonance", scenario, tested, responses);
-            files = output::plot(Some(stem), &document, || (figure, structures::walk::csv(&points, unit)))?;
+            let conditions = captions::structure(scenario, &tested, &[]);
+            let figure = computed.figure("Phase walk over the resonance", conditions, &points);
+            files = output::plot(Some(stem), &document, || (figure, measured_points::csv(&points, unit)))?;
         }
         let settled = points.iter().filter(|point| point.settled).count();
         let text = || {
-            let table = if files.is_empty() { structures::walk::table(&points, unit) } else { String::new() };
-            let score = score.as_ref().map_or(String::new(), structures::walk::score_line);
+            let table = if files.is_empty() { measured_points::table(&points, unit) } else { String::new() };
+            let score = document.score.as_ref().map_or(String::new(), Score::line);
             format!(
                 "{table}{score}{}: {} points, {settled} settled, in {simulated_s:.1} simulated seconds ({wall_s:.1} s)\n",
                 end.outcome,
@@ -245,9 +222,33 @@ impl WalkExperiment {
     }
 }
 
-/// A force along a shaker; components due to rounding of its direction are 0.
-fn along(shaker: &ShakerSpec, force_n: f64) -> Amplitude {
+/// The load of one flag at a degree of freedom that the exciter drives.
+fn one_load(tested: &TestedAssembly, name: &str, amplitude: Option<f64>) -> Result<Amplitude, Failure> {
+    let wanted = dof("--drive", name, &tested.assembly)?;
+    let amplitude = amplitude.ok_or_else(|| lacks_amplitude(name, wanted))?;
+    let loaded = tested.loaded();
+    let mut one = Amplitude::default();
+    let parts = [&mut one.torque1_nm, &mut one.torque2_nm, &mut one.force_x_n, &mut one.force_y_n];
+    let Some((part, _)) = parts.into_iter().zip(&loaded).find(|(_, dof)| **dof == Some(wanted)) else {
+        let known: Vec<String> = loaded.iter().flatten().map(|dof| tested.dof_name(*dof)).collect();
+        return Err(Failure::usage(format!(
+            "--drive {name}: the exciter of the scenario acts on {}: name one of these, or place it by `rig.exciter.at`",
+            known.join(", ")
+        )));
+    };
+    *part = amplitude;
+    Ok(one)
+}
+
+/// A force along the scenario's shaker; components due to rounding of its direction are 0.
+fn along(shaker: Option<&ShakerSpec>, force_n: f64) -> Result<Amplitude, Failure> {
+    let Some(shaker) = shaker else {
+        return Err(Failure::usage(format!(
+            "--drive shaker={} acts along a shaker, and the scenario has none: add [rig.shaker], or name a degree of freedom, as tip.x",
+            short(&force_n)
+        )));
+    };
     let component = |share: f64| if share.abs() < 1e-12 { 0.0 } else { share * force_n };
     let direction = shaker.direction();
-    Amplitude { force_x_n: component(direction.x), force_y_n: component(direction.y), ..Amplitude::default() }
+    Ok(Amplitude { force_x_n: component(direction.x), force_y_n: component(direction.y), ..Amplitude::default() })
 }

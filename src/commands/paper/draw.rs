@@ -46,14 +46,20 @@ const MARGIN: f64 = 0.08;
 const DECADES: f64 = 1e-5;
 
 fn draw(curves: &FigureCurves, panel: &Panel) -> plot::Panel {
-    let link = panel.link - 1;
+    let reading = panel.reading - 1;
     let branches = || panel.curves.iter().filter_map(|index| curves.curves.get(*index));
     let range = panel.range.unwrap_or_else(|| shown(branches().map(|curve| &curve.branch), panel));
     let inside = |motion: &&Motion| (range[0]..=range[1]).contains(&abscissa(panel, motion));
-    let top = branches().flat_map(|curve| &curve.branch.motions).filter(inside);
-    let top = top.fold(0.0_f64, |top, motion| top.max(motion.amplitude_rad[link]));
-    let top = curves.measured.iter().fold(top, |top, point| top.max(point.amplitude_rad[link]));
-    let label = format!("amplitude of {} (rad)", ["α₁", "α₂"][link]);
+    let sizes = |branch: &ForcedBranch| {
+        branch.motions.iter().filter(inside).map(|motion| branch.size(motion, reading)).fold(0.0, f64::max)
+    };
+    let top = branches().map(|curve| sizes(&curve.branch)).fold(0.0, f64::max);
+    let top = curves.measured.iter().filter_map(|point| point.amplitude[reading]).fold(top, f64::max);
+    let label = match branches().next().map(|curve| curve.branch.read.at[reading].as_str()) {
+        Some("joint1") => String::from("amplitude of α₁ (rad)"),
+        Some("joint2") => String::from("amplitude of α₂ (rad)"),
+        name => format!("amplitude of {} (m)", name.unwrap_or_default()),
+    };
     let y = if panel.logarithmic {
         Axis::log(label).range(DECADES * top, LOG_HEADROOM * top)
     } else {
@@ -68,15 +74,15 @@ fn draw(curves: &FigureCurves, panel: &Panel) -> plot::Panel {
         drawn = drawn.with(Series::stable(stretches(&curve.branch, panel, true)));
         drawn = drawn.with(Series::unstable(stretches(&curve.branch, panel, false)));
     }
-    drawn = with_points(drawn, &curves.measured, link);
+    drawn = with_points(drawn, &curves.measured, reading);
     if panel.names {
         drawn = with_names(drawn, panel, range, branches());
     }
     if panel.title.is_empty() { drawn } else { drawn.title(panel.title.clone()) }
 }
 
-/// The panel with the measured points; links count from 0. The marks are those of `experiment fig9`.
-fn with_points(mut drawn: plot::Panel, measured: &[MeasuredPoint], link: usize) -> plot::Panel {
+/// The panel with the measured points; readings count from 0. The marks are those of `experiment fig9`.
+fn with_points(mut drawn: plot::Panel, measured: &[MeasuredPoint], reading: usize) -> plot::Panel {
     for way in Way::ALL {
         let (color, shape) = match way {
             Way::Up => (Color::Vermillion, Marker::Triangle),
@@ -84,7 +90,7 @@ fn with_points(mut drawn: plot::Panel, measured: &[MeasuredPoint], link: usize) 
             Way::Walk => (Color::Green, Marker::Circle),
         };
         let points = measured.iter().filter(|point| point.way == way);
-        let points = points.map(|point| (point.frequency_hz, point.amplitude_rad[link])).collect();
+        let points = points.filter_map(|point| Some((point.frequency_hz, point.amplitude[reading]?))).collect();
         drawn = drawn.with_any(Series::markers(way.label(), color, shape, points).marked(5.0, false));
     }
     drawn
@@ -99,16 +105,15 @@ fn abscissa(panel: &Panel, motion: &Motion) -> f64 {
 
 /// Where the curves of a panel without a range are large.
 fn shown<'a>(branches: impl Iterator<Item = &'a ForcedBranch>, panel: &Panel) -> [f64; 2] {
-    let link = panel.link - 1;
+    let reading = panel.reading - 1;
     let branches: Vec<&ForcedBranch> = branches.collect();
-    let peak = |branch: &ForcedBranch| {
-        branch.motions.iter().fold(0.0_f64, |peak, motion| peak.max(motion.amplitude_rad[link]))
-    };
+    let peak =
+        |branch: &ForcedBranch| branch.motions.iter().map(|motion| branch.size(motion, reading)).fold(0.0, f64::max);
     let highest = branches.iter().fold(0.0_f64, |highest, branch| highest.max(peak(branch)));
     let (mut low, mut high) = (f64::INFINITY, f64::NEG_INFINITY);
     for branch in branches {
         let level = (SHOWN * highest).min(0.5 * peak(branch));
-        for motion in branch.motions.iter().filter(|motion| motion.amplitude_rad[link] >= level) {
+        for motion in branch.motions.iter().filter(|motion| branch.size(motion, reading) >= level) {
             (low, high) = (low.min(abscissa(panel, motion)), high.max(abscissa(panel, motion)));
         }
     }
@@ -117,7 +122,7 @@ fn shown<'a>(branches: impl Iterator<Item = &'a ForcedBranch>, panel: &Panel) ->
 
 /// The points of one stability, with gaps between their intervals.
 fn stretches(branch: &ForcedBranch, panel: &Panel, stable: bool) -> Vec<(f64, f64)> {
-    let at = |motion: &Motion| (abscissa(panel, motion), motion.amplitude_rad[panel.link - 1]);
+    let at = |motion: &Motion| (abscissa(panel, motion), branch.size(motion, panel.reading - 1));
     analysis::stretches(&branch.motions, Motion::stable, stable, at)
 }
 
@@ -154,21 +159,21 @@ enum Named {
 }
 
 fn named_at(branch: &ForcedBranch, panel: &Panel, range: [f64; 2]) -> Named {
-    let link = panel.link - 1;
-    let at = |motion: &Motion| (abscissa(panel, motion), motion.amplitude_rad[link]);
+    let reading = panel.reading - 1;
+    let at = |motion: &Motion| (abscissa(panel, motion), branch.size(motion, reading));
     if panel.abscissa == Abscissa::Torque1Nm {
         return Named::End(branch.motions.last().map(at));
     }
-    let maxima = branch.maxima(link);
+    let maxima = branch.maxima(reading);
     // A zone that is cut off by the panel may rise to the edge: neither that is a peak, nor anything lower than the
     // edge.
     let peak = |zone: [f64; 2]| {
         let (from, to) = (zone[0].max(range[0]), zone[1].min(range[1]));
-        let highest = branch.peak(link, [from, to]).ok()?.amplitude_rad[link];
+        let highest = branch.size(branch.peak(reading, [from, to]).ok()?, reading);
         let top =
             maxima.iter().find(|top| (from..=to).contains(&top.frequency_hz) && top.amplitude_rad >= SAME * highest)?;
         Some((top.frequency_hz, top.amplitude_rad))
     };
     let peaks = branch.zones_hz().map(peak);
-    if peaks == [None, None] { Named::End(branch.peak(link, range).ok().map(at)) } else { Named::Peaks(peaks) }
+    if peaks == [None, None] { Named::End(branch.peak(reading, range).ok().map(at)) } else { Named::Peaks(peaks) }
 }

@@ -11,8 +11,8 @@ use serde::Serialize;
 use crate::failure::{Failure, Verdict};
 use crate::output::{self, Inputs, JsonFlag, OverwriteFlag};
 use crate::progress::Progress;
-use resonarm::arm::Preset;
 use resonarm::realtime::{Clock, SystemClock};
+use resonarm::structure::Preset;
 use resonarm_figures::paper::claims::{self, Report};
 use resonarm_figures::paper::{
     Figure, MeasuredZones, NaturalFrequencies, PaperError, Plan, Settings, natural_frequencies,

@@ -1,4 +1,12 @@
-//! Backbones of structures by phase quadrature, and nonlinear normal modes; see [`crate::backbone()`] for the method.
+//! Backbones by phase quadrature, and nonlinear normal modes (M. Krack, J. Gross, "Harmonic Balance for Nonlinear
+//! Vibration Problems", 2019, Ch. 4; for the quadrature M. Peeters, G. Kerschen, J. C. Golinval, "Dynamic testing of
+//! nonlinear vibrating structures using nonlinear normal modes", J. Sound Vib. 330 (2011)).
+//!
+//! At resonance the work of the excitation's first harmonic balances that of the dampers: the mode lags the force by
+//! 90°. With the force along p · sin Ωt and b₁ the coefficients of sin Ωt this is φᵀM b₁ = 0, φᵀM x being the
+//! coordinate of the linear mode φ. The unknowns are the amplitude A of the excitation and X, the equations are R(X, Ω,
+//! A) = 0 and φᵀM b₁ = 0, and Ω is the parameter of the continuation. Without dampers A is zero, and the curve is a
+//! family of free motions: a nonlinear normal mode. A then only keeps the system square.
 //!
 //! The unknowns are z = (A/a₀, X) of a chain, with φᵀM b₁ = 0 beside the balance, and (A/a₀, c, X) of modes: there the
 //! first harmonic c cos Ωt of the mode is an unknown of its own, without a part along sin Ωt, with its own balance (see
@@ -19,7 +27,7 @@ use super::orbit::{Reading, TraceOptions};
 use super::unknowns::{Body, Kept, direction_at_rest};
 use super::{Coordinate, Forced, branch};
 use crate::continuation::{Continuation, ContinuationSettings, Point, System, Work};
-use crate::locate::{FINE, search};
+use crate::search::{FINE, search};
 use crate::{AnalysisError, Bending, BranchOptions, EndedEarly, Place};
 
 /// Bisections of the bandwidth of a mode: 2⁻⁵² of 2ζω.
@@ -87,7 +95,20 @@ struct Beginning {
 }
 
 impl Beginning {
-    /// The mode's motion about rest; where its modal coordinate is 90° behind the drive, as `crate::quadrature` says.
+    /// The mode's motion about rest, where its modal coordinate is 90° behind the drive.
+    ///
+    /// About rest, M ẍ + G ẋ + S x = A p sin Ωt has the response x = A (Im h cos Ωt + Re h sin Ωt), h = (S + iΩG − Ω²M)⁻¹
+    /// p. A mode φ is in quadrature where its modal coordinate φᵀM x is, φᵀM Re h = 0. Without the coupling of the modes by
+    /// the dampers
+    ///
+    /// ```text
+    /// φᵀM h = φᵀp / (ω² − Ω² + 2iζωΩ)        Re: zero at Ω = ω
+    /// ```
+    ///
+    /// whatever else the excitation moves (at the point where it acts, the other mode can be most of the motion). The real
+    /// part has its extremes at ω (1 ∓ ζ), up to ζ², the half-power points. With that coupling the zero is still between
+    /// them, unless the excitation drives the other mode so much more that the mode responds to the dampers rather than to
+    /// the excitation.
     fn new(forced: &Forced, mode: &StructureMode, weights: &[f64]) -> Option<Beginning> {
         let (linear, direction) = (forced.assembly.linear(), forced.direction_at_rest());
         let along = |weights: &[f64], of: &[f64]| -> f64 { weights.iter().zip(of).map(|(w, x)| w * x).sum() };
@@ -443,7 +464,7 @@ fn follow(
 impl Backbone {
     /// The band, Hz, in which the forced response around the curve is of interest.
     pub fn window_hz(&self) -> [f64; 2] {
-        crate::backbone::window_hz(self.points.iter().map(|point| point.frequency_hz))
+        crate::bending::window_hz(self.points.iter().map(|point| point.frequency_hz))
     }
 
     /// The frequency of the last point less that of the first, Hz.
@@ -456,7 +477,7 @@ impl Backbone {
     /// among those read: positive where the mode hardens. None for fewer than three points, or if it doesn't move.
     pub fn curvature(&self, reading: usize) -> Option<f64> {
         let at = |point: &BackboneMotion| Some((point.readings.get(reading)?.harmonic1.norm_sqr(), point.frequency_hz));
-        crate::backbone::curvature(&self.points.iter().map(at).collect::<Option<Vec<_>>>()?)
+        crate::bending::curvature(&self.points.iter().map(at).collect::<Option<Vec<_>>>()?)
     }
 
     /// How the curve bends, from the frequencies of its points; none if the frequency doesn't change.

@@ -1,5 +1,7 @@
-//! Harmonic balance of a structure, by alternating between frequency and time; see `crate::harmonic_balance` for the
-//! method and [`super::unknowns`] for what is solved for.
+//! Harmonic balance of a structure: periodic motions as Fourier series (M. Krack, J. Gross, "Harmonic Balance for
+//! Nonlinear Vibration Problems", 2019, Ch. 2), by alternating between frequency and time (T. M. Cameron, J. H. Griffin,
+//! "An Alternating Frequency/Time Domain Method for Calculating the Steady-State Response of Nonlinear Dynamic Systems",
+//! J. Appl. Mech. 56 (1989)). [`super::unknowns`] says what is solved for.
 //!
 //! With the base frequency ω = Ω/ν and τ = ωt, ν being the periods of the drive after which the motion repeats, the
 //! unknowns X are the coefficients of 1, cos kτ, sin kτ, k = 1 … H, each of all m unknowns. Of a chain row k is the

@@ -9,15 +9,15 @@ use resonarm_dynamics::structure::Dof;
 
 use super::adapt::adapt;
 use super::balance::Balance;
+use super::curve::near;
 use super::floquet::Floquet;
 use super::orbit::{Assess, Bifurcation, Branch, Orbit, Reading, Stability, TraceOptions};
-use super::singular::{Singular, doubled};
+use super::singular::{Singular, Singularity, doubled};
 use super::spectral::largest;
 use super::walk::Walk;
 use super::{Coordinate, Forced};
 use crate::continuation::{Continuation, Point, System, at_parameter};
-use crate::curve::near;
-use crate::{AnalysisError, BifurcationKind, EndedEarly, Singularity};
+use crate::{AnalysisError, BifurcationKind, EndedEarly};
 
 /// Multiples of the frequency at which to start if Newton's method finds no motion from rest.
 const DETOURS: [f64; 2] = [0.7, 1.4];

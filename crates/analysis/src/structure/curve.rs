@@ -7,12 +7,11 @@ use super::adapt::{Spectral, adapt};
 use super::balance::Balance;
 use super::branch::orbit_of;
 use super::orbit::{Bifurcation, Branch, Orbit, TraceOptions};
-use super::singular::Singular;
+use super::singular::{Singular, Singularity};
 use super::{Coordinate, Forced};
 use crate::continuation::{Continuation, Cut, Point, Slices, System, Work, at_parameter};
-use crate::curve::{STANDS, near};
-use crate::locate::{FINE, search};
-use crate::{AnalysisError, BifurcationKind, BranchOptions, EndedEarly, Singularity};
+use crate::search::{FINE, search};
+use crate::{AnalysisError, BifurcationKind, BranchOptions, EndedEarly};
 
 /// A singular motion on a curve of them.
 #[derive(Clone, Debug, PartialEq)]
@@ -170,13 +169,27 @@ fn follow(
     }
 }
 
+/// dλ/ds counts as zero below this fraction of its value beside the point: a cusp is located far more exactly.
+const STANDS: f64 = 1e-4;
+/// Two ends nearer than this, relative, are one point: bifurcations are located to about 1e-12.
+const SAME: f64 = 1e-8;
+
+/// Whether two values of a coordinate belong to the same bifurcation.
+pub(super) fn near(a: f64, b: f64) -> bool {
+    libm::fabs(a - b) <= SAME * libm::fabs(b)
+}
+
 /// dμ/ds.
 fn along_mu(point: &Point) -> f64 {
     point.tangent.last().copied().unwrap_or(0.0)
 }
 
-/// The point between two of the curve at which it turns back in μ, dμ/ds = 0, and whether that is a cusp; see
-/// `crate::curve` for why it is exact.
+/// The point between two of the curve at which it turns back in μ, dμ/ds = 0, and whether that is a cusp.
+///
+/// With the extended system's unknowns (λ, X) and μ the curve is smooth through a cusp, where its tangent is (0, v, 0),
+/// v being the null vector: dλ/ds = 0, too. Along R = 0 and g = 0 the tangent is a function of the arclength s whose
+/// part by μ passes zero with a slope, so its zero is found as exactly as rounding lets it, and λ and μ, which are even
+/// in the distance from it to first order, more exactly still.
 fn turn(
     singular: &mut Singular,
     options: &TraceOptions,

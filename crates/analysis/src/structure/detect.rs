@@ -25,11 +25,11 @@ use super::balance::Balance;
 use super::branch::{FRACTION, Tracer};
 use super::floquet::Floquet;
 use super::orbit::{Bifurcation, Orbit, ROUNDING, Stability, Unlocated};
-use super::singular::{Singular, doubled, halved};
+use super::singular::{Singular, Singularity, doubled, halved};
 use crate::continuation::{Cut, Point, Slices, System};
 use crate::dense::Determinant;
-use crate::locate::{FINE, search};
-use crate::{AnalysisError, BifurcationKind, Singularity};
+use crate::search::{FINE, search};
+use crate::{AnalysisError, BifurcationKind};
 
 use BifurcationKind::{BranchPoint, Fold, NeimarkSacker, PeriodDoubling};
 

@@ -5,8 +5,6 @@
 //! sinusoidal drive by harmonic balance, their branches by continuation ([`trace`]) in the frequency, the amplitude or
 //! any parameter of the structure, with folds, peaks and stability, branches of doubled period ([`trace_doubled`]),
 //! curves of folds and doublings in two coordinates ([`trace_singular`]), and backbones ([`backbone()`]); and by integration in time ([`time_domain`]).
-//!
-//! The two-link arm has its own analysis, in the rest of this crate.
 
 mod adapt;
 mod backbone;

@@ -11,7 +11,7 @@ use super::Forced;
 use super::history::{History, has_history};
 use super::ramp::Ramp;
 use super::unknowns::{Body, Unknowns};
-use crate::fourier::{Basis, Harmonics, uniform};
+use crate::fourier::{Basis, uniform};
 
 /// Signals over a period.
 #[derive(Clone, Debug)]
@@ -59,7 +59,7 @@ impl Samples {
     pub fn new(forced: &Forced, unknowns: &Unknowns) -> Samples {
         let with_state = forced.assembly.elements().iter().enumerate().filter(|(_, element)| has_history(element));
         Samples {
-            basis: Basis::uniform(Harmonics::Integer(0), 0),
+            basis: Basis::uniform(0, 0),
             functions: vec![],
             rates: vec![],
             omega_rad_s: 0.0,
@@ -76,10 +76,9 @@ impl Samples {
 
     /// N points, and functions up to the harmonic `harmonics`.
     pub fn set(&mut self, harmonics: usize, samples: usize) {
-        let wanted = Harmonics::Integer(harmonics);
-        if self.count() != samples || self.basis.harmonics().count() == 0 {
-            self.basis.set(wanted, uniform(samples));
-        } else if self.basis.harmonics() != wanted {
+        if self.count() != samples || self.basis.harmonics() == 0 {
+            self.basis.set(harmonics, uniform(samples));
+        } else if self.basis.harmonics() != harmonics {
             self.basis.resize(harmonics);
         } else {
             return;
@@ -90,7 +89,7 @@ impl Samples {
 
     /// Points at other phases than evenly spaced ones, rad, and functions up to the harmonic `harmonics`.
     pub fn set_phases(&mut self, harmonics: usize, phases_rad: impl Iterator<Item = f64>) {
-        self.basis.set(Harmonics::Integer(harmonics), phases_rad);
+        self.basis.set(harmonics, phases_rad);
         self.functions.clear();
         self.rates.clear();
     }
@@ -102,7 +101,7 @@ impl Samples {
 
     /// Functions a sample.
     fn functions_count(&self) -> usize {
-        self.basis.harmonics().rows()
+        2 * self.basis.harmonics() + 1
     }
 
     /// The first `rows` functions at a sample, and their rates.

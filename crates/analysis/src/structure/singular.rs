@@ -32,9 +32,18 @@ use super::Coordinate;
 use super::adapt::Spectral;
 use super::balance::Balance;
 use super::orbit::Orbit;
+use crate::AnalysisError;
 use crate::continuation::{Continuation, ContinuationSettings, System, Work};
 use crate::dense::{Lu, normalise};
-use crate::{AnalysisError, Singularity};
+
+/// The matrix that is singular.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(super) enum Singularity {
+    /// R_x: a multiplier 1, where the branch turns back in λ.
+    Fold,
+    /// That of the balance of twice the period, on odd harmonics: a multiplier −1.
+    PeriodDoubling,
+}
 
 /// The step of the difference, relative to the size of the motion: rounding and truncation both change the gradient by
 /// some 1e-10 of itself, which costs Newton's method nothing.

@@ -6,7 +6,6 @@
 //! real time, in lockstep and free alike (`Session::with_controller` of the crate `resonarm-session`).
 
 mod abort;
-mod angles_from_harmonics;
 mod cancellation;
 mod force_control;
 mod fourier_filter;
@@ -25,7 +24,6 @@ mod steered;
 use core::fmt::Debug;
 
 pub use abort::Abort;
-pub use angles_from_harmonics::JointAngles;
 pub use cancellation::{CancelHarmonics, CancelHarmonicsError};
 pub use force_control::{ForceControl, ForceControlError, ForceControlSpec};
 pub use fourier_filter::FourierFilter;

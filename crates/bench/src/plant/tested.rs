@@ -120,24 +120,14 @@ impl TestedAssembly {
         all.map(|((name, load), dof)| (name, load, dof)).filter(|(_, load, _)| *load != 0.0)
     }
 
-    /// The degrees of freedom that a load drives, each with its amplitude, N or N·m; without those that the structure
-    /// has not.
-    pub fn drives(&self, amplitude: &Amplitude) -> Vec<(Dof, f64)> {
-        self.acting(amplitude).filter_map(|(_, load, dof)| Some((dof?, load))).collect()
-    }
-
     /// The first load that nothing of the structure takes: its name and its amplitude, N or N·m.
     pub fn idle_load(&self, amplitude: &Amplitude) -> Option<(&'static str, f64)> {
         self.acting(amplitude).find(|(_, _, dof)| dof.is_none()).map(|(name, load, _)| (name, load))
     }
 
-    /// The degree of freedom that a load drives, with its amplitude, N or N·m; `None` if it drives another number of
-    /// them than one.
-    pub fn driven(&self, amplitude: &Amplitude) -> Option<(Dof, f64)> {
-        let mut acting = self.acting(amplitude);
-        match (acting.next(), acting.next()) {
-            (Some((_, load, dof)), None) => Some((dof?, load)),
-            _ => None,
-        }
+    /// The degrees of freedom that a load drives, with its amplitude at each, N or N·m; empty if nothing of the structure
+    /// takes a part of it.
+    pub fn driven(&self, amplitude: &Amplitude) -> Vec<(Dof, f64)> {
+        self.acting(amplitude).map(|(_, load, dof)| Some((dof?, load))).collect::<Option<_>>().unwrap_or_default()
     }
 }

@@ -3,11 +3,9 @@
 use serde::{Serialize, Serializer};
 
 use super::{PaperError, Subject};
-use resonarm_analysis::{
-    AnalysisError, ArmParameter, BifurcationKind, Branch, BranchOptions, Coordinate, ForcedArm, Orbit, Row, modes,
-    segments, trace,
-};
-use resonarm_dynamics::arm::{Arm, Load, Preset};
+use resonarm_analysis::structure::{Branch, Coordinate, Forced, Orbit, Reading, TraceOptions, trace};
+use resonarm_analysis::{AnalysisError, BifurcationKind, segments};
+use resonarm_dynamics::structure::{Assembly, BodySpec, Dof, Preset, StructureError};
 
 /// Half the width of the range in which a mode's resonance zone is searched, relative to its natural frequency. The two
 /// ranges do not overlap, since f2 > 1.4 f1 at all poses of both presets.
@@ -16,6 +14,24 @@ const ZONE: f64 = 0.15;
 /// The frequencies of a resonance zone, Hz.
 pub(super) fn zone_hz(natural_hz: f64) -> [f64; 2] {
     [natural_hz * (1.0 - ZONE), natural_hz * (1.0 + ZONE)]
+}
+
+/// The natural frequencies of the first two modes, Hz.
+pub(super) fn natural_hz(arm: &Assembly) -> [f64; 2] {
+    [0, 1].map(|mode| arm.modes().get(mode).map_or(f64::NAN, |mode| mode.frequency_hz))
+}
+
+/// The angles of the links of a chain, degrees.
+fn angles_deg(arm: &Assembly) -> Vec<f64> {
+    match &arm.spec().body {
+        BodySpec::Chain(chain) => chain.links.iter().map(|link| link.angle_deg).collect(),
+        BodySpec::Modal(_) => Vec::new(),
+    }
+}
+
+/// β2, degrees.
+pub(super) fn beta2_deg(arm: &Assembly) -> f64 {
+    angles_deg(arm).get(1).copied().unwrap_or(f64::NAN)
 }
 
 /// The excitation of the arm.
@@ -29,12 +45,17 @@ pub enum Drive {
 }
 
 impl Drive {
-    /// The load of one unit.
-    pub(super) fn direction(self) -> Load {
+    /// The degree of freedom that is driven.
+    const fn at(self) -> &'static str {
         match self {
-            Drive::Torque1 => Load::torque_nm(1.0, 0.0),
-            Drive::ForceX => Load::force_n(1.0, 0.0),
+            Drive::Torque1 => "joint1",
+            Drive::ForceX => "tip.x",
         }
+    }
+
+    /// The arm under an amplitude of it.
+    pub(super) fn forced(self, arm: &Assembly, amplitude: f64) -> Result<Forced, StructureError> {
+        Ok(Forced::new(arm.clone(), arm.dof(self.at())?, amplitude))
     }
 
     /// An amplitude in words.
@@ -75,10 +96,11 @@ pub struct Motion {
     pub frequency_hz: f64,
     /// Amplitude of the excitation, N·m or N.
     pub excitation: f64,
-    /// The largest |α1| and |α2| over the period, rad.
-    pub amplitude_rad: [f64; 2],
-    /// Amplitudes of the first harmonics of α1 and α2, rad.
-    pub harmonic1_rad: [f64; 2],
+    /// The largest displacement over the period at each degree of freedom that is read, without its sign; rad at joints,
+    /// else m.
+    pub largest: Vec<f64>,
+    /// The amplitude of its fundamental.
+    pub amplitude: Vec<f64>,
     /// Its stability.
     pub stability: Stability,
     /// The kind of bifurcation, if it is one.
@@ -86,16 +108,21 @@ pub struct Motion {
 }
 
 impl Motion {
-    fn new(row: &Row, excitation: f64) -> Motion {
-        let (orbit, bifurcation) = (row.orbit, row.bifurcation.map(Event));
-        let stability = match row.stable() {
-            None => Stability::Marginal,
-            Some(true) => Stability::Stable,
-            Some(false) => Stability::Unstable,
+    fn new(orbit: &Orbit, bifurcation: Option<BifurcationKind>) -> Motion {
+        let stability = match (orbit.is_stable(), bifurcation) {
+            (Some(true), None) => Stability::Stable,
+            (Some(false), None) => Stability::Unstable,
+            _ => Stability::Marginal,
         };
-        let (frequency_hz, amplitude_rad, harmonic1_rad) =
-            (orbit.frequency_hz, orbit.amplitude_rad, orbit.harmonic1_rad);
-        Motion { frequency_hz, excitation, amplitude_rad, harmonic1_rad, stability, bifurcation }
+        let amplitude = |reading: &Reading| libm::hypot(reading.harmonic1.re, reading.harmonic1.im);
+        Motion {
+            frequency_hz: orbit.frequency_hz,
+            excitation: orbit.drive,
+            largest: orbit.readings.iter().map(|reading| reading.largest).collect(),
+            amplitude: orbit.readings.iter().map(amplitude).collect(),
+            stability,
+            bifurcation: bifurcation.map(Event),
+        }
     }
 
     /// Whether small disturbances die out; `None` at a bifurcation.
@@ -108,19 +135,49 @@ impl Motion {
     }
 }
 
+/// What of a displacement is drawn and measured.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize)]
+#[serde(rename_all = "lowercase")]
+pub enum Size {
+    /// The largest over the period.
+    #[default]
+    Largest,
+    /// The amplitude of the fundamental.
+    Amplitude,
+}
+
+/// Where the motions of a branch are read, and what of them is drawn.
+#[derive(Clone, Debug, PartialEq, Serialize)]
+pub struct Read {
+    /// The degrees of freedom by their names.
+    pub at: Vec<String>,
+    /// What of their displacements is drawn.
+    pub size: Size,
+}
+
+impl Read {
+    /// The largest angles of the joints of both links.
+    pub fn joints() -> Read {
+        Read { at: ["joint1", "joint2"].map(String::from).to_vec(), size: Size::Largest }
+    }
+
+    fn dofs(&self, arm: &Assembly) -> Result<Vec<Dof>, StructureError> {
+        self.at.iter().map(|name| arm.dof(name)).collect()
+    }
+}
+
 /// A branch of forced motions of an arm in a pose.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct ForcedBranch {
-    /// The preset.
-    #[serde(serialize_with = "by_name")]
-    pub preset: Preset,
-    /// β1, degrees.
-    pub beta1_deg: f64,
-    /// β2, degrees.
-    pub beta2_deg: f64,
+    /// The name of the preset or of the structure.
+    pub structure: String,
+    /// The angles of its links, degrees.
+    pub angles_deg: Vec<f64>,
     /// The excitation of the arm.
     pub drive: Drive,
-    /// The natural frequencies of the linearised arm, Hz.
+    /// Where its motions are read.
+    pub read: Read,
+    /// The natural frequencies of the first two modes of the linearised arm, Hz.
     pub natural_hz: [f64; 2],
     /// The motions in their order, bifurcations among them.
     pub motions: Vec<Motion>,
@@ -130,62 +187,98 @@ pub(super) fn by_name<S: Serializer>(preset: &Preset, serializer: S) -> Result<S
     serializer.serialize_str(preset.name())
 }
 
-/// The largest step, relative to the size of the motion: a resonance is a circle in the continuation's coordinates, and
-/// gets 60 points.
-const SMOOTH_STEP: f64 = 0.1;
-
-fn options(from: f64, to: f64) -> BranchOptions {
-    let mut options = BranchOptions::new(from, to);
-    options.continuation.largest_step = SMOOTH_STEP;
-    options
+/// What of an arm a branch is traced for.
+pub(super) struct Traced<'a> {
+    /// The name of the preset or of the structure.
+    pub structure: &'a str,
+    pub arm: &'a Assembly,
+    pub drive: Drive,
+    pub read: &'a Read,
 }
 
-impl ForcedBranch {
+impl Traced<'_> {
     /// The motions over the frequency, from one value to another, under an excitation of this amplitude.
     ///
     /// # Errors
     /// [`PaperError::Analysis`] says which branch could not be followed, where and why.
-    pub fn over_frequency(
-        subject: &Subject,
-        arm: &Arm,
-        (drive, amplitude): (Drive, f64),
-        [from_hz, to_hz]: [f64; 2],
-    ) -> Result<ForcedBranch, PaperError> {
-        let forced = ForcedArm::new(arm.clone(), drive.direction(), amplitude);
-        let branch =
-            trace(forced, from_hz, Coordinate::FrequencyHz, &options(from_hz, to_hz)).map_err(AnalysisError::from);
-        ForcedBranch::of(subject, arm, drive, branch.map(|branch| joined(&branch, |_| amplitude)), amplitude)
+    pub fn over_frequency(&self, amplitude: f64, [from_hz, to_hz]: [f64; 2]) -> Result<ForcedBranch, PaperError> {
+        let forced = self.drive.forced(self.arm, amplitude)?;
+        self.along(&forced, from_hz, Coordinate::FrequencyHz, [from_hz, to_hz], amplitude)
     }
 
     /// The motions over the amplitude of the excitation, from none to `largest`, at one frequency.
     ///
     /// # Errors
+    /// As [`Traced::over_frequency`].
+    pub fn over_amplitude(&self, largest: f64, frequency_hz: f64) -> Result<ForcedBranch, PaperError> {
+        let forced = self.drive.forced(self.arm, 0.0)?;
+        self.along(&forced, frequency_hz, Coordinate::Amplitude, [0.0, largest], largest)
+    }
+
+    fn along(
+        &self,
+        forced: &Forced,
+        frequency_hz: f64,
+        coordinate: Coordinate,
+        ends: [f64; 2],
+        amplitude: f64,
+    ) -> Result<ForcedBranch, PaperError> {
+        let options = TraceOptions::new(forced, coordinate, ends, self.read.dofs(self.arm)?);
+        let branch = trace(forced, frequency_hz, coordinate, &options).map_err(AnalysisError::from);
+        let branch = branch.map_err(|source| PaperError::Analysis {
+            structure: self.structure.to_owned(),
+            beta2_deg: beta2_deg(self.arm),
+            drive: self.drive.words(amplitude),
+            source,
+        })?;
+        Ok(ForcedBranch {
+            structure: self.structure.to_owned(),
+            angles_deg: angles_deg(self.arm),
+            drive: self.drive,
+            read: self.read.clone(),
+            natural_hz: natural_hz(self.arm),
+            motions: joined(&branch),
+        })
+    }
+}
+
+impl ForcedBranch {
+    /// The motions of a subject over the frequency, from one value to another, under an excitation of this amplitude,
+    /// with the angles of its joints.
+    ///
+    /// # Errors
+    /// [`PaperError::Analysis`] says which branch could not be followed, where and why.
+    pub fn over_frequency(
+        subject: &Subject,
+        arm: &Assembly,
+        (drive, amplitude): (Drive, f64),
+        range_hz: [f64; 2],
+    ) -> Result<ForcedBranch, PaperError> {
+        let structure = subject.preset().name();
+        Traced { structure, arm, drive, read: &Read::joints() }.over_frequency(amplitude, range_hz)
+    }
+
+    /// The same over the amplitude of the excitation, from none to `largest`, at one frequency.
+    ///
+    /// # Errors
     /// As [`ForcedBranch::over_frequency`].
     pub fn over_amplitude(
         subject: &Subject,
-        arm: &Arm,
+        arm: &Assembly,
         (drive, largest): (Drive, f64),
         frequency_hz: f64,
     ) -> Result<ForcedBranch, PaperError> {
-        let forced = ForcedArm::new(arm.clone(), drive.direction(), 0.0);
-        let amplitude = Coordinate::Parameter(ArmParameter::Amplitude);
-        let branch = trace(forced, frequency_hz, amplitude, &options(0.0, largest)).map_err(AnalysisError::from);
-        ForcedBranch::of(subject, arm, drive, branch.map(|branch| joined(&branch, |orbit| orbit.value)), largest)
+        let structure = subject.preset().name();
+        Traced { structure, arm, drive, read: &Read::joints() }.over_amplitude(largest, frequency_hz)
     }
 
-    fn of(
-        subject: &Subject,
-        arm: &Arm,
-        drive: Drive,
-        motions: Result<Vec<Motion>, AnalysisError>,
-        amplitude: f64,
-    ) -> Result<ForcedBranch, PaperError> {
-        let (preset, pose) = (subject.preset(), arm.pose());
-        let beta2_deg = pose.beta2_deg;
-        let failed = |source| PaperError::Analysis { preset, beta2_deg, drive: drive.words(amplitude), source };
-        let motions = motions.map_err(failed)?;
-        let natural_hz = modes(arm).map(|mode| mode.frequency_hz);
-        Ok(ForcedBranch { preset, beta1_deg: pose.beta1_deg, beta2_deg, drive, natural_hz, motions })
+    /// What of a motion's reading of a number is drawn and measured.
+    pub fn size(&self, motion: &Motion, reading: usize) -> f64 {
+        let sizes = match self.read.size {
+            Size::Largest => &motion.largest,
+            Size::Amplitude => &motion.amplitude,
+        };
+        sizes.get(reading).copied().unwrap_or(f64::NAN)
     }
 
     /// The motions between two frequencies, Hz.
@@ -211,8 +304,17 @@ impl ForcedBranch {
 }
 
 /// The motions of a branch, with its bifurcations inserted in order.
-fn joined(branch: &Branch, excitation: impl Fn(&Orbit) -> f64) -> Vec<Motion> {
-    branch.rows().iter().map(|row| Motion::new(row, excitation(row.orbit))).collect()
+fn joined(branch: &Branch) -> Vec<Motion> {
+    let mut found = branch.bifurcations.iter().peekable();
+    let mut motions = Vec::with_capacity(branch.orbits.len() + branch.bifurcations.len());
+    for (index, orbit) in branch.orbits.iter().enumerate() {
+        while let Some(event) = found.next_if(|found| found.index <= index) {
+            motions.push(Motion::new(&event.orbit, Some(event.kind)));
+        }
+        motions.push(Motion::new(orbit, None));
+    }
+    motions.extend(found.map(|event| Motion::new(&event.orbit, Some(event.kind))));
+    motions
 }
 
 #[cfg(test)]

@@ -4,8 +4,7 @@ use thiserror::Error;
 
 use super::{MeasuredError, SettingsError};
 use resonarm_analysis::AnalysisError;
-use resonarm_dynamics::arm::{ArmError, Preset};
-use resonarm_dynamics::integrate::IntegrateError;
+use resonarm_dynamics::structure::{StepError, StructureError};
 use resonarm_numeric::number::{rounded, short};
 
 /// Why a figure or a claim could not be computed.
@@ -18,14 +17,14 @@ pub enum PaperError {
     /// The measured points can't be used.
     #[error(transparent)]
     Measured(#[from] MeasuredError),
-    /// The arm is invalid.
+    /// The preset can't be read, or the arm is invalid.
     #[error(transparent)]
-    Arm(#[from] ArmError),
+    Structure(#[from] StructureError),
     /// A curve could not be followed.
-    #[error("{preset} at β2 = {beta2_deg}°, {drive}: {source}", beta2_deg = short(.beta2_deg))]
+    #[error("{structure} at β2 = {beta2_deg}°, {drive}: {source}", beta2_deg = short(.beta2_deg))]
     Analysis {
-        /// The preset.
-        preset: Preset,
+        /// The name of the preset or of the structure.
+        structure: String,
         /// The pose, degrees.
         beta2_deg: f64,
         /// The excitation.
@@ -35,15 +34,15 @@ pub enum PaperError {
     },
     /// A motion could not be integrated.
     #[error(transparent)]
-    Integrate(#[from] IntegrateError),
+    Step(#[from] StepError),
     /// The curve of a claim has no resonance where one is expected.
     #[error(
-        "{preset} at β2 = {beta2_deg}°: no motion between {from_hz} and {to_hz} Hz",
+        "{structure} at β2 = {beta2_deg}°: no motion between {from_hz} and {to_hz} Hz",
         beta2_deg = short(.beta2_deg), from_hz = rounded(.from_hz, 3), to_hz = rounded(.to_hz, 3)
     )]
     NoMotion {
-        /// The preset.
-        preset: Preset,
+        /// The name of the preset or of the structure.
+        structure: String,
         /// The pose, degrees.
         beta2_deg: f64,
         /// Start of the range, Hz.

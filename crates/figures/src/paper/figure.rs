@@ -2,10 +2,9 @@
 
 use serde::Serialize;
 
-use super::branch::{by_name, zone_hz};
+use super::branch::{Read, Size, Traced, by_name, natural_hz, zone_hz};
 use super::{Drive, ForcedBranch, MeasuredPoint, MeasuredZone, MeasuredZones, PaperError, Settings, Subject};
-use resonarm_analysis::modes;
-use resonarm_dynamics::arm::{Arm, Parameters, Preset};
+use resonarm_dynamics::structure::{Assembly, BodySpec, Link, Preset};
 use resonarm_session::study::on_all_cores;
 
 /// The figures of the paper that show computed curves of forced motions.
@@ -38,7 +37,7 @@ impl Figure {
 #[derive(Clone, Debug)]
 struct Job {
     label: String,
-    arm: Arm,
+    arm: Assembly,
     drive: Drive,
     varied: Varied,
 }
@@ -55,8 +54,8 @@ enum Varied {
 pub struct Panel {
     /// Its title.
     pub title: String,
-    /// The link whose amplitude is shown, 1 or 2.
-    pub link: usize,
+    /// The number of the reading that is shown, from 1: the joint of this link, or a degree of freedom that was measured.
+    pub reading: usize,
     /// The quantity that varies.
     pub abscissa: Abscissa,
     /// Whether the amplitude is drawn by its logarithm.
@@ -94,11 +93,10 @@ pub struct LabelledCurve {
 pub struct FigureCurves {
     /// Which figure.
     pub figure: Figure,
-    /// The preset.
-    #[serde(serialize_with = "by_name")]
-    pub preset: Preset,
-    /// The arm, the same in all curves; each curve has its pose.
-    pub parameters: Parameters,
+    /// The name of the preset or of the structure.
+    pub name: String,
+    /// The links, the same in all curves but for their angles, which each curve has.
+    pub links: Vec<Link>,
     /// Its title.
     pub title: String,
     /// The conditions under which it was computed.
@@ -116,7 +114,9 @@ pub struct FigureCurves {
 #[derive(Clone, Debug)]
 pub struct Plan {
     figure: Figure,
-    subject: Subject,
+    name: String,
+    links: Vec<Link>,
+    read: Read,
     title: &'static str,
     conditions: String,
     jobs: Vec<Job>,
@@ -148,38 +148,52 @@ impl Plan {
             ),
         };
         let conditions = format!("{}{conditions}", subject.label()?);
-        let mut plan = Plan { figure, subject, title, conditions, jobs: vec![], panels: vec![], measured: vec![] };
+        let mut plan = Plan {
+            figure,
+            name: preset.name().to_owned(),
+            links: subject.chain().links.clone(),
+            read: Read::joints(),
+            title,
+            conditions,
+            jobs: vec![],
+            panels: vec![],
+            measured: vec![],
+        };
         match figure {
-            Figure::Fig4 => plan.fill_figure4(settings)?,
-            Figure::Fig5 => plan.fill_figure5(settings)?,
-            Figure::Fig7 => plan.fill_figure7(settings)?,
-            Figure::Fig9 => plan.fill_figure9(settings)?,
+            Figure::Fig4 => plan.fill_figure4(&subject, settings)?,
+            Figure::Fig5 => plan.fill_figure5(&subject, settings)?,
+            Figure::Fig7 => plan.fill_figure7(&subject, settings)?,
+            Figure::Fig9 => plan.fill_figure9(&subject, settings)?,
         }
         Ok(plan)
     }
 
-    /// Fig. 9 of a measured arm: a curve for each zone, under its force, and the points over it.
+    /// Fig. 9 of a measured structure: a curve for each zone, under its force, and the points over it.
     pub fn measured(measured: &MeasuredZones) -> Plan {
-        let (pose, zones) = (measured.arm.pose(), &measured.zones);
+        let zones = &measured.zones;
         let forces: Vec<String> = zones.iter().map(|zone| format!("{} N", zone.force_n)).collect();
-        let (label, forces) = (&measured.label, forces.join(" and "));
-        let angles = format!("β₁ = {}°, β₂ = {}°", pose.beta1_deg, pose.beta2_deg).replace('-', "−");
         let mut plan = Plan {
             figure: Figure::Fig9,
-            subject: Subject::measured(measured),
+            name: measured.name.clone(),
+            links: match &measured.structure.spec().body {
+                BodySpec::Chain(chain) => chain.links.clone(),
+                BodySpec::Modal(_) => vec![],
+            },
+            read: Read { at: measured.read.clone(), size: Size::Amplitude },
             title: "Amplitude–frequency characteristics in the measured position, measured on computed",
-            conditions: format!("{label}, {angles}, {forces} along x at the tip"),
+            conditions: format!("{}, {} along x at the tip", measured.label, forces.join(" and ")),
             jobs: vec![],
             panels: vec![],
             measured: zones.iter().flat_map(|zone| zone.points.clone()).collect(),
         };
         let add = |zone: &MeasuredZone| {
             let force = (Drive::ForceX, zone.force_n);
-            plan.over_frequency(format!("{} N", zone.force_n), measured.arm.clone(), force, zone.range_hz)
+            plan.over_frequency(format!("{} N", zone.force_n), measured.structure.clone(), force, zone.range_hz)
         };
         let curves: Vec<usize> = zones.iter().map(add).collect();
-        plan.panel("(a) Link 1", 1, Some(measured.range_hz()), curves.clone());
-        plan.panel("(b) Link 2", 2, Some(measured.range_hz()), curves);
+        for (name, (letter, number)) in measured.read.iter().zip(('a'..).zip(1..)) {
+            plan.panel(format!("({letter}) {name}"), number, Some(measured.range_hz()), curves.clone());
+        }
         plan
     }
 
@@ -193,54 +207,49 @@ impl Plan {
     /// # Errors
     /// [`PaperError::Analysis`] says which curve could not be followed, where and why.
     pub fn compute(self, done: impl Fn() + Sync) -> Result<FigureCurves, PaperError> {
-        let subject = &self.subject;
         let work = |job: &Job| {
-            let branch = match job.varied {
-                Varied::Frequency { amplitude, range_hz } => {
-                    ForcedBranch::over_frequency(subject, &job.arm, (job.drive, amplitude), range_hz)
-                }
-                Varied::Amplitude { largest, frequency_hz } => {
-                    ForcedBranch::over_amplitude(subject, &job.arm, (job.drive, largest), frequency_hz)
-                }
+            let traced = Traced { structure: &self.name, arm: &job.arm, drive: job.drive, read: &self.read };
+            let branch: Result<ForcedBranch, _> = match job.varied {
+                Varied::Frequency { amplitude, range_hz } => traced.over_frequency(amplitude, range_hz),
+                Varied::Amplitude { largest, frequency_hz } => traced.over_amplitude(largest, frequency_hz),
             };
             branch.map(|branch| LabelledCurve { label: job.label.clone(), branch })
         };
         let curves = on_all_cores(&self.jobs, work, done).into_iter().collect::<Result<Vec<_>, _>>()?;
-        let (figure, preset, title) = (self.figure, self.subject.preset(), self.title.to_string());
-        let (parameters, conditions) = (*self.subject.parameters(), self.conditions);
-        let (panels, measured) = (self.panels, self.measured);
-        Ok(FigureCurves { figure, preset, parameters, title, conditions, panels, curves, measured })
+        let Plan { figure, name, links, conditions, panels, measured, .. } = self;
+        let title = self.title.to_string();
+        Ok(FigureCurves { figure, name, links, title, conditions, panels, curves, measured })
     }
 
     /// Adds a curve over the frequency and returns its place.
-    fn over_frequency(&mut self, label: String, arm: Arm, drive: (Drive, f64), range_hz: [f64; 2]) -> usize {
+    fn over_frequency(&mut self, label: String, arm: Assembly, drive: (Drive, f64), range_hz: [f64; 2]) -> usize {
         let varied = Varied::Frequency { amplitude: drive.1, range_hz };
         self.jobs.push(Job { label, arm, drive: drive.0, varied });
         self.jobs.len() - 1
     }
 
-    fn panel(&mut self, title: impl Into<String>, link: usize, range: Option<[f64; 2]>, curves: Vec<usize>) {
+    fn panel(&mut self, title: impl Into<String>, reading: usize, range: Option<[f64; 2]>, curves: Vec<usize>) {
         let (title, abscissa) = (title.into(), Abscissa::FrequencyHz);
-        self.panels.push(Panel { title, link, abscissa, logarithmic: false, range, names: true, curves });
+        self.panels.push(Panel { title, reading, abscissa, logarithmic: false, range, names: true, curves });
     }
 
-    fn unnamed(&mut self, title: impl Into<String>, link: usize, range: Option<[f64; 2]>, curves: Vec<usize>) {
-        self.panel(title, link, range, curves);
+    fn unnamed(&mut self, title: impl Into<String>, reading: usize, range: Option<[f64; 2]>, curves: Vec<usize>) {
+        self.panel(title, reading, range, curves);
         self.panels.iter_mut().last().into_iter().for_each(|panel| panel.names = false);
     }
 
-    fn spectrum(&mut self, title: impl Into<String>, link: usize, range_hz: [f64; 2], curves: Vec<usize>) {
-        self.panel(title, link, Some(range_hz), curves);
+    fn spectrum(&mut self, title: impl Into<String>, reading: usize, range_hz: [f64; 2], curves: Vec<usize>) {
+        self.panel(title, reading, Some(range_hz), curves);
         self.panels.iter_mut().last().into_iter().for_each(|panel| panel.logarithmic = true);
     }
 
-    fn fill_figure4(&mut self, settings: &Settings) -> Result<(), PaperError> {
-        let (four, preset) = (&settings.figure4, self.subject.preset());
+    fn fill_figure4(&mut self, subject: &Subject, settings: &Settings) -> Result<(), PaperError> {
+        let (four, preset) = (&settings.figure4, subject.preset());
         let (torque, second) = (*four.torque_nm.of(preset), *four.second_zone_torque_nm.of(preset));
         let (mut whole, mut zones) = (vec![], vec![]);
         for &beta2_deg in &four.beta2_deg {
-            let (arm, label) = (self.subject.bent(beta2_deg)?, pose(beta2_deg));
-            let zone = zone_hz(modes(&arm)[1].frequency_hz);
+            let (arm, label) = (subject.bent(beta2_deg)?, pose(beta2_deg));
+            let zone = zone_hz(natural_hz(&arm)[1]);
             whole.push(self.over_frequency(label.clone(), arm.clone(), (Drive::Torque1, torque), settings.range_hz));
             zones.push(self.over_frequency(label, arm, (Drive::Torque1, second), zone));
         }
@@ -250,38 +259,38 @@ impl Plan {
         Ok(())
     }
 
-    fn fill_figure5(&mut self, settings: &Settings) -> Result<(), PaperError> {
-        let (five, preset) = (&settings.figure5, self.subject.preset());
+    fn fill_figure5(&mut self, subject: &Subject, settings: &Settings) -> Result<(), PaperError> {
+        let (five, preset) = (&settings.figure5, subject.preset());
         let (largest, frequency_hz) = (*five.largest_torque_nm.of(preset), five.frequency_hz);
         for &beta2_deg in five.beta2_deg.of(preset) {
-            let (arm, varied) = (self.subject.bent(beta2_deg)?, Varied::Amplitude { largest, frequency_hz });
+            let (arm, varied) = (subject.bent(beta2_deg)?, Varied::Amplitude { largest, frequency_hz });
             self.jobs.push(Job { label: pose(beta2_deg), arm, drive: Drive::Torque1, varied });
         }
         let (curves, range) = ((0..self.jobs.len()).collect(), Some([0.0, largest]));
         let abscissa = Abscissa::Torque1Nm;
         let (title, logarithmic, names) = (String::new(), false, true);
-        self.panels.push(Panel { title, link: 1, abscissa, logarithmic, range, names, curves });
+        self.panels.push(Panel { title, reading: 1, abscissa, logarithmic, range, names, curves });
         Ok(())
     }
 
-    fn fill_figure7(&mut self, settings: &Settings) -> Result<(), PaperError> {
-        let (seven, preset) = (&settings.figure7, self.subject.preset());
+    fn fill_figure7(&mut self, subject: &Subject, settings: &Settings) -> Result<(), PaperError> {
+        let (seven, preset) = (&settings.figure7, subject.preset());
         let force = (Drive::ForceX, seven.force_n);
         let mut whole = vec![];
         for &beta2_deg in &seven.beta2_deg {
-            let arm = self.subject.on_line(beta2_deg)?;
+            let arm = subject.on_line(beta2_deg)?;
             whole.push(self.over_frequency(pose(beta2_deg), arm, force, settings.range_hz));
         }
         self.spectrum(format!("(a) Link 1, {} N", force.1), 1, settings.range_hz, whole.clone());
         self.spectrum(format!("(b) Link 2, {} N", force.1), 2, settings.range_hz, whole);
         let detail = seven.detail_beta2_deg;
-        let arm = self.subject.on_line(detail)?;
+        let arm = subject.on_line(detail)?;
         let details = [
             (1, "(c) Link 1, second zone", 1, seven.second_zone_force_n.of(preset)),
             (0, "(d) Link 2, first zone", 2, seven.first_zone_force_n.of(preset)),
         ];
         for (mode, title, link, forces) in details {
-            let zone = zone_hz(modes(&arm)[mode].frequency_hz);
+            let zone = zone_hz(natural_hz(&arm)[mode]);
             let add =
                 |force: &f64| self.over_frequency(format!("{force} N"), arm.clone(), (Drive::ForceX, *force), zone);
             let curves = forces.iter().map(add).collect();
@@ -293,9 +302,9 @@ impl Plan {
         Ok(())
     }
 
-    fn fill_figure9(&mut self, settings: &Settings) -> Result<(), PaperError> {
+    fn fill_figure9(&mut self, subject: &Subject, settings: &Settings) -> Result<(), PaperError> {
         let nine = &settings.figure9;
-        let arm = self.subject.on_line(nine.beta2_deg)?;
+        let arm = subject.on_line(nine.beta2_deg)?;
         let force = (Drive::ForceX, nine.force_n);
         let curve = self.over_frequency(String::new(), arm, force, nine.range_hz);
         self.unnamed("(a) Link 1", 1, Some(nine.range_hz), vec![curve]);
@@ -314,8 +323,8 @@ pub struct NaturalFrequencies {
     /// The preset.
     #[serde(serialize_with = "by_name")]
     pub preset: Preset,
-    /// The arm.
-    pub parameters: Parameters,
+    /// The links of the straight arm.
+    pub links: Vec<Link>,
     /// β2, degrees; β1 is 0.
     pub beta2_deg: Vec<f64>,
     /// f1 and f2 at each β2, Hz.
@@ -329,7 +338,7 @@ pub struct NaturalFrequencies {
 pub fn natural_frequencies(preset: Preset, settings: &Settings) -> Result<NaturalFrequencies, PaperError> {
     let subject = Subject::new(preset, settings)?;
     let beta2_deg: Vec<f64> = (-180..=180).map(f64::from).collect();
-    let frequencies = |beta2_deg: &f64| Ok(modes(&subject.bent(*beta2_deg)?).map(|mode| mode.frequency_hz));
+    let frequencies = |beta2_deg: &f64| Ok(natural_hz(&subject.bent(*beta2_deg)?));
     let frequency_hz = beta2_deg.iter().map(frequencies).collect::<Result<_, PaperError>>()?;
-    Ok(NaturalFrequencies { preset, parameters: *subject.parameters(), beta2_deg, frequency_hz })
+    Ok(NaturalFrequencies { preset, links: subject.chain().links.clone(), beta2_deg, frequency_hz })
 }

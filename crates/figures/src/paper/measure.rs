@@ -9,10 +9,10 @@ impl ForcedBranch {
     /// # Errors
     /// [`PaperError::NoMotion`] if the branch has none in the range.
     pub fn peak(&self, link: usize, range_hz: [f64; 2]) -> Result<&Motion, PaperError> {
-        let larger = |a: &&Motion, b: &&Motion| a.amplitude_rad[link].total_cmp(&b.amplitude_rad[link]);
+        let larger = |a: &&Motion, b: &&Motion| self.size(a, link).total_cmp(&self.size(b, link));
         self.within(range_hz).max_by(larger).ok_or(PaperError::NoMotion {
-            preset: self.preset,
-            beta2_deg: self.beta2_deg,
+            structure: self.structure.clone(),
+            beta2_deg: self.angles_deg.get(1).copied().unwrap_or(f64::NAN),
             from_hz: range_hz[0],
             to_hz: range_hz[1],
         })
@@ -27,7 +27,7 @@ impl ForcedBranch {
     pub fn half_power_width_hz(&self, link: usize) -> Option<f64> {
         // Bifurcations may be beyond the steps next to them.
         let all: Vec<(f64, f64)> =
-            self.motions.iter().map(|motion| (motion.frequency_hz, motion.amplitude_rad[link])).collect();
+            self.motions.iter().map(|motion| (motion.frequency_hz, self.size(motion, link))).collect();
         half_power_width_hz(&self.curve(link), &all)
     }
 
@@ -37,7 +37,7 @@ impl ForcedBranch {
         let stable: Vec<[(f64, f64); 2]> = self
             .segments()
             .filter(|(.., is_stable)| *is_stable)
-            .map(|(a, b, _)| [a, b].map(|motion| (motion.frequency_hz, motion.amplitude_rad[link])))
+            .map(|(a, b, _)| [a, b].map(|motion| (motion.frequency_hz, self.size(motion, link))))
             .collect();
         let mut largest = (1.0, f64::NAN);
         for motion in &self.motions {
@@ -58,30 +58,34 @@ impl ForcedBranch {
     /// can be so near to a step that the slope between them is dominated by rounding.
     fn curve(&self, link: usize) -> Vec<(f64, f64)> {
         let steps = self.motions.iter().filter(|motion| motion.bifurcation.is_none());
-        steps.map(|motion| (motion.frequency_hz, motion.amplitude_rad[link])).collect()
+        steps.map(|motion| (motion.frequency_hz, self.size(motion, link))).collect()
     }
 }
 
 #[cfg(test)]
 mod tests {
     use super::super::Drive;
-    use super::super::branch::{Event, Stability};
+    use super::super::branch::{Event, Read, Stability};
     use super::*;
     use resonarm_analysis::BifurcationKind;
-    use resonarm_dynamics::arm::Preset;
 
     fn branch(points: &[(f64, f64, Stability)]) -> ForcedBranch {
         let motion = |(frequency_hz, amplitude, stability): &(f64, f64, Stability)| Motion {
             frequency_hz: *frequency_hz,
             excitation: 1.0,
-            amplitude_rad: [*amplitude; 2],
-            harmonic1_rad: [*amplitude; 2],
+            largest: vec![*amplitude; 2],
+            amplitude: vec![*amplitude; 2],
             stability: *stability,
             bifurcation: None,
         };
-        let (preset, drive) = (Preset::Irb1600Fitted, Drive::Torque1);
-        let motions = points.iter().map(motion).collect();
-        ForcedBranch { preset, beta1_deg: 0.0, beta2_deg: 0.0, drive, natural_hz: [1.0, 2.0], motions }
+        ForcedBranch {
+            structure: String::from("arm"),
+            angles_deg: vec![0.0; 2],
+            drive: Drive::Torque1,
+            read: Read::joints(),
+            natural_hz: [1.0, 2.0],
+            motions: points.iter().map(motion).collect(),
+        }
     }
 
     #[test]
@@ -150,7 +154,7 @@ mod tests {
         // A bifurcation beside the highest step, off by its location error, changes nothing.
         let (mut marked, highest) = (resonance.clone(), 15);
         let mut fold = marked.motions[highest].clone();
-        fold.amplitude_rad = fold.amplitude_rad.map(|amplitude| amplitude * (1.0 - 1e-6));
+        fold.largest.iter_mut().for_each(|amplitude| *amplitude *= 1.0 - 1e-6);
         (fold.frequency_hz, fold.bifurcation) = (fold.frequency_hz - 1e-9, Some(Event(BifurcationKind::Fold)));
         marked.motions.insert(highest, fold);
         assert_eq!((marked.maxima(0)[0], marked.half_power_width_hz(0).unwrap()), (top, width));

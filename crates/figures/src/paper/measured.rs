@@ -1,14 +1,14 @@
 //! Points measured on a bench in the position of Fig. 9: the document of `experiment fig9 --json`.
 
+use std::collections::{BTreeMap, BTreeSet};
 use std::path::{Path, PathBuf};
 
 use serde::{Deserialize, Serialize};
 use thiserror::Error;
 
-use resonarm_dynamics::arm::{Arm, ArmError, Parameters, Pose, Preset};
+use resonarm_dynamics::structure::Assembly;
 use resonarm_numeric::number::short;
-use resonarm_scenario::text_file;
-use resonarm_scenario::{StructureSection, StructureSectionError};
+use resonarm_scenario::{StructureSection, StructureSectionError, text_file};
 
 /// Why a document of measured zones can't be used.
 #[derive(Debug, Error)]
@@ -30,21 +30,23 @@ pub enum MeasuredError {
         /// The difference.
         source: serde_json::Error,
     },
-    /// The arm is invalid.
-    #[error("{origin}: {source}")]
-    Arm {
-        /// Name of the document.
-        origin: String,
-        /// The reason.
-        source: ArmError,
-    },
-    /// The preset is unknown, or the arm no variant of it.
+    /// The structure is invalid.
     #[error("{origin}: {source}")]
     Structure {
         /// Name of the document.
         origin: String,
         /// The reason.
         source: StructureSectionError,
+    },
+    /// It was not measured on a structure with a tip that is driven along x.
+    #[error("{origin}: its structure has no degree of freedom {name}: it has {known}")]
+    NoDof {
+        /// Name of the document.
+        origin: String,
+        /// The degree of freedom.
+        name: String,
+        /// The degrees of freedom that there are.
+        known: String,
     },
     /// It has no zones.
     #[error("{origin}: it has no zones")]
@@ -101,14 +103,15 @@ impl Way {
 }
 
 /// A measured motion.
-#[derive(Clone, Copy, Debug, PartialEq, Serialize)]
+#[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct MeasuredPoint {
     /// How it was measured.
     pub way: Way,
     /// Frequency of the excitation, Hz.
     pub frequency_hz: f64,
-    /// The largest |α1| and |α2|, rad.
-    pub amplitude_rad: [f64; 2],
+    /// The amplitude of the fundamental at each degree of freedom of [`MeasuredZones::read`], m; `None` where it was not
+    /// measured.
+    pub amplitude: Vec<Option<f64>>,
 }
 
 /// A zone measured under one force.
@@ -122,15 +125,17 @@ pub struct MeasuredZone {
     pub points: Vec<MeasuredPoint>,
 }
 
-/// The zones of an arm measured on a bench.
+/// The zones of a structure measured on a bench.
 #[derive(Clone, Debug, PartialEq)]
 pub struct MeasuredZones {
-    /// The preset.
-    pub preset: Preset,
-    /// The arm in its pose.
-    pub arm: Arm,
-    /// The preset and the differences from it.
+    /// The name of the preset, or that of the structure.
+    pub name: String,
+    /// The structure.
+    pub structure: Assembly,
+    /// The structure in words.
     pub label: String,
+    /// Where it was measured: of each point the axis along which it moves most.
+    pub read: Vec<String>,
     /// The zones in the order of the document, at least one.
     pub zones: Vec<MeasuredZone>,
 }
@@ -143,17 +148,12 @@ struct Document {
 
 #[derive(Deserialize)]
 struct Configuration {
-    #[serde(default)]
-    name: Option<String>,
-    preset: String,
-    parameters: Parameters,
-    beta1_deg: f64,
-    beta2_deg: f64,
+    structure: serde_json::Value,
 }
 
 #[derive(Deserialize)]
 struct Zone {
-    force_n: [f64; 2],
+    drive: BTreeMap<String, Reading>,
     range_hz: [f64; 2],
     walk: Run,
     up: Run,
@@ -168,8 +168,14 @@ struct Run {
 #[derive(Deserialize)]
 struct Point {
     frequency_hz: f64,
-    amplitude_rad: [f64; 2],
+    readings: BTreeMap<String, Reading>,
     settled: bool,
+}
+
+/// A reading or a load.
+#[derive(Deserialize)]
+struct Reading {
+    amplitude: f64,
 }
 
 impl MeasuredZones {
@@ -191,19 +197,30 @@ impl MeasuredZones {
         let name = || origin.to_string();
         let document: Document =
             serde_json::from_str(text).map_err(|source| MeasuredError::Parse { origin: name(), source })?;
-        let Configuration { name: arm_name, preset, parameters, beta1_deg, beta2_deg } = document.configuration;
-        let no_arm = |source| MeasuredError::Arm { origin: name(), source };
-        let pose = Pose { beta1_deg, beta2_deg };
-        let arm = Arm::new(parameters, pose).map_err(no_arm)?;
-        let no_structure = |source| MeasuredError::Structure { origin: name(), source };
-        let of_arm = StructureSection::of_arm(&preset, &parameters, pose).map_err(no_structure)?;
-        let section = StructureSection { name: arm_name, ..of_arm };
-        let zones = document.zones.iter().enumerate().map(|(index, zone)| zone.measured(origin, index + 1));
+        let stated = document.configuration.structure;
+        let word = |key: &str| stated[key].as_str().map(str::to_owned);
+        let called = word("name").or(word("preset")).unwrap_or_else(|| String::from("structure"));
+        let angles = stated["angles_deg"].as_array().map_or(String::new(), |angles| {
+            let angles: Vec<String> =
+                angles.iter().filter_map(serde_json::Value::as_f64).map(|angle_deg| format!("{angle_deg}°")).collect();
+            format!(" at {}", angles.join(", ").replace('-', "−"))
+        });
+        let section = StructureSection::from_document(stated)
+            .map_err(|source| MeasuredError::Parse { origin: name(), source })?;
+        let structure = section.assembly().map_err(|source| MeasuredError::Structure { origin: name(), source })?;
+        let read = read_at(&document.zones);
+        let known = structure.dof_names();
+        if let Some(absent) = read.iter().find(|name| !known.contains(name)) {
+            let (name, known) = (absent.clone(), known.join(", "));
+            return Err(MeasuredError::NoDof { origin: origin.to_string(), name, known });
+        }
+        let zones = document.zones.iter().enumerate().map(|(index, zone)| zone.measured(origin, index + 1, &read));
         let measured = MeasuredZones {
-            preset: preset.parse().map_err(|source| no_structure(StructureSectionError::from(source)))?,
-            arm,
-            label: section.label(),
             zones: zones.collect::<Result<_, _>>()?,
+            structure,
+            label: format!("{called}{angles}"),
+            name: called,
+            read,
         };
         if measured.zones.is_empty() {
             return Err(MeasuredError::NoZone { origin: name() });
@@ -222,28 +239,56 @@ impl MeasuredZones {
     }
 }
 
+/// Of each point that was measured, as `tip`, the axis along which it moves most.
+fn read_at(zones: &[Zone]) -> Vec<String> {
+    let points = || {
+        let runs = zones.iter().flat_map(|zone| [&zone.up, &zone.down, &zone.walk]);
+        runs.flat_map(|run| &run.points).filter(|point| point.settled)
+    };
+    let names: BTreeSet<&String> = points().flat_map(|point| point.readings.keys()).collect();
+    let largest = |name: &str| {
+        points().filter_map(|point| point.readings.get(name)).map(|reading| reading.amplitude).fold(0.0, f64::max)
+    };
+    let mut best: BTreeMap<&str, &String> = BTreeMap::new();
+    for name in names {
+        let point = name.split('.').next().unwrap_or_default();
+        let kept = best.entry(point).or_insert(name);
+        if largest(name) > largest(kept) {
+            *kept = name;
+        }
+    }
+    best.into_values().cloned().collect()
+}
+
 impl Zone {
     /// The zone number `zone` of a document, checked.
-    fn measured(&self, origin: &str, zone: usize) -> Result<MeasuredZone, MeasuredError> {
+    fn measured(&self, origin: &str, zone: usize, read: &[String]) -> Result<MeasuredZone, MeasuredError> {
         let require = |key, got: f64, fits: bool, expected| {
             let refusal = || MeasuredError::Value { origin: origin.to_string(), zone, key, got, expected };
             if fits { Ok(()) } else { Err(refusal()) }
         };
-        let ([x, y], [from, to]) = (self.force_n, self.range_hz);
-        require("force_n along x", x, x > 0.0, "a positive number")?;
-        require("force_n along y", y, y == 0.0, "0, since Fig. 9 is of a force along x")?;
+        let (x, [from, to]) = (self.drive.get("tip.x").map_or(0.0, |load| load.amplitude), self.range_hz);
+        require("drive.tip.x", x, x > 0.0, "a positive number, since Fig. 9 is of a force along x")?;
+        let other = self.drive.iter().find(|(name, load)| name.as_str() != "tip.x" && load.amplitude != 0.0);
+        require(
+            "another drive",
+            other.map_or(0.0, |(_, load)| load.amplitude),
+            other.is_none(),
+            "left out, since Fig. 9 is of a force along x",
+        )?;
         require("range_hz, its start,", from, from > 0.0, "a positive number")?;
         require("range_hz, its end,", to, to > from, "larger than its start")?;
         let runs = Way::ALL.into_iter().zip([&self.up, &self.down, &self.walk]);
         let mut points = Vec::new();
         for (way, point) in runs.flat_map(|(way, run)| run.points.iter().map(move |point| (way, point))) {
-            let Point { frequency_hz, amplitude_rad, settled } = *point;
-            require("frequency_hz of a point", frequency_hz, frequency_hz > 0.0, "a positive number")?;
-            for amplitude in amplitude_rad {
-                require("amplitude_rad of a point", amplitude, amplitude >= 0.0, "zero or a positive number")?;
+            let Point { frequency_hz, readings, settled } = point;
+            require("frequency_hz of a point", *frequency_hz, *frequency_hz > 0.0, "a positive number")?;
+            for Reading { amplitude } in readings.values() {
+                require("amplitude of a point", *amplitude, *amplitude >= 0.0, "zero or a positive number")?;
             }
-            if settled {
-                points.push(MeasuredPoint { way, frequency_hz, amplitude_rad });
+            if *settled {
+                let amplitude = read.iter().map(|name| readings.get(name).map(|reading| reading.amplitude)).collect();
+                points.push(MeasuredPoint { way, frequency_hz: *frequency_hz, amplitude });
             }
         }
         Ok(MeasuredZone { force_n: x, range_hz: self.range_hz, points })
@@ -253,36 +298,40 @@ impl Zone {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::paper::{Settings, Subject};
+    use resonarm_dynamics::structure::Preset;
 
     /// A document of two zones, with one point each way in each.
     fn document() -> serde_json::Value {
         let run = |hz: f64| {
+            let readings = |x: f64, y: f64| serde_json::json!({ "tip.x": { "amplitude": x, "unit": "m" }, "tip.y": { "amplitude": y } });
             serde_json::json!({ "points": [
-                { "frequency_hz": hz, "amplitude_rad": [0.01, 0.02], "settled": true, "phase_deg": null },
-                { "frequency_hz": hz + 1.0, "amplitude_rad": [0.02, 0.03], "settled": false },
+                { "frequency_hz": hz, "readings": readings(0.01, 0.02), "settled": true, "lag_deg": null },
+                { "frequency_hz": hz + 1.0, "readings": readings(0.2, 0.03), "settled": false },
             ], "outcome": "finished" })
         };
         let zone = |force_n: f64, range_hz: [f64; 2]| {
             let [up, down, walk] = [1.0, 2.0, 3.0].map(|part| run(range_hz[0] + part));
             serde_json::json!({
-                "force_n": [force_n, 0.0], "range_hz": range_hz, "up": up, "down": down, "walk": walk, "backbone": run(1.0)
+                "drive": { "tip.x": { "amplitude": force_n, "unit": "N" } }, "range_hz": range_hz, "up": up, "down": down, "walk": walk, "backbone": run(1.0)
             })
         };
-        let parameters = Preset::Irb1600Fitted.parameters().unwrap();
+        let subject = Subject::new(Preset::Irb1600Fitted, &Settings::embedded().unwrap()).unwrap();
+        let structure = serde_json::json!({
+            "preset": "irb1600-fitted", "angles_deg": [-76.5, 120.0], "links": subject.chain().links
+        });
         serde_json::json!({
-            "configuration": {
-                "preset": "irb1600-fitted", "parameters": parameters, "beta1_deg": -76.5, "beta2_deg": 120.0
-            },
+            "configuration": { "structure": structure, "drive": null },
             "zones": [zone(100.0, [26.0, 33.5]), zone(15.0, [33.5, 46.0])],
         })
     }
 
     #[test]
-    fn settled_points_are_read() {
+    fn settled_points_are_read_along_the_axis_that_moves_most() {
         let read = MeasuredZones::parse(&document().to_string(), "zones.json").unwrap();
-        assert_eq!((read.label.as_str(), read.range_hz()), ("irb1600-fitted", [26.0, 46.0]));
-        assert_eq!(read.arm.pose(), Pose { beta1_deg: -76.5, beta2_deg: 120.0 });
-        let point = |way, frequency_hz| MeasuredPoint { way, frequency_hz, amplitude_rad: [0.01, 0.02] };
+        assert_eq!((read.label.as_str(), read.range_hz()), ("irb1600-fitted at −76.5°, 120°", [26.0, 46.0]));
+        assert_eq!((read.read, read.structure.coordinates()), (vec![String::from("tip.y")], 2));
+        let point = |way, frequency_hz| MeasuredPoint { way, frequency_hz, amplitude: vec![Some(0.02)] };
         assert_eq!(read.zones[1].force_n, 15.0);
         assert_eq!(read.zones[1].points, [point(Way::Up, 34.5), point(Way::Down, 35.5), point(Way::Walk, 36.5)]);
     }
@@ -297,13 +346,13 @@ mod tests {
     #[test]
     fn errors_say_what_is_wrong_where() {
         insta::assert_snapshot!(says("/zones", [0; 0].into()), @"zones.json: it has no zones");
-        insta::assert_snapshot!(says("/zones/0/force_n/0", (-1).into()), @"zones.json: zone 1: force_n along x is -1: it must be a positive number");
-        insta::assert_snapshot!(says("/zones/1/force_n/1", 3.into()), @"zones.json: zone 2: force_n along y is 3: it must be 0, since Fig. 9 is of a force along x");
+        insta::assert_snapshot!(says("/zones/0/drive/tip.x/amplitude", (-1).into()), @"zones.json: zone 1: drive.tip.x is -1: it must be a positive number, since Fig. 9 is of a force along x");
+        insta::assert_snapshot!(says("/zones/1/drive", serde_json::json!({ "tip.x": { "amplitude": 1.0 }, "tip.y": { "amplitude": 3.0 } })), @"zones.json: zone 2: another drive is 3: it must be left out, since Fig. 9 is of a force along x");
         insta::assert_snapshot!(says("/zones/1/range_hz/1", 30.into()), @"zones.json: zone 2: range_hz, its end, is 30: it must be larger than its start");
         insta::assert_snapshot!(says("/zones/0/up/points/1/frequency_hz", 0.into()), @"zones.json: zone 1: frequency_hz of a point is 0: it must be a positive number");
-        insta::assert_snapshot!(says("/zones/0/walk/points/0/amplitude_rad/1", (-0.5).into()), @"zones.json: zone 1: amplitude_rad of a point is -0.5: it must be zero or a positive number");
-        insta::assert_snapshot!(says("/configuration/beta2_deg", serde_json::Value::Null), @"zones.json is no document of `experiment fig9 --json`: invalid type: null, expected f64 at line 1 column 52");
-        insta::assert_snapshot!(says("/configuration/preset", "irb".into()), @"zones.json: structure: there is no preset `irb`: the presets are irb1600-table1, irb1600-fitted");
+        insta::assert_snapshot!(says("/zones/0/walk/points/0/readings/tip.y/amplitude", (-0.5).into()), @"zones.json: zone 1: amplitude of a point is -0.5: it must be zero or a positive number");
+        insta::assert_snapshot!(says("/configuration", serde_json::json!({})), @"zones.json is no document of `experiment fig9 --json`: missing field `structure` at line 1 column 19");
+        insta::assert_snapshot!(says("/configuration/structure/links", [0; 0].into()), @"zones.json: structure: `links` are missing: add a table [[structure.links]] for every link, from the base out");
         let mut unsettled = document();
         for zone in unsettled["zones"].as_array_mut().unwrap() {
             for run in ["up", "down", "walk"] {

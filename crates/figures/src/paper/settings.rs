@@ -5,7 +5,7 @@ use std::path::{Path, PathBuf};
 use serde::{Deserialize, Serialize};
 use thiserror::Error;
 
-use resonarm_dynamics::arm::Preset;
+use resonarm_dynamics::structure::Preset;
 use resonarm_numeric::number::{rounded, short};
 use resonarm_scenario::toml_error::TomlError;
 

@@ -1,32 +1,33 @@
 //! The arm of a preset, in the poses of the paper.
 
-use nalgebra::Vector2;
-
-use super::{MeasuredZones, PaperError, Settings, SettingsError};
-use resonarm_dynamics::arm::{Arm, Parameters, Pose, Preset};
+use super::{PaperError, Settings, SettingsError};
+use resonarm_dynamics::structure::{Assembly, BodySpec, ChainSpec, Preset, StructureSpec};
 
 /// A preset with the settings' l2, and the line on which its tip is moved.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Subject {
     preset: Preset,
-    parameters: Parameters,
+    /// The straight chain.
+    chain: ChainSpec,
     height_m: f64,
+}
+
+/// The chain of a preset, straight.
+fn straight(preset: Preset) -> Result<ChainSpec, PaperError> {
+    let mut chain = preset.chain()?;
+    chain.links.iter_mut().for_each(|link| link.angle_deg = 0.0);
+    Ok(chain)
 }
 
 impl Subject {
     /// The arm of a preset.
     ///
     /// # Errors
-    /// [`PaperError::Arm`] if the preset's file can't be read.
+    /// [`PaperError::Structure`] if the preset's file can't be read.
     pub fn new(preset: Preset, settings: &Settings) -> Result<Subject, PaperError> {
-        let parameters = Parameters { length2_m: settings.length2_m, ..preset.parameters()? };
-        Ok(Subject { preset, parameters, height_m: settings.line.height_m })
-    }
-
-    /// The measured arm, with the line at the height of its tip.
-    pub(super) fn measured(measured: &MeasuredZones) -> Subject {
-        let (preset, arm) = (measured.preset, &measured.arm);
-        Subject { preset, parameters: *arm.parameters(), height_m: arm.points(&Vector2::zeros()).c_m.y }
+        let mut chain = straight(preset)?;
+        chain.links.iter_mut().skip(1).for_each(|link| link.length_m = settings.length2_m);
+        Ok(Subject { preset, chain, height_m: settings.line.height_m })
     }
 
     /// The preset.
@@ -34,27 +35,45 @@ impl Subject {
         self.preset
     }
 
-    /// The preset's parameters with the settings' l2.
-    pub fn parameters(&self) -> &Parameters {
-        &self.parameters
+    /// The straight chain with the settings' l2.
+    pub fn chain(&self) -> &ChainSpec {
+        &self.chain
+    }
+
+    /// The lengths of its links, m.
+    fn lengths_m(&self) -> [f64; 2] {
+        let length_m = |link: usize| self.chain.links.get(link).map_or(f64::NAN, |link| link.length_m);
+        [length_m(0), length_m(1)]
     }
 
     /// The preset and the differences from it.
     ///
     /// # Errors
-    /// [`PaperError::Arm`] if the preset's file can't be read.
+    /// [`PaperError::Structure`] if the preset's file can't be read.
     pub fn label(&self) -> Result<String, PaperError> {
-        let (own, preset) = (self.parameters.length2_m, self.preset.parameters()?.length2_m);
+        let length2_m = |chain: &ChainSpec| chain.links.get(1).map_or(f64::NAN, |link| link.length_m);
+        let (own, preset) = (length2_m(&self.chain), length2_m(&straight(self.preset)?));
         let name = self.preset.name();
-        Ok(if own == preset { name.to_string() } else { format!("{name} with length2_m = {own} (preset {preset})") })
+        Ok(if own == preset {
+            name.to_string()
+        } else {
+            format!("{name} with link2.length_m = {own} (preset {preset})")
+        })
+    }
+
+    /// The chain at β1 and β2.
+    fn posed(&self, angles_deg: [f64; 2]) -> Result<Assembly, PaperError> {
+        let mut chain = self.chain.clone();
+        chain.links.iter_mut().zip(angles_deg).for_each(|(link, angle_deg)| link.angle_deg = angle_deg);
+        Ok(Assembly::new(&StructureSpec { body: BodySpec::Chain(chain), elements: vec![] })?)
     }
 
     /// The arm at β1 = 0, which does not matter for an arm driven at its joints.
     ///
     /// # Errors
-    /// [`PaperError::Arm`] for an impossible angle.
-    pub fn bent(&self, beta2_deg: f64) -> Result<Arm, PaperError> {
-        Ok(Arm::new(self.parameters, Pose { beta1_deg: 0.0, beta2_deg })?)
+    /// [`PaperError::Structure`] for an impossible angle.
+    pub fn bent(&self, beta2_deg: f64) -> Result<Assembly, PaperError> {
+        self.posed([0.0, beta2_deg])
     }
 
     /// The arm with its tip on the line of Fig. 6, at positive x.
@@ -64,7 +83,7 @@ impl Subject {
     ///
     /// # Errors
     /// [`SettingsError::Line`] if the tip can't reach the line.
-    pub fn on_line(&self, beta2_deg: f64) -> Result<Arm, PaperError> {
+    pub fn on_line(&self, beta2_deg: f64) -> Result<Assembly, PaperError> {
         self.on_line_at(beta2_deg, self.height_m)
     }
 
@@ -72,15 +91,14 @@ impl Subject {
     ///
     /// # Errors
     /// [`SettingsError::Line`] if the tip can't reach the line.
-    pub fn on_line_at(&self, beta2_deg: f64, height_m: f64) -> Result<Arm, PaperError> {
-        let (sine, cosine) = libm::sincos(beta2_deg.to_radians());
-        let (x, y) = (self.parameters.length1_m + self.parameters.length2_m * cosine, self.parameters.length2_m * sine);
+    pub fn on_line_at(&self, beta2_deg: f64, height_m: f64) -> Result<Assembly, PaperError> {
+        let ((sine, cosine), [length1_m, length2_m]) = (libm::sincos(beta2_deg.to_radians()), self.lengths_m());
+        let (x, y) = (length1_m + length2_m * cosine, length2_m * sine);
         let reach_m = libm::hypot(x, y);
         if height_m.abs() > reach_m {
             return Err(SettingsError::Line { beta2_deg, reach_m, height_m }.into());
         }
-        let beta1_deg = (libm::asin(height_m / reach_m) - libm::atan2(y, x)).to_degrees();
-        Ok(Arm::new(self.parameters, Pose { beta1_deg, beta2_deg })?)
+        self.posed([(libm::asin(height_m / reach_m) - libm::atan2(y, x)).to_degrees(), beta2_deg])
     }
 }
 
@@ -93,8 +111,8 @@ mod tests {
         let mut settings = Settings::embedded().unwrap();
         let subject = |settings: &Settings| Subject::new(Preset::Irb1600Fitted, settings).unwrap();
         for beta2_deg in [0.0, 30.0, 90.0, 150.0] {
-            let tip = subject(&settings).on_line(beta2_deg).unwrap().points(&Vector2::zeros()).c_m;
-            assert!((tip.y - settings.line.height_m).abs() < 1e-12 && tip.x > 0.0, "{tip}");
+            let [.., tip] = subject(&settings).on_line(beta2_deg).unwrap().rest_m().unwrap()[..] else { panic!() };
+            assert!((tip[1] - settings.line.height_m).abs() < 1e-12 && tip[0] > 0.0, "{tip:?}");
         }
         settings.line.height_m = 0.5;
         let beyond = subject(&settings).on_line(150.0).unwrap_err();

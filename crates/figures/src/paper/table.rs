@@ -6,12 +6,22 @@ use super::branch::Stability;
 use super::{Drive, FigureCurves, NaturalFrequencies};
 
 impl FigureCurves {
-    /// A line for each motion. `curve` counts from 0; a bifurcation has its kind in the last column.
+    /// A line for each motion. `curve` counts from 0; a bifurcation has its kind in the last column. All curves of a
+    /// figure are read at the same degrees of freedom, and have as many angles.
     pub fn csv(&self) -> String {
-        let mut text = String::from(
-            "curve,beta1_deg,beta2_deg,frequency_hz,torque1_nm,force_x_n,amplitude1_rad,amplitude2_rad,\
-             harmonic1_alpha1_rad,harmonic1_alpha2_rad,stability,bifurcation\n",
-        );
+        let first = self.curves.first().map(|curve| &curve.branch);
+        let mut text = String::from("curve");
+        for number in 1..=first.map_or(0, |branch| branch.angles_deg.len()) {
+            let _infallible = write!(text, ",link{number}_angle_deg");
+        }
+        text += ",frequency_hz,torque1_nm,force_x_n";
+        for name in first.iter().flat_map(|branch| &branch.read.at) {
+            // A degree of freedom without an axis is a joint.
+            let unit = if name.contains('.') { "m" } else { "rad" };
+            let name = name.replace('.', "_");
+            let _infallible = write!(text, ",{name}_largest_{unit},{name}_amplitude_{unit}");
+        }
+        text += ",stability,bifurcation\n";
         for (index, curve) in self.curves.iter().enumerate() {
             let branch = &curve.branch;
             for motion in &branch.motions {
@@ -19,17 +29,19 @@ impl FigureCurves {
                     Drive::Torque1 => (motion.excitation, 0.0),
                     Drive::ForceX => (0.0, motion.excitation),
                 };
-                let ([a1, a2], [h1, h2]) = (motion.amplitude_rad, motion.harmonic1_rad);
                 let stability = match motion.stability {
                     Stability::Stable => "stable",
                     Stability::Unstable => "unstable",
                     Stability::Marginal => "marginal",
                 };
+                let angles: String = branch.angles_deg.iter().map(|angle_deg| format!(",{angle_deg}")).collect();
+                let sizes = motion.largest.iter().zip(&motion.amplitude);
+                let sizes: String = sizes.map(|(largest, amplitude)| format!(",{largest},{amplitude}")).collect();
                 let bifurcation = motion.bifurcation.map_or("", |event| event.0.name());
                 let _infallible = writeln!(
                     text,
-                    "{index},{},{},{},{torque},{force},{a1},{a2},{h1},{h2},{stability},{bifurcation}",
-                    branch.beta1_deg, branch.beta2_deg, motion.frequency_hz
+                    "{index}{angles},{},{torque},{force}{sizes},{stability},{bifurcation}",
+                    motion.frequency_hz
                 );
             }
         }

@@ -24,7 +24,6 @@ pub use source::{
 
 use resonarm_bench::plant::TestedAssembly;
 use resonarm_bench::rig::RigSpec;
-use resonarm_dynamics::arm::{Parameters as ArmParameters, Pose};
 use resonarm_dynamics::structure::{
     Assembly, BASE, BodySpec, ChainSpec, ElementSpec, Link, ModalSpec, ModeSpec, Parameter, Place, Preset, ShapeSpec,
     StructureSpec,
@@ -193,33 +192,6 @@ impl StructureSection {
             }
         }
         self
-    }
-
-    /// The preset with the parameters and the pose of a two-link arm: what differs from the preset is set.
-    ///
-    /// # Errors
-    /// [`StructureSectionError`] for an unknown preset, and for an impossible arm.
-    pub fn of_arm(
-        preset: &str,
-        parameters: &ArmParameters,
-        pose: Pose,
-    ) -> Result<StructureSection, StructureSectionError> {
-        let chain = ChainSpec::from_arm(parameters, pose);
-        let mut section = StructureSection {
-            preset: Some(preset.to_owned()),
-            angles_deg: chain.links.iter().map(|link| link.angle_deg).collect(),
-            ..StructureSection::default()
-        };
-        let (plain, unstated) = (section.assembly()?, section.preset_chain()?.unstated);
-        let is_weighed = chain.gravity_m_s2 != 0.0;
-        let own = Assembly::new(&StructureSpec { body: BodySpec::Chain(chain), elements: Vec::new() })?;
-        for parameter in own.parameters() {
-            let value = own.value(parameter)?;
-            if value != plain.value(parameter)? || (is_weighed && unstated.contains(&parameter)) {
-                section.set.insert(parameter.to_string(), value);
-            }
-        }
-        Ok(section)
     }
 
     /// The structure.

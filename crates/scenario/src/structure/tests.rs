@@ -44,7 +44,7 @@ fn a_chain_and_modes_with_elements_are_structures_and_written_as_they_were_read(
     let arm = "[structure]\n[[structure.elements]]\nkind = \"cubic\"\nat = \"tip.y\"\nstiffness3_n_m3 = 1e9\n";
     for (text, coordinates, states) in [(&*chain, 3, 1), (&modal, 2, 0), (arm, 2, 0)] {
         let scenario = Scenario::parse(text, "bench.toml").unwrap();
-        let tested = scenario.tested_structure().unwrap().unwrap();
+        let tested = scenario.under_test().unwrap();
         assert_eq!((tested.assembly.coordinates(), tested.assembly.element_states()), (coordinates, states));
         let written = Scenario::parse(&scenario.to_toml().unwrap(), "written.toml").unwrap();
         assert_eq!(written.structure, scenario.structure);
@@ -93,7 +93,7 @@ fn what_makes_no_preset_is_said() {
 
 #[test]
 fn where_the_rig_is_follows_from_the_points_or_is_stated() {
-    let places = |text: &str| Scenario::parse(text, "bench.toml").unwrap().tested_structure().unwrap().unwrap();
+    let places = |text: &str| Scenario::parse(text, "bench.toml").unwrap().under_test().unwrap();
     let chain = places(CHAIN);
     let dof = |name: &str| Some(chain.assembly.dof(name).unwrap());
     assert_eq!(chain.places.exciter.along, [dof("tip.x"), dof("tip.y")]);

@@ -3,13 +3,14 @@
 use serde::Serialize;
 
 use super::{Zone, ZoneMeasured};
-use resonarm_analysis::time_domain::hysteresis;
-use resonarm_analysis::{
-    AnalysisError, ArmParameter, Backbone, BackboneOptions, BifurcationKind, Branch, BranchOptions, Coordinate,
-    Distances, ForcedArm, MeasuredMotion, backbone, nearest, trace,
+use resonarm_analysis::structure::{
+    Backbone, BackboneOptions, Branch, Coordinate, Forced, Reading, TraceOptions, backbone, nearest, trace,
 };
-use resonarm_bench::control::{JointAngles, ResponsePoint};
-use resonarm_dynamics::arm::Arm;
+use resonarm_analysis::time_domain::hysteresis;
+use resonarm_analysis::{AnalysisError, BifurcationKind, Distances};
+use resonarm_bench::control::ResponsePoint;
+use resonarm_bench::plant::{ReadDof, TestedAssembly};
+use resonarm_dynamics::structure::Dof;
 
 /// Largest turn between two motions of what is computed: with this it is straight between them, as far as measured
 /// points go.
@@ -22,12 +23,18 @@ const DIFFERENT: f64 = 0.05;
 /// What is computed of a zone, and how far off the measured points are.
 #[derive(Clone, Debug, Serialize)]
 pub struct Score {
-    /// The response at the zone's force.
+    /// The response at the zone's load, read where the accelerometers read it.
     #[serde(skip)]
     pub branch: Branch,
-    /// The backbone up to it.
+    /// The backbone up to it, likewise.
     #[serde(skip)]
     pub backbone: Backbone,
+    /// Where the accelerometers read it.
+    #[serde(skip)]
+    pub read: Vec<ReadDof>,
+    /// The degree of freedom whose fundamental is compared: of those that never clip in the walk, if there are any, the
+    /// one that moves most.
+    pub at: String,
     /// The frequencies of the computed folds, Hz, ascending.
     pub folds_hz: Vec<f64>,
     /// Points of the walk that lie where the computed motion is unstable.
@@ -37,7 +44,7 @@ pub struct Score {
     /// The largest deviation of settled points of the walk from the place of the branch that is nearest: of the
     /// frequency, relative.
     pub largest_frequency_deviation: f64,
-    /// The same of the fundamental of the joint that moves most.
+    /// The same of the fundamental at `at`.
     pub largest_amplitude_deviation: f64,
     /// The largest deviation of the backbone's points in frequency, relative, at their amplitudes.
     pub largest_backbone_deviation: f64,
@@ -65,33 +72,54 @@ impl Jump {
     }
 }
 
-/// Computes what was measured in a zone, for `arm` as it is without a shaker.
+/// The modulus of a reading's fundamental.
+fn size(reading: &Reading) -> f64 {
+    libm::hypot(reading.harmonic1.re, reading.harmonic1.im)
+}
+
+/// The amplitude of the displacement that a channel measured, m.
+fn amplitude_m(point: &ResponsePoint, channel: usize) -> f64 {
+    let displacement = point.displacement_m(channel);
+    libm::hypot(displacement.re, displacement.im)
+}
+
+/// Computes what was measured in a zone, for a structure as it is without a shaker.
 ///
 /// # Errors
 /// [`AnalysisError`] if branch or backbone can't be followed.
-pub fn score(arm: &Arm, zone: &Zone, measured: &ZoneMeasured) -> Result<Score, AnalysisError> {
-    let joint = zone.mode_number.index();
-    let branch = computed_branch(arm, zone)?;
+pub fn score(tested: &TestedAssembly, zone: &Zone, measured: &ZoneMeasured) -> Result<Score, AnalysisError> {
+    let read = tested.read();
+    let dofs: Vec<Dof> = read.iter().map(|place| place.dof).collect();
+    let forced = forced(tested, zone);
+    let branch = computed_branch(&forced, zone, dofs.clone())?;
+    let at = compared_at(&branch, &read, &measured.walk.points);
+    let channel = read.get(at).map_or(0, |place| place.channel);
     let folds = branch.bifurcations.iter().filter(|event| event.kind == BifurcationKind::Fold);
     let mut folds_hz: Vec<f64> = folds.map(|event| event.orbit.frequency_hz).collect();
     folds_hz.sort_by(f64::total_cmp);
-    let backbone = computed_backbone(arm, zone)?;
+    let backbone = computed_backbone(&forced, zone, dofs)?;
     let (mut frequency, mut amplitude, mut unstable) = (0.0_f64, 0.0_f64, 0);
-    let settled: Vec<_> = measured.walk.points.iter().filter(|point| point.settled).map(|p| motion(p, arm)).collect();
+    let settled: Vec<&ResponsePoint> = measured.walk.points.iter().filter(|point| point.settled).collect();
     for point in &settled {
-        let Some(place) = nearest(&branch, point, joint, Distances::default()) else { continue };
+        let read = [point.frequency_hz, amplitude_m(point, channel)];
+        let Some(place) = nearest(&branch.orbits, at, read, Distances::default()) else { continue };
         frequency = frequency.max(place.frequency_deviation.abs());
-        amplitude = amplitude.max(place.amplitude_deviation[joint].abs());
-        unstable += usize::from(!place.is_stable);
+        amplitude = amplitude.max(place.amplitude_deviation.abs());
+        unstable += usize::from(place.is_stable == Some(false));
     }
-    let measured_backbone = measured.backbone.points.iter().filter(|point| point.settled).map(|p| motion(p, arm));
+    let measured_backbone = measured.backbone.points.iter().filter(|point| point.settled);
     let largest_backbone_deviation = measured_backbone
-        .filter_map(|point| Some(point.frequency_hz / frequency_at(&backbone, joint, &point)? - 1.0))
+        .filter_map(|point| {
+            let expected_hz = frequency_at(&backbone, at, amplitude_m(point, channel))?;
+            Some(point.frequency_hz / expected_hz - 1.0)
+        })
         .fold(0.0_f64, |largest, deviation| largest.max(deviation.abs()));
     Ok(Score {
-        jumps: jumps(arm, measured, &folds_hz),
+        jumps: jumps(&read, measured, &folds_hz),
+        at: read.get(at).map_or(String::new(), |place| place.name.clone()),
         branch,
         backbone,
+        read,
         folds_hz,
         unstable_points: unstable,
         settled_points: settled.len(),
@@ -101,35 +129,48 @@ pub fn score(arm: &Arm, zone: &Zone, measured: &ZoneMeasured) -> Result<Score, A
     })
 }
 
-fn motion(point: &ResponsePoint, arm: &Arm) -> MeasuredMotion {
-    let harmonic1_rad = JointAngles::of(point, arm).harmonic1_rad();
-    MeasuredMotion { frequency_hz: point.frequency_hz, harmonic1_rad }
+/// The structure under the zone's load.
+fn forced(tested: &TestedAssembly, zone: &Zone) -> Forced {
+    let driven = tested.driven(&zone.amplitude);
+    let size = driven.iter().map(|(_, load)| load * load).sum::<f64>().sqrt();
+    let shares: Vec<(Dof, f64)> = driven.iter().map(|(dof, load)| (*dof, load / size)).collect();
+    Forced::at_several(tested.assembly.clone(), &shares, size)
 }
 
-fn computed_branch(arm: &Arm, zone: &Zone) -> Result<Branch, AnalysisError> {
+/// The number of the reading that is compared.
+fn compared_at(branch: &Branch, read: &[ReadDof], walk: &[ResponsePoint]) -> usize {
+    let rank = |at: usize| {
+        let is_clipped = walk.iter().any(|point| point.settled && point.clipped[read[at].channel]);
+        let largest = branch.orbits.iter().map(|orbit| size(&orbit.readings[at])).fold(0.0, f64::max);
+        (!is_clipped, largest)
+    };
+    let best = (0..read.len()).max_by(|a, b| {
+        let ((clean_a, largest_a), (clean_b, largest_b)) = (rank(*a), rank(*b));
+        clean_a.cmp(&clean_b).then(largest_a.total_cmp(&largest_b))
+    });
+    best.unwrap_or_default()
+}
+
+fn computed_branch(forced: &Forced, zone: &Zone, read: Vec<Dof>) -> Result<Branch, AnalysisError> {
     let [low_hz, high_hz] = zone.range_hz;
     let margin_hz = MARGIN * (high_hz - low_hz);
-    let mut options = BranchOptions::new(low_hz - margin_hz, high_hz + margin_hz);
-    options.continuation.largest_turn_rad = STRAIGHT_RAD;
-    let forced = ForcedArm::new(arm.clone(), zone.amplitude.load(), 1.0);
-    Ok(trace(forced, low_hz - margin_hz, Coordinate::FrequencyHz, &options)?)
+    let ends = [low_hz - margin_hz, high_hz + margin_hz];
+    let mut options = TraceOptions::new(forced, Coordinate::FrequencyHz, ends, read);
+    options.branch.continuation.largest_turn_rad = STRAIGHT_RAD;
+    Ok(trace(forced, ends[0], Coordinate::FrequencyHz, &options)?)
 }
 
-fn computed_backbone(arm: &Arm, zone: &Zone) -> Result<Backbone, AnalysisError> {
-    let [low_hz, high_hz] = zone.range_hz;
-    let mut branch = BranchOptions::new(low_hz, high_hz);
-    branch.continuation.largest_turn_rad = STRAIGHT_RAD;
-    let options = BackboneOptions { smallest_rad: 1e-4, largest_rad: 1.0, largest_drive: 1.0, branch };
-    let forced = ForcedArm::new(arm.clone(), zone.amplitude.load(), 0.0);
-    let mode = usize::from(u8::from(zone.mode_number) - 1);
-    Ok(backbone(forced, mode, ArmParameter::Amplitude, &options)?)
+fn computed_backbone(forced: &Forced, zone: &Zone, read: Vec<Dof>) -> Result<Backbone, AnalysisError> {
+    let mode = zone.mode_number.index();
+    let mut options = BackboneOptions::new(forced, mode, f64::INFINITY, forced.amplitude(), read);
+    options.branch.continuation.largest_turn_rad = STRAIGHT_RAD;
+    Ok(backbone(forced, &options)?)
 }
 
-/// The backbone's frequency at the amplitude of a measured motion, between the two points around it.
-fn frequency_at(backbone: &Backbone, joint: usize, point: &MeasuredMotion) -> Option<f64> {
-    let amplitude = point.harmonic1_rad[joint];
+/// The backbone's frequency at an amplitude of the reading of this number, between the two points around it.
+fn frequency_at(backbone: &Backbone, at: usize, amplitude: f64) -> Option<f64> {
     backbone.points.windows(2).find_map(|pair| {
-        let [a, b] = [pair[0].harmonic1_rad[joint], pair[1].harmonic1_rad[joint]];
+        let [a, b] = [&pair[0], &pair[1]].map(|motion| size(&motion.readings[at]));
         let share = (amplitude - a) / (b - a);
         (0.0..=1.0)
             .contains(&share)
@@ -138,15 +179,17 @@ fn frequency_at(backbone: &Backbone, joint: usize, point: &MeasuredMotion) -> Op
 }
 
 /// Where up and down part: up stays on its motion up to the upper fold, down to the lower.
-fn jumps(arm: &Arm, measured: &ZoneMeasured, folds_hz: &[f64]) -> Option<[Jump; 2]> {
+fn jumps(read: &[ReadDof], measured: &ZoneMeasured, folds_hz: &[f64]) -> Option<[Jump; 2]> {
     // One that did not settle is of no motion.
-    let amplitudes = |points: &[ResponsePoint]| -> Vec<(f64, [f64; 2])> {
+    let amplitudes = |points: &[ResponsePoint]| -> Vec<(f64, Vec<f64>)> {
+        let of = |point: &ResponsePoint| read.iter().map(|place| amplitude_m(point, place.channel)).collect();
         let settled = points.iter().filter(|point| point.settled);
-        settled.map(|point| (point.frequency_hz, JointAngles::of(point, arm).amplitude_rad)).collect()
+        settled.map(|point| (point.frequency_hz, of(point))).collect()
     };
     let (up, down) = (amplitudes(&measured.up.points), amplitudes(&measured.down.points));
     // Of the frequencies of the one some may be missing in the other.
-    let pairs: Vec<_> = up.iter().filter_map(|a| Some((*a, *down.iter().find(|b| b.0 == a.0)?))).collect();
+    let pairs: Vec<_> =
+        up.iter().filter_map(|a| Some((a.clone(), down.iter().find(|b| b.0 == a.0)?.clone()))).collect();
     let (up, down): (Vec<_>, Vec<_>) = pairs.into_iter().unzip();
     let apart = hysteresis(&up, &down, DIFFERENT);
     let (first_hz, last_hz) = (apart.first()?[0], apart.last()?[1]);

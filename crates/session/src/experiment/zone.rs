@@ -1,17 +1,17 @@
 //! A resonance zone, measured: walk, backbone, and stepped sines up and down.
 
-use core::f64::consts::TAU;
-
 use super::{Measured, measure, session};
 use crate::run::{RunError, Signals};
 use crate::study::on_all_cores;
-use resonarm_analysis::{Mode, modes};
+use resonarm_analysis::longest_time_constant_s;
 use resonarm_bench::control::{
     CancelHarmonics, ControlSpec, ForceControlSpec, ModeNumber, PhaseWalkSpec, ResponsePoint,
 };
 use resonarm_bench::excitation::{Amplitude, ExcitationSpec, Waveform};
+use resonarm_bench::plant::{ShakerAcross, TestedAssembly};
 use resonarm_bench::rig::{Amplifier, ShakerSpec};
-use resonarm_dynamics::arm::{Arm, ArmError};
+use resonarm_dynamics::structure::Armature;
+use resonarm_scenario::structure::StructureSectionError;
 use resonarm_scenario::{Scenario, ScenarioError};
 
 /// Runs of a zone: walk, backbone, up, down.
@@ -19,7 +19,7 @@ const RUNS: usize = 4;
 
 /// Length of a try of the stepped sine, in time constants of the slowest mode with the shaker on it: waiting, and
 /// reading. A try leaves e⁻³ of what it changed in the head's force; of the motion it must leave less, as a shaker that
-/// brakes takes many times what the arm does.
+/// brakes takes many times what the structure does.
 const SETTLE: f64 = 3.0;
 const READ: f64 = 0.6;
 /// How long a reading is at least, periods.
@@ -108,19 +108,13 @@ impl Zone {
     }
 }
 
-/// The longest time constant 1/(ζω) of the arm, s.
-fn longest_time_constant_s(arm: &Arm) -> f64 {
-    let time_constant_s = |mode: &Mode| 1.0 / (mode.damping_ratio * TAU * mode.frequency_hz);
-    modes(arm).iter().map(time_constant_s).fold(0.0, f64::max)
-}
-
-/// The arm with the armature on it. In voltage mode the coil brakes with Bl²/R.
-fn coupled(arm: &Arm, shaker: &ShakerSpec) -> Result<Arm, ArmError> {
-    let mut armature = shaker.armature();
+/// The armature of the scenario's shaker on the structure. In voltage mode the coil brakes with Bl²/R.
+fn braked(tested: &TestedAssembly, shaker: &ShakerSpec) -> Result<Armature, ShakerAcross> {
+    let mut armature = shaker.armature_at(&tested.places.exciter)?;
     if shaker.amplifier == Amplifier::Voltage {
         armature.damping_n_s_m += shaker.force_factor_n_a * shaker.force_factor_n_a / shaker.resistance_ohm;
     }
-    arm.clone().with_attachment(armature)
+    Ok(armature)
 }
 
 /// Zones to be measured, with what tells how far that is.
@@ -160,17 +154,18 @@ impl ZoneExperiment {
         self.walks().try_for_each(|control| session(scenario, control).map(drop))
     }
 
-    /// Measures the zones with the arm, the instruments and the shaker of a scenario: first walks and backbones, then
+    /// Measures the zones with the structure, the instruments and the shaker of a scenario: first walks and backbones, then
     /// the stepped sines, over all cores.
     ///
     /// # Errors
     /// [`RunError`] if a run can't begin, or an error ends it.
     pub fn measure(&self, scenario: &Scenario) -> Result<Vec<ZoneMeasured>, RunError> {
-        let arm = scenario.build_arm()?;
-        let with_shaker = scenario.rig.shaker.as_ref().map(|shaker| coupled(&arm, shaker)).transpose();
-        let with_shaker = with_shaker.map_err(ScenarioError::from)?;
-        let alone_s = longest_time_constant_s(&arm);
-        let constants_s = (alone_s, with_shaker.as_ref().map_or(alone_s, longest_time_constant_s));
+        let tested = scenario.under_test()?;
+        let armature = scenario.rig.shaker.as_ref().map(|shaker| braked(&tested, shaker)).transpose();
+        let armature = armature.map_err(|across| ScenarioError::from(StructureSectionError::from(across)))?;
+        let [alone_s, coupled_s] =
+            [None, armature.as_ref()].map(|armature| longest_time_constant_s(&tested.assembly, armature));
+        let constants_s = (alone_s, coupled_s);
         let run = |(control, signals): &(ControlSpec, &Signals)| measure(scenario, control.clone(), signals);
         self.check(scenario)?;
         let [for_walks, for_sines] = &self.signals;

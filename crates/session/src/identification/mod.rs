@@ -8,7 +8,7 @@ mod missing;
 use thiserror::Error;
 
 pub use angles::{RecordedAngles, has_faulty_accelerometer};
-pub use load::{acting_load, acting_load_on, common_load};
+pub use load::acting_load;
 pub use missing::{MissingMode, Reason, missing_modes, mode_numbers};
 
 use resonarm_bench::excitation::Waveform;

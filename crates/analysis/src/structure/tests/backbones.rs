@@ -1,9 +1,9 @@
-//! Backbones against closed forms, the arm's, and the peak of the forced response.
+//! Backbones against closed forms, what the arm's own analysis gave, and the peak of the forced response.
 
 use core::f64::consts::{FRAC_PI_2, TAU};
 
 use super::*;
-use crate::{ArmParameter, Bending};
+use crate::Bending;
 
 const HZ: f64 = 20.0;
 const PHI: f64 = 0.5;
@@ -92,34 +92,39 @@ fn backlash_has_its_frequency_in_closed_form() {
     assert!(compared > 10 && curve.points[0].readings[0].largest < 0.1 * gap, "{compared}");
 }
 
-/// A chain of two links has the backbone of the arm, driven and free.
+/// A chain of two links has the backbone that the arm's own analysis gave: the motion at a largest angle of 0.1 rad of
+/// joint 1, with damping and without.
 #[test]
 fn a_chain_of_two_links_has_the_backbone_of_the_arm() {
-    let arm = arm_at(Preset::Irb1600Fitted, 0.0, 60.0);
-    let chain = BodySpec::Chain(ChainSpec::from_arm(arm.parameters(), arm.pose()));
-    let assembly = Assembly::new(&StructureSpec { body: chain, elements: vec![] }).unwrap();
-    let joints = ["joint1", "joint2"].map(|name| assembly.dof(name).unwrap());
-    let damped = Forced::new(assembly, joints[0], 1.0);
-    let damped_arm = ForcedArm::new(arm, Load::torque_nm(1.0, 0.0), 0.0);
-    let largest_rad = 0.1;
-    for (forced, forced_arm) in
-        [(damped.clone(), damped_arm.clone()), (damped.undamped().unwrap(), damped_arm.undamped().unwrap())]
-    {
-        let linear_hz = forced.assembly().modes()[0].frequency_hz;
-        let of_arm = crate::BackboneOptions::new(linear_hz, largest_rad);
-        let expected = crate::backbone(forced_arm, 0, ArmParameter::Amplitude, &of_arm).unwrap();
-        let options = BackboneOptions::new(&forced, 0, largest_rad, f64::INFINITY, joints.into());
+    let damped = chain_under(60.0, 1.0);
+    let joints = ["joint1", "joint2"].map(|name| damped.assembly().dof(name).unwrap());
+    let undamped = damped.undamped().unwrap();
+    let of_arm = [
+        (damped, 22.141_743_123_216_923, 0.083_380_190_215_721_23, 20.429_055_254_646_954, -1.682_466_757_165_722),
+        (undamped, 22.141_741_037_005_637, 0.083_380_700_609_368_47, 0.0, -1.682_568_004_136_655),
+    ];
+    for (forced, hz, largest2_rad, drive_nm, curvature) in of_arm {
+        let options = BackboneOptions::new(&forced, 0, 0.1, f64::INFINITY, joints.into());
         let got = super::super::backbone(&forced, &options).unwrap();
-        let (last, arms) = (got.points.last().unwrap(), expected.points.last().unwrap());
-        near(last.frequency_hz, arms.frequency_hz, 1e-10);
-        for joint in 0..2 {
-            near(last.coordinates[joint].largest, arms.amplitude_rad[joint], 1e-8);
-            near(last.readings[joint].harmonic1.norm(), arms.harmonic1_rad[joint], 1e-8);
-        }
-        assert!((last.drive - arms.drive.abs()).abs() < 1e-8 * 20.0, "{} {}", last.drive, arms.drive);
+        let last = got.points.last().unwrap();
+        near(last.frequency_hz, hz, 1e-10);
+        near(last.readings[0].largest, 0.1, 1e-8);
+        near(last.readings[1].largest, largest2_rad, 1e-8);
+        assert!((last.drive - drive_nm).abs() < 1e-8 * 20.0, "{}", last.drive);
         assert_eq!(got.bending(), Some(Bending::Softening));
-        near(got.curvature(0).unwrap(), expected.curvature_hz_rad2(0).unwrap(), 1e-4);
+        near(got.curvature(0).unwrap(), curvature, 1e-4);
     }
+}
+
+/// At 74° the fitted arm has f2 ≈ 2 f1, and its first nonlinear mode turns from softening to hardening.
+#[test]
+fn the_first_mode_changes_its_bending_at_the_internal_resonance() {
+    let bendings = [60.0, 70.0, 73.0, 74.0, 75.0, 78.0].map(|beta2_deg| {
+        let undamped = chain_under(beta2_deg, 1.0).undamped().unwrap();
+        followed(&undamped, 0.35, f64::INFINITY).bending()
+    });
+    use Bending::*;
+    assert_eq!(bendings, [Softening, Softening, Softening, Hardening, Hardening, Hardening].map(Some));
 }
 
 /// The forced response has its peak where the backbone has the same drive.
@@ -135,6 +140,29 @@ fn a_backbone_passes_the_peak_of_the_forced_response() {
     near(last.drive, number(case, "force_n"), 1e-9);
     near(last.frequency_hz, peak.frequency_hz, 1e-4);
     near(last.readings[0].largest, peak.readings[0].largest, 1e-4);
+}
+
+/// A force along the straight arm bends neither joint, so it drives no mode.
+#[test]
+fn a_mode_that_is_not_driven_is_an_error() {
+    let assembly = chain_of(0.0);
+    let tip = assembly.dof("tip.x").unwrap();
+    let forced = Forced::new(assembly, tip, 1.0);
+    let options = BackboneOptions::new(&forced, 0, 0.1, f64::INFINITY, vec![tip]);
+    insta::assert_snapshot!(super::super::backbone(&forced, &options).unwrap_err(), @"mode 1, 20.429754 Hz, is not driven by this excitation: the mode is nowhere 90° behind it; try another excitation");
+}
+
+/// A load too weak for the first amplitude still gives a curve, which ends there; one that ends early keeps its points.
+#[test]
+fn backbones_end_at_the_load_or_keep_what_they_have() {
+    let forced = chain_under(60.0, 1.0);
+    let mut options = BackboneOptions::new(&forced, 0, f64::INFINITY, 0.1, vec![forced.drives()[0].0]);
+    let whole = super::super::backbone(&forced, &options).unwrap();
+    near(whole.points.last().unwrap().drive, 0.1, 1e-9);
+    assert!(whole.points.len() > 5);
+    options.branch.most_points = 4;
+    let early = super::super::backbone(&forced, &options).unwrap_err();
+    assert_eq!(early.so_far.points, whole.points[..4]);
 }
 
 /// What has no linear mode to begin in is refused, and what has no free motion.

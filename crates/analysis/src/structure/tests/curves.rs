@@ -1,23 +1,10 @@
-//! Curves of folds and doublings, doubled branches, parameters and several drives: against the arm's own analysis, and
-//! against independent code.
+//! Curves of folds and doublings, doubled branches, parameters and several drives: against what the arm's own analysis
+//! gave, and against independent code.
 
+use super::arm::{numbers, oracles_of_the_arm, pair};
 use super::*;
-use crate::{ArmParameter, trace_singular as arm_curve, trace_singular_curves as arm_curves};
 use resonarm_dynamics::structure::StructureError;
 use std::string::ToString;
-
-type ArmCoordinate = crate::Coordinate<ArmParameter>;
-
-const ARM_HZ: ArmCoordinate = crate::Coordinate::FrequencyHz;
-const ARM_AMPLITUDE: ArmCoordinate = crate::Coordinate::Parameter(ArmParameter::Amplitude);
-
-fn arm_and_chain(beta2_deg: f64, torque_nm: f64) -> (ForcedArm, Forced) {
-    let arm = arm_at(Preset::Irb1600Fitted, 0.0, beta2_deg);
-    let chain = BodySpec::Chain(ChainSpec::from_arm(arm.parameters(), arm.pose()));
-    let assembly = Assembly::new(&StructureSpec { body: chain, elements: vec![] }).unwrap();
-    let joint = assembly.dof("joint1").unwrap();
-    (ForcedArm::new(arm, Load::torque_nm(1.0, 0.0), torque_nm), Forced::new(assembly, joint, torque_nm))
-}
 
 fn options(forced: &Forced, coordinate: Coordinate, ends: [f64; 2]) -> TraceOptions {
     let joints = ["joint1", "joint2"].map(|name| forced.assembly().dof(name).unwrap());
@@ -28,121 +15,121 @@ fn traced(forced: &Forced, hz: f64, coordinate: Coordinate, ends: [f64; 2]) -> B
     crate::structure::trace(forced, hz, coordinate, &options(forced, coordinate, ends)).unwrap()
 }
 
-/// The curve of folds at 60° leaves one fold of a branch, has a cusp, and returns at the other; also in the angle.
+/// The curves of folds and doublings in the load, the angle and the stiffness, at both ends and where they turn back, are
+/// those of the arm: at 60° the curve of folds leaves one fold of a branch, has a cusp, and returns at the other.
 #[test]
-fn curves_of_folds_of_a_chain_are_those_of_the_arm() {
-    let (arm, chain) = arm_and_chain(60.0, 60.0);
-    let arm_options = BranchOptions::new(21.0, 23.5);
-    let (of_arm, of_chain) = (
-        trace(arm.clone(), 21.0, ARM_HZ, &arm_options).unwrap(),
-        traced(&chain, 21.0, Coordinate::FrequencyHz, [21.0, 23.5]),
-    );
-    let angle = chain.assembly().parameter("link2.angle_deg").unwrap();
-    let second = [
-        (ARM_AMPLITUDE, Coordinate::Amplitude, 5.0),
-        (crate::Coordinate::Parameter(ArmParameter::Beta2Deg), Coordinate::Parameter(angle), 75.0),
-    ];
-    for (of_the_arm, coordinate, to) in second {
-        let expected = arm_curves(&arm, &of_arm, ARM_HZ, of_the_arm, &arm_options.between(0.0, to));
+fn curves_of_a_chain_are_those_of_the_arm() {
+    let cases = oracles_of_the_arm();
+    let cases = cases["curves"].as_array().unwrap();
+    let key = |case: &Value| ["beta2_deg", "torque1_nm", "to"].map(|key| number(case, key));
+    for cases in cases.chunk_by(|a, b| key(a) == key(b)) {
+        let case = &cases[0];
+        let chain = chain_under(number(case, "beta2_deg"), number(case, "torque1_nm"));
+        let (ends, to) = (pair(&case["hz"]), number(case, "to"));
+        let of = |name: &str| Coordinate::Parameter(chain.assembly().parameter(name).unwrap());
+        let coordinate = match case["parameter"].as_str().unwrap() {
+            "amplitude" => Coordinate::Amplitude,
+            "beta2_deg" => of("link2.angle_deg"),
+            "stiffness2_nm_rad" => of("link2.stiffness_nm_rad"),
+            other => panic!("{other}"),
+        };
+        let branch = traced(&chain, ends[0], Coordinate::FrequencyHz, ends);
         let in_second = options(&chain, coordinate, [0.0, to]);
-        let got = trace_singular_curves(&chain, &of_chain, [Coordinate::FrequencyHz, coordinate], &in_second);
-        assert_eq!(got.len(), expected.len(), "{coordinate}");
-        for ((kind, got), (expected_kind, expected)) in got.into_iter().zip(expected) {
-            let (got, expected) = (got.unwrap(), expected.unwrap());
-            assert_eq!((kind, got.turns.len()), (expected_kind, expected.turns.len()), "{coordinate}");
-            let at = |point: &SingularPoint| (point.lambda, point.mu);
-            let at_arm = |point: &crate::SingularPoint| (point.lambda, point.mu);
-            let [first, last] = [at(&got.points[0]), at(got.points.last().unwrap())];
-            let [arm_first, arm_last] = [at_arm(&expected.points[0]), at_arm(expected.points.last().unwrap())];
-            for ((lambda, mu), (arm_lambda, arm_mu)) in [(first, arm_first), (last, arm_last)] {
-                near(lambda, arm_lambda, 1e-10);
-                near(mu, arm_mu, 1e-10);
+        let got = trace_singular_curves(&chain, &branch, [Coordinate::FrequencyHz, coordinate], &in_second);
+        assert_eq!(got.len(), cases.len(), "{coordinate}");
+        for ((kind, got), case) in got.into_iter().zip(cases) {
+            let (got, expected) = (got.unwrap(), &case["curve"]);
+            assert_eq!(kind.name(), case["kind"]);
+            let some = expected["some"].as_array().unwrap();
+            for (got, expected) in [(got.points.first(), some.first()), (got.points.last(), some.last())] {
+                let (got, expected) = (got.unwrap(), expected.unwrap());
+                near(got.lambda, number(expected, "lambda"), 1e-10);
+                near(got.mu, number(expected, "mu"), 1e-10);
             }
-            for (got, expected) in got.turns.iter().zip(&expected.turns) {
-                assert_eq!(got.is_cusp, expected.is_cusp);
-                near(got.point.lambda, expected.point.lambda, 1e-10);
-                near(got.point.mu, expected.point.mu, 1e-8);
-                near(got.point.orbit.readings[0].harmonic1.norm(), expected.point.harmonic1_rad[0], 1e-4);
+            let turns = expected["turns"].as_array().unwrap();
+            assert_eq!(got.turns.len(), turns.len(), "{coordinate}");
+            for (got, expected) in got.turns.iter().zip(turns) {
+                let point = &expected["point"];
+                assert_eq!(got.is_cusp, expected["is_cusp"]);
+                near(got.point.lambda, number(point, "lambda"), 1e-10);
+                near(got.point.mu, number(point, "mu"), 1e-8);
+                near(got.point.orbit.readings[0].harmonic1.norm(), numbers(&point["harmonic1_rad"])[0], 1e-4);
             }
         }
     }
 }
 
-/// Near the 1:2 internal resonance: the doublings, the doubled branches, and a curve of doublings in the amplitude.
+/// Near the 1:2 internal resonance the second zone loses its period: the branches of the doubled period leave at one
+/// period doubling, join at another, and have the bifurcations of the arm's on their way.
 #[test]
-fn doublings_and_doubled_branches_of_a_chain_are_those_of_the_arm() {
-    let (arm, chain) = arm_and_chain(75.0, 800.0);
-    let arm_options = BranchOptions::new(40.0, 50.0);
-    let of_arm = trace(arm.clone(), 40.0, ARM_HZ, &arm_options).unwrap();
-    let of_chain = traced(&chain, 40.0, Coordinate::FrequencyHz, [40.0, 50.0]);
-    let same = |got: &[Bifurcation], expected: &[crate::Bifurcation]| {
-        let kinds: Vec<_> = expected.iter().map(|found| found.kind).collect();
-        assert_eq!(got.iter().map(|found| found.kind).collect::<Vec<_>>(), kinds);
-        for (got, expected) in got.iter().zip(expected) {
-            // Neimark–Sacker points are where the multipliers of the flow are on the circle.
-            let tolerance = if got.kind == BifurcationKind::NeimarkSacker { 1e-9 } else { 1e-10 };
-            near(got.orbit.value, expected.orbit.value, tolerance);
-            near(got.orbit.readings[1].harmonic1.norm(), expected.orbit.harmonic1_rad[1], 1e3 * tolerance);
-        }
-    };
-    same(&of_chain.bifurcations, &of_arm.bifurcations);
-    let in_hz = options(&chain, Coordinate::FrequencyHz, [40.0, 50.0]);
-    let doubled = trace_doublings(&chain, &of_chain, Coordinate::FrequencyHz, &in_hz);
-    let expected = crate::trace_doublings(&arm, &of_arm, ARM_HZ, &arm_options);
+fn doubled_branches_of_a_chain_are_those_of_the_arm() {
+    let cases = oracles_of_the_arm();
+    let case = cases["branches"].as_array().unwrap().iter().find(|case| case["doubled"][0].is_object()).unwrap();
+    let chain = chain_under(number(case, "beta2_deg"), number(case, "torque1_nm"));
+    let ends = pair(&case["hz"]);
+    let branch = traced(&chain, ends[0], Coordinate::FrequencyHz, ends);
+    let in_hz = options(&chain, Coordinate::FrequencyHz, ends);
+    let doubled = trace_doublings(&chain, &branch, Coordinate::FrequencyHz, &in_hz);
+    let expected = case["doubled"].as_array().unwrap();
     assert_eq!(doubled.len(), expected.len());
     for (got, expected) in doubled.into_iter().zip(expected) {
-        let (got, expected) = (got.unwrap(), expected.unwrap());
+        let got = got.unwrap();
         assert!(got.orbits.iter().all(|orbit| orbit.period == 2));
-        same(&got.bifurcations, &expected.bifurcations);
+        let bifurcations = expected["bifurcations"].as_array().unwrap();
+        assert_eq!(got.bifurcations.len(), bifurcations.len());
+        for (got, expected) in got.bifurcations.iter().zip(bifurcations) {
+            assert_eq!(got.kind.name(), expected["kind"]);
+            // Neimark–Sacker points are where the multipliers of the flow are on the circle.
+            let tolerance = if got.kind == BifurcationKind::NeimarkSacker { 1e-9 } else { 1e-10 };
+            near(got.orbit.value, number(&expected["orbit"], "value"), tolerance);
+            let harmonic1 = numbers(&expected["orbit"]["harmonic1_rad"])[1];
+            near(got.orbit.readings[1].harmonic1.norm(), harmonic1, 1e3 * tolerance);
+        }
     }
-    let amplitude = options(&chain, Coordinate::Amplitude, [800.0, 1200.0]);
-    let coordinates = [Coordinate::FrequencyHz, Coordinate::Amplitude];
-    let got = trace_singular(&chain, &of_chain.bifurcations[5], coordinates, &amplitude).unwrap();
-    let in_amplitude = BranchOptions::new(800.0, 1200.0);
-    let expected = arm_curve(arm, &of_arm.bifurcations[5], ARM_HZ, ARM_AMPLITUDE, &in_amplitude).unwrap();
-    near(got.points.last().unwrap().lambda, expected.points.last().unwrap().lambda, 1e-10);
 }
 
-/// Branches in parameters of the structure have the bifurcations that the arm's have in its own.
+/// Branches in parameters of the structure have the folds, and end in the motions, that the arm's had in its own.
 #[test]
 fn branches_in_any_parameter_are_those_of_the_arm() {
     let cases = [
-        (ArmParameter::Beta2Deg, "link2.angle_deg", 22.1, [50.0, 70.0]),
-        (ArmParameter::Mass2, "link2.mass_kg", 22.1, [46.0, 55.0]),
-        (ArmParameter::Stiffness2, "link2.stiffness_nm_rad", 22.1, [120e3, 134e3]),
+        ("link2.angle_deg", [50.0, 70.0], [60.677_273_375_241_63, 59.390_233_336_227_645], 0.001_634_542_201_303_282_3),
+        ("link2.mass_kg", [46.0, 55.0], [50.771_163_035_110_6, 50.382_628_895_949_765], 0.001_396_442_607_605_622_4),
+        (
+            "link2.stiffness_nm_rad",
+            [120e3, 134e3],
+            [131_607.731_678_253_74, 124_875.758_511_011_1],
+            0.009_000_727_062_517_47,
+        ),
     ];
-    for (of_arm, name, hz, ends) in cases {
-        let (arm, chain) = arm_and_chain(60.0, 60.0);
-        let arm_options = BranchOptions::new(ends[0], ends[1]);
-        let expected = trace(arm, hz, crate::Coordinate::Parameter(of_arm), &arm_options).unwrap();
+    for (name, ends, folds, last_rad) in cases {
+        let chain = chain_under(60.0, 60.0);
         let parameter = chain.assembly().parameter(name).unwrap();
-        let got = traced(&chain, hz, Coordinate::Parameter(parameter), ends);
-        assert_eq!(got.bifurcations.len(), expected.bifurcations.len(), "{name}");
-        for (got, expected) in got.bifurcations.iter().zip(&expected.bifurcations) {
-            assert_eq!(got.kind, expected.kind, "{name}");
-            near(got.orbit.value, expected.orbit.value, 1e-10);
+        let got = traced(&chain, 22.1, Coordinate::Parameter(parameter), ends);
+        assert_eq!(got.bifurcations.len(), 2, "{name}");
+        for (got, expected) in got.bifurcations.iter().zip(folds) {
+            assert_eq!(got.kind, BifurcationKind::Fold, "{name}");
+            near(got.orbit.value, expected, 1e-10);
         }
-        let [got, expected] =
-            [&got.orbits.last().unwrap().readings[0].largest, &expected.orbits.last().unwrap().amplitude_rad[0]];
-        near(*got, *expected, 1e-9);
+        near(got.orbits.last().unwrap().readings[0].largest, last_rad, 1e-9);
     }
 }
 
-/// A torque and a force of a direction, in phase.
+/// A torque and a force of a direction act in phase: small motions are the sum of the responses to each.
 #[test]
 fn several_drives_act_at_once() {
-    let (arm, chain) = arm_and_chain(60.0, 1.0);
-    let load = Load { torque_nm: [1.0, 0.0].into(), force_n: [0.5, -0.7].into() };
-    let arm = ForcedArm::new(arm.arm().clone(), load, 50.0);
+    let assembly = chain_of(60.0);
     let drives = [("joint1", 1.0), ("tip.x", 0.5), ("tip.y", -0.7)];
-    let drives = drives.map(|(name, share)| (chain.assembly().dof(name).unwrap(), share));
-    let chain = Forced::at_several(chain.assembly().clone(), &drives, 50.0);
+    let drives = drives.map(|(name, share)| (assembly.dof(name).unwrap(), share));
+    let chain = Forced::at_several(assembly.clone(), &drives, 1e-3);
     assert_eq!(chain.unit(), "times the drive");
-    let expected = trace(arm, 21.0, ARM_HZ, &BranchOptions::new(21.0, 23.5)).unwrap();
-    let got = traced(&chain, 21.0, Coordinate::FrequencyHz, [21.0, 23.5]);
-    assert_eq!(got.bifurcations.len(), expected.bifurcations.len());
-    for (got, expected) in got.bifurcations.iter().zip(&expected.bifurcations) {
-        near(got.orbit.value, expected.orbit.value, 1e-10);
+    let (linear, [joint1, ..]) = (LinearResponse::new(&assembly), drives.map(|(dof, _)| dof));
+    let branch = traced(&chain, 21.0, Coordinate::FrequencyHz, [21.0, 23.5]);
+    for orbit in &branch.orbits {
+        let one = |(dof, share): &(Dof, f64)| {
+            linear.at(Quantity::Receptance, *dof, joint1, orbit.frequency_hz).unwrap() * (1e-3 * share)
+        };
+        let expected: Complex<f64> = drives.iter().map(one).sum();
+        assert!((orbit.readings[0].harmonic1 - expected).norm() < 1e-4 * expected.norm(), "{orbit:?} {expected}");
     }
 }
 
@@ -234,8 +221,7 @@ fn curves_of_folds_with_a_contact_end_on_other_branches() {
 /// The derivatives of the rows by parameters, of a chain and of modes, are those of differences.
 #[test]
 fn derivatives_by_parameters_are_those_of_differences() {
-    let (_, chain) = arm_and_chain(60.0, 60.0);
-    for (forced, hz) in [(chain, 22.0), (duffing(0.1), 0.2)] {
+    for (forced, hz) in [(chain_under(60.0, 60.0), 22.0), (duffing(0.1), 0.2)] {
         for parameter in forced.assembly().parameters() {
             let mut balance = Balance::new(&forced, hz, Coordinate::Parameter(parameter), 3);
             let n = balance.dimension();

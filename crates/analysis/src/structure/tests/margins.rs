@@ -69,10 +69,10 @@ fn a_branch_begins_where_it_is_asked_to() {
         assert_eq!([first.value, last.value], ends);
         assert!(first.harmonics > branch_least(), "{}", first.harmonics);
     }
-    let arm = arm_at(Preset::Irb1600Fitted, 0.0, 60.0);
     for (ends, torque_nm) in [([22.0, 22.2], 1000.0), ([22.3, 22.5], 300.0)] {
-        let forced = ForcedArm::new(arm.clone(), Load::torque_nm(torque_nm, 0.0), 1.0);
-        let branch = trace(forced, ends[0], crate::Coordinate::FrequencyHz, &BranchOptions::new(ends[0], ends[1]));
+        let forced = chain_under(60.0, torque_nm);
+        let options = TraceOptions::new(&forced, Coordinate::FrequencyHz, ends, vec![forced.drives()[0].0]);
+        let branch = super::super::trace(&forced, ends[0], Coordinate::FrequencyHz, &options);
         assert_eq!(branch.unwrap().orbits[0].value, ends[0]);
     }
 }

@@ -1,9 +1,10 @@
 //! Which way a zone bends, read from its backbone.
 
-use super::super::branch::zone_hz;
+use super::super::branch::{beta2_deg, natural_hz, zone_hz};
 use super::super::{Drive, PaperError, Subject};
-use resonarm_analysis::{ArmParameter, BackboneOptions, Bending, BranchOptions, ForcedArm, backbone, modes};
-use resonarm_dynamics::arm::Arm;
+use resonarm_analysis::Bending;
+use resonarm_analysis::structure::{BackboneOptions, backbone};
+use resonarm_dynamics::structure::Assembly;
 
 /// A backbone up to some excitation.
 #[derive(Clone, Debug)]
@@ -35,23 +36,14 @@ impl Bent {
     }
 }
 
-/// The amplitude at which a backbone begins, rad: at a thousandth of it the frequency is that of the linear arm to
-/// 1e-6.
-const SMALLEST_RAD: f64 = 1e-3;
-
 /// The backbone of a mode (0 or 1) up to an amplitude of the excitation.
-pub(super) fn bent(subject: &Subject, arm: &Arm, mode: usize, drive: (Drive, f64)) -> Result<Bent, PaperError> {
-    let [from, to] = zone_hz(modes(arm)[mode].frequency_hz);
-    let options = BackboneOptions {
-        smallest_rad: SMALLEST_RAD,
-        largest_rad: f64::INFINITY,
-        largest_drive: drive.1,
-        branch: BranchOptions::new(from, to),
-    };
-    let forced = ForcedArm::new(arm.clone(), drive.0.direction(), 0.0);
-    let curve = backbone(forced, mode, ArmParameter::Amplitude, &options).map_err(|source| PaperError::Analysis {
-        preset: subject.preset(),
-        beta2_deg: arm.pose().beta2_deg,
+pub(super) fn bent(subject: &Subject, arm: &Assembly, mode: usize, drive: (Drive, f64)) -> Result<Bent, PaperError> {
+    let (forced, joint1) = (drive.0.forced(arm, drive.1)?, arm.dof("joint1")?);
+    let mut options = BackboneOptions::new(&forced, mode, f64::INFINITY, drive.1, vec![joint1]);
+    [options.branch.from, options.branch.to] = zone_hz(natural_hz(arm)[mode]);
+    let curve = backbone(&forced, &options).map_err(|source| PaperError::Analysis {
+        structure: subject.preset().name().to_owned(),
+        beta2_deg: beta2_deg(arm),
         drive: format!("backbone of mode {} to {}", mode + 1, drive.0.words(drive.1)),
         source: source.into(),
     })?;

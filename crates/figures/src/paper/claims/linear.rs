@@ -1,13 +1,13 @@
 //! Section 3 and the natural frequencies in Section 4: the linear arm. These statements have no open parameters.
 
+use super::super::branch::natural_hz;
 use super::cases::{Judgement, Opinion, number, once};
 use super::survey::{Seen, Survey};
-use resonarm_analysis::modes;
 
 /// f1 and f2 at a pose, Hz.
 fn frequencies(survey: &Survey<'_>, beta2_deg: f64) -> Seen<[f64; 2]> {
     let arm = survey.subject.bent(beta2_deg).map_err(|why| why.to_string())?;
-    Ok(modes(&arm).map(|mode| mode.frequency_hz))
+    Ok(natural_hz(&arm))
 }
 
 /// "The natural frequencies of the robot arm vibrations depend strongly on its position" (Section 3). No number follows

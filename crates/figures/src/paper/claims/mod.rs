@@ -20,7 +20,7 @@ use serde::Serialize;
 use super::branch::by_name;
 use super::{PaperError, Settings, Subject};
 use cases::Judgement;
-use resonarm_dynamics::arm::Preset;
+use resonarm_dynamics::structure::Preset;
 use resonarm_session::study::on_all_cores;
 use survey::Survey;
 
@@ -139,7 +139,7 @@ struct Statement {
 /// `done` after each. The report lists those that failed.
 ///
 /// # Errors
-/// [`PaperError::Arm`] if a preset can't be read.
+/// [`PaperError::Structure`] if a preset can't be read.
 pub fn judge(settings: &Settings, begin: impl FnOnce(usize), done: impl Fn() + Sync) -> Result<Report, PaperError> {
     let subjects = Preset::ALL.map(|preset| Subject::new(preset, settings));
     let subjects = subjects.into_iter().collect::<Result<Vec<_>, _>>()?;

@@ -3,7 +3,7 @@
 use core::fmt::Write;
 
 use super::{Claim, Finding, Report, Verdict};
-use resonarm_dynamics::arm::Preset;
+use resonarm_dynamics::structure::Preset;
 
 /// The largest number of cases whose labels are listed.
 const LISTED: usize = 7;
@@ -147,7 +147,7 @@ fn cell(text: &str) -> String {
 #[cfg(test)]
 mod tests {
     use super::super::{Case, Claim, Finding, Report, Verdict};
-    use resonarm_dynamics::arm::Preset;
+    use resonarm_dynamics::structure::Preset;
 
     fn finding(preset: Preset, verdicts: &[Verdict]) -> Finding {
         let cases = verdicts.iter().enumerate().map(|(k, verdict)| Case {

@@ -1,11 +1,10 @@
 //! The data on which statements are judged: the resonance zones of an arm, over the ranges of the unstated parameters.
 
-use super::super::branch::zone_hz;
+use super::super::branch::{natural_hz, zone_hz};
 use super::super::{Drive, ForcedBranch, PaperError, Settings, Subject};
 use super::bent::{Bent, bent};
-use resonarm_analysis::Maximum;
-use resonarm_analysis::{BifurcationKind, modes};
-use resonarm_dynamics::arm::{Arm, Preset};
+use resonarm_analysis::{BifurcationKind, Maximum};
+use resonarm_dynamics::structure::{Assembly, Preset};
 
 /// A result, or why it could not be computed.
 pub(super) type Seen<T> = Result<T, String>;
@@ -27,7 +26,7 @@ impl Driven {
         }
     }
 
-    fn arm(self, subject: &Subject, beta2_deg: f64) -> Result<Arm, PaperError> {
+    fn arm(self, subject: &Subject, beta2_deg: f64) -> Result<Assembly, PaperError> {
         match self {
             Driven::Torque { .. } => subject.bent(beta2_deg),
             Driven::Force { height_m, .. } => subject.on_line_at(beta2_deg, height_m),
@@ -197,7 +196,7 @@ fn poses_of_figure5(subject: &Subject, settings: &Settings) -> Result<Vec<f64>, 
     let mut poses = Vec::new();
     for k in 0..=(180.0 / step) as u32 {
         let beta2_deg = f64::from(k) * step;
-        let first_hz = modes(&subject.bent(beta2_deg)?)[0].frequency_hz;
+        let first_hz = natural_hz(&subject.bent(beta2_deg)?)[0];
         if (settings.figure5.frequency_hz / first_hz - 1.0).abs() <= nearness {
             poses.push(beta2_deg);
         }
@@ -219,7 +218,7 @@ fn view(subject: &Subject, place: Place) -> View {
     let Place { driven, beta2_deg, mode } = place;
     let zone = || -> Result<Zone, PaperError> {
         let arm = driven.arm(subject, beta2_deg)?;
-        let range_hz = zone_hz(modes(&arm)[mode].frequency_hz);
+        let range_hz = zone_hz(natural_hz(&arm)[mode]);
         Ok(Zone::of(&ForcedBranch::over_frequency(subject, &arm, driven.drive(), range_hz)?))
     };
     let bent = || bent(subject, &driven.arm(subject, beta2_deg)?, mode, driven.drive());

@@ -2,13 +2,13 @@
 
 use core::ops::Range;
 
-use super::super::branch::zone_hz;
+use super::super::branch::{natural_hz, zone_hz};
 use super::super::{Drive, ForcedBranch, PaperError};
 use super::cases::{Judgement, Opinion, all_hold, number, once, over};
 use super::enough;
 use super::survey::{Driven, Seen, Survey, torques_nm};
 use super::tip::{PROMINENCE, widening};
-use resonarm_analysis::{BifurcationKind, modes};
+use resonarm_analysis::BifurcationKind;
 
 /// The frequency of the peak of link 1 at a pose, Hz.
 fn peak_hz(survey: &Survey<'_>, driven: Driven, beta2_deg: f64, mode: usize) -> Seen<f64> {
@@ -152,11 +152,11 @@ pub(super) fn symmetric(survey: &Survey<'_>) -> Judgement {
 /// Frequency and amplitude of link 1 at the folds and the peak of a zone, under the torque of Fig. 4.
 fn landmarks(survey: &Survey<'_>, beta2_deg: f64, mode: usize) -> Result<Vec<[f64; 2]>, PaperError> {
     let arm = survey.subject.bent(beta2_deg)?;
-    let range_hz = zone_hz(modes(&arm)[mode].frequency_hz);
+    let range_hz = zone_hz(natural_hz(&arm)[mode]);
     let drive = (Drive::Torque1, survey.own_torque_nm(mode));
     let branch = ForcedBranch::over_frequency(survey.subject, &arm, drive, range_hz)?;
     let folds = branch.bifurcations(BifurcationKind::Fold).chain([branch.peak(0, range_hz)?]);
-    Ok(folds.map(|motion| [motion.frequency_hz, motion.amplitude_rad[0]]).collect())
+    Ok(folds.map(|motion| [motion.frequency_hz, branch.size(motion, 0)]).collect())
 }
 
 /// "The oscillations of the link can have different amplitudes depending on the forcing amplitude" (Section 4, Fig. 5),

@@ -47,6 +47,19 @@ pub struct JointSection {
 }
 
 impl StructureSection {
+    /// The structure of the key `configuration.structure` of a command's document. A chain is made of the links that the
+    /// document states, whichever preset and angles they are from.
+    ///
+    /// # Errors
+    /// If a key is unknown, or a value of another type than it must be.
+    pub fn from_document(mut structure: serde_json::Value) -> Result<StructureSection, serde_json::Error> {
+        if let Some(keys) = structure.as_object_mut().filter(|keys| keys.contains_key("links")) {
+            keys.retain(|key, _| !matches!(key.as_str(), "preset" | "angles_deg"));
+            keys.insert(String::from("kind"), serde_json::json!(StructureKind::Chain));
+        }
+        serde_json::from_value::<StructureSection>(structure).map(|section| section.without_source())
+    }
+
     /// The same structure without the files that it is from.
     #[must_use]
     pub fn without_source(&self) -> StructureSection {

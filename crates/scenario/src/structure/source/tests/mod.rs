@@ -38,7 +38,7 @@ fn what_was_read_is_written_and_needs_no_file() {
         let scenario = Scenario::read(&examples().join(format!("{name}.toml"))).unwrap();
         let text = scenario.to_toml().unwrap();
         let mut written = Scenario::parse(&text, "written.toml").unwrap();
-        assert_eq!(written.tested_structure().unwrap(), scenario.tested_structure().unwrap(), "{name}");
+        assert_eq!(written.under_test().unwrap(), scenario.under_test().unwrap(), "{name}");
         written.read_files(Path::new("/dev/null/none")).unwrap();
         assert_eq!(written.structure, scenario.structure, "{name}");
         // Without what was read it is that of the file.
@@ -61,5 +61,5 @@ fn keys_that_contradict_are_refused() {
     insta::assert_snapshot!(says("[structure]\nkind = 'modal'\nnodes = { tip = 1 }\n"), @"structure: `nodes` is of a modal structure with the `file` of its modes, UFF: leave it out");
     insta::assert_snapshot!(says("[structure]\nkind = 'modal'\nfile = 'bracket.uff'\ndofs = { 'tip.x' = 1 }\n"), @"structure: `dofs` is of a modal structure with `matrices`: leave it out");
     let unread = Scenario::parse("[structure]\nkind = 'modal'\nfile = 'bracket.uff'\n", "bench.toml").unwrap();
-    insta::assert_snapshot!(unread.tested_structure().unwrap_err(), @"structure: `file` names a file that has not been read: read the scenario from its file, or give `modes`");
+    insta::assert_snapshot!(unread.under_test().unwrap_err(), @"structure: `file` names a file that has not been read: read the scenario from its file, or give `modes`");
 }

@@ -96,13 +96,13 @@ fn a_robot_in_a_pose_is_the_chain_of_its_numbers() {
     let joints = "joints = [{ name = 'shoulder', stiffness_nm_rad = 2e5, damping_nm_s_rad = 5.0 },\n\
                   { name = 'elbow', stiffness_nm_rad = 1e5, damping_nm_s_rad = 3.0, angle_deg = 30.0 }]\n";
     let text = format!("[structure]\nkind = 'chain'\nfile = 'two.urdf'\n{joints}");
-    let of_robot = super::read_in(folder.path(), &text).unwrap().tested_structure().unwrap().unwrap();
+    let of_robot = super::read_in(folder.path(), &text).unwrap().under_test().unwrap();
     let own = "[structure]\nkind = 'chain'\nlinks = [\n\
         { length_m = 0.5, mass_kg = 10.0, centre_of_mass_m = 0.2, inertia_kg_m2 = 0.3, angle_deg = 0.0, \
         stiffness_nm_rad = 2e5, damping_nm_s_rad = 5.0 },\n\
         { length_m = 0.4, mass_kg = 8.0, centre_of_mass_m = 0.175, inertia_kg_m2 = 0.285, angle_deg = 60.0, \
         stiffness_nm_rad = 1e5, damping_nm_s_rad = 3.0 },\n]\n";
-    let own = Scenario::parse(own, "own.toml").unwrap().tested_structure().unwrap().unwrap();
+    let own = Scenario::parse(own, "own.toml").unwrap().under_test().unwrap();
     for (got, expected) in of_robot.assembly.modes().iter().zip(own.assembly.modes()) {
         close(got.frequency_hz, expected.frequency_hz, 1e-12);
         close(got.damping_ratio, expected.damping_ratio, 1e-12);

@@ -1,10 +1,3 @@
-pub(crate) mod arm;
-mod backbones;
-mod early;
-mod oracles;
-mod textbook;
-mod work;
-
 use resonarm_dynamics::arm::{Arm, Pose, Preset};
 
 /// The arm of a preset in a pose.

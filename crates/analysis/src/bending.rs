@@ -1,0 +1,85 @@
+//! How the frequency of a backbone changes along it.
+
+use alloc::vec::Vec;
+
+/// How the frequency changes with the amplitude.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Bending {
+    /// It rises: the response curves lean to higher frequencies (stiff).
+    Hardening,
+    /// It falls (soft).
+    Softening,
+    /// It first rises, then falls.
+    HardeningThenSoftening,
+    /// It first falls, then rises.
+    SofteningThenHardening,
+    /// It turns more than once.
+    Mixed,
+}
+
+/// Relative changes of frequency below this are none.
+const STILL: f64 = 1e-9;
+/// The forced response around a backbone is computed this far beyond it, as a fraction of the change of frequency along
+/// it, and at least this fraction of the frequency.
+const MARGIN: [f64; 2] = [0.5, 0.002];
+
+impl Bending {
+    /// The name in results.
+    pub const fn name(self) -> &'static str {
+        match self {
+            Bending::Hardening => "hardening",
+            Bending::Softening => "softening",
+            Bending::HardeningThenSoftening => "hardening-then-softening",
+            Bending::SofteningThenHardening => "softening-then-hardening",
+            Bending::Mixed => "mixed",
+        }
+    }
+
+    /// How a curve with these frequencies bends; none if they don't change.
+    pub(crate) fn of(frequencies_hz: impl Iterator<Item = f64>) -> Option<Bending> {
+        let (mut rises, mut before) = (Vec::new(), None::<f64>);
+        for hz in frequencies_hz {
+            let change = before.map_or(0.0, |before| hz / before - 1.0);
+            if change.abs() > STILL {
+                rises.push(change > 0.0);
+            }
+            before = Some(hz);
+        }
+        rises.dedup();
+        Some(match rises.as_slice() {
+            [] => return None,
+            [true] => Bending::Hardening,
+            [false] => Bending::Softening,
+            [true, false] => Bending::HardeningThenSoftening,
+            [false, true] => Bending::SofteningThenHardening,
+            _ => Bending::Mixed,
+        })
+    }
+}
+
+/// The band, Hz, in which the forced response around a curve with these frequencies is of interest.
+pub(crate) fn window_hz(frequencies_hz: impl Iterator<Item = f64>) -> [f64; 2] {
+    let (low, high) = frequencies_hz.fold((f64::INFINITY, 0.0_f64), |(low, high), hz| (low.min(hz), high.max(hz)));
+    let margin = (MARGIN[0] * (high - low)).max(MARGIN[1] * high);
+    [low - margin, high + margin]
+}
+
+/// df/ds at s = 0 of a curve with points (s, f), s the square of an amplitude.
+///
+/// f is even in the amplitude. The parabola in s through the first point, one at about ten times its amplitude and one
+/// at about thirty (or the last two of a shorter curve) has this slope at s = 0, with an error of the order of s₂s₃ f‴.
+pub(crate) fn curvature(points: &[(f64, f64)]) -> Option<f64> {
+    let (first, rest) = points.split_first()?;
+    let (last, between) = rest.split_last()?;
+    let beyond = |times: f64, among: &[(f64, f64)]| {
+        among.iter().position(|point| point.0 >= times * times * first.0).unwrap_or(among.len() - 1)
+    };
+    let second = if between.is_empty() { return None } else { beyond(10.0, between) };
+    let third = &rest[second + 1..];
+    let third = third.get(beyond(30.0, third)).unwrap_or(last);
+    let [(s1, f1), (s2, f2), (s3, f3)] = [*first, between[second], *third];
+    // Newton's form: f = f1 + d12 (s − s1) + d123 (s − s1)(s − s2).
+    let (d12, d23) = ((f2 - f1) / (s2 - s1), (f3 - f2) / (s3 - s2));
+    let slope = d12 - (d23 - d12) / (s3 - s1) * (s1 + s2);
+    slope.is_finite().then_some(slope)
+}

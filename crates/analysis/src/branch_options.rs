@@ -1,0 +1,95 @@
+//! How a branch is traced, and the kinds of bifurcation on it.
+
+use super::continuation::ContinuationSettings;
+
+/// The interval and accuracy of a branch.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct BranchOptions {
+    /// The coordinate at the start.
+    pub from: f64,
+    /// The coordinate at the end.
+    pub to: f64,
+    /// The least harmonics of the excitation, 1 or more.
+    pub least_harmonics: usize,
+    /// The most harmonics of the excitation.
+    pub most_harmonics: usize,
+    /// The largest truncation error of H harmonics, relative to the size of the motion.
+    pub truncation: f64,
+    /// The most points.
+    pub most_points: usize,
+    /// The settings of the continuation.
+    pub continuation: ContinuationSettings,
+}
+
+impl BranchOptions {
+    /// The usual most harmonics of the excitation.
+    pub const MOST_HARMONICS: usize = 64;
+    /// The usual most points.
+    pub const MOST_POINTS: usize = 20_000;
+    /// The usual largest step, relative to the motion's size.
+    pub const LARGEST_STEP: f64 = 0.25;
+
+    /// From one value to another with the usual settings.
+    pub fn new(from: f64, to: f64) -> BranchOptions {
+        let floor = 0.05 * (to - from).abs();
+        let parameter_floor = floor.max(f64::MIN_POSITIVE);
+        let continuation = ContinuationSettings {
+            parameter_floor,
+            largest_step: Self::LARGEST_STEP,
+            ..ContinuationSettings::default()
+        };
+        BranchOptions {
+            from,
+            to,
+            least_harmonics: 3,
+            most_harmonics: Self::MOST_HARMONICS,
+            truncation: 1e-9,
+            most_points: Self::MOST_POINTS,
+            continuation,
+        }
+    }
+
+    /// The same between other values, with the scale of the coordinate from their interval.
+    pub fn between(&self, from: f64, to: f64) -> BranchOptions {
+        let mut options = BranchOptions { from, to, ..*self };
+        options.continuation.parameter_floor = BranchOptions::new(from, to).continuation.parameter_floor;
+        options
+    }
+
+    /// The end of the interval beyond which a value is, if any.
+    pub(crate) fn left_at(&self, value: f64) -> Option<f64> {
+        let (low, high) = (self.from.min(self.to), self.from.max(self.to));
+        if value < low {
+            Some(low)
+        } else if value > high {
+            Some(high)
+        } else {
+            None
+        }
+    }
+}
+
+/// Kinds of bifurcation of periodic motions.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum BifurcationKind {
+    /// `fold`: a multiplier passes 1 and the branch turns back (saddle-node, limit point).
+    Fold,
+    /// `period-doubling`: a multiplier passes −1 (flip).
+    PeriodDoubling,
+    /// `neimark-sacker`: a complex pair passes the unit circle (torus).
+    NeimarkSacker,
+    /// `branch-point`: two branches cross.
+    BranchPoint,
+}
+
+impl BifurcationKind {
+    /// The name in results.
+    pub const fn name(self) -> &'static str {
+        match self {
+            BifurcationKind::Fold => "fold",
+            BifurcationKind::PeriodDoubling => "period-doubling",
+            BifurcationKind::NeimarkSacker => "neimark-sacker",
+            BifurcationKind::BranchPoint => "branch-point",
+        }
+    }
+}
