@@ -7,7 +7,7 @@ use nalgebra::DVector;
 use serde::{Deserialize, Serialize};
 
 use super::TimeDomainError;
-use super::fixed_point::{FixedPoint, SAME_POINT};
+use super::fixed_point::{Approach, FixedPoint, Linearised, SAME_POINT};
 use super::map::Strobe;
 use super::settle::{CLOSURE, STRETCH};
 
@@ -48,13 +48,6 @@ impl Attractor {
     pub fn holds(&self, point: &DVector<f64>) -> bool {
         self.points.iter().any(|own| own.distance(point) <= SAME_POINT)
     }
-
-    /// Whether a motion that went from `before` to `after` in so many periods of the excitation ends here.
-    fn captures(&self, before: &DVector<f64>, after: &DVector<f64>, periods: u64) -> bool {
-        let returns = periods / u64::from(self.period);
-        let near = |point: &FixedPoint| point.distance(after) <= CLOSURE || point.captures(before, after, returns);
-        self.points.iter().any(near)
-    }
 }
 
 /// The fate of each state of any forced system; see [`outcomes`](super::outcomes).
@@ -71,32 +64,74 @@ pub(crate) fn fates<M: Strobe>(
     let longest = libm::ceil(time_constants * map.time_constant_periods()) as u64;
     let unit = attractors.iter().fold(1, |unit, motion| least_common_multiple(unit, u64::from(motion.period)));
     let stretch = (libm::ceil(STRETCH * map.time_constant_periods()) as u64).max(1).div_ceil(unit) * unit;
+    let targets: Vec<Target<'_>> =
+        attractors.iter().enumerate().flat_map(|(k, motion)| Target::of(k, motion, stretch)).collect();
     let mut outcomes = vec![BasinOutcome::Undecided; starts.len()];
-    let mut left: Vec<usize> = (0..starts.len()).collect();
+    let mut travellers: Vec<Traveller> = (0..starts.len()).map(|start| Traveller::new(start, targets.len())).collect();
     let mut states = starts.to_vec();
     let mut periods = 0;
-    while periods < longest && !left.is_empty() {
+    while periods < longest && !travellers.is_empty() {
         let before: Vec<DVector<f64>> = states.iter().map(|state| map.to_point(state)).collect();
         advance(map, &mut states, stretch, stop)?;
         periods += stretch;
-        for (slot, state) in states.iter().enumerate() {
-            let after = map.to_point(state);
-            outcomes[left[slot]] = if !M::is_finite(state) {
-                BasinOutcome::Diverges
-            } else if let Some(motion) =
-                attractors.iter().position(|motion| motion.captures(&before[slot], &after, stretch))
-            {
-                BasinOutcome::Reaches { motion, periods }
+        for ((state, before), traveller) in states.iter().zip(&before).zip(&mut travellers) {
+            outcomes[traveller.start] = if M::is_finite(state) {
+                match traveller.reaches(&targets, before, &map.to_point(state)) {
+                    Some(motion) => BasinOutcome::Reaches { motion, periods },
+                    None => BasinOutcome::Undecided,
+                }
             } else {
-                BasinOutcome::Undecided
+                BasinOutcome::Diverges
             };
         }
         // The others continue together.
-        let is_undecided = |slot: &usize| outcomes[left[*slot]] == BasinOutcome::Undecided;
-        let slots: Vec<usize> = (0..left.len()).filter(is_undecided).collect();
-        (left, states) = slots.into_iter().map(|slot| (left[slot], states[slot].clone())).unzip();
+        (travellers, states) = travellers
+            .into_iter()
+            .zip(states)
+            .filter(|(traveller, _)| outcomes[traveller.start] == BasinOutcome::Undecided)
+            .unzip();
     }
     Ok(outcomes)
+}
+
+/// A point of a stable motion, with the linearisation there.
+struct Target<'a> {
+    motion: usize,
+    point: &'a FixedPoint,
+    linearised: Linearised<'a>,
+}
+
+impl<'a> Target<'a> {
+    /// The points of a motion; `stretch` is in periods of the excitation.
+    fn of(motion: usize, attractor: &'a Attractor, stretch: u64) -> impl Iterator<Item = Target<'a>> {
+        let returns = stretch / u64::from(attractor.period);
+        attractor.points.iter().map(move |point| Target { motion, point, linearised: point.linearised(returns) })
+    }
+}
+
+/// A motion on its way from an initial state.
+struct Traveller {
+    /// The index of its initial state.
+    start: usize,
+    /// Its approach to each target.
+    approaches: Vec<Option<Approach>>,
+}
+
+impl Traveller {
+    fn new(start: usize, targets: usize) -> Traveller {
+        Traveller { start, approaches: vec![None; targets] }
+    }
+
+    /// The motion that it reaches, if that is certain after a stretch from `before` to `after`.
+    fn reaches(&mut self, targets: &[Target<'_>], before: &DVector<f64>, after: &DVector<f64>) -> Option<usize> {
+        for (approach, target) in self.approaches.iter_mut().zip(targets) {
+            *approach = target.linearised.approach(*approach, before, after);
+        }
+        let arrived = |(approach, target): &(&Option<Approach>, &Target<'_>)| {
+            target.point.distance(after) <= CLOSURE || approach.is_some_and(Approach::is_certain)
+        };
+        self.approaches.iter().zip(targets).find(arrived).map(|(_, target)| target.motion)
+    }
 }
 
 /// Integrates, checking regularly whether to stop.

@@ -16,6 +16,12 @@ const CORRECTION_BOUND: f64 = 10.0;
 pub(crate) const SAME_POINT: f64 = 1e-7;
 /// A multiplier nearer to 1 is indistinguishable from 1: the derivative's own error is near 1e-10.
 const SMALLEST_DECAY: f64 = 1e-9;
+/// A stretch is as the linearisation predicts if the remainder is at most this part of the decay.
+const PREDICTED: f64 = 0.25;
+/// The remainder is negligible if it is at most this part of the decay, near the fixed point.
+const LINEAR: f64 = 0.01;
+/// A deviation of at most this part of the motion is near the fixed point.
+const NEAR: f64 = 0.1;
 /// Squarings: 2⁴⁰ periods.
 const SQUARINGS: i32 = 40;
 
@@ -98,22 +104,74 @@ impl FixedPoint {
         libm::sqrt(e.dot(&(&self.norm * e)))
     }
 
-    /// Whether a motion that went from `before` to `after` in `returns` returns can only end here.
-    ///
-    /// The deviation e follows e⁺ = Mᵏe + r(e), with a remainder r that falls as the square of e or faster. The linear
-    /// part takes at least (1 − ρᵏ)‖e‖, ρ = max |μ|, off the deviation; as long as the remainder seen is at most a
-    /// quarter of that, the deviation falls, the remainder falls faster, and so on down to the fixed point.
-    pub fn captures(&self, before: &DVector<f64>, after: &DVector<f64>, returns: u64) -> bool {
-        let (e, e_after) = (before - &self.point, after - &self.point);
-        let size = self.deviation(&e);
-        let remainder = self.deviation(&(e_after - power(&self.derivative, returns) * &e));
-        let decay = 1.0 - libm::pow(self.largest_multiplier, returns as f64);
-        remainder <= 0.25 * decay * size
+    /// The linearisation at the point over so many returns.
+    pub fn linearised(&self, returns: u64) -> Linearised<'_> {
+        Linearised {
+            fixed_point: self,
+            power: power(&self.derivative, returns),
+            decay: 1.0 - libm::pow(self.largest_multiplier, returns as f64),
+        }
     }
 
     /// Distance to the point over the motion's size.
     pub fn distance(&self, point: &DVector<f64>) -> f64 {
         (point - &self.point).norm() / size(&self.point)
+    }
+}
+
+/// The linearisation at a fixed point over a stretch of several returns.
+pub(crate) struct Linearised<'a> {
+    fixed_point: &'a FixedPoint,
+    /// Mᵏ.
+    power: DMatrix<f64>,
+    /// 1 − ρᵏ, ρ = max |μ|: at least this part of a small deviation is gone after the stretch.
+    decay: f64,
+}
+
+impl Linearised<'_> {
+    /// The approach of a motion that went from `before` to `after` in this stretch and had approached the point `so_far`;
+    /// `None` if the stretch is not what the linearisation predicts.
+    ///
+    /// The deviation e follows e⁺ = Mᵏe + r(e), with a remainder r that falls as the square of e or faster. The linear
+    /// part takes at least (1 − ρᵏ)‖e‖ off the deviation: the decay. The stretch is as predicted if the remainder is at
+    /// most a quarter of that: then the deviation falls.
+    pub fn approach(&self, so_far: Option<Approach>, before: &DVector<f64>, after: &DVector<f64>) -> Option<Approach> {
+        let fixed_point = self.fixed_point;
+        let (e, e_after) = (before - &fixed_point.point, after - &fixed_point.point);
+        let remainder = fixed_point.deviation(&(&e_after - &self.power * &e));
+        let expected = self.decay * fixed_point.deviation(&e);
+        (remainder <= PREDICTED * expected).then(|| {
+            let deviation = fixed_point.deviation(&e_after);
+            Approach {
+                is_linear: remainder <= LINEAR * expected
+                    && deviation <= NEAR * fixed_point.deviation(&fixed_point.point),
+                first: so_far.map_or(deviation, |approach| approach.first),
+                deviation,
+            }
+        })
+    }
+}
+
+/// The approach of a motion to a fixed point over successive stretches, each as the linearisation predicts.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub(crate) struct Approach {
+    /// Whether the last stretch ended near the fixed point and its remainder is negligible.
+    is_linear: bool,
+    /// The deviation after the first of these stretches.
+    first: f64,
+    /// The deviation after the last one.
+    deviation: f64,
+}
+
+impl Approach {
+    /// Whether the motion can only end at the fixed point.
+    ///
+    /// One stretch as predicted does not show that. Far from the fixed point a motion that goes elsewhere can meet the
+    /// prediction by chance: near the boundary between two basins it is slow, and turns about both stable motions. From
+    /// where the remainder is of second order it falls faster than the deviation. That it is shows near the fixed point in
+    /// a negligible remainder, and farther away in stretches that remain as predicted until the deviation has halved.
+    pub fn is_certain(self) -> bool {
+        self.is_linear || self.deviation <= 0.5 * self.first
     }
 }
 

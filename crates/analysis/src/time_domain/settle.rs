@@ -6,7 +6,7 @@ use alloc::vec::Vec;
 use nalgebra::DVector;
 
 use super::TimeDomainError;
-use super::fixed_point::FixedPoint;
+use super::fixed_point::{Approach, FixedPoint};
 use super::map::{Strobe, size};
 
 /// Longest period looked for, in periods of the excitation.
@@ -70,27 +70,54 @@ pub(crate) fn follow<M: Strobe>(
     let longest = libm::ceil(wait * map.time_constant_periods()) as u64;
     let stretch = (libm::ceil(STRETCH * map.time_constant_periods()) as u64).max(u64::from(LONGEST_PERIOD));
     let mut follower = Follower { map, trail: vec![map.to_point(start)], state: start.clone(), periods: 0, stop };
+    let mut candidates: Vec<Candidate> = vec![];
     while follower.periods < longest {
         let before = follower.point();
-        let candidates = follower.candidates();
-        let unit = candidates.iter().fold(1, |unit, found| unit.max(u64::from(found.period)));
+        if candidates.is_empty() {
+            candidates = follower.candidates();
+        }
+        let unit = candidates.iter().fold(1, |unit, candidate| unit.max(u64::from(candidate.point.period)));
         let length = stretch.div_ceil(unit) * unit;
         let waited = follower.periods;
         follower.advance(length)?;
         let after = follower.point();
-        let found = candidates.iter().find(|found| {
-            found.distance(&before) <= CLOSURE || found.captures(&before, &after, length / u64::from(found.period))
-        });
-        if let Some(found) = found {
-            let settling_periods = if found.distance(&before) <= CLOSURE { waited } else { waited + length };
-            if let Some(settled) = follower.confirm(found, stretch, settling_periods)? {
+        candidates.retain_mut(|candidate| candidate.is_still_one(&before, &after, length));
+        if let Some(found) = candidates.iter().find(|candidate| candidate.is_certain(&before)) {
+            let settling_periods = if found.holds(&before) { waited } else { waited + length };
+            if let Some(settled) = follower.confirm(&found.point, stretch, settling_periods)? {
                 return Ok(settled);
             }
+            candidates.clear();
         } else if let Some(settled) = follower.returned(&before, waited) {
             return Ok(settled);
         }
     }
     follower.unsettled(options.section_points)
+}
+
+/// A periodic motion in which the present one may end.
+struct Candidate {
+    point: FixedPoint,
+    approach: Option<Approach>,
+}
+
+impl Candidate {
+    /// Whether a point is within the closure of a settled motion.
+    fn holds(&self, point: &DVector<f64>) -> bool {
+        self.point.distance(point) <= CLOSURE
+    }
+
+    /// Whether the present motion, after a stretch of `length` periods, still approaches this one or has reached it.
+    fn is_still_one(&mut self, before: &DVector<f64>, after: &DVector<f64>, length: u64) -> bool {
+        let linearised = self.point.linearised(length / u64::from(self.point.period));
+        self.approach = linearised.approach(self.approach, before, after);
+        self.approach.is_some() || self.holds(before)
+    }
+
+    /// Whether the present motion, which was at `before` a stretch ago, can only end in this one.
+    fn is_certain(&self, before: &DVector<f64>) -> bool {
+        self.holds(before) || self.approach.is_some_and(Approach::is_certain)
+    }
 }
 
 /// A motion being followed.
@@ -132,13 +159,14 @@ impl<M: Strobe> Follower<'_, M> {
 
     /// The periodic motions near the present one: of one period, and of the number of periods after which it returns
     /// nearest.
-    fn candidates(&self) -> Vec<FixedPoint> {
+    fn candidates(&self) -> Vec<Candidate> {
         let mut periods = vec![1];
         let single = self.returns().next().map_or(0.0, |(_, distance)| distance);
         let nearest = self.returns().skip(1).min_by(|a, b| a.1.total_cmp(&b.1));
         periods.extend(nearest.filter(|(_, distance)| *distance < NEARER * single).map(|(periods, _)| periods));
         let present = self.point();
-        periods.into_iter().filter_map(|periods| FixedPoint::shoot(self.map, &present, periods)).collect()
+        let points = periods.into_iter().filter_map(|periods| FixedPoint::shoot(self.map, &present, periods));
+        points.map(|point| Candidate { point, approach: None }).collect()
     }
 
     /// Continues by plain integration from the motion found: it has settled if it stays there.

@@ -109,11 +109,11 @@ pub fn stable_motions(
 
 /// The fate of each initial state, given at phase 0, within `time_constants` of the structure's slowest mode.
 ///
-/// All are integrated side by side. After every quarter of a time constant a motion counts as having reached a stable
-/// one if it is within 1e-9 of it, relative to its size, or if it is in its linear neighbourhood: if over that quarter
-/// it approached as the linearisation at the stable motion predicts, but for a remainder of at most a quarter of the
-/// decay; from then on the remainder, of second order, falls faster than the deviation itself. Motions for which
-/// neither holds by the end of the wait are undecided.
+/// All are integrated side by side, in stretches of a quarter of a time constant. A motion has reached a stable one once it
+/// is within 1e-9 of it, relative to its size, or once it has approached it as the linearisation there predicts: over
+/// one stretch that ends within 10 % of it, with a remainder of at most 1 % of the decay, or over several with a remainder of at most a quarter of
+/// the decay each, until the deviation has halved. From there on the remainder, which is of second order, falls faster
+/// than the deviation itself. Motions for which none of this holds by the end of the wait are undecided.
 ///
 /// # Errors
 /// [`TimeDomainError::Option`] if the wait is no positive number, [`TimeDomainError::Step`] if a step can't be made for

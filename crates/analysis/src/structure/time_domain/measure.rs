@@ -44,11 +44,10 @@ pub struct Settled {
 /// Follows a structure from `start`, at phase 0, to the end of its transient.
 ///
 /// With damping ratios of 1e-4 a transient takes tens of thousands of periods. So after every quarter of a time
-/// constant Newton's method looks for a motion that repeats near the present one, and the next quarter of plain
-/// integration shows whether the present motion approaches it as its linearisation predicts, so that it can only end
-/// there (see `FixedPoint::captures`). Only then is the transient cut short. If no such motion captures the structure, as
-/// after a fold, the whole transient is integrated. At the end plain integration from the motion found must return to
-/// it within 1e-9 of its size.
+/// constant Newton's method looks for a motion that repeats near the present one. The transient is cut short once plain
+/// integration has approached that motion as its linearisation predicts, near it to within 1 % of the decay or until the deviation
+/// has halved, so that it can only end there (see `Approach::is_certain`). If it approaches no such motion, as after a fold, the whole transient is
+/// integrated. At the end plain integration from the motion found must return to it within 1e-9 of its size.
 ///
 /// A motion that keeps a constant has settled where it returns to within 1e-9 of its size after a quarter of a time
 /// constant.
