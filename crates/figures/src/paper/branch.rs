@@ -229,7 +229,7 @@ impl Traced<'_> {
             structure: self.structure.to_owned(),
             beta2_deg: beta2_deg(self.arm),
             drive: self.drive.words(amplitude),
-            source,
+            source: Box::new(source),
         })?;
         Ok(ForcedBranch {
             structure: self.structure.to_owned(),

@@ -30,7 +30,7 @@ pub enum PaperError {
         /// The excitation.
         drive: String,
         /// The reason, and what to try.
-        source: AnalysisError,
+        source: Box<AnalysisError>,
     },
     /// A motion could not be integrated.
     #[error(transparent)]

@@ -45,7 +45,7 @@ pub(super) fn bent(subject: &Subject, arm: &Assembly, mode: usize, drive: (Drive
         structure: subject.preset().name().to_owned(),
         beta2_deg: beta2_deg(arm),
         drive: format!("backbone of mode {} to {}", mode + 1, drive.0.words(drive.1)),
-        source: source.into(),
+        source: Box::new(source.into()),
     })?;
     let ends =
         [curve.points.first(), curve.points.last()].map(|point| point.map_or(f64::NAN, |point| point.frequency_hz));
