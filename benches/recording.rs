@@ -15,6 +15,7 @@ use resonarm::recording::{
     SampleRecord, StateRecord,
 };
 use resonarm::replay::resimulate;
+use resonarm::rig::Readings;
 use resonarm::run::{self, Mode, RecordTo, Session, Signals};
 use resonarm::scenario::Scenario;
 use resonarm::structure::States;
@@ -45,6 +46,7 @@ fn motion(sample: u64) -> [Record; 2] {
         acceleration_c_m_s2: reading(24.0),
         head_force_n: reading(80.0),
         clipped: Clipped::NONE,
+        more: Readings::NONE,
     };
     [Record::State(state), Record::Sample(readings)]
 }

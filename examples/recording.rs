@@ -12,6 +12,7 @@ use resonarm::recording::{
     Clipped, Configuration, Direction, Event, Existing, FrameRecord, Options, Record, Recorder, Recording,
     SampleRecord, StateRecord, TickRecord,
 };
+use resonarm::rig::Readings;
 use resonarm::structure::States;
 
 /// Time from one sample to the next, s.
@@ -69,6 +70,7 @@ fn records(sample: u64) -> Result<[Record; 5], Box<dyn Error>> {
             acceleration_c_m_s2: [3.0 * alpha, 4.0 * alpha],
             head_force_n: [10.0 * libm::sin(phase), 0.0],
             clipped: Clipped::NONE,
+            more: Readings::NONE,
         }),
         frame(0x201, Direction::Received)?,
         frame(0x203, Direction::Sent)?,

@@ -6,7 +6,9 @@ use crate::failure::Failure;
 use resonarm::excitation::Amplitude;
 use resonarm::plant::TestedAssembly;
 use resonarm::scenario::{Scenario, ScenarioError, StructureKind};
-use resonarm::structure::{Assembly, BodySpec, Channel, CoordinateUnit, Coordinates, Dof, coordinate_channels};
+use resonarm::structure::{
+    Assembly, BodySpec, Channel, ChannelName, CoordinateUnit, Coordinates, Dof, coordinate_channels,
+};
 
 /// The structure under test, with everything that its equations depend on.
 pub(crate) fn of_structure(scenario: &Scenario, tested: &TestedAssembly) -> Value {
@@ -75,7 +77,7 @@ pub(crate) fn coordinates(assembly: &Assembly) -> Value {
 }
 
 /// The names of the coordinates of a structure, then those of their rates.
-pub(crate) fn state_names(assembly: &Assembly) -> Vec<&'static str> {
+pub(crate) fn state_names(assembly: &Assembly) -> Vec<ChannelName> {
     channels(assembly).iter().map(|channel| channel.name).collect()
 }
 

@@ -6,7 +6,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from ._resonarm import Recording, arm_channels, known_vectors
+from ._resonarm import Recording, known_vectors
 
 Array = NDArray[Any]
 Vectors = list[tuple[str, list[str]]]
@@ -44,7 +44,6 @@ def _vectors(vectors: Vectors) -> list[tuple[str, str, int]]:
     ]
 
 
-_READINGS = (*_vectors(arm_channels("samples")), ("clipped", "u8", 1))
 RESPONSE = _rows(
     ("frequency_hz", "f8", 1),
     ("load", "f8", 1),
@@ -84,9 +83,9 @@ def motion(channels: Vectors) -> np.dtype[Any]:
     return _rows(("t_s", "f8", 1), *_vectors(channels))
 
 
-def played(channels: Vectors) -> np.dtype[Any]:
-    """The type of the rows that a plant plays, with the vectors of its states."""
-    return _rows(("sample", "u8", 1), *_vectors(channels), *_READINGS)
+def played(channels: Vectors, readings: Vectors) -> np.dtype[Any]:
+    """The type of the rows that a plant plays, with the vectors of its states and of its readings."""
+    return _rows(("sample", "u8", 1), *_vectors(channels), *_vectors(readings), ("clipped", "u8", 1))
 
 
 def _readings(read: list[tuple[str, str]]) -> list[tuple[str, str, int]]:

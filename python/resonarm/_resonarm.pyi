@@ -149,7 +149,7 @@ class Scenario:
 @final
 class Measurement:
     """The readings of the instruments at a sample, along x and y of the base frame. A test of a controller may make one
-    directly; they are equal if all their numbers are. Raises ValueError for bits of `clipped` beyond the six
+    directly; they are equal if all their numbers are. Raises ValueError for bits of `clipped` beyond the
     readings."""
 
     def __new__(
@@ -159,6 +159,7 @@ class Measurement:
         acceleration_b_m_s2: _Load = (0.0, 0.0),
         acceleration_c_m_s2: _Load = (0.0, 0.0),
         clipped: int = 0,
+        sensors: Sequence[tuple[str, float]] = (),
     ) -> Self: ...
     @property
     def sample(self) -> int:
@@ -175,7 +176,10 @@ class Measurement:
     @property
     def clipped(self) -> int:
         """Which readings were beyond the range of their sensor: bits 0 and 1 for B, 2 and 3 for C, 4 and 5 for the
-        head."""
+        head, those above for the other sensors in their order."""
+    @property
+    def sensors(self) -> dict[str, float]:
+        """The readings of the sensors beside B and C by the names of their channels: `acceleration_m3_z_m_s2`."""
 
 class Plant:
     def __new__(cls, scenario: Scenario, structure: _Structure | None = None) -> Self: ...
@@ -195,6 +199,7 @@ class Plant:
     def states(self) -> dict[str, tuple[float, ...]]:
         """All states there by their names, as `alpha_rad`, or `q_m_sqrt_kg` of modes."""
     def channels(self) -> list[tuple[str, list[str]]]: ...
+    def reading_channels(self) -> list[tuple[str, list[str]]]: ...
     def measure(self) -> Measurement:
         """The readings of the instruments at the sample. Every call draws new noise: call it once a sample."""
     def advance(self, force_n: _Pair | None = None, torque_nm: _Pair | None = None) -> None:

@@ -56,7 +56,8 @@ class Plant(_resonarm.Plant):
     def play(self, force_n: ArrayLike | None = None, torque_nm: ArrayLike | None = None) -> Array:
         """Measures and advances once for each row of loads: forces (Fx, Fy) at the tip, N, and torques (u1, u2) at the
         joints, N·m. A row has, before its load acts, `sample`, the states by the names of `states`, such as
-        `alpha_rad`, the readings `acceleration_b_m_s2`, `acceleration_c_m_s2` and `head_force_n`, and `clipped` (as
+        `alpha_rad`, the readings `acceleration_b_m_s2`, `acceleration_c_m_s2` and `head_force_n`, those of other
+        sensors by the names of their channels, such as `acceleration_m3_z_m_s2`, and `clipped` (as
         `Measurement.clipped`).
 
         Raises ValueError, and plays nothing, if the loads don't have two columns and the same number of rows, or one is
@@ -70,7 +71,7 @@ class Plant(_resonarm.Plant):
         torque = np.zeros_like(force) if torque is None else torque
         if len(force) != len(torque):
             raise ValueError(f"force_n has {len(force)} rows and torque_nm {len(torque)}: both need a row a sample")
-        return view(self.play_rows(force.tobytes(), torque.tobytes()), played(self.channels()))
+        return view(self.play_rows(force.tobytes(), torque.tobytes()), played(self.channels(), self.reading_channels()))
 
     def __repr__(self) -> str:
         name, coordinates = next(iter(self.states.items()))

@@ -65,8 +65,9 @@ class Recording(_resonarm.Recording):
           is written in Python may have `x_m` and `x_dot_m_s`; elements have their states (`element1_m`,
           `element1_branch`).
         - `samples`: `sample`, `time_s` (when it was read: before the sample by the converters' delay), the readings
-          `acceleration_b_m_s2`, `acceleration_c_m_s2`, `head_force_n`, and `clipped`: bits 0 and 1 for B, 2 and 3 for
-          C, 4 and 5 for the head.
+          `acceleration_b_m_s2`, `acceleration_c_m_s2`, `head_force_n`, those of other sensors by the names of their
+          channels (`acceleration_m3_z_m_s2`), and `clipped`: bits 0 and 1 for B, 2 and 3 for C, 4 and 5 for the head,
+          those above for the other sensors in their order.
         - `frames`: `sample`, `time_ns` (since the start), `bus_unix_ns` (0 if unknown), `received` (by the plant),
           `identifier`, `extended`, `remote`, `fd`, `bitrate_switch`, `error_state_indicator`, `length`, `data`.
         - `ticks`: `sample`, `wakeup_ns`, `exec_ns`, `overruns`, `cause` (0 none, 1 woke late, 2 step long, 3 bus

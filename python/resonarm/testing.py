@@ -21,7 +21,7 @@ from ._result import Result
 from .own_structure import Stepped
 from .scenario import Scenario
 from .session import Controller, Node, run
-from .words import BusMode, Instrument, Mode, NetworkFault, NodeRole, SensorFault
+from .words import BusMode, Mode, NetworkFault, NodeRole, SensorFault
 
 __all__ = ["FAULTS", "MEMORY", "Bench", "BenchFault", "NeedsInterface", "Program", "Result", "TimeLimit"]
 
@@ -41,7 +41,7 @@ class BenchFault:
     name: str
     kind: NetworkFault | SensorFault
     values: dict[str, Any] = field(default_factory=dict, hash=False)
-    instrument: Instrument | None = None
+    instrument: str | None = None
     """The instrument of a sensor's fault; None for a fault of the network, at the plant's end."""
     ends_run: bool = False
     """Whether the plant must end the run by a fault, since no fresh command reaches it: `assert_faulted` is then the
@@ -349,8 +349,8 @@ class Bench:
             yield
 
     @contextmanager
-    def sensor_fault(self, instrument: Instrument, kind: SensorFault, **values: Any) -> Iterator[None]:
-        """An instrument (head, b, c) has a fault: stuck, dropout, drift, noise
+    def sensor_fault(self, instrument: str, kind: SensorFault, **values: Any) -> Iterator[None]:
+        """An instrument (head, or a sensor by its name) has a fault: stuck, dropout, drift, noise
         or spike, with the keys of `[[rig.faults]]`."""
         with self._section("rig", {"instrument": instrument, "kind": kind, **values}):
             yield

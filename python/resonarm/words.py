@@ -67,8 +67,6 @@ NetworkFault = Literal[
     "loss", "delay", "jitter", "reordering", "duplication", "bit_error", "babble", "bus_off", "link_down"
 ]
 """A fault of the network, as in `[[network.faults]]` of a scenario."""
-Instrument = Literal["head", "b", "c"]
-"""An instrument: the impedance head, or a sensor by its name."""
 SensorFault = Literal["stuck", "dropout", "drift", "noise", "spike"]
 """A fault of an instrument, as in `[[rig.faults]]` of a scenario."""
 RecordingPart = Literal["states", "samples", "frames", "ticks", "events"]

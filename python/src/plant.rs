@@ -1,11 +1,15 @@
 //! The plant, sample by sample and in batches.
 
+use std::sync::Arc;
+
 use pyo3::exceptions::PyAttributeError;
 use pyo3::prelude::*;
 use pyo3::types::{PyByteArray, PyDict, PyTuple};
 use resonarm::arm::Load;
 use resonarm::plant::{self, PlantError};
-use resonarm::rig::{self, Reading};
+use resonarm::recording::Topic;
+use resonarm::recording::channels::Channels;
+use resonarm::rig::{self, Reading, Readings};
 use resonarm::structure::States;
 
 use crate::errors::{self, Raised, taken};
@@ -20,36 +24,44 @@ use crate::values;
 #[derive(Debug, PartialEq)]
 pub struct Measurement {
     inner: rig::Measurement,
+    /// The names of the readings of the sensors beside B and C.
+    names: Names,
 }
 
+/// Names of channels, which many measurements share.
+type Names = Arc<[String]>;
+
 impl From<rig::Measurement> for Measurement {
+    /// A measurement as a controller gets it from the protocol, which carries head, B and C.
     fn from(inner: rig::Measurement) -> Measurement {
-        Measurement { inner }
+        Measurement { inner: rig::Measurement { more: Readings::NONE, ..inner }, names: Names::default() }
     }
 }
 
-/// The readings of a sample: its index; the head's, B's and C's; which were clipped.
-type MeasurementParts = (u64, (f64, f64), (f64, f64), (f64, f64), u8);
-/// One bit for each reading.
-const ALL_CLIPPED: u8 = 0b11_1111;
+/// The readings of a sample: its index; the head's, B's and C's; which were clipped; those of other sensors.
+type MeasurementParts = (u64, (f64, f64), (f64, f64), (f64, f64), u32, Vec<(String, f64)>);
 
 #[pymethods]
 impl Measurement {
     #[new]
     #[pyo3(signature = (
-        sample, head_force_n = (0.0, 0.0), acceleration_b_m_s2 = (0.0, 0.0), acceleration_c_m_s2 = (0.0, 0.0), clipped = 0
+        sample, head_force_n = (0.0, 0.0), acceleration_b_m_s2 = (0.0, 0.0), acceleration_c_m_s2 = (0.0, 0.0), clipped = 0,
+        sensors = Vec::new()
     ))]
     fn new(
         sample: u64,
         head_force_n: (f64, f64),
         acceleration_b_m_s2: (f64, f64),
         acceleration_c_m_s2: (f64, f64),
-        clipped: u8,
+        clipped: u32,
+        sensors: Vec<(String, f64)>,
     ) -> PyResult<Measurement> {
-        if clipped > ALL_CLIPPED {
-            return Err(errors::value(format!("clipped is {clipped}: it has six bits, at most {ALL_CLIPPED}")));
-        }
-        let reading = |value, bit: u8| Reading { value, clipped: clipped >> bit & 1 == 1 };
+        let (names, values): (Vec<String>, Vec<f64>) = sensors.into_iter().unzip();
+        let more = Readings::new(&values, clipped >> rig::Measurement::CHANNELS).ok_or_else(|| {
+            let bits = rig::Measurement::CHANNELS + values.len();
+            errors::value(format!("clipped is {clipped}: there are {bits} readings, at most 32, with a bit each"))
+        })?;
+        let reading = |value, bit: u32| Reading { value, clipped: clipped >> bit & 1 == 1 };
         let pair = |(x, y), bit| [reading(x, bit), reading(y, bit + 1)];
         Ok(Measurement {
             inner: rig::Measurement {
@@ -57,17 +69,20 @@ impl Measurement {
                 head_force_n: pair(head_force_n, 4),
                 acceleration_b_m_s2: pair(acceleration_b_m_s2, 0),
                 acceleration_c_m_s2: pair(acceleration_c_m_s2, 2),
+                more,
             },
+            names: names.into(),
         })
     }
 
     fn __getnewargs__(&self) -> MeasurementParts {
         let (head, b, c) = (self.head_force_n(), self.acceleration_b_m_s2(), self.acceleration_c_m_s2());
-        (self.sample(), head, b, c, self.clipped())
+        (self.sample(), head, b, c, self.clipped(), self.named())
     }
 
     fn __hash__(&self, py: Python<'_>) -> PyResult<isize> {
-        self.__getnewargs__().into_pyobject(py)?.hash()
+        let (sample, head, b, c, clipped, sensors) = self.__getnewargs__();
+        (sample, head, b, c, clipped, PyTuple::new(py, sensors)?).into_pyobject(py)?.hash()
     }
 
     /// Index of the sample.
@@ -94,27 +109,48 @@ impl Measurement {
         self.inner.acceleration_c_m_s2.map(|reading| reading.value).into()
     }
 
-    /// Which readings were beyond the range of their sensor: bits 0 and 1 for B, 2 and 3 for C, 4 and 5 for the head.
+    /// Which readings were beyond the range of their sensor: bits 0 and 1 for B, 2 and 3 for C, 4 and 5 for the head,
+    /// those above for the other sensors in their order.
     #[getter]
-    fn clipped(&self) -> u8 {
+    fn clipped(&self) -> u32 {
         clipped(&self.inner)
+    }
+
+    /// The readings of the sensors beside B and C by the names of their channels, such as `acceleration_m3_z_m_s2`.
+    #[getter]
+    fn sensors<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyDict>> {
+        let all = PyDict::new(py);
+        self.named().into_iter().try_for_each(|(name, value)| all.set_item(name, value))?;
+        Ok(all)
     }
 
     fn __repr__(&self) -> String {
         let (head, b, c) = (self.head_force_n(), self.acceleration_b_m_s2(), self.acceleration_c_m_s2());
         let (sample, clipped) = (self.inner.sample, self.clipped());
+        let sensors = match self.names.is_empty() {
+            true => String::new(),
+            false => format!(", sensors={:?}", self.named()),
+        };
         format!(
             "Measurement(sample={sample}, head_force_n={head:?}, acceleration_b_m_s2={b:?}, acceleration_c_m_s2={c:?}, \
-             clipped={clipped})"
+             clipped={clipped}{sensors})"
         )
     }
 }
 
-fn clipped(measurement: &rig::Measurement) -> u8 {
-    let rig::Measurement { acceleration_b_m_s2, acceleration_c_m_s2, head_force_n, .. } = measurement;
+impl Measurement {
+    /// The readings of the sensors beside B and C, with their names.
+    fn named(&self) -> Vec<(String, f64)> {
+        self.names.iter().cloned().zip(self.inner.more.values().iter().copied()).collect()
+    }
+}
+
+fn clipped(measurement: &rig::Measurement) -> u32 {
+    let rig::Measurement { acceleration_b_m_s2, acceleration_c_m_s2, head_force_n, more, .. } = measurement;
     let pairs = [acceleration_b_m_s2, acceleration_c_m_s2, head_force_n];
     let readings = pairs.into_iter().flatten().enumerate();
-    readings.map(|(bit, reading)| u8::from(reading.clipped) << bit).sum()
+    let own: u32 = readings.map(|(bit, reading)| u32::from(reading.clipped) << bit).sum();
+    own | more.clipped() << rig::Measurement::CHANNELS
 }
 
 /// A plant at a sample: the arm or another structure, its instruments and an integrator.
@@ -122,6 +158,8 @@ fn clipped(measurement: &rig::Measurement) -> u8 {
 #[derive(Debug)]
 pub struct Plant {
     inner: plant::Plant,
+    /// The names of the readings of the sensors beside B and C.
+    names: Names,
     /// The exception of a structure in Python.
     raised: Raised,
 }
@@ -144,7 +182,9 @@ impl Plant {
             }
         };
         let inner = made.map_err(|error| taken(&raised).unwrap_or_else(|| errors::value(error)))?;
-        Ok(Plant { inner, raised })
+        let others = inner.structure().outputs().iter().skip(rig::Measurement::CHANNELS);
+        let names = others.map(|channel| channel.name.to_string()).collect();
+        Ok(Plant { inner, names, raised })
     }
 
     /// The index of the plant's current sample.
@@ -189,9 +229,14 @@ impl Plant {
         structure::vectors(self.inner.structure().states())
     }
 
+    /// The vectors of the readings: name, and names of the components.
+    fn reading_channels(&self) -> Vec<Vector> {
+        structure::vectors(Channels::of_structure(self.inner.structure()).of(Topic::Samples))
+    }
+
     /// The readings of the instruments at the sample. Every call draws new noise: call it once a sample.
     fn measure(&mut self) -> Measurement {
-        self.inner.measure().into()
+        Measurement { inner: self.inner.measure(), names: self.names.clone() }
     }
 
     /// Advances to the next sample with a load held.
@@ -257,5 +302,6 @@ fn push(rows: &mut Rows, states: &States, measured: &rig::Measurement) {
     rows.numbers(&measured.acceleration_b_m_s2.map(|reading| reading.value));
     rows.numbers(&measured.acceleration_c_m_s2.map(|reading| reading.value));
     rows.numbers(&measured.head_force_n.map(|reading| reading.value));
+    rows.numbers(measured.more.values());
     rows.word(clipped(measured));
 }

@@ -218,7 +218,7 @@ fn push(rows: &mut Rows, names: &mut Vec<String>, record: Record<String>, origin
         Record::Sample(sample) => {
             rows.numbers(&[(sample.sample as f64 - origin.reading_delay_samples) * origin.dt_s]);
             rows.numbers(&sample.values());
-            rows.word(sample.clipped.bits());
+            rows.word(sample.clipped_bits());
         }
         Record::Frame(frame) => push_frame(rows, &frame),
         Record::Tick(tick) => {

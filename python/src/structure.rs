@@ -37,14 +37,16 @@ pub struct Assembly {
 const STEPS_A_LOOK: u64 = 1 << 15;
 
 /// A vector of numbers in rows: its name, and the names of its components.
-pub type Vector = (&'static str, Vec<&'static str>);
+pub type Vector = (String, Vec<String>);
 
 /// The names of points, lines from point to point, and places of the points, at rest and moved, m.
 type Drawn = (Vec<String>, Vec<Vec<usize>>, Vec<[f64; 3]>, Vec<[f64; 3]>);
 
 /// The vectors of channels that stand in order.
 pub fn vectors(channels: &[Channel]) -> Vec<Vector> {
-    let vector = |vector: &[Channel]| (vector[0].vector, vector.iter().map(|channel| channel.name).collect());
+    let vector = |vector: &[Channel]| {
+        (vector[0].vector.to_string(), vector.iter().map(|channel| channel.name.to_string()).collect())
+    };
     channels.chunk_by(|one, next| one.vector == next.vector).map(vector).collect()
 }
 

@@ -113,7 +113,7 @@ with bench.fault("loss", node="exciter"), bench.sensor_fault("head", "stuck"):
     result = bench.run()
 with bench.fault("lost"):  # wrong
     pass
-with bench.sensor_fault("tip", "stuck"):  # wrong
+with bench.sensor_fault("head", "loose"):  # wrong
     pass
 result.signal("force_x_n")
 result.signal("force_n")  # wrong

@@ -131,11 +131,11 @@ impl Basins {
                         "--coordinates: there is no coordinate `{name}`: the coordinates are {known}"
                     ))
                 };
-                known.iter().position(|known| known == name).ok_or_else(refusal)
+                known.iter().position(|known| known == name.as_str()).ok_or_else(refusal)
             };
             pair("--coordinates", &self.coordinates.iter().map(number).collect::<Result<Vec<_>, _>>()?)?
         };
-        Ok((over, over.map(|index| known[index].to_owned())))
+        Ok((over, over.map(|index| known[index].to_string())))
     }
 
     fn configuration(

@@ -414,7 +414,7 @@ impl Identified {
     /// `None` if no accelerometer is where the force acts, which the shapes must show, or if a mode has no shape with
     /// its mass.
     fn new(tested: &TestedAssembly, document: &Document, channel: usize) -> Option<Identified> {
-        let Places { exciter, accelerometer_b, accelerometer_c } = &tested.places;
+        let Places { exciter, accelerometer_b, accelerometer_c, .. } = &tested.places;
         let driven = [(accelerometer_c, 2), (accelerometer_b, 0)].into_iter().find(|(placed, _)| *placed == exciter);
         let (_, first) = driven.filter(|_| !document.modes.is_empty())?;
         let [dx, dy] = document.direction;

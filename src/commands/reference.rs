@@ -48,9 +48,9 @@ impl Reference {
 
 /// Every channel that a recording can have; those that differ by their number only share a row.
 fn channels() -> String {
-    let mut families: Vec<((&str, &str), Vec<Channel>)> = Vec::new();
+    let mut families: Vec<((String, String), Vec<Channel>)> = Vec::new();
     for channel in known_states().into_iter().chain(READINGS) {
-        let family = numbered(channel.name);
+        let family = numbered(&channel.name);
         match families.iter_mut().find(|(known, _)| *known == family) {
             Some((_, members)) => members.push(channel),
             None => families.push((family, vec![channel])),
@@ -68,10 +68,10 @@ fn channels() -> String {
 }
 
 /// A name without its number, before and after it.
-fn numbered(name: &str) -> (&str, &str) {
+fn numbered(name: &str) -> (String, String) {
     let at = name.find(|letter: char| letter.is_ascii_digit()).unwrap_or(name.len());
     let (before, rest) = name.split_at(at);
-    (before, rest.trim_start_matches(|letter: char| letter.is_ascii_digit()))
+    (before.to_owned(), rest.trim_start_matches(|letter: char| letter.is_ascii_digit()).to_owned())
 }
 
 /// The row of channels that differ by their number.

@@ -113,6 +113,7 @@ impl Simulate {
             wall_s,
         };
         let names = configuration::state_names(assembly);
+        let names: Vec<&str> = names.iter().map(|name| name.as_str()).collect();
         self.json.show(&document, || document.text(&names, rate_hz), &[])
     }
 

@@ -7,6 +7,7 @@ use insta::assert_snapshot;
 use resonarm::arm::State;
 use resonarm::recording::channels::Channels;
 use resonarm::recording::{Clipped, Configuration, Options, Record, Recorder, SampleRecord, StateRecord};
+use resonarm::rig::Readings;
 use resonarm::structure::States;
 
 use crate::{complaint, document, resonarm};
@@ -125,7 +126,8 @@ fn marked(folder: &Path, name: &str, is_end: bool, clipped: Clipped, coil_curren
         };
         channel.push_blocking(&Record::State(state)).unwrap();
         let (acceleration_b_m_s2, acceleration_c_m_s2, head_force_n) = (zero, zero, zero);
-        let readings = SampleRecord { sample, acceleration_b_m_s2, acceleration_c_m_s2, head_force_n, clipped };
+        let more = Readings::NONE;
+        let readings = SampleRecord { sample, acceleration_b_m_s2, acceleration_c_m_s2, head_force_n, clipped, more };
         channel.push_blocking(&Record::Sample(readings)).unwrap();
     }
     recorder.finish(&[]).unwrap();

@@ -27,6 +27,7 @@ use resonarm::recording::{
     Clipped, Configuration, Direction, Event, FrameRecord, Options, Record, Recorder, SampleRecord, StateRecord,
     Summary, TickRecord,
 };
+use resonarm::rig::Readings;
 use resonarm::structure::States;
 
 /// The result of a test: any error fails it.
@@ -49,6 +50,7 @@ fn records_of(sample: u64) -> TestResult<Vec<Record>> {
             acceleration_c_m_s2: [3.0 * x, 4.0 * x],
             head_force_n: [5.0, 6.0],
             clipped: Clipped::NONE,
+            more: Readings::NONE,
         }),
         Record::Tick(TickRecord {
             sample,

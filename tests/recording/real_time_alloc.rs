@@ -9,6 +9,7 @@ use resonarm::recording::{
     Clipped, Configuration, Direction, Event, FrameRecord, Options, Pushed, Record, Recorder, RecordingError,
     SampleRecord, StateRecord, TickRecord,
 };
+use resonarm::rig::Readings;
 use resonarm::structure::States;
 
 #[test]
@@ -33,7 +34,14 @@ fn push_does_not_allocate() -> Result<(), Box<dyn Error>> {
                 force_n,
                 is_end: false,
             }),
-            Record::Sample(SampleRecord { sample, acceleration_b_m_s2, acceleration_c_m_s2, head_force_n, clipped }),
+            Record::Sample(SampleRecord {
+                sample,
+                acceleration_b_m_s2,
+                acceleration_c_m_s2,
+                head_force_n,
+                clipped,
+                more: Readings::NONE,
+            }),
             Record::Frame(FrameRecord { sample, direction, time_ns, bus_timestamp_ns, frame }),
             Record::Tick(TickRecord { sample, wakeup_ns: 1, exec_ns: 2, overruns: 0, cause: None }),
             Record::Event(Event { sample, time_ns, name: "state.fault", value: 1 }),

@@ -9,6 +9,7 @@ use resonarm::recording::{
     Clipped, Compression, Direction, Event, FlushPolicy, FrameRecord, Integrity, Options, Record, Recording,
     SampleRecord, StateRecord, TickRecord,
 };
+use resonarm::rig::Readings;
 use resonarm::structure::States;
 
 use crate::{TestResult, options, record, run};
@@ -63,7 +64,15 @@ fn any_record(sample: u64, has_coil: bool) -> impl Strategy<Value = Record> {
         ),
         4 => ([pair(), pair(), pair()], clipped()).prop_map(move |([b, c, head_force_n], clipped)| {
             let (acceleration_b_m_s2, acceleration_c_m_s2) = (b, c);
-            Record::Sample(SampleRecord { sample, acceleration_b_m_s2, acceleration_c_m_s2, head_force_n, clipped })
+            let more = Readings::NONE;
+            Record::Sample(SampleRecord {
+                sample,
+                acceleration_b_m_s2,
+                acceleration_c_m_s2,
+                head_force_n,
+                clipped,
+                more,
+            })
         }),
         4 => (frame(), direction, any::<u64>(), any::<Option<u64>>()).prop_map(
             move |(frame, direction, time_ns, bus_timestamp_ns)| {

@@ -10,6 +10,7 @@ use resonarm::recording::{
     Clipped, Direction, Event, Existing, FrameRecord, Integrity, Options, Record, Recorder, Recording, RunTime,
     SampleRecord, StateRecord,
 };
+use resonarm::rig::Readings;
 use resonarm::structure::States;
 
 use crate::{TestResult, configuration, options, record, rewritten, run};
@@ -120,6 +121,7 @@ fn the_end_of_a_run_and_what_was_clipped_are_marked() -> TestResult {
         acceleration_c_m_s2: [0.0; 2],
         head_force_n: [-650.0, 0.0],
         clipped,
+        more: Readings::NONE,
     };
     let clipped = Clipped { acceleration_b: [false, true], head_force: [true, false], ..Clipped::NONE };
     records.extend([Record::Sample(at_the_limit(clipped)), Record::State(end)]);

@@ -25,7 +25,8 @@ fn cuts_of_every_kind_of_run_are_simulated_again() {
     let others = [(&rigs[1], "sinc5", MODES), (&rigs[2], "instant", MODES), (&rigs[2], "sinc5", TOUCHING)];
     for (rig, converter, structure) in arm.chain(others) {
         let text = format!(
-            "{structure}[rig]\nconverter = '{converter}'\n{rig}[excitation]\namplitude = {{ exciter_x = 20.0 }}\n\
+            "{structure}[rig]\nconverter = '{converter}'\n{rig}[rig.sensors.x]\nat = 'tip.x'\nmeasures = 'displacement'\n\
+             [excitation]\namplitude = {{ exciter_x = 20.0 }}\n\
              profile = {{ waveform = 'dwell', frequency_hz = 18.0, duration_s = 0.3, settle_s = 0.1 }}\n"
         );
         let directory = tempfile::tempdir().unwrap();

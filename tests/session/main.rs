@@ -17,6 +17,7 @@ mod no_alloc;
 #[cfg(debug_assertions)]
 mod real_time_alloc;
 mod scenarios;
+mod sensors;
 mod shaker_force;
 mod soak;
 #[cfg(debug_assertions)]

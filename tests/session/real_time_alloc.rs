@@ -44,7 +44,8 @@ fn instruments_at_work_allocate_nothing() {
         "'dropout'",
     ];
     let text = format!(
-        "[rig]\nsensors.b = {{ {chain}, gravity_m_s2 = 9.81 }}\nhead = {{ {chain} }}\nfaults = [{}]",
+        "[rig]\nsensors.b = {{ {chain}, gravity_m_s2 = 9.81 }}\nsensors.laser = {{ at = 'tip', measures = 'velocity', {chain} }}\n\
+         sensors.enc2 = {{ at = 'joint2', {chain} }}\nhead = {{ {chain} }}\nfaults = [{}]",
         faults.map(fault).join(", ")
     );
     let mut plant = Scenario::parse(&text, "test").unwrap().plant().unwrap();
@@ -68,7 +69,8 @@ fn a_shaken_structure_allocates_nothing() {
         force_factor_n_a = 20.0\nresistance_ohm = 2.0\ninductance_h = 3e-4\nstroke_m = 0.0127\n\
         current_limit_a = 15.0\nvoltage_limit_v = 60.0\n";
     for elements in ["", stop] {
-        let text = format!("{modes}{elements}{shaker}");
+        let sensor = "[rig.sensors.m3]\nat = 'tip.x'\nmeasures = 'displacement'\n";
+        let text = format!("{modes}{elements}{shaker}{sensor}");
         let mut plant = Scenario::parse(&text, "test").unwrap().plant().unwrap();
         let advanced = assert_no_alloc(|| {
             let samples =

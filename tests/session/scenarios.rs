@@ -96,12 +96,15 @@ voltage_limit_v = 60.0";
 const AMPLITUDE: &str = "exciter_x = 1.0, exciter_y = 1.0, joint1 = 1.0, joint2 = 1.0";
 
 /// Every key of an instrument, also those that state the same, which no instrument takes together.
-const ACCELEROMETER: &str = "noise_rms_m_s2 = 1, noise_density_m_s2_per_sqrt_hz = 1, resolution_m_s2 = 1, bits = 2, \
+const ACCELEROMETER: &str = "at = 'tip', noise_rms_m_s2 = 1, noise_density_m_s2_per_sqrt_hz = 1, resolution_m_s2 = 1, bits = 2, \
     gravity_m_s2 = 9.81, sensor_range_m_s2 = 1, transverse = 0.1, gain = 1, highpass_hz = 1, lowpass_hz = 2, delay_samples = 1";
 const HEAD: &str = "noise_rms_n = 1, noise_density_n_per_sqrt_hz = 1, resolution_n = 1, bits = 2, sensor_range_n = 1, \
     transverse = 0.1, gain = 1, highpass_hz = 1, lowpass_hz = 2, delay_samples = 1";
 const FAULT: &str = "instrument = 'b', kind = 'drift', from_s = 1, to_s = 2, rate_m_s2_per_s = 1, \
-    rate_n_per_s = 1, rms_m_s2 = 1, rms_n = 1, amplitude_m_s2 = 1, amplitude_n = 1";
+    rate_n_per_s = 1, rms_m_s2 = 1, rms_n = 1, amplitude_m_s2 = 1, amplitude_n = 1, rate_m_s_per_s = 1, rms_m_s = 1, \
+    amplitude_m_s = 1, rate_m_per_s = 1, rms_m = 1, amplitude_m = 1, rate_rad_per_s = 1, rms_rad = 1, amplitude_rad = 1";
+const SENSOR: &str = "at = 'tip', measures = 'velocity', noise_rms_m_s = 1, noise_density_m_s_per_sqrt_hz = 1, resolution_m_s = 1, \
+    bits = 2, sensor_range_m_s = 1, transverse = 0.1, gain = 1, highpass_hz = 1, lowpass_hz = 2, delay_samples = 1";
 const GATE: &str = "force_rate_limit_n_per_s = 1, torque_rate_limit_nm_per_s = 1, travel_limit_m = 0.001";
 const NETWORK_FAULT: &str = "node = 'plant'\nkind = 'loss'\ndirection = 'both'\nfrom_s = 1\nto_s = 2\nids = [1]\nextended_ids = [1]\n\
     probability = 1\ncount = 1\ndelay_s = 1\nrate_hz = 1";
@@ -110,7 +113,7 @@ const LIMITS: &str = "force_n = 1\ntorque_nm = 1\nacceleration_m_s2 = 1\ndistort
 
 fn rig() -> RigSpec {
     let instruments = format!(
-        "sensors.b = {{ {ACCELEROMETER} }}\nsensors.c = {{ {ACCELEROMETER} }}\nhead = {{ {HEAD} }}\n\
+        "exciter.at = 'tip'\nsensors.b = {{ {ACCELEROMETER} }}\nsensors.c = {{ {ACCELEROMETER} }}\nsensors.m3 = {{ {SENSOR} }}\nhead = {{ {HEAD} }}\n\
          faults = [{{ {FAULT} }}]\ngate = {{ {GATE} }}"
     );
     Scenario::parse(&format!("[rig]\n{instruments}\n{SHAKER}"), "rig").unwrap().rig

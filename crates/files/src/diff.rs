@@ -10,9 +10,9 @@ use std::collections::BTreeMap;
 use serde::Serialize;
 
 use crate::export::RecordingPart;
-use crate::recording::{Clipped, Direction, Record, Recording, RecordingError};
+use crate::recording::{Direction, Record, Recording, RecordingError, SampleRecord};
 use crate::starting_plant::without_plant;
-use resonarm_bench::structure::READINGS;
+use resonarm_bench::structure::{ChannelName, READINGS};
 use resonarm_numeric::number::short;
 
 /// What is compared.
@@ -64,7 +64,7 @@ pub struct FirstDifference {
     /// The sample of A's.
     pub sample: u64,
     /// The channel, or the mark, `is_end` or `clipped`; of frames and events, `frame` or `event`.
-    pub what: &'static str,
+    pub what: ChannelName,
     /// In A.
     pub a: String,
     /// In B.
@@ -75,7 +75,7 @@ pub struct FirstDifference {
 #[derive(Clone, Copy, Debug, PartialEq, Serialize)]
 pub struct ChannelDifference {
     /// Its name, with the unit.
-    pub name: &'static str,
+    pub name: ChannelName,
     /// The largest difference, in that unit.
     pub largest: f64,
     /// Where.
@@ -145,7 +145,7 @@ fn row(part: RecordingPart, record: &Record<String>) -> Option<Row> {
     let text = |text: String| Some(Row { key: 0, sample, numbers: Vec::new(), text });
     match (part, record) {
         (RecordingPart::States, Record::State(state)) => numbers(&state.values(), u8::from(state.is_end).to_string()),
-        (RecordingPart::Samples, Record::Sample(readings)) => numbers(&readings.values(), marks(readings.clipped)),
+        (RecordingPart::Samples, Record::Sample(readings)) => numbers(&readings.values(), marks(readings)),
         (RecordingPart::Frames, Record::Frame(frame)) => {
             let direction = if frame.direction == Direction::Sent { "sent" } else { "received" };
             text(format!("{direction} {}", frame.frame))
@@ -158,9 +158,13 @@ fn row(part: RecordingPart, record: &Record<String>) -> Option<Row> {
 }
 
 /// Which readings are marked.
-fn marks(clipped: Clipped) -> String {
-    let marked = READINGS.iter().zip(clipped.marks()).filter(|(_, is_marked)| *is_marked);
-    let names: Vec<_> = marked.map(|(channel, _)| channel.name).collect();
+fn marks(readings: &SampleRecord) -> String {
+    let (bits, own) = (readings.clipped_bits(), READINGS.len());
+    let name = |place: usize| match READINGS.get(place) {
+        Some(channel) => channel.name.to_string(),
+        None => format!("reading {} of the other sensors", place - own + 1),
+    };
+    let names: Vec<_> = (0..u32::BITS as usize).filter(|place| bits >> place & 1 == 1).map(name).collect();
     if names.is_empty() { String::from("none") } else { names.join(" and ") }
 }
 
@@ -170,9 +174,13 @@ fn compare(
     part: RecordingPart,
     options: &DiffOptions,
 ) -> Result<PartDifference, RecordingError> {
+    let channels = magnitudes(a, part, options)?;
+    let of_b = b.channels().of(part.topic());
+    let place = |channel: &ChannelDifference| of_b.iter().position(|of| of.name == channel.name);
     let mut found = Found {
         tolerance: options.tolerance,
-        channels: magnitudes(a, part, options)?,
+        places: channels.iter().map(place).collect(),
+        channels,
         part: PartDifference {
             part: part.name(),
             compared: 0,
@@ -234,6 +242,8 @@ fn magnitudes(
 struct Found {
     tolerance: f64,
     channels: Vec<ChannelDifference>,
+    /// The places of these channels in B.
+    places: Vec<Option<usize>>,
     part: PartDifference,
 }
 
@@ -249,10 +259,13 @@ impl Found {
                 RecordingPart::Frames => "frame",
                 RecordingPart::Events | RecordingPart::Ticks => "event",
             };
-            let first = || FirstDifference { sample, what, a: a.clone(), b: b.clone() };
+            let first = || FirstDifference { sample, what: what.into(), a: a.clone(), b: b.clone() };
             self.part.first_difference.get_or_insert_with(first);
         }
-        for (channel, (a, b)) in self.channels.iter_mut().zip(left.numbers.iter().zip(&right.numbers)) {
+        let numbers = left.numbers.iter().zip(&self.places);
+        for (channel, (a, place)) in self.channels.iter_mut().zip(numbers) {
+            // A channel that B does not have is no difference of its samples: the scenarios differ.
+            let Some(b) = place.and_then(|place| right.numbers.get(place)) else { continue };
             if a.to_bits() == b.to_bits() {
                 continue;
             }

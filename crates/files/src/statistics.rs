@@ -7,7 +7,7 @@ use serde::Serialize;
 
 use crate::decoder::{Decoded, DecodedMessage, Decoder, Outcome};
 use crate::recording::{Direction, FrameRecord, Record, Recording, RecordingError, Topic};
-use resonarm_bench::structure::Channel;
+use resonarm_bench::structure::{Channel, ChannelName};
 use resonarm_scenario::Scenario;
 
 /// What is in a recording, in numbers.
@@ -31,7 +31,7 @@ pub struct RecordingStatistics {
 #[derive(Clone, Copy, Debug, PartialEq, Serialize)]
 pub struct ChannelStatistics {
     /// Its name, with the unit.
-    pub name: &'static str,
+    pub name: ChannelName,
     /// The least value.
     pub least: f64,
     /// The largest.
@@ -147,7 +147,7 @@ impl Sums<'_> {
 
     fn channels(&self) -> Vec<ChannelStatistics> {
         let (count, names) = (self.count as f64, self.channels.iter().map(|channel| channel.name));
-        let of = |(name, [least, largest, sum, squares]): (&'static str, &[f64; 4])| ChannelStatistics {
+        let of = |(name, [least, largest, sum, squares]): (ChannelName, &[f64; 4])| ChannelStatistics {
             name,
             least: *least,
             largest: *largest,

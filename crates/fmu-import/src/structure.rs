@@ -22,7 +22,7 @@ impl Source {
         let held = Held::new(Arc::clone(self))?;
         Ok(match self.read {
             ReadAt::Middle => Plant::stepped(spec, Box::new(Steps::new(held))),
-            ReadAt::End => Rig::new(&spec.rig, spec.sample_rate_hz, spec.seed)
+            ReadAt::End => Rig::new(&spec.rig, &OUTPUTS, spec.sample_rate_hz, spec.seed)
                 .map_err(PlantSpecError::from)
                 .and_then(|rig| Plant::of(Box::new(Sampled::new(held)), rig, spec.sample_rate_hz)),
         })

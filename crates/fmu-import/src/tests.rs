@@ -91,7 +91,7 @@ fn variables_are_mapped_with_their_units() {
     assert_eq!((force.conversion.of_si(2500.0), force.conversion.to_si(2.5)), (2.5, 2500.0));
     let length = mapping.travel[0].unwrap();
     assert_eq!((length.conversion.to_si(7.0), length.conversion.of_si(0.5)), (0.507, 0.0));
-    let names: Vec<&str> = mapping.channels.iter().map(|channel| channel.name).collect();
+    let names: Vec<&str> = mapping.channels.iter().map(|channel| channel.name.as_str()).collect();
     assert_eq!((names.as_slice(), source.step_s), (&["x1_m", "x1_dot_m_s"][..], 5e-4));
 }
 
@@ -190,7 +190,8 @@ fn coordinates_are_of_one_kind_and_without_a_gap() {
     let mut modes = spec();
     outputs(&mut modes).velocity = None;
     modes.outputs.extend((1..=10).map(|mode| (format!("mode{mode}"), moving(None))));
-    let names: Vec<&str> = read(MASS, &modes).unwrap().mapping.channels.iter().map(|channel| channel.name).collect();
+    let mapping = read(MASS, &modes).unwrap().mapping;
+    let names: Vec<&str> = mapping.channels.iter().map(|channel| channel.name.as_str()).collect();
     assert_eq!((names.len(), names[0], names[9]), (20, "q1_m_sqrt_kg", "q10_m_sqrt_kg"));
 }
 

@@ -14,7 +14,7 @@ use crate::model::{Inputs, Model, Saved, Span, TOLERANCE_SAMPLES, reached};
 use crate::tape::{Mark, Tape};
 use crate::variables::{self, Source};
 use resonarm_bench::plant::Plant;
-use resonarm_bench::rig::{Measurement, Reading};
+use resonarm_bench::rig::{MOST_CHANNELS, Measurement, Reading, Readings};
 use resonarm_bench::structure::OUTPUTS;
 use resonarm_bus::Statistics;
 use resonarm_dynamics::arm::Load;
@@ -133,12 +133,12 @@ impl Model for Signals {
     }
 
     fn number(&self, source: Source) -> f64 {
-        let reading = |index: usize| self.now.measurement.readings().get(index).copied().unwrap_or_default();
+        let reading = |index: usize| self.now.measurement.reading(index).unwrap_or_default();
         match source {
             Source::Reading(index) => reading(index).value,
             Source::Clipped(index) => f64::from(u8::from(reading(index).clipped)),
             Source::Sampled(index) => {
-                let mut sampled = [0.0; OUTPUTS.len()];
+                let mut sampled = [0.0; MOST_CHANNELS];
                 self.now.plant.structure().sense(&mut sampled);
                 sampled.get(index).copied().unwrap_or(f64::NAN)
             }
@@ -179,7 +179,12 @@ impl Model for Signals {
     }
 }
 
-/// The readings of a measurement in the order of [`OUTPUTS`].
-pub(crate) fn measurement(sample: u64, [hx, hy, bx, by, cx, cy]: [Reading; OUTPUTS.len()]) -> Measurement {
-    Measurement { sample, head_force_n: [hx, hy], acceleration_b_m_s2: [bx, by], acceleration_c_m_s2: [cx, cy] }
+/// The measurement of these readings, those in the order of [`OUTPUTS`] and the others.
+pub(crate) fn measurement(
+    sample: u64,
+    [hx, hy, bx, by, cx, cy]: [Reading; OUTPUTS.len()],
+    more: Readings,
+) -> Measurement {
+    let (head_force_n, acceleration_b_m_s2, acceleration_c_m_s2) = ([hx, hy], [bx, by], [cx, cy]);
+    Measurement { sample, head_force_n, acceleration_b_m_s2, acceleration_c_m_s2, more }
 }

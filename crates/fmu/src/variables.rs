@@ -4,7 +4,7 @@
 use crate::content::{Content, Interface, Role, Settings, TxClock};
 use crate::units::{self, DEGREE, SECOND, Unit};
 use resonarm_bench::plant::Plant;
-use resonarm_bench::structure::{Channel, LOADS, OUTPUTS, Quantity};
+use resonarm_bench::structure::{Channel, LOADS, Quantity};
 use resonarm_dynamics::arm::Load;
 
 /// What a variable stands for. Numbers are places in the tables of channels.
@@ -13,7 +13,7 @@ pub(crate) enum Source {
     Time,
     /// One of [`LOADS`].
     Load(usize),
-    /// One of [`OUTPUTS`], as the instrument reads it.
+    /// One of the outputs of the structure, as the instrument reads it.
     Reading(usize),
     /// Whether it was beyond the range.
     Clipped(usize),
@@ -103,7 +103,7 @@ pub(crate) fn table(content: &Content, plant: Option<&Plant>) -> Vec<Variable> {
     match (plant, content.settings.interface) {
         (Some(plant), Interface::Signals) => {
             all.extend(loads(plant));
-            all.extend(readings());
+            all.extend(readings(plant.structure().outputs()));
         }
         (_, Interface::Can) => {
             let of_one = |(index, name): (usize, String)| terminal(index, &name, content.settings.clock);
@@ -216,9 +216,9 @@ pub(crate) fn load(&[u1, u2, fx, fy]: &[f64; LOADS.len()]) -> Load {
 }
 
 /// What the instruments read, whether it was beyond their ranges, and what they would read without errors.
-fn readings() -> impl Iterator<Item = Variable> {
-    let output = |index: usize, group: &str, source: Source, kind: Kind, what: &str| {
-        let channel = &OUTPUTS[index];
+fn readings(outputs: &[Channel]) -> impl Iterator<Item = Variable> {
+    let output = move |index: usize, group: &str, source: Source, kind: Kind, what: &str| {
+        let channel = &outputs[index];
         Variable {
             unit: units::of(channel.quantity).filter(|_| kind == Kind::Float64),
             ..variable(
@@ -239,7 +239,7 @@ fn readings() -> impl Iterator<Item = Variable> {
     let sampled = move |index| {
         output(index, "true", Source::Sampled(index), Kind::Float64, "as the converter samples it, without instrument")
     };
-    let places = 0..OUTPUTS.len();
+    let places = 0..outputs.len();
     places.clone().map(read).chain(places.clone().map(clipped)).chain(places.map(sampled))
 }
 
@@ -309,7 +309,7 @@ fn words(channel: &Channel) -> String {
     };
     let (point, axis) = (channel.point.name(), channel.axis.name());
     let along = match axis {
-        "x" | "y" => format!(" along {axis}"),
+        "x" | "y" | "z" => format!(" along {axis}"),
         _ => String::new(),
     };
     format!("{what} at {point}{along}")

@@ -47,7 +47,7 @@ pub struct About {
     /// Frequencies of the modes, Hz.
     pub modes_hz: Vec<f64>,
     /// Names of a sample's channels.
-    pub channels: Vec<&'static str>,
+    pub channels: Vec<String>,
     /// Which of them the panels plot.
     pub panels: Panels,
     /// Which of them are the coordinates.
@@ -57,7 +57,7 @@ pub struct About {
     /// Which of them is shown at first.
     pub response: usize,
     /// Names of the channels that the bits of the clipped readings refer to, the lowest bit first.
-    pub clipped_bits: [&'static str; 6],
+    pub clipped_bits: Vec<String>,
     /// The requests that the token permits.
     pub actions: Vec<Action>,
     /// The limits of a set-point, if one can be set.
@@ -114,7 +114,7 @@ impl About {
             coordinates: CoordinateChannels { first: rows::COORDINATES, count: shown.coordinates().len() },
             responses: under_test.responses(),
             response: under_test.driven_response(scenario),
-            clipped_bits: rows::clipped_bits(),
+            clipped_bits: shown.clipped_bits(),
             actions: Vec::new(),
             steering: None,
             samples: None,

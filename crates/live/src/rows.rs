@@ -4,7 +4,7 @@ use std::collections::VecDeque;
 
 use serde::Serialize;
 
-use resonarm_bench::structure::{self, Channel, Kind, LOADS, OUTPUTS, Quantity};
+use resonarm_bench::structure::{self, Axis, Channel, Kind, LOADS, OUTPUTS, Quantity};
 use resonarm_dynamics::arm::Load;
 use resonarm_files::recording::channels::Channels;
 use resonarm_files::recording::{SampleRecord, StateRecord, Topic};
@@ -30,7 +30,7 @@ pub struct Plotted {
 }
 
 /// What the numbers of a sample are, in their order: load, readings of the head, accelerations, coordinates, states of
-/// elements.
+/// elements, readings of the sensors beside B and C.
 #[derive(Clone, Debug)]
 pub struct Shown {
     channels: Vec<Channel>,
@@ -38,15 +38,17 @@ pub struct Shown {
     coordinates: usize,
     /// The places of the elements' states among what belongs to devices and elements.
     internal: Vec<usize>,
+    /// How many readings of the sensors beside B and C there are.
+    sensors: usize,
 }
 
 impl Shown {
     /// Of states and readings of these channels.
     pub fn new(table: &Channels) -> Shown {
-        Shown::of(table.of(Topic::States))
+        Shown::of(table.of(Topic::States), table.of(Topic::Samples))
     }
 
-    fn of(states: &[Channel]) -> Shown {
+    fn of(states: &[Channel], readings: &[Channel]) -> Shown {
         let states = || states.iter();
         let moving = || states().filter(|channel| channel.kind == Kind::State);
         let coordinates = moving().count() / 2;
@@ -57,13 +59,38 @@ impl Shown {
         let internal = states().filter(|channel| channel.kind == Kind::Internal).enumerate();
         let (internal, elements): (Vec<usize>, Vec<Channel>) =
             internal.filter(|(_, channel)| is_shown(channel)).map(|(place, channel)| (place, *channel)).unzip();
+        let sensors = readings.get(OUTPUTS.len()..).unwrap_or_default();
         let channels = LOADS.into_iter().chain(OUTPUTS).chain(moving().take(coordinates).copied()).chain(elements);
-        Shown { channels: channels.collect(), coordinates, internal }
+        let channels = channels.chain(sensors.iter().copied()).collect();
+        Shown { channels, coordinates, internal, sensors: sensors.len() }
     }
 
     /// The names of the numbers.
-    pub fn names(&self) -> Vec<&'static str> {
-        self.channels.iter().map(|channel| channel.name).collect()
+    pub fn names(&self) -> Vec<String> {
+        self.channels.iter().map(|channel| channel.name.to_string()).collect()
+    }
+
+    /// The first reading of the sensors beside B and C.
+    fn first_sensor(&self) -> usize {
+        self.channels.len() - self.sensors
+    }
+
+    /// What the bits that mark clipped readings stand for, the lowest first.
+    pub fn clipped_bits(&self) -> Vec<String> {
+        let sensors = self.channels.iter().skip(self.first_sensor());
+        structure::READINGS.iter().chain(sensors).map(|channel| channel.name.to_string()).collect()
+    }
+
+    /// The readings of the sensors beside B and C for panels: each with the name of its sensor and its axis.
+    pub fn sensors(&self) -> Vec<Plotted> {
+        let label = |place: usize| match (self.channels[place].point, self.channels[place].axis) {
+            (structure::Point::Sensor { name, .. }, axis @ (Axis::X | Axis::Y | Axis::Z)) => {
+                format!("{name} {}", axis.name())
+            }
+            (structure::Point::Sensor { name, .. }, _) => name.to_string(),
+            _ => self.channels[place].name.to_string(),
+        };
+        (self.first_sensor()..self.channels.len()).map(|place| self.plotted(place, label(place))).collect()
     }
 
     /// A number for a panel.
@@ -78,7 +105,7 @@ impl Shown {
 
     /// The states of elements for panels.
     pub fn elements(&self) -> Vec<Plotted> {
-        self.labelled(COORDINATES + self.coordinates..self.channels.len())
+        self.labelled(COORDINATES + self.coordinates..self.first_sensor())
     }
 
     fn labelled(&self, places: core::ops::Range<usize>) -> Vec<Plotted> {
@@ -96,6 +123,7 @@ fn label(point: structure::Point) -> String {
         structure::Point::Coordinate(coordinate) => subscripted('x', coordinate),
         structure::Point::Element(element) => format!("element {element}"),
         structure::Point::TipC => String::from("C"),
+        structure::Point::Sensor { name, .. } => name.to_string(),
     }
 }
 
@@ -105,11 +133,6 @@ fn subscripted(symbol: char, number: impl ToString) -> String {
     core::iter::once(symbol).chain(number.to_string().chars().filter_map(subscript)).collect()
 }
 
-/// What the bits that mark clipped readings stand for, the lowest first.
-pub fn clipped_bits() -> [&'static str; structure::READINGS.len()] {
-    structure::READINGS.map(|channel| channel.name)
-}
-
 /// The numbers of a sample; NaN where nothing is known.
 pub type Numbers = Box<[f32]>;
 
@@ -117,7 +140,7 @@ pub type Numbers = Box<[f32]>;
 #[derive(Clone, Debug, PartialEq)]
 pub struct Row {
     pub numbers: Numbers,
-    /// Which readings were beyond the range of their sensor, by [`clipped_bits`].
+    /// Which readings were beyond the range of their sensor, by [`Shown::clipped_bits`].
     pub clipped: u32,
 }
 
@@ -192,13 +215,14 @@ impl Rows {
 
     /// Takes the readings of a sample.
     pub fn readings(&mut self, record: &SampleRecord) {
-        let places: [(usize, &[f64]); 3] = [
+        let places: [(usize, &[f64]); 4] = [
             (HEAD, &record.head_force_n),
             (ACCELERATION_B, &record.acceleration_b_m_s2),
             (ACCELERATION_C, &record.acceleration_c_m_s2),
+            (self.shown.first_sensor(), record.more.values()),
         ];
         if let Some(row) = self.put(record.sample, READINGS, &places) {
-            row.clipped = record.clipped.bits();
+            row.clipped = record.clipped_bits();
         }
     }
 
@@ -245,6 +269,7 @@ impl Rows {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use resonarm_bench::rig::Readings;
     use resonarm_files::recording::Clipped;
 
     fn rows() -> Rows {
@@ -254,7 +279,14 @@ mod tests {
     fn readings(sample: u64) -> SampleRecord {
         let pair = [sample as f64, -1.0];
         let (acceleration_b_m_s2, acceleration_c_m_s2, head_force_n) = (pair, pair, pair);
-        SampleRecord { sample, acceleration_b_m_s2, acceleration_c_m_s2, head_force_n, clipped: Clipped::NONE }
+        SampleRecord {
+            sample,
+            acceleration_b_m_s2,
+            acceleration_c_m_s2,
+            head_force_n,
+            clipped: Clipped::NONE,
+            more: Readings::NONE,
+        }
     }
 
     #[test]
@@ -280,7 +312,7 @@ mod tests {
         let mut states = coordinate_channels(Coordinates::Modes, 2);
         states.extend(element_channel(1, false));
         states.extend([0, 1].into_iter().filter_map(branch_channel));
-        let mut rows = Rows::new(Shown::of(&states));
+        let mut rows = Rows::new(Shown::of(&states, &[]));
         assert_eq!(rows.shown.names()[COORDINATES..], ["q1_m_sqrt_kg", "q2_m_sqrt_kg", "element2_m"]);
         let states = States::new(&[1.0, 2.0, 3.0, 4.0], &[5.0, 1.0, -1.0]).unwrap();
         rows.state(&StateRecord { sample: 0, states, torque_nm: [0.0; 2], force_n: [6.0, 7.0], is_end: false });
@@ -299,7 +331,8 @@ mod tests {
             rows.command(record.sample, &Load::default());
         }
         let marked: Vec<u32> = core::iter::from_fn(|| rows.pop()).map(|(_, row)| row.clipped).collect();
-        let bit = |name: &str| 1 << clipped_bits().iter().position(|bit| *bit == name).unwrap();
+        let names = rows.shown.clipped_bits();
+        let bit = |name: &str| 1 << names.iter().position(|bit| *bit == name).unwrap();
         let both = bit("acceleration_c_y_m_s2") | bit("head_force_x_n");
         assert_eq!(marked, [both, 0]);
     }

@@ -51,6 +51,8 @@ pub struct Panels {
     /// Coordinates, and states of elements.
     pub coordinates: Vec<Plotted>,
     pub elements: Vec<Plotted>,
+    /// The readings of the sensors beside B and C.
+    pub sensors: Vec<Plotted>,
 }
 
 /// A size of the responses.
@@ -138,6 +140,7 @@ impl UnderTest {
             acceleration_c: of(rows::ACCELERATION_C, ["x", "y"], "", |tested| &tested.places.accelerometer_c),
             coordinates: shown.coordinates(),
             elements: shown.elements(),
+            sensors: shown.sensors(),
         }
     }
 
@@ -237,6 +240,10 @@ at = "mid"
         assert_eq!(named(&modal.acceleration_b), "6 x (m/s²), 7 y (m/s²)");
         assert_eq!(named(&modal.acceleration_c), "8 z (m/s²)");
         assert_eq!(named(&modal.coordinates), "10 q₁ (m·√kg), 11 q₂ (m·√kg)");
+        assert!(modal.sensors.is_empty());
+        let sensed = "[rig.sensors.m3]\nat = \"mid\"\n[rig.sensors.v]\nat = \"tip.z\"\nmeasures = \"velocity\"\n";
+        let sensed = under_test(&format!("{MODAL}{sensed}")).panels();
+        assert_eq!(named(&sensed.sensors), "13 m3 x (m/s²), 14 m3 y (m/s²), 15 v z (m/s)");
         // The gap has no state, and the branches of both are not plotted.
         assert_eq!(named(&modal.elements), "12 element 2 (m)");
     }

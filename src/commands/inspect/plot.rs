@@ -9,7 +9,7 @@ use resonarm_figures::plot::{Axis, Color, Dash, Figure, Legend, Panel, Series, S
 const SPANS: usize = 1200;
 
 /// The quantities that are drawn, and whether as the instruments read them. Panels of one quantity have equal axes.
-const QUANTITIES: [(Quantity, bool); 8] = [
+const QUANTITIES: [(Quantity, bool); 11] = [
     (Quantity::Angle, false),
     (Quantity::ModalDisplacement, false),
     (Quantity::Displacement, false),
@@ -17,6 +17,9 @@ const QUANTITIES: [(Quantity, bool); 8] = [
     (Quantity::Force, false),
     (Quantity::Current, false),
     (Quantity::Acceleration, true),
+    (Quantity::Velocity, true),
+    (Quantity::Displacement, true),
+    (Quantity::Angle, true),
     (Quantity::Force, true),
 ];
 /// Part of its range by which an axis goes beyond the values.
@@ -93,8 +96,8 @@ pub(super) fn figure(recording: &Recording, summary: &RecordingSummary) -> Resul
             }
             Record::Sample(readings) => {
                 let (values, span) = (readings.values(), span(readings.sample));
-                let bits = readings.clipped.bits();
-                for (envelope, value) in samples.iter_mut().zip(&values) {
+                let bits = readings.clipped_bits();
+                for (envelope, value) in samples.iter_mut().zip(&*values) {
                     envelope.add(span, *value);
                     envelope.clip(span, bits);
                 }
@@ -117,10 +120,10 @@ pub(super) fn figure(recording: &Recording, summary: &RecordingSummary) -> Resul
         let margin = if high > low { MARGIN * (high - low) } else { low.abs().max(1.0) };
         for envelope in drawn() {
             let y = Axis::linear(quantity.unit()).range(low - margin, high + margin);
-            let line = Series::line(envelope.channel.name, Color::Blue, envelope.points(time_s)).unlabelled();
+            let line = Series::line(envelope.channel.name.as_str(), Color::Blue, envelope.points(time_s)).unlabelled();
             let bar = Series::line("clipped", Color::Vermillion, envelope.bar(high + margin / 2.0, time_s));
             let bar = bar.style(Style::Line { color: Color::Vermillion, width: BAR, dash: Dash::Solid });
-            let panel = Panel::new(Axis::linear("time (s)"), y).title(envelope.channel.name).with(line);
+            let panel = Panel::new(Axis::linear("time (s)"), y).title(envelope.channel.name.as_str()).with(line);
             // One entry says it for all.
             let is_first = figure.panels.iter().all(|panel| panel.series.len() == 1);
             let legend = if is_first { Legend::Bottom } else { Legend::None };

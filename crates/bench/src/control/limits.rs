@@ -225,7 +225,13 @@ mod tests {
         let moving = |offset: f64| Reading { value: offset + n as f64, clipped: false };
         let pair = |offset: f64| [moving(offset), moving(offset + 0.5)];
         let acceleration_c_m_s2 = [c_x, moving(0.0)];
-        Measurement { sample: n, head_force_n: pair(1.0), acceleration_b_m_s2: pair(2.0), acceleration_c_m_s2 }
+        Measurement {
+            sample: n,
+            head_force_n: pair(1.0),
+            acceleration_b_m_s2: pair(2.0),
+            acceleration_c_m_s2,
+            ..Measurement::default()
+        }
     }
 
     /// The first sample, of 100 with these readings of x of C, at which it aborts.

@@ -188,6 +188,7 @@ mod tests {
             head_force_n: pair(force_n),
             acceleration_b_m_s2: pair(force_n),
             acceleration_c_m_s2: pair(2.0 * force_n),
+            ..Measurement::default()
         };
         match steered.answer(&sample) {
             Answer::Hold(load) => load.force_n.x,

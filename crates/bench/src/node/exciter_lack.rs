@@ -5,7 +5,7 @@ use core::fmt;
 
 use thiserror::Error;
 
-use crate::structure::OUTPUTS;
+use crate::structure::{ChannelName, OUTPUTS};
 use resonarm_protocol::Id;
 
 /// Why no exciter of ours can drive a plant by a protocol.
@@ -63,7 +63,7 @@ pub enum ExciterLack {
     #[error("the exciter's load has {part}, and no drive of wire.drives exerts so much of it: change the excitation")]
     Torque {
         /// What can't be commanded, with its unit.
-        part: &'static str,
+        part: ChannelName,
     },
     /// The load has a part that no signal commands.
     #[error(
@@ -72,7 +72,7 @@ pub enum ExciterLack {
     )]
     Load {
         /// What can't be commanded, with its unit.
-        part: &'static str,
+        part: ChannelName,
     },
     /// Signals that have to be in one payload are multiplexed apart.
     #[error("message 0x{:X}: its loads are multiplexed apart, and no payload has all of them: map them in one", id.raw())]
@@ -133,7 +133,7 @@ impl fmt::Display for Names<'_> {
         let names = self.0.iter().filter_map(|place| OUTPUTS.get(*place)).map(|channel| channel.name);
         for (number, name) in names.enumerate() {
             f.write_str(if number == 0 { "" } else { ", " })?;
-            f.write_str(name)?;
+            f.write_str(&name)?;
         }
         Ok(())
     }

@@ -10,6 +10,7 @@ use resonarm_protocol::{Emergency, EmergencyCode, Frame, NodeState, OperatorRequ
 use super::guard::Guard;
 use super::{FaultCause, Refusals};
 use crate::rig::Measurement;
+use crate::structure::ChannelName;
 use resonarm_dynamics::arm::Load;
 
 /// The plant's node: frames and the time go in, frames, loads and events come out. Nothing allocates after
@@ -188,7 +189,7 @@ pub enum PublishError {
     #[error("{name} is {got}")]
     NotFinite {
         /// The name of the reading.
-        name: &'static str,
+        name: ChannelName,
         /// What it is.
         got: f64,
     },

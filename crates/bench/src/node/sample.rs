@@ -2,7 +2,7 @@
 
 use resonarm_protocol::{Acceleration, ImpedanceHead, Measured, Message, SensorValues, Sensors};
 
-use crate::rig::{Measurement, Reading};
+use crate::rig::{Measurement, Reading, Readings};
 
 /// The three messages of the classic profile, in the order in which they are sent.
 pub(super) fn classic(measurement: &Measurement) -> [Message; 3] {
@@ -48,5 +48,6 @@ pub(super) fn from_values(n: u64, values: &SensorValues) -> Measurement {
         head_force_n: axes(values.force_n),
         acceleration_b_m_s2: axes(values.acceleration_b_m_s2),
         acceleration_c_m_s2: axes(values.acceleration_c_m_s2),
+        more: Readings::NONE,
     }
 }

@@ -8,7 +8,7 @@ use nalgebra::Vector2;
 
 use super::sampling::PointMotion;
 use super::stepped::{Loads, Stepped};
-use super::tested::{Places, TestedAssembly};
+use super::tested::{Placed, TestedAssembly};
 use super::{PlantSpec, PlantSpecError};
 use crate::rig::ShakerSpec;
 use crate::structure::{
@@ -21,7 +21,7 @@ use resonarm_dynamics::structure::{Armature, Assembly, CoordinateUnit, Dof, Kine
 #[derive(Clone, Debug)]
 pub(super) struct AssemblySteps {
     stepper: Stepper,
-    places: Places,
+    exciter: Placed,
     /// Which load of the plant acts on each degree of freedom of the drive; none with a shaker.
     acting: Vec<usize>,
     shaker: Option<(ShakerSpec, Armature)>,
@@ -29,6 +29,8 @@ pub(super) struct AssemblySteps {
     read: Vec<Dof>,
     /// Point, B or C, and axis of each that an accelerometer reads.
     points: Vec<[usize; 2]>,
+    /// What the other sensors read.
+    more: Vec<Dof>,
     states: Vec<Channel>,
 }
 
@@ -77,7 +79,8 @@ impl AssemblySteps {
             .flat_map(|(placed, point)| placed.along.into_iter().zip(0..).map(move |(dof, axis)| (dof, [point, axis])));
         let (mut read, points): (Vec<Dof>, Vec<[usize; 2]>) = axes.filter_map(|(dof, at)| Some((dof?, at))).unzip();
         read.extend(shaker.iter().flat_map(|(_, armature)| armature.dofs()).map(|(dof, _)| dof));
-        Ok(AssemblySteps { places: *places, acting, shaker, read, points, states, stepper })
+        let more = places.more.iter().flat_map(|sensor| &sensor.along).map(|(_, dof)| *dof).collect();
+        Ok(AssemblySteps { exciter: places.exciter, more, acting, shaker, read, points, states, stepper })
     }
 
     /// The armature's s, m, and ṡ, m/s, and the current in its coil, A, under a command, N; zeros without a shaker.
@@ -97,6 +100,11 @@ impl AssemblySteps {
         let armature = self.shaker.iter().flat_map(|(_, armature)| armature.dofs());
         let along_m_s2 = armature.zip(&read[self.points.len()..]).map(|((_, share), at)| share * at.acceleration).sum();
         (self.points_of(&read), along_m_s2)
+    }
+
+    /// What the other sensors read with a current in the coil, A.
+    pub fn more_at_current(&self, current_a: f64, out: &mut [Kinematics]) {
+        self.stepper.read_at_current(current_a, &self.more, out);
     }
 
     /// The points of the accelerometers from what is read.
@@ -159,12 +167,17 @@ impl Stepped for AssemblySteps {
         Ok(self.points_of(&read))
     }
 
+    fn more(&self, _t_s: f64, loads: &Loads, out: &mut [Kinematics]) -> Result<(), StructureError> {
+        let drive = self.drive(loads)?;
+        Ok(self.stepper.read(drive.acting(), &self.more, out)?)
+    }
+
     fn travel_m(&self) -> f64 {
         if let Some(motion) = self.stepper.armature_motion() {
             return motion.displacement_m.abs();
         }
         let at = self.stepper.assembly().at(self.stepper.position());
-        let moved_m = self.places.exciter.vector(|dof| at.displacement(dof));
+        let moved_m = self.exciter.vector(|dof| at.displacement(dof));
         libm::hypot(moved_m.x, moved_m.y)
     }
 

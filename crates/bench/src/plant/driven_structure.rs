@@ -5,6 +5,7 @@ use alloc::vec;
 use alloc::vec::Vec;
 
 use super::assembly_steps::AssemblySteps;
+use super::more::{CurrentChange, More};
 use super::sampling::{Filter, PointMotion, Sums};
 use super::shaken::Shaken;
 use super::stepped::{Loads, Stepped};
@@ -48,6 +49,10 @@ pub(super) struct DrivenStructure {
     /// The converters' last samples: head x, y; B x, y; C x, y.
     sampled: [f64; Measurement::CHANNELS],
     sums: Sums,
+    /// The sensors beside B and C.
+    more: More,
+    /// What the converters sample: head, B, C and those sensors.
+    outputs: Vec<Channel>,
     /// The state at the start of a hold, to which a hold that can't be finished returns.
     before: Vec<f64>,
 }
@@ -60,22 +65,26 @@ fn step_s(spec: &PlantSpec) -> f64 {
 impl DrivenStructure {
     /// The structure of a valid specification with an ideal exciter, in its state at sample 0.
     pub fn new(spec: &PlantSpec, steps: Box<dyn Stepped>) -> Result<DrivenStructure, PlantSpecError> {
-        DrivenStructure::of(spec, Steps::Ideal(steps), f64::INFINITY)
+        DrivenStructure::of(spec, Steps::Ideal(steps), f64::INFINITY, Vec::new())
     }
 
     /// The structure of a valid specification, with its shaker if it has one, at sample 0.
     pub fn assembly(spec: &PlantSpec, tested: &TestedAssembly) -> Result<DrivenStructure, PlantSpecError> {
+        let more = tested.places.more_channels();
         match spec.rig.shaker {
-            None => DrivenStructure::new(spec, Box::new(AssemblySteps::new(spec, tested)?)),
+            None => {
+                let steps = Steps::Ideal(Box::new(AssemblySteps::new(spec, tested)?));
+                DrivenStructure::of(spec, steps, f64::INFINITY, more)
+            }
             Some(shaker) => {
                 let shaken = Shaken::new(spec, tested, shaker, step_s(spec))?;
                 let decay = shaken.decay();
-                DrivenStructure::of(spec, Steps::Shaken(Box::new(shaken)), decay)
+                DrivenStructure::of(spec, Steps::Shaken(Box::new(shaken)), decay, more)
             }
         }
     }
 
-    fn of(spec: &PlantSpec, steps: Steps, decay: f64) -> Result<DrivenStructure, PlantSpecError> {
+    fn of(spec: &PlantSpec, steps: Steps, decay: f64, more: Vec<Channel>) -> Result<DrivenStructure, PlantSpecError> {
         super::check_steps_per_sample(spec.steps_per_sample)?;
         let step_s = step_s(spec);
         let mut driven = DrivenStructure {
@@ -84,6 +93,8 @@ impl DrivenStructure {
             filter: Filter::new(spec, step_s, decay),
             sampled: [0.0; Measurement::CHANNELS],
             sums: Sums::default(),
+            outputs: [&OUTPUTS[..], &more].concat(),
+            more: More::new(more),
             before: vec![0.0; steps.of().states().len()],
             steps,
         };
@@ -98,7 +109,15 @@ impl DrivenStructure {
             Steps::Ideal(steps) => Self::instant(&steps.points(0.0, &none)?, &none),
             Steps::Shaken(shaken) => shaken.instant(&none),
         };
-        self.sums = self.filter.as_ref().map(|filter| filter.settled(&self.sampled)).unwrap_or_default();
+        let filter = self.filter.as_ref();
+        self.sums = filter.map(|filter| filter.settled(&self.sampled)).unwrap_or_default();
+        match &self.steps {
+            Steps::Ideal(steps) => {
+                steps.more(0.0, &none, &mut self.more.start)?;
+                self.more.settle(filter);
+            }
+            Steps::Shaken(shaken) => shaken.settle_more(&mut self.more, filter),
+        }
         Ok(())
     }
 
@@ -111,16 +130,20 @@ impl DrivenStructure {
     /// Makes the steps of a hold.
     fn hold(&mut self, time_s: f64, loads: &Loads) -> Result<(), StructureError> {
         let (mut sums, mut sampled) = (self.sums, self.sampled);
+        let more = &mut self.more;
         let steps = match &mut self.steps {
             Steps::Ideal(steps) => steps,
             Steps::Shaken(shaken) => {
                 let filter = self.filter.as_ref();
-                sampled = shaken.hold((time_s, self.steps_per_sample), loads, (filter, &mut sums))?;
+                sampled = shaken.hold((time_s, self.steps_per_sample), loads, (filter, &mut sums), more)?;
                 self.gather(sums, sampled);
                 return Ok(());
             }
         };
         let mut start = self.filter.as_ref().map(|_| steps.points(time_s, loads)).transpose()?;
+        if start.is_some() && !more.is_empty() {
+            steps.more(time_s, loads, &mut more.end)?;
+        }
         for part in 0..self.steps_per_sample {
             let t_s = time_s + f64::from(part) * self.step_s;
             steps.advance(t_s, loads)?;
@@ -130,8 +153,17 @@ impl DrivenStructure {
                 let from = if part == 0 { steps.begins(&from, &ended, self.step_s) } else { from };
                 filter.add_held(&mut sums, part as usize, &from, &ended, [loads[2], loads[3]]);
                 start = Some(ended);
+                if !more.is_empty() {
+                    more.step_on();
+                    steps.more(end_s, loads, &mut more.end)?;
+                    more.add(filter, part as usize, CurrentChange::default());
+                }
             } else if 2 * (part + 1) == self.steps_per_sample {
                 sampled = Self::instant(&steps.points(end_s, loads)?, loads);
+                if !more.is_empty() {
+                    steps.more(end_s, loads, &mut more.end)?;
+                    more.sample();
+                }
             }
         }
         self.gather(sums, sampled);
@@ -142,6 +174,9 @@ impl DrivenStructure {
     fn gather(&mut self, mut sums: Sums, sampled: [f64; Measurement::CHANNELS]) {
         self.sampled = if self.filter.is_some() { Filter::read(&mut sums) } else { sampled };
         self.sums = sums;
+        if self.filter.is_some() {
+            self.more.read();
+        }
     }
 }
 
@@ -151,7 +186,7 @@ impl Structure for DrivenStructure {
     }
 
     fn outputs(&self) -> &[Channel] {
-        &OUTPUTS
+        &self.outputs
     }
 
     fn states(&self) -> &[Channel] {
@@ -159,30 +194,37 @@ impl Structure for DrivenStructure {
     }
 
     fn saved_len(&self) -> usize {
-        self.states().len() + OUTPUTS.len() + if self.filter.is_some() { self.sums.as_flattened().len() } else { 0 }
+        let has_filter = self.filter.is_some();
+        let sums = if has_filter { self.sums.as_flattened().len() } else { 0 };
+        self.states().len() + OUTPUTS.len() + sums + self.more.saved_len(has_filter)
     }
 
     fn advance(&mut self, time_s: f64, inputs: &[f64]) -> Result<(), StructureError> {
         let wrong = |_| StructureError::Inputs { got: inputs.len(), expected: LOADS.len() };
         let loads: Loads = inputs.try_into().map_err(wrong)?;
         self.steps.of().save(&mut self.before);
+        self.more.begin();
         let held = self.hold(time_s, &loads);
         if held.is_err() {
             self.steps.of_mut().restore(&self.before)?;
+            self.more.undo();
         }
         held
     }
 
     fn sense(&self, outputs: &mut [f64]) {
-        write(outputs, &self.sampled);
+        self.more.sense(write(outputs, &self.sampled));
     }
 
     fn save(&self, saved: &mut [f64]) {
         let (states, rest) = saved.split_at_mut(self.states().len().min(saved.len()));
         if states.len() == self.states().len() {
             self.steps.of().save(states);
-            let rest = write(rest, &self.sampled);
-            write(rest, self.sums.as_flattened());
+            let mut rest = write(rest, &self.sampled);
+            if self.filter.is_some() {
+                rest = write(rest, self.sums.as_flattened());
+            }
+            self.more.save(rest, self.filter.is_some());
         }
     }
 
@@ -195,9 +237,13 @@ impl Structure for DrivenStructure {
         let (states, rest) = saved.split_at(states);
         self.steps.of_mut().restore(states)?;
         match rest.split_first_chunk() {
-            Some((sampled, sums)) => {
+            Some((sampled, rest)) => {
                 self.sampled = *sampled;
-                write(self.sums.as_flattened_mut(), sums);
+                let sums = self.sums.as_flattened_mut();
+                let count = if self.filter.is_some() { sums.len() } else { 0 };
+                let (own, more) = rest.split_at(count.min(rest.len()));
+                write(sums, own);
+                self.more.restore(more, self.filter.is_some());
                 Ok(())
             }
             None => self.settle(),

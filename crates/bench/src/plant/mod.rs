@@ -10,6 +10,7 @@
 
 mod assembly_steps;
 mod driven_structure;
+mod more;
 mod sampling;
 mod shaken;
 mod stepped;
@@ -20,7 +21,7 @@ use alloc::vec;
 use alloc::vec::Vec;
 use thiserror::Error;
 
-use crate::rig::{Exciter, GateSpec, Measurement, Rig, RigError, RigSpec, ShakerLimit};
+use crate::rig::{Exciter, GateSpec, MOST_CHANNELS, MOST_MORE, Measurement, Rig, RigError, RigSpec, ShakerLimit};
 use crate::structure::{Kind, LOADS, MOST_STATES, OUTPUTS, States, Structure, StructureError};
 use driven_structure::DrivenStructure;
 use resonarm_dynamics::arm::Load;
@@ -30,7 +31,7 @@ use resonarm_numeric::number::{rounded, short};
 pub use sampling::PointMotion;
 pub use shaken::ShakerAcross;
 pub use stepped::{Loads, Stepped};
-pub use tested::{Placed, Places, ReadDof, TestedAssembly};
+pub use tested::{Placed, PlacedSensor, Places, ReadDof, TestedAssembly};
 
 /// The most integration steps a sample: 250 times the default.
 pub const MOST_STEPS_PER_SAMPLE: u32 = 1000;
@@ -187,7 +188,8 @@ impl Plant {
     /// # Errors
     /// [`PlantSpecError`] says which part of the specification is invalid.
     pub fn new(spec: &PlantSpec, tested: &TestedAssembly) -> Result<Plant, PlantSpecError> {
-        let rig = Rig::new(&spec.rig, spec.sample_rate_hz, spec.seed)?;
+        let outputs = [&OUTPUTS[..], &tested.places.more_channels()].concat();
+        let rig = Rig::new(&spec.rig, &outputs, spec.sample_rate_hz, spec.seed)?;
         Plant::of(Box::new(DrivenStructure::assembly(spec, tested)?), rig, spec.sample_rate_hz)
     }
 
@@ -201,18 +203,19 @@ impl Plant {
         if spec.rig.shaker.is_some() {
             return Err(PlantSpecError::Shaker);
         }
-        let rig = Rig::new(&spec.rig, spec.sample_rate_hz, spec.seed)?;
+        let rig = Rig::new(&spec.rig, &OUTPUTS, spec.sample_rate_hz, spec.seed)?;
         Plant::of(Box::new(DrivenStructure::new(spec, structure)?), rig, spec.sample_rate_hz)
     }
 
-    /// A plant of any structure with the loads and outputs of the arm, [`LOADS`] and [`OUTPUTS`], at sample 0 of
-    /// `sample_rate_hz` samples a second, Hz, positive.
+    /// A plant of any structure with the loads of the arm, [`LOADS`], and outputs that begin with [`OUTPUTS`], at sample
+    /// 0 of `sample_rate_hz` samples a second, Hz, positive. The rig was made for these outputs.
     ///
     /// # Errors
     /// [`PlantSpecError::Channels`] if it has other loads or outputs, or more states than [`MOST_STATES`].
     pub fn of(structure: Box<dyn Structure>, rig: Rig, sample_rate_hz: f64) -> Result<Plant, PlantSpecError> {
         let (inputs, outputs, states) = (structure.inputs(), structure.outputs(), structure.states().len());
-        if inputs != LOADS || outputs != OUTPUTS || states > MOST_STATES {
+        let (first, more) = outputs.split_at(OUTPUTS.len().min(outputs.len()));
+        if inputs != LOADS || first != OUTPUTS || more.len() > MOST_MORE || states > MOST_STATES {
             return Err(PlantSpecError::Channels { inputs: inputs.len(), outputs: outputs.len(), states });
         }
         let moving = structure.states().iter().filter(|channel| channel.kind == Kind::State).count();
@@ -303,9 +306,10 @@ impl Plant {
     /// The readings at the sample: the converters' samples, through the instruments' chains. Before sample 0 all values
     /// have always been those of the start. Call it once a sample: every call draws new noise.
     pub fn measure(&mut self) -> Measurement {
-        let mut sampled = [0.0; Measurement::CHANNELS];
-        self.structure.sense(&mut sampled);
-        self.rig.measure(self.sample, &sampled)
+        let mut sampled = [0.0; MOST_CHANNELS];
+        let sampled = &mut sampled[..self.structure.outputs().len().min(MOST_CHANNELS)];
+        self.structure.sense(sampled);
+        self.rig.measure(self.sample, sampled)
     }
 
     /// Advances to the next sample with `load` held: with a shaker, the force that it would exert if it were blocked.

@@ -19,6 +19,7 @@ use alloc::vec::Vec;
 use nalgebra::Vector2;
 
 use super::PlantSpec;
+use super::more::CurrentChange;
 use crate::rig::converter::MOST_ORDER;
 use crate::rig::{Converter, Measurement};
 use resonarm_dynamics::arm::Attachment;
@@ -77,6 +78,8 @@ pub(super) struct ShakenStep {
     pub attachment: Attachment,
     /// The coil's force along the shaker, N.
     pub force_n: Course,
+    /// The current against that at which the motion at the ends was read.
+    pub change: CurrentChange,
 }
 
 impl Filter {
@@ -155,29 +158,45 @@ impl Filter {
     /// An acceleration between the velocities and accelerations at the ends of a step, with that by a coil's transient
     /// at its start.
     #[inline(always)]
-    fn course(&self, [(v0, a0), (v1, a1)]: [(f64, f64); 2], g: f64) -> Course {
+    pub fn course(&self, [(v0, a0), (v1, a1)]: [(f64, f64); 2], g: f64) -> Course {
         let square = 3.0 * (a0 + a1) - 6.0 * ((v1 - v0) / self.step_s - g * self.transient_mean);
         [a0, a1 - a0 - square, square, 0.0, 0.0, g]
     }
 
-    /// m s̈ + c ṡ + k s over the step with the acceleration s̈, from s and ṡ at its start.
-    ///
-    /// With s̈ = a₀ + a₁τ + a₂τ² + g e^{−λτ}: ṡ = ṡ(0) + h (a₀τ + a₁τ²/2 + a₂τ³/3 + g (1 − e^{−λτ})/λ) and s = s(0) + h
-    /// ṡ(0) τ + h² (a₀τ²/2 + a₁τ³/6 + a₂τ⁴/12 + g τ/λ − g (1 − e^{−λτ})/λ²).
-    fn taken(&self, attachment: &Attachment, (s, rate): (f64, f64), acceleration: Course) -> Course {
-        let (h, [a0, a1, a2, _, _, g]) = (self.step_s, acceleration);
+    /// The sums of one channel after a constant value.
+    pub fn settled_one(&self, value: f64) -> [f64; MOST_ORDER] {
+        self.settled(&[value; CHANNELS]).map(|channels| channels[0])
+    }
+
+    /// Adds step `index` of a hold to the sums of one channel.
+    pub fn add_course(&self, sums: &mut [f64; MOST_ORDER], index: usize, course: &Course) {
+        let Some(factors) = self.factors.get(index) else { return };
+        for (sum, factors) in sums.iter_mut().zip(factors).take(self.order) {
+            *sum += factors.iter().zip(course).map(|(factor, term)| factor * term).sum::<f64>();
+        }
+    }
+
+    /// The velocity over a step with an acceleration, from that at its start: with s̈ = a₀ + a₁τ + a₂τ² + g e^{−λτ} it is
+    /// ṡ(0) + h (a₀τ + a₁τ²/2 + a₂τ³/3 + g (1 − e^{−λτ})/λ).
+    pub fn velocity(&self, rate: f64, [a0, a1, a2, _, _, g]: Course) -> Course {
+        let h = self.step_s;
+        let g1 = if self.decay.is_infinite() { 0.0 } else { g / self.decay };
+        [rate + h * g1, h * a0, 0.5 * h * a1, h * a2 / 3.0, 0.0, -h * g1]
+    }
+
+    /// The displacement over a step with an acceleration, from displacement and velocity at its start: s(0) + h ṡ(0) τ +
+    /// h² (a₀τ²/2 + a₁τ³/6 + a₂τ⁴/12 + g τ/λ − g (1 − e^{−λτ})/λ²).
+    pub fn displacement(&self, (s, rate): (f64, f64), [a0, a1, a2, _, _, g]: Course) -> Course {
+        let (h, square) = (self.step_s, self.step_s * self.step_s);
         let g1 = if self.decay.is_infinite() { 0.0 } else { g / self.decay };
         let g2 = if self.decay.is_infinite() { 0.0 } else { g1 / self.decay };
-        let velocity = [rate + h * g1, h * a0, 0.5 * h * a1, h * a2 / 3.0, 0.0, -h * g1];
-        let square = h * h;
-        let displacement = [
-            s - square * g2,
-            h * rate + square * g1,
-            0.5 * square * a0,
-            square * a1 / 6.0,
-            square * a2 / 12.0,
-            square * g2,
-        ];
+        [s - square * g2, h * rate + square * g1, 0.5 * square * a0, square * a1 / 6.0, square * a2 / 12.0, square * g2]
+    }
+
+    /// m s̈ + c ṡ + k s over the step with the acceleration s̈, from s and ṡ at its start.
+    fn taken(&self, attachment: &Attachment, (s, rate): (f64, f64), acceleration: Course) -> Course {
+        let velocity = self.velocity(rate, acceleration);
+        let displacement = self.displacement((s, rate), acceleration);
         let Attachment { mass_kg, stiffness_n_m, damping_n_s_m, .. } = *attachment;
         core::array::from_fn(|term| {
             mass_kg * acceleration[term] + damping_n_s_m * velocity[term] + stiffness_n_m * displacement[term]

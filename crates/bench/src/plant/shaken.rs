@@ -8,12 +8,13 @@ use nalgebra::Vector2;
 use thiserror::Error;
 
 use super::assembly_steps::AssemblySteps;
+use super::more::{CurrentChange, More};
 use super::sampling::{Course, Filter, PointMotion, ShakenStep, Sums};
 use super::stepped::{Loads, Stepped};
 use super::tested::{Placed, TestedAssembly};
 use super::{PlantSpec, PlantSpecError};
 use crate::rig::{Amplifier, Measurement, ShakerSpec};
-use crate::structure::StructureError;
+use crate::structure::{LOADS, StructureError};
 use resonarm_dynamics::arm::{Attachment, Load};
 use resonarm_dynamics::structure::{Armature, Circuit, Coil, LEAST_DECAY, Stroke};
 use resonarm_numeric::number::short;
@@ -186,7 +187,32 @@ impl Shaken {
             displacement_m: start.armature[0],
             attachment: self.spec.armature(),
             force_n,
+            change: CurrentChange {
+                ends_a: [currents_a[0] - start.current_a, currents_a[1] - end.current_a],
+                transient_a,
+            },
         }
+    }
+
+    /// Reads the motion of the sensors beside B and C, and how a current changes it, as that at the end of a step.
+    fn read_more(&self, more: &mut More, loads: &Loads) {
+        if more.is_empty() {
+            return;
+        }
+        let (_, _, current_a) = self.steps.shaker_state(self.blocked_n(loads));
+        self.steps.more_at_current(current_a + 1.0, &mut more.end);
+        let per_ampere = more.end_per_ampere.iter_mut().zip(&more.end);
+        per_ampere.for_each(|(per_ampere, at)| *per_ampere = at.acceleration);
+        self.steps.more_at_current(current_a, &mut more.end);
+        let per_ampere = more.end_per_ampere.iter_mut().zip(&more.end);
+        per_ampere.for_each(|(per_ampere, at)| *per_ampere -= at.acceleration);
+    }
+
+    /// Settles the converters of the sensors beside B and C at the state without a load.
+    pub fn settle_more(&self, more: &mut More, filter: Option<&Filter>) {
+        self.read_more(more, &[0.0; LOADS.len()]);
+        more.step_on();
+        more.settle(filter);
     }
 
     /// Makes the `steps` steps of a hold from the time `start_s`, s; returns what converters without a filter sample.
@@ -195,17 +221,29 @@ impl Shaken {
         (start_s, steps): (f64, u32),
         loads: &Loads,
         (filter, sums): (Option<&Filter>, &mut Sums),
+        more: &mut More,
     ) -> Result<[f64; Measurement::CHANNELS], StructureError> {
         let mut sampled = [0.0; Measurement::CHANNELS];
         let mut before = filter.map(|_| self.motion(loads));
+        if filter.is_some() {
+            self.read_more(more, loads);
+        }
         for part in 0..steps {
             self.steps.advance(start_s + f64::from(part) * self.step_s, loads)?;
             if let (Some(filter), Some(start)) = (filter, &before) {
                 let end = self.motion(loads);
-                filter.add_shaken(sums, part as usize, &self.step([start, &end], loads));
+                let step = self.step([start, &end], loads);
+                filter.add_shaken(sums, part as usize, &step);
+                if !more.is_empty() {
+                    more.step_on();
+                    self.read_more(more, loads);
+                    more.add(filter, part as usize, step.change);
+                }
                 before = Some(end);
             } else if 2 * (part + 1) == steps {
                 sampled = self.instant(loads);
+                self.read_more(more, loads);
+                more.sample();
             }
         }
         let (displacement_m, velocity_m_s, current_a) = self.steps.shaker_state(self.blocked_n(loads));

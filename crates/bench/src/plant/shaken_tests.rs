@@ -113,7 +113,8 @@ fn a_saved_shaken_structure_continues_with_the_same_bits() {
                 assert_eq!(restored[0].save(), plant.save(), "{shaker:?}, {converter:?}");
                 assert_eq!(*restored[1].states(), *plant.states());
             }
-            let names: Vec<&str> = plant.structure().states().iter().map(|channel: &Channel| channel.name).collect();
+            let names: Vec<&str> =
+                plant.structure().states().iter().map(|channel: &Channel| channel.name.as_str()).collect();
             assert_eq!(names[4], "coil_current_a");
         }
     }

@@ -5,6 +5,7 @@ use core::fmt;
 
 use super::sampling::PointMotion;
 use crate::structure::{Channel, LOADS, StructureError};
+use resonarm_dynamics::structure::Kinematics;
 
 /// The loads that act on a structure, in the order of [`LOADS`]: torques at joints 1 and 2, N·m, forces of the exciter
 /// along x and y, N.
@@ -30,6 +31,15 @@ pub trait Stepped: fmt::Debug + Send + Sync {
     /// # Errors
     /// [`StructureError`] if it can't take a load, or its equations can't be solved.
     fn points(&self, t_s: f64, loads: &Loads) -> Result<PointMotion, StructureError>;
+
+    /// The motion that the sensors beside B and C read at the time `t_s`, s, under the loads, a degree of freedom each.
+    /// A structure without such sensors writes nothing.
+    ///
+    /// # Errors
+    /// As [`Stepped::points`].
+    fn more(&self, _t_s: f64, _loads: &Loads, _out: &mut [Kinematics]) -> Result<(), StructureError> {
+        Ok(())
+    }
 
     /// The motion of the points at the start of the first step of a hold, of length `step_s`, s, under the loads of
     /// the hold, of a structure that knows it only afterwards: `from` is what [`Stepped::points`] gave at the start,

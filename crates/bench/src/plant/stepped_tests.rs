@@ -85,7 +85,8 @@ fn modal(spec: &PlantSpec) -> Plant {
     let body = BodySpec::Modal(ModalSpec { modes, shapes: vec![shape("tip", SHAPE), shape("still", 0.0)] });
     let assembly = Assembly::new(&StructureSpec { body, elements: Vec::new() }).unwrap();
     let at = |name: &str| Placed { along: [Some(assembly.dof(name).unwrap()), None] };
-    let places = Places { exciter: at("tip.x"), accelerometer_b: at("still.x"), accelerometer_c: at("tip.x") };
+    let places =
+        Places { exciter: at("tip.x"), accelerometer_b: at("still.x"), accelerometer_c: at("tip.x"), more: vec![] };
     Plant::new(spec, &TestedAssembly { initial: mode().state.to_vec(), places, assembly }).unwrap()
 }
 

@@ -87,7 +87,8 @@ to_s = 0.2
 
 #[test]
 fn names_its_channels_with_their_units() {
-    let names = |channels: &[Channel]| channels.iter().map(|channel| channel.name).collect::<Vec<_>>().join(" ");
+    let names =
+        |channels: &[Channel]| channels.iter().map(|channel| channel.name.as_str()).collect::<Vec<_>>().join(" ");
     let plant = plant(&shaken(SHAKER));
     let structure = plant.structure();
     assert_eq!(names(structure.inputs()), "torque1_nm torque2_nm force_x_n force_y_n");
@@ -179,7 +180,7 @@ fn any_structure_makes_a_plant() {
     let spec = super::tests::ideal_rig();
     let channels = [LOADS.to_vec(), OUTPUTS.to_vec(), crate::structure::STATES[..2].to_vec()];
     let mass = Mass { channels, state: [0.0; 2], force_n: 0.0 };
-    let rig = || Rig::new(&spec, 1000.0, 1).unwrap();
+    let rig = || Rig::new(&spec, &OUTPUTS, 1000.0, 1).unwrap();
     let mut other = mass.clone();
     other.channels[1].swap(0, 2);
     insta::assert_snapshot!(Plant::of(Box::new(other), rig(), 1000.0).unwrap_err(), @"the structure has 4 inputs, 6 outputs and 2 states: a plant takes the 4 loads and 6 outputs of the arm, in their order, and at most 97 states");

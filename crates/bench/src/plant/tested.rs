@@ -8,6 +8,8 @@ use alloc::vec::Vec;
 use nalgebra::Vector2;
 
 use crate::excitation::Amplitude;
+use crate::rig::{InstrumentName, Measured};
+use crate::structure::{Axis, Channel, sensor_channels};
 use resonarm_dynamics::structure::{Assembly, Dof};
 
 /// What the exciter or an instrument is at: the degrees of freedom that are its x and y, if the structure has them.
@@ -30,8 +32,19 @@ impl Placed {
     }
 }
 
+/// A sensor beside B and C where it is on a structure.
+#[derive(Clone, Debug, PartialEq)]
+pub struct PlacedSensor {
+    /// Its name.
+    pub name: InstrumentName,
+    /// What it measures.
+    pub measures: Measured,
+    /// Its axes with the degrees of freedom that it reads, at most three.
+    pub along: Vec<(Axis, Dof)>,
+}
+
 /// Where a rig is on a structure.
-#[derive(Clone, Copy, Debug, PartialEq)]
+#[derive(Clone, Debug, PartialEq)]
 pub struct Places {
     /// The exciter, with the impedance head.
     pub exciter: Placed,
@@ -39,6 +52,20 @@ pub struct Places {
     pub accelerometer_b: Placed,
     /// Accelerometer C.
     pub accelerometer_c: Placed,
+    /// The other sensors, in the order of their names.
+    pub more: Vec<PlacedSensor>,
+}
+
+impl Places {
+    /// The channels of the sensors beside B and C.
+    pub fn more_channels(&self) -> Vec<Channel> {
+        let mut channels = Vec::new();
+        for (sensor, number) in self.more.iter().zip(1..) {
+            let axes: Vec<Axis> = sensor.along.iter().map(|(axis, _)| *axis).collect();
+            channels.extend(sensor_channels(sensor.name, sensor.measures, &axes, number, channels.len()));
+        }
+        channels
+    }
 }
 
 /// A chain of links or vibration modes under test.
@@ -67,7 +94,7 @@ impl TestedAssembly {
     /// A structure at rest: the exciter and accelerometer C are at the point `tip`, accelerometer B at the point `b`.
     pub fn at_rest(assembly: Assembly, tip: &str, b: &str) -> TestedAssembly {
         let [tip, b] = [tip, b].map(|point| Placed::at_point(&assembly, point));
-        let places = Places { exciter: tip, accelerometer_b: b, accelerometer_c: tip };
+        let places = Places { exciter: tip, accelerometer_b: b, accelerometer_c: tip, more: Vec::new() };
         TestedAssembly { initial: vec![0.0; 2 * assembly.coordinates()], places, assembly }
     }
 

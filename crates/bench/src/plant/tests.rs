@@ -127,7 +127,11 @@ pub(super) const SHAKER: ShakerSpec = ShakerSpec {
 pub(crate) fn ideal_rig() -> RigSpec {
     let ideal = |measures| SensorSpec { noise_rms: Some(0.0), resolution: Some(0.0), ..SensorSpec::of(measures) };
     let (head, accelerometer) = (ideal(Measured::Force), ideal(Measured::Acceleration));
-    RigSpec { head, sensors: SensorSpecs { b: accelerometer, c: accelerometer }, ..RigSpec::default() }
+    RigSpec {
+        head,
+        sensors: SensorSpecs { b: accelerometer, c: accelerometer, ..SensorSpecs::default() },
+        ..RigSpec::default()
+    }
 }
 
 /// A plant with a shaker and instruments without noise and resolution.

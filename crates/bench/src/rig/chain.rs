@@ -1,4 +1,4 @@
-//! The signal chain of an instrument: two axes, each from the true value to the reading.
+//! The signal chain of an instrument: up to three axes, each from the true value to the reading.
 //!
 //! gravity → transverse → gain → sensor's noise → sensor's range → high-pass → low-pass → delay → converter (rounding,
 //! range).
@@ -16,6 +16,7 @@ use alloc::vec::Vec;
 use super::SensorSpec;
 use super::fault::Fault;
 use super::filter::Section;
+use crate::structure::Axis;
 use resonarm_numeric::noise::Noise;
 
 /// The reading of one axis.
@@ -35,25 +36,32 @@ impl Reading {
     }
 }
 
-/// A two-axis instrument.
+/// The most axes of an instrument.
+pub(super) const MOST_AXES: usize = 3;
+
+/// An instrument of one to three axes.
 #[derive(Clone, Debug)]
 pub(super) struct Instrument {
-    gravity: Option<f64>,
+    /// The reading of gravity along each axis.
+    gravity: Option<[f64; MOST_AXES]>,
     transverse: Option<f64>,
-    axes: [Axis; 2],
+    axes: Vec<AxisChain>,
     faults: Vec<Fault>,
     /// Its last reading.
-    last: [Reading; 2],
+    last: [Reading; MOST_AXES],
 }
 
 impl Instrument {
-    /// A valid instrument at `rate_hz` samples a second, with the noise streams `stream` and `stream + 1` of `seed`.
-    pub fn new(spec: &SensorSpec, rate_hz: f64, seed: u64, stream: u64) -> Instrument {
-        let (gravity, transverse) = (spec.gravity_m_s2, spec.transverse);
-        let [x, y] = seen([0.0; 2], gravity, transverse);
-        let axis = |rest, stream| Axis::new(spec, rate_hz, Noise::new(seed, stream), rest);
-        let axes = [axis(x, stream), axis(y, stream + 1)];
-        let last = [axes[0].at_rest(), axes[1].at_rest()];
+    /// A valid instrument with these axes at `rate_hz` samples a second, with noise of the streams from `stream` on of
+    /// `seed`, one for each axis.
+    pub fn new(spec: &SensorSpec, along: &[Axis], rate_hz: f64, seed: u64, stream: u64) -> Instrument {
+        let of_gravity =
+            |gravity: f64| core::array::from_fn(|place| if along.get(place) == Some(&Axis::Y) { gravity } else { 0.0 });
+        let (gravity, transverse) = (spec.gravity_m_s2.map(of_gravity), spec.transverse);
+        let rest = seen([0.0; MOST_AXES], along.len(), gravity.as_ref(), transverse);
+        let chain = |(stream, rest): (u64, f64)| AxisChain::new(spec, rate_hz, Noise::new(seed, stream), rest);
+        let axes: Vec<AxisChain> = (stream..).zip(rest).take(along.len()).map(chain).collect();
+        let last = core::array::from_fn(|place| axes.get(place).map_or(Reading::default(), AxisChain::at_rest));
         Instrument { gravity, transverse, axes, faults: Vec::new(), last }
     }
 
@@ -64,8 +72,9 @@ impl Instrument {
 
     /// What its axes have gathered, and its last reading, value and mark.
     pub fn gathered(&mut self) -> impl Iterator<Item = f64> {
-        let last = self.last.into_iter().flat_map(|reading| [reading.value, f64::from(u8::from(reading.clipped))]);
-        self.axes.iter_mut().flat_map(Axis::gathered).map(|number| *number).chain(last)
+        let last = self.last.into_iter().take(self.axes.len());
+        let last = last.flat_map(|reading| [reading.value, f64::from(u8::from(reading.clipped))]);
+        self.axes.iter_mut().flat_map(AxisChain::gathered).map(|number| *number).chain(last)
     }
 
     /// Continues at a sample with what [`Instrument::gathered`] gave; returns whether there were enough numbers.
@@ -77,7 +86,7 @@ impl Instrument {
                 *to = number;
             }
         }
-        for last in &mut self.last {
+        for last in self.last.iter_mut().take(self.axes.len()) {
             let (Some(value), Some(clipped)) = (numbers.next(), numbers.next()) else { return false };
             *last = Reading { value, clipped: clipped != 0.0 };
         }
@@ -85,9 +94,9 @@ impl Instrument {
         true
     }
 
-    /// Its reading at sample `sample` of `truth`, along x and y of the base frame.
-    pub fn read(&mut self, sample: u64, truth: [f64; 2]) -> [Reading; 2] {
-        let seen = seen(truth, self.gravity, self.transverse);
+    /// Its reading at sample `sample` of `truth`, one number for each axis.
+    pub fn read(&mut self, sample: u64, truth: [f64; MOST_AXES]) -> [Reading; MOST_AXES] {
+        let seen = seen(truth, self.axes.len(), self.gravity.as_ref(), self.transverse);
         for (index, axis) in self.axes.iter_mut().enumerate() {
             let value = axis.conditioned(seen[index]);
             let value = self.faults.iter_mut().fold(value, |value, fault| fault.disturbed(sample, index, value));
@@ -97,18 +106,38 @@ impl Instrument {
         }
         self.last
     }
+
+    /// The number of its axes.
+    pub fn axes(&self) -> usize {
+        self.axes.len()
+    }
 }
 
-/// The inputs of the axes: gravity g along −y is an acceleration g along y, and t is the share of the other axis: x + t
-/// y and y + t x.
-fn seen([x, y]: [f64; 2], gravity: Option<f64>, transverse: Option<f64>) -> [f64; 2] {
-    let y = gravity.map_or(y, |gravity| y + gravity);
-    transverse.map_or([x, y], |share| [x + share * y, y + share * x])
+/// The inputs of `count` axes: gravity g along −y is an acceleration g along y, and t is the share of the other axes: of
+/// two x + t y and y + t x.
+fn seen(
+    truth: [f64; MOST_AXES],
+    count: usize,
+    gravity: Option<&[f64; MOST_AXES]>,
+    transverse: Option<f64>,
+) -> [f64; MOST_AXES] {
+    let mut heavy = truth;
+    if let Some(gravity) = gravity {
+        heavy.iter_mut().zip(gravity).filter(|(_, g)| **g != 0.0).for_each(|(axis, g)| *axis += g);
+    }
+    let Some(share) = transverse else { return heavy };
+    core::array::from_fn(|place| {
+        let others = heavy.iter().take(count).enumerate().filter(|(other, _)| *other != place);
+        others
+            .map(|(_, other)| *other)
+            .reduce(|sum, other| sum + other)
+            .map_or(heavy[place], |sum| heavy[place] + share * sum)
+    })
 }
 
 /// One axis.
 #[derive(Clone, Debug)]
-struct Axis {
+struct AxisChain {
     gain: f64,
     noise_rms: f64,
     noise: Noise,
@@ -123,9 +152,9 @@ struct Axis {
     quantizer: Quantizer,
 }
 
-impl Axis {
+impl AxisChain {
     /// An axis settled on `rest`.
-    fn new(spec: &SensorSpec, rate_hz: f64, noise: Noise, rest: f64) -> Axis {
+    fn new(spec: &SensorSpec, rate_hz: f64, noise: Noise, rest: f64) -> AxisChain {
         let gain = spec.gain.unwrap_or(1.0);
         let sensor_range = spec.sensor_range.unwrap_or(f64::INFINITY);
         let mut highpass = spec.highpass_hz.map(|corner_hz| Section::highpass(corner_hz, rate_hz));
@@ -133,7 +162,7 @@ impl Axis {
         let rest = (gain * rest).clamp(-sensor_range, sensor_range);
         let rest = highpass.as_mut().map_or(rest, |highpass| highpass.settle(rest));
         let rest = lowpass.as_mut().map_or(rest, |lowpass| lowpass.settle(rest));
-        Axis {
+        AxisChain {
             gain,
             noise_rms: spec.sensor_noise(rate_hz),
             noise,

@@ -31,8 +31,19 @@ pub enum RigError {
         /// The keys.
         names: [&'static str; 2],
     },
+    /// A sensor of which the structure says no motion.
+    #[error(
+        "{section}: the structure serves head, b and c alone, as its equations are not Resonarm's: leave the sensor out, or take a \
+         structure of the scenario"
+    )]
+    NotSensed {
+        /// The section of the scenario.
+        section: Section,
+    },
     /// A fault of an instrument that the rig does not have.
-    #[error("rig.faults, number {number}: `instrument` is \"{got}\": the instruments are head, b and c")]
+    #[error(
+        "rig.faults, number {number}: `instrument` is \"{got}\": expected \"head\", or the name of a sensor in [rig.sensors]"
+    )]
     FaultInstrument {
         /// The number of the fault, from 1.
         number: usize,

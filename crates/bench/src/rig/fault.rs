@@ -7,7 +7,9 @@ use alloc::boxed::Box;
 
 use serde::{Deserialize, Serialize};
 
+use super::chain::MOST_AXES;
 use super::{InstrumentName, Measured, Reading, RigError};
+use crate::structure::Axis;
 use resonarm_numeric::noise::Noise;
 
 /// The most faults of a rig.
@@ -15,6 +17,8 @@ pub const MOST_FAULTS: usize = 64;
 
 /// The first stream of the faults' noise; those before are the instruments'.
 const FIRST_STREAM: u64 = 1 << 32;
+/// The first stream of the noise of third axes.
+const FIRST_THIRD_STREAM: u64 = 1 << 33;
 
 /// Which axes of an instrument have a fault.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
@@ -24,7 +28,9 @@ pub enum FaultAxis {
     X,
     /// Along y.
     Y,
-    /// Both.
+    /// Along z.
+    Z,
+    /// All that it has.
     #[default]
     Both,
 }
@@ -68,29 +74,62 @@ pub struct FaultSpec {
     /// Rate of a drift, N/s.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub rate_n_per_s: Option<f64>,
+    /// Rate of a drift, (m/s)/s.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub rate_m_s_per_s: Option<f64>,
+    /// Rate of a drift, m/s.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub rate_m_per_s: Option<f64>,
+    /// Rate of a drift, rad/s.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub rate_rad_per_s: Option<f64>,
     /// Standard deviation of noise, m/s², not negative.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub rms_m_s2: Option<f64>,
     /// Standard deviation of noise, N, not negative.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub rms_n: Option<f64>,
+    /// Standard deviation of noise, m/s, not negative.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub rms_m_s: Option<f64>,
+    /// Standard deviation of noise, m, not negative.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub rms_m: Option<f64>,
+    /// Standard deviation of noise, rad, not negative.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub rms_rad: Option<f64>,
     /// Amplitude of a spike, m/s².
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub amplitude_m_s2: Option<f64>,
     /// Amplitude of a spike, N.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub amplitude_n: Option<f64>,
+    /// Amplitude of a spike, m/s.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub amplitude_m_s: Option<f64>,
+    /// Amplitude of a spike, m.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub amplitude_m: Option<f64>,
+    /// Amplitude of a spike, rad.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub amplitude_rad: Option<f64>,
 }
 
 impl FaultSpec {
-    /// The key of the amount, if the kind has one, in the unit of the instrument.
+    /// The key of the amount, if the kind has one, in the unit of what the instrument measures.
     fn key(&self, measures: Measured) -> Option<&'static str> {
-        let force = measures == Measured::Force;
+        let [rate, rms, amplitude] = match measures {
+            Measured::Acceleration => ["rate_m_s2_per_s", "rms_m_s2", "amplitude_m_s2"],
+            Measured::Force => ["rate_n_per_s", "rms_n", "amplitude_n"],
+            Measured::Velocity => ["rate_m_s_per_s", "rms_m_s", "amplitude_m_s"],
+            Measured::Displacement => ["rate_m_per_s", "rms_m", "amplitude_m"],
+            Measured::Angle => ["rate_rad_per_s", "rms_rad", "amplitude_rad"],
+        };
         match self.kind {
             FaultKind::Stuck | FaultKind::Dropout => None,
-            FaultKind::Drift => Some(if force { "rate_n_per_s" } else { "rate_m_s2_per_s" }),
-            FaultKind::Noise => Some(if force { "rms_n" } else { "rms_m_s2" }),
-            FaultKind::Spike => Some(if force { "amplitude_n" } else { "amplitude_m_s2" }),
+            FaultKind::Drift => Some(rate),
+            FaultKind::Noise => Some(rms),
+            FaultKind::Spike => Some(amplitude),
         }
     }
 
@@ -99,10 +138,19 @@ impl FaultSpec {
         let stated = [
             ("rate_m_s2_per_s", self.rate_m_s2_per_s),
             ("rate_n_per_s", self.rate_n_per_s),
+            ("rate_m_s_per_s", self.rate_m_s_per_s),
+            ("rate_m_per_s", self.rate_m_per_s),
+            ("rate_rad_per_s", self.rate_rad_per_s),
             ("rms_m_s2", self.rms_m_s2),
             ("rms_n", self.rms_n),
+            ("rms_m_s", self.rms_m_s),
+            ("rms_m", self.rms_m),
+            ("rms_rad", self.rms_rad),
             ("amplitude_m_s2", self.amplitude_m_s2),
             ("amplitude_n", self.amplitude_n),
+            ("amplitude_m_s", self.amplitude_m_s),
+            ("amplitude_m", self.amplitude_m),
+            ("amplitude_rad", self.amplitude_rad),
         ];
         let wanted = self.key(measures);
         let mut size = None;
@@ -129,7 +177,8 @@ impl FaultSpec {
 /// A fault of one instrument.
 #[derive(Clone, Debug)]
 pub(super) struct Fault {
-    axes: [bool; 2],
+    /// Which axes of the instrument have it.
+    axes: [bool; MOST_AXES],
     /// The first sample with the fault, and the first after it.
     first: u64,
     end: u64,
@@ -143,13 +192,18 @@ enum Effect {
     /// A sample's share of the drift.
     Drift(f64),
     /// Standard deviation, and a stream for each axis.
-    Noise(f64, Box<[Noise; 2]>),
+    Noise(f64, Box<[Noise; MOST_AXES]>),
     Spike(f64),
 }
 
 impl Fault {
-    /// The fault at `index` among those of the rig, of an instrument that measures this.
-    pub fn new(spec: &FaultSpec, measures: Measured, index: usize, rate_hz: f64, seed: u64) -> Result<Fault, RigError> {
+    /// The fault at `index` among those of the rig, of an instrument that measures this along these axes.
+    pub fn new(
+        spec: &FaultSpec,
+        (measures, along): (Measured, &[Axis]),
+        index: usize,
+        (rate_hz, seed): (f64, u64),
+    ) -> Result<Fault, RigError> {
         let number = index + 1;
         if !(spec.from_s.is_finite() && spec.from_s >= 0.0) {
             let (name, expected) = ("from_s", "zero or a positive number");
@@ -172,11 +226,21 @@ impl Fault {
             FaultKind::Dropout => Effect::Dropout,
             FaultKind::Drift => Effect::Drift(size / rate_hz),
             FaultKind::Noise => {
-                Effect::Noise(size, Box::new([stream, stream + 1].map(|stream| Noise::new(seed, stream))))
+                let streams = [stream, stream + 1, FIRST_THIRD_STREAM + index as u64];
+                Effect::Noise(size, Box::new(streams.map(|stream| Noise::new(seed, stream))))
             }
             FaultKind::Spike => Effect::Spike(size),
         };
-        let axes = [spec.axis != FaultAxis::Y, spec.axis != FaultAxis::X];
+        let has = |axis: &Axis| match spec.axis {
+            FaultAxis::X => *axis == Axis::X,
+            FaultAxis::Y => *axis == Axis::Y,
+            FaultAxis::Z => *axis == Axis::Z,
+            FaultAxis::Both => true,
+        };
+        if !along.iter().any(has) {
+            return Err(RigError::FaultKeyIdle { number, key: "axis" });
+        }
+        let axes = core::array::from_fn(|place| along.get(place).is_some_and(has));
         Ok(Fault { axes, first, end, effect })
     }
 
@@ -226,6 +290,7 @@ fn sample_at(time_s: f64, rate_hz: f64) -> u64 {
 mod tests {
     use super::*;
     use crate::rig::{Measurement, Rig, RigSpec};
+    use crate::structure::OUTPUTS;
     use alloc::format;
     use alloc::string::{String, ToString};
     use alloc::vec::Vec;
@@ -239,7 +304,7 @@ mod tests {
 
     /// Readings at 10 Hz of an acceleration of 1, 2, 3 … m/s² along x of B, and twice that along y.
     fn readings(spec: &RigSpec, samples: u64) -> Vec<Measurement> {
-        let mut rig = Rig::new(spec, 10.0, 5).unwrap();
+        let mut rig = Rig::new(spec, &OUTPUTS, 10.0, 5).unwrap();
         let sampled = |sample: u64| {
             let x = sample as f64 + 1.0;
             [3.0, 4.0, x, 2.0 * x, 0.0, 0.0]
@@ -319,7 +384,7 @@ mod tests {
     fn says_what_is_wrong_with_a_fault() {
         let says = |rest: &str| {
             let good = "[[faults]]\ninstrument = 'c'\nkind = 'stuck'\nfrom_s = 1\n";
-            Rig::new(&spec(&format!("{good}[[faults]]\n{rest}")), 1000.0, 0).unwrap_err().to_string()
+            Rig::new(&spec(&format!("{good}[[faults]]\n{rest}")), &OUTPUTS, 1000.0, 0).unwrap_err().to_string()
         };
         let c = |rest: &str| says(&format!("instrument = 'c'\n{rest}"));
         insta::assert_snapshot!(c("kind = 'stuck'\nfrom_s = -1"), @"rig.faults, number 2: `from_s` is -1: it must be zero or a positive number");

@@ -8,6 +8,7 @@ mod filter;
 mod gate;
 mod name;
 mod place;
+mod readings;
 mod sensor;
 mod shaker;
 
@@ -18,6 +19,7 @@ pub use fault::{FaultAxis, FaultKind, FaultSpec, MOST_FAULTS};
 pub use gate::GateSpec;
 pub use name::{InstrumentName, Section};
 pub use place::PlaceName;
+pub use readings::{MOST_CHANNELS, MOST_MORE, Readings};
 pub use sensor::{Measured, SensorSpec, SensorSpecs};
 pub use shaker::{Amplifier, ShakerLimit, ShakerSpec};
 
@@ -25,8 +27,10 @@ use alloc::vec::Vec;
 
 use serde::{Deserialize, Serialize};
 
-use chain::Instrument;
+use chain::{Instrument, MOST_AXES};
 use fault::Fault;
+
+use crate::structure::{Axis, Channel, Point};
 
 /// The instruments of a rig in a scenario.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
@@ -75,24 +79,33 @@ impl RigSpec {
     /// The same rig with sensors without noise; faults keep theirs.
     #[must_use]
     pub fn without_noise(mut self) -> RigSpec {
-        for sensor in [&mut self.head, &mut self.sensors.b, &mut self.sensors.c] {
+        let SensorSpecs { b, c, more } = &mut self.sensors;
+        for sensor in [&mut self.head, b, c].into_iter().chain(more.values_mut()) {
             *sensor = sensor.without_noise();
         }
         self
     }
 
-    /// The instruments that every rig has.
-    fn instruments(&self) -> [(InstrumentName, &SensorSpec); 3] {
-        let SensorSpecs { b, c } = &self.sensors;
-        [(InstrumentName::HEAD, &self.head), (InstrumentName::B, b), (InstrumentName::C, c)]
+    /// The head and all sensors, by name.
+    pub fn instruments(&self) -> impl Iterator<Item = (InstrumentName, &SensorSpec)> {
+        let SensorSpecs { b, c, more } = &self.sensors;
+        let first = [(InstrumentName::HEAD, &self.head), (InstrumentName::B, b), (InstrumentName::C, c)];
+        first.into_iter().chain(more.iter().map(|(name, sensor)| (*name, sensor)))
     }
 
-    /// The faults of an instrument, each with its own noise.
-    fn faults_of(&self, name: InstrumentName, rate_hz: f64, seed: u64) -> Result<Vec<Fault>, RigError> {
-        let measures =
-            |name| self.instruments().into_iter().find(|(known, _)| *known == name).map(|(_, spec)| spec.measures);
+    /// Makes a valid instrument with these axes and with its faults.
+    fn instrument(
+        &self,
+        name: InstrumentName,
+        sensor: &SensorSpec,
+        along: &[Axis],
+        (rate_hz, seed): (f64, u64),
+    ) -> Result<Instrument, RigError> {
+        sensor.check(name.section(), rate_hz)?;
         let own = self.faults.iter().enumerate().filter(|(_, fault)| fault.instrument == name);
-        own.filter_map(|(index, fault)| Some(Fault::new(fault, measures(name)?, index, rate_hz, seed))).collect()
+        let faults = own.map(|(index, fault)| Fault::new(fault, (sensor.measures, along), index, (rate_hz, seed)));
+        let faults = faults.collect::<Result<Vec<_>, _>>()?;
+        Ok(Instrument::new(sensor, along, rate_hz, seed, name.stream()).with_faults(faults))
     }
 }
 
@@ -108,16 +121,26 @@ pub struct Measurement {
     pub acceleration_b_m_s2: [Reading; 2],
     /// Acceleration of C, m/s².
     pub acceleration_c_m_s2: [Reading; 2],
+    /// The readings of the other sensors, which the protocol does not carry.
+    pub more: Readings,
 }
 
 impl Measurement {
-    /// The number of readings in it.
+    /// The number of readings of head, B and C.
     pub const CHANNELS: usize = 6;
 
-    /// All readings: head x, y; B x, y; C x, y.
+    /// The readings of head, B and C: head x, y; B x, y; C x, y.
     pub fn readings(&self) -> [Reading; Measurement::CHANNELS] {
         let ([hx, hy], [bx, by], [cx, cy]) = (self.head_force_n, self.acceleration_b_m_s2, self.acceleration_c_m_s2);
         [hx, hy, bx, by, cx, cy]
+    }
+
+    /// The reading at this place among the outputs of the plant's structure: those of head, B and C come first.
+    pub fn reading(&self, place: usize) -> Option<Reading> {
+        match place.checked_sub(Measurement::CHANNELS) {
+            Some(more) => self.more.get(more),
+            None => self.readings().get(place).copied(),
+        }
     }
 }
 
@@ -129,14 +152,21 @@ pub struct Rig {
     head: Instrument,
     accelerometer_b: Instrument,
     accelerometer_c: Instrument,
+    /// The other sensors, in the order of their channels.
+    more: Vec<Instrument>,
 }
 
+/// The axes of the instruments that every rig has.
+const PLANE: [Axis; 2] = [Axis::X, Axis::Y];
+
 impl Rig {
-    /// Checks the specification and seeds the noise. `rate_hz` is the sample rate, Hz, positive.
+    /// Checks the specification and seeds the noise. `rate_hz` is the sample rate, Hz, positive; `outputs` are what the
+    /// converters sample, head, B and C first, then the channels of the other sensors
+    /// ([`sensor_channels`](crate::structure::sensor_channels)).
     ///
     /// # Errors
-    /// [`RigError`] names the first invalid value.
-    pub fn new(spec: &RigSpec, rate_hz: f64, seed: u64) -> Result<Rig, RigError> {
+    /// [`RigError`] names the first invalid value, and a sensor that `outputs` do not have.
+    pub fn new(spec: &RigSpec, outputs: &[Channel], rate_hz: f64, seed: u64) -> Result<Rig, RigError> {
         let exciter = spec.drive();
         spec.exciter.check()?;
         exciter.check()?;
@@ -144,31 +174,43 @@ impl Rig {
         if spec.faults.len() > MOST_FAULTS {
             return Err(RigError::TooManyFaults { got: spec.faults.len() });
         }
-        if let Some((index, fault)) = spec
-            .faults
-            .iter()
-            .enumerate()
-            .find(|(_, fault)| spec.instruments().iter().all(|(name, _)| *name != fault.instrument))
-        {
-            return Err(RigError::FaultInstrument { number: index + 1, got: fault.instrument });
+        let is_known = |fault: &FaultSpec| spec.instruments().any(|(name, _)| name == fault.instrument);
+        if let Some(index) = spec.faults.iter().position(|fault| !is_known(fault)) {
+            return Err(RigError::FaultInstrument { number: index + 1, got: spec.faults[index].instrument });
         }
-        let instrument = |name: InstrumentName, sensor: &SensorSpec, stream| {
-            sensor.check(name.section(), rate_hz)?;
-            Ok(Instrument::new(sensor, rate_hz, seed, stream).with_faults(spec.faults_of(name, rate_hz, seed)?))
-        };
+        let plane = |name, sensor| spec.instrument(name, sensor, &PLANE, (rate_hz, seed));
+        let more = spec.sensors.more.iter().map(|(name, sensor)| {
+            let is_of = |channel: &&Channel| matches!(channel.point, Point::Sensor { name: of, .. } if of == *name);
+            let along: Vec<Axis> = outputs.iter().filter(is_of).map(|channel| channel.axis).collect();
+            if along.is_empty() {
+                return Err(RigError::NotSensed { section: name.section() });
+            }
+            if let Some(got) = sensor.gravity_m_s2
+                && !along.contains(&Axis::Y)
+            {
+                let expected = "left out: gravity is along y, and the sensor has no axis y";
+                return Err(RigError::Spec { section: name.section(), name: "gravity_m_s2", got, expected });
+            }
+            spec.instrument(*name, sensor, &along, (rate_hz, seed))
+        });
         Ok(Rig {
             exciter,
             gate: spec.gate,
-            head: instrument(InstrumentName::HEAD, &spec.head, 0)?,
-            accelerometer_b: instrument(InstrumentName::B, &spec.sensors.b, 2)?,
-            accelerometer_c: instrument(InstrumentName::C, &spec.sensors.c, 4)?,
+            head: plane(InstrumentName::HEAD, &spec.head)?,
+            accelerometer_b: plane(InstrumentName::B, &spec.sensors.b)?,
+            accelerometer_c: plane(InstrumentName::C, &spec.sensors.c)?,
+            more: more.collect::<Result<_, _>>()?,
         })
+    }
+
+    /// All instruments.
+    fn instruments(&mut self) -> impl Iterator<Item = &mut Instrument> {
+        [&mut self.head, &mut self.accelerometer_b, &mut self.accelerometer_c].into_iter().chain(&mut self.more)
     }
 
     /// What filters, delays and faults of the instruments have gathered at a sample, before its reading.
     pub fn gathered(&mut self) -> Vec<f64> {
-        let instruments = [&mut self.head, &mut self.accelerometer_b, &mut self.accelerometer_c];
-        instruments.into_iter().flat_map(Instrument::gathered).collect()
+        self.instruments().flat_map(Instrument::gathered).collect()
     }
 
     /// Continues at sample `sample` with what [`Rig::gathered`] gave there; returns `false` if it was of another rig,
@@ -176,8 +218,7 @@ impl Rig {
     #[must_use]
     pub fn restore(&mut self, sample: u64, gathered: &[f64]) -> bool {
         let mut numbers = gathered.iter().copied();
-        let instruments = [&mut self.head, &mut self.accelerometer_b, &mut self.accelerometer_c];
-        instruments.into_iter().all(|instrument| instrument.restore(sample, &mut numbers)) && numbers.next().is_none()
+        self.instruments().all(|instrument| instrument.restore(sample, &mut numbers)) && numbers.next().is_none()
     }
 
     /// The exciter of the arm.
@@ -190,18 +231,31 @@ impl Rig {
         &self.gate
     }
 
-    /// The readings at sample `sample` of the converters' samples: the force in the head along x and y, N, and the
-    /// accelerations of B and C along x and y, m/s². Every call draws new noise and advances the filters, so call it
-    /// once a sample.
-    pub fn measure(&mut self, sample: u64, sampled: &[f64; Measurement::CHANNELS]) -> Measurement {
-        let [hx, hy, bx, by, cx, cy] = *sampled;
-        Measurement {
-            sample,
-            head_force_n: self.head.read(sample, [hx, hy]),
-            acceleration_b_m_s2: self.accelerometer_b.read(sample, [bx, by]),
-            acceleration_c_m_s2: self.accelerometer_c.read(sample, [cx, cy]),
+    /// The readings at sample `sample` of the converters' samples, in the order of the outputs: the force in the head
+    /// along x and y, N, the accelerations of B and C along x and y, m/s², and what the other sensors measure. Every call
+    /// draws new noise and advances the filters, so call it once a sample.
+    pub fn measure(&mut self, sample: u64, sampled: &[f64]) -> Measurement {
+        let (mut more, mut places) = (Readings::NONE, sampled.chunks(2));
+        let mut plane = |instrument: &mut Instrument| {
+            let [x, y, _] = instrument.read(sample, truth(places.next().unwrap_or_default()));
+            [x, y]
+        };
+        let head_force_n = plane(&mut self.head);
+        let acceleration_b_m_s2 = plane(&mut self.accelerometer_b);
+        let acceleration_c_m_s2 = plane(&mut self.accelerometer_c);
+        let mut rest = sampled.get(Measurement::CHANNELS..).unwrap_or_default();
+        for instrument in &mut self.more {
+            let (own, after) = rest.split_at(instrument.axes().min(rest.len()));
+            instrument.read(sample, truth(own)).into_iter().take(own.len()).for_each(|reading| more.push(reading));
+            rest = after;
         }
+        Measurement { sample, head_force_n, acceleration_b_m_s2, acceleration_c_m_s2, more }
     }
+}
+
+/// The numbers as those of the axes of an instrument.
+fn truth(numbers: &[f64]) -> [f64; MOST_AXES] {
+    core::array::from_fn(|place| numbers.get(place).copied().unwrap_or(0.0))
 }
 
 #[cfg(test)]

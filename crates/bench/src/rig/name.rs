@@ -51,6 +51,21 @@ impl InstrumentName {
         str::from_utf8(&self.bytes[..usize::from(self.length)]).unwrap_or_default()
     }
 
+    /// The first stream of the instrument's noise, which has one for each axis. It follows from the name, so that other
+    /// sensors change nothing.
+    pub(super) fn stream(self) -> u64 {
+        match self {
+            InstrumentName::HEAD => 0,
+            InstrumentName::B => 2,
+            InstrumentName::C => 4,
+            _ => {
+                // FNV-1a. The highest bit tells it from the streams of faults, the lowest two are the axis.
+                let hash = |hash: u64, byte: u8| (hash ^ u64::from(byte)).wrapping_mul(0x0100_0000_01b3);
+                (self.as_str().bytes().fold(0xcbf2_9ce4_8422_2325, hash) | 1 << 63) & !3
+            }
+        }
+    }
+
     /// The section of the instrument in a scenario.
     pub fn section(self) -> Section {
         if self == InstrumentName::HEAD { Section::Rig("head") } else { Section::Sensor(self) }

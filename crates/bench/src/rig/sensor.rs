@@ -1,14 +1,15 @@
 //! Specifications of instruments in a scenario.
 
+use alloc::collections::BTreeMap;
 use alloc::string::String;
+use alloc::vec::Vec;
 use core::fmt;
 
 use serde::de::{self, DeserializeSeed, MapAccess, Visitor};
 use serde::ser::SerializeMap;
 use serde::{Deserialize, Deserializer, Serialize, Serializer};
 
-use super::name::Section;
-use super::{PlaceName, RigError};
+use super::{InstrumentName, PlaceName, RigError, Section};
 
 /// The longest delay, samples.
 const MOST_DELAY_SAMPLES: u32 = 1000;
@@ -22,6 +23,51 @@ pub enum Measured {
     Force,
     /// Acceleration, m/s².
     Acceleration,
+    /// Velocity, m/s.
+    Velocity,
+    /// Displacement from rest, m.
+    Displacement,
+    /// Angle of a joint from rest, rad.
+    Angle,
+}
+
+/// The words of the key `measures`.
+const WORDS: [(&str, Measured); 4] = [
+    ("acceleration", Measured::Acceleration),
+    ("velocity", Measured::Velocity),
+    ("displacement", Measured::Displacement),
+    ("angle", Measured::Angle),
+];
+
+impl Measured {
+    /// What a sensor measures there unless it says otherwise: at a joint, `joint2`, its angle, and elsewhere the
+    /// acceleration.
+    fn at(at: &PlaceName) -> Measured {
+        let number = at.as_str().strip_prefix("joint");
+        let is_joint = number.is_some_and(|rest| !rest.is_empty() && rest.bytes().all(|byte| byte.is_ascii_digit()));
+        if is_joint { Measured::Angle } else { Measured::Acceleration }
+    }
+
+    /// Whether a key with a unit is one of an instrument that measures this.
+    fn has_key(self, key: &str) -> bool {
+        self.keys().all.contains(&key)
+    }
+}
+
+impl Serialize for Measured {
+    fn serialize<S: Serializer>(&self, serializer: S) -> Result<S::Ok, S::Error> {
+        let word = WORDS.into_iter().find(|(_, of)| of == self);
+        serializer.serialize_str(word.map_or("force", |(word, _)| word))
+    }
+}
+
+impl<'de> Deserialize<'de> for Measured {
+    fn deserialize<D: Deserializer<'de>>(deserializer: D) -> Result<Measured, D::Error> {
+        const NAMES: &[&str] = &["acceleration", "velocity", "displacement", "angle"];
+        let got = String::deserialize(deserializer)?;
+        let found = WORDS.into_iter().find(|(word, _)| *word == got);
+        found.map(|(_, of)| of).ok_or_else(|| de::Error::unknown_variant(&got, NAMES))
+    }
 }
 
 /// The keys of an instrument that have a unit.
@@ -64,13 +110,19 @@ macro_rules! keys {
 }
 
 static FORCE: Keys = keys!("n",);
-static ACCELERATION: Keys = keys!("m_s2", "at", "gravity_m_s2");
+static ACCELERATION: Keys = keys!("m_s2", "at", "measures", "gravity_m_s2");
+static VELOCITY: Keys = keys!("m_s", "at", "measures");
+static DISPLACEMENT: Keys = keys!("m", "at", "measures");
+static ANGLE: Keys = keys!("rad", "at", "measures");
 
 impl Measured {
     fn keys(self) -> &'static Keys {
         match self {
             Measured::Force => &FORCE,
             Measured::Acceleration => &ACCELERATION,
+            Measured::Velocity => &VELOCITY,
+            Measured::Displacement => &DISPLACEMENT,
+            Measured::Angle => &ANGLE,
         }
     }
 }
@@ -118,11 +170,16 @@ pub struct SensorSpec {
 
 impl SensorSpec {
     /// An instrument with the range, the noise and the counts that it has by default: of accelerations ±1600 m/s²,
-    /// 0.02 m/s² and 0.05 m/s² a count; of forces ±650 N, 0.01 N and 0.02 N a count: the counts of the wire.
+    /// 0.02 m/s² and 0.05 m/s² a count; of forces ±650 N, 0.01 N and 0.02 N a count: the counts of the wire; of
+    /// velocities ±10 m/s, 0.1 mm/s and 0.1 mm/s a count; of displacements ±0.1 m, 1 µm and 1 µm a count; of angles
+    /// ±3.2 rad, 1 µrad and 1 µrad a count.
     pub fn of(measures: Measured) -> SensorSpec {
         let (range, noise_rms, resolution) = match measures {
             Measured::Force => (650.0, 0.01, 0.02),
             Measured::Acceleration => (1600.0, 0.02, 0.05),
+            Measured::Velocity => (10.0, 1e-4, 1e-4),
+            Measured::Displacement => (0.1, 1e-6, 1e-6),
+            Measured::Angle => (3.2, 1e-6, 1e-6),
         };
         SensorSpec {
             measures,
@@ -176,6 +233,11 @@ impl SensorSpec {
         libm::sqrt(noise * noise + count * count / 12.0)
     }
 
+    /// The key of its range in a scenario.
+    pub fn range_key(&self) -> &'static str {
+        self.measures.keys().range
+    }
+
     /// Refuses what no instrument can be; `section` names it.
     pub(super) fn check(&self, section: Section, rate_hz: f64) -> Result<(), RigError> {
         let keys = self.measures.keys();
@@ -214,12 +276,7 @@ impl SensorSpec {
 
     /// The head, as `[rig.head]` states it.
     pub(super) fn head<'de, D: Deserializer<'de>>(deserializer: D) -> Result<SensorSpec, D::Error> {
-        deserializer.deserialize_map(SpecVisitor(Measured::Force))
-    }
-
-    /// An accelerometer, as `[rig.sensors.b]` states it.
-    pub(super) fn accelerometer<'de, D: Deserializer<'de>>(deserializer: D) -> Result<SensorSpec, D::Error> {
-        deserializer.deserialize_map(SpecVisitor(Measured::Acceleration))
+        deserializer.deserialize_map(SpecVisitor(Some(Measured::Force)))
     }
 }
 
@@ -229,6 +286,9 @@ impl Serialize for SensorSpec {
         let mut map = serializer.serialize_map(None)?;
         if let Some(at) = &self.at {
             map.serialize_entry("at", at)?;
+        }
+        if self.at.is_some_and(|at| self.measures != Measured::at(&at)) {
+            map.serialize_entry("measures", &self.measures)?;
         }
         let number = |map: &mut S::SerializeMap, key: &str, value: Option<f64>| match value {
             Some(value) => map.serialize_entry(key, &value),
@@ -254,21 +314,26 @@ impl Serialize for SensorSpec {
     }
 }
 
-/// Reads the name of a key that an instrument has.
-struct KeySeed(&'static Keys);
+/// Reads the name of a key that an instrument has that measures this; of one that may measure anything a key of any.
+struct KeySeed(Option<Measured>);
 
 impl<'de> DeserializeSeed<'de> for KeySeed {
-    type Value = &'static str;
+    type Value = String;
 
-    fn deserialize<D: Deserializer<'de>>(self, deserializer: D) -> Result<&'static str, D::Error> {
+    fn deserialize<D: Deserializer<'de>>(self, deserializer: D) -> Result<String, D::Error> {
         let name = String::deserialize(deserializer)?;
-        let known = self.0.all.iter().find(|key| **key == name);
-        known.copied().ok_or_else(|| de::Error::unknown_field(&name, self.0.all))
+        let expected = self.0.unwrap_or(Measured::Acceleration).keys().all;
+        let is_known = match self.0 {
+            Some(measures) => measures.has_key(&name),
+            None => WORDS.iter().any(|(_, measures)| measures.has_key(&name)),
+        };
+        if is_known { Ok(name) } else { Err(de::Error::unknown_field(&name, expected)) }
     }
 }
 
-/// Reads the specification of an instrument.
-struct SpecVisitor(Measured);
+/// Reads the specification of an instrument that measures this, or, if it is a sensor beside B and C, what its key
+/// `measures` or its place says.
+struct SpecVisitor(Option<Measured>);
 
 impl<'de> Visitor<'de> for SpecVisitor {
     type Value = SensorSpec;
@@ -279,28 +344,44 @@ impl<'de> Visitor<'de> for SpecVisitor {
 
     /// A key of noise or counts that is absent in both forms takes its default.
     fn visit_map<A: MapAccess<'de>>(self, mut map: A) -> Result<SensorSpec, A::Error> {
-        let (keys, default) = (self.0.keys(), SensorSpec::of(self.0));
-        let mut spec = SensorSpec { noise_rms: None, resolution: None, ..default };
-        while let Some(key) = map.next_key_seed(KeySeed(keys))? {
+        let (mut at, mut measures, mut bits, mut delay_samples) = (None, None, None, None);
+        let mut numbers: Vec<(String, f64)> = Vec::new();
+        while let Some(key) = map.next_key_seed(KeySeed(self.0))? {
+            match key.as_str() {
+                "at" => at = Some(map.next_value::<PlaceName>()?),
+                "measures" => measures = Some(map.next_value::<Measured>()?),
+                "bits" => bits = Some(map.next_value()?),
+                "delay_samples" => delay_samples = Some(map.next_value()?),
+                _ => numbers.push((key, map.next_value()?)),
+            }
+        }
+        let measured = match (self.0, measures, &at) {
+            (Some(only), Some(got), _) if got != only => {
+                let message = "`measures` can only be \"acceleration\" here: b and c are the accelerometers that the \
+                    protocol carries; give another sensor a name of its own";
+                return Err(de::Error::custom(message));
+            }
+            (Some(only), ..) => only,
+            (None, _, None) => return Err(de::Error::missing_field("at")),
+            (None, measures, Some(at)) => measures.unwrap_or(Measured::at(at)),
+        };
+        let (keys, default) = (measured.keys(), SensorSpec::of(measured));
+        let mut spec = SensorSpec { at, bits, delay_samples, noise_rms: None, resolution: None, ..default };
+        for (key, value) in numbers {
+            let key = key.as_str();
             match key {
-                "at" => spec.at = Some(map.next_value()?),
-                "bits" => spec.bits = Some(map.next_value()?),
-                "delay_samples" => spec.delay_samples = Some(map.next_value()?),
-                _ => {
-                    let value: f64 = map.next_value()?;
-                    match key {
-                        "gravity_m_s2" => spec.gravity_m_s2 = Some(value),
-                        "transverse" => spec.transverse = Some(value),
-                        "gain" => spec.gain = Some(value),
-                        "highpass_hz" => spec.highpass_hz = Some(value),
-                        "lowpass_hz" => spec.lowpass_hz = Some(value),
-                        _ if key == keys.range => spec.range = value,
-                        _ if key == keys.noise_rms => spec.noise_rms = Some(value),
-                        _ if key == keys.noise_density => spec.noise_density = Some(value),
-                        _ if key == keys.resolution => spec.resolution = Some(value),
-                        _ => spec.sensor_range = Some(value),
-                    }
-                }
+                "gravity_m_s2" if measured == Measured::Acceleration => spec.gravity_m_s2 = Some(value),
+                "transverse" => spec.transverse = Some(value),
+                "gain" => spec.gain = Some(value),
+                "highpass_hz" => spec.highpass_hz = Some(value),
+                "lowpass_hz" => spec.lowpass_hz = Some(value),
+                _ if key == keys.range => spec.range = value,
+                _ if key == keys.noise_rms => spec.noise_rms = Some(value),
+                _ if key == keys.noise_density => spec.noise_density = Some(value),
+                _ if key == keys.resolution => spec.resolution = Some(value),
+                _ if key == keys.sensor_range => spec.sensor_range = Some(value),
+                // It is a key of a sensor that measures something else.
+                _ => return Err(de::Error::unknown_field(key, keys.all)),
             }
         }
         if spec.noise_density.is_none() {
@@ -313,22 +394,84 @@ impl<'de> Visitor<'de> for SpecVisitor {
     }
 }
 
+/// A sensor beside B and C.
+struct More(SensorSpec);
+
+impl<'de> Deserialize<'de> for More {
+    fn deserialize<D: Deserializer<'de>>(deserializer: D) -> Result<More, D::Error> {
+        Ok(More(deserializer.deserialize_map(SpecVisitor(None))?))
+    }
+}
+
+/// Accelerometer B or C.
+struct Accelerometer(SensorSpec);
+
+impl<'de> Deserialize<'de> for Accelerometer {
+    fn deserialize<D: Deserializer<'de>>(deserializer: D) -> Result<Accelerometer, D::Error> {
+        Ok(Accelerometer(deserializer.deserialize_map(SpecVisitor(Some(Measured::Acceleration)))?))
+    }
+}
+
 /// The sensors of a rig.
-#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
-#[serde(default, deny_unknown_fields)]
+#[derive(Clone, Debug, PartialEq)]
 pub struct SensorSpecs {
     /// Accelerometer B: of the arm at the elbow.
-    #[serde(deserialize_with = "SensorSpec::accelerometer")]
     pub b: SensorSpec,
     /// Accelerometer C: of the arm at the tip.
-    #[serde(deserialize_with = "SensorSpec::accelerometer")]
     pub c: SensorSpec,
+    /// The others, by name. The protocol does not carry them; recordings, users' protocols and programs do.
+    pub more: BTreeMap<InstrumentName, SensorSpec>,
 }
 
 impl Default for SensorSpecs {
     /// Accelerometers B and C.
     fn default() -> SensorSpecs {
         let accelerometer = SensorSpec::of(Measured::Acceleration);
-        SensorSpecs { b: accelerometer, c: accelerometer }
+        SensorSpecs { b: accelerometer, c: accelerometer, more: BTreeMap::new() }
+    }
+}
+
+impl Serialize for SensorSpecs {
+    fn serialize<S: Serializer>(&self, serializer: S) -> Result<S::Ok, S::Error> {
+        let mut map = serializer.serialize_map(None)?;
+        map.serialize_entry("b", &self.b)?;
+        map.serialize_entry("c", &self.c)?;
+        self.more.iter().try_for_each(|(name, sensor)| map.serialize_entry(name, sensor))?;
+        map.end()
+    }
+}
+
+impl<'de> Deserialize<'de> for SensorSpecs {
+    fn deserialize<D: Deserializer<'de>>(deserializer: D) -> Result<SensorSpecs, D::Error> {
+        deserializer.deserialize_map(SensorsVisitor)
+    }
+}
+
+/// Reads `[rig.sensors]`.
+struct SensorsVisitor;
+
+impl<'de> Visitor<'de> for SensorsVisitor {
+    type Value = SensorSpecs;
+
+    fn expecting(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.write_str("sensors, each with a name")
+    }
+
+    fn visit_map<A: MapAccess<'de>>(self, mut map: A) -> Result<SensorSpecs, A::Error> {
+        let mut sensors = SensorSpecs::default();
+        while let Some(name) = map.next_key::<InstrumentName>()? {
+            match name {
+                InstrumentName::B => sensors.b = map.next_value::<Accelerometer>()?.0,
+                InstrumentName::C => sensors.c = map.next_value::<Accelerometer>()?.0,
+                InstrumentName::HEAD => {
+                    let message = "the impedance head has the section [rig.head]: give the sensor another name";
+                    return Err(de::Error::custom(message));
+                }
+                name => {
+                    sensors.more.insert(name, map.next_value::<More>()?.0);
+                }
+            }
+        }
+        Ok(sensors)
     }
 }

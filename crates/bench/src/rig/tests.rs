@@ -1,5 +1,6 @@
 use super::chain::Instrument;
 use super::*;
+use crate::structure::OUTPUTS;
 use alloc::string::{String, ToString};
 use resonarm_dynamics::arm::Load;
 use resonarm_protocol::{CommandCheck, Limit};
@@ -23,16 +24,17 @@ fn with_sensors(change: impl FnOnce(&mut SensorSpecs)) -> RigSpec {
 }
 
 fn instrument(spec: &SensorSpec) -> Instrument {
-    Instrument::new(spec, RATE_HZ, 0, 0)
+    Instrument::new(spec, &PLANE, RATE_HZ, 0, 0)
 }
 
 impl Instrument {
     fn read_x(&mut self, truth: f64) -> Reading {
-        self.read(0, [truth, 0.0])[0]
+        self.read(0, [truth, 0.0, 0.0])[0]
     }
 
     fn values(&mut self, truth: [f64; 2]) -> [f64; 2] {
-        self.read(0, truth).map(|reading| reading.value)
+        let [x, y, _] = self.read(0, super::truth(&truth)).map(|reading| reading.value);
+        [x, y]
     }
 }
 
@@ -75,7 +77,7 @@ fn noise_that_goes_beyond_the_range_is_clipped() {
 fn noise_is_normal_and_seeded() {
     let spec = SensorSpec { noise_rms: Some(2.0), ..quiet(1e3, 0.0) };
     let draw = |seed, stream| {
-        let mut sensor = Instrument::new(&spec, RATE_HZ, seed, stream);
+        let mut sensor = Instrument::new(&spec, &PLANE, RATE_HZ, seed, stream);
         core::iter::repeat_with(move || sensor.read_x(5.0).value).take(40_000).collect::<alloc::vec::Vec<_>>()
     };
     let sample = draw(7, 1);
@@ -93,7 +95,7 @@ fn noise_is_normal_and_seeded() {
 
 #[test]
 fn says_what_is_wrong_with_an_instrument() {
-    let says = |spec: RigSpec| Rig::new(&spec, RATE_HZ, 0).unwrap_err().to_string();
+    let says = |spec: RigSpec| Rig::new(&spec, &OUTPUTS, RATE_HZ, 0).unwrap_err().to_string();
     let range = with_sensors(|sensors| sensors.b = quiet(0.0, 0.5));
     insta::assert_snapshot!(says(range), @"rig.sensors.b: `range_m_s2` is 0: it must be a positive number");
     let resolution = with_sensors(|sensors| sensors.c = quiet(1.0, -0.5));
@@ -120,7 +122,7 @@ fn exciter_knows_its_limits() {
 fn says_what_is_wrong_with_the_limits_of_the_gate() {
     let says = |gate: &str, shaker| {
         let rig = RigSpec { gate: toml::from_str(gate).unwrap(), shaker, ..RigSpec::default() };
-        Rig::new(&rig, RATE_HZ, 0).map_or_else(|error| error.to_string(), |_| String::from("fine"))
+        Rig::new(&rig, &OUTPUTS, RATE_HZ, 0).map_or_else(|error| error.to_string(), |_| String::from("fine"))
     };
     insta::assert_snapshot!(says("force_rate_limit_n_per_s = -1.0", None), @"rig.gate: `force_rate_limit_n_per_s` is -1: it must be a positive number");
     insta::assert_snapshot!(says("torque_rate_limit_nm_per_s = 0.0", None), @"rig.gate: `torque_rate_limit_nm_per_s` is 0: it must be a positive number");
@@ -232,10 +234,10 @@ fn only_the_converter_marks_what_it_clips() {
 fn a_density_of_noise_is_that_rms_over_half_the_rate() {
     let density = |rate_hz| {
         let density = SensorSpec { noise_rms: None, noise_density: Some(0.25), ..ideal() };
-        Instrument::new(&density, rate_hz, 3, 1).values([0.0; 2])
+        Instrument::new(&density, &PLANE, rate_hz, 3, 1).values([0.0; 2])
     };
     let rms = SensorSpec { noise_rms: Some(0.25 * libm::sqrt(400.0)), ..ideal() };
-    assert_eq!(density(800.0), Instrument::new(&rms, 800.0, 3, 1).values([0.0; 2]));
+    assert_eq!(density(800.0), Instrument::new(&rms, &PLANE, 800.0, 3, 1).values([0.0; 2]));
     assert_ne!(density(800.0), density(1000.0));
 }
 
@@ -266,7 +268,7 @@ fn one_form_of_noise_or_counts_replaces_the_default_of_the_other() {
 fn says_what_is_wrong_with_a_chain() {
     let says = |keys: &str| {
         let rig = toml::from_str(&alloc::format!("[sensors.b]\n{keys}")).unwrap();
-        Rig::new(&rig, RATE_HZ, 0).unwrap_err().to_string()
+        Rig::new(&rig, &OUTPUTS, RATE_HZ, 0).unwrap_err().to_string()
     };
     insta::assert_snapshot!(says("noise_rms_m_s2 = 0.1\nnoise_density_m_s2_per_sqrt_hz = 0.1"), @"rig.sensors.b: `noise_rms_m_s2` and `noise_density_m_s2_per_sqrt_hz` state the same: leave one out");
     insta::assert_snapshot!(says("resolution_m_s2 = 0.1\nbits = 12"), @"rig.sensors.b: `resolution_m_s2` and `bits` state the same: leave one out");

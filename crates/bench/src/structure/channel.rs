@@ -3,9 +3,118 @@
 
 use alloc::borrow::Cow;
 use alloc::format;
+use alloc::string::String;
 use alloc::vec::Vec;
 
+use core::borrow::Borrow;
+use core::fmt::{self, Write};
+use core::ops::Deref;
+
+use serde::{Serialize, Serializer};
+
 use super::states::{MOST_COORDINATES, MOST_ELEMENTS};
+use crate::rig::{InstrumentName, MOST_MORE, Measured, Measurement};
+
+/// The most bytes of the name of a channel.
+const MOST_BYTES: usize = 39;
+
+/// The name of a channel: up to 39 bytes, in the value itself, so that channels are copied without an allocation.
+#[derive(Clone, Copy, PartialEq, Eq)]
+pub struct ChannelName {
+    bytes: [u8; MOST_BYTES],
+    length: u8,
+}
+
+impl ChannelName {
+    /// A name of ASCII characters, at most 39; what is longer is cut, which no name of the table is.
+    pub(crate) const fn new(name: &str) -> ChannelName {
+        let (mut bytes, name) = ([0; MOST_BYTES], name.as_bytes());
+        let mut length = 0;
+        while length < name.len() && length < MOST_BYTES {
+            bytes[length] = name[length];
+            length += 1;
+        }
+        ChannelName { bytes, length: length as u8 }
+    }
+
+    /// What a reading is called of which only its place among the outputs of the structure is known: `reading 7`. It
+    /// allocates nothing, since a node names readings while it runs.
+    pub(crate) fn of_reading(place: usize) -> ChannelName {
+        let mut name = ChannelName::new("");
+        // The text is at most 28 bytes long, and writing to a name never fails.
+        _ = write!(name, "reading {}", place + 1);
+        name
+    }
+
+    /// As text.
+    pub fn as_str(&self) -> &str {
+        // It was made of a text.
+        str::from_utf8(&self.bytes[..usize::from(self.length)]).unwrap_or_default()
+    }
+}
+
+impl Deref for ChannelName {
+    type Target = str;
+
+    fn deref(&self) -> &str {
+        self.as_str()
+    }
+}
+
+/// Appends to the name; what is beyond 39 bytes is cut.
+impl fmt::Write for ChannelName {
+    fn write_str(&mut self, text: &str) -> fmt::Result {
+        for byte in text.bytes() {
+            if let Some(to) = self.bytes.get_mut(usize::from(self.length)) {
+                *to = byte;
+                self.length += 1;
+            }
+        }
+        Ok(())
+    }
+}
+
+impl fmt::Display for ChannelName {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.pad(self)
+    }
+}
+
+impl fmt::Debug for ChannelName {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        fmt::Debug::fmt(self.as_str(), f)
+    }
+}
+
+impl Borrow<str> for ChannelName {
+    fn borrow(&self) -> &str {
+        self
+    }
+}
+
+impl From<&str> for ChannelName {
+    fn from(name: &str) -> ChannelName {
+        ChannelName::new(name)
+    }
+}
+
+impl Serialize for ChannelName {
+    fn serialize<S: Serializer>(&self, serializer: S) -> Result<S::Ok, S::Error> {
+        serializer.serialize_str(self)
+    }
+}
+
+impl PartialEq<str> for ChannelName {
+    fn eq(&self, other: &str) -> bool {
+        self.as_str() == other
+    }
+}
+
+impl PartialEq<&str> for ChannelName {
+    fn eq(&self, other: &&str) -> bool {
+        self.as_str() == *other
+    }
+}
 
 /// What a channel is to the plant.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -103,6 +212,13 @@ pub enum Point {
     Coordinate(u8),
     /// An element, from 1.
     Element(u8),
+    /// Where the sensor of this name is; of the sensors beside B and C it is the `number`-th, from 1.
+    Sensor {
+        /// The name.
+        name: InstrumentName,
+        /// The number.
+        number: u8,
+    },
 }
 
 impl Point {
@@ -116,6 +232,7 @@ impl Point {
             Point::Mode(mode) => format!("mode {mode}").into(),
             Point::Coordinate(coordinate) => format!("coordinate {coordinate}").into(),
             Point::Element(element) => format!("element {element}").into(),
+            Point::Sensor { name, .. } => format!("sensor {name}").into(),
         }
     }
 
@@ -129,6 +246,7 @@ impl Point {
             Point::Mode(mode) => 100 + mode as u32,
             Point::Coordinate(coordinate) => 300 + coordinate as u32,
             Point::Element(element) => 200 + element as u32,
+            Point::Sensor { number, .. } => 400 + number as u32,
         }
     }
 }
@@ -140,6 +258,8 @@ pub enum Axis {
     X,
     /// Along y.
     Y,
+    /// Along z.
+    Z,
     /// About z.
     AboutZ,
     /// None: a scalar.
@@ -152,6 +272,7 @@ impl Axis {
         match self {
             Axis::X => "x",
             Axis::Y => "y",
+            Axis::Z => "z",
             Axis::AboutZ => "about z",
             Axis::Scalar => "",
         }
@@ -162,9 +283,9 @@ impl Axis {
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Channel {
     /// Its name, with the unit.
-    pub name: &'static str,
+    pub name: ChannelName,
     /// The name of the vector that it is a component of; of a scalar its own.
-    pub vector: &'static str,
+    pub vector: ChannelName,
     /// What it is to the plant.
     pub kind: Kind,
     /// What it measures.
@@ -187,23 +308,26 @@ impl Channel {
     }
 }
 
-const fn state(name: &'static str, vector: &'static str, quantity: Quantity, point: Point) -> Channel {
+const fn state(name: &str, vector: &str, quantity: Quantity, point: Point) -> Channel {
+    let (name, vector) = (ChannelName::new(name), ChannelName::new(vector));
     Channel { name, vector, kind: Kind::State, quantity, point, axis: Axis::AboutZ }
 }
 
-const fn load(name: &'static str, vector: &'static str, quantity: Quantity, point: Point, axis: Axis) -> Channel {
+const fn load(name: &str, vector: &str, quantity: Quantity, point: Point, axis: Axis) -> Channel {
+    let (name, vector) = (ChannelName::new(name), ChannelName::new(vector));
     Channel { name, vector, kind: Kind::Load, quantity, point, axis }
 }
 
-const fn reading(clip_bit: u32, name: &'static str, vector: &'static str, point: Point, axis: Axis) -> Channel {
+const fn reading(clip_bit: u32, name: &str, vector: &str, point: Point, axis: Axis) -> Channel {
+    let (name, vector) = (ChannelName::new(name), ChannelName::new(vector));
     let quantity = if clip_bit < 4 { Quantity::Acceleration } else { Quantity::Force };
     Channel { name, vector, kind: Kind::Reading { clip_bit }, quantity, point, axis }
 }
 
 /// The current in the coil of a shaker.
 pub const COIL_CURRENT: Channel = Channel {
-    name: "coil_current_a",
-    vector: "coil_current_a",
+    name: ChannelName::new("coil_current_a"),
+    vector: ChannelName::new("coil_current_a"),
     kind: Kind::Internal,
     quantity: Quantity::Current,
     point: Point::TipC,
@@ -232,6 +356,75 @@ pub const READINGS: [Channel; 6] = [
     reading(4, "head_force_x_n", "head_force_n", Point::TipC, Axis::X),
     reading(5, "head_force_y_n", "head_force_n", Point::TipC, Axis::Y),
 ];
+
+/// The axes of a sensor at a point, along those of the base frame.
+const AXES: [(Axis, &str); 3] = [(Axis::X, "x"), (Axis::Y, "y"), (Axis::Z, "z")];
+
+/// What a sensor can measure: the quantity, the beginning of its channels' names and their unit.
+const SENSORS: [(Measured, Quantity, &str, &str); 4] = [
+    (Measured::Acceleration, Quantity::Acceleration, "acceleration", "m_s2"),
+    (Measured::Velocity, Quantity::Velocity, "velocity", "m_s"),
+    (Measured::Displacement, Quantity::Displacement, "displacement", "m"),
+    (Measured::Angle, Quantity::Angle, "angle", "rad"),
+];
+
+/// The channels of a sensor beside B and C: one for each axis, `acceleration_m3_z_m_s2`, or of a joint `angle_enc1_rad`.
+/// It is the `number`-th of them, from 1, and before it there are `before` channels of theirs.
+pub fn sensor_channels(
+    name: InstrumentName,
+    measures: Measured,
+    axes: &[Axis],
+    number: u8,
+    before: usize,
+) -> Vec<Channel> {
+    let Some((_, quantity, what, unit)) = SENSORS.into_iter().find(|(of, ..)| *of == measures) else {
+        return Vec::new();
+    };
+    let channel = |(axis, clip_bit): (&Axis, u32)| {
+        let along = AXES.into_iter().find(|(of, _)| of == axis).map_or(String::new(), |(_, along)| format!("_{along}"));
+        let channel = ChannelName::new(&format!("{what}_{name}{along}_{unit}"));
+        Channel {
+            name: channel,
+            vector: channel,
+            kind: Kind::Reading { clip_bit },
+            quantity,
+            point: Point::Sensor { name, number },
+            axis: *axis,
+        }
+    };
+    axes.iter().zip((Measurement::CHANNELS + before) as u32..).map(channel).collect()
+}
+
+/// The channels of sensors beside B and C that have these names, at most [`MOST_MORE`].
+///
+/// # Errors
+/// The first name that no channel of a sensor has, or that is one too many.
+pub fn named_sensor_channels<'a>(names: &[&'a str]) -> Result<Vec<Channel>, &'a str> {
+    if let Some(&name) = names.get(MOST_MORE) {
+        return Err(name);
+    }
+    let parsed = names.iter().map(|name| parsed(name).ok_or(*name)).collect::<Result<Vec<_>, _>>()?;
+    let mut channels = Vec::new();
+    for (sensor, number) in parsed.chunk_by(|one, next| (one.0, one.1) == (next.0, next.1)).zip(1..) {
+        let axes: Vec<Axis> = sensor.iter().map(|(.., axis)| *axis).collect();
+        channels.extend(sensor_channels(sensor[0].0, sensor[0].1, &axes, number, channels.len()));
+    }
+    Ok(channels)
+}
+
+/// The sensor of a channel, what it measures, and the axis.
+fn parsed(name: &str) -> Option<(InstrumentName, Measured, Axis)> {
+    let of = |(measures, _, what, unit): (Measured, Quantity, &str, &str)| {
+        let middle = name.strip_prefix(what)?.strip_prefix('_')?.strip_suffix(unit)?.strip_suffix('_')?;
+        if measures == Measured::Angle {
+            return Some((InstrumentName::new(middle)?, measures, Axis::AboutZ));
+        }
+        let (sensor, along) = middle.rsplit_once('_')?;
+        let (axis, _) = AXES.into_iter().find(|(_, of)| *of == along)?;
+        Some((InstrumentName::new(sensor)?, measures, axis))
+    };
+    SENSORS.into_iter().find_map(of)
+}
 
 /// The loads on the arm, in the order in which a plant takes them.
 pub const LOADS: [Channel; 4] = [STATES[4], STATES[5], STATES[6], STATES[7]];
@@ -331,8 +524,8 @@ pub fn branch_channel(index: usize) -> Option<Channel> {
     Some(of_element(ELEMENT_BRANCH.get(index)?, index, Quantity::Branch))
 }
 
-const fn of_element(name: &'static str, index: usize, quantity: Quantity) -> Channel {
-    let point = Point::Element(index as u8 + 1);
+const fn of_element(name: &str, index: usize, quantity: Quantity) -> Channel {
+    let (name, point) = (ChannelName::new(name), Point::Element(index as u8 + 1));
     Channel { name, vector: name, kind: Kind::Internal, quantity, point, axis: Axis::Scalar }
 }
 

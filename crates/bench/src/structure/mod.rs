@@ -4,8 +4,8 @@ mod channel;
 mod states;
 
 pub use channel::{
-    Axis, COIL_CURRENT, Channel, Coordinates, Kind, LOADS, OUTPUTS, Point, Quantity, READINGS, STATES, branch_channel,
-    coordinate_channels, element_channel, known_states,
+    Axis, COIL_CURRENT, Channel, ChannelName, Coordinates, Kind, LOADS, OUTPUTS, Point, Quantity, READINGS, STATES,
+    branch_channel, coordinate_channels, element_channel, known_states, named_sensor_channels, sensor_channels,
 };
 pub use states::{MOST_COORDINATES, MOST_ELEMENTS, MOST_STATES, States};
 
@@ -153,7 +153,7 @@ pub enum StructureError {
     #[error("{name} is {got}: nothing of the structure takes this load; command 0, or place the exciter elsewhere")]
     NoInput {
         /// The load.
-        name: &'static str,
+        name: ChannelName,
         /// Its value, in its unit.
         got: f64,
     },

@@ -237,7 +237,7 @@ impl Drive {
         let (spec, is_first) = (&self.spec, self.spec.joint == Joint::First);
         let of_joint = |names: [&'static str; 2]| if is_first { names[0] } else { names[1] };
         let torque = || of_joint(["torque1_nm", "torque2_nm"]);
-        let quantity = |name, value, unit| Some(Meaning::Quantity { name, value, unit });
+        let quantity = |name: &str, value, unit| Some(Meaning::Quantity { name: name.into(), value, unit });
         match index {
             0x6064 => quantity(of_joint(["alpha1_rad", "alpha2_rad"]), number / spec.counts_per_rad(), "rad"),
             0x606C => {

@@ -1,6 +1,7 @@
 //! What a signal or a message means to the plant.
 
 use core::fmt;
+use resonarm_bench::structure::ChannelName;
 
 use serde::Serialize;
 
@@ -41,7 +42,7 @@ pub enum Meaning {
     /// A reading, a state of the arm or a held load.
     Quantity {
         /// The name of its channel.
-        name: &'static str,
+        name: ChannelName,
         /// In the unit of the channel.
         value: f64,
         /// The unit.
@@ -50,7 +51,7 @@ pub enum Meaning {
     /// Whether a reading is beyond the range of its sensor.
     Clipped {
         /// The name of its channel.
-        name: &'static str,
+        name: ChannelName,
         /// Whether it is.
         is_clipped: bool,
     },

@@ -62,12 +62,12 @@ impl MessageRoles {
     }
 
     /// The roles of a message that the plant sends.
-    pub fn outgoing(message: &Message, of: &Outgoing) -> MessageRoles {
+    pub fn outgoing(message: &Message, of: &Outgoing, readings: &[Channel]) -> MessageRoles {
         let mut roles = MessageRoles::protected(message, of.form(), &of.protection);
         roles.is_on_request = of.is_on_request;
         for reading in &of.signals {
             let role = match &reading.source {
-                Source::Value { value, scale, offset } => match (channel(*value), value) {
+                Source::Value { value, scale, offset } => match (channel(readings, *value), value) {
                     (Some(channel), Value::Clipped(_)) => Role::Clipped(channel),
                     (Some(channel), _) => Role::Quantity { channel, scale: *scale, offset: *offset },
                     (None, _) => continue,

@@ -19,7 +19,7 @@ use resonarm_numeric::number::short;
 use resonarm_realtime::OverrunCause;
 
 /// Names of the columns.
-fn columns(channels: &Channels, part: RecordingPart) -> Vec<&'static str> {
+fn columns(channels: &Channels, part: RecordingPart) -> Vec<String> {
     let own: &[&str] = match part {
         RecordingPart::States => &["is_end"],
         RecordingPart::Samples => &["clipped"],
@@ -29,8 +29,8 @@ fn columns(channels: &Channels, part: RecordingPart) -> Vec<&'static str> {
         RecordingPart::Ticks => &["wakeup_ns", "exec_ns", "overruns", "cause"],
         RecordingPart::Events => &["name", "value"],
     };
-    let of_channels = channels.of(part.topic()).iter().map(|channel| channel.name);
-    ["sample", "time_s"].into_iter().chain(of_channels).chain(own.iter().copied()).collect()
+    let of_channels = channels.of(part.topic()).iter().map(|channel| channel.name.as_str());
+    ["sample", "time_s"].into_iter().chain(of_channels).chain(own.iter().copied()).map(String::from).collect()
 }
 
 /// A table that is being written.
@@ -108,7 +108,7 @@ impl Display for Row<'_> {
             Record::Sample(record) => {
                 write!(f, "{sample},{}", short(&time_s))?;
                 numbers(f, &record.values())?;
-                write!(f, ",{}", record.clipped.bits())
+                write!(f, ",{}", record.clipped_bits())
             }
             Record::Frame(record) => frame(f, record),
             Record::Tick(TickRecord { wakeup_ns, exec_ns, overruns, cause, .. }) => {

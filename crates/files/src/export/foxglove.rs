@@ -91,7 +91,7 @@ fn copy(
     attach(recording, &mut writer).map_err(failed)?;
     writer.finish().and_then(|_summary| Ok(staged.publish()?)).map_err(failed)?;
     let channels = parts.iter().flat_map(|part| recording.channels().of(part.topic()));
-    let columns = channels.map(|channel| channel.name).collect();
+    let columns = channels.map(|channel| channel.name.to_string()).collect();
     Ok(ExportedFile { path, rows, columns })
 }
 
@@ -110,7 +110,7 @@ fn declare(writer: &mut Writer<BufWriter<File>>, channels: &Channels, part: Reco
         part => {
             let numbers = channels.of(part.topic()).iter();
             let mut properties: Map<String, Value> =
-                numbers.map(|channel| (channel.name.to_owned(), json!({ "type": "number" }))).collect();
+                numbers.map(|channel| (channel.name.to_string(), json!({ "type": "number" }))).collect();
             properties.insert(String::from("sample"), json!({ "type": "integer" }));
             let name = if part == RecordingPart::States { "resonarm.StateRow" } else { "resonarm.SampleRow" };
             (format!("/{part}"), name, json!({ "type": "object", "properties": properties }))
@@ -149,7 +149,7 @@ fn message(recording: &Recording, record: &Record<String>) -> Option<(RecordingP
     let row = |part: RecordingPart| {
         let sample = record.sample();
         let (channels, values) = (recording.channels().of(part.topic()), record.values());
-        let fields = channels.iter().zip(&*values).map(|(channel, value)| (channel.name.to_owned(), json!(value)));
+        let fields = channels.iter().zip(&*values).map(|(channel, value)| (channel.name.to_string(), json!(value)));
         let mut fields: Map<String, Value> = fields.collect();
         fields.insert(String::from("sample"), json!(sample));
         Some((part, sample_ns(origin, sample, lead(part.topic(), origin)), Value::Object(fields)))

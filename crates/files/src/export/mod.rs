@@ -130,7 +130,7 @@ pub struct ExportedFile {
     /// Rows of a table, samples of a waveform, frames of a log.
     pub rows: u64,
     /// Columns of a table, waveforms, in order, with their units; empty for a log.
-    pub columns: Vec<&'static str>,
+    pub columns: Vec<String>,
 }
 
 /// Writes what is selected of a recording to the files that STEM stands for, over what is there: what may be written

@@ -45,6 +45,7 @@ const fn direction(axis: Axis) -> u32 {
     match axis {
         Axis::X => 1,
         Axis::Y => 2,
+        Axis::Z => 3,
         Axis::AboutZ => 6,
         Axis::Scalar => 0,
     }
@@ -76,7 +77,7 @@ pub(super) fn write(
                     write!(out, "{}{end}", e20(values[index])).map_err(failed)
                 })?;
                 writeln!(out, "{DELIMITER}").map_err(failed)?;
-                columns.push(channel.name);
+                columns.push(channel.name.to_string());
             }
             rows = rows.max(count);
         }

@@ -41,7 +41,7 @@ pub(super) fn write(
             })?;
             let finished = writer.finalize().and_then(|()| Ok(staged.publish()?));
             finished.map_err(|error| failed(&path, error))?;
-            let columns = channels.iter().map(|channel| channel.name).collect();
+            let columns = channels.iter().map(|channel| channel.name.to_string()).collect();
             exported.push(ExportedFile { path: path.clone(), rows, columns });
         }
     }

@@ -267,7 +267,7 @@ mod tests {
         ];
         assert_eq!(states(&mut one, &frames), []);
         let found = one.finish();
-        let missing: Vec<&str> = found.missing_states.iter().map(|missing| missing.channel).collect();
+        let missing: Vec<&str> = found.missing_states.iter().map(|missing| missing.channel.as_str()).collect();
         assert_eq!(missing, ["alpha2_rad", "alpha1_dot_rad_s", "alpha2_dot_rad_s"]);
         assert_eq!((found.states, found.incomplete_samples), (0, 1));
     }

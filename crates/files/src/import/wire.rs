@@ -6,6 +6,7 @@ use resonarm_bench::node::WireSpec;
 use resonarm_bench::node::mapped::mapping::{
     Lockstep, Mapping, Outgoing, ProtectionCheck, ProtectionFault, ReadingSignal, Said, Source, Trigger, Value,
 };
+use resonarm_bench::rig::Readings;
 use resonarm_bench::structure::{Channel, Kind, OUTPUTS, STATES, States};
 use resonarm_dynamics::arm::{Load, State};
 use resonarm_protocol::{Frame, FrameFormat, Id};
@@ -276,11 +277,12 @@ fn directions(mapping: &Mapping) -> BTreeMap<Id, Direction> {
 fn write_reading(of: &ReadingSignal, payload: &[u8], row: &mut Row<{ OUTPUTS.len() }>) {
     let (place, is_clipped) = match of.reading(payload) {
         Ok(Some(Said::Value { place, value, is_at_end })) => {
-            row.values[place] = value;
+            let Some(to) = row.values.get_mut(place) else { return };
+            *to = value;
             (place, is_at_end)
         }
-        Ok(Some(Said::Clipped { place, is_clipped })) => (place, is_clipped),
-        Ok(None) | Err(_) => return,
+        Ok(Some(Said::Clipped { place, is_clipped })) if place < OUTPUTS.len() => (place, is_clipped),
+        Ok(_) | Err(_) => return,
     };
     row.clipped |= u32::from(is_clipped) << place;
 }
@@ -317,6 +319,7 @@ fn sample_record(sample: u64, row: &Row<{ OUTPUTS.len() }>) -> SampleRecord {
         acceleration_c_m_s2: [c_x, c_y],
         head_force_n: [head_x, head_y],
         clipped: Clipped { acceleration_b: pair(2), acceleration_c: pair(4), head_force: pair(0) },
+        more: Readings::NONE,
     }
 }
 

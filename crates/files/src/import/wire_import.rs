@@ -2,6 +2,7 @@
 
 use std::collections::BTreeMap;
 
+use resonarm_bench::structure::ChannelName;
 use serde::Serialize;
 
 /// What was gathered from the frames of a scenario's own protocol.
@@ -37,7 +38,7 @@ pub struct WireImport {
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize)]
 pub struct Missing {
     /// Its name.
-    pub channel: &'static str,
+    pub channel: ChannelName,
     /// Whether the wire carries it now and then; else it does not at all.
     pub is_carried: bool,
 }

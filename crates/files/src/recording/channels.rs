@@ -41,8 +41,8 @@ impl Channels {
     }
 
     /// The vectors of a topic: the name and the components of each.
-    pub fn vectors(&self, topic: Topic) -> impl Iterator<Item = (&'static str, &[Channel])> {
-        self.of(topic).chunk_by(|one, next| one.vector == next.vector).map(|vector| (vector[0].vector, vector))
+    pub fn vectors(&self, topic: Topic) -> impl Iterator<Item = (&str, &[Channel])> {
+        self.of(topic).chunk_by(|one, next| one.vector == next.vector).map(|vector| (vector[0].vector.as_str(), vector))
     }
 
     /// The channels in the batches of a topic, in order; empty for frames, ticks and events.

@@ -11,7 +11,7 @@ use thiserror::Error;
 use super::Topic;
 use super::channels::Channels;
 use super::schema::MessageType;
-use resonarm_bench::structure::{Channel, Kind, Point, READINGS, known_states};
+use resonarm_bench::structure::{Channel, ChannelName, Kind, Point, READINGS, known_states, named_sensor_channels};
 
 /// Fields of every message.
 pub(super) const STEP: u32 = 1;
@@ -112,7 +112,7 @@ fn schema(message_type: MessageType, channels: &Channels) -> Vec<u8> {
         MessageType::SampleBatch | MessageType::Sensors => fields.push(field("clipped", MARK, label, UINT32)),
         _ => {}
     }
-    fields.extend(numbered(message_type, channels).map(|(number, of)| field(of.name, number, label, DOUBLE)));
+    fields.extend(numbered(message_type, channels).map(|(number, of)| field(&of.name, number, label, DOUBLE)));
     let name = message_type.name();
     let (package, name) = name.rsplit_once('.').unwrap_or(("", name));
     let messages = vec![Type { name: name.to_owned(), fields }];
@@ -140,7 +140,7 @@ pub enum ChannelsError {
     #[error("no channel `{name}`")]
     Missing {
         /// Its name.
-        name: &'static str,
+        name: String,
     },
     /// Two channels have one name or one field.
     #[error("channel `{name}` twice, or two channels in its field")]
@@ -189,13 +189,14 @@ impl Layout {
         let mut types = set.files.iter().flat_map(|file| file.messages.iter().map(move |of| (&file.package, of)));
         let found = types.find(|(package, of)| format!("{package}.{}", of.name) == message_type.name());
         let missing = || ChannelsError::Schema { cause: format!("it has no message `{}`", message_type.name()) };
+        let found = &found.ok_or_else(missing)?.1.fields;
         let (known, mark_name, mark_type) = match message_type {
             MessageType::StepBatch => (known_states(), "last_row_is_end", (OPTIONAL, BOOL)),
-            _ => (READINGS.to_vec(), "clipped", (REPEATED, UINT32)),
+            _ => (readings(found)?, "clipped", (REPEATED, UINT32)),
         };
         let (mut mark, mut places) = (None, vec![None; known.len()]);
         let mut numbers = Vec::new();
-        for Field { name, number, label, kind } in &found.ok_or_else(missing)?.1.fields {
+        for Field { name, number, label, kind } in found {
             let number = u32::try_from(*number).map_err(|_| ChannelsError::Type { name: name.clone() })?;
             let (place, expected) = match name.as_str() {
                 "first_step" => (None, (OPTIONAL, UINT64)),
@@ -215,9 +216,9 @@ impl Layout {
             }
             numbers.push(number);
         }
-        let mark = mark.ok_or(ChannelsError::Missing { name: mark_name })?;
+        let mark = mark.ok_or_else(|| ChannelsError::Missing { name: mark_name.to_owned() })?;
         if let Some(name) = missing_channel(&known, |place| places[place].is_some()) {
-            return Err(ChannelsError::Missing { name });
+            return Err(ChannelsError::Missing { name: name.as_str().to_owned() });
         }
         let (channels, fields) =
             known.iter().zip(places).filter_map(|(channel, place)| Some((*channel, place?))).unzip();
@@ -230,9 +231,22 @@ impl Layout {
     }
 }
 
+/// The channels of the readings in a batch: those of every rig, then those of other sensors in the order of their fields.
+fn readings(fields: &[Field]) -> Result<Vec<Channel>, ChannelsError> {
+    let is_other = |field: &&Field| {
+        let name = field.name.as_str();
+        !["first_step", "dt_s", "clipped"].contains(&name) && READINGS.iter().all(|channel| channel.name != name)
+    };
+    let mut others: Vec<&Field> = fields.iter().filter(is_other).collect();
+    others.sort_by_key(|field| field.number);
+    let names: Vec<&str> = others.iter().map(|field| field.name.as_str()).collect();
+    let others = named_sensor_channels(&names).map_err(|name| ChannelsError::Unknown { name: name.to_owned() })?;
+    Ok([&READINGS[..], &others].concat())
+}
+
 /// The first channel that a recording lacks: a load, a reading, a coordinate or a rate up to the last joint, mode or
 /// displacement of which there is a state. Without any state it is the first of the arm.
-fn missing_channel(known: &[Channel], is_there: impl Fn(usize) -> bool) -> Option<&'static str> {
+fn missing_channel(known: &[Channel], is_there: impl Fn(usize) -> bool) -> Option<ChannelName> {
     let of_motion = || known.iter().enumerate().filter(|(_, of)| of.kind == Kind::State);
     let last = |coordinates| {
         let there = of_motion().filter(|(place, of)| of.coordinates() == coordinates && is_there(*place));

@@ -11,6 +11,7 @@ use super::batch::Batch;
 use super::layout::{DT_S, Layout, STEP};
 use super::schema::MessageType;
 use super::{Clipped, SampleRecord, StateRecord};
+use resonarm_bench::rig::{MOST_MORE, Readings};
 use resonarm_bench::structure::{LOADS, MOST_STATES, READINGS, States};
 
 /// A record of numbers in the order of the table, with a mark.
@@ -67,15 +68,18 @@ impl Numbers for SampleRecord {
     }
 
     fn mark(&self) -> u32 {
-        self.clipped.bits()
+        self.clipped_bits()
     }
 
     fn of(sample: u64, count: usize, number: impl Fn(usize) -> f64, _moving: usize, mark: u32) -> Option<SampleRecord> {
-        count.checked_sub(READINGS.len())?;
+        let more = count.checked_sub(READINGS.len()).filter(|more| *more <= MOST_MORE)?;
         let [acceleration_b_m_s2, acceleration_c_m_s2, head_force_n] =
             [0, 2, 4].map(|place| [number(place), number(place + 1)]);
-        let clipped = Clipped::from_bits(mark)?;
-        Some(SampleRecord { sample, acceleration_b_m_s2, acceleration_c_m_s2, head_force_n, clipped })
+        let (clipped, mut values) = (Clipped::from_bits(mark), [0.0; MOST_MORE]);
+        let values = &mut values[..more];
+        values.iter_mut().zip(READINGS.len()..).for_each(|(value, place)| *value = number(place));
+        let more = Readings::new(values, mark >> Clipped::COUNT)?;
+        Some(SampleRecord { sample, acceleration_b_m_s2, acceleration_c_m_s2, head_force_n, clipped, more })
     }
 }
 
@@ -199,7 +203,8 @@ impl<R: Numbers> Batch for NumberBatch<R> {
     }
 
     fn has_known_marks(&self) -> bool {
-        self.clipped.iter().all(|bits| Clipped::from_bits(*bits).is_some())
+        let readings = self.columns.len() as u32;
+        self.clipped.iter().all(|bits| bits.checked_shr(readings).is_none_or(|unknown| unknown == 0))
     }
 
     fn row(&self, index: usize) -> Option<R> {

@@ -60,7 +60,7 @@ impl Plots {
 
     /// Takes the next readings.
     pub fn reading(&mut self, record: &SampleRecord) {
-        let clipped = record.clipped.bits();
+        let clipped = record.clipped_bits();
         self.readings.push(record.sample, &record.values(), clipped, &mut self.readings_ready);
     }
 

@@ -4,6 +4,7 @@ use resonarm_protocol::Frame;
 
 use super::Topic;
 use super::channels::Values;
+use resonarm_bench::rig::Readings;
 use resonarm_bench::structure::States;
 use resonarm_dynamics::arm::Load;
 use resonarm_realtime::OverrunCause;
@@ -120,18 +121,24 @@ pub struct SampleRecord {
     pub head_force_n: [f64; 2],
     /// Which of these were beyond the range of their sensor.
     pub clipped: Clipped,
+    /// The readings of the other sensors, with their own marks.
+    pub more: Readings,
 }
 
 impl SampleRecord {
     /// Its numbers in the order of [`Topic::Samples`](super::Topic::Samples).
-    pub fn values(&self) -> [f64; 6] {
-        let ([b_x, b_y], [c_x, c_y], [x, y]) = (self.acceleration_b_m_s2, self.acceleration_c_m_s2, self.head_force_n);
-        [b_x, b_y, c_x, c_y, x, y]
+    pub fn values(&self) -> Values {
+        Values::new(&self.vectors())
+    }
+
+    /// Which of all its numbers are clipped, a bit each in their order.
+    pub fn clipped_bits(&self) -> u32 {
+        self.clipped.bits() | self.more.clipped() << Clipped::COUNT
     }
 
     /// The same, vector by vector.
     pub(super) fn vectors(&self) -> [&[f64]; 4] {
-        [&self.acceleration_b_m_s2, &self.acceleration_c_m_s2, &self.head_force_n, &[]]
+        [&self.acceleration_b_m_s2, &self.acceleration_c_m_s2, &self.head_force_n, self.more.values()]
     }
 }
 
@@ -151,6 +158,9 @@ impl Clipped {
     pub const NONE: Clipped =
         Clipped { acceleration_b: [false; 2], acceleration_c: [false; 2], head_force: [false; 2] };
 
+    /// The number of bits.
+    pub const COUNT: usize = 6;
+
     /// One by one: of B, of C, of the head, x before y.
     pub(crate) fn marks(self) -> [bool; 6] {
         let ([b_x, b_y], [c_x, c_y], [x, y]) = (self.acceleration_b, self.acceleration_c, self.head_force);
@@ -162,11 +172,10 @@ impl Clipped {
         self.marks().into_iter().enumerate().map(|(bit, clipped)| u32::from(clipped) << bit).sum()
     }
 
-    /// From the file; what is wrong with it, if there are other bits.
-    pub(super) fn from_bits(bits: u32) -> Option<Clipped> {
+    /// From the file; the bits beyond [`Clipped::COUNT`] are those of other sensors.
+    pub(super) fn from_bits(bits: u32) -> Clipped {
         let pair = |bit: u32| [bits >> bit & 1 == 1, bits >> (bit + 1) & 1 == 1];
-        let clipped = Clipped { acceleration_b: pair(0), acceleration_c: pair(2), head_force: pair(4) };
-        (bits < 64).then_some(clipped)
+        Clipped { acceleration_b: pair(0), acceleration_c: pair(2), head_force: pair(4) }
     }
 
     /// Whether there is any.

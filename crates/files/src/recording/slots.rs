@@ -2,13 +2,14 @@
 
 use core::convert::Infallible;
 
+use resonarm_bench::rig::{MOST_MORE, Readings};
 use resonarm_bench::structure::{MOST_STATES, States};
 
-use super::{Event, FrameRecord, Record, SampleRecord, StateRecord, TickRecord};
+use super::{Clipped, Event, FrameRecord, Record, SampleRecord, StateRecord, TickRecord};
 
 /// States in the first slot: those of the arm with a coil.
 const FIRST: usize = 5;
-/// States in each slot after it.
+/// States or readings in each slot after it.
 const NEXT: usize = 12;
 
 /// The most slots of a record.
@@ -23,7 +24,9 @@ enum Content<Other> {
     State(Head),
     /// States of the record that began before.
     States([f64; NEXT]),
-    Sample(SampleRecord),
+    Sample(SampleHead),
+    /// Readings of the sample that began before.
+    Readings([f64; NEXT]),
     Frame(FrameRecord),
     Tick(TickRecord),
     Event(Event),
@@ -51,11 +54,25 @@ struct Head {
     is_end: bool,
 }
 
+/// The beginning of a record of readings: what every rig has.
+#[derive(Clone, Copy, Debug)]
+struct SampleHead {
+    sample: u64,
+    acceleration_b_m_s2: [f64; 2],
+    acceleration_c_m_s2: [f64; 2],
+    head_force_n: [f64; 2],
+    clipped: Clipped,
+    /// Marks and number of the others.
+    more_clipped: u32,
+    more: u8,
+}
+
 /// How many slots a record takes.
 fn slots_for(record: &Record) -> usize {
     match record {
         Record::State(state) => 1 + state.states.len().saturating_sub(FIRST).div_ceil(NEXT),
-        Record::Sample(_) | Record::Frame(_) | Record::Tick(_) | Record::Event(_) => 1,
+        Record::Sample(sample) => 1 + sample.more.values().len().div_ceil(NEXT),
+        Record::Frame(_) | Record::Tick(_) | Record::Event(_) => 1,
     }
 }
 
@@ -79,7 +96,15 @@ fn first<Other>(record: &Record) -> Slot<Other> {
             count: state.states.len() as u8,
             is_end: state.is_end,
         }),
-        Record::Sample(sample) => Content::Sample(*sample),
+        Record::Sample(sample) => Content::Sample(SampleHead {
+            sample: sample.sample,
+            acceleration_b_m_s2: sample.acceleration_b_m_s2,
+            acceleration_c_m_s2: sample.acceleration_c_m_s2,
+            head_force_n: sample.head_force_n,
+            clipped: sample.clipped,
+            more_clipped: sample.more.clipped(),
+            more: sample.more.values().len() as u8,
+        }),
         Record::Frame(frame) => Content::Frame(*frame),
         Record::Tick(tick) => Content::Tick(*tick),
         Record::Event(event) => Content::Event(*event),
@@ -90,7 +115,12 @@ fn first<Other>(record: &Record) -> Slot<Other> {
 #[inline(always)]
 pub fn push<Other>(ring: &mut rtrb::Producer<Slot<Other>>, record: &Record) -> bool {
     match record {
-        Record::State(state) if state.states.len() > FIRST => push_many(ring, record, &state.states),
+        Record::State(state) if state.states.len() > FIRST => {
+            push_many(ring, record, state.states.get(FIRST..).unwrap_or(&[]), Content::States)
+        }
+        Record::Sample(sample) if !sample.more.values().is_empty() => {
+            push_many(ring, record, sample.more.values(), Content::Readings)
+        }
         _ => ring.push(first(record)).is_ok(),
     }
 }
@@ -101,9 +131,15 @@ pub fn push_other<Other>(ring: &mut rtrb::Producer<Slot<Other>>, other: Other) -
     ring.push(Slot(Content::Other(other))).is_ok()
 }
 
-fn push_many<Other>(ring: &mut rtrb::Producer<Slot<Other>>, record: &Record, states: &[f64]) -> bool {
+/// Appends a record whose numbers beyond the first slot are `rest`.
+fn push_many<Other>(
+    ring: &mut rtrb::Producer<Slot<Other>>,
+    record: &Record,
+    rest: &[f64],
+    content: fn([f64; NEXT]) -> Content<Other>,
+) -> bool {
     let Ok(chunk) = ring.write_chunk_uninit(slots_for(record)) else { return false };
-    let rest = states.get(FIRST..).unwrap_or(&[]).chunks(NEXT).map(|numbers| Slot(Content::States(padded(numbers))));
+    let rest = rest.chunks(NEXT).map(|numbers| Slot(content(padded(numbers))));
     chunk.fill_from_iter(core::iter::once(first(record)).chain(rest));
     true
 }
@@ -124,13 +160,20 @@ pub fn pop<Other, R>(ring: &mut rtrb::Consumer<Slot<Other>>, hand: impl FnOnce(E
                 force_n: head.force_n,
                 is_end: head.is_end,
             }),
-            Content::Sample(sample) => Record::Sample(sample),
+            Content::Sample(head) => Record::Sample(SampleRecord {
+                sample: head.sample,
+                acceleration_b_m_s2: head.acceleration_b_m_s2,
+                acceleration_c_m_s2: head.acceleration_c_m_s2,
+                head_force_n: head.head_force_n,
+                clipped: head.clipped,
+                more: readings(ring, &head)?,
+            }),
             Content::Frame(frame) => Record::Frame(frame),
             Content::Tick(tick) => Record::Tick(tick),
             Content::Event(event) => Record::Event(event),
             Content::Other(other) => return Some(hand(Entry::Other(other))),
             // Without its beginning it is no record.
-            Content::States(_) => continue,
+            Content::States(_) | Content::Readings(_) => continue,
         };
         return Some(hand(Entry::Record(&record)));
     }
@@ -162,6 +205,18 @@ fn states<Other>(ring: &mut rtrb::Consumer<Slot<Other>>, head: &Head) -> Option<
     is_whole.then_some(states)
 }
 
+/// The readings beyond those of the first slot; `None` if a part is missing.
+#[inline(always)]
+fn readings<Other>(ring: &mut rtrb::Consumer<Slot<Other>>, head: &SampleHead) -> Option<Readings> {
+    let mut values = [0.0; MOST_MORE];
+    let values = values.get_mut(..usize::from(head.more))?;
+    for part in values.chunks_mut(NEXT) {
+        let Ok(Slot(Content::Readings(numbers))) = ring.pop() else { return None };
+        part.iter_mut().zip(numbers).for_each(|(to, number)| *to = number);
+    }
+    Readings::new(values, head.more_clipped)
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;
@@ -177,7 +232,20 @@ mod tests {
     fn records_of_any_length_come_out_as_they_went_in() {
         let tick = TickRecord { sample: 7, wakeup_ns: 1, exec_ns: 2, overruns: 0, cause: None };
         let (mut into, mut out) = rtrb::RingBuffer::<Slot>::new(64);
-        let records = [record(1, 4, 0), record(2, 4, 1), Record::Tick(tick), record(3, 16, 16), record(4, 64, 17)];
+        let sample = |more: usize| {
+            let numbers: Vec<f64> = (0..more).map(|place| place as f64 - 0.5).collect();
+            Record::Sample(SampleRecord {
+                sample: 5,
+                acceleration_b_m_s2: [1.0, 2.0],
+                acceleration_c_m_s2: [3.0, 4.0],
+                head_force_n: [5.0, 6.0],
+                clipped: Clipped { head_force: [true, false], ..Clipped::NONE },
+                more: Readings::new(&numbers, u32::from(more > 0) << more.saturating_sub(1)).unwrap(),
+            })
+        };
+        let wide = [sample(0), sample(1), sample(NEXT), sample(MOST_MORE), record(4, 64, 17)];
+        let others = [record(1, 4, 0), record(2, 4, 1), Record::Tick(tick), record(3, 16, 16)];
+        let records = [&others[..], &wide[..]].concat();
         for _turn in 0..3 {
             assert!(records.iter().all(|record| !is_full(&into, record) && push(&mut into, record)));
             records.iter().for_each(|record| assert_eq!(pop_record(&mut out, |got| got == record), Some(true)));

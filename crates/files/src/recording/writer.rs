@@ -259,6 +259,7 @@ impl Writer {
     }
 
     fn write_reading(&mut self, record: &SampleRecord) -> Result<(), RecordingError> {
+        self.check(Topic::Samples, record.values().len())?;
         if self.readings.must_take_before(record) {
             self.take_readings()?;
         }

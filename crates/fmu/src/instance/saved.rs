@@ -4,7 +4,7 @@ use crate::Fault;
 use crate::model::{Parameters, Saved};
 use crate::signals::{Measured, SavedSignals, measurement};
 use resonarm_bench::plant::Plant;
-use resonarm_bench::rig::Reading;
+use resonarm_bench::rig::{MOST_MORE, Reading, Readings};
 use resonarm_bench::structure::{LOADS, OUTPUTS};
 
 use super::{SavedInstance, State};
@@ -39,6 +39,9 @@ pub(crate) fn write(saved: &SavedInstance) -> Option<Vec<u8>> {
         put(&mut bytes, &[reading.value]);
         bytes.push(u8::from(reading.clipped));
     }
+    bytes.extend((now.measurement.more.values().len() as u64).to_le_bytes());
+    bytes.extend(now.measurement.more.clipped().to_le_bytes());
+    put(&mut bytes, now.measurement.more.values());
     bytes.extend((numbers.len() as u64).to_le_bytes());
     put(&mut bytes, &numbers);
     Some(bytes)
@@ -74,6 +77,13 @@ pub(crate) fn read(
         let [value] = rest.numbers()?;
         *reading = Reading { value, clipped: rest.flag()? };
     }
+    let (others, clipped) = (rest.length()?, u32::from_le_bytes(rest.take()?));
+    let mut more = [0.0; MOST_MORE];
+    let more = more.get_mut(..others).ok_or_else(|| refused("it has more readings than a rig"))?;
+    for value in more.iter_mut() {
+        [*value] = rest.numbers()?;
+    }
+    let more = Readings::new(more, clipped).ok_or_else(|| refused("a mark belongs to no reading"))?;
     let count = rest.length()?;
     if rest.bytes.len() != count.saturating_mul(8) {
         return Err(refused("it ends before its last number, or behind it"));
@@ -81,7 +91,7 @@ pub(crate) fn read(
     let numbers = rest.list(count)?;
     let plant = plant(&parameters)?.restored_measured(sample, &numbers)?;
     let held = held.then(|| crate::variables::load(&load));
-    let now = Measured { plant, measurement: measurement(sample, readings), held };
+    let now = Measured { plant, measurement: measurement(sample, readings, more), held };
     let model = Saved::Signals(Box::new(SavedSignals::read(now)));
     Ok(SavedInstance { token: token.to_string(), state, start_s, time_s, parameters, inputs, model })
 }

@@ -72,6 +72,15 @@ function makeViews(about) {
       states[id] = bands(id, null, { title: id === "elements" ? "States of elements" : "Coordinates", unit, named: named(panels[id]) });
     }
   }
+  // The sensors beside B and C, those of one unit in one plot.
+  const note = new Set(panels.sensors.map(({ unit }) => unit)).size === 1 ? "sensors-clipped" : null;
+  ["m/s²", "m/s", "m", "rad"].forEach((unit) => {
+    const id = `sensors-${unit.replace("/", "-").replace("²", "2")}`;
+    const plotted = panels.sensors.filter((one) => one.unit === unit);
+    element(id).hidden = plotted.length === 0;
+    if (plotted.length > 0) states[id] = bands(id, note, { title: "Sensors", unit, named: named(plotted) });
+  });
+  element("sensors").hidden = panels.sensors.length === 0;
   element("states").hidden = panels.coordinates.length === 0;
   element("states-name").textContent = panels.elements.length > 0 ? "Coordinates and elements" : "Coordinates";
   const upper = torque ? {} : { height: 145, isUpper: true };

@@ -4,6 +4,8 @@ use std::path::PathBuf;
 
 use thiserror::Error;
 
+use resonarm_bench::rig::MOST_CHANNELS;
+
 use super::ImportError;
 use super::source::StructureFileError;
 use resonarm_bench::plant::ShakerAcross;
@@ -241,11 +243,19 @@ pub enum StructureSectionError {
         /// How many there are.
         rows: usize,
     },
+    /// Head and sensors have more channels than a rig.
+    #[error(
+        "[rig.sensors]: head and sensors have {got} channels: a rig has at most {MOST_CHANNELS}; leave some out, or read single axes (\"tip.z\")"
+    )]
+    TooManyChannels {
+        /// Their number.
+        got: usize,
+    },
     /// Where an instrument or the exciter is can't be found.
     #[error("rig.{instrument}: `at` {reason}")]
     Rig {
         /// The instrument.
-        instrument: &'static str,
+        instrument: String,
         /// Why.
         reason: String,
     },

@@ -281,7 +281,7 @@ impl StructureSection {
             Some((instrument, _)) => {
                 let reason =
                     String::from("is given, and the program that makes the structure says where it is: leave it out");
-                Err(StructureSectionError::Rig { instrument, reason })
+                Err(StructureSectionError::Rig { instrument: instrument.to_owned(), reason })
             }
             None => Ok(()),
         }

@@ -1,8 +1,9 @@
 //! Where the exciter and the accelerometers of a rig are on a structure.
 
 use super::StructureSectionError;
-use resonarm_bench::plant::{Placed, Places};
-use resonarm_bench::rig::{PlaceName, RigSpec};
+use resonarm_bench::plant::{Placed, PlacedSensor, Places};
+use resonarm_bench::rig::{InstrumentName, MOST_CHANNELS, Measured, Measurement, PlaceName, RigSpec, SensorSpec};
+use resonarm_bench::structure::Axis;
 use resonarm_dynamics::structure::Assembly;
 
 /// The point at the end of a chain, where exciter and accelerometer C are unless the scenario says otherwise.
@@ -19,31 +20,77 @@ pub(super) fn places(assembly: &Assembly, rig: &RigSpec) -> Result<Places, Struc
         None => {
             let points = assembly.points();
             let reason = format!("is missing: name the point that it acts on; there are {}", points.join(", "));
-            return Err(StructureSectionError::Rig { instrument: "exciter", reason });
+            return Err(StructureSectionError::Rig { instrument: String::from("exciter"), reason });
         }
     };
     let b = rig.sensors.b.at.as_ref().map(PlaceName::as_str);
     let b = b.unwrap_or(if default("joint2") { "joint2" } else { exciter });
     let c = rig.sensors.c.at.as_ref().map_or(exciter, PlaceName::as_str);
+    let more = rig.sensors.more.iter().map(|(name, sensor)| placed_sensor(assembly, *name, sensor));
+    let more = more.collect::<Result<Vec<_>, _>>()?;
+    let got = Measurement::CHANNELS + more.iter().map(|sensor| sensor.along.len()).sum::<usize>();
+    if got > MOST_CHANNELS {
+        return Err(StructureSectionError::TooManyChannels { got });
+    }
     Ok(Places {
         exciter: placed(assembly, "exciter", exciter)?,
         accelerometer_b: placed(assembly, "sensors.b", b)?,
         accelerometer_c: placed(assembly, "sensors.c", c)?,
+        more,
     })
 }
 
+/// The axes of a point, by name.
+const AXES: [(&str, Axis); 3] = [("x", Axis::X), ("y", Axis::Y), ("z", Axis::Z)];
+
+/// A sensor beside B and C: at a joint, whose angle it measures, at a degree of freedom, or at a point, of which it
+/// reads every axis along which the structure moves there.
+fn placed_sensor(
+    assembly: &Assembly,
+    name: InstrumentName,
+    sensor: &SensorSpec,
+) -> Result<PlacedSensor, StructureSectionError> {
+    let at = sensor.at.as_ref().map_or("", PlaceName::as_str);
+    let error = |reason: String| StructureSectionError::Rig { instrument: format!("sensors.{name}"), reason };
+    let point_at = |point: &str, axis: &str| assembly.dof(&format!("{point}.{axis}")).ok().filter(|dof| !dof.is_base());
+    let is_angle = sensor.measures == Measured::Angle;
+    let along = match at.rsplit_once('.') {
+        _ if is_angle => match assembly.dof(at) {
+            Ok(dof) if dof.is_angle() => vec![(Axis::AboutZ, dof)],
+            Ok(_) => return Err(error(format!("is `{at}`, where no joint turns: `measures` can't be \"angle\""))),
+            Err(unknown) => return Err(error(format!("is `{at}`, and the sensor measures an angle: {unknown}"))),
+        },
+        Some((_, along)) => {
+            let dof = assembly.dof(at).map_err(|unknown| error(format!("is `{at}`: {unknown}")))?;
+            if dof.is_base() {
+                return Err(error(format!("is `{at}`: a run has no moving base; name a point of the structure")));
+            }
+            let axis = AXES.into_iter().find(|(name, _)| *name == along).map_or(Axis::Scalar, |(_, axis)| axis);
+            vec![(axis, dof)]
+        }
+        None => AXES.into_iter().filter_map(|(name, axis)| Some((axis, point_at(at, name)?))).collect(),
+    };
+    if along.is_empty() {
+        return Err(error(format!("is `{at}`: the points are {}", assembly.points().join(", "))));
+    }
+    Ok(PlacedSensor { name, measures: sensor.measures, along })
+}
+
 /// The degrees of freedom along x and y of a point, those that the structure has; or one for x.
-fn placed(assembly: &Assembly, instrument: &'static str, at: &str) -> Result<Placed, StructureSectionError> {
+fn placed(assembly: &Assembly, instrument: &str, at: &str) -> Result<Placed, StructureSectionError> {
     let points = assembly.points();
     if at.contains('.') {
-        let unknown = |error| StructureSectionError::Rig { instrument, reason: format!("is `{at}`: {error}") };
+        let unknown = |error| StructureSectionError::Rig {
+            instrument: instrument.to_owned(),
+            reason: format!("is `{at}`: {error}"),
+        };
         let dof = assembly.dof(at).map_err(unknown)?;
         if dof.is_base() {
             let reason = format!(
                 "is `{at}`, whose load is an acceleration, and a rig commands forces: frf, continue, simulate, sweep and basins move the \
                  base; for a run take the free structure, with the table's mass and modes at 0 Hz, and its exciter at the table"
             );
-            return Err(StructureSectionError::Rig { instrument, reason });
+            return Err(StructureSectionError::Rig { instrument: instrument.to_owned(), reason });
         }
         return Ok(Placed { along: [Some(dof), None] });
     }
@@ -56,5 +103,5 @@ fn placed(assembly: &Assembly, instrument: &'static str, at: &str) -> Result<Pla
         true => format!("is `{at}`, which moves along z alone: write \"{at}.z\""),
         false => format!("is `{at}`: the points are {}", points.join(", ")),
     };
-    Err(StructureSectionError::Rig { instrument, reason })
+    Err(StructureSectionError::Rig { instrument: instrument.to_owned(), reason })
 }

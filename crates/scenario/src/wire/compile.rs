@@ -18,13 +18,14 @@ use resonarm_bench::node::mapped::mapping::{
     Protection, ReadingSignal, Source, Trigger, Value,
 };
 use resonarm_bench::rig::Exciter;
-use resonarm_bench::structure::Quantity;
+use resonarm_bench::structure::{Channel, Quantity};
 use resonarm_protocol::Id;
 
 /// The mapping of a scenario's wire.
 pub(super) fn mapping(scenario: &Scenario, section: &WireSection) -> Result<Mapping, WireError> {
     let database = section.database()?;
-    let mut compiler = Compiler { scenario, section, database: &database, incoming: BTreeMap::new() };
+    let readings = quantity::readings(scenario)?;
+    let mut compiler = Compiler { scenario, section, database: &database, readings, incoming: BTreeMap::new() };
     compiler.check_node()?;
     if section.commands.is_empty() {
         return Err(WireError::NoCommands);
@@ -63,6 +64,8 @@ struct Compiler<'a> {
     scenario: &'a Scenario,
     section: &'a WireSection,
     database: &'a Database,
+    /// The readings that a signal can carry.
+    readings: Vec<Channel>,
     /// By their identifiers, standard ones first.
     incoming: BTreeMap<Id, Incoming>,
 }
@@ -157,7 +160,7 @@ impl Compiler<'_> {
                 _ => None,
             };
             if let Some(problem) = problem {
-                return Err(WireError::Input { place, input: name, problem });
+                return Err(WireError::Input { place, input: name.into(), problem });
             }
             self.check_input_once(&place, name, kind)?;
             used.take(&place, name)?;
@@ -174,7 +177,7 @@ impl Compiler<'_> {
         let other = others.map(|message| message.id).next();
         let Some(id) = other else { return Ok(()) };
         let other = self.database.message_by_id(id).map_or(String::new(), |message| message.name().to_string());
-        Err(WireError::InputTwice { place: place.clone(), input: name, other })
+        Err(WireError::InputTwice { place: place.clone(), input: name.into(), other })
     }
 
     fn event(&mut self, spec: &EventSpec) -> Result<(), WireError> {
@@ -326,9 +329,9 @@ impl Compiler<'_> {
             return Err(WireError::Sources { place: place.clone(), got });
         }
         let source = match (&spec.quantity, &spec.clipped, &spec.state, &spec.reason) {
-            (Some(name), ..) => quantity::source(self.scenario, place, name, spec, signal)?,
+            (Some(name), ..) => quantity::source(self.scenario, &self.readings, place, name, spec, signal)?,
             (_, Some(name), ..) => {
-                let value = Value::Clipped(quantity::reading(place, name)?);
+                let value = Value::Clipped(quantity::reading(&self.readings, place, name)?);
                 exact.value("clipped", 0.0).and_then(|_| exact.value("clipped", 1.0))?;
                 Source::Value { value, scale: 1.0, offset: 0.0 }
             }

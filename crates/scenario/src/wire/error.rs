@@ -7,6 +7,7 @@ use std::path::PathBuf;
 use thiserror::Error;
 
 use crate::dbc::DbcError;
+use resonarm_bench::structure::ChannelName;
 use resonarm_numeric::number::{rounded, short};
 use resonarm_wire::checksum::{ChecksumError, PresetError, UnknownPreset};
 use resonarm_wire::counter::CounterError;
@@ -62,6 +63,13 @@ impl fmt::Display for Place {
 #[derive(Debug, Error)]
 #[non_exhaustive]
 pub enum WireError {
+    /// The structure that the sensors of `[rig.sensors]` read is impossible, so that it is not known which readings
+    /// signals can carry.
+    #[error("[wire]: which readings of [rig.sensors] signals can carry follows from the structure: {reason}")]
+    Structure {
+        /// Why.
+        reason: String,
+    },
     /// The DBC can't be read.
     #[error("can't read the DBC {}: {source}; `wire.dbc` counts from the scenario's folder", path.display())]
     Read {
@@ -127,7 +135,7 @@ pub enum WireError {
         /// Where.
         place: Place,
         /// The load.
-        input: &'static str,
+        input: ChannelName,
         /// The other signal.
         other: String,
     },
@@ -137,7 +145,7 @@ pub enum WireError {
         /// Where.
         place: Place,
         /// The load.
-        input: &'static str,
+        input: ChannelName,
         /// What is wrong.
         problem: &'static str,
     },
@@ -233,7 +241,7 @@ pub enum WireError {
         /// The largest.
         to: f64,
         /// The key that limits it.
-        limit: &'static str,
+        limit: String,
     },
     /// Not one of the keys that say what a signal says.
     #[error(

@@ -21,7 +21,7 @@ pub use checksum::{AlgorithmSpec, ChecksumSpec, DataIdSpec, PartSpec};
 pub use drives::{DriveSpec, PresetSpec};
 pub use error::{Names, Place, WireError};
 pub use lacks::WireLack;
-pub use signals::quantity::channel;
+pub use signals::quantity::{channel, readings};
 pub use signals::{REASONS, STATES};
 
 use super::{Scenario, ScenarioError};

@@ -12,7 +12,7 @@ use resonarm_scenario::ScenarioError;
 pub struct ReadingsVerdict {
     /// Whether every reading, and whether it was clipped, is the recorded one, bit for bit.
     pub identical: bool,
-    /// Samples compared, of six readings each.
+    /// Samples compared, each with all its readings.
     pub samples: u64,
     /// The first sample with a reading that differs.
     pub first_divergence: Option<u64>,
@@ -62,5 +62,10 @@ fn is_recorded(measured: &Measurement, recorded: &SampleRecord) -> bool {
     let same = |reading: Reading, value: f64, clipped| {
         reading.value.to_bits() == value.to_bits() && reading.clipped == clipped
     };
+    let (more, recorded_more) = (measured.more.values(), recorded.more.values());
+    let same_bits = |(one, other): (&f64, &f64)| one.to_bits() == other.to_bits();
     pairs.iter().all(|(reading, value, clipped)| (0..2).all(|axis| same(reading[axis], value[axis], clipped[axis])))
+        && more.len() == recorded_more.len()
+        && more.iter().zip(recorded_more).all(same_bits)
+        && measured.more.clipped() == recorded.more.clipped()
 }

@@ -145,6 +145,7 @@ fn measurement(index: u64, sample: &SampleRecord) -> Measurement {
         head_force_n: pair(sample.head_force_n, sample.clipped.head_force),
         acceleration_b_m_s2: pair(sample.acceleration_b_m_s2, sample.clipped.acceleration_b),
         acceleration_c_m_s2: pair(sample.acceleration_c_m_s2, sample.clipped.acceleration_c),
+        more: sample.more,
     }
 }
 

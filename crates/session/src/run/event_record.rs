@@ -95,5 +95,6 @@ pub fn sample_record(measurement: &Measurement) -> SampleRecord {
             acceleration_c: clipped(measurement.acceleration_c_m_s2),
             head_force: clipped(measurement.head_force_n),
         },
+        more: measurement.more,
     }
 }

@@ -519,7 +519,7 @@ fn a_measurement_that_cannot_be_sent_is_a_fault_of_an_armed_plant() {
         bench.handle_deadline(now_ns);
     }
     assert!(bench.node().is_armed());
-    let error = node::PublishError::NotFinite { name: "head_force_x_n", got: f64::NAN };
+    let error = node::PublishError::NotFinite { name: "head_force_x_n".into(), got: f64::NAN };
     let (outcome, error) = super::finish::finish(&mut bench, &mut bus, &mut pace, Err(error.into()));
     assert_eq!((outcome, error.is_some()), (PlantOutcome::Failed, true));
     let fault = bench.node().latched_fault().map(|fault| fault.code);

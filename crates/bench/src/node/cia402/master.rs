@@ -24,7 +24,7 @@ use crate::node::{
     Carried, ExciterInterface, ExciterLack, ExciterOutcome, ExciterRemark, FrameCheck, FrameFault, TimeBase, Timing,
     retry_ns,
 };
-use crate::rig::{Measurement, Reading};
+use crate::rig::{Measurement, Reading, Readings};
 use crate::structure::LOADS;
 use resonarm_dynamics::arm::Load;
 use resonarm_protocol::node::{NodeCore, Phase, Unanswered, Work};
@@ -247,8 +247,13 @@ impl Cia402Exciter {
     fn answer(&mut self, now_ns: u64) {
         let sample = self.work.next_sample(&self.core, core::mem::take(&mut self.syncs), 1);
         let none = [Reading { value: f64::NAN, clipped: false }; 2];
-        let measurement =
-            Measurement { sample, head_force_n: none, acceleration_b_m_s2: none, acceleration_c_m_s2: none };
+        let measurement = Measurement {
+            sample,
+            head_force_n: none,
+            acceleration_b_m_s2: none,
+            acceleration_c_m_s2: none,
+            more: Readings::NONE,
+        };
         match self.work.controller.answer_sample(&measurement) {
             Answer::Hold(load) if self.check_load(&load).is_ok() => {
                 self.slaves.iter_mut().for_each(|slave| slave.target = slave.target_of(&load).unwrap_or(0));

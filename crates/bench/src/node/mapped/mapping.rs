@@ -4,7 +4,7 @@ use alloc::sync::Arc;
 use alloc::vec::Vec;
 
 pub use super::protection::{Form, Protection, ProtectionCheck, ProtectionFault};
-use crate::rig::Measurement;
+use crate::rig::MOST_CHANNELS;
 use resonarm_dynamics::arm::Load;
 use resonarm_protocol::{EmergencyCode, FrameFormat, Id, NodeState};
 use resonarm_wire::layout::Number;
@@ -312,7 +312,7 @@ impl ReadingSignal {
     }
 }
 
-/// What a signal says of a reading, by the place of that in [`OUTPUTS`](crate::structure::OUTPUTS).
+/// What a signal says of a reading, by its place among the outputs of the structure, as in [`Value::Reading`].
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum Said {
     /// Its value.
@@ -366,7 +366,7 @@ pub enum Source {
 /// A value of the plant at the sample published last.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Value {
-    /// A reading, by its place in [`OUTPUTS`](crate::structure::OUTPUTS).
+    /// A reading, by its place among the outputs of the structure; [`OUTPUTS`](crate::structure::OUTPUTS) come first.
     Reading(usize),
     /// 1 if the reading was beyond the range of its sensor, else 0.
     Clipped(usize),
@@ -380,8 +380,8 @@ pub enum Value {
 #[derive(Clone, Copy, Debug, Default)]
 pub(super) struct Values {
     pub sample: u64,
-    pub readings: [f64; Measurement::CHANNELS],
-    pub clipped: [bool; Measurement::CHANNELS],
+    pub readings: [f64; MOST_CHANNELS],
+    pub clipped: [bool; MOST_CHANNELS],
     pub states: [f64; MOST_STATES],
     pub load: Load,
 }

@@ -21,7 +21,7 @@ use super::cause::{FaultCause, RefusedFor, StopRequest};
 use super::guard::Guard;
 use super::{FrameCheck, FrameFault, PlantInterface, PublishError, PublishedSample, Refusal, TimeBase, Timing};
 use crate::rig::{Exciter, GateSpec};
-use crate::structure::OUTPUTS;
+use crate::structure::{ChannelName, OUTPUTS};
 use incoming::{Receiver, plus};
 use mapping::{Action, Arming, Lockstep, Mapping, Trigger, Values};
 use outgoing::{Sender, Status};
@@ -459,9 +459,11 @@ impl PlantInterface for MappedNode {
         }
         self.values.sample = measurement.sample;
         self.has_published = true;
-        for (place, reading) in measurement.readings().iter().enumerate() {
+        let readings = measurement.readings().into_iter().chain(measurement.more.iter());
+        for (place, reading) in readings.enumerate() {
             if !reading.value.is_finite() {
-                return Err(PublishError::NotFinite { name: OUTPUTS[place].name, got: reading.value });
+                let name = OUTPUTS.get(place).map_or_else(|| ChannelName::of_reading(place), |channel| channel.name);
+                return Err(PublishError::NotFinite { name, got: reading.value });
             }
             (self.values.readings[place], self.values.clipped[place]) = (reading.value, reading.clipped);
         }

@@ -29,6 +29,7 @@ fn a_sample_of_the_fd_profile_is_one_frame_with_every_reading() {
         head_force_n: [reading(1e4, false), reading(-0.1, true)],
         acceleration_b_m_s2: [reading(2500.0, false), reading(1e-3, false)],
         acceleration_c_m_s2: [reading(-1e39, false), reading(0.0, false)],
+        ..Measurement::default()
     };
     plant.publish(&PublishedSample::of(&measurement)).unwrap();
     let frame = plant.poll_transmit().unwrap();

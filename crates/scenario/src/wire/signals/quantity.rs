@@ -7,47 +7,62 @@ use crate::wire::SourceSpec;
 use crate::wire::conversion::{factor, known};
 use crate::wire::error::{Place, WireError};
 use resonarm_bench::node::mapped::mapping::{Source, Value};
-use resonarm_bench::structure::{Channel, Kind, LOADS, OUTPUTS, Quantity, STATES};
+use resonarm_bench::rig::InstrumentName;
+use resonarm_bench::structure::{Channel, Kind, LOADS, OUTPUTS, Point, Quantity, STATES};
 
-/// The channels that a signal can carry, with their values: readings, states and held loads.
-fn channels() -> impl Iterator<Item = (Channel, Value)> {
-    let readings = OUTPUTS.into_iter().enumerate().map(|(place, channel)| (channel, Value::Reading(place)));
+/// The readings that a signal can carry: those of every rig, then those of the scenario's other sensors.
+///
+/// # Errors
+/// [`WireError::Structure`] if the scenario makes no structure that they could read.
+pub fn readings(scenario: &Scenario) -> Result<Vec<Channel>, WireError> {
+    let mut channels = OUTPUTS.to_vec();
+    if !scenario.rig.sensors.more.is_empty() && scenario.foreign_structure().is_none() {
+        let tested = scenario.under_test().map_err(|error| WireError::Structure { reason: error.to_string() })?;
+        channels.extend(tested.places.more_channels());
+    }
+    Ok(channels)
+}
+
+/// The channels that a signal can carry, with their values: these readings, states and held loads.
+fn channels(readings: &[Channel]) -> impl Iterator<Item = (Channel, Value)> {
+    let readings = readings.iter().copied().enumerate().map(|(place, channel)| (channel, Value::Reading(place)));
     let loads = LOADS.into_iter().enumerate().map(|(place, channel)| (channel, Value::Load(place)));
     let states = STATES.into_iter().filter(|channel| channel.kind != Kind::Load).enumerate();
     readings.chain(states.map(|(place, channel)| (channel, Value::State(place)))).chain(loads)
 }
 
-/// The channel of a value; for [`Value::Clipped`] that of the reading.
-pub fn channel(value: Value) -> Option<Channel> {
+/// The channel of a value, with these [`readings`]; for [`Value::Clipped`] that of the reading.
+pub fn channel(readings: &[Channel], value: Value) -> Option<Channel> {
     let of = match value {
         Value::Clipped(place) => Value::Reading(place),
         value => value,
     };
-    channels().find(|(_, other)| *other == of).map(|(channel, _)| channel)
+    channels(readings).find(|(_, other)| *other == of).map(|(channel, _)| channel)
 }
 
 fn unknown(place: &Place, name: &str, known: impl Iterator<Item = Channel>) -> WireError {
-    let names: Vec<&str> = known.map(|channel| channel.name).collect();
-    let suggestion = nearest(name, names.iter().copied());
+    let names: Vec<String> = known.map(|channel| channel.name.to_string()).collect();
+    let suggestion = nearest(name, names.iter().map(String::as_str));
     WireError::Quantity { place: place.clone(), got: name.to_string(), suggestion, known: names.join(", ") }
 }
 
-/// The place of a reading.
-pub(in crate::wire) fn reading(place: &Place, name: &str) -> Result<usize, WireError> {
-    let index = OUTPUTS.iter().position(|channel| channel.name == name);
-    index.ok_or_else(|| unknown(place, name, OUTPUTS.into_iter()))
+/// The place of a reading among these [`readings`].
+pub(in crate::wire) fn reading(readings: &[Channel], place: &Place, name: &str) -> Result<usize, WireError> {
+    let index = readings.iter().position(|channel| channel.name == name);
+    index.ok_or_else(|| unknown(place, name, readings.iter().copied()))
 }
 
-/// A signal that says a quantity.
+/// A signal that says a quantity: one of these [`readings`], a state or a held load.
 pub(in crate::wire) fn source(
     scenario: &Scenario,
+    readings: &[Channel],
     place: &Place,
     name: &str,
     spec: &SourceSpec,
     signal: &Signal,
 ) -> Result<Source, WireError> {
-    let found = channels().find(|(channel, _)| channel.name == name);
-    let (channel, value) = found.ok_or_else(|| unknown(place, name, channels().map(|(channel, _)| channel)))?;
+    let found = channels(readings).find(|(channel, _)| channel.name == name);
+    let (channel, value) = found.ok_or_else(|| unknown(place, name, channels(readings).map(|(channel, _)| channel)))?;
     if channel.kind == Kind::Internal && scenario.rig.shaker.is_none() {
         let problem = "is a state of the shaker, and the scenario has no [rig.shaker]";
         return Err(WireError::Input { place: place.clone(), input: channel.name, problem });
@@ -96,15 +111,20 @@ fn scale(place: &Place, spec: &SourceSpec, channel: &Channel, signal: &Signal) -
 }
 
 /// The largest magnitude of a quantity that has a limit, and the key that limits it.
-fn largest(scenario: &Scenario, channel: &Channel) -> Option<(f64, &'static str)> {
+fn largest(scenario: &Scenario, channel: &Channel) -> Option<(f64, String)> {
     let rig = &scenario.rig;
     let (force_n, torque_nm) = rig.drive().limits();
-    match channel.vector {
-        "acceleration_b_m_s2" => Some((rig.sensors.b.range, "rig.sensors.b.range_m_s2")),
-        "acceleration_c_m_s2" => Some((rig.sensors.c.range, "rig.sensors.c.range_m_s2")),
-        "head_force_n" => Some((rig.head.range, "rig.head.range_n")),
-        "force_n" => Some((force_n, "rig.exciter.force_limit_n")),
-        "torque_nm" => Some((torque_nm, "rig.exciter.torque_limit_nm")),
+    let range = |name: InstrumentName| {
+        let (_, sensor) = rig.instruments().find(|(of, _)| *of == name)?;
+        Some((sensor.range, format!("{}.{}", name.section(), sensor.range_key())))
+    };
+    match (channel.vector.as_str(), channel.point) {
+        ("acceleration_b_m_s2", _) => range(InstrumentName::B),
+        ("acceleration_c_m_s2", _) => range(InstrumentName::C),
+        ("head_force_n", _) => range(InstrumentName::HEAD),
+        (_, Point::Sensor { name, .. }) => range(name),
+        ("force_n", _) => Some((force_n, String::from("rig.exciter.force_limit_n"))),
+        ("torque_nm", _) => Some((torque_nm, String::from("rig.exciter.torque_limit_nm"))),
         _ => None,
     }
 }
@@ -114,7 +134,7 @@ fn check_range(
     signal: &Signal,
     channel: &Channel,
     (most, offset): (f64, f64),
-    limit: &'static str,
+    limit: String,
 ) -> Result<(), WireError> {
     let [least, largest] = signal.wire().range();
     let (from, to) = (offset - most.abs(), offset + most.abs());

@@ -185,7 +185,8 @@ fn state([boot_up, idle, armed, fault]: &[f64; 4], is: impl Fn(&f64) -> bool) ->
 }
 
 /// The messages of the plant, and every how many samples its samples are answered: those of the messages with
-/// readings that come most often, or with states and loads if none has readings. `None` if none comes by itself.
+/// readings of head, B and C that come most often, or with states and loads if none has such readings. `None` if none
+/// comes by itself.
 pub(super) fn listeners(mapping: &Mapping, rate_hz: u16) -> Option<(Vec<Listener>, u64)> {
     let period = |trigger| match trigger {
         Trigger::Every(samples) => Some(samples.max(1)),
@@ -193,7 +194,10 @@ pub(super) fn listeners(mapping: &Mapping, rate_hz: u16) -> Option<(Vec<Listener
         Trigger::Period(period_ns) => Some((libm::round(period_ns as f64 * 1e-9 * f64::from(rate_hz)) as u64).max(1)),
         Trigger::Request => None,
     };
-    let is_reading = |source: &Source| matches!(source, Source::Value { value: Value::Reading(_), .. });
+    let is_reading = |source: &Source| match source {
+        Source::Value { value: Value::Reading(place), .. } => *place < Measurement::CHANNELS,
+        _ => false,
+    };
     let is_value = |source: &Source| matches!(source, Source::Value { .. });
     let least = |wanted: &dyn Fn(&Source) -> bool| {
         let has = |message: &&Outgoing| message.signals.iter().any(|signal| wanted(&signal.source));

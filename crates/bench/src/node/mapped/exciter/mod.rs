@@ -23,7 +23,7 @@ use crate::node::{
     Carried, ExciterInterface, ExciterLack, ExciterOutcome, ExciterRemark, FrameFault, TimeBase, Timing, retry_ns,
 };
 use crate::rig::Measurement;
-use crate::structure::LOADS;
+use crate::structure::{ChannelName, LOADS};
 use resonarm_dynamics::arm::Load;
 use resonarm_protocol::node::{NodeCore, Phase, Unanswered, Work};
 use resonarm_protocol::{Emergency, EmergencyCode, Frame, FrameFormat, Id, NodeState};
@@ -441,7 +441,7 @@ impl ExciterInterface for MappedExciter {
             Load::force_n(0.0, force_n.y),
         ];
         let part = parts.iter().position(|part| !page::can_command(&self.pages, part));
-        Err(ExciterLack::Load { part: part.map_or("several parts", |place| LOADS[place].name) })
+        Err(ExciterLack::Load { part: part.map_or(ChannelName::new("several parts"), |place| LOADS[place].name) })
     }
 
     fn remarks(&self) -> Vec<ExciterRemark> {

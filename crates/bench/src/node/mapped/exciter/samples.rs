@@ -1,7 +1,7 @@
 //! The samples of a plant's readings as a mapped exciter gathers them.
 
 use super::listener::Listener;
-use crate::rig::{Measurement, Reading};
+use crate::rig::{Measurement, Reading, Readings};
 
 /// The samples as they come in.
 #[derive(Clone, Debug)]
@@ -40,7 +40,13 @@ impl Samples {
     pub fn measurement(&self, sample: u64) -> Measurement {
         let reading = |place: usize| Reading { value: self.readings[place], clipped: self.clipped >> place & 1 == 1 };
         let pair = |place: usize| [reading(place), reading(place + 1)];
-        Measurement { sample, head_force_n: pair(0), acceleration_b_m_s2: pair(2), acceleration_c_m_s2: pair(4) }
+        Measurement {
+            sample,
+            head_force_n: pair(0),
+            acceleration_b_m_s2: pair(2),
+            acceleration_c_m_s2: pair(4),
+            more: Readings::NONE,
+        }
     }
 
     /// Forgets all samples.

@@ -37,7 +37,7 @@ fn a_reading_that_is_no_number_is_an_error() {
     let measurement = Measurement { head_force_n: [reading; 2], ..Measurement::default() };
     let sample = PublishedSample { measurement: &measurement, states: &[], travel_m: 0.0 };
     let error = rig.node.publish(&sample).unwrap_err();
-    assert!(matches!(error, PublishError::NotFinite { name: "head_force_x_n", .. }), "{error}");
+    assert!(matches!(error, PublishError::NotFinite { name, .. } if name == "head_force_x_n"), "{error}");
 }
 
 #[test]
