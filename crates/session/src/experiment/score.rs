@@ -19,6 +19,9 @@ const STRAIGHT_RAD: f64 = 0.01;
 const MARGIN: f64 = 0.02;
 /// Amplitudes measured up and down at one frequency belong to different motions if they differ by more than this part.
 const DIFFERENT: f64 = 0.05;
+/// Part of the largest amplitude below which an amplitude is not compared: far from the resonance the noise of the
+/// instruments alone makes two readings of one motion differ by more than [`DIFFERENT`].
+const RESOLVED: f64 = 0.01;
 
 /// What is computed of a zone, and how far off the measured points are.
 #[derive(Clone, Debug, Serialize)]
@@ -115,7 +118,7 @@ pub fn score(tested: &TestedAssembly, zone: &Zone, measured: &ZoneMeasured) -> R
         })
         .fold(0.0_f64, |largest, deviation| largest.max(deviation.abs()));
     Ok(Score {
-        jumps: jumps(&read, measured, &folds_hz),
+        jumps: jumps(channel, measured, &folds_hz),
         at: read.get(at).map_or(String::new(), |place| place.name.clone()),
         branch,
         backbone,
@@ -178,19 +181,19 @@ fn frequency_at(backbone: &Backbone, at: usize, amplitude: f64) -> Option<f64> {
     })
 }
 
-/// Where up and down part: up stays on its motion up to the upper fold, down to the lower.
-fn jumps(read: &[ReadDof], measured: &ZoneMeasured, folds_hz: &[f64]) -> Option<[Jump; 2]> {
+/// Where up and down part in the displacement that a channel measures: up stays on its motion up to the upper fold, down
+/// to the lower.
+fn jumps(channel: usize, measured: &ZoneMeasured, folds_hz: &[f64]) -> Option<[Jump; 2]> {
     // One that did not settle is of no motion.
-    let amplitudes = |points: &[ResponsePoint]| -> Vec<(f64, Vec<f64>)> {
-        let of = |point: &ResponsePoint| read.iter().map(|place| amplitude_m(point, place.channel)).collect();
+    let amplitudes = |points: &[ResponsePoint]| -> Vec<(f64, [f64; 1])> {
         let settled = points.iter().filter(|point| point.settled);
-        settled.map(|point| (point.frequency_hz, of(point))).collect()
+        settled.map(|point| (point.frequency_hz, [amplitude_m(point, channel)])).collect()
     };
     let (up, down) = (amplitudes(&measured.up.points), amplitudes(&measured.down.points));
     // Of the frequencies of the one some may be missing in the other.
-    let pairs: Vec<_> =
-        up.iter().filter_map(|a| Some((a.clone(), down.iter().find(|b| b.0 == a.0)?.clone()))).collect();
-    let (up, down): (Vec<_>, Vec<_>) = pairs.into_iter().unzip();
+    let pairs = up.iter().filter_map(|a| Some((*a, *down.iter().find(|b| b.0 == a.0)?)));
+    let largest_m = up.iter().chain(&down).map(|(_, [amplitude_m])| *amplitude_m).fold(0.0, f64::max);
+    let (up, down): (Vec<_>, Vec<_>) = pairs.filter(|(a, b)| a.1[0].max(b.1[0]) > RESOLVED * largest_m).unzip();
     let apart = hysteresis(&up, &down, DIFFERENT);
     let (first_hz, last_hz) = (apart.first()?[0], apart.last()?[1]);
     let before_hz = up.iter().map(|point| point.0).take_while(|hz| *hz < first_hz).last()?;
