@@ -118,7 +118,7 @@ pub fn score(tested: &TestedAssembly, zone: &Zone, measured: &ZoneMeasured) -> R
         })
         .fold(0.0_f64, |largest, deviation| largest.max(deviation.abs()));
     Ok(Score {
-        jumps: jumps(channel, measured, &folds_hz),
+        jumps: jumps(channel, [&measured.up.points, &measured.down.points], &folds_hz),
         at: read.get(at).map_or(String::new(), |place| place.name.clone()),
         branch,
         backbone,
@@ -183,13 +183,13 @@ fn frequency_at(backbone: &Backbone, at: usize, amplitude: f64) -> Option<f64> {
 
 /// Where up and down part in the displacement that a channel measures: up stays on its motion up to the upper fold, down
 /// to the lower.
-fn jumps(channel: usize, measured: &ZoneMeasured, folds_hz: &[f64]) -> Option<[Jump; 2]> {
+fn jumps(channel: usize, up_and_down: [&[ResponsePoint]; 2], folds_hz: &[f64]) -> Option<[Jump; 2]> {
     // One that did not settle is of no motion.
     let amplitudes = |points: &[ResponsePoint]| -> Vec<(f64, [f64; 1])> {
         let settled = points.iter().filter(|point| point.settled);
         settled.map(|point| (point.frequency_hz, [amplitude_m(point, channel)])).collect()
     };
-    let (up, down) = (amplitudes(&measured.up.points), amplitudes(&measured.down.points));
+    let [up, down] = up_and_down.map(amplitudes);
     // Of the frequencies of the one some may be missing in the other.
     let pairs = up.iter().filter_map(|a| Some((*a, *down.iter().find(|b| b.0 == a.0)?)));
     let largest_m = up.iter().chain(&down).map(|(_, [amplitude_m])| *amplitude_m).fold(0.0, f64::max);
@@ -202,4 +202,36 @@ fn jumps(channel: usize, measured: &ZoneMeasured, folds_hz: &[f64]) -> Option<[J
         Jump { between_hz: [last_hz, after_hz], fold_hz: folds_hz.last().copied() },
         Jump { between_hz: [first_hz, before_hz], fold_hz: folds_hz.first().copied() },
     ])
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use resonarm_numeric::Phasor;
+
+    /// Channel of the accelerometer C along x.
+    const C_X: usize = 4;
+
+    /// A point with a displacement of C along x, m.
+    fn point(frequency_hz: f64, displacement_m: f64) -> ResponsePoint {
+        let omega_rad_s = core::f64::consts::TAU * frequency_hz;
+        let mut harmonics = [[Phasor::new(0.0, 0.0); 3]; 6];
+        harmonics[C_X][0] = Phasor::new(-omega_rad_s * omega_rad_s * displacement_m, 0.0);
+        ResponsePoint::of_harmonics(frequency_hz, 10.0, &harmonics)
+    }
+
+    /// Up and down are apart from 21 to 22 Hz. Far from the resonance the noise alone makes the two readings of one motion
+    /// differ by 20 %, up to the last frequency.
+    #[test]
+    fn noise_far_from_the_resonance_hides_no_jump() {
+        let up = [(19.0, 2e-5), (20.0, 2e-2), (21.0, 4e-2), (22.0, 6e-2), (23.0, 1e-2), (24.0, 1.2e-5)];
+        let down = [(24.0, 1e-5), (23.0, 1e-2), (22.0, 2e-2), (21.0, 3e-2), (20.0, 2e-2), (19.0, 2.4e-5)];
+        let points = |amplitudes: [(f64, f64); 6]| amplitudes.map(|(hz, m)| point(hz, m));
+        let found = jumps(C_X, [&points(up), &points(down)], &[20.7, 22.4]);
+        let expected = [
+            Jump { between_hz: [22.0, 23.0], fold_hz: Some(22.4) },
+            Jump { between_hz: [21.0, 20.0], fold_hz: Some(20.7) },
+        ];
+        assert_eq!(found, Some(expected));
+    }
 }
