@@ -144,6 +144,7 @@ commands! {
 
 /// Runs the program on the process's arguments.
 fn main() -> ExitCode {
+    memory::exit_where_memory_is_missing();
     file_size::fail_writes_beyond_limit();
     if std::env::args_os().len() < 2 {
         return conclude(output::print(first_minute::BY_TRADE).map(|()| Verdict::Positive));

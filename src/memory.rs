@@ -1,7 +1,13 @@
-//! Ends the program with exit code 3 where the system has no more memory, instead of an abort.
+//! Ends the program with exit code 3 where the system has no more memory, instead of an abort or a panic.
+//!
+//! Rust's own allocations end in [`OrExit`]. C code that gets no memory aborts (glibc, which registers destructors of a
+//! thread) or makes a crate panic (zstd-safe): [`exit_where_memory_is_missing`] tells these apart from defects of the
+//! program by asking the system for memory.
 
 use core::alloc::{GlobalAlloc, Layout};
+use core::ptr::null_mut;
 use std::alloc::System;
+use std::panic;
 
 /// The system's allocator, which ends the process where it has no memory: by default Rust aborts, which looks like a
 /// defect of the program, or like a verdict about its input.
@@ -53,5 +59,46 @@ fn exit() -> ! {
     unsafe {
         libc::write(libc::STDERR_FILENO, MESSAGE.as_ptr().cast(), MESSAGE.len());
         libc::_exit(3)
+    }
+}
+
+/// More than what C code allocates at once here, bytes: a context of Zstandard takes some 150 KiB.
+const PROBE: usize = 1 << 20;
+
+/// Ends a panic or an abort with exit code 3 if the system has no memory left. Call it first of all.
+#[allow(unsafe_code, reason = "the standard library handles no signals")]
+pub(crate) fn exit_where_memory_is_missing() {
+    let report = panic::take_hook();
+    panic::set_hook(Box::new(move |info| {
+        if is_missing() {
+            exit();
+        }
+        report(info);
+    }));
+    let handler: extern "C" fn(libc::c_int) = aborted;
+    // SAFETY: the handler makes signal-safe calls only (signal-safety(7); mmap is a system call without any state of the
+    // C library). With SA_RESETHAND a second abort, which follows if the handler returns, ends the program.
+    unsafe {
+        let mut action: libc::sigaction = core::mem::zeroed();
+        action.sa_sigaction = handler as libc::sighandler_t;
+        action.sa_flags = libc::SA_RESETHAND;
+        libc::sigaction(libc::SIGABRT, &raw const action, null_mut());
+    }
+}
+
+extern "C" fn aborted(_signal: libc::c_int) {
+    if is_missing() {
+        exit();
+    }
+}
+
+/// Whether the system refuses memory.
+#[allow(unsafe_code, reason = "the allocator would end the program")]
+fn is_missing() -> bool {
+    // SAFETY: a new private mapping, which nothing else knows, is unmapped again.
+    unsafe {
+        let flags = libc::MAP_PRIVATE | libc::MAP_ANONYMOUS;
+        let mapping = libc::mmap(null_mut(), PROBE, libc::PROT_READ | libc::PROT_WRITE, flags, -1, 0);
+        mapping == libc::MAP_FAILED || libc::munmap(mapping, PROBE) != 0
     }
 }

@@ -410,6 +410,13 @@ def test_memory_that_runs_out_is_no_verdict(name, least_memory, tmp_path):
     check_limited(tmp_path, name, resource.RLIMIT_AS, [least_memory + bytes for bytes in more])
 
 
+def test_c_code_without_memory_is_no_verdict(least_memory, tmp_path):
+    # With 3 to 5 MiB more Zstandard gets no context (a panic of zstd-safe), or glibc no entry for a thread's destructor (an
+    # abort), within a few tens of KiB each.
+    more = range(1 << 20, 6 << 20, 1 << 16)
+    check_limited(tmp_path, "inspect", resource.RLIMIT_AS, [least_memory + bytes for bytes in more])
+
+
 @pytest.mark.parametrize("name", LIMITED)
 def test_descriptors_that_run_out_are_no_verdict(name, tmp_path):
     check_limited(tmp_path, name, resource.RLIMIT_NOFILE, range(3, 9))
