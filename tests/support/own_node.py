@@ -304,7 +304,7 @@ class Exciter(Node):
         super().__init__(wire, lockstep)
         self.answered, self.stale, self.n, self.is_over = None, 0, 0, False
         self.indices, self.plant_state, self.retry_s = {}, None, 0.0
-        self.booted_s = time.monotonic()
+        self.could_ask_s = None
         self.boot()
 
     def sample(self):
@@ -368,7 +368,9 @@ class Exciter(Node):
     def ask(self):
         """Asks the plant to arm, and again in 100 ms."""
         self.retry_s = time.monotonic() + 0.1
-        if self.flaw == "slow-to-arm" and time.monotonic() < self.booted_s + SLOW_S:
+        # From when it could have asked, not from its start: the tester may begin late.
+        self.could_ask_s = self.could_ask_s or time.monotonic()
+        if self.flaw == "slow-to-arm" and time.monotonic() < self.could_ask_s + SLOW_S:
             return
         if self.plant_state == FAULT:
             self.wire.send("OperatorCommand", bytes([RESET, 1, 0, 0, 0, 0]))
