@@ -8,7 +8,7 @@ use super::dense::dot;
 /// Tables of cos kτⱼ and sin kτⱼ, frequency by frequency, on N points τⱼ.
 #[derive(Clone, Debug)]
 pub(super) struct Basis {
-    /// H.
+    /// Number of harmonics, H.
     harmonics: usize,
     cosines: Vec<f64>,
     sines: Vec<f64>,
@@ -70,7 +70,7 @@ impl Basis {
         }
     }
 
-    /// H.
+    /// Number of harmonics, H.
     pub fn harmonics(&self) -> usize {
         self.harmonics
     }

@@ -46,7 +46,7 @@ pub struct BackboneMotion {
     pub coordinates: Vec<Reading>,
     /// The motion at each degree of freedom that is read.
     pub readings: Vec<Reading>,
-    /// H.
+    /// Number of harmonics, H.
     pub harmonics: usize,
 }
 

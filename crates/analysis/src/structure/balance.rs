@@ -213,7 +213,7 @@ impl Balance {
         self.row_scales = (0..m * (2 * harmonics + 1)).map(scale).collect();
     }
 
-    /// H.
+    /// Number of harmonics, H.
     pub fn harmonics(&self) -> usize {
         self.harmonics
     }

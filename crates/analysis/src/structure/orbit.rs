@@ -111,7 +111,7 @@ pub struct Orbit {
     pub readings: Vec<Reading>,
     /// The multipliers, if they are computed.
     pub stability: Option<Stability>,
-    /// H.
+    /// Number of harmonics, H.
     pub harmonics: usize,
     /// Fourier coefficients of the unknowns u: those of 1, then of cos kΩt/ν and sin kΩt/ν, k = 1 … H, each of all
     /// unknowns. Of a chain u are its coordinates, rad; of modes the displacements of the elements, m.

@@ -5,7 +5,7 @@ use alloc::vec;
 use alloc::vec::Vec;
 
 use super::assembly_steps::AssemblySteps;
-use super::more::{CurrentChange, More};
+use super::other_sensors::{CurrentChange, OtherSensors};
 use super::sampling::{Filter, PointMotion, Sums};
 use super::shaken::Shaken;
 use super::stepped::{Loads, Stepped};
@@ -50,7 +50,7 @@ pub(super) struct DrivenStructure {
     sampled: [f64; Measurement::CHANNELS],
     sums: Sums,
     /// The sensors beside B and C.
-    more: More,
+    more: OtherSensors,
     /// What the converters sample: head, B, C and those sensors.
     outputs: Vec<Channel>,
     /// The state at the start of a hold, to which a hold that can't be finished returns.
@@ -94,7 +94,7 @@ impl DrivenStructure {
             sampled: [0.0; Measurement::CHANNELS],
             sums: Sums::default(),
             outputs: [&OUTPUTS[..], &more].concat(),
-            more: More::new(more),
+            more: OtherSensors::new(more),
             before: vec![0.0; steps.of().states().len()],
             steps,
         };

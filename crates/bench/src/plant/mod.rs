@@ -10,7 +10,7 @@
 
 mod assembly_steps;
 mod driven_structure;
-mod more;
+mod other_sensors;
 mod sampling;
 mod shaken;
 mod stepped;

@@ -19,7 +19,7 @@ use alloc::vec::Vec;
 use nalgebra::Vector2;
 
 use super::PlantSpec;
-use super::more::CurrentChange;
+use super::other_sensors::CurrentChange;
 use crate::rig::converter::MOST_ORDER;
 use crate::rig::{Converter, Measurement};
 use resonarm_dynamics::arm::Attachment;

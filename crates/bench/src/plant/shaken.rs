@@ -8,7 +8,7 @@ use nalgebra::Vector2;
 use thiserror::Error;
 
 use super::assembly_steps::AssemblySteps;
-use super::more::{CurrentChange, More};
+use super::other_sensors::{CurrentChange, OtherSensors};
 use super::sampling::{Course, Filter, PointMotion, ShakenStep, Sums};
 use super::stepped::{Loads, Stepped};
 use super::tested::{Placed, TestedAssembly};
@@ -195,7 +195,7 @@ impl Shaken {
     }
 
     /// Reads the motion of the sensors beside B and C, and how a current changes it, as that at the end of a step.
-    fn read_more(&self, more: &mut More, loads: &Loads) {
+    fn read_more(&self, more: &mut OtherSensors, loads: &Loads) {
         if more.is_empty() {
             return;
         }
@@ -209,7 +209,7 @@ impl Shaken {
     }
 
     /// Settles the converters of the sensors beside B and C at the state without a load.
-    pub fn settle_more(&self, more: &mut More, filter: Option<&Filter>) {
+    pub fn settle_more(&self, more: &mut OtherSensors, filter: Option<&Filter>) {
         self.read_more(more, &[0.0; LOADS.len()]);
         more.step_on();
         more.settle(filter);
@@ -221,7 +221,7 @@ impl Shaken {
         (start_s, steps): (f64, u32),
         loads: &Loads,
         (filter, sums): (Option<&Filter>, &mut Sums),
-        more: &mut More,
+        more: &mut OtherSensors,
     ) -> Result<[f64; Measurement::CHANNELS], StructureError> {
         let mut sampled = [0.0; Measurement::CHANNELS];
         let mut before = filter.map(|_| self.motion(loads));

@@ -24,13 +24,13 @@ const FIRST_THIRD_STREAM: u64 = 1 << 33;
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case")]
 pub enum FaultAxis {
-    /// Along x.
+    /// The axis x of the base frame.
     X,
-    /// Along y.
+    /// The axis y of the base frame.
     Y,
-    /// Along z.
+    /// The axis z of the base frame.
     Z,
-    /// All that it has.
+    /// All axes that the instrument has, two or three.
     #[default]
     Both,
 }

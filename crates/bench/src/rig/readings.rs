@@ -20,7 +20,7 @@ pub struct Readings {
 }
 
 impl Readings {
-    /// None.
+    /// No readings: the rig has head, B and C only.
     pub const NONE: Readings = Readings { values: [0.0; MOST_MORE], clipped: 0, count: 0 };
 
     /// Readings of these values, clipped where their bit is set; `None` if they are more than [`MOST_MORE`], or a bit
@@ -40,7 +40,7 @@ impl Readings {
         }
     }
 
-    /// The values.
+    /// The values, in the unit of each channel.
     pub fn values(&self) -> &[f64] {
         &self.values[..usize::from(self.count)]
     }
@@ -50,13 +50,13 @@ impl Readings {
         self.clipped
     }
 
-    /// The reading of this number.
+    /// The reading at an index; `None` beyond the last one.
     pub fn get(&self, index: usize) -> Option<Reading> {
         let value = *self.values().get(index)?;
         Some(Reading { value, clipped: self.clipped >> index & 1 == 1 })
     }
 
-    /// All of them.
+    /// All readings, in order.
     pub fn iter(&self) -> impl Iterator<Item = Reading> + '_ {
         (0..self.values().len()).filter_map(|index| self.get(index))
     }

@@ -395,11 +395,11 @@ impl<'de> Visitor<'de> for SpecVisitor {
 }
 
 /// A sensor beside B and C.
-struct More(SensorSpec);
+struct NamedSensor(SensorSpec);
 
-impl<'de> Deserialize<'de> for More {
-    fn deserialize<D: Deserializer<'de>>(deserializer: D) -> Result<More, D::Error> {
-        Ok(More(deserializer.deserialize_map(SpecVisitor(None))?))
+impl<'de> Deserialize<'de> for NamedSensor {
+    fn deserialize<D: Deserializer<'de>>(deserializer: D) -> Result<NamedSensor, D::Error> {
+        Ok(NamedSensor(deserializer.deserialize_map(SpecVisitor(None))?))
     }
 }
 
@@ -468,7 +468,7 @@ impl<'de> Visitor<'de> for SensorsVisitor {
                     return Err(de::Error::custom(message));
                 }
                 name => {
-                    sensors.more.insert(name, map.next_value::<More>()?.0);
+                    sensors.more.insert(name, map.next_value::<NamedSensor>()?.0);
                 }
             }
         }

@@ -254,15 +254,15 @@ impl Point {
 /// The axis of the base frame along or about which a channel is measured.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Axis {
-    /// Along x.
+    /// The axis x of the base frame.
     X,
-    /// Along y.
+    /// The axis y of the base frame.
     Y,
-    /// Along z.
+    /// The axis z of the base frame.
     Z,
-    /// About z.
+    /// A turn about the axis z.
     AboutZ,
-    /// None: a scalar.
+    /// No axis: the channel is a scalar.
     Scalar,
 }
 

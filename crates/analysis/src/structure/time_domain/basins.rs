@@ -66,8 +66,7 @@ pub fn reach(motions: &[StableMotion], index: usize, frequency_hz: f64) -> f64 {
 ///
 /// # Errors
 /// As [`StroboscopicMap::new`]; [`TimeDomainError::Step`] if a motion can't be followed; [`TimeDomainError::Stopped`]
-/// if
-/// `stop` said so.
+/// if `stop` said so.
 pub fn stable_motions(
     forced: &Forced,
     read: &[Dof],

@@ -1,4 +1,4 @@
-//! The sensors beside B and C, as the converters sample them.
+//! The sensors other than head, B and C, as the converters sample them.
 
 use alloc::vec;
 use alloc::vec::Vec;
@@ -17,9 +17,9 @@ struct Gathered {
     sums: [f64; MOST_ORDER],
 }
 
-/// The channels of the sensors beside B and C. All vectors have as many entries as there are channels.
+/// The channels of the sensors other than head, B and C. All vectors have as many entries as there are channels.
 #[derive(Clone, Debug, Default)]
-pub(super) struct More {
+pub(super) struct OtherSensors {
     channels: Vec<Channel>,
     gathered: Vec<Gathered>,
     /// What was gathered at the start of a hold, to which a hold that can't be finished returns.
@@ -32,7 +32,7 @@ pub(super) struct More {
     pub end_per_ampere: Vec<f64>,
 }
 
-/// How the current in a coil differs over a step from what [`More::start`] and [`More::end`] were read with, A: at both
+/// How the current in a coil differs over a step from what [`OtherSensors::start`] and [`OtherSensors::end`] were read with, A: at both
 /// ends, and the transient at the start.
 #[derive(Clone, Copy, Debug, Default)]
 pub(super) struct CurrentChange {
@@ -40,10 +40,10 @@ pub(super) struct CurrentChange {
     pub transient_a: f64,
 }
 
-impl More {
-    pub fn new(channels: Vec<Channel>) -> More {
+impl OtherSensors {
+    pub fn new(channels: Vec<Channel>) -> OtherSensors {
         let count = channels.len();
-        More {
+        OtherSensors {
             gathered: vec![Gathered::default(); count],
             before: vec![Gathered::default(); count],
             start: vec![Kinematics::default(); count],
@@ -74,7 +74,7 @@ impl More {
         core::mem::swap(&mut self.start_per_ampere, &mut self.end_per_ampere);
     }
 
-    /// The converters as if they had always sampled the motion in [`More::start`].
+    /// The converters as if they had always sampled the motion in [`OtherSensors::start`].
     pub fn settle(&mut self, filter: Option<&Filter>) {
         for ((gathered, channel), at) in self.gathered.iter_mut().zip(&self.channels).zip(&self.start) {
             let sampled = instant(channel.quantity, at);
@@ -83,14 +83,14 @@ impl More {
         }
     }
 
-    /// Samples the motion in [`More::end`], as converters without a filter do.
+    /// Samples the motion in [`OtherSensors::end`], as converters without a filter do.
     pub fn sample(&mut self) {
         for ((gathered, channel), at) in self.gathered.iter_mut().zip(&self.channels).zip(&self.end) {
             gathered.sampled = instant(channel.quantity, at);
         }
     }
 
-    /// Adds step `index` of a hold, from [`More::start`] to [`More::end`].
+    /// Adds step `index` of a hold, from [`OtherSensors::start`] to [`OtherSensors::end`].
     pub fn add(&mut self, filter: &Filter, index: usize, change: CurrentChange) {
         for (place, (gathered, channel)) in self.gathered.iter_mut().zip(&self.channels).enumerate() {
             let (start, end) = (self.start[place], self.end[place]);
@@ -123,7 +123,7 @@ impl More {
         outputs.iter_mut().zip(&self.gathered).for_each(|(output, gathered)| *output = gathered.sampled);
     }
 
-    /// The count of numbers that [`More::save`] writes.
+    /// The count of numbers that [`OtherSensors::save`] writes.
     pub fn saved_len(&self, has_filter: bool) -> usize {
         self.channels.len() * if has_filter { 1 + MOST_ORDER } else { 1 }
     }
@@ -138,7 +138,7 @@ impl More {
         }
     }
 
-    /// Takes up what [`More::save`] wrote.
+    /// Takes up what [`OtherSensors::save`] wrote.
     pub fn restore(&mut self, saved: &[f64], has_filter: bool) {
         let each = if has_filter { 1 + MOST_ORDER } else { 1 };
         for (gathered, saved) in self.gathered.iter_mut().zip(saved.chunks_exact(each)) {
