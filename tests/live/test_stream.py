@@ -33,7 +33,8 @@ def test_the_numbers_are_those_that_are_recorded(programs, tmp_path):
     scenario.write_text(SMALL_RANGE.format(1.0))
     run = free_run(programs, "--record", recording, "--scenario", scenario)
     viewer = Viewer(*address(run))
-    viewer.next("update")
+    # The page is there a little before the loop that takes set-points, whose first sample shows that it runs.
+    viewer.next("update", lambda update: update["rows"] > 0)
     assert viewer.ask({"set": {"load": 50, "frequency_hz": 18, "phase_deg": 0}}) == {"kind": "taken"}
     rows, stretches = {}, {}
     while len(rows) < 1500:
@@ -403,8 +404,8 @@ def check_arm(updates, recording, about, start_ns):
 def test_the_client_of_foxglove_s_makers_reads_the_stream(programs, tmp_path, subprotocol):
     run = free_run(programs, "--record", tmp_path / "run.mcap")
     viewer = Viewer(*address(run))
-    # The page is there a little before the loop that takes set-points.
-    viewer.next("update")
+    # The loop that takes set-points runs.
+    viewer.next("update", lambda update: update["rows"] > 0)
     assert viewer.ask({"set": {"load": 30, "frequency_hz": 18, "phase_deg": 0}}) == {"kind": "taken"}
     received, messages = streamed(run, subprotocol, *(TOPICS - {"/timing/ticks", "/events"}))
     assert received["serverInfo"]["name"].startswith("resonarm ")

@@ -37,10 +37,10 @@ def free_run(programs, *arguments, live="127.0.0.1"):
 
 
 def open_page(browser, program, **size):
-    """The page of a program, once it has drawn something."""
+    """The page of a program, once it has drawn samples: until then the page is there, and no loop that takes requests."""
     url, token = address(program)
     page = browser.page(f"{url}#{token}", **size)
-    page.until("window.resonarm?.data?.frames > 3")
+    page.until("window.resonarm?.data?.frames > 3 && resonarm.data.rows.length > 0")
     return page
 
 
