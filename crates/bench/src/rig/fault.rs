@@ -32,7 +32,7 @@ pub enum FaultAxis {
     Z,
     /// All axes that the instrument has, two or three.
     #[default]
-    Both,
+    All,
 }
 
 /// The kind of a fault.
@@ -235,7 +235,7 @@ impl Fault {
             FaultAxis::X => *axis == Axis::X,
             FaultAxis::Y => *axis == Axis::Y,
             FaultAxis::Z => *axis == Axis::Z,
-            FaultAxis::Both => true,
+            FaultAxis::All => true,
         };
         if !along.iter().any(has) {
             return Err(RigError::FaultKeyIdle { number, key: "axis" });
