@@ -233,6 +233,7 @@ fn analysis(error: &AnalysisError) -> Exit {
     match error {
         AnalysisError::Interval { .. }
         | AnalysisError::NoMode { .. }
+        | AnalysisError::NoResonance { .. }
         | AnalysisError::NotLinear { .. }
         | AnalysisError::Dissipates { .. } => Exit::Usage,
         _ => Exit::Negative,

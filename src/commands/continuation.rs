@@ -26,7 +26,7 @@ use resonarm::analysis::structure::{
 use resonarm::plant::TestedAssembly;
 use resonarm::scenario::Scenario;
 use resonarm_figures::plot::{Figure, Subtitle, beside};
-use resonarm_numeric::number::short;
+use resonarm_numeric::number::{rounded, short};
 
 const EXAMPLES: &str = "\
 Examples:
@@ -321,25 +321,30 @@ impl Continue {
             format!("{}, in {wall_s:.3} s\n", counted(branch))
         };
         for Bifurcation { kind, orbit, .. } in &branch.bifurcations {
-            text += &format!("{} at {:.7} {unit}: {}\n", kind.name(), orbit.value, words(&orbit.readings, read));
+            text +=
+                &format!("{} at {} {unit}: {}\n", kind.name(), rounded(&orbit.value, 7), words(&orbit.readings, read));
+        }
+        if branch.bifurcations.is_empty() && branch.unlocated.is_empty() {
+            text += if self.no_stability { "no folds were found\n" } else { "no bifurcations were found\n" };
         }
         for Unlocated { kind, between: [from, to], .. } in &branch.unlocated {
             let kind = kind.name();
+            let [from, to] = [from, to].map(|value| rounded(value, 7));
             text += &format!(
-                "{kind} between {from:.7} and {to:.7} {unit}, not located: \
+                "{kind} between {from} and {to} {unit}, not located: \
                  try smaller steps or more harmonics (--largest-step, --most-harmonics)\n"
             );
         }
         for (orbit, ReadAt { name, .. }) in branch.peaks.iter().zip(read) {
             let end = if is_at_end(branch, orbit) { ", an end of the branch" } else { "" };
             let readings = words(&orbit.readings, read);
-            text += &format!("largest motion of {name} at {:.7} {unit}{end}: {readings}\n", orbit.value);
+            text += &format!("largest motion of {name} at {} {unit}{end}: {readings}\n", rounded(&orbit.value, 7));
         }
         for (k, branch) in (1..).zip(&found.doubled) {
             text += &format!("doubled branch {k}: {}\n", counted(branch));
             for Bifurcation { kind, orbit, .. } in &branch.bifurcations {
                 let readings = words(&orbit.readings, read);
-                text += &format!("  {} at {:.7} {unit}: {readings}\n", kind.name(), orbit.value);
+                text += &format!("  {} at {} {unit}: {readings}\n", kind.name(), rounded(&orbit.value, 7));
             }
         }
         text + &found.curves.as_ref().map_or_else(String::new, |curves| curves.text(&walk.drive))

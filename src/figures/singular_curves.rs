@@ -10,6 +10,7 @@ use resonarm::analysis::BifurcationKind;
 use resonarm::analysis::structure::{Coordinate, SingularCurve, SingularPoint, Turn};
 use resonarm::structure::Assembly;
 use resonarm_figures::plot::{Axis, Color, Dash, Figure, Marker, Panel, Series, Style, Subtitle};
+use resonarm_numeric::number::rounded;
 
 /// Which second parameter the bifurcations of the branch are followed in, and how far.
 #[derive(Clone, Debug, Args)]
@@ -132,8 +133,9 @@ impl Curves {
         }
         let names = self.coordinates.map(|coordinate| coordinate.to_string());
         let units = self.coordinates.map(|coordinate| unit(coordinate, drive));
-        let value =
-            |which: usize, value: f64| format!("{} {value:.7} {}", names[which], units[which]).trim_end().to_owned();
+        let value = |which: usize, value: f64| {
+            format!("{} {} {}", names[which], rounded(&value, 7), units[which]).trim_end().to_owned()
+        };
         let place = |point: &SingularPoint| format!("{}, {}", value(0, point.lambda), value(1, point.mu));
         let mut text = String::new();
         for BifurcationCurve { kind, curve: SingularCurve { points, turns, .. } } in &self.curves {
