@@ -30,8 +30,6 @@ pub struct TraceOptions {
     pub assess: Assess,
 }
 
-/// The most harmonics.
-const MOST_HARMONICS: usize = 60;
 /// The largest truncation error of a structure with a law that isn't smooth, relative to the size of the motion: its
 /// series end with a power of the frequency.
 const TRUNCATION: f64 = 1e-5;
@@ -45,7 +43,6 @@ impl TraceOptions {
     /// From one value of a coordinate to another with the usual settings; the motion is read at `read`.
     pub fn new(forced: &Forced, coordinate: Coordinate, [from, to]: [f64; 2], read: Vec<Dof>) -> TraceOptions {
         let mut branch = BranchOptions::new(from, to);
-        branch.most_harmonics = MOST_HARMONICS;
         if !forced.assembly.is_smooth() {
             branch.truncation = TRUNCATION;
             branch.least_harmonics = 9;
