@@ -8,7 +8,6 @@ use std::path::Path;
 use divan::counter::ItemsCount;
 use divan::{Bencher, black_box};
 use prost::Message;
-use resonarm::arm::State;
 use resonarm::protocol::{Frame, Id};
 use resonarm::recording::{
     Clipped, Compression, Configuration, Direction, Existing, FrameRecord, Options, Record, Recorder, Recording,
@@ -33,9 +32,10 @@ fn motion(sample: u64) -> [Record; 2] {
     let x = libm::exp(-0.01 * t) * libm::sin(139.0 * t);
     let pair = |scale: f64| [scale * x, -0.3 * scale * x];
     let reading = |scale: f64| pair(scale).map(|value| libm::round(value * 100.0) / 100.0);
+    let moving = [pair(1e-3), pair(0.1)].concat();
     let state = StateRecord {
         sample,
-        states: States::of_arm(&State::new(pair(1e-3), pair(0.1)), None),
+        states: States::written(4, 4, |numbers| numbers.copy_from_slice(&moving)),
         torque_nm: [0.0; 2],
         force_n: reading(80.0),
         is_end: false,

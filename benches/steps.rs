@@ -4,11 +4,11 @@ use divan::counter::ItemsCount;
 use divan::{Bencher, black_box};
 use resonarm::analysis::structure::Forced;
 use resonarm::analysis::structure::time_domain::StroboscopicMap;
-use resonarm::arm::{Arm, ArmError, Load, Pose, Preset, Sine, State};
-use resonarm::integrate::{Integrator, Scheme};
+use resonarm::integrate::Scheme;
+use resonarm::structure::SpecError;
 use resonarm_dynamics::structure::{
-    Assembly, Axis, BodySpec, ChainSpec, ElementSpec, Law, Link, ModalSpec, ModeSpec, Place, ShapeSpec, Side, Stepper,
-    StructureSpec,
+    Assembly, Axis, BodySpec, ChainSpec, ElementSpec, Law, Link, ModalSpec, ModeSpec, Place, Preset, ShapeSpec, Side,
+    StepError, StepLoad, Stepper, StructureSpec,
 };
 
 const RATE_HZ: f64 = 8000.0;
@@ -18,48 +18,41 @@ fn main() {
     divan::main();
 }
 
-fn arm() -> Result<Arm, ArmError> {
-    Arm::new(Preset::Irb1600Fitted.parameters()?, Pose { beta1_deg: 20.0, beta2_deg: 60.0 })
+/// The fitted arm.
+fn arm() -> Result<Assembly, SpecError> {
+    let chain = Preset::Irb1600Fitted.chain()?.at_angles_deg(&[20.0, 60.0]);
+    Assembly::new(&StructureSpec { body: BodySpec::Chain(chain), elements: vec![] })
 }
 
-fn start() -> State {
-    State::new([0.02, -0.03], [0.0, 0.0])
+/// A thousand steps of the arm from a deflection, under loads at joint 1 and along x at the tip.
+fn steps_of_the_arm(bencher: Bencher, scheme: Scheme, rate_hz: f64, load: StepLoad<'_>) {
+    let Ok(arm) = arm() else { return };
+    let (Ok(joint), Ok(tip)) = (arm.dof("joint1"), arm.dof("tip.x")) else { return };
+    let Ok(mut stepper) = Stepper::new(&arm, &[joint, tip], scheme, rate_hz) else { return };
+    bencher.counter(ItemsCount::new(STEPS)).bench_local(|| -> Result<(), StepError> {
+        stepper.restore(&[0.02, -0.03, 0.0, 0.0])?;
+        (0..STEPS).try_for_each(|k| stepper.advance_under(f64::from(k) / rate_hz, black_box(&load)))
+    });
 }
 
-/// A thousand steps of free vibration.
+/// Free vibration.
 #[divan::bench(args = Scheme::ALL)]
 fn free(bencher: Bencher, scheme: Scheme) {
-    let Ok(arm) = arm() else { return };
-    let Ok(integrator) = Integrator::new(scheme, RATE_HZ, &arm) else { return };
-    bencher.counter(ItemsCount::new(STEPS)).bench_local(|| {
-        (0..STEPS).try_fold(start(), |state, k| {
-            integrator.step(&arm, f64::from(k) / RATE_HZ, &state, black_box(&Load::default()))
-        })
-    });
+    steps_of_the_arm(bencher, scheme, RATE_HZ, StepLoad::Held(&[0.0, 0.0]));
 }
 
-/// A thousand steps under a sine at joint 1 and the tip.
+/// Under a sine at joint 1 and the tip.
 #[divan::bench(args = Scheme::ALL)]
 fn driven(bencher: Bencher, scheme: Scheme) {
-    let Ok(arm) = arm() else { return };
-    let Ok(integrator) = Integrator::new(scheme, RATE_HZ, &arm) else { return };
-    let amplitude = Load { torque_nm: [60.0, 0.0].into(), force_n: [20.0, 0.0].into() };
-    let sine = Sine { amplitude, frequency_hz: 22.0 };
-    bencher.counter(ItemsCount::new(STEPS)).bench_local(|| {
-        (0..STEPS).try_fold(start(), |state, k| integrator.step(&arm, f64::from(k) / RATE_HZ, &state, black_box(&sine)))
-    });
+    let omega_rad_s = core::f64::consts::TAU * 22.0;
+    steps_of_the_arm(bencher, scheme, RATE_HZ, StepLoad::Sine { amplitude: &[60.0, 20.0], omega_rad_s });
 }
 
-/// A thousand steps as in a run at 1 kHz: the scheme's default number a sample, with the force at the tip held.
+/// As in a run at 1 kHz: the scheme's default number of steps a sample, with the force at the tip held.
 #[divan::bench(args = Scheme::ALL)]
 fn held(bencher: Bencher, scheme: Scheme) {
-    let Ok(arm) = arm() else { return };
     let rate_hz = 1000.0 * f64::from(scheme.steps_per_sample());
-    let Ok(integrator) = Integrator::new(scheme, rate_hz, &arm) else { return };
-    let load = Load { torque_nm: [0.0, 0.0].into(), force_n: [20.0, 0.0].into() };
-    bencher.counter(ItemsCount::new(STEPS)).bench_local(|| {
-        (0..STEPS).try_fold(start(), |state, k| integrator.step(&arm, f64::from(k) / rate_hz, &state, black_box(&load)))
-    });
+    steps_of_the_arm(bencher, scheme, rate_hz, StepLoad::Held(&[0.0, 20.0]));
 }
 
 /// A thousand steps of a structure at 2 kHz, from a start, with a force along x at the tip that is held or swings.
@@ -89,14 +82,6 @@ fn chain_of(links: usize) -> StructureSpec {
     };
     let links = ANGLES_DEG.iter().take(links).enumerate().map(link).collect();
     StructureSpec { body: BodySpec::Chain(ChainSpec { links, gravity_m_s2: 0.0, unstated: vec![] }), elements: vec![] }
-}
-
-/// The arm of the other measurements as a chain, with the steps of `held` and the default scheme.
-#[divan::bench(args = Scheme::ALL)]
-fn arm_as_chain(bencher: Bencher, scheme: Scheme) {
-    let Ok(arm) = arm() else { return };
-    let body = BodySpec::Chain(ChainSpec::from_arm(arm.parameters(), arm.pose()));
-    steps_of(bencher, &StructureSpec { body, elements: vec![] }, scheme, &[0.02, -0.03], |_| 20.0);
 }
 
 /// Chains of as many links, at vibration of 5 mrad.
@@ -139,13 +124,11 @@ fn modes_with_friction(bencher: Bencher, count: usize) {
     steps_of(bencher, &modes(count, Some(law)), Scheme::Exponential8, &[], swing);
 }
 
-/// A hundred periods of many motions of the arm as a chain under a sine, on one thread, in periods of one motion: alone,
+/// A hundred periods of many motions of the arm under a sine, on one thread, in periods of one motion: alone,
 /// and side by side.
 #[divan::bench(args = [1, 8, 64, 512])]
 fn periods(bencher: Bencher, motions: usize) {
-    let Ok(arm) = arm() else { return };
-    let body = BodySpec::Chain(ChainSpec::from_arm(arm.parameters(), arm.pose()));
-    let Ok(assembly) = Assembly::new(&StructureSpec { body, elements: vec![] }) else { return };
+    let Ok(assembly) = arm() else { return };
     let Ok(joint) = assembly.dof("joint1") else { return };
     let Ok(map) = StroboscopicMap::new(&Forced::new(assembly, joint, 60.0), 22.1) else { return };
     let start = vec![0.02, -0.03, 0.0, 0.0];

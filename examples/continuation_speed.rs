@@ -9,8 +9,7 @@ use resonarm::analysis::{AnalysisError, BifurcationKind};
 use resonarm::structure::{Assembly, BodySpec, Preset, StructureSpec};
 
 fn forced(beta2_deg: f64) -> Result<Forced, Box<dyn std::error::Error>> {
-    let mut chain = Preset::Irb1600Fitted.chain()?;
-    chain.links.iter_mut().zip([0.0, beta2_deg]).for_each(|(link, angle_deg)| link.angle_deg = angle_deg);
+    let chain = Preset::Irb1600Fitted.chain()?.at_angles_deg(&[0.0, beta2_deg]);
     let arm = Assembly::new(&StructureSpec { body: BodySpec::Chain(chain), elements: vec![] })?;
     let joint = arm.dof("joint1")?;
     Ok(Forced::new(arm, joint, 60.0))

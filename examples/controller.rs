@@ -47,7 +47,7 @@ fn vibration_rad(gain_n_s_m: f64) -> Result<f64, Box<dyn Error>> {
         let recording = resonarm::recording::Recording::open(&path)?;
         let states: Vec<_> = recording.states()?.collect::<Result<_, _>>()?;
         let last = &states[states.len() - 200..];
-        Ok(last.iter().map(|state| state.alpha_dot_rad_s()[0].abs()).fold(0.0, f64::max))
+        Ok(last.iter().map(|state| state.states.rates()[0].abs()).fold(0.0, f64::max))
     })
 }
 

@@ -6,7 +6,6 @@ use std::env;
 use std::error::Error;
 use std::io::Write;
 
-use resonarm::arm::State;
 use resonarm::protocol::{Frame, Id};
 use resonarm::recording::{
     Clipped, Configuration, Direction, Event, Existing, FrameRecord, Options, Record, Recorder, Recording,
@@ -35,8 +34,9 @@ fn main() -> Result<(), Box<dyn Error>> {
     recorder.finish(&[("overruns", "0".to_string())])?;
 
     let recording = Recording::open(&path)?;
-    let peak_rad =
-        recording.states()?.try_fold(0.0_f64, |peak, state| state.map(|state| peak.max(state.alpha_rad()[0])))?;
+    let peak_rad = recording
+        .states()?
+        .try_fold(0.0_f64, |peak, state| state.map(|state| peak.max(state.states.coordinates()[0])))?;
     let mut output = std::io::stdout();
     serde_json::to_writer(
         &mut output,
@@ -59,7 +59,7 @@ fn records(sample: u64) -> Result<[Record; 5], Box<dyn Error>> {
     Ok([
         Record::State(StateRecord {
             sample,
-            states: States::of_arm(&State::new([alpha, -0.5 * alpha], [-2.0 * alpha, alpha]), None),
+            states: States::new(&[alpha, -0.5 * alpha, -2.0 * alpha, alpha], &[]).ok_or("too many states")?,
             torque_nm: [0.0, 0.0],
             force_n: [10.0 * libm::sin(phase), 0.0],
             is_end: false,

@@ -5,32 +5,34 @@ use std::error::Error;
 use std::hint::black_box;
 use std::time::Duration;
 
-use resonarm::arm::{Arm, Load, Pose, Preset, State};
-use resonarm::integrate::{IntegrateError, Integrator, Scheme};
+use resonarm::integrate::Scheme;
+use resonarm::structure::{Assembly, BodySpec, Preset, StepError, Stepper, StructureSpec};
 
 const RATE_HZ: f64 = 8000.0;
 /// Rounds are short, so that some of them run undisturbed.
 const ROUNDS: u32 = 100;
 
 fn main() -> Result<(), Box<dyn Error>> {
-    let arm = Arm::new(Preset::Irb1600Fitted.parameters()?, Pose { beta1_deg: 0.0, beta2_deg: 60.0 })?;
-    let start = State::new([0.02, -0.03], [0.0, 0.0]);
-    let end = steps(Scheme::Rk4, &arm, start, 800)?;
-    let [x, v] = [end.alpha_rad, end.alpha_dot_rad_s];
-    println!(r#"{{"name": "state", "state": [{}, {}, {}, {}]}}"#, x.x, x.y, v.x, v.y);
+    let chain = Preset::Irb1600Fitted.chain()?.at_angles_deg(&[0.0, 60.0]);
+    let arm = Assembly::new(&StructureSpec { body: BodySpec::Chain(chain), elements: vec![] })?;
+    let start = [0.02, -0.03, 0.0, 0.0];
+    let end = steps(Scheme::Rk4, &arm, &start, 800)?;
+    println!(r#"{{"name": "state", "state": {end:?}}}"#);
 
     for scheme in Scheme::ALL {
         let count = 2_000;
-        let seconds = best(|| steps(scheme, &arm, black_box(start), count))?;
+        let seconds = best(|| steps(scheme, &arm, black_box(&start), count))?;
         report(&format!("resonarm {scheme}"), f64::from(count) / seconds);
     }
     Ok(())
 }
 
-fn steps(scheme: Scheme, arm: &Arm, start: State, count: u32) -> Result<State, IntegrateError> {
-    let integrator = Integrator::new(scheme, RATE_HZ, arm)?;
-    let load = black_box(Load::default());
-    (0..count).try_fold(start, |state, k| integrator.step(arm, f64::from(k) / RATE_HZ, &state, &load))
+/// The angles and rates after so many steps.
+fn steps(scheme: Scheme, arm: &Assembly, start: &[f64], count: u32) -> Result<Vec<f64>, StepError> {
+    let mut stepper = Stepper::new(arm, &[], scheme, RATE_HZ)?;
+    stepper.restore(start)?;
+    (0..count).try_for_each(|k| stepper.advance(f64::from(k) / RATE_HZ, black_box(&[])))?;
+    Ok([stepper.position(), stepper.velocity()].concat())
 }
 
 /// The shortest time of all rounds, s.

@@ -4,9 +4,9 @@ use core::fmt;
 use std::sync::{Arc, PoisonError};
 
 use pyo3::prelude::*;
-use resonarm::arm::Load;
 use resonarm::control::{Answer, Controller, Length, LoadKind, ResponsePoint};
 use resonarm::rig;
+use resonarm::rig::Load;
 
 use crate::errors::{self, Raised};
 use crate::plant::Measurement;

@@ -5,10 +5,10 @@ use std::sync::Arc;
 use pyo3::exceptions::PyAttributeError;
 use pyo3::prelude::*;
 use pyo3::types::{PyByteArray, PyDict, PyTuple};
-use resonarm::arm::Load;
 use resonarm::plant::{self, PlantError};
 use resonarm::recording::Topic;
 use resonarm::recording::channels::Channels;
+use resonarm::rig::Load;
 use resonarm::rig::{self, Reading, Readings};
 use resonarm::structure::States;
 

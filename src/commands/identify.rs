@@ -14,7 +14,7 @@ use crate::figures::response_curves::broken_at_wraps;
 use crate::flags;
 use crate::output::{self, Inputs, JsonFlag, OverwriteFlag};
 use crate::recordings;
-use resonarm::analysis::{self, Pole, Response};
+use resonarm::analysis::{self, Pole};
 use resonarm::excitation::Waveform;
 use resonarm::identification::{MissingMode, averaging, band, missing_modes, mode_numbers, record, samples_in};
 use resonarm::identify::{
@@ -100,8 +100,10 @@ impl Input {
     }
 }
 
-/// The channels, in the order of [`Record`].
-const RESPONSES: [Response; CHANNELS] = [Response::BX, Response::BY, Response::CX, Response::CY];
+/// The names of the channels, accelerometer and axis, in the order of [`Record`].
+const RESPONSES: [&str; CHANNELS] = ["b-x", "b-y", "c-x", "c-y"];
+/// The same in figures.
+const TITLES: [&str; CHANNELS] = ["B x", "B y", "C x", "C y"];
 const UNIT: &str = "m/s² per N";
 
 #[derive(Serialize)]
@@ -142,7 +144,7 @@ struct NumberedMode {
 /// A response over all frequencies, complex as [real, imaginary].
 #[derive(Serialize)]
 struct ResponseCurve {
-    response: Response,
+    response: &'static str,
     unit: &'static str,
     h1: Vec<[f64; 2]>,
     h2: Vec<[f64; 2]>,
@@ -253,7 +255,7 @@ impl Identify {
 }
 
 fn curves(estimate: &FrequencyResponseEstimate) -> Vec<ResponseCurve> {
-    let curve = |(i, response): (usize, Response)| ResponseCurve {
+    let curve = |(i, response): (usize, &'static str)| ResponseCurve {
         response,
         unit: UNIT,
         h1: estimate.h1[i].iter().map(|z| [z.re, z.im]).collect(),
@@ -295,7 +297,7 @@ impl Document {
     fn csv(&self) -> String {
         let mut text = String::from("frequency_hz");
         for ResponseCurve { response, coherence, .. } in &self.responses {
-            let name = response.name().replace('-', "_");
+            let name = response.replace('-', "_");
             for estimate in ["h1", "h2"] {
                 text += &format!(",{name}_{estimate}_modulus_m_s2_per_n,{name}_{estimate}_phase_deg");
             }
@@ -376,7 +378,7 @@ fn panels(
     let measured = |points| Series::line("measured", Color::Blue, points);
     let fitted = Style::Line { color: Color::Vermillion, width: 1.6, dash: Dash::Dashed };
     let mut modulus =
-        Panel::new(x(), Axis::log(format!("H₁ ({UNIT})")).range(low, high)).title(curve.response.symbol());
+        Panel::new(x(), Axis::log(format!("H₁ ({UNIT})")).range(low, high)).title(TITLES[row_of(document, curve)]);
     modulus = modulus.with(measured(points(&|k| size(curve.h1[k]))));
     let is_known = |k: usize| !size(curve.h1[k]).is_nan();
     // A response of nothing but noise keeps its phases.

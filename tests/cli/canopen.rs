@@ -148,7 +148,7 @@ fn log(drives: &[DriveSpec], states: &[StateRecord], sample_us: u64) -> String {
         line(us, String::from("080#"));
         for (joint, drive) in drives.iter().enumerate() {
             let counts = |rad: f64| (rad * drive.counts_per_rad()).round() as i32;
-            let [position, velocity] = [counts(state.alpha_rad()[joint]), counts(state.alpha_dot_rad_s()[joint])];
+            let [position, velocity] = [counts(state.states.coordinates()[joint]), counts(state.states.rates()[joint])];
             let data = [position.to_le_bytes(), velocity.to_le_bytes()].concat();
             line(us + 150 + 150 * joint as u64, format!("28{}#{}", drive.node_id, bytes(&data)));
             let target = (state.torque_nm[joint] / drive.torque_step_nm()).round() as i16;
@@ -190,11 +190,12 @@ fn states_and_torques_of_a_log_are_those_of_the_bench() {
         for (read, expected) in read.iter().zip(&expected) {
             assert_eq!(read.sample - first, expected.sample);
             for (joint, drive) in drives.iter().enumerate() {
-                let near = |a: [f64; 2], b: [f64; 2], count| (a[joint] - b[joint]).abs() <= 0.500_001 * count;
+                let near = |a: &[f64], b: &[f64], count| (a[joint] - b[joint]).abs() <= 0.500_001 * count;
                 let count_rad = 1.0 / drive.counts_per_rad();
-                assert!(near(read.alpha_rad(), expected.alpha_rad(), count_rad), "{read:?} {expected:?}");
-                assert!(near(read.alpha_dot_rad_s(), expected.alpha_dot_rad_s(), count_rad), "{read:?} {expected:?}");
-                assert!(near(read.torque_nm, expected.torque_nm, drive.torque_step_nm()), "{read:?} {expected:?}");
+                let (got, wanted) = (&read.states, &expected.states);
+                assert!(near(got.coordinates(), wanted.coordinates(), count_rad), "{read:?} {expected:?}");
+                assert!(near(got.rates(), wanted.rates(), count_rad), "{read:?} {expected:?}");
+                assert!(near(&read.torque_nm, &expected.torque_nm, drive.torque_step_nm()), "{read:?} {expected:?}");
             }
         }
     }

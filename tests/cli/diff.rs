@@ -4,7 +4,6 @@ use std::fs;
 use std::path::Path;
 
 use insta::assert_snapshot;
-use resonarm::arm::State;
 use resonarm::recording::channels::Channels;
 use resonarm::recording::{Clipped, Configuration, Options, Record, Recorder, SampleRecord, StateRecord};
 use resonarm::rig::Readings;
@@ -119,7 +118,7 @@ fn marked(folder: &Path, name: &str, is_end: bool, clipped: Clipped, coil_curren
         let clipped = if sample == 1 { clipped } else { Clipped::NONE };
         let state = StateRecord {
             sample,
-            states: States::of_arm(&State::new(zero, zero), coil_current_a),
+            states: States::new(&[0.0; 4], coil_current_a.as_slice()).unwrap(),
             torque_nm: zero,
             force_n: zero,
             is_end,

@@ -176,8 +176,8 @@ fn angles_are_identified_from_a_recording() {
             let after = &states[(row[0] * 1000.0 + 0.5).round() as usize];
             let before = &states[(row[0] * 1000.0 - 0.5).round() as usize];
             for joint in 0..2 {
-                let middle = 0.5 * (before.alpha_rad()[joint] + after.alpha_rad()[joint])
-                    + 0.125e-3 * (before.alpha_dot_rad_s()[joint] - after.alpha_dot_rad_s()[joint]);
+                let middle = 0.5 * (before.states.coordinates()[joint] + after.states.coordinates()[joint])
+                    + 0.125e-3 * (before.states.rates()[joint] - after.states.rates()[joint]);
                 let off = (row[1 + joint] - middle).abs();
                 // Five standard deviations, and the share of a sudden start below the corner.
                 assert!(off < 5.0 * row[3 + joint] + 1e-2 * number(&found["largest_rad"][joint]), "{row:?} {middle}");

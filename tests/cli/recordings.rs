@@ -104,9 +104,9 @@ fn alter(from: &Path, to: &Path, sample: u64) {
     for record in recording.states().unwrap() {
         let mut record = record.unwrap();
         if record.sample == sample {
-            let mut state = record.states.arm();
-            state.alpha_rad.x = state.alpha_rad.x.next_up();
-            record.states = States::of_arm(&state, None);
+            let mut moving = record.states.moving().to_vec();
+            moving[0] = moving[0].next_up();
+            record.states = States::new(&moving, &[]).unwrap();
         }
         channel.push_blocking(&Record::State(record)).unwrap();
     }

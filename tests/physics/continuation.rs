@@ -3,8 +3,7 @@
 
 use resonarm::analysis::BifurcationKind;
 use resonarm::analysis::structure::{Branch, Coordinate, Forced, Reading, TraceOptions, trace};
-use resonarm::arm::{Parameters, Pose, Preset};
-use resonarm::structure::{Assembly, BodySpec, ChainSpec, Dof, StructureSpec};
+use resonarm::structure::{Assembly, BodySpec, ChainSpec, Dof, Preset, StructureSpec};
 use serde_json::Value;
 
 fn number(case: &Value, key: &str) -> f64 {
@@ -15,18 +14,19 @@ fn pair(value: &Value) -> [f64; 2] {
     [value[0].as_f64().unwrap(), value[1].as_f64().unwrap()]
 }
 
-fn chain(parameters: &Parameters, beta1_deg: f64, beta2_deg: f64) -> Assembly {
-    let body = BodySpec::Chain(ChainSpec::from_arm(parameters, Pose { beta1_deg, beta2_deg }));
-    Assembly::new(&StructureSpec { body, elements: vec![] }).unwrap()
+/// The fitted arm with its links at angles, degrees.
+fn fitted(angles_deg: [f64; 2]) -> ChainSpec {
+    Preset::Irb1600Fitted.chain().unwrap().at_angles_deg(&angles_deg)
+}
+
+fn assembly(chain: ChainSpec) -> Assembly {
+    Assembly::new(&StructureSpec { body: BodySpec::Chain(chain), elements: vec![] }).unwrap()
 }
 
 fn forced(case: &Value) -> Forced {
-    let parameters = Parameters {
-        inertia2_kg_m2: number(case, "I_S2"),
-        length2_m: number(case, "l2"),
-        ..Preset::Irb1600Fitted.parameters().unwrap()
-    };
-    let assembly = chain(&parameters, number(case, "beta1_deg"), number(case, "beta2_deg"));
+    let mut chain = fitted(["beta1_deg", "beta2_deg"].map(|key| number(case, key)));
+    (chain.links[1].inertia_kg_m2, chain.links[1].length_m) = (number(case, "I_S2"), number(case, "l2"));
+    let assembly = assembly(chain);
     let loads = [("joint1", number(case, "torque1_nm")), ("tip.x", number(case, "force_x_n"))];
     let loads = loads.into_iter().filter(|(_, load)| *load != 0.0);
     let loads: Vec<(Dof, f64)> = loads.map(|(name, load)| (assembly.dof(name).unwrap(), load)).collect();
@@ -87,7 +87,7 @@ fn folds_and_peaks_are_those_of_the_oracles_in_both_directions() {
 /// Two resonance zones in one continuation, at an amplitude at which it is easily lost on the way.
 #[test]
 fn both_zones_are_walked_whole_in_both_directions() {
-    let arm = chain(&Preset::Irb1600Fitted.parameters().unwrap(), 30.0, 120.0);
+    let arm = assembly(fitted([30.0, 120.0]));
     for amplitude_n in [5.0, 20.0, 60.0, 100.0] {
         let forced = Forced::new(arm.clone(), arm.dof("tip.x").unwrap(), amplitude_n);
         let traced = |ends: [f64; 2]| {

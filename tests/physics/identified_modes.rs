@@ -1,22 +1,17 @@
 //! Modes found by `identify` in readings of an arm driven by an ideal exciter or a shaker, against the arm's true
 //! modes: the stated deviations hold over seeds, exciters and poses.
 
-use resonarm::analysis::{self, Mode};
-use resonarm::arm::{Arm, Pose, Preset};
 use resonarm::excitation::{Amplitude, ExcitationSpec, Profile, SweepLaw, Waveform};
 use resonarm::identify::{Band, Direction, Identification, Record, modes};
 use resonarm::integrate::Scheme;
 use resonarm::plant::{Plant, PlantSpec, TestedAssembly};
 use resonarm::rig::{Amplifier, Converter, RigSpec, ShakerSpec};
-use resonarm_dynamics::structure::{Assembly, BodySpec, ChainSpec, StructureSpec};
+use resonarm::structure::{Assembly, BodySpec, Preset, StructureMode, StructureSpec};
 
 const RATE_HZ: f64 = 1000.0;
 const BAND: Band = Band { from_hz: 10.0, to_hz: 80.0 };
-const POSES: [Pose; 3] = [
-    Pose { beta1_deg: 30.0, beta2_deg: 60.0 },
-    Pose { beta1_deg: 17.3, beta2_deg: 101.7 },
-    Pose { beta1_deg: 30.0, beta2_deg: 120.0 },
-];
+/// Angles of the links, degrees.
+const POSES: [[f64; 2]; 3] = [[30.0, 60.0], [17.3, 101.7], [30.0, 120.0]];
 
 /// A modal exciter for some hundred newtons, as that of `scenarios/shaker.toml`, with the inductance of a larger coil.
 const LARGE: ShakerSpec = ShakerSpec {
@@ -49,14 +44,20 @@ fn exciters() -> [Option<ShakerSpec>; 4] {
     [None, Some(ShakerSpec { amplifier: Amplifier::Current, ..LARGE }), Some(LARGE), Some(bk4809)]
 }
 
-fn identified(shaker: Option<ShakerSpec>, pose: Pose, profile: Waveform, force_x_n: f64, seed: u64) -> Identification {
-    identified_by(Converter::default(), shaker, pose, profile, force_x_n, seed)
+fn identified(
+    shaker: Option<ShakerSpec>,
+    angles_deg: [f64; 2],
+    profile: Waveform,
+    force_x_n: f64,
+    seed: u64,
+) -> Identification {
+    identified_by(Converter::default(), shaker, angles_deg, profile, force_x_n, seed)
 }
 
 fn identified_by(
     converter: Converter,
     shaker: Option<ShakerSpec>,
-    pose: Pose,
+    angles_deg: [f64; 2],
     profile: Waveform,
     force_x_n: f64,
     seed: u64,
@@ -66,9 +67,7 @@ fn identified_by(
     let rig = RigSpec { shaker, converter, ..RigSpec::default() };
     let spec =
         PlantSpec { scheme: Scheme::default(), sample_rate_hz: RATE_HZ, steps_per_sample: 2, rig: rig.clone(), seed };
-    let body = BodySpec::Chain(ChainSpec::from_arm(&Preset::default().parameters().unwrap(), pose));
-    let assembly = Assembly::new(&StructureSpec { body, elements: vec![] }).unwrap();
-    let mut plant = Plant::new(&spec, &TestedAssembly::at_rest(assembly, "tip", "joint2")).unwrap();
+    let mut plant = Plant::new(&spec, &TestedAssembly::at_rest(arm(angles_deg), "tip", "joint2")).unwrap();
     let readings: Vec<_> = (0..profile.samples())
         .map(|n| {
             let [hx, hy, bx, by, cx, cy] = plant.measure().readings().map(|reading| reading.within_range().unwrap());
@@ -79,8 +78,10 @@ fn identified_by(
     modes(&Record::new(RATE_HZ, &rig, readings, Direction::Principal).unwrap(), BAND).unwrap()
 }
 
-fn arm_modes(pose: Pose) -> [Mode; 2] {
-    analysis::modes(&Arm::new(Preset::default().parameters().unwrap(), pose).unwrap())
+/// The default preset with its links at angles, degrees.
+fn arm(angles_deg: [f64; 2]) -> Assembly {
+    let chain = Preset::default().chain().unwrap().at_angles_deg(&angles_deg);
+    Assembly::new(&StructureSpec { body: BodySpec::Chain(chain), elements: vec![] }).unwrap()
 }
 
 fn random(seed: u64) -> Waveform {
@@ -88,10 +89,11 @@ fn random(seed: u64) -> Waveform {
 }
 
 /// Errors of frequency and damping over their deviations, for each mode found; every one must be a mode of the arm.
-fn errors(found: &Identification, pose: Pose) -> Vec<f64> {
+fn errors(found: &Identification, angles_deg: [f64; 2]) -> Vec<f64> {
     let of = |mode: &resonarm::identify::IdentifiedMode| {
-        let near = |of: &Mode| (mode.pole_frequency_hz / of.frequency_hz - 1.0).abs() < 0.01;
-        let truth = arm_modes(pose).into_iter().find(near).unwrap_or_else(|| panic!("{pose:?}: {mode:?}"));
+        let near = |of: &&StructureMode| (mode.pole_frequency_hz / of.frequency_hz - 1.0).abs() < 0.01;
+        let arm = arm(angles_deg);
+        let truth = arm.modes().iter().find(near).unwrap_or_else(|| panic!("{angles_deg:?}: {mode:?}"));
         assert!(mode.is_linear, "{mode:?}");
         [
             (mode.pole_frequency_hz - truth.frequency_hz) / mode.pole_frequency_deviation_hz,
@@ -149,7 +151,7 @@ fn an_impact_finds_what_it_can() {
         for pose in POSES {
             let found = identified(shaker, pose, Waveform::Impulse { pulse_s: 0.008, duration_s: 30.0 }, 40.0, 3);
             all.extend(errors(&found, pose));
-            for mode in arm_modes(pose) {
+            for mode in arm(pose).modes() {
                 let near = |hz: f64| (hz / mode.frequency_hz - 1.0).abs() < 0.05;
                 let is_found = found.modes.iter().any(|found| near(found.pole_frequency_hz));
                 assert!(is_found || shaker.is_some(), "{pose:?}: {found:?}");

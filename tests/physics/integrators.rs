@@ -1,14 +1,13 @@
 //! The reasons for the default scheme and rate.
 
-use resonarm::analysis::{energy_drift, mode_errors, modes};
-use resonarm::arm::{Arm, Load, Parameters, Pose, Preset, State};
-use resonarm::integrate::{Integrator, Scheme};
+use resonarm::analysis::{energy_drift, mode_errors};
+use resonarm::integrate::Scheme;
 use resonarm::scenario::SimulationSection;
-use resonarm::structure::{Assembly, BodySpec, ChainSpec, StructureSpec};
+use resonarm::structure::{Assembly, BodySpec, Preset, Stepper, StructureSpec};
 
 /// The arm as a chain, without its dampers.
 fn undamped(preset: Preset, beta2_deg: f64) -> Assembly {
-    let mut chain = ChainSpec::from_arm(&preset.parameters().unwrap(), Pose { beta1_deg: 0.0, beta2_deg });
+    let mut chain = preset.chain().unwrap().at_angles_deg(&[0.0, beta2_deg]);
     chain.links.iter_mut().for_each(|link| link.damping_nm_s_rad = 0.0);
     Assembly::new(&StructureSpec { body: BodySpec::Chain(chain), elements: vec![] }).unwrap()
 }
@@ -55,36 +54,30 @@ fn energy_of_the_symmetric_schemes_does_not_drift() {
     }
 }
 
-/// The state after `steps` steps at `rate_hz` under a load that does not change.
-fn run(arm: &Arm, scheme: Scheme, rate_hz: f64, steps: u32, state: State, load: &Load) -> State {
-    let integrator = Integrator::new(scheme, rate_hz, arm).unwrap();
-    (0..steps).fold(state, |state, k| integrator.step(arm, f64::from(k) / rate_hz, &state, load).unwrap())
-}
-
 /// The exponential schemes are exact for the linear arm: free vibration at ωh = 3.6, dampers included, small enough
 /// that no nonlinearity shows, against the closed solution in modes.
 #[test]
 fn exponential_schemes_are_exact_for_the_linear_arm() {
-    let preset = Preset::Irb1600Table1.parameters().unwrap();
     // Damping in proportion to the stiffness, so that the modes stay uncoupled.
-    let parameters = Parameters {
-        damping1_nm_s_rad: 1e-6 * preset.stiffness1_nm_rad,
-        damping2_nm_s_rad: 1e-6 * preset.stiffness2_nm_rad,
-        ..preset
-    };
-    let arm = Arm::new(parameters, Pose::default()).unwrap();
-    for mode in modes(&arm) {
+    let mut chain = Preset::Irb1600Table1.chain().unwrap().at_angles_deg(&[0.0, 0.0]);
+    chain.links.iter_mut().for_each(|link| link.damping_nm_s_rad = 1e-6 * link.stiffness_nm_rad);
+    let arm = Assembly::new(&StructureSpec { body: BodySpec::Chain(chain), elements: vec![] }).unwrap();
+    for mode in arm.modes() {
         let amplitude = 1e-9;
-        let start = State::new(mode.shape.map(|phi| amplitude * phi), [0.0; 2]);
-        let ends = [Scheme::Exponential, Scheme::Exponential8]
-            .map(|scheme| run(&arm, scheme, 1000.0, 1000, start, &Load::default()));
+        let start = [amplitude * mode.shape[0], amplitude * mode.shape[1], 0.0, 0.0];
+        let ends = [Scheme::Exponential, Scheme::Exponential8].map(|scheme| {
+            let mut stepper = Stepper::new(&arm, &[], scheme, 1000.0).unwrap();
+            stepper.restore(&start).unwrap();
+            (0..1000).for_each(|k| stepper.advance(f64::from(k) / 1000.0, &[]).unwrap());
+            stepper.position().to_vec()
+        });
         let omega = core::f64::consts::TAU * mode.frequency_hz;
         let (zeta, damped) = (mode.damping_ratio, omega * libm::sqrt(1.0 - mode.damping_ratio * mode.damping_ratio));
         let decay = libm::exp(-zeta * omega);
         let part = decay * (libm::cos(damped) + zeta * omega / damped * libm::sin(damped));
         for i in 0..2 {
             let expected = amplitude * mode.shape[i] * part;
-            let errors = ends.map(|end| (end.alpha_rad[i] - expected) / (amplitude * decay * mode.shape[i]));
+            let errors = ends.each_ref().map(|end| (end[i] - expected) / (amplitude * decay * mode.shape[i]));
             assert!(errors.iter().all(|error| error.abs() < 1e-10), "{mode:?}: {errors:?}");
         }
     }

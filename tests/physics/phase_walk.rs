@@ -5,7 +5,6 @@ use resonarm::analysis::Distances;
 use resonarm::analysis::structure::{
     BackboneOptions, Branch, Coordinate, Forced, Reading, TraceOptions, backbone, nearest, trace,
 };
-use resonarm::arm::{Pose, Preset};
 use resonarm::control::{
     Answer, CancelHarmonics, Controller, ModeNumber, Modelled, PhaseWalk, PhaseWalkSpec, ResponseControlSpec,
     ResponsePoint,
@@ -14,7 +13,7 @@ use resonarm::excitation::{Amplitude, Phasor};
 use resonarm::integrate::Scheme;
 use resonarm::plant::{Plant, PlantSpec, ReadDof, TestedAssembly};
 use resonarm::rig::{Amplifier, Converter, RigSpec, Sampling, ShakerSpec};
-use resonarm_dynamics::structure::{Assembly, BodySpec, ChainSpec, StructureSpec};
+use resonarm::structure::{Assembly, BodySpec, Preset, StructureSpec};
 
 const RATE_HZ: f64 = 1000.0;
 const SAMPLING: Sampling = Sampling { rate_hz: RATE_HZ, converter: Converter::Sinc5 };
@@ -54,8 +53,8 @@ impl Case {
 
     /// The arm as a chain.
     fn tested(&self) -> TestedAssembly {
-        let pose = Pose { beta1_deg: self.beta1_deg, beta2_deg: self.beta2_deg };
-        let body = BodySpec::Chain(ChainSpec::from_arm(&Preset::Irb1600Fitted.parameters().unwrap(), pose));
+        let chain = Preset::Irb1600Fitted.chain().unwrap().at_angles_deg(&[self.beta1_deg, self.beta2_deg]);
+        let body = BodySpec::Chain(chain);
         let assembly = Assembly::new(&StructureSpec { body, elements: vec![] }).unwrap();
         TestedAssembly::at_rest(assembly, "tip", "joint2")
     }

@@ -56,7 +56,7 @@ fn the_current_of_a_coil_is_exported_and_in_the_statistics() -> TestResult {
     let mut records = run(3)?;
     for record in &mut records {
         if let Record::State(state) = record {
-            state.states = States::of_arm(&state.states.arm(), Some(0.5 + state.sample as f64));
+            state.states = States::new(state.states.moving(), &[0.5 + state.sample as f64]).unwrap();
         }
     }
     let options = Options { channels: Channels::arm(true), ..options() };

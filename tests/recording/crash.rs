@@ -12,7 +12,6 @@ use std::sync::atomic::{AtomicU64, Ordering};
 use std::thread;
 use std::time::{Duration, Instant};
 
-use resonarm::arm::State;
 use resonarm::protocol::{Frame, Id};
 use resonarm::recording::{
     Configuration, Direction, Existing, FlushPolicy, FrameRecord, Integrity, Options, Record, Recorder, Recording,
@@ -97,10 +96,10 @@ fn record(path: &Path) -> TestResult {
 /// A state and a frame that contain their sample.
 fn records_at(sample: u64, time_ns: u64) -> TestResult<[Record; 2]> {
     let x = sample as f64;
-    let (alpha_rad, alpha_dot_rad_s, torque_nm, force_n) = ([x, -x], [0.5 * x, x], [0.0; 2], [1.0, x]);
+    let (torque_nm, force_n) = ([0.0; 2], [1.0, x]);
     let state = StateRecord {
         sample,
-        states: States::of_arm(&State::new(alpha_rad, alpha_dot_rad_s), None),
+        states: States::new(&[x, -x, 0.5 * x, x], &[]).unwrap(),
         torque_nm,
         force_n,
         is_end: false,
@@ -184,7 +183,8 @@ fn check(path: &Path, directory: &Path) -> TestResult<u64> {
     let saved = last_sample.map_or(0, |last| last + 1);
     let states = recording.states()?.collect::<Result<Vec<_>, _>>()?;
     assert_eq!(states.len() as u64, saved);
-    let is_whole = |(state, k): (&StateRecord, u64)| state.sample == k && state.alpha_rad() == [k as f64, -(k as f64)];
+    let is_whole =
+        |(state, k): (&StateRecord, u64)| state.sample == k && state.states.coordinates() == [k as f64, -(k as f64)];
     assert!(states.iter().zip(0..).all(is_whole));
     // A flush by the clock may come between the two records of a sample.
     assert!((recording.frames()?.count() as u64).abs_diff(saved) <= 1);

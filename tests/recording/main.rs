@@ -20,7 +20,6 @@ mod writing;
 use std::error::Error;
 use std::path::Path;
 
-use resonarm::arm::State;
 use resonarm::protocol::{Frame, Id};
 use resonarm::realtime::OverrunCause;
 use resonarm::recording::{
@@ -39,7 +38,7 @@ fn records_of(sample: u64) -> TestResult<Vec<Record>> {
     let mut records = vec![
         Record::State(StateRecord {
             sample,
-            states: States::of_arm(&State::new([1e-3 * x, -1e-4 * x], [0.1 + x, 0.2 - x]), None),
+            states: States::new(&[1e-3 * x, -1e-4 * x, 0.1 + x, 0.2 - x], &[]).unwrap(),
             torque_nm: [0.0, -0.0],
             force_n: [x / 3.0, 1.0],
             is_end: false,

@@ -3,7 +3,6 @@
 use std::error::Error;
 
 use assert_no_alloc::assert_no_alloc;
-use resonarm::arm::State;
 use resonarm::protocol::{Frame, Id};
 use resonarm::recording::{
     Clipped, Configuration, Direction, Event, FrameRecord, Options, Pushed, Record, Recorder, RecordingError,
@@ -23,13 +22,13 @@ fn push_does_not_allocate() -> Result<(), Box<dyn Error>> {
     let pair = [1.0, 2.0];
     let mut push_all = |sample: u64| {
         let time_ns = sample * 1_000_000;
-        let (alpha_rad, alpha_dot_rad_s, torque_nm, force_n) = (pair, pair, pair, pair);
+        let (torque_nm, force_n) = (pair, pair);
         let (acceleration_b_m_s2, acceleration_c_m_s2, head_force_n) = (pair, pair, pair);
         let (direction, bus_timestamp_ns, clipped) = (Direction::Sent, Some(1), Clipped::NONE);
         let records = [
             Record::State(StateRecord {
                 sample,
-                states: States::of_arm(&State::new(alpha_rad, alpha_dot_rad_s), None),
+                states: States::new(&[1.0, 2.0, 1.0, 2.0], &[]).unwrap(),
                 torque_nm,
                 force_n,
                 is_end: false,

@@ -1,7 +1,6 @@
 //! Every record is read as it was written, bit for bit.
 
 use proptest::prelude::*;
-use resonarm::arm::State;
 use resonarm::protocol::{Frame, FrameFormat, Id};
 use resonarm::realtime::OverrunCause;
 use resonarm::recording::channels::Channels;
@@ -50,12 +49,12 @@ fn any_record(sample: u64, has_coil: bool) -> impl Strategy<Value = Record> {
     let direction = prop_oneof![Just(Direction::Received), Just(Direction::Sent)];
     prop_oneof![
         4 => ([pair(), pair(), pair(), pair()], any::<u64>().prop_map(f64::from_bits)).prop_map(
-            move |([alpha_rad, alpha_dot_rad_s, torque_nm, force_n], current_a)| {
+            move |([x, v, torque_nm, force_n], current_a)| {
                 let coil_current_a = has_coil.then_some(current_a);
                 let is_end = sample % 7 == 3;
                 Record::State(StateRecord {
                     sample,
-                    states: States::of_arm(&State::new(alpha_rad, alpha_dot_rad_s), coil_current_a),
+                    states: States::new(&[x, v].concat(), coil_current_a.as_slice()).unwrap(),
                     torque_nm,
                     force_n,
                     is_end,
@@ -122,7 +121,8 @@ fn exact<Name: AsRef<str>>(record: &Record<Name>) -> String {
         |pairs: &[[f64; 2]]| pairs.iter().map(|pair| format!("{:x?}", pair.map(f64::to_bits))).collect::<String>();
     match record {
         Record::State(r) => {
-            let numbers = bits(&[r.alpha_rad(), r.alpha_dot_rad_s(), r.torque_nm, r.force_n]);
+            let moving = r.states.moving().iter().map(|number| format!("{:x?}", number.to_bits())).collect::<String>();
+            let numbers = moving + &bits(&[r.torque_nm, r.force_n]);
             let current = r.states.internal().first().copied().map(f64::to_bits);
             format!("{} {} {current:x?} {numbers}", r.sample, r.is_end)
         }

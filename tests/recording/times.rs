@@ -3,7 +3,6 @@
 use std::fs;
 use std::time::Duration;
 
-use resonarm::arm::State;
 use resonarm::cut::merge;
 use resonarm::protocol::{Frame, Id};
 use resonarm::recording::{
@@ -110,7 +109,7 @@ fn the_end_of_a_run_and_what_was_clipped_are_marked() -> TestResult {
     let mut records = run(250)?;
     let end = StateRecord {
         sample: 250,
-        states: States::of_arm(&State::new([0.1, 0.2], [0.3, 0.4]), None),
+        states: States::new(&[0.1, 0.2, 0.3, 0.4], &[]).unwrap(),
         torque_nm: [0.0; 2],
         force_n: [0.0; 2],
         is_end: true,

@@ -9,7 +9,6 @@ use std::path::{Path, PathBuf};
 use std::process::{Child, ChildStdin, ChildStdout, Command, Stdio};
 use std::sync::OnceLock;
 
-use resonarm::arm::Load;
 use resonarm::control::{Abort, Answer, Controller, Length, LoadKind, ResponsePoint};
 use resonarm::node::{
     self, ExciterInterface, ExciterNode, ExciterOutcome, PlantInterface, PlantNode, PublishedSample, Timing,
@@ -19,6 +18,7 @@ use resonarm::protocol::{
     Emergency, EmergencyCode, Frame, FrameFormat, Heartbeat, Hello, Id, Message, MessageKind, Network, Node, NodeState,
     OperatorCommand, OperatorRequest, Profile, SamplesPerFrame, Transmitter, timing,
 };
+use resonarm::rig::Load;
 use resonarm::rig::{Exciter, Measurement};
 
 const RATE_HZ: u16 = 1000;

@@ -1,9 +1,9 @@
 //! A closed loop over the wire: the same points whatever carries the frames, and a controller of one's own in its
 //! place.
 
-use resonarm::arm::Load;
 use resonarm::control::{Answer, Controller, Length, LoadKind, ResponsePoint};
 use resonarm::node::ExciterOutcome;
+use resonarm::rig::Load;
 use resonarm::rig::Measurement;
 use resonarm::run::{BothReport, Mode, Options, Session, Signals};
 use resonarm::scenario::Scenario;

@@ -4,11 +4,11 @@ use std::path::{Path, PathBuf};
 use std::process::Command;
 use std::sync::LazyLock;
 
-use resonarm::arm::Load;
 use resonarm::cut;
 use resonarm::plant::Plant;
 use resonarm::recording::{Existing, Recording};
 use resonarm::replay::{resimulate, resimulate_readings};
+use resonarm::rig::Load;
 use resonarm::run::{BothReport, Mode, Options, RecordTo, RunError, Session, Signals};
 use resonarm::scenario::Scenario;
 use resonarm_fmu::content::{Content, Settings};

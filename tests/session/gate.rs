@@ -2,10 +2,10 @@
 
 use std::path::Path;
 
-use resonarm::arm::Load;
 use resonarm::protocol::{EmergencyCode, Refusal, Trip};
 use resonarm::recording::{Existing, Recording};
 use resonarm::replay::resimulate;
+use resonarm::rig::Load;
 use resonarm::run::{ExciterEnd, Mode, Options, PlantOutcome, PlantReport, RecordTo, Session, Signals, fault_text};
 use resonarm::scenario::Scenario;
 
@@ -19,16 +19,17 @@ struct Moment {
 fn run(text: &str, mode: Mode, path: &Path) -> (PlantReport, Vec<Moment>) {
     let record = Some(RecordTo { path: path.to_path_buf(), existing: Existing::Overwrite });
     let scenario = Scenario::parse(text, "test").unwrap();
-    let arm = scenario.build_arm().unwrap();
+    let assembly = scenario.under_test().unwrap().assembly;
     let session = Session::new(scenario, mode, Options { record, ..Options::default() });
     let report = session.unwrap().both(&Signals::default(), |_event| {}).unwrap().plant;
     let recording = Recording::open(path).unwrap();
     assert!(resimulate(&recording).unwrap().identical);
-    let tip_m = |alpha_rad: [f64; 2]| arm.points(&alpha_rad.into()).c_m;
+    let tip = ["tip.x", "tip.y"].map(|name| assembly.dof(name).unwrap());
     let moments = recording.states().unwrap().map(|state| {
         let state = state.unwrap();
         let load = Load { force_n: state.force_n.into(), torque_nm: state.torque_nm.into() };
-        Moment { load, travel_m: (tip_m(state.alpha_rad()) - tip_m([0.0; 2])).norm() }
+        let [x_m, y_m] = tip.map(|dof| assembly.displacement(dof, state.states.coordinates()));
+        Moment { load, travel_m: x_m.hypot(y_m) }
     });
     (report, moments.collect())
 }

@@ -1,8 +1,8 @@
 //! The tick path of the real-time loop takes no memory. The guard aborts the process at the first allocation.
 
 use assert_no_alloc::assert_no_alloc;
-use resonarm::arm::Load;
 use resonarm::realtime::{Clock, OverrunPolicy, Periodic, SampleRate, SystemClock, ThreadSetup, unix_time_ns};
+use resonarm::rig::Load;
 use resonarm::scenario::Scenario;
 
 #[test]

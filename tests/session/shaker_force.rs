@@ -4,10 +4,10 @@
 use core::f64::consts::TAU;
 use std::path::Path;
 
-use resonarm::arm::Parameters;
 use resonarm::control::{Answer, ResponsePoint};
 use resonarm::rig::{Converter, ShakerSpec};
 use resonarm::scenario::Scenario;
+use resonarm::structure::{BodySpec, Link};
 
 /// Steps of the integration a sample. The force has a kink at every sample, and sums over its values have an error of
 /// 10⁻⁴ of it with so many.
@@ -17,9 +17,8 @@ const READ_S: f64 = 1.0;
 
 /// Arm, armature and coil.
 struct Rig {
-    p: Parameters,
+    links: [Link; 2],
     shaker: ShakerSpec,
-    beta_rad: [f64; 2],
 }
 
 /// α1, α2, α̇1, α̇2, and the current, A.
@@ -31,23 +30,22 @@ impl Rig {
     /// M α̈ + C α̇ + D α̇ + K α = Jᵀe H with H = Bl i − m s̈ − c ṡ − k s (Gierlak, Warmiński 2023, Eq. 3), and
     /// L di/dt = V − R i − Bl ṡ.
     fn rates(&self, [x1, x2, v1, v2, current_a]: State, voltage_v: f64) -> (State, f64) {
-        let (p, shaker) = (&self.p, &self.shaker);
-        let a1 =
-            p.inertia1_kg_m2 + p.inertia2_kg_m2 + p.mass2_kg * (p.length1_m * p.length1_m + p.centre2_m * p.centre2_m);
-        let (a2, a3) =
-            (p.mass2_kg * p.length1_m * p.centre2_m, p.inertia2_kg_m2 + p.mass2_kg * p.centre2_m * p.centre2_m);
-        let [q1, q12] = [self.beta_rad[0] + x1, self.beta_rad[0] + self.beta_rad[1] + x1 + x2];
+        let ([one, two], shaker) = (&self.links, &self.shaker);
+        let (l1, l2, centre1, centre2) = (one.length_m, two.length_m, one.centre_of_mass_m, two.centre_of_mass_m);
+        let beta_rad = [one, two].map(|link| link.angle_deg.to_radians());
+        let (a2, a3) = (two.mass_kg * l1 * centre2, two.inertia_kg_m2 + two.mass_kg * centre2 * centre2);
+        let a1 = one.inertia_kg_m2 + one.mass_kg * centre1 * centre1 + a3 + two.mass_kg * l1 * l1;
+        let [q1, q12] = [beta_rad[0] + x1, beta_rad[0] + beta_rad[1] + x1 + x2];
         let ((s1, c1), (s12, c12)) = (libm::sincos(q1), libm::sincos(q12));
-        let (s, c) = libm::sincos(self.beta_rad[1] + x2);
+        let (s, c) = libm::sincos(beta_rad[1] + x2);
         let coriolis = [-a2 * s * (v2 * v1 + (v1 + v2) * v2), a2 * s * v1 * v1];
         let springs =
-            [p.damping1_nm_s_rad * v1 + p.stiffness1_nm_rad * x1, p.damping2_nm_s_rad * v2 + p.stiffness2_nm_rad * x2];
+            [(one, x1, v1), (two, x2, v2)].map(|(link, x, v)| link.damping_nm_s_rad * v + link.stiffness_nm_rad * x);
         // The shaker pushes along x: s is the displacement of the tip.
-        let [j1, j2] = [-p.length1_m * s1 - p.length2_m * s12, -p.length2_m * s12];
-        let centripetal = -p.length1_m * c1 * v1 * v1 - p.length2_m * c12 * (v1 + v2) * (v1 + v2);
-        let rest_m =
-            p.length1_m * libm::cos(self.beta_rad[0]) + p.length2_m * libm::cos(self.beta_rad[0] + self.beta_rad[1]);
-        let displacement_m = p.length1_m * c1 + p.length2_m * c12 - rest_m;
+        let [j1, j2] = [-l1 * s1 - l2 * s12, -l2 * s12];
+        let centripetal = -l1 * c1 * v1 * v1 - l2 * c12 * (v1 + v2) * (v1 + v2);
+        let rest_m = l1 * libm::cos(beta_rad[0]) + l2 * libm::cos(beta_rad[0] + beta_rad[1]);
+        let displacement_m = l1 * c1 + l2 * c12 - rest_m;
         let velocity_m_s = j1 * v1 + j2 * v2;
         let pushed_n = shaker.force_factor_n_a * current_a
             - shaker.damping_n_s_m * velocity_m_s
@@ -137,11 +135,9 @@ fn compared(converter: Converter) -> Vec<Compared> {
     let rate_hz = scenario.simulation.rate_hz;
     let (points, commands_n) = run(&scenario);
     assert_eq!(points.len(), 9);
-    let rig = Rig {
-        p: *scenario.build_arm().unwrap().parameters(),
-        shaker: scenario.rig.shaker.unwrap(),
-        beta_rad: [0, 1].map(|link| scenario.structure.angles_deg[link].to_radians()),
-    };
+    let tested = scenario.under_test().unwrap();
+    let BodySpec::Chain(chain) = &tested.assembly.spec().body else { panic!("{tested:?}") };
+    let rig = Rig { links: chain.links[..].try_into().unwrap(), shaker: scenario.rig.shaker.unwrap() };
     let head_n = rig.head_n(&commands_n, rate_hz);
     let compare = |(sample, point): &(usize, ResponsePoint)| {
         // Whole periods, as the controller reads them; it answers one sample after the last, which is of 2.5 samples

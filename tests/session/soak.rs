@@ -3,7 +3,6 @@
 
 use std::fmt::Write;
 
-use resonarm::arm::Load;
 use resonarm::bus::fault::{FaultSpec, Faulty, check};
 use resonarm::bus::memory::{self, MemoryBus};
 use resonarm::bus::{Bus, BusError, Sent, VirtualBus};
@@ -13,6 +12,7 @@ use resonarm::node::{
 };
 use resonarm::protocol::{Network, Node, Profile};
 use resonarm::realtime::{Clock, VirtualClock};
+use resonarm::rig::Load;
 use resonarm::rig::{Exciter, Measurement, Reading};
 
 const MS: u64 = 1_000_000;

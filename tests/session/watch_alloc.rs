@@ -2,10 +2,10 @@
 //! process at the first allocation.
 
 use assert_no_alloc::assert_no_alloc;
-use resonarm::arm::Load;
 use resonarm::control::SetPoint;
 use resonarm::protocol::{Frame, FrameFormat, Id};
 use resonarm::recording::{Direction, Event, FrameRecord, Record, TickRecord};
+use resonarm::rig::Load;
 use resonarm::run::{CommandRecord, End, Notice, Request, watch};
 
 #[test]

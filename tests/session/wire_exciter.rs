@@ -74,10 +74,10 @@ fn free_and_lockstep_have_the_same_bits_and_the_commanded_force_acts() {
     }
     let lockstep = whole(&both(&scenario, Mode::Lockstep, &path), &path);
     let bits = |states: &[StateRecord]| -> Vec<_> {
-        states[..600]
-            .iter()
-            .map(|state| (state.alpha_rad().map(f64::to_bits), state.force_n.map(f64::to_bits)))
-            .collect()
+        let numbers = |state: &StateRecord| {
+            state.states.coordinates().iter().chain(&state.force_n).map(|x| x.to_bits()).collect::<Vec<_>>()
+        };
+        states[..600].iter().map(numbers).collect()
     };
     assert_eq!(bits(&free), bits(&lockstep));
 }
@@ -109,7 +109,10 @@ fn in_lockstep_a_controller_that_waits_for_a_reading_starts_and_gets_the_free_bi
         });
         let lockstep = whole(&report, &path);
         let bits = |states: &[StateRecord]| -> Vec<_> {
-            states[..600].iter().map(|state| (state.alpha_rad().map(f64::to_bits), state.force_n)).collect()
+            let numbers = |state: &StateRecord| {
+                state.states.coordinates().iter().chain(&state.force_n).map(|x| x.to_bits()).collect::<Vec<_>>()
+            };
+            states[..600].iter().map(numbers).collect()
         };
         assert_eq!(bits(&free), bits(&lockstep));
     }

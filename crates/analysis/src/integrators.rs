@@ -147,14 +147,14 @@ mod tests {
     use nalgebra::ComplexField as _;
 
     use super::*;
-    use resonarm_dynamics::arm::{Pose, Preset};
-    use resonarm_dynamics::structure::{BodySpec, ChainSpec, StructureSpec};
+    use crate::tests::assembly_of;
+    use resonarm_dynamics::structure::Preset;
 
     /// The arm as a chain, without its dampers.
     fn undamped(preset: Preset, beta1_deg: f64, beta2_deg: f64) -> Assembly {
-        let mut chain = ChainSpec::from_arm(&preset.parameters().unwrap(), Pose { beta1_deg, beta2_deg });
+        let mut chain = preset.chain().unwrap().at_angles_deg(&[beta1_deg, beta2_deg]);
         chain.links.iter_mut().for_each(|link| link.damping_nm_s_rad = 0.0);
-        Assembly::new(&StructureSpec { body: BodySpec::Chain(chain), elements: vec![] }).unwrap()
+        assembly_of(chain)
     }
 
     /// The prediction of linear theory for each scheme, to the leading term: ζ and the frequency error as powers of z =

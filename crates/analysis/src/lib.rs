@@ -21,7 +21,6 @@ pub mod frf;
 mod gauss;
 mod grid;
 mod integrators;
-pub mod modes;
 mod nearest;
 mod peaks;
 mod poles;
@@ -34,13 +33,12 @@ pub mod time_domain;
 pub use bending::Bending;
 pub use branch_options::{BifurcationKind, BranchOptions};
 pub use error::{AnalysisError, EndedEarly, Place};
-pub use frf::{Drive, FrequencyResponse, FrfError, Quantity, Response, UnknownTerm, continuous_phase};
+pub use frf::{FrfError, Quantity, UnknownQuantity, continuous_phase};
 pub use grid::frequencies_hz;
 pub use integrators::{EnergyDrift, ModeError, energy_drift, mode_errors};
-pub use modes::{Mode, modes};
 pub use nearest::Distances;
 pub use peaks::{Maximum, half_power_width_hz, maxima};
-pub use poles::{Pole, arm_poles, longest_time_constant_s, structure_poles};
+pub use poles::{Pole, longest_time_constant_s, structure_poles};
 pub use rows::{segments, stretches};
 
 #[cfg(test)]

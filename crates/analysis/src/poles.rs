@@ -14,12 +14,9 @@ use alloc::vec;
 use alloc::vec::Vec;
 use core::f64::consts::TAU;
 
-use nalgebra::Vector2;
 use serde::Serialize;
 
 use crate::eigenvalues::eigenvalues;
-use crate::modes::modes;
-use resonarm_dynamics::arm::Arm;
 use resonarm_dynamics::structure::{Armature, Assembly};
 
 /// An oscillating pole pair λ, λ̄ of a damped structure.
@@ -29,16 +26,6 @@ pub struct Pole {
     pub pole_frequency_hz: f64,
     /// Damping ratio of the pole, −Re λ/|λ|.
     pub pole_damping_ratio: f64,
-}
-
-/// The poles that belong to the arm's two [`modes`]; `None` for a mode that does not oscillate.
-pub fn arm_poles(arm: &Arm) -> [Option<Pole>; 2] {
-    let modes = modes(arm);
-    let damping = arm.tangent_damping_matrix(&Vector2::zeros());
-    let shapes = modes.map(|mode| Vector2::from(mode.shape));
-    let entries = [(0, 0), (0, 1), (1, 0), (1, 1)].map(|(i, k): (usize, usize)| shapes[i].dot(&(damping * shapes[k])));
-    let found = poles(&modes.map(|mode| TAU * mode.frequency_hz), &entries);
-    core::array::from_fn(|k| found.get(k).copied().flatten())
 }
 
 /// The poles that belong to a structure's modes, in their order; `None` for a mode that does not oscillate.
@@ -137,14 +124,15 @@ fn poles(omega: &[f64], damping: &[f64]) -> Vec<Option<Pole>> {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use resonarm_dynamics::arm::{Parameters, Pose, Preset};
-    use resonarm_dynamics::structure::{Axis, BodySpec, Coil, ModalSpec, ModeSpec, ShapeSpec, StructureSpec};
+    use resonarm_dynamics::structure::{Axis, BodySpec, Coil, ModalSpec, ModeSpec, Preset, ShapeSpec, StructureSpec};
 
-    fn arm(damping_nm_s_rad: f64) -> Arm {
-        let preset = Preset::Irb1600Fitted.parameters().unwrap();
-        let parameters =
-            Parameters { damping1_nm_s_rad: damping_nm_s_rad, damping2_nm_s_rad: damping_nm_s_rad, ..preset };
-        Arm::new(parameters, Pose { beta1_deg: 30.0, beta2_deg: 60.0 }).unwrap()
+    /// The fitted arm at 30°, 60° with other dampers.
+    fn arm(damping_nm_s_rad: f64) -> Assembly {
+        let mut chain = Preset::Irb1600Fitted.chain().unwrap();
+        for (link, angle_deg) in chain.links.iter_mut().zip([30.0, 60.0]) {
+            (link.angle_deg, link.damping_nm_s_rad) = (angle_deg, damping_nm_s_rad);
+        }
+        Assembly::new(&StructureSpec { body: BodySpec::Chain(chain), elements: vec![] }).unwrap()
     }
 
     /// With strong dampers that couple the modes, |λ|/2π is not the frequency of the undamped structure. The values are
@@ -152,8 +140,8 @@ mod tests {
     #[test]
     fn poles_of_coupled_damping_are_not_the_modes() {
         let arm = arm(60.0);
-        let [first, second] = arm_poles(&arm).map(Option::unwrap);
-        let [low, high] = modes(&arm);
+        let [Some(first), Some(second)] = structure_poles(&arm)[..] else { panic!() };
+        let [low, high] = arm.modes() else { panic!() };
         assert!((first.pole_frequency_hz - 22.161_327).abs() < 1e-6, "{first:?}");
         assert!((second.pole_frequency_hz - 48.888_170).abs() < 1e-6, "{second:?}");
         assert!((low.frequency_hz - 22.157_526).abs() < 1e-6 && (high.frequency_hz - 48.896_557).abs() < 1e-6);

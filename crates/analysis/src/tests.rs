@@ -1,6 +1,13 @@
-use resonarm_dynamics::arm::{Arm, Pose, Preset};
+use alloc::vec;
 
-/// The arm of a preset in a pose.
-pub(crate) fn arm_at(preset: Preset, beta1_deg: f64, beta2_deg: f64) -> Arm {
-    Arm::new(preset.parameters().unwrap(), Pose { beta1_deg, beta2_deg }).unwrap()
+use resonarm_dynamics::structure::{Assembly, BodySpec, ChainSpec, Preset, StructureSpec};
+
+/// A chain without elements.
+pub(crate) fn assembly_of(chain: ChainSpec) -> Assembly {
+    Assembly::new(&StructureSpec { body: BodySpec::Chain(chain), elements: vec![] }).unwrap()
+}
+
+/// A preset with its links at angles, degrees.
+pub(crate) fn preset_at(preset: Preset, angles_deg: [f64; 2]) -> Assembly {
+    assembly_of(preset.chain().unwrap().at_angles_deg(&angles_deg))
 }

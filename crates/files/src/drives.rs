@@ -1,7 +1,7 @@
 //! What a master asks of CANopen drives, as the frames between them say it.
 
 use resonarm_bench::node::cia402::{Cia402Spec, DriveSpec, Joint, TORQUE_MODE};
-use resonarm_dynamics::arm::Load;
+use resonarm_bench::rig::Load;
 use resonarm_protocol::Frame;
 use resonarm_wire::canopen::cia402::{Command, DriveState, halts};
 use resonarm_wire::canopen::dictionary::{Address, at};

@@ -12,7 +12,7 @@ use std::io::Write;
 use std::path::Path;
 use std::ptr::null;
 
-use resonarm_dynamics::arm::Load;
+use resonarm_bench::rig::Load;
 use resonarm_fmu as _;
 use resonarm_realtime::{Clock, SystemClock};
 use resonarm_scenario::Scenario;

@@ -14,10 +14,10 @@ use crate::model::{Inputs, Model, Saved, Span, TOLERANCE_SAMPLES, reached};
 use crate::tape::{Mark, Tape};
 use crate::variables::{self, Source};
 use resonarm_bench::plant::Plant;
+use resonarm_bench::rig::Load;
 use resonarm_bench::rig::{MOST_CHANNELS, Measurement, Reading, Readings};
 use resonarm_bench::structure::OUTPUTS;
 use resonarm_bus::Statistics;
-use resonarm_dynamics::arm::Load;
 use resonarm_files::recording::{Record, StateRecord};
 use resonarm_session::run::{Session, sample_record};
 

@@ -4,8 +4,8 @@
 use crate::content::{Content, Interface, Role, Settings, TxClock};
 use crate::units::{self, DEGREE, SECOND, Unit};
 use resonarm_bench::plant::Plant;
+use resonarm_bench::rig::Load;
 use resonarm_bench::structure::{Channel, LOADS, Quantity};
-use resonarm_dynamics::arm::Load;
 
 /// What a variable stands for. Numbers are places in the tables of channels.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]

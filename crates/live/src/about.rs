@@ -138,7 +138,7 @@ mod tests {
     use super::*;
     use crate::message::{Order, Wish};
     use resonarm_bench::control::{Controller, SetPoint, Steered};
-    use resonarm_dynamics::arm::Load;
+    use resonarm_bench::rig::Load;
     use resonarm_session::run::Request;
 
     /// The page and the server use these limits; the controller must accept all values within them.

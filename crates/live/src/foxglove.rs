@@ -353,7 +353,6 @@ mod tests {
 
     use super::*;
     use resonarm_bench::structure::States;
-    use resonarm_dynamics::arm::State;
     use resonarm_files::recording::{Direction, FrameRecord, TickRecord};
     use resonarm_scenario::Scenario;
 
@@ -388,10 +387,9 @@ mod tests {
         assert_eq!(stream.channels()[RECORDED.len()..], [Channel::Scene]);
         let zero = [0.0; 2];
         for sample in 5..8 {
-            let (alpha_rad, alpha_dot_rad_s) = ([1e-3, 0.0], zero);
             let state = StateRecord {
                 sample,
-                states: States::of_arm(&State::new(alpha_rad, alpha_dot_rad_s), None),
+                states: States::new(&[1e-3, 0.0, 0.0, 0.0], &[]).unwrap(),
                 torque_nm: zero,
                 force_n: zero,
                 is_end: false,

@@ -72,14 +72,13 @@ fn magnification(largest: f64, now: f64) -> f64 {
 mod tests {
     use super::*;
     use resonarm_bench::structure::States;
-    use resonarm_dynamics::arm::State;
     use resonarm_scenario::Scenario;
 
     fn state(sample: u64, alpha_rad: [f64; 2]) -> StateRecord {
         let zero = [0.0; 2];
         StateRecord {
             sample,
-            states: States::of_arm(&State::new(alpha_rad, zero), None),
+            states: States::new(&[alpha_rad, zero].concat(), &[]).unwrap(),
             torque_nm: zero,
             force_n: zero,
             is_end: false,

@@ -4,8 +4,8 @@ use std::collections::VecDeque;
 
 use serde::Serialize;
 
+use resonarm_bench::rig::Load;
 use resonarm_bench::structure::{self, Axis, Channel, Kind, LOADS, OUTPUTS, Quantity};
-use resonarm_dynamics::arm::Load;
 use resonarm_files::recording::channels::Channels;
 use resonarm_files::recording::{SampleRecord, StateRecord, Topic};
 

@@ -4,7 +4,7 @@
 //! by sample; everything else carries the readings out and the loads in.
 //!
 //! ```
-//! use resonarm::arm::Load;
+//! use resonarm::rig::Load;
 //! use resonarm::scenario::Scenario;
 //!
 //! let scenario = Scenario::parse("structure = { preset = 'irb1600-fitted', angles_deg = [0, 60] }", "here")?;
@@ -25,12 +25,11 @@
 //!
 //! | | |
 //! | --- | --- |
-//! | [`arm`] | equations of motion, presets, kinematics, energy |
 //! | [`integrate`] | one-step methods, for one motion or several side by side |
 //! | [`analysis`] | modes, frequency responses, continuation and stability of forced motions |
 //! | [`excitation`], [`rig`] | what is played on the arm; exciter, impedance head, accelerometers |
-//! | [`structure`] | structures under test: chains of links, vibration modes, elements; their channels |
-//! | [`plant`] | the arm, or another structure, with its instruments, sample by sample |
+//! | [`structure`] | structures under test: chains of links, presets, vibration modes, elements; their channels |
+//! | [`plant`] | a structure with its instruments, sample by sample |
 //! | [`identify`] | frequency responses, modes and joint angles from what the instruments said |
 //! | [`control`] | exciter controllers: what answers a sample |
 //! | [`node`] | plant and exciter controller as CAN nodes without IO |
@@ -50,7 +49,7 @@
 //! | [`study`] | sweeps, basins of attraction and other studies over all cores, which can be interrupted and resumed |
 //! | [`toml_error`] | what is wrong with a scenario or settings as TOML |
 //!
-//! Each module is a crate or a module of one, see `ARCHITECTURE.md`. [`arm`] to [`node`] are pure: no clock, no thread,
+//! Each module is a crate or a module of one, see `ARCHITECTURE.md`. [`integrate`] to [`node`] are pure: no clock, no thread,
 //! no file, no socket, and `no_std`. SI units throughout; a number that is not in a typed quantity carries its unit in
 //! its name. A `sample` is one of the bench's, a `step` one of the integrator's: a sample takes several.
 //!
@@ -59,7 +58,7 @@
 pub use resonarm_analysis as analysis;
 pub use resonarm_bench::{control, excitation, identify, node, plant, rig};
 pub use resonarm_conformance as conformance;
-pub use resonarm_dynamics::{arm, integrate};
+pub use resonarm_dynamics::integrate;
 pub use resonarm_files::{can_log, cut, decoder, diff, drawing, export, import, recording, statistics};
 pub use resonarm_files::{same_file, wait_for_reader, write_whole};
 pub use resonarm_protocol as protocol;

@@ -10,7 +10,6 @@ use resonarm_bench::control::ControlError;
 use resonarm_bench::excitation::{ExcitationError, LoadFileError};
 use resonarm_bench::plant::PlantSpecError;
 use resonarm_bus::fault::FaultError;
-use resonarm_dynamics::arm::ArmError;
 use resonarm_numeric::number::short;
 use resonarm_protocol::NetworkError;
 use resonarm_protocol::bits::BitRates;
@@ -60,9 +59,6 @@ pub enum ScenarioError {
         /// The most characters.
         most: usize,
     },
-    /// There is no such arm.
-    #[error(transparent)]
-    Arm(#[from] ArmError),
     /// The excitation can't be played.
     #[error(transparent)]
     Excitation(#[from] ExcitationError),
@@ -81,9 +77,6 @@ pub enum ScenarioError {
     /// The user's own protocol can't be mapped so.
     #[error(transparent)]
     Wire(Box<WireError>),
-    /// What only the two-link arm has is asked for of another structure.
-    #[error("this needs a two-link arm without elements: a preset in the scenario's [structure]")]
-    NotTheArm,
     /// A load that is to be steered acts on nothing.
     #[error(
         "the load has `{name}` = {got}: nothing of the structure takes it: take a load along an axis of `rig.exciter.at`, or \

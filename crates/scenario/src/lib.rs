@@ -36,9 +36,7 @@ use resonarm_bench::control::{ControlSpec, Controller, Limited, LimitsSpec, Mode
 use resonarm_bench::excitation::{Amplitude, ExcitationSpec, LoadFile, Profile, Waveform};
 use resonarm_bench::plant::{self, Plant, PlantSpec, TestedAssembly};
 use resonarm_bench::rig::{Converter, RigSpec, Sampling};
-use resonarm_dynamics::arm::Arm;
 use resonarm_dynamics::integrate::Scheme;
-use resonarm_dynamics::structure::BodySpec;
 
 /// The most samples of a run that has an end: 31 years at 1 kHz.
 pub const MOST_SAMPLES: u64 = 1_000_000_000_000;
@@ -276,25 +274,6 @@ impl Scenario {
     /// that a program makes, there is no assembly.
     pub fn under_test(&self) -> Result<TestedAssembly, ScenarioError> {
         Ok(self.structure.tested(&self.rig)?)
-    }
-
-    /// Whether the structure is a preset without elements, a two-link arm.
-    pub fn is_plain_arm(&self) -> bool {
-        self.structure.kind == StructureKind::Preset && self.structure.elements.is_empty()
-    }
-
-    /// The two-link arm that moves as the structure under test does.
-    ///
-    /// # Errors
-    /// [`ScenarioError::NotTheArm`] if there is none; else as [`Scenario::under_test`].
-    pub fn build_arm(&self) -> Result<Arm, ScenarioError> {
-        if !self.is_plain_arm() {
-            return Err(ScenarioError::NotTheArm);
-        }
-        let tested = self.under_test()?;
-        let BodySpec::Chain(chain) = &tested.assembly.spec().body else { return Err(ScenarioError::NotTheArm) };
-        let (parameters, pose) = chain.to_arm().ok_or(ScenarioError::NotTheArm)?;
-        Ok(Arm::new(parameters, pose)?)
     }
 
     /// Leaves the structure to the program that runs the scenario, which calls it `name`, if the scenario states none.

@@ -1,6 +1,6 @@
 use super::*;
 use resonarm_bench::node::Timing;
-use resonarm_dynamics::structure::Preset;
+use resonarm_dynamics::structure::{BodySpec, Preset};
 use resonarm_protocol::timing;
 
 fn parse(text: &str) -> Result<Scenario, ScenarioError> {

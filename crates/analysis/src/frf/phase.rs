@@ -57,21 +57,24 @@ fn turn_rad(
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::tests::arm_at;
-    use crate::{Drive, FrequencyResponse, Quantity, Response, frequencies_hz, modes};
-    use resonarm_dynamics::arm::Preset;
+    use crate::structure::LinearResponse;
+    use crate::tests::preset_at;
+    use crate::{Quantity, frequencies_hz};
+    use resonarm_dynamics::structure::Preset;
 
     /// Each pole lowers the phase by half a turn, the zero of a drive point between them raises it again, however
     /// coarse the frequencies are.
     #[test]
     fn the_phase_goes_on_through_every_peak_and_zero() {
-        let arm = arm_at(Preset::Irb1600Fitted, 0.0, 60.0);
-        let linear = FrequencyResponse::new(&arm);
-        let natural_hz = modes(&arm).map(|mode| mode.frequency_hz);
+        let arm = preset_at(Preset::Irb1600Fitted, [0.0, 60.0]);
+        let linear = LinearResponse::new(&arm);
+        let natural_hz: Vec<f64> = arm.modes().iter().map(|mode| mode.frequency_hz).collect();
+        let drive = arm.dof("joint1").unwrap();
         for points in [3, 30, 801] {
             let hz = frequencies_hz(1.0, 500.0, points, &[]);
-            for (response, expected_deg) in [(Response::Alpha1, -180.0), (Response::Alpha2, -360.0)] {
-                let at = |hz: f64| linear.at(Quantity::Receptance, Drive::Torque1, response, hz).ok();
+            for (response, expected_deg) in [("joint1", -180.0), ("joint2", -360.0)] {
+                let read = arm.dof(response).unwrap();
+                let at = |hz: f64| linear.at(Quantity::Receptance, drive, read, hz).ok();
                 let phase = continuous_phase(&hz, &natural_hz, &at);
                 let (first, last) = (phase[0].1, phase[phase.len() - 1].1);
                 assert!((last - first - expected_deg).abs() < 1.0, "{response:?}, {points}: {first} {last}");

@@ -5,8 +5,8 @@ use alloc::boxed::Box;
 use serde::{Deserialize, Serialize};
 
 use super::{Abort, Answer, Controller, Length, LoadKind, ResponsePoint, SetPoint};
+use crate::rig::Load;
 use crate::rig::Measurement;
-use resonarm_dynamics::arm::Load;
 
 const CHANNELS: usize = Measurement::CHANNELS;
 

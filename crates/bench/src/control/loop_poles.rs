@@ -184,12 +184,10 @@ mod tests {
     use crate::control::{ModeNumber, Modelled};
     use crate::plant::tests;
     use crate::rig::Converter;
-    use crate::rig::RigSpec;
-    use resonarm_dynamics::arm::{Load, Pose};
+    use crate::rig::{Load, RigSpec};
 
     fn control(mode: ModeNumber, converter: Converter, gain_1_s: f64, delay: usize) -> Loop {
-        let pose = Pose { beta1_deg: 30.0, beta2_deg: 60.0 };
-        let tested = tests::preset(pose);
+        let tested = tests::preset([30.0, 60.0]);
         let of = Modelled::new(&tested, &RigSpec::default()).unwrap();
         let model = ModeModel::new(&of, &Load::force_n(1.0, 0.0), 1.0, mode).unwrap();
         let (sampling, omega_rad_s) = (Sampling { rate_hz: 1000.0, converter }, model.mode.angular_frequency_rad_s);

@@ -36,8 +36,8 @@ pub use set_point::SetPoint;
 pub use spec::{ControlError, ControlSpec};
 pub use steered::Steered;
 
+use crate::rig::Load;
 use crate::rig::Measurement;
-use resonarm_dynamics::arm::Load;
 
 /// The kind of load that a controller commands: a command on the wire carries one kind.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]

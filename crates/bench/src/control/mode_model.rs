@@ -9,8 +9,8 @@ use thiserror::Error;
 
 use crate::excitation::Phasor;
 use crate::plant::{Placed, ShakerAcross, TestedAssembly};
+use crate::rig::Load;
 use crate::rig::{Measurement, Reading, RigSpec, SensorSpec};
-use resonarm_dynamics::arm::Load;
 use resonarm_dynamics::structure::{Armature, Dof, MOST_COORDINATES};
 
 /// The share of the motion of the other accelerometer below which an accelerometer is not followed.

@@ -4,22 +4,18 @@
 use super::{Answer, Controller, OpenLoop, ResponsePoint, SetPoint, Steered};
 use crate::excitation::{Amplitude, ExcitationSpec, Phasor, Profile, Waveform};
 use crate::plant::tests::ideal_rig;
-use crate::plant::{Plant, PlantSpec, tests};
-use crate::rig::{Converter, RigSpec, Sampling};
-use nalgebra::Vector2;
-use resonarm_analysis::FrequencyResponse;
-use resonarm_dynamics::arm::{Arm, Load, Parameters, Pose};
+use crate::plant::{Plant, PlantSpec, TestedAssembly, tests};
+use crate::rig::{Converter, Load, RigSpec, Sampling};
+use resonarm_analysis::Quantity;
+use resonarm_analysis::structure::LinearResponse;
 use resonarm_dynamics::integrate::Scheme;
 
 const FORCE_N: f64 = 0.01;
 const RATE_HZ: f64 = 1000.0;
 
 /// The arm with a hundred times its damping, so that it settles within seconds.
-fn arm() -> Arm {
-    let preset = tests::arm(Pose { beta1_deg: 20.0, beta2_deg: 60.0 });
-    let of = preset.parameters();
-    let [damping1_nm_s_rad, damping2_nm_s_rad] = [of.damping1_nm_s_rad, of.damping2_nm_s_rad].map(|of| 100.0 * of);
-    Arm::new(Parameters { damping1_nm_s_rad, damping2_nm_s_rad, ..*of }, preset.pose()).unwrap()
+fn arm() -> TestedAssembly {
+    tests::damped([20.0, 60.0], 100.0)
 }
 
 fn spec(converter: Converter) -> PlantSpec {
@@ -34,7 +30,7 @@ fn read<C: Controller>(
     from: u64,
     mut before: impl FnMut(&mut C, u64),
 ) -> ResponsePoint {
-    let mut plant = Plant::new(&spec(converter), &tests::chain(arm().parameters(), arm().pose())).unwrap();
+    let mut plant = Plant::new(&spec(converter), &arm()).unwrap();
     loop {
         before(controller, plant.sample());
         let answer = controller.answer(&plant.measure());
@@ -48,12 +44,9 @@ fn read<C: Controller>(
 
 /// Acceleration of the tip along x over a force there.
 fn accelerance(frequency_hz: f64) -> Phasor {
-    let arm = arm();
-    let receptance = FrequencyResponse::new(&arm).receptance_matrix(frequency_hz).unwrap();
-    let tip = arm.tip_jacobian(&Vector2::zeros()).transpose() * Vector2::new(1.0, 0.0);
-    let at = |n: usize| receptance[(n / 2, n % 2)] * (tip[n / 2] * tip[n % 2]);
-    let omega = core::f64::consts::TAU * frequency_hz;
-    (0..4).map(at).sum::<Phasor>() * -(omega * omega)
+    let assembly = arm().assembly;
+    let tip = assembly.dof("tip.x").unwrap();
+    LinearResponse::new(&assembly).at(Quantity::Accelerance, tip, tip, frequency_hz).unwrap()
 }
 
 /// Checks that force and acceleration of a response, as complex numbers, are those of a load of phase 0.

@@ -15,8 +15,8 @@ use core::f64::consts::TAU;
 use super::response::{Orders, Reading};
 use super::{Answer, Controller, Length, LoadKind, ResponsePoint, SetPoint};
 use crate::excitation::Window;
+use crate::rig::Load;
 use crate::rig::{Measurement, Sampling};
-use resonarm_dynamics::arm::Load;
 
 /// How long the set-point must be held before a response is read, s.
 const SETTLE_S: f64 = 2.0;

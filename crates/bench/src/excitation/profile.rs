@@ -6,7 +6,7 @@ use core::f64::consts::{PI, TAU};
 
 use super::synthesis::{self, Band};
 use super::{ExcitationError, ExcitationSpec, SweepLaw, Waveform};
-use resonarm_dynamics::arm::Load;
+use crate::rig::Load;
 
 /// An excitation ready to be played: a pure function of the sample's index.
 #[derive(Clone, Debug, PartialEq)]

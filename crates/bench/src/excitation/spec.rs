@@ -4,7 +4,7 @@ use serde::{Deserialize, Serialize};
 use thiserror::Error;
 
 use super::Waveform;
-use resonarm_dynamics::arm::Load;
+use crate::rig::Load;
 use resonarm_numeric::number::{rounded, short};
 
 /// What to play: a waveform, its strength, and the length of its soft start and end.

@@ -6,15 +6,14 @@ use alloc::vec::Vec;
 use core::f64::consts::TAU;
 
 use crate::plant::{Plant, PlantSpec, TestedAssembly, tests};
-use crate::rig::{RigSpec, SensorSpec};
-use resonarm_dynamics::arm::{Load, Pose};
+use crate::rig::{Load, RigSpec, SensorSpec};
 use resonarm_dynamics::integrate::Scheme;
 
 const RATE_HZ: f64 = 1000.0;
 const WAYS: [Integration; 2] = [Integration::Frequency, Integration::Time];
 
 fn arm(beta2_deg: f64) -> TestedAssembly {
-    tests::preset(Pose { beta1_deg: 20.0, beta2_deg })
+    tests::preset([20.0, beta2_deg])
 }
 
 fn spec(seed: u64) -> PlantSpec {
@@ -47,15 +46,17 @@ fn run(spec: &PlantSpec, beta2_deg: f64, samples: usize, load: impl Fn(f64) -> L
     let (mut readings, mut alpha_rad) = (Vec::new(), alloc::vec![[0.0; 2]; late]);
     plant.measure();
     for k in 0..samples {
-        let before = plant.states().arm();
+        let before = *plant.states();
         plant.advance(&load(k as f64 / RATE_HZ)).unwrap();
         let [_, _, bx, by, cx, cy] = plant.measure().readings().map(|reading| reading.value);
         readings.push([bx, by, cx, cy]);
         // Hermite's cubic in the middle: (x0 + x1)/2 + (v0 − v1)/(8 rate).
-        let after = plant.states().arm();
-        let middle = (before.alpha_rad + after.alpha_rad) * 0.5
-            + (before.alpha_dot_rad_s - after.alpha_dot_rad_s) * (0.125 / RATE_HZ);
-        alpha_rad.push(middle.into());
+        let after = *plant.states();
+        let middle = |joint: usize| {
+            (before.coordinates()[joint] + after.coordinates()[joint]) * 0.5
+                + (before.rates()[joint] - after.rates()[joint]) * (0.125 / RATE_HZ)
+        };
+        alpha_rad.push([middle(0), middle(1)]);
     }
     alpha_rad.truncate(samples);
     let from_hz = 0.25 * arm.assembly.modes()[0].frequency_hz;

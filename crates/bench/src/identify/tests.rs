@@ -7,13 +7,13 @@ use alloc::vec::Vec;
 use nalgebra::Normed as _;
 
 use crate::excitation::{Amplitude, ExcitationSpec, Phases, Profile, Waveform};
-use crate::plant::tests::chain;
-use crate::plant::{Plant, PlantSpec};
+use crate::plant::tests::{damped, preset};
+use crate::plant::{Plant, PlantSpec, TestedAssembly};
 use crate::rig::RigSpec;
-use resonarm_analysis as analysis;
-use resonarm_analysis::{Drive, FrequencyResponse, Quantity, Response};
-use resonarm_dynamics::arm::{Arm, Parameters, Pose, State};
+use resonarm_analysis::Quantity;
+use resonarm_analysis::structure::LinearResponse;
 use resonarm_dynamics::integrate::Scheme;
+use resonarm_dynamics::structure::StructureMode;
 
 const RATE_HZ: f64 = 1000.0;
 const BAND: Band = Band { from_hz: 5.0, to_hz: 80.0 };
@@ -28,8 +28,8 @@ fn spec() -> PlantSpec {
     }
 }
 
-fn arm(beta2_deg: f64) -> Arm {
-    crate::plant::tests::arm(Pose { beta1_deg: 0.0, beta2_deg })
+fn arm(beta2_deg: f64) -> TestedAssembly {
+    preset([0.0, beta2_deg])
 }
 
 fn force(x_n: f64, y_n: f64) -> Amplitude {
@@ -37,9 +37,14 @@ fn force(x_n: f64, y_n: f64) -> Amplitude {
 }
 
 /// The readings while a profile is played.
-fn recorded(spec: &PlantSpec, arm: &Arm, amplitude: Amplitude, profile: Waveform) -> Result<Record, IdentifyError> {
+fn recorded(
+    spec: &PlantSpec,
+    arm: &TestedAssembly,
+    amplitude: Amplitude,
+    profile: Waveform,
+) -> Result<Record, IdentifyError> {
     let profile = Profile::new(&ExcitationSpec { amplitude, ramp_s: 0.0, profile }, RATE_HZ).unwrap();
-    let mut plant = Plant::new(spec, &chain(arm.parameters(), arm.pose())).unwrap();
+    let mut plant = Plant::new(spec, arm).unwrap();
     let samples: Vec<_> = (0..profile.samples())
         .map(|n| {
             let [hx, hy, bx, by, cx, cy] = plant.measure().readings().map(|reading| reading.value);
@@ -56,7 +61,8 @@ const IMPACT: Waveform = Waveform::Impulse { pulse_s: 0.008, duration_s: 30.0 };
 /// Frequencies within 0.01 %, damping ratios within 5 %, and both within their deviations.
 fn assert_found(record: &Record, beta2_deg: f64, part: FittedPart) {
     let found = modes(record, BAND).unwrap().modes;
-    let expected = analysis::modes(&arm(beta2_deg));
+    let arm = arm(beta2_deg);
+    let expected = arm.assembly.modes();
     assert_eq!(found.len(), 2, "{found:?}");
     for (found, mode) in found.iter().zip(expected) {
         let off_hz = found.pole_frequency_hz - mode.frequency_hz;
@@ -104,23 +110,24 @@ fn ideal_instruments_are_almost_exact() {
     for profile in [RANDOM, IMPACT] {
         let record = recorded(&ideal, &arm(60.0), force(0.0, 0.01), profile).unwrap();
         let found = modes(&record, BAND).unwrap().modes;
-        for (found, mode) in found.iter().zip(analysis::modes(&arm(60.0))) {
+        for (found, mode) in found.iter().zip(arm(60.0).assembly.modes()) {
             assert!((found.pole_frequency_hz / mode.frequency_hz - 1.0).abs() < 1e-7, "{found:?} {mode:?}");
             assert!((found.pole_damping_ratio / mode.damping_ratio - 1.0).abs() < 1e-3, "{found:?} {mode:?}");
             // A ring-down has no force to compare with.
             assert_eq!(found.shape_per_sqrt_kg.is_some(), found.part == FittedPart::Forced);
-            found.shape_per_sqrt_kg.iter().for_each(|shape| assert_shape(shape, &mode, 60.0, 2e-3));
+            found.shape_per_sqrt_kg.iter().for_each(|shape| assert_shape(shape, mode, 60.0, 2e-3));
         }
     }
 }
 
+/// Where the accelerometers are.
+const POINTS: [&str; CHANNELS] = ["joint2.x", "joint2.y", "tip.x", "tip.y"];
+
 /// The displacements of B and C in a mode of modal mass 1 kg, up to the sign, within a fraction of the largest.
-fn assert_shape(found: &[f64; CHANNELS], mode: &analysis::Mode, beta2_deg: f64, within: f64) {
-    let arm = arm(beta2_deg);
+fn assert_shape(found: &[f64; CHANNELS], mode: &StructureMode, beta2_deg: f64, within: f64) {
+    let assembly = arm(beta2_deg).assembly;
     // Small motions: the velocities of both points at rest are those of the mode.
-    let points = arm.point_velocities(&State::new([0.0; 2], mode.shape));
-    let [b, c] = points;
-    let expected = [b.x, b.y, c.x, c.y];
+    let expected = POINTS.map(|name| assembly.velocity(assembly.dof(name).unwrap(), &[0.0; 2], &mode.shape));
     let largest = expected.iter().fold(0.0_f64, |largest, part| largest.max(part.abs()));
     let sign = (found[3] * expected[3]).signum();
     for (found, expected) in found.iter().zip(expected) {
@@ -131,18 +138,19 @@ fn assert_shape(found: &[f64; CHANNELS], mode: &analysis::Mode, beta2_deg: f64, 
 #[test]
 fn noisy_records_give_the_modal_mass() {
     let found = modes(&recorded(&spec(), &arm(60.0), force(3.0, 4.0), RANDOM).unwrap(), BAND).unwrap().modes;
-    for (found, mode) in found.iter().zip(analysis::modes(&arm(60.0))) {
-        assert_shape(&found.shape_per_sqrt_kg.unwrap(), &mode, 60.0, 0.03);
+    for (found, mode) in found.iter().zip(arm(60.0).assembly.modes()) {
+        assert_shape(&found.shape_per_sqrt_kg.unwrap(), mode, 60.0, 0.03);
     }
 }
 
 #[test]
 fn the_shape_is_that_of_the_mode() {
     let record = recorded(&spec(), &arm(60.0), force(18.0, 24.0), IMPACT).unwrap();
-    let linear = FrequencyResponse::new(&arm(60.0));
+    let assembly = arm(60.0).assembly;
+    let (linear, drive) = (LinearResponse::new(&assembly), assembly.dof("tip.y").unwrap());
     for mode in modes(&record, BAND).unwrap().modes {
-        let at = |response| linear.at(Quantity::Accelerance, Drive::ForceY, response, mode.pole_frequency_hz).unwrap();
-        let shape = [Response::BX, Response::BY, Response::CX, Response::CY].map(at);
+        let at = |name| linear.at(Quantity::Accelerance, drive, assembly.dof(name).unwrap(), mode.pole_frequency_hz);
+        let shape = POINTS.map(|name| at(name).unwrap());
         let largest = shape.iter().max_by(|a, b| a.norm().total_cmp(&b.norm())).unwrap();
         for (found, expected) in mode.shape.iter().zip(&shape) {
             assert!((expected / largest - *found).norm() < 0.01, "{mode:?} {shape:?}");
@@ -164,17 +172,14 @@ fn averaged_responses_are_those_of_the_equations() {
     for (waveform, averaging, averages) in cases {
         let amplitude = if averaging == Averaging::Single { force(0.0, 400.0) } else { force(0.0, 20.0) };
         // With strong damping the arm's motion settles within a segment.
-        let of = *arm(60.0).parameters();
-        let [damping1_nm_s_rad, damping2_nm_s_rad] = [of.damping1_nm_s_rad, of.damping2_nm_s_rad].map(|of| 60.0 * of);
-        let damped = Parameters { damping1_nm_s_rad, damping2_nm_s_rad, ..of };
-        let damped = Arm::new(damped, arm(60.0).pose()).unwrap();
+        let damped = damped([0.0, 60.0], 60.0);
         let record = recorded(&spec(), &damped, amplitude, waveform).unwrap();
-        let damped = FrequencyResponse::new(&damped);
+        let (linear, tip) = (LinearResponse::new(&damped.assembly), damped.assembly.dof("tip.y").unwrap());
         let estimate = frequency_response(&record, far, averaging).unwrap();
         assert_eq!(estimate.averages, averages);
         assert_eq!(estimate.coherence.is_some(), averages > 1);
         for (k, hz) in estimate.frequency_hz.iter().enumerate() {
-            let expected = damped.at(Quantity::Accelerance, Drive::ForceY, Response::CY, *hz).unwrap();
+            let expected = linear.at(Quantity::Accelerance, tip, tip, *hz).unwrap();
             let (h1, h2) = (estimate.h1[3][k], estimate.h2[3][k]);
             assert!((h1 - expected).norm() < 0.1 * expected.norm(), "{averaging:?} {hz}: {h1} {expected}");
             assert!((h2 - expected).norm() < 0.1 * expected.norm(), "{averaging:?} {hz}: {h2} {expected}");

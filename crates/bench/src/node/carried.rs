@@ -7,8 +7,8 @@ use resonarm_protocol::{Capabilities, Network, Node, SamplesPerFrame, SensorValu
 
 use super::{TimeBase, sample};
 use crate::control::{Abort, Answer, Controller, LoadKind, ResponsePoint, SetPoint};
+use crate::rig::Load;
 use crate::rig::Measurement;
-use resonarm_dynamics::arm::Load;
 
 /// Most responses waiting to be fetched.
 const RESPONSES: usize = 16;

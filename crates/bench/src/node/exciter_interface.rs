@@ -7,7 +7,7 @@ use resonarm_protocol::node::{FrameCounts, NodeCore, NodeEvent, Work};
 use resonarm_protocol::{Emergency, Frame, NodeState};
 
 use super::{Carried, ExciterLack, ExciterNode, ExciterOutcome, ExciterRemark};
-use resonarm_dynamics::arm::Load;
+use crate::rig::Load;
 
 /// The exciter's node with its controller: frames and the time go in, frames and events come out. Nothing allocates
 /// after construction.

@@ -10,8 +10,8 @@ use super::cause::{FaultCause, RefusedFor, Unheeded};
 use super::hold::Hold;
 use super::refusals::RefusedLoad;
 use super::{Refusals, Timing};
+use crate::rig::Load;
 use crate::rig::{Exciter, GateSpec};
-use resonarm_dynamics::arm::Load;
 
 /// The gate of a plant's node, with the load that acts.
 #[derive(Clone, Debug)]

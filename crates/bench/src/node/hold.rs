@@ -1,6 +1,6 @@
 //! The load that acts: held from command to command, and its ramp to zero.
 
-use resonarm_dynamics::arm::Load;
+use crate::rig::Load;
 
 /// The load that acts.
 ///

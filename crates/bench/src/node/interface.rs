@@ -9,9 +9,9 @@ use resonarm_protocol::{Emergency, EmergencyCode, Frame, NodeState, OperatorRequ
 
 use super::guard::Guard;
 use super::{FaultCause, Refusals};
+use crate::rig::Load;
 use crate::rig::Measurement;
 use crate::structure::ChannelName;
-use resonarm_dynamics::arm::Load;
 
 /// The plant's node: frames and the time go in, frames, loads and events come out. Nothing allocates after
 /// construction.

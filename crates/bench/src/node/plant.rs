@@ -13,8 +13,8 @@ use super::cause::RefusedFor;
 use super::guard::Guard;
 use super::sample;
 use super::{NodeEvent, PlantInterface, PublishError, PublishedSample, Refusal, Timing};
+use crate::rig::Load;
 use crate::rig::{Exciter, GateSpec, Measurement};
-use resonarm_dynamics::arm::Load;
 
 /// The plant as a node: publishes samples, takes commands, and passes them on only while armed.
 #[derive(Clone, Debug)]

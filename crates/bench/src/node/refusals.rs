@@ -1,6 +1,6 @@
 //! Commands that did not reach the arm, by reason.
 
-use resonarm_dynamics::arm::Load;
+use crate::rig::Load;
 use resonarm_protocol::Refusal;
 
 /// A command that was refused for its load.

@@ -12,11 +12,11 @@ mod stalls;
 use super::*;
 use crate::control::{Controller, OpenLoop};
 use crate::excitation::{Amplitude, ExcitationSpec, Profile, Waveform};
+use crate::rig::Load;
 use crate::rig::{Exciter, Measurement};
 use alloc::boxed::Box;
 use alloc::vec::Vec;
 use proptest::prelude::*;
-use resonarm_dynamics::arm::Load;
 use resonarm_protocol::Node as NodeName;
 use resonarm_protocol::{
     Emergency, EmergencyCode, ForceCommand, Frame, Hello, Message, Network, NodeState, OperatorCommand,

@@ -10,11 +10,11 @@ use super::sampling::PointMotion;
 use super::stepped::{Loads, Stepped};
 use super::tested::{Placed, TestedAssembly};
 use super::{PlantSpec, PlantSpecError};
+use crate::rig::Load;
 use crate::rig::ShakerSpec;
 use crate::structure::{
     COIL_CURRENT, Channel, Coordinates, LOADS, StructureError, branch_channel, coordinate_channels, element_channel,
 };
-use resonarm_dynamics::arm::Load;
 use resonarm_dynamics::structure::{Armature, Assembly, CoordinateUnit, Dof, Kinematics, Stepper};
 
 /// The steps of the structure under test.

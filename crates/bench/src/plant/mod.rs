@@ -21,10 +21,10 @@ use alloc::vec;
 use alloc::vec::Vec;
 use thiserror::Error;
 
+use crate::rig::Load;
 use crate::rig::{Exciter, GateSpec, MOST_CHANNELS, MOST_MORE, Measurement, Rig, RigError, RigSpec, ShakerLimit};
 use crate::structure::{Kind, LOADS, MOST_STATES, OUTPUTS, States, Structure, StructureError};
 use driven_structure::DrivenStructure;
-use resonarm_dynamics::arm::Load;
 use resonarm_dynamics::integrate::{IntegrateError, Scheme};
 use resonarm_dynamics::structure::StepError;
 use resonarm_numeric::number::{rounded, short};

@@ -21,8 +21,7 @@ use nalgebra::Vector2;
 use super::PlantSpec;
 use super::other_sensors::CurrentChange;
 use crate::rig::converter::MOST_ORDER;
-use crate::rig::{Converter, Measurement};
-use resonarm_dynamics::arm::Attachment;
+use crate::rig::{Converter, Measurement, ShakerSpec};
 
 const CHANNELS: usize = Measurement::CHANNELS;
 /// Coefficients of 1, τ … τ⁴ and of e^{−λτ}.
@@ -75,7 +74,8 @@ pub(super) struct ShakenStep {
     pub armature_transient_m_s2: f64,
     /// s at the start, m.
     pub displacement_m: f64,
-    pub attachment: Attachment,
+    /// The shaker, whose armature takes m s̈ + c ṡ + k s of the coil's force.
+    pub shaker: ShakerSpec,
     /// The coil's force along the shaker, N.
     pub force_n: Course,
     /// The current against that at which the motion at the ends was read.
@@ -119,7 +119,7 @@ impl Filter {
     pub fn add_shaken(&self, sums: &mut Sums, index: usize, step: &ShakenStep) {
         let [b, c] = self.accelerations([&step.start, &step.end], &step.transient_m_s2);
         let acceleration = self.course(step.armature, step.armature_transient_m_s2);
-        let taken = self.taken(&step.attachment, (step.displacement_m, step.armature[0].0), acceleration);
+        let taken = self.taken(&step.shaker, (step.displacement_m, step.armature[0].0), acceleration);
         let head_n: Course = core::array::from_fn(|term| step.force_n[term] - taken[term]);
         let [hx, hy] = [self.along.x, self.along.y].map(|share| head_n.map(|term| share * term));
         self.add_courses(sums, index, &[hx, hy, b[0], b[1], c[0], c[1]]);
@@ -194,10 +194,10 @@ impl Filter {
     }
 
     /// m s̈ + c ṡ + k s over the step with the acceleration s̈, from s and ṡ at its start.
-    fn taken(&self, attachment: &Attachment, (s, rate): (f64, f64), acceleration: Course) -> Course {
+    fn taken(&self, shaker: &ShakerSpec, (s, rate): (f64, f64), acceleration: Course) -> Course {
         let velocity = self.velocity(rate, acceleration);
         let displacement = self.displacement((s, rate), acceleration);
-        let Attachment { mass_kg, stiffness_n_m, damping_n_s_m, .. } = *attachment;
+        let ShakerSpec { moving_mass_kg: mass_kg, stiffness_n_m, damping_n_s_m, .. } = *shaker;
         core::array::from_fn(|term| {
             mass_kg * acceleration[term] + damping_n_s_m * velocity[term] + stiffness_n_m * displacement[term]
         })

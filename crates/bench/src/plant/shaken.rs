@@ -13,9 +13,8 @@ use super::sampling::{Course, Filter, PointMotion, ShakenStep, Sums};
 use super::stepped::{Loads, Stepped};
 use super::tested::{Placed, TestedAssembly};
 use super::{PlantSpec, PlantSpecError};
-use crate::rig::{Amplifier, Measurement, ShakerSpec};
+use crate::rig::{Amplifier, Load, Measurement, ShakerSpec};
 use crate::structure::{LOADS, StructureError};
-use resonarm_dynamics::arm::{Attachment, Load};
 use resonarm_dynamics::structure::{Armature, Circuit, Coil, LEAST_DECAY, Stroke};
 use resonarm_numeric::number::short;
 
@@ -77,10 +76,9 @@ impl ShakerSpec {
     /// # Errors
     /// [`ShakerAcross`] if it pushes along an axis along which the structure can't move there.
     pub fn armature_at(&self, at: &Placed) -> Result<Armature, ShakerAcross> {
-        let Attachment { mass_kg, stiffness_n_m, damping_n_s_m, direction_deg } = self.armature();
         let shares: [f64; 2] = self.direction().into();
         if let Some(axis) = (0..2).find(|&axis| at.along[axis].is_none() && shares[axis].abs() > ROUNDING) {
-            return Err(ShakerAcross { direction_deg, axis: ["x", "y"][axis] });
+            return Err(ShakerAcross { direction_deg: self.direction_deg, axis: ["x", "y"][axis] });
         }
         let along = core::array::from_fn(|axis| at.along[axis].map(|dof| (dof, shares[axis])));
         let (force_factor_n_a, resistance_ohm) = (self.force_factor_n_a, self.resistance_ohm);
@@ -88,6 +86,7 @@ impl ShakerSpec {
             Amplifier::Current => Coil::Current { force_factor_n_a },
             Amplifier::Voltage => Coil::Voltage { force_factor_n_a, resistance_ohm, inductance_h: self.inductance_h },
         };
+        let ShakerSpec { moving_mass_kg: mass_kg, stiffness_n_m, damping_n_s_m, .. } = *self;
         Ok(Armature { along, mass_kg, stiffness_n_m, damping_n_s_m, coil })
     }
 }
@@ -149,7 +148,7 @@ impl Shaken {
     /// Force in the head, N, and accelerations of B and C, m/s², along x and y, under loads.
     pub fn instant(&self, loads: &Loads) -> [f64; Measurement::CHANNELS] {
         let at = self.motion(loads);
-        let Attachment { mass_kg, stiffness_n_m, damping_n_s_m, .. } = self.spec.armature();
+        let ShakerSpec { moving_mass_kg: mass_kg, stiffness_n_m, damping_n_s_m, .. } = self.spec;
         let [displacement_m, velocity_m_s, acceleration_m_s2] = at.armature;
         let taken_n = mass_kg * acceleration_m_s2 + damping_n_s_m * velocity_m_s + stiffness_n_m * displacement_m;
         let head_n = self.spec.direction() * (self.spec.force_factor_n_a * at.current_a - taken_n);
@@ -185,7 +184,7 @@ impl Shaken {
             armature: [armature_start, armature_end],
             armature_transient_m_s2: start.per_ampere.1 * transient_a,
             displacement_m: start.armature[0],
-            attachment: self.spec.armature(),
+            shaker: self.spec,
             force_n,
             change: CurrentChange {
                 ends_a: [currents_a[0] - start.current_a, currents_a[1] - end.current_a],

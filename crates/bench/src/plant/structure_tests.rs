@@ -1,6 +1,6 @@
 //! Structures behind the trait.
 
-use super::tests::{POSE, SHAKER, plant, preset, shaken};
+use super::tests::{ANGLES_DEG, SHAKER, plant, preset, shaken};
 use super::*;
 use crate::rig::{Amplifier, Converter, ShakerSpec};
 use crate::structure::Channel;
@@ -63,7 +63,7 @@ fn a_saved_plant_reads_on_with_the_same_bits() {
         plant.advance(&load(plant.sample())).unwrap();
     }
     assert!(clipped);
-    let other = Plant::new(&shaken(SHAKER), &preset(POSE)).unwrap().restored(260, &plant.save()).unwrap_err();
+    let other = Plant::new(&shaken(SHAKER), &preset(ANGLES_DEG)).unwrap().restored(260, &plant.save()).unwrap_err();
     insta::assert_snapshot!(other, @"a saved state of 84 numbers: the instruments of this plant have gathered more or fewer");
 }
 

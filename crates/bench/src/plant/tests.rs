@@ -4,37 +4,43 @@ use super::*;
 use crate::excitation::{HarmonicFit, Phasor};
 use crate::rig::{Amplifier, Converter, Measured, SensorSpec, SensorSpecs, ShakerSpec};
 use nalgebra::Vector2;
-use resonarm_analysis::{FrequencyResponse, modes};
-use resonarm_dynamics::arm::{Arm, Parameters, Pose, Preset, State};
-use resonarm_dynamics::structure::{Assembly, BodySpec, ChainSpec, StructureSpec};
+use resonarm_analysis::Quantity;
+use resonarm_analysis::structure::LinearResponse;
+use resonarm_dynamics::structure::{Assembly, BodySpec, ChainSpec, Preset, StructureSpec};
 
-/// The arm as a chain, at rest, with the exciter at its tip.
-pub(crate) fn chain(parameters: &Parameters, pose: Pose) -> TestedAssembly {
-    let body = BodySpec::Chain(ChainSpec::from_arm(parameters, pose));
-    TestedAssembly::at_rest(Assembly::new(&StructureSpec { body, elements: vec![] }).unwrap(), "tip", "joint2")
+/// A chain of two links at rest, with the exciter at its tip and accelerometers at its elbow and its tip.
+pub(crate) fn tested(chain: ChainSpec) -> TestedAssembly {
+    let spec = StructureSpec { body: BodySpec::Chain(chain), elements: vec![] };
+    TestedAssembly::at_rest(Assembly::new(&spec).unwrap(), "tip", "joint2")
 }
 
-/// The arm of the preset in a pose.
-pub(crate) fn arm(pose: Pose) -> Arm {
-    Arm::new(Preset::default().parameters().unwrap(), pose).unwrap()
+/// The default preset with its links at angles, degrees.
+pub(crate) fn preset(angles_deg: [f64; 2]) -> TestedAssembly {
+    damped(angles_deg, 1.0)
 }
 
-/// The same as a chain.
-pub(crate) fn preset(pose: Pose) -> TestedAssembly {
-    chain(arm(pose).parameters(), pose)
+/// The same with the dampers of its joints times a factor.
+pub(crate) fn damped(angles_deg: [f64; 2], factor: f64) -> TestedAssembly {
+    let mut chain = Preset::default().chain().unwrap().at_angles_deg(&angles_deg);
+    chain.links.iter_mut().for_each(|link| link.damping_nm_s_rad *= factor);
+    tested(chain)
 }
 
-pub(super) const POSE: Pose = Pose { beta1_deg: 20.0, beta2_deg: 60.0 };
+pub(super) const ANGLES_DEG: [f64; 2] = [20.0, 60.0];
 
-/// Of the chain of the arm in its pose, in a state.
-fn plant_from(spec: &PlantSpec, initial: State) -> Plant {
-    let (x, v) = (initial.alpha_rad, initial.alpha_dot_rad_s);
-    Plant::new(spec, &TestedAssembly { initial: vec![x.x, x.y, v.x, v.y], ..preset(POSE) }).unwrap()
+/// A plant of the preset that begins with these angles, rad, and rates, rad/s.
+fn plant_from(spec: &PlantSpec, initial: [f64; 4]) -> Plant {
+    Plant::new(spec, &TestedAssembly { initial: initial.into(), ..preset(ANGLES_DEG) }).unwrap()
 }
 
 /// The same at rest.
 pub(super) fn plant(spec: &PlantSpec) -> Plant {
-    plant_from(spec, State::default())
+    plant_from(spec, [0.0; 4])
+}
+
+/// The Euclidean norm.
+fn norm(numbers: &[f64]) -> f64 {
+    numbers.iter().map(|number| number * number).sum::<f64>().sqrt()
 }
 
 fn spec() -> PlantSpec {
@@ -58,7 +64,7 @@ fn same_commands_give_the_same_bits() {
         assert_eq!(a.states(), b.states());
     }
     assert_eq!(a.sample(), 500);
-    assert!(a.states().arm().alpha_rad.norm() > 1e-6);
+    assert!(norm(a.states().coordinates()) > 1e-6);
 }
 
 #[test]
@@ -74,15 +80,16 @@ fn at_rest_the_instruments_read_the_held_force() {
 #[test]
 fn the_travel_is_that_of_the_tip_and_of_a_shaker_its_armature() {
     assert_eq!(plant(&spec()).travel_m(), 0.0);
-    let away = State::new([-0.2, 0.0], [5.0, 0.0]);
+    let away = [-0.2, 0.0, 5.0, 0.0];
     let plant = plant_from(&spec(), away);
     // The chord of an arc about joint A.
-    let radius_m = arm(POSE).points(&Vector2::zeros()).c_m.norm();
+    let assembly = preset(ANGLES_DEG).assembly;
+    let radius_m = norm(&assembly.rest_m().unwrap()[2]);
     assert!((plant.travel_m() - 2.0 * radius_m * libm::sin(0.1)).abs() < 1e-12);
 
     let shaken = plant_from(&shaken(SHAKER), away);
-    let tip_m = |alpha_rad| arm(POSE).points(&alpha_rad).c_m;
-    let moved_m = tip_m(away.alpha_rad) - tip_m(Vector2::zeros());
+    let moved_m = ["tip.x", "tip.y"].map(|name| assembly.displacement(assembly.dof(name).unwrap(), &away[..2]));
+    let moved_m = Vector2::from(moved_m);
     assert!((shaken.travel_m() - SHAKER.direction().dot(&moved_m).abs()).abs() < 1e-12 && shaken.travel_m() > 0.0);
 }
 
@@ -98,12 +105,12 @@ fn a_step_that_fails_changes_nothing() {
 
 #[test]
 fn says_what_is_wrong_with_a_plant() {
-    let says = |spec: PlantSpec| Plant::new(&spec, &preset(POSE)).unwrap_err().to_string();
+    let says = |spec: PlantSpec| Plant::new(&spec, &preset(ANGLES_DEG)).unwrap_err().to_string();
     insta::assert_snapshot!(says(PlantSpec { steps_per_sample: 0, ..spec() }), @"`steps_per_sample` is 0: it must be even, since the instruments sample in the middle, and from 2 to 1000");
     insta::assert_snapshot!(says(PlantSpec { steps_per_sample: 5, ..spec() }), @"`steps_per_sample` is 5: it must be even, since the instruments sample in the middle, and from 2 to 1000");
     insta::assert_snapshot!(says(PlantSpec { steps_per_sample: 1002, ..spec() }), @"`steps_per_sample` is 1002: it must be even, since the instruments sample in the middle, and from 2 to 1000");
-    assert!(Plant::new(&PlantSpec { steps_per_sample: MOST_STEPS_PER_SAMPLE, ..spec() }, &preset(POSE)).is_ok());
-    let lost = TestedAssembly { initial: vec![0.0, f64::NAN, 0.0, 1.0], ..preset(POSE) };
+    assert!(Plant::new(&PlantSpec { steps_per_sample: MOST_STEPS_PER_SAMPLE, ..spec() }, &preset(ANGLES_DEG)).is_ok());
+    let lost = TestedAssembly { initial: vec![0.0, f64::NAN, 0.0, 1.0], ..preset(ANGLES_DEG) };
     insta::assert_snapshot!(Plant::new(&spec(), &lost).unwrap_err(), @"the initial state [0.0, NaN, 0.0, 1.0] is not finite: give finite numbers, coordinates before rates");
     insta::assert_snapshot!(says(PlantSpec { sample_rate_hz: 0.0, ..spec() }), @"integration rate 0 Hz: it must be a positive number");
 }
@@ -146,16 +153,18 @@ fn sine(n: u64, frequency_hz: f64, force_n: f64) -> Load {
     Load { force_n: force, ..Load::default() }
 }
 
-fn states(spec: &PlantSpec, samples: u64) -> State {
+fn states(spec: &PlantSpec, samples: u64) -> States {
     let mut plant = plant(spec);
     for n in 0..samples {
         plant.advance(&sine(n, 21.0, 80.0)).unwrap();
     }
-    plant.states().arm()
+    *plant.states()
 }
 
-fn distance(a: &State, b: &State) -> f64 {
-    ((a.alpha_rad - b.alpha_rad).norm_squared() + (a.alpha_dot_rad_s - b.alpha_dot_rad_s).norm_squared() * 5e-5).sqrt()
+/// How far two states are apart, rad, with rates divided by an angular frequency of 141 rad/s.
+fn distance(a: &States, b: &States) -> f64 {
+    let apart = |a: &[f64], b: &[f64]| norm(&a.iter().zip(b).map(|(a, b)| a - b).collect::<Vec<_>>());
+    libm::hypot(apart(a.coordinates(), b.coordinates()), apart(a.rates(), b.rates()) * 5e-5_f64.sqrt())
 }
 
 #[test]
@@ -171,8 +180,8 @@ fn a_shaker_without_mass_is_the_ideal_exciter() {
         with.advance(&sine(n, 21.0, 80.0)).unwrap();
         without.advance(&sine(n, 21.0, 80.0)).unwrap();
     }
-    let [with, without] = [with, without].map(|plant| plant.states().arm());
-    assert!(distance(&with, &without) < 1e-10 && without.alpha_rad.norm() > 1e-4);
+    let [with, without] = [with, without].map(|plant| *plant.states());
+    assert!(distance(&with, &without) < 1e-10 && norm(without.coordinates()) > 1e-4);
 }
 
 fn size(phasor: Phasor) -> f64 {
@@ -183,11 +192,15 @@ fn size(phasor: Phasor) -> f64 {
 /// receptance G along the shaker and Z = k − mω² + iωc, s = G H, H = Bl i − Z s and, at a voltage V, (R + iωL) i = V −
 /// iω Bl s.
 fn theory(shaker: &ShakerSpec, frequency_hz: f64, force_n: f64) -> (Phasor, Phasor) {
-    let arm = arm(POSE);
-    let receptance = FrequencyResponse::new(&arm).receptance_matrix(frequency_hz).unwrap();
+    let assembly = preset(ANGLES_DEG).assembly;
+    let linear = LinearResponse::new(&assembly);
     let omega = core::f64::consts::TAU * frequency_hz;
-    let tip = arm.tip_jacobian(&Vector2::zeros()).transpose() * shaker.direction();
-    let g = (0..4).fold(Phasor::new(0.0, 0.0), |g, n| g + receptance[(n / 2, n % 2)] * (tip[n / 2] * tip[n % 2]));
+    let tip = ["tip.x", "tip.y"].map(|name| assembly.dof(name).unwrap());
+    let along = shaker.direction();
+    let g = (0..4).fold(Phasor::new(0.0, 0.0), |g, n| {
+        let receptance = linear.at(Quantity::Receptance, tip[n / 2], tip[n % 2], frequency_hz).unwrap();
+        g + receptance * (along[n / 2] * along[n % 2])
+    });
     let z = Phasor::new(shaker.stiffness_n_m - shaker.moving_mass_kg * omega * omega, omega * shaker.damping_n_s_m);
     let one = Phasor::new(1.0, 0.0);
     let push = match shaker.amplifier {
@@ -248,9 +261,9 @@ fn head_and_tip_are_those_of_linear_theory() {
 /// At the resonance of the arm alone, where little force is needed, most of the coil's force moves the armature.
 #[test]
 fn the_force_drops_out_at_the_resonance() {
-    let [mode, _] = modes(&arm(POSE));
-    let off = size(theory(&SHAKER, mode.frequency_hz - 3.0, 1.0).0);
-    let on = size(theory(&SHAKER, mode.frequency_hz, 1.0).0);
+    let natural_hz = preset(ANGLES_DEG).assembly.modes()[0].frequency_hz;
+    let off = size(theory(&SHAKER, natural_hz - 3.0, 1.0).0);
+    let on = size(theory(&SHAKER, natural_hz, 1.0).0);
     assert!(off > 0.5 && on < 0.1 * off, "{off} {on}");
 }
 
@@ -258,14 +271,12 @@ fn the_force_drops_out_at_the_resonance() {
 fn every_scheme_carries_a_shaker() {
     for amplifier in [Amplifier::Current, Amplifier::Voltage] {
         let fine = states(&PlantSpec { steps_per_sample: 32, ..shaken(ShakerSpec { amplifier, ..SHAKER }) }, 300);
-        assert!(fine.alpha_rad.norm() > 1e-4);
+        let size_rad = norm(fine.coordinates());
+        assert!(size_rad > 1e-4);
         for scheme in Scheme::ALL {
             let coarse = states(&PlantSpec { scheme, ..shaken(ShakerSpec { amplifier, ..SHAKER }) }, 300);
             let limit = if scheme.order() == 4 { 1e-4 } else { 1e-5 };
-            assert!(
-                distance(&coarse, &fine) < limit * fine.alpha_rad.norm(),
-                "{scheme} {amplifier:?}: {coarse:?} {fine:?}"
-            );
+            assert!(distance(&coarse, &fine) < limit * size_rad, "{scheme} {amplifier:?}: {coarse:?} {fine:?}");
         }
     }
 }
@@ -290,12 +301,11 @@ fn an_arm_whose_motion_dies_out_under_its_shaker_keeps_running() {
     let shaker = ShakerSpec { amplifier: Amplifier::Voltage, resistance_ohm: 2.0, ..SHAKER };
     for exponent in [150, 155, 158, 160, 162, 200, 300, 306, 308, 310, 312, 315] {
         let small = libm::exp10(-f64::from(exponent));
-        let initial = State::new([small, -small], [0.0, 0.0]);
-        let mut plant = plant_from(&shaken(shaker), initial);
+        let mut plant = plant_from(&shaken(shaker), [small, -small, 0.0, 0.0]);
         for _ in 0..300 {
             plant.advance(&Load::default()).unwrap();
         }
-        assert!(plant.states().arm().alpha_rad.norm() < 10.0 * small, "{small}");
+        assert!(norm(plant.states().coordinates()) < 10.0 * small, "{small}");
     }
 }
 
@@ -320,12 +330,12 @@ fn a_shaker_trips_at_its_limits() {
 
 #[test]
 fn says_what_is_wrong_with_a_shaker() {
-    let says = |shaker: ShakerSpec| Plant::new(&shaken(shaker), &preset(POSE)).unwrap_err().to_string();
+    let says = |shaker: ShakerSpec| Plant::new(&shaken(shaker), &preset(ANGLES_DEG)).unwrap_err().to_string();
     insta::assert_snapshot!(says(ShakerSpec { force_factor_n_a: 0.0, ..SHAKER }), @"rig.shaker: `force_factor_n_a` is 0: it must be a positive number");
     insta::assert_snapshot!(says(ShakerSpec { moving_mass_kg: -1.0, ..SHAKER }), @"rig.shaker: `moving_mass_kg` is -1: it must be zero or a positive number");
     let slow = ShakerSpec { amplifier: Amplifier::Voltage, inductance_h: 0.1, ..SHAKER };
     insta::assert_snapshot!(says(slow), @"rig.shaker: `inductance_h` is 0.1: at this resistance and step in voltage mode it must be at most 0.01");
-    assert!(Plant::new(&shaken(ShakerSpec { amplifier: Amplifier::Current, ..slow }), &preset(POSE)).is_ok());
+    assert!(Plant::new(&shaken(ShakerSpec { amplifier: Amplifier::Current, ..slow }), &preset(ANGLES_DEG)).is_ok());
 }
 
 #[test]

@@ -4,7 +4,7 @@ use serde::{Deserialize, Serialize};
 use thiserror::Error;
 
 use super::{InstrumentName, PlaceName, Section, ShakerSpec};
-use resonarm_dynamics::arm::Load;
+use crate::rig::Load;
 use resonarm_numeric::number::short;
 
 /// Errors of a rig's specification.

@@ -3,7 +3,7 @@
 use serde::{Deserialize, Serialize};
 
 use super::{Exciter, RigError, Section};
-use resonarm_dynamics::arm::Load;
+use crate::rig::Load;
 use resonarm_protocol::{CommandCheck, Limit};
 
 /// The limits of the gate in a scenario; by default none.

@@ -16,8 +16,7 @@
 use nalgebra::Vector2;
 use serde::{Deserialize, Serialize};
 
-use super::{RigError, Section};
-use resonarm_dynamics::arm::{Attachment, Load};
+use super::{Load, RigError, Section};
 
 /// How far a force may point across the shaker: two counts of the wire, N, and a share of the force, for sines and
 /// cosines rounded by hand.
@@ -123,16 +122,6 @@ impl ShakerSpec {
     pub fn direction(&self) -> Vector2<f64> {
         let (sine, cosine) = libm::sincos(self.direction_deg.to_radians());
         Vector2::new(cosine, sine)
-    }
-
-    /// The armature on its suspension.
-    pub fn armature(&self) -> Attachment {
-        Attachment {
-            mass_kg: self.moving_mass_kg,
-            stiffness_n_m: self.stiffness_n_m,
-            damping_n_s_m: self.damping_n_s_m,
-            direction_deg: self.direction_deg,
-        }
     }
 
     /// The largest force of the blocked shaker, N: Bl times the largest current, in voltage mode also Bl/R times the

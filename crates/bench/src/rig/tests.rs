@@ -1,8 +1,8 @@
 use super::chain::Instrument;
 use super::*;
+use crate::rig::Load;
 use crate::structure::OUTPUTS;
 use alloc::string::{String, ToString};
-use resonarm_dynamics::arm::Load;
 use resonarm_protocol::{CommandCheck, Limit};
 
 const RATE_HZ: f64 = 1000.0;

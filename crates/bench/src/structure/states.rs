@@ -2,8 +2,6 @@
 
 use core::ops::Deref;
 
-use resonarm_dynamics::arm::State;
-
 /// The most coordinates of a structure: modes, or joints.
 pub const MOST_COORDINATES: usize = 32;
 /// The most elements, each with at most one state and a branch.
@@ -45,22 +43,6 @@ impl States {
                 numbers.iter_mut().zip(moving.iter().chain(internal)).for_each(|(to, number)| *to = *number);
             })
         })
-    }
-
-    /// The states of the two-link arm, and the current in the coil of its shaker, A, if it has one.
-    pub fn of_arm(state: &State, coil_current_a: Option<f64>) -> States {
-        let (x, v) = (&state.alpha_rad, &state.alpha_dot_rad_s);
-        States::written(4, 4 + usize::from(coil_current_a.is_some()), |numbers| {
-            let all = [x.x, x.y, v.x, v.y, coil_current_a.unwrap_or(0.0)];
-            numbers.iter_mut().zip(all).for_each(|(to, number)| *to = number);
-        })
-    }
-
-    /// As the state of the two-link arm; of another structure it means nothing.
-    #[inline]
-    pub fn arm(&self) -> State {
-        let [x1, x2, v1, v2, ..] = self.numbers;
-        State::new([x1, x2], [v1, v2])
     }
 
     /// Coordinates and rates.
@@ -120,9 +102,7 @@ mod tests {
             (states.coordinates(), states.rates(), states.internal()),
             (&[1.0, 2.0][..], &[3.0, 4.0][..], &[5.0][..])
         );
-        let state = State::new([1.0, 2.0], [3.0, 4.0]);
-        assert_eq!((states, states.arm()), (States::of_arm(&state, Some(5.0)), state));
-        assert_ne!(states, States::of_arm(&state, None));
+        assert_ne!(Some(states), States::new(&[1.0, 2.0, 3.0, 4.0], &[]));
         assert_eq!(States::new(&[0.0; MOST_STATES], &[1.0]), None);
     }
 }

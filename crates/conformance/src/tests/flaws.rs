@@ -5,7 +5,7 @@ use std::collections::VecDeque;
 use super::super::damage::protect;
 use super::device::{ExciterDevice, PlantDevice, RATE_HZ};
 use resonarm_bench::node::PlantInterface;
-use resonarm_dynamics::arm::Load;
+use resonarm_bench::rig::Load;
 use resonarm_protocol::{
     Acceleration, Cycle, Emergency, EmergencyCode, ForceCommand, Frame, FrameFormat, Heartbeat, Hello, Id,
     ImpedanceHead, Message, MessageKind, Network, Node, NodeState, OperatorCommand, OperatorRequest, Profile,

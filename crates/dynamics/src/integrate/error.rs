@@ -17,7 +17,7 @@ pub enum IntegrateError {
     },
     /// Steps so short that rounding outweighs the change they make.
     #[error(
-        "integration rate {got_hz:e} Hz: it must be at most {most_hz:e} Hz for this arm; what a shorter step changes is lost in \
+        "integration rate {got_hz:e} Hz: it must be at most {most_hz:e} Hz for this structure; what a shorter step changes is lost in \
          rounding"
     )]
     RateTooHigh {
@@ -27,7 +27,10 @@ pub enum IntegrateError {
         most_hz: f64,
     },
     /// At this rate the scheme is unstable, or makes less than one step a period.
-    #[error("scheme {scheme} can't carry this arm at {got_hz} Hz: its second mode needs at least {needed_hz} Hz", got_hz = short(.got_hz), needed_hz = short(.needed_hz))]
+    #[error(
+        "scheme {scheme} can't carry this structure at {got_hz} Hz: its fastest mode needs at least {needed_hz} Hz",
+        got_hz = short(.got_hz), needed_hz = short(.needed_hz)
+    )]
     RateTooLow {
         /// The scheme.
         scheme: Scheme,
@@ -39,7 +42,7 @@ pub enum IntegrateError {
     /// Newton's method did not solve the stages of an implicit scheme.
     #[error(
         "the stages of the step at t = {t_s} s did not converge in {iterations} Newton iterations (last relative \
-         correction {correction:.1e}): raise the rate, or look for a load beyond what the arm can bear", t_s = short(.t_s)
+         correction {correction:.1e}): raise the rate, or look for a load beyond what the structure can bear", t_s = short(.t_s)
     )]
     NoConvergence {
         /// Start of the step, s.
@@ -52,7 +55,7 @@ pub enum IntegrateError {
     /// A step makes or loses energy that neither load nor dampers account for.
     #[error(
         "the step at t = {t_s} s changes the energy by {defect:.1e} of itself beyond the work done, even in the smallest parts: \
-         raise the rate, or look for a load beyond what the arm can bear", t_s = short(.t_s)
+         raise the rate, or look for a load beyond what the structure can bear", t_s = short(.t_s)
     )]
     Unbalanced {
         /// Start of the part of the step, s.
@@ -61,7 +64,7 @@ pub enum IntegrateError {
         defect: f64,
     },
     /// The new state is infinite or not a number.
-    #[error("the state at t = {t_s} s is not finite: raise the rate, or look for a load beyond what the arm can bear", t_s = short(.t_s))]
+    #[error("the state at t = {t_s} s is not finite: raise the rate, or look for a load beyond what the structure can bear", t_s = short(.t_s))]
     NotFinite {
         /// End of the step, s.
         t_s: f64,

@@ -133,6 +133,4 @@ impl<const N: usize> Integrator<N> {
 }
 
 #[cfg(test)]
-mod system_tests;
-#[cfg(test)]
 mod tests;

@@ -23,10 +23,10 @@ use alloc::vec::Vec;
 use core::cmp::Ordering;
 
 use super::MOST_LINKS;
+use super::angle::{Angle, Turn};
 use super::error::StructureError;
 use super::parameter::{LinkField, Parameter};
 use super::spec::{Axis, ChainSpec, Link};
-use crate::arm::angle::{Angle, Turn};
 
 /// One number a link.
 pub(super) type PerLink<T = f64> = [T; MOST_LINKS];

@@ -18,6 +18,7 @@
 use alloc::vec::Vec;
 use core::array;
 
+use super::angle::{Angle, Turn, within_reach};
 use super::chain::{Chain, LinearisedSlices, Moving};
 use super::dof::{At, Dof};
 use super::modes::modes;
@@ -25,7 +26,6 @@ use super::position::Kinematics;
 use super::smooth::{MovingMass, SmoothElement, SmoothMass};
 use super::spec::{Axis, Law};
 use super::{Armature, Assembly, MOST_LINKS};
-use crate::arm::angle::{Angle, Turn, within_reach};
 use crate::integrate::{Dynamics, Excitation, Jacobian, Motion, Rates, SolveStages, StageEquation, StageLoads, Wide};
 use crate::real::Real;
 

@@ -1,5 +1,5 @@
-//! Structures other than the two-link arm: a planar chain of links with compliant joints, or vibration modes; with
-//! point elements, linear or not, between two of their points or a point and the ground.
+//! Structures: a planar chain of links with compliant joints, or vibration modes; with point elements, linear or not,
+//! between two of their points or a point and the ground.
 //!
 //! A [`StructureSpec`] says what a structure is made of, an [`Assembly`] is a valid one. Its equation of motion in n
 //! coordinates q, counted from rest, is
@@ -13,7 +13,7 @@
 //!
 //! A chain has the deflections of its joints as coordinates, rad; modes have modal coordinates, m·√kg.
 
-mod arm;
+mod angle;
 mod armature;
 mod assembly;
 mod chain;

@@ -1,10 +1,10 @@
 //! Smooth elements of a chain, for one motion or the four stages of a step.
 
+use super::angle::Angle;
 use super::chain::{Chain, Moving};
 use super::dof::{At, Dof};
 use super::element::{Branch, Element};
 use super::spec::{Axis, Law};
-use crate::arm::angle::Angle;
 use crate::integrate::Motion;
 use crate::real::Real;
 

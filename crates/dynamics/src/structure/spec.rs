@@ -54,6 +54,17 @@ pub struct ChainSpec {
     pub unstated: Vec<Parameter>,
 }
 
+impl ChainSpec {
+    /// The same chain with its links at other angles, degrees, from the first link on.
+    #[must_use]
+    pub fn at_angles_deg(mut self, angles_deg: &[f64]) -> ChainSpec {
+        for (link, angle_deg) in self.links.iter_mut().zip(angles_deg) {
+            link.angle_deg = *angle_deg;
+        }
+        self
+    }
+}
+
 /// A vibration mode.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]

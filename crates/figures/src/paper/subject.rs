@@ -14,9 +14,7 @@ pub struct Subject {
 
 /// The chain of a preset, straight.
 fn straight(preset: Preset) -> Result<ChainSpec, PaperError> {
-    let mut chain = preset.chain()?;
-    chain.links.iter_mut().for_each(|link| link.angle_deg = 0.0);
-    Ok(chain)
+    Ok(preset.chain()?.at_angles_deg(&[0.0, 0.0]))
 }
 
 impl Subject {
@@ -63,8 +61,7 @@ impl Subject {
 
     /// The chain at β1 and β2.
     fn posed(&self, angles_deg: [f64; 2]) -> Result<Assembly, PaperError> {
-        let mut chain = self.chain.clone();
-        chain.links.iter_mut().zip(angles_deg).for_each(|(link, angle_deg)| link.angle_deg = angle_deg);
+        let chain = self.chain.clone().at_angles_deg(&angles_deg);
         Ok(Assembly::new(&StructureSpec { body: BodySpec::Chain(chain), elements: vec![] })?)
     }
 

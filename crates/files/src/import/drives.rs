@@ -204,7 +204,9 @@ mod tests {
         records.extend(core::iter::from_fn(|| gatherer.next(true)));
         let counts = |rad: f64| (rad * 1000.0 / core::f64::consts::TAU).round();
         let of = |record| match record {
-            Record::State(state) => (state.sample, state.alpha_rad().map(counts), state.torque_nm),
+            Record::State(state) => {
+                (state.sample, [0, 1].map(|joint| counts(state.states.coordinates()[joint])), state.torque_nm)
+            }
             other => panic!("{other:?}"),
         };
         records.into_iter().map(of).collect()

@@ -4,7 +4,7 @@ use std::collections::BTreeMap;
 
 use super::wire_import::WireImport;
 use resonarm_bench::node::mapped::mapping::{Action, Arming, Counts, Incoming, Mapping, ProtectionCheck, Unreadable};
-use resonarm_dynamics::arm::Load;
+use resonarm_bench::rig::Load;
 use resonarm_protocol::{Frame, Id};
 
 /// A message with loads or requests.

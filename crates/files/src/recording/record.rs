@@ -4,9 +4,9 @@ use resonarm_protocol::Frame;
 
 use super::Topic;
 use super::channels::Values;
+use resonarm_bench::rig::Load;
 use resonarm_bench::rig::Readings;
 use resonarm_bench::structure::States;
-use resonarm_dynamics::arm::Load;
 use resonarm_realtime::OverrunCause;
 
 /// One thing worth recording.
@@ -95,16 +95,6 @@ impl StateRecord {
     /// The same, vector by vector.
     pub(super) fn vectors(&self) -> [&[f64]; 4] {
         [self.states.moving(), &self.torque_nm, &self.force_n, self.states.internal()]
-    }
-
-    /// α1, α2 of the arm, rad.
-    pub fn alpha_rad(&self) -> [f64; 2] {
-        self.states.arm().alpha_rad.into()
-    }
-
-    /// α̇1, α̇2 of the arm, rad/s.
-    pub fn alpha_dot_rad_s(&self) -> [f64; 2] {
-        self.states.arm().alpha_dot_rad_s.into()
     }
 }
 

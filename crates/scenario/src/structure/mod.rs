@@ -228,15 +228,12 @@ impl StructureSection {
     /// The chain of the preset at its angles, without gravity.
     fn preset_chain(&self) -> Result<ChainSpec, StructureSectionError> {
         let preset: Preset = self.preset.as_deref().map_or(Ok(Preset::default()), str::parse)?;
-        let mut chain = preset.chain()?;
+        let chain = preset.chain()?;
         let (got, expected) = (self.angles_deg.len(), chain.links.len());
         if got != 0 && got != expected {
             return Err(StructureSectionError::Angles { got, expected, preset: preset.name().to_owned() });
         }
-        for (link, angle_deg) in chain.links.iter_mut().zip(&self.angles_deg) {
-            link.angle_deg = *angle_deg;
-        }
-        Ok(chain)
+        Ok(chain.at_angles_deg(&self.angles_deg))
     }
 
     /// The structure under test: with its initial state, and where the rig is on it.

@@ -2,7 +2,7 @@
 
 use super::ReplayError;
 use resonarm_bench::plant::Plant;
-use resonarm_dynamics::arm::Load;
+use resonarm_bench::rig::Load;
 use resonarm_files::recording::{Integrity, Recording, StateRecord};
 use resonarm_files::starting_plant::is_recorded;
 

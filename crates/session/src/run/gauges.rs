@@ -2,7 +2,7 @@
 
 use core::sync::atomic::{AtomicU8, AtomicU64, Ordering};
 
-use resonarm_dynamics::arm::Load;
+use resonarm_bench::rig::Load;
 use resonarm_protocol::NodeState;
 
 /// Written by the run's loop, which waits for nobody, and read by whoever wants to show it. Each figure is whole by

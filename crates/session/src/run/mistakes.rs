@@ -3,7 +3,7 @@
 
 use resonarm_bench::node::RefusedLoad;
 use resonarm_bench::plant::Plant;
-use resonarm_dynamics::arm::Load;
+use resonarm_bench::rig::Load;
 use resonarm_files::decoder::{Decoded, DecodedMessage, Decoder, Outcome};
 use resonarm_numeric::number::short;
 use resonarm_protocol::{ForceCommand, Frame, Message, Receiver, Refusal, TorqueCommand};

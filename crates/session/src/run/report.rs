@@ -9,8 +9,8 @@ use super::mistakes::{RefusedFrame, first_such_sample, refused_command, unsent_c
 use super::{BusLoss, RunError, Signals};
 use resonarm_bench::control::ResponsePoint;
 use resonarm_bench::node::{self, FaultCause, FrameCounts, Refusals, Unheeded};
+use resonarm_bench::rig::Load;
 use resonarm_bus::{ControllerErrors, Statistics};
-use resonarm_dynamics::arm::Load;
 use resonarm_files::recording::Summary;
 use resonarm_protocol::{Emergency, EmergencyCode, Node, Refusal, Trip};
 use resonarm_realtime::{LatencyHistogram, OverrunCauses, Percentiles, SpinChoice, ThreadReport};

@@ -217,17 +217,16 @@ impl Rig {
 }
 
 /// Every state and the load held from there on, as bits.
-fn states_of(recording: &Recording) -> Vec<[u64; 8]> {
+fn states_of(recording: &Recording) -> Vec<Vec<u64>> {
     let bits = |record: resonarm_files::recording::StateRecord| {
-        let ([a, b], [c, d]) = (record.alpha_rad(), record.alpha_dot_rad_s());
-        let ([e, f], [g, h]) = (record.torque_nm, record.force_n);
-        [a, b, c, d, e, f, g, h].map(f64::to_bits)
+        let numbers = record.states.moving().iter().chain(&record.torque_nm).chain(&record.force_n);
+        numbers.map(|number| number.to_bits()).collect()
     };
     recording.states().unwrap().map(|record| bits(record.unwrap())).collect()
 }
 
 impl Ran {
-    fn states(&self) -> Vec<[u64; 8]> {
+    fn states(&self) -> Vec<Vec<u64>> {
         states_of(&self.recording)
     }
 
@@ -259,7 +258,7 @@ fn all_loops_give_the_same_states() {
     assert_eq!(lockstep.report.steps, (lockstep.report.samples - 1) * 2);
     assert!(states_of(&Recording::open(&path).unwrap()) == states);
     // In real time the plant is armed some samples later, and moves in the same way from there.
-    let moving = |states: &[[u64; 8]]| states.iter().skip_while(|state| **state == [0; 8]).copied().collect::<Vec<_>>();
+    let moving = |states: &[Vec<u64>]| states.iter().skip_while(|state| **state == [0; 8]).cloned().collect::<Vec<_>>();
     let (late, prompt) = (moving(&real_time.states()), moving(&states));
     assert_eq!(late.iter().zip(&prompt).position(|(one, other)| one != other), None);
     // There the disarm is taken in with the sample after, so that there is one more at rest.

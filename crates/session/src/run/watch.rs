@@ -20,7 +20,7 @@ use std::sync::{Arc, mpsc};
 use rtrb::{Consumer, Producer, RingBuffer};
 
 use resonarm_bench::control::{ResponsePoint, SetPoint};
-use resonarm_dynamics::arm::Load;
+use resonarm_bench::rig::Load;
 use resonarm_files::recording::slots::{self, Entry, Slot};
 use resonarm_files::recording::{Event, FrameRecord, Record};
 

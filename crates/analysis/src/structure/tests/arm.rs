@@ -6,10 +6,11 @@ use serde_json::Value;
 use super::*;
 use crate::structure::floquet::Floquet;
 use crate::structure::time_domain;
+use crate::tests::assembly_of;
 use crate::time_domain::{SettleOptions, Strobe as _};
-use resonarm_dynamics::arm::{Parameters, Pose};
 use resonarm_dynamics::integrate::Scheme;
 use resonarm_dynamics::structure::{Armature, Coil, Dof, Linearised, Stepper};
+use serde::Deserialize;
 
 pub(super) fn oracles_of_the_arm() -> Value {
     serde_json::from_str(include_str!("../../../../../tests/oracles/arm.json")).unwrap()
@@ -23,15 +24,79 @@ pub(super) fn pair(of: &Value) -> [f64; 2] {
     numbers(of).try_into().unwrap()
 }
 
-fn chain(parameters: &Parameters, pose: Pose) -> Assembly {
-    let body = BodySpec::Chain(ChainSpec::from_arm(parameters, pose));
-    Assembly::new(&StructureSpec { body, elements: vec![] }).unwrap()
+/// The parameters of an arm by the symbols of Gierlak & Warmiński 2023, as the oracles state them.
+#[derive(Deserialize)]
+struct ArmParameters {
+    /// I_A1 about joint A, and I_S2 about the centre of mass of link 2, kg·m².
+    inertia1_kg_m2: f64,
+    inertia2_kg_m2: f64,
+    mass2_kg: f64,
+    length1_m: f64,
+    length2_m: f64,
+    centre2_m: f64,
+    stiffness1_nm_rad: f64,
+    stiffness2_nm_rad: f64,
+    damping1_nm_s_rad: f64,
+    damping2_nm_s_rad: f64,
+    gravity: Option<ArmGravity>,
+}
+
+/// What the weight of an arm needs beside its parameters.
+#[derive(Deserialize)]
+struct ArmGravity {
+    gravity_m_s2: f64,
+    mass1_kg: f64,
+    centre1_m: f64,
+}
+
+impl ArmParameters {
+    /// m₁ and lc₁ of the chain. The arm knows link 1 by its inertia about joint A, I_A1 = I₁ + m₁ lc₁², and with gravity
+    /// by m₁ lc₁. Without gravity the chain has 1 kg at A. With it m₁ and lc₁ are the arm's, unless m₁ lc₁² is more than
+    /// I_A1: then lc₁ is less and m₁ more, with the same product.
+    fn mass_and_centre(&self) -> (f64, f64) {
+        let Some(gravity) = &self.gravity else { return (1.0, 0.0) };
+        let moment = gravity.mass1_kg * gravity.centre1_m;
+        if moment == 0.0 {
+            (1.0, 0.0)
+        } else if moment * gravity.centre1_m < self.inertia1_kg_m2 {
+            (gravity.mass1_kg, gravity.centre1_m)
+        } else {
+            let centre_m = 0.5 * self.inertia1_kg_m2 / moment;
+            (moment / centre_m, centre_m)
+        }
+    }
+
+    /// The chain that moves as the arm does, with its links at angles, degrees.
+    fn chain(&self, angles_deg: [f64; 2]) -> Assembly {
+        let (mass1_kg, centre1_m) = self.mass_and_centre();
+        let first = Link {
+            length_m: self.length1_m,
+            mass_kg: mass1_kg,
+            centre_of_mass_m: centre1_m,
+            centre_of_mass_off_m: 0.0,
+            inertia_kg_m2: self.inertia1_kg_m2 - mass1_kg * centre1_m * centre1_m,
+            angle_deg: angles_deg[0],
+            stiffness_nm_rad: self.stiffness1_nm_rad,
+            damping_nm_s_rad: self.damping1_nm_s_rad,
+        };
+        let second = Link {
+            length_m: self.length2_m,
+            mass_kg: self.mass2_kg,
+            centre_of_mass_m: self.centre2_m,
+            centre_of_mass_off_m: 0.0,
+            inertia_kg_m2: self.inertia2_kg_m2,
+            angle_deg: angles_deg[1],
+            stiffness_nm_rad: self.stiffness2_nm_rad,
+            damping_nm_s_rad: self.damping2_nm_s_rad,
+        };
+        let gravity_m_s2 = self.gravity.as_ref().map_or(0.0, |gravity| gravity.gravity_m_s2);
+        assembly_of(ChainSpec { links: vec![first, second], gravity_m_s2, unstated: vec![] })
+    }
 }
 
 /// The preset of the analysis' cases under a torque at joint 1, without damping if there is to be none.
 fn forced(case: &Value, torque1_nm: f64) -> Forced {
-    let parameters = Preset::Irb1600Fitted.parameters().unwrap();
-    let assembly = chain(&parameters, Pose { beta1_deg: 0.0, beta2_deg: number(case, "beta2_deg") });
+    let assembly = preset_at(Preset::Irb1600Fitted, [0.0, number(case, "beta2_deg")]);
     let joint = assembly.dof("joint1").unwrap();
     Forced::new(assembly, joint, torque1_nm)
 }
@@ -56,9 +121,8 @@ fn chains_have_the_equations_of_random_arms() {
     let cases = cases["rates"].as_array().unwrap();
     assert_eq!(cases.len(), 100);
     for (index, case) in cases.iter().enumerate() {
-        let parameters: Parameters = serde_json::from_value(case["parameters"].clone()).unwrap();
-        let [beta1_deg, beta2_deg] = pair(&case["pose_deg"]);
-        let assembly = chain(&parameters, Pose { beta1_deg, beta2_deg });
+        let parameters: ArmParameters = serde_json::from_value(case["parameters"].clone()).unwrap();
+        let assembly = parameters.chain(pair(&case["pose_deg"]));
         let [x, v, torque, force] =
             ["alpha_rad", "alpha_dot_rad_s", "torque_nm", "force_n"].map(|key| pair(&case[key]));
         let expected = numbers(&case["acceleration_rad_s2"]);
@@ -210,8 +274,7 @@ fn chains_have_the_close_pairs_of_the_arm() {
 /// the fold, so that both leave it above 1; and they are a pair on the unit circle at the other point.
 #[test]
 fn a_fold_and_a_neimark_sacker_point_side_by_side() {
-    let parameters = Preset::Irb1600Fitted.parameters().unwrap();
-    let body = BodySpec::Chain(ChainSpec::from_arm(&parameters, Pose { beta1_deg: 0.0, beta2_deg: 60.0 }));
+    let body = BodySpec::Chain(Preset::Irb1600Fitted.chain().unwrap().at_angles_deg(&[0.0, 60.0]));
     let law = Law::Cubic { stiffness3: 3e9, stiffness5: 0.0 };
     let elements = vec![ElementSpec { at: Place::Joint(2), to: None, law }];
     let assembly = Assembly::new(&StructureSpec { body, elements }).unwrap();

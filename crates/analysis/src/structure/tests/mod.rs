@@ -8,19 +8,19 @@ use alloc::vec;
 use alloc::vec::Vec;
 use core::f64::consts::TAU;
 
+use resonarm_dynamics::integrate::Scheme;
 use resonarm_dynamics::structure::{
-    Assembly, Axis, BodySpec, ChainSpec, Dof, ElementSpec, Law, Link, ModalSpec, ModeSpec, Place, ShapeSpec, Side,
-    StructureSpec,
+    Assembly, Axis, BodySpec, ChainSpec, Dof, ElementSpec, Law, Link, ModalSpec, ModeSpec, Place, Preset, ShapeSpec,
+    Side, StepLoad, Stepper, StructureSpec,
 };
 use serde_json::Value;
 
 use super::balance::Balance;
 use super::*;
 use crate::continuation::System;
-use crate::tests::arm_at;
-use crate::{BifurcationKind, BranchOptions, Drive, FrequencyResponse, Quantity, Response};
+use crate::tests::preset_at;
+use crate::{BifurcationKind, BranchOptions, Quantity};
 use nalgebra::{Complex, Normed as _};
-use resonarm_dynamics::arm::Preset;
 
 /// The cases of a kind; see `tests/oracles/README.md`.
 pub(super) fn oracles(kind: &str) -> Vec<Value> {
@@ -203,8 +203,7 @@ fn dampers_between_points_need_not_be_modal() {
 /// passes by at 22.856 Hz, nearer than a usual step. The branch goes by, and leaves the interval.
 #[test]
 fn a_branch_does_not_jump_to_one_that_passes_close_by() {
-    let arm = arm_at(Preset::Irb1600Fitted, 0.0, 60.0);
-    let chain = BodySpec::Chain(ChainSpec::from_arm(arm.parameters(), arm.pose()));
+    let chain = BodySpec::Chain(Preset::Irb1600Fitted.chain().unwrap().at_angles_deg(&[0.0, 60.0]));
     let law = Law::Cubic { stiffness3: 3e9, stiffness5: 0.0 };
     let elements = vec![ElementSpec { at: Place::Joint(2), to: None, law }];
     let assembly = Assembly::new(&StructureSpec { body: chain, elements }).unwrap();
@@ -285,8 +284,7 @@ fn jacobian_is_the_derivative() {
 /// The same of a chain with elements at points and at joints, and in the amplitude too.
 #[test]
 fn jacobian_of_a_chain_is_the_derivative() {
-    let arm = arm_at(Preset::Irb1600Fitted, 20.0, 60.0);
-    let mut chain = ChainSpec::from_arm(arm.parameters(), arm.pose());
+    let mut chain = Preset::Irb1600Fitted.chain().unwrap().at_angles_deg(&[20.0, 60.0]);
     chain.links.push(Link { angle_deg: 25.0, ..chain.links[1] });
     let contact = Law::KelvinVoigt { stiffness: 1e5, damping: 20.0, gap: 1e-4, side: Side::Positive };
     let (friction, hertz) = (
@@ -342,26 +340,80 @@ fn derivatives_agree(forced: &Forced, name: &str) {
     }
 }
 
-/// A chain of two links is the arm: it has the same responses.
+/// Maxwell's reciprocity between two places, which holds for every linear structure: force here and displacement there.
 #[test]
-fn a_chain_of_two_links_responds_as_the_arm() {
-    let arm = arm_at(Preset::Irb1600Fitted, 0.0, 60.0);
-    let assembly = chain_of(60.0);
-    let [joint, tip] = ["joint1", "tip.y"].map(|name| assembly.dof(name).unwrap());
-    let (of_arm, of_chain) = (FrequencyResponse::new(&arm), LinearResponse::new(&assembly));
-    for hz in [0.0, 5.0, 22.0, 60.0] {
-        let expected = of_arm.at(Quantity::Accelerance, Drive::Torque1, Response::CY, hz).unwrap();
-        let got = of_chain.at(Quantity::Accelerance, joint, tip, hz).unwrap();
-        assert!((got - expected).norm() <= 1e-10 * expected.norm(), "{hz} Hz: {got} {expected}");
+fn responses_are_reciprocal() {
+    for (preset, angles_deg) in [(Preset::Irb1600Fitted, [35.0, 60.0]), (Preset::Irb1600Table1, [-100.0, 130.0])] {
+        let assembly = preset_at(preset, angles_deg);
+        let linear = LinearResponse::new(&assembly);
+        for (one, other) in [("tip.x", "tip.y"), ("joint1", "tip.x"), ("joint1", "joint2"), ("joint2.y", "tip.x")] {
+            let [one, other] = [one, other].map(|name| assembly.dof(name).unwrap());
+            for hz in [0.0, 3.0, 22.0, 70.0] {
+                let [there, back] = [(one, other), (other, one)]
+                    .map(|(from, to)| linear.at(Quantity::Receptance, from, to, hz).unwrap());
+                assert!((there - back).norm() <= 1e-12 * (there.norm() + 1e-9), "{hz} Hz: {there} {back}");
+            }
+        }
     }
+}
+
+/// The straight arm upright: its elbow moves along −x by l1 α1; at 0 Hz a joint gives as its spring.
+#[test]
+fn responses_of_points_follow_from_those_of_joints() {
+    let assembly = preset_at(Preset::Irb1600Fitted, [90.0, 0.0]);
+    let [joint1, joint2, elbow] = ["joint1", "joint2", "joint2.x"].map(|name| assembly.dof(name).unwrap());
+    let linear = LinearResponse::new(&assembly);
+    let at = |dof, hz| linear.at(Quantity::Receptance, joint1, dof, hz).unwrap();
+    assert!((at(elbow, 15.0) + at(joint1, 15.0) * 0.63).norm() < 1e-12 * at(joint1, 15.0).norm());
+    assert!((at(joint1, 0.0).re * 555_000.0 - 1.0).abs() < 1e-14 && at(joint2, 0.0).norm() < 1e-16);
+}
+
+/// Started on the steady vibration that the response predicts, a chain stays on it: amplitude and phase, near both
+/// resonances.
+#[test]
+fn responses_predict_the_small_vibration_in_time() {
+    let assembly = preset_at(Preset::Irb1600Fitted, [35.0, 60.0]);
+    let [tip, joint1, joint2] = ["tip.x", "joint1", "joint2"].map(|name| assembly.dof(name).unwrap());
+    let linear = LinearResponse::new(&assembly);
+    for frequency_hz in [10.0, 22.15, 40.0, 48.9, 70.0] {
+        let omega = TAU * frequency_hz;
+        let amplitude =
+            [joint1, joint2].map(|joint| linear.at(Quantity::Receptance, tip, joint, frequency_hz).unwrap() * 1e-6);
+        // The drive is Im e^{iωt}, so is the response.
+        let state_at = |t_s: f64| {
+            let turned = amplitude.map(|a| a * Complex::new(libm::cos(omega * t_s), libm::sin(omega * t_s)));
+            [turned.map(|a| a.im), turned.map(|a| omega * a.re)].concat()
+        };
+        let mut stepper = Stepper::new(&assembly, &[tip], Scheme::Gl6, 2000.0).unwrap();
+        stepper.restore(&state_at(0.0)).unwrap();
+        for k in 0..2000 {
+            let load = StepLoad::Sine { amplitude: &[1e-6], omega_rad_s: omega };
+            stepper.advance_under(f64::from(k) / 2000.0, &load).unwrap();
+        }
+        let size = amplitude.iter().map(|a| a.norm()).fold(0.0, f64::max);
+        for (got, expected) in stepper.position().iter().zip(state_at(1.0)) {
+            assert!((got - expected).abs() < 1e-6 * size, "{frequency_hz} Hz: {got} {expected} of {size}");
+        }
+    }
+}
+
+/// Without damping the response at a natural frequency is infinite.
+#[test]
+fn says_why_there_is_no_response() {
+    let mode = ModeSpec { frequency_hz: 8.0, damping_ratio: 0.0 };
+    let shape = ShapeSpec { point: "tip".into(), axis: Axis::X, by_mode: vec![1.0] };
+    let body = BodySpec::Modal(ModalSpec { modes: vec![mode], shapes: vec![shape] });
+    let assembly = Assembly::new(&StructureSpec { body, elements: vec![] }).unwrap();
+    let (linear, tip) = (LinearResponse::new(&assembly), assembly.dof("tip.x").unwrap());
+    let says = |hz| linear.at(Quantity::Receptance, tip, tip, hz).unwrap_err();
+    insta::assert_snapshot!(says(-1.0), @"frequency -1 Hz: it must be zero or a positive number");
+    insta::assert_snapshot!(says(f64::NAN), @"frequency NaN Hz: it must be zero or a positive number");
+    insta::assert_snapshot!(says(8.0), @"the response at 8 Hz is infinite: nothing damps this mode; give the joints damping or move off");
 }
 
 /// The fitted arm as a chain, with link 2 at this angle.
 fn chain_of(beta2_deg: f64) -> Assembly {
-    let parameters = Preset::Irb1600Fitted.parameters().unwrap();
-    let pose = resonarm_dynamics::arm::Pose { beta1_deg: 0.0, beta2_deg };
-    let body = BodySpec::Chain(ChainSpec::from_arm(&parameters, pose));
-    Assembly::new(&StructureSpec { body, elements: vec![] }).unwrap()
+    preset_at(Preset::Irb1600Fitted, [0.0, beta2_deg])
 }
 
 /// The same under a torque at joint 1.

@@ -4,15 +4,14 @@ use core::f64::consts::TAU;
 use super::*;
 use crate::structure::tests::{modal, near, number, of_kind, oracles, place};
 use crate::structure::{Bifurcation, Branch, Coordinate, Forced, LinearResponse, Orbit, TraceOptions, trace};
-use crate::tests::arm_at;
+use crate::tests::preset_at;
 use crate::time_domain::{BasinOutcome, Grid, SettleOptions, Strobe as _, TimeDomainError};
 use crate::{BifurcationKind, Quantity};
 use nalgebra::Normed as _;
-use resonarm_dynamics::arm::Preset;
 use resonarm_dynamics::integrate::Scheme;
 use resonarm_dynamics::structure::{
-    Assembly, Axis, BodySpec, ChainSpec, Dof, ElementSpec, Law, ModalSpec, ModeSpec, ShapeSpec, Side, StepLoad,
-    Stepper, StructureSpec,
+    Assembly, Axis, BodySpec, Dof, ElementSpec, Law, ModalSpec, ModeSpec, Preset, ShapeSpec, Side, StepLoad, Stepper,
+    StructureSpec,
 };
 
 /// The first structure of the oracles under its drive, and where it is read.
@@ -75,9 +74,7 @@ fn small_motions_are_those_of_the_linear_structure() {
 
 /// The fitted arm as a chain, under a torque at joint 1, and that joint.
 fn arm(beta2_deg: f64, torque1_nm: f64) -> (Forced, Dof) {
-    let arm = arm_at(Preset::Irb1600Fitted, 0.0, beta2_deg);
-    let chain = BodySpec::Chain(ChainSpec::from_arm(arm.parameters(), arm.pose()));
-    let assembly = Assembly::new(&StructureSpec { body: chain, elements: vec![] }).unwrap();
+    let assembly = preset_at(Preset::Irb1600Fitted, [0.0, beta2_deg]);
     let joint = assembly.dof("joint1").unwrap();
     (Forced::new(assembly, joint, torque1_nm), joint)
 }

@@ -38,8 +38,8 @@ use crate::control::fourier_filter::{unit, wrapped};
 use crate::control::response::{Orders, Reading};
 use crate::control::{Abort, Answer, CancelHarmonics, Controller, Length, LoadKind, Modelled, ResponsePoint};
 use crate::excitation::{Amplitude, ExcitationError, ExcitationSpec, Phasor, Profile, Waveform, Window};
+use crate::rig::Load;
 use crate::rig::{Measurement, Sampling};
-use resonarm_dynamics::arm::Load;
 use resonarm_numeric::number::short;
 
 /// Allowed deviation of the force from the wanted one, relative.

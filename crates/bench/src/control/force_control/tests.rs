@@ -6,7 +6,6 @@ use crate::plant::{Plant, PlantSpec, TestedAssembly, tests};
 use crate::rig::{Amplifier, Converter, RigSpec, ShakerSpec};
 use alloc::string::ToString;
 use alloc::vec::Vec;
-use resonarm_dynamics::arm::Pose;
 use resonarm_dynamics::integrate::Scheme;
 
 fn sampling(rate_hz: f64) -> Sampling {
@@ -37,15 +36,15 @@ fn plant_spec(amplifier: Amplifier) -> PlantSpec {
     }
 }
 
-const POSE: Pose = Pose { beta1_deg: 30.0, beta2_deg: 60.0 };
+const ANGLES_DEG: [f64; 2] = [30.0, 60.0];
 
 fn plant(amplifier: Amplifier) -> Plant {
-    Plant::new(&plant_spec(amplifier), &tests::preset(POSE)).unwrap()
+    Plant::new(&plant_spec(amplifier), &tests::preset(ANGLES_DEG)).unwrap()
 }
 
 /// The arm as a chain.
 fn arm() -> TestedAssembly {
-    tests::preset(POSE)
+    tests::preset(ANGLES_DEG)
 }
 
 /// As the controller knows it, with the armature of the shaker on it.
@@ -161,7 +160,7 @@ fn harmonics_of_the_force_are_cancelled() {
 /// Twice the frequency is that of the second mode, where no command produces a force in the head.
 #[test]
 fn a_harmonic_at_a_mode_is_never_called_cancelled_wrongly() {
-    let [_, second] = resonarm_analysis::modes(&tests::arm(POSE));
+    let second = tests::preset(ANGLES_DEG).assembly.modes()[1].clone();
     for part in [0.49, 0.5, 0.51] {
         let spec = dwell(30.0, part * second.frequency_hz, CancelHarmonics::ALL);
         let mut controller = ForceControl::new(&spec, known(&arm()), sampling(1000.0), 600.0).unwrap();

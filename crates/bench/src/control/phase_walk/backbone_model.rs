@@ -177,15 +177,13 @@ mod tests {
     use super::*;
     use crate::control::{ModeNumber, Modelled};
     use crate::plant::tests;
-    use crate::rig::RigSpec;
-    use resonarm_dynamics::arm::{Load, Pose};
+    use crate::rig::{Load, RigSpec};
 
     /// Findings of a Duffing oscillator, ω₀² = ω₁² − c A², with a contribution of the other mode, predict the points
     /// between them.
     #[test]
     fn findings_predict_the_next_point() {
-        let pose = Pose { beta1_deg: 0.0, beta2_deg: 60.0 };
-        let tested = tests::preset(pose);
+        let tested = tests::preset([0.0, 60.0]);
         let of = Modelled::new(&tested, &RigSpec::default()).unwrap();
         let model = ModeModel::new(&of, &Load::torque_nm(1.0, 0.0), 1.0, ModeNumber::FIRST).unwrap();
         let (w1, m) = (model.mode.angular_frequency_rad_s, model.mode.modal_mass);

@@ -41,8 +41,8 @@ use super::cancellation::Cancellation;
 use super::fourier_filter::{real_product, unit, wrapped};
 use super::{Abort, Answer, Controller, FourierFilter, Length, LoadKind, ModeModel, Modelled, ResponsePoint, SeenMode};
 use crate::excitation::Phasor;
+use crate::rig::Load;
 use crate::rig::{Measurement, Sampling};
-use resonarm_dynamics::arm::Load;
 
 /// Most tries of a point before it is reported as not settled.
 const MOST_TRIES: u32 = 6;

@@ -8,7 +8,7 @@ use super::spec::{BAND, MOST_POINTS, PhaseWalkSpec, size};
 use super::{LARGEST_AMPLITUDE, PhaseWalkError};
 use crate::control::{CancelHarmonics, ModeModel, ModeNumber};
 use crate::excitation::Amplitude;
-use resonarm_dynamics::arm::Load;
+use crate::rig::Load;
 
 /// A stepped sine at which the response is controlled: at every frequency the load that holds one amplitude of the
 /// followed coordinate, stable or not (T. Karaağaçlı, H. N. Özgüven, "Experimental Identification of Backbone Curves of

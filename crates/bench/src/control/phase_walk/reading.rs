@@ -4,8 +4,8 @@ use core::f64::consts::TAU;
 
 use crate::control::{LoadKind, ModeModel, ResponsePoint};
 use crate::excitation::{HarmonicFit, Phasor};
+use crate::rig::Load;
 use crate::rig::{Measurement, Sampling};
-use resonarm_dynamics::arm::Load;
 
 use super::drift_fit::DriftFit;
 use super::unit;

@@ -24,9 +24,9 @@ use crate::node::{
     Carried, ExciterInterface, ExciterLack, ExciterOutcome, ExciterRemark, FrameCheck, FrameFault, TimeBase, Timing,
     retry_ns,
 };
+use crate::rig::Load;
 use crate::rig::{Measurement, Reading, Readings};
 use crate::structure::LOADS;
-use resonarm_dynamics::arm::Load;
 use resonarm_protocol::node::{NodeCore, Phase, Unanswered, Work};
 use resonarm_protocol::{Emergency, EmergencyCode, Frame, FrameFormat, Id};
 use resonarm_wire::canopen::cia402::DriveState;

@@ -5,7 +5,7 @@ use alloc::vec::Vec;
 
 use super::mapping::{Action, Counts, Incoming, ProtectionCheck, ProtectionFault, Unreadable};
 use crate::node::FrameCheck;
-use resonarm_dynamics::arm::Load;
+use crate::rig::Load;
 use resonarm_protocol::Frame;
 use resonarm_protocol::node::Listening;
 

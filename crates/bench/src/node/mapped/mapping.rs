@@ -4,8 +4,8 @@ use alloc::sync::Arc;
 use alloc::vec::Vec;
 
 pub use super::protection::{Form, Protection, ProtectionCheck, ProtectionFault};
+use crate::rig::Load;
 use crate::rig::MOST_CHANNELS;
-use resonarm_dynamics::arm::Load;
 use resonarm_protocol::{EmergencyCode, FrameFormat, Id, NodeState};
 use resonarm_wire::layout::Number;
 use resonarm_wire::multiplex::Presence;

@@ -20,12 +20,12 @@ use alloc::vec::Vec;
 use super::cause::{FaultCause, RefusedFor, StopRequest};
 use super::guard::Guard;
 use super::{FrameCheck, FrameFault, PlantInterface, PublishError, PublishedSample, Refusal, TimeBase, Timing};
+use crate::rig::Load;
 use crate::rig::{Exciter, GateSpec};
 use crate::structure::{ChannelName, OUTPUTS};
 use incoming::{Receiver, plus};
 use mapping::{Action, Arming, Lockstep, Mapping, Trigger, Values};
 use outgoing::{Sender, Status};
-use resonarm_dynamics::arm::Load;
 use resonarm_protocol::node::NodeCore;
 use resonarm_protocol::{EmergencyCode, Frame, FrameFormat, NodeState, OperatorRequest, StateEvent, Trip};
 

@@ -4,8 +4,8 @@ use super::*;
 use resonarm_bench::control::{Controller, OpenLoop};
 use resonarm_bench::excitation::Profile;
 use resonarm_bench::node::{ExciterInterface, PlantInterface, PublishedSample};
+use resonarm_bench::rig::Load;
 use resonarm_bench::rig::{Converter, Exciter, GateSpec, Measurement, Reading};
-use resonarm_dynamics::arm::Load;
 
 /// How long a controller is away before it is started, and started again, ns.
 const AWAY_NS: u64 = 200_000_000;

@@ -126,7 +126,7 @@ fn a_failure_while_the_tester_was_held_up_is_inconclusive() {
     scenario.wire.as_mut().unwrap().commands[0].timeout_s = Some(0.08);
     let wire = UserWire::new(scenario, Node::Plant, Mode::RealTime).unwrap();
     let case = wire_cases(&wire).into_iter().find(|case| case.id == "plant-disarm").unwrap();
-    let stays = Flaw { holds: |_| resonarm_dynamics::arm::Load::force_n(5.0, 0.0), ..NONE };
+    let stays = Flaw { holds: |_| resonarm_bench::rig::Load::force_n(5.0, 0.0), ..NONE };
     let mut bus = Virtual::new(Box::new(PlantDevice::new(wire.clone(), stays)));
     let verdict = |bus: &mut Virtual| run_on_wire(&case, bus, &wire, settings()).unwrap().verdict;
     assert!(matches!(verdict(&mut bus), Verdict::Failed(_)));

@@ -3,7 +3,7 @@
 use super::devices::{Flaw, NONE, PlantDevice, raw, redone};
 use super::*;
 use resonarm_bench::node::mapped::mapping::Source;
-use resonarm_dynamics::arm::Load;
+use resonarm_bench::rig::Load;
 use resonarm_protocol::EmergencyCode;
 
 /// The frames of the DBC: the byte of enable, reset and halt, and those of counter and checksum; in the other direction

@@ -1,13 +1,9 @@
-//! Chains against independent numbers, the arm, and finite differences.
+//! Chains against independent numbers and finite differences.
 
 use core::f64::consts::TAU;
 
-use proptest::prelude::*;
-
 use super::*;
-use crate::arm::tests::any_arm;
-use crate::arm::{Arm, Load, State};
-use crate::integrate::{Dynamics, Integrator, Motion, Scheme};
+use crate::integrate::{Dynamics, Motion, Scheme};
 use crate::structure::assembly::Body;
 use crate::structure::links::{Links, LinksLoad};
 
@@ -97,58 +93,6 @@ fn forced_vibration_is_that_of_independent_code() {
         stepper.save(&mut end).unwrap();
         let error = apart(&end, &numbers(&case["forced_end_after_0_2_s"]));
         assert!(error < 1e-9, "{error:e}");
-    }
-}
-
-fn chain_of_arm(arm: &Arm, elements: Vec<ElementSpec>) -> Assembly {
-    assembly(BodySpec::Chain(ChainSpec::from_arm(arm.parameters(), arm.pose())), elements)
-}
-
-proptest! {
-    #[test]
-    fn two_links_are_the_arm(
-        arm in any_arm(), x in prop::array::uniform2(-1.0..1.0), v in prop::array::uniform2(-50.0..50.0),
-        torque in prop::array::uniform2(-2e3..2e3), force in prop::array::uniform2(-5e2..5e2),
-    ) {
-        let assembly = chain_of_arm(&arm, vec![]);
-        let drive = ["joint1", "joint2", "tip.x", "tip.y"].map(|name| assembly.dof(name).unwrap());
-        let mut stepper = Stepper::new(&assembly, &drive, Scheme::Exponential8, 4000.0).unwrap();
-        stepper.restore(&[x[0], x[1], v[0], v[1]]).unwrap();
-        let mut seen = [0.0; 2];
-        stepper.acceleration(&[torque[0], torque[1], force[0], force[1]], &mut seen).unwrap();
-        let (state, load) = (State::new(x, v), Load { torque_nm: torque.into(), force_n: force.into() });
-        let expected = arm.acceleration(&state, &load);
-        // Rounding of torques up to those of the springs is divided by inertias.
-        let scale = 1.0 + expected.norm() + 1e6 * (x[0].abs() + x[1].abs());
-        for i in 0..2 {
-            prop_assert!((seen[i] - expected[i]).abs() < 1e-12 * scale, "{seen:?} {expected}");
-        }
-        let energy = arm.energy(&state).total_j();
-        prop_assert!((assembly.energy_j(&x, &v) - energy).abs() < 1e-11 * (1.0 + energy.abs()));
-    }
-}
-
-/// With held torque and force, at a rate where a step of each scheme has rounding alone.
-#[test]
-fn two_links_step_as_the_arm() {
-    let arm = crate::arm::tests::arm(crate::arm::Preset::Irb1600Fitted, 20.0, 60.0);
-    let assembly = chain_of_arm(&arm, vec![]);
-    let drive = ["joint1", "tip.y"].map(|name| assembly.dof(name).unwrap());
-    let load = Load { torque_nm: [60.0, 0.0].into(), force_n: [0.0, 25.0].into() };
-    for scheme in Scheme::ALL {
-        let integrator = Integrator::new(scheme, 4000.0, &arm).unwrap();
-        let mut stepper = Stepper::new(&assembly, &drive, scheme, 4000.0).unwrap();
-        let mut state = State::new([0.02, -0.03], [0.0, 0.0]);
-        stepper.restore(&[0.02, -0.03, 0.0, 0.0]).unwrap();
-        for k in 0..1000 {
-            let t_s = f64::from(k) / 4000.0;
-            state = integrator.step(&arm, t_s, &state, &load).unwrap();
-            stepper.advance(t_s, &[60.0, 25.0]).unwrap();
-        }
-        for i in 0..2 {
-            let difference = (stepper.position()[i] - state.alpha_rad[i]).abs();
-            assert!(difference < 1e-13, "{scheme}: {difference:e}");
-        }
     }
 }
 

@@ -2,10 +2,12 @@ mod chains;
 mod messages;
 mod modal;
 mod parameters;
+mod schemes;
 mod shaken;
 mod switches;
 
 use super::*;
+use crate::integrate::Scheme;
 use serde_json::Value;
 
 /// The cases of a kind; see `tests/oracles/README.md`.

@@ -2,8 +2,8 @@
 
 use super::*;
 use resonarm_bench::control::{Answer, Controller, Length, LoadKind, ResponsePoint};
+use resonarm_bench::rig::Load;
 use resonarm_bench::rig::Measurement;
-use resonarm_dynamics::arm::Load;
 use resonarm_protocol::{Emergency, Node};
 
 /// Holds a small force, and from sample 100 on another.

@@ -6,7 +6,7 @@ use resonarm_bus::timed;
 use resonarm_protocol::bits::BitRates;
 
 /// The report of a free run, its states, and the bytes of its recording.
-fn free(session: &Session) -> (BothReport, Vec<[u64; 8]>, Vec<u8>) {
+fn free(session: &Session) -> (BothReport, Vec<Vec<u64>>, Vec<u8>) {
     let report = session.both(&Signals::default(), |_| {}).unwrap();
     let path = report.plant.recording.as_ref().unwrap().path.clone();
     (report, states_of(&Recording::open(&path).unwrap()), std::fs::read(path).unwrap())
@@ -18,7 +18,7 @@ fn session(text: &str, folder: &tempfile::TempDir) -> Session {
     Session::new(scenario, Mode::Free, Options { record, ..Options::default() }).unwrap()
 }
 
-fn moving(states: &[[u64; 8]]) -> &[[u64; 8]] {
+fn moving(states: &[Vec<u64>]) -> &[Vec<u64>] {
     let still = states.iter().take_while(|state| **state == [0; 8]).count();
     &states[still..]
 }

@@ -22,9 +22,9 @@ use crate::control::{Answer, Controller};
 use crate::node::{
     Carried, ExciterInterface, ExciterLack, ExciterOutcome, ExciterRemark, FrameFault, TimeBase, Timing, retry_ns,
 };
+use crate::rig::Load;
 use crate::rig::Measurement;
 use crate::structure::{ChannelName, LOADS};
-use resonarm_dynamics::arm::Load;
 use resonarm_protocol::node::{NodeCore, Phase, Unanswered, Work};
 use resonarm_protocol::{Emergency, EmergencyCode, Frame, FrameFormat, Id, NodeState};
 

@@ -9,7 +9,7 @@ use alloc::vec::Vec;
 use crate::node::ExciterLack;
 use crate::node::mapped::incoming::plus;
 use crate::node::mapped::mapping::{Action, Arming, CommandSignal, Counts, EventSignal, Incoming, Mapping, Protection};
-use resonarm_dynamics::arm::Load;
+use crate::rig::Load;
 use resonarm_protocol::{Frame, FrameFormat, Id};
 use resonarm_wire::PAYLOAD_MAX_BYTES;
 use resonarm_wire::layout::Layout;

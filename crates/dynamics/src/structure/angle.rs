@@ -12,33 +12,20 @@
 //! the Chebyshev polynomial, Z⁵ (y⁵ − T₅*(y)/512) with y = z/Z and T₅* = 512 y⁵ − 1280 y⁴ + 1120 y³ − 400 y² + 50 y −
 //! 1, which stays within ±1 on 0 ≤ y ≤ 1.
 //!
-//! With the length included, h = sin β and t = cos β times the length, the code sums
+//! With h = sin β and t = cos β, the code sums
 //!
 //! ```text
 //! C = 1 + V    sin: h C + t S    cos: t C − h S
 //! ```
 //!
-//! and for two turns, one link's after the other's,
-//!
-//! ```text
-//! S = (S₁ + S₂) + (S₁V₂ + S₂V₁)    V = (V₁ + V₂) + (V₁V₂ − S₁S₂)
-//! ```
-//!
-//! **Error bound**, as parts of the length, u = 2⁻⁵³ = 1.11e-16. Of the polynomials: the alternating series leaves out
+//! **Error bound**, in u = 2⁻⁵³ = 1.11e-16. Of the polynomials: the alternating series leaves out
 //! less than its next term, |α|¹⁵/15! < 9e-19 and α¹⁴/14! < 3.1e-17; economising adds at most |α|³ Z⁵/(512 · 13!) <
 //! 2.2e-18 and α² Z⁵/(512 · 12!) < 7e-17: together less than 0.03 u of S and 0.92 u of V. Of the constants: `libm`
-//! gives sin β and cos β to 2 u relative, the length adds u, which is 3 u (|sin β cos α| + |cos β sin α|) ≤ 3 u. Of
+//! gives sin β and cos β to 2 u relative, which is 2 u (|sin β cos α| + |cos β sin α|) ≤ 2 u. Of
 //! rounding: p and q are sums whose first term dominates, exact to 6 u relative; so V = z q errs by 8 u α²/2 < 0.64 u
 //! and C by 1.64 u, (z α) p by 9 u |α|³/6 < 0.1 u and S, at most 0.4, by 0.5 u; |h| 1.64 u + |t| 0.5 u ≤ 1.72 u. The
-//! products err by u (|h C| + |t S|) ≤ u, and their sum, at most 1, by u. Together 0.95 u + 3 u + 3.72 u < 8 u =
-//! 8.9e-16.
-//!
-//! Of two turns: S errs by 0.53 u and V by 1.56 u in each. In their S the sum errs by 1.06 u and its rounding by 0.4 u,
-//! the products, |S| ≤ 0.39 and |V| ≤ 0.08, by 2 (0.39 · 1.56 u + 0.08 · 0.53 u) and rounding by less than 0.1 u, the
-//! last sum, at most 0.72, by 0.4 u: together 3.3 u. In their V the sums err by 3.12 u and rounding by 0.1 u, the
-//! products by 2 (0.08 · 1.56 u + 0.39 · 0.53 u) and rounding by 0.1 u, the last sum, at most 0.31, by 0.16 u: together
-//! 4.2 u. Then C errs by 4.8 u with its rounding, |h| 4.8 u + |t| 3.3 u ≤ 5.9 u, and with 3 u of the constants and 2 u
-//! of products and sum the bound is 11 u = 1.3e-15.
+//! products err by u (|h C| + |t S|) ≤ u, and their sum, at most 1, by u. Together 0.95 u + 2 u + 3.72 u < 7 u,
+//! and the tests allow 8 u = 8.9e-16.
 //!
 //! Beyond 0.4 `libm` computes S and V.
 
@@ -67,14 +54,14 @@ const fn economised(n: [f64; 6]) -> [f64; 5] {
 
 /// A turn by an angle α: S = sin α and V = cos α − 1.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub(crate) struct Turn<T> {
+pub(super) struct Turn<T> {
     sine: T,
     versed: T,
 }
 
-/// Sine and cosine of a constant angle, both times a constant length.
+/// Sine and cosine of a constant angle.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub(crate) struct Angle<T> {
+pub(super) struct Angle<T> {
     pub sine: T,
     pub cosine: T,
 }
@@ -97,13 +84,6 @@ impl<T: Real> Turn<T> {
         Turn { sine, versed }
     }
 
-    /// One turn after the other: S = (S₁ + S₂) + (S₁V₂ + S₂V₁), V = (V₁ + V₂) + (V₁V₂ − S₁S₂).
-    #[inline(always)]
-    pub fn and(self, other: Turn<T>) -> Turn<T> {
-        let (Turn { sine: s1, versed: v1 }, Turn { sine: s2, versed: v2 }) = (self, other);
-        Turn { sine: (s1 + s2) + (s1 * v2 + s2 * v1), versed: (v1 + v2) + (v1 * v2 - s1 * s2) }
-    }
-
     /// p S + q V.
     #[inline(always)]
     pub fn weighed(self, p: T, q: T) -> T {
@@ -116,33 +96,23 @@ impl Angle<f64> {
         let (sine, cosine) = libm::sincos(base_rad);
         Angle { sine, cosine }
     }
-
-    /// The same angle with `length` times the length.
-    pub fn times(self, length: f64) -> Angle<f64> {
-        Angle { sine: self.sine * length, cosine: self.cosine * length }
-    }
-
-    /// Sine and cosine of the angle plus any other, times the length.
-    pub fn sincos_plus(&self, alpha_rad: f64) -> (f64, f64) {
-        self.turned(Turn::new::<true>(alpha_rad))
-    }
 }
 
 impl<T: Real> Angle<T> {
-    /// The same for `T::WIDTH` arms side by side.
+    /// The same for `T::WIDTH` chains side by side.
     #[inline(always)]
     pub fn gather<'a>(of: impl Fn(usize) -> &'a Angle<f64>) -> Angle<T> {
         Angle { sine: T::gather(|i| of(i).sine), cosine: T::gather(|i| of(i).cosine) }
     }
 
-    /// Sine and cosine of the angle after a turn, times the length.
+    /// Sine and cosine of the angle after a turn.
     #[inline(always)]
     pub fn turned(&self, turn: Turn<T>) -> (T, T) {
         let (h, t, cosine) = (self.sine, self.cosine, T::splat(1.0) + turn.versed);
         (h * cosine + t * turn.sine, t * cosine - h * turn.sine)
     }
 
-    /// The change of the cosine by a turn, times the length, exact at small turns too: t V − h S.
+    /// The change of the cosine by a turn, exact at small turns too: t V − h S.
     #[inline(always)]
     pub fn cosine_change(&self, turn: Turn<T>) -> T {
         self.cosine * turn.versed - self.sine * turn.sine
@@ -151,7 +121,7 @@ impl<T: Real> Angle<T> {
 
 /// Whether the polynomials hold for this angle.
 #[inline(always)]
-pub(crate) fn within_reach<T: Real>(alpha_rad: T) -> bool {
+pub(super) fn within_reach<T: Real>(alpha_rad: T) -> bool {
     alpha_rad.all_within(LIMIT_RAD)
 }
 
@@ -179,22 +149,22 @@ mod tests {
 
     const U: f64 = f64::EPSILON / 2.0;
 
-    /// sin and cos of β + α + γ to better than 1 u: `libm` at the rounded sum, turned on by what the rounding lost.
-    fn reference(beta: f64, alpha: f64, gamma: f64) -> (f64, f64) {
-        let two_sum = |a: f64, b: f64| {
-            let sum = a + b;
-            let part = sum - a;
-            (sum, (a - (sum - part)) + (b - part))
-        };
-        let (inner, inner_lost) = two_sum(alpha, gamma);
-        let (sum, lost) = two_sum(beta, inner);
-        let lost = lost + inner_lost;
+    /// sin and cos of β + α to better than 1 u: `libm` at the rounded sum, turned on by what the rounding lost.
+    fn reference(beta: f64, alpha: f64) -> (f64, f64) {
+        let sum = beta + alpha;
+        let part = sum - beta;
+        let lost = (beta - (sum - part)) + (alpha - part);
         let (s, c) = libm::sincos(sum);
         (s + c * lost, c - s * lost)
     }
 
     fn error((s, c): (f64, f64), (s_true, c_true): (f64, f64)) -> f64 {
         (s - s_true).abs().max((c - c_true).abs())
+    }
+
+    /// Sine and cosine after a turn by any angle.
+    fn sincos_plus(angle: &Angle<f64>, alpha_rad: f64) -> (f64, f64) {
+        angle.turned(Turn::new::<true>(alpha_rad))
     }
 
     /// Angles up to the limit, evenly spaced and on every scale, of both signs.
@@ -214,7 +184,7 @@ mod tests {
             let beta = f64::from(pose).to_radians();
             let angle = Angle::new(beta);
             for alpha in angles(2000) {
-                worst = worst.max(error(angle.sincos_plus(alpha), reference(beta, alpha, 0.0)));
+                worst = worst.max(error(sincos_plus(&angle, alpha), reference(beta, alpha)));
                 count += 1;
             }
         }
@@ -222,36 +192,17 @@ mod tests {
         assert!(worst <= 9.0 * U && worst > 0.0, "{} u", worst / U);
     }
 
-    /// The bound of 11 u of two turns, with 1 u for the reference.
-    #[test]
-    fn two_turns_keep_their_bound() {
-        let (mut worst, mut count) = (0.0_f64, 0);
-        for pose in (-360..=360).step_by(15) {
-            let beta = f64::from(pose).to_radians();
-            let angle = Angle::new(beta);
-            for alpha in angles(100) {
-                for gamma in angles(100) {
-                    let both = Turn::new::<false>(alpha).and(Turn::new::<false>(gamma));
-                    worst = worst.max(error(angle.turned(both), reference(beta, alpha, gamma)));
-                    count += 1;
-                }
-            }
-        }
-        assert_eq!(count, 49 * 202 * 202);
-        assert!(worst <= 12.0 * U && worst > 0.0, "{} u", worst / U);
-    }
-
     /// The bound is that of small angles; the difference of two cosines adds 3 u.
     #[test]
     fn far_angles_are_libms() {
         let angle = Angle::new(1.0);
         for alpha in [0.400_000_1, -3.0, 70.0] {
-            let truth = reference(1.0, alpha, 0.0);
-            assert!(error(angle.sincos_plus(alpha), truth) <= 9.0 * U, "{alpha}");
+            let truth = reference(1.0, alpha);
+            assert!(error(sincos_plus(&angle, alpha), truth) <= 9.0 * U, "{alpha}");
             let seen = angle.cosine_change(Turn::new::<true>(alpha));
             assert!((seen - (truth.1 - libm::cos(1.0))).abs() <= 12.0 * U, "{alpha}");
         }
-        assert!(angle.sincos_plus(f64::NAN).0.is_nan() && angle.sincos_plus(f64::INFINITY).1.is_nan());
+        assert!(sincos_plus(&angle, f64::NAN).0.is_nan() && sincos_plus(&angle, f64::INFINITY).1.is_nan());
     }
 
     /// Near and far, in every kind of lanes, each lane has the bits of the single number.
@@ -260,18 +211,18 @@ mod tests {
         let some = [0.1, -0.2, 0.4, 0.400_001, f64::NAN, 12.0, -0.0, 1e-300];
         let alone = |i: usize| {
             let turn = Turn::new::<true>(some[i]);
-            let (s, c) = Angle::new(i as f64 - 3.5).turned(turn.and(turn));
+            let (s, c) = Angle::new(i as f64 - 3.5).turned(turn);
             (s.to_bits(), c.to_bits())
         };
         let angles: [Angle<f64>; LANES] = core::array::from_fn(|i| Angle::new(i as f64 - 3.5));
         let turn = Turn::new::<true>(Lanes(some));
-        let (s, c) = Angle::<Lanes>::gather(|i| &angles[i]).turned(turn.and(turn));
+        let (s, c) = Angle::<Lanes>::gather(|i| &angles[i]).turned(turn);
         for i in 0..LANES {
             assert_eq!((s.lane(i).to_bits(), c.lane(i).to_bits()), alone(i), "lane {i}");
         }
         for first in [0, 4] {
             let turn = Turn::new::<true>(f64x4::gather(|i| some[first + i]));
-            let (s, c) = Angle::<f64x4>::gather(|i| &angles[first + i]).turned(turn.and(turn));
+            let (s, c) = Angle::<f64x4>::gather(|i| &angles[first + i]).turned(turn);
             for i in 0..4 {
                 assert_eq!((s.lane(i).to_bits(), c.lane(i).to_bits()), alone(first + i), "stage {i} from {first}");
             }
