@@ -2,8 +2,8 @@
 
 use divan::counter::ItemsCount;
 use divan::{Bencher, black_box};
-use resonarm::analysis::structure::Forced;
-use resonarm::analysis::structure::time_domain::StroboscopicMap;
+use resonarm::analysis::Forced;
+use resonarm::analysis::time_domain::StroboscopicMap;
 use resonarm::integrate::Scheme;
 use resonarm::structure::SpecError;
 use resonarm_dynamics::structure::{

@@ -4,8 +4,8 @@
 use std::thread;
 use std::time::Instant;
 
-use resonarm::analysis::structure::{Branch, Coordinate, Forced, TraceOptions, trace};
 use resonarm::analysis::{AnalysisError, BifurcationKind};
+use resonarm::analysis::{Branch, Coordinate, Forced, TraceOptions, trace};
 use resonarm::structure::{Assembly, BodySpec, Preset, StructureSpec};
 
 fn forced(beta2_deg: f64) -> Result<Forced, Box<dyn std::error::Error>> {

@@ -5,7 +5,7 @@ use std::path::Path;
 use std::time::Instant;
 
 use resonarm::analysis::BifurcationKind;
-use resonarm::analysis::structure::{Assess, Branch, Coordinate, Forced, TraceOptions, trace};
+use resonarm::analysis::{Assess, Branch, Coordinate, Forced, TraceOptions, trace};
 use resonarm::scenario::Scenario;
 
 /// The shortest of several rounds counts.

@@ -8,7 +8,7 @@ use crate::figures::branches::stretches;
 use crate::measured_points::{MeasuredPoint, size};
 use crate::read_at::{ReadAt, dof};
 use resonarm::analysis::Distances;
-use resonarm::analysis::structure::{Branch, Coordinate, Nearest, Orbit, TraceOptions, nearest, trace};
+use resonarm::analysis::{Branch, Coordinate, Nearest, Orbit, TraceOptions, nearest, trace};
 use resonarm::structure::Assembly;
 use resonarm_figures::plot::{Axis, Color, Dash, Figure, Marker, Panel, Series, Style, Subtitle};
 

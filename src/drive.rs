@@ -10,7 +10,7 @@ use serde_json::{Value, json};
 use crate::failure::Failure;
 use crate::numbers;
 use crate::read_at::{ReadAt, dof};
-use resonarm::analysis::structure::Forced;
+use resonarm::analysis::Forced;
 use resonarm::excitation::Amplitude;
 use resonarm::plant::TestedAssembly;
 use resonarm::structure::{Assembly, Dof};

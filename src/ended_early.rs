@@ -6,8 +6,8 @@ use serde_json::{Value, json};
 
 use crate::failure::{Failure, Verdict};
 use crate::output;
-use resonarm::analysis::structure::{Backbone, Branch, SingularCurve};
 use resonarm::analysis::{AnalysisError, EndedEarly};
+use resonarm::analysis::{Backbone, Branch, SingularCurve};
 
 /// A result that a continuation builds point by point.
 pub(crate) trait CountMotions {

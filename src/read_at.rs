@@ -3,7 +3,7 @@
 use serde_json::{Value, json};
 
 use crate::failure::Failure;
-use resonarm::analysis::structure::Reading;
+use resonarm::analysis::Reading;
 use resonarm::structure::{Assembly, Dof};
 
 /// A degree of freedom at which motions are read.

@@ -4,9 +4,9 @@ use core::sync::atomic::{AtomicBool, Ordering};
 
 use pyo3::prelude::*;
 use pyo3::types::PyByteArray;
-use resonarm::analysis::structure::Forced;
-use resonarm::analysis::structure::time_domain::{StableMotion, StroboscopicMap, outcomes, reach, stable_motions};
+use resonarm::analysis::Forced;
 use resonarm::analysis::time_domain::{BasinOutcome, TimeDomainError};
+use resonarm::analysis::time_domain::{StableMotion, StroboscopicMap, outcomes, reach, stable_motions};
 use resonarm::study::on_all_cores;
 
 use crate::errors;

@@ -2,11 +2,11 @@
 
 use pyo3::prelude::*;
 use pyo3::types::PyByteArray;
-use resonarm::analysis::structure::{
+use resonarm::analysis::{AnalysisError, EndedEarly};
+use resonarm::analysis::{
     Assess, Branch, Coordinate, Forced, Orbit, SingularCurve, SingularPoint, TraceOptions, trace, trace_doublings,
     trace_singular_curves,
 };
-use resonarm::analysis::{AnalysisError, EndedEarly};
 
 use crate::errors;
 use crate::forced::Drive;

@@ -1,7 +1,7 @@
 //! The excitation of a structure as Python gives it: loads in phase, A·sin(2πft) at degrees of freedom.
 
 use pyo3::prelude::*;
-use resonarm::analysis::structure::Forced;
+use resonarm::analysis::Forced;
 use resonarm::structure::Dof;
 
 use crate::structure::Assembly;

@@ -6,8 +6,8 @@ use std::path::Path;
 
 use pyo3::prelude::*;
 use pyo3::types::{PyByteArray, PyDict};
+use resonarm::analysis::LinearResponse;
 use resonarm::analysis::Quantity;
-use resonarm::analysis::structure::LinearResponse;
 use resonarm::drawing::Drawing;
 use resonarm::integrate::Scheme;
 use resonarm::scenario::Scenario;

@@ -17,7 +17,7 @@ use crate::flags::StructureFlags;
 use crate::output::{self, Inputs, JsonFlag, OverwriteFlag};
 use crate::progress::timed;
 use crate::read_at::{ReadAt, cells, columns, dofs, read_at, readings};
-use resonarm::analysis::structure::{
+use resonarm::analysis::{
     Backbone as Curve, BackboneMotion, BackboneOptions, Branch, Coordinate, Forced, TraceOptions, backbone, trace,
 };
 use resonarm::analysis::{Bending, BranchOptions};

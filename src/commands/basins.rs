@@ -13,7 +13,7 @@ use crate::figures::captions;
 use crate::motion_flags::MotionFlags;
 use crate::read_at::{ReadAt, dofs, read_at, readings, words};
 use crate::study;
-use resonarm::analysis::structure::time_domain::{StableMotion, reach, stable_motions};
+use resonarm::analysis::time_domain::{StableMotion, reach, stable_motions};
 use resonarm::plant::TestedAssembly;
 use resonarm::scenario::Scenario;
 use resonarm::structure::Assembly;

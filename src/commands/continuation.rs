@@ -19,7 +19,7 @@ use crate::output::{self, Inputs, JsonFlag, OverwriteFlag};
 use crate::progress::timed;
 use crate::quantity::{self, Ends};
 use crate::read_at::{ReadAt, dofs, read_at, readings, words};
-use resonarm::analysis::structure::{
+use resonarm::analysis::{
     Assess, Bifurcation, Branch, Coordinate, Forced, Orbit, TraceOptions, Unlocated, trace, trace_doublings,
     trace_singular_curves,
 };

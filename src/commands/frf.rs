@@ -14,7 +14,7 @@ use crate::figures::response_curves::{csv, style};
 use crate::flags::{self, StructureFlags};
 use crate::output::{self, Inputs, JsonFlag, OverwriteFlag};
 use crate::read_at::{ReadAt, displacement_unit, dof, read_at};
-use resonarm::analysis::structure::LinearResponse;
+use resonarm::analysis::LinearResponse;
 use resonarm::analysis::{Quantity, continuous_phase, frequencies_hz};
 use resonarm::plant::TestedAssembly;
 use resonarm::structure::Assembly;

@@ -12,7 +12,7 @@ use crate::figures::captions;
 use crate::flags::{self, StructureFlags};
 use crate::output::JsonFlag;
 use crate::progress::Progress;
-use resonarm::analysis::structure::Forced;
+use resonarm::analysis::Forced;
 use resonarm::analysis::{EnergyDrift, ModeError, energy_drift, mode_errors};
 use resonarm::integrate::{IntegrateError, Scheme};
 use resonarm::realtime::{Clock, SystemClock};

@@ -1,8 +1,8 @@
 //! Branches of periodic motions as figures, stable blue, unstable red and dashed, those of doubled period in thin lines;
 //! and as tables.
 
-use resonarm::analysis::structure::{Branch, Coordinate, Orbit};
 use resonarm::analysis::{self, BifurcationKind};
+use resonarm::analysis::{Branch, Coordinate, Orbit};
 use resonarm_figures::plot::{Axis, Color, Dash, Figure, Marker, Panel, Series, Style};
 
 use crate::read_at::{ReadAt, cells, columns};
@@ -154,7 +154,7 @@ pub(crate) fn table(coordinate: Coordinate, branches: &[&Branch], read: &[ReadAt
 #[allow(clippy::unwrap_used, reason = "a test fails by panicking")]
 mod tests {
     use super::*;
-    use resonarm::analysis::structure::{Forced, TraceOptions, trace, trace_doublings};
+    use resonarm::analysis::{Forced, TraceOptions, trace, trace_doublings};
     use resonarm::scenario::Scenario;
 
     /// Strong excitation at the 1:2 resonance: its branch and those of doubled period.

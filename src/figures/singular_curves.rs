@@ -7,7 +7,7 @@ use crate::drive::Drive;
 use crate::failure::Failure;
 use crate::read_at::{ReadAt, amplitude, readings};
 use resonarm::analysis::BifurcationKind;
-use resonarm::analysis::structure::{Coordinate, SingularCurve, SingularPoint, Turn};
+use resonarm::analysis::{Coordinate, SingularCurve, SingularPoint, Turn};
 use resonarm::structure::Assembly;
 use resonarm_figures::plot::{Axis, Color, Dash, Figure, Marker, Panel, Series, Style, Subtitle};
 use resonarm_numeric::number::rounded;

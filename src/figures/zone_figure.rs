@@ -4,7 +4,7 @@ use crate::computed_branch::CLIPPED;
 use crate::figures::branches::stretches;
 use crate::measured_points::{MeasuredPoint, size};
 use crate::read_at::displacement_unit;
-use resonarm::analysis::structure::Reading;
+use resonarm::analysis::Reading;
 use resonarm::experiment::Score;
 use resonarm::plant::ReadDof;
 use resonarm_figures::plot::{Axis, Color, Dash, Figure, Legend, Marker, Note, Panel, Series, Style, Subtitle};

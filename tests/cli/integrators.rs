@@ -2,8 +2,8 @@
 
 use std::path::Path;
 
+use resonarm::analysis::Forced;
 use resonarm::analysis::mode_errors;
-use resonarm::analysis::structure::Forced;
 use resonarm::integrate::Scheme;
 use resonarm::scenario::Scenario;
 use serde_json::Value;

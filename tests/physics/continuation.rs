@@ -2,7 +2,7 @@
 //! harmonics, the first case equal to AUTO-07p in all its printed digits).
 
 use resonarm::analysis::BifurcationKind;
-use resonarm::analysis::structure::{Branch, Coordinate, Forced, Reading, TraceOptions, trace};
+use resonarm::analysis::{Branch, Coordinate, Forced, Reading, TraceOptions, trace};
 use resonarm::structure::{Assembly, BodySpec, ChainSpec, Dof, Preset, StructureSpec};
 use serde_json::Value;
 

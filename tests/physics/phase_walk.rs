@@ -2,7 +2,7 @@
 //! point is on the branch, stable or not.
 
 use resonarm::analysis::Distances;
-use resonarm::analysis::structure::{
+use resonarm::analysis::{
     BackboneOptions, Branch, Coordinate, Forced, Reading, TraceOptions, backbone, nearest, trace,
 };
 use resonarm::control::{

@@ -3,9 +3,9 @@
 
 use nalgebra::Normed as _;
 use resonarm::analysis::BifurcationKind;
-use resonarm::analysis::structure::time_domain::{Settled, StroboscopicMap, settle};
-use resonarm::analysis::structure::{Branch, Coordinate, Forced, Orbit, TraceOptions, trace};
 use resonarm::analysis::time_domain::{Direction, Grid, SettleOptions};
+use resonarm::analysis::time_domain::{Settled, StroboscopicMap, settle};
+use resonarm::analysis::{Branch, Coordinate, Forced, Orbit, TraceOptions, trace};
 use resonarm::structure::{Assembly, BodySpec, Dof, Preset, StructureSpec};
 use serde_json::Value;
 

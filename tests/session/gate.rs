@@ -29,7 +29,7 @@ fn run(text: &str, mode: Mode, path: &Path) -> (PlantReport, Vec<Moment>) {
         let state = state.unwrap();
         let load = Load { force_n: state.force_n.into(), torque_nm: state.torque_nm.into() };
         let [x_m, y_m] = tip.map(|dof| assembly.displacement(dof, state.states.coordinates()));
-        Moment { load, travel_m: x_m.hypot(y_m) }
+        Moment { load, travel_m: libm::hypot(x_m, y_m) }
     });
     (report, moments.collect())
 }

@@ -35,8 +35,8 @@ pub fn frequencies_hz(from_hz: f64, to_hz: f64, points: u32, modes: &[(f64, f64)
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::LinearResponse;
     use crate::Quantity;
-    use crate::structure::LinearResponse;
     use crate::tests::preset_at;
     use resonarm_dynamics::structure::{Assembly, Dof, Preset};
 

@@ -1,7 +1,10 @@
 //! Analysis of structures by computation instead of simulated measurement: the reference for bench measurements.
 //!
-//! The linear structure: natural modes, frequency responses ([`frf`]). The nonlinear structure ([`structure`]): periodic
-//! motions by harmonic balance, their branches by [`continuation`], stability and bifurcations, backbones; and by
+//! Of the linear part of a structure: frequency responses ([`LinearResponse`]); its modes are
+//! [`Assembly::modes`](resonarm_dynamics::structure::Assembly::modes). Of all of it: periodic motions under a
+//! sinusoidal drive by harmonic balance, their branches by continuation ([`trace`]) in the frequency, the amplitude or
+//! any parameter of the structure, with folds, peaks and stability, branches of doubled period ([`trace_doubled`]),
+//! curves of folds and doublings in two coordinates ([`trace_singular`]), and backbones ([`backbone()`]); and by
 //! integration in time ([`time_domain`]) stepped sweeps, stroboscopic sections, basins of attraction.
 //!
 //! Harmonic balance is used, not collocation of a boundary value problem: forced motions are nearly sinusoidal, so a few
@@ -10,33 +13,58 @@
 
 extern crate alloc;
 
+mod adapt;
+mod backbone;
+mod balance;
 mod bending;
+mod branch;
 mod branch_options;
 pub mod continuation;
+mod curve;
 mod dense;
+mod detect;
 mod eigenvalues;
 mod error;
+mod floquet;
+mod forced;
 mod fourier;
 pub mod frf;
 mod gauss;
 mod grid;
+mod history;
 mod integrators;
+mod linear;
 mod nearest;
+mod orbit;
 mod peaks;
+mod phase_zero;
 mod poles;
+mod ramp;
 mod resonances;
 mod rows;
+mod samples;
 mod search;
-pub mod structure;
+mod singular;
+mod spectral;
 pub mod time_domain;
+mod unknowns;
+mod walk;
 
+use phase_zero::phase_zero_states;
+
+pub use backbone::{Backbone, BackboneMotion, BackboneOptions, backbone};
 pub use bending::Bending;
+pub use branch::{trace, trace_doubled, trace_doublings};
 pub use branch_options::{BifurcationKind, BranchOptions};
+pub use curve::{SingularCurve, SingularPoint, TracedCurve, Turn, trace_singular, trace_singular_curves};
 pub use error::{AnalysisError, EndedEarly, Place};
+pub use forced::{Coordinate, Forced};
 pub use frf::{FrfError, Quantity, UnknownQuantity, continuous_phase};
 pub use grid::frequencies_hz;
 pub use integrators::{EnergyDrift, ModeError, energy_drift, mode_errors};
-pub use nearest::Distances;
+pub use linear::LinearResponse;
+pub use nearest::{Distances, Nearest, nearest};
+pub use orbit::{Assess, Bifurcation, Branch, Orbit, Reading, Stability, TraceOptions, Unlocated};
 pub use peaks::{Maximum, half_power_width_hz, maxima};
 pub use poles::{Pole, longest_time_constant_s, structure_poles};
 pub use rows::{segments, stretches};

@@ -17,7 +17,7 @@ use crate::figures::captions;
 use crate::measured_points::MeasuredPoint;
 use crate::output::{self, Inputs, JsonFlag, OverwriteFlag};
 use crate::read_at::displacement_unit;
-use resonarm::analysis::structure::Nearest;
+use resonarm::analysis::Nearest;
 use resonarm::plant::TestedAssembly;
 use resonarm::scenario::{Scenario, StructureSection};
 use resonarm_numeric::number::short;

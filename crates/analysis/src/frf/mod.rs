@@ -1,6 +1,6 @@
 //! What frequency responses are of, why there may be none, and their phase. [`LinearResponse`] computes them.
 //!
-//! [`LinearResponse`]: crate::structure::LinearResponse
+//! [`LinearResponse`]: crate::LinearResponse
 
 use thiserror::Error;
 

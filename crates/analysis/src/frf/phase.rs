@@ -57,7 +57,7 @@ fn turn_rad(
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::structure::LinearResponse;
+    use crate::LinearResponse;
     use crate::tests::preset_at;
     use crate::{Quantity, frequencies_hz};
     use resonarm_dynamics::structure::Preset;

@@ -8,7 +8,7 @@ use serde::{Deserialize, Serialize};
 
 use super::TimeDomainError;
 use super::fixed_point::{Approach, FixedPoint, Linearised, SAME_POINT};
-use super::map::Strobe;
+use super::map::StroboscopicMap;
 use super::settle::{CLOSURE, STRETCH};
 
 /// The fate of an initial state.
@@ -37,7 +37,7 @@ pub(crate) struct Attractor {
 
 impl Attractor {
     /// The motion of a fixed point, with the states of its section, which begin there.
-    pub fn new<M: Strobe>(map: &M, found: &FixedPoint, section: &[M::State]) -> Attractor {
+    pub fn new(map: &StroboscopicMap, found: &FixedPoint, section: &[Vec<f64>]) -> Attractor {
         let later = section.get(1..).unwrap_or_default().iter();
         let mut points = vec![found.clone()];
         points.extend(later.filter_map(|state| FixedPoint::shoot(map, &map.to_point(state), found.period)));
@@ -51,10 +51,10 @@ impl Attractor {
 }
 
 /// The fate of each state of any forced system; see [`outcomes`](super::outcomes).
-pub(crate) fn fates<M: Strobe>(
-    map: &M,
+pub(crate) fn fates(
+    map: &StroboscopicMap,
     attractors: &[&Attractor],
-    starts: &[M::State],
+    starts: &[Vec<f64>],
     time_constants: f64,
     stop: &dyn Fn() -> bool,
 ) -> Result<Vec<BasinOutcome>, TimeDomainError> {
@@ -75,7 +75,7 @@ pub(crate) fn fates<M: Strobe>(
         advance(map, &mut states, stretch, stop)?;
         periods += stretch;
         for ((state, before), traveller) in states.iter().zip(&before).zip(&mut travellers) {
-            outcomes[traveller.start] = if M::is_finite(state) {
+            outcomes[traveller.start] = if StroboscopicMap::is_finite(state) {
                 match traveller.reaches(&targets, before, &map.to_point(state)) {
                     Some(motion) => BasinOutcome::Reaches { motion, periods },
                     None => BasinOutcome::Undecided,
@@ -135,9 +135,9 @@ impl Traveller {
 }
 
 /// Integrates, checking regularly whether to stop.
-fn advance<M: Strobe>(
-    map: &M,
-    states: &mut [M::State],
+fn advance(
+    map: &StroboscopicMap,
+    states: &mut [Vec<f64>],
     periods: u64,
     stop: &dyn Fn() -> bool,
 ) -> Result<(), TimeDomainError> {

@@ -2,7 +2,7 @@
 
 use nalgebra::{DMatrix, DVector};
 
-use super::map::{Strobe, size};
+use super::map::{StroboscopicMap, size};
 use resonarm_numeric::linear_solve::solve;
 
 /// Newton's limit: where it converges it needs three to six iterations.
@@ -42,7 +42,7 @@ pub(crate) struct FixedPoint {
 impl FixedPoint {
     /// The fixed point that Newton's method reaches from `start`, x⁺ = x + (I − M)⁻¹ (Pⁿ(x) − x): `None` if it reaches
     /// none, or one that isn't stable.
-    pub fn shoot<M: Strobe>(map: &M, start: &DVector<f64>, period: u32) -> Option<FixedPoint> {
+    pub fn shoot(map: &StroboscopicMap, start: &DVector<f64>, period: u32) -> Option<FixedPoint> {
         let (mut point, n) = (start.clone(), start.len());
         for _ in 0..MAX_ITERATIONS {
             let derivative = map.derivative(&point, period)?;
@@ -176,7 +176,7 @@ impl Approach {
 }
 
 /// A divisor of `period` after which the motion already repeats.
-fn shorter_period<M: Strobe>(map: &M, point: &DVector<f64>, period: u32) -> Option<u32> {
+fn shorter_period(map: &StroboscopicMap, point: &DVector<f64>, period: u32) -> Option<u32> {
     (1..period)
         .filter(|fewer| period.is_multiple_of(*fewer))
         .find(|fewer| map.image(point, *fewer).is_ok_and(|image| (image - point).norm() <= SAME_POINT * size(point)))

@@ -1,27 +1,39 @@
-//! Any forced system by integration in time: the reference for bench measurements and computed branches.
+//! Structures by integration in time: the reference for bench measurements and computed branches. Stepped sweeps of the
+//! frequency or the amplitude of the drive or of any parameter, settled motions and their sections at phase 0, the paths
+//! between the points of a section, basins of attraction.
 //!
 //! The motion is sampled once a period of the excitation, always at phase 0: that is the stroboscopic map. A motion
 //! that repeats after n periods is a fixed point of its nth power, a quasi-periodic one a closed curve, a chaotic one a
 //! scatter. The map is followed until it can be proved where the transient ends ([`SettleOptions`]), or from many states
-//! to the fixed points that they reach ([`BasinOutcome`]). [`crate::structure::time_domain`] has the map of a structure,
-//! and what is made of it.
+//! to the fixed points that they reach ([`BasinOutcome`]).
 
+mod basins;
 mod error;
 mod fates;
 mod fixed_point;
+mod frequencies;
 mod hysteresis;
 mod map;
+mod measure;
+mod path;
 mod settle;
 mod sweep;
 
+pub use basins::{StableMotion, outcomes, reach, stable_motions};
 pub use error::TimeDomainError;
 pub use fates::BasinOutcome;
+pub use frequencies::{Resonance, SweepFrequencies};
 pub use hysteresis::hysteresis;
+pub use map::StroboscopicMap;
+pub use measure::{Settled, settle};
+pub use path::{path, section_point};
 pub use settle::SettleOptions;
-pub use sweep::{Direction, Grid};
+pub use sweep::{Direction, Grid, Sweep};
 
 pub(crate) use fates::{Attractor, fates};
 pub(crate) use fixed_point::FixedPoint;
-pub(crate) use map::Strobe;
 pub(crate) use settle::follow;
 pub(crate) use sweep::STEPS;
+
+#[cfg(test)]
+mod tests;

@@ -7,7 +7,7 @@ use nalgebra::DVector;
 
 use super::TimeDomainError;
 use super::fixed_point::{Approach, FixedPoint};
-use super::map::{Strobe, size};
+use super::map::{StroboscopicMap, size};
 
 /// Longest period looked for, in periods of the excitation.
 const LONGEST_PERIOD: u32 = 8;
@@ -39,37 +39,37 @@ impl Default for SettleOptions {
 
 /// The end of a transient, without measurements.
 #[derive(Clone, Debug)]
-pub(crate) struct Followed<S> {
-    /// As [`Settled::period`](crate::structure::time_domain::Settled::period).
+pub(crate) struct Followed {
+    /// As [`Settled::period`](crate::time_domain::Settled::period).
     pub period: Option<u32>,
-    /// As [`Settled::largest_multiplier`](crate::structure::time_domain::Settled::largest_multiplier).
+    /// As [`Settled::largest_multiplier`](crate::time_domain::Settled::largest_multiplier).
     pub largest_multiplier: Option<f64>,
-    /// As [`Settled::settling_periods`](crate::structure::time_domain::Settled::settling_periods).
+    /// As [`Settled::settling_periods`](crate::time_domain::Settled::settling_periods).
     pub settling_periods: u64,
-    /// As [`Settled::drift`](crate::structure::time_domain::Settled::drift).
+    /// As [`Settled::drift`](crate::time_domain::Settled::drift).
     pub drift: f64,
     /// The state from which the motion is measured.
-    pub start: S,
+    pub start: Vec<f64>,
     /// Of a motion that doesn't settle, its section.
-    pub section: Vec<S>,
-    /// As [`Settled::end`](crate::structure::time_domain::Settled::end).
-    pub end: S,
+    pub section: Vec<Vec<f64>>,
+    /// As [`Settled::end`](crate::time_domain::Settled::end).
+    pub end: Vec<f64>,
 }
 
-/// Follows any forced system; see [`settle()`](crate::structure::time_domain::settle()).
-pub(crate) fn follow<M: Strobe>(
-    map: &M,
-    start: &M::State,
+/// Follows any forced system; see [`settle()`](crate::time_domain::settle()).
+pub(crate) fn follow(
+    map: &StroboscopicMap,
+    start: &[f64],
     options: &SettleOptions,
     stop: &dyn Fn() -> bool,
-) -> Result<Followed<M::State>, TimeDomainError> {
+) -> Result<Followed, TimeDomainError> {
     let wait = options.time_constants;
     if !(wait.is_finite() && wait > 0.0) {
         return Err(TimeDomainError::Option { name: "time_constants", got: wait });
     }
     let longest = libm::ceil(wait * map.time_constant_periods()) as u64;
     let stretch = (libm::ceil(STRETCH * map.time_constant_periods()) as u64).max(u64::from(LONGEST_PERIOD));
-    let mut follower = Follower { map, trail: vec![map.to_point(start)], state: start.clone(), periods: 0, stop };
+    let mut follower = Follower { map, trail: vec![map.to_point(start)], state: start.to_vec(), periods: 0, stop };
     let mut candidates: Vec<Candidate> = vec![];
     while follower.periods < longest {
         let before = follower.point();
@@ -121,16 +121,16 @@ impl Candidate {
 }
 
 /// A motion being followed.
-struct Follower<'a, M: Strobe> {
-    map: &'a M,
+struct Follower<'a> {
+    map: &'a StroboscopicMap,
     /// The last points of the section, the present one last.
     trail: Vec<DVector<f64>>,
-    state: M::State,
+    state: Vec<f64>,
     periods: u64,
     stop: &'a dyn Fn() -> bool,
 }
 
-impl<M: Strobe> Follower<'_, M> {
+impl Follower<'_> {
     fn point(&self) -> DVector<f64> {
         self.map.to_point(&self.state)
     }
@@ -175,7 +175,7 @@ impl<M: Strobe> Follower<'_, M> {
         found: &FixedPoint,
         stretch: u64,
         settling_periods: u64,
-    ) -> Result<Option<Followed<M::State>>, TimeDomainError> {
+    ) -> Result<Option<Followed>, TimeDomainError> {
         let start = self.map.to_state(&found.point);
         self.state = start.clone();
         let unit = u64::from(found.period);
@@ -194,7 +194,7 @@ impl<M: Strobe> Follower<'_, M> {
 
     /// The present motion, if it may keep a constant and has come back to where it was a stretch before; of more than
     /// one period only if it is far from returning after one.
-    fn returned(&self, before: &DVector<f64>, waited: u64) -> Option<Followed<M::State>> {
+    fn returned(&self, before: &DVector<f64>, waited: u64) -> Option<Followed> {
         let (present, near) = (self.point(), CLOSURE * size(before));
         let distance = (&present - before).norm();
         if !self.map.keeps_constants() || distance > near {
@@ -214,7 +214,7 @@ impl<M: Strobe> Follower<'_, M> {
     }
 
     /// The result for a motion that doesn't settle.
-    fn unsettled(mut self, section_points: usize) -> Result<Followed<M::State>, TimeDomainError> {
+    fn unsettled(mut self, section_points: usize) -> Result<Followed, TimeDomainError> {
         let settling_periods = self.periods;
         let nearest = self.returns().map(|(_, distance)| distance).fold(f64::INFINITY, f64::min);
         let (drift, start) = (nearest / size(&self.point()), self.state.clone());

@@ -6,8 +6,8 @@ use crate::excitation::{Amplitude, ExcitationSpec, Phasor, Profile, Waveform};
 use crate::plant::tests::ideal_rig;
 use crate::plant::{Plant, PlantSpec, TestedAssembly, tests};
 use crate::rig::{Converter, Load, RigSpec, Sampling};
+use resonarm_analysis::LinearResponse;
 use resonarm_analysis::Quantity;
-use resonarm_analysis::structure::LinearResponse;
 use resonarm_dynamics::integrate::Scheme;
 
 const FORCE_N: f64 = 0.01;

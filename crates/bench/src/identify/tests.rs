@@ -10,8 +10,8 @@ use crate::excitation::{Amplitude, ExcitationSpec, Phases, Profile, Waveform};
 use crate::plant::tests::{damped, preset};
 use crate::plant::{Plant, PlantSpec, TestedAssembly};
 use crate::rig::RigSpec;
+use resonarm_analysis::LinearResponse;
 use resonarm_analysis::Quantity;
-use resonarm_analysis::structure::LinearResponse;
 use resonarm_dynamics::integrate::Scheme;
 use resonarm_dynamics::structure::StructureMode;
 

@@ -4,8 +4,8 @@ use super::*;
 use crate::excitation::{HarmonicFit, Phasor};
 use crate::rig::{Amplifier, Converter, Measured, SensorSpec, SensorSpecs, ShakerSpec};
 use nalgebra::Vector2;
+use resonarm_analysis::LinearResponse;
 use resonarm_analysis::Quantity;
-use resonarm_analysis::structure::LinearResponse;
 use resonarm_dynamics::structure::{Assembly, BodySpec, ChainSpec, Preset, StructureSpec};
 
 /// A chain of two links at rest, with the exciter at its tip and accelerometers at its elbow and its tip.

@@ -3,8 +3,8 @@
 use serde::{Serialize, Serializer};
 
 use super::{PaperError, Subject};
-use resonarm_analysis::structure::{Branch, Coordinate, Forced, Orbit, Reading, TraceOptions, trace};
 use resonarm_analysis::{AnalysisError, BifurcationKind, segments};
+use resonarm_analysis::{Branch, Coordinate, Forced, Orbit, Reading, TraceOptions, trace};
 use resonarm_dynamics::structure::{Assembly, BodySpec, Dof, Preset, StructureError};
 
 /// Half the width of the range in which a mode's resonance zone is searched, relative to its natural frequency. The two

@@ -9,8 +9,8 @@ use serde_json::Value;
 
 use super::claims::judge;
 use super::{Figure, FigureCurves, LabelledCurve, Motion, Plan, Settings};
+use resonarm_analysis::LinearResponse;
 use resonarm_analysis::Quantity;
-use resonarm_analysis::structure::LinearResponse;
 use resonarm_dynamics::structure::Preset;
 
 use super::Subject;

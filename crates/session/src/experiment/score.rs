@@ -3,11 +3,11 @@
 use serde::Serialize;
 
 use super::{Zone, ZoneMeasured};
-use resonarm_analysis::structure::{
-    Backbone, BackboneOptions, Branch, Coordinate, Forced, Reading, TraceOptions, backbone, nearest, trace,
-};
 use resonarm_analysis::time_domain::hysteresis;
 use resonarm_analysis::{AnalysisError, BifurcationKind, Distances};
+use resonarm_analysis::{
+    Backbone, BackboneOptions, Branch, Coordinate, Forced, Reading, TraceOptions, backbone, nearest, trace,
+};
 use resonarm_bench::control::ResponsePoint;
 use resonarm_bench::plant::{ReadDof, TestedAssembly};
 use resonarm_dynamics::structure::Dof;

@@ -9,9 +9,9 @@ use serde::{Deserialize, Serialize};
 use serde_json::Value;
 
 use super::{Control, Journal, StudyError, on_all_cores};
-use resonarm_analysis::structure::Forced;
-use resonarm_analysis::structure::time_domain::{StableMotion, StroboscopicMap, outcomes};
+use resonarm_analysis::Forced;
 use resonarm_analysis::time_domain::{BasinOutcome, TimeDomainError};
+use resonarm_analysis::time_domain::{StableMotion, StroboscopicMap, outcomes};
 
 /// States that are computed side by side, and kept together in the journal.
 const TOGETHER: usize = 64;
@@ -200,7 +200,7 @@ impl BasinComputation {
 mod tests {
     use super::super::tests::{QUIET, folds_hz, hardening};
     use super::*;
-    use resonarm_analysis::structure::time_domain::{reach, stable_motions};
+    use resonarm_analysis::time_domain::{reach, stable_motions};
     use resonarm_dynamics::structure::Dof;
 
     /// Of the hardening oscillator, in the middle between its folds.

@@ -42,7 +42,7 @@ pub enum StudyError {
 #[cfg(test)]
 mod tests {
     use super::Control;
-    use resonarm_analysis::structure::{Coordinate, Forced, TraceOptions, trace};
+    use resonarm_analysis::{Coordinate, Forced, TraceOptions, trace};
     use resonarm_dynamics::structure::{
         Assembly, Axis, BodySpec, Dof, ElementSpec, Law, ModalSpec, ModeSpec, Place, ShapeSpec, StructureSpec,
     };

@@ -8,9 +8,9 @@ use serde::{Deserialize, Serialize};
 use serde_json::Value;
 
 use super::{Control, Journal, StudyError, on_all_cores};
-use resonarm_analysis::structure::Reading;
-use resonarm_analysis::structure::time_domain::{Settled, Sweep, settle};
+use resonarm_analysis::Reading;
 use resonarm_analysis::time_domain::{SettleOptions, TimeDomainError};
+use resonarm_analysis::time_domain::{Settled, Sweep, settle};
 use resonarm_dynamics::structure::Dof;
 
 /// Stepped sweeps of a structure, or of structures that differ in a parameter, that begin in the same state.
@@ -220,7 +220,7 @@ impl SweepComputation {
 mod tests {
     use super::super::tests::{QUIET, folds_hz, hardening};
     use super::*;
-    use resonarm_analysis::structure::Coordinate;
+    use resonarm_analysis::Coordinate;
     use serde_json::json;
 
     /// Two sweeps of seven frequencies, up and down, from below both folds to above both.

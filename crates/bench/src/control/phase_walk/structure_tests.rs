@@ -8,7 +8,7 @@ use crate::rig::{Amplifier, Converter, RigSpec, ShakerSpec};
 use alloc::string::{String, ToString};
 use alloc::vec;
 use resonarm_analysis::Distances;
-use resonarm_analysis::structure::{Assess, Coordinate, Forced, TraceOptions, nearest, trace};
+use resonarm_analysis::{Assess, Coordinate, Forced, TraceOptions, nearest, trace};
 use resonarm_dynamics::integrate::Scheme;
 use resonarm_dynamics::structure::{
     Assembly, Axis, BodySpec, ChainSpec, ElementSpec, Law, Link, ModalSpec, ModeSpec, Place, ShapeSpec, StructureSpec,

@@ -3,7 +3,7 @@
 use super::super::branch::{beta2_deg, natural_hz, zone_hz};
 use super::super::{Drive, PaperError, Subject};
 use resonarm_analysis::Bending;
-use resonarm_analysis::structure::{BackboneOptions, backbone};
+use resonarm_analysis::{BackboneOptions, backbone};
 use resonarm_dynamics::structure::Assembly;
 
 /// A backbone up to some excitation.

@@ -2,10 +2,10 @@ use core::cell::Cell;
 use core::f64::consts::TAU;
 
 use super::*;
-use crate::structure::tests::{modal, near, number, of_kind, oracles, place};
-use crate::structure::{Bifurcation, Branch, Coordinate, Forced, LinearResponse, Orbit, TraceOptions, trace};
 use crate::tests::preset_at;
-use crate::time_domain::{BasinOutcome, Grid, SettleOptions, Strobe as _, TimeDomainError};
+use crate::tests::{modal, near, number, of_kind, oracles, place};
+use crate::time_domain::{BasinOutcome, Grid, SettleOptions, TimeDomainError};
+use crate::{Bifurcation, Branch, Coordinate, Forced, LinearResponse, Orbit, TraceOptions, trace};
 use crate::{BifurcationKind, Quantity};
 use nalgebra::Normed as _;
 use resonarm_dynamics::integrate::Scheme;
@@ -94,7 +94,7 @@ fn start_of(orbit: &Orbit) -> Vec<f64> {
 
 /// How far a state is from another, relative to its size, in the coordinates of the section.
 fn off(map: &StroboscopicMap, state: &[f64], expected: &[f64]) -> f64 {
-    let [state, expected] = [state, expected].map(|state| map.to_point(&state.to_vec()));
+    let [state, expected] = [state, expected].map(|state| map.to_point(state));
     (&state - &expected).norm() / expected.norm()
 }
 

@@ -18,13 +18,23 @@ use serde_json::Value;
 use super::balance::Balance;
 use super::*;
 use crate::continuation::System;
-use crate::tests::preset_at;
 use crate::{BifurcationKind, BranchOptions, Quantity};
 use nalgebra::{Complex, Normed as _};
 
+/// A chain without elements.
+pub(crate) fn assembly_of(chain: ChainSpec) -> Assembly {
+    Assembly::new(&StructureSpec { body: BodySpec::Chain(chain), elements: vec![] }).unwrap()
+}
+
+/// A preset with its links at angles, degrees. The mass of link 1, which its source does not state, may vary.
+pub(crate) fn preset_at(preset: Preset, angles_deg: [f64; 2]) -> Assembly {
+    let chain = preset.chain().unwrap().at_angles_deg(&angles_deg);
+    assembly_of(ChainSpec { unstated: vec![], ..chain })
+}
+
 /// The cases of a kind; see `tests/oracles/README.md`.
 pub(super) fn oracles(kind: &str) -> Vec<Value> {
-    let file: Value = serde_json::from_str(include_str!("../../../../../tests/oracles/structures.json")).unwrap();
+    let file: Value = serde_json::from_str(include_str!("../../../../tests/oracles/structures.json")).unwrap();
     file[kind].as_array().unwrap().clone()
 }
 

@@ -12,7 +12,7 @@ fn options(forced: &Forced, coordinate: Coordinate, ends: [f64; 2]) -> TraceOpti
 }
 
 fn traced(forced: &Forced, hz: f64, coordinate: Coordinate, ends: [f64; 2]) -> Branch {
-    crate::structure::trace(forced, hz, coordinate, &options(forced, coordinate, ends)).unwrap()
+    crate::trace(forced, hz, coordinate, &options(forced, coordinate, ends)).unwrap()
 }
 
 /// The curves of folds and doublings in the load, the angle and the stiffness, at both ends and where they turn back, are
@@ -154,7 +154,7 @@ fn folds_and_cusp_of_a_mode_with_a_spring_are_those_of_independent_code() {
     let hz = |rate: f64| rate / TAU;
     let options = |coordinate, ends| TraceOptions::new(&forced, coordinate, ends, vec![tip]);
     let in_amplitude = options(Coordinate::Amplitude, [0.0, 0.2]);
-    let branch = crate::structure::trace(&forced, hz(1.2), Coordinate::Amplitude, &in_amplitude).unwrap();
+    let branch = crate::trace(&forced, hz(1.2), Coordinate::Amplitude, &in_amplitude).unwrap();
     let folds = of_kind(&branch, BifurcationKind::Fold);
     near(folds[0].value, 0.131_177_737_928_744_4, 1e-9);
     near(folds[1].value, 0.036_523_310_331_124_28, 1e-9);

@@ -21,8 +21,8 @@ use super::newton::{polish, strongest};
 use super::sweep::sweep;
 use super::varied::Varied;
 use super::{Variations, modal, multipliers, sorted};
-use crate::structure::orbit::Stability;
-use crate::structure::unknowns::{Body, Condensed};
+use crate::orbit::Stability;
+use crate::unknowns::{Body, Condensed};
 
 /// From so many modes on this is faster than the flow.
 pub(super) const LEAST_MODES: usize = 5;

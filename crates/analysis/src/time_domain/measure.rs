@@ -8,7 +8,7 @@ use nalgebra::Complex;
 use resonarm_dynamics::structure::{Assembly, Dof, StepError, Stepper};
 
 use super::StroboscopicMap;
-use crate::structure::Reading;
+use crate::Reading;
 use crate::time_domain::{SettleOptions, TimeDomainError, follow};
 
 /// Periods over which an unsettled motion is measured.
@@ -64,7 +64,7 @@ pub fn settle(
     options: &SettleOptions,
     stop: &dyn Fn() -> bool,
 ) -> Result<Settled, TimeDomainError> {
-    let followed = follow(map, &start.to_vec(), options, stop)?;
+    let followed = follow(map, start, options, stop)?;
     let measured = measure(map, read, &followed.start, followed.period.unwrap_or(UNSETTLED_PERIODS))?;
     Ok(Settled {
         period: followed.period,

@@ -17,9 +17,9 @@ use resonarm_numeric::linear_solve::solve;
 
 use super::rows::eliminate;
 use super::{Stability, multipliers};
+use crate::balance::Balance;
 use crate::gauss::{S, Tableau, steps_for};
-use crate::structure::balance::Balance;
-use crate::structure::samples::Samples;
+use crate::samples::Samples;
 
 /// Steps whose stages are computed together: it bounds the storage under a slow drive.
 const CHUNK: usize = 2048;

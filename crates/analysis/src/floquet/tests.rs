@@ -10,7 +10,7 @@ use resonarm_dynamics::structure::{
 use resonarm_numeric::noise::Noise;
 
 use super::*;
-use crate::structure::{Assess, Coordinate, Forced, TraceOptions, trace};
+use crate::{Assess, Coordinate, Forced, TraceOptions, trace};
 
 /// Modes by frequency, damping ratio and shape, with an element at their one point.
 fn with_element(modes: &[(f64, f64, f64)], law: Law) -> Forced {

@@ -8,8 +8,8 @@ use resonarm_dynamics::structure::Dof;
 use super::StroboscopicMap;
 use super::measure::{Measured, measure};
 use crate::EndedEarly;
-use crate::structure::{Branch, Coordinate, Forced, Reading, TraceOptions, phase_zero_states, trace};
-use crate::time_domain::{Attractor, BasinOutcome, FixedPoint, SettleOptions, Strobe, TimeDomainError, fates, follow};
+use crate::time_domain::{Attractor, BasinOutcome, FixedPoint, SettleOptions, TimeDomainError, fates, follow};
+use crate::{Branch, Coordinate, Forced, Reading, TraceOptions, phase_zero_states, trace};
 
 /// The branch is traced between these multiples of the frequency to find the motions at it.
 const WINDOW: [f64; 2] = [0.75, 4.0 / 3.0];
@@ -95,7 +95,7 @@ pub fn stable_motions(
         }
     }
     for state in unstable {
-        let beside = state.iter().map(|number| number * (1.0 + BESIDE)).collect();
+        let beside: Vec<f64> = state.iter().map(|number| number * (1.0 + BESIDE)).collect();
         let followed = follow(&map, &beside, &SettleOptions::default(), stop)?;
         if let Some(period) = followed.period {
             keep(FixedPoint::shoot(&map, &map.to_point(&followed.start), period))?;

@@ -4,16 +4,16 @@ use nalgebra::{Complex, Matrix2, Normed as _, Vector2};
 use serde_json::Value;
 
 use super::*;
-use crate::structure::floquet::Floquet;
-use crate::structure::time_domain;
+use crate::floquet::Floquet;
 use crate::tests::assembly_of;
-use crate::time_domain::{SettleOptions, Strobe as _};
+use crate::time_domain;
+use crate::time_domain::SettleOptions;
 use resonarm_dynamics::integrate::Scheme;
 use resonarm_dynamics::structure::{Armature, Coil, Dof, Linearised, Stepper};
 use serde::Deserialize;
 
 pub(super) fn oracles_of_the_arm() -> Value {
-    serde_json::from_str(include_str!("../../../../../tests/oracles/arm.json")).unwrap()
+    serde_json::from_str(include_str!("../../../../tests/oracles/arm.json")).unwrap()
 }
 
 pub(super) fn numbers(of: &Value) -> Vec<f64> {

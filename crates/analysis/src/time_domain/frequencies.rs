@@ -8,12 +8,12 @@ use alloc::vec::Vec;
 use resonarm_dynamics::structure::Dof;
 
 use super::StroboscopicMap;
+use crate::balance::Balance;
+use crate::branch::Tracer;
 use crate::resonances::summits;
-use crate::structure::balance::Balance;
-use crate::structure::branch::Tracer;
-use crate::structure::{Branch, Coordinate, Forced, Orbit, TraceOptions, trace};
 use crate::time_domain::{Grid, STEPS, TimeDomainError};
 use crate::{AnalysisError, EndedEarly};
+use crate::{Branch, Coordinate, Forced, Orbit, TraceOptions, trace};
 
 /// A maximum of a displacement along a branch over the frequency.
 #[derive(Clone, Copy, Debug, PartialEq)]

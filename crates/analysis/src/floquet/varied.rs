@@ -7,7 +7,7 @@ use nalgebra::Complex;
 use resonarm_numeric::registers::{Task, widest};
 
 use super::{Variations, largest, repeats_after_half};
-use crate::structure::unknowns::Condensed;
+use crate::unknowns::Condensed;
 
 /// Fourier coefficients below this part of the largest are none.
 const NEGLIGIBLE: f64 = 1e-13;

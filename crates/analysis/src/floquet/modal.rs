@@ -22,7 +22,7 @@ use resonarm_numeric::registers::{Task, widest};
 use super::rows::eliminate;
 use super::{StateVariation, Variations};
 use crate::dense::dot;
-use crate::structure::unknowns::Condensed;
+use crate::unknowns::Condensed;
 
 /// Columns at a time.
 const LANES: usize = 8;

@@ -17,7 +17,7 @@ use nalgebra::DMatrix;
 
 use super::rows::{Rows, add, eliminate};
 use super::{StateVariation, Variations};
-use crate::structure::samples::Geometry;
+use crate::samples::Geometry;
 
 /// Terms of the series of e^A; with the steps of a motion the last is far below rounding.
 const TERMS: usize = 16;
